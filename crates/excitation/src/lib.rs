@@ -1,0 +1,1 @@
+//! Excitation trajectories: B-splines, limits that hold for all time, costs and an optimiser

@@ -1,0 +1,1 @@
+//! How it moves: dynamics of free-floating robots with passive appendages, modes, integrators and sensor models

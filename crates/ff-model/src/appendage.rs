@@ -1,0 +1,336 @@
+//! The extension point: a passive subsystem hanging from one body, described by its energies.
+//!
+//! With host twist `V` (mount frame, linear first), own rates `nu` and `y = [V; nu]`, an appendage states
+//!
+//! * `M(p, eta)`: its kinetic-energy matrix, `T = y^T M y / 2`, symmetric positive semidefinite;
+//! * `U(p, eta)`: its potential energy (springs);
+//! * `R(p, nu)`: its Rayleigh dissipation function (dampers), convex with `R(0) = 0`.
+//!
+//! Lagrange's equations in the quasi-velocities `V` (Boltzmann-Hamel form, K and D restoring and
+//! dissipating; the paper's eq. (1) with the signs of `docs/paper-errata.md`) then give, with `pi = M y`,
+//!
+//! ```text
+//! w = M_bb A + M_be nu' + h_b,     h_b = (dM/dt)_b y + V x* pi_b
+//! 0 = M_eb A + M_ee nu' + h_e,     h_e = (dM/dt)_e y - 1/2 d(y^T M y)/d eta + dU/d eta + dR/d nu
+//! ```
+//!
+//! where `w` is the wrench the host exerts on the appendage, about the mount origin. [`derived_bias`]
+//! obtains `h` from the three energies by forward differentiation, so that momentum conservation, energy
+//! balance and "damping dissipates" hold by construction.
+
+use crate::dual::Dual;
+use crate::scalar::{D1, D2, Grad, Scalar};
+use crate::spatial::Motion;
+use serde::Serialize;
+
+/// Most coordinates one appendage may declare; buffers of the derived bias live on the stack.
+pub const MAX_COORDS: usize = 16;
+/// Most parameters one appendage may declare.
+pub const MAX_PARAMS: usize = 256;
+const MAX_PORT: usize = 6 + MAX_COORDS;
+
+/// One generalised coordinate of an appendage.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CoordDecl {
+    /// Name within the appendage, such as `hinge[0]`.
+    pub name: String,
+    /// Unit of the coordinate: `rad` or `m` (rates are per second).
+    pub unit: &'static str,
+    /// Range in which the model is valid; simulation stops with an error outside.
+    pub range: (f64, f64),
+}
+
+/// What a parameter is, so that an estimator can keep it physical.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ParamGroup {
+    /// One of ten consecutive inertial parameters of the named body, in the order of
+    /// [`crate::inertia::INERTIAL_NAMES`]; the ten stay a positive definite pseudo-inertia.
+    Inertial(String),
+    /// Positive: masses, lengths, stiffness, damping.
+    Positive,
+    /// Any sign.
+    Free,
+}
+
+/// One parameter of a model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParamDecl {
+    /// Name within its owner, such as `k[0]`.
+    pub name: String,
+    /// SI unit, such as `N m/rad`.
+    pub unit: &'static str,
+    /// Nominal value.
+    pub nominal: f64,
+    /// Lower and upper bound, inclusive.
+    pub bounds: (f64, f64),
+    /// What it is.
+    pub group: ParamGroup,
+}
+
+impl ParamDecl {
+    /// A positive parameter with bounds `(0, inf)`.
+    pub fn positive(name: impl Into<String>, unit: &'static str, nominal: f64) -> Self {
+        Self { name: name.into(), unit, nominal, bounds: (0.0, f64::INFINITY), group: ParamGroup::Positive }
+    }
+    /// The ten inertial parameters of a body, named `prefix.mass`, `prefix.h_x`, ...
+    pub fn inertial(prefix: &str, nominal: &crate::inertia::Inertia<f64>) -> Vec<Self> {
+        let inf = f64::INFINITY;
+        let phi = nominal.to_params();
+        (0..10)
+            .map(|i| Self {
+                name: format!("{prefix}.{}", crate::inertia::INERTIAL_NAMES[i]),
+                unit: crate::inertia::INERTIAL_UNITS[i],
+                nominal: phi[i],
+                bounds: (if matches!(i, 0 | 4 | 6 | 9) { 0.0 } else { -inf }, inf),
+                group: ParamGroup::Inertial(prefix.to_owned()),
+            })
+            .collect()
+    }
+}
+
+/// What an appendage declares of itself.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Decl {
+    /// The `kind` of mission files.
+    pub kind: &'static str,
+    /// Generalised coordinates, at most [`MAX_COORDS`].
+    pub coords: Vec<CoordDecl>,
+    /// Parameters, in the order of the slice `p` passed to every method.
+    pub params: Vec<ParamDecl>,
+}
+
+/// Motion of an appendage: host twist in the mount frame, own coordinates and rates.
+#[derive(Clone, Copy, Debug)]
+pub struct PortState<'a, T: Scalar> {
+    /// Host twist at the mount origin, in mount axes.
+    pub host: Motion<T>,
+    /// Own coordinates.
+    pub eta: &'a [T],
+    /// Own rates.
+    pub nu: &'a [T],
+}
+
+/// A symmetric `(6+n) x (6+n)` matrix over (host twist, own rates), zero when handed out.
+#[derive(Debug)]
+pub struct PortMatrix<'a, T> {
+    dim: usize,
+    a: &'a mut [T],
+}
+
+impl<'a, T: Scalar> PortMatrix<'a, T> {
+    /// A view of the first `(6+n)^2` elements of `buffer`, row-major, cleared to zero.
+    ///
+    /// # Panics
+    /// If `buffer` is too short.
+    pub fn new(n: usize, buffer: &'a mut [T]) -> Self {
+        let dim = 6 + n;
+        let a = &mut buffer[..dim * dim];
+        a.fill(T::zero());
+        Self { dim, a }
+    }
+    /// Number of rows, `6 + n`.
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+    /// Element `(i, j)`.
+    ///
+    /// # Panics
+    /// If out of range.
+    #[inline(always)]
+    pub fn get(&self, i: usize, j: usize) -> T {
+        self.a[i * self.dim + j]
+    }
+    /// Sets element `(i, j)` alone. Writers must keep the matrix symmetric; see [`PortMatrix::set_sym`].
+    ///
+    /// # Panics
+    /// If out of range.
+    #[inline(always)]
+    pub fn set(&mut self, i: usize, j: usize, x: T) {
+        self.a[i * self.dim + j] = x;
+    }
+    /// Sets elements `(i, j)` and `(j, i)`.
+    ///
+    /// # Panics
+    /// If out of range.
+    #[inline(always)]
+    pub fn set_sym(&mut self, i: usize, j: usize, x: T) {
+        self.set(i, j, x);
+        self.set(j, i, x);
+    }
+    /// Adds to elements `(i, j)` and `(j, i)` (once on the diagonal).
+    ///
+    /// # Panics
+    /// If out of range.
+    #[inline(always)]
+    pub fn add_sym(&mut self, i: usize, j: usize, x: T) {
+        let y = self.get(i, j) + x;
+        self.set_sym(i, j, y);
+    }
+    /// Adds a body's spatial inertia to the host block.
+    #[inline]
+    pub fn add_host(&mut self, b: &crate::inertia::Inertia<T>) {
+        let (m, h) = (b.mass, b.h);
+        for i in 0..3 {
+            self.add_sym(i, i, m);
+            for j in i..3 {
+                self.add_sym(3 + i, 3 + j, b.rot[(i, j)]);
+            }
+        }
+        self.add_sym(0, 4, h.z);
+        self.add_sym(0, 5, -h.y);
+        self.add_sym(1, 3, -h.z);
+        self.add_sym(1, 5, h.x);
+        self.add_sym(2, 3, h.y);
+        self.add_sym(2, 4, -h.x);
+    }
+}
+
+/// A `6+n` vector over (host twist, own rates): wrench first, then own rows.
+pub type PortVector<T> = [T];
+
+/// A passive subsystem on one host body. Implement this; everything else is derived.
+///
+/// `p` holds the parameters in the order of [`Decl::params`], `eta` and `nu` the coordinates and rates in
+/// the order of [`Decl::coords`]. All frames are the mount frame. No method may allocate.
+pub trait Appendage: Send + Sync + 'static {
+    /// Coordinates and parameters.
+    fn decl(&self) -> &Decl;
+    /// Kinetic-energy matrix `M(p, eta)`; `m` arrives zeroed.
+    fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>);
+    /// Potential energy `U(p, eta)` (J).
+    fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
+        let _ = (p, eta);
+        T::zero()
+    }
+    /// Rayleigh function `R(p, nu)` (W); dampers exert `-dR/d nu`.
+    fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        let _ = (p, nu);
+        T::zero()
+    }
+    /// Bias `h(p, s)`, length `6+n`: everything in the equations of motion but `M [A; nu']`.
+    ///
+    /// The default differentiates the energies. An override is for speed alone and must equal it.
+    fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
+        derived_bias(self, p, s, h);
+    }
+}
+
+/// The bias that follows from the three energies (module docs), by forward differentiation.
+///
+/// `h` has length `6+n` and is overwritten. Costs `2 + 3n` evaluations over duals; does not allocate.
+///
+/// # Panics
+/// If the appendage declares more than [`MAX_COORDS`] coordinates or [`MAX_PARAMS`] parameters.
+pub fn derived_bias<A: Appendage + ?Sized, T: Scalar>(a: &A, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
+    type D<T> = Dual<T, 1>;
+    let n = s.eta.len();
+    let dim = 6 + n;
+    let mut buf = [D::<T>::constant(T::zero()); MAX_PORT * MAX_PORT];
+    let mut y = [T::zero(); MAX_PORT];
+    s.host.write_to(&mut y);
+    y[6..dim].copy_from_slice(s.nu);
+    let mut pd_store = [D::<T>::constant(T::zero()); MAX_PARAMS];
+    let pd = &mut pd_store[..p.len()];
+    for (d, &x) in pd.iter_mut().zip(p) {
+        *d = D::constant(x);
+    }
+    let mut eta = [D::<T>::constant(T::zero()); MAX_COORDS];
+
+    // Along the motion: real part M, dual part dM/dt.
+    for i in 0..n {
+        eta[i] = Dual::new(s.eta[i], s.nu[i]);
+    }
+    let mut m = PortMatrix::new(n, &mut buf);
+    a.inertia(pd, &eta[..n], &mut m);
+    let mut pi = [T::zero(); 6];
+    for i in 0..dim {
+        let mut acc = T::zero();
+        for j in 0..dim {
+            acc += m.get(i, j).eps[0] * y[j];
+            if i < 6 {
+                pi[i] += m.get(i, j).re * y[j];
+            }
+        }
+        h[i] = acc;
+    }
+    let mut host = [T::zero(); 6];
+    s.host.cross_force(&crate::spatial::Force::from_slice(&pi)).write_to(&mut host);
+    for i in 0..6 {
+        h[i] += host[i];
+    }
+    // Along each coordinate: gradient of U - T; along each rate: gradient of R.
+    for k in 0..n {
+        for i in 0..n {
+            eta[i] = Dual::new(s.eta[i], if i == k { T::one() } else { T::zero() });
+        }
+        let mut m = PortMatrix::new(n, &mut buf);
+        a.inertia(pd, &eta[..n], &mut m);
+        let mut yy = T::zero();
+        for i in 0..dim {
+            for j in 0..dim {
+                yy += y[i] * m.get(i, j).eps[0] * y[j];
+            }
+        }
+        let du = a.potential(pd, &eta[..n]).eps[0];
+        for i in 0..n {
+            eta[i] = Dual::new(s.nu[i], if i == k { T::one() } else { T::zero() });
+        }
+        let dr = a.rayleigh(pd, &eta[..n]).eps[0];
+        h[6 + k] += du + dr - yy.scale(0.5);
+    }
+}
+
+/// An appendage at one number type: the object-safe twin of [`Appendage`].
+pub trait PortModel<T: Scalar> {
+    /// See [`Appendage::inertia`].
+    fn inertia(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>);
+    /// See [`Appendage::potential`].
+    fn potential(&self, p: &[T], eta: &[T]) -> T;
+    /// See [`Appendage::rayleigh`].
+    fn rayleigh(&self, p: &[T], nu: &[T]) -> T;
+    /// See [`Appendage::bias`].
+    fn bias(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>);
+    /// Power dissipated by the dampers, `nu . dR/d nu >= 0` (W).
+    fn dissipated_power(&self, p: &[T], nu: &[T]) -> T;
+}
+
+impl<A: Appendage, T: Scalar> PortModel<T> for A {
+    fn inertia(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+        Appendage::inertia(self, p, eta, m);
+    }
+    fn potential(&self, p: &[T], eta: &[T]) -> T {
+        Appendage::potential(self, p, eta)
+    }
+    fn rayleigh(&self, p: &[T], nu: &[T]) -> T {
+        Appendage::rayleigh(self, p, nu)
+    }
+    fn bias(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
+        Appendage::bias(self, p, s, h);
+    }
+    fn dissipated_power(&self, p: &[T], nu: &[T]) -> T {
+        let mut pd = [Dual::<T, 1>::constant(T::zero()); MAX_PARAMS];
+        for (d, &x) in pd.iter_mut().zip(p) {
+            *d = Dual::constant(x);
+        }
+        let mut nd = [Dual::<T, 1>::constant(T::zero()); MAX_COORDS];
+        for (d, &x) in nd.iter_mut().zip(nu) {
+            *d = Dual::new(x, x);
+        }
+        Appendage::rayleigh(self, &pd[..p.len()], &nd[..nu.len()]).eps[0]
+    }
+}
+
+/// An appendage behind a trait object, at every number type of the project.
+///
+/// Implemented for every [`Appendage`]; nobody implements it by hand.
+pub trait DynAppendage: PortModel<f64> + PortModel<D1> + PortModel<Grad> + PortModel<D2> + Send + Sync {
+    /// Coordinates and parameters.
+    fn declaration(&self) -> &Decl;
+}
+
+impl<A: Appendage> DynAppendage for A {
+    fn declaration(&self) -> &Decl {
+        Appendage::decl(self)
+    }
+}

@@ -1,0 +1,30 @@
+//! What exists: spatial algebra, bodies, the kinematic tree, URDF and mission files, parameters, and the
+//! [`Appendage`] trait.
+//!
+//! SI units throughout. Spatial vectors are linear-first; the base twist is in base coordinates; attitude
+//! is a unit quaternion `[w, x, y, z]`; the generalised velocity is `[base 6 | joints n | passive m]`
+//! (`docs/notation.md`).
+
+pub mod appendage;
+pub mod dual;
+pub mod inertia;
+pub mod model;
+pub mod params;
+pub mod problem;
+pub mod registry;
+pub mod scalar;
+pub mod so3;
+pub mod spatial;
+
+pub use appendage::{
+    Appendage, CoordDecl, Decl, DynAppendage, MAX_COORDS, ParamDecl, ParamGroup, PortMatrix, PortModel, PortState,
+    PortVector, derived_bias,
+};
+pub use dual::Dual;
+pub use inertia::Inertia;
+pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
+pub use params::Params;
+pub use problem::{Area, Problem, Problems, Severity};
+pub use registry::Registry;
+pub use scalar::{ModelScalar, Scalar};
+pub use spatial::{Force, Motion, Xform};

@@ -1,0 +1,110 @@
+//! The number type the dynamics are written over.
+//!
+//! One source serves plain numbers, forward duals (exact derivatives) and, later, SIMD lanes. The set of
+//! number types that reach an appendage behind a trait object is closed ([`ModelScalar`]), because a
+//! `dyn` object cannot carry a generic method; adding a type is one line in this file and one in
+//! [`DynAppendage`](crate::appendage::DynAppendage).
+
+use crate::appendage::{DynAppendage, PortModel};
+use crate::dual::Dual;
+use core::ops::{Add, Div, Mul, Neg, Sub};
+use nalgebra::{ClosedAddAssign, ClosedDivAssign, ClosedMulAssign, ClosedSubAssign};
+use num_traits::{One, Zero};
+
+/// A real number as the dynamics need it: ring operations, division, square root, sine and cosine.
+///
+/// Every operation is branch-free in the value, so that a dual number or a vector of lanes may stand in
+/// for an `f64`. No method allocates.
+pub trait Scalar:
+    nalgebra::Scalar
+    + Copy
+    + Send
+    + Sync
+    + Zero
+    + One
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + ClosedAddAssign
+    + ClosedSubAssign
+    + ClosedMulAssign
+    + ClosedDivAssign
+{
+    /// The constant `x`, with zero derivative in every direction.
+    fn from_f64(x: f64) -> Self;
+    /// The value without derivatives; for lanes, of the first lane. For pivots and reports only.
+    fn value(&self) -> f64;
+    /// `self * k` for a constant `k`; cheaper than lifting `k` for derivative-carrying types.
+    fn scale(self, k: f64) -> Self;
+    /// Sine and cosine (argument in rad).
+    fn sin_cos(self) -> (Self, Self);
+    /// Square root. The derivative at zero is infinite.
+    fn sqrt(self) -> Self;
+    /// Natural exponential.
+    fn exp(self) -> Self;
+    /// True when the value and every derivative are finite.
+    fn is_finite(&self) -> bool;
+}
+
+impl Scalar for f64 {
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn value(&self) -> f64 {
+        *self
+    }
+    #[inline(always)]
+    fn scale(self, k: f64) -> Self {
+        self * k
+    }
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        f64::sin_cos(self)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        f64::exp(self)
+    }
+    #[inline(always)]
+    fn is_finite(&self) -> bool {
+        f64::is_finite(*self)
+    }
+}
+
+/// A scalar that can pass through a boxed appendage.
+///
+/// Implemented for `f64`, for duals with 1 and with [`DIRECTIONS`] directions, and for the nested dual
+/// that second derivatives need.
+pub trait ModelScalar: Scalar {
+    /// The face of a boxed appendage at this number type.
+    fn port(appendage: &dyn DynAppendage) -> &dyn PortModel<Self>;
+}
+
+/// Directions carried at once by [`Grad`], the dual used for parameter sensitivities.
+pub const DIRECTIONS: usize = 8;
+/// First derivative in one direction.
+pub type D1 = Dual<f64, 1>;
+/// First derivatives in [`DIRECTIONS`] directions.
+pub type Grad = Dual<f64, DIRECTIONS>;
+/// Second derivative in one direction.
+pub type D2 = Dual<D1, 1>;
+
+macro_rules! model_scalars {
+    ($($t:ty),* $(,)?) => {$(
+        impl ModelScalar for $t {
+            #[inline(always)]
+            fn port(appendage: &dyn DynAppendage) -> &dyn PortModel<Self> {
+                appendage
+            }
+        }
+    )*};
+}
+model_scalars!(f64, D1, Grad, D2);

@@ -1,0 +1,2 @@
+//! The `ffid` command.
+fn main() {}

@@ -1,0 +1,1 @@
+//! Records in, parameters out: spectra, rigid and output-error identification with uncertainty

@@ -1,0 +1,1 @@
+//! Is the identified model right: end-effector error and checks of appendages
