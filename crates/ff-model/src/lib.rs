@@ -26,5 +26,5 @@ pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mou
 pub use params::Params;
 pub use problem::{Area, Problem, Problems, Severity};
 pub use registry::Registry;
-pub use scalar::{ModelScalar, Scalar};
+pub use scalar::{D1, D2, Grad, ModelScalar, Scalar};
 pub use spatial::{Force, Motion, Xform};

@@ -1,0 +1,136 @@
+//! Models shared by the integration tests.
+#![allow(dead_code)]
+
+use ff_model::so3::{exp_so3, quat_to_rot, rot_of_rpy};
+use ff_model::*;
+use nalgebra::{Matrix3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+pub(crate) fn v3(a: f64, b: f64, c: f64) -> Vector3<f64> {
+    Vector3::new(a, b, c)
+}
+
+pub(crate) fn revolute(name: &str, axis: Vector3<f64>, pos: Vector3<f64>, rpy: Vector3<f64>) -> Joint {
+    Joint {
+        name: name.into(),
+        kind: JointKind::Revolute,
+        axis,
+        placement: Xform::new(rot_of_rpy(&rpy), pos),
+        limits: JointLimits::default(),
+    }
+}
+
+fn diag(a: f64, b: f64, c: f64) -> Matrix3<f64> {
+    Matrix3::from_diagonal(&v3(a, b, c))
+}
+
+/// Base and arm of `peers/src/make_models.py` (fixtures/peers-model), with the tool frame.
+pub(crate) fn peers_arm(kind: BaseKind) -> Model {
+    let l = 3.0 / 7.0;
+    let base = Inertia::from_com(600.0, &v3(0.9, 0.0, 0.6), &diag(150.0, 150.0, 150.0));
+    let mut m = Model::new("peers", "base", base, kind);
+    let link = Inertia::from_com(60.0 / 7.0, &v3(0.0, l / 2.0, 0.0), &diag(0.4, 0.04, 0.4));
+    let mut parent = 0;
+    for i in 1..=7 {
+        let axis = if i % 2 == 1 { v3(0.0, 1.0, 0.0) } else { v3(0.0, 0.0, 1.0) };
+        let (pos, rpy) = if i == 1 {
+            (v3(0.4, 0.0, 1.2), v3(std::f64::consts::FRAC_PI_2, 0.0, 0.0))
+        } else {
+            (v3(0.0, l, 0.0), v3(0.0, 0.0, 0.0))
+        };
+        parent = m.add_body(parent, format!("arm_l{i}"), revolute(&format!("arm_j{i}"), axis, pos, rpy), link);
+    }
+    m.add_frame("tool", parent, Xform::new(Matrix3::identity(), v3(0.0, l, 0.0)));
+    m
+}
+
+/// The passive bodies of the peers' flexible or slosh model as ordinary tree links.
+pub(crate) fn peers_tree(name: &str) -> Model {
+    let mut m = peers_arm(BaseKind::Floating);
+    let y = v3(0.0, 1.0, 0.0);
+    let o = v3(0.0, 0.0, 0.0);
+    match name {
+        "flex" => {
+            for (w, x0, sg) in [("a", 1.8, 1.0), ("b", 0.0, -1.0)] {
+                let seg = Inertia::from_com(33.0, &v3(sg, 0.0, 0.0), &diag(15.0, 11.0, 15.0));
+                let p = m.add_body(0, format!("{w}1"), revolute(&format!("p{w}1"), y, v3(x0, 0.0, 0.6), o), seg);
+                m.add_body(p, format!("{w}2"), revolute(&format!("p{w}2"), y, v3(2.0 * sg, 0.0, 0.0), o), seg);
+            }
+        }
+        "slosh" => {
+            let fulcrum = v3(0.9, 0.0, 0.9);
+            let p = m.add_body(0, "u", revolute("slosh_x", v3(1.0, 0.0, 0.0), fulcrum, o), Inertia::zero());
+            let mass = Inertia::point(100.0, &v3(0.0, 0.0, -0.8));
+            m.add_body(p, "mass", revolute("slosh_y", y, o, o), mass);
+        }
+        _ => {}
+    }
+    m
+}
+
+pub(crate) fn rng(seed: u64) -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(seed)
+}
+
+pub(crate) fn uni(r: &mut ChaCha8Rng, a: f64, b: f64) -> f64 {
+    r.random_range(a..b)
+}
+
+pub(crate) fn rand_v3(r: &mut ChaCha8Rng, s: f64) -> Vector3<f64> {
+    Vector3::from_fn(|_, _| uni(r, -s, s))
+}
+
+pub(crate) fn rand_unit(r: &mut ChaCha8Rng) -> Vector3<f64> {
+    loop {
+        let v = rand_v3(r, 1.0);
+        if v.norm() > 0.2 {
+            return v.normalize();
+        }
+    }
+}
+
+pub(crate) fn rand_rot(r: &mut ChaCha8Rng) -> Matrix3<f64> {
+    quat_to_rot(&exp_so3(&rand_v3(r, 1.7)))
+}
+
+/// A physically consistent body: random point masses, so that no symmetry is built in.
+pub(crate) fn rand_inertia(r: &mut ChaCha8Rng, scale: f64) -> Inertia<f64> {
+    let mut b = Inertia::zero();
+    for _ in 0..6 {
+        b += Inertia::point(scale * uni(r, 0.2, 1.0), &rand_v3(r, 0.8));
+    }
+    b
+}
+
+pub(crate) fn rand_state(m: &Model, r: &mut ChaCha8Rng, passive: f64) -> ff_dynamics::State<f64> {
+    let mut s = ff_dynamics::State::zero(m);
+    s.pos = rand_v3(r, 1.0);
+    s.att = exp_so3(&rand_v3(r, 1.5));
+    s.q.iter_mut().for_each(|x| *x = uni(r, -2.5, 2.5));
+    s.eta.iter_mut().for_each(|x| *x = uni(r, -passive, passive));
+    s.v.iter_mut().for_each(|x| *x = uni(r, -1.0, 1.0));
+    s
+}
+
+/// A random tree of `n` bodies on mixed joints with skewed axes.
+pub(crate) fn rand_tree(r: &mut ChaCha8Rng, n: usize, kind: BaseKind) -> Model {
+    let mut m = Model::new("random", "base", rand_inertia(r, 40.0), kind);
+    for i in 0..n {
+        let parent = r.random_range(0..=i);
+        let joint = Joint {
+            name: format!("j{i}"),
+            kind: match r.random_range(0..4) {
+                0 => JointKind::Prismatic,
+                1 => JointKind::Continuous,
+                _ => JointKind::Revolute,
+            },
+            axis: rand_unit(r),
+            placement: Xform::new(rand_rot(r), rand_v3(r, 0.9)),
+            limits: JointLimits::default(),
+        };
+        let b = rand_inertia(r, 3.0);
+        m.add_body(parent, format!("l{i}"), joint, b);
+    }
+    m
+}
