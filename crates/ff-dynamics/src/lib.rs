@@ -23,6 +23,7 @@ pub mod integrate;
 pub mod ldl;
 pub mod modes;
 pub mod momentum;
+pub mod motion;
 pub mod regressor;
 pub mod rnea;
 pub mod sensors;

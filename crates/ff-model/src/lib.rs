@@ -15,6 +15,7 @@ pub mod registry;
 pub mod scalar;
 pub mod so3;
 pub mod spatial;
+pub mod twin;
 
 pub use appendage::{
     Appendage, CoordDecl, Decl, DynAppendage, MAX_COORDS, ParamDecl, ParamGroup, PortMatrix, PortModel, PortState,
@@ -28,3 +29,4 @@ pub use problem::{Area, Problem, Problems, Severity};
 pub use registry::Registry;
 pub use scalar::{D1, D2, Grad, ModelScalar, Scalar};
 pub use spatial::{Force, Motion, Xform};
+pub use twin::TwinBody;

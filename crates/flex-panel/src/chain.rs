@@ -3,7 +3,7 @@
 use crate::KIND;
 use crate::segment::Segment;
 use ff_model::appendage::CoordDecl;
-use ff_model::{Area, Decl, Inertia, MAX_COORDS, ParamDecl, Problem, Problems, Scalar, Xform};
+use ff_model::{Area, Decl, Inertia, MAX_COORDS, ParamDecl, Problem, Problems, Scalar, TwinBody, Xform};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
 
@@ -68,28 +68,6 @@ impl Hinge {
 pub struct PanelChain {
     decl: Decl,
     pub(crate) hinges: Vec<Hinge>,
-}
-
-/// One link of the same chain written as an ordinary tree: a free oracle for tests.
-///
-/// Build a tree with these links on revolute joints, apply the joint torque
-/// `-stiffness (q - rest) - damping qd` from outside, and its dynamics must equal the appendage's.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TwinBody {
-    /// Index of the parent in the list; `None` for the mount.
-    pub parent: Option<usize>,
-    /// Unit joint axis in the body frame.
-    pub axis: Vector3<f64>,
-    /// Pose of the body frame at angle zero in the parent body frame (mount frame without parent).
-    pub placement: Xform<f64>,
-    /// Ten inertial parameters about the body frame origin.
-    pub inertia: Inertia<f64>,
-    /// Stiffness of the external spring (N m/rad).
-    pub stiffness: f64,
-    /// Coefficient of the external damper (N m s/rad).
-    pub damping: f64,
-    /// Relaxed angle of the external spring (rad).
-    pub rest: f64,
 }
 
 impl PanelChain {

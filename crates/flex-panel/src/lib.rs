@@ -14,19 +14,19 @@
 //!
 //! * [`Segment`]: one rigid segment with its hinge; [`PanelChain`]: the appendage.
 //! * [`from_toml`]: the factory of mission files; [`register`]: its entry in a registry, kind [`KIND`].
-//! * [`TwinBody`]: the same chain as ordinary tree links, a free oracle for tests.
+//! * [``]: the same chain as ordinary tree links, a free oracle for tests.
 
 mod chain;
 mod config;
 mod dynamics;
 mod segment;
 
-pub use chain::{MAX_SEGMENTS, PanelBuilder, PanelChain, TwinBody};
+pub use chain::{MAX_SEGMENTS, PanelBuilder, PanelChain};
 pub use config::from_toml;
 pub use segment::Segment;
 
 /// The `kind` of mission files for this appendage.
-pub const KIND: &str = "flex-panel";
+pub const KIND: &str = "flex_panel";
 
 /// Adds this appendage to a registry under [`KIND`]. Allocates.
 pub fn register(registry: &mut ff_model::Registry) {

@@ -28,17 +28,17 @@
 //!
 //! * [`SloshPendulum`]: the appendage; [`formulas`]: frequency, damping ratio, equivalences.
 //! * [`from_toml`]: the factory of mission files; [`register`]: its entry in a registry, kind [`KIND`].
-//! * [`TwinBody`]: the same pendulum as ordinary tree links, a free oracle for tests.
+//! * [``]: the same pendulum as ordinary tree links, a free oracle for tests.
 
 mod config;
 pub mod formulas;
 mod pendulum;
 
 pub use config::from_toml;
-pub use pendulum::{SWING_LIMITS, SloshPendulum, TwinBody};
+pub use pendulum::{SWING_LIMITS, SloshPendulum};
 
 /// The `kind` of mission files for this appendage.
-pub const KIND: &str = "slosh-pendulum";
+pub const KIND: &str = "slosh_pendulum";
 
 /// Adds this appendage to a registry under [`KIND`]. Allocates.
 pub fn register(registry: &mut ff_model::Registry) {

@@ -3,7 +3,8 @@
 use crate::KIND;
 use ff_model::appendage::CoordDecl;
 use ff_model::{
-    Appendage, Area, Decl, Inertia, ParamDecl, PortMatrix, PortState, PortVector, Problem, Problems, Scalar, Xform,
+    Appendage, Area, Decl, Inertia, ParamDecl, PortMatrix, PortState, PortVector, Problem, Problems, Scalar, TwinBody,
+    Xform,
 };
 use nalgebra::Vector3;
 
@@ -31,26 +32,6 @@ const D: usize = 4;
 #[derive(Clone, Debug)]
 pub struct SloshPendulum {
     decl: Decl,
-}
-
-/// One link of the same pendulum written as an ordinary tree: a free oracle for tests.
-///
-/// Two revolute links, the first without mass; apply the joint torque `-stiffness q - damping qd` from
-/// outside, and the dynamics must equal the appendage's.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TwinBody {
-    /// Index of the parent in the list; `None` for the mount.
-    pub parent: Option<usize>,
-    /// Unit joint axis in the body frame.
-    pub axis: Vector3<f64>,
-    /// Pose of the body frame at angle zero in the parent body frame (mount frame without parent).
-    pub placement: Xform<f64>,
-    /// Ten inertial parameters about the body frame origin; all zero for the first link.
-    pub inertia: Inertia<f64>,
-    /// Stiffness of the external spring (N m/rad).
-    pub stiffness: f64,
-    /// Coefficient of the external damper (N m s/rad).
-    pub damping: f64,
 }
 
 impl SloshPendulum {
@@ -95,6 +76,7 @@ impl SloshPendulum {
             inertia,
             stiffness,
             damping,
+            rest: 0.0,
         };
         vec![
             link(None, Vector3::x(), Inertia::zero(), k0, d0),

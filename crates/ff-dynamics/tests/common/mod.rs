@@ -134,3 +134,90 @@ pub(crate) fn rand_tree(r: &mut ChaCha8Rng, n: usize, kind: BaseKind) -> Model {
     }
     m
 }
+
+/// Springs and dampers of twin joints: `(k, d, rest)` per passive coordinate.
+pub(crate) type Springs = Vec<(f64, f64, f64)>;
+
+/// A system with appendages as ports, and the same system with their twins as tree links.
+pub(crate) struct Twins {
+    pub(crate) ports: Model,
+    pub(crate) tree: Model,
+    pub(crate) springs: Springs,
+}
+
+/// Mounts `parts` on both forms of `arm`.
+pub(crate) fn with_twins(arm: &Model, parts: &[(usize, Xform<f64>, Part)]) -> Twins {
+    let (mut ports, mut tree) = (arm.clone(), arm.clone());
+    let mut springs = Vec::new();
+    for (k, (host, mount, part)) in parts.iter().enumerate() {
+        let (appendage, bodies) = match part {
+            Part::Panel(p) => (std::sync::Arc::new(p.clone()) as std::sync::Arc<dyn DynAppendage>, p.twin_bodies()),
+            Part::Slosh(s) => (std::sync::Arc::new(s.clone()) as _, s.twin_bodies()),
+        };
+        ports.mount(format!("a{k}"), *host, *mount, appendage).unwrap();
+        let mut ids = Vec::new();
+        for (i, b) in bodies.iter().enumerate() {
+            let (parent, placement) = match b.parent {
+                Some(p) => (ids[p], b.placement),
+                None => (*host, *mount * b.placement),
+            };
+            let joint = Joint {
+                name: format!("a{k}.{i}"),
+                kind: JointKind::Continuous,
+                axis: b.axis,
+                placement,
+                limits: JointLimits::default(),
+            };
+            ids.push(tree.add_body(parent, format!("a{k}.{i}"), joint, b.inertia));
+            springs.push((b.stiffness, b.damping, b.rest));
+        }
+    }
+    Twins { ports, tree, springs }
+}
+
+#[derive(Clone)]
+pub(crate) enum Part {
+    Panel(flex_panel::PanelChain),
+    Slosh(slosh_pendulum::SloshPendulum),
+}
+
+pub(crate) fn rand_part(r: &mut ChaCha8Rng) -> Part {
+    if r.random_range(0..3) == 0 {
+        let (k, d) = ([uni(r, 5.0, 30.0), uni(r, 5.0, 30.0)], [uni(r, 0.5, 6.0), uni(r, 0.5, 6.0)]);
+        Part::Slosh(slosh_pendulum::SloshPendulum::new(uni(r, 5.0, 60.0), uni(r, 0.3, 1.1), k, d).unwrap())
+    } else {
+        let n = r.random_range(1..=4);
+        let segments = (0..n)
+            .map(|_| {
+                segment(rand_inertia(r, 4.0), rand_v3(r, 1.0), rand_unit(r))
+                    .with_spring(uni(r, 50.0, 300.0), uni(r, 0.5, 4.0))
+                    .with_rest(uni(r, -0.2, 0.2))
+            })
+            .collect();
+        Part::Panel(flex_panel::PanelChain::new(segments).unwrap())
+    }
+}
+
+/// A random tree with random appendages on random bodies.
+pub(crate) fn rand_twins(r: &mut ChaCha8Rng) -> Twins {
+    let n = r.random_range(0..=8);
+    let arm = rand_tree(r, n, BaseKind::Floating);
+    let parts: Vec<_> = (0..r.random_range(1..=3))
+        .map(|_| (r.random_range(0..=n), Xform::new(rand_rot(r), rand_v3(r, 1.0)), rand_part(r)))
+        .collect();
+    with_twins(&arm, &parts)
+}
+
+/// The tree state that equals a port state.
+pub(crate) fn tree_state(t: &Twins, s: &ff_dynamics::State<f64>) -> ff_dynamics::State<f64> {
+    let mut o = ff_dynamics::State::zero(&t.tree);
+    o.pos = s.pos;
+    o.att = s.att;
+    o.q = [s.q.clone(), s.eta.clone()].concat();
+    o.v.copy_from_slice(&s.v);
+    o
+}
+
+pub(crate) fn segment(inertia: Inertia<f64>, hinge: Vector3<f64>, axis: Vector3<f64>) -> flex_panel::Segment {
+    flex_panel::Segment { inertia, hinge, axis, stiffness: 0.0, damping: 0.0, rest: 0.0 }
+}
