@@ -17,6 +17,7 @@
 
 pub mod aba;
 pub mod blocks;
+pub mod bspline;
 pub mod crba;
 pub mod frames;
 pub mod integrate;
