@@ -11,6 +11,8 @@
 //! | motion for forces; prescribed joints | [`aba`] |
 //! | momentum, energy, dissipation | [`momentum`] |
 //! | dependence on parameters | [`regressor`] |
+//! | prescribed arm condensed; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
+//! | joint motions | [`motion`], [`bspline`] |
 //! | frequencies and damping | [`modes`] |
 //! | frames | [`frames`] |
 //! | a motion over time, and what sensors see of it | [`simulate`], [`sensors`] |
@@ -25,8 +27,11 @@ pub mod ldl;
 pub mod modes;
 pub mod momentum;
 pub mod motion;
+pub mod prescribed;
+pub mod reduced;
 pub mod regressor;
 pub mod rnea;
+pub mod sensitivity;
 pub mod sensors;
 pub mod simulate;
 pub mod state;
@@ -38,8 +43,11 @@ pub use crba::mass_matrix;
 pub use frames::{frame_jacobian, frame_pose};
 pub use modes::{Boundary, Mode, modes};
 pub use momentum::{Budget, budget};
+pub use prescribed::{Prescribed, Sampling};
+pub use reduced::{ReducedError, Response, simulate_reduced};
 pub use regressor::{body_regressor, regressor};
 pub use rnea::{bias, rnea};
+pub use sensitivity::{Sensitivities, Wanted, sensitivities};
 pub use sensors::{Channel, Readings, SensorSuite, measure};
 pub use simulate::{Drive, SimError, SimOptions, Trace, simulate};
 pub use state::State;

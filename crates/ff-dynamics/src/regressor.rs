@@ -52,8 +52,7 @@ fn skew<T: ModelScalar>(v: &Vector3<T>) -> Matrix3<T> {
 ///
 /// Rows as in [`crate::rnea`]: base wrench, joint torques, passive rows. For the bodies `tau = Y phi`
 /// holds exactly; appendage columns are exact derivatives (by forward duals) of the port equations. A
-/// rigid model has `n_params = 10 n_bodies` and no appendage columns. Does not allocate for up to
-/// [`ff_model::appendage::MAX_PARAMS`] parameters per appendage.
+/// rigid model has `n_params = 10 n_bodies` and no appendage columns. Allocates one index list per appendage.
 ///
 /// # Panics
 /// If a shape is wrong.
@@ -84,8 +83,8 @@ pub fn regressor(
         let s = PortState { host: work.ports[k].v, eta: &state.eta[r.clone()], nu: &state.nu()[r.clone()] };
         let acc = &a[nb + nj + r.start..nb + nj + r.end];
         let mount = work.ports[k].mount;
-        port_param_derivatives(&*ap.appendage, p, &s, &host, acc, |j, d| {
-            let col = ap.param_offset + j;
+        let wanted: Vec<(usize, usize)> = (0..p.len()).map(|j| (j, ap.param_offset + j)).collect();
+        port_param_derivatives(&*ap.appendage, p, &s, &host, acc, &wanted, |col, d| {
             for i in 0..ap.dim() {
                 y[(nb + nj + r.start + i, col)] = d[6 + i];
             }
@@ -122,14 +121,15 @@ fn carry(model: &Model, work: &Work<f64>, y: &mut DMatrix<f64>, mut i: usize, mu
     }
 }
 
-/// Calls `each(j, d)` with `d[0..6+n]`, the derivative of the port residual `M [A; nu'] + h` with respect to
-/// parameter `j` of the appendage, [`DIRECTIONS`] parameters per pass.
+/// Calls `each(tag, d)` with `d[0..6+n]`, the derivative of the port residual `M [A; nu'] + h` with respect to
+/// each of the `wanted` parameters `(own index, tag)`, [`DIRECTIONS`] of them per pass.
 pub(crate) fn port_param_derivatives(
     appendage: &dyn ff_model::DynAppendage,
     p: &[f64],
     s: &PortState<'_, f64>,
     host_acc: &Motion<f64>,
     acc: &[f64],
+    wanted: &[(usize, usize)],
     mut each: impl FnMut(usize, &[f64]),
 ) {
     const MAX: usize = 6 + ff_model::MAX_COORDS;
@@ -149,17 +149,15 @@ pub(crate) fn port_param_derivatives(
     let mut buf = [zero; MAX * MAX];
     let mut h = [zero; MAX];
     let port = Grad::port(appendage);
-    let mut first = 0;
-    while first < p.len() {
-        let count = DIRECTIONS.min(p.len() - first);
-        for d in 0..count {
-            pd[first + d].eps[d] = 1.0;
+    for pass in wanted.chunks(DIRECTIONS) {
+        for (d, &(own, _)) in pass.iter().enumerate() {
+            pd[own].eps[d] = 1.0;
         }
         let pd_all = &pd[..p.len()];
         let mut m = PortMatrix::new(n, &mut buf);
         port.inertia(pd_all, &eta[..n], &mut m);
         port.bias(pd_all, &state, &mut h[..6 + n]);
-        for d in 0..count {
+        for (d, &(own, tag)) in pass.iter().enumerate() {
             let mut out = [0.0; MAX];
             for i in 0..6 + n {
                 let mut x = h[i].eps[d];
@@ -171,11 +169,8 @@ pub(crate) fn port_param_derivatives(
                 }
                 out[i] = x;
             }
-            each(first + d, &out[..6 + n]);
+            each(tag, &out[..6 + n]);
+            pd[own].eps[d] = 0.0;
         }
-        for d in 0..count {
-            pd[first + d].eps[d] = 0.0;
-        }
-        first += count;
     }
 }

@@ -221,3 +221,46 @@ pub(crate) fn tree_state(t: &Twins, s: &ff_dynamics::State<f64>) -> ff_dynamics:
 pub(crate) fn segment(inertia: Inertia<f64>, hinge: Vector3<f64>, axis: Vector3<f64>) -> flex_panel::Segment {
     flex_panel::Segment { inertia, hinge, axis, stiffness: 0.0, damping: 0.0, rest: 0.0 }
 }
+
+/// The paper-size robot with two skewed two-segment wings on the base, one on a link, and slosh.
+pub(crate) fn system() -> Model {
+    let arm = peers_arm(BaseKind::Floating);
+    let wing = |sg: f64, tilt: f64| {
+        let i = Inertia::from_com(33.0, &v3(0.05, sg * 1.07, 0.03), &Matrix3::from_diagonal(&v3(15.0, 11.0, 15.0)));
+        let s = |y: f64| segment(i, v3(0.0, sg * y, 0.0), v3(1.0, tilt, -0.5 * tilt)).with_spring(200.0, 2.0);
+        Part::Panel(flex_panel::PanelChain::new(vec![s(0.3), s(2.15)]).unwrap())
+    };
+    let slosh = slosh_pendulum::SloshPendulum::new(100.0, 0.8, [20.0, 23.0], [5.0, 4.0]).unwrap();
+    let at = |x, y, z| Xform::new(Matrix3::identity(), v3(x, y, z));
+    let small = Inertia::from_com(1.5, &v3(0.1, 0.2, -0.05), &Matrix3::from_diagonal(&v3(0.05, 0.04, 0.06)));
+    let boom = segment(small, v3(0.05, 0.02, 0.1), v3(0.3, -0.5, 0.8)).with_spring(12.0, 0.3);
+    let boom = Part::Panel(flex_panel::PanelChain::new(vec![boom]).unwrap());
+    let parts = [
+        (0, at(0.9, 0.0, 0.6), wing(1.0, 0.1)),
+        (0, at(0.9, 0.0, 0.6), wing(-1.0, 0.07)),
+        (0, at(0.9, 0.1, 0.5), Part::Slosh(slosh)),
+        (4, at(0.02, 0.1, 0.05), boom),
+    ];
+    with_twins(&arm, &parts).ports
+}
+
+/// A smooth, general joint motion: every joint its own two sines.
+pub(crate) struct Wave(pub(crate) usize);
+
+impl ff_dynamics::motion::Motion for Wave {
+    fn dof(&self) -> usize {
+        self.0
+    }
+    fn duration(&self) -> f64 {
+        1e3
+    }
+    fn eval(&self, t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
+        for j in 0..self.0 {
+            let (a, w, f) = (0.12 + 0.03 * j as f64, 0.9 + 0.31 * j as f64, 0.4 * j as f64);
+            let (b, v, g) = (0.05, 2.3 - 0.17 * j as f64, 1.0 - 0.3 * j as f64);
+            q[j] = 0.3 * (j as f64 - 2.5) + a * (w * t + f).sin() + b * (v * t + g).sin();
+            qd[j] = a * w * (w * t + f).cos() + b * v * (v * t + g).cos();
+            qdd[j] = -a * w * w * (w * t + f).sin() - b * v * v * (v * t + g).sin();
+        }
+    }
+}
