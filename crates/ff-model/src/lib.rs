@@ -8,14 +8,19 @@
 pub mod appendage;
 pub mod dual;
 pub mod inertia;
+pub mod leniency;
+pub mod mission;
 pub mod model;
 pub mod params;
 pub mod problem;
+mod read;
 pub mod registry;
 pub mod scalar;
 pub mod so3;
 pub mod spatial;
+mod text;
 pub mod twin;
+pub mod urdf;
 
 pub use appendage::{
     Appendage, CoordDecl, Decl, DynAppendage, MAX_COORDS, ParamDecl, ParamGroup, PortMatrix, PortModel, PortState,
@@ -23,6 +28,7 @@ pub use appendage::{
 };
 pub use dual::Dual;
 pub use inertia::Inertia;
+pub use leniency::Leniency;
 pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
 pub use params::Params;
 pub use problem::{Area, Problem, Problems, Severity};

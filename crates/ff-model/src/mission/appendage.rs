@@ -1,0 +1,154 @@
+//! `[[appendage]]`: what hangs where. The keys of each kind are read by the crate that registered it.
+
+use super::reader::{Must, Table, error};
+use crate::appendage::DynAppendage;
+use crate::registry::Registry;
+use crate::so3::{quat_to_rot, rot_of_rpy};
+use crate::spatial::Xform;
+use crate::text::{list, nearest};
+use nalgebra::{Matrix3, Vector3};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// How far a quaternion or rotation matrix may be from exact before it is refused.
+const UNIT_TOLERANCE: f64 = 1e-6;
+
+/// One `[[appendage]]`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AppendageSpec {
+    /// `kind`: a registered kind, such as `flex_panel` or `slosh_pendulum`. Required.
+    pub kind: String,
+    /// `name`: prefix of its parameters and coordinates. Required; no dots, brackets, stars or blanks.
+    pub name: String,
+    /// `host`: any link of the URDF. Required.
+    pub host: String,
+    /// `mount`: pose of the mount frame in the host link frame; the link frame itself unless given.
+    pub mount: Mount,
+    /// All other keys of the table, read by the kind.
+    pub settings: toml::Table,
+}
+
+/// Table `mount` of an appendage: `xyz_m` and one of `rpy_rad`, `quat_wxyz`, `rotation`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mount {
+    /// `xyz_m`: origin of the mount frame in the link frame.
+    pub xyz_m: [f64; 3],
+    /// Rotation from mount to link coordinates, in rows. From `rpy_rad` (roll, pitch, yaw as in URDF),
+    /// `quat_wxyz` (unit quaternion, w first) or `rotation` (the matrix itself, in rows).
+    pub rotation: [[f64; 3]; 3],
+}
+
+impl Mount {
+    /// As a pose.
+    pub fn to_xform(&self) -> Xform<f64> {
+        Xform::new(Matrix3::from_fn(|i, j| self.rotation[i][j]), Vector3::from(self.xyz_m))
+    }
+    fn of(xyz_m: [f64; 3], r: &Matrix3<f64>) -> Self {
+        Self { xyz_m, rotation: [0, 1, 2].map(|i| [r[(i, 0)], r[(i, 1)], r[(i, 2)]]) }
+    }
+    fn read(t: &Table<'_, '_>) -> Option<Self> {
+        let xyz = t.vector("xyz_m");
+        let (rpy, quat) = (t.vector::<3>("rpy_rad"), t.vector::<4>("quat_wxyz"));
+        let rows = t.rows("rotation");
+        t.finish();
+        if usize::from(rpy.is_some()) + usize::from(quat.is_some()) + usize::from(rows.is_some()) > 1 {
+            let p = error("Config::Conflict", "more than one of rpy_rad, quat_wxyz, rotation");
+            t.fail("quat_wxyz", p.hint("keep one of them"));
+            return None;
+        }
+        let rotation = match (quat, rows) {
+            (Some(q), _) => {
+                // In f64 the square of a huge component overflows; the norm is then infinite and refused.
+                let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+                if !norm.is_finite() || (norm - 1.0).abs() > UNIT_TOLERANCE {
+                    let what = format!("quaternion norm {norm}, expected 1 within {UNIT_TOLERANCE:e}");
+                    let hint = "give a unit quaternion in the order w, x, y, z";
+                    t.fail("quat_wxyz", error("Config::NotUnit", what).hint(hint));
+                    return None;
+                }
+                quat_to_rot(&q.map(|x| x / norm).into())
+            }
+            (None, Some(rows)) => rotation(t, &rows)?,
+            (None, None) => rot_of_rpy(&Vector3::from(rpy.unwrap_or_default())),
+        };
+        Some(Self::of(xyz.unwrap_or_default(), &rotation))
+    }
+}
+
+/// A given matrix, if it is a rotation.
+fn rotation(t: &Table<'_, '_>, rows: &[[f64; 3]; 3]) -> Option<Matrix3<f64>> {
+    let r = Matrix3::from_fn(|i, j| rows[i][j]);
+    let det = r.determinant();
+    let off = (r * r.transpose() - Matrix3::identity()).abs().max();
+    if !(off <= UNIT_TOLERANCE && (det - 1.0).abs() <= 2.0 * UNIT_TOLERANCE) {
+        let what = format!(
+            "determinant {det:.6}, expected 1; rows are off orthonormal by {off:.3e}, limit {UNIT_TOLERANCE:e}"
+        );
+        let hint = if det < 0.0 { "this is a reflection: negate one axis" } else { "give orthonormal rows" };
+        t.fail("rotation", error("Config::NotRotation", what).hint(hint));
+        return None;
+    }
+    Some(r)
+}
+
+/// An appendage read and built, with the table it came from.
+pub(super) struct Built<'d, 't> {
+    pub(super) spec: AppendageSpec,
+    pub(super) appendage: Arc<dyn DynAppendage>,
+    pub(super) table: Table<'d, 't>,
+}
+
+impl<'d, 't> Built<'d, 't> {
+    /// Reads one table and runs the factory of its kind; problems are recorded at their keys.
+    pub(super) fn read(t: Table<'d, 't>, registry: &Registry) -> Option<Self> {
+        let kind = t.required("kind", t.string("kind"));
+        let name = t.required("name", t.string("name")).filter(|n| {
+            let good = !n.is_empty() && !n.contains(|c: char| c.is_whitespace() || ".[]*".contains(c));
+            if !good {
+                let what = format!("'{}' is blank or holds a dot, bracket, star or blank", crate::text::clip(n));
+                t.fail("name", error("Config::BadName", what).hint("use letters, digits and _"));
+            }
+            good
+        });
+        let host = t.required("host", t.string("host"));
+        let mount = match t.table("mount") {
+            Some(m) => Mount::read(&m),
+            None => Some(Mount::of([0.0; 3], &Matrix3::identity())),
+        };
+        let kind = kind?;
+        let settings = t.rest(&["kind", "name", "host", "mount"]);
+        let Some(factory) = registry.get(&kind) else {
+            let known = list(registry.kinds(), 20);
+            let p =
+                error("Config::UnknownKind", format!("unknown kind '{}'; known: {known}", crate::text::clip(&kind)));
+            t.fail(
+                "kind",
+                match nearest(&kind, registry.kinds()) {
+                    Some(n) => p.hint(format!("did you mean {n}?")),
+                    None => p.hint("use a known kind, or register this one"),
+                },
+            );
+            return None;
+        };
+        let label = name.clone().unwrap_or_else(|| kind.clone());
+        match factory(&settings) {
+            Ok(appendage) => {
+                let spec = AppendageSpec { kind, name: name?, host: host?, mount: mount?, settings };
+                Some(Self { spec, appendage, table: t })
+            }
+            Err(problems) => {
+                for mut p in problems.0 {
+                    let key = p.object.take().unwrap_or_default();
+                    let object = if key.is_empty() { label.clone() } else { format!("{label}.{key}") };
+                    t.fail_at(t.place(&key), p.on(object));
+                }
+                None
+            }
+        }
+    }
+}
+
+/// Used by other sections of the file for numbers that default when absent.
+pub(super) fn or_zero(t: &Table<'_, '_>, key: &'static str, must: Must) -> f64 {
+    t.number(key, must).unwrap_or(0.0)
+}

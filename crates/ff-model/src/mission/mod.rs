@@ -1,0 +1,325 @@
+//! Mission files: one TOML file that names the robot, what hangs on it, its sensors, and what to estimate.
+//!
+//! ```toml
+//! [robot]                     # Robot
+//! urdf = "robot.urdf"
+//! end_effector = "tool"
+//!
+//! [[appendage]]               # AppendageSpec; further keys belong to the kind
+//! kind = "slosh_pendulum"
+//! name = "tank"
+//! host = "base"
+//! mount = { xyz_m = [0.9, 0.0, 0.6] }
+//!
+//! [sensors]                   # Sensors
+//! rate_hz = 100.0
+//! [sensors.gyro]
+//! noise_std_rad_per_s = 1.5e-4
+//!
+//! [limits]                    # Limits
+//! velocity_rad_per_s = 0.17
+//!
+//! [estimate]                  # Estimate
+//! parameters = ["base.*", "tank.*"]
+//! ```
+//!
+//! Every key carries its unit and is documented on the field of the struct it fills. Unknown keys, NaN and
+//! infinity are errors; all problems are listed with file, line and column. Reasons go into comments.
+
+mod appendage;
+mod reader;
+mod robot;
+mod select;
+mod settings;
+
+pub use appendage::{AppendageSpec, Mount};
+pub use robot::{Rigid, RigidBody, Robot};
+pub use settings::{Encoder, Estimate, Gyro, Limits, Reproduce, Sensors, Torque};
+
+use crate::leniency::Leniency;
+use crate::model::Model;
+use crate::problem::{Area, Problem, Problems};
+use crate::registry::Registry;
+use crate::text::{LineIndex, clip, list, nearest};
+use crate::urdf::{self, UrdfOptions};
+use appendage::Built;
+use nalgebra::Vector3;
+use reader::{Context, Table, error};
+use serde::Serialize;
+use std::path::Path;
+use toml::de::DeTable;
+
+/// Largest mission file read (bytes).
+pub const MAX_BYTES: usize = 1 << 20;
+
+/// A mission file as read.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mission {
+    /// `[robot]`.
+    pub robot: Robot,
+    /// `[[appendage]]`, in order.
+    pub appendages: Vec<AppendageSpec>,
+    /// `[sensors]`.
+    pub sensors: Sensors,
+    /// `[limits]`.
+    pub limits: Limits,
+    /// `[estimate]`.
+    pub estimate: Estimate,
+    /// `[reproduce]`, when there is one.
+    pub reproduce: Option<Reproduce>,
+}
+
+/// A mission and the model it describes.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The file.
+    pub mission: Mission,
+    /// Robot, appendages and gravity.
+    pub model: Model,
+    /// Indices of the parameters of `[estimate]` in the parameter vector, ascending.
+    pub estimated: Vec<usize>,
+    /// Body and pose are those of this frame of the model; `None` when the mission names no end effector.
+    pub end_effector: Option<usize>,
+    /// Warnings of mission file and URDF, to be recorded with every result.
+    pub warnings: Problems,
+}
+
+/// How to load a mission.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LoadOptions {
+    /// Named errors to allow, and whether warnings refuse.
+    pub leniency: Leniency,
+}
+
+impl Mission {
+    /// Loads a mission file and the URDF it names.
+    ///
+    /// # Errors
+    /// All problems of both files: area `Config` for the mission, `Model` for the URDF, `Io` when a file
+    /// cannot be read.
+    pub fn load(path: &Path, registry: &Registry, options: &LoadOptions) -> Result<Loaded, Problems> {
+        let one = |p: Problem| Problems(vec![p]);
+        let bytes = crate::read::bytes(path, MAX_BYTES, Area::Config, "Config::TooLarge")?;
+        let text = std::str::from_utf8(&bytes).map_err(|e| {
+            let at = e.valid_up_to();
+            let line = 1 + bytes.iter().take(at).filter(|&&b| b == b'\n').count();
+            one(error("Config::NotUtf8", format!("byte {at} is not UTF-8"))
+                .in_file(path)
+                .at_line(line)
+                .hint("save the file as UTF-8"))
+        })?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        load(text, Some(path), registry, options, |robot, o| {
+            let name = robot.urdf.to_string_lossy();
+            // A URL-like path is for the URDF reader to refuse, not to be joined to a folder.
+            let file = if name.contains("://") { robot.urdf.clone() } else { folder.join(&robot.urdf) };
+            urdf::from_file(&file, o)
+        })
+    }
+
+    /// Loads a mission from a text, with the text of the URDF at hand; `robot.urdf` is not opened.
+    ///
+    /// # Errors
+    /// All problems of both texts.
+    pub fn from_str(
+        text: &str,
+        urdf_text: &str,
+        registry: &Registry,
+        options: &LoadOptions,
+    ) -> Result<Loaded, Problems> {
+        load(text, None, registry, options, |_, o| urdf::from_str(urdf_text, o))
+    }
+}
+
+/// The whole way from text to model; `import` fetches the robot.
+fn load(
+    text: &str,
+    file: Option<&Path>,
+    registry: &Registry,
+    options: &LoadOptions,
+    import: impl FnOnce(&Robot, &UrdfOptions) -> Result<(Model, Problems), Problems>,
+) -> Result<Loaded, Problems> {
+    let mut out = options.leniency.check();
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let (doc, syntax) = DeTable::parse_recoverable(text);
+    let cx = Context::new(text);
+    let loaded = if syntax.is_empty() {
+        for (k, v) in doc.get_ref() {
+            cx.finite(k.get_ref(), v);
+        }
+        let mut imported = Problems::default();
+        let loaded = read(&Table::root(&cx, &doc), registry, options, import, &mut imported);
+        out.extend(imported);
+        loaded
+    } else {
+        syntax.iter().take(100).for_each(|e| cx.push(syntax_problem(text, e)));
+        None
+    };
+    let mut own = cx.take();
+    if let Some(f) = file {
+        own.0.iter_mut().for_each(|p| p.file = Some(f.to_path_buf()));
+    }
+    out.extend(own);
+    options.leniency.settle(&mut out);
+    let (mut loaded, warnings) = out.finish(loaded)?;
+    loaded.warnings = warnings;
+    Ok(loaded)
+}
+
+/// Reads all sections, imports the robot, mounts the appendages; goes on as far as there is something to
+/// check.
+fn read(
+    root: &Table<'_, '_>,
+    registry: &Registry,
+    options: &LoadOptions,
+    import: impl FnOnce(&Robot, &UrdfOptions) -> Result<(Model, Problems), Problems>,
+    imported: &mut Problems,
+) -> Option<Loaded> {
+    let robot_table = root.required("robot", root.table("robot"));
+    let robot = robot_table.as_ref().and_then(Robot::read);
+    let built: Vec<Option<Built<'_, '_>>> =
+        root.tables("appendage").into_iter().map(|t| Built::read(t, registry)).collect();
+    let sensors = root.table("sensors").map(|t| Sensors::read(&t)).unwrap_or_default();
+    let limits = root.table("limits").map(|t| Limits::read(&t)).unwrap_or_default();
+    let estimate_table = root.table("estimate");
+    let estimate = estimate_table.as_ref().map(Estimate::read).unwrap_or_default();
+    let reproduce_table = root.table("reproduce");
+    let reproduce = reproduce_table.as_ref().map(Reproduce::read);
+    root.finish();
+
+    let (robot, robot_table) = (robot?, robot_table?);
+    let urdf_options = UrdfOptions {
+        base_link: robot.base_link.clone(),
+        base_kind: robot.base,
+        base_inertial: robot.base_inertial.as_ref().map(RigidBody::inertia),
+        leniency: options.leniency.clone(),
+        ..UrdfOptions::default()
+    };
+    let mut model = match import(&robot, &urdf_options) {
+        Ok((model, warnings)) => {
+            imported.extend(warnings);
+            model
+        }
+        Err(problems) => {
+            // The importer knows the base link only as an option; here it has a key and a line.
+            for p in problems.0 {
+                if p.area == Area::Config { robot_table.fail("base_link", p) } else { imported.push(p) }
+            }
+            return None;
+        }
+    };
+    model = model.with_gravity(Vector3::from(robot.gravity_m_per_s2));
+    let frames = Frames(&model.clone());
+    let end_effector = robot.end_effector.as_ref().and_then(|n| frames.find(n, "end_effector", &robot_table));
+    for r in &robot.rigid {
+        if let Some(k) = frames.find(&r.link, "rigid", &robot_table) {
+            let f = &frames.0.frames()[k];
+            model.add_rigid(f.body, &r.body.inertia().to_parent(&f.placement));
+        }
+    }
+    let complete = built.iter().all(Option::is_some);
+    let mut appendages = Vec::new();
+    for b in built.into_iter().flatten() {
+        mount(&mut model, &frames, &b);
+        appendages.push(b.spec);
+    }
+    let mut estimated = Vec::new();
+    // With an appendage missing, patterns for its parameters would be reported as well.
+    if let (Some(t), true) = (&estimate_table, complete) {
+        estimated = select::indices(&estimate.parameters, &model, t);
+    }
+    if let (Some(r), Some(t)) = (&reproduce, &reproduce_table) {
+        check_reproduce(r, &model, t);
+    }
+    let mission = Mission { robot, appendages, sensors, limits, estimate, reproduce };
+    Some(Loaded { mission, model, estimated, end_effector, warnings: Problems::default() })
+}
+
+/// Frames of the robot without appendages, looked up by name.
+struct Frames<'m>(&'m Model);
+
+impl Frames<'_> {
+    /// Index of a frame; an unknown name is reported at `key` of `t`.
+    fn find(&self, name: &str, key: &str, t: &Table<'_, '_>) -> Option<usize> {
+        let found = self.0.frames().iter().position(|f| f.name == name);
+        if found.is_none() {
+            let names = || self.0.frames().iter().map(|f| f.name.as_str());
+            let p = error("Config::UnknownFrame", format!("the robot has no link '{}'", clip(name)));
+            t.fail(
+                key,
+                match nearest(name, names()) {
+                    Some(n) => p.hint(format!("did you mean {n}?")),
+                    None => p.hint(format!("links: {}", list(names(), 12))),
+                },
+            );
+        }
+        found
+    }
+}
+
+/// Mounts one appendage; problems are recorded at its table.
+fn mount(model: &mut Model, frames: &Frames<'_>, b: &Built<'_, '_>) {
+    let (spec, t) = (&b.spec, &b.table);
+    if spec.host == spec.name {
+        let p = error("Config::UnknownFrame", "an appendage cannot hang on itself");
+        t.fail("host", p.hint("name a link of the URDF as host"));
+        return;
+    }
+    // Parameters of bodies are called `base.mass` and `<link>.mass`.
+    if spec.name == "base" || (0..model.n_bodies()).any(|i| model.body_name(i) == spec.name) {
+        let p = error("Config::DuplicateName", format!("'{}' is the name of a body as well", spec.name));
+        t.fail("name", p.hint("rename the appendage"));
+        return;
+    }
+    let Some(k) = frames.find(&spec.host, "host", t) else { return };
+    let f = &frames.0.frames()[k];
+    let pose = f.placement * spec.mount.to_xform();
+    if let Err(problems) = model.mount(spec.name.as_str(), f.body, pose, b.appendage.clone()) {
+        for p in problems.0 {
+            let prefix = format!("{}.", spec.name);
+            let key = p.object.as_deref().and_then(|o| o.strip_prefix(&prefix)).unwrap_or("name").to_owned();
+            t.fail_at(t.place(&key), p);
+        }
+    }
+}
+
+/// What of `[reproduce]` can be checked against the robot.
+fn check_reproduce(r: &Reproduce, model: &Model, t: &Table<'_, '_>) {
+    if !r.hold_rad.is_empty() && r.hold_rad.len() != model.nj() {
+        let what = format!("{} positions for {} joints", r.hold_rad.len(), model.nj());
+        t.fail("hold_rad", error("Config::WrongLength", what).hint("give one position per joint"));
+    } else {
+        for (b, &q) in model.bodies().iter().zip(&r.hold_rad) {
+            let l = &b.joint.limits;
+            if !(l.lower..=l.upper).contains(&q) {
+                let what = format!("joint {}: {q} rad, limit {} .. {} rad", b.joint.name, l.lower, l.upper);
+                t.fail("hold_rad", error("Config::OutOfRange", what).hint("give a position within the joint limits"));
+            }
+        }
+    }
+    let names = model.joint_names();
+    for j in r.manoeuvre_joints.iter().filter(|j| !names.contains(j)) {
+        let p = error("Config::UnknownJoint", format!("the robot has no moving joint '{}'", clip(j)));
+        t.fail(
+            "manoeuvre_joints",
+            match nearest(j, names.iter().map(String::as_str)) {
+                Some(n) => p.hint(format!("did you mean {n}?")),
+                None => p.hint(format!("joints: {}", list(names.iter().map(String::as_str), 12))),
+            },
+        );
+    }
+}
+
+/// A syntax error of the TOML text.
+fn syntax_problem(text: &str, e: &toml::de::Error) -> Problem {
+    let message = clip(e.message().lines().next().unwrap_or("not TOML"));
+    let (code, hint) = if message.contains("duplicate key") {
+        ("Config::DuplicateKey", "keep one of the two")
+    } else if message.contains("recursion limit") {
+        ("Config::TooDeep", "a mission file needs 4 levels; limit 80")
+    } else {
+        ("Config::Syntax", "mend the TOML; texts need quotes, numbers a decimal point")
+    };
+    let (line, column) = LineIndex::new(text).at(e.span().map_or(text.len(), |s| s.start));
+    error(code, message).at(line, column).on("file").hint(hint)
+}
