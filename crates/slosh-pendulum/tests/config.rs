@@ -38,7 +38,7 @@ fn declares_parameters_in_the_promised_order() {
         ]
     );
     assert_eq!(d.coords[1].range, (-SWING_LIMITS[1], SWING_LIMITS[1]));
-    assert!(SWING_LIMITS[1] < std::f64::consts::FRAC_PI_2, "the second angle must not reach its singularity");
+    const { assert!(SWING_LIMITS[1] < std::f64::consts::FRAC_PI_2, "the second angle must not reach its singularity") };
     let mut registry = ff_model::Registry::new();
     register(&mut registry);
     assert!(registry.get(KIND).is_some());
