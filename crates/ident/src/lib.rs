@@ -1,1 +1,3 @@
 //! Records in, parameters out: spectra, rigid and output-error identification with uncertainty
+
+pub mod motion_fit;
