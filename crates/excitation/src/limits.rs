@@ -30,6 +30,11 @@ pub struct JointLimits {
 }
 
 impl JointLimits {
+    /// Position and speed limits of a joint of the model; the URDF has none for the acceleration
+    /// (rad/s^2 or m/s^2), which must be given.
+    pub fn from_model(joint: &ff_model::JointLimits, acceleration: f64) -> Self {
+        Self { lower: joint.lower, upper: joint.upper, velocity: joint.velocity, acceleration, jerk: None }
+    }
     /// Refuses limits that no motion could keep or that are not numbers.
     ///
     /// # Errors

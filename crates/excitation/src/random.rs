@@ -1,7 +1,7 @@
 //! Seeded random plans that keep all limits: trajectories for rigid identification and for validation.
 
 use crate::qp::{self, Inequality, QpFailure};
-use crate::spline_plan::{Duration, End, PlanError, SplinePlan, Which};
+use crate::spline_plan::{Duration, End, PlanError, SplinePlan};
 use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -15,12 +15,12 @@ const INSIDE: f64 = 1e-7;
 /// # Errors
 /// [`PlanError::Infeasible`] naming a constraint that cannot be kept; `Argument` for a bad duration.
 pub fn feasible_start(plan: &SplinePlan, duration: f64) -> Result<Vec<f64>, PlanError> {
-    let mut x = straight(plan, duration);
     let positive = duration.is_finite() && duration > 0.0;
     if !positive {
         let (got, expected) = (duration.to_string(), "positive".into());
         return Err(PlanError::Argument { what: "duration", got, expected });
     }
+    let mut x = straight(plan, duration);
     if plan.violated(&x).is_none() {
         return Ok(x);
     }
@@ -38,9 +38,7 @@ pub fn feasible_start(plan: &SplinePlan, duration: f64) -> Result<Vec<f64>, Plan
     match qp::solve(&DMatrix::identity(m, m), &vec![0.0; m], &rows) {
         Ok(d) => x.iter_mut().zip(d).for_each(|(x, d)| *x += d),
         Err(QpFailure::Infeasible(i)) => {
-            let r = &plan.rows[i];
-            let which = Which { joint: Some(r.joint), quantity: r.quantity, limit: r.limit, excess: 0.0 };
-            return Err(PlanError::Infeasible { which });
+            return Err(PlanError::Infeasible { which: plan.rows[i].which(0.0) });
         }
         Err(QpFailure::Solver) => {} // the test below names what is broken
     }

@@ -349,8 +349,7 @@ impl SplinePlan {
         };
         for r in &self.rows {
             let slack = r.slack(x, t);
-            let limit = if r.quantity == Quantity::Lower { -r.limit } else { r.limit };
-            note(slack, Which { joint: Some(r.joint), quantity: r.quantity, limit, excess: -slack * r.scale });
+            note(slack, r.which(-slack * r.scale));
         }
         if let Duration::Free { min, max } = self.spec.duration {
             let w = |quantity, limit, excess| Which { joint: None, quantity, limit, excess };
@@ -362,6 +361,11 @@ impl SplinePlan {
 }
 
 impl Row {
+    /// Names this constraint.
+    pub(crate) fn which(&self, excess: f64) -> Which {
+        let limit = if self.quantity == Quantity::Lower { -self.limit } else { self.limit };
+        Which { joint: Some(self.joint), quantity: self.quantity, limit, excess }
+    }
     /// `sum_c coef x[c] + constant`.
     pub(crate) fn value(&self, x: &[f64]) -> f64 {
         self.columns.iter().map(|(c, v)| v * x[*c]).sum::<f64>() + self.constant

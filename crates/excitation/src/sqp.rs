@@ -36,7 +36,7 @@ pub struct SqpOptions {
 
 impl Default for SqpOptions {
     fn default() -> Self {
-        Self { iterations: 200, tolerance: 1e-7 }
+        Self { iterations: 200, tolerance: 1e-6 }
     }
 }
 

@@ -34,6 +34,14 @@ fn seventy_variables() {
         assert!(o.cost < o.start_cost - 5.0);
         assert_eq!(o.status, Status::Converged);
     }
+    // A true local minimum: no feasible random direction leads down, beyond what the tolerance allows.
+    let mut g = vec![0.0; 70];
+    let value = cost.value_gradient(&plan, &m.best.x, &mut g);
+    for stream in 0..200 {
+        let other = random_plan(&plan, 99, stream, 0.5).unwrap();
+        let slope: f64 = g.iter().zip(other.iter().zip(&m.best.x)).map(|(g, (a, b))| g * (a - b)).sum();
+        assert!(slope > -1e-3 * (1.0 + value.abs()), "slope {slope} towards random plan {stream}");
+    }
     eprintln!("6 starts in {seconds:.2} s, best {:.4}", m.best.cost);
     let again = multi_start(&cost, &plan, 7, 6, &SqpOptions::default()).unwrap();
     assert_eq!(again.best, m.best); // bit for bit
