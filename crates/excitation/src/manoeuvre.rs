@@ -175,7 +175,7 @@ impl Manoeuvre {
         if let Some(h) = spec.grid {
             positive("sample time of the grid", h)?;
         }
-        let up = |x: f64| spec.grid.map_or(x, |h| (x / h - 1e-9).ceil().max(0.0) * h);
+        let up = |x: f64| spec.grid.map_or(x, |h| grid_up(x, h));
         let snap = |x: f64| spec.grid.map_or(x, |h| (x / h).round() * h);
         let lead = up(spec.lead);
         let mut pieces = vec![Vec::new(); n];
@@ -263,7 +263,7 @@ impl Profile {
         let (vmax, amax) = (c.velocity, c.acceleration);
         positive("velocity of a command", vmax)?;
         positive("acceleration of a command", amax)?;
-        let up = |x: f64| grid.map_or(x, |h| (x / h - 1e-9).ceil().max(0.0) * h);
+        let up = |x: f64| grid.map_or(x, |h| grid_up(x, h));
         let down = |x: f64| grid.map_or(x, |h| (x / h + 1e-9).floor() * h);
         let r = up(ramp);
         let full = (vmax / amax - r).max(0.0); // plateau that reaches full speed
@@ -346,6 +346,11 @@ impl Profile {
         out.push(Piece { t, q: end, v: 0.0, a: 0.0, j: 0.0 });
         out
     }
+}
+
+/// The next multiple of `h`; what is one but for rounding stays.
+fn grid_up(x: f64, h: f64) -> f64 {
+    (x / h * (1.0 - 1e-13)).ceil().max(0.0) * h
 }
 
 fn finite(what: &'static str, value: f64) -> Result<(), ManoeuvreError> {
