@@ -7,7 +7,7 @@
 
 use crate::manoeuvre::Manoeuvre;
 use ff_dynamics::bspline::{BSplineError, BSplineMotion};
-use ff_dynamics::motion::Motion;
+use ff_dynamics::motion::JointMotion;
 use std::fmt;
 use thiserror::Error;
 

@@ -14,7 +14,7 @@
 //! period of a rounded square wave.
 
 use crate::manoeuvre::ManoeuvreError as E;
-use ff_dynamics::motion::Motion;
+use ff_dynamics::motion::JointMotion;
 use thiserror::Error;
 
 /// Why a manoeuvre is impossible.
@@ -138,7 +138,7 @@ struct Piece {
     j: f64,
 }
 
-/// Fast joint moves with continuous acceleration, then a hold. Implements [`Motion`].
+/// Fast joint moves with continuous acceleration, then a hold. Implements [`JointMotion`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Manoeuvre {
     start: Vec<f64>,
@@ -159,7 +159,7 @@ struct Profile {
 }
 
 impl Manoeuvre {
-    /// Builds the manoeuvre. Allocates; [`Motion::eval`] does not.
+    /// Builds the manoeuvre. Allocates; [`JointMotion::eval`] does not.
     ///
     /// # Errors
     /// [`ManoeuvreError`] naming the argument that is out of range.
@@ -231,7 +231,7 @@ impl Manoeuvre {
     }
 }
 
-impl Motion for Manoeuvre {
+impl JointMotion for Manoeuvre {
     fn dof(&self) -> usize {
         self.start.len()
     }

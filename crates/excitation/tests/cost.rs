@@ -6,7 +6,7 @@ mod common;
 
 use common::{Toy, ToyRegressor, spec};
 use excitation::*;
-use ff_dynamics::motion::Motion;
+use ff_dynamics::motion::JointMotion;
 use nalgebra::Vector6;
 
 fn plans() -> Vec<(SplinePlan, Vec<f64>)> {

@@ -6,7 +6,7 @@ mod common;
 
 use common::{limits, spec};
 use excitation::*;
-use ff_dynamics::motion::Motion;
+use ff_dynamics::motion::JointMotion;
 
 #[test]
 fn no_sample_of_200_random_plans_breaks_a_limit() {

@@ -2,7 +2,7 @@
 
 use approx::assert_relative_eq;
 use excitation::{Extent, JointCommand, JointLimits, Manoeuvre, ManoeuvreError, ManoeuvreSpec, Shape, check_manoeuvre};
-use ff_dynamics::motion::{Motion, Sequence};
+use ff_dynamics::motion::{JointMotion, Sequence};
 
 fn command(joint: usize, shape: Shape, extent: Extent) -> JointCommand {
     JointCommand { joint, shape, extent, velocity: 0.17, acceleration: 0.15 }

@@ -2,7 +2,7 @@
 
 use crate::rda::SetupError;
 use crate::record::Record;
-use ff_dynamics::motion::{HermiteTable, Motion};
+use ff_dynamics::motion::{HermiteTable, JointMotion};
 use ff_model::Model;
 
 /// The joint motion of a record.
@@ -13,13 +13,13 @@ use ff_model::Model;
 ///
 /// # Errors
 /// [`SetupError`].
-pub fn joint_motion(model: &Model, record: &Record) -> Result<Box<dyn Motion>, SetupError> {
+pub fn joint_motion(model: &Model, record: &Record) -> Result<Box<dyn JointMotion>, SetupError> {
     let n = record.joints();
     if n != model.nj() {
         return Err(SetupError::Joints { got: n, want: model.nj() });
     }
     let rows = |m: &nalgebra::DMatrix<f64>| m.transpose().as_slice().to_vec();
-    let fail = |e: &dyn std::fmt::Display| SetupError::Motion(e.to_string());
+    let fail = |e: &dyn std::fmt::Display| SetupError::JointMotion(e.to_string());
     match (record.qd(), record.qdd()) {
         (Some(qd), Some(qdd)) => {
             let table = HermiteTable::new(n, record.dt(), &rows(record.q()), &rows(qd), &rows(qdd));
@@ -29,7 +29,7 @@ pub fn joint_motion(model: &Model, record: &Record) -> Result<Box<dyn Motion>, S
     }
 }
 
-fn fitted(record: &Record) -> Result<Box<dyn Motion>, SetupError> {
+fn fitted(record: &Record) -> Result<Box<dyn JointMotion>, SetupError> {
     let _ = record;
-    Err(SetupError::Motion("positions alone need motion_fit".into()))
+    Err(SetupError::JointMotion("positions alone need motion_fit".into()))
 }

@@ -11,7 +11,7 @@ use crate::joint_motion::joint_motion;
 use crate::lm::EvalError;
 use crate::rda::{Noise, SetupError, check_noise};
 use crate::record::Record;
-use ff_dynamics::motion::Motion;
+use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Response, Sampling, Wanted, sensitivities, simulate_reduced};
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
@@ -42,7 +42,7 @@ impl Options {
 pub struct OutputError<'a> {
     model: &'a Model,
     record: &'a Record,
-    motion: Box<dyn Motion>,
+    motion: Box<dyn JointMotion>,
     options: Options,
     sampling: Sampling,
     table: Option<(Vec<usize>, Prescribed)>,
@@ -57,8 +57,7 @@ impl<'a> OutputError<'a> {
     /// [`SetupError`].
     pub fn new(model: &'a Model, record: &'a Record, options: &Options) -> Result<Self, SetupError> {
         check_noise(&options.noise)?;
-        let sampling =
-            Sampling { samples: record.samples(), sample_s: record.dt(), substeps: options.substeps.max(1) };
+        let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps: options.substeps.max(1) };
         // A uniform velocity changes nothing that is measured, so it is not among the unknowns.
         let initial = if options.initial_state { (3..6 + 2 * model.np()).collect() } else { Vec::new() };
         Ok(Self {

@@ -8,7 +8,7 @@ use crate::estimator::Estimator;
 use crate::joint_motion::joint_motion;
 use crate::lm::EvalError;
 use crate::record::Record;
-use ff_dynamics::motion::Motion;
+use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Sampling, Wanted, reduced_torques};
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
@@ -26,7 +26,7 @@ pub struct Noise {
 pub struct Rda<'a> {
     model: &'a Model,
     record: &'a Record,
-    motion: Box<dyn Motion>,
+    motion: Box<dyn JointMotion>,
     sigma: f64,
     sampling: Sampling,
     table: Option<(Vec<usize>, Prescribed)>,
@@ -37,7 +37,7 @@ pub struct Rda<'a> {
 pub enum SetupError {
     /// The joint motion could not be fitted.
     #[error("joint motion: {0}")]
-    Motion(String),
+    JointMotion(String),
     /// Record and model have different joints.
     #[error("the record has {got} joints, the model {want}; give one column per joint of the URDF")]
     Joints {

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)] // helpers outside #[test] functions
 
 use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
-use ff_dynamics::motion::Motion;
+use ff_dynamics::motion::JointMotion;
 use ident::motion_fit::{FitError, JointSamples, choose_knots, fit_motion, noise_estimate};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -57,7 +57,7 @@ impl Record {
 }
 
 /// Rms error of position, rate and acceleration away from the ends, over all joints.
-fn errors(m: &dyn Motion) -> [f64; 3] {
+fn errors(m: &dyn JointMotion) -> [f64; 3] {
     let mut e = [0.0; 3];
     let count = 5000;
     for i in 0..count {

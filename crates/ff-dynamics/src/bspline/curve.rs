@@ -1,7 +1,7 @@
 //! Joint motion as a B-spline.
 
 use super::{BSplineError, Knots};
-use crate::motion::{Motion, at_rest};
+use crate::motion::{JointMotion, at_rest};
 use nalgebra::DMatrix;
 
 /// `n` joints moving along `q(t) = sum_i N_{i,p}(t) P_i` (P&T eq. 3.1).
@@ -98,7 +98,7 @@ impl BSplineMotion {
     }
 }
 
-impl Motion for BSplineMotion {
+impl JointMotion for BSplineMotion {
     fn dof(&self) -> usize {
         self.control.nrows()
     }
