@@ -1,9 +1,11 @@
 //! Joint motion of a record as a smooth function of time, with consistent rates and accelerations.
 
+use crate::motion_fit::{JointSamples, choose_knots};
 use crate::rda::SetupError;
 use crate::record::Record;
 use ff_dynamics::motion::{HermiteTable, JointMotion};
 use ff_model::Model;
+use nalgebra::DMatrix;
 
 /// The joint motion of a record.
 ///
@@ -23,13 +25,22 @@ pub fn joint_motion(model: &Model, record: &Record) -> Result<Box<dyn JointMotio
     match (record.qd(), record.qdd()) {
         (Some(qd), Some(qdd)) => {
             let table = HermiteTable::new(n, record.dt(), &rows(record.q()), &rows(qd), &rows(qdd));
-            Ok(Box::new(table.map_err(|e| fail(&e))?))
+            Ok(Box::new(table.map_err(|e| SetupError::JointMotion(e.to_string()))?))
         }
         _ => fitted(record),
     }
 }
 
+/// B-spline through the positions, with the coarsest knots that reach the noise floor.
 fn fitted(record: &Record) -> Result<Box<dyn JointMotion>, SetupError> {
-    let _ = record;
-    Err(SetupError::JointMotion("positions alone need motion_fit".into()))
+    let times: Vec<f64> = (0..record.samples()).map(|i| i as f64 * record.dt()).collect();
+    let q = rows(record.q());
+    let samples = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
+    let fit = choose_knots(&samples, None).map_err(|e| SetupError::JointMotion(e.to_string()))?;
+    Ok(Box::new(fit.motion))
+}
+
+/// Row-major copy: sample after sample.
+fn rows(m: &DMatrix<f64>) -> Vec<f64> {
+    m.transpose().as_slice().to_vec()
 }

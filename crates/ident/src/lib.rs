@@ -28,6 +28,7 @@ pub mod record_builder;
 pub mod report;
 pub mod scale;
 pub mod selection;
+pub mod start;
 pub mod transform;
 
 pub use estimator::{Estimate, Estimated, Estimator, Request, estimate};
