@@ -4,22 +4,28 @@
 //! |---|---|
 //! | [`record`], [`record_builder`] | is this data usable at all? (the one door where non-finite numbers stop) |
 //! | [`motion_fit`], [`joint_motion`] | joint rates and accelerations that belong to the measured positions |
-//! | [`psd`] | which frequencies carry energy |
-//! | [`selection`], [`transform`], [`prior`] | which parameters are estimated, in which coordinates, from what prior |
+//! | [`psd`], [`peaks`] | which frequencies carry energy |
+//! | [`decimate`], [`modal_fit`] | modes of the free decay, finer than a spectrum |
+//! | [`selection`], [`transform`] | which parameters are estimated, and in which unconstrained coordinates |
+//! | [`prior`], [`scale`], [`start`] | what is known beforehand, what "relative" means, starts for studies |
 //! | [`estimator`], [`rda`], [`output_error`] | the fit; a rigid system; a system with passive states |
-//! | [`covariance`], [`report`] | how well each parameter is known, and which combinations cannot be |
+//! | [`covariance`], [`report`] | how well each parameter is determined, and which combinations are not |
 //! | [`linalg`], [`lm`] | factorisations that refuse bad input, and the least-squares solver |
 //!
 //! No type of faer or rustfft appears in a public signature.
 
 pub mod covariance;
+pub mod decimate;
 pub mod estimator;
 pub mod joint_motion;
 pub mod linalg;
 pub mod lm;
 mod lm_step;
+pub mod modal_fit;
+mod modal_refine;
 pub mod motion_fit;
 pub mod output_error;
+pub mod peaks;
 pub mod prior;
 pub mod psd;
 pub mod rda;

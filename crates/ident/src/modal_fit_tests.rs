@@ -1,0 +1,102 @@
+use super::*;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+
+/// Noise of the paper-size system: seven torques (N m), three gyro axes (rad/s).
+fn sigma() -> Vec<f64> {
+    [[0.1; 7].as_slice(), &[1.5e-4; 3]].concat()
+}
+
+/// `modes` = (natural frequency, damping ratio, amplitude in units of noise); shapes differ per mode.
+fn decay(modes: &[(f64, f64, f64)], seconds: f64, noise: f64, seed: u64) -> DMatrix<f64> {
+    let s = sigma();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let normal = Normal::new(0.0, 1.0).unwrap();
+    DMatrix::from_fn((seconds * 100.0) as usize, 10, |i, j| {
+        let t = i as f64 * 0.01;
+        let clean: f64 = modes
+            .iter()
+            .enumerate()
+            .map(|(k, (f, z, a))| {
+                let w = TAU * f;
+                let shape = (1.7 * (k as f64 + 0.6) * (j as f64 + 0.9)).sin();
+                a * shape * (-z * w * t).exp() * (w * (1.0 - z * z).sqrt() * t + 0.4 * j as f64 * (k % 2) as f64).cos()
+            })
+            .sum();
+        s[j] * (clean + 2.3 * (j as f64 - 4.2) + noise * normal.sample(&mut rng))
+    })
+}
+
+const PAPER: [(f64, f64, f64); 3] = [(0.113, 0.0036, 8.0), (0.231, 0.0073, 10.0), (0.68, 0.0214, 12.0)];
+
+#[test]
+fn without_noise_the_poles_are_exact() {
+    let fit = fit_modes(&decay(&PAPER, 60.0, 0.0, 1), &sigma(), 100.0, &ModalSettings::up_to(1.0)).unwrap();
+    assert_eq!(fit.modes.len(), 3, "{fit:#?}");
+    for (m, (f, z, a)) in fit.modes.iter().zip(PAPER) {
+        assert!((m.frequency / f - 1.0).abs() < 1e-9 && (m.damping / z - 1.0).abs() < 1e-6, "{m:?}");
+        let k = PAPER.iter().position(|p| p.0 == f).unwrap() as f64;
+        let shape = (1.7 * (k + 0.6) * 3.9f64).sin();
+        assert!((m.amplitude[3] / (0.1 * a * shape.abs()) - 1.0).abs() < 1e-5);
+    }
+    assert!(fit.unresolved.is_empty());
+}
+
+#[test]
+fn with_noise_every_mode_lies_within_its_stated_deviation_and_far_inside_the_spectral_resolution() {
+    let (mut z2, mut worst, mut count) = (0.0, 0.0f64, 0.0);
+    for seed in 0..12 {
+        let fit = fit_modes(&decay(&PAPER, 60.0, 1.0, seed), &sigma(), 100.0, &ModalSettings::up_to(1.0)).unwrap();
+        assert_eq!(fit.modes.len(), 3, "seed {seed}: {fit:#?}");
+        assert!((fit.noise_ratio - 1.0).abs() < 0.1, "{}", fit.noise_ratio);
+        for (m, (f, z, _)) in fit.modes.iter().zip(PAPER) {
+            let e = [(m.frequency - f) / m.frequency_deviation, (m.damping - z) / m.damping_deviation];
+            z2 += e[0] * e[0] + e[1] * e[1];
+            worst = worst.max(e[0].abs()).max(e[1].abs());
+            count += 2.0;
+            assert!(m.frequency_deviation < 0.1 * fit.df, "{m:?}");
+        }
+        if seed == 0 {
+            println!("{fit:#?}");
+        }
+    }
+    println!("normalised error: rms {:.2}, worst {worst:.2}", (z2 / count).sqrt());
+    assert!(worst < 4.5 && (0.7..1.4).contains(&(z2 / count).sqrt()), "rms {} worst {worst}", (z2 / count).sqrt());
+}
+
+#[test]
+fn a_slosh_mode_damped_at_seven_percent_is_found_beside_the_panels() {
+    let modes = [(0.107, 0.084, 15.0), (0.231, 0.0073, 10.0)];
+    for seed in 0..6 {
+        let fit = fit_modes(&decay(&modes, 80.0, 1.0, 40 + seed), &sigma(), 100.0, &ModalSettings::up_to(1.0)).unwrap();
+        assert_eq!(fit.modes.len(), 2, "seed {seed}: {fit:#?}");
+        let m = &fit.modes[0];
+        assert!((m.frequency - 0.107).abs() < 4.0 * m.frequency_deviation && m.frequency_deviation < 1e-3, "{m:?}");
+        assert!((m.damping - 0.084).abs() < 4.0 * m.damping_deviation && m.damping_deviation < 0.01, "{m:?}");
+    }
+}
+
+#[test]
+fn a_pair_closer_than_the_resolution_is_reported_as_such() {
+    let modes = [(0.231, 0.0073, 10.0), (0.679, 0.0213, 60.0), (0.681, 0.0214, 60.0)];
+    let fit = fit_modes(&decay(&modes, 60.0, 1.0, 9), &sigma(), 100.0, &ModalSettings::up_to(1.0)).unwrap();
+    let near = fit.modes.iter().filter(|m| (m.frequency - 0.68).abs() < 0.01).count();
+    println!("{near} modes near 0.68 Hz, unresolved {:?}", fit.unresolved);
+    assert!(near == 2 && fit.unresolved.len() == 1, "{fit:#?}");
+    assert!(fit.unresolved[0].df >= 1.0 / 60.0);
+}
+
+#[test]
+fn noise_alone_and_bad_input_are_refused() {
+    let quiet = fit_modes(&decay(&[], 60.0, 1.0, 5), &sigma(), 100.0, &ModalSettings::up_to(1.0)).unwrap_err();
+    assert!(matches!(quiet, ModalError::NoMode { .. }) && quiet.exit_code() == 13, "{quiet}");
+    let y = decay(&PAPER, 60.0, 1.0, 5);
+    let fit = |y: &DMatrix<f64>, s: &[f64], rate: f64, f: f64| fit_modes(y, s, rate, &ModalSettings::up_to(f));
+    assert!(matches!(fit(&y.rows(0, 700).into_owned(), &sigma(), 100.0, 1.0), Err(ModalError::TooShort { .. })));
+    assert!(matches!(fit(&y, &sigma(), 2.0, 1.0), Err(ModalError::Signal(PsdError::Nyquist { .. }))));
+    assert!(matches!(fit(&y, &sigma()[1..], 100.0, 1.0), Err(ModalError::Setup(_))));
+    let mut bad = y;
+    bad[(400, 2)] = f64::NAN;
+    assert!(matches!(fit(&bad, &sigma(), 100.0, 1.0), Err(ModalError::Linalg(LinalgError::NotFinite { .. }))));
+}
