@@ -13,6 +13,7 @@
 use crate::ldl;
 use crate::state::State;
 use crate::work::Work;
+use ff_model::small::{mm, rotate_sym};
 use ff_model::{Force, Model, ModelScalar, Motion, Params, Xform};
 use nalgebra::{Matrix3, Matrix6};
 
@@ -255,17 +256,17 @@ fn mul6<T: ModelScalar>(m: &Matrix6<T>, a: &Motion<T>) -> Force<T> {
 /// `A' = A`, `B' = B - A P`, `C' = C - B^T P + P B - P A P`.
 fn inertia_to_parent<T: ModelScalar>(m: &Matrix6<T>, x: &Xform<T>) -> Matrix6<T> {
     let r = &x.rot;
-    let rt = r.transpose();
-    let a: Matrix3<T> = r * m.fixed_view::<3, 3>(0, 0) * rt;
-    let b: Matrix3<T> = r * m.fixed_view::<3, 3>(0, 3) * rt;
-    let c: Matrix3<T> = r * m.fixed_view::<3, 3>(3, 3) * rt;
+    let block = |i: usize, j: usize| Matrix3::from_fn(|k, l| m[(i + k, j + l)]);
+    let a = rotate_sym(r, &block(0, 0));
+    let c = rotate_sym(r, &block(3, 3));
+    let b = mm(&mm(r, &block(0, 3)), &r.transpose());
     let z = T::zero();
     let p = &x.pos;
     let px = Matrix3::new(z, -p.z, p.y, p.z, z, -p.x, -p.y, p.x, z);
-    let ap = a * px;
+    let ap = mm(&a, &px);
     let b2 = b - ap;
-    let pb = px * b;
-    let c2 = c + pb + pb.transpose() - px * ap;
+    let pb = mm(&px, &b);
+    let c2 = c + pb + pb.transpose() - mm(&px, &ap);
     let mut out = Matrix6::zeros();
     out.fixed_view_mut::<3, 3>(0, 0).copy_from(&a);
     out.fixed_view_mut::<3, 3>(0, 3).copy_from(&b2);

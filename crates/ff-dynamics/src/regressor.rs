@@ -2,7 +2,10 @@
 
 use crate::state::State;
 use crate::work::Work;
-use ff_model::{Force, Grad, Model, ModelScalar, Motion, Params, PortMatrix, PortState, scalar::DIRECTIONS};
+use ff_model::{
+    DynAppendage, Force, Grad, Model, ModelScalar, Motion, ParamGroup, Params, PortMatrix, PortState,
+    scalar::DIRECTIONS,
+};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// Wrench of a rigid body moving with twist `v` and acceleration `a`, per unit of each inertial parameter.
@@ -51,8 +54,8 @@ fn skew<T: ModelScalar>(v: &Vector3<T>) -> Matrix3<T> {
 /// `Y = d tau / d p` at fixed motion, `nv x n_params`, in the order of [`Model::param_decls`].
 ///
 /// Rows as in [`crate::rnea`]: base wrench, joint torques, passive rows. For the bodies `tau = Y phi`
-/// holds exactly; appendage columns are exact derivatives (by forward duals) of the port equations. A
-/// rigid model has `n_params = 10 n_bodies` and no appendage columns. Allocates one index list per appendage.
+/// holds exactly; appendage columns are exact derivatives of the port equations. A
+/// rigid model has `n_params = 10 n_bodies` and no appendage columns. Allocates buffers per appendage.
 ///
 /// # Panics
 /// If a shape is wrong.
@@ -84,7 +87,7 @@ pub fn regressor(
         let acc = &a[nb + nj + r.start..nb + nj + r.end];
         let mount = work.ports[k].mount;
         let wanted: Vec<(usize, usize)> = (0..p.len()).map(|j| (j, ap.param_offset + j)).collect();
-        port_param_derivatives(&*ap.appendage, p, &s, &host, acc, &wanted, |col, d| {
+        PortDerivatives::new(&*ap.appendage, &wanted).evaluate(&*ap.appendage, p, &s, &host, acc, |col, d| {
             for i in 0..ap.dim() {
                 y[(nb + nj + r.start + i, col)] = d[6 + i];
             }
@@ -121,56 +124,108 @@ fn carry(model: &Model, work: &Work<f64>, y: &mut DMatrix<f64>, mut i: usize, mu
     }
 }
 
-/// Calls `each(tag, d)` with `d[0..6+n]`, the derivative of the port residual `M [A; nu'] + h` with respect to
-/// each of the `wanted` parameters `(own index, tag)`, [`DIRECTIONS`] of them per pass.
-pub(crate) fn port_param_derivatives(
-    appendage: &dyn ff_model::DynAppendage,
-    p: &[f64],
-    s: &PortState<'_, f64>,
-    host_acc: &Motion<f64>,
-    acc: &[f64],
-    wanted: &[(usize, usize)],
-    mut each: impl FnMut(usize, &[f64]),
-) {
-    const MAX: usize = 6 + ff_model::MAX_COORDS;
-    let n = s.eta.len();
-    let zero = Grad::constant(0.0);
-    let mut pd = [zero; ff_model::appendage::MAX_PARAMS];
-    for (d, &x) in pd.iter_mut().zip(p) {
-        *d = Grad::constant(x);
-    }
-    let (mut eta, mut nu) = ([zero; ff_model::MAX_COORDS], [zero; ff_model::MAX_COORDS]);
-    for i in 0..n {
-        eta[i] = Grad::constant(s.eta[i]);
-        nu[i] = Grad::constant(s.nu[i]);
-    }
-    let lift = |m: &Motion<f64>| Motion::new(m.lin.map(Grad::constant), m.ang.map(Grad::constant));
-    let state = PortState { host: lift(&s.host), eta: &eta[..n], nu: &nu[..n] };
-    let mut buf = [zero; MAX * MAX];
-    let mut h = [zero; MAX];
-    let port = Grad::port(appendage);
-    for pass in wanted.chunks(DIRECTIONS) {
-        for (d, &(own, _)) in pass.iter().enumerate() {
-            pd[own].eps[d] = 1.0;
+/// Parameter derivatives of one port, with their buffers.
+///
+/// The energies are linear in the ten inertial parameters of a body (that is what makes them inertial
+/// parameters), so those columns are the port equations at unit parameters, in plain `f64`. All others are
+/// found by forward duals, [`DIRECTIONS`] at a time.
+#[derive(Clone, Debug)]
+pub(crate) struct PortDerivatives {
+    linear: Vec<(usize, usize)>,
+    other: Vec<(usize, usize)>,
+    unit: Vec<f64>,
+    m: Vec<f64>,
+    pd: Vec<Grad>,
+    md: Vec<Grad>,
+    eta: Vec<Grad>,
+    nu: Vec<Grad>,
+    hd: Vec<Grad>,
+    out: Vec<f64>,
+}
+
+impl PortDerivatives {
+    /// For the parameters `wanted` of an appendage, as `(own index, tag)`.
+    pub(crate) fn new(appendage: &dyn DynAppendage, wanted: &[(usize, usize)]) -> Self {
+        let decl = appendage.declaration();
+        let (n, np) = (decl.coords.len(), decl.params.len());
+        let inertial = |w: &&(usize, usize)| matches!(decl.params[w.0].group, ParamGroup::Inertial(_));
+        let zero = Grad::constant(0.0);
+        Self {
+            linear: wanted.iter().filter(inertial).copied().collect(),
+            other: wanted.iter().filter(|w| !inertial(w)).copied().collect(),
+            unit: vec![0.0; np],
+            m: vec![0.0; (6 + n).pow(2)],
+            pd: vec![zero; np],
+            md: vec![zero; (6 + n).pow(2)],
+            eta: vec![zero; n],
+            nu: vec![zero; n],
+            hd: vec![zero; 6 + n],
+            out: vec![0.0; 6 + n],
         }
-        let pd_all = &pd[..p.len()];
-        let mut m = PortMatrix::new(n, &mut buf);
-        port.inertia(pd_all, &eta[..n], &mut m);
-        port.bias(pd_all, &state, &mut h[..6 + n]);
-        for (d, &(own, tag)) in pass.iter().enumerate() {
-            let mut out = [0.0; MAX];
-            for i in 0..6 + n {
-                let mut x = h[i].eps[d];
+    }
+
+    /// Calls `each(tag, d)` with `d[0..6+n]`, the derivative of the port equations `M [A; nu'] + h` at fixed
+    /// motion. Does not allocate.
+    pub(crate) fn evaluate(
+        &mut self,
+        appendage: &dyn DynAppendage,
+        p: &[f64],
+        s: &PortState<'_, f64>,
+        host_acc: &Motion<f64>,
+        acc: &[f64],
+        mut each: impl FnMut(usize, &[f64]),
+    ) {
+        let n = s.eta.len();
+        let plain = f64::port(appendage);
+        for &(own, tag) in &self.linear {
+            self.unit[own] = 1.0;
+            let mut m = PortMatrix::new(n, &mut self.m);
+            plain.inertia(&self.unit, s.eta, &mut m);
+            plain.bias(&self.unit, s, &mut self.out);
+            for (i, x) in self.out.iter_mut().enumerate() {
                 for j in 0..6 {
-                    x += m.get(i, j).eps[d] * host_acc.get(j);
+                    *x += m.get(i, j) * host_acc.get(j);
                 }
-                for j in 0..n {
-                    x += m.get(i, 6 + j).eps[d] * acc[j];
+                for (j, a) in acc.iter().enumerate() {
+                    *x += m.get(i, 6 + j) * a;
                 }
-                out[i] = x;
             }
-            each(tag, &out[..6 + n]);
-            pd[own].eps[d] = 0.0;
+            each(tag, &self.out);
+            self.unit[own] = 0.0;
+        }
+        if self.other.is_empty() {
+            return;
+        }
+        let constant = |to: &mut [Grad], from: &[f64]| {
+            to.iter_mut().zip(from).for_each(|(d, &x)| *d = Grad::constant(x));
+        };
+        constant(&mut self.pd, p);
+        constant(&mut self.eta, s.eta);
+        constant(&mut self.nu, s.nu);
+        let host = Motion::new(s.host.lin.map(Grad::constant), s.host.ang.map(Grad::constant));
+        let state = PortState { host, eta: &self.eta, nu: &self.nu };
+        let port = Grad::port(appendage);
+        for pass in self.other.chunks(DIRECTIONS) {
+            for (d, &(own, _)) in pass.iter().enumerate() {
+                self.pd[own].eps[d] = 1.0;
+            }
+            let mut m = PortMatrix::new(n, &mut self.md);
+            port.inertia(&self.pd, &self.eta, &mut m);
+            port.bias(&self.pd, &state, &mut self.hd);
+            for (d, &(own, tag)) in pass.iter().enumerate() {
+                for i in 0..6 + n {
+                    let mut x = self.hd[i].eps[d];
+                    for j in 0..6 {
+                        x += m.get(i, j).eps[d] * host_acc.get(j);
+                    }
+                    for j in 0..n {
+                        x += m.get(i, 6 + j).eps[d] * acc[j];
+                    }
+                    self.out[i] = x;
+                }
+                each(tag, &self.out);
+                self.pd[own].eps[d] = 0.0;
+            }
         }
     }
 }

@@ -12,7 +12,7 @@
 use crate::ldl;
 use crate::prescribed::Prescribed;
 use crate::reduced::{Reduced, ReducedError, ReducedWork, Response, STAGE, WEIGHT, check, rate, torques};
-use crate::regressor::{body_regressor, port_param_derivatives};
+use crate::regressor::{PortDerivatives, body_regressor};
 use ff_model::{Force, Grad, Model, Motion, Params, PortState, scalar::DIRECTIONS};
 use nalgebra::DMatrix;
 
@@ -69,14 +69,15 @@ struct Tangent<'a> {
     params: &'a Params<f64>,
     table: &'a Prescribed,
     places: Vec<Place>,
-    /// Per port: wanted own parameters and their columns.
-    by_port: Vec<Vec<(usize, usize)>>,
+    /// Per port: derivatives with respect to its wanted parameters.
+    by_port: Vec<PortDerivatives>,
     lifted: Params<Grad>,
     work: ReducedWork<Grad>,
     zg: Vec<Grad>,
     ug: Vec<Grad>,
     /// `R_z`, `(6+m) x nz` row-major, and the port wrenches' `d/dz`, 6 x nz each.
     rz: Vec<f64>,
+    gain: Vec<f64>,
     wz: Vec<Vec<f64>>,
     /// `R_p`, `(6+m) x P` column by column, and the wrench part that sits on a link, per column.
     rp: Vec<f64>,
@@ -116,12 +117,13 @@ impl<'a> Tangent<'a> {
             model,
             params,
             table,
-            by_port,
+            by_port: ports.iter().zip(&by_port).map(|(a, w)| PortDerivatives::new(&*a.appendage, w)).collect(),
             lifted,
             work: ReducedWork::new(model),
             zg: vec![Grad::constant(0.0); nz],
             ug: vec![Grad::constant(0.0); 6 + m],
             rz: vec![0.0; (6 + m) * nz],
+            gain: vec![0.0; (6 + m) * nz],
             wz: vec![vec![0.0; 6 * nz]; ports.len()],
             rp: vec![0.0; (6 + m) * places.len()],
             wp: vec![Force::zero(); places.len()],
@@ -181,9 +183,6 @@ impl<'a> Tangent<'a> {
             }
         }
         for (port, ap) in self.model.appendages().iter().enumerate() {
-            if self.by_port[port].is_empty() {
-                continue;
-            }
             let f = &frames[port];
             let host = f.x.motion_to_child(&(a + f.ds + v.cross(&f.s)));
             let r = ap.coord_offset..ap.coord_offset + ap.dim();
@@ -195,7 +194,7 @@ impl<'a> Tangent<'a> {
             let (rp, wp) = (&mut self.rp, &mut self.wp);
             let p = self.params.appendage(self.model, port);
             let acc = &u[6 + r.start..6 + r.end];
-            port_param_derivatives(&*ap.appendage, p, &s, &host, acc, &self.by_port[port], |col, d| {
+            self.by_port[port].evaluate(&*ap.appendage, p, &s, &host, acc, |col, d| {
                 let w = f.x.force_to_parent(&Force::from_slice(d));
                 w.write_to(&mut rp[col * rows..]);
                 wp[col] = w;
@@ -204,17 +203,30 @@ impl<'a> Tangent<'a> {
         }
     }
 
-    /// `du` of every column: `M_uu du = -(R_z dz + R_p)`. `dz` is `nz` per column.
-    fn solve(&self, mass: &[f64], dz: &[f64], du: &mut [f64]) {
+    /// `du` of every column: `M_uu du = -(R_z dz + R_p)`, as `du = G dz + M_uu^-1 (-R_p)` with
+    /// `G = -M_uu^-1 R_z` formed once.
+    fn solve(&mut self, mass: &[f64], dz: &[f64], du: &mut [f64]) {
         let rows = 6 + self.model.np();
         let nz = 6 + 2 * self.model.np();
-        for (col, (du, dz)) in du.chunks_exact_mut(rows).zip(dz.chunks_exact(nz)).enumerate() {
-            for (i, x) in du.iter_mut().enumerate() {
-                let own = if col < self.places.len() { self.rp[col * rows + i] } else { 0.0 };
-                let along: f64 = self.rz[i * nz..(i + 1) * nz].iter().zip(dz).map(|(a, b)| a * b).sum();
-                *x = -(own + along);
+        for c in 0..nz {
+            let g = &mut self.gain[c * rows..(c + 1) * rows];
+            for (i, x) in g.iter_mut().enumerate() {
+                *x = -self.rz[i * nz + c];
             }
-            ldl::solve(mass, rows, du);
+            ldl::solve(mass, rows, g);
+        }
+        for (col, (du, dz)) in du.chunks_exact_mut(rows).zip(dz.chunks_exact(nz)).enumerate() {
+            if col < self.places.len() {
+                for (x, r) in du.iter_mut().zip(&self.rp[col * rows..]) {
+                    *x = -r;
+                }
+                ldl::solve(mass, rows, du);
+            } else {
+                du.fill(0.0);
+            }
+            for (g, &z) in self.gain.chunks_exact(rows).zip(dz) {
+                du.iter_mut().zip(g).for_each(|(x, g)| *x += g * z);
+            }
         }
     }
 

@@ -1,6 +1,7 @@
 //! Buffers of the algorithms, and the kinematic passes they share.
 
 use crate::state::State;
+use ff_model::small::{mm, mv};
 use ff_model::so3::quat_to_rot;
 use ff_model::{Force, Inertia, JointKind, Model, ModelScalar, Motion, Params, PortMatrix, PortState, Xform};
 use nalgebra::{Matrix3, Matrix6, Vector3};
@@ -140,8 +141,8 @@ impl<T: ModelScalar> Work<T> {
             let i = k + 1;
             let p = &self.placement[i];
             self.x[i] = match b.joint.kind {
-                JointKind::Prismatic => Xform::new(p.rot, p.pos + p.rot * (self.axis[i] * q[k])),
-                _ => Xform::new(p.rot * axis_rotation(&self.axis[i], q[k]), p.pos),
+                JointKind::Prismatic => Xform::new(p.rot, p.pos + mv(&p.rot, &(self.axis[i] * q[k]))),
+                _ => Xform::new(mm(&p.rot, &axis_rotation(&self.axis[i], q[k])), p.pos),
             };
         }
     }

@@ -45,7 +45,8 @@ pub struct CoordDecl {
 #[serde(rename_all = "snake_case")]
 pub enum ParamGroup {
     /// One of ten consecutive inertial parameters of the named body, in the order of
-    /// [`crate::inertia::INERTIAL_NAMES`]; the ten stay a positive definite pseudo-inertia.
+    /// [`crate::inertia::INERTIAL_NAMES`]; the ten stay a positive definite pseudo-inertia. The kinetic energy
+    /// must be linear in them, and the other energies must not depend on them.
     Inertial(String),
     /// Positive: masses, lengths, stiffness, damping.
     Positive,

@@ -5,7 +5,8 @@
 //! (the order of Pinocchio's `toDynamicParameters`).
 
 use crate::scalar::Scalar;
-use crate::spatial::{Force, Motion, Xform, dot3};
+use crate::small::{cross, dot, mv, rotate_sym};
+use crate::spatial::{Force, Motion, Xform};
 use nalgebra::{Matrix3, Matrix4, Matrix6, Vector3};
 
 /// Names of the ten inertial parameters, in order.
@@ -87,7 +88,7 @@ impl<T: Scalar> Inertia<T> {
     /// `(h . c) 1 - h c^T`, which is `m (|c|^2 1 - c c^T)` for `h = m c`.
     #[inline(always)]
     fn steiner(h: &Vector3<T>, c: &Vector3<T>) -> Matrix3<T> {
-        let d = dot3(h, c);
+        let d = dot(h, c);
         Matrix3::from_diagonal_element(d) - h * c.transpose()
     }
     /// From the ten parameters.
@@ -118,7 +119,7 @@ impl<T: Scalar> Inertia<T> {
     /// Momentum of a body moving with twist `v`: `[m v + w x h; h x v + I w]`.
     #[inline(always)]
     pub fn mul_motion(&self, v: &Motion<T>) -> Force<T> {
-        Force { lin: v.lin * self.mass + v.ang.cross(&self.h), ang: self.rot * v.ang + self.h.cross(&v.lin) }
+        Force { lin: v.lin * self.mass + cross(&v.ang, &self.h), ang: mv(&self.rot, &v.ang) + cross(&self.h, &v.lin) }
     }
     /// Kinetic energy at twist `v` (J): `v . I v / 2`.
     #[inline]
@@ -144,14 +145,18 @@ impl<T: Scalar> Inertia<T> {
     /// `h' = R h + m p`, `I' = R I R^T + (2 p.h_R + m p.p) 1 - (h_R p^T + p h_R^T) - m p p^T` with `h_R = R h`.
     #[inline]
     pub fn to_parent(&self, x: &Xform<T>) -> Self {
-        let hr = x.rot * self.h;
-        let h = hr + x.pos * self.mass;
-        // m(|p|^2 1 - p p^T) + 2 p.hr 1 - hr p^T - p hr^T
-        //   = ((hr + h).p) 1 - (h p^T + p hr^T)
-        let d = dot3(&(hr + h), &x.pos);
-        let rot = x.rot * self.rot * x.rot.transpose() + Matrix3::from_diagonal_element(d)
-            - h * x.pos.transpose()
-            - x.pos * hr.transpose();
+        let hr = mv(&x.rot, &self.h);
+        let p = &x.pos;
+        let h = hr + p * self.mass;
+        // m(|p|^2 1 - p p^T) + 2 p.hr 1 - hr p^T - p hr^T  =  ((hr + h).p) 1 - h p^T - p hr^T
+        let d = dot(&(hr + h), p);
+        let mut rot = rotate_sym(&x.rot, &self.rot);
+        for i in 0..3 {
+            rot[(i, i)] += d;
+            for j in 0..3 {
+                rot[(i, j)] -= h[i] * p[j] + p[i] * hr[j];
+            }
+        }
         Self { mass: self.mass, h, rot }
     }
     /// The 4 x 4 pseudo-inertia `[[S, h], [h^T, m]]` with `S = tr(I)/2 1 - I`.

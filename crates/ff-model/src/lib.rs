@@ -17,6 +17,7 @@ mod read;
 pub mod registry;
 pub mod rest;
 pub mod scalar;
+pub mod small;
 pub mod so3;
 pub mod spatial;
 mod text;

@@ -8,6 +8,7 @@
 //! with the linear part moved to the front.
 
 use crate::scalar::Scalar;
+use crate::small::{cross, dot, mm, mtv, mv};
 use core::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 use nalgebra::{Matrix3, Vector3, Vector6};
 
@@ -125,27 +126,21 @@ macro_rules! vector_space {
 vector_space!(Motion);
 vector_space!(Force);
 
-/// `a . b` for plain 3-vectors.
-#[inline(always)]
-pub(crate) fn dot3<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> T {
-    a.x * b.x + a.y * b.y + a.z * b.z
-}
-
 impl<T: Scalar> Motion<T> {
     /// Power of wrench `f` on this twist: `f . v + n . w` (W).
     #[inline(always)]
     pub fn dot(&self, f: &Force<T>) -> T {
-        dot3(&self.lin, &f.lin) + dot3(&self.ang, &f.ang)
+        dot(&self.lin, &f.lin) + dot(&self.ang, &f.ang)
     }
     /// `self x m`: the rate of change of the motion vector `m` carried by a frame moving with `self`.
     #[inline(always)]
     pub fn cross(&self, m: &Self) -> Self {
-        Self { lin: self.ang.cross(&m.lin) + self.lin.cross(&m.ang), ang: self.ang.cross(&m.ang) }
+        Self { lin: cross(&self.ang, &m.lin) + cross(&self.lin, &m.ang), ang: cross(&self.ang, &m.ang) }
     }
     /// `self x* f`: the rate of change of the force vector `f` carried by a frame moving with `self`.
     #[inline(always)]
     pub fn cross_force(&self, f: &Force<T>) -> Force<T> {
-        Force { lin: self.ang.cross(&f.lin), ang: self.ang.cross(&f.ang) + self.lin.cross(&f.lin) }
+        Force { lin: cross(&self.ang, &f.lin), ang: cross(&self.ang, &f.ang) + cross(&self.lin, &f.lin) }
     }
 }
 
@@ -172,35 +167,35 @@ impl<T: Scalar> Xform<T> {
     /// A motion vector given in the parent, written in the child.
     #[inline(always)]
     pub fn motion_to_child(&self, m: &Motion<T>) -> Motion<T> {
-        Motion { lin: self.rot.tr_mul(&(m.lin + m.ang.cross(&self.pos))), ang: self.rot.tr_mul(&m.ang) }
+        Motion { lin: mtv(&self.rot, &(m.lin + cross(&m.ang, &self.pos))), ang: mtv(&self.rot, &m.ang) }
     }
     /// A motion vector given in the child, written in the parent.
     #[inline(always)]
     pub fn motion_to_parent(&self, m: &Motion<T>) -> Motion<T> {
-        let ang = self.rot * m.ang;
-        Motion { lin: self.rot * m.lin + self.pos.cross(&ang), ang }
+        let ang = mv(&self.rot, &m.ang);
+        Motion { lin: mv(&self.rot, &m.lin) + cross(&self.pos, &ang), ang }
     }
     /// A force vector given in the child, written in the parent.
     #[inline(always)]
     pub fn force_to_parent(&self, f: &Force<T>) -> Force<T> {
-        let lin = self.rot * f.lin;
-        Force { lin, ang: self.rot * f.ang + self.pos.cross(&lin) }
+        let lin = mv(&self.rot, &f.lin);
+        Force { lin, ang: mv(&self.rot, &f.ang) + cross(&self.pos, &lin) }
     }
     /// A force vector given in the parent, written in the child.
     #[inline(always)]
     pub fn force_to_child(&self, f: &Force<T>) -> Force<T> {
-        Force { lin: self.rot.tr_mul(&f.lin), ang: self.rot.tr_mul(&(f.ang - self.pos.cross(&f.lin))) }
+        Force { lin: mtv(&self.rot, &f.lin), ang: mtv(&self.rot, &(f.ang - cross(&self.pos, &f.lin))) }
     }
     /// The inverse pose: parent in child.
     #[inline(always)]
     pub fn inverse(&self) -> Self {
         let rot = self.rot.transpose();
-        Self { rot, pos: -(rot * self.pos) }
+        Self { rot, pos: -mv(&rot, &self.pos) }
     }
     /// A point of the child in parent coordinates.
     #[inline(always)]
     pub fn point(&self, p: &Vector3<T>) -> Vector3<T> {
-        self.rot * p + self.pos
+        mv(&self.rot, p) + self.pos
     }
 }
 
@@ -209,7 +204,7 @@ impl<T: Scalar> Mul for Xform<T> {
     /// Chains poses: `(a in b) * (b's child)`.
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
-        Self { rot: self.rot * o.rot, pos: self.rot * o.pos + self.pos }
+        Self { rot: mm(&self.rot, &o.rot), pos: mv(&self.rot, &o.pos) + self.pos }
     }
 }
 

@@ -4,6 +4,7 @@
 //! (table 6.2) and recursive Newton-Euler (table 5.1), with the host as the moving root.
 
 use crate::chain::{MAX_SEGMENTS, PanelChain};
+use ff_model::small::{cross, mv};
 use ff_model::{Appendage, Decl, Force, Inertia, Motion, PortMatrix, PortState, PortVector, Scalar, Xform};
 
 /// Runs `$body` with `$cap` a compile-time capacity of at least `$n`, so that the usual short panels do not
@@ -73,7 +74,7 @@ fn composite<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], eta: &[T], m: &
     m.add_host(&ic[0].to_parent(&pose[0]));
     for i in 0..n {
         let u = c.hinges[i].times(T::one());
-        let mut f = Force::new(u.cross(&ic[i].h), ic[i].rot * u);
+        let mut f = Force::new(cross(&u, &ic[i].h), mv(&ic[i].rot, &u));
         for j in (0..=i).rev() {
             m.set_sym(6 + i, 6 + j, c.hinges[j].along(&f.ang));
             f = pose[j].force_to_parent(&f);
@@ -103,8 +104,8 @@ fn newton_euler<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], s: &PortStat
         v = pose[i].motion_to_child(&v);
         a = pose[i].motion_to_child(&a);
         v.ang += rate;
-        a.lin += v.lin.cross(&rate);
-        a.ang += v.ang.cross(&rate);
+        a.lin += cross(&v.lin, &rate);
+        a.ang += cross(&v.ang, &rate);
         let body = Inertia::from_params(&p[c.inertial_offset(i)..]);
         force[i] = body.mul_motion(&a) + v.cross_force(&body.mul_motion(&v));
     }

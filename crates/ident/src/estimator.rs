@@ -6,8 +6,8 @@
 
 use crate::covariance::{Uncertainty, Unknown, analyse};
 use crate::linalg::LinalgError;
-use crate::lm::{self, EvalError, LmError, Problem, Settings, Solution, Status};
-use crate::prior::Priors;
+use crate::lm::{self, EvalError, LmError, Problem, Settings, Status};
+use crate::prior::{PriorError, Priors, Sigma};
 use crate::scale;
 use crate::transform::{Transform, TransformError};
 use ff_model::ParamDecl;
@@ -55,6 +55,10 @@ pub struct Request<'a> {
     pub start: &'a [f64],
     /// Prior knowledge of selected parameters.
     pub priors: Priors,
+    /// Holds directions that neither data nor priors determine near where they are, without biasing the
+    /// others: a prior of this relative width on every selected parameter, re-centred at each estimate until it
+    /// moves nothing (proximal point method). 10 is a good width; `None` leaves such directions to drift.
+    pub anchor: Option<f64>,
     /// When to stop.
     pub settings: Settings,
 }
@@ -104,6 +108,9 @@ pub enum EstimateError {
     /// The start values have no physical coordinates.
     #[error(transparent)]
     Transform(#[from] TransformError),
+    /// The anchor has a width that is not positive and finite.
+    #[error(transparent)]
+    Prior(#[from] PriorError),
     /// The minimisation failed.
     #[error(transparent)]
     Minimise(#[from] LmError),
@@ -115,11 +122,15 @@ pub enum EstimateError {
 /// Relative singular value below which a direction counts as one the data say nothing about.
 pub const RANK_TOLERANCE: f64 = 1e-9;
 
+/// Most re-centrings of the anchor, and the relative move below which it has no more to give.
+const ANCHOR_ROUNDS: usize = 8;
+const ANCHOR_MOVED: f64 = 1e-9;
+
 /// The estimator as a least-squares problem in unconstrained coordinates `[transform | nuisance / size]`.
 struct Fit<'a, E: Estimator + ?Sized> {
     estimator: &'a mut E,
     transform: &'a Transform,
-    priors: &'a Priors,
+    priors: [&'a Priors; 2],
     sizes: Vec<f64>,
     full: Vec<f64>,
     physical: DMatrix<f64>,
@@ -145,21 +156,25 @@ impl<E: Estimator + ?Sized> Problem for Fit<'_, E> {
         r.clear();
         r.resize(self.estimator.rows(), 0.0);
         self.estimator.residuals(&self.full, &extra, r)?;
-        self.priors.push_residuals(&self.selected_values(), r);
+        let values = self.selected_values();
+        self.priors.iter().for_each(|p| p.push_residuals(&values, r));
         Ok(())
     }
     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut DMatrix<f64>) -> Result<(), EvalError> {
         let extra = self.split(x);
         let (n, rows) = (self.transform.dim(), self.estimator.rows());
-        let all = rows + self.priors.len();
+        let all = rows + self.priors.iter().map(|p| p.len()).sum::<usize>();
         r.clear();
         r.resize(rows, 0.0);
         self.physical.resize_mut(rows, self.dim(), 0.0);
         self.estimator.jacobian(&self.full, &extra, self.transform.selected(), r, &mut self.physical)?;
         let mut own = DMatrix::zeros(all, n);
         own.rows_mut(0, rows).copy_from(&self.physical.columns(0, n));
-        self.priors.push_residuals(&self.selected_values(), r);
-        self.priors.fill_jacobian(&mut own, rows);
+        let values = self.selected_values();
+        for p in self.priors {
+            p.fill_jacobian(&mut own, r.len());
+            p.push_residuals(&values, r);
+        }
         self.transform.chain(&x[..n], &mut own);
         j.resize_mut(all, self.dim(), 0.0);
         j.fill(0.0);
@@ -183,17 +198,45 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
     let transform = Transform::new(request.decls, request.selected, request.start)?;
     let extra = estimator.nuisance();
     let n = transform.dim();
-    let mut start = transform.coordinates(request.start)?;
-    start.resize(n + extra.len(), 0.0);
+    let sizes_extra: Vec<f64> = extra.iter().map(|u| u.size).collect();
+    let mut x = transform.coordinates(request.start)?;
+    x.resize(n + extra.len(), 0.0);
+    let mut full = request.start.to_vec();
+    let mut iterations = 0;
+    let mut round = 0;
+    let status = loop {
+        let anchor = match request.anchor {
+            Some(w) => Priors::new(request.decls, request.selected, &full, &[("*", Sigma::Relative(w))])?,
+            None => Priors::default(),
+        };
+        let mut fit = Fit {
+            estimator: &mut *estimator,
+            transform: &transform,
+            priors: [&request.priors, &anchor],
+            sizes: sizes_extra.clone(),
+            full: full.clone(),
+            physical: DMatrix::zeros(0, 0),
+        };
+        let solution = lm::minimise(&mut fit, &x, &request.settings)?;
+        iterations += solution.iterations;
+        x = solution.x;
+        let before = full.clone();
+        transform.apply(&x[..n], &mut full);
+        round += 1;
+        let sizes = scale::sizes(request.decls, &full);
+        let moved = request.selected.iter().map(|&i| ((full[i] - before[i]) / sizes[i]).abs()).fold(0.0, f64::max);
+        if anchor.is_empty() || round == ANCHOR_ROUNDS || moved < ANCHOR_MOVED || !solution.status.is_converged() {
+            break solution.status;
+        }
+    };
     let mut fit = Fit {
         estimator,
         transform: &transform,
-        priors: &request.priors,
-        sizes: extra.iter().map(|u| u.size).collect(),
-        full: request.start.to_vec(),
+        priors: [&request.priors, &Priors::default()],
+        sizes: sizes_extra,
+        full,
         physical: DMatrix::zeros(0, 0),
     };
-    let Solution { x, status, iterations, .. } = lm::minimise(&mut fit, &start, &request.settings)?;
     // Once more at the solution, in physical units, for the uncertainty.
     let values_extra = fit.split(&x);
     let rows = fit.estimator.rows();

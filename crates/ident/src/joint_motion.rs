@@ -21,7 +21,6 @@ pub fn joint_motion(model: &Model, record: &Record) -> Result<Box<dyn JointMotio
         return Err(SetupError::Joints { got: n, want: model.nj() });
     }
     let rows = |m: &nalgebra::DMatrix<f64>| m.transpose().as_slice().to_vec();
-    let fail = |e: &dyn std::fmt::Display| SetupError::JointMotion(e.to_string());
     match (record.qd(), record.qdd()) {
         (Some(qd), Some(qdd)) => {
             let table = HermiteTable::new(n, record.dt(), &rows(record.q()), &rows(qd), &rows(qdd));

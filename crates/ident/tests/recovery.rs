@@ -26,7 +26,8 @@ fn recover(mission: &str, patterns: &[&str], seconds: f64, substeps: usize) -> (
         selected: &selected,
         start: &start,
         priors: Priors::default(),
-        settings: Settings { rank_tolerance: 1e-10, ..Settings::default() },
+        anchor: Some(10.0),
+        settings: Settings { max_iterations: 40, ..Settings::default() },
     };
     let e = estimate(&request, &mut oe).unwrap();
     println!(
@@ -44,6 +45,7 @@ fn recover(mission: &str, patterns: &[&str], seconds: f64, substeps: usize) -> (
         );
     }
     println!("rank {} of {}, condition {:.1e}", e.data_only.rank, selected.len(), e.data_only.condition);
+    println!("{:?}", e.data_only.singular_values);
     for d in &e.data_only.null {
         println!("  null {:.1e}: {d}", d.singular_value);
     }
