@@ -1,1 +1,54 @@
-//! How it moves: dynamics of free-floating robots with passive appendages, modes, integrators and sensor models
+//! How it moves: dynamics of free-floating robots with passive appendages.
+//!
+//! `algorithm(model, params, state, work)`: the [`Model`](ff_model::Model) is immutable, [`Work`] owns every
+//! buffer, and nothing allocates after `Work::new`. Algorithms are written once over
+//! [`ModelScalar`](ff_model::ModelScalar). Conventions are those of [`ff_model`].
+//!
+//! | question | module |
+//! |---|---|
+//! | forces for a motion | [`rnea`] |
+//! | mass matrix, blocks of eq. (2) | [`crba`], [`blocks`] |
+//! | motion for forces; prescribed joints | [`aba`] |
+//! | momentum, energy, dissipation | [`momentum`] |
+//! | dependence on parameters | [`regressor`] |
+//! | prescribed arm condensed; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
+//! | joint motions | [`motion`], [`bspline`] |
+//! | frequencies and damping | [`modes`] |
+//! | frames | [`frames`] |
+//! | a motion over time, and what sensors see of it | [`simulate`], [`sensors`] |
+
+pub mod aba;
+pub mod blocks;
+pub mod bspline;
+pub mod crba;
+pub mod frames;
+pub mod integrate;
+pub mod ldl;
+pub mod modes;
+pub mod momentum;
+pub mod motion;
+pub mod prescribed;
+pub mod reduced;
+pub mod regressor;
+pub mod rnea;
+pub mod sensitivity;
+pub mod sensors;
+pub mod simulate;
+pub mod state;
+mod work;
+
+pub use aba::{SingularInertia, forward_dynamics, hybrid_dynamics};
+pub use blocks::MassBlocks;
+pub use crba::mass_matrix;
+pub use frames::{frame_jacobian, frame_pose};
+pub use modes::{Boundary, Mode, modes};
+pub use momentum::{Budget, budget};
+pub use prescribed::{Prescribed, Sampling};
+pub use reduced::{ReducedError, Response, simulate_reduced};
+pub use regressor::{body_regressor, regressor};
+pub use rnea::{bias, rnea};
+pub use sensitivity::{Sensitivities, Wanted, sensitivities};
+pub use sensors::{Channel, Readings, SensorSuite, measure};
+pub use simulate::{Drive, SimError, SimOptions, Trace, simulate};
+pub use state::State;
+pub use work::Work;

@@ -19,6 +19,7 @@ pub mod scalar;
 pub mod so3;
 pub mod spatial;
 mod text;
+pub mod twin;
 pub mod urdf;
 
 pub use appendage::{
@@ -32,5 +33,6 @@ pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mou
 pub use params::Params;
 pub use problem::{Area, Problem, Problems, Severity};
 pub use registry::Registry;
-pub use scalar::{ModelScalar, Scalar};
+pub use scalar::{D1, D2, Grad, ModelScalar, Scalar};
 pub use spatial::{Force, Motion, Xform};
+pub use twin::TwinBody;

@@ -1,1 +1,34 @@
-//! Flexible solar panels as chains of rigid segments on sprung hinges, an appendage for ff-model
+//! Flexible solar panels as chains of rigid segments on sprung, damped hinges: an appendage for ff-model.
+//!
+//! A panel hangs from one host body. Segment 0 turns on the host, segment `i` on segment `i - 1`. Hinge `i`
+//! sits at `hinge[i]` in the frame of its parent and turns about the unit vector `axis[i]` by the angle
+//! `eta[i]`; the segment frame is the hinge frame, parallel to the parent's frame at `eta[i] = 0`. Springs
+//! and dampers are linear:
+//!
+//! ```text
+//! U = sum k_i (eta_i - rest_i)^2 / 2   (J)        R = sum d_i nu_i^2 / 2   (W)
+//! ```
+//!
+//! so that `+k (eta - rest) + d nu` stands on the left of the hinge equation. The paper's eqs. (1), (4)
+//! print both with the opposite sign, which diverges.
+//!
+//! * [`Segment`]: one rigid segment with its hinge; [`PanelChain`]: the appendage.
+//! * [`from_toml`]: the factory of mission files; [`register`]: its entry in a registry, kind [`KIND`].
+//! * [``]: the same chain as ordinary tree links, a free oracle for tests.
+
+mod chain;
+mod config;
+mod dynamics;
+mod segment;
+
+pub use chain::{MAX_SEGMENTS, PanelBuilder, PanelChain};
+pub use config::from_toml;
+pub use segment::Segment;
+
+/// The `kind` of mission files for this appendage.
+pub const KIND: &str = "flex_panel";
+
+/// Adds this appendage to a registry under [`KIND`]. Allocates.
+pub fn register(registry: &mut ff_model::Registry) {
+    registry.register(KIND, from_toml);
+}

@@ -1,1 +1,46 @@
-//! Fuel slosh as a pendulum on a massless universal joint, an appendage for ff-model
+//! Fuel slosh as a pendulum: a point mass on a massless universal joint, an appendage for ff-model.
+//!
+//! The fulcrum is the mount origin. With swing angles `a` (about the mount x axis) and `b` (about the y axis
+//! rotated with `a`) the mass sits at
+//!
+//! ```text
+//! r = Rx(a) Ry(b) [0, 0, -l] = l [-sin b, sin a cos b, -cos a cos b]
+//! U = (k_0 a^2 + k_1 b^2) / 2  (J)        R = (d_0 a'^2 + d_1 b'^2) / 2  (W)
+//! ```
+//!
+//! At rest the mass hangs along `-z` of the mount, so that `+z` is the direction of settling acceleration.
+//! Only the sloshing part of the fuel belongs here; the fixed part belongs to the host body.
+//!
+//! # What the paper prints, and what holds
+//! The paper's eqs. (12) and (13), the lateral and axial force balance of the mass, contradict each other:
+//! (13) has `-a'^2 cos a` together with `+a'' sin a`, while `d^2(cos a)/dt^2 = -a'' sin a - a'^2 cos a` gives
+//! both the same sign in every convention. Both leave out the spring `k a / l` that Fig. 2 draws and eq. (16)
+//! contains. With `T` the tension of the arm and `F = (c a' + k a) / l`, what holds is
+//!
+//! ```text
+//! m x_l'' - m l a'^2 sin a + (m l a'' + F) cos a + T sin a = 0
+//! m x_a'' + m l a'^2 cos a + (m l a'' + F) sin a - T cos a = 0
+//! ```
+//!
+//! and `x''` is the acceleration of the fulcrum, not of the base origin. Eq. (14) counts the damper twice; the
+//! correct small-angle wrench, with the couple that the paper omits, is [`formulas::small_angle_wrench`].
+//! None of these is used to simulate: the motion follows from the energies.
+//!
+//! * [`SloshPendulum`]: the appendage; [`formulas`]: frequency, damping ratio, equivalences.
+//! * [`from_toml`]: the factory of mission files; [`register`]: its entry in a registry, kind [`KIND`].
+//! * [``]: the same pendulum as ordinary tree links, a free oracle for tests.
+
+mod config;
+pub mod formulas;
+mod pendulum;
+
+pub use config::from_toml;
+pub use pendulum::{SWING_LIMITS, SloshPendulum};
+
+/// The `kind` of mission files for this appendage.
+pub const KIND: &str = "slosh_pendulum";
+
+/// Adds this appendage to a registry under [`KIND`]. Allocates.
+pub fn register(registry: &mut ff_model::Registry) {
+    registry.register(KIND, from_toml);
+}

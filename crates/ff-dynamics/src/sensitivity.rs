@@ -1,0 +1,361 @@
+//! Exact sensitivities of the simulated record with respect to any parameters, integrated beside the states.
+//!
+//! Differentiating `0 = R(z, u, p)` of [`crate::reduced`] with `u = [A | nu']`:
+//!
+//! ```text
+//! M_uu du = -(R_z dz + R_p dp),
+//! ```
+//!
+//! so one regressor `R_p`, one derivative pass `R_z` and one factorisation of `M_uu` per stage serve all
+//! parameters. The discrete sensitivities are the exact derivatives of the discrete (RK4) solution.
+
+use crate::ldl;
+use crate::prescribed::Prescribed;
+use crate::reduced::{Reduced, ReducedError, ReducedWork, Response, STAGE, WEIGHT, check, rate, torques};
+use crate::regressor::{body_regressor, port_param_derivatives};
+use ff_model::{Force, Grad, Model, Motion, Params, PortState, scalar::DIRECTIONS};
+use nalgebra::DMatrix;
+
+/// What to differentiate with respect to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// Indices into the parameter vector (base body, tracked links, appendages).
+    pub params: Vec<usize>,
+    /// Indices into the initial state `z0 = [V 6 | eta m | nu m]`.
+    pub initial: Vec<usize>,
+}
+
+impl Wanted {
+    /// Number of columns.
+    pub fn len(&self) -> usize {
+        self.params.len() + self.initial.len()
+    }
+    /// True without columns.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// Bodies other than the base whose parameters are wanted: the `links` of [`Prescribed::new`].
+    pub fn links(&self, model: &Model) -> Vec<usize> {
+        let mut l: Vec<usize> =
+            self.params.iter().filter(|&&p| p >= 10 && p < 10 * model.n_bodies()).map(|p| p / 10).collect();
+        l.dedup();
+        l.sort_unstable();
+        l.dedup();
+        l
+    }
+}
+
+/// Derivatives of torque and gyro samples; row `i * n + j` is channel `j` at sample `i`, one column per
+/// entry of [`Wanted`] (parameters first).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensitivities {
+    /// d tau, `(N n) x P` (N m per unit).
+    pub tau: DMatrix<f64>,
+    /// d gyro, `(N 3) x P` (rad/s per unit).
+    pub gyro: DMatrix<f64>,
+}
+
+/// Where a wanted parameter lives.
+#[derive(Clone, Copy)]
+enum Place {
+    Base(usize),
+    Link { frame: usize, body: usize, k: usize },
+    Port { port: usize, k: usize },
+}
+
+/// Derivatives of the reduced equations at one node and state.
+struct Tangent<'a> {
+    model: &'a Model,
+    params: &'a Params<f64>,
+    table: &'a Prescribed,
+    places: Vec<Place>,
+    /// Per port: wanted own parameters and their columns.
+    by_port: Vec<Vec<(usize, usize)>>,
+    lifted: Params<Grad>,
+    work: ReducedWork<Grad>,
+    zg: Vec<Grad>,
+    ug: Vec<Grad>,
+    /// `R_z`, `(6+m) x nz` row-major, and the port wrenches' `d/dz`, 6 x nz each.
+    rz: Vec<f64>,
+    wz: Vec<Vec<f64>>,
+    /// `R_p`, `(6+m) x P` column by column, and the wrench part that sits on a link, per column.
+    rp: Vec<f64>,
+    wp: Vec<Force<f64>>,
+}
+
+impl<'a> Tangent<'a> {
+    fn new(model: &'a Model, params: &'a Params<f64>, table: &'a Prescribed, wanted: &Wanted) -> Self {
+        let bodies = 10 * model.n_bodies();
+        let ports = model.appendages();
+        let places: Vec<Place> = wanted
+            .params
+            .iter()
+            .map(|&p| {
+                if p < 10 {
+                    Place::Base(p)
+                } else if p < bodies {
+                    let body = p / 10;
+                    let at = table.links.iter().position(|&l| l == body);
+                    assert!(at.is_some(), "body {body} is not tracked by the prescribed motion");
+                    Place::Link { frame: ports.len() + at.unwrap_or(0), body, k: p % 10 }
+                } else {
+                    let port = ports.iter().rposition(|a| a.param_offset <= p).unwrap_or(0);
+                    Place::Port { port, k: p - ports[port].param_offset }
+                }
+            })
+            .collect();
+        let mut by_port = vec![Vec::new(); ports.len()];
+        for (col, p) in places.iter().enumerate() {
+            if let Place::Port { port, k } = p {
+                by_port[*port].push((*k, col));
+            }
+        }
+        let (m, nz) = (model.np(), 6 + 2 * model.np());
+        let lifted = Params::from_values(model, params.values().iter().map(|&x| Grad::constant(x)).collect());
+        Self {
+            model,
+            params,
+            table,
+            by_port,
+            lifted,
+            work: ReducedWork::new(model),
+            zg: vec![Grad::constant(0.0); nz],
+            ug: vec![Grad::constant(0.0); 6 + m],
+            rz: vec![0.0; (6 + m) * nz],
+            wz: vec![vec![0.0; 6 * nz]; ports.len()],
+            rp: vec![0.0; (6 + m) * places.len()],
+            wp: vec![Force::zero(); places.len()],
+            places,
+        }
+    }
+
+    /// Fills `R_z` and `R_p` at `(node, z, u)`; `f64` port terms are taken from `real`.
+    fn evaluate(&mut self, node: usize, z: &[f64], u: &[f64], real: &ReducedWork<f64>) {
+        let (m, nz) = (self.model.np(), z.len());
+        for (g, &x) in self.ug.iter_mut().zip(u) {
+            *g = Grad::constant(x);
+        }
+        let mut first = 0;
+        while first < nz {
+            let count = DIRECTIONS.min(nz - first);
+            for (i, (g, &x)) in self.zg.iter_mut().zip(z).enumerate() {
+                *g = if i >= first && i < first + count { Grad::variable(x, i - first) } else { Grad::constant(x) };
+            }
+            self.work.ports(self.model, &self.lifted, self.table.frames_at(node), &self.zg);
+            self.work.residual(self.model, &self.lifted, self.table, node, &self.zg, &self.ug);
+            for d in 0..count {
+                for (row, r) in self.work.res.iter().enumerate() {
+                    self.rz[row * nz + first + d] = r.eps[d];
+                }
+                for (wz, w) in self.wz.iter_mut().zip(&self.work.wrench) {
+                    for row in 0..6 {
+                        wz[row * nz + first + d] = w.get(row).eps[d];
+                    }
+                }
+            }
+            first += count;
+        }
+        self.rp.fill(0.0);
+        let (v, a) = (Motion::from_slice(z), Motion::<f64>::from_slice(u));
+        let frames = self.table.frames_at(node);
+        let rows = 6 + m;
+        let base = body_regressor(&v, &a);
+        for (col, place) in self.places.iter().enumerate() {
+            match *place {
+                Place::Base(k) => base[k].write_to(&mut self.rp[col * rows..]),
+                Place::Link { frame, k, .. } => {
+                    let f = &frames[frame];
+                    let vh = f.x.motion_to_child(&(v + f.s));
+                    let ah = f.x.motion_to_child(&(a + f.ds + v.cross(&f.s)));
+                    let w = f.x.force_to_parent(&body_regressor(&vh, &ah)[k]);
+                    w.write_to(&mut self.rp[col * rows..]);
+                    self.wp[col] = w;
+                }
+                Place::Port { .. } => {}
+            }
+        }
+        for (port, ap) in self.model.appendages().iter().enumerate() {
+            if self.by_port[port].is_empty() {
+                continue;
+            }
+            let f = &frames[port];
+            let host = f.x.motion_to_child(&(a + f.ds + v.cross(&f.s)));
+            let r = ap.coord_offset..ap.coord_offset + ap.dim();
+            let s = PortState {
+                host: real.v[port],
+                eta: &z[6 + r.start..6 + r.end],
+                nu: &z[6 + m + r.start..6 + m + r.end],
+            };
+            let (rp, wp) = (&mut self.rp, &mut self.wp);
+            let p = self.params.appendage(self.model, port);
+            let acc = &u[6 + r.start..6 + r.end];
+            port_param_derivatives(&*ap.appendage, p, &s, &host, acc, &self.by_port[port], |col, d| {
+                let w = f.x.force_to_parent(&Force::from_slice(d));
+                w.write_to(&mut rp[col * rows..]);
+                wp[col] = w;
+                rp[col * rows + 6 + r.start..col * rows + 6 + r.end].copy_from_slice(&d[6..]);
+            });
+        }
+    }
+
+    /// `du` of every column: `M_uu du = -(R_z dz + R_p)`. `dz` is `nz` per column.
+    fn solve(&self, mass: &[f64], dz: &[f64], du: &mut [f64]) {
+        let rows = 6 + self.model.np();
+        let nz = 6 + 2 * self.model.np();
+        for (col, (du, dz)) in du.chunks_exact_mut(rows).zip(dz.chunks_exact(nz)).enumerate() {
+            for (i, x) in du.iter_mut().enumerate() {
+                let own = if col < self.places.len() { self.rp[col * rows + i] } else { 0.0 };
+                let along: f64 = self.rz[i * nz..(i + 1) * nz].iter().zip(dz).map(|(a, b)| a * b).sum();
+                *x = -(own + along);
+            }
+            ldl::solve(mass, rows, du);
+        }
+    }
+
+    /// Torque derivatives of one sample into `out[j]` for column `col`.
+    #[allow(clippy::too_many_arguments)] // state, its derivative, accelerations, theirs: all are needed
+    fn torque(
+        &self,
+        sample: usize,
+        col: usize,
+        z: &[f64],
+        dz: &[f64],
+        du: &[f64],
+        real: &ReducedWork<f64>,
+        out: &mut [f64],
+    ) {
+        let v = Motion::from_slice(z);
+        let (dv, da) = (Motion::from_slice(dz), Motion::<f64>::from_slice(du));
+        let rows = self.table.rows_at(sample);
+        for (t, r) in out.iter_mut().zip(rows) {
+            let c = &r.carrier;
+            let f = c.inertia.mul_motion(&da)
+                + c.d_inertia.mul_motion(&dv)
+                + dv.cross_force(&(c.inertia.mul_motion(&v) + c.h))
+                + v.cross_force(&c.inertia.mul_motion(&dv));
+            *t = r.screw.dot(&f);
+        }
+        let mut add = |host: usize, w: &Force<f64>| {
+            for &j in &self.table.above[host] {
+                out[j] += rows[j].screw.dot(w);
+            }
+        };
+        let node = sample * 2 * self.table.substeps;
+        let nz = z.len();
+        for (k, ap) in self.model.appendages().iter().enumerate().filter(|(_, ap)| ap.host > 0) {
+            let x = &self.table.frames_at(node)[k].x;
+            let mut w = real.host_block(k, x).mul_motion(&da);
+            for j in 0..ap.dim() {
+                w += x.force_to_parent(&real.coupling(k, j)).scaled(du[6 + ap.coord_offset + j]);
+            }
+            let mut along = [0.0; 6];
+            for (i, a) in along.iter_mut().enumerate() {
+                *a = self.wz[k][i * nz..(i + 1) * nz].iter().zip(dz).map(|(a, b)| a * b).sum();
+            }
+            w += Force::from_slice(&along);
+            add(ap.host, &w);
+        }
+        match self.places.get(col) {
+            Some(Place::Link { body, .. }) => add(*body, &self.wp[col]),
+            Some(Place::Port { port, .. }) => add(self.model.appendages()[*port].host, &self.wp[col]),
+            _ => {}
+        }
+    }
+}
+
+/// Integrates the reduced system and its sensitivities from `z0`; see [`crate::simulate_reduced`].
+///
+/// The response is bit for bit that of [`crate::simulate_reduced`]. Allocates results and buffers once.
+///
+/// # Errors
+/// [`ReducedError`].
+///
+/// # Panics
+/// If `z0` has the wrong length or a wanted link is not tracked by `table`.
+pub fn sensitivities(
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    z0: &[f64],
+    wanted: &Wanted,
+) -> Result<(Response, Sensitivities), ReducedError> {
+    check(model)?;
+    let (m, nj, np) = (model.np(), model.nj(), wanted.len());
+    let (nz, nu) = (6 + 2 * m, 6 + m);
+    assert_eq!(z0.len(), nz, "initial state");
+    let mut sys = Reduced::new(model, params, table);
+    let mut tan = Tangent::new(model, params, table, wanted);
+    let mut out = Response::new(table.samples, nj, m);
+    let mut sens =
+        Sensitivities { tau: DMatrix::zeros(table.samples * nj, np), gyro: DMatrix::zeros(table.samples * 3, np) };
+    let mut z = z0.to_vec();
+    let mut dz = vec![0.0; nz * np];
+    for (c, &i) in wanted.initial.iter().enumerate() {
+        dz[(wanted.params.len() + c) * nz + i] = 1.0;
+    }
+    let (mut zs, mut k, mut sum) = (z.clone(), vec![0.0; nz], vec![0.0; nz]);
+    let (mut dzs, mut dk, mut dsum) = (dz.clone(), dz.clone(), dz.clone());
+    let (mut u, mut du) = (vec![0.0; nu], vec![0.0; nu * np]);
+    let mut tau = vec![0.0; nj];
+    for i in 0..table.samples {
+        let node = i * 2 * table.substeps;
+        for s in 0..table.substeps {
+            sum.fill(0.0);
+            dsum.fill(0.0);
+            for stage in 0..4 {
+                zs.copy_from_slice(&z);
+                dzs.copy_from_slice(&dz);
+                let c = 0.5 * table.step * STAGE[stage] as f64;
+                if stage > 0 {
+                    zs.iter_mut().zip(&k).for_each(|(x, k)| *x += c * k);
+                    dzs.iter_mut().zip(&dk).for_each(|(x, k)| *x += c * k);
+                }
+                let at = node + 2 * s + STAGE[stage];
+                sys.accelerations(at, &zs, &mut u)?;
+                tan.evaluate(at, &zs, &u, &sys.work);
+                tan.solve(&sys.mass, &dzs, &mut du);
+                if s == 0 && stage == 0 {
+                    sys.work.residual(model, params, table, at, &zs, &u);
+                    torques(
+                        model,
+                        table,
+                        i,
+                        &Motion::from_slice(&z),
+                        &Motion::from_slice(&u),
+                        &sys.work.wrench,
+                        &mut tau,
+                    );
+                    out.write(i, m, &z, &u, &tau);
+                    for c in 0..np {
+                        let (dz, du) = (&dz[c * nz..(c + 1) * nz], &du[c * nu..(c + 1) * nu]);
+                        tan.torque(
+                            i,
+                            c,
+                            &z,
+                            dz,
+                            du,
+                            &sys.work,
+                            &mut sens.tau.as_mut_slice()[c * table.samples * nj + i * nj..][..nj],
+                        );
+                        sens.gyro.as_mut_slice()[c * table.samples * 3 + i * 3..][..3].copy_from_slice(&dz[3..6]);
+                    }
+                    if i + 1 == table.samples {
+                        return Ok((out, sens));
+                    }
+                }
+                rate(m, &zs, &u, &mut k);
+                sum.iter_mut().zip(&k).for_each(|(x, k)| *x += WEIGHT[stage] * table.step * k);
+                for c in 0..np {
+                    rate(m, &dzs[c * nz..(c + 1) * nz], &du[c * nu..(c + 1) * nu], &mut dk[c * nz..(c + 1) * nz]);
+                }
+                dsum.iter_mut().zip(&dk).for_each(|(x, k)| *x += WEIGHT[stage] * table.step * k);
+            }
+            z.iter_mut().zip(&sum).for_each(|(x, d)| *x += d);
+            dz.iter_mut().zip(&dsum).for_each(|(x, d)| *x += d);
+        }
+        if !z.iter().all(|x| x.is_finite()) {
+            return Err(ReducedError::NotFinite { t: i as f64 * table.sample_s, step: table.step });
+        }
+    }
+    Ok((out, sens))
+}

@@ -1,0 +1,91 @@
+//! Position and velocity of a whole system.
+
+use ff_model::so3::{Quat, quat_identity};
+use ff_model::{BaseKind, Model, Motion, Scalar};
+use nalgebra::Vector3;
+
+/// State of a [`Model`]: base pose, joint positions, passive coordinates and the generalised velocity.
+///
+/// `v = [base twist (base frame, linear first) | joint rates | passive rates]`; a fixed base has no base part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State<T: Scalar> {
+    /// Base origin in the world (m).
+    pub pos: Vector3<T>,
+    /// Base attitude `[w, x, y, z]`, base to world, unit norm.
+    pub att: Quat<T>,
+    /// Joint positions, length `n` (rad or m).
+    pub q: Vec<T>,
+    /// Passive coordinates, length `m`.
+    pub eta: Vec<T>,
+    /// Generalised velocity, length `nv`.
+    pub v: Vec<T>,
+    nb: usize,
+}
+
+impl<T: Scalar> State<T> {
+    /// Everything zero, attitude identity. Allocates.
+    pub fn zero(model: &Model) -> Self {
+        Self {
+            pos: Vector3::zeros(),
+            att: quat_identity(),
+            q: vec![T::zero(); model.nj()],
+            eta: vec![T::zero(); model.np()],
+            v: vec![T::zero(); model.nv()],
+            nb: if model.base_kind() == BaseKind::Floating { 6 } else { 0 },
+        }
+    }
+    /// Base twist in base coordinates; zero for a fixed base.
+    #[inline]
+    pub fn base_twist(&self) -> Motion<T> {
+        if self.nb == 6 { Motion::from_slice(&self.v) } else { Motion::zero() }
+    }
+    /// Joint rates.
+    #[inline]
+    pub fn qd(&self) -> &[T] {
+        &self.v[self.nb..self.nb + self.q.len()]
+    }
+    /// Passive rates.
+    #[inline]
+    pub fn nu(&self) -> &[T] {
+        &self.v[self.nb + self.q.len()..]
+    }
+    /// Joint rates, to write.
+    #[inline]
+    pub fn qd_mut(&mut self) -> &mut [T] {
+        let (a, b) = (self.nb, self.nb + self.q.len());
+        &mut self.v[a..b]
+    }
+    /// Passive rates, to write.
+    #[inline]
+    pub fn nu_mut(&mut self) -> &mut [T] {
+        let a = self.nb + self.q.len();
+        &mut self.v[a..]
+    }
+    /// Copies another state of the same model without allocating.
+    pub fn copy_from(&mut self, o: &Self) {
+        self.pos = o.pos;
+        self.att = o.att;
+        self.q.copy_from_slice(&o.q);
+        self.eta.copy_from_slice(&o.eta);
+        self.v.copy_from_slice(&o.v);
+    }
+}
+
+impl State<f64> {
+    /// The same state over another scalar, with zero derivatives. Allocates.
+    pub fn lift<T: Scalar>(&self) -> State<T> {
+        let l = |v: &[f64]| v.iter().map(|&x| T::from_f64(x)).collect();
+        State {
+            pos: self.pos.map(T::from_f64),
+            att: self.att.map(T::from_f64),
+            q: l(&self.q),
+            eta: l(&self.eta),
+            v: l(&self.v),
+            nb: self.nb,
+        }
+    }
+    /// True when every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.pos.iter().chain(self.att.iter()).chain(&self.q).chain(&self.eta).chain(&self.v).all(|x| x.is_finite())
+    }
+}

@@ -1,0 +1,212 @@
+//! Buffers of the algorithms, and the kinematic passes they share.
+
+use crate::state::State;
+use ff_model::so3::quat_to_rot;
+use ff_model::{Force, Inertia, JointKind, Model, ModelScalar, Motion, Params, PortMatrix, PortState, Xform};
+use nalgebra::{Matrix3, Matrix6, Vector3};
+
+/// Buffers of one appendage port.
+#[derive(Clone, Debug)]
+pub(crate) struct PortWork<T: ModelScalar> {
+    /// Mount pose in the host body.
+    pub(crate) mount: Xform<T>,
+    /// Host twist in the mount frame.
+    pub(crate) v: Motion<T>,
+    /// `M`, row-major `(6+n)^2`.
+    pub(crate) m: Vec<T>,
+    /// Bias, `6+n`.
+    pub(crate) h: Vec<T>,
+    /// Factorised `M_ee`, `n^2`.
+    pub(crate) ee: Vec<T>,
+    /// `M_ee^-1 M_eb`, `n x 6` row-major.
+    pub(crate) gain: Vec<T>,
+    /// `M_ee^-1 (tau_e - h_e)`, `n`.
+    pub(crate) free: Vec<T>,
+}
+
+impl<T: ModelScalar> PortWork<T> {
+    fn new(mount: Xform<T>, n: usize) -> Self {
+        let z = |k: usize| vec![T::zero(); k];
+        let dim = 6 + n;
+        Self { mount, v: Motion::zero(), m: z(dim * dim), h: z(dim), ee: z(n * n), gain: z(6 * n), free: z(n) }
+    }
+    /// `M[i][j]` of a port with `n` coordinates.
+    #[inline(always)]
+    pub(crate) fn m(&self, i: usize, j: usize) -> T {
+        self.m[i * self.h.len() + j]
+    }
+    /// Column `k` of `M_be`: the wrench on the host per unit own acceleration, in the mount frame.
+    #[inline(always)]
+    pub(crate) fn coupling(&self, k: usize) -> Force<T> {
+        let c = 6 + k;
+        Force::new(
+            Vector3::new(self.m(0, c), self.m(1, c), self.m(2, c)),
+            Vector3::new(self.m(3, c), self.m(4, c), self.m(5, c)),
+        )
+    }
+    /// `M_bb A` for a host acceleration `A` in the mount frame.
+    #[inline(always)]
+    pub(crate) fn host_inertia(&self, a: &Motion<T>) -> Force<T> {
+        let mut f = [T::zero(); 6];
+        for i in 0..6 {
+            for j in 0..6 {
+                f[i] += self.m(i, j) * a.get(j);
+            }
+        }
+        Force::from_slice(&f)
+    }
+}
+
+/// Every buffer the algorithms need for one model; nothing allocates after [`Work::new`].
+///
+/// One `Work` serves one thread. Fields are private to the crate; results are returned by the algorithms.
+#[derive(Clone, Debug)]
+pub struct Work<T: ModelScalar> {
+    /// Fixed part of the joint placements, lifted to `T`.
+    placement: Vec<Xform<T>>,
+    /// Joint axes.
+    pub(crate) axis: Vec<Vector3<T>>,
+    /// Pose of each body in its parent; entry 0 unused.
+    pub(crate) x: Vec<Xform<T>>,
+    /// Body twists in body frames.
+    pub(crate) v: Vec<Motion<T>>,
+    /// Body accelerations in body frames.
+    pub(crate) a: Vec<Motion<T>>,
+    /// Wrenches on bodies, body frames.
+    pub(crate) f: Vec<Force<T>>,
+    /// Composite inertias.
+    pub(crate) ic: Vec<Inertia<T>>,
+    /// Articulated inertias and bias wrenches.
+    pub(crate) ia: Vec<Matrix6<T>>,
+    pub(crate) pa: Vec<Force<T>>,
+    /// Per joint `I_A S`, `1 / (S . I_A S)` and `tau - S . p_A`.
+    pub(crate) u: Vec<Force<T>>,
+    pub(crate) dinv: Vec<T>,
+    pub(crate) ut: Vec<T>,
+    /// Ports.
+    pub(crate) ports: Vec<PortWork<T>>,
+    /// Wrenches applied from outside, on each body in its own frame; zero unless set.
+    pub(crate) external: Vec<Force<T>>,
+    /// Zero accelerations, length `nv`.
+    pub(crate) zeros: Vec<T>,
+}
+
+impl<T: ModelScalar> Work<T> {
+    /// Buffers for `model`. Allocates.
+    pub fn new(model: &Model) -> Self {
+        let nb = model.n_bodies();
+        let mut placement = vec![Xform::identity()];
+        let mut axis = vec![Vector3::zeros()];
+        for b in model.bodies() {
+            placement.push(b.joint.placement.lift());
+            axis.push(b.joint.axis.map(T::from_f64));
+        }
+        Self {
+            placement,
+            axis,
+            x: vec![Xform::identity(); nb],
+            v: vec![Motion::zero(); nb],
+            a: vec![Motion::zero(); nb],
+            f: vec![Force::zero(); nb],
+            ic: vec![Inertia::zero(); nb],
+            ia: vec![Matrix6::zeros(); nb],
+            pa: vec![Force::zero(); nb],
+            u: vec![Force::zero(); nb],
+            dinv: vec![T::zero(); nb],
+            ut: vec![T::zero(); nb],
+            ports: model.appendages().iter().map(|a| PortWork::new(a.mount.lift(), a.dim())).collect(),
+            external: vec![Force::zero(); nb],
+            zeros: vec![T::zero(); model.nv()],
+        }
+    }
+    /// Applies a wrench (N, N m; body frame, about the body origin) on a body in every later call, until
+    /// set again. Ports and joints are unaffected.
+    ///
+    /// # Panics
+    /// If the body does not exist.
+    pub fn set_external(&mut self, body: usize, wrench: Force<T>) {
+        self.external[body] = wrench;
+    }
+    /// Pose of body `i` in its parent, from the last pass.
+    pub(crate) fn joint_motion(&self, model: &Model, i: usize) -> Motion<T> {
+        match model.bodies()[i - 1].joint.kind {
+            JointKind::Prismatic => Motion::new(self.axis[i], Vector3::zeros()),
+            _ => Motion::new(Vector3::zeros(), self.axis[i]),
+        }
+    }
+    /// Poses of all bodies in their parents from the joint positions.
+    pub(crate) fn place(&mut self, model: &Model, q: &[T]) {
+        for (k, b) in model.bodies().iter().enumerate() {
+            let i = k + 1;
+            let p = &self.placement[i];
+            self.x[i] = match b.joint.kind {
+                JointKind::Prismatic => Xform::new(p.rot, p.pos + p.rot * (self.axis[i] * q[k])),
+                _ => Xform::new(p.rot * axis_rotation(&self.axis[i], q[k]), p.pos),
+            };
+        }
+    }
+    /// Twists of all bodies and port hosts; needs [`Work::place`].
+    pub(crate) fn twists(&mut self, model: &Model, state: &State<T>) {
+        self.v[0] = state.base_twist();
+        let qd = state.qd();
+        for (k, b) in model.bodies().iter().enumerate() {
+            let i = k + 1;
+            let mut v = self.x[i].motion_to_child(&self.v[b.parent]);
+            match b.joint.kind {
+                JointKind::Prismatic => v.lin += self.axis[i] * qd[k],
+                _ => v.ang += self.axis[i] * qd[k],
+            }
+            self.v[i] = v;
+        }
+        for (a, p) in model.appendages().iter().zip(&mut self.ports) {
+            p.v = p.mount.motion_to_child(&self.v[a.host]);
+        }
+    }
+    /// Mass matrices of all ports.
+    pub(crate) fn port_inertias(&mut self, model: &Model, params: &Params<T>, eta: &[T]) {
+        for (k, a) in model.appendages().iter().enumerate() {
+            let n = a.dim();
+            let eta = &eta[a.coord_offset..a.coord_offset + n];
+            let mut m = PortMatrix::new(n, &mut self.ports[k].m);
+            T::port(&*a.appendage).inertia(params.appendage(model, k), eta, &mut m);
+        }
+    }
+    /// Biases of all ports; needs [`Work::twists`].
+    pub(crate) fn port_biases(&mut self, model: &Model, params: &Params<T>, state: &State<T>) {
+        for (k, a) in model.appendages().iter().enumerate() {
+            let r = a.coord_offset..a.coord_offset + a.dim();
+            let p = &mut self.ports[k];
+            let s = PortState { host: p.v, eta: &state.eta[r.clone()], nu: &state.nu()[r] };
+            T::port(&*a.appendage).bias(params.appendage(model, k), &s, &mut p.h);
+        }
+    }
+    /// Minus gravity in base coordinates: the acceleration of an imagined base frame that accounts for it.
+    pub(crate) fn gravity(model: &Model, state: &State<T>) -> Motion<T> {
+        let g = model.gravity();
+        if g.norm_squared() == 0.0 {
+            return Motion::zero();
+        }
+        Motion::new(-quat_to_rot(&state.att).tr_mul(&g.map(T::from_f64)), Vector3::zeros())
+    }
+}
+
+/// Rotation about a unit axis: `1 + s [u]x + (1 - c) [u]x^2` (Rodrigues).
+#[inline(always)]
+pub(crate) fn axis_rotation<T: ff_model::Scalar>(u: &Vector3<T>, angle: T) -> Matrix3<T> {
+    let (s, c) = angle.sin_cos();
+    let k = T::one() - c;
+    let (ux, uy, uz) = (u.x, u.y, u.z);
+    let (kx, ky, kz) = (k * ux, k * uy, k * uz);
+    let (sx, sy, sz) = (s * ux, s * uy, s * uz);
+    Matrix3::new(
+        c + kx * ux,
+        kx * uy - sz,
+        kx * uz + sy,
+        ky * ux + sz,
+        c + ky * uy,
+        ky * uz - sx,
+        kz * ux - sy,
+        kz * uy + sx,
+        c + kz * uz,
+    )
+}

@@ -1,0 +1,98 @@
+//! The reduced system against the full dynamics, and its sensitivities against differences.
+
+mod common;
+use common::*;
+use ff_dynamics::*;
+use ff_model::*;
+
+fn start(m: &Model) -> Vec<f64> {
+    (0..6 + 2 * m.np()).map(|i| 0.03 * (1.3 * i as f64 + 0.4).sin()).collect()
+}
+
+#[test]
+fn reduced_and_full_dynamics_give_the_same_record() {
+    let m = system();
+    let p = Params::nominal(&m);
+    let z0 = start(&m);
+    let mut s = State::zero(&m);
+    s.v[..6].copy_from_slice(&z0[..6]);
+    s.eta.copy_from_slice(&z0[6..6 + m.np()]);
+    s.nu_mut().copy_from_slice(&z0[6 + m.np()..]);
+    let wave = Wave(7);
+    let o = SimOptions { duration_s: 5.0, step_s: 1e-3, sample_s: 0.05 };
+    let full = simulate(&m, &p, &s, &Drive::Prescribed(&wave), &o).unwrap();
+    let sampling = Sampling { samples: full.len(), sample_s: 0.05, substeps: 50 };
+    let table = Prescribed::new(&m, &p, &wave, &sampling, &[]);
+    let red = simulate_reduced(&m, &p, &table, &z0).unwrap();
+    let close = |a: &nalgebra::DMatrix<f64>, b: &nalgebra::DMatrix<f64>, tol: f64| {
+        let e = (a - b).amax() / b.amax();
+        println!("{e:.1e}");
+        assert!(e < tol, "{e:e}");
+    };
+    close(&red.tau, &full.tau, 1e-11);
+    close(&red.twist, &full.twist, 1e-11);
+    close(&red.accel, &full.accel, 1e-11);
+    close(&red.eta, &full.eta, 1e-11);
+    close(&red.nu, &full.nu, 1e-11);
+}
+
+#[test]
+fn sensitivities_are_the_derivatives_of_the_simulated_record() {
+    let m = system();
+    let p = Params::nominal(&m);
+    let z0 = start(&m);
+    // Base, link 4 (which carries the boom) and the last link, every appendage parameter, initial state.
+    let wanted =
+        Wanted { params: (0..10).chain(40..50).chain(70..m.n_params()).collect(), initial: (0..z0.len()).collect() };
+    let sampling = Sampling { samples: 31, sample_s: 0.05, substeps: 5 };
+    let wave = Wave(7);
+    let links = wanted.links(&m);
+    assert_eq!(links, [4, 7]);
+    let table = Prescribed::new(&m, &p, &wave, &sampling, &links);
+    let (r, s) = sensitivities(&m, &p, &table, &z0, &wanted).unwrap();
+    assert_eq!(r, simulate_reduced(&m, &p, &table, &z0).unwrap());
+    let run = |values: Vec<f64>, z: &[f64]| {
+        let p = Params::from_values(&m, values);
+        let t = Prescribed::new(&m, &p, &wave, &sampling, &[]);
+        simulate_reduced(&m, &p, &t, z).unwrap()
+    };
+    let mut worst = 0.0f64;
+    for col in 0..wanted.len() {
+        let (mut lo, mut hi) = (p.values().to_vec(), p.values().to_vec());
+        let (mut zl, mut zh) = (z0.clone(), z0.clone());
+        let h;
+        if col < wanted.params.len() {
+            let k = wanted.params[col];
+            h = 1e-4 * (1.0 + p.values()[k].abs());
+            lo[k] -= h;
+            hi[k] += h;
+        } else {
+            let k = wanted.initial[col - wanted.params.len()];
+            h = 1e-5;
+            zl[k] -= h;
+            zh[k] += h;
+        }
+        let (a, b) = (run(lo, &zl), run(hi, &zh));
+        // Differences of torques of order 10 carry 1e-11 / h of rounding; below this a column counts as zero.
+        let mut scale = 1e-3f64;
+        let mut err = 0.0f64;
+        for i in 0..sampling.samples {
+            for j in 0..7 {
+                let d = (b.tau[(i, j)] - a.tau[(i, j)]) / (2.0 * h);
+                scale = scale.max(d.abs());
+                err = err.max((d - s.tau[(i * 7 + j, col)]).abs());
+            }
+            for j in 0..3 {
+                let d = (b.twist[(i, 3 + j)] - a.twist[(i, 3 + j)]) / (2.0 * h);
+                err = err.max((d - s.gyro[(i * 3 + j, col)]).abs());
+            }
+        }
+        worst = worst.max(err / scale);
+        assert!(err < 1e-5 * scale, "column {col}: {err:e} of {scale:e}");
+    }
+    // Galilean invariance: a uniform velocity changes nothing that is measured.
+    for col in wanted.params.len()..wanted.params.len() + 3 {
+        assert!(s.tau.column(col).amax() < 1e-10 && s.gyro.column(col).amax() < 1e-10, "column {col}");
+    }
+    println!("worst column {worst:.1e} of its largest torque derivative, {} columns", wanted.len());
+}

@@ -1,0 +1,203 @@
+//! The chain as an immutable structure: geometry, declaration, accessors and the tree twin.
+
+use crate::KIND;
+use crate::segment::Segment;
+use ff_model::appendage::CoordDecl;
+use ff_model::{Area, Decl, Inertia, MAX_COORDS, ParamDecl, Problem, Problems, Scalar, TwinBody, Xform};
+use nalgebra::{Matrix3, Vector3};
+use std::f64::consts::PI;
+
+/// Most segments of one chain: one coordinate each.
+pub const MAX_SEGMENTS: usize = MAX_COORDS;
+
+/// Geometry of one hinge, made ready for evaluation.
+#[derive(Clone, Debug)]
+pub(crate) struct Hinge {
+    /// Unit axis `u`, in the segment frame and in its parent.
+    pub(crate) axis: Vector3<f64>,
+    /// Origin in the parent frame (m).
+    pos: Vector3<f64>,
+    /// `[u]x`.
+    skew: Matrix3<f64>,
+    /// `[u]x [u]x`.
+    skew2: Matrix3<f64>,
+    /// Relaxed angle (rad).
+    pub(crate) rest: f64,
+}
+
+impl Hinge {
+    fn new(s: &Segment) -> Self {
+        // Scaled first: the square of a tiny or huge component would leave the range of f64.
+        let axis = (s.axis / s.axis.amax()).normalize();
+        let skew = axis.cross_matrix();
+        Self { axis, pos: s.hinge, skew, skew2: skew * skew, rest: s.rest }
+    }
+
+    /// Pose of the segment in its parent at angle `eta` (rad): `R = 1 + sin(eta) [u]x + (1 - cos(eta)) [u]x^2`
+    /// (Rodrigues' formula). Does not allocate.
+    #[inline(always)]
+    pub(crate) fn pose<T: Scalar>(&self, eta: T) -> Xform<T> {
+        let (s, c) = eta.sin_cos();
+        let v = T::one() - c;
+        let mut rot = self.skew.zip_map(&self.skew2, |k, k2| s.scale(k) + v.scale(k2));
+        for i in 0..3 {
+            rot[(i, i)] += T::one();
+        }
+        Xform::new(rot, self.pos.map(T::from_f64))
+    }
+
+    /// `u . x`, without lifting the constant axis.
+    #[inline(always)]
+    pub(crate) fn along<T: Scalar>(&self, x: &Vector3<T>) -> T {
+        x.x.scale(self.axis.x) + x.y.scale(self.axis.y) + x.z.scale(self.axis.z)
+    }
+
+    /// `u x`, the vector of length `x` along the axis.
+    #[inline(always)]
+    pub(crate) fn times<T: Scalar>(&self, x: T) -> Vector3<T> {
+        self.axis.map(|u| x.scale(u))
+    }
+}
+
+/// A chain of 1 to [`MAX_SEGMENTS`] rigid segments on sprung, damped revolute hinges.
+///
+/// Parameters, in order: ten inertial per segment about its hinge (`seg[0].mass` ... `seg[n-1].i_zz`), then
+/// `k[i]` (N m/rad), then `d[i]` (N m s/rad). Coordinates: `hinge[i]` (rad), range -pi to pi; the model has
+/// no singularity, the range bounds what a panel can do.
+#[derive(Clone, Debug)]
+pub struct PanelChain {
+    decl: Decl,
+    pub(crate) hinges: Vec<Hinge>,
+}
+
+impl PanelChain {
+    /// A chain from its segments, from the host outwards. Axes are normalised. Allocates.
+    ///
+    /// # Errors
+    /// Every problem of every segment, all of [`Area::Config`]: `Config::Param` (no or too many segments, rest
+    /// angle out of range), `Config::NotPassive` (negative stiffness or damping), `Config::Inertia` (ten numbers
+    /// that no body has), `Config::Axis` (zero axis), `Config::NotFinite`.
+    pub fn new(segments: Vec<Segment>) -> Result<Self, Problems> {
+        let mut problems = Problems::default();
+        if segments.is_empty() || segments.len() > MAX_SEGMENTS {
+            problems.push(
+                Problem::error(
+                    Area::Config,
+                    "Config::Param",
+                    format!("{} segments, outside the limits 1 to {MAX_SEGMENTS}", segments.len()),
+                )
+                .on("segments")
+                .hint("one table per rigid segment, from the host outwards"),
+            );
+        }
+        for (i, s) in segments.iter().enumerate() {
+            s.check(i, &mut problems);
+        }
+        if problems.has_errors() {
+            return Err(problems);
+        }
+        let mut params = Vec::with_capacity(12 * segments.len());
+        for (i, s) in segments.iter().enumerate() {
+            params.extend(ParamDecl::inertial(&format!("seg[{i}]"), &s.inertia));
+        }
+        for (i, s) in segments.iter().enumerate() {
+            params.push(ParamDecl::positive(format!("k[{i}]"), "N m/rad", s.stiffness));
+        }
+        for (i, s) in segments.iter().enumerate() {
+            params.push(ParamDecl::positive(format!("d[{i}]"), "N m s/rad", s.damping));
+        }
+        let coords = (0..segments.len())
+            .map(|i| CoordDecl { name: format!("hinge[{i}]"), unit: "rad", range: (-PI, PI) })
+            .collect();
+        Ok(Self { decl: Decl { kind: KIND, coords, params }, hinges: segments.iter().map(Hinge::new).collect() })
+    }
+
+    /// An empty builder. Allocates.
+    pub fn builder() -> PanelBuilder {
+        PanelBuilder::default()
+    }
+
+    /// Number of segments `n`, which is also the number of coordinates.
+    pub fn count(&self) -> usize {
+        self.hinges.len()
+    }
+
+    /// Coordinates and parameters with their nominal values.
+    pub(crate) fn declared(&self) -> &Decl {
+        &self.decl
+    }
+
+    /// Index of the first of the ten inertial parameters of segment `i` in the parameter slice.
+    pub fn inertial_offset(&self, i: usize) -> usize {
+        10 * i
+    }
+
+    /// Index of `k[i]` in the parameter slice.
+    pub fn stiffness_index(&self, i: usize) -> usize {
+        10 * self.count() + i
+    }
+
+    /// Index of `d[i]` in the parameter slice.
+    pub fn damping_index(&self, i: usize) -> usize {
+        11 * self.count() + i
+    }
+
+    /// Nominal values of all parameters, in the order of the declaration. Allocates.
+    pub fn nominal(&self) -> Vec<f64> {
+        self.decl.params.iter().map(|p| p.nominal).collect()
+    }
+
+    /// Segment `i` with its nominal parameters and unit axis; `None` if there is no such segment.
+    pub fn segment(&self, i: usize) -> Option<Segment> {
+        let h = self.hinges.get(i)?;
+        let p = self.nominal();
+        Some(Segment {
+            inertia: Inertia::from_params(&p[self.inertial_offset(i)..]),
+            hinge: h.pos,
+            axis: h.axis,
+            stiffness: p[self.stiffness_index(i)],
+            damping: p[self.damping_index(i)],
+            rest: h.rest,
+        })
+    }
+
+    /// The chain as ordinary tree links with external springs, at nominal parameters (see [`TwinBody`]).
+    /// Allocates.
+    pub fn twin_bodies(&self) -> Vec<TwinBody> {
+        (0..self.count())
+            .filter_map(|i| self.segment(i).map(|s| (i, s)))
+            .map(|(i, s)| TwinBody {
+                parent: i.checked_sub(1),
+                axis: s.axis,
+                placement: Xform::new(Matrix3::identity(), s.hinge),
+                inertia: s.inertia,
+                stiffness: s.stiffness,
+                damping: s.damping,
+                rest: s.rest,
+            })
+            .collect()
+    }
+}
+
+/// Collects segments from the host outwards; see [`PanelChain::builder`].
+#[derive(Clone, Debug, Default)]
+pub struct PanelBuilder {
+    segments: Vec<Segment>,
+}
+
+impl PanelBuilder {
+    /// Adds the next segment outwards.
+    #[must_use]
+    pub fn segment(mut self, s: Segment) -> Self {
+        self.segments.push(s);
+        self
+    }
+
+    /// The chain.
+    ///
+    /// # Errors
+    /// As [`PanelChain::new`].
+    pub fn build(self) -> Result<PanelChain, Problems> {
+        PanelChain::new(self.segments)
+    }
+}

@@ -1,0 +1,133 @@
+//! One rigid segment with its hinge, and what makes it acceptable.
+
+use ff_model::inertia::InertiaError;
+use ff_model::{Area, Inertia, Problem, Problems};
+use nalgebra::{Matrix3, Vector3};
+
+/// A rigid panel segment on a sprung, damped revolute hinge.
+///
+/// Hinge position and axis are geometry, assumed known; the ten inertial parameters, stiffness and damping
+/// are the nominal values of the parameters an estimator may change.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segment {
+    /// Ten inertial parameters about the hinge, in the segment frame (kg, kg m, kg m^2).
+    pub inertia: Inertia<f64>,
+    /// Hinge origin in the frame of the previous segment, or in the mount frame for segment 0 (m).
+    pub hinge: Vector3<f64>,
+    /// Hinge axis, the same components in the segment frame and in its parent; any length but zero.
+    pub axis: Vector3<f64>,
+    /// Spring stiffness `k >= 0` (N m/rad).
+    pub stiffness: f64,
+    /// Damper coefficient `d >= 0` (N m s/rad).
+    pub damping: f64,
+    /// Angle at which the spring is relaxed (rad).
+    pub rest: f64,
+}
+
+impl Segment {
+    /// A segment from its mass (kg), centre of mass (m) and inertia about the centre of mass (kg m^2), both
+    /// in the segment frame, on a hinge at `hinge` (m, parent frame) about `axis`; no spring, no damper.
+    ///
+    /// Nothing is checked here; [`crate::PanelChain::new`] checks everything at once.
+    pub fn new(
+        mass: f64,
+        com: Vector3<f64>,
+        inertia_com: &Matrix3<f64>,
+        hinge: Vector3<f64>,
+        axis: Vector3<f64>,
+    ) -> Self {
+        Self {
+            inertia: Inertia::from_com(mass, &com, inertia_com),
+            hinge,
+            axis,
+            stiffness: 0.0,
+            damping: 0.0,
+            rest: 0.0,
+        }
+    }
+
+    /// With spring stiffness `k` (N m/rad) and damper coefficient `d` (N m s/rad).
+    #[must_use]
+    pub fn with_spring(mut self, k: f64, d: f64) -> Self {
+        self.stiffness = k;
+        self.damping = d;
+        self
+    }
+
+    /// With the angle at which the spring is relaxed (rad).
+    #[must_use]
+    pub fn with_rest(mut self, rest: f64) -> Self {
+        self.rest = rest;
+        self
+    }
+
+    /// Adds everything that is wrong with segment number `i` to `problems`. Allocates on trouble only.
+    pub(crate) fn check(&self, i: usize, problems: &mut Problems) {
+        let mut bad = |code, key: &str, message: String, hint: &str| {
+            problems.push(Problem::error(Area::Config, code, message).on(format!("segments[{i}].{key}")).hint(hint));
+        };
+        for (key, unit, law, value) in [
+            ("stiffness_nm_per_rad", "N m/rad", "would push the hinge away from rest", self.stiffness),
+            ("damping_nms_per_rad", "N m s/rad", "would feed energy into the motion", self.damping),
+        ] {
+            if !value.is_finite() {
+                bad("Config::NotFinite", key, format!("{value} {unit} is not a finite number"), "give a number >= 0");
+            } else if value < 0.0 {
+                let why = format!("{value} {unit} is below the limit 0 {unit}: it {law}");
+                bad("Config::NotPassive", key, why, "give the magnitude; the restoring sign is built in");
+            }
+        }
+        if !self.rest.is_finite() {
+            bad(
+                "Config::NotFinite",
+                "rest_rad",
+                format!("{} rad is not a finite number", self.rest),
+                "0 is the default",
+            );
+        } else if self.rest.abs() > std::f64::consts::PI {
+            let why = format!("{} rad is outside the hinge range of -pi to pi rad", self.rest);
+            bad("Config::Param", "rest_rad", why, "angles are in rad, not in degrees");
+        }
+        if self.hinge.iter().any(|x| !x.is_finite()) {
+            let why = format!("{:?} m holds a number that is not finite", self.hinge.as_slice());
+            bad("Config::NotFinite", "hinge_m", why, "give three finite coordinates in the parent frame");
+        }
+        if self.axis.iter().any(|x| !x.is_finite()) {
+            let why = format!("{:?} holds a number that is not finite", self.axis.as_slice());
+            bad("Config::NotFinite", "hinge_axis", why, "give a direction such as [0.0, 1.0, 0.0]");
+        } else if !(AXIS_MIN..=AXIS_MAX).contains(&self.axis.amax()) {
+            // The square of a subnormal or huge component under- or overflows: the direction would be noise.
+            let why = format!(
+                "{:?} has largest component {:e}, outside {AXIS_MIN:e} to {AXIS_MAX:e}: it gives no direction",
+                self.axis.as_slice(),
+                self.axis.amax()
+            );
+            bad("Config::Axis", "hinge_axis", why, "give a direction such as [0.0, 1.0, 0.0]; any length will do");
+        }
+        if let Err(e) = self.inertia.check() {
+            let (code, key, hint) = match &e {
+                InertiaError::NotFinite { name } => ("Config::NotFinite", key_of(name), "give finite numbers"),
+                InertiaError::NonPositiveMass { .. } => ("Config::Inertia", "mass_kg", "give a mass above 0 kg"),
+                _ => (
+                    "Config::Inertia",
+                    "inertia_com_kgm2",
+                    "give the inertia about the centre of mass, not about the hinge, in the order xx, xy, xz, yy, yz, zz",
+                ),
+            };
+            bad(code, key, e.to_string(), hint);
+        }
+    }
+}
+
+/// The mission-file key behind one of the ten inertial parameters.
+fn key_of(name: &str) -> &'static str {
+    match name {
+        "mass" => "mass_kg",
+        n if n.starts_with('h') => "com_m",
+        _ => "inertia_com_kgm2",
+    }
+}
+
+/// Shortest and longest largest component of a usable axis.
+const AXIS_MIN: f64 = 1e-9;
+const AXIS_MAX: f64 = 1e9;

@@ -1,0 +1,335 @@
+//! The one bridge between nalgebra (which everything here speaks) and faer (which factorises).
+//!
+//! Why a bridge: nalgebra's `svd()` does not return on NaN, its `cholesky()` accepts `+Inf`, and its
+//! `col_piv_qr()` pivots on the largest element instead of the largest column norm, so that it cannot
+//! reveal rank; faer's least squares answers a rank-deficient problem with coefficients of size 1e13.
+//! Every function below therefore checks its input for non-finite numbers *before* it factorises, and
+//! decides rank explicitly. All functions allocate their results. faer runs sequentially (no `rayon`
+//! feature), so that results repeat bit for bit on one machine.
+
+use faer::linalg::solvers::SolveLstsq;
+use faer::{MatRef, Side};
+use nalgebra::{Complex, DMatrix, DVector};
+
+/// Why a factorisation was refused or failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LinalgError {
+    /// An element is NaN or infinite.
+    #[error("{what} has a non-finite element at row {row}, column {column}")]
+    NotFinite {
+        /// Name of the matrix.
+        what: &'static str,
+        /// Row from 0.
+        row: usize,
+        /// Column from 0.
+        column: usize,
+    },
+    /// Shapes do not fit together.
+    #[error("{what} is {rows} x {columns}, needed {needed}")]
+    Shape {
+        /// Name of the matrix.
+        what: &'static str,
+        /// Rows it has.
+        rows: usize,
+        /// Columns it has.
+        columns: usize,
+        /// What was needed.
+        needed: String,
+    },
+    /// The columns are linearly dependent to working precision.
+    #[error("rank {rank} of {columns} columns; dependent columns {dependent:?} (in pivot order)")]
+    RankDeficient {
+        /// Numerical rank.
+        rank: usize,
+        /// Number of columns.
+        columns: usize,
+        /// Columns that pivoting left to last, from 0.
+        dependent: Vec<usize>,
+    },
+    /// An iterative factorisation gave up.
+    #[error("{what} did not converge")]
+    NoConvergence {
+        /// Which factorisation.
+        what: &'static str,
+    },
+}
+
+type Result<T> = core::result::Result<T, LinalgError>;
+
+/// faer's zero-copy view of a nalgebra matrix (both are column-major and contiguous).
+fn view(a: &DMatrix<f64>) -> MatRef<'_, f64> {
+    MatRef::from_column_major_slice(a.as_slice(), a.nrows(), a.ncols())
+}
+fn back(a: MatRef<'_, f64>) -> DMatrix<f64> {
+    DMatrix::from_fn(a.nrows(), a.ncols(), |i, j| a[(i, j)])
+}
+fn square(what: &'static str, a: &DMatrix<f64>) -> Result<()> {
+    if a.nrows() == a.ncols() {
+        return Ok(());
+    }
+    Err(LinalgError::Shape { what, rows: a.nrows(), columns: a.ncols(), needed: "a square matrix".into() })
+}
+
+/// Refuses a matrix that holds NaN or infinity. Does not allocate unless it refuses.
+///
+/// # Errors
+/// [`LinalgError::NotFinite`] with the first such element in column-major order.
+pub fn check_finite(what: &'static str, a: &DMatrix<f64>) -> Result<()> {
+    match a.as_slice().iter().position(|x| !x.is_finite()) {
+        None => Ok(()),
+        Some(k) => Err(LinalgError::NotFinite { what, row: k % a.nrows(), column: k / a.nrows() }),
+    }
+}
+
+/// Refuses a vector that holds NaN or infinity (see [`check_finite`]).
+///
+/// # Errors
+/// [`LinalgError::NotFinite`] with the first such element.
+pub fn check_finite_slice(what: &'static str, a: &[f64]) -> Result<()> {
+    match a.iter().position(|x| !x.is_finite()) {
+        None => Ok(()),
+        Some(row) => Err(LinalgError::NotFinite { what, row, column: 0 }),
+    }
+}
+
+/// The tolerance below which a singular value (or pivot) counts as zero, relative to the largest:
+/// `max(m, n) * 2.2e-16`, the rule of LAPACK and numpy.
+pub fn default_rank_tolerance(rows: usize, columns: usize) -> f64 {
+    rows.max(columns) as f64 * f64::EPSILON
+}
+
+/// `A^T A` (n x n) of an m x n matrix. Squares the condition number: see [`crate::lm`] for when that is safe.
+///
+/// # Errors
+/// [`LinalgError::NotFinite`].
+pub fn gram(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
+    check_finite("matrix", a)?;
+    let v = view(a);
+    Ok(back((v.transpose() * v).as_ref()))
+}
+
+/// Upper triangular `R` (min(m,n) x n) of `A = Q R`, without forming `Q`.
+///
+/// To reduce a least-squares problem `min |A x - b|`, pass `[A b]`: the last column of `R` is then
+/// `[Q^T b; rho]` with `rho` the norm of the residual. The sign of a row of `R` is not fixed.
+///
+/// # Errors
+/// [`LinalgError::NotFinite`].
+pub fn qr_r(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
+    check_finite("matrix", a)?;
+    let qr = view(a).qr();
+    Ok(back(qr.thin_R()).upper_triangle())
+}
+
+/// Least squares `min |A x - b|` for full column rank, by column-pivoted QR.
+///
+/// # Errors
+/// [`LinalgError::RankDeficient`] when a pivot falls below [`default_rank_tolerance`], naming the columns
+/// left over; [`LinalgError::Shape`] when m < n or `b` has another length; [`LinalgError::NotFinite`].
+pub fn least_squares(a: &DMatrix<f64>, b: &DVector<f64>) -> Result<DVector<f64>> {
+    let (m, n) = a.shape();
+    if m < n || b.len() != m {
+        return Err(LinalgError::Shape {
+            what: "least-squares matrix",
+            rows: m,
+            columns: n,
+            needed: format!("at least as many rows as columns, and {} rows for the right-hand side", b.len()),
+        });
+    }
+    check_finite_slice("right-hand side", b.as_slice())?;
+    let piv = col_piv_qr(a)?;
+    let rank = piv.rank(default_rank_tolerance(m, n));
+    if rank < n {
+        return Err(LinalgError::RankDeficient { rank, columns: n, dependent: piv.order[rank..].to_vec() });
+    }
+    let rhs = MatRef::from_column_major_slice(b.as_slice(), m, 1);
+    let x = view(a).col_piv_qr().solve_lstsq(rhs);
+    Ok(DVector::from_fn(n, |i, _| x[(i, 0)]))
+}
+
+/// `A P = Q R` with columns taken in order of largest remaining norm (LAPACK `geqp3`).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColPivQr {
+    /// Upper triangular factor, min(m,n) x n; `|R_ii|` does not increase.
+    pub r: DMatrix<f64>,
+    /// `order[k]` is the column of `A` that came k-th.
+    pub order: Vec<usize>,
+}
+
+impl ColPivQr {
+    /// Number of pivots above `tolerance * |R_00|`.
+    pub fn rank(&self, tolerance: f64) -> usize {
+        let k = self.r.nrows();
+        let limit = if k > 0 { tolerance * self.r[(0, 0)].abs() } else { 0.0 };
+        (0..k).take_while(|&i| self.r[(i, i)].abs() > limit).count()
+    }
+}
+
+/// Column-pivoted QR, for base parameters and rank decisions.
+///
+/// # Errors
+/// [`LinalgError::NotFinite`].
+pub fn col_piv_qr(a: &DMatrix<f64>) -> Result<ColPivQr> {
+    check_finite("matrix", a)?;
+    let qr = view(a).col_piv_qr();
+    let (order, _) = qr.P().arrays();
+    Ok(ColPivQr { r: back(qr.thin_R()).upper_triangle(), order: order.to_vec() })
+}
+
+/// Thin singular value decomposition `A = U diag(s) V^T`, `k = min(m, n)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Svd {
+    /// Left vectors, m x k.
+    pub u: DMatrix<f64>,
+    /// Singular values, descending.
+    pub s: DVector<f64>,
+    /// Right vectors, n x k (not transposed).
+    pub v: DMatrix<f64>,
+}
+
+impl Svd {
+    /// Number of singular values above `tolerance * s[0]`.
+    pub fn rank(&self, tolerance: f64) -> usize {
+        rank_of(self.s.as_slice(), tolerance)
+    }
+}
+
+/// Number of descending singular values above `tolerance * s[0]`; 0 for none or all zero.
+pub fn rank_of(s: &[f64], tolerance: f64) -> usize {
+    match s.first() {
+        Some(&top) if top > 0.0 => s.iter().take_while(|&&x| x > tolerance * top).count(),
+        _ => 0,
+    }
+}
+
+/// Thin SVD.
+///
+/// # Errors
+/// [`LinalgError::NotFinite`], [`LinalgError::NoConvergence`].
+pub fn svd(a: &DMatrix<f64>) -> Result<Svd> {
+    check_finite("matrix", a)?;
+    let d = view(a).thin_svd().map_err(|_| LinalgError::NoConvergence { what: "singular value decomposition" })?;
+    let s = d.S().column_vector();
+    Ok(Svd { u: back(d.U()), s: DVector::from_fn(s.nrows(), |i, _| s[i]), v: back(d.V()) })
+}
+
+/// Singular values, descending.
+///
+/// # Errors
+/// As [`svd`].
+pub fn singular_values(a: &DMatrix<f64>) -> Result<Vec<f64>> {
+    check_finite("matrix", a)?;
+    view(a).singular_values().map_err(|_| LinalgError::NoConvergence { what: "singular value decomposition" })
+}
+
+/// Eigenvalues (ascending) and orthonormal eigenvectors (columns) of a symmetric matrix; reads the lower half.
+///
+/// # Errors
+/// [`LinalgError::NotFinite`], [`LinalgError::Shape`], [`LinalgError::NoConvergence`].
+pub fn symmetric_eigen(a: &DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>)> {
+    square("symmetric matrix", a)?;
+    check_finite("symmetric matrix", a)?;
+    let e = view(a)
+        .self_adjoint_eigen(Side::Lower)
+        .map_err(|_| LinalgError::NoConvergence { what: "symmetric eigenvalue decomposition" })?;
+    let s = e.S().column_vector();
+    Ok((DVector::from_fn(s.nrows(), |i, _| s[i]), back(e.U())))
+}
+
+/// Eigenvalues and right eigenvectors (columns) of a general real matrix.
+pub type ComplexEigen = (Vec<Complex<f64>>, DMatrix<Complex<f64>>);
+
+/// Eigenvalues of a general real matrix and its right eigenvectors (columns, not normalised).
+///
+/// # Errors
+/// [`LinalgError::NotFinite`], [`LinalgError::Shape`], [`LinalgError::NoConvergence`].
+pub fn general_eigen(a: &DMatrix<f64>) -> Result<ComplexEigen> {
+    square("matrix", a)?;
+    check_finite("matrix", a)?;
+    let e = view(a).eigen().map_err(|_| LinalgError::NoConvergence { what: "eigenvalue decomposition" })?;
+    let s = e.S().column_vector();
+    let values = (0..s.nrows()).map(|i| Complex::new(s[i].re, s[i].im)).collect();
+    let u = e.U();
+    Ok((values, DMatrix::from_fn(u.nrows(), u.ncols(), |i, j| Complex::new(u[(i, j)].re, u[(i, j)].im))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn sample() -> DMatrix<f64> {
+        DMatrix::from_fn(7, 3, |i, j| ((3 * i + 5 * j + 1) as f64).sin() + 0.3 * (i as f64 - j as f64))
+    }
+
+    #[test]
+    fn least_squares_leaves_a_residual_orthogonal_to_the_columns() {
+        let a = sample();
+        let b = DVector::from_fn(7, |i, _| (1.7 * i as f64).cos());
+        let x = least_squares(&a, &b).unwrap();
+        assert!((a.transpose() * (&b - &a * &x)).norm() < 1e-13);
+        // The augmented triangle carries the same answer.
+        let mut ab = a.clone().insert_column(3, 0.0);
+        ab.set_column(3, &b);
+        let r = qr_r(&ab).unwrap();
+        let y = r.view((0, 0), (3, 3)).into_owned().solve_upper_triangular(&r.view((0, 3), (3, 1)).into_owned());
+        assert_relative_eq!(y.unwrap().column(0).into_owned(), x, max_relative = 1e-12);
+        assert_relative_eq!(r[(3, 3)].abs(), (&b - &a * &x).norm(), max_relative = 1e-12);
+    }
+
+    #[test]
+    fn rank_deficiency_names_the_dependent_columns_instead_of_returning_huge_numbers() {
+        let mut a = sample().insert_column(3, 0.0);
+        let c = a.column(0) * 2.0 - a.column(2) * 0.7;
+        a.set_column(3, &c);
+        let e = least_squares(&a, &DVector::from_element(7, 1.3)).unwrap_err();
+        assert!(matches!(e, LinalgError::RankDeficient { rank: 3, columns: 4, ref dependent } if dependent.len() == 1));
+    }
+
+    #[test]
+    fn pivoting_follows_column_norms() {
+        // The case in which nalgebra's `col_piv_qr` picks the largest element (crates.md, section 2).
+        let mut a = DMatrix::from_element(100, 3, 1.0);
+        a.column_mut(0).fill(0.0);
+        a[(0, 0)] = 5.0;
+        a[(17, 2)] += 1e-9;
+        let qr = col_piv_qr(&a).unwrap();
+        assert_eq!(qr.order[1], 0);
+        assert_relative_eq!(qr.r[(0, 0)].abs(), 10.0, max_relative = 1e-9);
+        assert!(qr.r[(2, 2)].abs() < 1e-8);
+    }
+
+    #[test]
+    fn factorisations_rebuild_the_matrix() {
+        let a = sample();
+        let d = svd(&a).unwrap();
+        assert_relative_eq!(&d.u * DMatrix::from_diagonal(&d.s) * d.v.transpose(), a, epsilon = 1e-13);
+        assert_eq!(d.rank(1e-12), 3);
+        assert_relative_eq!(DVector::from_vec(singular_values(&a).unwrap()), d.s, max_relative = 1e-12);
+        let g = gram(&a).unwrap();
+        assert_relative_eq!(g, a.transpose() * &a, max_relative = 1e-13);
+        let (w, v) = symmetric_eigen(&g).unwrap();
+        assert!(w[0] <= w[1] && w[1] <= w[2]);
+        assert_relative_eq!(&g * &v, &v * DMatrix::from_diagonal(&w), epsilon = 1e-12);
+        let m = DMatrix::from_row_slice(2, 2, &[0.3, -1.7, 0.9, 0.4]);
+        let (l, u) = general_eigen(&m).unwrap();
+        let mc = m.map(|x| Complex::new(x, 0.0));
+        for k in 0..2 {
+            assert!((&mc * u.column(k) - u.column(k) * l[k]).norm() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn non_finite_input_stops_at_the_door() {
+        let mut a = sample();
+        a[(4, 1)] = f64::INFINITY;
+        let e = LinalgError::NotFinite { what: "matrix", row: 4, column: 1 };
+        assert_eq!(svd(&a).unwrap_err(), e);
+        assert_eq!(gram(&a).unwrap_err(), e);
+        assert_eq!(col_piv_qr(&a).unwrap_err(), e);
+        assert_eq!(qr_r(&a).unwrap_err(), e);
+        let square =
+            LinalgError::Shape { what: "symmetric matrix", rows: 7, columns: 3, needed: "a square matrix".into() };
+        assert_eq!(symmetric_eigen(&a).unwrap_err(), square);
+    }
+}

@@ -1,0 +1,287 @@
+//! Power spectral density by Welch's method.
+//!
+//! For segments `x_k` of length L, mean removed, window w (periodic Hann, `w_i = (1 - cos(2 pi i / L)) / 2`),
+//! overlapping by half, the one-sided density is
+//!
+//! ```text
+//! S(f_j) = c_j / (fs sum(w^2)) * mean_k |FFT(w (x_k - mean x_k))_j|^2,   c_j = 2, but 1 at f = 0 and Nyquist
+//! ```
+//!
+//! in (unit of x)^2 / Hz, so that the integral of S over f is the variance of x. The numbers are those of
+//! `scipy.signal.welch` with its defaults (P. Welch, IEEE Trans. Audio Electroacoustics 15(2), 1967).
+
+use realfft::{RealFftPlanner, RealToComplex};
+use rustfft::num_complex::Complex;
+use std::sync::Arc;
+
+/// Why there is no spectrum.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PsdError {
+    /// The segment is longer than the record, or too short to mean anything.
+    #[error("segment of {segment} samples does not fit a record of {samples} samples (need 8 <= segment <= samples)")]
+    Segment {
+        /// Samples per segment asked for.
+        segment: usize,
+        /// Samples in the record.
+        samples: usize,
+    },
+    /// The lowest frequency of interest cannot be told from its neighbours (bad-inputs row D23).
+    #[error(
+        "frequency resolution {df:.4} Hz is coarser than a fifth of {f_min:.4} Hz: record at least {need_seconds:.1} s \
+         (have {have_seconds:.1} s)"
+    )]
+    Resolution {
+        /// Resolution of the record (or segment), 1 / duration (Hz).
+        df: f64,
+        /// Lowest frequency of interest (Hz).
+        f_min: f64,
+        /// Duration in hand (s).
+        have_seconds: f64,
+        /// Duration that would do (s).
+        need_seconds: f64,
+    },
+    /// The sampling rate is too low for the highest frequency of interest (bad-inputs row D24).
+    #[error(
+        "sampling at {rate_hz} Hz cannot show {f_max} Hz: sample at {need_hz} Hz or faster, behind an anti-alias filter"
+    )]
+    Nyquist {
+        /// Sampling rate (Hz).
+        rate_hz: f64,
+        /// Highest frequency of interest (Hz).
+        f_max: f64,
+        /// Rate that would do: 2.5 f_max (Hz).
+        need_hz: f64,
+    },
+    /// A sample is NaN or infinite.
+    #[error("sample {row} is not finite")]
+    NotFinite {
+        /// Index of the sample, from 0.
+        row: usize,
+    },
+    /// Rate, weight or frequency that is not positive and finite.
+    #[error("{what} is {value}, must be positive and finite")]
+    NotPositive {
+        /// What it is.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// Spectra to be summed have different grids, or there are none.
+    #[error("{0}")]
+    Mismatch(String),
+    /// The transform refused its buffers; a bug in this module.
+    #[error("fast Fourier transform: {0}")]
+    Transform(String),
+}
+
+impl PsdError {
+    /// Process exit code of `bad-inputs.md`: 13 (ill-posed) for resolution and rate, else 12 (data).
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Resolution { .. } | Self::Nyquist { .. } => 13,
+            _ => 12,
+        }
+    }
+}
+
+/// A one-sided spectral density on a uniform grid from 0 to Nyquist.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Psd {
+    /// Frequencies (Hz), `j df`.
+    pub frequency: Vec<f64>,
+    /// Density ((unit of the signal)^2 / Hz; for a weighted sum 1 / Hz).
+    pub density: Vec<f64>,
+    /// Spacing of the grid = `rate / segment` (Hz). No frequency read off is known better than +- df/2.
+    pub df: f64,
+    /// Samples per segment.
+    pub segment: usize,
+    /// Number of segments averaged; the relative deviation of a bin is about `1 / sqrt(segments)`.
+    pub segments: usize,
+    /// Sampling rate (Hz).
+    pub rate_hz: f64,
+}
+
+/// Welch's method for one segment length. Owns every buffer, so that the transform, which panics on a
+/// buffer of the wrong length, never meets one (bad-inputs row D38).
+pub struct Welch {
+    rate_hz: f64,
+    window: Vec<f64>,
+    /// `1 / (fs sum(w^2))`.
+    scale: f64,
+    plan: Arc<dyn RealToComplex<f64>>,
+    input: Vec<f64>,
+    output: Vec<Complex<f64>>,
+    scratch: Vec<Complex<f64>>,
+}
+
+impl core::fmt::Debug for Welch {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Welch").field("segment", &self.window.len()).field("rate_hz", &self.rate_hz).finish()
+    }
+}
+
+impl Welch {
+    /// Plans segments of `segment` samples at `rate_hz`. Allocates every buffer.
+    ///
+    /// # Errors
+    /// [`PsdError::Segment`] below 8 samples, [`PsdError::NotPositive`] for the rate.
+    pub fn new(segment: usize, rate_hz: f64) -> Result<Self, PsdError> {
+        positive("sampling rate", rate_hz)?;
+        if segment < 8 {
+            return Err(PsdError::Segment { segment, samples: segment });
+        }
+        let step = core::f64::consts::TAU / segment as f64;
+        let window: Vec<f64> = (0..segment).map(|i| 0.5 - 0.5 * (step * i as f64).cos()).collect();
+        let scale = 1.0 / (rate_hz * window.iter().map(|w| w * w).sum::<f64>());
+        let plan = RealFftPlanner::new().plan_fft_forward(segment);
+        let (input, output, scratch) = (plan.make_input_vec(), plan.make_output_vec(), plan.make_scratch_vec());
+        Ok(Self { rate_hz, window, scale, plan, input, output, scratch })
+    }
+
+    /// The spectrum of one channel. Samples after the last whole segment are not used (as scipy does not).
+    /// Allocates only the result.
+    ///
+    /// # Errors
+    /// [`PsdError::Segment`] if `x` is shorter than one segment, [`PsdError::NotFinite`].
+    pub fn run(&mut self, x: &[f64]) -> Result<Psd, PsdError> {
+        let l = self.window.len();
+        if x.len() < l {
+            return Err(PsdError::Segment { segment: l, samples: x.len() });
+        }
+        if let Some(row) = x.iter().position(|v| !v.is_finite()) {
+            return Err(PsdError::NotFinite { row });
+        }
+        let hop = l - l / 2;
+        let segments = (x.len() - l) / hop + 1;
+        let mut density = vec![0.0; self.output.len()];
+        for k in 0..segments {
+            let part = &x[k * hop..k * hop + l];
+            let mean = part.iter().sum::<f64>() / l as f64;
+            for (y, (v, w)) in self.input.iter_mut().zip(part.iter().zip(&self.window)) {
+                *y = (v - mean) * w;
+            }
+            self.plan
+                .process_with_scratch(&mut self.input, &mut self.output, &mut self.scratch)
+                .map_err(|e| PsdError::Transform(e.to_string()))?;
+            for (d, z) in density.iter_mut().zip(&self.output) {
+                *d += z.norm_sqr();
+            }
+        }
+        let last = density.len() - 1;
+        for (j, d) in density.iter_mut().enumerate() {
+            // Negative frequencies are folded onto positive ones; 0 and (for even L) Nyquist have no twin.
+            let fold = if j == 0 || (j == last && l.is_multiple_of(2)) { 1.0 } else { 2.0 };
+            *d *= fold * self.scale / segments as f64;
+        }
+        let df = self.rate_hz / l as f64;
+        let frequency = (0..density.len()).map(|j| j as f64 * df).collect();
+        Ok(Psd { frequency, density, df, segment: l, segments, rate_hz: self.rate_hz })
+    }
+}
+
+impl Psd {
+    /// The sum of channels in units of their own noise: `S = sum_i S_i / sigma_i^2` (1/Hz), so that torque
+    /// (N m) and gyro (rad/s) add up. White noise alone gives `2 n / rate`.
+    ///
+    /// # Errors
+    /// [`PsdError::Mismatch`] for different grids, none, or another number of sigmas;
+    /// [`PsdError::NotPositive`] for a sigma.
+    pub fn weighted_sum(channels: &[Self], sigma: &[f64]) -> Result<Self, PsdError> {
+        let [first, rest @ ..] = channels else {
+            return Err(PsdError::Mismatch("no channels to sum".into()));
+        };
+        if sigma.len() != channels.len() {
+            return Err(PsdError::Mismatch(format!("{} sigmas for {} channels", sigma.len(), channels.len())));
+        }
+        if let Some(k) = rest.iter().position(|c| c.segment != first.segment || c.rate_hz != first.rate_hz) {
+            return Err(PsdError::Mismatch(format!("channel {} has another segment length or rate", k + 1)));
+        }
+        let mut out = first.clone();
+        out.density.fill(0.0);
+        for (c, &s) in channels.iter().zip(sigma) {
+            positive("sigma", s)?;
+            for (o, d) in out.density.iter_mut().zip(&c.density) {
+                *o += d / (s * s);
+            }
+            out.segments = out.segments.min(c.segments);
+        }
+        Ok(out)
+    }
+    /// The integral of the density (the variance of the signal, about its segment means), by rectangles.
+    pub fn variance(&self) -> f64 {
+        self.density.iter().sum::<f64>() * self.df
+    }
+}
+
+/// Refuses a record (or segment) of `seconds` for a lowest frequency of interest `f_min` when `1/seconds`
+/// exceeds a fifth of it (bad-inputs row D23; the paper read a slosh mode off bins as wide as itself).
+///
+/// # Errors
+/// [`PsdError::Resolution`], [`PsdError::NotPositive`].
+pub fn check_resolution(seconds: f64, f_min: f64) -> Result<(), PsdError> {
+    positive("duration", seconds)?;
+    positive("lowest frequency", f_min)?;
+    let (df, need_seconds) = (1.0 / seconds, 5.0 / f_min);
+    // A relative hair, so that a record of exactly the length asked for passes.
+    if seconds < need_seconds * (1.0 - 1e-9) {
+        return Err(PsdError::Resolution { df, f_min, have_seconds: seconds, need_seconds });
+    }
+    Ok(())
+}
+
+/// Refuses a sampling rate below 2.5 times the highest frequency of interest (bad-inputs row D24).
+///
+/// # Errors
+/// [`PsdError::Nyquist`], [`PsdError::NotPositive`].
+pub fn check_rate(rate_hz: f64, f_max: f64) -> Result<(), PsdError> {
+    positive("sampling rate", rate_hz)?;
+    positive("highest frequency", f_max)?;
+    let need_hz = 2.5 * f_max;
+    if rate_hz < need_hz { Err(PsdError::Nyquist { rate_hz, f_max, need_hz }) } else { Ok(()) }
+}
+
+fn positive(what: &'static str, value: f64) -> Result<(), PsdError> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { Err(PsdError::NotPositive { what, value }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn the_integral_of_the_density_is_the_variance() {
+        let x: Vec<f64> =
+            (0..4096).map(|i| 1.3 * (0.11 * i as f64).sin() + 0.4 * (0.9 * i as f64).cos() + 7.0).collect();
+        let p = Welch::new(1024, 50.0).unwrap().run(&x).unwrap();
+        assert_relative_eq!(p.variance(), (1.3f64.powi(2) + 0.4f64.powi(2)) / 2.0, max_relative = 2e-3);
+        assert_eq!((p.segments, p.density.len()), (7, 513));
+        let s = Psd::weighted_sum(&[p.clone(), p.clone()], &[0.5, 2.0]).unwrap();
+        assert_relative_eq!(s.density[20], p.density[20] * (4.0 + 0.25), max_relative = 1e-14);
+    }
+
+    #[test]
+    fn bad_input_is_named() {
+        let mut w = Welch::new(64, 10.0).unwrap();
+        assert_eq!(w.run(&[1.0; 63]).unwrap_err(), PsdError::Segment { segment: 64, samples: 63 });
+        let mut x = [0.3; 200];
+        x[170] = f64::NAN;
+        assert_eq!(w.run(&x).unwrap_err(), PsdError::NotFinite { row: 170 });
+        assert!(Welch::new(4, 10.0).is_err() && Welch::new(64, f64::NAN).is_err());
+        let p = w.run(&[0.3; 64]).unwrap();
+        assert!(Psd::weighted_sum(&[], &[]).is_err());
+        assert!(Psd::weighted_sum(std::slice::from_ref(&p), &[0.0]).is_err());
+        let other = Welch::new(32, 10.0).unwrap().run(&[0.3; 64]).unwrap();
+        assert!(Psd::weighted_sum(&[p, other], &[1.0, 1.0]).is_err());
+    }
+
+    #[test]
+    fn a_short_record_says_how_long_it_should_be() {
+        // Seventeen seconds for the paper's 0.06 Hz slosh mode.
+        let e = check_resolution(17.0, 0.06).unwrap_err();
+        assert!(matches!(e, PsdError::Resolution { need_seconds, .. } if (need_seconds - 83.333).abs() < 1e-2));
+        assert_eq!(e.exit_code(), 13);
+        assert!(check_resolution(5.0 / 0.06, 0.06).is_ok());
+        assert!(check_rate(2.0, 0.9).is_err() && check_rate(100.0, 0.9).is_ok());
+    }
+}

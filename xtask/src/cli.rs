@@ -1,0 +1,46 @@
+//! The command line: parse, dispatch, map the outcome to an exit code.
+
+use crate::exit::{self, Exit};
+use crate::{ci, fixtures, reproduce, suite};
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Project tasks.
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask", version, about, after_help = exit::HELP)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// One variant per command; each has its own file.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run every test of the workspace, doc tests included
+    Test(suite::Args),
+    /// Write fixtures/SHA256SUMS, or verify it with --check
+    Fixtures(fixtures::Args),
+    /// Run the steps of .ci/run
+    Ci,
+    /// Run the paper's study end to end: tables, figures, series, summary.json
+    Reproduce(reproduce::Args),
+}
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    // clap exits by itself on bad usage, with code 2: the code of the project's table.
+    let cli = Cli::parse();
+    let outcome = match &cli.command {
+        Command::Test(args) => suite::run(args),
+        Command::Fixtures(args) => fixtures::run(args),
+        Command::Ci => ci::run(),
+        Command::Reproduce(args) => reproduce::run(args),
+    };
+    match outcome {
+        Ok(()) => ExitCode::from(Exit::Done.code()),
+        Err(e) => {
+            eprintln!("error: {e:#}");
+            ExitCode::from(exit::code_of(&e))
+        }
+    }
+}
