@@ -246,7 +246,7 @@ fn all_problems_of_a_mission_are_listed_at_once() {
         ("Config::NotUnit", 18),
         ("Config::OutOfRange", 25),
         ("Config::UnknownKey", 27),
-        ("Config::WrongType", 30),
+        ("Config::Type", 30),
     ];
     for (code, line) in want {
         assert!(

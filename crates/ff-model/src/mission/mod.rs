@@ -216,7 +216,9 @@ fn read(
             model.add_rigid(f.body, &r.body.inertia().to_parent(&f.placement));
         }
     }
-    let complete = drafts.iter().map(|d| mount(&mut model, &frames, d)).fold(true, |all, one| all && one);
+    // Mount all before asking whether all could be, so that each says what is wrong with it.
+    let mounted: Vec<bool> = drafts.iter().map(|d| mount(&mut model, &frames, d)).collect();
+    let complete = mounted.iter().all(|&m| m);
     let appendages = drafts.iter().filter_map(Draft::spec).collect();
     let mut estimated = Vec::new();
     // With an appendage missing, patterns for its parameters would be reported as well.
