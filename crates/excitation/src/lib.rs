@@ -1,5 +1,23 @@
 //! Excitation trajectories: B-splines, limits that hold for all time, costs and an optimiser
+//!
+//! [`manoeuvre`] is the paper's simplified excitation; [`spline_plan`], [`cost`] and [`sqp`] its trajectory
+//! optimisation (eqs. 9-10, corrected); [`random`] gives seeded feasible trajectories; [`limits`] proves that
+//! any of them keeps the joint limits for all time.
 
+pub mod cost;
+pub mod limits;
 pub mod manoeuvre;
+mod qp;
+pub mod random;
+pub mod spline_plan;
+pub mod sqp;
 
+pub use cost::base::{BaseMotion, BasePartials, BaseResponse};
+pub use cost::information::{Information, SampleInformation};
+pub use cost::spectrum::{Modal, Quiet, Target};
+pub use cost::{Cost, CostSum, Form};
+pub use limits::{JointLimits, LimitError, LimitReport, Margin, Quantity, check_for_all_time, check_manoeuvre};
 pub use manoeuvre::{Extent, JointCommand, Manoeuvre, ManoeuvreError, ManoeuvreSpec, Move, Shape};
+pub use random::{feasible_start, random_plan};
+pub use spline_plan::{Duration, End, PlanError, PlanSpec, SplinePlan, Which};
+pub use sqp::{MultiStart, Outcome, SqpOptions, Status, minimise, multi_start};

@@ -14,7 +14,7 @@
 //! period of a rounded square wave.
 
 use crate::manoeuvre::ManoeuvreError as E;
-use ff_dynamics::motion::Motion;
+use ff_dynamics::motion::JointMotion;
 use thiserror::Error;
 
 /// Why a manoeuvre is impossible.
@@ -138,7 +138,7 @@ struct Piece {
     j: f64,
 }
 
-/// Fast joint moves with continuous acceleration, then a hold. Implements [`Motion`].
+/// Fast joint moves with continuous acceleration, then a hold. Implements [`JointMotion`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Manoeuvre {
     start: Vec<f64>,
@@ -159,7 +159,7 @@ struct Profile {
 }
 
 impl Manoeuvre {
-    /// Builds the manoeuvre. Allocates; [`Motion::eval`] does not.
+    /// Builds the manoeuvre. Allocates; [`JointMotion::eval`] does not.
     ///
     /// # Errors
     /// [`ManoeuvreError`] naming the argument that is out of range.
@@ -175,7 +175,7 @@ impl Manoeuvre {
         if let Some(h) = spec.grid {
             positive("sample time of the grid", h)?;
         }
-        let up = |x: f64| spec.grid.map_or(x, |h| (x / h - 1e-9).ceil().max(0.0) * h);
+        let up = |x: f64| spec.grid.map_or(x, |h| grid_up(x, h));
         let snap = |x: f64| spec.grid.map_or(x, |h| (x / h).round() * h);
         let lead = up(spec.lead);
         let mut pieces = vec![Vec::new(); n];
@@ -231,7 +231,7 @@ impl Manoeuvre {
     }
 }
 
-impl Motion for Manoeuvre {
+impl JointMotion for Manoeuvre {
     fn dof(&self) -> usize {
         self.start.len()
     }
@@ -263,7 +263,7 @@ impl Profile {
         let (vmax, amax) = (c.velocity, c.acceleration);
         positive("velocity of a command", vmax)?;
         positive("acceleration of a command", amax)?;
-        let up = |x: f64| grid.map_or(x, |h| (x / h - 1e-9).ceil().max(0.0) * h);
+        let up = |x: f64| grid.map_or(x, |h| grid_up(x, h));
         let down = |x: f64| grid.map_or(x, |h| (x / h + 1e-9).floor() * h);
         let r = up(ramp);
         let full = (vmax / amax - r).max(0.0); // plateau that reaches full speed
@@ -346,6 +346,11 @@ impl Profile {
         out.push(Piece { t, q: end, v: 0.0, a: 0.0, j: 0.0 });
         out
     }
+}
+
+/// The next multiple of `h`; what is one but for rounding stays.
+fn grid_up(x: f64, h: f64) -> f64 {
+    (x / h * (1.0 - 1e-13)).ceil().max(0.0) * h
 }
 
 fn finite(what: &'static str, value: f64) -> Result<(), ManoeuvreError> {

@@ -1,8 +1,8 @@
 //! The simplified manoeuvre of the paper: limits, exact angles, continuity, timing.
 
 use approx::assert_relative_eq;
-use excitation::{Extent, JointCommand, Manoeuvre, ManoeuvreError, ManoeuvreSpec, Shape};
-use ff_dynamics::motion::Motion;
+use excitation::{Extent, JointCommand, JointLimits, Manoeuvre, ManoeuvreError, ManoeuvreSpec, Shape, check_manoeuvre};
+use ff_dynamics::motion::{JointMotion, Sequence};
 
 fn command(joint: usize, shape: Shape, extent: Extent) -> JointCommand {
     JointCommand { joint, shape, extent, velocity: 0.17, acceleration: 0.15 }
@@ -122,4 +122,30 @@ fn several_joints_and_bad_arguments() {
     assert!(matches!(bad(|s| s.commands[0].extent = Extent::Angle(f64::NAN)), ManoeuvreError::Value { .. }));
     assert!(matches!(bad(|s| s.start[1] = f64::INFINITY), ManoeuvreError::Value { .. }));
     assert!(matches!(bad(|s| s.grid = Some(0.0)), ManoeuvreError::Value { .. }));
+}
+
+#[test]
+fn grid_manoeuvres_keep_their_limits_exactly_and_join() {
+    let model = ff_model::JointLimits { lower: -3.0, upper: 3.0, velocity: 0.17, effort: 9.0 };
+    let limits = [JointLimits::from_model(&model, 0.15); 3];
+    for k in 1..400 {
+        let grid = [None, Some(0.01), Some(0.004), Some(1.0 / 128.0)][k % 4];
+        let shape = if k % 3 == 0 { Shape::Single } else { Shape::Doublet };
+        let extent = if k % 5 == 0 {
+            Extent::HalfPeriod { frequency: 0.05 + 0.003 * k as f64, negative: k % 2 == 0 }
+        } else {
+            Extent::Angle(0.0031 * k as f64 * if k % 2 == 0 { 1.0 } else { -1.0 })
+        };
+        let mut s = spec(vec![command(0, shape, extent)], grid);
+        s.ramp = 0.02 + 0.0001 * k as f64;
+        let first = Manoeuvre::new(&s).unwrap();
+        let report = check_manoeuvre(&first, &limits).unwrap();
+        assert!(report.holds, "{k}: {:?}", report.worst());
+        // A second one starts where the first ended.
+        s.start[0] = if shape == Shape::Single { s.start[0] + first.moves()[0].angle } else { s.start[0] };
+        let second = Manoeuvre::new(&s).unwrap();
+        let end = first.duration();
+        let both = Sequence::new(vec![Box::new(first), Box::new(second)]).unwrap();
+        assert!(both.breaks().contains(&end));
+    }
 }

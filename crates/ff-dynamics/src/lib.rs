@@ -47,7 +47,7 @@ pub use prescribed::{Prescribed, Sampling};
 pub use reduced::{ReducedError, Response, simulate_reduced};
 pub use regressor::{body_regressor, regressor};
 pub use rnea::{bias, rnea};
-pub use sensitivity::{Sensitivities, Wanted, sensitivities};
+pub use sensitivity::{Sensitivities, Wanted, reduced_torques, sensitivities};
 pub use sensors::{Channel, Readings, SensorSuite, measure};
 pub use simulate::{Drive, SimError, SimOptions, Trace, simulate};
 pub use state::State;

@@ -1,7 +1,7 @@
 //! Prescribed joint motion: what a position-controlled arm does, as a function of time.
 //!
 //! A free-floating system whose arm is position-controlled needs no joint states: the simulator asks a
-//! [`Motion`] for `(q, qd, qdd)` at each stage time. Units are rad, rad/s, rad/s^2 for rotary joints and
+//! [`JointMotion`] for `(q, qd, qdd)` at each stage time. Units are rad, rad/s, rad/s^2 for rotary joints and
 //! m, m/s, m/s^2 for sliding ones.
 
 use std::sync::Arc;
@@ -68,7 +68,7 @@ pub enum MotionError {
 ///
 /// Before 0 and after the duration the motion is held at its end position with rates and accelerations
 /// zero; both end points belong to the motion itself.
-pub trait Motion: Send + Sync {
+pub trait JointMotion: Send + Sync {
     /// Number of joints `n`.
     fn dof(&self) -> usize;
     /// Length of the motion (s), finite and not negative.
@@ -89,7 +89,7 @@ pub trait Motion: Send + Sync {
 
 macro_rules! forward_motion {
     ($($ptr:ty),*) => {$(
-        impl<M: Motion + ?Sized> Motion for $ptr {
+        impl<M: JointMotion + ?Sized> JointMotion for $ptr {
             fn dof(&self) -> usize {
                 (**self).dof()
             }
@@ -144,7 +144,7 @@ impl Hold {
     }
 }
 
-impl Motion for Hold {
+impl JointMotion for Hold {
     fn dof(&self) -> usize {
         self.q.len()
     }
@@ -163,7 +163,7 @@ impl Motion for Hold {
 /// positions and rates may not: a jump in rate is an impulse that no integrator would see, so momentum
 /// would silently not be conserved.
 pub struct Sequence {
-    parts: Vec<Box<dyn Motion>>,
+    parts: Vec<Box<dyn JointMotion>>,
     starts: Vec<f64>,
     duration: f64,
 }
@@ -180,7 +180,7 @@ impl Sequence {
     /// # Errors
     /// [`MotionError`] if there is no part, the numbers of joints differ, a duration is bad, or a position
     /// or rate differs by more than [`JOIN_TOLERANCE`] across a join.
-    pub fn new(parts: Vec<Box<dyn Motion>>) -> Result<Self, MotionError> {
+    pub fn new(parts: Vec<Box<dyn JointMotion>>) -> Result<Self, MotionError> {
         let n = parts.first().ok_or(MotionError::Empty("segment"))?.dof();
         let mut starts = Vec::with_capacity(parts.len());
         let mut duration = 0.0;
@@ -216,7 +216,7 @@ impl Sequence {
     }
 }
 
-impl Motion for Sequence {
+impl JointMotion for Sequence {
     fn dof(&self) -> usize {
         self.parts[0].dof()
     }
@@ -300,7 +300,7 @@ impl HermiteTable {
     ///
     /// # Errors
     /// [`MotionError`] as [`HermiteTable::new`].
-    pub fn sample(motion: &dyn Motion, step: f64) -> Result<Self, MotionError> {
+    pub fn sample(motion: &dyn JointMotion, step: f64) -> Result<Self, MotionError> {
         check_time("sample time", step, true)?;
         let n = motion.dof();
         let samples = (motion.duration() / step - 1e-9).ceil().max(0.0) as usize + 1;
@@ -321,7 +321,7 @@ impl HermiteTable {
     }
 }
 
-impl Motion for HermiteTable {
+impl JointMotion for HermiteTable {
     fn dof(&self) -> usize {
         self.dof
     }

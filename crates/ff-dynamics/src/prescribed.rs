@@ -13,7 +13,7 @@
 //! evaluation costs the same whatever the number of joints. The same sums over the subtree of joint `j`,
 //! projected on `J_j`, give its torque.
 
-use crate::motion::Motion as JointMotion;
+use crate::motion::JointMotion;
 use crate::work::Work;
 use ff_model::{Force, Inertia, JointKind, Model, Motion, Params, Xform};
 use nalgebra::{Matrix3, Vector3};

@@ -131,7 +131,7 @@ impl<'a> Tangent<'a> {
 
     /// Fills `R_z` and `R_p` at `(node, z, u)`; `f64` port terms are taken from `real`.
     fn evaluate(&mut self, node: usize, z: &[f64], u: &[f64], real: &ReducedWork<f64>) {
-        let (m, nz) = (self.model.np(), z.len());
+        let nz = z.len();
         for (g, &x) in self.ug.iter_mut().zip(u) {
             *g = Grad::constant(x);
         }
@@ -155,6 +155,12 @@ impl<'a> Tangent<'a> {
             }
             first += count;
         }
+        self.parameters(node, z, u, real);
+    }
+
+    /// Fills `R_p` alone.
+    fn parameters(&mut self, node: usize, z: &[f64], u: &[f64], real: &ReducedWork<f64>) {
+        let m = self.model.np();
         self.rp.fill(0.0);
         let (v, a) = (Motion::from_slice(z), Motion::<f64>::from_slice(u));
         let frames = self.table.frames_at(node);
@@ -358,4 +364,55 @@ pub fn sensitivities(
         }
     }
     Ok((out, sens))
+}
+
+/// Joint torques of a rigid system for measured base rates, base acceleration eliminated: the reduced
+/// dynamics of the RDA, with exact parameter derivatives.
+///
+/// `rates` is `N x 3`, the base angular velocity at the samples. Momentum conservation gives the base
+/// acceleration, `A = -H_b^-1 (H_bm qdd + c_b)`, whatever the linear velocity (Galilean invariance), and
+///
+/// ```text
+/// tau = H_m qdd + H_bm^T A + c_m = N^T Y phi,     d tau / d phi = N^T Y(A),     N^T = [-H_bm^T H_b^-1, 1].
+/// ```
+///
+/// Rackl, Lampariello, Albu-Schaeffer 2013 (the paper's reference [2]); `docs/theory/rda.md`. Returns torques
+/// (`N x n`) and their derivatives (`(N n) x P`, columns as in `wanted.params`). Allocates the results.
+///
+/// # Errors
+/// [`ReducedError`].
+///
+/// # Panics
+/// If the model has passive coordinates, `wanted.initial` is not empty, or a shape is wrong.
+pub fn reduced_torques(
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    rates: &DMatrix<f64>,
+    wanted: &Wanted,
+) -> Result<(DMatrix<f64>, DMatrix<f64>), ReducedError> {
+    check(model)?;
+    assert_eq!(model.np(), 0, "reduced torques are those of a rigid model");
+    assert!(wanted.initial.is_empty(), "there is no initial state to differentiate with respect to");
+    assert_eq!(rates.shape(), (table.samples, 3), "base rates");
+    let (n, nj, np) = (table.samples, model.nj(), wanted.params.len());
+    let mut sys = Reduced::new(model, params, table);
+    let mut tan = Tangent::new(model, params, table, wanted);
+    let (mut tau, mut d) = (DMatrix::zeros(n, nj), DMatrix::zeros(n * nj, np));
+    let (mut u, mut du, dz) = ([0.0; 6], vec![0.0; 6 * np], vec![0.0; 6 * np]);
+    let mut row = vec![0.0; nj];
+    for i in 0..n {
+        let z = [0.0, 0.0, 0.0, rates[(i, 0)], rates[(i, 1)], rates[(i, 2)]];
+        let node = i * 2 * table.substeps;
+        sys.accelerations(node, &z, &mut u)?;
+        torques(model, table, i, &Motion::from_slice(&z), &Motion::from_slice(&u), &[], &mut row);
+        row.iter().enumerate().for_each(|(j, &t)| tau[(i, j)] = t);
+        tan.parameters(node, &z, &u, &sys.work);
+        tan.solve(&sys.mass, &dz, &mut du);
+        for c in 0..np {
+            let out = &mut d.as_mut_slice()[c * n * nj + i * nj..][..nj];
+            tan.torque(i, c, &z, &dz[..6], &du[c * 6..c * 6 + 6], &sys.work, out);
+        }
+    }
+    Ok((tau, d))
 }

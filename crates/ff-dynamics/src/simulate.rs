@@ -3,7 +3,7 @@
 use crate::aba::{SingularInertia, forward_dynamics, hybrid_dynamics};
 use crate::integrate::{QUADRATURES, Rkmk4};
 use crate::momentum::{Budget, budget};
-use crate::motion::Motion as JointMotion;
+use crate::motion::JointMotion;
 use crate::state::State;
 use crate::work::Work;
 use ff_model::{Model, ModelScalar, Params};

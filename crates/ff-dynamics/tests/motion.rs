@@ -1,7 +1,7 @@
 //! Hold, sequence and Hermite table.
 
 use approx::assert_relative_eq;
-use ff_dynamics::motion::{HermiteTable, Hold, Motion, MotionError, Sequence};
+use ff_dynamics::motion::{HermiteTable, Hold, JointMotion, MotionError, Sequence};
 
 /// Joint `i` follows a polynomial of degree 5 with no vanishing coefficient.
 struct Quintic(f64);
@@ -15,7 +15,7 @@ fn poly(i: usize, t: f64) -> (f64, f64, f64) {
     )
 }
 
-impl Motion for Quintic {
+impl JointMotion for Quintic {
     fn dof(&self) -> usize {
         2
     }
@@ -29,7 +29,7 @@ impl Motion for Quintic {
     }
 }
 
-fn at(m: &dyn Motion, t: f64) -> ([f64; 2], [f64; 2], [f64; 2]) {
+fn at(m: &dyn JointMotion, t: f64) -> ([f64; 2], [f64; 2], [f64; 2]) {
     let (mut q, mut qd, mut qdd) = ([9.0; 2], [9.0; 2], [9.0; 2]);
     m.eval(t, &mut q, &mut qd, &mut qdd);
     (q, qd, qdd)
@@ -65,7 +65,7 @@ fn hermite_table_returns_samples_bit_for_bit() {
 #[test]
 fn sequence_joins_and_reports_breaks() {
     let (q0, _, _) = at(&Quintic(1.0), 0.0);
-    let parts: Vec<Box<dyn Motion>> =
+    let parts: Vec<Box<dyn JointMotion>> =
         vec![Box::new(Hold::new(vec![0.4, -0.2], 0.7).unwrap()), Box::new(Hold::new(vec![0.4, -0.2], 1.9).unwrap())];
     let s = Sequence::new(parts).unwrap();
     assert_relative_eq!(s.duration(), 2.6);

@@ -96,3 +96,37 @@ fn sensitivities_are_the_derivatives_of_the_simulated_record() {
     }
     println!("worst column {worst:.1e} of its largest torque derivative, {} columns", wanted.len());
 }
+
+#[test]
+fn rda_torques_and_their_derivatives_are_those_of_the_rigid_system() {
+    let m = system().without_appendages();
+    let p = Params::nominal(&m);
+    let wave = Wave(7);
+    let mut s = State::zero(&m);
+    s.v[..6].copy_from_slice(&[0.1, -0.2, 0.05, 0.03, -0.06, 0.08]);
+    let o = SimOptions { duration_s: 1.0, step_s: 1e-3, sample_s: 0.05 };
+    let full = simulate(&m, &p, &s, &Drive::Prescribed(&wave), &o).unwrap();
+    let sampling = Sampling { samples: full.len(), sample_s: 0.05, substeps: 1 };
+    let wanted = Wanted { params: (0..10).chain(30..40).chain(70..80).collect(), initial: vec![] };
+    let table = Prescribed::new(&m, &p, &wave, &sampling, &wanted.links(&m));
+    let (tau, d) = reduced_torques(&m, &p, &table, &full.gyro(), &wanted).unwrap();
+    // The base starts with a linear velocity the RDA never hears of.
+    assert!((&tau - &full.tau).amax() < 1e-11 * full.tau.amax());
+    for (c, &k) in wanted.params.iter().enumerate() {
+        let h = 1e-4 * (1.0 + p.values()[k].abs());
+        let run = |h: f64| {
+            let mut v = p.values().to_vec();
+            v[k] += h;
+            let p = Params::from_values(&m, v);
+            let t = Prescribed::new(&m, &p, &wave, &sampling, &[]);
+            reduced_torques(&m, &p, &t, &full.gyro(), &Wanted::default()).unwrap().0
+        };
+        let fd = (run(h) - run(-h)) / (2.0 * h);
+        for i in 0..tau.nrows() {
+            for j in 0..7 {
+                let e = (fd[(i, j)] - d[(i * 7 + j, c)]).abs();
+                assert!(e < 1e-6 * (1e-3 + fd.amax()), "parameter {k} sample {i} joint {j}: {e:e}");
+            }
+        }
+    }
+}

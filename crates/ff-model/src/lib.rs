@@ -15,6 +15,7 @@ pub mod params;
 pub mod problem;
 mod read;
 pub mod registry;
+pub mod rest;
 pub mod scalar;
 pub mod so3;
 pub mod spatial;

@@ -3,7 +3,7 @@
 //! One source serves plain numbers, forward duals (exact derivatives) and, later, SIMD lanes. The set of
 //! number types that reach an appendage behind a trait object is closed ([`ModelScalar`]), because a
 //! `dyn` object cannot carry a generic method; adding a type is one line in this file and one in
-//! [`DynAppendage`](crate::appendage::DynAppendage).
+//! [`DynAppendage`].
 
 use crate::appendage::{DynAppendage, PortModel};
 use crate::dual::Dual;

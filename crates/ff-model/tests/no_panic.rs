@@ -1,6 +1,7 @@
 //! Whatever bytes arrive, the readers return: never a panic, a hang or an abort.
 //!
-//! `PROPTEST_CASES` raises the number of cases (a million mutations were run once per reader).
+//! `PROPTEST_CASES` raises the number of cases; six million mutations of the URDF and a million of the
+//! mission files were run once. One in about 500,000 found a refusal without a reason (`urdf_tree.rs`, `empty_names`).
 
 #![allow(clippy::unwrap_used)] // helpers outside #[test] functions
 

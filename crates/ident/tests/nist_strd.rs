@@ -2,6 +2,7 @@
 //! estimates, their standard deviations and residual sums of squares.
 
 use ff_model::{Dual, Scalar};
+use ident::covariance::{Unknown, analyse};
 use ident::lm::{EvalError, Problem, Settings, minimise};
 use nalgebra::DMatrix;
 use std::fmt::Write as _;
@@ -182,8 +183,15 @@ fn certified_estimates_are_reached_from_both_starts() {
                 Ok(s) => {
                     let b = s.x.iter().zip(&set.certified).map(|(a, c)| digits(*a, *c)).fold(11.0, f64::min);
                     let rss = digits(2.0 * s.cost, set.rss);
+                    // Certified deviations are those of residuals with unknown, equal variance.
+                    let unknown = |v: &f64| Unknown { name: String::new(), unit: String::new(), size: v.abs() };
+                    let u = analyse(&s.jacobian, &s.x.iter().map(unknown).collect::<Vec<_>>(), 1e-14).unwrap();
+                    let noise = (2.0 * s.cost / (set.y.len() - s.x.len()) as f64).sqrt();
+                    let sd = u.deviation.iter().zip(&set.deviation);
+                    let sd = sd.map(|(a, c)| digits(noise * a.unwrap_or(0.0), *c)).fold(11.0, f64::min);
+                    bad += usize::from(sd < 6.0);
                     bad += usize::from(b < 7.0 || !s.status.is_converged());
-                    format!("{b:5.1} {rss:5.1} digits, {:4} evaluations, {:?}", s.evaluations, s.status)
+                    format!("{b:5.1} {sd:5.1} {rss:5.1} digits, {:4} evaluations, {:?}", s.evaluations, s.status)
                 }
             };
             writeln!(report, "{name:9} start {} {line}", k + 1).unwrap();

@@ -32,8 +32,8 @@ const ROW: f64 = 18.0;
 const FONT: f64 = 12.5;
 const SMALL: f64 = 11.5;
 
-/// A legend label with its row and left edge.
-type Entry<'a> = (&'a str, (usize, f64));
+/// A legend entry: label, series it belongs to (`None` for a band), row and left edge.
+type Entry<'a> = (&'a str, Option<usize>, (usize, f64));
 
 /// Height of what surrounds the data area of a panel.
 struct Heights {
@@ -109,21 +109,26 @@ fn look(p: &Panel, i: usize) -> (RGBColor, bool) {
     (PALETTE[k % PALETTE.len()], s.dashed != (k / PALETTE.len() % 2 == 1))
 }
 
-/// Entries of the legend with their places: series first, then named bands.
+/// Entries of the legend with their places: series first, then bands; what has no label has no entry.
 fn legend(p: &Panel) -> (Vec<Entry<'_>>, usize) {
-    let series = p.series.iter().map(|s| s.label.as_str());
-    let bands = p.bands.iter().map(|b| b.label.as_str()).filter(|l| !l.is_empty());
-    let labels: Vec<&str> = series.chain(bands).collect();
-    let widths: Vec<f64> = labels.iter().map(|l| 30.0 + text_width(l, FONT)).collect();
+    let series = p.series.iter().enumerate().map(|(i, s)| (s.label.as_str(), Some(i)));
+    let bands = p.bands.iter().map(|b| (b.label.as_str(), None));
+    let named: Vec<(&str, Option<usize>)> = series.chain(bands).filter(|(l, _)| !l.is_empty()).collect();
+    let widths: Vec<f64> = named.iter().map(|(l, _)| 30.0 + text_width(l, FONT)).collect();
     let (at, rows) = flow(&widths, 18.0, LEFT, RIGHT);
-    (labels.into_iter().zip(at).collect(), rows)
+    (named.into_iter().zip(at).map(|((l, i), at)| (l, i, at)).collect(), rows)
 }
 
-/// Rows and middles of the names of the marked lines inside the axis.
-fn marks(p: &Panel, x: &Axis) -> (Vec<(usize, f64)>, usize) {
-    let items: Vec<(f64, f64)> =
-        p.vlines.iter().map(|v| (x.px(v.x).unwrap_or(LEFT), text_width(&v.label, SMALL))).collect();
-    stagger(&items, 10.0, LEFT, RIGHT)
+/// A marked line inside the axis: its pixel, and the row and middle of its name.
+type Mark<'a> = (&'a VLine, f64, (usize, f64));
+
+/// The marked lines inside the axis, and the rows that their names take.
+fn marks<'a>(p: &'a Panel, x: &Axis) -> (Vec<Mark<'a>>, usize) {
+    let inside = |v: &'a VLine| x.px(v.x).filter(|px| (LEFT..=RIGHT).contains(px)).map(|px| (v, px));
+    let lines: Vec<(&VLine, f64)> = p.vlines.iter().filter_map(inside).collect();
+    let items: Vec<(f64, f64)> = lines.iter().map(|(v, px)| (*px, text_width(&v.label, SMALL))).collect();
+    let (at, rows) = stagger(&items, 10.0, LEFT, RIGHT);
+    (lines.into_iter().zip(at).map(|((v, px), at)| (v, px, at)).collect(), rows)
 }
 
 fn panel(c: &mut Canvas<'_>, p: &Panel, top: f64) -> Result<()> {
@@ -194,9 +199,9 @@ fn with_power(label: &str, exp: i32) -> String {
 }
 
 fn draw_legend(c: &mut Canvas<'_>, p: &Panel, top: f64) -> Result<()> {
-    for (i, (label, (row, left))) in legend(p).0.into_iter().enumerate() {
+    for (label, series, (row, left)) in legend(p).0 {
         let mid = top + ROW * row as f64 + ROW / 2.0 - 2.0;
-        if i < p.series.len() {
+        if let Some(i) = series {
             let (colour, dashed) = look(p, i);
             let sample = [(left, mid), (left + 22.0, mid)];
             for run in if dashed { dashes(&sample, 6.0, 3.0) } else { vec![sample.to_vec()] } {
@@ -211,23 +216,18 @@ fn draw_legend(c: &mut Canvas<'_>, p: &Panel, top: f64) -> Result<()> {
 }
 
 fn draw_marks(c: &mut Canvas<'_>, p: &Panel, x: &Axis, f: &Frame) -> Result<()> {
-    let (at, _) = marks(p, x);
+    let (lines, _) = marks(p, x);
     let label_y = |row: usize| f.top - 10.0 - 15.0 * row as f64;
     let colour = |v: &VLine| v.colour.map_or(MARK, |k| PALETTE[k % PALETTE.len()]);
-    let inside = |v: &VLine| x.px(v.x).filter(|px| (f.left..=f.right).contains(px));
-    for (v, (row, _)) in p.vlines.iter().zip(&at) {
-        let Some(px) = inside(v) else { continue };
-        let run = [(px, f.top), (px, f.bottom)];
+    for (v, px, (row, _)) in &lines {
+        let run = [(*px, f.top), (*px, f.bottom)];
         for d in if v.solid { vec![run.to_vec()] } else { dashes(&run, 5.0, 3.0) } {
             c.path(&d, colour(v), 1.2)?;
         }
         // A leader from the label down to its line.
-        c.line((px, label_y(*row) + 6.0), (px, f.top), colour(v), 0.6)?;
+        c.line((*px, label_y(*row) + 6.0), (*px, f.top), colour(v), 0.6)?;
     }
-    for (v, (row, middle)) in p.vlines.iter().zip(at) {
-        if inside(v).is_none() {
-            continue;
-        }
+    for (v, _, (row, middle)) in lines {
         // White behind the text hides the leaders of labels in higher rows.
         let (half, mid) = (0.5 * text_width(&v.label, SMALL) + 2.0, label_y(row));
         c.fill((middle - half, mid - 6.5), (middle + half, mid + 6.5), WHITE)?;

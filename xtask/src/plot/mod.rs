@@ -70,7 +70,7 @@ pub const LOG_DECADES: f64 = 10.0;
 /// One curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// Name in the legend.
+    /// Name in the legend; empty for no entry.
     pub label: String,
     /// Abscissae, ascending.
     pub xs: Vec<f64>,

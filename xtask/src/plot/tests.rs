@@ -65,3 +65,15 @@ fn power_of_ten_is_part_of_the_unit() {
     let f = Figure::new("").panel(Panel::new("time (s)", "rate (rad/s)").curve("x", &[0.0, 1.0], &[-3e-4, 3e-4]));
     assert!(f.to_svg().unwrap().contains("rate (10⁻⁴ rad/s)"));
 }
+
+#[test]
+fn what_lies_outside_or_has_no_name_takes_no_room() {
+    let base = Panel::new("x (m)", "y (m)").curve("a", &[0.0, 1.0], &[0.0, 1.0]);
+    let more = base.clone().vline(7.0, "outside").curve("", &[0.0, 1.0], &[1.0, 0.0]);
+    let height = |p: Panel| {
+        let svg = Figure::new("").panel(p).to_svg().unwrap();
+        assert!(!svg.contains("outside"));
+        svg.split("height=\"").nth(1).unwrap().split('"').next().unwrap().to_owned()
+    };
+    assert_eq!(height(base), height(more));
+}

@@ -1,7 +1,7 @@
 //! Joint motion as a B-spline.
 
 use super::{BSplineError, Knots};
-use crate::motion::{Motion, at_rest};
+use crate::motion::{JointMotion, at_rest};
 use nalgebra::DMatrix;
 
 /// `n` joints moving along `q(t) = sum_i N_{i,p}(t) P_i` (P&T eq. 3.1).
@@ -68,7 +68,11 @@ impl BSplineMotion {
     /// If `out` is shorter than `n`.
     pub fn derivative(&self, t: f64, order: usize, out: &mut [f64]) {
         let b = self.knots.derivative_at(t, order);
-        self.combine(b.first, &b.values, out);
+        if order == 0 {
+            self.combine(b.first, &b.values, out);
+        } else {
+            self.combine_rates(b.first, &b.values, out);
+        }
     }
     fn combine(&self, first: usize, weights: &[f64], out: &mut [f64]) {
         let n = self.control.nrows();
@@ -80,9 +84,21 @@ impl BSplineMotion {
             }
         }
     }
+    /// Weights of a derivative sum to zero, so any reference point may be subtracted first. The one with
+    /// the greatest weight makes derivatives vanish exactly where the control points that act are equal:
+    /// rest is rest, not 1e-16.
+    fn combine_rates(&self, first: usize, weights: &[f64], out: &mut [f64]) {
+        let n = self.control.nrows();
+        let p = self.knots.degree();
+        let heaviest = (0..=p).fold(0, |m, j| if weights[j].abs() > weights[m].abs() { j } else { m });
+        for (i, o) in out[..n].iter_mut().enumerate() {
+            let reference = self.control[(i, first + heaviest)];
+            *o = (0..=p).map(|j| weights[j] * (self.control[(i, first + j)] - reference)).sum();
+        }
+    }
 }
 
-impl Motion for BSplineMotion {
+impl JointMotion for BSplineMotion {
     fn dof(&self) -> usize {
         self.control.nrows()
     }
@@ -95,8 +111,8 @@ impl Motion for BSplineMotion {
         if t < 0.0 || t > self.duration() {
             at_rest(self.dof(), qd, qdd);
         } else {
-            self.combine(first, &b1, qd);
-            self.combine(first, &b2, qdd);
+            self.combine_rates(first, &b1, qd);
+            self.combine_rates(first, &b2, qdd);
         }
     }
     /// The knots.

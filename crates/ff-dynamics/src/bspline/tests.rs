@@ -1,5 +1,5 @@
 use super::*;
-use crate::motion::Motion;
+use crate::motion::JointMotion;
 use approx::assert_relative_eq;
 
 fn wave(seed: f64, n: usize, k: usize) -> DMatrix<f64> {

@@ -247,7 +247,7 @@ pub(crate) fn system() -> Model {
 /// A smooth, general joint motion: every joint its own two sines.
 pub(crate) struct Wave(pub(crate) usize);
 
-impl ff_dynamics::motion::Motion for Wave {
+impl ff_dynamics::motion::JointMotion for Wave {
     fn dof(&self) -> usize {
         self.0
     }

@@ -34,7 +34,7 @@ pub(super) fn tree(r: &RawRobot, out: &mut Problems) -> Option<Tree> {
     let mut suggestions = 0;
     let mut end = |joint: &str, (link, line): &(String, usize)| match links.get(link.as_str()) {
         Some(&i) => Some(i),
-        // A missing attribute has been reported by the strict pass already.
+        // A missing or empty attribute has been reported by the strict pass already.
         None if link.is_empty() => None,
         None => {
             let p = err("Urdf::UnknownLink", format!("names link '{}', which does not exist", clip(link)));

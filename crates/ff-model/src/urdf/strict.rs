@@ -167,8 +167,8 @@ impl Reader<'_, '_> {
     /// The `name` attribute; absent or blank is an error.
     fn name(&mut self, n: Node<'_, '_>, element: &str) -> String {
         let name = self.required(n, "name", element).map_or("", |a| a.value());
-        if name.trim() != name || (name.is_empty() && n.has_attribute("name")) {
-            let what = format!("name '{}' is blank or has blanks around it", clip(name));
+        if name.trim() != name {
+            let what = format!("name '{}' has blanks around it", clip(name));
             self.err(n.range().start, element, "Urdf::BadName", what, "give a name without blanks around it".into());
         }
         name.to_owned()
@@ -275,11 +275,13 @@ impl Reader<'_, '_> {
         RawPose { xyz: get("xyz"), rpy: get("rpy") }
     }
 
+    /// An attribute that must be there and hold something.
     fn required<'a, 'i>(&mut self, n: Node<'a, 'i>, name: &'static str, object: &str) -> Option<Attribute<'a, 'i>> {
-        let a = n.attribute_node(name);
+        let a = n.attribute_node(name).filter(|a| !a.value().is_empty());
         if a.is_none() {
-            let what = format!("<{}> has no attribute {name}", n.tag_name().name());
-            self.err(n.range().start, object, "Urdf::MissingAttribute", what, format!("add {name}=\"...\""));
+            let how = if n.has_attribute(name) { "an empty" } else { "no" };
+            let what = format!("<{}> has {how} attribute {name}", n.tag_name().name());
+            self.err(n.range().start, object, "Urdf::MissingAttribute", what, format!("give {name}=\"...\""));
         }
         a
     }

@@ -1,0 +1,66 @@
+//! Rest position of an appendage, and the system with every appendage frozen there.
+
+use crate::appendage::{MAX_COORDS, PortMatrix};
+use crate::dual::Dual;
+use crate::inertia::Inertia;
+use crate::model::{Model, Mounted};
+use crate::params::Params;
+use crate::scalar::{D1, D2, ModelScalar};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+/// Coordinates at which the springs of an appendage are relaxed, `dU/d eta = 0`, by Newton from zero with
+/// exact derivatives. Coordinates without a spring stay at zero. Allocates.
+pub fn rest(mounted: &Mounted, p: &[f64]) -> Vec<f64> {
+    let n = mounted.dim();
+    let mut eta = DVector::<f64>::zeros(n);
+    let port1 = D1::port(&*mounted.appendage);
+    let port2 = D2::port(&*mounted.appendage);
+    let p1: Vec<D1> = p.iter().map(|&x| D1::constant(x)).collect();
+    let p2: Vec<D2> = p.iter().map(|&x| D2::constant(D1::constant(x))).collect();
+    for _ in 0..50 {
+        let gradient = DVector::from_fn(n, |i, _| {
+            let e: Vec<D1> = (0..n).map(|k| D1::new(eta[k], f64::from(u8::from(k == i)))).collect();
+            port1.potential(&p1, &e).eps[0]
+        });
+        let hessian = DMatrix::from_fn(n, n, |i, j| {
+            let unit = |k: usize, l: usize| f64::from(u8::from(k == l));
+            let e: Vec<D2> = (0..n).map(|k| Dual::new(D1::new(eta[k], unit(k, i)), D1::new(unit(k, j), 0.0))).collect();
+            port2.potential(&p2, &e).eps[0].eps[0]
+        });
+        // Least squares: a coordinate without a spring has a zero row and is left where it is.
+        let Some(svd) = hessian.try_svd(true, true, 1e-15, 1000) else { break };
+        let Ok(step) = svd.solve(&gradient, 1e-12 * svd.singular_values.max().max(f64::MIN_POSITIVE)) else { break };
+        eta -= &step;
+        if step.amax() <= 1e-15 * (1.0 + eta.amax()) {
+            break;
+        }
+    }
+    eta.as_slice().to_vec()
+}
+
+impl Model {
+    /// The rigid system that this one is when its appendages are frozen at rest: their inertia is added to
+    /// their hosts. This is what a rigid identification would ideally find. Allocates.
+    #[must_use]
+    pub fn frozen(&self, params: &Params<f64>) -> Self {
+        let mut m = self.without_appendages();
+        for (k, a) in self.appendages().iter().enumerate() {
+            let p = params.appendage(self, k);
+            let mut buf = vec![0.0; (6 + MAX_COORDS).pow(2)];
+            let mut port = PortMatrix::new(a.dim(), &mut buf);
+            f64::port(&*a.appendage).inertia(p, &rest(a, p), &mut port);
+            let g = |i, j| port.get(i, j);
+            let b = Inertia {
+                mass: g(0, 0),
+                h: Vector3::new(g(5, 1), g(3, 2), g(4, 0)),
+                rot: Matrix3::from_fn(|i, j| g(3 + i, 3 + j)),
+            };
+            m.add_rigid(a.host, &b.to_parent(&a.mount));
+        }
+        m
+    }
+    /// Rest positions of all passive coordinates ([`rest`]). Allocates.
+    pub fn rest_position(&self, params: &Params<f64>) -> Vec<f64> {
+        self.appendages().iter().enumerate().flat_map(|(k, a)| rest(a, params.appendage(self, k))).collect()
+    }
+}

@@ -1,0 +1,201 @@
+//! Output error: passive states are simulated, torques and base rates compared.
+//!
+//! Panel and fuel motion is not measured. The reduced system ([`ff_dynamics::reduced`]) is integrated under
+//! the measured joint motion from an initial state, and joint torques and gyro are compared with the record,
+//! each divided by its noise (the paper's eq. (11), squared and weighted as it must be; `docs/paper-errata.md`).
+//! The Jacobian comes from the sensitivities integrated beside the states, exact for the discrete solution.
+
+use crate::covariance::Unknown;
+use crate::estimator::Estimator;
+use crate::joint_motion::joint_motion;
+use crate::lm::EvalError;
+use crate::rda::{Noise, SetupError, check_noise};
+use crate::record::Record;
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::{Prescribed, Response, Sampling, Wanted, sensitivities, simulate_reduced};
+use ff_model::{Model, Params};
+use nalgebra::DMatrix;
+
+/// What the estimator assumes and what else it may adjust.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Noise that whitens the residuals.
+    pub noise: Noise,
+    /// Integration steps per sample.
+    pub substeps: usize,
+    /// Estimate a constant bias of every gyro axis.
+    pub gyro_bias: bool,
+    /// Estimate a constant bias of every torque sensor.
+    pub torque_bias: bool,
+    /// Estimate the initial base rate and passive state instead of assuming rest.
+    pub initial_state: bool,
+}
+
+impl Options {
+    /// Given noise, two steps per sample, no nuisance unknowns, start at rest.
+    pub fn new(noise: Noise) -> Self {
+        Self { noise, substeps: 2, gyro_bias: false, torque_bias: false, initial_state: false }
+    }
+}
+
+/// The estimator for systems with passive coordinates.
+pub struct OutputError<'a> {
+    model: &'a Model,
+    record: &'a Record,
+    motion: Box<dyn JointMotion>,
+    options: Options,
+    sampling: Sampling,
+    table: Option<(Vec<usize>, Prescribed)>,
+    /// Initial-state components that are estimated.
+    initial: Vec<usize>,
+}
+
+impl<'a> OutputError<'a> {
+    /// For a model and a record of it.
+    ///
+    /// # Errors
+    /// [`SetupError`].
+    pub fn new(model: &'a Model, record: &'a Record, options: &Options) -> Result<Self, SetupError> {
+        check_noise(&options.noise)?;
+        let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps: options.substeps.max(1) };
+        // A uniform velocity changes nothing that is measured, so it is not among the unknowns.
+        let initial = if options.initial_state { (3..6 + 2 * model.np()).collect() } else { Vec::new() };
+        Ok(Self {
+            model,
+            record,
+            motion: joint_motion(model, record)?,
+            options: options.clone(),
+            sampling,
+            table: None,
+            initial,
+        })
+    }
+    fn table(&mut self, params: &Params<f64>, links: &[usize]) -> &Prescribed {
+        let stale = !links.is_empty() || self.table.as_ref().is_none_or(|(l, _)| l != links);
+        if stale {
+            self.table = None;
+        }
+        let (model, motion, sampling) = (self.model, &self.motion, &self.sampling);
+        &self.table.get_or_insert_with(|| (links.to_vec(), Prescribed::new(model, params, motion, sampling, links))).1
+    }
+    /// Initial state: springs relaxed, base at rest, plus what is estimated.
+    fn start(&self, params: &Params<f64>, extra: &[f64]) -> Vec<f64> {
+        let mut z = vec![0.0; 6];
+        z.extend(self.model.rest_position(params));
+        z.resize(6 + 2 * self.model.np(), 0.0);
+        for (&i, x) in self.initial.iter().zip(&extra[self.biases()..]) {
+            z[i] += x;
+        }
+        z
+    }
+    fn biases(&self) -> usize {
+        3 * usize::from(self.options.gyro_bias) + self.model.nj() * usize::from(self.options.torque_bias)
+    }
+    /// Residual rows of sample `i` start here: `n` torques, then 3 rates.
+    fn row(&self, i: usize) -> usize {
+        i * (self.model.nj() + 3)
+    }
+    fn fill(&self, y: &Response, extra: &[f64], r: &mut [f64]) {
+        let (n, noise) = (self.model.nj(), &self.options.noise);
+        let zero = vec![0.0; n.max(3)];
+        let (gyro_bias, rest) = if self.options.gyro_bias { extra.split_at(3) } else { (&zero[..3], extra) };
+        let torque_bias = if self.options.torque_bias { &rest[..n] } else { &zero[..n] };
+        for i in 0..self.record.samples() {
+            let row = self.row(i);
+            for j in 0..n {
+                r[row + j] = (y.tau[(i, j)] + torque_bias[j] - self.record.tau()[(i, j)]) / noise.torque;
+            }
+            for j in 0..3 {
+                r[row + n + j] = (y.twist[(i, 3 + j)] + gyro_bias[j] - self.record.gyro()[(i, j)]) / noise.gyro;
+            }
+        }
+    }
+}
+
+impl Estimator for OutputError<'_> {
+    fn rows(&self) -> usize {
+        self.record.samples() * (self.model.nj() + 3)
+    }
+    fn nuisance(&self) -> Vec<Unknown> {
+        let mut out = Vec::new();
+        let mut add = |name: String, unit: &str, size: f64| out.push(Unknown { name, unit: unit.to_owned(), size });
+        if self.options.gyro_bias {
+            for axis in ["x", "y", "z"] {
+                add(format!("gyro.bias.{axis}"), "rad/s", self.options.noise.gyro);
+            }
+        }
+        if self.options.torque_bias {
+            for j in self.model.joint_names() {
+                add(format!("torque.bias.{j}"), "N m", self.options.noise.torque);
+            }
+        }
+        let coords = self.model.passive_coords();
+        for &i in &self.initial {
+            match i {
+                3..6 => add(format!("initial.rate.{}", ["x", "y", "z"][i - 3]), "rad/s", 1e-2),
+                _ if i - 6 < coords.len() => add(format!("initial.{}", coords[i - 6].0), coords[i - 6].1.unit, 1e-2),
+                _ => add(format!("initial.d/dt {}", coords[i - 6 - coords.len()].0), "1/s", 1e-2),
+            }
+        }
+        out
+    }
+    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        let params = Params::from_values(self.model, full.to_vec());
+        let z0 = self.start(&params, extra);
+        let model = self.model;
+        let links = self.table.as_ref().map(|t| t.0.clone()).unwrap_or_default();
+        let table = self.table(&params, &links);
+        let y = simulate_reduced(model, &params, table, &z0).map_err(|e| EvalError::Rejected(e.to_string()))?;
+        self.fill(&y, extra, r);
+        Ok(())
+    }
+    fn jacobian(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        let params = Params::from_values(self.model, full.to_vec());
+        let z0 = self.start(&params, extra);
+        let wanted = Wanted { params: selected.to_vec(), initial: self.initial.clone() };
+        let model = self.model;
+        let links = wanted.links(model);
+        let table = self.table(&params, &links);
+        let (y, d) =
+            sensitivities(model, &params, table, &z0, &wanted).map_err(|e| EvalError::Rejected(e.to_string()))?;
+        self.fill(&y, extra, r);
+        let (n, noise) = (model.nj(), &self.options.noise);
+        let biases = self.biases();
+        j.fill(0.0);
+        for c in 0..wanted.len() {
+            let col = if c < selected.len() { c } else { c + biases };
+            for i in 0..self.record.samples() {
+                let row = self.row(i);
+                for k in 0..n {
+                    j[(row + k, col)] = d.tau[(i * n + k, c)] / noise.torque;
+                }
+                for k in 0..3 {
+                    j[(row + n + k, col)] = d.gyro[(i * 3 + k, c)] / noise.gyro;
+                }
+            }
+        }
+        for i in 0..self.record.samples() {
+            let row = self.row(i);
+            let mut col = selected.len();
+            if self.options.gyro_bias {
+                for k in 0..3 {
+                    j[(row + n + k, col + k)] = 1.0 / noise.gyro;
+                }
+                col += 3;
+            }
+            if self.options.torque_bias {
+                for k in 0..n {
+                    j[(row + k, col + k)] = 1.0 / noise.torque;
+                }
+            }
+        }
+        Ok(())
+    }
+}

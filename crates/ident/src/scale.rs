@@ -1,0 +1,54 @@
+//! The size of a parameter: what "relative" means when its value may be zero.
+//!
+//! Singular values compare parameters of different units only after each is divided by a size. For positive
+//! and free parameters that is the value itself. A first moment or product of inertia may well be zero, so the
+//! numbers of a body are measured by the body: mass m, radius of gyration `l = sqrt(tr I / (2 m))` about the
+//! frame origin, hence `m l` for first moments and `m l^2` for rotational inertia.
+
+use ff_model::{ParamDecl, ParamGroup};
+
+/// The size of every parameter of a model, in its own SI unit, at the given values. Always positive and
+/// finite; 1 where nothing better is known. Allocates.
+///
+/// # Panics
+/// If the lengths differ.
+pub fn sizes(decls: &[ParamDecl], values: &[f64]) -> Vec<f64> {
+    assert_eq!(decls.len(), values.len(), "one value per declaration");
+    let usable = |x: f64| if x.is_finite() && x > 0.0 { x } else { 1.0 };
+    let mut out = Vec::with_capacity(decls.len());
+    while out.len() < decls.len() {
+        let i = out.len();
+        let ten = i + 10 <= decls.len()
+            && matches!(decls[i].group, ParamGroup::Inertial(_))
+            && decls[i..i + 10].iter().all(|d| d.group == decls[i].group);
+        if ten {
+            let m = usable(values[i].abs());
+            let l = usable(((values[i + 4] + values[i + 6] + values[i + 9]).abs() / (2.0 * m)).sqrt());
+            out.push(m);
+            out.extend([m * l; 3]);
+            out.extend([m * l * l; 6]);
+        } else {
+            out.push(usable(values[i].abs()));
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ff_model::Inertia;
+    use nalgebra::{Matrix3, Vector3};
+
+    #[test]
+    fn zero_moments_have_the_size_of_their_body() {
+        let b = Inertia::from_com(4.0, &Vector3::zeros(), &Matrix3::from_diagonal(&Vector3::new(1.0, 1.5, 2.0)));
+        let mut d = ParamDecl::inertial("base", &b);
+        d.push(ParamDecl::positive("k", "N m/rad", 0.0));
+        d.push(ParamDecl::positive("k2", "N m/rad", 200.0));
+        let v: Vec<f64> = d.iter().map(|p| p.nominal).collect();
+        let l = (4.5f64 / 8.0).sqrt();
+        let s = sizes(&d, &v);
+        assert_eq!((s[0], s[2], s[5], s[10], s[11]), (4.0, 4.0 * l, 4.0 * l * l, 1.0, 200.0));
+    }
+}

@@ -1,0 +1,63 @@
+//! The paper's missions as test systems.
+#![allow(dead_code)]
+
+use excitation::random::random_plan;
+use excitation::spline_plan::{PlanSpec, SplinePlan};
+use ff_dynamics::bspline::BSplineMotion;
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::{Drive, SimOptions, State, Trace, simulate};
+use ff_model::mission::{LoadOptions, Loaded, Mission};
+use ff_model::{Params, Registry};
+use ident::{Record, RecordBuilder};
+
+pub(crate) fn load(name: &str) -> Loaded {
+    let mut r = Registry::new();
+    flex_panel::register(&mut r);
+    slosh_pendulum::register(&mut r);
+    let path = format!("{}/../../fixtures/paper/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    Mission::load(path.as_ref(), &r, &LoadOptions::default()).unwrap()
+}
+
+/// A random rest-to-rest plan of `seconds` from the hold pose, at the limits of the mission.
+pub(crate) fn plan(l: &Loaded, seconds: f64, free: usize, seed: u64) -> BSplineMotion {
+    let limits = excitation::limits::JointLimits {
+        lower: -3.1,
+        upper: 3.1,
+        velocity: l.mission.limits.velocity_rad_per_s.unwrap(),
+        acceleration: l.mission.limits.acceleration_rad_per_s2.unwrap(),
+        jerk: None,
+    };
+    let hold = l.mission.reproduce.as_ref().unwrap().hold_rad.clone();
+    let spec = PlanSpec {
+        start: hold,
+        end: excitation::spline_plan::End::Free,
+        duration: excitation::spline_plan::Duration::Fixed(seconds),
+        degree: 5,
+        free,
+        limits: vec![limits; l.model.nj()],
+        refine: 2,
+    };
+    let p = SplinePlan::new(spec).unwrap();
+    p.motion(&random_plan(&p, seed, 0, 1.0).unwrap()).unwrap()
+}
+
+pub(crate) fn run(l: &Loaded, motion: &dyn JointMotion, seconds: f64) -> Trace {
+    let o = SimOptions { duration_s: seconds, step_s: 1e-3, sample_s: 0.01 };
+    let p = Params::nominal(&l.model);
+    simulate(&l.model, &p, &State::zero(&l.model), &Drive::Prescribed(motion), &o).unwrap()
+}
+
+/// A noise-free record: positions, rates, accelerations, torques, gyro.
+pub(crate) fn exact(l: &Loaded, t: &Trace) -> Record {
+    RecordBuilder::new(l.model.joint_names())
+        .uniform(0.0, 1.0 / t.dt)
+        .q(t.q.clone())
+        .qd(t.qd.clone())
+        .qdd(t.qdd.clone())
+        .tau(t.tau.clone())
+        .gyro(t.gyro())
+        .allow("Data::Stuck")
+        .build()
+        .unwrap()
+        .0
+}

@@ -1,0 +1,174 @@
+//! Spline fits of joint records against a trajectory with known derivatives.
+#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
+
+use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+use ff_dynamics::motion::JointMotion;
+use ident::motion_fit::{FitError, JointSamples, choose_knots, fit_motion, noise_estimate};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+use std::time::Instant;
+
+const N: usize = 3;
+
+/// Sums of sines with known derivatives; fastest 0.5 Hz.
+fn truth(t: f64) -> [[f64; N]; 3] {
+    let mut y = [[0.0; N]; 3];
+    for (j, amplitude) in [0.31, 0.24, 0.43].into_iter().enumerate() {
+        for (k, f) in [0.071, 0.23, 0.5].into_iter().enumerate() {
+            let w = std::f64::consts::TAU * f;
+            let a = amplitude / (1.0 + 3.0 * k as f64);
+            let (s, c) = (w * t + 0.4 + j as f64 + 0.7 * k as f64).sin_cos();
+            y[0][j] += a * s;
+            y[1][j] += a * w * c;
+            y[2][j] -= a * w * w * s;
+        }
+    }
+    y
+}
+
+struct Record {
+    times: Vec<f64>,
+    q: Vec<f64>,
+    qd: Vec<f64>,
+}
+
+fn record(samples: usize, h: f64, sigma: f64, sigma_rate: f64, seed: u64) -> Record {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let unit = Normal::new(0.0, 1.0).unwrap();
+    let mut r = Record { times: vec![], q: vec![], qd: vec![] };
+    for i in 0..samples {
+        let t = i as f64 * h;
+        let y = truth(t);
+        r.times.push(t);
+        for j in 0..N {
+            r.q.push(y[0][j] + sigma * unit.sample(&mut rng));
+            r.qd.push(y[1][j] + sigma_rate * unit.sample(&mut rng));
+        }
+    }
+    r
+}
+
+impl Record {
+    fn view(&self, rates: Option<f64>) -> JointSamples<'_> {
+        let qd = rates.map(|_| &self.qd[..]);
+        JointSamples { dof: N, times: &self.times, q: &self.q, qd, rate_weight: rates.unwrap_or(1.0) }
+    }
+}
+
+/// Rms error of position, rate and acceleration away from the ends, over all joints.
+fn errors(m: &dyn JointMotion) -> [f64; 3] {
+    let mut e = [0.0; 3];
+    let count = 5000;
+    for i in 0..count {
+        let t = 1.0 + (m.duration() - 2.0) * i as f64 / count as f64;
+        let mut y = [[0.0; N]; 3];
+        let [q, qd, qdd] = &mut y;
+        m.eval(t, q, qd, qdd);
+        let want = truth(t);
+        for o in 0..3 {
+            e[o] += (0..N).map(|j| (y[o][j] - want[o][j]).powi(2)).sum::<f64>() / (N * count) as f64;
+        }
+    }
+    // Two digits, for reading.
+    e.map(|x| format!("{:.1e}", x.sqrt()).parse().unwrap())
+}
+
+#[test]
+fn six_thousand_samples_six_hundred_knots() {
+    let r = record(6000, 0.01, 1e-5, 1e-4, 3);
+    let clock = Instant::now();
+    let fit = fit_motion(&r.view(None), 0.1).unwrap();
+    eprintln!("6000 samples x {} points x {N} joints: {:?}", fit.motion.knots().count(), clock.elapsed());
+    assert_eq!(fit.motion.knots().count(), 605);
+    for s in &fit.residual {
+        assert!((s / 1e-5 - 1.0).abs() < 0.05, "residual {s}");
+    }
+    let e = errors(&fit.motion);
+    eprintln!("0.1 s knots, noise 1e-5 rad: rms errors {e:?}");
+    assert!(e[0] < 5e-6 && e[1] < 1e-4 && e[2] < 4e-3, "{e:?}");
+}
+
+#[test]
+fn chosen_knots_beat_fine_knots_and_differences() {
+    let (h, sigma) = (0.01, 1e-5);
+    let r = record(6000, h, sigma, 1e-4, 5);
+    for s in noise_estimate(&r.view(None)).unwrap() {
+        assert!((s / sigma - 1.0).abs() < 0.1, "noise {s}");
+    }
+    let clock = Instant::now();
+    let chosen = choose_knots(&r.view(None), None).unwrap();
+    let took = clock.elapsed();
+    let given = choose_knots(&r.view(None), Some(&[sigma; N])).unwrap();
+    let fine = fit_motion(&r.view(None), 0.05).unwrap();
+    let (e, g, f) = (errors(&chosen.motion), errors(&given.motion), errors(&fine.motion));
+    // Central second difference: error sqrt(6) sigma / h^2.
+    let difference = 6.0f64.sqrt() * sigma / (h * h);
+    eprintln!(
+        "chosen {:.3} s ({took:?}): {e:?}; noise given {:.3} s: {g:?}; 0.05 s: {f:?}; difference {difference:.2}",
+        chosen.spacing, given.spacing
+    );
+    assert!((0.2..1.0).contains(&chosen.spacing), "{}", chosen.spacing);
+    assert!(e[2] < f[2] / 5.0 && e[2] < difference / 100.0);
+    assert!(e[2] < 1e-3, "acceleration error {}", e[2]);
+}
+
+#[test]
+fn measured_rates_help() {
+    let r = record(3000, 0.01, 1e-4, 2e-5, 8);
+    let without = errors(&fit_motion(&r.view(None), 0.2).unwrap().motion);
+    let fit = fit_motion(&r.view(Some(5.0)), 0.2).unwrap();
+    let with = errors(&fit.motion);
+    eprintln!("without rates {without:?}, with rates {with:?}");
+    assert!(with[2] < 0.5 * without[2]);
+    assert!(fit.rate_residual.iter().all(|s| (s / 2e-5 - 1.0).abs() < 0.1), "{:?}", fit.rate_residual);
+}
+
+#[test]
+fn a_spline_of_the_same_knots_is_found_again() {
+    let l = JointLimits { lower: -2.0, upper: 2.0, velocity: 0.17, acceleration: 0.15, jerk: None };
+    let spec = PlanSpec {
+        start: vec![0.1, -0.2, 0.3],
+        end: End::Fixed(vec![0.2, 0.15, -0.1]),
+        duration: Duration::Fixed(30.0),
+        degree: 5,
+        free: 14,
+        limits: vec![l; 3],
+        refine: 1,
+    };
+    let plan = SplinePlan::new(spec).unwrap();
+    let m = plan.motion(&random_plan(&plan, 4, 2, 0.8).unwrap()).unwrap();
+    let times: Vec<f64> = (0..=1500).map(|i| 30.0 * i as f64 / 1500.0).collect();
+    let mut q = vec![0.0; 3 * times.len()];
+    for (row, t) in q.chunks_mut(3).zip(&times) {
+        m.derivative(*t, 0, row);
+    }
+    let samples = JointSamples { dof: 3, times: &times, q: &q, qd: None, rate_weight: 1.0 };
+    let fit = fit_motion(&samples, 2.0).unwrap();
+    assert!((fit.motion.control() - m.control()).amax() < 1e-11);
+    assert!(fit.residual.iter().all(|r| *r < 1e-13));
+}
+
+#[test]
+fn bad_records_are_refused() {
+    let mut r = record(200, 0.01, 0.0, 0.0, 1);
+    assert!(matches!(fit_motion(&r.view(None), 0.0), Err(FitError::Value { what: "knot spacing", .. })));
+    assert!(matches!(fit_motion(&r.view(Some(-1.0)), 0.1), Err(FitError::Value { what: "rate weight", .. })));
+    assert!(matches!(choose_knots(&r.view(None), Some(&[1.0])), Err(FitError::Length { what: "noise", .. })));
+    r.q[31] = f64::NAN;
+    assert!(matches!(fit_motion(&r.view(None), 0.1), Err(FitError::NotFinite { what: "q", sample: 10, .. })));
+    r.q[31] = 0.1;
+    r.times[7] = r.times[6];
+    assert!(matches!(fit_motion(&r.view(None), 0.1), Err(FitError::Time { sample: 7, .. })));
+    r.times.truncate(150);
+    assert!(matches!(fit_motion(&r.view(None), 0.1), Err(FitError::Length { what: "q", got: 600, expected: 450 })));
+
+    // A gap of 0.6 s with knots every 0.05 s: the time of the gap is named.
+    let mut r = record(200, 0.01, 1e-5, 0.0, 2);
+    r.times.iter_mut().skip(80).for_each(|t| *t += 0.6);
+    let e = fit_motion(&r.view(None), 0.05).unwrap_err();
+    assert!(matches!(e, FitError::Undetermined { time } if (0.75..1.5).contains(&time)), "{e}");
+    assert!(fit_motion(&r.view(None), 0.4).is_ok());
+    assert!(matches!(noise_estimate(&r.view(None)), Err(FitError::Uneven { .. })));
+    assert!(choose_knots(&r.view(None), Some(&[1e-3; N])).is_ok());
+}

@@ -1,0 +1,72 @@
+//! The documentation holds together: links lead somewhere, and the book lists every page.
+
+// Helpers of an integration test are test code, which clippy does not see.
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Every Markdown file of the project's own prose.
+fn pages(root: &Path) -> Vec<PathBuf> {
+    let mut out: Vec<PathBuf> = fs::read_dir(root).unwrap().map(|e| e.unwrap().path()).collect();
+    let mut todo = vec![root.join("docs")];
+    while let Some(dir) = todo.pop() {
+        for entry in fs::read_dir(dir).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() { todo.push(path) } else { out.push(path) }
+        }
+    }
+    out.push(root.join("fixtures/README.md"));
+    out.retain(|p| p.extension().is_some_and(|e| e == "md"));
+    out.sort();
+    out
+}
+
+/// Targets of `[text](target)` outside formulas, without web addresses and anchors.
+fn links(text: &str) -> Vec<String> {
+    let prose: String = text.split('$').step_by(2).collect();
+    prose
+        .split("](")
+        .skip(1)
+        .filter_map(|rest| rest.split([')', '#']).next())
+        .filter(|t| !t.is_empty() && !t.starts_with("http"))
+        .map(str::to_owned)
+        .collect()
+}
+
+#[test]
+fn relative_links_lead_somewhere() {
+    let root = xtask::workspace::root().unwrap();
+    let mut broken = Vec::new();
+    for page in pages(&root) {
+        for target in links(&fs::read_to_string(&page).unwrap()) {
+            if !page.parent().unwrap().join(&target).exists() {
+                broken.push(format!("{}: {target}", page.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "broken links:\n{}", broken.join("\n"));
+}
+
+#[test]
+fn the_book_lists_every_page() {
+    let docs = xtask::workspace::root().unwrap().join("docs");
+    let listed = links(&fs::read_to_string(docs.join("SUMMARY.md")).unwrap());
+    for page in pages(docs.parent().unwrap()) {
+        let Ok(relative) = page.strip_prefix(&docs) else { continue };
+        let name = relative.to_str().unwrap().replace('\\', "/");
+        assert!(name == "SUMMARY.md" || listed.contains(&name), "docs/SUMMARY.md does not list {name}");
+    }
+}
+
+/// An odd number of dollar signs turns the rest of a page into a formula.
+#[test]
+fn formulas_are_closed() {
+    for page in pages(&xtask::workspace::root().unwrap()) {
+        let text = fs::read_to_string(&page).unwrap();
+        assert_eq!(text.matches("$$").count() % 2, 0, "{}: display formula left open", page.display());
+        for paragraph in text.replace("$$", "").split("\n\n") {
+            assert_eq!(paragraph.matches('$').count() % 2, 0, "{}: formula left open in: {paragraph}", page.display());
+        }
+    }
+}
