@@ -175,10 +175,18 @@ impl Problems {
     ///
     /// # Errors
     /// Itself, when it holds an error.
-    pub fn finish<V>(self, value: Option<V>) -> Result<(V, Self), Self> {
+    pub fn finish<V>(mut self, value: Option<V>) -> Result<(V, Self), Self> {
         match value {
             Some(v) if !self.has_errors() => Ok((v, self)),
-            _ => Err(self),
+            Some(_) => Err(self),
+            None => {
+                // A refusal without an error would end with exit code 0. No reader should get here.
+                if !self.has_errors() {
+                    let what = "refused, but no reader said why";
+                    self.push(Problem::error(Area::Config, "Internal::NoReason", what).hint("please report this file"));
+                }
+                Err(self)
+            }
         }
     }
 }
@@ -196,3 +204,16 @@ impl fmt::Display for Problems {
 }
 
 impl std::error::Error for Problems {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_always_has_an_error_and_a_code() {
+        let warning = Problems(vec![Problem::warning(Area::Model, "Urdf::NoInertial", "w")]);
+        let refused = warning.clone().finish::<()>(None).unwrap_err();
+        assert!(refused.has("Internal::NoReason") && refused.exit_code() == 11);
+        assert_eq!(warning.clone().finish(Some(1)).unwrap(), (1, warning));
+    }
+}

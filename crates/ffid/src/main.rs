@@ -1,2 +1,47 @@
 //! The `ffid` command.
-fn main() {}
+
+mod check;
+
+use clap::{Parser, Subcommand};
+use std::io::ErrorKind;
+use std::process::ExitCode;
+
+/// In-orbit identification of free-floating robots.
+#[derive(Parser)]
+#[command(version, about, after_help = exit_codes())]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Check a mission file and the robot it names, or a URDF alone; print the model and every problem.
+    Check(check::Args),
+}
+
+/// The table of exit codes, for `--help`.
+fn exit_codes() -> String {
+    let rows = ffid::exit::TABLE.iter().map(|(e, what)| format!("\n  {:>3}  {what}", e.code()));
+    rows.fold("Exit codes:".to_owned(), |all, row| all + &row)
+}
+
+fn main() -> ExitCode {
+    // clap ends wrong usage with 2 and help with 0, as the table wants.
+    let cli = Cli::parse();
+    let (mut out, mut err) = (std::io::stdout().lock(), std::io::stderr().lock());
+    let result = match cli.command {
+        Command::Check(args) => check::run(&args, &mut out, &mut err),
+    };
+    match result {
+        Ok(exit) => exit.into(),
+        // Nobody reads any more (`ffid check ... | head`): not an error of ours, and no code can tell.
+        Err((exit, e)) if e.kind() == ErrorKind::BrokenPipe => exit.into(),
+        Err((_, e)) => {
+            // The standard error may be closed as well; then the code alone has to say it.
+            let _ =
+                std::io::Write::write_fmt(&mut err, format_args!("error[Io::Write] output: {e}; free some space\n"));
+            ffid::exit::Exit::Io.into()
+        }
+    }
+}

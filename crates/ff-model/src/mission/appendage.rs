@@ -91,16 +91,20 @@ fn rotation(t: &Table<'_, '_>, rows: &[[f64; 3]; 3]) -> Option<Matrix3<f64>> {
     Some(r)
 }
 
-/// An appendage read and built, with the table it came from.
-pub(super) struct Built<'d, 't> {
-    pub(super) spec: AppendageSpec,
-    pub(super) appendage: Arc<dyn DynAppendage>,
+/// An appendage as far as it could be read, with the table it came from; `None` where a problem is recorded.
+pub(super) struct Draft<'d, 't> {
+    pub(super) kind: Option<String>,
+    pub(super) name: Option<String>,
+    pub(super) host: Option<String>,
+    pub(super) mount: Option<Mount>,
+    pub(super) settings: toml::Table,
+    pub(super) appendage: Option<Arc<dyn DynAppendage>>,
     pub(super) table: Table<'d, 't>,
 }
 
-impl<'d, 't> Built<'d, 't> {
+impl<'d, 't> Draft<'d, 't> {
     /// Reads one table and runs the factory of its kind; problems are recorded at their keys.
-    pub(super) fn read(t: Table<'d, 't>, registry: &Registry) -> Option<Self> {
+    pub(super) fn read(t: Table<'d, 't>, registry: &Registry) -> Self {
         let kind = t.required("kind", t.string("kind"));
         let name = t.required("name", t.string("name")).filter(|n| {
             let good = !n.is_empty() && !n.contains(|c: char| c.is_whitespace() || ".[]*".contains(c));
@@ -115,36 +119,65 @@ impl<'d, 't> Built<'d, 't> {
             Some(m) => Mount::read(&m),
             None => Some(Mount::of([0.0; 3], &Matrix3::identity())),
         };
-        let kind = kind?;
         let settings = t.rest(&["kind", "name", "host", "mount"]);
-        let Some(factory) = registry.get(&kind) else {
-            let known = list(registry.kinds(), 20);
-            let p =
-                error("Config::UnknownKind", format!("unknown kind '{}'; known: {known}", crate::text::clip(&kind)));
-            t.fail(
-                "kind",
-                match nearest(&kind, registry.kinds()) {
-                    Some(n) => p.hint(format!("did you mean {n}?")),
-                    None => p.hint("use a known kind, or register this one"),
-                },
-            );
-            return None;
-        };
-        let label = name.clone().unwrap_or_else(|| kind.clone());
-        match factory(&settings) {
-            Ok(appendage) => {
-                let spec = AppendageSpec { kind, name: name?, host: host?, mount: mount?, settings };
-                Some(Self { spec, appendage, table: t })
+        let appendage = kind.as_deref().and_then(|k| make(&t, k, name.as_deref().unwrap_or(k), &settings, registry));
+        Self { kind, name, host, mount, settings, appendage, table: t }
+    }
+    /// What is kept of it; `None` unless everything was there.
+    pub(super) fn spec(&self) -> Option<AppendageSpec> {
+        Some(AppendageSpec {
+            kind: self.kind.clone()?,
+            name: self.name.clone()?,
+            host: self.host.clone()?,
+            mount: self.mount.clone()?,
+            settings: self.settings.clone(),
+        })
+    }
+}
+
+/// Runs the factory of a kind; its problems get their place in the file.
+fn make(
+    t: &Table<'_, '_>,
+    kind: &str,
+    label: &str,
+    settings: &toml::Table,
+    registry: &Registry,
+) -> Option<Arc<dyn DynAppendage>> {
+    let Some(factory) = registry.get(kind) else {
+        let known = list(registry.kinds(), 20);
+        let p = error("Config::UnknownKind", format!("unknown kind '{}'; known: {known}", crate::text::clip(kind)));
+        t.fail(
+            "kind",
+            match nearest(kind, registry.kinds()) {
+                Some(n) => p.hint(format!("did you mean {n}?")),
+                None => p.hint("use a known kind, or register this one"),
+            },
+        );
+        return None;
+    };
+    // The door for numbers: no factory ever sees NaN or infinity, which the file-wide check has reported.
+    if !settings.values().all(finite) {
+        return None;
+    }
+    match factory(settings) {
+        Ok(appendage) => Some(appendage),
+        Err(problems) => {
+            for mut p in problems.0 {
+                let key = p.object.take().unwrap_or_default();
+                let object = if key.is_empty() { label.to_owned() } else { format!("{label}.{key}") };
+                t.fail_at(t.place(&key), p.on(object));
             }
-            Err(problems) => {
-                for mut p in problems.0 {
-                    let key = p.object.take().unwrap_or_default();
-                    let object = if key.is_empty() { label.clone() } else { format!("{label}.{key}") };
-                    t.fail_at(t.place(&key), p.on(object));
-                }
-                None
-            }
+            None
         }
+    }
+}
+
+fn finite(v: &toml::Value) -> bool {
+    match v {
+        toml::Value::Float(x) => x.is_finite(),
+        toml::Value::Array(a) => a.iter().all(finite),
+        toml::Value::Table(t) => t.values().all(finite),
+        _ => true,
     }
 }
 

@@ -42,7 +42,7 @@ use crate::problem::{Area, Problem, Problems};
 use crate::registry::Registry;
 use crate::text::{LineIndex, clip, list, nearest};
 use crate::urdf::{self, UrdfOptions};
-use appendage::Built;
+use appendage::Draft;
 use nalgebra::Vector3;
 use reader::{Context, Table, error};
 use serde::Serialize;
@@ -177,8 +177,7 @@ fn read(
 ) -> Option<Loaded> {
     let robot_table = root.required("robot", root.table("robot"));
     let robot = robot_table.as_ref().and_then(Robot::read);
-    let built: Vec<Option<Built<'_, '_>>> =
-        root.tables("appendage").into_iter().map(|t| Built::read(t, registry)).collect();
+    let drafts: Vec<Draft<'_, '_>> = root.tables("appendage").into_iter().map(|t| Draft::read(t, registry)).collect();
     let sensors = root.table("sensors").map(|t| Sensors::read(&t)).unwrap_or_default();
     let limits = root.table("limits").map(|t| Limits::read(&t)).unwrap_or_default();
     let estimate_table = root.table("estimate");
@@ -217,12 +216,10 @@ fn read(
             model.add_rigid(f.body, &r.body.inertia().to_parent(&f.placement));
         }
     }
-    let complete = built.iter().all(Option::is_some);
-    let mut appendages = Vec::new();
-    for b in built.into_iter().flatten() {
-        mount(&mut model, &frames, &b);
-        appendages.push(b.spec);
-    }
+    // Mount all before asking whether all could be, so that each says what is wrong with it.
+    let mounted: Vec<bool> = drafts.iter().map(|d| mount(&mut model, &frames, d)).collect();
+    let complete = mounted.iter().all(|&m| m);
+    let appendages = drafts.iter().filter_map(Draft::spec).collect();
     let mut estimated = Vec::new();
     // With an appendage missing, patterns for its parameters would be reported as well.
     if let (Some(t), true) = (&estimate_table, complete) {
@@ -257,28 +254,33 @@ impl Frames<'_> {
     }
 }
 
-/// Mounts one appendage; problems are recorded at its table.
-fn mount(model: &mut Model, frames: &Frames<'_>, b: &Built<'_, '_>) {
-    let (spec, t) = (&b.spec, &b.table);
-    if spec.host == spec.name {
+/// Mounts one appendage; false when it could not be, with the problems recorded at its table.
+fn mount(model: &mut Model, frames: &Frames<'_>, d: &Draft<'_, '_>) -> bool {
+    let t = &d.table;
+    if d.host.is_some() && d.host == d.name {
         let p = error("Config::UnknownFrame", "an appendage cannot hang on itself");
         t.fail("host", p.hint("name a link of the URDF as host"));
-        return;
+        return false;
     }
     // Parameters of bodies are called `base.mass` and `<link>.mass`.
-    if spec.name == "base" || (0..model.n_bodies()).any(|i| model.body_name(i) == spec.name) {
-        let p = error("Config::DuplicateName", format!("'{}' is the name of a body as well", spec.name));
+    let taken = |n: &&String| *n == "base" || (0..model.n_bodies()).any(|i| model.body_name(i) == *n);
+    if let Some(n) = d.name.as_ref().filter(taken) {
+        let p = error("Config::DuplicateName", format!("'{n}' is the name of a body as well"));
         t.fail("name", p.hint("rename the appendage"));
-        return;
+        return false;
     }
-    let Some(k) = frames.find(&spec.host, "host", t) else { return };
-    let f = &frames.0.frames()[k];
+    let frame = d.host.as_ref().and_then(|h| frames.find(h, "host", t)).map(|k| &frames.0.frames()[k]);
+    let (Some(f), Some(spec), Some(a)) = (frame, d.spec(), &d.appendage) else { return false };
     let pose = f.placement * spec.mount.to_xform();
-    if let Err(problems) = model.mount(spec.name.as_str(), f.body, pose, b.appendage.clone()) {
-        for p in problems.0 {
-            let prefix = format!("{}.", spec.name);
-            let key = p.object.as_deref().and_then(|o| o.strip_prefix(&prefix)).unwrap_or("name").to_owned();
-            t.fail_at(t.place(&key), p);
+    match model.mount(spec.name.as_str(), f.body, pose, a.clone()) {
+        Ok(()) => true,
+        Err(problems) => {
+            for p in problems.0 {
+                let prefix = format!("{}.", spec.name);
+                let key = p.object.as_deref().and_then(|o| o.strip_prefix(&prefix)).unwrap_or("name").to_owned();
+                t.fail_at(t.place(&key), p);
+            }
+            false
         }
     }
 }
@@ -315,7 +317,7 @@ fn syntax_problem(text: &str, e: &toml::de::Error) -> Problem {
     let message = clip(e.message().lines().next().unwrap_or("not TOML"));
     let (code, hint) = if message.contains("duplicate key") {
         ("Config::DuplicateKey", "keep one of the two")
-    } else if message.contains("recursion limit") {
+    } else if message.contains("recurs") {
         ("Config::TooDeep", "a mission file needs 4 levels; limit 80")
     } else {
         ("Config::Syntax", "mend the TOML; texts need quotes, numbers a decimal point")

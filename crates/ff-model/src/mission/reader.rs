@@ -100,7 +100,7 @@ impl<'d, 't> Table<'d, 't> {
     }
     fn mismatch(&self, span: Range<usize>, path: &str, found: &DeValue<'_>, wanted: &str) {
         let what = format!("is {}, expected {wanted}", found.type_str());
-        self.cx.push_at(span, error("Config::WrongType", what).on(path).hint(format!("give {wanted}")));
+        self.cx.push_at(span, error("Config::Type", what).on(path).hint(format!("give {wanted}")));
     }
 
     /// Full name of a key.

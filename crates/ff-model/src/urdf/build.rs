@@ -163,6 +163,8 @@ fn masses(r: &RawRobot, groups: &[Group], at: &[(usize, Xform<f64>)], options: &
                 let a = a / a.norm().max(f64::MIN_POSITIVE);
                 let (what, unit, x) = match joint.kind.as_str() {
                     "prismatic" => ("mass", "kg", g.inertia.mass),
+                    // Without an axis, which is reported elsewhere, any inertia will do.
+                    _ if a == Vector3::zeros() => ("inertia", "kg m^2", g.inertia.rot.trace()),
                     _ => ("inertia about its joint axis", "kg m^2", a.dot(&(g.inertia.rot * a))),
                 };
                 if x <= 0.0 {

@@ -30,10 +30,11 @@ pub(super) fn tree(r: &RawRobot, out: &mut Problems) -> Option<Tree> {
     let links = unique("link", r.links.iter().map(|l| (l.name.as_str(), l.line)), out);
     unique("joint", r.joints.iter().map(|j| (j.name.as_str(), j.line)), out);
 
+    let distinct = out.0.len() == before;
     let mut suggestions = 0;
     let mut end = |joint: &str, (link, line): &(String, usize)| match links.get(link.as_str()) {
         Some(&i) => Some(i),
-        // A missing attribute has been reported by the strict pass already.
+        // A missing or empty attribute has been reported by the strict pass already.
         None if link.is_empty() => None,
         None => {
             let p = err("Urdf::UnknownLink", format!("names link '{}', which does not exist", clip(link)));
@@ -73,8 +74,8 @@ pub(super) fn tree(r: &RawRobot, out: &mut Problems) -> Option<Tree> {
     }
     cycles(r, &ends, &carrier, out);
     let roots: Vec<usize> = (0..r.links.len()).filter(|&i| carrier[i].is_none()).collect();
-    // With an unknown child the links below look like roots: one mistake, one message.
-    if roots.len() > 1 && ends.iter().all(|e| e.0.is_some() && e.1.is_some()) {
+    // With an unknown or doubled name the links below look like roots: one mistake, one message.
+    if roots.len() > 1 && distinct && ends.iter().all(|e| e.0.is_some() && e.1.is_some()) {
         let names = list(roots.iter().map(|&i| r.links[i].name.as_str()), 8);
         out.push(
             err("Urdf::MultipleRoots", format!("{} links have no parent: {names}; limit 1", roots.len()))

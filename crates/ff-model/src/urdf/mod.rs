@@ -117,7 +117,7 @@ fn import(text: &str, options: &UrdfOptions, out: &mut Problems) -> Option<Model
         out.extend(p);
         return None;
     }
-    let mut raw = strict::read(text, out)?;
+    let mut raw = strict::read(text, &options.leniency, out)?;
     if raw.links.is_empty() {
         return None;
     }
@@ -125,9 +125,10 @@ fn import(text: &str, options: &UrdfOptions, out: &mut Problems) -> Option<Model
     let tree = graph::tree(&raw, out);
     let mut found = Problems::default();
     if blocked(out, options) {
-        // Bodies without mass can be told from the tree even when other things are wrong.
-        if let Some(t) = &tree {
-            build::model(&raw, t, options, &mut found);
+        // Bodies without mass can be told from the tree even when other things are wrong, unless the wrong
+        // thing is the mass itself.
+        if let Some(t) = tree.filter(|_| raw.links.iter().all(|l| !l.unsure)) {
+            build::model(&raw, &t, options, &mut found);
             out.extend(found);
         }
         return None;

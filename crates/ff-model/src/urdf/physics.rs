@@ -20,7 +20,7 @@ fn warn(code: &'static str, message: impl Into<String>) -> Problem {
 
 /// Every check of one link and one joint on its own.
 pub(super) fn check(r: &RawRobot, out: &mut Problems) {
-    for l in &r.links {
+    for l in r.links.iter().filter(|l| !l.unsure) {
         if let Some((i, line)) = &l.inertial {
             inertial(l, i, *line, out);
         }
@@ -115,7 +115,9 @@ fn density(name: &str, i: &RawInertial, line: usize, out: &mut Problems) {
 
 /// Angles beyond a full turn are usually degrees.
 fn degrees(angles: &[f64], object: &str, line: usize, out: &mut Problems) {
-    for &a in angles.iter().filter(|a| a.abs() > TAU + 1e-3) {
+    // One message per element, for the largest.
+    let largest = angles.iter().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+    if let Some(a) = largest.filter(|a| a.abs() > TAU + 1e-3) {
         out.push(
             warn("Urdf::LooksLikeDegrees", format!("angle {a} rad, more than a turn ({TAU:.4} rad)"))
                 .at_line(line)

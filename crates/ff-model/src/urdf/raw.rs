@@ -45,6 +45,8 @@ pub(super) struct RawLink {
     pub(super) line: usize,
     /// `None` without an `<inertial>` element, and its line otherwise.
     pub(super) inertial: Option<(RawInertial, usize)>,
+    /// Something of the link could not be read, so its numbers say nothing.
+    pub(super) unsure: bool,
 }
 
 /// A `<limit>`; `None` where an attribute is absent.

@@ -6,6 +6,7 @@
 use super::prescan::xacro;
 use super::raw::{RawInertial, RawJoint, RawLimit, RawLink, RawPose, RawRobot};
 use super::schema::{self, Element};
+use crate::leniency::Leniency;
 use crate::problem::{Area, Problem, Problems};
 use crate::text::{LineIndex, clip, list, nearest};
 use roxmltree::{Attribute, Document, Node, ParsingOptions};
@@ -17,7 +18,7 @@ const MAX_NODES: u32 = 2_000_000;
 const MAX_PROBLEMS: usize = 500;
 
 /// Reads a file; what cannot be read is left at zero or absent and has its problem recorded.
-pub(super) fn read(text: &str, out: &mut Problems) -> Option<RawRobot> {
+pub(super) fn read(text: &str, leniency: &Leniency, out: &mut Problems) -> Option<RawRobot> {
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     let doc = match Document::parse_with_options(text, options) {
         Ok(d) => d,
@@ -26,7 +27,7 @@ pub(super) fn read(text: &str, out: &mut Problems) -> Option<RawRobot> {
             return None;
         }
     };
-    let mut r = Reader { lines: LineIndex::new(text), out };
+    let mut r = Reader { lines: LineIndex::new(text), leniency, refused: 0, out };
     Some(r.robot(doc.root_element()))
 }
 
@@ -64,6 +65,9 @@ fn syntax_error(text: &str, e: &roxmltree::Error) -> Problem {
 /// What the walk carries along.
 struct Reader<'t, 'p> {
     lines: LineIndex<'t>,
+    leniency: &'p Leniency,
+    /// Errors so far that the user has not allowed.
+    refused: usize,
     out: &'p mut Problems,
 }
 
@@ -72,7 +76,11 @@ impl Reader<'_, '_> {
         self.lines.at(n.range().start).0
     }
     fn err(&mut self, offset: usize, object: &str, code: &'static str, message: String, hint: String) {
-        if self.out.0.len() >= MAX_PROBLEMS {
+        if !self.leniency.allows(code) {
+            self.refused += 1;
+        }
+        // Never drop the first error that refuses, however many allowed ones came before.
+        if self.out.0.len() >= MAX_PROBLEMS && self.refused > 1 {
             return;
         }
         let (line, column) = self.lines.at(offset);
@@ -82,8 +90,9 @@ impl Reader<'_, '_> {
     /// Reports unknown attributes and child elements, and known ones given twice.
     fn check(&mut self, n: Node<'_, '_>, e: &Element, object: &str) {
         for a in n.attributes() {
-            if a.value().contains("${") || a.value().contains("$(") {
+            if is_expression(a.value()) {
                 let (line, column) = self.lines.at(a.range_value().start);
+                self.refused += 1;
                 self.out
                     .push(xacro(&format!("'{}' is a xacro expression", clip(a.value()))).at(line, column).on(object));
             }
@@ -158,19 +167,20 @@ impl Reader<'_, '_> {
     /// The `name` attribute; absent or blank is an error.
     fn name(&mut self, n: Node<'_, '_>, element: &str) -> String {
         let name = self.required(n, "name", element).map_or("", |a| a.value());
-        if name.trim() != name || (name.is_empty() && n.has_attribute("name")) {
-            let what = format!("name '{}' is blank or has blanks around it", clip(name));
+        if name.trim() != name {
+            let what = format!("name '{}' has blanks around it", clip(name));
             self.err(n.range().start, element, "Urdf::BadName", what, "give a name without blanks around it".into());
         }
         name.to_owned()
     }
 
     fn link(&mut self, n: Node<'_, '_>) -> RawLink {
+        let before = self.refused;
         let name = self.name(n, "link");
         let object = format!("link {name}");
         self.check(n, &schema::LINK, &object);
         let inertial = child(n, "inertial").map(|c| (self.inertial(c, &object), self.line(c)));
-        RawLink { line: self.line(n), name, inertial }
+        RawLink { line: self.line(n), name, inertial, unsure: self.refused > before }
     }
 
     fn inertial(&mut self, n: Node<'_, '_>, object: &str) -> RawInertial {
@@ -265,11 +275,13 @@ impl Reader<'_, '_> {
         RawPose { xyz: get("xyz"), rpy: get("rpy") }
     }
 
+    /// An attribute that must be there and hold something.
     fn required<'a, 'i>(&mut self, n: Node<'a, 'i>, name: &'static str, object: &str) -> Option<Attribute<'a, 'i>> {
-        let a = n.attribute_node(name);
+        let a = n.attribute_node(name).filter(|a| !a.value().is_empty());
         if a.is_none() {
-            let what = format!("<{}> has no attribute {name}", n.tag_name().name());
-            self.err(n.range().start, object, "Urdf::MissingAttribute", what, format!("add {name}=\"...\""));
+            let how = if n.has_attribute(name) { "an empty" } else { "no" };
+            let what = format!("<{}> has {how} attribute {name}", n.tag_name().name());
+            self.err(n.range().start, object, "Urdf::MissingAttribute", what, format!("give {name}=\"...\""));
         }
         a
     }
@@ -287,6 +299,9 @@ impl Reader<'_, '_> {
 
     /// Exactly `N` finite numbers; every token that is not one is reported.
     fn numbers<const N: usize>(&mut self, a: Attribute<'_, '_>, object: &str) -> Option<[f64; N]> {
+        if is_expression(a.value()) {
+            return None; // reported by `check`
+        }
         let (mut out, mut found, mut good) = ([0.0; N], 0, true);
         let at = a.range_value().start;
         for token in a.value().split_whitespace() {
@@ -323,4 +338,9 @@ impl Reader<'_, '_> {
 /// The first child element of a name.
 fn child<'a, 'i>(n: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     n.children().find(|c| c.is_element() && c.tag_name().name() == name)
+}
+
+/// True for what xacro would compute.
+fn is_expression(value: &str) -> bool {
+    value.contains("${") || value.contains("$(")
 }

@@ -62,7 +62,9 @@ fn panel(t: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
             let path = format!("segments[{i}].{key}");
             match number(s, key, &path) {
                 Ok(x) if x < 0.0 => bad.push(
-                    Problem::error(Area::Config, "Config::NotPassive", format!("value {x}, limit >= 0")).on(path),
+                    Problem::error(Area::Config, "Config::NotPassive", format!("value {x}, limit >= 0"))
+                        .on(path)
+                        .hint("springs and dampers resist"),
                 ),
                 Ok(x) => out.push(x),
                 Err(p) => bad.extend(p),

@@ -1,0 +1,92 @@
+//! The one table of exit codes. Libraries return errors; only binaries turn them into codes, here.
+//!
+//! 1 (an error nobody mapped), 101 (panic), 134 (abort) and 137 (killed) are not in the table: each is a bug.
+
+use ff_model::Problems;
+
+/// How a command ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Exit {
+    /// All went well; there may be warnings.
+    Done = 0,
+    /// The command line is wrong.
+    Usage = 2,
+    /// The robot model is invalid.
+    Model = 10,
+    /// The mission file or a setting is invalid.
+    Config = 11,
+    /// Recorded data are invalid.
+    Data = 12,
+    /// The question is ill-posed: not identifiable from these data.
+    IllPosed = 13,
+    /// Numerical failure: no convergence, step too small, energy gate.
+    Numerical = 14,
+    /// A reproduction lies outside its tolerance.
+    Tolerance = 15,
+    /// Input or output failed: not found, no permission, disk full.
+    Io = 20,
+    /// Another run holds the lock.
+    Locked = 21,
+    /// A checkpoint is of another version, model or data.
+    Incompatible = 22,
+    /// Interrupted; the checkpoint is kept.
+    Interrupted = 130,
+}
+
+/// Every exit code with its meaning, for `--help` and the docs.
+pub const TABLE: [(Exit, &str); 12] = [
+    (Exit::Done, "done"),
+    (Exit::Usage, "wrong command line"),
+    (Exit::Model, "model invalid"),
+    (Exit::Config, "mission file or setting invalid"),
+    (Exit::Data, "data invalid"),
+    (Exit::IllPosed, "ill-posed: not identifiable"),
+    (Exit::Numerical, "numerical failure"),
+    (Exit::Tolerance, "reproduction outside its tolerance"),
+    (Exit::Io, "reading or writing failed"),
+    (Exit::Locked, "locked by another run"),
+    (Exit::Incompatible, "checkpoint of another version, model or data"),
+    (Exit::Interrupted, "interrupted, checkpoint kept"),
+];
+
+impl Exit {
+    /// The number the process ends with.
+    pub fn code(self) -> u8 {
+        self as u8
+    }
+    /// The code for a list of problems: that of the first error, or `Done`.
+    pub fn of(problems: &Problems) -> Self {
+        let code = problems.exit_code();
+        TABLE.iter().map(|(e, _)| *e).find(|e| e.code() == code).unwrap_or(Self::Numerical)
+    }
+}
+
+impl From<Exit> for std::process::ExitCode {
+    fn from(e: Exit) -> Self {
+        Self::from(e.code())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ff_model::{Area, Problem};
+
+    #[test]
+    fn the_table_is_the_documented_one() {
+        let codes: Vec<u8> = TABLE.iter().map(|(e, _)| e.code()).collect();
+        assert_eq!(codes, [0, 2, 10, 11, 12, 13, 14, 15, 20, 21, 22, 130]);
+    }
+
+    #[test]
+    fn problems_map_by_their_first_error() {
+        let one = |p| Exit::of(&Problems(vec![p]));
+        for (area, want) in
+            [(Area::Model, Exit::Model), (Area::Config, Exit::Config), (Area::Data, Exit::Data), (Area::Io, Exit::Io)]
+        {
+            assert_eq!(one(Problem::error(area, "x", "x")), want);
+            assert_eq!(one(Problem::warning(area, "x", "x")), Exit::Done);
+        }
+    }
+}
