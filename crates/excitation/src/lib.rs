@@ -7,8 +7,12 @@
 pub mod cost;
 pub mod limits;
 pub mod manoeuvre;
+pub mod modal_response;
+pub mod planning;
+pub mod prediction;
 mod qp;
 pub mod random;
+pub mod rigid;
 pub mod spline_plan;
 pub mod sqp;
 
@@ -18,6 +22,10 @@ pub use cost::spectrum::{Modal, Quiet, Target};
 pub use cost::{Cost, CostSum, Form};
 pub use limits::{JointLimits, LimitError, LimitReport, Margin, Quantity, check_for_all_time, check_manoeuvre};
 pub use manoeuvre::{Extent, JointCommand, Manoeuvre, ManoeuvreError, ManoeuvreSpec, Move, Shape};
+pub use modal_response::{flexible_band, modal_targets};
+pub use planning::{InformationRequest, Planned, PlanningError, QuietBand, plan_information, plan_quiet};
+pub use prediction::Prediction;
 pub use random::{feasible_start, random_plan};
+pub use rigid::{RigidBase, RigidError, RigidInformation, SensorNoise};
 pub use spline_plan::{Duration, End, PlanError, PlanSpec, SplinePlan, Which};
 pub use sqp::{MultiStart, Outcome, SqpOptions, Status, minimise, multi_start};

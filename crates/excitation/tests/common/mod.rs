@@ -113,3 +113,19 @@ impl SampleInformation for Numeric<'_> {
         self.0.rows_at(q, qd, qdd, out);
     }
 }
+
+/// A mission of `fixtures/paper`.
+pub(crate) fn paper(file: &str) -> ff_model::mission::Loaded {
+    let mut registry = ff_model::Registry::new();
+    flex_panel::register(&mut registry);
+    slosh_pendulum::register(&mut registry);
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/paper").join(file);
+    ff_model::mission::Mission::load(&path, &registry, &ff_model::mission::LoadOptions::default()).unwrap()
+}
+
+/// `n` repeatable numbers in `-size..size`.
+pub(crate) fn uniform(n: usize, size: f64, seed: u64) -> Vec<f64> {
+    use rand::{RngExt, SeedableRng};
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    (0..n).map(|_| size * (2.0 * rng.random::<f64>() - 1.0)).collect()
+}
