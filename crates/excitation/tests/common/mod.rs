@@ -129,3 +129,24 @@ pub(crate) fn uniform(n: usize, size: f64, seed: u64) -> Vec<f64> {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     (0..n).map(|_| size * (2.0 * rng.random::<f64>() - 1.0)).collect()
 }
+
+/// The base of the paper's robot: 60 s at the mission's 0.17 rad/s and 0.15 rad/s^2, ten control points.
+pub(crate) fn request(loaded: &ff_model::mission::Loaded, starts: usize) -> InformationRequest {
+    let limits = loaded
+        .model
+        .bodies()
+        .iter()
+        .map(|b| JointLimits { velocity: 0.17, ..JointLimits::from_model(&b.joint.limits, 0.15) });
+    let start = loaded.mission.reproduce.as_ref().unwrap().hold_rad.clone();
+    InformationRequest {
+        end: End::Fixed(start.clone()),
+        start,
+        limits: limits.collect(),
+        duration: 60.0,
+        control_points: 10,
+        seed: 1,
+        starts,
+        noise: SensorNoise { torque: 0.1, gyro: Some(1.5e-4), rate: 100.0 },
+        options: SqpOptions::default(),
+    }
+}
