@@ -61,3 +61,27 @@ pub(crate) fn exact(l: &Loaded, t: &Trace) -> Record {
         .unwrap()
         .0
 }
+
+/// The most informative plan for the base, as `cargo xtask reproduce` makes it.
+pub(crate) fn planned(l: &Loaded, seconds: f64, free: usize) -> BSplineMotion {
+    use excitation::planning::{InformationRequest, plan_information};
+    let limits = excitation::limits::JointLimits {
+        lower: -3.1,
+        upper: 3.1,
+        velocity: l.mission.limits.velocity_rad_per_s.unwrap(),
+        acceleration: l.mission.limits.acceleration_rad_per_s2.unwrap(),
+        jerk: None,
+    };
+    let request = InformationRequest {
+        start: l.mission.reproduce.as_ref().unwrap().hold_rad.clone(),
+        end: excitation::spline_plan::End::Free,
+        limits: vec![limits; l.model.nj()],
+        duration: seconds,
+        control_points: free,
+        seed: 1,
+        starts: 1,
+        noise: excitation::rigid::SensorNoise { torque: 0.1, gyro: Some(1.5e-4), rate: 100.0 },
+        options: Default::default(),
+    };
+    plan_information(&l.model, &Params::nominal(&l.model), &(0..10).collect::<Vec<_>>(), &request).unwrap().motion
+}
