@@ -8,7 +8,7 @@ use std::process::ExitCode;
 
 /// In-orbit identification of free-floating robots.
 #[derive(Parser)]
-#[command(version, about, after_help = exit_codes())]
+#[command(version, about, after_help = ffid::exit::help())]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -18,12 +18,6 @@ struct Cli {
 enum Command {
     /// Check a mission file and the robot it names, or a URDF alone; print the model and every problem.
     Check(check::Args),
-}
-
-/// The table of exit codes, for `--help`.
-fn exit_codes() -> String {
-    let rows = ffid::exit::TABLE.iter().map(|(e, what)| format!("\n  {:>3}  {what}", e.code()));
-    rows.fold("Exit codes:".to_owned(), |all, row| all + &row)
 }
 
 fn main() -> ExitCode {
