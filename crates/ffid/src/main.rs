@@ -1,6 +1,8 @@
 //! The `ffid` command.
 
 mod check;
+mod modes_command;
+mod output;
 
 use clap::{Parser, Subcommand};
 use std::io::ErrorKind;
@@ -17,7 +19,9 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Check a mission file and the robot it names, or a URDF alone; print the model and every problem.
-    Check(check::Args),
+    Check(output::Input),
+    /// Print natural frequencies, damping ratios and shapes of the passive coordinates, at the mission's hold pose.
+    Modes(modes_command::Args),
 }
 
 fn main() -> ExitCode {
@@ -25,7 +29,8 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let (mut out, mut err) = (std::io::stdout().lock(), std::io::stderr().lock());
     let result = match cli.command {
-        Command::Check(args) => check::run(&args, &mut out, &mut err),
+        Command::Check(input) => check::run(&input, &mut out, &mut err),
+        Command::Modes(args) => modes_command::run(&args, &mut out, &mut err),
     };
     match result {
         Ok(exit) => exit.into(),
