@@ -6,16 +6,16 @@
 //!
 //! | question | module |
 //! |---|---|
-//! | forces for a motion | [`rnea`] |
-//! | mass matrix, blocks of eq. (2), condition | [`crba`], [`blocks`], [`conditioning`] |
+//! | forces for a motion | [`mod@rnea`] |
+//! | mass matrix, blocks of eq. (2), condition | [`crba`], [`blocks`], [`mod@conditioning`] |
 //! | motion for forces; prescribed joints | [`aba`] |
 //! | momentum, energy, dissipation | [`momentum`] |
-//! | dependence on parameters | [`regressor`] |
+//! | dependence on parameters | [`mod@regressor`] |
 //! | prescribed arm condensed; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
 //! | joint motions | [`motion`], [`bspline`] |
-//! | frequencies and damping | [`modes`] |
+//! | frequencies and damping | [`mod@modes`] |
 //! | frames | [`frames`] |
-//! | a motion over time, and what sensors see of it | [`simulate`], [`sensors`] |
+//! | a motion over time, and what sensors see of it | [`mod@simulate`], [`sensors`] |
 
 pub mod aba;
 pub mod blocks;
