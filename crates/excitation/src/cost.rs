@@ -6,6 +6,7 @@
 //! `dJ/dT = -(J_qd . qd + 2 J_qdd . qdd) / T` plus the explicit part.
 
 pub mod base;
+pub mod disturbance;
 pub mod information;
 pub mod spectrum;
 

@@ -3,21 +3,35 @@
 //! [`manoeuvre`] is the paper's simplified excitation; [`spline_plan`], [`cost`] and [`sqp`] its trajectory
 //! optimisation (eqs. 9-10, corrected); [`random`] gives seeded feasible trajectories; [`limits`] proves that
 //! any of them keeps the joint limits for all time.
+//!
+//! [`plan_information`] and [`plan_quiet`] put these together for a model: [`rigid`] is what the costs need of
+//! it, [`modal_response`] what drives its modes, [`prediction`] what the plan will tell.
 
 pub mod cost;
 pub mod limits;
 pub mod manoeuvre;
+pub mod modal_response;
+pub mod planning;
+pub mod prediction;
 mod qp;
 pub mod random;
+pub mod rigid;
 pub mod spline_plan;
 pub mod sqp;
 
 pub use cost::base::{BaseMotion, BasePartials, BaseResponse};
+pub use cost::disturbance::{Disturbance, DrivenMode};
 pub use cost::information::{Information, SampleInformation};
 pub use cost::spectrum::{Modal, Quiet, Target};
 pub use cost::{Cost, CostSum, Form};
 pub use limits::{JointLimits, LimitError, LimitReport, Margin, Quantity, check_for_all_time, check_manoeuvre};
 pub use manoeuvre::{Extent, JointCommand, Manoeuvre, ManoeuvreError, ManoeuvreSpec, Move, Shape};
+pub use modal_response::{driven_modes, flexible_band, modal_targets};
+pub use planning::{
+    InformationRequest, Planned, PlanningError, QuietBand, Quieted, Quietness, plan_information, plan_quiet,
+};
+pub use prediction::Prediction;
 pub use random::{feasible_start, random_plan};
+pub use rigid::{RigidBase, RigidError, RigidInformation, SensorNoise};
 pub use spline_plan::{Duration, End, PlanError, PlanSpec, SplinePlan, Which};
 pub use sqp::{MultiStart, Outcome, SqpOptions, Status, minimise, multi_start};

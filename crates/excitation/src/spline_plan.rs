@@ -1,6 +1,6 @@
 //! Rest-to-rest B-spline trajectories as decision variables with linear limits.
 //!
-//! `theory.md` 3 (reference [14] of the paper): clamped knots and three equal control points at each end
+//! `theory.md` 3 (reference 14 of the paper): clamped knots and three equal control points at each end
 //! give zero velocity and acceleration there (`P'_0 = P'_1 = 0`). The basis lives on unit time
 //! `s = t / T`, so the maps from control points to derivative polygons are constant and the limits read
 //! `|M_r P| <= L_r T^r` with `L_r` the limit on derivative `r`.

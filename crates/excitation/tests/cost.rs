@@ -83,6 +83,16 @@ fn quiet_and_modal_gradients() {
 }
 
 #[test]
+fn disturbance_gradient() {
+    let mode = |frequency, damping, drive| DrivenMode { frequency, damping, drive, torque: 30.0, gyro: 2.0 };
+    let modes = vec![
+        mode(0.11, 0.004, Vector6::new(0.3, -0.2, 0.5, 0.0, 0.1, -0.4)),
+        mode(0.23, 0.05, Vector6::new(0.0, 0.4, 0.1, 0.7, -0.3, 0.2)),
+    ];
+    check(&Disturbance { response: Toy(3), modes, rate: 100.0, duration: 19.0, emphasis: 0.7 });
+}
+
+#[test]
 fn wide_band_energy_is_parseval() {
     let (plan, x) = plans().remove(0);
     let m = plan.motion(&x).unwrap();

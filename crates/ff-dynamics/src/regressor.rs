@@ -3,7 +3,7 @@
 use crate::state::State;
 use crate::work::Work;
 use ff_model::{
-    DynAppendage, Force, Grad, Model, ModelScalar, Motion, ParamGroup, Params, PortMatrix, PortState,
+    D1, DynAppendage, Force, Grad, Model, ModelScalar, Motion, ParamGroup, Params, PortMatrix, PortState,
     scalar::DIRECTIONS,
 };
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -225,6 +225,74 @@ impl PortDerivatives {
                 }
                 each(tag, &self.out);
                 self.pd[own].eps[d] = 0.0;
+            }
+        }
+    }
+}
+
+/// State derivatives of one port, with their buffers: one forward-dual pass per own direction.
+#[derive(Clone, Debug)]
+pub(crate) struct PortJacobian {
+    p: Vec<D1>,
+    eta: Vec<D1>,
+    nu: Vec<D1>,
+    m: Vec<D1>,
+    h: Vec<D1>,
+    /// `d(M [A_h; nu'] + h)` per direction, `6+n` each: host twist 6, coordinates n, rates n.
+    pub(crate) columns: Vec<f64>,
+}
+
+impl PortJacobian {
+    pub(crate) fn new(n: usize, p: &[f64]) -> Self {
+        let z = |k| vec![D1::constant(0.0); k];
+        Self {
+            p: p.iter().map(|&x| D1::constant(x)).collect(),
+            eta: z(n),
+            nu: z(n),
+            m: z((6 + n).pow(2)),
+            h: z(6 + n),
+            columns: vec![0.0; (6 + 2 * n) * (6 + n)],
+        }
+    }
+
+    /// Fills `columns` at fixed accelerations. Does not allocate.
+    pub(crate) fn evaluate(
+        &mut self,
+        appendage: &dyn DynAppendage,
+        s: &PortState<'_, f64>,
+        host_acc: &Motion<f64>,
+        acc: &[f64],
+    ) {
+        let n = s.eta.len();
+        let dim = 6 + n;
+        let port = D1::port(appendage);
+        let mut host = [0.0; 6];
+        s.host.write_to(&mut host);
+        for dir in 0..6 + 2 * n {
+            let seed = |i: usize, x: f64| D1::new(x, if i == dir { 1.0 } else { 0.0 });
+            for i in 0..n {
+                self.eta[i] = seed(6 + i, s.eta[i]);
+                self.nu[i] = seed(6 + n + i, s.nu[i]);
+            }
+            let v: [D1; 6] = core::array::from_fn(|i| seed(i, host[i]));
+            let state = PortState { host: Motion::from_slice(&v), eta: &self.eta, nu: &self.nu };
+            port.bias(&self.p, &state, &mut self.h);
+            let out = &mut self.columns[dir * dim..(dir + 1) * dim];
+            for (x, h) in out.iter_mut().zip(&self.h) {
+                *x = h.eps[0];
+            }
+            // The mass matrix depends on the coordinates alone.
+            if (6..6 + n).contains(&dir) {
+                let mut m = PortMatrix::new(n, &mut self.m);
+                port.inertia(&self.p, &self.eta, &mut m);
+                for (i, x) in out.iter_mut().enumerate() {
+                    for j in 0..6 {
+                        *x += m.get(i, j).eps[0] * host_acc.get(j);
+                    }
+                    for (j, a) in acc.iter().enumerate() {
+                        *x += m.get(i, 6 + j).eps[0] * a;
+                    }
+                }
             }
         }
     }

@@ -12,8 +12,8 @@
 use crate::ldl;
 use crate::prescribed::Prescribed;
 use crate::reduced::{Reduced, ReducedError, ReducedWork, Response, STAGE, WEIGHT, check, rate, torques};
-use crate::regressor::{PortDerivatives, body_regressor};
-use ff_model::{Force, Grad, Model, Motion, Params, PortState, scalar::DIRECTIONS};
+use crate::regressor::{PortDerivatives, PortJacobian, body_regressor};
+use ff_model::{Force, Model, Motion, Params, PortState};
 use nalgebra::DMatrix;
 
 /// What to differentiate with respect to.
@@ -71,10 +71,7 @@ struct Tangent<'a> {
     places: Vec<Place>,
     /// Per port: derivatives with respect to its wanted parameters.
     by_port: Vec<PortDerivatives>,
-    lifted: Params<Grad>,
-    work: ReducedWork<Grad>,
-    zg: Vec<Grad>,
-    ug: Vec<Grad>,
+    by_state: Vec<PortJacobian>,
     /// `R_z`, `(6+m) x nz` row-major, and the port wrenches' `d/dz`, 6 x nz each.
     rz: Vec<f64>,
     gain: Vec<f64>,
@@ -112,16 +109,16 @@ impl<'a> Tangent<'a> {
             }
         }
         let (m, nz) = (model.np(), 6 + 2 * model.np());
-        let lifted = Params::from_values(model, params.values().iter().map(|&x| Grad::constant(x)).collect());
         Self {
             model,
             params,
             table,
             by_port: ports.iter().zip(&by_port).map(|(a, w)| PortDerivatives::new(&*a.appendage, w)).collect(),
-            lifted,
-            work: ReducedWork::new(model),
-            zg: vec![Grad::constant(0.0); nz],
-            ug: vec![Grad::constant(0.0); 6 + m],
+            by_state: ports
+                .iter()
+                .enumerate()
+                .map(|(k, a)| PortJacobian::new(a.dim(), params.appendage(model, k)))
+                .collect(),
             rz: vec![0.0; (6 + m) * nz],
             gain: vec![0.0; (6 + m) * nz],
             wz: vec![vec![0.0; 6 * nz]; ports.len()],
@@ -131,31 +128,69 @@ impl<'a> Tangent<'a> {
         }
     }
 
-    /// Fills `R_z` and `R_p` at `(node, z, u)`; `f64` port terms are taken from `real`.
+    /// Fills `R_z` and `R_p` at `(node, z, u)`; plain port terms are taken from `real`.
+    ///
+    /// Base rows: `d/dV [I' V + V x* ((I_base + I) V + h)]` by columns, plus per port, with `T = X^-1`,
+    /// `d w = h_V T dV + M_b T (dV x s) + h_eta d eta + h_nu d nu`.
     fn evaluate(&mut self, node: usize, z: &[f64], u: &[f64], real: &ReducedWork<f64>) {
-        let nz = z.len();
-        for (g, &x) in self.ug.iter_mut().zip(u) {
-            *g = Grad::constant(x);
-        }
-        let mut first = 0;
-        while first < nz {
-            let count = DIRECTIONS.min(nz - first);
-            for (i, (g, &x)) in self.zg.iter_mut().zip(z).enumerate() {
-                *g = if i >= first && i < first + count { Grad::variable(x, i - first) } else { Grad::constant(x) };
+        let (m, nz) = (self.model.np(), z.len());
+        let (v, a) = (Motion::from_slice(z), Motion::<f64>::from_slice(u));
+        self.rz.fill(0.0);
+        let arm = &self.table.arm[node];
+        let total = *self.params.body(0) + arm.inertia;
+        let p = total.mul_motion(&v) + arm.h;
+        let unit: [Motion<f64>; 6] = core::array::from_fn(|j| {
+            let mut e = [0.0; 6];
+            e[j] = 1.0;
+            Motion::from_slice(&e)
+        });
+        for (j, e) in unit.iter().enumerate() {
+            let col = arm.d_inertia.mul_motion(e) + e.cross_force(&p) + v.cross_force(&total.mul_motion(e));
+            for i in 0..6 {
+                self.rz[i * nz + j] = col.get(i);
             }
-            self.work.ports(self.model, &self.lifted, self.table.frames_at(node), &self.zg);
-            self.work.residual(self.model, &self.lifted, self.table, node, &self.zg, &self.ug);
-            for d in 0..count {
-                for (row, r) in self.work.res.iter().enumerate() {
-                    self.rz[row * nz + first + d] = r.eps[d];
+        }
+        let frames = self.table.frames_at(node);
+        for (k, ap) in self.model.appendages().iter().enumerate() {
+            let (f, n) = (&frames[k], ap.dim());
+            let (dim, first) = (6 + n, ap.coord_offset);
+            let s = PortState {
+                host: real.v[k],
+                eta: &z[6 + first..6 + first + n],
+                nu: &z[6 + m + first..6 + m + first + n],
+            };
+            let host = f.x.motion_to_child(&(a + f.ds + v.cross(&f.s)));
+            let jac = &mut self.by_state[k];
+            jac.evaluate(&*ap.appendage, &s, &host, &u[6 + first..6 + first + n]);
+            self.wz[k].fill(0.0);
+            let (rz, wz) = (&mut self.rz, &mut self.wz[k]);
+            let mut put = |col: usize, d: &[f64]| {
+                let w = f.x.force_to_parent(&Force::from_slice(d));
+                for i in 0..6 {
+                    rz[i * nz + col] += w.get(i);
+                    wz[i * nz + col] = w.get(i);
                 }
-                for (wz, w) in self.wz.iter_mut().zip(&self.work.wrench) {
-                    for row in 0..6 {
-                        wz[row * nz + first + d] = w.get(row).eps[d];
+                for i in 0..n {
+                    rz[(6 + first + i) * nz + col] += d[6 + i];
+                }
+            };
+            let mut d = [0.0; 6 + ff_model::MAX_COORDS];
+            for (j, e) in unit.iter().enumerate() {
+                let dv = f.x.motion_to_child(e);
+                let da = f.x.motion_to_child(&e.cross(&f.s));
+                d[..dim].fill(0.0);
+                for c in 0..6 {
+                    let (x, y) = (dv.get(c), da.get(c));
+                    for i in 0..dim {
+                        d[i] += jac.columns[c * dim + i] * x + real.port_m(k, i, c) * y;
                     }
                 }
+                put(j, &d[..dim]);
             }
-            first += count;
+            for i in 0..n {
+                put(6 + first + i, &jac.columns[(6 + i) * dim..(7 + i) * dim]);
+                put(6 + m + first + i, &jac.columns[(6 + n + i) * dim..(7 + n + i) * dim]);
+            }
         }
         self.parameters(node, z, u, real);
     }

@@ -1,13 +1,17 @@
 //! One interface for every way of comparing a record with a model, and the fit that they share.
 //!
 //! An estimator predicts what the sensors should have read for given parameters, with exact derivatives.
-//! [`estimate`] adds priors and nuisance unknowns, maps to coordinates in which every value is physical
-//! ([`crate::transform`]), minimises with [`crate::lm`], and says how well each parameter is known.
+//! [`estimate`] adds priors and nuisance unknowns, minimises with [`crate::lm`] over physical values only, and
+//! says how well each parameter is known.
+//!
+//! Bodies are estimated in their inertial parameters, in which records are nearly linear, and steps that
+//! would leave the physical bodies are refused and shortened. In log-Cholesky coordinates, where every point is
+//! physical, the same fit of the flexible case creeps along curved valleys (`docs/decisions/0004-coordinates.md`).
 
 use crate::covariance::{Uncertainty, Unknown, analyse};
 use crate::linalg::LinalgError;
-use crate::lm::{self, EvalError, LmError, Problem, Settings, Status};
-use crate::prior::{PriorError, Priors, Sigma};
+use crate::lm::{self, EvalError, LmError, Problem, Scale, Settings, Status};
+use crate::prior::Priors;
 use crate::scale;
 use crate::transform::{Transform, TransformError};
 use ff_model::ParamDecl;
@@ -55,9 +59,12 @@ pub struct Request<'a> {
     pub start: &'a [f64],
     /// Prior knowledge of selected parameters.
     pub priors: Priors,
+    /// Prior knowledge of everything selected at once: relative standard deviation around the start (0.3 is
+    /// 30 %), bodies measured in the affine-invariant metric. `None` for none.
+    pub prior_width: Option<f64>,
     /// Holds directions that neither data nor priors determine near where they are, without biasing the
-    /// others: a prior of this relative width on every selected parameter, re-centred at each estimate until it
-    /// moves nothing (proximal point method). 10 is a good width; `None` leaves such directions to drift.
+    /// others: a pull of this relative width that is re-centred at each estimate until it moves nothing
+    /// (proximal point method). `None` leaves such directions to drift.
     pub anchor: Option<f64>,
     /// When to stop.
     pub settings: Settings,
@@ -108,9 +115,9 @@ pub enum EstimateError {
     /// The start values have no physical coordinates.
     #[error(transparent)]
     Transform(#[from] TransformError),
-    /// The anchor has a width that is not positive and finite.
-    #[error(transparent)]
-    Prior(#[from] PriorError),
+    /// A prior or anchor with a width that is not positive and finite.
+    #[error("prior or anchor width {0} must be positive and finite, such as 0.3 for 30 %")]
+    Width(f64),
     /// The minimisation failed.
     #[error(transparent)]
     Minimise(#[from] LmError),
@@ -122,15 +129,51 @@ pub enum EstimateError {
 /// Relative singular value below which a direction counts as one the data say nothing about.
 pub const RANK_TOLERANCE: f64 = 1e-9;
 
-/// Most re-centrings of the anchor, and the relative move below which it has no more to give.
-const ANCHOR_ROUNDS: usize = 8;
-const ANCHOR_MOVED: f64 = 1e-9;
+/// Longest step in affine coordinates; at 1 a body might stop being one.
+const RADIUS: f64 = 0.5;
+/// Linearisations before coordinates are taken anew around the estimate.
+const PER_ROUND: usize = 5;
+/// Relative move below which it has no more to give.
+const ANCHOR_MOVED: f64 = 1e-10;
+
+/// A Gaussian pull towards reference values: residuals `(x - x0) / width` in the affine coordinates of bodies
+/// and the logarithms of positive parameters, so that `width` is a relative change of everything.
+struct Reference {
+    transform: Transform,
+    centre: Vec<f64>,
+    width: f64,
+}
+
+impl Reference {
+    fn new(decls: &[ParamDecl], selected: &[usize], values: &[f64], width: f64) -> Result<Self, EstimateError> {
+        if !(width > 0.0 && width.is_finite()) {
+            return Err(EstimateError::Width(width));
+        }
+        let transform = Transform::affine(decls, selected, values)?;
+        let centre = transform.coordinates(values)?;
+        Ok(Self { transform, centre, width })
+    }
+    fn coordinates(&self, full: &[f64]) -> Result<Vec<f64>, EvalError> {
+        self.transform.coordinates(full).map_err(|e| EvalError::Rejected(e.to_string()))
+    }
+    fn residuals(&self, full: &[f64]) -> Result<Vec<f64>, EvalError> {
+        Ok(self.coordinates(full)?.iter().zip(&self.centre).map(|(x, c)| (x - c) / self.width).collect())
+    }
+    /// With respect to the selected physical parameters, dim x dim.
+    fn jacobian(&self, full: &[f64]) -> Result<DMatrix<f64>, EvalError> {
+        let inverse = self.transform.jacobian(&self.coordinates(full)?).try_inverse();
+        let inverse = inverse.ok_or_else(|| EvalError::Rejected("a parameter has become zero".into()))?;
+        Ok(inverse / self.width)
+    }
+}
 
 /// The estimator as a least-squares problem in unconstrained coordinates `[transform | nuisance / size]`.
 struct Fit<'a, E: Estimator + ?Sized> {
     estimator: &'a mut E,
     transform: &'a Transform,
-    priors: [&'a Priors; 2],
+    priors: &'a Priors,
+    /// References with the width of the change they allow, in their coordinates.
+    references: &'a [Reference],
     sizes: Vec<f64>,
     full: Vec<f64>,
     physical: DMatrix<f64>,
@@ -141,6 +184,13 @@ impl<E: Estimator + ?Sized> Fit<'_, E> {
         let n = self.transform.dim();
         self.transform.apply(&x[..n], &mut self.full);
         x[n..].iter().zip(&self.sizes).map(|(x, s)| x * s).collect()
+    }
+    /// Refuses points where a body is not physical; the solver then takes a shorter step.
+    fn check(&self) -> Result<(), EvalError> {
+        match self.transform.inconsistent(&self.full) {
+            Some(name) => Err(EvalError::Rejected(format!("{name} is not physical here"))),
+            None => Ok(()),
+        }
     }
     fn selected_values(&self) -> Vec<f64> {
         self.transform.selected().iter().map(|&i| self.full[i]).collect()
@@ -153,17 +203,21 @@ impl<E: Estimator + ?Sized> Problem for Fit<'_, E> {
     }
     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
         let extra = self.split(x);
+        self.check()?;
         r.clear();
         r.resize(self.estimator.rows(), 0.0);
         self.estimator.residuals(&self.full, &extra, r)?;
         let values = self.selected_values();
-        self.priors.iter().for_each(|p| p.push_residuals(&values, r));
+        self.priors.push_residuals(&values, r);
+        for reference in self.references {
+            r.extend(reference.residuals(&self.full)?);
+        }
         Ok(())
     }
     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut DMatrix<f64>) -> Result<(), EvalError> {
         let extra = self.split(x);
         let (n, rows) = (self.transform.dim(), self.estimator.rows());
-        let all = rows + self.priors.iter().map(|p| p.len()).sum::<usize>();
+        let all = rows + self.priors.len() + n * self.references.len();
         r.clear();
         r.resize(rows, 0.0);
         self.physical.resize_mut(rows, self.dim(), 0.0);
@@ -171,9 +225,11 @@ impl<E: Estimator + ?Sized> Problem for Fit<'_, E> {
         let mut own = DMatrix::zeros(all, n);
         own.rows_mut(0, rows).copy_from(&self.physical.columns(0, n));
         let values = self.selected_values();
-        for p in self.priors {
-            p.fill_jacobian(&mut own, r.len());
-            p.push_residuals(&values, r);
+        self.priors.fill_jacobian(&mut own, r.len());
+        self.priors.push_residuals(&values, r);
+        for reference in self.references {
+            own.rows_mut(r.len(), n).copy_from(&reference.jacobian(&self.full)?);
+            r.extend(reference.residuals(&self.full)?);
         }
         self.transform.chain(&x[..n], &mut own);
         j.resize_mut(all, self.dim(), 0.0);
@@ -195,58 +251,66 @@ impl<E: Estimator + ?Sized> Problem for Fit<'_, E> {
 /// [`EstimateError`]. A fit that stalls or meets its iteration limit is returned with that
 /// [`Estimate::status`], not as an error.
 pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) -> Result<Estimate, EstimateError> {
-    let transform = Transform::new(request.decls, request.selected, request.start)?;
     let extra = estimator.nuisance();
-    let n = transform.dim();
+    let n = request.selected.len();
     let sizes_extra: Vec<f64> = extra.iter().map(|u| u.size).collect();
-    let mut x = transform.coordinates(request.start)?;
-    x.resize(n + extra.len(), 0.0);
+    let mut nuisance = vec![0.0; extra.len()];
     let mut full = request.start.to_vec();
-    let mut iterations = 0;
-    let mut round = 0;
-    let status = loop {
-        let anchor = match request.anchor {
-            Some(w) => Priors::new(request.decls, request.selected, &full, &[("*", Sigma::Relative(w))])?,
-            None => Priors::default(),
-        };
+    let (mut iterations, mut round) = (0, 0);
+    let fixed = match request.prior_width {
+        Some(w) => Some(Reference::new(request.decls, request.selected, request.start, w)?),
+        None => None,
+    };
+    let mut references: Vec<Reference> = fixed.into_iter().collect();
+    let priors_kept = references.len();
+    let settings = Settings {
+        scale: Scale::Unit,
+        initial_radius: RADIUS,
+        max_radius: RADIUS,
+        max_iterations: PER_ROUND,
+        ..request.settings.clone()
+    };
+    let (transform, status) = loop {
+        // Coordinates around the present estimate: linear in the bodies, scaled by them.
+        let transform = Transform::affine(request.decls, request.selected, &full)?;
+        references.truncate(priors_kept);
+        if let Some(w) = request.anchor {
+            references.push(Reference::new(request.decls, request.selected, &full, w)?);
+        }
+        let mut x = transform.coordinates(&full)?;
+        x.extend_from_slice(&nuisance);
         let mut fit = Fit {
             estimator: &mut *estimator,
             transform: &transform,
-            priors: [&request.priors, &anchor],
+            priors: &request.priors,
+            references: &references,
             sizes: sizes_extra.clone(),
             full: full.clone(),
             physical: DMatrix::zeros(0, 0),
         };
-        let solution = lm::minimise(&mut fit, &x, &request.settings)?;
+        let solution = lm::minimise(&mut fit, &x, &settings)?;
         iterations += solution.iterations;
-        x = solution.x;
-        let before = full.clone();
-        transform.apply(&x[..n], &mut full);
+        nuisance.copy_from_slice(&solution.x[n..]);
+        transform.apply(&solution.x[..n], &mut full);
         round += 1;
-        let sizes = scale::sizes(request.decls, &full);
-        let moved = request.selected.iter().map(|&i| ((full[i] - before[i]) / sizes[i]).abs()).fold(0.0, f64::max);
-        if anchor.is_empty() || round == ANCHOR_ROUNDS || moved < ANCHOR_MOVED || !solution.status.is_converged() {
-            break solution.status;
+        let moved = solution.x.iter().zip(&x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        eprintln!("round {round}: {:?} moved {moved:.1e} it {iterations} cost {:.3e}", solution.status, solution.cost);
+        let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < ANCHOR_MOVED);
+        if settled || iterations >= request.settings.max_iterations || matches!(solution.status, Status::Stalled { .. })
+        {
+            break (transform, solution.status);
         }
     };
-    let mut fit = Fit {
-        estimator,
-        transform: &transform,
-        priors: [&request.priors, &Priors::default()],
-        sizes: sizes_extra,
-        full,
-        physical: DMatrix::zeros(0, 0),
-    };
-    // Once more at the solution, in physical units, for the uncertainty.
-    let values_extra = fit.split(&x);
-    let rows = fit.estimator.rows();
+    references.truncate(priors_kept);
+    let values_extra: Vec<f64> = nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect();
+    let rows = estimator.rows();
     let mut residuals = vec![0.0; rows];
-    fit.physical.resize_mut(rows, n + extra.len(), 0.0);
+    let mut data = DMatrix::zeros(rows, n + extra.len());
     let selected = transform.selected();
-    fit.estimator
-        .jacobian(&fit.full, &values_extra, selected, &mut residuals, &mut fit.physical)
-        .map_err(|e| LmError::Setup(e.to_string()))?;
-    let (data, values) = (fit.physical, fit.full);
+    // Once more at the solution, in physical units, for the uncertainty.
+    let at_solution = |e: EvalError| LmError::Setup(e.to_string());
+    estimator.jacobian(&full, &values_extra, selected, &mut residuals, &mut data).map_err(at_solution)?;
+    let values = full;
     let sizes = scale::sizes(request.decls, &values);
     let mut unknowns: Vec<Unknown> = selected
         .iter()
@@ -258,13 +322,18 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         .collect();
     unknowns.extend(extra.iter().cloned());
     let data_only = analyse(&data, &unknowns, RANK_TOLERANCE)?;
-    let uncertainty = if request.priors.is_empty() {
+    let uncertainty = if request.priors.is_empty() && references.is_empty() {
         data_only.clone()
     } else {
-        let mut both = data.resize_vertically(rows + request.priors.len(), 0.0);
-        let mut tail = DMatrix::zeros(rows + request.priors.len(), n);
-        request.priors.fill_jacobian(&mut tail, rows);
-        both.view_mut((rows, 0), (request.priors.len(), n)).copy_from(&tail.rows(rows, request.priors.len()));
+        let known = request.priors.len() + n * references.len();
+        let mut tail = DMatrix::zeros(known, n);
+        request.priors.fill_jacobian(&mut tail, 0);
+        for (k, r) in references.iter().enumerate() {
+            let rows = r.jacobian(&values).map_err(at_solution)?;
+            tail.rows_mut(request.priors.len() + k * n, n).copy_from(&rows);
+        }
+        let mut both = data.resize_vertically(rows + known, 0.0);
+        both.view_mut((rows, 0), (known, n)).copy_from(&tail);
         analyse(&both, &unknowns, RANK_TOLERANCE)?
     };
     let chi2: f64 = residuals.iter().map(|r| r * r).sum();

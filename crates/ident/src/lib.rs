@@ -14,6 +14,7 @@
 //!
 //! No type of faer or rustfft appears in a public signature.
 
+mod affine;
 pub mod covariance;
 pub mod decimate;
 pub mod estimator;

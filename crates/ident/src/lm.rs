@@ -49,6 +49,16 @@ pub trait Problem {
     }
 }
 
+/// How the trust region measures a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// By the largest column norms so far (More): independent of the units of the unknowns.
+    Columns,
+    /// By the unknowns themselves, `D = 1`: for coordinates whose length means something. Directions that the
+    /// data hardly see then wait until the others have settled, instead of being moved the most.
+    Unit,
+}
+
 /// When to stop. The defaults suit whitened residuals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -61,8 +71,12 @@ pub struct Settings {
     pub cost_floor: f64,
     /// Most linearisations.
     pub max_iterations: usize,
-    /// First trust radius relative to `|D x|` (or absolute, for `x = 0`).
+    /// How unknowns are measured in the trust region.
+    pub scale: Scale,
+    /// First trust radius: with [`Scale::Columns`] relative to `|D x|` (absolute for `x = 0`), else absolute.
     pub initial_radius: f64,
+    /// Largest trust radius, in the same measure; infinite unless set.
+    pub max_radius: f64,
     /// Lower and upper bound of each unknown; empty for none. Infinite entries are free.
     pub bounds: Vec<(f64, f64)>,
     /// Singular values of `R D^-1` below this times the largest count as zero.
@@ -76,7 +90,9 @@ impl Default for Settings {
             step_tolerance: 1e-10,
             cost_floor: 0.0,
             max_iterations: 100,
+            scale: Scale::Columns,
             initial_radius: 1.0,
+            max_radius: f64::INFINITY,
             bounds: Vec::new(),
             rank_tolerance: 1e-13,
         }
@@ -270,7 +286,7 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
     let (mut bad, mut iteration, mut small_step, mut flat_from) = (0, 0, false, None);
     let (status, active) = 'outer: loop {
         for (i, d) in d.iter_mut().enumerate() {
-            let norm = j.column(i).norm();
+            let norm = if set.scale == Scale::Unit { 1.0 } else { j.column(i).norm() };
             *d = if *d == 0.0 && norm == 0.0 { 1.0 } else { d.max(norm) };
         }
         let gradient = j.tr_mul(&DVector::from_column_slice(&r));
@@ -283,7 +299,8 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
         let lin = Linear::new(rr, c, &d, free, set.rank_tolerance)?;
         let x_norm = scaled_norm(&x, &d);
         if radius.is_nan() {
-            radius = set.initial_radius * if x_norm > 0.0 { x_norm } else { 1.0 };
+            let relative = set.scale == Scale::Columns && x_norm > 0.0;
+            radius = (set.initial_radius * if relative { x_norm } else { 1.0 }).min(set.max_radius);
         }
         let decrement = if cost > 0.0 { lin.promised() / cost } else { 0.0 };
         let done = if cost <= set.cost_floor {
@@ -354,7 +371,7 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
             if gain < 0.25 {
                 radius = radius.min(p_norm) * if gain < 0.0 { 0.25 } else { 0.5 };
             } else if gain > 0.75 || lambda == 0.0 {
-                radius = radius.max(2.0 * p_norm);
+                radius = radius.max(2.0 * p_norm).min(set.max_radius.max(radius));
             }
             if accept {
                 flat_from = flat.then_some(decrement);

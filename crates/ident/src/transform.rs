@@ -20,6 +20,7 @@
 //! about it, `S_c = m A A^T`. When only some of the ten numbers of a body are selected, consistency cannot be
 //! built in: its mass is treated as positive, the others as free, and [`Transform::partial_bodies`] names it.
 
+use crate::affine::Affine;
 use ff_model::inertia::Inertia;
 use ff_model::scalar::Scalar;
 use ff_model::{Dual, ParamDecl, ParamGroup};
@@ -85,6 +86,7 @@ impl TransformError {
 #[derive(Clone, Debug, PartialEq)]
 enum Block {
     Body { at: usize, name: String },
+    Affine { at: usize, name: String, map: Box<Affine> },
     Log { at: usize },
     Scaled { at: usize, scale: f64 },
 }
@@ -149,6 +151,55 @@ impl Transform {
         t.coordinates(start)?;
         Ok(t)
     }
+    /// As [`Transform::new`], but with whole bodies in affine coordinates around `start` (`ident::affine`) and
+    /// positive parameters divided by their start.
+    ///
+    /// The equations of motion are linear in inertial parameters, stiffness and damping together, so valleys of
+    /// the cost (a heavier panel on a stiffer hinge) are straight here and curved in logarithms: a least-squares
+    /// solver takes far longer steps. Steps shorter than 1 stay physical; whoever goes further must
+    /// refuse points where [`Transform::inconsistent`] names a body.
+    ///
+    /// # Errors
+    /// Any [`TransformError`].
+    pub fn affine(decls: &[ParamDecl], selected: &[usize], start: &[f64]) -> Result<Self, TransformError> {
+        let mut t = Self::new(decls, selected, start)?;
+        for b in &mut t.blocks {
+            if let Block::Body { at, name } = b {
+                let i = selected[*at];
+                if let Some(map) = Affine::around(&Inertia::from_params(&start[i..i + 10])) {
+                    *b = Block::Affine { at: *at, name: name.clone(), map: Box::new(map) };
+                }
+            } else if let Block::Log { at } = b {
+                *b = Block::Scaled { at: *at, scale: start[selected[*at]] };
+            }
+        }
+        Ok(t)
+    }
+    /// The first selected body that is not physical (pseudo-inertia not positive definite) or parameter that is
+    /// not positive although it must be, by name, in a full parameter vector. Always `None` at points of
+    /// [`Transform::new`].
+    pub fn inconsistent(&self, full: &[f64]) -> Option<&str> {
+        let mut k = 0;
+        while k < self.dim() {
+            let whole = match (&self.decls[k].group, self.decls.get(k + 9)) {
+                (ParamGroup::Inertial(body), Some(last)) if last.group == self.decls[k].group => Some(body),
+                _ => None,
+            };
+            if let Some(body) = whole {
+                let i = self.selected[k];
+                let pseudo = Inertia::from_params(&full[i..i + 10]).pseudo();
+                if pseudo.cholesky().is_none() {
+                    return Some(body);
+                }
+            }
+            let d = &self.decls[k];
+            if whole.is_none() && d.group == ParamGroup::Positive && full[self.selected[k]] <= 0.0 {
+                return Some(&d.name);
+            }
+            k += if whole.is_some() { 10 } else { 1 };
+        }
+        None
+    }
     /// Number of coordinates = number of selected parameters.
     pub fn dim(&self) -> usize {
         self.selected.len()
@@ -172,6 +223,7 @@ impl Transform {
         for b in &self.blocks {
             match b {
                 Block::Body { name, .. } => out.extend(TEN.iter().map(|c| format!("{name}:{c}"))),
+                Block::Affine { name, .. } => out.extend((0..10).map(|k| format!("{name}:S{k}"))),
                 Block::Log { at } => out.push(format!("ln {}", self.decls[*at].name)),
                 Block::Scaled { at, scale } => out.push(format!("{} / {scale}", self.decls[*at].name)),
             }
@@ -193,6 +245,9 @@ impl Transform {
         let mut x = vec![0.0; p.len()];
         for b in &self.blocks {
             match b {
+                Block::Affine { at, map, .. } => {
+                    x[*at..at + 10].copy_from_slice(&map.coordinates(&Inertia::from_params(&p[*at..at + 10])));
+                }
                 Block::Body { at, name } => {
                     x[*at..at + 10].copy_from_slice(&log_cholesky(name, &Inertia::from_params(&p[*at..at + 10]))?);
                 }
@@ -214,6 +269,11 @@ impl Transform {
         assert_eq!((x.len(), full.len()), (self.dim(), self.full), "lengths of coordinates and parameters");
         for b in &self.blocks {
             match b {
+                Block::Affine { at, map, .. } => {
+                    for (k, v) in map.body(&x[*at..at + 10]).to_params().iter().enumerate() {
+                        full[self.selected[at + k]] = *v;
+                    }
+                }
                 Block::Body { at, .. } => {
                     let phi = inertia_of(&core::array::from_fn(|k| x[at + k])).to_params();
                     for (k, v) in phi.iter().enumerate() {
@@ -275,6 +335,10 @@ impl Transform {
         let mut m = nalgebra::SMatrix::<f64, 10, 10>::zeros();
         for b in &self.blocks {
             let (at, n) = match b {
+                Block::Affine { at, map, .. } => {
+                    m = map.jacobian();
+                    (*at, 10)
+                }
                 Block::Body { at, .. } => {
                     let dual = core::array::from_fn(|k| Dual::<f64, 10>::variable(x[at + k], k));
                     for (i, p) in inertia_of(&dual).to_params().iter().enumerate() {
@@ -302,7 +366,7 @@ impl Transform {
         let mut out = vec![(f64::NEG_INFINITY, f64::INFINITY); self.dim()];
         for b in &self.blocks {
             match b {
-                Block::Body { .. } => {}
+                Block::Body { .. } | Block::Affine { .. } => {}
                 Block::Log { at } => {
                     let (lo, hi) = self.decls[*at].bounds;
                     out[*at] = (if lo > 0.0 { lo.ln() } else { f64::NEG_INFINITY }, hi.ln());

@@ -26,8 +26,9 @@ fn recover(mission: &str, patterns: &[&str], seconds: f64, substeps: usize) -> (
         selected: &selected,
         start: &start,
         priors: Priors::default(),
+        prior_width: None,
         anchor: Some(10.0),
-        settings: Settings { max_iterations: 40, ..Settings::default() },
+        settings: Settings { max_iterations: 60, ..Settings::default() },
     };
     let e = estimate(&request, &mut oe).unwrap();
     println!(
@@ -46,18 +47,16 @@ fn recover(mission: &str, patterns: &[&str], seconds: f64, substeps: usize) -> (
     }
     println!("rank {} of {}, condition {:.1e}", e.data_only.rank, selected.len(), e.data_only.condition);
     println!("{:?}", e.data_only.singular_values);
-    for d in &e.data_only.null {
-        println!("  null {:.1e}: {d}", d.singular_value);
-    }
+    println!("{:?}", l.model.passive_coords().len());
     let _ = (RANK_TOLERANCE, DVector::<f64>::zeros(1));
     (0.0, 0)
 }
 
 #[test]
 fn flexible() {
-    recover("flex", &["base.*", "panel_*"], 30.0, 2);
+    recover("flex", &["base.*", "panel_*"], 30.0, 1);
 }
 #[test]
 fn slosh() {
-    recover("slosh", &["base.*", "tank.*"], 30.0, 2);
+    recover("slosh", &["base.*", "tank.*"], 30.0, 1);
 }

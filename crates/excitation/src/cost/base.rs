@@ -38,6 +38,18 @@ pub trait BaseResponse: Send + Sync {
     fn partials(&self, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64; 6], partials: &mut BasePartials);
 }
 
+impl<B: BaseResponse + ?Sized> BaseResponse for &B {
+    fn dof(&self) -> usize {
+        (**self).dof()
+    }
+    fn base_acceleration(&self, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64; 6]) {
+        (**self).base_acceleration(q, qd, qdd, out);
+    }
+    fn partials(&self, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64; 6], partials: &mut BasePartials) {
+        (**self).partials(q, qd, qdd, out, partials);
+    }
+}
+
 /// `1/S` or `-log S` of `S = sum_r int (c_r . a_b)^2 dt`, by the trapezoidal rule. `value_gradient` panics if
 /// the robot and the plan differ in their number of joints.
 pub struct BaseMotion<B> {

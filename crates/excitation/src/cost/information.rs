@@ -5,7 +5,7 @@
 //! the information matrix and `M^-1` bounds the covariance (`theory.md` 3 and 7).
 //! `d(-log det M) = -2 rate int tr(M^-1 Y^T dY) dt`.
 
-use super::{Cost, Sweep, uniform_nodes};
+use super::{Cost, Node, Sweep, uniform_nodes};
 use crate::spline_plan::SplinePlan;
 use nalgebra::DMatrix;
 
@@ -43,6 +43,7 @@ pub trait SampleInformation: Send + Sync {
 }
 
 /// `-log det (rate int Y^T Y dt + delta I)`.
+#[derive(Clone, Debug)]
 pub struct Information<S> {
     /// Sensitivities of the measurements.
     pub source: S,
@@ -54,20 +55,35 @@ pub struct Information<S> {
     pub delta: f64,
 }
 
+impl<S: SampleInformation> Information<S> {
+    /// The information matrix `M` of the trajectory `x`, `delta I` included, over scaled parameters. Allocates.
+    ///
+    /// # Panics
+    /// If `x` has the wrong length.
+    pub fn matrix(&self, plan: &SplinePlan, x: &[f64]) -> DMatrix<f64> {
+        self.assemble(&mut Sweep::new(plan, x), &uniform_nodes(plan, self.samples), |_| ())
+    }
+    /// Sums up `M` and hands the block of every sample to `keep`.
+    fn assemble(&self, sweep: &mut Sweep, nodes: &[Node], mut keep: impl FnMut(DMatrix<f64>)) -> DMatrix<f64> {
+        let (duration, p) = (sweep.duration, self.source.parameters());
+        let mut m = DMatrix::identity(p, p) * self.delta;
+        sweep.forward(nodes, |node, s| {
+            let mut y = DMatrix::zeros(self.source.rows(), p);
+            self.source.rows_at(&s.q, &s.qd, &s.qdd, &mut y);
+            m.gemm_tr(self.rate * node.weight * duration, &y, &y, 1.0);
+            keep(y);
+        });
+        m
+    }
+}
+
 impl<S: SampleInformation> Cost for Information<S> {
     fn value_gradient(&self, plan: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
         let nodes = uniform_nodes(plan, self.samples);
         let mut sweep = Sweep::new(plan, x);
         let duration = sweep.duration;
-        let p = self.source.parameters();
-        let mut m = DMatrix::identity(p, p) * self.delta;
         let mut blocks = Vec::with_capacity(nodes.len());
-        sweep.forward(&nodes, |node, s| {
-            let mut y = DMatrix::zeros(self.source.rows(), p);
-            self.source.rows_at(&s.q, &s.qd, &s.qdd, &mut y);
-            m.gemm_tr(self.rate * node.weight * duration, &y, &y, 1.0);
-            blocks.push(y);
-        });
+        let m = self.assemble(&mut sweep, &nodes, |y| blocks.push(y));
         // The factorisation below would accept infinities.
         if m.iter().any(|v| !v.is_finite()) {
             return f64::NAN;

@@ -113,3 +113,40 @@ impl SampleInformation for Numeric<'_> {
         self.0.rows_at(q, qd, qdd, out);
     }
 }
+
+/// A mission of `fixtures/paper`.
+pub(crate) fn paper(file: &str) -> ff_model::mission::Loaded {
+    let mut registry = ff_model::Registry::new();
+    flex_panel::register(&mut registry);
+    slosh_pendulum::register(&mut registry);
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/paper").join(file);
+    ff_model::mission::Mission::load(&path, &registry, &ff_model::mission::LoadOptions::default()).unwrap()
+}
+
+/// `n` repeatable numbers in `-size..size`.
+pub(crate) fn uniform(n: usize, size: f64, seed: u64) -> Vec<f64> {
+    use rand::{RngExt, SeedableRng};
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    (0..n).map(|_| size * (2.0 * rng.random::<f64>() - 1.0)).collect()
+}
+
+/// The base of the paper's robot: 60 s at the mission's 0.17 rad/s and 0.15 rad/s^2, ten control points.
+pub(crate) fn request(loaded: &ff_model::mission::Loaded, starts: usize) -> InformationRequest {
+    let limits = loaded
+        .model
+        .bodies()
+        .iter()
+        .map(|b| JointLimits { velocity: 0.17, ..JointLimits::from_model(&b.joint.limits, 0.15) });
+    let start = loaded.mission.reproduce.as_ref().unwrap().hold_rad.clone();
+    InformationRequest {
+        end: End::Fixed(start.clone()),
+        start,
+        limits: limits.collect(),
+        duration: 60.0,
+        control_points: 10,
+        seed: 1,
+        starts,
+        noise: SensorNoise { torque: 0.1, gyro: Some(1.5e-4), rate: 100.0 },
+        options: SqpOptions::default(),
+    }
+}
