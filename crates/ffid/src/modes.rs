@@ -3,7 +3,7 @@
 use crate::dynamics::modes::ModesError;
 use crate::dynamics::{Boundary, Mode, State, Work, mass_matrix, modes};
 use crate::model::{Inertia, Model, Motion, Params};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::DMatrix;
 use serde::Serialize;
 use std::fmt;
 
@@ -84,11 +84,7 @@ impl ModeTable {
 /// Compares the kinetic energies of the base's share: with the whole system rigid, translation of its centre of
 /// mass and rotation about it do not mix, whatever the base frame.
 fn base_word(h: &DMatrix<f64>, mode: &Mode) -> &'static str {
-    let whole = Inertia {
-        mass: h[(0, 0)],
-        h: Vector3::new(h[(5, 1)], h[(3, 2)], h[(4, 0)]),
-        rot: Matrix3::from_fn(|i, j| h[(3 + i, 3 + j)]),
-    };
+    let whole = Inertia::from_elements(|i, j| h[(i, j)]);
     let base = Motion::from_slice(mode.base.as_slice());
     let at_com = base.lin + base.ang.cross(&whole.com().unwrap_or_default());
     let translation = 0.5 * whole.mass * at_com.norm_squared();
