@@ -58,6 +58,8 @@ pub struct Uncertainty {
     pub deviation: Vec<Option<f64>>,
     /// Singular values of the scaled sensitivities, descending.
     pub singular_values: Vec<f64>,
+    /// The directions they belong to, orthonormal columns in scaled parameters, n x n.
+    pub directions: DMatrix<f64>,
     /// Numerical rank.
     pub rank: usize,
     /// Ratio of the largest singular value to the smallest one counted in the rank.
@@ -109,6 +111,7 @@ pub fn analyse(j: &DMatrix<f64>, unknowns: &[Unknown], tolerance: f64) -> Result
         covariance,
         deviation,
         singular_values: s.to_vec(),
+        directions: d.v.clone(),
         rank,
         condition,
         null,
@@ -117,6 +120,21 @@ pub fn analyse(j: &DMatrix<f64>, unknowns: &[Unknown], tolerance: f64) -> Result
 }
 
 impl Uncertainty {
+    /// Number of directions known to the relative standard deviation `limit` or better, and the largest component
+    /// of `errors` (one per unknown, in its unit) along any of them, relative to the size of the parameters.
+    ///
+    /// For studies with a known truth: what is left of an error in the combinations that the data determine.
+    ///
+    /// # Panics
+    /// If there is another number of errors than unknowns.
+    pub fn worst_combination(&self, errors: &[f64], limit: f64) -> (usize, f64) {
+        assert_eq!(errors.len(), self.unknowns.len(), "one error per unknown");
+        let known = self.singular_values.iter().take(self.rank).filter(|&&s| s * limit >= 1.0).count();
+        let along = |k: usize| {
+            (0..errors.len()).map(|i| self.directions[(i, k)] * errors[i] / self.unknowns[i].size).sum::<f64>().abs()
+        };
+        (known, (0..known).map(along).fold(0.0, f64::max))
+    }
     /// True when every parameter is determined.
     pub fn full_rank(&self) -> bool {
         self.rank == self.unknowns.len()

@@ -10,7 +10,7 @@
 
 use crate::covariance::{Uncertainty, Unknown, analyse};
 use crate::linalg::LinalgError;
-use crate::lm::{self, EvalError, LmError, Problem, Scale, Settings, Status};
+use crate::lm::{self, Criterion, EvalError, LmError, Problem, Scale, Settings, Status};
 use crate::prior::Priors;
 use crate::scale;
 use crate::transform::{Transform, TransformError};
@@ -256,7 +256,7 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
     let sizes_extra: Vec<f64> = extra.iter().map(|u| u.size).collect();
     let mut nuisance = vec![0.0; extra.len()];
     let mut full = request.start.to_vec();
-    let (mut iterations, mut round) = (0, 0);
+    let mut iterations = 0;
     let fixed = match request.prior_width {
         Some(w) => Some(Reference::new(request.decls, request.selected, request.start, w)?),
         None => None,
@@ -270,9 +270,17 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         max_iterations: PER_ROUND,
         ..request.settings.clone()
     };
+    let mut last = None;
     let (transform, status) = loop {
         // Coordinates around the present estimate: linear in the bodies, scaled by them.
-        let transform = Transform::affine(request.decls, request.selected, &full)?;
+        let transform = match (Transform::affine(request.decls, request.selected, &full), last.take()) {
+            (Ok(t), _) => t,
+            // The fit has pressed a body against the boundary of what is physical: that is the answer.
+            (Err(TransformError::Boundary { .. }), Some(t)) => {
+                break (t, Status::AtBound { at: Vec::new(), by: Criterion::Step });
+            }
+            (Err(e), _) => return Err(e.into()),
+        };
         references.truncate(priors_kept);
         if let Some(w) = request.anchor {
             references.push(Reference::new(request.decls, request.selected, &full, w)?);
@@ -292,14 +300,13 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         iterations += solution.iterations;
         nuisance.copy_from_slice(&solution.x[n..]);
         transform.apply(&solution.x[..n], &mut full);
-        round += 1;
         let moved = solution.x.iter().zip(&x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        eprintln!("round {round}: {:?} moved {moved:.1e} it {iterations} cost {:.3e}", solution.status, solution.cost);
         let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < ANCHOR_MOVED);
         if settled || iterations >= request.settings.max_iterations || matches!(solution.status, Status::Stalled { .. })
         {
             break (transform, solution.status);
         }
+        last = Some(transform);
     };
     references.truncate(priors_kept);
     let values_extra: Vec<f64> = nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect();

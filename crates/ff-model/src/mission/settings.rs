@@ -161,6 +161,12 @@ pub struct Reproduce {
     pub settle_s: f64,
     /// `record_s`: length of the record of the free motion (s).
     pub record_s: f64,
+    /// `identification_s`: length of the trajectory that everything is identified from (s).
+    pub identification_s: f64,
+    /// `reference_s`: length of the reference trajectory along which models are compared (s).
+    pub reference_s: f64,
+    /// `control_points`: free control points per joint of the identification trajectory.
+    pub control_points: u64,
 }
 
 impl Reproduce {
@@ -172,6 +178,11 @@ impl Reproduce {
             manoeuvre_joints: t.strings("manoeuvre_joints").unwrap_or_default(),
             settle_s: or_zero(t, "settle_s", Must::NotBeNegative),
             record_s: t.required("record_s", t.number("record_s", Must::BePositive)).unwrap_or(0.0),
+            identification_s: t
+                .required("identification_s", t.number("identification_s", Must::BePositive))
+                .unwrap_or(0.0),
+            reference_s: t.required("reference_s", t.number("reference_s", Must::BePositive)).unwrap_or(0.0),
+            control_points: t.whole("control_points").unwrap_or(10),
         };
         t.finish();
         out

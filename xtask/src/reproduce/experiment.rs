@@ -1,0 +1,210 @@
+//! Trajectories and simulations of one case.
+
+use anyhow::Context;
+use ffid::dynamics::bspline::BSplineMotion;
+use ffid::dynamics::motion::JointMotion;
+use ffid::dynamics::{Boundary, Channel, Drive, Mode, SensorSuite, SimOptions, State, Trace, modes, simulate};
+use ffid::excitation::limits::JointLimits;
+use ffid::excitation::manoeuvre::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
+use ffid::excitation::planning::{InformationRequest, Quietness, plan_information, plan_quiet};
+use ffid::excitation::random::random_plan;
+use ffid::excitation::rigid::SensorNoise;
+use ffid::excitation::spline_plan::{Duration, End, PlanSpec, SplinePlan};
+use ffid::ident::Noise;
+use ffid::model::mission::{LoadOptions, Loaded, Mission, Reproduce};
+use ffid::model::{Area, Model, Params, Problem, Problems};
+use indicatif::ProgressBar;
+use std::path::Path;
+
+/// Integration step of the simulated truth (s).
+const STEP: f64 = 1e-3;
+
+/// Everything simulated for one case, before any identification.
+pub(super) struct Experiment {
+    pub(super) name: String,
+    pub(super) loaded: Loaded,
+    pub(super) seed: u64,
+    pub(super) quick: bool,
+    /// The true system and its rigid counterpart (appendages frozen at rest).
+    pub(super) params: Params<f64>,
+    pub(super) rigid: Model,
+    pub(super) rigid_params: Params<f64>,
+    pub(super) sensors: SensorSuite,
+    pub(super) noise: Noise,
+    /// Ringing after the manoeuvre: the whole trace, and when the joints stand still.
+    pub(super) ringing: Trace,
+    pub(super) ring_from: f64,
+    pub(super) modes: Vec<Mode>,
+    pub(super) cantilever: Vec<Mode>,
+    /// The rigid satellite on the quiet trajectory, and the flexible one on the identification trajectory.
+    pub(super) rigid_trace: Trace,
+    pub(super) trace: Trace,
+    /// Trajectory along which models are compared.
+    pub(super) reference: BSplineMotion,
+    pub(super) reference_options: SimOptions,
+    pub(super) end_effector: String,
+}
+
+impl Experiment {
+    pub(super) fn run(mission: &Path, quick: bool, bar: &ProgressBar) -> anyhow::Result<Self> {
+        let name = mission.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let say = |what: &str| bar.set_message(format!("{name}: {what}"));
+        say("mission file");
+        let loaded = Mission::load(mission, &ffid::default_registry(), &LoadOptions::default())?;
+        let section = |what: &str| refused("Config::MissingKey", what.to_owned(), mission);
+        let r = loaded.mission.reproduce.clone().ok_or_else(|| section("section [reproduce] is missing"))?;
+        let end_effector = loaded.mission.robot.end_effector.clone();
+        let end_effector = end_effector.ok_or_else(|| section("robot.end_effector is missing"))?;
+        let m = &loaded.model;
+        let s = &loaded.mission.sensors;
+        let sensors = SensorSuite {
+            torque: Channel { noise_std: s.torque.noise_std_nm, bias: s.torque.bias_nm, quantum: s.torque.lsb_nm },
+            gyro: Channel {
+                noise_std: s.gyro.noise_std_rad_per_s,
+                bias: s.gyro.bias_rad_per_s,
+                quantum: s.gyro.lsb_rad_per_s,
+            },
+            encoder: s.encoder.bits.map_or(Channel::default(), Channel::encoder),
+        };
+        let noise = Noise { torque: sensors.torque.sigma(), gyro: sensors.gyro.sigma() };
+        let params = Params::nominal(m);
+        let rigid = m.frozen(&params);
+        let rigid_params = Params::nominal(&rigid);
+        let limits = limits(&loaded);
+        let rest = m.rest_position(&params);
+        let modes_at = |b| modes(m, &params, &r.hold_rad, &rest, b);
+        let (free, cantilever) = (modes_at(Boundary::JointsHeld)?, modes_at(Boundary::BaseHeld)?);
+
+        say("manoeuvre and ringing");
+        let sample_s = 1.0 / s.rate_hz;
+        let manoeuvre = manoeuvre(&loaded, &r, &free, sample_s, quick)?;
+        let ringing = truth(m, &params, &manoeuvre, sample_s)?;
+        say("planning");
+        let scale = if quick { 0.4 } else { 1.0 };
+        let request = InformationRequest {
+            start: r.hold_rad.clone(),
+            end: End::Free,
+            limits: limits.clone(),
+            duration: (r.identification_s * scale).round(),
+            control_points: if quick { 8 } else { r.control_points as usize },
+            seed: r.seed,
+            starts: if quick { 1 } else { 2 },
+            noise: SensorNoise { torque: noise.torque, gyro: Some(noise.gyro), rate: s.rate_hz },
+            options: Default::default(),
+        };
+        let base: Vec<usize> = (0..10).collect();
+        let loud = plan_information(m, &params, &base, &request).context("identification trajectory")?;
+        let quiet_request = InformationRequest { control_points: 10.min(request.control_points), ..request.clone() };
+        let quiet = plan_quiet(m, &params, &base, &quiet_request, &Quietness::Modes { emphasis: 3.0 });
+        let quiet = quiet.context("quiet trajectory for the rigid identification")?;
+        say("simulation");
+        let rigid_trace = truth(&rigid, &rigid_params, &quiet.motion, sample_s)?;
+        let trace = truth(m, &params, &loud.motion, sample_s)?;
+        let reference = reference(&r, &limits, scale)?;
+        let reference_options = SimOptions { duration_s: reference.duration(), step_s: 2e-3, sample_s: 0.05 };
+        Ok(Self {
+            ring_from: manoeuvre.ringing().0 + r.settle_s,
+            seed: r.seed,
+            quick,
+            params,
+            rigid,
+            rigid_params,
+            sensors,
+            noise,
+            ringing,
+            modes: free,
+            cantilever,
+            rigid_trace,
+            trace,
+            reference,
+            reference_options,
+            end_effector,
+            name,
+            loaded,
+        })
+    }
+}
+
+/// A mission file that lacks something this study needs.
+fn refused(code: &'static str, what: String, file: &Path) -> Problems {
+    Problems(vec![Problem::error(Area::Config, code, what).in_file(file).hint("add it to the mission file")])
+}
+
+/// Motion of the true system from rest.
+fn truth(m: &Model, p: &Params<f64>, motion: &dyn JointMotion, sample_s: f64) -> anyhow::Result<Trace> {
+    let mut start = State::zero(m);
+    start.eta = m.rest_position(p);
+    let o = SimOptions { duration_s: motion.duration(), step_s: STEP, sample_s };
+    Ok(simulate(m, p, &start, &Drive::Prescribed(motion), &o)?)
+}
+
+fn limits(l: &Loaded) -> Vec<JointLimits> {
+    let inf = f64::INFINITY;
+    let most = &l.mission.limits;
+    l.model
+        .bodies()
+        .iter()
+        .map(|b| {
+            let of_urdf = JointLimits::from_model(&b.joint.limits, most.acceleration_rad_per_s2.unwrap_or(inf));
+            JointLimits { velocity: of_urdf.velocity.min(most.velocity_rad_per_s.unwrap_or(inf)), ..of_urdf }
+        })
+        .collect()
+}
+
+/// The paper's simplified manoeuvre: the named joints at full speed and acceleration, there and back, timed at
+/// half a period of the mode that turns the base most; then hold.
+fn manoeuvre(l: &Loaded, r: &Reproduce, modes: &[Mode], grid: f64, quick: bool) -> anyhow::Result<Manoeuvre> {
+    let names = l.model.joint_names();
+    let limits = limits(l);
+    let turning = modes.iter().max_by(|a, b| {
+        let turn = |m: &Mode| m.base.fixed_rows::<3>(3).norm();
+        turn(a).total_cmp(&turn(b))
+    });
+    let frequency = turning.map_or(0.1, |m| m.frequency_hz);
+    let commands = r
+        .manoeuvre_joints
+        .iter()
+        .map(|n| {
+            let joint = names.iter().position(|x| x == n);
+            let joint = joint.ok_or_else(|| {
+                refused(
+                    "Config::UnknownJoint",
+                    format!("manoeuvre_joints: no joint '{n}'"),
+                    Path::new(&l.mission.robot.urdf),
+                )
+            })?;
+            Ok(JointCommand {
+                joint,
+                shape: Shape::Doublet,
+                extent: Extent::HalfPeriod { frequency, negative: false },
+                velocity: limits[joint].velocity,
+                acceleration: limits[joint].acceleration,
+            })
+        })
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let spec = ManoeuvreSpec {
+        start: r.hold_rad.clone(),
+        commands,
+        ramp: 0.1,
+        lead: 1.0,
+        hold: if quick { 0.6 * r.record_s } else { r.record_s },
+        grid: Some(grid),
+    };
+    Ok(Manoeuvre::new(&spec)?)
+}
+
+/// A random plan at the limits: a trajectory that no identification has seen.
+fn reference(r: &Reproduce, limits: &[JointLimits], scale: f64) -> anyhow::Result<BSplineMotion> {
+    let spec = PlanSpec {
+        start: r.hold_rad.clone(),
+        end: End::Free,
+        duration: Duration::Fixed(r.reference_s * scale),
+        degree: 5,
+        free: 8,
+        limits: limits.to_vec(),
+        refine: 2,
+    };
+    let plan = SplinePlan::new(spec)?;
+    let stream = r.trajectory_seeds.first().copied().unwrap_or(1);
+    Ok(plan.motion(&random_plan(&plan, r.seed, 1000 + stream, 1.0)?)?)
+}

@@ -1,0 +1,120 @@
+//! Natural frequencies from the ringing: spectra, and a fit of the free decay.
+
+use super::experiment::Experiment;
+use ffid::dynamics::measure;
+use ffid::ident::modal_fit::{ModalFit, ModalSettings, fit_modes};
+use ffid::ident::peaks::find_peaks;
+use ffid::ident::psd::{Psd, Welch};
+use nalgebra::DMatrix;
+use serde::Serialize;
+
+/// The paper looks at frequencies up to 1.5 Hz.
+const F_MAX: f64 = 1.5;
+
+/// Spectra behind Figs. 5 and 7.
+pub(super) struct Spectra {
+    /// Answer after the manoeuvre: torques and gyro summed, each in units of its noise.
+    pub(super) answer: Psd,
+    /// Joint accelerations of the manoeuvre, the identification and the quiet trajectory.
+    pub(super) manoeuvre: Psd,
+    pub(super) identification: Psd,
+    pub(super) quiet: Psd,
+    pub(super) fit: ModalFit,
+    pub(super) fit_noisy: Option<ModalFit>,
+    pub(super) peaks: Vec<(f64, (f64, f64))>,
+}
+
+impl Spectra {
+    pub(super) fn of(x: &Experiment) -> anyhow::Result<Self> {
+        let rate = 1.0 / x.ringing.dt;
+        let first = (x.ring_from * rate).ceil() as usize;
+        let n = x.ringing.len() - first;
+        let nj = x.loaded.model.nj();
+        let sigma: Vec<f64> =
+            std::iter::repeat_n(x.noise.torque, nj).chain(std::iter::repeat_n(x.noise.gyro, 3)).collect();
+        let join = |tau: &DMatrix<f64>, gyro: &DMatrix<f64>| {
+            let mut y = DMatrix::zeros(n, nj + 3);
+            y.columns_mut(0, nj).copy_from(&tau.rows(first, n));
+            y.columns_mut(nj, 3).copy_from(&gyro.rows(first, n));
+            y
+        };
+        let y = join(&x.ringing.tau, &x.ringing.gyro());
+        let answer = spectrum(&y, &sigma, n, rate)?;
+        let peaks = find_peaks(&answer, 0.03, F_MAX, None)
+            .map(|p| p.peaks.iter().map(|p| (p.frequency, p.interval)).collect())
+            .unwrap_or_default();
+        let set = ModalSettings::up_to(F_MAX);
+        let fit = fit_modes(&y, &sigma, rate, &set)?;
+        let noisy = measure(&x.ringing, &x.sensors, x.seed.wrapping_add(3));
+        let fit_noisy = fit_modes(&join(&noisy.tau, &noisy.gyro), &sigma, rate, &set).ok();
+        let unit = vec![1.0; nj];
+        let of = |m: &DMatrix<f64>| spectrum(m, &unit, m.nrows(), rate);
+        Ok(Self {
+            answer,
+            manoeuvre: of(&x.ringing.qdd.rows(0, first.min(x.ringing.len())).into_owned())?,
+            identification: of(&x.trace.qdd)?,
+            quiet: of(&x.rigid_trace.qdd)?,
+            fit,
+            fit_noisy,
+            peaks,
+        })
+    }
+}
+
+/// One window over the whole signal, so that the resolution is the best there is; zero-padded short signals are not.
+fn spectrum(y: &DMatrix<f64>, sigma: &[f64], segment: usize, rate: f64) -> anyhow::Result<Psd> {
+    let mut welch = Welch::new(segment, rate)?;
+    let each = (0..y.ncols()).map(|c| welch.run(y.column(c).as_slice())).collect::<Result<Vec<_>, _>>()?;
+    Ok(Psd::weighted_sum(&each, sigma)?)
+}
+
+/// Frequencies for the summary.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Frequencies {
+    /// From the free decay of the noise-free record.
+    pub(super) measured_hz: Vec<f64>,
+    /// Half-width of what the record resolves, `1/T` (Hz): measured and model agree within it.
+    pub(super) resolution_hz: f64,
+    /// Damping ratios of the measured modes.
+    pub(super) measured_damping: Vec<f64>,
+    /// From the noisy record, with standard deviations.
+    pub(super) measured_noisy_hz: Vec<f64>,
+    pub(super) measured_noisy_std_hz: Vec<f64>,
+    /// Peaks of the spectrum, each with the interval it stands for.
+    pub(super) psd_peaks_hz: Vec<f64>,
+    pub(super) psd_intervals_hz: Vec<(f64, f64)>,
+    /// Free-floating eigenvalues at the hold pose (damped oscillation), ascending.
+    pub(super) model_hz: Vec<f64>,
+    pub(super) model_damping: Vec<f64>,
+    /// Those that turn the base (antisymmetric ones, for panels).
+    pub(super) model_turning_hz: Vec<f64>,
+    /// Lowest frequency with the base held.
+    pub(super) cantilever_hz: f64,
+    pub(super) paper_hz: Vec<f64>,
+}
+
+impl Frequencies {
+    pub(super) fn of(x: &Experiment, s: &Spectra) -> anyhow::Result<Self> {
+        let turning = |m: &&ffid::dynamics::Mode| {
+            let (v, w) = (m.base.fixed_rows::<3>(0).norm(), m.base.fixed_rows::<3>(3).norm());
+            w > 0.3 * v
+        };
+        let noisy = s.fit_noisy.as_ref();
+        Ok(Self {
+            measured_hz: s.fit.modes.iter().map(|m| m.frequency).collect(),
+            resolution_hz: s.fit.df,
+            measured_damping: s.fit.modes.iter().map(|m| m.damping).collect(),
+            measured_noisy_hz: noisy.map(|f| f.modes.iter().map(|m| m.frequency).collect()).unwrap_or_default(),
+            measured_noisy_std_hz: noisy
+                .map(|f| f.modes.iter().map(|m| m.frequency_deviation).collect())
+                .unwrap_or_default(),
+            psd_peaks_hz: s.peaks.iter().map(|p| p.0).collect(),
+            psd_intervals_hz: s.peaks.iter().map(|p| p.1).collect(),
+            model_hz: x.modes.iter().map(|m| m.frequency_hz).collect(),
+            model_damping: x.modes.iter().map(|m| m.damping_ratio).collect(),
+            model_turning_hz: x.modes.iter().filter(turning).map(|m| m.frequency_hz).collect(),
+            cantilever_hz: x.cantilever.iter().map(|m| m.frequency_hz).fold(f64::INFINITY, f64::min),
+            paper_hz: if x.name == "flex" { vec![0.23, 0.68] } else { vec![0.06] },
+        })
+    }
+}
