@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 /// Project tasks.
 #[derive(Debug, Parser)]
-#[command(name = "cargo xtask", version, about, after_help = exit::HELP)]
+#[command(name = "cargo xtask", version, about, after_help = exit::help())]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -37,7 +37,7 @@ pub fn main() -> ExitCode {
         Command::Reproduce(args) => reproduce::run(args),
     };
     match outcome {
-        Ok(()) => ExitCode::from(Exit::Done.code()),
+        Ok(()) => Exit::Done.into(),
         Err(e) => {
             eprintln!("error: {e:#}");
             ExitCode::from(exit::code_of(&e))

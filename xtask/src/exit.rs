@@ -1,68 +1,14 @@
-//! Exit codes of the project, and which failure gets which.
-//!
-//! Libraries return errors; only a binary turns them into a code, and this is the one place where `xtask`
-//! does. Codes 1, 101 (panic), 134 (abort) and 137 (killed) are not in the table: seeing one is a bug.
+//! Which failure of a project task ends with which code of [`ffid::exit`], the one table.
 
 use ff_model::Problems;
+pub use ffid::exit::Exit;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What a process of this project may end with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Exit {
-    /// Done.
-    Done = 0,
-    /// The command line makes no sense.
-    Usage = 2,
-    /// Robot model refused.
-    Model = 10,
-    /// Mission file or settings refused.
-    Config = 11,
-    /// Record or other data refused.
-    Data = 12,
-    /// The question cannot be answered from the data.
-    IllPosed = 13,
-    /// No convergence, step too small, energy gate, non-finite result.
-    Numerical = 14,
-    /// Result outside its tolerance, or a fixture edited.
-    Tolerance = 15,
-    /// Not found, permission, disk full.
-    Io = 20,
-    /// Another run holds the lock.
-    Locked = 21,
-    /// Checkpoint from another version, model or data.
-    Checkpoint = 22,
-    /// Interrupted by a signal, checkpoint kept.
-    Interrupted = 130,
+/// The table as `--help` prints it, and what it does not hold.
+pub fn help() -> String {
+    format!("{}\n`test` and `ci` pass on the code of the program that failed.", ffid::exit::help())
 }
-
-impl Exit {
-    /// Every code, in ascending order.
-    pub const ALL: [Self; 12] = [
-        Self::Done,
-        Self::Usage,
-        Self::Model,
-        Self::Config,
-        Self::Data,
-        Self::IllPosed,
-        Self::Numerical,
-        Self::Tolerance,
-        Self::Io,
-        Self::Locked,
-        Self::Checkpoint,
-        Self::Interrupted,
-    ];
-    /// The number the process ends with.
-    pub fn code(self) -> u8 {
-        self as u8
-    }
-}
-
-/// The table as `--help` prints it.
-pub const HELP: &str = "Exit codes: 0 done, 2 usage, 10 model, 11 config, 12 data, 13 not identifiable, \
-14 numerical failure, 15 outside tolerance, 20 I/O, 21 locked, 22 checkpoint, 130 interrupted. \
-`test` and `ci` pass on the code of the program that failed.";
 
 /// A failure of a project task. Wrap in `anyhow` and add context freely: [`code_of`] looks through it.
 #[derive(Debug, thiserror::Error)]
@@ -141,7 +87,7 @@ pub fn code_of(e: &anyhow::Error) -> u8 {
             return f.code();
         }
         if let Some(p) = cause.downcast_ref::<Problems>() {
-            return p.exit_code();
+            return Exit::of(p).code();
         }
         if cause.is::<io::Error>() {
             return Exit::Io.code();
@@ -155,15 +101,6 @@ mod tests {
     use super::*;
     use anyhow::Context;
     use ff_model::{Area, Problem};
-
-    #[test]
-    fn table_is_the_project_table() {
-        let codes: Vec<u8> = Exit::ALL.iter().map(|e| e.code()).collect();
-        assert_eq!(codes, [0, 2, 10, 11, 12, 13, 14, 15, 20, 21, 22, 130]);
-        for e in Exit::ALL {
-            assert!(HELP.contains(&format!("{} ", e.code())), "--help does not list {e:?}");
-        }
-    }
 
     #[test]
     fn every_failure_has_its_code_through_any_context() {

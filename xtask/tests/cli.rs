@@ -65,3 +65,10 @@ fn nonsense_on_the_command_line_is_usage() {
         assert_eq!(code, Some(2), "{args:?}: {stderr}");
     }
 }
+
+#[test]
+fn help_shows_the_table_of_exit_codes() {
+    let (code, stdout, _) = xtask(workspace().path(), &["--help"]);
+    assert_eq!(code, Some(0));
+    assert!(stdout.contains(" 15  reproduction") && stdout.contains("pass on the code"), "{stdout}");
+}

@@ -3,7 +3,7 @@
 use crate::state::State;
 use crate::work::{PortWork, Work};
 use ff_model::{Force, Inertia, Model, ModelScalar, Motion, Params};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::DMatrix;
 
 /// Mass matrix `H(q, eta)`, `nv x nv`, symmetric, over `[base 6 | joints n | passive m]`.
 ///
@@ -87,12 +87,7 @@ fn carry<T: ModelScalar>(model: &Model, work: &Work<T>, h: &mut DMatrix<T>, mut 
 /// The host block of a port as a rigid body: with its own rates zero an appendage moves with its host, so
 /// `M_bb` has the ten-parameter structure (checked by the conformance suite, not here).
 pub(crate) fn host_block<T: ModelScalar>(p: &PortWork<T>) -> Inertia<T> {
-    let m = |i, j| p.m(i, j);
-    Inertia {
-        mass: m(0, 0),
-        h: Vector3::new(m(5, 1), m(3, 2), m(4, 0)),
-        rot: Matrix3::new(m(3, 3), m(3, 4), m(3, 5), m(4, 3), m(4, 4), m(4, 5), m(5, 3), m(5, 4), m(5, 5)),
-    }
+    Inertia::from_elements(|i, j| p.m(i, j))
 }
 
 /// `H y` for one motion, used by momentum: avoids the full matrix. See [`crate::momentum`].

@@ -6,20 +6,21 @@
 //!
 //! | question | module |
 //! |---|---|
-//! | forces for a motion | [`rnea`] |
-//! | mass matrix, blocks of eq. (2) | [`crba`], [`blocks`] |
+//! | forces for a motion | [`mod@rnea`] |
+//! | mass matrix, blocks of eq. (2), condition | [`crba`], [`blocks`], [`mod@conditioning`] |
 //! | motion for forces; prescribed joints | [`aba`] |
 //! | momentum, energy, dissipation | [`momentum`] |
-//! | dependence on parameters | [`regressor`] |
+//! | dependence on parameters | [`mod@regressor`] |
 //! | prescribed arm condensed; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
 //! | joint motions | [`motion`], [`bspline`] |
-//! | frequencies and damping | [`modes`] |
+//! | frequencies and damping | [`mod@modes`] |
 //! | frames | [`frames`] |
-//! | a motion over time, and what sensors see of it | [`simulate`], [`sensors`] |
+//! | a motion over time, and what sensors see of it | [`mod@simulate`], [`sensors`] |
 
 pub mod aba;
 pub mod blocks;
 pub mod bspline;
+pub mod conditioning;
 pub mod crba;
 pub mod frames;
 pub mod integrate;
@@ -39,6 +40,7 @@ mod work;
 
 pub use aba::{SingularInertia, forward_dynamics, hybrid_dynamics};
 pub use blocks::MassBlocks;
+pub use conditioning::{Conditioning, conditioning};
 pub use crba::mass_matrix;
 pub use frames::{frame_jacobian, frame_pose};
 pub use modes::{Boundary, Mode, modes};
@@ -50,5 +52,5 @@ pub use rnea::{bias, rnea};
 pub use sensitivity::{Sensitivities, Wanted, reduced_torques, sensitivities};
 pub use sensors::{Channel, Readings, SensorSuite, measure};
 pub use simulate::{Drive, SimError, SimOptions, Trace, simulate};
-pub use state::State;
+pub use state::{State, dof_names};
 pub use work::Work;

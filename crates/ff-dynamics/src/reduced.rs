@@ -93,13 +93,7 @@ impl<T: ModelScalar> ReducedWork<T> {
     /// The host block of port `k` as a rigid body in base coordinates.
     #[inline(always)]
     pub(crate) fn host_block(&self, k: usize, x: &ff_model::Xform<T>) -> Inertia<T> {
-        let m = |i, j| self.port_m(k, i, j);
-        Inertia {
-            mass: m(0, 0),
-            h: nalgebra::Vector3::new(m(5, 1), m(3, 2), m(4, 0)),
-            rot: nalgebra::Matrix3::from_fn(|i, j| m(3 + i, 3 + j)),
-        }
-        .to_parent(x)
+        Inertia::from_elements(|i, j| self.port_m(k, i, j)).to_parent(x)
     }
     /// Host twists, mass matrices and biases of all ports at `z`.
     pub(crate) fn ports(&mut self, model: &Model, params: &Params<T>, frames: &[Carried], z: &[T]) {

@@ -4,6 +4,15 @@ use ff_model::so3::{Quat, quat_identity};
 use ff_model::{BaseKind, Model, Motion, Scalar};
 use nalgebra::Vector3;
 
+/// Names of the generalised velocity, in order: `base.v_x` to `base.w_z` (none for a fixed base), the joints,
+/// the passive coordinates as `appendage.coordinate`. Allocates.
+pub fn dof_names(model: &Model) -> Vec<String> {
+    const BASE: [&str; 6] = ["base.v_x", "base.v_y", "base.v_z", "base.w_x", "base.w_y", "base.w_z"];
+    let base = BASE.iter().take(model.nb()).map(|s| (*s).to_owned());
+    let passive = model.passive_coords().into_iter().map(|(name, _)| name);
+    base.chain(model.joint_names()).chain(passive).collect()
+}
+
 /// State of a [`Model`]: base pose, joint positions, passive coordinates and the generalised velocity.
 ///
 /// `v = [base twist (base frame, linear first) | joint rates | passive rates]`; a fixed base has no base part.

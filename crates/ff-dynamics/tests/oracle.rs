@@ -1,4 +1,5 @@
 //! Against Pinocchio 4.1 (`fixtures/oracle`, conventions inside each file), to 1e-11 relative.
+#![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
 mod common;
 use common::*;

@@ -4,7 +4,11 @@
 //!
 //! * `M(p, eta)`: its kinetic-energy matrix, `T = y^T M y / 2`, symmetric positive semidefinite;
 //! * `U(p, eta)`: its potential energy (springs);
-//! * `R(p, nu)`: its Rayleigh dissipation function (dampers), convex with `R(0) = 0`.
+//! * `R(p, nu)`: its Rayleigh dissipation function (dampers), convex with its minimum `R(0) = 0` at rest. Convex
+//!   with `R(0) = 0` alone is not enough: `R = d nu^2 / 2 + c nu` is both, and its constant torque `-c` feeds energy
+//!   into slow motion. With the minimum at rest `nu . dR/d nu >= R(nu) >= 0`: dampers dissipate.
+//!
+//! `validate::check_appendage` checks all of this, and what else the trait promises.
 //!
 //! Lagrange's equations in the quasi-velocities `V` (Boltzmann-Hamel form, K and D restoring and
 //! dissipating; the paper's eq. (1) with the signs of `docs/paper-errata.md`) then give, with `pi = M y`,
@@ -198,13 +202,20 @@ pub trait Appendage: Send + Sync + 'static {
     /// Coordinates and parameters.
     fn decl(&self) -> &Decl;
     /// Kinetic-energy matrix `M(p, eta)`; `m` arrives zeroed.
+    ///
+    /// The host block must be the inertia of the appendage as one rigid body at `eta`, about the mount origin:
+    /// `M_bb = [[m 1, -[h]x], [[h]x, I]]` with `m` independent of `eta` and `I` symmetric, ten numbers in all.
+    /// That is what rigid motion of host and appendage together costs, so every true kinetic energy has it; one
+    /// linearised by hand may not. `ff-dynamics` relies on it: composite inertias are carried through the tree as
+    /// ten parameters, and of `M_bb` only `m` (element 0,0), `h` (5,1), (3,2), (4,0) and `I` are read.
+    /// [`PortMatrix::add_host`] writes it.
     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>);
     /// Potential energy `U(p, eta)` (J).
     fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
         let _ = (p, eta);
         T::zero()
     }
-    /// Rayleigh function `R(p, nu)` (W); dampers exert `-dR/d nu`.
+    /// Rayleigh function `R(p, nu)` (W), convex with its minimum `R(p, 0) = 0`; dampers exert `-dR/d nu`.
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         let _ = (p, nu);
         T::zero()

@@ -140,6 +140,14 @@ impl<T: Scalar> Inertia<T> {
         }
         m
     }
+    /// The body behind a 6 x 6 spatial inertia matrix, of which `m(i, j)` is an element: the inverse of
+    /// [`Inertia::to_matrix`]. A matrix without the ten-parameter structure gives the body that shares these
+    /// of its elements: (0,0), the lower left (5,1), (3,2), (4,0), and the lower right block.
+    #[inline(always)]
+    pub fn from_elements(m: impl Fn(usize, usize) -> T) -> Self {
+        let rot = Matrix3::new(m(3, 3), m(3, 4), m(3, 5), m(4, 3), m(4, 4), m(4, 5), m(5, 3), m(5, 4), m(5, 5));
+        Self { mass: m(0, 0), h: Vector3::new(m(5, 1), m(3, 2), m(4, 0)), rot }
+    }
     /// The same body seen from the parent frame of `x` (`x` = pose of this frame in the parent).
     ///
     /// `h' = R h + m p`, `I' = R I R^T + (2 p.h_R + m p.p) 1 - (h_R p^T + p h_R^T) - m p p^T` with `h_R = R h`.
@@ -271,6 +279,8 @@ mod tests {
     #[test]
     fn all_three_representations_carry_the_same_body() {
         let b = body();
+        let m = b.to_matrix();
+        assert_eq!(Inertia::from_elements(|i, j| m[(i, j)]), b);
         assert_relative_eq!(Inertia::from_params(&b.to_params()).rot, b.rot, epsilon = 1e-15);
         let p = Inertia::from_pseudo(&b.pseudo());
         assert_relative_eq!(p.rot, b.rot, max_relative = 1e-14);

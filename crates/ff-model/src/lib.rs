@@ -8,6 +8,7 @@
 pub mod appendage;
 pub mod dual;
 pub mod inertia;
+pub mod keys;
 pub mod leniency;
 pub mod mission;
 pub mod model;

@@ -6,7 +6,7 @@ use crate::inertia::Inertia;
 use crate::model::{Model, Mounted};
 use crate::params::Params;
 use crate::scalar::{D1, D2, ModelScalar};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector};
 
 /// Coordinates at which the springs of an appendage are relaxed, `dU/d eta = 0`, by Newton from zero with
 /// exact derivatives. Coordinates without a spring stay at zero. Allocates.
@@ -49,12 +49,7 @@ impl Model {
             let mut buf = vec![0.0; (6 + MAX_COORDS).pow(2)];
             let mut port = PortMatrix::new(a.dim(), &mut buf);
             f64::port(&*a.appendage).inertia(p, &rest(a, p), &mut port);
-            let g = |i, j| port.get(i, j);
-            let b = Inertia {
-                mass: g(0, 0),
-                h: Vector3::new(g(5, 1), g(3, 2), g(4, 0)),
-                rot: Matrix3::from_fn(|i, j| g(3 + i, 3 + j)),
-            };
+            let b = Inertia::from_elements(|i, j| port.get(i, j));
             m.add_rigid(a.host, &b.to_parent(&a.mount));
         }
         m

@@ -204,7 +204,7 @@ impl<T: Scalar> Mul for Xform<T> {
     /// Chains poses: `(a in b) * (b's child)`.
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
-        Self { rot: mm(&self.rot, &o.rot), pos: mv(&self.rot, &o.pos) + self.pos }
+        Self { rot: mm(&self.rot, &o.rot), pos: self.point(&o.pos) }
     }
 }
 

@@ -1,4 +1,5 @@
-//! Appendages restated as ordinary tree links: a free oracle for tests.
+//! Appendages restated as ordinary tree links: a free oracle for tests (see `flex_panel::PanelChain::twin_bodies` and
+//! `slosh_pendulum::SloshPendulum::twin_bodies`).
 
 use crate::inertia::Inertia;
 use crate::spatial::Xform;

@@ -1,4 +1,5 @@
-//! The one table of exit codes. Libraries return errors; only binaries turn them into codes, here.
+//! The one table of exit codes, for `ffid` and `xtask`. Libraries return errors; only binaries turn them into
+//! codes.
 //!
 //! 1 (an error nobody mapped), 101 (panic), 134 (abort) and 137 (killed) are not in the table: each is a bug.
 
@@ -34,7 +35,7 @@ pub enum Exit {
     Interrupted = 130,
 }
 
-/// Every exit code with its meaning, for `--help` and the docs.
+/// Every exit code with its meaning.
 pub const TABLE: [(Exit, &str); 12] = [
     (Exit::Done, "done"),
     (Exit::Usage, "wrong command line"),
@@ -60,6 +61,12 @@ impl Exit {
         let code = problems.exit_code();
         TABLE.iter().map(|(e, _)| *e).find(|e| e.code() == code).unwrap_or(Self::Numerical)
     }
+}
+
+/// The table as `--help` prints it.
+pub fn help() -> String {
+    let rows = TABLE.iter().map(|(e, what)| format!("\n  {:>3}  {what}", e.code()));
+    rows.fold("Exit codes:".to_owned(), |all, row| all + &row)
 }
 
 impl From<Exit> for std::process::ExitCode {

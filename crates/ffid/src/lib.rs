@@ -1,19 +1,25 @@
 //! In-orbit identification of free-floating robots: measured joint motion, joint torques and base gyro in;
 //! base, panel, fuel and payload parameters out, each with its uncertainty.
 //!
-//! This crate is the facade: one name for each crate of the workspace, and a [`default_registry`] with every
-//! kind of appendage they bring. The command `ffid` is built on it.
+//! This crate is the facade: one name for each crate of the workspace, a [`default_registry`] with every kind of
+//! appendage they bring, and [`open()`](open::open), the way from a file to a model that can be computed with. The
+//! command `ffid` is built on it.
 //!
 //! ```
-//! use ffid::model::mission::{LoadOptions, Mission};
+//! use ffid::dynamics::Boundary;
+//! use ffid::model::leniency::Leniency;
 //!
 //! let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/paper/flex.toml");
-//! let loaded = Mission::load(path.as_ref(), &ffid::default_registry(), &LoadOptions::default())?;
-//! assert_eq!(loaded.model.nv(), 6 + 7 + 4);
-//! # Ok::<(), ffid::model::Problems>(())
+//! let system = ffid::open::open(path.as_ref(), Leniency::default())?;
+//! assert_eq!(system.model.nv(), 6 + 7 + 4);
+//! let modes = ffid::modes::ModeTable::new(&system.model, &system.pose(), Boundary::JointsHeld)?;
+//! assert_eq!(modes.modes[1].base, "rotates");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 pub mod exit;
+pub mod modes;
+pub mod open;
 pub mod summary;
 
 pub use excitation;

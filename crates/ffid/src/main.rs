@@ -1,6 +1,8 @@
 //! The `ffid` command.
 
 mod check;
+mod modes_command;
+mod output;
 
 use clap::{Parser, Subcommand};
 use std::io::ErrorKind;
@@ -8,7 +10,7 @@ use std::process::ExitCode;
 
 /// In-orbit identification of free-floating robots.
 #[derive(Parser)]
-#[command(version, about, after_help = exit_codes())]
+#[command(version, about, after_help = ffid::exit::help())]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -17,13 +19,9 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Check a mission file and the robot it names, or a URDF alone; print the model and every problem.
-    Check(check::Args),
-}
-
-/// The table of exit codes, for `--help`.
-fn exit_codes() -> String {
-    let rows = ffid::exit::TABLE.iter().map(|(e, what)| format!("\n  {:>3}  {what}", e.code()));
-    rows.fold("Exit codes:".to_owned(), |all, row| all + &row)
+    Check(output::Input),
+    /// Print natural frequencies, damping ratios and shapes of the passive coordinates, at the mission's hold pose.
+    Modes(modes_command::Args),
 }
 
 fn main() -> ExitCode {
@@ -31,7 +29,8 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let (mut out, mut err) = (std::io::stdout().lock(), std::io::stderr().lock());
     let result = match cli.command {
-        Command::Check(args) => check::run(&args, &mut out, &mut err),
+        Command::Check(input) => check::run(&input, &mut out, &mut err),
+        Command::Modes(args) => modes_command::run(&args, &mut out, &mut err),
     };
     match result {
         Ok(exit) => exit.into(),

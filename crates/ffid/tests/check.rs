@@ -53,6 +53,9 @@ fn text_names_bodies_joints_appendages_and_parameters() {
         "panel_left (flex_panel) on base",
         "* panel_left.k[0]",
         "N m/rad",
+        "modes (4), joints held, joints at [1.5708, 1.4000,",
+        "0.2289 Hz",
+        "base rotates",
     ] {
         assert!(out.contains(piece), "{piece:?} is missing in\n{out}");
     }
@@ -85,7 +88,7 @@ fn every_bad_fixture_gets_its_code_and_never_a_panic() {
         let silent: Vec<_> = says.iter().filter(|s| !err.contains(s.as_str().unwrap())).collect();
         let want = match (r["severity"].as_str().unwrap(), r["code"].as_str().unwrap().split("::").next().unwrap()) {
             ("warning", _) => 0,
-            (_, "Urdf") => 10,
+            (_, "Urdf" | "Model") => 10,
             _ => 11,
         };
         if code != want
@@ -98,6 +101,73 @@ fn every_bad_fixture_gets_its_code_and_never_a_panic() {
         }
     }
     assert!(failures.is_empty(), "{failures}");
+}
+
+/// M40: a wrist whose first and last axis meet only in the pose the mission holds.
+#[test]
+fn m40_a_hold_pose_on_a_singularity_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let base = std::fs::read_to_string(fixture("bad/M40_same_axis.urdf")).unwrap();
+    let massless = "<link name='mid'><inertial><mass value='0'/>\
+        <inertia ixx='0' ixy='0' ixz='0' iyy='0' iyz='0' izz='0'/></inertial></link>";
+    let wrist = "<joint name='bend' type='revolute'><parent link='between'/><child link='mid'/>\
+        <axis xyz='0 1 0'/><limit lower='-3' upper='3' effort='9' velocity='1'/></joint>";
+    let urdf = base
+        .replace("  <link name=\"arm\">", &format!("{massless}{wrist}<link name='arm'>"))
+        .replace("<parent link=\"between\"/>\n    <child link=\"arm\"/>", "<parent link='mid'/><child link='arm'/>")
+        .replace("<origin xyz=\"0 0 0.3\"/>\n    <axis xyz=\"0 0 1\"/>", "<axis xyz='1 0 0'/>");
+    std::fs::write(dir.path().join("wrist.urdf"), urdf).unwrap();
+    let path = dir.path().join("m.toml");
+    let run = |bend: &str| {
+        let text =
+            format!("[robot]\nurdf = 'wrist.urdf'\n[reproduce]\nrecord_s = 9.0\nhold_rad = [0.3, {bend}, -0.2]\n");
+        std::fs::write(&path, text).unwrap();
+        let out = Command::cargo_bin("ffid").unwrap().arg("check").arg(&path).output().unwrap();
+        (out.status.code(), String::from_utf8(out.stderr).unwrap())
+    };
+    assert_eq!(run("0.4"), (Some(0), String::new()));
+    let (code, err) = run("1.5707963267948966");
+    assert_eq!(code, Some(10), "{err}");
+    for says in ["Model::NearSingular", "shoulder", "elbow", "at hold_rad", "m.toml: 1 errors"] {
+        assert!(err.contains(says), "{says}: {err}");
+    }
+}
+
+#[test]
+fn modes_are_those_of_the_theory_page() {
+    let run = |args: &[&str]| {
+        let file = fixture("paper/slosh.toml");
+        let out = Command::cargo_bin("ffid").unwrap().arg("modes").arg(file).arg("--json").args(args).output().unwrap();
+        assert_eq!(out.status.code(), Some(0));
+        let r: Value = serde_json::from_slice(&out.stdout).unwrap();
+        let rows = r["modes"]["modes"].as_array().unwrap().clone();
+        (r, rows)
+    };
+    let hz = |m: &Value| m["frequency_hz"].as_f64().unwrap();
+    // docs/theory/modes.md, section 4: free-floating 0.1055 and 0.1090 Hz, clamped 0.0890 Hz with zeta 0.070.
+    let (r, free) = run(&[]);
+    assert!((hz(&free[0]) - 0.1055).abs() < 5e-5 && (hz(&free[1]) - 0.1090).abs() < 5e-5, "{free:?}");
+    assert_eq!((&free[0]["base"], &r["modes"]["boundary"]), (&"rotates".into(), &"joints held".into()));
+    let (r, held) = run(&["--held"]);
+    assert!((hz(&held[0]) - 0.0890).abs() < 5e-5 && (held[0]["damping_ratio"].as_f64().unwrap() - 0.070).abs() < 5e-4);
+    assert_eq!((&held[0]["base"], &r["modes"]["coordinates"][0]), (&"held".into(), &"tank.swing[0]".into()));
+    let (_, limp) = run(&["--free-joints"]);
+    assert!(hz(&limp[0]) > hz(&free[0]), "freeing the joints can only take inertia away");
+    let (_, r) = json("paper/slosh.toml", &[]);
+    assert_eq!(r["modes"]["modes"].as_array().unwrap().as_slice(), free, "`ffid check` shows the same");
+}
+
+/// Symmetric modes translate the base, which a gyro does not see; antisymmetric ones rotate it.
+#[test]
+fn modes_say_what_the_base_does() {
+    let (_, r) = json("paper/flex.toml", &[]);
+    let words: Vec<_> = r["modes"]["modes"].as_array().unwrap().iter().map(|m| m["base"].as_str().unwrap()).collect();
+    assert_eq!(words, ["translates", "rotates", "translates", "rotates"]);
+    let out = Command::cargo_bin("ffid").unwrap().arg("modes").arg(fixture("paper/robot.urdf")).output().unwrap();
+    assert_eq!(out.status.code(), Some(0));
+    assert!(String::from_utf8(out.stdout).unwrap().starts_with("modes (0)"));
+    let out = Command::cargo_bin("ffid").unwrap().arg("modes").arg(fixture("bad/M05_cycle.urdf")).output().unwrap();
+    assert_eq!((out.status.code(), out.stdout.as_slice()), (Some(10), &b""[..]));
 }
 
 #[test]

@@ -14,7 +14,8 @@
 //!
 //! * [`Segment`]: one rigid segment with its hinge; [`PanelChain`]: the appendage.
 //! * [`from_toml`]: the factory of mission files; [`register`]: its entry in a registry, kind [`KIND`].
-//! * [``]: the same chain as ordinary tree links, a free oracle for tests.
+//! * [`PanelChain::twin_bodies`]: the same chain as ordinary tree links ([`ff_model::TwinBody`]), a free oracle for
+//!   tests.
 
 mod chain;
 mod config;

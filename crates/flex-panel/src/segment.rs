@@ -1,6 +1,7 @@
 //! One rigid segment with its hinge, and what makes it acceptable.
 
 use ff_model::inertia::InertiaError;
+use ff_model::keys::{check_damping, check_stiffness};
 use ff_model::{Area, Inertia, Problem, Problems};
 use nalgebra::{Matrix3, Vector3};
 
@@ -61,22 +62,17 @@ impl Segment {
         self
     }
 
-    /// Adds everything that is wrong with segment number `i` to `problems`. Allocates on trouble only.
+    /// Adds everything that is wrong with segment number `i` to `problems`. Allocates.
     pub(crate) fn check(&self, i: usize, problems: &mut Problems) {
+        let at = |key: &str| format!("segments[{i}].{key}");
+        let springs = [
+            check_stiffness(&at("stiffness_nm_per_rad"), self.stiffness),
+            check_damping(&at("damping_nms_per_rad"), self.damping),
+        ];
+        springs.into_iter().flatten().for_each(|p| problems.push(p));
         let mut bad = |code, key: &str, message: String, hint: &str| {
-            problems.push(Problem::error(Area::Config, code, message).on(format!("segments[{i}].{key}")).hint(hint));
+            problems.push(Problem::error(Area::Config, code, message).on(at(key)).hint(hint));
         };
-        for (key, unit, law, value) in [
-            ("stiffness_nm_per_rad", "N m/rad", "would push the hinge away from rest", self.stiffness),
-            ("damping_nms_per_rad", "N m s/rad", "would feed energy into the motion", self.damping),
-        ] {
-            if !value.is_finite() {
-                bad("Config::NotFinite", key, format!("{value} {unit} is not a finite number"), "give a number >= 0");
-            } else if value < 0.0 {
-                let why = format!("{value} {unit} is below the limit 0 {unit}: it {law}");
-                bad("Config::NotPassive", key, why, "give the magnitude; the restoring sign is built in");
-            }
-        }
         if !self.rest.is_finite() {
             bad(
                 "Config::NotFinite",

@@ -116,10 +116,10 @@ fn refuses_bodies_that_cannot_exist() {
 fn refuses_axes_without_direction_and_numbers_that_are_none() {
     refused("[2.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]", "Config::Axis", "segments[0].hinge_axis", &["direction"]);
     refused("[2.0, 0.0, 0.0]", "[1e-300, 0.0, 0.0]", "Config::Axis", "segments[0].hinge_axis", &["direction"]);
-    refused("[2.0, 0.0, 0.0]", "[nan, 0.0, 0.0]", "Config::NotFinite", "segments[0].hinge_axis", &["NaN"]);
-    refused("hinge_m = [0.9", "hinge_m = [-inf", "Config::NotFinite", "segments[0].hinge_m", &["-inf"]);
-    refused("com_m = [0.1", "com_m = [nan", "Config::NotFinite", "segments[0].com_m", &["h_x"]);
-    refused("mass_kg = 33", "mass_kg = inf", "Config::NotFinite", "segments[0].mass_kg", &["mass"]);
+    refused("[2.0, 0.0, 0.0]", "[nan, 0.0, 0.0]", "Config::NotFinite", "segments[0].hinge_axis[0]", &["NaN"]);
+    refused("hinge_m = [0.9", "hinge_m = [-inf", "Config::NotFinite", "segments[0].hinge_m[0]", &["-inf m"]);
+    refused("com_m = [0.1", "com_m = [nan", "Config::NotFinite", "segments[0].com_m[0]", &["NaN m"]);
+    refused("mass_kg = 33", "mass_kg = inf", "Config::NotFinite", "segments[0].mass_kg", &["inf kg"]);
     refused("= 200.0", "= inf", "Config::NotFinite", "segments[0].stiffness_nm_per_rad", &["inf N m/rad"]);
     refused("= 2.0\n", "= nan\n", "Config::NotFinite", "segments[0].damping_nms_per_rad", &["NaN"]);
     refused("= 0.05", "= 5.0", "Config::Param", "segments[1].rest_rad", &["5 rad", "degrees"]);

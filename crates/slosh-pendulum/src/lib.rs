@@ -28,7 +28,8 @@
 //!
 //! * [`SloshPendulum`]: the appendage; [`formulas`]: frequency, damping ratio, equivalences.
 //! * [`from_toml`]: the factory of mission files; [`register`]: its entry in a registry, kind [`KIND`].
-//! * [``]: the same pendulum as ordinary tree links, a free oracle for tests.
+//! * [`SloshPendulum::twin_bodies`]: the same pendulum as ordinary tree links ([`ff_model::TwinBody`]), a free oracle
+//!   for tests.
 
 mod config;
 pub mod formulas;

@@ -2,6 +2,7 @@
 
 use crate::KIND;
 use ff_model::appendage::CoordDecl;
+use ff_model::keys::{check_damping, check_stiffness};
 use ff_model::{
     Appendage, Area, Decl, Inertia, ParamDecl, PortMatrix, PortState, PortVector, Problem, Problems, Scalar, TwinBody,
     Xform,
@@ -99,19 +100,12 @@ pub(crate) fn check(mass: f64, length: f64, k: [f64; 2], d: [f64; 2], problems: 
             bad("Config::Param", key.into(), why, "leave the slosh table out where there is no sloshing fuel");
         }
     }
-    for (key, unit, law, xs) in [
-        ("stiffness_nm_per_rad", "N m/rad", "would push the mass away from rest", k),
-        ("damping_nms_per_rad", "N m s/rad", "would feed energy into the motion", d),
-    ] {
-        for (i, x) in xs.into_iter().enumerate() {
-            let key = format!("{key}[{i}]");
-            if !x.is_finite() {
-                bad("Config::NotFinite", key, format!("{x} {unit} is not a finite number"), "give a number >= 0");
-            } else if x < 0.0 {
-                let why = format!("{x} {unit} is below the limit 0 {unit}: it {law}");
-                bad("Config::NotPassive", key, why, "give the magnitude; the restoring sign is built in");
-            }
-        }
+    for i in 0..2 {
+        let springs = [
+            check_stiffness(&format!("stiffness_nm_per_rad[{i}]"), k[i]),
+            check_damping(&format!("damping_nms_per_rad[{i}]"), d[i]),
+        ];
+        springs.into_iter().flatten().for_each(|p| problems.push(p));
     }
 }
 

@@ -53,7 +53,7 @@ pub enum PathErrorKind {
 
 /// Path of `frame` when the joints follow `motion` from rest (springs relaxed, base at the world origin).
 ///
-/// Full dynamics, [`simulate`]. Allocates.
+/// Full dynamics, [`simulate()`]. Allocates.
 ///
 /// # Errors
 /// [`PathErrorKind`].

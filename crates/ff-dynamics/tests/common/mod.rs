@@ -1,5 +1,6 @@
 //! Models shared by the integration tests.
-#![allow(dead_code)]
+// Every test file is its own crate and uses a part of this; helpers may unwrap like the tests they serve.
+#![allow(dead_code, clippy::unwrap_used)]
 
 use ff_model::so3::{exp_so3, quat_to_rot, rot_of_rpy};
 use ff_model::*;

@@ -3,8 +3,10 @@
 //! A derived `serde` reader stops at the first mistake and knows the place of only some; this one asks for
 //! each key by name, so the keys asked for are the keys known, and [`Table::finish`] reports the rest.
 
-use crate::problem::{Area, Problem, Problems};
-use crate::text::{LineIndex, clip, list, nearest};
+pub(super) use crate::keys::error;
+use crate::keys::{missing_key, not_finite, unit_of, unknown_key, wrong_type};
+use crate::problem::{Problem, Problems};
+use crate::text::{LineIndex, clip};
 use std::cell::RefCell;
 use std::ops::Range;
 use toml::Spanned;
@@ -37,22 +39,14 @@ impl<'t> Context<'t> {
     /// Reports every NaN and infinity of the file: the one door they must not pass.
     pub(super) fn finite(&self, path: &str, v: &Spanned<DeValue<'_>>) {
         match v.get_ref() {
-            DeValue::Float(f) if !f.as_str().parse::<f64>().is_ok_and(f64::is_finite) => self.push_at(
-                v.span(),
-                error("Config::NotFinite", format!("{} is not a finite number", clip(f.as_str())))
-                    .on(path)
-                    .hint("give a finite number"),
-            ),
+            DeValue::Float(f) if !f.as_str().parse::<f64>().is_ok_and(f64::is_finite) => {
+                self.push_at(v.span(), not_finite(f.as_str(), path).on(path));
+            }
             DeValue::Array(a) => a.iter().enumerate().for_each(|(i, x)| self.finite(&format!("{path}[{i}]"), x)),
             DeValue::Table(t) => t.iter().for_each(|(k, x)| self.finite(&join(path, k.get_ref()), x)),
             _ => {}
         }
     }
-}
-
-/// A configuration error.
-pub(super) fn error(code: &'static str, message: impl Into<String>) -> Problem {
-    Problem::error(Area::Config, code, message)
 }
 
 fn join(path: &str, key: &str) -> String {
@@ -99,8 +93,7 @@ impl<'d, 't> Table<'d, 't> {
         self.table.get(key)
     }
     fn mismatch(&self, span: Range<usize>, path: &str, found: &DeValue<'_>, wanted: &str) {
-        let what = format!("is {}, expected {wanted}", found.type_str());
-        self.cx.push_at(span, error("Config::Type", what).on(path).hint(format!("give {wanted}")));
+        self.cx.push_at(span, wrong_type(found.type_str(), wanted).on(path));
     }
 
     /// Full name of a key.
@@ -117,8 +110,7 @@ impl<'d, 't> Table<'d, 't> {
     pub(super) fn required<V>(&self, key: &'static str, value: Option<V>) -> Option<V> {
         // Present but wrong has been reported as such.
         if value.is_none() && !self.table.contains_key(key) {
-            let what = format!("required key '{key}' is missing");
-            let p = error("Config::MissingKey", what).hint(format!("add {key} = ..."));
+            let p = missing_key(key).hint(format!("add {key} = ..."));
             let object = if self.path.is_empty() { "file".to_owned() } else { self.path.clone() };
             self.cx.push_at(self.span.clone(), p.on(object));
         }
@@ -128,15 +120,8 @@ impl<'d, 't> Table<'d, 't> {
     pub(super) fn finish(&self) {
         let known = self.asked.borrow();
         for (k, _) in self.table.iter().filter(|(k, _)| !known.contains(&k.get_ref().as_ref())) {
-            let p = error("Config::UnknownKey", format!("unknown key '{}'", clip(k.get_ref())));
-            let p = p.on(if self.path.is_empty() { "file" } else { &self.path });
-            self.cx.push_at(
-                k.span(),
-                match nearest(k.get_ref(), known.iter().copied()) {
-                    Some(n) => p.hint(format!("did you mean {n}?")),
-                    None => p.hint(format!("known here: {}", list(known.iter().copied(), 20))),
-                },
-            );
+            let p = unknown_key(k.get_ref(), &known);
+            self.cx.push_at(k.span(), p.on(if self.path.is_empty() { "file" } else { &self.path }));
         }
     }
 
@@ -324,27 +309,6 @@ impl<'d, 't> Table<'d, 't> {
     pub(super) fn fail_at(&self, span: Range<usize>, p: Problem) {
         self.cx.push_at(span, p);
     }
-}
-
-/// The unit a key name ends with, for messages: `stiffness_nm_per_rad` is in N m/rad.
-fn unit_of(path: &str) -> &'static str {
-    const UNITS: [(&str, &str); 13] = [
-        ("_nm_per_rad", " N m/rad"),
-        ("_rad_per_s2", " rad/s^2"),
-        ("_rad_per_s", " rad/s"),
-        ("_m_per_s2", " m/s^2"),
-        ("_kgm2", " kg m^2"),
-        ("_nms_per_rad", " N m s/rad"),
-        ("_rad", " rad"),
-        ("_nm", " N m"),
-        ("_kg", " kg"),
-        ("_hz", " Hz"),
-        ("_m", " m"),
-        ("_s", " s"),
-        ("_bits", " bits"),
-    ];
-    let key = path.split('[').next().unwrap_or(path);
-    UNITS.iter().find(|(suffix, _)| key.ends_with(suffix)).map_or("", |(_, u)| u)
 }
 
 /// A parsed value without its places. Numbers that do not fit become texts, which no factory takes.

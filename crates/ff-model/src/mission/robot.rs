@@ -59,8 +59,7 @@ impl RigidBody {
         Inertia::from_com(self.mass_kg, &Vector3::from(self.com_m), &self.matrix())
     }
     fn matrix(&self) -> Matrix3<f64> {
-        let [xx, xy, xz, yy, yz, zz] = self.inertia_com_kgm2;
-        Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+        crate::keys::symmetric(&self.inertia_com_kgm2)
     }
     fn read(t: &Table<'_, '_>) -> Option<Self> {
         let mass_kg = t.required("mass_kg", t.number("mass_kg", Must::BePositive));

@@ -1,0 +1,110 @@
+//! From a file to a model that the dynamics can be trusted with: reading, then what only physics can judge.
+
+use crate::dynamics::{State, Work, conditioning, dof_names, mass_matrix};
+use crate::model::leniency::Leniency;
+use crate::model::mission::{LoadOptions, Mission};
+use crate::model::urdf::{self, UrdfOptions};
+use crate::model::{Area, Model, Params, Problem, Problems};
+use nalgebra::DMatrix;
+use std::path::Path;
+
+/// Greatest condition number of the mass matrix, scaled to unit diagonal. At 1e12 accelerations keep four digits.
+pub const MAX_CONDITION: f64 = 1e12;
+
+/// Most degrees of freedom for which dense questions (condition, modes) are answered: their time is cubic.
+pub const MAX_DENSE: usize = 500;
+
+/// A mission with its model, or the model of a URDF alone.
+#[derive(Clone, Debug)]
+pub struct Opened {
+    /// The system.
+    pub model: Model,
+    /// The mission file; none for a URDF alone.
+    pub mission: Option<Mission>,
+    /// Indices of the parameters to estimate, ascending.
+    pub estimated: Vec<usize>,
+    /// Everything that was let through, to be recorded with every result.
+    pub warnings: Problems,
+}
+
+impl Opened {
+    /// Joint positions the mission holds while modes ring (`reproduce.hold_rad`), if it says.
+    pub fn hold(&self) -> Option<&[f64]> {
+        self.mission.as_ref()?.reproduce.as_ref().map(|r| r.hold_rad.as_slice()).filter(|h| !h.is_empty())
+    }
+    /// The pose to look at: the hold pose, or else [`nominal_pose`].
+    pub fn pose(&self) -> Vec<f64> {
+        self.hold().map_or_else(|| nominal_pose(&self.model), <[f64]>::to_vec)
+    }
+}
+
+/// All joints at zero, or at the limit next to it. Allocates.
+pub fn nominal_pose(model: &Model) -> Vec<f64> {
+    model.bodies().iter().map(|b| 0.0_f64.max(b.joint.limits.lower).min(b.joint.limits.upper)).collect()
+}
+
+/// Opens a mission file with every kind of appendage of this workspace, or a URDF (`.urdf`) alone.
+///
+/// # Errors
+/// Every problem of the files; `Model::NearSingular` when the mass matrix is (near) singular at the nominal or
+/// the hold pose, appendages at rest.
+pub fn open(file: &Path, leniency: Leniency) -> Result<Opened, Problems> {
+    let name = file.to_string_lossy().to_lowercase();
+    let mut opened = if name.ends_with(".urdf") || name.ends_with(".xacro") {
+        let unknown = leniency.check();
+        if unknown.has_errors() {
+            return Err(unknown);
+        }
+        let options = UrdfOptions { leniency: leniency.clone(), ..UrdfOptions::default() };
+        let (model, warnings) = urdf::from_file(file, &options)?;
+        Opened { model, mission: None, estimated: Vec::new(), warnings }
+    } else {
+        let l = Mission::load(file, &crate::default_registry(), &LoadOptions { leniency: leniency.clone() })?;
+        Opened { model: l.model, mission: Some(l.mission), estimated: l.estimated, warnings: l.warnings }
+    };
+    let mut problems = std::mem::take(&mut opened.warnings);
+    let poses = [("the nominal pose", Some(nominal_pose(&opened.model))), ("hold_rad", opened.hold().map(Into::into))];
+    let poses = poses.into_iter().filter_map(|(name, q)| Some((name, q?)));
+    // What is singular everywhere would be said once per pose.
+    problems
+        .0
+        .extend(poses.map(|(name, q)| near_singular(&opened.model, name, &q)).find_map(|p| p.map(|p| p.in_file(file))));
+    leniency.settle(&mut problems);
+    let (mut opened, warnings) = problems.finish(Some(opened))?;
+    opened.warnings = warnings;
+    Ok(opened)
+}
+
+/// Why accelerations at joint positions `q` cannot be trusted (M40), if so. Allocates.
+///
+/// # Panics
+/// If `q` has the wrong length.
+pub fn near_singular(model: &Model, pose: &str, q: &[f64]) -> Option<Problem> {
+    let n = model.nv();
+    if n > MAX_DENSE {
+        let what = format!("{n} degrees of freedom, limit {MAX_DENSE} for the condition of the mass matrix");
+        let p = Problem::warning(Area::Model, "Model::NotChecked", what).on(model.name());
+        return Some(p.hint("make sure yourself that no joint moves without inertia"));
+    }
+    let params = Params::nominal(model);
+    let mut state = State::<f64>::zero(model);
+    state.q.copy_from_slice(q);
+    state.eta.copy_from_slice(&model.rest_position(&params));
+    let mut h = DMatrix::zeros(n, n);
+    mass_matrix(model, &params, &state, &mut Work::new(model), &mut h);
+    let c = conditioning(&h);
+    if c.number <= MAX_CONDITION {
+        return None;
+    }
+    let names = dof_names(model);
+    let named: Vec<&str> = c.weakest.iter().take(6).map(|&(i, _)| names[i].as_str()).collect();
+    let shares: Vec<String> = c.weakest.iter().take(6).map(|&(i, x)| format!("{x:+.2} {}", names[i])).collect();
+    let what = format!(
+        "condition number {:.1e} of the mass matrix (unit diagonal) at {pose}, limit {MAX_CONDITION:.0e}; \
+         weakest along {}",
+        c.number,
+        shares.join(" ")
+    );
+    let hint = "look for joints on one line with a massless link between them, or a point mass on its own axis";
+    Some(Problem::error(Area::Model, "Model::NearSingular", what).on(named.join(", ")).hint(hint))
+}
