@@ -1,5 +1,5 @@
 //! The paper's missions as test systems.
-#![allow(dead_code)]
+#![allow(dead_code, clippy::unwrap_used)]
 
 use ff_dynamics::bspline::BSplineMotion;
 use ff_dynamics::motion::JointMotion;
