@@ -53,7 +53,7 @@ fn skew<T: ModelScalar>(v: &Vector3<T>) -> Matrix3<T> {
 
 /// `Y = d tau / d p` at fixed motion, `nv x n_params`, in the order of [`Model::param_decls`].
 ///
-/// Rows as in [`crate::rnea`]: base wrench, joint torques, passive rows. For the bodies `tau = Y phi`
+/// Rows as in [`crate::rnea()`]: base wrench, joint torques, passive rows. For the bodies `tau = Y phi`
 /// holds exactly; appendage columns are exact derivatives of the port equations. A
 /// rigid model has `n_params = 10 n_bodies` and no appendage columns. Allocates buffers per appendage.
 ///

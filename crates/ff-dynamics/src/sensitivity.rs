@@ -423,7 +423,7 @@ pub fn sensitivities(
 /// tau = H_m qdd + H_bm^T A + c_m = N^T Y phi,     d tau / d phi = N^T Y(A),     N^T = [-H_bm^T H_b^-1, 1].
 /// ```
 ///
-/// Rackl, Lampariello, Albu-Schaeffer 2013 (the paper's reference [2]); `docs/theory/rda.md`. Returns torques
+/// Rackl, Lampariello, Albu-Schaeffer 2013 (reference 2 of the paper); `docs/theory/rda.md`. Returns torques
 /// (`N x n`) and their derivatives (`(N n) x P`, columns as in `wanted.params`). Allocates the results.
 ///
 /// # Errors

@@ -291,6 +291,7 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         initial_radius: RADIUS,
         max_radius: RADIUS,
         max_iterations: 1,
+        acceleration: true,
         ..request.settings.clone()
     };
     let mut last = None;

@@ -77,6 +77,9 @@ pub struct Settings {
     pub initial_radius: f64,
     /// Largest trust radius, in the same measure; infinite unless set.
     pub max_radius: f64,
+    /// Follow curved valleys: correct every step by the second derivative of the residuals along it (geodesic
+    /// acceleration), found with one more evaluation. Pays where a Jacobian costs much more than residuals.
+    pub acceleration: bool,
     /// Lower and upper bound of each unknown; empty for none. Infinite entries are free.
     pub bounds: Vec<(f64, f64)>,
     /// Singular values of `R D^-1` below this times the largest count as zero.
@@ -93,6 +96,7 @@ impl Default for Settings {
             scale: Scale::Columns,
             initial_radius: 1.0,
             max_radius: f64::INFINITY,
+            acceleration: false,
             bounds: Vec::new(),
             rank_tolerance: 1e-13,
         }
@@ -243,6 +247,29 @@ fn reduction(r: &[f64], new: &[f64]) -> f64 {
     0.5 * r.iter().zip(new).map(|(a, b)| (a - b) * (a + b)).sum::<f64>()
 }
 
+/// `J^T r_pp` with the second derivative of the residuals along `p` by a one-sided difference,
+/// `r_pp = 2 ((r(x + h p) - r) / h - J p) / h`; `None` where the residuals cannot be evaluated.
+fn curvature<P: Problem + ?Sized>(
+    problem: &mut P,
+    x: &[f64],
+    p: &[f64],
+    r: &[f64],
+    j: &DMatrix<f64>,
+    buffer: &mut Vec<f64>,
+) -> Result<Option<DVector<f64>>, LmError> {
+    const H: f64 = 0.1;
+    let near: Vec<f64> = x.iter().zip(p).map(|(x, p)| x + H * p).collect();
+    let res = problem.residuals(&near, buffer);
+    if evaluate(res, buffer, None)?.is_some() {
+        return Ok(None);
+    }
+    let mut second = j * DVector::from_column_slice(p);
+    for ((s, new), old) in second.iter_mut().zip(buffer.iter()).zip(r) {
+        *s = 2.0 / H * ((new - old) / H - *s);
+    }
+    Ok(Some(j.tr_mul(&second)))
+}
+
 /// Calls the problem; `Ok(None)` with a finite result, `Ok(Some(reason))` when there is none.
 fn evaluate(res: Result<(), EvalError>, r: &[f64], j: Option<&DMatrix<f64>>) -> Result<Option<String>, LmError> {
     match res {
@@ -330,6 +357,16 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
                 trial[i] = (x[i] + p[i]).clamp(lower[i], upper[i]);
             }
             let p: Vec<f64> = trial.iter().zip(&x).map(|(t, x)| t - x).collect();
+            if set.acceleration && decrement > UNRESOLVED {
+                evaluations += 1;
+                if let Some(g) = curvature(problem, &x, &p, &r, &j, &mut r_trial)?
+                    && let Some(a) = lin.correction(lambda, &d, &p, &g)
+                {
+                    for i in 0..n {
+                        trial[i] = (trial[i] + a[i]).clamp(lower[i], upper[i]);
+                    }
+                }
+            }
             let p_norm = scaled_norm(&p, &d);
             let predicted = lin.predicted(&p);
             let mut note = Iterate { iteration, cost, decrement, lambda, radius, gain: None, accepted: false };

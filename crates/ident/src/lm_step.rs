@@ -120,6 +120,30 @@ impl Linear {
         }
         p
     }
+    /// Second-order correction `a / 2` of a step `p`: `a = argmin |J a + r_pp|^2 + lambda |D a|^2` from
+    /// `gradient = J^T r_pp`, where `r_pp` is the second derivative of the residuals along `p`. `None` when it is too
+    /// large against the step for the expansion to mean anything (`2 |D a| > 0.75 |D p|`).
+    ///
+    /// M. Transtrum, J. Sethna, *Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
+    /// minimization*, arXiv:1201.5885, eqs. (4)-(6).
+    pub(crate) fn correction(&self, lambda: f64, d: &[f64], p: &[f64], gradient: &DVector<f64>) -> Option<Vec<f64>> {
+        let g = DVector::from_fn(self.free.len(), |k, _| gradient[self.free[k]] / d[self.free[k]]);
+        let mut y = self.v.tr_mul(&g);
+        for (y, s) in y.iter_mut().zip(&self.s) {
+            *y = -*y / (s * s + lambda);
+        }
+        let p_norm = p.iter().zip(d).map(|(p, d)| (p * d).powi(2)).sum::<f64>().sqrt();
+        let small = 2.0 * y.norm() <= 0.75 * p_norm; // false for NaN
+        if !small {
+            return None;
+        }
+        let y = &self.v * y;
+        let mut a = vec![0.0; self.r.ncols()];
+        for (k, &i) in self.free.iter().enumerate() {
+            a[i] = 0.5 * y[k] / d[i];
+        }
+        Some(a)
+    }
     /// `C(x) - C_linear(x + p)`, exact for the linear model also after projection.
     pub(crate) fn predicted(&self, p: &[f64]) -> f64 {
         let q = &self.r * DVector::from_column_slice(p);

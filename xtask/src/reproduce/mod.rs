@@ -2,13 +2,13 @@
 //!
 //! Per case (flexible panels, fuel slosh), as in the paper:
 //!
-//! 1. a rigid satellite is simulated and identified: the reference model ([`identify`]);
+//! 1. a rigid satellite is simulated and identified: the reference model (`identify`);
 //! 2. the flexible (sloshing) satellite is shaken by joints parallel to the hinges and left to ring; the natural
-//!    frequencies are read from torques and gyro ([`experiment`], [`spectra`]);
+//!    frequencies are read from torques and gyro (`experiment`, `spectra`);
 //! 3. the flexible satellite executes the identification trajectory; its record is identified once as a rigid
 //!    system and once with its passive states;
 //! 4. both models are compared with the reference model, and with the truth, by the end-effector error along a
-//!    reference trajectory ([`score`]).
+//!    reference trajectory (`score`).
 //!
 //! Everything is done twice: without noise as in the paper, and with the sensors of the mission file.
 
