@@ -38,7 +38,7 @@ pub struct Mode {
     pub damping_ratio: f64,
     /// Frequency of the free oscillation, `Im lambda / 2 pi` (Hz).
     pub damped_hz: f64,
-    /// Shape over the passive coordinates, largest component 1 (undamped mode of the same order).
+    /// Shape over the passive coordinates, largest component 1 (of the undamped mode that fits best).
     pub passive: Vec<f64>,
     /// Base acceleration per unit of modal acceleration of `passive`, linear first (m/s^2, rad/s^2).
     pub base: Vector6<f64>,
@@ -141,16 +141,14 @@ pub fn modes(
     let schur = nalgebra::Schur::try_new(first, 1e-15, 100_000).ok_or(ModesError::NoConvergence)?;
     let mut roots: Vec<(f64, f64)> = schur.complex_eigenvalues().iter().map(|z| (z.re, z.im)).collect();
     roots.sort_by(|a, b| a.0.hypot(a.1).total_cmp(&b.0.hypot(b.1)).then(b.1.total_cmp(&a.1)));
+    // Roots come in pairs: conjugates share their modulus; overdamped real pairs are taken as they lie.
+    let pairs: Vec<RootPair> = roots.chunks_exact(2).map(|r| (r[0], r[1])).collect();
+    let shapes: Vec<DVector<f64>> = order.iter().map(|&c| li.transpose() * eig.eigenvectors.column(c)).collect();
     let mut out = Vec::with_capacity(m);
-    for (rank, &col) in order.iter().enumerate() {
-        // Roots come in pairs: conjugates share their modulus; overdamped real pairs are taken as they lie.
-        let (re, im) = roots[2 * rank];
-        let (re2, im2) = roots[2 * rank + 1];
+    for (&((re, im), (re2, im2)), shape) in pairs.iter().zip(assign(&pairs, &shapes, &hp, &d, &k)) {
         let wn = (re.hypot(im) * re2.hypot(im2)).sqrt();
         let zeta = if wn > 0.0 { -0.5 * (re + re2) / wn } else { 0.0 };
-        let mut shape: DVector<f64> = li.transpose() * eig.eigenvectors.column(col);
-        let peak = shape[shape.icamax()];
-        shape /= peak;
+        let shape = &shapes[shape] / shapes[shape][shapes[shape].icamax()];
         let moved = -(&solved * &shape);
         let base =
             if boundary == Boundary::BaseHeld || nb == 0 { Vector6::zeros() } else { moved.fixed_rows::<6>(0).into() };
@@ -163,4 +161,40 @@ pub fn modes(
         });
     }
     Ok(out)
+}
+
+/// A conjugate pair of roots, `(re, im)` each.
+type RootPair = ((f64, f64), (f64, f64));
+
+/// Which undamped shape belongs to which pair of damped roots: the one that nearly solves
+/// `phi^T (l^2 H + l D + K) phi = 0`, best matches first. Order of frequency is not enough, since unequal
+/// damping may swap close modes.
+fn assign(
+    pairs: &[RootPair],
+    shapes: &[DVector<f64>],
+    h: &DMatrix<f64>,
+    d: &DMatrix<f64>,
+    k: &DMatrix<f64>,
+) -> Vec<usize> {
+    let mut costs = Vec::with_capacity(pairs.len() * shapes.len());
+    for (j, s) in shapes.iter().enumerate() {
+        let form = |m: &DMatrix<f64>| s.dot(&(m * s));
+        let (mh, md, mk) = (form(h), form(d), form(k));
+        for (i, &((re, im), _)) in pairs.iter().enumerate() {
+            let real = (re * re - im * im) * mh + re * md + mk;
+            let imaginary = 2.0 * re * im * mh + im * md;
+            let scale = (re * re + im * im) * mh + mk;
+            costs.push((real.hypot(imaginary) / scale.max(f64::MIN_POSITIVE), i, j));
+        }
+    }
+    costs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut shape_of = vec![usize::MAX; pairs.len()];
+    let mut taken = vec![false; shapes.len()];
+    for (_, i, j) in costs {
+        if shape_of[i] == usize::MAX && !taken[j] {
+            shape_of[i] = j;
+            taken[j] = true;
+        }
+    }
+    shape_of
 }
