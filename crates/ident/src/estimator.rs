@@ -129,10 +129,9 @@ pub enum EstimateError {
 /// Relative singular value below which a direction counts as one the data say nothing about.
 pub const RANK_TOLERANCE: f64 = 1e-9;
 
-/// Longest step in affine coordinates; at 1 a body might stop being one.
+/// Longest step in affine coordinates. Coordinates are taken anew around every estimate, so that a step below 1
+/// always leads to physical values, and a body close to the boundary is approached, never crossed.
 const RADIUS: f64 = 0.5;
-/// Linearisations before coordinates are taken anew around the estimate.
-const PER_ROUND: usize = 5;
 /// Relative move below which it has no more to give.
 const ANCHOR_MOVED: f64 = 1e-10;
 
@@ -175,14 +174,30 @@ struct Fit<'a, E: Estimator + ?Sized> {
     /// References with the width of the change they allow, in their coordinates.
     references: &'a [Reference],
     sizes: Vec<f64>,
+    /// Start coordinates, and the exact values they stand for.
+    origin: (&'a [f64], &'a [f64]),
     full: Vec<f64>,
-    physical: DMatrix<f64>,
+    last: &'a mut Evaluated,
+}
+
+/// The last linearisation: the next round starts where this one ended.
+#[derive(Default)]
+struct Evaluated {
+    full: Vec<f64>,
+    extra: Vec<f64>,
+    residuals: Vec<f64>,
+    /// With respect to selected physical parameters and nuisance.
+    jacobian: DMatrix<f64>,
 }
 
 impl<E: Estimator + ?Sized> Fit<'_, E> {
     fn split(&mut self, x: &[f64]) -> Vec<f64> {
         let n = self.transform.dim();
-        self.transform.apply(&x[..n], &mut self.full);
+        if x[..n] == self.origin.0[..n] {
+            self.full.copy_from_slice(self.origin.1);
+        } else {
+            self.transform.apply(&x[..n], &mut self.full);
+        }
         x[n..].iter().zip(&self.sizes).map(|(x, s)| x * s).collect()
     }
     /// Refuses points where a body is not physical; the solver then takes a shorter step.
@@ -219,11 +234,19 @@ impl<E: Estimator + ?Sized> Problem for Fit<'_, E> {
         let (n, rows) = (self.transform.dim(), self.estimator.rows());
         let all = rows + self.priors.len() + n * self.references.len();
         r.clear();
-        r.resize(rows, 0.0);
-        self.physical.resize_mut(rows, self.dim(), 0.0);
-        self.estimator.jacobian(&self.full, &extra, self.transform.selected(), r, &mut self.physical)?;
+        if self.last.full != self.full || self.last.extra != extra {
+            self.last.residuals.resize(rows, 0.0);
+            self.last.jacobian.resize_mut(rows, self.dim(), 0.0);
+            self.last.full.clear();
+            let (selected, last) = (self.transform.selected(), &mut *self.last);
+            self.estimator.jacobian(&self.full, &extra, selected, &mut last.residuals, &mut last.jacobian)?;
+            last.full.clone_from(&self.full);
+            last.extra = extra;
+        }
+        r.extend_from_slice(&self.last.residuals);
+        let physical = &self.last.jacobian;
         let mut own = DMatrix::zeros(all, n);
-        own.rows_mut(0, rows).copy_from(&self.physical.columns(0, n));
+        own.rows_mut(0, rows).copy_from(&physical.columns(0, n));
         let values = self.selected_values();
         self.priors.fill_jacobian(&mut own, r.len());
         self.priors.push_residuals(&values, r);
@@ -236,7 +259,7 @@ impl<E: Estimator + ?Sized> Problem for Fit<'_, E> {
         j.fill(0.0);
         j.columns_mut(0, n).copy_from(&own);
         for (k, s) in self.sizes.iter().enumerate() {
-            j.view_mut((0, n + k), (rows, 1)).copy_from(&(self.physical.column(n + k) * *s));
+            j.view_mut((0, n + k), (rows, 1)).copy_from(&(self.last.jacobian.column(n + k) * *s));
         }
         Ok(())
     }
@@ -263,14 +286,15 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
     };
     let mut references: Vec<Reference> = fixed.into_iter().collect();
     let priors_kept = references.len();
-    let settings = Settings {
+    let mut settings = Settings {
         scale: Scale::Unit,
         initial_radius: RADIUS,
         max_radius: RADIUS,
-        max_iterations: PER_ROUND,
+        max_iterations: 1,
         ..request.settings.clone()
     };
     let mut last = None;
+    let mut evaluated = Evaluated::default();
     let (transform, status) = loop {
         // Coordinates around the present estimate: linear in the bodies, scaled by them.
         let transform = match (Transform::affine(request.decls, request.selected, &full), last.take()) {
@@ -293,13 +317,17 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
             priors: &request.priors,
             references: &references,
             sizes: sizes_extra.clone(),
+            origin: (&x, &full),
             full: full.clone(),
-            physical: DMatrix::zeros(0, 0),
+            last: &mut evaluated,
         };
         let solution = lm::minimise(&mut fit, &x, &settings)?;
         iterations += solution.iterations;
+        settings.initial_radius = solution.radius.min(RADIUS);
         nuisance.copy_from_slice(&solution.x[n..]);
-        transform.apply(&solution.x[..n], &mut full);
+        if solution.x[..n] != x[..n] {
+            transform.apply(&solution.x[..n], &mut full);
+        }
         let moved = solution.x.iter().zip(&x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < ANCHOR_MOVED);
         if settled || iterations >= request.settings.max_iterations || matches!(solution.status, Status::Stalled { .. })
@@ -311,12 +339,16 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
     references.truncate(priors_kept);
     let values_extra: Vec<f64> = nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect();
     let rows = estimator.rows();
-    let mut residuals = vec![0.0; rows];
-    let mut data = DMatrix::zeros(rows, n + extra.len());
     let selected = transform.selected();
-    // Once more at the solution, in physical units, for the uncertainty.
     let at_solution = |e: EvalError| LmError::Setup(e.to_string());
-    estimator.jacobian(&full, &values_extra, selected, &mut residuals, &mut data).map_err(at_solution)?;
+    // The last linearisation is the one at the solution, unless the last step was refused after it.
+    if evaluated.full != full || evaluated.extra != values_extra {
+        evaluated.residuals.resize(rows, 0.0);
+        evaluated.jacobian.resize_mut(rows, n + extra.len(), 0.0);
+        let Evaluated { residuals, jacobian, .. } = &mut evaluated;
+        estimator.jacobian(&full, &values_extra, selected, residuals, jacobian).map_err(at_solution)?;
+    }
+    let Evaluated { residuals, jacobian: data, .. } = evaluated;
     let values = full;
     let sizes = scale::sizes(request.decls, &values);
     let mut unknowns: Vec<Unknown> = selected

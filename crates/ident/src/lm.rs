@@ -188,6 +188,8 @@ pub struct Solution {
     pub evaluations: usize,
     /// Linearisations.
     pub iterations: usize,
+    /// Trust radius at the end, to go on from.
+    pub radius: f64,
     /// Every trial step.
     pub history: Vec<Iterate>,
 }
@@ -389,7 +391,7 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
         Status::AtBound { by, .. } => Status::AtBound { at: active, by },
         s => s,
     };
-    Ok(Solution { x, cost, residuals: r, jacobian: j, status, evaluations, iterations: iteration, history })
+    Ok(Solution { x, cost, residuals: r, jacobian: j, status, evaluations, iterations: iteration, radius, history })
 }
 
 fn scaled_norm(p: &[f64], d: &[f64]) -> f64 {

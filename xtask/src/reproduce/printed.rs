@@ -56,6 +56,9 @@ fn table(title: &str, runs: &Runs, paper: &[[f64; 2]; 4], extended: &str) -> Tab
         ("max angle (rad)", |e| e.max_angle_rad),
     ];
     let mut block = |run: &str, c: &Columns| {
+        if run == "noisy" {
+            t.rule();
+        }
         for (i, (name, pick)) in rows.iter().enumerate() {
             let printed = |k: usize| paper.get(i).map_or_else(String::new, |r| sig(r[k], 3));
             t.row([
@@ -69,7 +72,6 @@ fn table(title: &str, runs: &Runs, paper: &[[f64; 2]; 4], extended: &str) -> Tab
                 sig(pick(&c.rigid_id_vs_truth) / pick(&c.extended_id_vs_truth), 3),
             ]);
         }
-        t.rule();
     };
     block("noise-free", &runs.noise_free);
     block("noisy", &runs.noisy);

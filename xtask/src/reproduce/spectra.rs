@@ -2,7 +2,7 @@
 
 use super::experiment::Experiment;
 use ffid::dynamics::measure;
-use ffid::ident::modal_fit::{ModalFit, ModalSettings, fit_modes};
+use ffid::ident::modal_fit::{ModalFit, ModalSettings, Mode, fit_modes};
 use ffid::ident::peaks::find_peaks;
 use ffid::ident::psd::{Psd, Welch};
 use nalgebra::DMatrix;
@@ -61,6 +61,30 @@ impl Spectra {
     }
 }
 
+/// Modes of a fit, and what is left out as a combination tone.
+///
+/// Panels and pendulum are not linear: a decay at `f` carries weak tones at `2 f` and at sums and differences of
+/// modes. A tone that lies within the resolution of such a combination of stronger ones, and is at most
+/// [`TONE`] of them, is no mode of its own.
+fn split(fit: &ModalFit) -> (Vec<&Mode>, Vec<f64>) {
+    let stronger = |m: &Mode| fit.modes.iter().filter(move |s| m.snr < TONE * s.snr).collect::<Vec<_>>();
+    let is_tone = |m: &Mode| {
+        let s = stronger(m);
+        s.iter().enumerate().any(|(i, a)| {
+            s[i..].iter().any(|b| {
+                [a.frequency + b.frequency, (a.frequency - b.frequency).abs()]
+                    .iter()
+                    .any(|f| (f - m.frequency).abs() < fit.df)
+            })
+        })
+    };
+    let modes = fit.modes.iter().filter(|m| !is_tone(m)).collect();
+    (modes, fit.modes.iter().filter(|m| is_tone(m)).map(|m| m.frequency).collect())
+}
+
+/// Strength, relative to the modes it combines, up to which a tone can be their product.
+const TONE: f64 = 0.05;
+
 /// One window over the whole signal, so that the resolution is the best there is; zero-padded short signals are not.
 fn spectrum(y: &DMatrix<f64>, sigma: &[f64], segment: usize, rate: f64) -> anyhow::Result<Psd> {
     let mut welch = Welch::new(segment, rate)?;
@@ -73,6 +97,8 @@ fn spectrum(y: &DMatrix<f64>, sigma: &[f64], segment: usize, rate: f64) -> anyho
 pub(super) struct Frequencies {
     /// From the free decay of the noise-free record.
     pub(super) measured_hz: Vec<f64>,
+    /// Weak tones at sums and differences of stronger modes, left out above.
+    pub(super) combination_tones_hz: Vec<f64>,
     /// Half-width of what the record resolves, `1/T` (Hz): measured and model agree within it.
     pub(super) resolution_hz: f64,
     /// Damping ratios of the measured modes.
@@ -100,10 +126,12 @@ impl Frequencies {
             w > 0.3 * v
         };
         let noisy = s.fit_noisy.as_ref();
+        let (modes, combination_tones_hz) = split(&s.fit);
         Ok(Self {
-            measured_hz: s.fit.modes.iter().map(|m| m.frequency).collect(),
+            measured_hz: modes.iter().map(|m| m.frequency).collect(),
+            combination_tones_hz,
             resolution_hz: s.fit.df,
-            measured_damping: s.fit.modes.iter().map(|m| m.damping).collect(),
+            measured_damping: modes.iter().map(|m| m.damping).collect(),
             measured_noisy_hz: noisy.map(|f| f.modes.iter().map(|m| m.frequency).collect()).unwrap_or_default(),
             measured_noisy_std_hz: noisy
                 .map(|f| f.modes.iter().map(|m| m.frequency_deviation).collect())

@@ -1,8 +1,6 @@
 //! The paper's missions as test systems.
-#![allow(dead_code)]
+#![allow(dead_code, clippy::unwrap_used)]
 
-use excitation::random::random_plan;
-use excitation::spline_plan::{PlanSpec, SplinePlan};
 use ff_dynamics::bspline::BSplineMotion;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Drive, SimOptions, State, Trace, simulate};
@@ -16,29 +14,6 @@ pub(crate) fn load(name: &str) -> Loaded {
     slosh_pendulum::register(&mut r);
     let path = format!("{}/../../fixtures/paper/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     Mission::load(path.as_ref(), &r, &LoadOptions::default()).unwrap()
-}
-
-/// A random rest-to-rest plan of `seconds` from the hold pose, at the limits of the mission.
-pub(crate) fn plan(l: &Loaded, seconds: f64, free: usize, seed: u64) -> BSplineMotion {
-    let limits = excitation::limits::JointLimits {
-        lower: -3.1,
-        upper: 3.1,
-        velocity: l.mission.limits.velocity_rad_per_s.unwrap(),
-        acceleration: l.mission.limits.acceleration_rad_per_s2.unwrap(),
-        jerk: None,
-    };
-    let hold = l.mission.reproduce.as_ref().unwrap().hold_rad.clone();
-    let spec = PlanSpec {
-        start: hold,
-        end: excitation::spline_plan::End::Free,
-        duration: excitation::spline_plan::Duration::Fixed(seconds),
-        degree: 5,
-        free,
-        limits: vec![limits; l.model.nj()],
-        refine: 2,
-    };
-    let p = SplinePlan::new(spec).unwrap();
-    p.motion(&random_plan(&p, seed, 0, 1.0).unwrap()).unwrap()
 }
 
 pub(crate) fn run(l: &Loaded, motion: &dyn JointMotion, seconds: f64) -> Trace {
@@ -60,4 +35,28 @@ pub(crate) fn exact(l: &Loaded, t: &Trace) -> Record {
         .build()
         .unwrap()
         .0
+}
+
+/// The most informative plan for the base, as `cargo xtask reproduce` makes it.
+pub(crate) fn planned(l: &Loaded, seconds: f64, free: usize) -> BSplineMotion {
+    use excitation::planning::{InformationRequest, plan_information};
+    let limits = excitation::limits::JointLimits {
+        lower: -3.1,
+        upper: 3.1,
+        velocity: l.mission.limits.velocity_rad_per_s.unwrap(),
+        acceleration: l.mission.limits.acceleration_rad_per_s2.unwrap(),
+        jerk: None,
+    };
+    let request = InformationRequest {
+        start: l.mission.reproduce.as_ref().unwrap().hold_rad.clone(),
+        end: excitation::spline_plan::End::Free,
+        limits: vec![limits; l.model.nj()],
+        duration: seconds,
+        control_points: free,
+        seed: 1,
+        starts: 1,
+        noise: excitation::rigid::SensorNoise { torque: 0.1, gyro: Some(1.5e-4), rate: 100.0 },
+        options: Default::default(),
+    };
+    plan_information(&l.model, &Params::nominal(&l.model), &(0..10).collect::<Vec<_>>(), &request).unwrap().motion
 }
