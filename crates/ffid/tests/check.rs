@@ -119,8 +119,9 @@ fn m40_a_hold_pose_on_a_singularity_is_refused() {
     std::fs::write(dir.path().join("wrist.urdf"), urdf).unwrap();
     let path = dir.path().join("m.toml");
     let run = |bend: &str| {
-        let text =
-            format!("[robot]\nurdf = 'wrist.urdf'\n[reproduce]\nrecord_s = 9.0\nhold_rad = [0.3, {bend}, -0.2]\n");
+        let text = format!(
+            "robot = {{ urdf = 'wrist.urdf' }}\n[reproduce]\nrecord_s = 9.0\nidentification_s = 9.0\nreference_s = 9.0\nhold_rad = [0.3, {bend}, -0.2]\n"
+        );
         std::fs::write(&path, text).unwrap();
         let out = Command::cargo_bin("ffid").unwrap().arg("check").arg(&path).output().unwrap();
         (out.status.code(), String::from_utf8(out.stderr).unwrap())
