@@ -16,7 +16,7 @@
 use crate::motion::JointMotion;
 use crate::work::Work;
 use ff_model::{Force, Inertia, JointKind, Model, Motion, Params, Xform};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 /// Motion of a frame relative to the base, in base coordinates.
 #[derive(Clone, Copy, Debug)]
@@ -49,21 +49,8 @@ impl Carrier {
     }
     /// A body of inertia `b` (base coordinates) moving with `s`, `ds` relative to the base.
     fn of_body(b: &Inertia<f64>, s: &Motion<f64>, ds: &Motion<f64>) -> Self {
-        let d = inertia_rate(b, s);
+        let d = b.rate(s);
         Self { inertia: *b, d_inertia: d, h: b.mul_motion(s), dh: d.mul_motion(s) + b.mul_motion(ds) }
-    }
-}
-
-/// Rate of an inertia about a fixed origin when its body moves with twist `s`:
-/// `h' = w x h + m v`, `I' = [w]I - I[w] + 2 (h.v) 1 - h v^T - v h^T`.
-fn inertia_rate(b: &Inertia<f64>, s: &Motion<f64>) -> Inertia<f64> {
-    let (v, w) = (&s.lin, &s.ang);
-    let wx = w.cross_matrix();
-    let hv = b.h * v.transpose();
-    Inertia {
-        mass: 0.0,
-        h: w.cross(&b.h) + v * b.mass,
-        rot: wx * b.rot - b.rot * wx + Matrix3::from_diagonal_element(2.0 * b.h.dot(v)) - hv - hv.transpose(),
     }
 }
 

@@ -225,6 +225,20 @@ impl Inertia<f64> {
             None => self.rot,
         }
     }
+    /// Rate of this inertia about its fixed origin when the body moves with twist `s` (same frame):
+    /// `h' = w x h + m v`, `I' = [w]I - I[w] + 2 (h.v) 1 - h v^T - v h^T`; the mass part is zero.
+    pub fn rate(&self, s: &Motion<f64>) -> Self {
+        let (v, w) = (&s.lin, &s.ang);
+        let wx = skew(w);
+        let hv = self.h * v.transpose();
+        Self {
+            mass: 0.0,
+            h: cross(w, &self.h) + v * self.mass,
+            rot: wx * self.rot - self.rot * wx + Matrix3::from_diagonal_element(2.0 * dot(&self.h, v))
+                - hv
+                - hv.transpose(),
+        }
+    }
     /// The same parameters over another scalar, with zero derivatives.
     pub fn lift<T: Scalar>(&self) -> Inertia<T> {
         Inertia { mass: T::from_f64(self.mass), h: self.h.map(T::from_f64), rot: self.rot.map(T::from_f64) }
@@ -295,6 +309,20 @@ mod tests {
         let v = Motion::new(Vector3::new(0.3, -1.1, 0.8), Vector3::new(0.5, 0.2, -0.9));
         let b = body();
         assert_relative_eq!(b.to_parent(&x).kinetic(&x.motion_to_parent(&v)), b.kinetic(&v), max_relative = 1e-14);
+    }
+
+    #[test]
+    fn rate_is_the_change_along_a_motion() {
+        let s = Motion::new(Vector3::new(0.3, -1.1, 0.8), Vector3::new(0.5, 0.2, -0.9));
+        // A short way along the twist, as a pose of the body in the fixed frame.
+        let along = |t: f64| {
+            let turn = quat_to_rot(&exp_so3(&(s.ang * t)));
+            body().to_parent(&Xform::new(turn, s.lin * t))
+        };
+        let h = 1e-6;
+        let (a, b, rate) = (along(-h), along(h), body().rate(&s));
+        assert_relative_eq!((b.h - a.h) / (2.0 * h), rate.h, epsilon = 1e-8);
+        assert_relative_eq!((b.rot - a.rot) / (2.0 * h), rate.rot, epsilon = 1e-8);
     }
 
     #[test]

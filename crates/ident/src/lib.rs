@@ -36,6 +36,7 @@ pub mod report;
 pub mod scale;
 pub mod selection;
 pub mod start;
+mod tables;
 pub mod transform;
 
 pub use estimator::{Estimate, Estimated, Estimator, Request, estimate};

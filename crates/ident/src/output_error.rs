@@ -7,12 +7,11 @@
 
 use crate::covariance::Unknown;
 use crate::estimator::Estimator;
-use crate::joint_motion::joint_motion;
 use crate::lm::EvalError;
 use crate::rda::{Noise, SetupError, check_noise};
 use crate::record::Record;
-use ff_dynamics::motion::JointMotion;
-use ff_dynamics::{Prescribed, Response, Sampling, Wanted, sensitivities, simulate_reduced};
+use crate::tables::Tables;
+use ff_dynamics::{Response, Wanted, sensitivities, simulate_reduced};
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
 
@@ -42,10 +41,8 @@ impl Options {
 pub struct OutputError<'a> {
     model: &'a Model,
     record: &'a Record,
-    motion: Box<dyn JointMotion>,
     options: Options,
-    sampling: Sampling,
-    table: Option<(Vec<usize>, Prescribed)>,
+    tables: Tables,
     /// Initial-state components that are estimated.
     initial: Vec<usize>,
 }
@@ -57,26 +54,15 @@ impl<'a> OutputError<'a> {
     /// [`SetupError`].
     pub fn new(model: &'a Model, record: &'a Record, options: &Options) -> Result<Self, SetupError> {
         check_noise(&options.noise)?;
-        let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps: options.substeps.max(1) };
         // A uniform velocity changes nothing that is measured, so it is not among the unknowns.
         let initial = if options.initial_state { (3..6 + 2 * model.np()).collect() } else { Vec::new() };
         Ok(Self {
             model,
             record,
-            motion: joint_motion(model, record)?,
+            tables: Tables::new(model, record, options.substeps.max(1))?,
             options: options.clone(),
-            sampling,
-            table: None,
             initial,
         })
-    }
-    fn table(&mut self, params: &Params<f64>, links: &[usize]) -> &Prescribed {
-        let stale = !links.is_empty() || self.table.as_ref().is_none_or(|(l, _)| l != links);
-        if stale {
-            self.table = None;
-        }
-        let (model, motion, sampling) = (self.model, &self.motion, &self.sampling);
-        &self.table.get_or_insert_with(|| (links.to_vec(), Prescribed::new(model, params, motion, sampling, links))).1
     }
     /// Initial state: springs relaxed, base at rest, plus what is estimated.
     fn start(&self, params: &Params<f64>, extra: &[f64]) -> Vec<f64> {
@@ -143,8 +129,7 @@ impl Estimator for OutputError<'_> {
         let params = Params::from_values(self.model, full.to_vec());
         let z0 = self.start(&params, extra);
         let model = self.model;
-        let links = self.table.as_ref().map(|t| t.0.clone()).unwrap_or_default();
-        let table = self.table(&params, &links);
+        let table = self.tables.get(model, &params, &[]);
         let y = simulate_reduced(model, &params, table, &z0).map_err(|e| EvalError::Rejected(e.to_string()))?;
         self.fill(&y, extra, r);
         Ok(())
@@ -162,7 +147,7 @@ impl Estimator for OutputError<'_> {
         let wanted = Wanted { params: selected.to_vec(), initial: self.initial.clone() };
         let model = self.model;
         let links = wanted.links(model);
-        let table = self.table(&params, &links);
+        let table = self.tables.get(model, &params, &links);
         let (y, d) =
             sensitivities(model, &params, table, &z0, &wanted).map_err(|e| EvalError::Rejected(e.to_string()))?;
         self.fill(&y, extra, r);

@@ -5,11 +5,10 @@
 //! `N^T Y` ([`ff_dynamics::reduced_torques`]; Rackl, Lampariello, Albu-Schaeffer 2013).
 
 use crate::estimator::Estimator;
-use crate::joint_motion::joint_motion;
 use crate::lm::EvalError;
 use crate::record::Record;
-use ff_dynamics::motion::JointMotion;
-use ff_dynamics::{Prescribed, Sampling, Wanted, reduced_torques};
+use crate::tables::Tables;
+use ff_dynamics::{Wanted, reduced_torques};
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
 
@@ -26,10 +25,8 @@ pub struct Noise {
 pub struct Rda<'a> {
     model: &'a Model,
     record: &'a Record,
-    motion: Box<dyn JointMotion>,
     sigma: f64,
-    sampling: Sampling,
-    table: Option<(Vec<usize>, Prescribed)>,
+    tables: Tables,
 }
 
 /// Why an estimator cannot be set up.
@@ -78,17 +75,7 @@ impl<'a> Rda<'a> {
         if model.np() > 0 {
             return Err(SetupError::NotRigid(model.np()));
         }
-        let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps: 1 };
-        Ok(Self { model, record, motion: joint_motion(model, record)?, sigma: noise.torque, sampling, table: None })
-    }
-    /// Tables depend on link parameters only; they are rebuilt when those are estimated.
-    fn table(&mut self, params: &Params<f64>, links: &[usize]) -> &Prescribed {
-        let stale = !links.is_empty() || self.table.as_ref().is_none_or(|(l, _)| l != links);
-        if stale {
-            self.table = None;
-        }
-        let (model, motion, sampling) = (self.model, &self.motion, &self.sampling);
-        &self.table.get_or_insert_with(|| (links.to_vec(), Prescribed::new(model, params, motion, sampling, links))).1
+        Ok(Self { model, record, sigma: noise.torque, tables: Tables::new(model, record, 1)? })
     }
     fn fill(&self, tau: &DMatrix<f64>, r: &mut [f64]) {
         let n = self.model.nj();
@@ -103,7 +90,7 @@ impl<'a> Rda<'a> {
         let wanted = Wanted { params: selected.to_vec(), initial: Vec::new() };
         let links = wanted.links(self.model);
         let (model, rates) = (self.model, self.record.gyro());
-        let table = self.table(&params, &links);
+        let table = self.tables.get(model, &params, &links);
         reduced_torques(model, &params, table, rates, &wanted).map_err(|e| EvalError::Rejected(e.to_string()))
     }
 }

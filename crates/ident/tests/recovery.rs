@@ -89,3 +89,35 @@ fn of_all_58_parameters_46_directions_are_seen_and_the_twelve_others_lie_at_the_
         }
     }
 }
+
+#[test]
+fn base_and_payload_of_a_rigid_system() {
+    // 20 parameters: the base, and the last link, whose change makes every table anew (rank 20, theory.md 4).
+    let l = load("slosh");
+    let truth = Params::<f64>::nominal(&l.model);
+    let rigid = ff_model::mission::Loaded { model: l.model.frozen(&truth), ..l };
+    let record = exact(&rigid, &run(&rigid, &planned(&rigid, 40.0, 10), 40.0));
+    let decls = rigid.model.param_decls();
+    let truth = Params::<f64>::nominal(&rigid.model).values().to_vec();
+    let selected: Vec<usize> = (0..10).chain(70..80).collect();
+    let start = offset_start(&decls, &truth, &selected, 0.25, 8);
+    let mut rda = Rda::new(&rigid.model, &record, &NOISE).unwrap();
+    let request = Request {
+        decls: &decls,
+        selected: &selected,
+        start: &start,
+        priors: Priors::default(),
+        prior_width: None,
+        anchor: None,
+        settings: Settings { cost_floor: 1e-16, ..Settings::default() },
+    };
+    let e = estimate(&request, &mut rda).unwrap();
+    let worst = e
+        .parameters
+        .iter()
+        .zip(&selected)
+        .fold(0.0f64, |m, (p, &i)| m.max((p.value - truth[i]).abs() / ident::scale::sizes(&decls, &truth)[i]));
+    println!("{:?} after {} steps, rank {}, worst {worst:.1e}", e.status, e.iterations, e.data_only.rank);
+    assert_eq!(e.data_only.rank, 20);
+    assert!(worst < 1e-8, "{worst:e}");
+}

@@ -38,19 +38,6 @@ pub(super) struct Arm {
     pub(super) accel: Motion<f64>,
 }
 
-/// Rate of an inertia about a fixed origin when its body moves with twist `s`:
-/// `h' = w x h + m v`, `I' = [w]I - I[w] + 2 (h.v) 1 - h v^T - v h^T`.
-fn inertia_rate(b: &Inertia<f64>, s: &Motion<f64>) -> Inertia<f64> {
-    let (v, w) = (&s.lin, &s.ang);
-    let wx = w.cross_matrix();
-    let hv = b.h * v.transpose();
-    Inertia {
-        mass: 0.0,
-        h: w.cross(&b.h) + v * b.mass,
-        rot: wx * b.rot - b.rot * wx + Matrix3::from_diagonal_element(2.0 * b.h.dot(v)) - hv - hv.transpose(),
-    }
-}
-
 impl Arm {
     /// `None` when the composite inertia is not positive definite. Allocates the links.
     ///
@@ -81,7 +68,7 @@ impl Arm {
             let ds = d_carried + screw.scaled(qdd[l]) + d_screw.scaled(qd[l]);
             poses[l + 1] = (x, s, ds);
             let inertia = robot.inertias[l + 1].to_parent(&x);
-            let d_inertia = inertia_rate(&inertia, &s);
+            let d_inertia = inertia.rate(&s);
             links.push(Link {
                 parent: b.parent.checked_sub(1),
                 screw,

@@ -1,0 +1,46 @@
+//! The prescribed motion of a record, tabulated once and kept as long as the links it was made for.
+
+use crate::joint_motion::joint_motion;
+use crate::rda::SetupError;
+use crate::record::Record;
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::{Prescribed, Sampling};
+use ff_model::{Model, Params};
+
+/// Joint motion of a record with its tables.
+pub(crate) struct Tables {
+    motion: Box<dyn JointMotion>,
+    sampling: Sampling,
+    kept: Option<Kept>,
+}
+
+struct Kept {
+    /// Links whose parameters the table can be differentiated by.
+    links: Vec<usize>,
+    /// Parameters of all links that went into it.
+    values: Vec<f64>,
+    table: Prescribed,
+}
+
+impl Tables {
+    pub(crate) fn new(model: &Model, record: &Record, substeps: usize) -> Result<Self, SetupError> {
+        let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
+        Ok(Self { motion: joint_motion(model, record)?, sampling, kept: None })
+    }
+    /// The table for these parameters. Base and appendages play no part in it, so it is made anew only when a
+    /// link's parameter has changed or other links are asked for.
+    pub(crate) fn get(&mut self, model: &Model, params: &Params<f64>, links: &[usize]) -> &Prescribed {
+        let values = &params.values()[10..10 * model.n_bodies()];
+        let fits = |k: &Kept| (links.is_empty() || k.links == links) && k.values == values;
+        if !self.kept.as_ref().is_some_and(fits) {
+            self.kept = None;
+        }
+        let (motion, sampling) = (&self.motion, &self.sampling);
+        let make = || Kept {
+            links: links.to_vec(),
+            values: values.to_vec(),
+            table: Prescribed::new(model, params, motion, sampling, links),
+        };
+        &self.kept.get_or_insert_with(make).table
+    }
+}
