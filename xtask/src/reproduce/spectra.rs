@@ -40,7 +40,7 @@ impl Spectra {
         };
         let y = join(&x.ringing.tau, &x.ringing.gyro());
         let answer = spectrum(&y, &sigma, n, rate)?;
-        let peaks = find_peaks(&answer, 0.03, F_MAX, None)
+        let peaks = find_peaks(&answer, 0.09, F_MAX, None)
             .map(|p| p.peaks.iter().map(|p| (p.frequency, p.interval)).collect())
             .unwrap_or_default();
         let set = ModalSettings::up_to(F_MAX);
@@ -109,7 +109,7 @@ pub(super) struct Frequencies {
     /// Peaks of the spectrum, each with the interval it stands for.
     pub(super) psd_peaks_hz: Vec<f64>,
     pub(super) psd_intervals_hz: Vec<(f64, f64)>,
-    /// Free-floating eigenvalues at the hold pose (damped oscillation), ascending.
+    /// Free-floating eigenvalues at the hold pose (undamped), ascending.
     pub(super) model_hz: Vec<f64>,
     pub(super) model_damping: Vec<f64>,
     /// Those that turn the base (antisymmetric ones, for panels).
@@ -132,7 +132,7 @@ impl Frequencies {
             combination_tones_hz,
             resolution_hz: s.fit.df,
             measured_damping: modes.iter().map(|m| m.damping).collect(),
-            measured_noisy_hz: noisy.map(|f| f.modes.iter().map(|m| m.frequency).collect()).unwrap_or_default(),
+            measured_noisy_hz: noisy.map(|f| split(f).0.iter().map(|m| m.frequency).collect()).unwrap_or_default(),
             measured_noisy_std_hz: noisy
                 .map(|f| f.modes.iter().map(|m| m.frequency_deviation).collect())
                 .unwrap_or_default(),
