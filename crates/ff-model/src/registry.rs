@@ -7,7 +7,9 @@ use std::sync::Arc;
 
 /// Builds an appendage from its table in the mission file (keys `kind`, `name`, `host`, `mount` removed).
 ///
-/// Errors carry key names in `Problem::object`; the mission loader adds file and line.
+/// Errors carry key names in `Problem::object`; the mission loader adds file and line, unless the problem is in another
+/// file and says so. A text in a key that ends with `_file` is a path, which the loader has made to start at the folder
+/// of the mission file; [`crate::text_file`] reads it.
 pub type Factory = fn(&toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>;
 
 /// The kinds of appendage a mission file may name.

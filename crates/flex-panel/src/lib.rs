@@ -12,14 +12,17 @@
 //! so that `+k (eta - rest) + d nu` stands on the left of the hinge equation. The paper's eqs. (1), (4)
 //! print both with the opposite sign, which diverges.
 //!
+//! A structure that is known by its modes instead is a [`modal::ModalAppendage`], kind [`modal::MODAL_KIND`].
+//!
 //! * [`Segment`]: one rigid segment with its hinge; [`PanelChain`]: the appendage.
-//! * [`from_toml`]: the factory of mission files; [`register`]: its entry in a registry, kind [`KIND`].
+//! * [`from_toml`]: the factory of mission files; [`register`]: the entries in a registry, kind [`KIND`].
 //! * [`PanelChain::twin_bodies`]: the same chain as ordinary tree links ([`ff_model::TwinBody`]), a free oracle for
 //!   tests.
 
 mod chain;
 mod config;
 mod dynamics;
+pub mod modal;
 mod segment;
 
 pub use chain::{MAX_SEGMENTS, PanelBuilder, PanelChain};
@@ -29,7 +32,8 @@ pub use segment::Segment;
 /// The `kind` of mission files for this appendage.
 pub const KIND: &str = "flex_panel";
 
-/// Adds this appendage to a registry under [`KIND`]. Allocates.
+/// Adds the appendages of this crate to a registry: [`KIND`] and [`modal::MODAL_KIND`]. Allocates.
 pub fn register(registry: &mut ff_model::Registry) {
     registry.register(KIND, from_toml);
+    registry.register(modal::MODAL_KIND, modal::from_toml);
 }
