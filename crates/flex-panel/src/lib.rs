@@ -9,6 +9,7 @@
 //! U = sum k_i (eta_i - rest_i)^2 / 2   (J)        R = sum d_i nu_i^2 / 2   (W)
 //! ```
 //!
+//! or `x^T K x / 2` and `nu^T D nu / 2` with full matrices ([`PanelChain::with_coupling`]),
 //! so that `+k (eta - rest) + d nu` stands on the left of the hinge equation. The paper's eqs. (1), (4)
 //! print both with the opposite sign, which diverges.
 //!
@@ -21,6 +22,7 @@
 
 mod chain;
 mod config;
+mod coupling;
 mod dynamics;
 pub mod modal;
 mod segment;
