@@ -40,3 +40,8 @@ pub use registry::Registry;
 pub use scalar::{D1, D2, Grad, ModelScalar, Scalar};
 pub use spatial::{Force, Motion, Xform};
 pub use twin::TwinBody;
+
+/// Vectors and matrices of the public signatures, so that an appendage crate needs no second dependency.
+pub use nalgebra;
+/// Tables of mission files, as a [`registry::Factory`] gets them.
+pub use toml;

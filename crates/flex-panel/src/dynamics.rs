@@ -5,7 +5,7 @@
 
 use crate::chain::{MAX_SEGMENTS, PanelChain};
 use ff_model::small::{cross, mv};
-use ff_model::{Appendage, Decl, Force, Inertia, Motion, PortMatrix, PortState, PortVector, Scalar, Xform};
+use ff_model::{Appendage, Decl, Force, Inertia, Motion, PortMatrix, PortState, PortVector, Scalar, TwinBody, Xform};
 
 /// Runs `$body` with `$cap` a compile-time capacity of at least `$n`, so that the usual short panels do not
 /// clear stack buffers for sixteen segments of derivative-carrying numbers.
@@ -61,6 +61,12 @@ impl Appendage for PanelChain {
     /// Recursive Newton-Euler with `A = 0`, `nu' = 0`, plus springs and dampers; `O(n)`.
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
         with_capacity!(self.count(), newton_euler(self, p, s, h));
+    }
+
+    fn twin(&self) -> Option<Vec<TwinBody>> {
+        // A tree link knows only its own spring.
+        let plain = self.k_pairs.pairs.is_empty() && self.d_pairs.pairs.is_empty();
+        plain.then(|| self.twin_bodies())
     }
 }
 
