@@ -1,0 +1,140 @@
+//! Nothing wrong is timed: every function is held to the oracle and to the others first.
+
+use crate::functions::{RegressorRunner, Runner};
+use crate::lanes::Lanes;
+use crate::models::Peer;
+use crate::states::{Sample, Set};
+use anyhow::{Context, ensure};
+use ff_dynamics::{State, Work, bias, rnea};
+use ff_model::{D1, Params};
+use nalgebra::DVector;
+use std::path::Path;
+
+/// What `fixtures/oracle` (Pinocchio 4.1) holds of a state and is used here.
+#[derive(serde::Deserialize)]
+struct Known {
+    #[serde(flatten)]
+    sample: Sample,
+    #[serde(rename = "M")]
+    m: Vec<Vec<f64>>,
+    rnea: Vec<f64>,
+    aba: Vec<f64>,
+}
+
+#[derive(serde::Deserialize)]
+struct Oracle {
+    states: Vec<Known>,
+}
+
+/// Against the oracle, relative to the largest element.
+const ORACLE: f64 = 1e-11;
+/// Of the functions against each other.
+const MUTUAL: f64 = 1e-10;
+
+/// Largest difference relative to the largest expected element.
+fn rel(got: &[f64], want: &[f64]) -> f64 {
+    let scale = want.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    let worst = got.iter().zip(want).fold(0.0f64, |m, (g, w)| m.max((g - w).abs()));
+    // A NaN is lost by `max`; a result that is not finite is infinitely wrong.
+    if got.len() != want.len() || got.iter().any(|x| !x.is_finite()) { f64::INFINITY } else { worst / scale }
+}
+
+fn limit(what: &str, error: f64, limit: f64) -> anyhow::Result<()> {
+    ensure!(error <= limit, "{what}: {error:.1e} relative, limit {limit:.0e}; nothing is timed");
+    Ok(())
+}
+
+/// RNEA, mass matrix and forward dynamics against the oracle, which knows no springs.
+pub(crate) fn against_oracle(peer: &Peer, fixtures: &Path) -> anyhow::Result<()> {
+    let path = fixtures.join("oracle").join(format!("{}.json", peer.name.text()));
+    let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let oracle: Oracle = serde_json::from_str(&text).with_context(|| format!("{}", path.display()))?;
+    let samples: Vec<Sample> = oracle.states.iter().map(|k| k.sample.clone()).collect();
+    let mut r = Runner::<f64>::new(&peer.model, Set::new(&peer.model, &samples)?);
+    let mut worst = [0.0f64; 3];
+    let first = peer.model.nv() - peer.springs.len();
+    for (i, known) in oracle.states.iter().enumerate() {
+        // Force of springs and dampers on the left-hand side of the equations.
+        let spring = |j: usize| {
+            let ((k, d), at) = (peer.springs[j], known.sample.q.len() - peer.springs.len() + j);
+            k * known.sample.q[at] + d * known.sample.v[first + j]
+        };
+        r.rnea(i);
+        (0..peer.springs.len()).for_each(|j| r.out[first + j] -= spring(j));
+        worst[0] = worst[0].max(rel(&r.out, &known.rnea));
+        r.crba(i);
+        worst[1] = worst[1].max(rel(r.matrix.as_slice(), &known.m.concat()));
+        (0..peer.springs.len()).for_each(|j| r.set.tau[i][first + j] += spring(j));
+        r.fd(i)?;
+        worst[2] = worst[2].max(rel(&r.out, &known.aba));
+    }
+    for (what, e) in ["rnea", "crba", "fd"].iter().zip(worst) {
+        limit(&format!("{} {} {what} against the oracle", peer.name.text(), peer.form.text()), e, ORACLE)?;
+    }
+    eprintln!(
+        "{} {}: oracle rnea {:.1e}, crba {:.1e}, fd {:.1e}",
+        peer.name.text(),
+        peer.form.text(),
+        worst[0],
+        worst[1],
+        worst[2]
+    );
+    Ok(())
+}
+
+/// On every state that will be timed: `rnea(fd(tau)) = tau`, `H a + c = rnea(a)`, and the hybrid accelerations and
+/// torques solve the full equations with nothing acting on base and passive coordinates.
+pub(crate) fn mutual<T: Lanes>(name: &str, r: &mut Runner<'_, T>) -> anyhow::Result<()> {
+    let (nb, nj, nv) = (r.model.nb(), r.model.nj(), r.model.nv());
+    let mut worst = [0.0f64; 3];
+    let mut back = vec![T::zero(); nv];
+    for i in 0..r.set.states.len() {
+        r.fd(i)?;
+        rnea(r.model, &r.params, &r.set.states[i], &r.out, &mut r.work, &mut back);
+        let of = |x: &[T], l: usize| -> Vec<f64> { x.iter().map(|x| x.lane(l)).collect() };
+        for l in 0..T::LANES {
+            worst[0] = worst[0].max(rel(&of(&back, l), &of(&r.set.tau[i], l)));
+        }
+        r.crba(i);
+        bias(r.model, &r.params, &r.set.states[i], &mut r.work, &mut back);
+        r.rnea(i);
+        for l in 0..T::LANES {
+            let h = r.matrix.map(|x| x.lane(l));
+            let sum = h * DVector::from(of(&r.set.a[i], l)) + DVector::from(of(&back, l));
+            worst[1] = worst[1].max(rel(sum.as_slice(), &of(&r.out, l)));
+        }
+        r.hybrid(i)?;
+        let acc = r.out.clone();
+        rnea(r.model, &r.params, &r.set.states[i], &acc, &mut r.work, &mut back);
+        for l in 0..T::LANES {
+            let mut want = vec![0.0; nv];
+            want[nb..nb + nj].copy_from_slice(&of(&r.joint, l));
+            worst[2] = worst[2].max(rel(&of(&back, l), &want));
+        }
+    }
+    eprintln!("{name}: rnea(fd) {:.1e}, H a + c {:.1e}, hybrid {:.1e}", worst[0], worst[1], worst[2]);
+    for (what, e) in ["rnea(fd(tau)) = tau", "H a + c = rnea(a)", "hybrid"].iter().zip(worst) {
+        limit(&format!("{name} {what}"), e, MUTUAL)?;
+    }
+    Ok(())
+}
+
+/// The regressor times the parameters is the derivative of RNEA along them, found here by a dual number.
+pub(crate) fn regressor(name: &str, r: &mut Runner<'_, f64>, y: &mut RegressorRunner) -> anyhow::Result<()> {
+    let values = r.params.values().to_vec();
+    let dual = Params::from_values(r.model, values.iter().map(|&x| D1::new(x, x)).collect());
+    let mut work = Work::<D1>::new(r.model);
+    let mut tau = vec![D1::constant(0.0); r.model.nv()];
+    let mut worst = 0.0f64;
+    for i in (0..r.set.states.len()).step_by(7) {
+        y.call(r, i);
+        let got = &y.y * DVector::from_column_slice(&values);
+        let state: State<D1> = r.set.states[i].lift();
+        let a: Vec<D1> = r.set.a[i].iter().map(|&x| D1::constant(x)).collect();
+        rnea(r.model, &dual, &state, &a, &mut work, &mut tau);
+        let want: Vec<f64> = tau.iter().map(|t| t.eps[0]).collect();
+        worst = worst.max(rel(got.as_slice(), &want));
+    }
+    eprintln!("{name}: regressor against duals {worst:.1e}");
+    limit(&format!("{name} regressor"), worst, MUTUAL)
+}
