@@ -1,7 +1,11 @@
 //! The mass matrix by the composite-rigid-body algorithm (CRBA).
 
 use crate::state::State;
+use crate::tree;
 use crate::work::{PortWork, Work};
+use ff_lanes::Kernel;
+use ff_model::by_turn;
+use ff_model::vec3::Ten;
 use ff_model::{Force, Inertia, Model, ModelScalar, Motion, Params};
 use nalgebra::DMatrix;
 
@@ -20,66 +24,116 @@ pub fn mass_matrix<T: ModelScalar>(
     work: &mut Work<T>,
     h: &mut DMatrix<T>,
 ) {
-    work.place(model, &state.q);
-    work.port_inertias(model, params, &state.eta);
-    let (nb, nj, nv) = (model.nb(), model.nj(), model.nv());
-    assert_eq!(h.shape(), (nv, nv), "mass matrix shape");
-    h.fill(T::zero());
-    for i in 0..model.n_bodies() {
-        work.ic[i] = *params.body(i);
+    assert_eq!(h.shape(), (model.nv(), model.nv()), "mass matrix shape");
+    let sparse = model.appendages().len() + model.nj() > 0;
+    T::enter(Crba { model, params, state, work, h: h.as_mut_slice(), sparse });
+}
+
+struct Crba<'a, T: ModelScalar> {
+    model: &'a Model,
+    params: &'a Params<T>,
+    state: &'a State<T>,
+    work: &'a mut Work<T>,
+    h: &'a mut [T],
+    sparse: bool,
+}
+
+impl<T: ModelScalar> Kernel for Crba<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { model, params, state, work, h, sparse } = self;
+        let nv = model.nv();
+        tree::place(&mut work.links, &state.q);
+        work.port_inertias(model, params, &state.eta);
+        if sparse {
+            // Pairs of which neither carries the other stay zero.
+            for x in h.iter_mut() {
+                *x = T::zero();
+            }
+        }
+        composite(params, model, work);
+        columns(model, work, |i, j, x| {
+            h[i * nv + j] = x;
+            h[j * nv + i] = x;
+        });
     }
-    for (k, ap) in model.appendages().iter().enumerate() {
-        let hung = host_block(&work.ports[k]).to_parent(&work.ports[k].mount);
-        work.ic[ap.host] += hung;
+}
+
+/// Composite inertias of all bodies, ports included; needs the poses and `M` of the ports.
+#[inline(always)]
+pub(crate) fn composite<T: ModelScalar>(params: &Params<T>, model: &Model, work: &mut Work<T>) {
+    for (i, l) in work.links.iter_mut().enumerate() {
+        l.ic = Ten::from(params.body(i));
     }
-    for i in (1..model.n_bodies()).rev() {
-        let up = work.ic[i].to_parent(&work.x[i]);
-        work.ic[model.bodies()[i - 1].parent] += up;
+    for (ap, p) in model.appendages().iter().zip(&work.ports) {
+        work.links[ap.host].ic.add(&p.hung());
     }
+    tree::compose(&mut work.links);
+}
+
+/// Every element of the mass matrix that can differ from zero, as `set(row, column, value)` with the row a
+/// descendant of the column or the same; needs [`composite`]. Ports get their coupling at the base.
+#[inline(always)]
+pub(crate) fn columns<T: ModelScalar>(model: &Model, work: &mut Work<T>, mut set: impl FnMut(usize, usize, T)) {
+    let (nb, nj) = (model.nb(), model.nj());
+    let links = &work.links;
     if nb == 6 {
-        h.fixed_view_mut::<6, 6>(0, 0).copy_from(&work.ic[0].to_matrix());
+        let Ten { m, h, i } = links[0].ic;
+        let z = T::zero();
+        for k in 0..3 {
+            for l in 0..=k {
+                set(k, l, if k == l { m } else { z });
+            }
+        }
+        // [h]x, lower left.
+        for (r, row) in [[z, -h.z, h.y], [h.z, z, -h.x], [-h.y, h.x, z]].iter().enumerate() {
+            for (c, &x) in row.iter().enumerate() {
+                set(3 + r, c, x);
+            }
+        }
+        set(3, 3, i.xx);
+        set(4, 3, i.xy);
+        set(4, 4, i.yy);
+        set(5, 3, i.xz);
+        set(5, 4, i.yz);
+        set(5, 5, i.zz);
     }
-    for i in 1..model.n_bodies() {
-        let s = work.joint_motion(model, i);
-        let f = work.ic[i].mul_motion(&s);
-        h[(nb + i - 1, nb + i - 1)] = s.dot(&f);
-        carry(model, work, h, i, f, nb + i - 1);
+    macro_rules! carry {
+        ($row:expr, $at:expr, $f:expr, $n:expr) => {{
+            let (row, mut i, mut f, mut n) = ($row, $at, $f, $n);
+            while i > 0 {
+                (f, n) = tree::inwards(&links[i], &f, &n);
+                i = links[i].parent;
+                if i > 0 {
+                    set(row, nb + i - 1, links[i].force_of(&f, &n));
+                }
+            }
+            if nb == 6 {
+                for (c, x) in [f.x, f.y, f.z, n.x, n.y, n.z].into_iter().enumerate() {
+                    set(row, c, x);
+                }
+            }
+            (f, n)
+        }};
     }
-    for (k, ap) in model.appendages().iter().enumerate() {
-        let p = &work.ports[k];
+    for i in 1..links.len() {
+        let (f, n) = by_turn!(T, links[i].pose.turn, K => links[i].axis_momentum::<K>());
+        set(nb + i - 1, nb + i - 1, links[i].force_of(&f, &n));
+        carry!(nb + i - 1, i, f, n);
+    }
+    for (ap, p) in model.appendages().iter().zip(&mut work.ports) {
         let first = nb + nj + ap.coord_offset;
-        for j in 0..ap.dim() {
-            for l in 0..ap.dim() {
-                h[(first + j, first + l)] = p.m(6 + j, 6 + l);
+        for j in 0..p.n {
+            for l in 0..=j {
+                set(first + j, first + l, p.m[(6 + j) * (6 + p.n) + 6 + l]);
             }
-            let f = p.mount.force_to_parent(&p.coupling(j));
+            let (f, n) = p.pull(j);
+            let (f, n) = p.up(&f, &n);
             if ap.host > 0 {
-                let s = work.joint_motion(model, ap.host);
-                set(h, nb + ap.host - 1, first + j, s.dot(&f));
+                set(first + j, nb + ap.host - 1, links[ap.host].force_of(&f, &n));
             }
-            carry(model, work, h, ap.host, f, first + j);
-        }
-    }
-}
-
-fn set<T: ModelScalar>(h: &mut DMatrix<T>, i: usize, j: usize, x: T) {
-    h[(i, j)] = x;
-    h[(j, i)] = x;
-}
-
-/// Carries the wrench `f` on body `i` to the root, filling column (and row) `col` on the way.
-fn carry<T: ModelScalar>(model: &Model, work: &Work<T>, h: &mut DMatrix<T>, mut i: usize, mut f: Force<T>, col: usize) {
-    let nb = model.nb();
-    while i > 0 {
-        f = work.x[i].force_to_parent(&f);
-        i = model.bodies()[i - 1].parent;
-        if i > 0 {
-            set(h, nb + i - 1, col, work.joint_motion(model, i).dot(&f));
-        }
-    }
-    if nb == 6 {
-        for r in 0..6 {
-            set(h, r, col, f.get(r));
+            p.g[j] = carry!(first + j, ap.host, f, n);
         }
     }
 }

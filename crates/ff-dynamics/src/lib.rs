@@ -8,7 +8,7 @@
 //! |---|---|
 //! | forces for a motion | [`mod@rnea`] |
 //! | mass matrix, blocks of eq. (2), condition | [`crba`], [`blocks`], [`mod@conditioning`] |
-//! | motion for forces; prescribed joints | [`aba`] |
+//! | motion for forces; prescribed joints | [`forward`], [`mod@aba`] |
 //! | momentum, energy, dissipation | [`momentum`] |
 //! | dependence on parameters | [`mod@regressor`] |
 //! | prescribed arm condensed; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
@@ -22,9 +22,11 @@ pub mod blocks;
 pub mod bspline;
 pub mod conditioning;
 pub mod crba;
+pub mod forward;
 pub mod frames;
 pub mod integrate;
 pub mod ldl;
+mod ltl;
 pub mod modes;
 pub mod momentum;
 pub mod motion;
@@ -36,12 +38,14 @@ pub mod sensitivity;
 pub mod sensors;
 pub mod simulate;
 pub mod state;
+mod tree;
 mod work;
 
-pub use aba::{SingularInertia, forward_dynamics, hybrid_dynamics};
+pub use aba::{SingularInertia, aba};
 pub use blocks::MassBlocks;
 pub use conditioning::{Conditioning, conditioning};
 pub use crba::mass_matrix;
+pub use forward::{forward_dynamics, hybrid_dynamics};
 pub use frames::{frame_jacobian, frame_pose};
 pub use modes::{Boundary, Mode, modes};
 pub use momentum::{Budget, budget};
