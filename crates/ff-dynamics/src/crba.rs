@@ -1,11 +1,11 @@
 //! The mass matrix by the composite-rigid-body algorithm (CRBA).
 
 use crate::state::State;
-use crate::tree;
+use crate::tree::{self, Link};
 use crate::work::{PortWork, Work};
 use ff_lanes::Kernel;
 use ff_model::by_turn;
-use ff_model::vec3::Ten;
+use ff_model::vec3::{Ten, V3};
 use ff_model::{Force, Inertia, Model, ModelScalar, Motion, Params};
 use nalgebra::DMatrix;
 
@@ -53,10 +53,12 @@ impl<T: ModelScalar> Kernel for Crba<'_, T> {
             }
         }
         composite(params, model, work);
-        columns(model, work, |i, j, x| {
-            h[i * nv + j] = x;
-            h[j * nv + i] = x;
-        });
+        columns(model, work, h);
+        for i in 0..nv {
+            for j in 0..i {
+                h[j * nv + i] = h[i * nv + j];
+            }
+        }
     }
 }
 
@@ -72,70 +74,73 @@ pub(crate) fn composite<T: ModelScalar>(params: &Params<T>, model: &Model, work:
     tree::compose(&mut work.links);
 }
 
-/// Every element of the mass matrix that can differ from zero, as `set(row, column, value)` with the row a
-/// descendant of the column or the same; needs [`composite`]. Ports get their coupling at the base.
+/// Writes every element of the mass matrix that can differ from zero between a degree of freedom and its
+/// ancestors into row `descendant` of the row-major lower triangle, which is column `descendant` of the upper one
+/// by columns; needs [`composite`]. Ports get their coupling at the base.
 #[inline(always)]
-pub(crate) fn columns<T: ModelScalar>(model: &Model, work: &mut Work<T>, mut set: impl FnMut(usize, usize, T)) {
-    let (nb, nj) = (model.nb(), model.nj());
-    let links = &work.links;
+pub(crate) fn columns<T: ModelScalar>(model: &Model, work: &mut Work<T>, h: &mut [T]) {
+    let (nb, nj, nv) = (model.nb(), model.nj(), model.nv());
+    let links = &work.links[..];
     if nb == 6 {
-        let Ten { m, h, i } = links[0].ic;
+        let Ten { m, h: c, i } = links[0].ic;
         let z = T::zero();
-        for k in 0..3 {
-            for l in 0..=k {
-                set(k, l, if k == l { m } else { z });
-            }
+        let rows = [
+            [m, z, z, z, z, z],
+            [z, m, z, z, z, z],
+            [z, z, m, z, z, z],
+            [z, -c.z, c.y, i.xx, z, z],
+            [c.z, z, -c.x, i.xy, i.yy, z],
+            [-c.y, c.x, z, i.xz, i.yz, i.zz],
+        ];
+        for (k, row) in rows.iter().enumerate() {
+            h[k * nv..k * nv + k + 1].copy_from_slice(&row[..=k]);
         }
-        // [h]x, lower left.
-        for (r, row) in [[z, -h.z, h.y], [h.z, z, -h.x], [-h.y, h.x, z]].iter().enumerate() {
-            for (c, &x) in row.iter().enumerate() {
-                set(3 + r, c, x);
-            }
-        }
-        set(3, 3, i.xx);
-        set(4, 3, i.xy);
-        set(4, 4, i.yy);
-        set(5, 3, i.xz);
-        set(5, 4, i.yz);
-        set(5, 5, i.zz);
-    }
-    macro_rules! carry {
-        ($row:expr, $at:expr, $f:expr, $n:expr) => {{
-            let (row, mut i, mut f, mut n) = ($row, $at, $f, $n);
-            while i > 0 {
-                (f, n) = tree::inwards(&links[i], &f, &n);
-                i = links[i].parent;
-                if i > 0 {
-                    set(row, nb + i - 1, links[i].force_of(&f, &n));
-                }
-            }
-            if nb == 6 {
-                for (c, x) in [f.x, f.y, f.z, n.x, n.y, n.z].into_iter().enumerate() {
-                    set(row, c, x);
-                }
-            }
-            (f, n)
-        }};
     }
     for i in 1..links.len() {
-        let (f, n) = by_turn!(T, links[i].pose.turn, K => links[i].axis_momentum::<K>());
-        set(nb + i - 1, nb + i - 1, links[i].force_of(&f, &n));
-        carry!(nb + i - 1, i, f, n);
+        let own = nb + i - 1;
+        let row = &mut h[own * nv..(own + 1) * nv];
+        let (f, n);
+        (row[own], (f, n)) = by_turn!(T, links[i].pose.turn, K => {
+            let (f, n) = links[i].axis_momentum::<K>();
+            (links[i].joint_force::<K>(&f, &n), links[i].pose.wrench_up::<K>(&f, &n))
+        });
+        carry(links, nb, links[i].parent, f, n, row);
     }
     for (ap, p) in model.appendages().iter().zip(&mut work.ports) {
         let first = nb + nj + ap.coord_offset;
+        let dim = 6 + p.n;
         for j in 0..p.n {
-            for l in 0..=j {
-                set(first + j, first + l, p.m[(6 + j) * (6 + p.n) + 6 + l]);
-            }
+            let row = &mut h[(first + j) * nv..(first + j + 1) * nv];
+            row[first..=first + j].copy_from_slice(&p.m[(6 + j) * dim + 6..(6 + j) * dim + 7 + j]);
             let (f, n) = p.pull(j);
             let (f, n) = p.up(&f, &n);
-            if ap.host > 0 {
-                set(first + j, nb + ap.host - 1, links[ap.host].force_of(&f, &n));
-            }
-            p.g[j] = carry!(first + j, ap.host, f, n);
+            p.g[j] = carry(links, nb, ap.host, f, n, row);
         }
     }
+}
+
+/// Carries a wrench on body `i` to the root and writes the joint forces and the base wrench into `row`.
+#[inline(always)]
+fn carry<T: ModelScalar>(
+    links: &[Link<T>],
+    nb: usize,
+    mut i: usize,
+    mut f: V3<T>,
+    mut n: V3<T>,
+    row: &mut [T],
+) -> (V3<T>, V3<T>) {
+    while i > 0 {
+        let l = &links[i];
+        (row[nb + i - 1], (f, n)) =
+            by_turn!(T, l.pose.turn, K => (l.joint_force::<K>(&f, &n), l.pose.wrench_up::<K>(&f, &n)));
+        i = l.parent;
+    }
+    if nb == 6 {
+        let row = &mut row[..6];
+        f.write_to(row);
+        n.write_to(&mut row[3..]);
+    }
+    (f, n)
 }
 
 /// The host block of a port as a rigid body: with its own rates zero an appendage moves with its host, so

@@ -115,7 +115,7 @@ impl<T: ModelScalar> Kernel for Free<'_, T> {
         }
         crba::composite(params, model, work);
         let mut h = std::mem::take(&mut work.lower);
-        crba::columns(model, work, |i, j, x| h[i * nv + j] = x);
+        crba::columns(model, work, &mut h);
         let done = ltl::factor(&mut h, nv, &work.dof_parent);
         if done.is_ok() {
             ltl::solve(&h, nv, &work.dof_parent, a);

@@ -151,6 +151,15 @@ impl<'a, T: Scalar> PortMatrix<'a, T> {
         }
         Self { dim, a }
     }
+    /// Tells the compiler the size, once, where the caller knows it: writing elements is then free of checks.
+    ///
+    /// # Panics
+    /// If the matrix is not that of `n` coordinates.
+    #[inline(always)]
+    pub fn expect(&mut self, n: usize) {
+        assert!(self.dim == 6 + n && self.a.len() == (6 + n) * (6 + n));
+        self.dim = 6 + n;
+    }
     /// Number of rows, `6 + n`.
     pub fn dim(&self) -> usize {
         self.dim

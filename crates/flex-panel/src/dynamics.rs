@@ -14,8 +14,16 @@ use ff_model::{Appendage, Decl, Motion, PortAccel, PortMatrix, PortState, PortVe
 macro_rules! with_capacity {
     ($n:expr, $f:ident, $cold:ident($($arg:expr),*)) => {
         match $n {
-            n if T::DERIVATIVES => if n <= 4 { $cold::<T, 4>($($arg),*) } else { $cold::<T, MAX_SEGMENTS>($($arg),*) },
-            0..=2 => $f::<T, 2>($($arg),*),
+            n if T::DERIVATIVES => {
+                if n <= 4 {
+                    $cold::<T, 4>($($arg),*)
+                } else {
+                    $cold::<T, MAX_SEGMENTS>($($arg),*)
+                }
+            }
+            1 => $f::<T, 1>($($arg),*),
+            2 => $f::<T, 2>($($arg),*),
+            3 => $f::<T, 3>($($arg),*),
             _ => $f::<T, MAX_SEGMENTS>($($arg),*),
         }
     };
@@ -96,8 +104,8 @@ impl Appendage for PanelChain {
 #[inline(always)]
 fn poses<T: Scalar, const N: usize>(c: &PanelChain, eta: &[T]) -> [Pose<T>; N] {
     let mut pose = [Pose::<T>::identity(); N];
-    for i in 0..c.count() {
-        pose[i] = c.hinges[i].pose(eta[i]);
+    for (x, (h, &e)) in pose.iter_mut().zip(c.hinges.iter().zip(eta)) {
+        *x = h.pose(e);
     }
     pose
 }
@@ -155,7 +163,8 @@ fn residual<T: Scalar, const N: usize>(
 /// mount.
 #[inline(always)]
 fn composite_at<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], pose: &[Pose<T>; N], m: &mut PortMatrix<'_, T>) {
-    let n = c.count();
+    let n = if N <= 3 { N } else { c.count() };
+    m.expect(n);
     let mut ic = [Ten::<T>::zero(); N];
     for i in 0..n {
         ic[i] = Ten::from_params(&p[c.inertial_offset(i)..]);
@@ -191,13 +200,15 @@ fn newton_euler<T: Scalar, const N: usize>(
     pose: &[Pose<T>; N],
     h: &mut [T],
 ) {
-    let n = c.count();
+    let n = if N <= 3 { N } else { c.count() };
+    let (h, hinges) = (&mut h[..6 + n], &c.hinges[..n]);
+    let p = &p[..12 * n + c.k_pairs.pairs.len() + c.d_pairs.pairs.len()];
     let mut force = [(V3::<T>::zero(), V3::<T>::zero()); N];
     let mut w = V3::from(&s.host.ang);
     let mut al = V3::from(&acc.host.ang);
     let mut a = w.cross_add(&V3::from(&s.host.lin), &V3::from(&acc.host.lin));
     for i in 0..n {
-        let (x, u) = (&pose[i], &c.hinges[i].axis);
+        let (x, u) = (&pose[i], &hinges[i].axis);
         let at_hinge = M3::field(&w, &al).mul_add(&x.p, &a);
         (w, al, a) = by_turn!(T, x.turn, K => {
             let carried = x.down::<K>(&w);
@@ -209,7 +220,7 @@ fn newton_euler<T: Scalar, const N: usize>(
     }
     let (mut f, mut g) = (V3::<T>::zero(), V3::<T>::zero());
     for i in (0..n).rev() {
-        let hinge = &c.hinges[i];
+        let hinge = &hinges[i];
         f += force[i].0;
         g += force[i].1;
         let along;
