@@ -121,7 +121,7 @@ pub(crate) fn columns<T: ModelScalar>(model: &Model, work: &mut Work<T>, h: &mut
 
 /// Carries a wrench on body `i` to the root and writes the joint forces and the base wrench into `row`.
 #[inline(always)]
-fn carry<T: ModelScalar>(
+pub(crate) fn carry<T: ModelScalar>(
     links: &[Link<T>],
     nb: usize,
     mut i: usize,

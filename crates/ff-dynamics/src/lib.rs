@@ -11,6 +11,7 @@
 //! | motion for forces; prescribed joints | [`forward`], [`mod@aba`] |
 //! | momentum, energy, dissipation | [`momentum`] |
 //! | dependence on parameters | [`mod@regressor`] |
+//! | dependence on positions and velocities | [`derivatives`] |
 //! | prescribed arm condensed; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
 //! | joint motions | [`motion`], [`bspline`] |
 //! | frequencies and damping | [`mod@modes`] |
@@ -22,6 +23,7 @@ pub mod blocks;
 pub mod bspline;
 pub mod conditioning;
 pub mod crba;
+pub mod derivatives;
 pub mod forward;
 pub mod frames;
 pub mod integrate;
@@ -45,6 +47,7 @@ pub use aba::{SingularInertia, aba};
 pub use blocks::MassBlocks;
 pub use conditioning::{Conditioning, conditioning};
 pub use crba::mass_matrix;
+pub use derivatives::{Derivatives, hybrid_columns, rnea_derivatives};
 pub use forward::{forward_dynamics, hybrid_dynamics};
 pub use frames::{frame_jacobian, frame_pose};
 pub use modes::{Boundary, Mode, modes};

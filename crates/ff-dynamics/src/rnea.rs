@@ -4,9 +4,7 @@ use crate::state::State;
 use crate::tree;
 use crate::work::Work;
 use ff_lanes::Kernel;
-use ff_model::vec3::V3;
-use ff_model::{Model, ModelScalar, Motion, Params, PortAccel, PortMatrix, PortState};
-use nalgebra::Vector3;
+use ff_model::{Model, ModelScalar, Params, PortMatrix};
 
 /// Generalised forces for given accelerations: `tau = H(q) a + c(q, v)`.
 ///
@@ -59,27 +57,16 @@ impl<T: ModelScalar> Kernel for Rnea<'_, T> {
         assert_eq!(tau.len(), model.nv(), "tau length");
         let links = &mut work.links[..];
         tree::place(links, &state.q);
-        let (lin, al) = if nb == 6 {
-            (V3::from_slice(a) + tree::transport(model, state), V3::from_slice(&a[3..]))
-        } else {
-            (V3::zero(), V3::zero())
-        };
-        tree::move_base(model, state, links, lin, al);
-        tree::advance(links, state.qd(), &a[nb..nb + nj]);
+        tree::move_all(model, state, a, links);
         tree::wrenches(params, links, work.has_external.then_some(&work.external[..]));
         for (k, (ap, p)) in model.appendages().iter().zip(&mut work.ports).enumerate() {
-            let c = ap.coord_offset..ap.coord_offset + p.n;
-            let passive = nb + nj + c.start..nb + nj + c.end;
-            let (w, al, acc) = tree::at_mount(p, &links[ap.host]);
-            let still = Vector3::new(T::zero(), T::zero(), T::zero());
-            let s = PortState {
-                host: Motion { lin: still, ang: w.into() },
-                eta: &state.eta[c],
-                nu: &state.v[passive.clone()],
-            };
-            let acc = PortAccel { host: Motion { lin: acc.into(), ang: al.into() }, nu: &a[passive.clone()] };
-            let mut scratch = PortMatrix::new(p.n, &mut p.m);
-            T::port(&*ap.appendage).residual(params.appendage(model, k), &s, &acc, &mut scratch, &mut p.r);
+            let (mut m, mut r) = (std::mem::take(&mut p.m), std::mem::take(&mut p.r));
+            tree::port_motion(model, state, a, ap, p, &links[ap.host], |s, acc| {
+                let mut scratch = PortMatrix::new(p.n, &mut m);
+                T::port(&*ap.appendage).residual(params.appendage(model, k), s, acc, &mut scratch, &mut r);
+            });
+            (p.m, p.r) = (m, r);
+            let passive = nb + nj + ap.coord_offset..nb + nj + ap.coord_offset + p.n;
             p.press(&mut links[ap.host]);
             for (t, &r) in tau[passive].iter_mut().zip(&p.r[6..]) {
                 *t = r;

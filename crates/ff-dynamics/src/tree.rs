@@ -12,8 +12,10 @@ use crate::work::PortWork;
 use ff_model::axis::Axis;
 use ff_model::by_turn;
 use ff_model::so3::quat_to_rot;
-use ff_model::vec3::{M3, Pose, Ten, Turn, V3, turn};
-use ff_model::{Body, JointKind, Model, ModelScalar, Motion, Params, PortMatrix, PortState, Scalar};
+use ff_model::vec3::{M3, Moving, Pose, Ten, Turn, V3, turn};
+use ff_model::{
+    Body, JointKind, Model, ModelScalar, Motion, Mounted, Params, PortAccel, PortMatrix, PortState, Scalar,
+};
 use nalgebra::{Matrix3, Vector3};
 
 /// One body with the joint that carries it; body 0 is the base.
@@ -115,6 +117,11 @@ impl<T: Scalar> Link<T> {
         let f = self.al.cross_add(&self.ic.h, &self.a.scaled(self.ic.m));
         self.joint_force::<K>(&f, &self.ic.i.mul_add(&self.al, &self.ic.h.cross(&self.a)))
     }
+    /// How the body moves.
+    #[inline(always)]
+    pub(crate) fn moving(&self) -> Moving<T> {
+        Moving { w: self.w, al: self.al, a: self.a, field: self.field }
+    }
     /// Joint screw in the body frame: linear and angular part.
     #[inline(always)]
     pub(crate) fn screw(&self) -> (V3<T>, V3<T>) {
@@ -185,6 +192,38 @@ pub(crate) fn transport<T: ModelScalar>(model: &Model, state: &State<T>) -> V3<T
         return V3::zero();
     }
     V3::from_slice(&state.v[3..6]).cross(&V3::from_slice(&state.v[..3]))
+}
+
+/// Motion of all bodies for the generalised accelerations `a`; needs the poses.
+#[inline(always)]
+pub(crate) fn move_all<T: ModelScalar>(model: &Model, state: &State<T>, a: &[T], links: &mut [Link<T>]) {
+    let (nb, nj) = (model.nb(), model.nj());
+    let (lin, al) = if nb == 6 {
+        (V3::from_slice(a) + transport(model, state), V3::from_slice(&a[3..]))
+    } else {
+        (V3::zero(), V3::zero())
+    };
+    move_base(model, state, links, lin, al);
+    advance(links, state.qd(), &a[nb..nb + nj]);
+}
+
+/// Hands the state and the accelerations of a port to `f`, watched from a frame that moves with its mount.
+#[inline(always)]
+pub(crate) fn port_motion<T: ModelScalar>(
+    model: &Model,
+    state: &State<T>,
+    a: &[T],
+    mounted: &Mounted,
+    port: &PortWork<T>,
+    host: &Link<T>,
+    f: impl FnOnce(&PortState<'_, T>, &PortAccel<'_, T>),
+) {
+    let c = mounted.coord_offset..mounted.coord_offset + port.n;
+    let passive = model.nb() + model.nj() + c.start..model.nb() + model.nj() + c.end;
+    let (w, al, acc) = at_mount(port, host);
+    let still = Vector3::new(T::zero(), T::zero(), T::zero());
+    let s = PortState { host: Motion { lin: still, ang: w.into() }, eta: &state.eta[c], nu: &state.v[passive.clone()] };
+    f(&s, &PortAccel { host: Motion { lin: acc.into(), ang: al.into() }, nu: &a[passive] });
 }
 
 /// Motion of all bodies but the base, outwards.

@@ -1,5 +1,6 @@
 //! Buffers of the algorithms, and the kinematic passes they share.
 
+use crate::derivatives::Node;
 use crate::state::State;
 use crate::tree::Link;
 use ff_model::small::{mm, mv};
@@ -162,11 +163,12 @@ pub struct Work<T: ModelScalar> {
     pub(crate) links: Vec<Link<T>>,
     /// Parent of every degree of freedom in the sparse mass matrix; itself at the root.
     pub(crate) dof_parent: Vec<usize>,
-    /// Mass matrix, row-major, lower triangle, and a right-hand side.
+    /// Mass matrix, row-major, lower triangle.
     pub(crate) lower: Vec<T>,
-    pub(crate) rhs: Vec<T>,
     /// Per body, the screws of the base and of the joints that move it, in its frame: `6 + nj` each.
     pub(crate) screws: Vec<(V3<T>, V3<T>)>,
+    /// Bodies in base axes, for the derivatives.
+    pub(crate) nodes: Vec<Node<T>>,
 }
 
 impl<T: ModelScalar> Work<T> {
@@ -199,8 +201,8 @@ impl<T: ModelScalar> Work<T> {
             links: std::iter::once(Link::base()).chain(model.bodies().iter().map(Link::new)).collect(),
             dof_parent: dof_parents(model),
             lower: vec![T::zero(); model.nv().pow(2)],
-            rhs: vec![T::zero(); model.nv()],
             screws: vec![(V3::zero(), V3::zero()); nb * (6 + model.nj())],
+            nodes: vec![Node::zero(); nb],
         }
     }
     /// Applies a wrench (N, N m; body frame, about the body origin) on a body in every later call, until

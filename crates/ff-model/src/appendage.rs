@@ -315,9 +315,12 @@ pub trait Appendage: Send + Sync + 'static {
     }
 }
 
-/// `r += M [A; nu']`.
+/// `r += M [A; nu']`: what turns a bias into a residual. Does not allocate.
+///
+/// # Panics
+/// If `r` or the accelerations have another size than `M`.
 #[inline(always)]
-pub(crate) fn add_inertial<T: Scalar>(m: &PortMatrix<'_, T>, acc: &PortAccel<'_, T>, r: &mut [T]) {
+pub fn add_inertial<T: Scalar>(m: &PortMatrix<'_, T>, acc: &PortAccel<'_, T>, r: &mut [T]) {
     for (i, x) in r.iter_mut().enumerate() {
         let row = &m.a[i * m.dim..(i + 1) * m.dim];
         let mut y = *x;

@@ -310,6 +310,48 @@ impl<T: Scalar> From<&Inertia<T>> for Ten<T> {
     }
 }
 
+/// Motion of a body as the inner loops hold it: angular velocity and acceleration, classical acceleration of the
+/// frame origin, and the field of [`M3::field`].
+#[derive(Clone, Copy, Debug)]
+pub struct Moving<T> {
+    /// Angular velocity (rad/s).
+    pub w: V3<T>,
+    /// Angular acceleration (rad/s^2).
+    pub al: V3<T>,
+    /// Classical acceleration of the origin (m/s^2).
+    pub a: V3<T>,
+    /// `[al]x + [w]x^2`.
+    pub field: M3<T>,
+}
+
+impl<T: Scalar> Moving<T> {
+    /// Power of the inertial wrench of this motion on a screw `(v, w)` of the body frame, per unit of each of the
+    /// ten inertial parameters: the row of the regressor that belongs to a degree of freedom with that screw.
+    ///
+    /// With `f = m a + field h`, `n = I al + w x I w + h x a` and `t = s_w x w`:
+    /// `m: s_v . a`; `h: field^T s_v + a x s_w`; `I: s_w^T I al + t^T I w` element by element. A body regressor is
+    /// never formed and never carried (Atkeson, An, Hollerbach 1986, eq. (8), contracted with the screw).
+    #[inline(always)]
+    pub fn powers(&self, v: &V3<T>, w: &V3<T>) -> [T; 10] {
+        let h = self.a.cross_add(w, &self.field.tr_mul(v));
+        let t = w.cross(&self.w);
+        let (u, x, y) = (w, &self.al, &self.w);
+        let two = |a: T, b: T, c: T, d: T| a.mul_add(b, c * d);
+        [
+            v.dot(&self.a),
+            h.x,
+            h.y,
+            h.z,
+            two(u.x, x.x, t.x, y.x),
+            two(u.x, x.y, u.y, x.x) + two(t.x, y.y, t.y, y.x),
+            two(u.y, x.y, t.y, y.y),
+            two(u.x, x.z, u.z, x.x) + two(t.x, y.z, t.z, y.x),
+            two(u.y, x.z, u.z, x.y) + two(t.y, y.z, t.z, y.y),
+            two(u.z, x.z, t.z, y.z),
+        ]
+    }
+}
+
 /// What a rotation is known to be, so that it is not multiplied out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
@@ -442,6 +484,11 @@ impl<T: Scalar> Pose<T> {
     pub fn wrench_up<const K: u8>(&self, f: &V3<T>, n: &V3<T>) -> (V3<T>, V3<T>) {
         let f = self.up::<K>(f);
         (f, self.p.cross_add(&f, &self.up::<K>(n)))
+    }
+    /// A screw of the parent (velocity of its origin, angular velocity) written in the child.
+    #[inline(always)]
+    pub fn screw_down<const K: u8>(&self, v: &V3<T>, w: &V3<T>) -> (V3<T>, V3<T>) {
+        (self.down::<K>(&w.cross_add(&self.p, v)), self.down::<K>(w))
     }
     /// `R S R^T`.
     #[inline(always)]

@@ -5,8 +5,8 @@
 
 use crate::chain::{MAX_SEGMENTS, PanelChain};
 use ff_model::by_turn;
-use ff_model::vec3::{M3, Pose, Ten, V3};
-use ff_model::{Appendage, Decl, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, TwinBody};
+use ff_model::vec3::{M3, Moving, Pose, Ten, V3};
+use ff_model::{Appendage, Decl, LaneScalar, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, TwinBody};
 
 /// Runs `$f` with a compile-time capacity of at least `$n`, so that the usual short panels do not clear stack
 /// buffers for sixteen segments. Numbers with derivatives take `$cold`, the same function not inlined: they are
@@ -91,6 +91,12 @@ impl Appendage for PanelChain {
         r: &mut PortVector<T>,
     ) {
         with_capacity!(self.count(), residual, residual(self, p, s, acc, r));
+    }
+
+    /// Screws of host and hinges carried outwards and contracted with the motion of each segment.
+    #[inline(always)]
+    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        with_capacity!(self.count(), regressor, regressor(self, p, s, acc, y));
     }
 
     fn twin(&self) -> Option<Vec<TwinBody>> {
@@ -238,5 +244,66 @@ fn newton_euler<T: Scalar, const N: usize>(
     for (&(i, j), &d) in c.d_pairs.pairs.iter().zip(&p[c.d_pair_offset()..]) {
         h[6 + i] += d * s.nu[j];
         h[6 + j] += d * s.nu[i];
+    }
+}
+
+/// Columns of the regressor: ten per segment, then springs and dampers. See [`Moving::powers`].
+#[inline(always)]
+fn regressor<T: LaneScalar, const N: usize>(
+    c: &PanelChain,
+    p: &[T],
+    s: &PortState<'_, T>,
+    acc: &PortAccel<'_, T>,
+    y: &mut [T],
+) {
+    let n = if N <= 3 { N } else { c.count() };
+    let dim = 6 + n;
+    let y = &mut y[..p.len() * dim];
+    for x in y.iter_mut() {
+        *x = T::zero();
+    }
+    let none = (V3::<T>::zero(), V3::<T>::zero());
+    let (mut host, mut hinge) = ([none; 6], [none; N]);
+    for k in 0..3 {
+        let mut e = [T::zero(); 3];
+        e[k] = T::one();
+        (host[k].0, host[3 + k].1) = (V3::from_slice(&e), V3::from_slice(&e));
+    }
+    let mut w = V3::from(&s.host.ang);
+    let mut al = V3::from(&acc.host.ang);
+    let mut a = w.cross_add(&V3::from(&s.host.lin), &V3::from(&acc.host.lin));
+    for i in 0..n {
+        let (x, u) = (&c.hinges[i].pose(s.eta[i]), &c.hinges[i].axis);
+        let at_hinge = M3::field(&w, &al).mul_add(&x.p, &a);
+        by_turn!(T, x.turn, K => {
+            let carried = x.down::<K>(&w);
+            al = u.cross_add::<T, K>(&carried, s.nu[i], x.down::<K>(&al));
+            (w, al) = (u.add::<T, K>(carried, s.nu[i]), u.add::<T, K>(al, acc.nu[i]));
+            a = x.down::<K>(&at_hinge);
+            for (v, w) in host.iter_mut().chain(&mut hinge[..i]) {
+                (*v, *w) = x.screw_down::<K>(v, w);
+            }
+            hinge[i] = (V3::zero(), u.add::<T, K>(V3::zero(), T::one()));
+        });
+        let motion = Moving { w, al, a, field: M3::field(&w, &al) };
+        let block = &mut y[10 * i * dim..(10 * i + 10) * dim];
+        for (r, (v, w)) in host.iter().chain(&hinge[..=i]).enumerate() {
+            for (k, x) in motion.powers(v, w).into_iter().enumerate() {
+                block[k * dim + r] = x;
+            }
+        }
+    }
+    let bend = |i: usize| s.eta[i] - T::from_f64(c.hinges[i].rest);
+    for i in 0..n {
+        y[c.stiffness_index(i) * dim + 6 + i] = bend(i);
+        y[c.damping_index(i) * dim + 6 + i] = s.nu[i];
+    }
+    for (l, &(i, j)) in c.k_pairs.pairs.iter().enumerate() {
+        y[(c.k_pair_offset() + l) * dim + 6 + i] = bend(j);
+        y[(c.k_pair_offset() + l) * dim + 6 + j] = bend(i);
+    }
+    for (l, &(i, j)) in c.d_pairs.pairs.iter().enumerate() {
+        y[(c.d_pair_offset() + l) * dim + 6 + i] = s.nu[j];
+        y[(c.d_pair_offset() + l) * dim + 6 + j] = s.nu[i];
     }
 }
