@@ -47,7 +47,7 @@ fn read_into<V>(
     problems: &mut Problems,
     f: impl FnOnce(&mut Keys<'_, '_>) -> Option<V>,
 ) -> Option<V> {
-    let mut keys = Keys { table, path, asked: Vec::new(), problems };
+    let mut keys = Keys { table, path, asked: Vec::new(), judged: true, problems };
     let value = f(&mut keys);
     keys.report_unknown();
     value
@@ -62,6 +62,8 @@ pub struct Keys<'t, 'p> {
     /// Where the table stands, with a dot at its end unless empty.
     path: String,
     asked: Vec<&'static str>,
+    /// Whether keys that nobody asks for are reported.
+    judged: bool,
     problems: &'p mut Problems,
 }
 
@@ -120,6 +122,10 @@ impl<'t> Keys<'t, '_> {
     pub fn has(&mut self, key: &'static str) -> bool {
         self.asked.push(key);
         self.table.contains_key(key)
+    }
+    /// Leaves keys that nobody asks for unreported: for a table whose sort cannot be told, so that none can be judged.
+    pub fn accept_unknown(&mut self) {
+        self.judged = false;
     }
     /// Full path of a key of this table, for problems of the caller's own.
     pub fn path_of(&self, key: &str) -> String {
@@ -240,6 +246,9 @@ impl<'t> Keys<'t, '_> {
         None
     }
     fn report_unknown(&mut self) {
+        if !self.judged {
+            return;
+        }
         for key in self.table.keys().filter(|k| !self.asked.contains(&k.as_str())) {
             self.problems.push(unknown_key(key, &self.asked).on(format!("{}{key}", self.path)));
         }
@@ -398,13 +407,15 @@ mod tests {
 
     #[test]
     fn texts_choices_matrices_and_tables() {
-        let t =
-            "word = 'tea'\nk_n_per_m = [[1.5, 2], [3.5]]\nlist_m = [0.5, 7]\ninner = { x_s = 0.25 }".parse().unwrap();
+        let t = "word = 'tea'\nk_n_per_m = [[1.5, 2], [3.5]]\nlist_m = [0.5, 7]\ninner = { x_s = 0.25 }\nelse = 1"
+            .parse()
+            .unwrap();
         let all = read(&t, |k| {
             let (a, b) = (k.choice("word", &["tea", "coffee"], None), k.choice("other", &["milk"], Some("milk")));
             let (m, l) = (k.matrix("k_n_per_m"), k.list("list_m"));
             let inner = k.table("inner", "a table", |k| k.number("x_s"));
             assert!(!k.has("absent"));
+            k.accept_unknown();
             assert_eq!(k.text("word"), Some("tea"));
             Some((a?.to_owned(), b?.to_owned(), m?, l?, inner?))
         });

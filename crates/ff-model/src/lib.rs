@@ -15,6 +15,7 @@ pub mod leniency;
 pub mod mission;
 pub mod model;
 pub mod params;
+pub mod payload;
 pub mod problem;
 mod read;
 pub mod registry;
