@@ -1,13 +1,14 @@
 //! Project tasks: `cargo xtask <command>`.
 //!
 //! A library with a thin binary, so that figures, tables and writers are documented and tested like the
-//! rest. One file per command ([`suite`], [`fixtures`], [`ci`], [`reproduce`]); what commands share sits
+//! rest. One file per command ([`suite`], [`conformance`], [`fixtures`], [`ci`], [`reproduce`]); what commands share sits
 //! beside them: exit codes ([`exit`]), atomic writing ([`atomic`]), CSV ([`csv_out`]), JSON ([`summary`]),
 //! text tables ([`table`]) and figures ([`plot`]).
 
 pub mod atomic;
 pub mod ci;
 pub mod cli;
+pub mod conformance;
 pub mod csv_out;
 pub mod exit;
 pub mod fixtures;

@@ -29,6 +29,7 @@ use crate::scalar::{D1, D2, Grad, LaneScalar, Scalar};
 use crate::spatial::Motion;
 use crate::twin::TwinBody;
 use ff_lanes::{Kernel, Portable4};
+use nalgebra::Vector3;
 use serde::Serialize;
 
 /// Most coordinates one appendage may declare; buffers of the derived bias live on the stack.
@@ -234,6 +235,28 @@ impl<'a, T: Scalar> PortMatrix<'a, T> {
         self.add_sym(1, 5, h.x);
         self.add_sym(2, 3, h.y);
         self.add_sym(2, 4, -h.x);
+    }
+    /// Adds a point mass at `r(eta)` (mount frame): `m J^T J` with `J = [1, -[r]x, dr/d eta_0, ..]`, which is its
+    /// kinetic energy `m |v + w x r + sum dr/d eta_k nu_k|^2 / 2`. `dr` holds one vector per coordinate.
+    ///
+    /// With point masses at the nodes of a quadrature rule this serves bodies that deform, too.
+    ///
+    /// # Panics
+    /// If `dr` is longer than the number of coordinates.
+    #[inline]
+    pub fn add_point(&mut self, mass: T, r: &Vector3<T>, dr: &[Vector3<T>]) {
+        self.add_host(&crate::inertia::Inertia::point(mass, r));
+        for (k, d) in dr.iter().enumerate() {
+            let momentum = d * mass;
+            let moment = crate::small::cross(r, &momentum);
+            for i in 0..3 {
+                self.add_sym(i, 6 + k, momentum[i]);
+                self.add_sym(3 + i, 6 + k, moment[i]);
+            }
+            for (j, e) in dr[..=k].iter().enumerate() {
+                self.add_sym(6 + j, 6 + k, crate::small::dot(e, &momentum));
+            }
+        }
     }
 }
 
@@ -554,5 +577,33 @@ impl<A: Appendage> DynAppendage for A {
     }
     fn tree_twin(&self) -> Option<Vec<TwinBody>> {
         Appendage::twin(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the Jacobian written out: `m J^T J`, twice, since contributions add.
+    #[test]
+    fn a_point_mass_is_its_jacobian_squared() {
+        let (mass, r) = (2.3, Vector3::new(0.4, -0.7, 1.1));
+        let dr = [Vector3::new(0.2, 0.9, -0.3), Vector3::new(-0.6, 0.1, 0.8), Vector3::new(0.5, 0.4, 0.7)];
+        let mut buffer = [0.0; 81];
+        let mut m = PortMatrix::new(3, &mut buffer);
+        m.add_point(mass, &r, &dr);
+        m.add_point(mass, &r, &dr);
+        let mut j = nalgebra::SMatrix::<f64, 3, 9>::zeros();
+        j.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        j.fixed_view_mut::<3, 3>(0, 3).copy_from(&-r.cross_matrix());
+        for k in 0..3 {
+            j.set_column(6 + k, &dr[k]);
+        }
+        let want = j.transpose() * j * (2.0 * mass);
+        for a in 0..9 {
+            for b in 0..9 {
+                assert!((m.get(a, b) - want[(a, b)]).abs() < 1e-14, "({a}, {b}): {} {}", m.get(a, b), want[(a, b)]);
+            }
+        }
     }
 }

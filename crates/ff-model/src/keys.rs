@@ -26,6 +26,7 @@
 use crate::problem::{Area, Problem, Problems};
 use crate::text::{clip, list, nearest};
 use nalgebra::Matrix3;
+use std::ops::RangeInclusive;
 
 /// Reads a table: runs `f` over its keys, then reports every key `f` did not ask for. Allocates.
 ///
@@ -81,6 +82,18 @@ impl<'t> Keys<'t, '_> {
         }
         self.asked.push(key);
         Some(default)
+    }
+    /// A number within limits, both inclusive.
+    pub fn number_within(&mut self, key: &'static str, limits: RangeInclusive<f64>) -> Option<f64> {
+        let x = self.number(key)?;
+        if limits.contains(&x) {
+            return Some(x);
+        }
+        let (unit, lo, hi) = (unit_of(key), limits.start(), limits.end());
+        let what = format!("{x:?}{unit} is outside {lo:?}{unit} to {hi:?}{unit}");
+        let problem = error("Config::Param", what).hint(format!("give a number within these limits{}", in_units(unit)));
+        self.problems.push(problem.on(format!("{}{key}", self.path)));
+        None
     }
     /// Exactly `N` finite numbers.
     pub fn numbers<const N: usize>(&mut self, key: &'static str) -> Option<[f64; N]> {
@@ -346,6 +359,11 @@ fn unit_in_brackets(key: &str) -> String {
     }
 }
 
+/// `, in kg`, where there is a unit.
+fn in_units(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(", in{unit}") }
+}
+
 /// A small count in words, as prose has it.
 fn count(n: usize) -> String {
     const WORDS: [&str; 7] = ["no", "one", "two", "three", "four", "five", "six"];
@@ -441,6 +459,25 @@ mod tests {
         ];
         assert_eq!(objects(&p), want, "{p}");
         assert!(p.to_string().contains("did you mean coffee?") && p.to_string().contains("inf N/m"), "{p}");
+    }
+
+    #[test]
+    fn limits_are_inclusive_and_named() {
+        let t = "a_kg = 3\nb_m = 0.25\nc = 7.5\nd_kg = 1e300".parse().unwrap();
+        let good = read(&t, |k| {
+            let _ = (k.number("c"), k.number("d_kg"));
+            Some((k.number_within("a_kg", 0.5..=3.0)?, k.number_within("b_m", 0.25..=2.0)?))
+        });
+        assert_eq!(good.unwrap(), (3.0, 0.25));
+        let p = read(&t, |k| {
+            let _ = (k.number("a_kg"), k.number("b_m"));
+            let (c, d) = (k.number_within("c", 0.0..=7.0), k.number_within("d_kg", 0.5..=1e6));
+            Some((c?, d?))
+        })
+        .unwrap_err();
+        assert_eq!(objects(&p), [("Config::Param", "c"), ("Config::Param", "d_kg")], "{p}");
+        assert!(p.to_string().contains("1e300 kg is outside 0.5 kg to 1000000.0 kg"), "{p}");
+        assert!(p.to_string().contains("within these limits, in kg"), "{p}");
     }
 
     #[test]
