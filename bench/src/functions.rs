@@ -80,27 +80,27 @@ impl<'m, T: Lanes> Runner<'m, T> {
         Ok(match f {
             Function::Rnea => {
                 rnea(m, p, s, a, &mut self.work, &mut self.out);
-                pick(black_box(&mut self.out), 7)
+                pick(black_box(&self.out), 7)
             }
             Function::Crba => {
                 mass_matrix(m, p, s, &mut self.work, &mut self.matrix);
-                pick(black_box(&mut self.matrix).as_slice(), 7 * m.nv() + 7)
+                pick(black_box(&self.matrix).as_slice(), 7 * m.nv() + 7)
             }
             Function::Fd => {
                 forward_dynamics(m, p, s, tau, &mut self.work, &mut self.out)?;
-                pick(black_box(&mut self.out), 7)
+                pick(black_box(&self.out), 7)
             }
             Function::Hybrid => {
                 let qdd = &a[m.nb()..m.nb() + m.nj()];
                 hybrid_dynamics(m, p, s, qdd, &mut self.work, &mut self.out, &mut self.joint)?;
-                black_box(&mut self.out);
+                black_box(&self.out);
                 // The peers' line sums the joint torques.
-                black_box(&mut self.joint).iter().map(|t| t.lane(0)).sum()
+                black_box(&self.joint).iter().map(|t| t.lane(0)).sum()
             }
             Function::Regressor => {
                 T::regressor(self, i);
                 // Row 6, column 16.
-                pick(black_box(&mut self.y).as_slice(), 16 * m.nv() + 6)
+                pick(black_box(&self.y).as_slice(), 16 * m.nv() + 6)
             }
         })
     }
