@@ -25,6 +25,7 @@
 use crate::dual::Dual;
 use crate::scalar::{D1, D2, Grad, Scalar};
 use crate::spatial::Motion;
+use crate::twin::TwinBody;
 use serde::Serialize;
 
 /// Most coordinates one appendage may declare; buffers of the derived bias live on the stack.
@@ -50,7 +51,8 @@ pub struct CoordDecl {
 pub enum ParamGroup {
     /// One of ten consecutive inertial parameters of the named body, in the order of
     /// [`crate::inertia::INERTIAL_NAMES`]; the ten stay a positive definite pseudo-inertia. The kinetic energy
-    /// must be linear in them, and the other energies must not depend on them.
+    /// must be linear in them with factors that depend on the coordinates alone, not on other parameters, and the
+    /// other energies must not depend on them: sensitivities are the port equations at unit parameters.
     Inertial(String),
     /// Positive: masses, lengths, stiffness, damping.
     Positive,
@@ -197,7 +199,7 @@ pub type PortVector<T> = [T];
 /// A passive subsystem on one host body. Implement this; everything else is derived.
 ///
 /// `p` holds the parameters in the order of [`Decl::params`], `eta` and `nu` the coordinates and rates in
-/// the order of [`Decl::coords`]. All frames are the mount frame. No method may allocate.
+/// the order of [`Decl::coords`]. All frames are the mount frame. No method may allocate, [`Appendage::twin`] excepted.
 pub trait Appendage: Send + Sync + 'static {
     /// Coordinates and parameters.
     fn decl(&self) -> &Decl;
@@ -225,6 +227,11 @@ pub trait Appendage: Send + Sync + 'static {
     /// The default differentiates the energies. An override is for speed alone and must equal it.
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
         derived_bias(self, p, s, h);
+    }
+    /// The same system at nominal parameters as ordinary tree links, where there is one: a free oracle, which
+    /// `validate::check_appendage` holds the energies to. The only method that may allocate.
+    fn twin(&self) -> Option<Vec<TwinBody>> {
+        None
     }
 }
 
@@ -339,10 +346,15 @@ impl<A: Appendage, T: Scalar> PortModel<T> for A {
 pub trait DynAppendage: PortModel<f64> + PortModel<D1> + PortModel<Grad> + PortModel<D2> + Send + Sync {
     /// Coordinates and parameters.
     fn declaration(&self) -> &Decl;
+    /// See [`Appendage::twin`].
+    fn tree_twin(&self) -> Option<Vec<TwinBody>>;
 }
 
 impl<A: Appendage> DynAppendage for A {
     fn declaration(&self) -> &Decl {
         Appendage::decl(self)
+    }
+    fn tree_twin(&self) -> Option<Vec<TwinBody>> {
+        Appendage::twin(self)
     }
 }

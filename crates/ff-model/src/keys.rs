@@ -116,6 +116,79 @@ impl<'t> Keys<'t, '_> {
         }
         all.into_iter().collect()
     }
+    /// True when the table has this key; whoever asks knows the key.
+    pub fn has(&mut self, key: &'static str) -> bool {
+        self.asked.push(key);
+        self.table.contains_key(key)
+    }
+    /// Full path of a key of this table, for problems of the caller's own.
+    pub fn path_of(&self, key: &str) -> String {
+        format!("{}{key}", self.path)
+    }
+    /// A text.
+    pub fn text(&mut self, key: &'static str) -> Option<&'t str> {
+        let (path, value) = self.required(key, "a text in quotes")?;
+        if value.as_str().is_none() {
+            self.problems.push(wrong_type(value.type_str(), "a text in quotes").on(path));
+        }
+        value.as_str()
+    }
+    /// One of a few words; `default` when the key is absent and there is one.
+    pub fn choice(
+        &mut self,
+        key: &'static str,
+        known: &[&'static str],
+        default: Option<&'static str>,
+    ) -> Option<&'t str> {
+        if let (false, Some(d)) = (self.has(key), default) {
+            return Some(d);
+        }
+        let word = self.text(key)?;
+        if known.contains(&word) {
+            return Some(word);
+        }
+        let p = error("Config::BadChoice", format!("'{}' is none of {}", clip(word), list(known.iter().copied(), 20)));
+        let p = p.on(self.path_of(key));
+        self.problems.push(match nearest(word, known.iter().copied()) {
+            Some(n) => p.hint(format!("did you mean {n}?")),
+            None => p.hint("use one of them"),
+        });
+        None
+    }
+    /// An array of finite numbers, as many as there are.
+    pub fn list(&mut self, key: &'static str) -> Option<Vec<f64>> {
+        let wanted = format!("an array of numbers{}", unit_in_brackets(key));
+        let (path, value) = self.required(key, &wanted)?;
+        self.list_of(&path, value, &wanted)
+    }
+    /// A matrix as an array of rows, as many of each as there are; rows may differ in length.
+    pub fn matrix(&mut self, key: &'static str) -> Option<Vec<Vec<f64>>> {
+        let wanted = format!("an array of rows of numbers{}", unit_in_brackets(key));
+        let (path, value) = self.required(key, &wanted)?;
+        let Some(rows) = value.as_array() else {
+            self.problems.push(wrong_type(value.type_str(), &wanted).on(path));
+            return None;
+        };
+        let all: Vec<_> =
+            (0..).zip(rows).map(|(i, r)| self.list_of(&format!("{path}[{i}]"), r, "a row of numbers")).collect();
+        all.into_iter().collect()
+    }
+    /// A table inside the table, read by `f`; `what` says what it stands for.
+    pub fn table<V>(
+        &mut self,
+        key: &'static str,
+        what: &str,
+        f: impl FnOnce(&mut Keys<'_, '_>) -> Option<V>,
+    ) -> Option<V> {
+        let (path, value) = self.required(key, what)?;
+        match value.as_table() {
+            Some(table) => read_into(table, path + ".", self.problems, f),
+            None => {
+                self.problems.push(wrong_type(value.type_str(), "a table").on(path));
+                None
+            }
+        }
+    }
     /// The problems found so far, to add what only the appendage can judge. Their objects are full paths.
     pub fn problems(&mut self) -> &mut Problems {
         self.problems
@@ -147,6 +220,14 @@ impl<'t> Keys<'t, '_> {
             }
         }
         good.then_some(out)
+    }
+    fn list_of(&mut self, path: &str, value: &toml::Value, wanted: &str) -> Option<Vec<f64>> {
+        let Some(all) = value.as_array() else {
+            self.problems.push(wrong_type(value.type_str(), wanted).on(path));
+            return None;
+        };
+        let all: Vec<_> = (0..).zip(all).map(|(i, v)| self.finite(format!("{path}[{i}]"), v, "a number")).collect();
+        all.into_iter().collect()
     }
     fn finite(&mut self, path: String, value: &toml::Value, wanted: &str) -> Option<f64> {
         let problem = match value {
@@ -226,7 +307,10 @@ pub(crate) fn unknown_key(key: &str, known: &[&'static str]) -> Problem {
 /// The unit a key name ends with, after a blank: `panel.stiffness_nm_per_rad[0]` is in ` N m/rad`.
 pub(crate) fn unit_of(path: &str) -> &'static str {
     // Longer endings first: `_rad` is an ending of `_nm_per_rad`, too.
-    const UNITS: [(&str, &str); 13] = [
+    const UNITS: [(&str, &str); 16] = [
+        ("_kg_per_m3", " kg/m^3"),
+        ("_ns_per_m", " N s/m"),
+        ("_n_per_m", " N/m"),
         ("_nms_per_rad", " N m s/rad"),
         ("_nm_per_rad", " N m/rad"),
         ("_rad_per_s2", " rad/s^2"),
@@ -310,6 +394,42 @@ mod tests {
             assert!(p.to_string().contains(says), "{says}: {p}");
         }
         assert!(p.to_string().contains("did you mean d2_hz?"), "{p}");
+    }
+
+    #[test]
+    fn texts_choices_matrices_and_tables() {
+        let t =
+            "word = 'tea'\nk_n_per_m = [[1.5, 2], [3.5]]\nlist_m = [0.5, 7]\ninner = { x_s = 0.25 }".parse().unwrap();
+        let all = read(&t, |k| {
+            let (a, b) = (k.choice("word", &["tea", "coffee"], None), k.choice("other", &["milk"], Some("milk")));
+            let (m, l) = (k.matrix("k_n_per_m"), k.list("list_m"));
+            let inner = k.table("inner", "a table", |k| k.number("x_s"));
+            assert!(!k.has("absent"));
+            assert_eq!(k.text("word"), Some("tea"));
+            Some((a?.to_owned(), b?.to_owned(), m?, l?, inner?))
+        });
+        let want = ("tea".to_owned(), "milk".to_owned(), vec![vec![1.5, 2.0], vec![3.5]], vec![0.5, 7.0], 0.25);
+        assert_eq!(all.unwrap(), want);
+        let t = "word = 'cofee'\nk_n_per_m = [[1.5, inf], 2]\nlist_m = [true]\ninner = { y = 1 }\ntext = 3"
+            .parse()
+            .unwrap();
+        let p = read(&t, |k| {
+            let _ =
+                (k.choice("word", &["tea", "coffee"], None), k.matrix("k_n_per_m"), k.list("list_m"), k.text("text"));
+            k.table("inner", "a table", |k| k.number("x_s"))
+        })
+        .unwrap_err();
+        let want = [
+            ("Config::BadChoice", "word"),
+            ("Config::NotFinite", "k_n_per_m[0][1]"),
+            ("Config::Type", "k_n_per_m[1]"),
+            ("Config::Type", "list_m[0]"),
+            ("Config::Type", "text"),
+            ("Config::MissingKey", "inner.x_s"),
+            ("Config::UnknownKey", "inner.y"),
+        ];
+        assert_eq!(objects(&p), want, "{p}");
+        assert!(p.to_string().contains("did you mean coffee?") && p.to_string().contains("inf N/m"), "{p}");
     }
 
     #[test]

@@ -35,7 +35,13 @@ pub use leniency::Leniency;
 pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
 pub use params::Params;
 pub use problem::{Area, Problem, Problems, Severity};
+pub use read::text_file;
 pub use registry::Registry;
 pub use scalar::{D1, D2, Grad, ModelScalar, Scalar};
 pub use spatial::{Force, Motion, Xform};
 pub use twin::TwinBody;
+
+/// Vectors and matrices of the public signatures, so that an appendage crate needs no second dependency.
+pub use nalgebra;
+/// Tables of mission files, as a [`registry::Factory`] gets them.
+pub use toml;

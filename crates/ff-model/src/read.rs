@@ -5,6 +5,27 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+/// The text of a file that a mission file names, of at most `limit` bytes; a byte order mark is dropped. Allocates.
+///
+/// # Errors
+/// One problem with the file's name: `Io::Read` when it cannot be read, `Data::TooLarge` above the limit,
+/// `Data::NotUtf8` with the line of the first byte that is not UTF-8.
+pub fn text_file(path: &Path, limit: usize) -> Result<String, Problems> {
+    let bytes = bytes(path, limit, Area::Data, "Data::TooLarge")?;
+    match String::from_utf8(bytes) {
+        Ok(s) => Ok(match s.strip_prefix('\u{feff}') {
+            Some(rest) => rest.to_owned(),
+            None => s,
+        }),
+        Err(e) => {
+            let at = e.utf8_error().valid_up_to();
+            let line = 1 + e.as_bytes().iter().take(at).filter(|&&b| b == b'\n').count();
+            let p = Problem::error(Area::Data, "Data::NotUtf8", format!("byte {at} is not UTF-8"));
+            Err(Problems(vec![p.in_file(path).at_line(line).hint("save the file as UTF-8")]))
+        }
+    }
+}
+
 /// The bytes of a file of at most `limit` bytes.
 ///
 /// # Errors

@@ -1,10 +1,11 @@
 //! The chain as an immutable structure: geometry, declaration, accessors and the tree twin.
 
 use crate::KIND;
+use crate::coupling::{self, Coupling, DAMPING, STIFFNESS};
 use crate::segment::Segment;
-use ff_model::appendage::CoordDecl;
+use ff_model::appendage::{CoordDecl, MAX_PARAMS};
 use ff_model::{Area, Decl, Inertia, MAX_COORDS, ParamDecl, Problem, Problems, Scalar, TwinBody, Xform};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::PI;
 
 /// Most segments of one chain: one coordinate each.
@@ -62,12 +63,15 @@ impl Hinge {
 /// A chain of 1 to [`MAX_SEGMENTS`] rigid segments on sprung, damped revolute hinges.
 ///
 /// Parameters, in order: ten inertial per segment about its hinge (`seg[0].mass` ... `seg[n-1].i_zz`), then
-/// `k[i]` (N m/rad), then `d[i]` (N m s/rad). Coordinates: `hinge[i]` (rad), range -pi to pi; the model has
+/// `k[i]` (N m/rad), then `d[i]` (N m s/rad), then the couplings `k[i,j]` and `d[i,j]`, `i < j`, of
+/// [`PanelChain::with_coupling`]. Coordinates: `hinge[i]` (rad), range -pi to pi; the model has
 /// no singularity, the range bounds what a panel can do.
 #[derive(Clone, Debug)]
 pub struct PanelChain {
     decl: Decl,
     pub(crate) hinges: Vec<Hinge>,
+    pub(crate) k_pairs: Coupling,
+    pub(crate) d_pairs: Coupling,
 }
 
 impl PanelChain {
@@ -109,7 +113,69 @@ impl PanelChain {
         let coords = (0..segments.len())
             .map(|i| CoordDecl { name: format!("hinge[{i}]"), unit: "rad", range: (-PI, PI) })
             .collect();
-        Ok(Self { decl: Decl { kind: KIND, coords, params }, hinges: segments.iter().map(Hinge::new).collect() })
+        Ok(Self {
+            decl: Decl { kind: KIND, coords, params },
+            hinges: segments.iter().map(Hinge::new).collect(),
+            k_pairs: Coupling::default(),
+            d_pairs: Coupling::default(),
+        })
+    }
+
+    /// The same chain with full symmetric stiffness (N m/rad) and damping (N m s/rad) matrices, `n x n`, whose
+    /// diagonals replace `k[i]` and `d[i]`; off-diagonal elements that are not zero become parameters, with bounds inside
+    /// which the matrix stays positive semidefinite. Replaces couplings given before. Allocates.
+    ///
+    /// # Errors
+    /// Every problem, all of [`Area::Config`]: `Config::WrongLength`, `Config::NotFinite`, `Config::NotSymmetric`,
+    /// `Config::NotPassive` (a matrix that is not positive semidefinite), `Config::TooManyParameters`.
+    pub fn with_coupling(mut self, k: &DMatrix<f64>, d: &DMatrix<f64>) -> Result<Self, Problems> {
+        let n = self.count();
+        let mut problems = Problems::default();
+        coupling::check(k, n, STIFFNESS, &mut problems);
+        coupling::check(d, n, DAMPING, &mut problems);
+        if problems.has_errors() {
+            return Err(problems);
+        }
+        let params = &mut self.decl.params;
+        params.truncate(12 * n);
+        for i in 0..n {
+            for (p, x) in [(10 * n + i, k[(i, i)]), (11 * n + i, d[(i, i)])] {
+                params[p].nominal = x;
+                params[p].bounds = (0.0, f64::INFINITY);
+            }
+        }
+        self.k_pairs = Coupling::declare(k, STIFFNESS, 10 * n, params);
+        self.d_pairs = Coupling::declare(d, DAMPING, 11 * n, params);
+        if params.len() > MAX_PARAMS {
+            let what = format!("{} parameters, limit {MAX_PARAMS}", params.len());
+            let p = Problem::error(Area::Config, "Config::TooManyParameters", what).on("segments");
+            return Err(Problems(vec![p.hint("couple fewer hinges: elements that are zero are no parameters")]));
+        }
+        Ok(self)
+    }
+
+    /// Index of the first coupling `k[i,j]` in the parameter slice.
+    pub(crate) fn k_pair_offset(&self) -> usize {
+        12 * self.count()
+    }
+
+    /// Index of the first coupling `d[i,j]` in the parameter slice.
+    pub(crate) fn d_pair_offset(&self) -> usize {
+        self.k_pair_offset() + self.k_pairs.pairs.len()
+    }
+
+    /// Nominal stiffness and damping matrices of the hinges (N m/rad, N m s/rad). Allocates.
+    pub fn stiffness_damping(&self) -> (DMatrix<f64>, DMatrix<f64>) {
+        let (n, p) = (self.count(), self.nominal());
+        let full = |diagonal: usize, first: usize, c: &Coupling| {
+            let mut m = DMatrix::from_fn(n, n, |i, j| if i == j { p[diagonal + i] } else { 0.0 });
+            for (l, &(i, j)) in c.pairs.iter().enumerate() {
+                m[(i, j)] = p[first + l];
+                m[(j, i)] = p[first + l];
+            }
+            m
+        };
+        (full(10 * n, self.k_pair_offset(), &self.k_pairs), full(11 * n, self.d_pair_offset(), &self.d_pairs))
     }
 
     /// An empty builder. Allocates.
@@ -161,7 +227,8 @@ impl PanelChain {
         })
     }
 
-    /// The chain as ordinary tree links with external springs, at nominal parameters (see [`TwinBody`]).
+    /// The chain as ordinary tree links with external springs, at nominal parameters (see [`TwinBody`]). Couplings
+    /// between hinges are not in it: [`PanelChain::stiffness_damping`] has them.
     /// Allocates.
     pub fn twin_bodies(&self) -> Vec<TwinBody> {
         (0..self.count())

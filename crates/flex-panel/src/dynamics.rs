@@ -5,7 +5,7 @@
 
 use crate::chain::{MAX_SEGMENTS, PanelChain};
 use ff_model::small::{cross, mv};
-use ff_model::{Appendage, Decl, Force, Inertia, Motion, PortMatrix, PortState, PortVector, Scalar, Xform};
+use ff_model::{Appendage, Decl, Force, Inertia, Motion, PortMatrix, PortState, PortVector, Scalar, TwinBody, Xform};
 
 /// Runs `$body` with `$cap` a compile-time capacity of at least `$n`, so that the usual short panels do not
 /// clear stack buffers for sixteen segments of derivative-carrying numbers.
@@ -30,28 +30,43 @@ impl Appendage for PanelChain {
         with_capacity!(self.count(), composite(self, p, eta, m));
     }
 
-    /// `U = sum k (eta - rest)^2 / 2` (J).
+    /// `U = x^T K x / 2` with `x = eta - rest` (J).
     fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
         let mut u = T::zero();
         for i in 0..self.count() {
             let x = eta[i] - T::from_f64(self.hinges[i].rest);
             u += p[self.stiffness_index(i)] * x * x;
         }
-        u.scale(0.5)
+        u = u.scale(0.5);
+        for (&(i, j), &k) in self.k_pairs.pairs.iter().zip(&p[self.k_pair_offset()..]) {
+            let (x, y) = (eta[i] - T::from_f64(self.hinges[i].rest), eta[j] - T::from_f64(self.hinges[j].rest));
+            u += k * x * y;
+        }
+        u
     }
 
-    /// `R = sum d nu^2 / 2` (W).
+    /// `R = nu^T D nu / 2` (W).
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         let mut r = T::zero();
         for i in 0..self.count() {
             r += p[self.damping_index(i)] * nu[i] * nu[i];
         }
-        r.scale(0.5)
+        r = r.scale(0.5);
+        for (&(i, j), &d) in self.d_pairs.pairs.iter().zip(&p[self.d_pair_offset()..]) {
+            r += d * nu[i] * nu[j];
+        }
+        r
     }
 
     /// Recursive Newton-Euler with `A = 0`, `nu' = 0`, plus springs and dampers; `O(n)`.
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
         with_capacity!(self.count(), newton_euler(self, p, s, h));
+    }
+
+    fn twin(&self) -> Option<Vec<TwinBody>> {
+        // A tree link knows only its own spring.
+        let plain = self.k_pairs.pairs.is_empty() && self.d_pairs.pairs.is_empty();
+        plain.then(|| self.twin_bodies())
     }
 }
 
@@ -119,4 +134,12 @@ fn newton_euler<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], s: &PortStat
         f = pose[i].force_to_parent(&f);
     }
     f.write_to(h);
+    for (&(i, j), &k) in c.k_pairs.pairs.iter().zip(&p[c.k_pair_offset()..]) {
+        h[6 + i] += k * (s.eta[j] - T::from_f64(c.hinges[j].rest));
+        h[6 + j] += k * (s.eta[i] - T::from_f64(c.hinges[i].rest));
+    }
+    for (&(i, j), &d) in c.d_pairs.pairs.iter().zip(&p[c.d_pair_offset()..]) {
+        h[6 + i] += d * s.nu[j];
+        h[6 + j] += d * s.nu[i];
+    }
 }

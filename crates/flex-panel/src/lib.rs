@@ -9,17 +9,22 @@
 //! U = sum k_i (eta_i - rest_i)^2 / 2   (J)        R = sum d_i nu_i^2 / 2   (W)
 //! ```
 //!
+//! or `x^T K x / 2` and `nu^T D nu / 2` with full matrices ([`PanelChain::with_coupling`]),
 //! so that `+k (eta - rest) + d nu` stands on the left of the hinge equation. The paper's eqs. (1), (4)
 //! print both with the opposite sign, which diverges.
 //!
+//! A structure that is known by its modes instead is a [`modal::ModalAppendage`], kind [`modal::MODAL_KIND`].
+//!
 //! * [`Segment`]: one rigid segment with its hinge; [`PanelChain`]: the appendage.
-//! * [`from_toml`]: the factory of mission files; [`register`]: its entry in a registry, kind [`KIND`].
+//! * [`from_toml`]: the factory of mission files; [`register`]: the entries in a registry, kind [`KIND`].
 //! * [`PanelChain::twin_bodies`]: the same chain as ordinary tree links ([`ff_model::TwinBody`]), a free oracle for
 //!   tests.
 
 mod chain;
 mod config;
+mod coupling;
 mod dynamics;
+pub mod modal;
 mod segment;
 
 pub use chain::{MAX_SEGMENTS, PanelBuilder, PanelChain};
@@ -29,7 +34,27 @@ pub use segment::Segment;
 /// The `kind` of mission files for this appendage.
 pub const KIND: &str = "flex_panel";
 
-/// Adds this appendage to a registry under [`KIND`]. Allocates.
+/// Adds the appendages of this crate to a registry: [`KIND`] and [`modal::MODAL_KIND`]. Allocates.
 pub fn register(registry: &mut ff_model::Registry) {
-    registry.register(KIND, from_toml);
+    registry.register(KIND, from_toml).example(KIND, ONE_SEGMENT).example(KIND, THREE_SEGMENTS);
+    registry.register(modal::MODAL_KIND, modal::from_toml);
 }
+
+/// A wing of one segment, as its table stands in a mission file.
+const ONE_SEGMENT: &str = "
+segments = [
+    { mass_kg = 33.0, com_m = [0.06, 1.07, -0.04], inertia_com_kgm2 = [15.0, 0.7, -0.4, 11.0, 0.5, 16.0], \
+hinge_m = [0.1, 0.3, -0.2], hinge_axis = [1.0, 0.1, -0.2], stiffness_nm_per_rad = 200.0, damping_nms_per_rad = 2.0 },
+]";
+
+/// A wing of three unequal segments on skewed hinges, one of them not flat when relaxed.
+const THREE_SEGMENTS: &str = "
+segments = [
+    { mass_kg = 31.0, com_m = [0.06, 1.07, -0.04], inertia_com_kgm2 = [15.0, 0.7, -0.4, 11.0, 0.5, 16.0], \
+hinge_m = [0.1, 0.3, -0.2], hinge_axis = [1.0, 0.1, -0.2], stiffness_nm_per_rad = 220.0, damping_nms_per_rad = 2.1 },
+    { mass_kg = 24.0, com_m = [-0.03, 0.94, 0.05], inertia_com_kgm2 = [9.0, -0.3, 0.2, 7.0, 0.4, 10.0], \
+hinge_m = [0.05, 2.1, 0.07], hinge_axis = [0.9, -0.2, 0.1], stiffness_nm_per_rad = 140.0, damping_nms_per_rad = 1.3, \
+rest_rad = 0.15 },
+    { mass_kg = 11.0, com_m = [0.02, 0.61, 0.03], inertia_com_kgm2 = [4.0, 0.2, -0.1, 2.5, -0.3, 4.5], \
+hinge_m = [-0.04, 1.9, 0.06], hinge_axis = [1.1, 0.3, 0.2], stiffness_nm_per_rad = 60.0, damping_nms_per_rad = 0.7 },
+]";

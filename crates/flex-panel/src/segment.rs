@@ -101,17 +101,22 @@ impl Segment {
             bad("Config::Axis", "hinge_axis", why, "give a direction such as [0.0, 1.0, 0.0]; any length will do");
         }
         if let Err(e) = self.inertia.check() {
-            let (code, key, hint) = match &e {
-                InertiaError::NotFinite { name } => ("Config::NotFinite", key_of(name), "give finite numbers"),
-                InertiaError::NonPositiveMass { .. } => ("Config::Inertia", "mass_kg", "give a mass above 0 kg"),
-                _ => (
-                    "Config::Inertia",
-                    "inertia_com_kgm2",
-                    "give the inertia about the centre of mass, not about the hinge, in the order xx, xy, xz, yy, yz, zz",
-                ),
-            };
-            bad(code, key, e.to_string(), hint);
+            let (code, key) = inertia_fault(&e);
+            bad(code, key, e.to_string(), INERTIA_HINT);
         }
+    }
+}
+
+/// What to do about an inertia that no body has.
+pub(crate) const INERTIA_HINT: &str = "give finite numbers, a mass above 0 kg, and the inertia about the centre of mass, \
+                                       not about the hinge or mount, in the order xx, xy, xz, yy, yz, zz";
+
+/// Code and mission-file key of a fault of ten inertial parameters.
+pub(crate) fn inertia_fault(e: &InertiaError) -> (&'static str, &'static str) {
+    match e {
+        InertiaError::NotFinite { name } => ("Config::NotFinite", key_of(name)),
+        InertiaError::NonPositiveMass { .. } => ("Config::Inertia", "mass_kg"),
+        _ => ("Config::Inertia", "inertia_com_kgm2"),
     }
 }
 

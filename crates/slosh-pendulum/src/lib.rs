@@ -43,5 +43,12 @@ pub const KIND: &str = "slosh_pendulum";
 
 /// Adds this appendage to a registry under [`KIND`]. Allocates.
 pub fn register(registry: &mut ff_model::Registry) {
-    registry.register(KIND, from_toml);
+    registry.register(KIND, from_toml).example(KIND, EXAMPLE);
 }
+
+/// A tank as its table stands in a mission file.
+const EXAMPLE: &str = "
+mass_kg = 100.0
+length_m = 0.8
+stiffness_nm_per_rad = [20.0, 23.0]
+damping_nms_per_rad = [5.0, 4.0]";

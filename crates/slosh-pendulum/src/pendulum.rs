@@ -198,4 +198,7 @@ impl Appendage for SloshPendulum {
         h[6] = l * dot(&arm.r_a, &f) + p[K] * s.eta[0] + p[D] * a1;
         h[7] = l * dot(&arm.r_b, &f) + p[K + 1] * s.eta[1] + p[D + 1] * b1;
     }
+    fn twin(&self) -> Option<Vec<TwinBody>> {
+        Some(self.twin_bodies())
+    }
 }

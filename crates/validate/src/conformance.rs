@@ -6,21 +6,36 @@
 //! ```
 //!
 //! The suite draws [`SAMPLES`] states and parameter sets (deterministic, general values, no zeros) and asks for each
-//! law one figure that must not exceed a limit. It cannot know whether the energies are those of the device meant;
+//! law one figure that must not exceed a limit. [`check_kind`] does so for a kind of a registry, and tries its factory
+//! and a whole system with values that nobody should pass; `validate::systems` runs random systems of many kinds. It cannot know whether the energies are those of the device meant;
 //! it knows that a device with these energies exists, and that the code computes its motion.
 
+mod allocation;
+mod declaration;
 mod derived;
-mod laws;
+mod dissipation;
+mod inertia;
+mod kind;
+mod measure;
+mod motion;
+mod numbers;
+mod parameters;
 mod report;
 mod sample;
+mod twin;
 
-pub use report::{Check, ConformanceReport, NotConforming};
+pub use allocation::AllocationMeter;
+pub use kind::check_kind;
+pub use report::{Check, ConformanceReport, NotConforming, Skipped};
+pub(crate) use sample::Source;
 
 use ff_model::DynAppendage;
-use sample::{Sample, Source};
+use sample::Sample;
 
 /// States and parameter sets drawn by [`check_appendage`].
-pub const SAMPLES: usize = 64;
+pub const SAMPLES: usize = 1000;
+/// How many of them the laws see that need second derivatives or a pass per parameter.
+const COSTLY: usize = 64;
 
 /// The laws, by the name they have in a report.
 pub mod law {
@@ -28,7 +43,8 @@ pub mod law {
     pub const DECLARATION: &str = "declaration is sane";
     /// `M`, `U`, `R` and `h` are finite in the ordinary range.
     pub const FINITE: &str = "results are finite";
-    /// `M`, `U`, `R` and `h` stay finite at range ends, high rates and parameters scaled by 1e-6 and 1e6.
+    /// `M`, `U`, `R` and `h` stay finite at rest, at tiny motion, at range ends, high rates and parameters scaled by
+    /// 1e-6 and 1e6.
     pub const EXTREME: &str = "results are finite at extremes";
     /// `M = M^T`.
     pub const SYMMETRIC: &str = "inertia is symmetric";
@@ -56,6 +72,24 @@ pub mod law {
     pub const CONVEX: &str = "dissipation is convex";
     /// Every declared parameter changes `M`, `U`, `R` or `h`.
     pub const PARAMETERS: &str = "every parameter does something";
+    /// `M` is linear in inertial parameters, with factors that no parameter changes; `U` and `R` do not contain them.
+    pub const LINEAR: &str = "inertial parameters enter kinetic energy linearly";
+    /// `w = d(M y)_b / dt` in axes that stand still.
+    pub const MOMENTUM: &str = "momentum changes by the host's wrench alone";
+    /// `M`, `U`, `R` and `h` have the same values over `f64` and over every dual number.
+    pub const NUMBER_TYPES: &str = "number types agree";
+    /// No method panics on zero, huge, tiny, infinite or undefined numbers.
+    pub const NO_PANIC: &str = "no panic at any value";
+    /// No method allocates.
+    pub const NO_ALLOCATION: &str = "no method allocates";
+    /// `M` and `h` are those of the twin of tree links.
+    pub const TWIN: &str = "twin of tree links agrees";
+    /// The registry has example tables of the kind, and its factory accepts them.
+    pub const EXAMPLES: &str = "example tables are accepted";
+    /// Every number of a table replaced by an odd one, every key left out: refused with problems, or a sane appendage.
+    pub const TABLES: &str = "bad tables are refused with problems";
+    /// A system with odd states or parameters moves by finite numbers or stops with an error.
+    pub const SYSTEM: &str = "extreme values give finite motion or an error";
 }
 
 /// Checks an appendage against every law in [`law`]. A `&A` of any [`ff_model::Appendage`] will do.
@@ -63,31 +97,54 @@ pub mod law {
 /// Deterministic; takes milliseconds for a few coordinates; allocates. Never panics on wrong numbers: a declaration
 /// that is not sane ends the suite after its first entry, and results that are not finite fail their law.
 pub fn check_appendage(a: &dyn DynAppendage) -> ConformanceReport {
+    check(a, None)
+}
+
+/// [`check_appendage`] with [`law::NO_ALLOCATION`], which needs a counting allocator.
+pub fn check_appendage_counting(a: &dyn DynAppendage, meter: AllocationMeter) -> ConformanceReport {
+    check(a, Some(meter))
+}
+
+fn check(a: &dyn DynAppendage, meter: Option<AllocationMeter>) -> ConformanceReport {
     let decl = a.declaration();
     let mut report = ConformanceReport::new(decl.kind);
-    report.push(laws::declaration(decl));
+    report.push(declaration::declaration(decl));
     if !report.passed() {
         return report;
     }
     let mut source = Source::new(0x5eed);
     let samples: Vec<Sample> = (0..SAMPLES).map(|i| source.sample(decl, i)).collect();
-    report.push(laws::finite(a, &samples));
+    let few = &samples[..COSTLY];
+    report.push(numbers::finite(a, &samples));
     if !report.passed() {
         return report;
     }
-    let extremes: Vec<Sample> = samples.iter().take(16).enumerate().map(|(i, s)| s.extreme(decl, i)).collect();
-    report.push(laws::extreme(a, &extremes));
-    for check in laws::inertia(a, &samples) {
+    let mut extremes: Vec<Sample> = samples.iter().take(16).enumerate().map(|(i, s)| s.extreme(decl, i)).collect();
+    extremes.extend([0.0, 1e-160, 5e-324].map(|x| samples[0].all_at(decl, x)));
+    report.push(numbers::extreme(a, &extremes));
+    report.push(numbers::no_panic(a, &samples[1]));
+    report.push(numbers::number_types(a, few));
+    for check in inertia::inertia(a, &samples) {
         report.push(check);
     }
-    report.push(laws::derivatives(a, &samples));
-    for check in laws::bias_checks(a, &samples) {
+    report.push(motion::derivatives(a, few));
+    for check in motion::bias_checks(a, few) {
         report.push(check);
     }
-    report.push(laws::energy(a, &samples));
-    for check in laws::rayleigh(a, &samples) {
+    report.push(motion::momentum(a, &samples));
+    report.push(motion::energy(a, &samples));
+    for check in dissipation::rayleigh(a, &samples) {
         report.push(check);
     }
-    report.push(laws::parameters(a, &samples));
+    report.push(parameters::parameters(a, &samples));
+    report.push(parameters::linear(a, &few[..8]));
+    match a.tree_twin() {
+        Some(bodies) => report.push(twin::twin(a, &bodies, few)),
+        None => report.skip(law::TWIN, "the appendage has no twin"),
+    }
+    match meter {
+        Some(meter) => report.push(allocation::allocation(a, &few[..4], meter)),
+        None => report.skip(law::NO_ALLOCATION, "no counting allocator was given; see check_appendage_counting"),
+    }
     report
 }

@@ -2,6 +2,7 @@
 
 pub mod conformance;
 pub mod end_effector;
+pub mod known_wrong;
 
-pub use conformance::{ConformanceReport, check_appendage};
+pub use conformance::{ConformanceReport, check_appendage, check_appendage_counting, check_kind};
 pub use end_effector::{FramePath, PathError, PathErrorKind, compare, frame_path};

@@ -8,6 +8,7 @@ use crate::spatial::Xform;
 use crate::text::{list, nearest};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
+use std::path::Path;
 use std::sync::Arc;
 
 /// How far a quaternion or rotation matrix may be from exact before it is refused.
@@ -91,6 +92,12 @@ fn rotation(t: &Table<'_, '_>, rows: &[[f64; 3]; 3]) -> Option<Matrix3<f64>> {
     Some(r)
 }
 
+/// The kinds a mission may name, and the folder that relative paths start from (none for a mission from a text).
+pub(super) struct Kinds<'a> {
+    pub(super) registry: &'a Registry,
+    pub(super) folder: Option<&'a Path>,
+}
+
 /// An appendage as far as it could be read, with the table it came from; `None` where a problem is recorded.
 pub(super) struct Draft<'d, 't> {
     pub(super) kind: Option<String>,
@@ -104,7 +111,7 @@ pub(super) struct Draft<'d, 't> {
 
 impl<'d, 't> Draft<'d, 't> {
     /// Reads one table and runs the factory of its kind; problems are recorded at their keys.
-    pub(super) fn read(t: Table<'d, 't>, registry: &Registry) -> Self {
+    pub(super) fn read(t: Table<'d, 't>, kinds: &Kinds<'_>) -> Self {
         let kind = t.required("kind", t.string("kind"));
         let name = t.required("name", t.string("name")).filter(|n| {
             let good = !n.is_empty() && !n.contains(|c: char| c.is_whitespace() || ".[]*".contains(c));
@@ -120,7 +127,7 @@ impl<'d, 't> Draft<'d, 't> {
             None => Some(Mount::of([0.0; 3], &Matrix3::identity())),
         };
         let settings = t.rest(&["kind", "name", "host", "mount"]);
-        let appendage = kind.as_deref().and_then(|k| make(&t, k, name.as_deref().unwrap_or(k), &settings, registry));
+        let appendage = kind.as_deref().and_then(|k| make(&t, k, name.as_deref().unwrap_or(k), &settings, kinds));
         Self { kind, name, host, mount, settings, appendage, table: t }
     }
     /// What is kept of it; `None` unless everything was there.
@@ -141,8 +148,9 @@ fn make(
     kind: &str,
     label: &str,
     settings: &toml::Table,
-    registry: &Registry,
+    kinds: &Kinds<'_>,
 ) -> Option<Arc<dyn DynAppendage>> {
+    let registry = kinds.registry;
     let Some(factory) = registry.get(kind) else {
         let known = list(registry.kinds(), 20);
         let p = error("Config::UnknownKind", format!("unknown kind '{}'; known: {known}", crate::text::clip(kind)));
@@ -159,16 +167,34 @@ fn make(
     if !settings.values().all(finite) {
         return None;
     }
-    match factory(settings) {
+    let mut settings = settings.clone();
+    if let Some(folder) = kinds.folder {
+        settings.iter_mut().for_each(|(key, value)| resolve(folder, key, value));
+    }
+    match factory(&settings) {
         Ok(appendage) => Some(appendage),
         Err(problems) => {
             for mut p in problems.0 {
                 let key = p.object.take().unwrap_or_default();
                 let object = if key.is_empty() { label.to_owned() } else { format!("{label}.{key}") };
-                t.fail_at(t.place(&key), p.on(object));
+                match p.file {
+                    // Found in a file that the table names: that place says more than the key.
+                    Some(_) => t.fail_elsewhere(p.on(object)),
+                    None => t.fail_at(t.place(&key), p.on(object)),
+                }
             }
             None
         }
+    }
+}
+
+/// Makes paths in keys that end with `_file` start at the folder of the mission file.
+fn resolve(folder: &Path, key: &str, value: &mut toml::Value) {
+    match value {
+        toml::Value::String(s) if key.ends_with("_file") => *s = folder.join(&*s).to_string_lossy().into_owned(),
+        toml::Value::Array(a) => a.iter_mut().for_each(|v| resolve(folder, key, v)),
+        toml::Value::Table(t) => t.iter_mut().for_each(|(k, v)| resolve(folder, k, v)),
+        _ => {}
     }
 }
 

@@ -23,6 +23,9 @@
 //! parameters = ["base.*", "tank.*"]
 //! ```
 //!
+//! A key that ends with `_file` names a file; a relative path starts at the folder of the mission file, for the keys
+//! of every kind of appendage.
+//!
 //! Every key carries its unit and is documented on the field of the struct it fills. Unknown keys, NaN and
 //! infinity are errors; all problems are listed with file, line and column. Reasons go into comments.
 
@@ -42,7 +45,7 @@ use crate::problem::{Area, Problem, Problems};
 use crate::registry::Registry;
 use crate::text::{LineIndex, clip, list, nearest};
 use crate::urdf::{self, UrdfOptions};
-use appendage::Draft;
+use appendage::{Draft, Kinds};
 use nalgebra::Vector3;
 use reader::{Context, Table, error};
 use serde::Serialize;
@@ -143,12 +146,14 @@ fn load(
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let (doc, syntax) = DeTable::parse_recoverable(text);
     let cx = Context::new(text);
+    let folder = file.and_then(Path::parent);
     let loaded = if syntax.is_empty() {
         for (k, v) in doc.get_ref() {
             cx.finite(k.get_ref(), v);
         }
         let mut imported = Problems::default();
-        let loaded = read(&Table::root(&cx, &doc), registry, options, import, &mut imported);
+        let kinds = Kinds { registry, folder };
+        let loaded = read(&Table::root(&cx, &doc), &kinds, options, import, &mut imported);
         out.extend(imported);
         loaded
     } else {
@@ -157,7 +162,8 @@ fn load(
     };
     let mut own = cx.take();
     if let Some(f) = file {
-        own.0.iter_mut().for_each(|p| p.file = Some(f.to_path_buf()));
+        // A problem inside a file that the mission names keeps the name of that file.
+        own.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| f.to_path_buf()));
     }
     out.extend(own);
     options.leniency.settle(&mut out);
@@ -170,14 +176,14 @@ fn load(
 /// check.
 fn read(
     root: &Table<'_, '_>,
-    registry: &Registry,
+    kinds: &Kinds<'_>,
     options: &LoadOptions,
     import: impl FnOnce(&Robot, &UrdfOptions) -> Result<(Model, Problems), Problems>,
     imported: &mut Problems,
 ) -> Option<Loaded> {
     let robot_table = root.required("robot", root.table("robot"));
     let robot = robot_table.as_ref().and_then(Robot::read);
-    let drafts: Vec<Draft<'_, '_>> = root.tables("appendage").into_iter().map(|t| Draft::read(t, registry)).collect();
+    let drafts: Vec<Draft<'_, '_>> = root.tables("appendage").into_iter().map(|t| Draft::read(t, kinds)).collect();
     let sensors = root.table("sensors").map(|t| Sensors::read(&t)).unwrap_or_default();
     let limits = root.table("limits").map(|t| Limits::read(&t)).unwrap_or_default();
     let estimate_table = root.table("estimate");

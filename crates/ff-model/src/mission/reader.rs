@@ -305,6 +305,10 @@ impl<'d, 't> Table<'d, 't> {
         }
         span
     }
+    /// Records a problem of another file, which has its place there.
+    pub(super) fn fail_elsewhere(&self, p: Problem) {
+        self.cx.push(p);
+    }
     /// Records a problem found elsewhere at a place in this table.
     pub(super) fn fail_at(&self, span: Range<usize>, p: Problem) {
         self.cx.push_at(span, p);

@@ -1,6 +1,6 @@
 //! What the suite found, one figure per law.
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use std::fmt;
 
 /// One law: its figure, its limit, the verdict.
@@ -8,7 +8,9 @@ use std::fmt;
 pub struct Check {
     /// Name of the law; see [`crate::conformance::law`].
     pub law: &'static str,
-    /// Worst figure found; smaller is better (no unit: relative, or a count).
+    /// Worst figure found; smaller is better (no unit: relative, or a count). JSON has no NaN and no infinity; they
+    /// are written as text.
+    #[serde(serialize_with = "number_or_text")]
     pub figure: f64,
     /// Greatest figure that passes.
     pub limit: f64,
@@ -17,7 +19,21 @@ pub struct Check {
     /// False for advice: a failure does not fail the report.
     pub required: bool,
     /// Where the worst figure was found, or the faults by name; may be empty.
+    #[serde(rename = "where")]
     pub detail: String,
+}
+
+fn number_or_text<S: Serializer>(x: &f64, to: S) -> Result<S::Ok, S::Error> {
+    if x.is_finite() { to.serialize_f64(*x) } else { to.collect_str(x) }
+}
+
+/// A law that was not checked, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Skipped {
+    /// Name of the law.
+    pub law: &'static str,
+    /// What was missing.
+    pub why: &'static str,
 }
 
 impl Check {
@@ -45,6 +61,8 @@ pub struct ConformanceReport {
     pub kind: String,
     /// The checks in the order they were made.
     pub checks: Vec<Check>,
+    /// Laws that could not be checked.
+    pub skipped: Vec<Skipped>,
 }
 
 /// An appendage broke a law. Prints the whole report.
@@ -57,10 +75,31 @@ pub struct NotConforming(
 
 impl ConformanceReport {
     pub(crate) fn new(kind: &str) -> Self {
-        Self { kind: kind.to_owned(), checks: Vec::new() }
+        Self { kind: kind.to_owned(), checks: Vec::new(), skipped: Vec::new() }
+    }
+    pub(crate) fn skip(&mut self, law: &'static str, why: &'static str) {
+        self.skipped.push(Skipped { law, why });
     }
     pub(crate) fn push(&mut self, c: Check) {
         self.checks.push(c);
+    }
+    /// Takes over the checks of another report: of each law the worse, its place after `prefix`.
+    pub(crate) fn merge(&mut self, other: Self, prefix: &str) {
+        for mut c in other.checks {
+            c.detail.insert_str(0, prefix);
+            // A figure is as bad as it stands to its limit; limits of counts are zero, and NaN is worst.
+            let badness = |c: &Check| if c.pass { c.figure } else { f64::INFINITY };
+            match self.checks.iter_mut().find(|have| have.law == c.law) {
+                Some(have) if badness(&c) > badness(have) => *have = c,
+                Some(_) => {}
+                None => self.checks.push(c),
+            }
+        }
+        for s in other.skipped {
+            if !self.skipped.contains(&s) {
+                self.skipped.push(s);
+            }
+        }
     }
     /// True when every required check passed.
     pub fn passed(&self) -> bool {
@@ -93,10 +132,14 @@ impl fmt::Display for ConformanceReport {
                 (false, true) => "FAIL",
                 (false, false) => "note",
             };
-            write!(f, "\n  {verdict}  {:<42} {:>9.1e} <= {:<8.0e}", c.law, c.figure, c.limit)?;
+            let sign = if c.pass { "<=" } else { "> " };
+            write!(f, "\n  {verdict}  {:<50} {:>9.1e} {sign} {:<8.0e}", c.law, c.figure, c.limit)?;
             if !c.pass && !c.detail.is_empty() {
                 write!(f, "  {}", c.detail)?;
             }
+        }
+        for s in &self.skipped {
+            write!(f, "\n  ----  {:<50} not checked: {}", s.law, s.why)?;
         }
         Ok(())
     }

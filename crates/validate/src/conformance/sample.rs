@@ -47,6 +47,17 @@ impl Sample {
         s.host = s.host.scaled(1e4);
         s
     }
+    /// The same with every coordinate, rate and twist component at `x` as far as the ranges allow: zero and tiny
+    /// states are where square roots and quotients fail.
+    pub(super) fn all_at(&self, decl: &Decl, x: f64) -> Self {
+        let mut s = self.clone();
+        for (e, c) in s.eta.iter_mut().zip(&decl.coords) {
+            *e = x.clamp(c.range.0, c.range.1);
+        }
+        s.nu.fill(x);
+        s.host = Motion::new(Vector3::repeat(x), Vector3::repeat(x));
+        s
+    }
 }
 
 /// Lifts constants into a number type with derivatives.
@@ -56,14 +67,14 @@ pub(super) fn lift<T: Scalar>(x: &[f64]) -> Vec<T> {
 
 /// SplitMix64 (Steele, Lea, Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014): the suite must
 /// draw the same numbers on every machine and in every release, and needs no more than this.
-pub(super) struct Source(u64);
+pub(crate) struct Source(u64);
 
 impl Source {
-    pub(super) fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(seed)
     }
     /// Uniform in `[0, 1)`.
-    fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -71,10 +82,10 @@ impl Source {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
     /// Uniform in `[-a, a)`.
-    fn sym(&mut self, a: f64) -> f64 {
+    pub(crate) fn sym(&mut self, a: f64) -> f64 {
         a * (2.0 * self.unit() - 1.0)
     }
-    fn vec3(&mut self, a: f64) -> Vector3<f64> {
+    pub(crate) fn vec3(&mut self, a: f64) -> Vector3<f64> {
         Vector3::new(self.sym(a), self.sym(a), self.sym(a))
     }
 
@@ -107,7 +118,7 @@ impl Source {
     }
 
     /// Parameters within bounds, inertial ones a physically consistent body.
-    fn parameters(&mut self, decl: &Decl) -> Vec<f64> {
+    pub(crate) fn parameters(&mut self, decl: &Decl) -> Vec<f64> {
         let mut p = Vec::with_capacity(decl.params.len());
         while p.len() < decl.params.len() {
             let d = &decl.params[p.len()];

@@ -1,0 +1,246 @@
+//! A flexible structure by its modes: the hybrid-coordinate appendage.
+//!
+//! Rigid mass properties and the first few modes with the mount held are what a finite-element model of a solar array
+//! hands over. With host twist `V` at the mount, modal coordinates `eta`, rates `nu`:
+//!
+//! ```text
+//! T = V^T M V / 2 + V^T P nu + nu^T nu / 2        U = sum w_j^2 eta_j^2 / 2        R = sum zeta_j w_j nu_j^2
+//! ```
+//!
+//! `M` is the inertia of the undeformed structure about the mount, `P` the 6 x n participation matrix,
+//! `P_j = int [phi_j; r x phi_j] dm`, linear first, mount axes (P. Likins, *Dynamics and Control of Flexible Space
+//! Vehicles*, JPL TR 32-1329, 1970: hybrid coordinates; the coupling of appendage modes to the rigid body that carries
+//! them).
+//!
+//! **Normalisation.** Modes are scaled to a modal mass of 1 kg, so that `eta` is in metres, `P` in kg (translation) and
+//! kg m (rotation), stiffness `k = w^2` in N/m and damping `d = 2 zeta w` in N s/m, all for that 1 kg. The effective
+//! mass of a mode in direction `i` is `P_ij^2 / 1 kg`.
+//!
+//! **Linear.** The energies are exact to second order in the deflection at any host motion that is small beside the
+//! modal frequencies: inertia is that of the undeformed structure, and stiffening by rotation is left out. Momentum and
+//! energy of the model are conserved exactly all the same, because all forces follow from one kinetic energy.
+
+mod config;
+mod linear;
+mod nastran;
+mod residual;
+mod table;
+
+pub use config::from_toml;
+pub use linear::{Linearised, linearise};
+pub use nastran::read_f06;
+pub use residual::{RESIDUAL_SLACK, Residual};
+pub use table::{CSV_COLUMNS, read_csv};
+
+use ff_model::appendage::CoordDecl;
+use ff_model::keys::check_damping;
+use ff_model::{
+    Appendage, Area, Decl, Force, Inertia, MAX_COORDS, ParamDecl, ParamGroup, PortMatrix, PortState, PortVector,
+    Problem, Problems, Scalar,
+};
+use nalgebra::{DMatrix, Vector6};
+use std::f64::consts::TAU;
+
+/// The `kind` of mission files for this appendage.
+pub const MODAL_KIND: &str = "modal";
+
+/// Most modes of one appendage: one coordinate each.
+pub const MAX_MODES: usize = MAX_COORDS;
+
+/// Names of the six directions of a participation factor, linear first.
+pub const DIRECTIONS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// One mode with the mount held, scaled to a modal mass of 1 kg.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mode {
+    /// Undamped natural frequency (Hz).
+    pub frequency_hz: f64,
+    /// Damping ratio (no unit).
+    pub damping_ratio: f64,
+    /// Participation factors: three of translation (kg), three of rotation about the mount (kg m), mount axes.
+    pub participation: Vector6<f64>,
+}
+
+impl Mode {
+    /// Stiffness `w^2` at a modal mass of 1 kg (N/m).
+    pub fn stiffness(&self) -> f64 {
+        (TAU * self.frequency_hz).powi(2)
+    }
+    /// Damping `2 zeta w` at a modal mass of 1 kg (N s/m).
+    pub fn damping(&self) -> f64 {
+        2.0 * self.damping_ratio * TAU * self.frequency_hz
+    }
+}
+
+/// The hybrid-coordinate appendage (see the module docs).
+///
+/// Parameters, in order: ten inertial of the undeformed structure about the mount (`rigid.mass` ... `rigid.i_zz`), then
+/// `k[j]` (N/m), then `d[j]` (N s/m), then per mode the six of `part[j].x` ... `part[j].rz` (kg, kg m). Coordinates:
+/// `mode[j]` (m at a modal mass of 1 kg), unbounded.
+///
+/// The kinetic energy is positive for all motions exactly when the residual mass `M - P P^T` is positive
+/// semidefinite ([`Residual`]): a condition that ties inertia and participation together, which no bounds of single
+/// parameters can express. It is checked at the nominal values; after a fit, [`ModalAppendage::residual`] tells.
+#[derive(Clone, Debug)]
+pub struct ModalAppendage {
+    decl: Decl,
+    modes: usize,
+}
+
+impl ModalAppendage {
+    /// An appendage from its undeformed inertia about the mount and its modes. Allocates.
+    ///
+    /// # Errors
+    /// Every problem, all of [`Area::Config`]: `Config::Param` (no or too many modes, a frequency that is not above
+    /// zero), `Config::NotPassive` (negative damping), `Config::Inertia` (ten numbers that no body has),
+    /// `Config::ResidualMass` (the modes move more mass than there is), `Config::NotFinite`.
+    pub fn new(rigid: Inertia<f64>, modes: &[Mode]) -> Result<Self, Problems> {
+        let mut problems = Problems::default();
+        if check_rigid(&rigid, &mut problems) & check_modes(modes, &mut problems) {
+            problems.0.extend(check_residual(&rigid, modes));
+        }
+        if problems.has_errors() {
+            return Err(problems);
+        }
+        let n = modes.len();
+        let mut params = ParamDecl::inertial("rigid", &rigid);
+        params.extend((0..n).map(|j| ParamDecl::positive(format!("k[{j}]"), "N/m", modes[j].stiffness())));
+        params.extend((0..n).map(|j| ParamDecl::positive(format!("d[{j}]"), "N s/m", modes[j].damping())));
+        for (j, mode) in modes.iter().enumerate() {
+            for (i, name) in DIRECTIONS.iter().enumerate() {
+                params.push(ParamDecl {
+                    name: format!("part[{j}].{name}"),
+                    unit: if i < 3 { "kg" } else { "kg m" },
+                    nominal: mode.participation[i],
+                    bounds: (f64::NEG_INFINITY, f64::INFINITY),
+                    group: ParamGroup::Free,
+                });
+            }
+        }
+        let range = (f64::NEG_INFINITY, f64::INFINITY);
+        let coords = (0..n).map(|j| CoordDecl { name: format!("mode[{j}]"), unit: "m", range }).collect();
+        Ok(Self { decl: Decl { kind: MODAL_KIND, coords, params }, modes: n })
+    }
+
+    /// Number of modes `n`, which is also the number of coordinates.
+    pub fn count(&self) -> usize {
+        self.modes
+    }
+    /// Index of `k[j]` in the parameter slice.
+    pub fn stiffness_index(&self, j: usize) -> usize {
+        10 + j
+    }
+    /// Index of `d[j]` in the parameter slice.
+    pub fn damping_index(&self, j: usize) -> usize {
+        10 + self.modes + j
+    }
+    /// Index of `part[j].x` in the parameter slice; the other five follow.
+    pub fn participation_index(&self, j: usize) -> usize {
+        10 + 2 * self.modes + 6 * j
+    }
+    /// Nominal values of all parameters, in the order of the declaration. Allocates.
+    pub fn nominal(&self) -> Vec<f64> {
+        self.decl.params.iter().map(|p| p.nominal).collect()
+    }
+    /// Residual mass `M - P P^T` at parameters `p`. Allocates.
+    ///
+    /// # Panics
+    /// If `p` has the wrong length.
+    pub fn residual(&self, p: &[f64]) -> Residual {
+        assert_eq!(p.len(), self.decl.params.len(), "parameter vector length");
+        let first = self.participation_index(0);
+        Residual::new(&Inertia::from_params(p), &DMatrix::from_column_slice(6, self.modes, &p[first..]))
+    }
+}
+
+/// Adds everything that is wrong with the rigid body to `problems`; true when it is sound. Allocates on trouble only.
+pub(crate) fn check_rigid(rigid: &Inertia<f64>, problems: &mut Problems) -> bool {
+    let Err(e) = rigid.check() else { return true };
+    let (code, key) = crate::segment::inertia_fault(&e);
+    problems.push(Problem::error(Area::Config, code, e.to_string()).on(key).hint(crate::segment::INERTIA_HINT));
+    false
+}
+
+/// Adds everything that is wrong with the modes alone to `problems`; true when they are sound. Allocates.
+pub(crate) fn check_modes(modes: &[Mode], problems: &mut Problems) -> bool {
+    let mut own = Problems::default();
+    let mut bad = |code, key: String, message: String, hint: &str| {
+        own.push(Problem::error(Area::Config, code, message).on(key).hint(hint));
+    };
+    if modes.is_empty() || modes.len() > MAX_MODES {
+        let why = format!("{} modes, outside the limits 1 to {MAX_MODES}", modes.len());
+        bad("Config::Param", "modes".into(), why, "keep those with the greatest effective mass (modes_used)");
+    }
+    for (j, m) in modes.iter().enumerate() {
+        let at = |key: &str| format!("modes[{j}].{key}");
+        if !m.frequency_hz.is_finite() {
+            let why = format!("{} Hz is not a finite number", m.frequency_hz);
+            bad("Config::NotFinite", at("freq_hz"), why, "give a number above 0");
+        } else if m.frequency_hz <= 0.0 {
+            let why = format!("{} Hz is not above the limit 0 Hz", m.frequency_hz);
+            let hint = "modes of the structure with its mount held have no rigid-body motion; leave those out";
+            bad("Config::Param", at("freq_hz"), why, hint);
+        }
+        if m.participation.iter().any(|x| !x.is_finite()) {
+            let why = format!("{:?} holds a number that is not finite", m.participation.as_slice());
+            bad("Config::NotFinite", at("participation"), why, "give six finite numbers");
+        }
+    }
+    for (j, m) in modes.iter().enumerate() {
+        own.0.extend(check_damping(&format!("modes[{j}].damping_ratio"), m.damping_ratio));
+    }
+    let sound = !own.has_errors();
+    problems.extend(own);
+    sound
+}
+
+/// The residual mass of sound parts, if it is negative. Allocates.
+fn check_residual(rigid: &Inertia<f64>, modes: &[Mode]) -> Option<Problem> {
+    Residual::new(rigid, &DMatrix::from_fn(6, modes.len(), |i, j| modes[j].participation[i])).problem()
+}
+
+impl Appendage for ModalAppendage {
+    fn decl(&self) -> &Decl {
+        &self.decl
+    }
+
+    /// `[[M, P], [P^T, 1]]`, independent of `eta`.
+    fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
+        m.add_host(&Inertia::from_params(p));
+        for j in 0..self.modes {
+            let part = &p[self.participation_index(j)..];
+            for i in 0..6 {
+                m.set_sym(i, 6 + j, part[i]);
+            }
+            m.set(6 + j, 6 + j, T::one());
+        }
+    }
+
+    /// `U = sum k eta^2 / 2` (J).
+    fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
+        let mut u = T::zero();
+        for j in 0..self.modes {
+            u += p[self.stiffness_index(j)] * eta[j] * eta[j];
+        }
+        u.scale(0.5)
+    }
+
+    /// `R = sum d nu^2 / 2` (W).
+    fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        let mut r = T::zero();
+        for j in 0..self.modes {
+            r += p[self.damping_index(j)] * nu[j] * nu[j];
+        }
+        r.scale(0.5)
+    }
+
+    /// `h_b = V x* (M V + P nu)`, `h_e = k eta + d nu`: `M` and `P` are constant. `O(n)`.
+    fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
+        let mut momentum = Inertia::from_params(p).mul_motion(&s.host);
+        for j in 0..self.modes {
+            momentum += Force::from_slice(&p[self.participation_index(j)..]).scaled(s.nu[j]);
+            h[6 + j] = p[self.stiffness_index(j)] * s.eta[j] + p[self.damping_index(j)] * s.nu[j];
+        }
+        s.host.cross_force(&momentum).write_to(h);
+    }
+}
