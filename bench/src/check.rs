@@ -1,6 +1,6 @@
 //! Nothing wrong is timed: every function is held to the oracle and to the others first.
 
-use crate::functions::{RegressorRunner, Runner};
+use crate::functions::{Function, Runner};
 use crate::lanes::Lanes;
 use crate::models::Peer;
 use crate::states::{Sample, Set};
@@ -30,13 +30,23 @@ struct Oracle {
 const ORACLE: f64 = 1e-11;
 /// Of the functions against each other.
 const MUTUAL: f64 = 1e-10;
+/// Of a lane against the plain computation, where only rounding may differ (fused multiply-add, order).
+const LANE: f64 = 1e-10;
 
 /// Largest difference relative to the largest expected element.
 fn rel(got: &[f64], want: &[f64]) -> f64 {
-    let scale = want.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    scaled(got, want, largest(want))
+}
+
+/// Largest difference relative to `scale`.
+fn scaled(got: &[f64], want: &[f64], scale: f64) -> f64 {
     let worst = got.iter().zip(want).fold(0.0f64, |m, (g, w)| m.max((g - w).abs()));
     // A NaN is lost by `max`; a result that is not finite is infinitely wrong.
     if got.len() != want.len() || got.iter().any(|x| !x.is_finite()) { f64::INFINITY } else { worst / scale }
+}
+
+fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0f64, |m, x| m.max(x.abs()))
 }
 
 fn limit(what: &str, error: f64, limit: f64) -> anyhow::Result<()> {
@@ -59,58 +69,43 @@ pub(crate) fn against_oracle(peer: &Peer, fixtures: &Path) -> anyhow::Result<()>
             let ((k, d), at) = (peer.springs[j], known.sample.q.len() - peer.springs.len() + j);
             k * known.sample.q[at] + d * known.sample.v[first + j]
         };
-        r.rnea(i);
+        r.call(Function::Rnea, i)?;
         (0..peer.springs.len()).for_each(|j| r.out[first + j] -= spring(j));
         worst[0] = worst[0].max(rel(&r.out, &known.rnea));
-        r.crba(i);
+        r.call(Function::Crba, i)?;
         worst[1] = worst[1].max(rel(r.matrix.as_slice(), &known.m.concat()));
         (0..peer.springs.len()).for_each(|j| r.set.tau[i][first + j] += spring(j));
-        r.fd(i)?;
+        r.call(Function::Fd, i)?;
         worst[2] = worst[2].max(rel(&r.out, &known.aba));
     }
     for (what, e) in ["rnea", "crba", "fd"].iter().zip(worst) {
-        limit(&format!("{} {} {what} against the oracle", peer.name.text(), peer.form.text()), e, ORACLE)?;
+        limit(&format!("{} {what} against the oracle", peer.label()), e, ORACLE)?;
     }
-    eprintln!(
-        "{} {}: oracle rnea {:.1e}, crba {:.1e}, fd {:.1e}",
-        peer.name.text(),
-        peer.form.text(),
-        worst[0],
-        worst[1],
-        worst[2]
-    );
+    eprintln!("{}: oracle rnea {:.1e}, crba {:.1e}, fd {:.1e}", peer.label(), worst[0], worst[1], worst[2]);
     Ok(())
 }
 
 /// On every state that will be timed: `rnea(fd(tau)) = tau`, `H a + c = rnea(a)`, and the hybrid accelerations and
 /// torques solve the full equations with nothing acting on base and passive coordinates.
-pub(crate) fn mutual<T: Lanes>(name: &str, r: &mut Runner<'_, T>) -> anyhow::Result<()> {
+pub(crate) fn mutual(name: &str, r: &mut Runner<'_, f64>) -> anyhow::Result<()> {
     let (nb, nj, nv) = (r.model.nb(), r.model.nj(), r.model.nv());
     let mut worst = [0.0f64; 3];
-    let mut back = vec![T::zero(); nv];
+    let (mut back, mut c) = (vec![0.0; nv], vec![0.0; nv]);
     for i in 0..r.set.states.len() {
-        r.fd(i)?;
+        r.call(Function::Fd, i)?;
         rnea(r.model, &r.params, &r.set.states[i], &r.out, &mut r.work, &mut back);
-        let of = |x: &[T], l: usize| -> Vec<f64> { x.iter().map(|x| x.lane(l)).collect() };
-        for l in 0..T::LANES {
-            worst[0] = worst[0].max(rel(&of(&back, l), &of(&r.set.tau[i], l)));
-        }
-        r.crba(i);
-        bias(r.model, &r.params, &r.set.states[i], &mut r.work, &mut back);
-        r.rnea(i);
-        for l in 0..T::LANES {
-            let h = r.matrix.map(|x| x.lane(l));
-            let sum = h * DVector::from(of(&r.set.a[i], l)) + DVector::from(of(&back, l));
-            worst[1] = worst[1].max(rel(sum.as_slice(), &of(&r.out, l)));
-        }
-        r.hybrid(i)?;
-        let acc = r.out.clone();
-        rnea(r.model, &r.params, &r.set.states[i], &acc, &mut r.work, &mut back);
-        for l in 0..T::LANES {
-            let mut want = vec![0.0; nv];
-            want[nb..nb + nj].copy_from_slice(&of(&r.joint, l));
-            worst[2] = worst[2].max(rel(&of(&back, l), &want));
-        }
+        worst[0] = worst[0].max(rel(&back, &r.set.tau[i]));
+        r.call(Function::Crba, i)?;
+        bias(r.model, &r.params, &r.set.states[i], &mut r.work, &mut c);
+        r.call(Function::Rnea, i)?;
+        let sum = &r.matrix * DVector::from_column_slice(&r.set.a[i]) + DVector::from_column_slice(&c);
+        worst[1] = worst[1].max(rel(sum.as_slice(), &r.out));
+        r.call(Function::Hybrid, i)?;
+        rnea(r.model, &r.params, &r.set.states[i], &r.out, &mut r.work, &mut back);
+        let mut want = vec![0.0; nv];
+        want[nb..nb + nj].copy_from_slice(&r.joint);
+        // Without joints everything wanted is zero: the forces that cancel give the scale.
+        worst[2] = worst[2].max(scaled(&back, &want, largest(&want).max(largest(&c))));
     }
     eprintln!("{name}: rnea(fd) {:.1e}, H a + c {:.1e}, hybrid {:.1e}", worst[0], worst[1], worst[2]);
     for (what, e) in ["rnea(fd(tau)) = tau", "H a + c = rnea(a)", "hybrid"].iter().zip(worst) {
@@ -120,15 +115,15 @@ pub(crate) fn mutual<T: Lanes>(name: &str, r: &mut Runner<'_, T>) -> anyhow::Res
 }
 
 /// The regressor times the parameters is the derivative of RNEA along them, found here by a dual number.
-pub(crate) fn regressor(name: &str, r: &mut Runner<'_, f64>, y: &mut RegressorRunner) -> anyhow::Result<()> {
+pub(crate) fn regressor(name: &str, r: &mut Runner<'_, f64>) -> anyhow::Result<()> {
     let values = r.params.values().to_vec();
     let dual = Params::from_values(r.model, values.iter().map(|&x| D1::new(x, x)).collect());
     let mut work = Work::<D1>::new(r.model);
     let mut tau = vec![D1::constant(0.0); r.model.nv()];
     let mut worst = 0.0f64;
     for i in (0..r.set.states.len()).step_by(7) {
-        y.call(r, i);
-        let got = &y.y * DVector::from_column_slice(&values);
+        r.call(Function::Regressor, i)?;
+        let got = &r.y * DVector::from_column_slice(&values);
         let state: State<D1> = r.set.states[i].lift();
         let a: Vec<D1> = r.set.a[i].iter().map(|&x| D1::constant(x)).collect();
         rnea(r.model, &dual, &state, &a, &mut work, &mut tau);
@@ -137,4 +132,23 @@ pub(crate) fn regressor(name: &str, r: &mut Runner<'_, f64>, y: &mut RegressorRu
     }
     eprintln!("{name}: regressor against duals {worst:.1e}");
     limit(&format!("{name} regressor"), worst, MUTUAL)
+}
+
+/// Every lane of every function against the plain computation on the same state.
+pub(crate) fn lanes<T: Lanes>(name: &str, plain: &mut Runner<'_, f64>, r: &mut Runner<'_, T>) -> anyhow::Result<()> {
+    for &f in T::FUNCTIONS {
+        let mut worst = 0.0f64;
+        for i in 0..r.set.states.len() {
+            r.call(f, i)?;
+            let got = r.result(f);
+            for l in 0..T::LANES {
+                plain.call(f, i * T::LANES + l)?;
+                let got: Vec<f64> = got.iter().map(|x| x.lane(l)).collect();
+                worst = worst.max(rel(&got, &plain.result(f)));
+            }
+        }
+        eprintln!("{name}: {}{} against f64 {worst:.1e}", f.text(), T::SUFFIX);
+        limit(&format!("{name} {}{}", f.text(), T::SUFFIX), worst, LANE)?;
+    }
+    Ok(())
 }

@@ -2,28 +2,32 @@
 
 use crate::lanes::Lanes;
 use crate::states::Set;
-use ff_dynamics::{SingularInertia, State, Work, forward_dynamics, hybrid_dynamics, mass_matrix, regressor, rnea};
+use clap::ValueEnum;
+use ff_dynamics::{SingularInertia, Work, forward_dynamics, hybrid_dynamics, mass_matrix, rnea};
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
 use std::hint::black_box;
 
 /// One timed function.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Function {
+    /// Forces for a motion.
     Rnea,
+    /// Mass matrix.
     Crba,
+    /// Accelerations for forces, everything free.
     Fd,
+    /// Base and passive accelerations and joint torques for prescribed joint accelerations.
     Hybrid,
+    /// Derivatives of the forces with respect to every parameter.
     Regressor,
-    // PLACE FOR `id_derivatives`: a variant here, its name below, one arm in `Runner::call` on `rnea_derivatives`, a
-    // check in `check.rs` against duals, and its entry in the table of peers in xtask/src/bench.
+    // PLACE FOR `id_derivatives`: a variant here and in `ALL`, its name, its arm in `Runner::call` and `result` on
+    // `rnea_derivatives`, and a check against duals in `check.rs`. xtask knows the name already.
 }
 
 impl Function {
-    /// Those that exist over any [`Lanes`].
-    pub(crate) const LANED: [Self; 4] = [Self::Rnea, Self::Crba, Self::Fd, Self::Hybrid];
-    /// Those that exist over `f64` only.
-    pub(crate) const PLAIN: [Self; 1] = [Self::Regressor];
+    /// All of them.
+    pub(crate) const ALL: [Self; 5] = [Self::Rnea, Self::Crba, Self::Fd, Self::Hybrid, Self::Regressor];
 
     /// Name in the JSON output.
     pub(crate) fn text(self) -> &'static str {
@@ -43,71 +47,77 @@ pub(crate) struct Runner<'m, T: Lanes> {
     pub(crate) params: Params<T>,
     pub(crate) set: Set<T>,
     pub(crate) work: Work<T>,
+    /// Forces or accelerations, `nv`.
     pub(crate) out: Vec<T>,
+    /// Joint torques of the hybrid form.
     pub(crate) joint: Vec<T>,
+    /// Mass matrix.
     pub(crate) matrix: DMatrix<T>,
+    /// Regressor.
+    pub(crate) y: DMatrix<T>,
 }
 
 impl<'m, T: Lanes> Runner<'m, T> {
     pub(crate) fn new(model: &'m Model, set: Set<T>) -> Self {
-        let z = T::zero();
+        let (z, nv) = (T::zero(), model.nv());
         Self {
             model,
             params: Params::nominal(model),
             set,
             work: Work::new(model),
-            out: vec![z; model.nv()],
+            out: vec![z; nv],
             joint: vec![z; model.nj()],
-            matrix: DMatrix::from_element(model.nv(), model.nv(), z),
+            matrix: DMatrix::from_element(nv, nv, z),
+            y: DMatrix::from_element(nv, model.n_params(), z),
         }
     }
 
-    /// Forces for the motion of state `i`, into `out`.
+    /// One call of `f` on state `i`; the result stays in the buffers, one number of it is returned, as the peers do.
     #[inline(always)]
-    pub(crate) fn rnea(&mut self, i: usize) -> f64 {
-        rnea(self.model, &self.params, &self.set.states[i], &self.set.a[i], &mut self.work, &mut self.out);
-        black_box(&mut self.out)[7].lane(0)
+    pub(crate) fn call(&mut self, f: Function, i: usize) -> Result<f64, SingularInertia> {
+        let (m, p, s) = (self.model, &self.params, &self.set.states[i]);
+        let (a, tau) = (&self.set.a[i], &self.set.tau[i]);
+        Ok(match f {
+            Function::Rnea => {
+                rnea(m, p, s, a, &mut self.work, &mut self.out);
+                pick(black_box(&self.out), 7)
+            }
+            Function::Crba => {
+                mass_matrix(m, p, s, &mut self.work, &mut self.matrix);
+                pick(black_box(&self.matrix).as_slice(), 7 * m.nv() + 7)
+            }
+            Function::Fd => {
+                forward_dynamics(m, p, s, tau, &mut self.work, &mut self.out)?;
+                pick(black_box(&self.out), 7)
+            }
+            Function::Hybrid => {
+                let qdd = &a[m.nb()..m.nb() + m.nj()];
+                hybrid_dynamics(m, p, s, qdd, &mut self.work, &mut self.out, &mut self.joint)?;
+                black_box(&self.out);
+                // The peers' line sums the joint torques.
+                black_box(&self.joint).iter().map(|t| t.lane(0)).sum()
+            }
+            Function::Regressor => {
+                T::regressor(self, i);
+                // Row 6, column 16.
+                pick(black_box(&self.y).as_slice(), 16 * m.nv() + 6)
+            }
+        })
     }
-    /// Mass matrix of state `i`, into `matrix`.
-    #[inline(always)]
-    pub(crate) fn crba(&mut self, i: usize) -> f64 {
-        mass_matrix(self.model, &self.params, &self.set.states[i], &mut self.work, &mut self.matrix);
-        black_box(&mut self.matrix)[(7, 7)].lane(0)
-    }
-    /// Accelerations for the forces of state `i`, into `out`.
-    #[inline(always)]
-    pub(crate) fn fd(&mut self, i: usize) -> Result<f64, SingularInertia> {
-        let (state, tau): (&State<T>, &[T]) = (&self.set.states[i], &self.set.tau[i]);
-        forward_dynamics(self.model, &self.params, state, tau, &mut self.work, &mut self.out)?;
-        Ok(black_box(&mut self.out)[7].lane(0))
-    }
-    /// Base and passive accelerations and joint torques for the joint accelerations of state `i`, into `out` and
-    /// `joint`.
-    #[inline(always)]
-    pub(crate) fn hybrid(&mut self, i: usize) -> Result<f64, SingularInertia> {
-        let nb = self.model.nb();
-        let qdd = &self.set.a[i][nb..nb + self.model.nj()];
-        let state = &self.set.states[i];
-        hybrid_dynamics(self.model, &self.params, state, qdd, &mut self.work, &mut self.out, &mut self.joint)?;
-        black_box(&mut self.out);
-        // The peers' line sums the joint torques.
-        Ok(black_box(&mut self.joint).iter().map(|t| t.lane(0)).sum())
+
+    /// Everything the last call of `f` computed.
+    pub(crate) fn result(&self, f: Function) -> Vec<T> {
+        match f {
+            Function::Rnea | Function::Fd => self.out.clone(),
+            Function::Crba => self.matrix.as_slice().to_vec(),
+            Function::Hybrid => [self.out.as_slice(), &self.joint].concat(),
+            Function::Regressor => self.y.as_slice().to_vec(),
+        }
     }
 }
 
-/// The regressor exists over `f64` only.
-pub(crate) struct RegressorRunner {
-    pub(crate) y: DMatrix<f64>,
-}
-
-impl RegressorRunner {
-    pub(crate) fn new(model: &Model) -> Self {
-        Self { y: DMatrix::zeros(model.nv(), model.n_params()) }
-    }
-    /// Regressor of state `i`, into `y`.
-    #[inline(always)]
-    pub(crate) fn call(&mut self, r: &mut Runner<'_, f64>, i: usize) -> f64 {
-        regressor(r.model, &r.params, &r.set.states[i], &r.set.a[i], &mut r.work, &mut self.y);
-        black_box(&mut self.y)[(6, 16)]
-    }
+/// Element `k`, or the last of a shorter result.
+#[inline(always)]
+fn pick<T: Lanes>(x: &[T], k: usize) -> f64 {
+    x[k.min(x.len() - 1)].lane(0)
 }

@@ -6,10 +6,17 @@
 //! to standard error. `cargo xtask bench` builds, runs and compares.
 
 mod check;
+mod count;
 mod functions;
+mod generate;
+mod isa;
 mod lanes;
 mod micro;
 mod models;
+mod motion;
+mod sensitivities;
+mod sim;
+mod sizes;
 mod states;
 mod timing;
 
@@ -27,11 +34,26 @@ struct Cli {
 enum Command {
     /// Nanoseconds per call of every function, on every model
     Micro(micro::Args),
+    /// A minute of the manoeuvre, as the peers simulate it
+    Sim(sim::Args),
+    /// Sensitivities of the record against the plain simulation
+    Sensitivities(sensitivities::Args),
+    /// Time against the number of bodies
+    Sizes(sizes::Args),
+    /// A number of calls for an instruction counter
+    Count(count::Args),
+    /// Write 1,000 states per model in the peers' format, from a fixed seed
+    States(generate::Args),
 }
 
 fn main() -> ExitCode {
     let outcome = match &Cli::parse().command {
         Command::Micro(args) => micro::run(args),
+        Command::Sim(args) => sim::run(args),
+        Command::Sensitivities(args) => sensitivities::run(args),
+        Command::Sizes(args) => sizes::run(args),
+        Command::Count(args) => count::run(args),
+        Command::States(args) => generate::run(args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

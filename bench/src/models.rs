@@ -21,6 +21,13 @@ pub(crate) enum Name {
 }
 
 impl Name {
+    /// All of them.
+    pub(crate) const ALL: [Self; 3] = [Self::Rigid, Self::Flex, Self::Slosh];
+
+    /// The forms worth timing: without passive bodies both are one.
+    pub(crate) fn forms(self) -> &'static [Form] {
+        if self == Self::Rigid { &[Form::Ports] } else { &[Form::Ports, Form::Tree] }
+    }
     pub(crate) fn text(self) -> &'static str {
         match self {
             Self::Rigid => "rigid",
@@ -56,6 +63,13 @@ pub(crate) struct Peer {
     pub(crate) model: Model,
     /// `(k, d)` per passive coordinate, as far as the model contains them: zero in the tree form.
     pub(crate) springs: Vec<(f64, f64)>,
+}
+
+impl Peer {
+    /// Model and form in words.
+    pub(crate) fn label(&self) -> String {
+        format!("{} {}", self.name.text(), self.form.text())
+    }
 }
 
 const PANEL: (f64, f64) = (200.0, 2.0);

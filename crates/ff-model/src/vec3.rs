@@ -575,7 +575,6 @@ impl<T: Scalar> Pose<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::by_turn;
     use crate::so3::{exp_so3, quat_to_rot};
     use crate::spatial::Xform;
     use approx::assert_relative_eq;
