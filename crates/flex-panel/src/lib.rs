@@ -37,7 +37,7 @@ pub const KIND: &str = "flex_panel";
 /// Adds the appendages of this crate to a registry: [`KIND`] and [`modal::MODAL_KIND`]. Allocates.
 pub fn register(registry: &mut ff_model::Registry) {
     registry.register(KIND, from_toml).example(KIND, ONE_SEGMENT).example(KIND, THREE_SEGMENTS);
-    registry.register(modal::MODAL_KIND, modal::from_toml);
+    registry.register(modal::MODAL_KIND, modal::from_toml).example(modal::MODAL_KIND, MODAL_EXAMPLE);
 }
 
 /// A wing of one segment, as its table stands in a mission file.
@@ -57,4 +57,15 @@ hinge_m = [0.05, 2.1, 0.07], hinge_axis = [0.9, -0.2, 0.1], stiffness_nm_per_rad
 rest_rad = 0.15 },
     { mass_kg = 11.0, com_m = [0.02, 0.61, 0.03], inertia_com_kgm2 = [4.0, 0.2, -0.1, 2.5, -0.3, 4.5], \
 hinge_m = [-0.04, 1.9, 0.06], hinge_axis = [1.1, 0.3, 0.2], stiffness_nm_per_rad = 60.0, damping_nms_per_rad = 0.7 },
+]";
+
+/// An array known by three modes, which leave most of its mass to the residual.
+const MODAL_EXAMPLE: &str = "
+mass_kg = 63.0
+com_m = [0.03, 2.4, 0.05]
+inertia_com_kgm2 = [100.0, 3.0, -0.4, 31.0, -1.8, 102.0]
+modes = [
+    { freq_hz = 0.21, damping_ratio = 0.006, participation = [0.3, -0.2, 2.1, 3.2, 0.4, -0.3] },
+    { freq_hz = 0.47, damping_ratio = 0.004, participation = [1.4, 0.3, -0.4, -0.5, 0.2, -2.6] },
+    { freq_hz = 1.15, damping_ratio = 0.009, participation = [0.2, 0.5, 0.7, 0.6, 1.3, 0.4] },
 ]";

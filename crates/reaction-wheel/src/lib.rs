@@ -45,8 +45,16 @@ const DRY: usize = 4;
 
 /// Adds this appendage to a registry under [`KIND`]. Allocates.
 pub fn register(registry: &mut ff_model::Registry) {
-    registry.register(KIND, from_toml);
+    registry.register(KIND, from_toml).example(KIND, EXAMPLE);
 }
+
+/// A wheel on a skewed axis with dry friction, as its table stands in a mission file.
+const EXAMPLE: &str = "
+axis = [0.2, 1.0, 0.9]
+mass_kg = 8.5
+inertia_spin_kgm2 = 0.11
+inertia_transverse_kgm2 = 0.06
+viscous_nms_per_rad = 2e-3";
 
 /// Nominal values of a wheel.
 #[derive(Clone, Copy, Debug, PartialEq)]

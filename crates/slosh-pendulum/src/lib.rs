@@ -58,8 +58,8 @@ pub const KIND: &str = "slosh_pendulum";
 /// Adds the appendages of this crate to a registry: [`KIND`], [`SPRING_MASS_KIND`] and [`TANK_KIND`]. Allocates.
 pub fn register(registry: &mut ff_model::Registry) {
     registry.register(KIND, from_toml).example(KIND, EXAMPLE);
-    registry.register(SPRING_MASS_KIND, spring_mass_from_toml);
-    registry.register(TANK_KIND, tank_from_toml);
+    registry.register(SPRING_MASS_KIND, spring_mass_from_toml).example(SPRING_MASS_KIND, SPRING_MASS_EXAMPLE);
+    registry.register(TANK_KIND, tank_from_toml).example(TANK_KIND, CYLINDER).example(TANK_KIND, SPHERE);
 }
 
 /// A tank as its table stands in a mission file.
@@ -68,3 +68,26 @@ mass_kg = 100.0
 length_m = 0.8
 stiffness_nm_per_rad = [20.0, 23.0]
 damping_nms_per_rad = [5.0, 4.0]";
+
+/// A mass on springs along three axes.
+const SPRING_MASS_EXAMPLE: &str = "
+mass_kg = 70.0
+rest_m = [0.1, -0.2, -0.7]
+stiffness_n_per_m = [31.0, 27.0, 45.0]
+damping_ns_per_m = [3.1, 2.4, 4.2]
+travel_m = 0.4";
+
+/// Two modes of an upright cylinder under settling thrust.
+const CYLINDER: &str = "
+cylinder = { radius_m = 0.45, fill_m = 0.6 }
+density_kg_per_m3 = 1010.0
+settling_m_per_s2 = 0.02
+damping_ratio = 0.01
+slosh_modes = 2";
+
+/// A sphere under settling thrust.
+const SPHERE: &str = "
+sphere = { radius_m = 0.3, fill_m = 0.25 }
+density_kg_per_m3 = 1010.0
+settling_m_per_s2 = 0.05
+damping_ratio = 0.01";
