@@ -9,7 +9,7 @@
 //! | forces for a motion | [`mod@rnea`] |
 //! | mass matrix, blocks of eq. (2), condition | [`crba`], [`blocks`], [`mod@conditioning`] |
 //! | motion for forces; prescribed joints | [`aba`] |
-//! | momentum, energy, dissipation | [`momentum`] |
+//! | momentum, energy, dissipation; centroidal momentum matrix | [`momentum`], [`mod@centroidal`] |
 //! | dependence on parameters | [`mod@regressor`] |
 //! | prescribed arm condensed; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
 //! | joint motions | [`motion`], [`bspline`] |
@@ -20,6 +20,7 @@
 pub mod aba;
 pub mod blocks;
 pub mod bspline;
+pub mod centroidal;
 pub mod conditioning;
 pub mod crba;
 pub mod frames;
@@ -40,6 +41,7 @@ mod work;
 
 pub use aba::{SingularInertia, forward_dynamics, hybrid_dynamics};
 pub use blocks::MassBlocks;
+pub use centroidal::{Centroidal, CentroidalRate};
 pub use conditioning::{Conditioning, conditioning};
 pub use crba::mass_matrix;
 pub use frames::{frame_jacobian, frame_pose};
