@@ -1,7 +1,7 @@
 //! The command line: parse, dispatch, map the outcome to an exit code.
 
 use crate::exit::{self, Exit};
-use crate::{bench, ci, fixtures, reproduce, suite};
+use crate::{bench, ci, conformance, fixtures, reproduce, suite};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -18,6 +18,8 @@ struct Cli {
 enum Command {
     /// Run every test of the workspace, doc tests included
     Test(suite::Args),
+    /// Hold every kind of appendage to the laws of mechanics, and check that wrong ones are caught
+    Conformance(conformance::Args),
     /// Write fixtures/SHA256SUMS, or verify it with --check
     Fixtures(fixtures::Args),
     /// Run the steps of .ci/run
@@ -34,6 +36,7 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let outcome = match &cli.command {
         Command::Test(args) => suite::run(args),
+        Command::Conformance(args) => conformance::run(args),
         Command::Fixtures(args) => fixtures::run(args),
         Command::Ci => ci::run(),
         Command::Reproduce(args) => reproduce::run(args),

@@ -1,7 +1,7 @@
 //! Project tasks: `cargo xtask <command>`.
 //!
 //! A library with a thin binary, so that figures, tables and writers are documented and tested like the
-//! rest. One file per command ([`suite`], [`fixtures`], [`ci`], [`reproduce`], [`bench`]); what commands share sits
+//! rest. One file per command ([`suite`], [`conformance`], [`fixtures`], [`ci`], [`reproduce`], [`bench`]); what commands share sits
 //! beside them: exit codes ([`exit`]), atomic writing ([`atomic`]), CSV ([`csv_out`]), JSON ([`summary`]),
 //! text tables ([`table`]) and figures ([`plot`]).
 
@@ -9,6 +9,7 @@ pub mod atomic;
 pub mod bench;
 pub mod ci;
 pub mod cli;
+pub mod conformance;
 pub mod csv_out;
 pub mod exit;
 pub mod fixtures;

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// A table: the first column is left-aligned, the others right-aligned.
+/// A table: the first column is left-aligned, the others right-aligned unless [`Table::left`] says more.
 ///
 /// ```
 /// let mut t = xtask::table::Table::new("Table II", &["error", "paper", "ours"]);
@@ -15,6 +15,7 @@ pub struct Table {
     headers: Vec<String>,
     rows: Vec<Row>,
     notes: Vec<String>,
+    left: usize,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +28,13 @@ impl Table {
     /// An empty table.
     pub fn new(title: impl Into<String>, headers: &[&str]) -> Self {
         let headers = headers.iter().map(|&h| h.to_owned()).collect();
-        Self { title: title.into(), headers, rows: Vec::new(), notes: Vec::new() }
+        Self { title: title.into(), headers, rows: Vec::new(), notes: Vec::new(), left: 1 }
+    }
+    /// Aligns the first `columns` to the left.
+    #[must_use]
+    pub fn left(mut self, columns: usize) -> Self {
+        self.left = columns;
+        self
     }
     /// Adds a row. Missing cells are blank, surplus ones widen the table.
     pub fn row(&mut self, cells: impl IntoIterator<Item = String>) -> &mut Self {
@@ -63,7 +70,7 @@ impl fmt::Display for Table {
                 // Padding counts characters, not bytes: units carry superscripts.
                 let pad = " ".repeat(w.saturating_sub(s.chars().count()));
                 let gap = if c == 0 { "" } else { "  " };
-                out += &if c == 0 { format!("{s}{pad}") } else { format!("{gap}{pad}{s}") };
+                out += &if c < self.left { format!("{gap}{s}{pad}") } else { format!("{gap}{pad}{s}") };
             }
             writeln!(f, "{}", out.trim_end())
         };
@@ -126,5 +133,6 @@ mod tests {
         assert_eq!(lines[4], "a           1    22");
         assert_eq!(lines[6], "longer    333");
         assert_eq!(lines.last().map(String::as_str), Some("why"));
+        assert_eq!(t.left(2).to_string().lines().nth(4), Some("a       1        22"));
     }
 }

@@ -1,7 +1,6 @@
-//! Forward dynamics: all accelerations free, and the hybrid form with prescribed joint motion.
+//! Forward dynamics by the articulated-body algorithm (Featherstone 2008, ch. 7), linear in the joints.
 //!
-//! Both are articulated-body algorithms (Featherstone 2008, ch. 7 and sec. 9.2). A port is condensed onto
-//! its host before the backward pass,
+//! A port is condensed onto its host before the backward pass,
 //!
 //! ```text
 //! I_A = M_bb - M_be M_ee^-1 M_eb,     p_A = h_b + M_be M_ee^-1 (tau_e - h_e),
@@ -25,7 +24,7 @@ pub struct SingularInertia {
     pub at: String,
 }
 
-/// Accelerations for given forces: `a = H^-1 (tau - c)`.
+/// Accelerations for given forces, as [`crate::forward_dynamics`], which calls this for long chains.
 ///
 /// `tau = [external base wrench | joint torques | external passive forces]`, all `nv` long; springs, dampers,
 /// gravity and [`Work::set_external`] are added by the model. Does not allocate except for the error.
@@ -35,7 +34,7 @@ pub struct SingularInertia {
 ///
 /// # Panics
 /// If a slice has the wrong length.
-pub fn forward_dynamics<T: ModelScalar>(
+pub fn aba<T: ModelScalar>(
     model: &Model,
     params: &Params<T>,
     state: &State<T>,
@@ -76,58 +75,6 @@ pub fn forward_dynamics<T: ModelScalar>(
         let qdd = (work.ut[i] - acc.dot(&work.u[i])) * work.dinv[i];
         a[nb + i - 1] = qdd;
         work.a[i] = acc + s.scaled(qdd);
-    }
-    passive_accelerations(model, work, &mut a[nb + nj..]);
-    Ok(())
-}
-
-/// Base and passive accelerations and joint torques for prescribed joint accelerations.
-///
-/// This is the form of a position-controlled arm on a free base: joint motion in, everything else out.
-/// `qdd` has length `n`; on return `a` (`nv`) holds all accelerations (the joint part copied from `qdd`) and
-/// `tau` (`n`) the joint torques. Does not allocate except for the error.
-///
-/// # Errors
-/// [`SingularInertia`] where a pivot is not positive.
-///
-/// # Panics
-/// If a slice has the wrong length.
-pub fn hybrid_dynamics<T: ModelScalar>(
-    model: &Model,
-    params: &Params<T>,
-    state: &State<T>,
-    qdd: &[T],
-    work: &mut Work<T>,
-    a: &mut [T],
-    tau: &mut [T],
-) -> Result<(), SingularInertia> {
-    let (nb, nj) = (model.nb(), model.nj());
-    assert_eq!(qdd.len(), nj, "qdd length");
-    assert_eq!(tau.len(), nj, "tau length");
-    assert_eq!(a.len(), model.nv(), "acceleration length");
-    let none = std::mem::take(&mut work.zeros);
-    let prepared = prepare(model, params, state, &none[..model.np()], work);
-    work.zeros = none;
-    prepared?;
-    let qd = state.qd();
-    for i in (1..model.n_bodies()).rev() {
-        let s = work.joint_motion(model, i);
-        let c = work.v[i].cross(&s.scaled(qd[i - 1])) + s.scaled(qdd[i - 1]);
-        let pa = work.pa[i] + mul6(&work.ia[i], &c);
-        let parent = model.bodies()[i - 1].parent;
-        let ia = work.ia[i];
-        work.ia[parent] += inertia_to_parent(&ia, &work.x[i]);
-        let up = work.x[i].force_to_parent(&pa);
-        work.pa[parent] += up;
-    }
-    root(model, state, Force::zero(), work, a)?;
-    for i in 1..model.n_bodies() {
-        let s = work.joint_motion(model, i);
-        let parent = model.bodies()[i - 1].parent;
-        work.a[i] =
-            work.x[i].motion_to_child(&work.a[parent]) + work.v[i].cross(&s.scaled(qd[i - 1])) + s.scaled(qdd[i - 1]);
-        tau[i - 1] = s.dot(&(mul6(&work.ia[i], &work.a[i]) + work.pa[i]));
-        a[nb + i - 1] = qdd[i - 1];
     }
     passive_accelerations(model, work, &mut a[nb + nj..]);
     Ok(())

@@ -1,7 +1,11 @@
 //! The mass matrix by the composite-rigid-body algorithm (CRBA).
 
 use crate::state::State;
+use crate::tree::{self, Link};
 use crate::work::{PortWork, Work};
+use ff_lanes::Kernel;
+use ff_model::by_turn;
+use ff_model::vec3::{Ten, V3};
 use ff_model::{Force, Inertia, Model, ModelScalar, Motion, Params};
 use nalgebra::DMatrix;
 
@@ -20,68 +24,123 @@ pub fn mass_matrix<T: ModelScalar>(
     work: &mut Work<T>,
     h: &mut DMatrix<T>,
 ) {
-    work.place(model, &state.q);
-    work.port_inertias(model, params, &state.eta);
+    assert_eq!(h.shape(), (model.nv(), model.nv()), "mass matrix shape");
+    let sparse = model.appendages().len() + model.nj() > 0;
+    T::enter(Crba { model, params, state, work, h: h.as_mut_slice(), sparse });
+}
+
+struct Crba<'a, T: ModelScalar> {
+    model: &'a Model,
+    params: &'a Params<T>,
+    state: &'a State<T>,
+    work: &'a mut Work<T>,
+    h: &'a mut [T],
+    sparse: bool,
+}
+
+impl<T: ModelScalar> Kernel for Crba<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { model, params, state, work, h, sparse } = self;
+        let nv = model.nv();
+        tree::place(&mut work.links, &state.q);
+        work.port_inertias(model, params, &state.eta);
+        if sparse {
+            // Pairs of which neither carries the other stay zero.
+            for x in h.iter_mut() {
+                *x = T::zero();
+            }
+        }
+        composite(params, model, work);
+        columns(model, work, h);
+        for i in 0..nv {
+            for j in 0..i {
+                h[j * nv + i] = h[i * nv + j];
+            }
+        }
+    }
+}
+
+/// Composite inertias of all bodies, ports included; needs the poses and `M` of the ports.
+#[inline(always)]
+pub(crate) fn composite<T: ModelScalar>(params: &Params<T>, model: &Model, work: &mut Work<T>) {
+    for (i, l) in work.links.iter_mut().enumerate() {
+        l.ic = Ten::from(params.body(i));
+    }
+    for (ap, p) in model.appendages().iter().zip(&work.ports) {
+        work.links[ap.host].ic.add(&p.hung());
+    }
+    tree::compose(&mut work.links);
+}
+
+/// Writes every element of the mass matrix that can differ from zero between a degree of freedom and its
+/// ancestors into row `descendant` of the row-major lower triangle, which is column `descendant` of the upper one
+/// by columns; needs [`composite`]. Ports get their coupling at the base.
+#[inline(always)]
+pub(crate) fn columns<T: ModelScalar>(model: &Model, work: &mut Work<T>, h: &mut [T]) {
     let (nb, nj, nv) = (model.nb(), model.nj(), model.nv());
-    assert_eq!(h.shape(), (nv, nv), "mass matrix shape");
-    h.fill(T::zero());
-    for i in 0..model.n_bodies() {
-        work.ic[i] = *params.body(i);
-    }
-    for (k, ap) in model.appendages().iter().enumerate() {
-        let hung = host_block(&work.ports[k]).to_parent(&work.ports[k].mount);
-        work.ic[ap.host] += hung;
-    }
-    for i in (1..model.n_bodies()).rev() {
-        let up = work.ic[i].to_parent(&work.x[i]);
-        work.ic[model.bodies()[i - 1].parent] += up;
-    }
+    let links = &work.links[..];
     if nb == 6 {
-        h.fixed_view_mut::<6, 6>(0, 0).copy_from(&work.ic[0].to_matrix());
+        let Ten { m, h: c, i } = links[0].ic;
+        let z = T::zero();
+        let rows = [
+            [m, z, z, z, z, z],
+            [z, m, z, z, z, z],
+            [z, z, m, z, z, z],
+            [z, -c.z, c.y, i.xx, z, z],
+            [c.z, z, -c.x, i.xy, i.yy, z],
+            [-c.y, c.x, z, i.xz, i.yz, i.zz],
+        ];
+        for (k, row) in rows.iter().enumerate() {
+            h[k * nv..k * nv + k + 1].copy_from_slice(&row[..=k]);
+        }
     }
-    for i in 1..model.n_bodies() {
-        let s = work.joint_motion(model, i);
-        let f = work.ic[i].mul_motion(&s);
-        h[(nb + i - 1, nb + i - 1)] = s.dot(&f);
-        carry(model, work, h, i, f, nb + i - 1);
+    for i in 1..links.len() {
+        let own = nb + i - 1;
+        let row = &mut h[own * nv..(own + 1) * nv];
+        let (f, n);
+        (row[own], (f, n)) = by_turn!(T, links[i].pose.turn, K => {
+            let (f, n) = links[i].axis_momentum::<K>();
+            (links[i].joint_force::<K>(&f, &n), links[i].pose.wrench_up::<K>(&f, &n))
+        });
+        carry(links, nb, links[i].parent, f, n, row);
     }
-    for (k, ap) in model.appendages().iter().enumerate() {
-        let p = &work.ports[k];
+    for (ap, p) in model.appendages().iter().zip(&mut work.ports) {
         let first = nb + nj + ap.coord_offset;
-        for j in 0..ap.dim() {
-            for l in 0..ap.dim() {
-                h[(first + j, first + l)] = p.m(6 + j, 6 + l);
-            }
-            let f = p.mount.force_to_parent(&p.coupling(j));
-            if ap.host > 0 {
-                let s = work.joint_motion(model, ap.host);
-                set(h, nb + ap.host - 1, first + j, s.dot(&f));
-            }
-            carry(model, work, h, ap.host, f, first + j);
+        let dim = 6 + p.n;
+        for j in 0..p.n {
+            let row = &mut h[(first + j) * nv..(first + j + 1) * nv];
+            row[first..=first + j].copy_from_slice(&p.m[(6 + j) * dim + 6..(6 + j) * dim + 7 + j]);
+            let (f, n) = p.pull(j);
+            let (f, n) = p.up(&f, &n);
+            p.g[j] = carry(links, nb, ap.host, f, n, row);
         }
     }
 }
 
-fn set<T: ModelScalar>(h: &mut DMatrix<T>, i: usize, j: usize, x: T) {
-    h[(i, j)] = x;
-    h[(j, i)] = x;
-}
-
-/// Carries the wrench `f` on body `i` to the root, filling column (and row) `col` on the way.
-fn carry<T: ModelScalar>(model: &Model, work: &Work<T>, h: &mut DMatrix<T>, mut i: usize, mut f: Force<T>, col: usize) {
-    let nb = model.nb();
+/// Carries a wrench on body `i` to the root and writes the joint forces and the base wrench into `row`.
+#[inline(always)]
+pub(crate) fn carry<T: ModelScalar>(
+    links: &[Link<T>],
+    nb: usize,
+    mut i: usize,
+    mut f: V3<T>,
+    mut n: V3<T>,
+    row: &mut [T],
+) -> (V3<T>, V3<T>) {
     while i > 0 {
-        f = work.x[i].force_to_parent(&f);
-        i = model.bodies()[i - 1].parent;
-        if i > 0 {
-            set(h, nb + i - 1, col, work.joint_motion(model, i).dot(&f));
-        }
+        let l = &links[i];
+        (row[nb + i - 1], (f, n)) =
+            by_turn!(T, l.pose.turn, K => (l.joint_force::<K>(&f, &n), l.pose.wrench_up::<K>(&f, &n)));
+        i = l.parent;
     }
     if nb == 6 {
-        for r in 0..6 {
-            set(h, r, col, f.get(r));
-        }
+        let row = &mut row[..6];
+        f.write_to(row);
+        n.write_to(&mut row[3..]);
     }
+    (f, n)
 }
 
 /// The host block of a port as a rigid body: with its own rates zero an appendage moves with its host, so

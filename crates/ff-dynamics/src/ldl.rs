@@ -8,7 +8,7 @@ use ff_model::Scalar;
 ///
 /// Returns false when a pivot is not positive and finite (the matrix is then not positive definite and the
 /// contents are meaningless).
-#[inline]
+#[inline(always)]
 pub fn factor<T: Scalar>(a: &mut [T], n: usize) -> bool {
     let mut ok = true;
     for j in 0..n {
@@ -17,7 +17,7 @@ pub fn factor<T: Scalar>(a: &mut [T], n: usize) -> bool {
             let l = a[j * n + k];
             d -= l * l * a[k * n + k];
         }
-        ok &= d.value() > 0.0 && d.is_finite();
+        ok &= d.is_positive();
         a[j * n + j] = d;
         let inv = T::one() / d;
         for i in j + 1..n {
@@ -32,7 +32,7 @@ pub fn factor<T: Scalar>(a: &mut [T], n: usize) -> bool {
 }
 
 /// Solves `L D L^T x = b` in place of `b` with a factorisation from [`factor`].
-#[inline]
+#[inline(always)]
 pub fn solve<T: Scalar>(l: &[T], n: usize, b: &mut [T]) {
     for i in 0..n {
         let mut s = b[i];
@@ -45,6 +45,53 @@ pub fn solve<T: Scalar>(l: &[T], n: usize, b: &mut [T]) {
         let mut s = b[i] / l[i * n + i];
         for k in i + 1..n {
             s -= l[k * n + i] * b[k];
+        }
+        b[i] = s;
+    }
+}
+
+/// [`factor`] for a size known to the compiler, with `1/D` on the diagonal. Only the lower triangle is read.
+#[inline(always)]
+pub(crate) fn factor_fixed<T: Scalar, const N: usize>(a: &mut [[T; N]; N]) -> bool {
+    let mut ok = true;
+    for j in 0..N {
+        // Column j of L D, then of L.
+        let mut v = [T::zero(); N];
+        for k in 0..j {
+            v[k] = a[j][k];
+            // The rows above hold L; row j still holds L D of the columns done.
+        }
+        let mut d = a[j][j];
+        for k in 0..j {
+            let l = v[k] * a[k][k];
+            d = (-l).mul_add(v[k], d);
+            a[j][k] = l;
+        }
+        ok &= d.is_positive();
+        a[j][j] = T::one() / d;
+        for i in j + 1..N {
+            let mut s = a[i][j];
+            for k in 0..j {
+                s = (-a[i][k]).mul_add(a[j][k], s);
+            }
+            a[i][j] = s;
+        }
+    }
+    ok
+}
+
+/// Solves with a factorisation from [`factor_fixed`].
+#[inline(always)]
+pub(crate) fn solve_fixed<T: Scalar, const N: usize>(l: &[[T; N]; N], b: &mut [T; N]) {
+    for i in 0..N {
+        for k in 0..i {
+            b[i] = (-l[i][k]).mul_add(b[k], b[i]);
+        }
+    }
+    for i in (0..N).rev() {
+        let mut s = b[i] * l[i][i];
+        for k in i + 1..N {
+            s = (-l[k][i]).mul_add(b[k], s);
         }
         b[i] = s;
     }
@@ -65,6 +112,13 @@ mod tests {
         for i in 0..3 {
             let r: f64 = (0..3).map(|j| a0[3 * i + j] * b[j]).sum();
             assert_relative_eq!(r, [0.3, -1.1, 0.8][i], max_relative = 1e-14);
+        }
+        let mut f = [[4.0, 1.2, -0.7], [1.2, 3.1, 0.4], [-0.7, 0.4, 2.2]];
+        assert!(factor_fixed(&mut f));
+        let mut x = [0.3, -1.1, 0.8];
+        solve_fixed(&f, &mut x);
+        for i in 0..3 {
+            assert_relative_eq!(x[i], b[i], max_relative = 1e-14);
         }
         assert!(!factor(&mut [1.0, 2.0, 2.0, 1.0], 2));
         assert!(!factor(&mut [f64::NAN], 1));

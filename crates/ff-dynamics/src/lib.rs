@@ -8,9 +8,10 @@
 //! |---|---|
 //! | forces for a motion | [`mod@rnea`] |
 //! | mass matrix, blocks of eq. (2), condition | [`crba`], [`blocks`], [`mod@conditioning`] |
-//! | motion for forces; prescribed joints | [`aba`] |
+//! | motion for forces; prescribed joints | [`forward`], [`mod@aba`] |
 //! | momentum, energy, dissipation; centroidal momentum matrix | [`momentum`], [`mod@centroidal`] |
 //! | dependence on parameters | [`mod@regressor`] |
+//! | dependence on positions and velocities | [`derivatives`] |
 //! | prescribed arm condensed; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
 //! | joint motions | [`motion`], [`bspline`] |
 //! | frequencies and damping | [`mod@modes`] |
@@ -23,9 +24,12 @@ pub mod bspline;
 pub mod centroidal;
 pub mod conditioning;
 pub mod crba;
+pub mod derivatives;
+pub mod forward;
 pub mod frames;
 pub mod integrate;
 pub mod ldl;
+mod ltl;
 pub mod modes;
 pub mod momentum;
 pub mod motion;
@@ -37,13 +41,16 @@ pub mod sensitivity;
 pub mod sensors;
 pub mod simulate;
 pub mod state;
+mod tree;
 mod work;
 
-pub use aba::{SingularInertia, forward_dynamics, hybrid_dynamics};
+pub use aba::{SingularInertia, aba};
 pub use blocks::MassBlocks;
 pub use centroidal::{Centroidal, CentroidalRate};
 pub use conditioning::{Conditioning, conditioning};
 pub use crba::mass_matrix;
+pub use derivatives::{Derivatives, hybrid_columns, rnea_derivatives};
+pub use forward::{forward_dynamics, hybrid_dynamics};
 pub use frames::{frame_jacobian, frame_pose};
 pub use modes::{Boundary, Mode, modes};
 pub use momentum::{Budget, budget};

@@ -1,9 +1,13 @@
 //! The regressor: how generalised forces depend on the inertial parameters of the bodies.
 
 use crate::state::State;
+use crate::tree;
 use crate::work::Work;
+use ff_lanes::Kernel;
+use ff_model::by_turn;
+use ff_model::vec3::V3;
 use ff_model::{
-    D1, DynAppendage, Force, Grad, Model, ModelScalar, Motion, ParamGroup, Params, PortMatrix, PortState,
+    D1, DynAppendage, Force, Grad, LaneScalar, Model, ModelScalar, Motion, ParamGroup, Params, PortMatrix, PortState,
     scalar::DIRECTIONS,
 };
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -54,72 +58,105 @@ fn skew<T: ModelScalar>(v: &Vector3<T>) -> Matrix3<T> {
 /// `Y = d tau / d p` at fixed motion, `nv x n_params`, in the order of [`Model::param_decls`].
 ///
 /// Rows as in [`crate::rnea()`]: base wrench, joint torques, passive rows. For the bodies `tau = Y phi`
-/// holds exactly; appendage columns are exact derivatives of the port equations. A
-/// rigid model has `n_params = 10 n_bodies` and no appendage columns. Allocates buffers per appendage.
+/// holds exactly; appendage columns are exact derivatives of the port equations
+/// ([`ff_model::Appendage::regressor`]). A rigid model has `n_params = 10 n_bodies` and no appendage columns.
+///
+/// Each row is the screw of its degree of freedom, carried outwards to the bodies it moves, contracted with
+/// their motion ([`ff_model::vec3::Moving::powers`]). Does not allocate.
 ///
 /// # Panics
 /// If a shape is wrong.
-pub fn regressor(
+pub fn regressor<T: LaneScalar>(
     model: &Model,
-    params: &Params<f64>,
-    state: &State<f64>,
-    a: &[f64],
-    work: &mut Work<f64>,
-    y: &mut DMatrix<f64>,
+    params: &Params<T>,
+    state: &State<T>,
+    a: &[T],
+    work: &mut Work<T>,
+    y: &mut DMatrix<T>,
 ) {
-    let (nb, nj, nv) = (model.nb(), model.nj(), model.nv());
-    assert_eq!(a.len(), nv, "acceleration length");
-    assert_eq!(y.shape(), (nv, model.n_params()), "regressor shape");
-    y.fill(0.0);
-    work.place(model, &state.q);
-    work.twists(model, state);
-    accelerations(model, state, a, work);
-    for b in 0..model.n_bodies() {
-        for (k, f) in body_regressor(&work.v[b], &work.a[b]).iter().enumerate() {
-            carry(model, work, y, b, *f, 10 * b + k);
+    assert_eq!(a.len(), model.nv(), "acceleration length");
+    assert_eq!(y.shape(), (model.nv(), model.n_params()), "regressor shape");
+    T::enter(Regressor { model, params, state, a, work, y: y.as_mut_slice() });
+}
+
+struct Regressor<'a, T: LaneScalar> {
+    model: &'a Model,
+    params: &'a Params<T>,
+    state: &'a State<T>,
+    a: &'a [T],
+    work: &'a mut Work<T>,
+    y: &'a mut [T],
+}
+
+impl<T: LaneScalar> Kernel for Regressor<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { model, params, state, a, work, y } = self;
+        let (nb, nj, nv) = (model.nb(), model.nj(), model.nv());
+        for x in y.iter_mut() {
+            *x = T::zero();
         }
-    }
-    for (k, ap) in model.appendages().iter().enumerate() {
-        let r = ap.coord_offset..ap.coord_offset + ap.dim();
-        let host = work.ports[k].mount.motion_to_child(&work.a[ap.host]);
-        let p = params.appendage(model, k);
-        let s = PortState { host: work.ports[k].v, eta: &state.eta[r.clone()], nu: &state.nu()[r.clone()] };
-        let acc = &a[nb + nj + r.start..nb + nj + r.end];
-        let mount = work.ports[k].mount;
-        let wanted: Vec<(usize, usize)> = (0..p.len()).map(|j| (j, ap.param_offset + j)).collect();
-        PortDerivatives::new(&*ap.appendage, &wanted).evaluate(&*ap.appendage, p, &s, &host, acc, |col, d| {
-            for i in 0..ap.dim() {
-                y[(nb + nj + r.start + i, col)] = d[6 + i];
+        let links = &mut work.links[..];
+        tree::place(links, &state.q);
+        tree::move_all(model, state, a, links);
+        // Screws of all degrees of freedom that move body b, in its frame: base, then joints.
+        let per = 6 + nj;
+        let screws = &mut work.screws[..];
+        for k in 0..3 {
+            let mut e = [T::zero(); 3];
+            e[k] = T::one();
+            screws[k] = (V3::from_slice(&e), V3::zero());
+            screws[3 + k] = (V3::zero(), V3::from_slice(&e));
+        }
+        for b in 0..links.len() {
+            if b > 0 {
+                let (inner, own) = screws.split_at_mut(b * per);
+                let from = &inner[links[b].parent * per..][..per];
+                let l = &links[b];
+                by_turn!(T, l.pose.turn, K => {
+                    for k in 6 - nb..6 {
+                        own[k] = l.pose.screw_down::<K>(&from[k].0, &from[k].1);
+                    }
+                    let mut j = l.parent;
+                    while j > 0 {
+                        own[5 + j] = l.pose.screw_down::<K>(&from[5 + j].0, &from[5 + j].1);
+                        j = links[j].parent;
+                    }
+                });
+                own[5 + b] = l.screw();
             }
-            carry(model, work, y, ap.host, mount.force_to_parent(&Force::from_slice(d)), col);
-        });
-    }
-}
-
-/// Fills `work.a` with body accelerations (gravity included) for generalised accelerations `a`.
-fn accelerations(model: &Model, state: &State<f64>, a: &[f64], work: &mut Work<f64>) {
-    let nb = model.nb();
-    let base = if nb == 6 { Motion::from_slice(a) } else { Motion::zero() };
-    work.a[0] = base + Work::gravity(model, state);
-    for i in 1..model.n_bodies() {
-        let s = work.joint_motion(model, i);
-        work.a[i] = work.x[i].motion_to_child(&work.a[model.bodies()[i - 1].parent])
-            + s.scaled(a[nb + i - 1])
-            + work.v[i].cross(&s.scaled(state.qd()[i - 1]));
-    }
-}
-
-/// Adds a wrench on body `i` to column `col` of every joint on the way to the root, and to the base rows.
-fn carry(model: &Model, work: &Work<f64>, y: &mut DMatrix<f64>, mut i: usize, mut f: Force<f64>, col: usize) {
-    let nb = model.nb();
-    while i > 0 {
-        y[(nb + i - 1, col)] += work.joint_motion(model, i).dot(&f);
-        f = work.x[i].force_to_parent(&f);
-        i = model.bodies()[i - 1].parent;
-    }
-    if nb == 6 {
-        for r in 0..6 {
-            y[(r, col)] += f.get(r);
+            let motion = links[b].moving();
+            let block = &mut y[10 * b * nv..(10 * b + 10) * nv];
+            let mut row = |r: usize, s: &(V3<T>, V3<T>)| {
+                for (k, x) in motion.powers(&s.0, &s.1).into_iter().enumerate() {
+                    block[k * nv + r] = x;
+                }
+            };
+            let own = &screws[b * per..(b + 1) * per];
+            for k in 0..nb {
+                row(k, &own[k]);
+            }
+            let mut j = b;
+            while j > 0 {
+                row(nb + j - 1, &own[5 + j]);
+                j = links[j].parent;
+            }
+        }
+        for (k, (ap, port)) in model.appendages().iter().zip(&mut work.ports).enumerate() {
+            let p = params.appendage(model, k);
+            let dim = 6 + port.n;
+            let mut columns = std::mem::take(&mut port.d);
+            tree::port_motion(model, state, a, ap, port, &links[ap.host], |s, acc| {
+                T::tangent(&*ap.appendage).regressor(p, s, acc, &mut columns);
+            });
+            for (c, d) in columns[..p.len() * dim].chunks_exact(dim).enumerate() {
+                let col = &mut y[(ap.param_offset + c) * nv..][..nv];
+                col[nb + nj + ap.coord_offset..][..port.n].copy_from_slice(&d[6..]);
+                let (f, n) = port.up(&V3::from_slice(d), &V3::from_slice(&d[3..]));
+                crate::crba::carry(links, nb, ap.host, f, n, col);
+            }
+            port.d = columns;
         }
     }
 }

@@ -1,6 +1,7 @@
 //! A motion over time: prescribed joint motion or joint torques in, everything observable out.
 
-use crate::aba::{SingularInertia, forward_dynamics, hybrid_dynamics};
+use crate::aba::SingularInertia;
+use crate::forward::{forward_dynamics, hybrid_dynamics};
 use crate::integrate::{QUADRATURES, Rkmk4};
 use crate::momentum::{Budget, budget};
 use crate::motion::JointMotion;

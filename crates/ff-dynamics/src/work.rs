@@ -1,8 +1,11 @@
 //! Buffers of the algorithms, and the kinematic passes they share.
 
+use crate::derivatives::Node;
 use crate::state::State;
+use crate::tree::Link;
 use ff_model::small::{mm, mv};
 use ff_model::so3::quat_to_rot;
+use ff_model::vec3::{Pose, S3, Ten, Turn, V3, turn};
 use ff_model::{Force, Inertia, JointKind, Model, ModelScalar, Motion, Params, PortMatrix, PortState, Xform};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
@@ -23,13 +26,77 @@ pub(crate) struct PortWork<T: ModelScalar> {
     pub(crate) gain: Vec<T>,
     /// `M_ee^-1 (tau_e - h_e)`, `n`.
     pub(crate) free: Vec<T>,
+    /// Number of coordinates.
+    pub(crate) n: usize,
+    /// Mount pose as the fast passes hold it.
+    pub(crate) pose: Pose<T>,
+    /// Residual, `6+n`.
+    pub(crate) r: Vec<T>,
+    /// Columns of `M_be` carried to the base, force and moment.
+    pub(crate) g: Vec<(V3<T>, V3<T>)>,
+    /// Derivative columns of the port equations.
+    pub(crate) d: Vec<T>,
 }
 
 impl<T: ModelScalar> PortWork<T> {
-    fn new(mount: Xform<T>, n: usize) -> Self {
+    fn new(a: &ff_model::Mounted) -> Self {
+        let n = a.dim();
         let z = |k: usize| vec![T::zero(); k];
         let dim = 6 + n;
-        Self { mount, v: Motion::zero(), m: z(dim * dim), h: z(dim), ee: z(n * n), gain: z(6 * n), free: z(n) }
+        Self {
+            mount: a.mount.lift(),
+            v: Motion::zero(),
+            m: z(dim * dim),
+            h: z(dim),
+            ee: z(n * n),
+            gain: z(6 * n),
+            free: z(n),
+            n,
+            pose: Pose::constant(&a.mount),
+            r: z(dim),
+            g: vec![(V3::zero(), V3::zero()); n],
+            d: z(dim * a.decl().params.len().max(3 + 2 * n)),
+        }
+    }
+    /// Adds the host rows of the residual to the host's wrench.
+    #[inline(always)]
+    pub(crate) fn press(&self, host: &mut Link<T>) {
+        let (f, n) = self.up(&V3::from_slice(&self.r), &V3::from_slice(&self.r[3..]));
+        host.f += f;
+        host.n += n;
+    }
+    /// A wrench in the mount frame, in the host's.
+    #[inline(always)]
+    pub(crate) fn up(&self, f: &V3<T>, n: &V3<T>) -> (V3<T>, V3<T>) {
+        match self.pose.turn {
+            Turn::None if !T::DERIVATIVES => self.pose.wrench_up::<{ turn::NONE }>(f, n),
+            _ => self.pose.wrench_up::<{ turn::ANY }>(f, n),
+        }
+    }
+    /// The host block as a body in the host frame.
+    #[inline(always)]
+    pub(crate) fn hung(&self) -> Ten<T> {
+        match self.pose.turn {
+            Turn::None if !T::DERIVATIVES => self.pose.body_up::<{ turn::NONE }>(&self.host_ten()),
+            _ => self.pose.body_up::<{ turn::ANY }>(&self.host_ten()),
+        }
+    }
+    /// `M_bb` as a rigid body in the mount frame: with its own rates zero an appendage moves with its host, so
+    /// the block has the ten-parameter structure (checked by the conformance suite, not here).
+    #[inline(always)]
+    pub(crate) fn host_ten(&self) -> Ten<T> {
+        let m = |i: usize, j: usize| self.m[i * (6 + self.n) + j];
+        Ten {
+            m: m(0, 0),
+            h: V3::new(m(5, 1), m(3, 2), m(4, 0)),
+            i: S3 { xx: m(3, 3), xy: m(4, 3), yy: m(4, 4), xz: m(5, 3), yz: m(5, 4), zz: m(5, 5) },
+        }
+    }
+    /// Column `k` of `M_be`, force and moment on the host per unit own acceleration, mount frame.
+    #[inline(always)]
+    pub(crate) fn pull(&self, k: usize) -> (V3<T>, V3<T>) {
+        let row = &self.m[(6 + k) * (6 + self.n)..];
+        (V3::from_slice(row), V3::from_slice(&row[3..]))
     }
     /// `M[i][j]` of a port with `n` coordinates.
     #[inline(always)]
@@ -88,8 +155,20 @@ pub struct Work<T: ModelScalar> {
     pub(crate) ports: Vec<PortWork<T>>,
     /// Wrenches applied from outside, on each body in its own frame; zero unless set.
     pub(crate) external: Vec<Force<T>>,
+    /// Whether any of them was ever set.
+    pub(crate) has_external: bool,
     /// Zero accelerations, length `nv`.
     pub(crate) zeros: Vec<T>,
+    /// Bodies as the fast passes hold them.
+    pub(crate) links: Vec<Link<T>>,
+    /// Parent of every degree of freedom in the sparse mass matrix; itself at the root.
+    pub(crate) dof_parent: Vec<usize>,
+    /// Mass matrix, row-major, lower triangle.
+    pub(crate) lower: Vec<T>,
+    /// Per body, the screws of the base and of the joints that move it, in its frame: `6 + nj` each.
+    pub(crate) screws: Vec<(V3<T>, V3<T>)>,
+    /// Bodies in base axes, for the derivatives.
+    pub(crate) nodes: Vec<Node<T>>,
 }
 
 impl<T: ModelScalar> Work<T> {
@@ -115,9 +194,15 @@ impl<T: ModelScalar> Work<T> {
             u: vec![Force::zero(); nb],
             dinv: vec![T::zero(); nb],
             ut: vec![T::zero(); nb],
-            ports: model.appendages().iter().map(|a| PortWork::new(a.mount.lift(), a.dim())).collect(),
+            ports: model.appendages().iter().map(PortWork::new).collect(),
             external: vec![Force::zero(); nb],
+            has_external: false,
             zeros: vec![T::zero(); model.nv()],
+            links: std::iter::once(Link::base()).chain(model.bodies().iter().map(Link::new)).collect(),
+            dof_parent: dof_parents(model),
+            lower: vec![T::zero(); model.nv().pow(2)],
+            screws: vec![(V3::zero(), V3::zero()); nb * (6 + model.nj())],
+            nodes: vec![Node::zero(); nb],
         }
     }
     /// Applies a wrench (N, N m; body frame, about the body origin) on a body in every later call, until
@@ -127,6 +212,7 @@ impl<T: ModelScalar> Work<T> {
     /// If the body does not exist.
     pub fn set_external(&mut self, body: usize, wrench: Force<T>) {
         self.external[body] = wrench;
+        self.has_external = true;
     }
     /// Pose of body `i` in its parent, from the last pass.
     pub(crate) fn joint_motion(&self, model: &Model, i: usize) -> Motion<T> {
@@ -189,6 +275,23 @@ impl<T: ModelScalar> Work<T> {
         }
         Motion::new(-quat_to_rot(&state.att).tr_mul(&g.map(T::from_f64)), Vector3::zeros())
     }
+}
+
+/// Parent of every degree of freedom: the one before in the base and within an appendage, the joint of the
+/// parent body, the joint of the host. `H` has an entry only between a degree of freedom and its ancestors
+/// (Featherstone 2008, sec. 6.4).
+fn dof_parents(model: &Model) -> Vec<usize> {
+    let (nb, nj) = (model.nb(), model.nj());
+    let of_body = |body: usize| if body > 0 { Some(nb + body - 1) } else { nb.checked_sub(1) };
+    let mut parent: Vec<usize> = (0..nb).map(|i| i.saturating_sub(1)).collect();
+    parent.extend(model.bodies().iter().enumerate().map(|(i, b)| of_body(b.parent).unwrap_or(nb + i)));
+    for a in model.appendages() {
+        for j in 0..a.dim() {
+            let own = nb + nj + a.coord_offset + j;
+            parent.push(if j > 0 { own - 1 } else { of_body(a.host).unwrap_or(own) });
+        }
+    }
+    parent
 }
 
 /// Rotation about a unit axis: `1 + s [u]x + (1 - c) [u]x^2` (Rodrigues).

@@ -22,10 +22,14 @@
 //! obtains `h` from the three energies by forward differentiation, so that momentum conservation, energy
 //! balance and "damping dissipates" hold by construction.
 
+mod derived;
+
 use crate::dual::Dual;
-use crate::scalar::{D1, D2, Grad, Scalar};
+use crate::scalar::{D1, D2, Grad, LaneScalar, Scalar};
 use crate::spatial::Motion;
 use crate::twin::TwinBody;
+use ff_lanes::{Kernel, Portable4};
+use nalgebra::Vector3;
 use serde::Serialize;
 
 /// Most coordinates one appendage may declare; buffers of the derived bias live on the stack.
@@ -118,6 +122,15 @@ pub struct PortState<'a, T: Scalar> {
     pub nu: &'a [T],
 }
 
+/// Accelerations at a port.
+#[derive(Clone, Copy, Debug)]
+pub struct PortAccel<'a, T: Scalar> {
+    /// Host acceleration at the mount origin, in mount axes: the componentwise derivative of [`PortState::host`].
+    pub host: Motion<T>,
+    /// Own accelerations.
+    pub nu: &'a [T],
+}
+
 /// A symmetric `(6+n) x (6+n)` matrix over (host twist, own rates), zero when handed out.
 #[derive(Debug)]
 pub struct PortMatrix<'a, T> {
@@ -130,11 +143,23 @@ impl<'a, T: Scalar> PortMatrix<'a, T> {
     ///
     /// # Panics
     /// If `buffer` is too short.
+    #[inline(always)]
     pub fn new(n: usize, buffer: &'a mut [T]) -> Self {
         let dim = 6 + n;
         let a = &mut buffer[..dim * dim];
-        a.fill(T::zero());
+        for x in a.iter_mut() {
+            *x = T::zero();
+        }
         Self { dim, a }
+    }
+    /// Tells the compiler the size, once, where the caller knows it: writing elements is then free of checks.
+    ///
+    /// # Panics
+    /// If the matrix is not that of `n` coordinates.
+    #[inline(always)]
+    pub fn expect(&mut self, n: usize) {
+        assert!(self.dim == 6 + n && self.a.len() == (6 + n) * (6 + n));
+        self.dim = 6 + n;
     }
     /// Number of rows, `6 + n`.
     pub fn dim(&self) -> usize {
@@ -174,8 +199,28 @@ impl<'a, T: Scalar> PortMatrix<'a, T> {
         let y = self.get(i, j) + x;
         self.set_sym(i, j, y);
     }
+    /// Sets the host block to a body's spatial inertia.
+    #[inline(always)]
+    pub fn set_host(&mut self, b: &crate::vec3::Ten<T>) {
+        let (h, i) = (b.h, b.i);
+        for k in 0..3 {
+            self.set(k, k, b.m);
+        }
+        self.set_sym(3, 3, i.xx);
+        self.set_sym(4, 3, i.xy);
+        self.set_sym(4, 4, i.yy);
+        self.set_sym(5, 3, i.xz);
+        self.set_sym(5, 4, i.yz);
+        self.set_sym(5, 5, i.zz);
+        self.set_sym(0, 4, h.z);
+        self.set_sym(0, 5, -h.y);
+        self.set_sym(1, 3, -h.z);
+        self.set_sym(1, 5, h.x);
+        self.set_sym(2, 3, h.y);
+        self.set_sym(2, 4, -h.x);
+    }
     /// Adds a body's spatial inertia to the host block.
-    #[inline]
+    #[inline(always)]
     pub fn add_host(&mut self, b: &crate::inertia::Inertia<T>) {
         let (m, h) = (b.mass, b.h);
         for i in 0..3 {
@@ -190,6 +235,28 @@ impl<'a, T: Scalar> PortMatrix<'a, T> {
         self.add_sym(1, 5, h.x);
         self.add_sym(2, 3, h.y);
         self.add_sym(2, 4, -h.x);
+    }
+    /// Adds a point mass at `r(eta)` (mount frame): `m J^T J` with `J = [1, -[r]x, dr/d eta_0, ..]`, which is its
+    /// kinetic energy `m |v + w x r + sum dr/d eta_k nu_k|^2 / 2`. `dr` holds one vector per coordinate.
+    ///
+    /// With point masses at the nodes of a quadrature rule this serves bodies that deform, too.
+    ///
+    /// # Panics
+    /// If `dr` is longer than the number of coordinates.
+    #[inline]
+    pub fn add_point(&mut self, mass: T, r: &Vector3<T>, dr: &[Vector3<T>]) {
+        self.add_host(&crate::inertia::Inertia::point(mass, r));
+        for (k, d) in dr.iter().enumerate() {
+            let momentum = d * mass;
+            let moment = crate::small::cross(r, &momentum);
+            for i in 0..3 {
+                self.add_sym(i, 6 + k, momentum[i]);
+                self.add_sym(3 + i, 6 + k, moment[i]);
+            }
+            for (j, e) in dr[..=k].iter().enumerate() {
+                self.add_sym(6 + j, 6 + k, crate::small::dot(e, &momentum));
+            }
+        }
     }
 }
 
@@ -232,6 +299,62 @@ pub trait Appendage: Send + Sync + 'static {
     /// `validate::check_appendage` holds the energies to. The only method that may allocate.
     fn twin(&self) -> Option<Vec<TwinBody>> {
         None
+    }
+    /// `M` and `h` of one state together, for appendages that share work between them. For speed alone.
+    fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
+        self.inertia(p, s.eta, m);
+        self.bias(p, s, h);
+    }
+    /// Port equations `r = M [A; nu'] + h`, length `6+n`; `scratch` may be used for `M` and arrives zeroed.
+    ///
+    /// An override is for speed alone and must equal the default.
+    fn residual<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        scratch: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    ) {
+        self.terms(p, s, scratch, r);
+        add_inertial(scratch, acc, r);
+    }
+    /// Derivatives of [`Appendage::residual`] at fixed accelerations, columns of length `6+n`: three for the
+    /// angular velocity of the host, `n` for the coordinates, `n` for the rates.
+    ///
+    /// There is none for the host's linear velocity: the port equations depend on it only through the
+    /// acceleration `A + [w x v; 0]` of the mount point in an inertial frame (Galilean invariance, which
+    /// follows from the form of `M_bb`). The default differentiates [`Appendage::residual`] by forward duals; an
+    /// override is for speed alone and must equal it.
+    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+        derived::by_lane(self, p, s, acc, j, derived::jacobian);
+    }
+    /// Derivatives of [`Appendage::residual`] with respect to the parameters, one column of length `6+n` each.
+    ///
+    /// The default evaluates inertial parameters, in which the equations are linear, at unit vectors, and
+    /// differentiates with respect to the others; an override is for speed alone and must equal it.
+    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        derived::by_lane(self, p, s, acc, y, derived::regressor);
+    }
+}
+
+/// `r += M [A; nu']`: what turns a bias into a residual. Does not allocate.
+///
+/// # Panics
+/// If `r` or the accelerations have another size than `M`.
+#[inline(always)]
+pub fn add_inertial<T: Scalar>(m: &PortMatrix<'_, T>, acc: &PortAccel<'_, T>, r: &mut [T]) {
+    for (i, x) in r.iter_mut().enumerate() {
+        let row = &m.a[i * m.dim..(i + 1) * m.dim];
+        let mut y = *x;
+        for j in 0..3 {
+            y = row[j].mul_add(acc.host.lin.data.0[0][j], y);
+            y = row[3 + j].mul_add(acc.host.ang.data.0[0][j], y);
+        }
+        for (&a, &m) in acc.nu.iter().zip(&row[6..]) {
+            y = m.mul_add(a, y);
+        }
+        *x = y;
     }
 }
 
@@ -310,13 +433,52 @@ pub trait PortModel<T: Scalar> {
     fn rayleigh(&self, p: &[T], nu: &[T]) -> T;
     /// See [`Appendage::bias`].
     fn bias(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>);
+    /// See [`Appendage::terms`].
+    fn terms(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>);
+    /// See [`Appendage::residual`].
+    fn residual(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        scratch: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    );
     /// Power dissipated by the dampers, `nu . dR/d nu >= 0` (W).
     fn dissipated_power(&self, p: &[T], nu: &[T]) -> T;
 }
 
+/// Derivatives of the port equations of an appendage at numbers and lanes.
+pub trait PortTangent<T: LaneScalar> {
+    /// See [`Appendage::jacobian`].
+    fn jacobian(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]);
+    /// See [`Appendage::regressor`].
+    fn regressor(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]);
+}
+
+/// Calls a method of [`Appendage`] in a function compiled for the instructions of the scalar: a trait object's
+/// methods are functions of their own, so whatever instructions the caller was compiled for end at the call.
+macro_rules! entered {
+    ($bound:ident, $this:ident . $method:ident($($arg:ident: $ty:ty),*)) => {{
+        struct Call<'x, 'y, 'z, A, T: $bound> {
+            this: &'x A,
+            $($arg: $ty,)*
+            borrowed: core::marker::PhantomData<(&'x &'y &'z (), T)>,
+        }
+        impl<'x, 'y, 'z, A: Appendage, T: $bound> Kernel for Call<'x, 'y, 'z, A, T> {
+            type Output = ();
+            #[inline(always)]
+            fn run(self) {
+                Appendage::$method(self.this, $(self.$arg),*);
+            }
+        }
+        T::enter(Call::<A, T> { this: $this, $($arg,)* borrowed: core::marker::PhantomData });
+    }};
+}
+
 impl<A: Appendage, T: Scalar> PortModel<T> for A {
     fn inertia(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-        Appendage::inertia(self, p, eta, m);
+        entered!(Scalar, self.inertia(p: &'x [T], eta: &'x [T], m: &'x mut PortMatrix<'z, T>));
     }
     fn potential(&self, p: &[T], eta: &[T]) -> T {
         Appendage::potential(self, p, eta)
@@ -325,7 +487,32 @@ impl<A: Appendage, T: Scalar> PortModel<T> for A {
         Appendage::rayleigh(self, p, nu)
     }
     fn bias(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        Appendage::bias(self, p, s, h);
+        entered!(Scalar, self.bias(p: &'x [T], s: &'x PortState<'y, T>, h: &'x mut PortVector<T>));
+    }
+    fn terms(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
+        if T::DERIVATIVES {
+            Appendage::inertia(self, p, s.eta, m);
+            Appendage::bias(self, p, s, h);
+            return;
+        }
+        entered!(Scalar, self.terms(p: &'x [T], s: &'x PortState<'y, T>, m: &'x mut PortMatrix<'z, T>, h: &'x mut [T]));
+    }
+    fn residual(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        scratch: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    ) {
+        if T::DERIVATIVES {
+            Appendage::inertia(self, p, s.eta, scratch);
+            Appendage::bias(self, p, s, r);
+            add_inertial(scratch, acc, r);
+            return;
+        }
+        entered!(Scalar, self.residual(p: &'x [T], s: &'x PortState<'y, T>, acc: &'x PortAccel<'y, T>,
+            scratch: &'x mut PortMatrix<'z, T>, r: &'x mut [T]));
     }
     fn dissipated_power(&self, p: &[T], nu: &[T]) -> T {
         // A simulation asks for this at every stage: most appendages are small, and clearing buffers for the largest
@@ -352,10 +539,44 @@ fn dissipated_power<A: Appendage, T: Scalar, const N: usize>(appendage: &A, p: &
     Appendage::rayleigh(appendage, &pd[..p.len()], &nd[..nu.len()]).eps[0]
 }
 
+impl<A: Appendage, T: LaneScalar> PortTangent<T> for A {
+    fn jacobian(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+        entered!(LaneScalar, self.jacobian(p: &'x [T], s: &'x PortState<'y, T>, acc: &'x PortAccel<'y, T>, j: &'x mut [T]));
+    }
+    fn regressor(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        entered!(LaneScalar, self.regressor(p: &'x [T], s: &'x PortState<'y, T>, acc: &'x PortAccel<'y, T>, y: &'x mut [T]));
+    }
+}
+
+/// Appendages at the widest number types of the machine's architecture.
+#[cfg(target_arch = "x86_64")]
+pub trait WidePorts:
+    PortModel<ff_lanes::Avx2x4>
+    + PortModel<ff_lanes::Avx512x8>
+    + PortTangent<ff_lanes::Avx2x4>
+    + PortTangent<ff_lanes::Avx512x8>
+{
+}
+/// Appendages at the widest number types of the machine's architecture: none beyond the portable ones here.
+#[cfg(not(target_arch = "x86_64"))]
+pub trait WidePorts {}
+impl<A: Appendage> WidePorts for A {}
+
 /// An appendage behind a trait object, at every number type of the project.
 ///
 /// Implemented for every [`Appendage`]; nobody implements it by hand.
-pub trait DynAppendage: PortModel<f64> + PortModel<D1> + PortModel<Grad> + PortModel<D2> + Send + Sync {
+pub trait DynAppendage:
+    PortModel<f64>
+    + PortModel<D1>
+    + PortModel<Grad>
+    + PortModel<D2>
+    + PortModel<Portable4>
+    + PortTangent<f64>
+    + PortTangent<Portable4>
+    + WidePorts
+    + Send
+    + Sync
+{
     /// Coordinates and parameters.
     fn declaration(&self) -> &Decl;
     /// See [`Appendage::twin`].
@@ -368,5 +589,33 @@ impl<A: Appendage> DynAppendage for A {
     }
     fn tree_twin(&self) -> Option<Vec<TwinBody>> {
         Appendage::twin(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the Jacobian written out: `m J^T J`, twice, since contributions add.
+    #[test]
+    fn a_point_mass_is_its_jacobian_squared() {
+        let (mass, r) = (2.3, Vector3::new(0.4, -0.7, 1.1));
+        let dr = [Vector3::new(0.2, 0.9, -0.3), Vector3::new(-0.6, 0.1, 0.8), Vector3::new(0.5, 0.4, 0.7)];
+        let mut buffer = [0.0; 81];
+        let mut m = PortMatrix::new(3, &mut buffer);
+        m.add_point(mass, &r, &dr);
+        m.add_point(mass, &r, &dr);
+        let mut j = nalgebra::SMatrix::<f64, 3, 9>::zeros();
+        j.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        j.fixed_view_mut::<3, 3>(0, 3).copy_from(&-r.cross_matrix());
+        for k in 0..3 {
+            j.set_column(6 + k, &dr[k]);
+        }
+        let want = j.transpose() * j * (2.0 * mass);
+        for a in 0..9 {
+            for b in 0..9 {
+                assert!((m.get(a, b) - want[(a, b)]).abs() < 1e-14, "({a}, {b}): {} {}", m.get(a, b), want[(a, b)]);
+            }
+        }
     }
 }

@@ -7,6 +7,7 @@
 
 use crate::scalar::Scalar;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+use ff_lanes::{Enter, Kernel};
 use num_traits::{One, Zero};
 
 /// A value with `N` directional derivatives.
@@ -20,7 +21,7 @@ pub struct Dual<T, const N: usize> {
 
 impl<T: Scalar, const N: usize> Dual<T, N> {
     /// A constant: all derivatives zero.
-    #[inline(always)]
+    #[inline]
     pub fn constant(re: T) -> Self {
         Self { re, eps: [T::zero(); N] }
     }
@@ -28,14 +29,14 @@ impl<T: Scalar, const N: usize> Dual<T, N> {
     ///
     /// # Panics
     /// If `i >= N`.
-    #[inline(always)]
+    #[inline]
     pub fn variable(re: T, i: usize) -> Self {
         let mut d = Self::constant(re);
         d.eps[i] = T::one();
         d
     }
     /// `f(self)` from the value `f` and slope `df` at `self.re` (chain rule).
-    #[inline(always)]
+    #[inline]
     fn chain(self, f: T, df: T) -> Self {
         Self { re: f, eps: self.eps.map(|e| e * df) }
     }
@@ -43,7 +44,7 @@ impl<T: Scalar, const N: usize> Dual<T, N> {
 
 impl<T: Scalar> Dual<T, 1> {
     /// Value and derivative in the one direction.
-    #[inline(always)]
+    #[inline]
     pub fn new(re: T, eps: T) -> Self {
         Self { re, eps: [eps] }
     }
@@ -51,7 +52,7 @@ impl<T: Scalar> Dual<T, 1> {
 
 impl<T: Scalar, const N: usize> Add for Dual<T, N> {
     type Output = Self;
-    #[inline(always)]
+    #[inline]
     fn add(mut self, o: Self) -> Self {
         self.re += o.re;
         for i in 0..N {
@@ -62,7 +63,7 @@ impl<T: Scalar, const N: usize> Add for Dual<T, N> {
 }
 impl<T: Scalar, const N: usize> Sub for Dual<T, N> {
     type Output = Self;
-    #[inline(always)]
+    #[inline]
     fn sub(mut self, o: Self) -> Self {
         self.re -= o.re;
         for i in 0..N {
@@ -73,7 +74,7 @@ impl<T: Scalar, const N: usize> Sub for Dual<T, N> {
 }
 impl<T: Scalar, const N: usize> Mul for Dual<T, N> {
     type Output = Self;
-    #[inline(always)]
+    #[inline]
     fn mul(self, o: Self) -> Self {
         let mut eps = [T::zero(); N];
         for i in 0..N {
@@ -84,7 +85,7 @@ impl<T: Scalar, const N: usize> Mul for Dual<T, N> {
 }
 impl<T: Scalar, const N: usize> Div for Dual<T, N> {
     type Output = Self;
-    #[inline(always)]
+    #[inline]
     fn div(self, o: Self) -> Self {
         let inv = T::one() / o.re;
         let q = self.re * inv;
@@ -97,7 +98,7 @@ impl<T: Scalar, const N: usize> Div for Dual<T, N> {
 }
 impl<T: Scalar, const N: usize> Neg for Dual<T, N> {
     type Output = Self;
-    #[inline(always)]
+    #[inline]
     fn neg(self) -> Self {
         Self { re: -self.re, eps: self.eps.map(|e| -e) }
     }
@@ -105,7 +106,7 @@ impl<T: Scalar, const N: usize> Neg for Dual<T, N> {
 macro_rules! assign {
     ($($tr:ident $f:ident $op:tt),*) => {$(
         impl<T: Scalar, const N: usize> $tr for Dual<T, N> {
-            #[inline(always)]
+            #[inline]
             fn $f(&mut self, o: Self) {
                 *self = *self $op o;
             }
@@ -115,7 +116,7 @@ macro_rules! assign {
 assign!(AddAssign add_assign +, SubAssign sub_assign -, MulAssign mul_assign *, DivAssign div_assign /);
 
 impl<T: Scalar, const N: usize> Zero for Dual<T, N> {
-    #[inline(always)]
+    #[inline]
     fn zero() -> Self {
         Self::constant(T::zero())
     }
@@ -124,42 +125,62 @@ impl<T: Scalar, const N: usize> Zero for Dual<T, N> {
     }
 }
 impl<T: Scalar, const N: usize> One for Dual<T, N> {
-    #[inline(always)]
+    #[inline]
     fn one() -> Self {
         Self::constant(T::one())
     }
 }
 
 impl<T: Scalar, const N: usize> Scalar for Dual<T, N> {
-    #[inline(always)]
+    const DERIVATIVES: bool = true;
+    #[inline]
     fn from_f64(x: f64) -> Self {
         Self::constant(T::from_f64(x))
     }
-    #[inline(always)]
+    #[inline]
     fn value(&self) -> f64 {
         self.re.value()
     }
-    #[inline(always)]
+    #[inline]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        let mut eps = c.eps;
+        for i in 0..N {
+            eps[i] = self.re.mul_add(b.eps[i], self.eps[i].mul_add(b.re, eps[i]));
+        }
+        Self { re: self.re.mul_add(b.re, c.re), eps }
+    }
+    #[inline]
+    fn is_positive(&self) -> bool {
+        self.re.is_positive()
+    }
+    #[inline]
     fn scale(self, k: f64) -> Self {
         Self { re: self.re.scale(k), eps: self.eps.map(|e| e.scale(k)) }
     }
-    #[inline(always)]
+    #[inline]
     fn sin_cos(self) -> (Self, Self) {
         let (s, c) = self.re.sin_cos();
         (self.chain(s, c), self.chain(c, -s))
     }
-    #[inline(always)]
+    #[inline]
     fn sqrt(self) -> Self {
         let r = self.re.sqrt();
         self.chain(r, T::from_f64(0.5) / r)
     }
-    #[inline(always)]
+    #[inline]
     fn exp(self) -> Self {
         let r = self.re.exp();
         self.chain(r, r)
     }
     fn is_finite(&self) -> bool {
         self.re.is_finite() && self.eps.iter().all(Scalar::is_finite)
+    }
+}
+
+impl<T: Scalar, const N: usize> Enter for Dual<T, N> {
+    #[inline]
+    fn enter<K: Kernel>(kernel: K) -> K::Output {
+        T::enter(kernel)
     }
 }
 
@@ -183,6 +204,15 @@ mod tests {
         assert_eq!(d.eps[0], 0.0);
         assert_relative_eq!(d.re, f(x), max_relative = 1e-15);
         assert_relative_eq!(d.eps[1], fd, max_relative = 1e-8);
+    }
+
+    #[test]
+    fn fused_products_differentiate_alike() {
+        let v = |x, i| Dual::<f64, 3>::variable(x, i);
+        let (a, b, c) = (v(0.7, 0), v(-1.1, 1), v(0.2, 2));
+        let (x, y) = (a.mul_add(b, c), a * b + c);
+        assert_relative_eq!(x.re, y.re, max_relative = 1e-15);
+        (0..3).for_each(|i| assert_relative_eq!(x.eps[i], y.eps[i], max_relative = 1e-15));
     }
 
     #[test]

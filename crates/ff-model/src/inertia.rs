@@ -5,7 +5,7 @@
 //! (the order of Pinocchio's `toDynamicParameters`).
 
 use crate::scalar::Scalar;
-use crate::small::{cross, dot, mv, rotate_sym};
+use crate::small::{add, cross, dot, mv, rotate_sym, scaled};
 use crate::spatial::{Force, Motion, Xform};
 use nalgebra::{Matrix3, Matrix4, Matrix6, Vector3};
 
@@ -119,7 +119,8 @@ impl<T: Scalar> Inertia<T> {
     /// Momentum of a body moving with twist `v`: `[m v + w x h; h x v + I w]`.
     #[inline(always)]
     pub fn mul_motion(&self, v: &Motion<T>) -> Force<T> {
-        Force { lin: v.lin * self.mass + cross(&v.ang, &self.h), ang: mv(&self.rot, &v.ang) + cross(&self.h, &v.lin) }
+        let lin = add(&scaled(&v.lin, self.mass), &cross(&v.ang, &self.h));
+        Force { lin, ang: add(&mv(&self.rot, &v.ang), &cross(&self.h, &v.lin)) }
     }
     /// Kinetic energy at twist `v` (J): `v . I v / 2`.
     #[inline]
@@ -151,13 +152,13 @@ impl<T: Scalar> Inertia<T> {
     /// The same body seen from the parent frame of `x` (`x` = pose of this frame in the parent).
     ///
     /// `h' = R h + m p`, `I' = R I R^T + (2 p.h_R + m p.p) 1 - (h_R p^T + p h_R^T) - m p p^T` with `h_R = R h`.
-    #[inline]
+    #[inline(always)]
     pub fn to_parent(&self, x: &Xform<T>) -> Self {
         let hr = mv(&x.rot, &self.h);
         let p = &x.pos;
-        let h = hr + p * self.mass;
+        let h = add(&hr, &scaled(p, self.mass));
         // m(|p|^2 1 - p p^T) + 2 p.hr 1 - hr p^T - p hr^T  =  ((hr + h).p) 1 - h p^T - p hr^T
-        let d = dot(&(hr + h), p);
+        let d = dot(&add(&hr, &h), p);
         let mut rot = rotate_sym(&x.rot, &self.rot);
         for i in 0..3 {
             rot[(i, i)] += d;

@@ -26,6 +26,7 @@
 use crate::problem::{Area, Problem, Problems};
 use crate::text::{clip, list, nearest};
 use nalgebra::Matrix3;
+use std::ops::RangeInclusive;
 
 /// Reads a table: runs `f` over its keys, then reports every key `f` did not ask for. Allocates.
 ///
@@ -47,7 +48,7 @@ fn read_into<V>(
     problems: &mut Problems,
     f: impl FnOnce(&mut Keys<'_, '_>) -> Option<V>,
 ) -> Option<V> {
-    let mut keys = Keys { table, path, asked: Vec::new(), problems };
+    let mut keys = Keys { table, path, asked: Vec::new(), judged: true, problems };
     let value = f(&mut keys);
     keys.report_unknown();
     value
@@ -62,6 +63,8 @@ pub struct Keys<'t, 'p> {
     /// Where the table stands, with a dot at its end unless empty.
     path: String,
     asked: Vec<&'static str>,
+    /// Whether keys that nobody asks for are reported.
+    judged: bool,
     problems: &'p mut Problems,
 }
 
@@ -79,6 +82,18 @@ impl<'t> Keys<'t, '_> {
         }
         self.asked.push(key);
         Some(default)
+    }
+    /// A number within limits, both inclusive.
+    pub fn number_within(&mut self, key: &'static str, limits: RangeInclusive<f64>) -> Option<f64> {
+        let x = self.number(key)?;
+        if limits.contains(&x) {
+            return Some(x);
+        }
+        let (unit, lo, hi) = (unit_of(key), limits.start(), limits.end());
+        let what = format!("{x:?}{unit} is outside {lo:?}{unit} to {hi:?}{unit}");
+        let problem = error("Config::Param", what).hint(format!("give a number within these limits{}", in_units(unit)));
+        self.problems.push(problem.on(format!("{}{key}", self.path)));
+        None
     }
     /// Exactly `N` finite numbers.
     pub fn numbers<const N: usize>(&mut self, key: &'static str) -> Option<[f64; N]> {
@@ -120,6 +135,10 @@ impl<'t> Keys<'t, '_> {
     pub fn has(&mut self, key: &'static str) -> bool {
         self.asked.push(key);
         self.table.contains_key(key)
+    }
+    /// Leaves keys that nobody asks for unreported: for a table whose sort cannot be told, so that none can be judged.
+    pub fn accept_unknown(&mut self) {
+        self.judged = false;
     }
     /// Full path of a key of this table, for problems of the caller's own.
     pub fn path_of(&self, key: &str) -> String {
@@ -240,6 +259,9 @@ impl<'t> Keys<'t, '_> {
         None
     }
     fn report_unknown(&mut self) {
+        if !self.judged {
+            return;
+        }
         for key in self.table.keys().filter(|k| !self.asked.contains(&k.as_str())) {
             self.problems.push(unknown_key(key, &self.asked).on(format!("{}{key}", self.path)));
         }
@@ -337,6 +359,11 @@ fn unit_in_brackets(key: &str) -> String {
     }
 }
 
+/// `, in kg`, where there is a unit.
+fn in_units(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(", in{unit}") }
+}
+
 /// A small count in words, as prose has it.
 fn count(n: usize) -> String {
     const WORDS: [&str; 7] = ["no", "one", "two", "three", "four", "five", "six"];
@@ -398,13 +425,15 @@ mod tests {
 
     #[test]
     fn texts_choices_matrices_and_tables() {
-        let t =
-            "word = 'tea'\nk_n_per_m = [[1.5, 2], [3.5]]\nlist_m = [0.5, 7]\ninner = { x_s = 0.25 }".parse().unwrap();
+        let t = "word = 'tea'\nk_n_per_m = [[1.5, 2], [3.5]]\nlist_m = [0.5, 7]\ninner = { x_s = 0.25 }\nelse = 1"
+            .parse()
+            .unwrap();
         let all = read(&t, |k| {
             let (a, b) = (k.choice("word", &["tea", "coffee"], None), k.choice("other", &["milk"], Some("milk")));
             let (m, l) = (k.matrix("k_n_per_m"), k.list("list_m"));
             let inner = k.table("inner", "a table", |k| k.number("x_s"));
             assert!(!k.has("absent"));
+            k.accept_unknown();
             assert_eq!(k.text("word"), Some("tea"));
             Some((a?.to_owned(), b?.to_owned(), m?, l?, inner?))
         });
@@ -430,6 +459,25 @@ mod tests {
         ];
         assert_eq!(objects(&p), want, "{p}");
         assert!(p.to_string().contains("did you mean coffee?") && p.to_string().contains("inf N/m"), "{p}");
+    }
+
+    #[test]
+    fn limits_are_inclusive_and_named() {
+        let t = "a_kg = 3\nb_m = 0.25\nc = 7.5\nd_kg = 1e300".parse().unwrap();
+        let good = read(&t, |k| {
+            let _ = (k.number("c"), k.number("d_kg"));
+            Some((k.number_within("a_kg", 0.5..=3.0)?, k.number_within("b_m", 0.25..=2.0)?))
+        });
+        assert_eq!(good.unwrap(), (3.0, 0.25));
+        let p = read(&t, |k| {
+            let _ = (k.number("a_kg"), k.number("b_m"));
+            let (c, d) = (k.number_within("c", 0.0..=7.0), k.number_within("d_kg", 0.5..=1e6));
+            Some((c?, d?))
+        })
+        .unwrap_err();
+        assert_eq!(objects(&p), [("Config::Param", "c"), ("Config::Param", "d_kg")], "{p}");
+        assert!(p.to_string().contains("1e300 kg is outside 0.5 kg to 1000000.0 kg"), "{p}");
+        assert!(p.to_string().contains("within these limits, in kg"), "{p}");
     }
 
     #[test]

@@ -6,13 +6,16 @@
 //! (`docs/notation.md`).
 
 pub mod appendage;
+pub mod axis;
 pub mod dual;
 pub mod inertia;
 pub mod keys;
+pub mod lanes;
 pub mod leniency;
 pub mod mission;
 pub mod model;
 pub mod params;
+pub mod payload;
 pub mod problem;
 mod read;
 pub mod registry;
@@ -24,10 +27,11 @@ pub mod spatial;
 mod text;
 pub mod twin;
 pub mod urdf;
+pub mod vec3;
 
 pub use appendage::{
-    Appendage, CoordDecl, Decl, DynAppendage, MAX_COORDS, ParamDecl, ParamGroup, PortMatrix, PortModel, PortState,
-    PortVector, derived_bias,
+    Appendage, CoordDecl, Decl, DynAppendage, MAX_COORDS, ParamDecl, ParamGroup, PortAccel, PortMatrix, PortModel,
+    PortState, PortTangent, PortVector, derived_bias,
 };
 pub use dual::Dual;
 pub use inertia::Inertia;
@@ -37,7 +41,7 @@ pub use params::Params;
 pub use problem::{Area, Problem, Problems, Severity};
 pub use read::text_file;
 pub use registry::Registry;
-pub use scalar::{D1, D2, Grad, ModelScalar, Scalar};
+pub use scalar::{D1, D2, Grad, LaneScalar, ModelScalar, Scalar};
 pub use spatial::{Force, Motion, Xform};
 pub use twin::TwinBody;
 

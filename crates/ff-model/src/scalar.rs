@@ -1,13 +1,14 @@
 //! The number type the dynamics are written over.
 //!
-//! One source serves plain numbers, forward duals (exact derivatives) and, later, SIMD lanes. The set of
+//! One source serves plain numbers, forward duals (exact derivatives) and SIMD lanes (`ff-lanes`). The set of
 //! number types that reach an appendage behind a trait object is closed ([`ModelScalar`]), because a
 //! `dyn` object cannot carry a generic method; adding a type is one line in this file and one in
 //! [`DynAppendage`].
 
-use crate::appendage::{DynAppendage, PortModel};
+use crate::appendage::{DynAppendage, PortModel, PortTangent};
 use crate::dual::Dual;
 use core::ops::{Add, Div, Mul, Neg, Sub};
+use ff_lanes::{Enter, Lanes, Portable4};
 use nalgebra::{ClosedAddAssign, ClosedDivAssign, ClosedMulAssign, ClosedSubAssign};
 use num_traits::{One, Zero};
 
@@ -31,11 +32,20 @@ pub trait Scalar:
     + ClosedSubAssign
     + ClosedMulAssign
     + ClosedDivAssign
+    + Enter
 {
+    /// Whether values carry derivatives. Such numbers go through the plainest code path of an algorithm: they
+    /// serve as a check or a fallback, and every path over them costs compile time.
+    const DERIVATIVES: bool = false;
     /// The constant `x`, with zero derivative in every direction.
     fn from_f64(x: f64) -> Self;
     /// The value without derivatives; for lanes, of the first lane. For pivots and reports only.
     fn value(&self) -> f64;
+    /// `self * b + c`. For lanes in one rounding, which is also one instruction; for `f64` only in a program
+    /// built for machines that have it, because without the instruction it is a library call.
+    fn mul_add(self, b: Self, c: Self) -> Self;
+    /// True when the value, of every lane, is above zero and finite.
+    fn is_positive(&self) -> bool;
     /// `self * k` for a constant `k`; cheaper than lifting `k` for derivative-carrying types.
     fn scale(self, k: f64) -> Self;
     /// Sine and cosine (argument in rad).
@@ -62,8 +72,16 @@ impl Scalar for f64 {
         self * k
     }
     #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        if cfg!(target_feature = "fma") { f64::mul_add(self, b, c) } else { self * b + c }
+    }
+    #[inline(always)]
+    fn is_positive(&self) -> bool {
+        *self > 0.0 && *self < f64::INFINITY
+    }
+    #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        f64::sin_cos(self)
+        ff_lanes::sin_cos(self)
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -79,10 +97,57 @@ impl Scalar for f64 {
     }
 }
 
+/// Vectors of lanes are scalars: several states, or several parameter sets, at once.
+macro_rules! lane_scalars {
+    ($($t:ty),*) => {$(
+        impl Scalar for $t {
+            #[inline(always)]
+            fn from_f64(x: f64) -> Self {
+                <$t as Lanes>::splat(x)
+            }
+            #[inline(always)]
+            fn value(&self) -> f64 {
+                self.lane(0)
+            }
+            #[inline(always)]
+            fn mul_add(self, b: Self, c: Self) -> Self {
+                Lanes::mul_add(self, b, c)
+            }
+            #[inline(always)]
+            fn is_positive(&self) -> bool {
+                self.all_positive()
+            }
+            #[inline(always)]
+            fn scale(self, k: f64) -> Self {
+                self * <$t as Lanes>::splat(k)
+            }
+            #[inline(always)]
+            fn sin_cos(self) -> (Self, Self) {
+                <$t>::sin_cos(self)
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                <$t>::sqrt(self)
+            }
+            fn exp(self) -> Self {
+                let mut e = self;
+                (0..<$t as Lanes>::N).for_each(|i| e.set_lane(i, self.lane(i).exp()));
+                e
+            }
+            fn is_finite(&self) -> bool {
+                (0..<$t as Lanes>::N).all(|i| self.lane(i).is_finite())
+            }
+        }
+    )*};
+}
+lane_scalars!(Portable4);
+#[cfg(target_arch = "x86_64")]
+lane_scalars!(ff_lanes::Avx2x4, ff_lanes::Avx512x8);
+
 /// A scalar that can pass through a boxed appendage.
 ///
-/// Implemented for `f64`, for duals with 1 and with [`DIRECTIONS`] directions, and for the nested dual
-/// that second derivatives need.
+/// Implemented for `f64`, for lanes, for duals with 1 and with [`DIRECTIONS`] directions, and for the nested
+/// dual that second derivatives need.
 pub trait ModelScalar: Scalar {
     /// The face of a boxed appendage at this number type.
     fn port(appendage: &dyn DynAppendage) -> &dyn PortModel<Self>;
@@ -107,4 +172,26 @@ macro_rules! model_scalars {
         }
     )*};
 }
-model_scalars!(f64, D1, Grad, D2);
+model_scalars!(f64, D1, Grad, D2, Portable4);
+#[cfg(target_arch = "x86_64")]
+model_scalars!(ff_lanes::Avx2x4, ff_lanes::Avx512x8);
+
+/// A number, or a vector of lanes, that can pass through a boxed appendage and have the port equations
+/// differentiated at it.
+pub trait LaneScalar: ModelScalar + Lanes {
+    /// The derivatives of a boxed appendage at this number type.
+    fn tangent(appendage: &dyn DynAppendage) -> &dyn PortTangent<Self>;
+}
+macro_rules! lane_models {
+    ($($t:ty),* $(,)?) => {$(
+        impl LaneScalar for $t {
+            #[inline(always)]
+            fn tangent(appendage: &dyn DynAppendage) -> &dyn PortTangent<Self> {
+                appendage
+            }
+        }
+    )*};
+}
+lane_models!(f64, Portable4);
+#[cfg(target_arch = "x86_64")]
+lane_models!(ff_lanes::Avx2x4, ff_lanes::Avx512x8);

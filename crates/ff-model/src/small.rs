@@ -6,14 +6,38 @@
 use crate::scalar::Scalar;
 use nalgebra::{Matrix3, Vector3};
 
+/// `a b + c d + e f`.
+#[inline(always)]
+fn sum3<T: Scalar>(a: T, b: T, c: T, d: T, e: T, f: T) -> T {
+    e.mul_add(f, c.mul_add(d, a * b))
+}
+
+/// `a + b`.
+#[inline(always)]
+pub fn add<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
+    Vector3::new(a.x + b.x, a.y + b.y, a.z + b.z)
+}
+
+/// `a - b`.
+#[inline(always)]
+pub fn sub<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
+    Vector3::new(a.x - b.x, a.y - b.y, a.z - b.z)
+}
+
+/// `k a`.
+#[inline(always)]
+pub fn scaled<T: Scalar>(a: &Vector3<T>, k: T) -> Vector3<T> {
+    Vector3::new(a.x * k, a.y * k, a.z * k)
+}
+
 /// `m v`.
 #[inline(always)]
 pub fn mv<T: Scalar>(m: &Matrix3<T>, v: &Vector3<T>) -> Vector3<T> {
     let m = &m.data.0; // columns
     Vector3::new(
-        m[0][0] * v.x + m[1][0] * v.y + m[2][0] * v.z,
-        m[0][1] * v.x + m[1][1] * v.y + m[2][1] * v.z,
-        m[0][2] * v.x + m[1][2] * v.y + m[2][2] * v.z,
+        sum3(m[0][0], v.x, m[1][0], v.y, m[2][0], v.z),
+        sum3(m[0][1], v.x, m[1][1], v.y, m[2][1], v.z),
+        sum3(m[0][2], v.x, m[1][2], v.y, m[2][2], v.z),
     )
 }
 
@@ -22,9 +46,9 @@ pub fn mv<T: Scalar>(m: &Matrix3<T>, v: &Vector3<T>) -> Vector3<T> {
 pub fn mtv<T: Scalar>(m: &Matrix3<T>, v: &Vector3<T>) -> Vector3<T> {
     let m = &m.data.0;
     Vector3::new(
-        m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z,
-        m[1][0] * v.x + m[1][1] * v.y + m[1][2] * v.z,
-        m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z,
+        sum3(m[0][0], v.x, m[0][1], v.y, m[0][2], v.z),
+        sum3(m[1][0], v.x, m[1][1], v.y, m[1][2], v.z),
+        sum3(m[2][0], v.x, m[2][1], v.y, m[2][2], v.z),
     )
 }
 
@@ -40,13 +64,13 @@ pub fn mm<T: Scalar>(a: &Matrix3<T>, b: &Matrix3<T>) -> Matrix3<T> {
 /// `a x b`.
 #[inline(always)]
 pub fn cross<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
-    Vector3::new(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+    Vector3::new((-a.z).mul_add(b.y, a.y * b.z), (-a.x).mul_add(b.z, a.z * b.x), (-a.y).mul_add(b.x, a.x * b.y))
 }
 
 /// `a . b`.
 #[inline(always)]
 pub fn dot<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> T {
-    a.x * b.x + a.y * b.y + a.z * b.z
+    sum3(a.x, b.x, a.y, b.y, a.z, b.z)
 }
 
 /// `r s r^T` for symmetric `s`; the result is symmetric to the last bit.
@@ -54,7 +78,7 @@ pub fn dot<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> T {
 pub fn rotate_sym<T: Scalar>(r: &Matrix3<T>, s: &Matrix3<T>) -> Matrix3<T> {
     let t = mm(r, s);
     let (t, r) = (&t.data.0, &r.data.0);
-    let e = |i: usize, j: usize| t[0][i] * r[0][j] + t[1][i] * r[1][j] + t[2][i] * r[2][j];
+    let e = |i: usize, j: usize| sum3(t[0][i], r[0][j], t[1][i], r[1][j], t[2][i], r[2][j]);
     let (xx, xy, xz, yy, yz, zz) = (e(0, 0), e(0, 1), e(0, 2), e(1, 1), e(1, 2), e(2, 2));
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }

@@ -8,7 +8,7 @@
 //! with the linear part moved to the front.
 
 use crate::scalar::Scalar;
-use crate::small::{cross, dot, mm, mtv, mv};
+use crate::small::{add, cross, dot, mm, mtv, mv, scaled, sub};
 use core::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 use nalgebra::{Matrix3, Vector3, Vector6};
 
@@ -83,21 +83,21 @@ macro_rules! vector_space {
             /// `k` times this vector.
             #[inline(always)]
             pub fn scaled(&self, k: T) -> Self {
-                Self { lin: self.lin * k, ang: self.ang * k }
+                Self { lin: scaled(&self.lin, k), ang: scaled(&self.ang, k) }
             }
         }
         impl<T: Scalar> Add for $name<T> {
             type Output = Self;
             #[inline(always)]
             fn add(self, o: Self) -> Self {
-                Self { lin: self.lin + o.lin, ang: self.ang + o.ang }
+                Self { lin: add(&self.lin, &o.lin), ang: add(&self.ang, &o.ang) }
             }
         }
         impl<T: Scalar> Sub for $name<T> {
             type Output = Self;
             #[inline(always)]
             fn sub(self, o: Self) -> Self {
-                Self { lin: self.lin - o.lin, ang: self.ang - o.ang }
+                Self { lin: sub(&self.lin, &o.lin), ang: sub(&self.ang, &o.ang) }
             }
         }
         impl<T: Scalar> Neg for $name<T> {
@@ -110,15 +110,13 @@ macro_rules! vector_space {
         impl<T: Scalar> AddAssign for $name<T> {
             #[inline(always)]
             fn add_assign(&mut self, o: Self) {
-                self.lin += o.lin;
-                self.ang += o.ang;
+                *self = *self + o;
             }
         }
         impl<T: Scalar> SubAssign for $name<T> {
             #[inline(always)]
             fn sub_assign(&mut self, o: Self) {
-                self.lin -= o.lin;
-                self.ang -= o.ang;
+                *self = *self - o;
             }
         }
     };
@@ -135,12 +133,14 @@ impl<T: Scalar> Motion<T> {
     /// `self x m`: the rate of change of the motion vector `m` carried by a frame moving with `self`.
     #[inline(always)]
     pub fn cross(&self, m: &Self) -> Self {
-        Self { lin: cross(&self.ang, &m.lin) + cross(&self.lin, &m.ang), ang: cross(&self.ang, &m.ang) }
+        let lin = add(&cross(&self.ang, &m.lin), &cross(&self.lin, &m.ang));
+        Self { lin, ang: cross(&self.ang, &m.ang) }
     }
     /// `self x* f`: the rate of change of the force vector `f` carried by a frame moving with `self`.
     #[inline(always)]
     pub fn cross_force(&self, f: &Force<T>) -> Force<T> {
-        Force { lin: cross(&self.ang, &f.lin), ang: cross(&self.ang, &f.ang) + cross(&self.lin, &f.lin) }
+        let ang = add(&cross(&self.ang, &f.ang), &cross(&self.lin, &f.lin));
+        Force { lin: cross(&self.ang, &f.lin), ang }
     }
 }
 
@@ -167,24 +167,24 @@ impl<T: Scalar> Xform<T> {
     /// A motion vector given in the parent, written in the child.
     #[inline(always)]
     pub fn motion_to_child(&self, m: &Motion<T>) -> Motion<T> {
-        Motion { lin: mtv(&self.rot, &(m.lin + cross(&m.ang, &self.pos))), ang: mtv(&self.rot, &m.ang) }
+        Motion { lin: mtv(&self.rot, &add(&m.lin, &cross(&m.ang, &self.pos))), ang: mtv(&self.rot, &m.ang) }
     }
     /// A motion vector given in the child, written in the parent.
     #[inline(always)]
     pub fn motion_to_parent(&self, m: &Motion<T>) -> Motion<T> {
         let ang = mv(&self.rot, &m.ang);
-        Motion { lin: mv(&self.rot, &m.lin) + cross(&self.pos, &ang), ang }
+        Motion { lin: add(&mv(&self.rot, &m.lin), &cross(&self.pos, &ang)), ang }
     }
     /// A force vector given in the child, written in the parent.
     #[inline(always)]
     pub fn force_to_parent(&self, f: &Force<T>) -> Force<T> {
         let lin = mv(&self.rot, &f.lin);
-        Force { lin, ang: mv(&self.rot, &f.ang) + cross(&self.pos, &lin) }
+        Force { lin, ang: add(&mv(&self.rot, &f.ang), &cross(&self.pos, &lin)) }
     }
     /// A force vector given in the parent, written in the child.
     #[inline(always)]
     pub fn force_to_child(&self, f: &Force<T>) -> Force<T> {
-        Force { lin: mtv(&self.rot, &f.lin), ang: mtv(&self.rot, &(f.ang - cross(&self.pos, &f.lin))) }
+        Force { lin: mtv(&self.rot, &f.lin), ang: mtv(&self.rot, &sub(&f.ang, &cross(&self.pos, &f.lin))) }
     }
     /// The inverse pose: parent in child.
     #[inline(always)]
@@ -195,7 +195,7 @@ impl<T: Scalar> Xform<T> {
     /// A point of the child in parent coordinates.
     #[inline(always)]
     pub fn point(&self, p: &Vector3<T>) -> Vector3<T> {
-        mv(&self.rot, p) + self.pos
+        add(&mv(&self.rot, p), &self.pos)
     }
 }
 

@@ -27,15 +27,19 @@ pub use ff_dynamics as dynamics;
 pub use ff_model as model;
 pub use flex_panel;
 pub use ident;
+pub use reaction_wheel;
 pub use slosh_pendulum;
 pub use validate;
 
-/// The kinds of appendage this workspace brings: `flex_panel` and `slosh_pendulum`.
+/// The kinds of appendage this workspace brings: `flex_panel`, `modal`, `payload`, `reaction_wheel`, `slosh_pendulum`,
+/// `slosh_spring_mass` and `slosh_tank`.
 ///
 /// Add your own with [`model::Registry::register`].
 pub fn default_registry() -> model::Registry {
     let mut r = model::Registry::new();
+    model::payload::register(&mut r);
     flex_panel::register(&mut r);
+    reaction_wheel::register(&mut r);
     slosh_pendulum::register(&mut r);
     r
 }

@@ -4,6 +4,9 @@ use crate::KIND;
 use crate::coupling::{self, Coupling, DAMPING, STIFFNESS};
 use crate::segment::Segment;
 use ff_model::appendage::{CoordDecl, MAX_PARAMS};
+use ff_model::axis::Axis;
+use ff_model::by_turn;
+use ff_model::vec3::{Pose, V3};
 use ff_model::{Area, Decl, Inertia, MAX_COORDS, ParamDecl, Problem, Problems, Scalar, TwinBody, Xform};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::PI;
@@ -14,14 +17,11 @@ pub const MAX_SEGMENTS: usize = MAX_COORDS;
 /// Geometry of one hinge, made ready for evaluation.
 #[derive(Clone, Debug)]
 pub(crate) struct Hinge {
-    /// Unit axis `u`, in the segment frame and in its parent.
-    pub(crate) axis: Vector3<f64>,
+    /// Unit axis, in the segment frame and in its parent.
+    pub(crate) axis: Axis,
+    unit: Vector3<f64>,
     /// Origin in the parent frame (m).
     pos: Vector3<f64>,
-    /// `[u]x`.
-    skew: Matrix3<f64>,
-    /// `[u]x [u]x`.
-    skew2: Matrix3<f64>,
     /// Relaxed angle (rad).
     pub(crate) rest: f64,
 }
@@ -29,34 +29,18 @@ pub(crate) struct Hinge {
 impl Hinge {
     fn new(s: &Segment) -> Self {
         // Scaled first: the square of a tiny or huge component would leave the range of f64.
-        let axis = (s.axis / s.axis.amax()).normalize();
-        let skew = axis.cross_matrix();
-        Self { axis, pos: s.hinge, skew, skew2: skew * skew, rest: s.rest }
+        let unit = (s.axis / s.axis.amax()).normalize();
+        Self { axis: Axis::new(&unit, &Matrix3::identity()), unit, pos: s.hinge, rest: s.rest }
     }
 
-    /// Pose of the segment in its parent at angle `eta` (rad): `R = 1 + sin(eta) [u]x + (1 - cos(eta)) [u]x^2`
-    /// (Rodrigues' formula). Does not allocate.
+    /// Pose of the segment in its parent at angle `eta` (rad): a turn about the axis. Does not allocate.
     #[inline(always)]
-    pub(crate) fn pose<T: Scalar>(&self, eta: T) -> Xform<T> {
-        let (s, c) = eta.sin_cos();
-        let v = T::one() - c;
-        let mut rot = self.skew.zip_map(&self.skew2, |k, k2| s.scale(k) + v.scale(k2));
-        for i in 0..3 {
-            rot[(i, i)] += T::one();
-        }
-        Xform::new(rot, self.pos.map(T::from_f64))
-    }
-
-    /// `u . x`, without lifting the constant axis.
-    #[inline(always)]
-    pub(crate) fn along<T: Scalar>(&self, x: &Vector3<T>) -> T {
-        x.x.scale(self.axis.x) + x.y.scale(self.axis.y) + x.z.scale(self.axis.z)
-    }
-
-    /// `u x`, the vector of length `x` along the axis.
-    #[inline(always)]
-    pub(crate) fn times<T: Scalar>(&self, x: T) -> Vector3<T> {
-        self.axis.map(|u| x.scale(u))
+    pub(crate) fn pose<T: Scalar>(&self, eta: T) -> Pose<T> {
+        let mut x = Pose::identity();
+        x.turn = self.axis.about().of::<T>();
+        x.p = V3::new(T::from_f64(self.pos.x), T::from_f64(self.pos.y), T::from_f64(self.pos.z));
+        by_turn!(T, x.turn, K => self.axis.turn::<T, K>(eta, &mut x));
+        x
     }
 }
 
@@ -220,7 +204,7 @@ impl PanelChain {
         Some(Segment {
             inertia: Inertia::from_params(&p[self.inertial_offset(i)..]),
             hinge: h.pos,
-            axis: h.axis,
+            axis: h.unit,
             stiffness: p[self.stiffness_index(i)],
             damping: p[self.damping_index(i)],
             rest: h.rest,

@@ -4,17 +4,26 @@
 //! (table 6.2) and recursive Newton-Euler (table 5.1), with the host as the moving root.
 
 use crate::chain::{MAX_SEGMENTS, PanelChain};
-use ff_model::small::{cross, mv};
-use ff_model::{Appendage, Decl, Force, Inertia, Motion, PortMatrix, PortState, PortVector, Scalar, TwinBody, Xform};
+use ff_model::by_turn;
+use ff_model::vec3::{M3, Moving, Pose, Ten, V3};
+use ff_model::{Appendage, Decl, LaneScalar, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, TwinBody};
 
-/// Runs `$body` with `$cap` a compile-time capacity of at least `$n`, so that the usual short panels do not
-/// clear stack buffers for sixteen segments of derivative-carrying numbers.
+/// Runs `$f` with a compile-time capacity of at least `$n`, so that the usual short panels do not clear stack
+/// buffers for sixteen segments. Numbers with derivatives take `$cold`, the same function not inlined: they are
+/// compiled once.
 macro_rules! with_capacity {
-    ($n:expr, $f:ident($($arg:expr),*)) => {
+    ($n:expr, $f:ident, $cold:ident($($arg:expr),*)) => {
         match $n {
-            0..=2 => $f::<T, 2>($($arg),*),
-            3..=4 => $f::<T, 4>($($arg),*),
-            5..=8 => $f::<T, 8>($($arg),*),
+            n if T::DERIVATIVES => {
+                if n <= 4 {
+                    $cold::<T, 4>($($arg),*)
+                } else {
+                    $cold::<T, MAX_SEGMENTS>($($arg),*)
+                }
+            }
+            1 => $f::<T, 1>($($arg),*),
+            2 => $f::<T, 2>($($arg),*),
+            3 => $f::<T, 3>($($arg),*),
             _ => $f::<T, MAX_SEGMENTS>($($arg),*),
         }
     };
@@ -26,8 +35,9 @@ impl Appendage for PanelChain {
     }
 
     /// Kinetic-energy matrix by composite rigid bodies, `O(n^2)`; `(6+n) x (6+n)`, mount frame.
+    #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-        with_capacity!(self.count(), composite(self, p, eta, m));
+        with_capacity!(self.count(), composite, composite_once(self, p, eta, m));
     }
 
     /// `U = x^T K x / 2` with `x = eta - rest` (J).
@@ -59,8 +69,34 @@ impl Appendage for PanelChain {
     }
 
     /// Recursive Newton-Euler with `A = 0`, `nu' = 0`, plus springs and dampers; `O(n)`.
+    #[inline(always)]
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        with_capacity!(self.count(), newton_euler(self, p, s, h));
+        with_capacity!(self.count(), bias, bias_once(self, p, s, h));
+    }
+
+    /// Both from one pass over the poses.
+    #[inline(always)]
+    fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
+        with_capacity!(self.count(), terms, terms(self, p, s, m, h));
+    }
+
+    /// Recursive Newton-Euler, plus springs and dampers; `O(n)`.
+    #[inline(always)]
+    fn residual<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        _: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    ) {
+        with_capacity!(self.count(), residual, residual(self, p, s, acc, r));
+    }
+
+    /// Screws of host and hinges carried outwards and contracted with the motion of each segment.
+    #[inline(always)]
+    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        with_capacity!(self.count(), regressor, regressor(self, p, s, acc, y));
     }
 
     fn twin(&self) -> Option<Vec<TwinBody>> {
@@ -70,70 +106,137 @@ impl Appendage for PanelChain {
     }
 }
 
+/// The poses of all segments.
+#[inline(always)]
+fn poses<T: Scalar, const N: usize>(c: &PanelChain, eta: &[T]) -> [Pose<T>; N] {
+    let mut pose = [Pose::<T>::identity(); N];
+    for (x, (h, &e)) in pose.iter_mut().zip(c.hinges.iter().zip(eta)) {
+        *x = h.pose(e);
+    }
+    pose
+}
+
+#[inline(always)]
+fn composite<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+    composite_at::<T, N>(c, p, &poses(c, eta), m);
+}
+
+#[inline(always)]
+fn bias<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], s: &PortState<'_, T>, h: &mut [T]) {
+    let still = [T::zero(); N];
+    let acc = PortAccel { host: Motion::zero(), nu: &still[..c.count()] };
+    newton_euler::<T, N>(c, p, s, &acc, &poses(c, s.eta), h);
+}
+
+#[inline(never)]
+fn composite_once<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+    composite::<T, N>(c, p, eta, m);
+}
+
+#[inline(never)]
+fn bias_once<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], s: &PortState<'_, T>, h: &mut [T]) {
+    bias::<T, N>(c, p, s, h);
+}
+
+#[inline(always)]
+fn terms<T: Scalar, const N: usize>(
+    c: &PanelChain,
+    p: &[T],
+    s: &PortState<'_, T>,
+    m: &mut PortMatrix<'_, T>,
+    h: &mut [T],
+) {
+    let pose = poses::<T, N>(c, s.eta);
+    composite_at(c, p, &pose, m);
+    let still = [T::zero(); N];
+    let acc = PortAccel { host: Motion::zero(), nu: &still[..c.count()] };
+    newton_euler(c, p, s, &acc, &pose, h);
+}
+
+#[inline(always)]
+fn residual<T: Scalar, const N: usize>(
+    c: &PanelChain,
+    p: &[T],
+    s: &PortState<'_, T>,
+    acc: &PortAccel<'_, T>,
+    r: &mut [T],
+) {
+    newton_euler::<T, N>(c, p, s, acc, &poses(c, s.eta), r);
+}
+
 /// `M` by composite rigid bodies. With `Ic_i` the inertia of segments `i..n` about hinge `i` and
 /// `S_i = [0; u_i]`: `M_bb = X Ic_0 X^T`, `F = Ic_i S_i`, `M_ij = S_j . F` carried inwards, `M_bi` = `F` at the
 /// mount.
-#[inline]
-fn composite<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-    let n = c.count();
-    let mut pose = [Xform::<T>::identity(); N];
-    let mut ic = [Inertia::<T>::zero(); N];
+#[inline(always)]
+fn composite_at<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], pose: &[Pose<T>; N], m: &mut PortMatrix<'_, T>) {
+    let n = if N <= 3 { N } else { c.count() };
+    m.expect(n);
+    let mut ic = [Ten::<T>::zero(); N];
     for i in 0..n {
-        pose[i] = c.hinges[i].pose(eta[i]);
-        ic[i] = Inertia::from_params(&p[c.inertial_offset(i)..]);
+        ic[i] = Ten::from_params(&p[c.inertial_offset(i)..]);
     }
     for i in (1..n).rev() {
-        let outer = ic[i].to_parent(&pose[i]);
-        ic[i - 1] += outer;
+        let outer = by_turn!(T, pose[i].turn, K => pose[i].body_up::<K>(&ic[i]));
+        ic[i - 1].add(&outer);
     }
-    m.add_host(&ic[0].to_parent(&pose[0]));
+    m.set_host(&by_turn!(T, pose[0].turn, K => pose[0].body_up::<K>(&ic[0])));
     for i in 0..n {
-        let u = c.hinges[i].times(T::one());
-        let mut f = Force::new(cross(&u, &ic[i].h), mv(&ic[i].rot, &u));
+        let u = &c.hinges[i].axis;
+        let (mut f, mut g) = by_turn!(T, u.about(), K => u.momentum::<T, K>(&ic[i].h, &ic[i].i));
         for j in (0..=i).rev() {
-            m.set_sym(6 + i, 6 + j, c.hinges[j].along(&f.ang));
-            f = pose[j].force_to_parent(&f);
+            let row;
+            (row, (f, g)) =
+                by_turn!(T, pose[j].turn, K => (c.hinges[j].axis.along::<T, K>(&g), pose[j].wrench_up::<K>(&f, &g)));
+            m.set_sym(6 + i, 6 + j, row);
         }
-        for k in 0..6 {
-            m.set_sym(k, 6 + i, f.get(k));
+        for (k, x) in [f.x, f.y, f.z, g.x, g.y, g.z].into_iter().enumerate() {
+            m.set_sym(k, 6 + i, x);
         }
     }
 }
 
-/// `h` by recursive Newton-Euler at zero host and hinge acceleration:
-/// `V_i = X V_{i-1} + S nu`, `A_i = X A_{i-1} + V_i x S nu`, `F_i = I A_i + V_i x* I V_i + X^T F_{i+1}`.
-///
-/// `A` is the componentwise derivative of the body twist, so the host's own `A` is zero, not its classical
-/// acceleration; the host's velocity products enter through `V_i x* I V_i`.
-#[inline]
-fn newton_euler<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-    let n = c.count();
-    let mut pose = [Xform::<T>::identity(); N];
-    let mut force = [Force::<T>::zero(); N];
-    let mut v = s.host;
-    let mut a = Motion::<T>::zero();
+/// Recursive Newton-Euler in classical accelerations (J. Luh, M. Walker, R. Paul 1980), springs and dampers
+/// added. The host's velocity enters through the acceleration of its mount point, `A + [w x v; 0]`.
+#[inline(always)]
+fn newton_euler<T: Scalar, const N: usize>(
+    c: &PanelChain,
+    p: &[T],
+    s: &PortState<'_, T>,
+    acc: &PortAccel<'_, T>,
+    pose: &[Pose<T>; N],
+    h: &mut [T],
+) {
+    let n = if N <= 3 { N } else { c.count() };
+    let (h, hinges) = (&mut h[..6 + n], &c.hinges[..n]);
+    let p = &p[..12 * n + c.k_pairs.pairs.len() + c.d_pairs.pairs.len()];
+    let mut force = [(V3::<T>::zero(), V3::<T>::zero()); N];
+    let mut w = V3::from(&s.host.ang);
+    let mut al = V3::from(&acc.host.ang);
+    let mut a = w.cross_add(&V3::from(&s.host.lin), &V3::from(&acc.host.lin));
     for i in 0..n {
-        let hinge = &c.hinges[i];
-        pose[i] = hinge.pose(s.eta[i]);
-        let rate = hinge.times(s.nu[i]);
-        v = pose[i].motion_to_child(&v);
-        a = pose[i].motion_to_child(&a);
-        v.ang += rate;
-        a.lin += cross(&v.lin, &rate);
-        a.ang += cross(&v.ang, &rate);
-        let body = Inertia::from_params(&p[c.inertial_offset(i)..]);
-        force[i] = body.mul_motion(&a) + v.cross_force(&body.mul_motion(&v));
+        let (x, u) = (&pose[i], &hinges[i].axis);
+        let at_hinge = M3::field(&w, &al).mul_add(&x.p, &a);
+        (w, al, a) = by_turn!(T, x.turn, K => {
+            let carried = x.down::<K>(&w);
+            let al = u.cross_add::<T, K>(&carried, s.nu[i], x.down::<K>(&al));
+            (u.add::<T, K>(carried, s.nu[i]), u.add::<T, K>(al, acc.nu[i]), x.down::<K>(&at_hinge))
+        });
+        let body = Ten::from_params(&p[c.inertial_offset(i)..]);
+        force[i] = body.wrench(&w, &al, &a, &M3::field(&w, &al));
     }
-    let mut f = Force::<T>::zero();
+    let (mut f, mut g) = (V3::<T>::zero(), V3::<T>::zero());
     for i in (0..n).rev() {
-        let hinge = &c.hinges[i];
-        f += force[i];
-        h[6 + i] = hinge.along(&f.ang)
-            + p[c.stiffness_index(i)] * (s.eta[i] - T::from_f64(hinge.rest))
-            + p[c.damping_index(i)] * s.nu[i];
-        f = pose[i].force_to_parent(&f);
+        let hinge = &hinges[i];
+        f += force[i].0;
+        g += force[i].1;
+        let along;
+        (along, (f, g)) =
+            by_turn!(T, pose[i].turn, K => (hinge.axis.along::<T, K>(&g), pose[i].wrench_up::<K>(&f, &g)));
+        let spring = p[c.stiffness_index(i)].mul_add(s.eta[i] - T::from_f64(hinge.rest), along);
+        h[6 + i] = p[c.damping_index(i)].mul_add(s.nu[i], spring);
     }
     f.write_to(h);
+    g.write_to(&mut h[3..]);
     for (&(i, j), &k) in c.k_pairs.pairs.iter().zip(&p[c.k_pair_offset()..]) {
         h[6 + i] += k * (s.eta[j] - T::from_f64(c.hinges[j].rest));
         h[6 + j] += k * (s.eta[i] - T::from_f64(c.hinges[i].rest));
@@ -141,5 +244,66 @@ fn newton_euler<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], s: &PortStat
     for (&(i, j), &d) in c.d_pairs.pairs.iter().zip(&p[c.d_pair_offset()..]) {
         h[6 + i] += d * s.nu[j];
         h[6 + j] += d * s.nu[i];
+    }
+}
+
+/// Columns of the regressor: ten per segment, then springs and dampers. See [`Moving::powers`].
+#[inline(always)]
+fn regressor<T: LaneScalar, const N: usize>(
+    c: &PanelChain,
+    p: &[T],
+    s: &PortState<'_, T>,
+    acc: &PortAccel<'_, T>,
+    y: &mut [T],
+) {
+    let n = if N <= 3 { N } else { c.count() };
+    let dim = 6 + n;
+    let y = &mut y[..p.len() * dim];
+    for x in y.iter_mut() {
+        *x = T::zero();
+    }
+    let none = (V3::<T>::zero(), V3::<T>::zero());
+    let (mut host, mut hinge) = ([none; 6], [none; N]);
+    for k in 0..3 {
+        let mut e = [T::zero(); 3];
+        e[k] = T::one();
+        (host[k].0, host[3 + k].1) = (V3::from_slice(&e), V3::from_slice(&e));
+    }
+    let mut w = V3::from(&s.host.ang);
+    let mut al = V3::from(&acc.host.ang);
+    let mut a = w.cross_add(&V3::from(&s.host.lin), &V3::from(&acc.host.lin));
+    for i in 0..n {
+        let (x, u) = (&c.hinges[i].pose(s.eta[i]), &c.hinges[i].axis);
+        let at_hinge = M3::field(&w, &al).mul_add(&x.p, &a);
+        by_turn!(T, x.turn, K => {
+            let carried = x.down::<K>(&w);
+            al = u.cross_add::<T, K>(&carried, s.nu[i], x.down::<K>(&al));
+            (w, al) = (u.add::<T, K>(carried, s.nu[i]), u.add::<T, K>(al, acc.nu[i]));
+            a = x.down::<K>(&at_hinge);
+            for (v, w) in host.iter_mut().chain(&mut hinge[..i]) {
+                (*v, *w) = x.screw_down::<K>(v, w);
+            }
+            hinge[i] = (V3::zero(), u.add::<T, K>(V3::zero(), T::one()));
+        });
+        let motion = Moving { w, al, a, field: M3::field(&w, &al) };
+        let block = &mut y[10 * i * dim..(10 * i + 10) * dim];
+        for (r, (v, w)) in host.iter().chain(&hinge[..=i]).enumerate() {
+            for (k, x) in motion.powers(v, w).into_iter().enumerate() {
+                block[k * dim + r] = x;
+            }
+        }
+    }
+    let bend = |i: usize| s.eta[i] - T::from_f64(c.hinges[i].rest);
+    for i in 0..n {
+        y[c.stiffness_index(i) * dim + 6 + i] = bend(i);
+        y[c.damping_index(i) * dim + 6 + i] = s.nu[i];
+    }
+    for (l, &(i, j)) in c.k_pairs.pairs.iter().enumerate() {
+        y[(c.k_pair_offset() + l) * dim + 6 + i] = bend(j);
+        y[(c.k_pair_offset() + l) * dim + 6 + j] = bend(i);
+    }
+    for (l, &(i, j)) in c.d_pairs.pairs.iter().enumerate() {
+        y[(c.d_pair_offset() + l) * dim + 6 + i] = s.nu[j];
+        y[(c.d_pair_offset() + l) * dim + 6 + j] = s.nu[i];
     }
 }

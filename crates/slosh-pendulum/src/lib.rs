@@ -26,24 +26,40 @@
 //! correct small-angle wrench, with the couple that the paper omits, is [`formulas::small_angle_wrench`].
 //! None of these is used to simulate: the motion follows from the energies.
 //!
+//! # The family
+//! [`SloshSpringMass`] is a mass on springs along two or three axes. [`SloshTank`] holds several sloshing masses of both
+//! sorts and the fuel that does not move; [`geometry`] gets them from the shape of a tank and its fill level.
+//!
 //! * [`SloshPendulum`]: the appendage; [`formulas`]: frequency, damping ratio, equivalences.
-//! * [`from_toml`]: the factory of mission files; [`register`]: its entry in a registry, kind [`KIND`].
+//! * [`from_toml`]: the factory of mission files; [`register`]: the entries of all kinds in a registry.
 //! * [`SloshPendulum::twin_bodies`]: the same pendulum as ordinary tree links ([`ff_model::TwinBody`]), a free oracle
 //!   for tests.
 
+mod check;
 mod config;
 pub mod formulas;
+pub mod geometry;
+mod particle;
 mod pendulum;
+mod potential;
+mod spring_mass;
+mod tank;
+mod tank_config;
 
 pub use config::from_toml;
 pub use pendulum::{SWING_LIMITS, SloshPendulum};
+pub use spring_mass::{SPRING_MASS_KIND, SloshSpringMass, from_toml as spring_mass_from_toml};
+pub use tank::{FixedFuel, SloshPart, SloshTank, TANK_KIND};
+pub use tank_config::from_toml as tank_from_toml;
 
 /// The `kind` of mission files for this appendage.
 pub const KIND: &str = "slosh_pendulum";
 
-/// Adds this appendage to a registry under [`KIND`]. Allocates.
+/// Adds the appendages of this crate to a registry: [`KIND`], [`SPRING_MASS_KIND`] and [`TANK_KIND`]. Allocates.
 pub fn register(registry: &mut ff_model::Registry) {
     registry.register(KIND, from_toml).example(KIND, EXAMPLE);
+    registry.register(SPRING_MASS_KIND, spring_mass_from_toml);
+    registry.register(TANK_KIND, tank_from_toml);
 }
 
 /// A tank as its table stands in a mission file.

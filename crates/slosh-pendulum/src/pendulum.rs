@@ -110,19 +110,19 @@ pub(crate) fn check(mass: f64, length: f64, k: [f64; 2], d: [f64; 2], problems: 
 }
 
 /// Position of the mass and its partial derivatives, in units of the arm length, mount frame.
-struct Arm<T: Scalar> {
-    r: Vector3<T>,
-    r_a: Vector3<T>,
-    r_b: Vector3<T>,
+pub(crate) struct Arm<T: Scalar> {
+    pub(crate) r: Vector3<T>,
+    pub(crate) r_a: Vector3<T>,
+    pub(crate) r_b: Vector3<T>,
     /// `d^2 r / da db`.
-    r_ab: Vector3<T>,
+    pub(crate) r_ab: Vector3<T>,
     /// `d^2 r / da^2`.
-    r_aa: Vector3<T>,
+    pub(crate) r_aa: Vector3<T>,
 }
 
 impl<T: Scalar> Arm<T> {
     #[inline(always)]
-    fn new(eta: &[T]) -> Self {
+    pub(crate) fn new(eta: &[T]) -> Self {
         let (sa, ca) = eta[0].sin_cos();
         let (sb, cb) = eta[1].sin_cos();
         let o = T::zero();

@@ -1,12 +1,15 @@
 //! The paper's formulas, as corrected, against the appendage and against Table I.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
-use ff_model::{Motion, PortMatrix, PortModel, PortState};
-use nalgebra::{SMatrix, SVector};
+use ff_dynamics::{Boundary, State, Work, mass_matrix, modes};
+use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortMatrix, PortModel, PortState, Xform};
+use nalgebra::{Complex, DMatrix, Matrix3, SMatrix, SVector, Vector3};
 use slosh_pendulum::SloshPendulum;
 use slosh_pendulum::formulas::{
     SpringMass, damping_ratio, natural_frequency, natural_frequency_hz, small_angle_acceleration, small_angle_wrench,
 };
+
+use std::sync::Arc;
 
 /// Table I: mass, length, stiffness, damping.
 const TABLE_I: (f64, f64, f64, f64) = (100.0, 0.8, 20.0, 5.0);
@@ -77,6 +80,108 @@ fn small_swings_give_the_corrected_force_and_the_couple() {
             assert!((printed - want.lateral).abs() > want.lateral.abs());
         }
     }
+}
+
+#[test]
+fn eqs_12_and_13_as_corrected_hold_at_any_angle() {
+    // Plane of the first swing: lateral y, axial z, mass at l (sin a, -cos a). The tension from the axial balance must
+    // satisfy the lateral one; with the printed sign of a'^2 cos a it does not (theory.md 5.10).
+    let (m, l, k, d) = TABLE_I;
+    let c = SloshPendulum::new(m, l, [k, 26.0], [d, 3.0]).unwrap();
+    for (a, rate, lat, ax) in [(0.7, 0.9, 0.3, -0.4), (-1.1, 0.6, -0.5, 0.8), (2.3, -1.4, 0.7, 0.2)] {
+        let (acc, on_base) = appendage(&c, [a, 0.0], [rate, 0.0], [0.0, lat, ax, 0.0, 0.0, 0.0]);
+        let (s, co) = a.sin_cos();
+        let transverse = m * l * acc[0] + (d * rate + k * a) / l;
+        let tension = (m * ax + m * l * rate * rate * co + transverse * s) / co;
+        let lateral = m * lat - m * l * rate * rate * s + transverse * co + tension * s;
+        let scale = m * lat.abs() + transverse.abs() + tension.abs();
+        assert!(lateral.abs() < 1e-13 * scale, "{lateral}");
+        let printed = (m * ax - m * l * rate * rate * co + transverse * s) / co;
+        assert!((m * lat - m * l * rate * rate * s + transverse * co + printed * s).abs() > 0.1 * m * l * rate * rate);
+        // What the base feels is arm force (tension and transverse spring force) and couple.
+        let arm = [(d * rate + k * a) / l * co + tension * s, (d * rate + k * a) / l * s - tension * co];
+        assert!((on_base[1] - arm[0]).abs() < 1e-12 * scale && (on_base[2] - arm[1]).abs() < 1e-12 * scale);
+        assert!((on_base[3] - (k * a + d * rate)).abs() < 1e-12 * scale);
+    }
+}
+
+#[test]
+fn eq_16_is_the_small_angle_frequency_of_the_appendage() {
+    let (m, l, k, d) = TABLE_I;
+    let c = SloshPendulum::new(m, l, [k, 26.0], [d, 3.0]).unwrap();
+    for axial in [0.0, 0.35, -0.2] {
+        for (i, k) in [k, 26.0].into_iter().enumerate() {
+            // Prescribed base, constant axial acceleration: alpha'' = -omega^2 alpha for small alpha.
+            let mut eta = [0.0; 2];
+            eta[i] = 1e-6;
+            let (acc, _) = appendage(&c, eta, [0.0; 2], [0.0, 0.0, axial, 0.0, 0.0, 0.0]);
+            let want = natural_frequency(m, l, k, axial).unwrap();
+            assert!(((-acc[i] / 1e-6).sqrt() / want - 1.0).abs() < 1e-9);
+            // And the decay of the damper: alpha'' = -2 zeta omega alpha'.
+            let mut nu = [0.0; 2];
+            nu[i] = 1e-6;
+            let (acc, _) = appendage(&c, [0.0; 2], nu, [0.0, 0.0, axial, 0.0, 0.0, 0.0]);
+            let zeta = damping_ratio(m, l, k, [d, 3.0][i], axial).unwrap();
+            assert!((-acc[i] / 1e-6 / (2.0 * zeta * want) - 1.0).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn on_a_free_base_eq_16_has_the_reduced_inertia() {
+    // m l^2 becomes m l^2 - h_s^T H_b^-1 h_s: the frequency rises (theory.md 5.13).
+    let (m, l, k, _) = TABLE_I;
+    let mut model = Model::new("sat", "base", body(), BaseKind::Floating);
+    let mount = Vector3::new(0.3, -0.2, 0.5);
+    let pendulum = SloshPendulum::new(m, l, [k; 2], [0.0; 2]).unwrap();
+    model.mount("tank", 0, Xform::new(Matrix3::identity(), mount), Arc::new(pendulum)).unwrap();
+    let p = Params::nominal(&model);
+    let mut h = DMatrix::zeros(8, 8);
+    mass_matrix(&model, &p, &State::zero(&model), &mut Work::new(&model), &mut h);
+    let hs = h.view((0, 6), (6, 2)).into_owned();
+    let reduced: DMatrix<f64> =
+        h.view((6, 6), (2, 2)) - hs.transpose() * h.view((0, 0), (6, 6)).into_owned().cholesky().unwrap().solve(&hs);
+    let mut want: Vec<f64> =
+        reduced.symmetric_eigenvalues().iter().map(|x| (k / x).sqrt() / std::f64::consts::TAU).collect();
+    want.sort_by(f64::total_cmp);
+    let found = modes(&model, &p, &[], &[0.0; 2], Boundary::JointsHeld).unwrap();
+    let held = natural_frequency_hz(m, l, k, 0.0).unwrap();
+    for (f, w) in found.iter().zip(&want) {
+        assert!(
+            (f.frequency_hz / w - 1.0).abs() < 1e-9 && f.frequency_hz > 1.01 * held,
+            "{} {w} {held}",
+            f.frequency_hz
+        );
+    }
+    let bound = modes(&model, &p, &[], &[0.0; 2], Boundary::BaseHeld).unwrap();
+    assert!(bound.iter().all(|f| (f.frequency_hz / held - 1.0).abs() < 1e-12));
+}
+
+fn body() -> Inertia<f64> {
+    let i = Matrix3::new(150.0, 4.0, -6.0, 4.0, 170.0, 3.0, -6.0, 3.0, 140.0);
+    Inertia::from_com(560.0, &Vector3::new(0.1, 0.05, -0.2), &i)
+}
+
+#[test]
+fn the_lateral_force_exceeds_a_frozen_mass_only_below_root_two_times_the_frequency() {
+    // theory.md 5.12: |F / (m x'')| from the appendage's own matrices, harmonic base motion.
+    let (m, l, k, d) = TABLE_I;
+    let c = SloshPendulum::new(m, l, [k; 2], [d; 2]).unwrap();
+    let mut buffer = [0.0; 64];
+    c.inertia(&c.nominal(), &[0.0; 2], &mut PortMatrix::new(2, &mut buffer));
+    let h = SMatrix::<f64, 8, 8>::from_row_slice(&buffer);
+    let wn = natural_frequency(m, l, k, 0.0).unwrap();
+    let ratio = |w: f64| {
+        let dynamic = Complex::new(k - w * w * h[(6, 6)], w * d);
+        (Complex::new(h[(1, 1)], 0.0) + h[(1, 6)] * h[(6, 1)] * w * w / dynamic).norm() / m
+    };
+    assert!((ratio(wn * 2.0_f64.sqrt()) - 1.0).abs() < 1e-12);
+    assert!(
+        (ratio(wn) - 7.2).abs() < 0.05 && (ratio(2.0 * wn) - 0.34).abs() < 0.01,
+        "{} {}",
+        ratio(wn),
+        ratio(2.0 * wn)
+    );
 }
 
 #[test]

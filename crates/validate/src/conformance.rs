@@ -26,6 +26,7 @@ mod twin;
 
 pub use allocation::AllocationMeter;
 pub use kind::check_kind;
+pub(crate) use motion::bias_against_derived;
 pub use report::{Check, ConformanceReport, NotConforming, Skipped};
 pub(crate) use sample::Source;
 

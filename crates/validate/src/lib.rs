@@ -2,7 +2,9 @@
 
 pub mod conformance;
 pub mod end_effector;
+pub mod extrapolation;
 pub mod known_wrong;
+pub mod systems;
 
 pub use conformance::{ConformanceReport, check_appendage, check_appendage_counting, check_kind};
 pub use end_effector::{FramePath, PathError, PathErrorKind, compare, frame_path};

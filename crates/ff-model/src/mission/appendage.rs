@@ -1,7 +1,9 @@
 //! `[[appendage]]`: what hangs where. The keys of each kind are read by the crate that registered it.
 
+use super::lift;
 use super::reader::{Must, Table, error};
 use crate::appendage::DynAppendage;
+use crate::model::Model;
 use crate::registry::Registry;
 use crate::so3::{quat_to_rot, rot_of_rpy};
 use crate::spatial::Xform;
@@ -21,10 +23,15 @@ pub struct AppendageSpec {
     pub kind: String,
     /// `name`: prefix of its parameters and coordinates. Required; no dots, brackets, stars or blanks.
     pub name: String,
-    /// `host`: any link of the URDF. Required.
+    /// `host`: any link of the URDF, or a client. Required, but for an appendage that is lifted: it hangs where its
+    /// first joint does.
     pub host: String,
     /// `mount`: pose of the mount frame in the host link frame; the link frame itself unless given.
     pub mount: Mount,
+    /// `lift`: joints of the URDF, from the host outwards, that are the hinges of this appendage; they leave the tree.
+    /// Their links become its `segments`; `stiffness_nm_per_rad`, `damping_nms_per_rad` and `rest_rad` are then lists with
+    /// one number per joint (or matrices, where the kind has these). Empty unless given.
+    pub lift: Vec<String>,
     /// All other keys of the table, read by the kind.
     pub settings: toml::Table,
 }
@@ -46,6 +53,16 @@ impl Mount {
     }
     fn of(xyz_m: [f64; 3], r: &Matrix3<f64>) -> Self {
         Self { xyz_m, rotation: [0, 1, 2].map(|i| [r[(i, 0)], r[(i, 1)], r[(i, 2)]]) }
+    }
+    /// Sub-table `mount` of a table; the frame itself when absent.
+    pub(super) fn of_table(t: &Table<'_, '_>) -> Option<Self> {
+        match t.table("mount") {
+            Some(m) => Self::read(&m),
+            None => Some(Self::of([0.0; 3], &Matrix3::identity())),
+        }
+    }
+    pub(super) fn of_xform(x: &Xform<f64>) -> Self {
+        Self::of(x.pos.into(), &x.rot)
     }
     fn read(t: &Table<'_, '_>) -> Option<Self> {
         let xyz = t.vector("xyz_m");
@@ -104,6 +121,7 @@ pub(super) struct Draft<'d, 't> {
     pub(super) name: Option<String>,
     pub(super) host: Option<String>,
     pub(super) mount: Option<Mount>,
+    pub(super) lift: Option<Vec<String>>,
     pub(super) settings: toml::Table,
     pub(super) appendage: Option<Arc<dyn DynAppendage>>,
     pub(super) table: Table<'d, 't>,
@@ -113,22 +131,39 @@ impl<'d, 't> Draft<'d, 't> {
     /// Reads one table and runs the factory of its kind; problems are recorded at their keys.
     pub(super) fn read(t: Table<'d, 't>, kinds: &Kinds<'_>) -> Self {
         let kind = t.required("kind", t.string("kind"));
-        let name = t.required("name", t.string("name")).filter(|n| {
-            let good = !n.is_empty() && !n.contains(|c: char| c.is_whitespace() || ".[]*".contains(c));
-            if !good {
-                let what = format!("'{}' is blank or holds a dot, bracket, star or blank", crate::text::clip(n));
-                t.fail("name", error("Config::BadName", what).hint("use letters, digits and _"));
+        let name = name(&t);
+        let lift = t.strings("lift");
+        let (host, mount) = match &lift {
+            None => (t.required("host", t.string("host")), Mount::of_table(&t)),
+            Some(_) => {
+                for key in ["host", "mount"].into_iter().filter(|k| t.has(k)) {
+                    let p = error("Config::Conflict", "a lifted appendage hangs where its first joint does");
+                    t.fail(key, p.hint(format!("remove {key}")));
+                }
+                (None, None)
             }
-            good
-        });
-        let host = t.required("host", t.string("host"));
-        let mount = match t.table("mount") {
-            Some(m) => Mount::read(&m),
-            None => Some(Mount::of([0.0; 3], &Matrix3::identity())),
         };
-        let settings = t.rest(&["kind", "name", "host", "mount"]);
-        let appendage = kind.as_deref().and_then(|k| make(&t, k, name.as_deref().unwrap_or(k), &settings, kinds));
-        Self { kind, name, host, mount, settings, appendage, table: t }
+        let settings = t.rest(&["kind", "name", "host", "mount", "lift"]);
+        let mut draft = Self { kind, name, host, mount, lift, settings, appendage: None, table: t };
+        if draft.lift.is_none() {
+            draft.appendage = draft.make(&draft.settings, kinds);
+        }
+        draft
+    }
+    /// Runs the factory of the kind on a table; problems are recorded.
+    fn make(&self, settings: &toml::Table, kinds: &Kinds<'_>) -> Option<Arc<dyn DynAppendage>> {
+        let kind = self.kind.as_deref()?;
+        make(&self.table, kind, self.name.as_deref().unwrap_or(kind), settings, kinds)
+    }
+    /// Makes an appendage of the lifted bodies of the whole tree; the bodies, or `None` where a problem is recorded.
+    pub(super) fn lift(&mut self, tree: &Model, kinds: &Kinds<'_>) -> Option<Vec<usize>> {
+        let bodies = lift::chain(tree, self.lift.as_deref()?, &self.table)?;
+        let (host, mount) = lift::seat(tree, bodies[0]);
+        self.host = Some(tree.body_name(host).to_owned());
+        self.mount = Some(Mount::of_xform(&mount));
+        let table = lift::table(tree, &bodies, &self.settings, &self.table)?;
+        self.appendage = self.make(&table, kinds);
+        Some(bodies)
     }
     /// What is kept of it; `None` unless everything was there.
     pub(super) fn spec(&self) -> Option<AppendageSpec> {
@@ -137,9 +172,22 @@ impl<'d, 't> Draft<'d, 't> {
             name: self.name.clone()?,
             host: self.host.clone()?,
             mount: self.mount.clone()?,
+            lift: self.lift.clone().unwrap_or_default(),
             settings: self.settings.clone(),
         })
     }
+}
+
+/// Key `name` of an appendage or client, fit to be the prefix of parameters.
+pub(super) fn name(t: &Table<'_, '_>) -> Option<String> {
+    t.required("name", t.string("name")).filter(|n| {
+        let good = !n.is_empty() && !n.contains(|c: char| c.is_whitespace() || ".[]*".contains(c));
+        if !good {
+            let what = format!("'{}' is blank or holds a dot, bracket, star or blank", crate::text::clip(n));
+            t.fail("name", error("Config::BadName", what).hint("use letters, digits and _"));
+        }
+        good
+    })
 }
 
 /// Runs the factory of a kind; its problems get their place in the file.

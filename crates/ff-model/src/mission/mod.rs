@@ -5,6 +5,10 @@
 //! urdf = "robot.urdf"
 //! end_effector = "tool"
 //!
+//! [[client]]                  # Client: what the end effector holds
+//! name = "client"
+//! mass_kg = 320.0
+//!
 //! [[appendage]]               # AppendageSpec; further keys belong to the kind
 //! kind = "slosh_pendulum"
 //! name = "tank"
@@ -30,12 +34,15 @@
 //! infinity are errors; all problems are listed with file, line and column. Reasons go into comments.
 
 mod appendage;
+mod client;
+mod lift;
 mod reader;
 mod robot;
 mod select;
 mod settings;
 
 pub use appendage::{AppendageSpec, Mount};
+pub use client::Client;
 pub use robot::{Rigid, RigidBody, Robot};
 pub use settings::{Encoder, Estimate, Gyro, Limits, Reproduce, Sensors, Torque};
 
@@ -60,6 +67,8 @@ pub const MAX_BYTES: usize = 1 << 20;
 pub struct Mission {
     /// `[robot]`.
     pub robot: Robot,
+    /// `[[client]]`, in order.
+    pub clients: Vec<Client>,
     /// `[[appendage]]`, in order.
     pub appendages: Vec<AppendageSpec>,
     /// `[sensors]`.
@@ -183,7 +192,15 @@ fn read(
 ) -> Option<Loaded> {
     let robot_table = root.required("robot", root.table("robot"));
     let robot = robot_table.as_ref().and_then(Robot::read);
-    let drafts: Vec<Draft<'_, '_>> = root.tables("appendage").into_iter().map(|t| Draft::read(t, kinds)).collect();
+    let clients: Vec<(Table<'_, '_>, Option<Client>)> = root
+        .tables("client")
+        .into_iter()
+        .map(|t| {
+            let c = Client::read(&t);
+            (t, c)
+        })
+        .collect();
+    let mut drafts: Vec<Draft<'_, '_>> = root.tables("appendage").into_iter().map(|t| Draft::read(t, kinds)).collect();
     let sensors = root.table("sensors").map(|t| Sensors::read(&t)).unwrap_or_default();
     let limits = root.table("limits").map(|t| Limits::read(&t)).unwrap_or_default();
     let estimate_table = root.table("estimate");
@@ -214,6 +231,8 @@ fn read(
         }
     };
     model = model.with_gravity(Vector3::from(robot.gravity_m_per_s2));
+    model = lift_all(&mut drafts, model, kinds);
+    let held: Vec<bool> = clients.iter().map(|(t, c)| hold(&mut model, c.as_ref(), &robot, t)).collect();
     let frames = Frames(&model.clone());
     let end_effector = robot.end_effector.as_ref().and_then(|n| frames.find(n, "end_effector", &robot_table));
     for r in &robot.rigid {
@@ -222,9 +241,12 @@ fn read(
             model.add_rigid(f.body, &r.body.inertia().to_parent(&f.placement));
         }
     }
+    for ((t, c), _) in clients.iter().zip(&held).filter(|(_, held)| **held) {
+        mount_client(&mut model, &frames, c.as_ref(), t);
+    }
     // Mount all before asking whether all could be, so that each says what is wrong with it.
     let mounted: Vec<bool> = drafts.iter().map(|d| mount(&mut model, &frames, d)).collect();
-    let complete = mounted.iter().all(|&m| m);
+    let complete = mounted.iter().chain(&held).all(|&m| m);
     let appendages = drafts.iter().filter_map(Draft::spec).collect();
     let mut estimated = Vec::new();
     // With an appendage missing, patterns for its parameters would be reported as well.
@@ -234,8 +256,53 @@ fn read(
     if let (Some(r), Some(t)) = (&reproduce, &reproduce_table) {
         check_reproduce(r, &model, t);
     }
-    let mission = Mission { robot, appendages, sensors, limits, estimate, reproduce };
+    let clients = clients.into_iter().filter_map(|(_, c)| c).collect();
+    let mission = Mission { robot, clients, appendages, sensors, limits, estimate, reproduce };
     Some(Loaded { mission, model, estimated, end_effector, warnings: Problems::default() })
+}
+
+/// Makes the appendages that are lifted out of the tree, and the tree without them.
+fn lift_all(drafts: &mut [Draft<'_, '_>], tree: Model, kinds: &Kinds<'_>) -> Model {
+    let mut lifted: Vec<usize> = Vec::new();
+    for d in drafts.iter_mut().filter(|d| d.lift.is_some()) {
+        let Some(bodies) = d.lift(&tree, kinds) else { continue };
+        if let Some(&b) = bodies.iter().find(|b| lifted.contains(b)) {
+            let name = &tree.bodies()[b - 1].joint.name;
+            let p = error("Config::Conflict", format!("joint {name} is lifted by another appendage as well"));
+            d.table.fail("lift", p.hint("name it once"));
+            d.appendage = None;
+        }
+        lifted.extend(bodies);
+    }
+    if lifted.is_empty() { tree } else { lift::without(&tree, &lifted).0 }
+}
+
+/// Gives a client its frame; false when it could not, with the problems recorded at its table.
+fn hold(model: &mut Model, client: Option<&Client>, robot: &Robot, t: &Table<'_, '_>) -> bool {
+    let Some(c) = client else { return false };
+    if model.frame(&c.name).is_some() || c.name == "base" {
+        let p = error("Config::DuplicateName", format!("'{}' is the name of a link as well", c.name));
+        t.fail("name", p.hint("rename the client"));
+        return false;
+    }
+    let Some(host) = c.host.as_ref().or(robot.end_effector.as_ref()) else {
+        let p = error("Config::MissingKey", "no link holds the client: neither host nor robot.end_effector is given");
+        t.fail("host", p.hint("add host = ..., or end_effector = ... in [robot]"));
+        return false;
+    };
+    let Some(k) = Frames(model).find(host, "host", t) else { return false };
+    let (body, pose) = (model.frames()[k].body, model.frames()[k].placement * c.mount.to_xform());
+    model.add_frame(c.name.as_str(), body, pose);
+    true
+}
+
+/// Mounts the body of a client on its frame.
+fn mount_client(model: &mut Model, frames: &Frames<'_>, client: Option<&Client>, t: &Table<'_, '_>) {
+    let Some((c, f)) = client.and_then(|c| Some((c, frames.0.frame(&c.name)?))) else { return };
+    let Some(payload) = c.payload(t) else { return };
+    if let Err(problems) = model.mount(c.name.as_str(), f.body, f.placement, payload) {
+        problems.0.into_iter().for_each(|p| t.fail("name", p));
+    }
 }
 
 /// Frames of the robot without appendages, looked up by name.

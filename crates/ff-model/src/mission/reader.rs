@@ -203,6 +203,10 @@ impl<'d, 't> Table<'d, 't> {
     pub(super) fn wholes(&self, key: &'static str) -> Option<Vec<u64>> {
         self.each(key, "an array of whole numbers", |path, v| self.whole_of(path, v))
     }
+    /// True when the table has this key.
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.table.contains_key(key)
+    }
     /// True when the value is an array of arrays.
     pub(super) fn is_nested(&self, key: &str) -> bool {
         matches!(self.table.get(key).map(Spanned::get_ref),

@@ -61,7 +61,7 @@ impl RigidBody {
     fn matrix(&self) -> Matrix3<f64> {
         crate::keys::symmetric(&self.inertia_com_kgm2)
     }
-    fn read(t: &Table<'_, '_>) -> Option<Self> {
+    pub(super) fn read(t: &Table<'_, '_>) -> Option<Self> {
         let mass_kg = t.required("mass_kg", t.number("mass_kg", Must::BePositive));
         let com_m = t.vector("com_m").unwrap_or_default();
         let inertia_com_kgm2 = six(t, "inertia_com_kgm2").unwrap_or_default();

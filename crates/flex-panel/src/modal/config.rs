@@ -47,6 +47,7 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
             (both, _) => {
                 let what = if both { "both modes and modes_file are given" } else { "modes are missing" };
                 let p = Problem::error(Area::Config, "Config::Conflict", what).on("modes");
+                t.accept_unknown();
                 t.problems().push(p.hint("give the modes as tables (modes) or by a file (modes_file)"));
                 None
             }

@@ -37,7 +37,7 @@ pub fn check_kind(registry: &Registry, kind: &str, meter: Option<AllocationMeter
     }
     report.push(Check::faults(law::EXAMPLES, &refused));
     for (i, a) in &built {
-        report.merge(check(&**a, meter), &format!("example {i}: "));
+        report.merge(check(&**a, meter), &format!("example {i}"));
     }
     if !report.passed() {
         return report;

@@ -6,7 +6,7 @@ use super::measure::{STEP, Worst, amax, bias, difference, relative};
 use super::report::Check;
 use super::sample::{Sample, lift};
 use ff_model::scalar::{D1, D2};
-use ff_model::{Dual, DynAppendage, Force, ModelScalar, Motion};
+use ff_model::{Dual, DynAppendage, Force, ModelScalar, Motion, PortState};
 
 /// See [`law::DERIVATIVES`]: along a random direction, one figure for each of the three energies.
 pub(super) fn derivatives(a: &dyn DynAppendage, samples: &[Sample]) -> Check {
@@ -49,6 +49,17 @@ fn bias_difference(have: &[f64], want: &[f64]) -> (f64, usize) {
         }
     }
     out
+}
+
+/// Difference of a bias and the one that the energies imply, relative to the largest entry.
+pub(crate) fn bias_against_derived(a: &dyn DynAppendage, p: &[f64], s: &PortState<'_, f64>) -> f64 {
+    let want = derived_bias(D1::port(a), p, s.host, s.eta, s.nu);
+    let have = bias(a, p, s.host, s.eta, s.nu);
+    let scale = amax(&have).max(amax(&want));
+    have.iter().zip(&want).fold(0.0, |worst: f64, (h, w)| {
+        let e = relative(*h, *w, scale);
+        if e.is_nan() { e } else { worst.max(e) }
+    })
 }
 
 /// See [`law::BIAS`] and [`law::BIAS_DERIVATIVE`].

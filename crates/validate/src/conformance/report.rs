@@ -83,10 +83,10 @@ impl ConformanceReport {
     pub(crate) fn push(&mut self, c: Check) {
         self.checks.push(c);
     }
-    /// Takes over the checks of another report: of each law the worse, its place after `prefix`.
+    /// Takes over the checks of another report: of each law the worse, its place after `prefix` and a colon.
     pub(crate) fn merge(&mut self, other: Self, prefix: &str) {
         for mut c in other.checks {
-            c.detail.insert_str(0, prefix);
+            c.detail = if c.detail.is_empty() { prefix.to_owned() } else { format!("{prefix}: {}", c.detail) };
             // A figure is as bad as it stands to its limit; limits of counts are zero, and NaN is worst.
             let badness = |c: &Check| if c.pass { c.figure } else { f64::INFINITY };
             match self.checks.iter_mut().find(|have| have.law == c.law) {

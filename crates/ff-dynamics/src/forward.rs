@@ -1,0 +1,369 @@
+//! Forward dynamics: all accelerations free, or with prescribed joint motion.
+//!
+//! Both come from the same two passes: forces at zero unknown acceleration (recursive Newton-Euler), and
+//! composite inertias. Free dynamics solve with the mass matrix, whose sparsity is that of the tree
+//! ([`crate::ltl`]); beyond [`DEEP`] joints the articulated-body algorithm ([`crate::aba`]), whose cost is
+//! linear, takes over. With prescribed joints only base and passive coordinates are unknown: appendages are
+//! eliminated one by one, and what is left is 6 x 6.
+
+use crate::aba::{SingularInertia, aba};
+use crate::crba;
+use crate::ldl;
+use crate::ltl;
+use crate::state::State;
+use crate::tree;
+use crate::work::Work;
+use ff_lanes::Kernel;
+use ff_model::by_turn;
+use ff_model::vec3::V3;
+use ff_model::{Model, ModelScalar, Params};
+
+/// Joints above which free forward dynamics use the articulated-body algorithm: the measured crossover
+/// (`docs/benchmarks.md`).
+pub const DEEP: usize = 20;
+
+/// Accelerations for given forces: `a = H^-1 (tau - c)`.
+///
+/// `tau = [external base wrench | joint torques | external passive forces]`, all `nv` long; springs, dampers,
+/// gravity and [`Work::set_external`] are added by the model. Does not allocate except for the error.
+///
+/// Source: Featherstone 2008, tables 5.1, 6.2 and 6.3; table 7.1 beyond [`DEEP`] joints.
+///
+/// # Errors
+/// [`SingularInertia`] where a pivot is not positive.
+///
+/// # Panics
+/// If a slice has the wrong length.
+pub fn forward_dynamics<T: ModelScalar>(
+    model: &Model,
+    params: &Params<T>,
+    state: &State<T>,
+    tau: &[T],
+    work: &mut Work<T>,
+    a: &mut [T],
+) -> Result<(), SingularInertia> {
+    if model.nj() > DEEP {
+        return aba(model, params, state, tau, work, a);
+    }
+    T::enter(Free { model, params, state, tau, work, a }).map_err(|dof| {
+        let at = match dof {
+            d if d < model.nb() => format!("base {}", model.body_name(0)),
+            d if d < model.nb() + model.nj() => format!("joint {}", model.bodies()[d - model.nb()].joint.name),
+            d => appendage_of(model, d - model.nb() - model.nj()),
+        };
+        SingularInertia { at }
+    })
+}
+
+fn appendage_of(model: &Model, coord: usize) -> String {
+    let a = model.appendages().iter().rfind(|a| a.coord_offset <= coord);
+    format!("appendage {}", a.map_or("", |a| a.name.as_str()))
+}
+
+struct Free<'a, T: ModelScalar> {
+    model: &'a Model,
+    params: &'a Params<T>,
+    state: &'a State<T>,
+    tau: &'a [T],
+    work: &'a mut Work<T>,
+    a: &'a mut [T],
+}
+
+/// Wrenches and joint forces at zero acceleration of every unknown, `qdd` given; port residuals likewise.
+#[inline(always)]
+fn forces<T: ModelScalar>(
+    model: &Model,
+    params: &Params<T>,
+    state: &State<T>,
+    qdd: &[T],
+    work: &mut Work<T>,
+    joint: &mut [T],
+) {
+    let links = &mut work.links[..];
+    tree::place(links, &state.q);
+    tree::move_base(model, state, links, V3::zero(), V3::zero());
+    tree::advance(links, state.qd(), qdd);
+    tree::wrenches(params, links, work.has_external.then_some(&work.external[..]));
+    tree::port_terms(model, params, state, links, &mut work.ports);
+    tree::gather(links, joint);
+}
+
+impl<T: ModelScalar> Kernel for Free<'_, T> {
+    type Output = Result<(), usize>;
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let Self { model, params, state, tau, work, a } = self;
+        let (nb, nj, nv) = (model.nb(), model.nj(), model.nv());
+        assert_eq!(tau.len(), nv, "tau length");
+        assert_eq!(a.len(), nv, "acceleration length");
+        let zeros = std::mem::take(&mut work.zeros);
+        forces(model, params, state, &zeros[..nj], work, &mut a[nb..nb + nj]);
+        work.zeros = zeros;
+        for i in 0..nj {
+            a[nb + i] = tau[nb + i] - a[nb + i];
+        }
+        if nb == 6 {
+            let l = &work.links[0];
+            (V3::from_slice(tau) - l.f).write_to(a);
+            (V3::from_slice(&tau[3..]) - l.n).write_to(&mut a[3..]);
+        }
+        for (ap, p) in model.appendages().iter().zip(&work.ports) {
+            for k in 0..p.n {
+                let row = nb + nj + ap.coord_offset + k;
+                a[row] = tau[row] - p.r[6 + k];
+            }
+        }
+        crba::composite(params, model, work);
+        let mut h = std::mem::take(&mut work.lower);
+        crba::columns(model, work, &mut h);
+        let done = ltl::factor(&mut h, nv, &work.dof_parent);
+        if done.is_ok() {
+            ltl::solve(&h, nv, &work.dof_parent, a);
+        }
+        work.lower = h;
+        if nb == 6 {
+            // The unknown was the classical acceleration of the base origin.
+            (V3::from_slice(a) - tree::transport(model, state)).write_to(a);
+        }
+        done
+    }
+}
+
+/// Base and passive accelerations and joint torques for prescribed joint accelerations.
+///
+/// This is the form of a position-controlled arm on a free base: joint motion in, everything else out.
+/// `qdd` has length `n`; on return `a` (`nv`) holds all accelerations (the joint part copied from `qdd`) and
+/// `tau` (`n`) the joint torques. Does not allocate except for the error.
+///
+/// With `C` the composite inertia, `G` the appendages' coupling at the base, `e` their residuals and `f` the
+/// wrench at zero base acceleration:
+///
+/// ```text
+/// (C - sum G M_ee^-1 G^T) A = -f + sum G M_ee^-1 e,     nu' = -M_ee^-1 (e + G^T A),
+/// tau_j = tau_j(A = 0, nu' = 0) + S_j . (C_j A_j + carried G nu').
+/// ```
+///
+/// # Errors
+/// [`SingularInertia`] where a pivot is not positive.
+///
+/// # Panics
+/// If a slice has the wrong length.
+pub fn hybrid_dynamics<T: ModelScalar>(
+    model: &Model,
+    params: &Params<T>,
+    state: &State<T>,
+    qdd: &[T],
+    work: &mut Work<T>,
+    a: &mut [T],
+    tau: &mut [T],
+) -> Result<(), SingularInertia> {
+    T::enter(Hybrid { model, params, state, qdd, work, a, tau }).map_err(|at| SingularInertia {
+        at: match at {
+            Some(k) => format!("appendage {}", model.appendages()[k].name),
+            None => format!("base {}", model.body_name(0)),
+        },
+    })
+}
+
+struct Hybrid<'a, T: ModelScalar> {
+    model: &'a Model,
+    params: &'a Params<T>,
+    state: &'a State<T>,
+    qdd: &'a [T],
+    work: &'a mut Work<T>,
+    a: &'a mut [T],
+    tau: &'a mut [T],
+}
+
+impl<T: ModelScalar> Kernel for Hybrid<'_, T> {
+    /// The appendage with a pivot that is not positive, or `None` for the base.
+    type Output = Result<(), Option<usize>>;
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let Self { model, params, state, qdd, work, a, tau } = self;
+        let (nb, nj) = (model.nb(), model.nj());
+        assert_eq!(qdd.len(), nj, "qdd length");
+        assert_eq!(tau.len(), nj, "tau length");
+        assert_eq!(a.len(), model.nv(), "acceleration length");
+        forces(model, params, state, qdd, work, tau);
+        crba::composite(params, model, work);
+        let (al0, a0) = if nb == 6 {
+            let c = work.links[0].ic;
+            let z = T::zero();
+            let (h, i) = (c.h, c.i);
+            // Angular part first: the elimination then starts where appendages and arm are attached.
+            let mut s = [
+                [c.m, z, z, z, h.z, -h.y],
+                [z, c.m, z, -h.z, z, h.x],
+                [z, z, c.m, h.y, -h.x, z],
+                [z, -h.z, h.y, i.xx, i.xy, i.xz],
+                [h.z, z, -h.x, i.xy, i.yy, i.yz],
+                [-h.y, h.x, z, i.xz, i.yz, i.zz],
+            ];
+            let (f, n) = (work.links[0].f, work.links[0].n);
+            let mut b = [-f.x, -f.y, -f.z, -n.x, -n.y, -n.z];
+            for (k, (ap, p)) in model.appendages().iter().zip(&mut work.ports).enumerate() {
+                for j in 0..p.n {
+                    let (f, n) = p.pull(j);
+                    let (mut f, mut n) = p.up(&f, &n);
+                    let mut at = ap.host;
+                    while at > 0 {
+                        (f, n) = tree::inwards(&work.links[at], &f, &n);
+                        at = work.links[at].parent;
+                    }
+                    p.g[j] = (f, n);
+                }
+                let ok = match p.n {
+                    0 => true,
+                    1 => eliminate::<T, 1>(p, &mut s, &mut b),
+                    2 => eliminate::<T, 2>(p, &mut s, &mut b),
+                    3 => eliminate::<T, 3>(p, &mut s, &mut b),
+                    4 => eliminate::<T, 4>(p, &mut s, &mut b),
+                    _ => eliminate_any(p, &mut s, &mut b),
+                };
+                if !ok {
+                    return Err(Some(k));
+                }
+            }
+            if !ldl::factor_fixed(&mut s) {
+                return Err(None);
+            }
+            ldl::solve_fixed(&s, &mut b);
+            (V3::from_slice(&b[3..]), V3::from_slice(&b))
+        } else {
+            for (k, p) in work.ports.iter_mut().enumerate() {
+                if !eliminate_any(p, &mut [[T::zero(); 6]; 6], &mut [T::zero(); 6]) {
+                    return Err(Some(k));
+                }
+            }
+            (V3::zero(), V3::zero())
+        };
+        let passive = &mut a[nb + nj..];
+        for (ap, p) in model.appendages().iter().zip(&work.ports) {
+            for i in 0..p.n {
+                let mut x = p.free[i];
+                if nb == 6 {
+                    let g = &p.gain[6 * i..6 * i + 6];
+                    x -= V3::from_slice(g).dot(&a0) + V3::from_slice(&g[3..]).dot(&al0);
+                }
+                passive[ap.coord_offset + i] = x;
+            }
+        }
+        if nb == 6 {
+            (a0 - tree::transport(model, state)).write_to(a);
+            al0.write_to(&mut a[3..]);
+        }
+        a[nb..nb + nj].copy_from_slice(qdd);
+        // Joint torques: the base acceleration carried outwards, appendages on links carried inwards.
+        let links = &mut work.links[..];
+        (links[0].a, links[0].al) = (a0, al0);
+        for i in 1..links.len() {
+            let (inner, outer) = links.split_at_mut(i);
+            let l = &mut outer[0];
+            tau[i - 1] += by_turn!(T, l.pose.turn, K => l.lean::<K>(&inner[l.parent]));
+        }
+        for (ap, p) in model.appendages().iter().zip(&work.ports).filter(|(ap, _)| ap.host > 0) {
+            let (mut f, mut n) = (V3::zero(), V3::zero());
+            for k in 0..p.n {
+                let x = a[nb + nj + ap.coord_offset + k];
+                let (pf, pn) = p.pull(k);
+                (f, n) = (pf.scale_add(x, &f), pn.scale_add(x, &n));
+            }
+            (f, n) = p.up(&f, &n);
+            let mut at = ap.host;
+            while at > 0 {
+                tau[at - 1] += links[at].force_of(&f, &n);
+                (f, n) = tree::inwards(&links[at], &f, &n);
+                at = links[at].parent;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Takes an appendage with `N` coordinates out of the base equations: `S -= G M_ee^-1 G^T`,
+/// `b += G M_ee^-1 e`. Keeps `gain = M_ee^-1 G^T` and `free = -M_ee^-1 e`. False if `M_ee` is not positive
+/// definite.
+#[inline(always)]
+fn eliminate<T: ModelScalar, const N: usize>(
+    p: &mut crate::work::PortWork<T>,
+    s: &mut [[T; 6]; 6],
+    b: &mut [T; 6],
+) -> bool {
+    let mut m = [[T::zero(); N]; N];
+    for i in 0..N {
+        for j in 0..=i {
+            m[i][j] = p.m[(6 + i) * (6 + N) + 6 + j];
+        }
+    }
+    if !ldl::factor_fixed(&mut m) {
+        return false;
+    }
+    let mut free = [T::zero(); N];
+    for i in 0..N {
+        free[i] = -p.r[6 + i];
+    }
+    ldl::solve_fixed(&m, &mut free);
+    let g: [[T; 6]; N] = core::array::from_fn(|k| {
+        let (f, n) = &p.g[k];
+        [f.x, f.y, f.z, n.x, n.y, n.z]
+    });
+    for c in 0..6 {
+        let mut x: [T; N] = core::array::from_fn(|k| g[k][c]);
+        ldl::solve_fixed(&m, &mut x);
+        for k in 0..N {
+            p.gain[6 * k + c] = x[k];
+        }
+        // Lower triangle, which is all the factorisation reads.
+        for r in c..6 {
+            for k in 0..N {
+                s[r][c] = (-g[k][r]).mul_add(x[k], s[r][c]);
+            }
+        }
+    }
+    for k in 0..N {
+        p.free[k] = free[k];
+        for r in 0..6 {
+            b[r] = (-g[k][r]).mul_add(free[k], b[r]);
+        }
+    }
+    true
+}
+
+/// [`eliminate`] for any number of coordinates.
+#[inline(always)]
+fn eliminate_any<T: ModelScalar>(p: &mut crate::work::PortWork<T>, s: &mut [[T; 6]; 6], b: &mut [T; 6]) -> bool {
+    let n = p.n;
+    for i in 0..n {
+        for j in 0..n {
+            p.ee[i * n + j] = p.m[(6 + i) * (6 + n) + 6 + j];
+        }
+        p.free[i] = -p.r[6 + i];
+    }
+    if !ldl::factor(&mut p.ee, n) {
+        return false;
+    }
+    ldl::solve(&p.ee, n, &mut p.free);
+    let row = |g: &(V3<T>, V3<T>)| [g.0.x, g.0.y, g.0.z, g.1.x, g.1.y, g.1.z];
+    let mut x = [T::zero(); ff_model::MAX_COORDS];
+    for c in 0..6 {
+        for k in 0..n {
+            x[k] = row(&p.g[k])[c];
+        }
+        ldl::solve(&p.ee, n, &mut x[..n]);
+        for k in 0..n {
+            p.gain[6 * k + c] = x[k];
+            let g = row(&p.g[k]);
+            for r in c..6 {
+                s[r][c] -= g[r] * x[k];
+            }
+        }
+    }
+    for k in 0..n {
+        let g = row(&p.g[k]);
+        for r in 0..6 {
+            b[r] -= g[r] * p.free[k];
+        }
+    }
+    true
+}

@@ -1,0 +1,234 @@
+//! Vectors of `f64` for the fastest instruction set the machine has, chosen at run time.
+//!
+//! A program built without CPU flags runs on any x86-64, that is with two-wide vectors and without fused
+//! multiply-add. The dynamics of this project are written over a number type, so that eight states can go
+//! through them at once, one per lane; this crate has the number types and the run-time choice:
+//!
+//! | type | lanes | instructions |
+//! |---|---|---|
+//! | `Avx512x8` | 8 | AVX-512 F, DQ, VL, BW |
+//! | `Avx2x4` | 4 | AVX2 and FMA (x86-64-v3) |
+//! | [`Portable4`] | 4 | whatever the program was built for |
+//!
+//! An instruction set applies to a *function*, and is not inherited by the functions it calls unless they are
+//! inlined. Code over lanes therefore runs inside [`Enter::enter`], as a [`Kernel`] whose `run`, and
+//! everything it calls, is `#[inline(always)]`. A call that was not inlined is slow, not wrong.
+//!
+//! The vector types of the two instruction sets are hidden from the documentation on purpose: a value of
+//! them must exist only on a machine that has the instructions, and [`Isa::detect`] is how one knows. They
+//! are reached through a `match` on [`Isa`] (`ff_model::lanes::dispatch`). See
+//! `docs/decisions/0006-lanes.md` for why this crate, alone, contains unsafe code.
+
+mod portable;
+mod trig;
+#[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code)]
+mod x86;
+
+pub use portable::Portable4;
+pub use trig::sin_cos;
+#[cfg(target_arch = "x86_64")]
+#[doc(hidden)]
+pub use x86::{Avx2x4, Avx512x8};
+
+/// A computation that can be compiled for several instruction sets.
+///
+/// `run` must be `#[inline(always)]`, and so must what it calls: see the crate documentation.
+pub trait Kernel {
+    /// What it returns.
+    type Output;
+    /// Does it.
+    fn run(self) -> Self::Output;
+}
+
+/// A number type that knows which instructions it needs.
+pub trait Enter {
+    /// Runs `kernel` in a function compiled for the instructions of this type.
+    ///
+    /// # Panics
+    /// If the machine does not have them.
+    fn enter<K: Kernel>(kernel: K) -> K::Output;
+}
+
+impl Enter for f64 {
+    #[inline(always)]
+    fn enter<K: Kernel>(kernel: K) -> K::Output {
+        kernel.run()
+    }
+}
+
+/// `N` numbers that go through the same arithmetic together.
+pub trait Lanes: Copy + Enter {
+    /// How many.
+    const N: usize;
+    /// All lanes the same.
+    fn splat(x: f64) -> Self;
+    /// From the first `N` numbers.
+    ///
+    /// # Panics
+    /// If there are fewer.
+    fn load(x: &[f64]) -> Self;
+    /// Into the first `N` places.
+    ///
+    /// # Panics
+    /// If there are fewer.
+    fn store(self, to: &mut [f64]);
+    /// Lane `i`.
+    ///
+    /// # Panics
+    /// If `i >= N`.
+    fn lane(&self, i: usize) -> f64;
+    /// Sets lane `i`.
+    ///
+    /// # Panics
+    /// If `i >= N`.
+    fn set_lane(&mut self, i: usize, x: f64);
+    /// `self * b + c`, in one rounding where the instruction set has it.
+    fn mul_add(self, b: Self, c: Self) -> Self;
+    /// True when every lane is above zero and finite.
+    fn all_positive(self) -> bool;
+}
+
+/// One lane: so that code over lanes also runs on plain numbers.
+impl Lanes for f64 {
+    const N: usize = 1;
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn load(x: &[f64]) -> Self {
+        x[0]
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f64]) {
+        to[0] = self;
+    }
+    #[inline(always)]
+    fn lane(&self, i: usize) -> f64 {
+        assert!(i == 0);
+        *self
+    }
+    #[inline(always)]
+    fn set_lane(&mut self, i: usize, x: f64) {
+        assert!(i == 0);
+        *self = x;
+    }
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        if cfg!(target_feature = "fma") { f64::mul_add(self, b, c) } else { self * b + c }
+    }
+    #[inline(always)]
+    fn all_positive(self) -> bool {
+        self > 0.0 && self < f64::INFINITY
+    }
+}
+
+/// An instruction set of the list in the crate documentation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Isa {
+    /// What the program was built for.
+    Portable,
+    /// AVX2 and FMA: x86-64-v3.
+    V3,
+    /// AVX-512 F, DQ, VL, BW: x86-64-v4.
+    V4,
+}
+
+impl Isa {
+    /// The widest this machine has. The answer is cached; does not allocate.
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if x86::has_v4() {
+                return Self::V4;
+            }
+            if x86::has_v3() {
+                return Self::V3;
+            }
+        }
+        Self::Portable
+    }
+    /// Lanes of the vector type of this set.
+    pub fn lanes(self) -> usize {
+        if self == Self::V4 { 8 } else { 4 }
+    }
+}
+
+/// Runs `kernel`, plain `f64` code with loops a compiler can vectorise, in a function compiled for the
+/// widest instructions of this machine.
+///
+/// Results may differ from a plain call in the last bits where the code uses a fused multiply-add; code
+/// without gives the same bits everywhere.
+#[inline]
+pub fn widest<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        match Isa::detect() {
+            Isa::V4 => return Avx512x8::enter(kernel),
+            Isa::V3 => return Avx2x4::enter(kernel),
+            Isa::Portable => {}
+        }
+    }
+    kernel.run()
+}
+
+/// Operators that every vector type gets from `add`, `sub`, `mul`, `div`, `neg` and `splat`.
+macro_rules! operators {
+    ($t:ty) => {
+        impl core::ops::AddAssign for $t {
+            #[inline(always)]
+            fn add_assign(&mut self, o: Self) {
+                *self = *self + o;
+            }
+        }
+        impl core::ops::SubAssign for $t {
+            #[inline(always)]
+            fn sub_assign(&mut self, o: Self) {
+                *self = *self - o;
+            }
+        }
+        impl core::ops::MulAssign for $t {
+            #[inline(always)]
+            fn mul_assign(&mut self, o: Self) {
+                *self = *self * o;
+            }
+        }
+        impl core::ops::DivAssign for $t {
+            #[inline(always)]
+            fn div_assign(&mut self, o: Self) {
+                *self = *self / o;
+            }
+        }
+        impl num_traits::Zero for $t {
+            #[inline(always)]
+            fn zero() -> Self {
+                <Self as $crate::Lanes>::splat(0.0)
+            }
+            fn is_zero(&self) -> bool {
+                *self == <Self as $crate::Lanes>::splat(0.0)
+            }
+        }
+        impl num_traits::One for $t {
+            #[inline(always)]
+            fn one() -> Self {
+                <Self as $crate::Lanes>::splat(1.0)
+            }
+        }
+        impl PartialEq for $t {
+            /// True when every lane is equal.
+            fn eq(&self, o: &Self) -> bool {
+                (0..<Self as $crate::Lanes>::N).all(|i| $crate::Lanes::lane(self, i) == $crate::Lanes::lane(o, i))
+            }
+        }
+        impl core::fmt::Debug for $t {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                f.debug_list().entries((0..<Self as $crate::Lanes>::N).map(|i| $crate::Lanes::lane(self, i))).finish()
+            }
+        }
+    };
+}
+pub(crate) use operators;
+
+#[cfg(test)]
+mod tests;

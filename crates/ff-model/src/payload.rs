@@ -1,0 +1,75 @@
+//! A rigid body held by another: a grasped client, a payload, as ten parameters of its own.
+//!
+//! Without coordinates: `M = M_bb`, the ten parameters about the mount, and `h = V x* (M V)`. Unlike mass added to a link
+//! ([`crate::Model::add_rigid`]) its parameters can be estimated beside those of the link. Both belong to one body, so no
+//! data can tell them apart: estimate the one or the other.
+
+use crate::appendage::{Appendage, Decl, DynAppendage, ParamDecl, PortMatrix, PortState, PortVector};
+use crate::inertia::{Inertia, InertiaError};
+use crate::keys;
+use crate::problem::Problems;
+use crate::registry::Registry;
+use crate::scalar::Scalar;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// The `kind` of mission files for this appendage.
+pub const KIND: &str = "payload";
+
+/// Adds this appendage to a registry under [`KIND`]. Allocates.
+pub fn register(registry: &mut Registry) {
+    registry.register(KIND, from_toml);
+}
+
+/// A rigid body fixed to its host. Parameters `body.mass` ... `body.i_zz`, about the mount; no coordinates.
+#[derive(Clone, Debug)]
+pub struct Payload {
+    decl: Decl,
+}
+
+impl Payload {
+    /// From the ten inertial parameters about the mount. Allocates.
+    ///
+    /// # Errors
+    /// The law that they break.
+    pub fn new(body: &Inertia<f64>) -> Result<Self, InertiaError> {
+        body.check()?;
+        Ok(Self { decl: Decl { kind: KIND, coords: Vec::new(), params: ParamDecl::inertial("body", body) } })
+    }
+}
+
+/// Builds a [`Payload`] from its table in a mission file (a [`crate::registry::Factory`]). Allocates.
+///
+/// Keys: `mass_kg`, `com_m = [x, y, z]`, `inertia_com_kgm2 = [xx, xy, xz, yy, yz, zz]` (mount frame).
+///
+/// # Errors
+/// Every problem of the table: those of [`keys::read`], and `Config::Inertia` for numbers that no body has.
+pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+    let payload = keys::read(table, |t| {
+        let (mass, com, i_com) = (t.number("mass_kg"), t.numbers("com_m"), t.symmetric("inertia_com_kgm2"));
+        let body = Inertia::from_com(mass?, &Vector3::from(com?), &i_com?);
+        match Payload::new(&body) {
+            Ok(p) => Some(p),
+            Err(e) => {
+                let key =
+                    if matches!(e, InertiaError::NonPositiveMass { .. }) { "mass_kg" } else { "inertia_com_kgm2" };
+                let p = keys::error("Config::Inertia", e.to_string()).on(key);
+                t.problems().push(p.hint("give a mass above 0 kg and the inertia about the centre of mass"));
+                None
+            }
+        }
+    })?;
+    Ok(Arc::new(payload))
+}
+
+impl Appendage for Payload {
+    fn decl(&self) -> &Decl {
+        &self.decl
+    }
+    fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
+        m.add_host(&Inertia::from_params(p));
+    }
+    fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
+        s.host.cross_force(&Inertia::from_params(p).mul_motion(&s.host)).write_to(h);
+    }
+}

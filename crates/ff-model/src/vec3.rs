@@ -1,0 +1,655 @@
+//! 3-vectors, symmetric 3 x 3 matrices and joint poses of the inner loops, inlined for every scalar.
+//!
+//! The public types of this crate store nalgebra vectors, whose operators are ordinary functions. Inside a
+//! function compiled for a vector instruction set everything must be inlined (`ff-lanes`), so the hot
+//! algorithms compute in these. Nothing allocates.
+
+use crate::inertia::Inertia;
+use crate::scalar::Scalar;
+use core::ops::{Add, AddAssign, Neg, Sub, SubAssign};
+use nalgebra::{Matrix3, Vector3};
+
+/// `c - a b`, in one rounding where the scalar has it.
+#[inline(always)]
+pub fn nmul_add<T: Scalar>(a: T, b: T, c: T) -> T {
+    (-a).mul_add(b, c)
+}
+
+/// A 3-vector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct V3<T> {
+    /// x.
+    pub x: T,
+    /// y.
+    pub y: T,
+    /// z.
+    pub z: T,
+}
+
+impl<T: Scalar> V3<T> {
+    /// From components.
+    #[inline(always)]
+    pub fn new(x: T, y: T, z: T) -> Self {
+        Self { x, y, z }
+    }
+    /// The zero vector.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self::new(T::zero(), T::zero(), T::zero())
+    }
+    /// Component `i`.
+    ///
+    /// # Panics
+    /// If `i > 2`.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> T {
+        [self.x, self.y, self.z][i]
+    }
+    /// From three numbers.
+    ///
+    /// # Panics
+    /// If there are fewer.
+    #[inline(always)]
+    pub fn from_slice(s: &[T]) -> Self {
+        Self::new(s[0], s[1], s[2])
+    }
+    /// Into three numbers.
+    ///
+    /// # Panics
+    /// If there are fewer.
+    #[inline(always)]
+    pub fn write_to(&self, s: &mut [T]) {
+        s[0] = self.x;
+        s[1] = self.y;
+        s[2] = self.z;
+    }
+    /// `self . o`.
+    #[inline(always)]
+    pub fn dot(&self, o: &Self) -> T {
+        self.z.mul_add(o.z, self.y.mul_add(o.y, self.x * o.x))
+    }
+    /// `self x o`.
+    #[inline(always)]
+    pub fn cross(&self, o: &Self) -> Self {
+        Self::new(
+            nmul_add(self.z, o.y, self.y * o.z),
+            nmul_add(self.x, o.z, self.z * o.x),
+            nmul_add(self.y, o.x, self.x * o.y),
+        )
+    }
+    /// `c + self x o`.
+    #[inline(always)]
+    pub fn cross_add(&self, o: &Self, c: &Self) -> Self {
+        Self::new(
+            nmul_add(self.z, o.y, self.y.mul_add(o.z, c.x)),
+            nmul_add(self.x, o.z, self.z.mul_add(o.x, c.y)),
+            nmul_add(self.y, o.x, self.x.mul_add(o.y, c.z)),
+        )
+    }
+    /// `k self`.
+    #[inline(always)]
+    pub fn scaled(&self, k: T) -> Self {
+        Self::new(self.x * k, self.y * k, self.z * k)
+    }
+    /// `k self + c`.
+    #[inline(always)]
+    pub fn scale_add(&self, k: T, c: &Self) -> Self {
+        Self::new(self.x.mul_add(k, c.x), self.y.mul_add(k, c.y), self.z.mul_add(k, c.z))
+    }
+}
+
+impl<T: Scalar> From<&Vector3<T>> for V3<T> {
+    #[inline(always)]
+    fn from(v: &Vector3<T>) -> Self {
+        let v = &v.data.0[0];
+        Self::new(v[0], v[1], v[2])
+    }
+}
+impl<T: Scalar> From<V3<T>> for Vector3<T> {
+    #[inline(always)]
+    fn from(v: V3<T>) -> Self {
+        Vector3::new(v.x, v.y, v.z)
+    }
+}
+impl<T: Scalar> Add for V3<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, o: Self) -> Self {
+        Self::new(self.x + o.x, self.y + o.y, self.z + o.z)
+    }
+}
+impl<T: Scalar> Sub for V3<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, o: Self) -> Self {
+        Self::new(self.x - o.x, self.y - o.y, self.z - o.z)
+    }
+}
+impl<T: Scalar> Neg for V3<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self::new(-self.x, -self.y, -self.z)
+    }
+}
+impl<T: Scalar> AddAssign for V3<T> {
+    #[inline(always)]
+    fn add_assign(&mut self, o: Self) {
+        *self = *self + o;
+    }
+}
+impl<T: Scalar> SubAssign for V3<T> {
+    #[inline(always)]
+    fn sub_assign(&mut self, o: Self) {
+        *self = *self - o;
+    }
+}
+
+/// A 3 x 3 matrix by columns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct M3<T>(pub [V3<T>; 3]);
+
+impl<T: Scalar> M3<T> {
+    /// The zero matrix.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self([V3::zero(); 3])
+    }
+    /// `m v`.
+    #[inline(always)]
+    pub fn mul(&self, v: &V3<T>) -> V3<T> {
+        let [a, b, c] = &self.0;
+        c.scale_add(v.z, &b.scale_add(v.y, &a.scaled(v.x)))
+    }
+    /// `m v + u`.
+    #[inline(always)]
+    pub fn mul_add(&self, v: &V3<T>, u: &V3<T>) -> V3<T> {
+        let [a, b, c] = &self.0;
+        c.scale_add(v.z, &b.scale_add(v.y, &a.scale_add(v.x, u)))
+    }
+    /// `m^T v`.
+    #[inline(always)]
+    pub fn tr_mul(&self, v: &V3<T>) -> V3<T> {
+        V3::new(self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v))
+    }
+    /// `[al]x + [w]x [w]x`: the acceleration field of a body about its origin (paper of Atkeson et al. 1986,
+    /// eq. (6)): a point at `r` accelerates by `a + field r`, and its inertia force is `m a + field h`.
+    #[inline(always)]
+    pub fn field(w: &V3<T>, al: &V3<T>) -> Self {
+        let (xx, yy, zz) = (w.x * w.x, w.y * w.y, w.z * w.z);
+        let (xy, xz, yz) = (w.x * w.y, w.x * w.z, w.y * w.z);
+        Self([
+            V3::new(-(yy + zz), xy + al.z, xz - al.y),
+            V3::new(xy - al.z, -(xx + zz), yz + al.x),
+            V3::new(xz + al.y, yz - al.x, -(xx + yy)),
+        ])
+    }
+}
+
+impl<T: Scalar> From<&Matrix3<T>> for M3<T> {
+    #[inline(always)]
+    fn from(m: &Matrix3<T>) -> Self {
+        let m = &m.data.0;
+        Self([0, 1, 2].map(|j| V3::new(m[j][0], m[j][1], m[j][2])))
+    }
+}
+
+/// A symmetric 3 x 3 matrix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct S3<T> {
+    /// Element (x, x), and so on.
+    pub xx: T,
+    /// Element (x, y).
+    pub xy: T,
+    /// Element (y, y).
+    pub yy: T,
+    /// Element (x, z).
+    pub xz: T,
+    /// Element (y, z).
+    pub yz: T,
+    /// Element (z, z).
+    pub zz: T,
+}
+
+impl<T: Scalar> S3<T> {
+    /// The zero matrix.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        let o = T::zero();
+        Self { xx: o, xy: o, yy: o, xz: o, yz: o, zz: o }
+    }
+    /// `s v`.
+    #[inline(always)]
+    pub fn mul(&self, v: &V3<T>) -> V3<T> {
+        V3::new(
+            self.xz.mul_add(v.z, self.xy.mul_add(v.y, self.xx * v.x)),
+            self.yz.mul_add(v.z, self.yy.mul_add(v.y, self.xy * v.x)),
+            self.zz.mul_add(v.z, self.yz.mul_add(v.y, self.xz * v.x)),
+        )
+    }
+    /// `s v + u`.
+    #[inline(always)]
+    pub fn mul_add(&self, v: &V3<T>, u: &V3<T>) -> V3<T> {
+        V3::new(
+            self.xz.mul_add(v.z, self.xy.mul_add(v.y, self.xx.mul_add(v.x, u.x))),
+            self.yz.mul_add(v.z, self.yy.mul_add(v.y, self.xy.mul_add(v.x, u.y))),
+            self.zz.mul_add(v.z, self.yz.mul_add(v.y, self.xz.mul_add(v.x, u.z))),
+        )
+    }
+    /// Column `j`.
+    #[inline(always)]
+    pub fn col(&self, j: usize) -> V3<T> {
+        match j {
+            0 => V3::new(self.xx, self.xy, self.xz),
+            1 => V3::new(self.xy, self.yy, self.yz),
+            _ => V3::new(self.xz, self.yz, self.zz),
+        }
+    }
+}
+
+/// A rigid body's ten inertial parameters about its frame origin, as the inner loops hold them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ten<T> {
+    /// Mass (kg).
+    pub m: T,
+    /// First moment (kg m).
+    pub h: V3<T>,
+    /// Rotational inertia about the origin (kg m^2).
+    pub i: S3<T>,
+}
+
+impl<T: Scalar> Ten<T> {
+    /// No mass.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { m: T::zero(), h: V3::zero(), i: S3::zero() }
+    }
+    /// From the ten parameters in the order of [`crate::inertia::INERTIAL_NAMES`].
+    ///
+    /// # Panics
+    /// If there are fewer.
+    #[inline(always)]
+    pub fn from_params(p: &[T]) -> Self {
+        let p = &p[..10];
+        let i = S3 { xx: p[4], xy: p[5], yy: p[6], xz: p[7], yz: p[8], zz: p[9] };
+        Self { m: p[0], h: V3::new(p[1], p[2], p[3]), i }
+    }
+    /// Adds another body about the same origin.
+    #[inline(always)]
+    pub fn add(&mut self, o: &Self) {
+        self.m += o.m;
+        self.h += o.h;
+        self.i.xx += o.i.xx;
+        self.i.xy += o.i.xy;
+        self.i.yy += o.i.yy;
+        self.i.xz += o.i.xz;
+        self.i.yz += o.i.yz;
+        self.i.zz += o.i.zz;
+    }
+    /// Force and moment about the origin for classical acceleration `a`, angular velocity `w` and acceleration
+    /// `al`, with `field = [al]x + [w]x^2`: `f = m a + field h`, `n = I al + w x I w + h x a`.
+    #[inline(always)]
+    pub fn wrench(&self, w: &V3<T>, al: &V3<T>, a: &V3<T>, field: &M3<T>) -> (V3<T>, V3<T>) {
+        let f = field.mul_add(&self.h, &a.scaled(self.m));
+        let n = w.cross_add(&self.i.mul(w), &self.i.mul_add(al, &self.h.cross(a)));
+        (f, n)
+    }
+    /// Momentum for a velocity `v` of the origin and angular velocity `w`: `m v + w x h`, `I w + h x v`.
+    #[inline(always)]
+    pub fn momentum(&self, v: &V3<T>, w: &V3<T>) -> (V3<T>, V3<T>) {
+        (w.cross_add(&self.h, &v.scaled(self.m)), self.i.mul_add(w, &self.h.cross(v)))
+    }
+}
+
+impl<T: Scalar> From<&Inertia<T>> for Ten<T> {
+    #[inline(always)]
+    fn from(b: &Inertia<T>) -> Self {
+        let r = &b.rot.data.0;
+        let i = S3 { xx: r[0][0], xy: r[1][0], yy: r[1][1], xz: r[2][0], yz: r[2][1], zz: r[2][2] };
+        Self { m: b.mass, h: V3::from(&b.h), i }
+    }
+}
+
+/// Motion of a body as the inner loops hold it: angular velocity and acceleration, classical acceleration of the
+/// frame origin, and the field of [`M3::field`].
+#[derive(Clone, Copy, Debug)]
+pub struct Moving<T> {
+    /// Angular velocity (rad/s).
+    pub w: V3<T>,
+    /// Angular acceleration (rad/s^2).
+    pub al: V3<T>,
+    /// Classical acceleration of the origin (m/s^2).
+    pub a: V3<T>,
+    /// `[al]x + [w]x^2`.
+    pub field: M3<T>,
+}
+
+impl<T: Scalar> Moving<T> {
+    /// Power of the inertial wrench of this motion on a screw `(v, w)` of the body frame, per unit of each of the
+    /// ten inertial parameters: the row of the regressor that belongs to a degree of freedom with that screw.
+    ///
+    /// With `f = m a + field h`, `n = I al + w x I w + h x a` and `t = s_w x w`:
+    /// `m: s_v . a`; `h: field^T s_v + a x s_w`; `I: s_w^T I al + t^T I w` element by element. A body regressor is
+    /// never formed and never carried (Atkeson, An, Hollerbach 1986, eq. (8), contracted with the screw).
+    #[inline(always)]
+    pub fn powers(&self, v: &V3<T>, w: &V3<T>) -> [T; 10] {
+        let h = self.a.cross_add(w, &self.field.tr_mul(v));
+        let t = w.cross(&self.w);
+        let (u, x, y) = (w, &self.al, &self.w);
+        let two = |a: T, b: T, c: T, d: T| a.mul_add(b, c * d);
+        [
+            v.dot(&self.a),
+            h.x,
+            h.y,
+            h.z,
+            two(u.x, x.x, t.x, y.x),
+            two(u.x, x.y, u.y, x.x) + two(t.x, y.y, t.y, y.x),
+            two(u.y, x.y, t.y, y.y),
+            two(u.x, x.z, u.z, x.x) + two(t.x, y.z, t.z, y.x),
+            two(u.y, x.z, u.z, x.y) + two(t.y, y.z, t.z, y.y),
+            two(u.z, x.z, t.z, y.z),
+        ]
+    }
+}
+
+/// What a rotation is known to be, so that it is not multiplied out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turn {
+    /// The identity.
+    None,
+    /// About x.
+    X,
+    /// About y.
+    Y,
+    /// About z.
+    Z,
+    /// Any.
+    General,
+}
+
+impl Turn {
+    /// What a rotation is handled as over the scalar `T`.
+    #[inline(always)]
+    pub fn of<T: Scalar>(self) -> Self {
+        if T::DERIVATIVES { Self::General } else { self }
+    }
+}
+
+/// [`Turn`] as a constant of the compiler, so that a step of an algorithm asks once what its rotation is
+/// (`by_turn!`): asking in every operation multiplies the code paths through a step.
+pub mod turn {
+    /// The identity.
+    pub const NONE: u8 = 0;
+    /// About x.
+    pub const X: u8 = 1;
+    /// About y.
+    pub const Y: u8 = 2;
+    /// About z.
+    pub const Z: u8 = 3;
+    /// Any.
+    pub const ANY: u8 = 4;
+}
+
+/// Evaluates an expression with the constant `$k` standing for a [`vec3::Turn`](crate::vec3::Turn) known at run
+/// time: `by_turn!(T, pose.turn, K => pose.up::<K>(&v))` for a scalar `T`. For numbers with derivatives every
+/// rotation is [`Turn::General`](crate::vec3::Turn::General), see [`Turn::of`](crate::vec3::Turn::of).
+#[macro_export]
+macro_rules! by_turn {
+    ($t:ty, $turn:expr, $k:ident => $e:expr) => {
+        if <$t as $crate::Scalar>::DERIVATIVES {
+            const $k: u8 = $crate::vec3::turn::ANY;
+            $e
+        } else {
+            match $turn {
+                $crate::vec3::Turn::None => {
+                    const $k: u8 = $crate::vec3::turn::NONE;
+                    $e
+                }
+                $crate::vec3::Turn::X => {
+                    const $k: u8 = $crate::vec3::turn::X;
+                    $e
+                }
+                $crate::vec3::Turn::Y => {
+                    const $k: u8 = $crate::vec3::turn::Y;
+                    $e
+                }
+                $crate::vec3::Turn::Z => {
+                    const $k: u8 = $crate::vec3::turn::Z;
+                    $e
+                }
+                $crate::vec3::Turn::General => {
+                    const $k: u8 = $crate::vec3::turn::ANY;
+                    $e
+                }
+            }
+        }
+    };
+}
+
+/// Pose of a child frame in its parent: `p_parent = R p_child + p`. Methods take what `R` is as a constant of
+/// [`turn`], which must be that of `turn`.
+#[derive(Clone, Copy, Debug)]
+pub struct Pose<T> {
+    /// What `R` is.
+    pub turn: Turn,
+    /// Cosine of the angle, for a turn about a coordinate axis.
+    pub c: T,
+    /// Sine of the angle, for a turn about a coordinate axis.
+    pub s: T,
+    /// `R` where it is [`Turn::General`]; not read otherwise.
+    pub r: M3<T>,
+    /// Origin of the child in the parent (m).
+    pub p: V3<T>,
+}
+
+impl<T: Scalar> Pose<T> {
+    /// The identity.
+    #[inline(always)]
+    pub fn identity() -> Self {
+        Self { turn: Turn::None, c: T::one(), s: T::zero(), r: M3::zero(), p: V3::zero() }
+    }
+    /// A constant pose; recognises the identity rotation.
+    pub fn constant(x: &crate::spatial::Xform<f64>) -> Self {
+        let turn = if x.rot == Matrix3::identity() { Turn::None } else { Turn::General };
+        let turn = turn.of::<T>();
+        let x = x.lift::<T>();
+        Self { turn, c: T::one(), s: T::zero(), r: M3::from(&x.rot), p: V3::from(&x.pos) }
+    }
+    /// `R^T v`: a vector of the parent written in the child.
+    #[inline(always)]
+    pub fn down<const K: u8>(&self, v: &V3<T>) -> V3<T> {
+        let (c, s) = (self.c, self.s);
+        match K {
+            turn::NONE => *v,
+            turn::X => V3::new(v.x, s.mul_add(v.z, c * v.y), nmul_add(s, v.y, c * v.z)),
+            turn::Y => V3::new(nmul_add(s, v.z, c * v.x), v.y, s.mul_add(v.x, c * v.z)),
+            turn::Z => V3::new(s.mul_add(v.y, c * v.x), nmul_add(s, v.x, c * v.y), v.z),
+            _ => self.r.tr_mul(v),
+        }
+    }
+    /// `R v`: a vector of the child written in the parent.
+    #[inline(always)]
+    pub fn up<const K: u8>(&self, v: &V3<T>) -> V3<T> {
+        let (c, s) = (self.c, self.s);
+        match K {
+            turn::NONE => *v,
+            turn::X => V3::new(v.x, nmul_add(s, v.z, c * v.y), s.mul_add(v.y, c * v.z)),
+            turn::Y => V3::new(s.mul_add(v.z, c * v.x), v.y, nmul_add(s, v.x, c * v.z)),
+            turn::Z => V3::new(nmul_add(s, v.y, c * v.x), s.mul_add(v.x, c * v.y), v.z),
+            _ => self.r.mul(v),
+        }
+    }
+    /// A wrench of the child about its origin, in the parent about the parent's: `(R f, R n + p x R f)`.
+    #[inline(always)]
+    pub fn wrench_up<const K: u8>(&self, f: &V3<T>, n: &V3<T>) -> (V3<T>, V3<T>) {
+        let f = self.up::<K>(f);
+        (f, self.p.cross_add(&f, &self.up::<K>(n)))
+    }
+    /// A screw of the parent (velocity of its origin, angular velocity) written in the child.
+    #[inline(always)]
+    pub fn screw_down<const K: u8>(&self, v: &V3<T>, w: &V3<T>) -> (V3<T>, V3<T>) {
+        (self.down::<K>(&w.cross_add(&self.p, v)), self.down::<K>(w))
+    }
+    /// `R S R^T`.
+    #[inline(always)]
+    pub fn up_sym<const K: u8>(&self, i: &S3<T>) -> S3<T> {
+        let (c, s) = (self.c, self.s);
+        // In the plane of the turn, with d = first - second diagonal element and e the mixed one:
+        // first' = first + x, second' = second - x, mixed' = mixed + y,
+        // x = -s (s d + 2 c mixed), y = c (s d + 2 c mixed) - 2 mixed ... written with k = s d + 2 c mixed.
+        let plane = |a: T, m: T, b: T| {
+            let k = s.mul_add(a - b, (c * m).scale(2.0));
+            (nmul_add(s, k, a), c.mul_add(k, -m), s.mul_add(k, b))
+        };
+        match K {
+            turn::NONE => *i,
+            turn::X => {
+                let (yy, yz, zz) = plane(i.yy, i.yz, i.zz);
+                let (xy, xz) = (nmul_add(s, i.xz, c * i.xy), s.mul_add(i.xy, c * i.xz));
+                S3 { xx: i.xx, xy, yy, xz, yz, zz }
+            }
+            turn::Y => {
+                let (zz, xz, xx) = plane(i.zz, i.xz, i.xx);
+                let (yz, xy) = (nmul_add(s, i.xy, c * i.yz), s.mul_add(i.yz, c * i.xy));
+                S3 { xx, xy, yy: i.yy, xz, yz, zz }
+            }
+            turn::Z => {
+                let (xx, xy, yy) = plane(i.xx, i.xy, i.yy);
+                let (xz, yz) = (nmul_add(s, i.yz, c * i.xz), s.mul_add(i.xz, c * i.yz));
+                S3 { xx, xy, yy, xz, yz, zz: i.zz }
+            }
+            _ => {
+                let t = [i.col(0), i.col(1), i.col(2)].map(|v| self.r.mul(&v)); // R S by columns
+                let [a, b, d] = &self.r.0;
+                // Row r of R is (a_r, b_r, d_r); element (i, j) is sum_k t_k,i R_j,k.
+                let row = |x: T, y: T, z: T, v: [T; 3]| v[2].mul_add(z, v[1].mul_add(y, v[0] * x));
+                let tx = [t[0].x, t[1].x, t[2].x];
+                let ty = [t[0].y, t[1].y, t[2].y];
+                let tz = [t[0].z, t[1].z, t[2].z];
+                S3 {
+                    xx: row(a.x, b.x, d.x, tx),
+                    xy: row(a.x, b.x, d.x, ty),
+                    yy: row(a.y, b.y, d.y, ty),
+                    xz: row(a.x, b.x, d.x, tz),
+                    yz: row(a.y, b.y, d.y, tz),
+                    zz: row(a.z, b.z, d.z, tz),
+                }
+            }
+        }
+    }
+    /// The body `b` of the child seen from the parent: `h' = R h + m p`,
+    /// `I' = R I R^T + ((h_R + h').p) 1 - h' p^T - p h_R^T` with `h_R = R h`.
+    #[inline(always)]
+    pub fn body_up<const K: u8>(&self, b: &Ten<T>) -> Ten<T> {
+        let hr = self.up::<K>(&b.h);
+        let p = &self.p;
+        let h = p.scale_add(b.m, &hr);
+        let i = self.up_sym::<K>(&b.i);
+        let sum = hr + h;
+        let (dx, dy, dz) = (sum.x * p.x, sum.y * p.y, sum.z * p.z);
+        let i = S3 {
+            xx: i.xx + (dy + dz),
+            yy: i.yy + (dx + dz),
+            zz: i.zz + (dx + dy),
+            xy: nmul_add(h.x, p.y, nmul_add(p.x, hr.y, i.xy)),
+            xz: nmul_add(h.x, p.z, nmul_add(p.x, hr.z, i.xz)),
+            yz: nmul_add(h.y, p.z, nmul_add(p.y, hr.z, i.yz)),
+        };
+        Ten { m: b.m, h, i }
+    }
+    /// The same pose as rotation matrix and origin.
+    pub fn to_xform(&self) -> crate::spatial::Xform<T> {
+        let e = |i: usize| {
+            let mut v = V3::zero();
+            match i {
+                0 => v.x = T::one(),
+                1 => v.y = T::one(),
+                _ => v.z = T::one(),
+            }
+            Vector3::from(crate::by_turn!(T, self.turn, K => self.up::<K>(&v)))
+        };
+        crate::spatial::Xform::new(Matrix3::from_columns(&[e(0), e(1), e(2)]), self.p.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::so3::{exp_so3, quat_to_rot};
+    use crate::spatial::Xform;
+    use approx::assert_relative_eq;
+
+    fn body() -> Inertia<f64> {
+        let r = quat_to_rot(&exp_so3(&Vector3::new(0.3, -0.7, 1.1)));
+        let i = r * Matrix3::from_diagonal(&Vector3::new(1.3, 2.1, 2.9)) * r.transpose();
+        Inertia::from_com(3.7, &Vector3::new(0.4, -0.2, 0.9), &i)
+    }
+
+    /// Every kind of pose, as the fast type and as the plain one.
+    fn poses() -> Vec<(Pose<f64>, Xform<f64>)> {
+        let p = Vector3::new(1.1, -0.3, 0.7);
+        let angle: f64 = 0.83;
+        let about = |turn, axis: Vector3<f64>| {
+            let mut q = Pose::identity();
+            (q.turn, q.c, q.s, q.p) = (turn, angle.cos(), angle.sin(), V3::from(&p));
+            (q, Xform::new(quat_to_rot(&exp_so3(&(axis * angle))), p))
+        };
+        let any = Xform::new(quat_to_rot(&exp_so3(&Vector3::new(-0.4, 1.2, 0.6))), p);
+        vec![
+            about(Turn::X, Vector3::x()),
+            about(Turn::Y, Vector3::y()),
+            about(Turn::Z, Vector3::z()),
+            (Pose::constant(&any), any),
+            (Pose::constant(&Xform::new(Matrix3::identity(), p)), Xform::new(Matrix3::identity(), p)),
+        ]
+    }
+
+    #[test]
+    fn poses_move_vectors_wrenches_and_bodies_like_the_spatial_algebra() {
+        let (u, n) = (Vector3::new(0.7, -0.2, 1.3), Vector3::new(-1.1, 0.5, 0.9));
+        for (q, x) in poses() {
+            let near = |a: V3<f64>, b: Vector3<f64>| assert_relative_eq!(Vector3::from(a), b, epsilon = 1e-14);
+            near(by_turn!(f64, q.turn, K => q.up::<K>(&V3::from(&u))), x.rot * u);
+            near(by_turn!(f64, q.turn, K => q.down::<K>(&V3::from(&u))), x.rot.transpose() * u);
+            let w = x.force_to_parent(&crate::Force::new(u, n));
+            let (f, m) = by_turn!(f64, q.turn, K => q.wrench_up::<K>(&V3::from(&u), &V3::from(&n)));
+            near(f, w.lin);
+            near(m, w.ang);
+            let (a, b) =
+                (by_turn!(f64, q.turn, K => q.body_up::<K>(&Ten::from(&body()))), Ten::from(&body().to_parent(&x)));
+            for (a, b) in [
+                (a.m, b.m),
+                (a.h.x, b.h.x),
+                (a.h.y, b.h.y),
+                (a.h.z, b.h.z),
+                (a.i.xx, b.i.xx),
+                (a.i.xy, b.i.xy),
+                (a.i.yy, b.i.yy),
+                (a.i.xz, b.i.xz),
+                (a.i.yz, b.i.yz),
+                (a.i.zz, b.i.zz),
+            ] {
+                assert_relative_eq!(a, b, epsilon = 1e-14);
+            }
+            assert_relative_eq!(q.to_xform().rot, x.rot, epsilon = 1e-15);
+        }
+    }
+
+    #[test]
+    fn wrench_is_that_of_the_spatial_equations() {
+        use crate::spatial::Motion;
+        let (v, w) = (Vector3::new(0.3, -1.1, 0.8), Vector3::new(0.5, 0.2, -0.9));
+        let (a, al) = (Vector3::new(-0.6, 0.4, 1.2), Vector3::new(1.1, -0.3, 0.7));
+        let (tw, acc) = (Motion::new(v, w), Motion::new(a, al));
+        let plain = body().mul_motion(&acc) + tw.cross_force(&body().mul_motion(&tw));
+        let (w3, al3) = (V3::from(&w), V3::from(&al));
+        let field = M3::field(&w3, &al3);
+        let (f, n) = Ten::from(&body()).wrench(&w3, &al3, &V3::from(&(a + w.cross(&v))), &field);
+        assert_relative_eq!(Vector3::from(f), plain.lin, epsilon = 1e-14);
+        assert_relative_eq!(Vector3::from(n), plain.ang, epsilon = 1e-14);
+        let p = body().mul_motion(&tw);
+        let (l, h) = Ten::from_params(&body().to_params()).momentum(&V3::from(&v), &w3);
+        assert_relative_eq!(Vector3::from(l), p.lin, epsilon = 1e-14);
+        assert_relative_eq!(Vector3::from(h), p.ang, epsilon = 1e-14);
+    }
+}

@@ -1,0 +1,247 @@
+//! A reaction wheel: an axisymmetric rotor on a host, spinning about a fixed axis, an appendage for ff-model.
+//!
+//! The rotor's centre of mass is the mount origin. With spin axis `a`, spin inertia `J` and transverse inertia `J_t` about
+//! the centre of mass, angle `eta` and speed `nu` relative to the host (P. Hughes, *Spacecraft Attitude Dynamics*, Wiley
+//! 1986, chapter 6: gyrostats; the equations follow here from one kinetic energy)
+//!
+//! ```text
+//! T = m |v|^2 / 2 + J_t |w - a (a.w)|^2 / 2 + J (a.w + nu)^2 / 2
+//! M_bb = [[m 1, 0], [0, J_t 1 + (J - J_t) a a^T]]     M_be = [0; J a]     M_ee = J     U = 0
+//! R = d nu^2 / 2 + c (sqrt(nu^2 + s^2) - s)                  h_b = V x* (M_bb V + M_be nu)      h_e = dR/d nu
+//! ```
+//!
+//! Since the rotor is a body of revolution nothing depends on its angle. It carries the momentum `J (a.w + nu)` along its
+//! axis; `V x* M_be nu` is its gyroscopic torque. Friction is viscous (`d`) and dry (`c`, rounded below the speed `s`, so
+//! that the torque is smooth: `c nu / sqrt(nu^2 + s^2)`).
+//!
+//! **Motor.** The torque of the motor acts between host and rotor: it is the force on the wheel's coordinate, one of the
+//! passive rows of `tau` in `ff_dynamics::forward_dynamics`, and the host feels its reaction through the port. Speed is the
+//! rate of the coordinate, set in the state where a simulation starts.
+//!
+//! **What data can tell.** `m`, the position and `J_t` belong to the host body as well: of these only sums with its ten
+//! parameters can be estimated. `J` shows when the wheel's speed changes or when a spinning wheel is turned.
+
+use ff_model::appendage::CoordDecl;
+use ff_model::keys::{self, check_damping};
+use ff_model::small::dot;
+use ff_model::{
+    Appendage, Area, Decl, DynAppendage, Force, Inertia, ParamDecl, PortMatrix, PortState, PortVector, Problem,
+    Problems, Scalar,
+};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// The `kind` of mission files for this appendage.
+pub const KIND: &str = "reaction_wheel";
+
+/// Speed below which dry friction is rounded, unless another is given (rad/s).
+pub const ROUNDING: f64 = 0.1;
+
+const MASS: usize = 0;
+const SPIN: usize = 1;
+const TRANSVERSE: usize = 2;
+const VISCOUS: usize = 3;
+const DRY: usize = 4;
+
+/// Adds this appendage to a registry under [`KIND`]. Allocates.
+pub fn register(registry: &mut ff_model::Registry) {
+    registry.register(KIND, from_toml);
+}
+
+/// Nominal values of a wheel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wheel {
+    /// Spin axis in the mount frame; any length but zero.
+    pub axis: Vector3<f64>,
+    /// Mass of the rotor (kg).
+    pub mass: f64,
+    /// Inertia of the rotor about the spin axis (kg m^2).
+    pub spin: f64,
+    /// Inertia of the rotor about any axis through its centre of mass that is perpendicular to the spin axis (kg m^2); at
+    /// least half of `spin`, as for a disc.
+    pub transverse: f64,
+    /// Viscous friction `d` (N m s/rad).
+    pub viscous: f64,
+    /// Dry friction `c` (N m).
+    pub dry: f64,
+    /// Speed `s` below which dry friction is rounded (rad/s).
+    pub rounding: f64,
+}
+
+/// A reaction wheel (see the crate docs).
+///
+/// Parameters, all positive: `mass` (kg), `i_spin`, `i_transverse` (kg m^2), `d` (N m s/rad), `c` (N m). One coordinate,
+/// `spin` (rad), unbounded.
+#[derive(Clone, Debug)]
+pub struct ReactionWheel {
+    decl: Decl,
+    axis: Vector3<f64>,
+    rounding: f64,
+}
+
+impl ReactionWheel {
+    /// A wheel from its nominal values. Allocates.
+    ///
+    /// # Errors
+    /// Every problem, all of [`Area::Config`]: `Config::NotFinite`, `Config::Param` (mass, inertia or rounding speed not
+    /// above zero), `Config::Inertia` (transverse inertia below half of that about the spin axis), `Config::NotPassive`
+    /// (negative friction), `Config::Axis` (zero axis).
+    pub fn new(w: &Wheel) -> Result<Self, Problems> {
+        let mut problems = Problems::default();
+        check(w, &mut problems);
+        if problems.has_errors() {
+            return Err(problems);
+        }
+        let params = vec![
+            ParamDecl::positive("mass", "kg", w.mass),
+            ParamDecl::positive("i_spin", "kg m^2", w.spin),
+            ParamDecl::positive("i_transverse", "kg m^2", w.transverse),
+            ParamDecl::positive("d", "N m s/rad", w.viscous),
+            ParamDecl::positive("c", "N m", w.dry),
+        ];
+        let coords = vec![CoordDecl { name: "spin".into(), unit: "rad", range: (f64::NEG_INFINITY, f64::INFINITY) }];
+        let axis = (w.axis / w.axis.amax()).normalize();
+        Ok(Self { decl: Decl { kind: KIND, coords, params }, axis, rounding: w.rounding })
+    }
+    /// Unit spin axis in the mount frame.
+    pub fn axis(&self) -> &Vector3<f64> {
+        &self.axis
+    }
+    /// Nominal values `[mass, i_spin, i_transverse, d, c]`. Does not allocate.
+    pub fn nominal(&self) -> [f64; 5] {
+        std::array::from_fn(|i| self.decl.params[i].nominal)
+    }
+    /// Rotor as a body about the mount origin, which is its centre of mass.
+    #[inline(always)]
+    fn rotor<T: Scalar>(&self, p: &[T]) -> Inertia<T> {
+        let a = &self.axis;
+        let more = p[SPIN] - p[TRANSVERSE];
+        let mut rot = (a * a.transpose()).map(|x| more.scale(x));
+        for i in 0..3 {
+            rot[(i, i)] += p[TRANSVERSE];
+        }
+        Inertia { mass: p[MASS], h: Vector3::zeros(), rot }
+    }
+}
+
+/// Adds everything that is wrong with the numbers to `problems`. Allocates on trouble only.
+fn check(w: &Wheel, problems: &mut Problems) {
+    let mut sound = true;
+    let mut bad = |code, key: &str, what: String, hint: &str| {
+        problems.push(Problem::error(Area::Config, code, what).on(key).hint(hint));
+    };
+    for (key, unit, x) in [
+        ("mass_kg", "kg", w.mass),
+        ("inertia_spin_kgm2", "kg m^2", w.spin),
+        ("inertia_transverse_kgm2", "kg m^2", w.transverse),
+        ("rounding_rad_per_s", "rad/s", w.rounding),
+    ] {
+        if !x.is_finite() {
+            bad("Config::NotFinite", key, format!("{x} {unit} is not a finite number"), "give a number above 0");
+            sound = false;
+        } else if x <= 0.0 {
+            bad("Config::Param", key, format!("{x} {unit} is not above the limit 0 {unit}"), "give a number above 0");
+            sound = false;
+        }
+    }
+    // J = 2 J_t for a disc without thickness; no body of revolution has more.
+    if sound && w.transverse < 0.5 * w.spin * (1.0 - 1e-9) {
+        let what = format!(
+            "{} kg m^2 is below the limit {} kg m^2, half of the inertia about the spin axis",
+            w.transverse,
+            0.5 * w.spin
+        );
+        bad("Config::Inertia", "inertia_transverse_kgm2", what, "are the two inertias interchanged?");
+    }
+    if w.axis.iter().any(|x| !x.is_finite()) {
+        let what = format!("{:?} holds a number that is not finite", w.axis.as_slice());
+        bad("Config::NotFinite", "axis", what, "give a direction such as [0.0, 0.0, 1.0]");
+    } else if !(1e-9..=1e9).contains(&w.axis.amax()) {
+        let what = format!("{:?} gives no direction", w.axis.as_slice());
+        bad("Config::Axis", "axis", what, "give a direction such as [0.0, 0.0, 1.0]; any length will do");
+    }
+    problems.0.extend(check_damping("viscous_nms_per_rad", w.viscous));
+    problems.0.extend(check_damping("dry_nm", w.dry));
+}
+
+/// Builds a [`ReactionWheel`] from its table in a mission file (a [`ff_model::registry::Factory`]). Allocates.
+///
+/// Keys: `axis = [x, y, z]`, `mass_kg`, `inertia_spin_kgm2`, `inertia_transverse_kgm2`, and optionally
+/// `viscous_nms_per_rad` and `dry_nm` (0 unless given) and `rounding_rad_per_s` ([`ROUNDING`] unless given).
+///
+/// ```toml
+/// [[appendage]]
+/// kind = "reaction_wheel"
+/// name = "wheel_x"
+/// host = "base"
+/// mount = { xyz_m = [0.9, 0.0, 0.4] }
+/// axis = [1.0, 0.0, 0.0]
+/// mass_kg = 8.5
+/// inertia_spin_kgm2 = 0.11
+/// inertia_transverse_kgm2 = 0.06
+/// viscous_nms_per_rad = 2e-5
+/// ```
+///
+/// # Errors
+/// Every problem of the table: those of [`ff_model::keys::read`] and of [`ReactionWheel::new`].
+pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+    let wheel = keys::read(table, |t| {
+        let (axis, mass) = (t.numbers::<3>("axis"), t.number("mass_kg"));
+        let (spin, transverse) = (t.number("inertia_spin_kgm2"), t.number("inertia_transverse_kgm2"));
+        let (viscous, dry) = (t.number_or("viscous_nms_per_rad", 0.0), t.number_or("dry_nm", 0.0));
+        let rounding = t.number_or("rounding_rad_per_s", ROUNDING);
+        // What could be read is checked even when something else is missing; substitutes are sound.
+        let known = |x: Option<f64>, other: Option<f64>| x.or(other).unwrap_or(1.0);
+        let w = Wheel {
+            axis: axis.map_or(Vector3::z(), Vector3::from),
+            mass: known(mass, None),
+            spin: known(spin, transverse),
+            transverse: known(transverse, spin),
+            viscous: viscous.unwrap_or(0.0),
+            dry: dry.unwrap_or(0.0),
+            rounding: known(rounding, None),
+        };
+        check(&w, t.problems());
+        let all = [mass, spin, transverse, viscous, dry, rounding];
+        (axis.is_some() && all.iter().all(Option::is_some)).then_some(w)
+    })?;
+    Ok(Arc::new(ReactionWheel::new(&wheel)?))
+}
+
+impl Appendage for ReactionWheel {
+    fn decl(&self) -> &Decl {
+        &self.decl
+    }
+    fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
+        m.add_host(&self.rotor(p));
+        for i in 0..3 {
+            m.set_sym(3 + i, 6, p[SPIN].scale(self.axis[i]));
+        }
+        m.set(6, 6, p[SPIN]);
+    }
+    /// `R = d nu^2 / 2 + c (sqrt(nu^2 + s^2) - s)` (W), the bracket as `nu^2 / (sqrt(nu^2 + s^2) + s)`: exactly zero at
+    /// rest and without cancellation near it.
+    fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        let square = nu[0] * nu[0];
+        let s = T::from_f64(self.rounding);
+        (p[VISCOUS] * square).scale(0.5) + p[DRY] * (square / ((square + s * s).sqrt() + s))
+    }
+    /// `h_b = V x* (M_bb V + [0; J a nu])`, `h_e = d nu + c nu / sqrt(nu^2 + s^2)`.
+    fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
+        let nu = s.nu[0];
+        let spin = self.axis.map(|a| (p[SPIN] * nu).scale(a));
+        let momentum = self.rotor(p).mul_motion(&s.host) + Force::new(Vector3::zeros(), spin);
+        s.host.cross_force(&momentum).write_to(h);
+        let round = T::from_f64(self.rounding * self.rounding);
+        h[6] = p[VISCOUS] * nu + p[DRY] * nu / (nu * nu + round).sqrt();
+    }
+}
+
+/// Angular momentum of the rotor along its axis (kg m^2/s), `J (a.w + nu)`, at parameters `p`, host angular velocity
+/// `w` (rad/s, mount axes) and speed `nu` (rad/s) relative to the host. Does not allocate.
+///
+/// # Panics
+/// If `p` is shorter than two.
+pub fn axial_momentum<T: Scalar>(wheel: &ReactionWheel, p: &[T], w: &Vector3<T>, nu: T) -> T {
+    p[SPIN] * (dot(&wheel.axis.map(T::from_f64), w) + nu)
+}

@@ -1,0 +1,232 @@
+//! The wheel: laws, gyroscopic torque, motor, friction, its tree twin, and what is said when a table is wrong.
+#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
+
+use ff_dynamics::{State, Work, bias, budget, forward_dynamics, mass_matrix};
+use ff_model::{
+    Appendage, BaseKind, Inertia, Joint, JointKind, JointLimits, Model, Motion, Params, PortModel, PortState, Problems,
+    Registry, Xform, derived_bias,
+};
+use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use reaction_wheel::{KIND, ReactionWheel, Wheel, axial_momentum, from_toml, register};
+use std::sync::Arc;
+use validate::check_appendage;
+
+fn sym(r: &mut ChaCha8Rng, a: f64) -> f64 {
+    r.random_range(-a..a)
+}
+fn vec3(r: &mut ChaCha8Rng, a: f64) -> Vector3<f64> {
+    Vector3::new(sym(r, a), sym(r, a), sym(r, a))
+}
+fn random(r: &mut ChaCha8Rng) -> ReactionWheel {
+    let spin = r.random_range(0.02..0.5);
+    ReactionWheel::new(&Wheel {
+        axis: vec3(r, 2.0),
+        mass: r.random_range(2.0..15.0),
+        spin,
+        transverse: spin * r.random_range(0.5..0.9),
+        viscous: r.random_range(1e-4..0.05),
+        dry: r.random_range(1e-3..0.02),
+        rounding: 0.3,
+    })
+    .unwrap()
+}
+
+#[test]
+fn random_wheels_keep_every_law() {
+    let mut r = ChaCha8Rng::seed_from_u64(61);
+    for _ in 0..10 {
+        let report = check_appendage(&random(&mut r));
+        println!("{report}");
+        assert!(report.checks.iter().all(|c| c.pass), "{report}");
+    }
+}
+
+#[test]
+fn override_equals_the_derived_bias() {
+    let mut r = ChaCha8Rng::seed_from_u64(62);
+    let mut worst = 0.0_f64;
+    for _ in 0..1000 {
+        let w = random(&mut r);
+        let s = PortState {
+            host: Motion::new(vec3(&mut r, 2.0), vec3(&mut r, 2.0)),
+            eta: &[sym(&mut r, 9.0)],
+            nu: &[sym(&mut r, 300.0)],
+        };
+        let (mut h, mut d) = ([f64::NAN; 7], [0.0; 7]);
+        Appendage::bias(&w, &w.nominal(), &s, &mut h);
+        derived_bias(&w, &w.nominal(), &s, &mut d);
+        for range in [0..6, 6..7] {
+            let scale = d[range.clone()].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+            worst = range.fold(worst, |m, i| m.max((h[i] - d[i]).abs() / scale));
+        }
+    }
+    println!("largest relative difference {worst:.2e}");
+    assert!(worst < 1e-12, "{worst:e}");
+}
+
+#[test]
+fn a_turned_spinning_wheel_gives_the_gyroscopic_torque() {
+    let mut r = ChaCha8Rng::seed_from_u64(63);
+    let w = random(&mut r);
+    let [_, j, ..] = w.nominal();
+    let (omega, nu) = (vec3(&mut r, 0.5), 250.0);
+    let wrench = |nu: f64| {
+        let mut h = [0.0; 7];
+        PortModel::bias(
+            &w,
+            &w.nominal(),
+            &PortState { host: Motion::new(Vector3::zeros(), omega), eta: &[0.4], nu: &[nu] },
+            &mut h,
+        );
+        h
+    };
+    let (a, b) = (wrench(nu), wrench(0.0));
+    let want = omega.cross(&(w.axis() * (j * nu)));
+    for i in 0..3 {
+        assert!((a[3 + i] - b[3 + i] - want[i]).abs() < 1e-12 * want.amax());
+    }
+    assert_eq!(axial_momentum(&w, &w.nominal(), &omega, nu), j * (w.axis().dot(&omega) + nu));
+}
+
+fn base() -> Inertia<f64> {
+    let i = Matrix3::new(40.0, 2.0, -3.0, 2.0, 52.0, 1.0, -3.0, 1.0, 61.0);
+    Inertia::from_com(140.0, &Vector3::new(0.2, -0.3, 0.4), &i)
+}
+fn mount() -> Xform<f64> {
+    Xform::new(Rotation3::new(Vector3::new(0.4, -0.8, 1.1)).into_inner(), Vector3::new(0.7, 0.2, -0.5))
+}
+
+#[test]
+fn the_wheel_is_its_tree_twin() {
+    let mut r = ChaCha8Rng::seed_from_u64(64);
+    for _ in 0..100 {
+        let w = random(&mut r);
+        let [mass, j, jt, d, c] = w.nominal();
+        let mut port = Model::new("sat", "base", base(), BaseKind::Floating);
+        port.mount("wheel", 0, mount(), Arc::new(w.clone())).unwrap();
+        let a = w.axis();
+        let rotor =
+            Inertia::from_com(mass, &Vector3::zeros(), &(Matrix3::identity() * jt + a * a.transpose() * (j - jt)));
+        let mut tree = Model::new("sat", "base", base(), BaseKind::Floating);
+        let joint = Joint {
+            name: "spin".into(),
+            kind: JointKind::Continuous,
+            axis: *a,
+            placement: mount(),
+            limits: JointLimits::default(),
+        };
+        tree.add_body(0, "rotor", joint, rotor);
+        let (mut s, mut t) = (State::<f64>::zero(&port), State::<f64>::zero(&tree));
+        let v: Vec<f64> = (0..7).map(|i| sym(&mut r, if i < 6 { 1.0 } else { 80.0 })).collect();
+        s.v.copy_from_slice(&v);
+        t.v.copy_from_slice(&v);
+        (s.eta[0], t.q[0]) = (0.7, 0.7);
+        let (ps, pt) = (Params::nominal(&port), Params::nominal(&tree));
+        let (mut hs, mut ht) = (DMatrix::zeros(7, 7), DMatrix::zeros(7, 7));
+        mass_matrix(&port, &ps, &s, &mut Work::new(&port), &mut hs);
+        mass_matrix(&tree, &pt, &t, &mut Work::new(&tree), &mut ht);
+        assert!((&hs - &ht).amax() < 1e-13 * ht.amax());
+        let (mut bs, mut bt) = (vec![0.0; 7], vec![0.0; 7]);
+        bias(&port, &ps, &s, &mut Work::new(&port), &mut bs);
+        bias(&tree, &pt, &t, &mut Work::new(&tree), &mut bt);
+        let friction = d * v[6] + c * v[6] / (v[6] * v[6] + 0.09).sqrt();
+        bt[6] += friction;
+        let scale = bt.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        assert!(bs.iter().zip(&bt).all(|(x, y)| (x - y).abs() < 1e-12 * scale), "{bs:?} {bt:?}");
+        // The motor: a torque on the wheel's row, in the tree on its joint.
+        let mut tau: Vec<f64> = (0..7).map(|_| sym(&mut r, 2.0)).collect();
+        let (mut acc, mut twin) = (vec![0.0; 7], vec![0.0; 7]);
+        forward_dynamics(&port, &ps, &s, &tau, &mut Work::new(&port), &mut acc).unwrap();
+        tau[6] -= friction;
+        forward_dynamics(&tree, &pt, &t, &tau, &mut Work::new(&tree), &mut twin).unwrap();
+        let scale = twin.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        assert!(acc.iter().zip(&twin).all(|(x, y)| (x - y).abs() < 1e-10 * scale), "{acc:?} {twin:?}");
+    }
+}
+
+#[test]
+fn the_motor_turns_the_base_the_other_way_and_keeps_the_momentum() {
+    let wheel = Wheel {
+        axis: Vector3::new(0.3, -0.5, 0.8),
+        mass: 6.0,
+        spin: 0.2,
+        transverse: 0.12,
+        viscous: 3e-3,
+        dry: 1e-3,
+        rounding: 0.1,
+    };
+    let mut m = Model::new("sat", "base", base(), BaseKind::Floating);
+    m.mount("wheel", 0, mount(), Arc::new(ReactionWheel::new(&wheel).unwrap())).unwrap();
+    let (p, mut work) = (Params::nominal(&m), Work::new(&m));
+    let motor = 0.05;
+    let mut s = State::<f64>::zero(&m);
+    // Twist, speed and attitude by small steps of the midpoint rule; momentum about the base origin in world axes needs
+    // the attitude, but with the system at rest at first it is zero in any axes.
+    let (steps, h) = (4000, 0.01);
+    let tau = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, motor];
+    for _ in 0..steps {
+        let mut a = vec![0.0; 7];
+        forward_dynamics(&m, &p, &s, &tau, &mut work, &mut a).unwrap();
+        let mut mid = s.clone();
+        (0..7).for_each(|i| mid.v[i] += 0.5 * h * a[i]);
+        forward_dynamics(&m, &p, &mid, &tau, &mut work, &mut a).unwrap();
+        (0..7).for_each(|i| s.v[i] += h * a[i]);
+    }
+    let b = budget(&m, &p, &s, &mut work);
+    let carried = wheel.spin * s.v[6];
+    println!(
+        "speed {:.2} rad/s, momentum of the wheel {carried:.3}, of the system {:.1e} kg m^2/s",
+        s.v[6],
+        b.momentum.ang.norm()
+    );
+    assert!(carried > 1.0 && b.momentum.ang.norm() < 1e-6 * carried && b.momentum.lin.norm() < 1e-6 * carried);
+    let axis = mount().rot * wheel.axis.normalize();
+    let turned = Vector3::new(s.v[3], s.v[4], s.v[5]);
+    assert!(turned.dot(&axis) < 0.0);
+    // Friction: at the speed where motor and friction balance the wheel would stay; it is below that.
+    assert!(s.v[6] < motor / wheel.viscous);
+}
+
+const GOOD: &str = "axis = [0.3, -0.5, 0.8]\nmass_kg = 8.5\ninertia_spin_kgm2 = 0.11\ninertia_transverse_kgm2 = 0.06\nviscous_nms_per_rad = 2e-5\ndry_nm = 1e-3\n";
+
+#[track_caller]
+fn refused(from: &str, to: &str, code: &str, object: &str, says: &str) -> Problems {
+    assert!(GOOD.contains(from), "{from}");
+    let Err(e) = from_toml(&GOOD.replacen(from, to, 1).parse().unwrap()) else { panic!("accepted") };
+    assert_eq!(
+        (e.0.len(), e.0[0].code, e.0[0].object.as_deref(), e.0[0].hint.is_some()),
+        (1, code, Some(object), true),
+        "{e}"
+    );
+    assert!(e.to_string().contains(says), "{says}: {e}");
+    e
+}
+
+#[test]
+fn tables_are_read_and_refused_by_name() {
+    let a = from_toml(&GOOD.parse().unwrap()).unwrap();
+    let d = a.declaration();
+    let all: Vec<_> = d.params.iter().map(|p| (p.name.as_str(), p.unit, p.nominal)).collect();
+    let want = [
+        ("mass", "kg", 8.5),
+        ("i_spin", "kg m^2", 0.11),
+        ("i_transverse", "kg m^2", 0.06),
+        ("d", "N m s/rad", 2e-5),
+        ("c", "N m", 1e-3),
+    ];
+    assert_eq!((d.kind, d.coords.len(), &all[..]), (KIND, 1, &want[..]));
+    let mut registry = Registry::new();
+    register(&mut registry);
+    assert!(registry.get("reaction_wheel").is_some());
+    refused("8.5", "-8.5", "Config::Param", "mass_kg", "-8.5 kg");
+    refused("0.06", "0.05", "Config::Inertia", "inertia_transverse_kgm2", "limit 0.055 kg m^2");
+    refused("0.11", "nan", "Config::NotFinite", "inertia_spin_kgm2", "NaN kg m^2");
+    refused("[0.3, -0.5, 0.8]", "[0.0, 0.0, 0.0]", "Config::Axis", "axis", "no direction");
+    refused("2e-5", "-2e-5", "Config::NotPassive", "viscous_nms_per_rad", "energy");
+    refused("1e-3", "-1e-3", "Config::NotPassive", "dry_nm", "N m");
+    refused("dry_nm", "dry_Nm", "Config::UnknownKey", "dry_Nm", "dry_nm");
+    refused("mass_kg = 8.5\n", "", "Config::MissingKey", "mass_kg", "missing");
+    refused("dry_nm", "rounding_rad_per_s = 0.0\ndry_nm", "Config::Param", "rounding_rad_per_s", "0 rad/s");
+}

@@ -1,0 +1,178 @@
+//! A tank: several sloshing masses and the fuel that does not move.
+
+use crate::check::{self, Axes};
+use crate::particle::{Particle, Path, Values};
+use ff_model::inertia::InertiaError;
+use ff_model::{
+    Appendage, Area, Decl, Inertia, MAX_COORDS, ParamDecl, PortMatrix, PortState, PortVector, Problem, Problems, Scalar,
+};
+use nalgebra::{Matrix3, Vector3};
+
+/// The `kind` of mission files for this appendage.
+pub const TANK_KIND: &str = "slosh_tank";
+
+/// One sloshing mass of a tank, mount frame.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SloshPart {
+    /// As [`crate::SloshPendulum`], with its fulcrum at `fulcrum`; hangs along `-z`.
+    Pendulum {
+        /// Mass (kg).
+        mass: f64,
+        /// Arm length (m).
+        length: f64,
+        /// Fulcrum (m).
+        fulcrum: Vector3<f64>,
+        /// Stiffness of both swings (N m/rad).
+        k: [f64; 2],
+        /// Damping of both swings (N m s/rad).
+        d: [f64; 2],
+    },
+    /// As [`crate::SloshSpringMass`]: two axes (x, y) or three.
+    SpringMass {
+        /// Mass (kg).
+        mass: f64,
+        /// Rest position (m).
+        rest: Vector3<f64>,
+        /// Stiffness along each axis (N/m).
+        k: Vec<f64>,
+        /// Damping along each axis (N s/m).
+        d: Vec<f64>,
+        /// Greatest displacement (m).
+        travel: f64,
+    },
+}
+
+impl SloshPart {
+    fn values(&self) -> (Values, Axes, Path) {
+        match self {
+            Self::Pendulum { mass, length, fulcrum, k, d } => {
+                let (k, d) = (k.to_vec(), d.to_vec());
+                let v = Values { mass: *mass, length: *length, rest: *fulcrum, k, d, travel: 0.0 };
+                (v, Axes::Swing, Path::Pendulum(*fulcrum))
+            }
+            Self::SpringMass { mass, rest, k, d, travel } => {
+                let v = Values { mass: *mass, length: 0.0, rest: *rest, k: k.clone(), d: d.clone(), travel: *travel };
+                (v, Axes::Shift, Path::Springs(k.len()))
+            }
+        }
+    }
+}
+
+/// Fuel that moves with the tank, mount frame.
+///
+/// Its mass is one parameter, `fixed.mass`: where it is and how it is spread are geometry. Data cannot tell it from the
+/// host body anyway (the paper's eq. (18)): only their sum can be estimated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FixedFuel {
+    /// Mass (kg).
+    pub mass: f64,
+    /// Centre of mass (m).
+    pub com: Vector3<f64>,
+    /// Inertia about the centre of mass (kg m^2); zero for a point, as of a liquid that does not turn with its tank.
+    pub inertia_com: Matrix3<f64>,
+}
+
+/// Several sloshing masses in one tank, and its fixed fuel.
+///
+/// Parameters, in order: `fixed.mass` (kg) if there is fixed fuel, then for each mass those of its sort, named
+/// `mode[i].mass`, `mode[i].length`, `mode[i].k[0]`, ... Coordinates `mode[i].swing[0]` (rad) or `mode[i].shift[0]` (m).
+#[derive(Clone, Debug)]
+pub struct SloshTank {
+    decl: Decl,
+    /// Inertia of one kilogram of the fixed fuel about the mount.
+    fixed: Option<Inertia<f64>>,
+    masses: Vec<Particle>,
+}
+
+impl SloshTank {
+    /// A tank from its parts. Allocates.
+    ///
+    /// # Errors
+    /// Every problem, all of [`Area::Config`]: those of each mass (objects `modes[i].mass_kg`, ...), `Config::Inertia` of
+    /// the fixed fuel (`fixed.mass_kg`, ...), `Config::Param` (no masses, or more than 16 coordinates).
+    pub fn new(fixed: Option<FixedFuel>, parts: &[SloshPart]) -> Result<Self, Problems> {
+        let mut problems = Problems::default();
+        if parts.is_empty() {
+            let p = Problem::error(Area::Config, "Config::Param", "no sloshing mass").on("modes");
+            problems.push(p.hint("fuel that does not slosh belongs to the host body ([[robot.rigid]])"));
+        }
+        let all: Vec<_> = parts.iter().map(SloshPart::values).collect();
+        for (i, (v, axes, _)) in all.iter().enumerate() {
+            check::values(v, *axes, &format!("modes[{i}]."), &mut problems);
+        }
+        let (mut coords, mut params) = (Vec::new(), Vec::new());
+        let fixed = fixed.and_then(|f| {
+            let body = Inertia::from_com(f.mass, &f.com, &f.inertia_com);
+            if let Err(e) = body.check() {
+                problems.push(fixed_problem(&e));
+                return None;
+            }
+            params.push(ParamDecl::positive("fixed.mass", "kg", f.mass));
+            Some(Inertia::from_com(1.0, &f.com, &(f.inertia_com / f.mass)))
+        });
+        let n: usize = all.iter().map(|(v, ..)| v.k.len()).sum();
+        if n > MAX_COORDS {
+            let p = Problem::error(Area::Config, "Config::Param", format!("{n} coordinates, limit {MAX_COORDS}"));
+            problems.push(p.on("modes").hint("keep the masses with the lowest frequencies"));
+        }
+        if problems.has_errors() {
+            return Err(problems);
+        }
+        let masses = all
+            .into_iter()
+            .enumerate()
+            .map(|(i, (v, _, path))| Particle::declare(path, &v, &format!("mode[{i}]."), &mut coords, &mut params))
+            .collect();
+        Ok(Self { decl: Decl { kind: TANK_KIND, coords, params }, fixed, masses })
+    }
+    /// Nominal values of all parameters, in the order of the declaration. Allocates.
+    pub fn nominal(&self) -> Vec<f64> {
+        self.decl.params.iter().map(|p| p.nominal).collect()
+    }
+    /// Inertia of the fixed fuel about the mount, `p[0]` times that of one kilogram.
+    #[inline(always)]
+    fn fixed<T: Scalar>(&self, p: &[T]) -> Option<Inertia<T>> {
+        let f = self.fixed.as_ref()?;
+        Some(Inertia { mass: p[0], h: f.h.map(|x| p[0].scale(x)), rot: f.rot.map(|x| p[0].scale(x)) })
+    }
+}
+
+fn fixed_problem(e: &InertiaError) -> Problem {
+    let (code, key) = match e {
+        InertiaError::NotFinite { .. } => ("Config::NotFinite", "fixed"),
+        InertiaError::NonPositiveMass { .. } => ("Config::Inertia", "fixed.mass_kg"),
+        _ => ("Config::Inertia", "fixed.inertia_com_kgm2"),
+    };
+    let hint = "give a mass above 0 kg and the inertia about its centre of mass, or leave the fixed fuel out";
+    Problem::error(Area::Config, code, e.to_string()).on(key).hint(hint)
+}
+
+impl Appendage for SloshTank {
+    fn decl(&self) -> &Decl {
+        &self.decl
+    }
+    fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+        if let Some(f) = self.fixed(p) {
+            m.add_host(&f);
+        }
+        for mass in &self.masses {
+            mass.inertia(p, eta, m);
+        }
+    }
+    fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
+        self.masses.iter().fold(T::zero(), |u, m| u + m.potential(p, eta))
+    }
+    fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        self.masses.iter().fold(T::zero(), |r, m| r + m.rayleigh(p, nu))
+    }
+    /// Newton's law mass by mass, and `V x* (I V)` of the fixed fuel.
+    fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
+        match self.fixed(p) {
+            Some(f) => s.host.cross_force(&f.mul_motion(&s.host)).write_to(h),
+            None => h[..6].fill(T::zero()),
+        }
+        for mass in &self.masses {
+            mass.bias(p, s, h);
+        }
+    }
+}
