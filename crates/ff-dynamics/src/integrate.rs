@@ -62,6 +62,26 @@ impl<T: ModelScalar> Rkmk4<T> {
         h: f64,
         state: &mut State<T>,
         quad: &mut [T; QUADRATURES],
+        accel: impl FnMut(f64, &mut State<T>, &mut [T], &mut [T; QUADRATURES]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.step_from(t, h, state, quad, None, accel)
+    }
+
+    /// [`Rkmk4::step`] with the first stage given, `(a, dquad)` at `t` and `state`, where it is known already: a
+    /// sample at every step then costs no evaluation of its own. The result is the same to the bit.
+    ///
+    /// # Errors
+    /// As [`Rkmk4::step`].
+    ///
+    /// # Panics
+    /// If the given accelerations are not `nv` long.
+    pub fn step_from<E>(
+        &mut self,
+        t: f64,
+        h: f64,
+        state: &mut State<T>,
+        quad: &mut [T; QUADRATURES],
+        first: Option<(&[T], &[T; QUADRATURES])>,
         mut accel: impl FnMut(f64, &mut State<T>, &mut [T], &mut [T; QUADRATURES]) -> Result<(), E>,
     ) -> Result<(), E> {
         for s in 0..4 {
@@ -78,7 +98,13 @@ impl<T: ModelScalar> Rkmk4<T> {
                 axpy(&mut self.stage.v, c, &k.v);
             }
             let k = &mut self.k[s];
-            accel(t + NODE[s] * h, &mut self.stage, &mut k.v, &mut k.quad)?;
+            match first {
+                Some((a, dquad)) if s == 0 => {
+                    k.v.copy_from_slice(a);
+                    k.quad = *dquad;
+                }
+                _ => accel(t + NODE[s] * h, &mut self.stage, &mut k.v, &mut k.quad)?,
+            }
             let twist = self.stage.base_twist();
             k.pos = quat_to_rot(&self.stage.att) * twist.lin;
             k.rot = dexp_inv_body(&u, &twist.ang);

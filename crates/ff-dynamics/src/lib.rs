@@ -9,7 +9,7 @@
 //! | forces for a motion | [`mod@rnea`] |
 //! | mass matrix, blocks of eq. (2), condition | [`crba`], [`blocks`], [`mod@conditioning`] |
 //! | motion for forces; prescribed joints | [`forward`], [`mod@aba`] |
-//! | momentum, energy, dissipation | [`momentum`] |
+//! | momentum, energy, dissipation; centroidal momentum matrix | [`momentum`], [`mod@centroidal`] |
 //! | dependence on parameters | [`mod@regressor`] |
 //! | dependence on positions and velocities | [`derivatives`] |
 //! | prescribed arm condensed; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
@@ -21,6 +21,7 @@
 pub mod aba;
 pub mod blocks;
 pub mod bspline;
+pub mod centroidal;
 pub mod conditioning;
 pub mod crba;
 pub mod derivatives;
@@ -45,6 +46,7 @@ mod work;
 
 pub use aba::{SingularInertia, aba};
 pub use blocks::MassBlocks;
+pub use centroidal::{Centroidal, CentroidalRate};
 pub use conditioning::{Conditioning, conditioning};
 pub use crba::mass_matrix;
 pub use derivatives::{Derivatives, hybrid_columns, rnea_derivatives};

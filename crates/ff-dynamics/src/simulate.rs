@@ -235,8 +235,10 @@ pub fn simulate(
         }
         for k in 0..per_sample {
             let ts = t + k as f64 * h;
+            // The sample has evaluated the first stage of the step that starts there.
+            let first = (k == 0).then_some((a.as_slice(), &rate));
             stepper
-                .step(ts, h, &mut state, &mut quad, |t, s, a, r| plant.accelerate(t, s, a, r))
+                .step_from(ts, h, &mut state, &mut quad, first, |t, s, a, r| plant.accelerate(t, s, a, r))
                 .map_err(|source| SimError::Singular { t: ts, source })?;
         }
         if !state.is_finite() {

@@ -515,16 +515,28 @@ impl<A: Appendage, T: Scalar> PortModel<T> for A {
             scratch: &'x mut PortMatrix<'z, T>, r: &'x mut [T]));
     }
     fn dissipated_power(&self, p: &[T], nu: &[T]) -> T {
-        let mut pd = [Dual::<T, 1>::constant(T::zero()); MAX_PARAMS];
-        for (d, &x) in pd.iter_mut().zip(p) {
-            *d = Dual::constant(x);
+        // A simulation asks for this at every stage: most appendages are small, and clearing buffers for the largest
+        // would cost more than the power.
+        match p.len() {
+            0..=8 => dissipated_power::<A, T, 8>(self, p, nu),
+            9..=32 => dissipated_power::<A, T, 32>(self, p, nu),
+            _ => dissipated_power::<A, T, MAX_PARAMS>(self, p, nu),
         }
-        let mut nd = [Dual::<T, 1>::constant(T::zero()); MAX_COORDS];
-        for (d, &x) in nd.iter_mut().zip(nu) {
-            *d = Dual::new(x, x);
-        }
-        Appendage::rayleigh(self, &pd[..p.len()], &nd[..nu.len()]).eps[0]
     }
+}
+
+/// `nu . dR/d nu` by a dual number along `nu`, with room for `N` parameters.
+#[inline]
+fn dissipated_power<A: Appendage, T: Scalar, const N: usize>(appendage: &A, p: &[T], nu: &[T]) -> T {
+    let mut pd = [Dual::<T, 1>::constant(T::zero()); N];
+    for (d, &x) in pd.iter_mut().zip(p) {
+        *d = Dual::constant(x);
+    }
+    let mut nd = [Dual::<T, 1>::constant(T::zero()); MAX_COORDS];
+    for (d, &x) in nd.iter_mut().zip(nu) {
+        *d = Dual::new(x, x);
+    }
+    Appendage::rayleigh(appendage, &pd[..p.len()], &nd[..nu.len()]).eps[0]
 }
 
 impl<A: Appendage, T: LaneScalar> PortTangent<T> for A {
