@@ -55,12 +55,8 @@ pub fn solve<T: Scalar>(l: &[T], n: usize, b: &mut [T]) {
 pub(crate) fn factor_fixed<T: Scalar, const N: usize>(a: &mut [[T; N]; N]) -> bool {
     let mut ok = true;
     for j in 0..N {
-        // Column j of L D, then of L.
         let mut v = [T::zero(); N];
-        for k in 0..j {
-            v[k] = a[j][k];
-            // The rows above hold L; row j still holds L D of the columns done.
-        }
+        v[..j].copy_from_slice(&a[j][..j]); // row j still holds L D
         let mut d = a[j][j];
         for k in 0..j {
             let l = v[k] * a[k][k];

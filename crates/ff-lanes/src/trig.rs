@@ -91,7 +91,8 @@ impl core::ops::Mul for Plain {
 /// calls. NaN and infinities give NaN.
 #[inline(always)]
 pub fn sin_cos(x: f64) -> (f64, f64) {
-    if !(x.abs() < LIMIT) {
+    // Also for NaN, which compares with nothing.
+    if x.abs() >= LIMIT || x.is_nan() {
         return far(x);
     }
     let (t, s, c) = reduced!(Plain(x), Plain);

@@ -180,7 +180,7 @@ fn simulations(
 
 /// Refuses a simulation that is faster because it is wrong.
 fn accept(model: &str, via: &str, agreement: Option<f64>, error: f64, peer_error: Option<f64>) -> Result<(), Failure> {
-    if let Some(a) = agreement.filter(|a| !(*a <= AGREEMENT)) {
+    if let Some(a) = agreement.filter(|a| *a > AGREEMENT || a.is_nan()) {
         let text = format!("{model} {via}: end state differs from Pinocchio's by {a:.1e}, limit {AGREEMENT:.0e}");
         return Err(Failure::Tolerance(text));
     }
