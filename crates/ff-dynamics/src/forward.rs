@@ -2,7 +2,7 @@
 //!
 //! Both come from the same two passes: forces at zero unknown acceleration (recursive Newton-Euler), and
 //! composite inertias. Free dynamics solve with the mass matrix, whose sparsity is that of the tree
-//! ([`crate::ltl`]); beyond [`DEEP`] joints the articulated-body algorithm ([`crate::aba`]), whose cost is
+//! (`ltl.rs`); beyond [`DEEP`] joints the articulated-body algorithm ([`mod@crate::aba`]), whose cost is
 //! linear, takes over. With prescribed joints only base and passive coordinates are unknown: appendages are
 //! eliminated one by one, and what is left is 6 x 6.
 
