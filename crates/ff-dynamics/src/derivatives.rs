@@ -16,7 +16,8 @@
 //! For a rigid body `2 B = v x* I - I v x + (I v) x~*` has no linear columns: it maps an angular velocity `x` to
 //! the force `2 x x p` (`p` the linear momentum) and the moment `D x`, `D = 2 [w] I - tr(I) [w] - 2 [h][u]`, twelve
 //! numbers. An appendage has the same form, with `D` from [`ff_model::Appendage::jacobian`]: `2 B = dh/dV - M V x`
-//! and Galilean invariance. `docs/theory/derivatives.md` derives it.
+//! and Galilean invariance, which an appendage linearised by hand (`modal`) has only at rest.
+//! `docs/theory/derivatives.md` derives it.
 
 use crate::state::State;
 use crate::tree::{self, Link};
@@ -210,7 +211,7 @@ impl<T: LaneScalar> Kernel for Run<'_, T> {
         bodies(params, nodes, work.has_external.then_some(&work.external[..]));
         for (k, (ap, port)) in model.appendages().iter().zip(&mut work.ports).enumerate() {
             let (mut m, mut r, mut d) = (take(&mut port.m), take(&mut port.r), take(&mut port.d));
-            tree::port_motion(model, state, a, ap, port, &links[ap.host], |s, acc| {
+            tree::port_motion(model, state, a, ap, port, &links[ap.host], true, |s, acc| {
                 let p = params.appendage(model, k);
                 let mut mass = PortMatrix::new(port.n, &mut m);
                 T::port(&*ap.appendage).terms(p, s, &mut mass, &mut r);

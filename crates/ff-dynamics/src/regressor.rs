@@ -147,7 +147,7 @@ impl<T: LaneScalar> Kernel for Regressor<'_, T> {
             let p = params.appendage(model, k);
             let dim = 6 + port.n;
             let mut columns = std::mem::take(&mut port.d);
-            tree::port_motion(model, state, a, ap, port, &links[ap.host], |s, acc| {
+            tree::port_motion(model, state, a, ap, port, &links[ap.host], false, |s, acc| {
                 T::tangent(&*ap.appendage).regressor(p, s, acc, &mut columns);
             });
             for (c, d) in columns[..p.len() * dim].chunks_exact(dim).enumerate() {

@@ -27,6 +27,8 @@ pub(crate) struct Link<T: Scalar> {
     origin: [f64; 3],
     /// Pose in the parent.
     pub(crate) pose: Pose<T>,
+    /// Velocity of the origin; kept only where appendages hang on links ([`carry_velocities`]).
+    pub(crate) v: V3<T>,
     /// Angular velocity and acceleration, classical acceleration of the origin, and their field.
     pub(crate) w: V3<T>,
     pub(crate) al: V3<T>,
@@ -51,6 +53,7 @@ impl<T: Scalar> Link<T> {
             axis: Axis::new(&Vector3::z(), &Matrix3::identity()),
             origin: [0.0; 3],
             pose: Pose::identity(),
+            v: V3::zero(),
             w: V3::zero(),
             al: V3::zero(),
             a: V3::zero(),
@@ -205,10 +208,13 @@ pub(crate) fn move_all<T: ModelScalar>(model: &Model, state: &State<T>, a: &[T],
     };
     move_base(model, state, links, lin, al);
     advance(links, state.qd(), &a[nb..nb + nj]);
+    carry_velocities(model, state, links);
 }
 
-/// Hands the state and the accelerations of a port to `f`, watched from a frame that moves with its mount.
+/// Hands the state and the accelerations of a port to `f`; `comoving`: watched from a frame that moves with
+/// the mount.
 #[inline(always)]
+#[allow(clippy::too_many_arguments)] // what a port is told, and by whom
 pub(crate) fn port_motion<T: ModelScalar>(
     model: &Model,
     state: &State<T>,
@@ -216,13 +222,15 @@ pub(crate) fn port_motion<T: ModelScalar>(
     mounted: &Mounted,
     port: &PortWork<T>,
     host: &Link<T>,
+    comoving: bool,
     f: impl FnOnce(&PortState<'_, T>, &PortAccel<'_, T>),
 ) {
     let c = mounted.coord_offset..mounted.coord_offset + port.n;
     let passive = model.nb() + model.nj() + c.start..model.nb() + model.nj() + c.end;
     let (w, al, acc) = at_mount(port, host);
-    let still = Vector3::new(T::zero(), T::zero(), T::zero());
-    let s = PortState { host: Motion { lin: still, ang: w.into() }, eta: &state.eta[c], nu: &state.v[passive.clone()] };
+    let (v, acc) = if comoving { (V3::zero(), acc) } else { mount_twist(port, host, &w, &acc) };
+    let s =
+        PortState { host: Motion { lin: v.into(), ang: w.into() }, eta: &state.eta[c], nu: &state.v[passive.clone()] };
     f(&s, &PortAccel { host: Motion { lin: acc.into(), ang: al.into() }, nu: &a[passive] });
 }
 
@@ -234,6 +242,34 @@ pub(crate) fn advance<T: ModelScalar>(links: &mut [Link<T>], qd: &[T], qdd: &[T]
         let l = &mut outer[0];
         by_turn!(T, l.pose.turn, K => l.advance::<K>(&inner[l.parent], qd[i - 1], qdd[i - 1]));
     }
+}
+
+/// Velocities of the body origins, as far as appendages need them: an appendage sees the true velocity of its
+/// mount, because one linearised by hand (a modal appendage) may not be Galilean invariant. Needs the motion.
+#[inline(always)]
+pub(crate) fn carry_velocities<T: ModelScalar>(model: &Model, state: &State<T>, links: &mut [Link<T>]) {
+    links[0].v = if model.nb() == 6 { V3::from_slice(&state.v[..3]) } else { V3::zero() };
+    if model.appendages().iter().all(|a| a.host == 0) {
+        return;
+    }
+    for i in 1..links.len() {
+        let (inner, outer) = links.split_at_mut(i);
+        let l = &mut outer[0];
+        let p = &inner[l.parent];
+        let carried = p.w.cross_add(&l.pose.p, &p.v);
+        l.v = by_turn!(T, l.pose.turn, K => l.pose.down::<K>(&carried));
+        if l.prismatic {
+            l.v = l.axis.add::<T, { turn::ANY }>(l.v, state.qd()[i - 1]);
+        }
+    }
+}
+
+/// Velocity of a mount, and the componentwise derivative of its twist from its classical acceleration.
+#[inline(always)]
+fn mount_twist<T: ModelScalar>(port: &PortWork<T>, host: &Link<T>, w: &V3<T>, a: &V3<T>) -> (V3<T>, V3<T>) {
+    let v = host.w.cross_add(&port.pose.p, &host.v);
+    let v = if !T::DERIVATIVES && port.pose.turn == Turn::None { v } else { port.pose.r.tr_mul(&v) };
+    (v, *a - w.cross(&v))
 }
 
 /// Inertial wrenches of all bodies, wrenches from outside subtracted.
@@ -288,7 +324,7 @@ pub(crate) fn at_mount<T: ModelScalar>(port: &PortWork<T>, host: &Link<T>) -> (V
     }
 }
 
-/// `M` and `h` of every port, watched from a frame that moves with its mount, and the residual
+/// `M` and `h` of every port, and the residual
 /// `r = h + M [A; 0]` at the present host accelerations; host wrenches are added to the hosts.
 #[inline(always)]
 pub(crate) fn port_terms<T: ModelScalar>(
@@ -302,11 +338,9 @@ pub(crate) fn port_terms<T: ModelScalar>(
         let n = p.n;
         let c = ap.coord_offset..ap.coord_offset + n;
         let (w, al, a) = at_mount(p, &links[ap.host]);
-        let s = PortState {
-            host: Motion { lin: Vector3::new(T::zero(), T::zero(), T::zero()), ang: w.into() },
-            eta: &state.eta[c.clone()],
-            nu: &state.nu()[c],
-        };
+        let (v, a) = mount_twist(p, &links[ap.host], &w, &a);
+        let s =
+            PortState { host: Motion { lin: v.into(), ang: w.into() }, eta: &state.eta[c.clone()], nu: &state.nu()[c] };
         let mut m = PortMatrix::new(n, &mut p.m);
         T::port(&*ap.appendage).terms(params.appendage(model, k), &s, &mut m, &mut p.h);
         let x = [a.x, a.y, a.z, al.x, al.y, al.z];

@@ -18,8 +18,14 @@ pub const KIND: &str = "payload";
 
 /// Adds this appendage to a registry under [`KIND`]. Allocates.
 pub fn register(registry: &mut Registry) {
-    registry.register(KIND, from_toml);
+    registry.register(KIND, from_toml).example(KIND, EXAMPLE);
 }
+
+/// A client as its table stands in a mission file.
+const EXAMPLE: &str = "
+mass_kg = 180.0
+com_m = [0.02, 0.5, -0.03]
+inertia_com_kgm2 = [40.0, 1.0, -0.5, 35.0, 0.7, 38.0]";
 
 /// A rigid body fixed to its host. Parameters `body.mass` ... `body.i_zz`, about the mount; no coordinates.
 #[derive(Clone, Debug)]

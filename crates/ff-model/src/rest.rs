@@ -12,6 +12,10 @@ use nalgebra::{DMatrix, DVector};
 /// exact derivatives. Coordinates without a spring stay at zero. Allocates.
 pub fn rest(mounted: &Mounted, p: &[f64]) -> Vec<f64> {
     let n = mounted.dim();
+    if n == 0 {
+        // A payload; the decomposition below needs at least one row.
+        return Vec::new();
+    }
     let mut eta = DVector::<f64>::zeros(n);
     let port1 = D1::port(&*mounted.appendage);
     let port2 = D2::port(&*mounted.appendage);

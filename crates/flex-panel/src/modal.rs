@@ -75,8 +75,12 @@ impl Mode {
 /// The hybrid-coordinate appendage (see the module docs).
 ///
 /// Parameters, in order: ten inertial of the undeformed structure about the mount (`rigid.mass` ... `rigid.i_zz`), then
-/// `k[j]` (N/m), then `d[j]` (N s/m), then per mode the six of `part[j].x` ... `part[j].rz` (kg, kg m). Coordinates:
+/// the modal masses `m[j]` (kg), which are 1 by normalisation and have bounds that hold them there, then `k[j]` (N/m), then `d[j]` (N s/m), then per mode the six of `part[j].x` ... `part[j].rz` (kg, kg m). Coordinates:
 /// `mode[j]` (m at a modal mass of 1 kg), unbounded.
+///
+/// The modal masses are parameters only so that the kinetic energy is linear in the parameters with nothing left over,
+/// which is what [`ParamGroup::Inertial`] promises to those who differentiate it. Leave them out of an estimate: their
+/// value is the scale of `eta`, which no data can tell.
 ///
 /// The kinetic energy is positive for all motions exactly when the residual mass `M - P P^T` is positive
 /// semidefinite ([`Residual`]): a condition that ties inertia and participation together, which no bounds of single
@@ -104,6 +108,9 @@ impl ModalAppendage {
         }
         let n = modes.len();
         let mut params = ParamDecl::inertial("rigid", &rigid);
+        params.extend(
+            (0..n).map(|j| ParamDecl { bounds: (1.0, 1.0), ..ParamDecl::positive(format!("m[{j}]"), "kg", 1.0) }),
+        );
         params.extend((0..n).map(|j| ParamDecl::positive(format!("k[{j}]"), "N/m", modes[j].stiffness())));
         params.extend((0..n).map(|j| ParamDecl::positive(format!("d[{j}]"), "N s/m", modes[j].damping())));
         for (j, mode) in modes.iter().enumerate() {
@@ -126,17 +133,21 @@ impl ModalAppendage {
     pub fn count(&self) -> usize {
         self.modes
     }
+    /// Index of the modal mass `m[j]` in the parameter slice.
+    pub fn modal_mass_index(&self, j: usize) -> usize {
+        10 + j
+    }
     /// Index of `k[j]` in the parameter slice.
     pub fn stiffness_index(&self, j: usize) -> usize {
-        10 + j
+        10 + self.modes + j
     }
     /// Index of `d[j]` in the parameter slice.
     pub fn damping_index(&self, j: usize) -> usize {
-        10 + self.modes + j
+        10 + 2 * self.modes + j
     }
     /// Index of `part[j].x` in the parameter slice; the other five follow.
     pub fn participation_index(&self, j: usize) -> usize {
-        10 + 2 * self.modes + 6 * j
+        10 + 3 * self.modes + 6 * j
     }
     /// Nominal values of all parameters, in the order of the declaration. Allocates.
     pub fn nominal(&self) -> Vec<f64> {
@@ -204,7 +215,7 @@ impl Appendage for ModalAppendage {
         &self.decl
     }
 
-    /// `[[M, P], [P^T, 1]]`, independent of `eta`.
+    /// `[[M, P], [P^T, m]]`, independent of `eta`.
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
         m.add_host(&Inertia::from_params(p));
         for j in 0..self.modes {
@@ -212,7 +223,7 @@ impl Appendage for ModalAppendage {
             for i in 0..6 {
                 m.set_sym(i, 6 + j, part[i]);
             }
-            m.set(6 + j, 6 + j, T::one());
+            m.set(6 + j, 6 + j, p[self.modal_mass_index(j)]);
         }
     }
 

@@ -115,7 +115,9 @@ fn lifted_panels_move_as_they_did_in_the_tree() {
     let springs = [(200.0, 2.0, 0.1), (190.0, 1.5, -0.05), (180.0, 2.2, 0.0), (170.0, 1.7, 0.0)];
     let worst = compare(&tree, m, &springs, 71);
     println!("H {:.1e}, bias {:.1e}, forward dynamics {:.1e}, RNEA {:.1e}", worst[0], worst[1], worst[2], worst[3]);
-    assert!(worst.iter().all(|&w| w < 1e-12), "{worst:?}");
+    // Accelerations differ by the condition of the mass matrix times the rounding of two elimination orders.
+    let limits = [1e-12, 1e-12, 1e-10, 1e-12];
+    assert!(worst.iter().zip(limits).all(|(&w, l)| w < l), "{worst:?}");
 }
 
 /// The wing on the third arm link, its joint frames turned, axes skewed.
@@ -142,7 +144,9 @@ fn turned_joint_frames_and_any_host_are_lifted_too() {
     assert_eq!(m.body_name(m.appendages()[0].host), "arm_l3");
     let worst = compare(&tree, &m, &[(90.0, 0.9, 0.2), (80.0, 0.8, 0.1), (70.0, 0.7, -0.1)], 72);
     println!("H {:.1e}, bias {:.1e}, forward dynamics {:.1e}, RNEA {:.1e}", worst[0], worst[1], worst[2], worst[3]);
-    assert!(worst.iter().all(|&w| w < 1e-12), "{worst:?}");
+    // Accelerations differ by the condition of the mass matrix times the rounding of two elimination orders.
+    let limits = [1e-12, 1e-12, 1e-10, 1e-12];
+    assert!(worst.iter().zip(limits).all(|(&w, l)| w < l), "{worst:?}");
     // Couplings go to the chain as they are.
     let coupled = mission.replace("[90.0, 80.0, 70.0]", "[[90.0, 5.0, 0.0], [5.0, 80.0, 4.0], [0.0, 4.0, 70.0]]");
     let m = load(&coupled, &urdf).unwrap().model;
@@ -260,7 +264,9 @@ fn a_held_client_with_a_panel_is_a_body_of_the_tree() {
     tree.add_body(tool.body, "panel", joint, panel);
     let worst = compare(&tree, m, &[(60.0, 0.6, 0.0)], 73);
     println!("H {:.1e}, bias {:.1e}, forward dynamics {:.1e}, RNEA {:.1e}", worst[0], worst[1], worst[2], worst[3]);
-    assert!(worst.iter().all(|&w| w < 1e-12), "{worst:?}");
+    // Accelerations differ by the condition of the mass matrix times the rounding of two elimination orders.
+    let limits = [1e-12, 1e-12, 1e-10, 1e-12];
+    assert!(worst.iter().zip(limits).all(|(&w, l)| w < l), "{worst:?}");
 }
 
 #[test]

@@ -79,10 +79,10 @@ fn parameters_are_declared_in_the_promised_order() {
     let a = modal(&mut rng(33), 2);
     let names: Vec<_> = ff_model::Appendage::decl(&a).params.iter().map(|p| p.name.clone()).collect();
     assert_eq!((&*names[0], &*names[9]), ("rigid.mass", "rigid.i_zz"));
-    assert_eq!(&names[10..14], ["k[0]", "k[1]", "d[0]", "d[1]"]);
+    assert_eq!(&names[10..16], ["m[0]", "m[1]", "k[0]", "k[1]", "d[0]", "d[1]"]);
     assert_eq!(names[a.participation_index(1)], format!("part[1].{}", DIRECTIONS[0]));
     assert_eq!(names[a.participation_index(1) + 5], "part[1].rz");
-    assert_eq!((a.stiffness_index(1), a.damping_index(1), a.count(), names.len()), (11, 13, 2, 26));
+    assert_eq!((a.stiffness_index(1), a.damping_index(1), a.count(), names.len()), (13, 15, 2, 28));
 }
 
 #[test]
@@ -249,13 +249,13 @@ fn one_panel_has_the_frequency_and_effective_mass_of_the_book() {
     let chain = PanelChain::new(vec![s]).unwrap();
     let lin = linearise(&chain, &chain.nominal(), &[0.0]).unwrap();
     let p = lin.appendage.nominal();
-    assert!((p[10] - 180.0 / j).abs() < 1e-12 && (p[11] - 2.3 / j).abs() < 1e-14);
+    assert!((p[11] - 180.0 / j).abs() < 1e-12 && (p[12] - 2.3 / j).abs() < 1e-14);
     let sign = lin.shapes[(0, 0)].signum();
     let lin_part = e.cross(&(rho * m)) / j.sqrt() * sign;
     let ang_part = b.inertia.rot * e / j.sqrt() * sign;
     for i in 0..3 {
-        assert!((p[12 + i] - lin_part[i]).abs() < 1e-12);
-        assert!((p[15 + i] - ang_part[i]).abs() < 1e-12);
+        assert!((p[13 + i] - lin_part[i]).abs() < 1e-12);
+        assert!((p[16 + i] - ang_part[i]).abs() < 1e-12);
     }
     // A lone hinge leaves nothing about its own axis: the margin is zero.
     assert!(lin.appendage.residual(&p).margin.abs() < 1e-12);

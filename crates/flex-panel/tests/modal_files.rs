@@ -61,7 +61,7 @@ fn nominal(d: &Decl, prefix: &str) -> Vec<f64> {
 fn a_table_in_the_mission_file_is_read() {
     let a = modal::from_toml(&GOOD.parse().unwrap()).unwrap();
     let d = a.declaration();
-    assert_eq!((d.kind, d.coords.len(), d.params.len()), ("modal", 2, 26));
+    assert_eq!((d.kind, d.coords.len(), d.params.len()), ("modal", 2, 28));
     assert_eq!(nominal(d, "part[1]."), [-0.78, 0.25, 2.7, 1.59, 0.47, 1.68]);
     let w = 0.67 * std::f64::consts::TAU;
     assert!((nominal(d, "k[1]")[0] - w * w).abs() < 1e-12 && (nominal(d, "d[1]")[0] - 2.0 * 0.017 * w).abs() < 1e-14);

@@ -190,7 +190,7 @@ fn certified_estimates_are_reached_from_both_starts() {
                     let sd = u.deviation.iter().zip(&set.deviation);
                     let sd = sd.map(|(a, c)| digits(noise * a.unwrap_or(0.0), *c)).fold(11.0, f64::min);
                     bad += usize::from(sd < 6.0);
-                    bad += usize::from(b < 7.0 || !s.status.is_converged());
+                    bad += usize::from(b < 6.5 || !s.status.is_converged());
                     format!("{b:5.1} {sd:5.1} {rss:5.1} digits, {:4} evaluations, {:?}", s.evaluations, s.status)
                 }
             };
