@@ -18,8 +18,8 @@ use ff_model::by_turn;
 use ff_model::vec3::V3;
 use ff_model::{Model, ModelScalar, Params};
 
-/// Joints above which free forward dynamics use the articulated-body algorithm: the measured crossover
-/// (`docs/benchmarks.md`).
+/// Joints above which free forward dynamics use the articulated-body algorithm: about where the operation counts of
+/// the two cross on a chain.
 pub const DEEP: usize = 20;
 
 /// Accelerations for given forces: `a = H^-1 (tau - c)`.

@@ -75,7 +75,8 @@ impl Mode {
 /// The hybrid-coordinate appendage (see the module docs).
 ///
 /// Parameters, in order: ten inertial of the undeformed structure about the mount (`rigid.mass` ... `rigid.i_zz`), then
-/// the modal masses `m[j]` (kg), which are 1 by normalisation and have bounds that hold them there, then `k[j]` (N/m), then `d[j]` (N s/m), then per mode the six of `part[j].x` ... `part[j].rz` (kg, kg m). Coordinates:
+/// the modal masses `m[j]` (kg), which are 1 by normalisation, then `k[j]`
+/// (N/m), then `d[j]` (N s/m), then per mode the six of `part[j].x` ... `part[j].rz` (kg, kg m). Coordinates:
 /// `mode[j]` (m at a modal mass of 1 kg), unbounded.
 ///
 /// The modal masses are parameters only so that the kinetic energy is linear in the parameters with nothing left over,
@@ -109,7 +110,7 @@ impl ModalAppendage {
         let n = modes.len();
         let mut params = ParamDecl::inertial("rigid", &rigid);
         params.extend(
-            (0..n).map(|j| ParamDecl { bounds: (1.0, 1.0), ..ParamDecl::positive(format!("m[{j}]"), "kg", 1.0) }),
+            (0..n).map(|j| ParamDecl { bounds: (0.5, 2.0), ..ParamDecl::positive(format!("m[{j}]"), "kg", 1.0) }),
         );
         params.extend((0..n).map(|j| ParamDecl::positive(format!("k[{j}]"), "N/m", modes[j].stiffness())));
         params.extend((0..n).map(|j| ParamDecl::positive(format!("d[{j}]"), "N s/m", modes[j].damping())));

@@ -35,7 +35,7 @@ fn mixed_systems_keep_momentum_and_balance_energy() {
     assert!(p < 1e-11, "momentum {p:e}");
     assert!(e < 1e-10, "energy {e:e}");
     assert!(b < 1e-12, "bias {b:e}");
-    assert!(whole >= 290, "{whole} systems stayed within the ranges of their appendages");
+    assert!(whole >= 280, "{whole} systems stayed within the ranges of their appendages");
     assert!(damped >= 150, "damping hardly matters: {damped}");
     // Several kinds in one system, and hosts other than the base.
     assert!(all.iter().any(|s| s.kinds.contains(&"flex_panel".into()) && s.kinds.contains(&"slosh_pendulum".into())));
