@@ -44,6 +44,9 @@ use std::f64::consts::TAU;
 /// The `kind` of mission files for this appendage.
 pub const MODAL_KIND: &str = "modal";
 
+/// Highest frequency of a mode (Hz): no structure has one above, and its square must be a number.
+pub const MAX_FREQUENCY_HZ: f64 = 1e6;
+
 /// Most modes of one appendage: one coordinate each.
 pub const MAX_MODES: usize = MAX_COORDS;
 
@@ -192,6 +195,14 @@ pub(crate) fn check_modes(modes: &[Mode], problems: &mut Problems) -> bool {
             let why = format!("{} Hz is not above the limit 0 Hz", m.frequency_hz);
             let hint = "modes of the structure with its mount held have no rigid-body motion; leave those out";
             bad("Config::Param", at("freq_hz"), why, hint);
+        } else if m.frequency_hz > MAX_FREQUENCY_HZ {
+            let why = format!("{} Hz is above the limit {MAX_FREQUENCY_HZ:e} Hz", m.frequency_hz);
+            bad(
+                "Config::Param",
+                at("freq_hz"),
+                why,
+                "modes far above those of interest belong to the residual mass; leave them out",
+            );
         }
         if m.participation.iter().any(|x| !x.is_finite()) {
             let why = format!("{:?} holds a number that is not finite", m.participation.as_slice());
