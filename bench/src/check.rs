@@ -1,12 +1,12 @@
 //! Nothing wrong is timed: every function is held to the oracle and to the others first.
 
 use crate::functions::{Function, Runner};
-use crate::lanes::Lanes;
+use crate::lanes::suffix;
 use crate::models::Peer;
 use crate::states::{Sample, Set};
 use anyhow::{Context, ensure};
 use ff_dynamics::{State, Work, bias, rnea};
-use ff_model::{D1, Params};
+use ff_model::{D1, LaneScalar, Params};
 use nalgebra::DVector;
 use std::path::Path;
 
@@ -134,21 +134,53 @@ pub(crate) fn regressor(name: &str, r: &mut Runner<'_, f64>) -> anyhow::Result<(
     limit(&format!("{name} regressor"), worst, MUTUAL)
 }
 
+/// Derivatives along a direction of configuration, rates and accelerations at once, against a dual number.
+pub(crate) fn id_derivatives(name: &str, r: &mut Runner<'_, f64>) -> anyhow::Result<()> {
+    let (nb, nv) = (r.model.nb(), r.model.nv());
+    let dual = Params::from_values(r.model, r.params.values().iter().map(|&x| D1::constant(x)).collect());
+    let mut work = Work::<D1>::new(r.model);
+    let mut tau = vec![D1::constant(0.0); nv];
+    let direction = |k: usize, s: f64| (s + 1.7 * k as f64).sin();
+    let mut worst = 0.0f64;
+    for i in (0..r.set.states.len()).step_by(7) {
+        r.call(Function::IdDerivatives, i)?;
+        // Position and attitude of the base play no part without gravity: their directions stay zero.
+        let along = |s: f64, from: usize| DVector::from_fn(nv, |k, _| if k < from { 0.0 } else { direction(k, s) });
+        let (dq, dv, da) = (along(0.3, nb), along(1.1, 0), along(2.3, 0));
+        let got = &r.d.dq * &dq + &r.d.dv * &dv + &r.d.da * &da;
+        let mut state: State<D1> = r.set.states[i].lift();
+        let nj = r.model.nj();
+        (0..nj).for_each(|k| state.q[k].eps[0] = dq[nb + k]);
+        (0..r.model.np()).for_each(|k| state.eta[k].eps[0] = dq[nb + nj + k]);
+        (0..nv).for_each(|k| state.v[k].eps[0] = dv[k]);
+        let a: Vec<D1> = r.set.a[i].iter().enumerate().map(|(k, &x)| D1::new(x, da[k])).collect();
+        rnea(r.model, &dual, &state, &a, &mut work, &mut tau);
+        let want: Vec<f64> = tau.iter().map(|t| t.eps[0]).collect();
+        worst = worst.max(rel(got.as_slice(), &want));
+    }
+    eprintln!("{name}: derivatives against duals {worst:.1e}");
+    limit(&format!("{name} id_derivatives"), worst, MUTUAL)
+}
+
 /// Every lane of every function against the plain computation on the same state.
-pub(crate) fn lanes<T: Lanes>(name: &str, plain: &mut Runner<'_, f64>, r: &mut Runner<'_, T>) -> anyhow::Result<()> {
-    for &f in T::FUNCTIONS {
+pub(crate) fn lanes<T: LaneScalar>(
+    name: &str,
+    plain: &mut Runner<'_, f64>,
+    r: &mut Runner<'_, T>,
+) -> anyhow::Result<()> {
+    for f in Function::ALL {
         let mut worst = 0.0f64;
         for i in 0..r.set.states.len() {
             r.call(f, i)?;
             let got = r.result(f);
-            for l in 0..T::LANES {
-                plain.call(f, i * T::LANES + l)?;
+            for l in 0..T::N {
+                plain.call(f, i * T::N + l)?;
                 let got: Vec<f64> = got.iter().map(|x| x.lane(l)).collect();
                 worst = worst.max(rel(&got, &plain.result(f)));
             }
         }
-        eprintln!("{name}: {}{} against f64 {worst:.1e}", f.text(), T::SUFFIX);
-        limit(&format!("{name} {}{}", f.text(), T::SUFFIX), worst, LANE)?;
+        eprintln!("{name}: {}{} against f64 {worst:.1e}", f.text(), suffix::<T>());
+        limit(&format!("{name} {}{}", f.text(), suffix::<T>()), worst, LANE)?;
     }
     Ok(())
 }

@@ -3,9 +3,10 @@
 use crate::functions::{Function, Runner};
 use crate::generate;
 use crate::isa::Isa;
-use crate::lanes::Lanes;
 use crate::models::{self, Form, Name};
 use crate::states::Set;
+use ff_model::LaneScalar;
+use ff_model::lanes::{LaneTask, dispatch};
 
 /// Arguments of `count`.
 #[derive(Debug, clap::Args)]
@@ -31,19 +32,27 @@ const STATES: usize = 64;
 
 /// Makes the calls.
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    args.isa.select()?;
+    let isa = args.isa.widest()?;
     match args.lanes {
         1 => calls::<f64>(args),
-        // PLACE FOR LANES: 4 and 8.
-        n => anyhow::bail!("no scalar of {n} lanes in this build"),
+        n if n == isa.lanes() => dispatch(isa, Calls(args)),
+        n => anyhow::bail!("{isa:?} has {} lanes, not {n}; choose another --isa", isa.lanes()),
     }
 }
 
-fn calls<T: Lanes>(args: &Args) -> anyhow::Result<()> {
+struct Calls<'a>(&'a Args);
+
+impl LaneTask for Calls<'_> {
+    type Output = anyhow::Result<()>;
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        calls::<L>(self.0)
+    }
+}
+
+fn calls<T: LaneScalar>(args: &Args) -> anyhow::Result<()> {
     let peer = models::build(args.model, args.form)?;
     let samples = generate::samples(&peer.model, STATES);
     let mut r = Runner::<T>::new(&peer.model, Set::new(&peer.model, &samples)?);
-    anyhow::ensure!(T::FUNCTIONS.contains(&args.function), "no {} over {} lanes", args.function.text(), T::LANES);
     let n = r.set.states.len();
     let mut sum = 0.0;
     for i in 0..args.calls {

@@ -1,10 +1,12 @@
 //! The functions that are timed, each as one call on state number `i`.
 
-use crate::lanes::Lanes;
 use crate::states::Set;
 use clap::ValueEnum;
-use ff_dynamics::{SingularInertia, Work, forward_dynamics, hybrid_dynamics, mass_matrix, rnea};
-use ff_model::{Model, Params};
+use ff_dynamics::{
+    Derivatives, SingularInertia, Work, forward_dynamics, hybrid_dynamics, mass_matrix, regressor, rnea,
+    rnea_derivatives,
+};
+use ff_model::{LaneScalar, Model, Params};
 use nalgebra::DMatrix;
 use std::hint::black_box;
 
@@ -21,13 +23,14 @@ pub(crate) enum Function {
     Hybrid,
     /// Derivatives of the forces with respect to every parameter.
     Regressor,
-    // PLACE FOR `id_derivatives`: a variant here and in `ALL`, its name, its arm in `Runner::call` and `result` on
-    // `rnea_derivatives`, and a check against duals in `check.rs`. xtask knows the name already.
+    /// Derivatives of the forces with respect to position, velocity and acceleration.
+    IdDerivatives,
 }
 
 impl Function {
     /// All of them.
-    pub(crate) const ALL: [Self; 5] = [Self::Rnea, Self::Crba, Self::Fd, Self::Hybrid, Self::Regressor];
+    pub(crate) const ALL: [Self; 6] =
+        [Self::Rnea, Self::Crba, Self::Fd, Self::Hybrid, Self::Regressor, Self::IdDerivatives];
 
     /// Name in the JSON output.
     pub(crate) fn text(self) -> &'static str {
@@ -37,12 +40,13 @@ impl Function {
             Self::Fd => "fd",
             Self::Hybrid => "hybrid",
             Self::Regressor => "regressor",
+            Self::IdDerivatives => "id_derivatives",
         }
     }
 }
 
 /// A model with states and every buffer, over one scalar type.
-pub(crate) struct Runner<'m, T: Lanes> {
+pub(crate) struct Runner<'m, T: LaneScalar> {
     pub(crate) model: &'m Model,
     pub(crate) params: Params<T>,
     pub(crate) set: Set<T>,
@@ -55,9 +59,11 @@ pub(crate) struct Runner<'m, T: Lanes> {
     pub(crate) matrix: DMatrix<T>,
     /// Regressor.
     pub(crate) y: DMatrix<T>,
+    /// Derivatives.
+    pub(crate) d: Derivatives<T>,
 }
 
-impl<'m, T: Lanes> Runner<'m, T> {
+impl<'m, T: LaneScalar> Runner<'m, T> {
     pub(crate) fn new(model: &'m Model, set: Set<T>) -> Self {
         let (z, nv) = (T::zero(), model.nv());
         Self {
@@ -69,6 +75,7 @@ impl<'m, T: Lanes> Runner<'m, T> {
             joint: vec![z; model.nj()],
             matrix: DMatrix::from_element(nv, nv, z),
             y: DMatrix::from_element(nv, model.n_params(), z),
+            d: Derivatives::new(model),
         }
     }
 
@@ -98,9 +105,13 @@ impl<'m, T: Lanes> Runner<'m, T> {
                 black_box(&self.joint).iter().map(|t| t.lane(0)).sum()
             }
             Function::Regressor => {
-                T::regressor(self, i);
+                regressor(m, p, s, a, &mut self.work, &mut self.y);
                 // Row 6, column 16.
                 pick(black_box(&self.y).as_slice(), 16 * m.nv() + 6)
+            }
+            Function::IdDerivatives => {
+                rnea_derivatives(m, p, s, a, &mut self.work, &mut self.d);
+                pick(black_box(&self.d).dq.as_slice(), 7 * m.nv() + 7)
             }
         })
     }
@@ -112,12 +123,13 @@ impl<'m, T: Lanes> Runner<'m, T> {
             Function::Crba => self.matrix.as_slice().to_vec(),
             Function::Hybrid => [self.out.as_slice(), &self.joint].concat(),
             Function::Regressor => self.y.as_slice().to_vec(),
+            Function::IdDerivatives => [self.d.dq.as_slice(), self.d.dv.as_slice(), self.d.da.as_slice()].concat(),
         }
     }
 }
 
 /// Element `k`, or the last of a shorter result.
 #[inline(always)]
-fn pick<T: Lanes>(x: &[T], k: usize) -> f64 {
+fn pick<T: LaneScalar>(x: &[T], k: usize) -> f64 {
     x[k.min(x.len() - 1)].lane(0)
 }

@@ -1,9 +1,11 @@
 //! Which instructions may be used.
 
-use anyhow::bail;
+use anyhow::ensure;
 use clap::ValueEnum;
+use ff_model::lanes::Isa as Set;
 
-/// Widest instruction set to use. Valgrind 3.19 knows no AVX-512, so that counting needs a cap.
+/// Widest instruction set to use for lanes. Whole tasks (`sim`, `sensitivities`) choose for themselves; under valgrind
+/// 3.19, which knows no AVX-512, they choose AVX2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Isa {
     /// What the program was compiled for, no more.
@@ -17,13 +19,24 @@ pub(crate) enum Isa {
 }
 
 impl Isa {
-    /// Makes the choice, for the rest of the process.
-    pub(crate) fn select(self) -> anyhow::Result<()> {
-        // PLACE FOR the hook of ff-lanes. Until it exists there is one code path, which is both the portable one and
-        // the widest there is.
-        match self {
-            Self::Portable | Self::Auto => Ok(()),
-            Self::V3 | Self::V4 => bail!("this build has no code for {self:?}; use --isa portable or auto"),
-        }
+    /// The instruction set meant.
+    pub(crate) fn widest(self) -> anyhow::Result<Set> {
+        let (have, want) = (
+            Set::detect(),
+            match self {
+                Self::Portable => Set::Portable,
+                Self::V3 => Set::V3,
+                Self::V4 => Set::V4,
+                Self::Auto => Set::detect(),
+            },
+        );
+        ensure!(want <= have, "this processor has no {want:?}; use --isa auto");
+        Ok(want)
+    }
+    /// The sets to measure lanes with: every one that is wider than the program, up to this.
+    pub(crate) fn all(self) -> anyhow::Result<Vec<Set>> {
+        let widest = self.widest()?;
+        let sets: Vec<Set> = [Set::V3, Set::V4].into_iter().filter(|s| *s <= widest).collect();
+        Ok(if sets.is_empty() { vec![Set::Portable] } else { sets })
     }
 }

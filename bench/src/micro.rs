@@ -3,12 +3,14 @@
 use crate::check;
 use crate::functions::{Function, Runner};
 use crate::isa::Isa;
-use crate::lanes::Lanes;
+use crate::lanes::suffix;
 use crate::models::{self, Name, Peer};
 use crate::states::{self, Sample, Set};
 use crate::timing::{Timing, time};
 use anyhow::ensure;
 use ff_dynamics::SingularInertia;
+use ff_model::LaneScalar;
+use ff_model::lanes::{LaneTask, dispatch};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -45,7 +47,6 @@ struct Line<'a> {
 
 /// Runs everything that is asked for.
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    args.isa.select()?;
     for name in Name::ALL {
         let samples = states::read(&args.states.join(format!("{}.txt", name.text())))?;
         for &form in name.forms() {
@@ -66,29 +67,52 @@ fn one(args: &Args, peer: &Peer, samples: &[Sample]) -> anyhow::Result<()> {
     let mut plain = Runner::<f64>::new(&peer.model, Set::new(&peer.model, samples)?);
     check::mutual(&peer.label(), &mut plain)?;
     check::regressor(&peer.label(), &mut plain)?;
+    check::id_derivatives(&peer.label(), &mut plain)?;
     measure(args, peer, &mut plain)?;
-    // PLACE FOR LANES: `laned::<F64x4>(..)?; laned::<F64x8>(..)?;` under the hook of `Isa`.
-    laned::<f64>(args, peer, samples, &mut plain)
+    // Over one lane this shows that a result does not depend on what the buffers held before.
+    laned::<f64>(args, peer, samples, &mut plain)?;
+    for isa in args.isa.all()? {
+        dispatch(isa, Laned { args, peer, samples, plain: &mut plain })?;
+    }
+    Ok(())
 }
 
-/// Checks every lane against the plain computation, and times what is batched. Over one lane this shows that a result
-/// does not depend on what the buffers held before.
-fn laned<T: Lanes>(args: &Args, peer: &Peer, samples: &[Sample], plain: &mut Runner<'_, f64>) -> anyhow::Result<()> {
+struct Laned<'a, 'm> {
+    args: &'a Args,
+    peer: &'a Peer,
+    samples: &'a [Sample],
+    plain: &'a mut Runner<'m, f64>,
+}
+
+impl LaneTask for Laned<'_, '_> {
+    type Output = anyhow::Result<()>;
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        laned::<L>(self.args, self.peer, self.samples, self.plain)
+    }
+}
+
+/// Checks every lane against the plain computation, and times what is batched.
+fn laned<T: LaneScalar>(
+    args: &Args,
+    peer: &Peer,
+    samples: &[Sample],
+    plain: &mut Runner<'_, f64>,
+) -> anyhow::Result<()> {
     let mut r = Runner::<T>::new(&peer.model, Set::new(&peer.model, samples)?);
     check::lanes(&peer.label(), plain, &mut r)?;
-    if T::LANES > 1 { measure(args, peer, &mut r) } else { Ok(()) }
+    if T::N > 1 { measure(args, peer, &mut r) } else { Ok(()) }
 }
 
 /// Times everything that exists over `T`.
-fn measure<T: Lanes>(args: &Args, peer: &Peer, r: &mut Runner<'_, T>) -> anyhow::Result<()> {
+fn measure<T: LaneScalar>(args: &Args, peer: &Peer, r: &mut Runner<'_, T>) -> anyhow::Result<()> {
     let (calls, reps) = (r.set.states.len(), args.reps as usize);
-    for &f in T::FUNCTIONS {
-        let name = format!("{}{}", f.text(), T::SUFFIX);
+    for f in Function::ALL {
+        let name = format!("{}{}", f.text(), suffix::<T>());
         if !wanted(args, peer, &name) {
             continue;
         }
         let mut failed: Option<SingularInertia> = None;
-        let timing = time(calls, T::LANES, reps, |i| {
+        let timing = time(calls, T::N, reps, |i| {
             r.call(f, i).unwrap_or_else(|e| {
                 failed = Some(e);
                 f64::NAN

@@ -1,6 +1,5 @@
 //! `ff-bench sensitivities`: derivatives of the record with respect to all parameters, against the plain simulation.
 
-use crate::isa::Isa;
 use crate::models::{self, Form, Name};
 use crate::motion::Manoeuvre;
 use ff_dynamics::{Prescribed, Sampling, Wanted, sensitivities, simulate_reduced};
@@ -20,8 +19,6 @@ pub(crate) struct Args {
     /// Repetitions
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     reps: u32,
-    #[arg(long, value_enum, default_value_t = Isa::Auto)]
-    isa: Isa,
 }
 
 #[derive(Serialize)]
@@ -40,7 +37,6 @@ const SAMPLE_S: f64 = 0.01;
 
 /// Times both on the same table, by turns.
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    args.isa.select()?;
     let peer = models::build(args.model, Form::Ports)?;
     let model = &peer.model;
     let params = Params::nominal(model);

@@ -1,6 +1,5 @@
 //! `ff-bench sim`: the whole task of the peers, a minute of the manoeuvre with torques and gyro recorded at every step.
 
-use crate::isa::Isa;
 use crate::models::{self, Form, Name, Peer};
 use crate::motion::Manoeuvre;
 use anyhow::ensure;
@@ -27,8 +26,6 @@ pub(crate) struct Args {
     /// Repetitions
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     reps: u32,
-    #[arg(long, value_enum, default_value_t = Isa::Auto)]
-    isa: Isa,
 }
 
 /// Which of our simulators.
@@ -58,7 +55,6 @@ struct Line {
 
 /// Simulates and prints.
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    args.isa.select()?;
     ensure!(args.step > 0.0 && args.seconds >= args.step, "step and length must be positive");
     let mut seconds = Vec::new();
     let mut end = (Vec::new(), Vec::new());

@@ -2,7 +2,6 @@
 
 use crate::functions::{Function, Runner};
 use crate::generate;
-use crate::isa::Isa;
 use crate::states::Set;
 use crate::timing::time;
 use anyhow::anyhow;
@@ -22,8 +21,6 @@ pub(crate) struct Args {
     /// States per system
     #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     states: u32,
-    #[arg(long, value_enum, default_value_t = Isa::Auto)]
-    isa: Isa,
 }
 
 /// One point of the figure.
@@ -46,7 +43,6 @@ const PANELS: [usize; 9] = [1, 2, 3, 4, 6, 8, 10, 12, 16];
 
 /// Times every size.
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    args.isa.select()?;
     for n in CHAIN {
         one(args, "chain", n, &chain(n))?;
     }

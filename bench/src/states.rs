@@ -1,9 +1,9 @@
 //! The states to run on: the file format of `peers/src/make_states.py`.
 
-use crate::lanes::Lanes;
+use crate::lanes::pack;
 use anyhow::{Context, bail, ensure};
 use ff_dynamics::State;
-use ff_model::Model;
+use ff_model::{LaneScalar, Model};
 use nalgebra::Vector4;
 use std::path::Path;
 
@@ -45,15 +45,15 @@ fn parse(text: &str) -> anyhow::Result<Vec<Sample>> {
     Ok(samples)
 }
 
-/// States over one scalar type; with lanes, each entry holds [`Lanes::LANES`] consecutive states.
+/// States over one scalar type; with lanes, each entry holds `T::N` consecutive states.
 #[derive(Clone, Debug)]
-pub(crate) struct Set<T: Lanes> {
+pub(crate) struct Set<T: LaneScalar> {
     pub(crate) states: Vec<State<T>>,
     pub(crate) a: Vec<Vec<T>>,
     pub(crate) tau: Vec<Vec<T>>,
 }
 
-impl<T: Lanes> Set<T> {
+impl<T: LaneScalar> Set<T> {
     /// Packs the samples for `model`; those left over by a division by the lanes are dropped.
     pub(crate) fn new(model: &Model, samples: &[Sample]) -> anyhow::Result<Self> {
         let (nj, nv) = (model.nj(), model.nv());
@@ -61,8 +61,8 @@ impl<T: Lanes> Set<T> {
             ensure!(s.q.len() == nv + 1 && s.v.len() == nv, "states of {} velocities for a model of {nv}", s.v.len());
         }
         let mut set = Self { states: Vec::new(), a: Vec::new(), tau: Vec::new() };
-        for group in samples.chunks_exact(T::LANES) {
-            let pack = |x: &dyn Fn(&Sample) -> f64| T::pack(|i| x(&group[i]));
+        for group in samples.chunks_exact(T::N) {
+            let pack = |x: &dyn Fn(&Sample) -> f64| pack::<T>(|i| x(&group[i]));
             let mut s = State::<T>::zero(model);
             for k in 0..3 {
                 s.pos[k] = pack(&|x| x.q[k]);

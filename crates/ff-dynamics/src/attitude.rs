@@ -106,7 +106,8 @@ impl Turned {
     /// `back dt_0` of one block of columns.
     #[inline(always)]
     pub(crate) fn carried<L: LaneScalar>(&self, dtheta: &[f64], width: usize, block: usize) -> [L; 3] {
-        let x: [L; 3] = core::array::from_fn(|i| L::load(&dtheta[i * width + block..]));
+        let at = |i: usize| &dtheta[i * width + block..];
+        let x = [L::load(at(0)), L::load(at(1)), L::load(at(2))];
         let mut y = [L::zero(); 3];
         multiply_add(&self.back, &x, &mut y);
         y

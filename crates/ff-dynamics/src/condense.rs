@@ -98,12 +98,16 @@ fn eliminate<T: ModelScalar, const N: usize>(p: &mut PortWork<T>, s: &mut [[T; 6
         free[i] = -p.r[6 + i];
     }
     ldl::solve_fixed(&m, &mut free);
-    let g: [[T; 6]; N] = core::array::from_fn(|k| {
-        let (f, n) = &p.g[k];
-        [f.x, f.y, f.z, n.x, n.y, n.z]
-    });
+    // Loops, not `array::map`, which is a function of its own: see `ff-lanes`.
+    let mut g = [[T::zero(); 6]; N];
+    for (g, (f, n)) in g.iter_mut().zip(&p.g) {
+        *g = [f.x, f.y, f.z, n.x, n.y, n.z];
+    }
     for c in 0..6 {
-        let mut x: [T; N] = core::array::from_fn(|k| g[k][c]);
+        let mut x = [T::zero(); N];
+        for k in 0..N {
+            x[k] = g[k][c];
+        }
         ldl::solve_fixed(&m, &mut x);
         for k in 0..N {
             p.gain[6 * k + c] = x[k];

@@ -106,6 +106,11 @@ impl<T: Scalar> Node<T> {
             self.d.0[k] += o.d.0[k];
         }
     }
+    /// What a small change of angular velocity does to force and moment.
+    #[inline(always)]
+    fn turning(&self, w: &V3<T>) -> Screw<T> {
+        (w.cross(&self.p).scaled(T::from_f64(2.0)), self.d.mul(w))
+    }
 }
 
 /// `a x b` of motions.
@@ -242,11 +247,9 @@ impl<T: LaneScalar> Kernel for Run<'_, T> {
         }
         for i in 1..links.len() {
             let x = &nodes[i];
-            let momentum = |s: &Screw<T>| x.ic.momentum(&s.0, &s.1);
-            let turning = |w: &V3<T>| (w.cross(&x.p).scaled(T::from_f64(2.0)), x.d.mul(w));
-            let (t1, i1) = (momentum(&x.s), momentum(&x.psi));
-            let (b0, b1) = (turning(&x.s.1), turning(&x.psi.1));
-            let i2 = momentum(&x.psi2);
+            let (t1, i1) = (x.ic.momentum(&x.s.0, &x.s.1), x.ic.momentum(&x.psi.0, &x.psi.1));
+            let (b0, b1) = (x.turning(&x.s.1), x.turning(&x.psi.1));
+            let i2 = x.ic.momentum(&x.psi2.0, &x.psi2.1);
             let two = T::from_f64(2.0);
             let own = Own {
                 t1,
@@ -271,7 +274,6 @@ impl<T: LaneScalar> Kernel for Run<'_, T> {
             let mount = mounted(port, &host.pose);
             let u = host.w.cross_add(&mount.p, &host.u);
             let w = tree::at_mount(port, &links[ap.host]).0;
-            let up = |c: &[T]| mount.wrench_up::<{ turn::ANY }>(&V3::from_slice(c), &V3::from_slice(&c[3..]));
             for k in 0..n {
                 let (pull, row) = (port.pull(k), 6 + k);
                 let feel = V3::new(port.d[row], port.d[dim + row], port.d[2 * dim + row]) - pull.1.cross(&w);
@@ -279,7 +281,7 @@ impl<T: LaneScalar> Kernel for Run<'_, T> {
                 let t4 = mount.r.mul(&feel) + u.cross(&t1.0).scaled(T::from_f64(2.0));
                 let eta = &port.d[(3 + k) * dim..][..dim];
                 let nu = &port.d[(3 + n + k) * dim..][..dim];
-                let own = Own { t1, t2: up(nu), t3: up(eta), t4 };
+                let own = Own { t1, t2: up(&mount, nu), t3: up(&mount, eta), t4 };
                 for l in 0..n {
                     out.set(first + l, first + k, eta[6 + l], nu[6 + l], port.m[(6 + l) * dim + row]);
                 }
@@ -297,6 +299,12 @@ impl<T: LaneScalar> Kernel for Run<'_, T> {
 
 fn take<T>(v: &mut Vec<T>) -> Vec<T> {
     std::mem::take(v)
+}
+
+/// The first six numbers of `c`, a wrench of the mount frame, in the base.
+#[inline(always)]
+fn up<T: Scalar>(mount: &Pose<T>, c: &[T]) -> Screw<T> {
+    mount.wrench_up::<{ turn::ANY }>(&V3::from_slice(c), &V3::from_slice(&c[3..]))
 }
 
 /// Velocity and gravity of the base, which enter after the rest.
@@ -364,27 +372,33 @@ impl<T: Scalar> Out<'_, T> {
         for k in 0..3 {
             let e = unit::<T>(k);
             let (carried, turned) = (g.w.cross(&e), e.cross(&g.v));
-            let shifted = |a: &V3<T>| (a.scaled(*m), h.cross(a));
-            let drift = shifted(&carried);
-            let with = shifted(&turned);
+            let drift = shifted(*m, h, &carried);
+            let with = shifted(*m, h, &turned);
             let spin = (
                 e.cross(&x.p).scaled(T::from_f64(2.0)) + carried.cross(h) + with.0,
                 x.d.0[k] + i.mul(&carried) + with.1,
             );
-            let lean = shifted(&g.g.cross(&e));
-            let (lin, ang) = (shifted(&e), (e.cross(h), i.mul(&e)));
-            let put = |m: &mut [T], col: usize, t: &Screw<T>| {
-                let m = &mut m[col * self.nv..col * self.nv + 6];
-                t.0.write_to(m);
-                t.1.write_to(&mut m[3..]);
-            };
-            put(self.dv, k, &drift);
-            put(self.dv, 3 + k, &spin);
-            put(self.dq, 3 + k, &lean);
-            put(self.da, k, &lin);
-            put(self.da, 3 + k, &ang);
+            let lean = shifted(*m, h, &g.g.cross(&e));
+            let (lin, ang) = (shifted(*m, h, &e), (e.cross(h), i.mul(&e)));
+            write(&mut self.dv[k * self.nv..], &drift);
+            write(&mut self.dv[(3 + k) * self.nv..], &spin);
+            write(&mut self.dq[(3 + k) * self.nv..], &lean);
+            write(&mut self.da[k * self.nv..], &lin);
+            write(&mut self.da[(3 + k) * self.nv..], &ang);
         }
     }
+}
+
+/// Force and moment of a mass `m` with first moment `h` that accelerates by `a` everywhere.
+#[inline(always)]
+fn shifted<T: Scalar>(m: T, h: &V3<T>, a: &V3<T>) -> Screw<T> {
+    (a.scaled(m), h.cross(a))
+}
+
+#[inline(always)]
+fn write<T: Scalar>(m: &mut [T], t: &Screw<T>) {
+    t.0.write_to(m);
+    t.1.write_to(&mut m[3..]);
 }
 
 /// Poses, velocities, accelerations and screws in base axes.
@@ -464,9 +478,10 @@ fn hang<T: LaneScalar>(port: &PortWork<T>, w: &V3<T>, nu: &[T], host: &mut Node<
     }
     let p = own_momentum(&x, &p, &u, own.m);
     // D in mount axes, by columns.
-    let d: [V3<T>; 3] =
-        core::array::from_fn(|k| V3::from_slice(&port.d[k * dim + 3..]) - own.i.mul(&w.cross(&unit::<T>(k))));
-    let d = M3(d);
+    let mut d = M3::zero();
+    for k in 0..3 {
+        d.0[k] = V3::from_slice(&port.d[k * dim + 3..]) - own.i.mul(&w.cross(&unit::<T>(k)));
+    }
     let h = x.r.mul(&own.h);
     let two = T::from_f64(2.0);
     for k in 0..3 {

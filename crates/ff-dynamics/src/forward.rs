@@ -158,12 +158,18 @@ pub fn hybrid_dynamics<T: ModelScalar>(
     a: &mut [T],
     tau: &mut [T],
 ) -> Result<(), SingularInertia> {
-    T::enter(Hybrid { model, params, state, qdd, work, a, tau }).map_err(|at| SingularInertia {
+    T::enter(Hybrid { model, params, state, qdd, work, a, tau }).map_err(|at| singular(model, at))
+}
+
+/// The error for an appendage, or the base, whose mass matrix is not positive definite.
+#[cold]
+pub(crate) fn singular(model: &Model, at: Option<usize>) -> SingularInertia {
+    SingularInertia {
         at: match at {
             Some(k) => format!("appendage {}", model.appendages()[k].name),
             None => format!("base {}", model.body_name(0)),
         },
-    })
+    }
 }
 
 struct Hybrid<'a, T: ModelScalar> {

@@ -27,6 +27,7 @@ mod condense;
 pub mod conditioning;
 pub mod crba;
 pub mod derivatives;
+mod flight;
 pub mod forward;
 pub mod frames;
 pub mod integrate;

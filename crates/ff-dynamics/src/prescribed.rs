@@ -27,6 +27,7 @@
 
 use crate::motion::JointMotion;
 use crate::tree::{Link, place};
+use ff_lanes::Kernel;
 use ff_model::lanes::{Isa, LaneTask, dispatch};
 use ff_model::vec3::{M3, Pose, S3, Ten, Turn, V3, turn};
 use ff_model::{JointKind, LaneScalar, Model, ModelScalar, Params, Xform};
@@ -51,8 +52,13 @@ const ARM: usize = 28;
 impl<T: ModelScalar> Arm<T> {
     /// From its numbers.
     #[inline(always)]
-    fn read(x: impl Fn(usize) -> T) -> Self {
-        let v = |i: usize| V3::new(x(i), x(i + 1), x(i + 2));
+    fn read(from: impl Fn(usize) -> T) -> Self {
+        // One call of `from`, so that it is inlined.
+        let mut all = [T::zero(); ARM];
+        for (i, x) in all.iter_mut().enumerate() {
+            *x = from(i);
+        }
+        let (x, v) = (|i: usize| all[i], |i: usize| V3::from_slice(&all[i..i + 3]));
         Self {
             ten: Ten { m: x(0), h: v(1), i: S3 { xx: x(4), xy: x(5), yy: x(6), xz: x(7), yz: x(8), zz: x(9) } },
             dh2: v(10),
@@ -68,7 +74,9 @@ impl<T: ModelScalar> Arm<T> {
         b.h.write_to(&mut x[1..]);
         x[4..10].copy_from_slice(&[b.i.xx, b.i.xy, b.i.yy, b.i.xz, b.i.yz, b.i.zz]);
         let rest = [&self.dh2, &self.ddh, &c[0], &c[1], &c[2], &self.dl];
-        rest.into_iter().zip(x[10..].chunks_exact_mut(3)).for_each(|(v, x)| v.write_to(x));
+        for (i, v) in rest.into_iter().enumerate() {
+            v.write_to(&mut x[10 + 3 * i..]);
+        }
         x
     }
 }
@@ -105,8 +113,12 @@ impl<T: ModelScalar> Frame<T> {
         Self { pose: Pose::constant(x), moving: false, dp: z, ddp: z, w: z, dw: z }
     }
     #[inline(always)]
-    fn read(x: impl Fn(usize) -> T) -> Self {
-        let v = |i: usize| V3::new(x(i), x(i + 1), x(i + 2));
+    fn read(from: impl Fn(usize) -> T) -> Self {
+        let mut all = [T::zero(); FRAME];
+        for (i, x) in all.iter_mut().enumerate() {
+            *x = from(i);
+        }
+        let v = |i: usize| V3::from_slice(&all[i..i + 3]);
         let mut pose = Pose::identity();
         (pose.turn, pose.r, pose.p) = (Turn::General, M3([v(0), v(3), v(6)]), v(9));
         Self { pose, moving: true, dp: v(12), ddp: v(15), w: v(18), dw: v(21) }
@@ -115,7 +127,9 @@ impl<T: ModelScalar> Frame<T> {
     fn numbers(&self) -> [T; FRAME] {
         let (r, mut x) = (&self.pose.r.0, [T::zero(); FRAME]);
         let all = [&r[0], &r[1], &r[2], &self.pose.p, &self.dp, &self.ddp, &self.w, &self.dw];
-        all.into_iter().zip(x.chunks_exact_mut(3)).for_each(|(v, x)| v.write_to(x));
+        for (i, v) in all.into_iter().enumerate() {
+            v.write_to(&mut x[3 * i..]);
+        }
         x
     }
     /// A vector of the base in the frame.
@@ -152,21 +166,62 @@ impl<T: ModelScalar> Frame<T> {
     }
 }
 
-/// What a joint torque is made of at one sample (module docs).
+/// A joint torque, or a sum of them, as a function of the base's motion (module docs).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct JointRow {
+pub(crate) struct TorqueForm {
     pub(crate) ga: V3<f64>,
     pub(crate) gb: V3<f64>,
     pub(crate) gw: V3<f64>,
     pub(crate) q: S3<f64>,
     pub(crate) c: f64,
+}
+
+/// Numbers of a [`TorqueForm`].
+const FORM: usize = 16;
+
+impl TorqueForm {
+    #[inline(always)]
+    fn read(x: &[f64]) -> Self {
+        Self {
+            ga: V3::from_slice(x),
+            gb: V3::from_slice(&x[3..]),
+            gw: V3::from_slice(&x[6..]),
+            q: S3 { xx: x[9], xy: x[10], yy: x[11], xz: x[12], yz: x[13], zz: x[14] },
+            c: x[15],
+        }
+    }
+    /// Its value for base acceleration `a`, `al` and the products of the components of the angular velocity `w`.
+    #[inline(always)]
+    pub(crate) fn value<T: ModelScalar>(&self, a: &V3<T>, al: &V3<T>, w: &V3<T>, ww: &S3<T>) -> T {
+        let dot = |k: &V3<f64>, x: &V3<T>, s: T| {
+            let z = T::from_f64(k.z).mul_add(x.z, s);
+            T::from_f64(k.x).mul_add(x.x, T::from_f64(k.y).mul_add(x.y, z))
+        };
+        let s = dot(&self.ga, a, dot(&self.gb, al, dot(&self.gw, w, T::from_f64(self.c))));
+        let diagonal = V3::new(ww.xx, ww.yy, ww.zz);
+        let twice = V3::new(ww.xy, ww.xz, ww.yz);
+        let s = dot(&V3::new(self.q.xx, self.q.yy, self.q.zz), &diagonal, s);
+        dot(&V3::new(2.0 * self.q.xy, 2.0 * self.q.xz, 2.0 * self.q.yz), &twice, s)
+    }
+}
+
+/// `w w^T`.
+#[inline(always)]
+pub(crate) fn products<T: ModelScalar>(w: &V3<T>) -> S3<T> {
+    S3 { xx: w.x * w.x, xy: w.x * w.y, yy: w.y * w.y, xz: w.x * w.z, yz: w.y * w.z, zz: w.z * w.z }
+}
+
+/// What a joint torque is made of at one sample.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct JointRow {
+    pub(crate) form: TorqueForm,
     /// Screw of the joint about the base origin: velocity there, angular velocity.
     pub(crate) s: V3<f64>,
     pub(crate) u: V3<f64>,
 }
 
 /// Numbers of a [`JointRow`].
-const ROW: usize = 22;
+const ROW: usize = FORM + 6;
 
 /// Tables of one prescribed motion: nodes at half integration steps, joint rows at samples.
 #[derive(Clone, Debug)]
@@ -188,6 +243,10 @@ pub struct Prescribed {
     pub(crate) links: Vec<usize>,
     /// [`ROW`] numbers per joint and sample.
     rows: Vec<f64>,
+    /// `[q | qd | qdd]` per sample.
+    joints: Vec<f64>,
+    /// [`FORM`] numbers per node: the power of the joint torques, `sum_j qd_j tau_j`, where it was asked for.
+    power: Vec<f64>,
     /// `above[body]`: joints on the way from that body to the base (0-based joint indices).
     pub(crate) above: Vec<Vec<usize>>,
 }
@@ -265,8 +324,16 @@ impl Prescribed {
             moving,
             links: links.to_vec(),
             rows: vec![0.0; samples * nj * ROW],
+            joints: vec![0.0; samples * 3 * nj],
+            power: Vec::new(),
             above,
         }
+    }
+
+    /// With the power of the joint torques at every node, once filled.
+    pub(crate) fn with_power(mut self) -> Self {
+        self.power = vec![0.0; self.arm.len() / ARM * FORM];
+        self
     }
 
     /// Fills the tables for a record that begins at time `start` (s) of the motion.
@@ -274,7 +341,6 @@ impl Prescribed {
     /// # Panics
     /// If the motion has another number of joints than the model.
     pub(crate) fn fill(&mut self, model: &Model, params: &Params<f64>, motion: &dyn JointMotion, start: f64) {
-        assert_eq!(motion.dof(), model.nj(), "joint motion");
         dispatch(Isa::detect(), Fill { table: self, model, params, motion, start });
     }
 
@@ -316,16 +382,22 @@ impl Prescribed {
     #[inline(always)]
     pub(crate) fn row(&self, sample: usize, j: usize) -> JointRow {
         let x = &self.rows[(sample * self.nj + j) * ROW..][..ROW];
-        let v = |i: usize| V3::from_slice(&x[i..]);
-        JointRow {
-            ga: v(0),
-            gb: v(3),
-            gw: v(6),
-            q: S3 { xx: x[9], xy: x[10], yy: x[11], xz: x[12], yz: x[13], zz: x[14] },
-            c: x[15],
-            s: v(16),
-            u: v(19),
-        }
+        JointRow { form: TorqueForm::read(x), s: V3::from_slice(&x[FORM..]), u: V3::from_slice(&x[FORM + 3..]) }
+    }
+    /// Whether the power of the joint torques is tabulated.
+    #[inline(always)]
+    pub(crate) fn has_power(&self) -> bool {
+        !self.power.is_empty()
+    }
+    /// `[q | qd | qdd]` at a sample.
+    #[inline(always)]
+    pub(crate) fn joints(&self, sample: usize) -> &[f64] {
+        &self.joints[sample * 3 * self.nj..(sample + 1) * 3 * self.nj]
+    }
+    /// The power of the joint torques at a node, appendages on links left out.
+    #[inline(always)]
+    pub(crate) fn power(&self, node: usize) -> TorqueForm {
+        TorqueForm::read(&self.power[node * FORM..(node + 1) * FORM])
     }
     /// Node of a sample.
     pub(crate) fn node_of(&self, sample: usize) -> usize {
@@ -343,13 +415,35 @@ fn lanes<L: LaneScalar>(nodes: &[usize], x: impl Fn(usize) -> f64) -> L {
     L::load(&a)
 }
 
-/// Fills the tables.
+/// Fills the tables once.
 struct Fill<'a> {
     table: &'a mut Prescribed,
     model: &'a Model,
     params: &'a Params<f64>,
     motion: &'a dyn JointMotion,
     start: f64,
+}
+
+impl LaneTask for Fill<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) {
+        let Self { table, model, params, motion, start } = self;
+        Filler::<L>::new(model, params).fill(table, motion, start);
+    }
+}
+
+/// What fills tables, with its buffers.
+pub(crate) struct Filler<'a, L: LaneScalar> {
+    model: &'a Model,
+    bodies: Vec<Body<L>>,
+    links: Vec<Link<L>>,
+    moved: Vec<Moved<L>>,
+    sums: Vec<Sums<L>>,
+    q: Vec<L>,
+    /// `[q | qd | qdd]` at one instant, and by lane.
+    joint: Vec<f64>,
+    given: Vec<[f64; 8]>,
 }
 
 /// A body that moves relative to the base.
@@ -375,31 +469,50 @@ struct Sums<T> {
     dl: V3<T>,
 }
 
-impl LaneTask for Fill<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<L: LaneScalar>(self) {
-        let Self { table, model, params, motion, start } = self;
+impl<'a, L: LaneScalar> Filler<'a, L> {
+    /// For the arm parameters in `params`.
+    pub(crate) fn new(model: &'a Model, params: &Params<f64>) -> Self {
         let nj = model.nj();
-        let mut joint = vec![0.0; 3 * nj];
-        let mut given = vec![[0.0; 8]; 3 * nj];
-        let mut q = vec![L::zero(); nj];
         let mut links = Vec::with_capacity(nj + 1);
         links.push(Link::<L>::base());
         links.extend(model.bodies().iter().map(Link::new));
-        let bodies: Vec<Body<L>> = (0..=nj).map(|i| Body::new(&Ten::from(params.body(i)))).collect();
-        let still = Moved {
-            r: M3([V3::new(L::one(), L::zero(), L::zero()), V3::new(L::zero(), L::one(), L::zero()), {
-                V3::new(L::zero(), L::zero(), L::one())
-            }]),
-            p: V3::zero(),
-            dp: V3::zero(),
-            ddp: V3::zero(),
-            w: V3::zero(),
-            dw: V3::zero(),
-        };
-        let mut moved = vec![still; nj + 1];
-        let mut sums = vec![Sums::<L>::zero(); nj + 1];
+        Self {
+            model,
+            bodies: (0..=nj).map(|i| Body::new(&Ten::from(params.body(i)))).collect(),
+            links,
+            moved: vec![Moved::at_rest(); nj + 1],
+            sums: vec![Sums::<L>::zero(); nj + 1],
+            q: vec![L::zero(); nj],
+            joint: vec![0.0; 3 * nj],
+            given: vec![[0.0; 8]; 3 * nj],
+        }
+    }
+
+    /// Fills `table` for a record that begins at time `start` (s) of the motion. Does not allocate.
+    ///
+    /// # Panics
+    /// If the motion has another number of joints than the model.
+    #[inline(always)]
+    pub(crate) fn fill(&mut self, table: &mut Prescribed, motion: &dyn JointMotion, start: f64) {
+        assert_eq!(motion.dof(), self.model.nj(), "joint motion");
+        L::enter(Filling { filler: self, table, motion, start });
+    }
+}
+
+struct Filling<'a, 'b, L: LaneScalar> {
+    filler: &'a mut Filler<'b, L>,
+    table: &'a mut Prescribed,
+    motion: &'a dyn JointMotion,
+    start: f64,
+}
+
+impl<L: LaneScalar> Kernel for Filling<'_, '_, L> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { filler, table, motion, start } = self;
+        let Filler { model, bodies, links, moved, sums, q, joint, given } = filler;
+        let nj = model.nj();
         // Nodes of samples, which want joint rows, then the nodes between them.
         let per = 2 * table.substeps;
         let between = (table.samples - 1) * (per - 1);
@@ -423,11 +536,14 @@ impl LaneTask for Fill<'_> {
                 let (v, a) = rest.split_at_mut(nj);
                 if lane < count {
                     motion.eval(start + 0.5 * table.step * *node as f64, p, v, a);
+                    if rows {
+                        table.joints[3 * nj * i..3 * nj * (i + 1)].copy_from_slice(joint);
+                    }
                 }
-                given.iter_mut().zip(&joint).for_each(|(g, &x)| g[lane] = x);
+                given.iter_mut().zip(&*joint).for_each(|(g, &x)| g[lane] = x);
             }
-            q.iter_mut().zip(&given).for_each(|(q, g)| *q = L::load(g));
-            place(&mut links, &q);
+            q.iter_mut().zip(&*given).for_each(|(q, g)| *q = L::load(g));
+            place(links, q);
             for i in 1..=nj {
                 let l = &links[i];
                 let (qd, qdd) = (L::load(&given[nj + i - 1]), L::load(&given[2 * nj + i - 1]));
@@ -436,15 +552,28 @@ impl LaneTask for Fill<'_> {
                 sums[i] = moved[i].sums(&bodies[i]);
             }
             sums[0] = Sums::zero();
+            let with_power = !table.power.is_empty();
+            let mut power = [L::zero(); FORM];
             for i in (1..=nj).rev() {
                 let own = sums[i];
                 sums[links[i].parent].add(&own);
-                if rows {
-                    let (v, w) = links[i].screw();
-                    let u = moved[i].r.mul(&w);
-                    let s = moved[i].p.cross_add(&u, &moved[i].r.mul(&v));
-                    scatter(&own.row(&s, &u), &nodes[..count], |n| (n / per * nj + i - 1) * ROW, &mut table.rows);
+                if !(rows || with_power) {
+                    continue;
                 }
+                let (v, w) = links[i].screw();
+                let u = moved[i].r.mul(&w);
+                let s = moved[i].p.cross_add(&u, &moved[i].r.mul(&v));
+                let row = own.row(&s, &u);
+                let qd = L::load(&given[nj + i - 1]);
+                for (p, &x) in power.iter_mut().zip(&row) {
+                    *p = crate::tangent::fma(x, qd, *p);
+                }
+                if rows {
+                    scatter(&row, &nodes[..count], |n| (n / per * nj + i - 1) * ROW, &mut table.rows);
+                }
+            }
+            if with_power {
+                scatter(&power, &nodes[..count], |n| n * FORM, &mut table.power);
             }
             scatter(&sums[0].arm().numbers(), &nodes[..count], |n| n * ARM, &mut table.arm);
             for site in &table.sites {
@@ -497,7 +626,24 @@ impl<T: ModelScalar> Body<T> {
     }
 }
 
+/// `I v` of a body with second moments `s` of this trace: `I = tr(S) 1 - S`.
+#[inline(always)]
+fn spin<T: ModelScalar>(s: &S3<T>, trace: T, v: &V3<T>) -> V3<T> {
+    v.scaled(trace) - s.mul(v)
+}
+
+/// Element `(i, j)` of `S + p h^T + h p^T + m p p^T` from `S_ij`, `(p_i, p_j)`, `(h_i, h_j)`.
+#[inline(always)]
+fn second_moment<T: ModelScalar>(s: T, p: (T, T), h: (T, T), m: T) -> T {
+    (p.0 * p.1).mul_add(m, p.0.mul_add(h.1, p.1.mul_add(h.0, s)))
+}
+
 impl<T: ModelScalar> Moved<T> {
+    fn at_rest() -> Self {
+        let (o, i, z) = (T::zero(), T::one(), V3::zero());
+        let r = M3([V3::new(i, o, o), V3::new(o, i, o), V3::new(o, o, i)]);
+        Self { r, p: z, dp: z, ddp: z, w: z, dw: z }
+    }
     /// The body that a joint carries from this one.
     #[inline(always)]
     fn step(&self, l: &Link<T>, qd: T, qdd: T, prismatic: bool) -> Self {
@@ -538,35 +684,31 @@ impl<T: ModelScalar> Moved<T> {
         let h = self.p.scale_add(b.m, &hr);
         let ddh = self.ddp.scale_add(b.m, &self.w.cross_add(&dhr, &self.dw.cross(&hr)));
         // int rho (w x rho)^T has columns w x (column of the second moments), transposed.
-        let turning = [turned.col(0), turned.col(1), turned.col(2)].map(|c| self.w.cross(&c));
-        let t = |i: usize, j: usize| [turning[i].x, turning[i].y, turning[i].z][j];
+        let w = &self.w;
+        let (x, y, z) = (w.cross(&turned.col(0)), w.cross(&turned.col(1)), w.cross(&turned.col(2)));
         let (p, dp) = (&self.p, &self.dp);
-        let column = |j: usize| {
-            let own = V3::new(t(0, j), t(1, j), t(2, j));
-            p.scale_add(dh.get(j), &hr.scale_add(dp.get(j), &own))
-        };
+        let k = M3([
+            p.scale_add(dh.x, &hr.scale_add(dp.x, &V3::new(x.x, y.x, z.x))),
+            p.scale_add(dh.y, &hr.scale_add(dp.y, &V3::new(x.y, y.y, z.y))),
+            p.scale_add(dh.z, &hr.scale_add(dp.z, &V3::new(x.z, y.z, z.z))),
+        ]);
         // int rho x (dw x rho + w x (w x rho)): I dw + w x I w with I = tr(S) 1 - S.
         let trace = turned.xx + turned.yy + turned.zz;
-        let spin = |v: &V3<T>| v.scaled(trace) - turned.mul(v);
-        let dl_own = self.w.cross_add(&spin(&self.w), &spin(&self.dw));
-        let rr = |x: T, a: (T, T), b: (T, T), m: T| {
-            // p hr^T + hr p^T + m p p^T + S, element (i, j) from the components (p_i, p_j), (hr_i, hr_j).
-            (a.0 * a.1).mul_add(m, a.0.mul_add(b.1, a.1.mul_add(b.0, x)))
-        };
+        let dl_own = w.cross_add(&spin(&turned, trace, w), &spin(&turned, trace, &self.dw));
         Sums {
             m: b.m,
             h,
             dh,
             ddh,
             rr: S3 {
-                xx: rr(turned.xx, (p.x, p.x), (hr.x, hr.x), b.m),
-                xy: rr(turned.xy, (p.x, p.y), (hr.x, hr.y), b.m),
-                yy: rr(turned.yy, (p.y, p.y), (hr.y, hr.y), b.m),
-                xz: rr(turned.xz, (p.x, p.z), (hr.x, hr.z), b.m),
-                yz: rr(turned.yz, (p.y, p.z), (hr.y, hr.z), b.m),
-                zz: rr(turned.zz, (p.z, p.z), (hr.z, hr.z), b.m),
+                xx: second_moment(turned.xx, (p.x, p.x), (hr.x, hr.x), b.m),
+                xy: second_moment(turned.xy, (p.x, p.y), (hr.x, hr.y), b.m),
+                yy: second_moment(turned.yy, (p.y, p.y), (hr.y, hr.y), b.m),
+                xz: second_moment(turned.xz, (p.x, p.z), (hr.x, hr.z), b.m),
+                yz: second_moment(turned.yz, (p.y, p.z), (hr.y, hr.z), b.m),
+                zz: second_moment(turned.zz, (p.z, p.z), (hr.z, hr.z), b.m),
             },
-            k: M3([column(0), column(1), column(2)]),
+            k,
             dl: p.cross_add(&ddh, &hr.cross_add(&self.ddp, &dl_own)),
         }
     }
@@ -653,7 +795,7 @@ impl<T: ModelScalar> Sums<T> {
         // C^T u = 2 (tr K u - K u).
         let gw = self.dh.cross_add(s, &(u.scaled(k[0].x + k[1].y + k[2].z) - self.k.mul(u))).scaled(two);
         // u.(w x J w) = (u x r).w (r.w) summed: [u]x S, made symmetric; s.(w x (w x h)) = s.w h.w - s.h w.w.
-        let x = [self.rr.col(0), self.rr.col(1), self.rr.col(2)].map(|c| u.cross(&c));
+        let x = [u.cross(&self.rr.col(0)), u.cross(&self.rr.col(1)), u.cross(&self.rr.col(2))];
         let sh = s.dot(h);
         let half = |a: T, b: T| (a + b).scale(0.5);
         let q = [

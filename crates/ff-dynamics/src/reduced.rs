@@ -15,7 +15,7 @@
 //! (`condense.rs`). The result equals [`crate::hybrid_dynamics`] (`theory.md` 2; `docs/theory/derivatives.md`).
 
 use crate::condense;
-use crate::prescribed::{Arm, Frame, Prescribed, Site};
+use crate::prescribed::{Arm, Frame, Prescribed, Site, products};
 use crate::work::PortWork;
 use ff_lanes::Kernel;
 use ff_model::lanes::{Isa, LaneTask, dispatch, gather};
@@ -68,26 +68,42 @@ pub(crate) struct Reduced<'a, T: ModelScalar> {
     pub(crate) table: &'a Prescribed,
     ports: Vec<PortWork<T>>,
     frames: Vec<Frame<T>>,
-    /// Some appendage is on a link.
-    carried: bool,
+}
+
+/// Buffers of a [`Reduced`], to be used again with another table.
+#[derive(Clone, Debug)]
+pub(crate) struct Buffers<T: ModelScalar> {
+    ports: Vec<PortWork<T>>,
+    frames: Vec<Frame<T>>,
+}
+
+impl<T: ModelScalar> Buffers<T> {
+    pub(crate) fn new(model: &Model, table: &Prescribed) -> Self {
+        let ports = model.appendages();
+        let frames = table.sites[..ports.len()].iter().map(at_rest).collect();
+        Self { ports: ports.iter().map(PortWork::new).collect(), frames }
+    }
 }
 
 impl<'a, T: ModelScalar> Reduced<'a, T> {
     pub(crate) fn new(model: &'a Model, params: &'a Params<T>, table: &'a Prescribed) -> Self {
-        let ports = model.appendages();
-        Self {
-            model,
-            params,
-            table,
-            ports: ports.iter().map(PortWork::new).collect(),
-            frames: table.sites[..ports.len()].iter().map(at_rest).collect(),
-            carried: ports.iter().any(|a| a.host > 0),
-        }
+        Self::reuse(Buffers::new(model, table), model, params, table)
+    }
+    /// With the buffers of an earlier one of the same model; does not allocate.
+    pub(crate) fn reuse(b: Buffers<T>, model: &'a Model, params: &'a Params<T>, table: &'a Prescribed) -> Self {
+        Self { model, params, table, ports: b.ports, frames: b.frames }
+    }
+    /// Its buffers.
+    pub(crate) fn into_buffers(self) -> Buffers<T> {
+        Buffers { ports: self.ports, frames: self.frames }
     }
 
-    /// `u = [a | al | nu']` at state `z` and a node. False when a mass matrix is not positive definite.
+    /// `u = [a | al | nu']` at state `z` and a node.
+    ///
+    /// # Errors
+    /// The appendage whose mass matrix is not positive definite, or `None` for the base.
     #[inline(always)]
-    pub(crate) fn accelerate(&mut self, node: usize, z: &[T], u: &mut [T]) -> bool {
+    pub(crate) fn accelerate(&mut self, node: usize, z: &[T], u: &mut [T]) -> Result<(), Option<usize>> {
         let (model, table) = (self.model, self.table);
         let m = model.np();
         let z = &z[..6 + 2 * m];
@@ -121,56 +137,87 @@ impl<'a, T: ModelScalar> Reduced<'a, T> {
                 p.g[j] = frame.up(&pf, &pn);
             }
         }
-        let Ok((a, al)) = condense::base_acceleration(&mut self.ports, &c, &f, &n) else {
-            return false;
-        };
+        let (a, al) = condense::base_acceleration(&mut self.ports, &c, &f, &n)?;
         a.write_to(u);
         al.write_to(&mut u[3..]);
         for (ap, p) in model.appendages().iter().zip(&self.ports) {
             p.respond(Some((&a, &al)), &mut u[6 + ap.coord_offset..]);
         }
-        true
+        Ok(())
     }
 
     /// Joint torques at a sample, after [`Reduced::accelerate`] at its node.
     #[inline(always)]
     pub(crate) fn torques(&self, sample: usize, z: &[T], u: &[T], tau: &mut [T]) {
         let (w, a, al) = (V3::from_slice(&z[3..]), V3::from_slice(u), V3::from_slice(&u[3..]));
-        let lift = |v: &V3<f64>| V3::new(T::from_f64(v.x), T::from_f64(v.y), T::from_f64(v.z));
-        let two = T::from_f64(2.0);
-        let (xx, yy, zz, xy, xz, yz) =
-            (w.x * w.x, w.y * w.y, w.z * w.z, w.x * w.y * two, w.x * w.z * two, w.y * w.z * two);
+        let ww = products(&w);
         for (j, t) in tau.iter_mut().enumerate() {
-            let r = self.table.row(sample, j);
-            let q = |k: f64, x: T, s: T| T::from_f64(k).mul_add(x, s);
-            let s = T::from_f64(r.c) + lift(&r.ga).dot(&a) + lift(&r.gb).dot(&al) + lift(&r.gw).dot(&w);
-            *t = q(r.q.xx, xx, q(r.q.yy, yy, q(r.q.zz, zz, q(r.q.xy, xy, q(r.q.xz, xz, q(r.q.yz, yz, s))))));
+            *t = self.table.row(sample, j).form.value(&a, &al, &w, &ww);
         }
-        if !self.carried {
-            return;
-        }
-        let field = M3::field(&w, &al);
-        let v = V3::from_slice(z);
-        for (k, (ap, p)) in self.model.appendages().iter().zip(&self.ports).enumerate().filter(|(_, x)| x.0.host > 0) {
-            let frame = &self.frames[k];
-            let at = frame.carried(&w, &al, &a, &field);
-            let lin = at.a - at.w.cross(&frame.velocity(&v, &w));
-            let (mut wrench, dim) = ([T::zero(); 6], 6 + p.n);
-            let acc = [lin.x, lin.y, lin.z, at.al.x, at.al.y, at.al.z];
-            let own = &u[6 + ap.coord_offset..6 + ap.coord_offset + p.n];
-            for (i, x) in wrench.iter_mut().enumerate() {
-                *x = p.h[i];
-                for (j, &y) in acc.iter().chain(own).enumerate() {
-                    *x = p.m[i * dim + j].mul_add(y, *x);
+        for k in 0..self.ports.len() {
+            let host = self.model.appendages()[k].host;
+            if host > 0 {
+                let (f, n) = self.wrench(k, z, u);
+                let (f, n) = self.frames[k].up(&f, &n);
+                for &j in &self.table.above[host] {
+                    let r = self.table.row(sample, j);
+                    tau[j] += lift(&r.s).dot(&f) + lift(&r.u).dot(&n);
                 }
-            }
-            let (f, n) = frame.up(&V3::from_slice(&wrench), &V3::from_slice(&wrench[3..]));
-            for &j in &self.table.above[ap.host] {
-                let r = self.table.row(sample, j);
-                tau[j] += lift(&r.s).dot(&f) + lift(&r.u).dot(&n);
             }
         }
     }
+
+    /// Power of the joint torques, `sum_j tau_j qd_j`, after [`Reduced::accelerate`] at this node.
+    #[inline(always)]
+    pub(crate) fn joint_power(&self, node: usize, z: &[T], u: &[T]) -> T {
+        let (w, a, al) = (V3::from_slice(&z[3..]), V3::from_slice(u), V3::from_slice(&u[3..]));
+        let mut power = self.table.power(node).value(&a, &al, &w, &products(&w));
+        for k in 0..self.ports.len() {
+            let frame = &self.frames[k];
+            if frame.moving {
+                let (f, n) = self.wrench(k, z, u);
+                power += f.dot(&frame.down(&frame.dp)) + n.dot(&frame.down(&frame.w));
+            }
+        }
+        power
+    }
+
+    /// Power that the dampers take out at rates `nu` (W).
+    #[inline(always)]
+    pub(crate) fn dissipated_power(&self, z: &[T]) -> T {
+        let nu = &z[6 + self.model.np()..];
+        let mut power = T::zero();
+        for (k, ap) in self.model.appendages().iter().enumerate() {
+            let own = &nu[ap.coord_offset..ap.coord_offset + ap.dim()];
+            power += T::port(&*ap.appendage).dissipated_power(self.params.appendage(self.model, k), own);
+        }
+        power
+    }
+
+    /// Wrench on the mount of port `k` in its axes, after [`Reduced::accelerate`].
+    #[inline(always)]
+    fn wrench(&self, k: usize, z: &[T], u: &[T]) -> (V3<T>, V3<T>) {
+        let (ap, p, frame) = (&self.model.appendages()[k], &self.ports[k], &self.frames[k]);
+        let (v, w) = (V3::from_slice(z), V3::from_slice(&z[3..]));
+        let (a, al) = (V3::from_slice(u), V3::from_slice(&u[3..]));
+        let at = frame.carried(&w, &al, &a, &M3::field(&w, &al));
+        let lin = at.a - at.w.cross(&frame.velocity(&v, &w));
+        let (mut wrench, dim) = ([T::zero(); 6], 6 + p.n);
+        let acc = [lin.x, lin.y, lin.z, at.al.x, at.al.y, at.al.z];
+        let own = &u[6 + ap.coord_offset..6 + ap.coord_offset + p.n];
+        for (i, x) in wrench.iter_mut().enumerate() {
+            *x = p.h[i];
+            for (j, &y) in acc.iter().chain(own).enumerate() {
+                *x = p.m[i * dim + j].mul_add(y, *x);
+            }
+        }
+        (V3::from_slice(&wrench), V3::from_slice(&wrench[3..]))
+    }
+}
+
+#[inline(always)]
+fn lift<T: ModelScalar>(v: &V3<f64>) -> V3<T> {
+    V3::new(T::from_f64(v.x), T::from_f64(v.y), T::from_f64(v.z))
 }
 
 /// A frame that never moves, or a place for one that does.
@@ -329,20 +376,21 @@ impl<T: LaneScalar, F: FnMut(usize, &[T], &[T], &[T])> Kernel for Integrate<'_, 
         let table = sys.table;
         let mut rk = Rk4::new(sys.model, z0);
         let last = (table.samples - 1) * table.substeps;
+        // One call of `stage`: it is inlined, once per instruction set.
         for step in 0..=last {
-            rk.stage(sys, step, 0)?;
-            if step % table.substeps == 0 {
-                rk.sample(sys, step / table.substeps)?;
-                write(step / table.substeps, &rk.zs, &rk.u, &rk.tau);
-            }
-            if step < last {
-                rk.rate(table.step, 0);
-                for stage in 1..4 {
-                    rk.stage(sys, step, stage)?;
-                    rk.rate(table.step, stage);
+            for stage in 0..4 {
+                let t = 0.5 * table.step * (2 * step + STAGE[stage]) as f64;
+                rk.stage(sys, step, stage).map_err(|_| ReducedError::Singular { t })?;
+                if stage == 0 && step % table.substeps == 0 {
+                    rk.sample(sys, step / table.substeps)?;
+                    write(step / table.substeps, &rk.zs, &rk.u, &rk.tau);
+                    if step == last {
+                        return Ok(());
+                    }
                 }
-                rk.finish();
+                rk.rate(table.step, stage);
             }
+            rk.finish();
         }
         Ok(())
     }
@@ -352,7 +400,8 @@ impl<T: LaneScalar, F: FnMut(usize, &[T], &[T], &[T])> Kernel for Integrate<'_, 
 #[derive(Clone, Debug)]
 pub(crate) struct Rk4<T> {
     m: usize,
-    z: Vec<T>,
+    /// State at the beginning of the step.
+    pub(crate) z: Vec<T>,
     /// State and accelerations of the present stage, joint torques of the present sample.
     pub(crate) zs: Vec<T>,
     pub(crate) u: Vec<T>,
@@ -368,19 +417,16 @@ impl<T: ModelScalar> Rk4<T> {
         let (zs, k, sum) = (z.clone(), z.clone(), z.clone());
         Self { m, z, zs, u: vec![o; 6 + m], tau: vec![o; model.nj()], k, sum }
     }
-    /// Evaluates a stage of a step.
+    /// Evaluates a stage of a step. Errors as [`Reduced::accelerate`].
     #[inline(always)]
-    pub(crate) fn stage(&mut self, sys: &mut Reduced<'_, T>, step: usize, stage: usize) -> Result<(), ReducedError> {
+    pub(crate) fn stage(&mut self, sys: &mut Reduced<'_, T>, step: usize, stage: usize) -> Result<(), Option<usize>> {
         let node = 2 * step + STAGE[stage];
         let h = sys.table.step;
         let c = T::from_f64(0.5 * h * STAGE[stage] as f64);
         for ((s, &z), &k) in self.zs.iter_mut().zip(&self.z).zip(&self.k) {
             *s = if stage == 0 { z } else { c.mul_add(k, z) };
         }
-        if sys.accelerate(node, &self.zs, &mut self.u) {
-            return Ok(());
-        }
-        Err(ReducedError::Singular { t: 0.5 * h * node as f64 })
+        sys.accelerate(node, &self.zs, &mut self.u)
     }
     /// Joint torques at a sample, and whether the state is finite there; after its stage 0.
     #[inline(always)]

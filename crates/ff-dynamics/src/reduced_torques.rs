@@ -48,9 +48,7 @@ pub fn reduced_torques(
         let (z, u) = point.split_at_mut(6);
         (0..3).for_each(|k| z[3 + k] = rates[(i, k)]);
         let node = table.node_of(i);
-        if !sys.accelerate(node, z, u) {
-            return Err(ReducedError::Singular { t: 0.5 * table.step * node as f64 });
-        }
+        sys.accelerate(node, z, u).map_err(|_| ReducedError::Singular { t: 0.5 * table.step * node as f64 })?;
         sys.torques(i, z, u, &mut row);
         row.iter().enumerate().for_each(|(j, &t)| out.0[(i, j)] = t);
     }

@@ -125,19 +125,20 @@ impl<T: LaneScalar> Kernel for Regressor<'_, T> {
             }
             let motion = links[b].moving();
             let block = &mut y[10 * b * nv..(10 * b + 10) * nv];
-            let mut row = |r: usize, s: &(V3<T>, V3<T>)| {
-                for (k, x) in motion.powers(&s.0, &s.1).into_iter().enumerate() {
-                    block[k * nv + r] = x;
-                }
-            };
             let own = &screws[b * per..(b + 1) * per];
-            for k in 0..nb {
-                row(k, &own[k]);
-            }
-            let mut j = b;
-            while j > 0 {
-                row(nb + j - 1, &own[5 + j]);
-                j = links[j].parent;
+            // Joints from body b inwards, then the base.
+            let (mut j, mut k) = (b, 0);
+            while j > 0 || k < nb {
+                let (r, s) = if j > 0 { (nb + j - 1, &own[5 + j]) } else { (k, &own[k]) };
+                let x = motion.powers(&s.0, &s.1);
+                for i in 0..10 {
+                    block[i * nv + r] = x[i];
+                }
+                if j > 0 {
+                    j = links[j].parent;
+                } else {
+                    k += 1;
+                }
             }
         }
         for (k, (ap, port)) in model.appendages().iter().zip(&mut work.ports).enumerate() {

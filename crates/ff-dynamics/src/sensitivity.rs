@@ -115,57 +115,56 @@ impl LaneTask for Run<'_> {
         let mut sink = Sink::new(model, params, table, wanted, columns);
         let last = (table.samples - 1) * table.substeps;
         let at_once = L::N / 4;
-        for first in (0..last).step_by(at_once) {
+        let mut first = 0;
+        // One call of `differentiate`: it is inlined, once per instruction set.
+        loop {
             let steps = at_once.min(last - first);
             points.clear();
-            for step in first..first + steps {
+            // The last sample is an evaluation without a step.
+            'points: for step in first..first + steps.max(1) {
                 for stage in 0..4 {
                     one_stage(&mut rk, &mut sys, step, stage)?;
                     if stage == 0 && step % table.substeps == 0 {
                         rk.sample(&sys, step / table.substeps)?;
                         sink.response.write(step / table.substeps, m, &rk.zs, &rk.u, &rk.tau);
                     }
-                    rk.rate(table.step, stage);
                     points.push(2 * step + STAGE[stage], &rk.zs, &rk.u);
+                    if step == last {
+                        break 'points;
+                    }
+                    rk.rate(table.step, stage);
                 }
                 rk.finish();
             }
             points.differentiate(&mut tangent, &mut flow);
-            for step in first..first + steps {
-                let lane = 4 * (step - first);
-                let sample = step % table.substeps == 0;
+            for step in first..first + steps.max(1) {
+                let (lane, sample) = (4 * (step - first), step % table.substeps == 0);
                 if sample && let Some(track) = &sink.track {
                     flow.attitude_rows(&mut sink.attitude, track, step / table.substeps);
                 }
-                if let Some(track) = &mut sink.track {
+                if let Some(track) = &mut sink.track
+                    && step < last
+                {
                     flow.turn = track.step(table.step, core::array::from_fn(|s| points.w(lane + s)));
                 }
-                flow.step(lane, sample, &points);
+                flow.step(lane, sample, step < last, &points);
                 if sample {
                     sink.take(step / table.substeps, points.point(lane), &flow);
                 }
             }
+            if first == last {
+                return Ok(sink.done());
+            }
+            first += steps;
         }
-        // The last sample is an evaluation without a step.
-        one_stage(&mut rk, &mut sys, last, 0)?;
-        rk.sample(&sys, table.samples - 1)?;
-        sink.response.write(table.samples - 1, m, &rk.zs, &rk.u, &rk.tau);
-        points.clear();
-        points.push(2 * last, &rk.zs, &rk.u);
-        points.differentiate(&mut tangent, &mut flow);
-        flow.hold(0);
-        if let Some(track) = &sink.track {
-            flow.attitude_rows(&mut sink.attitude, track, table.samples - 1);
-        }
-        sink.take(table.samples - 1, points.point(0), &flow);
-        Ok(sink.done())
     }
 }
 
 /// Not inlined: plain numbers need it once, not once per instruction set.
 #[inline(never)]
 fn one_stage(rk: &mut Rk4<f64>, sys: &mut Reduced<'_, f64>, step: usize, stage: usize) -> Result<(), ReducedError> {
-    rk.stage(sys, step, stage)
+    let t = 0.5 * sys.table.step * (2 * step + STAGE[stage]) as f64;
+    rk.stage(sys, step, stage).map_err(|_| ReducedError::Singular { t })
 }
 
 /// Points of the trajectory that go through the derivatives together.
@@ -214,7 +213,10 @@ impl<L: LaneScalar> Points<L> {
         }
         let pack = |to: &mut [L], from: &[Vec<f64>; 8], count: usize| {
             for (k, to) in to.iter_mut().enumerate() {
-                let lanes: [f64; 8] = core::array::from_fn(|i| from[i.min(count - 1)][k]);
+                let mut lanes = [0.0; 8];
+                for (i, x) in lanes.iter_mut().enumerate() {
+                    *x = from[i.min(count - 1)][k];
+                }
                 *to = L::load(&lanes);
             }
         };
@@ -337,9 +339,9 @@ impl<L: LaneScalar> Flow<L> {
     }
 
     /// Carries all columns through the step whose stages are lanes `lane..lane + 4`; keeps `dz` and `du` at its
-    /// start where that is a sample.
+    /// start where that is a sample. Without `advance` there is nothing but that start.
     #[inline(always)]
-    fn step(&mut self, lane: usize, sample: bool, points: &Points<L>) {
+    fn step(&mut self, lane: usize, sample: bool, advance: bool, points: &Points<L>) {
         let (n, nz, m, width) = (self.n, self.nz, self.m, self.width);
         let at_speed = nz > 3 + 2 * m;
         for block in (0..width).step_by(L::N) {
@@ -368,6 +370,9 @@ impl<L: LaneScalar> Flow<L> {
                         self.y[r].store(&mut self.du[r * width + block..]);
                     }
                 }
+                if !advance {
+                    break;
+                }
                 self.k[..3].copy_from_slice(&self.y[3..6]);
                 self.k[3..3 + m].copy_from_slice(&self.x[3 + m..3 + 2 * m]);
                 self.k[3 + m..3 + 2 * m].copy_from_slice(&self.y[6..]);
@@ -388,27 +393,14 @@ impl<L: LaneScalar> Flow<L> {
                     self.sum[i] = fma(weight, self.k[i], from);
                 }
             }
+            if !advance {
+                continue;
+            }
             for c in 0..nz {
                 self.sum[c].store(&mut self.dz[c * width + block..]);
             }
             if let Some(theta) = theta {
                 theta.iter().enumerate().for_each(|(i, x)| x.store(&mut self.dtheta[i * width + block..]));
-            }
-        }
-    }
-
-    /// `du` at a point without a step.
-    #[inline(always)]
-    fn hold(&mut self, lane: usize) {
-        let (n, nz, width) = (self.n, self.nz, self.width);
-        self.at_sample.copy_from_slice(&self.dz);
-        for block in (0..width).step_by(L::N) {
-            for c in 0..nz {
-                self.x[c] = L::load(&self.dz[c * width + block..]);
-            }
-            self.accelerations(lane, block, 0);
-            for r in 0..n {
-                self.y[r].store(&mut self.du[r * width + block..]);
             }
         }
     }
@@ -425,8 +417,12 @@ impl<L: LaneScalar> Flow<L> {
 #[inline(always)]
 fn product<L: LaneScalar, const R: usize>(g: &[f64], x: &[L], f: &[f64], width: usize, y: &mut [L]) {
     let nz = x.len();
-    let rows: [&[f64]; R] = core::array::from_fn(|r| &g[r * nz..(r + 1) * nz]);
-    let mut sum: [L; R] = core::array::from_fn(|r| L::load(&f[r * width..]));
+    let mut rows = [g; R];
+    let mut sum = [L::zero(); R];
+    for r in 0..R {
+        rows[r] = &g[r * nz..(r + 1) * nz];
+        sum[r] = L::load(&f[r * width..]);
+    }
     for (c, &x) in x.iter().enumerate() {
         for r in 0..R {
             sum[r] = fma(L::splat(rows[r][c]), x, sum[r]);

@@ -85,6 +85,26 @@ pub(crate) struct Parts<'a, T: LaneScalar> {
     ports: Vec<PortWork<T>>,
     frames: Vec<Frame<T>>,
     at_speed: Vec<Option<AtSpeed>>,
+    /// State columns of each port, `6+n` each: base angular velocity, coordinates, rates, base velocity.
+    state: Vec<Vec<T>>,
+}
+
+impl<T: LaneScalar> PortWork<T> {
+    /// `M [a; al]` plus the derivatives in `d` along a host angular velocity `dw` (columns from `first` on) and, with
+    /// `first` other than zero, a velocity `dv` (columns from zero on).
+    #[inline(always)]
+    fn along(&self, first: usize, dw: &V3<T>, dv: &V3<T>, a: &V3<T>, al: &V3<T>, to: &mut [T]) {
+        let dim = 6 + self.n;
+        for (i, to) in to.iter_mut().enumerate() {
+            let row = &self.m[i * dim..i * dim + 6];
+            let mut y = V3::from_slice(row).dot(a) + V3::from_slice(&row[3..]).dot(al);
+            let column = |j: usize| self.d[j * dim + i];
+            if first > 0 {
+                y += V3::new(column(0), column(1), column(2)).dot(dv);
+            }
+            *to = y + V3::new(column(first), column(first + 1), column(first + 2)).dot(dw);
+        }
+    }
 }
 
 impl<'a, T: LaneScalar> Parts<'a, T> {
@@ -99,6 +119,7 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
             ports: ports.iter().map(PortWork::new).collect(),
             frames: table.sites.iter().map(at_rest).collect(),
             at_speed: ports.iter().map(slow).collect(),
+            state: ports.iter().map(|a| vec![T::zero(); (6 + 2 * a.dim()) * (6 + a.dim())]).collect(),
         }
     }
 
@@ -131,10 +152,6 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
         let lin = host.a - host.w.cross(&v);
         let s = PortState { host: Motion { lin: v.into(), ang: host.w.into() }, eta, nu };
         let accel = PortAccel { host: Motion { lin: lin.into(), ang: host.al.into() }, nu: acc };
-        let mut up = |c: Column, d: &[T]| {
-            let (f, n) = frame.up(&V3::from_slice(d), &V3::from_slice(&d[3..]));
-            put(c, f, n, &d[6..dim]);
-        };
         let first = match slow {
             Some(slow) => {
                 slow.evaluate(&*ap.appendage, params, &s, &accel, &mut p.d);
@@ -146,56 +163,51 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
             }
         };
         let two = T::from_f64(2.0);
-        let mut column = [T::zero(); 6 + ff_model::MAX_COORDS];
-        // Adds `M [a; al]` and columns `from..from + 3` of the port times a vector.
-        let gather = |x: &V3<T>, from: Option<usize>, a: &V3<T>, al: &V3<T>, column: &mut [T], p: &PortWork<T>| {
-            for (i, c) in column[..dim].iter_mut().enumerate() {
-                let row = &p.m[i * dim..i * dim + 6];
-                let mut y = V3::from_slice(row).dot(a) + V3::from_slice(&row[3..]).dot(al) + *c;
-                if let Some(j) = from {
-                    y = fma(p.d[j * dim + i], x.x, y);
-                    y = fma(p.d[(j + 1) * dim + i], x.y, y);
-                    y = fma(p.d[(j + 2) * dim + i], x.z, y);
-                }
-                *c = y;
-            }
-        };
-        let still = V3::zero();
+        let state = &mut self.state[k][..];
         for j in 0..3 {
             let e = unit::<T>(j);
             let ep = e.cross(&frame.pose.p);
             let mut a = at.w.cross_add(&ep, &e.cross(&at.w.cross(&frame.pose.p)));
-            let mut al = still;
+            let mut al = V3::zero();
             if frame.moving {
                 a += e.cross(&frame.dp).scaled(two);
                 al = frame.down(&e.cross(&frame.w));
             }
-            let (dw, mut a) = (frame.down(&e), frame.down(&a));
-            column[..dim].fill(T::zero());
+            let (dw, mut a, mut dv) = (frame.down(&e), frame.down(&a), V3::zero());
             if first > 0 {
-                let dv = frame.down(&ep);
+                dv = frame.down(&ep);
                 a -= dw.cross(&v) + host.w.cross(&dv);
-                gather(&dv, Some(0), &still, &still, &mut column, p);
             }
-            gather(&dw, Some(first), &a, &al, &mut column, p);
-            up(Column::State(j), &column[..dim]);
+            p.along(first, &dw, &dv, &a, &al, &mut state[j * dim..(j + 1) * dim]);
             if first > 0 {
-                column[..dim].fill(T::zero());
-                let dv = dw;
-                gather(&dv, Some(0), &-host.w.cross(&dv), &still, &mut column, p);
-                up(Column::State(3 + 2 * m + j), &column[..dim]);
+                // The velocity of the base alone; its classical acceleration stays.
+                let a = -host.w.cross(&dw);
+                p.along(first, &V3::zero(), &dw, &a, &V3::zero(), &mut state[(3 + 2 * n + j) * dim..][..dim]);
             }
         }
-        for i in 0..n {
-            up(Column::State(3 + own.start + i), &p.d[(first + 3 + i) * dim..][..dim]);
-            up(Column::State(3 + m + own.start + i), &p.d[(first + 3 + n + i) * dim..][..dim]);
+        let own_columns = 2 * n * dim;
+        state[3 * dim..][..own_columns].copy_from_slice(&p.d[(first + 3) * dim..][..own_columns]);
+        let wanted = &self.columns.ports[k];
+        if !wanted.is_empty() {
+            T::tangent(&*ap.appendage).regressor(params, &s, &accel, &mut p.d);
         }
-        if self.columns.ports[k].is_empty() {
-            return;
-        }
-        T::tangent(&*ap.appendage).regressor(params, &s, &accel, &mut p.d);
-        for &(own, col) in &self.columns.ports[k] {
-            up(Column::Param(col), &p.d[own * dim..][..dim]);
+        // One call of `put`, so that it is inlined.
+        let states = 3 + 2 * n + first;
+        for c in 0..states + wanted.len() {
+            let (column, d) = if c < states {
+                let to = match c {
+                    0..3 => c,
+                    c if c < 3 + n => own.start + c,
+                    c if c < 3 + 2 * n => m - n + own.start + c,
+                    c => 2 * (m - n) + c,
+                };
+                (Column::State(to), &state[c * dim..(c + 1) * dim])
+            } else {
+                let (own, col) = wanted[c - states];
+                (Column::Param(col), &p.d[own * dim..(own + 1) * dim])
+            };
+            let (f, n) = frame.up(&V3::from_slice(d), &V3::from_slice(&d[3..]));
+            put(column, f, n, &d[6..]);
         }
     }
 
@@ -206,15 +218,16 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
         let frame = &self.frames[*site];
         let host = frame.carried(&at.w, &at.al, &at.a, &at.field);
         let moving = Moving { w: host.w, al: host.al, a: host.a, field: M3::field(&host.w, &host.al) };
-        let rows: [[T; 10]; 6] = core::array::from_fn(|r| {
+        let mut rows = [[T::zero(); 10]; 6];
+        for (r, row) in rows.iter_mut().enumerate() {
             let e = unit::<T>(r % 3);
             let zero = V3::zero();
             let (v, w) = if r < 3 { (e, zero) } else { (e.cross(&frame.pose.p), e) };
-            moving.powers(&frame.down(&v), &frame.down(&w))
-        });
+            *row = moving.powers(&frame.down(&v), &frame.down(&w));
+        }
         for &(k, col) in wanted {
-            let x = |r: usize| rows[r][k];
-            put(Column::Param(col), V3::new(x(0), x(1), x(2)), V3::new(x(3), x(4), x(5)));
+            let [a, b, c, d, e, f] = &rows;
+            put(Column::Param(col), V3::new(a[k], b[k], c[k]), V3::new(d[k], e[k], f[k]));
         }
     }
 }
@@ -376,10 +389,10 @@ impl<'a> TorqueRows<'a> {
         let at = At::new(z, u);
         for j in 0..nj {
             let r = table.row(sample, j);
-            r.ga.write_to(&mut by_u[j * nu..]);
-            r.gb.write_to(&mut by_u[j * nu + 3..]);
+            r.form.ga.write_to(&mut by_u[j * nu..]);
+            r.form.gb.write_to(&mut by_u[j * nu + 3..]);
             let w2 = at.w.scaled(2.0);
-            r.q.mul_add(&w2, &r.gw).write_to(&mut by_z[j * nz..]);
+            r.form.q.mul_add(&w2, &r.form.gw).write_to(&mut by_z[j * nz..]);
         }
         if !*carried {
             return;

@@ -190,7 +190,8 @@ impl<T: Scalar> From<&Matrix3<T>> for M3<T> {
     #[inline(always)]
     fn from(m: &Matrix3<T>) -> Self {
         let m = &m.data.0;
-        Self([0, 1, 2].map(|j| V3::new(m[j][0], m[j][1], m[j][2])))
+        let [a, b, c] = m;
+        Self([V3::from_slice(a), V3::from_slice(b), V3::from_slice(c)])
     }
 }
 
@@ -519,20 +520,18 @@ impl<T: Scalar> Pose<T> {
                 S3 { xx, xy, yy, xz, yz, zz: i.zz }
             }
             _ => {
-                let t = [i.col(0), i.col(1), i.col(2)].map(|v| self.r.mul(&v)); // R S by columns
+                // R S by columns; row r of R is (a_r, b_r, d_r), element (i, j) is sum_k t_k,i R_j,k.
+                let (t, u, v) = (self.r.mul(&i.col(0)), self.r.mul(&i.col(1)), self.r.mul(&i.col(2)));
                 let [a, b, d] = &self.r.0;
-                // Row r of R is (a_r, b_r, d_r); element (i, j) is sum_k t_k,i R_j,k.
-                let row = |x: T, y: T, z: T, v: [T; 3]| v[2].mul_add(z, v[1].mul_add(y, v[0] * x));
-                let tx = [t[0].x, t[1].x, t[2].x];
-                let ty = [t[0].y, t[1].y, t[2].y];
-                let tz = [t[0].z, t[1].z, t[2].z];
+                let (rx, ry, rz) = (V3::new(a.x, b.x, d.x), V3::new(a.y, b.y, d.y), V3::new(a.z, b.z, d.z));
+                let (tx, ty, tz) = (V3::new(t.x, u.x, v.x), V3::new(t.y, u.y, v.y), V3::new(t.z, u.z, v.z));
                 S3 {
-                    xx: row(a.x, b.x, d.x, tx),
-                    xy: row(a.x, b.x, d.x, ty),
-                    yy: row(a.y, b.y, d.y, ty),
-                    xz: row(a.x, b.x, d.x, tz),
-                    yz: row(a.y, b.y, d.y, tz),
-                    zz: row(a.z, b.z, d.z, tz),
+                    xx: rx.dot(&tx),
+                    xy: rx.dot(&ty),
+                    yy: ry.dot(&ty),
+                    xz: rx.dot(&tz),
+                    yz: ry.dot(&tz),
+                    zz: rz.dot(&tz),
                 }
             }
         }
