@@ -294,6 +294,23 @@ impl<T: Scalar> Ten<T> {
         let n = w.cross_add(&self.i.mul(w), &self.i.mul_add(al, &self.h.cross(a)));
         (f, n)
     }
+    /// Derivatives of [`Ten::wrench`] with respect to each component `w_i` of the angular velocity, where the origin
+    /// has the acceleration `a = A + w x v` with `A` and `v` fixed (componentwise accelerations of a twist):
+    /// `f_i = m e_i x v + w h_i - 2 h w_i + e_i (w.h)`, `n_i = e_i x I w + w x I e_i + h x (e_i x v)`.
+    #[inline(always)]
+    pub fn wrench_by_spin(&self, w: &V3<T>, v: &V3<T>) -> [(V3<T>, V3<T>); 3] {
+        let (mv, iw, wh, h) = (v.scaled(self.m), self.i.mul(w), w.dot(&self.h), &self.h);
+        let (hv, v_h) = (v.dot(h), h.scaled(T::from_f64(-2.0)));
+        // e_i x mv + e_i wh, and e_i x I w + e_i (h.v), by columns.
+        let f = [V3::new(wh, -mv.z, mv.y), V3::new(mv.z, wh, -mv.x), V3::new(-mv.y, mv.x, wh)];
+        let n = [V3::new(hv, -iw.z, iw.y), V3::new(iw.z, hv, -iw.x), V3::new(-iw.y, iw.x, hv)];
+        core::array::from_fn(|i| {
+            let (wi, hi) = (w.get(i), h.get(i));
+            let f = v_h.scale_add(wi, &w.scale_add(hi, &f[i]));
+            // h x (e_i x v) = e_i (h.v) - v h_i.
+            (f, w.cross_add(&self.i.col(i), &v.scale_add(-hi, &n[i])))
+        })
+    }
     /// Momentum for a velocity `v` of the origin and angular velocity `w`: `m v + w x h`, `I w + h x v`.
     #[inline(always)]
     pub fn momentum(&self, v: &V3<T>, w: &V3<T>) -> (V3<T>, V3<T>) {
