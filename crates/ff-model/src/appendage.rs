@@ -28,6 +28,7 @@ use crate::dual::Dual;
 use crate::scalar::{D1, D2, Grad, LaneScalar, Scalar};
 use crate::spatial::Motion;
 use crate::twin::TwinBody;
+use crate::vec3::{Moving, V3};
 use ff_lanes::{Kernel, Portable4};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -120,6 +121,19 @@ pub struct PortState<'a, T: Scalar> {
     pub eta: &'a [T],
     /// Own rates.
     pub nu: &'a [T],
+}
+
+impl<T: Scalar> PortState<'_, T> {
+    /// Motion of the mount as the inner loops hold it, with the classical acceleration `A + w x v`; without
+    /// accelerations (`A = 0`) for a bias.
+    #[inline(always)]
+    pub fn moving(&self, acc: Option<&PortAccel<'_, T>>) -> Moving<T> {
+        let (v, w) = (V3::from(&self.host.lin), V3::from(&self.host.ang));
+        match acc {
+            Some(a) => Moving::new(w, V3::from(&a.host.ang), w.cross_add(&v, &V3::from(&a.host.lin))),
+            None => Moving::new(w, V3::zero(), w.cross(&v)),
+        }
+    }
 }
 
 /// Accelerations at a port.

@@ -4,12 +4,13 @@
 //! ([`crate::Model::add_rigid`]) its parameters can be estimated beside those of the link. Both belong to one body, so no
 //! data can tell them apart: estimate the one or the other.
 
-use crate::appendage::{Appendage, Decl, DynAppendage, ParamDecl, PortMatrix, PortState, PortVector};
+use crate::appendage::{Appendage, Decl, DynAppendage, ParamDecl, PortAccel, PortMatrix, PortState, PortVector};
 use crate::inertia::{Inertia, InertiaError};
 use crate::keys;
 use crate::problem::Problems;
 use crate::registry::Registry;
-use crate::scalar::Scalar;
+use crate::scalar::{LaneScalar, Scalar};
+use crate::vec3::{Moving, Ten, V3};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -72,10 +73,48 @@ impl Appendage for Payload {
     fn decl(&self) -> &Decl {
         &self.decl
     }
+    #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
-        m.add_host(&Inertia::from_params(p));
+        m.set_host(&Ten::from_params(p));
     }
+    #[inline(always)]
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        s.host.cross_force(&Inertia::from_params(p).mul_motion(&s.host)).write_to(h);
+        press(&Ten::from_params(p), &s.moving(None), h);
+    }
+    /// Newton's and Euler's equations of one body.
+    #[inline(always)]
+    fn residual<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        _: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    ) {
+        press(&Ten::from_params(p), &s.moving(Some(acc)), r);
+    }
+    #[inline(always)]
+    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, _: &PortAccel<'_, T>, j: &mut [T]) {
+        let columns = Ten::from_params(p).wrench_by_spin(&V3::from(&s.host.ang), &V3::from(&s.host.lin));
+        write(&columns, j);
+    }
+    #[inline(always)]
+    fn regressor<T: LaneScalar>(&self, _: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        write(&s.moving(Some(acc)).columns(), y);
+    }
+}
+
+#[inline(always)]
+fn press<T: Scalar>(body: &Ten<T>, m: &Moving<T>, r: &mut [T]) {
+    let (f, n) = body.wrench(&m.w, &m.al, &m.a, &m.field);
+    f.write_to(r);
+    n.write_to(&mut r[3..]);
+}
+
+#[inline(always)]
+fn write<T: Scalar>(columns: &[(V3<T>, V3<T>)], to: &mut [T]) {
+    for ((f, n), to) in columns.iter().zip(to.chunks_exact_mut(6)) {
+        f.write_to(to);
+        n.write_to(&mut to[3..]);
     }
 }

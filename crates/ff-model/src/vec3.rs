@@ -295,6 +295,23 @@ impl<T: Scalar> Ten<T> {
         let n = w.cross_add(&self.i.mul(w), &self.i.mul_add(al, &self.h.cross(a)));
         (f, n)
     }
+    /// Derivatives of [`Ten::wrench`] with respect to each component `w_i` of the angular velocity, where the origin
+    /// has the acceleration `a = A + w x v` with `A` and `v` fixed (componentwise accelerations of a twist):
+    /// `f_i = m e_i x v + w h_i - 2 h w_i + e_i (w.h)`, `n_i = e_i x I w + w x I e_i + h x (e_i x v)`.
+    #[inline(always)]
+    pub fn wrench_by_spin(&self, w: &V3<T>, v: &V3<T>) -> [(V3<T>, V3<T>); 3] {
+        let (mv, iw, wh, h) = (v.scaled(self.m), self.i.mul(w), w.dot(&self.h), &self.h);
+        let (hv, v_h) = (v.dot(h), h.scaled(T::from_f64(-2.0)));
+        // e_i x mv + e_i wh, and e_i x I w + e_i (h.v), by columns.
+        let f = [V3::new(wh, -mv.z, mv.y), V3::new(mv.z, wh, -mv.x), V3::new(-mv.y, mv.x, wh)];
+        let n = [V3::new(hv, -iw.z, iw.y), V3::new(iw.z, hv, -iw.x), V3::new(-iw.y, iw.x, hv)];
+        core::array::from_fn(|i| {
+            let (wi, hi) = (w.get(i), h.get(i));
+            let f = v_h.scale_add(wi, &w.scale_add(hi, &f[i]));
+            // h x (e_i x v) = e_i (h.v) - v h_i.
+            (f, w.cross_add(&self.i.col(i), &v.scale_add(-hi, &n[i])))
+        })
+    }
     /// Momentum for a velocity `v` of the origin and angular velocity `w`: `m v + w x h`, `I w + h x v`.
     #[inline(always)]
     pub fn momentum(&self, v: &V3<T>, w: &V3<T>) -> (V3<T>, V3<T>) {
@@ -349,6 +366,36 @@ impl<T: Scalar> Moving<T> {
             two(u.x, x.z, u.z, x.x) + two(t.x, y.z, t.z, y.x),
             two(u.y, x.z, u.z, x.y) + two(t.y, y.z, t.z, y.y),
             two(u.z, x.z, t.z, y.z),
+        ]
+    }
+}
+
+impl<T: Scalar> Moving<T> {
+    /// Of angular velocity and acceleration, and the classical acceleration of the origin.
+    #[inline(always)]
+    pub fn new(w: V3<T>, al: V3<T>, a: V3<T>) -> Self {
+        Self { w, al, a, field: M3::field(&w, &al) }
+    }
+    /// Force and moment of this motion per unit of each of the ten inertial parameters: the body regressor by
+    /// columns (Atkeson, An, Hollerbach 1986, eq. (8)).
+    #[inline(always)]
+    pub fn columns(&self) -> [(V3<T>, V3<T>); 10] {
+        let (w, al, a, o) = (&self.w, &self.al, &self.a, T::zero());
+        let [fx, fy, fz] = self.field.0;
+        let (xx, yy, zz) = (w.x * w.x, w.y * w.y, w.z * w.z);
+        let (xy, xz, yz) = (w.x * w.y, w.x * w.z, w.y * w.z);
+        let n = |x: T, y: T, z: T| (V3::zero(), V3::new(x, y, z));
+        [
+            (*a, V3::zero()),
+            (fx, V3::new(o, -a.z, a.y)),
+            (fy, V3::new(a.z, o, -a.x)),
+            (fz, V3::new(-a.y, a.x, o)),
+            n(al.x, xz, -xy),
+            n(al.y - xz, al.x + yz, xx - yy),
+            n(-yz, al.y, xy),
+            n(al.z + xy, zz - xx, al.x - yz),
+            n(yy - zz, al.z - xy, al.y + xz),
+            n(yz, -xz, al.z),
         ]
     }
 }
@@ -631,6 +678,32 @@ mod tests {
                 assert_relative_eq!(a, b, epsilon = 1e-14);
             }
             assert_relative_eq!(q.to_xform().rot, x.rot, epsilon = 1e-15);
+        }
+    }
+
+    /// Linear in the parameters, and its derivatives those of differences at fixed componentwise accelerations.
+    #[test]
+    fn wrench_has_the_columns_and_derivatives_it_says() {
+        let v3 = |x: f64, y: f64, z: f64| V3::new(x, y, z);
+        let (v, w, a, al) = (v3(0.3, -1.1, 0.8), v3(0.5, 0.2, -0.9), v3(-0.6, 0.4, 1.2), v3(1.1, -0.3, 0.7));
+        let b = Ten::from(&body());
+        let at = |w: &V3<f64>| b.wrench(w, &al, &w.cross_add(&v, &a), &M3::field(w, &al));
+        let (f, n) = at(&w);
+        let near = |x: V3<f64>, y: V3<f64>, e: f64| {
+            assert_relative_eq!(Vector3::from(x), Vector3::from(y), epsilon = e);
+        };
+        let (mut sf, mut sn) = (V3::zero(), V3::zero());
+        for ((cf, cn), x) in Moving::new(w, al, w.cross_add(&v, &a)).columns().iter().zip(body().to_params()) {
+            (sf, sn) = (cf.scale_add(x, &sf), cn.scale_add(x, &sn));
+        }
+        near(sf, f, 1e-14);
+        near(sn, n, 1e-14);
+        let h = 1e-6;
+        for (i, (df, dn)) in b.wrench_by_spin(&w, &v).into_iter().enumerate() {
+            let e = [v3(h, 0.0, 0.0), v3(0.0, h, 0.0), v3(0.0, 0.0, h)][i];
+            let (p, m) = (at(&(w + e)), at(&(w - e)));
+            near((p.0 - m.0).scaled(0.5 / h), df, 1e-8);
+            near((p.1 - m.1).scaled(0.5 / h), dn, 1e-8);
         }
     }
 

@@ -4,6 +4,7 @@
 //! (table 6.2) and recursive Newton-Euler (table 5.1), with the host as the moving root.
 
 use crate::chain::{MAX_SEGMENTS, PanelChain};
+use crate::tangent::jacobian;
 use ff_model::by_turn;
 use ff_model::vec3::{M3, Moving, Pose, Ten, V3};
 use ff_model::{Appendage, Decl, LaneScalar, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, TwinBody};
@@ -91,6 +92,12 @@ impl Appendage for PanelChain {
         r: &mut PortVector<T>,
     ) {
         with_capacity!(self.count(), residual, residual(self, p, s, acc, r));
+    }
+
+    /// Composite bodies with their momenta, in closed form; `O(n^2)` (Singh, Russell, Wensing 2022).
+    #[inline(always)]
+    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+        with_capacity!(self.count(), jacobian, jacobian(self, p, s, acc, j));
     }
 
     /// Screws of host and hinges carried outwards and contracted with the motion of each segment.
@@ -213,16 +220,17 @@ fn newton_euler<T: Scalar, const N: usize>(
     let mut w = V3::from(&s.host.ang);
     let mut al = V3::from(&acc.host.ang);
     let mut a = w.cross_add(&V3::from(&s.host.lin), &V3::from(&acc.host.lin));
+    let mut field = M3::field(&w, &al);
     for i in 0..n {
         let (x, u) = (&pose[i], &hinges[i].axis);
-        let at_hinge = M3::field(&w, &al).mul_add(&x.p, &a);
+        let at_hinge = field.mul_add(&x.p, &a);
         (w, al, a) = by_turn!(T, x.turn, K => {
             let carried = x.down::<K>(&w);
             let al = u.cross_add::<T, K>(&carried, s.nu[i], x.down::<K>(&al));
             (u.add::<T, K>(carried, s.nu[i]), u.add::<T, K>(al, acc.nu[i]), x.down::<K>(&at_hinge))
         });
-        let body = Ten::from_params(&p[c.inertial_offset(i)..]);
-        force[i] = body.wrench(&w, &al, &a, &M3::field(&w, &al));
+        field = M3::field(&w, &al);
+        force[i] = Ten::from_params(&p[c.inertial_offset(i)..]).wrench(&w, &al, &a, &field);
     }
     let (mut f, mut g) = (V3::<T>::zero(), V3::<T>::zero());
     for i in (0..n).rev() {
@@ -272,9 +280,10 @@ fn regressor<T: LaneScalar, const N: usize>(
     let mut w = V3::from(&s.host.ang);
     let mut al = V3::from(&acc.host.ang);
     let mut a = w.cross_add(&V3::from(&s.host.lin), &V3::from(&acc.host.lin));
+    let mut field = M3::field(&w, &al);
     for i in 0..n {
         let (x, u) = (&c.hinges[i].pose(s.eta[i]), &c.hinges[i].axis);
-        let at_hinge = M3::field(&w, &al).mul_add(&x.p, &a);
+        let at_hinge = field.mul_add(&x.p, &a);
         by_turn!(T, x.turn, K => {
             let carried = x.down::<K>(&w);
             al = u.cross_add::<T, K>(&carried, s.nu[i], x.down::<K>(&al));
@@ -285,7 +294,8 @@ fn regressor<T: LaneScalar, const N: usize>(
             }
             hinge[i] = (V3::zero(), u.add::<T, K>(V3::zero(), T::one()));
         });
-        let motion = Moving { w, al, a, field: M3::field(&w, &al) };
+        field = M3::field(&w, &al);
+        let motion = Moving { w, al, a, field };
         let block = &mut y[10 * i * dim..(10 * i + 10) * dim];
         for (r, (v, w)) in host.iter().chain(&hinge[..=i]).enumerate() {
             for (k, x) in motion.powers(v, w).into_iter().enumerate() {

@@ -26,6 +26,7 @@ mod coupling;
 mod dynamics;
 pub mod modal;
 mod segment;
+mod tangent;
 
 pub use chain::{MAX_SEGMENTS, PanelBuilder, PanelChain};
 pub use config::from_toml;

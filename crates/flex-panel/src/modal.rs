@@ -34,9 +34,10 @@ pub use table::{CSV_COLUMNS, read_csv};
 
 use ff_model::appendage::CoordDecl;
 use ff_model::keys::check_damping;
+use ff_model::vec3::{Moving, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, Force, Inertia, MAX_COORDS, ParamDecl, ParamGroup, PortMatrix, PortState, PortVector,
-    Problem, Problems, Scalar,
+    Appendage, Area, Decl, Inertia, LaneScalar, MAX_COORDS, ParamDecl, ParamGroup, PortAccel, PortMatrix, PortState,
+    PortVector, Problem, Problems, Scalar,
 };
 use nalgebra::{DMatrix, Vector6};
 use std::f64::consts::TAU;
@@ -233,12 +234,13 @@ impl Appendage for ModalAppendage {
     }
 
     /// `[[M, P], [P^T, m]]`, independent of `eta`.
+    #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
-        m.add_host(&Inertia::from_params(p));
+        m.set_host(&Ten::from_params(p));
         for j in 0..self.modes {
-            let part = &p[self.participation_index(j)..];
+            let part = &p[self.participation_index(j)..][..6];
             for i in 0..6 {
-                m.set_sym(i, 6 + j, part[i]);
+                m.set_sym(6 + j, i, part[i]);
             }
             m.set(6 + j, 6 + j, p[self.modal_mass_index(j)]);
         }
@@ -263,12 +265,133 @@ impl Appendage for ModalAppendage {
     }
 
     /// `h_b = V x* (M V + P nu)`, `h_e = k eta + d nu`: `M` and `P` are constant. `O(n)`.
+    #[inline(always)]
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        let mut momentum = Inertia::from_params(p).mul_motion(&s.host);
-        for j in 0..self.modes {
-            momentum += Force::from_slice(&p[self.participation_index(j)..]).scaled(s.nu[j]);
-            h[6 + j] = p[self.stiffness_index(j)] * s.eta[j] + p[self.damping_index(j)] * s.nu[j];
+        let (mut f, mut n) = self.rigid(p, &s.moving(None), &self.carried(p, s.nu), s);
+        self.pull(p, s, None, &mut f, &mut n, h);
+    }
+
+    /// `w = M A + P nu' + V x* (M V + P nu)`, own rows `P^T A + m nu' + k eta + d nu`. `O(n)`.
+    #[inline(always)]
+    fn residual<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        _: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    ) {
+        let (mut f, mut n) = self.rigid(p, &s.moving(Some(acc)), &self.carried(p, s.nu), s);
+        self.pull(p, s, Some(acc), &mut f, &mut n, r);
+    }
+
+    #[inline(always)]
+    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, _: &PortAccel<'_, T>, j: &mut [T]) {
+        let (n, o) = (self.modes, T::zero());
+        let dim = 6 + n;
+        let j = &mut j[..(3 + 2 * n) * dim];
+        j.fill(o);
+        let (v, w) = (V3::from(&s.host.lin), V3::from(&s.host.ang));
+        let (f, g) = self.carried(p, s.nu);
+        let about = |k: usize, x: &V3<T>| match k {
+            0 => V3::new(o, -x.z, x.y),
+            1 => V3::new(x.z, o, -x.x),
+            _ => V3::new(-x.y, x.x, o),
+        };
+        for (k, (sf, sn)) in Ten::from_params(p).wrench_by_spin(&w, &v).into_iter().enumerate() {
+            (sf + about(k, &f)).write_to(&mut j[k * dim..]);
+            (sn + about(k, &g)).write_to(&mut j[k * dim + 3..]);
         }
-        s.host.cross_force(&momentum).write_to(h);
+        for i in 0..n {
+            j[(3 + i) * dim + 6 + i] = p[self.stiffness_index(i)];
+            let (f, g) = self.part(p, i);
+            let column = &mut j[(3 + n + i) * dim..(4 + n + i) * dim];
+            w.cross(&f).write_to(column);
+            v.cross_add(&f, &w.cross(&g)).write_to(&mut column[3..]);
+            column[6 + i] = p[self.damping_index(i)];
+        }
+    }
+
+    #[inline(always)]
+    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        let (dim, o) = (6 + self.modes, T::zero());
+        let y = &mut y[..p.len() * dim];
+        y.fill(o);
+        for (k, (f, n)) in s.moving(Some(acc)).columns().into_iter().enumerate() {
+            f.write_to(&mut y[k * dim..]);
+            n.write_to(&mut y[k * dim + 3..]);
+        }
+        let (v, w) = (&s.host.lin, &s.host.ang);
+        for j in 0..self.modes {
+            let (nu, a) = (s.nu[j], acc.nu[j]);
+            y[self.modal_mass_index(j) * dim + 6 + j] = a;
+            y[self.stiffness_index(j) * dim + 6 + j] = s.eta[j];
+            y[self.damping_index(j) * dim + 6 + j] = nu;
+            // e_i nu' + V x* e_i nu on the host, A_i on the mode.
+            let first = self.participation_index(j);
+            let (wx, wy, wz) = (w.x * nu, w.y * nu, w.z * nu);
+            let (vx, vy, vz) = (v.x * nu, v.y * nu, v.z * nu);
+            let turned = [V3::new(a, wz, -wy), V3::new(-wz, a, wx), V3::new(wy, -wx, a)];
+            let moved = [V3::new(o, vz, -vy), V3::new(-vz, o, vx), V3::new(vy, -vx, o)];
+            for i in 0..3 {
+                let column = &mut y[(first + i) * dim..(first + i + 1) * dim];
+                turned[i].write_to(column);
+                moved[i].write_to(&mut column[3..]);
+                column[6 + j] = acc.host.lin[i];
+                let column = &mut y[(first + 3 + i) * dim..(first + 4 + i) * dim];
+                turned[i].write_to(&mut column[3..]);
+                column[6 + j] = acc.host.ang[i];
+            }
+        }
+    }
+}
+
+impl ModalAppendage {
+    /// Participation of mode `j`: force and moment.
+    #[inline(always)]
+    fn part<T: Scalar>(&self, p: &[T], j: usize) -> (V3<T>, V3<T>) {
+        let part = &p[self.participation_index(j)..][..6];
+        (V3::from_slice(part), V3::from_slice(&part[3..]))
+    }
+    /// `P x`.
+    #[inline(always)]
+    fn carried<T: Scalar>(&self, p: &[T], x: &[T]) -> (V3<T>, V3<T>) {
+        let mut sum = (V3::zero(), V3::zero());
+        for j in 0..self.modes {
+            let (f, n) = self.part(p, j);
+            sum = (f.scale_add(x[j], &sum.0), n.scale_add(x[j], &sum.1));
+        }
+        sum
+    }
+    /// `M A + V x* (M V + q)`.
+    #[inline(always)]
+    fn rigid<T: Scalar>(&self, p: &[T], m: &Moving<T>, q: &(V3<T>, V3<T>), s: &PortState<'_, T>) -> (V3<T>, V3<T>) {
+        let (f, n) = Ten::from_params(p).wrench(&m.w, &m.al, &m.a, &m.field);
+        // Not Galilean invariant, as the model is not: v enters by itself.
+        (m.w.cross_add(&q.0, &f), V3::from(&s.host.lin).cross_add(&q.0, &m.w.cross_add(&q.1, &n)))
+    }
+    /// Adds `P nu'` to the wrench, and writes it and the own rows.
+    #[inline(always)]
+    fn pull<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: Option<&PortAccel<'_, T>>,
+        f: &mut V3<T>,
+        n: &mut V3<T>,
+        r: &mut [T],
+    ) {
+        for j in 0..self.modes {
+            let spring = p[self.damping_index(j)].mul_add(s.nu[j], p[self.stiffness_index(j)] * s.eta[j]);
+            r[6 + j] = spring;
+            if let Some(a) = acc {
+                let (pf, pn) = self.part(p, j);
+                let own = p[self.modal_mass_index(j)].mul_add(a.nu[j], spring);
+                r[6 + j] = own + pf.dot(&V3::from(&a.host.lin)) + pn.dot(&V3::from(&a.host.ang));
+                (*f, *n) = (pf.scale_add(a.nu[j], f), pn.scale_add(a.nu[j], n));
+            }
+        }
+        f.write_to(r);
+        n.write_to(&mut r[3..]);
     }
 }

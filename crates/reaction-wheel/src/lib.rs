@@ -24,8 +24,9 @@
 use ff_model::appendage::CoordDecl;
 use ff_model::keys::{self, check_damping};
 use ff_model::small::dot;
+use ff_model::vec3::{S3, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, DynAppendage, Force, Inertia, ParamDecl, PortMatrix, PortState, PortVector, Problem,
+    Appendage, Area, Decl, DynAppendage, LaneScalar, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem,
     Problems, Scalar,
 };
 use nalgebra::Vector3;
@@ -119,16 +120,20 @@ impl ReactionWheel {
     pub fn nominal(&self) -> [f64; 5] {
         std::array::from_fn(|i| self.decl.params[i].nominal)
     }
-    /// Rotor as a body about the mount origin, which is its centre of mass.
+    /// Unit spin axis.
     #[inline(always)]
-    fn rotor<T: Scalar>(&self, p: &[T]) -> Inertia<T> {
-        let a = &self.axis;
-        let more = p[SPIN] - p[TRANSVERSE];
-        let mut rot = (a * a.transpose()).map(|x| more.scale(x));
-        for i in 0..3 {
-            rot[(i, i)] += p[TRANSVERSE];
-        }
-        Inertia { mass: p[MASS], h: Vector3::zeros(), rot }
+    fn along<T: Scalar>(&self) -> V3<T> {
+        V3::new(T::from_f64(self.axis.x), T::from_f64(self.axis.y), T::from_f64(self.axis.z))
+    }
+    /// `nu / sqrt(nu^2 + s^2)`.
+    #[inline(always)]
+    fn dry<T: Scalar>(&self, nu: T) -> T {
+        nu / nu.mul_add(nu, T::from_f64(self.rounding * self.rounding)).sqrt()
+    }
+    /// `dR/d nu` (N m).
+    #[inline(always)]
+    fn friction<T: Scalar>(&self, p: &[T], nu: T) -> T {
+        p[DRY].mul_add(self.dry(nu), p[VISCOUS] * nu)
     }
 }
 
@@ -220,10 +225,17 @@ impl Appendage for ReactionWheel {
     fn decl(&self) -> &Decl {
         &self.decl
     }
+    #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
-        m.add_host(&self.rotor(p));
-        for i in 0..3 {
-            m.set_sym(3 + i, 6, p[SPIN].scale(self.axis[i]));
+        m.expect(1);
+        let (a, more, t) = (self.along(), p[SPIN] - p[TRANSVERSE], p[TRANSVERSE]);
+        let b = a.scaled(more);
+        let (xx, yy, zz) = (b.x.mul_add(a.x, t), b.y.mul_add(a.y, t), b.z.mul_add(a.z, t));
+        let i = S3 { xx, xy: b.x * a.y, yy, xz: b.x * a.z, yz: b.y * a.z, zz };
+        m.set_host(&Ten { m: p[MASS], h: V3::zero(), i });
+        let spin = a.scaled(p[SPIN]);
+        for (i, x) in [spin.x, spin.y, spin.z].into_iter().enumerate() {
+            m.set_sym(3 + i, 6, x);
         }
         m.set(6, 6, p[SPIN]);
     }
@@ -235,13 +247,95 @@ impl Appendage for ReactionWheel {
         (p[VISCOUS] * square).scale(0.5) + p[DRY] * (square / ((square + s * s).sqrt() + s))
     }
     /// `h_b = V x* (M_bb V + [0; J a nu])`, `h_e = d nu + c nu / sqrt(nu^2 + s^2)`.
+    #[inline(always)]
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        let nu = s.nu[0];
-        let spin = self.axis.map(|a| (p[SPIN] * nu).scale(a));
-        let momentum = self.rotor(p).mul_motion(&s.host) + Force::new(Vector3::zeros(), spin);
-        s.host.cross_force(&momentum).write_to(h);
+        let (v, w, a) = (V3::from(&s.host.lin), V3::from(&s.host.ang), self.along());
+        // w x J_t w is zero.
+        let along = (p[SPIN] - p[TRANSVERSE]).mul_add(a.dot(&w), p[SPIN] * s.nu[0]);
+        let h = &mut h[..7];
+        w.cross(&v).scaled(p[MASS]).write_to(h);
+        w.cross(&a).scaled(along).write_to(&mut h[3..]);
+        h[6] = self.friction(p, s.nu[0]);
+    }
+    /// `f = m a`, `n = I al + J nu' a + w x (I w + J nu a)`, own row `J (a.al + nu') + dR/d nu`.
+    #[inline(always)]
+    fn residual<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        _: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    ) {
+        let x = Spun::new(self, s, acc);
+        let (j, t) = (p[SPIN], p[TRANSVERSE]);
+        let (along, across) = ((j - t).mul_add(x.a_al, j * acc.nu[0]), (j - t).mul_add(x.a_w, j * s.nu[0]));
+        let r = &mut r[..7];
+        x.lin.scaled(p[MASS]).write_to(r);
+        x.wxa.scale_add(across, &x.a.scale_add(along, &x.al.scaled(t))).write_to(&mut r[3..]);
+        r[6] = j.mul_add(x.a_al + acc.nu[0], self.friction(p, s.nu[0]));
+    }
+    #[inline(always)]
+    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+        let x = Spun::new(self, s, acc);
+        let (spin, more, nu, o) = (p[SPIN], p[SPIN] - p[TRANSVERSE], s.nu[0], T::zero());
+        let (f, a) = (V3::from(&s.host.lin).scaled(p[MASS]), &x.a);
+        let b = a.scaled(Scalar::mul_add(more, x.a_w, spin * nu));
+        let turned = x.wxa.scaled(more);
+        // e_i x m v, and e_i x b + a_i (J - J_t) w x a.
+        let n = [
+            turned.scale_add(a.x, &V3::new(o, -b.z, b.y)),
+            turned.scale_add(a.y, &V3::new(b.z, o, -b.x)),
+            turned.scale_add(a.z, &V3::new(-b.y, b.x, o)),
+        ];
+        let f = [V3::new(o, -f.z, f.y), V3::new(f.z, o, -f.x), V3::new(-f.y, f.x, o)];
+        let j = &mut j[..35];
+        for i in 0..3 {
+            f[i].write_to(&mut j[7 * i..]);
+            n[i].write_to(&mut j[7 * i + 3..]);
+            j[7 * i + 6] = o;
+        }
+        j[21..31].fill(o);
+        x.wxa.scaled(spin).write_to(&mut j[31..]);
+        // d/d nu of nu / sqrt(nu^2 + s^2) is s^2 / (nu^2 + s^2)^(3/2).
         let round = T::from_f64(self.rounding * self.rounding);
-        h[6] = p[VISCOUS] * nu + p[DRY] * nu / (nu * nu + round).sqrt();
+        let square = Scalar::mul_add(nu, nu, round);
+        j[34] = p[VISCOUS] + p[DRY] * round / (square * Scalar::sqrt(square));
+    }
+    #[inline(always)]
+    fn regressor<T: LaneScalar>(&self, _: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        let x = Spun::new(self, s, acc);
+        let (nu, al) = (s.nu[0], x.a_al + acc.nu[0]);
+        let y = &mut y[..35];
+        y.fill(T::zero());
+        x.lin.write_to(y);
+        x.wxa.scale_add(x.a_w + nu, &x.a.scaled(al)).write_to(&mut y[10..]);
+        y[13] = al;
+        x.wxa.scale_add(-x.a_w, &x.a.scale_add(-x.a_al, &x.al)).write_to(&mut y[17..]);
+        y[27] = nu;
+        y[34] = self.dry(nu);
+    }
+}
+
+/// Motion of the host as the rotor feels it.
+struct Spun<T> {
+    /// Classical acceleration of the mount, `A + w x v`.
+    lin: V3<T>,
+    al: V3<T>,
+    a: V3<T>,
+    /// `w x a`, `a . w`, `a . al`.
+    wxa: V3<T>,
+    a_w: T,
+    a_al: T,
+}
+
+impl<T: Scalar> Spun<T> {
+    #[inline(always)]
+    fn new(wheel: &ReactionWheel, s: &PortState<'_, T>, acc: &PortAccel<'_, T>) -> Self {
+        let (v, w, a) = (V3::from(&s.host.lin), V3::from(&s.host.ang), wheel.along::<T>());
+        let al = V3::from(&acc.host.ang);
+        let lin = w.cross_add(&v, &V3::from(&acc.host.lin));
+        Self { lin, wxa: w.cross(&a), a_w: a.dot(&w), a_al: a.dot(&al), al, a }
     }
 }
 

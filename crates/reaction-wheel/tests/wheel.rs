@@ -1,6 +1,9 @@
 //! The wheel: laws, gyroscopic torque, motor, friction, its tree twin, and what is said when a table is wrong.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
+#[path = "../../slosh-pendulum/tests/common/ports.rs"]
+mod ports;
+
 use ff_dynamics::{State, Work, bias, budget, forward_dynamics, mass_matrix};
 use ff_model::{
     Appendage, BaseKind, Inertia, Joint, JointKind, JointLimits, Model, Motion, Params, PortModel, PortState, Problems,
@@ -13,6 +16,14 @@ use reaction_wheel::{KIND, ReactionWheel, Wheel, axial_momentum, from_toml, regi
 use std::sync::Arc;
 use validate::check_appendage;
 
+type Random = ChaCha8Rng;
+
+/// Largest difference over largest component.
+fn rel(a: &[f64], b: &[f64]) -> f64 {
+    let amax = |x: &[f64]| x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let d = a.iter().zip(b).fold(0.0_f64, |m, (x, y)| m.max((x - y).abs()));
+    d / amax(a).max(amax(b))
+}
 fn sym(r: &mut ChaCha8Rng, a: f64) -> f64 {
     r.random_range(-a..a)
 }
@@ -40,6 +51,15 @@ fn random_wheels_keep_every_law() {
         let report = check_appendage(&random(&mut r));
         println!("{report}");
         assert!(report.checks.iter().all(|c| c.pass), "{report}");
+    }
+}
+
+#[test]
+fn port_equations_equal_the_defaults_over_lanes_and_differences() {
+    let mut r = ChaCha8Rng::seed_from_u64(69);
+    for _ in 0..20 {
+        let w = random(&mut r);
+        ports::check_ports(&w, &w.nominal(), &mut r, 5);
     }
 }
 

@@ -41,8 +41,11 @@ pub mod formulas;
 pub mod geometry;
 mod particle;
 mod pendulum;
+mod point;
 mod potential;
+mod spring;
 mod spring_mass;
+mod swing;
 mod tank;
 mod tank_config;
 

@@ -1,18 +1,16 @@
 //! One sloshing mass on its springs and dampers: the part that every slosh model here is made of.
 //!
-//! A particle of mass `m` at `r(eta)` in the mount frame, moved by two or three coordinates, has
-//!
-//! ```text
-//! M = m J^T J,  J = [1, -[r]x, dr/d eta]          f = m (w x (v + w x r + 2 r') + r''_own)
-//! h_b = [f; r x f]                                h_e = (dr/d eta)^T f + k eta + d nu
-//! ```
-//!
-//! with `r' = sum dr/d eta_k nu_k` and `r''_own = sum d^2r/(d eta_k d eta_l) nu_k nu_l`: Newton's law at zero `A`, `nu'`.
+//! A particle of mass `m` at `r(eta)` in the mount frame, moved by two or three coordinates, has `M = m J^T J` with
+//! `J = [1, -[r]x, dr/d eta]`. What follows from it is in [`crate::point`], the places in [`crate::swing`] and
+//! [`crate::spring`]; here is which of them a particle is, and where its numbers are.
 
-use crate::pendulum::{Arm, SWING_LIMITS};
+use crate::pendulum::SWING_LIMITS;
+use crate::point::{self, Wrench};
+use crate::spring::Shift;
+use crate::swing::Swing;
 use ff_model::appendage::CoordDecl;
-use ff_model::small::{cross, dot};
-use ff_model::{Inertia, ParamDecl, ParamGroup, PortMatrix, PortState, Scalar};
+use ff_model::vec3::{Ten, V3};
+use ff_model::{ParamDecl, ParamGroup, PortAccel, PortMatrix, PortState, Scalar};
 use nalgebra::Vector3;
 
 /// How a particle moves.
@@ -20,7 +18,7 @@ use nalgebra::Vector3;
 pub(crate) enum Path {
     /// On an arm from a fulcrum at this place (m, mount frame), universal joint as in [`crate::SloshPendulum`].
     Pendulum(Vector3<f64>),
-    /// Along this many axes of the mount from x on, around a rest position that is a parameter.
+    /// Along two or three axes of the mount from x on, around a rest position that is a parameter.
     Springs(usize),
 }
 
@@ -28,10 +26,41 @@ pub(crate) enum Path {
 #[derive(Clone, Debug)]
 pub(crate) struct Particle {
     path: Path,
+    slot: Slot,
+}
+
+/// Where a particle's numbers are.
+#[derive(Clone, Debug)]
+pub(crate) struct Slot {
     /// First own coordinate.
-    eta0: usize,
-    /// First own parameter.
-    p0: usize,
+    pub(crate) eta0: usize,
+    /// First own parameter, the mass.
+    pub(crate) p0: usize,
+    /// Parameter `k[0]`; the other springs and the dampers follow.
+    pub(crate) k0: usize,
+}
+
+/// Evaluates `$e` with `$x` standing for the [`point::Place`] of a particle.
+macro_rules! on_path {
+    ($this:expr, $p:expr, $eta:expr, $x:ident => $e:expr) => {{
+        let slot = &$this.slot;
+        let (own, eta) = (&$p[slot.p0 + 1..], &$eta[slot.eta0..]);
+        match &$this.path {
+            Path::Pendulum(at) => {
+                let at = V3::new(T::from_f64(at.x), T::from_f64(at.y), T::from_f64(at.z));
+                let $x = Swing::new(Some(at), own[0], eta);
+                $e
+            }
+            Path::Springs(2) => {
+                let $x = Shift::<T, 2>::new(own, eta);
+                $e
+            }
+            Path::Springs(_) => {
+                let $x = Shift::<T, 3>::new(own, eta);
+                $e
+            }
+        }
+    }};
 }
 
 /// Nominal values of a particle.
@@ -46,13 +75,6 @@ pub(crate) struct Values {
     pub(crate) d: Vec<f64>,
     /// Greatest displacement (m); unused by the pendulum.
     pub(crate) travel: f64,
-}
-
-/// Position, partial derivatives by each coordinate, and velocity products.
-struct Place<T: Scalar> {
-    r: Vector3<T>,
-    columns: [Vector3<T>; 3],
-    own: Vector3<T>,
 }
 
 impl Particle {
@@ -84,6 +106,7 @@ impl Particle {
                 (n, "N/m", "N s/m")
             }
         };
+        let k0 = params.len();
         for i in 0..n {
             params.push(ParamDecl::positive(format!("{prefix}k[{i}]"), k_unit, v.k[i]));
         }
@@ -95,7 +118,7 @@ impl Particle {
             };
             coords.push(CoordDecl { name: format!("{prefix}{name}[{i}]"), unit, range: (-limit, limit) });
         }
-        Self { path, eta0, p0 }
+        Self { path, slot: Slot { eta0, p0, k0 } }
     }
 
     /// Number of coordinates.
@@ -106,61 +129,13 @@ impl Particle {
             Path::Springs(n) => n,
         }
     }
-    /// Index of `k[0]`; the dampers follow the springs.
-    #[inline(always)]
-    fn k0(&self) -> usize {
-        self.p0 + if matches!(self.path, Path::Pendulum(_)) { 2 } else { 4 }
-    }
-
-    #[inline(always)]
-    fn place<T: Scalar>(&self, p: &[T], eta: &[T], nu: Option<&[T]>) -> Place<T> {
-        let (p, eta) = (&p[self.p0..], &eta[self.eta0..]);
-        match &self.path {
-            Path::Pendulum(at) => {
-                let (arm, l) = (Arm::new(eta), p[1]);
-                let own = nu.map_or(Vector3::zeros(), |nu| {
-                    let (a, b) = (nu[self.eta0], nu[self.eta0 + 1]);
-                    (arm.r_aa * (a * a) + arm.r_ab * (a * b).scale(2.0) - arm.r * (b * b)) * l
-                });
-                let r = arm.r * l + at.map(T::from_f64);
-                Place { r, columns: [arm.r_a * l, arm.r_b * l, Vector3::zeros()], own }
-            }
-            Path::Springs(n) => {
-                let mut r = Vector3::new(p[1], p[2], p[3]);
-                for (i, &x) in eta.iter().enumerate().take(*n) {
-                    r[i] += x;
-                }
-                let columns = [0, 1, 2].map(|i| Vector3::from_fn(|j, _| if i == j { T::one() } else { T::zero() }));
-                Place { r, columns, own: Vector3::zeros() }
-            }
-        }
-    }
-
-    /// Adds `m J^T J`.
-    #[inline]
-    pub(crate) fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-        let at = self.place(p, eta, None);
-        let mass = p[self.p0];
-        m.add_host(&Inertia::point(mass, &at.r));
-        for k in 0..self.n() {
-            let q = at.columns[k] * mass;
-            let n = cross(&at.r, &q);
-            for i in 0..3 {
-                m.add_sym(i, 6 + self.eta0 + k, q[i]);
-                m.add_sym(3 + i, 6 + self.eta0 + k, n[i]);
-            }
-            for l in 0..=k {
-                m.add_sym(6 + self.eta0 + k, 6 + self.eta0 + l, dot(&q, &at.columns[l]));
-            }
-        }
-    }
 
     /// `sum k eta^2 / 2`.
     #[inline]
     pub(crate) fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
         (0..self.n()).fold(T::zero(), |u, i| {
-            let x = eta[self.eta0 + i];
-            u + (p[self.k0() + i] * x * x).scale(0.5)
+            let x = eta[self.slot.eta0 + i];
+            u + (p[self.slot.k0 + i] * x * x).scale(0.5)
         })
     }
 
@@ -168,29 +143,58 @@ impl Particle {
     #[inline]
     pub(crate) fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         (0..self.n()).fold(T::zero(), |r, i| {
-            let x = nu[self.eta0 + i];
-            r + (p[self.k0() + self.n() + i] * x * x).scale(0.5)
+            let x = nu[self.slot.eta0 + i];
+            r + (p[self.slot.k0 + self.n() + i] * x * x).scale(0.5)
         })
     }
 
-    /// Adds the wrench to the first six of `h` and writes the own rows.
-    #[inline]
-    pub(crate) fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut [T]) {
-        let at = self.place(p, s.eta, Some(s.nu));
-        let w = &s.host.ang;
-        let mut carried = s.host.lin + cross(w, &at.r);
-        for k in 0..self.n() {
-            carried += at.columns[k] * s.nu[self.eta0 + k].scale(2.0);
-        }
-        let f = (cross(w, &carried) + at.own) * p[self.p0];
-        let n = cross(&at.r, &f);
-        for i in 0..3 {
-            h[i] += f[i];
-            h[3 + i] += n[i];
-        }
-        for k in 0..self.n() {
-            let (i, j) = (self.eta0 + k, self.k0() + k);
-            h[6 + i] = dot(&at.columns[k], &f) + p[j] * s.eta[i] + p[j + self.n()] * s.nu[i];
-        }
+    /// Writes own rows and columns of `M` and returns what belongs to the host block.
+    #[inline(always)]
+    pub(crate) fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) -> Ten<T> {
+        on_path!(self, p, eta, x => point::inertia(&x, &self.slot, p, m))
+    }
+
+    /// Writes the own rows of the residual, or without accelerations of the bias, and returns the wrench.
+    #[inline(always)]
+    pub(crate) fn residual<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: Option<&PortAccel<'_, T>>,
+        r: &mut [T],
+    ) -> Wrench<T> {
+        on_path!(self, p, s.eta, x => point::residual(&x, &self.slot, p, s, acc, r))
+    }
+
+    /// Inertia and bias from one place: see [`Particle::inertia`] and [`Particle::residual`].
+    #[inline(always)]
+    pub(crate) fn terms<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        m: &mut PortMatrix<'_, T>,
+        h: &mut [T],
+    ) -> (Ten<T>, Wrench<T>) {
+        on_path!(self, p, s.eta, x => {
+            (point::inertia(&x, &self.slot, p, m), point::residual(&x, &self.slot, p, s, None, h))
+        })
+    }
+
+    /// See [`point::jacobian`].
+    #[inline(always)]
+    pub(crate) fn jacobian<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        j: &mut [T],
+    ) -> [Wrench<T>; 3] {
+        on_path!(self, p, s.eta, x => point::jacobian(&x, &self.slot, p, s, acc, j))
+    }
+
+    /// See [`point::regressor`].
+    #[inline(always)]
+    pub(crate) fn regressor<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        on_path!(self, p, s.eta, x => point::regressor(&x, &self.slot, p, s, acc, y));
     }
 }

@@ -1,11 +1,14 @@
 //! The pendulum: declaration, energies, and the bias by hand for speed.
 
 use crate::KIND;
+use crate::particle::Slot;
+use crate::point;
+use crate::swing::Swing;
 use ff_model::appendage::CoordDecl;
 use ff_model::keys::{check_damping, check_stiffness};
 use ff_model::{
-    Appendage, Area, Decl, Inertia, ParamDecl, PortMatrix, PortState, PortVector, Problem, Problems, Scalar, TwinBody,
-    Xform,
+    Appendage, Area, Decl, Inertia, LaneScalar, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem,
+    Problems, Scalar, TwinBody, Xform,
 };
 use nalgebra::Vector3;
 
@@ -109,36 +112,19 @@ pub(crate) fn check(mass: f64, length: f64, k: [f64; 2], d: [f64; 2], problems: 
     }
 }
 
-/// Position of the mass and its partial derivatives, in units of the arm length, mount frame.
-pub(crate) struct Arm<T: Scalar> {
-    pub(crate) r: Vector3<T>,
-    pub(crate) r_a: Vector3<T>,
-    pub(crate) r_b: Vector3<T>,
-    /// `d^2 r / da db`.
-    pub(crate) r_ab: Vector3<T>,
-    /// `d^2 r / da^2`.
-    pub(crate) r_aa: Vector3<T>,
-}
+/// Where the numbers of the only mass are.
+const SLOT: Slot = Slot { eta0: 0, p0: MASS, k0: K };
 
-impl<T: Scalar> Arm<T> {
-    #[inline(always)]
-    pub(crate) fn new(eta: &[T]) -> Self {
-        let (sa, ca) = eta[0].sin_cos();
-        let (sb, cb) = eta[1].sin_cos();
-        let o = T::zero();
-        Self {
-            r: Vector3::new(-sb, sa * cb, -(ca * cb)),
-            r_a: Vector3::new(o, ca * cb, sa * cb),
-            r_b: Vector3::new(-cb, -(sa * sb), ca * sb),
-            r_ab: Vector3::new(o, -(ca * sb), -(sa * sb)),
-            r_aa: Vector3::new(o, -(sa * cb), ca * cb),
-        }
-    }
-}
-
+/// The mass in the mount frame.
 #[inline(always)]
-fn dot<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> T {
-    a.x * b.x + a.y * b.y + a.z * b.z
+fn swing<T: Scalar>(p: &[T], eta: &[T]) -> Swing<T> {
+    Swing::new(None, p[LENGTH], eta)
+}
+
+/// The slices of a port at their lengths, which the compiler then knows.
+#[inline(always)]
+fn sized<'a, T: Scalar>(p: &'a [T], s: &PortState<'a, T>) -> (&'a [T], PortState<'a, T>) {
+    (&p[..6], PortState { host: s.host, eta: &s.eta[..2], nu: &s.nu[..2] })
 }
 
 impl Appendage for SloshPendulum {
@@ -147,24 +133,11 @@ impl Appendage for SloshPendulum {
     }
 
     /// `M = m J^T J` with `J = [1, -[r]x, dr/da, dr/db]` the 3 x 8 Jacobian of the mass.
+    #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-        let arm = Arm::new(eta);
-        let l = p[LENGTH];
-        let h = p[MASS] * l;
-        let r = arm.r * l;
-        m.add_host(&Inertia::point(p[MASS], &r));
-        for (k, d) in [arm.r_a, arm.r_b].iter().enumerate() {
-            let q = d * h;
-            let n = r.cross(&q);
-            for i in 0..3 {
-                m.set_sym(i, 6 + k, q[i]);
-                m.set_sym(3 + i, 6 + k, n[i]);
-            }
-        }
-        // dr/da and dr/db are orthogonal, of length l cos b and l.
-        let i_b = h * l;
-        m.set_sym(6, 6, i_b * dot(&arm.r_a, &arm.r_a));
-        m.set_sym(7, 7, i_b);
+        m.expect(2);
+        let host = point::inertia(&swing(p, eta), &SLOT, p, m);
+        m.set_host(&host);
     }
 
     /// `U = (k_0 a^2 + k_1 b^2) / 2` (J).
@@ -178,25 +151,52 @@ impl Appendage for SloshPendulum {
     }
 
     /// Newton's law for the mass at zero `A` and `nu'`:
-    /// `f = m (w x (v + w x r + 2 r') + r_aa a'^2 + 2 r_ab a' b' + r_bb b'^2)`, where `r_bb = -r`; the wrench is
-    /// `[f; r x f]`, the own rows `dr/da . f + k_0 a + d_0 a'` and likewise for `b`.
+    /// `f = m (w x (v + w x r + 2 r') + r_aa a'^2 + 2 r_ab a' b' + r_bb b'^2)`; the wrench is `[f; r x f]`, the own rows
+    /// `dr/da . f + k_0 a + d_0 a'` and likewise for `b`.
+    #[inline(always)]
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        let arm = Arm::new(s.eta);
-        let (a1, b1) = (s.nu[0], s.nu[1]);
-        let l = p[LENGTH];
-        let r = arm.r * l;
-        let rate = (arm.r_a * a1 + arm.r_b * b1) * l;
-        let own = (arm.r_aa * (a1 * a1) + arm.r_ab * (a1 * b1).scale(2.0) - arm.r * (b1 * b1)) * l;
-        let w = &s.host.ang;
-        let carried = s.host.lin + w.cross(&r) + rate.map(|x| x.scale(2.0));
-        let f = (w.cross(&carried) + own) * p[MASS];
-        let n = r.cross(&f);
-        for i in 0..3 {
-            h[i] = f[i];
-            h[3 + i] = n[i];
-        }
-        h[6] = l * dot(&arm.r_a, &f) + p[K] * s.eta[0] + p[D] * a1;
-        h[7] = l * dot(&arm.r_b, &f) + p[K + 1] * s.eta[1] + p[D + 1] * b1;
+        let ((p, s), h) = (sized(p, s), &mut h[..8]);
+        let wrench = point::residual(&swing(p, s.eta), &SLOT, p, &s, None, h);
+        point::press(&wrench, h);
+    }
+    /// Both from one evaluation of the angles.
+    #[inline(always)]
+    fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
+        let ((p, s), h) = (sized(p, s), &mut h[..8]);
+        let x = swing(p, s.eta);
+        m.expect(2);
+        let host = point::inertia(&x, &SLOT, p, m);
+        m.set_host(&host);
+        let wrench = point::residual(&x, &SLOT, p, &s, None, h);
+        point::press(&wrench, h);
+    }
+    /// Newton's law for the mass.
+    #[inline(always)]
+    fn residual<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        _: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    ) {
+        let ((p, s), r) = (sized(p, s), &mut r[..8]);
+        let wrench = point::residual(&swing(p, s.eta), &SLOT, p, &s, Some(acc), r);
+        point::press(&wrench, r);
+    }
+    /// Derivatives of the acceleration of the mass, column by column.
+    #[inline(always)]
+    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+        let ((p, s), j) = (sized(p, s), &mut j[..56]);
+        let spin = point::jacobian(&swing(p, s.eta), &SLOT, p, &s, acc, j);
+        point::press_each(&spin, 8, j);
+    }
+    /// Mass and length act through the acceleration of the mass, springs and dampers on their own row.
+    #[inline(always)]
+    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        let ((p, s), y) = (sized(p, s), &mut y[..48]);
+        y.fill(T::zero());
+        point::regressor(&swing(p, s.eta), &SLOT, p, &s, acc, y);
     }
     fn twin(&self) -> Option<Vec<TwinBody>> {
         Some(self.twin_bodies())

@@ -2,7 +2,10 @@
 
 use crate::check::{self, Axes};
 use crate::particle::{Particle, Path, Values};
-use ff_model::{Appendage, Decl, DynAppendage, PortMatrix, PortState, PortVector, Problems, Scalar, keys};
+use crate::point::{press, press_each};
+use ff_model::{
+    Appendage, Decl, DynAppendage, LaneScalar, PortAccel, PortMatrix, PortState, PortVector, Problems, Scalar, keys,
+};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -79,8 +82,10 @@ impl Appendage for SloshSpringMass {
     fn decl(&self) -> &Decl {
         &self.decl
     }
+    #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-        self.mass.inertia(p, eta, m);
+        let host = self.mass.inertia(p, eta, m);
+        m.set_host(&host);
     }
     fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
         self.mass.potential(p, eta)
@@ -88,8 +93,38 @@ impl Appendage for SloshSpringMass {
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         self.mass.rayleigh(p, nu)
     }
+    /// Newton's law for the mass, `A` and `nu'` zero, in its acceleration relative to the mount.
+    #[inline(always)]
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        h[..6].fill(T::zero());
-        self.mass.bias(p, s, h);
+        let wrench = self.mass.residual(p, s, None, h);
+        press(&wrench, h);
+    }
+    #[inline(always)]
+    fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
+        let (host, wrench) = self.mass.terms(p, s, m, h);
+        m.set_host(&host);
+        press(&wrench, h);
+    }
+    #[inline(always)]
+    fn residual<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        _: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    ) {
+        let wrench = self.mass.residual(p, s, Some(acc), r);
+        press(&wrench, r);
+    }
+    #[inline(always)]
+    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+        let spin = self.mass.jacobian(p, s, acc, j);
+        press_each(&spin, 6 + s.eta.len(), j);
+    }
+    #[inline(always)]
+    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        y.fill(T::zero());
+        self.mass.regressor(p, s, acc, y);
     }
 }

@@ -2,9 +2,12 @@
 
 use crate::check::{self, Axes};
 use crate::particle::{Particle, Path, Values};
+use crate::point::{Wrench, press, press_each};
 use ff_model::inertia::InertiaError;
+use ff_model::vec3::{M3, S3, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, Inertia, MAX_COORDS, ParamDecl, PortMatrix, PortState, PortVector, Problem, Problems, Scalar,
+    Appendage, Area, Decl, Inertia, LaneScalar, MAX_COORDS, ParamDecl, PortAccel, PortMatrix, PortState, PortVector,
+    Problem, Problems, Scalar,
 };
 use nalgebra::{Matrix3, Vector3};
 
@@ -129,11 +132,39 @@ impl SloshTank {
     pub fn nominal(&self) -> Vec<f64> {
         self.decl.params.iter().map(|p| p.nominal).collect()
     }
-    /// Inertia of the fixed fuel about the mount, `p[0]` times that of one kilogram.
+    /// Fixed fuel about the mount: `p[0]` times one kilogram of it.
     #[inline(always)]
-    fn fixed<T: Scalar>(&self, p: &[T]) -> Option<Inertia<T>> {
+    fn fixed<T: Scalar>(&self, p: &[T]) -> Option<Ten<T>> {
+        let f = self.kilogram::<T>()?;
+        let (h, i, m) = (f.h.scaled(p[0]), f.i, p[0]);
+        let i = S3 { xx: i.xx * m, xy: i.xy * m, yy: i.yy * m, xz: i.xz * m, yz: i.yz * m, zz: i.zz * m };
+        Some(Ten { m, h, i })
+    }
+    /// One kilogram of fixed fuel about the mount.
+    #[inline(always)]
+    fn kilogram<T: Scalar>(&self) -> Option<Ten<T>> {
         let f = self.fixed.as_ref()?;
-        Some(Inertia { mass: p[0], h: f.h.map(|x| p[0].scale(x)), rot: f.rot.map(|x| p[0].scale(x)) })
+        let (h, r) = (&f.h.data.0[0], &f.rot.data.0);
+        let t = T::from_f64;
+        let i = S3 { xx: t(r[0][0]), xy: t(r[1][0]), yy: t(r[1][1]), xz: t(r[2][0]), yz: t(r[2][1]), zz: t(r[2][2]) };
+        Some(Ten { m: T::one(), h: V3::new(t(h[0]), t(h[1]), t(h[2])), i })
+    }
+    /// `V x* (M V) + M A` of fixed fuel.
+    #[inline(always)]
+    fn still<T: Scalar>(body: &Ten<T>, s: &PortState<'_, T>, acc: Option<&PortAccel<'_, T>>) -> Wrench<T> {
+        let w = V3::from(&s.host.ang);
+        let (lin, al) = acc.map_or((V3::zero(), V3::zero()), |a| (V3::from(&a.host.lin), V3::from(&a.host.ang)));
+        body.wrench(&w, &al, &w.cross_add(&V3::from(&s.host.lin), &lin), &M3::field(&w, &al))
+    }
+    /// Residual, or bias without accelerations.
+    #[inline(always)]
+    fn push<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, acc: Option<&PortAccel<'_, T>>, r: &mut [T]) {
+        let (mut f, mut n) = self.fixed(p).map_or((V3::zero(), V3::zero()), |b| Self::still(&b, s, acc));
+        for mass in &self.masses {
+            let (mf, mn) = mass.residual(p, s, acc, r);
+            (f, n) = (f + mf, n + mn);
+        }
+        press(&(f, n), r);
     }
 }
 
@@ -151,13 +182,13 @@ impl Appendage for SloshTank {
     fn decl(&self) -> &Decl {
         &self.decl
     }
+    #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-        if let Some(f) = self.fixed(p) {
-            m.add_host(&f);
-        }
+        let mut host = self.fixed(p).unwrap_or_else(Ten::zero);
         for mass in &self.masses {
-            mass.inertia(p, eta, m);
+            host.add(&mass.inertia(p, eta, m));
         }
+        m.set_host(&host);
     }
     fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
         self.masses.iter().fold(T::zero(), |u, m| u + m.potential(p, eta))
@@ -166,13 +197,61 @@ impl Appendage for SloshTank {
         self.masses.iter().fold(T::zero(), |r, m| r + m.rayleigh(p, nu))
     }
     /// Newton's law mass by mass, and `V x* (I V)` of the fixed fuel.
+    #[inline(always)]
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        match self.fixed(p) {
-            Some(f) => s.host.cross_force(&f.mul_motion(&s.host)).write_to(h),
-            None => h[..6].fill(T::zero()),
+        self.push(p, s, None, h);
+    }
+    /// Both from one place of every mass.
+    #[inline(always)]
+    fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
+        let mut host = self.fixed(p).unwrap_or_else(Ten::zero);
+        let (mut f, mut n) = match &self.fixed {
+            Some(_) => Self::still(&host, s, None),
+            None => (V3::zero(), V3::zero()),
+        };
+        for mass in &self.masses {
+            let (body, (mf, mn)) = mass.terms(p, s, m, h);
+            host.add(&body);
+            (f, n) = (f + mf, n + mn);
+        }
+        m.set_host(&host);
+        press(&(f, n), h);
+    }
+    #[inline(always)]
+    fn residual<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        _: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    ) {
+        self.push(p, s, Some(acc), r);
+    }
+    #[inline(always)]
+    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+        let n = s.eta.len();
+        let j = &mut j[..(3 + 2 * n) * (6 + n)];
+        j.fill(T::zero());
+        let mut spin = match self.fixed(p) {
+            Some(b) => b.wrench_by_spin(&V3::from(&s.host.ang), &V3::from(&s.host.lin)),
+            None => [(V3::zero(), V3::zero()); 3],
+        };
+        for mass in &self.masses {
+            for (sum, (f, n)) in spin.iter_mut().zip(mass.jacobian(p, s, acc, j)) {
+                *sum = (sum.0 + f, sum.1 + n);
+            }
+        }
+        press_each(&spin, 6 + n, j);
+    }
+    #[inline(always)]
+    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        y.fill(T::zero());
+        if let Some(b) = self.kilogram() {
+            press(&Self::still(&b, s, Some(acc)), y);
         }
         for mass in &self.masses {
-            mass.bias(p, s, h);
+            mass.regressor(p, s, acc, y);
         }
     }
 }

@@ -3,7 +3,8 @@
 
 mod common;
 
-use common::{rel, rng, sym, vec3};
+use common::ports::check_ports;
+use common::{Random, pendulum, rel, rng, sym, vec3};
 use ff_model::{
     Appendage, DynAppendage, ModelScalar, Motion, PortMatrix, PortModel, PortState, Problems, derived_bias,
 };
@@ -15,8 +16,6 @@ use slosh_pendulum::{
     spring_mass_from_toml, tank_from_toml,
 };
 use validate::check_appendage;
-
-type Random = rand_chacha::ChaCha8Rng;
 
 fn spring_mass(r: &mut Random, n: usize) -> SloshSpringMass {
     let k: Vec<f64> = (0..n).map(|_| r.random_range(1.0..60.0)).collect();
@@ -93,6 +92,18 @@ fn overrides_equal_the_derived_bias() {
         )
         .unwrap();
         assert!(bias_difference(&bare, &bare.nominal(), &mut r) < 1e-12);
+    }
+}
+
+#[test]
+fn port_equations_equal_the_defaults_over_lanes_and_differences() {
+    let mut r = rng(54);
+    for _ in 0..10 {
+        let (a, b, c, d) = (pendulum(&mut r), spring_mass(&mut r, 2), spring_mass(&mut r, 3), tank(&mut r));
+        check_ports(&a, &a.nominal(), &mut r, 5);
+        check_ports(&b, &b.nominal(), &mut r, 5);
+        check_ports(&c, &c.nominal(), &mut r, 5);
+        check_ports(&d, &d.nominal(), &mut r, 5);
     }
 }
 

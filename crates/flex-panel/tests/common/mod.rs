@@ -7,6 +7,11 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+#[path = "../../../slosh-pendulum/tests/common/ports.rs"]
+pub(crate) mod ports;
+
+pub(crate) type Random = ChaCha8Rng;
+
 pub(crate) fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }

@@ -7,6 +7,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use slosh_pendulum::SloshPendulum;
 
+pub(crate) mod ports;
+
+pub(crate) type Random = ChaCha8Rng;
+
 pub(crate) fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }

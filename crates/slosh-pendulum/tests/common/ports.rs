@@ -1,0 +1,170 @@
+//! The port equations as an appendage writes them against the defaults of the trait and against differences.
+
+use super::{Random, rel, sym, vec3};
+use ff_model::lanes::{Isa, LaneScalar, LaneTask, dispatch};
+use ff_model::{Appendage, Decl, DynAppendage, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar};
+
+/// An appendage with nothing of its own but inertia, potential and bias; everything else is a default.
+pub(crate) struct Plain<A>(pub(crate) A);
+
+impl<A: Appendage> Appendage for Plain<A> {
+    fn decl(&self) -> &Decl {
+        self.0.decl()
+    }
+    fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+        Appendage::inertia(&self.0, p, eta, m);
+    }
+    fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
+        Appendage::potential(&self.0, p, eta)
+    }
+    fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        Appendage::rayleigh(&self.0, p, nu)
+    }
+    fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
+        Appendage::bias(&self.0, p, s, h);
+    }
+}
+
+/// A motion of host and appendage with accelerations: twist, coordinates, rates, acceleration, own accelerations.
+#[derive(Clone)]
+pub(crate) struct Move {
+    host: [Motion<f64>; 2],
+    own: [Vec<f64>; 3],
+}
+
+impl Move {
+    fn new(r: &mut Random, n: usize) -> Self {
+        let mut own = |a: f64| (0..n).map(|_| sym(r, a)).collect::<Vec<_>>();
+        let own = [own(1.1), own(2.0), own(3.0)];
+        Self { host: [(); 2].map(|()| Motion::new(vec3(r, 2.0), vec3(r, 2.0))), own }
+    }
+}
+
+/// Results: `M` and `h`, residual, jacobian, regressor.
+type Results<T> = [Vec<T>; 4];
+
+/// With garbage in every buffer but `M`, which arrives zeroed.
+fn evaluate<T: LaneScalar>(a: &dyn DynAppendage, p: &[T], moves: &[Move]) -> Results<T> {
+    let n = a.declaration().coords.len();
+    let dim = 6 + n;
+    let pack = |of: &dyn Fn(&Move) -> f64| {
+        let mut x = T::from_f64(0.0);
+        (0..T::N).for_each(|l| x.set_lane(l, of(&moves[l])));
+        x
+    };
+    let own: Vec<Vec<T>> = (0..3).map(|k| (0..n).map(|i| pack(&|m| m.own[k][i])).collect()).collect();
+    let host = [0, 1].map(|k| {
+        let mut x = Motion::<T>::zero();
+        for i in 0..3 {
+            x.lin[i] = pack(&|m| m.host[k].lin[i]);
+            x.ang[i] = pack(&|m| m.host[k].ang[i]);
+        }
+        x
+    });
+    let (s, acc) = (PortState { host: host[0], eta: &own[0], nu: &own[1] }, PortAccel { host: host[1], nu: &own[2] });
+    let garbage = |k: usize| vec![T::from_f64(f64::NAN); k];
+    let (mut m, mut h, mut r) = (garbage(dim * dim), garbage(dim), garbage(dim));
+    let (mut j, mut y) = (garbage(dim * (3 + 2 * n)), garbage(dim * p.len()));
+    T::port(a).terms(p, &s, &mut PortMatrix::new(n, &mut m), &mut h);
+    m.extend(h);
+    T::port(a).residual(p, &s, &acc, &mut PortMatrix::new(n, &mut garbage(dim * dim)), &mut r);
+    T::tangent(a).jacobian(p, &s, &acc, &mut j);
+    T::tangent(a).regressor(p, &s, &acc, &mut y);
+    [m, r, j, y]
+}
+
+/// Columns of `x` of length `dim` whose difference from `y` relative to the largest number of the column is greatest.
+fn worst(x: &[f64], y: &[f64], dim: usize) -> f64 {
+    x.chunks(dim).zip(y.chunks(dim)).fold(0.0_f64, |w, (x, y)| {
+        let zero = x.iter().chain(y).all(|v| *v == 0.0);
+        let d = if zero { 0.0 } else { rel(x, y) };
+        if d.is_nan() { f64::NAN } else { w.max(d) }
+    })
+}
+
+struct Compare<'a> {
+    own: &'a dyn DynAppendage,
+    plain: &'a dyn DynAppendage,
+    p: &'a [f64],
+    moves: Vec<Move>,
+}
+
+impl LaneTask for Compare<'_> {
+    type Output = [f64; 4];
+    fn run<T: LaneScalar>(self) -> [f64; 4] {
+        let p: Vec<T> = self.p.iter().map(|&x| T::from_f64(x)).collect();
+        let found = evaluate::<T>(self.own, &p, &self.moves);
+        let dim = 6 + self.own.declaration().coords.len();
+        let mut w = [0.0_f64; 4];
+        for l in 0..T::N {
+            let want = evaluate::<f64>(self.plain, self.p, &self.moves[l..]);
+            for k in 0..4 {
+                let lane: Vec<f64> = found[k].iter().map(|x| x.lane(l)).collect();
+                let d = worst(&lane, &want[k], dim);
+                w[k] = if d.is_nan() { d } else { w[k].max(d) };
+            }
+        }
+        w
+    }
+}
+
+/// Holds `terms`, `residual`, `jacobian` and `regressor` to the defaults over plain numbers and over every vector type
+/// of the machine, and the derivatives to central differences of the default residual.
+pub(crate) fn check_ports<A: Appendage + Clone>(a: &A, p: &[f64], r: &mut Random, samples: usize) {
+    let plain = Plain(a.clone());
+    let n = a.decl().coords.len();
+    for _ in 0..samples {
+        let moves: Vec<Move> = (0..8).map(|_| Move::new(r, n)).collect();
+        let compare = || Compare { own: a, plain: &plain, p, moves: moves.clone() };
+        let isas = [Isa::Portable, Isa::V3, Isa::V4].into_iter().filter(|&i| i <= Isa::detect());
+        let each = isas.map(|i| dispatch(i, compare())).chain([compare().run::<f64>()]);
+        for (i, w) in each.enumerate() {
+            assert!(w.iter().all(|x| *x < 1e-12), "terms, residual, jacobian, regressor: {w:?}, number type {i}");
+        }
+        differences(a, &plain, p, &moves[0]);
+    }
+}
+
+fn differences(own: &dyn DynAppendage, plain: &dyn DynAppendage, p: &[f64], at: &Move) {
+    let n = at.own[0].len();
+    let dim = 6 + n;
+    let [_, _, j, y] = evaluate::<f64>(own, p, std::slice::from_ref(at));
+    // Rounding of the residual leaves its mark on a difference, and small columns carry it, too.
+    let near = |column: &[f64], step: &dyn Fn(f64) -> (Vec<f64>, Move), h: f64, what: &str| {
+        let at = |h: f64| {
+            let (p, m) = step(h);
+            evaluate::<f64>(plain, &p, &[m])[1].clone()
+        };
+        let (a, b) = (at(h), at(-h));
+        let largest = |x: &[f64]| x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let limit = 1e-7 * largest(column) + 1e-14 * largest(&a) / h;
+        for (i, x) in column.iter().enumerate() {
+            let difference = (a[i] - b[i]) / (2.0 * h);
+            assert!(
+                (x - difference).abs() < limit,
+                "{what}, row {i}: {x:e}, difference {difference:e}, limit {limit:e}"
+            );
+        }
+    };
+    for k in 0..3 + 2 * n {
+        let step = |h: f64| {
+            let mut m = at.clone();
+            match k {
+                0..3 => m.host[0].ang[k] += h,
+                k if k < 3 + n => m.own[0][k - 3] += h,
+                _ => m.own[1][k - 3 - n] += h,
+            }
+            (p.to_vec(), m)
+        };
+        near(&j[k * dim..(k + 1) * dim], &step, 1e-5, &format!("direction {k} of the jacobian"));
+    }
+    for k in 0..p.len() {
+        let h = 1e-5 * (1.0 + p[k].abs());
+        let step = |h: f64| {
+            let mut p = p.to_vec();
+            p[k] += h;
+            (p, at.clone())
+        };
+        near(&y[k * dim..(k + 1) * dim], &step, h, &format!("parameter {k} of the regressor"));
+    }
+}
