@@ -48,7 +48,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let sampling = Sampling { samples, sample_s: SAMPLE_S, substeps: 1 };
     let table = Prescribed::new(model, &params, &Manoeuvre { duration: args.seconds }, &sampling, &[]);
     // The base body and every appendage; the arm is known, as in the paper.
-    let wanted = Wanted { params: (0..10).chain(10 * model.n_bodies()..model.n_params()).collect(), initial: vec![] };
+    let wanted = Wanted {
+        params: (0..10).chain(10 * model.n_bodies()..model.n_params()).collect(),
+        initial: vec![],
+        ..Wanted::default()
+    };
     let z0 = vec![0.0; 6 + 2 * model.np()];
     let (mut plain, mut exact) = (Vec::new(), Vec::new());
     let (_, sens) = sensitivities(model, &params, &table, &z0, &wanted)?;

@@ -77,7 +77,7 @@ fn predictions_are_the_bound_of_an_output_error_fit() {
     let values = Params::nominal(&frozen);
     let sampling = Sampling { samples: 1201, sample_s: 0.05, substeps: 2 };
     let table = Prescribed::new(&frozen, &values, &p.motion, &sampling, &[]);
-    let wanted = Wanted { params: all, initial: Vec::new() };
+    let wanted = Wanted { params: all, initial: Vec::new(), ..Wanted::default() };
     let (_, s) = sensitivities(&frozen, &values, &table, &[0.0; 6], &wanted).unwrap();
     let (tau, gyro) = (s.tau / request.noise.torque, s.gyro / request.noise.gyro.unwrap());
     let m = (tau.tr_mul(&tau) + gyro.tr_mul(&gyro)) * (request.noise.rate * sampling.sample_s);

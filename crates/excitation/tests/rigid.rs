@@ -105,7 +105,7 @@ fn rows_are_the_rda_jacobian_and_the_rate_sensitivity() {
         info.rows_at(&at[0], &at[1], &at[2], &mut rows);
         let rate = info.robot().base_twist(&at[0], &at[1]).fixed_rows::<3>(3).transpose();
         let table = Prescribed::new(&model, &params, &Instant(&at), &sampling, &[]);
-        let wanted = Wanted { params: all.clone(), initial: Vec::new() };
+        let wanted = Wanted { params: all.clone(), initial: Vec::new(), ..Wanted::default() };
         let rates = DMatrix::from_row_slice(1, 3, rate.as_slice());
         let (_, jacobian) = reduced_torques(&model, &params, &table, &rates, &wanted).unwrap();
         for k in 0..10 {

@@ -128,6 +128,11 @@ fn unit<T: Scalar>(k: usize) -> V3<T> {
 
 /// `R R_pose` by columns.
 #[inline(always)]
+pub(crate) fn turned_by<T: Scalar>(r: &M3<T>, x: &Pose<T>) -> M3<T> {
+    by_turn!(T, x.turn, K => turned::<T, K>(r, x))
+}
+
+#[inline(always)]
 fn turned<T: Scalar, const K: u8>(r: &M3<T>, x: &Pose<T>) -> M3<T> {
     let [a, b, c] = r.0;
     let (co, s) = (x.c, x.s);

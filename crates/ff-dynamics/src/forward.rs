@@ -7,8 +7,8 @@
 //! eliminated one by one, and what is left is 6 x 6.
 
 use crate::aba::{SingularInertia, aba};
+use crate::condense;
 use crate::crba;
-use crate::ldl;
 use crate::ltl;
 use crate::state::State;
 use crate::tree;
@@ -189,21 +189,7 @@ impl<T: ModelScalar> Kernel for Hybrid<'_, T> {
         forces(model, params, state, qdd, work, tau);
         crba::composite(params, model, work);
         let (al0, a0) = if nb == 6 {
-            let c = work.links[0].ic;
-            let z = T::zero();
-            let (h, i) = (c.h, c.i);
-            // Angular part first: the elimination then starts where appendages and arm are attached.
-            let mut s = [
-                [c.m, z, z, z, h.z, -h.y],
-                [z, c.m, z, -h.z, z, h.x],
-                [z, z, c.m, h.y, -h.x, z],
-                [z, -h.z, h.y, i.xx, i.xy, i.xz],
-                [h.z, z, -h.x, i.xy, i.yy, i.yz],
-                [-h.y, h.x, z, i.xz, i.yz, i.zz],
-            ];
-            let (f, n) = (work.links[0].f, work.links[0].n);
-            let mut b = [-f.x, -f.y, -f.z, -n.x, -n.y, -n.z];
-            for (k, (ap, p)) in model.appendages().iter().zip(&mut work.ports).enumerate() {
+            for (ap, p) in model.appendages().iter().zip(&mut work.ports) {
                 for j in 0..p.n {
                     let (f, n) = p.pull(j);
                     let (mut f, mut n) = p.up(&f, &n);
@@ -214,26 +200,13 @@ impl<T: ModelScalar> Kernel for Hybrid<'_, T> {
                     }
                     p.g[j] = (f, n);
                 }
-                let ok = match p.n {
-                    0 => true,
-                    1 => eliminate::<T, 1>(p, &mut s, &mut b),
-                    2 => eliminate::<T, 2>(p, &mut s, &mut b),
-                    3 => eliminate::<T, 3>(p, &mut s, &mut b),
-                    4 => eliminate::<T, 4>(p, &mut s, &mut b),
-                    _ => eliminate_any(p, &mut s, &mut b),
-                };
-                if !ok {
-                    return Err(Some(k));
-                }
             }
-            if !ldl::factor_fixed(&mut s) {
-                return Err(None);
-            }
-            ldl::solve_fixed(&s, &mut b);
-            (V3::from_slice(&b[3..]), V3::from_slice(&b))
+            let l = &work.links[0];
+            let (a0, al0) = condense::base_acceleration(&mut work.ports, &l.ic, &l.f, &l.n)?;
+            (al0, a0)
         } else {
             for (k, p) in work.ports.iter_mut().enumerate() {
-                if !eliminate_any(p, &mut [[T::zero(); 6]; 6], &mut [T::zero(); 6]) {
+                if !condense::alone(p) {
                     return Err(Some(k));
                 }
             }
@@ -241,14 +214,7 @@ impl<T: ModelScalar> Kernel for Hybrid<'_, T> {
         };
         let passive = &mut a[nb + nj..];
         for (ap, p) in model.appendages().iter().zip(&work.ports) {
-            for i in 0..p.n {
-                let mut x = p.free[i];
-                if nb == 6 {
-                    let g = &p.gain[6 * i..6 * i + 6];
-                    x -= V3::from_slice(g).dot(&a0) + V3::from_slice(&g[3..]).dot(&al0);
-                }
-                passive[ap.coord_offset + i] = x;
-            }
+            p.respond((nb == 6).then_some((&a0, &al0)), &mut passive[ap.coord_offset..]);
         }
         if nb == 6 {
             (a0 - tree::transport(model, state)).write_to(a);
@@ -280,91 +246,4 @@ impl<T: ModelScalar> Kernel for Hybrid<'_, T> {
         }
         Ok(())
     }
-}
-
-/// Takes an appendage with `N` coordinates out of the base equations: `S -= G M_ee^-1 G^T`,
-/// `b += G M_ee^-1 e`. Keeps `gain = M_ee^-1 G^T` and `free = -M_ee^-1 e`. False if `M_ee` is not positive
-/// definite.
-#[inline(always)]
-fn eliminate<T: ModelScalar, const N: usize>(
-    p: &mut crate::work::PortWork<T>,
-    s: &mut [[T; 6]; 6],
-    b: &mut [T; 6],
-) -> bool {
-    let mut m = [[T::zero(); N]; N];
-    for i in 0..N {
-        for j in 0..=i {
-            m[i][j] = p.m[(6 + i) * (6 + N) + 6 + j];
-        }
-    }
-    if !ldl::factor_fixed(&mut m) {
-        return false;
-    }
-    let mut free = [T::zero(); N];
-    for i in 0..N {
-        free[i] = -p.r[6 + i];
-    }
-    ldl::solve_fixed(&m, &mut free);
-    let g: [[T; 6]; N] = core::array::from_fn(|k| {
-        let (f, n) = &p.g[k];
-        [f.x, f.y, f.z, n.x, n.y, n.z]
-    });
-    for c in 0..6 {
-        let mut x: [T; N] = core::array::from_fn(|k| g[k][c]);
-        ldl::solve_fixed(&m, &mut x);
-        for k in 0..N {
-            p.gain[6 * k + c] = x[k];
-        }
-        // Lower triangle, which is all the factorisation reads.
-        for r in c..6 {
-            for k in 0..N {
-                s[r][c] = (-g[k][r]).mul_add(x[k], s[r][c]);
-            }
-        }
-    }
-    for k in 0..N {
-        p.free[k] = free[k];
-        for r in 0..6 {
-            b[r] = (-g[k][r]).mul_add(free[k], b[r]);
-        }
-    }
-    true
-}
-
-/// [`eliminate`] for any number of coordinates.
-#[inline(always)]
-fn eliminate_any<T: ModelScalar>(p: &mut crate::work::PortWork<T>, s: &mut [[T; 6]; 6], b: &mut [T; 6]) -> bool {
-    let n = p.n;
-    for i in 0..n {
-        for j in 0..n {
-            p.ee[i * n + j] = p.m[(6 + i) * (6 + n) + 6 + j];
-        }
-        p.free[i] = -p.r[6 + i];
-    }
-    if !ldl::factor(&mut p.ee, n) {
-        return false;
-    }
-    ldl::solve(&p.ee, n, &mut p.free);
-    let row = |g: &(V3<T>, V3<T>)| [g.0.x, g.0.y, g.0.z, g.1.x, g.1.y, g.1.z];
-    let mut x = [T::zero(); ff_model::MAX_COORDS];
-    for c in 0..6 {
-        for k in 0..n {
-            x[k] = row(&p.g[k])[c];
-        }
-        ldl::solve(&p.ee, n, &mut x[..n]);
-        for k in 0..n {
-            p.gain[6 * k + c] = x[k];
-            let g = row(&p.g[k]);
-            for r in c..6 {
-                s[r][c] -= g[r] * x[k];
-            }
-        }
-    }
-    for k in 0..n {
-        let g = row(&p.g[k]);
-        for r in 0..6 {
-            b[r] -= g[r] * p.free[k];
-        }
-    }
-    true
 }

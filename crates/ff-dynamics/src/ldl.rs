@@ -50,6 +50,39 @@ pub fn solve<T: Scalar>(l: &[T], n: usize, b: &mut [T]) {
     }
 }
 
+/// [`factor`] with `1/D` on the diagonal, for many right-hand sides. Only the lower triangle is read.
+#[inline(always)]
+pub(crate) fn factor_inverted<T: Scalar>(a: &mut [T], n: usize) -> bool {
+    let ok = factor(a, n);
+    for i in 0..n {
+        a[i * n + i] = T::one() / a[i * n + i];
+    }
+    ok
+}
+
+/// Solves with a factorisation from [`factor_inverted`].
+#[inline(always)]
+pub(crate) fn solve_inverted<T: Scalar>(l: &[T], n: usize, b: &mut [T]) {
+    let (l, b) = (&l[..n * n], &mut b[..n]);
+    for i in 1..n {
+        let mut s = b[i];
+        for (&l, &x) in l[i * n..i * n + i].iter().zip(&*b) {
+            s = (-l).mul_add(x, s);
+        }
+        b[i] = s;
+    }
+    for i in 0..n {
+        b[i] *= l[i * n + i];
+    }
+    // Row by row, so that rows of `l` are read along.
+    for i in (1..n).rev() {
+        let x = -b[i];
+        for (&l, y) in l[i * n..i * n + i].iter().zip(&mut b[..i]) {
+            *y = l.mul_add(x, *y);
+        }
+    }
+}
+
 /// [`factor`] for a size known to the compiler, with `1/D` on the diagonal. Only the lower triangle is read.
 #[inline(always)]
 pub(crate) fn factor_fixed<T: Scalar, const N: usize>(a: &mut [[T; N]; N]) -> bool {

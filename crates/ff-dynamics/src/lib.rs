@@ -19,9 +19,11 @@
 //! | a motion over time, and what sensors see of it | [`mod@simulate`], [`sensors`] |
 
 pub mod aba;
+mod attitude;
 pub mod blocks;
 pub mod bspline;
 pub mod centroidal;
+mod condense;
 pub mod conditioning;
 pub mod crba;
 pub mod derivatives;
@@ -35,16 +37,19 @@ pub mod momentum;
 pub mod motion;
 pub mod prescribed;
 pub mod reduced;
+pub mod reduced_torques;
 pub mod regressor;
 pub mod rnea;
 pub mod sensitivity;
 pub mod sensors;
 pub mod simulate;
 pub mod state;
+mod tangent;
 mod tree;
 mod work;
 
 pub use aba::{SingularInertia, aba};
+pub use attitude::Attitude;
 pub use blocks::MassBlocks;
 pub use centroidal::{Centroidal, CentroidalRate};
 pub use conditioning::{Conditioning, conditioning};
@@ -55,11 +60,12 @@ pub use frames::{frame_jacobian, frame_pose};
 pub use modes::{Boundary, Mode, modes};
 pub use momentum::{Budget, budget};
 pub use prescribed::{Prescribed, Sampling};
-pub use reduced::{ReducedError, Response, simulate_reduced};
+pub use reduced::{ReducedError, Response, simulate_reduced, simulate_reduced_batch};
+pub use reduced_torques::reduced_torques;
 pub use regressor::{body_regressor, regressor};
 pub use rnea::{bias, rnea};
-pub use sensitivity::{Sensitivities, Wanted, reduced_torques, sensitivities};
-pub use sensors::{Channel, Readings, SensorSuite, measure};
+pub use sensitivity::{Sensitivities, Wanted, sensitivities};
+pub use sensors::{Accelerometer, Channel, Readings, SensorSuite, measure};
 pub use simulate::{Drive, SimError, SimOptions, Trace, simulate};
 pub use state::{State, dof_names};
 pub use work::Work;

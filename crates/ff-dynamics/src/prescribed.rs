@@ -1,67 +1,172 @@
 //! A prescribed joint motion, condensed once into what the base and the passive coordinates feel of it.
 //!
-//! With the joints following a given motion, the arm is one time-varying rigid body plus a momentum. In base
-//! coordinates, with `s_i` the twist of link `i` relative to the base and `J_j` the joint screws,
+//! With the joints following a given motion, the arm is one time-varying rigid body plus a momentum. Let `r` be the
+//! position of a mass element in base coordinates and a dot its rate seen from the base. At base angular velocity `w`,
+//! angular acceleration `al` and classical acceleration `a` of the origin, the wrench about the base origin that keeps
+//! the arm moving is `f = int a(r) dm`, `n = int r x a(r) dm` with
+//! `a(r) = a + al x r + w x (w x r) + 2 w x r. + r..`, that is
 //!
 //! ```text
-//! I = sum I_i,   h = sum I_i s_i,   wrench = I A + I' V + h' + V x* (I V + h),
-//! s_i = s_p + J_j qd_j,   s_i' = s_p' + J_j qdd_j + s_p x J_j qd_j,
+//! f = m a + al x h + w x (w x h + 2 h.) + h..
+//! n = J al + h x a + w x J w + C w + L.
+//! h = int r dm,  J = int (r.r) 1 - r r^T dm,  L. = int r x r.. dm,
+//! C = 2 (tr(K) 1 - K^T),  K = int r r.^T dm      (Coriolis: C w = 2 int r x (w x r.) dm).
 //! ```
 //!
-//! where a prime is the componentwise rate in the base frame. None of it depends on the state of the base or
-//! of the appendages, nor on their parameters, so it is tabulated once per record and arm; every later
-//! evaluation costs the same whatever the number of joints. The same sums over the subtree of joint `j`,
-//! projected on `J_j`, give its torque.
+//! None of it depends on the state of the base or of the appendages, nor on their parameters: 28 numbers per instant,
+//! tabulated once per record and arm, and every later evaluation costs the same whatever the number of joints. The same
+//! sums over the subtree of joint `j`, contracted with its screw `(s, u)` about the base origin, give its torque
+//!
+//! ```text
+//! tau_j = ga.a + gb.al + gw.w + w^T Q w + c,
+//! ga = m s + u x h,  gb = h x s + J u,  gw = 2 h. x s + C^T u,  c = s.h.. + u.L.,
+//! w^T Q w = s.(w x (w x h)) + u.(w x J w).
+//! ```
+//!
+//! The tables are filled for several instants at a time, one per lane.
 
 use crate::motion::JointMotion;
-use crate::work::Work;
-use ff_model::{Force, Inertia, JointKind, Model, Motion, Params, Xform};
-use nalgebra::Vector3;
+use crate::tree::{Link, place};
+use ff_model::lanes::{Isa, LaneTask, dispatch};
+use ff_model::vec3::{M3, Pose, S3, Ten, Turn, V3, turn};
+use ff_model::{JointKind, LaneScalar, Model, ModelScalar, Params, Xform};
 
-/// Motion of a frame relative to the base, in base coordinates.
+/// The wrench on a set of links as a function of the base's motion (module docs).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Carried {
-    /// Pose in the base.
-    pub(crate) x: Xform<f64>,
-    /// Relative twist and its rate.
-    pub(crate) s: Motion<f64>,
-    pub(crate) ds: Motion<f64>,
+pub(crate) struct Arm<T> {
+    /// `m`, `h`, `J`.
+    pub(crate) ten: Ten<T>,
+    /// `2 h.` and `h..`.
+    pub(crate) dh2: V3<T>,
+    pub(crate) ddh: V3<T>,
+    /// `C`.
+    pub(crate) c: M3<T>,
+    /// `L.`.
+    pub(crate) dl: V3<T>,
 }
 
-/// A set of links moving with the joints: inertia, relative momentum, and their rates.
+/// Numbers of an [`Arm`].
+const ARM: usize = 28;
+
+impl<T: ModelScalar> Arm<T> {
+    /// From its numbers.
+    #[inline(always)]
+    fn read(x: impl Fn(usize) -> T) -> Self {
+        let v = |i: usize| V3::new(x(i), x(i + 1), x(i + 2));
+        Self {
+            ten: Ten { m: x(0), h: v(1), i: S3 { xx: x(4), xy: x(5), yy: x(6), xz: x(7), yz: x(8), zz: x(9) } },
+            dh2: v(10),
+            ddh: v(13),
+            c: M3([v(16), v(19), v(22)]),
+            dl: v(25),
+        }
+    }
+    #[inline(always)]
+    fn numbers(&self) -> [T; ARM] {
+        let (b, c) = (&self.ten, &self.c.0);
+        let mut x = [b.m; ARM];
+        b.h.write_to(&mut x[1..]);
+        x[4..10].copy_from_slice(&[b.i.xx, b.i.xy, b.i.yy, b.i.xz, b.i.yz, b.i.zz]);
+        let rest = [&self.dh2, &self.ddh, &c[0], &c[1], &c[2], &self.dl];
+        rest.into_iter().zip(x[10..].chunks_exact_mut(3)).for_each(|(v, x)| v.write_to(x));
+        x
+    }
+}
+
+/// Pose and motion of a frame relative to the base, in base coordinates.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Carrier {
-    pub(crate) inertia: Inertia<f64>,
-    pub(crate) d_inertia: Inertia<f64>,
-    pub(crate) h: Force<f64>,
-    pub(crate) dh: Force<f64>,
+pub(crate) struct Frame<T> {
+    pub(crate) pose: Pose<T>,
+    /// Whether it moves at all; what follows is zero otherwise.
+    pub(crate) moving: bool,
+    /// Rates of the origin, angular velocity and its componentwise rate.
+    pub(crate) dp: V3<T>,
+    pub(crate) ddp: V3<T>,
+    pub(crate) w: V3<T>,
+    pub(crate) dw: V3<T>,
 }
 
-impl Carrier {
-    fn zero() -> Self {
-        Self { inertia: Inertia::zero(), d_inertia: Inertia::zero(), h: Force::zero(), dh: Force::zero() }
+/// Numbers of a [`Frame`].
+const FRAME: usize = 24;
+
+/// Motion of a frame that is carried by the base, in its own axes: angular velocity, angular acceleration, classical
+/// acceleration of the origin.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Carried<T> {
+    pub(crate) w: V3<T>,
+    pub(crate) al: V3<T>,
+    pub(crate) a: V3<T>,
+}
+
+impl<T: ModelScalar> Frame<T> {
+    /// At rest in the base.
+    pub(crate) fn fixed(x: &Xform<f64>) -> Self {
+        let z = V3::zero();
+        Self { pose: Pose::constant(x), moving: false, dp: z, ddp: z, w: z, dw: z }
     }
-    fn add(&mut self, o: &Self) {
-        self.inertia += o.inertia;
-        self.d_inertia += o.d_inertia;
-        self.h += o.h;
-        self.dh += o.dh;
+    #[inline(always)]
+    fn read(x: impl Fn(usize) -> T) -> Self {
+        let v = |i: usize| V3::new(x(i), x(i + 1), x(i + 2));
+        let mut pose = Pose::identity();
+        (pose.turn, pose.r, pose.p) = (Turn::General, M3([v(0), v(3), v(6)]), v(9));
+        Self { pose, moving: true, dp: v(12), ddp: v(15), w: v(18), dw: v(21) }
     }
-    /// A body of inertia `b` (base coordinates) moving with `s`, `ds` relative to the base.
-    fn of_body(b: &Inertia<f64>, s: &Motion<f64>, ds: &Motion<f64>) -> Self {
-        let d = b.rate(s);
-        Self { inertia: *b, d_inertia: d, h: b.mul_motion(s), dh: d.mul_motion(s) + b.mul_motion(ds) }
+    #[inline(always)]
+    fn numbers(&self) -> [T; FRAME] {
+        let (r, mut x) = (&self.pose.r.0, [T::zero(); FRAME]);
+        let all = [&r[0], &r[1], &r[2], &self.pose.p, &self.dp, &self.ddp, &self.w, &self.dw];
+        all.into_iter().zip(x.chunks_exact_mut(3)).for_each(|(v, x)| v.write_to(x));
+        x
+    }
+    /// A vector of the base in the frame.
+    #[inline(always)]
+    pub(crate) fn down(&self, v: &V3<T>) -> V3<T> {
+        if self.pose.turn == Turn::None { *v } else { self.pose.down::<{ turn::ANY }>(v) }
+    }
+    /// A wrench of the frame in the base.
+    #[inline(always)]
+    pub(crate) fn up(&self, f: &V3<T>, n: &V3<T>) -> (V3<T>, V3<T>) {
+        if self.pose.turn == Turn::None {
+            self.pose.wrench_up::<{ turn::NONE }>(f, n)
+        } else {
+            self.pose.wrench_up::<{ turn::ANY }>(f, n)
+        }
+    }
+    /// Motion for a base that turns with `w`, `al` and whose origin accelerates by `a`; `field` is that of `w`, `al`.
+    #[inline(always)]
+    pub(crate) fn carried(&self, w: &V3<T>, al: &V3<T>, a: &V3<T>, field: &M3<T>) -> Carried<T> {
+        let mut at = field.mul_add(&self.pose.p, a);
+        let (mut w_at, mut al_at) = (*w, *al);
+        if self.moving {
+            let two = T::from_f64(2.0);
+            at += self.ddp + w.cross(&self.dp).scaled(two);
+            al_at += w.cross_add(&self.w, &self.dw);
+            w_at += self.w;
+        }
+        Carried { w: self.down(&w_at), al: self.down(&al_at), a: self.down(&at) }
+    }
+    /// Velocity of the origin in the axes of the frame, for a base that moves with `v`, `w`.
+    #[inline(always)]
+    pub(crate) fn velocity(&self, v: &V3<T>, w: &V3<T>) -> V3<T> {
+        self.down(&(w.cross_add(&self.pose.p, v) + self.dp))
     }
 }
 
-/// What a joint torque is made of at one sample.
+/// What a joint torque is made of at one sample (module docs).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JointRow {
-    /// Joint screw in base coordinates.
-    pub(crate) screw: Motion<f64>,
-    /// The subtree it carries.
-    pub(crate) carrier: Carrier,
+    pub(crate) ga: V3<f64>,
+    pub(crate) gb: V3<f64>,
+    pub(crate) gw: V3<f64>,
+    pub(crate) q: S3<f64>,
+    pub(crate) c: f64,
+    /// Screw of the joint about the base origin: velocity there, angular velocity.
+    pub(crate) s: V3<f64>,
+    pub(crate) u: V3<f64>,
 }
+
+/// Numbers of a [`JointRow`].
+const ROW: usize = 22;
 
 /// Tables of one prescribed motion: nodes at half integration steps, joint rows at samples.
 #[derive(Clone, Debug)]
@@ -71,17 +176,29 @@ pub struct Prescribed {
     pub(crate) substeps: usize,
     pub(crate) samples: usize,
     pub(crate) sample_s: f64,
-    /// Arm per node (base body not included).
-    pub(crate) arm: Vec<Carrier>,
-    /// Per node: mount frames of all appendages, then frames of the tracked links.
-    pub(crate) frames: Vec<Carried>,
-    pub(crate) per_node: usize,
+    nj: usize,
+    /// [`ARM`] numbers per node (base body not included).
+    arm: Vec<f64>,
+    /// [`FRAME`] numbers per moving frame and node.
+    frames: Vec<f64>,
+    /// Frames of the appendages' mounts, then of the tracked links: column among the moving ones, or at rest.
+    pub(crate) sites: Vec<Site>,
+    moving: usize,
     /// Tracked links.
     pub(crate) links: Vec<usize>,
-    /// Per sample, per joint.
-    pub(crate) rows: Vec<JointRow>,
+    /// [`ROW`] numbers per joint and sample.
+    rows: Vec<f64>,
     /// `above[body]`: joints on the way from that body to the base (0-based joint indices).
     pub(crate) above: Vec<Vec<usize>>,
+}
+
+/// Where a frame is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Site {
+    /// At rest in the base.
+    Base(Xform<f64>),
+    /// Moving with the body of this index, here in it: column of the table.
+    Body(usize, Xform<f64>, usize),
 }
 
 /// Sampling of a prescribed motion.
@@ -109,73 +226,58 @@ impl Prescribed {
         sampling: &Sampling,
         links: &[usize],
     ) -> Self {
+        let mut t = Self::empty(model, sampling, links);
+        t.fill(model, params, motion, 0.0);
+        t
+    }
+
+    /// Tables of the right size, to be filled.
+    pub(crate) fn empty(model: &Model, sampling: &Sampling, links: &[usize]) -> Self {
         let Sampling { samples, sample_s, substeps } = *sampling;
-        assert_eq!(motion.dof(), model.nj(), "joint motion");
         assert!(samples > 0 && substeps > 0, "at least one sample and one step per sample");
         let nj = model.nj();
         let nodes = (samples - 1) * substeps * 2 + 1;
-        let per_node = model.appendages().len() + links.len();
-        let step = sample_s / substeps as f64;
         let mut above = vec![Vec::new(); model.n_bodies()];
         for i in 1..model.n_bodies() {
             let mut path = vec![i - 1];
             path.extend_from_slice(&above[model.bodies()[i - 1].parent]);
             above[i] = path;
         }
-        let mut t = Self {
-            step,
+        let mut moving = 0;
+        let mut site = |host: usize, x: Xform<f64>| {
+            if host == 0 {
+                return Site::Base(x);
+            }
+            moving += 1;
+            Site::Body(host, x, moving - 1)
+        };
+        let mut sites: Vec<Site> = model.appendages().iter().map(|a| site(a.host, a.mount)).collect();
+        sites.extend(links.iter().map(|&l| site(l, Xform::identity())));
+        Self {
+            step: sample_s / substeps as f64,
             substeps,
             samples,
             sample_s,
-            arm: Vec::with_capacity(nodes),
-            frames: Vec::with_capacity(nodes * per_node),
-            per_node,
+            nj,
+            arm: vec![0.0; nodes * ARM],
+            frames: vec![0.0; nodes * moving * FRAME],
+            sites,
+            moving,
             links: links.to_vec(),
-            rows: Vec::with_capacity(samples * nj),
+            rows: vec![0.0; samples * nj * ROW],
             above,
-        };
-        let mut work = Work::<f64>::new(model);
-        let (mut q, mut qd, mut qdd) = (vec![0.0; nj], vec![0.0; nj], vec![0.0; nj]);
-        let at_base = Carried { x: Xform::identity(), s: Motion::zero(), ds: Motion::zero() };
-        let mut bodies = vec![at_base; nj + 1];
-        let mut screws = vec![Motion::zero(); nj + 1];
-        let mut sub = vec![Carrier::zero(); nj + 1];
-        for k in 0..nodes {
-            motion.eval(0.5 * step * k as f64, &mut q, &mut qd, &mut qdd);
-            work.place(model, &q);
-            for (i, b) in model.bodies().iter().enumerate() {
-                let parent = bodies[b.parent];
-                let x = parent.x * work.x[i + 1];
-                let local = match b.joint.kind {
-                    JointKind::Prismatic => Motion::new(work.axis[i + 1], Vector3::zeros()),
-                    _ => Motion::new(Vector3::zeros(), work.axis[i + 1]),
-                };
-                let screw = x.motion_to_parent(&local);
-                let s = parent.s + screw.scaled(qd[i]);
-                let ds = parent.ds + screw.scaled(qdd[i]) + parent.s.cross(&screw.scaled(qd[i]));
-                bodies[i + 1] = Carried { x, s, ds };
-                screws[i + 1] = screw;
-                sub[i + 1] = Carrier::of_body(&params.body(i + 1).to_parent(&x), &s, &ds);
-            }
-            sub[0] = Carrier::zero();
-            for i in (1..=nj).rev() {
-                let c = sub[i];
-                sub[model.bodies()[i - 1].parent].add(&c);
-            }
-            t.arm.push(sub[0]);
-            for a in model.appendages() {
-                let b = bodies[a.host];
-                t.frames.push(Carried { x: b.x * a.mount, ..b });
-            }
-            for &l in links {
-                t.frames.push(bodies[l]);
-            }
-            if k % (2 * substeps) == 0 {
-                t.rows.extend((1..=nj).map(|i| JointRow { screw: screws[i], carrier: sub[i] }));
-            }
         }
-        t
     }
+
+    /// Fills the tables for a record that begins at time `start` (s) of the motion.
+    ///
+    /// # Panics
+    /// If the motion has another number of joints than the model.
+    pub(crate) fn fill(&mut self, model: &Model, params: &Params<f64>, motion: &dyn JointMotion, start: f64) {
+        assert_eq!(motion.dof(), model.nj(), "joint motion");
+        dispatch(Isa::detect(), Fill { table: self, model, params, motion, start });
+    }
+
     /// Number of samples.
     pub fn samples(&self) -> usize {
         self.samples
@@ -188,11 +290,387 @@ impl Prescribed {
     pub fn step(&self) -> f64 {
         self.step
     }
-    pub(crate) fn frames_at(&self, node: usize) -> &[Carried] {
-        &self.frames[node * self.per_node..(node + 1) * self.per_node]
+    /// The arm at a node, the same in every lane.
+    #[inline(always)]
+    pub(crate) fn arm<T: ModelScalar>(&self, node: usize) -> Arm<T> {
+        let x = &self.arm[node * ARM..(node + 1) * ARM];
+        Arm::read(|i| T::from_f64(x[i]))
     }
-    pub(crate) fn rows_at(&self, sample: usize) -> &[JointRow] {
-        let n = self.rows.len() / self.samples;
-        &self.rows[sample * n..(sample + 1) * n]
+    /// The arm at several nodes, one per lane.
+    #[inline(always)]
+    pub(crate) fn arms<L: LaneScalar>(&self, nodes: &[usize]) -> Arm<L> {
+        Arm::read(|i| lanes(nodes, |n| self.arm[n * ARM + i]))
+    }
+    /// A frame that moves, at a node.
+    #[inline(always)]
+    pub(crate) fn frame<T: ModelScalar>(&self, column: usize, node: usize) -> Frame<T> {
+        let x = &self.frames[(node * self.moving + column) * FRAME..][..FRAME];
+        Frame::read(|i| T::from_f64(x[i]))
+    }
+    /// A frame that moves, at several nodes, one per lane.
+    #[inline(always)]
+    pub(crate) fn frames_at<L: LaneScalar>(&self, column: usize, nodes: &[usize]) -> Frame<L> {
+        Frame::read(|i| lanes(nodes, |n| self.frames[(n * self.moving + column) * FRAME + i]))
+    }
+    /// The row of joint `j` at a sample.
+    #[inline(always)]
+    pub(crate) fn row(&self, sample: usize, j: usize) -> JointRow {
+        let x = &self.rows[(sample * self.nj + j) * ROW..][..ROW];
+        let v = |i: usize| V3::from_slice(&x[i..]);
+        JointRow {
+            ga: v(0),
+            gb: v(3),
+            gw: v(6),
+            q: S3 { xx: x[9], xy: x[10], yy: x[11], xz: x[12], yz: x[13], zz: x[14] },
+            c: x[15],
+            s: v(16),
+            u: v(19),
+        }
+    }
+    /// Node of a sample.
+    pub(crate) fn node_of(&self, sample: usize) -> usize {
+        sample * 2 * self.substeps
+    }
+}
+
+/// One number per lane.
+#[inline(always)]
+fn lanes<L: LaneScalar>(nodes: &[usize], x: impl Fn(usize) -> f64) -> L {
+    let mut a = [0.0; 8];
+    for (a, &n) in a.iter_mut().zip(&nodes[..L::N]) {
+        *a = x(n);
+    }
+    L::load(&a)
+}
+
+/// Fills the tables.
+struct Fill<'a> {
+    table: &'a mut Prescribed,
+    model: &'a Model,
+    params: &'a Params<f64>,
+    motion: &'a dyn JointMotion,
+    start: f64,
+}
+
+/// A body that moves relative to the base.
+#[derive(Clone, Copy)]
+struct Moved<T> {
+    r: M3<T>,
+    p: V3<T>,
+    dp: V3<T>,
+    ddp: V3<T>,
+    w: V3<T>,
+    dw: V3<T>,
+}
+
+/// The sums of the module docs, with `int r r^T` in place of `J`.
+#[derive(Clone, Copy)]
+struct Sums<T> {
+    m: T,
+    h: V3<T>,
+    dh: V3<T>,
+    ddh: V3<T>,
+    rr: S3<T>,
+    k: M3<T>,
+    dl: V3<T>,
+}
+
+impl LaneTask for Fill<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) {
+        let Self { table, model, params, motion, start } = self;
+        let nj = model.nj();
+        let mut joint = vec![0.0; 3 * nj];
+        let mut given = vec![[0.0; 8]; 3 * nj];
+        let mut q = vec![L::zero(); nj];
+        let mut links = Vec::with_capacity(nj + 1);
+        links.push(Link::<L>::base());
+        links.extend(model.bodies().iter().map(Link::new));
+        let bodies: Vec<Body<L>> = (0..=nj).map(|i| Body::new(&Ten::from(params.body(i)))).collect();
+        let still = Moved {
+            r: M3([V3::new(L::one(), L::zero(), L::zero()), V3::new(L::zero(), L::one(), L::zero()), {
+                V3::new(L::zero(), L::zero(), L::one())
+            }]),
+            p: V3::zero(),
+            dp: V3::zero(),
+            ddp: V3::zero(),
+            w: V3::zero(),
+            dw: V3::zero(),
+        };
+        let mut moved = vec![still; nj + 1];
+        let mut sums = vec![Sums::<L>::zero(); nj + 1];
+        // Nodes of samples, which want joint rows, then the nodes between them.
+        let per = 2 * table.substeps;
+        let between = (table.samples - 1) * (per - 1);
+        let (mut first, mut rows) = (0, true);
+        loop {
+            let total = if rows { table.samples } else { between };
+            if first >= total {
+                if !rows {
+                    break;
+                }
+                (first, rows) = (0, false);
+                continue;
+            }
+            let count = L::N.min(total - first);
+            // A group that is not full repeats its last node.
+            let mut nodes = [0; 8];
+            for (lane, node) in nodes.iter_mut().enumerate().take(L::N) {
+                let i = first + lane.min(count - 1);
+                *node = if rows { i * per } else { i / (per - 1) * per + 1 + i % (per - 1) };
+                let (p, rest) = joint.split_at_mut(nj);
+                let (v, a) = rest.split_at_mut(nj);
+                if lane < count {
+                    motion.eval(start + 0.5 * table.step * *node as f64, p, v, a);
+                }
+                given.iter_mut().zip(&joint).for_each(|(g, &x)| g[lane] = x);
+            }
+            q.iter_mut().zip(&given).for_each(|(q, g)| *q = L::load(g));
+            place(&mut links, &q);
+            for i in 1..=nj {
+                let l = &links[i];
+                let (qd, qdd) = (L::load(&given[nj + i - 1]), L::load(&given[2 * nj + i - 1]));
+                let prismatic = model.bodies()[i - 1].joint.kind == JointKind::Prismatic;
+                moved[i] = moved[l.parent].step(l, qd, qdd, prismatic);
+                sums[i] = moved[i].sums(&bodies[i]);
+            }
+            sums[0] = Sums::zero();
+            for i in (1..=nj).rev() {
+                let own = sums[i];
+                sums[links[i].parent].add(&own);
+                if rows {
+                    let (v, w) = links[i].screw();
+                    let u = moved[i].r.mul(&w);
+                    let s = moved[i].p.cross_add(&u, &moved[i].r.mul(&v));
+                    scatter(&own.row(&s, &u), &nodes[..count], |n| (n / per * nj + i - 1) * ROW, &mut table.rows);
+                }
+            }
+            scatter(&sums[0].arm().numbers(), &nodes[..count], |n| n * ARM, &mut table.arm);
+            for site in &table.sites {
+                if let Site::Body(host, x, column) = site {
+                    let frame = moved[*host].frame(x);
+                    let at = |n: usize| (n * table.moving + column) * FRAME;
+                    scatter(&frame.numbers(), &nodes[..count], at, &mut table.frames);
+                }
+            }
+            first += count;
+        }
+    }
+}
+
+/// Writes the lanes of `x` one after another, each where `at` says.
+#[inline(always)]
+fn scatter<L: LaneScalar, const N: usize>(x: &[L; N], nodes: &[usize], at: impl Fn(usize) -> usize, to: &mut [f64]) {
+    let mut lane = [0.0; 8];
+    for (i, x) in x.iter().enumerate() {
+        x.store(&mut lane);
+        for (&n, &y) in nodes.iter().zip(&lane) {
+            to[at(n) + i] = y;
+        }
+    }
+}
+
+/// A body about its own origin, with second moments in place of the inertia.
+struct Body<T> {
+    m: T,
+    h: V3<T>,
+    rr: S3<T>,
+}
+
+impl<T: ModelScalar> Body<T> {
+    fn new(b: &Ten<f64>) -> Self {
+        let half = 0.5 * (b.i.xx + b.i.yy + b.i.zz);
+        let c = T::from_f64;
+        Self {
+            m: c(b.m),
+            h: V3::new(c(b.h.x), c(b.h.y), c(b.h.z)),
+            rr: S3 {
+                xx: c(half - b.i.xx),
+                xy: c(-b.i.xy),
+                yy: c(half - b.i.yy),
+                xz: c(-b.i.xz),
+                yz: c(-b.i.yz),
+                zz: c(half - b.i.zz),
+            },
+        }
+    }
+}
+
+impl<T: ModelScalar> Moved<T> {
+    /// The body that a joint carries from this one.
+    #[inline(always)]
+    fn step(&self, l: &Link<T>, qd: T, qdd: T, prismatic: bool) -> Self {
+        let r = crate::derivatives::turned_by(&self.r, &l.pose);
+        let d = self.r.mul(&l.pose.p);
+        let (v, w) = l.screw();
+        let two = T::from_f64(2.0);
+        let mut next = Self {
+            r,
+            p: self.p + d,
+            dp: self.w.cross_add(&d, &self.dp),
+            ddp: self.w.cross_add(&self.w.cross(&d), &self.dw.cross_add(&d, &self.ddp)),
+            w: self.w,
+            dw: self.dw,
+        };
+        if prismatic {
+            let u = r.mul(&v);
+            next.dp = u.scale_add(qd, &next.dp);
+            next.ddp = u.scale_add(qdd, &next.ddp) + self.w.cross(&u.scaled(qd * two));
+        } else {
+            let u = r.mul(&w);
+            next.w = u.scale_add(qd, &self.w);
+            next.dw = u.scale_add(qdd, &self.w.cross_add(&u.scaled(qd), &self.dw));
+        }
+        next
+    }
+    /// Contribution of a body to the sums.
+    #[inline(always)]
+    fn sums(&self, b: &Body<T>) -> Sums<T> {
+        let hr = self.r.mul(&b.h);
+        let turned = {
+            let mut x = Pose::identity();
+            (x.turn, x.r) = (Turn::General, self.r);
+            x.up_sym::<{ turn::ANY }>(&b.rr)
+        };
+        let dhr = self.w.cross(&hr);
+        let dh = self.dp.scale_add(b.m, &dhr);
+        let h = self.p.scale_add(b.m, &hr);
+        let ddh = self.ddp.scale_add(b.m, &self.w.cross_add(&dhr, &self.dw.cross(&hr)));
+        // int rho (w x rho)^T has columns w x (column of the second moments), transposed.
+        let turning = [turned.col(0), turned.col(1), turned.col(2)].map(|c| self.w.cross(&c));
+        let t = |i: usize, j: usize| [turning[i].x, turning[i].y, turning[i].z][j];
+        let (p, dp) = (&self.p, &self.dp);
+        let column = |j: usize| {
+            let own = V3::new(t(0, j), t(1, j), t(2, j));
+            p.scale_add(dh.get(j), &hr.scale_add(dp.get(j), &own))
+        };
+        // int rho x (dw x rho + w x (w x rho)): I dw + w x I w with I = tr(S) 1 - S.
+        let trace = turned.xx + turned.yy + turned.zz;
+        let spin = |v: &V3<T>| v.scaled(trace) - turned.mul(v);
+        let dl_own = self.w.cross_add(&spin(&self.w), &spin(&self.dw));
+        let rr = |x: T, a: (T, T), b: (T, T), m: T| {
+            // p hr^T + hr p^T + m p p^T + S, element (i, j) from the components (p_i, p_j), (hr_i, hr_j).
+            (a.0 * a.1).mul_add(m, a.0.mul_add(b.1, a.1.mul_add(b.0, x)))
+        };
+        Sums {
+            m: b.m,
+            h,
+            dh,
+            ddh,
+            rr: S3 {
+                xx: rr(turned.xx, (p.x, p.x), (hr.x, hr.x), b.m),
+                xy: rr(turned.xy, (p.x, p.y), (hr.x, hr.y), b.m),
+                yy: rr(turned.yy, (p.y, p.y), (hr.y, hr.y), b.m),
+                xz: rr(turned.xz, (p.x, p.z), (hr.x, hr.z), b.m),
+                yz: rr(turned.yz, (p.y, p.z), (hr.y, hr.z), b.m),
+                zz: rr(turned.zz, (p.z, p.z), (hr.z, hr.z), b.m),
+            },
+            k: M3([column(0), column(1), column(2)]),
+            dl: p.cross_add(&ddh, &hr.cross_add(&self.ddp, &dl_own)),
+        }
+    }
+    /// A frame fixed in the body.
+    #[inline(always)]
+    fn frame(&self, x: &Xform<f64>) -> Frame<T> {
+        let mount = Pose::<T>::constant(x);
+        let d = self.r.mul(&mount.p);
+        let mut pose = Pose::identity();
+        pose.turn = Turn::General;
+        pose.r = if mount.turn == Turn::None {
+            self.r
+        } else {
+            M3([self.r.mul(&mount.r.0[0]), self.r.mul(&mount.r.0[1]), self.r.mul(&mount.r.0[2])])
+        };
+        pose.p = self.p + d;
+        let swing = self.w.cross(&d);
+        Frame {
+            pose,
+            moving: true,
+            dp: self.dp + swing,
+            ddp: self.w.cross_add(&swing, &self.dw.cross_add(&d, &self.ddp)),
+            w: self.w,
+            dw: self.dw,
+        }
+    }
+}
+
+impl<T: ModelScalar> Sums<T> {
+    #[inline(always)]
+    fn zero() -> Self {
+        let z = V3::zero();
+        Self { m: T::zero(), h: z, dh: z, ddh: z, rr: S3::zero(), k: M3::zero(), dl: z }
+    }
+    #[inline(always)]
+    fn add(&mut self, o: &Self) {
+        self.m += o.m;
+        self.h += o.h;
+        self.dh += o.dh;
+        self.ddh += o.ddh;
+        let (a, b) = (&mut self.rr, &o.rr);
+        a.xx += b.xx;
+        a.xy += b.xy;
+        a.yy += b.yy;
+        a.xz += b.xz;
+        a.yz += b.yz;
+        a.zz += b.zz;
+        for (a, b) in self.k.0.iter_mut().zip(&o.k.0) {
+            *a += *b;
+        }
+        self.dl += o.dl;
+    }
+    /// `J v = tr(S) v - S v`.
+    #[inline(always)]
+    fn inertia(&self, v: &V3<T>) -> V3<T> {
+        v.scaled(self.rr.xx + self.rr.yy + self.rr.zz) - self.rr.mul(v)
+    }
+    #[inline(always)]
+    fn arm(&self) -> Arm<T> {
+        let (s, k) = (&self.rr, &self.k.0);
+        let two = T::from_f64(2.0);
+        let (tr, twice) = (k[0].x + k[1].y + k[2].z, |v: V3<T>| v.scaled(two));
+        let i = S3 { xx: s.yy + s.zz, xy: -s.xy, yy: s.xx + s.zz, xz: -s.xz, yz: -s.yz, zz: s.xx + s.yy };
+        Arm {
+            ten: Ten { m: self.m, h: self.h, i },
+            dh2: twice(self.dh),
+            ddh: self.ddh,
+            // Column j of 2 (tr K 1 - K^T) is made of row j of K.
+            c: M3([
+                twice(V3::new(tr - k[0].x, -k[1].x, -k[2].x)),
+                twice(V3::new(-k[0].y, tr - k[1].y, -k[2].y)),
+                twice(V3::new(-k[0].z, -k[1].z, tr - k[2].z)),
+            ]),
+            dl: self.dl,
+        }
+    }
+    /// The row of a joint with screw `(s, u)` that carries this subtree.
+    #[inline(always)]
+    fn row(&self, s: &V3<T>, u: &V3<T>) -> [T; ROW] {
+        let (h, k) = (&self.h, &self.k.0);
+        let two = T::from_f64(2.0);
+        let ga = s.scale_add(self.m, &u.cross(h));
+        let gb = h.cross_add(s, &self.inertia(u));
+        // C^T u = 2 (tr K u - K u).
+        let gw = self.dh.cross_add(s, &(u.scaled(k[0].x + k[1].y + k[2].z) - self.k.mul(u))).scaled(two);
+        // u.(w x J w) = (u x r).w (r.w) summed: [u]x S, made symmetric; s.(w x (w x h)) = s.w h.w - s.h w.w.
+        let x = [self.rr.col(0), self.rr.col(1), self.rr.col(2)].map(|c| u.cross(&c));
+        let sh = s.dot(h);
+        let half = |a: T, b: T| (a + b).scale(0.5);
+        let q = [
+            s.x * h.x - sh + x[0].x,
+            half(s.x * h.y + x[0].y, s.y * h.x + x[1].x),
+            s.y * h.y - sh + x[1].y,
+            half(s.x * h.z + x[0].z, s.z * h.x + x[2].x),
+            half(s.y * h.z + x[1].z, s.z * h.y + x[2].y),
+            s.z * h.z - sh + x[2].z,
+        ];
+        let mut row = [s.dot(&self.ddh) + u.dot(&self.dl); ROW];
+        ga.write_to(&mut row);
+        gb.write_to(&mut row[3..]);
+        gw.write_to(&mut row[6..]);
+        row[9..15].copy_from_slice(&q);
+        s.write_to(&mut row[16..]);
+        u.write_to(&mut row[19..]);
+        row
     }
 }

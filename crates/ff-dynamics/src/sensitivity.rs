@@ -1,28 +1,36 @@
 //! Exact sensitivities of the simulated record with respect to any parameters, integrated beside the states.
 //!
-//! Differentiating `0 = R(z, u, p)` of [`crate::reduced`] with `u = [A | nu']`:
+//! Differentiating `0 = R(z, u, p)` of [`crate::reduced`] with `u = [a | al | nu']`:
 //!
 //! ```text
-//! M_uu du = -(R_z dz + R_p dp),
+//! M du = -(R_z dz + R_p dp),      M = R_u,
 //! ```
 //!
-//! so one regressor `R_p`, one derivative pass `R_z` and one factorisation of `M_uu` per stage serve all
-//! parameters. The discrete sensitivities are the exact derivatives of the discrete (RK4) solution.
+//! so one regressor `R_p`, one derivative pass `R_z` and one factorisation of `M` per stage serve all parameters
+//! (`docs/theory/derivatives.md`). The trajectory does not depend on its derivatives: the stages of a step (of two, with
+//! eight lanes) are integrated first, their derivatives are evaluated together, one stage per lane (`tangent.rs`), and
+//! the columns `dz` are then carried through the step, several columns per vector. The discrete sensitivities are the
+//! exact derivatives of the discrete (RK4) solution.
 
-use crate::ldl;
+use crate::attitude::{Attitude, AttitudeTrack};
 use crate::prescribed::Prescribed;
-use crate::reduced::{Reduced, ReducedError, ReducedWork, Response, STAGE, WEIGHT, check, rate, torques};
-use crate::regressor::{PortDerivatives, PortJacobian, body_regressor};
-use ff_model::{Force, Model, Motion, Params, PortState};
+use crate::reduced::{Reduced, ReducedError, Response, Rk4, STAGE, WEIGHT, check};
+use crate::tangent::{Columns, Tangent, TorqueRows, fma};
+use ff_model::lanes::{Isa, LaneTask, dispatch};
+use ff_model::{LaneScalar, Model, Params};
 use nalgebra::DMatrix;
 
-/// What to differentiate with respect to.
+/// What to differentiate, and with respect to what.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
     /// Indices into the parameter vector (base body, tracked links, appendages).
     pub params: Vec<usize>,
     /// Indices into the initial state `z0 = [V 6 | eta m | nu m]`.
     pub initial: Vec<usize>,
+    /// The acceleration of the base, too ([`Sensitivities::accel`]).
+    pub accel: bool,
+    /// The attitude of the base, too ([`Sensitivities::attitude`]).
+    pub attitude: bool,
 }
 
 impl Wanted {
@@ -38,282 +46,25 @@ impl Wanted {
     pub fn links(&self, model: &Model) -> Vec<usize> {
         let mut l: Vec<usize> =
             self.params.iter().filter(|&&p| p >= 10 && p < 10 * model.n_bodies()).map(|p| p / 10).collect();
-        l.dedup();
         l.sort_unstable();
         l.dedup();
         l
     }
 }
 
-/// Derivatives of torque and gyro samples; row `i * n + j` is channel `j` at sample `i`, one column per
-/// entry of [`Wanted`] (parameters first).
+/// Derivatives of what is measured; row `i * n + j` is channel `j` of `n` at sample `i`, one column per entry of
+/// [`Wanted`] (parameters first).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensitivities {
     /// d tau, `(N n) x P` (N m per unit).
     pub tau: DMatrix<f64>,
     /// d gyro, `(N 3) x P` (rad/s per unit).
     pub gyro: DMatrix<f64>,
-}
-
-/// Where a wanted parameter lives.
-#[derive(Clone, Copy)]
-enum Place {
-    Base(usize),
-    Link { frame: usize, body: usize, k: usize },
-    Port { port: usize, k: usize },
-}
-
-/// Derivatives of the reduced equations at one node and state.
-struct Tangent<'a> {
-    model: &'a Model,
-    params: &'a Params<f64>,
-    table: &'a Prescribed,
-    places: Vec<Place>,
-    /// Per port: derivatives with respect to its wanted parameters.
-    by_port: Vec<PortDerivatives>,
-    by_state: Vec<PortJacobian>,
-    /// `R_z`, `(6+m) x nz` row-major, and the port wrenches' `d/dz`, 6 x nz each.
-    rz: Vec<f64>,
-    gain: Vec<f64>,
-    wz: Vec<Vec<f64>>,
-    /// `R_p`, `(6+m) x P` column by column, and the wrench part that sits on a link, per column.
-    rp: Vec<f64>,
-    wp: Vec<Force<f64>>,
-}
-
-impl<'a> Tangent<'a> {
-    fn new(model: &'a Model, params: &'a Params<f64>, table: &'a Prescribed, wanted: &Wanted) -> Self {
-        let bodies = 10 * model.n_bodies();
-        let ports = model.appendages();
-        let places: Vec<Place> = wanted
-            .params
-            .iter()
-            .map(|&p| {
-                if p < 10 {
-                    Place::Base(p)
-                } else if p < bodies {
-                    let body = p / 10;
-                    let at = table.links.iter().position(|&l| l == body);
-                    assert!(at.is_some(), "body {body} is not tracked by the prescribed motion");
-                    Place::Link { frame: ports.len() + at.unwrap_or(0), body, k: p % 10 }
-                } else {
-                    let port = ports.iter().rposition(|a| a.param_offset <= p).unwrap_or(0);
-                    Place::Port { port, k: p - ports[port].param_offset }
-                }
-            })
-            .collect();
-        let mut by_port = vec![Vec::new(); ports.len()];
-        for (col, p) in places.iter().enumerate() {
-            if let Place::Port { port, k } = p {
-                by_port[*port].push((*k, col));
-            }
-        }
-        let (m, nz) = (model.np(), 6 + 2 * model.np());
-        Self {
-            model,
-            params,
-            table,
-            by_port: ports.iter().zip(&by_port).map(|(a, w)| PortDerivatives::new(&*a.appendage, w)).collect(),
-            by_state: ports
-                .iter()
-                .enumerate()
-                .map(|(k, a)| PortJacobian::new(a.dim(), params.appendage(model, k)))
-                .collect(),
-            rz: vec![0.0; (6 + m) * nz],
-            gain: vec![0.0; (6 + m) * nz],
-            wz: vec![vec![0.0; 6 * nz]; ports.len()],
-            rp: vec![0.0; (6 + m) * places.len()],
-            wp: vec![Force::zero(); places.len()],
-            places,
-        }
-    }
-
-    /// Fills `R_z` and `R_p` at `(node, z, u)`; plain port terms are taken from `real`.
-    ///
-    /// Base rows: `d/dV [I' V + V x* ((I_base + I) V + h)]` by columns, plus per port, with `T = X^-1`,
-    /// `d w = h_V T dV + M_b T (dV x s) + h_eta d eta + h_nu d nu`.
-    fn evaluate(&mut self, node: usize, z: &[f64], u: &[f64], real: &ReducedWork<f64>) {
-        let (m, nz) = (self.model.np(), z.len());
-        let (v, a) = (Motion::from_slice(z), Motion::<f64>::from_slice(u));
-        self.rz.fill(0.0);
-        let arm = &self.table.arm[node];
-        let total = *self.params.body(0) + arm.inertia;
-        let p = total.mul_motion(&v) + arm.h;
-        let unit: [Motion<f64>; 6] = core::array::from_fn(|j| {
-            let mut e = [0.0; 6];
-            e[j] = 1.0;
-            Motion::from_slice(&e)
-        });
-        for (j, e) in unit.iter().enumerate() {
-            let col = arm.d_inertia.mul_motion(e) + e.cross_force(&p) + v.cross_force(&total.mul_motion(e));
-            for i in 0..6 {
-                self.rz[i * nz + j] = col.get(i);
-            }
-        }
-        let frames = self.table.frames_at(node);
-        for (k, ap) in self.model.appendages().iter().enumerate() {
-            let (f, n) = (&frames[k], ap.dim());
-            let (dim, first) = (6 + n, ap.coord_offset);
-            let s = PortState {
-                host: real.v[k],
-                eta: &z[6 + first..6 + first + n],
-                nu: &z[6 + m + first..6 + m + first + n],
-            };
-            let host = f.x.motion_to_child(&(a + f.ds + v.cross(&f.s)));
-            let jac = &mut self.by_state[k];
-            jac.evaluate(&*ap.appendage, &s, &host, &u[6 + first..6 + first + n]);
-            self.wz[k].fill(0.0);
-            let (rz, wz) = (&mut self.rz, &mut self.wz[k]);
-            let mut put = |col: usize, d: &[f64]| {
-                let w = f.x.force_to_parent(&Force::from_slice(d));
-                for i in 0..6 {
-                    rz[i * nz + col] += w.get(i);
-                    wz[i * nz + col] = w.get(i);
-                }
-                for i in 0..n {
-                    rz[(6 + first + i) * nz + col] += d[6 + i];
-                }
-            };
-            let mut d = [0.0; 6 + ff_model::MAX_COORDS];
-            for (j, e) in unit.iter().enumerate() {
-                let dv = f.x.motion_to_child(e);
-                let da = f.x.motion_to_child(&e.cross(&f.s));
-                d[..dim].fill(0.0);
-                for c in 0..6 {
-                    let (x, y) = (dv.get(c), da.get(c));
-                    for i in 0..dim {
-                        d[i] += jac.columns[c * dim + i] * x + real.port_m(k, i, c) * y;
-                    }
-                }
-                put(j, &d[..dim]);
-            }
-            for i in 0..n {
-                put(6 + first + i, &jac.columns[(6 + i) * dim..(7 + i) * dim]);
-                put(6 + m + first + i, &jac.columns[(6 + n + i) * dim..(7 + n + i) * dim]);
-            }
-        }
-        self.parameters(node, z, u, real);
-    }
-
-    /// Fills `R_p` alone.
-    fn parameters(&mut self, node: usize, z: &[f64], u: &[f64], real: &ReducedWork<f64>) {
-        let m = self.model.np();
-        self.rp.fill(0.0);
-        let (v, a) = (Motion::from_slice(z), Motion::<f64>::from_slice(u));
-        let frames = self.table.frames_at(node);
-        let rows = 6 + m;
-        let base = body_regressor(&v, &a);
-        for (col, place) in self.places.iter().enumerate() {
-            match *place {
-                Place::Base(k) => base[k].write_to(&mut self.rp[col * rows..]),
-                Place::Link { frame, k, .. } => {
-                    let f = &frames[frame];
-                    let vh = f.x.motion_to_child(&(v + f.s));
-                    let ah = f.x.motion_to_child(&(a + f.ds + v.cross(&f.s)));
-                    let w = f.x.force_to_parent(&body_regressor(&vh, &ah)[k]);
-                    w.write_to(&mut self.rp[col * rows..]);
-                    self.wp[col] = w;
-                }
-                Place::Port { .. } => {}
-            }
-        }
-        for (port, ap) in self.model.appendages().iter().enumerate() {
-            let f = &frames[port];
-            let host = f.x.motion_to_child(&(a + f.ds + v.cross(&f.s)));
-            let r = ap.coord_offset..ap.coord_offset + ap.dim();
-            let s = PortState {
-                host: real.v[port],
-                eta: &z[6 + r.start..6 + r.end],
-                nu: &z[6 + m + r.start..6 + m + r.end],
-            };
-            let (rp, wp) = (&mut self.rp, &mut self.wp);
-            let p = self.params.appendage(self.model, port);
-            let acc = &u[6 + r.start..6 + r.end];
-            self.by_port[port].evaluate(&*ap.appendage, p, &s, &host, acc, |col, d| {
-                let w = f.x.force_to_parent(&Force::from_slice(d));
-                w.write_to(&mut rp[col * rows..]);
-                wp[col] = w;
-                rp[col * rows + 6 + r.start..col * rows + 6 + r.end].copy_from_slice(&d[6..]);
-            });
-        }
-    }
-
-    /// `du` of every column: `M_uu du = -(R_z dz + R_p)`, as `du = G dz + M_uu^-1 (-R_p)` with
-    /// `G = -M_uu^-1 R_z` formed once.
-    fn solve(&mut self, mass: &[f64], dz: &[f64], du: &mut [f64]) {
-        let rows = 6 + self.model.np();
-        let nz = 6 + 2 * self.model.np();
-        for c in 0..nz {
-            let g = &mut self.gain[c * rows..(c + 1) * rows];
-            for (i, x) in g.iter_mut().enumerate() {
-                *x = -self.rz[i * nz + c];
-            }
-            ldl::solve(mass, rows, g);
-        }
-        for (col, (du, dz)) in du.chunks_exact_mut(rows).zip(dz.chunks_exact(nz)).enumerate() {
-            if col < self.places.len() {
-                for (x, r) in du.iter_mut().zip(&self.rp[col * rows..]) {
-                    *x = -r;
-                }
-                ldl::solve(mass, rows, du);
-            } else {
-                du.fill(0.0);
-            }
-            for (g, &z) in self.gain.chunks_exact(rows).zip(dz) {
-                du.iter_mut().zip(g).for_each(|(x, g)| *x += g * z);
-            }
-        }
-    }
-
-    /// Torque derivatives of one sample into `out[j]` for column `col`.
-    #[allow(clippy::too_many_arguments)] // state, its derivative, accelerations, theirs: all are needed
-    fn torque(
-        &self,
-        sample: usize,
-        col: usize,
-        z: &[f64],
-        dz: &[f64],
-        du: &[f64],
-        real: &ReducedWork<f64>,
-        out: &mut [f64],
-    ) {
-        let v = Motion::from_slice(z);
-        let (dv, da) = (Motion::from_slice(dz), Motion::<f64>::from_slice(du));
-        let rows = self.table.rows_at(sample);
-        for (t, r) in out.iter_mut().zip(rows) {
-            let c = &r.carrier;
-            let f = c.inertia.mul_motion(&da)
-                + c.d_inertia.mul_motion(&dv)
-                + dv.cross_force(&(c.inertia.mul_motion(&v) + c.h))
-                + v.cross_force(&c.inertia.mul_motion(&dv));
-            *t = r.screw.dot(&f);
-        }
-        let mut add = |host: usize, w: &Force<f64>| {
-            for &j in &self.table.above[host] {
-                out[j] += rows[j].screw.dot(w);
-            }
-        };
-        let node = sample * 2 * self.table.substeps;
-        let nz = z.len();
-        for (k, ap) in self.model.appendages().iter().enumerate().filter(|(_, ap)| ap.host > 0) {
-            let x = &self.table.frames_at(node)[k].x;
-            let mut w = real.host_block(k, x).mul_motion(&da);
-            for j in 0..ap.dim() {
-                w += x.force_to_parent(&real.coupling(k, j)).scaled(du[6 + ap.coord_offset + j]);
-            }
-            let mut along = [0.0; 6];
-            for (i, a) in along.iter_mut().enumerate() {
-                *a = self.wz[k][i * nz..(i + 1) * nz].iter().zip(dz).map(|(a, b)| a * b).sum();
-            }
-            w += Force::from_slice(&along);
-            add(ap.host, &w);
-        }
-        match self.places.get(col) {
-            Some(Place::Link { body, .. }) => add(*body, &self.wp[col]),
-            Some(Place::Port { port, .. }) => add(self.model.appendages()[*port].host, &self.wp[col]),
-            _ => {}
-        }
-    }
+    /// d of classical acceleration of the base origin (m/s^2) and angular acceleration (rad/s^2), both in base axes,
+    /// `(N 6) x P`: what [`crate::Accelerometer::derivative`] makes an accelerometer's derivatives of.
+    pub accel: Option<DMatrix<f64>>,
+    /// Attitude since the start, and its derivatives.
+    pub attitude: Option<Attitude>,
 }
 
 /// Integrates the reduced system and its sensitivities from `z0`; see [`crate::simulate_reduced`].
@@ -324,7 +75,7 @@ impl<'a> Tangent<'a> {
 /// [`ReducedError`].
 ///
 /// # Panics
-/// If `z0` has the wrong length or a wanted link is not tracked by `table`.
+/// If `z0` has the wrong length, an initial state does not exist or a wanted link is not tracked by `table`.
 pub fn sensitivities(
     model: &Model,
     params: &Params<f64>,
@@ -333,133 +84,441 @@ pub fn sensitivities(
     wanted: &Wanted,
 ) -> Result<(Response, Sensitivities), ReducedError> {
     check(model)?;
-    let (m, nj, np) = (model.np(), model.nj(), wanted.len());
-    let (nz, nu) = (6 + 2 * m, 6 + m);
+    let nz = 6 + 2 * model.np();
     assert_eq!(z0.len(), nz, "initial state");
-    let mut sys = Reduced::new(model, params, table);
-    let mut tan = Tangent::new(model, params, table, wanted);
-    let mut out = Response::new(table.samples, nj, m);
-    let mut sens =
-        Sensitivities { tau: DMatrix::zeros(table.samples * nj, np), gyro: DMatrix::zeros(table.samples * 3, np) };
-    let mut z = z0.to_vec();
-    let mut dz = vec![0.0; nz * np];
-    for (c, &i) in wanted.initial.iter().enumerate() {
-        dz[(wanted.params.len() + c) * nz + i] = 1.0;
-    }
-    let (mut zs, mut k, mut sum) = (z.clone(), vec![0.0; nz], vec![0.0; nz]);
-    let (mut dzs, mut dk, mut dsum) = (dz.clone(), dz.clone(), dz.clone());
-    let (mut u, mut du) = (vec![0.0; nu], vec![0.0; nu * np]);
-    let mut tau = vec![0.0; nj];
-    for i in 0..table.samples {
-        let node = i * 2 * table.substeps;
-        for s in 0..table.substeps {
-            sum.fill(0.0);
-            dsum.fill(0.0);
-            for stage in 0..4 {
-                zs.copy_from_slice(&z);
-                dzs.copy_from_slice(&dz);
-                let c = 0.5 * table.step * STAGE[stage] as f64;
-                if stage > 0 {
-                    zs.iter_mut().zip(&k).for_each(|(x, k)| *x += c * k);
-                    dzs.iter_mut().zip(&dk).for_each(|(x, k)| *x += c * k);
-                }
-                let at = node + 2 * s + STAGE[stage];
-                sys.accelerations(at, &zs, &mut u)?;
-                tan.evaluate(at, &zs, &u, &sys.work);
-                tan.solve(&sys.mass, &dzs, &mut du);
-                if s == 0 && stage == 0 {
-                    sys.work.residual(model, params, table, at, &zs, &u);
-                    torques(
-                        model,
-                        table,
-                        i,
-                        &Motion::from_slice(&z),
-                        &Motion::from_slice(&u),
-                        &sys.work.wrench,
-                        &mut tau,
-                    );
-                    out.write(i, m, &z, &u, &tau);
-                    for c in 0..np {
-                        let (dz, du) = (&dz[c * nz..(c + 1) * nz], &du[c * nu..(c + 1) * nu]);
-                        tan.torque(
-                            i,
-                            c,
-                            &z,
-                            dz,
-                            du,
-                            &sys.work,
-                            &mut sens.tau.as_mut_slice()[c * table.samples * nj + i * nj..][..nj],
-                        );
-                        sens.gyro.as_mut_slice()[c * table.samples * 3 + i * 3..][..3].copy_from_slice(&dz[3..6]);
-                    }
-                    if i + 1 == table.samples {
-                        return Ok((out, sens));
-                    }
-                }
-                rate(m, &zs, &u, &mut k);
-                sum.iter_mut().zip(&k).for_each(|(x, k)| *x += WEIGHT[stage] * table.step * k);
-                for c in 0..np {
-                    rate(m, &dzs[c * nz..(c + 1) * nz], &du[c * nu..(c + 1) * nu], &mut dk[c * nz..(c + 1) * nz]);
-                }
-                dsum.iter_mut().zip(&dk).for_each(|(x, k)| *x += WEIGHT[stage] * table.step * k);
-            }
-            z.iter_mut().zip(&sum).for_each(|(x, d)| *x += d);
-            dz.iter_mut().zip(&dsum).for_each(|(x, d)| *x += d);
-        }
-        if !z.iter().all(|x| x.is_finite()) {
-            return Err(ReducedError::NotFinite { t: i as f64 * table.sample_s, step: table.step });
-        }
-    }
-    Ok((out, sens))
+    assert!(wanted.initial.iter().all(|&i| i < nz), "index of an initial state");
+    let columns = Columns::new(model, table, &wanted.params);
+    dispatch(Isa::detect(), Run { model, params, table, z0, wanted, columns: &columns })
 }
 
-/// Joint torques of a rigid system for measured base rates, base acceleration eliminated: the reduced
-/// dynamics of the RDA, with exact parameter derivatives.
-///
-/// `rates` is `N x 3`, the base angular velocity at the samples. Momentum conservation gives the base
-/// acceleration, `A = -H_b^-1 (H_bm qdd + c_b)`, whatever the linear velocity (Galilean invariance), and
-///
-/// ```text
-/// tau = H_m qdd + H_bm^T A + c_m = N^T Y phi,     d tau / d phi = N^T Y(A),     N^T = [-H_bm^T H_b^-1, 1].
-/// ```
-///
-/// Rackl, Lampariello, Albu-Schaeffer 2013 (reference 2 of the paper); `docs/theory/rda.md`. Returns torques
-/// (`N x n`) and their derivatives (`(N n) x P`, columns as in `wanted.params`). Allocates the results.
-///
-/// # Errors
-/// [`ReducedError`].
-///
-/// # Panics
-/// If the model has passive coordinates, `wanted.initial` is not empty, or a shape is wrong.
-pub fn reduced_torques(
-    model: &Model,
-    params: &Params<f64>,
-    table: &Prescribed,
-    rates: &DMatrix<f64>,
-    wanted: &Wanted,
-) -> Result<(DMatrix<f64>, DMatrix<f64>), ReducedError> {
-    check(model)?;
-    assert_eq!(model.np(), 0, "reduced torques are those of a rigid model");
-    assert!(wanted.initial.is_empty(), "there is no initial state to differentiate with respect to");
-    assert_eq!(rates.shape(), (table.samples, 3), "base rates");
-    let (n, nj, np) = (table.samples, model.nj(), wanted.params.len());
-    let mut sys = Reduced::new(model, params, table);
-    let mut tan = Tangent::new(model, params, table, wanted);
-    let (mut tau, mut d) = (DMatrix::zeros(n, nj), DMatrix::zeros(n * nj, np));
-    let (mut u, mut du, dz) = ([0.0; 6], vec![0.0; 6 * np], vec![0.0; 6 * np]);
-    let mut row = vec![0.0; nj];
-    for i in 0..n {
-        let z = [0.0, 0.0, 0.0, rates[(i, 0)], rates[(i, 1)], rates[(i, 2)]];
-        let node = i * 2 * table.substeps;
-        sys.accelerations(node, &z, &mut u)?;
-        torques(model, table, i, &Motion::from_slice(&z), &Motion::from_slice(&u), &[], &mut row);
-        row.iter().enumerate().for_each(|(j, &t)| tau[(i, j)] = t);
-        tan.parameters(node, &z, &u, &sys.work);
-        tan.solve(&sys.mass, &dz, &mut du);
-        for c in 0..np {
-            let out = &mut d.as_mut_slice()[c * n * nj + i * nj..][..nj];
-            tan.torque(i, c, &z, &dz[..6], &du[c * 6..c * 6 + 6], &sys.work, out);
+struct Run<'a> {
+    model: &'a Model,
+    params: &'a Params<f64>,
+    table: &'a Prescribed,
+    z0: &'a [f64],
+    wanted: &'a Wanted,
+    columns: &'a Columns,
+}
+
+impl LaneTask for Run<'_> {
+    type Output = Result<(Response, Sensitivities), ReducedError>;
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        let Self { model, params, table, z0, wanted, columns } = self;
+        let m = model.np();
+        let lifted = Params::from_values(model, params.values().iter().map(|&x| L::splat(x)).collect());
+        let mut sys = Reduced::new(model, params, table);
+        let mut rk = Rk4::new(model, z0);
+        let mut tangent = Tangent::<L>::new(model, &lifted, table, columns);
+        let mut points = Points::<L>::new(m);
+        let mut flow = Flow::<L>::new(model, tangent.nz, wanted, table.step);
+        let mut sink = Sink::new(model, params, table, wanted, columns);
+        let last = (table.samples - 1) * table.substeps;
+        let at_once = L::N / 4;
+        for first in (0..last).step_by(at_once) {
+            let steps = at_once.min(last - first);
+            points.clear();
+            for step in first..first + steps {
+                for stage in 0..4 {
+                    one_stage(&mut rk, &mut sys, step, stage)?;
+                    if stage == 0 && step % table.substeps == 0 {
+                        rk.sample(&sys, step / table.substeps)?;
+                        sink.response.write(step / table.substeps, m, &rk.zs, &rk.u, &rk.tau);
+                    }
+                    rk.rate(table.step, stage);
+                    points.push(2 * step + STAGE[stage], &rk.zs, &rk.u);
+                }
+                rk.finish();
+            }
+            points.differentiate(&mut tangent, &mut flow);
+            for step in first..first + steps {
+                let lane = 4 * (step - first);
+                let sample = step % table.substeps == 0;
+                if sample && let Some(track) = &sink.track {
+                    flow.attitude_rows(&mut sink.attitude, track, step / table.substeps);
+                }
+                if let Some(track) = &mut sink.track {
+                    flow.turn = track.step(table.step, core::array::from_fn(|s| points.w(lane + s)));
+                }
+                flow.step(lane, sample, &points);
+                if sample {
+                    sink.take(step / table.substeps, points.point(lane), &flow);
+                }
+            }
+        }
+        // The last sample is an evaluation without a step.
+        one_stage(&mut rk, &mut sys, last, 0)?;
+        rk.sample(&sys, table.samples - 1)?;
+        sink.response.write(table.samples - 1, m, &rk.zs, &rk.u, &rk.tau);
+        points.clear();
+        points.push(2 * last, &rk.zs, &rk.u);
+        points.differentiate(&mut tangent, &mut flow);
+        flow.hold(0);
+        if let Some(track) = &sink.track {
+            flow.attitude_rows(&mut sink.attitude, track, table.samples - 1);
+        }
+        sink.take(table.samples - 1, points.point(0), &flow);
+        Ok(sink.done())
+    }
+}
+
+/// Not inlined: plain numbers need it once, not once per instruction set.
+#[inline(never)]
+fn one_stage(rk: &mut Rk4<f64>, sys: &mut Reduced<'_, f64>, step: usize, stage: usize) -> Result<(), ReducedError> {
+    rk.stage(sys, step, stage)
+}
+
+/// Points of the trajectory that go through the derivatives together.
+struct Points<L> {
+    count: usize,
+    nodes: [usize; 8],
+    /// By point: state and accelerations, as they were.
+    z: [Vec<f64>; 8],
+    u: [Vec<f64>; 8],
+    /// The same by lane.
+    zl: Vec<L>,
+    ul: Vec<L>,
+}
+
+impl<L: LaneScalar> Points<L> {
+    fn new(m: usize) -> Self {
+        Self {
+            count: 0,
+            nodes: [0; 8],
+            z: core::array::from_fn(|_| vec![0.0; 6 + 2 * m]),
+            u: core::array::from_fn(|_| vec![0.0; 6 + m]),
+            zl: vec![L::zero(); 6 + 2 * m],
+            ul: vec![L::zero(); 6 + m],
         }
     }
-    Ok((tau, d))
+    fn clear(&mut self) {
+        self.count = 0;
+    }
+    fn push(&mut self, node: usize, z: &[f64], u: &[f64]) {
+        self.nodes[self.count] = node;
+        self.z[self.count].copy_from_slice(z);
+        self.u[self.count].copy_from_slice(u);
+        self.count += 1;
+    }
+    fn point(&self, i: usize) -> (&[f64], &[f64]) {
+        (&self.z[i], &self.u[i])
+    }
+    fn w(&self, i: usize) -> [f64; 3] {
+        [self.z[i][3], self.z[i][4], self.z[i][5]]
+    }
+    /// Evaluates the derivatives at all points and hands them to `flow`. A group that is not full repeats its last.
+    #[inline(always)]
+    fn differentiate(&mut self, tangent: &mut Tangent<'_, L>, flow: &mut Flow<L>) {
+        for i in self.count..L::N {
+            self.nodes[i] = self.nodes[self.count - 1];
+        }
+        let pack = |to: &mut [L], from: &[Vec<f64>; 8], count: usize| {
+            for (k, to) in to.iter_mut().enumerate() {
+                let lanes: [f64; 8] = core::array::from_fn(|i| from[i.min(count - 1)][k]);
+                *to = L::load(&lanes);
+            }
+        };
+        pack(&mut self.zl, &self.z, self.count);
+        pack(&mut self.ul, &self.u, self.count);
+        tangent.evaluate(&self.nodes[..L::N], &self.zl, &self.ul);
+        // These points were solved for, so their mass matrices are definite.
+        tangent.solve();
+        flow.take(tangent);
+    }
+}
+
+/// The columns `dz`, and what carries them through a step.
+struct Flow<L> {
+    m: usize,
+    /// Rows of the accelerations and of the state.
+    n: usize,
+    nz: usize,
+    /// Wanted parameters, and columns in all, and these rounded up to whole vectors.
+    np: usize,
+    pub(crate) count: usize,
+    width: usize,
+    h: f64,
+    /// Per stage: `-M^-1 R_z`, `n x nz`, and `-M^-1 R_p`, `n x width`, row-major.
+    gain: Vec<f64>,
+    force: Vec<f64>,
+    /// `[w 3 | eta | nu | (v 3)] x width`, row-major, and accelerations `n x width` at the present sample.
+    dz: Vec<f64>,
+    at_sample: Vec<f64>,
+    du: Vec<f64>,
+    /// Derivatives of the attitude, `3 x width`, and how they go through the step.
+    dtheta: Vec<f64>,
+    turn: Option<crate::attitude::Turned>,
+    /// One block of columns.
+    x0: Vec<L>,
+    x: Vec<L>,
+    k: Vec<L>,
+    sum: Vec<L>,
+    y: Vec<L>,
+}
+
+impl<L: LaneScalar> Flow<L> {
+    fn new(model: &Model, nz: usize, wanted: &Wanted, h: f64) -> Self {
+        let (m, count) = (model.np(), wanted.len());
+        let (n, width) = (6 + m, count.next_multiple_of(8).max(8));
+        let mut dz = vec![0.0; nz * width];
+        for (c, &i) in wanted.initial.iter().enumerate() {
+            // The state of the record is `[v | w | eta | nu]`.
+            let row = if i < 3 { 3 + 2 * m + i } else { i - 3 };
+            if row < nz {
+                dz[row * width + wanted.params.len() + c] = 1.0;
+            }
+        }
+        let z = |k| vec![L::zero(); k];
+        Self {
+            m,
+            n,
+            nz,
+            np: wanted.params.len(),
+            count,
+            width,
+            h,
+            gain: vec![0.0; 8 * n * nz],
+            force: vec![0.0; 8 * n * width],
+            at_sample: dz.clone(),
+            dz,
+            du: vec![0.0; n * width],
+            dtheta: vec![0.0; if wanted.attitude { 3 * width } else { 0 }],
+            turn: None,
+            x0: z(nz),
+            x: z(nz),
+            k: z(nz),
+            sum: z(nz),
+            y: z(n),
+        }
+    }
+
+    /// Turns lanes of stages into rows of parameters.
+    #[inline(always)]
+    fn take(&mut self, t: &Tangent<'_, L>) {
+        let (n, nz, width) = (self.n, self.nz, self.width);
+        let mut lane = [0.0; 8];
+        for c in 0..nz {
+            for r in 0..n {
+                t.rz[c * n + r].store(&mut lane);
+                for (i, &x) in lane[..L::N].iter().enumerate() {
+                    self.gain[(i * n + r) * nz + c] = x;
+                }
+            }
+        }
+        for c in 0..self.np {
+            for r in 0..n {
+                t.rp[c * n + r].store(&mut lane);
+                for (i, &x) in lane[..L::N].iter().enumerate() {
+                    self.force[(i * n + r) * width + c] = x;
+                }
+            }
+        }
+    }
+
+    /// `du` of the columns in `x` from row `from` on, at a stage, into `y`.
+    #[inline(always)]
+    fn accelerations(&mut self, lane: usize, block: usize, from: usize) {
+        let (n, nz, width) = (self.n, self.nz, self.width);
+        let gain = &self.gain[lane * n * nz..(lane + 1) * n * nz];
+        let force = &self.force[lane * n * width..(lane + 1) * n * width];
+        let mut r = from;
+        while r < n {
+            let left = (n - r).min(4);
+            let f = &force[r * width + block..];
+            let (g, y) = (&gain[r * nz..(r + left) * nz], &mut self.y[r..r + left]);
+            match left {
+                4 => product::<L, 4>(g, &self.x, f, width, y),
+                3 => product::<L, 3>(g, &self.x, f, width, y),
+                2 => product::<L, 2>(g, &self.x, f, width, y),
+                _ => product::<L, 1>(g, &self.x, f, width, y),
+            }
+            r += left;
+        }
+    }
+
+    /// Carries all columns through the step whose stages are lanes `lane..lane + 4`; keeps `dz` and `du` at its
+    /// start where that is a sample.
+    #[inline(always)]
+    fn step(&mut self, lane: usize, sample: bool, points: &Points<L>) {
+        let (n, nz, m, width) = (self.n, self.nz, self.m, self.width);
+        let at_speed = nz > 3 + 2 * m;
+        for block in (0..width).step_by(L::N) {
+            for c in 0..nz {
+                self.x0[c] = L::load(&self.dz[c * width + block..]);
+                if sample {
+                    self.x0[c].store(&mut self.at_sample[c * width + block..]);
+                }
+            }
+            let mut theta = match &self.turn {
+                Some(t) if !self.dtheta.is_empty() => Some(t.carried(&self.dtheta, width, block)),
+                _ => None,
+            };
+            for stage in 0..4 {
+                let c = L::splat(0.5 * self.h * STAGE[stage] as f64);
+                for i in 0..nz {
+                    self.x[i] = if stage == 0 { self.x0[i] } else { fma(c, self.k[i], self.x0[i]) };
+                }
+                if let (Some(theta), Some(turn)) = (&mut theta, &self.turn) {
+                    turn.add(theta, stage, &self.x[..3]);
+                }
+                let all = at_speed || (sample && stage == 0);
+                self.accelerations(lane + stage, block, if all { 0 } else { 3 });
+                if sample && stage == 0 {
+                    for r in 0..n {
+                        self.y[r].store(&mut self.du[r * width + block..]);
+                    }
+                }
+                self.k[..3].copy_from_slice(&self.y[3..6]);
+                self.k[3..3 + m].copy_from_slice(&self.x[3 + m..3 + 2 * m]);
+                self.k[3 + m..3 + 2 * m].copy_from_slice(&self.y[6..]);
+                if at_speed {
+                    // v' = a - w x v.
+                    let z = &points.z[lane + stage];
+                    let s = |i: usize| L::splat(z[i]);
+                    for i in 0..3 {
+                        let (j, l) = ((i + 1) % 3, (i + 2) % 3);
+                        let (w, v) = (&self.x[..3], &self.x[3 + 2 * m..]);
+                        let turned = w[j] * s(l) - w[l] * s(j) + (s(3 + j) * v[l] - s(3 + l) * v[j]);
+                        self.k[3 + 2 * m + i] = self.y[i] - turned;
+                    }
+                }
+                let weight = L::splat(WEIGHT[stage] * self.h);
+                for i in 0..nz {
+                    let from = if stage == 0 { self.x0[i] } else { self.sum[i] };
+                    self.sum[i] = fma(weight, self.k[i], from);
+                }
+            }
+            for c in 0..nz {
+                self.sum[c].store(&mut self.dz[c * width + block..]);
+            }
+            if let Some(theta) = theta {
+                theta.iter().enumerate().for_each(|(i, x)| x.store(&mut self.dtheta[i * width + block..]));
+            }
+        }
+    }
+
+    /// `du` at a point without a step.
+    #[inline(always)]
+    fn hold(&mut self, lane: usize) {
+        let (n, nz, width) = (self.n, self.nz, self.width);
+        self.at_sample.copy_from_slice(&self.dz);
+        for block in (0..width).step_by(L::N) {
+            for c in 0..nz {
+                self.x[c] = L::load(&self.dz[c * width + block..]);
+            }
+            self.accelerations(lane, block, 0);
+            for r in 0..n {
+                self.y[r].store(&mut self.du[r * width + block..]);
+            }
+        }
+    }
+
+    /// Writes the attitude and its derivatives at a sample.
+    fn attitude_rows(&self, to: &mut Option<Attitude>, track: &AttitudeTrack, sample: usize) {
+        if let Some(to) = to {
+            to.write(sample, track, &self.dtheta, self.width, self.count);
+        }
+    }
+}
+
+/// `y = f + G x`: `R` rows of `G` and of `f`, one block of columns.
+#[inline(always)]
+fn product<L: LaneScalar, const R: usize>(g: &[f64], x: &[L], f: &[f64], width: usize, y: &mut [L]) {
+    let nz = x.len();
+    let rows: [&[f64]; R] = core::array::from_fn(|r| &g[r * nz..(r + 1) * nz]);
+    let mut sum: [L; R] = core::array::from_fn(|r| L::load(&f[r * width..]));
+    for (c, &x) in x.iter().enumerate() {
+        for r in 0..R {
+            sum[r] = fma(L::splat(rows[r][c]), x, sum[r]);
+        }
+    }
+    y.copy_from_slice(&sum);
+}
+
+/// Where samples go.
+struct Sink<'a> {
+    model: &'a Model,
+    response: Response,
+    tau: Vec<f64>,
+    gyro: Vec<f64>,
+    accel: Option<Vec<f64>>,
+    samples: usize,
+    rows: TorqueRows<'a>,
+    np: usize,
+    track: Option<AttitudeTrack>,
+    attitude: Option<Attitude>,
+}
+
+impl<'a> Sink<'a> {
+    fn new(
+        model: &'a Model,
+        params: &'a Params<f64>,
+        table: &'a Prescribed,
+        wanted: &Wanted,
+        columns: &'a Columns,
+    ) -> Self {
+        let (n, p) = (table.samples, wanted.len());
+        Self {
+            model,
+            response: Response::new(n, model.nj(), model.np()),
+            tau: vec![0.0; n * model.nj() * p],
+            gyro: vec![0.0; n * 3 * p],
+            accel: wanted.accel.then(|| vec![0.0; n * 6 * p]),
+            samples: n,
+            rows: TorqueRows::new(model, params, table, columns),
+            np: columns.count,
+            track: wanted.attitude.then(AttitudeTrack::default),
+            attitude: wanted.attitude.then(|| Attitude::new(n, p)),
+        }
+    }
+
+    /// Torque and gyro derivatives at a sample.
+    #[inline(always)]
+    fn take<L: LaneScalar>(&mut self, sample: usize, (z, u): (&[f64], &[f64]), flow: &Flow<L>) {
+        let (n, nz, nj) = (self.samples, flow.nz, self.model.nj());
+        self.rows.evaluate(sample, z, u);
+        let carried = self.rows.carried;
+        let (used_u, used_z) = if carried { (flow.n, nz) } else { (6, 3) };
+        let mut lane = [0.0; 8];
+        for block in (0..flow.count).step_by(L::N) {
+            let columns = block..(block + L::N).min(flow.count);
+            for j in 0..nj {
+                let mut s = L::zero();
+                for (r, &t) in self.rows.by_u[j * flow.n..][..used_u].iter().enumerate() {
+                    s = fma(L::splat(t), L::load(&flow.du[r * flow.width + block..]), s);
+                }
+                for (c, &t) in self.rows.by_z[j * nz..][..used_z].iter().enumerate() {
+                    s = fma(L::splat(t), L::load(&flow.at_sample[c * flow.width + block..]), s);
+                }
+                s.store(&mut lane);
+                for c in columns.clone() {
+                    let own = if carried && c < self.np { self.rows.by_p[j * self.np + c] } else { 0.0 };
+                    self.tau[(c * n + sample) * nj + j] = lane[c - block] + own;
+                }
+            }
+        }
+        for c in 0..flow.count {
+            for k in 0..3 {
+                self.gyro[(c * n + sample) * 3 + k] = flow.at_sample[k * flow.width + c];
+            }
+            if let Some(a) = &mut self.accel {
+                (0..6).for_each(|k| a[(c * n + sample) * 6 + k] = flow.du[k * flow.width + c]);
+            }
+        }
+    }
+
+    fn done(self) -> (Response, Sensitivities) {
+        let (n, nj) = (self.samples, self.model.nj());
+        let matrix = |rows: usize, x: Vec<f64>| {
+            let columns = if rows == 0 { 0 } else { x.len() / rows };
+            DMatrix::from_vec(rows, columns, x)
+        };
+        let s = Sensitivities {
+            tau: matrix(n * nj, self.tau),
+            gyro: matrix(n * 3, self.gyro),
+            accel: self.accel.map(|a| matrix(n * 6, a)),
+            attitude: self.attitude,
+        };
+        (self.response, s)
+    }
 }

@@ -1,7 +1,10 @@
 //! What sensors make of a motion: sampling, bias, white noise, quantisation. Seeded, repeatable.
 
+use crate::reduced::Response;
+use crate::sensitivity::Sensitivities;
 use crate::simulate::Trace;
-use nalgebra::DMatrix;
+use ff_model::Xform;
+use nalgebra::{DMatrix, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -30,6 +33,43 @@ impl Channel {
         let z: f64 = StandardNormal.sample(rng);
         let y = x + self.bias + self.noise_std * z;
         if self.quantum > 0.0 { (y / self.quantum).round() * self.quantum } else { y }
+    }
+}
+
+/// Where an accelerometer is and how it is turned, in the base frame.
+///
+/// It reads the specific force at its place, in its axes; without gravity
+/// `R^T (a + al x r + w x (w x r))` with the classical acceleration `a` of the base origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accelerometer {
+    /// Pose of the sensor in the base frame.
+    pub mount: Xform<f64>,
+}
+
+impl Accelerometer {
+    /// Reading (m/s^2) at sample `i` of a reduced simulation. Does not allocate.
+    ///
+    /// # Panics
+    /// If there is no such sample.
+    pub fn read(&self, r: &Response, i: usize) -> Vector3<f64> {
+        let row = |m: &DMatrix<f64>, k: usize| Vector3::new(m[(i, k)], m[(i, k + 1)], m[(i, k + 2)]);
+        let (v, w, al) = (row(&r.twist, 0), row(&r.twist, 3), row(&r.accel, 3));
+        let p = &self.mount.pos;
+        self.mount.rot.transpose() * (row(&r.accel, 0) + w.cross(&v) + al.cross(p) + w.cross(&w.cross(p)))
+    }
+    /// Derivative of the reading at sample `i` along column `c` of sensitivities that hold accelerations
+    /// ([`crate::Wanted::accel`]); `None` if they do not. Does not allocate.
+    ///
+    /// # Panics
+    /// If there is no such sample or column.
+    pub fn derivative(&self, r: &Response, s: &Sensitivities, i: usize, c: usize) -> Option<Vector3<f64>> {
+        let accel = s.accel.as_ref()?;
+        let at = |m: &DMatrix<f64>, k: usize| Vector3::new(m[(k, c)], m[(k + 1, c)], m[(k + 2, c)]);
+        let (dw, da, dal) = (at(&s.gyro, 3 * i), at(accel, 6 * i), at(accel, 6 * i + 3));
+        let w = Vector3::new(r.twist[(i, 3)], r.twist[(i, 4)], r.twist[(i, 5)]);
+        let p = &self.mount.pos;
+        let turning = dw.cross(&w.cross(p)) + w.cross(&dw.cross(p));
+        Some(self.mount.rot.transpose() * (da + dal.cross(p) + turning))
     }
 }
 

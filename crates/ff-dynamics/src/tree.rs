@@ -343,15 +343,7 @@ pub(crate) fn port_terms<T: ModelScalar>(
             PortState { host: Motion { lin: v.into(), ang: w.into() }, eta: &state.eta[c.clone()], nu: &state.nu()[c] };
         let mut m = PortMatrix::new(n, &mut p.m);
         T::port(&*ap.appendage).terms(params.appendage(model, k), &s, &mut m, &mut p.h);
-        let x = [a.x, a.y, a.z, al.x, al.y, al.z];
-        let dim = 6 + n;
-        for i in 0..dim {
-            let mut r = p.h[i];
-            for j in 0..6 {
-                r = p.m[i * dim + j].mul_add(x[j], r);
-            }
-            p.r[i] = r;
-        }
+        p.rest(&a, &al);
         p.press(&mut links[ap.host]);
     }
 }

@@ -39,7 +39,7 @@ pub(crate) struct PortWork<T: ModelScalar> {
 }
 
 impl<T: ModelScalar> PortWork<T> {
-    fn new(a: &ff_model::Mounted) -> Self {
+    pub(crate) fn new(a: &ff_model::Mounted) -> Self {
         let n = a.dim();
         let z = |k: usize| vec![T::zero(); k];
         let dim = 6 + n;
@@ -55,7 +55,19 @@ impl<T: ModelScalar> PortWork<T> {
             pose: Pose::constant(&a.mount),
             r: z(dim),
             g: vec![(V3::zero(), V3::zero()); n],
-            d: z(dim * a.decl().params.len().max(3 + 2 * n)),
+            d: z(dim * a.decl().params.len().max(6 + 2 * n)),
+        }
+    }
+    /// The residual `r = h + M [A; 0]` at a host acceleration (componentwise, angular) and own rates held.
+    #[inline(always)]
+    pub(crate) fn rest(&mut self, a: &V3<T>, al: &V3<T>) {
+        let (x, dim) = ([a.x, a.y, a.z, al.x, al.y, al.z], 6 + self.n);
+        for i in 0..dim {
+            let mut r = self.h[i];
+            for j in 0..6 {
+                r = self.m[i * dim + j].mul_add(x[j], r);
+            }
+            self.r[i] = r;
         }
     }
     /// Adds the host rows of the residual to the host's wrench.

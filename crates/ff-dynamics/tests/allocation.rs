@@ -97,7 +97,7 @@ fn records_of_prescribed_motion_allocate_once() {
     let p = Params::<f64>::nominal(&m);
     let wave = Wave(m.nj());
     let z0 = vec![0.01; 6 + 2 * m.np()];
-    let wanted = Wanted { params: (0..m.n_params()).collect(), initial: vec![2, 7] };
+    let wanted = Wanted { params: (0..m.n_params()).collect(), initial: vec![2, 7], ..Wanted::default() };
     let links = wanted.links(&m);
     let allocations = |substeps: usize| {
         let table = Prescribed::new(&m, &p, &wave, &Sampling { samples: 6, sample_s: 0.02, substeps }, &links);

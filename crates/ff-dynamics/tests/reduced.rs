@@ -42,8 +42,11 @@ fn sensitivities_are_the_derivatives_of_the_simulated_record() {
     let p = Params::nominal(&m);
     let z0 = start(&m);
     // Base, link 4 (which carries the boom) and the last link, every appendage parameter, initial state.
-    let wanted =
-        Wanted { params: (0..10).chain(40..50).chain(70..m.n_params()).collect(), initial: (0..z0.len()).collect() };
+    let wanted = Wanted {
+        params: (0..10).chain(40..50).chain(70..m.n_params()).collect(),
+        initial: (0..z0.len()).collect(),
+        ..Wanted::default()
+    };
     let sampling = Sampling { samples: 31, sample_s: 0.05, substeps: 5 };
     let wave = Wave(7);
     let links = wanted.links(&m);
@@ -107,7 +110,7 @@ fn rda_torques_and_their_derivatives_are_those_of_the_rigid_system() {
     let o = SimOptions { duration_s: 1.0, step_s: 1e-3, sample_s: 0.05 };
     let full = simulate(&m, &p, &s, &Drive::Prescribed(&wave), &o).unwrap();
     let sampling = Sampling { samples: full.len(), sample_s: 0.05, substeps: 1 };
-    let wanted = Wanted { params: (0..10).chain(30..40).chain(70..80).collect(), initial: vec![] };
+    let wanted = Wanted { params: (0..10).chain(30..40).chain(70..80).collect(), initial: vec![], ..Wanted::default() };
     let table = Prescribed::new(&m, &p, &wave, &sampling, &wanted.links(&m));
     let (tau, d) = reduced_torques(&m, &p, &table, &full.gyro(), &wanted).unwrap();
     // The base starts with a linear velocity the RDA never hears of.

@@ -299,6 +299,15 @@ pub trait Appendage: Send + Sync + 'static {
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
         derived_bias(self, p, s, h);
     }
+    /// Whether the equations of motion are the same for observers in uniform motion: with `A + [w x v; 0]` given, the
+    /// acceleration of the mount in an inertial frame, they then do not depend on the host's velocity `v`.
+    ///
+    /// True of every kinetic energy that is the kinetic energy of matter. One linearised by hand keeps the inertia of
+    /// the undeformed shape while mass moves about and may not be; it must say `false`, and `ff-dynamics` then
+    /// differentiates with respect to `v`, too.
+    fn galilean(&self) -> bool {
+        true
+    }
     /// The same system at nominal parameters as ordinary tree links, where there is one: a free oracle, which
     /// `validate::check_appendage` holds the energies to. The only method that may allocate.
     fn twin(&self) -> Option<Vec<TwinBody>> {
@@ -583,6 +592,8 @@ pub trait DynAppendage:
 {
     /// Coordinates and parameters.
     fn declaration(&self) -> &Decl;
+    /// See [`Appendage::galilean`].
+    fn is_galilean(&self) -> bool;
     /// See [`Appendage::twin`].
     fn tree_twin(&self) -> Option<Vec<TwinBody>>;
 }
@@ -590,6 +601,9 @@ pub trait DynAppendage:
 impl<A: Appendage> DynAppendage for A {
     fn declaration(&self) -> &Decl {
         Appendage::decl(self)
+    }
+    fn is_galilean(&self) -> bool {
+        Appendage::galilean(self)
     }
     fn tree_twin(&self) -> Option<Vec<TwinBody>> {
         Appendage::twin(self)

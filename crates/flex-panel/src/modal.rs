@@ -227,6 +227,11 @@ impl Appendage for ModalAppendage {
         &self.decl
     }
 
+    /// The inertia is that of the undeformed structure, whatever the modes move: see the module docs.
+    fn galilean(&self) -> bool {
+        false
+    }
+
     /// `[[M, P], [P^T, m]]`, independent of `eta`.
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
         m.add_host(&Inertia::from_params(p));

@@ -144,7 +144,7 @@ impl Estimator for OutputError<'_> {
     ) -> Result<(), EvalError> {
         let params = Params::from_values(self.model, full.to_vec());
         let z0 = self.start(&params, extra);
-        let wanted = Wanted { params: selected.to_vec(), initial: self.initial.clone() };
+        let wanted = Wanted { params: selected.to_vec(), initial: self.initial.clone(), ..Wanted::default() };
         let model = self.model;
         let links = wanted.links(model);
         let table = self.tables.get(model, &params, &links);

@@ -87,7 +87,7 @@ impl<'a> Rda<'a> {
     }
     fn run(&mut self, full: &[f64], selected: &[usize]) -> Result<(DMatrix<f64>, DMatrix<f64>), EvalError> {
         let params = Params::from_values(self.model, full.to_vec());
-        let wanted = Wanted { params: selected.to_vec(), initial: Vec::new() };
+        let wanted = Wanted { params: selected.to_vec(), initial: Vec::new(), ..Wanted::default() };
         let links = wanted.links(self.model);
         let (model, rates) = (self.model, self.record.gyro());
         let table = self.tables.get(model, &params, &links);

@@ -1,0 +1,503 @@
+//! Derivatives of the reduced equations at several points at once, one per lane.
+//!
+//! `0 = R(z, u, p)` of [`crate::reduced`] at given `z`, `u = [a | al | nu']`: the mass matrix `R_u`, the state columns
+//! `R_z` and one column of `R_p` per wanted parameter. The points of a trajectory are known before its derivatives
+//! are, so that eight stages of the integration go through this together.
+
+use crate::ldl;
+use crate::prescribed::{Frame, Prescribed, Site};
+use crate::reduced::{at_rest, at_zero_acceleration, hung};
+use crate::work::PortWork;
+use ff_model::vec3::{M3, Moving, Ten, V3};
+use ff_model::{
+    D1, DynAppendage, LaneScalar, Model, ModelScalar, Motion, Mounted, Params, PortAccel, PortMatrix, PortState,
+};
+
+/// Which columns are wanted, sorted by what they belong to: `(own index, column)`.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Columns {
+    pub(crate) count: usize,
+    base: Vec<(usize, usize)>,
+    /// Site in the table, body, columns.
+    links: Vec<(usize, usize, Vec<(usize, usize)>)>,
+    ports: Vec<Vec<(usize, usize)>>,
+}
+
+impl Columns {
+    /// Columns of the parameters `wanted`, in that order.
+    ///
+    /// # Panics
+    /// If a link is not tracked by the table.
+    pub(crate) fn new(model: &Model, table: &Prescribed, wanted: &[usize]) -> Self {
+        let (ports, bodies) = (model.appendages(), 10 * model.n_bodies());
+        let mut c = Self { count: wanted.len(), ports: vec![Vec::new(); ports.len()], ..Self::default() };
+        c.links = table.links.iter().enumerate().map(|(i, &l)| (ports.len() + i, l, Vec::new())).collect();
+        for (col, &p) in wanted.iter().enumerate() {
+            if p < 10 {
+                c.base.push((p, col));
+            } else if p < bodies {
+                let body = p / 10;
+                let link = c.links.iter_mut().find(|l| l.1 == body);
+                assert!(link.is_some(), "body {body} is not tracked by the prescribed motion");
+                link.into_iter().for_each(|l| l.2.push((p % 10, col)));
+            } else {
+                let port = ports.iter().rposition(|a| a.param_offset <= p).unwrap_or(0);
+                c.ports[port].push((p - ports[port].param_offset, col));
+            }
+        }
+        c.links.retain(|l| !l.2.is_empty());
+        c
+    }
+}
+
+/// A column of the derivatives.
+#[derive(Clone, Copy)]
+pub(crate) enum Column {
+    /// `[w 3 | eta m | nu m]`, then `v 3` where an appendage is not Galilean.
+    State(usize),
+    Param(usize),
+}
+
+/// Motion of the base at one point, or one per lane.
+#[derive(Clone, Copy)]
+struct At<T> {
+    v: V3<T>,
+    w: V3<T>,
+    a: V3<T>,
+    al: V3<T>,
+    field: M3<T>,
+}
+
+impl<T: ModelScalar> At<T> {
+    #[inline(always)]
+    fn new(z: &[T], u: &[T]) -> Self {
+        let (w, al) = (V3::from_slice(&z[3..]), V3::from_slice(&u[3..]));
+        Self { v: V3::from_slice(z), w, a: V3::from_slice(u), al, field: M3::field(&w, &al) }
+    }
+}
+
+/// Columns of the ports and links at one point or one per lane, with their buffers.
+pub(crate) struct Parts<'a, T: LaneScalar> {
+    model: &'a Model,
+    params: &'a Params<T>,
+    table: &'a Prescribed,
+    columns: &'a Columns,
+    ports: Vec<PortWork<T>>,
+    frames: Vec<Frame<T>>,
+    at_speed: Vec<Option<AtSpeed>>,
+}
+
+impl<'a, T: LaneScalar> Parts<'a, T> {
+    pub(crate) fn new(model: &'a Model, params: &'a Params<T>, table: &'a Prescribed, columns: &'a Columns) -> Self {
+        let ports = model.appendages();
+        let slow = |a: &Mounted| (!a.appendage.is_galilean()).then(|| AtSpeed::new(a.dim(), a.decl().params.len()));
+        Self {
+            model,
+            params,
+            table,
+            columns,
+            ports: ports.iter().map(PortWork::new).collect(),
+            frames: table.sites.iter().map(at_rest).collect(),
+            at_speed: ports.iter().map(slow).collect(),
+        }
+    }
+
+    /// Places the frames that move; `frame` reads a column of the table.
+    #[inline(always)]
+    fn place(&mut self, frame: impl Fn(usize) -> Frame<T>) {
+        for (f, site) in self.frames.iter_mut().zip(&self.table.sites) {
+            if let Site::Body(_, _, column) = site {
+                *f = frame(*column);
+            }
+        }
+    }
+
+    /// Columns of port `k`: `put(column, f, n, own rows)` with the wrench about the base origin in base axes.
+    /// `M` stays in the port.
+    #[inline(always)]
+    fn port(&mut self, k: usize, at: &At<T>, z: &[T], u: &[T], mut put: impl FnMut(Column, V3<T>, V3<T>, &[T])) {
+        let (ap, p, frame) = (&self.model.appendages()[k], &mut self.ports[k], &self.frames[k]);
+        let (m, n) = (self.model.np(), p.n);
+        let dim = 6 + n;
+        let own = ap.coord_offset..ap.coord_offset + n;
+        let (eta, nu) = (&z[6 + own.start..6 + own.end], &z[6 + m + own.start..6 + m + own.end]);
+        let acc = &u[6 + own.start..6 + own.end];
+        let params = self.params.appendage(self.model, k);
+        T::port(&*ap.appendage).inertia(params, eta, &mut PortMatrix::new(n, &mut p.m));
+        let host = frame.carried(&at.w, &at.al, &at.a, &at.field);
+        // What does not depend on the host's velocity is asked in a frame that moves with the mount.
+        let slow = self.at_speed[k].as_mut();
+        let v = if slow.is_some() { frame.velocity(&at.v, &at.w) } else { V3::zero() };
+        let lin = host.a - host.w.cross(&v);
+        let s = PortState { host: Motion { lin: v.into(), ang: host.w.into() }, eta, nu };
+        let accel = PortAccel { host: Motion { lin: lin.into(), ang: host.al.into() }, nu: acc };
+        let mut up = |c: Column, d: &[T]| {
+            let (f, n) = frame.up(&V3::from_slice(d), &V3::from_slice(&d[3..]));
+            put(c, f, n, &d[6..dim]);
+        };
+        let first = match slow {
+            Some(slow) => {
+                slow.evaluate(&*ap.appendage, params, &s, &accel, &mut p.d);
+                3
+            }
+            None => {
+                T::tangent(&*ap.appendage).jacobian(params, &s, &accel, &mut p.d);
+                0
+            }
+        };
+        let two = T::from_f64(2.0);
+        let mut column = [T::zero(); 6 + ff_model::MAX_COORDS];
+        // Adds `M [a; al]` and columns `from..from + 3` of the port times a vector.
+        let gather = |x: &V3<T>, from: Option<usize>, a: &V3<T>, al: &V3<T>, column: &mut [T], p: &PortWork<T>| {
+            for (i, c) in column[..dim].iter_mut().enumerate() {
+                let row = &p.m[i * dim..i * dim + 6];
+                let mut y = V3::from_slice(row).dot(a) + V3::from_slice(&row[3..]).dot(al) + *c;
+                if let Some(j) = from {
+                    y = fma(p.d[j * dim + i], x.x, y);
+                    y = fma(p.d[(j + 1) * dim + i], x.y, y);
+                    y = fma(p.d[(j + 2) * dim + i], x.z, y);
+                }
+                *c = y;
+            }
+        };
+        let still = V3::zero();
+        for j in 0..3 {
+            let e = unit::<T>(j);
+            let ep = e.cross(&frame.pose.p);
+            let mut a = at.w.cross_add(&ep, &e.cross(&at.w.cross(&frame.pose.p)));
+            let mut al = still;
+            if frame.moving {
+                a += e.cross(&frame.dp).scaled(two);
+                al = frame.down(&e.cross(&frame.w));
+            }
+            let (dw, mut a) = (frame.down(&e), frame.down(&a));
+            column[..dim].fill(T::zero());
+            if first > 0 {
+                let dv = frame.down(&ep);
+                a -= dw.cross(&v) + host.w.cross(&dv);
+                gather(&dv, Some(0), &still, &still, &mut column, p);
+            }
+            gather(&dw, Some(first), &a, &al, &mut column, p);
+            up(Column::State(j), &column[..dim]);
+            if first > 0 {
+                column[..dim].fill(T::zero());
+                let dv = dw;
+                gather(&dv, Some(0), &-host.w.cross(&dv), &still, &mut column, p);
+                up(Column::State(3 + 2 * m + j), &column[..dim]);
+            }
+        }
+        for i in 0..n {
+            up(Column::State(3 + own.start + i), &p.d[(first + 3 + i) * dim..][..dim]);
+            up(Column::State(3 + m + own.start + i), &p.d[(first + 3 + n + i) * dim..][..dim]);
+        }
+        if self.columns.ports[k].is_empty() {
+            return;
+        }
+        T::tangent(&*ap.appendage).regressor(params, &s, &accel, &mut p.d);
+        for &(own, col) in &self.columns.ports[k] {
+            up(Column::Param(col), &p.d[own * dim..][..dim]);
+        }
+    }
+
+    /// Columns of the inertial parameters of tracked link `l`.
+    #[inline(always)]
+    fn link(&self, l: usize, at: &At<T>, mut put: impl FnMut(Column, V3<T>, V3<T>)) {
+        let (site, _, wanted) = &self.columns.links[l];
+        let frame = &self.frames[*site];
+        let host = frame.carried(&at.w, &at.al, &at.a, &at.field);
+        let moving = Moving { w: host.w, al: host.al, a: host.a, field: M3::field(&host.w, &host.al) };
+        let rows: [[T; 10]; 6] = core::array::from_fn(|r| {
+            let e = unit::<T>(r % 3);
+            let zero = V3::zero();
+            let (v, w) = if r < 3 { (e, zero) } else { (e.cross(&frame.pose.p), e) };
+            moving.powers(&frame.down(&v), &frame.down(&w))
+        });
+        for &(k, col) in wanted {
+            let x = |r: usize| rows[r][k];
+            put(Column::Param(col), V3::new(x(0), x(1), x(2)), V3::new(x(3), x(4), x(5)));
+        }
+    }
+}
+
+/// All derivatives at one point per lane.
+pub(crate) struct Tangent<'a, L: LaneScalar> {
+    parts: Parts<'a, L>,
+    /// State columns: `3 + 2m`, or three more.
+    pub(crate) nz: usize,
+    /// Mass matrix, `n x n` with `n = 6 + m`, lower triangle; factorised by [`Tangent::solve`].
+    mass: Vec<L>,
+    /// `R_z` and `R_p` by columns of length `n`; [`Tangent::solve`] turns them into `-M^-1 R`.
+    pub(crate) rz: Vec<L>,
+    pub(crate) rp: Vec<L>,
+}
+
+impl<'a, L: LaneScalar> Tangent<'a, L> {
+    pub(crate) fn new(model: &'a Model, params: &'a Params<L>, table: &'a Prescribed, columns: &'a Columns) -> Self {
+        let n = 6 + model.np();
+        let nz = state_columns(model);
+        let z = |k| vec![L::zero(); k];
+        let parts = Parts::new(model, params, table, columns);
+        Self { parts, nz, mass: z(n * n), rz: z(n * nz), rp: z(n * columns.count) }
+    }
+
+    /// Evaluates all columns at points `(z, u)`, given by lane, and nodes.
+    #[inline(always)]
+    pub(crate) fn evaluate(&mut self, nodes: &[usize], z: &[L], u: &[L]) {
+        let Self { parts, nz, mass, rz, rp } = self;
+        let (model, table) = (parts.model, parts.table);
+        let (m, nz) = (model.np(), *nz);
+        let n = 6 + m;
+        mass.fill(L::zero());
+        rz[..n * nz].fill(L::zero());
+        rp.fill(L::zero());
+        parts.place(|column| table.frames_at(column, nodes));
+        let at = At::new(z, u);
+        let base = Ten::from(parts.params.body(0));
+        let arm = table.arms::<L>(nodes);
+        let (mut c, _, _) = at_zero_acceleration(&base, &arm, &at.w);
+        // d/dw of w x (w x h + 2 h.) and of w x J w + C w.
+        let (wh, jw) = (at.w.cross_add(&c.h, &arm.dh2), c.i.mul(&at.w));
+        for j in 0..3 {
+            let e = unit::<L>(j);
+            let f = at.w.cross_add(&e.cross(&c.h), &e.cross(&wh));
+            let n_row = at.w.cross_add(&c.i.mul(&e), &arm.c.mul_add(&e, &e.cross(&jw)));
+            f.write_to(&mut rz[j * n..]);
+            n_row.write_to(&mut rz[j * n + 3..]);
+        }
+        let moving = Moving { w: at.w, al: at.al, a: at.a, field: at.field };
+        if !parts.columns.base.is_empty() {
+            for r in 0..6 {
+                let (e, o) = (unit::<L>(r % 3), V3::zero());
+                let row = if r < 3 { moving.powers(&e, &o) } else { moving.powers(&o, &e) };
+                for &(k, col) in &parts.columns.base {
+                    rp[col * n + r] = row[k];
+                }
+            }
+        }
+        for l in 0..parts.columns.links.len() {
+            parts.link(l, &at, |column, f, moment| {
+                if let Column::Param(col) = column {
+                    f.write_to(&mut rp[col * n..]);
+                    moment.write_to(&mut rp[col * n + 3..]);
+                }
+            });
+        }
+        for (k, ap) in model.appendages().iter().enumerate() {
+            let first = 6 + ap.coord_offset;
+            parts.port(k, &at, z, u, |column, f, moment, own| {
+                let to = match column {
+                    Column::State(c) => &mut rz[c * n..(c + 1) * n],
+                    Column::Param(c) => &mut rp[c * n..(c + 1) * n],
+                };
+                let (f0, n0) = (V3::from_slice(to), V3::from_slice(&to[3..]));
+                (f0 + f).write_to(to);
+                (n0 + moment).write_to(&mut to[3..]);
+                to[first..first + own.len()].copy_from_slice(own);
+            });
+            let (p, frame) = (&parts.ports[k], &parts.frames[k]);
+            c.add(&hung(frame, p));
+            for j in 0..p.n {
+                let row = &mut mass[(first + j) * n..(first + j + 1) * n];
+                let (f, t) = p.pull(j);
+                let (f, t) = frame.up(&f, &t);
+                f.write_to(row);
+                t.write_to(&mut row[3..]);
+                for i in 0..=j {
+                    row[first + i] = p.m[(6 + j) * (6 + p.n) + 6 + i];
+                }
+            }
+        }
+        let (h, i) = (&c.h, &c.i);
+        let z = L::zero();
+        let rows = [
+            [c.m, z, z, z, z, z],
+            [z, c.m, z, z, z, z],
+            [z, z, c.m, z, z, z],
+            [z, -h.z, h.y, i.xx, z, z],
+            [h.z, z, -h.x, i.xy, i.yy, z],
+            [-h.y, h.x, z, i.xz, i.yz, i.zz],
+        ];
+        for (r, row) in rows.iter().enumerate() {
+            mass[r * n..r * n + 6].copy_from_slice(row);
+        }
+    }
+
+    /// Turns every column `R` into `-M^-1 R`. False when the mass matrix is not positive definite in some lane.
+    #[inline(always)]
+    pub(crate) fn solve(&mut self) -> bool {
+        let n = 6 + self.parts.model.np();
+        let ok = ldl::factor_inverted(&mut self.mass, n);
+        for x in self.rz[..n * self.nz].chunks_exact_mut(n).chain(self.rp.chunks_exact_mut(n)) {
+            for x in x.iter_mut() {
+                *x = -*x;
+            }
+            ldl::solve_inverted(&self.mass, n, x);
+        }
+        ok
+    }
+}
+
+/// Number of state columns of [`Tangent`].
+pub(crate) fn state_columns(model: &Model) -> usize {
+    let galilean = model.appendages().iter().all(|a| a.appendage.is_galilean());
+    3 + 2 * model.np() + if galilean { 0 } else { 3 }
+}
+
+/// Joint torques as linear forms at one sample: `d tau = t_u du + t_z dz + t_p`.
+pub(crate) struct TorqueRows<'a> {
+    parts: Parts<'a, f64>,
+    /// `n x (6 + m)`, `n x nz`, `n x P`, row-major.
+    pub(crate) by_u: Vec<f64>,
+    pub(crate) by_z: Vec<f64>,
+    pub(crate) by_p: Vec<f64>,
+    /// Columns beyond 6 of `by_u`, beyond 3 of `by_z` and `by_p` can be other than zero.
+    pub(crate) carried: bool,
+    nz: usize,
+}
+
+impl<'a> TorqueRows<'a> {
+    pub(crate) fn new(model: &'a Model, params: &'a Params<f64>, table: &'a Prescribed, columns: &'a Columns) -> Self {
+        let (nj, nz) = (model.nj(), state_columns(model));
+        Self {
+            parts: Parts::new(model, params, table, columns),
+            by_u: vec![0.0; nj * (6 + model.np())],
+            by_z: vec![0.0; nj * nz],
+            by_p: vec![0.0; nj * columns.count],
+            carried: model.appendages().iter().any(|a| a.host > 0) || !columns.links.is_empty(),
+            nz,
+        }
+    }
+
+    /// At sample `i` with state `z` and accelerations `u`.
+    pub(crate) fn evaluate(&mut self, sample: usize, z: &[f64], u: &[f64]) {
+        let Self { parts, by_u, by_z, by_p, carried, nz } = self;
+        let (model, table) = (parts.model, parts.table);
+        let (nj, nu, nz, np) = (model.nj(), 6 + model.np(), *nz, parts.columns.count);
+        let at = At::new(z, u);
+        for j in 0..nj {
+            let r = table.row(sample, j);
+            r.ga.write_to(&mut by_u[j * nu..]);
+            r.gb.write_to(&mut by_u[j * nu + 3..]);
+            let w2 = at.w.scaled(2.0);
+            r.q.mul_add(&w2, &r.gw).write_to(&mut by_z[j * nz..]);
+        }
+        if !*carried {
+            return;
+        }
+        for j in 0..nj {
+            by_u[j * nu + 6..(j + 1) * nu].fill(0.0);
+            by_z[j * nz + 3..(j + 1) * nz].fill(0.0);
+        }
+        by_p.fill(0.0);
+        let node = table.node_of(sample);
+        parts.place(|column| table.frame(column, node));
+        let felt = |j: usize, f: &V3<f64>, n: &V3<f64>| {
+            let r = table.row(sample, j);
+            r.s.dot(f) + r.u.dot(n)
+        };
+        for l in 0..parts.columns.links.len() {
+            let above = &table.above[parts.columns.links[l].1];
+            parts.link(l, &at, |column, f, n| {
+                if let Column::Param(c) = column {
+                    above.iter().for_each(|&j| by_p[j * np + c] += felt(j, &f, &n));
+                }
+            });
+        }
+        for (k, ap) in model.appendages().iter().enumerate().filter(|(_, a)| a.host > 0) {
+            let above = &table.above[ap.host];
+            parts.port(k, &at, z, u, |column, f, n, _| {
+                for &j in above {
+                    match column {
+                        Column::State(c) => by_z[j * nz + c] += felt(j, &f, &n),
+                        Column::Param(c) => by_p[j * np + c] += felt(j, &f, &n),
+                    }
+                }
+            });
+            let (p, frame) = (&parts.ports[k], &parts.frames[k]);
+            let b = hung(frame, p);
+            for i in 0..3 {
+                let e = unit::<f64>(i);
+                let (lin, ang) = (b.momentum(&e, &V3::zero()), b.momentum(&V3::zero(), &e));
+                for &j in above {
+                    by_u[j * nu + i] += felt(j, &lin.0, &lin.1);
+                    by_u[j * nu + 3 + i] += felt(j, &ang.0, &ang.1);
+                }
+            }
+            for i in 0..p.n {
+                let (f, n) = p.pull(i);
+                let (f, n) = frame.up(&f, &n);
+                above.iter().for_each(|&j| by_u[j * nu + 6 + ap.coord_offset + i] += felt(j, &f, &n));
+            }
+        }
+    }
+}
+
+/// `a b + c`, whichever trait's method of that name is meant.
+#[inline(always)]
+pub(crate) fn fma<T: ModelScalar>(a: T, b: T, c: T) -> T {
+    a.mul_add(b, c)
+}
+
+#[inline(always)]
+fn unit<T: ModelScalar>(k: usize) -> V3<T> {
+    let mut e = [T::zero(); 3];
+    e[k] = T::one();
+    V3::from_slice(&e)
+}
+
+/// State derivatives of a port that is not Galilean: by one forward dual per direction, lane by lane.
+#[derive(Clone, Debug)]
+struct AtSpeed {
+    p: Vec<D1>,
+    eta: Vec<D1>,
+    nu: Vec<D1>,
+    acc: Vec<D1>,
+    m: Vec<D1>,
+    r: Vec<D1>,
+}
+
+impl AtSpeed {
+    fn new(n: usize, np: usize) -> Self {
+        let z = |k| vec![D1::constant(0.0); k];
+        Self { p: z(np), eta: z(n), nu: z(n), acc: z(n), m: z((6 + n).pow(2)), r: z(6 + n) }
+    }
+
+    /// Columns of `M [A; nu'] + h` at fixed accelerations, `6+n` each: host twist 6, coordinates n, rates n.
+    fn evaluate<T: LaneScalar>(
+        &mut self,
+        appendage: &dyn DynAppendage,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        out: &mut [T],
+    ) {
+        let n = s.eta.len();
+        let dim = 6 + n;
+        let port = D1::port(appendage);
+        for lane in 0..T::N {
+            let constant = |to: &mut [D1], from: &[T]| {
+                to.iter_mut().zip(from).for_each(|(d, x)| *d = D1::constant(x.lane(lane)));
+            };
+            constant(&mut self.p, p);
+            constant(&mut self.acc, acc.nu);
+            let host = Motion {
+                lin: acc.host.lin.map(|x| D1::constant(x.lane(lane))),
+                ang: acc.host.ang.map(|x| D1::constant(x.lane(lane))),
+            };
+            for dir in 0..6 + 2 * n {
+                let seed = |i: usize, x: f64| D1::new(x, if i == dir { 1.0 } else { 0.0 });
+                for i in 0..n {
+                    self.eta[i] = seed(6 + i, s.eta[i].lane(lane));
+                    self.nu[i] = seed(6 + n + i, s.nu[i].lane(lane));
+                }
+                let v: [D1; 6] = core::array::from_fn(|i| seed(i, s.host.get(i).lane(lane)));
+                let state = PortState { host: Motion::from_slice(&v), eta: &self.eta, nu: &self.nu };
+                let accel = PortAccel { host, nu: &self.acc };
+                port.residual(&self.p, &state, &accel, &mut PortMatrix::new(n, &mut self.m), &mut self.r);
+                for (i, r) in self.r.iter().enumerate() {
+                    out[dir * dim + i].set_lane(lane, r.eps[0]);
+                }
+            }
+        }
+    }
+}
