@@ -57,7 +57,9 @@ pub mod law {
     pub const OWN_BLOCK: &str = "own block is invertible";
     /// `M_bb = [[m 1, -[h]x], [[h]x, I]]`, `m` independent of the coordinates.
     pub const HOST_BLOCK: &str = "host block is that of a rigid body";
-    /// `(M_be)_lin = dh/d eta`: linear momentum is the rate of the first moment. Linearised modes break it.
+    /// `(M_be)_lin = dh/d eta`: linear momentum is the rate of the first moment. It is the condition for the port
+    /// equations to be Galilean, so it is required where [`ff_model::Appendage::galilean`] says so, and advice where it
+    /// does not: linearised modes break it.
     pub const FIRST_MOMENT: &str = "coupling is the rate of the first moment";
     /// Duals and differences agree on the derivatives of `M`, `U` and `R`.
     pub const DERIVATIVES: &str = "energies differentiate consistently";

@@ -108,6 +108,12 @@ pub fn known_wrong() -> Vec<KnownWrong> {
         arm("panics", A::Panics, law::NO_PANIC, "an assertion that coordinates are small"),
         arm("allocates", A::Allocates, law::NO_ALLOCATION, "a vector in the inertia"),
         paddle("twin-other-spring", P::TwinSpring, law::TWIN, "the twin has another stiffness"),
+        paddle(
+            "frozen-inertia",
+            P::FrozenInertia,
+            law::FIRST_MOMENT,
+            "inertia linearised by hand at the rest angle, and `galilean` not overridden",
+        ),
         paddle("mass-squared", P::MassSquared, law::LINEAR, "an inertial parameter enters the kinetic energy squared"),
         paddle("scaled-by-length", P::ScaledByLength, law::LINEAR, "another parameter scales inertial ones"),
         paddle("spring-per-mass", P::SpringPerMass, law::LINEAR, "the potential contains an inertial parameter"),
