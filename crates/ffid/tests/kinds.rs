@@ -205,3 +205,25 @@ fn a_parameter_of_every_kind_is_identified_from_one_record() {
     }
     println!("{:?} after {} steps", e.status, e.iterations);
 }
+
+/// The tables that the theory pages show, put together into one mission: they are what the readers accept.
+#[test]
+fn the_tables_of_the_theory_pages_are_accepted() {
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+    let dir = tempfile::tempdir().unwrap();
+    for file in ["peers-model/flex.urdf", "modal/wing.csv"] {
+        let from = root.join("fixtures").join(file);
+        std::fs::copy(&from, dir.path().join(from.file_name().unwrap())).unwrap();
+    }
+    let mut mission = "[robot]\nurdf = \"flex.urdf\"\nend_effector = \"tool\"\n".to_owned();
+    for page in ["panels", "modal", "slosh", "wheel", "payload"] {
+        let text = std::fs::read_to_string(root.join(format!("docs/theory/{page}.md"))).unwrap();
+        let (_, from) = text.split_once("```toml\n").unwrap_or_else(|| panic!("{page}.md shows no table"));
+        mission += from.split_once("```").unwrap().0;
+    }
+    let path = dir.path().join("pages.toml");
+    std::fs::write(&path, mission).unwrap();
+    let o = ffid::open::open(&path, Leniency::default()).unwrap();
+    let found: std::collections::BTreeSet<_> = o.model.appendages().iter().map(|a| a.decl().kind).collect();
+    assert!(ffid::default_registry().kinds().all(|k| found.contains(k)), "{found:?}");
+}
