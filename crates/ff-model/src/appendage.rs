@@ -23,6 +23,10 @@
 //! balance and "damping dissipates" hold by construction.
 
 mod derived;
+mod set;
+
+pub use derived::{derived_jacobian, derived_regressor};
+pub use set::{AppendageSet, Place};
 
 use crate::dual::Dual;
 use crate::scalar::{D1, D2, Grad, LaneScalar, Scalar};
@@ -350,14 +354,14 @@ pub trait Appendage: Send + Sync + 'static {
     /// follows from the form of `M_bb`). The default differentiates [`Appendage::residual`] by forward duals; an
     /// override is for speed alone and must equal it.
     fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
-        derived::by_lane(self, p, s, acc, j, derived::jacobian);
+        derived_jacobian(self, p, s, acc, j);
     }
     /// Derivatives of [`Appendage::residual`] with respect to the parameters, one column of length `6+n` each.
     ///
     /// The default evaluates inertial parameters, in which the equations are linear, at unit vectors, and
     /// differentiates with respect to the others; an override is for speed alone and must equal it.
     fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
-        derived::by_lane(self, p, s, acc, y, derived::regressor);
+        derived_regressor(self, p, s, acc, y);
     }
 }
 

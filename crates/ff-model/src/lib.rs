@@ -30,8 +30,8 @@ pub mod urdf;
 pub mod vec3;
 
 pub use appendage::{
-    Appendage, CoordDecl, Decl, DynAppendage, MAX_COORDS, ParamDecl, ParamGroup, PortAccel, PortMatrix, PortModel,
-    PortState, PortTangent, PortVector, derived_bias,
+    Appendage, AppendageSet, CoordDecl, Decl, DynAppendage, MAX_COORDS, ParamDecl, ParamGroup, Place, PortAccel,
+    PortMatrix, PortModel, PortState, PortTangent, PortVector, derived_bias, derived_jacobian, derived_regressor,
 };
 pub use dual::Dual;
 pub use inertia::Inertia;

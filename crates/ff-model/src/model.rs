@@ -1,8 +1,9 @@
 //! The immutable description of a system: bodies in a tree, frames, appendages, gravity.
 
+mod mount;
+
 use crate::appendage::{CoordDecl, Decl, DynAppendage, ParamDecl};
 use crate::inertia::Inertia;
-use crate::problem::{Area, Problem, Problems};
 use crate::spatial::Xform;
 use nalgebra::Vector3;
 use std::fmt;
@@ -209,69 +210,6 @@ impl Model {
     pub fn add_rigid(&mut self, body: usize, inertia: &Inertia<f64>) {
         let own = if body == 0 { &mut self.base_inertia } else { &mut self.bodies[body - 1].inertia };
         *own += *inertia;
-    }
-    /// Mounts an appendage.
-    ///
-    /// # Errors
-    /// [`Problems`] (area `Config`) if the name is taken, a nominal value lies outside its bounds, or the
-    /// declaration has too many coordinates.
-    ///
-    /// # Panics
-    /// If the host body does not exist.
-    pub fn mount(
-        &mut self,
-        name: impl Into<String>,
-        host: usize,
-        mount: Xform<f64>,
-        appendage: Arc<dyn DynAppendage>,
-    ) -> Result<(), Problems> {
-        assert!(host < self.n_bodies(), "host body {host} does not exist");
-        let name = name.into();
-        let mut bad = Problems::default();
-        if self.appendages.iter().any(|a| a.name == name) {
-            bad.push(
-                Problem::error(Area::Config, "Config::DuplicateName", format!("two appendages are called '{name}'"))
-                    .on(&name)
-                    .hint("rename one of them"),
-            );
-        }
-        let decl = appendage.declaration();
-        if decl.coords.len() > crate::appendage::MAX_COORDS {
-            bad.push(Problem::error(
-                Area::Config,
-                "Config::TooManyCoordinates",
-                format!("{} coordinates, limit {}", decl.coords.len(), crate::appendage::MAX_COORDS),
-            ));
-        }
-        if decl.params.len() > crate::appendage::MAX_PARAMS {
-            bad.push(Problem::error(
-                Area::Config,
-                "Config::TooManyParameters",
-                format!("{} parameters, limit {}", decl.params.len(), crate::appendage::MAX_PARAMS),
-            ));
-        }
-        for p in &decl.params {
-            let (lo, hi) = p.bounds;
-            if !p.nominal.is_finite() || p.nominal < lo || p.nominal > hi || lo > hi {
-                bad.push(
-                    Problem::error(
-                        Area::Config,
-                        "Config::Param",
-                        format!("value {} {} outside its bounds {lo} .. {hi}", p.nominal, p.unit),
-                    )
-                    .on(format!("{name}.{}", p.name))
-                    .hint("give a value inside the bounds"),
-                );
-            }
-        }
-        if bad.has_errors() {
-            return Err(bad);
-        }
-        let (coord_offset, param_offset) = (self.passive, self.params);
-        self.passive += decl.coords.len();
-        self.params += decl.params.len();
-        self.appendages.push(Mounted { name, host, mount, appendage, coord_offset, param_offset });
-        Ok(())
     }
     /// The same tree without its appendages: the rigid model of the paper.
     #[must_use]

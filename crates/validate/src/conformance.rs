@@ -19,7 +19,9 @@ mod kind;
 mod measure;
 mod motion;
 mod numbers;
+mod overrides;
 mod parameters;
+mod ports;
 mod report;
 mod sample;
 mod twin;
@@ -44,7 +46,7 @@ pub mod law {
     pub const DECLARATION: &str = "declaration is sane";
     /// `M`, `U`, `R` and `h` are finite in the ordinary range.
     pub const FINITE: &str = "results are finite";
-    /// `M`, `U`, `R` and `h` stay finite at rest, at tiny motion, at range ends, high rates and parameters scaled by
+    /// `M`, `U`, `R`, `h`, `terms`, `residual`, `jacobian` and `regressor` stay finite at rest, at tiny motion, at range ends, high rates and parameters scaled by
     /// 1e-6 and 1e6.
     pub const EXTREME: &str = "results are finite at extremes";
     /// `M = M^T`.
@@ -55,7 +57,9 @@ pub mod law {
     pub const OWN_BLOCK: &str = "own block is invertible";
     /// `M_bb = [[m 1, -[h]x], [[h]x, I]]`, `m` independent of the coordinates.
     pub const HOST_BLOCK: &str = "host block is that of a rigid body";
-    /// `(M_be)_lin = dh/d eta`: linear momentum is the rate of the first moment. Linearised modes break it.
+    /// `(M_be)_lin = dh/d eta`: linear momentum is the rate of the first moment. It is the condition for the port
+    /// equations to be Galilean, so it is required where [`ff_model::Appendage::galilean`] says so, and advice where it
+    /// does not: linearised modes break it.
     pub const FIRST_MOMENT: &str = "coupling is the rate of the first moment";
     /// Duals and differences agree on the derivatives of `M`, `U` and `R`.
     pub const DERIVATIVES: &str = "energies differentiate consistently";
@@ -63,6 +67,14 @@ pub mod law {
     pub const BIAS: &str = "bias equals the derived bias";
     /// The derivatives of `h` are those of what the energies imply.
     pub const BIAS_DERIVATIVE: &str = "bias derivative equals the derived one";
+    /// `terms` gives the `M` of `inertia` and the `h` of `bias`.
+    pub const TERMS: &str = "terms equal inertia and bias";
+    /// `residual` gives `M [A; nu'] + h`.
+    pub const RESIDUAL: &str = "residual equals M a + h";
+    /// `jacobian` is the derivative of `M [A; nu'] + h` with respect to the motion, by duals over `inertia` and `bias`.
+    pub const JACOBIAN: &str = "jacobian equals the derived one";
+    /// `regressor` is its derivative with respect to the parameters.
+    pub const REGRESSOR: &str = "regressor equals the derived one";
     /// `w . V - nu . dR/dnu = d(T + U)/dt`, with damping on.
     pub const ENERGY: &str = "energy balances with damping on";
     /// `R(0) = 0`.
@@ -77,7 +89,8 @@ pub mod law {
     pub const LINEAR: &str = "inertial parameters enter kinetic energy linearly";
     /// `w = d(M y)_b / dt` in axes that stand still.
     pub const MOMENTUM: &str = "momentum changes by the host's wrench alone";
-    /// `M`, `U`, `R` and `h` have the same values over `f64` and over every dual number.
+    /// `M`, `U`, `R` and `h` have the same values over `f64` and over every dual number; they and `terms`, `residual`,
+    /// `jacobian` and `regressor` have them in every lane of every instruction set that the machine has.
     pub const NUMBER_TYPES: &str = "number types agree";
     /// No method panics on zero, huge, tiny, infinite or undefined numbers.
     pub const NO_PANIC: &str = "no panic at any value";
@@ -130,6 +143,9 @@ fn check(a: &dyn DynAppendage, meter: Option<AllocationMeter>) -> ConformanceRep
     }
     report.push(motion::derivatives(a, few));
     for check in motion::bias_checks(a, few) {
+        report.push(check);
+    }
+    for check in overrides::overrides(a, few) {
         report.push(check);
     }
     report.push(motion::momentum(a, &samples));

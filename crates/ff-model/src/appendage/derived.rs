@@ -1,5 +1,4 @@
-//! Derivatives of the port equations that follow from [`Appendage::residual`], for appendages that do not
-//! write their own.
+//! Derivatives of the port equations that follow from inertia and bias, for appendages that do not write their own.
 
 use super::{Appendage, MAX_COORDS, MAX_PARAMS, MAX_PORT, ParamGroup, PortAccel, PortMatrix, PortState};
 use crate::dual::Dual;
@@ -23,11 +22,54 @@ macro_rules! sized {
 type D = Dual<f64, N>;
 
 /// A derivative at plain numbers: parameters, state, accelerations, columns out.
-pub(super) type Plain<A> = fn(&A, &[f64], &PortState<'_, f64>, &PortAccel<'_, f64>, &mut [f64]);
+type Plain<A> = fn(&A, &[f64], &PortState<'_, f64>, &PortAccel<'_, f64>, &mut [f64]);
+
+/// The derivatives of the port equations with respect to the motion that follow from inertia and bias: the default of
+/// [`Appendage::jacobian`], for an override that writes some cases only, and for tests of one.
+///
+/// With `r = M(p, eta) [A; nu'] + h(p, V, eta, nu)` at fixed `A`, `nu'` the columns, of length `6+n` each, are
+/// `dr/dw` (three, `w` the angular velocity of the host), `dr/d eta` and `dr/d nu` (`n` each), in mount axes, wrench rows
+/// first. Exact: forward duals over [`Appendage::inertia`] and [`Appendage::bias`] (A. Griewank, A. Walther, *Evaluating
+/// Derivatives*, SIAM 2008, section 3.1), never over an override of `terms` or `residual`. Lanes are computed one by one.
+/// Does not allocate.
+///
+/// # Panics
+/// If `out` is shorter than `(6+n) (3+2n)`, or the appendage declares more than [`MAX_COORDS`] coordinates or
+/// [`MAX_PARAMS`] parameters.
+pub fn derived_jacobian<A: Appendage + ?Sized, T: LaneScalar>(
+    a: &A,
+    p: &[T],
+    s: &PortState<'_, T>,
+    acc: &PortAccel<'_, T>,
+    out: &mut [T],
+) {
+    by_lane(a, p, s, acc, out, |a, p, s, acc, out| sized!(s.eta.len(), p.len(), jacobian_in(a, p, s, acc, out)));
+}
+
+/// The derivatives of the port equations with respect to the parameters that follow from inertia and bias: the default
+/// of [`Appendage::regressor`], for an override that writes some columns only, and for tests of one.
+///
+/// One column `dr/dp_k` of length `6+n` per parameter, `r = M [A; nu'] + h`, in mount axes, wrench rows first. Columns of
+/// inertial parameters are the port equations at unit parameters, in which they are linear
+/// (`docs/decisions/0005-sensitivities.md`), by [`Appendage::residual`]; the others come from forward duals over
+/// [`Appendage::inertia`] and [`Appendage::bias`]. Lanes are computed one by one. Does not allocate.
+///
+/// # Panics
+/// If `out` is shorter than `6+n` times the number of parameters, or the appendage declares more than [`MAX_COORDS`]
+/// coordinates or [`MAX_PARAMS`] parameters.
+pub fn derived_regressor<A: Appendage + ?Sized, T: LaneScalar>(
+    a: &A,
+    p: &[T],
+    s: &PortState<'_, T>,
+    acc: &PortAccel<'_, T>,
+    out: &mut [T],
+) {
+    by_lane(a, p, s, acc, out, |a, p, s, acc, out| sized!(s.eta.len(), p.len(), regressor_in(a, p, s, acc, out)));
+}
 
 /// Runs `plain` once for each lane: an appendage that does not write its own derivatives has them at the
 /// speed of plain numbers.
-pub(super) fn by_lane<A: Appendage + ?Sized, T: LaneScalar>(
+fn by_lane<A: Appendage + ?Sized, T: LaneScalar>(
     a: &A,
     p: &[T],
     s: &PortState<'_, T>,
@@ -54,17 +96,6 @@ pub(super) fn by_lane<A: Appendage + ?Sized, T: LaneScalar>(
             t.set_lane(lane, x);
         }
     }
-}
-
-/// See [`Appendage::jacobian`].
-pub(super) fn jacobian<A: Appendage + ?Sized>(
-    a: &A,
-    p: &[f64],
-    s: &PortState<'_, f64>,
-    acc: &PortAccel<'_, f64>,
-    out: &mut [f64],
-) {
-    sized!(s.eta.len(), p.len(), jacobian_in(a, p, s, acc, out));
 }
 
 fn jacobian_in<A: Appendage + ?Sized, const C: usize, const M: usize, const P: usize>(
@@ -116,17 +147,6 @@ fn jacobian_in<A: Appendage + ?Sized, const C: usize, const M: usize, const P: u
         }
         first += N;
     }
-}
-
-/// See [`Appendage::regressor`].
-pub(super) fn regressor<A: Appendage + ?Sized>(
-    a: &A,
-    p: &[f64],
-    s: &PortState<'_, f64>,
-    acc: &PortAccel<'_, f64>,
-    out: &mut [f64],
-) {
-    sized!(s.eta.len(), p.len(), regressor_in(a, p, s, acc, out));
 }
 
 fn regressor_in<A: Appendage + ?Sized, const C: usize, const M: usize, const P: usize>(

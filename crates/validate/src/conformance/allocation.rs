@@ -4,8 +4,9 @@ use super::law;
 use super::measure::Worst;
 use super::report::Check;
 use super::sample::{Sample, lift};
+use ff_model::lanes::Portable4;
 use ff_model::scalar::{D1, D2, Grad};
-use ff_model::{DynAppendage, ModelScalar, Motion, PortMatrix, PortState};
+use ff_model::{DynAppendage, LaneScalar, ModelScalar, Motion, PortAccel, PortMatrix, PortState};
 
 /// Runs what it is given and says how many allocations that made.
 ///
@@ -21,6 +22,9 @@ pub(super) fn allocation(a: &dyn DynAppendage, samples: &[Sample], meter: Alloca
         over::<D1>("D1", a, s, meter, &mut worst);
         over::<Grad>("Grad", a, s, meter, &mut worst);
         over::<D2>("D2", a, s, meter, &mut worst);
+        over::<Portable4>("lanes", a, s, meter, &mut worst);
+        tangent::<f64>("f64", a, s, meter, &mut worst);
+        tangent::<Portable4>("lanes", a, s, meter, &mut worst);
     }
     worst.check(law::NO_ALLOCATION, 0.0)
 }
@@ -30,12 +34,35 @@ fn over<T: ModelScalar>(name: &str, a: &dyn DynAppendage, s: &Sample, meter: All
     let host = Motion::new(s.host.lin.map(T::from_f64), s.host.ang.map(T::from_f64));
     let dim = 6 + eta.len();
     let (mut m, mut h) = (vec![T::zero(); dim * dim], vec![T::zero(); dim]);
+    let acc = lift::<T>(&s.acc);
+    let acc = PortAccel { host: Motion::from_slice(&acc), nu: &acc[6..] };
+    let state = PortState { host, eta: &eta, nu: &nu };
     let port = T::port(a);
     let counts = [
         ("inertia", meter(&mut || port.inertia(&p, &eta, &mut PortMatrix::new(eta.len(), &mut m)))),
         ("potential", meter(&mut || _ = std::hint::black_box(port.potential(&p, &eta)))),
         ("rayleigh", meter(&mut || _ = std::hint::black_box(port.rayleigh(&p, &nu)))),
-        ("bias", meter(&mut || port.bias(&p, &PortState { host, eta: &eta, nu: &nu }, &mut h))),
+        ("bias", meter(&mut || port.bias(&p, &state, &mut h))),
+        ("terms", meter(&mut || port.terms(&p, &state, &mut PortMatrix::new(eta.len(), &mut m), &mut h))),
+        ("residual", meter(&mut || port.residual(&p, &state, &acc, &mut PortMatrix::new(eta.len(), &mut m), &mut h))),
+    ];
+    for (method, count) in counts {
+        worst.see(count as f64, || format!("{method} over {name} allocates {count} times in one call"));
+    }
+}
+
+/// The derivatives of the port equations.
+fn tangent<T: LaneScalar>(name: &str, a: &dyn DynAppendage, s: &Sample, meter: AllocationMeter, worst: &mut Worst) {
+    let (p, eta, nu, acc) = (lift::<T>(&s.p), lift::<T>(&s.eta), lift::<T>(&s.nu), lift::<T>(&s.acc));
+    let host = Motion::new(s.host.lin.map(T::from_f64), s.host.ang.map(T::from_f64));
+    let state = PortState { host, eta: &eta, nu: &nu };
+    let acc = PortAccel { host: Motion::from_slice(&acc), nu: &acc[6..] };
+    let dim = 6 + eta.len();
+    let mut out = vec![T::zero(); dim * p.len().max(3 + 2 * eta.len())];
+    let tangent = T::tangent(a);
+    let counts = [
+        ("jacobian", meter(&mut || tangent.jacobian(&p, &state, &acc, &mut out[..dim * (3 + 2 * eta.len())]))),
+        ("regressor", meter(&mut || tangent.regressor(&p, &state, &acc, &mut out[..dim * p.len()]))),
     ];
     for (method, count) in counts {
         worst.see(count as f64, || format!("{method} over {name} allocates {count} times in one call"));

@@ -3,10 +3,12 @@
 use super::derived::matrix;
 use super::law;
 use super::measure::{Worst, bias, relative};
+use super::ports::{Packed, Ports, scales};
 use super::report::Check;
 use super::sample::{Sample, lift};
+use ff_model::lanes::{Isa, LaneTask, dispatch};
 use ff_model::scalar::{D1, D2, Grad};
-use ff_model::{Dual, DynAppendage, ModelScalar, Motion, Scalar};
+use ff_model::{Dual, DynAppendage, LaneScalar, ModelScalar, Motion, Scalar};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// What is not finite at this sample, in values or in derivatives along the motion.
@@ -27,20 +29,28 @@ fn not_finite(a: &dyn DynAppendage, s: &Sample) -> Vec<&'static str> {
     .collect()
 }
 
-fn finite_check(law: &'static str, a: &dyn DynAppendage, samples: &[Sample]) -> Check {
-    let faults: Vec<String> = samples
+fn not_finite_anywhere(a: &dyn DynAppendage, samples: &[Sample]) -> Vec<String> {
+    samples
         .iter()
         .flat_map(|s| not_finite(a, s).into_iter().map(move |x| format!("{x} at eta = {:?}, nu = {:?}", s.eta, s.nu)))
-        .collect();
-    Check::faults(law, &faults)
+        .collect()
 }
 /// See [`law::FINITE`].
 pub(super) fn finite(a: &dyn DynAppendage, samples: &[Sample]) -> Check {
-    finite_check(law::FINITE, a, samples)
+    Check::faults(law::FINITE, &not_finite_anywhere(a, samples))
 }
-/// See [`law::EXTREME`].
+/// See [`law::EXTREME`]. The methods that may be written for speed are asked as well.
 pub(super) fn extreme(a: &dyn DynAppendage, samples: &[Sample]) -> Check {
-    finite_check(law::EXTREME, a, samples)
+    let mut faults = not_finite_anywhere(a, samples);
+    for s in samples {
+        let all = Ports::<f64>::of(a, &Packed::new(&[s]));
+        for (name, x) in Ports::<f64>::NAMES.iter().zip(&all.0) {
+            if x.iter().any(|x| !x.is_finite()) {
+                faults.push(format!("{name} at eta = {:?}, nu = {:?}", s.eta, s.nu));
+            }
+        }
+    }
+    Check::faults(law::EXTREME, &faults)
 }
 
 /// `M`, `U`, `R`, `h` over one number type, values only.
@@ -55,8 +65,8 @@ fn values<T: ModelScalar>(a: &dyn DynAppendage, s: &Sample) -> Vec<f64> {
     out.iter().map(Scalar::value).collect()
 }
 
-/// See [`law::NUMBER_TYPES`]. A number type added to [`ModelScalar`] gets a line in `types`; one whose lanes differ
-/// is to be filled with one sample per lane and compared lane by lane.
+/// See [`law::NUMBER_TYPES`]. A number type added to [`ModelScalar`] gets a line in `types`, or among the instruction
+/// sets of [`Isa`] when it is one of lanes.
 pub(super) fn number_types(a: &dyn DynAppendage, samples: &[Sample]) -> Check {
     type Values = fn(&dyn DynAppendage, &Sample) -> Vec<f64>;
     let types: [(&str, Values); 3] = [("D1", values::<D1>), ("Grad", values::<Grad>), ("D2", values::<D2>)];
@@ -77,7 +87,48 @@ pub(super) fn number_types(a: &dyn DynAppendage, samples: &[Sample]) -> Check {
             }
         }
     }
+    let rest = samples[0].all_at(a.declaration(), 1e-9);
+    for isa in [Isa::Portable, Isa::V3, Isa::V4].into_iter().filter(|&isa| isa <= Isa::detect()) {
+        dispatch(isa, Lanes { a, samples, rest: &rest, worst: &mut worst });
+    }
     worst.check(law::NUMBER_TYPES, 1e-12)
+}
+
+/// Every method over lanes, one sample in each, against plain numbers.
+struct Lanes<'a> {
+    a: &'a dyn DynAppendage,
+    samples: &'a [Sample],
+    /// A state near zero. It takes the first lane of every second pass, in which the others are general: a branch on
+    /// `value()`, which is that of the first lane, then goes the way that is wrong for them.
+    rest: &'a Sample,
+    worst: &'a mut Worst,
+}
+
+impl LaneTask for Lanes<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) {
+        let plain = |s: &Sample| Ports::<f64>::of(self.a, &Packed::new(&[s]));
+        for (pass, group) in self.samples.chunks_exact(L::N).enumerate() {
+            let mut lanes: Vec<&Sample> = group.iter().collect();
+            if pass % 2 == 1 {
+                lanes[0] = self.rest;
+            }
+            let have = Ports::<L>::of(self.a, &Packed::new(&lanes));
+            for (l, s) in lanes.iter().enumerate() {
+                let want = plain(s);
+                let scale = scales(s, &want);
+                for part in 0..want.0.len() {
+                    for (i, (x, y)) in have.0[part].iter().zip(&want.0[part]).enumerate() {
+                        self.worst.see(relative(x.lane(l), *y, scale[part][i]), || {
+                            let name = Ports::<f64>::NAMES[part];
+                            format!("{name} over {} lanes, in lane {l} at eta = {:?}", L::N, s.eta)
+                        });
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// What a caller may pass by mistake: nothing, too much, too little, and no number at all.
@@ -88,7 +139,7 @@ pub(super) fn no_panic(a: &dyn DynAppendage, sample: &Sample) -> Check {
     let decl = a.declaration();
     let mut faults = Vec::new();
     let mut attempt = |s: &Sample, what: &dyn Fn() -> String| {
-        let run = AssertUnwindSafe(|| (values::<f64>(a, s), values::<D1>(a, s)));
+        let run = AssertUnwindSafe(|| (drop(Ports::<f64>::of(a, &Packed::new(&[s]))), values::<D1>(a, s)));
         if catch_unwind(run).is_err() {
             faults.push(what());
         }

@@ -4,7 +4,11 @@
 //! acting on the tip with the arm `l`: `R = d_q (l q')^2 / 2 + d_x x'^2 / 2`.
 
 use ff_model::appendage::CoordDecl;
-use ff_model::{Appendage, Decl, Inertia, ParamDecl, PortMatrix, PortState, PortVector, Scalar};
+use ff_model::appendage::add_inertial;
+use ff_model::{
+    Appendage, Decl, Inertia, LaneScalar, Motion, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Scalar,
+    derived_jacobian, derived_regressor,
+};
 use nalgebra::Vector3;
 
 const HUB: [f64; 3] = [0.3, -0.2, 0.5];
@@ -44,6 +48,11 @@ pub(super) enum ArmMistake {
     Undefined,
     Panics,
     Allocates,
+    TermsWithoutDamper,
+    ClassicalAcceleration,
+    JacobianOfBias,
+    ColumnForgotten,
+    BranchOnValue,
 }
 use ArmMistake as Wrong;
 
@@ -157,7 +166,14 @@ impl Appendage for Arm {
 
     fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
         let k = if self.is(Wrong::UnusedParameter) { T::from_f64(NOMINAL_K) } else { p[K] };
-        (k * eta[0] * eta[0] + p[K + 1] * eta[1] * eta[1]).scale(0.5)
+        let u = (k * eta[0] * eta[0] + p[K + 1] * eta[1] * eta[1]).scale(0.5);
+        if self.is(Wrong::BranchOnValue) {
+            // A spring that hardens with |x|^5, smooth enough for every law.
+            let x = if eta[1].value() < 0.0 { -eta[1] } else { eta[1] };
+            let square = x * x;
+            return u + p[K + 1] * square * square * x;
+        }
+        u
     }
 
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
@@ -169,6 +185,45 @@ impl Appendage for Arm {
             Some(Wrong::DampsAtRest) => r + T::one(),
             Some(Wrong::ConstantTorque) => r + nu[0].scale(0.8),
             _ => r,
+        }
+    }
+
+    fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
+        self.inertia(p, s.eta, m);
+        self.bias(p, s, h);
+        if self.is(Wrong::TermsWithoutDamper) {
+            h[7] -= p[D + 1] * s.nu[1];
+        }
+    }
+
+    fn residual<T: Scalar>(
+        &self,
+        p: &[T],
+        s: &PortState<'_, T>,
+        acc: &PortAccel<'_, T>,
+        scratch: &mut PortMatrix<'_, T>,
+        r: &mut PortVector<T>,
+    ) {
+        let mut acc = *acc;
+        if self.is(Wrong::ClassicalAcceleration) {
+            acc.host.lin += s.host.ang.cross(&s.host.lin);
+        }
+        self.terms(p, s, scratch, r);
+        add_inertial(scratch, &acc, r);
+    }
+
+    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+        if self.is(Wrong::JacobianOfBias) {
+            let still = PortAccel { host: Motion::zero(), nu: &[T::zero(); 2] };
+            return derived_jacobian(self, p, s, &still, j);
+        }
+        derived_jacobian(self, p, s, acc, j);
+    }
+
+    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+        derived_regressor(self, p, s, acc, y);
+        if self.is(Wrong::ColumnForgotten) {
+            y[8 * (D + 1)..8 * (D + 2)].fill(T::zero());
         }
     }
 

@@ -17,6 +17,7 @@ pub(super) enum PaddleMistake {
     ScaledByLength,
     SpringPerMass,
     TwinSpring,
+    FrozenInertia,
 }
 use PaddleMistake as Wrong;
 
@@ -59,7 +60,7 @@ impl Appendage for Paddle {
         if let Some(k) = factor {
             body = Inertia { mass: body.mass * k, h: body.h * k, rot: body.rot * k };
         }
-        let (s, c) = eta[0].sin_cos();
+        let (s, c) = if self.wrong == Some(Wrong::FrozenInertia) { T::zero().sin_cos() } else { eta[0].sin_cos() };
         let (o, one) = (T::zero(), T::one());
         let turned = body.to_parent(&Xform::new(Matrix3::new(c, -s, o, s, c, o, o, o, one), Vector3::zeros()));
         m.add_host(&turned);

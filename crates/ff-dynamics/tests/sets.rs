@@ -1,0 +1,57 @@
+//! A system made of a tuple of appendages and one made of boxed appendages are the same system.
+
+mod common;
+use common::*;
+use ff_dynamics::*;
+use ff_model::payload::Payload;
+use ff_model::*;
+use flex_panel::{PanelChain, Segment};
+use nalgebra::DMatrix;
+use slosh_pendulum::SloshPendulum;
+
+#[test]
+fn tuples_and_boxed_sets_give_the_same_bits() {
+    let r = &mut rng(41);
+    let arm = rand_tree(r, 4, BaseKind::Floating);
+    let about_com = nalgebra::Matrix3::new(3.1, 0.2, -0.3, 0.2, 2.4, 0.1, -0.3, 0.1, 3.7);
+    let hinge = |x: f64| {
+        Segment::new(21.0 + x, v3(0.1, 1.0, -0.2), &about_com, v3(0.4, x, 0.3), v3(1.0, 0.3, -x))
+            .with_spring(150.0, 2.0)
+    };
+    let panel = PanelChain::new(vec![hinge(0.7), hinge(1.3)]).unwrap();
+    let fuel = SloshPendulum::new(90.0, 0.8, [20.0, 21.0], [5.0, 6.0]).unwrap();
+    let client = Payload::new(&rand_inertia(r, 9.0)).unwrap();
+    let names = ["panel", "fuel", "client"];
+    let places: Vec<Place> = names
+        .iter()
+        .zip([2, 0, 4])
+        .map(|(n, host)| Place::new(*n, host, Xform::new(rand_rot(r), rand_v3(r, 0.9))))
+        .collect();
+
+    let mut typed = arm.clone();
+    typed.mount_set(&places, (panel.clone(), fuel.clone(), client.clone())).unwrap();
+    let mut boxed = arm;
+    let set: Vec<Box<dyn DynAppendage>> = vec![Box::new(panel), Box::new(fuel), Box::new(client)];
+    boxed.mount_set(&places, set).unwrap();
+    assert_eq!(typed.param_decls(), boxed.param_decls());
+    assert_eq!(typed.passive_coords(), boxed.passive_coords());
+    assert_eq!((typed.np(), typed.n_params()), (4, 10 * 5 + 24 + 6 + 10));
+
+    for seed in 0..20 {
+        let s = rand_state(&typed, &mut rng(100 + seed), 0.6);
+        let tau: Vec<f64> = (0..typed.nv()).map(|_| uni(r, -5.0, 5.0)).collect();
+        // Accelerations, joint torques back, mass matrix and regressor, as bits.
+        let of = |m: &Model| -> Vec<u64> {
+            let (p, mut work, nv) = (Params::<f64>::nominal(m), Work::new(m), m.nv());
+            let (mut a, mut back) = (vec![0.0; nv], vec![0.0; nv]);
+            assert!(forward_dynamics(m, &p, &s, &tau, &mut work, &mut a).is_ok());
+            rnea(m, &p, &s, &a, &mut work, &mut back);
+            let (mut h, mut y) = (DMatrix::zeros(nv, nv), DMatrix::zeros(nv, m.n_params()));
+            mass_matrix(m, &p, &s, &mut work, &mut h);
+            regressor(m, &p, &s, &a, &mut work, &mut y);
+            assert!(tau.iter().zip(&back).all(|(t, b)| (t - b).abs() < 1e-9 * (1.0 + t.abs())));
+            a.iter().chain(&back).chain(h.iter()).chain(y.iter()).map(|x| x.to_bits()).collect()
+        };
+        assert_eq!(of(&typed), of(&boxed), "seed {seed}");
+    }
+}

@@ -1,0 +1,95 @@
+//! Sets of appendages: tuples of every size, boxed ones, and what is refused.
+#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
+
+use ff_model::payload::Payload;
+use ff_model::{AppendageSet, BaseKind, DynAppendage, Inertia, Joint, JointKind, JointLimits, Model, Place, Xform};
+use nalgebra::{Matrix3, Vector3};
+use std::sync::Arc;
+
+fn body(mass: f64) -> Inertia<f64> {
+    let about_com = Matrix3::new(0.9, 0.06, -0.04, 0.06, 0.7, 0.05, -0.04, 0.05, 1.1);
+    Inertia::from_com(mass, &Vector3::new(0.5, -0.2, 0.1), &about_com)
+}
+
+fn load(mass: f64) -> Payload {
+    Payload::new(&body(mass)).unwrap()
+}
+
+fn model() -> Model {
+    let mut m = Model::new("set", "hull", body(40.0), BaseKind::Floating);
+    let joint = Joint {
+        name: "elbow".into(),
+        kind: JointKind::Revolute,
+        axis: Vector3::new(0.2, -0.9, 0.4),
+        placement: Xform::new(Matrix3::identity(), Vector3::new(0.7, 0.3, -0.4)),
+        limits: JointLimits::default(),
+    };
+    m.add_body(0, "arm", joint, body(5.0));
+    m
+}
+
+fn places(n: usize) -> Vec<Place> {
+    let at = |i: usize| Xform::new(Matrix3::identity(), Vector3::new(0.3 + i as f64, -0.7, 0.2 * i as f64));
+    (0..n).map(|i| Place::new(format!("load{i}"), i % 2, at(i))).collect()
+}
+
+fn masses(m: &Model) -> Vec<f64> {
+    m.appendages().iter().map(|a| a.decl().params[0].nominal).collect()
+}
+
+#[test]
+fn tuples_of_every_size_keep_their_order() {
+    fn check(set: impl AppendageSet, n: usize) {
+        let mut m = model();
+        m.mount_set(&places(n), set).unwrap();
+        assert_eq!(masses(&m), (1..=n).map(|i| i as f64).collect::<Vec<_>>());
+        for (i, (a, p)) in m.appendages().iter().zip(places(n)).enumerate() {
+            assert_eq!((&a.name, a.host, a.mount), (&p.name, p.host, p.mount));
+            assert_eq!((a.coord_offset, a.param_offset), (0, 20 + 10 * i));
+        }
+        assert_eq!((m.appendages().len(), m.n_params()), (n, 20 + 10 * n));
+    }
+    let l = |i: u8| load(f64::from(i));
+    check((l(1),), 1);
+    check((l(1), l(2)), 2);
+    check((l(1), l(2), l(3)), 3);
+    check((l(1), l(2), l(3), l(4)), 4);
+    check((l(1), l(2), l(3), l(4), l(5)), 5);
+    check((l(1), l(2), l(3), l(4), l(5), l(6)), 6);
+    check((l(1), l(2), l(3), l(4), l(5), l(6), l(7)), 7);
+    check((l(1), l(2), l(3), l(4), l(5), l(6), l(7), l(8)), 8);
+}
+
+#[test]
+fn boxed_and_shared_sets_are_mounted_as_tuples_are() {
+    let (mut tuple, mut boxed, mut shared) = (model(), model(), model());
+    tuple.mount_set(&places(2), (load(2.5), load(3.5))).unwrap();
+    let set: Vec<Box<dyn DynAppendage>> = vec![Box::new(load(2.5)), Box::new(load(3.5))];
+    boxed.mount_set(&places(2), set).unwrap();
+    let set: Vec<Arc<dyn DynAppendage>> = vec![Arc::new(load(2.5)), Arc::new(load(3.5))];
+    shared.mount_set(&places(2), set).unwrap();
+    for m in [&boxed, &shared] {
+        assert_eq!((m.param_decls(), m.n_params()), (tuple.param_decls(), tuple.n_params()));
+    }
+    assert_eq!(tuple.param_decls()[20].name, "load0.body.mass");
+}
+
+#[test]
+fn everything_wrong_with_a_set_is_said_at_once_and_nothing_is_mounted() {
+    let mut m = model();
+    m.mount_set(&places(1), (load(1.5),)).unwrap();
+    let before = m.param_decls();
+    // `load0` is taken, the second name comes twice, the third host does not exist, a fourth place has no appendage.
+    let mut wrong = places(4);
+    wrong[2] = Place { host: 2, ..wrong[1].clone() };
+    let says = m.mount_set(&wrong, (load(2.0), load(3.0), load(4.0))).unwrap_err().to_string();
+    for text in
+        ["4 places for 3 appendages", "called 'load0'", "called 'load1'", "body 2 does not exist, the last is 1"]
+    {
+        assert!(says.contains(text), "'{text}' is not in: {says}");
+    }
+    assert_eq!((m.param_decls(), m.n_params(), masses(&m)), (before, 30, vec![1.5]));
+    // What was refused left no offset behind.
+    m.mount("late", 1, Xform::identity(), Arc::new(load(6.0))).unwrap();
+    assert_eq!(m.appendages()[1].param_offset, 30);
+}
