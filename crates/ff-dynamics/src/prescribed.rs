@@ -220,6 +220,13 @@ pub(crate) struct JointRow {
     pub(crate) u: V3<f64>,
 }
 
+impl JointRow {
+    /// Torque of a wrench about the base origin.
+    pub(crate) fn of(&self, f: &V3<f64>, n: &V3<f64>) -> f64 {
+        self.s.dot(f) + self.u.dot(n)
+    }
+}
+
 /// Numbers of a [`JointRow`].
 const ROW: usize = FORM + 6;
 

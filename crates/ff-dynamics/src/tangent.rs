@@ -58,6 +58,13 @@ pub(crate) enum Column {
     Param(usize),
 }
 
+/// Where columns go. A trait and not a closure, because closures of some size are not inlined, and code for lanes must
+/// be (`ff-lanes`).
+trait Put<T> {
+    /// `column` with a wrench about the base origin in base axes and the own rows of a port.
+    fn put(&mut self, column: Column, f: V3<T>, n: V3<T>, own: &[T]);
+}
+
 /// Motion of the base at one point, or one per lane.
 #[derive(Clone, Copy)]
 struct At<T> {
@@ -133,10 +140,9 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
         }
     }
 
-    /// Columns of port `k`: `put(column, f, n, own rows)` with the wrench about the base origin in base axes.
-    /// `M` stays in the port.
+    /// Columns of port `k`. `M` stays in the port.
     #[inline(always)]
-    fn port(&mut self, k: usize, at: &At<T>, z: &[T], u: &[T], mut put: impl FnMut(Column, V3<T>, V3<T>, &[T])) {
+    fn port(&mut self, k: usize, at: &At<T>, z: &[T], u: &[T], to: &mut impl Put<T>) {
         let (ap, p, frame) = (&self.model.appendages()[k], &mut self.ports[k], &self.frames[k]);
         let (m, n) = (self.model.np(), p.n);
         let dim = 6 + n;
@@ -191,29 +197,28 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
         if !wanted.is_empty() {
             T::tangent(&*ap.appendage).regressor(params, &s, &accel, &mut p.d);
         }
-        // One call of `put`, so that it is inlined.
         let states = 3 + 2 * n + first;
         for c in 0..states + wanted.len() {
             let (column, d) = if c < states {
-                let to = match c {
+                let full = match c {
                     0..3 => c,
                     c if c < 3 + n => own.start + c,
                     c if c < 3 + 2 * n => m - n + own.start + c,
                     c => 2 * (m - n) + c,
                 };
-                (Column::State(to), &state[c * dim..(c + 1) * dim])
+                (Column::State(full), &state[c * dim..(c + 1) * dim])
             } else {
                 let (own, col) = wanted[c - states];
                 (Column::Param(col), &p.d[own * dim..(own + 1) * dim])
             };
             let (f, n) = frame.up(&V3::from_slice(d), &V3::from_slice(&d[3..]));
-            put(column, f, n, &d[6..]);
+            to.put(column, f, n, &d[6..]);
         }
     }
 
     /// Columns of the inertial parameters of tracked link `l`.
     #[inline(always)]
-    fn link(&self, l: usize, at: &At<T>, mut put: impl FnMut(Column, V3<T>, V3<T>)) {
+    fn link(&self, l: usize, at: &At<T>, to: &mut impl Put<T>) {
         let (site, _, wanted) = &self.columns.links[l];
         let frame = &self.frames[*site];
         let host = frame.carried(&at.w, &at.al, &at.a, &at.field);
@@ -227,7 +232,7 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
         }
         for &(k, col) in wanted {
             let [a, b, c, d, e, f] = &rows;
-            put(Column::Param(col), V3::new(a[k], b[k], c[k]), V3::new(d[k], e[k], f[k]));
+            to.put(Column::Param(col), V3::new(a[k], b[k], c[k]), V3::new(d[k], e[k], f[k]), &[]);
         }
     }
 }
@@ -288,25 +293,11 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
             }
         }
         for l in 0..parts.columns.links.len() {
-            parts.link(l, &at, |column, f, moment| {
-                if let Column::Param(col) = column {
-                    f.write_to(&mut rp[col * n..]);
-                    moment.write_to(&mut rp[col * n + 3..]);
-                }
-            });
+            parts.link(l, &at, &mut Rows { n, first: 6, rz, rp });
         }
         for (k, ap) in model.appendages().iter().enumerate() {
             let first = 6 + ap.coord_offset;
-            parts.port(k, &at, z, u, |column, f, moment, own| {
-                let to = match column {
-                    Column::State(c) => &mut rz[c * n..(c + 1) * n],
-                    Column::Param(c) => &mut rp[c * n..(c + 1) * n],
-                };
-                let (f0, n0) = (V3::from_slice(to), V3::from_slice(&to[3..]));
-                (f0 + f).write_to(to);
-                (n0 + moment).write_to(&mut to[3..]);
-                to[first..first + own.len()].copy_from_slice(own);
-            });
+            parts.port(k, &at, z, u, &mut Rows { n, first, rz, rp });
             let (p, frame) = (&parts.ports[k], &parts.frames[k]);
             c.add(&hung(frame, p));
             for j in 0..p.n {
@@ -347,6 +338,28 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
             ldl::solve_inverted(&self.mass, n, x);
         }
         ok
+    }
+}
+
+/// Columns of `R_z` and `R_p`, to which a part adds its own; its own rows begin with `first`.
+struct Rows<'a, T> {
+    n: usize,
+    first: usize,
+    rz: &'a mut [T],
+    rp: &'a mut [T],
+}
+
+impl<T: ModelScalar> Put<T> for Rows<'_, T> {
+    #[inline(always)]
+    fn put(&mut self, column: Column, f: V3<T>, moment: V3<T>, own: &[T]) {
+        let to = match column {
+            Column::State(c) => &mut self.rz[c * self.n..(c + 1) * self.n],
+            Column::Param(c) => &mut self.rp[c * self.n..(c + 1) * self.n],
+        };
+        let (f0, n0) = (V3::from_slice(to), V3::from_slice(&to[3..]));
+        (f0 + f).write_to(to);
+        (n0 + moment).write_to(&mut to[3..]);
+        to[self.first..self.first + own.len()].copy_from_slice(own);
     }
 }
 
@@ -404,28 +417,14 @@ impl<'a> TorqueRows<'a> {
         by_p.fill(0.0);
         let node = table.node_of(sample);
         parts.place(|column| table.frame(column, node));
-        let felt = |j: usize, f: &V3<f64>, n: &V3<f64>| {
-            let r = table.row(sample, j);
-            r.s.dot(f) + r.u.dot(n)
-        };
         for l in 0..parts.columns.links.len() {
             let above = &table.above[parts.columns.links[l].1];
-            parts.link(l, &at, |column, f, n| {
-                if let Column::Param(c) = column {
-                    above.iter().for_each(|&j| by_p[j * np + c] += felt(j, &f, &n));
-                }
-            });
+            parts.link(l, &at, &mut Felt { table, sample, above, nz, np, by_z, by_p });
         }
+        let felt = |j: usize, f: &V3<f64>, n: &V3<f64>| table.row(sample, j).of(f, n);
         for (k, ap) in model.appendages().iter().enumerate().filter(|(_, a)| a.host > 0) {
             let above = &table.above[ap.host];
-            parts.port(k, &at, z, u, |column, f, n, _| {
-                for &j in above {
-                    match column {
-                        Column::State(c) => by_z[j * nz + c] += felt(j, &f, &n),
-                        Column::Param(c) => by_p[j * np + c] += felt(j, &f, &n),
-                    }
-                }
-            });
+            parts.port(k, &at, z, u, &mut Felt { table, sample, above, nz, np, by_z, by_p });
             let (p, frame) = (&parts.ports[k], &parts.frames[k]);
             let b = hung(frame, p);
             for i in 0..3 {
@@ -440,6 +439,29 @@ impl<'a> TorqueRows<'a> {
                 let (f, n) = p.pull(i);
                 let (f, n) = frame.up(&f, &n);
                 above.iter().for_each(|&j| by_u[j * nu + 6 + ap.coord_offset + i] += felt(j, &f, &n));
+            }
+        }
+    }
+}
+
+/// Joint torques that the joints `above` feel of columns.
+struct Felt<'a> {
+    table: &'a Prescribed,
+    sample: usize,
+    above: &'a [usize],
+    nz: usize,
+    np: usize,
+    by_z: &'a mut [f64],
+    by_p: &'a mut [f64],
+}
+
+impl Put<f64> for Felt<'_> {
+    fn put(&mut self, column: Column, f: V3<f64>, n: V3<f64>, _: &[f64]) {
+        for &j in self.above {
+            let torque = self.table.row(self.sample, j).of(&f, &n);
+            match column {
+                Column::State(c) => self.by_z[j * self.nz + c] += torque,
+                Column::Param(c) => self.by_p[j * self.np + c] += torque,
             }
         }
     }

@@ -15,6 +15,17 @@ pub fn nmul_add<T: Scalar>(a: T, b: T, c: T) -> T {
     (-a).mul_add(b, c)
 }
 
+/// `[f(0), .. f(N - 1)]`. What `core::array::from_fn` and `map` do, but inlined: they are functions of their own, in
+/// which the instructions of lanes are not to be had (`ff-lanes`). `fill` is overwritten.
+#[inline(always)]
+pub fn array<X: Copy, const N: usize>(fill: X, f: impl Fn(usize) -> X) -> [X; N] {
+    let mut x = [fill; N];
+    for (k, x) in x.iter_mut().enumerate() {
+        *x = f(k);
+    }
+    x
+}
+
 /// A 3-vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct V3<T> {

@@ -32,7 +32,7 @@
 
 use crate::chain::PanelChain;
 use ff_model::by_turn;
-use ff_model::vec3::{M3, Pose, Ten, V3};
+use ff_model::vec3::{M3, Pose, Ten, V3, array};
 use ff_model::{PortAccel, PortState, Scalar};
 
 /// A segment as the outward pass leaves it, in its own frame.
@@ -78,7 +78,7 @@ impl<T: Scalar> Whole<T> {
         let (pose, v) = (&at.pose, &at.v);
         let body = pose.body_up::<K>(&self.body);
         let q = pose.up::<K>(&self.q);
-        let [c0, c1, c2] = self.n.0.map(|c| pose.up::<K>(&c));
+        let [c0, c1, c2] = array(V3::zero(), |k| pose.up::<K>(&self.n.0[k]));
         let row = |x: T, y: T, z: T| pose.up::<K>(&V3::new(x, y, z));
         let (rx, ry, rz) = (row(c0.x, c1.x, c2.x), row(c0.y, c1.y, c2.y), row(c0.z, c1.z, c2.z));
         let column = |x: T, y: T, z: T, h: T, p: T| q.scale_add(p, &v.scale_add(h, &V3::new(x, y, z)));
@@ -129,7 +129,7 @@ impl<T: Scalar> Whole<T> {
         let f = [V3::new(wh, -c.z, c.y), V3::new(c.z, wh, -c.x), V3::new(-c.y, c.x, wh)];
         let e = [V3::new(d, o, o), V3::new(o, d, o), V3::new(o, o, d)];
         let across = [V3::new(o, w.z, -w.y), V3::new(-w.z, o, w.x), V3::new(w.y, -w.x, o)];
-        core::array::from_fn(|k| {
+        array((V3::zero(), V3::zero()), |k| {
             let hk = -h.get(k);
             let n = i.mul_add(&across[k], &v.scale_add(hk, &e[k]));
             (w.scale_add(hk, &f[k]), self.n.0[k].scale_add(-two, &n))

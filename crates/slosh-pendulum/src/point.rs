@@ -10,7 +10,7 @@
 //! The velocity of the mount enters through its acceleration in an inertial frame, `A + w x v`, alone.
 
 use crate::particle::Slot;
-use ff_model::vec3::{M3, S3, Ten, V3};
+use ff_model::vec3::{M3, S3, Ten, V3, array};
 use ff_model::{PortAccel, PortMatrix, PortState, Scalar};
 
 /// Motion of the mount, and own rates and accelerations of one mass.
@@ -29,7 +29,7 @@ impl<T: Scalar, const N: usize> Drive<T, N> {
     pub(crate) fn new(s: &PortState<'_, T>, acc: Option<&PortAccel<'_, T>>, eta0: usize) -> Self {
         let pick = |x: &[T]| {
             let x = &x[eta0..eta0 + N];
-            core::array::from_fn(|k| x[k])
+            array(T::zero(), |k| x[k])
         };
         let acc = acc.map(|a| (V3::from(&a.host.lin), V3::from(&a.host.ang), pick(a.nu)));
         Self { v: V3::from(&s.host.lin), w: V3::from(&s.host.ang), nu: pick(s.nu), acc }
@@ -196,12 +196,13 @@ pub(crate) fn jacobian<T: Scalar, const N: usize, const P: usize>(
         mr.scale_add(-w.y, &V3::new(mc.z, wr, -mc.x)),
         mr.scale_add(-w.z, &V3::new(-mc.y, mc.x, wr)),
     ];
-    let spin = core::array::from_fn(|i| {
-        let push = x.push(by_spin[i]);
+    let pushes: [Push<T, N>; 3] = array(x.push(V3::zero()), |i| x.push(by_spin[i]));
+    for (i, push) in pushes.iter().enumerate() {
         j[i * dim + 6 + slot.eta0..i * dim + 6 + slot.eta0 + N].copy_from_slice(&push.own);
-        (push.f, push.n)
-    });
-    let mut columns = x.by_coordinate(&drive).map(|a| x.push(a.scaled(m)));
+    }
+    let spin = array((V3::zero(), V3::zero()), |i| (pushes[i].f, pushes[i].n));
+    let along = x.by_coordinate(&drive);
+    let mut columns: [Push<T, N>; N] = array(x.push(V3::zero()), |k| x.push(along[k].scaled(m)));
     x.shift(&f, &mut columns);
     for (k, mut c) in columns.into_iter().enumerate() {
         c.own[k] += p[slot.k0 + k];

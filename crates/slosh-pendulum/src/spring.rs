@@ -2,7 +2,7 @@
 
 use crate::point::{Coupling, Drive, Place, Push};
 use ff_model::Scalar;
-use ff_model::vec3::{M3, V3};
+use ff_model::vec3::{M3, V3, array};
 
 /// A mass that moves along `N` axes of the mount, from x on: `r = rest + sum eta_k e_k`.
 #[derive(Clone, Copy)]
@@ -25,7 +25,7 @@ impl<T: Scalar, const N: usize> Shift<T, N> {
     /// `rest` and `eta` in m.
     #[inline(always)]
     pub(crate) fn new(rest: &[T], eta: &[T]) -> Self {
-        Self { r: V3::from_slice(rest) + Self::along(&core::array::from_fn(|k| eta[k])) }
+        Self { r: V3::from_slice(rest) + Self::along(&array(T::zero(), |k| eta[k])) }
     }
     /// `sum x_k e_k`.
     #[inline(always)]
@@ -42,7 +42,7 @@ impl<T: Scalar, const N: usize> Place<T, N, 4> for Shift<T, N> {
     }
     #[inline(always)]
     fn push(&self, f: V3<T>) -> Push<T, N> {
-        Push { f, n: self.r.cross(&f), own: core::array::from_fn(|k| f.get(k)) }
+        Push { f, n: self.r.cross(&f), own: array(T::zero(), |k| f.get(k)) }
     }
     #[inline(always)]
     fn motion(&self, nu: &[T; N], acc: Option<&[T; N]>) -> (V3<T>, V3<T>) {
@@ -51,18 +51,18 @@ impl<T: Scalar, const N: usize> Place<T, N, 4> for Shift<T, N> {
     #[inline(always)]
     fn coupling(&self, m: T) -> Coupling<T, N> {
         let h = self.r.scaled(m);
-        let unit = |k: usize| Self::along(&core::array::from_fn(|i| if i == k { m } else { T::zero() }));
-        (core::array::from_fn(|k| (unit(k), -about(k, &h))), [m; N])
+        let unit = |k: usize| Self::along(&array(T::zero(), |i| if i == k { m } else { T::zero() }));
+        (array((V3::zero(), V3::zero()), |k| (unit(k), -about(k, &h))), [m; N])
     }
     #[inline(always)]
     fn by_coordinate(&self, drive: &Drive<T, N>) -> [V3<T>; N] {
         let M3(columns) = drive.field();
-        core::array::from_fn(|k| columns[k])
+        array(V3::zero(), |k| columns[k])
     }
     #[inline(always)]
     fn by_rate(&self, drive: &Drive<T, N>) -> [V3<T>; N] {
         let w = drive.w.scaled(T::from_f64(-2.0));
-        core::array::from_fn(|k| about(k, &w))
+        array(V3::zero(), |k| about(k, &w))
     }
     #[inline(always)]
     fn shift(&self, f: &V3<T>, columns: &mut [Push<T, N>; N]) {
