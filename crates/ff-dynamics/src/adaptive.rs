@@ -69,8 +69,9 @@ pub struct StepReport {
     /// Longest step (s).
     pub longest_s: f64,
     /// Estimated errors of all steps added up without signs, for the component of
-    /// `[position, attitude, joints, passive, velocity]` where the sum is largest: of the size of the error at the end
-    /// where the motion neither damps nor amplifies errors.
+    /// `[position, attitude, joints, passive, velocity]` where the sum is largest, in its SI unit. A bound of the error at
+    /// the end where the motion does not amplify errors, and a generous one: the estimate is that of the method of order
+    /// four, the result that of order five.
     pub error: f64,
 }
 
