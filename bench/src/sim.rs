@@ -5,7 +5,9 @@ use crate::motion::Manoeuvre;
 use anyhow::ensure;
 use clap::ValueEnum;
 use ff_dynamics::motion::HermiteTable;
-use ff_dynamics::{Drive, Prescribed, Sampling, SimOptions, State, simulate, simulate_reduced};
+use ff_dynamics::{
+    Drive, Keep, Prescribed, Run, Sampling, SimOptions, State, simulate, simulate_ensemble, simulate_reduced,
+};
 use ff_model::Params;
 use serde::Serialize;
 use std::time::Instant;
@@ -33,8 +35,17 @@ pub(crate) struct Args {
 enum Via {
     /// `simulate`: everything the peers compute, position and attitude included.
     Full,
+    /// `simulate_ensemble`: the same for eight parameter sets at once, time per trajectory.
+    #[value(name = "full.x8")]
+    Ensemble,
     /// `simulate_reduced`: what identification integrates; no position, no attitude.
     Reduced,
+}
+
+impl Via {
+    fn trajectories(self) -> usize {
+        if self == Self::Ensemble { 8 } else { 1 }
+    }
 }
 
 /// One line of output, the fields of `peers/src/pin_sim.cpp`.
@@ -64,14 +75,19 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let peer = models::build(args.model, Form::Ports)?;
         end = match args.via {
             Via::Full => full(&peer, args)?,
+            Via::Ensemble => ensemble(&peer, args)?,
             Via::Reduced => reduced(&peer, args)?,
         };
-        seconds.push(start.elapsed().as_secs_f64());
+        seconds.push(start.elapsed().as_secs_f64() / args.via.trajectories() as f64);
     }
     seconds.sort_by(f64::total_cmp);
     let line = Line {
         peer: "ffid",
-        config: if args.via == Via::Full { "full" } else { "reduced" },
+        config: match args.via {
+            Via::Full => "full",
+            Via::Ensemble => "full.x8",
+            Via::Reduced => "reduced",
+        },
         task: format!("sim {} {}s RK4 dt={}", args.model.text(), args.seconds, args.step),
         reps: args.reps,
         median_s: seconds[seconds.len() / 2],
@@ -94,10 +110,33 @@ fn full(peer: &Peer, args: &Args) -> anyhow::Result<End> {
     let table = HermiteTable::sample(&Manoeuvre { duration: args.seconds }, 0.5 * step)?;
     let options = SimOptions { duration_s: args.seconds, step_s: step, sample_s: step };
     let trace = simulate(model, &params, &State::zero(model), &Drive::Prescribed(&table), &options)?;
-    let (s, last) = (&trace.last, trace.len() - 1);
+    Ok((end_state(&trace.last), trace.tau.row(trace.len() - 1).iter().copied().collect()))
+}
+
+/// Eight trajectories; the first is the nominal one, which is reported. That each lane is a simulation of its own is
+/// tested in ff-dynamics.
+fn ensemble(peer: &Peer, args: &Args) -> anyhow::Result<End> {
+    let model = &peer.model;
+    let step = args.step;
+    let nominal = Params::<f64>::nominal(model);
+    let params: Vec<Params<f64>> = (0..8)
+        .map(|k| {
+            let scaled = |(i, x): (usize, &f64)| x * (1.0 + 1e-3 * k as f64 * (1.0 + (i % 5) as f64));
+            Params::from_values(model, nominal.values().iter().enumerate().map(scaled).collect())
+        })
+        .collect();
+    let start = State::zero(model);
+    let runs: Vec<Run<'_>> = params.iter().map(|params| Run { params, start: &start }).collect();
+    let table = HermiteTable::sample(&Manoeuvre { duration: args.seconds }, 0.5 * step)?;
+    let options = SimOptions { duration_s: args.seconds, step_s: step, sample_s: step };
+    let traces = simulate_ensemble(model, &runs, &table, &options, Keep::default())?;
+    let last = traces[0].tau.nrows() - 1;
+    Ok((end_state(&traces[0].last), traces[0].tau.row(last).iter().copied().collect()))
+}
+
+fn end_state(s: &State<f64>) -> Vec<f64> {
     let att = [s.att[1], s.att[2], s.att[3], s.att[0]];
-    let x = [s.pos.as_slice(), &att, &s.eta, &s.v[..6], s.nu()].concat();
-    Ok((x, trace.tau.row(last).iter().copied().collect()))
+    [s.pos.as_slice(), &att, &s.eta, &s.v[..6], s.nu()].concat()
 }
 
 fn reduced(peer: &Peer, args: &Args) -> anyhow::Result<End> {

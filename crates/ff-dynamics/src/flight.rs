@@ -37,17 +37,28 @@ pub(crate) struct Moment<'s, T> {
     pub(crate) z: &'s [T],
 }
 
+/// What is known at a sample beside the state.
+pub(crate) struct Reading<'s, T> {
+    /// `[a | al | nu']`.
+    pub(crate) u: &'s [T],
+    /// Joint torques.
+    pub(crate) tau: &'s [T],
+    /// `[q | qd | qdd]`.
+    pub(crate) joints: &'s [f64],
+    /// Energy dissipated, and work of the joint torques, since the start.
+    pub(crate) energy: &'s [T; 2],
+}
+
 /// What becomes of the samples.
 pub(crate) trait Sink<T> {
     /// Why a flight ends early.
     type Error;
-    /// Sample `i`: accelerations `u = [a | al | nu']`, joint torques, `[q | qd | qdd]`, and the energy dissipated and
-    /// done by the joint torques so far.
-    fn sample(&mut self, i: usize, at: &Moment<'_, T>, u: &[T], tau: &[T], joints: &[f64], energy: &[T; 2]);
+    /// Sample `i`.
+    fn sample(&mut self, i: usize, at: &Moment<'_, T>, now: &Reading<'_, T>);
     /// The state at the end of the interval that begins with sample `i`.
     fn check(&mut self, i: usize, at: &Moment<'_, T>) -> Result<(), Self::Error>;
-    /// A mass matrix is not positive definite; `node` half steps after sample `i`.
-    fn singular(&mut self, i: usize, node: usize, source: SingularInertia) -> Self::Error;
+    /// A mass matrix is not positive definite at state `z`, `node` half steps after sample `i`.
+    fn singular(&mut self, i: usize, node: usize, z: &[T], source: SingularInertia) -> Self::Error;
 }
 
 /// A flight under way.
@@ -71,8 +82,8 @@ impl<T: LaneScalar> Flight<T> {
         Self { pos, att, rk: Rk4::new(model, z0), energy: z, sum: z, dpos: v, drot: v, buffers: None }
     }
 
-    /// Flies through the intervals of `table`, whose first sample is number `first`. The sample at its end belongs to
-    /// the next block, unless this is the `last`. Energies are integrated where the table has powers.
+    /// Flies through `(first, intervals, last)`: so many intervals of `table`, from sample `first` on. The sample at
+    /// their end belongs to the next block, unless this is the last. Energies are integrated where the table has powers.
     ///
     /// # Errors
     /// Those of the sink.
@@ -82,9 +93,7 @@ impl<T: LaneScalar> Flight<T> {
         model: &Model,
         params: &Params<T>,
         table: &Prescribed,
-        first: usize,
-        intervals: usize,
-        last: bool,
+        (first, intervals, last): (usize, usize, bool),
         sink: &mut S,
     ) -> Result<(), S::Error> {
         let buffers = self.buffers.take().unwrap_or_else(|| Buffers::new(model, table));
@@ -145,13 +154,14 @@ impl<T: LaneScalar, S: Sink<T>> Kernel for Block<'_, '_, T, S> {
             for stage in 0..4 {
                 let node = 2 * step + STAGE[stage];
                 if let Err(at) = flight.rk.stage(sys, step, stage) {
-                    return Err(sink.singular(first, node, crate::forward::singular(sys.model, at)));
+                    return Err(sink.singular(first, node, &flight.rk.zs, crate::forward::singular(sys.model, at)));
                 }
                 if stage == 0 && step % per == 0 {
                     let i = step / per;
                     sys.torques(i, &flight.rk.zs, &flight.rk.u, &mut flight.rk.tau);
                     let at = Moment { pos: &flight.pos, att: &flight.att, z: &flight.rk.zs };
-                    sink.sample(first + i, &at, &flight.rk.u, &flight.rk.tau, table.joints(i), &flight.energy);
+                    let (u, tau, energy) = (&flight.rk.u, &flight.rk.tau, &flight.energy);
+                    sink.sample(first + i, &at, &Reading { u, tau, joints: table.joints(i), energy });
                     if step == steps {
                         return Ok(());
                     }

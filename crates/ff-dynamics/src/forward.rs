@@ -134,7 +134,8 @@ impl<T: ModelScalar> Kernel for Free<'_, T> {
 ///
 /// This is the form of a position-controlled arm on a free base: joint motion in, everything else out.
 /// `qdd` has length `n`; on return `a` (`nv`) holds all accelerations (the joint part copied from `qdd`) and
-/// `tau` (`n`) the joint torques. Does not allocate except for the error.
+/// `tau` (`n`) the joint torques. Wrenches of [`Work::set_external`] and forces of [`Work::set_passive_forces`] act as
+/// well. Does not allocate except for the error.
 ///
 /// With `C` the composite inertia, `G` the appendages' coupling at the base, `e` their residuals and `f` the
 /// wrench at zero base acceleration:
@@ -193,6 +194,13 @@ impl<T: ModelScalar> Kernel for Hybrid<'_, T> {
         assert_eq!(tau.len(), nj, "tau length");
         assert_eq!(a.len(), model.nv(), "acceleration length");
         forces(model, params, state, qdd, work, tau);
+        if !work.external_passive.is_empty() {
+            for (ap, p) in model.appendages().iter().zip(&mut work.ports) {
+                for k in 0..p.n {
+                    p.r[6 + k] -= work.external_passive[ap.coord_offset + k];
+                }
+            }
+        }
         crba::composite(params, model, work);
         let (al0, a0) = if nb == 6 {
             for (ap, p) in model.appendages().iter().zip(&mut work.ports) {

@@ -17,8 +17,12 @@
 //! | frequencies and damping | [`mod@modes`] |
 //! | frames | [`frames`] |
 //! | a motion over time, and what sensors see of it | [`mod@simulate`], [`sensors`] |
+//! | thrusters, wrenches, gravity gradient, motors | [`inputs`] |
+//! | several runs at once, one per lane | [`ensemble`] |
+//! | the step a system needs; steps that adapt | [`step`], [`adaptive`] |
 
 pub mod aba;
+pub mod adaptive;
 mod attitude;
 pub mod blocks;
 pub mod bspline;
@@ -27,15 +31,18 @@ mod condense;
 pub mod conditioning;
 pub mod crba;
 pub mod derivatives;
+pub mod ensemble;
 mod flight;
 pub mod forward;
 pub mod frames;
+pub mod inputs;
 pub mod integrate;
 pub mod ldl;
 mod ltl;
 pub mod modes;
 pub mod momentum;
 pub mod motion;
+mod plant;
 pub mod prescribed;
 pub mod reduced;
 pub mod reduced_torques;
@@ -45,19 +52,24 @@ pub mod sensitivity;
 pub mod sensors;
 pub mod simulate;
 pub mod state;
+pub mod step;
 mod tangent;
+mod trace;
 mod tree;
 mod work;
 
 pub use aba::{SingularInertia, aba};
+pub use adaptive::{AdaptiveOptions, StepReport, simulate_adaptive};
 pub use attitude::Attitude;
 pub use blocks::MassBlocks;
 pub use centroidal::{Centroidal, CentroidalRate};
 pub use conditioning::{Conditioning, conditioning};
 pub use crba::mass_matrix;
 pub use derivatives::{Derivatives, hybrid_columns, rnea_derivatives};
+pub use ensemble::{Keep, Run, RunTrace, simulate_ensemble};
 pub use forward::{forward_dynamics, hybrid_dynamics};
 pub use frames::{frame_jacobian, frame_pose};
+pub use inputs::{ExternalInput, InputError};
 pub use modes::{Boundary, Mode, modes};
 pub use momentum::{Budget, budget};
 pub use prescribed::{Prescribed, Sampling};
@@ -67,6 +79,7 @@ pub use regressor::{body_regressor, regressor};
 pub use rnea::{bias, rnea};
 pub use sensitivity::{Sensitivities, Wanted, sensitivities};
 pub use sensors::{Accelerometer, Channel, Readings, SensorSuite, measure};
-pub use simulate::{Drive, SimError, SimOptions, Trace, simulate};
+pub use simulate::{Drive, SimError, SimOptions, Trace, simulate, simulate_with};
 pub use state::{State, dof_names};
+pub use step::{StepAdvice, advise_step, rk4_error};
 pub use work::Work;

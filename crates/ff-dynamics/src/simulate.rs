@@ -1,14 +1,17 @@
 //! A motion over time: prescribed joint motion or joint torques in, everything observable out.
 
 use crate::aba::SingularInertia;
-use crate::forward::{forward_dynamics, hybrid_dynamics};
+use crate::flight::{self, Flight, Moment, Reading, Sink};
+use crate::inputs::{ExternalInput, InputError, breaks_of};
 use crate::integrate::{QUADRATURES, Rkmk4};
-use crate::momentum::{Budget, budget};
 use crate::motion::JointMotion;
+use crate::plant::Plant;
+use crate::prescribed::{Filler, Prescribed};
 use crate::state::State;
-use crate::work::Work;
-use ff_model::{Model, ModelScalar, Params};
-use nalgebra::DMatrix;
+pub use crate::trace::Trace;
+use ff_model::lanes::{Isa, LaneTask, dispatch};
+use ff_model::vec3::V3;
+use ff_model::{CoordDecl, LaneScalar, Model, Params};
 
 /// What moves the joints.
 pub enum Drive<'a> {
@@ -30,6 +33,23 @@ pub struct SimOptions {
     pub step_s: f64,
     /// Time between samples (s).
     pub sample_s: f64,
+}
+
+impl SimOptions {
+    /// All times positive and finite.
+    pub(crate) fn check(&self) -> Result<(), SimError> {
+        let times = [("duration", self.duration_s), ("integration step", self.step_s), ("sample time", self.sample_s)];
+        match times.into_iter().find(|(_, x)| !(*x > 0.0 && x.is_finite())) {
+            Some((what, value)) => Err(SimError::Options { what, value, extra: "" }),
+            None => Ok(()),
+        }
+    }
+    /// Step (s), steps per sample, number of samples.
+    pub(crate) fn steps(&self) -> (f64, usize, usize) {
+        let per_sample = (self.sample_s / self.step_s - 1e-9).ceil().max(1.0) as usize;
+        let samples = (self.duration_s / self.sample_s + 1e-9).floor() as usize + 1;
+        (self.sample_s / per_sample as f64, per_sample, samples)
+    }
 }
 
 /// Why a simulation stopped.
@@ -77,6 +97,25 @@ pub enum SimError {
         /// Step used (s).
         step: f64,
     },
+    /// The steps of an adaptive simulation became shorter than rounding leaves room for.
+    #[error(
+        "at t = {t} s: steps of {step} s are still too long for the tolerance; loosen it, or give a shortest time scale \
+         to what jumps there"
+    )]
+    StepUnderflow {
+        /// Time (s).
+        t: f64,
+        /// Last step tried (s).
+        step: f64,
+    },
+    /// An external input does not fit the model.
+    #[error("external input {index} (from 0): {source}")]
+    Input {
+        /// Index in the list of inputs.
+        index: usize,
+        /// What is wrong.
+        source: InputError,
+    },
     /// The drive has another number of joints than the model.
     #[error("the joint motion has {got} joints, the model {want}; give one column per joint of the URDF")]
     Joints {
@@ -87,79 +126,36 @@ pub enum SimError {
     },
 }
 
-/// Samples of a simulation: one row per sample, one column per channel.
-#[derive(Clone, Debug)]
-pub struct Trace {
-    /// Time between samples (s); the first sample is at the start.
-    pub dt: f64,
-    /// Joint positions, rates and accelerations, `N x n`.
-    pub q: DMatrix<f64>,
-    /// See `q`.
-    pub qd: DMatrix<f64>,
-    /// See `q`.
-    pub qdd: DMatrix<f64>,
-    /// Joint torques after the gear (N m), `N x n`.
-    pub tau: DMatrix<f64>,
-    /// Base twist, base frame, linear first, `N x 6`. Columns 3..6 are what a gyro measures (rad/s).
-    pub twist: DMatrix<f64>,
-    /// Base acceleration (componentwise rate of `twist`), `N x 6`.
-    pub accel: DMatrix<f64>,
-    /// Base origin in the world (m), `N x 3`.
-    pub pos: DMatrix<f64>,
-    /// Base attitude `[w, x, y, z]`, `N x 4`.
-    pub att: DMatrix<f64>,
-    /// Passive coordinates, `N x m`.
-    pub eta: DMatrix<f64>,
-    /// Passive rates, `N x m`.
-    pub nu: DMatrix<f64>,
-    /// Energy dissipated since the start (J), length `N`.
-    pub dissipated: Vec<f64>,
-    /// Work of the joint torques since the start (J), length `N`.
-    pub work: Vec<f64>,
-    /// State at the end.
-    pub last: State<f64>,
+/// The state is finite, and every passive coordinate inside the range its model is valid in.
+pub(crate) fn check_state(
+    state: &State<f64>,
+    coords: &[(String, CoordDecl)],
+    t: f64,
+    step: f64,
+) -> Result<(), SimError> {
+    if !state.is_finite() {
+        return Err(SimError::NotFinite { t, step });
+    }
+    for (&value, (name, c)) in state.eta.iter().zip(coords) {
+        let (lo, hi) = c.range;
+        if value < lo || value > hi {
+            return Err(SimError::Range { t, coord: name.clone(), value, unit: c.unit, lo, hi });
+        }
+    }
+    Ok(())
 }
 
-impl Trace {
-    /// Number of samples.
-    pub fn len(&self) -> usize {
-        self.dissipated.len()
+/// What a drive and inputs must have to be simulated with `model`.
+pub(crate) fn check_drive(model: &Model, drive: &Drive<'_>, inputs: &[&dyn ExternalInput]) -> Result<(), SimError> {
+    if let Drive::Prescribed(m) = drive
+        && m.dof() != model.nj()
+    {
+        return Err(SimError::Joints { got: m.dof(), want: model.nj() });
     }
-    /// True without samples.
-    pub fn is_empty(&self) -> bool {
-        self.dissipated.is_empty()
+    for (index, input) in inputs.iter().enumerate() {
+        input.check(model).map_err(|source| SimError::Input { index, source })?;
     }
-    /// Sample times (s).
-    pub fn times(&self) -> Vec<f64> {
-        (0..self.len()).map(|i| i as f64 * self.dt).collect()
-    }
-    /// Base rates in the base frame (rad/s), `N x 3`.
-    pub fn gyro(&self) -> DMatrix<f64> {
-        self.twist.columns(3, 3).into_owned()
-    }
-    /// The state at sample `i` (allocates).
-    pub fn state(&self, model: &Model, i: usize) -> State<f64> {
-        let mut s = State::zero(model);
-        for k in 0..3 {
-            s.pos[k] = self.pos[(i, k)];
-        }
-        for k in 0..4 {
-            s.att[k] = self.att[(i, k)];
-        }
-        let copy = |m: &DMatrix<f64>, out: &mut [f64]| out.iter_mut().enumerate().for_each(|(k, x)| *x = m[(i, k)]);
-        copy(&self.q, &mut s.q);
-        copy(&self.eta, &mut s.eta);
-        if model.nb() == 6 {
-            copy(&self.twist, &mut s.v[..6]);
-        }
-        copy(&self.qd, s.qd_mut());
-        copy(&self.nu, s.nu_mut());
-        s
-    }
-    /// Momentum and energy at sample `i` (allocates).
-    pub fn budget(&self, model: &Model, params: &Params<f64>, i: usize) -> Budget<f64> {
-        budget(model, params, &self.state(model, i), &mut Work::new(model))
-    }
+    Ok(())
 }
 
 /// Integrates `start` for `options.duration_s` and samples what can be observed.
@@ -176,141 +172,207 @@ pub fn simulate(
     drive: &Drive<'_>,
     options: &SimOptions,
 ) -> Result<Trace, SimError> {
-    let positive = |what, value: f64| {
-        if value > 0.0 && value.is_finite() { Ok(()) } else { Err(SimError::Options { what, value, extra: "" }) }
-    };
-    positive("duration", options.duration_s)?;
-    positive("integration step", options.step_s)?;
-    positive("sample time", options.sample_s)?;
-    if let Drive::Prescribed(m) = drive
-        && m.dof() != model.nj()
+    simulate_with(model, params, start, drive, &[], options)
+}
+
+/// [`simulate`] under external inputs.
+///
+/// Steps end at the breaks of the inputs, and what an input does at the end of a step is taken from inside the step, so
+/// that the order of the method is kept where thrusters switch.
+///
+/// # Errors
+/// [`SimError`]; the trace up to there is dropped.
+pub fn simulate_with(
+    model: &Model,
+    params: &Params<f64>,
+    start: &State<f64>,
+    drive: &Drive<'_>,
+    inputs: &[&dyn ExternalInput],
+    options: &SimOptions,
+) -> Result<Trace, SimError> {
+    options.check()?;
+    check_drive(model, drive, inputs)?;
+    if let Drive::Prescribed(motion) = drive
+        && inputs.is_empty()
+        && flight::applies(model)
     {
-        return Err(SimError::Joints { got: m.dof(), want: model.nj() });
+        return dispatch(Isa::detect(), Fly { model, params, start, motion: *motion, options });
     }
-    let per_sample = (options.sample_s / options.step_s - 1e-9).ceil().max(1.0) as usize;
-    let h = options.sample_s / per_sample as f64;
-    let samples = (options.duration_s / options.sample_s + 1e-9).floor() as usize + 1;
-    let (nb, nj, nv) = (model.nb(), model.nj(), model.nv());
-    let mut trace = Trace {
-        dt: options.sample_s,
-        q: DMatrix::zeros(samples, nj),
-        qd: DMatrix::zeros(samples, nj),
-        qdd: DMatrix::zeros(samples, nj),
-        tau: DMatrix::zeros(samples, nj),
-        twist: DMatrix::zeros(samples, 6),
-        accel: DMatrix::zeros(samples, 6),
-        pos: DMatrix::zeros(samples, 3),
-        att: DMatrix::zeros(samples, 4),
-        eta: DMatrix::zeros(samples, model.np()),
-        nu: DMatrix::zeros(samples, model.np()),
-        dissipated: Vec::with_capacity(samples),
-        work: Vec::with_capacity(samples),
-        last: start.clone(),
-    };
+    let (h, per_sample, samples) = options.steps();
+    let mut trace = Trace::new(model, samples, options.sample_s, start);
     let coords = model.passive_coords();
-    let mut plant = Plant::new(model, params, drive);
-    let mut stepper = Rkmk4::new(model);
+    let mut plant = Plant::new(model, params, drive, inputs);
+    let mut stepper: Rkmk4<f64> = Rkmk4::new(model);
     let mut state = start.clone();
     let mut quad = [0.0; QUADRATURES];
-    let mut a = vec![0.0; nv];
+    let mut a = vec![0.0; model.nv()];
+    let breaks = breaks_of(inputs, &[], 0.0, options.duration_s, APART * h);
+    let mut pieces = Pieces { breaks: &breaks, whole: (per_sample, h) };
     for i in 0..samples {
         let t = i as f64 * options.sample_s;
+        let next = t + options.sample_s;
         let mut rate = [0.0; QUADRATURES];
-        plant.accelerate(t, &mut state, &mut a, &mut rate).map_err(|source| SimError::Singular { t, source })?;
-        let fill = |m: &mut DMatrix<f64>, x: &[f64]| x.iter().enumerate().for_each(|(k, &v)| m[(i, k)] = v);
-        fill(&mut trace.q, &state.q);
-        fill(&mut trace.qd, state.qd());
-        fill(&mut trace.qdd, &a[nb..nb + nj]);
-        fill(&mut trace.tau, &plant.tau);
-        fill(&mut trace.twist, &state.v[..nb]);
-        fill(&mut trace.accel, &a[..nb]);
-        fill(&mut trace.pos, state.pos.as_slice());
-        fill(&mut trace.att, state.att.as_slice());
-        fill(&mut trace.eta, &state.eta);
-        fill(&mut trace.nu, state.nu());
-        trace.dissipated.push(quad[0]);
-        trace.work.push(quad[1]);
+        let mut piece = pieces.next(t, t, next);
+        plant.enter_step(t, t + piece.step);
+        plant.accelerate(t, t, &mut state, &mut a, &mut rate)?;
+        trace.put(i, &state, &a, &plant.tau, &quad);
         if i + 1 == samples {
             break;
         }
-        for k in 0..per_sample {
-            let ts = t + k as f64 * h;
-            // The sample has evaluated the first stage of the step that starts there.
-            let first = (k == 0).then_some((a.as_slice(), &rate));
-            stepper
-                .step_from(ts, h, &mut state, &mut quad, first, |t, s, a, r| plant.accelerate(t, s, a, r))
-                .map_err(|source| SimError::Singular { t: ts, source })?;
-        }
-        if !state.is_finite() {
-            return Err(SimError::NotFinite { t, step: h });
-        }
-        for (x, (name, c)) in state.eta.iter().zip(&coords) {
-            if *x < c.range.0 || *x > c.range.1 {
-                let (lo, hi) = c.range;
-                return Err(SimError::Range { t, coord: name.clone(), value: *x, unit: c.unit, lo, hi });
+        // The sample has evaluated the first stage of the step that starts there.
+        let mut first = Some((a.as_slice(), &rate));
+        loop {
+            for k in 0..piece.steps {
+                let ts = piece.from + k as f64 * piece.step;
+                plant.enter_step(ts, ts + piece.step);
+                stepper.step_from(ts, piece.step, &mut state, &mut quad, first.take(), |t, s, a, r| {
+                    plant.accelerate(t, t, s, a, r)
+                })?;
             }
+            if piece.end >= next {
+                break;
+            }
+            piece = pieces.next(piece.end, t, next);
         }
+        check_state(&state, &coords, t, h)?;
     }
     trace.last = state;
     Ok(trace)
 }
 
-/// The right-hand side: accelerations and the rates of dissipated energy and joint work.
-struct Plant<'a> {
+/// Free flight under a prescribed motion, which needs neither position nor attitude for its right-hand side.
+struct Fly<'a> {
     model: &'a Model,
     params: &'a Params<f64>,
-    drive: &'a Drive<'a>,
-    work: Work<f64>,
-    tau: Vec<f64>,
-    full: Vec<f64>,
-    qdd: Vec<f64>,
-    q: Vec<f64>,
-    qd: Vec<f64>,
+    start: &'a State<f64>,
+    motion: &'a dyn JointMotion,
+    options: &'a SimOptions,
 }
 
-impl<'a> Plant<'a> {
-    fn new(model: &'a Model, params: &'a Params<f64>, drive: &'a Drive<'a>) -> Self {
-        let z = vec![0.0; model.nj()];
-        Self {
-            model,
-            params,
-            drive,
-            work: Work::new(model),
-            tau: z.clone(),
-            full: vec![0.0; model.nv()],
-            qdd: z.clone(),
-            q: z.clone(),
-            qd: z,
+impl LaneTask for Fly<'_> {
+    type Output = Result<Trace, SimError>;
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        let Self { model, params, start, motion, options } = self;
+        let (h, per_sample, samples) = options.steps();
+        let (per_block, table) = flight::table(model, options.sample_s, per_sample, samples);
+        let mut table = table.with_power();
+        let mut filler = Filler::<L>::new(model, params);
+        let z0 = [&start.v[..6], &start.eta, start.nu()].concat();
+        let mut flight = Flight::new(model, start.pos, start.att, &z0);
+        let mut sink = Record {
+            trace: Trace::new(model, samples, options.sample_s, start),
+            state: start.clone(),
+            a: vec![0.0; model.nv()],
+            coords: model.passive_coords(),
+            h,
+        };
+        for first in (0..samples).step_by(per_block) {
+            let intervals = per_block.min(samples - 1 - first);
+            let last = first + intervals + 1 == samples;
+            filler.fill(&mut table, motion, first as f64 * options.sample_s);
+            fly_block(&mut flight, model, params, &table, (first, intervals, last), &mut sink)?;
+            if last {
+                break;
+            }
         }
+        sink.trace.last = sink.state;
+        Ok(sink.trace)
     }
-    fn accelerate(
-        &mut self,
-        t: f64,
-        state: &mut State<f64>,
-        a: &mut [f64],
-        rate: &mut [f64; QUADRATURES],
-    ) -> Result<(), SingularInertia> {
-        match self.drive {
-            Drive::Prescribed(m) => {
-                m.eval(t, &mut self.q, &mut self.qd, &mut self.qdd);
-                state.q.copy_from_slice(&self.q);
-                state.qd_mut().copy_from_slice(&self.qd);
-                hybrid_dynamics(self.model, self.params, state, &self.qdd, &mut self.work, a, &mut self.tau)?;
-            }
-            Drive::Torque(law) => {
-                law(t, state, &mut self.tau);
-                let nb = self.model.nb();
-                self.full[nb..nb + self.tau.len()].copy_from_slice(&self.tau);
-                forward_dynamics(self.model, self.params, state, &self.full, &mut self.work, a)?;
-            }
+}
+
+/// Not inlined: plain numbers need it once, not once per instruction set.
+#[inline(never)]
+fn fly_block(
+    flight: &mut Flight<f64>,
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    (first, intervals, last): (usize, usize, bool),
+    sink: &mut Record,
+) -> Result<(), SimError> {
+    flight.block(model, params, table, (first, intervals, last), sink)
+}
+
+/// Writes a flight into a trace.
+struct Record {
+    trace: Trace,
+    state: State<f64>,
+    a: Vec<f64>,
+    coords: Vec<(String, CoordDecl)>,
+    h: f64,
+}
+
+impl Record {
+    fn place(&mut self, at: &Moment<'_, f64>) {
+        let (s, m) = (&mut self.state, self.coords.len());
+        (s.pos, s.att) = (*at.pos, *at.att);
+        s.v[..6].copy_from_slice(&at.z[..6]);
+        s.eta.copy_from_slice(&at.z[6..6 + m]);
+        s.nu_mut().copy_from_slice(&at.z[6 + m..]);
+    }
+}
+
+impl Sink<f64> for Record {
+    type Error = SimError;
+    fn sample(&mut self, i: usize, at: &Moment<'_, f64>, now: &Reading<'_, f64>) {
+        self.place(at);
+        let n = self.state.q.len();
+        self.state.q.copy_from_slice(&now.joints[..n]);
+        self.state.qd_mut().copy_from_slice(&now.joints[n..2 * n]);
+        let (v, w) = (V3::from_slice(at.z), V3::from_slice(&at.z[3..]));
+        (V3::from_slice(now.u) - w.cross(&v)).write_to(&mut self.a);
+        self.a[3..6].copy_from_slice(&now.u[3..6]);
+        self.a[6..6 + n].copy_from_slice(&now.joints[2 * n..]);
+        self.a[6 + n..].copy_from_slice(&now.u[6..]);
+        let mut quad = [0.0; QUADRATURES];
+        quad[..2].copy_from_slice(now.energy);
+        self.trace.put(i, &self.state, &self.a, now.tau, &quad);
+    }
+    fn check(&mut self, i: usize, at: &Moment<'_, f64>) -> Result<(), SimError> {
+        self.place(at);
+        check_state(&self.state, &self.coords, i as f64 * self.trace.dt, self.h)
+    }
+    fn singular(&mut self, i: usize, node: usize, z: &[f64], source: SingularInertia) -> SimError {
+        // A NaN in the state shows as a pivot that is not positive, too.
+        let t = i as f64 * self.trace.dt + 0.5 * self.h * node as f64;
+        let finite = z.iter().all(|x| x.is_finite());
+        if finite { SimError::Singular { t, source } } else { SimError::NotFinite { t, step: self.h } }
+    }
+}
+
+/// Breaks closer to each other, or to a sample, than this fraction of a step are one.
+const APART: f64 = 1e-6;
+
+/// The stretches between breaks into which a sample interval falls.
+struct Pieces<'a> {
+    /// Breaks to come.
+    breaks: &'a [f64],
+    /// Steps of a sample interval without breaks, and their length (s).
+    whole: (usize, f64),
+}
+
+struct Piece {
+    from: f64,
+    end: f64,
+    steps: usize,
+    step: f64,
+}
+
+impl Pieces<'_> {
+    /// The piece that begins at `from` of the sample interval `t .. next`.
+    fn next(&mut self, from: f64, t: f64, next: f64) -> Piece {
+        let (steps, step) = self.whole;
+        while let [first, rest @ ..] = self.breaks
+            && *first <= from + APART * step
+        {
+            self.breaks = rest;
         }
-        let nu = state.nu();
-        rate[0] = 0.0;
-        for (k, ap) in self.model.appendages().iter().enumerate() {
-            let nu = &nu[ap.coord_offset..ap.coord_offset + ap.dim()];
-            rate[0] += f64::port(&*ap.appendage).dissipated_power(self.params.appendage(self.model, k), nu);
+        let end = self.breaks.first().copied().filter(|b| *b < next - APART * step).unwrap_or(next);
+        if from == t && end == next {
+            return Piece { from, end, steps, step };
         }
-        rate[1] = self.tau.iter().zip(state.qd()).map(|(t, w)| t * w).sum();
-        Ok(())
+        let steps = ((end - from) / step - 1e-9).ceil().max(1.0) as usize;
+        Piece { from, end, steps, step: (end - from) / steps as f64 }
     }
 }

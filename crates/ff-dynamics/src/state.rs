@@ -44,28 +44,28 @@ impl<T: Scalar> State<T> {
         }
     }
     /// Base twist in base coordinates; zero for a fixed base.
-    #[inline]
+    #[inline(always)]
     pub fn base_twist(&self) -> Motion<T> {
         if self.nb == 6 { Motion::from_slice(&self.v) } else { Motion::zero() }
     }
     /// Joint rates.
-    #[inline]
+    #[inline(always)]
     pub fn qd(&self) -> &[T] {
         &self.v[self.nb..self.nb + self.q.len()]
     }
     /// Passive rates.
-    #[inline]
+    #[inline(always)]
     pub fn nu(&self) -> &[T] {
         &self.v[self.nb + self.q.len()..]
     }
     /// Joint rates, to write.
-    #[inline]
+    #[inline(always)]
     pub fn qd_mut(&mut self) -> &mut [T] {
         let (a, b) = (self.nb, self.nb + self.q.len());
         &mut self.v[a..b]
     }
     /// Passive rates, to write.
-    #[inline]
+    #[inline(always)]
     pub fn nu_mut(&mut self) -> &mut [T] {
         let a = self.nb + self.q.len();
         &mut self.v[a..]

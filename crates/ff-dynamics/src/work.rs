@@ -169,6 +169,8 @@ pub struct Work<T: ModelScalar> {
     pub(crate) external: Vec<Force<T>>,
     /// Whether any of them was ever set.
     pub(crate) has_external: bool,
+    /// Forces applied from outside on the passive coordinates; empty until set.
+    pub(crate) external_passive: Vec<T>,
     /// Zero accelerations, length `nv`.
     pub(crate) zeros: Vec<T>,
     /// Bodies as the fast passes hold them.
@@ -209,6 +211,7 @@ impl<T: ModelScalar> Work<T> {
             ports: model.appendages().iter().map(PortWork::new).collect(),
             external: vec![Force::zero(); nb],
             has_external: false,
+            external_passive: Vec::new(),
             zeros: vec![T::zero(); model.nv()],
             links: std::iter::once(Link::base()).chain(model.bodies().iter().map(Link::new)).collect(),
             dof_parent: dof_parents(model),
@@ -225,6 +228,16 @@ impl<T: ModelScalar> Work<T> {
     pub fn set_external(&mut self, body: usize, wrench: Force<T>) {
         self.external[body] = wrench;
         self.has_external = true;
+    }
+    /// Applies forces (N m or N) on the passive coordinates in every later call of [`crate::hybrid_dynamics`], until set
+    /// again. The other algorithms take them as the passive part of `tau`. Allocates in the first call.
+    ///
+    /// # Panics
+    /// If there are not `m` of them.
+    pub fn set_passive_forces(&mut self, forces: &[T]) {
+        assert_eq!(forces.len(), self.ports.iter().map(|p| p.n).sum::<usize>(), "number of passive coordinates");
+        self.external_passive.resize(forces.len(), T::zero());
+        self.external_passive.copy_from_slice(forces);
     }
     /// Pose of body `i` in its parent, from the last pass.
     pub(crate) fn joint_motion(&self, model: &Model, i: usize) -> Motion<T> {
@@ -262,6 +275,7 @@ impl<T: ModelScalar> Work<T> {
         }
     }
     /// Mass matrices of all ports.
+    #[inline(always)]
     pub(crate) fn port_inertias(&mut self, model: &Model, params: &Params<T>, eta: &[T]) {
         for (k, a) in model.appendages().iter().enumerate() {
             let n = a.dim();

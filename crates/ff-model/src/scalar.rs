@@ -134,8 +134,10 @@ macro_rules! lane_scalars {
                 (0..<$t as Lanes>::N).for_each(|i| e.set_lane(i, self.lane(i).exp()));
                 e
             }
+            #[inline(always)]
             fn is_finite(&self) -> bool {
-                (0..<$t as Lanes>::N).all(|i| self.lane(i).is_finite())
+                // `x - x` is zero for a finite number, NaN for all others.
+                (*self - *self + <$t as Lanes>::splat(1.0)).all_positive()
             }
         }
     )*};

@@ -4,6 +4,7 @@
 //! numbers loses its derivative at zero; these use series that hold there. Nothing allocates.
 
 use crate::scalar::Scalar;
+use crate::small::cross;
 use nalgebra::{Matrix3, Vector3, Vector4};
 
 /// A quaternion as `[w, x, y, z]`; unit norm unless stated. Rotates body coordinates into the world.
@@ -15,7 +16,7 @@ pub fn quat_identity<T: Scalar>() -> Quat<T> {
 }
 
 /// Hamilton product `a b`: first `b`, then `a`.
-#[inline]
+#[inline(always)]
 pub fn quat_mul<T: Scalar>(a: &Quat<T>, b: &Quat<T>) -> Quat<T> {
     let (aw, ax, ay, az) = (a[0], a[1], a[2], a[3]);
     let (bw, bx, by, bz) = (b[0], b[1], b[2], b[3]);
@@ -28,20 +29,21 @@ pub fn quat_mul<T: Scalar>(a: &Quat<T>, b: &Quat<T>) -> Quat<T> {
 }
 
 /// The inverse rotation of a unit quaternion.
-#[inline]
+#[inline(always)]
 pub fn quat_conj<T: Scalar>(q: &Quat<T>) -> Quat<T> {
     Vector4::new(q[0], -q[1], -q[2], -q[3])
 }
 
 /// `q / |q|`.
-#[inline]
+#[inline(always)]
 pub fn quat_normalize<T: Scalar>(q: &Quat<T>) -> Quat<T> {
     let n2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-    q / n2.sqrt()
+    let n = n2.sqrt();
+    Vector4::new(q[0] / n, q[1] / n, q[2] / n, q[3] / n)
 }
 
 /// Rotation matrix (body to world) of a unit quaternion.
-#[inline]
+#[inline(always)]
 pub fn quat_to_rot<T: Scalar>(q: &Quat<T>) -> Matrix3<T> {
     let (w, x, y, z) = (q[0], q[1], q[2], q[3]);
     let two = T::from_f64(2.0);
@@ -85,25 +87,29 @@ pub fn rot_to_quat(r: &Matrix3<f64>) -> Quat<f64> {
 }
 
 /// `sin(h)/h` and `cos(h)` as functions of `h^2`, smooth through zero.
-#[inline]
+///
+/// The series serves when it may for every lane. Where lanes differ, a zero among them must not become `0/0`: what is
+/// added to `h^2` is lost in any number above the switch, and makes the quotient 1 at zero.
+#[inline(always)]
 fn sinc_cos<T: Scalar>(h2: T) -> (T, T) {
-    if h2.value() < 1e-4 {
+    if (T::from_f64(1e-4) - h2).is_positive() {
         // Taylor to h^8: the first term left out is below 1e-23 at the switch.
         let c = |k: f64| T::from_f64(k);
         let s = c(1.0) - h2 * (c(1.0 / 6.0) - h2 * (c(1.0 / 120.0) - h2 * (c(1.0 / 5040.0) - h2 * c(1.0 / 362_880.0))));
         let co = c(1.0) - h2 * (c(0.5) - h2 * (c(1.0 / 24.0) - h2 * (c(1.0 / 720.0) - h2 * c(1.0 / 40320.0))));
         (s, co)
     } else {
-        let h = h2.sqrt();
+        let h = (h2 + T::from_f64(1e-300)).sqrt();
         let (s, c) = h.sin_cos();
         (s / h, c)
     }
 }
 
 /// Unit quaternion of the rotation vector `u` (rad): `exp(u / 2)`. Exact derivatives at zero.
-#[inline]
+#[inline(always)]
 pub fn exp_so3<T: Scalar>(u: &Vector3<T>) -> Quat<T> {
-    let half = u * T::from_f64(0.5);
+    // Products written out: nalgebra's are not inlined into code for lanes.
+    let half = Vector3::new(u.x.scale(0.5), u.y.scale(0.5), u.z.scale(0.5));
     let h2 = half.x * half.x + half.y * half.y + half.z * half.z;
     let (sinc, cos) = sinc_cos(h2);
     Vector4::new(cos, half.x * sinc, half.y * sinc, half.z * sinc)
@@ -124,10 +130,12 @@ pub fn log_so3(q: &Quat<f64>) -> Vector3<f64> {
 ///
 /// Body-fixed rates pair with right multiplication `q_{n+1} = q_n exp(u)`; the sign of the middle term
 /// is the one for that side. Source: Iserles et al., *Lie-group methods*, Acta Numerica 2000, eq. (2.46).
-#[inline]
+#[inline(always)]
 pub fn dexp_inv_body<T: Scalar>(u: &Vector3<T>, w: &Vector3<T>) -> Vector3<T> {
-    let uw = u.cross(w);
-    w + uw * T::from_f64(0.5) + u.cross(&uw) * T::from_f64(1.0 / 12.0)
+    let uw = cross(u, w);
+    let uuw = cross(u, &uw);
+    let term = |i: usize| w[i] + uw[i].scale(0.5) + uuw[i].scale(1.0 / 12.0);
+    Vector3::new(term(0), term(1), term(2))
 }
 
 /// Angle of the rotation from `a` to `b` (rad, 0 to pi): the geodesic distance on SO(3).
@@ -171,6 +179,25 @@ mod tests {
     fn derivative_of_the_exponential_at_zero_is_one_half() {
         let u = Vector3::new(Dual::<f64, 1>::variable(0.0, 0), Dual::constant(0.0), Dual::constant(0.0));
         assert_eq!(exp_so3(&u)[1].eps[0], 0.5);
+    }
+
+    /// One lane at zero, one below the switch to the series, two above it: each as if it were alone.
+    #[test]
+    fn lanes_on_both_sides_of_the_switch_do_not_disturb_each_other() {
+        use crate::lanes::{Lanes, Portable4};
+        let sizes = [0.0, 1e-3, 0.4, 2.7];
+        for turn in 0..4 {
+            let size = |l: usize| sizes[(l + turn) % 4];
+            let one = |l: usize| Vector3::new(0.48, -0.6, 0.64) * size(l);
+            let u = Vector3::from_fn(|i, _| Portable4::load(&[one(0)[i], one(1)[i], one(2)[i], one(3)[i]]));
+            let q = exp_so3(&u);
+            for l in 0..4 {
+                let want = exp_so3(&one(l));
+                for i in 0..4 {
+                    assert!((q[i].lane(l) - want[i]).abs() < 1e-15, "lane {l}, |u| = {}", size(l));
+                }
+            }
+        }
     }
 
     #[test]

@@ -485,6 +485,23 @@ macro_rules! by_turn {
     };
 }
 
+/// The plane of a turn in `R S R^T`, with `d = first - second` diagonal element and `e` the mixed one:
+/// `first' = first + x`, `second' = second - x`, `mixed' = mixed + y`, `x = -s (s d + 2 c mixed)`,
+/// `y = c (s d + 2 c mixed) - 2 mixed`, written with `k = s d + 2 c mixed`.
+///
+/// A function like [`row`], because a closure is not inlined into code for lanes.
+#[inline(always)]
+fn turned<T: Scalar>(c: T, s: T, first: T, mixed: T, second: T) -> (T, T, T) {
+    let k = s.mul_add(first - second, (c * mixed).scale(2.0));
+    (nmul_add(s, k, first), c.mul_add(k, -mixed), s.mul_add(k, second))
+}
+
+/// `x v_0 + y v_1 + z v_2`.
+#[inline(always)]
+fn row<T: Scalar>(x: T, y: T, z: T, v: [T; 3]) -> T {
+    v[2].mul_add(z, v[1].mul_add(y, v[0] * x))
+}
+
 /// Pose of a child frame in its parent: `p_parent = R p_child + p`. Methods take what `R` is as a constant of
 /// [`turn`], which must be that of `turn`.
 #[derive(Clone, Copy, Debug)]
@@ -553,27 +570,20 @@ impl<T: Scalar> Pose<T> {
     #[inline(always)]
     pub fn up_sym<const K: u8>(&self, i: &S3<T>) -> S3<T> {
         let (c, s) = (self.c, self.s);
-        // In the plane of the turn, with d = first - second diagonal element and e the mixed one:
-        // first' = first + x, second' = second - x, mixed' = mixed + y,
-        // x = -s (s d + 2 c mixed), y = c (s d + 2 c mixed) - 2 mixed ... written with k = s d + 2 c mixed.
-        let plane = |a: T, m: T, b: T| {
-            let k = s.mul_add(a - b, (c * m).scale(2.0));
-            (nmul_add(s, k, a), c.mul_add(k, -m), s.mul_add(k, b))
-        };
         match K {
             turn::NONE => *i,
             turn::X => {
-                let (yy, yz, zz) = plane(i.yy, i.yz, i.zz);
+                let (yy, yz, zz) = turned(c, s, i.yy, i.yz, i.zz);
                 let (xy, xz) = (nmul_add(s, i.xz, c * i.xy), s.mul_add(i.xy, c * i.xz));
                 S3 { xx: i.xx, xy, yy, xz, yz, zz }
             }
             turn::Y => {
-                let (zz, xz, xx) = plane(i.zz, i.xz, i.xx);
+                let (zz, xz, xx) = turned(c, s, i.zz, i.xz, i.xx);
                 let (yz, xy) = (nmul_add(s, i.xy, c * i.yz), s.mul_add(i.yz, c * i.xy));
                 S3 { xx, xy, yy: i.yy, xz, yz, zz }
             }
             turn::Z => {
-                let (xx, xy, yy) = plane(i.xx, i.xy, i.yy);
+                let (xx, xy, yy) = turned(c, s, i.xx, i.xy, i.yy);
                 let (xz, yz) = (nmul_add(s, i.yz, c * i.xz), s.mul_add(i.xz, c * i.yz));
                 S3 { xx, xy, yy, xz, yz, zz: i.zz }
             }

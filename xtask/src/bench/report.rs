@@ -129,7 +129,10 @@ fn simulations(tasks: &Tasks) -> Table {
             s.error.1.map_or(format!("{:.1e}", s.error.0), |p| format!("{:.1e} ({p:.1e})", s.error.0)),
         ]);
     }
-    t.note("`full` integrates what the peers do; `reduced` leaves position and attitude out, as identification does.");
+    t.note(
+        "`full` integrates what the peers do, `full.x8` for eight parameter sets at once (per trajectory); `reduced`",
+    );
+    t.note("leaves position and attitude out, as identification does.");
     t.note("Differs by: end state against Pinocchio's. Error: end state at a step of 10 ms; the peer's in brackets.");
     t
 }
