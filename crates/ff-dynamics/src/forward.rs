@@ -2,7 +2,7 @@
 //!
 //! Both come from the same two passes: forces at zero unknown acceleration (recursive Newton-Euler), and
 //! composite inertias. Free dynamics solve with the mass matrix, whose sparsity is that of the tree
-//! (`ltl.rs`); beyond [`DEEP`] joints the articulated-body algorithm ([`mod@crate::aba`]), whose cost is
+//! (`ltl.rs`); in trees that are deep ([`DEEP`]) the articulated-body algorithm ([`mod@crate::aba`]), whose cost is
 //! linear, takes over. With prescribed joints only base and passive coordinates are unknown: appendages are
 //! eliminated one by one, and what is left is 6 x 6.
 
@@ -18,16 +18,23 @@ use ff_model::by_turn;
 use ff_model::vec3::V3;
 use ff_model::{Model, ModelScalar, Params};
 
-/// Joints above which free forward dynamics use the articulated-body algorithm: about where the operation counts of
-/// the two cross on a chain.
-pub const DEEP: usize = 20;
+/// Mean number of joints between a body and the base, its own included, above which free forward dynamics of plain numbers
+/// use the articulated-body algorithm.
+///
+/// What the mass matrix costs grows with the ancestors of each joint, not with the number of joints: on chains of
+/// `examples/crossover.rs` the two cross at 12 to 13 joints on one chain (mean 6.5 to 7) and at 25 on two.
+pub const DEEP: f64 = 6.75;
+
+/// The same as a number of joints for lanes and derivatives, by operation counts: the articulated-body code is not
+/// compiled for the instructions of lanes.
+const MANY: usize = 20;
 
 /// Accelerations for given forces: `a = H^-1 (tau - c)`.
 ///
 /// `tau = [external base wrench | joint torques | external passive forces]`, all `nv` long; springs, dampers,
 /// gravity and [`Work::set_external`] are added by the model. Does not allocate except for the error.
 ///
-/// Source: Featherstone 2008, tables 5.1, 6.2 and 6.3; table 7.1 beyond [`DEEP`] joints.
+/// Source: Featherstone 2008, tables 5.1, 6.2 and 6.3; table 7.1 in trees beyond [`DEEP`].
 ///
 /// # Errors
 /// [`SingularInertia`] where a pivot is not positive.
@@ -42,9 +49,29 @@ pub fn forward_dynamics<T: ModelScalar>(
     work: &mut Work<T>,
     a: &mut [T],
 ) -> Result<(), SingularInertia> {
-    if model.nj() > DEEP {
+    let plain = size_of::<T>() == size_of::<f64>();
+    let deep = if plain { work.mean_depth > DEEP } else { model.nj() > MANY };
+    if deep {
         return aba(model, params, state, tau, work, a);
     }
+    by_mass_matrix(model, params, state, tau, work, a)
+}
+
+/// [`forward_dynamics`] by the mass matrix and its sparse factorisation, whatever the number of joints.
+///
+/// # Errors
+/// As [`forward_dynamics`].
+///
+/// # Panics
+/// As [`forward_dynamics`].
+pub fn by_mass_matrix<T: ModelScalar>(
+    model: &Model,
+    params: &Params<T>,
+    state: &State<T>,
+    tau: &[T],
+    work: &mut Work<T>,
+    a: &mut [T],
+) -> Result<(), SingularInertia> {
     T::enter(Free { model, params, state, tau, work, a }).map_err(|dof| {
         let at = match dof {
             d if d < model.nb() => format!("base {}", model.body_name(0)),
@@ -194,7 +221,7 @@ impl<T: ModelScalar> Kernel for Hybrid<'_, T> {
         assert_eq!(tau.len(), nj, "tau length");
         assert_eq!(a.len(), model.nv(), "acceleration length");
         forces(model, params, state, qdd, work, tau);
-        if !work.external_passive.is_empty() {
+        if work.has_passive {
             for (ap, p) in model.appendages().iter().zip(&mut work.ports) {
                 for k in 0..p.n {
                     p.r[6 + k] -= work.external_passive[ap.coord_offset + k];

@@ -169,8 +169,11 @@ pub struct Work<T: ModelScalar> {
     pub(crate) external: Vec<Force<T>>,
     /// Whether any of them was ever set.
     pub(crate) has_external: bool,
-    /// Forces applied from outside on the passive coordinates; empty until set.
+    /// Forces applied from outside on the passive coordinates, and whether they were ever set.
     pub(crate) external_passive: Vec<T>,
+    pub(crate) has_passive: bool,
+    /// Mean number of joints between a body and the base, its own included; zero without joints.
+    pub(crate) mean_depth: f64,
     /// Zero accelerations, length `nv`.
     pub(crate) zeros: Vec<T>,
     /// Bodies as the fast passes hold them.
@@ -211,7 +214,9 @@ impl<T: ModelScalar> Work<T> {
             ports: model.appendages().iter().map(PortWork::new).collect(),
             external: vec![Force::zero(); nb],
             has_external: false,
-            external_passive: Vec::new(),
+            external_passive: vec![T::zero(); model.np()],
+            has_passive: false,
+            mean_depth: mean_depth(model),
             zeros: vec![T::zero(); model.nv()],
             links: std::iter::once(Link::base()).chain(model.bodies().iter().map(Link::new)).collect(),
             dof_parent: dof_parents(model),
@@ -230,13 +235,12 @@ impl<T: ModelScalar> Work<T> {
         self.has_external = true;
     }
     /// Applies forces (N m or N) on the passive coordinates in every later call of [`crate::hybrid_dynamics`], until set
-    /// again. The other algorithms take them as the passive part of `tau`. Allocates in the first call.
+    /// again. The other algorithms take them as the passive part of `tau`.
     ///
     /// # Panics
     /// If there are not `m` of them.
     pub fn set_passive_forces(&mut self, forces: &[T]) {
-        assert_eq!(forces.len(), self.ports.iter().map(|p| p.n).sum::<usize>(), "number of passive coordinates");
-        self.external_passive.resize(forces.len(), T::zero());
+        self.has_passive = true;
         self.external_passive.copy_from_slice(forces);
     }
     /// Pose of body `i` in its parent, from the last pass.
@@ -301,6 +305,14 @@ impl<T: ModelScalar> Work<T> {
         }
         Motion::new(-quat_to_rot(&state.att).tr_mul(&g.map(T::from_f64)), Vector3::zeros())
     }
+}
+
+fn mean_depth(model: &Model) -> f64 {
+    let mut depth = vec![0usize; model.n_bodies()];
+    for (i, b) in model.bodies().iter().enumerate() {
+        depth[i + 1] = depth[b.parent] + 1;
+    }
+    depth.iter().sum::<usize>() as f64 / model.nj().max(1) as f64
 }
 
 /// Parent of every degree of freedom: the one before in the base and within an appendage, the joint of the

@@ -90,6 +90,28 @@ fn simulation_allocates_by_sample_and_not_by_step() {
     }
 }
 
+/// External inputs add nothing per step, of fixed length or not.
+#[test]
+fn inputs_and_adaptive_steps_do_not_allocate() {
+    use ff_dynamics::inputs::{GravityGradient, PassiveForce, Signal};
+    let m = system();
+    let (p, s, wave) = (Params::<f64>::nominal(&m), State::zero(&m), Wave(m.nj()));
+    let gradient = GravityGradient::new(0.5, 1.0, v3(0.6, -0.3, 0.9), v3(0.3, 0.6, 0.0)).unwrap();
+    let motor = PassiveForce { coordinate: 2, force: Signal::constant([0.4]).unwrap() };
+    let inputs: [&dyn ExternalInput; 2] = [&gradient, &motor];
+    let drive = Drive::Prescribed(&wave);
+    let fixed = |step_s: f64| {
+        let o = SimOptions { duration_s: 0.1, step_s, sample_s: 0.02 };
+        measure(|| drop(simulate_with(&m, &p, &s, &drive, &inputs, &o).unwrap())).count_total
+    };
+    assert_eq!(fixed(0.01), fixed(0.0005), "10 steps against 200");
+    let adaptive = |max_step_s: f64| {
+        let o = AdaptiveOptions { duration_s: 0.1, sample_s: 0.02, relative: 1e-4, absolute: 1e-4, max_step_s };
+        measure(|| drop(simulate_adaptive(&m, &p, &s, &drive, &inputs, &o).unwrap())).count_total
+    };
+    assert_eq!(adaptive(0.01), adaptive(0.0005), "10 steps against 200");
+}
+
 /// The reduced system and its sensitivities: buffers and results once, nothing per step or stage.
 #[test]
 fn records_of_prescribed_motion_allocate_once() {

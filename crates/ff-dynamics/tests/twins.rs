@@ -100,3 +100,32 @@ fn regressor_columns_are_the_derivatives_of_rnea() {
         }
     }
 }
+
+/// Both ways of free forward dynamics on deep trees, wrenches from outside included.
+#[test]
+fn mass_matrix_and_articulated_bodies_agree_on_deep_trees() {
+    let mut r = rng(77);
+    for joints in [5, 14, 23] {
+        let mut m = rand_tree(&mut r, 1, BaseKind::Floating);
+        for i in 1..joints {
+            let parent = if i == 9 { 3 } else { m.n_bodies() - 1 };
+            let (axis, at) = (rand_unit(&mut r), rand_v3(&mut r, 0.6));
+            let joint = revolute(&format!("deep{i}"), axis, at, rand_v3(&mut r, 1.0));
+            let body = rand_inertia(&mut r, 3.0);
+            m.add_body(parent, format!("deep{i}"), joint, body);
+        }
+        let t = with_twins(&m, &[(joints, Xform::new(rand_rot(&mut r), rand_v3(&mut r, 0.5)), rand_part(&mut r))]);
+        let m = &t.ports.with_gravity(v3(0.3, -0.5, 0.2));
+        let (p, s, nv) = (Params::nominal(m), rand_state(m, &mut r, 0.3), m.nv());
+        let tau: Vec<f64> = (0..nv).map(|_| uni(&mut r, -9.0, 9.0)).collect();
+        let (mut a, mut b, mut c) = (vec![0.0; nv], vec![0.0; nv], vec![0.0; nv]);
+        let mut w = Work::new(m);
+        w.set_external(joints / 2, Force::new(rand_v3(&mut r, 4.0), rand_v3(&mut r, 3.0)));
+        ff_dynamics::forward::by_mass_matrix(m, &p, &s, &tau, &mut w, &mut a).unwrap();
+        aba(m, &p, &s, &tau, &mut w, &mut b).unwrap();
+        forward_dynamics(m, &p, &s, &tau, &mut w, &mut c).unwrap();
+        assert!(rel(&a, &b) < 1e-9, "{joints} joints: {:e}", rel(&a, &b));
+        // Mean depths 3.0, 5.4 and 8.3: the last alone is deep.
+        assert_eq!(if joints == 23 { &b } else { &a }, &c, "{joints} joints take the other way");
+    }
+}
