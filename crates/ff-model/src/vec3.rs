@@ -496,12 +496,6 @@ fn turned<T: Scalar>(c: T, s: T, first: T, mixed: T, second: T) -> (T, T, T) {
     (nmul_add(s, k, first), c.mul_add(k, -mixed), s.mul_add(k, second))
 }
 
-/// `x v_0 + y v_1 + z v_2`.
-#[inline(always)]
-fn row<T: Scalar>(x: T, y: T, z: T, v: [T; 3]) -> T {
-    v[2].mul_add(z, v[1].mul_add(y, v[0] * x))
-}
-
 /// Pose of a child frame in its parent: `p_parent = R p_child + p`. Methods take what `R` is as a constant of
 /// [`turn`], which must be that of `turn`.
 #[derive(Clone, Copy, Debug)]
