@@ -6,7 +6,7 @@ use crate::isa::Isa;
 use crate::models::{self, Form, Name};
 use crate::states::Set;
 use ff_model::LaneScalar;
-use ff_model::lanes::{LaneTask, dispatch};
+use ff_model::lanes::{LaneTask, dispatch, dispatch_one};
 
 /// Arguments of `count`.
 #[derive(Debug, clap::Args)]
@@ -17,7 +17,7 @@ pub(crate) struct Args {
     form: Form,
     #[arg(long, value_enum)]
     function: Function,
-    /// States carried at once: 1 for plain numbers
+    /// States carried at once: 1 for plain numbers, 0 for one state in code for AVX2 and FMA
     #[arg(long, default_value_t = 1)]
     lanes: usize,
     /// Number of calls; the states are gone through again and again
@@ -35,6 +35,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let isa = args.isa.widest()?;
     match args.lanes {
         1 => calls::<f64>(args),
+        // One state in code for AVX2 and FMA.
+        0 => dispatch_one(Calls(args)),
         n if n == isa.lanes() => dispatch(isa, Calls(args)),
         n => anyhow::bail!("{isa:?} has {} lanes, not {n}; choose another --isa", isa.lanes()),
     }

@@ -1,11 +1,13 @@
 //! Numbers that carry one state or several: what the batched variants are written over.
 
 use ff_model::LaneScalar;
+use std::any::TypeId;
 
-/// Appended to the names of functions measured over `T`, such as `.x8`.
+/// Appended to the names of functions measured over `T`, such as `.x8`; `.x1` is one state in code for AVX2 and FMA.
 pub(crate) fn suffix<T: LaneScalar>() -> &'static str {
     match T::N {
-        1 => "",
+        1 if TypeId::of::<T>() == TypeId::of::<f64>() => "",
+        1 => ".x1",
         4 => ".x4",
         _ => ".x8",
     }

@@ -2,7 +2,7 @@
 
 use crate::check;
 use crate::functions::{Function, Runner};
-use crate::isa::Isa;
+use crate::isa;
 use crate::lanes::suffix;
 use crate::models::{self, Name, Peer};
 use crate::states::{self, Sample, Set};
@@ -10,7 +10,7 @@ use crate::timing::{Timing, time};
 use anyhow::ensure;
 use ff_dynamics::SingularInertia;
 use ff_model::LaneScalar;
-use ff_model::lanes::{LaneTask, dispatch};
+use ff_model::lanes::{Isa, LaneTask, dispatch, dispatch_one};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -30,8 +30,8 @@ pub(crate) struct Args {
     #[arg(long, default_value = "")]
     only: String,
     /// Widest instructions to use
-    #[arg(long, value_enum, default_value_t = Isa::Auto)]
-    isa: Isa,
+    #[arg(long, value_enum, default_value_t = isa::Isa::Auto)]
+    isa: isa::Isa,
 }
 
 /// One line of output; the fields of `peers/src/bench.hpp`.
@@ -71,6 +71,9 @@ fn one(args: &Args, peer: &Peer, samples: &[Sample]) -> anyhow::Result<()> {
     measure(args, peer, &mut plain)?;
     // Over one lane this shows that a result does not depend on what the buffers held before.
     laned::<f64>(args, peer, samples, &mut plain)?;
+    if args.isa.widest()? >= Isa::V3 {
+        dispatch_one(Laned { args, peer, samples, plain: &mut plain })?;
+    }
     for isa in args.isa.all()? {
         dispatch(isa, Laned { args, peer, samples, plain: &mut plain })?;
     }
@@ -100,7 +103,7 @@ fn laned<T: LaneScalar>(
 ) -> anyhow::Result<()> {
     let mut r = Runner::<T>::new(&peer.model, Set::new(&peer.model, samples)?);
     check::lanes(&peer.label(), plain, &mut r)?;
-    if T::N > 1 { measure(args, peer, &mut r) } else { Ok(()) }
+    if suffix::<T>().is_empty() { Ok(()) } else { measure(args, peer, &mut r) }
 }
 
 /// Times everything that exists over `T`.

@@ -18,7 +18,7 @@ use crate::condense;
 use crate::prescribed::{Arm, Frame, Prescribed, Site, products};
 use crate::work::PortWork;
 use ff_lanes::Kernel;
-use ff_model::lanes::{Isa, LaneTask, dispatch, gather};
+use ff_model::lanes::{Isa, LaneTask, dispatch, dispatch_one, gather, splat};
 use ff_model::vec3::{M3, Ten, V3};
 use ff_model::{BaseKind, LaneScalar, Model, ModelScalar, Motion, Params, PortMatrix, PortState};
 use nalgebra::DMatrix;
@@ -276,11 +276,49 @@ pub fn simulate_reduced(
 ) -> Result<Response, ReducedError> {
     check(model)?;
     assert_eq!(z0.len(), 6 + 2 * model.np(), "initial state");
-    let m = model.np();
-    let mut out = Response::new(table.samples, model.nj(), m);
-    let mut sys = Reduced::new(model, params, table);
-    integrate(&mut sys, z0, |i, z, u, tau| out.write(i, m, z, u, tau))?;
-    Ok(out)
+    dispatch_one(Single { model, params, table, z0 })
+}
+
+struct Single<'a> {
+    model: &'a Model,
+    params: &'a Params<f64>,
+    table: &'a Prescribed,
+    z0: &'a [f64],
+}
+
+impl LaneTask for Single<'_> {
+    type Output = Result<Response, ReducedError>;
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        let Self { model, params, table, z0 } = self;
+        let m = model.np();
+        let mut out = Response::new(table.samples, model.nj(), m);
+        let params = Params::from_values(model, splat::<L>(params.values()));
+        let mut sys = Reduced::new(model, &params, table);
+        let mut plain = vec![0.0; 12 + 3 * m + model.nj()];
+        integrate(&mut sys, &splat::<L>(z0), |i, z, u, tau| {
+            write_lane(&mut out, &mut plain, 0, (i, m), z, u, tau);
+        })?;
+        Ok(out)
+    }
+}
+
+/// Lane `lane` of a sample into `out`, through a buffer.
+#[inline(always)]
+fn write_lane<L: LaneScalar>(
+    out: &mut Response,
+    plain: &mut [f64],
+    lane: usize,
+    (i, m): (usize, usize),
+    z: &[L],
+    u: &[L],
+    tau: &[L],
+) {
+    let from = z.iter().chain(u).chain(tau);
+    plain.iter_mut().zip(from).for_each(|(x, y)| *x = y.lane(lane));
+    let (z, rest) = plain.split_at(6 + 2 * m);
+    let (u, tau) = rest.split_at(6 + m);
+    out.write(i, m, z, u, tau);
 }
 
 /// [`simulate_reduced`] for many parameter sets and initial states under one joint motion, as many at a time as the
@@ -336,11 +374,7 @@ impl LaneTask for Batch<'_> {
             let mut sys = Reduced::<L>::new(model, &params, table);
             let done = integrate(&mut sys, &z0, |i, z, u, tau| {
                 for (lane, out) in out.iter_mut().enumerate() {
-                    let from = z.iter().chain(u).chain(tau);
-                    plain.iter_mut().zip(from).for_each(|(x, y)| *x = y.lane(lane));
-                    let (z, rest) = plain.split_at(6 + 2 * m);
-                    let (u, tau) = rest.split_at(6 + m);
-                    out.write(i, m, z, u, tau);
+                    write_lane(out, &mut plain, lane, (i, m), z, u, tau);
                 }
             });
             match done {

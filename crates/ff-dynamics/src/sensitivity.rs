@@ -16,7 +16,8 @@ use crate::attitude::{Attitude, AttitudeTrack};
 use crate::prescribed::Prescribed;
 use crate::reduced::{Reduced, ReducedError, Response, Rk4, STAGE, WEIGHT, check};
 use crate::tangent::{Columns, Tangent, TorqueRows, fma};
-use ff_model::lanes::{Isa, LaneTask, dispatch};
+use ff_lanes::{Kernel, Lanes};
+use ff_model::lanes::{Isa, LaneTask, dispatch, splat};
 use ff_model::{LaneScalar, Model, Params};
 use nalgebra::DMatrix;
 
@@ -106,9 +107,10 @@ impl LaneTask for Run<'_> {
     fn run<L: LaneScalar>(self) -> Self::Output {
         let Self { model, params, table, z0, wanted, columns } = self;
         let m = model.np();
-        let lifted = Params::from_values(model, params.values().iter().map(|&x| L::splat(x)).collect());
-        let mut sys = Reduced::new(model, params, table);
-        let mut rk = Rk4::new(model, z0);
+        let lifted = Params::from_values(model, splat::<L>(params.values()));
+        let single = Params::from_values(model, splat::<L::One>(params.values()));
+        let mut sys = Reduced::new(model, &single, table);
+        let mut rk = Rk4::new(model, &splat::<L::One>(z0));
         let mut tangent = Tangent::<L>::new(model, &lifted, table, columns);
         let mut points = Points::<L>::new(m);
         let mut flow = Flow::<L>::new(model, tangent.nz, wanted, table.step);
@@ -124,11 +126,12 @@ impl LaneTask for Run<'_> {
             'points: for step in first..first + steps.max(1) {
                 for stage in 0..4 {
                     one_stage(&mut rk, &mut sys, step, stage)?;
-                    if stage == 0 && step % table.substeps == 0 {
-                        rk.sample(&sys, step / table.substeps)?;
-                        sink.response.write(step / table.substeps, m, &rk.zs, &rk.u, &rk.tau);
-                    }
                     points.push(2 * step + STAGE[stage], &rk.zs, &rk.u);
+                    if stage == 0 && step % table.substeps == 0 {
+                        let (z, u) = points.point(points.count - 1);
+                        sink.tau.iter_mut().zip(&rk.tau).for_each(|(x, t)| *x = t.lane(0));
+                        sink.response.write(step / table.substeps, m, z, u, &sink.tau);
+                    }
                     if step == last {
                         break 'points;
                     }
@@ -160,11 +163,37 @@ impl LaneTask for Run<'_> {
     }
 }
 
-/// Not inlined: plain numbers need it once, not once per instruction set.
+/// A stage of the trajectory itself, and the joint torques where it is a sample. Not inlined: it has its own
+/// instructions.
 #[inline(never)]
-fn one_stage(rk: &mut Rk4<f64>, sys: &mut Reduced<'_, f64>, step: usize, stage: usize) -> Result<(), ReducedError> {
-    let t = 0.5 * sys.table.step * (2 * step + STAGE[stage]) as f64;
-    rk.stage(sys, step, stage).map_err(|_| ReducedError::Singular { t })
+fn one_stage<T: LaneScalar>(
+    rk: &mut Rk4<T>,
+    sys: &mut Reduced<'_, T>,
+    step: usize,
+    stage: usize,
+) -> Result<(), ReducedError> {
+    T::enter(OneStage { rk, sys, step, stage })
+}
+
+struct OneStage<'a, 'b, T: LaneScalar> {
+    rk: &'a mut Rk4<T>,
+    sys: &'a mut Reduced<'b, T>,
+    step: usize,
+    stage: usize,
+}
+
+impl<T: LaneScalar> Kernel for OneStage<'_, '_, T> {
+    type Output = Result<(), ReducedError>;
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let Self { rk, sys, step, stage } = self;
+        let t = 0.5 * sys.table.step * (2 * step + STAGE[stage]) as f64;
+        rk.stage(sys, step, stage).map_err(|_| ReducedError::Singular { t })?;
+        if stage == 0 && step % sys.table.substeps == 0 {
+            rk.sample(sys, step / sys.table.substeps)?;
+        }
+        Ok(())
+    }
 }
 
 /// Points of the trajectory that go through the derivatives together.
@@ -193,10 +222,10 @@ impl<L: LaneScalar> Points<L> {
     fn clear(&mut self) {
         self.count = 0;
     }
-    fn push(&mut self, node: usize, z: &[f64], u: &[f64]) {
+    fn push<T: LaneScalar>(&mut self, node: usize, z: &[T], u: &[T]) {
         self.nodes[self.count] = node;
-        self.z[self.count].copy_from_slice(z);
-        self.u[self.count].copy_from_slice(u);
+        self.z[self.count].iter_mut().zip(z).for_each(|(x, z)| *x = z.lane(0));
+        self.u[self.count].iter_mut().zip(u).for_each(|(x, u)| *x = u.lane(0));
         self.count += 1;
     }
     fn point(&self, i: usize) -> (&[f64], &[f64]) {
@@ -435,8 +464,10 @@ fn product<L: LaneScalar, const R: usize>(g: &[f64], x: &[L], f: &[f64], width: 
 struct Sink<'a> {
     model: &'a Model,
     response: Response,
+    /// Joint torques of the present sample.
     tau: Vec<f64>,
-    gyro: Vec<f64>,
+    d_tau: Vec<f64>,
+    d_gyro: Vec<f64>,
     accel: Option<Vec<f64>>,
     samples: usize,
     rows: TorqueRows<'a>,
@@ -457,8 +488,9 @@ impl<'a> Sink<'a> {
         Self {
             model,
             response: Response::new(n, model.nj(), model.np()),
-            tau: vec![0.0; n * model.nj() * p],
-            gyro: vec![0.0; n * 3 * p],
+            tau: vec![0.0; model.nj()],
+            d_tau: vec![0.0; n * model.nj() * p],
+            d_gyro: vec![0.0; n * 3 * p],
             accel: wanted.accel.then(|| vec![0.0; n * 6 * p]),
             samples: n,
             rows: TorqueRows::new(model, params, table, columns),
@@ -489,13 +521,13 @@ impl<'a> Sink<'a> {
                 s.store(&mut lane);
                 for c in columns.clone() {
                     let own = if carried && c < self.np { self.rows.by_p[j * self.np + c] } else { 0.0 };
-                    self.tau[(c * n + sample) * nj + j] = lane[c - block] + own;
+                    self.d_tau[(c * n + sample) * nj + j] = lane[c - block] + own;
                 }
             }
         }
         for c in 0..flow.count {
             for k in 0..3 {
-                self.gyro[(c * n + sample) * 3 + k] = flow.at_sample[k * flow.width + c];
+                self.d_gyro[(c * n + sample) * 3 + k] = flow.at_sample[k * flow.width + c];
             }
             if let Some(a) = &mut self.accel {
                 (0..6).for_each(|k| a[(c * n + sample) * 6 + k] = flow.du[k * flow.width + c]);
@@ -510,8 +542,8 @@ impl<'a> Sink<'a> {
             DMatrix::from_vec(rows, columns, x)
         };
         let s = Sensitivities {
-            tau: matrix(n * nj, self.tau),
-            gyro: matrix(n * 3, self.gyro),
+            tau: matrix(n * nj, self.d_tau),
+            gyro: matrix(n * 3, self.d_gyro),
             accel: self.accel.map(|a| matrix(n * 6, a)),
             attitude: self.attitude,
         };

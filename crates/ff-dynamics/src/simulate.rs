@@ -9,7 +9,7 @@ use crate::plant::Plant;
 use crate::prescribed::{Filler, Prescribed};
 use crate::state::State;
 pub use crate::trace::Trace;
-use ff_model::lanes::{Isa, LaneTask, dispatch};
+use ff_model::lanes::{Isa, LaneTask, Lanes, dispatch, splat};
 use ff_model::vec3::V3;
 use ff_model::{CoordDecl, LaneScalar, Model, Params};
 
@@ -259,11 +259,14 @@ impl LaneTask for Fly<'_> {
         let mut table = table.with_power();
         let mut filler = Filler::<L>::new(model, params);
         let z0 = [&start.v[..6], &start.eta, start.nu()].concat();
-        let mut flight = Flight::new(model, start.pos, start.att, &z0);
+        let lift = |x: f64| L::One::splat(x);
+        let single = Params::from_values(model, splat::<L::One>(params.values()));
+        let mut flight = Flight::new(model, start.pos.map(lift), start.att.map(lift), &splat::<L::One>(&z0));
         let mut sink = Record {
             trace: Trace::new(model, samples, options.sample_s, start),
             state: start.clone(),
             a: vec![0.0; model.nv()],
+            tau: vec![0.0; model.nj()],
             coords: model.passive_coords(),
             h,
         };
@@ -271,7 +274,7 @@ impl LaneTask for Fly<'_> {
             let intervals = per_block.min(samples - 1 - first);
             let last = first + intervals + 1 == samples;
             filler.fill(&mut table, motion, first as f64 * options.sample_s);
-            fly_block(&mut flight, model, params, &table, (first, intervals, last), &mut sink)?;
+            fly_block(&mut flight, model, &single, &table, (first, intervals, last), &mut sink)?;
             if last {
                 break;
             }
@@ -281,12 +284,12 @@ impl LaneTask for Fly<'_> {
     }
 }
 
-/// Not inlined: plain numbers need it once, not once per instruction set.
+/// Not inlined: it has its own instructions.
 #[inline(never)]
-fn fly_block(
-    flight: &mut Flight<f64>,
+fn fly_block<T: LaneScalar>(
+    flight: &mut Flight<T>,
     model: &Model,
-    params: &Params<f64>,
+    params: &Params<T>,
     table: &Prescribed,
     (first, intervals, last): (usize, usize, bool),
     sink: &mut Record,
@@ -299,41 +302,49 @@ struct Record {
     trace: Trace,
     state: State<f64>,
     a: Vec<f64>,
+    tau: Vec<f64>,
     coords: Vec<(String, CoordDecl)>,
     h: f64,
 }
 
 impl Record {
-    fn place(&mut self, at: &Moment<'_, f64>) {
+    fn place<T: LaneScalar>(&mut self, at: &Moment<'_, T>) {
         let (s, m) = (&mut self.state, self.coords.len());
-        (s.pos, s.att) = (*at.pos, *at.att);
-        s.v[..6].copy_from_slice(&at.z[..6]);
-        s.eta.copy_from_slice(&at.z[6..6 + m]);
-        s.nu_mut().copy_from_slice(&at.z[6 + m..]);
+        (s.pos, s.att) = (at.pos.map(|x| x.lane(0)), at.att.map(|x| x.lane(0)));
+        plain(&at.z[..6], &mut s.v);
+        plain(&at.z[6..6 + m], &mut s.eta);
+        plain(&at.z[6 + m..], s.nu_mut());
     }
 }
 
-impl Sink<f64> for Record {
+/// Numbers out of single lanes.
+fn plain<T: LaneScalar>(from: &[T], to: &mut [f64]) {
+    to.iter_mut().zip(from).for_each(|(to, x)| *to = x.lane(0));
+}
+
+impl<T: LaneScalar> Sink<T> for Record {
     type Error = SimError;
-    fn sample(&mut self, i: usize, at: &Moment<'_, f64>, now: &Reading<'_, f64>) {
+    fn sample(&mut self, i: usize, at: &Moment<'_, T>, now: &Reading<'_, T>) {
         self.place(at);
         let n = self.state.q.len();
         self.state.q.copy_from_slice(&now.joints[..n]);
         self.state.qd_mut().copy_from_slice(&now.joints[n..2 * n]);
-        let (v, w) = (V3::from_slice(at.z), V3::from_slice(&at.z[3..]));
-        (V3::from_slice(now.u) - w.cross(&v)).write_to(&mut self.a);
-        self.a[3..6].copy_from_slice(&now.u[3..6]);
+        let (v, w) = (V3::from_slice(&self.state.v), V3::from_slice(&self.state.v[3..]));
+        plain(now.u, &mut self.a[..6]);
+        let a = V3::from_slice(&self.a) - w.cross(&v);
+        a.write_to(&mut self.a);
         self.a[6..6 + n].copy_from_slice(&now.joints[2 * n..]);
-        self.a[6 + n..].copy_from_slice(&now.u[6..]);
+        plain(&now.u[6..], &mut self.a[6 + n..]);
+        plain(now.tau, &mut self.tau);
         let mut quad = [0.0; QUADRATURES];
-        quad[..2].copy_from_slice(now.energy);
-        self.trace.put(i, &self.state, &self.a, now.tau, &quad);
+        plain(now.energy, &mut quad);
+        self.trace.put(i, &self.state, &self.a, &self.tau, &quad);
     }
-    fn check(&mut self, i: usize, at: &Moment<'_, f64>) -> Result<(), SimError> {
+    fn check(&mut self, i: usize, at: &Moment<'_, T>) -> Result<(), SimError> {
         self.place(at);
         check_state(&self.state, &self.coords, i as f64 * self.trace.dt, self.h)
     }
-    fn singular(&mut self, i: usize, node: usize, z: &[f64], source: SingularInertia) -> SimError {
+    fn singular(&mut self, i: usize, node: usize, z: &[T], source: SingularInertia) -> SimError {
         // A NaN in the state shows as a pivot that is not positive, too.
         let t = i as f64 * self.trace.dt + 0.5 * self.h * node as f64;
         let finite = z.iter().all(|x| x.is_finite());

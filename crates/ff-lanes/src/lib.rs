@@ -8,6 +8,7 @@
 //! |---|---|---|
 //! | `Avx512x8` | 8 | AVX-512 F, DQ, VL, BW |
 //! | `Avx2x4` | 4 | AVX2 and FMA (x86-64-v3) |
+//! | `Avx2x1` | 1 | the same: one state, fused |
 //! | [`Portable4`] | 4 | whatever the program was built for |
 //!
 //! An instruction set applies to a *function*, and is not inherited by the functions it calls unless they are
@@ -29,7 +30,7 @@ pub use portable::Portable4;
 pub use trig::sin_cos;
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
-pub use x86::{Avx2x4, Avx512x8};
+pub use x86::{Avx2x1, Avx2x4, Avx512x8};
 
 /// A computation that can be compiled for several instruction sets.
 ///

@@ -96,8 +96,15 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
         return far(x);
     }
     let (t, s, c) = reduced!(Plain(x), Plain);
-    let n = t.0.to_bits();
-    let (s, c) = (s.0.to_bits(), c.0.to_bits());
+    quadrant(t.0, s.0, c.0)
+}
+
+/// Sine and cosine from those of the reduced argument, and the shifted multiple of `pi/2` with the quadrant in its low
+/// bits.
+#[inline(always)]
+pub(crate) fn quadrant(t: f64, s: f64, c: f64) -> (f64, f64) {
+    let n = t.to_bits();
+    let (s, c) = (s.to_bits(), c.to_bits());
     let swap = (n & 1).wrapping_neg();
     let a = (s & !swap) | (c & swap);
     let b = (c & !swap) | (s & swap);

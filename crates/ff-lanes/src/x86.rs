@@ -7,7 +7,7 @@
 //! function `enter` compiled for those instructions; if one is not inlined it still executes the same
 //! instructions, only slower.
 
-use crate::trig::{LIMIT, far, reduced};
+use crate::trig::{LIMIT, far, quadrant, reduced};
 use crate::{Enter, Kernel, Lanes, operators};
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -37,6 +37,96 @@ pub struct Avx512x8(__m512d);
 #[derive(Clone, Copy)]
 #[repr(transparent)]
 pub struct Avx2x4(__m256d);
+
+/// One number in code for AVX2 and FMA: multiplications and additions that are fused, and instructions of three
+/// operands, in a program built for any x86-64. Its arithmetic is that of `f64`; outside [`Enter::enter`] a fused
+/// operation is a library call.
+#[derive(Clone, Copy)]
+#[repr(transparent)]
+pub struct Avx2x1(f64);
+
+impl Enter for Avx2x1 {
+    #[inline]
+    fn enter<K: Kernel>(kernel: K) -> K::Output {
+        <Avx2x4 as Enter>::enter(kernel)
+    }
+}
+
+impl Lanes for Avx2x1 {
+    const N: usize = 1;
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        Self(x)
+    }
+    #[inline(always)]
+    fn load(x: &[f64]) -> Self {
+        Self(x[0])
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f64]) {
+        to[0] = self.0;
+    }
+    #[inline(always)]
+    fn lane(&self, i: usize) -> f64 {
+        assert!(i == 0);
+        self.0
+    }
+    #[inline(always)]
+    fn set_lane(&mut self, i: usize, x: f64) {
+        assert!(i == 0);
+        self.0 = x;
+    }
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        Self(self.0.mul_add(b.0, c.0))
+    }
+    #[inline(always)]
+    fn all_positive(self) -> bool {
+        self.0 > 0.0 && self.0 < f64::INFINITY
+    }
+}
+
+/// Operators of one number.
+macro_rules! plain_operator {
+    ($($trait:ident, $method:ident, $op:tt);*) => {$(
+        impl $trait for Avx2x1 {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, o: Self) -> Self {
+                Self(self.0 $op o.0)
+            }
+        }
+    )*};
+}
+plain_operator!(Add, add, +; Sub, sub, -; Mul, mul, *; Div, div, /);
+impl Neg for Avx2x1 {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(-self.0)
+    }
+}
+operators!(Avx2x1);
+
+impl Avx2x1 {
+    /// Square root.
+    #[inline(always)]
+    pub fn sqrt(self) -> Self {
+        Self(self.0.sqrt())
+    }
+    /// Sine and cosine (rad).
+    #[inline(always)]
+    pub fn sin_cos(self) -> (Self, Self) {
+        // Also for NaN, which compares with nothing.
+        if self.0.abs() >= LIMIT || self.0.is_nan() {
+            let (s, c) = far(self.0);
+            return (Self(s), Self(c));
+        }
+        let (t, s, c) = reduced!(self, Self);
+        let (s, c) = quadrant(t.0, s.0, c.0);
+        (Self(s), Self(c))
+    }
+}
 
 impl Enter for Avx512x8 {
     #[inline]

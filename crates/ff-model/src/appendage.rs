@@ -578,7 +578,9 @@ impl<A: Appendage, T: LaneScalar> PortTangent<T> for A {
 /// Appendages at the widest number types of the machine's architecture.
 #[cfg(target_arch = "x86_64")]
 pub trait WidePorts:
-    PortModel<ff_lanes::Avx2x4>
+    PortModel<ff_lanes::Avx2x1>
+    + PortTangent<ff_lanes::Avx2x1>
+    + PortModel<ff_lanes::Avx2x4>
     + PortModel<ff_lanes::Avx512x8>
     + PortTangent<ff_lanes::Avx2x4>
     + PortTangent<ff_lanes::Avx512x8>

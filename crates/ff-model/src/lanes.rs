@@ -39,6 +39,21 @@ pub fn dispatch<K: LaneTask>(isa: Isa, task: K) -> K::Output {
     enter::<K, Portable4>(task)
 }
 
+/// Runs `task` with one lane, in code for AVX2 and FMA where the machine has them: what a single state gains from
+/// instructions that the program was not built for.
+pub fn dispatch_one<K: LaneTask>(task: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    if Isa::detect() >= Isa::V3 {
+        return enter::<K, ff_lanes::Avx2x1>(task);
+    }
+    enter::<K, f64>(task)
+}
+
+/// The same numbers in every lane.
+pub fn splat<L: LaneScalar>(x: &[f64]) -> Vec<L> {
+    x.iter().map(|&x| L::splat(x)).collect()
+}
+
 fn enter<K: LaneTask, L: LaneScalar>(task: K) -> K::Output {
     L::enter(With::<K, L>(task, core::marker::PhantomData))
 }

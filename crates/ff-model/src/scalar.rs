@@ -144,7 +144,7 @@ macro_rules! lane_scalars {
 }
 lane_scalars!(Portable4);
 #[cfg(target_arch = "x86_64")]
-lane_scalars!(ff_lanes::Avx2x4, ff_lanes::Avx512x8);
+lane_scalars!(ff_lanes::Avx2x1, ff_lanes::Avx2x4, ff_lanes::Avx512x8);
 
 /// A scalar that can pass through a boxed appendage.
 ///
@@ -176,17 +176,20 @@ macro_rules! model_scalars {
 }
 model_scalars!(f64, D1, Grad, D2, Portable4);
 #[cfg(target_arch = "x86_64")]
-model_scalars!(ff_lanes::Avx2x4, ff_lanes::Avx512x8);
+model_scalars!(ff_lanes::Avx2x1, ff_lanes::Avx2x4, ff_lanes::Avx512x8);
 
 /// A number, or a vector of lanes, that can pass through a boxed appendage and have the port equations
 /// differentiated at it.
 pub trait LaneScalar: ModelScalar + Lanes {
+    /// One number in code for the same instructions, or for fewer: what a single state is computed over beside lanes.
+    type One: LaneScalar;
     /// The derivatives of a boxed appendage at this number type.
     fn tangent(appendage: &dyn DynAppendage) -> &dyn PortTangent<Self>;
 }
 macro_rules! lane_models {
-    ($($t:ty),* $(,)?) => {$(
+    ($($t:ty: $one:ty),* $(,)?) => {$(
         impl LaneScalar for $t {
+            type One = $one;
             #[inline(always)]
             fn tangent(appendage: &dyn DynAppendage) -> &dyn PortTangent<Self> {
                 appendage
@@ -194,6 +197,10 @@ macro_rules! lane_models {
         }
     )*};
 }
-lane_models!(f64, Portable4);
+lane_models!(f64: f64, Portable4: f64);
 #[cfg(target_arch = "x86_64")]
-lane_models!(ff_lanes::Avx2x4, ff_lanes::Avx512x8);
+lane_models!(
+    ff_lanes::Avx2x1: ff_lanes::Avx2x1,
+    ff_lanes::Avx2x4: ff_lanes::Avx2x1,
+    ff_lanes::Avx512x8: ff_lanes::Avx2x1,
+);

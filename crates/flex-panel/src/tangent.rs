@@ -32,7 +32,7 @@
 
 use crate::chain::PanelChain;
 use ff_model::by_turn;
-use ff_model::vec3::{M3, Pose, Ten, V3, array};
+use ff_model::vec3::{M3, Pose, Ten, V3};
 use ff_model::{PortAccel, PortState, Scalar};
 
 /// A segment as the outward pass leaves it, in its own frame.
@@ -78,14 +78,16 @@ impl<T: Scalar> Whole<T> {
         let (pose, v) = (&at.pose, &at.v);
         let body = pose.body_up::<K>(&self.body);
         let q = pose.up::<K>(&self.q);
-        let [c0, c1, c2] = array(V3::zero(), |k| pose.up::<K>(&self.n.0[k]));
-        let row = |x: T, y: T, z: T| pose.up::<K>(&V3::new(x, y, z));
-        let (rx, ry, rz) = (row(c0.x, c1.x, c2.x), row(c0.y, c1.y, c2.y), row(c0.z, c1.z, c2.z));
-        let column = |x: T, y: T, z: T, h: T, p: T| q.scale_add(p, &v.scale_add(h, &V3::new(x, y, z)));
+        let [n0, n1, n2] = &self.n.0;
+        let (c0, c1, c2) = (pose.up::<K>(n0), pose.up::<K>(n1), pose.up::<K>(n2));
+        // Methods and loops: closures of some size are not inlined into code for lanes.
+        let rx = pose.up::<K>(&V3::new(c0.x, c1.x, c2.x));
+        let ry = pose.up::<K>(&V3::new(c0.y, c1.y, c2.y));
+        let rz = pose.up::<K>(&V3::new(c0.z, c1.z, c2.z));
         let n = M3([
-            column(rx.x, ry.x, rz.x, body.h.x, pose.p.x),
-            column(rx.y, ry.y, rz.y, body.h.y, pose.p.y),
-            column(rx.z, ry.z, rz.z, body.h.z, pose.p.z),
+            q.scale_add(pose.p.x, &v.scale_add(body.h.x, &V3::new(rx.x, ry.x, rz.x))),
+            q.scale_add(pose.p.y, &v.scale_add(body.h.y, &V3::new(rx.y, ry.y, rz.y))),
+            q.scale_add(pose.p.z, &v.scale_add(body.h.z, &V3::new(rx.z, ry.z, rz.z))),
         ]);
         Self { n, q: v.scale_add(body.m, &q), force: pose.wrench_up::<K>(&self.force.0, &self.force.1), body }
     }
@@ -129,11 +131,13 @@ impl<T: Scalar> Whole<T> {
         let f = [V3::new(wh, -c.z, c.y), V3::new(c.z, wh, -c.x), V3::new(-c.y, c.x, wh)];
         let e = [V3::new(d, o, o), V3::new(o, d, o), V3::new(o, o, d)];
         let across = [V3::new(o, w.z, -w.y), V3::new(-w.z, o, w.x), V3::new(w.y, -w.x, o)];
-        array((V3::zero(), V3::zero()), |k| {
-            let hk = -h.get(k);
-            let n = i.mul_add(&across[k], &v.scale_add(hk, &e[k]));
-            (w.scale_add(hk, &f[k]), self.n.0[k].scale_add(-two, &n))
-        })
+        let hs = [-h.x, -h.y, -h.z];
+        let mut out = [(V3::zero(), V3::zero()); 3];
+        for k in 0..3 {
+            let n = i.mul_add(&across[k], &v.scale_add(hs[k], &e[k]));
+            out[k] = (w.scale_add(hs[k], &f[k]), self.n.0[k].scale_add(-two, &n));
+        }
+        out
     }
 }
 

@@ -54,10 +54,10 @@ impl Cell {
     }
 }
 
-/// `rnea.x8` into `("rnea", true)`.
+/// `rnea.x8` into `("rnea", true)`; `rnea.x1` is one state, too.
 pub fn split_lanes(function: &str) -> (&str, bool) {
-    match function.rsplit_once(".x") {
-        Some((plain, lanes)) if lanes.parse::<u32>().is_ok() => (plain, true),
+    match function.rsplit_once(".x").map(|(plain, lanes)| (plain, lanes.parse::<u32>())) {
+        Some((plain, Ok(lanes))) => (plain, lanes > 1),
         _ => (function, false),
     }
 }
@@ -155,6 +155,7 @@ mod tests {
     #[test]
     fn lanes_are_told_from_names() {
         assert_eq!(split_lanes("rnea.x8"), ("rnea", true));
+        assert_eq!(split_lanes("rnea.x1"), ("rnea", false));
         assert_eq!(split_lanes("id_derivatives"), ("id_derivatives", false));
         assert_eq!(split_lanes("odd.xy"), ("odd.xy", false));
     }
