@@ -27,27 +27,10 @@ pub(crate) fn base_acceleration<T: ModelScalar>(
     f: &V3<T>,
     n: &V3<T>,
 ) -> Result<(V3<T>, V3<T>), Option<usize>> {
-    let z = T::zero();
-    let (h, i) = (&c.h, &c.i);
-    let mut s = [
-        [c.m, z, z, z, h.z, -h.y],
-        [z, c.m, z, -h.z, z, h.x],
-        [z, z, c.m, h.y, -h.x, z],
-        [z, -h.z, h.y, i.xx, i.xy, i.xz],
-        [h.z, z, -h.x, i.xy, i.yy, i.yz],
-        [-h.y, h.x, z, i.xz, i.yz, i.zz],
-    ];
+    let mut s = rigid(c);
     let mut b = [-f.x, -f.y, -f.z, -n.x, -n.y, -n.z];
     for (k, p) in ports.iter_mut().enumerate() {
-        let ok = match p.n {
-            0 => true,
-            1 => eliminate::<T, 1>(p, &mut s, &mut b),
-            2 => eliminate::<T, 2>(p, &mut s, &mut b),
-            3 => eliminate::<T, 3>(p, &mut s, &mut b),
-            4 => eliminate::<T, 4>(p, &mut s, &mut b),
-            _ => eliminate_any(p, &mut s, &mut b),
-        };
-        if !ok {
+        if !eliminate_port(p, &mut s, &mut b) {
             return Err(Some(k));
         }
     }
@@ -56,6 +39,144 @@ pub(crate) fn base_acceleration<T: ModelScalar>(
     }
     ldl::solve_fixed(&s, &mut b);
     Ok((V3::from_slice(&b), V3::from_slice(&b[3..])))
+}
+
+/// The 6 x 6 inertia of a rigid body, linear part first.
+#[inline(always)]
+fn rigid<T: ModelScalar>(c: &Ten<T>) -> [[T; 6]; 6] {
+    let z = T::zero();
+    let (h, i) = (&c.h, &c.i);
+    [
+        [c.m, z, z, z, h.z, -h.y],
+        [z, c.m, z, -h.z, z, h.x],
+        [z, z, c.m, h.y, -h.x, z],
+        [z, -h.z, h.y, i.xx, i.xy, i.xz],
+        [h.z, z, -h.x, i.xy, i.yy, i.yz],
+        [-h.y, h.x, z, i.xz, i.yz, i.zz],
+    ]
+}
+
+#[inline(always)]
+fn eliminate_port<T: ModelScalar>(p: &mut PortWork<T>, s: &mut [[T; 6]; 6], b: &mut [T; 6]) -> bool {
+    match p.n {
+        0 => true,
+        1 => eliminate::<T, 1>(p, s, b),
+        2 => eliminate::<T, 2>(p, s, b),
+        3 => eliminate::<T, 3>(p, s, b),
+        4 => eliminate::<T, 4>(p, s, b),
+        _ => eliminate_any(p, s, b),
+    }
+}
+
+/// The mass matrix of base and passive coordinates, factorised for many right-hand sides.
+#[derive(Clone, Debug)]
+pub(crate) struct Factor<T> {
+    /// `C - sum G M_ee^-1 G^T` as [`ldl::factor_fixed`] leaves it.
+    base: [[T; 6]; 6],
+}
+
+impl<T: ModelScalar> Factor<T> {
+    pub(crate) fn new() -> Self {
+        Self { base: [[T::zero(); 6]; 6] }
+    }
+    /// From the composite inertia; reads `m` and `g` of the ports, writes their `gain` and `ee`. False where a pivot is
+    /// not positive.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, ports: &mut [PortWork<T>], c: &Ten<T>) -> bool {
+        let (mut s, mut b, mut ok) = (rigid(c), [T::zero(); 6], true);
+        for p in ports.iter_mut() {
+            p.r.fill(T::zero());
+            ok &= eliminate_port(p, &mut s, &mut b);
+            p.invert();
+        }
+        ok &= ldl::factor_fixed(&mut s);
+        self.base = s;
+        ok
+    }
+    /// Turns a right-hand side `[base 6 | passive]` into minus the solution. Passive rows other than those of port
+    /// `only` are zero, if given; of all ports otherwise.
+    #[inline(always)]
+    pub(crate) fn solve_minus(&self, ports: &[PortWork<T>], offsets: &[usize], only: Option<usize>, x: &mut [T]) {
+        let mut b = [x[0], x[1], x[2], x[3], x[4], x[5]];
+        for (k, (p, &at)) in ports.iter().zip(offsets).enumerate() {
+            if only.is_some_and(|only| only != k) {
+                continue;
+            }
+            for i in 0..p.n {
+                let (e, g) = (-x[6 + at + i], &p.gain[6 * i..6 * i + 6]);
+                for r in 0..6 {
+                    b[r] = g[r].mul_add(e, b[r]);
+                }
+            }
+        }
+        ldl::solve_fixed(&self.base, &mut b);
+        for (k, (p, &at)) in ports.iter().zip(offsets).enumerate() {
+            let own = only.is_none_or(|only| only == k);
+            match p.n {
+                1 => p.back::<1>(&b, own, &mut x[6 + at..]),
+                2 => p.back::<2>(&b, own, &mut x[6 + at..]),
+                3 => p.back::<3>(&b, own, &mut x[6 + at..]),
+                _ => p.back_any(&b, own, &mut x[6 + at..]),
+            }
+        }
+        for r in 0..6 {
+            x[r] = -b[r];
+        }
+    }
+}
+
+impl<T: ModelScalar> PortWork<T> {
+    /// `M_ee^-1` into `ee`.
+    #[inline(always)]
+    fn invert(&mut self) {
+        let (n, dim) = (self.n, 6 + self.n);
+        let mut l = [T::zero(); ff_model::MAX_COORDS * ff_model::MAX_COORDS];
+        for i in 0..n {
+            for j in 0..=i {
+                l[i * n + j] = self.m[(6 + i) * dim + 6 + j];
+            }
+        }
+        ldl::factor_inverted(&mut l[..n * n], n);
+        for j in 0..n {
+            let column = &mut self.ee[j * n..(j + 1) * n];
+            column.fill(T::zero());
+            column[j] = T::one();
+            ldl::solve_inverted(&l[..n * n], n, column);
+        }
+    }
+    /// `x = gain b - M_ee^-1 x`, the second term where the right-hand side has `own` rows.
+    #[inline(always)]
+    fn back<const N: usize>(&self, b: &[T; 6], own: bool, x: &mut [T]) {
+        let mut y = [T::zero(); N];
+        for i in 0..N {
+            let g = &self.gain[6 * i..6 * i + 6];
+            for r in 0..6 {
+                y[i] = g[r].mul_add(b[r], y[i]);
+            }
+        }
+        if own {
+            for i in 0..N {
+                for j in 0..N {
+                    y[i] = (-self.ee[i * N + j]).mul_add(x[j], y[i]);
+                }
+            }
+        }
+        x[..N].copy_from_slice(&y);
+    }
+    /// [`PortWork::back`] for any number of coordinates.
+    #[inline(always)]
+    fn back_any(&self, b: &[T; 6], own: bool, x: &mut [T]) {
+        let mut y = [T::zero(); ff_model::MAX_COORDS];
+        for (i, y) in y.iter_mut().enumerate().take(self.n) {
+            for r in 0..6 {
+                *y = self.gain[6 * i + r].mul_add(b[r], *y);
+            }
+            for j in 0..if own { self.n } else { 0 } {
+                *y = (-self.ee[i * self.n + j]).mul_add(x[j], *y);
+            }
+        }
+        x[..self.n].copy_from_slice(&y[..self.n]);
+    }
 }
 
 /// The same for an appendage on something that does not move. False if its mass matrix is not positive definite.

@@ -98,7 +98,7 @@ impl LaneTask for Derivatives<'_> {
                     let by_u = &torque.by_u[j * 6..j * 6 + 6];
                     for c in 0..np {
                         let own = if torque.carried { torque.by_p[j * np + c] } else { 0.0 };
-                        let through = by_u.iter().zip(&tangent.rp[c * 6..]).map(|(t, x)| t * x.lane(lane)).sum::<f64>();
+                        let through = by_u.iter().zip(&tangent.gp[c * 6..]).map(|(t, x)| t * x.lane(lane)).sum::<f64>();
                         d[(c * n + sample) * nj + j] = own + through;
                     }
                 }

@@ -330,17 +330,27 @@ impl<L: LaneScalar> Flow<L> {
         let mut lane = [0.0; 8];
         for c in 0..nz {
             for r in 0..n {
-                t.rz[c * n + r].store(&mut lane);
+                t.gz[c * n + r].store(&mut lane);
                 for (i, &x) in lane[..L::N].iter().enumerate() {
                     self.gain[(i * n + r) * nz + c] = x;
                 }
             }
         }
-        for c in 0..self.np {
+        // Eight columns at a time, so that rows are written in whole vectors; spare columns stay zero.
+        let mut block = [[0.0; 8]; 8];
+        for first in (0..self.np).step_by(8) {
+            let columns = 8.min(self.np - first);
             for r in 0..n {
-                t.rp[c * n + r].store(&mut lane);
-                for (i, &x) in lane[..L::N].iter().enumerate() {
-                    self.force[(i * n + r) * width + c] = x;
+                for (k, b) in block.iter_mut().enumerate().take(columns) {
+                    t.gp[(first + k) * n + r].store(b);
+                }
+                for i in 0..L::N {
+                    let mut row = [0.0; 8];
+                    for (k, x) in row.iter_mut().enumerate() {
+                        *x = block[k][i];
+                    }
+                    let to = (i * n + r) * width + first;
+                    self.force[to..to + columns].copy_from_slice(&row[..columns]);
                 }
             }
         }

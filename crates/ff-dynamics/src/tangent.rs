@@ -4,7 +4,7 @@
 //! `R_z` and one column of `R_p` per wanted parameter. The points of a trajectory are known before its derivatives
 //! are, so that eight stages of the integration go through this together.
 
-use crate::ldl;
+use crate::condense::Factor;
 use crate::prescribed::{Frame, Prescribed, Site};
 use crate::reduced::{at_rest, at_zero_acceleration, hung};
 use crate::work::PortWork;
@@ -242,11 +242,18 @@ pub(crate) struct Tangent<'a, L: LaneScalar> {
     parts: Parts<'a, L>,
     /// State columns: `3 + 2m`, or three more.
     pub(crate) nz: usize,
-    /// Mass matrix, `n x n` with `n = 6 + m`, lower triangle; factorised by [`Tangent::solve`].
-    mass: Vec<L>,
-    /// `R_z` and `R_p` by columns of length `n`; [`Tangent::solve`] turns them into `-M^-1 R`.
-    pub(crate) rz: Vec<L>,
-    pub(crate) rp: Vec<L>,
+    mass: Factor<L>,
+    definite: bool,
+    /// First coordinate of every port; the port of every column whose own rows are that port's alone, base if none.
+    offsets: Vec<usize>,
+    owner_z: Vec<Option<usize>>,
+    owner_p: Vec<Option<usize>>,
+    /// `R_z` and `R_p` by columns of length `n = 6 + m`. What is zero in `R_p` always is.
+    rz: Vec<L>,
+    rp: Vec<L>,
+    /// `-M^-1 R_z` and `-M^-1 R_p` after [`Tangent::solve`].
+    pub(crate) gz: Vec<L>,
+    pub(crate) gp: Vec<L>,
 }
 
 impl<'a, L: LaneScalar> Tangent<'a, L> {
@@ -255,19 +262,38 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
         let nz = state_columns(model);
         let z = |k| vec![L::zero(); k];
         let parts = Parts::new(model, params, table, columns);
-        Self { parts, nz, mass: z(n * n), rz: z(n * nz), rp: z(n * columns.count) }
+        let (m, ports) = (model.np(), model.appendages());
+        let owner_z = |c: usize| match c {
+            c if (3..3 + 2 * m).contains(&c) => ports.iter().rposition(|a| a.coord_offset <= (c - 3) % m),
+            _ => None,
+        };
+        let mut owner_p = vec![None; columns.count];
+        for (k, wanted) in columns.ports.iter().enumerate() {
+            wanted.iter().for_each(|&(_, col)| owner_p[col] = Some(k));
+        }
+        Self {
+            parts,
+            nz,
+            mass: Factor::new(),
+            definite: false,
+            offsets: ports.iter().map(|a| a.coord_offset).collect(),
+            owner_z: (0..nz).map(owner_z).collect(),
+            owner_p,
+            rz: z(n * nz),
+            rp: z(n * columns.count),
+            gz: z(n * nz),
+            gp: z(n * columns.count),
+        }
     }
 
     /// Evaluates all columns at points `(z, u)`, given by lane, and nodes.
     #[inline(always)]
     pub(crate) fn evaluate(&mut self, nodes: &[usize], z: &[L], u: &[L]) {
-        let Self { parts, nz, mass, rz, rp } = self;
+        let Self { parts, nz, mass, definite, rz, rp, .. } = self;
         let (model, table) = (parts.model, parts.table);
         let (m, nz) = (model.np(), *nz);
         let n = 6 + m;
-        mass.fill(L::zero());
         rz[..n * nz].fill(L::zero());
-        rp.fill(L::zero());
         parts.place(|column| table.frames_at(column, nodes));
         let at = At::new(z, u);
         let base = Ten::from(parts.params.body(0));
@@ -298,46 +324,33 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
         for (k, ap) in model.appendages().iter().enumerate() {
             let first = 6 + ap.coord_offset;
             parts.port(k, &at, z, u, &mut Rows { n, first, rz, rp });
-            let (p, frame) = (&parts.ports[k], &parts.frames[k]);
+            let (p, frame) = (&mut parts.ports[k], &parts.frames[k]);
             c.add(&hung(frame, p));
             for j in 0..p.n {
-                let row = &mut mass[(first + j) * n..(first + j + 1) * n];
                 let (f, t) = p.pull(j);
-                let (f, t) = frame.up(&f, &t);
-                f.write_to(row);
-                t.write_to(&mut row[3..]);
-                for i in 0..=j {
-                    row[first + i] = p.m[(6 + j) * (6 + p.n) + 6 + i];
-                }
+                p.g[j] = frame.up(&f, &t);
             }
         }
-        let (h, i) = (&c.h, &c.i);
-        let z = L::zero();
-        let rows = [
-            [c.m, z, z, z, z, z],
-            [z, c.m, z, z, z, z],
-            [z, z, c.m, z, z, z],
-            [z, -h.z, h.y, i.xx, z, z],
-            [h.z, z, -h.x, i.xy, i.yy, z],
-            [-h.y, h.x, z, i.xz, i.yz, i.zz],
-        ];
-        for (r, row) in rows.iter().enumerate() {
-            mass[r * n..r * n + 6].copy_from_slice(row);
-        }
+        *definite = mass.set(&mut parts.ports, &c);
     }
 
-    /// Turns every column `R` into `-M^-1 R`. False when the mass matrix is not positive definite in some lane.
+    /// `-M^-1 R` of every column `R`. False when the mass matrix is not positive definite in some lane.
     #[inline(always)]
     pub(crate) fn solve(&mut self) -> bool {
         let n = 6 + self.parts.model.np();
-        let ok = ldl::factor_inverted(&mut self.mass, n);
-        for x in self.rz[..n * self.nz].chunks_exact_mut(n).chain(self.rp.chunks_exact_mut(n)) {
-            for x in x.iter_mut() {
-                *x = -*x;
-            }
-            ldl::solve_inverted(&self.mass, n, x);
+        self.gz.copy_from_slice(&self.rz);
+        self.gp.copy_from_slice(&self.rp);
+        let z = self.gz.chunks_exact_mut(n).zip(&self.owner_z).enumerate();
+        // Angular velocity of the base, and its velocity, move all ports.
+        let passive = 3..3 + 2 * self.parts.model.np();
+        let z = z.map(|(c, (x, owner))| (x, *owner, !passive.contains(&c)));
+        let p = self.gp.chunks_exact_mut(n).zip(&self.owner_p).map(|(x, owner)| (x, *owner, false));
+        for (x, owner, every) in z.chain(p) {
+            // A column of the base alone has no passive rows at all: any port will do.
+            let only = if every { None } else { Some(owner.unwrap_or(usize::MAX)) };
+            self.mass.solve_minus(&self.parts.ports, &self.offsets, only, x);
         }
-        ok
+        self.definite
     }
 }
 
@@ -353,12 +366,20 @@ impl<T: ModelScalar> Put<T> for Rows<'_, T> {
     #[inline(always)]
     fn put(&mut self, column: Column, f: V3<T>, moment: V3<T>, own: &[T]) {
         let to = match column {
-            Column::State(c) => &mut self.rz[c * self.n..(c + 1) * self.n],
-            Column::Param(c) => &mut self.rp[c * self.n..(c + 1) * self.n],
+            Column::State(c) => {
+                let to = &mut self.rz[c * self.n..(c + 1) * self.n];
+                (f + V3::from_slice(to)).write_to(to);
+                (moment + V3::from_slice(&to[3..])).write_to(&mut to[3..]);
+                to
+            }
+            // A parameter belongs to one part, and its column is written anew.
+            Column::Param(c) => {
+                let to = &mut self.rp[c * self.n..(c + 1) * self.n];
+                f.write_to(to);
+                moment.write_to(&mut to[3..]);
+                to
+            }
         };
-        let (f0, n0) = (V3::from_slice(to), V3::from_slice(&to[3..]));
-        (f0 + f).write_to(to);
-        (n0 + moment).write_to(&mut to[3..]);
         to[self.first..self.first + own.len()].copy_from_slice(own);
     }
 }
