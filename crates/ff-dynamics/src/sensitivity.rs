@@ -548,7 +548,7 @@ impl<'a> Sink<'a> {
     fn done(self) -> (Response, Sensitivities) {
         let (n, nj) = (self.samples, self.model.nj());
         let matrix = |rows: usize, x: Vec<f64>| {
-            let columns = if rows == 0 { 0 } else { x.len() / rows };
+            let columns = x.len().checked_div(rows).unwrap_or(0);
             DMatrix::from_vec(rows, columns, x)
         };
         let s = Sensitivities {

@@ -18,8 +18,7 @@ use ff_model::{
 pub(crate) struct Columns {
     pub(crate) count: usize,
     base: Vec<(usize, usize)>,
-    /// Site in the table, body, columns.
-    links: Vec<(usize, usize, Vec<(usize, usize)>)>,
+    links: Vec<LinkColumns>,
     ports: Vec<Vec<(usize, usize)>>,
 }
 
@@ -31,23 +30,37 @@ impl Columns {
     pub(crate) fn new(model: &Model, table: &Prescribed, wanted: &[usize]) -> Self {
         let (ports, bodies) = (model.appendages(), 10 * model.n_bodies());
         let mut c = Self { count: wanted.len(), ports: vec![Vec::new(); ports.len()], ..Self::default() };
-        c.links = table.links.iter().enumerate().map(|(i, &l)| (ports.len() + i, l, Vec::new())).collect();
+        c.links = table
+            .links
+            .iter()
+            .enumerate()
+            .map(|(i, &body)| LinkColumns { site: ports.len() + i, body, wanted: Vec::new() })
+            .collect();
         for (col, &p) in wanted.iter().enumerate() {
             if p < 10 {
                 c.base.push((p, col));
             } else if p < bodies {
                 let body = p / 10;
-                let link = c.links.iter_mut().find(|l| l.1 == body);
+                let link = c.links.iter_mut().find(|l| l.body == body);
                 assert!(link.is_some(), "body {body} is not tracked by the prescribed motion");
-                link.into_iter().for_each(|l| l.2.push((p % 10, col)));
+                link.into_iter().for_each(|l| l.wanted.push((p % 10, col)));
             } else {
                 let port = ports.iter().rposition(|a| a.param_offset <= p).unwrap_or(0);
                 c.ports[port].push((p - ports[port].param_offset, col));
             }
         }
-        c.links.retain(|l| !l.2.is_empty());
+        c.links.retain(|l| !l.wanted.is_empty());
         c
     }
+}
+
+/// Wanted columns of a tracked link.
+#[derive(Clone, Debug)]
+struct LinkColumns {
+    /// Where its frame is among the sites of the table.
+    site: usize,
+    body: usize,
+    wanted: Vec<(usize, usize)>,
 }
 
 /// A column of the derivatives.
@@ -219,7 +232,7 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
     /// Columns of the inertial parameters of tracked link `l`.
     #[inline(always)]
     fn link(&self, l: usize, at: &At<T>, to: &mut impl Put<T>) {
-        let (site, _, wanted) = &self.columns.links[l];
+        let LinkColumns { site, wanted, .. } = &self.columns.links[l];
         let frame = &self.frames[*site];
         let host = frame.carried(&at.w, &at.al, &at.a, &at.field);
         let moving = Moving { w: host.w, al: host.al, a: host.a, field: M3::field(&host.w, &host.al) };
@@ -439,7 +452,7 @@ impl<'a> TorqueRows<'a> {
         let node = table.node_of(sample);
         parts.place(|column| table.frame(column, node));
         for l in 0..parts.columns.links.len() {
-            let above = &table.above[parts.columns.links[l].1];
+            let above = &table.above[parts.columns.links[l].body];
             parts.link(l, &at, &mut Felt { table, sample, above, nz, np, by_z, by_p });
         }
         let felt = |j: usize, f: &V3<f64>, n: &V3<f64>| table.row(sample, j).of(f, n);

@@ -163,7 +163,7 @@ fn a_parameter_of_every_kind_is_identified_from_one_record() {
         .filter(|a| wanted.iter().any(|w| w.starts_with(&format!("{}.", a.name))))
         .map(|a| a.decl().kind)
         .collect();
-    assert!(ffid::default_registry().kinds().all(|k| kinds.contains(&*k)), "{kinds:?}");
+    assert!(ffid::default_registry().kinds().all(|k| kinds.contains(k)), "{kinds:?}");
 
     let truth = Params::<f64>::nominal(m);
     let options = SimOptions { duration_s: 4.0, step_s: 2.5e-3, sample_s: 0.02 };
