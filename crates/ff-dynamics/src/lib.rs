@@ -45,7 +45,7 @@ pub mod motion;
 mod plant;
 pub mod prescribed;
 pub mod reduced;
-pub mod reduced_torques;
+mod reduced_torques;
 pub mod regressor;
 pub mod rnea;
 pub mod sensitivity;

@@ -1,6 +1,9 @@
 //! The record of general systems: sliding joints, turned mounts, an appendage that is not Galilean, accelerometer and
 //! attitude, several parameter sets at once.
 
+// Helpers may unwrap like the tests they serve.
+#![allow(clippy::unwrap_used)]
+
 mod common;
 use common::*;
 use ff_dynamics::*;
