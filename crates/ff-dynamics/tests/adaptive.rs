@@ -1,8 +1,7 @@
 //! Adaptive steps against the fixed step, and the error they report against the error they make.
 #![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::*;
 use ff_model::*;
 

@@ -1,8 +1,7 @@
 //! The centroidal momentum matrix against Pinocchio, against the budget, and against the law of momentum.
 #![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::*;
 use ff_model::so3::{exp_so3, quat_mul, quat_normalize, quat_to_rot};
 use ff_model::*;

@@ -1,7 +1,6 @@
 //! Laws that hold whatever the numbers: momentum, and energy with damping on.
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::*;
 use ff_model::*;
 

@@ -2,8 +2,7 @@
 //! with appendages on base and links, gravity, external wrenches and a moving base.
 #![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::*;
 use ff_model::so3::quat_mul;
 use ff_model::*;

@@ -1,7 +1,6 @@
 //! An ensemble is its runs, one by one.
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::ensemble::simulate_ensemble_with;
 use ff_dynamics::*;
 use ff_model::lanes::Isa;

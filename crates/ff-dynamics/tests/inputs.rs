@@ -1,8 +1,7 @@
 //! External inputs: momentum changes by their impulse and nothing else, energy by their work.
 #![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::inputs::{AppliedWrench, Axes, GravityGradient, PassiveForce, Pulse, Signal, Thruster};
 use ff_dynamics::*;
 use ff_model::so3::{exp_so3, quat_to_rot};

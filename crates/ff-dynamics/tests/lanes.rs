@@ -1,7 +1,6 @@
 //! Every lane computes what plain numbers do, on every instruction set of the machine.
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::*;
 use ff_model::lanes::{Isa, LaneScalar, LaneTask, dispatch};
 use ff_model::*;

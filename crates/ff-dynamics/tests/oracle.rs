@@ -1,8 +1,7 @@
 //! Against Pinocchio 4.1 (`fixtures/oracle`, conventions inside each file), to 1e-11 relative.
 #![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::*;
 use ff_model::*;
 use nalgebra::{DMatrix, DVector, Vector4};

@@ -4,8 +4,7 @@
 // Helpers may unwrap like the tests they serve.
 #![allow(clippy::unwrap_used)]
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::*;
 use ff_model::so3::{log_so3, quat_conj, quat_mul};
 use ff_model::*;

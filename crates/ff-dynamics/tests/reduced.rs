@@ -1,7 +1,6 @@
 //! The reduced system against the full dynamics, and its sensitivities against differences.
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::*;
 use ff_model::*;
 

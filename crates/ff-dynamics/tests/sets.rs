@@ -1,7 +1,6 @@
 //! A system made of a tuple of appendages and one made of boxed appendages are the same system.
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::*;
 use ff_model::payload::Payload;
 use ff_model::*;

@@ -1,7 +1,6 @@
 //! Appendages through their ports against the same bodies as ordinary tree links, on 1,000 random systems.
 
-mod common;
-use common::*;
+use crate::common::*;
 use ff_dynamics::*;
 use ff_model::*;
 use nalgebra::DMatrix;
