@@ -197,3 +197,23 @@ fn wrong_matrices_are_refused_by_name() {
     let bad = DMatrix::from_element(2, 2, f64::INFINITY);
     assert!(chain(&mut rng(47), 2).with_coupling(&bad, &bad).unwrap_err().has("Config::NotFinite"));
 }
+
+/// Bounds of a coupling are shares of the stiffness it couples: twice the matrix has twice the bounds.
+#[test]
+fn bounds_of_couplings_grow_with_the_matrix() {
+    let mut r = rng(47);
+    let n = 3;
+    let (k, d) = (definite(&mut r, n, 150.0), definite(&mut r, n, 2.0));
+    let base = chain(&mut r, n);
+    let bounds = |scale: f64| -> Vec<(f64, f64)> {
+        let c = base.clone().with_coupling(&(&k * scale), &(&d * scale)).unwrap();
+        c.decl().params[12 * n..].iter().map(|p| p.bounds).collect()
+    };
+    let (one, many) = (bounds(1.0), bounds(7.0));
+    assert_eq!(one.len(), n * (n - 1));
+    for (a, b) in one.iter().zip(&many) {
+        assert!(a.1 > a.0);
+        assert!((7.0 * a.0 - b.0).abs() < 1e-9 * b.0.abs(), "{a:?} {b:?}");
+        assert!((7.0 * a.1 - b.1).abs() < 1e-9 * b.1.abs(), "{a:?} {b:?}");
+    }
+}

@@ -145,6 +145,29 @@ fn impedance(m: &DMatrix<f64>, k: &DMatrix<f64>, d: &DMatrix<f64>, w: f64) -> DM
     c(m.view((0, 0), (6, 6)).into_owned()) + c(meb.transpose()) * inner
 }
 
+/// `|x_i^T D x_j| / sqrt(x_i^T D x_i x_j^T D x_j)` at its largest, written out for the diagonal `D` of a chain.
+#[test]
+fn damping_that_couples_modes_is_reported() {
+    let mut r = rng(38);
+    for n in [2, 4] {
+        let segments: Vec<_> =
+            (0..n).map(|i| segment(&mut r).with_spring(90.0 + 40.0 * i as f64, 0.3 + 1.9 * (i * i) as f64)).collect();
+        let chain = PanelChain::new(segments).unwrap();
+        let rest: Vec<f64> = (0..n).map(|i| chain.segment(i).unwrap().rest).collect();
+        let lin = linearise(&chain, &chain.nominal(), &rest).unwrap();
+        let d = DMatrix::from_diagonal(&nalgebra::DVector::from_fn(n, |i, _| chain.segment(i).unwrap().damping));
+        let modal = lin.shapes.transpose() * d * &lin.shapes;
+        let mut want = 0.0_f64;
+        for i in 0..n {
+            for j in 0..i {
+                want = want.max(modal[(i, j)].abs() / (modal[(i, i)] * modal[(j, j)]).sqrt());
+            }
+        }
+        assert!(want > 0.05, "nothing to see: {want}");
+        assert!((lin.damping_coupling - want).abs() < 1e-8, "{} {want}", lin.damping_coupling);
+    }
+}
+
 #[test]
 fn a_chains_own_modes_have_its_transfer_functions() {
     let mut r = rng(35);
