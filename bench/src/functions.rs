@@ -24,6 +24,7 @@ pub(crate) enum Function {
     /// Derivatives of the forces with respect to every parameter.
     Regressor,
     /// Derivatives of the forces with respect to position, velocity and acceleration.
+    #[value(name = "id_derivatives")]
     IdDerivatives,
 }
 

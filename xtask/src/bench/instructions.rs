@@ -27,7 +27,7 @@ const TOLERANCE: f64 = 1.03;
 const CALLS: u64 = 256;
 
 /// What is counted: model, form, function, lanes, instruction set.
-const COUNTED: [(&str, &str, &str, u32, &str); 12] = [
+const COUNTED: [(&str, &str, &str, u32, &str); 19] = [
     ("rigid", "ports", "rnea", 1, "portable"),
     ("flex", "ports", "rnea", 1, "portable"),
     ("flex", "ports", "crba", 1, "portable"),
@@ -40,7 +40,14 @@ const COUNTED: [(&str, &str, &str, u32, &str); 12] = [
     ("slosh", "ports", "fd", 1, "portable"),
     ("slosh", "ports", "hybrid", 1, "portable"),
     ("slosh", "ports", "regressor", 1, "portable"),
-    // PLACE FOR LANES: ("flex", "ports", "rnea", 4, "v3") and so on; valgrind 3.19 knows no AVX-512.
+    ("flex", "ports", "id_derivatives", 1, "portable"),
+    // Lanes: valgrind 3.19 knows no AVX-512.
+    ("flex", "ports", "rnea", 4, "v3"),
+    ("flex", "ports", "crba", 4, "v3"),
+    ("flex", "ports", "fd", 4, "v3"),
+    ("flex", "ports", "hybrid", 4, "v3"),
+    ("flex", "ports", "regressor", 4, "v3"),
+    ("flex", "ports", "id_derivatives", 4, "v3"),
 ];
 
 /// Counts, compares, and keeps if asked to.
