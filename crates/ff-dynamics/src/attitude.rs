@@ -60,7 +60,7 @@ pub(crate) struct Turned {
 
 impl AttitudeTrack {
     /// One step of length `h` (s) with the base rates at the four stages (rad/s).
-    pub(crate) fn step(&mut self, h: f64, rates: [[f64; 3]; 4]) -> Option<Turned> {
+    pub(crate) fn step(&mut self, h: f64, rates: [[f64; 3]; 4]) -> Turned {
         let (mut k, mut u) = (Vector3::zeros(), Vector3::zeros());
         // Derivatives of K_s with respect to the rates of stages 0..=s.
         let mut e = [Matrix3::zeros(); 4];
@@ -85,7 +85,7 @@ impl AttitudeTrack {
         let turn = exp_so3(&sum);
         let right = right_jacobian(&sum);
         self.att = quat_normalize(&quat_mul(&self.att, &turn));
-        Some(Turned { back: quat_to_rot(&turn).transpose(), by: by.map(|b| right * b) })
+        Turned { back: quat_to_rot(&turn).transpose(), by: by.map(|b| right * b) }
     }
 }
 

@@ -11,7 +11,7 @@ use crate::forward::hybrid_dynamics;
 use crate::integrate::Rkmk4;
 use crate::motion::JointMotion;
 use crate::prescribed::Filler;
-use crate::simulate::{SimError, SimOptions};
+use crate::simulate::{SimError, SimOptions, check_state};
 use crate::state::State;
 use crate::work::Work;
 use ff_model::lanes::{self, Isa, LaneScalar, LaneTask};
@@ -199,21 +199,9 @@ impl LaneTask for Ensemble<'_> {
                     let t = i as f64 * options.sample_s;
                     let Group { params, state, traces } = group;
                     plant.accelerate(t, params, state, &mut a).map_err(fail)?;
-                    for (l, r) in traces.iter_mut().enumerate() {
-                        put(&mut r.tau, i, &plant.tau, l);
-                        put(&mut r.twist, i, &state.v[..nb], l);
-                        if keep.accel {
-                            put(&mut r.accel, i, &a[..nb], l);
-                        }
-                        if keep.pose {
-                            put(&mut r.pos, i, state.pos.as_slice(), l);
-                            put(&mut r.att, i, state.att.as_slice(), l);
-                        }
-                        if keep.passive {
-                            put(&mut r.eta, i, &state.eta, l);
-                            put(&mut r.nu, i, &state.v[nb + nj..], l);
-                        }
-                    }
+                    let (twist, passive) = (&state.v[..nb], (&state.eta[..], &state.v[nb + nj..]));
+                    let pose = (state.pos.as_slice(), state.att.as_slice());
+                    write(traces, i, keep, &Sample { tau: &plant.tau, twist, accel: &a[..nb], pose, passive });
                     if i + 1 == samples {
                         break;
                     }
@@ -225,28 +213,12 @@ impl LaneTask for Ensemble<'_> {
                             .step_from(ts, h, state, &mut [], first, |t, s, a, _| plant.accelerate(t, params, s, a))
                             .map_err(fail)?;
                     }
-                    check(&group.state, &coords, t, h).map_err(fail)?;
+                    check_state(&group.state, &coords, t, h).map_err(fail)?;
                 }
             }
         }
         Ok(groups.into_iter().flat_map(Group::finish).collect())
     }
-}
-
-/// Finite, and inside the ranges in which the appendages are valid, in every lane.
-#[inline(always)]
-fn check<L: LaneScalar>(s: &State<L>, coords: &[(String, CoordDecl)], t: f64, step: f64) -> Result<(), SimError> {
-    let mut all = s.eta.iter().chain(&s.v).chain(s.pos.iter()).chain(s.att.iter());
-    if !all.all(|x| x.is_finite()) {
-        return Err(SimError::NotFinite { t, step });
-    }
-    for (x, (name, c)) in s.eta.iter().zip(coords) {
-        let (lo, hi) = c.range;
-        if let Some(value) = (0..L::N).map(|l| x.lane(l)).find(|x| *x < lo || *x > hi) {
-            return Err(SimError::Range { t, coord: name.clone(), value, unit: c.unit, lo, hi });
-        }
-    }
-    Ok(())
 }
 
 /// Whether the links are the same in all runs, so that one table of the arm serves them all.
@@ -285,17 +257,12 @@ fn fly<L: LaneScalar>(
             Flying { params: g.params, flight, record }
         })
         .collect();
-    for first in (0..samples).step_by(per_block) {
-        let intervals = per_block.min(samples - 1 - first);
-        let last = first + intervals + 1 == samples;
-        filler.fill(&mut table, motion, first as f64 * options.sample_s);
+    for span in flight::spans(samples, per_block) {
+        filler.fill(&mut table, motion, span.first as f64 * options.sample_s);
         for (k, g) in groups.iter_mut().enumerate() {
             let until = (k * L::N + L::N).min(runs.len()) - 1;
             let fail = |source| EnsembleError { first: k * L::N, last: until, source };
-            g.flight.block(model, &g.params, &table, (first, intervals, last), &mut g.record).map_err(fail)?;
-        }
-        if last {
-            break;
+            g.flight.block(model, &g.params, &table, span, &mut g.record).map_err(fail)?;
         }
     }
     Ok(groups
@@ -328,21 +295,9 @@ impl<L: LaneScalar> Sink<L> for Record<L> {
         let (v, w) = (V3::from_slice(at.z), V3::from_slice(&at.z[3..]));
         let mut accel = [now.u[0], now.u[1], now.u[2], now.u[3], now.u[4], now.u[5]];
         (V3::from_slice(now.u) - w.cross(&v)).write_to(&mut accel);
-        for (l, r) in self.group.iter_mut().enumerate() {
-            put(&mut r.tau, i, now.tau, l);
-            put(&mut r.twist, i, &at.z[..6], l);
-            if self.keep.accel {
-                put(&mut r.accel, i, &accel, l);
-            }
-            if self.keep.pose {
-                put(&mut r.pos, i, at.pos.as_slice(), l);
-                put(&mut r.att, i, at.att.as_slice(), l);
-            }
-            if self.keep.passive {
-                put(&mut r.eta, i, &at.z[6..6 + m], l);
-                put(&mut r.nu, i, &at.z[6 + m..], l);
-            }
-        }
+        let (twist, passive) = (&at.z[..6], (&at.z[6..6 + m], &at.z[6 + m..]));
+        let pose = (at.pos.as_slice(), at.att.as_slice());
+        write(&mut self.group, i, self.keep, &Sample { tau: now.tau, twist, accel: &accel, pose, passive });
         let n = self.state.q.len();
         let splat = |to: &mut [L], x: &[f64]| to.iter_mut().zip(x).for_each(|(to, &x)| *to = L::splat(x));
         splat(&mut self.state.q, &now.joints[..n]);
@@ -355,13 +310,43 @@ impl<L: LaneScalar> Sink<L> for Record<L> {
         s.v[..6].copy_from_slice(&at.z[..6]);
         s.eta.copy_from_slice(&at.z[6..6 + m]);
         s.nu_mut().copy_from_slice(&at.z[6 + m..]);
-        check(s, &self.coords, t, self.h)
+        check_state(s, &self.coords, t, self.h)
     }
     #[cold]
     fn singular(&mut self, i: usize, node: usize, z: &[L], source: SingularInertia) -> SimError {
         let t = i as f64 * self.options.sample_s + 0.5 * self.h * node as f64;
-        let finite = z.iter().all(|x| x.is_finite());
-        if finite { SimError::Singular { t, source } } else { SimError::NotFinite { t, step: self.h } }
+        SimError::singular(t, self.h, z.iter().all(|x| x.is_finite()), source)
+    }
+}
+
+/// What is recorded at a sample.
+struct Sample<'s, L> {
+    tau: &'s [L],
+    twist: &'s [L],
+    accel: &'s [L],
+    /// Position and attitude.
+    pose: (&'s [L], &'s [L]),
+    /// Coordinates and rates.
+    passive: (&'s [L], &'s [L]),
+}
+
+/// Writes sample `i`, each lane into its trace.
+#[inline(always)]
+fn write<L: LaneScalar>(traces: &mut [RunTrace], i: usize, keep: Keep, s: &Sample<'_, L>) {
+    for (l, r) in traces.iter_mut().enumerate() {
+        put(&mut r.tau, i, s.tau, l);
+        put(&mut r.twist, i, s.twist, l);
+        if keep.accel {
+            put(&mut r.accel, i, s.accel, l);
+        }
+        if keep.pose {
+            put(&mut r.pos, i, s.pose.0, l);
+            put(&mut r.att, i, s.pose.1, l);
+        }
+        if keep.passive {
+            put(&mut r.eta, i, s.passive.0, l);
+            put(&mut r.nu, i, s.passive.1, l);
+        }
     }
 }
 
@@ -390,13 +375,6 @@ impl RunTrace {
             last: start.clone(),
         }
     }
-}
-
-/// A NaN in the state of a lane shows as a pivot that is not positive, too.
-#[cold]
-fn blame<L: LaneScalar>(t: f64, step: f64, s: &State<L>, source: SingularInertia) -> SimError {
-    let finite = s.eta.iter().chain(&s.v).all(|x| x.is_finite());
-    if finite { SimError::Singular { t, source } } else { SimError::NotFinite { t, step } }
 }
 
 /// A joint motion looked up at equal distances.
@@ -450,6 +428,6 @@ impl<'a, L: LaneScalar> Plant<'a, L> {
         splat(state.qd_mut(), &row[nj..2 * nj]);
         splat(&mut self.acc, &row[2 * nj..]);
         hybrid_dynamics(self.model, params, state, &self.acc, &mut self.work, a, &mut self.tau)
-            .map_err(|source| blame(t, 2.0 * self.joints.apart, state, source))
+            .map_err(|source| SimError::singular(t, 2.0 * self.joints.apart, state.is_finite(), source))
     }
 }

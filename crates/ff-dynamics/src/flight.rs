@@ -29,6 +29,26 @@ pub(crate) fn table(model: &Model, sample_s: f64, substeps: usize, samples: usiz
     (per_block, Prescribed::empty(model, &sampling, &[]))
 }
 
+/// A stretch of the samples that one table covers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Span {
+    /// Its first sample.
+    pub(crate) first: usize,
+    /// Sample intervals.
+    pub(crate) intervals: usize,
+    /// Whether the sample at its end is the last; it belongs to the next span otherwise.
+    pub(crate) last: bool,
+}
+
+/// The spans of a flight of so many samples.
+pub(crate) fn spans(samples: usize, per_block: usize) -> impl Iterator<Item = Span> {
+    // A single sample is a span without intervals.
+    (0..(samples - 1).max(1)).step_by(per_block).map(move |first| {
+        let intervals = per_block.min(samples - 1 - first);
+        Span { first, intervals, last: first + intervals + 1 == samples }
+    })
+}
+
 /// One moment of a flight.
 pub(crate) struct Moment<'s, T> {
     pub(crate) pos: &'s Vector3<T>,
@@ -82,8 +102,7 @@ impl<T: LaneScalar> Flight<T> {
         Self { pos, att, rk: Rk4::new(model, z0), energy: z, sum: z, dpos: v, drot: v, buffers: None }
     }
 
-    /// Flies through `(first, intervals, last)`: so many intervals of `table`, from sample `first` on. The sample at
-    /// their end belongs to the next block, unless this is the last. Energies are integrated where the table has powers.
+    /// Flies through a span that `table` covers. Energies are integrated where the table has powers.
     ///
     /// # Errors
     /// Those of the sink.
@@ -93,12 +112,12 @@ impl<T: LaneScalar> Flight<T> {
         model: &Model,
         params: &Params<T>,
         table: &Prescribed,
-        (first, intervals, last): (usize, usize, bool),
+        span: Span,
         sink: &mut S,
     ) -> Result<(), S::Error> {
         let buffers = self.buffers.take().unwrap_or_else(|| Buffers::new(model, table));
         let mut sys = Reduced::reuse(buffers, model, params, table);
-        let done = T::enter(Block { flight: self, sys: &mut sys, first, intervals, last, sink });
+        let done = T::enter(Block { flight: self, sys: &mut sys, span, sink });
         self.buffers = Some(sys.into_buffers());
         done
     }
@@ -133,9 +152,7 @@ impl<T: LaneScalar> Flight<T> {
 struct Block<'a, 'b, T: LaneScalar, S> {
     flight: &'a mut Flight<T>,
     sys: &'a mut Reduced<'b, T>,
-    first: usize,
-    intervals: usize,
-    last: bool,
+    span: Span,
     sink: &'a mut S,
 }
 
@@ -143,7 +160,7 @@ impl<T: LaneScalar, S: Sink<T>> Kernel for Block<'_, '_, T, S> {
     type Output = Result<(), S::Error>;
     #[inline(always)]
     fn run(self) -> Self::Output {
-        let Self { flight, sys, first, intervals, last, sink } = self;
+        let Self { flight, sys, span: Span { first, intervals, last }, sink } = self;
         let table = sys.table;
         let (h, per) = (table.step, table.substeps);
         let steps = intervals * per;

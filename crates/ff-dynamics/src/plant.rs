@@ -69,12 +69,8 @@ impl<'a> Plant<'a> {
         a: &mut [f64],
         rate: &mut [f64; QUADRATURES],
     ) -> Result<(), SimError> {
-        // A NaN in the state shows as a pivot that is not positive, too.
         let step = self.span.1 - self.span.0;
-        self.rates(t, seen, state, a, rate).map_err(|source| match state.is_finite() {
-            true => SimError::Singular { t, source },
-            false => SimError::NotFinite { t, step },
-        })
+        self.rates(t, seen, state, a, rate).map_err(|source| SimError::singular(t, step, state.is_finite(), source))
     }
     fn rates(
         &mut self,

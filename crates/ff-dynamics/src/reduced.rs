@@ -293,7 +293,7 @@ impl LaneTask for Single<'_> {
         let Self { model, params, table, z0 } = self;
         let m = model.np();
         let mut out = Response::new(table.samples, model.nj(), m);
-        let params = Params::from_values(model, splat::<L>(params.values()));
+        let params = params.lift::<L>(model);
         let mut sys = Reduced::new(model, &params, table);
         let mut plain = vec![0.0; 12 + 3 * m + model.nj()];
         integrate(&mut sys, &splat::<L>(z0), |i, z, u, tau| {

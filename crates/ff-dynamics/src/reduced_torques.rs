@@ -74,7 +74,7 @@ impl LaneTask for Derivatives<'_> {
     fn run<L: LaneScalar>(self) {
         let Self { model, params, table, columns, points, d } = self;
         let (n, nj, np) = (points.len(), model.nj(), columns.count);
-        let lifted = Params::from_values(model, params.values().iter().map(|&x| L::splat(x)).collect());
+        let lifted = params.lift::<L>(model);
         let mut tangent = Tangent::<L>::new(model, &lifted, table, columns);
         let mut torque = TorqueRows::new(model, params, table, columns);
         let (mut z, mut u) = ([L::zero(); 6], [L::zero(); 6]);

@@ -107,8 +107,8 @@ impl LaneTask for Run<'_> {
     fn run<L: LaneScalar>(self) -> Self::Output {
         let Self { model, params, table, z0, wanted, columns } = self;
         let m = model.np();
-        let lifted = Params::from_values(model, splat::<L>(params.values()));
-        let single = Params::from_values(model, splat::<L::One>(params.values()));
+        let lifted = params.lift::<L>(model);
+        let single = params.lift::<L::One>(model);
         let mut sys = Reduced::new(model, &single, table);
         let mut rk = Rk4::new(model, &splat::<L::One>(z0));
         let mut tangent = Tangent::<L>::new(model, &lifted, table, columns);
@@ -148,7 +148,7 @@ impl LaneTask for Run<'_> {
                 if let Some(track) = &mut sink.track
                     && step < last
                 {
-                    flow.turn = track.step(table.step, core::array::from_fn(|s| points.w(lane + s)));
+                    flow.turn = Some(track.step(table.step, core::array::from_fn(|s| points.w(lane + s))));
                 }
                 flow.step(lane, sample, step < last, &points);
                 if sample {

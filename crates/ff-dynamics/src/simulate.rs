@@ -1,7 +1,7 @@
 //! A motion over time: prescribed joint motion or joint torques in, everything observable out.
 
 use crate::aba::SingularInertia;
-use crate::flight::{self, Flight, Moment, Reading, Sink};
+use crate::flight::{self, Flight, Moment, Reading, Sink, Span};
 use crate::inputs::{ExternalInput, InputError, breaks_of};
 use crate::integrate::{QUADRATURES, Rkmk4};
 use crate::motion::JointMotion;
@@ -126,9 +126,19 @@ pub enum SimError {
     },
 }
 
-/// The state is finite, and every passive coordinate inside the range its model is valid in.
-pub(crate) fn check_state(
-    state: &State<f64>,
+impl SimError {
+    /// A mass matrix was found singular at `t` in a step of length `step` (s): a NaN in the state shows as a pivot that is
+    /// not positive, too.
+    #[cold]
+    pub(crate) fn singular(t: f64, step: f64, finite: bool, source: SingularInertia) -> Self {
+        if finite { Self::Singular { t, source } } else { Self::NotFinite { t, step } }
+    }
+}
+
+/// The state is finite, and every passive coordinate inside the range its model is valid in, in every lane.
+#[inline(always)]
+pub(crate) fn check_state<L: LaneScalar>(
+    state: &State<L>,
     coords: &[(String, CoordDecl)],
     t: f64,
     step: f64,
@@ -136,9 +146,9 @@ pub(crate) fn check_state(
     if !state.is_finite() {
         return Err(SimError::NotFinite { t, step });
     }
-    for (&value, (name, c)) in state.eta.iter().zip(coords) {
+    for (x, (name, c)) in state.eta.iter().zip(coords) {
         let (lo, hi) = c.range;
-        if value < lo || value > hi {
+        if let Some(value) = (0..L::N).map(|l| x.lane(l)).find(|x| *x < lo || *x > hi) {
             return Err(SimError::Range { t, coord: name.clone(), value, unit: c.unit, lo, hi });
         }
     }
@@ -260,7 +270,7 @@ impl LaneTask for Fly<'_> {
         let mut filler = Filler::<L>::new(model, params);
         let z0 = [&start.v[..6], &start.eta, start.nu()].concat();
         let lift = |x: f64| L::One::splat(x);
-        let single = Params::from_values(model, splat::<L::One>(params.values()));
+        let single = params.lift::<L::One>(model);
         let mut flight = Flight::new(model, start.pos.map(lift), start.att.map(lift), &splat::<L::One>(&z0));
         let mut sink = Record {
             trace: Trace::new(model, samples, options.sample_s, start),
@@ -270,14 +280,9 @@ impl LaneTask for Fly<'_> {
             coords: model.passive_coords(),
             h,
         };
-        for first in (0..samples).step_by(per_block) {
-            let intervals = per_block.min(samples - 1 - first);
-            let last = first + intervals + 1 == samples;
-            filler.fill(&mut table, motion, first as f64 * options.sample_s);
-            fly_block(&mut flight, model, &single, &table, (first, intervals, last), &mut sink)?;
-            if last {
-                break;
-            }
+        for span in flight::spans(samples, per_block) {
+            filler.fill(&mut table, motion, span.first as f64 * options.sample_s);
+            fly_block(&mut flight, model, &single, &table, span, &mut sink)?;
         }
         sink.trace.last = sink.state;
         Ok(sink.trace)
@@ -291,10 +296,10 @@ fn fly_block<T: LaneScalar>(
     model: &Model,
     params: &Params<T>,
     table: &Prescribed,
-    (first, intervals, last): (usize, usize, bool),
+    span: Span,
     sink: &mut Record,
 ) -> Result<(), SimError> {
-    flight.block(model, params, table, (first, intervals, last), sink)
+    flight.block(model, params, table, span, sink)
 }
 
 /// Writes a flight into a trace.
@@ -345,10 +350,8 @@ impl<T: LaneScalar> Sink<T> for Record {
         check_state(&self.state, &self.coords, i as f64 * self.trace.dt, self.h)
     }
     fn singular(&mut self, i: usize, node: usize, z: &[T], source: SingularInertia) -> SimError {
-        // A NaN in the state shows as a pivot that is not positive, too.
         let t = i as f64 * self.trace.dt + 0.5 * self.h * node as f64;
-        let finite = z.iter().all(|x| x.is_finite());
-        if finite { SimError::Singular { t, source } } else { SimError::NotFinite { t, step: self.h } }
+        SimError::singular(t, self.h, z.iter().all(|x| x.is_finite()), source)
     }
 }
 

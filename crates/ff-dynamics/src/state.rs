@@ -78,6 +78,11 @@ impl<T: Scalar> State<T> {
         self.eta.copy_from_slice(&o.eta);
         self.v.copy_from_slice(&o.v);
     }
+    /// True when every number is finite, in every lane.
+    #[inline(always)]
+    pub fn is_finite(&self) -> bool {
+        self.pos.iter().chain(self.att.iter()).chain(&self.q).chain(&self.eta).chain(&self.v).all(|x| x.is_finite())
+    }
 }
 
 impl State<f64> {
@@ -92,9 +97,5 @@ impl State<f64> {
             v: l(&self.v),
             nb: self.nb,
         }
-    }
-    /// True when every number is finite.
-    pub fn is_finite(&self) -> bool {
-        self.pos.iter().chain(self.att.iter()).chain(&self.q).chain(&self.eta).chain(&self.v).all(|x| x.is_finite())
     }
 }

@@ -65,3 +65,13 @@ impl<T: Scalar> Params<T> {
         &self.values[a.param_offset..a.param_offset + a.decl().params.len()]
     }
 }
+
+impl Params<f64> {
+    /// The same values over another scalar: in every lane, without derivatives. Allocates.
+    ///
+    /// # Panics
+    /// If they belong to another model.
+    pub fn lift<T: Scalar>(&self, model: &Model) -> Params<T> {
+        Params::from_values(model, self.values.iter().map(|&x| T::from_f64(x)).collect())
+    }
+}
