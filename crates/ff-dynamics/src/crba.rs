@@ -25,8 +25,7 @@ pub fn mass_matrix<T: ModelScalar>(
     h: &mut DMatrix<T>,
 ) {
     assert_eq!(h.shape(), (model.nv(), model.nv()), "mass matrix shape");
-    let sparse = model.appendages().len() + model.nj() > 0;
-    T::enter(Crba { model, params, state, work, h: h.as_mut_slice(), sparse });
+    T::enter(Crba { model, params, state, work, h: h.as_mut_slice() });
 }
 
 struct Crba<'a, T: ModelScalar> {
@@ -35,29 +34,21 @@ struct Crba<'a, T: ModelScalar> {
     state: &'a State<T>,
     work: &'a mut Work<T>,
     h: &'a mut [T],
-    sparse: bool,
 }
 
 impl<T: ModelScalar> Kernel for Crba<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { model, params, state, work, h, sparse } = self;
+        let Self { model, params, state, work, h } = self;
         let nv = model.nv();
         tree::place(&mut work.links, &state.q);
         work.port_inertias(model, params, &state.eta);
-        if sparse {
-            // Pairs of which neither carries the other stay zero.
-            for x in h.iter_mut() {
-                *x = T::zero();
-            }
-        }
         composite(params, model, work);
-        columns(model, work, h);
-        for i in 0..nv {
-            for j in 0..i {
-                h[j * nv + i] = h[i * nv + j];
-            }
+        columns::<T, true>(model, work, h);
+        for &(i, j) in &work.apart {
+            h[i * nv + j] = T::zero();
+            h[j * nv + i] = T::zero();
         }
     }
 }
@@ -75,70 +66,108 @@ pub(crate) fn composite<T: ModelScalar>(params: &Params<T>, model: &Model, work:
 }
 
 /// Writes every element of the mass matrix that can differ from zero between a degree of freedom and its
-/// ancestors into row `descendant` of the row-major lower triangle, which is column `descendant` of the upper one
-/// by columns; needs [`composite`]. Ports get their coupling at the base.
+/// ancestors into row `descendant` of the row-major lower triangle, and into column `descendant` as well if `FULL`;
+/// needs [`composite`]. Ports get their coupling at the base.
 #[inline(always)]
-pub(crate) fn columns<T: ModelScalar>(model: &Model, work: &mut Work<T>, h: &mut [T]) {
+pub(crate) fn columns<T: ModelScalar, const FULL: bool>(model: &Model, work: &mut Work<T>, h: &mut [T]) {
     let (nb, nj, nv) = (model.nb(), model.nj(), model.nv());
+    let h = &mut h[..nv * nv];
     let links = &work.links[..];
     if nb == 6 {
         let Ten { m, h: c, i } = links[0].ic;
         let z = T::zero();
         let rows = [
-            [m, z, z, z, z, z],
-            [z, m, z, z, z, z],
-            [z, z, m, z, z, z],
-            [z, -c.z, c.y, i.xx, z, z],
-            [c.z, z, -c.x, i.xy, i.yy, z],
+            [m, z, z, z, c.z, -c.y],
+            [z, m, z, -c.z, z, c.x],
+            [z, z, m, c.y, -c.x, z],
+            [z, -c.z, c.y, i.xx, i.xy, i.xz],
+            [c.z, z, -c.x, i.xy, i.yy, i.yz],
             [-c.y, c.x, z, i.xz, i.yz, i.zz],
         ];
         for (k, row) in rows.iter().enumerate() {
-            h[k * nv..k * nv + k + 1].copy_from_slice(&row[..=k]);
+            let to = &mut h[k * nv..k * nv + 6];
+            for l in 0..if FULL { 6 } else { k + 1 } {
+                to[l] = row[l];
+            }
         }
     }
     for i in 1..links.len() {
         let own = nb + i - 1;
-        let row = &mut h[own * nv..(own + 1) * nv];
-        let (f, n);
-        (row[own], (f, n)) = by_turn!(T, links[i].pose.turn, K => {
+        let mut to = Entries::<T, FULL> { h: &mut *h, nv, own };
+        let (x, (f, n)) = by_turn!(T, links[i].pose.turn, K => {
             let (f, n) = links[i].axis_momentum::<K>();
             (links[i].joint_force::<K>(&f, &n), links[i].pose.wrench_up::<K>(&f, &n))
         });
-        carry(links, nb, links[i].parent, f, n, row);
+        to.put(own, x);
+        carry(links, nb, links[i].parent, f, n, &mut to);
     }
     for (ap, p) in model.appendages().iter().zip(&mut work.ports) {
         let first = nb + nj + ap.coord_offset;
         let dim = 6 + p.n;
         for j in 0..p.n {
-            let row = &mut h[(first + j) * nv..(first + j + 1) * nv];
-            row[first..=first + j].copy_from_slice(&p.m[(6 + j) * dim + 6..(6 + j) * dim + 7 + j]);
+            let mut to = Entries::<T, FULL> { h: &mut *h, nv, own: first + j };
+            let row = &p.m[(6 + j) * dim + 6..][..=j];
+            for (l, &x) in row.iter().enumerate() {
+                to.put(first + l, x);
+            }
             let (f, n) = p.pull(j);
             let (f, n) = p.up(&f, &n);
-            p.g[j] = carry(links, nb, ap.host, f, n, row);
+            p.g[j] = carry(links, nb, ap.host, f, n, &mut to);
         }
     }
 }
 
-/// Carries a wrench on body `i` to the root and writes the joint forces and the base wrench into `row`.
+/// Where generalised forces go, one per degree of freedom.
+pub(crate) trait Column<T> {
+    /// Takes that of degree of freedom `i`.
+    fn put(&mut self, i: usize, x: T);
+}
+
+impl<T> Column<T> for [T] {
+    #[inline(always)]
+    fn put(&mut self, i: usize, x: T) {
+        self[i] = x;
+    }
+}
+
+/// Row `own` of the mass matrix, and column `own` as well if `FULL`.
+struct Entries<'a, T, const FULL: bool> {
+    h: &'a mut [T],
+    nv: usize,
+    own: usize,
+}
+
+impl<T: ModelScalar, const FULL: bool> Column<T> for Entries<'_, T, FULL> {
+    #[inline(always)]
+    fn put(&mut self, i: usize, x: T) {
+        self.h[self.own * self.nv + i] = x;
+        if FULL {
+            self.h[i * self.nv + self.own] = x;
+        }
+    }
+}
+
+/// Carries a wrench on body `i` to the root and hands out the joint forces and the base wrench.
 #[inline(always)]
-pub(crate) fn carry<T: ModelScalar>(
+pub(crate) fn carry<T: ModelScalar, C: Column<T> + ?Sized>(
     links: &[Link<T>],
     nb: usize,
     mut i: usize,
     mut f: V3<T>,
     mut n: V3<T>,
-    row: &mut [T],
+    to: &mut C,
 ) -> (V3<T>, V3<T>) {
     while i > 0 {
         let l = &links[i];
-        (row[nb + i - 1], (f, n)) =
-            by_turn!(T, l.pose.turn, K => (l.joint_force::<K>(&f, &n), l.pose.wrench_up::<K>(&f, &n)));
+        let x;
+        (x, (f, n)) = by_turn!(T, l.pose.turn, K => (l.joint_force::<K>(&f, &n), l.pose.wrench_up::<K>(&f, &n)));
+        to.put(nb + i - 1, x);
         i = l.parent;
     }
     if nb == 6 {
-        let row = &mut row[..6];
-        f.write_to(row);
-        n.write_to(&mut row[3..]);
+        for (k, x) in [f.x, f.y, f.z, n.x, n.y, n.z].into_iter().enumerate() {
+            to.put(k, x);
+        }
     }
     (f, n)
 }

@@ -143,11 +143,8 @@ impl<T: ModelScalar> Kernel for Free<'_, T> {
         }
         crba::composite(params, model, work);
         let mut h = std::mem::take(&mut work.lower);
-        crba::columns(model, work, &mut h);
-        let done = ltl::factor(&mut h, nv, &work.dof_parent);
-        if done.is_ok() {
-            ltl::solve(&h, nv, &work.dof_parent, a);
-        }
+        crba::columns::<T, false>(model, work, &mut h);
+        let done = ltl::solve(&mut h, nb, &work.dof_parent, a);
         work.lower = h;
         if nb == 6 {
             // The unknown was the classical acceleration of the base origin.

@@ -1,69 +1,110 @@
-//! `H = L^T D L` of a mass matrix with the sparsity of a tree, without fill-in.
+//! Solves with a mass matrix of the sparsity of a tree, `H = L^T D L` without fill-in.
 //!
 //! `H` has an entry only between a degree of freedom and its ancestors; eliminating from the leaves keeps it so
-//! (Featherstone 2008, sec. 6.4 and table 6.3). Nothing allocates, nothing branches on values.
+//! (Featherstone 2008, sec. 6.4 and table 6.3). A floating base is an ancestor of everything: its six columns are
+//! treated as one block of a size the compiler knows, and what is left at the end is 6 x 6. Nothing allocates, nothing
+//! branches on values.
 
+use crate::ldl;
 use ff_model::Scalar;
 
-/// Factorises the row-major lower triangle `h` in place: `1/D` on the diagonal, `L` below it. `parent[i] < i`
-/// is the parent of degree of freedom `i`, or `i` itself at the root.
+/// Parent of a degree of freedom that has none besides the base.
+pub(crate) const ROOT: usize = usize::MAX;
+
+/// Solves `H x = b` in place of `b`; `h`, the row-major lower triangle, is overwritten by its factors.
+///
+/// `parent[i] < i` is the parent of degree of freedom `i` among joints and passive coordinates, or [`ROOT`]; entries of
+/// the base, `nb` of them, are not read.
 ///
 /// # Errors
-/// The degree of freedom whose pivot is not positive and finite.
+/// The degree of freedom whose pivot is not positive and finite; 0 for any of the base.
 #[inline(always)]
-pub(crate) fn factor<T: Scalar>(h: &mut [T], n: usize, parent: &[usize]) -> Result<(), usize> {
-    let mut bad = usize::MAX;
-    for k in (0..n).rev() {
-        let d = h[k * n + k];
-        if !d.is_positive() {
-            bad = k;
-        }
-        let inv = T::one() / d;
-        h[k * n + k] = inv;
-        let (upper, row) = h.split_at_mut(k * n);
-        let mut i = k;
-        while parent[i] != i {
-            i = parent[i];
-            let a = row[i] * inv;
-            let mut j = i;
-            let target = &mut upper[i * n..i * n + i + 1];
-            loop {
-                target[j] = (-a).mul_add(row[j], target[j]);
-                if parent[j] == j {
-                    break;
-                }
-                j = parent[j];
-            }
-        }
-        let mut i = k;
-        while parent[i] != i {
-            i = parent[i];
-            row[i] *= inv;
-        }
-    }
-    if bad == usize::MAX { Ok(()) } else { Err(bad) }
+pub(crate) fn solve<T: Scalar>(h: &mut [T], nb: usize, parent: &[usize], b: &mut [T]) -> Result<(), usize> {
+    let n = parent.len();
+    let (h, b) = (&mut h[..n * n], &mut b[..n]);
+    if nb == 6 { eliminate::<T, 6>(h, parent, b) } else { eliminate::<T, 0>(h, parent, b) }
 }
 
-/// Solves `L^T D L x = b` in place of `b`.
+/// Columns of the base in a row.
 #[inline(always)]
-pub(crate) fn solve<T: Scalar>(h: &[T], n: usize, parent: &[usize], b: &mut [T]) {
-    for k in (0..n).rev() {
-        let x = b[k];
-        let mut i = k;
-        while parent[i] != i {
+fn base<T: Scalar, const B: usize>(row: &[T]) -> [T; B] {
+    let mut out = [T::zero(); B];
+    out.copy_from_slice(&row[..B]);
+    out
+}
+
+/// `y -= a x`.
+#[inline(always)]
+fn subtract<T: Scalar, const B: usize>(a: T, x: &[T; B], y: &mut [T]) {
+    let y = &mut y[..B];
+    for c in 0..B {
+        y[c] = (-a).mul_add(x[c], y[c]);
+    }
+}
+
+#[inline(always)]
+fn eliminate<T: Scalar, const B: usize>(h: &mut [T], parent: &[usize], b: &mut [T]) -> Result<(), usize> {
+    let (n, mut bad) = (parent.len(), None);
+    let mut core = [[T::zero(); B]; B];
+    for (i, row) in core.iter_mut().enumerate() {
+        row[..=i].copy_from_slice(&h[i * n..=i * n + i]);
+    }
+    let mut rest = base::<T, B>(b);
+    for k in (B..n).rev() {
+        let (upper, row) = h.split_at_mut(k * n);
+        let row = &mut row[..n];
+        if !row[k].is_positive() {
+            bad = Some(k);
+        }
+        let inv = T::one() / row[k];
+        row[k] = inv;
+        let (own, x) = (base::<T, B>(row), b[k]);
+        let mut i = parent[k];
+        while i < n {
+            let a = row[i] * inv;
+            let target = &mut upper[i * n..][..n];
+            subtract(a, &own, target);
+            // The ancestors of an ancestor are its own.
+            let mut j = i;
+            while j < n {
+                target[j] = (-a).mul_add(row[j], target[j]);
+                j = parent[j];
+            }
+            row[i] = a;
+            b[i] = (-a).mul_add(x, b[i]);
             i = parent[i];
-            b[i] = (-h[k * n + i]).mul_add(x, b[i]);
+        }
+        let mut scaled = [T::zero(); B];
+        for c in 0..B {
+            scaled[c] = own[c] * inv;
+            row[c] = scaled[c];
+        }
+        subtract(x, &scaled, &mut rest);
+        for i in 0..B {
+            for j in 0..=i {
+                core[i][j] = (-scaled[i]).mul_add(own[j], core[i][j]);
+            }
         }
     }
-    for k in 0..n {
-        let mut x = b[k] * h[k * n + k];
-        let mut i = k;
-        while parent[i] != i {
+    if B > 0 && !ldl::factor_fixed(&mut core) {
+        bad = Some(0);
+    }
+    ldl::solve_fixed(&core, &mut rest);
+    b[..B].copy_from_slice(&rest);
+    for k in B..n {
+        let row = &h[k * n..][..n];
+        let mut x = b[k] * row[k];
+        for c in 0..B {
+            x = (-row[c]).mul_add(rest[c], x);
+        }
+        let mut i = parent[k];
+        while i < n {
+            x = (-row[i]).mul_add(b[i], x);
             i = parent[i];
-            x = (-h[k * n + i]).mul_add(b[i], x);
         }
         b[k] = x;
     }
+    bad.map_or(Ok(()), Err)
 }
 
 #[cfg(test)]
@@ -71,39 +112,54 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
+    /// The matrix of a tree of nine: two branches and an appendage of two, on a base of `nb`; and its lower triangle.
+    fn system(nb: usize) -> (Vec<usize>, [[f64; 9]; 9], Vec<f64>) {
+        let parent = [ROOT, 0, 1, 2, 3, 4, 5, 5, 7].map(|p| if p < nb { ROOT } else { p });
+        let related = |mut i: usize, j: usize| loop {
+            if i == j || j < nb {
+                return true;
+            }
+            if parent[i] == ROOT {
+                return false;
+            }
+            i = parent[i];
+        };
+        let mut full = [[0.0; 9]; 9];
+        for i in 0..9 {
+            for j in (0..=i).filter(|&j| related(i, j)) {
+                let x = (0.83 * (i * 9 + j) as f64).sin() + if i == j { 9.1 } else { 0.0 };
+                (full[i][j], full[j][i]) = (x, x);
+            }
+        }
+        // What must not be read is not a number.
+        let mut h = vec![f64::NAN; 81];
+        for i in 0..9 {
+            for j in (0..=i).filter(|&j| related(i, j)) {
+                h[9 * i + j] = full[i][j];
+            }
+        }
+        (parent.to_vec(), full, h)
+    }
+
     #[test]
     fn solves_with_the_sparsity_of_a_branched_tree() {
-        // Two branches on a root of two: 0 - 1 - 2, and 3 - 4 on 1.
-        let parent = [0, 0, 1, 1, 3];
-        let mut h = [0.0; 25];
-        let entries = [
-            (0, 0, 4.1),
-            (1, 0, 0.7),
-            (1, 1, 3.3),
-            (2, 0, -0.4),
-            (2, 1, 0.9),
-            (2, 2, 2.6),
-            (3, 0, 0.3),
-            (3, 1, -0.8),
-            (3, 3, 2.9),
-            (4, 0, 0.2),
-            (4, 1, 0.5),
-            (4, 3, -0.6),
-            (4, 4, 1.8),
-        ];
-        let mut full = [[0.0; 5]; 5];
-        for (i, j, x) in entries {
-            h[5 * i + j] = x;
-            (full[i][j], full[j][i]) = (x, x);
+        for nb in [0, 6] {
+            let (parent, full, mut h) = system(nb);
+            let want = [0.3, -1.2, 0.8, 1.7, -0.5, 0.9, -0.7, 1.1, 0.4];
+            let mut b: [f64; 9] = core::array::from_fn(|i| (0..9).map(|j| full[i][j] * want[j]).sum());
+            solve(&mut h, nb, &parent, &mut b).unwrap();
+            for i in 0..9 {
+                assert_relative_eq!(b[i], want[i], max_relative = 1e-12);
+            }
         }
-        let want = [0.3, -1.2, 0.8, 1.7, -0.5];
-        let mut b: [f64; 5] = core::array::from_fn(|i| (0..5).map(|j| full[i][j] * want[j]).sum());
-        factor(&mut h, 5, &parent).unwrap();
-        solve(&h, 5, &parent, &mut b);
-        for i in 0..5 {
-            assert_relative_eq!(b[i], want[i], max_relative = 1e-13);
+    }
+
+    #[test]
+    fn names_the_pivot_that_is_not_positive() {
+        for (nb, at, named) in [(0, 3, 3), (6, 7, 7), (6, 4, 0)] {
+            let (parent, _, mut h) = system(nb);
+            h[10 * at] = -40.0;
+            assert_eq!(solve(&mut h, nb, &parent, &mut [1.0; 9]), Err(named));
         }
-        let mut bad = [1.0, 0.0, 2.0, 1.0];
-        assert_eq!(factor(&mut bad, 2, &[0, 0]), Err(0));
     }
 }

@@ -8,6 +8,7 @@ use ff_model::by_turn;
 use ff_model::vec3::V3;
 use ff_model::{Force, LaneScalar, Model, ModelScalar, Motion, Params};
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use std::ops::Range;
 
 /// Wrench of a rigid body moving with twist `v` and acceleration `a`, per unit of each inertial parameter.
 ///
@@ -91,13 +92,16 @@ impl<T: LaneScalar> Kernel for Regressor<'_, T> {
     fn run(self) {
         let Self { model, params, state, a, work, y } = self;
         let (nb, nj, nv) = (model.nb(), model.nj(), model.nv());
-        for x in y.iter_mut() {
-            *x = T::zero();
-        }
         let links = &mut work.links[..];
         tree::place(links, &state.q);
         tree::move_all(model, state, a, links);
-        // Screws of all degrees of freedom that move body b, in its frame: base, then joints.
+        // One number takes least time to clear as a whole; lanes fill the cache, and are written once.
+        let plain = size_of::<T>() == size_of::<f64>();
+        if plain {
+            y.fill(T::zero());
+        }
+        // Screws of all degrees of freedom that move body b, in its frame: base, then joints. Those of the base's
+        // translation are axes alone.
         let per = 6 + nj;
         let screws = &mut work.screws[..];
         for k in 0..3 {
@@ -110,10 +114,15 @@ impl<T: LaneScalar> Kernel for Regressor<'_, T> {
             if b > 0 {
                 let (inner, own) = screws.split_at_mut(b * per);
                 let from = &inner[links[b].parent * per..][..per];
-                let l = &links[b];
+                let (own, l) = (&mut own[..per], &links[b]);
                 by_turn!(T, l.pose.turn, K => {
-                    for k in 6 - nb..6 {
-                        own[k] = l.pose.screw_down::<K>(&from[k].0, &from[k].1);
+                    if nb == 6 {
+                        for k in 0..3 {
+                            own[k].0 = l.pose.down::<K>(&from[k].0);
+                        }
+                        for k in 3..6 {
+                            own[k] = l.pose.screw_down::<K>(&from[k].0, &from[k].1);
+                        }
                     }
                     let mut j = l.parent;
                     while j > 0 {
@@ -126,8 +135,14 @@ impl<T: LaneScalar> Kernel for Regressor<'_, T> {
             let motion = links[b].moving();
             let block = &mut y[10 * b * nv..(10 * b + 10) * nv];
             let own = &screws[b * per..(b + 1) * per];
-            // Joints from body b inwards, then the base.
-            let (mut j, mut k) = (b, 0);
+            for k in 0..nb.min(3) {
+                let x = motion.pushes(&own[k].0);
+                for i in 0..4 {
+                    block[i * nv + k] = x[i];
+                }
+            }
+            // Joints from body b inwards, then the base's rotation.
+            let (mut j, mut k) = (b, 3);
             while j > 0 || k < nb {
                 let (r, s) = if j > 0 { (nb + j - 1, &own[5 + j]) } else { (k, &own[k]) };
                 let x = motion.powers(&s.0, &s.1);
@@ -140,6 +155,16 @@ impl<T: LaneScalar> Kernel for Regressor<'_, T> {
                     k += 1;
                 }
             }
+            if !plain {
+                for column in block.chunks_exact_mut(nv) {
+                    clear(column, &work.still[b]);
+                }
+                for column in block[4 * nv..].chunks_exact_mut(nv) {
+                    for x in &mut column[..nb.min(3)] {
+                        *x = T::zero();
+                    }
+                }
+            }
         }
         for (k, (ap, port)) in model.appendages().iter().zip(&mut work.ports).enumerate() {
             let p = params.appendage(model, k);
@@ -150,11 +175,26 @@ impl<T: LaneScalar> Kernel for Regressor<'_, T> {
             });
             for (c, d) in columns[..p.len() * dim].chunks_exact(dim).enumerate() {
                 let col = &mut y[(ap.param_offset + c) * nv..][..nv];
-                col[nb + nj + ap.coord_offset..][..port.n].copy_from_slice(&d[6..]);
+                let own = &mut col[nb + nj + ap.coord_offset..][..port.n];
+                for (to, &x) in own.iter_mut().zip(&d[6..]) {
+                    *to = x;
+                }
                 let (f, n) = port.up(&V3::from_slice(d), &V3::from_slice(&d[3..]));
                 crate::crba::carry(links, nb, ap.host, f, n, col);
+                if !plain {
+                    clear(col, &work.still[links.len() + k]);
+                }
             }
             port.d = columns;
+        }
+    }
+}
+
+#[inline(always)]
+fn clear<T: LaneScalar>(column: &mut [T], rows: &[Range<usize>]) {
+    for run in rows {
+        for x in &mut column[run.clone()] {
+            *x = T::zero();
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Buffers of the algorithms, and the kinematic passes they share.
 
 use crate::derivatives::Node;
+use crate::ltl::ROOT;
 use crate::state::State;
 use crate::tree::Link;
 use ff_model::small::{mm, mv};
@@ -8,6 +9,7 @@ use ff_model::so3::quat_to_rot;
 use ff_model::vec3::{Pose, S3, Ten, Turn, V3, turn};
 use ff_model::{Force, Inertia, JointKind, Model, ModelScalar, Motion, Params, PortMatrix, PortState, Xform};
 use nalgebra::{Matrix3, Matrix6, Vector3};
+use std::ops::Range;
 
 /// Buffers of one appendage port.
 #[derive(Clone, Debug)]
@@ -61,13 +63,14 @@ impl<T: ModelScalar> PortWork<T> {
     /// The residual `r = h + M [A; 0]` at a host acceleration (componentwise, angular) and own rates held.
     #[inline(always)]
     pub(crate) fn rest(&mut self, a: &V3<T>, al: &V3<T>) {
-        let (x, dim) = ([a.x, a.y, a.z, al.x, al.y, al.z], 6 + self.n);
-        for i in 0..dim {
-            let mut r = self.h[i];
-            for j in 0..6 {
-                r = self.m[i * dim + j].mul_add(x[j], r);
-            }
-            self.r[i] = r;
+        let b = self.host_ten();
+        let f = al.cross_add(&b.h, &a.scale_add(b.m, &V3::from_slice(&self.h)));
+        let n = b.h.cross_add(a, &b.i.mul_add(al, &V3::from_slice(&self.h[3..])));
+        f.write_to(&mut self.r);
+        n.write_to(&mut self.r[3..]);
+        for k in 0..self.n {
+            let (f, n) = self.pull(k);
+            self.r[6 + k] = f.dot(a) + n.dot(al) + self.h[6 + k];
         }
     }
     /// Adds the host rows of the residual to the host's wrench.
@@ -178,8 +181,12 @@ pub struct Work<T: ModelScalar> {
     pub(crate) zeros: Vec<T>,
     /// Bodies as the fast passes hold them.
     pub(crate) links: Vec<Link<T>>,
-    /// Parent of every degree of freedom in the sparse mass matrix; itself at the root.
+    /// Parent of every degree of freedom in the sparse mass matrix, the base left out ([`crate::ltl`]).
     pub(crate) dof_parent: Vec<usize>,
+    /// Pairs `(i, j)`, `j < i`, of which neither carries the other: zero in the mass matrix.
+    pub(crate) apart: Vec<(usize, usize)>,
+    /// Rows of the regressor that are zero in the columns of each body, then of each appendage.
+    pub(crate) still: Vec<Vec<Range<usize>>>,
     /// Mass matrix, row-major, lower triangle.
     pub(crate) lower: Vec<T>,
     /// Per body, the screws of the base and of the joints that move it, in its frame: `6 + nj` each.
@@ -219,6 +226,8 @@ impl<T: ModelScalar> Work<T> {
             mean_depth: mean_depth(model),
             zeros: vec![T::zero(); model.nv()],
             links: std::iter::once(Link::base()).chain(model.bodies().iter().map(Link::new)).collect(),
+            apart: apart(model.nb(), &dof_parents(model)),
+            still: still(model),
             dof_parent: dof_parents(model),
             lower: vec![T::zero(); model.nv().pow(2)],
             screws: vec![(V3::zero(), V3::zero()); nb * (6 + model.nj())],
@@ -315,21 +324,64 @@ fn mean_depth(model: &Model) -> f64 {
     depth.iter().sum::<usize>() as f64 / model.nj().max(1) as f64
 }
 
-/// Parent of every degree of freedom: the one before in the base and within an appendage, the joint of the
-/// parent body, the joint of the host. `H` has an entry only between a degree of freedom and its ancestors
-/// (Featherstone 2008, sec. 6.4).
+/// Parent of every degree of freedom but those of the base: the one before within an appendage, the joint of the parent
+/// body, the joint of the host. `H` has an entry only between a degree of freedom and its ancestors (Featherstone 2008,
+/// sec. 6.4), of which the base is one to all.
 fn dof_parents(model: &Model) -> Vec<usize> {
     let (nb, nj) = (model.nb(), model.nj());
-    let of_body = |body: usize| if body > 0 { Some(nb + body - 1) } else { nb.checked_sub(1) };
-    let mut parent: Vec<usize> = (0..nb).map(|i| i.saturating_sub(1)).collect();
-    parent.extend(model.bodies().iter().enumerate().map(|(i, b)| of_body(b.parent).unwrap_or(nb + i)));
+    let of_body = |body: usize| if body > 0 { nb + body - 1 } else { ROOT };
+    let mut parent = vec![ROOT; nb];
+    parent.extend(model.bodies().iter().map(|b| of_body(b.parent)));
     for a in model.appendages() {
-        for j in 0..a.dim() {
-            let own = nb + nj + a.coord_offset + j;
-            parent.push(if j > 0 { own - 1 } else { of_body(a.host).unwrap_or(own) });
-        }
+        let first = nb + nj + a.coord_offset;
+        parent.extend((0..a.dim()).map(|j| if j > 0 { first + j - 1 } else { of_body(a.host) }));
     }
     parent
+}
+
+/// Pairs of degrees of freedom of which neither is an ancestor of the other.
+fn apart(nb: usize, parent: &[usize]) -> Vec<(usize, usize)> {
+    let mut out = Vec::new();
+    for i in nb..parent.len() {
+        let mut strange = vec![true; i];
+        let mut j = parent[i];
+        while j != ROOT {
+            strange[j] = false;
+            j = parent[j];
+        }
+        out.extend((nb..i).filter(|&j| strange[j]).map(|j| (i, j)));
+    }
+    out
+}
+
+/// Degrees of freedom that do not move each body and, after the bodies, each appendage.
+fn still(model: &Model) -> Vec<Vec<Range<usize>>> {
+    let (nb, passive) = (model.nb(), model.nb() + model.nj());
+    let joints = |body: usize| {
+        let (mut moves, mut j) = (vec![false; model.nv()], body);
+        while j > 0 {
+            moves[nb + j - 1] = true;
+            j = model.bodies()[j - 1].parent;
+        }
+        moves
+    };
+    let runs = |moves: &[bool]| {
+        let mut out = Vec::<Range<usize>>::new();
+        for i in (nb..model.nv()).filter(|&i| !moves[i]) {
+            match out.last_mut() {
+                Some(run) if run.end == i => run.end += 1,
+                _ => out.push(i..i + 1),
+            }
+        }
+        out
+    };
+    let bodies = (0..model.n_bodies()).map(|b| runs(&joints(b)));
+    let ports = model.appendages().iter().map(|a| {
+        let mut moves = joints(a.host);
+        moves[passive + a.coord_offset..][..a.dim()].fill(true);
+        runs(&moves)
+    });
+    bodies.chain(ports).collect()
 }
 
 /// Rotation about a unit axis: `1 + s [u]x + (1 - c) [u]x^2` (Rodrigues).

@@ -35,8 +35,11 @@ impl LaneTask for Compare {
         let (mut tau, mut back) = (vec![z; nv], vec![z; nv]);
         rnea(m, &p, &s, &a, &mut w, &mut tau);
         assert!(forward_dynamics(m, &p, &s, &tau, &mut w, &mut back).is_ok());
-        let mut h = DMatrix::from_element(nv, nv, z);
+        // What was in a result before must not show.
+        let old = L::splat(7.3);
+        let (mut h, mut y) = (DMatrix::from_element(nv, nv, old), DMatrix::from_element(nv, m.n_params(), old));
         mass_matrix(m, &p, &s, &mut w, &mut h);
+        regressor(m, &p, &s, &a, &mut w, &mut y);
         let (mut ah, mut th) = (vec![z; nv], vec![z; m.nj()]);
         assert!(hybrid_dynamics(m, &p, &s, &a[m.nb()..m.nb() + m.nj()], &mut w, &mut ah, &mut th).is_ok());
         let mut worst = 0.0f64;
@@ -52,6 +55,9 @@ impl LaneTask for Compare {
             differ(&back, &acc[l], l);
             mass_matrix(m, &pf, &states[l], &mut wf, &mut hf);
             differ(h.as_slice(), hf.as_slice(), l);
+            let mut yf = DMatrix::from_element(nv, m.n_params(), -4.1);
+            regressor(m, &pf, &states[l], &acc[l], &mut wf, &mut yf);
+            differ(y.as_slice(), yf.as_slice(), l);
             let (mut a1, mut t1) = (vec![0.0; nv], vec![0.0; m.nj()]);
             let qdd = &acc[l][m.nb()..m.nb() + m.nj()];
             assert!(hybrid_dynamics(m, &pf, &states[l], qdd, &mut wf, &mut a1, &mut t1).is_ok());

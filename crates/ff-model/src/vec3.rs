@@ -379,6 +379,12 @@ impl<T: Scalar> Moving<T> {
             two(u.z, x.z, t.z, y.z),
         ]
     }
+    /// [`Moving::powers`] on a screw that does not turn, `w = 0`: those per unit of `m` and `h`; the other six are zero.
+    #[inline(always)]
+    pub fn pushes(&self, v: &V3<T>) -> [T; 4] {
+        let h = self.field.tr_mul(v);
+        [v.dot(&self.a), h.x, h.y, h.z]
+    }
 }
 
 impl<T: Scalar> Moving<T> {

@@ -5,8 +5,7 @@ use crate::coupling::{self, Coupling, DAMPING, STIFFNESS};
 use crate::segment::Segment;
 use ff_model::appendage::{CoordDecl, MAX_PARAMS};
 use ff_model::axis::Axis;
-use ff_model::by_turn;
-use ff_model::vec3::{Pose, V3};
+use ff_model::vec3::{Pose, Turn, V3};
 use ff_model::{Area, Decl, Inertia, MAX_COORDS, ParamDecl, Problem, Problems, Scalar, TwinBody, Xform};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::PI;
@@ -33,14 +32,12 @@ impl Hinge {
         Self { axis: Axis::new(&unit, &Matrix3::identity()), unit, pos: s.hinge, rest: s.rest }
     }
 
-    /// Pose of the segment in its parent at angle `eta` (rad): a turn about the axis. Does not allocate.
+    /// Makes `x`, an identity so far, the pose of the segment in its parent at angle `eta` (rad): a turn about the axis.
+    /// `K` is that of the chain, [`PanelChain::about`]. Does not allocate.
     #[inline(always)]
-    pub(crate) fn pose<T: Scalar>(&self, eta: T) -> Pose<T> {
-        let mut x = Pose::identity();
-        x.turn = self.axis.about().of::<T>();
+    pub(crate) fn place<T: Scalar, const K: u8>(&self, eta: T, x: &mut Pose<T>) {
         x.p = V3::new(T::from_f64(self.pos.x), T::from_f64(self.pos.y), T::from_f64(self.pos.z));
-        by_turn!(T, x.turn, K => self.axis.turn::<T, K>(eta, &mut x));
-        x
+        self.axis.turn::<T, K>(eta, x);
     }
 }
 
@@ -54,6 +51,8 @@ impl Hinge {
 pub struct PanelChain {
     decl: Decl,
     pub(crate) hinges: Vec<Hinge>,
+    /// What all hinges turn about, in either direction; [`Turn::General`] if they differ.
+    pub(crate) about: Turn,
     pub(crate) k_pairs: Coupling,
     pub(crate) d_pairs: Coupling,
 }
@@ -97,9 +96,12 @@ impl PanelChain {
         let coords = (0..segments.len())
             .map(|i| CoordDecl { name: format!("hinge[{i}]"), unit: "rad", range: (-PI, PI) })
             .collect();
+        let hinges: Vec<Hinge> = segments.iter().map(Hinge::new).collect();
+        let about = hinges[0].axis.about();
         Ok(Self {
             decl: Decl { kind: KIND, coords, params },
-            hinges: segments.iter().map(Hinge::new).collect(),
+            about: if hinges.iter().all(|h| h.axis.about() == about) { about } else { Turn::General },
+            hinges,
             k_pairs: Coupling::default(),
             d_pairs: Coupling::default(),
         })

@@ -5,27 +5,51 @@
 
 use crate::chain::{MAX_SEGMENTS, PanelChain};
 use crate::tangent::jacobian;
-use ff_model::by_turn;
-use ff_model::vec3::{M3, Moving, Pose, Ten, V3};
+use ff_model::vec3::{M3, Moving, Pose, Ten, Turn, V3, turn};
 use ff_model::{Appendage, Decl, LaneScalar, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, TwinBody};
 
-/// Runs `$f` with a compile-time capacity of at least `$n`, so that the usual short panels do not clear stack
-/// buffers for sixteen segments. Numbers with derivatives take `$cold`, the same function not inlined: they are
-/// compiled once.
-macro_rules! with_capacity {
-    ($n:expr, $f:ident, $cold:ident($($arg:expr),*)) => {
-        match $n {
-            n if T::DERIVATIVES => {
-                if n <= 4 {
-                    $cold::<T, 4>($($arg),*)
-                } else {
-                    $cold::<T, MAX_SEGMENTS>($($arg),*)
-                }
+/// Runs `$f` with a compile-time capacity of at least the number of segments, so that the usual short panels do not
+/// clear stack buffers for sixteen, and with what the hinges turn about as a constant of [`turn`]: poses then stay in
+/// registers. Numbers with derivatives take `$cold`, the same function not inlined: they are compiled once.
+macro_rules! specialised {
+    ($c:ident, $f:ident, $cold:ident($($arg:expr),*)) => {
+        if T::DERIVATIVES {
+            if $c.count() <= 4 {
+                $cold::<T, 4, { turn::ANY }>($($arg),*)
+            } else {
+                $cold::<T, MAX_SEGMENTS, { turn::ANY }>($($arg),*)
             }
-            1 => $f::<T, 1>($($arg),*),
-            2 => $f::<T, 2>($($arg),*),
-            3 => $f::<T, 3>($($arg),*),
-            _ => $f::<T, MAX_SEGMENTS>($($arg),*),
+        } else {
+            match $c.count() {
+                1 => by_axis!($c.about, K => $f::<T, 1, K>($($arg),*)),
+                2 => by_axis!($c.about, K => $f::<T, 2, K>($($arg),*)),
+                3 => by_axis!($c.about, K => $f::<T, 3, K>($($arg),*)),
+                _ => $f::<T, MAX_SEGMENTS, { turn::ANY }>($($arg),*),
+            }
+        }
+    };
+}
+
+/// As [`ff_model::by_turn`] for hinges, which all turn.
+macro_rules! by_axis {
+    ($about:expr, $k:ident => $e:expr) => {
+        match $about {
+            Turn::X => {
+                const $k: u8 = turn::X;
+                $e
+            }
+            Turn::Y => {
+                const $k: u8 = turn::Y;
+                $e
+            }
+            Turn::Z => {
+                const $k: u8 = turn::Z;
+                $e
+            }
+            Turn::None | Turn::General => {
+                const $k: u8 = turn::ANY;
+                $e
+            }
         }
     };
 }
@@ -38,7 +62,7 @@ impl Appendage for PanelChain {
     /// Kinetic-energy matrix by composite rigid bodies, `O(n^2)`; `(6+n) x (6+n)`, mount frame.
     #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-        with_capacity!(self.count(), composite, composite_once(self, p, eta, m));
+        specialised!(self, composite, composite_once(self, p, eta, m));
     }
 
     /// `U = x^T K x / 2` with `x = eta - rest` (J).
@@ -72,13 +96,13 @@ impl Appendage for PanelChain {
     /// Recursive Newton-Euler with `A = 0`, `nu' = 0`, plus springs and dampers; `O(n)`.
     #[inline(always)]
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        with_capacity!(self.count(), bias, bias_once(self, p, s, h));
+        specialised!(self, bias, bias_once(self, p, s, h));
     }
 
     /// Both from one pass over the poses.
     #[inline(always)]
     fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
-        with_capacity!(self.count(), terms, terms(self, p, s, m, h));
+        specialised!(self, terms, terms(self, p, s, m, h));
     }
 
     /// Recursive Newton-Euler, plus springs and dampers; `O(n)`.
@@ -91,19 +115,19 @@ impl Appendage for PanelChain {
         _: &mut PortMatrix<'_, T>,
         r: &mut PortVector<T>,
     ) {
-        with_capacity!(self.count(), residual, residual(self, p, s, acc, r));
+        specialised!(self, residual, residual(self, p, s, acc, r));
     }
 
     /// Composite bodies with their momenta, in closed form; `O(n^2)` (Singh, Russell, Wensing 2022).
     #[inline(always)]
     fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
-        with_capacity!(self.count(), jacobian, jacobian(self, p, s, acc, j));
+        specialised!(self, jacobian, jacobian(self, p, s, acc, j));
     }
 
     /// Screws of host and hinges carried outwards and contracted with the motion of each segment.
     #[inline(always)]
     fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
-        with_capacity!(self.count(), regressor, regressor(self, p, s, acc, y));
+        specialised!(self, regressor, regressor(self, p, s, acc, y));
     }
 
     fn twin(&self) -> Option<Vec<TwinBody>> {
@@ -115,67 +139,78 @@ impl Appendage for PanelChain {
 
 /// The poses of all segments.
 #[inline(always)]
-fn poses<T: Scalar, const N: usize>(c: &PanelChain, eta: &[T]) -> [Pose<T>; N] {
+fn poses<T: Scalar, const N: usize, const K: u8>(c: &PanelChain, eta: &[T]) -> [Pose<T>; N] {
     let mut pose = [Pose::<T>::identity(); N];
-    for (x, (h, &e)) in pose.iter_mut().zip(c.hinges.iter().zip(eta)) {
-        *x = h.pose(e);
+    let n = if N <= 3 { N } else { c.count() };
+    for (x, (h, &e)) in pose[..n].iter_mut().zip(c.hinges[..n].iter().zip(&eta[..n])) {
+        h.place::<T, K>(e, x);
     }
     pose
 }
 
 #[inline(always)]
-fn composite<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-    composite_at::<T, N>(c, p, &poses(c, eta), m);
+fn composite<T: Scalar, const N: usize, const K: u8>(c: &PanelChain, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+    composite_at::<T, N, K>(c, p, &poses::<T, N, K>(c, eta), m);
 }
 
 #[inline(always)]
-fn bias<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], s: &PortState<'_, T>, h: &mut [T]) {
+fn bias<T: Scalar, const N: usize, const K: u8>(c: &PanelChain, p: &[T], s: &PortState<'_, T>, h: &mut [T]) {
     let still = [T::zero(); N];
     let acc = PortAccel { host: Motion::zero(), nu: &still[..c.count()] };
-    newton_euler::<T, N>(c, p, s, &acc, &poses(c, s.eta), h);
+    newton_euler::<T, N, K>(c, p, s, &acc, &poses::<T, N, K>(c, s.eta), h);
 }
 
 #[inline(never)]
-fn composite_once<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-    composite::<T, N>(c, p, eta, m);
+fn composite_once<T: Scalar, const N: usize, const K: u8>(
+    c: &PanelChain,
+    p: &[T],
+    eta: &[T],
+    m: &mut PortMatrix<'_, T>,
+) {
+    composite::<T, N, K>(c, p, eta, m);
 }
 
 #[inline(never)]
-fn bias_once<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], s: &PortState<'_, T>, h: &mut [T]) {
-    bias::<T, N>(c, p, s, h);
+fn bias_once<T: Scalar, const N: usize, const K: u8>(c: &PanelChain, p: &[T], s: &PortState<'_, T>, h: &mut [T]) {
+    bias::<T, N, K>(c, p, s, h);
 }
 
 #[inline(always)]
-fn terms<T: Scalar, const N: usize>(
+fn terms<T: Scalar, const N: usize, const K: u8>(
     c: &PanelChain,
     p: &[T],
     s: &PortState<'_, T>,
     m: &mut PortMatrix<'_, T>,
     h: &mut [T],
 ) {
-    let pose = poses::<T, N>(c, s.eta);
-    composite_at(c, p, &pose, m);
+    let pose = poses::<T, N, K>(c, s.eta);
+    composite_at::<T, N, K>(c, p, &pose, m);
     let still = [T::zero(); N];
     let acc = PortAccel { host: Motion::zero(), nu: &still[..c.count()] };
-    newton_euler(c, p, s, &acc, &pose, h);
+    newton_euler::<T, N, K>(c, p, s, &acc, &pose, h);
 }
 
 #[inline(always)]
-fn residual<T: Scalar, const N: usize>(
+fn residual<T: Scalar, const N: usize, const K: u8>(
     c: &PanelChain,
     p: &[T],
     s: &PortState<'_, T>,
     acc: &PortAccel<'_, T>,
     r: &mut [T],
 ) {
-    newton_euler::<T, N>(c, p, s, acc, &poses(c, s.eta), r);
+    newton_euler::<T, N, K>(c, p, s, acc, &poses::<T, N, K>(c, s.eta), r);
 }
 
 /// `M` by composite rigid bodies. With `Ic_i` the inertia of segments `i..n` about hinge `i` and
 /// `S_i = [0; u_i]`: `M_bb = X Ic_0 X^T`, `F = Ic_i S_i`, `M_ij = S_j . F` carried inwards, `M_bi` = `F` at the
 /// mount.
 #[inline(always)]
-fn composite_at<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], pose: &[Pose<T>; N], m: &mut PortMatrix<'_, T>) {
+fn composite_at<T: Scalar, const N: usize, const K: u8>(
+    c: &PanelChain,
+    p: &[T],
+    pose: &[Pose<T>; N],
+    m: &mut PortMatrix<'_, T>,
+) {
     let n = if N <= 3 { N } else { c.count() };
     m.expect(n);
     let mut ic = [Ten::<T>::zero(); N];
@@ -183,18 +218,16 @@ fn composite_at<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], pose: &[Pose
         ic[i] = Ten::from_params(&p[c.inertial_offset(i)..]);
     }
     for i in (1..n).rev() {
-        let outer = by_turn!(T, pose[i].turn, K => pose[i].body_up::<K>(&ic[i]));
+        let outer = pose[i].body_up::<K>(&ic[i]);
         ic[i - 1].add(&outer);
     }
-    m.set_host(&by_turn!(T, pose[0].turn, K => pose[0].body_up::<K>(&ic[0])));
+    m.set_host(&pose[0].body_up::<K>(&ic[0]));
     for i in 0..n {
         let u = &c.hinges[i].axis;
-        let (mut f, mut g) = by_turn!(T, u.about(), K => u.momentum::<T, K>(&ic[i].h, &ic[i].i));
+        let (mut f, mut g) = u.momentum::<T, K>(&ic[i].h, &ic[i].i);
         for j in (0..=i).rev() {
-            let row;
-            (row, (f, g)) =
-                by_turn!(T, pose[j].turn, K => (c.hinges[j].axis.along::<T, K>(&g), pose[j].wrench_up::<K>(&f, &g)));
-            m.set_sym(6 + i, 6 + j, row);
+            m.set_sym(6 + i, 6 + j, c.hinges[j].axis.along::<T, K>(&g));
+            (f, g) = pose[j].wrench_up::<K>(&f, &g);
         }
         for (k, x) in [f.x, f.y, f.z, g.x, g.y, g.z].into_iter().enumerate() {
             m.set_sym(k, 6 + i, x);
@@ -205,7 +238,7 @@ fn composite_at<T: Scalar, const N: usize>(c: &PanelChain, p: &[T], pose: &[Pose
 /// Recursive Newton-Euler in classical accelerations (J. Luh, M. Walker, R. Paul 1980), springs and dampers
 /// added. The host's velocity enters through the acceleration of its mount point, `A + [w x v; 0]`.
 #[inline(always)]
-fn newton_euler<T: Scalar, const N: usize>(
+fn newton_euler<T: Scalar, const N: usize, const K: u8>(
     c: &PanelChain,
     p: &[T],
     s: &PortState<'_, T>,
@@ -224,11 +257,10 @@ fn newton_euler<T: Scalar, const N: usize>(
     for i in 0..n {
         let (x, u) = (&pose[i], &hinges[i].axis);
         let at_hinge = field.mul_add(&x.p, &a);
-        (w, al, a) = by_turn!(T, x.turn, K => {
-            let carried = x.down::<K>(&w);
-            let al = u.cross_add::<T, K>(&carried, s.nu[i], x.down::<K>(&al));
-            (u.add::<T, K>(carried, s.nu[i]), u.add::<T, K>(al, acc.nu[i]), x.down::<K>(&at_hinge))
-        });
+        let carried = x.down::<K>(&w);
+        al = u.cross_add::<T, K>(&carried, s.nu[i], x.down::<K>(&al));
+        (w, al) = (u.add::<T, K>(carried, s.nu[i]), u.add::<T, K>(al, acc.nu[i]));
+        a = x.down::<K>(&at_hinge);
         field = M3::field(&w, &al);
         force[i] = Ten::from_params(&p[c.inertial_offset(i)..]).wrench(&w, &al, &a, &field);
     }
@@ -237,9 +269,8 @@ fn newton_euler<T: Scalar, const N: usize>(
         let hinge = &hinges[i];
         f += force[i].0;
         g += force[i].1;
-        let along;
-        (along, (f, g)) =
-            by_turn!(T, pose[i].turn, K => (hinge.axis.along::<T, K>(&g), pose[i].wrench_up::<K>(&f, &g)));
+        let along = hinge.axis.along::<T, K>(&g);
+        (f, g) = pose[i].wrench_up::<K>(&f, &g);
         let spring = p[c.stiffness_index(i)].mul_add(s.eta[i] - T::from_f64(hinge.rest), along);
         h[6 + i] = p[c.damping_index(i)].mul_add(s.nu[i], spring);
     }
@@ -257,7 +288,7 @@ fn newton_euler<T: Scalar, const N: usize>(
 
 /// Columns of the regressor: ten per segment, then springs and dampers. See [`Moving::powers`].
 #[inline(always)]
-fn regressor<T: LaneScalar, const N: usize>(
+fn regressor<T: LaneScalar, const N: usize, const K: u8>(
     c: &PanelChain,
     p: &[T],
     s: &PortState<'_, T>,
@@ -270,36 +301,46 @@ fn regressor<T: LaneScalar, const N: usize>(
     for x in y.iter_mut() {
         *x = T::zero();
     }
+    // Screws of the host's translation (axes alone) and rotation, and of the hinges.
     let none = (V3::<T>::zero(), V3::<T>::zero());
-    let (mut host, mut hinge) = ([none; 6], [none; N]);
+    let (mut axes, mut turns, mut hinge) = ([none.0; 3], [none; 3], [none; N]);
     for k in 0..3 {
         let mut e = [T::zero(); 3];
         e[k] = T::one();
-        (host[k].0, host[3 + k].1) = (V3::from_slice(&e), V3::from_slice(&e));
+        (axes[k], turns[k].1) = (V3::from_slice(&e), V3::from_slice(&e));
     }
     let mut w = V3::from(&s.host.ang);
     let mut al = V3::from(&acc.host.ang);
     let mut a = w.cross_add(&V3::from(&s.host.lin), &V3::from(&acc.host.lin));
     let mut field = M3::field(&w, &al);
     for i in 0..n {
-        let (x, u) = (&c.hinges[i].pose(s.eta[i]), &c.hinges[i].axis);
+        let (mut x, u) = (Pose::identity(), &c.hinges[i].axis);
+        c.hinges[i].place::<T, K>(s.eta[i], &mut x);
         let at_hinge = field.mul_add(&x.p, &a);
-        by_turn!(T, x.turn, K => {
-            let carried = x.down::<K>(&w);
-            al = u.cross_add::<T, K>(&carried, s.nu[i], x.down::<K>(&al));
-            (w, al) = (u.add::<T, K>(carried, s.nu[i]), u.add::<T, K>(al, acc.nu[i]));
-            a = x.down::<K>(&at_hinge);
-            for (v, w) in host.iter_mut().chain(&mut hinge[..i]) {
-                (*v, *w) = x.screw_down::<K>(v, w);
-            }
-            hinge[i] = (V3::zero(), u.add::<T, K>(V3::zero(), T::one()));
-        });
+        let carried = x.down::<K>(&w);
+        al = u.cross_add::<T, K>(&carried, s.nu[i], x.down::<K>(&al));
+        (w, al) = (u.add::<T, K>(carried, s.nu[i]), u.add::<T, K>(al, acc.nu[i]));
+        a = x.down::<K>(&at_hinge);
+        for v in &mut axes {
+            *v = x.down::<K>(v);
+        }
+        for (v, w) in turns.iter_mut().chain(&mut hinge[..i]) {
+            (*v, *w) = x.screw_down::<K>(v, w);
+        }
+        hinge[i] = (V3::zero(), u.add::<T, K>(V3::zero(), T::one()));
         field = M3::field(&w, &al);
         let motion = Moving { w, al, a, field };
         let block = &mut y[10 * i * dim..(10 * i + 10) * dim];
-        for (r, (v, w)) in host.iter().chain(&hinge[..=i]).enumerate() {
-            for (k, x) in motion.powers(v, w).into_iter().enumerate() {
-                block[k * dim + r] = x;
+        for (r, v) in axes.iter().enumerate() {
+            let x = motion.pushes(v);
+            for k in 0..4 {
+                block[k * dim + r] = x[k];
+            }
+        }
+        for (r, (v, w)) in turns.iter().chain(&hinge[..=i]).enumerate() {
+            let x = motion.powers(v, w);
+            for k in 0..10 {
+                block[k * dim + 3 + r] = x[k];
             }
         }
     }

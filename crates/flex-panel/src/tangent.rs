@@ -31,7 +31,6 @@
 //! three covectors that are carried inwards and meet the triples there.
 
 use crate::chain::PanelChain;
-use ff_model::by_turn;
 use ff_model::vec3::{M3, Pose, Ten, V3};
 use ff_model::{PortAccel, PortState, Scalar};
 
@@ -143,7 +142,7 @@ impl<T: Scalar> Whole<T> {
 
 /// See [`ff_model::Appendage::jacobian`]. Does not allocate.
 #[inline(always)]
-pub(crate) fn jacobian<T: Scalar, const N: usize>(
+pub(crate) fn jacobian<T: Scalar, const N: usize, const K: u8>(
     c: &PanelChain,
     p: &[T],
     s: &PortState<'_, T>,
@@ -154,7 +153,7 @@ pub(crate) fn jacobian<T: Scalar, const N: usize>(
     let dim = 6 + n;
     let (j, hinges) = (&mut j[..(3 + 2 * n) * dim], &c.hinges[..n]);
     let (v, w) = (V3::from(&s.host.lin), V3::from(&s.host.ang));
-    let at = outwards::<T, N>(c, p, s, acc);
+    let at = outwards::<T, N, K>(c, p, s, acc);
     let mut whole: Option<Whole<T>> = None;
     for i in (0..n).rev() {
         let (own, hinge) = (&at[i], &hinges[i]);
@@ -165,8 +164,7 @@ pub(crate) fn jacobian<T: Scalar, const N: usize>(
         }
         let (mut by_eta, mut by_nu) = (here.by_coordinate(own), here.by_rate(own));
         let u = &own.u;
-        let (mut cg, mut cb) =
-            by_turn!(T, hinge.axis.about(), K => hinge.axis.momentum::<T, K>(&here.body.h, &here.body.i));
+        let (mut cg, mut cb) = hinge.axis.momentum::<T, K>(&here.body.h, &here.body.i);
         let mut cx = (u.scaled(here.trace()) - here.n.tr_mul(u)).scaled(T::from_f64(2.0));
         for k in (0..=i).rev() {
             let to = &at[k];
@@ -175,21 +173,13 @@ pub(crate) fn jacobian<T: Scalar, const N: usize>(
                 j[(3 + k) * dim + 6 + i] = cg.dot(&to.g) + (cb.dot(&to.b) + cx.dot(&to.x));
                 j[(3 + n + k) * dim + 6 + i] = cb.dot(&to.x).mul_add(T::from_f64(2.0), cx.dot(&to.u));
             }
-            let rows;
-            (rows, by_eta, by_nu, (cg, cb), cx) = by_turn!(T, to.pose.turn, K => {
-                let (x, a) = (&to.pose, &hinges[k].axis);
-                let up = x.wrench_up::<K>(&cg, &cb);
-                let v2 = to.v.scaled(T::from_f64(2.0));
-                (
-                    [a.along::<T, K>(&by_eta.1), a.along::<T, K>(&by_nu.1)],
-                    x.wrench_up::<K>(&by_eta.0, &by_eta.1),
-                    x.wrench_up::<K>(&by_nu.0, &by_nu.1),
-                    up,
-                    v2.cross_add(&up.0, &x.up::<K>(&cx)),
-                )
-            });
-            j[(3 + i) * dim + 6 + k] = rows[0];
-            j[(3 + n + i) * dim + 6 + k] = rows[1];
+            let (x, axis) = (&to.pose, &hinges[k].axis);
+            j[(3 + i) * dim + 6 + k] = axis.along::<T, K>(&by_eta.1);
+            j[(3 + n + i) * dim + 6 + k] = axis.along::<T, K>(&by_nu.1);
+            by_eta = x.wrench_up::<K>(&by_eta.0, &by_eta.1);
+            by_nu = x.wrench_up::<K>(&by_nu.0, &by_nu.1);
+            (cg, cb) = x.wrench_up::<K>(&cg, &cb);
+            cx = to.v.scaled(T::from_f64(2.0)).cross_add(&cg, &x.up::<K>(&cx));
         }
         write(&by_eta, &mut j[(3 + i) * dim..]);
         write(&by_nu, &mut j[(3 + n + i) * dim..]);
@@ -199,7 +189,7 @@ pub(crate) fn jacobian<T: Scalar, const N: usize>(
         }
         j[(3 + i) * dim + 6 + i] += p[c.stiffness_index(i)];
         j[(3 + n + i) * dim + 6 + i] += p[c.damping_index(i)];
-        whole = Some(by_turn!(T, own.pose.turn, K => here.up::<K>(own)));
+        whole = Some(here.up::<K>(own));
     }
     if let Some(all) = &whole {
         for (k, column) in all.by_spin(&w, &v).iter().enumerate() {
@@ -225,7 +215,7 @@ fn write<T: Scalar>((f, n): &(V3<T>, V3<T>), column: &mut [T]) {
 
 /// Motion and wrench of every segment, and the triples of its coordinate.
 #[inline(always)]
-fn outwards<T: Scalar, const N: usize>(
+fn outwards<T: Scalar, const N: usize, const K: u8>(
     c: &PanelChain,
     p: &[T],
     s: &PortState<'_, T>,
@@ -239,19 +229,16 @@ fn outwards<T: Scalar, const N: usize>(
     let mut a = w.cross_add(&V3::from(&s.host.lin), &V3::from(&acc.host.lin));
     let mut field = M3::field(&w, &al);
     for i in 0..n {
-        let (pose, axis, nu) = (c.hinges[i].pose(s.eta[i]), &c.hinges[i].axis, s.nu[i]);
+        let (mut pose, axis, nu, one) = (Pose::identity(), &c.hinges[i].axis, s.nu[i], T::one());
+        c.hinges[i].place::<T, K>(s.eta[i], &mut pose);
         let at_hinge = field.mul_add(&pose.p, &a);
         let v = w.cross(&pose.p);
-        let (u, x, b, g);
-        (u, x, b, g, w, al, a) = by_turn!(T, pose.turn, K => {
-            let one = T::one();
-            let (w, al, a) = (pose.down::<K>(&w), pose.down::<K>(&al), pose.down::<K>(&at_hinge));
-            let x = axis.cross_add::<T, K>(&w, one, V3::zero());
-            let b = axis.cross_add::<T, K>(&al, one, w.cross(&x));
-            let g = axis.cross_add::<T, K>(&a, one, V3::zero());
-            let turned = axis.add::<T, K>(x.scale_add(nu, &al), acc.nu[i]);
-            (axis.add::<T, K>(V3::zero(), one), x, b, g, axis.add::<T, K>(w, nu), turned, a)
-        });
+        (w, al, a) = (pose.down::<K>(&w), pose.down::<K>(&al), pose.down::<K>(&at_hinge));
+        let x = axis.cross_add::<T, K>(&w, one, V3::zero());
+        let b = axis.cross_add::<T, K>(&al, one, w.cross(&x));
+        let g = axis.cross_add::<T, K>(&a, one, V3::zero());
+        let u = axis.add::<T, K>(V3::zero(), one);
+        (w, al) = (axis.add::<T, K>(w, nu), axis.add::<T, K>(x.scale_add(nu, &al), acc.nu[i]));
         field = M3::field(&w, &al);
         let force = Ten::from_params(&p[c.inertial_offset(i)..]).wrench(&w, &al, &a, &field);
         at[i] = Carried { pose, u, x, b, g, v, w, force };

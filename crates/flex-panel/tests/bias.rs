@@ -1,8 +1,6 @@
 //! The hand-written bias is the one that follows from the energies.
 
-mod common;
-
-use common::{State, chain, rel, rng, sym};
+use crate::common::{State, chain, rel, rng, sym};
 use ff_model::scalar::Grad;
 use ff_model::{Appendage, Motion, PortState, Scalar, derived_bias};
 use nalgebra::Vector3;

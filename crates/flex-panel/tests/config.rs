@@ -1,6 +1,4 @@
 //! What the mission-file factory accepts, and what it says when it refuses.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
 use ff_model::Problems;
 use flex_panel::{KIND, PanelChain, Segment, from_toml, register};
 use nalgebra::{Matrix3, Vector3};

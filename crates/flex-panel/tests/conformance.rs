@@ -1,8 +1,6 @@
 //! The suite that third-party appendages must pass, advice included, over random chains.
 
-mod common;
-
-use common::{chain, rng};
+use crate::common::{chain, rng};
 use validate::check_appendage;
 
 #[test]

@@ -1,9 +1,5 @@
 //! Full stiffness and damping matrices: laws, forces, bounds, and what is said when they are wrong.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
-mod common;
-
-use common::{State, chain, rel, rng, sym};
+use crate::common::{State, chain, rel, rng, sym};
 use ff_model::{Appendage, Motion, PortModel, PortState, Problems, derived_bias};
 use flex_panel::{PanelChain, from_toml};
 use nalgebra::{DMatrix, DVector};

@@ -1,9 +1,5 @@
 //! Energy with the damping on: what the dampers take is what the motion loses.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
-mod common;
-
-use common::{chain, rng, sym};
+use crate::common::{chain, rng, sym};
 use ff_model::{Motion, PortMatrix, PortModel, PortState};
 use flex_panel::PanelChain;
 use nalgebra::{DMatrix, DVector};
@@ -65,7 +61,7 @@ fn power_of_host_wrench_and_dampers_is_the_rate_of_energy() {
     for _ in 0..1000 {
         let c = chain(&mut r, 2);
         let p = c.nominal();
-        let s = common::State::new(&mut r, 2);
+        let s = crate::common::State::new(&mut r, 2);
         let y = DVector::from_vec(s.y());
         let a = DVector::from_fn(8, |_, _| sym(&mut r, 2.0));
         let energy = |t: f64| {

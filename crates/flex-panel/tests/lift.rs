@@ -1,9 +1,5 @@
 //! Panels modelled in the URDF, lifted out of the tree; and bodies that the end effector holds.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
-mod common;
-
-use common::{rng, sym};
+use crate::common::{rng, sym};
 use ff_dynamics::{State, Work, bias, forward_dynamics, mass_matrix, rnea};
 use ff_model::mission::{LoadOptions, Loaded, Mission};
 use ff_model::urdf::{self, UrdfOptions};
@@ -67,7 +63,7 @@ fn compare(tree: &Model, lifted: &Model, springs: &[(f64, f64, f64)], seed: u64)
         gone.iter().enumerate().for_each(|(i, &j)| l.eta[i] = t.q[j]);
         at.iter().enumerate().for_each(|(i, &j)| l.v[i] = t.v[j]);
         let pick = |x: &[f64]| -> Vec<f64> { at.iter().map(|&j| x[j]).collect() };
-        let mut see = |k: usize, have: &[f64], want: &[f64]| worst[k] = worst[k].max(common::rel(have, want));
+        let mut see = |k: usize, have: &[f64], want: &[f64]| worst[k] = worst[k].max(crate::common::rel(have, want));
         let (mut ht, mut hl) = (DMatrix::zeros(nv, nv), DMatrix::zeros(nv, nv));
         mass_matrix(tree, &pt, &t, &mut wt, &mut ht);
         mass_matrix(lifted, &pl, &l, &mut wl, &mut hl);

@@ -1,8 +1,6 @@
 //! Corners of construction and declaration that no simulation visits.
 
-mod common;
-
-use common::{chain, rng};
+use crate::common::{chain, rng};
 use ff_model::DynAppendage;
 use flex_panel::{PanelChain, Segment};
 use nalgebra::{Matrix3, Vector3};

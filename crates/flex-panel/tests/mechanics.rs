@@ -3,11 +3,7 @@
 //! Every segment is replaced by six point masses with the same ten inertial parameters. Kinetic energy comes
 //! from their velocities by the elementary rule `v + w x r`; forces come from second differences of their
 //! positions alone. No spatial vector, composite body or dual number takes part.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
-mod common;
-
-use common::{State, amax, chain, rel, rng, sym, vec3};
+use crate::common::{State, amax, chain, rel, rng, sym, vec3};
 use ff_model::{Appendage, PortMatrix};
 use flex_panel::{PanelChain, Segment};
 use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3};

@@ -1,9 +1,5 @@
 //! The modal appendage: laws, residual mass, and the chain whose modes it carries.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
-mod common;
-
-use common::{rel, rng, segment, sym, vec3};
+use crate::common::{rel, rng, segment, sym, vec3};
 use ff_dynamics::{State, Work, forward_dynamics};
 use ff_model::{
     BaseKind, Inertia, Model, Motion, Params, PortMatrix, PortModel, PortState, TwinBody, Xform, derived_bias,
@@ -63,7 +59,7 @@ fn override_equals_the_derived_bias() {
         let a = modal(&mut r, n);
         let p = a.nominal();
         for _ in 0..1000 {
-            let s = common::State::new(&mut r, n);
+            let s = crate::common::State::new(&mut r, n);
             let (mut h, mut d) = (vec![0.0; 6 + n], vec![0.0; 6 + n]);
             PortModel::bias(&a, &p, &s.port(), &mut h);
             derived_bias(&a, &p, &s.port(), &mut d);

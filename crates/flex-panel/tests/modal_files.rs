@@ -1,6 +1,4 @@
 //! Modes from tables and files, and what is said when they are wrong.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
 use ff_model::mission::{LoadOptions, Mission};
 use ff_model::{Decl, Problems, Registry};
 use flex_panel::modal::{self, linearise, read_csv, read_f06};

@@ -1,10 +1,6 @@
 //! The port equations that chain, modal appendage and payload write themselves equal the defaults.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
-mod common;
-
-use common::ports::check_ports;
-use common::{chain, rng, segment, sym, vec3};
+use crate::common::ports::check_ports;
+use crate::common::{chain, rng, segment, sym, vec3};
 use ff_model::Inertia;
 use ff_model::payload::Payload;
 use flex_panel::PanelChain;

@@ -1,6 +1,4 @@
 //! What the mission-file factory accepts, and what it says when it refuses.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
 use nalgebra::Vector3;
 use slosh_pendulum::{KIND, SWING_LIMITS, SloshPendulum, from_toml, register};
 

@@ -1,8 +1,6 @@
 //! The suite that third-party appendages must pass, advice included, over random pendulums.
 
-mod common;
-
-use common::{pendulum, rng};
+use crate::common::{pendulum, rng};
 use validate::check_appendage;
 
 #[test]

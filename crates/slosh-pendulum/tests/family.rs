@@ -1,10 +1,6 @@
 //! Spring-mass and tank: laws, equivalence with the pendulum, geometry, and what is said when a table is wrong.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
-mod common;
-
-use common::ports::check_ports;
-use common::{Random, pendulum, rel, rng, sym, vec3};
+use crate::common::ports::check_ports;
+use crate::common::{Random, pendulum, rel, rng, sym, vec3};
 use ff_model::{
     Appendage, DynAppendage, ModelScalar, Motion, PortMatrix, PortModel, PortState, Problems, derived_bias,
 };

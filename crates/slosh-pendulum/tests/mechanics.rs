@@ -1,10 +1,6 @@
 //! The pendulum against elementary mechanics of one point: positions, velocities, second differences.
 //! No spatial vector or dual number takes part.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
-mod common;
-
-use common::{State, pendulum, rel, rng, sym, vec3};
+use crate::common::{State, pendulum, rel, rng, sym, vec3};
 use ff_model::{Motion, PortMatrix, PortModel, PortState};
 use nalgebra::{DMatrix, DVector, Matrix2, Rotation3, Vector2, Vector3};
 use rand::RngExt;

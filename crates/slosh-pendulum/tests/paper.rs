@@ -1,6 +1,4 @@
 //! The paper's formulas, as corrected, against the appendage and against Table I.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
-
 use ff_dynamics::{Boundary, State, Work, mass_matrix, modes};
 use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortMatrix, PortModel, PortState, Xform};
 use nalgebra::{Complex, DMatrix, Matrix3, SMatrix, SVector, Vector3};

@@ -1,5 +1,5 @@
 //! Random pendulums and states, no zeros ("zeros mask bugs").
-#![allow(dead_code, clippy::unwrap_used)] // each test file uses its own part; helpers of tests may panic
+#![allow(clippy::unwrap_used)] // helpers of tests may panic
 
 use ff_model::{Motion, PortState};
 use nalgebra::Vector3;

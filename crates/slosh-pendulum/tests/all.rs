@@ -1,0 +1,14 @@
+//! The integration tests as one program: as many programs would compile the same generic dynamics again and again.
+//! `cargo test -p slosh-pendulum --test all bias` runs those of `bias.rs`.
+#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
+
+mod common;
+
+mod bias;
+mod config;
+mod conformance;
+mod family;
+mod formulas;
+mod mechanics;
+mod paper;
+mod tank_geometry;
