@@ -85,10 +85,7 @@ pub(crate) fn columns<T: ModelScalar, const FULL: bool>(model: &Model, work: &mu
             [-c.y, c.x, z, i.xz, i.yz, i.zz],
         ];
         for (k, row) in rows.iter().enumerate() {
-            let to = &mut h[k * nv..k * nv + 6];
-            for l in 0..if FULL { 6 } else { k + 1 } {
-                to[l] = row[l];
-            }
+            h[k * nv..k * nv + 6].copy_from_slice(row);
         }
     }
     for i in 1..links.len() {
