@@ -1,0 +1,114 @@
+//! What is to be optimised: a cost over the variables of a plan, under constraints.
+
+use crate::constraint::Constraint;
+use crate::cost::Cost;
+use crate::limits::{JointLimits, ROUNDING};
+use crate::spline_plan::{Duration, SplinePlan, Which};
+use nalgebra::DMatrix;
+
+/// A cost to be made small by a trajectory that keeps all limits and constraints.
+#[derive(Clone)]
+pub struct Problem<'a> {
+    /// What is to be small.
+    pub cost: &'a dyn Cost,
+    /// Variables, and the limits of the joints.
+    pub plan: &'a SplinePlan,
+    /// What else must hold.
+    pub constraints: Vec<&'a dyn Constraint>,
+    /// Per constraint and channel: relative distance to keep from the limit, beyond none.
+    pub(crate) tightening: Vec<Vec<f64>>,
+    /// Channels that do not count (search for conflicts).
+    pub(crate) dropped: Vec<(usize, usize)>,
+    /// Joints and derivative orders whose limits do not count (search for conflicts); order 0 is the position.
+    pub(crate) freed: Vec<(usize, i32)>,
+}
+
+impl<'a> Problem<'a> {
+    /// Without constraints beyond the limits of the joints.
+    pub fn new(cost: &'a dyn Cost, plan: &'a SplinePlan) -> Self {
+        Self { cost, plan, constraints: Vec::new(), tightening: Vec::new(), dropped: Vec::new(), freed: Vec::new() }
+    }
+    /// The same under constraints. Allocates.
+    #[must_use]
+    pub fn under(mut self, constraints: &[&'a dyn Constraint]) -> Self {
+        self.constraints = constraints.to_vec();
+        self.tightening = constraints.iter().map(|c| vec![0.0; c.channels().len()]).collect();
+        self
+    }
+    /// Rows of all constraints.
+    pub(crate) fn rows(&self) -> usize {
+        self.constraints.iter().map(|c| c.channels().len() * c.windows(self.plan)).sum()
+    }
+    /// Constraint and channel of every row. Allocates.
+    pub(crate) fn origin(&self) -> Vec<(usize, usize)> {
+        let of = |(k, c): (usize, &&dyn Constraint)| {
+            let windows = c.windows(self.plan);
+            (0..c.channels().len()).flat_map(move |ch| std::iter::repeat_n((k, ch), windows)).collect::<Vec<_>>()
+        };
+        self.constraints.iter().enumerate().flat_map(of).collect()
+    }
+    /// All rows, tightening included; rows of dropped channels are `-1` with derivative zero.
+    pub(crate) fn evaluate(&self, x: &[f64], rows: &mut [f64], mut jacobian: Option<&mut DMatrix<f64>>) {
+        let mut first = 0;
+        for (k, c) in self.constraints.iter().enumerate() {
+            let windows = c.windows(self.plan);
+            let count = c.channels().len() * windows;
+            let here = &mut rows[first..first + count];
+            let mut own = jacobian.as_ref().map(|j| DMatrix::zeros(count, j.ncols()));
+            c.evaluate(self.plan, x, here, own.as_mut());
+            for (ch, tight) in self.tightening[k].iter().enumerate() {
+                let dropped = self.dropped.contains(&(k, ch));
+                for w in 0..windows {
+                    let row = ch * windows + w;
+                    here[row] = if dropped { -1.0 } else { here[row] + tight };
+                    if let (true, Some(own)) = (dropped, own.as_mut()) {
+                        own.row_mut(row).fill(0.0);
+                    }
+                }
+            }
+            if let (Some(j), Some(own)) = (jacobian.as_mut(), own) {
+                j.rows_mut(first, count).copy_from(&own);
+            }
+            first += count;
+        }
+    }
+    /// The largest row, and NaN if one is not a number; minus infinity without constraints. Allocates.
+    pub(crate) fn excess(&self, x: &[f64]) -> f64 {
+        let mut rows = vec![0.0; self.rows()];
+        self.evaluate(x, &mut rows, None);
+        largest(&rows)
+    }
+    /// True when the limit of a joint does not count.
+    pub(crate) fn is_freed(&self, joint: usize, power: i32) -> bool {
+        self.freed.contains(&(joint, power))
+    }
+    /// The joint limit that `x` breaks most, [`SplinePlan::violated`], those that do not count left out.
+    pub(crate) fn violated(&self, x: &[f64]) -> Option<Which> {
+        if self.freed.is_empty() {
+            return self.plan.violated(x);
+        }
+        let t = self.plan.duration(x);
+        let broken = |r: &&crate::spline_plan::Row| {
+            // Negated so that NaN counts as broken.
+            let fine = r.slack(x, t) >= -ROUNDING;
+            !self.is_freed(r.joint, r.power) && !fine
+        };
+        if let Some(r) = self.plan.rows.iter().find(broken) {
+            return Some(r.which(-r.slack(x, t) * r.scale));
+        }
+        match self.plan.spec().duration {
+            Duration::Free { min, max } if !(min..=max).contains(&t) => self.plan.violated(x),
+            _ if t.is_nan() => self.plan.violated(x),
+            _ => None,
+        }
+    }
+    /// Limits of a joint, for messages.
+    pub(crate) fn limits(&self, joint: usize) -> &JointLimits {
+        &self.plan.spec().limits[joint]
+    }
+}
+
+/// The largest number, NaN if there is one.
+pub(crate) fn largest(rows: &[f64]) -> f64 {
+    rows.iter().fold(f64::NEG_INFINITY, |m, r| if r.is_nan() || m.is_nan() { f64::NAN } else { m.max(*r) })
+}
