@@ -51,6 +51,7 @@ fn solids(loaded: &Loaded) -> Vec<Solid> {
         solid("bus", 0, [0.9, -0.2, 0.3], Shape::Sphere { radius: 0.31 }),
         solid("elbow", 3, [0.05, 0.02, 0.1], Shape::Capsule { radius: 0.07, length: 0.23 }),
         solid("hand", last, [0.01, 0.03, 0.2], Shape::Capsule { radius: 0.05, length: 0.17 }),
+        solid("wrist", last - 1, [0.02, 0.05, 0.1], Shape::Box { size: [0.12, 0.17, 0.09] }),
         solid("finger", last, [0.06, 0.03, 0.3], Shape::Sphere { radius: 0.04 }),
     ]
 }

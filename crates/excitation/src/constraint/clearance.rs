@@ -5,15 +5,20 @@
 //! changes it, so with `J_l(p)` the velocity of the body point `p` per unit of joint rate `l`, `dd/dq_l = n .
 //! (J_l(p_2) - J_l(p_1))`, exact wherever closest points are unique. Between parallel faces or axes they are not, and
 //! the derivative is one of many.
+//!
+//! A capsule is its axis with a radius: distances between axes are closed formulas, and the iteration of Gilbert,
+//! Johnson and Keerthi, which needs many steps on round shapes, meets polyhedra and cylinders only.
 
+use super::base::direction;
 use super::windows::Signal;
 use super::{Channel, ConstraintError, Sense, Snapshot, check_limit};
 use ff_model::urdf::collision::{Shape, Solid};
 use ff_model::{JointKind, Model, Xform};
 use nalgebra::{DMatrix, Matrix3, Rotation3, Unit, Vector3};
 use parry3d_f64::math::{Pose, Rotation, Vector};
+use parry3d_f64::query::closest_points::closest_points_segment_segment_with_locations;
 use parry3d_f64::query::contact;
-use parry3d_f64::shape::{Ball, Capsule, Cuboid, Cylinder, Shape as Convex};
+use parry3d_f64::shape::{Ball, Cuboid, Cylinder, Segment, Shape as Convex};
 use std::sync::Arc;
 
 /// Excesses are relative to the clearance, or to this where it is smaller (m).
@@ -26,7 +31,7 @@ const FAR: f64 = 1e6;
 pub struct Clearance {
     model: Model,
     solids: Vec<Solid>,
-    shapes: Vec<(Arc<dyn Convex>, Pose)>,
+    shapes: Vec<Core>,
     pairs: Vec<(usize, usize)>,
     channels: Vec<Channel>,
 }
@@ -111,9 +116,18 @@ impl Clearance {
     }
     /// Distance of a pair, the normal, and the closest points in base axes. NaN where parry finds none.
     fn distance(&self, poses: &[Xform<f64>], (i, j): (usize, usize)) -> (f64, Vector3<f64>, [Vector3<f64>; 2]) {
-        let at = |k: usize| pose(&(poses[self.solids[k].body] * self.solids[k].placement)) * self.shapes[k].1;
-        match contact(&at(i), &*self.shapes[i].0, &at(j), &*self.shapes[j].0, FAR) {
-            Ok(Some(c)) => (c.dist, vector(c.normal1), [vector(c.point1), vector(c.point2)]),
+        let at = |k: usize| pose(&(poses[self.solids[k].body] * self.solids[k].placement)) * self.shapes[k].turn;
+        let (a, b) = (&self.shapes[i], &self.shapes[j]);
+        if let (Some((s1, r1)), Some((s2, r2))) = (a.axis, b.axis) {
+            let (s1, s2) = (s1.transformed(&at(i)), s2.transformed(&at(j)));
+            let (l1, l2) = closest_points_segment_segment_with_locations(&Pose::identity(), &s1, &s2);
+            let (p1, p2) = (vector(s1.point_at(&l1)), vector(s2.point_at(&l2)));
+            let n = direction(&(p2 - p1));
+            return ((p2 - p1).norm() - r1 - r2, n, [p1, p2]);
+        }
+        let margin = a.margin + b.margin;
+        match contact(&at(i), &*a.core, &at(j), &*b.core, FAR) {
+            Ok(Some(c)) => (c.dist - margin, vector(c.normal1), [vector(c.point1), vector(c.point2)]),
             _ => (f64::NAN, Vector3::zeros(), [Vector3::zeros(); 2]),
         }
     }
@@ -148,16 +162,36 @@ fn pose(x: &Xform<f64>) -> Pose {
     Pose::from_parts(Vector::new(p.x, p.y, p.z), Rotation::from_xyzw(q[1], q[2], q[3], q[0]))
 }
 
-/// The shape of parry, and its pose in the frame of the solid: parry's cylinder stands along y, ours along z.
-fn shape(s: &Solid) -> (Arc<dyn Convex>, Pose) {
-    let here = Pose::identity();
+/// A shape for parry.
+#[derive(Clone)]
+struct Core {
+    /// What parry sees, and the radius around it.
+    core: Arc<dyn Convex>,
+    margin: f64,
+    /// Pose in the frame of the solid: parry's cylinder stands along y, ours along z.
+    turn: Pose,
+    /// Axis and radius of capsules; spheres are capsules of length zero.
+    axis: Option<(Segment, f64)>,
+}
+
+fn shape(s: &Solid) -> Core {
+    let turn = Pose::identity();
+    let axis = |half: f64| Segment::new(Vector::new(0.0, 0.0, -half), Vector::new(0.0, 0.0, half));
     match s.shape {
-        Shape::Sphere { radius } => (Arc::new(Ball::new(radius)), here),
-        Shape::Box { size } => (Arc::new(Cuboid::new(Vector::new(0.5 * size[0], 0.5 * size[1], 0.5 * size[2]))), here),
-        Shape::Capsule { radius, length } => (Arc::new(Capsule::new_z(0.5 * length, radius)), here),
+        Shape::Sphere { radius } => {
+            Core { core: Arc::new(Ball::new(radius)), margin: 0.0, turn, axis: Some((axis(0.0), radius)) }
+        }
+        Shape::Box { size: [a, b, c] } => {
+            let half = Vector::new(0.5 * a, 0.5 * b, 0.5 * c);
+            Core { core: Arc::new(Cuboid::new(half)), margin: 0.0, turn, axis: None }
+        }
+        Shape::Capsule { radius, length } => {
+            let line = axis(0.5 * length);
+            Core { core: Arc::new(line), margin: radius, turn, axis: Some((line, radius)) }
+        }
         Shape::Cylinder { radius, length } => {
-            let turn = Rotation::from_rotation_x(std::f64::consts::FRAC_PI_2);
-            (Arc::new(Cylinder::new(0.5 * length, radius)), Pose::from_parts(Vector::ZERO, turn))
+            let turn = Pose::from_parts(Vector::ZERO, Rotation::from_rotation_x(std::f64::consts::FRAC_PI_2));
+            Core { core: Arc::new(Cylinder::new(0.5 * length, radius)), margin: 0.0, turn, axis: None }
         }
     }
 }
