@@ -6,7 +6,7 @@
 //! stands still, leave out one after the other, and put back those without which a plan is found. For joint limits alone at
 //! a given duration this is exact (a convex problem); with constraints, "no plan" means that no local search found one.
 
-use crate::constraint::{Constraint, Sense};
+use crate::constraint::{Constraint, Sense, Wanted};
 use crate::cost::Cost;
 use crate::limits::{JointLimits, Quantity};
 use crate::problem::Problem;
@@ -204,7 +204,7 @@ fn demand(problem: &Problem<'_>, g: Group, watch: &Watch<'_>) -> Result<Demand, 
                 let least = Problem { cost: &lowest, ..others.clone() };
                 let options = SqpOptions { iterations: LEAST, tolerance: 1e-5 };
                 let x = minimise_under(&least, &x, &options, watch).map_or(x, |o| o.x);
-                let most = lowest.rows(problem.plan, &x).0.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                let most = lowest.rows(problem.plan, &x).iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 let beyond = most * channel.scale;
                 if channel.sense == Sense::AtMost { channel.limit + beyond } else { channel.limit - beyond }
             });
@@ -236,26 +236,32 @@ struct Lowest<'a> {
 }
 
 impl Lowest<'_> {
-    fn rows(&self, plan: &SplinePlan, x: &[f64]) -> (Vec<f64>, nalgebra::DMatrix<f64>) {
-        let windows = self.constraint.windows(plan);
-        let count = windows * self.constraint.channels().len();
-        let (mut rows, mut j) = (vec![0.0; count], nalgebra::DMatrix::zeros(count, plan.variables()));
-        self.constraint.evaluate(plan, x, &mut rows, Some(&mut j));
-        let here = self.channel * windows;
-        (rows[here..here + windows].to_vec(), j.rows(here, windows).into_owned())
+    /// Rows of the channel.
+    fn rows(&self, plan: &SplinePlan, x: &[f64]) -> Vec<f64> {
+        let samples = self.constraint.samples(plan);
+        let mut rows = vec![0.0; samples * self.constraint.channels().len()];
+        self.constraint.evaluate(plan, x, &mut rows, None);
+        rows[self.channel * samples..(self.channel + 1) * samples].to_vec()
     }
 }
 
 impl Cost for Lowest<'_> {
+    /// The aggregate of Kreisselmeier and Steinhauser, `max + ln(sum exp(rho (row - max))) / rho`.
     fn value_gradient(&self, plan: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
         const SHARPNESS: f64 = 50.0;
-        let (rows, j) = self.rows(plan, x);
+        let rows = self.rows(plan, x);
         let most = rows.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let weights: Vec<f64> = rows.iter().map(|r| (SHARPNESS * (r - most)).exp()).collect();
         let sum: f64 = weights.iter().sum();
+        let count = rows.len() * self.constraint.channels().len();
+        let here = self.channel * rows.len();
+        let (mut all, mut wanted) = (vec![0.0; count], vec![false; count]);
+        weights.iter().enumerate().for_each(|(i, w)| wanted[here + i] = *w > 1e-9 * sum);
+        let mut j = nalgebra::DMatrix::zeros(count, plan.variables());
+        self.constraint.evaluate(plan, x, &mut all, Some(Wanted { rows: &wanted, jacobian: &mut j }));
         grad.fill(0.0);
         for (i, w) in weights.iter().enumerate() {
-            grad.iter_mut().enumerate().for_each(|(k, g)| *g += w / sum * j[(i, k)]);
+            grad.iter_mut().enumerate().for_each(|(k, g)| *g += w / sum * j[(here + i, k)]);
         }
         most + sum.ln() / SHARPNESS
     }

@@ -19,8 +19,9 @@ mod frame_speed;
 mod held;
 mod passive;
 mod pointing;
+mod ringing;
+mod signal;
 mod torque;
-mod windows;
 
 pub use base::{BaseAttitude, BaseRate, History};
 #[cfg(feature = "collision")]
@@ -29,8 +30,9 @@ pub use frame_speed::{FrameSpeed, FrameWork};
 pub use held::{HeldPartials, HeldSystem, HeldWork};
 pub use passive::{PassiveRange, PassiveWork};
 pub use pointing::{Cone, Pointing};
-pub use torque::JointTorque;
-pub use windows::Signal;
+pub use torque::{JointTorque, TorqueWork};
+pub use ringing::{Ringing, Rung};
+pub use signal::Signal;
 
 use crate::rigid::RigidError;
 use crate::spline_plan::SplinePlan;
@@ -98,24 +100,30 @@ pub struct Snapshot<'a> {
 
 /// Rows `g(x) <= 0` over the variables of a plan, with the exact Jacobian.
 ///
-/// Each channel has [`windows`](Constraint::windows) rows, one per stretch of the trajectory; row
-/// `channel * windows + window`. A row is the relative excess of the channel in its window, aggregated from above
-/// (never below the largest sample).
+/// Each channel has one row per sample of the trajectory, row `channel * samples + sample`: the excess of the channel
+/// there, relative to [`Channel::scale`].
 pub trait Constraint: Send + Sync {
     /// What is limited.
     fn channels(&self) -> &[Channel];
-    /// Stretches of the trajectory with a row of their own.
-    fn windows(&self, plan: &SplinePlan) -> usize;
-    /// Samples (at least 2) over the trajectory that the rows look at.
+    /// Equally spaced samples (at least 2) over the trajectory.
     fn samples(&self, plan: &SplinePlan) -> usize;
-    /// Rows at `x`, and with `jacobian` (`rows x variables`) their derivatives. Not finite where the constraint
-    /// is not defined. Allocates.
+    /// Rows at `x`, and derivatives of those that are wanted. Not finite where the constraint is not defined.
+    /// Allocates.
     ///
     /// # Panics
     /// If a length or shape is wrong.
-    fn evaluate(&self, plan: &SplinePlan, x: &[f64], rows: &mut [f64], jacobian: Option<&mut DMatrix<f64>>);
+    fn evaluate(&self, plan: &SplinePlan, x: &[f64], rows: &mut [f64], jacobian: Option<Wanted<'_>>);
     /// The value of every channel, in its unit, in one instant of the full simulation.
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]);
+}
+
+/// Which rows are to be differentiated, and where the derivatives go.
+#[derive(Debug)]
+pub struct Wanted<'a> {
+    /// One flag per row.
+    pub rows: &'a [bool],
+    /// `rows x variables`; rows that are not wanted stay as they are.
+    pub jacobian: &'a mut DMatrix<f64>,
 }
 
 /// Why a constraint cannot be built.

@@ -29,6 +29,7 @@ pub use conflict::{Conflict, Demand};
 pub use constraint::{
     BaseAttitude, BaseRate, Channel, Cone, Constraint, ConstraintError, FrameSpeed, HeldSystem, JointTorque,
     PassiveRange, Pointing, Sense, Signal, Snapshot,
+    Wanted,
 };
 #[cfg(feature = "collision")]
 pub use constraint::{Clearance, Pairs};

@@ -1,10 +1,15 @@
 //! What is to be optimised: a cost over the variables of a plan, under constraints.
 
-use crate::constraint::Constraint;
+use crate::constraint::{Constraint, Wanted};
 use crate::cost::Cost;
 use crate::limits::{JointLimits, ROUNDING};
 use crate::spline_plan::{Duration, SplinePlan, Which};
 use nalgebra::DMatrix;
+
+/// Relative distance to the limit within which peaks are looked at.
+const NEAR: f64 = -0.4;
+/// Relative distance to the limit within which every sample is looked at.
+const CLOSE: f64 = -0.02;
 
 /// A cost to be made small by a trajectory that keeps all limits and constraints.
 #[derive(Clone)]
@@ -37,39 +42,56 @@ impl<'a> Problem<'a> {
     }
     /// Rows of all constraints.
     pub(crate) fn rows(&self) -> usize {
-        self.constraints.iter().map(|c| c.channels().len() * c.windows(self.plan)).sum()
+        self.constraints.iter().map(|c| c.channels().len() * c.samples(self.plan)).sum()
     }
     /// Constraint and channel of every row. Allocates.
     pub(crate) fn origin(&self) -> Vec<(usize, usize)> {
         let of = |(k, c): (usize, &&dyn Constraint)| {
-            let windows = c.windows(self.plan);
-            (0..c.channels().len()).flat_map(move |ch| std::iter::repeat_n((k, ch), windows)).collect::<Vec<_>>()
+            let samples = c.samples(self.plan);
+            (0..c.channels().len()).flat_map(move |ch| std::iter::repeat_n((k, ch), samples)).collect::<Vec<_>>()
         };
         self.constraints.iter().enumerate().flat_map(of).collect()
     }
-    /// All rows, tightening included; rows of dropped channels are `-1` with derivative zero.
-    pub(crate) fn evaluate(&self, x: &[f64], rows: &mut [f64], mut jacobian: Option<&mut DMatrix<f64>>) {
+    /// All rows, tightening included, and the the derivatives of those that are wanted. Rows of dropped channels are `-1`.
+    pub(crate) fn evaluate(&self, x: &[f64], rows: &mut [f64], jacobian: Option<(&[bool], &mut DMatrix<f64>)>) {
         let mut first = 0;
+        let (wanted, mut jacobian) = jacobian.unzip();
         for (k, c) in self.constraints.iter().enumerate() {
-            let windows = c.windows(self.plan);
-            let count = c.channels().len() * windows;
+            let samples = c.samples(self.plan);
+            let count = c.channels().len() * samples;
             let here = &mut rows[first..first + count];
-            let mut own = jacobian.as_ref().map(|j| DMatrix::zeros(count, j.ncols()));
-            c.evaluate(self.plan, x, here, own.as_mut());
+            match (wanted, jacobian.as_mut()) {
+                (Some(wanted), Some(j)) if wanted[first..first + count].contains(&true) => {
+                    let mut own = DMatrix::zeros(count, j.ncols());
+                    let wanted = &wanted[first..first + count];
+                    c.evaluate(self.plan, x, here, Some(Wanted { rows: wanted, jacobian: &mut own }));
+                    j.rows_mut(first, count).copy_from(&own);
+                }
+                _ => c.evaluate(self.plan, x, here, None),
+            }
             for (ch, tight) in self.tightening[k].iter().enumerate() {
                 let dropped = self.dropped.contains(&(k, ch));
-                for w in 0..windows {
-                    let row = ch * windows + w;
-                    here[row] = if dropped { -1.0 } else { here[row] + tight };
-                    if let (true, Some(own)) = (dropped, own.as_mut()) {
-                        own.row_mut(row).fill(0.0);
-                    }
+                for row in &mut here[ch * samples..(ch + 1) * samples] {
+                    *row = if dropped { -1.0 } else { *row + tight };
                 }
             }
-            if let (Some(j), Some(own)) = (jacobian.as_mut(), own) {
-                j.rows_mut(first, count).copy_from(&own);
-            }
             first += count;
+        }
+    }
+    /// The rows that the search has to look at: peaks over time of what comes within [`NEAR`] of its limit, and all
+    /// that comes within [`CLOSE`].
+    pub(crate) fn select(&self, rows: &[f64], chosen: &mut [bool]) {
+        let mut first = 0;
+        for c in &self.constraints {
+            let samples = c.samples(self.plan);
+            for channel in rows[first..].chunks_exact(samples).take(c.channels().len()) {
+                for (i, r) in channel.iter().enumerate() {
+                    let above = |k: Option<usize>| k.and_then(|k| channel.get(k)).is_none_or(|o| r >= o);
+                    let peak = above(i.checked_sub(1)) && above(Some(i + 1));
+                    chosen[first + i] = *r > CLOSE || (*r > NEAR && peak);
+                }
+                first += samples;
+            }
         }
     }
     /// The largest row, and NaN if one is not a number; minus infinity without constraints. Allocates.

@@ -5,8 +5,9 @@
 //! straight (or resting) plan until it does not, and if that does not help, moved by the optimiser without the cost.
 //! Results do not depend on the number of threads.
 //!
-//! The best plan is simulated in full ([`crate::verdict`]). Where a constraint is broken there by `e`, relative
-//! to its limit, it is tightened by `1.2 e` and the search goes on from that plan: at most [`ROUNDS`] times.
+//! The best plan is simulated in full ([`crate::verdict`]). Where a constraint is broken there it is tightened by as
+//! much, where a tightened one has room it is loosened, and the search goes on from that plan: at most [`ROUNDS`] times.
+//! What is returned is the best plan that held in simulation.
 
 use crate::conflict::diagnose;
 use crate::constraint::HeldSystem;
@@ -18,11 +19,15 @@ use crate::sqp::{Outcome, SqpOptions, Status, minimise_under, restore};
 use crate::verdict::{Verdict, verify};
 use crate::watch::Watch;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 /// How often constraints are tightened after the full simulation.
 pub const ROUNDS: usize = 8;
+/// Verified room (relative) with which a tightened constraint counts as used up.
+const CLOSE: f64 = 2e-3;
+/// What tightened constraints are kept away from the limit (relative).
+const AIM: f64 = 1e-4;
 /// Iterations without the cost that a start may take to become feasible.
 const RESTORING: usize = 60;
 /// Random plans use at least this part of the way to their limits.
@@ -90,7 +95,8 @@ pub fn search(
     }
     let deadline = options.time_limit.and_then(|t| Instant::now().checked_add(t));
     let deadline = [deadline, watch.deadline].into_iter().flatten().min();
-    let watch = Watch { deadline, ..*watch };
+    let latch = AtomicBool::new(false);
+    let watch = Watch { deadline, latch: Some(&latch), ..*watch };
     let all = run_all(problem, options, &watch);
     let mut best: Option<&Outcome> = None;
     for o in all.iter().flatten() {
@@ -187,40 +193,46 @@ fn contracted(problem: &Problem<'_>, x: &[f64]) -> Option<Vec<f64>> {
     None
 }
 
-/// Verifies, tightens what does not hold, and goes on until everything does.
+/// Verifies, tightens what does not hold and loosens what was tightened too much, and goes on from there.
 fn settle(
     problem: &Problem<'_>,
     system: Option<&HeldSystem>,
-    mut best: Outcome,
+    first: Outcome,
     options: &SearchOptions,
     watch: &Watch<'_>,
 ) -> Result<(Outcome, Verdict, usize), PlanError> {
     let mut tight = problem.clone();
-    let mut verdict = verify(problem, system, &best.x)?;
+    let mut verdict = verify(problem, system, &first.x)?;
+    let mut last = first;
+    let mut kept: Option<(Outcome, Verdict)> = None;
     for round in 0..=ROUNDS {
-        if verdict.holds {
+        if verdict.holds && kept.as_ref().is_none_or(|k| last.cost < k.0.cost) {
+            kept = Some((last.clone(), verdict.clone()));
+        }
+        let mut off: f64 = 0.0;
+        for (k, c) in problem.constraints.iter().enumerate() {
+            for (ch, t) in tight.tightening[k].iter_mut().enumerate() {
+                let excess = verdict.excess(k, ch) / c.channels()[ch].scale;
+                // Room counts only where tightening made it.
+                let change = if excess > -AIM { 1.05 * excess + AIM } else { 0.9 * excess.max(-*t) };
+                off = off.max(change.abs());
+                *t = (*t + change).max(0.0);
+            }
+        }
+        let ended = round == ROUNDS || (verdict.holds && off < CLOSE) || watch.cut_short();
+        if ended && let Some((best, verdict)) = kept.take() {
             return Ok((best, verdict, round));
         }
         if round == ROUNDS {
             break;
         }
-        for (k, c) in problem.constraints.iter().enumerate() {
-            for (ch, t) in tight.tightening[k].iter_mut().enumerate() {
-                let excess = verdict.excess(k, ch) / c.channels()[ch].scale;
-                if excess > 0.0 {
-                    *t += 1.2 * excess + 1e-5;
-                }
-            }
-        }
-        let x = feasible_near(&tight, &best.x, watch).map_err(|_| unverified(&verdict))?;
-        best = match minimise_under(&tight, &x, &options.sqp, watch) {
-            Ok(o) => Outcome { start_cost: best.start_cost, ..o },
-            Err(PlanError::Interrupted) => return Err(PlanError::Interrupted),
-            Err(_) => return Err(unverified(&verdict)),
-        };
-        verdict = verify(problem, system, &best.x)?;
+        // The optimiser stops at once when the search was cut short; a feasible plan nearby will do.
+        let Ok(x) = feasible_near(&tight, &last.x, watch) else { break };
+        let Ok(next) = minimise_under(&tight, &x, &options.sqp, watch) else { break };
+        last = Outcome { start_cost: last.start_cost, ..next };
+        verdict = verify(problem, system, &last.x)?;
     }
-    Err(unverified(&verdict))
+    kept.map(|(best, verdict)| (best, verdict, ROUNDS)).ok_or_else(|| unverified(&verdict))
 }
 
 fn unverified(verdict: &Verdict) -> PlanError {

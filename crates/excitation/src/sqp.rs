@@ -29,8 +29,6 @@ use nalgebra::{DMatrix, DVector};
 const INSIDE: f64 = 1e-8;
 /// Distance (relative) that steps aim to keep from constraints.
 const AIM: f64 = 1e-6;
-/// Rows with more room than this are left out of the subproblem until a step breaks them.
-const WATCHED: f64 = -0.5;
 /// The penalty grows up to this many times the size of the cost.
 const PENALTY: f64 = 1e8;
 
@@ -206,7 +204,10 @@ struct Run<'a, 'b> {
     at: At,
     h: DMatrix<f64>,
     mu: f64,
+    /// Rows with derivatives, which the subproblem looks at.
     watched: Vec<bool>,
+    /// Rows that stood in the way without being watched.
+    sticky: Vec<bool>,
     start_cost: f64,
     best: Option<(f64, Vec<f64>, f64)>,
     status: Status,
@@ -240,6 +241,7 @@ impl<'a, 'b> Run<'a, 'b> {
             h: DMatrix::identity(n, n),
             mu: 1.0,
             watched: vec![false; rows],
+            sticky: vec![false; rows],
             start_cost: 0.0,
             best: None,
             status: Status::IterationLimit,
@@ -255,7 +257,8 @@ impl<'a, 'b> Run<'a, 'b> {
         }
         run.at.g = run.scaled(&raw);
         run.start_cost = run.at.f;
-        run.differentiate();
+        problem.evaluate(start, &mut run.at.c, None);
+        run.differentiate(|_| false);
         if !run.at.c.iter().chain(run.at.j.iter()).all(|v| v.is_finite()) {
             return Err(PlanError::Undefined);
         }
@@ -273,11 +276,14 @@ impl<'a, 'b> Run<'a, 'b> {
         DVector::from_fn(raw.len(), |i, _| raw[i] * self.scale[i])
     }
     /// Rows and their derivatives at the present point.
-    fn differentiate(&mut self) {
+    /// The values are known; those of `also` are wanted besides what is near its limit.
+    fn differentiate(&mut self, also: impl Fn(usize) -> bool) {
         if self.at.c.is_empty() {
             return;
         }
-        self.problem.evaluate(&self.at.x, &mut self.at.c, Some(&mut self.at.j));
+        self.problem.select(&self.at.c, &mut self.watched);
+        self.watched.iter_mut().enumerate().for_each(|(i, w)| *w |= also(i));
+        self.problem.evaluate(&self.at.x, &mut self.at.c, Some((&self.watched, &mut self.at.j)));
         for (i, s) in self.scale.iter().enumerate() {
             self.at.j.column_mut(i).iter_mut().for_each(|v| *v *= s);
         }
@@ -341,9 +347,6 @@ impl<'a, 'b> Run<'a, 'b> {
                 break;
             }
             self.iterations += 1;
-            for (w, c) in self.watched.iter_mut().zip(&self.at.c) {
-                *w |= *c > WATCHED;
-            }
             let (rows, rooms, names) = constraints(self.problem, &self.at.x, &self.scale);
             let Some((step, predicted, slope)) = self.direction(&rows) else {
                 self.status = Status::Stalled;
@@ -366,7 +369,11 @@ impl<'a, 'b> Run<'a, 'b> {
             match self.line_search(&rows, &rooms, &step, slope, fresh) {
                 Search::Moved => fresh = false,
                 // A row that was left out stood in the way.
-                Search::Again => {}
+                Search::Again => {
+                    let sticky = std::mem::take(&mut self.sticky);
+                    self.differentiate(|i| sticky[i]);
+                    self.sticky = sticky;
+                }
                 Search::Failed if fresh => {
                     self.status = Status::Stalled;
                     break;
@@ -425,7 +432,7 @@ impl<'a, 'b> Run<'a, 'b> {
             let s = &step.d * alpha;
             let (f, value) = self.look(&s, &mut trial, &mut raw, &mut c, &mut grew);
             if value < merit && value <= merit + 1e-4 * alpha * slope {
-                self.accept(&trial, &raw, f, &s, &step.z, fresh);
+                self.accept(&trial, &raw, f, &c, &s, &step.z, fresh);
                 return Search::Moved;
             }
             let usable = value.is_finite();
@@ -435,7 +442,7 @@ impl<'a, 'b> Run<'a, 'b> {
                     let s = &second.d * largest_step(rows, rooms, second.d.as_slice());
                     let (f, value) = self.look(&s, &mut trial, &mut raw, &mut c, &mut grew);
                     if value < merit && value <= merit + 1e-4 * alpha * slope {
-                        self.accept(&trial, &raw, f, &s, &step.z, fresh);
+                        self.accept(&trial, &raw, f, &c, &s, &step.z, fresh);
                         return Search::Moved;
                     }
                 }
@@ -471,9 +478,9 @@ impl<'a, 'b> Run<'a, 'b> {
         }
         if !c.is_empty() {
             self.problem.evaluate(trial, c, None);
-            for (w, c) in self.watched.iter_mut().zip(&*c) {
-                if !*w && *c > -AIM {
-                    *w = true;
+            for (i, c) in c.iter().enumerate() {
+                if !self.watched[i] && !self.sticky[i] && *c > -AIM {
+                    self.sticky[i] = true;
                     *grew = true;
                 }
             }
@@ -481,14 +488,17 @@ impl<'a, 'b> Run<'a, 'b> {
         let merit = self.merit(f, c);
         if merit.is_finite() { (f, merit) } else { OUT }
     }
-    fn accept(&mut self, trial: &[f64], raw: &[f64], f: f64, s: &DVector<f64>, z: &[f64], fresh: bool) {
+    #[allow(clippy::too_many_arguments)] // everything that is known of the new point
+    fn accept(&mut self, trial: &[f64], raw: &[f64], f: f64, c: &[f64], s: &DVector<f64>, z: &[f64], fresh: bool) {
         let g = self.scaled(raw);
         let mut y = &g - &self.at.g;
         self.at.x.copy_from_slice(trial);
         (self.at.f, self.at.g) = (f, g);
         if !self.at.c.is_empty() {
             let before = self.at.j.clone();
-            self.differentiate();
+            self.at.c.copy_from_slice(c);
+            self.sticky.fill(false);
+            self.differentiate(|i| z[i] > 0.0);
             for (i, z) in z.iter().enumerate().filter(|(_, z)| **z > 0.0) {
                 y += (self.at.j.row(i) - before.row(i)).transpose() * *z;
             }

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{paper, uniform};
+use common::paper;
 use excitation::*;
 use ff_model::mission::Loaded;
 use ff_model::urdf::collision::{Shape, Solid};
@@ -62,11 +62,11 @@ fn all(loaded: &Loaded, system: &Arc<HeldSystem>, q: &[f64]) -> Vec<Box<dyn Cons
     let efforts: Vec<f64> = (0..n).map(|i| 2.0 + 0.3 * i as f64).collect();
     let hand = loaded.model.body_name(loaded.model.n_bodies() - 1).to_owned();
     vec![
-        Box::new(JointTorque::new(system, &efforts).unwrap()),
-        Box::new(BaseRate::new(system, 0.02).unwrap()),
-        Box::new(BaseAttitude::new(system, 0.1).unwrap()),
-        Box::new(Pointing::new(system, "antenna", &axis, &target, Cone::Within(0.6)).unwrap()),
-        Box::new(Pointing::new(system, "tracker", &axis, &target, Cone::Outside(0.3)).unwrap()),
+        Box::new(JointTorque::new(system, q, &efforts).unwrap()),
+        Box::new(BaseRate::new(system, q, 0.02).unwrap()),
+        Box::new(BaseAttitude::new(system, q, 0.1).unwrap()),
+        Box::new(Pointing::new(system, q, "antenna", &axis, &target, Cone::Within(0.6)).unwrap()),
+        Box::new(Pointing::new(system, q, "tracker", &axis, &target, Cone::Outside(0.3)).unwrap()),
         Box::new(FrameSpeed::new(system, &hand, 0.3).unwrap()),
         Box::new(PassiveRange::all(system, q, "rad", 0.01).unwrap()),
         Box::new(Clearance::new(&loaded.model, &solids(loaded), Pairs::Distant, &[], 0.05).unwrap()),
@@ -74,7 +74,7 @@ fn all(loaded: &Loaded, system: &Arc<HeldSystem>, q: &[f64]) -> Vec<Box<dyn Cons
 }
 
 fn rows_of(c: &dyn Constraint, plan: &SplinePlan, x: &[f64]) -> Vec<f64> {
-    let mut rows = vec![0.0; c.channels().len() * c.windows(plan)];
+    let mut rows = vec![0.0; c.channels().len() * c.samples(plan)];
     c.evaluate(plan, x, &mut rows, None);
     rows
 }
@@ -91,7 +91,8 @@ fn jacobians_match_differences() {
             let rows = rows_of(&*c, &plan, &x);
             let mut j = DMatrix::zeros(rows.len(), plan.variables());
             let mut again = rows.clone();
-            c.evaluate(&plan, &x, &mut again, Some(&mut j));
+            let wanted: Vec<bool> = (0..rows.len()).map(|i| i % 7 == 4).collect();
+            c.evaluate(&plan, &x, &mut again, Some(Wanted { rows: &wanted, jacobian: &mut j }));
             assert_eq!(rows, again, "{name}");
             let mut worst = 0.0f64;
             // The numbers differ from window to window by orders of magnitude: compare within a row.
@@ -104,7 +105,7 @@ fn jacobians_match_differences() {
                 };
                 let h = if name == "clearance" { 2e-4 } else { 3e-5 };
                 let (p, m, pp, mm) = (at(h), at(-h), at(2.0 * h), at(-2.0 * h));
-                for r in 0..rows.len() {
+                for r in (0..rows.len()).filter(|r| wanted[*r]) {
                     let numeric = (8.0 * (p[r] - m[r]) - (pp[r] - mm[r])) / (12.0 * h);
                     let error = (numeric - j[(r, v)]).abs() / sizes[r].max(1e-3);
                     worst = worst.max(error);
@@ -112,7 +113,7 @@ fn jacobians_match_differences() {
             }
             eprintln!("{file} {name}: {} rows, worst error {worst:.2e}", rows.len());
             assert!(worst < 1e-6, "{file}, {name}: {worst:.2e}");
-            assert!(sizes.iter().all(|s| *s > 0.0), "{file}, {name}: a row without derivatives");
+            assert!(sizes.iter().zip(&wanted).all(|(s, w)| (*s > 0.0) == *w), "{file}, {name}: a row without derivatives");
         }
     }
 }

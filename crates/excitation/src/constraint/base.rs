@@ -1,31 +1,15 @@
 //! Base attitude excursion and base rate.
+//!
+//! In the search the base rates are those with the appendages held, exact, and the linear response of the appendages;
+//! measured are those of the full simulation.
 
 use super::held::{HeldPartials, HeldSystem, HeldWork};
-use super::windows::Signal;
+use super::ringing::{Ringing, Rung};
+use super::signal::Signal;
 use super::{Channel, ConstraintError, Snapshot, check_limit};
 use ff_model::so3::{exp_so3, log_so3, quat_identity, quat_mul, quat_to_rot};
-use nalgebra::{DMatrix, Matrix3, Vector3};
-use std::ops::Range;
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use std::sync::Arc;
-
-/// `|omega_b| <= limit` (rad/s).
-#[derive(Clone, Debug)]
-pub struct BaseRate {
-    system: Arc<HeldSystem>,
-    channel: [Channel; 1],
-}
-
-impl BaseRate {
-    /// Allocates a name.
-    ///
-    /// # Errors
-    /// [`ConstraintError::Limit`].
-    pub fn new(system: &Arc<HeldSystem>, limit: f64) -> Result<Self, ConstraintError> {
-        check_limit("base rate", limit, "rad/s")?;
-        let channel = [Channel::at_most("base rate", system.model().body_name(0), "rad/s", limit)];
-        Ok(Self { system: system.clone(), channel })
-    }
-}
 
 /// Unit vector, or zero for a vector of length zero, whose length has no derivative.
 pub(super) fn direction(v: &Vector3<f64>) -> Vector3<f64> {
@@ -33,24 +17,128 @@ pub(super) fn direction(v: &Vector3<f64>) -> Vector3<f64> {
     if norm > 0.0 { v / norm } else { Vector3::zeros() }
 }
 
+/// Base rates over a trajectory, and from them attitudes.
+#[derive(Clone, Debug)]
+pub(super) struct Rates {
+    system: Arc<HeldSystem>,
+    pub(super) ringing: Ringing,
+    /// Rows of the base rate of [`Ringing::base`].
+    shake: DMatrix<f64>,
+}
+
+/// Buffers of a constraint on rates or attitude.
+#[derive(Clone, Debug)]
+pub struct History {
+    held: HeldWork,
+    partials: HeldPartials,
+    rung: Rung,
+    /// Base rates, `3 x N`.
+    pub(super) rate: Matrix3xX<f64>,
+    pub(super) turning: Turning,
+}
+
+impl Rates {
+    pub(super) fn new(system: &Arc<HeldSystem>, q: &[f64]) -> Result<Self, ConstraintError> {
+        let ringing = Ringing::new(system, q)?;
+        let shake = ringing.base.rows(3, 3).into_owned();
+        Ok(Self { system: system.clone(), ringing, shake })
+    }
+    /// Rates with the appendages held, then holding forces.
+    pub(super) fn drives(&self) -> usize {
+        3 + self.ringing.count()
+    }
+    pub(super) fn work(&self) -> History {
+        History {
+            held: self.system.work(),
+            partials: self.system.partials(),
+            rung: Rung::default(),
+            rate: Matrix3xX::zeros(0),
+            turning: Turning::default(),
+        }
+    }
+    pub(super) fn drive(&self, w: &mut History, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
+        match partials {
+            None => drop(self.system.evaluate(&mut w.held, s)),
+            Some(out) => {
+                self.system.differentiate(&mut w.held, s, &mut w.partials);
+                let (n, m) = (self.system.model().nj(), self.ringing.count());
+                out.rows_mut(0, 3).copy_from(&w.partials.twist.rows(3, 3));
+                out.rows_mut(3, m).copy_from(&w.partials.force.rows(n, m));
+            }
+        }
+        u[..3].copy_from_slice(&w.held.twist.as_slice()[3..]);
+        u[3..].copy_from_slice(&w.held.hold);
+    }
+    /// Fills the rates.
+    pub(super) fn respond(&self, w: &mut History, dt: f64, u: &DMatrix<f64>) {
+        let m = self.ringing.count();
+        w.rung = self.ringing.respond(dt, u, 3);
+        w.rate = u.fixed_rows::<3>(0).into_owned();
+        for (k, z) in w.rung.z.iter().enumerate() {
+            let mut rate = w.rate.column_mut(k);
+            rate += &self.shake * z.rows(m, m);
+        }
+    }
+    /// Carries derivatives with respect to the rates `0..=last` (in the first rows of `over_u`) on to the holding
+    /// forces; returns that with respect to `dt`.
+    pub(super) fn adjoint(&self, w: &History, u: &DMatrix<f64>, last: usize, over_u: &mut DMatrix<f64>) -> f64 {
+        let m = self.ringing.count();
+        let over_rate: Matrix3xX<f64> = over_u.fixed_rows::<3>(0).into_owned();
+        let add = |k: usize, l: &mut DVector<f64>| {
+            let mut l = l.rows_mut(m, m);
+            l += self.shake.tr_mul(&over_rate.column(k));
+        };
+        self.ringing.adjoint(&w.rung, u, 3, last, add, over_u)
+    }
+}
+
+/// `|omega_b| <= limit` (rad/s).
+#[derive(Clone, Debug)]
+pub struct BaseRate {
+    rates: Rates,
+    channel: [Channel; 1],
+}
+
+impl BaseRate {
+    /// Appendages linearised about joint positions `q`. Allocates.
+    ///
+    /// # Errors
+    /// [`ConstraintError`]: a limit that is not positive, a wrong number of joint positions, a singular mass matrix.
+    pub fn new(system: &Arc<HeldSystem>, q: &[f64], limit: f64) -> Result<Self, ConstraintError> {
+        check_limit("base rate", limit, "rad/s")?;
+        let channel = [Channel::at_most("base rate", system.model().body_name(0), "rad/s", limit)];
+        Ok(Self { rates: Rates::new(system, q)?, channel })
+    }
+}
+
 impl Signal for BaseRate {
-    type Work = (HeldWork, HeldPartials);
+    type Work = History;
     fn channels(&self) -> &[Channel] {
         &self.channel
     }
-    fn work(&self) -> Self::Work {
-        (self.system.work(), self.system.partials())
+    fn rate(&self) -> f64 {
+        self.rates.ringing.rate
     }
-    fn drive(&self, (w, d): &mut Self::Work, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
-        match partials {
-            None => drop(self.system.evaluate(w, s)),
-            Some(out) => {
-                self.system.differentiate(w, s, d);
-                let e = direction(&w.twist.fixed_rows::<3>(3).into_owned());
-                (0..out.ncols()).for_each(|k| out[(0, k)] = e.dot(&d.twist.fixed_view::<3, 1>(3, k)));
-            }
-        }
-        u[0] = w.twist.fixed_rows::<3>(3).norm();
+    fn drives(&self) -> usize {
+        self.rates.drives()
+    }
+    fn work(&self) -> History {
+        self.rates.work()
+    }
+    fn drive(&self, w: &mut History, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
+        self.rates.drive(w, s, u, partials);
+    }
+    fn respond(&self, w: &mut History, dt: f64, u: &DMatrix<f64>, y: &mut DMatrix<f64>) {
+        self.rates.respond(w, dt, u);
+        (0..u.ncols()).for_each(|k| y[(0, k)] = w.rate.column(k).norm());
+    }
+    fn reaches_back(&self) -> bool {
+        true
+    }
+    fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+        let e = direction(&w.rate.column(i).into_owned());
+        over_u.fixed_view_mut::<3, 1>(0, i).copy_from(&e);
+        self.rates.adjoint(w, u, i, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         out[0] = Vector3::new(at.twist[3], at.twist[4], at.twist[5]).norm();
@@ -60,55 +148,25 @@ impl Signal for BaseRate {
 /// Geodesic angle of the base from its attitude at the start, at most `limit` (rad).
 #[derive(Clone, Debug)]
 pub struct BaseAttitude {
-    system: Arc<HeldSystem>,
+    rates: Rates,
     channel: [Channel; 1],
 }
 
 impl BaseAttitude {
-    /// A limit in `(0, pi)`. Allocates a name.
+    /// Appendages linearised about joint positions `q`. Allocates.
     ///
     /// # Errors
-    /// [`ConstraintError::Limit`].
-    pub fn new(system: &Arc<HeldSystem>, limit: f64) -> Result<Self, ConstraintError> {
+    /// As [`BaseRate::new`].
+    pub fn new(system: &Arc<HeldSystem>, q: &[f64], limit: f64) -> Result<Self, ConstraintError> {
         check_limit("base attitude excursion", limit, "rad")?;
         let channel = [Channel::at_most("base attitude excursion", system.model().body_name(0), "rad", limit)];
-        Ok(Self { system: system.clone(), channel })
-    }
-}
-
-/// Buffers of a history of the attitude: base rates are the drives.
-#[derive(Clone, Debug)]
-pub struct History {
-    held: HeldWork,
-    partials: HeldPartials,
-    pub(super) turning: Turning,
-}
-
-impl History {
-    pub(super) fn new(system: &HeldSystem) -> Self {
-        Self { held: system.work(), partials: system.partials(), turning: Turning::default() }
-    }
-    pub(super) fn rates(
-        &mut self,
-        system: &HeldSystem,
-        s: [&[f64]; 3],
-        u: &mut [f64],
-        partials: Option<&mut DMatrix<f64>>,
-    ) {
-        match partials {
-            None => drop(system.evaluate(&mut self.held, s)),
-            Some(out) => {
-                system.differentiate(&mut self.held, s, &mut self.partials);
-                out.copy_from(&self.partials.twist.rows(3, 3));
-            }
-        }
-        u.copy_from_slice(&self.held.twist.as_slice()[3..]);
+        Ok(Self { rates: Rates::new(system, q)?, channel })
     }
 }
 
 /// Attitudes `R_k` (base to world, identity at the start) from base rates in base axes (`3 x N`), by
 /// `R_(k+1) = R_k exp(h/2 (w_k + w_(k+1)) + h^2/12 w_k x w_(k+1))`: the trapezoidal rule with the commutator of the
-/// fourth Magnus term (Iserles and others, *Lie-group methods*, Acta Numerica 2000).
+/// fourth Magnus term (A. Iserles and others, *Lie-group methods*, Acta Numerica 9, 2000).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Turning {
     pub(super) attitude: Vec<Matrix3<f64>>,
@@ -118,9 +176,9 @@ pub(super) struct Turning {
 }
 
 impl Turning {
-    pub(super) fn new(dt: f64, u: &DMatrix<f64>) -> Self {
-        let count = u.ncols();
-        let rate = |k: usize| Vector3::new(u[(0, k)], u[(1, k)], u[(2, k)]);
+    pub(super) fn new(dt: f64, rate: &Matrix3xX<f64>) -> Self {
+        let count = rate.ncols();
+        let rate = |k: usize| rate.column(k).into_owned();
         let mut quat = quat_identity();
         let mut out = Self { attitude: vec![Matrix3::identity()], carried: Vec::with_capacity(count), dt };
         for k in 0..count - 1 {
@@ -132,22 +190,19 @@ impl Turning {
         }
         out
     }
-    /// Given the derivatives of a scalar with respect to small turns (world axes) of the attitudes in `window`, adds
-    /// those with respect to the rates and returns that with respect to `dt`.
+    /// Given the derivative of a scalar with respect to a small turn (world axes) of the attitude at sample `last`, adds
+    /// those with respect to the rates (the first rows of `over_u`) and returns that with respect to `dt`.
     pub(super) fn adjoint(
         &self,
-        u: &DMatrix<f64>,
-        window: Range<usize>,
-        over_turn: impl Fn(usize) -> Vector3<f64>,
+        rate: &Matrix3xX<f64>,
+        last: usize,
+        over_turn: &Vector3<f64>,
         over_u: &mut DMatrix<f64>,
     ) -> f64 {
-        let rate = |k: usize| Vector3::new(u[(0, k)], u[(1, k)], u[(2, k)]);
-        let (mut later, mut over_dt) = (Vector3::zeros(), 0.0);
-        for k in (0..window.end - 1).rev() {
-            if k + 1 >= window.start {
-                later += over_turn(k + 1);
-            }
-            let l = self.carried[k].tr_mul(&later);
+        let rate = |k: usize| rate.column(k).into_owned();
+        let mut over_dt = 0.0;
+        for k in (0..last).rev() {
+            let l = self.carried[k].tr_mul(over_turn);
             let (a, b) = (rate(k), rate(k + 1));
             let (half, twelfth) = (0.5 * self.dt, self.dt * self.dt / 12.0);
             // l . (a x db) = (l x a) . db,  l . (da x b) = (b x l) . da.
@@ -185,17 +240,21 @@ impl Signal for BaseAttitude {
     fn channels(&self) -> &[Channel] {
         &self.channel
     }
+    fn rate(&self) -> f64 {
+        self.rates.ringing.rate
+    }
     fn drives(&self) -> usize {
-        3
+        self.rates.drives()
     }
-    fn work(&self) -> Self::Work {
-        History::new(&self.system)
+    fn work(&self) -> History {
+        self.rates.work()
     }
-    fn drive(&self, w: &mut Self::Work, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
-        w.rates(&self.system, s, u, partials);
+    fn drive(&self, w: &mut History, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
+        self.rates.drive(w, s, u, partials);
     }
-    fn respond(&self, w: &mut Self::Work, dt: f64, u: &DMatrix<f64>, y: &mut DMatrix<f64>) {
-        w.turning = Turning::new(dt, u);
+    fn respond(&self, w: &mut History, dt: f64, u: &DMatrix<f64>, y: &mut DMatrix<f64>) {
+        self.rates.respond(w, dt, u);
+        w.turning = Turning::new(dt, &w.rate);
         for (k, r) in w.turning.attitude.iter().enumerate() {
             y[(0, k)] = excursion(r).0;
         }
@@ -203,17 +262,9 @@ impl Signal for BaseAttitude {
     fn reaches_back(&self) -> bool {
         true
     }
-    fn adjoint(
-        &self,
-        w: &Self::Work,
-        u: &DMatrix<f64>,
-        _channel: usize,
-        window: Range<usize>,
-        weights: &[f64],
-        over_u: &mut DMatrix<f64>,
-    ) -> f64 {
-        let (t, start) = (&w.turning, window.start);
-        t.adjoint(u, window, |k| excursion(&t.attitude[k]).1 * weights[k - start], over_u)
+    fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+        let turn = excursion(&w.turning.attitude[i]).1;
+        w.turning.adjoint(&w.rate, i, &turn, over_u) + self.rates.adjoint(w, u, i, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         out[0] = log_so3(&at.att).norm();

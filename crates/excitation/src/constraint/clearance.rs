@@ -10,7 +10,7 @@
 //! Johnson and Keerthi, which needs many steps on round shapes, meets polyhedra and cylinders only.
 
 use super::base::direction;
-use super::windows::Signal;
+use super::signal::Signal;
 use super::{Channel, ConstraintError, Sense, Snapshot, check_limit};
 use ff_model::urdf::collision::{Shape, Solid};
 use ff_model::{JointKind, Model, Xform};

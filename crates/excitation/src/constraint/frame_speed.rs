@@ -2,7 +2,7 @@
 
 use super::base::direction;
 use super::held::{HeldPartials, HeldSystem, HeldWork};
-use super::windows::Signal;
+use super::signal::Signal;
 use super::{Channel, ConstraintError, Snapshot, check_limit};
 use ff_dynamics::{State, Work, frame_jacobian};
 use ff_model::Frame;

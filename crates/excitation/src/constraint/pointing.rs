@@ -1,12 +1,11 @@
 //! Pointing cones: an axis of the base against an inertial direction.
 
-use super::base::{History, Turning, direction};
+use super::base::{History, Rates, Turning, direction};
 use super::held::HeldSystem;
-use super::windows::Signal;
+use super::signal::Signal;
 use super::{Channel, ConstraintError, Sense, Snapshot, check_limit};
 use ff_model::so3::quat_to_rot;
 use nalgebra::{DMatrix, Vector3};
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Where the axis may point.
@@ -21,19 +20,21 @@ pub enum Cone {
 /// Angle between an axis of the base and an inertial direction, `acos(R axis . direction)`.
 #[derive(Clone, Debug)]
 pub struct Pointing {
-    system: Arc<HeldSystem>,
+    rates: Rates,
     axis: Vector3<f64>,
     target: Vector3<f64>,
     channel: [Channel; 1],
 }
 
 impl Pointing {
-    /// `axis` in base axes, `target` in world axes (those of the base at the start), of any length. Allocates.
+    /// `axis` in base axes, `target` in world axes (those of the base at the start), of any length; appendages
+    /// linearised about joint positions `q`. Allocates.
     ///
     /// # Errors
     /// [`ConstraintError`] for a vector of length zero or an angle that is not positive.
     pub fn new(
         system: &Arc<HeldSystem>,
+        q: &[f64],
         item: &str,
         axis: &Vector3<f64>,
         target: &Vector3<f64>,
@@ -51,7 +52,7 @@ impl Pointing {
         };
         check_limit("pointing angle", limit, "rad")?;
         let channel = [Channel { sense, ..Channel::at_most("pointing angle", item, "rad", limit) }];
-        Ok(Self { system: system.clone(), axis: axis.normalize(), target: target.normalize(), channel })
+        Ok(Self { rates: Rates::new(system, q)?, axis: axis.normalize(), target: target.normalize(), channel })
     }
     /// Angle between a world vector and the target; stable near 0 and pi.
     fn angle(&self, v: &Vector3<f64>) -> f64 {
@@ -64,17 +65,21 @@ impl Signal for Pointing {
     fn channels(&self) -> &[Channel] {
         &self.channel
     }
+    fn rate(&self) -> f64 {
+        self.rates.ringing.rate
+    }
     fn drives(&self) -> usize {
-        3
+        self.rates.drives()
     }
-    fn work(&self) -> Self::Work {
-        History::new(&self.system)
+    fn work(&self) -> History {
+        self.rates.work()
     }
-    fn drive(&self, w: &mut Self::Work, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
-        w.rates(&self.system, s, u, partials);
+    fn drive(&self, w: &mut History, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
+        self.rates.drive(w, s, u, partials);
     }
-    fn respond(&self, w: &mut Self::Work, dt: f64, u: &DMatrix<f64>, y: &mut DMatrix<f64>) {
-        w.turning = Turning::new(dt, u);
+    fn respond(&self, w: &mut History, dt: f64, u: &DMatrix<f64>, y: &mut DMatrix<f64>) {
+        self.rates.respond(w, dt, u);
+        w.turning = Turning::new(dt, &w.rate);
         for (k, r) in w.turning.attitude.iter().enumerate() {
             y[(0, k)] = self.angle(&(r * self.axis));
         }
@@ -82,19 +87,10 @@ impl Signal for Pointing {
     fn reaches_back(&self) -> bool {
         true
     }
-    fn adjoint(
-        &self,
-        w: &Self::Work,
-        u: &DMatrix<f64>,
-        _channel: usize,
-        window: Range<usize>,
-        weights: &[f64],
-        over_u: &mut DMatrix<f64>,
-    ) -> f64 {
-        let (t, start) = (&w.turning, window.start);
+    fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         // Turning by dphi moves the axis by dphi x v: the angle to the target grows by dphi . (target x v) / |..|.
-        let over = |k: usize| direction(&self.target.cross(&(t.attitude[k] * self.axis))) * weights[k - start];
-        t.adjoint(u, window, over, over_u)
+        let turn = direction(&self.target.cross(&(w.turning.attitude[i] * self.axis)));
+        w.turning.adjoint(&w.rate, i, &turn, over_u) + self.rates.adjoint(w, u, i, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         out[0] = self.angle(&(quat_to_rot(&at.att) * self.axis));
