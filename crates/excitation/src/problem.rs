@@ -20,8 +20,8 @@ pub struct Problem<'a> {
     pub plan: &'a SplinePlan,
     /// What else must hold.
     pub constraints: Vec<&'a dyn Constraint>,
-    /// Per constraint and channel: relative distance to keep from the limit, beyond none.
-    pub(crate) tightening: Vec<Vec<f64>>,
+    /// Added to the rows: what the full simulation has shown to be missing. Empty for nothing.
+    pub(crate) correction: Vec<f64>,
     /// Channels that do not count (search for conflicts).
     pub(crate) dropped: Vec<(usize, usize)>,
     /// Joints and derivative orders whose limits do not count (search for conflicts); order 0 is the position.
@@ -31,13 +31,12 @@ pub struct Problem<'a> {
 impl<'a> Problem<'a> {
     /// Without constraints beyond the limits of the joints.
     pub fn new(cost: &'a dyn Cost, plan: &'a SplinePlan) -> Self {
-        Self { cost, plan, constraints: Vec::new(), tightening: Vec::new(), dropped: Vec::new(), freed: Vec::new() }
+        Self { cost, plan, constraints: Vec::new(), correction: Vec::new(), dropped: Vec::new(), freed: Vec::new() }
     }
     /// The same under constraints. Allocates.
     #[must_use]
     pub fn under(mut self, constraints: &[&'a dyn Constraint]) -> Self {
         self.constraints = constraints.to_vec();
-        self.tightening = constraints.iter().map(|c| vec![0.0; c.channels().len()]).collect();
         self
     }
     /// Rows of all constraints.
@@ -52,7 +51,7 @@ impl<'a> Problem<'a> {
         };
         self.constraints.iter().enumerate().flat_map(of).collect()
     }
-    /// All rows, tightening included, and the the derivatives of those that are wanted. Rows of dropped channels are `-1`.
+    /// All rows, the correction included, and the the derivatives of those that are wanted. Rows of dropped channels are `-1`.
     pub(crate) fn evaluate(&self, x: &[f64], rows: &mut [f64], jacobian: Option<(&[bool], &mut DMatrix<f64>)>) {
         let mut first = 0;
         let (wanted, mut jacobian) = jacobian.unzip();
@@ -69,11 +68,11 @@ impl<'a> Problem<'a> {
                 }
                 _ => c.evaluate(self.plan, x, here, None),
             }
-            for (ch, tight) in self.tightening[k].iter().enumerate() {
-                let dropped = self.dropped.contains(&(k, ch));
-                for row in &mut here[ch * samples..(ch + 1) * samples] {
-                    *row = if dropped { -1.0 } else { *row + tight };
-                }
+            for (row, more) in here.iter_mut().zip(self.correction.iter().skip(first)) {
+                *row += more;
+            }
+            for ch in (0..c.channels().len()).filter(|&ch| self.dropped.contains(&(k, ch))) {
+                here[ch * samples..(ch + 1) * samples].fill(-1.0);
             }
             first += count;
         }

@@ -5,9 +5,9 @@
 //! straight (or resting) plan until it does not, and if that does not help, moved by the optimiser without the cost.
 //! Results do not depend on the number of threads.
 //!
-//! The best plan is simulated in full ([`crate::verdict`]). Where a constraint is broken there it is tightened by as
-//! much, where a tightened one has room it is loosened, and the search goes on from that plan: at most [`ROUNDS`] times.
-//! What is returned is the best plan that held in simulation.
+//! The best plan is simulated in full ([`crate::verdict`]). What the simulation shows beyond the rows of the search is
+//! added to them, sample by sample, and the search goes on from that plan with the derivatives it has (defect
+//! correction), until both agree: at most [`ROUNDS`] times. What is returned is the best plan that held in simulation.
 
 use crate::conflict::diagnose;
 use crate::constraint::HeldSystem;
@@ -16,17 +16,19 @@ use crate::problem::Problem;
 use crate::random::{feasible_start, random_plan};
 use crate::spline_plan::{PlanError, SplinePlan};
 use crate::sqp::{Outcome, SqpOptions, Status, minimise_under, restore};
-use crate::verdict::{Verdict, verify};
+use crate::verdict::{Verdict, inspect};
 use crate::watch::Watch;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often constraints are tightened after the full simulation.
+/// How often rows are corrected after the full simulation.
 pub const ROUNDS: usize = 8;
-/// Verified room (relative) with which a tightened constraint counts as used up.
-const CLOSE: f64 = 2e-3;
-/// What tightened constraints are kept away from the limit (relative).
+/// Verified room (relative) with which a constraint counts as used up.
+const USED: f64 = 2e-3;
+/// Gain (relative to `1 + |cost|`) below which another round is not worth it.
+const GAIN: f64 = 1e-3;
+/// What corrected constraints are kept away from the limit (relative).
 const AIM: f64 = 1e-4;
 /// Iterations without the cost that a start may take to become feasible.
 const RESTORING: usize = 60;
@@ -63,7 +65,7 @@ pub struct Found {
     pub all: Vec<Result<Outcome, PlanError>>,
     /// Margins: joint limits for all time, constraints by full simulation.
     pub verdict: Verdict,
-    /// How often constraints were tightened.
+    /// How often rows were corrected.
     pub rounds: usize,
 }
 
@@ -73,7 +75,7 @@ pub struct Found {
 ///
 /// # Errors
 /// [`PlanError`]: `Conflict` names what cannot be kept together, `Interrupted` when there is no plan yet, `Unverified`
-/// when the full simulation breaks a constraint however tight, that of the first start otherwise.
+/// when the full simulation breaks a constraint in spite of all correction, that of the first start otherwise.
 pub fn search(
     problem: &Problem<'_>,
     system: Option<&HeldSystem>,
@@ -193,7 +195,7 @@ fn contracted(problem: &Problem<'_>, x: &[f64]) -> Option<Vec<f64>> {
     None
 }
 
-/// Verifies, tightens what does not hold and loosens what was tightened too much, and goes on from there.
+/// Verifies, corrects the rows by what the simulation shows, and goes on from there until both agree.
 fn settle(
     problem: &Problem<'_>,
     system: Option<&HeldSystem>,
@@ -201,36 +203,49 @@ fn settle(
     options: &SearchOptions,
     watch: &Watch<'_>,
 ) -> Result<(Outcome, Verdict, usize), PlanError> {
-    let mut tight = problem.clone();
-    let mut verdict = verify(problem, system, &first.x)?;
-    let mut last = first;
+    let (mut verdict, mut seen) = inspect(problem, system, &first.x)?;
+    let mut corrected = problem.clone();
+    let mut rows = vec![0.0; problem.rows()];
+    let (mut last, mut further) = (first, AIM);
     let mut kept: Option<(Outcome, Verdict)> = None;
     for round in 0..=ROUNDS {
-        if verdict.holds && kept.as_ref().is_none_or(|k| last.cost < k.0.cost) {
-            kept = Some((last.clone(), verdict.clone()));
-        }
-        let mut off: f64 = 0.0;
-        for (k, c) in problem.constraints.iter().enumerate() {
-            for (ch, t) in tight.tightening[k].iter_mut().enumerate() {
-                let excess = verdict.excess(k, ch) / c.channels()[ch].scale;
-                // Room counts only where tightening made it.
-                let change = if excess > -AIM { 1.05 * excess + AIM } else { 0.9 * excess.max(-*t) };
-                off = off.max(change.abs());
-                *t = (*t + change).max(0.0);
+        let mut gain = f64::INFINITY;
+        if verdict.holds {
+            gain = kept.as_ref().map_or(gain, |k| k.0.cost - last.cost);
+            if gain > 0.0 {
+                kept = Some((last.clone(), verdict.clone()));
             }
+        } else if round > 0 {
+            // Neither model nor correction are to blame but what lies between: keep more distance.
+            further += 0.5 * seen.iter().copied().fold(0.0, f64::max);
         }
-        let ended = round == ROUNDS || (verdict.holds && off < CLOSE) || watch.cut_short();
-        if ended && let Some((best, verdict)) = kept.take() {
+        let near = |rows: &[f64]| rows.iter().any(|r| *r > -USED);
+        problem.evaluate(&last.x, &mut rows, None);
+        let settled = verdict.holds
+            && match round {
+                // At the limit in simulation too, or far from it in both.
+                0 => near(&seen) || !near(&rows),
+                _ => gain < GAIN * (1.0 + last.cost.abs()),
+            };
+        if (settled || round == ROUNDS || watch.cut_short())
+            && let Some((best, verdict)) = kept.take()
+        {
             return Ok((best, verdict, round));
         }
         if round == ROUNDS {
             break;
         }
-        // The optimiser stops at once when the search was cut short; a feasible plan nearby will do.
-        let Ok(x) = feasible_near(&tight, &last.x, watch) else { break };
-        let Ok(next) = minimise_under(&tight, &x, &options.sqp, watch) else { break };
+        corrected.correction = seen.iter().zip(&rows).map(|(seen, row)| seen - row + further).collect();
+        let next = match minimise_under(&corrected, &last.x, &options.sqp, watch) {
+            Ok(next) => next,
+            // Cut short, or stuck outside: a plan closer to the straight one will do.
+            Err(_) => match feasible_near(&corrected, &last.x, watch) {
+                Ok(x) => minimise_under(&corrected, &x, &options.sqp, watch)?,
+                Err(_) => break,
+            },
+        };
         last = Outcome { start_cost: last.start_cost, ..next };
-        verdict = verify(problem, system, &last.x)?;
+        (verdict, seen) = inspect(problem, system, &last.x)?;
     }
     kept.map(|(best, verdict)| (best, verdict, ROUNDS)).ok_or_else(|| unverified(&verdict))
 }

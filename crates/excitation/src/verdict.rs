@@ -54,18 +54,12 @@ pub struct Verdict {
     pub margins: Vec<ConstraintMargin>,
     /// True when everything holds.
     pub holds: bool,
-    /// Where the channels of each constraint start in `margins`.
-    first: Vec<usize>,
 }
 
 impl Verdict {
     /// The smallest relative margin.
     pub fn worst(&self) -> Option<&ConstraintMargin> {
         self.margins.iter().min_by(|a, b| a.relative.total_cmp(&b.relative))
-    }
-    /// How far channel `channel` of constraint `k` is beyond its limit (its unit); negative when it is not.
-    pub(crate) fn excess(&self, k: usize, channel: usize) -> f64 {
-        -self.margins[self.first[k] + channel].margin
     }
 }
 
@@ -75,6 +69,16 @@ impl Verdict {
 /// [`PlanError`]: the simulation failed (a coordinate left the range of its model, for example), a limit cannot be tested,
 /// `x` is no plan, or there are constraints but no `system`.
 pub fn verify(problem: &Problem<'_>, system: Option<&HeldSystem>, x: &[f64]) -> Result<Verdict, PlanError> {
+    inspect(problem, system, x).map(|v| v.0)
+}
+
+/// [`verify`], and per row of the search the largest relative excess of the simulation within half a sample.
+pub(crate) fn inspect(
+    problem: &Problem<'_>,
+    system: Option<&HeldSystem>,
+    x: &[f64],
+) -> Result<(Verdict, Vec<f64>), PlanError> {
+    let mut rows = Vec::new();
     let plan = problem.plan;
     let motion = plan.motion(x)?;
     let report = check_for_all_time(&motion, &plan.spec().limits, plan.spec().refine)?;
@@ -100,7 +104,7 @@ pub fn verify(problem: &Problem<'_>, system: Option<&HeldSystem>, x: &[f64]) -> 
             }
         })
         .collect();
-    let mut first = Vec::new();
+    let sampled = margins.len();
     if !problem.constraints.is_empty() {
         let Some(system) = system else {
             let (got, expected) = ("none".into(), "the system, when there are constraints".into());
@@ -109,13 +113,20 @@ pub fn verify(problem: &Problem<'_>, system: Option<&HeldSystem>, x: &[f64]) -> 
         let samples = problem.constraints.iter().map(|c| c.samples(plan)).max().unwrap_or(2);
         let trace = fly(system, &motion, &plan.spec().start, DENSER * (samples - 1))?;
         for c in &problem.constraints {
-            first.push(margins.len());
+            let (here, count) = (rows.len(), c.samples(plan));
+            rows.resize(here + count * c.channels().len(), f64::NEG_INFINITY);
+            let per_sample = (trace.len() - 1) as f64 / (count - 1) as f64;
+            let mut at = 0;
             let mut out = vec![0.0; c.channels().len()];
             let mut worst: Vec<Option<(f64, f64)>> = vec![None; out.len()];
             visit(&trace, |snapshot| {
                 out.fill(f64::NAN);
                 c.measure(snapshot, &mut out);
-                for ((w, v), ch) in worst.iter_mut().zip(&out).zip(c.channels()) {
+                let sample = ((at as f64 / per_sample).round() as usize).min(count - 1);
+                at += 1;
+                for (k, ((w, v), ch)) in worst.iter_mut().zip(&out).zip(c.channels()).enumerate() {
+                    let row = &mut rows[here + k * count + sample];
+                    *row = row.max(ch.excess(*v) / ch.scale);
                     // What is not a number is the worst there is.
                     let worse = w.is_none_or(|(old, _)| !old.is_nan() && (v.is_nan() || ch.excess(*v) > ch.excess(old)));
                     if worse {
@@ -128,9 +139,9 @@ pub fn verify(problem: &Problem<'_>, system: Option<&HeldSystem>, x: &[f64]) -> 
                 margins.push(margin(ch, value, time, trace.dt));
             }
         }
-        holds &= margins[first[0]..].iter().all(|m| m.margin >= 0.0);
+        holds &= margins[sampled..].iter().all(|m| m.margin >= 0.0);
     }
-    Ok(Verdict { margins, holds, first })
+    Ok((Verdict { margins, holds }, rows))
 }
 
 fn margin(ch: &Channel, value: f64, time: f64, dt: f64) -> ConstraintMargin {

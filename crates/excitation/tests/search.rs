@@ -7,11 +7,9 @@ mod common;
 use common::paper;
 use excitation::*;
 use ff_model::mission::Loaded;
-use ff_model::urdf::collision::{Shape, Solid};
-use ff_model::{Params, Xform};
+use ff_model::Params;
 use nalgebra::{Vector3, Vector6};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 
 fn system(file: &str) -> (Loaded, Arc<HeldSystem>) {

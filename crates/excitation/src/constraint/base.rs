@@ -81,14 +81,14 @@ impl Rates {
     }
     /// Carries derivatives with respect to the rates `0..=last` (in the first rows of `over_u`) on to the holding
     /// forces; returns that with respect to `dt`.
-    pub(super) fn adjoint(&self, w: &History, u: &DMatrix<f64>, last: usize, over_u: &mut DMatrix<f64>) -> f64 {
+    pub(super) fn adjoint(&self, w: &History, last: usize, over_u: &mut DMatrix<f64>) -> f64 {
         let m = self.ringing.count();
         let over_rate: Matrix3xX<f64> = over_u.fixed_rows::<3>(0).into_owned();
         let add = |k: usize, l: &mut DVector<f64>| {
             let mut l = l.rows_mut(m, m);
             l += self.shake.tr_mul(&over_rate.column(k));
         };
-        self.ringing.adjoint(&w.rung, u, 3, last, add, over_u)
+        self.ringing.adjoint(&w.rung, 3, last, add, over_u)
     }
 }
 
@@ -135,10 +135,10 @@ impl Signal for BaseRate {
     fn reaches_back(&self) -> bool {
         true
     }
-    fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+    fn adjoint(&self, w: &History, _u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         let e = direction(&w.rate.column(i).into_owned());
         over_u.fixed_view_mut::<3, 1>(0, i).copy_from(&e);
-        self.rates.adjoint(w, u, i, over_u)
+        self.rates.adjoint(w, i, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         out[0] = Vector3::new(at.twist[3], at.twist[4], at.twist[5]).norm();
@@ -262,9 +262,9 @@ impl Signal for BaseAttitude {
     fn reaches_back(&self) -> bool {
         true
     }
-    fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+    fn adjoint(&self, w: &History, _u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         let turn = excursion(&w.turning.attitude[i]).1;
-        w.turning.adjoint(&w.rate, i, &turn, over_u) + self.rates.adjoint(w, u, i, over_u)
+        w.turning.adjoint(&w.rate, i, &turn, over_u) + self.rates.adjoint(w, i, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         out[0] = log_so3(&at.att).norm();

@@ -95,7 +95,7 @@ impl Signal for PassiveRange {
     fn reaches_back(&self) -> bool {
         true
     }
-    fn adjoint(&self, w: &PassiveWork, u: &DMatrix<f64>, channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+    fn adjoint(&self, w: &PassiveWork, _u: &DMatrix<f64>, channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         let coord = self.coords[channel];
         let sign = w.rung.z[i][coord].signum();
         let over = |k: usize, l: &mut nalgebra::DVector<f64>| {
@@ -103,7 +103,7 @@ impl Signal for PassiveRange {
                 l[coord] += sign;
             }
         };
-        self.ringing.adjoint(&w.rung, u, 0, i, over, over_u)
+        self.ringing.adjoint(&w.rung, 0, i, over, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         let rest = self.system.rest();

@@ -58,7 +58,8 @@ struct Step {
 #[derive(Clone, Debug, Default)]
 pub struct Rung {
     step: Step,
-    d_step: Step,
+    /// `dz_(k+1) / dh` at fixed `z_k`.
+    grown: Vec<DVector<f64>>,
     /// Deflections from rest, then their rates.
     pub(super) z: Vec<DVector<f64>>,
 }
@@ -122,41 +123,40 @@ impl Ringing {
         }
         let (step, d_step) = self.discretise(dt);
         let e = |k: usize| u.view((first, k), (m, 1));
-        let mut z = Vec::with_capacity(count);
+        let (mut z, mut grown) = (Vec::with_capacity(count), Vec::with_capacity(count));
         z.push(DVector::zeros(2 * m));
+        let next = |s: &Step, z: &DVector<f64>, k: usize| -> DVector<f64> {
+            &s.f * z + &s.g0 * e(k) + &s.g1 * e(k + 1)
+        };
         for k in 0..count - 1 {
-            let next: DVector<f64> = &step.f * &z[k] + &step.g0 * e(k) + &step.g1 * e(k + 1);
-            z.push(next);
+            grown.push(next(&d_step, &z[k], k));
+            z.push(next(&step, &z[k], k));
         }
-        Rung { step, d_step, z }
+        Rung { step, grown, z }
     }
     /// Carries derivatives with respect to `z_k`, `k <= last`, back: adds those with respect to `e` and returns that with
     /// respect to `dt`.
     pub(super) fn adjoint(
         &self,
         rung: &Rung,
-        u: &DMatrix<f64>,
         first: usize,
         last: usize,
         over_z: impl Fn(usize, &mut DVector<f64>),
         over_u: &mut DMatrix<f64>,
     ) -> f64 {
         let m = self.count();
-        if m == 0 || rung.step.f.is_empty() {
+        if m == 0 || rung.grown.is_empty() {
             return 0.0;
         }
-        let e = |k: usize| u.view((first, k), (m, 1));
         let (mut l, mut over_dt) = (DVector::zeros(2 * m), 0.0);
+        let mut before = DVector::zeros(2 * m);
         for k in (1..=last).rev() {
             over_z(k, &mut l);
-            let mut before = over_u.view_mut((first, k - 1), (m, 1));
-            before += rung.step.g0.tr_mul(&l);
-            let mut here = over_u.view_mut((first, k), (m, 1));
-            here += rung.step.g1.tr_mul(&l);
-            let d = &rung.d_step;
-            let grown: DVector<f64> = &d.f * &rung.z[k - 1] + &d.g0 * e(k - 1) + &d.g1 * e(k);
-            over_dt += l.dot(&grown);
-            l = rung.step.f.tr_mul(&l);
+            over_u.view_mut((first, k - 1), (m, 1)).column_mut(0).gemv_tr(1.0, &rung.step.g0, &l, 1.0);
+            over_u.view_mut((first, k), (m, 1)).column_mut(0).gemv_tr(1.0, &rung.step.g1, &l, 1.0);
+            over_dt += l.dot(&rung.grown[k - 1]);
+            before.gemv_tr(1.0, &rung.step.f, &l, 0.0);
+            std::mem::swap(&mut l, &mut before);
         }
         over_dt
     }

@@ -106,7 +106,7 @@ impl Signal for JointTorque {
     fn reaches_back(&self) -> bool {
         true
     }
-    fn adjoint(&self, w: &TorqueWork, u: &DMatrix<f64>, channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+    fn adjoint(&self, w: &TorqueWork, _u: &DMatrix<f64>, channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         let (n, j) = (self.system.model().nj(), self.joints[channel]);
         let sign = w.sign[(j, i)];
         over_u[(j, i)] = sign;
@@ -119,7 +119,7 @@ impl Signal for JointTorque {
                 *l += &over_z;
             }
         };
-        self.ringing.adjoint(&w.rung, u, n, i, add, over_u)
+        self.ringing.adjoint(&w.rung, n, i, add, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         self.joints.iter().zip(out).for_each(|(&j, o)| *o = at.tau[j].abs());
