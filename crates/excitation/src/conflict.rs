@@ -12,15 +12,15 @@ use crate::limits::{JointLimits, Quantity};
 use crate::problem::Problem;
 use crate::random::{feasible_start, random_plan};
 use crate::spline_plan::{Duration, End, PlanError, SplinePlan};
-use crate::sqp::{Obstacle, SqpOptions, minimise_under, restore};
+use crate::sqp::{Obstacle, SqpOptions, minimise_seen, restore};
 use crate::verdict::{quantity_name, quantity_unit};
-use crate::watch::Watch;
+use crate::watch::Eye;
 use std::fmt;
 
-/// Random starts of every local search for a feasible plan.
-const TRIES: u64 = 3;
+/// Random starts of every local search for a feasible plan, besides the straight plan.
+const TRIES: u64 = 2;
 /// Iterations of each.
-const ITERATIONS: usize = 40;
+const ITERATIONS: usize = 36;
 /// Iterations spent on how far a constraint could be kept.
 const LEAST: usize = 40;
 
@@ -86,21 +86,24 @@ enum Group {
 ///
 /// # Errors
 /// [`PlanError::Interrupted`].
-pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Watch<'_>) -> Result<Option<Conflict>, PlanError> {
+pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Eye<'_>) -> Result<Option<Conflict>, PlanError> {
     if let Some(conflict) = of_joints(problem.plan) {
         return Ok(Some(conflict));
     }
     if problem.constraints.is_empty() {
         return Ok(None);
     }
-    let Some(obstacle) = infeasible(problem, watch)? else { return Ok(None) };
+    let first = starts(problem)?;
+    let Some(obstacle) = infeasible(problem, &first, watch)? else { return Ok(None) };
+    // What is left to be told is near: from where the search stood still, and from the straight plan.
+    let from = [obstacle.x.clone(), first[0].clone()];
     let mut candidates = pressing(problem, &obstacle);
     // All other demands leave at once, if the conflict stays without them.
     let mut without = problem.clone();
     for g in everything(problem).into_iter().filter(|g| !candidates.contains(g)) {
         drop_group(&mut without, g);
     }
-    if infeasible(&without, watch)?.is_none() {
+    if infeasible(&without, &from, watch)?.is_none() {
         without = problem.clone();
         candidates = everything(problem);
     }
@@ -108,14 +111,14 @@ pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Watch<'_>) -> Result<Optio
     for &g in &candidates {
         let mut trial = without.clone();
         drop_group(&mut trial, g);
-        match infeasible(&trial, watch)? {
+        match infeasible(&trial, &from, watch)? {
             Some(_) => without = trial,
             None => members.push(g),
         }
     }
     let mut demands = Vec::new();
     for &g in &members {
-        demands.push(demand(&without, g, watch)?);
+        demands.push(demand(&without, g, &from, watch)?);
     }
     let next = advice(problem.plan, &demands);
     Ok(Some(Conflict { demands, next }))
@@ -150,7 +153,7 @@ fn pressing(problem: &Problem<'_>, obstacle: &Obstacle) -> Vec<Group> {
         }
     }
     let most = obstacle.joints.iter().map(|j| j.1).fold(0.0, f64::max);
-    out.extend(obstacle.joints.iter().filter(|j| j.1 > 1e-3 * most).map(|j| Group::Joint(j.0.0, j.0.1)));
+    out.extend(obstacle.joints.iter().filter(|j| j.1 > 1e-2 * most).map(|j| Group::Joint(j.0.0, j.0.1)));
     out
 }
 
@@ -162,10 +165,10 @@ fn drop_group(problem: &mut Problem<'_>, g: Group) {
 }
 
 /// `None` when a plan was found.
-fn infeasible(problem: &Problem<'_>, watch: &Watch<'_>) -> Result<Option<Obstacle>, PlanError> {
+fn infeasible(problem: &Problem<'_>, from: &[Vec<f64>], watch: &Eye<'_>) -> Result<Option<Obstacle>, PlanError> {
     let mut least: Option<Obstacle> = None;
-    for x in starts(problem)? {
-        match restore(problem, &x, ITERATIONS, watch)? {
+    for x in from {
+        match restore(problem, x, ITERATIONS, watch)? {
             Ok(_) => return Ok(None),
             Err(o) if least.as_ref().is_none_or(|l| o.excess < l.excess) => least = Some(o),
             Err(_) => {}
@@ -185,12 +188,12 @@ fn starts(problem: &Problem<'_>) -> Result<Vec<Vec<f64>>, PlanError> {
 }
 
 /// A plan that keeps `problem` without `g`, and from there the best value of `g`.
-fn demand(problem: &Problem<'_>, g: Group, watch: &Watch<'_>) -> Result<Demand, PlanError> {
+fn demand(problem: &Problem<'_>, g: Group, from: &[Vec<f64>], watch: &Eye<'_>) -> Result<Demand, PlanError> {
     let mut others = problem.clone();
     drop_group(&mut others, g);
     let mut found = None;
-    for x in starts(&others)? {
-        if let Ok(x) = restore(&others, &x, ITERATIONS, watch)? {
+    for x in from {
+        if let Ok(x) = restore(&others, x, ITERATIONS, watch)? {
             found = Some(x);
             break;
         }
@@ -203,7 +206,7 @@ fn demand(problem: &Problem<'_>, g: Group, watch: &Watch<'_>) -> Result<Demand, 
             let possible = found.map(|x| {
                 let least = Problem { cost: &lowest, ..others.clone() };
                 let options = SqpOptions { iterations: LEAST, tolerance: 1e-5 };
-                let x = minimise_under(&least, &x, &options, watch).map_or(x, |o| o.x);
+                let x = minimise_seen(&least, &x, &options, watch).map_or(x, |o| o.x);
                 let most = lowest.rows(problem.plan, &x).iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 let beyond = most * channel.scale;
                 if channel.sense == Sense::AtMost { channel.limit + beyond } else { channel.limit - beyond }

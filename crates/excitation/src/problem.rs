@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 /// Relative distance to the limit within which peaks are looked at.
 const NEAR: f64 = -0.4;
 /// Relative distance to the limit within which every sample is looked at.
-const CLOSE: f64 = -0.02;
+const CLOSE: f64 = -0.003;
 
 /// A cost to be made small by a trajectory that keeps all limits and constraints.
 #[derive(Clone)]

@@ -15,9 +15,9 @@ use crate::cost::Cost;
 use crate::problem::Problem;
 use crate::random::{feasible_start, random_plan};
 use crate::spline_plan::{PlanError, SplinePlan};
-use crate::sqp::{Outcome, SqpOptions, Status, minimise_under, restore};
+use crate::sqp::{Outcome, SqpOptions, Status, minimise_seen, restore};
 use crate::verdict::{Verdict, inspect};
-use crate::watch::Watch;
+use crate::watch::{Eye, Watch};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -98,7 +98,7 @@ pub fn search(
     let deadline = options.time_limit.and_then(|t| Instant::now().checked_add(t));
     let deadline = [deadline, watch.deadline].into_iter().flatten().min();
     let latch = AtomicBool::new(false);
-    let watch = Watch { deadline, latch: Some(&latch), ..*watch };
+    let watch = Eye { watch: Watch { deadline, ..*watch }, start: 0, latch: Some(&latch) };
     let all = run_all(problem, options, &watch);
     let mut best: Option<&Outcome> = None;
     for o in all.iter().flatten() {
@@ -112,7 +112,7 @@ pub fn search(
 }
 
 /// What to answer when no start led to a plan.
-fn failure(problem: &Problem<'_>, all: &[Result<Outcome, PlanError>], watch: &Watch<'_>) -> PlanError {
+fn failure(problem: &Problem<'_>, all: &[Result<Outcome, PlanError>], watch: &Eye<'_>) -> PlanError {
     let errors: Vec<&PlanError> = all.iter().filter_map(|r| r.as_ref().err()).collect();
     if let Some(e) = errors.iter().find(|e| matches!(e, PlanError::Interrupted)) {
         return (*e).clone();
@@ -127,11 +127,11 @@ fn failure(problem: &Problem<'_>, all: &[Result<Outcome, PlanError>], watch: &Wa
     errors[0].clone()
 }
 
-fn run_all(problem: &Problem<'_>, options: &SearchOptions, watch: &Watch<'_>) -> Vec<Result<Outcome, PlanError>> {
+fn run_all(problem: &Problem<'_>, options: &SearchOptions, watch: &Eye<'_>) -> Vec<Result<Outcome, PlanError>> {
     let one = |i: usize| {
-        let watch = Watch { start: i, ..*watch };
+        let watch = Eye { start: i, ..*watch };
         let x = start(problem, options.seed, i as u64, &watch)?;
-        minimise_under(problem, &x, &options.sqp, &watch)
+        minimise_seen(problem, &x, &options.sqp, &watch)
     };
     let threads = options.threads.min(options.starts);
     if threads == 1 {
@@ -159,13 +159,13 @@ fn run_all(problem: &Problem<'_>, options: &SearchOptions, watch: &Watch<'_>) ->
 }
 
 /// A feasible plan for start `stream`.
-pub(crate) fn start(problem: &Problem<'_>, seed: u64, stream: u64, watch: &Watch<'_>) -> Result<Vec<f64>, PlanError> {
+pub(crate) fn start(problem: &Problem<'_>, seed: u64, stream: u64, watch: &Eye<'_>) -> Result<Vec<f64>, PlanError> {
     let x = random_plan(problem.plan, seed, stream, FRACTION)?;
     feasible_near(problem, &x, watch)
 }
 
 /// `x` itself, or a plan near it that keeps the constraints.
-pub(crate) fn feasible_near(problem: &Problem<'_>, x: &[f64], watch: &Watch<'_>) -> Result<Vec<f64>, PlanError> {
+pub(crate) fn feasible_near(problem: &Problem<'_>, x: &[f64], watch: &Eye<'_>) -> Result<Vec<f64>, PlanError> {
     if problem.constraints.is_empty() || problem.excess(x) <= 0.0 {
         return Ok(x.to_vec());
     }
@@ -201,7 +201,7 @@ fn settle(
     system: Option<&HeldSystem>,
     first: Outcome,
     options: &SearchOptions,
-    watch: &Watch<'_>,
+    watch: &Eye<'_>,
 ) -> Result<(Outcome, Verdict, usize), PlanError> {
     let (mut verdict, mut seen) = inspect(problem, system, &first.x)?;
     let mut corrected = problem.clone();
@@ -234,11 +234,11 @@ fn settle(
             break;
         }
         corrected.correction = seen.iter().zip(&rows).map(|(seen, row)| seen - row + further).collect();
-        let next = match minimise_under(&corrected, &last.x, &options.sqp, watch) {
+        let next = match minimise_seen(&corrected, &last.x, &options.sqp, watch) {
             Ok(next) => next,
             // Cut short, or stuck outside: a plan closer to the straight one will do.
             Err(_) => match feasible_near(&corrected, &last.x, watch) {
-                Ok(x) => minimise_under(&corrected, &x, &options.sqp, watch)?,
+                Ok(x) => minimise_seen(&corrected, &x, &options.sqp, watch)?,
                 Err(_) => break,
             },
         };
@@ -283,7 +283,7 @@ pub fn multi_start(
     options: &SqpOptions,
 ) -> Result<MultiStart, PlanError> {
     let search = SearchOptions { seed, starts, threads: 1, sqp: *options, time_limit: None };
-    let all = run_all(&Problem::new(cost, plan), &search, &Watch::default());
+    let all = run_all(&Problem::new(cost, plan), &search, &Eye::default());
     let best = all.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
     match (best, all.first()) {
         (Some(best), _) => Ok(MultiStart { best, all }),
