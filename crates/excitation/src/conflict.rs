@@ -52,7 +52,7 @@ impl fmt::Display for Demand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} of {}: limit {} {}", self.name, self.item, self.limit, self.unit)?;
         match self.possible {
-            Some(v) => write!(f, ", possible with the others {v:.4} {}", self.unit),
+            Some(v) => write!(f, ", possible if all else stays {v:.4} {}", self.unit),
             None => Ok(()),
         }
     }
@@ -82,19 +82,27 @@ enum Group {
     Joint(usize, i32),
 }
 
-/// The conflict of a problem for which no plan was found; `None` if there is none after all. Allocates.
+/// What a closer look at a problem without a plan found.
+pub(crate) enum Answer {
+    /// A plan that keeps everything after all.
+    Plan(Vec<f64>),
+    /// Why there is none.
+    Conflict(Conflict),
+}
+
+/// The conflict of a problem for which no plan was found, or a plan after all. Allocates.
 ///
 /// # Errors
 /// [`PlanError::Interrupted`].
-pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Eye<'_>) -> Result<Option<Conflict>, PlanError> {
+pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Eye<'_>) -> Result<Answer, PlanError> {
     if let Some(conflict) = of_joints(problem.plan) {
-        return Ok(Some(conflict));
-    }
-    if problem.constraints.is_empty() {
-        return Ok(None);
+        return Ok(Answer::Conflict(conflict));
     }
     let first = starts(problem)?;
-    let Some(obstacle) = infeasible(problem, &first, watch)? else { return Ok(None) };
+    let obstacle = match infeasible(problem, &first, watch)? {
+        Err(x) => return Ok(Answer::Plan(x)),
+        Ok(obstacle) => obstacle,
+    };
     // What is left to be told is near: from where the search stood still, and from the straight plan.
     let from = [obstacle.x.clone(), first[0].clone()];
     let mut candidates = pressing(problem, &obstacle);
@@ -103,7 +111,7 @@ pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Eye<'_>) -> Result<Option<
     for g in everything(problem).into_iter().filter(|g| !candidates.contains(g)) {
         drop_group(&mut without, g);
     }
-    if infeasible(&without, &from, watch)?.is_none() {
+    if infeasible(&without, &from, watch)?.is_err() {
         without = problem.clone();
         candidates = everything(problem);
     }
@@ -112,16 +120,16 @@ pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Eye<'_>) -> Result<Option<
         let mut trial = without.clone();
         drop_group(&mut trial, g);
         match infeasible(&trial, &from, watch)? {
-            Some(_) => without = trial,
-            None => members.push(g),
+            Ok(_) => without = trial,
+            Err(x) => members.push((g, x)),
         }
     }
     let mut demands = Vec::new();
-    for &g in &members {
-        demands.push(demand(&without, g, &from, watch)?);
+    for (g, x) in members {
+        demands.push(demand(problem, g, &[x.as_slice(), &first[0], &obstacle.x], watch)?);
     }
     let next = advice(problem.plan, &demands);
-    Ok(Some(Conflict { demands, next }))
+    Ok(Answer::Conflict(Conflict { demands, next }))
 }
 
 /// Everything that can be left out.
@@ -164,17 +172,21 @@ fn drop_group(problem: &mut Problem<'_>, g: Group) {
     }
 }
 
-/// `None` when a plan was found.
-fn infeasible(problem: &Problem<'_>, from: &[Vec<f64>], watch: &Eye<'_>) -> Result<Option<Obstacle>, PlanError> {
+/// Where the searches stood still, or a plan as the error.
+fn infeasible(
+    problem: &Problem<'_>,
+    from: &[Vec<f64>],
+    watch: &Eye<'_>,
+) -> Result<Result<Obstacle, Vec<f64>>, PlanError> {
     let mut least: Option<Obstacle> = None;
     for x in from {
         match restore(problem, x, ITERATIONS, watch)? {
-            Ok(_) => return Ok(None),
+            Ok(x) => return Ok(Err(x)),
             Err(o) if least.as_ref().is_none_or(|l| o.excess < l.excess) => least = Some(o),
             Err(_) => {}
         }
     }
-    Ok(least)
+    least.map(Ok).ok_or(PlanError::Undefined)
 }
 
 /// The slowest straight plan, and random ones.
@@ -187,12 +199,12 @@ fn starts(problem: &Problem<'_>) -> Result<Vec<Vec<f64>>, PlanError> {
     Ok(out)
 }
 
-/// A plan that keeps `problem` without `g`, and from there the best value of `g`.
-fn demand(problem: &Problem<'_>, g: Group, from: &[Vec<f64>], watch: &Eye<'_>) -> Result<Demand, PlanError> {
+/// The best value of `g` when everything else of `problem` is kept, if a plan for that is found from one of `from`.
+fn demand(problem: &Problem<'_>, g: Group, from: &[&[f64]], watch: &Eye<'_>) -> Result<Demand, PlanError> {
     let mut others = problem.clone();
     drop_group(&mut others, g);
     let mut found = None;
-    for x in from {
+    for x in from.iter().filter(|x| others.violated(x).is_none()) {
         if let Ok(x) = restore(&others, x, ITERATIONS, watch)? {
             found = Some(x);
             break;
@@ -203,10 +215,10 @@ fn demand(problem: &Problem<'_>, g: Group, from: &[Vec<f64>], watch: &Eye<'_>) -
             let constraint = problem.constraints[k];
             let channel = &constraint.channels()[ch];
             let lowest = Lowest { constraint, channel: ch };
-            let possible = found.map(|x| {
+            let possible = found.map(|found| {
                 let least = Problem { cost: &lowest, ..others.clone() };
                 let options = SqpOptions { iterations: LEAST, tolerance: 1e-5 };
-                let x = minimise_seen(&least, &x, &options, watch).map_or(x, |o| o.x);
+                let x = minimise_seen(&least, &found, &options, watch).map_or(found, |o| o.x);
                 let most = lowest.rows(problem.plan, &x).iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 let beyond = most * channel.scale;
                 if channel.sense == Sense::AtMost { channel.limit + beyond } else { channel.limit - beyond }

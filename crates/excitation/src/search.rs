@@ -9,13 +9,13 @@
 //! added to them, sample by sample, and the search goes on from that plan with the derivatives it has (defect
 //! correction), until both agree: at most [`ROUNDS`] times. What is returned is the best plan that held in simulation.
 
-use crate::conflict::diagnose;
+use crate::conflict::{Answer, diagnose};
 use crate::constraint::HeldSystem;
 use crate::cost::Cost;
 use crate::problem::Problem;
 use crate::random::{feasible_start, random_plan};
 use crate::spline_plan::{PlanError, SplinePlan};
-use crate::sqp::{Outcome, SqpOptions, Status, minimise_seen, restore};
+use crate::sqp::{Outcome, SqpOptions, minimise_seen, restore};
 use crate::verdict::{Verdict, inspect};
 use crate::watch::{Eye, Watch};
 use std::sync::Mutex;
@@ -61,7 +61,8 @@ impl Default for SearchOptions {
 pub struct Found {
     /// The plan: variables, cost, why the search stopped.
     pub best: Outcome,
-    /// Every local search, in the order of the starts.
+    /// Every local search, in the order of the starts; after them one from a plan found by other means, if no start led to
+    /// one.
     pub all: Vec<Result<Outcome, PlanError>>,
     /// Margins: joint limits for all time, constraints by full simulation.
     pub verdict: Verdict,
@@ -82,9 +83,8 @@ pub fn search(
     options: &SearchOptions,
     watch: &Watch<'_>,
 ) -> Result<Found, PlanError> {
-    let argument = |what, got: usize| {
-        Err(PlanError::Argument { what, got: got.to_string(), expected: "at least 1".into() })
-    };
+    let argument =
+        |what, got: usize| Err(PlanError::Argument { what, got: got.to_string(), expected: "at least 1".into() });
     if options.starts == 0 {
         return argument("starts", 0);
     }
@@ -99,32 +99,34 @@ pub fn search(
     let deadline = [deadline, watch.deadline].into_iter().flatten().min();
     let latch = AtomicBool::new(false);
     let watch = Eye { watch: Watch { deadline, ..*watch }, start: 0, latch: Some(&latch) };
-    let all = run_all(problem, options, &watch);
-    let mut best: Option<&Outcome> = None;
-    for o in all.iter().flatten() {
-        if best.is_none_or(|b| o.cost.total_cmp(&b.cost).is_lt()) {
-            best = Some(o);
-        }
+    let mut all = run_all(problem, options, &watch);
+    if all.iter().all(Result::is_err) {
+        all.push(Ok(after_all(problem, &all, options, &watch)?));
     }
-    let Some(best) = best else { return Err(failure(problem, &all, &watch)) };
-    let (best, verdict, rounds) = settle(problem, system, best.clone(), options, &watch)?;
+    let best = all.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
+    let Some(best) = best else { return Err(PlanError::Undefined) };
+    let (best, verdict, rounds) = settle(problem, system, best, options, &watch)?;
     Ok(Found { best, all, verdict, rounds })
 }
 
-/// What to answer when no start led to a plan.
-fn failure(problem: &Problem<'_>, all: &[Result<Outcome, PlanError>], watch: &Eye<'_>) -> PlanError {
+/// When no start led to a plan: why, as an error, or a plan that the search for the reason has come upon.
+fn after_all(
+    problem: &Problem<'_>,
+    all: &[Result<Outcome, PlanError>],
+    options: &SearchOptions,
+    watch: &Eye<'_>,
+) -> Result<Outcome, PlanError> {
     let errors: Vec<&PlanError> = all.iter().filter_map(|r| r.as_ref().err()).collect();
     if let Some(e) = errors.iter().find(|e| matches!(e, PlanError::Interrupted)) {
-        return (*e).clone();
+        return Err((*e).clone());
     }
     if errors.iter().any(|e| matches!(e, PlanError::Broken { .. } | PlanError::Infeasible { .. })) {
-        match diagnose(problem, watch) {
-            Ok(Some(conflict)) => return PlanError::Conflict(Box::new(conflict)),
-            Ok(None) => {}
-            Err(e) => return e,
-        }
+        return match diagnose(problem, watch)? {
+            Answer::Plan(x) => minimise_seen(problem, &x, &options.sqp, watch),
+            Answer::Conflict(c) => Err(PlanError::Conflict(Box::new(c))),
+        };
     }
-    errors[0].clone()
+    Err(errors[0].clone())
 }
 
 fn run_all(problem: &Problem<'_>, options: &SearchOptions, watch: &Eye<'_>) -> Vec<Result<Outcome, PlanError>> {
@@ -242,7 +244,12 @@ fn settle(
                 Err(_) => break,
             },
         };
-        last = Outcome { start_cost: last.start_cost, ..next };
+        last = Outcome {
+            start_cost: last.start_cost,
+            iterations: last.iterations + next.iterations,
+            evaluations: last.evaluations + next.evaluations,
+            ..next
+        };
         (verdict, seen) = inspect(problem, system, &last.x)?;
     }
     kept.map(|(best, verdict)| (best, verdict, ROUNDS)).ok_or_else(|| unverified(&verdict))
@@ -250,13 +257,9 @@ fn settle(
 
 fn unverified(verdict: &Verdict) -> PlanError {
     match verdict.worst() {
-        Some(m) => PlanError::Unverified {
-            name: m.name,
-            item: m.item.clone(),
-            value: m.value,
-            limit: m.limit,
-            unit: m.unit,
-        },
+        Some(m) => {
+            PlanError::Unverified { name: m.name, item: m.item.clone(), value: m.value, limit: m.limit, unit: m.unit }
+        }
         None => PlanError::Undefined,
     }
 }
@@ -290,9 +293,4 @@ pub fn multi_start(
         (None, Some(Err(e))) => Err(e.clone()),
         _ => Err(PlanError::Argument { what: "starts", got: "0".into(), expected: "at least 1".into() }),
     }
-}
-
-/// True when a status means that the search was cut short from outside.
-pub fn cut_short(status: Status) -> bool {
-    matches!(status, Status::Interrupted | Status::TimeLimit)
 }

@@ -70,8 +70,10 @@ pub enum PlanError {
     #[error("the plan cannot be simulated: {0}")]
     Simulation(#[from] SimError),
     /// Constraints that hold for the appendages held do not hold with the appendages swinging.
-    #[error("{name} of {item} is {value} {unit} in the full simulation, limit {limit} {unit}, and keeping away from the \
-             limit did not help; loosen it, or plan slower")]
+    #[error(
+        "{name} of {item} is {value} {unit} in the full simulation, limit {limit} {unit}, and keeping away from the \
+             limit did not help; loosen it, or plan slower"
+    )]
     Unverified {
         /// What is limited.
         name: &'static str,
@@ -84,6 +86,14 @@ pub enum PlanError {
         /// Unit of both.
         unit: &'static str,
     },
+}
+
+impl PlanError {
+    /// True when what is asked for cannot be had (exit code 13), rather than being asked for wrongly.
+    pub fn is_ill_posed(&self) -> bool {
+        use PlanError::{Broken, Conflict, Infeasible, Unverified};
+        matches!(self, Broken { .. } | Conflict(_) | Infeasible { .. } | Unverified { .. })
+    }
 }
 
 /// Names one constraint of a plan.

@@ -159,7 +159,13 @@ pub(crate) fn restore(
     }
     Ok(match run.best {
         Some((_, x, _)) => Ok(x),
-        None => Err(Obstacle { x: run.at.x, excess: largest(&run.at.c), rows: run.at.c, joints: run.pressing, pull: run.pull }),
+        None => Err(Obstacle {
+            x: run.at.x,
+            excess: largest(&run.at.c),
+            rows: run.at.c,
+            joints: run.pressing,
+            pull: run.pull,
+        }),
     })
 }
 
@@ -242,13 +248,7 @@ impl<'a, 'b> Run<'a, 'b> {
             return Err(PlanError::Infeasible { which });
         }
         let rows = problem.rows();
-        let at = At {
-            x: start.to_vec(),
-            f: 0.0,
-            g: DVector::zeros(n),
-            c: vec![0.0; rows],
-            j: DMatrix::zeros(rows, n),
-        };
+        let at = At { x: start.to_vec(), f: 0.0, g: DVector::zeros(n), c: vec![0.0; rows], j: DMatrix::zeros(rows, n) };
         let mut run = Self {
             problem,
             with_cost,
@@ -376,7 +376,8 @@ impl<'a, 'b> Run<'a, 'b> {
                 break;
             };
             self.remember(&names, &step);
-            let small = if self.with_cost { options.tolerance * (1.0 + self.at.f.abs()) } else { 1e-3 * self.mu * worst };
+            let small =
+                if self.with_cost { options.tolerance * (1.0 + self.at.f.abs()) } else { 1e-3 * self.mu * worst };
             if predicted.max(-slope) <= small {
                 if worst <= 0.0 {
                     self.status = Status::Converged;
