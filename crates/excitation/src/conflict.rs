@@ -95,7 +95,7 @@ pub(crate) enum Answer {
 /// # Errors
 /// [`PlanError::Interrupted`].
 pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Eye<'_>) -> Result<Answer, PlanError> {
-    if let Some(conflict) = of_joints(problem.plan) {
+    if let Some(conflict) = of_joints(problem) {
         return Ok(Answer::Conflict(conflict));
     }
     let first = starts(problem)?;
@@ -238,7 +238,8 @@ fn demand(problem: &Problem<'_>, g: Group, from: &[&[f64]], watch: &Eye<'_>) -> 
                 rows.map(|r| r.value(&x) / t.powi(power)).fold(0.0, f64::max)
             });
             let name = if power == 0 { "joint range" } else { quantity_name(quantity) };
-            let (item, unit) = (format!("joint {joint}"), quantity_unit(quantity, false));
+            let (item, prismatic) = problem.joint(joint);
+            let unit = quantity_unit(quantity, prismatic);
             Ok(Demand { name: name.into(), item, limit, possible, unit })
         }
     }
@@ -283,7 +284,8 @@ impl Cost for Lowest<'_> {
 }
 
 /// The conflict of joint limits alone, at the longest duration, exactly; `None` when a plan keeps them.
-fn of_joints(plan: &SplinePlan) -> Option<Conflict> {
+fn of_joints(problem: &Problem<'_>) -> Option<Conflict> {
+    let plan = problem.plan;
     let t = plan.longest();
     let fits = |t: f64, limits: &[JointLimits]| {
         let mut spec = plan.spec().clone();
@@ -330,13 +332,9 @@ fn of_joints(plan: &SplinePlan) -> Option<Conflict> {
                 })
             });
             let name = if power == 0 { "joint range" } else { quantity_name(quantity) };
-            Demand {
-                name: name.into(),
-                item: format!("joint {joint}"),
-                limit,
-                possible: possible.flatten(),
-                unit: quantity_unit(quantity, false),
-            }
+            let (item, prismatic) = problem.joint(joint);
+            let unit = quantity_unit(quantity, prismatic);
+            Demand { name: name.into(), item, limit, possible: possible.flatten(), unit }
         })
         .collect();
     if let Some(longer) = smallest(t, |t| fits(t, &limits)) {

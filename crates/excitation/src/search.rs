@@ -95,6 +95,8 @@ pub fn search(
         let (got, expected) = ("none".into(), "the system, when there are constraints".into());
         return Err(PlanError::Argument { what: "system to verify on", got, expected });
     }
+    let named = system.filter(|_| problem.joints.is_empty()).map(|s| problem.clone().named(s.model()));
+    let problem = named.as_ref().unwrap_or(problem);
     let deadline = options.time_limit.and_then(|t| Instant::now().checked_add(t));
     let deadline = [deadline, watch.deadline].into_iter().flatten().min();
     let latch = AtomicBool::new(false);

@@ -215,7 +215,7 @@ fn a_way_too_long_for_the_speed_limit_is_named_with_the_time_it_needs() {
     end[2] += 1.9;
     let plan = plan(&q, End::Fixed(end), Duration::Free { min: 5.0, max: 9.0 }, 8);
     let c = conflict(&system, &plan, &[]);
-    assert_eq!(named(&c), [("duration", "the plan"), ("joint speed", "joint 2")]);
+    assert_eq!(named(&c), [("duration", "the plan"), ("joint speed", "joint3")]);
     // 1.9 rad at 0.17 rad/s is 11.2 s, and a spline that starts and ends at rest needs somewhat longer.
     let needed = c.demands.iter().find(|d| d.unit == "s").unwrap().possible.unwrap();
     assert!(needed > 11.2 && needed < 20.0, "{needed}");
@@ -223,7 +223,7 @@ fn a_way_too_long_for_the_speed_limit_is_named_with_the_time_it_needs() {
 }
 
 #[test]
-fn conflicting_pairs_are_named() {
+fn demands_that_conflict_are_named() {
     let (loaded, system) = system("slosh.toml");
     let q = hold(&loaded);
     let mut end = q.clone();
@@ -246,15 +246,11 @@ fn conflicting_pairs_are_named() {
     let found = search(&problem, Some(&system), &options(1, 5), &Watch::default());
     assert!(found.is_ok(), "{}", found.unwrap_err());
 
-    // The move takes torque; the joint cannot bring it and be there in time.
-    let fast = plan(&q, End::Fixed(end), Duration::Fixed(20.0), 6);
-    let mut limits = [50.0; 7];
-    limits[0] = 0.002;
-    let weak = JointTorque::new(&system, &q, &limits).unwrap();
+    // The move takes work, and no joint may do any to speak of.
+    let weak = JointTorque::new(&system, &q, &[0.002; 7]).unwrap();
     let wide = BaseAttitude::new(&system, &q, 2.0).unwrap();
-    let c = conflict(&system, &fast, &[&weak, &wide]);
-    let first = loaded.model.joint_names()[0].clone();
-    assert!(named(&c).contains(&("joint torque", first.as_str())) && !named(&c).iter().any(|d| d.1 == "base"), "{c}");
+    let c = conflict(&system, &slow, &[&weak, &wide]);
+    assert!(named(&c).iter().any(|d| d.0 == "joint torque") && !named(&c).iter().any(|d| d.1 == "base"), "{c}");
 }
 
 #[test]
