@@ -249,7 +249,8 @@ fn demands_that_conflict_are_named() {
     // The move takes work, and no joint may do any to speak of.
     let weak = JointTorque::new(&system, &q, &[0.002; 7]).unwrap();
     let wide = BaseAttitude::new(&system, &q, 2.0).unwrap();
-    let c = conflict(&system, &slow, &[&weak, &wide]);
+    let short = plan(&q, slow.spec().end.clone(), Duration::Fixed(20.0), 3);
+    let c = conflict(&system, &short, &[&weak, &wide]);
     assert!(named(&c).iter().any(|d| d.0 == "joint torque") && !named(&c).iter().any(|d| d.1 == "base"), "{c}");
 }
 
