@@ -5,7 +5,8 @@
 //! any of them keeps the joint limits for all time.
 //!
 //! [`plan_information`] and [`plan_quiet`] put these together for a model: [`rigid`] is what the costs need of
-//! it, [`modal_response`] what drives its modes, [`prediction`] what the plan will tell.
+//! it, [`modal_response`] what drives its modes, [`prediction`] what the plan will tell. [`trajectory_file`] writes
+//! and reads trajectories.
 
 pub mod cost;
 pub mod limits;
@@ -18,6 +19,7 @@ pub mod random;
 pub mod rigid;
 pub mod spline_plan;
 pub mod sqp;
+pub mod trajectory_file;
 
 pub use cost::base::{BaseMotion, BasePartials, BaseResponse};
 pub use cost::disturbance::{Disturbance, DrivenMode};
@@ -34,4 +36,5 @@ pub use prediction::Prediction;
 pub use random::{feasible_start, random_plan};
 pub use rigid::{RigidBase, RigidError, RigidInformation, SensorNoise};
 pub use spline_plan::{Duration, End, PlanError, PlanSpec, SplinePlan, Which};
+pub use trajectory_file::{NamedJoint, Origin, Samples, Trajectory, TrajectoryFile, named_joints, write_csv};
 pub use sqp::{MultiStart, Outcome, SqpOptions, Status, minimise, multi_start};

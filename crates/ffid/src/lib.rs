@@ -18,8 +18,10 @@
 //! ```
 
 pub mod exit;
+pub mod files;
 pub mod modes;
 pub mod open;
+pub mod plot;
 pub mod summary;
 
 pub use excitation;

@@ -4,7 +4,7 @@
 //! the difference over `N` is one call, because start-up cancels. Counts are kept in `bench/instructions.json`.
 
 use super::{Args, build};
-use crate::atomic;
+use ffid::files::atomic;
 use crate::exit::Failure;
 use crate::table::Table;
 use serde::{Deserialize, Serialize};

@@ -2,9 +2,9 @@
 
 use super::run::{self, Pin};
 use super::{Args, Effort, build};
-use crate::atomic;
+use ffid::files::atomic;
 use crate::exit::Failure;
-use crate::plot::{Figure, Panel, Series};
+use ffid::plot::{Figure, Panel, Series};
 use crate::table::{Table, sig};
 use serde_json::Value;
 use std::path::Path;

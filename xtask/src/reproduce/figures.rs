@@ -2,8 +2,8 @@
 
 use super::experiment::Experiment;
 use super::spectra::{Frequencies, Spectra};
-use crate::csv_out::{self, Column};
-use crate::plot::{Figure, Panel};
+use ffid::files::csv_out::{self, Column};
+use ffid::plot::{Figure, Panel};
 use ffid::ident::psd::Psd;
 use std::path::Path;
 

@@ -5,12 +5,12 @@
 //! reduced to what the eye can see, so that an SVG stays small however long the record.
 //!
 //! ```no_run
-//! use xtask::plot::{Figure, Panel, Series};
+//! use ffid::plot::{Figure, Panel, Series};
 //! # let (t, tau) = (vec![0.0, 1.0], vec![0.0, 1.0]);
 //! let mut torque = Panel::new("time (s)", "joint torque (N m)");
 //! torque.series.push(Series::new("joint 2", &t, &tau));
 //! Figure::new("Free response").panel(torque).write("target/reproduce/fig4".as_ref())?;
-//! # Ok::<(), xtask::exit::Failure>(())
+//! # Ok::<(), ffid::exit::Failure>(())
 //! ```
 
 mod canvas;
@@ -20,8 +20,8 @@ mod polyline;
 mod raster;
 mod scale;
 
-use crate::atomic;
 use crate::exit::Failure;
+use crate::files::atomic;
 use std::path::{Path, PathBuf};
 
 /// Width of every figure (px of the SVG; the PNG has twice as many).
