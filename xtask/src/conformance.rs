@@ -4,9 +4,9 @@
 //! `--systems N` random systems of mixed kinds move for ten seconds each and are held to momentum and energy.
 
 use crate::exit::Failure;
-use ffid::files::json;
 use crate::table::{Table, sig};
 use ff_model::{DynAppendage, Registry};
+use ffid::files::json;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::PathBuf;

@@ -36,5 +36,5 @@ pub use prediction::Prediction;
 pub use random::{feasible_start, random_plan};
 pub use rigid::{RigidBase, RigidError, RigidInformation, SensorNoise};
 pub use spline_plan::{Duration, End, PlanError, PlanSpec, SplinePlan, Which};
-pub use trajectory_file::{NamedJoint, Origin, Samples, Trajectory, TrajectoryFile, named_joints, write_csv};
 pub use sqp::{MultiStart, Outcome, SqpOptions, Status, minimise, multi_start};
+pub use trajectory_file::{NamedJoint, Origin, Samples, Trajectory, TrajectoryFile, named_joints, write_csv};

@@ -37,11 +37,7 @@ pub struct NamedJoint {
 /// The moving joints of a model, in its order. Allocates.
 pub fn named_joints(model: &Model) -> Vec<NamedJoint> {
     let unit = |k: JointKind| if k == JointKind::Prismatic { "m" } else { "rad" };
-    model
-        .bodies()
-        .iter()
-        .map(|b| NamedJoint { name: b.joint.name.clone(), unit: unit(b.joint.kind) })
-        .collect()
+    model.bodies().iter().map(|b| NamedJoint { name: b.joint.name.clone(), unit: unit(b.joint.kind) }).collect()
 }
 
 /// A motion that a file can hold exactly.
@@ -140,7 +136,8 @@ fn match_joints(file: &[NamedJoint], model: &[NamedJoint]) -> Result<Vec<usize>,
     let mut bad = Problems::default();
     let place = |j: &NamedJoint| file.iter().position(|f| f.name == j.name);
     let order: Vec<Option<usize>> = model.iter().map(place).collect();
-    let missing: Vec<&str> = model.iter().zip(&order).filter(|(_, o)| o.is_none()).map(|(j, _)| j.name.as_str()).collect();
+    let missing: Vec<&str> =
+        model.iter().zip(&order).filter(|(_, o)| o.is_none()).map(|(j, _)| j.name.as_str()).collect();
     let extra: Vec<&str> =
         file.iter().filter(|f| !model.iter().any(|j| j.name == f.name)).map(|f| f.name.as_str()).collect();
     if !missing.is_empty() || !extra.is_empty() {
@@ -148,9 +145,14 @@ fn match_joints(file: &[NamedJoint], model: &[NamedJoint]) -> Result<Vec<usize>,
             if names.is_empty() { String::new() } else { format!("{what}: {}", list(names.iter().copied(), 12)) }
         };
         let what = [say("missing", &missing), say("extra", &extra)].into_iter().filter(|s| !s.is_empty());
-        let what = format!("joints of the trajectory are not those of the robot; {}", what.collect::<Vec<_>>().join("; "));
-        let near = extra.first().and_then(|e| nearest(e, missing.iter().copied()).map(|n| format!("is {e} meant to be {n}?")));
-        bad.push(data("Data::NameMismatch", what).hint(near.unwrap_or_else(|| "use the trajectory with its own robot".into())));
+        let what =
+            format!("joints of the trajectory are not those of the robot; {}", what.collect::<Vec<_>>().join("; "));
+        let near =
+            extra.first().and_then(|e| nearest(e, missing.iter().copied()).map(|n| format!("is {e} meant to be {n}?")));
+        bad.push(
+            data("Data::NameMismatch", what)
+                .hint(near.unwrap_or_else(|| "use the trajectory with its own robot".into())),
+        );
         return Err(bad);
     }
     for (j, o) in model.iter().zip(order.iter().flatten()) {

@@ -91,6 +91,20 @@ pub enum Failure {
         #[source]
         source: io::Error,
     },
+    /// The output is there already.
+    #[error("{}: exists already; give another --out, or --force to replace it", path.display())]
+    Exists {
+        /// The file or directory.
+        path: PathBuf,
+    },
+    /// Another run is writing the same output.
+    #[error("{}: locked by another run ({by}); wait for it, or give another --out", path.display())]
+    Locked {
+        /// The lock file.
+        path: PathBuf,
+        /// Who holds it.
+        by: String,
+    },
     /// A number that must be finite is not.
     #[error("{place} is not finite ({value}); look for the step that produced it")]
     NotFinite {
@@ -135,7 +149,8 @@ impl Failure {
     /// The code a process ends with that fails so.
     pub fn code(&self) -> u8 {
         match self {
-            Self::Io { .. } => Exit::Io.code(),
+            Self::Io { .. } | Self::Exists { .. } => Exit::Io.code(),
+            Self::Locked { .. } => Exit::Locked.code(),
             Self::NotFinite { .. } | Self::Length { .. } | Self::Numerical(_) => Exit::Numerical.code(),
             Self::Tolerance(_) => Exit::Tolerance.code(),
             // A child killed by a signal has no code of its own.

@@ -22,8 +22,8 @@ mod spectra;
 
 use crate::exit::Failure;
 use crate::workspace;
-use ffid::files::json;
 use experiment::Experiment;
+use ffid::files::json;
 use indicatif::{ProgressBar, ProgressStyle};
 use score::Columns;
 use serde::Serialize;

@@ -108,10 +108,11 @@ impl Samples {
 /// The samples as CSV text; every number in its shortest exact form. Allocates.
 pub fn write_csv(s: &Samples) -> String {
     let n = s.joints.len();
-    let columns: Vec<(&str, &str, &Vec<f64>)> = [("q", "", Some(&s.q)), ("qd", "/s", s.qd.as_ref()), ("qdd", "/s^2", s.qdd.as_ref())]
-        .into_iter()
-        .filter_map(|(k, per, v)| Some((k, per, v?)))
-        .collect();
+    let columns: Vec<(&str, &str, &Vec<f64>)> =
+        [("q", "", Some(&s.q)), ("qd", "/s", s.qd.as_ref()), ("qdd", "/s^2", s.qdd.as_ref())]
+            .into_iter()
+            .filter_map(|(k, per, v)| Some((k, per, v?)))
+            .collect();
     let mut out = String::from("time[s]");
     for (kind, per, _) in &columns {
         for j in &s.joints {
@@ -154,19 +155,26 @@ fn read(text: &str, joints: &[NamedJoint], bad: &mut Problems) -> Option<Samples
     }
     if !text.ends_with('\n') {
         let what = "the last line does not end; it may be cut short";
-        bad.push(data("Data::MaybeTruncated", what).at_line(text.lines().count()).hint("write the file again, or end the line"));
+        bad.push(
+            data("Data::MaybeTruncated", what)
+                .at_line(text.lines().count())
+                .hint("write the file again, or end the line"),
+        );
     }
     let mut reader = csv::ReaderBuilder::new().has_headers(false).flexible(true).from_reader(text.as_bytes());
     let mut rows = reader.records();
     let Some(Ok(head)) = rows.next() else {
-        bad.push(data("Data::NoSamples", "there is no line of column names").hint("begin with time[s],q.<joint>[rad],..."));
+        bad.push(
+            data("Data::NoSamples", "there is no line of column names").hint("begin with time[s],q.<joint>[rad],..."),
+        );
         return None;
     };
     let head: Vec<String> = head.iter().map(|c| c.trim().to_owned()).collect();
     let columns = columns(&head, joints, bad)?;
     let n = joints.len();
     let mut s = Samples { joints: joints.to_vec(), times: Vec::new(), q: Vec::new(), qd: None, qdd: None };
-    let present: Vec<bool> = (0..KINDS.len()).map(|k| columns.iter().any(|c| matches!(c, Column::Joint(k2, ..) if *k2 == k))).collect();
+    let present: Vec<bool> =
+        (0..KINDS.len()).map(|k| columns.iter().any(|c| matches!(c, Column::Joint(k2, ..) if *k2 == k))).collect();
     let mut values = [Vec::new(), Vec::new(), Vec::new()];
     let mut numbers_bad = 0;
     for row in rows {
@@ -180,7 +188,9 @@ fn read(text: &str, joints: &[NamedJoint], bad: &mut Problems) -> Option<Samples
         let line = row.position().map_or(0, |p| p.line() as usize);
         if row.len() != columns.len() {
             let what = format!("{} cells, the line of names has {}", row.len(), columns.len());
-            bad.push(data("Data::RowLength", what).at_line(line).hint("the file may be cut short, or use decimal commas"));
+            bad.push(
+                data("Data::RowLength", what).at_line(line).hint("the file may be cut short, or use decimal commas"),
+            );
             return None;
         }
         let k = s.times.len();
@@ -200,7 +210,12 @@ fn read(text: &str, joints: &[NamedJoint], bad: &mut Problems) -> Option<Samples
                     numbers_bad += 1;
                     if numbers_bad <= LISTED {
                         let what = format!("'{}' in data row {} is not a number", clip(cell), k + 1);
-                        bad.push(data("Data::BadNumber", what).at_line(line).on(name).hint("write numbers with a decimal point"));
+                        bad.push(
+                            data("Data::BadNumber", what)
+                                .at_line(line)
+                                .on(name)
+                                .hint("write numbers with a decimal point"),
+                        );
                     }
                 }
                 (Some(x), Column::Time) => time = x,
@@ -210,7 +225,10 @@ fn read(text: &str, joints: &[NamedJoint], bad: &mut Problems) -> Option<Samples
         s.times.push(time);
     }
     if numbers_bad > LISTED {
-        bad.push(data("Data::NotFinite", format!("{} cells more like these", numbers_bad - LISTED)).hint("write the file again"));
+        bad.push(
+            data("Data::NotFinite", format!("{} cells more like these", numbers_bad - LISTED))
+                .hint("write the file again"),
+        );
     }
     let [q, qd, qdd] = values;
     s.q = q;
@@ -231,7 +249,8 @@ fn read(text: &str, joints: &[NamedJoint], bad: &mut Problems) -> Option<Samples
 /// Which column is what; all that is wrong with the names.
 fn columns(head: &[String], joints: &[NamedJoint], bad: &mut Problems) -> Option<Vec<Column>> {
     if head.len() == 1 {
-        let guess = [(';', "semicolons"), ('\t', "tabs"), ('|', "bars")].into_iter().find(|(c, _)| head[0].contains(*c));
+        let guess =
+            [(';', "semicolons"), ('\t', "tabs"), ('|', "bars")].into_iter().find(|(c, _)| head[0].contains(*c));
         let what = match guess {
             Some((_, name)) => format!("columns seem to be separated by {name}, must be commas"),
             None => "only one column".to_owned(),
@@ -244,7 +263,9 @@ fn columns(head: &[String], joints: &[NamedJoint], bad: &mut Problems) -> Option
     for cell in head {
         let Some((name, unit)) = cell.strip_suffix(']').and_then(|c| c.rsplit_once('[')) else {
             let what = format!("column '{}' has no unit", clip(cell));
-            bad.push(data("Data::UnitMissing", what).at_line(1).hint("write time[s], q.<joint>[rad], qd.<joint>[rad/s]"));
+            bad.push(
+                data("Data::UnitMissing", what).at_line(1).hint("write time[s], q.<joint>[rad], qd.<joint>[rad/s]"),
+            );
             out.push(None);
             continue;
         };
@@ -288,15 +309,22 @@ fn columns(head: &[String], joints: &[NamedJoint], bad: &mut Problems) -> Option
             _ => false,
         };
         if out[..i].iter().any(same) {
-            bad.push(data("Data::Columns", format!("column '{}' is there twice", clip(&head[i]))).at_line(1).hint("keep one of the two"));
+            bad.push(
+                data("Data::Columns", format!("column '{}' is there twice", clip(&head[i])))
+                    .at_line(1)
+                    .hint("keep one of the two"),
+            );
         }
     }
-    let has = |kind: usize, joint: usize| out.iter().flatten().any(|c| matches!(c, Column::Joint(k, j, _) if (*k, *j) == (kind, joint)));
+    let has = |kind: usize, joint: usize| {
+        out.iter().flatten().any(|c| matches!(c, Column::Joint(k, j, _) if (*k, *j) == (kind, joint)))
+    };
     if !out.contains(&Some(Column::Time)) && !bad.0.iter().any(|p| p.message.contains("time")) {
         bad.push(data("Data::Columns", "there is no column time[s]").at_line(1).hint("give the time of every sample"));
     }
     let unitless = bad.has("Data::UnitMissing") || bad.has("Data::Unit");
-    let missing: Vec<&str> = joints.iter().enumerate().filter(|(j, _)| !has(0, *j)).map(|(_, j)| j.name.as_str()).collect();
+    let missing: Vec<&str> =
+        joints.iter().enumerate().filter(|(j, _)| !has(0, *j)).map(|(_, j)| j.name.as_str()).collect();
     if !extra.is_empty() || !(missing.is_empty() || unitless) {
         let say = |what: &str, names: &[&str]| {
             if names.is_empty() { String::new() } else { format!("{what}: {}", list(names.iter().copied(), 12)) }
@@ -304,12 +332,16 @@ fn columns(head: &[String], joints: &[NamedJoint], bad: &mut Problems) -> Option
         let unknown: Vec<&str> = extra.iter().map(|(c, _)| *c).collect();
         let parts = [say("joints without a column q", &missing), say("unknown columns", &unknown)];
         let what = parts.into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join("; ");
-        let near = extra.iter().find_map(|(_, e)| nearest(e, missing.iter().copied()).map(|n| format!("is {} meant to be {n}?", clip(e))));
-        let hint = near.unwrap_or_else(|| "name the joints of this robot, q.<joint>[rad], and drop other columns".into());
+        let near = extra
+            .iter()
+            .find_map(|(_, e)| nearest(e, missing.iter().copied()).map(|n| format!("is {} meant to be {n}?", clip(e))));
+        let hint =
+            near.unwrap_or_else(|| "name the joints of this robot, q.<joint>[rad], and drop other columns".into());
         bad.push(data("Data::NameMismatch", what).at_line(1).hint(hint));
     }
     for (kind, name) in KINDS.iter().enumerate().skip(1) {
-        let without: Vec<&str> = joints.iter().enumerate().filter(|(j, _)| !has(kind, *j)).map(|(_, j)| j.name.as_str()).collect();
+        let without: Vec<&str> =
+            joints.iter().enumerate().filter(|(j, _)| !has(kind, *j)).map(|(_, j)| j.name.as_str()).collect();
         if !without.is_empty() && without.len() < joints.len() {
             let what = format!("no column {name} for {}", list(without.iter().copied(), 12));
             bad.push(data("Data::Columns", what).at_line(1).hint(format!("give {name} for every joint, or for none")));
@@ -319,7 +351,11 @@ fn columns(head: &[String], joints: &[NamedJoint], bad: &mut Problems) -> Option
 }
 
 fn unit_problem(cell: &str, unit: &str, wanted: &str) -> Problem {
-    let what = format!("unit [{}], must be [{wanted}]{}", clip(unit), if wanted.starts_with("rad") { " or degrees" } else { "" });
+    let what = format!(
+        "unit [{}], must be [{wanted}]{}",
+        clip(unit),
+        if wanted.starts_with("rad") { " or degrees" } else { "" }
+    );
     data("Data::Unit", what).at_line(1).on(cell).hint("convert the column and its name")
 }
 
@@ -343,7 +379,10 @@ fn times(s: &mut Samples, bad: &mut Problems) -> Option<()> {
     }
     // Stamps of an epoch lose digits: neighbours must differ by much more than one unit in the last place.
     if first.abs() * f64::EPSILON > 1e-4 * median {
-        let what = format!("stamps near {first} s are known to {:.1e} s, samples are {median} s apart", first.abs() * f64::EPSILON);
+        let what = format!(
+            "stamps near {first} s are known to {:.1e} s, samples are {median} s apart",
+            first.abs() * f64::EPSILON
+        );
         bad.push(data("Data::TimeScale", what).on("time").hint("count time from the start of the trajectory"));
         return None;
     }
@@ -359,7 +398,11 @@ fn judge(s: &Samples, bad: &mut Problems) {
     }
     if s.qdd.is_some() && s.step().is_none() {
         let what = "samples with speeds and accelerations are not evenly spaced";
-        bad.push(data("Data::Uneven", what).on("time").hint("resample evenly, or give positions alone, which are then fitted"));
+        bad.push(
+            data("Data::Uneven", what)
+                .on("time")
+                .hint("resample evenly, or give positions alone, which are then fitted"),
+        );
     }
     let Some(qd) = &s.qd else { return };
     // Slope over two intervals against the speed in the middle: root mean squares over all joints.
@@ -379,11 +422,17 @@ fn judge(s: &Samples, bad: &mut Problems) {
     }
     let ratio = (slope2 / given2).sqrt();
     if DEGREES.contains(&ratio) || DEGREES.contains(&(1.0 / ratio)) {
-        let what = format!("the slope of the positions is {ratio:.3} times the speeds; 57.3 or its inverse means degrees");
-        bad.push(data("Data::LooksLikeDegrees", what).on("qd").hint("name the unit: q.<joint>[deg] or qd.<joint>[deg/s]"));
+        let what =
+            format!("the slope of the positions is {ratio:.3} times the speeds; 57.3 or its inverse means degrees");
+        bad.push(
+            data("Data::LooksLikeDegrees", what).on("qd").hint("name the unit: q.<joint>[deg] or qd.<joint>[deg/s]"),
+        );
     } else if off2 > DISAGREE * DISAGREE * given2.max(slope2) {
         let off = 100.0 * (off2 / given2.max(slope2)).sqrt();
-        let what = format!("speeds differ from the slope of the positions by {off:.1} %, limit {:.0} %", 100.0 * DISAGREE);
-        bad.push(Problem::error(Area::Data, "Data::Rates", what).on("qd").hint("drop qd and qdd, or sample more finely"));
+        let what =
+            format!("speeds differ from the slope of the positions by {off:.1} %, limit {:.0} %", 100.0 * DISAGREE);
+        bad.push(
+            Problem::error(Area::Data, "Data::Rates", what).on("qd").hint("drop qd and qdd, or sample more finely"),
+        );
     }
 }

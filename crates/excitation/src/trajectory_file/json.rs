@@ -102,7 +102,9 @@ impl<'v> Object<'v> {
         let v = self.optional(key);
         if v.is_none() {
             let object = if self.path.is_empty() { "file" } else { &self.path };
-            bad.push(data("Data::MissingKey", format!("'{key}' is missing")).on(object).hint("the file may be cut short"));
+            bad.push(
+                data("Data::MissingKey", format!("'{key}' is missing")).on(object).hint("the file may be cut short"),
+            );
         }
         v
     }
@@ -168,7 +170,9 @@ fn number(v: &Value, path: &str, bad: &mut Problems) -> Option<f64> {
     match x.filter(|x| x.is_finite()) {
         Some(x) => return Some(x),
         None if x.is_some() || not_a_number => {
-            bad.push(data("Data::NotFinite", format!("{v} is not a finite number")).on(path).hint("write the file again"));
+            bad.push(
+                data("Data::NotFinite", format!("{v} is not a finite number")).on(path).hint("write the file again"),
+            );
         }
         None => bad.push(wrong(path, v, "a number")),
     }
@@ -190,7 +194,9 @@ fn file(root: &Value, bad: &mut Problems) -> Option<TrajectoryFile> {
     let format = o.text("format", bad)?;
     if format != FORMAT {
         let what = format!("format is '{}', must be '{FORMAT}'", clip(format));
-        bad.push(data("Data::Format", what).on("format").hint("give a trajectory written by `ffid excite`, or a CSV file"));
+        bad.push(
+            data("Data::Format", what).on("format").hint("give a trajectory written by `ffid excite`, or a CSV file"),
+        );
         return None;
     }
     let version = o.whole("version", bad)?;
@@ -306,7 +312,9 @@ fn spline(mut o: Object<'_>, n: usize, bad: &mut Problems) -> Option<BSplineMoti
     let mut good = true;
     for (i, row) in points.iter().enumerate().filter(|(_, r)| r.len() != knots.count()) {
         let what = format!("{} control points; degree and knots ask for {}", row.len(), knots.count());
-        bad.push(data("Data::WrongLength", what).on(format!("motion.control_points[{i}]")).hint("the file may be cut short"));
+        bad.push(
+            data("Data::WrongLength", what).on(format!("motion.control_points[{i}]")).hint("the file may be cut short"),
+        );
         good = false;
     }
     if !good {
@@ -379,7 +387,9 @@ fn read_command(v: &Value, i: usize, joints: &[NamedJoint], bad: &mut Problems) 
         "doublet" => Some(Shape::Doublet),
         _ => {
             let what = format!("shape '{}', must be single or doublet", clip(s));
-            bad.push(data("Data::Format", what).on(format!("{path}.shape")).hint("write the file again with `ffid excite`"));
+            bad.push(
+                data("Data::Format", what).on(format!("{path}.shape")).hint("write the file again with `ffid excite`"),
+            );
             None
         }
     });

@@ -73,7 +73,10 @@ impl PointingLimit {
             let v = t.required(key, t.vector::<3>(key))?;
             let zero = v.iter().all(|x| *x == 0.0);
             if zero {
-                t.fail(key, error("Config::ZeroAxis", "is the zero vector").hint("give a direction, such as [0, 0, 1]"));
+                t.fail(
+                    key,
+                    error("Config::ZeroAxis", "is the zero vector").hint("give a direction, such as [0, 0, 1]"),
+                );
             }
             (!zero).then_some(v)
         });

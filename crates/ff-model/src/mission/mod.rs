@@ -49,9 +49,9 @@ mod settings;
 
 pub use appendage::{AppendageSpec, Mount};
 pub use client::Client;
-pub use robot::{Rigid, RigidBody, Robot};
 pub use excite::{Excite, ExciteDuration, ExciteEnd, GOALS, Goal, Optimality};
 pub use limits::{Limits, PointingLimit};
+pub use robot::{Rigid, RigidBody, Robot};
 pub use settings::{Encoder, Estimate, Gyro, Reproduce, Sensors, Torque};
 
 use crate::leniency::Leniency;

@@ -2,4 +2,5 @@
 
 pub mod atomic;
 pub mod csv_out;
+pub mod folder;
 pub mod json;

@@ -148,6 +148,17 @@ impl Figure {
         Ok(paths)
     }
 
+    /// Writes `stem.svg` alone.
+    ///
+    /// # Errors
+    /// Those of [`Figure::to_svg`], and [`Failure::Io`].
+    pub fn write_svg(&self, stem: &Path) -> Result<PathBuf, Failure> {
+        let mut name = stem.as_os_str().to_owned();
+        name.push(".svg");
+        atomic::write(Path::new(&name), self.to_svg()?.as_bytes())?;
+        Ok(PathBuf::from(name))
+    }
+
     fn check(&self) -> Result<(), Failure> {
         for s in self.panels.iter().flat_map(|p| &p.series) {
             let place = format!("figure '{}', series '{}'", self.title, s.label);

@@ -21,10 +21,13 @@ pub struct BiasedParameter {
     /// Value of the rigid system: base and frozen appendages together.
     pub value: f64,
     /// Bias of the estimate; none when the rigid fit cannot tell the parameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub bias: Option<f64>,
     /// Standard deviation that the rigid fit would report.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub std: Option<f64>,
     /// Bias relative to the size of the parameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub relative_bias: Option<f64>,
 }
 

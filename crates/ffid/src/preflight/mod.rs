@@ -27,14 +27,15 @@ mod text;
 
 pub use bias::{BiasedParameter, RigidBias};
 pub use excursion::{Excursion, Peak};
-pub use limits::{LimitMargin, Proof, joint_limits, system_margins};
-pub use modes::{ModeVisibility, SENSED, Seen};
+pub use limits::{LimitMargin, Proof, joint_limits, prove};
+pub use modes::{ModeVisibility, Reading, SENSED, Seen};
 pub use parameters::{Predicted, Told};
 pub use spectrum::{ModePower, Spectrum};
 
+use crate::dynamics::modes::ModesError;
 use crate::dynamics::motion::{HermiteTable, JointMotion, MotionError};
 use crate::dynamics::step::advise_step;
-use crate::dynamics::{Boundary, Drive, Mode, ModesError, SimError, SimOptions, State, Trace, simulate};
+use crate::dynamics::{Boundary, Drive, Mode, SimError, SimOptions, State, Trace, simulate};
 use crate::excitation::limits::LimitReport;
 use crate::ident::covariance::{Direction, Uncertainty};
 use crate::ident::linalg::LinalgError;
@@ -240,6 +241,7 @@ pub fn judge(q: &Question<'_>) -> Result<Preflight, PreflightError> {
     let excursion = excursion::of(q, &trace);
     let mut limits = limits::of_joints(q, &trace);
     limits.extend(limits::system_margins(q, &excursion));
+    limits.extend(limits::pointing(q, &trace));
     Ok(Preflight {
         robot: model.name().to_owned(),
         duration_s: q.motion.duration(),
@@ -277,7 +279,8 @@ fn check(q: &Question<'_>) -> Result<(), PreflightError> {
     if q.model.base_kind() != BaseKind::Floating || q.model.gravity().norm() > 0.0 {
         return Err(PreflightError::NotFreeFloating);
     }
-    for (channel, value) in [("torque sensors (N m)", q.sensing.torque_nm), ("gyro (rad/s)", q.sensing.gyro_rad_per_s)] {
+    for (channel, value) in [("torque sensors (N m)", q.sensing.torque_nm), ("gyro (rad/s)", q.sensing.gyro_rad_per_s)]
+    {
         if !(value > 0.0 && value.is_finite()) {
             return Err(PreflightError::Noise { channel, value });
         }

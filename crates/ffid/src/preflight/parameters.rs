@@ -31,9 +31,11 @@ pub struct Predicted {
     /// Value at which it is predicted.
     pub value: f64,
     /// Standard deviation, in the unit; none when the record is silent.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub std: Option<f64>,
     /// Standard deviation relative to the size of the parameter: its value, or for moments and products of inertia of
     /// a body its mass and radius of gyration.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub relative_std: Option<f64>,
     /// The verdict.
     pub told: Told,
