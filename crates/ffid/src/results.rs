@@ -97,7 +97,7 @@ pub(crate) fn faults(v: &Preflight) -> Problems {
     for m in v.modes.iter().filter(|m| m.torque.seen == Seen::Not && m.gyro.seen == Seen::Not) {
         let what = format!("no sensor sees the mode at {:.4} Hz on this trajectory", m.frequency_hz);
         let p = Problem::warning(Area::Config, "Plan::UnseenMode", what).on(&v.robot);
-        out.push(p.hint("excite it: goal = \"modal\""));
+        out.push(p.hint("excite it at its frequency, or do without it"));
     }
     out
 }

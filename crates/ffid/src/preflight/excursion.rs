@@ -87,7 +87,7 @@ pub(super) fn of(q: &Question<'_>, t: &Trace) -> Excursion {
     let passive = model.passive_coords().into_iter().enumerate();
     let speed = q.end_effector.map(|f| {
         let v = speeds(model, f, t);
-        peak(t, &model.frames()[f].name, "m/s", |i| v[i])
+        peak(t, &format!("speed of {}", model.frames()[f].name), "m/s", |i| v[i])
     });
     Excursion {
         attitude: peak(t, "base attitude", "rad", |i| angle(t, i)),

@@ -7,7 +7,9 @@ use crate::plot::{Figure, Panel, Series};
 use nalgebra::DMatrix;
 
 /// Spectra are shown up to this many times the highest mode.
-const ABOVE: f64 = 2.5;
+const ABOVE: f64 = 1.6;
+/// Most parameters named in a figure.
+const NAMED: usize = 40;
 /// Highest frequency shown without modes (Hz).
 const TOP: f64 = 2.0;
 
@@ -96,7 +98,7 @@ impl Preflight {
         let low = known.iter().map(|(_, r)| *r).fold(self.weak_above, f64::min);
         let high = known.iter().map(|(_, r)| *r).fold(self.weak_above, f64::max);
         let floor = 10f64.powf(low.log10().floor() - 0.5);
-        let mut p = Panel::log_y("parameter, in the order of the report", "relative standard deviation");
+        let mut p = Panel::log_y("parameter, in the order of the report, from 0", "relative standard deviation");
         p.height = 300.0;
         p = p.x_range(-0.7, self.parameters.len() as f64 - 0.3).y_range(floor, 10f64.powf(high.log10().ceil()));
         let edge = [-0.7, self.parameters.len() as f64 - 0.3];
@@ -111,7 +113,8 @@ impl Preflight {
                 0
             }));
         }
-        for (k, q) in self.parameters.iter().enumerate() {
+        // More names than that cannot be read.
+        for (k, q) in self.parameters.iter().enumerate().filter(|_| self.parameters.len() <= NAMED) {
             p = p.vline(k as f64, q.name.clone());
         }
         let silent: Vec<&str> =

@@ -11,6 +11,10 @@
 //! ```
 //!
 //! The shapes are kept while the arm moves; what they do to base and joints follows the arm.
+//!
+//! Whether a sensor could see the mode at all is another question than whether this trajectory shows it: ringing freely at
+//! the start pose with amplitude `X`, a mode of `w` rad/s reads at most `|load| w^2 X` and `|rate| w X`, which gives the
+//! amplitude that stands out of the noise.
 
 use super::{PreflightError, Question};
 use crate::dynamics::modes::ModesError;
@@ -42,6 +46,10 @@ pub struct Reading {
     pub peak: f64,
     /// The same over the noise of one sample.
     pub peak_over_noise: f64,
+    /// Amplitude of free ringing at the start pose that would reach the noise of one sample (unit of the mode's largest
+    /// coordinate); absent when the sensor reads nothing of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ringing_at_noise: Option<f64>,
     /// Signal-to-noise ratio over all samples and channels, `sqrt(sum (contribution / sigma)^2)`.
     pub record_snr: f64,
     /// The verdict.
@@ -77,14 +85,17 @@ impl Sum {
         self.peak = self.peak.max(x.abs());
         self.square += x * x;
     }
-    fn read(self, sigma: f64, every: usize) -> Reading {
+    /// `gain`: reading per unit of ringing amplitude.
+    fn read(self, sigma: f64, every: usize, gain: f64) -> Reading {
         let (peak_over_noise, record_snr) = (self.peak / sigma, (self.square * every as f64).sqrt() / sigma);
         let seen = match () {
             () if record_snr < SENSED => Seen::Not,
             () if peak_over_noise < 1.0 => Seen::Buried,
             () => Seen::Plainly,
         };
-        Reading { peak: self.peak, peak_over_noise, record_snr, seen }
+        let at_noise = sigma / gain;
+        let ringing_at_noise = at_noise.is_finite().then_some(at_noise);
+        Reading { peak: self.peak, peak_over_noise, ringing_at_noise, record_snr, seen }
     }
 }
 
@@ -115,9 +126,19 @@ pub(super) fn visibility(
     let mut state = t.state(model, 0);
     state.eta.copy_from_slice(rest);
     let b = blocks(&state, &mut work);
-    let inertia = &b.h_p + b.h_bp.tr_mul(&solve(&b)?);
+    let base = solve(&b)?;
+    let inertia = &b.h_p + b.h_bp.tr_mul(&base);
+    let load = b.h_bm.tr_mul(&base) + &b.h_mp;
     let shapes: Vec<DVector<f64>> = modes.iter().map(|m| DVector::from_column_slice(&m.passive)).collect();
     let pick: Vec<DVector<f64>> = shapes.iter().map(|s| (&inertia * s) / s.dot(&(&inertia * s))).collect();
+    let gains: Vec<(f64, f64)> = modes
+        .iter()
+        .zip(&shapes)
+        .map(|(m, s)| {
+            let w = std::f64::consts::TAU * m.frequency_hz;
+            (w * w * (&load * s).amax(), w * (&base * s).rows(3, 3).amax())
+        })
+        .collect();
     let every = t.len().div_ceil(MOST);
     let mut sums = vec![(0.0f64, Sum::default(), Sum::default()); modes.len()];
     for i in (0..t.len()).step_by(every) {
@@ -139,13 +160,84 @@ pub(super) fn visibility(
             (&base * shape).iter().skip(3).for_each(|w| gyro.add(w * x1));
         }
     }
-    let one = |(mode, (amplitude, torque, gyro)): (&Mode, (f64, Sum, Sum))| ModeVisibility {
-        frequency_hz: mode.frequency_hz,
-        damping_ratio: mode.damping_ratio,
-        passive: mode.passive.clone(),
-        peak_amplitude: amplitude,
-        torque: torque.read(q.sensing.torque_nm, every),
-        gyro: gyro.read(q.sensing.gyro_rad_per_s, every),
-    };
-    Ok(modes.iter().zip(sums).map(one).collect())
+    let mut out = Vec::with_capacity(modes.len());
+    for (mode, ((amplitude, torque, gyro), gain)) in modes.iter().zip(sums.into_iter().zip(&gains)) {
+        out.push(ModeVisibility {
+            frequency_hz: mode.frequency_hz,
+            damping_ratio: mode.damping_ratio,
+            passive: mode.passive.clone(),
+            peak_amplitude: amplitude,
+            torque: torque.read(q.sensing.torque_nm, every, gain.0),
+            gyro: gyro.read(q.sensing.gyro_rad_per_s, every, gain.1),
+        });
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dynamics::motion::Hold;
+    use crate::dynamics::{Boundary, Drive, SimOptions, modes as modes_of, simulate};
+    use crate::model::Params;
+    use crate::model::mission::Limits;
+    use crate::open::{Opened, open};
+    use crate::preflight::Sensing;
+
+    /// Every mode of the paper's panels rung alone at the hold pose: all that the sensors then read is that mode, so the
+    /// verdict's contributions must be the readings of the simulation.
+    #[test]
+    fn what_is_said_of_a_mode_is_what_the_sensors_read_when_it_rings_alone() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/paper/flex.toml");
+        let opened: Opened = open(file.as_ref(), Default::default()).unwrap();
+        let (model, params) = (&opened.model, Params::nominal(&opened.model));
+        let (pose, rest) = (opened.pose(), opened.model.rest_position(&params));
+        let modes = modes_of(model, &params, &pose, &rest, Boundary::JointsHeld).unwrap();
+        let motion = Hold::new(pose.clone(), 12.0).unwrap();
+        let sensing = Sensing { torque_nm: 0.1, gyro_rad_per_s: 1.5e-4, rate_hz: 100.0 };
+        let limits = Limits::default();
+        let selected = [0];
+        let q = Question {
+            model,
+            params: &params,
+            selected: &selected,
+            motion: &motion,
+            sensing,
+            weak: 0.1,
+            proven: None,
+            limits: &limits,
+            end_effector: None,
+        };
+        for (k, mode) in modes.iter().enumerate() {
+            let amplitude = 2e-3;
+            let mut start = State::zero(model);
+            start.q.copy_from_slice(&pose);
+            start.eta = rest.iter().zip(&mode.passive).map(|(r, p)| r + amplitude * p).collect();
+            let o = SimOptions { duration_s: 12.0, step_s: 1e-3, sample_s: 0.01 };
+            let t = simulate(model, &params, &start, &Drive::Prescribed(&motion), &o).unwrap();
+            let seen = &visibility(&q, &modes, &t, &rest).unwrap()[k];
+            let (tau, gyro) = (t.tau.amax(), t.gyro().amax());
+            eprintln!(
+                "{:.4} Hz: torque {:.3e} of {tau:.3e}, gyro {:.3e} of {gyro:.3e}",
+                mode.frequency_hz, seen.torque.peak, seen.gyro.peak
+            );
+            assert!((seen.torque.peak / tau - 1.0).abs() < 0.02, "{seen:?}, simulated {tau}");
+            // The gyro of the symmetric mode is second order small: what little there is may come from elsewhere.
+            assert!((seen.gyro.peak - gyro).abs() < 0.02 * gyro + 2e-8, "{seen:?}, simulated {gyro}");
+            assert!((seen.peak_amplitude / amplitude - 1.0).abs() < 1e-3);
+            let snr = (t.tau.iter().map(|x| x * x).sum::<f64>()).sqrt() / 0.1;
+            assert!((seen.torque.record_snr / snr - 1.0).abs() < 0.02);
+            // The amplitude that equals the noise: damping takes a little of it within the first period.
+            let expected = amplitude * 0.1 / tau;
+            assert!((seen.torque.ringing_at_noise.unwrap() / expected - 1.0).abs() < 0.03, "{seen:?}");
+        }
+    }
+
+    #[test]
+    fn the_three_words_follow_peak_and_record() {
+        let word = |peak: f64, square: f64| Sum { peak, square }.read(0.5, 4, 2.0).seen;
+        // Signal over noise of the record: sqrt(4 square) / 0.5.
+        assert_eq!([word(0.4, 6.3), word(0.4, 6.2), word(0.6, 6.3)], [Seen::Buried, Seen::Not, Seen::Plainly]);
+        assert_eq!(Sum::default().read(0.5, 1, 0.0).ringing_at_noise, None);
+    }
 }

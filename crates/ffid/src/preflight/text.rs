@@ -13,7 +13,13 @@ impl fmt::Display for Preflight {
         writeln!(f, "noise of one sample: torque {} N m, gyro {} rad/s", num(s.torque_nm), num(s.gyro_rad_per_s))?;
         parameters(f, self)?;
         if !self.modes.is_empty() {
-            writeln!(f, "\nmodes at the start pose, and who sees them over the record")?;
+            writeln!(f, "\nmodes at the start pose, and who sees them")?;
+            writeln!(
+                f,
+                "  peak, record: signal over noise of the largest sample, and of the whole record; ringing: amplitude of free"
+            )?;
+            writeln!(f, "  ringing (rad, m) that would equal the noise of one sample")?;
+            writeln!(f, "  {:62}  {:>9}  {:>9}  {:>9}", "", "peak", "record", "ringing")?;
             self.modes.iter().try_for_each(|m| mode(f, m))?;
         }
         excursion(f, self)?;
@@ -74,18 +80,15 @@ fn reading(r: &Reading) -> String {
         Seen::Buried => "buried, seen over the record",
         Seen::Not => "NOT seen",
     };
-    format!("{word} (peak {} of the noise, record {})", num(r.peak_over_noise), num(r.record_snr))
+    let at_noise = r.ringing_at_noise.map_or("never".into(), num);
+    let [peak, record] = [r.peak_over_noise, r.record_snr].map(num);
+    format!("{word:27}  {peak:>9}  {record:>9}  {at_noise:>9}")
 }
 
 fn mode(f: &mut fmt::Formatter<'_>, m: &ModeVisibility) -> fmt::Result {
-    writeln!(
-        f,
-        "  {:.4} Hz, damping {:.2} %: torques {}; gyro {}",
-        m.frequency_hz,
-        100.0 * m.damping_ratio,
-        reading(&m.torque),
-        reading(&m.gyro)
-    )
+    let name = format!("{:.4} Hz, damping {:.2} %", m.frequency_hz, 100.0 * m.damping_ratio);
+    writeln!(f, "  {name:24} torques  {}", reading(&m.torque))?;
+    writeln!(f, "  {:24} gyro     {}", "", reading(&m.gyro))
 }
 
 fn excursion(f: &mut fmt::Formatter<'_>, p: &Preflight) -> fmt::Result {
