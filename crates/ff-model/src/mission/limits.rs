@@ -30,6 +30,26 @@ pub struct Limits {
     pub passive_m: Option<f64>,
     /// `[[limits.pointing]]`: cones for axes of the base.
     pub pointing: Vec<PointingLimit>,
+    /// `clearance_m`: least distance between `<collision>` shapes of the URDF on bodies that no joint connects, and
+    /// between these and keep-out capsules (m).
+    pub clearance_m: Option<f64>,
+    /// `[[limits.keep_out]]`: capsules that the collision shapes of other bodies must stay out of; need `clearance_m`.
+    pub keep_out: Vec<KeepOut>,
+}
+
+/// One `[[limits.keep_out]]`: a capsule fixed to a link, such as the sweep of a panel on the base.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct KeepOut {
+    /// `name`.
+    pub name: String,
+    /// `host`: the link that carries it.
+    pub host: String,
+    /// `from_m`: centre of one end, in the frame of the link (m).
+    pub from_m: [f64; 3],
+    /// `to_m`: centre of the other end (m).
+    pub to_m: [f64; 3],
+    /// `radius_m` (m).
+    pub radius_m: f64,
 }
 
 /// One `[[limits.pointing]]`: where an axis of the base may point. Exactly one of the two angles.
@@ -60,9 +80,25 @@ impl Limits {
             passive_rad: t.number("passive_rad", Must::BePositive),
             passive_m: t.number("passive_m", Must::BePositive),
             pointing: t.tables("pointing").iter().filter_map(PointingLimit::read).collect(),
+            clearance_m: t.number("clearance_m", Must::BePositive),
+            keep_out: t.tables("keep_out").iter().filter_map(KeepOut::read).collect(),
         };
+        if !out.keep_out.is_empty() && !t.has("clearance_m") {
+            t.fail("keep_out", error("Config::MissingKey", "'clearance_m' is missing").hint("add clearance_m = ..., the least distance"));
+        }
         t.finish();
         out
+    }
+}
+
+impl KeepOut {
+    fn read(t: &Table<'_, '_>) -> Option<Self> {
+        let name = appendage::name(t);
+        let host = t.required("host", t.string("host"));
+        let [from_m, to_m] = ["from_m", "to_m"].map(|key| t.required(key, t.vector::<3>(key)));
+        let radius_m = t.required("radius_m", t.number("radius_m", Must::BePositive));
+        t.finish();
+        Some(Self { name: name?, host: host?, from_m: from_m?, to_m: to_m?, radius_m: radius_m? })
     }
 }
 

@@ -50,7 +50,7 @@ mod settings;
 pub use appendage::{AppendageSpec, Mount};
 pub use client::Client;
 pub use excite::{Excite, ExciteDuration, ExciteEnd, GOALS, Goal, Optimality};
-pub use limits::{Limits, PointingLimit};
+pub use limits::{KeepOut, Limits, PointingLimit};
 pub use robot::{Rigid, RigidBody, Robot};
 pub use settings::{Encoder, Estimate, Gyro, Reproduce, Sensors, Torque};
 
