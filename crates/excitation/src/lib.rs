@@ -8,19 +8,33 @@
 //! it, [`modal_response`] what drives its modes, [`prediction`] what the plan will tell. [`trajectory_file`] writes
 //! and reads trajectories.
 
+pub mod conflict;
+pub mod constraint;
 pub mod cost;
 pub mod limits;
 pub mod manoeuvre;
 pub mod modal_response;
 pub mod planning;
 pub mod prediction;
+pub mod problem;
 mod qp;
 pub mod random;
 pub mod rigid;
+pub mod search;
 pub mod spline_plan;
 pub mod sqp;
 pub mod trajectory_file;
+pub mod verdict;
+pub mod watch;
 
+pub use conflict::{Conflict, Demand};
+pub use constraint::{
+    BaseAttitude, BaseRate, Channel, Cone, Constraint, ConstraintError, FrameSpeed, HeldSystem, JointTorque,
+    PassiveRange, Pointing, Sense, Signal, Snapshot,
+    Wanted,
+};
+#[cfg(feature = "collision")]
+pub use constraint::{Clearance, Pairs};
 pub use cost::base::{BaseMotion, BasePartials, BaseResponse};
 pub use cost::disturbance::{Disturbance, DrivenMode};
 pub use cost::information::{Information, SampleInformation};
@@ -33,8 +47,12 @@ pub use planning::{
     InformationRequest, Planned, PlanningError, QuietBand, Quieted, Quietness, plan_information, plan_quiet,
 };
 pub use prediction::Prediction;
+pub use problem::Problem;
 pub use random::{feasible_start, random_plan};
 pub use rigid::{RigidBase, RigidError, RigidInformation, SensorNoise};
 pub use spline_plan::{Duration, End, PlanError, PlanSpec, SplinePlan, Which};
-pub use sqp::{MultiStart, Outcome, SqpOptions, Status, minimise, multi_start};
 pub use trajectory_file::{NamedJoint, Origin, Samples, Trajectory, TrajectoryFile, named_joints, write_csv};
+pub use search::{Found, MultiStart, SearchOptions, multi_start, search};
+pub use sqp::{Outcome, SqpOptions, Status, minimise, minimise_under};
+pub use verdict::{Basis, ConstraintMargin, Verdict, verify};
+pub use watch::{Progress, Watch};

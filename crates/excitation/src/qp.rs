@@ -18,8 +18,14 @@ pub(crate) enum QpFailure {
     Solver,
 }
 
-/// `min 1/2 z'Hz + g'z` under `rows`. `h` must be positive definite.
-pub(crate) fn solve(h: &DMatrix<f64>, g: &[f64], rows: &[Inequality]) -> Result<Vec<f64>, QpFailure> {
+/// A minimum with its multipliers, one per row.
+pub(crate) struct Minimum {
+    pub(crate) z: Vec<f64>,
+    pub(crate) multipliers: Vec<f64>,
+}
+
+/// `min 1/2 z'Hz + g'z` under `rows`. `h` must be positive semidefinite.
+pub(crate) fn solve(h: &DMatrix<f64>, g: &[f64], rows: &[Inequality]) -> Result<Minimum, QpFailure> {
     let n = g.len();
     let finite = h.iter().chain(g).all(|x| x.is_finite())
         && rows.iter().all(|r| r.bound.is_finite() && r.columns.iter().all(|c| c.1.is_finite()));
@@ -28,7 +34,7 @@ pub(crate) fn solve(h: &DMatrix<f64>, g: &[f64], rows: &[Inequality]) -> Result<
     }
     let (mut pr, mut pc, mut pv) = (Vec::new(), Vec::new(), Vec::new());
     for j in 0..n {
-        for i in 0..=j {
+        for i in (0..=j).filter(|&i| h[(i, j)] != 0.0) {
             pr.push(i);
             pc.push(j);
             pv.push(h[(i, j)]);
@@ -57,7 +63,9 @@ pub(crate) fn solve(h: &DMatrix<f64>, g: &[f64], rows: &[Inequality]) -> Result<
     solver.solve();
     let s = &solver.solution;
     match s.status {
-        SolverStatus::Solved | SolverStatus::AlmostSolved if s.x.iter().all(|x| x.is_finite()) => Ok(s.x.clone()),
+        SolverStatus::Solved | SolverStatus::AlmostSolved if s.x.iter().all(|x| x.is_finite()) => {
+            Ok(Minimum { z: s.x.clone(), multipliers: s.z.clone() })
+        },
         SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
             let worst = (0..s.z.len()).max_by(|i, j| s.z[*i].total_cmp(&s.z[*j])).unwrap_or(0);
             Err(QpFailure::Infeasible(worst))

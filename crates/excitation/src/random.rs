@@ -36,7 +36,7 @@ pub fn feasible_start(plan: &SplinePlan, duration: f64) -> Result<Vec<f64>, Plan
         })
         .collect();
     match qp::solve(&DMatrix::identity(m, m), &vec![0.0; m], &rows) {
-        Ok(d) => x.iter_mut().zip(d).for_each(|(x, d)| *x += d),
+        Ok(d) => x.iter_mut().zip(d.z).for_each(|(x, d)| *x += d),
         Err(QpFailure::Infeasible(i)) => {
             return Err(PlanError::Infeasible { which: plan.rows[i].which(0.0) });
         }

@@ -5,7 +5,9 @@
 //! `s = t / T`, so the maps from control points to derivative polygons are constant and the limits read
 //! `|M_r P| <= L_r T^r` with `L_r` the limit on derivative `r`.
 
+use crate::conflict::Conflict;
 use crate::limits::{JointLimits, LimitError, Quantity, check_limits, rate_limit};
+use ff_dynamics::SimError;
 use ff_dynamics::bspline::{BSplineError, BSplineMotion, Knots};
 use nalgebra::DMatrix;
 use thiserror::Error;
@@ -41,6 +43,47 @@ pub enum PlanError {
     /// The cost is not finite at the start.
     #[error("the cost at the start is {0}; give a start that moves")]
     Cost(f64),
+    /// A constraint that a single search could not come to keep.
+    #[error("{name} of {item} stays at {value} {unit}, limit {limit} {unit}; search from other starts")]
+    Broken {
+        /// What is limited.
+        name: &'static str,
+        /// Of what.
+        item: String,
+        /// Value at the end of the search.
+        value: f64,
+        /// The limit.
+        limit: f64,
+        /// Unit of both.
+        unit: &'static str,
+    },
+    /// Demands that contradict each other; exit code 13.
+    #[error(transparent)]
+    Conflict(Box<Conflict>),
+    /// A constraint is not defined (not finite) at the start of the search.
+    #[error("a constraint is not defined at the start of the search; check masses, inertias and solids")]
+    Undefined,
+    /// The search was ended before it found a plan that keeps everything.
+    #[error("ended before a feasible plan was found; allow more time")]
+    Interrupted,
+    /// The plan cannot be verified by simulation.
+    #[error("the plan cannot be simulated: {0}")]
+    Simulation(#[from] SimError),
+    /// Constraints that hold for the appendages held do not hold with the appendages swinging.
+    #[error("{name} of {item} is {value} {unit} in the full simulation, limit {limit} {unit}, and keeping away from the \
+             limit did not help; loosen it, or plan slower")]
+    Unverified {
+        /// What is limited.
+        name: &'static str,
+        /// Of what.
+        item: String,
+        /// Value in the full simulation.
+        value: f64,
+        /// The limit.
+        limit: f64,
+        /// Unit of both.
+        unit: &'static str,
+    },
 }
 
 /// Names one constraint of a plan.
@@ -284,6 +327,13 @@ impl SplinePlan {
         match self.spec.duration {
             Duration::Fixed(t) => t,
             Duration::Free { .. } => x[self.dof() * self.per_joint],
+        }
+    }
+    /// The longest duration allowed (s).
+    pub fn longest(&self) -> f64 {
+        match self.spec.duration {
+            Duration::Fixed(t) => t,
+            Duration::Free { max, .. } => max,
         }
     }
     /// All control points of the trajectory `x`, `n x k`. Allocates.

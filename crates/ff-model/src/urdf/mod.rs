@@ -10,10 +10,11 @@
 //!
 //! Links on fixed joints are merged into the body they are fixed to; every link stays as a
 //! [`crate::Frame`]. Body order is joint order in the file, parents before children. What is skipped:
-//! `visual`, `collision`, `material`, `transmission`, `gazebo`, `ros2_control`. What is refused: `mimic`,
+//! `visual`, `collision` (which [`collision`] reads on demand), `material`, `transmission`, `gazebo`, `ros2_control`. What is refused: `mimic`,
 //! `planar`, `floating` and `spherical` joints, `quat_xyzw`, xacro.
 
 mod build;
+pub mod collision;
 mod graph;
 mod physics;
 mod prescan;

@@ -1,0 +1,127 @@
+//! Joint torque limits.
+
+use super::held::{HeldPartials, HeldSystem, HeldWork};
+use super::ringing::{Ringing, Rung};
+use super::signal::Signal;
+use super::{Channel, ConstraintError, Snapshot, check_limit};
+use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
+
+/// `|tau_j| <= limit_j` (N m or N), one channel per joint with a finite limit.
+///
+/// In the search the torques are those with the appendages held, exact, and the linear response of the appendages;
+/// measured are those of the full simulation.
+#[derive(Clone, Debug)]
+pub struct JointTorque {
+    system: Arc<HeldSystem>,
+    joints: Vec<usize>,
+    channels: Vec<Channel>,
+    ringing: Ringing,
+}
+
+/// Buffers of [`JointTorque`].
+#[derive(Clone, Debug)]
+pub struct TorqueWork {
+    held: HeldWork,
+    partials: HeldPartials,
+    rung: Rung,
+    /// Signs of the torques of the last response, `n x N`.
+    sign: DMatrix<f64>,
+}
+
+impl JointTorque {
+    /// One limit per joint, `inf` for none; appendages linearised about joint positions `q`. Allocates.
+    ///
+    /// # Errors
+    /// [`ConstraintError`] for a wrong number of limits or joint positions, or a limit that is not positive.
+    pub fn new(system: &Arc<HeldSystem>, q: &[f64], limits: &[f64]) -> Result<Self, ConstraintError> {
+        let names = system.model().joint_names();
+        if limits.len() != names.len() {
+            return Err(ConstraintError::Count { what: "joint torque", got: limits.len(), want: names.len() });
+        }
+        let (mut joints, mut channels) = (Vec::new(), Vec::new());
+        for (j, (&limit, name)) in limits.iter().zip(names).enumerate() {
+            let prismatic = system.model().bodies()[j].joint.kind == ff_model::JointKind::Prismatic;
+            let unit = if prismatic { "N" } else { "N m" };
+            if limit != f64::INFINITY {
+                check_limit(&format!("torque of joint {name}"), limit, unit)?;
+                joints.push(j);
+                channels.push(Channel::at_most("joint torque", name, unit, limit));
+            }
+        }
+        let ringing = Ringing::new(system, q)?;
+        Ok(Self { system: system.clone(), joints, channels, ringing })
+    }
+    /// The effort limits of the URDF. Allocates.
+    ///
+    /// # Errors
+    /// As [`JointTorque::new`].
+    pub fn from_model(system: &Arc<HeldSystem>, q: &[f64]) -> Result<Self, ConstraintError> {
+        let limits: Vec<f64> = system.model().bodies().iter().map(|b| b.joint.limits.effort).collect();
+        Self::new(system, q, &limits)
+    }
+}
+
+impl Signal for JointTorque {
+    type Work = TorqueWork;
+    fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+    fn rate(&self) -> f64 {
+        self.ringing.rate
+    }
+    fn drives(&self) -> usize {
+        self.system.model().nj() + self.ringing.count()
+    }
+    fn work(&self) -> TorqueWork {
+        let (held, partials) = (self.system.work(), self.system.partials());
+        TorqueWork { held, partials, rung: Rung::default(), sign: DMatrix::zeros(0, 0) }
+    }
+    fn drive(&self, w: &mut TorqueWork, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
+        match partials {
+            None => drop(self.system.evaluate(&mut w.held, s)),
+            Some(out) => {
+                self.system.differentiate(&mut w.held, s, &mut w.partials);
+                out.copy_from(&w.partials.force);
+            }
+        }
+        let n = w.held.tau.len();
+        u[..n].copy_from_slice(&w.held.tau);
+        u[n..].copy_from_slice(&w.held.hold);
+    }
+    fn respond(&self, w: &mut TorqueWork, dt: f64, u: &DMatrix<f64>, y: &mut DMatrix<f64>) {
+        let (n, m) = (self.system.model().nj(), self.ringing.count());
+        w.rung = self.ringing.respond(dt, u, n);
+        w.sign = DMatrix::zeros(n, u.ncols());
+        for k in 0..u.ncols() {
+            let e: DVector<f64> = u.view((n, k), (m, 1)).column(0).into_owned();
+            let more = &self.ringing.joints * self.ringing.acceleration(&w.rung, &e, k);
+            for (c, &j) in self.joints.iter().enumerate() {
+                let tau = u[(j, k)] + more[j];
+                w.sign[(j, k)] = tau.signum();
+                y[(c, k)] = tau.abs();
+            }
+        }
+    }
+    fn reaches_back(&self) -> bool {
+        true
+    }
+    fn adjoint(&self, w: &TorqueWork, _u: &DMatrix<f64>, channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+        let (n, j) = (self.system.model().nj(), self.joints[channel]);
+        let sign = w.sign[(j, i)];
+        over_u[(j, i)] = sign;
+        let over: DVector<f64> = self.ringing.joints.row(j).transpose() * sign;
+        let (over_z, over_e) = self.ringing.over_acceleration(&over);
+        let mut here = over_u.view_mut((n, i), (over_e.len(), 1));
+        here += over_e;
+        let add = |k: usize, l: &mut DVector<f64>| {
+            if k == i {
+                *l += &over_z;
+            }
+        };
+        self.ringing.adjoint(&w.rung, n, i, add, over_u)
+    }
+    fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
+        self.joints.iter().zip(out).for_each(|(&j, o)| *o = at.tau[j].abs());
+    }
+}

@@ -1,0 +1,300 @@
+//! Search from many starts, in parallel, and verification of what is found.
+//!
+//! Local minima differ far more than solvers do, so several starts are the global strategy. Start `i` is a function of
+//! the seed and `i` alone: a random plan inside the joint limits; if it breaks constraints, contracted towards the
+//! straight (or resting) plan until it does not, and if that does not help, moved by the optimiser without the cost.
+//! Results do not depend on the number of threads.
+//!
+//! The best plan is simulated in full ([`crate::verdict`]). What the simulation shows beyond the rows of the search is
+//! added to them, sample by sample, and the search goes on from that plan with the derivatives it has (defect
+//! correction), until both agree: at most [`ROUNDS`] times. What is returned is the best plan that held in simulation.
+
+use crate::conflict::diagnose;
+use crate::constraint::HeldSystem;
+use crate::cost::Cost;
+use crate::problem::Problem;
+use crate::random::{feasible_start, random_plan};
+use crate::spline_plan::{PlanError, SplinePlan};
+use crate::sqp::{Outcome, SqpOptions, Status, minimise_under, restore};
+use crate::verdict::{Verdict, inspect};
+use crate::watch::Watch;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// How often rows are corrected after the full simulation.
+pub const ROUNDS: usize = 8;
+/// Verified room (relative) with which a constraint counts as used up.
+const USED: f64 = 2e-3;
+/// Gain (relative to `1 + |cost|`) below which another round is not worth it.
+const GAIN: f64 = 1e-3;
+/// What corrected constraints are kept away from the limit (relative).
+const AIM: f64 = 1e-4;
+/// Iterations without the cost that a start may take to become feasible.
+const RESTORING: usize = 60;
+/// Random plans use at least this part of the way to their limits.
+const FRACTION: f64 = 0.5;
+
+/// Settings of [`search`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SearchOptions {
+    /// Seed of all randomness.
+    pub seed: u64,
+    /// Local searches, at least 1.
+    pub starts: usize,
+    /// Threads, at least 1; the result does not depend on them.
+    pub threads: usize,
+    /// Settings of the local searches.
+    pub sqp: SqpOptions,
+    /// Time after which every local search ends with the best it has.
+    pub time_limit: Option<Duration>,
+}
+
+impl Default for SearchOptions {
+    fn default() -> Self {
+        Self { seed: 1, starts: 6, threads: 1, sqp: SqpOptions::default(), time_limit: None }
+    }
+}
+
+/// The best plan, how it was found, and proof that it keeps everything.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The plan: variables, cost, why the search stopped.
+    pub best: Outcome,
+    /// Every local search, in the order of the starts.
+    pub all: Vec<Result<Outcome, PlanError>>,
+    /// Margins: joint limits for all time, constraints by full simulation.
+    pub verdict: Verdict,
+    /// How often rows were corrected.
+    pub rounds: usize,
+}
+
+/// Finds a plan that makes the cost of `problem` small and keeps its joint limits and constraints, or says which of them
+/// contradict each other. `system` is what the plan is verified on; it may be absent only without
+/// constraints. Allocates; starts `options.threads` threads.
+///
+/// # Errors
+/// [`PlanError`]: `Conflict` names what cannot be kept together, `Interrupted` when there is no plan yet, `Unverified`
+/// when the full simulation breaks a constraint in spite of all correction, that of the first start otherwise.
+pub fn search(
+    problem: &Problem<'_>,
+    system: Option<&HeldSystem>,
+    options: &SearchOptions,
+    watch: &Watch<'_>,
+) -> Result<Found, PlanError> {
+    let argument = |what, got: usize| {
+        Err(PlanError::Argument { what, got: got.to_string(), expected: "at least 1".into() })
+    };
+    if options.starts == 0 {
+        return argument("starts", 0);
+    }
+    if options.threads == 0 {
+        return argument("threads", 0);
+    }
+    if system.is_none() && !problem.constraints.is_empty() {
+        let (got, expected) = ("none".into(), "the system, when there are constraints".into());
+        return Err(PlanError::Argument { what: "system to verify on", got, expected });
+    }
+    let deadline = options.time_limit.and_then(|t| Instant::now().checked_add(t));
+    let deadline = [deadline, watch.deadline].into_iter().flatten().min();
+    let latch = AtomicBool::new(false);
+    let watch = Watch { deadline, latch: Some(&latch), ..*watch };
+    let all = run_all(problem, options, &watch);
+    let mut best: Option<&Outcome> = None;
+    for o in all.iter().flatten() {
+        if best.is_none_or(|b| o.cost.total_cmp(&b.cost).is_lt()) {
+            best = Some(o);
+        }
+    }
+    let Some(best) = best else { return Err(failure(problem, &all, &watch)) };
+    let (best, verdict, rounds) = settle(problem, system, best.clone(), options, &watch)?;
+    Ok(Found { best, all, verdict, rounds })
+}
+
+/// What to answer when no start led to a plan.
+fn failure(problem: &Problem<'_>, all: &[Result<Outcome, PlanError>], watch: &Watch<'_>) -> PlanError {
+    let errors: Vec<&PlanError> = all.iter().filter_map(|r| r.as_ref().err()).collect();
+    if let Some(e) = errors.iter().find(|e| matches!(e, PlanError::Interrupted)) {
+        return (*e).clone();
+    }
+    if errors.iter().any(|e| matches!(e, PlanError::Broken { .. } | PlanError::Infeasible { .. })) {
+        match diagnose(problem, watch) {
+            Ok(Some(conflict)) => return PlanError::Conflict(Box::new(conflict)),
+            Ok(None) => {}
+            Err(e) => return e,
+        }
+    }
+    errors[0].clone()
+}
+
+fn run_all(problem: &Problem<'_>, options: &SearchOptions, watch: &Watch<'_>) -> Vec<Result<Outcome, PlanError>> {
+    let one = |i: usize| {
+        let watch = Watch { start: i, ..*watch };
+        let x = start(problem, options.seed, i as u64, &watch)?;
+        minimise_under(problem, &x, &options.sqp, &watch)
+    };
+    let threads = options.threads.min(options.starts);
+    if threads == 1 {
+        return (0..options.starts).map(one).collect();
+    }
+    let (next, results) = (AtomicUsize::new(0), Mutex::new(vec![None; options.starts]));
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let i = next.fetch_add(1, Ordering::Relaxed);
+                    if i >= options.starts {
+                        break;
+                    }
+                    let result = one(i);
+                    if let Ok(mut r) = results.lock() {
+                        r[i] = Some(result);
+                    }
+                }
+            });
+        }
+    });
+    let results = results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    results.into_iter().map(|r| r.unwrap_or(Err(PlanError::Interrupted))).collect()
+}
+
+/// A feasible plan for start `stream`.
+pub(crate) fn start(problem: &Problem<'_>, seed: u64, stream: u64, watch: &Watch<'_>) -> Result<Vec<f64>, PlanError> {
+    let x = random_plan(problem.plan, seed, stream, FRACTION)?;
+    feasible_near(problem, &x, watch)
+}
+
+/// `x` itself, or a plan near it that keeps the constraints.
+pub(crate) fn feasible_near(problem: &Problem<'_>, x: &[f64], watch: &Watch<'_>) -> Result<Vec<f64>, PlanError> {
+    if problem.constraints.is_empty() || problem.excess(x) <= 0.0 {
+        return Ok(x.to_vec());
+    }
+    if let Some(x) = contracted(problem, x) {
+        return Ok(x);
+    }
+    match restore(problem, x, RESTORING, watch)? {
+        Ok(x) => Ok(x),
+        Err(obstacle) => Err(crate::sqp::broken(problem, &obstacle.rows)),
+    }
+}
+
+/// The farthest plan towards `x` from the straight one, of the same duration, that keeps the constraints.
+fn contracted(problem: &Problem<'_>, x: &[f64]) -> Option<Vec<f64>> {
+    let plan = problem.plan;
+    let centre = feasible_start(plan, plan.duration(x)).ok()?;
+    let towards = |a: f64| -> Vec<f64> { centre.iter().zip(x).map(|(c, x)| c + a * (x - c)).collect() };
+    let fine = |y: &[f64]| problem.violated(y).is_none() && problem.excess(y) <= 0.0;
+    let mut a = 1.0;
+    for _ in 0..20 {
+        a *= 0.8;
+        let y = towards(a);
+        if fine(&y) {
+            return Some(y);
+        }
+    }
+    None
+}
+
+/// Verifies, corrects the rows by what the simulation shows, and goes on from there until both agree.
+fn settle(
+    problem: &Problem<'_>,
+    system: Option<&HeldSystem>,
+    first: Outcome,
+    options: &SearchOptions,
+    watch: &Watch<'_>,
+) -> Result<(Outcome, Verdict, usize), PlanError> {
+    let (mut verdict, mut seen) = inspect(problem, system, &first.x)?;
+    let mut corrected = problem.clone();
+    let mut rows = vec![0.0; problem.rows()];
+    let (mut last, mut further) = (first, AIM);
+    let mut kept: Option<(Outcome, Verdict)> = None;
+    for round in 0..=ROUNDS {
+        let mut gain = f64::INFINITY;
+        if verdict.holds {
+            gain = kept.as_ref().map_or(gain, |k| k.0.cost - last.cost);
+            if gain > 0.0 {
+                kept = Some((last.clone(), verdict.clone()));
+            }
+        } else if round > 0 {
+            // Neither model nor correction are to blame but what lies between: keep more distance.
+            further += 0.5 * seen.iter().copied().fold(0.0, f64::max);
+        }
+        let near = |rows: &[f64]| rows.iter().any(|r| *r > -USED);
+        problem.evaluate(&last.x, &mut rows, None);
+        let settled = verdict.holds
+            && match round {
+                // At the limit in simulation too, or far from it in both.
+                0 => near(&seen) || !near(&rows),
+                _ => gain < GAIN * (1.0 + last.cost.abs()),
+            };
+        if (settled || round == ROUNDS || watch.cut_short())
+            && let Some((best, verdict)) = kept.take()
+        {
+            return Ok((best, verdict, round));
+        }
+        if round == ROUNDS {
+            break;
+        }
+        corrected.correction = seen.iter().zip(&rows).map(|(seen, row)| seen - row + further).collect();
+        let next = match minimise_under(&corrected, &last.x, &options.sqp, watch) {
+            Ok(next) => next,
+            // Cut short, or stuck outside: a plan closer to the straight one will do.
+            Err(_) => match feasible_near(&corrected, &last.x, watch) {
+                Ok(x) => minimise_under(&corrected, &x, &options.sqp, watch)?,
+                Err(_) => break,
+            },
+        };
+        last = Outcome { start_cost: last.start_cost, ..next };
+        (verdict, seen) = inspect(problem, system, &last.x)?;
+    }
+    kept.map(|(best, verdict)| (best, verdict, ROUNDS)).ok_or_else(|| unverified(&verdict))
+}
+
+fn unverified(verdict: &Verdict) -> PlanError {
+    match verdict.worst() {
+        Some(m) => PlanError::Unverified {
+            name: m.name,
+            item: m.item.clone(),
+            value: m.value,
+            limit: m.limit,
+            unit: m.unit,
+        },
+        None => PlanError::Undefined,
+    }
+}
+
+/// Outcomes of several starts without constraints.
+#[derive(Clone, Debug)]
+pub struct MultiStart {
+    /// The best feasible outcome.
+    pub best: Outcome,
+    /// All outcomes, in the order of the starts; an error where a start was unusable.
+    pub all: Vec<Result<Outcome, PlanError>>,
+}
+
+/// [`crate::minimise`] from `starts` random plans (streams `0..starts` of `seed`), joint limits only, in this thread.
+/// A function of its arguments only. Allocates.
+///
+/// # Errors
+/// [`PlanError`] of the first start if none succeeds; `Argument` if `starts` is zero.
+pub fn multi_start(
+    cost: &dyn Cost,
+    plan: &SplinePlan,
+    seed: u64,
+    starts: usize,
+    options: &SqpOptions,
+) -> Result<MultiStart, PlanError> {
+    let search = SearchOptions { seed, starts, threads: 1, sqp: *options, time_limit: None };
+    let all = run_all(&Problem::new(cost, plan), &search, &Watch::default());
+    let best = all.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
+    match (best, all.first()) {
+        (Some(best), _) => Ok(MultiStart { best, all }),
+        (None, Some(Err(e))) => Err(e.clone()),
+        _ => Err(PlanError::Argument { what: "starts", got: "0".into(), expected: "at least 1".into() }),
+    }
+}
+
+/// True when a status means that the search was cut short from outside.
+pub fn cut_short(status: Status) -> bool {
+    matches!(status, Status::Interrupted | Status::TimeLimit)
+}
