@@ -8,6 +8,7 @@
 //! it, [`modal_response`] what drives its modes, [`prediction`] what the plan will tell.
 
 pub mod cost;
+pub mod flexible;
 pub mod limits;
 pub mod manoeuvre;
 pub mod modal_response;
@@ -20,10 +21,13 @@ pub mod spline_plan;
 pub mod sqp;
 
 pub use cost::base::{BaseMotion, BasePartials, BaseResponse};
+pub use cost::criterion::{Criterion, RelativeQuantity, relative_deviations};
 pub use cost::disturbance::{Disturbance, DrivenMode};
+pub use cost::fisher::{FisherCost, Optimality};
 pub use cost::information::{Information, SampleInformation};
 pub use cost::spectrum::{Modal, Quiet, Target};
 pub use cost::{Cost, CostSum, Form};
+pub use flexible::{Estimated, FlexibleError, FlexibleInformation, FlexibleRequest, Nuisance};
 pub use limits::{JointLimits, LimitError, LimitReport, Margin, Quantity, check_for_all_time, check_manoeuvre};
 pub use manoeuvre::{Extent, JointCommand, Manoeuvre, ManoeuvreError, ManoeuvreSpec, Move, Shape};
 pub use modal_response::{driven_modes, flexible_band, modal_targets};
