@@ -248,6 +248,7 @@ impl FlexibleInformation {
                 elements[k].wanted.push((p.index - model.appendages()[k].param_offset, column));
             }
         }
+        elements.iter_mut().for_each(Element::probe);
         let m = model.np();
         let speed = elements.iter().any(|e| e.speed);
         System {
