@@ -10,6 +10,7 @@ pub mod criterion;
 pub mod disturbance;
 pub mod fisher;
 pub mod information;
+pub mod response;
 pub mod spectrum;
 
 use crate::spline_plan::SplinePlan;
