@@ -1,7 +1,7 @@
 //! Project tasks: `cargo xtask <command>`.
 //!
 //! A library with a thin binary, so that figures, tables and writers are documented and tested like the
-//! rest. One file per command ([`suite`], [`conformance`], [`fixtures`], [`ci`], [`reproduce`], [`mod@bench`]); what commands share sits
+//! rest. One file per command ([`suite`], [`conformance`], [`fixtures`], [`ci`], [`reproduce`], [`study`], [`mod@bench`]); what commands share sits
 //! beside them: exit codes ([`exit`]),
 //! text tables ([`table`]). Figures and writers come from `ffid` ([`ffid::plot`], [`ffid::files`]).
 
@@ -13,6 +13,7 @@ pub mod exit;
 pub mod fixtures;
 pub mod process;
 pub mod reproduce;
+pub mod study;
 pub mod suite;
 pub mod table;
 pub mod workspace;

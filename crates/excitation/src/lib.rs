@@ -11,6 +11,7 @@
 pub mod conflict;
 pub mod constraint;
 pub mod cost;
+pub mod flexible;
 pub mod limits;
 pub mod manoeuvre;
 pub mod modal_response;
@@ -36,13 +37,18 @@ pub use constraint::{
 #[cfg(feature = "collision")]
 pub use constraint::{Clearance, Pairs};
 pub use cost::base::{BaseMotion, BasePartials, BaseResponse};
+pub use cost::criterion::{Criterion, RelativeQuantity, relative_deviations};
 pub use cost::disturbance::{Disturbance, DrivenMode};
+pub use cost::fisher::{FisherCost, Optimality};
 pub use cost::information::{Information, SampleInformation};
+pub use cost::response::{ModalResponse, ResponseTarget, Robust};
 pub use cost::spectrum::{Modal, Quiet, Target};
 pub use cost::{Cost, CostSum, Form};
+pub use flexible::{Estimated, FlexibleError, FlexibleInformation, FlexibleRequest, Nuisance};
 pub use limits::{JointLimits, LimitError, LimitReport, Margin, Quantity, check_for_all_time, check_manoeuvre};
 pub use manoeuvre::{Extent, JointCommand, Manoeuvre, ManoeuvreError, ManoeuvreSpec, Move, Shape};
 pub use modal_response::{driven_modes, flexible_band, modal_targets};
+pub use planning::fisher::{FisherPlanned, FisherRequest, base_quantities, named_quantities, plan_fisher};
 pub use planning::{
     InformationRequest, Planned, PlanningError, QuietBand, Quieted, Quietness, plan_information, plan_quiet,
 };
