@@ -30,9 +30,9 @@ pub use frame_speed::{FrameSpeed, FrameWork};
 pub use held::{HeldPartials, HeldSystem, HeldWork};
 pub use passive::{PassiveRange, PassiveWork};
 pub use pointing::{Cone, Pointing};
-pub use torque::{JointTorque, TorqueWork};
 pub use ringing::{Ringing, Rung};
 pub use signal::Signal;
+pub use torque::{JointTorque, TorqueWork};
 
 use crate::rigid::RigidError;
 use crate::spline_plan::SplinePlan;

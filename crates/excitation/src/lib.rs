@@ -31,8 +31,7 @@ pub mod watch;
 pub use conflict::{Conflict, Demand};
 pub use constraint::{
     BaseAttitude, BaseRate, Channel, Cone, Constraint, ConstraintError, FrameSpeed, HeldSystem, JointTorque,
-    PassiveRange, Pointing, Sense, Signal, Snapshot,
-    Wanted,
+    PassiveRange, Pointing, Sense, Signal, Snapshot, Wanted,
 };
 #[cfg(feature = "collision")]
 pub use constraint::{Clearance, Pairs};
@@ -56,9 +55,9 @@ pub use prediction::Prediction;
 pub use problem::Problem;
 pub use random::{feasible_start, random_plan};
 pub use rigid::{RigidBase, RigidError, RigidInformation, SensorNoise};
+pub use search::{Found, MultiStart, SearchOptions, multi_start, search, search_from};
 pub use spline_plan::{Duration, End, PlanError, PlanSpec, SplinePlan, Which};
-pub use trajectory_file::{NamedJoint, Origin, Samples, Trajectory, TrajectoryFile, named_joints, write_csv};
-pub use search::{Found, MultiStart, SearchOptions, multi_start, search};
 pub use sqp::{Outcome, SqpOptions, Status, minimise, minimise_under};
+pub use trajectory_file::{NamedJoint, Origin, Samples, Trajectory, TrajectoryFile, named_joints, write_csv};
 pub use verdict::{Basis, ConstraintMargin, Verdict, verify};
 pub use watch::{Progress, Watch};

@@ -65,7 +65,7 @@ pub(crate) fn solve(h: &DMatrix<f64>, g: &[f64], rows: &[Inequality]) -> Result<
     match s.status {
         SolverStatus::Solved | SolverStatus::AlmostSolved if s.x.iter().all(|x| x.is_finite()) => {
             Ok(Minimum { z: s.x.clone(), multipliers: s.z.clone() })
-        },
+        }
         SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
             let worst = (0..s.z.len()).max_by(|i, j| s.z[*i].total_cmp(&s.z[*j])).unwrap_or(0);
             Err(QpFailure::Infeasible(worst))

@@ -82,9 +82,37 @@ pub fn search(
     options: &SearchOptions,
     watch: &Watch<'_>,
 ) -> Result<Found, PlanError> {
-    let argument = |what, got: usize| {
-        Err(PlanError::Argument { what, got: got.to_string(), expected: "at least 1".into() })
-    };
+    search_with(problem, system, options, watch, &|i, w| start(problem, options.seed, i as u64, w))
+}
+
+/// [`search`] from given plans, which must keep the limits of the joints, instead of random ones: one local search each.
+/// Allocates; starts threads.
+///
+/// # Errors
+/// As [`search`].
+pub fn search_from(
+    problem: &Problem<'_>,
+    system: Option<&HeldSystem>,
+    from: &[Vec<f64>],
+    options: &SearchOptions,
+    watch: &Watch<'_>,
+) -> Result<Found, PlanError> {
+    let options = SearchOptions { starts: from.len(), ..*options };
+    search_with(problem, system, &options, watch, &|i, w| feasible_near(problem, &from[i], w))
+}
+
+/// The plan that start `i` begins with.
+type Begin<'a> = dyn Fn(usize, &Watch<'_>) -> Result<Vec<f64>, PlanError> + Sync + 'a;
+
+fn search_with(
+    problem: &Problem<'_>,
+    system: Option<&HeldSystem>,
+    options: &SearchOptions,
+    watch: &Watch<'_>,
+    begin: &Begin<'_>,
+) -> Result<Found, PlanError> {
+    let argument =
+        |what, got: usize| Err(PlanError::Argument { what, got: got.to_string(), expected: "at least 1".into() });
     if options.starts == 0 {
         return argument("starts", 0);
     }
@@ -99,7 +127,7 @@ pub fn search(
     let deadline = [deadline, watch.deadline].into_iter().flatten().min();
     let latch = AtomicBool::new(false);
     let watch = Watch { deadline, latch: Some(&latch), ..*watch };
-    let all = run_all(problem, options, &watch);
+    let all = run_all(problem, options, &watch, begin);
     let mut best: Option<&Outcome> = None;
     for o in all.iter().flatten() {
         if best.is_none_or(|b| o.cost.total_cmp(&b.cost).is_lt()) {
@@ -127,10 +155,15 @@ fn failure(problem: &Problem<'_>, all: &[Result<Outcome, PlanError>], watch: &Wa
     errors[0].clone()
 }
 
-fn run_all(problem: &Problem<'_>, options: &SearchOptions, watch: &Watch<'_>) -> Vec<Result<Outcome, PlanError>> {
+fn run_all(
+    problem: &Problem<'_>,
+    options: &SearchOptions,
+    watch: &Watch<'_>,
+    begin: &Begin<'_>,
+) -> Vec<Result<Outcome, PlanError>> {
     let one = |i: usize| {
         let watch = Watch { start: i, ..*watch };
-        let x = start(problem, options.seed, i as u64, &watch)?;
+        let x = begin(i, &watch)?;
         minimise_under(problem, &x, &options.sqp, &watch)
     };
     let threads = options.threads.min(options.starts);
@@ -252,13 +285,9 @@ fn settle(
 
 fn unverified(verdict: &Verdict) -> PlanError {
     match verdict.worst() {
-        Some(m) => PlanError::Unverified {
-            name: m.name,
-            item: m.item.clone(),
-            value: m.value,
-            limit: m.limit,
-            unit: m.unit,
-        },
+        Some(m) => {
+            PlanError::Unverified { name: m.name, item: m.item.clone(), value: m.value, limit: m.limit, unit: m.unit }
+        }
         None => PlanError::Undefined,
     }
 }
@@ -285,7 +314,8 @@ pub fn multi_start(
     options: &SqpOptions,
 ) -> Result<MultiStart, PlanError> {
     let search = SearchOptions { seed, starts, threads: 1, sqp: *options, time_limit: None };
-    let all = run_all(&Problem::new(cost, plan), &search, &Watch::default());
+    let problem = Problem::new(cost, plan);
+    let all = run_all(&problem, &search, &Watch::default(), &|i, w| start(&problem, seed, i as u64, w));
     let best = all.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
     match (best, all.first()) {
         (Some(best), _) => Ok(MultiStart { best, all }),

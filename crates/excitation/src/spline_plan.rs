@@ -70,8 +70,10 @@ pub enum PlanError {
     #[error("the plan cannot be simulated: {0}")]
     Simulation(#[from] SimError),
     /// Constraints that hold for the appendages held do not hold with the appendages swinging.
-    #[error("{name} of {item} is {value} {unit} in the full simulation, limit {limit} {unit}, and keeping away from the \
-             limit did not help; loosen it, or plan slower")]
+    #[error(
+        "{name} of {item} is {value} {unit} in the full simulation, limit {limit} {unit}, and keeping away from the \
+             limit did not help; loosen it, or plan slower"
+    )]
     Unverified {
         /// What is limited.
         name: &'static str,

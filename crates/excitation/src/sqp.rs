@@ -226,13 +226,7 @@ impl<'a, 'b> Run<'a, 'b> {
             return Err(PlanError::Infeasible { which });
         }
         let rows = problem.rows();
-        let at = At {
-            x: start.to_vec(),
-            f: 0.0,
-            g: DVector::zeros(n),
-            c: vec![0.0; rows],
-            j: DMatrix::zeros(rows, n),
-        };
+        let at = At { x: start.to_vec(), f: 0.0, g: DVector::zeros(n), c: vec![0.0; rows], j: DMatrix::zeros(rows, n) };
         let mut run = Self {
             problem,
             with_cost,
@@ -353,7 +347,8 @@ impl<'a, 'b> Run<'a, 'b> {
                 break;
             };
             self.remember(&names, &step);
-            let small = if self.with_cost { options.tolerance * (1.0 + self.at.f.abs()) } else { 1e-4 * self.mu * worst };
+            let small =
+                if self.with_cost { options.tolerance * (1.0 + self.at.f.abs()) } else { 1e-4 * self.mu * worst };
             if predicted.max(-slope) <= small {
                 if worst <= 0.0 {
                     self.status = Status::Converged;

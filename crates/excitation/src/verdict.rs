@@ -128,7 +128,8 @@ pub(crate) fn inspect(
                     let row = &mut rows[here + k * count + sample];
                     *row = row.max(ch.excess(*v) / ch.scale);
                     // What is not a number is the worst there is.
-                    let worse = w.is_none_or(|(old, _)| !old.is_nan() && (v.is_nan() || ch.excess(*v) > ch.excess(old)));
+                    let worse =
+                        w.is_none_or(|(old, _)| !old.is_nan() && (v.is_nan() || ch.excess(*v) > ch.excess(old)));
                     if worse {
                         *w = Some((*v, snapshot.time));
                     }

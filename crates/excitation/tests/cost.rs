@@ -111,9 +111,7 @@ fn response_gradient() {
 /// The optimality of the rows of a regressor, for every criterion that needs no names.
 #[test]
 fn optimality_gradients() {
-    for criterion in
-        [Criterion::D, Criterion::A, Criterion::E { power: 8.0 }, Criterion::Condition { power: 8.0 }]
-    {
+    for criterion in [Criterion::D, Criterion::A, Criterion::E { power: 8.0 }, Criterion::Condition { power: 8.0 }] {
         let source = ToyRegressor { n: 3, analytic: true };
         let information = Information { source, samples: 41, rate: 100.0, delta: 1e-3 };
         check(&Optimality { information, criterion });

@@ -6,8 +6,8 @@ mod common;
 
 use common::paper;
 use excitation::*;
-use ff_model::mission::Loaded;
 use ff_model::Params;
+use ff_model::mission::Loaded;
 use nalgebra::{Vector3, Vector6};
 use std::sync::Arc;
 use std::time::Instant;
@@ -84,7 +84,10 @@ fn active(system: &Arc<HeldSystem>, plan: &SplinePlan, constraint: &dyn Constrai
     );
     for o in &found.all {
         match o {
-            Ok(o) => eprintln!("   {:?} {:.4} -> {:.4}, {} its {} evals, excess {:.1e}", o.status, o.start_cost, o.cost, o.iterations, o.evaluations, o.excess),
+            Ok(o) => eprintln!(
+                "   {:?} {:.4} -> {:.4}, {} its {} evals, excess {:.1e}",
+                o.status, o.start_cost, o.cost, o.iterations, o.evaluations, o.excess
+            ),
             Err(e) => eprintln!("   {e}"),
         }
     }
@@ -121,10 +124,20 @@ fn pointing_is_held() {
     let (loaded, system) = system("flex.toml");
     let plan = plan(&hold(&loaded), End::Free, Duration::Fixed(25.0), 8);
     let (axis, target) = (Vector3::new(0.1, -0.9, 0.4), Vector3::new(0.12, -0.88, 0.43));
-    active(&system, &plan, &Pointing::new(&system, &hold(&loaded), "antenna", &axis, &target, Cone::Within(0.07)).unwrap(), 0.02);
+    active(
+        &system,
+        &plan,
+        &Pointing::new(&system, &hold(&loaded), "antenna", &axis, &target, Cone::Within(0.07)).unwrap(),
+        0.02,
+    );
     let sun = Vector3::new(0.3, -0.8, 0.5);
     let angle = axis.angle(&sun) - 0.03;
-    active(&system, &plan, &Pointing::new(&system, &hold(&loaded), "tracker", &axis, &sun, Cone::Outside(angle)).unwrap(), 0.02);
+    active(
+        &system,
+        &plan,
+        &Pointing::new(&system, &hold(&loaded), "tracker", &axis, &sun, Cone::Outside(angle)).unwrap(),
+        0.02,
+    );
 }
 
 #[test]

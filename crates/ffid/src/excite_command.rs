@@ -2,7 +2,7 @@
 
 use crate::output::{Input, Outcome};
 use crate::results::{self, Output};
-use ffid::excite::{Planned, Progress, Watch, plan};
+use ffid::excite::{Demands, Planned, Progress, Watch, demands, plan, start};
 use ffid::exit::Exit;
 use ffid::files::folder::Folder;
 use ffid::model::mission::{Excite, GOALS, Goal, Mission};
@@ -80,7 +80,7 @@ impl Display for Report<'_> {
         }
         writeln!(f)?;
         for (i, s) in p.searches.iter().enumerate() {
-            write!(f, "  search {}: {}", i + 1, s.status)?;
+            write!(f, "  {} {}: {}", s.stage, i + 1, s.status)?;
             match s.cost {
                 Some(c) => writeln!(f, ", cost {c:.4} after {} iterations", s.iterations)?,
                 None => writeln!(f)?,
@@ -130,7 +130,14 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
             return refuse(exit, &Problems(vec![p]), out, err);
         }
     };
-    let planned = match search(args, &opened, mission, &settings) {
+    let demands = match demands(&opened, &mission.limits, &start(&opened, &settings), &input.file) {
+        Ok(d) => d,
+        Err(mut problems) => {
+            problems.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| input.file.clone()));
+            return refuse(Exit::of(&problems), &problems, out, err);
+        }
+    };
+    let planned = match search(args, &opened, mission, &settings, &demands) {
         Ok(p) => p,
         Err((exit, mut problems)) => {
             problems.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| input.file.clone()));
@@ -142,7 +149,9 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
             let p = Problem::error(Area::Config, "Plan::NoVerdict", e.to_string()).hint("check [limits]");
             (Exit::Numerical, Problems(vec![p]))
         })
-        .and_then(|proven| results::verdict(&opened, mission, planned.file.trajectory.motion(), Some(&proven)));
+        .and_then(|proven| {
+            results::verdict(&opened, mission, planned.file.trajectory.motion(), Some(&proven), &demands)
+        });
     let verdict = match judged {
         Ok(v) => v,
         Err((exit, mut problems)) => {
@@ -200,7 +209,13 @@ fn settings(args: &Args, mission: &Mission) -> Excite {
 }
 
 /// The search, with progress on a terminal and an end at Ctrl-C.
-fn search(args: &Args, opened: &Opened, mission: &Mission, settings: &Excite) -> Result<Planned, (Exit, Problems)> {
+fn search(
+    args: &Args,
+    opened: &Opened,
+    mission: &Mission,
+    settings: &Excite,
+    demands: &Demands,
+) -> Result<Planned, (Exit, Problems)> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
     let handler = ctrlc::set_handler(move || {
@@ -214,17 +229,19 @@ fn search(args: &Args, opened: &Opened, mission: &Mission, settings: &Excite) ->
         return Err((Exit::Io, Problems(vec![p.hint("run the command again")])));
     }
     let bar = (!args.output.quiet && std::io::stderr().is_terminal()).then(bar);
-    let best = Mutex::new(f64::INFINITY);
+    let best = Mutex::new(("", f64::INFINITY));
     let show = |p: &Progress| {
         let Some(bar) = &bar else { return };
         let Ok(mut best) = best.lock() else { return };
-        if p.cost < *best {
-            *best = p.cost;
+        // Costs of different stages cannot be compared.
+        if best.0 != p.stage || p.cost < best.1 {
+            *best = (p.stage, p.cost);
         }
-        bar.set_message(format!("{} evaluations, best cost {best:.4}", p.evaluations));
+        let (stage, start, cost) = (p.stage, p.start + 1, best.1);
+        bar.set_message(format!("{stage}, start {start}, iteration {}, best cost {cost:.4}", p.iteration));
     };
     let watch = Watch { stop: Some(&stop), progress: Some(&show) };
-    let found = plan(opened, settings, &mission.limits, &Sensing::of(&mission.sensors), &watch);
+    let found = plan(opened, settings, &mission.limits, demands, &Sensing::of(&mission.sensors), &watch);
     if let Some(b) = bar {
         b.finish_and_clear();
     }

@@ -135,7 +135,11 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
             return refuse(exit, &Problems(vec![p]), out, err);
         }
     };
-    let verdict = match results::verdict(&opened, mission, given.motion.as_ref(), given.proven.as_ref()) {
+    let start = ffid::preflight::start_pose(given.motion.as_ref());
+    let judged = ffid::excite::demands(&opened, &mission.limits, &start, &input.file)
+        .map_err(|p| (Exit::of(&p), p))
+        .and_then(|d| results::verdict(&opened, mission, given.motion.as_ref(), given.proven.as_ref(), &d));
+    let verdict = match judged {
         Ok(v) => v,
         Err((exit, mut problems)) => {
             problems.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| args.trajectory.clone()));

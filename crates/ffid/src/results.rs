@@ -2,6 +2,7 @@
 
 use ffid::dynamics::motion::JointMotion;
 use ffid::excitation::{LimitReport, Samples, TrajectoryFile, write_csv};
+use ffid::excite::Demands;
 use ffid::exit::{Exit, Failure};
 use ffid::files::folder::{About, Entry, Folder};
 use ffid::files::json;
@@ -47,7 +48,9 @@ pub(crate) fn verdict(
     mission: &Mission,
     motion: &dyn JointMotion,
     proven: Option<&LimitReport>,
+    demands: &Demands,
 ) -> Result<Preflight, (Exit, Problems)> {
+    let constraints = demands.list();
     let question = Question {
         model: &opened.model,
         params: &Params::nominal(&opened.model),
@@ -57,6 +60,7 @@ pub(crate) fn verdict(
         weak: mission.excite.weak_relative_std,
         proven,
         limits: &mission.limits,
+        constraints: &constraints,
         end_effector: opened.end_effector,
     };
     judge(&question).map_err(|e| {

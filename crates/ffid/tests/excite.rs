@@ -144,7 +144,10 @@ fn a_planned_trajectory_is_judged_as_it_was_when_planned() {
     for i in 0..16 {
         assert!((std(&sampled, i) / std(&planned, i) - 1.0).abs() < 1e-6);
     }
-    assert_eq!((sampled["verdict"]["limits"][0]["proof"].as_str(), judged["verdict"]["limits"][0]["proof"].as_str()), (Some("samples"), Some("all_time")));
+    assert_eq!(
+        (sampled["verdict"]["limits"][0]["proof"].as_str(), judged["verdict"]["limits"][0]["proof"].as_str()),
+        (Some("samples"), Some("all_time"))
+    );
     // Positions alone are fitted.
     let text = fs::read_to_string(c.path("p/trajectory.csv")).unwrap();
     let cut = |l: &str| l.split(',').take(8).collect::<Vec<_>>().join(",") + "\n";
@@ -209,13 +212,23 @@ fn settings_that_make_no_sense_are_refused() {
     for (text, code, says) in cases {
         section(text).refused(&["excite", "m.toml"], 11, code, says);
     }
-    let limits = |line: &str| Case::edited("flex.toml", SMALL, "velocity_rad_per_s = 0.17", &format!("velocity_rad_per_s = 0.17\n{line}"));
+    let limits = |line: &str| {
+        Case::edited("flex.toml", SMALL, "velocity_rad_per_s = 0.17", &format!("velocity_rad_per_s = 0.17\n{line}"))
+    };
     let cases: [(&str, &str, &[&str]); 6] = [
         ("jerk_rad_per_s2 = 1.0", "Config::UnknownKey", &["did you mean jerk_rad_per_s3?"]),
         ("torque_nm = -1.0", "Config::OutOfRange", &["limits.torque_nm", "limit > 0 N m"]),
         ("base_attitude_rad = 57.0", "Config::OutOfRange", &["limit < pi rad"]),
-        ("pointing = [{ name = \"antenna\", axis = [0, 0, 0], target = [0, 0, 1], within_rad = 0.1 }]", "Config::ZeroAxis", &["axis"]),
-        ("pointing = [{ name = \"antenna\", axis = [0, 0, 1], target = [0, 0, 1] }]", "Config::MissingKey", &["within_rad"]),
+        (
+            "pointing = [{ name = \"antenna\", axis = [0, 0, 0], target = [0, 0, 1], within_rad = 0.1 }]",
+            "Config::ZeroAxis",
+            &["axis"],
+        ),
+        (
+            "pointing = [{ name = \"antenna\", axis = [0, 0, 1], target = [0, 0, 1] }]",
+            "Config::MissingKey",
+            &["within_rad"],
+        ),
         (
             "pointing = [{ name = \"a\", axis = [0, 0, 1], target = [0, 0, 1], within_rad = 0.1, outside_rad = 0.2 }]",
             "Config::Conflict",
@@ -296,7 +309,13 @@ fn bad_trajectory_files_are_refused() {
     };
     judge("cut.json", &json[..json.len() * 2 / 3], 12, "Data::Syntax", &["ends too early"]);
     judge("nan.json", &json.replacen("1.5", "NaN", 1).replacen("0.8", "NaN", 1), 12, "Data::Syntax", &["is not JSON"]);
-    judge("name.json", &json.replace("joint3", "jiont3"), 12, "Data::NameMismatch", &["missing: joint3; extra: jiont3"]);
+    judge(
+        "name.json",
+        &json.replace("joint3", "jiont3"),
+        12,
+        "Data::NameMismatch",
+        &["missing: joint3; extra: jiont3"],
+    );
     judge("version.json", &json.replace("\"version\": 1", "\"version\": 7"), 12, "Data::Version", &["version 7"]);
     judge("key.json", &json.replacen("\"degree\"", "\"degre\"", 1), 12, "Data::UnknownKey", &["did you mean degree?"]);
     judge("cut.csv", &csv[..csv.len() - 4], 12, "Data::MaybeTruncated", &["cut short"]);
@@ -321,7 +340,7 @@ fn a_given_trajectory_beyond_the_limits_ends_with_13() {
         let all = v["verdict"]["limits"].as_array().unwrap();
         all.iter().any(|m| m["what"] == what && m["holds"] == false && m["margin"].as_f64().unwrap() < 0.0)
     };
-    for what in ["speed limit", "torque limit", "attitude limit", "deflection limit"] {
+    for what in ["speed limit", "joint torque", "base attitude excursion", "deflection"] {
         assert!(broken(what), "{what}");
     }
     assert!(v["problems"].as_array().unwrap().iter().any(|p| p["code"] == "Plan::LimitBroken"));

@@ -39,6 +39,7 @@ fn ask(o: &Opened, motion: &dyn JointMotion, patterns: &[&str], rate_hz: f64) ->
         weak: 0.1,
         proven: None,
         limits: &mission.limits,
+        constraints: &[],
         end_effector: o.end_effector,
     })
     .unwrap()
@@ -152,8 +153,7 @@ fn what_cannot_be_told_is_named() {
     for d in &v.null_directions {
         assert!(d.terms.iter().any(|(n, _)| n.starts_with("panel_")), "{d}");
     }
-    let silent: Vec<&str> =
-        v.parameters.iter().filter(|p| p.told == Told::NotAtAll).map(|p| p.name.as_str()).collect();
+    let silent: Vec<&str> = v.parameters.iter().filter(|p| p.told == Told::NotAtAll).map(|p| p.name.as_str()).collect();
     assert!(silent.contains(&"base.mass") && silent.iter().any(|n| n.starts_with("panel_left.")), "{silent:?}");
     assert!(v.parameters.iter().all(|p| (p.told == Told::NotAtAll) == p.std.is_none()));
     let text = v.to_string();
@@ -234,6 +234,7 @@ fn margins_for_all_time_enclose_those_of_samples() {
         weak: 0.1,
         proven: Some(&proven),
         limits: &mission.limits,
+        constraints: &[],
         end_effector: None,
     })
     .unwrap();

@@ -63,7 +63,11 @@ impl Clearance {
         for s in solids {
             if s.body >= model.n_bodies() {
                 let known = (0..model.n_bodies()).map(|i| model.body_name(i)).collect::<Vec<_>>().join(", ");
-                return Err(ConstraintError::Unknown { kind: "body", name: format!("{} of solid {}", s.body, s.name), known });
+                return Err(ConstraintError::Unknown {
+                    kind: "body",
+                    name: format!("{} of solid {}", s.body, s.name),
+                    known,
+                });
             }
             for size in s.shape.sizes() {
                 check_limit(&format!("size of solid {}", s.name), size, "m")?;
@@ -96,7 +100,13 @@ impl Clearance {
                 ..Channel::at_most("clearance", format!("{} - {}", solids[i].name, solids[j].name), "m", clearance)
             })
             .collect();
-        Ok(Self { model: model.clone(), shapes: solids.iter().map(shape).collect(), solids: solids.to_vec(), pairs, channels })
+        Ok(Self {
+            model: model.clone(),
+            shapes: solids.iter().map(shape).collect(),
+            solids: solids.to_vec(),
+            pairs,
+            channels,
+        })
     }
     /// Poses of the bodies in the base, and the axis and kind of every joint.
     fn place(&self, q: &[f64]) -> Vec<Xform<f64>> {

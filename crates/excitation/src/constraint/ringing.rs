@@ -125,9 +125,8 @@ impl Ringing {
         let e = |k: usize| u.view((first, k), (m, 1));
         let (mut z, mut grown) = (Vec::with_capacity(count), Vec::with_capacity(count));
         z.push(DVector::zeros(2 * m));
-        let next = |s: &Step, z: &DVector<f64>, k: usize| -> DVector<f64> {
-            &s.f * z + &s.g0 * e(k) + &s.g1 * e(k + 1)
-        };
+        let next =
+            |s: &Step, z: &DVector<f64>, k: usize| -> DVector<f64> { &s.f * z + &s.g0 * e(k) + &s.g1 * e(k + 1) };
         for k in 0..count - 1 {
             grown.push(next(&d_step, &z[k], k));
             z.push(next(&step, &z[k], k));

@@ -34,6 +34,8 @@ pub enum Optimality {
     A,
     /// `e`: its largest eigenvalue.
     E,
+    /// `largest`: the largest relative standard deviation of any of the parameters.
+    Largest,
 }
 
 /// How long a plan takes.
@@ -66,7 +68,7 @@ pub enum ExciteEnd {
 pub struct Excite {
     /// `goal`: `information` (default), `modal`, `quiet`, `paper` or `condition`.
     pub goal: Goal,
-    /// `optimality` of an information plan: `d` (default), `a` or `e`.
+    /// `optimality` of an information plan: `d` (default), `a`, `e` or `largest`.
     pub optimality: Optimality,
     /// `parameters`: names or patterns to plan for; those of `[estimate]` unless given.
     pub parameters: Vec<String>,
@@ -86,6 +88,8 @@ pub struct Excite {
     pub starts: u64,
     /// `iterations` of each search at most, 200 unless given.
     pub iterations: u64,
+    /// `modes_hz`: natural frequencies that a modal plan drives, the nearest modes of the model; the two lowest unless given.
+    pub modes_hz: Vec<f64>,
     /// `frequency_error`: relative error of the natural frequencies that a modal plan allows for; 0.1 unless given.
     pub frequency_error: f64,
     /// `emphasis` of quietness against information in a quiet plan, 3 unless given.
@@ -113,6 +117,7 @@ impl Default for Excite {
             seed: 1,
             starts: 4,
             iterations: 200,
+            modes_hz: Vec::new(),
             frequency_error: 0.1,
             emphasis: 3.0,
             joints: Vec::new(),
@@ -131,6 +136,9 @@ pub const GOALS: [(&str, Goal); 5] = [
     ("condition", Goal::Condition),
 ];
 
+const OPTIMALITIES: [(&str, Optimality); 4] =
+    [("d", Optimality::D), ("a", Optimality::A), ("e", Optimality::E), ("largest", Optimality::Largest)];
+
 impl Goal {
     /// Its name in a mission file.
     pub fn name(self) -> &'static str {
@@ -143,8 +151,7 @@ impl Excite {
         let d = Self::default();
         let out = Self {
             goal: choice(t, "goal", &GOALS).unwrap_or_default(),
-            optimality: choice(t, "optimality", &[("d", Optimality::D), ("a", Optimality::A), ("e", Optimality::E)])
-                .unwrap_or_default(),
+            optimality: choice(t, "optimality", &OPTIMALITIES).unwrap_or_default(),
             parameters: t.strings("parameters").unwrap_or_default(),
             duration: duration(t).unwrap_or(d.duration),
             control_points: within(t, "control_points", 1, 1000).unwrap_or(d.control_points),
@@ -154,12 +161,17 @@ impl Excite {
             seed: t.whole("seed").unwrap_or(d.seed),
             starts: within(t, "starts", 1, 10_000).unwrap_or(d.starts),
             iterations: within(t, "iterations", 1, 1_000_000).unwrap_or(d.iterations),
+            modes_hz: t.numbers("modes_hz").unwrap_or_default(),
             frequency_error: fraction(t, "frequency_error").unwrap_or(d.frequency_error),
             emphasis: t.number("emphasis", Must::NotBeNegative).unwrap_or(d.emphasis),
             joints: t.strings("joints").unwrap_or_default(),
             hold_s: t.number("hold_s", Must::NotBeNegative).unwrap_or(d.hold_s),
             weak_relative_std: t.number("weak_relative_std", Must::BePositive).unwrap_or(d.weak_relative_std),
         };
+        if let Some(f) = out.modes_hz.iter().find(|f| **f <= 0.0) {
+            let p = error("Config::OutOfRange", format!("value {f} Hz, limit > 0 Hz"));
+            t.fail("modes_hz", p.hint("give natural frequencies in Hz; `ffid modes` prints them"));
+        }
         t.finish();
         out
     }

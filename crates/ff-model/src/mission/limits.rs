@@ -84,7 +84,11 @@ impl Limits {
             keep_out: t.tables("keep_out").iter().filter_map(KeepOut::read).collect(),
         };
         if !out.keep_out.is_empty() && !t.has("clearance_m") {
-            t.fail("keep_out", error("Config::MissingKey", "'clearance_m' is missing").hint("add clearance_m = ..., the least distance"));
+            t.fail(
+                "keep_out",
+                error("Config::MissingKey", "'clearance_m' is missing")
+                    .hint("add clearance_m = ..., the least distance"),
+            );
         }
         t.finish();
         out

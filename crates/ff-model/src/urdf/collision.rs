@@ -124,7 +124,8 @@ type Bad<'a, 'i> = (Node<'a, 'i>, &'static str, String, &'static str);
 /// The numbers of an attribute; all finite.
 fn numbers<'a, 'i, const N: usize>(n: Node<'a, 'i>, key: &str) -> Result<[f64; N], Bad<'a, 'i>> {
     let text = n.attribute(key).unwrap_or_default();
-    let read: Option<Vec<f64>> = text.split_whitespace().map(|t| t.parse().ok().filter(|x: &f64| x.is_finite())).collect();
+    let read: Option<Vec<f64>> =
+        text.split_whitespace().map(|t| t.parse().ok().filter(|x: &f64| x.is_finite())).collect();
     read.and_then(|v| v.try_into().ok()).ok_or_else(|| {
         let what = format!("{key}=\"{text}\" of <{}> is not {N} finite number(s)", n.tag_name().name());
         (n, "Urdf::BadNumber", what, "write numbers in m and rad, separated by spaces, with a decimal point")

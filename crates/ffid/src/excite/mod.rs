@@ -4,9 +4,11 @@
 //! lets the optimiser of [`excitation`](crate::excitation) search from several starts until it converges or is stopped. The result
 //! is a [`Trajectory`] that a file can hold exactly; what it will tell is [`crate::preflight`]'s to say.
 
+pub mod demands;
 pub mod goal;
 mod search;
 
+pub use demands::{Demands, demands};
 pub use search::{Progress, Search, Watch};
 
 use crate::dynamics::{Boundary, modes};
@@ -84,6 +86,7 @@ pub fn plan(
     opened: &Opened,
     settings: &Excite,
     limits: &Limits,
+    demands: &Demands,
     sensing: &Sensing,
     watch: &Watch<'_>,
 ) -> Result<Planned, ExciteError> {
@@ -91,7 +94,7 @@ pub fn plan(
     let (trajectory, found) = if settings.goal == Goal::Paper {
         (manoeuvre(opened, settings, limits, sensing, &start)?, None)
     } else {
-        let (t, f) = spline(opened, settings, limits, sensing, &start, watch)?;
+        let (t, f) = spline(opened, settings, limits, demands, sensing, &start, watch)?;
         (t, Some(f))
     };
     let origin = Origin {
@@ -120,7 +123,7 @@ pub fn plan(
 }
 
 /// Where the arm starts: as the section says, or else the pose the mission holds.
-fn start(opened: &Opened, settings: &Excite) -> Vec<f64> {
+pub fn start(opened: &Opened, settings: &Excite) -> Vec<f64> {
     if settings.start_rad.is_empty() { opened.pose() } else { settings.start_rad.clone() }
 }
 
@@ -136,6 +139,7 @@ fn spline(
     opened: &Opened,
     settings: &Excite,
     limits: &Limits,
+    demands: &Demands,
     sensing: &Sensing,
     start: &[f64],
     watch: &Watch<'_>,
@@ -173,8 +177,14 @@ fn spline(
     .map_err(|e| refused(&e, model))?;
     let params = Params::nominal(model);
     let asked = goal::Asked { model, params: &params, selected: &opened.excited, settings, sensing, start };
-    let goal = goal::cost(&asked, &plan)?;
-    let found = search::run(goal.cost.as_ref(), &plan, settings, watch).map_err(|e| refused(&e, model))?;
+    let mut goal = goal::cost(&asked, &plan)?;
+    let constraints = demands.list();
+    let under = search::Under { system: demands.system.as_deref(), constraints: &constraints };
+    let found = search::run(&goal, &plan, under, settings, watch).map_err(|e| refused(&e, model))?;
+    if found.rounds > 0 {
+        let n = found.rounds;
+        goal.notes.push(format!("limits of the whole system were corrected by the full simulation {n} times"));
+    }
     let motion = plan.motion(&found.x).map_err(|e| refused(&e, model))?;
     let found = Found {
         cost: found.cost,
@@ -199,7 +209,16 @@ fn refused(e: &PlanError, model: &Model) -> ExciteError {
             let hint = "loosen this limit, take longer, or choose another start or end";
             ExciteError::new(Exit::IllPosed, "Plan::Infeasible", what + &by, hint)
         }
-        PlanError::Cost(_) => {
+        PlanError::Conflict(_) => {
+            ExciteError::new(Exit::IllPosed, "Plan::Conflict", e.to_string(), "loosen one of them, or take longer")
+        }
+        PlanError::Broken { .. } | PlanError::Unverified { .. } => {
+            ExciteError::new(Exit::IllPosed, "Plan::Infeasible", e.to_string(), "loosen this limit, or take longer")
+        }
+        PlanError::Interrupted => {
+            ExciteError::new(Exit::Interrupted, "Plan::Interrupted", e.to_string(), "let it run longer")
+        }
+        PlanError::Cost(_) | PlanError::Undefined | PlanError::Simulation(_) => {
             ExciteError::new(Exit::Numerical, "Plan::Cost", e.to_string(), "try another seed, or more control points")
         }
         PlanError::Limits(_) | PlanError::Spline(_) | PlanError::Argument { .. } => {

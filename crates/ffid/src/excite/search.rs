@@ -1,16 +1,23 @@
-//! The search, watched.
+//! The search: cheap problems from many starts, the flexible system's information from the best of them.
 
-use crate::excitation::{Cost, PlanError, SplinePlan, SqpOptions, multi_start};
+use super::goal::GoalCost;
+use crate::excitation::{
+    Constraint, Found, HeldSystem, Outcome, PlanError, SearchOptions, SplinePlan, SqpOptions, search, search_from,
+};
 use crate::model::mission::Excite;
 use serde::Serialize;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Where a search stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// Evaluations of the cost so far.
-    pub evaluations: usize,
-    /// Cost of the trajectory just looked at.
+    /// What is searched for, in words.
+    pub stage: &'static str,
+    /// Which start, from 0.
+    pub start: usize,
+    /// Iterations done.
+    pub iteration: usize,
+    /// Cost of the present plan; NaN while a feasible one is looked for.
     pub cost: f64,
 }
 
@@ -19,13 +26,21 @@ pub struct Progress {
 pub struct Watch<'a> {
     /// Set to true from anywhere to end the search with the best plan so far.
     pub stop: Option<&'a AtomicBool>,
-    /// Called after every evaluation of the cost.
+    /// Called before every iteration, from the thread that runs it.
     pub progress: Option<&'a (dyn Fn(&Progress) + Sync)>,
+}
+
+impl Watch<'_> {
+    fn stopped(&self) -> bool {
+        self.stop.is_some_and(|s| s.load(Ordering::Relaxed))
+    }
 }
 
 /// How one search ended.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Search {
+    /// What it was for.
+    pub stage: &'static str,
     /// Why it stopped.
     pub status: String,
     /// Its final cost; absent when there is no plan.
@@ -42,53 +57,97 @@ pub(super) struct Best {
     pub(super) cost: f64,
     pub(super) searches: Vec<Search>,
     pub(super) interrupted: bool,
+    /// How often constraints were corrected by the full simulation.
+    pub(super) rounds: usize,
 }
 
-/// A cost that reports, and has no value once the search is to end: no step is then accepted, and the optimiser returns
-/// the best plan it has.
-struct Watched<'a> {
-    inner: &'a dyn Cost,
-    watch: Watch<'a>,
-    count: AtomicUsize,
+/// What the search keeps to beside the limits of the joints.
+#[derive(Clone, Copy)]
+pub(super) struct Under<'a> {
+    pub(super) system: Option<&'a HeldSystem>,
+    pub(super) constraints: &'a [&'a dyn Constraint],
 }
 
-impl Watched<'_> {
-    fn stopped(&self) -> bool {
-        self.watch.stop.is_some_and(|s| s.load(Ordering::Relaxed))
+/// How many of the plans for the cheap problem are refined.
+const REFINED: usize = 2;
+
+pub(super) fn run(
+    goal: &GoalCost,
+    plan: &SplinePlan,
+    under: Under<'_>,
+    settings: &Excite,
+    watch: &Watch<'_>,
+) -> Result<Best, PlanError> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let sqp = SqpOptions { iterations: settings.iterations as usize, ..SqpOptions::default() };
+    let options = SearchOptions {
+        seed: settings.seed,
+        starts: settings.starts as usize,
+        threads,
+        sqp,
+        ..SearchOptions::default()
+    };
+    let problem = |cost| crate::excitation::Problem::new(cost, plan).under(under.constraints);
+    let mut searches = Vec::new();
+    let Some(warm) = &goal.warm else {
+        let found = watched(watch, "plan", |w| search(&problem(goal.cost.as_ref()), under.system, &options, w))?;
+        list(&mut searches, "plan", &found);
+        return Ok(best(found, searches, watch));
+    };
+    let found = watched(watch, "rigid start", |w| search(&problem(warm.as_ref()), under.system, &options, w))?;
+    list(&mut searches, "rigid start", &found);
+    let mut rated: Vec<(f64, &Outcome)> = found
+        .all
+        .iter()
+        .flatten()
+        .chain([&found.best])
+        .map(|o| (goal.value(plan, &o.x), o))
+        .filter(|r| r.0.is_finite())
+        .collect();
+    rated.sort_by(|a, b| a.0.total_cmp(&b.0));
+    rated.dedup_by(|a, b| a.1.x == b.1.x);
+    if watch.stopped() {
+        // The verified one, rated by the true cost.
+        let cost = goal.value(plan, &found.best.x);
+        return Ok(Best { cost, ..best(found, searches, watch) });
     }
-}
-
-impl Cost for Watched<'_> {
-    fn value_gradient(&self, plan: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
-        if self.stopped() {
-            return f64::NAN;
-        }
-        let cost = self.inner.value_gradient(plan, x, grad);
-        let evaluations = self.count.fetch_add(1, Ordering::Relaxed) + 1;
-        if let Some(f) = self.watch.progress {
-            f(&Progress { evaluations, cost });
-        }
-        cost
+    let from: Vec<Vec<f64>> = rated.iter().take(REFINED).map(|r| r.1.x.clone()).collect();
+    if from.is_empty() {
+        return Err(PlanError::Cost(f64::NAN));
     }
+    let refined =
+        watched(watch, "refinement", |w| search_from(&problem(goal.cost.as_ref()), under.system, &from, &options, w))?;
+    list(&mut searches, "refinement", &refined);
+    Ok(best(refined, searches, watch))
 }
 
-pub(super) fn run(cost: &dyn Cost, plan: &SplinePlan, settings: &Excite, watch: &Watch<'_>) -> Result<Best, PlanError> {
-    let watched = Watched { inner: cost, watch: *watch, count: AtomicUsize::new(0) };
-    let options = SqpOptions { iterations: settings.iterations as usize, ..SqpOptions::default() };
-    let found = multi_start(&watched, plan, settings.seed, settings.starts as usize, &options)?;
-    let searches = found.all.iter().map(|o| match o {
+fn best(found: Found, searches: Vec<Search>, watch: &Watch<'_>) -> Best {
+    Best { x: found.best.x, cost: found.best.cost, searches, interrupted: watch.stopped(), rounds: found.rounds }
+}
+
+/// Runs a search that reports to `watch`.
+fn watched<R>(watch: &Watch<'_>, stage: &'static str, run: impl FnOnce(&crate::excitation::Watch<'_>) -> R) -> R {
+    let report = |p: &crate::excitation::Progress| {
+        if let Some(f) = watch.progress {
+            f(&Progress { stage, start: p.start, iteration: p.iteration, cost: p.cost });
+        }
+        !watch.stopped()
+    };
+    let mut inner = crate::excitation::Watch::default();
+    inner.stop = watch.stop;
+    inner.progress = Some(&report);
+    run(&inner)
+}
+
+fn list(searches: &mut Vec<Search>, stage: &'static str, found: &Found) {
+    searches.extend(found.all.iter().map(|o| match o {
         Ok(o) => Search {
-            status: format!("{:?}", o.status),
+            stage,
+            status: o.status.to_string(),
             cost: Some(o.cost),
             iterations: o.iterations,
             evaluations: o.evaluations,
         },
-        Err(e) => Search { status: e.to_string(), cost: None, iterations: 0, evaluations: 0 },
-    });
-    Ok(Best {
-        x: found.best.x.clone(),
-        cost: found.best.cost,
-        searches: searches.collect(),
-        interrupted: watched.stopped(),
-    })
+        Err(e) => Search { stage, status: e.to_string(), cost: None, iterations: 0, evaluations: 0 },
+    }));
 }

@@ -1,14 +1,13 @@
 //! Margins to every limit, and what they rest on.
 
 use super::Question;
-use super::excursion::{Excursion, Peak};
 use crate::dynamics::Trace;
 use crate::excitation::limits::{LimitReport, Quantity, ROUNDING};
-use crate::excitation::{JointLimits, check_for_all_time, check_manoeuvre};
+use crate::excitation::{JointLimits, Snapshot, check_for_all_time, check_manoeuvre};
 use crate::excitation::{Trajectory, limits::LimitError};
-use crate::model::mission::{Limits, PointingLimit};
+use crate::model::mission::Limits;
 use crate::model::{JointKind, Model};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Quaternion, Vector4};
 use serde::Serialize;
 
 /// How the bound is known.
@@ -64,9 +63,6 @@ impl LimitMargin {
             proof,
             holds,
         }
-    }
-    fn at_most(what: &str, item: &str, p: &Peak, limit: f64) -> Self {
-        Self::new(what, item, &p.unit, [p.value, limit, limit - p.value, p.time_s], Proof::Samples)
     }
     /// Margin relative to its limit.
     pub fn relative(&self) -> f64 {
@@ -150,62 +146,42 @@ pub(super) fn of_joints(q: &Question<'_>, t: &Trace) -> Vec<LimitMargin> {
 }
 
 /// Margins to the limits of the whole system, at the samples of the simulation.
-pub(super) fn system_margins(q: &Question<'_>, e: &Excursion) -> Vec<LimitMargin> {
-    let l = q.limits;
+pub(super) fn of_system(q: &Question<'_>, t: &Trace) -> Vec<LimitMargin> {
     let mut out = Vec::new();
-    if let Some(limit) = l.torque_nm {
-        out.extend(e.torques.iter().map(|p| LimitMargin::at_most("torque limit", &p.name, p, limit)));
-    }
-    let mut single = |what: &str, p: Option<&Peak>, limit: Option<f64>| {
-        out.extend(p.zip(limit).map(|(p, limit)| LimitMargin::at_most(what, &p.name, p, limit)));
-    };
-    single("attitude limit", Some(&e.attitude), l.base_attitude_rad);
-    single("rate limit", Some(&e.rate), l.base_rate_rad_per_s);
-    single("speed limit", e.end_effector_speed.as_ref(), l.end_effector_speed_m_per_s);
-    for p in &e.passive {
-        let limit = match p.unit.as_str() {
-            "rad" => l.passive_rad,
-            "m" => l.passive_m,
-            _ => None,
-        };
-        out.extend(limit.map(|limit| LimitMargin::at_most("deflection limit", &p.name, p, limit)));
-    }
-    out
-}
-
-/// Margins to the pointing cones, at the samples of the simulation.
-pub(super) fn pointing(q: &Question<'_>, t: &Trace) -> Vec<LimitMargin> {
-    let one = |p: &PointingLimit| {
-        let (axis, target) = (Vector3::from(p.axis), Vector3::from(p.target));
-        let off = |i: usize| {
-            let att = Quaternion::new(t.att[(i, 0)], t.att[(i, 1)], t.att[(i, 2)], t.att[(i, 3)]);
-            let v = UnitQuaternion::from_quaternion(att) * axis;
-            v.cross(&target).norm().atan2(v.dot(&target))
-        };
-        let all: Vec<f64> = (0..t.len()).map(off).collect();
-        let by = |a: &usize, b: &usize| all[*a].total_cmp(&all[*b]);
-        match (p.within_rad, p.outside_rad) {
-            (Some(limit), _) => {
-                let i = (0..all.len()).max_by(by).unwrap_or(0);
-                LimitMargin::new(
-                    "pointing limit",
-                    &p.name,
-                    "rad",
-                    [all[i], limit, limit - all[i], i as f64 * t.dt],
-                    Proof::Samples,
-                )
-            }
-            (None, least) => {
-                let (i, limit) = ((0..all.len()).min_by(by).unwrap_or(0), least.unwrap_or(0.0));
-                LimitMargin::new(
-                    "pointing limit",
-                    &p.name,
-                    "rad",
-                    [all[i], limit, all[i] - limit, i as f64 * t.dt],
-                    Proof::Samples,
-                )
+    let row = |m: &DMatrix<f64>, i: usize| -> Vec<f64> { m.row(i).iter().copied().collect() };
+    let quat = |i: usize| Quaternion::new(t.att[(i, 0)], t.att[(i, 1)], t.att[(i, 2)], t.att[(i, 3)]);
+    for c in q.constraints {
+        let channels = c.channels();
+        let mut values = vec![0.0; channels.len()];
+        let mut worst: Vec<Option<(f64, f64)>> = vec![None; channels.len()];
+        for i in 0..t.len() {
+            let time = i as f64 * t.dt;
+            let (joints, rates, tau, eta) = (row(&t.q, i), row(&t.qd, i), row(&t.tau, i), row(&t.eta, i));
+            let att = quat(0).conjugate() * quat(i);
+            values.fill(f64::NAN);
+            c.measure(
+                &Snapshot {
+                    time,
+                    q: &joints,
+                    qd: &rates,
+                    twist: std::array::from_fn(|k| t.twist[(i, k)]),
+                    att: Vector4::new(att.w, att.i, att.j, att.k),
+                    tau: &tau,
+                    eta: &eta,
+                },
+                &mut values,
+            );
+            for ((w, v), channel) in worst.iter_mut().zip(&values).zip(channels) {
+                if w.is_none_or(|(old, _)| channel.excess(*v) > channel.excess(old)) {
+                    *w = Some((*v, time));
+                }
             }
         }
-    };
-    q.limits.pointing.iter().map(one).collect()
+        for (w, channel) in worst.iter().zip(channels) {
+            let (bound, time) = w.unwrap_or((f64::NAN, 0.0));
+            let numbers = [bound, channel.limit, -channel.excess(bound), time];
+            out.push(LimitMargin::new(channel.name, &channel.item, channel.unit, numbers, Proof::Samples));
+        }
+    }
+    out
 }

@@ -36,6 +36,7 @@ use crate::dynamics::modes::ModesError;
 use crate::dynamics::motion::{HermiteTable, JointMotion, MotionError};
 use crate::dynamics::step::advise_step;
 use crate::dynamics::{Boundary, Drive, Mode, SimError, SimOptions, State, Trace, simulate};
+use crate::excitation::Constraint;
 use crate::excitation::limits::LimitReport;
 use crate::ident::covariance::{Direction, Uncertainty};
 use crate::ident::linalg::LinalgError;
@@ -91,8 +92,10 @@ pub struct Question<'a> {
     pub weak: f64,
     /// Margins to the joint limits, when they have been proven for all time.
     pub proven: Option<&'a LimitReport>,
-    /// Limits of the mission.
+    /// Limits of the mission; those of the joints are judged by them.
     pub limits: &'a crate::model::mission::Limits,
+    /// Limits of the whole system ([`crate::excite::demands()`]).
+    pub constraints: &'a [&'a dyn Constraint],
     /// Index of the frame of the end effector, if there is one.
     pub end_effector: Option<usize>,
 }
@@ -240,8 +243,7 @@ pub fn judge(q: &Question<'_>) -> Result<Preflight, PreflightError> {
     let seen = parameters::predict(q, &trace, substeps)?;
     let excursion = excursion::of(q, &trace);
     let mut limits = limits::of_joints(q, &trace);
-    limits.extend(limits::system_margins(q, &excursion));
-    limits.extend(limits::pointing(q, &trace));
+    limits.extend(limits::of_system(q, &trace));
     Ok(Preflight {
         robot: model.name().to_owned(),
         duration_s: q.motion.duration(),
@@ -302,7 +304,7 @@ fn check(q: &Question<'_>) -> Result<(), PreflightError> {
 }
 
 /// Joint positions at time 0.
-pub(crate) fn start_pose(motion: &dyn JointMotion) -> Vec<f64> {
+pub fn start_pose(motion: &dyn JointMotion) -> Vec<f64> {
     let n = motion.dof();
     let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     motion.eval(0.0, &mut q, &mut qd, &mut qdd);

@@ -206,6 +206,7 @@ mod tests {
             weak: 0.1,
             proven: None,
             limits: &limits,
+            constraints: &[],
             end_effector: None,
         };
         for (k, mode) in modes.iter().enumerate() {
