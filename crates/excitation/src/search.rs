@@ -23,7 +23,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 /// How often rows are corrected after the full simulation.
-pub const ROUNDS: usize = 8;
+pub const ROUNDS: usize = 12;
 /// Verified room (relative) with which a constraint counts as used up.
 const USED: f64 = 2e-3;
 /// Gain (relative to `1 + |cost|`) below which another round is not worth it.
@@ -239,7 +239,7 @@ fn settle(
     let (mut verdict, mut seen) = inspect(problem, system, &first.x)?;
     let mut corrected = problem.clone();
     let mut rows = vec![0.0; problem.rows()];
-    let (mut last, mut further) = (first, AIM);
+    let (mut last, mut misses) = (first, 0);
     let mut kept: Option<(Outcome, Verdict)> = None;
     for round in 0..=ROUNDS {
         let mut gain = f64::INFINITY;
@@ -248,18 +248,16 @@ fn settle(
             if gain > 0.0 {
                 kept = Some((last.clone(), verdict.clone()));
             }
-        } else if round > 0 {
-            // Neither model nor correction are to blame but what lies between: keep more distance.
-            further += 0.5 * seen.iter().copied().fold(0.0, f64::max);
         }
+        // The correction is that of this plan; where it was not enough, the next plan keeps some distance too.
+        misses += u32::from(round > 0 && !verdict.holds);
+        let further = (AIM * f64::from(1 << misses)).max(0.3 * seen.iter().copied().fold(0.0, f64::max));
+        let further = if round == 0 { AIM } else { further };
         let near = |rows: &[f64]| rows.iter().any(|r| *r > -USED);
         problem.evaluate(&last.x, &mut rows, None);
         let settled = verdict.holds
-            && match round {
-                // At the limit in simulation too, or far from it in both.
-                0 => near(&seen) || !near(&rows),
-                _ => gain < GAIN * (1.0 + last.cost.abs()),
-            };
+            // At the limit in simulation too, or far from it in both, or nothing more to gain.
+            && (near(&seen) || !near(&rows) || gain < GAIN * (1.0 + last.cost.abs()));
         if (settled || round == ROUNDS || watch.cut_short())
             && let Some((best, verdict)) = kept.take()
         {

@@ -22,8 +22,6 @@ pub(super) fn direction(v: &Vector3<f64>) -> Vector3<f64> {
 pub(super) struct Rates {
     system: Arc<HeldSystem>,
     pub(super) ringing: Ringing,
-    /// Rows of the base rate of [`Ringing::base`].
-    shake: DMatrix<f64>,
 }
 
 /// Buffers of a constraint on rates or attitude.
@@ -39,13 +37,17 @@ pub struct History {
 
 impl Rates {
     pub(super) fn new(system: &Arc<HeldSystem>, q: &[f64]) -> Result<Self, ConstraintError> {
-        let ringing = Ringing::new(system, q)?;
-        let shake = ringing.base.rows(3, 3).into_owned();
-        Ok(Self { system: system.clone(), ringing, shake })
+        Ok(Self { system: system.clone(), ringing: Ringing::new(system, q)? })
     }
-    /// Rates with the appendages held, then holding forces.
+    /// Rates with the appendages held, holding forces, ports.
     pub(super) fn drives(&self) -> usize {
-        3 + self.ringing.count()
+        let (n, m) = (self.system.model().nj(), self.ringing.count());
+        3 + m + (6 + n) * m
+    }
+    /// Drive that holds the first component of the rate `G_p`.
+    fn port(&self, p: usize) -> usize {
+        let (n, m) = (self.system.model().nj(), self.ringing.count());
+        3 + m + p * (6 + n) + 3
     }
     pub(super) fn work(&self) -> History {
         History {
@@ -57,17 +59,24 @@ impl Rates {
         }
     }
     pub(super) fn drive(&self, w: &mut History, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
+        let (n, m) = (self.system.model().nj(), self.ringing.count());
+        let (own, ports) = u.split_at_mut(3 + m);
         match partials {
-            None => drop(self.system.evaluate(&mut w.held, s)),
+            None => {
+                self.system.evaluate(&mut w.held, s);
+                self.system.ports(&mut w.held, ports, None);
+            }
             Some(out) => {
                 self.system.differentiate(&mut w.held, s, &mut w.partials);
-                let (n, m) = (self.system.model().nj(), self.ringing.count());
                 out.rows_mut(0, 3).copy_from(&w.partials.twist.rows(3, 3));
                 out.rows_mut(3, m).copy_from(&w.partials.force.rows(n, m));
+                let mut d = DMatrix::zeros(ports.len(), n);
+                self.system.ports(&mut w.held, ports, Some(&mut d));
+                out.view_mut((3 + m, 0), d.shape()).copy_from(&d);
             }
         }
-        u[..3].copy_from_slice(&w.held.twist.as_slice()[3..]);
-        u[3..].copy_from_slice(&w.held.hold);
+        own[..3].copy_from_slice(&w.held.twist.as_slice()[3..]);
+        own[3..].copy_from_slice(&w.held.hold);
     }
     /// Fills the rates.
     pub(super) fn respond(&self, w: &mut History, dt: f64, u: &DMatrix<f64>) {
@@ -76,17 +85,24 @@ impl Rates {
         w.rate = u.fixed_rows::<3>(0).into_owned();
         for (k, z) in w.rung.z.iter().enumerate() {
             let mut rate = w.rate.column_mut(k);
-            rate += &self.shake * z.rows(m, m);
+            (0..m).for_each(|p| rate += u.fixed_view::<3, 1>(self.port(p), k) * z[m + p]);
         }
     }
-    /// Carries derivatives with respect to the rates `0..=last` (in the first rows of `over_u`) on to the holding
-    /// forces; returns that with respect to `dt`.
-    pub(super) fn adjoint(&self, w: &History, last: usize, over_u: &mut DMatrix<f64>) -> f64 {
+    /// Carries derivatives with respect to the rates `0..=last` (in the first rows of `over_u`) on to the other drives;
+    /// returns that with respect to `dt`.
+    pub(super) fn adjoint(&self, w: &History, u: &DMatrix<f64>, last: usize, over_u: &mut DMatrix<f64>) -> f64 {
         let m = self.ringing.count();
+        for k in 0..=last {
+            let over_rate = over_u.fixed_view::<3, 1>(0, k).into_owned();
+            for p in 0..m {
+                let mut here = over_u.fixed_view_mut::<3, 1>(self.port(p), k);
+                here += over_rate * w.rung.z[k][m + p];
+            }
+        }
         let over_rate: Matrix3xX<f64> = over_u.fixed_rows::<3>(0).into_owned();
         let add = |k: usize, l: &mut DVector<f64>| {
-            let mut l = l.rows_mut(m, m);
-            l += self.shake.tr_mul(&over_rate.column(k));
+            let over = over_rate.column(k);
+            (0..m).for_each(|p| l[m + p] += u.fixed_view::<3, 1>(self.port(p), k).dot(&over));
         };
         self.ringing.adjoint(&w.rung, 3, last, add, over_u)
     }
@@ -135,10 +151,10 @@ impl Signal for BaseRate {
     fn reaches_back(&self) -> bool {
         true
     }
-    fn adjoint(&self, w: &History, _u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+    fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         let e = direction(&w.rate.column(i).into_owned());
         over_u.fixed_view_mut::<3, 1>(0, i).copy_from(&e);
-        self.rates.adjoint(w, i, over_u)
+        self.rates.adjoint(w, u, i, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         out[0] = Vector3::new(at.twist[3], at.twist[4], at.twist[5]).norm();
@@ -262,9 +278,9 @@ impl Signal for BaseAttitude {
     fn reaches_back(&self) -> bool {
         true
     }
-    fn adjoint(&self, w: &History, _u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+    fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         let turn = excursion(&w.turning.attitude[i]).1;
-        w.turning.adjoint(&w.rate, i, &turn, over_u) + self.rates.adjoint(w, i, over_u)
+        w.turning.adjoint(&w.rate, i, &turn, over_u) + self.rates.adjoint(w, u, i, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         out[0] = log_so3(&at.att).norm();

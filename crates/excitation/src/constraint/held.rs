@@ -8,12 +8,20 @@
 //! tau = H_bm^T A + H_m qdd + c_m,      e = H_bp^T A + H_mp^T qdd + c_p.
 //! ```
 //!
+//! A unit acceleration of passive coordinate `k` alone, joints held, moves the base by `G_k` and loads the joints with
+//! `B_k`, columns of
+//!
+//! ```text
+//! G = -H_b^-1 H_bp,      B = H_mp + H_bm^T G.
+//! ```
+//!
 //! `e` is the generalised force that would have to hold the passive coordinates; let go, they are driven by `-e`.
 //!
 //! Derivatives. Inverse dynamics at zero velocity with the "acceleration" `u = (V, qd, 0)` returns `H u`, whose base
 //! rows are the momentum, so its derivative with respect to `q_l` at fixed `u` gives `dV/dq_l = -H_b^-1 d(H_b V +
 //! H_bm qd)/dq_l`; `dV/dqd = -H_b^-1 H_bm`. A second call at the motion itself gives the columns of all rows; the
-//! change of `A` that keeps the base rows zero is eliminated as in [`ff_dynamics::hybrid_columns`].
+//! change of `A` that keeps the base rows zero is eliminated as in [`ff_dynamics::hybrid_columns`]. `G_k` and `B_k` are
+//! the same at zero velocity with the acceleration `(G_k, 0, 1_k)`.
 
 use crate::rigid::RigidError;
 use ff_dynamics::{Derivatives, State, Work, mass_matrix, rnea, rnea_derivatives};
@@ -159,6 +167,47 @@ impl HeldSystem {
             }
         }
         true
+    }
+    /// `[G; B]` at joint positions `q`, `(6 + n) x m`, into `out` by columns, and with `partials` (`(6 + n) m x n`) their
+    /// derivatives with respect to `q`. To be called after [`HeldSystem::evaluate`] or
+    /// [`HeldSystem::differentiate`] at the same `q`. NaN where these failed.
+    ///
+    /// # Panics
+    /// If a length or shape is wrong.
+    pub fn ports(&self, w: &mut HeldWork, out: &mut [f64], mut partials: Option<&mut DMatrix<f64>>) {
+        let (n, m, model) = (self.model.nj(), self.model.np(), &self.model);
+        let rows = 6 + n;
+        assert_eq!(out.len(), rows * m, "ports");
+        let h_b: Matrix6<f64> = w.h.fixed_view::<6, 6>(0, 0).into_owned();
+        let finite = w.twist.iter().all(|x| x.is_finite());
+        let Some(chol) = h_b.cholesky().filter(|_| finite) else {
+            out.fill(f64::NAN);
+            partials.into_iter().for_each(|d| d.fill(f64::NAN));
+            return;
+        };
+        w.state.v.fill(0.0);
+        for k in 0..m {
+            let base = -chol.solve(&Vector6::from_fn(|i, _| w.h[(i, rows + k)]));
+            let column = &mut out[k * rows..(k + 1) * rows];
+            column[..6].copy_from_slice(base.as_slice());
+            for j in 0..n {
+                column[6 + j] = w.h[(6 + j, rows + k)] + (0..6).map(|c| w.h[(6 + j, c)] * base[c]).sum::<f64>();
+            }
+            let Some(partials) = partials.as_mut() else { continue };
+            w.acceleration.fill(0.0);
+            w.acceleration[..6].copy_from_slice(base.as_slice());
+            w.acceleration[rows + k] = 1.0;
+            rnea_derivatives(model, &self.params, &w.state, &w.acceleration, &mut w.work, &mut w.momentum);
+            let Derivatives { dq, da, .. } = &w.momentum;
+            for l in 0..n {
+                let follow = -chol.solve(&Vector6::from_fn(|i, _| dq[(i, 6 + l)]));
+                (0..6).for_each(|i| partials[(k * rows + i, l)] = follow[i]);
+                for j in 0..n {
+                    let back: f64 = (0..6).map(|c| da[(6 + j, c)] * follow[c]).sum();
+                    partials[(k * rows + 6 + j, l)] = dq[(6 + j, 6 + l)] + back;
+                }
+            }
+        }
     }
     fn solve(&self, w: &mut HeldWork, [q, qd, qdd]: [&[f64]; 3]) -> Option<Cholesky<f64, Const<6>>> {
         let (n, m, p) = (self.model.nj(), &self.model, &self.params);

@@ -87,10 +87,10 @@ impl Signal for Pointing {
     fn reaches_back(&self) -> bool {
         true
     }
-    fn adjoint(&self, w: &History, _u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+    fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         // Turning by dphi moves the axis by dphi x v: the angle to the target grows by dphi . (target x v) / |..|.
         let turn = direction(&self.target.cross(&(w.turning.attitude[i] * self.axis)));
-        w.turning.adjoint(&w.rate, i, &turn, over_u) + self.rates.adjoint(w, i, over_u)
+        w.turning.adjoint(&w.rate, i, &turn, over_u) + self.rates.adjoint(w, u, i, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         out[0] = self.angle(&(quat_to_rot(&at.att) * self.axis));

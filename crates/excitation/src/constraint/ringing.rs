@@ -1,4 +1,4 @@
-//! The linear response of the appendages, and what it does to the base and the joints.
+//! The linear response of the appendages.
 //!
 //! About rest, at the configuration where the plan starts, passive coordinates let go obey
 //!
@@ -7,13 +7,14 @@
 //! ```
 //!
 //! `e` being the force that would have to hold them ([`super::HeldSystem`]), centrifugal and all other terms of the arm's
-//! motion included, on whatever body the appendage hangs. They add to the motion with appendages held
+//! motion included, on whatever body the appendage hangs. With `G`, `B` of [`super::HeldSystem`] at the present
+//! configuration they add to the motion with appendages held
 //!
 //! ```text
-//! V += -H_b^-1 H_bp b',      tau += (H_mp - H_bm^T H_b^-1 H_bp) b''.
+//! V += G b',      tau += B b''.
 //! ```
 //!
-//! What is left out is the change of these matrices along the motion, the effect of the deflection on `e`, and everything
+//! What is left out is the change of `H_p*` along the motion, the effect of the deflection on `e`, and everything
 //! nonlinear in the deflection: the full simulation measures what that makes.
 //!
 //! Between samples `e` is taken as linear and the response is exact (C. Van Loan, *Computing integrals involving the
@@ -40,10 +41,6 @@ pub struct Ringing {
     pub(super) rate: f64,
     a: DMatrix<f64>,
     b: DMatrix<f64>,
-    /// `-H_b^-1 H_bp`, `6 x m`.
-    pub(super) base: DMatrix<f64>,
-    /// `H_mp - H_bm^T H_b^-1 H_bp`, `n x m`.
-    pub(super) joints: DMatrix<f64>,
 }
 
 /// `z_(k+1) = f z_k + g0 e_k + g1 e_(k+1)`.
@@ -79,10 +76,9 @@ impl Ringing {
         mass_matrix(m, system.params(), &state, &mut Work::new(m), &mut h);
         let singular = || ConstraintError::Rigid(crate::rigid::RigidError::Singular);
         let block = |r: usize, c: usize, rows: usize, cols: usize| h.view((r, c), (rows, cols)).into_owned();
-        let (h_bp, h_bm) = (block(0, 6 + n, 6, np), block(0, 6, 6, n));
+        let h_bp = block(0, 6 + n, 6, np);
         let h_b = block(0, 0, 6, 6).cholesky().ok_or_else(singular)?;
         let base = -h_b.solve(&h_bp);
-        let joints = block(6, 6 + n, n, np) + h_bm.tr_mul(&base);
         let inertia = block(6 + n, 6 + n, np, np) + h_bp.tr_mul(&base);
         let inverse = inertia.cholesky().ok_or_else(singular)?.inverse();
         let (k, d) = stiffness_damping(m, system.params(), system.rest());
@@ -94,7 +90,7 @@ impl Ringing {
         b.view_mut((np, 0), (np, np)).copy_from(&-inverse);
         let found = modes(m, system.params(), q, system.rest(), Boundary::JointsHeld)?;
         let rate = PER_PERIOD * found.iter().map(|m| m.frequency_hz).fold(0.0, f64::max);
-        Ok(Self { rate, a, b, base, joints })
+        Ok(Self { rate, a, b })
     }
     /// Number of passive coordinates.
     pub(super) fn count(&self) -> usize {

@@ -27,6 +27,13 @@ pub struct TorqueWork {
     rung: Rung,
     /// Signs of the torques of the last response, `n x N`.
     sign: DMatrix<f64>,
+    /// Accelerations of the passive coordinates, per sample.
+    ringing: Vec<DVector<f64>>,
+}
+
+/// Drive that holds `B_(j,p)`.
+fn port(n: usize, m: usize, p: usize, j: usize) -> usize {
+    n + m + p * (6 + n) + 6 + j
 }
 
 impl JointTorque {
@@ -71,46 +78,58 @@ impl Signal for JointTorque {
         self.ringing.rate
     }
     fn drives(&self) -> usize {
-        self.system.model().nj() + self.ringing.count()
+        let (n, m) = (self.system.model().nj(), self.ringing.count());
+        n + m + (6 + n) * m
     }
     fn work(&self) -> TorqueWork {
         let (held, partials) = (self.system.work(), self.system.partials());
-        TorqueWork { held, partials, rung: Rung::default(), sign: DMatrix::zeros(0, 0) }
+        TorqueWork { held, partials, rung: Rung::default(), sign: DMatrix::zeros(0, 0), ringing: Vec::new() }
     }
     fn drive(&self, w: &mut TorqueWork, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
+        let (n, m) = (self.system.model().nj(), self.ringing.count());
         match partials {
             None => drop(self.system.evaluate(&mut w.held, s)),
             Some(out) => {
                 self.system.differentiate(&mut w.held, s, &mut w.partials);
-                out.copy_from(&w.partials.force);
+                out.rows_mut(0, n + m).copy_from(&w.partials.force);
+                let mut ports = DMatrix::zeros(u.len() - n - m, n);
+                self.system.ports(&mut w.held, &mut u[n + m..], Some(&mut ports));
+                out.view_mut((n + m, 0), ports.shape()).copy_from(&ports);
+                u[..n].copy_from_slice(&w.held.tau);
+                u[n..n + m].copy_from_slice(&w.held.hold);
+                return;
             }
         }
-        let n = w.held.tau.len();
         u[..n].copy_from_slice(&w.held.tau);
-        u[n..].copy_from_slice(&w.held.hold);
+        u[n..n + m].copy_from_slice(&w.held.hold);
+        self.system.ports(&mut w.held, &mut u[n + m..], None);
     }
     fn respond(&self, w: &mut TorqueWork, dt: f64, u: &DMatrix<f64>, y: &mut DMatrix<f64>) {
         let (n, m) = (self.system.model().nj(), self.ringing.count());
         w.rung = self.ringing.respond(dt, u, n);
         w.sign = DMatrix::zeros(n, u.ncols());
+        w.ringing.clear();
         for k in 0..u.ncols() {
             let e: DVector<f64> = u.view((n, k), (m, 1)).column(0).into_owned();
-            let more = &self.ringing.joints * self.ringing.acceleration(&w.rung, &e, k);
+            let acceleration = self.ringing.acceleration(&w.rung, &e, k);
             for (c, &j) in self.joints.iter().enumerate() {
-                let tau = u[(j, k)] + more[j];
+                let more: f64 = (0..m).map(|p| u[(port(n, m, p, j), k)] * acceleration[p]).sum();
+                let tau = u[(j, k)] + more;
                 w.sign[(j, k)] = tau.signum();
                 y[(c, k)] = tau.abs();
             }
+            w.ringing.push(acceleration);
         }
     }
     fn reaches_back(&self) -> bool {
         true
     }
-    fn adjoint(&self, w: &TorqueWork, _u: &DMatrix<f64>, channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
-        let (n, j) = (self.system.model().nj(), self.joints[channel]);
+    fn adjoint(&self, w: &TorqueWork, u: &DMatrix<f64>, channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
+        let (n, m, j) = (self.system.model().nj(), self.ringing.count(), self.joints[channel]);
         let sign = w.sign[(j, i)];
         over_u[(j, i)] = sign;
-        let over: DVector<f64> = self.ringing.joints.row(j).transpose() * sign;
+        (0..m).for_each(|p| over_u[(port(n, m, p, j), i)] = sign * w.ringing[i][p]);
+        let over = DVector::from_fn(m, |p, _| sign * u[(port(n, m, p, j), i)]);
         let (over_z, over_e) = self.ringing.over_acceleration(&over);
         let mut here = over_u.view_mut((n, i), (over_e.len(), 1));
         here += over_e;
