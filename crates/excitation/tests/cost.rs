@@ -113,7 +113,8 @@ fn response_gradient() {
 fn optimality_gradients() {
     for criterion in [Criterion::D, Criterion::A, Criterion::E { power: 8.0 }, Criterion::Condition { power: 8.0 }] {
         let source = ToyRegressor { n: 3, analytic: true };
-        let information = Information { source, samples: 41, rate: 100.0, delta: 1e-3 };
+        // Enough prior that rounding in the inverse stays below what the differences resolve.
+        let information = Information { source, samples: 41, rate: 100.0, delta: 3.0 };
         check(&Optimality { information, criterion });
     }
 }

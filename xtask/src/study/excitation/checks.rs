@@ -34,7 +34,7 @@ pub(super) fn gradients(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     let swing = Swing::new(s.model(), &s.params, &s.start, s.noise)?;
     let modal = modal_cost(s, &swing, &[(0, 1.0), (1, 0.5)])?;
     let condition = Optimality { information: s.rigid_cost()?, criterion: Criterion::Condition { power: 8.0 } };
-    let flexible = s.information(if s.quick { 1.0 } else { SEARCH_STEP_S })?;
+    let flexible = s.information(if s.quick { 0.3 } else { SEARCH_STEP_S })?;
     let quantities = base_quantities(&flexible).context("all ten parameters of the base")?;
     let fisher = |criterion| FisherCost { information: flexible.clone(), criterion };
     let (quiet, eq_10) = (quiet_cost(s, &plan)?, eq_10(s)?);
