@@ -12,15 +12,15 @@ use crate::limits::{JointLimits, Quantity};
 use crate::problem::Problem;
 use crate::random::{feasible_start, random_plan};
 use crate::spline_plan::{Duration, End, PlanError, SplinePlan};
-use crate::sqp::{Obstacle, SqpOptions, minimise_under, restore};
+use crate::sqp::{Obstacle, SqpOptions, minimise_seen, restore};
 use crate::verdict::{quantity_name, quantity_unit};
-use crate::watch::Watch;
+use crate::watch::Eye;
 use std::fmt;
 
-/// Random starts of every local search for a feasible plan.
-const TRIES: u64 = 3;
+/// Random starts of every local search for a feasible plan, besides the straight plan.
+const TRIES: u64 = 2;
 /// Iterations of each.
-const ITERATIONS: usize = 40;
+const ITERATIONS: usize = 36;
 /// Iterations spent on how far a constraint could be kept.
 const LEAST: usize = 40;
 
@@ -52,7 +52,7 @@ impl fmt::Display for Demand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} of {}: limit {} {}", self.name, self.item, self.limit, self.unit)?;
         match self.possible {
-            Some(v) => write!(f, ", possible with the others {v:.4} {}", self.unit),
+            Some(v) => write!(f, ", possible if all else stays {v:.4} {}", self.unit),
             None => Ok(()),
         }
     }
@@ -82,25 +82,36 @@ enum Group {
     Joint(usize, i32),
 }
 
-/// The conflict of a problem for which no plan was found; `None` if there is none after all. Allocates.
+/// What a closer look at a problem without a plan found.
+pub(crate) enum Answer {
+    /// A plan that keeps everything after all.
+    Plan(Vec<f64>),
+    /// Why there is none.
+    Conflict(Conflict),
+}
+
+/// The conflict of a problem for which no plan was found, or a plan after all. Allocates.
 ///
 /// # Errors
 /// [`PlanError::Interrupted`].
-pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Watch<'_>) -> Result<Option<Conflict>, PlanError> {
-    if let Some(conflict) = of_joints(problem.plan) {
-        return Ok(Some(conflict));
+pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Eye<'_>) -> Result<Answer, PlanError> {
+    if let Some(conflict) = of_joints(problem) {
+        return Ok(Answer::Conflict(conflict));
     }
-    if problem.constraints.is_empty() {
-        return Ok(None);
-    }
-    let Some(obstacle) = infeasible(problem, watch)? else { return Ok(None) };
+    let first = starts(problem)?;
+    let obstacle = match infeasible(problem, &first, watch)? {
+        Err(x) => return Ok(Answer::Plan(x)),
+        Ok(obstacle) => obstacle,
+    };
+    // What is left to be told is near: from where the search stood still, and from the straight plan.
+    let from = [obstacle.x.clone(), first[0].clone()];
     let mut candidates = pressing(problem, &obstacle);
     // All other demands leave at once, if the conflict stays without them.
     let mut without = problem.clone();
     for g in everything(problem).into_iter().filter(|g| !candidates.contains(g)) {
         drop_group(&mut without, g);
     }
-    if infeasible(&without, watch)?.is_none() {
+    if infeasible(&without, &from, watch)?.is_err() {
         without = problem.clone();
         candidates = everything(problem);
     }
@@ -108,17 +119,17 @@ pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Watch<'_>) -> Result<Optio
     for &g in &candidates {
         let mut trial = without.clone();
         drop_group(&mut trial, g);
-        match infeasible(&trial, watch)? {
-            Some(_) => without = trial,
-            None => members.push(g),
+        match infeasible(&trial, &from, watch)? {
+            Ok(_) => without = trial,
+            Err(x) => members.push((g, x)),
         }
     }
     let mut demands = Vec::new();
-    for &g in &members {
-        demands.push(demand(&without, g, watch)?);
+    for (g, x) in members {
+        demands.push(demand(problem, g, &[x.as_slice(), &first[0], &obstacle.x], watch)?);
     }
     let next = advice(problem.plan, &demands);
-    Ok(Some(Conflict { demands, next }))
+    Ok(Answer::Conflict(Conflict { demands, next }))
 }
 
 /// Everything that can be left out.
@@ -150,7 +161,7 @@ fn pressing(problem: &Problem<'_>, obstacle: &Obstacle) -> Vec<Group> {
         }
     }
     let most = obstacle.joints.iter().map(|j| j.1).fold(0.0, f64::max);
-    out.extend(obstacle.joints.iter().filter(|j| j.1 > 1e-3 * most).map(|j| Group::Joint(j.0.0, j.0.1)));
+    out.extend(obstacle.joints.iter().filter(|j| j.1 > 1e-2 * most).map(|j| Group::Joint(j.0.0, j.0.1)));
     out
 }
 
@@ -161,17 +172,21 @@ fn drop_group(problem: &mut Problem<'_>, g: Group) {
     }
 }
 
-/// `None` when a plan was found.
-fn infeasible(problem: &Problem<'_>, watch: &Watch<'_>) -> Result<Option<Obstacle>, PlanError> {
+/// Where the searches stood still, or a plan as the error.
+fn infeasible(
+    problem: &Problem<'_>,
+    from: &[Vec<f64>],
+    watch: &Eye<'_>,
+) -> Result<Result<Obstacle, Vec<f64>>, PlanError> {
     let mut least: Option<Obstacle> = None;
-    for x in starts(problem)? {
-        match restore(problem, &x, ITERATIONS, watch)? {
-            Ok(_) => return Ok(None),
+    for x in from {
+        match restore(problem, x, ITERATIONS, watch)? {
+            Ok(x) => return Ok(Err(x)),
             Err(o) if least.as_ref().is_none_or(|l| o.excess < l.excess) => least = Some(o),
             Err(_) => {}
         }
     }
-    Ok(least)
+    least.map(Ok).ok_or(PlanError::Undefined)
 }
 
 /// The slowest straight plan, and random ones.
@@ -184,13 +199,13 @@ fn starts(problem: &Problem<'_>) -> Result<Vec<Vec<f64>>, PlanError> {
     Ok(out)
 }
 
-/// A plan that keeps `problem` without `g`, and from there the best value of `g`.
-fn demand(problem: &Problem<'_>, g: Group, watch: &Watch<'_>) -> Result<Demand, PlanError> {
+/// The best value of `g` when everything else of `problem` is kept, if a plan for that is found from one of `from`.
+fn demand(problem: &Problem<'_>, g: Group, from: &[&[f64]], watch: &Eye<'_>) -> Result<Demand, PlanError> {
     let mut others = problem.clone();
     drop_group(&mut others, g);
     let mut found = None;
-    for x in starts(&others)? {
-        if let Ok(x) = restore(&others, &x, ITERATIONS, watch)? {
+    for x in from.iter().filter(|x| others.violated(x).is_none()) {
+        if let Ok(x) = restore(&others, x, ITERATIONS, watch)? {
             found = Some(x);
             break;
         }
@@ -200,10 +215,10 @@ fn demand(problem: &Problem<'_>, g: Group, watch: &Watch<'_>) -> Result<Demand, 
             let constraint = problem.constraints[k];
             let channel = &constraint.channels()[ch];
             let lowest = Lowest { constraint, channel: ch };
-            let possible = found.map(|x| {
+            let possible = found.map(|found| {
                 let least = Problem { cost: &lowest, ..others.clone() };
                 let options = SqpOptions { iterations: LEAST, tolerance: 1e-5 };
-                let x = minimise_under(&least, &x, &options, watch).map_or(x, |o| o.x);
+                let x = minimise_seen(&least, &found, &options, watch).map_or(found, |o| o.x);
                 let most = lowest.rows(problem.plan, &x).iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 let beyond = most * channel.scale;
                 if channel.sense == Sense::AtMost { channel.limit + beyond } else { channel.limit - beyond }
@@ -223,7 +238,8 @@ fn demand(problem: &Problem<'_>, g: Group, watch: &Watch<'_>) -> Result<Demand, 
                 rows.map(|r| r.value(&x) / t.powi(power)).fold(0.0, f64::max)
             });
             let name = if power == 0 { "joint range" } else { quantity_name(quantity) };
-            let (item, unit) = (format!("joint {joint}"), quantity_unit(quantity, false));
+            let (item, prismatic) = problem.joint(joint);
+            let unit = quantity_unit(quantity, prismatic);
             Ok(Demand { name: name.into(), item, limit, possible, unit })
         }
     }
@@ -268,7 +284,8 @@ impl Cost for Lowest<'_> {
 }
 
 /// The conflict of joint limits alone, at the longest duration, exactly; `None` when a plan keeps them.
-fn of_joints(plan: &SplinePlan) -> Option<Conflict> {
+fn of_joints(problem: &Problem<'_>) -> Option<Conflict> {
+    let plan = problem.plan;
     let t = plan.longest();
     let fits = |t: f64, limits: &[JointLimits]| {
         let mut spec = plan.spec().clone();
@@ -315,13 +332,9 @@ fn of_joints(plan: &SplinePlan) -> Option<Conflict> {
                 })
             });
             let name = if power == 0 { "joint range" } else { quantity_name(quantity) };
-            Demand {
-                name: name.into(),
-                item: format!("joint {joint}"),
-                limit,
-                possible: possible.flatten(),
-                unit: quantity_unit(quantity, false),
-            }
+            let (item, prismatic) = problem.joint(joint);
+            let unit = quantity_unit(quantity, prismatic);
+            Demand { name: name.into(), item, limit, possible: possible.flatten(), unit }
         })
         .collect();
     if let Some(longer) = smallest(t, |t| fits(t, &limits)) {

@@ -4,13 +4,13 @@
 //! ([`crate::limits`]). What is here depends on the whole system and is limited *at samples*: torque
 //! ([`JointTorque`]), base attitude and rate ([`BaseAttitude`], [`BaseRate`]), pointing ([`Pointing`]), the speed
 //! of a frame ([`FrameSpeed`]), panel deflection and slosh angle ([`PassiveRange`]), and collision
-#![cfg_attr(feature = "collision", doc = "([`Clearance`](crate::Clearance)).")]
+#![cfg_attr(feature = "collision", doc = "([`Clearance`]).")]
 #![cfg_attr(not(feature = "collision"), doc = "(`Clearance`, with feature `collision`).")]
 //!
-//! While a plan is being searched, every constraint is computed from the system with its appendages held
-//! ([`HeldSystem`]), with exact derivatives. The plan that is found is then simulated in full, appendages
-//! swinging, and every constraint measured on that at ten times as many samples ([`crate::Verdict`]); only
-//! plans that pass are returned. `docs/theory/constraints.md` has the derivations.
+//! While a plan is being searched, constraints are computed from the system with its appendages held
+//! ([`HeldSystem`]) and their linear response ([`Ringing`]), with exact derivatives. The plan that is found is
+//! then simulated in full, and every constraint measured on that at ten times as many samples ([`crate::Verdict`]);
+//! only plans that pass are returned. `docs/theory/constraints.md` has the derivations.
 
 mod base;
 #[cfg(feature = "collision")]

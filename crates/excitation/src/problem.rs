@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 /// Relative distance to the limit within which peaks are looked at.
 const NEAR: f64 = -0.4;
 /// Relative distance to the limit within which every sample is looked at.
-const CLOSE: f64 = -0.02;
+const CLOSE: f64 = -0.003;
 
 /// A cost to be made small by a trajectory that keeps all limits and constraints.
 #[derive(Clone)]
@@ -20,6 +20,8 @@ pub struct Problem<'a> {
     pub plan: &'a SplinePlan,
     /// What else must hold.
     pub constraints: Vec<&'a dyn Constraint>,
+    /// Names of the joints and whether they are prismatic; empty when no model is known.
+    pub(crate) joints: Vec<(String, bool)>,
     /// Added to the rows: what the full simulation has shown to be missing. Empty for nothing.
     pub(crate) correction: Vec<f64>,
     /// Channels that do not count (search for conflicts).
@@ -31,13 +33,32 @@ pub struct Problem<'a> {
 impl<'a> Problem<'a> {
     /// Without constraints beyond the limits of the joints.
     pub fn new(cost: &'a dyn Cost, plan: &'a SplinePlan) -> Self {
-        Self { cost, plan, constraints: Vec::new(), correction: Vec::new(), dropped: Vec::new(), freed: Vec::new() }
+        Self {
+            cost,
+            plan,
+            constraints: Vec::new(),
+            joints: Vec::new(),
+            correction: Vec::new(),
+            dropped: Vec::new(),
+            freed: Vec::new(),
+        }
     }
     /// The same under constraints. Allocates.
     #[must_use]
     pub fn under(mut self, constraints: &[&'a dyn Constraint]) -> Self {
         self.constraints = constraints.to_vec();
         self
+    }
+    /// The same with joints called by their names. Allocates.
+    #[must_use]
+    pub fn named(mut self, model: &ff_model::Model) -> Self {
+        let prismatic = |b: &ff_model::Body| b.joint.kind == ff_model::JointKind::Prismatic;
+        self.joints = model.bodies().iter().map(|b| (b.joint.name.clone(), prismatic(b))).collect();
+        self
+    }
+    /// Name of a joint, its index from 0 when no model is known; and whether it is prismatic.
+    pub(crate) fn joint(&self, joint: usize) -> (String, bool) {
+        self.joints.get(joint).cloned().unwrap_or_else(|| (format!("joint {joint}"), false))
     }
     /// Rows of all constraints.
     pub(crate) fn rows(&self) -> usize {

@@ -9,15 +9,15 @@
 //! added to them, sample by sample, and the search goes on from that plan with the derivatives it has (defect
 //! correction), until both agree: at most [`ROUNDS`] times. What is returned is the best plan that held in simulation.
 
-use crate::conflict::diagnose;
+use crate::conflict::{Answer, diagnose};
 use crate::constraint::HeldSystem;
 use crate::cost::Cost;
 use crate::problem::Problem;
 use crate::random::{feasible_start, random_plan};
 use crate::spline_plan::{PlanError, SplinePlan};
-use crate::sqp::{Outcome, SqpOptions, Status, minimise_under, restore};
+use crate::sqp::{Outcome, SqpOptions, minimise_seen, restore};
 use crate::verdict::{Verdict, inspect};
-use crate::watch::Watch;
+use crate::watch::{Eye, Watch};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -61,7 +61,8 @@ impl Default for SearchOptions {
 pub struct Found {
     /// The plan: variables, cost, why the search stopped.
     pub best: Outcome,
-    /// Every local search, in the order of the starts.
+    /// Every local search, in the order of the starts; after them one from a plan found by other means, if no start led to
+    /// one.
     pub all: Vec<Result<Outcome, PlanError>>,
     /// Margins: joint limits for all time, constraints by full simulation.
     pub verdict: Verdict,
@@ -102,7 +103,7 @@ pub fn search_from(
 }
 
 /// The plan that start `i` begins with.
-type Begin<'a> = dyn Fn(usize, &Watch<'_>) -> Result<Vec<f64>, PlanError> + Sync + 'a;
+type Begin<'a> = dyn Fn(usize, &Eye<'_>) -> Result<Vec<f64>, PlanError> + Sync + 'a;
 
 fn search_with(
     problem: &Problem<'_>,
@@ -123,48 +124,56 @@ fn search_with(
         let (got, expected) = ("none".into(), "the system, when there are constraints".into());
         return Err(PlanError::Argument { what: "system to verify on", got, expected });
     }
+    let named = system.filter(|_| problem.joints.is_empty()).map(|s| problem.clone().named(s.model()));
+    let problem = named.as_ref().unwrap_or(problem);
     let deadline = options.time_limit.and_then(|t| Instant::now().checked_add(t));
     let deadline = [deadline, watch.deadline].into_iter().flatten().min();
     let latch = AtomicBool::new(false);
-    let watch = Watch { deadline, latch: Some(&latch), ..*watch };
-    let all = run_all(problem, options, &watch, begin);
-    let mut best: Option<&Outcome> = None;
-    for o in all.iter().flatten() {
-        if best.is_none_or(|b| o.cost.total_cmp(&b.cost).is_lt()) {
-            best = Some(o);
-        }
+    let watch = Eye { watch: Watch { deadline, ..*watch }, start: 0, latch: Some(&latch) };
+    let mut all = run_all(problem, options, &watch, begin);
+    if all.iter().all(Result::is_err) {
+        all.push(Ok(after_all(problem, &all, options, &watch)?));
     }
-    let Some(best) = best else { return Err(failure(problem, &all, &watch)) };
-    let (best, verdict, rounds) = settle(problem, system, best.clone(), options, &watch)?;
+    let best = all.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
+    let Some(best) = best else { return Err(PlanError::Undefined) };
+    let (best, verdict, rounds) = settle(problem, system, best, options, &watch)?;
     Ok(Found { best, all, verdict, rounds })
 }
 
-/// What to answer when no start led to a plan.
-fn failure(problem: &Problem<'_>, all: &[Result<Outcome, PlanError>], watch: &Watch<'_>) -> PlanError {
+/// When no start led to a plan: why, as an error, or a plan that the search for the reason has come upon.
+fn after_all(
+    problem: &Problem<'_>,
+    all: &[Result<Outcome, PlanError>],
+    options: &SearchOptions,
+    watch: &Eye<'_>,
+) -> Result<Outcome, PlanError> {
     let errors: Vec<&PlanError> = all.iter().filter_map(|r| r.as_ref().err()).collect();
     if let Some(e) = errors.iter().find(|e| matches!(e, PlanError::Interrupted)) {
-        return (*e).clone();
+        return Err((*e).clone());
     }
     if errors.iter().any(|e| matches!(e, PlanError::Broken { .. } | PlanError::Infeasible { .. })) {
-        match diagnose(problem, watch) {
-            Ok(Some(conflict)) => return PlanError::Conflict(Box::new(conflict)),
-            Ok(None) => {}
-            Err(e) => return e,
-        }
+        return match diagnose(problem, watch)? {
+            Answer::Plan(x) => minimise_seen(problem, &x, &options.sqp, watch),
+            Answer::Conflict(c) => Err(PlanError::Conflict(Box::new(c))),
+        };
     }
-    errors[0].clone()
+    Err(errors[0].clone())
 }
 
 fn run_all(
     problem: &Problem<'_>,
     options: &SearchOptions,
-    watch: &Watch<'_>,
+    watch: &Eye<'_>,
     begin: &Begin<'_>,
 ) -> Vec<Result<Outcome, PlanError>> {
     let one = |i: usize| {
-        let watch = Watch { start: i, ..*watch };
+        let watch = Eye { start: i, ..*watch };
+        // Of what has not begun when the search is cut short, nothing is to be expected.
+        if watch.cut_short() {
+            return Err(PlanError::Interrupted);
+        }
         let x = begin(i, &watch)?;
-        minimise_under(problem, &x, &options.sqp, &watch)
+        minimise_seen(problem, &x, &options.sqp, &watch)
     };
     let threads = options.threads.min(options.starts);
     if threads == 1 {
@@ -192,13 +201,13 @@ fn run_all(
 }
 
 /// A feasible plan for start `stream`.
-pub(crate) fn start(problem: &Problem<'_>, seed: u64, stream: u64, watch: &Watch<'_>) -> Result<Vec<f64>, PlanError> {
+pub(crate) fn start(problem: &Problem<'_>, seed: u64, stream: u64, watch: &Eye<'_>) -> Result<Vec<f64>, PlanError> {
     let x = random_plan(problem.plan, seed, stream, FRACTION)?;
     feasible_near(problem, &x, watch)
 }
 
 /// `x` itself, or a plan near it that keeps the constraints.
-pub(crate) fn feasible_near(problem: &Problem<'_>, x: &[f64], watch: &Watch<'_>) -> Result<Vec<f64>, PlanError> {
+pub(crate) fn feasible_near(problem: &Problem<'_>, x: &[f64], watch: &Eye<'_>) -> Result<Vec<f64>, PlanError> {
     if problem.constraints.is_empty() || problem.excess(x) <= 0.0 {
         return Ok(x.to_vec());
     }
@@ -234,7 +243,7 @@ fn settle(
     system: Option<&HeldSystem>,
     first: Outcome,
     options: &SearchOptions,
-    watch: &Watch<'_>,
+    watch: &Eye<'_>,
 ) -> Result<(Outcome, Verdict, usize), PlanError> {
     let (mut verdict, mut seen) = inspect(problem, system, &first.x)?;
     let mut corrected = problem.clone();
@@ -267,15 +276,20 @@ fn settle(
             break;
         }
         corrected.correction = seen.iter().zip(&rows).map(|(seen, row)| seen - row + further).collect();
-        let next = match minimise_under(&corrected, &last.x, &options.sqp, watch) {
+        let next = match minimise_seen(&corrected, &last.x, &options.sqp, watch) {
             Ok(next) => next,
             // Cut short, or stuck outside: a plan closer to the straight one will do.
             Err(_) => match feasible_near(&corrected, &last.x, watch) {
-                Ok(x) => minimise_under(&corrected, &x, &options.sqp, watch)?,
+                Ok(x) => minimise_seen(&corrected, &x, &options.sqp, watch)?,
                 Err(_) => break,
             },
         };
-        last = Outcome { start_cost: last.start_cost, ..next };
+        last = Outcome {
+            start_cost: last.start_cost,
+            iterations: last.iterations + next.iterations,
+            evaluations: last.evaluations + next.evaluations,
+            ..next
+        };
         (verdict, seen) = inspect(problem, system, &last.x)?;
     }
     kept.map(|(best, verdict)| (best, verdict, ROUNDS)).ok_or_else(|| unverified(&verdict))
@@ -313,16 +327,11 @@ pub fn multi_start(
 ) -> Result<MultiStart, PlanError> {
     let search = SearchOptions { seed, starts, threads: 1, sqp: *options, time_limit: None };
     let problem = Problem::new(cost, plan);
-    let all = run_all(&problem, &search, &Watch::default(), &|i, w| start(&problem, seed, i as u64, w));
+    let all = run_all(&problem, &search, &Eye::default(), &|i, w| start(&problem, seed, i as u64, w));
     let best = all.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
     match (best, all.first()) {
         (Some(best), _) => Ok(MultiStart { best, all }),
         (None, Some(Err(e))) => Err(e.clone()),
         _ => Err(PlanError::Argument { what: "starts", got: "0".into(), expected: "at least 1".into() }),
     }
-}
-
-/// True when a status means that the search was cut short from outside.
-pub fn cut_short(status: Status) -> bool {
-    matches!(status, Status::Interrupted | Status::TimeLimit)
 }

@@ -88,6 +88,14 @@ pub enum PlanError {
     },
 }
 
+impl PlanError {
+    /// True when what is asked for cannot be had (exit code 13), rather than being asked for wrongly.
+    pub fn is_ill_posed(&self) -> bool {
+        use PlanError::{Broken, Conflict, Infeasible, Unverified};
+        matches!(self, Broken { .. } | Conflict(_) | Infeasible { .. } | Unverified { .. })
+    }
+}
+
 /// Names one constraint of a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Which {

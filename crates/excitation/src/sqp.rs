@@ -22,7 +22,7 @@ use crate::cost::Cost;
 use crate::problem::{Problem, largest};
 use crate::qp::{self, Inequality, Minimum};
 use crate::spline_plan::{Duration, PlanError, SplinePlan};
-use crate::watch::{Progress, Watch};
+use crate::watch::{Eye, Progress, Watch};
 use nalgebra::{DMatrix, DVector};
 
 /// Distance (relative to the limit) that steps keep from limits, so that solver tolerance cannot break them.
@@ -31,6 +31,10 @@ const INSIDE: f64 = 1e-8;
 const AIM: f64 = 1e-6;
 /// The penalty grows up to this many times the size of the cost.
 const PENALTY: f64 = 1e8;
+
+/// A search for a feasible plan gives up when this many iterations leave more than this part of the violation.
+const LAP: usize = 6;
+const PROGRESS: f64 = 0.95;
 
 /// How an optimisation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -113,6 +117,16 @@ pub fn minimise_under(
     options: &SqpOptions,
     watch: &Watch<'_>,
 ) -> Result<Outcome, PlanError> {
+    minimise_seen(problem, start, options, &Eye { watch: *watch, ..Eye::default() })
+}
+
+/// [`minimise_under`] as one of several searches.
+pub(crate) fn minimise_seen(
+    problem: &Problem<'_>,
+    start: &[f64],
+    options: &SqpOptions,
+    watch: &Eye<'_>,
+) -> Result<Outcome, PlanError> {
     let run = Run::new(problem, start, true)?.solve(options, watch);
     let outcome = |(f, x, excess): (f64, Vec<f64>, f64)| Outcome {
         x,
@@ -136,7 +150,7 @@ pub(crate) fn restore(
     problem: &Problem<'_>,
     start: &[f64],
     iterations: usize,
-    watch: &Watch<'_>,
+    watch: &Eye<'_>,
 ) -> Result<Result<Vec<f64>, Obstacle>, PlanError> {
     let options = SqpOptions { iterations, tolerance: 1e-9 };
     let run = Run::new(problem, start, false)?.solve(&options, watch);
@@ -145,12 +159,20 @@ pub(crate) fn restore(
     }
     Ok(match run.best {
         Some((_, x, _)) => Ok(x),
-        None => Err(Obstacle { excess: largest(&run.at.c), rows: run.at.c, joints: run.pressing, pull: run.pull }),
+        None => Err(Obstacle {
+            x: run.at.x,
+            excess: largest(&run.at.c),
+            rows: run.at.c,
+            joints: run.pressing,
+            pull: run.pull,
+        }),
     })
 }
 
 /// Where a search for a feasible plan ended without one.
 pub(crate) struct Obstacle {
+    /// Where.
+    pub(crate) x: Vec<f64>,
     /// Largest relative excess.
     pub(crate) excess: f64,
     /// All rows.
@@ -326,8 +348,8 @@ impl<'a, 'b> Run<'a, 'b> {
         let pressing = multipliers[..linear.len()].to_vec();
         Some(Step { d: DVector::from_column_slice(&d[..n]), s, z, pressing })
     }
-    fn solve(mut self, options: &SqpOptions, watch: &Watch<'_>) -> Self {
-        let mut fresh = true;
+    fn solve(mut self, options: &SqpOptions, watch: &Eye<'_>) -> Self {
+        let (mut fresh, mut lap) = (true, f64::INFINITY);
         while self.iterations < options.iterations {
             let worst = largest(&self.at.c);
             if !self.with_cost && self.best.is_some() {
@@ -341,6 +363,13 @@ impl<'a, 'b> Run<'a, 'b> {
                 break;
             }
             self.iterations += 1;
+            if !self.with_cost && self.iterations.is_multiple_of(LAP) {
+                if worst > PROGRESS * lap {
+                    self.status = Status::Stalled;
+                    break;
+                }
+                lap = worst;
+            }
             let (rows, rooms, names) = constraints(self.problem, &self.at.x, &self.scale);
             let Some((step, predicted, slope)) = self.direction(&rows) else {
                 self.status = Status::Stalled;
@@ -348,7 +377,7 @@ impl<'a, 'b> Run<'a, 'b> {
             };
             self.remember(&names, &step);
             let small =
-                if self.with_cost { options.tolerance * (1.0 + self.at.f.abs()) } else { 1e-4 * self.mu * worst };
+                if self.with_cost { options.tolerance * (1.0 + self.at.f.abs()) } else { 1e-3 * self.mu * worst };
             if predicted.max(-slope) <= small {
                 if worst <= 0.0 {
                     self.status = Status::Converged;

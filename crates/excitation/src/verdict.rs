@@ -83,17 +83,17 @@ pub(crate) fn inspect(
     let motion = plan.motion(x)?;
     let report = check_for_all_time(&motion, &plan.spec().limits, plan.spec().refine)?;
     let mut holds = report.holds && plan.violated(x).is_none();
-    let names = system.map(|s| s.model().joint_names());
-    let bodies = system.map(|s| s.model().bodies());
+    let named = system.filter(|_| problem.joints.is_empty()).map(|s| problem.clone().named(s.model()));
+    let problem = named.as_ref().unwrap_or(problem);
     let mut margins: Vec<ConstraintMargin> = report
         .margins
         .iter()
         .map(|m| {
-            let prismatic = bodies.is_some_and(|b| b[m.joint].joint.kind == ff_model::JointKind::Prismatic);
+            let (item, prismatic) = problem.joint(m.joint);
             let scale = if m.limit.abs() > 1e-3 { m.limit.abs() } else { 1.0 };
             ConstraintMargin {
                 name: quantity_name(m.quantity),
-                item: names.as_ref().map_or_else(|| format!("joint {}", m.joint), |n| n[m.joint].clone()),
+                item,
                 value: m.bound,
                 limit: m.limit,
                 unit: quantity_unit(m.quantity, prismatic),

@@ -26,29 +26,35 @@ pub struct Watch<'a> {
     pub deadline: Option<Instant>,
     /// Called before every iteration, from the thread that runs it; false ends the search.
     pub progress: Option<&'a (dyn Fn(&Progress) -> bool + Sync)>,
+}
+
+/// Who looks on at one local search.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Eye<'a> {
+    pub(crate) watch: Watch<'a>,
     /// Start that is reported.
     pub(crate) start: usize,
     /// Set once `progress` has asked for an end: for all threads, and for what comes after.
     pub(crate) latch: Option<&'a AtomicBool>,
 }
 
-impl Watch<'_> {
+impl Eye<'_> {
     /// True when the search is to end now.
     pub(crate) fn cut_short(&self) -> bool {
         let set = |s: Option<&AtomicBool>| s.is_some_and(|s| s.load(Ordering::Relaxed));
-        set(self.stop) || set(self.latch) || self.deadline.is_some_and(|d| Instant::now() >= d)
+        set(self.watch.stop) || set(self.latch) || self.watch.deadline.is_some_and(|d| Instant::now() >= d)
     }
     /// Reports, and tells how the search ends if it is to end now.
     pub(crate) fn ended(&self, progress: &Progress) -> Option<Status> {
         let set = |s: Option<&AtomicBool>| s.is_some_and(|s| s.load(Ordering::Relaxed));
-        let go_on = self.progress.is_none_or(|f| f(progress));
+        let go_on = self.watch.progress.is_none_or(|f| f(progress));
         if !go_on && let Some(latch) = self.latch {
             latch.store(true, Ordering::Relaxed);
         }
-        if !go_on || set(self.stop) || set(self.latch) {
+        if !go_on || set(self.watch.stop) || set(self.latch) {
             return Some(Status::Interrupted);
         }
-        self.deadline.filter(|d| Instant::now() >= *d).map(|_| Status::TimeLimit)
+        self.watch.deadline.filter(|d| Instant::now() >= *d).map(|_| Status::TimeLimit)
     }
 }
 

@@ -108,7 +108,8 @@ impl<S: Signal> Constraint for S {
             let column = &mut u.as_mut_slice()[i * drives..(i + 1) * drives];
             let mut d = wanted(i).then(|| DMatrix::zeros(drives, 3 * n));
             self.drive(&mut work, parts, column, d.as_mut());
-            partials.push(d);
+            // One drive after the other in memory, as they are needed below.
+            partials.push(d.map(|d| d.transpose()));
             nodes.push(Node { first, basis });
             states.push(s);
         }
@@ -122,7 +123,7 @@ impl<S: Signal> Constraint for S {
         let Some(Wanted { rows: wanted, jacobian }) = jacobian else { return };
         assert_eq!(jacobian.shape(), (rows.len(), plan.variables()), "Jacobian of the constraint");
         let mut over_u = DMatrix::zeros(self.drives(), count);
-        let mut over_control = DMatrix::zeros(n, plan.unit_knots().count());
+        let mut over_control = DMatrix::zeros(plan.unit_knots().count(), n);
         let mut gradient = vec![0.0; plan.variables()];
         let mut sum = vec![0.0; 3 * n];
         for (row, _) in wanted.iter().enumerate().filter(|(_, w)| **w) {
@@ -134,10 +135,9 @@ impl<S: Signal> Constraint for S {
             for i in reach {
                 let Some(partials) = &partials[i] else { continue };
                 sum.fill(0.0);
-                for d in 0..self.drives() {
-                    let l = over_u[(d, i)];
-                    if l != 0.0 {
-                        (0..3 * n).for_each(|k| sum[k] += l * partials[(d, k)]);
+                for (l, partials) in over_u.column(i).iter().zip(partials.as_slice().chunks_exact(3 * n)) {
+                    if *l != 0.0 {
+                        sum.iter_mut().zip(partials).for_each(|(s, p)| *s += l * p);
                     }
                 }
                 let Node { first, basis } = &nodes[i];
@@ -149,12 +149,13 @@ impl<S: Signal> Constraint for S {
                     over_duration -= (b * states[i][n + j] + 2.0 * c * states[i][2 * n + j]) / t;
                     let (b, c) = (b / t, c / (t * t));
                     for k in 0..=p {
-                        over_control[(j, first + k)] += a * basis[0][k] + b * basis[1][k] + c * basis[2][k];
+                        // Points along columns: `over_control` is transposed.
+                        over_control[(first + k, j)] += a * basis[0][k] + b * basis[1][k] + c * basis[2][k];
                     }
                 }
             }
             gradient.fill(0.0);
-            plan.pull_back(&over_control, &mut gradient);
+            plan.pull_back(&over_control.transpose(), &mut gradient);
             if let Some(i) = plan.duration_index() {
                 gradient[i] = over_duration;
             }
