@@ -227,13 +227,15 @@ fn quiet(s: &Setup, study: &mut Study, loud: &dyn JointMotion) -> anyhow::Result
     judged(study, s.quick, "quiet.attenuation", "dB", attenuation, Op::AtLeast, 40.0);
     let bias = |m: &dyn JointMotion| truth::rigid_bias(s.model(), &s.params, m, s.noise);
     let (loud_bias, quiet_bias) = (bias(loud)?, bias(&motion)?);
-    for (name, (l, q)) in ["mass", "centre_of_mass", "inertia"].into_iter().zip(loud_bias.into_iter().zip(quiet_bias)) {
-        study.figure(format!("quiet.bias_{name}_information_plan"), "%", 100.0 * l);
-        study.figure(format!("quiet.bias_{name}"), "%", 100.0 * q);
+    for (i, name) in ["mass", "centre_of_mass", "inertia"].into_iter().enumerate() {
+        for (how, l, q) in [("", loud_bias.fit, quiet_bias.fit), ("_first_step", loud_bias.linear, quiet_bias.linear)] {
+            study.figure(format!("quiet.bias_{name}{how}_information_plan"), "%", 100.0 * l[i]);
+            study.figure(format!("quiet.bias_{name}{how}"), "%", 100.0 * q[i]);
+        }
     }
-    let worst = |b: [f64; 3]| b.into_iter().fold(0.0, f64::max);
-    let ratio = worst(loud_bias) / worst(quiet_bias);
-    judged(study, s.quick, "quiet.bias_ratio", "", ratio, Op::AtLeast, 5.0);
+    let ([fit, linear], [fit_q, linear_q]) = (loud_bias.worst(), quiet_bias.worst());
+    judged(study, s.quick, "quiet.bias_ratio", "", fit / fit_q, Op::AtLeast, 5.0);
+    judged(study, s.quick, "quiet.bias_ratio_first_step", "", linear / linear_q, Op::AtLeast, 5.0);
     let f = s.information(REPORT_STEP_S)?;
     let quantities = base_quantities(&f).context("all ten parameters of the base")?;
     let std = f.of_motion(&motion).map_or(f64::INFINITY, |f| largest(&f, &quantities));
@@ -242,7 +244,9 @@ fn quiet(s: &Setup, study: &mut Study, loud: &dyn JointMotion) -> anyhow::Result
     Ok(())
 }
 
-/// `-log det M + 3 ln(1 + chi^2)` and the energy in the band of the panels against that of a random plan.
+/// `-log det M + 3 ln(1 + chi^2) + 1e5 E/E_0`: the information on the rigid base, what the modes make of the motion, and the
+/// energy in the band of the panels against that of a random plan, of which a hundred-thousandth costs as much as one unit
+/// of `log det`.
 fn quiet_cost(s: &Setup, plan: &SplinePlan) -> anyhow::Result<CostSum> {
     let modes = ffid::excitation::modal_response::driven_modes(s.model(), &s.params, &s.start, &s.noise)?;
     let response = RigidBase::new(s.model(), &s.params)?;
@@ -254,7 +258,7 @@ fn quiet_cost(s: &Setup, plan: &SplinePlan) -> anyhow::Result<CostSum> {
     Ok(CostSum(vec![
         (1.0, Box::new(s.rigid_cost()?)),
         (1.0, Box::new(disturbance)),
-        (1e4 / usual, Box::new(band)),
+        (1e5 / usual, Box::new(band)),
     ]))
 }
 
@@ -264,12 +268,12 @@ fn modal(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     let symmetric = swing.symmetric().context("no symmetric mode")?;
     let antisymmetric = swing.antisymmetric().context("no antisymmetric mode")?;
     let frequency = swing.driven()[antisymmetric].frequency;
-    let plan = s.plan(Duration::Fixed(MODAL_S), CONTROL_POINTS)?;
-    let cost = modal_cost(s, &swing, &[(antisymmetric, 1.0), (symmetric, 0.3)])?;
-    let starts: u64 = if s.quick { 1 } else { 8 };
+    let plan = s.plan(Duration::Fixed(MODAL_S), MODAL_POINTS)?;
+    let cost = modal_cost(s, &swing, &[(antisymmetric, 1.0), (symmetric, 5.0)])?;
+    let starts: u64 = if s.quick { 1 } else { 6 };
     let outcomes: Vec<_> = (0..starts)
         .into_par_iter()
-        .map(|i| minimise(&cost, &plan, &random_plan(&plan, s.seed, i, 0.5)?, &s.options(200)))
+        .map(|i| minimise(&cost, &plan, &random_plan(&plan, s.seed, i, 0.5)?, &s.options(300)))
         .collect();
     let best = outcomes.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).context("no modal plan")?;
     let motion = plan.motion(&best.x)?;
@@ -281,10 +285,10 @@ fn modal(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     let of = |r: &_, mode| swing.response(r, mode).context("modal coordinates");
     let ((a, line), (a0, line0)) = (of(&planned, antisymmetric)?, of(&plain, antisymmetric)?);
     study.figure("modal.frequency", "Hz", frequency);
-    study.figure("modal.line", "rad", line);
-    study.figure("modal.line_manoeuvre", "rad", line0);
-    study.figure("modal.largest_ratio", "", a / a0);
-    judged(study, s.quick, "modal.response_ratio", "", line / line0, Op::AtLeast, 3.0);
+    study.figure("modal.amplitude", "rad", a);
+    study.figure("modal.amplitude_manoeuvre", "rad", a0);
+    judged(study, s.quick, "modal.response_ratio", "", a / a0, Op::AtLeast, 3.0);
+    judged(study, s.quick, "modal.line_ratio", "", line / line0, Op::AtLeast, 3.0);
     let torque = swing.torque(symmetric, of(&planned, symmetric)?.0) / s.noise.torque;
     judged(study, s.quick, "modal.symmetric_torque_over_noise", "", torque, Op::AtLeast, 10.0);
     let before = swing.torque(symmetric, of(&plain, symmetric)?.0) / s.noise.torque;
@@ -293,11 +297,13 @@ fn modal(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Duration of modal plan and manoeuvre (s): ten control points follow 0.23 Hz over it.
-const MODAL_S: f64 = 20.0;
+/// Duration of modal plan and manoeuvre (s), and free control points per joint: two spans per period of 0.23 Hz, which is
+/// what a spline needs to follow it.
+const MODAL_S: f64 = 54.0;
+const MODAL_POINTS: usize = 28;
 
 fn modal_cost(s: &Setup, swing: &Swing, modes: &[(usize, f64)]) -> anyhow::Result<ModalResponse<RigidBase>> {
-    let target = |&(m, importance): &(usize, f64)| ResponseTarget { mode: swing.driven()[m], spread: 0.03, importance };
+    let target = |&(m, importance): &(usize, f64)| ResponseTarget { mode: swing.driven()[m], spread: 0.02, importance };
     Ok(ModalResponse {
         response: RigidBase::new(s.model(), &s.params)?,
         targets: modes.iter().map(target).collect(),
