@@ -368,12 +368,7 @@ impl FlexibleInformation {
         let arm = &self.system.arm;
         sweep.backward(&nodes, grad, |_, s, adj| {
             let Some((i, weights)) = at.next() else { return };
-            arm.pull_back(
-                [&s.q, &s.qd, &s.qdd],
-                i % 2 == 0,
-                weights,
-                [&mut adj.q, &mut adj.qd, &mut adj.qdd],
-            );
+            arm.pull_back([&s.q, &s.qd, &s.qdd], i % 2 == 0, weights, [&mut adj.q, &mut adj.qd, &mut adj.qdd]);
         });
         if let Some(i) = plan.duration_index() {
             grad[i] += over_duration + over_step / steps as f64;

@@ -111,9 +111,7 @@ fn response_gradient() {
 /// The optimality of the rows of a regressor, for every criterion that needs no names.
 #[test]
 fn optimality_gradients() {
-    for criterion in
-        [Criterion::D, Criterion::A, Criterion::E { power: 8.0 }, Criterion::Condition { power: 8.0 }]
-    {
+    for criterion in [Criterion::D, Criterion::A, Criterion::E { power: 8.0 }, Criterion::Condition { power: 8.0 }] {
         let source = ToyRegressor { n: 3, analytic: true };
         // Enough prior that rounding in the inverse stays below what the differences resolve.
         let information = Information { source, samples: 41, rate: 100.0, delta: 3.0 };

@@ -57,7 +57,13 @@ fn plan(model: &Model, seconds: f64, free: usize) -> (SplinePlan, Vec<f64>) {
 }
 
 /// The same matrix from the sensitivities of the dynamics crate.
-fn by_dynamics(model: &Model, r: &FlexibleRequest, info: &FlexibleInformation, p: &SplinePlan, x: &[f64]) -> DMatrix<f64> {
+fn by_dynamics(
+    model: &Model,
+    r: &FlexibleRequest,
+    info: &FlexibleInformation,
+    p: &SplinePlan,
+    x: &[f64],
+) -> DMatrix<f64> {
     let params = Params::nominal(model);
     let motion = p.motion(x).unwrap();
     let m = model.np();
@@ -92,7 +98,13 @@ fn by_dynamics(model: &Model, r: &FlexibleRequest, info: &FlexibleInformation, p
         }
         for r in 0..n + 6 {
             y[(r, k + r)] = 1.0;
-            let sigma = if r < n { 0.1 } else if r < n + 3 { 1.5e-4 } else { 2e-3 };
+            let sigma = if r < n {
+                0.1
+            } else if r < n + 3 {
+                1.5e-4
+            } else {
+                2e-3
+            };
             for c in 0..all {
                 y[(r, c)] *= info.sizes()[c] / sigma;
             }
@@ -137,9 +149,8 @@ fn check(model: &Model, named: &[usize], others: &[usize], seconds: f64, step: f
     let scale: Vec<f64> = (0..n).map(|i| 1.0 / (want[(i, i)] + 1.0).sqrt()).collect();
     let raw = DMatrix::from_vec(n, n, uniform(n * n, 1.0, 17));
     let weights = DMatrix::from_fn(n, n, |i, j| (raw[(i, j)] + raw[(j, i)]) * scale[i] * scale[j]);
-    let value = |y: &[f64], g: &mut [f64]| {
-        info.value_gradient(&plan, y, g, |f| Some((f.dot(&weights), weights.clone())))
-    };
+    let value =
+        |y: &[f64], g: &mut [f64]| info.value_gradient(&plan, y, g, |f| Some((f.dot(&weights), weights.clone())));
     differences("linear", &plan, &x, value);
     if !criteria {
         return; // a record this short says too little for differences of a determinant
@@ -209,7 +220,8 @@ fn every_kind() {
     let named = indices(&model, |n| n == "base.mass" || n.starts_with("client."));
     assert_eq!(named.len(), 11);
     let pick = ["array_client", "tank_client.", "tank_main.length", "panel_b.k", "wheel."];
-    let others: Vec<usize> = pick.iter().flat_map(|p| indices(&model, |n| n.starts_with(p)).into_iter().take(3)).collect();
+    let others: Vec<usize> =
+        pick.iter().flat_map(|p| indices(&model, |n| n.starts_with(p)).into_iter().take(3)).collect();
     check(&model, &named, &others, 2.0, 0.04, false);
 }
 

@@ -90,7 +90,8 @@ impl Criterion {
                 if !fits {
                     return None;
                 }
-                let variances: Vec<f64> = quantities.iter().map(|q| (&q.rows * c * q.rows.transpose()).trace()).collect();
+                let variances: Vec<f64> =
+                    quantities.iter().map(|q| (&q.rows * c * q.rows.transpose()).trace()).collect();
                 let most = variances.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
                 let sum: f64 = variances.iter().map(|v| (v / most).powf(*power)).sum();
                 let mut slope = DMatrix::zeros(n, n);

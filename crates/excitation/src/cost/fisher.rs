@@ -1,9 +1,9 @@
 //! Information as a cost: of the real system ([`FisherCost`]) and of anything that gives rows per sample
 //! ([`Optimality`]), under any [`Criterion`].
 
+use super::Cost;
 use super::criterion::Criterion;
 use super::information::{Information, SampleInformation};
-use super::Cost;
 use crate::flexible::FlexibleInformation;
 use crate::spline_plan::SplinePlan;
 

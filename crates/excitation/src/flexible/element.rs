@@ -240,10 +240,26 @@ impl Element {
             let general = |h: &[f64]| h.iter().any(|x| *x != 0.0);
             self.each(
                 &x,
-                |a, b, h| if general(h) { note(&mut met.pairs, a, b) },
-                |k, b, h| if general(h) { note(&mut met.params, k, b) },
-                |l, dm| if general(dm) && !met.mass.contains(&l) { met.mass.push(l) },
-                |k, dm| if general(dm) && !met.mass_params.contains(&k) { met.mass_params.push(k) },
+                |a, b, h| {
+                    if general(h) {
+                        note(&mut met.pairs, a, b)
+                    }
+                },
+                |k, b, h| {
+                    if general(h) {
+                        note(&mut met.params, k, b)
+                    }
+                },
+                |l, dm| {
+                    if general(dm) && !met.mass.contains(&l) {
+                        met.mass.push(l)
+                    }
+                },
+                |k, dm| {
+                    if general(dm) && !met.mass_params.contains(&k) {
+                        met.mass_params.push(k)
+                    }
+                },
             );
         }
         self.pattern = met;

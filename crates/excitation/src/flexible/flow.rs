@@ -112,13 +112,7 @@ impl Flow {
                 }
                 let (mut oz, mut os) = zero();
                 let sample = if stage == 0 { over.get(step) } else { None };
-                system.pull(
-                    p,
-                    &table.numbers[node],
-                    (&kz, &ks),
-                    sample,
-                    (&mut oz, &mut os, &mut numbers[node]),
-                );
+                system.pull(p, &table.numbers[node], (&kz, &ks), sample, (&mut oz, &mut os, &mut numbers[node]));
                 to_z += &oz;
                 to_s += &os;
                 later = Some((oz, os));

@@ -336,11 +336,7 @@ impl System {
         };
         split(over.0.as_slice(), g0.as_mut_slice(), over_z.as_mut_slice());
         for k in 0..kk {
-            split(
-                over.1.column(k).as_slice(),
-                g.column_mut(k).as_mut_slice(),
-                over_s.column_mut(k).as_mut_slice(),
-            );
+            split(over.1.column(k).as_slice(), g.column_mut(k).as_mut_slice(), over_s.column_mut(k).as_mut_slice());
         }
         if self.speed() {
             let at = self.v_at();

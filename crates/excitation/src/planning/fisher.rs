@@ -166,15 +166,12 @@ pub fn base_quantities(information: &FlexibleInformation) -> Option<Vec<Relative
     let derived = about_com(&dual);
     let body = Inertia::from_params(&phi);
     let (distance, norm) = (body.com().map_or(0.0, |c| c.norm()), body.about_com().norm());
-    let stack = |rows: Vec<DMatrix<f64>>| {
-        DMatrix::from_fn(rows.len(), named.len(), |i, j| rows[i][(0, j)])
-    };
+    let stack = |rows: Vec<DMatrix<f64>>| DMatrix::from_fn(rows.len(), named.len(), |i, j| rows[i][(0, j)]);
     let usable = |x: f64| if x > 0.0 { x } else { 1.0 };
     let com = (0..3).map(|r| row(&|i| derived[r].eps[i], 1.0 / usable(distance))).collect();
     // Off the diagonal each entry stands for two of the matrix.
     let twice = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0];
-    let inertia =
-        (0..6).map(|r| row(&|i| derived[3 + r].eps[i], f64::sqrt(twice[r]) / usable(norm))).collect();
+    let inertia = (0..6).map(|r| row(&|i| derived[3 + r].eps[i], f64::sqrt(twice[r]) / usable(norm))).collect();
     let one = |name: &str, rows| RelativeQuantity { name: name.into(), rows };
     Some(vec![
         one("base mass", row(&|i| f64::from(i == 0), 1.0 / phi[0])),

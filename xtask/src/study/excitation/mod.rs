@@ -159,10 +159,8 @@ fn information(s: &Setup, study: &mut Study) -> anyhow::Result<Box<dyn JointMoti
     let quantities = base_quantities(&report).context("all ten parameters of the base")?;
     let rate = |m: &dyn JointMotion| report.of_motion(m).map_or(f64::INFINITY, |f| largest(&f, &quantities));
     let count = if s.quick { 6 } else { 100 };
-    let mut random: Vec<f64> = (0..count)
-        .into_par_iter()
-        .map(|i| rate(&Multisine::new(&s.start, &s.limits, RECORD_S, s.seed, i)))
-        .collect();
+    let mut random: Vec<f64> =
+        (0..count).into_par_iter().map(|i| rate(&Multisine::new(&s.start, &s.limits, RECORD_S, s.seed, i))).collect();
     random.sort_by(f64::total_cmp);
     let (median, best) = (0.5 * (random[(count as usize - 1) / 2] + random[count as usize / 2]), random[0]);
 
@@ -190,7 +188,10 @@ fn information(s: &Setup, study: &mut Study) -> anyhow::Result<Box<dyn JointMoti
     study.figure("information.warm_start_gain", "", (planned.outcome.start_cost - planned.outcome.cost).exp());
     study.figure("information.evaluations", "", planned.outcome.evaluations as f64);
     study.figure("information.seconds", "s", seconds);
-    study.note(format!("information plan: {:?} after {} iterations", planned.outcome.status, planned.outcome.iterations));
+    study.note(format!(
+        "information plan: {:?} after {} iterations",
+        planned.outcome.status, planned.outcome.iterations
+    ));
     Ok(Box::new(planned.motion))
 }
 
@@ -250,16 +251,11 @@ fn quiet(s: &Setup, study: &mut Study, loud: &dyn JointMotion) -> anyhow::Result
 fn quiet_cost(s: &Setup, plan: &SplinePlan) -> anyhow::Result<CostSum> {
     let modes = ffid::excitation::modal_response::driven_modes(s.model(), &s.params, &s.start, &s.noise)?;
     let response = RigidBase::new(s.model(), &s.params)?;
-    let disturbance =
-        Disturbance { response, modes, rate: s.noise.rate, duration: RECORD_S, emphasis: 3.0 };
+    let disturbance = Disturbance { response, modes, rate: s.noise.rate, duration: RECORD_S, emphasis: 3.0 };
     let band = Quiet { low: 0.2, high: 1.0, points: 200, weights: vec![1.0; plan.dof()] };
     let x = random_plan(plan, s.seed, 50, 1.0)?;
     let usual = band.value_gradient(plan, &x, &mut vec![0.0; x.len()]);
-    Ok(CostSum(vec![
-        (1.0, Box::new(s.rigid_cost()?)),
-        (1.0, Box::new(disturbance)),
-        (1e5 / usual, Box::new(band)),
-    ]))
+    Ok(CostSum(vec![(1.0, Box::new(s.rigid_cost()?)), (1.0, Box::new(disturbance)), (1e5 / usual, Box::new(band))]))
 }
 
 /// The modal plan against the paper's simplified manoeuvre.
@@ -278,10 +274,8 @@ fn modal(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     let best = outcomes.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).context("no modal plan")?;
     let motion = plan.motion(&best.x)?;
     let manoeuvre = manoeuvre(s, frequency)?;
-    let (planned, plain) = (
-        truth::simulate(s.model(), &s.params, &motion)?,
-        truth::simulate(s.model(), &s.params, &manoeuvre)?,
-    );
+    let (planned, plain) =
+        (truth::simulate(s.model(), &s.params, &motion)?, truth::simulate(s.model(), &s.params, &manoeuvre)?);
     let of = |r: &_, mode| swing.response(r, mode).context("modal coordinates");
     let ((a, line), (a0, line0)) = (of(&planned, antisymmetric)?, of(&plain, antisymmetric)?);
     study.figure("modal.frequency", "Hz", frequency);

@@ -20,8 +20,7 @@ pub(super) const SAMPLE_S: f64 = 0.01;
 /// The flexible system along a motion, from rest.
 pub(super) fn simulate(model: &Model, params: &Params<f64>, motion: &dyn JointMotion) -> anyhow::Result<Response> {
     let samples = (motion.duration() / SAMPLE_S).round() as usize + 1;
-    let table =
-        Prescribed::new(model, params, motion, &Sampling { samples, sample_s: SAMPLE_S, substeps: 1 }, &[]);
+    let table = Prescribed::new(model, params, motion, &Sampling { samples, sample_s: SAMPLE_S, substeps: 1 }, &[]);
     let mut z0 = vec![0.0; 6 + 2 * model.np()];
     z0[6..6 + model.np()].copy_from_slice(&model.rest_position(params));
     Ok(simulate_reduced(model, params, &table, &z0)?)
