@@ -245,8 +245,8 @@ fn quiet(s: &Setup, study: &mut Study, loud: &dyn JointMotion) -> anyhow::Result
     Ok(())
 }
 
-/// `-log det M + 3 ln(1 + chi^2) + 1e5 E/E_0`: the information on the rigid base, what the modes make of the motion, and the
-/// energy in the band of the panels against that of a random plan, of which a hundred-thousandth costs as much as one unit
+/// `-log det M + 3 ln(1 + chi^2) + 2e4 E/E_0`: the information on the rigid base, what the modes make of the motion, and the
+/// energy in the band of the panels against that of a random plan, of which a twenty-thousandth costs as much as one unit
 /// of `log det`.
 fn quiet_cost(s: &Setup, plan: &SplinePlan) -> anyhow::Result<CostSum> {
     let modes = ffid::excitation::modal_response::driven_modes(s.model(), &s.params, &s.start, &s.noise)?;
@@ -255,7 +255,7 @@ fn quiet_cost(s: &Setup, plan: &SplinePlan) -> anyhow::Result<CostSum> {
     let band = Quiet { low: 0.2, high: 1.0, points: 200, weights: vec![1.0; plan.dof()] };
     let x = random_plan(plan, s.seed, 50, 1.0)?;
     let usual = band.value_gradient(plan, &x, &mut vec![0.0; x.len()]);
-    Ok(CostSum(vec![(1.0, Box::new(s.rigid_cost()?)), (1.0, Box::new(disturbance)), (1e5 / usual, Box::new(band))]))
+    Ok(CostSum(vec![(1.0, Box::new(s.rigid_cost()?)), (1.0, Box::new(disturbance)), (2e4 / usual, Box::new(band))]))
 }
 
 /// The modal plan against the paper's simplified manoeuvre.
