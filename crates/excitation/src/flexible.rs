@@ -17,6 +17,8 @@
 //! motion enters through the 28 numbers per instant of the table only.
 
 mod arm;
+mod back;
+mod carried;
 mod element;
 mod flow;
 mod system;
@@ -31,7 +33,7 @@ use ff_dynamics::motion::JointMotion;
 use ff_model::{BaseKind, Model, ParamGroup, Params, Xform};
 use flow::{Flow, Joints, Table};
 use nalgebra::{DMatrix, DVector};
-use system::{OverSample, System};
+use system::{Outputs, System};
 
 /// A parameter, its size and what is known of it beforehand.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -361,7 +363,7 @@ impl FlexibleInformation {
             let scaled = DMatrix::from_fn(y.nrows(), k, |r, col| c[(r, col)] * self.sizes[col] / self.sigma(r));
             let gyro = if self.noise.gyro.is_some() { scaled.rows(n, 3).into_owned() } else { DMatrix::zeros(3, k) };
             let accel = self.system.accelerometer.map(|_| scaled.rows(y.nrows() - 3, 3).into_owned());
-            over.push(OverSample { torque: scaled.rows(0, n).into_owned(), gyro, accel });
+            over.push(Outputs { torque: scaled.rows(0, n).into_owned(), gyro, accel });
         }
         let (numbers, over_step) = flow.pull(&self.system, &table, &over);
         let mut at = numbers.iter().enumerate();
@@ -394,7 +396,7 @@ impl FlexibleInformation {
         let (n, k, all) = (self.system.arm.joints(), self.system.columns, self.sizes.len());
         let mut m = DMatrix::from_diagonal(&DVector::from_column_slice(&self.prior));
         let mut rows = Vec::new();
-        for (i, (torque, gyro, accel)) in flow.samples(&self.system, table).into_iter().enumerate() {
+        for (i, Outputs { torque, gyro, accel }) in flow.samples(&self.system, table).into_iter().enumerate() {
             let with_gyro = self.noise.gyro.is_some();
             let (first, count) = (n + if with_gyro { 3 } else { 0 }, if accel.is_some() { 3 } else { 0 });
             let mut y = DMatrix::zeros(first + count, all);

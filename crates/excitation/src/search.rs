@@ -168,8 +168,8 @@ fn run_all(
 ) -> Vec<Result<Outcome, PlanError>> {
     let one = |i: usize| {
         let watch = Eye { start: i, ..*watch };
-        // Of what has not begun when the search is cut short, nothing is to be expected.
-        if watch.cut_short() {
+        // Of what has not begun when the search is cut short, nothing is to be expected; the first ones always begin.
+        if i >= options.threads && watch.cut_short() {
             return Err(PlanError::Interrupted);
         }
         let x = begin(i, &watch)?;

@@ -106,9 +106,15 @@ fn impossible_requests_are_named() {
     assert!(new(&FlexibleRequest { others: good.named.clone(), ..good.clone() }).to_string().contains("twice"));
     assert!(matches!(new(&with(0, Some(-1.0))), FlexibleError::Value { what: "prior of a parameter", .. }));
     assert!(matches!(new(&FlexibleRequest { step: 0.0, ..good.clone() }), FlexibleError::Value { .. }));
-    assert!(matches!(new(&FlexibleRequest { named: vec![], ..good.clone() }), FlexibleError::Rigid(RigidError::Selection)));
+    assert!(matches!(
+        new(&FlexibleRequest { named: vec![], ..good.clone() }),
+        FlexibleError::Rigid(RigidError::Selection)
+    ));
     let silent = SensorNoise { torque: f64::NAN, ..good.noise };
-    assert!(matches!(new(&FlexibleRequest { noise: silent, ..good.clone() }), FlexibleError::Rigid(RigidError::Noise { .. })));
+    assert!(matches!(
+        new(&FlexibleRequest { noise: silent, ..good.clone() }),
+        FlexibleError::Rigid(RigidError::Noise { .. })
+    ));
     let fixed = loaded.model.clone().with_base_kind(ff_model::BaseKind::Fixed);
     let e = FlexibleInformation::new(&fixed, &params, &good).map(|_| ()).unwrap_err();
     assert_eq!(e, FlexibleError::Rigid(RigidError::NotFreeFloating));

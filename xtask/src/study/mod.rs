@@ -39,6 +39,16 @@ pub struct Options {
     /// Fewer samples and shorter searches: shows that everything runs; limits that need the whole are left out
     #[arg(long)]
     pub quick: bool,
+    /// Only these parts of the study; its documentation names them
+    #[arg(long, value_name = "PART")]
+    pub only: Vec<String>,
+}
+
+impl Options {
+    /// Whether a part is to be run.
+    pub fn wants(&self, part: &str) -> bool {
+        self.only.is_empty() || self.only.iter().any(|p| p == part)
+    }
 }
 
 /// How a figure is held to its limit.
@@ -179,7 +189,7 @@ mod tests {
     #[test]
     fn json_and_verdict_follow_the_limits() {
         let dir = tempfile::tempdir().unwrap();
-        let options = Options { json: Some(dir.path().join("s.json")), seed: 7, quick: true };
+        let options = Options { json: Some(dir.path().join("s.json")), seed: 7, quick: true, only: Vec::new() };
         let mut s = Study::new("sample", 7);
         s.figure("plain", "m", 1.25);
         s.limited("low", "dB", 40.0, Op::AtLeast, 40.0);

@@ -4,7 +4,7 @@
 //! of the discrete solution, by the adjoint of each step.
 
 use super::arm::ArmModel;
-use super::system::{OverSample, Point, System};
+use super::system::{Outputs, Point, System};
 use nalgebra::{DMatrix, DVector};
 
 /// Joint motion at a node: `q, qd, qdd`.
@@ -69,17 +69,13 @@ impl Flow {
         Some(Self { points })
     }
     /// Sensitivities of torque, gyro and accelerometer at every sample.
-    pub(super) fn samples(
-        &self,
-        system: &System,
-        table: &Table,
-    ) -> Vec<(DMatrix<f64>, DMatrix<f64>, Option<DMatrix<f64>>)> {
+    pub(super) fn samples(&self, system: &System, table: &Table) -> Vec<Outputs> {
         let at = |i: usize| system.outputs(&self.points[4 * i], &table.numbers[2 * i]);
         (0..=table.steps()).map(at).collect()
     }
     /// From gradients over the samples to those over the numbers of the table and over the step. Those over the initial
     /// state are dropped: the start does not depend on the plan.
-    pub(super) fn pull(&self, system: &System, table: &Table, over: &[OverSample]) -> (Vec<Vec<f64>>, f64) {
+    pub(super) fn pull(&self, system: &System, table: &Table, over: &[Outputs]) -> (Vec<Vec<f64>>, f64) {
         let h = table.step;
         let (nz, columns) = (system.nz, system.columns);
         let zero = || (DVector::<f64>::zeros(nz), DMatrix::<f64>::zeros(nz, columns));

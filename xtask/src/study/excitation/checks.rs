@@ -1,9 +1,7 @@
 //! Gradients, limits between the knots, and times.
 
 use super::truth::Swing;
-use super::{
-    CONTROL_POINTS, FREE, RECORD_S, SEARCH_STEP_S, Setup, fisher_request, judged, modal_cost, quiet_cost,
-};
+use super::{CONTROL_POINTS, FREE, RECORD_S, SEARCH_STEP_S, Setup, fisher_request, judged, modal_cost, quiet_cost};
 use crate::study::{Op, Study};
 use anyhow::Context;
 use ffid::dynamics::motion::JointMotion;

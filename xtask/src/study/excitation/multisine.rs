@@ -38,7 +38,8 @@ impl Multisine {
             for (j, l) in limits.iter().enumerate() {
                 let d = q[j] - start[j];
                 let room = if d > 0.0 { l.upper - start[j] } else { start[j] - l.lower };
-                worst[j] = worst[j].max(d.abs() / room).max(qd[j].abs() / l.velocity).max(qdd[j].abs() / l.acceleration);
+                worst[j] =
+                    worst[j].max(d.abs() / room).max(qd[j].abs() / l.velocity).max(qdd[j].abs() / l.acceleration);
             }
         }
         for (terms, worst) in m.terms.iter_mut().zip(worst) {
@@ -111,7 +112,8 @@ mod tests {
             let [q, qd, qdd] = at(t);
             for j in 0..3 {
                 touched[j] = touched[j].max(qd[j].abs() / 0.17).max(qdd[j].abs() / 0.15);
-                touched[j] = touched[j].max((q[j] - start[j]).abs() / if q[j] > start[j] { 2.0 - start[j] } else { start[j] + 1.5 });
+                touched[j] = touched[j]
+                    .max((q[j] - start[j]).abs() / if q[j] > start[j] { 2.0 - start[j] } else { start[j] + 1.5 });
             }
         }
         assert!(touched.iter().all(|t| *t <= 1.0 && *t > 0.99), "{touched:?}");

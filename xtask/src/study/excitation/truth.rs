@@ -2,7 +2,9 @@
 
 use anyhow::Context;
 use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{Boundary, Mode, Prescribed, Response, Sampling, modes, simulate_reduced};
+use ffid::dynamics::{
+    Boundary, Mode, Prescribed, Response, Sampling, Wanted, modes, reduced_torques, simulate_reduced,
+};
 use ffid::excitation::modal_response::driven_modes;
 use ffid::excitation::{DrivenMode, SensorNoise};
 use ffid::ident::lm::Settings;
@@ -18,21 +20,36 @@ pub(super) const SAMPLE_S: f64 = 0.01;
 /// The flexible system along a motion, from rest.
 pub(super) fn simulate(model: &Model, params: &Params<f64>, motion: &dyn JointMotion) -> anyhow::Result<Response> {
     let samples = (motion.duration() / SAMPLE_S).round() as usize + 1;
-    let table =
-        Prescribed::new(model, params, motion, &Sampling { samples, sample_s: SAMPLE_S, substeps: 1 }, &[]);
+    let table = Prescribed::new(model, params, motion, &Sampling { samples, sample_s: SAMPLE_S, substeps: 1 }, &[]);
     let mut z0 = vec![0.0; 6 + 2 * model.np()];
     z0[6..6 + model.np()].copy_from_slice(&model.rest_position(params));
     Ok(simulate_reduced(model, params, &table, &z0)?)
 }
 
-/// Errors of mass, centre of mass and inertia that a rigid fit to the noise-free record of the flexible system makes:
-/// relative to the mass, to the distance of the centre of mass, and to the norm of the inertia of the frozen base.
+/// Errors of mass, centre of mass and inertia of the base, relative to the mass, to the distance of the centre of mass and
+/// to the norm of the inertia about it (panels frozen to the base).
+pub(super) struct Bias {
+    /// What the fit ends with.
+    pub(super) fit: [f64; 3],
+    /// Its first step from the truth: `(J^T J)^-1 J^T (tau - tau_rigid)`. Where the fit runs away this still tells how hard
+    /// the panels push it.
+    pub(super) linear: [f64; 3],
+}
+
+impl Bias {
+    /// The larger ones of mass, centre of mass and inertia.
+    pub(super) fn worst(&self) -> [f64; 2] {
+        [self.fit, self.linear].map(|b| b.into_iter().fold(0.0, f64::max))
+    }
+}
+
+/// The bias of a rigid fit (reduced dynamics algorithm) to the noise-free record of the flexible system.
 pub(super) fn rigid_bias(
     model: &Model,
     params: &Params<f64>,
     motion: &dyn JointMotion,
     noise: SensorNoise,
-) -> anyhow::Result<[f64; 3]> {
+) -> anyhow::Result<Bias> {
     let response = simulate(model, params, motion)?;
     let (samples, n) = (response.tau.nrows(), model.nj());
     let (mut q, mut qd, mut qdd) = (DMatrix::zeros(samples, n), DMatrix::zeros(samples, n), DMatrix::zeros(samples, n));
@@ -45,12 +62,25 @@ pub(super) fn rigid_bias(
         }
     }
     let gyro = response.twist.columns(3, 3).into_owned();
-    let record = RecordBuilder::new(model.joint_names()).uniform(0.0, 1.0 / SAMPLE_S).allow("Data::Stuck");
-    let record = record.q(q).qd(qd).qdd(qdd).tau(response.tau).gyro(gyro).build()?.0;
     let rigid = model.frozen(params);
     let truth = Params::nominal(&rigid);
-    let decls = rigid.param_decls();
     let selected: Vec<usize> = (0..10).collect();
+    let sampling = Sampling { samples, sample_s: SAMPLE_S, substeps: 1 };
+    let table = Prescribed::new(&rigid, &truth, motion, &sampling, &[]);
+    let wanted = Wanted { params: selected.clone(), ..Wanted::default() };
+    let (tau, jacobian) = reduced_torques(&rigid, &truth, &table, &gyro, &wanted)?;
+    let residual = DVector::from_fn(samples * n, |k, _| response.tau[(k / n, k % n)] - tau[(k / n, k % n)]);
+    let normal = jacobian.tr_mul(&jacobian);
+    let scale: Vec<f64> = normal.diagonal().iter().map(|x| 1.0 / x.sqrt()).collect();
+    let scaled = DMatrix::from_fn(10, 10, |i, j| normal[(i, j)] * scale[i] * scale[j]);
+    let right = jacobian.tr_mul(&residual).component_mul(&DVector::from_column_slice(&scale));
+    let step = scaled.cholesky().context("the torques do not tell all ten parameters")?.solve(&right);
+    let small = 1e-7;
+    let moved: Vec<f64> = (0..10).map(|i| truth.values()[i] + small * step[i] * scale[i]).collect();
+    let linear = errors(&Inertia::from_params(&moved), truth.body(0))?.map(|e| e / small);
+    let record = RecordBuilder::new(model.joint_names()).uniform(0.0, 1.0 / SAMPLE_S).allow("Data::Stuck");
+    let record = record.q(q).qd(qd).qdd(qdd).tau(response.tau).gyro(gyro).build()?.0;
+    let decls = rigid.param_decls();
     let noise = Noise { torque: noise.torque, gyro: noise.gyro.unwrap_or(1.0) };
     let mut rda = Rda::new(&rigid, &record, &noise)?;
     let request = Request {
@@ -63,10 +93,12 @@ pub(super) fn rigid_bias(
         settings: Settings { max_iterations: 100, ..Settings::default() },
     };
     let e = estimate(&request, &mut rda)?;
-    let found = Inertia::from_params(&e.values[..10]);
-    let want = truth.body(0);
+    Ok(Bias { fit: errors(&Inertia::from_params(&e.values[..10]), truth.body(0))?, linear })
+}
+
+fn errors(found: &Inertia<f64>, want: &Inertia<f64>) -> anyhow::Result<[f64; 3]> {
     let com = |b: &Inertia<f64>| b.com().context("a base without mass");
-    let (c, c0) = (com(&found)?, com(want)?);
+    let (c, c0) = (com(found)?, com(want)?);
     let (i, i0) = (found.about_com(), want.about_com());
     Ok([(found.mass / want.mass - 1.0).abs(), (c - c0).norm() / c0.norm(), (i - i0).norm() / i0.norm()])
 }
