@@ -267,7 +267,7 @@ fn what_a_mission_lacks_is_named() {
 fn infeasible_demands_are_answered() {
     let end = "end_rad = [1.5707963267948966, 1.4, 0.0, -1.0, 0.0, 2.4, 0.0]";
     let c = Case::new("flex.toml", &format!("[excite]\nduration_s = 4.0\ncontrol_points = 6\nstarts = 1\n{end}\n"));
-    c.refused(&["excite", "m.toml"], 13, "Plan::Infeasible", &["joint4", "speed"]);
+    c.refused(&["excite", "m.toml"], 13, "Plan::Conflict", &["joint4", "speed", "0.17 rad/s", "limit 4 s"]);
     // The paper's move carries joint 4 beyond its range from here.
     let start = "start_rad = [1.57, 1.4, 0.0, 3.09, 0.0, 2.4, 0.0]";
     let c = Case::new("flex.toml", &format!("[excite]\ngoal = \"paper\"\n{start}\n"));
@@ -347,6 +347,38 @@ fn a_given_trajectory_beyond_the_limits_ends_with_13() {
     assert!(c.path("v/verdict.json").exists());
     let (_, out, err) = c.run(&["plan", "m.toml", "--trajectory", "p/trajectory.json"]);
     assert!(out.contains("BROKEN") && err.contains("error[Plan::LimitBroken]"), "{err}");
+}
+
+/// Limits of the whole system are kept by the plan, appendages swinging; those that contradict each other are named.
+#[test]
+fn limits_of_the_whole_system_are_kept_or_their_conflict_is_named() {
+    let limits = "velocity_rad_per_s = 0.17\ntorque_nm = 2.0\nbase_attitude_rad = 0.03\nbase_rate_rad_per_s = 0.01\n\
+        end_effector_speed_m_per_s = 0.2\npassive_rad = 0.01\npointing = [{ name = \"antenna\", axis = [0.1, 0.2, 1.0], \
+        target = [0.1, 0.25, 1.0], within_rad = 0.06 }]";
+    let c = Case::edited("flex.toml", SMALL, "velocity_rad_per_s = 0.17", limits);
+    let (code, v) = c.json(&["excite", "m.toml", "--goal", "condition", "--out", "out"]);
+    assert_eq!(code, 0, "{}", v["problems"]);
+    let margins = v["verdict"]["limits"].as_array().unwrap();
+    for what in ["joint torque", "base attitude excursion", "base rate", "frame speed", "deflection", "pointing angle"]
+    {
+        let found: Vec<&Value> = margins.iter().filter(|m| m["what"] == what).collect();
+        assert!(!found.is_empty() && found.iter().all(|m| m["holds"] == true && m["proof"] == "samples"), "{what}");
+    }
+    // Without them the same plan would turn the base further.
+    let free = Case::new("flex.toml", SMALL);
+    let (_, w) = free.json(&["excite", "m.toml", "--goal", "condition", "--out", "out"]);
+    let turned = |v: &Value| v["verdict"]["excursion"]["attitude"]["value"].as_f64().unwrap();
+    assert!(turned(&v) <= 0.03 && turned(&w) > 0.05, "{} {}", turned(&v), turned(&w));
+    // An arm that must move cannot leave the base alone.
+    let more = format!("{SMALL}end_rad = [1.57, 1.4, 0.0, -2.0, 0.0, 2.4, 0.0]\n");
+    let c = Case::edited(
+        "flex.toml",
+        &more,
+        "velocity_rad_per_s = 0.17",
+        "velocity_rad_per_s = 0.17\nbase_attitude_rad = 1e-4",
+    );
+    let args = ["excite", "m.toml", "--goal", "condition"];
+    c.refused(&args, 13, "Plan::Conflict", &["base attitude excursion", "0.0001 rad"]);
 }
 
 /// R03: the first signal ends the search with the best plan so far, written and judged.

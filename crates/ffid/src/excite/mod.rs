@@ -179,7 +179,7 @@ fn spline(
     let asked = goal::Asked { model, params: &params, selected: &opened.excited, settings, sensing, start };
     let mut goal = goal::cost(&asked, &plan)?;
     let constraints = demands.list();
-    let under = search::Under { system: demands.system.as_deref(), constraints: &constraints };
+    let under = search::Under { model, system: demands.system.as_deref(), constraints: &constraints };
     let found = search::run(&goal, &plan, under, settings, watch).map_err(|e| refused(&e, model))?;
     if found.rounds > 0 {
         let n = found.rounds;
@@ -209,8 +209,10 @@ fn refused(e: &PlanError, model: &Model) -> ExciteError {
             let hint = "loosen this limit, take longer, or choose another start or end";
             ExciteError::new(Exit::IllPosed, "Plan::Infeasible", what + &by, hint)
         }
-        PlanError::Conflict(_) => {
-            ExciteError::new(Exit::IllPosed, "Plan::Conflict", e.to_string(), "loosen one of them, or take longer")
+        PlanError::Conflict(c) => {
+            let demands: Vec<String> = c.demands.iter().map(ToString::to_string).collect();
+            let what = format!("no plan keeps all of this: {}", demands.join("; "));
+            ExciteError::new(Exit::IllPosed, "Plan::Conflict", what, c.next.trim_end_matches('.'))
         }
         PlanError::Broken { .. } | PlanError::Unverified { .. } => {
             ExciteError::new(Exit::IllPosed, "Plan::Infeasible", e.to_string(), "loosen this limit, or take longer")

@@ -4,6 +4,7 @@ use super::goal::GoalCost;
 use crate::excitation::{
     Constraint, Found, HeldSystem, Outcome, PlanError, SearchOptions, SplinePlan, SqpOptions, search, search_from,
 };
+use crate::model::Model;
 use crate::model::mission::Excite;
 use serde::Serialize;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -64,6 +65,7 @@ pub(super) struct Best {
 /// What the search keeps to beside the limits of the joints.
 #[derive(Clone, Copy)]
 pub(super) struct Under<'a> {
+    pub(super) model: &'a Model,
     pub(super) system: Option<&'a HeldSystem>,
     pub(super) constraints: &'a [&'a dyn Constraint],
 }
@@ -87,7 +89,7 @@ pub(super) fn run(
         sqp,
         ..SearchOptions::default()
     };
-    let problem = |cost| crate::excitation::Problem::new(cost, plan).under(under.constraints);
+    let problem = |cost| crate::excitation::Problem::new(cost, plan).under(under.constraints).named(under.model);
     let mut searches = Vec::new();
     let Some(warm) = &goal.warm else {
         let found = watched(watch, "plan", |w| search(&problem(goal.cost.as_ref()), under.system, &options, w))?;
