@@ -1,7 +1,7 @@
 //! The command line: parse, dispatch, map the outcome to an exit code.
 
 use crate::exit::{self, Exit};
-use crate::{bench, ci, conformance, fixtures, reproduce, suite};
+use crate::{bench, ci, conformance, fixtures, reproduce, study, suite};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -26,6 +26,8 @@ enum Command {
     Ci,
     /// Run the paper's study end to end: tables, figures, series, summary.json
     Reproduce(reproduce::Args),
+    /// Run a seeded study and hold its figures to their limits
+    Study(study::Args),
     /// Time the dynamics, beside Pinocchio and MuJoCo with --peers
     Bench(bench::Args),
 }
@@ -40,6 +42,7 @@ pub fn main() -> ExitCode {
         Command::Fixtures(args) => fixtures::run(args),
         Command::Ci => ci::run(),
         Command::Reproduce(args) => reproduce::run(args),
+        Command::Study(args) => study::run(args),
         Command::Bench(args) => bench::run(args),
     };
     match outcome {

@@ -4,9 +4,9 @@
 //! `--systems N` random systems of mixed kinds move for ten seconds each and are held to momentum and energy.
 
 use crate::exit::Failure;
-use crate::summary;
 use crate::table::{Table, sig};
 use ff_model::{DynAppendage, Registry};
+use ffid::files::json;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -101,7 +101,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     println!("{}", outcome.table());
     println!("{} s", sig(started.elapsed().as_secs_f64(), 3));
     if let Some(path) = &args.json {
-        summary::write(path, &outcome)?;
+        json::write(path, &outcome)?;
     }
     match outcome.faults() {
         faults if faults.is_empty() => Ok(()),

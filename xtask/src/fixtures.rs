@@ -4,7 +4,8 @@
 //! `/` between folders; so `cd fixtures && sha256sum -c SHA256SUMS` verifies it without this project.
 
 use crate::exit::Failure;
-use crate::{atomic, workspace};
+use crate::workspace;
+use ffid::files::atomic;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,22 +1,19 @@
 //! Project tasks: `cargo xtask <command>`.
 //!
 //! A library with a thin binary, so that figures, tables and writers are documented and tested like the
-//! rest. One file per command ([`suite`], [`conformance`], [`fixtures`], [`ci`], [`reproduce`], [`mod@bench`]); what commands share sits
-//! beside them: exit codes ([`exit`]), atomic writing ([`atomic`]), CSV ([`csv_out`]), JSON ([`summary`]),
-//! text tables ([`table`]) and figures ([`plot`]).
+//! rest. One file per command ([`suite`], [`conformance`], [`fixtures`], [`ci`], [`reproduce`], [`study`], [`mod@bench`]); what commands share sits
+//! beside them: exit codes ([`exit`]),
+//! text tables ([`table`]). Figures and writers come from `ffid` ([`ffid::plot`], [`ffid::files`]).
 
-pub mod atomic;
 pub mod bench;
 pub mod ci;
 pub mod cli;
 pub mod conformance;
-pub mod csv_out;
 pub mod exit;
 pub mod fixtures;
-pub mod plot;
 pub mod process;
 pub mod reproduce;
+pub mod study;
 pub mod suite;
-pub mod summary;
 pub mod table;
 pub mod workspace;

@@ -72,3 +72,15 @@ fn help_shows_the_table_of_exit_codes() {
     assert_eq!(code, Some(0));
     assert!(stdout.contains(" 15  reproduction") && stdout.contains("pass on the code"), "{stdout}");
 }
+
+#[test]
+fn an_unknown_study_is_bad_usage() {
+    let dir = workspace();
+    for args in [&["study", "nothing"][..], &["study"], &["study", "excitation", "--seed", "x"]] {
+        let (code, _, stderr) = xtask(dir.path(), args);
+        assert_eq!(code, Some(2), "{stderr}");
+    }
+    // Without the paper's mission there is nothing to study: a file that cannot be read.
+    let (code, _, stderr) = xtask(dir.path(), &["study", "excitation", "--quick"]);
+    assert_eq!(code, Some(20), "{stderr}");
+}

@@ -6,8 +6,11 @@
 //! `dJ/dT = -(J_qd . qd + 2 J_qdd . qdd) / T` plus the explicit part.
 
 pub mod base;
+pub mod criterion;
 pub mod disturbance;
+pub mod fisher;
 pub mod information;
+pub mod response;
 pub mod spectrum;
 
 use crate::spline_plan::SplinePlan;

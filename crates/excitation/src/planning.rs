@@ -8,6 +8,7 @@
 //! deviation of 4.7 kg for the base mass, but the swinging panels would bias a rigid fit by 230 kg
 //! (`tests/quiet.rs`).
 
+pub mod fisher;
 mod meter;
 
 use crate::cost::information::Information;

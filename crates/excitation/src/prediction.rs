@@ -37,7 +37,7 @@ const DERIVED: [(&str, &str); 9] = [
 ];
 
 /// Centre of mass `h / m` and inertia about it, `I - (h . c) 1 + h c^T`.
-fn about_com<T: Scalar>(phi: &[T]) -> [T; 9] {
+pub(crate) fn about_com<T: Scalar>(phi: &[T]) -> [T; 9] {
     let b = Inertia::from_params(phi);
     let c = b.h * (T::one() / b.mass);
     let d = b.h.x * c.x + b.h.y * c.y + b.h.z * c.z;

@@ -83,6 +83,35 @@ pub fn search(
     options: &SearchOptions,
     watch: &Watch<'_>,
 ) -> Result<Found, PlanError> {
+    search_with(problem, system, options, watch, &|i, w| start(problem, options.seed, i as u64, w))
+}
+
+/// [`search`] from given plans, which must keep the limits of the joints, instead of random ones: one local search each.
+/// Allocates; starts threads.
+///
+/// # Errors
+/// As [`search`].
+pub fn search_from(
+    problem: &Problem<'_>,
+    system: Option<&HeldSystem>,
+    from: &[Vec<f64>],
+    options: &SearchOptions,
+    watch: &Watch<'_>,
+) -> Result<Found, PlanError> {
+    let options = SearchOptions { starts: from.len(), ..*options };
+    search_with(problem, system, &options, watch, &|i, w| feasible_near(problem, &from[i], w))
+}
+
+/// The plan that start `i` begins with.
+type Begin<'a> = dyn Fn(usize, &Eye<'_>) -> Result<Vec<f64>, PlanError> + Sync + 'a;
+
+fn search_with(
+    problem: &Problem<'_>,
+    system: Option<&HeldSystem>,
+    options: &SearchOptions,
+    watch: &Watch<'_>,
+    begin: &Begin<'_>,
+) -> Result<Found, PlanError> {
     let argument =
         |what, got: usize| Err(PlanError::Argument { what, got: got.to_string(), expected: "at least 1".into() });
     if options.starts == 0 {
@@ -101,7 +130,7 @@ pub fn search(
     let deadline = [deadline, watch.deadline].into_iter().flatten().min();
     let latch = AtomicBool::new(false);
     let watch = Eye { watch: Watch { deadline, ..*watch }, start: 0, latch: Some(&latch) };
-    let mut all = run_all(problem, options, &watch);
+    let mut all = run_all(problem, options, &watch, begin);
     if all.iter().all(Result::is_err) {
         all.push(Ok(after_all(problem, &all, options, &watch)?));
     }
@@ -131,10 +160,19 @@ fn after_all(
     Err(errors[0].clone())
 }
 
-fn run_all(problem: &Problem<'_>, options: &SearchOptions, watch: &Eye<'_>) -> Vec<Result<Outcome, PlanError>> {
+fn run_all(
+    problem: &Problem<'_>,
+    options: &SearchOptions,
+    watch: &Eye<'_>,
+    begin: &Begin<'_>,
+) -> Vec<Result<Outcome, PlanError>> {
     let one = |i: usize| {
         let watch = Eye { start: i, ..*watch };
-        let x = start(problem, options.seed, i as u64, &watch)?;
+        // Of what has not begun when the search is cut short, nothing is to be expected; the first ones always begin.
+        if i >= options.threads && watch.cut_short() {
+            return Err(PlanError::Interrupted);
+        }
+        let x = begin(i, &watch)?;
         minimise_seen(problem, &x, &options.sqp, &watch)
     };
     let threads = options.threads.min(options.starts);
@@ -288,7 +326,8 @@ pub fn multi_start(
     options: &SqpOptions,
 ) -> Result<MultiStart, PlanError> {
     let search = SearchOptions { seed, starts, threads: 1, sqp: *options, time_limit: None };
-    let all = run_all(&Problem::new(cost, plan), &search, &Eye::default());
+    let problem = Problem::new(cost, plan);
+    let all = run_all(&problem, &search, &Eye::default(), &|i, w| start(&problem, seed, i as u64, w));
     let best = all.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
     match (best, all.first()) {
         (Some(best), _) => Ok(MultiStart { best, all }),

@@ -93,6 +93,33 @@ fn disturbance_gradient() {
 }
 
 #[test]
+fn response_gradient() {
+    let target = |frequency, damping, drive, importance| ResponseTarget {
+        mode: DrivenMode { frequency, damping, drive, torque: 30.0, gyro: 2.0 },
+        spread: 0.06,
+        importance,
+    };
+    let targets = vec![
+        target(0.11, 0.02, Vector6::new(0.3, -0.2, 0.5, 0.0, 0.1, -0.4), 0.6),
+        target(0.23, 0.01, Vector6::new(0.0, 0.4, 0.1, 0.7, -0.3, 0.2), 1.4),
+    ];
+    for robust in [Robust::Mean, Robust::Worst { power: 4.0 }] {
+        check(&ModalResponse { response: Toy(3), targets: targets.clone(), fan: 5, robust });
+    }
+}
+
+/// The optimality of the rows of a regressor, for every criterion that needs no names.
+#[test]
+fn optimality_gradients() {
+    for criterion in [Criterion::D, Criterion::A, Criterion::E { power: 8.0 }, Criterion::Condition { power: 8.0 }] {
+        let source = ToyRegressor { n: 3, analytic: true };
+        // Enough prior that rounding in the inverse stays below what the differences resolve.
+        let information = Information { source, samples: 41, rate: 100.0, delta: 3.0 };
+        check(&Optimality { information, criterion });
+    }
+}
+
+#[test]
 fn wide_band_energy_is_parseval() {
     let (plan, x) = plans().remove(0);
     let m = plan.motion(&x).unwrap();

@@ -127,7 +127,7 @@ fn rows_are_the_rda_jacobian_and_the_rate_sensitivity() {
     }
 }
 
-/// The gradient that the trait provides, as a reference.
+/// The gradient by differences, as a reference.
 struct Numeric<'a>(&'a RigidInformation);
 
 impl SampleInformation for Numeric<'_> {
@@ -139,6 +139,9 @@ impl SampleInformation for Numeric<'_> {
     }
     fn rows_at(&self, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut DMatrix<f64>) {
         self.0.rows_at(q, qd, qdd, out);
+    }
+    fn contract(&self, state: [&[f64]; 3], weights: &DMatrix<f64>, gradient: [&mut [f64]; 3]) {
+        common::contract_by_differences(self.0, state, weights, gradient);
     }
 }
 

@@ -43,6 +43,7 @@ pub use read::text_file;
 pub use registry::Registry;
 pub use scalar::{D1, D2, Grad, LaneScalar, ModelScalar, Scalar};
 pub use spatial::{Force, Motion, Xform};
+pub use text::{clip, list, nearest};
 pub use twin::TwinBody;
 
 /// Vectors and matrices of the public signatures, so that an appendage crate needs no second dependency.

@@ -27,7 +27,7 @@ impl<'a> LineIndex<'a> {
 }
 
 /// The known name most like `word`, if one is close enough to be worth suggesting.
-pub(crate) fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
+pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
     // Names in a file can be as long as the file; the comparison is quadratic.
     if word.len() > 200 {
         return None;
@@ -42,14 +42,14 @@ pub(crate) fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) 
 }
 
 /// At most `max` names, comma separated, with the number left out.
-pub(crate) fn list<'k>(names: impl IntoIterator<Item = &'k str>, max: usize) -> String {
+pub fn list<'k>(names: impl IntoIterator<Item = &'k str>, max: usize) -> String {
     let all: Vec<&str> = names.into_iter().collect();
     let shown = all.iter().take(max).map(|n| clip(n)).collect::<Vec<_>>().join(", ");
     if all.len() > max { format!("{shown} and {} more", all.len() - max) } else { shown }
 }
 
 /// A text cut to 60 characters, so that a message stays readable whatever a file holds.
-pub(crate) fn clip(s: &str) -> String {
+pub fn clip(s: &str) -> String {
     if s.chars().count() <= 60 { s.to_owned() } else { format!("{}...", s.chars().take(57).collect::<String>()) }
 }
 

@@ -4,6 +4,8 @@
 //! 1 (an error nobody mapped), 101 (panic), 134 (abort) and 137 (killed) are not in the table: each is a bug.
 
 use ff_model::Problems;
+use std::io;
+use std::path::{Path, PathBuf};
 
 /// How a command ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -72,6 +74,90 @@ pub fn help() -> String {
 impl From<Exit> for std::process::ExitCode {
     fn from(e: Exit) -> Self {
         Self::from(e.code())
+    }
+}
+
+/// A failure while working, after the inputs were accepted. Libraries return it, binaries map it to its code.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// A file could not be read or written.
+    #[error("{}: cannot {action}", path.display())]
+    Io {
+        /// What was tried: `read`, `write`, `create`.
+        action: &'static str,
+        /// The file or directory.
+        path: PathBuf,
+        /// Why not.
+        #[source]
+        source: io::Error,
+    },
+    /// The output is there already.
+    #[error("{}: exists already; give another --out, or --force to replace it", path.display())]
+    Exists {
+        /// The file or directory.
+        path: PathBuf,
+    },
+    /// Another run is writing the same output.
+    #[error("{}: locked by another run ({by}); wait for it, or give another --out", path.display())]
+    Locked {
+        /// The lock file.
+        path: PathBuf,
+        /// Who holds it.
+        by: String,
+    },
+    /// A number that must be finite is not.
+    #[error("{place} is not finite ({value}); look for the step that produced it")]
+    NotFinite {
+        /// Where: a JSON path, a column and row, a series and sample.
+        place: String,
+        /// What was found.
+        value: String,
+    },
+    /// Arrays that belong together differ in length.
+    #[error("{place}: {left} values against {right}; both must be sampled alike")]
+    Length {
+        /// Which arrays.
+        place: String,
+        /// Length of the first.
+        left: usize,
+        /// Length of the second.
+        right: usize,
+    },
+    /// Something lies outside its tolerance; the message says what, by how much, and the limit.
+    #[error("{0}")]
+    Tolerance(String),
+    /// A computation gave no usable answer.
+    #[error("{0}")]
+    Numerical(String),
+    /// A program that was started ended badly.
+    #[error("`{command}` ended with {status}")]
+    Child {
+        /// The command as one would type it.
+        command: String,
+        /// Its end in words.
+        status: String,
+        /// Its exit code, if it was not killed.
+        code: Option<i32>,
+    },
+}
+
+impl Failure {
+    /// A failed operation on a file.
+    pub fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
+        Self::Io { action, path: path.to_owned(), source }
+    }
+    /// The code a process ends with that fails so.
+    pub fn code(&self) -> u8 {
+        match self {
+            Self::Io { .. } | Self::Exists { .. } => Exit::Io.code(),
+            Self::Locked { .. } => Exit::Locked.code(),
+            Self::NotFinite { .. } | Self::Length { .. } | Self::Numerical(_) => Exit::Numerical.code(),
+            Self::Tolerance(_) => Exit::Tolerance.code(),
+            // A child killed by a signal has no code of its own.
+            Self::Child { code, .. } => {
+                code.and_then(|c| u8::try_from(c).ok()).filter(|&c| c != 0).unwrap_or(Exit::Io.code())
+            }
+        }
     }
 }
 

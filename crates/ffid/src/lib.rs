@@ -17,9 +17,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod excite;
 pub mod exit;
+pub mod files;
 pub mod modes;
 pub mod open;
+pub mod plot;
+pub mod preflight;
 pub mod summary;
 
 pub use excitation;

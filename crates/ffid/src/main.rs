@@ -1,8 +1,11 @@
 //! The `ffid` command.
 
 mod check;
+mod excite_command;
 mod modes_command;
 mod output;
+mod plan_command;
+mod results;
 
 use clap::{Parser, Subcommand};
 use std::io::ErrorKind;
@@ -20,6 +23,13 @@ struct Cli {
 enum Command {
     /// Check a mission file and the robot it names, or a URDF alone; print the model and every problem.
     Check(output::Input),
+    /// Plan the manoeuvre of [excite]: the most information, the largest response of the modes, or the paper's; write the
+    /// trajectory and a verdict on what it will tell.
+    #[command(after_help = excite_command::EXAMPLES)]
+    Excite(excite_command::Args),
+    /// Judge a trajectory, planned or given: standard deviations it will leave, modes the sensors see, limits, excursions.
+    #[command(after_help = plan_command::EXAMPLES)]
+    Plan(plan_command::Args),
     /// Print natural frequencies, damping ratios and shapes of the passive coordinates, at the mission's hold pose.
     Modes(modes_command::Args),
 }
@@ -27,9 +37,12 @@ enum Command {
 fn main() -> ExitCode {
     // clap ends wrong usage with 2 and help with 0, as the table wants.
     let cli = Cli::parse();
-    let (mut out, mut err) = (std::io::stdout().lock(), std::io::stderr().lock());
+    // The standard error is not locked: a progress bar writes to it from a thread of its own.
+    let (mut out, mut err) = (std::io::stdout().lock(), std::io::stderr());
     let result = match cli.command {
         Command::Check(input) => check::run(&input, &mut out, &mut err),
+        Command::Excite(args) => excite_command::run(&args, &mut out, &mut err),
+        Command::Plan(args) => plan_command::run(&args, &mut out, &mut err),
         Command::Modes(args) => modes_command::run(&args, &mut out, &mut err),
     };
     match result {

@@ -23,6 +23,10 @@ pub struct Opened {
     pub mission: Option<Mission>,
     /// Indices of the parameters to estimate, ascending.
     pub estimated: Vec<usize>,
+    /// Indices of the parameters to plan for, ascending.
+    pub excited: Vec<usize>,
+    /// Index of the frame of the end effector, if the mission names one.
+    pub end_effector: Option<usize>,
     /// Everything that was let through, to be recorded with every result.
     pub warnings: Problems,
 }
@@ -57,10 +61,17 @@ pub fn open(file: &Path, leniency: Leniency) -> Result<Opened, Problems> {
         }
         let options = UrdfOptions { leniency: leniency.clone(), ..UrdfOptions::default() };
         let (model, warnings) = urdf::from_file(file, &options)?;
-        Opened { model, mission: None, estimated: Vec::new(), warnings }
+        Opened { model, mission: None, estimated: Vec::new(), excited: Vec::new(), end_effector: None, warnings }
     } else {
         let l = Mission::load(file, &crate::default_registry(), &LoadOptions { leniency: leniency.clone() })?;
-        Opened { model: l.model, mission: Some(l.mission), estimated: l.estimated, warnings: l.warnings }
+        Opened {
+            model: l.model,
+            mission: Some(l.mission),
+            estimated: l.estimated,
+            excited: l.excited,
+            end_effector: l.end_effector,
+            warnings: l.warnings,
+        }
     };
     let mut problems = std::mem::take(&mut opened.warnings);
     let poses = [("the nominal pose", Some(nominal_pose(&opened.model))), ("hold_rad", opened.hold().map(Into::into))];

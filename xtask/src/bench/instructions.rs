@@ -4,9 +4,9 @@
 //! the difference over `N` is one call, because start-up cancels. Counts are kept in `bench/instructions.json`.
 
 use super::{Args, build};
-use crate::atomic;
 use crate::exit::Failure;
 use crate::table::Table;
+use ffid::files::atomic;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -15,7 +15,8 @@ pub mod run;
 pub mod sizes;
 pub mod tasks;
 
-use crate::{atomic, workspace};
+use crate::workspace;
+use ffid::files::atomic;
 use std::path::PathBuf;
 
 /// Arguments of `bench`.

@@ -2,10 +2,10 @@
 
 use super::run::{self, Pin};
 use super::{Args, Effort, build};
-use crate::atomic;
 use crate::exit::Failure;
-use crate::plot::{Figure, Panel, Series};
 use crate::table::{Table, sig};
+use ffid::files::atomic;
+use ffid::plot::{Figure, Panel, Series};
 use serde_json::Value;
 use std::path::Path;
 

@@ -2,9 +2,9 @@
 
 use super::experiment::Experiment;
 use super::spectra::{Frequencies, Spectra};
-use crate::csv_out::{self, Column};
-use crate::plot::{Figure, Panel};
+use ffid::files::csv_out::{self, Column};
 use ffid::ident::psd::Psd;
+use ffid::plot::{Figure, Panel};
 use std::path::Path;
 
 /// Writes the time figure (torques over base rate) and the spectrum figure of one case.

@@ -21,8 +21,9 @@ mod score;
 mod spectra;
 
 use crate::exit::Failure;
-use crate::{summary, workspace};
+use crate::workspace;
 use experiment::Experiment;
+use ffid::files::json;
 use indicatif::{ProgressBar, ProgressStyle};
 use score::Columns;
 use serde::Serialize;
@@ -116,7 +117,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         identified: flex.reports.into_iter().chain(slosh.reports).collect(),
         wall_s: started.elapsed().as_secs_f64(),
     };
-    summary::write(&out.join("summary.json"), &summary)?;
+    json::write(&out.join("summary.json"), &summary)?;
     printed::all(&summary, &out);
     checks::all(&summary)
 }

@@ -18,28 +18,9 @@ pub trait SampleInformation: Send + Sync {
     /// Block of `Y`, `rows x parameters`: sensitivities divided by the standard deviation of the
     /// measurement and multiplied by the scale of the parameter. Every entry is overwritten.
     fn rows_at(&self, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut DMatrix<f64>);
-    /// Adds `sum_ab W_ab dY_ab/dq` to `gq`, and likewise for `qd`, `qdd`, with `W` of the shape of the block.
-    ///
-    /// Provided by central differences of [`SampleInformation::rows_at`] (`6 n` calls, about 1e-9 relative);
-    /// override it where analytic derivatives exist. The provided version allocates.
-    fn contract(&self, state: [&[f64]; 3], weights: &DMatrix<f64>, gradient: [&mut [f64]; 3]) {
-        let mut at = state.map(<[f64]>::to_vec);
-        let mut plus = DMatrix::zeros(self.rows(), self.parameters());
-        let mut minus = plus.clone();
-        for (k, out) in gradient.into_iter().enumerate() {
-            for j in 0..out.len() {
-                let x = at[k][j];
-                // Cube root of machine precision balances truncation against rounding.
-                let h = 6e-6 * (1.0 + x.abs());
-                at[k][j] = x + h;
-                self.rows_at(&at[0], &at[1], &at[2], &mut plus);
-                at[k][j] = x - h;
-                self.rows_at(&at[0], &at[1], &at[2], &mut minus);
-                at[k][j] = x;
-                out[j] += (plus.dot(weights) - minus.dot(weights)) / (2.0 * h);
-            }
-        }
-    }
+    /// Adds `sum_ab W_ab dY_ab/dq` to `gq`, and likewise for `qd`, `qdd`, with `W` of the shape of the block. Must be
+    /// exact: the optimiser trusts it.
+    fn contract(&self, state: [&[f64]; 3], weights: &DMatrix<f64>, gradient: [&mut [f64]; 3]);
 }
 
 /// `-log det (rate int Y^T Y dt + delta I)`.
@@ -75,29 +56,42 @@ impl<S: SampleInformation> Information<S> {
         });
         m
     }
-}
-
-impl<S: SampleInformation> Cost for Information<S> {
-    fn value_gradient(&self, plan: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+    /// Value of `f` at the matrix of the trajectory `x`, with the gradient over `x` from that over the matrix, which `f`
+    /// returns (symmetric); NaN where the matrix is not finite or `f` has no answer.
+    pub(crate) fn value_gradient_of(
+        &self,
+        plan: &SplinePlan,
+        x: &[f64],
+        grad: &mut [f64],
+        f: impl FnOnce(&DMatrix<f64>) -> Option<(f64, DMatrix<f64>)>,
+    ) -> f64 {
         let nodes = uniform_nodes(plan, self.samples);
         let mut sweep = Sweep::new(plan, x);
         let duration = sweep.duration;
         let mut blocks = Vec::with_capacity(nodes.len());
         let m = self.assemble(&mut sweep, &nodes, |y| blocks.push(y));
-        // The factorisation below would accept infinities.
+        // A factorisation would accept infinities.
         if m.iter().any(|v| !v.is_finite()) {
             return f64::NAN;
         }
-        let Some(chol) = m.cholesky() else { return f64::INFINITY };
-        let inverse = chol.inverse();
+        let Some((value, slope)) = f(&m) else { return f64::NAN };
         let mut blocks = blocks.iter();
         sweep.backward(&nodes, grad, |node, s, adj| {
             let Some(y) = blocks.next() else { return };
-            let mut w = y * &inverse;
-            adj.duration = -self.rate * node.weight * w.dot(y);
-            w *= -2.0 * self.rate * node.weight * duration;
+            let mut w = y * &slope;
+            adj.duration = self.rate * node.weight * w.dot(y);
+            w *= 2.0 * self.rate * node.weight * duration;
             self.source.contract([&s.q, &s.qd, &s.qdd], &w, [&mut adj.q, &mut adj.qd, &mut adj.qdd]);
         });
-        -2.0 * chol.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>()
+        value
+    }
+}
+
+impl<S: SampleInformation> Cost for Information<S> {
+    fn value_gradient(&self, plan: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+        self.value_gradient_of(plan, x, grad, |m| {
+            let chol = m.clone().cholesky()?;
+            Some((-2.0 * chol.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>(), -chol.inverse()))
+        })
     }
 }

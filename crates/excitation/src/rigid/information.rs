@@ -40,7 +40,7 @@ pub struct SensorNoise {
 }
 
 impl SensorNoise {
-    fn check(&self) -> Result<(), RigidError> {
+    pub(crate) fn check(&self) -> Result<(), RigidError> {
         let gyro = self.gyro.unwrap_or(1.0);
         for (what, value) in
             [("noise of the torque sensors", self.torque), ("noise of the gyro", gyro), ("sample rate", self.rate)]

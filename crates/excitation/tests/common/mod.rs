@@ -99,7 +99,7 @@ impl SampleInformation for ToyRegressor {
     }
 }
 
-/// The same source with the gradient that the trait provides.
+/// The same source with its gradient by differences.
 struct Numeric<'a>(&'a ToyRegressor);
 
 impl SampleInformation for Numeric<'_> {
@@ -111,6 +111,34 @@ impl SampleInformation for Numeric<'_> {
     }
     fn rows_at(&self, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut DMatrix<f64>) {
         self.0.rows_at(q, qd, qdd, out);
+    }
+    fn contract(&self, state: [&[f64]; 3], weights: &DMatrix<f64>, gradient: [&mut [f64]; 3]) {
+        contract_by_differences(self.0, state, weights, gradient);
+    }
+}
+
+/// [`SampleInformation::contract`] by central differences: what the exact ones are held to.
+pub(crate) fn contract_by_differences(
+    source: &dyn SampleInformation,
+    state: [&[f64]; 3],
+    weights: &DMatrix<f64>,
+    gradient: [&mut [f64]; 3],
+) {
+    let mut at = state.map(<[f64]>::to_vec);
+    let mut plus = DMatrix::zeros(source.rows(), source.parameters());
+    let mut minus = plus.clone();
+    for (k, out) in gradient.into_iter().enumerate() {
+        for j in 0..out.len() {
+            let x = at[k][j];
+            // Cube root of machine precision balances truncation against rounding.
+            let h = 6e-6 * (1.0 + x.abs());
+            at[k][j] = x + h;
+            source.rows_at(&at[0], &at[1], &at[2], &mut plus);
+            at[k][j] = x - h;
+            source.rows_at(&at[0], &at[1], &at[2], &mut minus);
+            at[k][j] = x;
+            out[j] += (plus.dot(weights) - minus.dot(weights)) / (2.0 * h);
+        }
     }
 }
 

@@ -25,6 +25,10 @@
 //!
 //! [estimate]                  # Estimate
 //! parameters = ["base.*", "tank.*"]
+//!
+//! [excite]                    # Excite
+//! goal = "information"
+//! duration_s = 60.0
 //! ```
 //!
 //! A key that ends with `_file` names a file; a relative path starts at the folder of the mission file, for the keys
@@ -35,7 +39,9 @@
 
 mod appendage;
 mod client;
+mod excite;
 mod lift;
+mod limits;
 mod reader;
 mod robot;
 mod select;
@@ -43,8 +49,10 @@ mod settings;
 
 pub use appendage::{AppendageSpec, Mount};
 pub use client::Client;
+pub use excite::{Excite, ExciteDuration, ExciteEnd, GOALS, Goal, Optimality};
+pub use limits::{KeepOut, Limits, PointingLimit};
 pub use robot::{Rigid, RigidBody, Robot};
-pub use settings::{Encoder, Estimate, Gyro, Limits, Reproduce, Sensors, Torque};
+pub use settings::{Encoder, Estimate, Gyro, Reproduce, Sensors, Torque};
 
 use crate::leniency::Leniency;
 use crate::model::Model;
@@ -77,6 +85,8 @@ pub struct Mission {
     pub limits: Limits,
     /// `[estimate]`.
     pub estimate: Estimate,
+    /// `[excite]`.
+    pub excite: Excite,
     /// `[reproduce]`, when there is one.
     pub reproduce: Option<Reproduce>,
 }
@@ -90,6 +100,8 @@ pub struct Loaded {
     pub model: Model,
     /// Indices of the parameters of `[estimate]` in the parameter vector, ascending.
     pub estimated: Vec<usize>,
+    /// Indices of the parameters of `[excite]`, ascending; those of `[estimate]` when that section names none.
+    pub excited: Vec<usize>,
     /// Body and pose are those of this frame of the model; `None` when the mission names no end effector.
     pub end_effector: Option<usize>,
     /// Warnings of mission file and URDF, to be recorded with every result.
@@ -205,6 +217,8 @@ fn read(
     let limits = root.table("limits").map(|t| Limits::read(&t)).unwrap_or_default();
     let estimate_table = root.table("estimate");
     let estimate = estimate_table.as_ref().map(Estimate::read).unwrap_or_default();
+    let excite_table = root.table("excite");
+    let excite = excite_table.as_ref().map(Excite::read).unwrap_or_default();
     let reproduce_table = root.table("reproduce");
     let reproduce = reproduce_table.as_ref().map(Reproduce::read);
     root.finish();
@@ -253,12 +267,19 @@ fn read(
     if let (Some(t), true) = (&estimate_table, complete) {
         estimated = select::indices(&estimate.parameters, &model, t);
     }
+    let mut excited = estimated.clone();
+    if let Some(t) = &excite_table {
+        let own = excite.check(&model, complete, t);
+        if !own.is_empty() {
+            excited = own;
+        }
+    }
     if let (Some(r), Some(t)) = (&reproduce, &reproduce_table) {
         check_reproduce(r, &model, t);
     }
     let clients = clients.into_iter().filter_map(|(_, c)| c).collect();
-    let mission = Mission { robot, clients, appendages, sensors, limits, estimate, reproduce };
-    Some(Loaded { mission, model, estimated, end_effector, warnings: Problems::default() })
+    let mission = Mission { robot, clients, appendages, sensors, limits, estimate, excite, reproduce };
+    Some(Loaded { mission, model, estimated, excited, end_effector, warnings: Problems::default() })
 }
 
 /// Makes the appendages that are lifted out of the tree, and the tree without them.

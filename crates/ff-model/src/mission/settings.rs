@@ -1,4 +1,4 @@
-//! `[sensors]`, `[limits]`, `[estimate]`, `[reproduce]`: the sections that do not change the model.
+//! `[sensors]`, `[estimate]`, `[reproduce]`: the sections that do not change the model.
 
 use super::appendage::or_zero;
 use super::reader::{Must, Table, error};
@@ -88,26 +88,6 @@ impl Sensors {
         }
         t.finish();
         s
-    }
-}
-
-/// Section `[limits]`: what planned joint motion must keep to. Absent keys are no limit.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Limits {
-    /// `velocity_rad_per_s`: greatest joint speed, beside the limits of the URDF.
-    pub velocity_rad_per_s: Option<f64>,
-    /// `acceleration_rad_per_s2`: greatest joint acceleration.
-    pub acceleration_rad_per_s2: Option<f64>,
-}
-
-impl Limits {
-    pub(super) fn read(t: &Table<'_, '_>) -> Self {
-        let out = Self {
-            velocity_rad_per_s: t.number("velocity_rad_per_s", Must::BePositive),
-            acceleration_rad_per_s2: t.number("acceleration_rad_per_s2", Must::BePositive),
-        };
-        t.finish();
-        out
     }
 }
 

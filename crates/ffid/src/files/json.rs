@@ -1,7 +1,7 @@
 //! Results as JSON that holds numbers only: a NaN is an error, not a silent `null`.
 
-use crate::atomic;
 use crate::exit::Failure;
+use crate::files::atomic;
 use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;

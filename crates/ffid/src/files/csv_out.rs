@@ -1,7 +1,7 @@
 //! Time series and spectra as CSV: one `name[unit]` column each, every number read back exactly.
 
-use crate::atomic;
 use crate::exit::Failure;
+use crate::files::atomic;
 use std::path::Path;
 
 /// One column of a file.

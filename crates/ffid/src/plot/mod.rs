@@ -5,12 +5,12 @@
 //! reduced to what the eye can see, so that an SVG stays small however long the record.
 //!
 //! ```no_run
-//! use xtask::plot::{Figure, Panel, Series};
+//! use ffid::plot::{Figure, Panel, Series};
 //! # let (t, tau) = (vec![0.0, 1.0], vec![0.0, 1.0]);
 //! let mut torque = Panel::new("time (s)", "joint torque (N m)");
 //! torque.series.push(Series::new("joint 2", &t, &tau));
 //! Figure::new("Free response").panel(torque).write("target/reproduce/fig4".as_ref())?;
-//! # Ok::<(), xtask::exit::Failure>(())
+//! # Ok::<(), ffid::exit::Failure>(())
 //! ```
 
 mod canvas;
@@ -20,8 +20,8 @@ mod polyline;
 mod raster;
 mod scale;
 
-use crate::atomic;
 use crate::exit::Failure;
+use crate::files::atomic;
 use std::path::{Path, PathBuf};
 
 /// Width of every figure (px of the SVG; the PNG has twice as many).
@@ -146,6 +146,17 @@ impl Figure {
         atomic::write(&paths[0], svg.as_bytes())?;
         atomic::write(&paths[1], &png)?;
         Ok(paths)
+    }
+
+    /// Writes `stem.svg` alone.
+    ///
+    /// # Errors
+    /// Those of [`Figure::to_svg`], and [`Failure::Io`].
+    pub fn write_svg(&self, stem: &Path) -> Result<PathBuf, Failure> {
+        let mut name = stem.as_os_str().to_owned();
+        name.push(".svg");
+        atomic::write(Path::new(&name), self.to_svg()?.as_bytes())?;
+        Ok(PathBuf::from(name))
     }
 
     fn check(&self) -> Result<(), Failure> {

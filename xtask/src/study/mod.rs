@@ -1,0 +1,218 @@
+//! `cargo xtask study <name>`: seeded experiments that hold the project to figures it has promised.
+//!
+//! A study fills a [`Study`] with figures and their limits; this file prints, writes and judges it. The JSON of every
+//! study is `{"study", "seed", "figures": {name: number}, "limits": {name: [op, number]}, "pass"}`; when a limit fails
+//! the exit code is 15, with everything printed and written before.
+
+pub mod excitation;
+
+use crate::exit::Failure;
+use ffid::files::json;
+use crate::table::{Table, sig};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Arguments of `study`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    which: Which,
+}
+
+/// One variant per study.
+#[derive(Debug, clap::Subcommand)]
+enum Which {
+    /// Planned excitation against random multisines, quiet and modal plans, limits, gradients, times
+    Excitation(Options),
+}
+
+/// What every study takes.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Options {
+    /// Also write figures, limits and verdict to this file as JSON
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Seed of all randomness
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
+    pub seed: u64,
+    /// Fewer samples and shorter searches: shows that everything runs; limits that need the whole are left out
+    #[arg(long)]
+    pub quick: bool,
+    /// Only these parts of the study; its documentation names them
+    #[arg(long, value_name = "PART")]
+    pub only: Vec<String>,
+}
+
+impl Options {
+    /// Whether a part is to be run.
+    pub fn wants(&self, part: &str) -> bool {
+        self.only.is_empty() || self.only.iter().any(|p| p == part)
+    }
+}
+
+/// How a figure is held to its limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Op {
+    /// Not above.
+    #[serde(rename = "<=")]
+    AtMost,
+    /// Not below.
+    #[serde(rename = ">=")]
+    AtLeast,
+}
+
+impl Op {
+    fn holds(self, figure: f64, limit: f64) -> bool {
+        // A figure that is not a number holds no limit.
+        match self {
+            Self::AtMost => figure <= limit,
+            Self::AtLeast => figure >= limit,
+        }
+    }
+    fn text(self) -> &'static str {
+        match self {
+            Self::AtMost => "<=",
+            Self::AtLeast => ">=",
+        }
+    }
+}
+
+/// Figures of one study, with limits on some of them.
+#[derive(Clone, Debug, Serialize)]
+pub struct Study {
+    study: &'static str,
+    seed: u64,
+    figures: BTreeMap<String, f64>,
+    limits: BTreeMap<String, (Op, f64)>,
+    pass: bool,
+    #[serde(skip)]
+    lines: Vec<(String, &'static str)>,
+    #[serde(skip)]
+    notes: Vec<String>,
+}
+
+impl Study {
+    /// Without figures.
+    pub fn new(study: &'static str, seed: u64) -> Self {
+        let (figures, limits) = (BTreeMap::new(), BTreeMap::new());
+        Self { study, seed, figures, limits, pass: true, lines: Vec::new(), notes: Vec::new() }
+    }
+    /// A figure without a limit.
+    pub fn figure(&mut self, name: impl Into<String>, unit: &'static str, value: f64) {
+        let name = name.into();
+        eprintln!("{name} = {} {unit}", sig(value, 4));
+        self.figures.insert(name.clone(), value);
+        self.lines.push((name, unit));
+    }
+    /// A figure with a limit.
+    pub fn limited(&mut self, name: impl Into<String>, unit: &'static str, value: f64, op: Op, limit: f64) {
+        let name = name.into();
+        self.figure(name.clone(), unit, value);
+        self.pass &= op.holds(value, limit);
+        self.limits.insert(name, (op, limit));
+    }
+    /// A line below the table.
+    pub fn note(&mut self, text: impl Into<String>) {
+        self.notes.push(text.into());
+    }
+    /// Value of a figure.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        self.figures.get(name).copied()
+    }
+    /// True while every limit holds.
+    pub fn pass(&self) -> bool {
+        self.pass
+    }
+    /// Figures that are outside their limits, in words.
+    pub fn faults(&self) -> Vec<String> {
+        let outside = |(name, (op, limit)): (&String, &(Op, f64))| {
+            let value = self.figures.get(name).copied().unwrap_or(f64::NAN);
+            (!op.holds(value, *limit)).then(|| format!("{name} is {}, limit {} {limit}", sig(value, 4), op.text()))
+        };
+        self.limits.iter().filter_map(outside).collect()
+    }
+    /// Figures with limits and verdicts, in the order in which they were found.
+    pub fn table(&self) -> Table {
+        let mut t = Table::new(
+            format!("Study '{}', seed {}", self.study, self.seed),
+            &["figure", "unit", "value", "limit", "verdict"],
+        )
+        .left(2);
+        for (name, unit) in &self.lines {
+            let value = self.figures.get(name).copied().unwrap_or(f64::NAN);
+            let limit = self.limits.get(name);
+            t.row([
+                name.clone(),
+                (*unit).to_owned(),
+                sig(value, 4),
+                limit.map_or(String::new(), |(op, l)| format!("{} {l}", op.text())),
+                limit.map_or("", |(op, l)| if op.holds(value, *l) { "pass" } else { "FAIL" }).to_owned(),
+            ]);
+        }
+        for n in &self.notes {
+            t.note(n.clone());
+        }
+        t
+    }
+    /// Prints the table, writes the JSON if asked.
+    ///
+    /// # Errors
+    /// [`Failure::Tolerance`] (exit code 15) when a limit fails, with everything printed and written before;
+    /// [`Failure::NotFinite`], [`Failure::Io`].
+    pub fn finish(&self, options: &Options) -> Result<(), Failure> {
+        println!("{}", self.table());
+        if let Some(path) = &options.json {
+            json::write(path, self)?;
+        }
+        match self.faults() {
+            f if f.is_empty() => Ok(()),
+            f => Err(Failure::Tolerance(f.join("; "))),
+        }
+    }
+}
+
+/// Runs a study.
+///
+/// # Errors
+/// Those of the study and of [`Study::finish`].
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    match &args.which {
+        Which::Excitation(options) => Ok(excitation::run(options)?.finish(options)?),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn json_and_verdict_follow_the_limits() {
+        let dir = tempfile::tempdir().unwrap();
+        let options = Options { json: Some(dir.path().join("s.json")), seed: 7, quick: true, only: Vec::new() };
+        let mut s = Study::new("sample", 7);
+        s.figure("plain", "m", 1.25);
+        s.limited("low", "dB", 40.0, Op::AtLeast, 40.0);
+        assert!(s.finish(&options).is_ok());
+        s.limited("high", "s", 31.0, Op::AtMost, 30.0);
+        let e = s.finish(&options).unwrap_err();
+        assert!(matches!(&e, Failure::Tolerance(t) if t.contains("high is 31.00, limit <= 30")), "{e}");
+        let text = std::fs::read_to_string(dir.path().join("s.json")).unwrap();
+        let v: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let want = serde_json::json!({
+            "study": "sample", "seed": 7, "pass": false,
+            "figures": {"plain": 1.25, "low": 40.0, "high": 31.0},
+            "limits": {"low": [">=", 40.0], "high": ["<=", 30.0]},
+        });
+        assert_eq!(v, want);
+        let table = s.table().to_string();
+        assert!(table.contains("FAIL") && table.contains("pass") && !s.pass());
+    }
+
+    #[test]
+    fn a_figure_that_is_not_a_number_fails() {
+        let mut s = Study::new("sample", 1);
+        s.limited("lost", "", f64::NAN, Op::AtMost, 1.0);
+        assert!(!s.pass() && s.faults().len() == 1);
+    }
+}
