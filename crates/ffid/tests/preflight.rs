@@ -89,8 +89,9 @@ fn predicted_deviations_are_those_a_fit_reports() {
     {
         let o = paper(file);
         let motion = random(&o, 60.0, 16, seed);
-        // A tenth of the noise, so that the estimate, where the fit takes its Jacobian, is close to the truth.
-        let v = with_noise(&o, &motion, patterns, 20.0, 0.1);
+        // A fiftieth of the noise, so that the estimate, where the fit takes its Jacobian, is close to the truth: with all
+        // of it, the outer springs are so poorly known from this random motion that the fit reports up to 1.7 times less.
+        let v = with_noise(&o, &motion, patterns, 20.0, 0.02);
         let e = fit(&o, &v, patterns, 7);
         assert!(e.status.is_converged(), "{:?}", e.status);
         assert_eq!(e.parameters.len(), v.parameters.len());
@@ -98,7 +99,7 @@ fn predicted_deviations_are_those_a_fit_reports() {
             assert_eq!(p.name, q.name);
             let ratio = p.std.unwrap() / q.std.unwrap();
             eprintln!("{file} {:18} predicted {:.3e}, fit {:.3e}", p.name, p.std.unwrap(), q.std.unwrap());
-            assert!((ratio - 1.0).abs() < 0.08, "{}: {ratio}", p.name);
+            assert!((ratio - 1.0).abs() < 0.05, "{}: {ratio}", p.name);
         }
     }
 }
