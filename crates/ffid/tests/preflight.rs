@@ -28,14 +28,20 @@ fn random(o: &Opened, duration: f64, free: usize, seed: u64) -> BSplineMotion {
 }
 
 fn ask(o: &Opened, motion: &dyn JointMotion, patterns: &[&str], rate_hz: f64) -> Preflight {
+    with_noise(o, motion, patterns, rate_hz, 1.0)
+}
+
+/// With `noise` times the noise of the mission's sensors.
+fn with_noise(o: &Opened, motion: &dyn JointMotion, patterns: &[&str], rate_hz: f64, noise: f64) -> Preflight {
     let mission = o.mission.as_ref().unwrap();
+    let s = Sensing::of(&mission.sensors);
     let selected = selection::select(&o.model.param_decls(), patterns).unwrap();
     judge(&Question {
         model: &o.model,
         params: &Params::nominal(&o.model),
         selected: &selected,
         motion,
-        sensing: Sensing { rate_hz, ..Sensing::of(&mission.sensors) },
+        sensing: Sensing { torque_nm: noise * s.torque_nm, gyro_rad_per_s: noise * s.gyro_rad_per_s, rate_hz },
         weak: 0.1,
         proven: None,
         limits: &mission.limits,
@@ -83,7 +89,9 @@ fn predicted_deviations_are_those_a_fit_reports() {
     {
         let o = paper(file);
         let motion = random(&o, 60.0, 16, seed);
-        let v = ask(&o, &motion, patterns, 20.0);
+        // A fiftieth of the noise, so that the estimate, where the fit takes its Jacobian, is close to the truth: with all
+        // of it, the outer springs are so poorly known from this random motion that the fit reports up to 1.7 times less.
+        let v = with_noise(&o, &motion, patterns, 20.0, 0.02);
         let e = fit(&o, &v, patterns, 7);
         assert!(e.status.is_converged(), "{:?}", e.status);
         assert_eq!(e.parameters.len(), v.parameters.len());
@@ -91,8 +99,7 @@ fn predicted_deviations_are_those_a_fit_reports() {
             assert_eq!(p.name, q.name);
             let ratio = p.std.unwrap() / q.std.unwrap();
             eprintln!("{file} {:18} predicted {:.3e}, fit {:.3e}", p.name, p.std.unwrap(), q.std.unwrap());
-            // The fit's Jacobian is that at the estimate, some standard deviations off the truth.
-            assert!((ratio - 1.0).abs() < 0.08, "{}: {ratio}", p.name);
+            assert!((ratio - 1.0).abs() < 0.05, "{}: {ratio}", p.name);
         }
     }
 }
