@@ -283,7 +283,7 @@ fn modal(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     let frequency = swing.driven()[antisymmetric].frequency;
     let spec = s.plan(Duration::Fixed(MODAL_S), MODAL_POINTS)?.spec().clone();
     let plan = SplinePlan::new(PlanSpec { start: MODAL_START.to_vec(), ..spec })?;
-    let cost = modal_cost(s, &swing, &[(antisymmetric, 1.0), (symmetric, 5.0)])?;
+    let cost = modal_cost(s, &swing, &[(antisymmetric, 1.0), (symmetric, 3.0)])?;
     let starts: u64 = if s.quick { 1 } else { 4 };
     let outcomes: Vec<_> = (0..starts)
         .into_par_iter()
