@@ -3,7 +3,7 @@
 //! `cargo run -p xtask --example figure`
 
 use std::f64::consts::TAU;
-use xtask::plot::{Figure, Panel, Series, VLine};
+use ffid::plot::{Figure, Panel, Series, VLine};
 
 fn main() -> anyhow::Result<()> {
     let dir = xtask::workspace::root()?.join("target/figure-sample");
