@@ -2,8 +2,8 @@
 //!
 //! `cargo run -p xtask --example figure`
 
+use ffid::plot::{Figure, Panel, Series, VLine};
 use std::f64::consts::TAU;
-use xtask::plot::{Figure, Panel, Series, VLine};
 
 fn main() -> anyhow::Result<()> {
     let dir = xtask::workspace::root()?.join("target/figure-sample");

@@ -28,20 +28,14 @@ fn random(o: &Opened, duration: f64, free: usize, seed: u64) -> BSplineMotion {
 }
 
 fn ask(o: &Opened, motion: &dyn JointMotion, patterns: &[&str], rate_hz: f64) -> Preflight {
-    with_noise(o, motion, patterns, rate_hz, 1.0)
-}
-
-/// With `noise` times the noise of the mission's sensors.
-fn with_noise(o: &Opened, motion: &dyn JointMotion, patterns: &[&str], rate_hz: f64, noise: f64) -> Preflight {
     let mission = o.mission.as_ref().unwrap();
-    let s = Sensing::of(&mission.sensors);
     let selected = selection::select(&o.model.param_decls(), patterns).unwrap();
     judge(&Question {
         model: &o.model,
         params: &Params::nominal(&o.model),
         selected: &selected,
         motion,
-        sensing: Sensing { torque_nm: noise * s.torque_nm, gyro_rad_per_s: noise * s.gyro_rad_per_s, rate_hz },
+        sensing: Sensing { rate_hz, ..Sensing::of(&mission.sensors) },
         weak: 0.1,
         proven: None,
         limits: &mission.limits,
@@ -66,7 +60,7 @@ fn fit(o: &Opened, v: &Preflight, patterns: &[&str], seed: u64) -> Estimate {
     let record = record.qd(t.qd.clone()).qdd(t.qdd.clone()).build().unwrap().0;
     let noise = Noise { torque: v.sensing.torque_nm, gyro: v.sensing.gyro_rad_per_s };
     let options =
-        Options { substeps: 2, gyro_bias: true, torque_bias: true, initial_state: true, ..Options::new(noise) };
+        Options { substeps: 8, gyro_bias: true, torque_bias: true, initial_state: true, ..Options::new(noise) };
     let selected = selection::select(&decls, patterns).unwrap();
     let request = Request {
         decls: &decls,
@@ -81,26 +75,33 @@ fn fit(o: &Opened, v: &Preflight, patterns: &[&str], seed: u64) -> Estimate {
     estimate(&request, &mut OutputError::new(model, &record, &options).unwrap()).unwrap()
 }
 
-/// The paper's two systems: what is predicted is what a fit of a noisy record reports, to a few per cent.
+/// The paper's two systems: what is predicted is what a fit of a noisy record reports.
+///
+/// Thrice as fast as the limits allow, so that the panels ring, and with 3 % of the noise. (Where the record tells little of
+/// the springs, the fit's estimate of the initial ringing, which is not there, makes it believe that it knows them better.)
 #[test]
 fn predicted_deviations_are_those_a_fit_reports() {
     for (file, patterns, seed) in
         [("flex.toml", ["base.*", "panel_*.k[*]"].as_slice(), 5), ("slosh.toml", &["base.*", "tank.*"], 6)]
     {
-        let o = paper(file);
-        let motion = random(&o, 60.0, 16, seed);
-        // A fiftieth of the noise, so that the estimate, where the fit takes its Jacobian, is close to the truth: with all
-        // of it, the outer springs are so poorly known from this random motion that the fit reports up to 1.7 times less.
-        let v = with_noise(&o, &motion, patterns, 20.0, 0.02);
+        let mut o = paper(file);
+        let sensors = &mut o.mission.as_mut().unwrap().sensors;
+        sensors.torque.noise_std_nm *= 0.03;
+        sensors.gyro.noise_std_rad_per_s *= 0.03;
+        let motion = random(&o, 60.0, 16, seed).with_duration(20.0).unwrap();
+        let v = ask(&o, &motion, patterns, 50.0);
         let e = fit(&o, &v, patterns, 7);
         assert!(e.status.is_converged(), "{:?}", e.status);
         assert_eq!(e.parameters.len(), v.parameters.len());
+        let mut worst: f64 = 0.0;
         for (p, q) in v.parameters.iter().chain(&v.nuisance).zip(e.parameters.iter().chain(&e.nuisance)) {
             assert_eq!(p.name, q.name);
             let ratio = p.std.unwrap() / q.std.unwrap();
-            eprintln!("{file} {:18} predicted {:.3e}, fit {:.3e}", p.name, p.std.unwrap(), q.std.unwrap());
-            assert!((ratio - 1.0).abs() < 0.05, "{}: {ratio}", p.name);
+            eprintln!("{file} {:24} predicted {:.3e}, fit {:.3e}", p.name, p.std.unwrap(), q.std.unwrap());
+            worst = worst.max((ratio - 1.0).abs());
         }
+        eprintln!("{file}: {worst}");
+        assert!(worst < 0.05);
     }
 }
 

@@ -7,8 +7,8 @@
 pub mod excitation;
 
 use crate::exit::Failure;
-use ffid::files::json;
 use crate::table::{Table, sig};
+use ffid::files::json;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;

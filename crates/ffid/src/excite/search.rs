@@ -135,9 +135,7 @@ fn watched<R>(watch: &Watch<'_>, stage: &'static str, run: impl FnOnce(&crate::e
         }
         !watch.stopped()
     };
-    let mut inner = crate::excitation::Watch::default();
-    inner.stop = watch.stop;
-    inner.progress = Some(&report);
+    let inner = crate::excitation::Watch { stop: watch.stop, progress: Some(&report), ..Default::default() };
     run(&inner)
 }
 

@@ -30,7 +30,7 @@ pub(super) fn gradients(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     let plan = s.plan(FREE, CONTROL_POINTS)?;
     let x = random_plan(&plan, s.seed, 900, 0.8)?;
     let swing = Swing::new(s.model(), &s.params, &s.start, s.noise)?;
-    let modal = modal_cost(s, &swing, &[(0, 1.0), (1, 0.5)])?;
+    let modal = modal_cost(s, &swing, &[(0, 1.0, 0.02), (1, 0.5, 0.04)])?;
     let condition = Optimality { information: s.rigid_cost()?, criterion: Criterion::Condition { power: 8.0 } };
     let flexible = s.information(if s.quick { 0.3 } else { SEARCH_STEP_S })?;
     let quantities = base_quantities(&flexible).context("all ten parameters of the base")?;
@@ -127,7 +127,8 @@ pub(super) fn violations(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
 pub(super) fn times(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     let plan = s.plan(FREE, CONTROL_POINTS)?;
     let swing = Swing::new(s.model(), &s.params, &s.start, s.noise)?;
-    let (eq_10, modal, quiet) = (eq_10(s)?, modal_cost(s, &swing, &[(0, 1.0), (1, 1.0)])?, quiet_cost(s, &plan)?);
+    let (eq_10, modal, quiet) =
+        (eq_10(s)?, modal_cost(s, &swing, &[(0, 1.0, 0.02), (1, 1.0, 0.04)])?, quiet_cost(s, &plan)?);
     let goals: [(&str, &dyn Cost); 3] = [("a", &eq_10), ("b", &modal), ("d", &quiet)];
     let options = s.options(200);
     for (name, cost) in goals {

@@ -283,7 +283,7 @@ fn modal(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     let frequency = swing.driven()[antisymmetric].frequency;
     let spec = s.plan(Duration::Fixed(MODAL_S), MODAL_POINTS)?.spec().clone();
     let plan = SplinePlan::new(PlanSpec { start: MODAL_START.to_vec(), ..spec })?;
-    let cost = modal_cost(s, &swing, &[(antisymmetric, 1.0), (symmetric, 3.0)])?;
+    let cost = modal_cost(s, &swing, &[(antisymmetric, 1.0, 0.04), (symmetric, 2.5, 0.02)])?;
     let starts: u64 = if s.quick { 1 } else { 4 };
     let outcomes: Vec<_> = (0..starts)
         .into_par_iter()
@@ -318,8 +318,11 @@ const MODAL_START: [f64; 7] = [0.0, 0.8, 0.0, 0.8, 0.0, 0.5, 0.0];
 const MODAL_S: f64 = 60.0;
 const MODAL_POINTS: usize = 28;
 
-fn modal_cost(s: &Setup, swing: &Swing, modes: &[(usize, f64)]) -> anyhow::Result<ModalResponse<RigidBase>> {
-    let target = |&(m, importance): &(usize, f64)| ResponseTarget { mode: swing.driven()[m], spread: 0.02, importance };
+/// Modes with importance and relative half width of their frequencies: that of the antisymmetric mode moves with the roll
+/// inertia of the arm.
+fn modal_cost(s: &Setup, swing: &Swing, modes: &[(usize, f64, f64)]) -> anyhow::Result<ModalResponse<RigidBase>> {
+    let target =
+        |&(m, importance, spread): &(usize, f64, f64)| ResponseTarget { mode: swing.driven()[m], spread, importance };
     Ok(ModalResponse {
         response: RigidBase::new(s.model(), &s.params)?,
         targets: modes.iter().map(target).collect(),
