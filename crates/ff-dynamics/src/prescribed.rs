@@ -23,7 +23,7 @@
 //! w^T Q w = s.(w x (w x h)) + u.(w x J w).
 //! ```
 //!
-//! The tables are filled for several instants at a time, one per lane ([`Filler`]).
+//! The tables are filled for several instants at a time, one per lane (`fill.rs`).
 
 mod fill;
 
