@@ -1,7 +1,7 @@
 //! From a mission file to a manoeuvre: what `ffid excite` plans.
 //!
 //! [`plan`] turns section `[excite]` into a cost ([`goal`]), the limits of `[limits]` into constraints, and
-//! lets the optimiser of [`excitation`](crate::excitation) search from several starts until it converges or is stopped. The result
+//! lets the optimiser of `excitation` search from several starts until it converges or is stopped. The result
 //! is a [`Trajectory`] that a file can hold exactly; what it will tell is [`crate::preflight`]'s to say.
 
 pub mod demands;

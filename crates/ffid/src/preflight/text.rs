@@ -19,7 +19,7 @@ impl fmt::Display for Preflight {
                 "  peak, record: signal over noise of the largest sample, and of the whole record; ringing: amplitude of free"
             )?;
             writeln!(f, "  ringing (rad, m) that would equal the noise of one sample")?;
-            writeln!(f, "  {:62}  {:>9}  {:>9}  {:>9}", "", "peak", "record", "ringing")?;
+            writeln!(f, "  {:61}  {:>9}  {:>9}  {:>9}", "", "peak", "record", "ringing")?;
             self.modes.iter().try_for_each(|m| mode(f, m))?;
         }
         excursion(f, self)?;
@@ -87,8 +87,8 @@ fn reading(r: &Reading) -> String {
 
 fn mode(f: &mut fmt::Formatter<'_>, m: &ModeVisibility) -> fmt::Result {
     let name = format!("{:.4} Hz, damping {:.2} %", m.frequency_hz, 100.0 * m.damping_ratio);
-    writeln!(f, "  {name:24} torques  {}", reading(&m.torque))?;
-    writeln!(f, "  {:24} gyro     {}", "", reading(&m.gyro))
+    writeln!(f, "  {name:25} torques  {}", reading(&m.torque))?;
+    writeln!(f, "  {:25} gyro     {}", "", reading(&m.gyro))
 }
 
 fn excursion(f: &mut fmt::Formatter<'_>, p: &Preflight) -> fmt::Result {
