@@ -19,7 +19,7 @@ impl fmt::Display for Preflight {
                 "  peak, record: signal over noise of the largest sample, and of the whole record; ringing: amplitude of free"
             )?;
             writeln!(f, "  ringing (rad, m) that would equal the noise of one sample")?;
-            writeln!(f, "  {:61}  {:>9}  {:>9}  {:>9}", "", "peak", "record", "ringing")?;
+            writeln!(f, "  {:62}  {:>9}  {:>9}  {:>9}", "", "peak", "record", "ringing")?;
             self.modes.iter().try_for_each(|m| mode(f, m))?;
         }
         excursion(f, self)?;
