@@ -8,7 +8,7 @@
 //! have no part in a null direction; the others have no deviation at all.
 
 use crate::linalg::{self, LinalgError};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// Part of a null direction below which a parameter counts as untouched by it.
 const TOUCH: f64 = 1e-5;
@@ -90,7 +90,7 @@ pub fn analyse(j: &DMatrix<f64>, unknowns: &[Unknown], tolerance: f64) -> Result
     let size = |i: usize| unknowns[i].size;
     let mut covariance = DMatrix::zeros(n, n);
     for k in 0..rank {
-        let w = nalgebra::DVector::from_fn(n, |i, _| size(i) * d.v[(i, k)] / s[k]);
+        let w = DVector::from_fn(n, |i, _| size(i) * d.v[(i, k)] / s[k]);
         covariance.ger(1.0, &w, &w, 1.0);
     }
     let touched = |i: usize| (rank..n).map(|k| d.v[(i, k)].powi(2)).sum::<f64>().sqrt() > TOUCH;
@@ -100,7 +100,7 @@ pub fn analyse(j: &DMatrix<f64>, unknowns: &[Unknown], tolerance: f64) -> Result
     let weak = weak.map(|k| direction(d.v.column(k).as_slice(), s[k])).collect();
     let null = if rank < n {
         let basis = sparse_basis(&d.v.columns(rank, n - rank).into_owned())?;
-        let worst = |c: &[f64]| (&a * nalgebra::DVector::from_column_slice(c)).norm();
+        let worst = |c: &[f64]| (&a * DVector::from_column_slice(c)).norm();
         basis.column_iter().map(|c| direction(c.as_slice(), worst(c.as_slice()))).collect()
     } else {
         vec![]
@@ -134,6 +134,21 @@ impl Uncertainty {
             (0..errors.len()).map(|i| self.directions[(i, k)] * errors[i] / self.unknowns[i].size).sum::<f64>().abs()
         };
         (known, (0..known).map(along).fold(0.0, f64::max))
+    }
+    /// Standard deviation of the quantity with this gradient over the unknowns (`sqrt(g^T C g)`, in its own unit), or none
+    /// where the data cannot tell it: where the gradient over scaled unknowns has a part in a null direction.
+    ///
+    /// A quantity may be determined although an unknown beside it is not.
+    ///
+    /// # Panics
+    /// If there is not one component per unknown.
+    pub fn combination(&self, gradient: &[f64]) -> Option<f64> {
+        let n = self.unknowns.len();
+        assert_eq!(gradient.len(), n, "one component per unknown");
+        let scaled = DVector::from_fn(n, |i, _| gradient[i] * self.unknowns[i].size);
+        let lost = (self.rank..n).map(|k| self.directions.column(k).dot(&scaled).powi(2)).sum::<f64>().sqrt();
+        let g = DVector::from_column_slice(gradient);
+        (lost <= TOUCH * scaled.norm()).then(|| g.dot(&(&self.covariance * &g)).max(0.0).sqrt())
     }
     /// True when every parameter is determined.
     pub fn full_rank(&self) -> bool {
@@ -244,6 +259,11 @@ mod tests {
         let u = analyse(&j, &unknowns(4), 1e-9).unwrap();
         assert_eq!((u.rank, u.null.len()), (3, 1));
         assert_eq!(u.deviation.iter().map(Option::is_some).collect::<Vec<_>>(), [false, true, true, false]);
+        // p0 - 0.05 p3 is what the data see of the two, and what they would see of p0 with p3 known.
+        let three = j.columns(0, 3).into_owned();
+        let alone = analyse(&three, &unknowns(3), 1e-9).unwrap().deviation[0].unwrap();
+        assert_relative_eq!(u.combination(&[1.0, 0.0, 0.0, -0.05]).unwrap(), alone, max_relative = 1e-6);
+        assert_eq!(u.combination(&[1.0, 0.3, 0.0, 0.05]), None);
         let d = &u.null[0];
         let of = |n: &str| d.terms.iter().find(|t| t.0 == n).map_or(0.0, |t| t.1);
         assert!(d.terms[0].0 == "p3" && d.omitted == 1, "{d}");

@@ -123,8 +123,8 @@ fn about_com<T: Scalar>(phi: &[T]) -> [T; 9] {
     [c.x, c.y, c.z, i[(0, 0)], i[(0, 1)], i[(1, 1)], i[(0, 2)], i[(1, 2)], i[(2, 2)]]
 }
 
-/// Centre of mass and inertia about it of every body whose ten parameters are estimated and determined: the covariance
-/// carried through their derivatives.
+/// Centre of mass and inertia about it of every body whose ten parameters are estimated: the covariance carried through
+/// their derivatives. The centre of mass may be determined where the inertia is not.
 fn derived(model: &Model, q: &Question<'_>, u: &Uncertainty) -> Vec<Predicted> {
     let mut out = Vec::new();
     for body in 0..model.n_bodies() {
@@ -133,18 +133,15 @@ fn derived(model: &Model, q: &Question<'_>, u: &Uncertainty) -> Vec<Predicted> {
         if at.len() < 10 {
             continue;
         }
-        let known = at.iter().all(|&k| u.deviation[k].is_some());
         let values = &q.params.values()[10 * body..10 * body + 10];
         let phi: Vec<Dual<f64, 10>> = values.iter().enumerate().map(|(k, &x)| Dual::variable(x, k)).collect();
         let mass = values[0];
         let radius = ((values[4] + values[6] + values[9]).abs() / (2.0 * mass.abs())).sqrt();
         let prefix = if body == 0 { "base" } else { model.body_name(body) };
         for ((name, unit), y) in DERIVED.iter().zip(about_com(&phi)) {
-            let variance: f64 = (0..10)
-                .flat_map(|a| (0..10).map(move |b| (a, b)))
-                .map(|(a, b)| y.eps[a] * u.covariance[(at[a], at[b])] * y.eps[b])
-                .sum();
-            let std = known.then(|| variance.max(0.0).sqrt());
+            let mut gradient = vec![0.0; u.unknowns.len()];
+            at.iter().zip(&y.eps).for_each(|(&k, &g)| gradient[k] = g);
+            let std = u.combination(&gradient);
             // A product of inertia or an offset may be zero; the body's own length and inertia have a size.
             let size = if *unit == "m" { radius } else { mass * radius * radius };
             out.push(predicted(format!("{prefix}.{name}"), (*unit).to_owned(), y.re, std, size, q.weak));
