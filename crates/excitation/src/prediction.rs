@@ -24,7 +24,7 @@ pub struct Prediction {
 }
 
 /// Names of centre of mass and inertia about it, in the order of [`about_com`].
-const DERIVED: [(&str, &str); 9] = [
+pub const DERIVED: [(&str, &str); 9] = [
     ("com_x", "m"),
     ("com_y", "m"),
     ("com_z", "m"),
@@ -36,8 +36,12 @@ const DERIVED: [(&str, &str); 9] = [
     ("com_i_zz", "kg m^2"),
 ];
 
-/// Centre of mass `h / m` and inertia about it, `I - (h . c) 1 + h c^T`.
-pub(crate) fn about_com<T: Scalar>(phi: &[T]) -> [T; 9] {
+/// Centre of mass `c = h / m` (m) and inertia about it, `I - (h . c) 1 + h c^T` (kg m^2), of the ten parameters `phi` of a body, in
+/// the order of [`DERIVED`]. Does not allocate.
+///
+/// # Panics
+/// If there are fewer than ten.
+pub fn about_com<T: Scalar>(phi: &[T]) -> [T; 9] {
     let b = Inertia::from_params(phi);
     let c = b.h * (T::one() / b.mass);
     let d = b.h.x * c.x + b.h.y * c.y + b.h.z * c.z;

@@ -13,7 +13,9 @@
 
 use crate::reduced::{STAGE, WEIGHT};
 use ff_model::LaneScalar;
-use ff_model::so3::{Quat, dexp_inv_body, exp_so3, quat_identity, quat_mul, quat_normalize, quat_to_rot};
+use ff_model::so3::{
+    Quat, dexp_inv_body, exp_so3, quat_identity, quat_mul, quat_normalize, quat_to_rot, right_jacobian,
+};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// Attitude of the base at the samples of a record.
@@ -87,19 +89,6 @@ impl AttitudeTrack {
         self.att = quat_normalize(&quat_mul(&self.att, &turn));
         Turned { back: quat_to_rot(&turn).transpose(), by: by.map(|b| right * b) }
     }
-}
-
-/// `J(u)` of the module docs.
-fn right_jacobian(u: &Vector3<f64>) -> Matrix3<f64> {
-    let (t2, ux) = (u.norm_squared(), u.cross_matrix());
-    // Series below, where the closed forms cancel: next terms are t^4/720 and t^4/5040.
-    let (a, b) = if t2 < 1e-4 {
-        (0.5 - t2 / 24.0 + t2 * t2 / 720.0, 1.0 / 6.0 - t2 / 120.0 + t2 * t2 / 5040.0)
-    } else {
-        let t = t2.sqrt();
-        ((1.0 - t.cos()) / t2, (t - t.sin()) / (t2 * t))
-    };
-    Matrix3::identity() - ux * a + ux * ux * b
 }
 
 impl Turned {

@@ -198,7 +198,7 @@ pub struct Work<T: ModelScalar> {
 impl<T: ModelScalar> Work<T> {
     /// Buffers for `model`. Allocates.
     pub fn new(model: &Model) -> Self {
-        let nb = model.n_bodies();
+        let (nb, dof_parent) = (model.n_bodies(), dof_parents(model));
         let mut placement = vec![Xform::identity()];
         let mut axis = vec![Vector3::zeros()];
         for b in model.bodies() {
@@ -226,9 +226,9 @@ impl<T: ModelScalar> Work<T> {
             mean_depth: mean_depth(model),
             zeros: vec![T::zero(); model.nv()],
             links: std::iter::once(Link::base()).chain(model.bodies().iter().map(Link::new)).collect(),
-            apart: apart(model.nb(), &dof_parents(model)),
-            still: still(model),
-            dof_parent: dof_parents(model),
+            apart: apart(model.nb(), &dof_parent),
+            still: still(model, &dof_parent),
+            dof_parent,
             lower: vec![T::zero(); model.nv().pow(2)],
             screws: vec![(V3::zero(), V3::zero()); nb * (6 + model.nj())],
             nodes: vec![Node::zero(); nb],
@@ -339,35 +339,36 @@ fn dof_parents(model: &Model) -> Vec<usize> {
     parent
 }
 
+/// Marks `dof` and its ancestors besides the base.
+fn mark(parent: &[usize], mut dof: usize, moves: &mut [bool]) {
+    while dof != ROOT {
+        moves[dof] = true;
+        dof = parent[dof];
+    }
+}
+
 /// Pairs of degrees of freedom of which neither is an ancestor of the other.
 fn apart(nb: usize, parent: &[usize]) -> Vec<(usize, usize)> {
     let mut out = Vec::new();
     for i in nb..parent.len() {
-        let mut strange = vec![true; i];
-        let mut j = parent[i];
-        while j != ROOT {
-            strange[j] = false;
-            j = parent[j];
-        }
-        out.extend((nb..i).filter(|&j| strange[j]).map(|j| (i, j)));
+        let mut related = vec![false; parent.len()];
+        mark(parent, i, &mut related);
+        out.extend((nb..i).filter(|&j| !related[j]).map(|j| (i, j)));
     }
     out
 }
 
 /// Degrees of freedom that do not move each body and, after the bodies, each appendage.
-fn still(model: &Model) -> Vec<Vec<Range<usize>>> {
+fn still(model: &Model, parent: &[usize]) -> Vec<Vec<Range<usize>>> {
     let (nb, passive) = (model.nb(), model.nb() + model.nj());
     let joints = |body: usize| {
-        let (mut moves, mut j) = (vec![false; model.nv()], body);
-        while j > 0 {
-            moves[nb + j - 1] = true;
-            j = model.bodies()[j - 1].parent;
-        }
+        let mut moves = vec![false; parent.len()];
+        mark(parent, if body > 0 { nb + body - 1 } else { ROOT }, &mut moves);
         moves
     };
     let runs = |moves: &[bool]| {
         let mut out = Vec::<Range<usize>>::new();
-        for i in (nb..model.nv()).filter(|&i| !moves[i]) {
+        for i in (nb..moves.len()).filter(|&i| !moves[i]) {
             match out.last_mut() {
                 Some(run) if run.end == i => run.end += 1,
                 _ => out.push(i..i + 1),

@@ -159,6 +159,21 @@ pub fn rot_of_rpy(rpy: &Vector3<f64>) -> Matrix3<f64> {
     ax(2, rpy.z) * ax(1, rpy.y) * ax(0, rpy.x)
 }
 
+/// Right Jacobian of the exponential: `exp(u + du) = exp(u) exp(J(u) du)` to first order,
+/// `J(u) = 1 - (1 - cos|u|)/|u|^2 [u]x + (|u| - sin|u|)/|u|^3 [u]x^2`; its transpose, `J(-u)`, is the left one
+/// (T. Barfoot, *State Estimation for Robotics*, 2017, eq. (7.77)). Does not allocate.
+pub fn right_jacobian(u: &Vector3<f64>) -> Matrix3<f64> {
+    let (t2, ux) = (u.norm_squared(), u.cross_matrix());
+    // Series below, where the closed forms cancel: next terms are t^4/720 and t^4/5040.
+    let (a, b) = if t2 < 1e-4 {
+        (0.5 - t2 / 24.0 + t2 * t2 / 720.0, 1.0 / 6.0 - t2 / 120.0 + t2 * t2 / 5040.0)
+    } else {
+        let t = t2.sqrt();
+        ((1.0 - t.cos()) / t2, (t - t.sin()) / (t2 * t))
+    };
+    Matrix3::identity() - ux * a + ux * ux * b
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -207,6 +222,16 @@ mod tests {
         let a = exp_so3(&Vector3::new(0.2, 0.5, -0.1));
         let b = quat_mul(&a, &exp_so3(&Vector3::new(-0.3, 0.1, 0.25)));
         assert_relative_eq!(geodesic_angle(&a, &b), Vector3::new(-0.3, 0.1, 0.25).norm(), max_relative = 1e-13);
+    }
+
+    #[test]
+    fn right_jacobian_is_the_turn_of_a_changed_rotation_vector() {
+        // On both sides of the switch to the series; central differences.
+        for size in [1e-3, 0.0099, 0.0101, 0.7, 2.4] {
+            let (u, du, h) = (Vector3::new(0.48, -0.6, 0.64) * size, Vector3::new(0.7, 0.4, -1.1), 1e-5);
+            let at = |h: f64| log_so3(&quat_mul(&quat_conj(&exp_so3(&u)), &exp_so3(&(u + du * h))));
+            assert_relative_eq!(right_jacobian(&u) * du, (at(h) - at(-h)) / (2.0 * h), epsilon = 1e-9);
+        }
     }
 
     #[test]

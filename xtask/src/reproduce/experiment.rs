@@ -139,16 +139,7 @@ fn truth(m: &Model, p: &Params<f64>, motion: &dyn JointMotion, sample_s: f64) ->
 }
 
 fn limits(l: &Loaded) -> Vec<JointLimits> {
-    let inf = f64::INFINITY;
-    let most = &l.mission.limits;
-    l.model
-        .bodies()
-        .iter()
-        .map(|b| {
-            let of_urdf = JointLimits::from_model(&b.joint.limits, most.acceleration_rad_per_s2.unwrap_or(inf));
-            JointLimits { velocity: of_urdf.velocity.min(most.velocity_rad_per_s.unwrap_or(inf)), ..of_urdf }
-        })
-        .collect()
+    ffid::preflight::joint_limits(&l.model, &l.mission.limits)
 }
 
 /// The paper's simplified manoeuvre: the named joints at full speed and acceleration, there and back, timed at

@@ -7,7 +7,7 @@ use super::held::{HeldPartials, HeldSystem, HeldWork};
 use super::ringing::{Ringing, Rung};
 use super::signal::Signal;
 use super::{Channel, ConstraintError, Snapshot, check_limit};
-use ff_model::so3::{exp_so3, log_so3, quat_identity, quat_mul, quat_to_rot};
+use ff_model::so3::{exp_so3, log_so3, quat_identity, quat_mul, quat_to_rot, right_jacobian};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use std::sync::Arc;
 
@@ -16,6 +16,33 @@ pub(super) fn direction(v: &Vector3<f64>) -> Vector3<f64> {
     let norm = v.norm();
     if norm > 0.0 { v / norm } else { Vector3::zeros() }
 }
+
+/// The part of [`Signal`] that is the same for everything that follows from base rates: a type with a field `rates` and
+/// a field `channel`.
+macro_rules! driven_by_rates {
+    () => {
+        type Work = History;
+        fn channels(&self) -> &[Channel] {
+            &self.channel
+        }
+        fn rate(&self) -> f64 {
+            self.rates.ringing.rate
+        }
+        fn drives(&self) -> usize {
+            self.rates.drives()
+        }
+        fn work(&self) -> History {
+            self.rates.work()
+        }
+        fn drive(&self, w: &mut History, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
+            self.rates.drive(w, s, u, partials);
+        }
+        fn reaches_back(&self) -> bool {
+            true
+        }
+    };
+}
+pub(super) use driven_by_rates;
 
 /// Base rates over a trajectory, and from them attitudes.
 #[derive(Clone, Debug)]
@@ -88,6 +115,23 @@ impl Rates {
             (0..m).for_each(|p| rate += u.fixed_view::<3, 1>(self.port(p), k) * z[m + p]);
         }
     }
+    /// Fills the rates, and the attitudes that follow from them.
+    pub(super) fn turn(&self, w: &mut History, dt: f64, u: &DMatrix<f64>) {
+        self.respond(w, dt, u);
+        w.turning = Turning::new(dt, &w.rate);
+    }
+    /// Given the axis in which a small turn (world axes) of the attitude at sample `i` changes a scalar, adds the
+    /// derivatives with respect to the drives and returns that with respect to `dt`.
+    pub(super) fn adjoint_of_turn(
+        &self,
+        w: &History,
+        u: &DMatrix<f64>,
+        i: usize,
+        over_turn: &Vector3<f64>,
+        over_u: &mut DMatrix<f64>,
+    ) -> f64 {
+        w.turning.adjoint(&w.rate, i, over_turn, over_u) + self.adjoint(w, u, i, over_u)
+    }
     /// Carries derivatives with respect to the rates `0..=last` (in the first rows of `over_u`) on to the other drives;
     /// returns that with respect to `dt`.
     pub(super) fn adjoint(&self, w: &History, u: &DMatrix<f64>, last: usize, over_u: &mut DMatrix<f64>) -> f64 {
@@ -128,28 +172,10 @@ impl BaseRate {
 }
 
 impl Signal for BaseRate {
-    type Work = History;
-    fn channels(&self) -> &[Channel] {
-        &self.channel
-    }
-    fn rate(&self) -> f64 {
-        self.rates.ringing.rate
-    }
-    fn drives(&self) -> usize {
-        self.rates.drives()
-    }
-    fn work(&self) -> History {
-        self.rates.work()
-    }
-    fn drive(&self, w: &mut History, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
-        self.rates.drive(w, s, u, partials);
-    }
+    driven_by_rates!();
     fn respond(&self, w: &mut History, dt: f64, u: &DMatrix<f64>, y: &mut DMatrix<f64>) {
         self.rates.respond(w, dt, u);
         (0..u.ncols()).for_each(|k| y[(0, k)] = w.rate.column(k).norm());
-    }
-    fn reaches_back(&self) -> bool {
-        true
     }
     fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         let e = direction(&w.rate.column(i).into_owned());
@@ -200,7 +226,7 @@ impl Turning {
         for k in 0..count - 1 {
             let (a, b) = (rate(k), rate(k + 1));
             let step = (a + b) * (0.5 * dt) + a.cross(&b) * (dt * dt / 12.0);
-            out.carried.push(out.attitude[k] * left_jacobian(&step));
+            out.carried.push(out.attitude[k] * right_jacobian(&step).transpose());
             quat = quat_mul(&quat, &exp_so3(&step));
             out.attitude.push(quat_to_rot(&quat));
         }
@@ -233,18 +259,6 @@ impl Turning {
     }
 }
 
-/// `J_l(u)`: `exp(u + du) = exp(J_l du) exp(u)` to first order.
-fn left_jacobian(u: &Vector3<f64>) -> Matrix3<f64> {
-    let angle = u.norm();
-    let x = u.cross_matrix();
-    let (a, b) = if angle < 1e-4 {
-        (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
-    } else {
-        ((1.0 - angle.cos()) / (angle * angle), (angle - angle.sin()) / angle.powi(3))
-    };
-    Matrix3::identity() + x * a + x * x * b
-}
-
 /// Angle of a rotation and its axis, which is the derivative with respect to small turns in the world.
 fn excursion(r: &Matrix3<f64>) -> (f64, Vector3<f64>) {
     let v = log_so3(&ff_model::so3::rot_to_quat(r));
@@ -252,35 +266,16 @@ fn excursion(r: &Matrix3<f64>) -> (f64, Vector3<f64>) {
 }
 
 impl Signal for BaseAttitude {
-    type Work = History;
-    fn channels(&self) -> &[Channel] {
-        &self.channel
-    }
-    fn rate(&self) -> f64 {
-        self.rates.ringing.rate
-    }
-    fn drives(&self) -> usize {
-        self.rates.drives()
-    }
-    fn work(&self) -> History {
-        self.rates.work()
-    }
-    fn drive(&self, w: &mut History, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
-        self.rates.drive(w, s, u, partials);
-    }
+    driven_by_rates!();
     fn respond(&self, w: &mut History, dt: f64, u: &DMatrix<f64>, y: &mut DMatrix<f64>) {
-        self.rates.respond(w, dt, u);
-        w.turning = Turning::new(dt, &w.rate);
+        self.rates.turn(w, dt, u);
         for (k, r) in w.turning.attitude.iter().enumerate() {
             y[(0, k)] = excursion(r).0;
         }
     }
-    fn reaches_back(&self) -> bool {
-        true
-    }
     fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         let turn = excursion(&w.turning.attitude[i]).1;
-        w.turning.adjoint(&w.rate, i, &turn, over_u) + self.rates.adjoint(w, u, i, over_u)
+        self.rates.adjoint_of_turn(w, u, i, &turn, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         out[0] = log_so3(&at.att).norm();

@@ -1,6 +1,6 @@
 //! Pointing cones: an axis of the base against an inertial direction.
 
-use super::base::{History, Rates, Turning, direction};
+use super::base::{History, Rates, direction, driven_by_rates};
 use super::held::HeldSystem;
 use super::signal::Signal;
 use super::{Channel, ConstraintError, Sense, Snapshot, check_limit};
@@ -61,36 +61,17 @@ impl Pointing {
 }
 
 impl Signal for Pointing {
-    type Work = History;
-    fn channels(&self) -> &[Channel] {
-        &self.channel
-    }
-    fn rate(&self) -> f64 {
-        self.rates.ringing.rate
-    }
-    fn drives(&self) -> usize {
-        self.rates.drives()
-    }
-    fn work(&self) -> History {
-        self.rates.work()
-    }
-    fn drive(&self, w: &mut History, s: [&[f64]; 3], u: &mut [f64], partials: Option<&mut DMatrix<f64>>) {
-        self.rates.drive(w, s, u, partials);
-    }
+    driven_by_rates!();
     fn respond(&self, w: &mut History, dt: f64, u: &DMatrix<f64>, y: &mut DMatrix<f64>) {
-        self.rates.respond(w, dt, u);
-        w.turning = Turning::new(dt, &w.rate);
+        self.rates.turn(w, dt, u);
         for (k, r) in w.turning.attitude.iter().enumerate() {
             y[(0, k)] = self.angle(&(r * self.axis));
         }
     }
-    fn reaches_back(&self) -> bool {
-        true
-    }
     fn adjoint(&self, w: &History, u: &DMatrix<f64>, _channel: usize, i: usize, over_u: &mut DMatrix<f64>) -> f64 {
         // Turning by dphi moves the axis by dphi x v: the angle to the target grows by dphi . (target x v) / |..|.
         let turn = direction(&self.target.cross(&(w.turning.attitude[i] * self.axis)));
-        w.turning.adjoint(&w.rate, i, &turn, over_u) + self.rates.adjoint(w, u, i, over_u)
+        self.rates.adjoint_of_turn(w, u, i, &turn, over_u)
     }
     fn measure(&self, at: &Snapshot<'_>, out: &mut [f64]) {
         out[0] = self.angle(&(quat_to_rot(&at.att) * self.axis));

@@ -2,11 +2,12 @@
 
 use super::{MOST_NUMBERS, PreflightError, Question, noise, record};
 use crate::dynamics::Trace;
+use crate::excitation::prediction::{DERIVED, about_com};
 use crate::ident::covariance::{Uncertainty, Unknown, analyse};
 use crate::ident::estimator::{Estimator, RANK_TOLERANCE};
 use crate::ident::{Options, OutputError, scale};
-use crate::model::{Dual, Inertia, Model, Scalar};
-use nalgebra::{DMatrix, Matrix3};
+use crate::model::{Dual, Model};
+use nalgebra::DMatrix;
 use serde::Serialize;
 
 /// What a record will say about a parameter.
@@ -101,28 +102,6 @@ fn predicted(name: String, unit: String, value: f64, std: Option<f64>, size: f64
     Predicted { name, unit, value, std, relative_std, told }
 }
 
-/// Names of centre of mass and inertia about it, in the order of [`about_com`].
-const DERIVED: [(&str, &str); 9] = [
-    ("com_x", "m"),
-    ("com_y", "m"),
-    ("com_z", "m"),
-    ("com_i_xx", "kg m^2"),
-    ("com_i_xy", "kg m^2"),
-    ("com_i_yy", "kg m^2"),
-    ("com_i_xz", "kg m^2"),
-    ("com_i_yz", "kg m^2"),
-    ("com_i_zz", "kg m^2"),
-];
-
-/// Centre of mass `c = h / m` and inertia about it, `I - (h . c) 1 + h c^T`.
-fn about_com<T: Scalar>(phi: &[T]) -> [T; 9] {
-    let b = Inertia::from_params(phi);
-    let c = b.h * (T::one() / b.mass);
-    let d = b.h.x * c.x + b.h.y * c.y + b.h.z * c.z;
-    let i: Matrix3<T> = b.rot - Matrix3::from_diagonal_element(d) + b.h * c.transpose();
-    [c.x, c.y, c.z, i[(0, 0)], i[(0, 1)], i[(1, 1)], i[(0, 2)], i[(1, 2)], i[(2, 2)]]
-}
-
 /// Centre of mass and inertia about it of every body whose ten parameters are estimated: the covariance carried through
 /// their derivatives. The centre of mass may be determined where the inertia is not.
 fn derived(model: &Model, q: &Question<'_>, u: &Uncertainty) -> Vec<Predicted> {
@@ -153,16 +132,6 @@ fn derived(model: &Model, q: &Question<'_>, u: &Uncertainty) -> Vec<Predicted> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Vector3;
-
-    #[test]
-    fn derived_quantities_are_those_of_the_body() {
-        let i = Matrix3::new(15.0, 0.3, -0.2, 0.3, 18.0, 0.7, -0.2, 0.7, 21.0);
-        let c = Vector3::new(0.9, -0.3, 0.6);
-        let y = about_com(&Inertia::from_com(60.0, &c, &i).to_params());
-        let want = [0.9, -0.3, 0.6, 15.0, 0.3, 18.0, -0.2, 0.7, 21.0];
-        assert!(y.iter().zip(want).all(|(y, w)| (y - w).abs() < 1e-12), "{y:?}");
-    }
 
     #[test]
     fn the_threshold_decides_what_is_weak() {

@@ -57,11 +57,6 @@ impl Setup {
         let file = workspace::root()?.join("fixtures/paper/flex.toml");
         let loaded = Mission::load(&file, &ffid::default_registry(), &LoadOptions::default())?;
         let m = &loaded.mission;
-        let inf = f64::INFINITY;
-        let limit = |b: &ffid::model::Body| {
-            let l = JointLimits::from_model(&b.joint.limits, m.limits.acceleration_rad_per_s2.unwrap_or(inf));
-            JointLimits { velocity: l.velocity.min(m.limits.velocity_rad_per_s.unwrap_or(inf)), ..l }
-        };
         let noise = SensorNoise {
             torque: m.sensors.torque.noise_std_nm,
             gyro: Some(m.sensors.gyro.noise_std_rad_per_s),
@@ -69,7 +64,7 @@ impl Setup {
         };
         Ok(Self {
             start: m.reproduce.as_ref().context("section [reproduce]")?.hold_rad.clone(),
-            limits: loaded.model.bodies().iter().map(limit).collect(),
+            limits: ffid::preflight::joint_limits(&loaded.model, &m.limits),
             params: Params::nominal(&loaded.model),
             noise,
             seed: options.seed,
