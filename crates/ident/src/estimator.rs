@@ -70,6 +70,21 @@ pub struct Request<'a> {
     pub settings: Settings,
 }
 
+impl<'a> Request<'a> {
+    /// These parameters from this start, with the data alone: no priors, no anchor, default settings.
+    pub fn new(decls: &'a [ParamDecl], selected: &'a [usize], start: &'a [f64]) -> Self {
+        Self {
+            decls,
+            selected,
+            start,
+            priors: Priors::default(),
+            prior_width: None,
+            anchor: None,
+            settings: Settings::default(),
+        }
+    }
+}
+
 /// One estimated parameter.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Estimated {
