@@ -9,7 +9,9 @@
 //! | [`selection`], [`transform`] | which parameters are estimated, and in which unconstrained coordinates |
 //! | [`prior`], [`scale`], [`start`] | what is known beforehand, what "relative" means, starts for studies |
 //! | [`estimator`], [`rda`], [`output_error`] | the fit; a rigid system; a system with passive states |
+//! | [`several`] | several records in one fit, with shared parameters and their own |
 //! | [`covariance`], [`report`] | how well each parameter is determined, and which combinations are not |
+//! | [`loss`] | what a residual costs, and what outliers may |
 //! | [`linalg`], [`lm`] | factorisations that refuse bad input, and the least-squares solver |
 //!
 //! No type of faer or rustfft appears in a public signature.
@@ -17,11 +19,14 @@
 mod affine;
 pub mod covariance;
 pub mod decimate;
+mod delay;
 pub mod estimator;
+mod fit;
 pub mod joint_motion;
 pub mod linalg;
 pub mod lm;
 mod lm_step;
+pub mod loss;
 pub mod modal_fit;
 mod modal_refine;
 pub mod motion_fit;
@@ -35,11 +40,13 @@ pub mod record_builder;
 pub mod report;
 pub mod scale;
 pub mod selection;
+pub mod several;
 pub mod start;
 mod tables;
 pub mod transform;
 
 pub use estimator::{Estimate, Estimated, Estimator, Request, estimate};
+pub use loss::Loss;
 pub use output_error::{Options, OutputError};
 pub use rda::{Noise, Rda};
 pub use record::Record;
