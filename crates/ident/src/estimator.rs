@@ -119,6 +119,9 @@ pub struct Estimate {
     /// Sum of squared whitened residuals of the data divided by the degrees of freedom; 1 when model and
     /// noise figures are right. Without the loss: outliers count in full.
     pub chi2_per_dof: f64,
+    /// What was minimised: the loss of all residuals plus the squares of priors (not of anchors), twice the negative logarithm
+    /// of the posterior but for a constant.
+    pub objective: f64,
     /// What the data can tell: singular values, rank, null and weak directions. Priors are left out.
     pub data_only: Uncertainty,
     /// Covariance with priors included.
@@ -141,6 +144,9 @@ pub enum EstimateError {
     /// A loss whose parameter is not positive and finite.
     #[error("parameter of the loss {0:?} must be positive and finite, such as 1.345 for Huber's and 4 for Student's")]
     Loss(Loss),
+    /// There is no start.
+    #[error("no start was given; give at least one")]
+    NoStart,
     /// The minimisation failed.
     #[error(transparent)]
     Minimise(#[from] LmError),
@@ -268,6 +274,13 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         analyse(&both, &unknowns, RANK_TOLERANCE)?
     };
     let chi2: f64 = residuals.iter().map(|r| r * r).sum();
+    let mut known = Vec::new();
+    request.priors.push_residuals(&selected.iter().map(|&i| values[i]).collect::<Vec<_>>(), &mut known);
+    for r in &references {
+        known.extend(r.residuals(&values).map_err(at_solution)?);
+    }
+    let objective =
+        residuals.iter().map(|&r| request.loss.rho(r)).sum::<f64>() + known.iter().map(|r| r * r).sum::<f64>();
     let dof = rows.saturating_sub(data_only.rank).max(1);
     let listed = |k: usize, start: f64, value: f64| Estimated {
         name: unknowns[k].name.clone(),
@@ -282,6 +295,7 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         values,
         status,
         chi2_per_dof: chi2 / dof as f64,
+        objective,
         data_only,
         uncertainty,
         iterations,

@@ -33,7 +33,7 @@ impl Reference {
     fn coordinates(&self, full: &[f64]) -> Result<Vec<f64>, EvalError> {
         self.transform.coordinates(full).map_err(|e| EvalError::Rejected(e.to_string()))
     }
-    fn residuals(&self, full: &[f64]) -> Result<Vec<f64>, EvalError> {
+    pub(crate) fn residuals(&self, full: &[f64]) -> Result<Vec<f64>, EvalError> {
         Ok(self.coordinates(full)?.iter().zip(&self.centre).map(|(x, c)| (x - c) / self.width).collect())
     }
     /// With respect to the selected physical parameters, dim x dim.

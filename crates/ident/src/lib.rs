@@ -11,17 +11,22 @@
 //! | [`estimator`], [`rda`], [`output_error`] | the fit; a rigid system; a system with passive states |
 //! | [`several`] | several records in one fit, with shared parameters and their own |
 //! | [`covariance`], [`report`] | how well each parameter is determined, and which combinations are not |
+//! | [`identifiability`] | which of these no record could tell, which a better one would; the set that can be estimated |
+//! | [`profile`], [`starts`] | intervals from the likelihood itself; fits from many starts, and whether they agree |
+//! | [`whiteness`], [`compare`] | is the model right: residuals against noise, models against each other |
 //! | [`loss`] | what a residual costs, and what outliers may |
 //! | [`linalg`], [`lm`] | factorisations that refuse bad input, and the least-squares solver |
 //!
 //! No type of faer or rustfft appears in a public signature.
 
 mod affine;
+pub mod compare;
 pub mod covariance;
 pub mod decimate;
 mod delay;
 pub mod estimator;
 mod fit;
+pub mod identifiability;
 pub mod joint_motion;
 pub mod linalg;
 pub mod lm;
@@ -33,6 +38,7 @@ pub mod motion_fit;
 pub mod output_error;
 pub mod peaks;
 pub mod prior;
+pub mod profile;
 pub mod psd;
 pub mod rda;
 pub mod record;
@@ -42,8 +48,10 @@ pub mod scale;
 pub mod selection;
 pub mod several;
 pub mod start;
+pub mod starts;
 mod tables;
 pub mod transform;
+pub mod whiteness;
 
 pub use estimator::{Estimate, Estimated, Estimator, Request, estimate};
 pub use loss::Loss;

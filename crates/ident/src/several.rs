@@ -178,11 +178,11 @@ impl Estimator for Several<'_> {
         self.parts.iter().map(|p| p.rows()).sum()
     }
     fn nuisance(&self) -> Vec<Unknown> {
-        let named = |(p, label): (&Box<dyn Estimator + '_>, &String)| {
-            let label = label.clone();
-            p.nuisance().into_iter().map(move |u| Unknown { name: format!("{label}.{}", u.name), ..u })
-        };
-        self.parts.iter().zip(&self.shared.labels).flat_map(named).collect()
+        let mut out = Vec::new();
+        for (part, label) in self.parts.iter().zip(&self.shared.labels) {
+            out.extend(part.nuisance().into_iter().map(|u| Unknown { name: format!("{label}.{}", u.name), ..u }));
+        }
+        out
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         let (mut row, mut at) = (0, 0);

@@ -42,9 +42,7 @@ fn spoiled(l: &Loaded, sigma: f64, seed: u64) -> Record {
     let qdd = DMatrix::from_fn(samples, n, |i, j| fine.qdd[(at(i), j)]);
     let tau =
         DMatrix::from_fn(samples, n, |i, j| fine.tau[(at(i) - 3, j)] + torque_bias(j) + sigma * NOISE.torque * noise());
-    let gyro = DMatrix::from_fn(samples, 3, |i, j| {
-        gyro[(at(i) + 4, j)] + GYRO_BIAS[j] + sigma * NOISE.gyro * noise()
-    });
+    let gyro = DMatrix::from_fn(samples, 3, |i, j| gyro[(at(i) + 4, j)] + GYRO_BIAS[j] + sigma * NOISE.gyro * noise());
     let b = RecordBuilder::new(l.model.joint_names()).uniform(0.0, 100.0).allow("Data::Stuck");
     b.q(q).qd(qd).qdd(qdd).tau(tau).gyro(gyro).build().unwrap().0
 }
@@ -87,25 +85,17 @@ fn derivatives_are_those_of_the_residuals() {
     assert_eq!(at(&truth, &extra), r);
     let sizes = ident::scale::sizes(&decls, &truth);
     for c in 0..j.ncols() {
-        let (h, moved): (f64, Box<dyn Fn(f64) -> (Vec<f64>, Vec<f64>)>) = if c < selected.len() {
-            let (i, truth, extra) = (selected[c], truth.clone(), extra.clone());
-            let set = move |h: f64| {
-                let mut p = truth.clone();
-                p[i] += h;
-                (p, extra.clone())
-            };
-            (1e-5 * sizes[i], Box::new(set))
-        } else {
-            let (i, truth, extra) = (c - selected.len(), truth.clone(), extra.clone());
-            let set = move |h: f64| {
-                let mut e = extra.clone();
-                e[i] += h;
-                (truth.clone(), e)
-            };
-            (1e-3 * unknowns[i].size, Box::new(set))
+        // Parameters and nuisance unknowns in one vector.
+        let (place, h) = match selected.get(c) {
+            Some(&i) => (i, 1e-5 * sizes[i]),
+            None => (truth.len() + c - selected.len(), 1e-3 * unknowns[c - selected.len()].size),
         };
-        let ((pa, ea), (pb, eb)) = (moved(h), moved(-h));
-        let (a, b) = (at(&pa, &ea), at(&pb, &eb));
+        let mut moved = |h: f64| {
+            let mut x = [truth.clone(), extra.clone()].concat();
+            x[place] += h;
+            at(&x[..truth.len()], &x[truth.len()..])
+        };
+        let (a, b) = (moved(h), moved(-h));
         let worst = (0..rows).map(|i| (j[(i, c)] - (a[i] - b[i]) / (2.0 * h)).abs()).fold(0.0, f64::max);
         let scale = j.column(c).amax();
         assert!(scale > 0.0 && worst < 1e-5 * scale, "column {c}: {worst:e} of {scale:e}");
