@@ -59,6 +59,8 @@ pub struct Request<'a> {
     pub selected: &'a [usize],
     /// Full parameter vector to start from; those not selected stay as they are here.
     pub start: &'a [f64],
+    /// What [`Request::prior_width`] is measured from, when it is not the start (a fit that goes on from another's end).
+    pub centre: Option<&'a [f64]>,
     /// Prior knowledge of selected parameters.
     pub priors: Priors,
     /// Prior knowledge of everything selected at once: relative standard deviation around the start (0.3 is
@@ -81,6 +83,7 @@ impl<'a> Request<'a> {
             decls,
             selected,
             start,
+            centre: None,
             priors: Priors::default(),
             prior_width: None,
             anchor: None,
@@ -180,7 +183,7 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
     let mut full = request.start.to_vec();
     let mut iterations = 0;
     let fixed = match request.prior_width {
-        Some(w) => Some(Reference::new(request.decls, request.selected, request.start, w)?),
+        Some(w) => Some(Reference::new(request.decls, request.selected, request.centre.unwrap_or(request.start), w)?),
         None => None,
     };
     let mut references: Vec<Reference> = fixed.into_iter().collect();

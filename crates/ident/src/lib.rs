@@ -12,7 +12,8 @@
 //! | [`several`] | several records in one fit, with shared parameters and their own |
 //! | [`covariance`], [`report`] | how well each parameter is determined, and which combinations are not |
 //! | [`identifiability`] | which of these no record could tell, which a better one would; the set that can be estimated |
-//! | [`profile`], [`starts`] | intervals from the likelihood itself; fits from many starts, and whether they agree |
+//! | [`profile`] | intervals from the likelihood itself |
+//! | [`starts`], [`growing`] | fits from many starts, and whether they agree; fits that do not slip a cycle |
 //! | [`whiteness`], [`compare`] | is the model right: residuals against noise, models against each other |
 //! | [`loss`] | what a residual costs, and what outliers may |
 //! | [`linalg`], [`lm`] | factorisations that refuse bad input, and the least-squares solver |
@@ -26,6 +27,7 @@ pub mod decimate;
 mod delay;
 pub mod estimator;
 mod fit;
+pub mod growing;
 pub mod identifiability;
 pub mod joint_motion;
 pub mod linalg;

@@ -1,10 +1,10 @@
 //! The systems that are identified, and their records.
 
+use super::shaken::Shaken;
 use crate::workspace;
 use anyhow::Context;
-use ffid::dynamics::bspline::BSplineMotion;
 use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{Channel, Drive, SensorSuite, SimOptions, State, Trace, simulate};
+use ffid::dynamics::{Boundary, Channel, Drive, SensorSuite, SimOptions, State, Trace, modes, simulate};
 use ffid::excitation::planning::{InformationRequest, plan_information};
 use ffid::excitation::spline_plan::End;
 use ffid::excitation::{SensorNoise, SqpOptions};
@@ -23,7 +23,7 @@ pub(super) struct Case {
     pub(super) truth: Params<f64>,
     /// Parameters to estimate.
     pub(super) selected: Vec<usize>,
-    pub(super) motion: BSplineMotion,
+    pub(super) motion: Box<dyn JointMotion>,
     pub(super) noise: Noise,
     pub(super) sensors: SensorSuite,
 }
@@ -53,7 +53,9 @@ pub(super) const PAYLOAD: Kind =
 
 impl Case {
     /// Loads the mission and plans the motion that tells most of the base, at the mission's limits.
-    pub(super) fn new(kind: Kind, seconds: f64, seed: u64) -> anyhow::Result<Self> {
+    ///
+    /// With `shaken`, beside tones at the natural frequencies ([`Shaken`]).
+    pub(super) fn new(kind: Kind, seconds: f64, shaken: bool, seed: u64) -> anyhow::Result<Self> {
         let file = workspace::root()?.join(format!("fixtures/paper/{}.toml", kind.mission));
         let loaded = Mission::load(&file, &ffid::default_registry(), &LoadOptions::default())?;
         let m = &loaded.mission;
@@ -80,7 +82,15 @@ impl Case {
             options: SqpOptions::default(),
         };
         let base: Vec<usize> = (0..10).collect();
-        let motion = plan_information(&model, &truth, &base, &request).context(kind.name)?.motion;
+        let plan = plan_information(&model, &truth, &base, &request).context(kind.name)?.motion;
+        let motion: Box<dyn JointMotion> = if shaken {
+            let rest = model.rest_position(&truth);
+            let modes = modes(&model, &truth, &request.start, &rest, Boundary::JointsHeld)?;
+            let most: Vec<f64> = request.limits.iter().map(|l| l.acceleration).collect();
+            Box::new(Shaken::new(plan, modes.iter().map(|m| m.damped_hz).collect(), &most))
+        } else {
+            Box::new(plan)
+        };
         let selected = selection::select(&decls, kind.patterns)?;
         Ok(Self { name: kind.name, model, decls, truth, selected, motion, noise, sensors })
     }
@@ -89,7 +99,7 @@ impl Case {
         let mut start = State::zero(&self.model);
         start.eta = self.model.rest_position(&self.truth);
         let o = SimOptions { duration_s: self.motion.duration(), step_s: STEP_S, sample_s };
-        Ok(simulate(&self.model, &self.truth, &start, &Drive::Prescribed(&self.motion), &o)?)
+        Ok(simulate(&self.model, &self.truth, &start, &Drive::Prescribed(&*self.motion), &o)?)
     }
     /// A door for records of this robot at `dt`.
     pub(super) fn record(&self, dt: f64) -> RecordBuilder {

@@ -42,7 +42,7 @@ struct Errors {
 /// Files that cannot be read, and fits that give no estimate at all.
 pub fn run(options: &Options) -> anyhow::Result<Study> {
     let mut study = Study::new("combined", options.seed);
-    let case = Case::new(COMBINED, RECORD_S, options.seed)?;
+    let case = Case::new(COMBINED, RECORD_S, true, options.seed)?;
     let fine = case.simulate(FINE_S)?;
     let count = if options.quick { 1 } else { 3 };
     let all: Vec<Errors> =
@@ -70,6 +70,9 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     study.figure("chi2_per_dof", "", all[0].estimate.chi2_per_dof);
     study.figure("iterations", "", all.iter().map(|e| e.estimate.iterations).max().unwrap_or(0) as f64);
     study.figure("seconds", "s", all.iter().map(|e| e.seconds).fold(0.0, f64::max));
+    for p in &all[0].estimate.nuisance {
+        study.note(format!("{:24} {:12.6e} +- {:?}", p.name, p.value, p.std));
+    }
     for p in &all[0].estimate.parameters {
         let truth = case.true_value(&p.name);
         let std = p.std.map_or_else(|| "untold".to_owned(), |s| format!("{s:.2e}"));
@@ -144,7 +147,7 @@ fn errors(
     let q = {
         let mut q = vec![0.0; case.model.nj()];
         let (mut qd, mut qdd) = (q.clone(), q.clone());
-        ffid::dynamics::motion::JointMotion::eval(&case.motion, 0.0, &mut q, &mut qd, &mut qdd);
+        ffid::dynamics::motion::JointMotion::eval(&*case.motion, 0.0, &mut q, &mut qd, &mut qdd);
         q
     };
     let at = |p: &Params<f64>| -> anyhow::Result<Vec<f64>> {

@@ -43,7 +43,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
 type Group = (&'static str, &'static str);
 
 fn system(kind: Kind, groups: &[Group], options: &Options, study: &mut Study) -> anyhow::Result<()> {
-    let case = Case::new(kind, RECORD_S, options.seed)?;
+    let case = Case::new(kind, RECORD_S, true, options.seed)?;
     let trace = case.simulate(SAMPLE_S)?;
     let records = if options.quick { 4 } else { RECORDS };
     let clock = Instant::now();

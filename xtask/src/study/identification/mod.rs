@@ -4,6 +4,7 @@ mod case;
 pub mod combined;
 pub mod coverage;
 pub mod recovery;
+mod shaken;
 
 use super::{Op, Study};
 use ffid::ident::lm::Settings;
