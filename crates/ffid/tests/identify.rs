@@ -27,7 +27,10 @@ fn trajectory(seconds: f64, phase: f64) -> String {
         out += &format!("{t}");
         for (j, q0) in start.iter().enumerate() {
             let f = 0.09 + 0.055 * j as f64;
-            out += &format!(",{}", q0 + w * (0.3 - 0.03 * j as f64) * (6.283 * f * t + phase + 1.3 * j as f64).sin());
+            out += &format!(
+                ",{}",
+                q0 + w * (0.3 - 0.03 * j as f64) * (std::f64::consts::TAU * f * t + phase + 1.3 * j as f64).sin()
+            );
         }
         out.push('\n');
     }

@@ -14,8 +14,8 @@ const ABOVE: f64 = 4.0;
 pub fn signals(s: &Signals, title: &str) -> Figure {
     let mut fig = Figure::new(title.to_owned());
     for k in 0..s.names.len().min(CHANNELS) {
-        let mut p = Panel::new("time (s)", format!("{} ({})", s.names[k], s.units[k]));
-        p.height = 110.0;
+        let mut p = Panel::new("time (s)", s.units[k]).titled(s.names[k].as_str());
+        p.height = 150.0;
         let label = |l: &str| if k == 0 { l.to_owned() } else { String::new() };
         p.series.push(Series::new(label("measured"), &s.time, s.measured.column(k).as_slice()).colour(5));
         p.series.push(Series::new(label("predicted"), &s.time, s.predicted.column(k).as_slice()).colour(1));
@@ -29,8 +29,8 @@ pub fn residuals(s: &Signals, title: &str) -> Figure {
     let mut fig = Figure::new(title.to_owned());
     for k in 0..s.names.len().min(CHANNELS) {
         let scaled: Vec<f64> = s.residual(k).iter().map(|r| r / s.sigma[k]).collect();
-        let mut p = Panel::new("time (s)", format!("{} / noise", s.names[k])).curve("", &s.time, &scaled);
-        p.height = 80.0;
+        let mut p = Panel::new("time (s)", "times the noise").titled(s.names[k].as_str()).curve("", &s.time, &scaled);
+        p.height = 120.0;
         fig = fig.panel(p);
     }
     left_out(fig, s)
@@ -60,9 +60,9 @@ pub fn spectra(s: &Signals, modes: &[ModeLine], title: &str) -> Option<Figure> {
         }
         let label = |l: &str| if any { String::new() } else { l.to_owned() };
         let noise = 2.0 * s.sigma[k].powi(2) / rate;
-        let mut p = Panel::log_y("frequency (Hz)", format!("PSD of {} (({})^2/Hz)", s.names[k], s.units[k]));
-        p = p.x_range(0.0, top);
-        p.height = 120.0;
+        let unit = format!("PSD (({})^2/Hz)", s.units[k]);
+        let mut p = Panel::log_y("frequency (Hz)", unit).titled(s.names[k].as_str()).x_range(0.0, top);
+        p.height = 160.0;
         p.series.push(Series::new(label("measured"), &fs, &ds).colour(5));
         p.series.push(Series::new(label("residual"), &fr, &dr).colour(1));
         p.series.push(Series::new(label("noise of the sensor"), &[fr[0], top], &[noise; 2]).dashed().colour(6));
