@@ -8,6 +8,8 @@ const PLATEAU: usize = 3;
 const SATURATED: f64 = 0.01;
 /// Second differences beyond this many times their median are looked at as spikes (row D19).
 const SPIKE: f64 = 8.0;
+/// Most differences that a median is taken of: a long record need not be sorted whole.
+const SAMPLED: usize = 20_000;
 /// How far the neighbours of a spike may be from minus half of it.
 const SHAPE: f64 = 0.35;
 
@@ -21,7 +23,13 @@ pub(crate) fn channel(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
     spikes(name, x, dt, bad);
 }
 
-fn median(mut v: Vec<f64>) -> f64 {
+/// Median of what an iterator gives, or of every k-th of it for a long channel; zero without numbers.
+fn median(count: usize, value: impl Fn(usize) -> f64, keep: impl Fn(f64) -> bool) -> f64 {
+    let stride = count.div_ceil(SAMPLED).max(1);
+    let mut v: Vec<f64> = (0..count).step_by(stride).map(value).filter(|x| keep(*x)).collect();
+    if v.is_empty() {
+        return 0.0;
+    }
     let mid = v.len() / 2;
     *v.select_nth_unstable_by(mid, f64::total_cmp).1
 }
@@ -29,14 +37,18 @@ fn median(mut v: Vec<f64>) -> f64 {
 /// Runs of the largest or smallest value that are entered or left with a step: what a limit does to a signal. The top of a
 /// smooth or coarsely quantised signal is entered by the smallest of steps.
 fn saturated(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
-    let steps: Vec<f64> = x.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
-    let least = steps.iter().copied().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+    let (lo, hi) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
+    // Nearly every channel ends here: it has no plateau.
+    if !x.windows(PLATEAU).any(|w| w[0] == w[1] && w[1] == w[2] && (w[0] == lo || w[0] == hi)) {
+        return;
+    }
+    let step = |i: usize| (x[i + 1] - x[i]).abs();
+    let least = (0..x.len() - 1).map(step).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
     if !least.is_finite() {
         return;
     }
-    let usual = median(steps.iter().copied().filter(|s| *s > 0.0).collect());
+    let usual = median(x.len() - 1, step, |s| s > 0.0);
     let sharp = (0.25 * usual).max(2.0 * least);
-    let (lo, hi) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
     let (mut count, mut first, mut at) = (0, 0, 0.0);
     let mut start = 0;
     for i in 1..=x.len() {
@@ -72,22 +84,30 @@ fn saturated(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
 
 /// A single sample that leaves its neighbours and comes back: its second differences are `s, -2 s, s`.
 fn spikes(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
-    let second: Vec<f64> = x.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
-    let limit = SPIKE * median(second.iter().map(|s| s.abs()).collect());
+    let second = |i: usize| x[i] - 2.0 * x[i + 1] + x[i + 2];
+    let all = x.len() - 2;
+    let limit = SPIKE * median(all, |i| second(i).abs(), |_| true);
     // Nothing to compare with where most samples lie on straight lines.
     if limit <= 0.0 {
         return;
     }
     let near = |a: f64, b: f64| (a + 0.5 * b).abs() <= SHAPE * 0.5 * b.abs();
-    let spike = |i: &usize| {
-        let s = second[*i];
-        s.abs() > 2.0 * limit && near(second[i - 1], s) && near(second[i + 1], s)
-    };
-    let found: Vec<usize> = (1..second.len() - 1).filter(spike).collect();
-    let Some(&first) = found.first() else { return };
+    let (mut count, mut first) = (0, 0);
+    for i in 1..all - 1 {
+        let s = second(i);
+        if s.abs() > 2.0 * limit && near(second(i - 1), s) && near(second(i + 1), s) {
+            if count == 0 {
+                first = i;
+            }
+            count += 1;
+        }
+    }
+    if count == 0 {
+        return;
+    }
     let what = format!(
         "{} single samples jump by more than {SPIKE} times what is usual (limit {:.3e}), the first at {:.3} s: {}",
-        found.len(),
+        count,
         limit,
         (first + 1) as f64 * dt,
         x[first + 1]

@@ -17,7 +17,7 @@ pub fn write<T: Serialize>(path: &Path, value: &T) -> Result<(), Failure> {
     atomic::write(path, &bytes(path, value)?)
 }
 
-/// The bytes that [`write`] would write to `path`.
+/// The bytes that [`write()`] would write to `path`.
 ///
 /// # Errors
 /// [`Failure::NotFinite`] with the path of the offending value, [`Failure::Io`].

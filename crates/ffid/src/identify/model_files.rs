@@ -2,7 +2,7 @@
 //!
 //! `identified.toml` is the mission file as it was, comments and all, with `urdf` (and every `*_file` key) pointing at the
 //! copies beside it, and a section `[parameters]` that gives the estimates. It reloads to the same parameters **bit for
-//! bit**; [`write`] checks that before it hands the text out. `identified.urdf` is the URDF with the `<inertial>` of every
+//! bit**; [`write()`] checks that before it hands the text out. `identified.urdf` is the URDF with the `<inertial>` of every
 //! estimated body replaced; a reader of URDFs computes the same body from it up to rounding (relative 1e-12 or better),
 //! because a URDF counts inertia about the centre of mass, in decimal text.
 
