@@ -410,17 +410,25 @@ fn fill(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: 
     let mut time = 0.0;
     let mut k = 0;
     let mut start = 0;
-    // The fast way: no quotes, so that a comma is a comma.
+    // The fast way: no quotes, so that a comma is a comma; a plain number ends where its digits do.
     loop {
-        let end = line[start..].iter().position(|&b| b == b',').map_or(line.len(), |i| start + i);
-        if let Some(target) = targets.get(k) {
-            one(&line[start..end], target, (number, start + 1), row.get_mut(k), clock, &mut time, &mut problems);
+        let rest = &line[start..];
+        let (value, len) = match number::leading(rest) {
+            Some(found) => found,
+            None => (None, rest.iter().position(|&b| b == b',').unwrap_or(rest.len())),
+        };
+        match (value, targets.get(k), row.get_mut(k)) {
+            (Some(x), Some(Target::Channel(_, _, u)), Some(to)) => *to = u.to_si(x),
+            (_, Some(target), to) => {
+                one(&rest[..len], target, (number, start + 1), to, clock, &mut time, &mut problems);
+            }
+            _ => {}
         }
         k += 1;
-        if end == line.len() {
+        if len == rest.len() {
             break;
         }
-        start = end + 1;
+        start += len + 1;
     }
     if (k != targets.len() || !problems.0.is_empty()) && line.contains(&b'"') {
         return quoted(line, number, targets, row, clock);
