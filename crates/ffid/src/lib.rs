@@ -26,6 +26,7 @@ pub mod open;
 pub mod plot;
 pub mod preflight;
 pub mod report_html;
+pub mod selfcheck;
 pub mod sense;
 pub mod summary;
 

@@ -11,10 +11,11 @@ mod predict_command;
 mod records;
 mod result_folder;
 mod results;
+mod selfcheck_command;
 mod simulate_command;
 mod validate_command;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::io::ErrorKind;
 use std::process::ExitCode;
 
@@ -49,6 +50,13 @@ enum Command {
     /// Simulate a trajectory and write the record that the mission's sensors would read.
     #[command(after_help = simulate_command::EXAMPLES)]
     Simulate(simulate_command::Args),
+    /// Hold the simulation of this robot to the laws of mechanics: momentum, energy, dissipation, order of the integrator.
+    Selfcheck(selfcheck_command::Args),
+    /// Print completions for a shell, to be put where it looks for them.
+    Completions {
+        /// bash, elvish, fish, powershell or zsh.
+        shell: clap_complete::Shell,
+    },
     /// Print natural frequencies, damping ratios and shapes of the passive coordinates, at the mission's hold pose.
     Modes(modes_command::Args),
 }
@@ -66,6 +74,13 @@ fn main() -> ExitCode {
         Command::Validate(args) => validate_command::run(&args, &mut out, &mut err),
         Command::Predict(args) => predict_command::run(&args, &mut out, &mut err),
         Command::Simulate(args) => simulate_command::run(&args, &mut out, &mut err),
+        Command::Selfcheck(args) => selfcheck_command::run(&args, &mut out, &mut err),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "ffid", &mut script);
+            let done = ffid::exit::Exit::Done;
+            std::io::Write::write_all(&mut out, &script).map(|()| done).map_err(|e| (done, e))
+        }
         Command::Modes(args) => modes_command::run(&args, &mut out, &mut err),
     };
     match result {

@@ -457,3 +457,65 @@ fn m39_values_of_parameters() {
         c.refused(&["check", "bad.toml"], 11, code, &[says, &format!(":{}", text.lines().count() + 3)]);
     }
 }
+
+/// Killed at any moment, the folder is absent or whole, and the next run is not in its way (R04); Ctrl-C ends with 130 and
+/// leaves nothing (R03).
+#[cfg(unix)]
+#[test]
+fn r03_r04_killed_and_interrupted_runs() {
+    let c = flex();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "3"]);
+    let free = c.read("m.toml").replace("\"base.*\", \"panel_*.k[*]\", \"panel_*.d[*]\"", "\"base.*\", \"panel_*\"");
+    c.write("m.toml", &free);
+    let start = || {
+        let program = assert_cmd::cargo::cargo_bin("ffid");
+        let mut p = std::process::Command::new(program);
+        p.args(["identify", "m.toml", "--record", "rec.csv", "--out", "res", "--force", "--quiet"]);
+        p.current_dir(c.dir.path()).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null());
+        p.spawn().unwrap()
+    };
+    for k in 0..12 {
+        let mut run = start();
+        std::thread::sleep(std::time::Duration::from_millis(40 + 90 * k));
+        let _ = run.kill();
+        run.wait().unwrap();
+        for name in ["res", "res.bak"] {
+            if c.path(name).exists() {
+                ffid::files::complete::check(&c.path(name), "identify").unwrap();
+            }
+        }
+    }
+    let mut run = start();
+    std::thread::sleep(std::time::Duration::from_millis(150));
+    let pid = run.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    let code = run.wait().unwrap().code();
+    // A machine that is quick, or one that is slow to start, may be done or not yet listening.
+    assert!(matches!(code, Some(130 | 0) | None), "{code:?}");
+    if code == Some(130) {
+        assert!(
+            !fs::read_dir(c.dir.path())
+                .unwrap()
+                .any(|e| { e.unwrap().file_name().into_string().unwrap().ends_with(&format!("partial-{pid}")) })
+        );
+    }
+    c.good(&["identify", "m.toml", "--record", "rec.csv", "--out", "res", "--force", "--quiet"]);
+    ffid::files::complete::check(&c.path("res"), "identify").unwrap();
+}
+
+/// The laws of mechanics on a user's own model, and completions.
+#[test]
+fn selfcheck_and_completions() {
+    let c = slosh();
+    let out = c.good(&["selfcheck", "m.toml"]);
+    for law in ["momentum", "energy", "dissipation", "order of the integrator"] {
+        assert!(out.lines().any(|l| l.contains(law) && l.contains("holds")), "{law} in {out}");
+    }
+    let (code, out, _) = c.run(&["selfcheck", "robot.urdf", "--json"]);
+    let v: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((code, v["selfcheck"]["laws"].as_array().unwrap().len()), (0, 4));
+    for shell in ["bash", "zsh", "fish"] {
+        assert!(c.good(&["completions", shell]).contains("identify"), "{shell}");
+    }
+    assert_eq!(c.run(&["completions", "csh"]).0, 2);
+}
