@@ -3,11 +3,21 @@
 use crate::problem::{Area, Problem, Problems, Severity};
 use crate::text::{list, nearest};
 
-/// Problems that may be allowed: the model can still be built, and its builder may know better.
+/// Problems that may be allowed: the model can still be built, or the record still be used, and their author may know
+/// better.
 ///
 /// Everything else (a cycle, an unknown link, a number that is not one) leaves nothing to work with.
-pub const ALLOWABLE: [&str; 4] =
-    ["Urdf::InertiaNotPsd", "Urdf::Triangle", "Urdf::UnknownAttribute", "Urdf::UnknownElement"];
+pub const ALLOWABLE: [&str; 9] = [
+    "Data::LooksLikeDegrees",
+    "Data::MaybeTruncated",
+    "Data::Saturated",
+    "Data::Stuck",
+    "Data::TooShort",
+    "Urdf::InertiaNotPsd",
+    "Urdf::Triangle",
+    "Urdf::UnknownAttribute",
+    "Urdf::UnknownElement",
+];
 
 /// The settings behind `--allow CODE` and `--strict`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -36,7 +46,7 @@ impl Leniency {
             if ALLOWABLE.iter().any(|c| plain(c) == plain(a)) {
                 continue;
             }
-            let names = ALLOWABLE.map(|c| c.trim_start_matches("Urdf::"));
+            let names = ALLOWABLE.map(|c| c.rsplit("::").next().unwrap_or(c));
             let p = Problem::error(Area::Config, "Config::NotAllowable", "no error of this name can be allowed").on(a);
             out.push(match nearest(a, names) {
                 Some(n) => p.hint(format!("did you mean {n}?")),

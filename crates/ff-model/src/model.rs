@@ -1,6 +1,7 @@
 //! The immutable description of a system: bodies in a tree, frames, appendages, gravity.
 
 mod mount;
+mod nominal;
 
 use crate::appendage::{CoordDecl, Decl, DynAppendage, ParamDecl};
 use crate::inertia::Inertia;
@@ -94,6 +95,8 @@ pub struct Mounted {
     pub coord_offset: usize,
     /// First own parameter in the parameter vector.
     pub param_offset: usize,
+    /// Nominal values of its parameters, in order: those it declares, unless [`Model::set_nominal`] gave others.
+    pub(crate) nominal: Vec<f64>,
 }
 
 impl Mounted {
@@ -307,8 +310,9 @@ impl Model {
             out.extend(ParamDecl::inertial(prefix, self.inertia(i)));
         }
         for a in &self.appendages {
-            for p in &a.decl().params {
+            for (p, nominal) in a.decl().params.iter().zip(&a.nominal) {
                 let mut p = p.clone();
+                p.nominal = *nominal;
                 p.name = format!("{}.{}", a.name, p.name);
                 if let crate::appendage::ParamGroup::Inertial(b) = &mut p.group {
                     *b = format!("{}.{b}", a.name);

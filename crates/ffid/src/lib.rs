@@ -20,10 +20,14 @@
 pub mod excite;
 pub mod exit;
 pub mod files;
+pub mod identify;
 pub mod modes;
 pub mod open;
 pub mod plot;
 pub mod preflight;
+pub mod report_html;
+pub mod selfcheck;
+pub mod sense;
 pub mod summary;
 
 pub use excitation;

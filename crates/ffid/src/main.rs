@@ -2,12 +2,20 @@
 
 mod check;
 mod excite_command;
+mod fit_flags;
+mod identify_command;
 mod modes_command;
 mod output;
 mod plan_command;
+mod predict_command;
+mod records;
+mod result_folder;
 mod results;
+mod selfcheck_command;
+mod simulate_command;
+mod validate_command;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::io::ErrorKind;
 use std::process::ExitCode;
 
@@ -30,6 +38,25 @@ enum Command {
     /// Judge a trajectory, planned or given: standard deviations it will leave, modes the sensors see, limits, excursions.
     #[command(after_help = plan_command::EXAMPLES)]
     Plan(plan_command::Args),
+    /// Estimate the parameters of [estimate] from a record; write the identified robot, a report and the residuals.
+    #[command(after_help = identify_command::EXAMPLES)]
+    Identify(identify_command::Args),
+    /// Judge an identified model by a record it has not seen.
+    #[command(after_help = validate_command::EXAMPLES)]
+    Validate(validate_command::Args),
+    /// Predict what an identified robot does on a trajectory.
+    #[command(after_help = predict_command::EXAMPLES)]
+    Predict(predict_command::Args),
+    /// Simulate a trajectory and write the record that the mission's sensors would read.
+    #[command(after_help = simulate_command::EXAMPLES)]
+    Simulate(simulate_command::Args),
+    /// Hold the simulation of this robot to the laws of mechanics: momentum, energy, dissipation, order of the integrator.
+    Selfcheck(selfcheck_command::Args),
+    /// Print completions for a shell, to be put where it looks for them.
+    Completions {
+        /// bash, elvish, fish, powershell or zsh.
+        shell: clap_complete::Shell,
+    },
     /// Print natural frequencies, damping ratios and shapes of the passive coordinates, at the mission's hold pose.
     Modes(modes_command::Args),
 }
@@ -43,6 +70,17 @@ fn main() -> ExitCode {
         Command::Check(input) => check::run(&input, &mut out, &mut err),
         Command::Excite(args) => excite_command::run(&args, &mut out, &mut err),
         Command::Plan(args) => plan_command::run(&args, &mut out, &mut err),
+        Command::Identify(args) => identify_command::run(&args, &mut out, &mut err),
+        Command::Validate(args) => validate_command::run(&args, &mut out, &mut err),
+        Command::Predict(args) => predict_command::run(&args, &mut out, &mut err),
+        Command::Simulate(args) => simulate_command::run(&args, &mut out, &mut err),
+        Command::Selfcheck(args) => selfcheck_command::run(&args, &mut out, &mut err),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "ffid", &mut script);
+            let done = ffid::exit::Exit::Done;
+            std::io::Write::write_all(&mut out, &script).map(|()| done).map_err(|e| (done, e))
+        }
         Command::Modes(args) => modes_command::run(&args, &mut out, &mut err),
     };
     match result {

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Arguments of every subcommand that reads a file.
 #[derive(clap::Args)]
 pub(crate) struct Input {
-    /// Mission file (.toml), or a URDF (.urdf).
+    /// Mission file (.toml), or a URDF (.urdf); for `validate` and `predict` the folder that `ffid identify` wrote.
     pub(crate) file: PathBuf,
     /// Print the result and all problems as JSON.
     #[arg(long)]

@@ -50,13 +50,13 @@ struct Results<'a> {
 }
 
 /// A trajectory of a file, with the proof of its joint limits if there can be one.
-struct Given {
-    motion: Box<dyn JointMotion>,
-    proven: Option<LimitReport>,
-    warnings: Problems,
+pub(crate) struct Given {
+    pub(crate) motion: Box<dyn JointMotion>,
+    pub(crate) proven: Option<LimitReport>,
+    pub(crate) warnings: Problems,
 }
 
-fn load(path: &Path, opened: &Opened) -> Result<Given, Problems> {
+pub(crate) fn load(path: &Path, opened: &Opened) -> Result<Given, Problems> {
     let model = &opened.model;
     let csv = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
     let data = |code, what: String, hint: &str| {

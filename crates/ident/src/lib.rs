@@ -3,6 +3,7 @@
 //! | module | what it answers |
 //! |---|---|
 //! | [`record`], [`record_builder`] | is this data usable at all? (the one door where non-finite numbers stop) |
+//! | [`record_file`] | records as CSV, with units, read in one pass |
 //! | [`motion_fit`], [`joint_motion`] | joint rates and accelerations that belong to the measured positions |
 //! | [`psd`], [`peaks`] | which frequencies carry energy |
 //! | [`decimate`], [`modal_fit`] | modes of the free decay, finer than a spectrum |
@@ -45,6 +46,8 @@ pub mod psd;
 pub mod rda;
 pub mod record;
 pub mod record_builder;
+mod record_checks;
+pub mod record_file;
 pub mod report;
 pub mod scale;
 pub mod selection;

@@ -4,6 +4,7 @@
 //! `bad-inputs.md`. Nothing is repaired in silence: resampling has to be asked for, and is reported.
 
 use crate::record::Record;
+use crate::record_checks;
 use ff_model::{Area, Problem, Problems, Severity};
 use nalgebra::DMatrix;
 
@@ -146,8 +147,8 @@ impl RecordBuilder {
     ///
     /// # Errors
     /// Codes: `Data::NoSamples` (D01), `TooShort` (D02), `NotFinite` (D03), `Missing`, `Shape`, `NonMonotone`
-    /// (D11), `TimeScale` (D12), `Gap` (D13), `Jitter` (D14), `Stuck` (D18), `Quaternion` (D22),
-    /// `LooksLikeDegrees` (D09).
+    /// (D11), `TimeScale` (D12), `Gap` (D13), `Jitter` (D14), `Saturated` (D17), `Stuck` (D18), `Quaternion` (D22),
+    /// `LooksLikeDegrees` (D09). Warnings besides: `Spikes` (D19).
     pub fn build(self) -> Result<(Record, Problems), Problems> {
         let allow = self.allow.clone();
         let mut bad = Problems::default();
@@ -216,6 +217,12 @@ impl RecordBuilder {
         }
         for (name, m, _) in &columns {
             stuck(name, m, &self.joint_names, dt, bad);
+            if matches!(*name, "tau" | "gyro" | "acc") {
+                for (j, c) in m.column_iter().enumerate() {
+                    let axis = if *name == "tau" { &self.joint_names[j] } else { ["x", "y", "z"][j] };
+                    record_checks::channel(&format!("{name}.{axis}"), c.as_slice(), dt, bad);
+                }
+            }
         }
         if let Some(t) = stamps {
             for (name, m, _) in &mut columns {

@@ -29,6 +29,9 @@
 //! [excite]                    # Excite
 //! goal = "information"
 //! duration_s = 60.0
+//!
+//! [parameters]                # Mission::parameters: values that replace those from above
+//! "base.mass" = 612.5
 //! ```
 //!
 //! A key that ends with `_file` names a file; a relative path starts at the folder of the mission file, for the keys
@@ -46,6 +49,7 @@ mod reader;
 mod robot;
 mod select;
 mod settings;
+mod values;
 
 pub use appendage::{AppendageSpec, Mount};
 pub use client::Client;
@@ -64,6 +68,7 @@ use appendage::{Draft, Kinds};
 use nalgebra::Vector3;
 use reader::{Context, Table, error};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::Path;
 use toml::de::DeTable;
 
@@ -89,6 +94,10 @@ pub struct Mission {
     pub excite: Excite,
     /// `[reproduce]`, when there is one.
     pub reproduce: Option<Reproduce>,
+    /// `[parameters]`: nominal values by full name, such as `"panel_left.k[0]" = 198.7`, in place of those that URDF,
+    /// `[robot]` and `[[appendage]]` give. `ffid identify` writes its estimates here; every number is taken as it is, to
+    /// the last bit.
+    pub parameters: BTreeMap<String, f64>,
 }
 
 /// A mission and the model it describes.
@@ -221,6 +230,8 @@ fn read(
     let excite = excite_table.as_ref().map(Excite::read).unwrap_or_default();
     let reproduce_table = root.table("reproduce");
     let reproduce = reproduce_table.as_ref().map(Reproduce::read);
+    let values_table = root.table("parameters");
+    let parameters = values_table.as_ref().map(values::read).unwrap_or_default();
     root.finish();
 
     let (robot, robot_table) = (robot?, robot_table?);
@@ -261,6 +272,9 @@ fn read(
     // Mount all before asking whether all could be, so that each says what is wrong with it.
     let mounted: Vec<bool> = drafts.iter().map(|d| mount(&mut model, &frames, d)).collect();
     let complete = mounted.iter().chain(&held).all(|&m| m);
+    if let (Some(t), true) = (&values_table, complete) {
+        values::apply(&mut model, &parameters, t);
+    }
     let appendages = drafts.iter().filter_map(Draft::spec).collect();
     let mut estimated = Vec::new();
     // With an appendage missing, patterns for its parameters would be reported as well.
@@ -278,7 +292,7 @@ fn read(
         check_reproduce(r, &model, t);
     }
     let clients = clients.into_iter().filter_map(|(_, c)| c).collect();
-    let mission = Mission { robot, clients, appendages, sensors, limits, estimate, excite, reproduce };
+    let mission = Mission { robot, clients, appendages, sensors, limits, estimate, excite, reproduce, parameters };
     Some(Loaded { mission, model, estimated, excited, end_effector, warnings: Problems::default() })
 }
 

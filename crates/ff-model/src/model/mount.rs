@@ -90,7 +90,8 @@ impl Model {
         self.passive += decl.coords.len();
         self.params += decl.params.len();
         let Place { name, host, mount } = place;
-        self.appendages.push(Mounted { name, host, mount, appendage, coord_offset, param_offset });
+        let nominal = decl.params.iter().map(|p| p.nominal).collect();
+        self.appendages.push(Mounted { name, host, mount, appendage, coord_offset, param_offset, nominal });
     }
     /// Why an appendage cannot be mounted under this name.
     fn refusals(&self, name: &str, decl: &Decl) -> Problems {

@@ -14,6 +14,14 @@ use std::path::Path;
 /// # Errors
 /// [`Failure::NotFinite`] with the path of the offending value, [`Failure::Io`].
 pub fn write<T: Serialize>(path: &Path, value: &T) -> Result<(), Failure> {
+    atomic::write(path, &bytes(path, value)?)
+}
+
+/// The bytes that [`write()`] would write to `path`.
+///
+/// # Errors
+/// [`Failure::NotFinite`] with the path of the offending value, [`Failure::Io`].
+pub fn bytes<T: Serialize>(path: &Path, value: &T) -> Result<Vec<u8>, Failure> {
     let fail = |e: serde_json::Error| Failure::io("format", path, e.into());
     let tree = serde_json::to_value(value).map_err(fail)?;
     if let Some(place) = first_null(&tree, String::new()) {
@@ -22,7 +30,7 @@ pub fn write<T: Serialize>(path: &Path, value: &T) -> Result<(), Failure> {
     }
     let mut bytes = serde_json::to_vec_pretty(value).map_err(fail)?;
     bytes.push(b'\n');
-    atomic::write(path, &bytes)
+    Ok(bytes)
 }
 
 /// Path of the first `null`, such as `table2.noisy.max_pos_m` or `fig5.model_hz[1]`.

@@ -311,8 +311,8 @@ pub fn start_pose(motion: &dyn JointMotion) -> Vec<f64> {
     q
 }
 
-/// The longest step that resolves modes and sampling.
-fn step(modes: &[Mode], duration: f64, sample: f64) -> f64 {
+/// The longest integration step (s) that resolves modes and sampling, a whole fraction of the sample time.
+pub fn step(modes: &[Mode], duration: f64, sample: f64) -> f64 {
     let advised = advise_step(modes, duration, SIMULATION_ERROR).map_or(sample, |a| a.step_s);
     let parts = (sample / advised).ceil().clamp(1.0, 1000.0);
     sample / parts

@@ -1,0 +1,115 @@
+//! Does the model explain data it has not seen? Parameters stay as they are; biases and initial state, which belong to
+//! the record and not to the robot, are fitted.
+
+use super::result::HeldOut;
+use super::{Fit, IdentifyError, Settings, Signals, Watch};
+use crate::ident::Record;
+use crate::ident::estimator::{EstimateError, Estimator};
+use crate::ident::lm::{self, EvalError, Problem, Settings as Solver};
+use crate::model::Model;
+use nalgebra::DMatrix;
+use std::sync::atomic::Ordering;
+
+/// What belongs to the record alone, as a problem of its own: unknowns are nuisance values over their sizes.
+struct Beside<'a> {
+    inner: &'a mut dyn Estimator,
+    values: &'a [f64],
+    sizes: Vec<f64>,
+    watch: &'a Watch<'a>,
+    stopped: bool,
+}
+
+impl Beside<'_> {
+    fn extra(&mut self, x: &[f64]) -> Result<Vec<f64>, EvalError> {
+        if self.watch.stop.is_some_and(|s| s.load(Ordering::SeqCst)) {
+            self.stopped = true;
+            return Err(EvalError::Fatal("interrupted".into()));
+        }
+        Ok(x.iter().zip(&self.sizes).map(|(x, s)| x * s).collect())
+    }
+}
+
+impl Problem for Beside<'_> {
+    fn dim(&self) -> usize {
+        self.sizes.len()
+    }
+    fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+        let extra = self.extra(x)?;
+        r.resize(self.inner.rows(), 0.0);
+        self.inner.residuals(self.values, &extra, r)
+    }
+    fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut DMatrix<f64>) -> Result<(), EvalError> {
+        let extra = self.extra(x)?;
+        r.resize(self.inner.rows(), 0.0);
+        j.resize_mut(self.inner.rows(), self.sizes.len(), 0.0);
+        self.inner.jacobian(self.values, &extra, &[], r, j)?;
+        for (k, s) in self.sizes.iter().enumerate() {
+            j.column_mut(k).scale_mut(*s);
+        }
+        Ok(())
+    }
+}
+
+/// Predicts a record with the parameters `values`. `source` says where it is from.
+///
+/// A part of a longer record does not begin at rest: give `initial_state` in the settings.
+///
+/// # Errors
+/// [`IdentifyError`].
+pub fn explain(
+    model: &Model,
+    values: &[f64],
+    record: &Record,
+    s: &Settings,
+    source: impl Into<String>,
+    watch: &Watch<'_>,
+) -> Result<(HeldOut, Signals), IdentifyError> {
+    record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
+    let mut fit = Fit::new(model, record, s)?;
+    let sigma = fit.sigmas(model);
+    let estimator = fit.estimator();
+    let nuisance = estimator.nuisance().len();
+    let (residuals, freedom) = if nuisance == 0 {
+        let mut r = vec![0.0; estimator.rows()];
+        estimator.residuals(values, &[], &mut r).map_err(|e| IdentifyError::Model(e.to_string()))?;
+        let n = r.len();
+        (r, n)
+    } else {
+        let sizes = estimator.nuisance().iter().map(|u| u.size).collect();
+        let mut problem = Beside { inner: estimator, values, sizes, watch, stopped: false };
+        let solver = Solver { max_iterations: s.max_iterations, cost_floor: 1e-13, ..Solver::default() };
+        let found = lm::minimise(&mut problem, &vec![0.0; nuisance], &solver);
+        if problem.stopped {
+            return Err(IdentifyError::Interrupted);
+        }
+        let r = found.map_err(EstimateError::from)?.residuals;
+        let n = r.len().saturating_sub(nuisance);
+        (r, n)
+    };
+    let signals = Signals::of(model, record, &residuals, &sigma);
+    let chi2_per_dof = residuals.iter().map(|r| r * r).sum::<f64>() / freedom.max(1) as f64;
+    let explained = chi2_per_dof <= s.limit;
+    let rms = chi2_per_dof.sqrt();
+    let verdict = if explained {
+        format!("The model predicts these data: residuals are {rms:.3} times the noise of the sensors.")
+    } else {
+        let worst = signals.channels().into_iter().max_by(|a, b| a.over_noise.total_cmp(&b.over_noise));
+        let worst = worst.map(|c| format!("; worst in {}, {:.2} times its noise", c.name, c.over_noise));
+        format!(
+            "The model does NOT explain these data: residuals are {rms:.3} times the noise, limit {:.3}{}.",
+            s.limit.sqrt(),
+            worst.unwrap_or_default()
+        )
+    };
+    let held = HeldOut {
+        source: source.into(),
+        samples: record.samples(),
+        seconds: record.seconds(),
+        chi2_per_dof,
+        limit: s.limit,
+        explained,
+        channels: signals.channels(),
+        verdict,
+    };
+    Ok((held, signals))
+}

@@ -1,0 +1,229 @@
+//! The report of a result: data to a page.
+
+use super::result::{Channel, HeldOut, IdentificationResult, Parameter, Told};
+use super::signals::Signals;
+use super::text::num;
+use super::{EXPLAINED, figures};
+use crate::exit::Failure;
+use crate::plot::Figure;
+use crate::report_html::{Block, Cell, Level, Page, Table, interval};
+
+/// Figures of a result with their file stems. `held` are the signals of data that were held out.
+pub fn all_figures(r: &IdentificationResult, s: &Signals, held: Option<&Signals>) -> Vec<(&'static str, Figure)> {
+    let of = |what: &str| format!("{}: {what}", r.robot);
+    let mut out = vec![
+        ("signals", figures::signals(s, &of("measured and predicted"))),
+        ("residuals", figures::residuals(s, &of("residuals, measured minus predicted"))),
+    ];
+    out.extend(figures::spectra(s, &r.modes, &of("spectra of signals and residuals")).map(|f| ("spectra", f)));
+    if let Some(h) = held {
+        out.push(("held-out", figures::signals(h, &of("data that were held out"))));
+        out.push(("held-out-residuals", figures::residuals(h, &of("residuals of the data that were held out"))));
+    }
+    out
+}
+
+/// The report of an identification.
+///
+/// # Errors
+/// Those of [`Figure::to_svg`].
+pub fn page(r: &IdentificationResult, figures: &[(&'static str, Figure)]) -> Result<String, Failure> {
+    let mut page = Page::new(format!("Identification of {}", r.robot));
+    let mut sentences = r.verdict.clone();
+    sentences.extend(r.held_out.iter().map(|h| format!("Held out ({}): {}", h.source, h.verdict)));
+    page.verdict(level(r), &sentences);
+    let mut parameters = vec![
+        Block::text(
+            "Estimates with standard deviations and 95 % intervals. In the drawing: wide and pale the prior, thin the \
+             interval of the estimate, a dot at its value, a tick where the fit started.",
+        ),
+        Block::Table(table("Parameters that were asked for", &r.parameters)),
+    ];
+    if !r.nuisance.is_empty() {
+        let beside = Block::Table(table("Biases and initial state", &r.nuisance));
+        parameters.push(Block::Details("Biases and initial state, estimated beside them".into(), vec![beside]));
+    }
+    page.section("Parameters", parameters);
+    let drawn = |stems: &[&str]| -> Result<Vec<Block>, Failure> {
+        figures.iter().filter(|(s, _)| stems.contains(s)).map(|(_, f)| Block::figure(f)).collect()
+    };
+    let mut signals = vec![Block::Table(channels(&r.channels))];
+    signals.extend(drawn(&["signals"])?);
+    page.section("Measured against predicted", signals);
+    let mut residuals = drawn(&["residuals", "spectra"])?;
+    residuals.extend(modes(r));
+    page.section("Residuals and their spectra", residuals);
+    if let Some(h) = &r.held_out {
+        let mut blocks = held(h);
+        blocks.extend(drawn(&["held-out", "held-out-residuals"])?);
+        page.section("Data that were held out", blocks);
+    }
+    page.section("What the record can tell", identifiability(r));
+    page.section("Warnings", warnings(r));
+    page.section("Provenance", provenance(r));
+    Ok(page.render())
+}
+
+/// The report of a validation: a record that was not used.
+///
+/// # Errors
+/// Those of [`Figure::to_svg`].
+pub fn validation(robot: &str, h: &HeldOut, figures: &[(&'static str, Figure)]) -> Result<String, Failure> {
+    let mut page = Page::new(format!("Validation of {robot}"));
+    page.verdict(if h.explained { Level::Good } else { Level::Bad }, std::slice::from_ref(&h.verdict));
+    page.section("Record", held(h));
+    let all: Result<Vec<Block>, Failure> = figures.iter().map(|(_, f)| Block::figure(f)).collect();
+    page.section("Measured against predicted", all?);
+    Ok(page.render())
+}
+
+fn level(r: &IdentificationResult) -> Level {
+    let all = r.parameters.iter().all(|p| p.verdict == Told::Estimated);
+    let explained = r.chi2_per_dof <= EXPLAINED && r.held_out.as_ref().is_none_or(|h| h.explained);
+    match (r.exit() == crate::exit::Exit::Done, all && explained) {
+        (false, _) => Level::Bad,
+        (true, true) => Level::Good,
+        (true, false) => Level::Fair,
+    }
+}
+
+fn table(caption: &str, all: &[Parameter]) -> Table {
+    let rows = all.iter().map(|p| {
+        let prior = p.prior_mean.zip(p.prior_std);
+        let level = match p.verdict {
+            Told::Estimated => Level::Good,
+            Told::Weak | Told::PriorOnly => Level::Fair,
+            Told::AtBound | Told::NotIdentifiable => Level::Bad,
+        };
+        vec![
+            Cell::words(p.name.clone()),
+            Cell::number(num(p.value)),
+            Cell::words(p.unit.clone()),
+            Cell::number(p.std.map_or_else(|| "cannot be told".into(), num)),
+            Cell::number(p.interval95.map_or_else(String::new, |(a, b)| format!("{} .. {}", num(a), num(b)))),
+            Cell::number(num(p.start)),
+            Cell::number(prior.map_or_else(|| "none".into(), |(m, s)| format!("{} ± {}", num(m), num(s)))),
+            interval(p.value, p.interval95, prior.map(|(m, s)| (m - 1.96 * s, m + 1.96 * s)), p.start),
+            Cell::Mark(level, p.verdict.words().into()),
+        ]
+    });
+    let head = ["name", "value", "unit", "std", "95 % interval", "start", "prior", "", "verdict"];
+    Table { caption: caption.into(), head: head.map(String::from).to_vec(), rows: rows.collect() }
+}
+
+fn channels(all: &[Channel]) -> Table {
+    let row = |c: &Channel| {
+        vec![
+            Cell::words(c.name.clone()),
+            Cell::number(num(c.signal_rms)),
+            Cell::number(num(c.residual_rms)),
+            Cell::words(c.unit.clone()),
+            Cell::number(format!("{:.3}", c.over_noise)),
+        ]
+    };
+    Table {
+        caption: "Root mean squares over the record".into(),
+        head: ["channel", "signal", "residual", "unit", "residual / noise"].map(String::from).to_vec(),
+        rows: all.iter().map(row).collect(),
+    }
+}
+
+fn held(h: &HeldOut) -> Vec<Block> {
+    vec![
+        Block::text(format!(
+            "{}: {} samples, {:.3} s. Parameters as estimated; biases and initial state, which belong to the record, are \
+             fitted. Chi-squared per degree of freedom {:.4}, limit {}.",
+            h.source, h.samples, h.seconds, h.chi2_per_dof, h.limit
+        )),
+        Block::Table(channels(&h.channels)),
+    ]
+}
+
+fn modes(r: &IdentificationResult) -> Option<Block> {
+    if r.modes.is_empty() {
+        return None;
+    }
+    let row = |(i, m): (usize, &super::result::ModeLine)| {
+        vec![
+            Cell::words(format!("mode {}", i + 1)),
+            Cell::number(format!("{:.4}", m.frequency_hz)),
+            Cell::number(format!("{:.2}", 100.0 * m.damping_ratio)),
+            Cell::number(format!("{:.4}", m.start_hz)),
+        ]
+    };
+    Some(Block::Table(Table {
+        caption: "Modes at the pose of the mission, joints held".into(),
+        head: ["", "identified (Hz)", "damping (%)", "at the start (Hz)"].map(String::from).to_vec(),
+        rows: r.modes.iter().enumerate().map(row).collect(),
+    }))
+}
+
+fn identifiability(r: &IdentificationResult) -> Vec<Block> {
+    let n = r.singular_values.len();
+    let mut out = vec![Block::text(format!(
+        "{} of {n} unknowns are determined by the data alone (sensitivities scaled by the size of each parameter, biases and \
+         initial state among them).",
+        r.rank
+    ))];
+    let lines = |what: &str, all: &[super::result::Combination]| -> Vec<String> {
+        all.iter().map(|d| format!("{what}: {}", d.text)).collect()
+    };
+    let mut said = lines("silent on", &r.null_directions);
+    said.extend(lines("known worse than its own size", &r.weak_directions));
+    if !said.is_empty() {
+        out.push(Block::List(said));
+    }
+    if !r.correlations.is_empty() {
+        let row = |c: &super::result::Correlation| {
+            vec![Cell::words(c.first.clone()), Cell::words(c.second.clone()), Cell::number(format!("{:+.4}", c.value))]
+        };
+        let table = Table {
+            caption: "Strong correlations".into(),
+            head: ["", "", "coefficient"].map(String::from).to_vec(),
+            rows: r.correlations.iter().map(row).collect(),
+        };
+        out.push(Block::Details(
+            format!("{} pairs with a correlation of 0.95 or more", r.correlations.len()),
+            vec![Block::Table(table)],
+        ));
+    }
+    let values: Vec<String> = r.singular_values.iter().map(|s| format!("{s:.4e}")).collect();
+    out.push(Block::Details(
+        "Singular values of the scaled sensitivities".into(),
+        vec![Block::Code(values.join("  "))],
+    ));
+    out
+}
+
+fn warnings(r: &IdentificationResult) -> Vec<Block> {
+    if r.warnings.is_empty() {
+        Vec::new()
+    } else {
+        vec![Block::List(r.warnings.iter().map(|w| w.message.clone()).collect())]
+    }
+}
+
+fn provenance(r: &IdentificationResult) -> Vec<Block> {
+    let p = &r.provenance;
+    let mut rows: Vec<(String, String)> = vec![
+        ("program".into(), p.program.clone()),
+        (
+            "record".into(),
+            format!(
+                "{} samples at {} Hz, {:.4} s, from {} s",
+                p.record.samples,
+                num(p.record.rate_hz),
+                p.record.seconds,
+                p.record.t0
+            ),
+        ),
+        ("noise".into(), format!("torque {} N m, gyro {} rad/s", num(p.noise_torque_nm), num(p.noise_gyro_rad_per_s))),
+        ("fit".into(), format!("{} after {} linearisations", r.status, r.iterations)),
+        ("chi-squared per degree of freedom".into(), format!("{:.6}", r.chi2_per_dof)),
+    ];
+    rows.extend(p.settings.iter().map(|(k, v)| (k.clone(), v.clone())));
+    rows.extend(p.inputs.iter().map(|i| (i.file.clone(), format!("{} bytes, SHA-256 {}", i.bytes, i.sha256))));
+    let rows = rows.into_iter().map(|(k, v)| vec![Cell::words(k), Cell::words(v)]).collect();
+    let head = ["", ""].map(String::from).to_vec();
+    vec![Block::Table(Table { caption: "Where this comes from".into(), head, rows })]
+}

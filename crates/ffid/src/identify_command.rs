@@ -1,0 +1,379 @@
+//! `ffid identify`: from a mission and a record to parameters, a report, and files of the identified robot.
+
+use crate::fit_flags::{FitFlags, MethodFlag, positive, watched};
+use crate::output::{Input, Outcome};
+use crate::records::RecordFlags;
+use crate::results::{self, Output};
+use ffid::exit::{Exit, Failure};
+use ffid::files::folder::{Entry, Folder};
+use ffid::ident::Record;
+use ffid::identify::page::{all_figures, page};
+use ffid::identify::result::{InputFile, Provenance, RecordLine, Warning};
+use ffid::identify::{IdentificationResult, method};
+use ffid::identify::{Identified, Settings, Signals, axes, explain, identify, model_files};
+use ffid::model::leniency::Leniency;
+use ffid::model::{Area, Params, Problem, Problems};
+use ffid::open::{Opened, open};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::{self, Display};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Examples for `--help`.
+pub(crate) const EXAMPLES: &str = "Examples:
+  ffid identify m.toml --record rec.csv                     into m-identified/
+  ffid identify m.toml --record rec.csv --held-out 0.3      the last 30 % judge the model
+  ffid identify m.toml --record a.csv --held-out b.csv --out result
+  ffid identify m.toml --record exact.csv --torque-noise 0.1 --gyro-noise 1e-4
+
+A record has columns time[s], q.<joint>[rad], tau.<joint>[N m], gyro.x[rad/s], gyro.y[..], gyro.z[..]; dq., ddq., acc. and
+att. are optional, units are converted (docs/records.md). The folder holds report.html, result.json, identified.toml,
+identified.urdf, residuals.csv, report.txt, figures and manifest.toml (docs/results.md). Parameters that the record cannot
+tell end with exit code 13 and are named; a fit that found no solution ends with 14.";
+
+/// Arguments of `ffid identify`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    input: Input,
+    /// The record (.csv).
+    #[arg(long, value_name = "FILE")]
+    record: PathBuf,
+    /// Folder for the results; <mission>-identified in the working directory unless given.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Data that judge the model and are not fitted: a fraction (the end of the record) or another record.
+    #[arg(long, value_name = "FRACTION|FILE")]
+    held_out: Option<String>,
+    /// How the record is predicted.
+    #[arg(long, value_enum, default_value_t = MethodFlag::Auto)]
+    method: MethodFlag,
+    /// Relative standard deviation of a prior on every parameter, instead of estimate.prior_relative_std.
+    #[arg(long, value_name = "RELATIVE", value_parser = positive, conflicts_with = "no_prior")]
+    prior: Option<f64>,
+    /// The data alone, whatever the mission says.
+    #[arg(long)]
+    no_prior: bool,
+    /// Start at the values of the mission: leave out estimate.start_offset, which is for studies.
+    #[arg(long)]
+    no_start_offset: bool,
+    /// Seed of the directions of estimate.start_offset.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    #[command(flatten)]
+    fit: FitFlags,
+    #[command(flatten)]
+    reading: RecordFlags,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Results in JSON; absent when there are none.
+#[derive(Default, Serialize)]
+struct Results<'a> {
+    result: Option<&'a IdentificationResult>,
+    /// The folder that was written.
+    out: Option<&'a PathBuf>,
+}
+
+/// Where the results are.
+struct Written<'a>(&'a PathBuf);
+
+impl Display for Written<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "written to {}: report.html, result.json, identified.toml", self.0.display())
+    }
+}
+
+/// Data that judge.
+enum Held {
+    None,
+    /// From here to the end of the record, whose part before is fitted.
+    Part {
+        record: Record,
+        words: String,
+    },
+    File {
+        record: Record,
+        path: PathBuf,
+    },
+}
+
+/// Everything read and ready.
+struct Ready {
+    opened: Opened,
+    settings: Settings,
+    record: Record,
+    held: Held,
+    problems: Problems,
+    files: Vec<PathBuf>,
+    inputs: Vec<Entry>,
+    folder: Folder,
+    target: PathBuf,
+}
+
+type Refusal = (Exit, Problems);
+
+fn refused(p: Problems) -> Refusal {
+    (Exit::of(&p), p)
+}
+
+fn io(e: &Failure) -> Refusal {
+    let (exit, p) = results::failed(e);
+    (exit, Problems(vec![p]))
+}
+
+/// Identifies, writes and prints.
+pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
+    let input = &args.input;
+    let ready = match prepare(args) {
+        Ok(r) => r,
+        Err((exit, p)) => return input.print(exit, &p, Results::default(), &[], out, err),
+    };
+    let found = fit(args, &ready);
+    let (mut found, held) = match found {
+        Ok(f) => f,
+        Err((exit, mut p)) => {
+            p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| input.file.clone()));
+            return input.print(exit, &p, Results::default(), &[], out, err);
+        }
+    };
+    let Ready { opened, problems, files, inputs, folder, target, .. } = ready;
+    let mut problems = problems;
+    let mut faults = faults(&found.result, args);
+    let mut exit = results::exit_of(&problems, &mut faults, &input.leniency());
+    if found.result.exit() != Exit::Done {
+        exit = found.result.exit();
+    }
+    problems.extend(faults);
+    found.result.warnings =
+        problems.0.iter().map(|p| Warning { code: p.code.to_owned(), message: p.to_string() }).collect();
+    if let Some(p) = results::changed(&inputs, &files) {
+        exit = Exit::Data;
+        problems.push(p);
+    }
+    let leniency = input.leniency();
+    let wrote = write(&folder, args, &opened, &found, held.as_ref(), &leniency).and_then(|()| {
+        let r = &found.result;
+        let settings: Vec<(&str, String)> =
+            r.provenance.settings.iter().map(|(k, v)| (k.as_str(), v.clone())).collect();
+        folder.finish(&results::about("identify", args.seed, &settings, inputs))
+    });
+    let written = wrote.is_ok();
+    if let Err(e) = wrote {
+        // What was found is printed all the same.
+        let (code, p) = results::failed(&e);
+        exit = code;
+        problems.push(p);
+    }
+    let where_to = written.then_some(&target);
+    let line = where_to.map(Written);
+    let text: [Option<&dyn Display>; 2] = [Some(&found.result), line.as_ref().map(|w| w as _)];
+    let text = if args.output.quiet { &[][..] } else { &text[..] };
+    input.print(exit, &problems, Results { result: Some(&found.result), out: where_to }, text, out, err)
+}
+
+/// Reads everything, and takes the folder, before anything is computed.
+fn prepare(args: &Args) -> Result<Ready, Refusal> {
+    let input = &args.input;
+    let opened = open(&input.file, input.leniency()).map_err(refused)?;
+    let mission = results::mission(&opened, &input.file).map_err(refused)?;
+    let mut settings = args.fit.settings(mission);
+    settings.method = args.method.method();
+    settings.prior = args.prior.or(mission.estimate.prior_relative_std).filter(|_| !args.no_prior);
+    settings.start_offset = if args.no_start_offset { 0.0 } else { mission.estimate.start_offset };
+    settings.seed = args.seed;
+    let target = args.out.clone().unwrap_or_else(|| {
+        let stem = input.file.file_stem().unwrap_or_default().to_string_lossy();
+        PathBuf::from(format!("{stem}-identified"))
+    });
+    let mut files = results::mission_files(&input.file, mission);
+    files.push(args.record.clone());
+    let fraction = match args.held_out.as_deref() {
+        None => None,
+        Some(word) => match word.parse::<f64>() {
+            Ok(f) if f > 0.0 && f < 1.0 => Some(f),
+            Ok(f) => {
+                let p = Problem::error(Area::Config, "Config::OutOfRange", format!("value {f}, limit 0 < value < 1"));
+                return Err(refused(Problems(vec![p.on("--held-out").hint("give 0.3 for the last 30 %, or a file")])));
+            }
+            Err(_) => {
+                files.push(PathBuf::from(word));
+                None
+            }
+        },
+    };
+    let need = 2 * opened.estimated.len().max(4);
+    // Before the folder, so that a wrong path is said first.
+    let loaded = args.reading.read(&args.record, &opened.model, need, input).map_err(refused)?;
+    let inputs = results::inputs(&files).map_err(|e| io(&e))?;
+    if let (None, Some(other)) = (fraction, inputs.get(3))
+        && other.sha256 == inputs[2].sha256
+    {
+        let what = format!("the same data as {} (SHA-256 {})", inputs[2].file, other.sha256);
+        let p = Problem::error(Area::Data, "Data::SameData", what).in_file(&other.file);
+        return Err(refused(Problems(vec![
+            p.hint("judge the model by data that were not fitted, or give a fraction"),
+        ])));
+    }
+    let folder = Folder::begin(&target, args.output.force).map_err(|e| io(&e))?;
+    let mut problems = opened.warnings.clone();
+    problems.extend(loaded.warnings);
+    let (record, held) = match (fraction, args.held_out.as_deref()) {
+        (Some(f), _) => {
+            let seconds = loaded.record.seconds();
+            let cut = (1.0 - f) * seconds;
+            let first = loaded.record.window(0.0, cut).map_err(refused)?;
+            let last = loaded.record.window(cut, f64::INFINITY).map_err(refused)?;
+            if first.samples() < need || last.samples() < 8 {
+                let what = format!("{} samples to fit and {} to judge by", first.samples(), last.samples());
+                let p = Problem::error(Area::Data, "Data::TooShort", format!("{what}, at least {need} and 8 needed"));
+                return Err(refused(Problems(vec![
+                    p.on("--held-out").hint("record longer, or hold out another part"),
+                ])));
+            }
+            let words = format!("the last {:.1} % of {}", 100.0 * f, args.record.display());
+            (first, Held::Part { record: last, words })
+        }
+        (None, Some(path)) => {
+            let path = PathBuf::from(path);
+            let other = args.reading.read(&path, &opened.model, 8, input).map_err(refused)?;
+            problems.extend(other.warnings);
+            (loaded.record, Held::File { record: other.record, path })
+        }
+        (None, None) => (loaded.record, Held::None),
+    };
+    Ok(Ready { opened, settings, record, held, problems, files, inputs, folder, target })
+}
+
+/// The fit, and the judgement of what was held out.
+fn fit(args: &Args, r: &Ready) -> Result<(Identified, Option<Signals>), Refusal> {
+    let (model, s) = (&r.opened.model, &r.settings);
+    let provenance = Provenance {
+        program: concat!("ffid ", env!("CARGO_PKG_VERSION")).to_owned(),
+        inputs: r
+            .inputs
+            .iter()
+            .map(|e| InputFile { file: e.file.clone(), bytes: e.bytes, sha256: e.sha256.clone() })
+            .collect(),
+        record: RecordLine { samples: 0, rate_hz: 0.0, seconds: 0.0, t0: 0.0, rates: false },
+        noise_torque_nm: s.noise.torque,
+        noise_gyro_rad_per_s: s.noise.gyro,
+        settings: words(args, r),
+    };
+    watched(args.output.quiet, |watch| {
+        let found = identify(&r.opened, &r.record, s, provenance, watch)?;
+        let mut found = found;
+        let mut signals = None;
+        let judged = match &r.held {
+            Held::None => None,
+            // A part of a record begins in the middle of a motion.
+            Held::Part { record, words } => {
+                let s = Settings { initial_state: true, ..s.clone() };
+                Some(explain(model, &found.values, record, &s, words.clone(), watch)?)
+            }
+            Held::File { record, path } => {
+                Some(explain(model, &found.values, record, s, path.display().to_string(), watch)?)
+            }
+        };
+        if let Some((held, of)) = judged {
+            found.result.held_out = Some(held);
+            signals = Some(of);
+        }
+        // A wrong axis explains a bad fit; asked only then, because it is only then that it can be.
+        if found.result.chi2_per_dof > s.limit {
+            let nominal = Params::nominal(model);
+            let turned = axes::mismatch(model, nominal.values(), &r.record, s)?;
+            if turned.has_errors() {
+                let mut turned = turned;
+                turned.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| args.record.clone()));
+                return Err(ffid::identify::IdentifyError::Refused(turned));
+            }
+        }
+        Ok((found, signals))
+    })
+}
+
+/// Settings by name, for result and manifest.
+fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
+    let s = &r.settings;
+    let passive = method(&r.opened.model, s.method) == ffid::identify::Method::OutputError;
+    let yes = |b: bool| if b { "estimated" } else { "none" }.to_owned();
+    let mut all = vec![
+        ("method", if passive { "output_error" } else { "rda" }.to_owned()),
+        ("biases", yes(s.biases && passive)),
+        ("initial_state", if s.initial_state && passive { "estimated" } else { "at rest" }.to_owned()),
+        ("prior_relative_std", s.prior.map_or_else(|| "none".to_owned(), |p| p.to_string())),
+        ("start_offset", s.start_offset.to_string()),
+        ("max_chi2", s.limit.to_string()),
+    ];
+    all.extend(args.held_out.iter().map(|h| ("held_out", h.clone())));
+    all.into_iter().map(|(k, v)| (k.to_owned(), v)).collect()
+}
+
+/// What a result finds fault with. A solution that is not one, and what nothing can tell, are errors.
+fn faults(r: &IdentificationResult, args: &Args) -> Problems {
+    let mut out = Problems::default();
+    let mut add = |p: Problem, hint: &str| out.push(p.in_file(&args.record).hint(hint));
+    if !r.status.is_solution() {
+        let p = Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}", r.status));
+        add(p, "start nearer, give priors, or raise --max-iterations");
+    }
+    for d in &r.null_directions {
+        let what = format!("the record is silent on {}", d.text);
+        let (make, hint): (fn(_, _, String) -> Problem, _) = if r.priors_cover {
+            (|a, c, m| Problem::warning(a, c, m), "its prior holds it; excite it, or estimate less")
+        } else {
+            (|a, c, m| Problem::error(a, c, m), "estimate fewer parameters, give --prior, or excite otherwise")
+        };
+        add(make(Area::Data, "Fit::Unidentifiable", what), hint);
+    }
+    if r.chi2_per_dof > args.fit.limit() {
+        let what = format!("chi-squared per degree of freedom {:.3}, limit {}", r.chi2_per_dof, args.fit.limit());
+        let p = Problem::warning(Area::Data, "Fit::Misfit", what);
+        add(p, "look at the spectra of the residuals: something moves that the model does not have");
+    }
+    if let Some(h) = r.held_out.as_ref().filter(|h| !h.explained) {
+        let what = format!("held-out data: chi-squared per degree of freedom {:.3}, limit {}", h.chi2_per_dof, h.limit);
+        add(Problem::warning(Area::Data, "Fit::HeldOut", what), "the model does not predict what it has not seen");
+    }
+    out
+}
+
+/// Writes everything but the manifest.
+fn write(
+    folder: &Folder,
+    args: &Args,
+    opened: &Opened,
+    found: &Identified,
+    held: Option<&Signals>,
+    leniency: &Leniency,
+) -> Result<(), Failure> {
+    let r = &found.result;
+    folder.write("result.json", &r.to_json()?)?;
+    folder.write("report.txt", r.to_string().as_bytes())?;
+    found.signals.write(&folder.path().join("residuals.csv"))?;
+    if let Some(h) = held {
+        h.write(&folder.path().join("held-out.csv"))?;
+    }
+    let figures = all_figures(r, &found.signals, held);
+    for (stem, figure) in &figures {
+        let stem = folder.path().join(stem);
+        if args.output.png {
+            figure.write(&stem)?;
+        } else {
+            figure.write_svg(&stem)?;
+        }
+    }
+    folder.write("report.html", page(r, &figures)?.as_bytes())?;
+    // Values that are no solution are not made into a robot.
+    if let (Some(mission), true) = (&opened.mission, r.status.is_solution()) {
+        let file: &Path = &args.input.file;
+        let files = model_files::write(file, mission, &opened.model, &found.values, &found.selected, leniency)?;
+        for (name, bytes) in files {
+            folder.write(&name, &bytes)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,116 @@
+//! Data to HTML.
+
+use super::style::CSS;
+use super::{Block, Cell, Level, Page, Table};
+use std::fmt::Write;
+
+/// Text as it may stand in an element or in an attribute in double quotes. Control characters, which HTML forbids, become
+/// the sign for a character that cannot be shown.
+pub fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len() + 8);
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            '\n' | '\t' => out.push(c),
+            c if c.is_control() => out.push('\u{fffd}'),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+fn class(level: Level) -> &'static str {
+    match level {
+        Level::Good => "good",
+        Level::Fair => "fair",
+        Level::Bad => "bad",
+    }
+}
+
+pub(super) fn page(p: &Page) -> String {
+    let title = escape(&p.title);
+    let mut out = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n<title>{title}</title>\n\
+         <style>{CSS}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n"
+    );
+    // Writing to a text cannot fail, here and below.
+    if let Some((level, sentences)) = &p.verdict {
+        let _ = write!(out, "<div class=\"verdict {}\">", class(*level));
+        for s in sentences {
+            let _ = write!(out, "<p>{}</p>", escape(s));
+        }
+        out.push_str("</div>\n");
+    }
+    if p.sections.len() > 2 {
+        out.push_str("<nav>");
+        for (i, (name, _)) in p.sections.iter().enumerate() {
+            let _ = write!(out, "<a href=\"#s{i}\">{}</a> ", escape(name));
+        }
+        out.push_str("</nav>\n");
+    }
+    for (i, (name, blocks)) in p.sections.iter().enumerate() {
+        let _ = write!(out, "<section id=\"s{i}\">\n<h2>{}</h2>\n", escape(name));
+        blocks.iter().for_each(|b| block(&mut out, b));
+        out.push_str("</section>\n");
+    }
+    let _ = write!(
+        out,
+        "</main>\n<footer>Written by ffid {}. All numbers are in result.json, exactly.</footer>\n</body>\n</html>\n",
+        env!("CARGO_PKG_VERSION")
+    );
+    out
+}
+
+fn block(out: &mut String, b: &Block) {
+    match b {
+        Block::Text(s) => _ = writeln!(out, "<p>{}</p>", escape(s)),
+        Block::List(all) => {
+            out.push_str("<ul>");
+            all.iter().for_each(|s| _ = write!(out, "<li>{}</li>", escape(s)));
+            out.push_str("</ul>\n");
+        }
+        Block::Code(s) => _ = writeln!(out, "<pre>{}</pre>", escape(s)),
+        Block::Figure { svg, caption } => {
+            _ = writeln!(out, "<figure>{svg}<figcaption>{}</figcaption></figure>", escape(caption));
+        }
+        Block::Details(summary, blocks) => {
+            let _ = writeln!(out, "<details><summary>{}</summary>", escape(summary));
+            blocks.iter().for_each(|b| block(out, b));
+            out.push_str("</details>\n");
+        }
+        Block::Table(t) => table(out, t),
+    }
+}
+
+fn table(out: &mut String, t: &Table) {
+    out.push_str("<div class=\"wide\"><table>");
+    if !t.caption.is_empty() {
+        let _ = write!(out, "<caption>{}</caption>", escape(&t.caption));
+    }
+    out.push_str("<thead><tr>");
+    for (i, h) in t.head.iter().enumerate() {
+        let number = t.rows.first().is_some_and(|r| matches!(r.get(i), Some(Cell::Number(_))));
+        let _ = write!(out, "<th scope=\"col\"{}>{}</th>", if number { " class=\"n\"" } else { "" }, escape(h));
+    }
+    out.push_str("</tr></thead><tbody>\n");
+    for row in &t.rows {
+        out.push_str("<tr>");
+        for (i, c) in row.iter().enumerate() {
+            let tag = if i == 0 { "th" } else { "td" };
+            let scope = if i == 0 { " scope=\"row\"" } else { "" };
+            let _ = match c {
+                Cell::Words(s) => write!(out, "<{tag}{scope}>{}</{tag}>", escape(s)),
+                Cell::Number(s) => write!(out, "<{tag}{scope} class=\"n\">{}</{tag}>", escape(s)),
+                Cell::Drawing(svg) => write!(out, "<{tag}{scope}>{svg}</{tag}>"),
+                Cell::Mark(l, s) => write!(out, "<{tag}{scope} class=\"{}\">{}</{tag}>", class(*l), escape(s)),
+            };
+        }
+        out.push_str("</tr>\n");
+    }
+    out.push_str("</tbody></table></div>\n");
+}

@@ -1,0 +1,39 @@
+//! The style sheet: light, dark, paper, phone.
+
+/// CSS of every report.
+pub(super) const CSS: &str = "\
+:root{color-scheme:light dark;--ink:#1b1f24;--soft:#57606a;--line:#d0d7de;--back:#fff;--card:#f6f8fa;\
+--good:#0a6b3d;--fair:#8a5a00;--bad:#b3261e;--prior:#b9c2cc;--est:#0072b2}\
+@media (prefers-color-scheme:dark){:root{--ink:#e6edf3;--soft:#9aa4af;--line:#343b44;--back:#0f1318;--card:#181d24;\
+--good:#58c48b;--fair:#e0ac4a;--bad:#ff8a80;--prior:#4a545f;--est:#58b4ee}\
+figure svg{filter:invert(.92) hue-rotate(180deg)}}\
+*{box-sizing:border-box}\
+body{margin:0 auto;max-width:66rem;padding:1rem 1.25rem 3rem;background:var(--back);color:var(--ink);\
+font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif;overflow-wrap:break-word}\
+h1{font-size:1.6rem;line-height:1.25;margin:.5rem 0 1rem}\
+h2{font-size:1.2rem;margin:2.2rem 0 .6rem;padding-top:.6rem;border-top:1px solid var(--line)}\
+nav{font-size:.9rem;margin:1rem 0}nav a{margin-right:1rem;color:var(--est)}\
+.verdict{border-left:.35rem solid;background:var(--card);padding:.7rem 1rem;border-radius:.3rem}\
+.verdict p{margin:.35rem 0}.verdict p:first-child{font-weight:600;font-size:1.08rem}\
+.good{color:var(--good)}.fair{color:var(--fair)}.bad{color:var(--bad)}\
+.verdict.good,.verdict.fair,.verdict.bad{border-color:currentColor}.verdict p{color:var(--ink)}\
+.wide{overflow-x:auto;margin:.8rem 0}\
+table{border-collapse:collapse;font-size:.9rem;min-width:100%}\
+caption{text-align:left;color:var(--soft);padding:.2rem 0 .4rem}\
+th,td{padding:.28rem .6rem;border-bottom:1px solid var(--line);text-align:left;vertical-align:middle;white-space:nowrap}\
+thead th{border-bottom:2px solid var(--line);color:var(--soft);font-weight:600}\
+tbody th{font-weight:500}\
+.n{text-align:right;font-variant-numeric:tabular-nums}\
+td svg{display:block;width:9rem;height:1.1rem}\
+.prior{stroke:var(--prior)}.est{stroke:var(--est)}.dot{fill:var(--est)}.start{stroke:var(--soft)}\
+figure{margin:1rem 0;overflow-x:auto}\
+figure svg{display:block;width:100%;min-width:38rem;height:auto}\
+figcaption{color:var(--soft);font-size:.9rem}\
+pre{background:var(--card);padding:.7rem 1rem;overflow-x:auto;font-size:.85rem;border-radius:.3rem}\
+details{margin:.6rem 0}summary{cursor:pointer;color:var(--est)}\
+footer{margin-top:2.5rem;color:var(--soft);font-size:.85rem;border-top:1px solid var(--line);padding-top:.6rem}\
+@media (max-width:40rem){body{padding:.6rem .8rem 2rem;font-size:15px}h1{font-size:1.3rem}}\
+@media print{:root{--ink:#000;--soft:#333;--line:#bbb;--back:#fff;--card:#fff}body{max-width:none;font-size:10pt;padding:0}\
+nav{display:none}h2{break-after:avoid}figure,table,.verdict{break-inside:avoid}figure,.wide{overflow:visible}\
+figure svg{min-width:0;filter:none}details>*{display:block}th,td{white-space:normal}}\
+";

@@ -1,0 +1,96 @@
+//! What the sensors of a mission read on a motion: the record that `ffid simulate` writes.
+
+use crate::dynamics::motion::JointMotion;
+use crate::dynamics::{
+    Boundary, Channel, Drive, Readings, SensorSuite, SimError, SimOptions, State, Trace, measure, simulate,
+};
+use crate::ident::record_file::{CsvWriter, joints_of};
+use crate::model::mission::Sensors;
+use crate::model::{Model, Params};
+use crate::open::MAX_DENSE;
+use crate::preflight::{start_pose, step};
+use std::io;
+
+/// The sensors of a mission as `ff-dynamics` reads them.
+pub fn suite(s: &Sensors) -> SensorSuite {
+    let channel = |noise_std, bias, quantum| Channel { noise_std, bias, quantum };
+    let quantum = s.encoder.bits.map_or(0.0, |b| Channel::encoder(b).quantum);
+    SensorSuite {
+        torque: channel(s.torque.noise_std_nm, s.torque.bias_nm, s.torque.lsb_nm),
+        gyro: channel(s.gyro.noise_std_rad_per_s, s.gyro.bias_rad_per_s, s.gyro.lsb_rad_per_s),
+        encoder: channel(s.encoder.noise_std_rad, s.encoder.bias_rad, quantum),
+    }
+}
+
+/// Simulates a motion from rest, springs relaxed, and `hold_s` longer, sampled at `rate_hz`; the step is the one that the
+/// modes at the start pose need. Allocates.
+///
+/// # Errors
+/// [`SimError`].
+pub fn fly(
+    model: &Model,
+    params: &Params<f64>,
+    motion: &dyn JointMotion,
+    rate_hz: f64,
+    hold_s: f64,
+) -> Result<Trace, SimError> {
+    let start = start_pose(motion);
+    let rest = model.rest_position(params);
+    let duration_s = motion.duration() + hold_s;
+    let sample_s = 1.0 / rate_hz;
+    let found = if model.np() > 0 && model.nv() <= MAX_DENSE {
+        crate::dynamics::modes(model, params, &start, &rest, Boundary::JointsHeld).unwrap_or_default()
+    } else {
+        Vec::new()
+    };
+    let mut from = State::zero(model);
+    from.q.copy_from_slice(&start);
+    from.eta.copy_from_slice(&rest);
+    let options = SimOptions { duration_s, step_s: step(&found, duration_s, sample_s), sample_s };
+    simulate(model, params, &from, &Drive::Prescribed(motion), &options)
+}
+
+/// A record as CSV: what the sensors read with this seed, or, without one, the exact motion with joint rates and
+/// accelerations. Allocates.
+///
+/// # Errors
+/// [`io::ErrorKind::InvalidData`] for a number that is not finite.
+pub fn csv(model: &Model, trace: &Trace, rate_hz: f64, noise: Option<(&SensorSuite, u64)>) -> io::Result<Vec<u8>> {
+    let joints = joints_of(model);
+    // A quotient, so that the third sample at 100 Hz is at 0.02 s, and not a bit beside it.
+    let time: Vec<f64> = (0..trace.len()).map(|i| i as f64 / rate_hz).collect();
+    let mut out = Vec::new();
+    match noise {
+        Some((sensors, seed)) => {
+            let Readings { q, tau, gyro, .. } = measure(trace, sensors, seed);
+            let w = CsvWriter {
+                joints: &joints,
+                time: &time,
+                q: &q,
+                dq: None,
+                ddq: None,
+                tau: &tau,
+                gyro: &gyro,
+                acc: None,
+                att: None,
+            };
+            w.write(&mut out)?;
+        }
+        None => {
+            let gyro = trace.gyro();
+            let w = CsvWriter {
+                joints: &joints,
+                time: &time,
+                q: &trace.q,
+                dq: Some(&trace.qd),
+                ddq: Some(&trace.qdd),
+                tau: &trace.tau,
+                gyro: &gyro,
+                acc: None,
+                att: Some(&trace.att),
+            };
+            w.write(&mut out)?;
+        }
+    }
+    Ok(out)
+}

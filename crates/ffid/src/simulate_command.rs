@@ -1,0 +1,170 @@
+//! `ffid simulate`: the record that the sensors of a mission would write.
+
+use crate::output::{Input, Outcome};
+use crate::plan_command;
+use crate::results;
+use ffid::exit::{Exit, Failure};
+use ffid::files::atomic;
+use ffid::files::folder::Entry;
+use ffid::model::{Area, Leniency, Params, Problem, Problems};
+use ffid::open::{Opened, open};
+use ffid::sense::{csv, fly, suite};
+use serde::Serialize;
+use std::fmt::{self, Display};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Examples for `--help`.
+pub(crate) const EXAMPLES: &str = "Examples:
+  ffid simulate m.toml --trajectory m-information/trajectory.json --out rec.csv --seed 3
+  ffid simulate m.toml --trajectory mine.csv --out exact.csv --noise-free
+
+The record has time[s], q.<joint>[rad], tau.<joint>[N m] and gyro.x[rad/s] ..., with noise, bias and quantisation of
+[sensors]; without noise also dq., ddq. and att. `ffid identify` reads it. Base and appendages are at rest at the start.";
+
+/// Arguments of `ffid simulate`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    input: Input,
+    /// The joint motion: .json of `ffid excite`, or .csv.
+    #[arg(long, value_name = "FILE")]
+    trajectory: PathBuf,
+    /// The record to write (.csv).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Seed of the noise.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Write exact readings, with joint rates and accelerations.
+    #[arg(long, conflicts_with = "seed")]
+    noise_free: bool,
+    /// Seconds to record after the end of the motion, joints held.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    hold: f64,
+    /// Replace an existing file.
+    #[arg(long)]
+    force: bool,
+    /// Print problems only.
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Results in JSON; absent when there are none.
+#[derive(Default, Serialize)]
+struct Results<'a> {
+    record: Option<&'a Summary>,
+}
+
+/// What was written.
+#[derive(Serialize)]
+pub(crate) struct Summary {
+    file: PathBuf,
+    sha256: String,
+    samples: usize,
+    rate_hz: f64,
+    seconds: f64,
+    /// Absent without noise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    seed: Option<u64>,
+}
+
+impl Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} samples at {} Hz, {:.3} s, ", self.file.display(), self.samples, self.rate_hz, self.seconds)?;
+        match self.seed {
+            Some(s) => writeln!(f, "sensors of the mission, seed {s}"),
+            None => writeln!(f, "without noise"),
+        }
+    }
+}
+
+/// Simulates, writes and prints.
+pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
+    let input = &args.input;
+    match work(args) {
+        Ok((summary, problems)) => {
+            let text: [Option<&dyn Display>; 1] = [Some(&summary)];
+            let text = if args.quiet { &[][..] } else { &text[..] };
+            input.print(Exit::of(&problems), &problems, Results { record: Some(&summary) }, text, out, err)
+        }
+        Err((exit, problems)) => input.print(exit, &problems, Results::default(), &[], out, err),
+    }
+}
+
+fn work(args: &Args) -> Result<(Summary, Problems), Refusal> {
+    let input = &args.input;
+    let opened = open(&input.file, input.leniency()).map_err(|p| (Exit::of(&p), p))?;
+    let task = Task {
+        trajectory: &args.trajectory,
+        out: &args.out,
+        seed: (!args.noise_free).then_some(args.seed),
+        hold: args.hold,
+        force: args.force,
+    };
+    task.run(&opened, &input.file, &input.leniency())
+}
+
+type Refusal = (Exit, Problems);
+
+/// A record to be simulated: that of `simulate`, and without noise that of `predict`.
+pub(crate) struct Task<'a> {
+    pub(crate) trajectory: &'a Path,
+    pub(crate) out: &'a Path,
+    /// Seed of the noise; none for exact readings.
+    pub(crate) seed: Option<u64>,
+    pub(crate) hold: f64,
+    pub(crate) force: bool,
+}
+
+impl Task<'_> {
+    /// Simulates at the nominal values of what was opened from `file`, and writes.
+    pub(crate) fn run(
+        &self,
+        opened: &Opened,
+        file: &Path,
+        leniency: &Leniency,
+    ) -> Result<(Summary, Problems), Refusal> {
+        let refused = |p: Problems| (Exit::of(&p), p);
+        let io = |e: &Failure| {
+            let (exit, p) = results::failed(e);
+            (exit, Problems(vec![p]))
+        };
+        if !(self.hold >= 0.0 && self.hold.is_finite()) {
+            let p = Problem::error(Area::Config, "Config::OutOfRange", format!("value {} s, limit >= 0 s", self.hold));
+            return Err(refused(Problems(vec![p.on("--hold").hint("give seconds of 0 or more")])));
+        }
+        let mission = results::mission(opened, file).map_err(refused)?;
+        if self.out.exists() && !self.force {
+            return Err(io(&Failure::Exists { path: self.out.to_owned() }));
+        }
+        let given = plan_command::load(self.trajectory, opened).map_err(refused)?;
+        let mut problems = opened.warnings.clone();
+        problems.extend(given.warnings);
+        leniency.settle(&mut problems);
+        if problems.has_errors() {
+            return Err(refused(problems));
+        }
+        let (model, rate) = (&opened.model, mission.sensors.rate_hz);
+        let numerical = |code, what: String, hint: &str| {
+            (Exit::Numerical, Problems(vec![Problem::error(Area::Config, code, what).in_file(file).hint(hint)]))
+        };
+        let trace = fly(model, &Params::nominal(model), given.motion.as_ref(), rate, self.hold)
+            .map_err(|e| numerical("Sim::Failed", e.to_string(), "excite less, or check the parameters"))?;
+        let sensors = suite(&mission.sensors);
+        let noise = self.seed.map(|s| (&sensors, s));
+        let bytes = csv(model, &trace, rate, noise)
+            .map_err(|e| numerical("Sim::NotFinite", e.to_string(), "please report this"))?;
+        atomic::write(self.out, &bytes).map_err(|e| io(&e))?;
+        let sha256 = Entry::of(self.out, "").map_err(|e| io(&e))?.sha256;
+        let summary = Summary {
+            file: self.out.to_owned(),
+            sha256,
+            samples: trace.len(),
+            rate_hz: rate,
+            seconds: (trace.len() - 1) as f64 / rate,
+            seed: self.seed,
+        };
+        Ok((summary, problems))
+    }
+}

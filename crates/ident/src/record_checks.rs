@@ -1,0 +1,167 @@
+//! What a single channel shows by itself: a sensor at the end of its range, readings that jump out and back.
+
+use ff_model::{Area, Problem, Problems};
+
+/// Equal extreme samples in a row that make a plateau (row D17).
+const PLATEAU: usize = 3;
+/// Largest part of a record on plateaus.
+const SATURATED: f64 = 0.01;
+/// Second differences beyond this many times their median are looked at as spikes (row D19).
+const SPIKE: f64 = 8.0;
+/// Most differences that a median is taken of: a long record need not be sorted whole.
+const SAMPLED: usize = 20_000;
+/// How far the neighbours of a spike may be from minus half of it.
+const SHAPE: f64 = 0.35;
+
+/// Rows D17 and D19.
+pub(crate) fn channel(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
+    // Statistics of a few samples say nothing.
+    if x.len() < 50 {
+        return;
+    }
+    saturated(name, x, dt, bad);
+    spikes(name, x, dt, bad);
+}
+
+/// Median of what an iterator gives, or of every k-th of it for a long channel; zero without numbers.
+fn median(count: usize, value: impl Fn(usize) -> f64, keep: impl Fn(f64) -> bool) -> f64 {
+    let stride = count.div_ceil(SAMPLED).max(1);
+    let mut v: Vec<f64> = (0..count).step_by(stride).map(value).filter(|x| keep(*x)).collect();
+    if v.is_empty() {
+        return 0.0;
+    }
+    let mid = v.len() / 2;
+    *v.select_nth_unstable_by(mid, f64::total_cmp).1
+}
+
+/// Runs of the largest or smallest value that are entered or left with a step: what a limit does to a signal. The top of a
+/// smooth or coarsely quantised signal is entered by the smallest of steps.
+fn saturated(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
+    let (lo, hi) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
+    // Nearly every channel ends here: it has no plateau.
+    if !x.windows(PLATEAU).any(|w| w[0] == w[1] && w[1] == w[2] && (w[0] == lo || w[0] == hi)) {
+        return;
+    }
+    let step = |i: usize| (x[i + 1] - x[i]).abs();
+    let least = (0..x.len() - 1).map(step).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+    if !least.is_finite() {
+        return;
+    }
+    let usual = median(x.len() - 1, step, |s| s > 0.0);
+    let sharp = (0.25 * usual).max(2.0 * least);
+    let (mut count, mut first, mut at) = (0, 0, 0.0);
+    let mut start = 0;
+    for i in 1..=x.len() {
+        if i < x.len() && x[i] == x[start] {
+            continue;
+        }
+        let extreme = x[start] == lo || x[start] == hi;
+        // A signal that begins or ends at rest enters its plateau from nowhere.
+        let entered = start > 0 && (x[start] - x[start - 1]).abs() >= sharp;
+        let left = i < x.len() && (x[i] - x[start]).abs() >= sharp;
+        if extreme && i - start >= PLATEAU && (entered || left) {
+            if count == 0 {
+                (first, at) = (start, x[start]);
+            }
+            count += i - start;
+        }
+        start = i;
+    }
+    if count == 0 {
+        return;
+    }
+    let share = count as f64 / x.len() as f64;
+    let t = first as f64 * dt;
+    let what = format!(
+        "{count} samples ({:.2} %, limit {:.0} %) stand at the end of the range, the first at {t:.3} s with {at}",
+        100.0 * share,
+        100.0 * SATURATED
+    );
+    let make = if share > SATURATED { Problem::error } else { Problem::warning };
+    let hint = "excite less, widen the range of the sensor, or cut this part out; to go on, --allow saturated";
+    bad.push(make(Area::Data, "Data::Saturated", what).on(name).hint(hint));
+}
+
+/// A single sample that leaves its neighbours and comes back: its second differences are `s, -2 s, s`.
+fn spikes(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
+    let second = |i: usize| x[i] - 2.0 * x[i + 1] + x[i + 2];
+    let all = x.len() - 2;
+    let limit = SPIKE * median(all, |i| second(i).abs(), |_| true);
+    // Nothing to compare with where most samples lie on straight lines.
+    if limit <= 0.0 {
+        return;
+    }
+    let near = |a: f64, b: f64| (a + 0.5 * b).abs() <= SHAPE * 0.5 * b.abs();
+    let (mut count, mut first) = (0, 0);
+    for i in 1..all - 1 {
+        let s = second(i);
+        if s.abs() > 2.0 * limit && near(second(i - 1), s) && near(second(i + 1), s) {
+            if count == 0 {
+                first = i;
+            }
+            count += 1;
+        }
+    }
+    if count == 0 {
+        return;
+    }
+    let what = format!(
+        "{} single samples jump by more than {SPIKE} times what is usual (limit {:.3e}), the first at {:.3} s: {}",
+        count,
+        limit,
+        (first + 1) as f64 * dt,
+        x[first + 1]
+    );
+    let p = Problem::warning(Area::Data, "Data::Spikes", what).on(name);
+    bad.push(p.hint("nothing was removed; look at the recorder, or use a robust loss"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(k: usize) -> f64 {
+        let a = (k as f64 * 12.9898 + 4.1).sin() * 43758.5453;
+        2.0 * (a - a.floor()) - 1.0
+    }
+    fn found(x: &[f64]) -> Problems {
+        let mut bad = Problems::default();
+        channel("tau.a", x, 0.01, &mut bad);
+        bad
+    }
+
+    #[test]
+    fn d17_a_clipped_sensor_is_told_from_a_signal_at_rest() {
+        let wave: Vec<f64> = (0..1000).map(|k| 3.0 * (0.021 * k as f64 + 0.3).sin() + 0.02 * noise(k)).collect();
+        assert!(found(&wave).0.is_empty(), "{}", found(&wave));
+        let clipped: Vec<f64> = wave.iter().map(|x| x.clamp(-9.0, 2.5)).collect();
+        let p = found(&clipped);
+        assert!(p.has("Data::Saturated") && p.has_errors() && p.to_string().contains("tau.a"), "{p}");
+        // Less than a hundredth of the record: let through, and said.
+        let mut few = wave.clone();
+        few[203..208].fill(7.0);
+        let p = found(&few);
+        assert!(p.has("Data::Saturated") && !p.has_errors(), "{p}");
+        // Quantised coarsely, and at rest for a while at its smallest value.
+        let quantised: Vec<f64> = (0..1000).map(|k| (30.0 * (0.013 * k as f64).sin()).round() / 10.0).collect();
+        assert!(found(&quantised).0.is_empty(), "{}", found(&quantised));
+        let rest: Vec<f64> = (0..1000)
+            .map(|k| {
+                let s = (k as f64 / 1000.0 - 0.3).max(0.0);
+                5.0 * s.powi(3)
+            })
+            .collect();
+        assert!(found(&rest).0.is_empty(), "{}", found(&rest));
+    }
+
+    #[test]
+    fn d19_a_spike_is_reported_a_step_is_not() {
+        let wave: Vec<f64> = (0..1000).map(|k| 3.0 * (0.021 * k as f64 + 0.3).sin() + 0.02 * noise(k)).collect();
+        let mut spiked = wave.clone();
+        spiked[431] += 1.3;
+        let p = found(&spiked);
+        assert!(p.has("Data::Spikes") && !p.has_errors() && p.to_string().contains("4.310 s"), "{p}");
+        let step: Vec<f64> = wave.iter().enumerate().map(|(k, x)| x + if k > 500 { 1.3 } else { 0.0 }).collect();
+        assert!(!found(&step).has("Data::Spikes"), "{}", found(&step));
+    }
+}

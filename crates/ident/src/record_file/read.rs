@@ -1,0 +1,552 @@
+//! One pass over a file: lines, cells, numbers, samples. Memory beside the samples is one buffer and one line.
+
+use super::columns::{GROUPS, Group, Target, targets};
+use super::{JointColumn, data, number};
+use crate::record::Record;
+use crate::record_builder::RecordBuilder;
+use ff_model::{Area, Problem, Problems, Severity, clip};
+use nalgebra::DMatrix;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::Path;
+
+/// Size of the buffer (bytes).
+const BUFFER: usize = 1 << 20;
+/// Longest line (bytes): no record has thousands of channels.
+const MAX_LINE: u64 = 1 << 20;
+/// Most problems of one kind listed one by one.
+const LISTED: usize = 5;
+/// Largest error of a time stamp from its own digits (s).
+const RESOLUTION: f64 = 1e-6;
+
+/// What is read, and what is put up with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadOptions {
+    /// Most samples.
+    pub max_rows: usize,
+    /// Longest file (bytes).
+    pub max_bytes: u64,
+    /// Columns to leave out, by name (without unit) or as the header has them.
+    pub ignore: Vec<String>,
+    /// Leave out rows with cells that are not finite; the rows left make a gap.
+    pub drop_gaps: bool,
+    /// Leave out a row that repeats the one before, time stamp included.
+    pub drop_repeated: bool,
+    /// Interpolate jittered or missing samples ([`RecordBuilder::resample`]).
+    pub resample: bool,
+    /// Fewest samples ([`RecordBuilder::need_samples`]).
+    pub need_samples: usize,
+    /// Codes of errors to report as warnings, such as `Data::Stuck`.
+    pub allow: Vec<String>,
+}
+
+impl Default for ReadOptions {
+    /// Four million rows (eleven hours at 100 Hz), 16 GiB; nothing is dropped or repaired.
+    fn default() -> Self {
+        Self {
+            max_rows: 4_000_000,
+            max_bytes: 16 << 30,
+            ignore: Vec::new(),
+            drop_gaps: false,
+            drop_repeated: false,
+            resample: false,
+            need_samples: 2,
+            allow: Vec::new(),
+        }
+    }
+}
+
+/// A record with what is to be said about it.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The samples, on a uniform clock.
+    pub record: Record,
+    /// What was let through.
+    pub warnings: Problems,
+    /// Bytes read.
+    pub bytes: u64,
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// All of [`read_from`], with the file; `Io::Read`.
+pub fn read(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Result<Loaded, Problems> {
+    let io = |e: &io::Error| {
+        let p = Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"));
+        Problems(vec![p.in_file(path).hint("check the path and its permissions")])
+    };
+    let file = File::open(path).map_err(|e| io(&e))?;
+    let meta = file.metadata().map_err(|e| io(&e))?;
+    let named = |mut p: Problems| {
+        p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.to_path_buf()));
+        p
+    };
+    if meta.is_dir() {
+        return Err(io(&io::Error::new(io::ErrorKind::IsADirectory, "is a folder")));
+    }
+    if meta.is_file() && meta.len() > options.max_bytes {
+        return Err(named(Problems(vec![too_long(meta.len(), options.max_bytes)])));
+    }
+    let mut loaded = read_from(BufReader::with_capacity(BUFFER, file), joints, options).map_err(named)?;
+    loaded.warnings = named(loaded.warnings);
+    Ok(loaded)
+}
+
+fn too_long(bytes: u64, limit: u64) -> Problem {
+    data("Data::TooLarge", format!("{bytes} bytes, limit {limit} bytes")).hint("cut the record, or raise --max-bytes")
+}
+
+/// Reads CSV text for the joints of a robot, whose order the record takes.
+///
+/// # Errors
+/// Every problem of the header at once, or the first ones of the data, with line and column: `Data::NoSamples` (D01),
+/// `Data::NotFinite` and `Data::BadNumber` (D03), `Data::RowLength` (D04), `Data::MaybeTruncated` (D05),
+/// `Data::Separator` (D06), `Data::Columns` (D07), `Data::UnitMissing` and `Data::UnknownUnit` (D08),
+/// `Data::NonMonotone` (D11), `Data::TimeScale` (D12), `Data::TooLarge` (D34), `Data::NameMismatch` (D37),
+/// `Data::NotUtf8`, and those of [`RecordBuilder::build`].
+pub fn read_from(input: impl BufRead, joints: &[JointColumn], options: &ReadOptions) -> Result<Loaded, Problems> {
+    let mut bad = Problems::default();
+    let mut lines = Lines { input, line: Vec::new(), number: 0, bytes: 0, ended: true };
+    let parsed = head(&mut lines, joints, options, &mut bad)
+        .and_then(|targets| body(&mut lines, &targets, joints, options, &mut bad));
+    for p in &mut bad.0 {
+        if options.allow.iter().any(|a| a == p.code) {
+            p.severity = Severity::Warning;
+        }
+    }
+    let (builder, t0) = match parsed {
+        Some(p) if !bad.has_errors() => p,
+        _ => return bad.finish(None).map(|(x, _)| x),
+    };
+    let builder = options.allow.iter().fold(builder, |b, a| b.allow(a));
+    match builder.need_samples(options.need_samples).resample(options.resample).build() {
+        Ok((mut record, warnings)) => {
+            record.t0 += t0;
+            bad.extend(warnings);
+            Ok(Loaded { record, warnings: bad, bytes: lines.bytes })
+        }
+        Err(problems) => {
+            bad.extend(problems);
+            Err(bad)
+        }
+    }
+}
+
+/// Lines of a file, each in the same buffer.
+struct Lines<R> {
+    input: R,
+    line: Vec<u8>,
+    /// Number of the line in `line`, from 1.
+    number: usize,
+    bytes: u64,
+    /// Whether the line ended with a newline.
+    ended: bool,
+}
+
+impl<R: BufRead> Lines<R> {
+    /// Reads the next line, its end removed; false at the end of the file.
+    fn next(&mut self) -> Result<bool, Box<Problem>> {
+        self.line.clear();
+        let n = (&mut self.input).take(MAX_LINE).read_until(b'\n', &mut self.line).map_err(|e| {
+            Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"))
+                .at_line(self.number + 1)
+                .hint("check the disk")
+        });
+        let n = n.map_err(Box::new)?;
+        if n == 0 {
+            return Ok(false);
+        }
+        self.number += 1;
+        self.bytes += n as u64;
+        self.ended = self.line.last() == Some(&b'\n');
+        if self.ended {
+            self.line.pop();
+        } else if n as u64 == MAX_LINE {
+            let what = format!("a line of more than {MAX_LINE} bytes");
+            return Err(Box::new(data("Data::TooLarge", what).at_line(self.number).hint("is this a CSV file?")));
+        }
+        if self.line.last() == Some(&b'\r') {
+            self.line.pop();
+        }
+        Ok(true)
+    }
+}
+
+/// Cells of a line by the rules of CSV, quotes included.
+fn cells(line: &[u8]) -> Option<csv::ByteRecord> {
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).flexible(true).from_reader(line);
+    let mut record = csv::ByteRecord::new();
+    reader.read_byte_record(&mut record).ok()?.then_some(record)
+}
+
+fn head(
+    lines: &mut Lines<impl BufRead>,
+    joints: &[JointColumn],
+    options: &ReadOptions,
+    bad: &mut Problems,
+) -> Option<Vec<Target>> {
+    match lines.next() {
+        Err(p) => {
+            bad.push(*p);
+            return None;
+        }
+        Ok(more) => {
+            if lines.line.starts_with(&[0xef, 0xbb, 0xbf]) {
+                lines.line.drain(..3);
+            }
+            if !more || lines.line.trim_ascii().is_empty() {
+                let what = if more { "there is no line of column names" } else { "the file is empty" };
+                bad.push(data("Data::NoSamples", what).at_line(1).hint("begin with time[s],q.<joint>[rad],..."));
+                return None;
+            }
+        }
+    }
+    if let Err(e) = core::str::from_utf8(&lines.line) {
+        let what = format!("byte {} is not UTF-8", e.valid_up_to());
+        bad.push(data("Data::NotUtf8", what).at(1, e.valid_up_to() + 1).hint("save the file as UTF-8"));
+        return None;
+    }
+    let Some(record) = cells(&lines.line) else {
+        bad.push(data("Data::Syntax", "the line of names is not CSV").at_line(1).hint("mend its quotes"));
+        return None;
+    };
+    let names: Vec<String> = record.iter().map(|c| String::from_utf8_lossy(c).trim().to_owned()).collect();
+    if names.len() == 1 {
+        let guess = [(';', "semicolons"), ('\t', "tabs"), ('|', "bars"), (' ', "blanks")];
+        let what = match guess.into_iter().find(|(c, _)| names[0].contains(*c)) {
+            Some((_, name)) => format!("columns seem to be separated by {name}, must be commas"),
+            None => "there is only one column".to_owned(),
+        };
+        let hint = "separate columns by commas, and write numbers with a decimal point";
+        bad.push(data("Data::Separator", what).at_line(1).hint(hint));
+        return None;
+    }
+    targets(&names, joints, &options.ignore, bad)
+}
+
+/// Time stamps: whole numbers are counted from the first one before they become floating-point numbers.
+struct Clock {
+    whole: Option<i64>,
+    scale: (f64, f64),
+    origin: f64,
+    stamps: Vec<f64>,
+}
+
+impl Clock {
+    /// Seconds of a cell, relative to the origin.
+    fn read(&mut self, cell: &[u8]) -> Option<f64> {
+        let to_si = |x: f64| x * self.scale.0 / self.scale.1;
+        if self.stamps.is_empty() {
+            // Small whole numbers are exact either way, and the others may have a fraction.
+            self.whole = number::whole(cell).filter(|w| w.unsigned_abs() > 1 << 50);
+            if let Some(w) = self.whole {
+                self.origin = to_si(w as f64);
+                return Some(0.0);
+            }
+        }
+        if let (Some(first), Some(w)) = (self.whole, number::whole(cell)) {
+            return Some(to_si(w.checked_sub(first)? as f64));
+        }
+        Some(to_si(number::parse(cell)?) - self.origin)
+    }
+}
+
+/// Everything behind the header: the samples as a builder, and the origin of its clock.
+fn body(
+    lines: &mut Lines<impl BufRead>,
+    targets: &[Target],
+    joints: &[JointColumn],
+    options: &ReadOptions,
+    bad: &mut Problems,
+) -> Option<(RecordBuilder, f64)> {
+    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); targets.len()];
+    let mut row = vec![0.0; targets.len()];
+    let mut scale = (1.0, 1.0);
+    for t in targets {
+        if let Target::Time(u) = t {
+            scale = (u.mul, u.div);
+        }
+    }
+    let mut clock = Clock { whole: None, scale, origin: 0.0, stamps: Vec::new() };
+    let mut count = Count::default();
+    // Line of the first of a run of blank lines, which may only stand at the end.
+    let mut blank = None;
+    loop {
+        match lines.next() {
+            Ok(true) => {}
+            Ok(false) => break,
+            Err(p) => {
+                bad.push(*p);
+                return None;
+            }
+        }
+        if lines.bytes > options.max_bytes {
+            bad.push(too_long(lines.bytes, options.max_bytes).at_line(lines.number));
+            return None;
+        }
+        if lines.line.trim_ascii().is_empty() {
+            blank.get_or_insert(lines.number);
+            continue;
+        }
+        if let Some(line) = blank {
+            bad.push(data("Data::RowLength", "a blank line between samples").at_line(line).hint("remove it"));
+            return None;
+        }
+        if clock.stamps.len() == options.max_rows {
+            let what = format!("more than {} rows", options.max_rows);
+            let hint = "cut the record, or raise --max-rows";
+            bad.push(data("Data::TooLarge", what).at_line(lines.number).hint(hint));
+            return None;
+        }
+        let time = match fill(&lines.line, lines.number, targets, &mut row, &mut clock) {
+            Ok(t) => t,
+            Err(problems) if options.drop_gaps && problems.0.iter().all(|p| p.code == "Data::NotFinite") => {
+                count.dropped += 1;
+                count.first_dropped.get_or_insert(lines.number);
+                continue;
+            }
+            Err(problems) => {
+                let stop = problems.0.iter().any(|p| p.code == "Data::RowLength");
+                for p in problems.0 {
+                    count.bad_cells += 1;
+                    if count.bad_cells <= LISTED {
+                        bad.push(p);
+                    }
+                }
+                if stop {
+                    break;
+                }
+                continue;
+            }
+        };
+        if let Some(&last) = clock.stamps.last() {
+            let same = || {
+                columns
+                    .iter()
+                    .zip(&row)
+                    .zip(targets)
+                    .all(|((c, x), t)| !matches!(t, Target::Channel(..)) || c.last() == Some(x))
+            };
+            if options.drop_repeated && time == last && same() {
+                count.repeated += 1;
+                continue;
+            }
+            if time <= last {
+                count.backward += 1;
+                if count.backward <= LISTED {
+                    let what = format!(
+                        "data row {}: time goes from {} to {} s",
+                        clock.stamps.len() + 1,
+                        last + clock.origin,
+                        time + clock.origin
+                    );
+                    let hint = "sort the rows; --drop-repeated leaves out rows that repeat the one before";
+                    bad.push(data("Data::NonMonotone", what).at_line(lines.number).on("time").hint(hint));
+                }
+            }
+        }
+        clock.stamps.push(time);
+        for ((c, &x), t) in columns.iter_mut().zip(&row).zip(targets) {
+            if matches!(t, Target::Channel(..)) {
+                c.push(x);
+            }
+        }
+    }
+    if !lines.ended {
+        let what = "the last line does not end: the file may be cut short, and its last number with it";
+        let hint = "write the file again, or end the line if it is whole";
+        bad.push(data("Data::MaybeTruncated", what).at_line(lines.number).hint(hint));
+    }
+    count.report(bad);
+    if clock.stamps.is_empty() {
+        if !bad.has_errors() {
+            let what = "there are column names, but no samples";
+            bad.push(data("Data::NoSamples", what).at_line(lines.number).hint("check that recording had started"));
+        }
+        return None;
+    }
+    resolution(&clock, bad);
+    Some((builder(columns, targets, joints, &clock), clock.origin))
+}
+
+/// What is counted along the way.
+#[derive(Default)]
+struct Count {
+    bad_cells: usize,
+    backward: usize,
+    repeated: usize,
+    dropped: usize,
+    first_dropped: Option<usize>,
+}
+
+impl Count {
+    fn report(&self, bad: &mut Problems) {
+        let more = |n: usize, code, what: &str, bad: &mut Problems| {
+            if n > LISTED {
+                bad.push(
+                    data(code, format!("{} {what} more like these", n - LISTED))
+                        .hint("mend the program that wrote them"),
+                );
+            }
+        };
+        more(self.bad_cells, "Data::NotFinite", "cells", bad);
+        more(self.backward, "Data::NonMonotone", "rows", bad);
+        let warn = |code, what: String| Problem::warning(Area::Data, code, what);
+        if let Some(line) = self.first_dropped {
+            let what = format!("{} rows with cells that are not finite left out, the first here", self.dropped);
+            bad.push(warn("Data::Dropped", what).at_line(line).hint("see why the recorder had no numbers"));
+        }
+        if self.repeated > 0 {
+            let what = format!("{} rows that repeat the one before left out", self.repeated);
+            bad.push(warn("Data::Dropped", what).hint("see why the recorder wrote them twice"));
+        }
+    }
+}
+
+/// Reads the cells of a line into `row`; the time comes back by itself.
+fn fill(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: &mut Clock) -> Result<f64, Problems> {
+    let mut problems = Problems::default();
+    let mut time = 0.0;
+    let mut k = 0;
+    let mut start = 0;
+    // The fast way: no quotes, so that a comma is a comma; a plain number ends where its digits do.
+    loop {
+        let rest = &line[start..];
+        let (value, len) = match number::leading(rest) {
+            Some(found) => found,
+            None => (None, rest.iter().position(|&b| b == b',').unwrap_or(rest.len())),
+        };
+        match (value, targets.get(k), row.get_mut(k)) {
+            (Some(x), Some(Target::Channel(_, _, u)), Some(to)) => *to = u.to_si(x),
+            (_, Some(target), to) => {
+                one(&rest[..len], target, (number, start + 1), to, clock, &mut time, &mut problems);
+            }
+            _ => {}
+        }
+        k += 1;
+        if len == rest.len() {
+            break;
+        }
+        start += len + 1;
+    }
+    if (k != targets.len() || !problems.0.is_empty()) && line.contains(&b'"') {
+        return quoted(line, number, targets, row, clock);
+    }
+    length(k, targets.len(), number, line)?;
+    if problems.0.is_empty() { Ok(time) } else { Err(problems) }
+}
+
+/// The same with quotes, which only few programs put around numbers.
+fn quoted(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: &mut Clock) -> Result<f64, Problems> {
+    let record = cells(line).unwrap_or_default();
+    length(record.len(), targets.len(), number, line)?;
+    let (mut time, mut problems) = (0.0, Problems::default());
+    for (k, (cell, target)) in record.iter().zip(targets).enumerate() {
+        one(cell, target, (number, 1), row.get_mut(k), clock, &mut time, &mut problems);
+    }
+    if problems.0.is_empty() { Ok(time) } else { Err(problems) }
+}
+
+fn length(got: usize, want: usize, number: usize, line: &[u8]) -> Result<(), Problems> {
+    if got == want {
+        return Ok(());
+    }
+    let what = format!("{got} cells, the line of names has {want}");
+    let hint = if line.contains(&b';') || got > want {
+        "separate cells by commas and write numbers with a decimal point, not a comma"
+    } else {
+        "the line may be cut short; write the file again"
+    };
+    Err(Problems(vec![data("Data::RowLength", what).at_line(number).hint(hint)]))
+}
+
+/// One cell. `place` is line and column in characters of ASCII, which numbers are.
+fn one(
+    cell: &[u8],
+    target: &Target,
+    place: (usize, usize),
+    to: Option<&mut f64>,
+    clock: &mut Clock,
+    time: &mut f64,
+    problems: &mut Problems,
+) {
+    let (name, x) = match target {
+        Target::Ignored => return,
+        Target::Time(_) => ("time", clock.read(cell)),
+        Target::Channel(g, _, u) => (g.prefix(), number::parse(cell).map(|x| u.to_si(x))),
+    };
+    let shown = || clip(&String::from_utf8_lossy(cell));
+    let p = match x {
+        Some(x) if x.is_finite() => {
+            match target {
+                Target::Time(_) => *time = x,
+                _ => _ = to.map(|t| *t = x),
+            }
+            return;
+        }
+        // What a missing value looks like in the files of many programs.
+        None if cell.trim_ascii().is_empty() => data("Data::NotFinite", "an empty cell".to_owned()),
+        Some(_) => data("Data::NotFinite", format!("'{}' is not finite", shown())),
+        None => data("Data::BadNumber", format!("'{}' is not a number", shown())),
+    };
+    let hint = match p.code {
+        "Data::NotFinite" => "repair or cut out these samples, or leave such rows out with --gaps drop",
+        _ => "write numbers with a decimal point and nothing else",
+    };
+    let channel = match target {
+        Target::Channel(_, k, _) => format!("{name}, channel {}", k + 1),
+        _ => name.to_owned(),
+    };
+    problems.push(p.at(place.0, place.1).on(channel).hint(hint));
+}
+
+/// Row D12: stamps of an epoch as floating-point numbers lose digits.
+fn resolution(clock: &Clock, bad: &mut Problems) {
+    if clock.whole.is_some() {
+        return;
+    }
+    let first = clock.stamps[0] + clock.origin;
+    let last = clock.stamps[clock.stamps.len() - 1];
+    let lost = first.abs() * f64::EPSILON;
+    if lost > RESOLUTION {
+        let dt = (last - clock.stamps[0]) / (clock.stamps.len().max(2) - 1) as f64;
+        let what = format!("stamps near {first} s are known to {lost:.1e} s, samples are {dt:.3e} s apart");
+        let hint = "count time from the start of the record, or write whole numbers of ns";
+        bad.push(data("Data::TimeScale", what).on("time").hint(hint));
+    }
+}
+
+fn builder(mut columns: Vec<Vec<f64>>, targets: &[Target], joints: &[JointColumn], clock: &Clock) -> RecordBuilder {
+    let rows = clock.stamps.len();
+    let mut b = RecordBuilder::new(joints.iter().map(|j| j.name.clone())).stamps(clock.stamps.clone());
+    for g in GROUPS {
+        let width = g.channels(joints).len();
+        let mut all = Vec::new();
+        for k in 0..width {
+            let found = targets.iter().position(|t| matches!(t, Target::Channel(g2, k2, _) if (*g2, *k2) == (g, k)));
+            let Some(c) = found else { continue };
+            if width == 1 {
+                all = std::mem::take(&mut columns[c]);
+            } else {
+                all.reserve_exact(if all.is_empty() { rows * width } else { 0 });
+                // Freed one by one, so that a record is never held twice.
+                all.append(&mut std::mem::take(&mut columns[c]));
+            }
+        }
+        if all.len() != rows * width || width == 0 {
+            continue;
+        }
+        let m = DMatrix::from_vec(rows, width, all);
+        b = match g {
+            Group::Q => b.q(m),
+            Group::Dq => b.qd(m),
+            Group::Ddq => b.qdd(m),
+            Group::Tau => b.tau(m),
+            Group::Gyro => b.gyro(m),
+            Group::Acc => b.acc(m),
+            Group::Att => b.att(m),
+        };
+    }
+    b
+}
