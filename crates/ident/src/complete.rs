@@ -16,6 +16,7 @@
 //! (`docs/theory/linear-estimators.md`).
 
 use crate::joint_motion::joint_motion;
+use crate::linalg;
 use crate::linear::{self, LinearError, LinearEstimate, Task, Weights};
 use crate::motion_fit::{JointSamples, MotionFit, choose_knots};
 use crate::rda::SetupError;
@@ -99,6 +100,40 @@ impl Complete {
         // The accelerometer already contains gravity.
         let model = model.clone().with_gravity(Vector3::zeros());
         Ok(Self { model, q, v, a, measured, weights: options.weights.clone() })
+    }
+    /// From instants instead of a record: motion and generalised forces need not follow each other in time. `q` is N x n,
+    /// `v` (base twist, joint rates), `a` (its componentwise rate) and `forces` (wrench on the base, joint torques) are
+    /// N x (6 + n); weights as in [`CompleteOptions::weights`]. Gravity of the model plays no part: add it to `a`.
+    ///
+    /// # Errors
+    /// [`LinearError::Base`], [`LinearError::Setup`], [`LinearError::Shape`], [`LinearError::Linalg`] for non-finite numbers.
+    pub fn of_instants(
+        model: &Model,
+        q: DMatrix<f64>,
+        v: DMatrix<f64>,
+        a: DMatrix<f64>,
+        forces: DMatrix<f64>,
+        weights: Weights,
+    ) -> Result<Self, LinearError> {
+        if model.base_kind() != BaseKind::Floating {
+            let hint = "use the ground calibration for a fixed base";
+            return Err(LinearError::Base { estimator: NAME, needed: "floating", hint });
+        }
+        if model.np() > 0 {
+            return Err(SetupError::NotRigid(model.np()).into());
+        }
+        let (n, nv) = (q.nrows(), model.nv());
+        for (what, m, width) in [("q", &q, model.nj()), ("v", &v, nv), ("a", &a, nv), ("forces", &forces, nv)] {
+            if m.shape() != (n, width) || n == 0 {
+                let (rows, columns) = m.shape();
+                return Err(LinearError::Shape(format!(
+                    "{what} is {rows} x {columns}, must be {n} x {width}, n above 0"
+                )));
+            }
+            linalg::check_finite(what, m)?;
+        }
+        let model = model.clone().with_gravity(Vector3::zeros());
+        Ok(Self { model, q, v, a, measured: forces, weights })
     }
     /// Estimates the parameters `selected` (ascending indices of [`Model::param_decls`]); the others keep their value in
     /// `start`, and so does what the data cannot tell. Allocates; memory does not grow with the record beyond its motion.

@@ -204,16 +204,17 @@ pub(crate) fn solve(task: &Task<'_>, kinds: &[Triangle]) -> Result<LinearEstimat
         // Before anything is known of them, errors are taken in proportion to what the rows hold.
         Weights::FromResiduals(k) => (kinds.iter().map(|t| t.scale(&sizes).max(f64::MIN_POSITIVE)).collect(), *k),
     };
-    let mut solution = pseudo_solve(&merge(n, kinds, &sigma)?, &sizes, &x0)?;
+    let mut equations = merge(n, kinds, &sigma)?;
+    let mut solution = pseudo_solve(&equations, &sizes, &x0)?;
     for _ in 0..steps {
         let share = solution.rank as f64 / rows as f64;
         for ((s, t), floor) in sigma.iter_mut().zip(kinds).zip(&floors) {
             let dof = (t.rows as f64 * (1.0 - share)).max(1.0);
             *s = (t.cost(&solution.x) / dof).sqrt().max(*floor).max(f64::MIN_POSITIVE);
         }
-        solution = pseudo_solve(&merge(n, kinds, &sigma)?, &sizes, &x0)?;
+        equations = merge(n, kinds, &sigma)?;
+        solution = pseudo_solve(&equations, &sizes, &x0)?;
     }
-    let equations = merge(n, kinds, &sigma)?;
     let uncertainty = analyse(&equations.r, &unknowns, RANK_TOLERANCE)?;
     let x = solution.x;
     let chi2: f64 = kinds.iter().zip(&sigma).map(|(t, s)| t.cost(&x) / (s * s)).sum();
