@@ -71,11 +71,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     outcomes.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
     let middle = &outcomes[outcomes.len() / 2];
-    if peers {
-        ensure!(middle.error < PEERS_ERROR, "largest scaled error {:.1e}, the peers reach 2.5e-7", middle.error);
-    } else {
-        ensure!(middle.error < 6.0, "a direction is {:.1} standard deviations off", middle.error);
-    }
     let line = Line {
         peer: "ffid",
         task: if peers {
@@ -93,6 +88,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         max_rel_param_err: middle.error,
     };
     println!("{}", serde_json::to_string(&line)?);
+    if peers {
+        ensure!(middle.error < PEERS_ERROR, "largest scaled error {:.1e}, the peers reach 2.5e-7", middle.error);
+    } else {
+        ensure!(middle.error < 6.0, "a direction is {:.1} standard deviations off", middle.error);
+    }
     Ok(())
 }
 
@@ -146,8 +146,9 @@ fn fifteen(model: &Model, record: &Record, start: f64) -> anyhow::Result<Outcome
     let selected: Vec<usize> = (0..10).chain(short.len() - 5..short.len()).collect();
     selected.iter().zip(&x).for_each(|(&i, &v)| values[i] = v);
     let oe = OutputError::new(model, record, &Options { substeps: 1, ..Options::new(NOISE) })?;
+    // The peers do not keep panels physical on the way either.
     let request = Request { settings: settings(), ..Request::new(&short, &selected, &values) };
-    let e = estimate(&request, &mut Tied::new(oe, map))?;
+    let e = estimate(&request, &mut Tied::new(oe, map).unchecked())?;
     let seconds = from.elapsed().as_secs_f64();
     let errors = e.parameters.iter().zip(&truth).zip(SCALE).map(|((p, t), s)| ((p.value - t) / s).abs());
     Ok(Outcome {
@@ -166,8 +167,7 @@ fn all(model: &Model, record: &Record) -> anyhow::Result<Outcome> {
     let start = ident::start::offset_start(&decls, &truth, &selected, 0.2, 1);
     let from = Instant::now();
     let mut oe = OutputError::new(model, record, &Options { substeps: 1, ..Options::new(NOISE) })?;
-    let settings = Settings { decrement_tolerance: 1e-8, ..settings() };
-    let request = Request { prior_width: Some(0.3), settings, ..Request::new(&decls, &selected, &start) };
+    let request = Request { prior_width: Some(0.3), settings: settings(), ..Request::new(&decls, &selected, &start) };
     let e = estimate(&request, &mut oe)?;
     let seconds = from.elapsed().as_secs_f64();
     // Along each direction that the data know to a hundredth, so that the prior is nothing beside them.
@@ -188,7 +188,8 @@ fn all(model: &Model, record: &Record) -> anyhow::Result<Outcome> {
     })
 }
 
-/// The peers stop at a relative change of the cost of 1e-10.
+/// The peers stop at a relative change of the cost of 1e-10. Without noise the cost is 1e-13 of a residual of one standard
+/// deviation each, and its rounding hides less than 1e-8 of it.
 fn settings() -> Settings {
-    Settings { decrement_tolerance: 1e-10, ..Settings::default() }
+    Settings { decrement_tolerance: 1e-8, ..Settings::default() }
 }

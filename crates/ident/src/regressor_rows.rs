@@ -185,6 +185,9 @@ impl LaneTask for Fold<'_> {
                 }
             }
         }
+        for stream in &mut streams {
+            stream.flush();
+        }
         streams.into_iter().map(Stream::finish).collect()
     }
 }

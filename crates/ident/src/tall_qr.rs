@@ -13,7 +13,7 @@
 //! Triangles per kind also tell the residual of each kind, so that reweighting needs no second pass over the data.
 
 use crate::linalg::{self, LinalgError};
-use ff_model::lanes::{LaneScalar, Lanes};
+use ff_model::lanes::{Isa, LaneScalar, LaneTask, Lanes, dispatch};
 use nalgebra::{DMatrix, DVector};
 
 /// Rows folded at once: with the reflector they fill the registers of the widest lanes.
@@ -151,6 +151,49 @@ impl TallQr {
     }
 }
 
+/// Upper triangle of a tall matrix that is at hand, n x n for n columns: [`crate::linalg::qr_r`] of matrices much taller than
+/// wide comes here. Non-finite numbers must have been refused. Allocates.
+///
+/// # Errors
+/// [`LinalgError`] of the last, small factorisation.
+pub(crate) fn triangle_of(a: &DMatrix<f64>) -> Result<DMatrix<f64>, LinalgError> {
+    if a.ncols() == 0 {
+        return Ok(DMatrix::zeros(0, 0));
+    }
+    dispatch(Isa::detect(), Dense(a))
+}
+
+struct Dense<'a>(&'a DMatrix<f64>);
+
+impl LaneTask for Dense<'_> {
+    type Output = Result<DMatrix<f64>, LinalgError>;
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        let (m, n) = self.0.shape();
+        let mut stream = Stream::<L>::new(n - 1);
+        let whole = m - m % L::N;
+        let data = self.0.as_slice();
+        for first in (0..whole).step_by(L::N) {
+            for k in 0..n {
+                stream.put(k, L::load(&data[k * m + first..]));
+            }
+            stream.end_row();
+        }
+        if whole < m {
+            for k in 0..n {
+                let rest =
+                    core::array::from_fn::<f64, 8, _>(|lane| data.get(k * m + whole + lane).copied().unwrap_or(0.0));
+                let mut x = L::splat(0.0);
+                (0..m - whole).for_each(|lane| x.set_lane(lane, rest[lane]));
+                stream.put(k, x);
+            }
+            stream.end_row();
+        }
+        stream.flush();
+        stream.finish()
+    }
+}
+
 /// Rows of one kind, a stream per lane.
 pub(crate) struct Stream<L> {
     /// Columns and right-hand side.
@@ -184,18 +227,25 @@ impl<L: LaneScalar> Stream<L> {
             self.filled = 0;
         }
     }
-    /// The triangle of all lanes. Allocates.
-    ///
-    /// # Errors
-    /// [`LinalgError::NotFinite`].
-    pub(crate) fn finish(mut self) -> Result<DMatrix<f64>, LinalgError> {
-        let n = self.width;
+    /// Folds the rows that wait. Must come last, and from within the kernel: a fold that is not inlined there is slow.
+    #[inline(always)]
+    pub(crate) fn flush(&mut self) {
         if self.filled > 0 {
             for column in &mut self.waiting {
                 column[self.filled..].fill(L::splat(0.0));
             }
-            fold(n, &mut self.r, &mut self.sign, &mut self.waiting);
+            fold(self.width, &mut self.r, &mut self.sign, &mut self.waiting);
+            self.filled = 0;
         }
+    }
+    /// The triangle of all lanes. Allocates.
+    ///
+    /// # Errors
+    /// [`LinalgError::NotFinite`].
+    pub(crate) fn finish(self) -> Result<DMatrix<f64>, LinalgError> {
+        debug_assert!(self.filled == 0, "rows still wait");
+        let n = self.width;
+        // At most eight rows per column: `qr_r` factorises it in one piece.
         let mut all = DMatrix::zeros(n * L::N, n);
         for i in 0..n {
             for k in i..n {
@@ -251,7 +301,6 @@ fn fold<L: LaneScalar>(n: usize, r: &mut [L], sign: &mut [f64], c: &mut [[L; ROW
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use ff_model::lanes::{Isa, LaneTask, dispatch};
 
     const N: usize = 7;
     fn rows(count: usize) -> DMatrix<f64> {
@@ -285,6 +334,7 @@ mod tests {
                 }
                 s.end_row();
             }
+            s.flush();
             s.finish().unwrap()
         }
     }
@@ -309,6 +359,9 @@ mod tests {
                         same(&r, &got);
                     }
                 }
+            }
+            if count >= N {
+                same(&r, &triangle_of(&a).unwrap());
             }
             let mut plain = TallQr::new(N);
             plain.push(&a.rows(0, 3).into_owned()).unwrap();

@@ -348,8 +348,11 @@ impl TieMap {
         }
         Ok(out)
     }
-    /// The first body changed by a tie that is not physical.
-    fn inconsistent(&self, full: &[f64]) -> Option<&str> {
+    /// The first body changed by a tie that is not physical in a full parameter vector.
+    ///
+    /// # Panics
+    /// If the vector is shorter than the full one.
+    pub fn inconsistent(&self, full: &[f64]) -> Option<&str> {
         let bad = |i: usize| Inertia::from_params(&full[i..i + 10]).pseudo().cholesky().is_none();
         self.bodies.iter().find(|b| bad(b.0)).map(|b| b.1.as_str())
     }
@@ -360,13 +363,22 @@ pub struct Tied<E> {
     /// The estimator over the full one.
     pub inner: E,
     map: TieMap,
+    checked: bool,
     buffer: DMatrix<f64>,
 }
 
 impl<E: Estimator> Tied<E> {
     /// Puts the map before an estimator.
     pub fn new(inner: E, map: TieMap) -> Self {
-        Self { inner, map, buffer: DMatrix::zeros(0, 0) }
+        Self { inner, map, checked: true, buffer: DMatrix::zeros(0, 0) }
+    }
+    /// Lets the fit pass through values that no body has on its way. Where ties leave a body little room (its other numbers
+    /// known), the way from a start inside to an answer inside may lead outside, and a fit that is kept in stalls at the
+    /// boundary. Ask [`TieMap::inconsistent`] about the answer.
+    #[must_use]
+    pub fn unchecked(mut self) -> Self {
+        self.checked = false;
+        self
     }
     /// The map: its declarations are those to select from, and to give to [`crate::Request`].
     pub fn map(&self) -> &TieMap {
@@ -374,7 +386,7 @@ impl<E: Estimator> Tied<E> {
     }
     fn full(&self, short: &[f64]) -> Result<Vec<f64>, EvalError> {
         let full = self.map.expand(short)?;
-        match self.map.inconsistent(&full) {
+        match self.map.inconsistent(&full).filter(|_| self.checked) {
             Some(name) => Err(EvalError::Rejected(format!("{name} is not physical here"))),
             None => Ok(full),
         }
