@@ -131,7 +131,7 @@ impl<'a> Ground<'a> {
             NearRest::LeaveOut(band) => (rate.abs() > band).then(|| rate.signum()),
         }
     }
-    /// Factors of the friction terms of a joint, with the letter that names them.
+    /// Which of viscous, Coulomb and offset are estimated.
     fn terms(&self) -> impl Iterator<Item = usize> {
         let f = self.friction;
         [f.viscous, f.coulomb, f.offset].into_iter().enumerate().filter_map(|(k, on)| on.then_some(k))
@@ -206,8 +206,8 @@ impl<'a> Ground<'a> {
         places.zip(&fit.extra).for_each(|((j, k), e)| friction[j][k] = e.value);
         Ok(GroundEstimate { fit, friction, used })
     }
-    /// Torques (N x n) that parameters and friction predict for the motion of a record, and `NaN`-free residuals
-    /// `measured - predicted`, zero where a sample is left out. Allocates.
+    /// Torques (N x n) that parameters and friction predict for the motion of a record, and residuals `measured - predicted`,
+    /// zero where a sample is left out. Allocates.
     ///
     /// # Errors
     /// [`LinearError::Setup`], [`LinearError::Option`], [`LinearError::Shape`].
