@@ -8,7 +8,6 @@ use ffid::dynamics::{
 };
 use ffid::ident::lm::Settings;
 use ffid::ident::output_error::Options;
-use ffid::ident::prior::Priors;
 use ffid::ident::start::offset_start;
 use ffid::ident::{Noise, OutputError, RecordBuilder, Request, estimate};
 use ffid::model::leniency::Leniency;
@@ -186,13 +185,8 @@ fn a_parameter_of_every_kind_is_identified_from_one_record() {
     let noise = Noise { torque: 0.1, gyro: 1.5e-4 };
     let mut predict = OutputError::new(m, &record, &Options { substeps: 4, ..Options::new(noise) }).unwrap();
     let request = Request {
-        decls: &decls,
-        selected: &selected,
-        start: &from,
-        priors: Priors::default(),
-        prior_width: None,
-        anchor: None,
         settings: Settings { cost_floor: 1e-14, ..Settings::default() },
+        ..Request::new(&decls, &selected, &from)
     };
     let e = estimate(&request, &mut predict).unwrap();
     assert_eq!(e.parameters.len(), wanted.len());

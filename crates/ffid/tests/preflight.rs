@@ -7,7 +7,6 @@ use ffid::dynamics::motion::JointMotion;
 use ffid::dynamics::{Channel, SensorSuite, measure};
 use ffid::excitation::{Duration, End, PlanSpec, SplinePlan, check_for_all_time, random_plan};
 use ffid::ident::lm::Settings;
-use ffid::ident::prior::Priors;
 use ffid::ident::{Estimate, Noise, Options, OutputError, Rda, RecordBuilder, Request, estimate, selection};
 use ffid::model::Params;
 use ffid::open::{Opened, open};
@@ -63,14 +62,9 @@ fn fit(o: &Opened, v: &Preflight, patterns: &[&str], seed: u64) -> Estimate {
         Options { substeps: 8, gyro_bias: true, torque_bias: true, initial_state: true, ..Options::new(noise) };
     let selected = selection::select(&decls, patterns).unwrap();
     let request = Request {
-        decls: &decls,
-        selected: &selected,
-        start: params.values(),
-        priors: Priors::default(),
-        prior_width: None,
-        anchor: None,
         // A thousandth of a standard deviation: the last digits of flat valleys say nothing here.
         settings: Settings { decrement_tolerance: 1e-9, ..Settings::default() },
+        ..Request::new(&decls, &selected, params.values())
     };
     estimate(&request, &mut OutputError::new(model, &record, &options).unwrap()).unwrap()
 }
@@ -205,15 +199,7 @@ fn the_rigid_bias_is_that_of_a_rigid_fit() {
     let (decls, params) = (rigid.param_decls(), Params::nominal(&rigid));
     let selected: Vec<usize> = (0..10).collect();
     let noise = Noise { torque: v.sensing.torque_nm, gyro: v.sensing.gyro_rad_per_s };
-    let request = Request {
-        decls: &decls,
-        selected: &selected,
-        start: params.values(),
-        priors: Priors::default(),
-        prior_width: None,
-        anchor: None,
-        settings: Settings::default(),
-    };
+    let request = Request::new(&decls, &selected, params.values());
     let e = estimate(&request, &mut Rda::new(&rigid, &record, &noise).unwrap()).unwrap();
     assert!(e.status.is_converged());
     let largest = b.parameters.iter().filter_map(|p| p.relative_bias).map(f64::abs).fold(0.0, f64::max);

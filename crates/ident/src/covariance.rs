@@ -199,7 +199,7 @@ pub fn physical_jacobian(j: &DMatrix<f64>, p: &DMatrix<f64>) -> Result<DMatrix<f
 /// The same space, spanned by vectors that each own one parameter alone (reduced echelon form on the
 /// parameters that column pivoting finds), scaled to unit length: a direction then mixes few parameters,
 /// where singular vectors of a repeated zero are an arbitrary rotation.
-fn sparse_basis(v: &DMatrix<f64>) -> Result<DMatrix<f64>, LinalgError> {
+pub(crate) fn sparse_basis(v: &DMatrix<f64>) -> Result<DMatrix<f64>, LinalgError> {
     let k = v.ncols();
     let order = linalg::col_piv_qr(&v.transpose())?.order;
     let own = DMatrix::from_fn(k, k, |i, j| v[(order[i], j)]);
@@ -212,7 +212,7 @@ fn sparse_basis(v: &DMatrix<f64>) -> Result<DMatrix<f64>, LinalgError> {
     Ok(out)
 }
 
-fn name_direction(v: &[f64], singular_value: f64, unknowns: &[Unknown]) -> Direction {
+pub(crate) fn name_direction(v: &[f64], singular_value: f64, unknowns: &[Unknown]) -> Direction {
     let mut order: Vec<usize> = (0..v.len()).collect();
     order.sort_by(|&a, &b| v[b].abs().total_cmp(&v[a].abs()));
     let top = v[order[0]].abs();

@@ -9,8 +9,10 @@
 //! physical, the same fit of the flexible case creeps along curved valleys (`docs/decisions/0004-coordinates.md`).
 
 use crate::covariance::{Uncertainty, Unknown, analyse};
+use crate::fit::{Evaluated, Fit, Reference};
 use crate::linalg::LinalgError;
-use crate::lm::{self, Criterion, EvalError, LmError, Problem, Scale, Settings, Status};
+use crate::lm::{self, Criterion, EvalError, LmError, Scale, Settings, Status};
+use crate::loss::Loss;
 use crate::prior::Priors;
 use crate::scale;
 use crate::transform::{Transform, TransformError};
@@ -66,6 +68,8 @@ pub struct Request<'a> {
     /// others: a pull of this relative width that is re-centred at each estimate until it moves nothing
     /// (proximal point method). `None` leaves such directions to drift.
     pub anchor: Option<f64>,
+    /// What a residual costs. Priors and anchors are squares whatever is asked for here.
+    pub loss: Loss,
     /// When to stop.
     pub settings: Settings,
 }
@@ -80,6 +84,7 @@ impl<'a> Request<'a> {
             priors: Priors::default(),
             prior_width: None,
             anchor: None,
+            loss: Loss::Squares,
             settings: Settings::default(),
         }
     }
@@ -112,8 +117,11 @@ pub struct Estimate {
     /// How the fit ended.
     pub status: Status,
     /// Sum of squared whitened residuals of the data divided by the degrees of freedom; 1 when model and
-    /// noise figures are right.
+    /// noise figures are right. Without the loss: outliers count in full.
     pub chi2_per_dof: f64,
+    /// What was minimised: the loss of all residuals plus the squares of priors (not of anchors), twice the negative logarithm
+    /// of the posterior but for a constant.
+    pub objective: f64,
     /// What the data can tell: singular values, rank, null and weak directions. Priors are left out.
     pub data_only: Uncertainty,
     /// Covariance with priors included.
@@ -133,6 +141,12 @@ pub enum EstimateError {
     /// A prior or anchor with a width that is not positive and finite.
     #[error("prior or anchor width {0} must be positive and finite, such as 0.3 for 30 %")]
     Width(f64),
+    /// A loss whose parameter is not positive and finite.
+    #[error("parameter of the loss {0:?} must be positive and finite, such as 1.345 for Huber's and 4 for Student's")]
+    Loss(Loss),
+    /// There is no start.
+    #[error("no start was given; give at least one")]
+    NoStart,
     /// The minimisation failed.
     #[error(transparent)]
     Minimise(#[from] LmError),
@@ -150,145 +164,15 @@ const RADIUS: f64 = 0.5;
 /// Relative move below which it has no more to give.
 const ANCHOR_MOVED: f64 = 1e-10;
 
-/// A Gaussian pull towards reference values: residuals `(x - x0) / width` in the affine coordinates of bodies
-/// and the logarithms of positive parameters, so that `width` is a relative change of everything.
-struct Reference {
-    transform: Transform,
-    centre: Vec<f64>,
-    width: f64,
-}
-
-impl Reference {
-    fn new(decls: &[ParamDecl], selected: &[usize], values: &[f64], width: f64) -> Result<Self, EstimateError> {
-        if !(width > 0.0 && width.is_finite()) {
-            return Err(EstimateError::Width(width));
-        }
-        let transform = Transform::affine(decls, selected, values)?;
-        let centre = transform.coordinates(values)?;
-        Ok(Self { transform, centre, width })
-    }
-    fn coordinates(&self, full: &[f64]) -> Result<Vec<f64>, EvalError> {
-        self.transform.coordinates(full).map_err(|e| EvalError::Rejected(e.to_string()))
-    }
-    fn residuals(&self, full: &[f64]) -> Result<Vec<f64>, EvalError> {
-        Ok(self.coordinates(full)?.iter().zip(&self.centre).map(|(x, c)| (x - c) / self.width).collect())
-    }
-    /// With respect to the selected physical parameters, dim x dim.
-    fn jacobian(&self, full: &[f64]) -> Result<DMatrix<f64>, EvalError> {
-        let inverse = self.transform.jacobian(&self.coordinates(full)?).try_inverse();
-        let inverse = inverse.ok_or_else(|| EvalError::Rejected("a parameter has become zero".into()))?;
-        Ok(inverse / self.width)
-    }
-}
-
-/// The estimator as a least-squares problem in unconstrained coordinates `[transform | nuisance / size]`.
-struct Fit<'a, E: Estimator + ?Sized> {
-    estimator: &'a mut E,
-    transform: &'a Transform,
-    priors: &'a Priors,
-    /// References with the width of the change they allow, in their coordinates.
-    references: &'a [Reference],
-    sizes: Vec<f64>,
-    /// Start coordinates, and the exact values they stand for.
-    origin: (&'a [f64], &'a [f64]),
-    full: Vec<f64>,
-    last: &'a mut Evaluated,
-}
-
-/// The last linearisation: the next round starts where this one ended.
-#[derive(Default)]
-struct Evaluated {
-    full: Vec<f64>,
-    extra: Vec<f64>,
-    residuals: Vec<f64>,
-    /// With respect to selected physical parameters and nuisance.
-    jacobian: DMatrix<f64>,
-}
-
-impl<E: Estimator + ?Sized> Fit<'_, E> {
-    fn split(&mut self, x: &[f64]) -> Vec<f64> {
-        let n = self.transform.dim();
-        if x[..n] == self.origin.0[..n] {
-            self.full.copy_from_slice(self.origin.1);
-        } else {
-            self.transform.apply(&x[..n], &mut self.full);
-        }
-        x[n..].iter().zip(&self.sizes).map(|(x, s)| x * s).collect()
-    }
-    /// Refuses points where a body is not physical; the solver then takes a shorter step.
-    fn check(&self) -> Result<(), EvalError> {
-        match self.transform.inconsistent(&self.full) {
-            Some(name) => Err(EvalError::Rejected(format!("{name} is not physical here"))),
-            None => Ok(()),
-        }
-    }
-    fn selected_values(&self) -> Vec<f64> {
-        self.transform.selected().iter().map(|&i| self.full[i]).collect()
-    }
-}
-
-impl<E: Estimator + ?Sized> Problem for Fit<'_, E> {
-    fn dim(&self) -> usize {
-        self.transform.dim() + self.sizes.len()
-    }
-    fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
-        let extra = self.split(x);
-        self.check()?;
-        r.clear();
-        r.resize(self.estimator.rows(), 0.0);
-        self.estimator.residuals(&self.full, &extra, r)?;
-        let values = self.selected_values();
-        self.priors.push_residuals(&values, r);
-        for reference in self.references {
-            r.extend(reference.residuals(&self.full)?);
-        }
-        Ok(())
-    }
-    fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut DMatrix<f64>) -> Result<(), EvalError> {
-        let extra = self.split(x);
-        let (n, rows) = (self.transform.dim(), self.estimator.rows());
-        let all = rows + self.priors.len() + n * self.references.len();
-        r.clear();
-        if self.last.full != self.full || self.last.extra != extra {
-            self.last.residuals.resize(rows, 0.0);
-            self.last.jacobian.resize_mut(rows, self.dim(), 0.0);
-            self.last.full.clear();
-            let (selected, last) = (self.transform.selected(), &mut *self.last);
-            self.estimator.jacobian(&self.full, &extra, selected, &mut last.residuals, &mut last.jacobian)?;
-            last.full.clone_from(&self.full);
-            last.extra = extra;
-        }
-        r.extend_from_slice(&self.last.residuals);
-        let physical = &self.last.jacobian;
-        let mut own = DMatrix::zeros(all, n);
-        own.rows_mut(0, rows).copy_from(&physical.columns(0, n));
-        let values = self.selected_values();
-        self.priors.fill_jacobian(&mut own, r.len());
-        self.priors.push_residuals(&values, r);
-        for reference in self.references {
-            own.rows_mut(r.len(), n).copy_from(&reference.jacobian(&self.full)?);
-            r.extend(reference.residuals(&self.full)?);
-        }
-        self.transform.chain(&x[..n], &mut own);
-        j.resize_mut(all, self.dim(), 0.0);
-        j.fill(0.0);
-        j.columns_mut(0, n).copy_from(&own);
-        for (k, s) in self.sizes.iter().enumerate() {
-            j.view_mut((0, n + k), (rows, 1)).copy_from(&(self.last.jacobian.column(n + k) * *s));
-        }
-        Ok(())
-    }
-    fn describe(&self, x: &[f64]) -> Vec<(String, f64)> {
-        self.transform.describe(&x[..self.transform.dim()])
-    }
-}
-
 /// Fits the selected parameters of `request` with `estimator`. Allocates the Jacobian and its factors.
 ///
 /// # Errors
 /// [`EstimateError`]. A fit that stalls or meets its iteration limit is returned with that
 /// [`Estimate::status`], not as an error.
 pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) -> Result<Estimate, EstimateError> {
+    if !request.loss.is_valid() {
+        return Err(EstimateError::Loss(request.loss));
+    }
     let extra = estimator.nuisance();
     let n = request.selected.len();
     let sizes_extra: Vec<f64> = extra.iter().map(|u| u.size).collect();
@@ -329,6 +213,7 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         x.extend_from_slice(&nuisance);
         let mut fit = Fit {
             estimator: &mut *estimator,
+            loss: request.loss,
             transform: &transform,
             priors: &request.priors,
             references: &references,
@@ -358,13 +243,10 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
     let selected = transform.selected();
     let at_solution = |e: EvalError| LmError::Setup(e.to_string());
     // The last linearisation is the one at the solution, unless the last step was refused after it.
-    if evaluated.full != full || evaluated.extra != values_extra {
-        evaluated.residuals.resize(rows, 0.0);
-        evaluated.jacobian.resize_mut(rows, n + extra.len(), 0.0);
-        let Evaluated { residuals, jacobian, .. } = &mut evaluated;
-        estimator.jacobian(&full, &values_extra, selected, residuals, jacobian).map_err(at_solution)?;
-    }
-    let Evaluated { residuals, jacobian: data, .. } = evaluated;
+    evaluated.at(estimator, selected, &full, &values_extra).map_err(at_solution)?;
+    let Evaluated { residuals, jacobian: mut data, .. } = evaluated;
+    // What a loss leaves of the information.
+    data.unscale_mut(request.loss.inflation(&residuals).sqrt());
     let values = full;
     let sizes = scale::sizes(request.decls, &values);
     let mut unknowns: Vec<Unknown> = selected
@@ -392,6 +274,13 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         analyse(&both, &unknowns, RANK_TOLERANCE)?
     };
     let chi2: f64 = residuals.iter().map(|r| r * r).sum();
+    let mut known = Vec::new();
+    request.priors.push_residuals(&selected.iter().map(|&i| values[i]).collect::<Vec<_>>(), &mut known);
+    for r in &references {
+        known.extend(r.residuals(&values).map_err(at_solution)?);
+    }
+    let objective =
+        residuals.iter().map(|&r| request.loss.rho(r)).sum::<f64>() + known.iter().map(|r| r * r).sum::<f64>();
     let dof = rows.saturating_sub(data_only.rank).max(1);
     let listed = |k: usize, start: f64, value: f64| Estimated {
         name: unknowns[k].name.clone(),
@@ -406,6 +295,7 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         values,
         status,
         chi2_per_dof: chi2 / dof as f64,
+        objective,
         data_only,
         uncertainty,
         iterations,

@@ -16,22 +16,32 @@
 //! | [`project`](mod@project) | the nearest parameters that bodies and joints can have |
 //! | [`sequence`] | the posterior of one identification as prior of the next |
 //! | [`ties`] | parameters that are functions of fewer unknowns |
+//! | [`several`] | several records in one fit, with shared parameters and their own |
 //! | [`covariance`], [`report`] | how well each parameter is determined, and which combinations are not |
+//! | [`identifiability`] | which of these no record could tell, which a better one would; the set that can be estimated |
+//! | [`profile`], [`starts`] | intervals from the likelihood itself; fits from many starts, and whether they agree |
+//! | [`whiteness`], [`compare`] | is the model right: residuals against noise, models against each other |
+//! | [`loss`] | what a residual costs, and what outliers may |
 //! | [`linalg`], [`lm`] | factorisations that refuse bad input, and the least-squares solver |
 //!
 //! No type of faer or rustfft appears in a public signature.
 
 mod affine;
+pub mod compare;
 pub mod complete;
 pub mod covariance;
 pub mod decimate;
+mod delay;
 pub mod estimator;
+mod fit;
 pub mod ground;
+pub mod identifiability;
 pub mod joint_motion;
 pub mod linalg;
 pub mod linear;
 pub mod lm;
 mod lm_step;
+pub mod loss;
 pub mod modal_fit;
 mod modal_refine;
 pub mod momentum;
@@ -39,6 +49,7 @@ pub mod motion_fit;
 pub mod output_error;
 pub mod peaks;
 pub mod prior;
+pub mod profile;
 pub mod project;
 pub mod psd;
 pub mod rda;
@@ -49,15 +60,19 @@ pub mod report;
 pub mod scale;
 pub mod selection;
 pub mod sequence;
+pub mod several;
 pub mod start;
+pub mod starts;
 mod tables;
 pub mod tall_qr;
 pub mod ties;
 pub mod transform;
+pub mod whiteness;
 
 pub use complete::{Complete, CompleteOptions};
 pub use estimator::{Estimate, Estimated, Estimator, Request, estimate};
 pub use ground::{Friction, Ground, GroundEstimate};
+pub use loss::Loss;
 pub use output_error::{Options, OutputError};
 pub use rda::{Noise, Rda};
 pub use record::Record;

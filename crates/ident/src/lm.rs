@@ -247,6 +247,13 @@ fn reduction(r: &[f64], new: &[f64]) -> f64 {
     0.5 * r.iter().zip(new).map(|(a, b)| (a - b) * (a + b)).sum::<f64>()
 }
 
+/// What rounding of the unknowns to machine numbers changes in the cost, `sum |r_i| eps sqrt(sum (J_ij x_j)^2)`: no step can be
+/// seen to win less. It matters where residuals are many digits smaller than what they are differences of.
+fn rounding(x: &[f64], r: &[f64], j: &DMatrix<f64>) -> f64 {
+    let row = |i: usize| x.iter().enumerate().map(|(k, x)| (j[(i, k)] * x).powi(2)).sum::<f64>().sqrt();
+    f64::EPSILON * r.iter().enumerate().map(|(i, r)| r.abs() * row(i)).sum::<f64>()
+}
+
 /// `J^T r_pp` with the second derivative of the residuals along `p` by a one-sided difference,
 /// `r_pp = 2 ((r(x + h p) - r) / h - J p) / h`; `None` where the residuals cannot be evaluated.
 fn curvature<P: Problem + ?Sized>(
@@ -374,7 +381,8 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
             if p_norm <= 4.0 * f64::EPSILON * x_norm || radius < 1e-30 {
                 history.push(note);
                 let by = Criterion::Rounding;
-                let status = match decrement <= UNRESOLVED {
+                let resolved = UNRESOLVED.max(rounding(&x, &r, &j) / cost);
+                let status = match decrement <= resolved {
                     true if held.is_empty() => Status::Converged { by },
                     true => Status::AtBound { at: vec![], by },
                     false => Status::Stalled { promised: decrement },

@@ -6,6 +6,7 @@
 //! The Jacobian comes from the sensitivities integrated beside the states, exact for the discrete solution.
 
 use crate::covariance::Unknown;
+use crate::delay::Delay;
 use crate::estimator::Estimator;
 use crate::lm::EvalError;
 use crate::rda::{Noise, SetupError, check_noise};
@@ -28,12 +29,24 @@ pub struct Options {
     pub torque_bias: bool,
     /// Estimate the initial base rate and passive state instead of assuming rest.
     pub initial_state: bool,
+    /// Estimate by how much the torque readings are late against the joint positions (s); negative when early.
+    pub torque_delay: bool,
+    /// The same for the gyro.
+    pub gyro_delay: bool,
 }
 
 impl Options {
     /// Given noise, two steps per sample, no nuisance unknowns, start at rest.
     pub fn new(noise: Noise) -> Self {
-        Self { noise, substeps: 2, gyro_bias: false, torque_bias: false, initial_state: false }
+        Self {
+            noise,
+            substeps: 2,
+            gyro_bias: false,
+            torque_bias: false,
+            initial_state: false,
+            torque_delay: false,
+            gyro_delay: false,
+        }
     }
 }
 
@@ -74,27 +87,55 @@ impl<'a> OutputError<'a> {
         }
         z
     }
+    /// Nuisance unknowns before the initial state.
     fn biases(&self) -> usize {
+        self.delays_at() + usize::from(self.options.torque_delay) + usize::from(self.options.gyro_delay)
+    }
+    /// Nuisance unknowns before the delays.
+    fn delays_at(&self) -> usize {
         3 * usize::from(self.options.gyro_bias) + self.model.nj() * usize::from(self.options.torque_bias)
+    }
+    /// Delay of torques and gyro, where they are estimated.
+    fn delays(&self, extra: &[f64]) -> Result<[Option<Delay>; 2], EvalError> {
+        let mut next = extra[self.delays_at()..].iter();
+        let (samples, dt) = (self.record.samples(), self.record.dt());
+        let mut take = |wanted: bool, what: &str| {
+            let Some(&d) = (if wanted { next.next() } else { None }) else { return Ok(None) };
+            let delay = Delay::new(samples, dt, d);
+            delay.map(Some).ok_or_else(|| EvalError::Rejected(format!("{what} delay of {d} s exceeds the record")))
+        };
+        Ok([take(self.options.torque_delay, "torque")?, take(self.options.gyro_delay, "gyro")?])
     }
     /// Residual rows of sample `i` start here: `n` torques, then 3 rates.
     fn row(&self, i: usize) -> usize {
         i * (self.model.nj() + 3)
     }
-    fn fill(&self, y: &Response, extra: &[f64], r: &mut [f64]) {
+    /// What the sensors would read but for noise: torques (N x n) and rates (N x 3) with bias and delay. Allocates.
+    fn readings(&self, y: &Response, extra: &[f64]) -> Result<(DMatrix<f64>, DMatrix<f64>), EvalError> {
+        let n = self.model.nj();
+        let [late_torque, late_gyro] = self.delays(extra)?;
+        let gyro = y.twist.columns(3, 3).into_owned();
+        let mut tau = late_torque.map_or_else(|| y.tau.clone(), |d| d.of(&y.tau));
+        let mut gyro = late_gyro.map_or_else(|| gyro.clone(), |d| d.of(&gyro));
+        let (gyro_bias, rest) = extra.split_at(3 * usize::from(self.options.gyro_bias));
+        gyro.column_iter_mut().zip(gyro_bias).for_each(|(mut c, b)| c.add_scalar_mut(*b));
+        let torque_bias = &rest[..n * usize::from(self.options.torque_bias)];
+        tau.column_iter_mut().zip(torque_bias).for_each(|(mut c, b)| c.add_scalar_mut(*b));
+        Ok((tau, gyro))
+    }
+    fn fill(&self, y: &Response, extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         let (n, noise) = (self.model.nj(), &self.options.noise);
-        let zero = vec![0.0; n.max(3)];
-        let (gyro_bias, rest) = if self.options.gyro_bias { extra.split_at(3) } else { (&zero[..3], extra) };
-        let torque_bias = if self.options.torque_bias { &rest[..n] } else { &zero[..n] };
+        let (tau, gyro) = self.readings(y, extra)?;
         for i in 0..self.record.samples() {
             let row = self.row(i);
             for j in 0..n {
-                r[row + j] = (y.tau[(i, j)] + torque_bias[j] - self.record.tau()[(i, j)]) / noise.torque;
+                r[row + j] = (tau[(i, j)] - self.record.tau()[(i, j)]) / noise.torque;
             }
             for j in 0..3 {
-                r[row + n + j] = (y.twist[(i, 3 + j)] + gyro_bias[j] - self.record.gyro()[(i, j)]) / noise.gyro;
+                r[row + n + j] = (gyro[(i, j)] - self.record.gyro()[(i, j)]) / noise.gyro;
             }
         }
+        Ok(())
     }
 }
 
@@ -115,6 +156,12 @@ impl Estimator for OutputError<'_> {
                 add(format!("torque.bias.{j}"), "N m", self.options.noise.torque);
             }
         }
+        // A sample is what a delay is compared with.
+        for (wanted, name) in [(self.options.torque_delay, "torque.delay"), (self.options.gyro_delay, "gyro.delay")] {
+            if wanted {
+                add(name.to_owned(), "s", self.record.dt());
+            }
+        }
         let coords = self.model.passive_coords();
         for &i in &self.initial {
             match i {
@@ -131,8 +178,7 @@ impl Estimator for OutputError<'_> {
         let model = self.model;
         let table = self.tables.get(model, &params, &[]);
         let y = simulate_reduced(model, &params, table, &z0).map_err(|e| EvalError::Rejected(e.to_string()))?;
-        self.fill(&y, extra, r);
-        Ok(())
+        self.fill(&y, extra, r)
     }
     fn jacobian(
         &mut self,
@@ -150,36 +196,46 @@ impl Estimator for OutputError<'_> {
         let table = self.tables.get(model, &params, &links);
         let (y, d) =
             sensitivities(model, &params, table, &z0, &wanted).map_err(|e| EvalError::Rejected(e.to_string()))?;
-        self.fill(&y, extra, r);
+        self.fill(&y, extra, r)?;
         let (n, noise) = (model.nj(), &self.options.noise);
         let biases = self.biases();
+        let [late_torque, late_gyro] = self.delays(extra)?;
+        let d_tau = late_torque.as_ref().map(|late| late.of_rows(&d.tau, n));
+        let d_gyro = late_gyro.as_ref().map(|late| late.of_rows(&d.gyro, 3));
+        let (d_tau, d_gyro) = (d_tau.as_ref().unwrap_or(&d.tau), d_gyro.as_ref().unwrap_or(&d.gyro));
         j.fill(0.0);
         for c in 0..wanted.len() {
             let col = if c < selected.len() { c } else { c + biases };
             for i in 0..self.record.samples() {
                 let row = self.row(i);
                 for k in 0..n {
-                    j[(row + k, col)] = d.tau[(i * n + k, c)] / noise.torque;
+                    j[(row + k, col)] = d_tau[(i * n + k, c)] / noise.torque;
                 }
                 for k in 0..3 {
-                    j[(row + n + k, col)] = d.gyro[(i * 3 + k, c)] / noise.gyro;
+                    j[(row + n + k, col)] = d_gyro[(i * 3 + k, c)] / noise.gyro;
                 }
             }
         }
-        for i in 0..self.record.samples() {
-            let row = self.row(i);
-            let mut col = selected.len();
-            if self.options.gyro_bias {
-                for k in 0..3 {
-                    j[(row + n + k, col + k)] = 1.0 / noise.gyro;
-                }
-                col += 3;
-            }
-            if self.options.torque_bias {
-                for k in 0..n {
-                    j[(row + k, col + k)] = 1.0 / noise.torque;
-                }
-            }
+        let mut col = selected.len();
+        let each = |j: &mut DMatrix<f64>, first: usize, col: usize, value: &dyn Fn(usize) -> f64| {
+            (0..self.record.samples()).for_each(|i| j[(self.row(i) + first, col)] = value(i));
+        };
+        if self.options.gyro_bias {
+            (0..3).for_each(|k| each(j, n + k, col + k, &|_| 1.0 / noise.gyro));
+            col += 3;
+        }
+        if self.options.torque_bias {
+            (0..n).for_each(|k| each(j, k, col + k, &|_| 1.0 / noise.torque));
+            col += n;
+        }
+        if let Some(late) = late_torque {
+            let slope = late.slope(&y.tau);
+            (0..n).for_each(|k| each(j, k, col, &|i| slope[(i, k)] / noise.torque));
+            col += 1;
+        }
+        if let Some(late) = late_gyro {
+            let slope = late.slope(&y.twist.columns(3, 3).into_owned());
+            (0..3).for_each(|k| each(j, n + k, col, &|i| slope[(i, k)] / noise.gyro));
         }
         Ok(())
     }

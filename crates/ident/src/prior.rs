@@ -103,6 +103,14 @@ impl Priors {
         rows.sort_by_key(|r| r.column);
         Ok(Self { rows })
     }
+    /// These, with a row in place of any that its column has. Allocates.
+    #[must_use]
+    pub fn with(&self, row: PriorRow) -> Self {
+        let mut rows: Vec<PriorRow> = self.rows.iter().filter(|r| r.column != row.column).copied().collect();
+        rows.push(row);
+        rows.sort_by_key(|r| r.column);
+        Self { rows }
+    }
     /// The rows, by column.
     pub fn rows(&self) -> &[PriorRow] {
         &self.rows

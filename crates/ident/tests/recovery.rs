@@ -8,7 +8,6 @@ use ff_model::Params;
 use ident::covariance::{Unknown, analyse};
 use ident::estimator::RANK_TOLERANCE;
 use ident::lm::Settings;
-use ident::prior::Priors;
 use ident::start::offset_start;
 use ident::*;
 use nalgebra::DMatrix;
@@ -27,13 +26,9 @@ fn recover(mission: &str, patterns: &[&str], seed: u64) {
     let start = offset_start(&decls, &truth, &selected, 0.25, seed);
     let mut oe = OutputError::new(&l.model, &record, &Options { substeps: 1, ..Options::new(NOISE) }).unwrap();
     let request = Request {
-        decls: &decls,
-        selected: &selected,
-        start: &start,
-        priors: Priors::default(),
-        prior_width: None,
         anchor: Some(10.0),
         settings: Settings { max_iterations: 60, cost_floor: 1e-13, ..Settings::default() },
+        ..Request::new(&decls, &selected, &start)
     };
     let e = estimate(&request, &mut oe).unwrap();
     let errors: Vec<f64> =
@@ -103,13 +98,8 @@ fn base_and_payload_of_a_rigid_system() {
     let start = offset_start(&decls, &truth, &selected, 0.25, 8);
     let mut rda = Rda::new(&rigid.model, &record, &NOISE).unwrap();
     let request = Request {
-        decls: &decls,
-        selected: &selected,
-        start: &start,
-        priors: Priors::default(),
-        prior_width: None,
-        anchor: None,
         settings: Settings { cost_floor: 1e-16, ..Settings::default() },
+        ..Request::new(&decls, &selected, &start)
     };
     let e = estimate(&request, &mut rda).unwrap();
     let worst = e

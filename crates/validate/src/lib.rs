@@ -4,6 +4,7 @@ pub mod conformance;
 pub mod end_effector;
 pub mod extrapolation;
 pub mod known_wrong;
+pub mod nist;
 pub mod systems;
 
 pub use conformance::{ConformanceReport, check_appendage, check_appendage_counting, check_kind};

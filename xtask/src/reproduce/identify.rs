@@ -4,7 +4,6 @@ use super::experiment::Experiment;
 use crate::exit::Failure;
 use ffid::dynamics::{Trace, measure};
 use ffid::ident::lm::Settings;
-use ffid::ident::prior::Priors;
 use ffid::ident::start::offset_start;
 use ffid::ident::{Estimate, Options, OutputError, Rda, Record, RecordBuilder, Request, estimate, selection};
 use ffid::model::{Model, Params};
@@ -74,15 +73,7 @@ pub(super) fn rigid(
     let selected: Vec<usize> = (0..10).collect();
     let start = offset_start(&decls, truth.values(), &selected, x.loaded.mission.estimate.start_offset, x.seed);
     let mut rda = Rda::new(m, record, &x.noise)?;
-    let request = Request {
-        decls: &decls,
-        selected: &selected,
-        start: &start,
-        priors: Priors::default(),
-        prior_width: None,
-        anchor: None,
-        settings: settings(),
-    };
+    let request = Request { settings: settings(), ..Request::new(&decls, &selected, &start) };
     let e = estimate(&request, &mut rda)?;
     let report = report(x, "rigid", noise, &e, truth);
     Ok((Params::from_values(m, e.values), report))
@@ -99,14 +90,11 @@ pub(super) fn extended(x: &Experiment, record: &Record, noise: Noise) -> anyhow:
     let options = Options { substeps: 1, ..Options::new(x.noise) };
     let mut output_error = OutputError::new(m, record, &options)?;
     let request = Request {
-        decls: &decls,
-        selected: &selected,
-        start: &start,
-        priors: Priors::default(),
         // Perfect data need no prior; what they leave open is held where it is.
         prior_width: if noise.is_some() { e.prior_relative_std } else { None },
         anchor: if noise.is_some() { None } else { Some(10.0) },
         settings: settings(),
+        ..Request::new(&decls, &selected, &start)
     };
     let e = estimate(&request, &mut output_error)?;
     if !e.status.is_converged() && noise.is_some() {

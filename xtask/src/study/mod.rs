@@ -4,7 +4,10 @@
 //! study is `{"study", "seed", "figures": {name: number}, "limits": {name: [op, number]}, "pass"}`; when a limit fails
 //! the exit code is 15, with everything printed and written before.
 
+pub mod degeneracies;
 pub mod excitation;
+pub mod identification;
+pub mod nist;
 
 use crate::exit::Failure;
 use crate::table::{Table, sig};
@@ -25,6 +28,16 @@ pub struct Args {
 enum Which {
     /// Planned excitation against random multisines, quiet and modal plans, limits, gradients, times
     Excitation(Options),
+    /// Noise-free data from 100 starts 20 % off: rigid, flexible, slosh, both, with a payload
+    Recovery(Options),
+    /// 200 noisy records: do the 95 % intervals hold the truth?
+    Coverage(Options),
+    /// Panels and fuel at once, with biases and a delay unknown
+    Combined(Options),
+    /// 20 built degeneracies: named, and no false one
+    Degeneracies(Options),
+    /// The solver on NIST's 27 problems of nonlinear regression
+    Nist(Options),
 }
 
 /// What every study takes.
@@ -179,6 +192,11 @@ impl Study {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     match &args.which {
         Which::Excitation(options) => Ok(excitation::run(options)?.finish(options)?),
+        Which::Recovery(options) => Ok(identification::recovery::run(options)?.finish(options)?),
+        Which::Coverage(options) => Ok(identification::coverage::run(options)?.finish(options)?),
+        Which::Combined(options) => Ok(identification::combined::run(options)?.finish(options)?),
+        Which::Degeneracies(options) => Ok(degeneracies::run(options)?.finish(options)?),
+        Which::Nist(options) => Ok(nist::run(options)?.finish(options)?),
     }
 }
 

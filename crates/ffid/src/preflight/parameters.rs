@@ -56,11 +56,11 @@ pub(super) fn predict(q: &Question<'_>, trace: &Trace, substeps: usize) -> Resul
     let every = (trace.len() * (model.nj() + 3) * columns).div_ceil(MOST_NUMBERS).max(1);
     let record = record(q, trace, every)?;
     let options = Options {
-        noise: noise(&q.sensing),
         substeps: substeps * every,
         gyro_bias: true,
         torque_bias: true,
         initial_state: true,
+        ..Options::new(noise(&q.sensing))
     };
     let mut fit = OutputError::new(model, &record, &options)?;
     let beside = fit.nuisance();

@@ -6,7 +6,6 @@ use ff_model::mission::{LoadOptions, Loaded, Mission};
 use ff_model::{Params, Registry};
 use ident::lm::Settings;
 use ident::output_error::Options;
-use ident::prior::Priors;
 use ident::start::offset_start;
 use ident::{Noise, OutputError, RecordBuilder, Request, estimate};
 
@@ -76,13 +75,8 @@ fn stiffness_damping_and_tip_mass_are_identified() {
     let noise = Noise { torque: 0.1, gyro: 1.5e-4 };
     let mut predict = OutputError::new(&l.model, &record, &Options { substeps: 4, ..Options::new(noise) }).unwrap();
     let request = Request {
-        decls: &decls,
-        selected: &l.estimated,
-        start: &start,
-        priors: Priors::default(),
-        prior_width: None,
-        anchor: None,
         settings: Settings { cost_floor: 1e-14, ..Settings::default() },
+        ..Request::new(&decls, &l.estimated, &start)
     };
     let e = estimate(&request, &mut predict).unwrap();
     assert_eq!(e.parameters.len(), 3);

@@ -8,7 +8,6 @@ use ffid::dynamics::{
 use ffid::excitation::modal_response::driven_modes;
 use ffid::excitation::{DrivenMode, SensorNoise};
 use ffid::ident::lm::Settings;
-use ffid::ident::prior::Priors;
 use ffid::ident::{Noise, Rda, RecordBuilder, Request, estimate};
 use ffid::model::{Inertia, Model, Params};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -84,13 +83,8 @@ pub(super) fn rigid_bias(
     let noise = Noise { torque: noise.torque, gyro: noise.gyro.unwrap_or(1.0) };
     let mut rda = Rda::new(&rigid, &record, &noise)?;
     let request = Request {
-        decls: &decls,
-        selected: &selected,
-        start: truth.values(),
-        priors: Priors::default(),
-        prior_width: None,
-        anchor: None,
         settings: Settings { max_iterations: 100, ..Settings::default() },
+        ..Request::new(&decls, &selected, truth.values())
     };
     let e = estimate(&request, &mut rda)?;
     Ok(Bias { fit: errors(&Inertia::from_params(&e.values[..10]), truth.body(0))?, linear })

@@ -1,0 +1,194 @@
+//! What a record has besides parameters: biases, delays, initial states, outliers; and several records at once.
+
+#![allow(clippy::unwrap_used)] // a test may stop at the first surprise
+
+mod common;
+use common::*;
+use ff_model::Params;
+use ff_model::mission::Loaded;
+use ident::several::{Several, Shared};
+use ident::start::offset_start;
+use ident::*;
+use nalgebra::DMatrix;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+const NOISE: Noise = Noise { torque: 0.1, gyro: 1.5e-4 };
+const SECONDS: f64 = 30.0;
+const GYRO_BIAS: [f64; 3] = [4e-4, -3e-4, 7e-4];
+
+fn torque_bias(j: usize) -> f64 {
+    0.3 * (1.7 * j as f64 + 0.4).sin()
+}
+
+/// The slosh case with biases, torques 3 ms late and the gyro 4 ms early; noise of `sigma` times [`NOISE`].
+fn spoiled(l: &Loaded, sigma: f64, seed: u64) -> Record {
+    let motion = planned(l, SECONDS, 10);
+    let fine = {
+        let o = ff_dynamics::SimOptions { duration_s: SECONDS, step_s: 1e-3, sample_s: 1e-3 };
+        let p = Params::nominal(&l.model);
+        let drive = ff_dynamics::Drive::Prescribed(&motion);
+        ff_dynamics::simulate(&l.model, &p, &ff_dynamics::State::zero(&l.model), &drive, &o).unwrap()
+    };
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = move || -> f64 { StandardNormal.sample(&mut rng) };
+    let (n, samples) = (l.model.nj(), 2950);
+    let gyro = fine.gyro();
+    // Sample i is taken at 0.01 i + 0.2 s, so that both delays stay inside; the record starts in motion.
+    let at = |i: usize| 10 * i + 200;
+    let q = DMatrix::from_fn(samples, n, |i, j| fine.q[(at(i), j)]);
+    let qd = DMatrix::from_fn(samples, n, |i, j| fine.qd[(at(i), j)]);
+    let qdd = DMatrix::from_fn(samples, n, |i, j| fine.qdd[(at(i), j)]);
+    let tau =
+        DMatrix::from_fn(samples, n, |i, j| fine.tau[(at(i) - 3, j)] + torque_bias(j) + sigma * NOISE.torque * noise());
+    let gyro = DMatrix::from_fn(samples, 3, |i, j| gyro[(at(i) + 4, j)] + GYRO_BIAS[j] + sigma * NOISE.gyro * noise());
+    let b = RecordBuilder::new(l.model.joint_names()).uniform(0.0, 100.0).allow("Data::Stuck");
+    b.q(q).qd(qd).qdd(qdd).tau(tau).gyro(gyro).build().unwrap().0
+}
+
+fn everything() -> Options {
+    Options {
+        substeps: 1,
+        gyro_bias: true,
+        torque_bias: true,
+        initial_state: true,
+        torque_delay: true,
+        gyro_delay: true,
+        ..Options::new(NOISE)
+    }
+}
+
+#[test]
+fn derivatives_are_those_of_the_residuals() {
+    let l = load("slosh");
+    let record = spoiled(&l, 0.0, 0).window(3.0, 9.0).unwrap();
+    let mut oe = OutputError::new(&l.model, &record, &everything()).unwrap();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    let decls = l.model.param_decls();
+    let selected = selection::select(&decls, &["base.mass", "base.i_xy", "tank.*"]).unwrap();
+    let unknowns = oe.nuisance();
+    let names: Vec<&str> = unknowns.iter().map(|u| u.name.as_str()).collect();
+    assert_eq!(
+        (names[2], names[10], names[11], names[12]),
+        ("gyro.bias.z", "torque.delay", "gyro.delay", "initial.rate.x")
+    );
+    let extra: Vec<f64> = unknowns.iter().enumerate().map(|(k, u)| u.size * (0.3 + 0.7 * (k as f64).sin())).collect();
+    let rows = oe.rows();
+    let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, selected.len() + extra.len()));
+    oe.jacobian(&truth, &extra, &selected, &mut r, &mut j).unwrap();
+    let mut at = |full: &[f64], extra: &[f64]| {
+        let mut r = vec![0.0; rows];
+        oe.residuals(full, extra, &mut r).unwrap();
+        r
+    };
+    assert_eq!(at(&truth, &extra), r);
+    let sizes = ident::scale::sizes(&decls, &truth);
+    for c in 0..j.ncols() {
+        // Parameters and nuisance unknowns in one vector.
+        let (place, h) = match selected.get(c) {
+            Some(&i) => (i, 1e-5 * sizes[i]),
+            None => (truth.len() + c - selected.len(), 1e-3 * unknowns[c - selected.len()].size),
+        };
+        let mut moved = |h: f64| {
+            let mut x = [truth.clone(), extra.clone()].concat();
+            x[place] += h;
+            at(&x[..truth.len()], &x[truth.len()..])
+        };
+        let (a, b) = (moved(h), moved(-h));
+        let worst = (0..rows).map(|i| (j[(i, c)] - (a[i] - b[i]) / (2.0 * h)).abs()).fold(0.0, f64::max);
+        let scale = j.column(c).amax();
+        assert!(scale > 0.0 && worst < 1e-5 * scale, "column {c}: {worst:e} of {scale:e}");
+    }
+}
+
+#[test]
+fn biases_delays_and_initial_state_come_back_with_the_parameters() {
+    let l = load("slosh");
+    let record = spoiled(&l, 0.0, 0);
+    let decls = l.model.param_decls();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    let selected = selection::select(&decls, &["base.*", "tank.*"]).unwrap();
+    let start = offset_start(&decls, &truth, &selected, 0.2, 4);
+    let mut oe = OutputError::new(&l.model, &record, &everything()).unwrap();
+    let e = estimate(&Request::new(&decls, &selected, &start), &mut oe).unwrap();
+    let of = |name: &str| e.nuisance.iter().find(|u| u.name == name).unwrap().value;
+    println!("{:?} after {}: delays {} {}", e.status, e.iterations, of("torque.delay"), of("gyro.delay"));
+    assert!((of("torque.delay") - 3e-3).abs() < 1e-9, "{}", of("torque.delay"));
+    assert!((of("gyro.delay") + 4e-3).abs() < 1e-9, "{}", of("gyro.delay"));
+    for (k, axis) in ["x", "y", "z"].iter().enumerate() {
+        assert!((of(&format!("gyro.bias.{axis}")) - GYRO_BIAS[k]).abs() < 1e-7);
+    }
+    for (j, name) in l.model.joint_names().iter().enumerate() {
+        assert!((of(&format!("torque.bias.{name}")) - torque_bias(j)).abs() < 1e-4);
+    }
+    let errors: Vec<f64> =
+        selected.iter().map(|&i| e.values[i] - truth[i]).chain(e.nuisance.iter().map(|_| 0.0)).collect();
+    let (known, worst) = e.data_only.worst_combination(&errors, 0.1);
+    println!("{known} combinations, worst {worst:e}");
+    assert!(known >= 16 && worst < 1e-7, "{known} combinations, worst {worst:e}");
+}
+
+#[test]
+fn a_robust_loss_is_not_moved_by_outliers() {
+    let l = load("slosh");
+    let clean = spoiled(&l, 1.0, 3);
+    let mut tau = clean.tau().clone();
+    // Every twentieth sample of one joint is off by up to 30 N m, in step with a slow motion.
+    for i in (0..tau.nrows()).step_by(20) {
+        tau[(i, 1)] += 30.0 * (0.009 * i as f64).sin();
+    }
+    let b = RecordBuilder::new(l.model.joint_names()).uniform(0.0, 100.0).allow("Data::Stuck");
+    let b = b.q(clean.q().clone()).qd(clean.qd().unwrap().clone()).qdd(clean.qdd().unwrap().clone());
+    let record = b.tau(tau).gyro(clean.gyro().clone()).build().unwrap().0;
+    let decls = l.model.param_decls();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    let selected = selection::select(&decls, &["base.*", "tank.*"]).unwrap();
+    let fit = |record: &Record, loss: Loss| {
+        let mut oe = OutputError::new(&l.model, record, &everything()).unwrap();
+        estimate(&Request { loss, ..Request::new(&decls, &selected, &truth) }, &mut oe).unwrap()
+    };
+    let worst = |e: &Estimate| {
+        e.parameters
+            .iter()
+            .zip(&selected)
+            .map(|(p, &i)| (p.value - truth[i]).abs() / p.std.unwrap())
+            .fold(0.0, f64::max)
+    };
+    let (plain, huber, student) = (fit(&record, Loss::Squares), fit(&record, Loss::HUBER), fit(&record, Loss::STUDENT));
+    println!("largest error in standard deviations: {:.1} {:.1} {:.1}", worst(&plain), worst(&huber), worst(&student));
+    assert!(plain.chi2_per_dof > 4.0 && worst(&plain) > 20.0, "{}", worst(&plain));
+    let undisturbed = fit(&clean, Loss::Squares);
+    for robust in [&huber, &student] {
+        assert!(worst(robust) < 3.5, "{}", worst(robust));
+        // A little less is known than without outliers.
+        let ratio = robust.parameters[0].std.unwrap() / undisturbed.parameters[0].std.unwrap();
+        assert!((1.0..1.3).contains(&ratio), "{ratio}");
+    }
+    let wrong = Request { loss: Loss::Huber { k: -1.0 }, ..Request::new(&decls, &selected, &truth) };
+    let mut oe = OutputError::new(&l.model, &record, &everything()).unwrap();
+    assert!(estimate(&wrong, &mut oe).unwrap_err().to_string().contains("1.345"));
+}
+
+#[test]
+fn two_records_share_the_model_and_keep_their_biases() {
+    let l = load("slosh");
+    let whole = spoiled(&l, 0.0, 0);
+    let (first, second) = (whole.window(0.0, 14.0).unwrap(), whole.window(15.0, 29.0).unwrap());
+    let decls = l.model.param_decls();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    // Fuel is burnt in between: the tank is another one, base and arm are not.
+    let shared = Shared::new(&[("first", &decls), ("second", &decls)], &["tank.mass"]).unwrap();
+    let selected = selection::select(&shared.decls, &["base.*", "*tank.*"]).unwrap();
+    let one =
+        |record| -> Box<dyn Estimator + '_> { Box::new(OutputError::new(&l.model, record, &everything()).unwrap()) };
+    let mut both = Several::new(&shared, vec![one(&first), one(&second)]);
+    let all = shared.gather(&[truth.clone(), truth.clone()]);
+    let start = offset_start(&shared.decls, &all, &selected, 0.15, 2);
+    let e = estimate(&Request::new(&shared.decls, &selected, &start), &mut both).unwrap();
+    let masses: Vec<&Estimated> = e.parameters.iter().filter(|p| p.name.ends_with("tank.mass")).collect();
+    assert_eq!(masses.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["first.tank.mass", "second.tank.mass"]);
+    println!("{:?} after {}: {:?}", e.status, e.iterations, masses.iter().map(|p| p.value).collect::<Vec<_>>());
+    assert!(masses.iter().all(|p| (p.value - 100.0).abs() < 1e-5), "{masses:?}");
+    assert!(e.nuisance.iter().any(|u| u.name == "second.torque.delay" && (u.value - 3e-3).abs() < 1e-9));
+}

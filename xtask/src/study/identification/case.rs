@@ -1,0 +1,107 @@
+//! The systems that are identified, and their records.
+
+use crate::workspace;
+use anyhow::Context;
+use ffid::dynamics::bspline::BSplineMotion;
+use ffid::dynamics::motion::JointMotion;
+use ffid::dynamics::{Channel, Drive, SensorSuite, SimOptions, State, Trace, simulate};
+use ffid::excitation::planning::{InformationRequest, plan_information};
+use ffid::excitation::spline_plan::End;
+use ffid::excitation::{SensorNoise, SqpOptions};
+use ffid::ident::{Noise, Record, RecordBuilder, selection};
+use ffid::model::mission::{LoadOptions, Mission};
+use ffid::model::{Model, ParamDecl, Params};
+
+/// Integration step of the simulated truth (s).
+const STEP_S: f64 = 1e-3;
+
+/// A system with a planned motion.
+pub(super) struct Case {
+    pub(super) name: &'static str,
+    pub(super) model: Model,
+    pub(super) decls: Vec<ParamDecl>,
+    pub(super) truth: Params<f64>,
+    /// Parameters to estimate.
+    pub(super) selected: Vec<usize>,
+    pub(super) motion: BSplineMotion,
+    pub(super) noise: Noise,
+    pub(super) sensors: SensorSuite,
+}
+
+/// Which system.
+#[derive(Clone, Copy)]
+pub(super) struct Kind {
+    pub(super) name: &'static str,
+    mission: &'static str,
+    patterns: &'static [&'static str],
+    /// Appendages frozen to their hosts.
+    rigid: bool,
+}
+
+pub(super) const RIGID: Kind = Kind { name: "rigid", mission: "flex", patterns: &["base.*"], rigid: true };
+pub(super) const FLEXIBLE: Kind =
+    Kind { name: "flexible", mission: "flex", patterns: &["base.*", "panel_*.k[*]", "panel_*.d[*]"], rigid: false };
+pub(super) const SLOSH: Kind = Kind { name: "slosh", mission: "slosh", patterns: &["base.*", "tank.*"], rigid: false };
+pub(super) const COMBINED: Kind = Kind {
+    name: "combined",
+    mission: "combined",
+    patterns: &["base.*", "panel_*.k[*]", "panel_*.d[*]", "tank.*"],
+    rigid: false,
+};
+pub(super) const PAYLOAD: Kind =
+    Kind { name: "payload", mission: "payload", patterns: &["base.*", "tank.*", "client.*"], rigid: false };
+
+impl Case {
+    /// Loads the mission and plans the motion that tells most of the base, at the mission's limits.
+    pub(super) fn new(kind: Kind, seconds: f64, seed: u64) -> anyhow::Result<Self> {
+        let file = workspace::root()?.join(format!("fixtures/paper/{}.toml", kind.mission));
+        let loaded = Mission::load(&file, &ffid::default_registry(), &LoadOptions::default())?;
+        let m = &loaded.mission;
+        let s = &m.sensors;
+        let sensors = SensorSuite {
+            torque: Channel { noise_std: s.torque.noise_std_nm, bias: 0.0, quantum: s.torque.lsb_nm },
+            gyro: Channel { noise_std: s.gyro.noise_std_rad_per_s, bias: 0.0, quantum: s.gyro.lsb_rad_per_s },
+            encoder: s.encoder.bits.map_or(Channel::default(), Channel::encoder),
+        };
+        let noise = Noise { torque: sensors.torque.sigma(), gyro: sensors.gyro.sigma() };
+        let full = Params::nominal(&loaded.model);
+        let model = if kind.rigid { loaded.model.frozen(&full) } else { loaded.model };
+        let truth = Params::nominal(&model);
+        let decls = model.param_decls();
+        let request = InformationRequest {
+            start: m.reproduce.as_ref().context("section [reproduce]")?.hold_rad.clone(),
+            end: End::Free,
+            limits: ffid::preflight::joint_limits(&model, &m.limits),
+            duration: seconds,
+            control_points: 10,
+            seed,
+            starts: 1,
+            noise: SensorNoise { torque: noise.torque, gyro: Some(noise.gyro), rate: s.rate_hz },
+            options: SqpOptions::default(),
+        };
+        let base: Vec<usize> = (0..10).collect();
+        let motion = plan_information(&model, &truth, &base, &request).context(kind.name)?.motion;
+        let selected = selection::select(&decls, kind.patterns)?;
+        Ok(Self { name: kind.name, model, decls, truth, selected, motion, noise, sensors })
+    }
+    /// The true system along the motion, from rest, sampled every `sample_s`.
+    pub(super) fn simulate(&self, sample_s: f64) -> anyhow::Result<Trace> {
+        let mut start = State::zero(&self.model);
+        start.eta = self.model.rest_position(&self.truth);
+        let o = SimOptions { duration_s: self.motion.duration(), step_s: STEP_S, sample_s };
+        Ok(simulate(&self.model, &self.truth, &start, &Drive::Prescribed(&self.motion), &o)?)
+    }
+    /// A door for records of this robot at `dt`.
+    pub(super) fn record(&self, dt: f64) -> RecordBuilder {
+        RecordBuilder::new(self.model.joint_names()).uniform(0.0, 1.0 / dt).allow("Data::Stuck")
+    }
+    /// The exact record: positions, rates, accelerations, torques, gyro.
+    pub(super) fn exact(&self, t: &Trace) -> anyhow::Result<Record> {
+        let b = self.record(t.dt).q(t.q.clone()).qd(t.qd.clone()).qdd(t.qdd.clone());
+        Ok(b.tau(t.tau.clone()).gyro(t.gyro()).build()?.0)
+    }
+    /// Value of a parameter by name.
+    pub(super) fn true_value(&self, name: &str) -> f64 {
+        self.decls.iter().position(|d| d.name == name).map_or(f64::NAN, |i| self.truth.values()[i])
+    }
+}

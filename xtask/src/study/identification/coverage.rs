@@ -1,0 +1,95 @@
+//! `cargo xtask study coverage`: are the intervals as wide as they should be?
+//!
+//! 200 noisy records of the flexible and of the sloshing system: white noise on torques and gyro, encoders of 20 bits, through which
+//! the joint motion is fitted anew each time. Every record is identified without priors, from 10 % off, and every parameter is
+//! asked whether its 95 % interval holds the truth, and how far the mean of its estimates is from the truth. Parts for `--only`:
+//! `flexible`, `slosh`.
+
+use super::case::{Case, FLEXIBLE, Kind, SLOSH};
+use super::{judged, settings};
+use crate::study::{Op, Options, Study};
+use ffid::dynamics::{Trace, measure};
+use ffid::ident::start::offset_start;
+use ffid::ident::{Estimate, OutputError, Request, estimate};
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// Record (s) and its sampling.
+const RECORD_S: f64 = 60.0;
+const SAMPLE_S: f64 = 0.01;
+/// Records per system.
+const RECORDS: u64 = 200;
+/// Quantile of a normal distribution at 97.5 %.
+const Z95: f64 = 1.959_963_984_540_054;
+
+/// Runs the study.
+///
+/// # Errors
+/// Files that cannot be read, and fits that give no estimate at all.
+pub fn run(options: &Options) -> anyhow::Result<Study> {
+    let mut study = Study::new("coverage", options.seed);
+    let flexible: &[Group] = &[("base", "base."), ("k", ".k["), ("d", ".d[")];
+    let slosh: &[Group] =
+        &[("base", "base."), ("slosh_mass", "tank.mass"), ("slosh_length", "tank.length"), ("k", ".k["), ("d", ".d[")];
+    for (kind, groups) in [(FLEXIBLE, flexible), (SLOSH, slosh)] {
+        if options.wants(kind.name) {
+            system(kind, groups, options, &mut study)?;
+        }
+    }
+    Ok(study)
+}
+
+/// Name of a group, and what the names of its parameters contain.
+type Group = (&'static str, &'static str);
+
+fn system(kind: Kind, groups: &[Group], options: &Options, study: &mut Study) -> anyhow::Result<()> {
+    let case = Case::new(kind, RECORD_S, options.seed)?;
+    let trace = case.simulate(SAMPLE_S)?;
+    let records = if options.quick { 4 } else { RECORDS };
+    let clock = Instant::now();
+    let first = 1000 * options.seed;
+    let fits: Vec<Estimate> =
+        (first..first + records).into_par_iter().map(|s| one(&case, &trace, s)).collect::<Result<_, _>>()?;
+    let seconds = clock.elapsed().as_secs_f64();
+    let count = fits.len() as f64;
+    let name = |what: &str| format!("{}.{what}", case.name);
+    study.figure(name("seconds"), "s", seconds);
+    study.figure(name("chi2_per_dof"), "", fits.iter().map(|e| e.chi2_per_dof).sum::<f64>() / count);
+    let converged = fits.iter().filter(|e| e.status.is_converged()).count();
+    judged(study, options.quick, name("converged"), "", converged as f64, (Op::AtLeast, count));
+    for (group, pattern) in groups {
+        let members: Vec<usize> =
+            (0..case.selected.len()).filter(|&k| case.decls[case.selected[k]].name.contains(pattern)).collect();
+        let (mut inside, mut all, mut worst, mut of) = (0.0, 0.0, 0.0f64, "");
+        for &k in &members {
+            let i = case.selected[k];
+            let truth = case.truth.values()[i];
+            // A parameter without a deviation is not covered.
+            let errors: Vec<f64> =
+                fits.iter().map(|e| (e.parameters[k].value - truth) / e.parameters[k].std.unwrap_or(0.0)).collect();
+            inside += errors.iter().filter(|e| e.abs() <= Z95).count() as f64;
+            all += count;
+            let bias = errors.iter().sum::<f64>() / count;
+            if bias.is_nan() || bias.abs() > worst.abs() {
+                (worst, of) = (bias, &case.decls[i].name);
+            }
+        }
+        let covered = 100.0 * inside / all;
+        judged(study, options.quick, name(&format!("{group}.covered")), "%", covered, (Op::AtLeast, 92.0));
+        if !options.quick {
+            study.limited(name(&format!("{group}.covered_at_most")), "%", covered, Op::AtMost, 98.0);
+        }
+        judged(study, options.quick, name(&format!("{group}.bias")), "sigma", worst.abs(), (Op::AtMost, 0.2));
+        study.note(format!("{}: largest bias of {group}: {of}, {worst:.3} sigma", case.name));
+    }
+    Ok(())
+}
+
+fn one(case: &Case, trace: &Trace, seed: u64) -> anyhow::Result<Estimate> {
+    let r = measure(trace, &case.sensors, seed);
+    let record = case.record(r.dt).q(r.q).tau(r.tau).gyro(r.gyro).build()?.0;
+    let start = offset_start(&case.decls, case.truth.values(), &case.selected, 0.1, seed);
+    let request = Request { settings: settings(), ..Request::new(&case.decls, &case.selected, &start) };
+    let o = ffid::ident::Options { substeps: 1, ..ffid::ident::Options::new(case.noise) };
+    Ok(estimate(&request, &mut OutputError::new(&case.model, &record, &o)?)?)
+}
