@@ -9,8 +9,10 @@ mod check;
 mod count;
 mod functions;
 mod generate;
+mod identify;
 mod isa;
 mod lanes;
+mod linear;
 mod micro;
 mod models;
 mod motion;
@@ -38,6 +40,10 @@ enum Command {
     Sim(sim::Args),
     /// Sensitivities of the record against the plain simulation
     Sensitivities(sensitivities::Args),
+    /// Identification of the flexible system, as the peers run it
+    Identify(identify::Args),
+    /// Least squares over the regressor of many instants, as the peers run it
+    Linear(linear::Args),
     /// Time against the number of bodies
     Sizes(sizes::Args),
     /// A number of calls for an instruction counter
@@ -51,6 +57,8 @@ fn main() -> ExitCode {
         Command::Micro(args) => micro::run(args),
         Command::Sim(args) => sim::run(args),
         Command::Sensitivities(args) => sensitivities::run(args),
+        Command::Identify(args) => identify::run(args),
+        Command::Linear(args) => linear::run(args),
         Command::Sizes(args) => sizes::run(args),
         Command::Count(args) => count::run(args),
         Command::States(args) => generate::run(args),

@@ -108,6 +108,9 @@ pub fn gram(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     Ok(back((v.transpose() * v).as_ref()))
 }
 
+/// Rows per column from which a matrix is folded in lanes; more than the lanes of any machine.
+const TALL: usize = 16;
+
 /// Upper triangular `R` (min(m,n) x n) of `A = Q R`, without forming `Q`.
 ///
 /// To reduce a least-squares problem `min |A x - b|`, pass `[A b]`: the last column of `R` is then
@@ -117,6 +120,9 @@ pub fn gram(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
 /// [`LinalgError::NotFinite`].
 pub fn qr_r(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     check_finite("matrix", a)?;
+    if a.nrows() >= TALL * a.ncols() {
+        return crate::tall_qr::triangle_of(a);
+    }
     let qr = view(a).qr();
     Ok(back(qr.thin_R()).upper_triangle())
 }

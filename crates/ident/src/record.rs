@@ -21,6 +21,7 @@ pub struct Record {
     pub(crate) gyro: DMatrix<f64>,
     pub(crate) acc: Option<DMatrix<f64>>,
     pub(crate) att: Option<DMatrix<f64>>,
+    pub(crate) fixed_base: bool,
 }
 
 impl core::fmt::Debug for Record {
@@ -96,6 +97,10 @@ impl Record {
     pub fn att(&self) -> Option<&DMatrix<f64>> {
         self.att.as_ref()
     }
+    /// True when the base was bolted to the ground; [`Record::gyro`] is then zero unless it was recorded.
+    pub fn is_fixed_base(&self) -> bool {
+        self.fixed_base
+    }
     /// The torque and gyro channels in one matrix, N x (n + 3): what spectra and modal fits look at. Allocates.
     pub fn responses(&self) -> DMatrix<f64> {
         let n = self.joints();
@@ -137,6 +142,7 @@ impl Record {
             gyro: cut(&self.gyro),
             acc: self.acc.as_ref().map(cut),
             att: self.att.as_ref().map(cut),
+            fixed_base: self.fixed_base,
         })
     }
     /// Checks that the joints are those of a model, in its order (bad-inputs row D37).

@@ -46,6 +46,7 @@ pub struct RecordBuilder {
     gyro: Option<DMatrix<f64>>,
     acc: Option<DMatrix<f64>>,
     att: Option<DMatrix<f64>>,
+    fixed_base: bool,
     need: usize,
     resample: bool,
     allow: Vec<String>,
@@ -64,6 +65,7 @@ impl RecordBuilder {
             gyro: None,
             acc: None,
             att: None,
+            fixed_base: false,
             need: 2,
             resample: false,
             allow: Vec::new(),
@@ -105,7 +107,13 @@ impl RecordBuilder {
         self.tau = Some(m);
         self
     }
-    /// Base angular velocity in base axes, N x 3 (rad/s). Required.
+    /// The base was bolted to the ground: it does not turn, and no gyro is asked for.
+    #[must_use]
+    pub fn fixed_base(mut self) -> Self {
+        self.fixed_base = true;
+        self
+    }
+    /// Base angular velocity in base axes, N x 3 (rad/s). Required, unless the base is fixed.
     #[must_use]
     pub fn gyro(mut self, m: DMatrix<f64>) -> Self {
         self.gyro = Some(m);
@@ -172,7 +180,10 @@ impl RecordBuilder {
                 bad.push(error("Data::DuplicateName", "two joints have this name".into()).on(name));
             }
         }
-        let (Some(q), Some(tau), Some(gyro), Some(clock)) = (self.q, self.tau, self.gyro, self.clock) else {
+        // The rate of a base that is bolted down is known.
+        let still = self.gyro.is_none() && self.fixed_base;
+        let gyro = if still { self.q.as_ref().map(|q| DMatrix::zeros(q.nrows(), 3)) } else { self.gyro };
+        let (Some(q), Some(tau), Some(gyro), Some(clock)) = (self.q, self.tau, gyro, self.clock) else {
             bad.push(
                 error("Data::Missing", "joint positions, torques, gyro and a clock are required".into())
                     .hint("give all four"),
@@ -215,7 +226,7 @@ impl RecordBuilder {
         if let Some((_, att, _)) = columns.iter_mut().find(|c| c.0 == "att") {
             unwrap_attitude(att, bad);
         }
-        for (name, m, _) in &columns {
+        for (name, m, _) in columns.iter().filter(|c| !(still && c.0 == "gyro")) {
             stuck(name, m, &self.joint_names, dt, bad);
             if matches!(*name, "tau" | "gyro" | "acc") {
                 for (j, c) in m.column_iter().enumerate() {
@@ -254,6 +265,7 @@ impl RecordBuilder {
             gyro: take("gyro")?,
             acc: take("acc"),
             att: take("att"),
+            fixed_base: self.fixed_base,
         })
     }
 }

@@ -102,3 +102,16 @@ fn attitude_signs_are_made_continuous() {
     assert!((1..N).all(|i| a.row(i).dot(&a.row(i - 1)) > 0.99));
     assert_eq!(code_of(good().att(att * 1.01)), "Data::Quaternion");
 }
+
+#[test]
+fn a_record_on_the_ground_needs_no_gyro() {
+    let bolted = || RecordBuilder::new(["a", "b"]).uniform(3.0, 100.0).q(wave(2, 0.01)).tau(wave(2, 0.023));
+    assert_eq!(code_of(bolted()), "Data::Missing");
+    let (r, w) = bolted().fixed_base().build().unwrap();
+    assert!(w.0.is_empty() && r.is_fixed_base() && r.window(0.5, 1.0).unwrap().is_fixed_base());
+    assert_eq!((r.gyro().shape(), r.gyro().amax()), ((N, 3), 0.0));
+    // One that is given is kept and checked.
+    assert_eq!(bolted().fixed_base().gyro(wave(3, 0.017)).build().unwrap().0.gyro(), &wave(3, 0.017));
+    assert_eq!(code_of(bolted().fixed_base().gyro(wave(2, 0.017))), "Data::Shape");
+    assert!(!good().build().unwrap().0.is_fixed_base());
+}

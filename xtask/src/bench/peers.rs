@@ -15,6 +15,10 @@ pub struct Peers {
     pub pin_sim: PathBuf,
     /// MuJoCo simulation.
     pub mj_sim: PathBuf,
+    /// Pinocchio identification; none in work folders that were built without it.
+    pub pin_id: Option<PathBuf>,
+    /// What `run_peers.sh` wrote of whole tasks, where it has run them.
+    pub recorded: PathBuf,
     /// Folder of the 1,000 states per model.
     pub states: PathBuf,
     /// Folder of the models.
@@ -54,6 +58,8 @@ impl Peers {
             mj_bench: built("mj_bench")?,
             pin_sim: built("pin_sim_clang")?,
             mj_sim: built("mj_sim")?,
+            pin_id: built("pin_id_clang").ok(),
+            recorded: work.join("results").join("tasks.jsonl"),
             states: work.join("states"),
             model: work.join("model"),
         };

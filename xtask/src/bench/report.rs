@@ -60,7 +60,15 @@ pub fn json(cells: &[Cell], tasks: &Tasks, limits: &BTreeMap<String, Limit>) -> 
         peer_ns: Some(1e9 * s.plain.median),
         ratio: Some(s.exact.median / s.plain.median),
     });
-    let file = File { results: micro.chain(simulations).chain(sensitivities).collect(), limits };
+    let fits = tasks.fits.iter().map(|f| Entry {
+        model: if f.name == "least_squares" { "rigid" } else { "flex" },
+        r#fn: f.name,
+        config: config("fit", f.target),
+        median_ns: 1e9 * f.ours.median,
+        peer_ns: f.peer.map(|p| 1e9 * p.1),
+        ratio: f.peer.map(|p| f.ours.median / p.1),
+    });
+    let file = File { results: micro.chain(simulations).chain(sensitivities).chain(fits).collect(), limits };
     let mut bytes =
         serde_json::to_vec_pretty(&file).map_err(|e| Failure::io("format", Path::new("the JSON file"), e.into()))?;
     bytes.push(b'\n');
@@ -78,6 +86,9 @@ pub fn text(cells: &[Cell], tasks: &Tasks, limits: &BTreeMap<String, Limit>, wit
     }
     if !tasks.sensitivities.is_empty() {
         out += &format!("{}\n", sensitivities(tasks));
+    }
+    if !tasks.fits.is_empty() {
+        out += &format!("{}\n", fits(tasks));
     }
     out += &verdict(limits, with_peers).to_string();
     out
@@ -152,9 +163,30 @@ fn sensitivities(tasks: &Tasks) -> Table {
     t
 }
 
+fn fits(tasks: &Tasks) -> Table {
+    let head = ["fit", "build", "s", "min..max", "peer", "s", "ratio"];
+    let mut t = Table::new("Identification", &head);
+    for f in &tasks.fits {
+        t.row([
+            f.name.into(),
+            f.target.text().into(),
+            sig(f.ours.median, 3),
+            format!("{}..{}", sig(f.ours.min, 3), sig(f.ours.max, 3)),
+            f.peer.map_or(dash(), |p| p.0.into()),
+            f.peer.map_or(dash(), |p| sig(p.1, 3)),
+            f.peer.map_or(dash(), |p| format!("{:.4}", f.ours.median / p.1)),
+        ]);
+    }
+    t.note("identify15: the problem of pin_id.cpp, 30 s at 100 Hz. identify58: base and panels under a prior, 60 s.");
+    t.note("least_squares: 10,000 free-flying instants, 130000 x 80, 59 base parameters.");
+    t
+}
+
 fn verdict(limits: &BTreeMap<String, Limit>, with_peers: bool) -> Table {
-    let mut t =
-        Table::new("Limits of issue 3: the portable build and the ports form count", &["", "ratio", "limit", ""]);
+    let mut t = Table::new(
+        "Limits of issues 3 and 6: the portable build and the ports form count",
+        &["", "ratio", "limit", ""],
+    );
     for (name, l) in limits {
         let word = match l.pass {
             Some(true) => "reached",

@@ -41,6 +41,19 @@ pub struct Sensitivity {
     pub exact: Spread,
 }
 
+/// A whole identification or regression (s).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// `identify15`, `identify58` or `least_squares`.
+    pub name: &'static str,
+    /// For which processor we were compiled.
+    pub target: Target,
+    /// Ours.
+    pub ours: Spread,
+    /// The peer's: measured in this run, or (NumPy) as `run_peers.sh` recorded it on this machine.
+    pub peer: Option<(&'static str, f64)>,
+}
+
 /// All whole tasks.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tasks {
@@ -48,9 +61,20 @@ pub struct Tasks {
     pub simulations: Vec<Simulation>,
     /// Sensitivities.
     pub sensitivities: Vec<Sensitivity>,
+    /// Identifications and regressions.
+    pub fits: Vec<Fit>,
 }
 
 impl Tasks {
+    /// A fit of the portable build over the peer's.
+    pub fn fit_ratio(&self, name: &str) -> Option<f64> {
+        let f = self.fits.iter().find(|f| f.name == name && f.target == Target::Portable)?;
+        Some(f.ours.median / f.peer?.1)
+    }
+    /// Seconds that a fit of the portable build takes.
+    pub fn fit_seconds(&self, name: &str) -> Option<f64> {
+        self.fits.iter().find(|f| f.name == name && f.target == Target::Portable).map(|f| f.ours.median)
+    }
     /// A minute of the flexible system, portable build, everything the peers compute: ours over the best peer.
     pub fn simulation_ratio(&self, batched: bool) -> Option<f64> {
         let counts = |s: &&Simulation| {
@@ -93,7 +117,58 @@ pub fn measure(p: &Programs<'_>, effort: Effort, only: &str) -> Result<Tasks, Fa
             tasks.sensitivities.push(sensitivities(p, target, program, effort)?);
         }
     }
+    for (name, args) in FITS {
+        if format!("flex.{name}").contains(only) {
+            fits(p, name, args, effort, &mut tasks)?;
+        }
+    }
     Ok(tasks)
+}
+
+/// Identifications and regressions with the arguments of `ff-bench`.
+const FITS: [(&str, &[&str]); 3] = [
+    ("identify15", &["identify", "--task", "peers"]),
+    ("identify58", &["identify", "--task", "all"]),
+    ("least_squares", &["linear"]),
+];
+/// What NumPy's line says of its task and configuration.
+const NUMPY: (&str, &str) =
+    ("regressor+base parameters+LS, 10000 samples", "free-flying rigid 13 x 80, pivoted QR + lstsq");
+
+fn fits(p: &Programs<'_>, name: &'static str, args: &[&str], effort: Effort, tasks: &mut Tasks) -> Result<(), Failure> {
+    let (mut portable, mut native) = (Runs::default(), Runs::default());
+    let args: Vec<String> = args.iter().map(|a| (*a).to_owned()).chain(["--reps".into(), "3".into()]).collect();
+    for round in 1..=effort.rounds {
+        eprintln!("{name}, round {round} of {}", effort.rounds);
+        portable.take(&one(run::lines(p.root, p.portable, &args, &p.pin)?, "ff-bench")?)?;
+        native.take(&one(run::lines(p.root, p.native, &args, &p.pin)?, "ff-bench")?)?;
+    }
+    let peer = match (p.peers, name) {
+        (Some(peers), "identify15") => match &peers.pin_id {
+            // Ten seconds a fit: one is enough.
+            Some(program) => {
+                let args = ["clang", "1", "0.3"].map(str::to_owned);
+                let line = one(run::lines(p.root, program, &args, &p.pin)?, "pin_id")?;
+                line["median_s"].as_f64().map(|s| ("Pinocchio, C++", s))
+            }
+            None => None,
+        },
+        (Some(peers), "least_squares") => recorded(&peers.recorded).map(|s| ("NumPy, recorded", s)),
+        _ => None,
+    };
+    for (target, runs) in [(Target::Portable, portable), (Target::Native, native)] {
+        if let Some(ours) = Spread::of(&runs.rounds) {
+            tasks.fits.push(Fit { name, target, ours, peer });
+        }
+    }
+    Ok(())
+}
+
+/// NumPy's seconds, if `run_peers.sh` has run it here.
+fn recorded(path: &Path) -> Option<f64> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let mut lines = text.lines().filter_map(|l| serde_json::from_str::<Value>(l).ok());
+    lines.find(|l| l["task"] == NUMPY.0 && l["config"] == NUMPY.1)?["median_s"].as_f64()
 }
 
 /// Times of one program over the rounds, and the end state of the last.
@@ -248,6 +323,18 @@ mod tests {
         assert!(accept("flex", "full", Some(f64::NAN), 5.7e-7, Some(5.7e-7)).is_err());
         assert!(accept("flex", "full", None, 6.1e-7, None).is_err());
         assert!(accept("slosh", "full", Some(1e-12), 3e-8, Some(2e-8)).is_err());
+    }
+
+    #[test]
+    fn what_numpy_took_is_read_from_the_line_of_its_pivoted_qr() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("tasks.jsonl");
+        assert_eq!(recorded(&path), None);
+        let gram =
+            format!(r#"{{"config": "free-flying rigid 13 x 80, Gram", "task": "{}", "median_s": 0.08}}"#, NUMPY.0);
+        let qr = format!(r#"{{"config": "{}", "task": "{}", "median_s": 0.81}}"#, NUMPY.1, NUMPY.0);
+        std::fs::write(&path, format!("{gram}\n\nnot JSON\n{qr}\n")).unwrap();
+        assert_eq!(recorded(&path), Some(0.81));
     }
 
     #[test]

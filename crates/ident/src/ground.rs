@@ -1,0 +1,263 @@
+//! Calibration of the arm on the ground: link parameters and joint friction from a fixed base with gravity.
+//!
+//! ```text
+//! tau_j = (Y(q, qd, qdd, g) phi)_j + v_j qd_j + c_j sgn(qd_j) + o_j
+//! ```
+//!
+//! with viscous friction `v_j`, Coulomb friction `c_j` and offset `o_j` of every joint: linear in all unknowns. It is how the
+//! arm gets known that the estimators in orbit take as known. Torque sensors behind the gear see no friction of motor and gear;
+//! then switch it off, or let the fit show that it is zero.
+//!
+//! Solved by weighted least squares, one standard deviation per joint, which the residuals of that joint give in two steps
+//! (M. Gautier, P. Poignet, *Extended Kalman filtering and weighted least squares dynamic identification of robot*, Control
+//! Eng. Practice 9, 2001, section 4). Rates and accelerations that were not recorded come from splines through the
+//! positions, which shift no phase ([`crate::motion_fit`]). Near rest the sign of a rate is noise and friction is not what the
+//! formula says: [`NearRest`] says what becomes of such samples. `docs/theory/ground.md`.
+
+use crate::complete::{motion_at, trimmed};
+use crate::covariance::Unknown;
+use crate::joint_motion::joint_motion;
+use crate::linear::{self, LinearError, LinearEstimate, Task, Weights};
+use crate::rda::SetupError;
+use crate::record::Record;
+use crate::regressor_rows::{Equations, Extra, Kind};
+use ff_dynamics::{State, Work, rnea};
+use ff_model::{BaseKind, Model, Params};
+use nalgebra::DMatrix;
+
+const NAME: &str = "the ground calibration";
+
+/// What becomes of samples of a joint close to rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NearRest {
+    /// The torque of the joint is not used while its rate is below this (rad/s or m/s); its motion still counts in the
+    /// rows of the others. Beyond it the sign is exact.
+    LeaveOut(f64),
+    /// `sgn(qd)` is taken as `tanh(qd / width)`; nothing is left out. For friction that really is smooth at this rate.
+    Smooth(f64),
+}
+
+/// Which friction the joints have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Friction {
+    /// Torque in proportion to the rate.
+    pub viscous: bool,
+    /// Constant torque against the motion.
+    pub coulomb: bool,
+    /// Constant torque (of the sensor, or of a cable).
+    pub offset: bool,
+    /// Samples close to rest; without Coulomb friction none is treated differently.
+    pub near_rest: NearRest,
+}
+
+impl Friction {
+    /// Everything, samples below 0.01 rad/s left out.
+    pub const ALL: Self = Self { viscous: true, coulomb: true, offset: true, near_rest: NearRest::LeaveOut(0.01) };
+    /// None.
+    pub const NONE: Self = Self { viscous: false, coulomb: false, offset: false, ..Self::ALL };
+}
+
+/// The estimator.
+#[derive(Clone, Debug)]
+pub struct Ground<'a> {
+    model: &'a Model,
+    friction: Friction,
+    weights: Weights,
+    trim_s: f64,
+}
+
+/// Its result.
+#[derive(Clone, Debug)]
+pub struct GroundEstimate {
+    /// Parameters, `extra` holding `friction.<joint>.viscous`, `.coulomb` and `.offset` as far as they were asked for.
+    pub fit: LinearEstimate,
+    /// Friction `[v, c, o]` per joint, zero where it was not estimated (N m s/rad, N m, N m).
+    pub friction: Vec<[f64; 3]>,
+    /// Part of the samples of each joint that was used.
+    pub used: Vec<f64>,
+}
+
+/// Motion and torques of the samples of a record that are used.
+struct Instants {
+    q: DMatrix<f64>,
+    qd: DMatrix<f64>,
+    qdd: DMatrix<f64>,
+    tau: DMatrix<f64>,
+}
+
+impl<'a> Ground<'a> {
+    /// For a rigid model with a fixed base, weights from the residuals, nothing cut off the ends of a record.
+    ///
+    /// # Errors
+    /// [`LinearError::Base`], [`LinearError::Setup`], [`LinearError::Option`].
+    pub fn new(model: &'a Model, friction: Friction) -> Result<Self, LinearError> {
+        if model.base_kind() != BaseKind::Fixed {
+            let hint = "give base = \"fixed\" in the mission file; in orbit use the RDA or the complete form";
+            return Err(LinearError::Base { estimator: NAME, needed: "fixed", hint });
+        }
+        if model.np() > 0 {
+            return Err(SetupError::NotRigid(model.np()).into());
+        }
+        let (NearRest::LeaveOut(value) | NearRest::Smooth(value)) = friction.near_rest;
+        let smooth = matches!(friction.near_rest, NearRest::Smooth(_));
+        if !(value.is_finite() && value >= 0.0 && !(smooth && value == 0.0)) {
+            let needed = if smooth { "positive and finite" } else { "zero or positive" };
+            return Err(LinearError::Option { what: "rate near rest (rad/s)".into(), value, needed });
+        }
+        Ok(Self { model, friction, weights: Weights::FromResiduals(3), trim_s: 0.0 })
+    }
+    /// With other weights: one standard deviation per joint (N m).
+    #[must_use]
+    pub fn weights(mut self, weights: Weights) -> Self {
+        self.weights = weights;
+        self
+    }
+    /// Leaves out this many seconds at both ends, where a spline knows least of the acceleration.
+    #[must_use]
+    pub fn trim(mut self, seconds: f64) -> Self {
+        self.trim_s = seconds;
+        self
+    }
+    fn instants(&self, record: &Record) -> Result<Instants, LinearError> {
+        let kept = trimmed(record, self.trim_s)?;
+        let (q, qd, qdd) = motion_at(&*joint_motion(self.model, record)?, record, kept.clone());
+        Ok(Instants { q, qd, qdd, tau: record.tau().rows(kept.start, kept.len()).into_owned() })
+    }
+    /// The sign of a rate, or none where it is not to be trusted.
+    fn sign(&self, rate: f64) -> Option<f64> {
+        match self.friction.near_rest {
+            NearRest::Smooth(width) => Some((rate / width).tanh()),
+            NearRest::LeaveOut(_) if !self.friction.coulomb => Some(0.0),
+            NearRest::LeaveOut(band) => (rate.abs() > band).then(|| rate.signum()),
+        }
+    }
+    /// Which of viscous, Coulomb and offset are estimated.
+    fn terms(&self) -> impl Iterator<Item = usize> {
+        let f = self.friction;
+        [f.viscous, f.coulomb, f.offset].into_iter().enumerate().filter_map(|(k, on)| on.then_some(k))
+    }
+    /// Estimates the parameters `selected` and the friction; the other parameters keep their value in `start`, and so does
+    /// what the data cannot tell. Several records of the same robot may be given: their rows are stacked, rates and
+    /// accelerations fitted record by record. Allocates.
+    ///
+    /// # Errors
+    /// [`LinearError`].
+    pub fn estimate(
+        &self,
+        records: &[&Record],
+        selected: &[usize],
+        start: &[f64],
+    ) -> Result<GroundEstimate, LinearError> {
+        const TERMS: [(&str, &str); 3] = [("viscous", "N m s/rad"), ("coulomb", "N m"), ("offset", "N m")];
+        let (model, nj) = (self.model, self.model.nj());
+        let decls = model.param_decls();
+        linear::check(&decls, selected, start)?;
+        let parts = records.iter().map(|r| self.instants(r)).collect::<Result<Vec<_>, _>>()?;
+        if parts.is_empty() {
+            return Err(LinearError::Shape("no record is given".into()));
+        }
+        let stack = |of: fn(&Instants) -> &DMatrix<f64>| {
+            let n = parts.iter().map(|p| of(p).nrows()).sum();
+            let mut out = DMatrix::zeros(n, nj);
+            let mut at = 0;
+            for p in &parts {
+                out.rows_mut(at, of(p).nrows()).copy_from(of(p));
+                at += of(p).nrows();
+            }
+            out
+        };
+        let (q, qd, qdd, tau) = (stack(|p| &p.q), stack(|p| &p.qd), stack(|p| &p.qdd), stack(|p| &p.tau));
+        let n = q.nrows();
+        let keep = DMatrix::from_fn(n, nj, |i, j| f64::from(u8::from(self.sign(qd[(i, j)]).is_some())));
+        let rms = |m: &DMatrix<f64>, j: usize| (m.column(j).norm() / (n as f64).sqrt()).max(1e-6);
+        let (mut extra, mut unknowns) = (vec![], vec![]);
+        for (j, joint) in model.joint_names().iter().enumerate() {
+            for k in self.terms() {
+                let factor = match k {
+                    0 => qd.column(j).iter().copied().collect(),
+                    1 => qd.column(j).iter().map(|&w| self.sign(w).unwrap_or(0.0)).collect(),
+                    _ => vec![1.0; n],
+                };
+                extra.push(Extra { dof: j, factor });
+                let size = rms(&tau, j) / if k == 0 { rms(&qd, j) } else { 1.0 };
+                let name = format!("friction.{joint}.{}", TERMS[k].0);
+                unknowns.push((Unknown { name, unit: TERMS[k].1.into(), size }, 0.0));
+            }
+        }
+        let used = (0..nj).map(|j| keep.column(j).mean()).collect();
+        let joints = model.joint_names();
+        let kinds = joints.iter().enumerate().map(|(j, n)| Kind { name: format!("torque {n}"), dofs: vec![j] });
+        let equations = Equations {
+            model,
+            q,
+            v: qd,
+            a: qdd,
+            measured: tau,
+            selected,
+            values: start,
+            extra,
+            keep: Some(keep),
+            kinds: kinds.collect(),
+        };
+        let task = Task { decls: &decls, selected, start, extra: unknowns, weights: &self.weights };
+        let fit = linear::solve(&task, &equations.triangles()?)?;
+        let mut friction = vec![[0.0; 3]; nj];
+        let places = (0..nj).flat_map(|j| self.terms().map(move |k| (j, k)));
+        places.zip(&fit.extra).for_each(|((j, k), e)| friction[j][k] = e.value);
+        Ok(GroundEstimate { fit, friction, used })
+    }
+    /// Torques (N x n) that parameters and friction predict for the motion of a record, and residuals `measured - predicted`,
+    /// zero where a sample is left out. Allocates.
+    ///
+    /// # Errors
+    /// [`LinearError::Setup`], [`LinearError::Option`], [`LinearError::Shape`].
+    pub fn predict(
+        &self,
+        record: &Record,
+        values: &[f64],
+        friction: &[[f64; 3]],
+    ) -> Result<(DMatrix<f64>, DMatrix<f64>), LinearError> {
+        let (model, nj) = (self.model, self.model.nj());
+        if values.len() != model.n_params() || friction.len() != nj {
+            let (p, f) = (values.len(), friction.len());
+            let want = model.n_params();
+            return Err(LinearError::Shape(format!(
+                "{p} parameters and friction of {f} joints, needed {want} and {nj}"
+            )));
+        }
+        let at = self.instants(record)?;
+        let params = Params::from_values(model, values.to_vec());
+        let (mut work, mut state) = (Work::new(model), State::zero(model));
+        let n = at.q.nrows();
+        let (mut tau, mut residual) = (DMatrix::zeros(n, nj), DMatrix::zeros(n, nj));
+        let (mut acc, mut row) = (vec![0.0; nj], vec![0.0; nj]);
+        for i in 0..n {
+            for j in 0..nj {
+                (state.q[j], state.v[j], acc[j]) = (at.q[(i, j)], at.qd[(i, j)], at.qdd[(i, j)]);
+            }
+            rnea(model, &params, &state, &acc, &mut work, &mut row);
+            for (j, [v, c, o]) in friction.iter().enumerate() {
+                let sign = self.sign(state.v[j]);
+                tau[(i, j)] = row[j] + v * state.v[j] + c * sign.unwrap_or(0.0) + o;
+                if sign.is_some() {
+                    residual[(i, j)] = at.tau[(i, j)] - tau[(i, j)];
+                }
+            }
+        }
+        Ok((tau, residual))
+    }
+    /// Root mean square of the prediction error of each joint (N m) on a record that played no part in the estimate.
+    /// Allocates.
+    ///
+    /// # Errors
+    /// As [`Ground::predict`].
+    pub fn held_out(&self, record: &Record, estimate: &GroundEstimate) -> Result<Vec<f64>, LinearError> {
+        let (_, residual) = self.predict(record, &estimate.fit.values, &estimate.friction)?;
+        let rms = |j: usize| {
+            let c = residual.column(j);
+            let count = c.iter().filter(|x| **x != 0.0).count().max(1);
+            c.norm() / (count as f64).sqrt()
+        };
+        Ok((0..self.model.nj()).map(rms).collect())
+    }
+}
