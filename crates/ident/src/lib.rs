@@ -4,8 +4,10 @@
 //! |---|---|
 //! | [`record`], [`record_builder`] | is this data usable at all? (the one door where non-finite numbers stop) |
 //! | [`motion_fit`], [`joint_motion`] | joint rates and accelerations that belong to the measured positions |
-//! | [`psd`], [`peaks`] | which frequencies carry energy |
-//! | [`decimate`], [`modal_fit`] | modes of the free decay, finer than a spectrum |
+//! | [`psd`], [`psd_confidence`], [`peaks`] | which frequencies carry energy, and how surely |
+//! | [`decimate`], [`era`], [`modal_fit`] | modes of the free decay, finer than a spectrum |
+//! | [`modal_model`], [`mode_match`] | which of the model's modes they are, and which were not seen |
+//! | [`modal_estimate`] | stiffness and damping from modes; modes on a held base and on a free one |
 //! | [`selection`], [`transform`] | which parameters are estimated, and in which unconstrained coordinates |
 //! | [`prior`], [`scale`], [`start`] | what is known beforehand, what "relative" means, starts for studies |
 //! | [`estimator`], [`rda`], [`output_error`] | the fit; a rigid system; a system with passive states |
@@ -15,20 +17,27 @@
 //! No type of faer or rustfft appears in a public signature.
 
 mod affine;
+mod assignment;
+mod chi_square;
 pub mod covariance;
 pub mod decimate;
+pub mod era;
 pub mod estimator;
 pub mod joint_motion;
 pub mod linalg;
 pub mod lm;
 mod lm_step;
+pub mod modal_estimate;
 pub mod modal_fit;
+pub mod modal_model;
 mod modal_refine;
+pub mod mode_match;
 pub mod motion_fit;
 pub mod output_error;
 pub mod peaks;
 pub mod prior;
 pub mod psd;
+pub mod psd_confidence;
 pub mod rda;
 pub mod record;
 pub mod record_builder;
