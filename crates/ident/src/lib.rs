@@ -3,6 +3,7 @@
 //! | module | what it answers |
 //! |---|---|
 //! | [`record`], [`record_builder`] | is this data usable at all? (the one door where non-finite numbers stop) |
+//! | [`clock`], [`mask`] | do the clocks agree; which samples count |
 //! | [`motion_fit`], [`joint_motion`] | joint rates and accelerations that belong to the measured positions |
 //! | [`psd`], [`psd_confidence`], [`peaks`] | which frequencies carry energy, and how surely |
 //! | [`decimate`], [`era`], [`modal_fit`] | modes of the free decay, finer than a spectrum |
@@ -11,6 +12,7 @@
 //! | [`selection`], [`transform`] | which parameters are estimated, and in which unconstrained coordinates |
 //! | [`prior`], [`scale`], [`start`] | what is known beforehand, what "relative" means, starts for studies |
 //! | [`estimator`], [`rda`], [`output_error`] | the fit; a rigid system; a system with passive states |
+//! | [`staged`] | several rough starts, a thinned record, then the whole one |
 //! | [`covariance`], [`report`] | how well each parameter is determined, and which combinations are not |
 //! | [`linalg`], [`lm`] | factorisations that refuse bad input, and the least-squares solver |
 //!
@@ -19,6 +21,7 @@
 mod affine;
 mod assignment;
 mod chi_square;
+pub mod clock;
 pub mod covariance;
 pub mod decimate;
 pub mod era;
@@ -27,6 +30,7 @@ pub mod joint_motion;
 pub mod linalg;
 pub mod lm;
 mod lm_step;
+pub mod mask;
 pub mod modal_estimate;
 pub mod modal_fit;
 pub mod modal_model;
@@ -44,8 +48,10 @@ pub mod record_builder;
 pub mod report;
 pub mod scale;
 pub mod selection;
+pub mod staged;
 pub mod start;
 mod tables;
+mod thin;
 pub mod transform;
 
 pub use estimator::{Estimate, Estimated, Estimator, Request, estimate};

@@ -7,7 +7,15 @@
 //! df = Re(conj(l) dl) / (2 pi |l|),      dzeta = Im(l) (Re(l) dIm(l) - Im(l) dRe(l)) / |l|^3
 //! ```
 //!
-//! with the exact derivatives of the poles of [`crate::modal_model`]. Modes are matched to the model
+//! with the exact derivatives of the poles of [`crate::modal_model`]. Frequencies do not tell left from right: wings that
+//! swap their hinges have the same ones. Unless told not to, the fit compares shapes as well: with b the measured and m
+//! the predicted complex amplitudes of all channels, each over its deviation, the residual is what of b is not along m,
+//!
+//! ```text
+//! r = P b,   P = 1 - m m^H / m^H m,       dr = -(P dm (m^H b) + m (dm^H P b)) / m^H m
+//! ```
+//!
+//! which does not depend on scale and phase of m (G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973). Modes are matched to the model
 //! ([`crate::mode_match`]), the parameters fitted, and modes matched again with the better model, until the matching
 //! stands. What four frequencies cannot tell is named by [`crate::covariance`], as for any other estimator.
 //!
@@ -25,7 +33,7 @@ use crate::mode_match::{MatchSettings, ModeMatch, Pair, match_modes};
 use core::f64::consts::TAU;
 use ff_dynamics::modes::Boundary;
 use ff_model::{Model, ParamDecl, Params};
-use nalgebra::{Complex, DMatrix, Matrix2, RowVector2};
+use nalgebra::{Complex, DMatrix, DVector, Matrix2, RowVector2, Vector2};
 
 /// Why there is no estimate from modes.
 #[derive(Debug, thiserror::Error)]
@@ -81,10 +89,12 @@ pub struct ModalRequest<'a> {
     /// Deviations added to those of the fit: relative, of a frequency, and absolute, of a damping ratio. They stand for what
     /// the linear model leaves out, and keep modes of a noise-free record from having infinite weight.
     pub floor: (f64, f64),
+    /// Compare shapes too, with this deviation, relative to the length of the whitened shape, added to that of the fit.
+    pub shapes: Option<f64>,
 }
 
 impl<'a> ModalRequest<'a> {
-    /// Modes up to `f_max` (Hz) with the base free, at the rest pose given; no prior.
+    /// Modes up to `f_max` (Hz) at the pose given, with their shapes to 1 %; no prior.
     pub fn new(
         model: &'a Model,
         pose: HeldPose<'a>,
@@ -93,7 +103,18 @@ impl<'a> ModalRequest<'a> {
         f_max: f64,
     ) -> Self {
         let matching = MatchSettings::up_to(f_max);
-        Self { model, pose, decls, selected, start, sigma, matching, prior_width: None, floor: (1e-5, 1e-5) }
+        Self {
+            model,
+            pose,
+            decls,
+            selected,
+            start,
+            sigma,
+            matching,
+            prior_width: None,
+            floor: (1e-5, 1e-5),
+            shapes: Some(0.01),
+        }
     }
 }
 
@@ -135,10 +156,8 @@ pub fn estimate_modal(request: &ModalRequest<'_>, fit: &ModalFit) -> Result<Moda
         if pairs.is_empty() {
             return Err(ModalEstimateError::NothingMatched { measured: fit.modes.len(), model: model.modes().len() });
         }
-        let observed: Vec<(&Mode, ModelMode)> =
-            pairs.iter().map(|p| (&fit.modes[p.measured], model.modes()[p.model].clone())).collect();
         // Each round starts anew: a wrong matching must not leave its traces.
-        let found = fit_pairs(request, &observed, request.start)?;
+        let found = fit_pairs(request, fit, &pairs)?;
         values.copy_from_slice(&found.values);
         model = at(&values)?;
         let next = of(&model);
@@ -151,25 +170,42 @@ pub fn estimate_modal(request: &ModalRequest<'_>, fit: &ModalFit) -> Result<Moda
     }
 }
 
-fn fit_pairs(
-    request: &ModalRequest<'_>,
-    observed: &[(&Mode, ModelMode)],
-    start: &[f64],
-) -> Result<Estimate, ModalEstimateError> {
-    let rows = observed.iter().map(|(m, reference)| Observed {
-        value: [m.frequency, m.damping],
-        white: whitening(m, request.floor),
-        shape: reference.shape.clone(),
+fn fit_pairs(request: &ModalRequest<'_>, fit: &ModalFit, pairs: &[Pair]) -> Result<Estimate, ModalEstimateError> {
+    let observed = pairs.iter().map(|p| {
+        let m = &fit.modes[p.measured];
+        // The plane of two unresolved modes is known, the shape of each is not.
+        let apart = !fit.unresolved.iter().any(|u| u.f1 == m.frequency || u.f2 == m.frequency);
+        let shape = request.shapes.filter(|_| apart).map(|floor| weighted_shape(m, request.sigma, floor));
+        let unit: Vec<Complex<f64>> = m.shape().iter().zip(request.sigma).map(|(a, s)| a / *s).collect();
+        Observed {
+            value: [m.frequency, m.damping],
+            white: whitening(m, request.floor),
+            model: p.model,
+            whitened: apart.then_some(unit),
+            shape,
+        }
     });
-    let mut modes = Modes { model: request.model, pose: request.pose, observed: rows.collect() };
+    let observed: Vec<Observed> = observed.collect();
+    let rows = observed.iter().map(Observed::rows).sum::<usize>().max(request.selected.len());
+    let mut modes = Modes { request, observed, rows };
     let fit = Request {
         prior_width: request.prior_width,
         // Fewer modes than parameters leave directions open: they stay where they are.
         anchor: if request.prior_width.is_none() { Some(10.0) } else { None },
-        settings: Settings { max_iterations: 60, cost_floor: 1e-14, ..Settings::default() },
-        ..Request::new(request.decls, request.selected, start)
+        settings: Settings { max_iterations: 100, cost_floor: 1e-14, ..Settings::default() },
+        ..Request::new(request.decls, request.selected, request.start)
     };
     Ok(estimate(&fit, &mut modes)?)
+}
+
+/// Weight of each channel, and the measured shape times it.
+fn weighted_shape(m: &Mode, sigma: &[f64], floor: f64) -> (Vec<f64>, DVector<Complex<f64>>) {
+    let shape = m.shape();
+    let length = shape.iter().zip(sigma).map(|(a, s)| a.norm_sqr() / (s * s)).sum::<f64>().sqrt();
+    let weight = m.amplitude_deviation.iter().zip(sigma).map(|(d, s)| 1.0 / d.hypot(floor * length * s));
+    let weight: Vec<f64> = weight.map(|w| if w.is_finite() { w } else { 0.0 }).collect();
+    let b = DVector::from_iterator(shape.len(), shape.iter().zip(&weight).map(|(a, w)| a * *w));
+    (weight, b)
 }
 
 /// `W` with `W^T W = C^-1`.
@@ -187,41 +223,97 @@ fn whitening(m: &Mode, floor: (f64, f64)) -> Matrix2<f64> {
 struct Observed {
     value: [f64; 2],
     white: Matrix2<f64>,
-    /// Passive shape of the model mode that it was matched to, by which that mode is followed.
-    shape: Vec<Complex<f64>>,
+    /// Which of the model's modes by frequency it was matched to. Poles repel each other, so that their order is what
+    /// stays along a path of parameters when shapes say nothing.
+    model: usize,
+    /// Shape in units of noise, by which the mode is followed; none for one of an unresolved pair.
+    whitened: Option<Vec<Complex<f64>>>,
+    /// Weights and weighted amplitudes of its channels.
+    shape: Option<(Vec<f64>, DVector<Complex<f64>>)>,
 }
 
-/// Matched modes as an estimator.
+impl Observed {
+    fn rows(&self) -> usize {
+        2 + self.shape.as_ref().map_or(0, |s| 2 * s.1.len())
+    }
+}
+
+/// Matched modes as an estimator. Rows that are left over, when there are more parameters than data, are zero.
 struct Modes<'a> {
-    model: &'a Model,
-    pose: HeldPose<'a>,
+    request: &'a ModalRequest<'a>,
     observed: Vec<Observed>,
+    rows: usize,
 }
 
 impl Modes<'_> {
     fn at(&self, full: &[f64]) -> Result<(Params<f64>, ModalModel, Vec<usize>), EvalError> {
-        let params = Params::from_values(self.model, full.to_vec());
+        let (model, set) = (self.request.model, &self.request.matching);
+        let params = Params::from_values(model, full.to_vec());
         let reject = |e: ModalModelError| EvalError::Rejected(e.to_string());
-        let m = ModalModel::new(self.model, &params, &self.pose).map_err(reject)?;
-        // Follow each mode by its shape, and by frequency where shapes say nothing.
-        let cost: Vec<Vec<f64>> = self
-            .observed
+        let m = ModalModel::new(model, &params, &self.request.pose).map_err(reject)?;
+        let units: Vec<Vec<Complex<f64>>> = m
+            .modes()
             .iter()
-            .map(|o| {
-                let x = |k: &ModelMode| (k.frequency() / o.value[0]).ln().abs().min(2.0);
-                m.modes().iter().map(|k| 1.0 - mac(&o.shape, &k.shape) + 0.05 * x(k)).collect()
-            })
+            .map(|k| k.channels.iter().zip(self.request.sigma).map(|(a, s)| a / *s).collect())
             .collect();
-        let found: Option<Vec<usize>> = assign(&cost, m.modes().len(), 1e3).into_iter().collect();
+        let cost = |o: &Observed, j: usize| {
+            let x = (m.modes()[j].frequency() / o.value[0]).ln().abs().min(2.0) / set.frequency_spread;
+            match &o.whitened {
+                Some(w) => 0.5 * x * x + set.shape_weight * (1.0 - mac(w, &units[j])),
+                None => 0.1 * x + f64::from(u8::from(j != o.model)),
+            }
+        };
+        let costs: Vec<Vec<f64>> =
+            self.observed.iter().map(|o| (0..m.modes().len()).map(|j| cost(o, j)).collect()).collect();
+        let found: Option<Vec<usize>> = assign(&costs, m.modes().len(), 1e6).into_iter().collect();
         let found = found.ok_or_else(|| EvalError::Rejected("a measured mode is overdamped here".into()))?;
         Ok((params, m, found))
     }
     fn fill(&self, m: &ModalModel, found: &[usize], r: &mut [f64]) {
-        for (i, (o, &k)) in self.observed.iter().zip(found).enumerate() {
+        r.fill(0.0);
+        let mut row = 0;
+        for (o, &k) in self.observed.iter().zip(found) {
             let mode = &m.modes()[k];
-            let e = o.white * nalgebra::Vector2::new(mode.frequency() - o.value[0], mode.damping() - o.value[1]);
-            (r[2 * i], r[2 * i + 1]) = (e[0], e[1]);
+            let e = o.white * Vector2::new(mode.frequency() - o.value[0], mode.damping() - o.value[1]);
+            (r[row], r[row + 1]) = (e[0], e[1]);
+            if let Some((weight, b)) = &o.shape {
+                let p = Projected::new(mode, weight, b);
+                put(&p.left, |i, x| r[row + 2 + i] = x);
+            }
+            row += o.rows();
         }
+    }
+}
+
+/// Real and imaginary parts, one after the other.
+fn put(v: &DVector<Complex<f64>>, mut to: impl FnMut(usize, f64)) {
+    for (i, x) in v.iter().enumerate() {
+        to(2 * i, x.re);
+        to(2 * i + 1, x.im);
+    }
+}
+
+/// The part of a measured shape that is not along the predicted one.
+struct Projected {
+    m: DVector<Complex<f64>>,
+    square: f64,
+    along: Complex<f64>,
+    left: DVector<Complex<f64>>,
+}
+
+impl Projected {
+    fn new(mode: &ModelMode, weight: &[f64], b: &DVector<Complex<f64>>) -> Self {
+        let m = DVector::from_iterator(b.len(), mode.channels.iter().zip(weight).map(|(x, w)| x * *w));
+        // Where the sensors feel no mode at all (a held base), shapes are not compared.
+        let felt = m.norm_squared() > 0.0;
+        let square = if felt { m.norm_squared() } else { 1.0 };
+        let along = m.dotc(b) / square;
+        let left = if felt { b - &m * along } else { DVector::zeros(b.len()) };
+        Self { m, square, along, left }
+    }
+    fn derivative(&self, dm: &DVector<Complex<f64>>) -> DVector<Complex<f64>> {
+        let across = dm - &self.m * (self.m.dotc(dm) / self.square);
+        -(across * self.along + &self.m * (dm.dotc(&self.left) / self.square))
     }
 }
 
@@ -233,7 +325,7 @@ fn changes(l: Complex<f64>, d: Complex<f64>) -> [f64; 2] {
 
 impl Estimator for Modes<'_> {
     fn rows(&self) -> usize {
-        2 * self.observed.len()
+        self.rows
     }
     fn residuals(&mut self, full: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         let (_, m, found) = self.at(full)?;
@@ -250,12 +342,24 @@ impl Estimator for Modes<'_> {
     ) -> Result<(), EvalError> {
         let (params, m, found) = self.at(full)?;
         self.fill(&m, &found, r);
-        let d = m.derivatives(self.model, &params, &self.pose, selected);
-        for (i, (o, &k)) in self.observed.iter().zip(&found).enumerate() {
+        j.fill(0.0);
+        let (d, channels) = m.channel_derivatives(self.request.model, &params, &self.request.pose, selected);
+        let mut row = 0;
+        for (o, &k) in self.observed.iter().zip(&found) {
+            let mode = &m.modes()[k];
             for c in 0..selected.len() {
-                let e = o.white * nalgebra::Vector2::from(changes(m.modes()[k].pole, d[(k, c)]));
-                (j[(2 * i, c)], j[(2 * i + 1, c)]) = (e[0], e[1]);
+                let e = o.white * Vector2::from(changes(mode.pole, d[(k, c)]));
+                (j[(row, c)], j[(row + 1, c)]) = (e[0], e[1]);
             }
+            if let (Some((weight, b)), Some(slope)) = (&o.shape, &channels[k]) {
+                let p = Projected::new(mode, weight, b);
+                for c in 0..selected.len() {
+                    let dm = DVector::from_fn(b.len(), |i, _| slope[(i, c)] * weight[i]);
+                    let dr = p.derivative(&dm);
+                    put(&dr, |i, x| j[(row + 2 + i, c)] = x);
+                }
+            }
+            row += o.rows();
         }
         Ok(())
     }

@@ -71,7 +71,7 @@ fn hinges_come_back_from_their_modes_with_honest_deviations() {
     let s = sigma();
     let mut request = ModalRequest::new(m, pose, (&decls, &selected, &start), &s, 1.5);
     request.floor = (1e-12, 1e-12);
-    let found = estimate_modal(&request, &measured(modes.modes(), 0.3, (1e-6, 1e-6), [0.0; 2])).unwrap();
+    let found = estimate_modal(&request, &measured(modes.modes(), 0.3, (1e-5, 1e-5), [0.0; 2])).unwrap();
     assert_eq!((found.matching.pairs.len(), found.matching.strays.len()), (4, 0));
     println!(
         "{} rounds, {} steps, {:?}, singular values {:?}",
@@ -99,7 +99,9 @@ fn hinges_come_back_from_their_modes_with_honest_deviations() {
             count += 1.0;
         }
     }
-    println!("rms {}", (sum / count).sqrt());
+    let rms = f64::sqrt(sum / count);
+    // All modes share the two draws of a round, and shapes are exact: below 1, and never far above.
+    assert!((0.2..1.3).contains(&rms), "{rms}");
 }
 
 #[test]
@@ -114,12 +116,10 @@ fn two_modes_leave_directions_open_and_say_so() {
     let s = sigma();
     let request = ModalRequest::new(m, pose, (&decls, &selected, &v), &s, 1.5);
     let found = estimate_modal(&request, &measured(&modes.modes()[1..3], 0.3, (1e-5, 1e-5), [0.3, 0.3])).unwrap();
-    // Four stiffnesses from two poles (frequency and damping each tell of stiffness, D being known): not full rank in
-    // the sense of use, and never a finite deviation for what is not seen.
     let u = &found.estimate.data_only;
     assert!(u.rank <= 4 && found.matching.pairs.len() == 2 && found.matching.unseen.len() == 2);
     let damping = select(&decls, &["*.k[*]", "*.d[*]"]).unwrap();
-    let request = ModalRequest { selected: &damping, ..request };
+    let request = ModalRequest { selected: &damping, shapes: None, ..request };
     let found = estimate_modal(&request, &measured(&modes.modes()[1..3], 0.3, (1e-5, 1e-5), [0.3, 0.3])).unwrap();
     let u = &found.estimate.data_only;
     assert_eq!((u.rank, u.null.len()), (4, 4), "{:?}", u.singular_values);
@@ -133,7 +133,7 @@ fn what_was_not_seen_is_named_with_its_reason() {
     let p = Params::<f64>::nominal(m);
     let eta = vec![0.0; 4];
     // Straight up, the arm lies in the plane of symmetry: symmetric modes do not turn the base about the hinges.
-    let pose = HeldPose { q: &[0.0; 7], eta: &eta, boundary: Boundary::JointsHeld };
+    let pose = HeldPose { q: &[0.0, 0.8, 0.0, 0.8, 0.0, 0.5, 0.0], eta: &eta, boundary: Boundary::JointsHeld };
     let modes = ModalModel::new(m, &p, &pose).unwrap();
     let mut few = vec![modes.modes()[1].clone()];
     // A stranger at 1.21 Hz.
@@ -151,7 +151,6 @@ fn what_was_not_seen_is_named_with_its_reason() {
     assert!(got.pairs[0].mac > 0.999);
     assert_eq!(got.strays[0], (1, Stray::Combination { of: (0, 0) }));
     assert!(matches!(got.strays[1], (2, Stray::NoCounterpart { .. })), "{:?}", got.strays);
-    println!("{:?}", got.unseen);
     assert!(matches!(got.unseen[0], (0, Unseen::GyroBlind)), "{:?}", got.unseen);
     assert_eq!(
         got.unseen[0].1.words(),

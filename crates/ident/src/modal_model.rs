@@ -16,7 +16,7 @@
 use crate::linalg::{self, LinalgError};
 use core::f64::consts::TAU;
 use ff_dynamics::modes::{Boundary, stiffness_damping};
-use ff_dynamics::{MassBlocks, State, Work, mass_matrix};
+use ff_dynamics::{State, Work, mass_matrix};
 use ff_model::{D1, D2, Model, ModelScalar, Motion, Params, PortState};
 use nalgebra::{Complex, DMatrix, DVector};
 
@@ -89,8 +89,13 @@ impl ModelMode {
 pub struct ModalModel {
     mass: DMatrix<f64>,
     damping: DMatrix<f64>,
+    stiffness: DMatrix<f64>,
+    /// H, nv x nv.
+    inertia: DMatrix<f64>,
     /// N: generalised accelerations per passive acceleration, nv x m.
     lift: DMatrix<f64>,
+    /// Rows and columns of H that move freely: base, joints.
+    free: usize,
     modes: Vec<ModelMode>,
     overdamped: usize,
 }
@@ -137,12 +142,7 @@ impl ModalModel {
         first.view_mut((m, m), (m, m)).copy_from(&-chol.solve(&damping));
         let (mut modes, mut real) = (Vec::new(), 0);
         if m > 0 {
-            // Joint torques per passive acceleration; held joints need them, free ones give none.
-            let blocks = MassBlocks::new(&h, nb, nj);
-            let mut torque = &blocks.h_mp + blocks.h_bm.tr_mul(&lift.rows(0, nb));
-            if pose.boundary == Boundary::JointsFree {
-                torque.fill(0.0);
-            }
+            let torque = torque_rows(model, &h, &lift, pose.boundary);
             let (values, vectors) = linalg::general_eigen(&first)?;
             for (i, &l) in values.iter().enumerate() {
                 if l.im.abs() <= 1e-9 * l.norm() {
@@ -167,7 +167,7 @@ impl ModalModel {
             }
         }
         modes.sort_by(|a, b| a.pole.norm().total_cmp(&b.pole.norm()));
-        Ok(Self { mass, damping, lift, modes, overdamped: real / 2 })
+        Ok(Self { mass, damping, stiffness, inertia: h, lift, free, modes, overdamped: real / 2 })
     }
     /// Oscillating modes, by frequency.
     pub fn modes(&self) -> &[ModelMode] {
@@ -196,6 +196,82 @@ impl ModalModel {
         selected: &[usize],
     ) -> DMatrix<Complex<f64>> {
         let changes: Vec<Change> = selected.iter().map(|&p| Change::of(model, params, pose, p)).collect();
+        self.of_poles(params, selected, &changes)
+    }
+    /// [`Self::derivatives`], and those of the channels of every mode (channels x selected each), up to a complex multiple
+    /// of the channels themselves, since the scale of a shape means nothing.
+    ///
+    /// The shape follows by R. Nelson's method (AIAA J. 14(9), 1976): one component of `phi` is held, and
+    /// `(l^2 M + l D + K) dphi = -(l^2 dM + l dD + dK + dl (2 l M + D)) phi` is solved without its row and column. None for
+    /// a repeated pole, whose shapes are not determined. Allocates.
+    ///
+    /// # Panics
+    /// As [`Self::derivatives`].
+    pub fn channel_derivatives(
+        &self,
+        model: &Model,
+        params: &Params<f64>,
+        pose: &HeldPose<'_>,
+        selected: &[usize],
+    ) -> (DMatrix<Complex<f64>>, Vec<Option<DMatrix<Complex<f64>>>>) {
+        let changes: Vec<Change> = selected.iter().map(|&p| Change::of(model, params, pose, p)).collect();
+        let poles = self.of_poles(params, selected, &changes);
+        let (nb, nj, m) = (model.nb(), model.nj(), self.mass.nrows());
+        let torque = torque_rows(model, &self.inertia, &self.lift, pose.boundary);
+        // Per parameter: dM, dN, d(torque rows).
+        let base = self.inertia.view((0, 0), (self.free, self.free)).into_owned().lu();
+        let matrices: Vec<[DMatrix<f64>; 3]> = changes
+            .iter()
+            .map(|c| {
+                let moved = &c.inertia * &self.lift;
+                let mut lift = DMatrix::zeros(self.lift.nrows(), m);
+                if self.free > 0
+                    && let Some(x) = base.solve(&moved.rows(0, self.free).into_owned())
+                {
+                    lift.view_mut((0, 0), (self.free, m)).copy_from(&-x);
+                }
+                let mut rows = (&moved + &self.inertia * &lift).rows(nb, nj).into_owned();
+                if pose.boundary == Boundary::JointsFree {
+                    rows.fill(0.0);
+                }
+                [self.lift.tr_mul(&moved), lift, rows]
+            })
+            .collect();
+        let complex = |a: &DMatrix<f64>| a.map(Complex::from);
+        let of_mode = |k: usize, mode: &ModelMode| -> Option<DMatrix<Complex<f64>>> {
+            let l = mode.pole;
+            let near = |o: &&ModelMode| (o.pole - l).norm() <= REPEATED * l.norm();
+            if self.modes.iter().filter(near).count() > 1 {
+                return None;
+            }
+            let phi = DVector::from_column_slice(&mode.shape);
+            let pivot = (0..m).max_by(|&a, &b| phi[a].norm().total_cmp(&phi[b].norm()))?;
+            let slope = complex(&self.mass) * (l * 2.0) + complex(&self.damping);
+            let a = complex(&self.mass) * (l * l) + complex(&self.damping) * l + complex(&self.stiffness);
+            let reduced = a.remove_row(pivot).remove_column(pivot).lu();
+            let mut out = DMatrix::zeros(nj + 3, selected.len());
+            for (c, (change, [mass, lift, rows])) in changes.iter().zip(&matrices).enumerate() {
+                let dl = poles[(k, c)];
+                let matrix = complex(mass) * (l * l) + complex(&change.damping) * l + complex(&change.stiffness);
+                let rhs = -((matrix + &slope * dl) * &phi).remove_row(pivot);
+                let dphi = if m > 1 {
+                    reduced.solve(&rhs)?.insert_row(pivot, Complex::from(0.0))
+                } else {
+                    phi.clone() * Complex::from(0.0)
+                };
+                let tau = complex(&torque) * (&phi * (l * dl * 2.0) + &dphi * (l * l)) + complex(rows) * &phi * (l * l);
+                out.view_mut((0, c), (nj, 1)).copy_from(&tau);
+                if nb == 6 {
+                    let rate = complex(&self.lift) * (&phi * dl + &dphi * l) + complex(lift) * &phi * l;
+                    out.view_mut((nj, c), (3, 1)).copy_from(&rate.rows(3, 3));
+                }
+            }
+            Some(out)
+        };
+        let channels = self.modes.iter().enumerate().map(|(k, mode)| of_mode(k, mode)).collect();
+        (poles, channels)
+    }
+    fn of_poles(&self, params: &Params<f64>, selected: &[usize], changes: &[Change]) -> DMatrix<Complex<f64>> {
         let sizes: Vec<f64> = selected.iter().map(|&p| params.values()[p].abs().max(1e-3)).collect();
         let mut out = DMatrix::zeros(self.modes.len(), selected.len());
         let mut from = 0;
@@ -262,6 +338,15 @@ impl ModalModel {
         }
         v
     }
+}
+
+/// Joint torques per passive acceleration, nj x m; joints that are free have none.
+fn torque_rows(model: &Model, h: &DMatrix<f64>, lift: &DMatrix<f64>, boundary: Boundary) -> DMatrix<f64> {
+    let mut rows = (h * lift).rows(model.nb(), model.nj()).into_owned();
+    if boundary == Boundary::JointsFree {
+        rows.fill(0.0);
+    }
+    rows
 }
 
 /// Derivatives of H, D and K by one parameter.

@@ -56,7 +56,8 @@ fn derivatives_of_the_poles_are_those_of_difference_quotients() {
             let pose = HeldPose { q: &q, eta: &eta, boundary };
             let at = |v: Vec<f64>| ModalModel::new(&l.model, &Params::from_values(&l.model, v), &pose).unwrap();
             let here = at(p.values().to_vec());
-            let d = here.derivatives(&l.model, &p, &pose, &selected);
+            let (d, channels) = here.channel_derivatives(&l.model, &p, &pose, &selected);
+            assert_eq!(d, here.derivatives(&l.model, &p, &pose, &selected));
             for (c, &i) in selected.iter().enumerate() {
                 let h = 1e-5 * p.values()[i].abs().max(0.1);
                 let moved = |s: f64| {
@@ -67,6 +68,21 @@ fn derivatives_of_the_poles_are_those_of_difference_quotients() {
                 let (up, down) = (moved(1.0), moved(-1.0));
                 for k in 0..here.modes().len() {
                     let quotient = (up.modes()[k].pole - down.modes()[k].pole) / (2.0 * h);
+                    // Channels up to a complex multiple: compare what is left across them, at a phase made equal.
+                    let m = DVector::from_column_slice(&here.modes()[k].channels);
+                    let aligned = |o: &ModalModel| {
+                        let x = DVector::from_column_slice(&o.modes()[k].channels);
+                        let y = m.dotc(&m) / m.dotc(&x);
+                        x * y
+                    };
+                    let slope = (aligned(&up) - aligned(&down)) / Complex::from(2.0 * h);
+                    let exact = channels[k].as_ref().unwrap().column(c).into_owned();
+                    let exact = &exact - &m * (m.dotc(&exact) / m.dotc(&m));
+                    let size = m.norm() / p.values()[i].abs().max(0.1);
+                    assert!(
+                        (slope - exact).norm() < 1e-5 * size,
+                        "{name} {boundary:?} mode {k} parameter {i}: channels"
+                    );
                     let scale = here.modes()[k].pole.norm() / p.values()[i].abs().max(0.1);
                     assert!(
                         (quotient - d[(k, c)]).norm() < 2e-6 * scale,

@@ -38,7 +38,7 @@ pub struct MatchSettings {
 impl MatchSettings {
     /// Frequencies known to 30 %, looked at up to `f_max` (Hz).
     pub fn up_to(f_max: f64) -> Self {
-        Self { frequency_spread: 0.3, shape_weight: 3.0, limit: 6.0, f_max, blind: 0.01 }
+        Self { frequency_spread: 0.3, shape_weight: 4.0, limit: 5.0, f_max, blind: 0.05 }
     }
 }
 
@@ -136,11 +136,14 @@ pub fn match_modes(fit: &ModalFit, model: &[ModelMode], sigma: &[f64], set: &Mat
         Some(k) => subspace_mac(&predicted[j], &[&measured[i], &measured[k]]),
         None => mac(&measured[i], &predicted[j]),
     };
+    // On a held base the arm's sensors feel nothing: frequencies alone decide.
+    let felt = predicted.iter().flatten().any(|x| x.norm_sqr() > 0.0);
+    let shape_weight = if felt { set.shape_weight } else { 0.0 };
     let tones: Vec<Option<(usize, usize)>> = (0..measured.len()).map(|i| combination(fit, i)).collect();
     let cost = |i: usize, j: usize| {
         let x = (fit.modes[i].frequency / model[j].frequency()).ln() / set.frequency_spread;
         // Finite whatever the shapes: zero channels give a MAC of 0.
-        let c = 0.5 * x * x + set.shape_weight * (1.0 - assurance(i, j));
+        let c = 0.5 * x * x + shape_weight * (1.0 - assurance(i, j));
         if c.is_finite() { c } else { f64::MAX.sqrt() }
     };
     let real: Vec<usize> = (0..measured.len()).filter(|&i| tones[i].is_none()).collect();

@@ -5,6 +5,7 @@
 //! the exit code is 15, with everything printed and written before.
 
 pub mod excitation;
+pub mod starts;
 
 use crate::exit::Failure;
 use crate::table::{Table, sig};
@@ -25,6 +26,8 @@ pub struct Args {
 enum Which {
     /// Planned excitation against random multisines, quiet and modal plans, limits, gradients, times
     Excitation(Options),
+    /// Fits of 100 random truths within 70 % of the prior, from the start that their modes give
+    Starts(Options),
 }
 
 /// What every study takes.
@@ -179,6 +182,7 @@ impl Study {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     match &args.which {
         Which::Excitation(options) => Ok(excitation::run(options)?.finish(options)?),
+        Which::Starts(options) => Ok(starts::run(options)?.finish(options)?),
     }
 }
 
