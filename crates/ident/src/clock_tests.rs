@@ -113,22 +113,28 @@ fn late_record() -> (ff_model::mission::Loaded, Record) {
 #[test]
 fn late_torques_of_a_flexible_satellite_are_found_with_a_rough_model_and_put_right() {
     let (l, record) = late_record();
-    // Base 10 % too heavy, hinges 10 % too soft.
     let decls = l.model.param_decls();
-    let mut v = Params::<f64>::nominal(&l.model).values().to_vec();
-    for (x, d) in v.iter_mut().zip(&decls) {
-        if d.name.starts_with("base.") {
-            *x *= 1.1;
-        } else if d.name.contains(".k[") {
-            *x *= 0.9;
-        }
-    }
     let noise = Noise { torque: 0.1, gyro: 1.5e-4 };
-    let rough = Params::from_values(&l.model, v);
-    let c = estimate_clocks(&l.model, &rough, &record, &noise, 0.2).unwrap();
-    println!("{c:?}");
-    assert!((c.torque.offset - 0.023).abs() < 4.0 * c.torque.offset_deviation + 1e-3, "{:?}", c.torque);
-    assert!((c.gyro.offset - 0.002).abs() < 4.0 * c.gyro.offset_deviation + 1e-3, "{:?}", c.gyro);
+    // Base too heavy, hinges too soft by this part.
+    let rough = |part: f64| {
+        let mut v = Params::<f64>::nominal(&l.model).values().to_vec();
+        for (x, d) in v.iter_mut().zip(&decls) {
+            if d.name.starts_with("base.") {
+                *x *= 1.0 + part;
+            } else if d.name.contains(".k[") {
+                *x *= 1.0 - part;
+            }
+        }
+        estimate_clocks(&l.model, &Params::from_values(&l.model, v), &record, &noise, 0.2)
+    };
+    let near = |e: &ClockEstimate, late: f64| (e.offset - late).abs() < 4.0 * e.offset_deviation;
+    let c = rough(0.002).unwrap();
+    assert!(near(&c.torque, 0.023) && near(&c.gyro, 0.002), "{c:?}");
+    // A model that is 10 % off is either good enough or told not to be; never a wrong offset with a small deviation.
+    match rough(0.1) {
+        Ok(c) => assert!(near(&c.torque, 0.023) && near(&c.gyro, 0.002), "{c:?}"),
+        Err(e) => assert_eq!(e.exit_code(), 13, "{e}"),
+    }
     let exact = estimate_clocks(&l.model, &Params::nominal(&l.model), &record, &noise, 0.2).unwrap();
     assert!(
         (exact.torque.offset - 0.023).abs() < 5.0 * exact.torque.offset_deviation

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`record`], [`record_builder`] | is this data usable at all? (the one door where non-finite numbers stop) |
 //! | [`clock`], [`mask`] | do the clocks agree; which samples count |
-//! | [`motion_fit`], [`joint_motion`] | joint rates and accelerations that belong to the measured positions |
+//! | [`motion_fit`], [`knot_spectrum`], [`joint_motion`] | joint rates and accelerations that belong to the measured positions |
 //! | [`psd`], [`psd_confidence`], [`peaks`] | which frequencies carry energy, and how surely |
 //! | [`decimate`], [`era`], [`modal_fit`] | modes of the free decay, finer than a spectrum |
 //! | [`modal_model`], [`mode_match`] | which of the model's modes they are, and which were not seen |
@@ -27,6 +27,7 @@ pub mod decimate;
 pub mod era;
 pub mod estimator;
 pub mod joint_motion;
+pub mod knot_spectrum;
 pub mod linalg;
 pub mod lm;
 mod lm_step;

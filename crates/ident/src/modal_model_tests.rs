@@ -79,8 +79,11 @@ fn derivatives_of_the_poles_are_those_of_difference_quotients() {
                     let exact = channels[k].as_ref().unwrap().column(c).into_owned();
                     let exact = &exact - &m * (m.dotc(&exact) / m.dotc(&m));
                     let size = m.norm() / p.values()[i].abs().max(0.1);
+                    // On a held base nothing is felt at the arm.
+                    let felt = boundary != Boundary::BaseHeld;
+                    assert_eq!(m.norm() > 0.0, felt);
                     assert!(
-                        (slope - exact).norm() < 1e-5 * size,
+                        !felt || (slope - exact).norm() < 1e-5 * size,
                         "{name} {boundary:?} mode {k} parameter {i}: channels"
                     );
                     let scale = here.modes()[k].pole.norm() / p.values()[i].abs().max(0.1);

@@ -6,40 +6,48 @@
 //! takes over from there, or from the best of all when none does.
 
 use crate::estimator::{Estimate, EstimateError, Estimator, Request, estimate};
+use crate::lm::Status;
+use crate::transform::Transform;
 
-/// One start that was tried on the coarse estimator.
+/// One pass: what to fit it with, and to what.
+pub struct Pass<'a, 'b> {
+    /// Parameters, priors and settings; its `start` is not used, except that of the last pass when there are no starts.
+    pub request: Request<'a>,
+    /// The data of the pass.
+    pub estimator: &'b mut dyn Estimator,
+}
+
+/// One start that was tried on the passes before the last.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Trial {
     /// Which of the starts.
     pub start: usize,
-    /// Linearisations.
+    /// Linearisations of all these passes.
     pub iterations: usize,
-    /// `chi^2` per degree of freedom that it left; none when it failed.
+    /// `chi^2` per degree of freedom that the last of them left; none when one failed.
     pub chi2_per_dof: Option<f64>,
 }
 
 /// The result of [`estimate_staged`].
 #[derive(Clone, Debug)]
 pub struct Staged {
-    /// Of the fine estimator.
+    /// Of the last pass.
     pub estimate: Estimate,
     /// Every start that was tried, in order.
     pub trials: Vec<Trial>,
-    /// Whether the start that was taken explained the coarse data.
+    /// Whether the start that was taken explained the data of the pass before the last.
     pub explained: bool,
 }
 
-/// Tries `starts` on `coarse` with `first`, and goes on from the first that leaves `chi^2` per degree of freedom at most
-/// `accept` on `fine` with `then` (whose own `start` is not used, nor is that of `first`). Allocates.
+/// Takes `starts` in order through `coarse` until one leaves `chi^2` per degree of freedom at most `accept` at the end of
+/// them, and goes on from there, or from the best, with `fine`. A good order is: a short beginning of the record, in
+/// which no oscillation can slip by a period; a thinned record; the whole one. Allocates.
 ///
 /// # Errors
-/// [`EstimateError`]: that of the last start when all fail, or that of the fine estimator.
-///
-/// # Panics
-/// Never; without starts, that of `then` is the only one.
+/// [`EstimateError`]: that of the last start when all fail, or that of the fine pass.
 pub fn estimate_staged(
-    (first, coarse): (&Request<'_>, &mut dyn Estimator),
-    (then, fine): (&Request<'_>, &mut dyn Estimator),
+    coarse: &mut [Pass<'_, '_>],
+    fine: &mut Pass<'_, '_>,
     starts: &[Vec<f64>],
     accept: f64,
 ) -> Result<Staged, EstimateError> {
@@ -47,29 +55,41 @@ pub fn estimate_staged(
     let mut best: Option<(f64, Vec<f64>)> = None;
     let mut failed = None;
     for (k, start) in starts.iter().enumerate() {
-        let tried = estimate(&Request { start, ..first.clone() }, coarse);
-        let e = match tried {
-            Ok(e) => e,
-            Err(e) => {
-                trials.push(Trial { start: k, iterations: 0, chi2_per_dof: None });
-                failed = Some(e);
-                continue;
+        let (mut values, mut iterations, mut left) = (start.clone(), 0, None);
+        for pass in coarse.iter_mut() {
+            match estimate(&Request { start: &values, ..pass.request.clone() }, pass.estimator) {
+                Ok(e) => {
+                    iterations += e.iterations;
+                    left = Some(e.chi2_per_dof);
+                    let edge = matches!(e.status, Status::AtBound { .. })
+                        || Transform::affine(pass.request.decls, pass.request.selected, &e.values).is_err();
+                    // A body pressed against the edge of what can exist cannot go on from there. Half way back it can:
+                    // what lies between two physical sets of parameters is physical.
+                    let back = |(v, from): (&f64, &f64)| if edge { 0.5 * (v + from) } else { *v };
+                    values = e.values.iter().zip(&values).map(back).collect();
+                }
+                Err(e) => {
+                    failed = Some(e);
+                    left = None;
+                    break;
+                }
             }
-        };
-        trials.push(Trial { start: k, iterations: e.iterations, chi2_per_dof: Some(e.chi2_per_dof) });
-        if best.as_ref().is_none_or(|b| e.chi2_per_dof < b.0) {
-            best = Some((e.chi2_per_dof, e.values));
         }
-        if best.as_ref().is_some_and(|b| b.0 <= accept) {
+        trials.push(Trial { start: k, iterations, chi2_per_dof: left });
+        let Some(left) = left else { continue };
+        if best.as_ref().is_none_or(|b| left < b.0) {
+            best = Some((left, values));
+        }
+        if left <= accept {
             break;
         }
     }
     let (left, start) = match (best, failed) {
         (Some(b), _) => b,
         (None, Some(e)) => return Err(e),
-        (None, None) => (f64::INFINITY, then.start.to_vec()),
+        (None, None) => (f64::INFINITY, starts.first().map_or_else(|| fine.request.start.to_vec(), Clone::clone)),
     };
-    let estimate = estimate(&Request { start: &start, ..then.clone() }, fine)?;
+    let estimate = estimate(&Request { start: &start, ..fine.request.clone() }, fine.estimator)?;
     Ok(Staged { estimate, trials, explained: left <= accept })
 }
 
@@ -123,15 +143,18 @@ mod tests {
         let decls = vec![ParamDecl::positive("w", "rad/s", 1.0), ParamDecl::positive("a", "m", 1.0)];
         let request = Request::new(&decls, &[0, 1], &[1.0, 1.0]);
         let starts = vec![vec![0.8, 1.0], vec![3.4, 0.6], vec![2.14, 0.5], vec![2.1, 1.3]];
-        let s = estimate_staged((&request, &mut Tone { every: 4 }), (&request, &mut Tone { every: 1 }), &starts, 1.5)
-            .unwrap();
+        let run = |starts: &[Vec<f64>]| {
+            let (mut every, mut fourth) = (Tone { every: 1 }, Tone { every: 4 });
+            let mut fine = Pass { request: request.clone(), estimator: &mut every };
+            let coarse = Pass { request: request.clone(), estimator: &mut fourth };
+            estimate_staged(&mut [coarse], &mut fine, starts, 1.5).unwrap()
+        };
+        let s = run(&starts);
         assert_eq!((s.trials.len(), s.explained), (3, true), "{:?}", s.trials);
         assert!(s.trials[0].chi2_per_dof.is_some_and(|c| c > 10.0));
         assert!((s.estimate.values[0] - 2.1).abs() < 1e-9 && (s.estimate.values[1] - 1.3).abs() < 1e-9);
         assert_eq!(s.estimate.residuals.len(), 400);
-        let lost =
-            estimate_staged((&request, &mut Tone { every: 4 }), (&request, &mut Tone { every: 1 }), &starts[..2], 1.5)
-                .unwrap();
+        let lost = run(&starts[..2]);
         assert!(!lost.explained && lost.estimate.chi2_per_dof > 10.0);
     }
 }

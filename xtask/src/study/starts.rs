@@ -8,8 +8,8 @@
 //! 1. modes of the decay ([`ffid::ident::modal_fit`]),
 //! 2. all parameters from them, under the prior ([`ffid::ident::modal_estimate`]): the first start. Others, tried only when it
 //!    does not explain the record to its noise: stiffness and damping alone from the modes; the prior; draws around it;
-//! 3. output error for base, stiffness and damping over every tenth sample, then over the whole record
-//!    ([`ffid::ident::staged`]).
+//! 3. output error for base, stiffness and damping over the beginning of the record, then over every tenth sample of it, then
+//!    over the whole ([`ffid::ident::staged`]).
 //!
 //! Parts for `--only`: `exact` (noise-free; found means every combination that the sensors would tell to 10 % is right to
 //! 1e-6 of its size), `noisy` (found means a normalised squared error of the known combinations that chance exceeds once in a
@@ -26,7 +26,7 @@ use ffid::ident::lm::Settings;
 use ffid::ident::modal_estimate::{ModalRequest, estimate_modal};
 use ffid::ident::modal_fit::{ModalSettings, fit_modes};
 use ffid::ident::modal_model::HeldPose;
-use ffid::ident::staged::estimate_staged;
+use ffid::ident::staged::{Pass, estimate_staged};
 use ffid::ident::start::random_start;
 use ffid::ident::{self, Noise, OutputError, Record, RecordBuilder, Request, estimate, selection};
 use ffid::model::mission::{LoadOptions, Loaded, Mission};
@@ -37,10 +37,10 @@ use std::time::Instant;
 /// How far truths lie from the prior.
 const WIDTH: f64 = 0.7;
 /// Step (s) of the simulated truth.
-const STEP: f64 = 1e-3;
+const STEP: f64 = 2e-3;
 /// Free decay and information plan (s).
-const DECAY_S: f64 = 40.0;
-const PLAN_S: f64 = 40.0;
+const DECAY_S: f64 = 32.0;
+const PLAN_S: f64 = 30.0;
 /// Highest frequency looked at (Hz).
 const F_MAX: f64 = 2.0;
 /// Relative deviation up to which a combination counts as known.
@@ -220,6 +220,8 @@ impl Setup {
 
 /// Samples thinned to for the first pass: 10 Hz, ten per period of a mode at 1 Hz.
 const THIN: usize = 10;
+/// The first pass ends this long (s) after the manoeuvre, about a period of the slowest mode.
+const SHORT_S: f64 = 9.0;
 /// Residual `chi^2` per degree of freedom up to which a start explains the thinned record. Noise alone leaves 1; integrating
 /// ten times as coarsely adds a little; a slipped period leaves hundreds.
 const EXPLAINED: f64 = 2.0;
@@ -245,9 +247,8 @@ enum Part {
     Prior,
 }
 
-fn one(x: &Setup, seed: u64, part: Part) -> anyhow::Result<Outcome> {
-    let truth = random_start(&x.decls, &x.prior, &x.selected, WIDTH, seed);
-    let record = x.record(&x.fly(&truth)?, (part == Part::Noisy).then_some(seed))?;
+fn one(x: &Setup, (truth, flight): (&[f64], &Trace), seed: u64, part: Part) -> anyhow::Result<Outcome> {
+    let record = x.record(flight, (part == Part::Noisy).then_some(seed))?;
     let begun = Instant::now();
     let whole = ident::Options { substeps: 1, ..ident::Options::new(x.noise) };
     let mut output_error = OutputError::new(x.model(), &record, &whole)?;
@@ -266,10 +267,18 @@ fn one(x: &Setup, seed: u64, part: Part) -> anyhow::Result<Outcome> {
     } else {
         let (starts, matched) = x.starts(&record, seed)?;
         let thin = record.thinned(THIN)?;
-        let mut coarse = OutputError::new(x.model(), &thin, &ident::Options { substeps: 2, ..whole.clone() })?;
-        let settings = Settings { max_iterations: 80, decrement_tolerance: 1e-4, ..Settings::default() };
+        let short = thin.window(0.0, x.decay.0 + SHORT_S)?;
+        let rough = ident::Options { substeps: 2, ..whole.clone() };
+        let mut on_short = OutputError::new(x.model(), &short, &rough)?;
+        let mut on_thin = OutputError::new(x.model(), &thin, &rough)?;
+        let settings = Settings { max_iterations: 40, decrement_tolerance: 1e-3, ..Settings::default() };
         let first = Request { anchor: None, settings, ..request.clone() };
-        let s = estimate_staged((&first, &mut coarse), (&request, &mut output_error), &starts, EXPLAINED)?;
+        // The short record does not tell everything; what it leaves open stays near the prior.
+        let beginning = Request { prior_width: Some(WIDTH), ..first.clone() };
+        let mut passes =
+            [Pass { request: beginning, estimator: &mut on_short }, Pass { request: first, estimator: &mut on_thin }];
+        let mut last = Pass { request: request.clone(), estimator: &mut output_error };
+        let s = estimate_staged(&mut passes, &mut last, &starts, EXPLAINED)?;
         (s.estimate, matched, s.trials)
     };
     let seconds = begun.elapsed().as_secs_f64();
@@ -297,7 +306,8 @@ fn one(x: &Setup, seed: u64, part: Part) -> anyhow::Result<Outcome> {
         .collect();
     let tried = tried.join(", ");
     let text = format!(
-        "truth {seed}: {:?}, chi2/dof {:.2e}, {known} of {} combinations known, error {error:.1e}, {matched} modes, {} steps from {tried}, {seconds:.1} s",
+        "{} truth {seed}: {:?}, chi2/dof {:.2e}, {known} of {} combinations known, error {error:.1e}, {matched} modes, {} steps from {tried}, {seconds:.1} s",
+        ["exact", "noisy", "prior"][part as usize],
         e.status,
         e.chi2_per_dof,
         x.selected.len(),
@@ -327,18 +337,29 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     study.figure("record", "s", x.motion.duration());
     study.figure("parameters", "", x.selected.len() as f64);
     let extra = options.only.iter().any(|p| p == "prior");
-    for (part, name) in [(Part::Exact, "exact"), (Part::Noisy, "noisy"), (Part::Prior, "prior")] {
-        if !options.wants(name) || (part == Part::Prior && !extra) {
-            continue;
-        }
-        let seeds: Vec<u64> = (0..truths).map(|k| options.seed.wrapping_mul(1000) + k).collect();
-        let all: Vec<(u64, anyhow::Result<Outcome>)> =
-            seeds.into_par_iter().map(|seed| (seed, one(&x, seed, part))).collect();
+    let mut parts = vec![(Part::Exact, "exact"), (Part::Noisy, "noisy"), (Part::Prior, "prior")];
+    parts.retain(|(part, name)| options.wants(name) && (*part != Part::Prior || extra));
+    let seeds: Vec<u64> = (0..truths).map(|k| options.seed.wrapping_mul(1000) + k).collect();
+    let begun = Instant::now();
+    let outcomes: Vec<(u64, Vec<anyhow::Result<Outcome>>)> = seeds
+        .into_par_iter()
+        .map(|seed| {
+            let truth = random_start(&x.decls, &x.prior, &x.selected, WIDTH, seed);
+            let flown = x.fly(&truth).map_err(|e| format!("{e:#}"));
+            let all = parts.iter().map(|&(part, _)| match &flown {
+                Ok(t) => one(&x, (&truth, t), seed, part),
+                Err(e) => Err(anyhow::anyhow!("{e}")),
+            });
+            (seed, all.collect())
+        })
+        .collect();
+    for (k, (part, name)) in parts.iter().copied().enumerate() {
+        let all: Vec<(u64, &anyhow::Result<Outcome>)> = outcomes.iter().map(|(s, o)| (*s, &o[k])).collect();
         let mut good: Vec<&Outcome> = Vec::new();
         for (seed, o) in &all {
             match o {
                 Ok(o) if o.found => good.push(o),
-                Ok(o) => study.note(format!("{name}: {}", o.text)),
+                Ok(o) => study.note(o.text.clone()),
                 Err(e) => study.note(format!("{name}: truth {seed}: {e:#}")),
             }
         }
@@ -369,5 +390,6 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
         study.figure(format!("{name}.error_max"), "", last(&error));
         study.figure(format!("{name}.modes_matched_median"), "", median(&of(&|o| o.matched as f64)));
     }
+    study.figure("elapsed", "s", begun.elapsed().as_secs_f64());
     Ok(study)
 }
