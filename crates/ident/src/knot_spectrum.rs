@@ -64,6 +64,7 @@ pub fn fit_by_spectrum(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Res
     if m < 64 {
         return Err(FitError::Length { what: "samples", got: m, expected: 64 }.into());
     }
+    let given = noise.is_some();
     let noise = match noise {
         Some(s) if s.len() != n => {
             return Err(FitError::Length { what: "noise", got: s.len(), expected: n }.into());
@@ -101,8 +102,9 @@ pub fn fit_by_spectrum(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Res
     let limited = 1.0 / (KNOTS_PER_PERIOD * band.max(1.0 / end));
     let densest = limited.max(finest);
     let largest = samples.q.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    // Two deviations of the comparison of two estimates, as in `choose_knots`.
-    let slack = 1.0 + 2.0 * (1.0 + 1.0 / 0.316f64).sqrt() / (2.0 * m as f64).sqrt();
+    // Two deviations of the comparison, as in `choose_knots`: an estimated noise varies as well.
+    let uncertainty = if given { 1.0 } else { (1.0 + 1.0 / 0.316f64).sqrt() };
+    let slack = 1.0 + 2.0 * uncertainty / (2.0 * m as f64).sqrt();
     let mut spacing = (end / 6.0).max(densest);
     loop {
         let fit = fit_motion(samples, spacing)?;
