@@ -1,9 +1,9 @@
 //! From a rough start to the answer: a cheap pass over several starts, then the whole record from the one that explains it.
 //!
 //! Output error far from the truth has valleys that lead nowhere: predicted and measured oscillations slip by a period. Where
-//! the residuals are in units of declared noise, such an end is recognised: it leaves `chi^2` per degree of freedom far above 1.
-//! Starts are tried in order, on a coarse estimator (a thinned record), until one explains its data; the fine estimator
-//! takes over from there, or from the best of all when none does.
+//! the residuals are in units of declared noise, such an end is recognised: it leaves a `chi^2` per degree of freedom that noise
+//! cannot explain. Starts are tried in order, on a coarse estimator (a thinned record); from one that explains its data the fine
+//! estimator takes over, and has to explain its own. Some wrong ends show in the whole record only.
 
 use crate::estimator::{Estimate, EstimateError, Estimator, Request, estimate};
 use crate::lm::Status;
@@ -35,13 +35,30 @@ pub struct Staged {
     pub estimate: Estimate,
     /// Every start that was tried, in order.
     pub trials: Vec<Trial>,
-    /// Whether the start that was taken explained the data of the pass before the last.
+    /// Whether the estimate explains the data of the last pass.
     pub explained: bool,
 }
 
-/// Takes `starts` in order through `coarse` until one leaves `chi^2` per degree of freedom at most `accept` at the end of
-/// them, and goes on from there, or from the best, with `fine`. A good order is: a short beginning of the record, in
-/// which no oscillation can slip by a period; a thinned record; the whole one. Allocates.
+/// `chi^2` per degree of freedom that still counts as explained.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accept {
+    /// At the end of the coarse passes.
+    pub coarse: f64,
+    /// Of the last pass.
+    pub fine: f64,
+}
+
+impl Accept {
+    /// What noise of the declared size leaves, but for three deviations (`sqrt(2 / n)` each), for so many residuals.
+    pub fn noise(coarse: usize, fine: usize) -> Self {
+        let limit = |n: usize| 1.0 + 3.0 * (2.0 / n.max(1) as f64).sqrt();
+        Self { coarse: limit(coarse), fine: limit(fine) }
+    }
+}
+
+/// Takes `starts` in order through `coarse` and, where that explains its data, on through `fine`, until that explains its
+/// own. When none does, the best that `fine` made, or what it makes of the best of `coarse`. A good order is: a short beginning
+/// of the record, in which no oscillation can slip by a period; a thinned record; the whole one. Allocates.
 ///
 /// # Errors
 /// [`EstimateError`]: that of the last start when all fail, or that of the fine pass.
@@ -49,8 +66,9 @@ pub fn estimate_staged(
     coarse: &mut [Pass<'_, '_>],
     fine: &mut Pass<'_, '_>,
     starts: &[Vec<f64>],
-    accept: f64,
+    accept: Accept,
 ) -> Result<Staged, EstimateError> {
+    let mut finished: Option<Estimate> = None;
     let mut trials = Vec::new();
     let mut best: Option<(f64, Vec<f64>)> = None;
     let mut failed = None;
@@ -77,20 +95,29 @@ pub fn estimate_staged(
         }
         trials.push(Trial { start: k, iterations, chi2_per_dof: left });
         let Some(left) = left else { continue };
+        if left <= accept.coarse {
+            match estimate(&Request { start: &values, ..fine.request.clone() }, fine.estimator) {
+                Ok(e) if e.chi2_per_dof <= accept.fine => return Ok(Staged { estimate: e, trials, explained: true }),
+                Ok(e) if finished.as_ref().is_none_or(|f| e.chi2_per_dof < f.chi2_per_dof) => finished = Some(e),
+                Ok(_) => {}
+                Err(e) => failed = Some(e),
+            }
+        }
         if best.as_ref().is_none_or(|b| left < b.0) {
             best = Some((left, values));
         }
-        if left <= accept {
-            break;
-        }
     }
-    let (left, start) = match (best, failed) {
-        (Some(b), _) => b,
+    if let Some(estimate) = finished {
+        return Ok(Staged { estimate, trials, explained: false });
+    }
+    let start = match (best, failed) {
+        (Some(b), _) => b.1,
         (None, Some(e)) => return Err(e),
-        (None, None) => (f64::INFINITY, starts.first().map_or_else(|| fine.request.start.to_vec(), Clone::clone)),
+        (None, None) => starts.first().map_or_else(|| fine.request.start.to_vec(), Clone::clone),
     };
     let estimate = estimate(&Request { start: &start, ..fine.request.clone() }, fine.estimator)?;
-    Ok(Staged { estimate, trials, explained: left <= accept })
+    let explained = estimate.chi2_per_dof <= accept.fine;
+    Ok(Staged { estimate, trials, explained })
 }
 
 #[cfg(test)]
@@ -147,7 +174,7 @@ mod tests {
             let (mut every, mut fourth) = (Tone { every: 1 }, Tone { every: 4 });
             let mut fine = Pass { request: request.clone(), estimator: &mut every };
             let coarse = Pass { request: request.clone(), estimator: &mut fourth };
-            estimate_staged(&mut [coarse], &mut fine, starts, 1.5).unwrap()
+            estimate_staged(&mut [coarse], &mut fine, starts, Accept { coarse: 1.5, fine: 1.5 }).unwrap()
         };
         let s = run(&starts);
         assert_eq!((s.trials.len(), s.explained), (3, true), "{:?}", s.trials);
@@ -156,5 +183,7 @@ mod tests {
         assert_eq!(s.estimate.residuals.len(), 400);
         let lost = run(&starts[..2]);
         assert!(!lost.explained && lost.estimate.chi2_per_dof > 10.0);
+        let a = Accept::noise(200, 20_000);
+        assert!((a.coarse - 1.3).abs() < 1e-12 && (a.fine - 1.03).abs() < 1e-12);
     }
 }
