@@ -1,6 +1,7 @@
 use super::*;
 use crate::modal_model::tests::load;
 use crate::record_builder::RecordBuilder;
+use ff_dynamics::simulate_reduced;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -21,6 +22,10 @@ fn readings(offset: f64, skew: f64, seed: u64) -> DMatrix<f64> {
     })
 }
 
+fn sure(channels: &DMatrix<f64>) -> Predicted<'_> {
+    Predicted { channels, errors: &[] }
+}
+
 fn predicted() -> DMatrix<f64> {
     DMatrix::from_fn(3000, 3, |i, j| signal(0.01 * i as f64, j))
 }
@@ -31,7 +36,7 @@ fn offset_and_skew_are_found_within_honest_deviations() {
     for (offset, skew) in [(0.0031, 0.0), (-0.0274, 3e-4), (0.117, -1.7e-4)] {
         let (mut sum, mut stated, n) = ([0.0f64; 2], [0.0f64; 2], 60);
         for seed in 0..n {
-            let e = estimate_clock("torque", &p, &readings(offset, skew, seed), &[0.1; 3], 0.01, 0.3).unwrap();
+            let e = estimate_clock("torque", &sure(&p), &readings(offset, skew, seed), &[0.1; 3], 0.01, 0.3).unwrap();
             for (k, (x, d)) in
                 [(e.offset - offset, e.offset_deviation), (e.skew - skew, e.skew_deviation)].into_iter().enumerate()
             {
@@ -53,24 +58,24 @@ fn offset_and_skew_are_found_within_honest_deviations() {
 fn what_cannot_be_told_is_refused_with_code_13() {
     let p = predicted();
     let still = DMatrix::from_fn(3000, 3, |i, j| 0.1 * ((i * 37 + j * 11) as f64 * 0.618).fract() + j as f64);
-    let e = estimate_clock("gyro", &p, &still, &[0.1; 3], 0.01, 0.3).unwrap_err();
+    let e = estimate_clock("gyro", &sure(&p), &still, &[0.1; 3], 0.01, 0.3).unwrap_err();
     assert!(e.exit_code() == 13 && e.to_string().starts_with("Data::ClockNotEstimable: gyro"), "{e}");
     // Drowned in noise: the offset is there, but not to half a sample.
     let e = estimate_clock(
         "gyro",
-        &p,
+        &sure(&p),
         &(readings(0.02, 0.0, 3) + still.map(|x| 300.0 * (x.fract() - 0.05))),
         &[10.0; 3],
         0.01,
         0.3,
     );
     assert!(e.is_err_and(|e| e.exit_code() == 13));
-    let e = estimate_clock("gyro", &p, &readings(0.5, 0.0, 1), &[0.1; 3], 0.01, 0.2).unwrap_err();
+    let e = estimate_clock("gyro", &sure(&p), &readings(0.5, 0.0, 1), &[0.1; 3], 0.01, 0.2).unwrap_err();
     assert_eq!(e.exit_code(), 13);
-    assert!(matches!(estimate_clock("gyro", &p, &still, &[0.1; 2], 0.01, 0.2), Err(ClockError::Shape(_))));
+    assert!(matches!(estimate_clock("gyro", &sure(&p), &still, &[0.1; 2], 0.01, 0.2), Err(ClockError::Shape(_))));
     let mut bad = readings(0.0, 0.0, 1);
     bad[(7, 1)] = f64::NAN;
-    assert!(matches!(estimate_clock("gyro", &p, &bad, &[0.1; 3], 0.01, 0.2), Err(ClockError::Linalg(_))));
+    assert!(matches!(estimate_clock("gyro", &sure(&p), &bad, &[0.1; 3], 0.01, 0.2), Err(ClockError::Linalg(_))));
 }
 
 /// A record of the flexible satellite at 1 kHz, thinned to 100 Hz with the torques 23 ms and the gyro 2 ms late.
@@ -111,37 +116,36 @@ fn late_record() -> (ff_model::mission::Loaded, Record) {
 }
 
 #[test]
-fn late_torques_of_a_flexible_satellite_are_found_with_a_rough_model_and_put_right() {
+fn late_torques_of_a_flexible_satellite_are_found_with_a_model_that_is_known_to_a_per_cent_and_put_right() {
     let (l, record) = late_record();
     let decls = l.model.param_decls();
     let noise = Noise { torque: 0.1, gyro: 1.5e-4 };
-    // Base too heavy, hinges too soft by this part.
-    let rough = |part: f64| {
-        let mut v = Params::<f64>::nominal(&l.model).values().to_vec();
-        for (x, d) in v.iter_mut().zip(&decls) {
-            if d.name.starts_with("base.") {
-                *x *= 1.0 + part;
-            } else if d.name.contains(".k[") {
-                *x *= 1.0 - part;
-            }
+    // Base too heavy, hinges too soft by half a per cent, and known to one.
+    let mut v = Params::<f64>::nominal(&l.model).values().to_vec();
+    let mut uncertain = Vec::new();
+    for (i, (x, d)) in v.iter_mut().zip(&decls).enumerate() {
+        let part = if d.name.starts_with("base.") {
+            1.005
+        } else if d.name.contains(".k[") {
+            0.995
+        } else {
+            1.0
+        };
+        *x *= part;
+        if part != 1.0 && *x != 0.0 {
+            uncertain.push((i, 0.01 * x.abs()));
         }
-        estimate_clocks(&l.model, &Params::from_values(&l.model, v), &record, &noise, 0.2)
-    };
-    let near = |e: &ClockEstimate, late: f64| (e.offset - late).abs() < 4.0 * e.offset_deviation;
-    let c = rough(0.002).unwrap();
-    assert!(near(&c.torque, 0.023) && near(&c.gyro, 0.002), "{c:?}");
-    // A model that is 10 % off is either good enough or told not to be; never a wrong offset with a small deviation.
-    match rough(0.1) {
-        Ok(c) => assert!(near(&c.torque, 0.023) && near(&c.gyro, 0.002), "{c:?}"),
-        Err(e) => assert_eq!(e.exit_code(), 13, "{e}"),
     }
-    let exact = estimate_clocks(&l.model, &Params::nominal(&l.model), &record, &noise, 0.2).unwrap();
-    assert!(
-        (exact.torque.offset - 0.023).abs() < 5.0 * exact.torque.offset_deviation
-            && exact.torque.offset_deviation < 5e-4,
-        "{:?}",
-        exact.torque
-    );
+    let rough = Params::from_values(&l.model, v);
+    let near = |e: &ClockEstimate, late: f64| (e.offset - late).abs() < 5.0 * e.offset_deviation;
+    let c = estimate_clocks(&l.model, &rough, &record, &noise, &uncertain, 0.2).unwrap();
+    println!("{c:?}");
+    assert!(near(&c.torque, 0.023) && near(&c.gyro, 0.002), "{c:?}");
+    // Taken for exact, the same model would pass its slower oscillations off as a clock.
+    let wrong = estimate_clocks(&l.model, &rough, &record, &noise, &[], 0.2);
+    assert!(wrong.is_err() || wrong.is_ok_and(|w| !near(&w.gyro, 0.002)));
+    let exact = estimate_clocks(&l.model, &Params::nominal(&l.model), &record, &noise, &[], 0.2).unwrap();
+    assert!(near(&exact.torque, 0.023) && exact.torque.offset_deviation < 5e-4, "{:?}", exact.torque);
     let (fixed, mask, problems) = correct_clocks(&record, &exact);
     // 2 ms is less than half a sample: the gyro stays as it is.
     assert!(
@@ -152,7 +156,7 @@ fn late_torques_of_a_flexible_satellite_are_found_with_a_rough_model_and_put_rig
     );
     assert_eq!(fixed.gyro(), record.gyro());
     assert!(mask.lost() > 0.0 && mask.lost() < 0.01 && mask.gyro.iter().all(|w| *w == 1.0));
-    let again = estimate_clocks(&l.model, &Params::nominal(&l.model), &fixed, &noise, 0.2).unwrap();
+    let again = estimate_clocks(&l.model, &Params::nominal(&l.model), &fixed, &noise, &[], 0.2).unwrap();
     assert!(again.torque.offset.abs() < 5.0 * exact.torque.offset_deviation, "{:?}", again.torque);
 }
 
@@ -163,12 +167,12 @@ fn a_clock_that_drifts_is_named_and_mended() {
     let q = DMatrix::from_fn(3000, 3, |i, j| signal(0.01 * i as f64, j + 4));
     let gyro = predicted();
     let record = RecordBuilder::new(["a", "b", "c"]).uniform(0.0, 100.0).q(q).tau(y).gyro(gyro).build().unwrap().0;
-    let torque = estimate_clock("torque", &p, record.tau(), &[0.1; 3], 0.01, 0.1).unwrap();
-    let gyro = estimate_clock("gyro", &p, record.gyro(), &[0.1; 3], 0.01, 0.1).unwrap();
+    let torque = estimate_clock("torque", &sure(&p), record.tau(), &[0.1; 3], 0.01, 0.1).unwrap();
+    let gyro = estimate_clock("gyro", &sure(&p), record.gyro(), &[0.1; 3], 0.01, 0.1).unwrap();
     assert!(gyro.offset.abs() < 1e-9 && gyro.skew.abs() < 1e-9, "{gyro:?}");
     let (fixed, _, problems) = correct_clocks(&record, &Clocks { torque, gyro });
     let codes: Vec<&str> = problems.0.iter().map(|p| p.code).collect();
     assert_eq!(codes, ["Data::ClockSkew"], "{problems:?}");
-    let left = estimate_clock("torque", &p, fixed.tau(), &[0.1; 3], 0.01, 0.1).unwrap();
+    let left = estimate_clock("torque", &sure(&p), fixed.tau(), &[0.1; 3], 0.01, 0.1).unwrap();
     assert!(left.skew.abs() < 5.0 * left.skew_deviation && left.offset.abs() < 5.0 * left.offset_deviation, "{left:?}");
 }

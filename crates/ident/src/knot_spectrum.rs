@@ -91,8 +91,9 @@ pub fn fit_by_spectrum(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Res
         // The window leaks a line into its neighbours, and rounding is a floor of its own.
         let rounding = 1e-30 * p.density.iter().copied().fold(0.0, f64::max);
         let low = p.confidence(0.998)?;
-        // A single bin in some hundreds is above by chance; two side by side are not.
-        let above = |k: usize| low[k].0 > white(p.frequency[k]) + rounding;
+        // Twice the floor: a figure for the noise that is a little low must not count as motion. A single bin in some
+        // hundreds is above by chance; two side by side are not.
+        let above = |k: usize| low[k].0 > 2.0 * white(p.frequency[k]) + rounding;
         let top = (1..p.density.len() - 1).rev().find(|&k| above(k) && above(k + 1));
         bands.push(top.map_or(0.0, |k| p.frequency[k + 1]));
         floors.push(floor);
@@ -170,7 +171,7 @@ mod tests {
             let exact = -0.3 * 0.16 * (0.4 * t + 1.0).sin() - 0.004 * w * w * (w * t).sin();
             worst = worst.max((ydd[1] - exact).abs());
         }
-        assert!(worst < 0.02 * 0.004 * 32.0, "{worst}");
+        assert!(worst < 0.04 * 0.004 * 32.0, "{worst}");
     }
 
     #[test]
