@@ -338,8 +338,9 @@ impl Sweep {
 mod tests {
     use super::*;
 
+    type Decay = (DMatrix<f64>, [Complex<f64>; 2], [[Complex<f64>; 3]; 2]);
     /// Two modes and an offset on three channels, exactly: order 5.
-    fn decay() -> (DMatrix<f64>, [Complex<f64>; 2], [[Complex<f64>; 3]; 2]) {
+    fn decay() -> Decay {
         let poles = [Complex::new(-0.02, 0.71), Complex::new(-0.11, 2.3)];
         let c = Complex::new;
         let shapes = [[c(3.0, 0.2), c(-1.1, 0.4), c(0.7, -0.9)], [c(0.4, 1.3), c(2.0, 0.1), c(-0.6, 0.5)]];

@@ -28,8 +28,8 @@ use crate::era::mac;
 use crate::estimator::{Estimate, EstimateError, Estimator, Request, estimate};
 use crate::lm::{EvalError, Settings};
 use crate::modal_fit::{ModalFit, Mode};
-use crate::modal_model::{HeldPose, ModalModel, ModalModelError, ModelMode};
-use crate::mode_match::{MatchSettings, ModeMatch, Pair, match_modes};
+use crate::modal_model::{HeldPose, ModalModel, ModalModelError, ModeDerivatives, ModelMode};
+use crate::mode_match::{MatchSettings, ModeMatch, Pair, Unseen, match_modes};
 use core::f64::consts::TAU;
 use ff_dynamics::modes::Boundary;
 use ff_model::{Model, ParamDecl, Params};
@@ -157,7 +157,9 @@ pub fn estimate_modal(request: &ModalRequest<'_>, fit: &ModalFit) -> Result<Moda
             return Err(ModalEstimateError::NothingMatched { measured: fit.modes.len(), model: model.modes().len() });
         }
         // Each round starts anew: a wrong matching must not leave its traces.
-        let found = fit_pairs(request, fit, &pairs)?;
+        let merged =
+            matching.unseen.iter().filter_map(|u| if let Unseen::Merged { with } = u.1 { Some(with) } else { None });
+        let found = fit_pairs(request, fit, &pairs, &merged.collect::<Vec<_>>())?;
         values.copy_from_slice(&found.values);
         model = at(&values)?;
         let next = of(&model);
@@ -170,16 +172,25 @@ pub fn estimate_modal(request: &ModalRequest<'_>, fit: &ModalFit) -> Result<Moda
     }
 }
 
-fn fit_pairs(request: &ModalRequest<'_>, fit: &ModalFit, pairs: &[Pair]) -> Result<Estimate, ModalEstimateError> {
+/// Fits the parameters to these pairs. A mode that stands for a pair of the model, of which it is the sum (`merged`), lies anywhere
+/// between the two, and has the shape of neither.
+fn fit_pairs(
+    request: &ModalRequest<'_>,
+    fit: &ModalFit,
+    pairs: &[Pair],
+    merged: &[usize],
+) -> Result<Estimate, ModalEstimateError> {
     let observed = pairs.iter().map(|p| {
         let m = &fit.modes[p.measured];
         // The plane of two unresolved modes is known, the shape of each is not.
-        let apart = !fit.unresolved.iter().any(|u| u.f1 == m.frequency || u.f2 == m.frequency);
+        let alone = !merged.contains(&p.model);
+        let apart = alone && !fit.unresolved.iter().any(|u| u.f1 == m.frequency || u.f2 == m.frequency);
+        let blur = if alone { 0.0 } else { fit.df };
         let shape = request.shapes.filter(|_| apart).map(|floor| weighted_shape(m, request.sigma, floor));
         let unit: Vec<Complex<f64>> = m.shape().iter().zip(request.sigma).map(|(a, s)| a / *s).collect();
         Observed {
             value: [m.frequency, m.damping],
-            white: whitening(m, request.floor),
+            white: whitening(m, request.floor, blur),
             model: p.model,
             whitened: apart.then_some(unit),
             shape,
@@ -208,10 +219,10 @@ fn weighted_shape(m: &Mode, sigma: &[f64], floor: f64) -> (Vec<f64>, DVector<Com
     (weight, b)
 }
 
-/// `W` with `W^T W = C^-1`.
-fn whitening(m: &Mode, floor: (f64, f64)) -> Matrix2<f64> {
-    let a = m.frequency_deviation.hypot(floor.0 * m.frequency).powi(2);
-    let b = m.damping_deviation.hypot(floor.1).powi(2);
+/// `W` with `W^T W = C^-1`, the frequency uncertain by `blur` (Hz) more and the width of the line by as much.
+fn whitening(m: &Mode, floor: (f64, f64), blur: f64) -> Matrix2<f64> {
+    let a = m.frequency_deviation.hypot(floor.0 * m.frequency).hypot(blur).powi(2);
+    let b = m.damping_deviation.hypot(floor.1).hypot(blur / m.frequency).powi(2);
     // Cholesky of [[a, c], [c, b]], inverted; the floor keeps it positive.
     let l = a.sqrt();
     let c = m.covariance / l;
@@ -343,7 +354,8 @@ impl Estimator for Modes<'_> {
         let (params, m, found) = self.at(full)?;
         self.fill(&m, &found, r);
         j.fill(0.0);
-        let (d, channels) = m.channel_derivatives(self.request.model, &params, &self.request.pose, selected);
+        let ModeDerivatives { poles: d, channels } =
+            m.channel_derivatives(self.request.model, &params, &self.request.pose, selected);
         let mut row = 0;
         for (o, &k) in self.observed.iter().zip(&found) {
             let mode = &m.modes()[k];

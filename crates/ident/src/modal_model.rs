@@ -84,6 +84,15 @@ impl ModelMode {
     }
 }
 
+/// How the modes depend on parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModeDerivatives {
+    /// Of the poles, modes x parameters (1/s per unit of the parameter).
+    pub poles: DMatrix<Complex<f64>>,
+    /// Per mode, of its channels, channels x parameters; none for a repeated pole.
+    pub channels: Vec<Option<DMatrix<Complex<f64>>>>,
+}
+
 /// The system linearised at a pose.
 #[derive(Clone, Debug)]
 pub struct ModalModel {
@@ -213,7 +222,7 @@ impl ModalModel {
         params: &Params<f64>,
         pose: &HeldPose<'_>,
         selected: &[usize],
-    ) -> (DMatrix<Complex<f64>>, Vec<Option<DMatrix<Complex<f64>>>>) {
+    ) -> ModeDerivatives {
         let changes: Vec<Change> = selected.iter().map(|&p| Change::of(model, params, pose, p)).collect();
         let poles = self.of_poles(params, selected, &changes);
         let (nb, nj, m) = (model.nb(), model.nj(), self.mass.nrows());
@@ -269,7 +278,7 @@ impl ModalModel {
             Some(out)
         };
         let channels = self.modes.iter().enumerate().map(|(k, mode)| of_mode(k, mode)).collect();
-        (poles, channels)
+        ModeDerivatives { poles, channels }
     }
     fn of_poles(&self, params: &Params<f64>, selected: &[usize], changes: &[Change]) -> DMatrix<Complex<f64>> {
         let sizes: Vec<f64> = selected.iter().map(|&p| params.values()[p].abs().max(1e-3)).collect();

@@ -56,7 +56,7 @@ fn derivatives_of_the_poles_are_those_of_difference_quotients() {
             let pose = HeldPose { q: &q, eta: &eta, boundary };
             let at = |v: Vec<f64>| ModalModel::new(&l.model, &Params::from_values(&l.model, v), &pose).unwrap();
             let here = at(p.values().to_vec());
-            let (d, channels) = here.channel_derivatives(&l.model, &p, &pose, &selected);
+            let ModeDerivatives { poles: d, channels } = here.channel_derivatives(&l.model, &p, &pose, &selected);
             assert_eq!(d, here.derivatives(&l.model, &p, &pose, &selected));
             for (c, &i) in selected.iter().enumerate() {
                 let h = 1e-5 * p.values()[i].abs().max(0.1);

