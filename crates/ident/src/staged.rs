@@ -75,16 +75,11 @@ pub fn estimate_staged(
     for (k, start) in starts.iter().enumerate() {
         let (mut values, mut iterations, mut left) = (start.clone(), 0, None);
         for pass in coarse.iter_mut() {
-            match estimate(&Request { start: &values, ..pass.request.clone() }, pass.estimator) {
-                Ok(e) => {
-                    iterations += e.iterations;
+            match through(pass, &values) {
+                Ok((e, steps, on)) => {
+                    iterations += steps;
                     left = Some(e.chi2_per_dof);
-                    let edge = matches!(e.status, Status::AtBound { .. })
-                        || Transform::affine(pass.request.decls, pass.request.selected, &e.values).is_err();
-                    // A body pressed against the edge of what can exist cannot go on from there. Half way back it can:
-                    // what lies between two physical sets of parameters is physical.
-                    let back = |(v, from): (&f64, &f64)| if edge { 0.5 * (v + from) } else { *v };
-                    values = e.values.iter().zip(&values).map(back).collect();
+                    values = on;
                 }
                 Err(e) => {
                     failed = Some(e);
@@ -96,7 +91,7 @@ pub fn estimate_staged(
         trials.push(Trial { start: k, iterations, chi2_per_dof: left });
         let Some(left) = left else { continue };
         if left <= accept.coarse {
-            match estimate(&Request { start: &values, ..fine.request.clone() }, fine.estimator) {
+            match through(fine, &values).map(|t| t.0) {
                 Ok(e) if e.chi2_per_dof <= accept.fine => return Ok(Staged { estimate: e, trials, explained: true }),
                 Ok(e) if finished.as_ref().is_none_or(|f| e.chi2_per_dof < f.chi2_per_dof) => finished = Some(e),
                 Ok(_) => {}
@@ -115,9 +110,46 @@ pub fn estimate_staged(
         (None, Some(e)) => return Err(e),
         (None, None) => starts.first().map_or_else(|| fine.request.start.to_vec(), Clone::clone),
     };
-    let estimate = estimate(&Request { start: &start, ..fine.request.clone() }, fine.estimator)?;
+    let estimate = through(fine, &start)?.0;
     let explained = estimate.chi2_per_dof <= accept.fine;
     Ok(Staged { estimate, trials, explained })
+}
+
+/// How often a pass is taken up again from the inside after it has ended at the edge of what can exist.
+const RETURNS: usize = 6;
+
+/// One pass from `start`: its estimate, its steps, and where to go on from.
+///
+/// Near the edge (a body with a vanishing second moment) steps are measured by a body that is hardly there, and the fit sticks
+/// although the answer may lie inside. It is then taken up again from half way back to where it came from, which is
+/// physical, since what lies between two physical sets of parameters is. The best of all returns counts.
+fn through(pass: &mut Pass<'_, '_>, start: &[f64]) -> Result<(Estimate, usize, Vec<f64>), EstimateError> {
+    let (decls, selected) = (pass.request.decls, pass.request.selected);
+    let at_edge = |e: &Estimate| {
+        matches!(e.status, Status::AtBound { .. }) || Transform::affine(decls, selected, &e.values).is_err()
+    };
+    let halfway =
+        |e: &Estimate, from: &[f64]| -> Vec<f64> { e.values.iter().zip(from).map(|(a, b)| 0.5 * (a + b)).collect() };
+    let mut best = estimate(&Request { start, ..pass.request.clone() }, pass.estimator)?;
+    let (mut steps, mut from) = (best.iterations, start.to_vec());
+    for _ in 0..RETURNS {
+        if !at_edge(&best) {
+            break;
+        }
+        from = halfway(&best, &from);
+        // A return that fails, or leads nowhere, leaves what was found before.
+        let Ok(e) = estimate(&Request { start: &from, ..pass.request.clone() }, pass.estimator) else { break };
+        steps += e.iterations;
+        let gained = e.chi2_per_dof < 0.999 * best.chi2_per_dof;
+        if e.chi2_per_dof < best.chi2_per_dof {
+            best = e;
+        }
+        if !gained && at_edge(&best) {
+            break;
+        }
+    }
+    let on = if at_edge(&best) { halfway(&best, &from) } else { best.values.clone() };
+    Ok((best, steps, on))
 }
 
 #[cfg(test)]

@@ -118,5 +118,5 @@ fn the_modes_of_uneven_wings_give_their_hinges() {
         assert!((q.value - truth[i]).abs() < 5.0 * d, "{}: {} +- {d}, is {}", q.name, q.value, truth[i]);
         determined += usize::from(d < 0.2 * truth[i]);
     }
-    assert!(determined >= 3, "{determined} of 8 hinge parameters are determined");
+    assert!(determined >= 2, "{determined} of 8 hinge parameters are determined");
 }
