@@ -81,6 +81,8 @@ fn an_unknown_study_is_bad_usage() {
         assert_eq!(code, Some(2), "{stderr}");
     }
     // Without the paper's mission there is nothing to study: a file that cannot be read.
-    let (code, _, stderr) = xtask(dir.path(), &["study", "excitation", "--quick"]);
-    assert_eq!(code, Some(20), "{stderr}");
+    for study in ["excitation", "starts"] {
+        let (code, _, stderr) = xtask(dir.path(), &["study", study, "--quick"]);
+        assert_eq!(code, Some(20), "{stderr}");
+    }
 }

@@ -71,6 +71,20 @@ impl Decimator {
         let m = self.margin() as i32;
         self.taps.iter().enumerate().map(|(k, h)| z.powi(k as i32 - m) * *h).sum()
     }
+    /// `d ln H / d ln z`: how the gain changes with the pole.
+    pub(crate) fn log_slope(&self, z: Complex<f64>) -> Complex<f64> {
+        let m = self.margin() as i32;
+        let slope: Complex<f64> = self
+            .taps
+            .iter()
+            .enumerate()
+            .map(|(k, h)| {
+                let e = k as i32 - m;
+                z.powi(e) * (*h * f64::from(e))
+            })
+            .sum();
+        slope / self.gain(z)
+    }
 }
 
 /// Modified Bessel function of the first kind, order 0 (series; converges for every argument).

@@ -1,5 +1,6 @@
 //! Joint motion of a record as a smooth function of time, with consistent rates and accelerations.
 
+use crate::knot_spectrum::{SpectralFit, fit_by_spectrum};
 use crate::motion_fit::{JointSamples, choose_knots};
 use crate::rda::SetupError;
 use crate::record::Record;
@@ -30,12 +31,27 @@ pub fn joint_motion(model: &Model, record: &Record) -> Result<Box<dyn JointMotio
     }
 }
 
-/// B-spline through the positions, with the coarsest knots that reach the noise floor.
-fn fitted(record: &Record) -> Result<Box<dyn JointMotion>, SetupError> {
+/// B-spline through the positions of a record: the coarsest knots that reach the noise floor, no denser than the spectrum of
+/// the positions has anything to follow, with the reason ([`crate::knot_spectrum`]). Allocates.
+///
+/// # Errors
+/// [`SetupError::JointMotion`]; at least 64 samples are needed.
+pub fn spectral_motion(record: &Record) -> Result<SpectralFit, SetupError> {
+    on_samples(record, |s| fit_by_spectrum(s, None).map_err(|e| SetupError::JointMotion(e.to_string())))
+}
+
+fn on_samples<T>(record: &Record, fit: impl FnOnce(&JointSamples<'_>) -> T) -> T {
     let times: Vec<f64> = (0..record.samples()).map(|i| i as f64 * record.dt()).collect();
     let q = rows(record.q());
-    let samples = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
-    let fit = choose_knots(&samples, None).map_err(|e| SetupError::JointMotion(e.to_string()))?;
+    fit(&JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 })
+}
+
+/// [`spectral_motion`], or without a spectrum for the shortest records.
+fn fitted(record: &Record) -> Result<Box<dyn JointMotion>, SetupError> {
+    if record.samples() >= 64 {
+        return Ok(Box::new(spectral_motion(record)?.fit.motion));
+    }
+    let fit = on_samples(record, |s| choose_knots(s, None)).map_err(|e| SetupError::JointMotion(e.to_string()))?;
     Ok(Box::new(fit.motion))
 }
 

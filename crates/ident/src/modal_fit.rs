@@ -4,10 +4,9 @@
 //! whose poles can be fitted much more closely:
 //!
 //! 1. channels in units of their noise, low-passed and decimated ([`crate::decimate`]);
-//! 2. a block Hankel matrix of all channels, whose singular values above the noise edge give the order; the
-//!    shift of its left vectors gives the poles (eigensystem realisation: J.-N. Juang, R. Pappa, J. Guidance 8(5),
-//!    1985; for one channel this is the matrix pencil);
-//! 3. modes must persist at two higher orders; then
+//! 2. eigensystem realisation ([`crate::era`]) at every order;
+//! 3. the stabilisation diagram gives the order, counted from the singular values above the noise edge, and the poles that
+//!    stay where they are through two higher orders; then
 //! 4. maximum likelihood refinement over all poles with amplitudes eliminated (variable projection), whose
 //!    Jacobian gives the Cramer-Rao deviations; modes that noise would explain are dropped.
 //!
@@ -15,12 +14,13 @@
 //! [`ModalFit::unresolved`], never merged in silence.
 
 use crate::decimate::Decimator;
+use crate::era::{Era, EraPole, Stabilisation, Sweep, Tolerance};
 use crate::linalg::{self, LinalgError};
 use crate::lm::LmError;
 use crate::modal_refine::{Poles, Refined, contributions, refine};
 use crate::psd::{PsdError, check_rate};
 use core::f64::consts::TAU;
-use nalgebra::{Complex, DMatrix};
+use nalgebra::{Complex, DMatrix, Matrix2x4};
 
 /// Why there is no modal fit.
 #[derive(Debug, thiserror::Error)]
@@ -82,12 +82,14 @@ pub struct ModalSettings {
     pub max_damping: f64,
     /// Singular values (per noise edge) above which the order is counted.
     pub edge: f64,
+    /// What counts as the same pole from one order to the next.
+    pub tolerance: Tolerance,
 }
 
 impl ModalSettings {
     /// Automatic order for modes up to `f_max` (Hz).
     pub fn up_to(f_max: f64) -> Self {
-        Self { f_max, order: None, max_order: 24, max_damping: 0.5, edge: 1.3 }
+        Self { f_max, order: None, max_order: 24, max_damping: 0.5, edge: 1.3, tolerance: Tolerance::default() }
     }
 }
 
@@ -102,12 +104,31 @@ pub struct Mode {
     pub damping: f64,
     /// Its standard deviation.
     pub damping_deviation: f64,
+    /// Covariance of frequency and damping ratio (Hz).
+    pub covariance: f64,
     /// Amplitude of each channel at the first sample, in the unit of the channel.
     pub amplitude: Vec<f64>,
+    /// Their standard deviations.
+    pub amplitude_deviation: Vec<f64>,
     /// Phase of each channel at the first sample (rad).
     pub phase: Vec<f64>,
+    /// Their standard deviations (rad); above about 1 the channel does not see the mode.
+    pub phase_deviation: Vec<f64>,
+    /// Consistent-mode indicator of the realisation it was refined from ([`crate::era`]), 0 to 1.
+    pub consistency: f64,
     /// Root-sum-square of the amplitudes in units of noise: how loud the mode is.
     pub snr: f64,
+}
+
+impl Mode {
+    /// Complex amplitude of each channel at the first sample: `y_j = Re(a_j e^(p t))`. Allocates.
+    pub fn shape(&self) -> Vec<Complex<f64>> {
+        self.amplitude.iter().zip(&self.phase).map(|(a, p)| Complex::from_polar(*a, *p)).collect()
+    }
+    /// The continuous pole `2 pi f (-zeta + i sqrt(1 - zeta^2))` (1/s).
+    pub fn pole(&self) -> Complex<f64> {
+        Complex::new(-self.damping, (1.0 - self.damping * self.damping).max(0.0).sqrt()) * (TAU * self.frequency)
+    }
 }
 
 /// Two modes that the record cannot keep apart (bad-inputs row D26): their frequencies and damping are
@@ -135,6 +156,8 @@ pub struct ModalFit {
     pub dropped: usize,
     /// Singular values of the Hankel matrix over the noise edge (the first `max_order`).
     pub singular_values: Vec<f64>,
+    /// Poles of every order, and which of them stay.
+    pub stabilisation: Stabilisation,
     /// Duration of the free motion (s) and its plain spectral resolution `1 / seconds` (Hz).
     pub seconds: f64,
     /// See `seconds`.
@@ -173,40 +196,27 @@ pub fn fit_modes(y: &DMatrix<f64>, sigma: &[f64], rate_hz: f64, set: &ModalSetti
     }
     let noise = (plan.noise_gain() * plan.factor() as f64).sqrt();
 
-    // A Hankel matrix of half the record has the least variance; its size is capped, its span is not a risk.
-    let blocks = (rows / 2).min((1500 / c).max(16));
-    let columns = rows - blocks + 1;
-    let hankel = DMatrix::from_fn(blocks * c, columns, |r, k| data[(r / c + k, r % c)]);
-    let svd = linalg::svd(&hankel)?;
-    // Largest singular value of unstructured noise; the Hankel structure raises it by some 10-30 %.
-    let edge = noise * (((blocks * c) as f64).sqrt() + (columns as f64).sqrt());
-    let tail: Vec<f64> = svd.s.iter().take(set.max_order).map(|s| s / edge).collect();
-    let top = svd.s.len().min(blocks * c - c).saturating_sub(3);
-    let floor = 1e-9 * tail[0];
-    let counted = tail.iter().take_while(|&&s| s > set.edge && s > floor).count();
-    let order = set.order.unwrap_or(counted).min(top).min(set.max_order);
-    if order == 0 {
-        return Err(ModalError::NoMode { snr: tail[0], f_max: set.f_max });
+    let era = Era::new(&data, dt)?;
+    let edge = noise * era.noise_edge();
+    let tail: Vec<f64> = era.singular_values().iter().take(set.max_order).map(|s| s / edge).collect();
+    let counted = tail.iter().take_while(|&&s| s > set.edge).count().min(era.highest_order());
+    let is_mode =
+        |p: &EraPole| p.pole.norm() <= TAU * set.f_max && p.damping() < set.max_damping && p.damping() > -0.05;
+    let no_mode = || ModalError::NoMode { snr: tail[0], f_max: set.f_max };
+    let lowest = set.order.unwrap_or(counted).min(set.max_order).min(era.highest_order());
+    if lowest == 0 {
+        return Err(no_mode());
     }
-    let up_to = |k: usize| realise(&svd.u, c, k, dt);
-    let found = up_to(order)?;
-    let higher = [up_to(order + 1)?, up_to(order + 2)?];
-    let is_mode = |p: &Complex<f64>| {
-        p.im > 0.0 && p.norm() <= TAU * set.f_max && damping(p) < set.max_damping && damping(p) > -0.05
-    };
-    // Without noise there is nothing left for higher orders to describe: their extra poles are rounding.
-    let exact = svd.s.len() > order && svd.s[order] < 1e-9 * svd.s[0];
-    let persists = |p: &Complex<f64>| {
-        let near = |q: &&Complex<f64>| (*q - p).norm() < 0.05 * p.norm() + 1.0 / have_seconds;
-        exact || higher.iter().all(|h| h.iter().any(|q| near(&q)))
-    };
-    let all = found.iter().filter(|p| is_mode(p)).count();
-    let oscillating: Vec<Complex<f64>> = found.iter().filter(|p| is_mode(p) && persists(p)).copied().collect();
+    let sweep = Sweep::new(&era, set.max_order + 2, have_seconds, set.tolerance, is_mode)?;
+    let order = if set.order.is_some() { lowest } else { sweep.choose(lowest) };
+    let all = sweep.count(order);
+    let lasting = sweep.lasting(order);
+    let oscillating: Vec<Complex<f64>> = lasting.iter().map(|p| p.pole).collect();
     if oscillating.is_empty() {
-        return Err(ModalError::NoMode { snr: tail[0], f_max: set.f_max });
+        return Err(no_mode());
     }
     let Some((refined, noise_ratio)) = significant(&data, oscillating, dt, noise)? else {
-        return Err(ModalError::NoMode { snr: tail[0], f_max: set.f_max });
+        return Err(no_mode());
     };
     let deviation = |v: f64| v.max(0.0).sqrt() * noise_ratio;
     let mut modes: Vec<Mode> = refined
@@ -217,23 +227,42 @@ pub fn fit_modes(y: &DMatrix<f64>, sigma: &[f64], rate_hz: f64, set: &ModalSetti
             // The fit starts `margin` samples late and went through the filter.
             let z = (p / rate_hz).exp();
             let undo = z.powi(-(plan.margin() as i32)) / plan.gain(z);
-            let a: Vec<Complex<f64>> = (0..c)
-                .map(|j| refined.amplitudes[(k, j)] * undo * (sigma[j] / (plan.factor() as f64).sqrt()))
-                .collect();
-            let (w, var) = (p.norm(), refined.covariance[k]);
+            let slope = -(plan.log_slope(z) + plan.margin() as f64) / rate_hz;
+            let (w, var) = (p.norm(), refined.covariance[k][0]);
             // d|p| = (re dre + im dim)/|p|;  d(-re/|p|) = -(im / |p|^3)(im dre - re dim).
             let (fr, fi) = (p.re / w / TAU, p.im / w / TAU);
             let (zr, zi) = (-p.im * p.im / w.powi(3), p.im * p.re / w.powi(3));
-            let form = |a: f64, b: f64| a * a * var[0] + 2.0 * a * b * var[1] + b * b * var[2];
-            Mode {
+            let form = |a: [f64; 2], b: [f64; 2]| {
+                a[0] * b[0] * var[(2, 2)] + (a[0] * b[1] + a[1] * b[0]) * var[(2, 3)] + a[1] * b[1] * var[(3, 3)]
+            };
+            let mut m = Mode {
                 frequency: w / TAU,
-                frequency_deviation: deviation(form(fr, fi)),
+                frequency_deviation: deviation(form([fr, fi], [fr, fi])),
                 damping: damping(p),
-                damping_deviation: deviation(form(zr, zi)),
-                snr: a.iter().zip(sigma).map(|(a, s)| a.norm_sqr() / (s * s)).sum::<f64>().sqrt(),
-                amplitude: a.iter().map(|a| a.norm()).collect(),
-                phase: a.iter().map(|a| a.arg()).collect(),
+                damping_deviation: deviation(form([zr, zi], [zr, zi])),
+                covariance: form([fr, fi], [zr, zi]) * noise_ratio * noise_ratio,
+                snr: 0.0,
+                amplitude: Vec::with_capacity(c),
+                amplitude_deviation: Vec::with_capacity(c),
+                phase: Vec::with_capacity(c),
+                phase_deviation: Vec::with_capacity(c),
+                consistency: nearest_consistency(&lasting, p),
+            };
+            for j in 0..c {
+                let unit = undo * (sigma[j] / (plan.factor() as f64).sqrt());
+                let a = refined.amplitudes[(k, j)] * unit;
+                // dA = unit da + A slope dp, seen along A (change of modulus) and across it (of phase).
+                let turn = Complex::from_polar(1.0, -a.arg());
+                let (g, h) = (unit * turn, a * slope * turn);
+                let rows = Matrix2x4::new(g.re, -g.im, h.re, -h.im, g.im, g.re, h.im, h.re);
+                let spread = rows * refined.covariance[k][j] * rows.transpose();
+                m.snr = m.snr.hypot(a.norm() / sigma[j]);
+                m.amplitude.push(a.norm());
+                m.amplitude_deviation.push(deviation(spread[(0, 0)]));
+                m.phase.push(a.arg());
+                m.phase_deviation.push(deviation(spread[(1, 1)]) / a.norm());
             }
+            m
         })
         .collect();
     modes.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
@@ -250,6 +279,7 @@ pub fn fit_modes(y: &DMatrix<f64>, sigma: &[f64], rate_hz: f64, set: &ModalSetti
         modes,
         order,
         singular_values: tail,
+        stabilisation: sweep.diagram(order),
         seconds: have_seconds,
         df,
         noise_ratio,
@@ -296,17 +326,10 @@ fn damping(p: &Complex<f64>) -> f64 {
     -p.re / p.norm()
 }
 
-/// Continuous poles (1/s) of the realisation of order k: `U_upper A = U_lower` in the least-squares sense.
-fn realise(u: &DMatrix<f64>, channels: usize, k: usize, dt: f64) -> Result<Vec<Complex<f64>>, LinalgError> {
-    let m = u.nrows() - channels;
-    let upper = u.view((0, 0), (m, k)).into_owned();
-    let lower = u.view((channels, 0), (m, k)).into_owned();
-    // Columns of U are orthonormal, so this small system is close to the identity and well conditioned.
-    let g = linalg::gram(&upper)?;
-    let rhs = upper.tr_mul(&lower);
-    let a = g.lu().solve(&rhs).ok_or(LinalgError::RankDeficient { rank: k - 1, columns: k, dependent: vec![] })?;
-    let (values, _) = linalg::general_eigen(&a)?;
-    Ok(values.into_iter().filter(|z| z.norm() > 1e-6).map(|z| z.ln() / dt).collect())
+/// Consistency of the realised pole that a refined one came from.
+fn nearest_consistency(from: &[EraPole], p: &Complex<f64>) -> f64 {
+    let near = from.iter().min_by(|a, b| (a.pole - p).norm().total_cmp(&(b.pole - p).norm()));
+    near.map_or(0.0, |e| e.consistency)
 }
 
 #[cfg(test)]

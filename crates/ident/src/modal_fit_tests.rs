@@ -100,3 +100,59 @@ fn noise_alone_and_bad_input_are_refused() {
     bad[(400, 2)] = f64::NAN;
     assert!(matches!(fit(&bad, &sigma(), 100.0, 1.0), Err(ModalError::Linalg(LinalgError::NotFinite { .. }))));
 }
+
+#[test]
+fn over_200_realisations_the_stated_deviations_are_the_scatter() {
+    let n = 200;
+    let clean = fit_modes(&decay(&PAPER, 60.0, 0.0, 1), &sigma(), 100.0, &ModalSettings::up_to(1.0)).unwrap();
+    // Per mode: frequency, damping, one amplitude and its phase; sums of errors, squares, and stated variances.
+    let mut sums = [[[0.0f64; 3]; 4]; 3];
+    for seed in 0..n {
+        let fit =
+            fit_modes(&decay(&PAPER, 60.0, 1.0, 1000 + seed), &sigma(), 100.0, &ModalSettings::up_to(1.0)).unwrap();
+        assert_eq!(fit.modes.len(), 3, "seed {seed}: {:?}", fit.modes);
+        for (k, (m, c)) in fit.modes.iter().zip(&clean.modes).enumerate() {
+            // The loudest channel of the mode.
+            let j = (0..10)
+                .max_by(|&a, &b| (c.amplitude[a] / sigma()[a]).total_cmp(&(c.amplitude[b] / sigma()[b])))
+                .unwrap();
+            let of = [
+                (m.frequency - PAPER[k].0, m.frequency_deviation),
+                (m.damping - PAPER[k].1, m.damping_deviation),
+                (m.amplitude[j] - c.amplitude[j], m.amplitude_deviation[j]),
+                ((m.phase[j] - c.phase[j]).sin(), m.phase_deviation[j]),
+            ];
+            for (s, (e, d)) in sums[k].iter_mut().zip(of) {
+                s[0] += e;
+                s[1] += e * e;
+                s[2] += d * d;
+            }
+        }
+    }
+    for (k, mode) in sums.iter().enumerate() {
+        for (what, s) in ["frequency", "damping", "amplitude", "phase"].iter().zip(mode) {
+            let (mean, scatter, stated) = (s[0] / n as f64, (s[1] / n as f64).sqrt(), (s[2] / n as f64).sqrt());
+            println!("mode {k} {what}: scatter {scatter:.2e}, stated {stated:.2e}, ratio {:.3}", stated / scatter);
+            assert!(
+                (0.8..1.25).contains(&(stated / scatter)),
+                "mode {k} {what}: stated {stated:e}, scatter {scatter:e}"
+            );
+            assert!(mean.abs() < 0.35 * scatter, "mode {k} {what} is biased by {mean:e}, scatter {scatter:e}");
+        }
+    }
+}
+
+#[test]
+fn the_diagram_holds_every_mode_stable_from_its_order_on() {
+    let fit = fit_modes(&decay(&PAPER, 60.0, 1.0, 77), &sigma(), 100.0, &ModalSettings::up_to(1.0)).unwrap();
+    let d = &fit.stabilisation;
+    assert_eq!(d.orders.len(), 26);
+    assert!(d.chosen == fit.order && (6..=11).contains(&d.chosen), "{}", d.chosen);
+    for (f, _, _) in PAPER {
+        let stays = |o: usize| d.points().iter().any(|(x, k, s)| *k == o && *s && (x - f).abs() < 0.01);
+        assert!((d.chosen + 1..=d.chosen + 3).all(stays), "{f} Hz");
+    }
+    assert!(fit.modes.iter().all(|m| (0.0..=1.0).contains(&m.consistency)));
+    let json = serde_json::to_value(d).unwrap();
+    assert_eq!(json["orders"][7]["order"], 8);
+}

@@ -7,7 +7,7 @@
 
 use crate::linalg;
 use crate::lm::{EvalError, LmError, Problem, Settings, minimise};
-use nalgebra::{Complex, DMatrix};
+use nalgebra::{Complex, DMatrix, Matrix4};
 
 /// Start of the refinement.
 pub(crate) struct Poles {
@@ -22,8 +22,9 @@ pub(crate) struct Refined {
     pub poles: Vec<Complex<f64>>,
     /// Complex amplitudes (modes x channels): `y = Re(a e^(p t))`.
     pub amplitudes: DMatrix<Complex<f64>>,
-    /// Per pole: variance of the real part, covariance, variance of the imaginary part, for unit noise.
-    pub covariance: Vec<[f64; 3]>,
+    /// Per pole and channel: covariance of (Re a, Im a, Re p, Im p), for unit noise; infinite on the diagonal when the
+    /// record cannot tell the pole.
+    pub covariance: Vec<Vec<Matrix4<f64>>>,
     /// Half the residual sum of squares.
     pub cost: f64,
     /// Unknowns in all: poles and amplitudes.
@@ -70,6 +71,57 @@ impl Projection<'_> {
     }
 }
 
+impl Projection<'_> {
+    /// `dPhi A` with respect to real and imaginary part of pole k, amplitudes held.
+    fn derivative(&self, l: &Linear, k: usize) -> [DMatrix<f64>; 2] {
+        let (n, c) = self.data.shape();
+        // d e^(p t) / d re = t e^(p t), d / d im = i t e^(p t): on (re, -im) the latter is (-im, -re).
+        let mut d = [DMatrix::zeros(n, c), DMatrix::zeros(n, c)];
+        for ch in 0..c {
+            let (a, b) = (l.a[(2 * k, ch)], l.a[(2 * k + 1, ch)]);
+            for i in 0..n {
+                let t = i as f64 * self.dt;
+                let (re, mim) = (l.basis[(i, 2 * k)], l.basis[(i, 2 * k + 1)]);
+                d[0][(i, ch)] = t * (re * a + mim * b);
+                d[1][(i, ch)] = t * (mim * a - re * b);
+            }
+        }
+        d
+    }
+    /// Joint covariance of amplitude and pole, per mode and channel, from that of the poles (`poles`, 2M x 2M).
+    ///
+    /// The amplitudes are `Phi^+ y`, so that `da = Phi^+ dy - Phi^+ dPhi a dp`. The first part is noise inside the span
+    /// of Phi, and `dp` comes from noise outside of it: they are independent.
+    fn joint(&self, l: &Linear, poles: &DMatrix<f64>) -> Option<Vec<Vec<Matrix4<f64>>>> {
+        let (m, c) = (self.modes, self.data.ncols());
+        let r = l.q.tr_mul(&l.basis);
+        let inverse = r.solve_upper_triangular(&DMatrix::identity(2 * m + 1, 2 * m + 1))?;
+        let own = &inverse * inverse.transpose();
+        // gain[ch]: d amplitudes / d poles, (2M + 1) x 2M.
+        let mut gain = vec![DMatrix::zeros(2 * m + 1, 2 * m); c];
+        for k in 0..m {
+            for (part, d) in self.derivative(l, k).iter().enumerate() {
+                let moved = -(&inverse * l.q.tr_mul(d));
+                for (ch, g) in gain.iter_mut().enumerate() {
+                    g.column_mut(2 * k + part).copy_from(&moved.column(ch));
+                }
+            }
+        }
+        let of = |k: usize, g: &DMatrix<f64>| {
+            let g = g.rows(2 * k, 2);
+            let cross = g * poles;
+            let spread = own.view((2 * k, 2 * k), (2, 2)) + &cross * g.transpose();
+            let mut out = Matrix4::zeros();
+            out.view_mut((0, 0), (2, 2)).copy_from(&spread);
+            out.view_mut((0, 2), (2, 2)).copy_from(&cross.columns(2 * k, 2));
+            out.view_mut((2, 0), (2, 2)).copy_from(&cross.columns(2 * k, 2).transpose());
+            out.view_mut((2, 2), (2, 2)).copy_from(&poles.view((2 * k, 2 * k), (2, 2)));
+            out
+        };
+        Some((0..m).map(|k| gain.iter().map(|g| of(k, g)).collect()).collect())
+    }
+}
+
 impl Problem for Projection<'_> {
     fn dim(&self) -> usize {
         2 * self.modes
@@ -87,18 +139,7 @@ impl Problem for Projection<'_> {
         r.extend_from_slice(l.residual.as_slice());
         *j = DMatrix::zeros(n * c, x.len());
         for k in 0..self.modes {
-            // d e^(p t) / d re = t e^(p t), d / d im = i t e^(p t): on (re, -im) the latter is (-im, -re).
-            let mut d = [DMatrix::zeros(n, c), DMatrix::zeros(n, c)];
-            for ch in 0..c {
-                let (a, b) = (l.a[(2 * k, ch)], l.a[(2 * k + 1, ch)]);
-                for i in 0..n {
-                    let t = i as f64 * self.dt;
-                    let (re, mim) = (l.basis[(i, 2 * k)], l.basis[(i, 2 * k + 1)]);
-                    d[0][(i, ch)] = t * (re * a + mim * b);
-                    d[1][(i, ch)] = t * (mim * a - re * b);
-                }
-            }
-            for (part, d) in d.iter().enumerate() {
+            for (part, d) in self.derivative(&l, k).iter().enumerate() {
                 let projected = &l.q * l.q.tr_mul(d) - d;
                 j.column_mut(2 * k + part).copy_from_slice(projected.as_slice());
             }
@@ -132,14 +173,16 @@ pub(crate) fn refine(data: &DMatrix<f64>, start: &Poles) -> Result<Refined, LmEr
     let unknowns: Vec<crate::covariance::Unknown> =
         s.x.iter().map(|_| crate::covariance::Unknown { name: String::new(), unit: "1/s".into(), size: 1.0 }).collect();
     let u = crate::covariance::analyse(&s.jacobian, &unknowns, 1e-12)?;
-    let covariance = (0..modes).map(|k| {
-        let at = |i: usize, j: usize| u.covariance[(2 * k + i, 2 * k + j)];
+    let unknown = Matrix4::from_diagonal_element(f64::INFINITY);
+    let mut covariance = problem.joint(&l, &u.covariance).unwrap_or_else(|| vec![vec![unknown; data.ncols()]; modes]);
+    for (k, of) in covariance.iter_mut().enumerate() {
         // Without a finite deviation the pair is unresolved: say so by an infinite one.
-        let known = u.deviation[2 * k].is_some() && u.deviation[2 * k + 1].is_some();
-        if known { [at(0, 0), at(0, 1), at(1, 1)] } else { [f64::INFINITY, 0.0, f64::INFINITY] }
-    });
+        if u.deviation[2 * k].is_none() || u.deviation[2 * k + 1].is_none() {
+            of.fill(unknown);
+        }
+    }
     Ok(Refined {
-        covariance: covariance.collect(),
+        covariance,
         poles: problem.poles(&s.x).collect(),
         amplitudes: DMatrix::from_fn(modes, data.ncols(), |k, j| Complex::new(l.a[(2 * k, j)], l.a[(2 * k + 1, j)])),
         cost: s.cost,

@@ -97,6 +97,9 @@ pub struct Psd {
     pub segment: usize,
     /// Number of segments averaged; the relative deviation of a bin is about `1 / sqrt(segments)`.
     pub segments: usize,
+    /// Degrees of freedom of each bin, twice the effective number of averages: overlapping segments share samples, and
+    /// count for less than whole ones ([`crate::psd_confidence`]).
+    pub freedom: Vec<f64>,
     /// Sampling rate (Hz).
     pub rate_hz: f64,
 }
@@ -174,8 +177,11 @@ impl Welch {
             *d *= fold * self.scale / segments as f64;
         }
         let df = self.rate_hz / l as f64;
+        let average = crate::psd_confidence::effective_averages(&self.window, hop, segments);
+        let single = |j: usize| j == 0 || (j == last && l.is_multiple_of(2));
+        let freedom = (0..density.len()).map(|j| if single(j) { average } else { 2.0 * average }).collect();
         let frequency = (0..density.len()).map(|j| j as f64 * df).collect();
-        Ok(Psd { frequency, density, df, segment: l, segments, rate_hz: self.rate_hz })
+        Ok(Psd { frequency, density, df, segment: l, segments, freedom, rate_hz: self.rate_hz })
     }
 }
 
@@ -198,12 +204,20 @@ impl Psd {
         }
         let mut out = first.clone();
         out.density.fill(0.0);
+        let mut spread = vec![0.0; out.density.len()];
         for (c, &s) in channels.iter().zip(sigma) {
             positive("sigma", s)?;
-            for (o, d) in out.density.iter_mut().zip(&c.density) {
+            for (j, (o, d)) in out.density.iter_mut().zip(&c.density).enumerate() {
                 *o += d / (s * s);
+                spread[j] += (d / (s * s)).powi(2) / c.freedom[j];
             }
             out.segments = out.segments.min(c.segments);
+        }
+        // Independent channels: the chi-squared number with the mean and variance of the sum (F. Satterthwaite 1946).
+        for (j, (f, v)) in out.freedom.iter_mut().zip(&spread).enumerate() {
+            if *v > 0.0 {
+                *f = out.density[j].powi(2) / v;
+            }
         }
         Ok(out)
     }

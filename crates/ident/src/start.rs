@@ -16,10 +16,24 @@ use rand_chacha::ChaCha8Rng;
 /// # Panics
 /// If lengths differ or `offset` is not in `0 .. 1`.
 pub fn offset_start(decls: &[ParamDecl], values: &[f64], selected: &[usize], offset: f64, seed: u64) -> Vec<f64> {
-    assert_eq!(decls.len(), values.len(), "one value per parameter");
     assert!((0.0..1.0).contains(&offset), "offset {offset} outside 0 .. 1");
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut toss = move || if rng.random_range(0..2) == 0 { -offset } else { offset };
+    moved(decls, values, selected, move || if rng.random_range(0..2) == 0 { -offset } else { offset })
+}
+
+/// As [`offset_start`], but every quantity moves by its own amount, evenly drawn from `-width .. width`.
+///
+/// # Panics
+/// If lengths differ or `width` is not in `0 .. 1`.
+pub fn random_start(decls: &[ParamDecl], values: &[f64], selected: &[usize], width: f64, seed: u64) -> Vec<f64> {
+    assert!((0.0..1.0).contains(&width), "width {width} outside 0 .. 1");
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    moved(decls, values, selected, move || width * rng.random_range(-1.0..1.0))
+}
+
+/// Moves every quantity by the relative amount that `toss` gives.
+fn moved(decls: &[ParamDecl], values: &[f64], selected: &[usize], mut toss: impl FnMut() -> f64) -> Vec<f64> {
+    assert_eq!(decls.len(), values.len(), "one value per parameter");
     let mut out = values.to_vec();
     let mut k = 0;
     while k < selected.len() {
@@ -72,6 +86,10 @@ mod tests {
             assert!(((out[0] / 33.0 - 1.0).abs() - 0.25).abs() < 1e-12);
             assert!(((out[10] / 200.0 - 1.0).abs() - 0.25).abs() < 1e-12);
             assert!(out.iter().zip(&values).all(|(a, b)| a != b));
+            let drawn = random_start(&decls, &values, &(0..11).collect::<Vec<_>>(), 0.7, seed);
+            assert_eq!(Inertia::from_params(&drawn).check(), Ok(()));
+            assert!([0, 10].iter().all(|&i| (drawn[i] / values[i] - 1.0).abs() < 0.7));
+            assert!(drawn.iter().zip(&out).all(|(a, b)| a != b));
         }
     }
 }

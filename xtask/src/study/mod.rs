@@ -8,6 +8,7 @@ pub mod degeneracies;
 pub mod excitation;
 pub mod identification;
 pub mod nist;
+pub mod starts;
 
 use crate::exit::Failure;
 use crate::table::{Table, sig};
@@ -38,6 +39,8 @@ enum Which {
     Degeneracies(Options),
     /// The solver on NIST's 27 problems of nonlinear regression
     Nist(Options),
+    /// Fits of 100 random truths within 70 % of the prior, from the start that their modes give
+    Starts(Options),
 }
 
 /// What every study takes.
@@ -197,6 +200,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Which::Combined(options) => Ok(identification::combined::run(options)?.finish(options)?),
         Which::Degeneracies(options) => Ok(degeneracies::run(options)?.finish(options)?),
         Which::Nist(options) => Ok(nist::run(options)?.finish(options)?),
+        Which::Starts(options) => Ok(starts::run(options)?.finish(options)?),
     }
 }
 

@@ -6,12 +6,12 @@
 //! starts and biases. The figures are the worst of the three.
 
 use super::case::{COMBINED, Case};
-use super::{judged, settings};
+use super::{fit, judged, settings};
 use crate::study::{Op, Options, Study};
 use anyhow::Context;
 use ffid::dynamics::{Boundary, Trace, measure, modes};
 use ffid::ident::start::offset_start;
-use ffid::ident::{Estimate, OutputError, Request, estimate};
+use ffid::ident::{Estimate, Request};
 use ffid::model::{Inertia, Params};
 use nalgebra::{DMatrix, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -115,7 +115,7 @@ fn one(case: &Case, fine: &Trace, seed: u64) -> anyhow::Result<Errors> {
     let request =
         Request { prior_width: Some(0.3), settings: settings(), ..Request::new(&case.decls, &case.selected, &start) };
     let clock = Instant::now();
-    let estimate = estimate(&request, &mut OutputError::new(&case.model, &record, &options)?)?;
+    let estimate = fit(case, &record, &options, &request)?;
     let seconds = clock.elapsed().as_secs_f64();
     let named = errors(case, &estimate, &torque_bias, &gyro_bias)?;
     Ok(Errors { named, estimate, seconds })

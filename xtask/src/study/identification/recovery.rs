@@ -3,22 +3,20 @@
 //! Five systems (rigid, flexible, sloshing, both, and with an unknown payload), each identified from `--seeds` starts 20 % off
 //! (every parameter up or down by a coin toss; bodies stay bodies). The record is simulated at 1 ms by the full dynamics, the
 //! estimator integrates the reduced one at 10 ms. A start counts as recovered when every combination of parameters that the
-//! sensors would determine to 10 % comes back to 1e-6 of the size of its parameters. Parts for `--only`: the systems.
+//! sensors would determine to 10 % comes back to 1e-6 of the size of its parameters. Stiffness, mass and length off by 20 % each put
+//! a frequency off by half, so beginnings of the record are fitted first. Parts for `--only`: the systems.
 
 use super::case::{COMBINED, Case, FLEXIBLE, PAYLOAD, RIGID, SLOSH};
-use super::{judged, settings};
+use super::{fit, judged, settings};
 use crate::study::{Op, Options, Study};
-use ffid::ident::growing::estimate_growing;
 use ffid::ident::start::offset_start;
-use ffid::ident::{Estimate, Estimator, OutputError, Rda, Record, Request, estimate};
+use ffid::ident::{Estimate, Rda, Record, Request, estimate};
 use rayon::prelude::*;
 use std::time::Instant;
 
 /// Record (s) and its sampling.
 const RECORD_S: f64 = 40.0;
 const SAMPLE_S: f64 = 0.01;
-/// Beginnings of the record that are fitted first.
-const BEGINNINGS_S: [f64; 2] = [10.0, 20.0];
 /// Distance of the starts.
 const OFFSET: f64 = 0.2;
 /// Relative deviation up to which a combination counts as identifiable.
@@ -73,14 +71,8 @@ fn one(case: &Case, record: &Record, seed: u64) -> anyhow::Result<(usize, f64, u
     let e: Estimate = if case.model.np() == 0 {
         estimate(&request, &mut Rda::new(&case.model, record, &case.noise)?)?
     } else {
-        // Stiffness, mass and length off by 20 % each put a frequency off by half.
         let o = ffid::ident::Options { substeps: 1, ..ffid::ident::Options::new(case.noise) };
-        let beginnings: Vec<Record> = BEGINNINGS_S.iter().map(|s| record.window(0.0, *s)).collect::<Result<_, _>>()?;
-        let mut beginnings = beginnings
-            .iter()
-            .map(|r| Ok(Box::new(OutputError::new(&case.model, r, &o)?) as Box<dyn Estimator>))
-            .collect::<anyhow::Result<Vec<_>>>()?;
-        estimate_growing(&request, 0.3, &mut beginnings, &mut OutputError::new(&case.model, record, &o)?)?
+        fit(case, record, &o, &request)?
     };
     let errors: Vec<f64> = case.selected.iter().map(|&i| e.values[i] - truth[i]).collect();
     let (known, worst) = e.data_only.worst_combination(&errors, IDENTIFIABLE);

@@ -1,0 +1,221 @@
+//! From a rough start to the answer: a cheap pass over several starts, then the whole record from the one that explains it.
+//!
+//! Output error far from the truth has valleys that lead nowhere: predicted and measured oscillations slip by a period. Where
+//! the residuals are in units of declared noise, such an end is recognised: it leaves a `chi^2` per degree of freedom that noise
+//! cannot explain. Starts are tried in order, on a coarse estimator (a thinned record); from one that explains its data the fine
+//! estimator takes over, and has to explain its own. Some wrong ends show in the whole record only.
+
+use crate::estimator::{Estimate, EstimateError, Estimator, Request, estimate};
+use crate::lm::Status;
+use crate::transform::Transform;
+
+/// One pass: what to fit it with, and to what.
+pub struct Pass<'a, 'b> {
+    /// Parameters, priors and settings; its `start` is not used, except that of the last pass when there are no starts.
+    pub request: Request<'a>,
+    /// The data of the pass.
+    pub estimator: &'b mut dyn Estimator,
+}
+
+/// One start that was tried on the passes before the last.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Trial {
+    /// Which of the starts.
+    pub start: usize,
+    /// Linearisations of all these passes.
+    pub iterations: usize,
+    /// `chi^2` per degree of freedom that the last of them left; none when one failed.
+    pub chi2_per_dof: Option<f64>,
+}
+
+/// The result of [`estimate_staged`].
+#[derive(Clone, Debug)]
+pub struct Staged {
+    /// Of the last pass.
+    pub estimate: Estimate,
+    /// Every start that was tried, in order.
+    pub trials: Vec<Trial>,
+    /// Whether the estimate explains the data of the last pass.
+    pub explained: bool,
+}
+
+/// `chi^2` per degree of freedom that still counts as explained.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accept {
+    /// At the end of the coarse passes.
+    pub coarse: f64,
+    /// Of the last pass.
+    pub fine: f64,
+}
+
+impl Accept {
+    /// What noise of the declared size leaves, but for three deviations (`sqrt(2 / n)` each), for so many residuals.
+    pub fn noise(coarse: usize, fine: usize) -> Self {
+        let limit = |n: usize| 1.0 + 3.0 * (2.0 / n.max(1) as f64).sqrt();
+        Self { coarse: limit(coarse), fine: limit(fine) }
+    }
+}
+
+/// Takes `starts` in order through `coarse` and, where that explains its data, on through `fine`, until that explains its
+/// own. When none does, the best that `fine` made, or what it makes of the best of `coarse`. A good order is: a short beginning
+/// of the record, in which no oscillation can slip by a period; a thinned record; the whole one. Allocates.
+///
+/// # Errors
+/// [`EstimateError`]: that of the last start when all fail, or that of the fine pass.
+pub fn estimate_staged(
+    coarse: &mut [Pass<'_, '_>],
+    fine: &mut Pass<'_, '_>,
+    starts: &[Vec<f64>],
+    accept: Accept,
+) -> Result<Staged, EstimateError> {
+    let mut finished: Option<Estimate> = None;
+    let mut trials = Vec::new();
+    let mut best: Option<(f64, Vec<f64>)> = None;
+    let mut failed = None;
+    for (k, start) in starts.iter().enumerate() {
+        let (mut values, mut iterations, mut left) = (start.clone(), 0, None);
+        for pass in coarse.iter_mut() {
+            match through(pass, &values) {
+                Ok((e, steps, on)) => {
+                    iterations += steps;
+                    left = Some(e.chi2_per_dof);
+                    values = on;
+                }
+                Err(e) => {
+                    failed = Some(e);
+                    left = None;
+                    break;
+                }
+            }
+        }
+        trials.push(Trial { start: k, iterations, chi2_per_dof: left });
+        let Some(left) = left else { continue };
+        if left <= accept.coarse {
+            match through(fine, &values).map(|t| t.0) {
+                Ok(e) if e.chi2_per_dof <= accept.fine => return Ok(Staged { estimate: e, trials, explained: true }),
+                Ok(e) if finished.as_ref().is_none_or(|f| e.chi2_per_dof < f.chi2_per_dof) => finished = Some(e),
+                Ok(_) => {}
+                Err(e) => failed = Some(e),
+            }
+        }
+        if best.as_ref().is_none_or(|b| left < b.0) {
+            best = Some((left, values));
+        }
+    }
+    if let Some(estimate) = finished {
+        return Ok(Staged { estimate, trials, explained: false });
+    }
+    let start = match (best, failed) {
+        (Some(b), _) => b.1,
+        (None, Some(e)) => return Err(e),
+        (None, None) => starts.first().map_or_else(|| fine.request.start.to_vec(), Clone::clone),
+    };
+    let estimate = through(fine, &start)?.0;
+    let explained = estimate.chi2_per_dof <= accept.fine;
+    Ok(Staged { estimate, trials, explained })
+}
+
+/// How often a pass is taken up again from the inside after it has ended at the edge of what can exist.
+const RETURNS: usize = 6;
+
+/// One pass from `start`: its estimate, its steps, and where to go on from.
+///
+/// Near the edge (a body with a vanishing second moment) steps are measured by a body that is hardly there, and the fit sticks
+/// although the answer may lie inside. It is then taken up again from half way back to where it came from, which is
+/// physical, since what lies between two physical sets of parameters is. The best of all returns counts.
+fn through(pass: &mut Pass<'_, '_>, start: &[f64]) -> Result<(Estimate, usize, Vec<f64>), EstimateError> {
+    let (decls, selected) = (pass.request.decls, pass.request.selected);
+    let at_edge = |e: &Estimate| {
+        matches!(e.status, Status::AtBound { .. }) || Transform::affine(decls, selected, &e.values).is_err()
+    };
+    let halfway =
+        |e: &Estimate, from: &[f64]| -> Vec<f64> { e.values.iter().zip(from).map(|(a, b)| 0.5 * (a + b)).collect() };
+    let mut best = estimate(&Request { start, ..pass.request.clone() }, pass.estimator)?;
+    let (mut steps, mut from) = (best.iterations, start.to_vec());
+    for _ in 0..RETURNS {
+        if !at_edge(&best) {
+            break;
+        }
+        from = halfway(&best, &from);
+        // A return that fails, or leads nowhere, leaves what was found before.
+        let Ok(e) = estimate(&Request { start: &from, ..pass.request.clone() }, pass.estimator) else { break };
+        steps += e.iterations;
+        let gained = e.chi2_per_dof < 0.999 * best.chi2_per_dof;
+        if e.chi2_per_dof < best.chi2_per_dof {
+            best = e;
+        }
+        if !gained && at_edge(&best) {
+            break;
+        }
+    }
+    let on = if at_edge(&best) { halfway(&best, &from) } else { best.values.clone() };
+    Ok((best, steps, on))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lm::EvalError;
+    use ff_model::ParamDecl;
+    use nalgebra::DMatrix;
+
+    /// A tone of unknown frequency and amplitude: full of valleys.
+    struct Tone {
+        every: usize,
+    }
+    impl Tone {
+        fn t(&self, i: usize) -> f64 {
+            0.1 * (i * self.every) as f64
+        }
+    }
+    impl Estimator for Tone {
+        fn rows(&self) -> usize {
+            400 / self.every
+        }
+        fn residuals(&mut self, p: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+            for (i, r) in r.iter_mut().enumerate() {
+                let t = self.t(i);
+                *r = (p[1] * (p[0] * t).sin() - 1.3 * (2.1 * t).sin()) / 0.05;
+            }
+            Ok(())
+        }
+        fn jacobian(
+            &mut self,
+            p: &[f64],
+            _: &[f64],
+            _: &[usize],
+            r: &mut [f64],
+            j: &mut DMatrix<f64>,
+        ) -> Result<(), EvalError> {
+            self.residuals(p, &[], r)?;
+            for i in 0..r.len() {
+                let t = self.t(i);
+                j[(i, 0)] = p[1] * t * (p[0] * t).cos() / 0.05;
+                j[(i, 1)] = (p[0] * t).sin() / 0.05;
+            }
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn starts_that_end_in_a_valley_are_passed_over() {
+        let decls = vec![ParamDecl::positive("w", "rad/s", 1.0), ParamDecl::positive("a", "m", 1.0)];
+        let request = Request::new(&decls, &[0, 1], &[1.0, 1.0]);
+        let starts = vec![vec![0.8, 1.0], vec![3.4, 0.6], vec![2.14, 0.5], vec![2.1, 1.3]];
+        let run = |starts: &[Vec<f64>]| {
+            let (mut every, mut fourth) = (Tone { every: 1 }, Tone { every: 4 });
+            let mut fine = Pass { request: request.clone(), estimator: &mut every };
+            let coarse = Pass { request: request.clone(), estimator: &mut fourth };
+            estimate_staged(&mut [coarse], &mut fine, starts, Accept { coarse: 1.5, fine: 1.5 }).unwrap()
+        };
+        let s = run(&starts);
+        assert_eq!((s.trials.len(), s.explained), (3, true), "{:?}", s.trials);
+        assert!(s.trials[0].chi2_per_dof.is_some_and(|c| c > 10.0));
+        assert!((s.estimate.values[0] - 2.1).abs() < 1e-9 && (s.estimate.values[1] - 1.3).abs() < 1e-9);
+        assert_eq!(s.estimate.residuals.len(), 400);
+        let lost = run(&starts[..2]);
+        assert!(!lost.explained && lost.estimate.chi2_per_dof > 10.0);
+        let a = Accept::noise(200, 20_000);
+        assert!((a.coarse - 1.3).abs() < 1e-12 && (a.fine - 1.03).abs() < 1e-12);
+    }
+}
