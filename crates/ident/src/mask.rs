@@ -143,7 +143,15 @@ mod tests {
         let q = DMatrix::from_fn(200, 2, f);
         let tau = q.map(|x| (3.1 * x).min(clip));
         let gyro = DMatrix::from_fn(200, 3, |i, j| 1e-3 * f(i, j + 3));
-        RecordBuilder::new(["a", "b"]).uniform(0.0, 100.0).q(q).tau(tau).gyro(gyro).build().unwrap().0
+        RecordBuilder::new(["a", "b"])
+            .uniform(0.0, 100.0)
+            .allow("Data::Saturated")
+            .q(q)
+            .tau(tau)
+            .gyro(gyro)
+            .build()
+            .unwrap()
+            .0
     }
 
     #[test]

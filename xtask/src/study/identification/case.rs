@@ -15,6 +15,9 @@ use ffid::model::{Model, ParamDecl, Params};
 /// Integration step of the simulated truth (s).
 const STEP_S: f64 = 1e-3;
 
+/// Free control points per joint of a motion that is to be shaken as well.
+const SHAKEN_POINTS: usize = 40;
+
 /// A system with a planned motion.
 pub(super) struct Case {
     pub(super) name: &'static str,
@@ -54,7 +57,7 @@ pub(super) const PAYLOAD: Kind =
 impl Case {
     /// Loads the mission and plans the motion that tells most of the base, at the mission's limits.
     ///
-    /// With `shaken`, beside tones at the natural frequencies ([`Shaken`]).
+    /// With `shaken`, with more control points and tones at the natural frequencies that those do not reach ([`Shaken`]).
     pub(super) fn new(kind: Kind, seconds: f64, shaken: bool, seed: u64) -> anyhow::Result<Self> {
         let file = workspace::root()?.join(format!("fixtures/paper/{}.toml", kind.mission));
         let loaded = Mission::load(&file, &ffid::default_registry(), &LoadOptions::default())?;
@@ -75,7 +78,7 @@ impl Case {
             end: End::Free,
             limits: ffid::preflight::joint_limits(&model, &m.limits),
             duration: seconds,
-            control_points: 10,
+            control_points: if shaken { SHAKEN_POINTS } else { 10 },
             seed,
             starts: 1,
             noise: SensorNoise { torque: noise.torque, gyro: Some(noise.gyro), rate: s.rate_hz },
@@ -87,7 +90,10 @@ impl Case {
             let rest = model.rest_position(&truth);
             let modes = modes(&model, &truth, &request.start, &rest, Boundary::JointsHeld)?;
             let most: Vec<f64> = request.limits.iter().map(|l| l.acceleration).collect();
-            Box::new(Shaken::new(plan, modes.iter().map(|m| m.damped_hz).collect(), &most))
+            // A spline with a point every h seconds reaches 1 / (2 h).
+            let reach = SHAKEN_POINTS as f64 / (2.0 * seconds);
+            let tones = modes.iter().map(|m| m.damped_hz).filter(|f| *f > reach).collect();
+            Box::new(Shaken::new(plan, tones, &most))
         } else {
             Box::new(plan)
         };
