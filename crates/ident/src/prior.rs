@@ -6,6 +6,7 @@
 //! [`Transform::chain`](crate::transform::Transform::chain).
 
 use crate::selection::{self, SelectionError};
+use crate::sequence::PosteriorRows;
 use ff_model::ParamDecl;
 use nalgebra::DMatrix;
 
@@ -59,10 +60,11 @@ pub struct PriorRow {
     pub sigma: f64,
 }
 
-/// Priors on the selected parameters; at most one row each.
+/// Priors on the selected parameters: at most one row of its own for each, and the posteriors of earlier identifications.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Priors {
     rows: Vec<PriorRow>,
+    posteriors: Vec<PosteriorRows>,
 }
 
 impl Priors {
@@ -101,7 +103,7 @@ impl Priors {
             }
         }
         rows.sort_by_key(|r| r.column);
-        Ok(Self { rows })
+        Ok(Self { rows, posteriors: Vec::new() })
     }
     /// These, with a row in place of any that its column has. Allocates.
     #[must_use]
@@ -109,28 +111,35 @@ impl Priors {
         let mut rows: Vec<PriorRow> = self.rows.iter().filter(|r| r.column != row.column).copied().collect();
         rows.push(row);
         rows.sort_by_key(|r| r.column);
-        Self { rows }
+        Self { rows, posteriors: self.posteriors.clone() }
     }
-    /// The rows, by column.
+    /// These, and what an earlier identification says ([`crate::sequence::Posterior::rows_for`] the same selection).
+    #[must_use]
+    pub fn and(mut self, posterior: PosteriorRows) -> Self {
+        self.posteriors.push(posterior);
+        self
+    }
+    /// The rows of single parameters, by column.
     pub fn rows(&self) -> &[PriorRow] {
         &self.rows
     }
-    /// Number of rows.
+    /// Number of rows, those of posteriors included.
     pub fn len(&self) -> usize {
-        self.rows.len()
+        self.rows.len() + self.posteriors.iter().map(PosteriorRows::len).sum::<usize>()
     }
     /// True without rows.
     pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
+        self.len() == 0
     }
-    /// Appends `(p - p0) / s` for the selected physical values `p`.
+    /// Appends `(p - p0) / s` for the selected physical values `p`, then `W (p - mean)` of every posterior.
     ///
     /// # Panics
     /// If `p` is shorter than the selection.
     pub fn push_residuals(&self, p: &[f64], r: &mut Vec<f64>) {
         r.extend(self.rows.iter().map(|row| (p[row.column] - row.mean) / row.sigma));
+        self.posteriors.iter().for_each(|b| b.push_residuals(p, r));
     }
-    /// Writes `1/s` into rows `first ..` of a Jacobian with respect to the selected physical parameters,
+    /// Writes `1/s`, then every `W`, into rows `first ..` of a Jacobian with respect to the selected physical parameters,
     /// clearing them first. Does not allocate.
     ///
     /// # Panics
@@ -139,6 +148,11 @@ impl Priors {
         j.rows_mut(first, self.rows.len()).fill(0.0);
         for (k, row) in self.rows.iter().enumerate() {
             j[(first + k, row.column)] = 1.0 / row.sigma;
+        }
+        let mut at = first + self.rows.len();
+        for b in &self.posteriors {
+            b.fill_jacobian(j, at);
+            at += b.len();
         }
     }
 }

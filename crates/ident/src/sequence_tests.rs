@@ -123,3 +123,59 @@ fn what_a_grasp_has_added_carries_both_uncertainties() {
     let blind = after.forget(&["base.mass"]).unwrap();
     assert!(change(&before, &blind, &["base.mass"], str::to_owned).unwrap_err().to_string().contains("after"));
 }
+
+/// Linear residuals `A p - y` of unit noise, with one bias.
+struct Linear {
+    a: DMatrix<f64>,
+    y: Vec<f64>,
+}
+
+impl crate::Estimator for Linear {
+    fn rows(&self) -> usize {
+        self.y.len()
+    }
+    fn residuals(&mut self, full: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), crate::lm::EvalError> {
+        for (i, r) in r.iter_mut().enumerate() {
+            *r = full.iter().enumerate().map(|(k, p)| self.a[(i, k)] * p).sum::<f64>() - self.y[i];
+        }
+        Ok(())
+    }
+    fn jacobian(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), crate::lm::EvalError> {
+        self.residuals(full, extra, r)?;
+        selected.iter().enumerate().for_each(|(c, &i)| j.set_column(c, &self.a.column(i)));
+        Ok(())
+    }
+}
+
+#[test]
+fn one_record_after_the_other_is_both_at_once() {
+    use crate::prior::{Priors, Sigma};
+    use crate::{Request, estimate};
+    let decls: Vec<ParamDecl> = [("tank.mass", "kg"), ("k", "N m/rad"), ("d", "N m s/rad")]
+        .map(|(n, u)| ParamDecl::positive(n, u, 3.0))
+        .to_vec();
+    let a = DMatrix::from_fn(40, 3, |i, k| ((0.37 * (k + 1) as f64) * i as f64 + 0.2).sin() + 0.4);
+    let y: Vec<f64> =
+        (0..40).map(|i| 2.0 * a[(i, 0)] + 4.0 * a[(i, 1)] + a[(i, 2)] + 0.3 * (2.9 * i as f64).sin()).collect();
+    let part = |from: usize, n: usize| Linear { a: a.rows(from, n).into_owned(), y: y[from..from + n].to_vec() };
+    let (all, start) = ([0, 1, 2], [3.0; 3]);
+    let cad = Priors::new(&decls, &all, &start, &[("d", Sigma::Relative(0.5))]).unwrap();
+    let first = Request { priors: cad.clone(), ..Request::new(&decls, &all, &start) };
+    let first = estimate(&first, &mut part(0, 15)).unwrap();
+    let known = Posterior::of(&first).unwrap().rows_for(&decls, &all).unwrap();
+    let second = Request { priors: Priors::default().and(known), ..Request::new(&decls, &all, &start) };
+    let second = estimate(&second, &mut part(15, 25)).unwrap();
+    let both = estimate(&Request { priors: cad, ..Request::new(&decls, &all, &start) }, &mut part(0, 40)).unwrap();
+    for (s, b) in second.parameters.iter().zip(&both.parameters) {
+        assert_relative_eq!(s.value, b.value, max_relative = 1e-9);
+        assert_relative_eq!(s.std.unwrap(), b.std.unwrap(), max_relative = 1e-8);
+    }
+    assert!(first.parameters[0].std.unwrap() > 1.2 * both.parameters[0].std.unwrap());
+}
