@@ -1,7 +1,6 @@
 //! `ARCHITECTURE.md` states the dependency graph; here it is held against what cargo says.
 
 // Helpers of an integration test are test code, which clippy does not see.
-#![allow(clippy::unwrap_used)]
 
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};

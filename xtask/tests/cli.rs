@@ -1,7 +1,6 @@
 //! The binary as a user meets it: exit codes and messages.
 
 // Helpers of an integration test are test code, which clippy does not see.
-#![allow(clippy::unwrap_used)]
 
 use assert_cmd::Command;
 use std::fs;

@@ -1,6 +1,5 @@
 //! `cargo xtask conformance` through its library and its command line.
 // Helpers of an integration test are test code, which clippy does not see.
-#![allow(clippy::unwrap_used)]
 
 use assert_cmd::Command;
 use ff_model::Registry;

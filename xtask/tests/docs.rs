@@ -1,7 +1,6 @@
 //! The documentation holds together: links lead somewhere, and the book lists every page.
 
 // Helpers of an integration test are test code, which clippy does not see.
-#![allow(clippy::unwrap_used)]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,5 @@
 //! The studies that take a moment, whole; the others in short.
 
-#![allow(clippy::unwrap_used)]
-
 use assert_cmd::Command;
 use serde_json::Value;
 

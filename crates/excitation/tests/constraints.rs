@@ -1,10 +1,6 @@
 //! Constraints: exact Jacobians, rows above every sample, and the held system against the dynamics crate.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::paper;
+use crate::common::paper;
 use excitation::*;
 use ff_model::mission::Loaded;
 use ff_model::urdf::collision::{Shape, Solid};

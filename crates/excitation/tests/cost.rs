@@ -1,10 +1,6 @@
 //! Every cost against central differences, over control points, free end and free duration.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{Toy, ToyRegressor, spec};
+use crate::common::{Toy, ToyRegressor, spec};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 use nalgebra::Vector6;

@@ -1,11 +1,7 @@
 //! Information of the real system: the matrix against the sensitivities of the dynamics crate, the gradient against
 //! central differences, on panels, fuel, a payload with parameters of its own, and a structure known by its modes.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{paper, uniform};
+use crate::common::{paper, uniform};
 use excitation::*;
 use ff_dynamics::{Accelerometer, Prescribed, Sampling, Wanted, sensitivities};
 use ff_model::{Model, Params, Xform};

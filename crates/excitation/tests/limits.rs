@@ -1,10 +1,6 @@
 //! Limits that hold for all time, and rest at both ends.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{limits, spec};
+use crate::common::{limits, spec};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 

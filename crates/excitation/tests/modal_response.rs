@@ -1,10 +1,6 @@
 //! Modal weights against the full dynamics: at rest, and as the motion that is left over.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{paper, uniform};
+use crate::common::{paper, uniform};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Boundary, Prescribed, Sampling, State, Work, hybrid_dynamics, modes, simulate_reduced};

@@ -1,10 +1,6 @@
 //! Plans for the paper's robot: limits, predicted standard deviations, quietness, and their time.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{paper, request};
+use crate::common::{paper, request};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Sampling, Wanted, sensitivities};

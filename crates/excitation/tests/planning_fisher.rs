@@ -1,10 +1,6 @@
 //! A plan for the real system: better than its warm start and than multisine-like random plans, within the limits.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{paper, request};
+use crate::common::{paper, request};
 use excitation::*;
 use ff_model::Params;
 

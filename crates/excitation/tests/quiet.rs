@@ -1,11 +1,7 @@
 //! Quiet plans on the paper's robot with panels: what the joints do in the band, and what a flexible robot
 //! makes of it in truth. Times are printed, not tested: the tests of this file compete for the cores.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{paper, request};
+use crate::common::{paper, request};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Response, Sampling, simulate_reduced};

@@ -1,10 +1,6 @@
 //! The rigid model at zero momentum against the dynamics crate and against differences, on the paper's robot.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{paper, uniform};
+use crate::common::{paper, uniform};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Sampling, State, Wanted, Work, budget, hybrid_dynamics, reduced_torques};
@@ -141,7 +137,7 @@ impl SampleInformation for Numeric<'_> {
         self.0.rows_at(q, qd, qdd, out);
     }
     fn contract(&self, state: [&[f64]; 3], weights: &DMatrix<f64>, gradient: [&mut [f64]; 3]) {
-        common::contract_by_differences(self.0, state, weights, gradient);
+        crate::common::contract_by_differences(self.0, state, weights, gradient);
     }
 }
 

@@ -1,10 +1,6 @@
 //! Search under constraints: active ones held to their limit and no further, conflicts named, interruption, threads, time.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::paper;
+use crate::common::paper;
 use excitation::*;
 use ff_model::mission::Loaded;
 use ff_model::urdf::collision::{Shape, Solid};

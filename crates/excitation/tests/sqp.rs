@@ -1,10 +1,6 @@
 //! The optimiser: feasibility, honesty, and the 70-variable problem of the benchmark.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{Toy, ToyRegressor, spec};
+use crate::common::{Toy, ToyRegressor, spec};
 use excitation::*;
 use nalgebra::Vector6;
 use std::time::Instant;

@@ -1,10 +1,6 @@
 //! Trajectories as files: bit for bit there and back, and every way in which a file can be wrong.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::paper;
+use crate::common::paper;
 use excitation::*;
 use ff_dynamics::bspline::{BSplineMotion, Knots};
 use ff_dynamics::motion::JointMotion;

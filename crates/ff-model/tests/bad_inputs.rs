@@ -2,11 +2,7 @@
 //!
 //! The files and what each must get stand in `fixtures/bad/manifest.toml`; the large ones are made here.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{fixture, registry, text};
+use crate::common::{fixture, registry, text};
 use ff_model::leniency::Leniency;
 use ff_model::mission::{LoadOptions, Mission};
 use ff_model::urdf::{self, UrdfOptions};

@@ -1,7 +1,5 @@
 //! Collision geometry of a URDF: shapes, places, and what is refused.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
 use ff_model::urdf::collision::{Shape, from_urdf};
 use ff_model::urdf::{UrdfOptions, from_str};
 use nalgebra::Vector3;

@@ -3,11 +3,7 @@
 //! `PROPTEST_CASES` raises the number of cases; six million mutations of the URDF and a million of the
 //! mission files were run once. One in about 500,000 found a refusal without a reason (`urdf_tree.rs`, `empty_names`).
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
-use common::{registry, text};
+use crate::common::{registry, text};
 use ff_model::mission::{LoadOptions, Mission};
 use ff_model::urdf::{self, UrdfOptions};
 use proptest::prelude::*;

@@ -1,11 +1,7 @@
 //! The paper's robot and missions load without a warning and are what Table I says.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
-mod common;
-
 use approx::assert_relative_eq;
-use common::{fixture, registry};
+use crate::common::{fixture, registry};
 use ff_model::mission::{LoadOptions, Mission};
 use ff_model::urdf::{UrdfOptions, from_file};
 use ff_model::{BaseKind, Inertia, Model};
@@ -103,7 +99,7 @@ fn wings_mirror_each_other_and_the_tank_hangs_from_the_centre_of_mass() {
 
 #[test]
 fn rigid_fuel_adds_to_the_body_of_its_link() {
-    let urdf = common::text("paper/robot.urdf");
+    let urdf = crate::common::text("paper/robot.urdf");
     let toml = "[robot]\nurdf = 'x'\n[[robot.rigid]]\nlink = 'tool'\nmass_kg = 5\ncom_m = [0.1, 0.2, 0.3]\n";
     let l = Mission::from_str(toml, &urdf, &registry(), &LoadOptions::default()).unwrap();
     let r = robot();

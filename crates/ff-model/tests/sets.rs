@@ -1,5 +1,4 @@
 //! Sets of appendages: tuples of every size, boxed ones, and what is refused.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 use ff_model::payload::Payload;
 use ff_model::{AppendageSet, BaseKind, DynAppendage, Inertia, Joint, JointKind, JointLimits, Model, Place, Xform};

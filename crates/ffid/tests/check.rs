@@ -1,7 +1,5 @@
 //! `ffid check` through the real binary: exit codes, output, and every bad fixture with the real appendages.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
 use assert_cmd::Command;
 use serde_json::Value;
 use std::path::PathBuf;

@@ -1,7 +1,5 @@
 //! `ffid excite` and `ffid plan` through the real binary: goals, files, refusals, interruption.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
 use assert_cmd::Command;
 use ffid::dynamics::motion::JointMotion;
 use ffid::excitation::{Samples, Trajectory, TrajectoryFile};

@@ -1,8 +1,6 @@
 //! `ffid simulate`, `identify`, `validate` and `predict` through the real binary: the chain from a mission to an answer,
 //! the files it leaves, and what wrong records get (rows `D..` and `R..` of `bad-inputs.md`).
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
 use assert_cmd::Command;
 use ffid::identify::IdentificationResult;
 use ffid::model::leniency::Leniency;

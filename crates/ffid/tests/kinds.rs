@@ -1,5 +1,4 @@
 //! One mission with every kind of appendage this workspace brings.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 use ffid::dynamics::motion::JointMotion;
 use ffid::dynamics::{

@@ -1,7 +1,5 @@
 //! The verdict against what happens: noise drawn many times, fits made, other programs' way of computing the same.
 
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
-
 use ffid::dynamics::bspline::BSplineMotion;
 use ffid::dynamics::motion::JointMotion;
 use ffid::dynamics::{Channel, SensorSuite, measure};

@@ -1,9 +1,6 @@
 //! The complete form on random trees: noise-free recovery of every combination, covariance against scatter, conditioning.
 
-#![allow(clippy::unwrap_used)] // a test may stop at the first surprise
-
-mod common;
-use common::tree::{Draw, Sines, model};
+use crate::common::tree::{Draw, Sines, model};
 use ff_dynamics::sensors::Accelerometer;
 use ff_dynamics::{Drive, SimOptions, State, Trace, simulate};
 use ff_model::so3::{exp_so3, quat_to_rot};

@@ -1,9 +1,6 @@
 //! Ground calibration of the peers' arm and of random trees: recovery, friction, held-out prediction.
 
-#![allow(clippy::unwrap_used)] // a test may stop at the first surprise
-
-mod common;
-use common::tree::{Draw, Sines, model};
+use crate::common::tree::{Draw, Sines, model};
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{State, Work, rnea};
 use ff_model::urdf::{UrdfOptions, from_file};

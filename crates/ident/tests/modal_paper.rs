@@ -1,9 +1,6 @@
 //! The paper's flexible satellite rings after its manoeuvre: modes measured, matched, and turned into hinges.
 
-#![allow(clippy::unwrap_used)] // a test may stop at the first surprise
-
-mod common;
-use common::*;
+use crate::common::*;
 use excitation::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Boundary, Channel, Drive, SensorSuite, SimOptions, State, measure, simulate};

@@ -1,9 +1,6 @@
 //! Momentum estimator on random trees: recovery, the conserved constant, scale, scatter.
 
-#![allow(clippy::unwrap_used)] // a test may stop at the first surprise
-
-mod common;
-use common::tree::{Sines, model};
+use crate::common::tree::{Sines, model};
 use ff_dynamics::{Drive, SimOptions, State, Trace, simulate};
 use ff_model::so3::exp_so3;
 use ff_model::{BaseKind, Model, Params};

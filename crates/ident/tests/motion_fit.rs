@@ -1,5 +1,4 @@
 //! Spline fits of joint records against a trajectory with known derivatives.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] functions
 
 use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
 use ff_dynamics::motion::JointMotion;

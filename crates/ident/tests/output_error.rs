@@ -1,9 +1,6 @@
 //! What a record has besides parameters: biases, delays, initial states, outliers; and several records at once.
 
-#![allow(clippy::unwrap_used)] // a test may stop at the first surprise
-
-mod common;
-use common::*;
+use crate::common::*;
 use ff_model::Params;
 use ff_model::mission::Loaded;
 use ident::several::{Several, Shared};

@@ -1,9 +1,6 @@
 //! The projection against cases solved in closed form, against the conditions of optimality, and on a linear estimate.
 
-#![allow(clippy::unwrap_used)] // a test may stop at the first surprise
-
-mod common;
-use common::tree::Draw;
+use crate::common::tree::Draw;
 use ff_model::Inertia;
 use ident::project::{Body, Cone, Nearest, ProjectError, ProjectOptions, nearest};
 use nalgebra::{DMatrix, DVector, Matrix4};
@@ -181,7 +178,7 @@ fn bodies_known_in_part_start_from_the_known_part() {
 
 #[test]
 fn a_linear_estimate_from_poor_data_becomes_a_robot_that_can_exist() {
-    use common::tree::{Sines, model};
+    use crate::common::tree::{Sines, model};
     use ff_dynamics::motion::JointMotion;
     use ff_dynamics::{State, Work, rnea};
     use ff_model::{BaseKind, Params};

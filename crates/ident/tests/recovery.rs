@@ -1,9 +1,6 @@
 //! Noise-free data, starting 25 % off: every identifiable combination comes back.
 
-#![allow(clippy::unwrap_used)] // a test may stop at the first surprise
-
-mod common;
-use common::*;
+use crate::common::*;
 use ff_model::Params;
 use ident::covariance::{Unknown, analyse};
 use ident::estimator::RANK_TOLERANCE;

@@ -1,8 +1,5 @@
 //! Ties in whole fits: one stiffness for all hinges, and the fuel of a tank from what has been consumed.
 
-#![allow(clippy::unwrap_used)] // a test may stop at the first surprise
-
-mod common;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::sensors::Channel;
 use ff_dynamics::{Drive, SensorSuite, SimOptions, State, measure, simulate};
@@ -191,7 +188,7 @@ impl Tie for Fuel {
 
 #[test]
 fn the_filling_level_is_tracked_by_one_unknown_and_the_posterior_goes_on() {
-    let l = common::load("slosh");
+    let l = crate::common::load("slosh");
     let decls = l.model.param_decls();
     let nominal = Params::<f64>::nominal(&l.model).values().to_vec();
     let place = |n: &str| decls.iter().position(|d| d.name == n).unwrap();
@@ -209,7 +206,7 @@ fn the_filling_level_is_tracked_by_one_unknown_and_the_posterior_goes_on() {
         let params = Params::from_values(&l.model, values);
         let mut start = State::zero(&l.model);
         start.eta.copy_from_slice(&l.model.rest_position(&params));
-        let motion = common::tree::Sines::new(seed, 7, 20.0, 0.2);
+        let motion = crate::common::tree::Sines::new(seed, 7, 20.0, 0.2);
         let o = SimOptions { duration_s: 20.0, step_s: 1e-2, sample_s: 0.01 };
         let t = simulate(&l.model, &params, &start, &Drive::Prescribed(&motion), &o).unwrap();
         let white = |noise_std| Channel { noise_std: if noisy { noise_std } else { 0.0 }, ..Channel::default() };

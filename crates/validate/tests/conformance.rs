@@ -1,5 +1,4 @@
 //! The suite accepts what keeps the laws and names the law that a wrong appendage breaks.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 use ff_model::Registry;
 use flex_panel::{PanelChain, Segment};

@@ -1,5 +1,4 @@
 //! 300 of the random systems of `cargo xtask conformance --systems`, which runs 10,000.
-#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 use ff_model::{DynAppendage, Registry};
 use rayon::prelude::*;

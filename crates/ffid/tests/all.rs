@@ -1,0 +1,9 @@
+//! The integration tests as one program: as many programs would compile the same generic dynamics again and again.
+//! `cargo test -p ffid --test all check` runs those of `check.rs`.
+#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
+
+mod check;
+mod excite;
+mod identify;
+mod kinds;
+mod preflight;

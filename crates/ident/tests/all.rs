@@ -1,0 +1,17 @@
+//! The integration tests as one program: as many programs would compile the same generic dynamics again and again.
+//! `cargo test -p ident --test all complete` runs those of `complete.rs`.
+#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
+
+mod common;
+
+mod complete;
+mod ground;
+mod modal_paper;
+mod momentum;
+mod motion_fit;
+mod nist_strd;
+mod output_error;
+mod project;
+mod psd_scipy;
+mod recovery;
+mod ties;
