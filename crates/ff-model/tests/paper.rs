@@ -1,7 +1,7 @@
 //! The paper's robot and missions load without a warning and are what Table I says.
 
-use approx::assert_relative_eq;
 use crate::common::{fixture, registry};
+use approx::assert_relative_eq;
 use ff_model::mission::{LoadOptions, Mission};
 use ff_model::urdf::{UrdfOptions, from_file};
 use ff_model::{BaseKind, Inertia, Model};
