@@ -8,7 +8,7 @@ pub(super) const CSS: &str = "\
 --good:#58c48b;--fair:#e0ac4a;--bad:#ff8a80;--prior:#4a545f;--est:#58b4ee}\
 figure svg{filter:invert(.92) hue-rotate(180deg)}}\
 *{box-sizing:border-box}\
-body{margin:0 auto;max-width:66rem;padding:1rem 1.25rem 3rem;background:var(--back);color:var(--ink);\
+body{margin:0 auto;max-width:76rem;padding:1rem 1.25rem 3rem;background:var(--back);color:var(--ink);\
 font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif;overflow-wrap:break-word}\
 h1{font-size:1.6rem;line-height:1.25;margin:.5rem 0 1rem}\
 h2{font-size:1.2rem;margin:2.2rem 0 .6rem;padding-top:.6rem;border-top:1px solid var(--line)}\
@@ -34,6 +34,6 @@ details{margin:.6rem 0}summary{cursor:pointer;color:var(--est)}\
 footer{margin-top:2.5rem;color:var(--soft);font-size:.85rem;border-top:1px solid var(--line);padding-top:.6rem}\
 @media (max-width:40rem){body{padding:.6rem .8rem 2rem;font-size:15px}h1{font-size:1.3rem}}\
 @media print{:root{--ink:#000;--soft:#333;--line:#bbb;--back:#fff;--card:#fff}body{max-width:none;font-size:10pt;padding:0}\
-nav{display:none}h2{break-after:avoid}figure,table,.verdict{break-inside:avoid}figure,.wide{overflow:visible}\
-figure svg{min-width:0;filter:none}details>*{display:block}th,td{white-space:normal}}\
+nav{display:none}h2{break-after:avoid}tr,.verdict{break-inside:avoid}figure,.wide{overflow:visible}\
+figure svg{min-width:0;filter:none}details>*{display:block}table{font-size:7.5pt}td svg{width:5rem}}\
 ";
