@@ -5,5 +5,6 @@
 mod check;
 mod excite;
 mod identify;
+mod init;
 mod kinds;
 mod preflight;
