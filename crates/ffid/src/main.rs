@@ -1,6 +1,7 @@
 //! The `ffid` command.
 
 mod check;
+mod convert_command;
 mod excite_command;
 mod fit_flags;
 mod identify_command;
@@ -36,6 +37,9 @@ enum Command {
     Init(init_command::Args),
     /// Check a mission file and the robot it names, or a URDF alone; print the model and every problem.
     Check(output::Input),
+    /// Convert a record between CSV and Parquet, or from a ROS 2 bag (MCAP).
+    #[command(after_help = convert_command::EXAMPLES)]
+    Convert(convert_command::Args),
     /// Print the JSON schema of a file, for editors that complete and check what is written.
     #[command(after_help = schema_command::EXAMPLES)]
     Schema(schema_command::Args),
@@ -77,6 +81,7 @@ fn main() -> ExitCode {
     let result = match cli.command {
         Command::Init(args) => init_command::run(&args, &mut out, &mut err),
         Command::Check(input) => check::run(&input, &mut out, &mut err),
+        Command::Convert(args) => convert_command::run(&args, &mut out, &mut err),
         Command::Schema(args) => schema_command::run(&args, &mut out),
         Command::Excite(args) => excite_command::run(&args, &mut out, &mut err),
         Command::Plan(args) => plan_command::run(&args, &mut out, &mut err),

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 mod check;
+mod convert;
 mod excite;
 mod identify;
 mod init;

@@ -41,10 +41,10 @@ fn urdf(rows: &[Row<'_>]) -> String {
     let mut out = String::from("<robot name=\"made up\">\n");
     let link = |name: &str, k: usize, out: &mut String| {
         let (m, s) = (20.0 + 3.0 * k as f64, 1.0 + 0.1 * k as f64);
-        let _ = write!(
+        let _ = writeln!(
             out,
             "<link name=\"{name}\"><inertial><origin xyz=\"0.1 {} -0.2\" rpy=\"0.1 0.2 0.3\"/><mass value=\"{m}\"/>\
-             <inertia ixx=\"{}\" ixy=\"0.1\" ixz=\"-0.05\" iyy=\"{}\" iyz=\"0.2\" izz=\"{}\"/></inertial></link>\n",
+             <inertia ixx=\"{}\" ixy=\"0.1\" ixz=\"-0.05\" iyy=\"{}\" iyz=\"0.2\" izz=\"{}\"/></inertial></link>",
             0.3 * s,
             3.0 * s,
             4.0 * s,
@@ -62,10 +62,10 @@ fn urdf(rows: &[Row<'_>]) -> String {
         } else {
             format!("<axis xyz=\"{} 0.6 {}\"/>", if k % 2 == 0 { 0.0 } else { 0.8 }, if k % 2 == 0 { 0.8 } else { 0.0 })
         };
-        let _ = write!(
+        let _ = writeln!(
             out,
             "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
-             <origin xyz=\"0.4 0.{k} 0.3\" rpy=\"0.2 -0.1 0.4\"/>{axis}{limit}</joint>\n"
+             <origin xyz=\"0.4 0.{k} 0.3\" rpy=\"0.2 -0.1 0.4\"/>{axis}{limit}</joint>"
         );
     }
     out + "</robot>\n"

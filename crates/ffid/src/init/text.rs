@@ -2,7 +2,7 @@
 
 use super::guess::{Guess, Panel, shown};
 use std::collections::BTreeMap;
-use std::fmt::{self, Display, Write};
+use std::fmt::{self, Write};
 
 /// Column where comments behind keys begin.
 const COMMENTS: usize = 38;
@@ -212,7 +212,7 @@ fn sensors(out: &mut String, known: &Known) -> fmt::Result {
 }
 
 /// A key with its comment.
-fn line(out: &mut String, key: &str, comment: impl Display) -> fmt::Result {
+fn line(out: &mut String, key: &str, comment: &str) -> fmt::Result {
     writeln!(out, "{key:<width$}# {comment}", width = COMMENTS.max(key.chars().count() + 1))
 }
 

@@ -10,10 +10,8 @@ fn root(path: &str) -> PathBuf {
 /// What of JSON Schema the schemas use: the reason why a value is refused.
 fn check(schema: &Value, v: &Value, at: &str) -> Result<(), String> {
     let no = |why: String| Err(format!("{at}: {why}"));
-    if let Some(all) = schema["anyOf"].as_array() {
-        if all.iter().all(|s| check(s, v, at).is_err()) {
-            return no("none of several".into());
-        }
+    if schema["anyOf"].as_array().is_some_and(|all| all.iter().all(|s| check(s, v, at).is_err())) {
+        return no("none of several".into());
     }
     let typed = match schema["type"].as_str() {
         Some("object") => v.is_object(),
