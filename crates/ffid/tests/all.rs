@@ -9,3 +9,4 @@ mod identify;
 mod init;
 mod kinds;
 mod preflight;
+mod three_segment;
