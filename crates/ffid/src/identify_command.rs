@@ -29,7 +29,7 @@ pub(crate) const EXAMPLES: &str = "Examples:
 
 A record has columns time[s], q.<joint>[rad], tau.<joint>[N m], gyro.x[rad/s], gyro.y[..], gyro.z[..]; dq., ddq., acc. and
 att. are optional, units are converted (docs/records.md). The folder holds report.html, result.json, identified.toml,
-identified.urdf, residuals.csv, report.txt, figures and manifest.toml (docs/results.md). Parameters that the record cannot
+identified.urdf, residuals.csv and .parquet, report.txt, figures and manifest.toml (docs/results.md). Parameters that the record cannot
 tell end with exit code 13 and are named; a fit that found no solution ends with 14.";
 
 /// Arguments of `ffid identify`.
@@ -37,7 +37,7 @@ tell end with exit code 13 and are named; a fit that found no solution ends with
 pub(crate) struct Args {
     #[command(flatten)]
     input: Input,
-    /// The record (.csv).
+    /// The record: CSV, Parquet or MCAP (a ROS 2 bag).
     #[arg(long, value_name = "FILE")]
     record: PathBuf,
     /// Folder for the results; <mission>-identified in the working directory unless given.
@@ -354,6 +354,7 @@ fn write(
     folder.write("result.json", &r.to_json()?)?;
     folder.write("report.txt", r.to_string().as_bytes())?;
     found.signals.write(&folder.path().join("residuals.csv"))?;
+    found.signals.write_parquet(&folder.path().join("residuals.parquet"))?;
     if let Some(h) = held {
         h.write(&folder.path().join("held-out.csv"))?;
     }

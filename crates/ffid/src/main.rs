@@ -1,9 +1,11 @@
 //! The `ffid` command.
 
 mod check;
+mod convert_command;
 mod excite_command;
 mod fit_flags;
 mod identify_command;
+mod init_command;
 mod modes_command;
 mod output;
 mod plan_command;
@@ -11,6 +13,7 @@ mod predict_command;
 mod records;
 mod result_folder;
 mod results;
+mod schema_command;
 mod selfcheck_command;
 mod simulate_command;
 mod validate_command;
@@ -29,8 +32,17 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Write a first mission file for a URDF: base, arm and panels guessed, the rest commented out with its unit.
+    #[command(after_help = init_command::EXAMPLES)]
+    Init(init_command::Args),
     /// Check a mission file and the robot it names, or a URDF alone; print the model and every problem.
     Check(output::Input),
+    /// Convert a record between CSV and Parquet, or from a ROS 2 bag (MCAP).
+    #[command(after_help = convert_command::EXAMPLES)]
+    Convert(convert_command::Args),
+    /// Print the JSON schema of a file, for editors that complete and check what is written.
+    #[command(after_help = schema_command::EXAMPLES)]
+    Schema(schema_command::Args),
     /// Plan the manoeuvre of [excite]: the most information, the largest response of the modes, or the paper's; write the
     /// trajectory and a verdict on what it will tell.
     #[command(after_help = excite_command::EXAMPLES)]
@@ -67,7 +79,10 @@ fn main() -> ExitCode {
     // The standard error is not locked: a progress bar writes to it from a thread of its own.
     let (mut out, mut err) = (std::io::stdout().lock(), std::io::stderr());
     let result = match cli.command {
+        Command::Init(args) => init_command::run(&args, &mut out, &mut err),
         Command::Check(input) => check::run(&input, &mut out, &mut err),
+        Command::Convert(args) => convert_command::run(&args, &mut out, &mut err),
+        Command::Schema(args) => schema_command::run(&args, &mut out),
         Command::Excite(args) => excite_command::run(&args, &mut out, &mut err),
         Command::Plan(args) => plan_command::run(&args, &mut out, &mut err),
         Command::Identify(args) => identify_command::run(&args, &mut out, &mut err),

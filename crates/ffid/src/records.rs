@@ -35,6 +35,9 @@ pub(crate) struct RecordFlags {
     /// Leave out a column of this name; may be given several times.
     #[arg(long, value_name = "COLUMN")]
     ignore: Vec<String>,
+    /// A topic of an MCAP file to read; may be given several times.
+    #[arg(long, value_name = "TOPIC")]
+    topic: Vec<String>,
     /// Most rows of a record.
     #[arg(long, default_value_t = ReadOptions::default().max_rows)]
     max_rows: usize,
@@ -56,6 +59,8 @@ impl RecordFlags {
             resample: self.resample,
             need_samples: need,
             allow: ALLOWABLE.iter().filter(|c| leniency.allows(c)).map(|c| (*c).to_owned()).collect(),
+            topics: self.topic.clone(),
+            slides: Vec::new(),
         };
         let mut loaded = read(path, &joints_of(model), &options)?;
         plausible(&loaded.record, model, path, &mut loaded.warnings);

@@ -3,7 +3,10 @@
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 mod check;
+mod convert;
 mod excite;
 mod identify;
+mod init;
 mod kinds;
 mod preflight;
+mod three_segment;

@@ -13,10 +13,19 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// [`Failure::Io`] naming the file and what was tried.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    stream(path, |f| f.write_all(bytes))
+}
+
+/// The same for what is too long to be held: `fill` writes it to a temporary file.
+///
+/// # Errors
+/// [`Failure::Io`] naming the file and what was tried; an error of `fill` leaves an older file as it was.
+pub fn stream(path: &Path, fill: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), Failure> {
     let dir = folder_of(path);
     fs::create_dir_all(dir).map_err(|e| Failure::io("create", dir, e))?;
     let temp = temp_beside(path);
-    let outcome = fill(&temp, bytes)
+    let outcome = File::create(&temp)
+        .and_then(|mut f| fill(&mut f).and_then(|()| f.sync_all()))
         .and_then(|()| fs::rename(&temp, path))
         .map_err(|e| Failure::io("write", path, e))
         // A rename survives power loss only once the folder is on disk too.
@@ -26,12 +35,6 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         let _ = fs::remove_file(&temp);
     }
     outcome
-}
-
-fn fill(temp: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let mut f = File::create(temp)?;
-    f.write_all(bytes)?;
-    f.sync_all()
 }
 
 fn folder_of(path: &Path) -> &Path {

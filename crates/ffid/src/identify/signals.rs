@@ -2,8 +2,10 @@
 
 use super::result::Channel;
 use crate::exit::Failure;
+use crate::files::atomic;
 use crate::files::csv_out::{self, Column};
 use crate::ident::Record;
+use crate::ident::record_file::{Block, ParquetWriter, Stamps};
 use crate::model::{JointKind, Model};
 use nalgebra::DMatrix;
 use std::path::Path;
@@ -69,6 +71,27 @@ impl Signals {
                 }
             })
             .collect()
+    }
+    /// Writes time, and measured, predicted and residual of every channel, as Parquet: columns `name[unit]` of doubles.
+    ///
+    /// # Errors
+    /// [`Failure::Io`].
+    pub fn write_parquet(&self, path: &Path) -> Result<(), Failure> {
+        let mut names = vec!["time[s]".to_owned()];
+        let mut block = Block::new(1 + 3 * self.names.len());
+        block.stamps = Stamps::Real(self.time.clone());
+        for (k, name) in self.names.iter().enumerate() {
+            let parts = ["measured", "predicted", "residual"];
+            names.extend(parts.iter().map(|p| format!("{name}.{p}[{}]", self.units[k])));
+            block.columns[3 * k + 1] = self.measured.column_range(k).to_vec();
+            block.columns[3 * k + 2] = self.predicted.column_range(k).to_vec();
+            block.columns[3 * k + 3] = self.residual(k);
+        }
+        atomic::stream(path, |f| {
+            let mut w = ParquetWriter::new(std::io::BufWriter::new(f), &names, false)?;
+            w.write(&block)?;
+            std::io::Write::flush(&mut w.finish()?)
+        })
     }
     /// Writes time, and measured, predicted and residual of every channel.
     ///

@@ -81,6 +81,17 @@ pub(super) enum Target {
     Ignored,
 }
 
+impl Target {
+    /// Prefix of the column's name.
+    pub(super) fn group(&self) -> &'static str {
+        match self {
+            Self::Time(_) => "time",
+            Self::Channel(g, _, _) => g.prefix(),
+            Self::Ignored => "ignored",
+        }
+    }
+}
+
 /// What every column is; `None` when something is wrong, with the problems recorded at line 1.
 pub(super) fn targets(
     head: &[String],
@@ -189,7 +200,7 @@ pub(super) fn targets(
 }
 
 /// Name and unit of a header cell.
-fn split(cell: &str) -> (&str, Option<&str>) {
+pub(super) fn split(cell: &str) -> (&str, Option<&str>) {
     match cell.trim().strip_suffix(']').and_then(|c| c.rsplit_once('[')) {
         Some((name, unit)) => (name.trim(), Some(unit)),
         None => (cell.trim(), None),

@@ -1,4 +1,5 @@
-//! Records as CSV files: one `name[unit]` column per channel, one row per sample.
+//! Records in files: one `name[unit]` column per channel, one row per sample; as CSV, and with features `parquet` and `mcap` as
+//! Parquet and as ROS 2 bags.
 //!
 //! ```text
 //! time[s],q.joint1[rad],dq.joint1[rad/s],tau.joint1[N m],gyro.x[rad/s],gyro.y[rad/s],gyro.z[rad/s]
@@ -22,14 +23,27 @@
 //!
 //! Rows `D..` are those of `bad-inputs.md`.
 
+mod blocks;
 mod columns;
+mod csv_blocks;
+#[cfg(feature = "mcap")]
+mod mcap;
 mod number;
+#[cfg(feature = "parquet")]
+mod parquet_in;
+#[cfg(feature = "parquet")]
+mod parquet_out;
 mod read;
+mod source;
 pub mod units;
 mod write;
 
+pub use blocks::{BLOCK, Block, Blocks, Stamps};
+#[cfg(feature = "parquet")]
+pub use parquet_out::ParquetWriter;
 pub use read::{Loaded, ReadOptions, read, read_from};
-pub use write::CsvWriter;
+pub use source::{Format, open};
+pub use write::{CsvRows, CsvWriter};
 
 use ff_model::{Area, JointKind, Model, Problem};
 
@@ -53,5 +67,16 @@ fn data(code: &'static str, message: impl Into<String>) -> Problem {
     Problem::error(Area::Data, code, message)
 }
 
+/// Name and unit of a column `name[unit]`.
+pub fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
+    columns::split(cell)
+}
+
+#[cfg(test)]
+#[cfg(feature = "mcap")]
+mod mcap_tests;
+#[cfg(test)]
+#[cfg(feature = "parquet")]
+mod parquet_tests;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,8 @@
 //! One pass over a file: lines, cells, numbers, samples. Memory beside the samples is one buffer and one line.
 
+use super::blocks::collect;
 use super::columns::{GROUPS, Group, Target, targets};
+use super::source::{Format, format_of};
 use super::{JointColumn, data, number};
 use crate::record::Record;
 use crate::record_builder::RecordBuilder;
@@ -11,11 +13,11 @@ use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
 /// Size of the buffer (bytes).
-const BUFFER: usize = 1 << 20;
+pub(super) const BUFFER: usize = 1 << 20;
 /// Longest line (bytes): no record has thousands of channels.
 const MAX_LINE: u64 = 1 << 20;
 /// Most problems of one kind listed one by one.
-const LISTED: usize = 5;
+pub(super) const LISTED: usize = 5;
 /// Largest error of a time stamp from its own digits (s).
 const RESOLUTION: f64 = 1e-6;
 
@@ -38,6 +40,10 @@ pub struct ReadOptions {
     pub need_samples: usize,
     /// Codes of errors to report as warnings, such as `Data::Stuck`.
     pub allow: Vec<String>,
+    /// Topics of an MCAP file to read; the one of each kind that fits unless given.
+    pub topics: Vec<String>,
+    /// Joints of an MCAP file that slide, where no robot tells.
+    pub slides: Vec<String>,
 }
 
 impl Default for ReadOptions {
@@ -52,6 +58,8 @@ impl Default for ReadOptions {
             resample: false,
             need_samples: 2,
             allow: Vec::new(),
+            topics: Vec::new(),
+            slides: Vec::new(),
         }
     }
 }
@@ -67,7 +75,7 @@ pub struct Loaded {
     pub bytes: u64,
 }
 
-/// Reads a file.
+/// Reads a file: CSV, Parquet or MCAP, by its first bytes.
 ///
 /// # Errors
 /// All of [`read_from`], with the file; `Io::Read`.
@@ -88,12 +96,18 @@ pub fn read(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Resul
     if meta.is_file() && meta.len() > options.max_bytes {
         return Err(named(Problems(vec![too_long(meta.len(), options.max_bytes)])));
     }
-    let mut loaded = read_from(BufReader::with_capacity(BUFFER, file), joints, options).map_err(named)?;
+    let mut loaded = match format_of(&file).map_err(|e| io(&e))? {
+        Format::Csv => read_from(BufReader::with_capacity(BUFFER, file), joints, options),
+        other => {
+            super::source::blocks(file, other, joints, options).and_then(|mut s| collect(s.as_mut(), joints, options))
+        }
+    }
+    .map_err(named)?;
     loaded.warnings = named(loaded.warnings);
     Ok(loaded)
 }
 
-fn too_long(bytes: u64, limit: u64) -> Problem {
+pub(super) fn too_long(bytes: u64, limit: u64) -> Problem {
     data("Data::TooLarge", format!("{bytes} bytes, limit {limit} bytes")).hint("cut the record, or raise --max-bytes")
 }
 
@@ -107,9 +121,19 @@ fn too_long(bytes: u64, limit: u64) -> Problem {
 /// `Data::NotUtf8`, and those of [`RecordBuilder::build`].
 pub fn read_from(input: impl BufRead, joints: &[JointColumn], options: &ReadOptions) -> Result<Loaded, Problems> {
     let mut bad = Problems::default();
-    let mut lines = Lines { input, line: Vec::new(), number: 0, bytes: 0, ended: true };
+    let mut lines = Lines::new(input);
     let parsed = head(&mut lines, joints, options, &mut bad)
         .and_then(|targets| body(&mut lines, &targets, joints, options, &mut bad));
+    finish(parsed, bad, options, lines.bytes)
+}
+
+/// The record of a builder (with the origin of its clock), or everything that is wrong.
+pub(super) fn finish(
+    parsed: Option<(RecordBuilder, f64)>,
+    mut bad: Problems,
+    options: &ReadOptions,
+    bytes: u64,
+) -> Result<Loaded, Problems> {
     for p in &mut bad.0 {
         if options.allow.iter().any(|a| a == p.code) {
             p.severity = Severity::Warning;
@@ -124,7 +148,7 @@ pub fn read_from(input: impl BufRead, joints: &[JointColumn], options: &ReadOpti
         Ok((mut record, warnings)) => {
             record.t0 += t0;
             bad.extend(warnings);
-            Ok(Loaded { record, warnings: bad, bytes: lines.bytes })
+            Ok(Loaded { record, warnings: bad, bytes })
         }
         Err(problems) => {
             bad.extend(problems);
@@ -134,19 +158,22 @@ pub fn read_from(input: impl BufRead, joints: &[JointColumn], options: &ReadOpti
 }
 
 /// Lines of a file, each in the same buffer.
-struct Lines<R> {
+pub(super) struct Lines<R> {
     input: R,
-    line: Vec<u8>,
+    pub(super) line: Vec<u8>,
     /// Number of the line in `line`, from 1.
-    number: usize,
-    bytes: u64,
+    pub(super) number: usize,
+    pub(super) bytes: u64,
     /// Whether the line ended with a newline.
-    ended: bool,
+    pub(super) ended: bool,
 }
 
 impl<R: BufRead> Lines<R> {
+    pub(super) fn new(input: R) -> Self {
+        Self { input, line: Vec::new(), number: 0, bytes: 0, ended: true }
+    }
     /// Reads the next line, its end removed; false at the end of the file.
-    fn next(&mut self) -> Result<bool, Box<Problem>> {
+    pub(super) fn next(&mut self) -> Result<bool, Box<Problem>> {
         self.line.clear();
         let n = (&mut self.input).take(MAX_LINE).read_until(b'\n', &mut self.line).map_err(|e| {
             Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"))
@@ -174,7 +201,7 @@ impl<R: BufRead> Lines<R> {
 }
 
 /// Cells of a line by the rules of CSV, quotes included.
-fn cells(line: &[u8]) -> Option<csv::ByteRecord> {
+pub(super) fn cells(line: &[u8]) -> Option<csv::ByteRecord> {
     let mut reader = csv::ReaderBuilder::new().has_headers(false).flexible(true).from_reader(line);
     let mut record = csv::ByteRecord::new();
     reader.read_byte_record(&mut record).ok()?.then_some(record)
@@ -186,6 +213,11 @@ fn head(
     options: &ReadOptions,
     bad: &mut Problems,
 ) -> Option<Vec<Target>> {
+    targets(&header(lines, bad)?, joints, &options.ignore, bad)
+}
+
+/// The line of names; `None` where a problem is recorded.
+pub(super) fn header(lines: &mut Lines<impl BufRead>, bad: &mut Problems) -> Option<Vec<String>> {
     match lines.next() {
         Err(p) => {
             bad.push(*p);
@@ -222,18 +254,36 @@ fn head(
         bad.push(data("Data::Separator", what).at_line(1).hint(hint));
         return None;
     }
-    targets(&names, joints, &options.ignore, bad)
+    Some(names)
 }
 
 /// Time stamps: whole numbers are counted from the first one before they become floating-point numbers.
-struct Clock {
+pub(super) struct Clock {
     whole: Option<i64>,
     scale: (f64, f64),
-    origin: f64,
-    stamps: Vec<f64>,
+    pub(super) origin: f64,
+    pub(super) stamps: Vec<f64>,
 }
 
 impl Clock {
+    /// A clock in the unit of the column of the time.
+    pub(super) fn new(targets: &[Target]) -> Self {
+        let unit = targets.iter().find_map(|t| if let Target::Time(u) = t { Some((u.mul, u.div)) } else { None });
+        Self { whole: None, scale: unit.unwrap_or((1.0, 1.0)), origin: 0.0, stamps: Vec::new() }
+    }
+    /// Seconds of a whole stamp, counted from the first; `None` beyond what whole numbers hold.
+    pub(super) fn of_whole(&mut self, w: i64) -> Option<f64> {
+        let to_si = |x: f64| x * self.scale.0 / self.scale.1;
+        let first = *self.whole.get_or_insert_with(|| {
+            self.origin = to_si(w as f64);
+            w
+        });
+        Some(to_si(w.checked_sub(first)? as f64))
+    }
+    /// Seconds of a stamp.
+    pub(super) fn of_real(&self, x: f64) -> f64 {
+        x * self.scale.0 / self.scale.1 - self.origin
+    }
     /// Seconds of a cell, relative to the origin.
     fn read(&mut self, cell: &[u8]) -> Option<f64> {
         let to_si = |x: f64| x * self.scale.0 / self.scale.1;
@@ -262,13 +312,7 @@ fn body(
 ) -> Option<(RecordBuilder, f64)> {
     let mut columns: Vec<Vec<f64>> = vec![Vec::new(); targets.len()];
     let mut row = vec![0.0; targets.len()];
-    let mut scale = (1.0, 1.0);
-    for t in targets {
-        if let Target::Time(u) = t {
-            scale = (u.mul, u.div);
-        }
-    }
-    let mut clock = Clock { whole: None, scale, origin: 0.0, stamps: Vec::new() };
+    let mut clock = Clock::new(targets);
     let mut count = Count::default();
     // Line of the first of a run of blank lines, which may only stand at the end.
     let mut blank = None;
@@ -372,16 +416,16 @@ fn body(
 
 /// What is counted along the way.
 #[derive(Default)]
-struct Count {
-    bad_cells: usize,
-    backward: usize,
-    repeated: usize,
-    dropped: usize,
-    first_dropped: Option<usize>,
+pub(super) struct Count {
+    pub(super) bad_cells: usize,
+    pub(super) backward: usize,
+    pub(super) repeated: usize,
+    pub(super) dropped: usize,
+    pub(super) first_dropped: Option<usize>,
 }
 
 impl Count {
-    fn report(&self, bad: &mut Problems) {
+    pub(super) fn report(&self, bad: &mut Problems) {
         let more = |n: usize, code, what: &str, bad: &mut Problems| {
             if n > LISTED {
                 bad.push(
@@ -502,7 +546,7 @@ fn one(
 }
 
 /// Row D12: stamps of an epoch as floating-point numbers lose digits.
-fn resolution(clock: &Clock, bad: &mut Problems) {
+pub(super) fn resolution(clock: &Clock, bad: &mut Problems) {
     if clock.whole.is_some() {
         return;
     }
@@ -517,7 +561,12 @@ fn resolution(clock: &Clock, bad: &mut Problems) {
     }
 }
 
-fn builder(mut columns: Vec<Vec<f64>>, targets: &[Target], joints: &[JointColumn], clock: &Clock) -> RecordBuilder {
+pub(super) fn builder(
+    mut columns: Vec<Vec<f64>>,
+    targets: &[Target],
+    joints: &[JointColumn],
+    clock: &Clock,
+) -> RecordBuilder {
     let rows = clock.stamps.len();
     let mut b = RecordBuilder::new(joints.iter().map(|j| j.name.clone())).stamps(clock.stamps.clone());
     for g in GROUPS {

@@ -102,6 +102,12 @@ pub fn find(symbol: &str, dimension: Dimension) -> Option<&'static Unit> {
     UNITS.iter().find(|u| u.dimension == dimension && self::plain(u.symbol) == plain)
 }
 
+/// The unit with this symbol, of whatever dimension: no symbol stands for two.
+pub fn any(symbol: &str) -> Option<&'static Unit> {
+    let plain = plain(symbol);
+    UNITS.iter().find(|u| self::plain(u.symbol) == plain)
+}
+
 /// Symbols of a dimension, comma separated, the SI unit first. Allocates.
 pub fn symbols(dimension: Dimension) -> String {
     let all: Vec<&str> = UNITS.iter().filter(|u| u.dimension == dimension).map(|u| u.symbol).collect();
@@ -155,9 +161,9 @@ mod tests {
         assert!((of("deg/h", AngularRate, 3600.0) - PI / 180.0).abs() < 1e-17);
         assert_eq!(of("mN m", Torque, 1500.0), 1.5);
         assert_eq!(of("g0", Acceleration, 2.0), 19.6133);
-        // No symbol stands for two units of one dimension.
+        // No symbol stands for two units.
         for (i, a) in UNITS.iter().enumerate() {
-            assert!(UNITS[..i].iter().all(|b| b.dimension != a.dimension || plain(b.symbol) != plain(a.symbol)));
+            assert!(UNITS[..i].iter().all(|b| plain(b.symbol) != plain(a.symbol)));
         }
     }
 }

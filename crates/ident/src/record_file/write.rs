@@ -1,6 +1,7 @@
 //! Writing a record: every number in its shortest exact form.
 
 use super::JointColumn;
+use super::blocks::{Block, Stamps};
 use super::columns::{GROUPS, Group};
 use super::units::si;
 use nalgebra::DMatrix;
@@ -81,6 +82,59 @@ impl CsvWriter<'_> {
             out.write_all(b"\n")?;
         }
         Ok(())
+    }
+}
+
+/// Rows of CSV, block after block.
+#[derive(Debug)]
+pub struct CsvRows<W> {
+    out: W,
+    /// Column of the time in a block.
+    time: Option<usize>,
+}
+
+impl<W: Write> CsvRows<W> {
+    /// Writes the line of names (`name[unit]`, time among them or not).
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn new(mut out: W, names: &[String]) -> io::Result<Self> {
+        let mut head = csv::Writer::from_writer(Vec::new());
+        head.write_record(names).map_err(io::Error::other)?;
+        out.write_all(&head.into_inner().map_err(|e| io::Error::other(e.to_string()))?)?;
+        Ok(Self { out, time: names.iter().position(|n| super::columns::split(n).0 == "time") })
+    }
+    /// Writes rows; NaN is an empty cell. The block has a column per name; that of the time is in its stamps.
+    ///
+    /// # Errors
+    /// Those of `out`; [`io::ErrorKind::InvalidData`] for a column that is too short.
+    pub fn write(&mut self, block: &Block) -> io::Result<()> {
+        let n = block.rows();
+        if block.columns.iter().enumerate().any(|(k, c)| Some(k) != self.time && c.len() != n) {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "a block of another shape"));
+        }
+        for i in 0..n {
+            for (k, c) in block.columns.iter().enumerate() {
+                if k > 0 {
+                    self.out.write_all(b",")?;
+                }
+                match (&block.stamps, Some(k) == self.time) {
+                    (Stamps::Whole(v), true) => write!(self.out, "{}", v[i])?,
+                    (Stamps::Real(v), true) => number(&mut self.out, v[i])?,
+                    _ if c[i].is_nan() => {}
+                    _ => number(&mut self.out, c[i])?,
+                }
+            }
+            self.out.write_all(b"\n")?;
+        }
+        Ok(())
+    }
+    /// Gives back what was written to.
+    ///
+    /// # Errors
+    /// None so far; for the symmetry of writers.
+    pub fn finish(self) -> io::Result<W> {
+        Ok(self.out)
     }
 }
 

@@ -1,0 +1,39 @@
+//! `ffid schema`: JSON schemas for editors.
+
+use clap::ValueEnum;
+use ffid::exit::Exit;
+use std::io::{self, Write};
+
+/// Examples for `--help`.
+pub(crate) const EXAMPLES: &str = "Examples:
+  ffid schema mission > mission.schema.json
+
+An editor that knows TOML schemas (Even Better TOML, taplo) completes and checks a mission file that begins with
+  #:schema ./mission.schema.json";
+
+/// Files that have a schema.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Of {
+    /// The mission file.
+    Mission,
+}
+
+/// Arguments of `ffid schema`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The file that is described.
+    #[arg(value_enum)]
+    of: Of,
+}
+
+/// Prints the schema.
+pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<Exit, (Exit, io::Error)> {
+    let schema = match args.of {
+        Of::Mission => ffid::schema::mission(&ffid::default_registry()),
+    };
+    let print = |out: &mut dyn Write| -> io::Result<()> {
+        serde_json::to_writer_pretty(&mut *out, &schema)?;
+        writeln!(out)
+    };
+    print(out).map(|()| Exit::Done).map_err(|e| (Exit::Done, e))
+}

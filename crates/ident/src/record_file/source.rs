@@ -1,0 +1,100 @@
+//! Which format a file has, and its reader.
+
+use super::blocks::{Blocks, unreadable};
+use super::csv_blocks::CsvBlocks;
+use super::{JointColumn, ReadOptions};
+use ff_model::{Area, Problem, Problems};
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::Path;
+
+/// Formats of records, told apart by their first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Text: everything that is none of the others.
+    Csv,
+    /// Apache Parquet.
+    Parquet,
+    /// MCAP, as ROS 2 bags are.
+    Mcap,
+}
+
+impl Format {
+    /// The format of a file that begins with these bytes.
+    pub fn of(first: &[u8]) -> Self {
+        if first.starts_with(b"PAR1") {
+            Self::Parquet
+        } else if first.starts_with(b"\x89MCAP0\r\n") {
+            Self::Mcap
+        } else {
+            Self::Csv
+        }
+    }
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Csv => "CSV",
+            Self::Parquet => "Parquet",
+            Self::Mcap => "MCAP",
+        }
+    }
+}
+
+/// Looks at the first bytes of a file, which is then at its start again.
+pub(super) fn format_of(mut file: &File) -> io::Result<Format> {
+    // A pipe cannot go back, and is text.
+    if !file.metadata()?.is_file() {
+        return Ok(Format::Csv);
+    }
+    let mut first = Vec::with_capacity(8);
+    file.take(8).read_to_end(&mut first)?;
+    file.seek(SeekFrom::Start(0))?;
+    Ok(Format::of(&first))
+}
+
+/// Opens a record of any format for reading in blocks. `joints` tells joints that slide, where the file does not.
+///
+/// # Errors
+/// `Io::Read`, `Data::TooLarge`, `Data::NoReader` for a format that this build leaves out, and those of the header.
+pub fn open(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Result<(Format, Box<dyn Blocks>), Problems> {
+    let io = |e: &io::Error| {
+        let p = Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"));
+        Problems(vec![p.in_file(path).hint("check the path and its permissions")])
+    };
+    let file = File::open(path).map_err(|e| io(&e))?;
+    let meta = file.metadata().map_err(|e| io(&e))?;
+    if meta.is_dir() {
+        return Err(io(&io::Error::new(io::ErrorKind::IsADirectory, "is a folder")));
+    }
+    let named = |mut p: Problems| {
+        p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.to_path_buf()));
+        p
+    };
+    if meta.is_file() && meta.len() > options.max_bytes {
+        return Err(named(Problems(vec![super::read::too_long(meta.len(), options.max_bytes)])));
+    }
+    let format = format_of(&file).map_err(|e| io(&e))?;
+    Ok((format, blocks(file, format, joints, options).map_err(named)?))
+}
+
+/// The reader of a file at its start.
+#[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "topics and sliding joints are asked for by MCAP"))]
+pub(super) fn blocks(
+    file: File,
+    format: Format,
+    joints: &[JointColumn],
+    options: &ReadOptions,
+) -> Result<Box<dyn Blocks>, Problems> {
+    match format {
+        Format::Csv => Ok(Box::new(CsvBlocks::new(file)?)),
+        #[cfg(feature = "parquet")]
+        Format::Parquet => Ok(Box::new(super::parquet_in::ParquetBlocks::new(file)?)),
+        #[cfg(feature = "mcap")]
+        Format::Mcap => Ok(Box::new(super::mcap::McapBlocks::new(file, joints, options)?)),
+        #[allow(unreachable_patterns)] // with all features there is nothing left
+        other => {
+            let what = format!("a {} file, which this build does not read", other.name());
+            Err(unreadable("Data::NoReader", what, "build with the feature of this format, or convert it to CSV"))
+        }
+    }
+}
