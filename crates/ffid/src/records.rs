@@ -53,6 +53,7 @@ impl RecordFlags {
             ignore: self.ignore.clone(),
             drop_gaps: self.gaps == Gaps::Drop,
             drop_repeated: self.drop_repeated,
+            fixed_base: model.base_kind() == ffid::model::BaseKind::Fixed,
             resample: self.resample,
             need_samples: need,
             allow: ALLOWABLE.iter().filter(|c| leniency.allows(c)).map(|c| (*c).to_owned()).collect(),

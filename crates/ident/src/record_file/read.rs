@@ -36,6 +36,8 @@ pub struct ReadOptions {
     pub resample: bool,
     /// Fewest samples ([`RecordBuilder::need_samples`]).
     pub need_samples: usize,
+    /// The base is bolted down: the gyro is not required ([`RecordBuilder::fixed_base`]).
+    pub fixed_base: bool,
     /// Codes of errors to report as warnings, such as `Data::Stuck`.
     pub allow: Vec<String>,
 }
@@ -51,6 +53,7 @@ impl Default for ReadOptions {
             drop_repeated: false,
             resample: false,
             need_samples: 2,
+            fixed_base: false,
             allow: Vec::new(),
         }
     }
@@ -119,6 +122,7 @@ pub fn read_from(input: impl BufRead, joints: &[JointColumn], options: &ReadOpti
         Some(p) if !bad.has_errors() => p,
         _ => return bad.finish(None).map(|(x, _)| x),
     };
+    let builder = if options.fixed_base { builder.fixed_base() } else { builder };
     let builder = options.allow.iter().fold(builder, |b, a| b.allow(a));
     match builder.need_samples(options.need_samples).resample(options.resample).build() {
         Ok((mut record, warnings)) => {
@@ -222,7 +226,7 @@ fn head(
         bad.push(data("Data::Separator", what).at_line(1).hint(hint));
         return None;
     }
-    targets(&names, joints, &options.ignore, bad)
+    targets(&names, joints, &options.ignore, options.fixed_base, bad)
 }
 
 /// Time stamps: whole numbers are counted from the first one before they become floating-point numbers.
