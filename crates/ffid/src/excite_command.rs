@@ -1,5 +1,6 @@
 //! `ffid excite`: plan the manoeuvre that tells most within the limits, and say beforehand what it will tell.
 
+use crate::interrupt;
 use crate::output::{Input, Outcome};
 use crate::results::{self, Output};
 use ffid::excite::{Demands, Planned, Progress, Watch, demands, plan, start};
@@ -14,8 +15,8 @@ use serde::Serialize;
 use std::fmt::{self, Display};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Examples for `--help`.
@@ -216,18 +217,7 @@ fn search(
     settings: &Excite,
     demands: &Demands,
 ) -> Result<Planned, (Exit, Problems)> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    let handler = ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::SeqCst) {
-            // The second one is meant. The partial folder stays; nobody mistakes it for a result.
-            std::process::exit(i32::from(Exit::Interrupted.code()));
-        }
-    });
-    if let Err(e) = handler {
-        let p = Problem::error(Area::Io, "Io::Signal", format!("Ctrl-C cannot be caught: {e}"));
-        return Err((Exit::Io, Problems(vec![p.hint("run the command again")])));
-    }
+    let stop = interrupt::flag()?;
     let bar = (!args.output.quiet && std::io::stderr().is_terminal()).then(bar);
     let best = Mutex::new(("", f64::INFINITY));
     let show = |p: &Progress| {

@@ -3,7 +3,7 @@
 use crate::fit_flags::{FitFlags, MethodFlag, positive, watched};
 use crate::output::{Input, Outcome};
 use crate::records::RecordFlags;
-use crate::results::{self, Output};
+use crate::results::{self, Output, Refusal, io, refused};
 use ffid::exit::{Exit, Failure};
 use ffid::files::folder::{Entry, Folder};
 use ffid::ident::Record;
@@ -113,17 +113,6 @@ struct Ready {
     target: PathBuf,
 }
 
-type Refusal = (Exit, Problems);
-
-fn refused(p: Problems) -> Refusal {
-    (Exit::of(&p), p)
-}
-
-fn io(e: &Failure) -> Refusal {
-    let (exit, p) = results::failed(e);
-    (exit, Problems(vec![p]))
-}
-
 /// Identifies, writes and prints.
 pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
     let input = &args.input;
@@ -207,7 +196,7 @@ fn prepare(args: &Args) -> Result<Ready, Refusal> {
     let need = 2 * opened.estimated.len().max(4);
     // Before the folder, so that a wrong path is said first.
     let loaded = args.reading.read(&args.record, &opened.model, need, input).map_err(refused)?;
-    let inputs = results::inputs(&files).map_err(|e| io(&e))?;
+    let inputs = results::inputs(&files).map_err(io)?;
     if let (None, Some(other)) = (fraction, inputs.get(3))
         && other.sha256 == inputs[2].sha256
     {
@@ -217,7 +206,7 @@ fn prepare(args: &Args) -> Result<Ready, Refusal> {
             p.hint("judge the model by data that were not fitted, or give a fraction"),
         ])));
     }
-    let folder = Folder::begin(&target, args.output.force).map_err(|e| io(&e))?;
+    let folder = Folder::begin(&target, args.output.force).map_err(io)?;
     let mut problems = opened.warnings.clone();
     problems.extend(loaded.warnings);
     let (record, held) = match (fraction, args.held_out.as_deref()) {
@@ -358,14 +347,7 @@ fn write(
         h.write(&folder.path().join("held-out.csv"))?;
     }
     let figures = all_figures(r, &found.signals, held);
-    for (stem, figure) in &figures {
-        let stem = folder.path().join(stem);
-        if args.output.png {
-            figure.write(&stem)?;
-        } else {
-            figure.write_svg(&stem)?;
-        }
-    }
+    results::draw(folder, &figures, args.output.png)?;
     folder.write("report.html", page(r, &figures)?.as_bytes())?;
     // Values that are no solution are not made into a robot.
     if let (Some(mission), true) = (&opened.mission, r.status.is_solution()) {

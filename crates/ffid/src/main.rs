@@ -4,6 +4,7 @@ mod check;
 mod excite_command;
 mod fit_flags;
 mod identify_command;
+mod interrupt;
 mod modes_command;
 mod output;
 mod plan_command;

@@ -2,30 +2,24 @@
 //! the record and not to the robot, are fitted.
 
 use super::result::HeldOut;
+use super::watched::Watched;
 use super::{Fit, IdentifyError, Settings, Signals, Watch};
 use crate::ident::Record;
 use crate::ident::estimator::{EstimateError, Estimator};
 use crate::ident::lm::{self, EvalError, Problem, Settings as Solver};
 use crate::model::Model;
 use nalgebra::DMatrix;
-use std::sync::atomic::Ordering;
 
 /// What belongs to the record alone, as a problem of its own: unknowns are nuisance values over their sizes.
 struct Beside<'a> {
     inner: &'a mut dyn Estimator,
     values: &'a [f64],
     sizes: Vec<f64>,
-    watch: &'a Watch<'a>,
-    stopped: bool,
 }
 
 impl Beside<'_> {
-    fn extra(&mut self, x: &[f64]) -> Result<Vec<f64>, EvalError> {
-        if self.watch.stop.is_some_and(|s| s.load(Ordering::SeqCst)) {
-            self.stopped = true;
-            return Err(EvalError::Fatal("interrupted".into()));
-        }
-        Ok(x.iter().zip(&self.sizes).map(|(x, s)| x * s).collect())
+    fn extra(&self, x: &[f64]) -> Vec<f64> {
+        x.iter().zip(&self.sizes).map(|(x, s)| x * s).collect()
     }
 }
 
@@ -34,12 +28,12 @@ impl Problem for Beside<'_> {
         self.sizes.len()
     }
     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
-        let extra = self.extra(x)?;
+        let extra = self.extra(x);
         r.resize(self.inner.rows(), 0.0);
         self.inner.residuals(self.values, &extra, r)
     }
     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut DMatrix<f64>) -> Result<(), EvalError> {
-        let extra = self.extra(x)?;
+        let extra = self.extra(x);
         r.resize(self.inner.rows(), 0.0);
         j.resize_mut(self.inner.rows(), self.sizes.len(), 0.0);
         self.inner.jacobian(self.values, &extra, &[], r, j)?;
@@ -76,10 +70,13 @@ pub fn explain(
         (r, n)
     } else {
         let sizes = estimator.nuisance().iter().map(|u| u.size).collect();
-        let mut problem = Beside { inner: estimator, values, sizes, watch, stopped: false };
+        // The linearisations of a judgement are not those of the fit.
+        let silent = Watch { progress: None, ..*watch };
+        let mut watched = Watched::new(estimator, &silent);
+        let mut problem = Beside { inner: &mut watched, values, sizes };
         let solver = Solver { max_iterations: s.max_iterations, cost_floor: 1e-13, ..Solver::default() };
         let found = lm::minimise(&mut problem, &vec![0.0; nuisance], &solver);
-        if problem.stopped {
+        if watched.stopped {
             return Err(IdentifyError::Interrupted);
         }
         let r = found.map_err(EstimateError::from)?.residuals;

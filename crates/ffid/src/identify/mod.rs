@@ -17,28 +17,29 @@ pub mod page;
 pub mod result;
 pub mod signals;
 mod text;
+mod watched;
 
 pub use held_out::explain;
 pub use result::{IdentificationResult, Method};
 pub use signals::Signals;
+pub use watched::Watch;
 
-use crate::dynamics::{Boundary, modes};
-use crate::ident::covariance::Unknown;
+use watched::Watched;
+
 use crate::ident::estimator::{EstimateError, Estimator};
-use crate::ident::lm::{EvalError, Settings as Solver};
+use crate::ident::lm::Settings as Solver;
 use crate::ident::prior::{Priors, Sigma};
 use crate::ident::rda::SetupError;
 use crate::ident::report::FitReport;
 use crate::ident::start::offset_start;
 use crate::ident::{Estimate, Noise, Options, OutputError, Rda, Record, Request, estimate};
 use crate::model::{Area, BaseKind, Model, Params, Problem, Problems};
-use crate::open::{MAX_DENSE, Opened};
+use crate::modes::held;
+use crate::open::Opened;
 use crate::preflight::step;
-use nalgebra::DMatrix;
 use result::{
     Combination, Correlation, Covariance, Ended, ModeLine, Parameter, Provenance, RecordLine, Value, Warning,
 };
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Pull that holds what neither data nor priors tell near where it is, relative.
 const ANCHOR: f64 = 10.0;
@@ -71,15 +72,6 @@ pub struct Settings {
 /// Largest chi-squared per degree of freedom that counts as explained unless another is given: residuals of 1.4 times the
 /// noise.
 pub const EXPLAINED: f64 = 2.0;
-
-/// Watched from outside while it works.
-#[derive(Clone, Copy, Default)]
-pub struct Watch<'a> {
-    /// Set to end the fit.
-    pub stop: Option<&'a AtomicBool>,
-    /// Told the number of the linearisation and chi-squared per residual.
-    pub progress: Option<&'a dyn Fn(usize, f64)>,
-}
 
 /// Why there is no result.
 #[derive(Debug, thiserror::Error)]
@@ -249,70 +241,18 @@ fn substeps(model: &Model, record: &Record) -> usize {
     let pose: Vec<f64> = record.q().row(0).iter().copied().collect();
     let params = Params::nominal(model);
     let rest = model.rest_position(&params);
-    let found = if model.np() > 0 && model.nv() <= MAX_DENSE {
-        modes(model, &params, &pose, &rest, Boundary::JointsHeld).unwrap_or_default()
-    } else {
-        Vec::new()
-    };
-    let h = step(&found, record.seconds(), record.dt());
+    let h = step(&held(model, &params, &pose, &rest), record.seconds(), record.dt());
     (record.dt() / h).round().max(1.0) as usize
 }
 
 /// Runs the fit under watch.
 fn run(request: &Request<'_>, inner: &mut dyn Estimator, watch: &Watch<'_>) -> Result<Estimate, IdentifyError> {
-    let mut watched = Watched { inner, watch, count: 0, stopped: false };
+    let mut watched = Watched::new(inner, watch);
     let found = estimate(request, &mut watched);
     if watched.stopped {
         return Err(IdentifyError::Interrupted);
     }
     Ok(found?)
-}
-
-/// An estimator that tells how far it is, and ends when it is told to.
-struct Watched<'a> {
-    inner: &'a mut dyn Estimator,
-    watch: &'a Watch<'a>,
-    count: usize,
-    stopped: bool,
-}
-
-impl Watched<'_> {
-    fn go_on(&mut self) -> Result<(), EvalError> {
-        if self.watch.stop.is_some_and(|s| s.load(Ordering::SeqCst)) {
-            self.stopped = true;
-            return Err(EvalError::Fatal("interrupted".into()));
-        }
-        Ok(())
-    }
-}
-
-impl Estimator for Watched<'_> {
-    fn rows(&self) -> usize {
-        self.inner.rows()
-    }
-    fn nuisance(&self) -> Vec<Unknown> {
-        self.inner.nuisance()
-    }
-    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-        self.go_on()?;
-        self.inner.residuals(full, extra, r)
-    }
-    fn jacobian(
-        &mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-        r: &mut [f64],
-        j: &mut DMatrix<f64>,
-    ) -> Result<(), EvalError> {
-        self.go_on()?;
-        self.inner.jacobian(full, extra, selected, r, j)?;
-        self.count += 1;
-        if let Some(tell) = self.watch.progress {
-            tell(self.count, r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64);
-        }
-        Ok(())
-    }
 }
 
 fn report(
@@ -397,13 +337,10 @@ fn report(
 /// Modes at the pose of the mission, before and after.
 fn mode_lines(opened: &Opened, start: &[f64], values: &[f64]) -> Vec<ModeLine> {
     let model = &opened.model;
-    if model.np() == 0 || model.nv() > MAX_DENSE {
-        return Vec::new();
-    }
     let at = |v: &[f64]| {
         let params = Params::from_values(model, v.to_vec());
         let rest = model.rest_position(&params);
-        modes(model, &params, &opened.pose(), &rest, Boundary::JointsHeld).unwrap_or_default()
+        held(model, &params, &opened.pose(), &rest)
     };
     let line = |(a, b): (crate::dynamics::Mode, crate::dynamics::Mode)| ModeLine {
         frequency_hz: b.frequency_hz,
