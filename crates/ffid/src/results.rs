@@ -159,7 +159,7 @@ pub(crate) fn io(e: Failure) -> Refusal {
 }
 
 /// Writes figures under their stems, as SVG and, when asked for, PNG.
-pub(crate) fn draw(folder: &Folder, figures: &[(&'static str, Figure)], png: bool) -> Result<(), Failure> {
+pub(crate) fn draw(folder: &Folder, figures: &[(impl AsRef<Path>, Figure)], png: bool) -> Result<(), Failure> {
     for (stem, figure) in figures {
         let stem = folder.path().join(stem);
         if png {

@@ -7,3 +7,4 @@ mod excite;
 mod identify;
 mod kinds;
 mod preflight;
+mod questions;

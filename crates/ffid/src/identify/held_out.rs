@@ -44,6 +44,34 @@ impl Problem for Beside<'_> {
     }
 }
 
+/// Fits what belongs to the record alone, the parameters as they are: its values, and the whitened residuals.
+pub(super) fn beside(
+    estimator: &mut dyn Estimator,
+    values: &[f64],
+    s: &Settings,
+    watch: &Watch<'_>,
+) -> Result<(Vec<f64>, Vec<f64>), IdentifyError> {
+    let sizes: Vec<f64> = estimator.nuisance().iter().map(|u| u.size).collect();
+    if sizes.is_empty() {
+        let mut r = vec![0.0; estimator.rows()];
+        estimator.residuals(values, &[], &mut r).map_err(|e| IdentifyError::Model(e.to_string()))?;
+        return Ok((Vec::new(), r));
+    }
+    // The linearisations of a judgement are not those of the fit.
+    let silent = Watch { progress: None, ..*watch };
+    let mut watched = Watched::new(estimator, &silent);
+    let start = vec![0.0; sizes.len()];
+    let mut problem = Beside { inner: &mut watched, values, sizes };
+    let solver = Solver { max_iterations: s.max_iterations, cost_floor: 1e-13, ..Solver::default() };
+    let found = lm::minimise(&mut problem, &start, &solver);
+    let sizes = problem.sizes;
+    if watched.stopped {
+        return Err(IdentifyError::Interrupted);
+    }
+    let found = found.map_err(EstimateError::from)?;
+    Ok((found.x.iter().zip(&sizes).map(|(x, s)| x * s).collect(), found.residuals))
+}
+
 /// Predicts a record with the parameters `values`. `source` says where it is from.
 ///
 /// A part of a longer record does not begin at rest: give `initial_state` in the settings.
@@ -61,28 +89,8 @@ pub fn explain(
     record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
     let mut fit = Fit::new(model, record, s)?;
     let sigma = fit.sigmas(model);
-    let estimator = fit.estimator();
-    let nuisance = estimator.nuisance().len();
-    let (residuals, freedom) = if nuisance == 0 {
-        let mut r = vec![0.0; estimator.rows()];
-        estimator.residuals(values, &[], &mut r).map_err(|e| IdentifyError::Model(e.to_string()))?;
-        let n = r.len();
-        (r, n)
-    } else {
-        let sizes = estimator.nuisance().iter().map(|u| u.size).collect();
-        // The linearisations of a judgement are not those of the fit.
-        let silent = Watch { progress: None, ..*watch };
-        let mut watched = Watched::new(estimator, &silent);
-        let mut problem = Beside { inner: &mut watched, values, sizes };
-        let solver = Solver { max_iterations: s.max_iterations, cost_floor: 1e-13, ..Solver::default() };
-        let found = lm::minimise(&mut problem, &vec![0.0; nuisance], &solver);
-        if watched.stopped {
-            return Err(IdentifyError::Interrupted);
-        }
-        let r = found.map_err(EstimateError::from)?.residuals;
-        let n = r.len().saturating_sub(nuisance);
-        (r, n)
-    };
+    let (extra, residuals) = beside(fit.estimator(), values, s, watch)?;
+    let freedom = residuals.len().saturating_sub(extra.len());
     let signals = Signals::of(model, record, &residuals, &sigma);
     let chi2_per_dof = residuals.iter().map(|r| r * r).sum::<f64>() / freedom.max(1) as f64;
     let explained = chi2_per_dof <= s.limit;
