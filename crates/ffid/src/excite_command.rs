@@ -26,8 +26,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid excite m.toml --goal paper          the paper's simplified manoeuvre
   ffid plan m.toml --trajectory t.csv      judge a trajectory of your own
 
-The folder holds trajectory.json (read back exactly), trajectory.csv (sampled), verdict.json, report.txt, figures and
-manifest.toml. Ctrl-C ends the search and writes the best plan so far (exit code 130); a second one ends at once.";
+The folder holds report.html, trajectory.json (read back exactly), trajectory.csv (sampled), verdict.json, report.txt, figures
+and manifest.toml. Ctrl-C ends the search and writes the best plan so far (exit code 130); a second one ends at once.";
 
 /// Arguments of `ffid excite`.
 #[derive(clap::Args)]
@@ -169,7 +169,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     }
     let mut exit = results::exit_of(&problems, &mut faults, &input.leniency());
     problems.extend(faults);
-    let report = format!("{}\n{verdict}", Report(&planned));
+    let plan = Report(&planned).to_string();
     let about = results::about(
         "excite",
         settings.seed,
@@ -181,8 +181,8 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         problems.push(p);
     }
     let trajectory = Some((&planned.file, mission.sensors.rate_hz));
-    let wrote =
-        results::write(&folder, trajectory, &verdict, &report, args.output.png).and_then(|()| folder.finish(&about));
+    let wrote = results::write(&folder, trajectory, &verdict, Some(&plan), args.output.png)
+        .and_then(|()| folder.finish(&about));
     let written = wrote.is_ok();
     if let Err(e) = wrote {
         // What was found is printed all the same.

@@ -15,12 +15,14 @@ use std::time::Duration;
 /// How the record is predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum MethodFlag {
-    /// By the model: rda without passive coordinates, else output-error.
+    /// By the model: ground on a fixed base, rda without passive coordinates, else output-error.
     Auto,
     /// Rigid system, base acceleration eliminated.
     Rda,
     /// Base and appendages simulated.
     OutputError,
+    /// An arm on the ground: fixed base, gravity, joint friction.
+    Ground,
 }
 
 impl MethodFlag {
@@ -29,6 +31,7 @@ impl MethodFlag {
             Self::Auto => None,
             Self::Rda => Some(Method::Rda),
             Self::OutputError => Some(Method::OutputError),
+            Self::Ground => Some(Method::Ground),
         }
     }
 }
@@ -124,6 +127,7 @@ pub(crate) fn failed(e: IdentifyError) -> (Exit, Problems) {
     };
     match e {
         IdentifyError::Refused(p) => (Exit::of(&p), p),
+        IdentifyError::IllPosed(p) => (Exit::IllPosed, p),
         IdentifyError::Interrupted => {
             let what = "interrupted; nothing was written".to_owned();
             one(Exit::Interrupted, Area::Config, "Fit::Interrupted", what, "run the command again")

@@ -8,9 +8,14 @@ use crate::results::{self, Output, Refusal, io, refused};
 use ffid::exit::{Exit, Failure};
 use ffid::files::folder::{Entry, Folder};
 use ffid::ident::Record;
+use ffid::identify::compare::{Kind, Trial, judge};
+use ffid::identify::doubts::{Doubts, Watches, careful};
+use ffid::identify::ground::Arm;
 use ffid::identify::page::{all_figures, page};
 use ffid::identify::result::{Combination, InputFile, Provenance, RecordLine, Warning};
-use ffid::identify::{Asked, Identified, Settings, Signals, Take, TieSpec, axes, explain, identify, model_files};
+use ffid::identify::{
+    Asked, Identified, IdentifyError, Method, Settings, Signals, Take, TieSpec, axes, explain, model_files,
+};
 use ffid::identify::{IdentificationResult, method};
 use ffid::model::leniency::Leniency;
 use ffid::model::{Area, Params, Problem, Problems};
@@ -31,6 +36,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid identify m.toml --record rec.csv --reduce            where the record is silent, what it can tell
   ffid identify m.toml --record rec.csv --profile 'tank.*'  intervals from the likelihood itself
   ffid identify m.toml --record new.csv --prior-from m-identified
+  ffid identify m.toml --record rec.csv --compare           rigid, flexible, sloshing or both?
+  ffid identify arm.toml --record log.csv --reduce --held-out 0.33   an arm on the ground, friction included
   ffid identify m.toml --record rec.csv --ties ties.toml    one stiffness for all hinges, one filling level
 
 A record has columns time[s], q.<joint>[rad], tau.<joint>[N m], gyro.x[rad/s], gyro.y[..], gyro.z[..]; dq., ddq., acc. and
@@ -79,6 +86,18 @@ pub(crate) struct Args {
     /// Fit from this many starts, drawn around the first, and say whether they agree.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     starts: u32,
+    /// Fit models with and without panels and fuel as well, and say which to use; the last 30 % judge unless --held-out does.
+    #[arg(long, value_name = "MODEL", value_enum, value_delimiter = ',', num_args = 0.., default_missing_value = "rigid,flexible,slosh,both")]
+    compare: Vec<Kind>,
+    /// What becomes of clocks of torques and gyro that disagree with that of the encoders.
+    #[arg(long, value_enum, default_value_t = Watches::Correct)]
+    clocks: Watches,
+    /// Thrusters or other external torques acted during the record: do not refuse it for its momentum.
+    #[arg(long)]
+    external_torque: bool,
+    /// The modes of the free decay must be told: refuse a record in which they cannot.
+    #[arg(long)]
+    modes: bool,
     /// Start at the values of the mission: leave out estimate.start_offset, which is for studies.
     #[arg(long)]
     no_start_offset: bool,
@@ -197,12 +216,12 @@ struct Ready {
 /// Identifies, writes and prints.
 pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
     let input = &args.input;
-    let ready = match prepare(args) {
+    let mut ready = match prepare(args) {
         Ok(r) => r,
         Err((exit, p)) => return input.print(exit, &p, Results::default(), &[], out, err),
     };
-    let found = fit(args, &ready);
-    let (mut found, held) = match found {
+    let found = fit(args, &mut ready);
+    let (mut found, held, said) = match found {
         Ok(f) => f,
         Err((exit, mut p)) => {
             p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| input.file.clone()));
@@ -211,6 +230,8 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     };
     let Ready { opened, problems, files, inputs, folder, target, .. } = ready;
     let mut problems = problems;
+    problems.extend(said);
+    input.leniency().settle(&mut problems);
     let mut faults = faults(&found.result, args);
     let mut exit = results::exit_of(&problems, &mut faults, &input.leniency());
     if found.result.exit() != Exit::Done {
@@ -258,10 +279,11 @@ fn prepare(args: &Args) -> Result<Ready, Refusal> {
         let stem = input.file.file_stem().unwrap_or_default().to_string_lossy();
         PathBuf::from(format!("{stem}-identified"))
     });
+    let held_out = args.held_out.clone().or_else(|| (!args.compare.is_empty()).then(|| "0.3".to_owned()));
     let mut files = results::mission_files(&input.file, mission);
     let paths = args.paths();
     files.extend(paths.iter().cloned());
-    let fraction = match args.held_out.as_deref() {
+    let fraction = match held_out.as_deref() {
         None => None,
         Some(word) => match word.parse::<f64>() {
             Ok(f) if f > 0.0 && f < 1.0 => Some(f),
@@ -285,7 +307,7 @@ fn prepare(args: &Args) -> Result<Ready, Refusal> {
     files.extend(args.ties.iter().cloned());
     files.extend(args.prior_from.iter().map(|f| f.join("result.json")));
     let inputs = results::inputs(&files).map_err(io)?;
-    same_data(&inputs[2..], paths.len(), fraction.is_none() && args.held_out.is_some(), &earlier).map_err(refused)?;
+    same_data(&inputs[2..], paths.len(), fraction.is_none() && held_out.is_some(), &earlier).map_err(refused)?;
     let folder = Folder::begin(&target, args.output.force).map_err(io)?;
     let mut problems = opened.warnings.clone();
     let mut takes: Vec<Take> = Vec::new();
@@ -297,7 +319,7 @@ fn prepare(args: &Args) -> Result<Ready, Refusal> {
         takes.push(Take { label, record: l.record });
     }
     let last_take = takes.len() - 1;
-    let held = match (fraction, args.held_out.as_deref()) {
+    let held = match (fraction, held_out.as_deref()) {
         (Some(f), _) => {
             let whole = takes[last_take].record.clone();
             let seconds = whole.seconds();
@@ -328,60 +350,82 @@ fn prepare(args: &Args) -> Result<Ready, Refusal> {
 }
 
 /// The fit, and the judgement of what was held out.
-fn fit(args: &Args, r: &Ready) -> Result<(Identified, Option<Signals>), Refusal> {
-    let (model, s) = (&r.opened.model, &r.settings);
+fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Signals>, Problems), Refusal> {
+    let settings_words = words(args, r);
+    let Ready { opened, settings: s, asked, takes, held, inputs, .. } = r;
+    let model = &opened.model;
     let provenance = Provenance {
         program: concat!("ffid ", env!("CARGO_PKG_VERSION")).to_owned(),
-        inputs: r
-            .inputs
+        inputs: inputs
             .iter()
             .map(|e| InputFile { file: e.file.clone(), bytes: e.bytes, sha256: e.sha256.clone() })
             .collect(),
         record: RecordLine { samples: 0, rate_hz: 0.0, seconds: 0.0, t0: 0.0, rates: false },
         noise_torque_nm: s.noise.torque,
         noise_gyro_rad_per_s: s.noise.gyro,
-        settings: words(args, r),
+        settings: settings_words,
     };
     watched(args.output.quiet, |watch| {
-        let mut found = identify(&r.opened, &r.takes, s, &r.asked, provenance, watch)?;
+        let doubts = Doubts { clocks: args.clocks, external: args.external_torque, modes: args.modes };
+        // A wrong axis explains a bad fit; asked only then, because it is only then that it can be.
+        let turned = |takes: &[Take], s: &Settings| -> Result<(), IdentifyError> {
+            let nominal = Params::nominal(model);
+            for (take, path) in takes.iter().zip(args.paths()) {
+                let mut turned = axes::mismatch(model, nominal.values(), &take.record, s)?;
+                if turned.has_errors() {
+                    turned.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.clone()));
+                    return Err(IdentifyError::Refused(turned));
+                }
+            }
+            Ok(())
+        };
+        let (mut found, s, said) = careful(opened, takes, s, asked, doubts, &turned, &provenance, watch)?;
+        let s = &s;
+        let arm = Arm::of(&found.result, &model.joint_names());
         let mut signals = None;
-        let judged = match &r.held {
+        let judged = match held {
             Held::None => None,
             // A part of a record begins in the middle of a motion.
             Held::Part { record, words } => {
                 let s = Settings { initial_state: true, ..s.clone() };
-                Some(explain(model, &found.values, record, &s, words.clone(), watch)?)
+                Some(explain(model, &found.values, arm.as_ref(), record, &s, words.clone(), watch)?)
             }
             Held::File { record, path } => {
-                Some(explain(model, &found.values, record, s, path.display().to_string(), watch)?)
+                Some(explain(model, &found.values, arm.as_ref(), record, s, path.display().to_string(), watch)?)
             }
         };
         if let Some((held, of)) = judged {
             found.result.held_out = Some(held);
             signals = Some(of);
         }
-        // A wrong axis explains a bad fit; asked only then, because it is only then that it can be.
-        if found.result.chi2_per_dof > s.limit {
-            let nominal = Params::nominal(model);
-            for (take, path) in r.takes.iter().zip(args.paths()) {
-                let mut turned = axes::mismatch(model, nominal.values(), &take.record, s)?;
-                if turned.has_errors() {
-                    turned.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.clone()));
-                    return Err(ffid::identify::IdentifyError::Refused(turned));
-                }
-            }
+        if !args.compare.is_empty() {
+            let (record, source, moving) = match held {
+                Held::Part { record, words } => (&*record, words.clone(), true),
+                Held::File { record, path } => (&*record, path.display().to_string(), false),
+                // Not reached: comparing holds something out.
+                Held::None => return Ok((found, signals, said)),
+            };
+            let trial = Trial { opened, takes: takes.as_slice(), held: record, source: &source, moving, settings: s };
+            found.result.comparison = Some(judge(&trial, &args.compare, &provenance, watch)?);
         }
-        Ok((found, signals))
+        found.result.verdict = ffid::identify::verdict(&found.result, s.limit);
+        Ok((found, signals, said))
     })
 }
 
 /// Settings by name, for result and manifest.
 fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
     let s = &r.settings;
-    let passive = method(&r.opened.model, s.method) == ffid::identify::Method::OutputError;
+    let how = method(&r.opened.model, s.method);
+    let passive = how == Method::OutputError;
+    let name = match how {
+        Method::Rda => "rda",
+        Method::OutputError => "output_error",
+        Method::Ground => "ground",
+    };
     let yes = |b: bool| if b { "estimated" } else { "none" }.to_owned();
     let mut all = vec![
-        ("method", if passive { "output_error" } else { "rda" }.to_owned()),
+        ("method", name.to_owned()),
         ("biases", yes(s.biases && passive)),
         ("initial_state", if s.initial_state && passive { "estimated" } else { "at rest" }.to_owned()),
         ("prior_relative_std", s.prior.map_or_else(|| "none".to_owned(), |p| p.to_string())),
@@ -393,6 +437,10 @@ fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
     all.extend((!args.profile.is_empty()).then(|| ("profile", args.profile.join(", "))));
     all.extend(args.prior_from.iter().map(|p| ("prior_from", p.display().to_string())));
     all.extend(args.ties.iter().map(|p| ("ties", p.display().to_string())));
+    let kinds: Vec<&str> = args.compare.iter().map(|k| k.name()).collect();
+    all.extend((!kinds.is_empty()).then(|| ("compare", kinds.join(", "))));
+    all.extend(args.external_torque.then(|| ("external_torque", "declared".to_owned())));
+    all.extend((args.clocks == Watches::Trust).then(|| ("clocks", "trusted".to_owned())));
     all.extend(args.held_out.iter().map(|h| ("held_out", h.clone())));
     all.into_iter().map(|(k, v)| (k.to_owned(), v)).collect()
 }

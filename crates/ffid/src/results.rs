@@ -11,6 +11,7 @@ use ffid::model::mission::Mission;
 use ffid::model::{Area, Params, Problem, Problems};
 use ffid::open::Opened;
 use ffid::plot::Figure;
+use ffid::preflight::page::page;
 use ffid::preflight::{Preflight, PreflightError, Question, Seen, Sensing, Told, judge};
 use std::path::{Path, PathBuf};
 
@@ -196,12 +197,12 @@ pub(crate) fn changed(before: &[Entry], files: &[PathBuf]) -> Option<Problem> {
     })
 }
 
-/// Writes trajectory (if given), verdict, report and figures into a folder.
+/// Writes trajectory (if given), verdict, reports and figures into a folder; `plan` is how the trajectory was found, in words.
 pub(crate) fn write(
     folder: &Folder,
     trajectory: Option<(&TrajectoryFile, f64)>,
     verdict: &Preflight,
-    report: &str,
+    plan: Option<&str>,
     png: bool,
 ) -> Result<(), Failure> {
     if let Some((file, rate)) = trajectory {
@@ -211,8 +212,11 @@ pub(crate) fn write(
         folder.write("trajectory.csv", write_csv(&samples).as_bytes())?;
     }
     json::write(&folder.path().join("verdict.json"), verdict)?;
+    let report = plan.map_or_else(|| verdict.to_string(), |p| format!("{p}\n{verdict}"));
     folder.write("report.txt", report.as_bytes())?;
-    draw(folder, &verdict.figures(), png)
+    let figures = verdict.figures();
+    draw(folder, &figures, png)?;
+    folder.write("report.html", page(verdict, plan, &figures)?.as_bytes())
 }
 
 /// The manifest of a result.

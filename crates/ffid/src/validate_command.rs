@@ -9,6 +9,7 @@ use ffid::exit::{Exit, Failure};
 use ffid::files::folder::Folder;
 use ffid::files::json;
 use ffid::ident::Noise;
+use ffid::identify::ground::Arm;
 use ffid::identify::result::HeldOut;
 use ffid::identify::{Settings, Signals, axes, explain, figures, page};
 use ffid::model::{Area, Problem, Problems};
@@ -127,8 +128,10 @@ fn judge(args: &Args) -> Result<Found, Refusal> {
     let s = Settings { method: Some(found.result.method), noise, ..asked };
     let values: Vec<f64> = found.result.model.iter().map(|v| v.value).collect();
     let (held, signals) = watched(args.output.quiet, |watch| {
-        let found = explain(model, &values, &loaded.record, &s, args.record.display().to_string(), watch)?;
-        if !found.0.explained {
+        let arm = Arm::of(&found.result, &model.joint_names());
+        let found =
+            explain(model, &values, arm.as_ref(), &loaded.record, &s, args.record.display().to_string(), watch)?;
+        if !found.0.explained && arm.is_none() {
             let turned = axes::mismatch(model, &values, &loaded.record, &s)?;
             if turned.has_errors() {
                 return Err(ffid::identify::IdentifyError::Refused(turned));

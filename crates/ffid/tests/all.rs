@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 mod check;
+mod doubts;
 mod excite;
 mod identify;
 mod kinds;
+mod outputs;
 mod preflight;
 mod questions;

@@ -1,6 +1,6 @@
 //! One record, and whichever estimator predicts it.
 
-use super::{IdentifyError, Method, Settings, method};
+use super::{IdentifyError, Method, Settings, config, method};
 use crate::ident::estimator::Estimator;
 use crate::ident::rda::SetupError;
 use crate::ident::{Noise, Options, OutputError, Rda, Record};
@@ -23,6 +23,10 @@ impl<'a> Fit<'a> {
     pub fn new(model: &'a Model, record: &'a Record, s: &Settings) -> Result<Self, IdentifyError> {
         let method = method(model, s.method);
         let estimator: Box<dyn Estimator + 'a> = match method {
+            Method::Ground => {
+                let what = "the ground calibration predicts no free-floating robot";
+                return Err(IdentifyError::Refused(config("Config::Method", what, "leave --method out")));
+            }
             Method::Rda => Box::new(Rda::new(model, record, &s.noise).map_err(setup)?),
             Method::OutputError => {
                 let options = Options {

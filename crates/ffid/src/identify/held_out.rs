@@ -1,7 +1,9 @@
 //! Does the model explain data it has not seen? Parameters stay as they are; biases and initial state, which belong to
 //! the record and not to the robot, are fitted.
 
+use super::ground::{self, Arm};
 use super::result::HeldOut;
+use super::text;
 use super::watched::Watched;
 use super::{Fit, IdentifyError, Settings, Signals, Watch};
 use crate::ident::Record;
@@ -44,6 +46,39 @@ impl Problem for Beside<'_> {
     }
 }
 
+/// The same for an arm on the ground: nothing is fitted; noise is what the calibration left.
+fn on_the_ground(
+    model: &Model,
+    values: &[f64],
+    arm: &Arm,
+    record: &Record,
+    s: &Settings,
+    source: String,
+) -> Result<(HeldOut, Signals), IdentifyError> {
+    let (signals, used) = ground::explain(model, values, arm, record)?;
+    let channels = signals.channels();
+    let squares: f64 = channels.iter().map(|c| c.over_noise.powi(2)).sum();
+    let chi2_per_dof = squares * record.samples() as f64 / used.max(1) as f64;
+    let explained = chi2_per_dof <= s.limit;
+    let times = chi2_per_dof.sqrt();
+    let words = if explained { "predicts" } else { "does NOT predict" };
+    let verdict = format!(
+        "The calibrated arm {words} these torques: residuals are {times:.2} times those of the calibration, {}.",
+        text::shares(&channels)
+    );
+    let held = HeldOut {
+        source,
+        samples: record.samples(),
+        seconds: record.seconds(),
+        chi2_per_dof,
+        limit: s.limit,
+        explained,
+        channels,
+        verdict,
+    };
+    Ok((held, signals))
+}
+
 /// Fits what belongs to the record alone, the parameters as they are: its values, and the whitened residuals.
 pub(super) fn beside(
     estimator: &mut dyn Estimator,
@@ -74,6 +109,8 @@ pub(super) fn beside(
 
 /// Predicts a record with the parameters `values`. `source` says where it is from.
 ///
+/// `arm` are friction and noise of a ground calibration, whose prediction needs them; nothing is fitted then.
+///
 /// A part of a longer record does not begin at rest: give `initial_state` in the settings.
 ///
 /// # Errors
@@ -81,12 +118,16 @@ pub(super) fn beside(
 pub fn explain(
     model: &Model,
     values: &[f64],
+    arm: Option<&Arm>,
     record: &Record,
     s: &Settings,
     source: impl Into<String>,
     watch: &Watch<'_>,
 ) -> Result<(HeldOut, Signals), IdentifyError> {
     record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
+    if let Some(arm) = arm {
+        return on_the_ground(model, values, arm, record, s, source.into());
+    }
     let mut fit = Fit::new(model, record, s)?;
     let sigma = fit.sigmas(model);
     let (extra, residuals) = beside(fit.estimator(), values, s, watch)?;

@@ -16,9 +16,13 @@
 
 pub mod asked;
 pub mod axes;
+pub mod compare;
+pub mod decay;
+pub mod doubts;
 pub mod figures;
 pub mod findings;
 pub mod fit;
+pub mod ground;
 pub mod held_out;
 pub mod known;
 pub mod model_files;
@@ -53,6 +57,7 @@ use result::{
     Combination, Correlation, Covariance, Ended, ModeLine, Parameter, Provenance, RecordLine, Told, Value, Warning,
 };
 use std::borrow::Cow;
+pub(crate) use text::num;
 use watched::Watched;
 
 /// Pull that holds what neither data nor priors tell near where it is, relative.
@@ -95,6 +100,9 @@ pub enum IdentifyError {
     /// The question cannot be asked of this mission or record: problems with places and next steps.
     #[error("{0}")]
     Refused(Problems),
+    /// The record cannot tell what was asked for: problems, with exit code 13.
+    #[error("{0}")]
+    IllPosed(Problems),
     /// The fit failed.
     #[error(transparent)]
     Fit(#[from] EstimateError),
@@ -123,9 +131,15 @@ pub(crate) fn config(code: &'static str, what: impl Into<String>, hint: &str) ->
     Problems(vec![Problem::error(Area::Config, code, what).hint(hint)])
 }
 
-/// The method for a model.
+/// The method for a model: a base that is bolted down is calibrated on the ground.
 pub fn method(model: &Model, asked: Option<Method>) -> Method {
-    asked.unwrap_or(if model.np() > 0 { Method::OutputError } else { Method::Rda })
+    asked.unwrap_or(if model.base_kind() == BaseKind::Fixed {
+        Method::Ground
+    } else if model.np() > 0 {
+        Method::OutputError
+    } else {
+        Method::Rda
+    })
 }
 
 /// Estimates the parameters of `[estimate]` from one or several records of the robot. Allocates the Jacobian.
@@ -144,6 +158,10 @@ pub fn identify(
     check(opened, settings).map_err(IdentifyError::Refused)?;
     for t in takes {
         t.record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
+    }
+    if method(model, settings.method) == Method::Ground {
+        ground::check(settings, asked).map_err(IdentifyError::Refused)?;
+        return ground::identify(opened, takes, settings, asked, provenance);
     }
     let unknowns = Unknowns::new(model, &opened.estimated, settings, asked)?;
     let mut fits = takes.iter().map(|t| Fit::new(model, &t.record, settings)).collect::<Result<Vec<_>, _>>()?;
@@ -255,9 +273,20 @@ fn solve(
 
 fn check(opened: &Opened, s: &Settings) -> Result<(), Problems> {
     let model = &opened.model;
-    if model.base_kind() != BaseKind::Floating || model.gravity().norm() > 0.0 {
-        let what = "identification needs a free-floating base and no gravity";
-        return Err(config("Config::NotFreeFloating", what, "remove base = \"fixed\" and gravity from [robot]"));
+    let ground = method(model, s.method) == Method::Ground;
+    if ground != (model.base_kind() == BaseKind::Fixed) {
+        let what = "the ground calibration is for a fixed base, and a fixed base for it";
+        return Err(config("Config::NotFreeFloating", what, "leave --method out, or change [robot] base"));
+    }
+    if ground && model.np() > 0 {
+        let what =
+            format!("on the ground the arm alone is calibrated, but there are {} passive coordinates", model.np());
+        return Err(config("Config::NotRigid", what, "remove the appendages from the mission"));
+    }
+    if !ground && model.gravity().norm() > 0.0 {
+        let what = "identification of a free-floating robot knows no gravity";
+        let hint = "remove gravity from [robot]; on the ground give base = \"fixed\"";
+        return Err(config("Config::NotFreeFloating", what, hint));
     }
     if opened.estimated.is_empty() {
         let hint = "name some in [estimate], such as parameters = [\"base.*\"]";
@@ -266,6 +295,10 @@ fn check(opened: &Opened, s: &Settings) -> Result<(), Problems> {
     if s.method == Some(Method::Rda) && model.np() > 0 {
         let what = format!("the rigid method cannot predict {} passive coordinates", model.np());
         return Err(config("Config::Method", what, "use output-error, or a mission without appendages"));
+    }
+    // On the ground the residuals say how large they are.
+    if ground {
+        return Ok(());
     }
     let sensors = [
         ("[sensors.torque]", "noise_std_nm", "--torque-noise", s.noise.torque, "N m"),
@@ -315,14 +348,8 @@ impl Report<'_> {
         }
         let posterior = Posterior::of(e).map_err(|e| IdentifyError::Model(e.to_string()))?;
         let modes = mode_lines(self.opened, &start, self.values);
-        let several = self.takes.len() > 1;
         let first = &self.takes[0].record;
         Ok(IdentificationResult {
-            format: result::FORMAT.into(),
-            version: result::VERSION,
-            robot: model.name().to_owned(),
-            method: method(model, self.settings.method),
-            verdict: Vec::new(),
             status: Ended::of(&e.status, &names),
             iterations: e.iterations,
             chi2_per_dof: e.chi2_per_dof,
@@ -347,9 +374,7 @@ impl Report<'_> {
                 .map(Combination::of)
                 .collect(),
             priors_cover: e.uncertainty.full_rank(),
-            silent: None,
             reduced: f.reduced.clone(),
-            profiles: Vec::new(),
             minima: f.minima.clone(),
             correlations: e
                 .uncertainty
@@ -361,12 +386,8 @@ impl Report<'_> {
             posterior: Some(posterior),
             whiteness: known::whiteness(self.takes, self.signals, &modes),
             modes,
-            decay: Vec::new(),
-            clocks: Vec::new(),
-            comparison: None,
             channels: self.signals[0].channels(),
-            records: if several { self.records() } else { Vec::new() },
-            held_out: None,
+            records: records_of(self.takes, self.signals),
             warnings: self
                 .opened
                 .warnings
@@ -374,23 +395,29 @@ impl Report<'_> {
                 .iter()
                 .map(|p| Warning { code: p.code.to_owned(), message: p.to_string() })
                 .collect(),
-            provenance: Provenance { record: record_line(first), ..provenance },
+            ..IdentificationResult::empty(
+                model.name(),
+                method(model, self.settings.method),
+                Provenance { record: record_line(first), ..provenance },
+            )
         })
     }
-    fn records(&self) -> Vec<RecordFit> {
-        let one = |(t, s): (&Take, &Signals)| {
-            let channels = s.channels();
-            RecordFit {
-                label: t.label.clone(),
-                samples: t.record.samples(),
-                rate_hz: t.record.rate_hz(),
-                seconds: t.record.seconds(),
-                mean_square: channels.iter().map(|c| c.over_noise.powi(2)).sum::<f64>() / channels.len().max(1) as f64,
-                channels,
-            }
-        };
-        self.takes.iter().zip(self.signals).map(one).collect()
-    }
+}
+
+/// Every record, when there are several.
+fn records_of(takes: &[Take], signals: &[Signals]) -> Vec<RecordFit> {
+    let one = |(t, s): (&Take, &Signals)| {
+        let channels = s.channels();
+        RecordFit {
+            label: t.label.clone(),
+            samples: t.record.samples(),
+            rate_hz: t.record.rate_hz(),
+            seconds: t.record.seconds(),
+            mean_square: channels.iter().map(|c| c.over_noise.powi(2)).sum::<f64>() / channels.len().max(1) as f64,
+            channels,
+        }
+    };
+    if takes.len() > 1 { takes.iter().zip(signals).map(one).collect() } else { Vec::new() }
 }
 
 fn record_line(r: &Record) -> RecordLine {
@@ -429,6 +456,11 @@ fn mode_lines(opened: &Opened, start: &[f64], values: &[f64]) -> Vec<ModeLine> {
         start_hz: a.frequency_hz,
     };
     at(start).into_iter().zip(at(values)).map(line).collect()
+}
+
+/// The verdict in words, once everything was found.
+pub fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
+    text::verdict(r, limit)
 }
 
 /// The name of a channel where there are several records.

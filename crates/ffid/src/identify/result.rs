@@ -108,6 +108,8 @@ pub enum Method {
     Rda,
     /// Base and passive states simulated ([`crate::ident::OutputError`]).
     OutputError,
+    /// Fixed base with gravity and joint friction, linear least squares ([`crate::ident::Ground`]).
+    Ground,
 }
 
 /// How the solver ended.
@@ -411,6 +413,45 @@ pub struct RecordLine {
 }
 
 impl IdentificationResult {
+    /// Without any finding.
+    pub(super) fn empty(robot: &str, method: Method, provenance: Provenance) -> Self {
+        Self {
+            format: FORMAT.into(),
+            version: VERSION,
+            robot: robot.to_owned(),
+            method,
+            verdict: Vec::new(),
+            status: Ended::Converged,
+            iterations: 0,
+            chi2_per_dof: 0.0,
+            residuals: 0,
+            parameters: Vec::new(),
+            nuisance: Vec::new(),
+            model: Vec::new(),
+            rank: 0,
+            singular_values: Vec::new(),
+            null_directions: Vec::new(),
+            weak_directions: Vec::new(),
+            priors_cover: false,
+            silent: None,
+            reduced: None,
+            profiles: Vec::new(),
+            minima: None,
+            correlations: Vec::new(),
+            covariance: Covariance { names: Vec::new(), rows: Vec::new() },
+            posterior: None,
+            whiteness: Vec::new(),
+            modes: Vec::new(),
+            decay: Vec::new(),
+            clocks: Vec::new(),
+            comparison: None,
+            channels: Vec::new(),
+            records: Vec::new(),
+            held_out: None,
+            warnings: Vec::new(),
+            provenance,
+        }
+    }
     /// The code a command ends with that has found this: 13 for combinations that neither data nor priors tell (whatever
     /// the solver then made of them, unless the set that can be told was asked for), 14 for no solution, else 0.
     pub fn exit(&self) -> crate::exit::Exit {

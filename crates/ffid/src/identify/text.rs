@@ -76,7 +76,9 @@ pub(super) fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
         }
     }
     let rms = r.chi2_per_dof.sqrt();
-    out.push(if r.chi2_per_dof > limit {
+    out.push(if r.method == Method::Ground {
+        format!("The arm and its friction predict the torques {}.", shares(&r.channels))
+    } else if r.chi2_per_dof > limit {
         format!(
             "The model does NOT explain the record: residuals are {rms:.2} times the noise of the sensors (limit {:.2}). \
              Standard deviations are too small by about that factor; something moves that the model does not have, or \
@@ -94,6 +96,18 @@ pub(super) fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
     out.extend(whiteness(&r.whiteness));
     out.extend(r.comparison.iter().map(|c| format!("Models compared by {}: {}.", c.judged_by, c.reason)));
     out
+}
+
+/// Residuals as parts of the signals, for an arm whose sensors have no figure of their own.
+pub(super) fn shares(channels: &[super::result::Channel]) -> String {
+    let share = |c: &super::result::Channel| 100.0 * c.residual_rms / c.signal_rms.max(f64::MIN_POSITIVE);
+    let all = || channels.iter().map(|c| (share(c), c.name.as_str()));
+    let least = all().min_by(|a, b| a.0.total_cmp(&b.0));
+    let most = all().max_by(|a, b| a.0.total_cmp(&b.0));
+    match (least, most) {
+        (Some((a, x)), Some((b, y))) => format!("to between {a:.1} % ({x}) and {b:.1} % ({y}) of their size"),
+        _ => String::new(),
+    }
 }
 
 /// Are the residuals white? Worth a sentence either way.
@@ -160,6 +174,7 @@ impl fmt::Display for IdentificationResult {
         let how = match self.method {
             Method::Rda => "rigid, base acceleration eliminated",
             Method::OutputError => "output error",
+            Method::Ground => "fixed base, linear least squares with joint friction",
         };
         let rec = &p.record;
         writeln!(f, "identification of {} from {:.3} s at {:.4} Hz ({how})", self.robot, rec.seconds, rec.rate_hz)?;
