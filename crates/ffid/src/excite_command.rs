@@ -1,5 +1,6 @@
 //! `ffid excite`: plan the manoeuvre that tells most within the limits, and say beforehand what it will tell.
 
+use crate::interrupt;
 use crate::output::{Input, Outcome};
 use crate::results::{self, Output};
 use ffid::excite::{Demands, Planned, Progress, Watch, demands, plan, start};
@@ -14,8 +15,8 @@ use serde::Serialize;
 use std::fmt::{self, Display};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Examples for `--help`.
@@ -25,8 +26,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid excite m.toml --goal paper          the paper's simplified manoeuvre
   ffid plan m.toml --trajectory t.csv      judge a trajectory of your own
 
-The folder holds trajectory.json (read back exactly), trajectory.csv (sampled), verdict.json, report.txt, figures and
-manifest.toml. Ctrl-C ends the search and writes the best plan so far (exit code 130); a second one ends at once.";
+The folder holds report.html, trajectory.json (read back exactly), trajectory.csv (sampled), verdict.json, report.txt, figures
+and manifest.toml. Ctrl-C ends the search and writes the best plan so far (exit code 130); a second one ends at once.";
 
 /// Arguments of `ffid excite`.
 #[derive(clap::Args)]
@@ -168,7 +169,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     }
     let mut exit = results::exit_of(&problems, &mut faults, &input.leniency());
     problems.extend(faults);
-    let report = format!("{}\n{verdict}", Report(&planned));
+    let plan = Report(&planned).to_string();
     let about = results::about(
         "excite",
         settings.seed,
@@ -180,8 +181,8 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         problems.push(p);
     }
     let trajectory = Some((&planned.file, mission.sensors.rate_hz));
-    let wrote =
-        results::write(&folder, trajectory, &verdict, &report, args.output.png).and_then(|()| folder.finish(&about));
+    let wrote = results::write(&folder, trajectory, &verdict, Some(&plan), args.output.png)
+        .and_then(|()| folder.finish(&about));
     let written = wrote.is_ok();
     if let Err(e) = wrote {
         // What was found is printed all the same.
@@ -216,18 +217,7 @@ fn search(
     settings: &Excite,
     demands: &Demands,
 ) -> Result<Planned, (Exit, Problems)> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    let handler = ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::SeqCst) {
-            // The second one is meant. The partial folder stays; nobody mistakes it for a result.
-            std::process::exit(i32::from(Exit::Interrupted.code()));
-        }
-    });
-    if let Err(e) = handler {
-        let p = Problem::error(Area::Io, "Io::Signal", format!("Ctrl-C cannot be caught: {e}"));
-        return Err((Exit::Io, Problems(vec![p.hint("run the command again")])));
-    }
+    let stop = interrupt::flag()?;
     let bar = (!args.output.quiet && std::io::stderr().is_terminal()).then(bar);
     let best = Mutex::new(("", f64::INFINITY));
     let show = |p: &Progress| {

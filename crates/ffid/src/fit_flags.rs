@@ -1,5 +1,6 @@
 //! What `identify` and `validate` share: the flags of the fit, the watch over it, the words for its failures.
 
+use crate::interrupt;
 use ffid::exit::Exit;
 use ffid::ident::Noise;
 use ffid::ident::estimator::EstimateError;
@@ -9,19 +10,19 @@ use ffid::model::{Area, Problem, Problems};
 use ffid::preflight::Sensing;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// How the record is predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum MethodFlag {
-    /// By the model: rda without passive coordinates, else output-error.
+    /// By the model: ground on a fixed base, rda without passive coordinates, else output-error.
     Auto,
     /// Rigid system, base acceleration eliminated.
     Rda,
     /// Base and appendages simulated.
     OutputError,
+    /// An arm on the ground: fixed base, gravity, joint friction.
+    Ground,
 }
 
 impl MethodFlag {
@@ -30,6 +31,7 @@ impl MethodFlag {
             Self::Auto => None,
             Self::Rda => Some(Method::Rda),
             Self::OutputError => Some(Method::OutputError),
+            Self::Ground => Some(Method::Ground),
         }
     }
 }
@@ -98,18 +100,7 @@ pub(crate) fn watched<V>(
     quiet: bool,
     work: impl FnOnce(&Watch<'_>) -> Result<V, IdentifyError>,
 ) -> Result<V, (Exit, Problems)> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    let handler = ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::SeqCst) {
-            // The second one is meant.
-            std::process::exit(i32::from(Exit::Interrupted.code()));
-        }
-    });
-    if let Err(e) = handler {
-        let p = Problem::error(Area::Io, "Io::Signal", format!("Ctrl-C cannot be caught: {e}"));
-        return Err((Exit::Io, Problems(vec![p.hint("run the command again")])));
-    }
+    let stop = interrupt::flag()?;
     let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
         let bar = ProgressBar::new_spinner();
         let style = ProgressStyle::with_template("{spinner} [{elapsed}] fitting: {msg}");
@@ -136,6 +127,7 @@ pub(crate) fn failed(e: IdentifyError) -> (Exit, Problems) {
     };
     match e {
         IdentifyError::Refused(p) => (Exit::of(&p), p),
+        IdentifyError::IllPosed(p) => (Exit::IllPosed, p),
         IdentifyError::Interrupted => {
             let what = "interrupted; nothing was written".to_owned();
             one(Exit::Interrupted, Area::Config, "Fit::Interrupted", what, "run the command again")

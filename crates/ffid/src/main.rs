@@ -6,6 +6,7 @@ mod excite_command;
 mod fit_flags;
 mod identify_command;
 mod init_command;
+mod interrupt;
 mod modes_command;
 mod output;
 mod plan_command;

@@ -3,6 +3,7 @@
 use crate::dynamics::modes::ModesError;
 use crate::dynamics::{Boundary, Mode, State, Work, mass_matrix, modes};
 use crate::model::{Inertia, Model, Motion, Params};
+use crate::open::MAX_DENSE;
 use nalgebra::DMatrix;
 use serde::Serialize;
 use std::fmt;
@@ -41,6 +42,15 @@ pub struct ModeRow {
     pub passive: Vec<f64>,
     /// Motion of the base frame with that shape, linear first (m or rad).
     pub base_motion: [f64; 6],
+}
+
+/// Modes with the joints held, appendages at `rest`, for what steps and marks are taken from: none for a model without passive
+/// coordinates, and none when it is too large ([`MAX_DENSE`]) or they cannot be computed. Allocates.
+pub fn held(model: &Model, params: &Params<f64>, q: &[f64], rest: &[f64]) -> Vec<Mode> {
+    if model.np() == 0 || model.nv() > MAX_DENSE {
+        return Vec::new();
+    }
+    modes(model, params, q, rest, Boundary::JointsHeld).unwrap_or_default()
 }
 
 impl ModeTable {

@@ -159,7 +159,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     let mut written = None;
     if let Some(folder) = folder {
         let about = results::about("plan", 0, &[("trajectory", args.trajectory.display().to_string())], inputs);
-        let wrote = results::write(&folder, None, &verdict, &verdict.to_string(), args.output.png);
+        let wrote = results::write(&folder, None, &verdict, None, args.output.png);
         match wrote.and_then(|()| folder.finish(&about)) {
             Ok(()) => written = args.out.as_ref(),
             Err(e) => {

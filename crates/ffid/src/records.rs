@@ -2,8 +2,9 @@
 
 use crate::output::Input;
 use clap::ValueEnum;
-use ffid::ident::Record;
+use ffid::ident::decimate::Decimator;
 use ffid::ident::record_file::{Loaded, ReadOptions, joints_of, read};
+use ffid::ident::{Record, RecordBuilder};
 use ffid::model::leniency::ALLOWABLE;
 use ffid::model::{Area, Model, Problem, Problems};
 use std::path::Path;
@@ -38,6 +39,10 @@ pub(crate) struct RecordFlags {
     /// A topic of an MCAP file to read; may be given several times.
     #[arg(long, value_name = "TOPIC")]
     topic: Vec<String>,
+    /// Filter positions and torques alike, without shifting their phase, and thin them: what is above this frequency (Hz) is
+    /// left out. For logs of an arm on the ground, whose accelerations come from noisy positions.
+    #[arg(long, value_name = "HZ", value_parser = crate::fit_flags::positive)]
+    low_pass: Option<f64>,
     /// Most rows of a record.
     #[arg(long, default_value_t = ReadOptions::default().max_rows)]
     max_rows: usize,
@@ -56,6 +61,7 @@ impl RecordFlags {
             ignore: self.ignore.clone(),
             drop_gaps: self.gaps == Gaps::Drop,
             drop_repeated: self.drop_repeated,
+            fixed_base: model.base_kind() == ffid::model::BaseKind::Fixed,
             resample: self.resample,
             need_samples: need,
             allow: ALLOWABLE.iter().filter(|c| leniency.allows(c)).map(|c| (*c).to_owned()).collect(),
@@ -70,8 +76,40 @@ impl RecordFlags {
             return Err(warnings);
         }
         loaded.warnings = warnings;
+        if let Some(hz) = self.low_pass {
+            let (record, warnings) = low_pass(&loaded.record, hz, need).map_err(|mut p| {
+                p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.to_owned()));
+                p
+            })?;
+            loaded.record = record;
+            loaded.warnings.extend(warnings);
+        }
         Ok(loaded)
     }
+}
+
+/// A record on the ground with what is above `hz` left out, at the lower rate that is then enough.
+fn low_pass(r: &Record, hz: f64, need: usize) -> Result<(Record, Problems), Problems> {
+    let refused = |what: String, hint: &str| {
+        Problems(vec![Problem::error(Area::Config, "Config::LowPass", what).on("--low-pass").hint(hint)])
+    };
+    if !r.is_fixed_base() {
+        let what = "the dynamics of a free-floating robot do not pass a filter unchanged".to_owned();
+        return Err(refused(what, "leave --low-pass out; the fit weighs noise by itself"));
+    }
+    let d = Decimator::new(r.rate_hz(), hz);
+    if d.factor() == 1 {
+        let what = format!("value {hz} Hz, limit a tenth of the rate, {} Hz", 0.1 * r.rate_hz());
+        return Err(refused(what, "give a lower frequency, or leave --low-pass out"));
+    }
+    let t0 = r.t0() + d.margin() as f64 * r.dt();
+    let b = RecordBuilder::new(r.joint_names().to_vec()).uniform(t0, r.rate_hz() / d.factor() as f64).fixed_base();
+    let b = b.q(d.run(r.q())).tau(d.run(r.tau())).need_samples(need);
+    let b = match (r.qd(), r.qdd()) {
+        (Some(v), Some(a)) => b.qd(d.run(v)).qdd(d.run(a)),
+        _ => b,
+    };
+    b.build()
 }
 
 /// Rows D09, D10 and D28: motion and torques beyond what the robot can do.

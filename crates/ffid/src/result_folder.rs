@@ -6,7 +6,7 @@ use ffid::identify::IdentificationResult;
 use ffid::identify::model_files::TOML;
 use ffid::model::{Area, Problem, Problems};
 use ffid::open::{Opened, open};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A result with the robot it describes.
 pub(crate) struct Found {
@@ -16,20 +16,28 @@ pub(crate) struct Found {
     pub(crate) mission_file: PathBuf,
 }
 
-/// Reads a folder that is complete and untouched.
-pub(crate) fn load(input: &Input) -> Result<Found, Problems> {
-    let folder = &input.file;
+fn one(path: &Path, code: &'static str, what: String, hint: &str) -> Problems {
+    Problems(vec![Problem::error(Area::Data, code, what).in_file(path).hint(hint)])
+}
+
+/// The result in a folder that is complete and untouched.
+pub(crate) fn result(folder: &Path) -> Result<IdentificationResult, Problems> {
     complete::check(folder, "identify")?;
     let path = folder.join("result.json");
-    let one = |code, what: String, hint: &str| {
-        Problems(vec![Problem::error(Area::Data, code, what).in_file(&path).hint(hint)])
-    };
     let bytes = std::fs::read(&path).map_err(|e| {
         let p = Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}")).in_file(&path);
         Problems(vec![p.hint("check the permissions")])
     })?;
-    let result = IdentificationResult::from_json(&bytes)
-        .map_err(|e| one("Data::Syntax", e, "identify again with this version"))?;
+    IdentificationResult::from_json(&bytes)
+        .map_err(|e| one(&path, "Data::Syntax", e, "identify again with this version"))
+}
+
+/// Reads a folder that is complete and untouched.
+pub(crate) fn load(input: &Input) -> Result<Found, Problems> {
+    let folder = &input.file;
+    let result = result(folder)?;
+    let path = folder.join("result.json");
+    let one = |code, what: String, hint: &str| one(&path, code, what, hint);
     let mission_file = folder.join(TOML);
     if !mission_file.exists() {
         let what = format!("the fit {}, so that there is no identified robot", result.status);

@@ -10,6 +10,8 @@ use ffid::model::leniency::Leniency;
 use ffid::model::mission::Mission;
 use ffid::model::{Area, Params, Problem, Problems};
 use ffid::open::Opened;
+use ffid::plot::Figure;
+use ffid::preflight::page::page;
 use ffid::preflight::{Preflight, PreflightError, Question, Seen, Sensing, Told, judge};
 use std::path::{Path, PathBuf};
 
@@ -142,6 +144,34 @@ pub(crate) fn failed(e: &Failure) -> (Exit, Problem) {
     )
 }
 
+/// Why a command ends early: its code, and what it says.
+pub(crate) type Refusal = (Exit, Problems);
+
+/// What was read is refused.
+pub(crate) fn refused(p: Problems) -> Refusal {
+    (Exit::of(&p), p)
+}
+
+/// The output cannot be had.
+#[allow(clippy::needless_pass_by_value, reason = "handed to map_err")]
+pub(crate) fn io(e: Failure) -> Refusal {
+    let (exit, p) = failed(&e);
+    (exit, Problems(vec![p]))
+}
+
+/// Writes figures under their stems, as SVG and, when asked for, PNG.
+pub(crate) fn draw(folder: &Folder, figures: &[(impl AsRef<Path>, Figure)], png: bool) -> Result<(), Failure> {
+    for (stem, figure) in figures {
+        let stem = folder.path().join(stem);
+        if png {
+            figure.write(&stem)?;
+        } else {
+            figure.write_svg(&stem)?;
+        }
+    }
+    Ok(())
+}
+
 /// Hashes the files a result comes from, as they were named.
 pub(crate) fn inputs(files: &[PathBuf]) -> Result<Vec<Entry>, Failure> {
     files.iter().map(|f| Entry::of(f, f.to_string_lossy())).collect()
@@ -167,12 +197,12 @@ pub(crate) fn changed(before: &[Entry], files: &[PathBuf]) -> Option<Problem> {
     })
 }
 
-/// Writes trajectory (if given), verdict, report and figures into a folder.
+/// Writes trajectory (if given), verdict, reports and figures into a folder; `plan` is how the trajectory was found, in words.
 pub(crate) fn write(
     folder: &Folder,
     trajectory: Option<(&TrajectoryFile, f64)>,
     verdict: &Preflight,
-    report: &str,
+    plan: Option<&str>,
     png: bool,
 ) -> Result<(), Failure> {
     if let Some((file, rate)) = trajectory {
@@ -182,16 +212,11 @@ pub(crate) fn write(
         folder.write("trajectory.csv", write_csv(&samples).as_bytes())?;
     }
     json::write(&folder.path().join("verdict.json"), verdict)?;
+    let report = plan.map_or_else(|| verdict.to_string(), |p| format!("{p}\n{verdict}"));
     folder.write("report.txt", report.as_bytes())?;
-    for (stem, figure) in verdict.figures() {
-        let stem = folder.path().join(stem);
-        if png {
-            figure.write(&stem)?;
-        } else {
-            figure.write_svg(&stem)?;
-        }
-    }
-    Ok(())
+    let figures = verdict.figures();
+    draw(folder, &figures, png)?;
+    folder.write("report.html", page(verdict, plan, &figures)?.as_bytes())
 }
 
 /// The manifest of a result.

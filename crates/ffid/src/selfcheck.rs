@@ -10,10 +10,12 @@
 //! | the integrator is of fourth order | `log2(|x_h - x_h/2| / |x_h/2 - x_h/4|)` of all states |
 
 use crate::dynamics::motion::JointMotion;
-use crate::dynamics::{Boundary, Drive, SimError, SimOptions, State, Trace, modes, simulate};
+use crate::dynamics::{SimError, SimOptions, Trace};
 use crate::model::{BaseKind, Model, Params};
-use crate::open::{MAX_DENSE, nominal_pose};
+use crate::modes::held;
+use crate::open::nominal_pose;
 use crate::preflight::step;
+use crate::sense::from_rest;
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::fmt;
@@ -120,21 +122,11 @@ fn at(model: &Model, params: &Params<f64>, amplitude: f64) -> Result<SelfCheck, 
     };
     let motion = Wave { amplitude: model.bodies().iter().zip(&start).map(room).collect(), start: start.clone() };
     let rest = model.rest_position(params);
-    let found = if model.np() > 0 && model.nv() <= MAX_DENSE {
-        modes(model, params, &start, &rest, Boundary::JointsHeld).unwrap_or_default()
-    } else {
-        Vec::new()
-    };
+    let found = held(model, params, &start, &rest);
     let sample_s = DURATION / SAMPLES as f64;
     // The step that simulations take; halved twice, the balances are those of the finest.
     let step_s = step(&found, DURATION, 0.1 * sample_s);
-    let mut from = State::zero(model);
-    from.q.copy_from_slice(&start);
-    from.eta.copy_from_slice(&rest);
-    let run = |h: f64| {
-        let options = SimOptions { duration_s: DURATION, step_s: h, sample_s };
-        simulate(model, params, &from, &Drive::Prescribed(&motion), &options)
-    };
+    let run = |h: f64| from_rest(model, params, &motion, &SimOptions { duration_s: DURATION, step_s: h, sample_s });
     let traces = [run(step_s)?, run(0.5 * step_s)?, run(0.25 * step_s)?];
     let finest = &traces[2];
     let mut laws = Vec::new();
@@ -254,10 +246,8 @@ mod tests {
         let model = crate::open::open(&path, Leniency::default()).unwrap().model;
         let params = Params::nominal(&model);
         let motion = Wave { start: vec![0.1; 7], amplitude: vec![0.2; 7] };
-        let mut from = State::zero(&model);
-        from.q.fill(0.1);
         let options = SimOptions { duration_s: DURATION, step_s: 0.02, sample_s: 0.2 };
-        let mut t = simulate(&model, &params, &from, &Drive::Prescribed(&motion), &options).unwrap();
+        let mut t = from_rest(&model, &params, &motion, &options).unwrap();
         assert!(momentum(&model, &params, &t).holds && energy(&model, &params, &t).iter().all(|l| l.holds));
         t.dissipated[20] *= 0.5;
         assert!(energy(&model, &params, &t).iter().all(|l| !l.holds));

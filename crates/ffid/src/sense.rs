@@ -1,13 +1,11 @@
 //! What the sensors of a mission read on a motion: the record that `ffid simulate` writes.
 
 use crate::dynamics::motion::JointMotion;
-use crate::dynamics::{
-    Boundary, Channel, Drive, Readings, SensorSuite, SimError, SimOptions, State, Trace, measure, simulate,
-};
+use crate::dynamics::{Channel, Drive, Readings, SensorSuite, SimError, SimOptions, State, Trace, measure, simulate};
 use crate::ident::record_file::{CsvWriter, joints_of};
 use crate::model::mission::Sensors;
 use crate::model::{Model, Params};
-use crate::open::MAX_DENSE;
+use crate::modes::held;
 use crate::preflight::{start_pose, step};
 use std::io;
 
@@ -38,16 +36,24 @@ pub fn fly(
     let rest = model.rest_position(params);
     let duration_s = motion.duration() + hold_s;
     let sample_s = 1.0 / rate_hz;
-    let found = if model.np() > 0 && model.nv() <= MAX_DENSE {
-        crate::dynamics::modes(model, params, &start, &rest, Boundary::JointsHeld).unwrap_or_default()
-    } else {
-        Vec::new()
-    };
+    let found = held(model, params, &start, &rest);
+    from_rest(model, params, motion, &SimOptions { duration_s, step_s: step(&found, duration_s, sample_s), sample_s })
+}
+
+/// Simulates a motion from where it begins, base at rest, springs relaxed. Allocates.
+///
+/// # Errors
+/// [`SimError`].
+pub fn from_rest(
+    model: &Model,
+    params: &Params<f64>,
+    motion: &dyn JointMotion,
+    options: &SimOptions,
+) -> Result<Trace, SimError> {
     let mut from = State::zero(model);
-    from.q.copy_from_slice(&start);
-    from.eta.copy_from_slice(&rest);
-    let options = SimOptions { duration_s, step_s: step(&found, duration_s, sample_s), sample_s };
-    simulate(model, params, &from, &Drive::Prescribed(motion), &options)
+    from.q.copy_from_slice(&start_pose(motion));
+    from.eta.copy_from_slice(&model.rest_position(params));
+    simulate(model, params, &from, &Drive::Prescribed(motion), options)
 }
 
 /// A record as CSV: what the sensors read with this seed, or, without one, the exact motion with joint rates and

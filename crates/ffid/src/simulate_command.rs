@@ -2,7 +2,7 @@
 
 use crate::output::{Input, Outcome};
 use crate::plan_command;
-use crate::results;
+use crate::results::{self, Refusal, io, refused};
 use ffid::exit::{Exit, Failure};
 use ffid::files::atomic;
 use ffid::files::folder::Entry;
@@ -10,6 +10,7 @@ use ffid::model::{Area, Leniency, Params, Problem, Problems};
 use ffid::open::{Opened, open};
 use ffid::sense::{csv, fly, suite};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -26,20 +27,27 @@ The record has time[s], q.<joint>[rad], tau.<joint>[N m] and gyro.x[rad/s] ..., 
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
-    input: Input,
-    /// The joint motion: .json of `ffid excite`, or .csv.
-    #[arg(long, value_name = "FILE")]
-    trajectory: PathBuf,
-    /// The record to write (.csv).
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    flags: Flags,
     /// Seed of the noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Write exact readings, with joint rates and accelerations.
     #[arg(long, conflicts_with = "seed")]
     noise_free: bool,
-    /// Seconds to record after the end of the motion, joints held.
+}
+
+/// What `simulate` and `predict` ask for alike.
+#[derive(clap::Args)]
+pub(crate) struct Flags {
+    #[command(flatten)]
+    pub(crate) input: Input,
+    /// The joint motion: .json of `ffid excite`, or .csv.
+    #[arg(long, value_name = "FILE")]
+    trajectory: PathBuf,
+    /// The file to write (.csv).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Seconds to go on after the end of the motion, joints held.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     hold: f64,
     /// Replace an existing file.
@@ -50,10 +58,11 @@ pub(crate) struct Args {
     quiet: bool,
 }
 
-/// Results in JSON; absent when there are none.
-#[derive(Default, Serialize)]
-struct Results<'a> {
-    record: Option<&'a Summary>,
+impl Flags {
+    /// The simulation asked for; without a seed, without noise.
+    pub(crate) fn task(&self, seed: Option<u64>) -> Task<'_> {
+        Task { trajectory: &self.trajectory, out: &self.out, seed, hold: self.hold, force: self.force }
+    }
 }
 
 /// What was written.
@@ -81,31 +90,33 @@ impl Display for Summary {
 
 /// Simulates, writes and prints.
 pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
-    let input = &args.input;
-    match work(args) {
+    print(&args.flags, "record", work(args), out, err)
+}
+
+/// Prints what was written, in JSON under `key`, which is null when nothing was.
+pub(crate) fn print(
+    flags: &Flags,
+    key: &'static str,
+    done: Result<(Summary, Problems), Refusal>,
+    out: &mut impl Write,
+    err: &mut impl Write,
+) -> Outcome {
+    let results = |s| BTreeMap::<&str, Option<&Summary>>::from([(key, s)]);
+    match done {
         Ok((summary, problems)) => {
             let text: [Option<&dyn Display>; 1] = [Some(&summary)];
-            let text = if args.quiet { &[][..] } else { &text[..] };
-            input.print(Exit::of(&problems), &problems, Results { record: Some(&summary) }, text, out, err)
+            let text = if flags.quiet { &[][..] } else { &text[..] };
+            flags.input.print(Exit::of(&problems), &problems, results(Some(&summary)), text, out, err)
         }
-        Err((exit, problems)) => input.print(exit, &problems, Results::default(), &[], out, err),
+        Err((exit, problems)) => flags.input.print(exit, &problems, results(None), &[], out, err),
     }
 }
 
 fn work(args: &Args) -> Result<(Summary, Problems), Refusal> {
-    let input = &args.input;
-    let opened = open(&input.file, input.leniency()).map_err(|p| (Exit::of(&p), p))?;
-    let task = Task {
-        trajectory: &args.trajectory,
-        out: &args.out,
-        seed: (!args.noise_free).then_some(args.seed),
-        hold: args.hold,
-        force: args.force,
-    };
-    task.run(&opened, &input.file, &input.leniency())
+    let input = &args.flags.input;
+    let opened = open(&input.file, input.leniency()).map_err(refused)?;
+    args.flags.task((!args.noise_free).then_some(args.seed)).run(&opened, &input.file, &input.leniency())
 }
-
-type Refusal = (Exit, Problems);
 
 /// A record to be simulated: that of `simulate`, and without noise that of `predict`.
 pub(crate) struct Task<'a> {
@@ -125,18 +136,13 @@ impl Task<'_> {
         file: &Path,
         leniency: &Leniency,
     ) -> Result<(Summary, Problems), Refusal> {
-        let refused = |p: Problems| (Exit::of(&p), p);
-        let io = |e: &Failure| {
-            let (exit, p) = results::failed(e);
-            (exit, Problems(vec![p]))
-        };
         if !(self.hold >= 0.0 && self.hold.is_finite()) {
             let p = Problem::error(Area::Config, "Config::OutOfRange", format!("value {} s, limit >= 0 s", self.hold));
             return Err(refused(Problems(vec![p.on("--hold").hint("give seconds of 0 or more")])));
         }
         let mission = results::mission(opened, file).map_err(refused)?;
         if self.out.exists() && !self.force {
-            return Err(io(&Failure::Exists { path: self.out.to_owned() }));
+            return Err(io(Failure::Exists { path: self.out.to_owned() }));
         }
         let given = plan_command::load(self.trajectory, opened).map_err(refused)?;
         let mut problems = opened.warnings.clone();
@@ -155,8 +161,8 @@ impl Task<'_> {
         let noise = self.seed.map(|s| (&sensors, s));
         let bytes = csv(model, &trace, rate, noise)
             .map_err(|e| numerical("Sim::NotFinite", e.to_string(), "please report this"))?;
-        atomic::write(self.out, &bytes).map_err(|e| io(&e))?;
-        let sha256 = Entry::of(self.out, "").map_err(|e| io(&e))?.sha256;
+        atomic::write(self.out, &bytes).map_err(io)?;
+        let sha256 = Entry::of(self.out, "").map_err(io)?.sha256;
         let summary = Summary {
             file: self.out.to_owned(),
             sha256,

@@ -4,11 +4,12 @@ use crate::fit_flags::{FitFlags, watched};
 use crate::output::{Input, Outcome};
 use crate::records::RecordFlags;
 use crate::result_folder;
-use crate::results::{self, Output};
+use crate::results::{self, Output, Refusal, io, refused};
 use ffid::exit::{Exit, Failure};
 use ffid::files::folder::Folder;
 use ffid::files::json;
 use ffid::ident::Noise;
+use ffid::identify::ground::Arm;
 use ffid::identify::result::HeldOut;
 use ffid::identify::{Settings, Signals, axes, explain, figures, page};
 use ffid::model::{Area, Problem, Problems};
@@ -106,25 +107,20 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     input.print(exit, &problems, Results { verdict: Some(&held), out: written }, text, out, err)
 }
 
-fn judge(args: &Args) -> Result<Found, (Exit, Problems)> {
+fn judge(args: &Args) -> Result<Found, Refusal> {
     let input = &args.input;
-    let refused = |p: Problems| (Exit::of(&p), p);
-    let io = |e: &Failure| {
-        let (exit, p) = results::failed(e);
-        (exit, Problems(vec![p]))
-    };
     let found = result_folder::load(input).map_err(refused)?;
     let mission = results::mission(&found.opened, &found.mission_file).map_err(refused)?;
     let model = &found.opened.model;
     let loaded = args.reading.read(&args.record, model, 8, input).map_err(refused)?;
     let files = vec![found.mission_file.clone(), args.record.clone()];
-    let inputs = results::inputs(&files).map_err(|e| io(&e))?;
+    let inputs = results::inputs(&files).map_err(io)?;
     if let Some(same) = found.result.provenance.inputs.iter().find(|i| i.sha256 == inputs[1].sha256) {
         let what = format!("the same data as {} of the identification (SHA-256 {})", same.file, same.sha256);
         let p = Problem::error(Area::Data, "Data::SameData", what).in_file(&args.record);
         return Err(refused(Problems(vec![p.hint("judge the model by a record that it has not seen")])));
     }
-    let folder = args.out.as_ref().map(|o| Folder::begin(o, args.output.force)).transpose().map_err(|e| io(&e))?;
+    let folder = args.out.as_ref().map(|o| Folder::begin(o, args.output.force)).transpose().map_err(io)?;
     let p = &found.result.provenance;
     let asked = args.fit.settings(mission);
     let given = args.fit.noise();
@@ -132,8 +128,10 @@ fn judge(args: &Args) -> Result<Found, (Exit, Problems)> {
     let s = Settings { method: Some(found.result.method), noise, ..asked };
     let values: Vec<f64> = found.result.model.iter().map(|v| v.value).collect();
     let (held, signals) = watched(args.output.quiet, |watch| {
-        let found = explain(model, &values, &loaded.record, &s, args.record.display().to_string(), watch)?;
-        if !found.0.explained {
+        let arm = Arm::of(&found.result, &model.joint_names());
+        let found =
+            explain(model, &values, arm.as_ref(), &loaded.record, &s, args.record.display().to_string(), watch)?;
+        if !found.0.explained && arm.is_none() {
             let turned = axes::mismatch(model, &values, &loaded.record, &s)?;
             if turned.has_errors() {
                 return Err(ffid::identify::IdentifyError::Refused(turned));
@@ -165,13 +163,6 @@ fn write(
     ];
     let spectra = figures::spectra(signals, modes, &format!("{robot}: spectra of signals and residuals"));
     all.extend(spectra.map(|f| ("spectra", f)));
-    for (stem, figure) in &all {
-        let stem = folder.path().join(stem);
-        if args.output.png {
-            figure.write(&stem)?;
-        } else {
-            figure.write_svg(&stem)?;
-        }
-    }
+    results::draw(folder, &all, args.output.png)?;
     folder.write("report.html", page::validation(robot, held, &all)?.as_bytes())
 }

@@ -4,9 +4,12 @@
 
 mod check;
 mod convert;
+mod doubts;
 mod excite;
 mod identify;
 mod init;
 mod kinds;
+mod outputs;
 mod preflight;
+mod questions;
 mod three_segment;

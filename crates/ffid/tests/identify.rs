@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use tempfile::TempDir;
 
 /// A manoeuvre that moves every joint, as samples: `t`, then one position per joint.
-fn trajectory(seconds: f64, phase: f64) -> String {
+pub(crate) fn trajectory(seconds: f64, phase: f64) -> String {
     let start = [0.3, 0.8, -0.2, 0.8, 0.1, 0.5, -0.1];
     let mut out = String::from("time[s]");
     (1..=7).for_each(|j| out += &format!(",q.joint{j}[rad]"));
@@ -36,13 +36,13 @@ fn trajectory(seconds: f64, phase: f64) -> String {
 }
 
 /// A folder with a true robot (`truth.toml`), what its builders believe (`m.toml`) and two trajectories.
-struct Case {
+pub(crate) struct Case {
     dir: TempDir,
 }
 
 impl Case {
     /// `cad` are the wrong values of `m.toml`.
-    fn new(fixture: &str, estimate: &str, cad: &str) -> Self {
+    pub(crate) fn new(fixture: &str, estimate: &str, cad: &str) -> Self {
         let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/paper");
         let dir = tempfile::tempdir().unwrap();
         fs::copy(folder.join("robot.urdf"), dir.path().join("robot.urdf")).unwrap();
@@ -56,35 +56,35 @@ impl Case {
         fs::write(dir.path().join("b.csv"), trajectory(20.0, 2.1)).unwrap();
         Self { dir }
     }
-    fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.dir.path().join(name)
     }
-    fn read(&self, name: &str) -> String {
+    pub(crate) fn read(&self, name: &str) -> String {
         fs::read_to_string(self.path(name)).unwrap()
     }
-    fn write(&self, name: &str, text: &str) {
+    pub(crate) fn write(&self, name: &str, text: &str) {
         fs::write(self.path(name), text).unwrap();
     }
     /// Exit code, standard output, standard error; run in the folder of the case, under another locale (R10).
-    fn run(&self, args: &[&str]) -> (i32, String, String) {
+    pub(crate) fn run(&self, args: &[&str]) -> (i32, String, String) {
         let mut c = Command::cargo_bin("ffid").unwrap();
         let out = c.args(args).env("LC_ALL", "de_DE.UTF-8").current_dir(self.dir.path()).output().unwrap();
         let text = |b: Vec<u8>| String::from_utf8(b).unwrap();
         (out.status.code().unwrap(), text(out.stdout), text(out.stderr))
     }
-    fn good(&self, args: &[&str]) -> String {
+    pub(crate) fn good(&self, args: &[&str]) -> String {
         let (code, out, err) = self.run(args);
         assert_eq!(code, 0, "{args:?}\n{out}\n{err}");
         out
     }
-    fn simulate(&self, mission: &str, trajectory: &str, out: &str, more: &[&str]) {
+    pub(crate) fn simulate(&self, mission: &str, trajectory: &str, out: &str, more: &[&str]) {
         self.good(&[&["simulate", mission, "--trajectory", trajectory, "--out", out, "--force"], more].concat());
     }
-    fn result(&self, folder: &str) -> IdentificationResult {
+    pub(crate) fn result(&self, folder: &str) -> IdentificationResult {
         IdentificationResult::from_json(&fs::read(self.path(folder).join("result.json")).unwrap()).unwrap()
     }
     /// The error of a refusal, as text and as JSON.
-    fn refused(&self, args: &[&str], exit: i32, code: &str, says: &[&str]) {
+    pub(crate) fn refused(&self, args: &[&str], exit: i32, code: &str, says: &[&str]) {
         let (found, out, err) = self.run(args);
         assert_eq!(found, exit, "{out}\n{err}");
         assert!(err.contains(&format!("error[{code}]")), "{code} in {err}");
@@ -95,7 +95,7 @@ impl Case {
         assert!(v["problems"].as_array().unwrap().iter().any(|p| p["code"] == code), "{v}");
     }
     /// Nothing of an unfinished run is left.
-    fn clean(&self) {
+    pub(crate) fn clean(&self) {
         let all = fs::read_dir(self.dir.path()).unwrap();
         let left: Vec<String> = all
             .map(|e| e.unwrap().file_name().into_string().unwrap())
@@ -105,19 +105,19 @@ impl Case {
     }
 }
 
-fn slosh() -> Case {
+pub(crate) fn slosh() -> Case {
     let cad = "\"base.mass\" = 571.0\n\"tank.k[0]\" = 24.5\n\"tank.k[1]\" = 16.5\n\"tank.d[0]\" = 4.1";
     Case::new("slosh.toml", "parameters = [\"base.*\", \"tank.k[*]\", \"tank.d[*]\"]", cad)
 }
 
-fn flex() -> Case {
+pub(crate) fn flex() -> Case {
     let cad = "\"base.mass\" = 620.0\n\"panel_left.k[0]\" = 231.0\n\"panel_right.k[1]\" = 171.0";
     let estimate = "parameters = [\"base.*\", \"panel_*.k[*]\", \"panel_*.d[*]\"]\nprior_relative_std = 0.3";
     Case::new("flex.toml", estimate, cad)
 }
 
 /// Every estimate is within `sigmas` of its standard deviations of the truth.
-fn near_the_truth(c: &Case, folder: &str, sigmas: f64) -> IdentificationResult {
+pub(crate) fn near_the_truth(c: &Case, folder: &str, sigmas: f64) -> IdentificationResult {
     let r = c.result(folder);
     let truth = open(&c.path("truth.toml"), Leniency::default()).unwrap().model.param_decls();
     for p in &r.parameters {

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use ffid::dynamics::bspline::BSplineMotion;
 use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{Boundary, Channel, Drive, Mode, SensorSuite, SimOptions, State, Trace, modes, simulate};
+use ffid::dynamics::{Boundary, Mode, SensorSuite, SimOptions, Trace, modes};
 use ffid::excitation::limits::JointLimits;
 use ffid::excitation::manoeuvre::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
 use ffid::excitation::planning::{InformationRequest, Quietness, plan_information, plan_quiet};
@@ -13,6 +13,7 @@ use ffid::excitation::spline_plan::{Duration, End, PlanSpec, SplinePlan};
 use ffid::ident::Noise;
 use ffid::model::mission::{LoadOptions, Loaded, Mission, Reproduce};
 use ffid::model::{Area, Model, Params, Problem, Problems};
+use ffid::sense::{from_rest, suite};
 use indicatif::ProgressBar;
 use std::path::Path;
 
@@ -57,15 +58,7 @@ impl Experiment {
         let end_effector = end_effector.ok_or_else(|| section("robot.end_effector is missing"))?;
         let m = &loaded.model;
         let s = &loaded.mission.sensors;
-        let sensors = SensorSuite {
-            torque: Channel { noise_std: s.torque.noise_std_nm, bias: s.torque.bias_nm, quantum: s.torque.lsb_nm },
-            gyro: Channel {
-                noise_std: s.gyro.noise_std_rad_per_s,
-                bias: s.gyro.bias_rad_per_s,
-                quantum: s.gyro.lsb_rad_per_s,
-            },
-            encoder: s.encoder.bits.map_or(Channel::default(), Channel::encoder),
-        };
+        let sensors = suite(s);
         let noise = Noise { torque: sensors.torque.sigma(), gyro: sensors.gyro.sigma() };
         let params = Params::nominal(m);
         let rigid = m.frozen(&params);
@@ -132,10 +125,7 @@ fn refused(code: &'static str, what: String, file: &Path) -> Problems {
 
 /// Motion of the true system from rest.
 fn truth(m: &Model, p: &Params<f64>, motion: &dyn JointMotion, sample_s: f64) -> anyhow::Result<Trace> {
-    let mut start = State::zero(m);
-    start.eta = m.rest_position(p);
-    let o = SimOptions { duration_s: motion.duration(), step_s: STEP, sample_s };
-    Ok(simulate(m, p, &start, &Drive::Prescribed(motion), &o)?)
+    Ok(from_rest(m, p, motion, &SimOptions { duration_s: motion.duration(), step_s: STEP, sample_s })?)
 }
 
 fn limits(l: &Loaded) -> Vec<JointLimits> {

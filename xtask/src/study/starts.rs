@@ -19,7 +19,7 @@ use super::{Op, Options, Study};
 use crate::workspace;
 use anyhow::Context;
 use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{Boundary, Channel, Drive, SensorSuite, SimOptions, State, Trace, measure, modes, simulate};
+use ffid::dynamics::{Boundary, Channel, SensorSuite, SimOptions, Trace, measure, modes};
 use ffid::excitation::planning::{InformationRequest, plan_information};
 use ffid::excitation::{End, Extent, JointCommand, Manoeuvre, ManoeuvreSpec, SensorNoise, Shape};
 use ffid::ident::lm::Settings;
@@ -31,6 +31,7 @@ use ffid::ident::start::random_start;
 use ffid::ident::{self, Estimator, Noise, OutputError, Record, RecordBuilder, Request, estimate, selection};
 use ffid::model::mission::{LoadOptions, Loaded, Mission};
 use ffid::model::{Model, ParamDecl, Params};
+use ffid::sense::from_rest;
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -162,10 +163,8 @@ impl Setup {
     fn fly(&self, truth: &[f64]) -> anyhow::Result<Trace> {
         let m = self.model();
         let p = Params::from_values(m, truth.to_vec());
-        let mut start = State::zero(m);
-        start.eta = m.rest_position(&p);
         let o = SimOptions { duration_s: self.motion.duration(), step_s: STEP, sample_s: 1.0 / self.rate };
-        Ok(simulate(m, &p, &start, &Drive::Prescribed(&self.motion), &o)?)
+        Ok(from_rest(m, &p, &self.motion, &o)?)
     }
     /// What the sensors read; the controller logs the motion it commands.
     fn record(&self, t: &Trace, noise: Option<u64>) -> anyhow::Result<Record> {

@@ -1,31 +1,27 @@
 //! Does the model explain data it has not seen? Parameters stay as they are; biases and initial state, which belong to
 //! the record and not to the robot, are fitted.
 
+use super::ground::{self, Arm};
 use super::result::HeldOut;
+use super::text;
+use super::watched::Watched;
 use super::{Fit, IdentifyError, Settings, Signals, Watch};
 use crate::ident::Record;
 use crate::ident::estimator::{EstimateError, Estimator};
 use crate::ident::lm::{self, EvalError, Problem, Settings as Solver};
 use crate::model::Model;
 use nalgebra::DMatrix;
-use std::sync::atomic::Ordering;
 
 /// What belongs to the record alone, as a problem of its own: unknowns are nuisance values over their sizes.
 struct Beside<'a> {
     inner: &'a mut dyn Estimator,
     values: &'a [f64],
     sizes: Vec<f64>,
-    watch: &'a Watch<'a>,
-    stopped: bool,
 }
 
 impl Beside<'_> {
-    fn extra(&mut self, x: &[f64]) -> Result<Vec<f64>, EvalError> {
-        if self.watch.stop.is_some_and(|s| s.load(Ordering::SeqCst)) {
-            self.stopped = true;
-            return Err(EvalError::Fatal("interrupted".into()));
-        }
-        Ok(x.iter().zip(&self.sizes).map(|(x, s)| x * s).collect())
+    fn extra(&self, x: &[f64]) -> Vec<f64> {
+        x.iter().zip(&self.sizes).map(|(x, s)| x * s).collect()
     }
 }
 
@@ -34,12 +30,12 @@ impl Problem for Beside<'_> {
         self.sizes.len()
     }
     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
-        let extra = self.extra(x)?;
+        let extra = self.extra(x);
         r.resize(self.inner.rows(), 0.0);
         self.inner.residuals(self.values, &extra, r)
     }
     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut DMatrix<f64>) -> Result<(), EvalError> {
-        let extra = self.extra(x)?;
+        let extra = self.extra(x);
         r.resize(self.inner.rows(), 0.0);
         j.resize_mut(self.inner.rows(), self.sizes.len(), 0.0);
         self.inner.jacobian(self.values, &extra, &[], r, j)?;
@@ -50,7 +46,70 @@ impl Problem for Beside<'_> {
     }
 }
 
+/// The same for an arm on the ground: nothing is fitted; noise is what the calibration left.
+fn on_the_ground(
+    model: &Model,
+    values: &[f64],
+    arm: &Arm,
+    record: &Record,
+    s: &Settings,
+    source: String,
+) -> Result<(HeldOut, Signals), IdentifyError> {
+    let (signals, used) = ground::explain(model, values, arm, record)?;
+    let channels = signals.channels();
+    let squares: f64 = channels.iter().map(|c| c.over_noise.powi(2)).sum();
+    let chi2_per_dof = squares * record.samples() as f64 / used.max(1) as f64;
+    let explained = chi2_per_dof <= s.limit;
+    let times = chi2_per_dof.sqrt();
+    let words = if explained { "predicts" } else { "does NOT predict" };
+    let verdict = format!(
+        "The calibrated arm {words} these torques: residuals are {times:.2} times those of the calibration, {}.",
+        text::shares(&channels)
+    );
+    let held = HeldOut {
+        source,
+        samples: record.samples(),
+        seconds: record.seconds(),
+        chi2_per_dof,
+        limit: s.limit,
+        explained,
+        channels,
+        verdict,
+    };
+    Ok((held, signals))
+}
+
+/// Fits what belongs to the record alone, the parameters as they are: its values, and the whitened residuals.
+pub(super) fn beside(
+    estimator: &mut dyn Estimator,
+    values: &[f64],
+    s: &Settings,
+    watch: &Watch<'_>,
+) -> Result<(Vec<f64>, Vec<f64>), IdentifyError> {
+    let sizes: Vec<f64> = estimator.nuisance().iter().map(|u| u.size).collect();
+    if sizes.is_empty() {
+        let mut r = vec![0.0; estimator.rows()];
+        estimator.residuals(values, &[], &mut r).map_err(|e| IdentifyError::Model(e.to_string()))?;
+        return Ok((Vec::new(), r));
+    }
+    // The linearisations of a judgement are not those of the fit.
+    let silent = Watch { progress: None, ..*watch };
+    let mut watched = Watched::new(estimator, &silent);
+    let start = vec![0.0; sizes.len()];
+    let mut problem = Beside { inner: &mut watched, values, sizes };
+    let solver = Solver { max_iterations: s.max_iterations, cost_floor: 1e-13, ..Solver::default() };
+    let found = lm::minimise(&mut problem, &start, &solver);
+    let sizes = problem.sizes;
+    if watched.stopped {
+        return Err(IdentifyError::Interrupted);
+    }
+    let found = found.map_err(EstimateError::from)?;
+    Ok((found.x.iter().zip(&sizes).map(|(x, s)| x * s).collect(), found.residuals))
+}
+
 /// Predicts a record with the parameters `values`. `source` says where it is from.
+///
+/// `arm` are friction and noise of a ground calibration, whose prediction needs them; nothing is fitted then.
 ///
 /// A part of a longer record does not begin at rest: give `initial_state` in the settings.
 ///
@@ -59,33 +118,20 @@ impl Problem for Beside<'_> {
 pub fn explain(
     model: &Model,
     values: &[f64],
+    arm: Option<&Arm>,
     record: &Record,
     s: &Settings,
     source: impl Into<String>,
     watch: &Watch<'_>,
 ) -> Result<(HeldOut, Signals), IdentifyError> {
     record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
+    if let Some(arm) = arm {
+        return on_the_ground(model, values, arm, record, s, source.into());
+    }
     let mut fit = Fit::new(model, record, s)?;
     let sigma = fit.sigmas(model);
-    let estimator = fit.estimator();
-    let nuisance = estimator.nuisance().len();
-    let (residuals, freedom) = if nuisance == 0 {
-        let mut r = vec![0.0; estimator.rows()];
-        estimator.residuals(values, &[], &mut r).map_err(|e| IdentifyError::Model(e.to_string()))?;
-        let n = r.len();
-        (r, n)
-    } else {
-        let sizes = estimator.nuisance().iter().map(|u| u.size).collect();
-        let mut problem = Beside { inner: estimator, values, sizes, watch, stopped: false };
-        let solver = Solver { max_iterations: s.max_iterations, cost_floor: 1e-13, ..Solver::default() };
-        let found = lm::minimise(&mut problem, &vec![0.0; nuisance], &solver);
-        if problem.stopped {
-            return Err(IdentifyError::Interrupted);
-        }
-        let r = found.map_err(EstimateError::from)?.residuals;
-        let n = r.len().saturating_sub(nuisance);
-        (r, n)
-    };
+    let (extra, residuals) = beside(fit.estimator(), values, s, watch)?;
+    let freedom = residuals.len().saturating_sub(extra.len());
     let signals = Signals::of(model, record, &residuals, &sigma);
     let chi2_per_dof = residuals.iter().map(|r| r * r).sum::<f64>() / freedom.max(1) as f64;
     let explained = chi2_per_dof <= s.limit;

@@ -1,8 +1,12 @@
 //! What an identification hands to people and programs: `result.json`. Every number reads back exactly.
 
+use super::findings::{
+    ClockLine, ComparisonTable, DecayModes, Minima, ProfileLine, RecordFit, ReducedSet, Silent, Whiteness,
+};
 use crate::ident::covariance::{Direction, Uncertainty};
 use crate::ident::lm::Status;
 use crate::ident::report::{Estimate as Line, Verdict};
+use crate::ident::sequence::Posterior;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -49,13 +53,43 @@ pub struct IdentificationResult {
     pub weak_directions: Vec<Combination>,
     /// True when every combination on which the record is silent is held by a prior.
     pub priors_cover: bool,
+    /// The combinations on which the record is silent, told apart: by structure, or because it excites too little.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub silent: Option<Silent>,
+    /// What was estimated in place of what was asked for, because the record is silent on the rest.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub reduced: Option<ReducedSet>,
+    /// Intervals from the likelihood itself.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub profiles: Vec<ProfileLine>,
+    /// Where other starts led.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub minima: Option<Minima>,
     /// Pairs with a correlation of 0.95 or more.
     pub correlations: Vec<Correlation>,
     /// Covariance of parameters and nuisance, priors included.
     pub covariance: Covariance,
+    /// What is known of the parameters, biases and initial state projected out: the prior of a later identification.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub posterior: Option<Posterior>,
+    /// Residuals of every channel against white noise.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub whiteness: Vec<Whiteness>,
     /// Modes of the identified model at the mission's pose, joints held.
     pub modes: Vec<ModeLine>,
-    /// Every channel over the record.
+    /// Modes of the free decay in the records.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub decay: Vec<DecayModes>,
+    /// Clocks of the channels against that of the encoders.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub clocks: Vec<ClockLine>,
+    /// Models against each other.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub comparison: Option<ComparisonTable>,
+    /// Every record, when there are several.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub records: Vec<RecordFit>,
+    /// Every channel over the (first) record.
     pub channels: Vec<Channel>,
     /// The same on data that were not used.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -74,6 +108,8 @@ pub enum Method {
     Rda,
     /// Base and passive states simulated ([`crate::ident::OutputError`]).
     OutputError,
+    /// Fixed base with gravity and joint friction, linear least squares ([`crate::ident::Ground`]).
+    Ground,
 }
 
 /// How the solver ended.
@@ -377,11 +413,50 @@ pub struct RecordLine {
 }
 
 impl IdentificationResult {
+    /// Without any finding.
+    pub(super) fn empty(robot: &str, method: Method, provenance: Provenance) -> Self {
+        Self {
+            format: FORMAT.into(),
+            version: VERSION,
+            robot: robot.to_owned(),
+            method,
+            verdict: Vec::new(),
+            status: Ended::Converged,
+            iterations: 0,
+            chi2_per_dof: 0.0,
+            residuals: 0,
+            parameters: Vec::new(),
+            nuisance: Vec::new(),
+            model: Vec::new(),
+            rank: 0,
+            singular_values: Vec::new(),
+            null_directions: Vec::new(),
+            weak_directions: Vec::new(),
+            priors_cover: false,
+            silent: None,
+            reduced: None,
+            profiles: Vec::new(),
+            minima: None,
+            correlations: Vec::new(),
+            covariance: Covariance { names: Vec::new(), rows: Vec::new() },
+            posterior: None,
+            whiteness: Vec::new(),
+            modes: Vec::new(),
+            decay: Vec::new(),
+            clocks: Vec::new(),
+            comparison: None,
+            channels: Vec::new(),
+            records: Vec::new(),
+            held_out: None,
+            warnings: Vec::new(),
+            provenance,
+        }
+    }
     /// The code a command ends with that has found this: 13 for combinations that neither data nor priors tell (whatever
-    /// the solver then made of them), 14 for no solution, else 0.
+    /// the solver then made of them, unless the set that can be told was asked for), 14 for no solution, else 0.
     pub fn exit(&self) -> crate::exit::Exit {
         use crate::exit::Exit;
-        if !self.null_directions.is_empty() && !self.priors_cover {
+        if !self.null_directions.is_empty() && !self.priors_cover && self.reduced.is_none() {
             Exit::IllPosed
         } else if !self.status.is_solution() {
             Exit::Numerical

@@ -21,6 +21,7 @@ mod excursion;
 mod figures;
 mod limits;
 mod modes;
+pub mod page;
 mod parameters;
 mod spectrum;
 mod text;

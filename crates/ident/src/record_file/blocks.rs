@@ -94,7 +94,7 @@ pub(super) fn collect(
     options: &ReadOptions,
 ) -> Result<Loaded, Problems> {
     let mut bad = Problems::default();
-    let parsed = match targets(source.names(), joints, &options.ignore, &mut bad) {
+    let parsed = match targets(source.names(), joints, &options.ignore, options.fixed_base, &mut bad) {
         Some(t) => rows(source, &t, joints, options, &mut bad),
         None => None,
     };

@@ -92,11 +92,12 @@ impl Target {
     }
 }
 
-/// What every column is; `None` when something is wrong, with the problems recorded at line 1.
+/// What every column is (a base that is bolted down needs no gyro); `None` when something is wrong, with the problems recorded at line 1.
 pub(super) fn targets(
     head: &[String],
     joints: &[JointColumn],
     ignore: &[String],
+    fixed_base: bool,
     bad: &mut Problems,
 ) -> Option<Vec<Target>> {
     let mut out: Vec<Option<Target>> = Vec::with_capacity(head.len());
@@ -178,7 +179,10 @@ pub(super) fn targets(
         let lost: Vec<&str> = (0..names.len()).filter(|&k| !named(g, k)).map(|k| names[k]).collect();
         let some = lost.len() < names.len();
         // Joints that are there under a name of another robot have been reported.
-        if !lost.is_empty() && (some || g.required()) && (strangers.is_empty() || g.axes().is_some()) {
+        if !lost.is_empty()
+            && (some || g.required() && !(fixed_base && g == Group::Gyro))
+            && (strangers.is_empty() || g.axes().is_some())
+        {
             missing.extend(lost.iter().map(|n| format!("{}.{n}", g.prefix())));
         }
     }

@@ -13,7 +13,7 @@
 //! | `q.<joint>` | position after the gear | required for every joint |
 //! | `dq.<joint>`, `ddq.<joint>` | rate and acceleration (`qd.`, `qdd.` as well) | for every joint or for none |
 //! | `tau.<joint>` | torque (or force) after the gear, on the joint | required for every joint |
-//! | `gyro.x`, `.y`, `.z` | base angular velocity in base axes | required |
+//! | `gyro.x`, `.y`, `.z` | base angular velocity in base axes | required, unless the base is fixed |
 //! | `acc.x`, `.y`, `.z` | specific force in base axes | optional |
 //! | `att.w`, `.x`, `.y`, `.z` | attitude quaternion, body to world, scalar first | optional |
 //!

@@ -38,6 +38,8 @@ pub struct ReadOptions {
     pub resample: bool,
     /// Fewest samples ([`RecordBuilder::need_samples`]).
     pub need_samples: usize,
+    /// The base is bolted down: the gyro is not required ([`RecordBuilder::fixed_base`]).
+    pub fixed_base: bool,
     /// Codes of errors to report as warnings, such as `Data::Stuck`.
     pub allow: Vec<String>,
     /// Topics of an MCAP file to read; the one of each kind that fits unless given.
@@ -57,6 +59,7 @@ impl Default for ReadOptions {
             drop_repeated: false,
             resample: false,
             need_samples: 2,
+            fixed_base: false,
             allow: Vec::new(),
             topics: Vec::new(),
             slides: Vec::new(),
@@ -143,6 +146,7 @@ pub(super) fn finish(
         Some(p) if !bad.has_errors() => p,
         _ => return bad.finish(None).map(|(x, _)| x),
     };
+    let builder = if options.fixed_base { builder.fixed_base() } else { builder };
     let builder = options.allow.iter().fold(builder, |b, a| b.allow(a));
     match builder.need_samples(options.need_samples).resample(options.resample).build() {
         Ok((mut record, warnings)) => {
@@ -213,7 +217,7 @@ fn head(
     options: &ReadOptions,
     bad: &mut Problems,
 ) -> Option<Vec<Target>> {
-    targets(&header(lines, bad)?, joints, &options.ignore, bad)
+    targets(&header(lines, bad)?, joints, &options.ignore, options.fixed_base, bad)
 }
 
 /// The line of names; `None` where a problem is recorded.

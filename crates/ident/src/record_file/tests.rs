@@ -319,3 +319,29 @@ fn files_that_are_not_text_or_not_there() {
         assert_eq!(p.exit_code(), 12, "{p}");
     }
 }
+
+#[test]
+fn a_base_that_is_bolted_down_needs_no_gyro() {
+    let (text, [_, _, _, tau, ..]) = good();
+    // A comma in a joint name would be quoted; the columns before it count the same in every line.
+    let plain = text.replace("rail, left", "rail").replace('"', "");
+    let joints = [joints()[0].clone(), JointColumn { name: "rail".into(), slides: true }];
+    let head = plain.lines().next().unwrap();
+    let gyro: Vec<usize> =
+        head.split(',').enumerate().filter(|(_, c)| c.starts_with("gyro.")).map(|(i, _)| i).collect();
+    assert_eq!(gyro.len(), 3);
+    let cut = |line: &str| {
+        let kept: Vec<&str> = line.split(',').enumerate().filter(|(i, _)| !gyro.contains(i)).map(|(_, c)| c).collect();
+        kept.join(",") + "\n"
+    };
+    let short: String = plain.lines().map(cut).collect();
+    let fixed = ReadOptions { fixed_base: true, ..ReadOptions::default() };
+    let r = read_from(short.as_bytes(), &joints, &fixed).unwrap().record;
+    assert!(r.is_fixed_base() && r.tau() == &tau && r.gyro().amax() == 0.0);
+    // Half a gyro is none, and a floating base needs a whole one.
+    let half = short.replacen("time[s]", "time[s],gyro.x[rad/s]", 1);
+    let p = read_from(half.as_bytes(), &joints, &fixed).unwrap_err();
+    assert!(p.0[0].message.contains("gyro.y, gyro.z"), "{p}");
+    let p = read_from(short.as_bytes(), &joints, &ReadOptions::default()).unwrap_err();
+    assert!(p.0[0].message.contains("gyro.x, gyro.y, gyro.z"), "{p}");
+}

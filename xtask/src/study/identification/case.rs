@@ -4,13 +4,14 @@ use super::shaken::Shaken;
 use crate::workspace;
 use anyhow::Context;
 use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{Boundary, Channel, Drive, SensorSuite, SimOptions, State, Trace, modes, simulate};
+use ffid::dynamics::{Boundary, Channel, SensorSuite, SimOptions, Trace, modes};
 use ffid::excitation::planning::{InformationRequest, plan_information};
 use ffid::excitation::spline_plan::End;
 use ffid::excitation::{SensorNoise, SqpOptions};
 use ffid::ident::{Noise, Record, RecordBuilder, selection};
 use ffid::model::mission::{LoadOptions, Mission};
 use ffid::model::{Model, ParamDecl, Params};
+use ffid::sense::{from_rest, suite};
 
 /// Integration step of the simulated truth (s).
 const STEP_S: f64 = 1e-3;
@@ -63,11 +64,9 @@ impl Case {
         let loaded = Mission::load(&file, &ffid::default_registry(), &LoadOptions::default())?;
         let m = &loaded.mission;
         let s = &m.sensors;
-        let sensors = SensorSuite {
-            torque: Channel { noise_std: s.torque.noise_std_nm, bias: 0.0, quantum: s.torque.lsb_nm },
-            gyro: Channel { noise_std: s.gyro.noise_std_rad_per_s, bias: 0.0, quantum: s.gyro.lsb_rad_per_s },
-            encoder: s.encoder.bits.map_or(Channel::default(), Channel::encoder),
-        };
+        let SensorSuite { torque, gyro, encoder } = suite(s);
+        let unbiased = |c| Channel { bias: 0.0, ..c };
+        let sensors = SensorSuite { torque: unbiased(torque), gyro: unbiased(gyro), encoder };
         let noise = Noise { torque: sensors.torque.sigma(), gyro: sensors.gyro.sigma() };
         let full = Params::nominal(&loaded.model);
         let model = if kind.rigid { loaded.model.frozen(&full) } else { loaded.model };
@@ -102,10 +101,8 @@ impl Case {
     }
     /// The true system along the motion, from rest, sampled every `sample_s`.
     pub(super) fn simulate(&self, sample_s: f64) -> anyhow::Result<Trace> {
-        let mut start = State::zero(&self.model);
-        start.eta = self.model.rest_position(&self.truth);
         let o = SimOptions { duration_s: self.motion.duration(), step_s: STEP_S, sample_s };
-        Ok(simulate(&self.model, &self.truth, &start, &Drive::Prescribed(&*self.motion), &o)?)
+        Ok(from_rest(&self.model, &self.truth, &*self.motion, &o)?)
     }
     /// A door for records of this robot at `dt`.
     pub(super) fn record(&self, dt: f64) -> RecordBuilder {

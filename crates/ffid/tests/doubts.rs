@@ -1,0 +1,234 @@
+//! What may be wrong with a record, or with the model: clocks, rest, momentum, modes, models compared, an arm on the ground.
+//! Rows D15, D16, D23 to D25, D29 and D30 of `bad-inputs.md`.
+
+use crate::identify::{flex, near_the_truth, slosh};
+use std::path::PathBuf;
+
+/// Changes the cells of a record: time, name of the column, old value -> new value.
+fn edit(text: &str, change: impl Fn(f64, &str, f64) -> f64) -> String {
+    let mut lines = text.lines();
+    let head: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let mut out = head.join(",") + "\n";
+    for line in lines {
+        let cells: Vec<f64> = line.split(',').map(|c| c.parse().unwrap()).collect();
+        let new: Vec<String> = cells.iter().zip(&head).map(|(c, h)| change(cells[0], h, *c).to_string()).collect();
+        out += &(new.join(",") + "\n");
+    }
+    out
+}
+
+/// A record whose columns of one kind were read at another time: `at(t)` instead of t.
+fn shifted(text: &str, column: &str, at: impl Fn(f64) -> f64) -> String {
+    let rows: Vec<Vec<f64>> =
+        text.lines().skip(1).map(|l| l.split(',').map(|c| c.parse().unwrap()).collect()).collect();
+    let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let dt = rows[1][0] - rows[0][0];
+    edit(text, |t, name, old| {
+        if !name.starts_with(column) {
+            return old;
+        }
+        let k = head.iter().position(|h| *h == name).unwrap();
+        let x = (at(t) / dt).clamp(0.0, (rows.len() - 1) as f64);
+        let i = (x as usize).min(rows.len() - 2);
+        rows[i][k] + (x - i as f64) * (rows[i + 1][k] - rows[i][k])
+    })
+}
+
+#[test]
+fn d15_a_channel_that_is_late_is_put_right_with_a_warning() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
+    // Torques three samples (60 ms) late.
+    c.write("late.csv", &shifted(&c.read("rec.csv"), "tau.", |t| t - 0.06));
+    let (code, out, err) = c.run(&["identify", "m.toml", "--record", "late.csv", "--out", "res"]);
+    assert_eq!(code, 0, "{out}\n{err}");
+    assert!(err.contains("warning[Data::ClockOffset]") && err.contains("torque"), "{err}");
+    let r = near_the_truth(&c, "res", 4.5);
+    let clock = r.clocks.iter().find(|k| k.group == "torque").unwrap();
+    assert!(clock.corrected && (clock.offset_s - 0.06).abs() < 0.004, "{clock:?}");
+    assert!(r.clocks.iter().any(|k| k.group == "gyro" && !k.corrected), "{:?}", r.clocks);
+    assert!((r.chi2_per_dof - 1.0).abs() < 0.05, "{}", r.chi2_per_dof);
+    // Trusted, the record is not explained, or explained by wrong parameters.
+    let trust = ["identify", "m.toml", "--record", "late.csv", "--out", "x", "--clocks", "trust"];
+    let (_, out, err) = c.run(&trust);
+    assert!(err.contains("warning[Fit::Misfit]"), "{out}\n{err}");
+    // Clocks that agree are left alone.
+    let (code, _, err) = c.run(&["identify", "m.toml", "--record", "rec.csv", "--out", "good"]);
+    assert!(code == 0 && !err.contains("Clock"), "{err}");
+}
+
+#[test]
+fn d16_a_clock_that_runs_fast_is_put_right_with_a_warning() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
+    // The gyro drifts by 48 ms over the record.
+    c.write("fast.csv", &shifted(&c.read("rec.csv"), "gyro.", |t| t - 2e-3 * (t - 12.0)));
+    let (code, out, err) = c.run(&["identify", "m.toml", "--record", "fast.csv", "--out", "res"]);
+    assert_eq!(code, 0, "{out}\n{err}");
+    assert!(err.contains("warning[Data::ClockSkew]") && err.contains("gyro"), "{err}");
+    let r = near_the_truth(&c, "res", 5.0);
+    let clock = r.clocks.iter().find(|k| k.group == "gyro").unwrap();
+    assert!(clock.corrected && (clock.skew_ppm - 2000.0).abs() < 200.0, "{clock:?}");
+}
+
+#[test]
+fn d29_momentum_that_is_not_conserved_is_refused_unless_declared() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
+    let fired = edit(&c.read("rec.csv"), |t, name, x| if name == "gyro.y[rad/s]" && t > 11.0 { x + 4e-3 } else { x });
+    c.write("fired.csv", &fired);
+    let args = ["identify", "m.toml", "--record", "fired.csv", "--out", "res"];
+    c.refused(&args, 12, "Data::MomentumNotConserved", &["jumps about 1", "N m s", "--external-torque"]);
+    assert!(!c.path("res").exists());
+    let (code, out, err) = c.run(&[&args[..], &["--external-torque"]].concat());
+    assert_eq!(code, 0, "{out}\n{err}");
+    assert!(err.contains("warning[Data::MomentumNotConserved]"), "{err}");
+}
+
+#[test]
+fn d30_a_record_that_does_not_begin_at_rest_is_told_by_its_misfit() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
+    let text = c.read("rec.csv");
+    let mut lines = text.lines();
+    let head = lines.next().unwrap().to_owned() + "\n";
+    c.write("cut.csv", &(head + &lines.skip(450).collect::<Vec<_>>().join("\n") + "\n"));
+    let (code, out, err) = c.run(&["identify", "m.toml", "--record", "cut.csv", "--out", "res"]);
+    assert_eq!(code, 0, "{out}\n{err}");
+    assert!(err.contains("warning[Data::NotAtRest]") && err.contains("--initial-state"), "{err}");
+    let r = near_the_truth(&c, "res", 4.5);
+    assert!(r.nuisance.iter().any(|p| p.name.starts_with("initial.")) && r.chi2_per_dof < 1.1, "{}", r.chi2_per_dof);
+}
+
+#[test]
+fn d23_modes_of_the_free_decay_are_matched_to_those_of_the_model() {
+    let c = flex();
+    c.simulate("truth.toml", "b.csv", "rec.csv", &["--seed", "7", "--hold", "40"]);
+    let out = c.good(&["identify", "m.toml", "--record", "rec.csv", "--out", "res", "--modes"]);
+    assert!(out.contains("modes of the free decay of rec"), "{out}");
+    let r = c.result("res");
+    let d = &r.decay[0];
+    assert!(d.to_s - d.from_s > 39.0 && d.to_s - d.from_s < 46.0, "{} .. {}", d.from_s, d.to_s);
+    let matched: Vec<_> = d.modes.iter().filter(|m| m.model_hz.is_some()).collect();
+    assert!(matched.len() >= 2, "{d:?}");
+    for m in matched {
+        let hz = m.model_hz.unwrap();
+        assert!((m.frequency_hz / hz - 1.0).abs() < 0.03 && m.mac.unwrap() > 0.7, "{m:?}");
+    }
+    // The one that turns the base is known to a ten-thousandth.
+    assert!(d.modes.iter().any(|m| m.mac.is_some_and(|c| c > 0.99) && m.frequency_std_hz < 1e-4), "{d:?}");
+    // Every mode of the model was seen, or it is said why not.
+    assert_eq!(d.modes.iter().filter(|m| m.model_hz.is_some()).count() + d.unseen.len(), r.modes.len());
+    // Without a decay there is nothing to tell modes from.
+    c.simulate("truth.toml", "b.csv", "short.csv", &["--seed", "7"]);
+    let args = ["identify", "m.toml", "--record", "short.csv", "--out", "x", "--modes"];
+    c.refused(&args, 13, "Data::Resolution", &["stand still", "--hold"]);
+}
+
+#[test]
+fn d24_d25_modes_that_a_record_cannot_tell() {
+    let c = slosh();
+    // Hardly any motion before the hold: nothing rings above the noise.
+    let calm: String = c
+        .read("a.csv")
+        .lines()
+        .enumerate()
+        .map(|(i, l)| {
+            let cells: Vec<&str> = l.split(',').collect();
+            let small = |(k, x): (usize, &&str)| match x.parse::<f64>() {
+                Ok(v) if i > 0 && k > 0 => (0.3 + 1e-4 * v).to_string(),
+                _ => (*x).to_owned(),
+            };
+            cells.iter().enumerate().map(small).collect::<Vec<_>>().join(",") + "\n"
+        })
+        .collect();
+    c.write("calm.csv", &calm);
+    c.simulate("truth.toml", "calm.csv", "rec.csv", &["--seed", "2", "--hold", "60"]);
+    let args = ["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--modes", "--prior", "0.3"];
+    c.refused(&args, 13, "Data::NoPeak", &["excite more strongly"]);
+}
+
+#[test]
+fn models_are_compared_by_what_they_predict() {
+    let c = flex();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "3"]);
+    c.simulate("truth.toml", "b.csv", "other.csv", &["--seed", "4"]);
+    let args = ["identify", "m.toml", "--record", "rec.csv", "--held-out", "other.csv", "--out", "res", "--compare"];
+    let out = c.good(&args);
+    assert!(out.contains("recommended: flexible") && out.contains("Models compared by other.csv"), "{out}");
+    let t = c.result("res").comparison.unwrap();
+    assert!(t.explains && t.candidates.len() == 2);
+    let rigid = t.candidates.iter().find(|k| k.name == "rigid").unwrap();
+    assert!(
+        rigid.held_out > 2.0 * rigid.held_out_std && rigid.held_out_mean_square > 100.0 && rigid.bic > 1000.0,
+        "{rigid:?}"
+    );
+    let one = ["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--compare", "rigid"];
+    c.refused(&one, 11, "Config::Compare", &["fewer than two models"]);
+}
+
+#[test]
+fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
+    let c = slosh();
+    let mission = folder.join("ground/arm.toml");
+    let mission = mission.to_str().unwrap();
+    let log = folder.join("ground/log.csv");
+    let log = log.to_str().unwrap();
+    c.good(&["check", mission]);
+    let args = ["identify", mission, "--record", log, "--held-out", "0.33", "--out", "res", "--force"];
+    // Base parameters alone can be told: so says the command, and finds them when asked to.
+    c.refused(&args, 13, "Fit::Unidentifiable", &["as any record of this robot is", "--reduce"]);
+    let (code, out, err) = c.run(&[&args[..], &["--reduce"]].concat());
+    assert_eq!(code, 0, "{out}\n{err}");
+    let r = c.result("res");
+    let json = |name: &str| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(folder.join("ground").join(name)).unwrap()).unwrap()
+    };
+    // Friction and offsets are those of the truth.
+    let truth = json("truth.json");
+    for (j, joint) in truth["joints"].as_array().unwrap().iter().enumerate() {
+        for term in ["viscous", "coulomb", "offset"] {
+            let name = format!("friction.{}.{term}", joint.as_str().unwrap());
+            let p = r.nuisance.iter().find(|p| p.name == name).unwrap();
+            let want = truth[term][j].as_f64().unwrap();
+            // A gravity load in one direction only may pass for an offset; then there is no deviation.
+            if let Some(s) = p.std {
+                assert!((p.value - want).abs() < 6.0 * s + 0.05, "{name}: {} +- {s}, {want}", p.value);
+            }
+        }
+    }
+    // The last third is predicted as well as by ordinary least squares on Pinocchio's regressor.
+    let h = r.held_out.as_ref().unwrap();
+    assert!(h.explained, "{h}");
+    let ols = json("ols.json");
+    let text = c.read("res/held-out.csv");
+    let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    for (k, want) in h.channels.iter().zip(ols["held_out_rms_nm"].as_array().unwrap()) {
+        // Samples close to rest are left out of both, here as zeros.
+        let column = head.iter().position(|h| h.starts_with(&format!("{}.residual", k.name))).unwrap();
+        let of = |l: &str| -> f64 { l.split(',').nth(column).unwrap().parse().unwrap() };
+        let used: Vec<f64> = text.lines().skip(1).map(of).filter(|r| *r != 0.0).collect();
+        let rms = (used.iter().map(|r| r * r).sum::<f64>() / used.len() as f64).sqrt();
+        assert!(rms < 1.05 * want.as_f64().unwrap(), "{}: {rms} and {want}", k.name);
+    }
+    // A low pass leaves less noise where torques are small, and the same friction; on a floating base it is refused.
+    let (code, out, err) = c.run(&[&args[..], &["--reduce", "--low-pass", "5"]].concat());
+    assert_eq!(code, 0, "{out}\n{err}");
+    let low = c.result("res");
+    let quieter = low.held_out.as_ref().unwrap().channels.iter().zip(&h.channels);
+    let quieter = quieter.filter(|(a, b)| a.residual_rms < 0.7 * b.residual_rms).count();
+    assert!(quieter >= 3, "{}", low.held_out.as_ref().unwrap());
+    for (a, b) in low.nuisance.iter().zip(&r.nuisance) {
+        if let (Some(s), Some(t)) = (a.std, b.std) {
+            assert!((a.value - b.value).abs() < 6.0 * (s + t) + 0.1, "{}: {} and {}", a.name, a.value, b.value);
+        }
+    }
+    c.simulate("truth.toml", "b.csv", "rec.csv", &["--seed", "7"]);
+    let floating = ["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--low-pass", "2"];
+    c.refused(&floating, 11, "Config::LowPass", &["--low-pass"]);
+    // Files of the arm; judged again by themselves.
+    c.good(&["check", "res/identified.toml"]);
+    let wrong = [&args[..], &["--prior", "0.3"]].concat();
+    c.refused(&wrong, 11, "Config::Method", &["takes no priors", "--no-prior"]);
+}

@@ -1,0 +1,166 @@
+//! What may be asked of `ffid identify` beside the fit: several records, fewer unknowns, profiles, ties, earlier knowledge.
+
+use crate::identify::{flex, near_the_truth, slosh};
+use std::fs;
+
+#[test]
+fn several_records_share_the_parameters_and_keep_their_biases() {
+    let c = slosh();
+    // Each record has biases of its own.
+    for (seed, bias, trajectory, out) in [("4", "0.3", "a.csv", "r1.csv"), ("5", "-0.2", "b.csv", "r2.csv")] {
+        let biased =
+            c.read("truth.toml").replace("noise_std_nm = 0.1", &format!("bias_nm = {bias}\nnoise_std_nm = 0.1"));
+        c.write("biased.toml", &biased);
+        c.simulate("biased.toml", trajectory, out, &["--seed", seed]);
+    }
+    c.good(&["identify", "m.toml", "--record", "r1.csv", "--out", "one"]);
+    let out = c.good(&["identify", "m.toml", "--records", "r1.csv", "r2.csv", "--out", "both"]);
+    assert!(out.contains("record r1:") && out.contains("record r2:"), "{out}");
+    let (one, both) = (c.result("one"), near_the_truth(&c, "both", 4.5));
+    assert!((both.chi2_per_dof - 1.0).abs() < 0.03, "{}", both.chi2_per_dof);
+    // 7 torque and 3 gyro biases of each.
+    assert_eq!((both.nuisance.len(), both.records.len(), both.provenance.inputs.len()), (20, 2, 4));
+    for (label, truth) in [("r1", 0.3), ("r2", -0.2)] {
+        let b = both.nuisance.iter().find(|p| p.name.starts_with(label) && p.name.contains("joint3")).unwrap();
+        assert!((b.value - truth).abs() < 5.0 * b.std.unwrap(), "{}: {}", b.name, b.value);
+    }
+    assert!(both.records.iter().all(|r| (r.mean_square - 1.0).abs() < 0.05 && r.channels.len() == 10));
+    for (p, q) in one.parameters.iter().zip(&both.parameters) {
+        assert!(q.std.unwrap() < p.std.unwrap(), "{}", p.name);
+    }
+    assert!(c.path("both/residuals-r2.csv").exists() && c.path("both/signals-r2.svg").exists());
+    // One record twice is one record.
+    fs::copy(c.path("r1.csv"), c.path("copy.csv")).unwrap();
+    let twice = ["identify", "m.toml", "--records", "r1.csv", "copy.csv", "--out", "x"];
+    c.refused(&twice, 12, "Data::SameData", &["copy.csv", "r1.csv"]);
+    c.clean();
+}
+
+#[test]
+fn d27_the_set_that_can_be_told_is_estimated_when_asked_for() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--noise-free"]);
+    // Base and pendulum with all their parameters: by structure some combinations move nothing.
+    let all = c.read("m.toml").replace("\"tank.k[*]\", \"tank.d[*]\"", "\"tank.*\", \"link1.*\"");
+    assert_ne!(all, c.read("m.toml"));
+    c.write("all.toml", &all);
+    let args = ["identify", "all.toml", "--record", "rec.csv", "--out", "res", "--force"];
+    c.refused(&args, 13, "Fit::Unidentifiable", &["silent on", "as any record of this robot is", "--reduce"]);
+    let (code, out, err) = c.run(&[&args[..], &["--reduce"]].concat());
+    assert_eq!(code, 0, "{out}\n{err}");
+    assert!(err.contains("warning[Fit::Unidentifiable]") && out.contains("held: "), "{out}\n{err}");
+    let r = c.result("res");
+    let (set, silent) = (r.reduced.as_ref().unwrap(), r.silent.as_ref().unwrap());
+    assert!(!silent.structural.is_empty(), "{silent:?}");
+    let null = silent.structural.len() + silent.unexcited.len();
+    assert_eq!((set.held.len(), r.null_directions.len()), (null, null));
+    // Everything that is left is determined, and stands for what is held.
+    assert!(r.parameters.iter().all(|p| p.std.is_some()));
+    assert!(set.combinations.iter().any(|s| s.terms.iter().any(|t| set.held.contains(&t.0))), "{set:?}");
+    assert!(set.held.iter().all(|h| r.parameters.iter().all(|p| p.name != *h)));
+    assert!(r.chi2_per_dof < 1e-3, "{}", r.chi2_per_dof);
+}
+
+#[test]
+fn a_profile_of_a_parameter_agrees_with_its_interval_where_the_cost_is_a_parabola() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "9"]);
+    let args = ["identify", "m.toml", "--record", "rec.csv", "--out", "res", "--profile", "tank.k[1],base.mass"];
+    let out = c.good(&args);
+    assert!(out.contains("profile likelihood"), "{out}");
+    let r = c.result("res");
+    assert_eq!(r.profiles.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["base.mass", "tank.k[1]"]);
+    for p in &r.profiles {
+        let (a, b) = p.gaussian95.unwrap();
+        let (width, lo, hi) = (b - a, p.lower95.unwrap(), p.upper95.unwrap());
+        assert!((lo - a).abs() < 0.1 * width && (hi - b).abs() < 0.1 * width, "{p:?}");
+        assert!(p.points.len() > 6 && p.points.iter().all(|x| x.1 > -1e-3), "{p:?}");
+    }
+    let wrong = ["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--profile", "tank.l[1]"];
+    c.refused(&wrong, 11, "Config::UnknownParameter", &["tank.l[1]"]);
+}
+
+#[test]
+fn what_one_identification_has_learnt_the_next_one_knows() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "r1.csv", &["--seed", "4"]);
+    c.simulate("truth.toml", "b.csv", "r2.csv", &["--seed", "5"]);
+    c.good(&["identify", "m.toml", "--record", "r1.csv", "--out", "first"]);
+    c.good(&["identify", "m.toml", "--record", "r2.csv", "--prior-from", "first", "--out", "second"]);
+    c.good(&["identify", "m.toml", "--records", "r1.csv", "r2.csv", "--out", "both"]);
+    let (first, second, both) = (c.result("first"), near_the_truth(&c, "second", 4.5), c.result("both"));
+    for ((a, b), f) in second.parameters.iter().zip(&both.parameters).zip(&first.parameters) {
+        // In sequence as at once, as far as the model is linear between the two.
+        assert!((a.value - b.value).abs() < 0.1 * b.std.unwrap(), "{}: {} and {}", a.name, a.value, b.value);
+        assert!((a.std.unwrap() / b.std.unwrap() - 1.0).abs() < 0.02, "{}", a.name);
+        assert!((a.prior_mean.unwrap() / f.value - 1.0).abs() < 1e-9, "{}", a.name);
+        assert!((a.prior_std.unwrap() / f.std.unwrap() - 1.0).abs() < 1e-6, "{}", a.name);
+    }
+    // The same record must not count twice; a folder that was touched is refused.
+    let again = ["identify", "m.toml", "--record", "r1.csv", "--prior-from", "first", "--out", "x"];
+    c.refused(&again, 12, "Data::SameData", &["r1.csv of the earlier identification", "--records"]);
+    c.write("first/report.txt", "better");
+    let args = ["identify", "m.toml", "--record", "r2.csv", "--prior-from", "first", "--out", "x"];
+    c.refused(&args, 12, "Data::Changed", &["report.txt"]);
+}
+
+#[test]
+fn tied_parameters_are_fewer_unknowns() {
+    let c = flex();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "3"]);
+    // All hinges are alike in the paper.
+    c.write(
+        "ties.toml",
+        "[[tie]]\nname = \"hinge.k\"\nparameters = [\"panel_*.k[*]\"]\n\n[[tie]]\nname = \"hinge.d\"\nslope = { \"panel_left.d[0]\" = 2.0, \
+         \"panel_left.d[1]\" = 2.0, \"panel_right.d[0]\" = 2.0, \"panel_right.d[1]\" = 2.0 }\nstart = 0.5\n",
+    );
+    let args = ["identify", "m.toml", "--record", "rec.csv", "--no-prior", "--ties", "ties.toml", "--out", "res"];
+    let out = c.good(&args);
+    assert!(out.contains("hinge.k"), "{out}");
+    let r = c.result("res");
+    assert_eq!(r.parameters.len(), 12);
+    let value = |n: &str| r.model.iter().find(|v| v.name == n).unwrap().value;
+    let k = r.parameters.iter().find(|p| p.name == "hinge.k").unwrap();
+    let truth: Vec<f64> = {
+        let t = ffid::open::open(&c.path("truth.toml"), Default::default()).unwrap().model.param_decls();
+        ["panel_left.k[0]", "panel_left.d[0]"]
+            .iter()
+            .map(|n| t.iter().find(|d| d.name == *n).unwrap().nominal)
+            .collect()
+    };
+    assert!((k.value - truth[0]).abs() < 4.5 * k.std.unwrap(), "{} +- {:?}", k.value, k.std);
+    for n in ["panel_left.k[0]", "panel_left.k[1]", "panel_right.k[0]", "panel_right.k[1]"] {
+        assert_eq!(value(n), k.value, "{n}");
+    }
+    let d = r.parameters.iter().find(|p| p.name == "hinge.d").unwrap();
+    assert!((value("panel_right.d[1]") - (truth[1] + 2.0 * (d.value - 0.5))).abs() < 1e-9);
+    // The identified robot is that with the ties applied, bit for bit.
+    let again = ffid::open::open(&c.path("res/identified.toml"), Default::default()).unwrap().model;
+    assert!(again.param_decls().iter().zip(&r.model).all(|(d, v)| d.nominal.to_bits() == v.value.to_bits()));
+    for (text, says) in [
+        ("[[tie]]\nname = \"a\"\n", "exactly one"),
+        ("[[tie]]\nname = \"a\"\nparametres = [\"x\"]\n", "parametres"),
+        ("[[tie]]\nname = \"a\"\nparameters = [\"nothing.*\"]\n", "nothing.*"),
+        ("[[tie]]\nname = \"a\"\nparameters = [\"base.mass\", \"panel_left.k[0]\"]\n", "different units"),
+        ("[[tie]]\nname = \"a\"\nparameters = [\"base.mass\"]\nstart = 2.0\n", "start belongs to slope"),
+        ("[[tie]]\nname = \"base.mass\"\nparameters = [\"panel_*.k[0]\"]\n", "is the name of a parameter"),
+    ] {
+        c.write("bad.toml", text);
+        c.refused(
+            &["identify", "m.toml", "--record", "rec.csv", "--ties", "bad.toml", "--out", "x"],
+            11,
+            "Config::Ties",
+            &[says],
+        );
+    }
+}
+
+#[test]
+fn d33_starts_that_agree_are_counted() {
+    let c = slosh();
+    c.simulate("truth.toml", "b.csv", "rec.csv", &["--seed", "6"]);
+    let out = c.good(&["identify", "m.toml", "--record", "rec.csv", "--starts", "3", "--out", "res"]);
+    assert!(out.contains("starts: 3 of 3 converged"), "{out}");
+    let m = near_the_truth(&c, "res", 4.5).minima.unwrap();
+    assert_eq!((m.starts, m.converged, m.objectives.len()), (3, 3, 1));
+}
