@@ -49,19 +49,23 @@ impl<'a> Cdr<'a> {
         }
         Some(out)
     }
-    fn sequence(&mut self) -> Option<Vec<f64>> {
+    /// A sequence of numbers into a buffer that is used again.
+    fn sequence(&mut self, out: &mut Vec<f64>) -> Option<()> {
+        out.clear();
         let n = self.u32()? as usize;
         if n == 0 {
-            return Some(Vec::new());
+            return Some(());
         }
         let start = self.at.checked_next_multiple_of(8)?;
         let bytes = self.bytes.get(start..start.checked_add(n.checked_mul(8)?)?)?;
         self.at = start + bytes.len();
-        let one = |b: &[u8]| {
-            let b = *b.first_chunk::<8>()?;
-            Some(if self.big { f64::from_be_bytes(b) } else { f64::from_le_bytes(b) })
-        };
-        bytes.chunks_exact(8).map(one).collect()
+        let numbers = bytes.chunks_exact(8).filter_map(|b| b.first_chunk::<8>());
+        if self.big {
+            out.extend(numbers.map(|b| f64::from_be_bytes(*b)));
+        } else {
+            out.extend(numbers.map(|b| f64::from_le_bytes(*b)));
+        }
+        Some(())
     }
     /// `std_msgs/Header`: the stamp in ns; the name of the frame is skipped.
     fn header(&mut self) -> Option<i64> {
@@ -73,7 +77,7 @@ impl<'a> Cdr<'a> {
 }
 
 /// `sensor_msgs/JointState`; empty lists where it has none.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct JointState {
     /// ns.
     pub(super) stamp: i64,
@@ -85,20 +89,31 @@ pub(super) struct JointState {
 
 impl JointState {
     pub(super) fn read(message: &[u8]) -> Option<Self> {
+        let mut out = Self::default();
+        out.read_again(message)?;
+        Some(out)
+    }
+    /// Reads into the buffers of a message before, whose names are mostly the same. What is left after `None` is of no use.
+    pub(super) fn read_again(&mut self, message: &[u8]) -> Option<()> {
         let mut c = Cdr::new(message)?;
-        let stamp = c.header()?;
+        self.stamp = c.header()?;
         let n = c.u32()? as usize;
         if n > MAX_JOINTS {
             return None;
         }
-        let mut names = Vec::new();
-        for _ in 0..n {
-            names.push(String::from_utf8_lossy(c.string()?).into_owned());
+        self.names.truncate(n);
+        for k in 0..n {
+            let name = c.string()?;
+            match self.names.get_mut(k) {
+                Some(old) if old.as_bytes() == name => {}
+                Some(old) => *old = String::from_utf8_lossy(name).into_owned(),
+                None => self.names.push(String::from_utf8_lossy(name).into_owned()),
+            }
         }
-        let [position, velocity, effort] = [c.sequence()?, c.sequence()?, c.sequence()?];
-        let right = |v: &Vec<f64>| v.is_empty() || v.len() == n;
-        let whole = [&position, &velocity, &effort].into_iter().all(right);
-        whole.then_some(Self { stamp, names, position, velocity, effort })
+        c.sequence(&mut self.position)?;
+        c.sequence(&mut self.velocity)?;
+        c.sequence(&mut self.effort)?;
+        [&self.position, &self.velocity, &self.effort].into_iter().all(|v| v.is_empty() || v.len() == n).then_some(())
     }
 }
 

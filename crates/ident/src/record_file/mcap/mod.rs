@@ -32,6 +32,8 @@ pub(super) struct McapBlocks {
     joints: u16,
     imu: Option<u16>,
     merge: Merge,
+    /// Buffers of the message at hand.
+    state: JointState,
     ended: bool,
     /// Topics, for what is said at the end.
     topics: (String, Option<String>),
@@ -97,6 +99,7 @@ impl McapBlocks {
             joints: channel.id,
             imu: imu.map(|(c, _)| c.id),
             merge,
+            state: first,
             ended: false,
             topics,
             unstamped,
@@ -111,9 +114,10 @@ impl McapBlocks {
         };
         if m.channel == self.joints {
             let joints = &self.topics.0;
-            let s = JointState::read(m.data).ok_or_else(|| wrong("a JointState that is cut short", joints))?;
+            let s = &mut self.state;
+            s.read_again(m.data).ok_or_else(|| wrong("a JointState that is cut short", joints))?;
             let stamp = if self.unstamped { m.log_time } else { s.stamp };
-            self.merge.joints(stamp, &s).map_err(|what| wrong(&what, joints))
+            self.merge.joints(stamp, s).map_err(|what| wrong(&what, joints))
         } else if Some(m.channel) == self.imu {
             let topic = self.topics.1.as_deref().unwrap_or_default();
             let i = Imu::read(m.data).ok_or_else(|| wrong("an Imu that is cut short", topic))?;
