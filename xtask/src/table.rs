@@ -1,5 +1,6 @@
 //! Fixed-width text tables for the terminal.
 
+use ffid::report_html::{Block, Cell, Table as HtmlTable};
 use std::fmt;
 
 /// A table: the first column is left-aligned, the others right-aligned unless [`Table::left`] says more.
@@ -29,6 +30,26 @@ impl Table {
     pub fn new(title: impl Into<String>, headers: &[&str]) -> Self {
         let headers = headers.iter().map(|&h| h.to_owned()).collect();
         Self { title: title.into(), headers, rows: Vec::new(), notes: Vec::new(), left: 1 }
+    }
+    /// The same for a report: the table, then its notes. Allocates.
+    pub fn blocks(&self) -> Vec<Block> {
+        let cells = |row: &Row| match row {
+            Row::Cells(c) => {
+                let cell = |(k, c): (usize, &String)| {
+                    if k < self.left { Cell::words(c.as_str()) } else { Cell::number(c.as_str()) }
+                };
+                Some(c.iter().enumerate().map(cell).collect::<Vec<_>>())
+            }
+            Row::Rule => None,
+        };
+        let table = HtmlTable {
+            caption: self.title.clone(),
+            head: self.headers.clone(),
+            rows: self.rows.iter().filter_map(cells).collect(),
+        };
+        let mut out = vec![Block::Table(table)];
+        out.extend(self.notes.iter().map(Block::text));
+        out
     }
     /// Aligns the first `columns` to the left.
     #[must_use]

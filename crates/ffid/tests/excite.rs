@@ -102,7 +102,9 @@ fn every_goal_gives_a_folder_that_is_whole_and_reads_back() {
         let listed: Vec<&str> =
             manifest["file"].as_array().unwrap().iter().map(|f| f["file"].as_str().unwrap()).collect();
         let figures = ["answer.svg", "deviations.svg", "spectrum.svg", "trajectory.svg"];
-        for name in figures.iter().chain(&["report.txt", "trajectory.csv", "trajectory.json", "verdict.json"]) {
+        for name in
+            figures.iter().chain(&["report.html", "report.txt", "trajectory.csv", "trajectory.json", "verdict.json"])
+        {
             assert!(listed.contains(name), "{name} in {listed:?}");
         }
         for f in figures {

@@ -9,6 +9,12 @@ use crate::exit::Failure;
 /// # Errors
 /// [`Failure::Tolerance`] listing everything outside.
 pub(super) fn all(s: &Summary) -> anyhow::Result<()> {
+    let bad = outside(s);
+    if bad.is_empty() { Ok(()) } else { Err(Failure::Tolerance(bad.join("\n")).into()) }
+}
+
+/// Everything outside its limit, in words.
+pub(super) fn outside(s: &Summary) -> Vec<String> {
     let mut bad = Vec::new();
     // `--quick` has a third of the data and a shorter comparison; its limits are looser but can fail.
     let (free, noisy) = if s.quick { (100.0, 5.0) } else { (100.0, 30.0) };
@@ -49,7 +55,7 @@ pub(super) fn all(s: &Summary) -> anyhow::Result<()> {
             bad.push(format!("{}: worst identifiable combination is off by {:.1e}, limit 1e-6", r.title(), r.worst()));
         }
     }
-    if bad.is_empty() { Ok(()) } else { Err(Failure::Tolerance(bad.join("\n")).into()) }
+    bad
 }
 
 /// Rigid over extended error against the truth, mean position and mean angle.

@@ -7,7 +7,7 @@ use ffid::ident::psd::Psd;
 use ffid::plot::{Figure, Panel};
 use std::path::Path;
 
-/// Writes the time figure (torques over base rate) and the spectrum figure of one case.
+/// Writes the time figure (torques over base rate) and the spectrum figure of one case, and returns them.
 pub(super) fn write(
     out: &Path,
     time: &str,
@@ -15,7 +15,7 @@ pub(super) fn write(
     x: &Experiment,
     s: &Spectra,
     f: &Frequencies,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<[Figure; 2]> {
     let t = x.ringing.times();
     let names = x.loaded.model.joint_names();
     let gyro = x.ringing.gyro();
@@ -35,11 +35,11 @@ pub(super) fn write(
     csv_out::write(&out.join(format!("{time}.csv")), &columns)?;
     let end = t.last().copied().unwrap_or(0.0).min(x.ring_from + 40.0);
     let what = if x.name == "flex" { "Flexible panels" } else { "Fuel slosh" };
-    Figure::new(format!("{what}: answer to the manoeuvre"))
+    let answer = Figure::new(format!("{what}: answer to the manoeuvre"))
         .panel(torque.x_range(0.0, end).vline(x.ring_from, "joints hold"))
         .panel(rate.x_range(0.0, end).vline(x.ring_from, "joints hold"))
-        .caption("Noise-free simulation; the joints move until the marked time and are held from then on.")
-        .write(&out.join(time))?;
+        .caption("Noise-free simulation; the joints move until the marked time and are held from then on.");
+    answer.write(&out.join(time))?;
 
     let top = 1.5;
     let cut = |p: &Psd| -> (Vec<f64>, Vec<f64>) {
@@ -74,6 +74,7 @@ pub(super) fn write(
         }
         fig = fig.panel(p);
     }
-    fig.caption("Marked: free-floating natural frequencies of the model (Hz).").write(&out.join(spectrum))?;
-    Ok(())
+    let spectra = fig.caption("Marked: free-floating natural frequencies of the model (Hz).");
+    spectra.write(&out.join(spectrum))?;
+    Ok([answer, spectra])
 }

@@ -17,13 +17,14 @@ mod experiment;
 mod figures;
 mod identify;
 mod printed;
+mod report;
 mod score;
 mod spectra;
 
 use crate::exit::Failure;
 use crate::workspace;
 use experiment::Experiment;
-use ffid::files::json;
+use ffid::files::{atomic, json};
 use indicatif::{ProgressBar, ProgressStyle};
 use score::Columns;
 use serde::Serialize;
@@ -105,8 +106,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     });
     let (flex, slosh) = (flex?, slosh?);
     bar.set_message("figures");
-    figures::write(&out, "fig4", "fig5", &flex.experiment, &flex.spectra, &flex.frequencies)?;
-    figures::write(&out, "fig6", "fig7", &slosh.experiment, &slosh.spectra, &slosh.frequencies)?;
+    let panels = figures::write(&out, "fig4", "fig5", &flex.experiment, &flex.spectra, &flex.frequencies)?;
+    let fuel = figures::write(&out, "fig6", "fig7", &slosh.experiment, &slosh.spectra, &slosh.frequencies)?;
     bar.finish_and_clear();
     let summary = Summary {
         quick: args.quick,
@@ -118,6 +119,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         wall_s: started.elapsed().as_secs_f64(),
     };
     json::write(&out.join("summary.json"), &summary)?;
+    atomic::write(&out.join("report.html"), report::page(&summary, &panels, &fuel)?.as_bytes())?;
     printed::all(&summary, &out);
     checks::all(&summary)
 }

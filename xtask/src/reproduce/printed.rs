@@ -14,8 +14,23 @@ pub(super) const PAPER: [[[f64; 2]; 4]; 2] = [
 /// Prints everything to standard output.
 #[allow(clippy::print_stdout)] // printing is the purpose
 pub(super) fn all(s: &Summary, out: &Path) {
-    println!("{}", table("Table II: end-effector error, flexible panels", &s.table2, &PAPER[0], "Flex. ID"));
-    println!("{}", table("Table III: end-effector error, fuel slosh", &s.table3, &PAPER[1], "Slosh. ID"));
+    for t in tables(s) {
+        println!("{t}");
+    }
+    for r in &s.identified {
+        println!("{}", r.line());
+    }
+    println!(
+        "\nreport.html, summary.json, figures (PNG, SVG) and series (CSV) in {} after {:.1} s",
+        out.display(),
+        s.wall_s
+    );
+}
+
+/// Tables II and III beside the paper's, and the frequencies.
+pub(super) fn tables(s: &Summary) -> [Table; 3] {
+    let two = table("Table II: end-effector error, flexible panels", &s.table2, &PAPER[0], "Flex. ID");
+    let three = table("Table III: end-effector error, fuel slosh", &s.table3, &PAPER[1], "Slosh. ID");
     let mut t = Table::new("Natural frequencies (Hz)", &["", "measured", "model", "paper"]);
     let list = |v: &[f64]| v.iter().map(|x| format!("{x:.3}")).collect::<Vec<_>>().join(" ");
     for (name, f) in [("Fig. 5, panels", &s.fig5), ("Fig. 7, slosh", &s.fig7)] {
@@ -25,11 +40,7 @@ pub(super) fn all(s: &Summary, out: &Path) {
         "Slosh: Table I gives {:.4} Hz with the base held, and a free base can only raise it; 0.06 Hz does not follow.",
         s.fig7.cantilever_hz
     ));
-    println!("{t}");
-    for r in &s.identified {
-        println!("{}", r.line());
-    }
-    println!("\nsummary.json, figures (PNG, SVG) and series (CSV) in {} after {:.1} s", out.display(), s.wall_s);
+    [two, three, t]
 }
 
 fn table(title: &str, runs: &Runs, paper: &[[f64; 2]; 4], extended: &str) -> Table {

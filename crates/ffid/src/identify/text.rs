@@ -271,10 +271,13 @@ impl fmt::Display for IdentificationResult {
             d.unresolved.iter().try_for_each(|(a, b)| writeln!(f, "  {a:.4} and {b:.4} Hz cannot be kept apart"))?;
             d.unseen.iter().try_for_each(|u| writeln!(f, "  not seen: {:.4} Hz, {}", u.frequency_hz, u.why))?;
         }
+        if !self.clocks.is_empty() {
+            writeln!(f, "\nclocks against that of the encoders (late, fast)")?;
+        }
         for c in &self.clocks {
             writeln!(
                 f,
-                "\nclock of the {} of {}: {:+.3} +- {:.3} ms, {:+.1} +- {:.1} ppm{}",
+                "  clock of the {} of {}: {:+.3} +- {:.3} ms, {:+.1} +- {:.1} ppm{}",
                 c.group,
                 c.record,
                 1e3 * c.offset_s,
