@@ -1,4 +1,4 @@
-//! Quantiles of the chi-squared distribution with any positive number of degrees of freedom.
+//! Quantiles and tails of the chi-squared distribution with any positive number of degrees of freedom.
 
 /// `ln Gamma(x)` for `x > 0` by Lanczos' approximation (C. Lanczos, SIAM J. Numer. Anal. 1, 1964; g = 7, nine terms),
 /// to about 1e-14.
@@ -24,11 +24,11 @@ fn ln_gamma(x: f64) -> f64 {
     0.5 * core::f64::consts::TAU.ln() + (x + 0.5) * t.ln() - t + sum.ln()
 }
 
-/// Regularised lower incomplete gamma function `P(a, x)`: its series below `a + 1`, the continued fraction of the
-/// complement above (W. Gautschi, ACM TOMS 5(4), 1979).
-fn lower_gamma(a: f64, x: f64) -> f64 {
+/// Regularised incomplete gamma functions `P(a, x)` and `Q(a, x) = 1 - P`: the series of the lower one below `a + 1`, the
+/// continued fraction of the upper one above, each the complement of the other (W. Gautschi, ACM TOMS 5(4), 1979).
+fn gamma_parts(a: f64, x: f64) -> (f64, f64) {
     if x <= 0.0 {
-        return 0.0;
+        return (0.0, 1.0);
     }
     let front = (a * x.ln() - x - ln_gamma(a)).exp();
     if x < a + 1.0 {
@@ -38,7 +38,7 @@ fn lower_gamma(a: f64, x: f64) -> f64 {
             term *= x / k;
             sum += term;
         }
-        return front * sum;
+        return (front * sum, 1.0 - front * sum);
     }
     // Modified Lentz.
     let mut b = x + 1.0 - a;
@@ -55,14 +55,19 @@ fn lower_gamma(a: f64, x: f64) -> f64 {
             break;
         }
     }
-    1.0 - front * h
+    (1.0 - front * h, front * h)
+}
+
+/// Probability that a chi-squared number with `freedom > 0` degrees of freedom exceeds `x`.
+pub(crate) fn chi_square_survival(x: f64, freedom: f64) -> f64 {
+    gamma_parts(0.5 * freedom, 0.5 * x).1
 }
 
 /// `x` below which a chi-squared number with `freedom > 0` degrees of freedom lies with probability `0 < p < 1`, by
 /// bisection of the logarithm.
 pub(crate) fn chi_square_quantile(p: f64, freedom: f64) -> f64 {
     let a = 0.5 * freedom;
-    let below = |y: f64| lower_gamma(a, 0.5 * y.exp()) < p;
+    let below = |y: f64| gamma_parts(a, 0.5 * y.exp()).0 < p;
     let (mut low, mut high) = (freedom.ln() - 1.0, freedom.ln() + 1.0);
     while !below(low) && low > -700.0 {
         low -= 4.0;
@@ -80,6 +85,18 @@ pub(crate) fn chi_square_quantile(p: f64, freedom: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tails_are_those_of_the_closed_forms() {
+        // Two and four degrees of freedom; far out, where one less the other would be rounding.
+        for x in [0.3f64, 2.7, 18.0, 90.0, 400.0] {
+            let two = (-0.5 * x).exp();
+            assert!((chi_square_survival(x, 2.0) / two - 1.0).abs() < 1e-11, "{x}");
+            assert!((chi_square_survival(x, 4.0) / (two * (1.0 + 0.5 * x)) - 1.0).abs() < 1e-11, "{x}");
+        }
+        assert_eq!((chi_square_survival(0.0, 3.0), chi_square_survival(5e3, 6.0)), (1.0, 0.0));
+        assert!((chi_square_survival(18.307_0, 10.0) - 0.05).abs() < 1e-6);
+    }
 
     #[test]
     fn quantiles_are_those_of_the_tables() {

@@ -8,6 +8,7 @@
 //! have no part in a null direction; the others have no deviation at all.
 
 use crate::linalg::{self, LinalgError};
+use ff_model::ParamDecl;
 use nalgebra::{DMatrix, DVector};
 
 /// Part of a null direction below which a parameter counts as untouched by it.
@@ -22,6 +23,17 @@ pub struct Unknown {
     pub unit: String,
     /// Size (in the unit): what a relative change of 1 means.
     pub size: f64,
+}
+
+impl Unknown {
+    /// The parameters of these indices, with the sizes of all ([`crate::scale::sizes`]). Allocates.
+    ///
+    /// # Panics
+    /// If an index does not exist.
+    pub fn of_parameters(decls: &[ParamDecl], selected: &[usize], sizes: &[f64]) -> Vec<Self> {
+        let of = |&i: &usize| Self { name: decls[i].name.clone(), unit: decls[i].unit.to_owned(), size: sizes[i] };
+        selected.iter().map(of).collect()
+    }
 }
 
 /// A combination of parameters.

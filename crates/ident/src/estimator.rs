@@ -252,14 +252,7 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
     data.unscale_mut(request.loss.inflation(&residuals).sqrt());
     let values = full;
     let sizes = scale::sizes(request.decls, &values);
-    let mut unknowns: Vec<Unknown> = selected
-        .iter()
-        .map(|&i| Unknown {
-            name: request.decls[i].name.clone(),
-            unit: request.decls[i].unit.to_owned(),
-            size: sizes[i],
-        })
-        .collect();
+    let mut unknowns = Unknown::of_parameters(request.decls, selected, &sizes);
     unknowns.extend(extra.iter().cloned());
     let data_only = analyse(&data, &unknowns, RANK_TOLERANCE)?;
     let uncertainty = if request.priors.is_empty() && references.is_empty() {

@@ -11,7 +11,7 @@
 //! pendulum of unknown fulcrum, say. Such directions are counted as unexcited.
 
 use crate::covariance::{Direction, Uncertainty, Unknown, analyse, name_direction, sparse_basis};
-use crate::linalg::{self, LinalgError};
+use crate::linalg::{self, Elimination, LinalgError, eliminate};
 use crate::scale;
 use ff_dynamics::{State, Work, regressor};
 use ff_model::{Model, Params};
@@ -33,10 +33,7 @@ const TOLERANCE: f64 = 1e-10;
 pub fn structural(model: &Model, params: &Params<f64>, selected: &[usize]) -> Result<Uncertainty, LinalgError> {
     let decls = model.param_decls();
     let sizes = scale::sizes(&decls, params.values());
-    let unknowns: Vec<Unknown> = selected
-        .iter()
-        .map(|&i| Unknown { name: decls[i].name.clone(), unit: decls[i].unit.to_owned(), size: sizes[i] })
-        .collect();
+    let unknowns = Unknown::of_parameters(&decls, selected, &sizes);
     let nv = model.nv();
     // Twice as many rows as unknowns leave nothing to chance.
     let motions = (2 * selected.len()).div_ceil(nv).max(2);
@@ -150,11 +147,7 @@ const NEGLIGIBLE: f64 = 1e-6;
 pub fn reduce(u: &Uncertainty) -> Result<Reduced, LinalgError> {
     let (n, rank) = (u.unknowns.len(), u.rank);
     let a = DMatrix::from_fn(rank, n, |k, i| u.singular_values[k] * u.directions[(i, k)]);
-    let qr = linalg::col_piv_qr(&a)?;
-    let (first, last) = (qr.order[..rank].to_vec(), qr.order[rank..].to_vec());
-    let r1 = qr.r.columns(0, rank).into_owned();
-    let c = r1.solve_upper_triangular(&qr.r.columns(rank, n - rank).into_owned());
-    let c = c.ok_or(LinalgError::RankDeficient { rank: rank - 1, columns: n, dependent: last.clone() })?;
+    let Elimination { kept: first, left: last, c, .. } = eliminate(&a, rank)?;
     let mut rows: Vec<usize> = (0..rank).collect();
     rows.sort_by_key(|&k| first[k]);
     let combination = |&k: &usize| {

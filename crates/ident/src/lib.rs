@@ -73,6 +73,7 @@ mod record_checks;
 pub mod record_file;
 mod regressor_rows;
 pub mod report;
+mod runs;
 pub mod scale;
 pub mod selection;
 pub mod sequence;

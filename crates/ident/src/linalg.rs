@@ -259,6 +259,36 @@ pub fn general_eigen(a: &DMatrix<f64>) -> Result<ComplexEigen> {
     Ok((values, DMatrix::from_fn(u.nrows(), u.ncols(), |i, j| Complex::new(u[(i, j)].re, u[(i, j)].im))))
 }
 
+/// What is left of the unknowns of a matrix of some rank: columns `kept` (in the order of what each adds), and the others as their
+/// combinations, `A_left = A_kept C`.
+pub(crate) struct Elimination {
+    pub(crate) kept: Vec<usize>,
+    pub(crate) left: Vec<usize>,
+    /// Triangle of the kept columns, rank x rank.
+    pub(crate) r: DMatrix<f64>,
+    /// Rank x left.
+    pub(crate) c: DMatrix<f64>,
+}
+
+/// Eliminates all but `rank` columns by QR with column pivoting: `A P = Q [R_11 R_12; 0 0]`, `C = R_11^-1 R_12` (M. Gautier,
+/// *Numerical calculation of the base inertial parameters of robots*, J. Robotic Systems 8(4), 1991). Allocates.
+///
+/// # Errors
+/// [`LinalgError`]; `RankDeficient` when the rank is lower.
+pub(crate) fn eliminate(a: &DMatrix<f64>, rank: usize) -> Result<Elimination> {
+    let n = a.ncols();
+    let qr = col_piv_qr(a)?;
+    let (kept, left) = (qr.order[..rank].to_vec(), qr.order[rank..].to_vec());
+    let r = qr.r.view((0, 0), (rank, rank)).into_owned();
+    let c = r.solve_upper_triangular(&qr.r.view((0, rank), (rank, n - rank)).into_owned());
+    let c = c.ok_or_else(|| LinalgError::RankDeficient {
+        rank: rank.saturating_sub(1),
+        columns: n,
+        dependent: left.clone(),
+    })?;
+    Ok(Elimination { kept, left, r, c })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -185,10 +185,7 @@ pub(crate) fn solve(task: &Task<'_>, kinds: &[Triangle]) -> Result<LinearEstimat
     let Task { decls, selected, start, extra, weights } = task;
     check_weights(weights, kinds)?;
     let all_sizes = scale::sizes(decls, start);
-    let mut unknowns: Vec<Unknown> = selected
-        .iter()
-        .map(|&i| Unknown { name: decls[i].name.clone(), unit: decls[i].unit.to_owned(), size: all_sizes[i] })
-        .collect();
+    let mut unknowns = Unknown::of_parameters(decls, selected, &all_sizes);
     unknowns.extend(extra.iter().map(|e| e.0.clone()));
     let n = unknowns.len();
     let rows: usize = kinds.iter().map(|t| t.rows).sum();
@@ -286,17 +283,13 @@ fn base_parameters(
     x: &[f64],
     rank: usize,
 ) -> Result<Vec<BaseParameter>, LinalgError> {
-    let n = unknowns.len();
     let mut a = m.r.clone();
     for (k, u) in unknowns.iter().enumerate() {
         a.column_mut(k).scale_mut(u.size);
     }
-    let qr = linalg::col_piv_qr(&a)?;
-    let (own, rest) = qr.order.split_at(rank);
-    let r11 = qr.r.view((0, 0), (rank, rank)).into_owned();
-    let singular = || LinalgError::RankDeficient { rank, columns: n, dependent: rest.to_vec() };
-    let k = r11.solve_upper_triangular(&qr.r.view((0, rank), (rank, n - rank)).into_owned()).ok_or_else(singular)?;
-    let inverse = r11.solve_upper_triangular(&DMatrix::identity(rank, rank)).ok_or_else(singular)?;
+    let linalg::Elimination { kept: own, left: rest, r, c } = linalg::eliminate(&a, rank)?;
+    let singular = || LinalgError::RankDeficient { rank, columns: unknowns.len(), dependent: rest.clone() };
+    let inverse = r.solve_upper_triangular(&DMatrix::identity(rank, rank)).ok_or_else(singular)?;
     let mut order: Vec<usize> = (0..rank).collect();
     order.sort_by_key(|&i| own[i]);
     Ok(order
@@ -305,7 +298,7 @@ fn base_parameters(
             let u = &unknowns[own[i]];
             let mut terms = vec![(u.name.clone(), 1.0)];
             let mut value = x[own[i]];
-            let mut others: Vec<(usize, f64)> = rest.iter().enumerate().map(|(j, &o)| (o, k[(i, j)])).collect();
+            let mut others: Vec<(usize, f64)> = rest.iter().enumerate().map(|(j, &o)| (o, c[(i, j)])).collect();
             others.retain(|(_, f)| f.abs() > NEGLIGIBLE);
             others.sort_by_key(|o| o.0);
             for (o, f) in others {

@@ -7,6 +7,8 @@ use crate::covariance::Unknown;
 use crate::estimator::Estimator;
 use crate::lm::EvalError;
 use crate::record::Record;
+use crate::runs::runs;
+use core::ops::Range;
 use nalgebra::DMatrix;
 
 /// Weights of the torque and gyro channels, N x n and N x 3, each 0 to 1.
@@ -74,17 +76,8 @@ impl Mask {
 fn saturated(x: &[f64]) -> Vec<(usize, usize)> {
     let low = x.iter().copied().fold(f64::INFINITY, f64::min);
     let high = x.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let (mut out, mut start) = (Vec::new(), 0);
-    for i in 1..=x.len() {
-        if i < x.len() && x[i] == x[start] {
-            continue;
-        }
-        if i - start >= 3 && i - start < x.len() && (x[start] == low || x[start] == high) {
-            out.push((start, i));
-        }
-        start = i;
-    }
-    out
+    let clipped = |r: &Range<usize>| (3..x.len()).contains(&r.len()) && (x[r.start] == low || x[r.start] == high);
+    runs(x).filter(clipped).map(|r| (r.start, r.end)).collect()
 }
 
 /// An estimator whose rows are multiplied by the square root of weights.

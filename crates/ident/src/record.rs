@@ -130,20 +130,24 @@ impl Record {
             );
             return Err(Problems(vec![p.hint("choose a window inside the record")]));
         }
-        let cut = |m: &DMatrix<f64>| m.rows(a, b - a).into_owned();
-        Ok(Self {
-            t0: self.t0 + self.time(a),
+        Ok(Self { t0: self.t0 + self.time(a), ..self.mapped(|m| m.rows(a, b - a).into_owned()) })
+    }
+    /// Every channel through `f`, which takes samples to samples; clock and names as they are.
+    pub(crate) fn mapped(&self, f: impl Fn(&DMatrix<f64>) -> DMatrix<f64>) -> Self {
+        let of = |m: &Option<DMatrix<f64>>| m.as_ref().map(&f);
+        Self {
+            t0: self.t0,
             dt: self.dt,
             joint_names: self.joint_names.clone(),
-            q: cut(&self.q),
-            qd: self.qd.as_ref().map(cut),
-            qdd: self.qdd.as_ref().map(cut),
-            tau: cut(&self.tau),
-            gyro: cut(&self.gyro),
-            acc: self.acc.as_ref().map(cut),
-            att: self.att.as_ref().map(cut),
+            q: f(&self.q),
+            qd: of(&self.qd),
+            qdd: of(&self.qdd),
+            tau: f(&self.tau),
+            gyro: f(&self.gyro),
+            acc: of(&self.acc),
+            att: of(&self.att),
             fixed_base: self.fixed_base,
-        })
+        }
     }
     /// Checks that the joints are those of a model, in its order (bad-inputs row D37).
     ///

@@ -5,6 +5,7 @@
 
 use crate::record::Record;
 use crate::record_checks;
+use crate::runs::runs;
 use ff_model::{Area, Problem, Problems, Severity};
 use nalgebra::DMatrix;
 
@@ -384,15 +385,9 @@ fn stuck(name: &str, m: &DMatrix<f64>, joints: &[String], dt: f64, bad: &mut Pro
         return;
     }
     for (j, c) in m.column_iter().enumerate() {
-        let (mut best, mut from, mut start) = (1, 0, 0);
-        for i in 1..=c.len() {
-            if i == c.len() || c[i] != c[start] {
-                if i - start > best {
-                    (best, from) = (i - start, start);
-                }
-                start = i;
-            }
-        }
+        // The first of the longest.
+        let longest = runs(c.as_slice()).fold(0..0, |best, run| if run.len() > best.len() { run } else { best });
+        let (from, best) = (longest.start, longest.len());
         let axis = if name == "gyro" { ["x", "y", "z"][j] } else { &joints[j] };
         let (a, b) = (from as f64 * dt, (from + best) as f64 * dt);
         let message = format!("holds exactly {} from {a:.3} to {b:.3} s of {:.3} s", c[from], c.len() as f64 * dt);

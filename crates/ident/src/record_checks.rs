@@ -1,5 +1,7 @@
 //! What a single channel shows by itself: a sensor at the end of its range, readings that jump out and back.
 
+use crate::runs::runs;
+use core::ops::Range;
 use ff_model::{Area, Problem, Problems};
 
 /// Equal extreme samples in a row that make a plateau (row D17).
@@ -50,22 +52,17 @@ fn saturated(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
     let usual = median(x.len() - 1, step, |s| s > 0.0);
     let sharp = (0.25 * usual).max(2.0 * least);
     let (mut count, mut first, mut at) = (0, 0, 0.0);
-    let mut start = 0;
-    for i in 1..=x.len() {
-        if i < x.len() && x[i] == x[start] {
-            continue;
-        }
+    for Range { start, end } in runs(x) {
         let extreme = x[start] == lo || x[start] == hi;
         // A signal that begins or ends at rest enters its plateau from nowhere.
         let entered = start > 0 && (x[start] - x[start - 1]).abs() >= sharp;
-        let left = i < x.len() && (x[i] - x[start]).abs() >= sharp;
-        if extreme && i - start >= PLATEAU && (entered || left) {
+        let left = end < x.len() && (x[end] - x[start]).abs() >= sharp;
+        if extreme && end - start >= PLATEAU && (entered || left) {
             if count == 0 {
                 (first, at) = (start, x[start]);
             }
-            count += i - start;
+            count += end - start;
         }
-        start = i;
     }
     if count == 0 {
         return;

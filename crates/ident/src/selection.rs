@@ -36,7 +36,18 @@ impl SelectionError {
 /// [`SelectionError::NoMatch`] for the first pattern that matches nothing, with the name nearest to it;
 /// [`SelectionError::Empty`].
 pub fn select<S: AsRef<str>>(decls: &[ParamDecl], patterns: &[S]) -> Result<Vec<usize>, SelectionError> {
-    let mut chosen = vec![false; decls.len()];
+    let (out, missed) = sift(decls, patterns);
+    if let Some(pattern) = missed {
+        let similarity = |d: &ParamDecl| strsim::jaro_winkler(pattern, &d.name);
+        let nearest = decls.iter().max_by(|a, b| similarity(a).total_cmp(&similarity(b)));
+        return Err(SelectionError::NoMatch { pattern: pattern.to_owned(), nearest: nearest.map(|d| d.name.clone()) });
+    }
+    if out.is_empty() { Err(SelectionError::Empty) } else { Ok(out) }
+}
+
+/// What the patterns leave selected, ascending, and the first pattern that matches nothing.
+pub(crate) fn sift<'a, S: AsRef<str>>(decls: &[ParamDecl], patterns: &'a [S]) -> (Vec<usize>, Option<&'a str>) {
+    let (mut chosen, mut missed) = (vec![false; decls.len()], None);
     for p in patterns {
         let p = p.as_ref().trim();
         let (pattern, value) = p.strip_prefix('!').map_or((p, true), |rest| (rest.trim_start(), false));
@@ -46,17 +57,9 @@ pub fn select<S: AsRef<str>>(decls: &[ParamDecl], patterns: &[S]) -> Result<Vec<
                 (*c, hit) = (value, true);
             }
         }
-        if !hit {
-            let similarity = |d: &ParamDecl| strsim::jaro_winkler(pattern, &d.name);
-            let nearest = decls.iter().max_by(|a, b| similarity(a).total_cmp(&similarity(b)));
-            return Err(SelectionError::NoMatch {
-                pattern: pattern.to_owned(),
-                nearest: nearest.map(|d| d.name.clone()),
-            });
-        }
+        missed = missed.or((!hit).then_some(pattern));
     }
-    let out: Vec<usize> = (0..decls.len()).filter(|&i| chosen[i]).collect();
-    if out.is_empty() { Err(SelectionError::Empty) } else { Ok(out) }
+    ((0..decls.len()).filter(|&i| chosen[i]).collect(), missed)
 }
 
 /// True when `pattern`, with `*` for any run of characters, covers the whole of `name`. Does not allocate.

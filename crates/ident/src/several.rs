@@ -8,7 +8,7 @@
 use crate::covariance::Unknown;
 use crate::estimator::Estimator;
 use crate::lm::EvalError;
-use crate::selection::{self, SelectionError};
+use crate::selection::{self, SelectionError, sift};
 use ff_model::{ParamDecl, ParamGroup};
 use nalgebra::DMatrix;
 
@@ -83,7 +83,7 @@ impl Shared {
             if out.labels.iter().any(|l| l == label) {
                 return Err(SharedError::Label((*label).to_owned()));
             }
-            let claimed: Vec<usize> = if own.is_empty() { Vec::new() } else { selected(decls, own) };
+            let claimed: Vec<usize> = if own.is_empty() { Vec::new() } else { sift(decls, own).0 };
             let is_own = |i: usize| {
                 let same_body =
                     |j: &usize| matches!(decls[i].group, ParamGroup::Inertial(_)) && decls[*j].group == decls[i].group;
@@ -143,17 +143,6 @@ impl Shared {
         }
         out
     }
-}
-
-fn selected<S: AsRef<str>>(decls: &[ParamDecl], patterns: &[S]) -> Vec<usize> {
-    let hit = |d: &ParamDecl| {
-        patterns.iter().fold(false, |now, p| {
-            let p = p.as_ref().trim();
-            let (p, value) = p.strip_prefix('!').map_or((p, true), |rest| (rest.trim_start(), false));
-            if selection::matches(p, &d.name) { value } else { now }
-        })
-    };
-    decls.iter().enumerate().filter(|(_, d)| hit(d)).map(|(i, _)| i).collect()
 }
 
 /// Estimators of several records as one.

@@ -20,19 +20,7 @@ impl Record {
             return Err(Problems(vec![Problem::error(Area::Data, "Data::Window", m).hint("thin less")]));
         }
         let pick = |m: &DMatrix<f64>| DMatrix::from_fn(left, m.ncols(), |i, j| m[(i * every, j)]);
-        Ok(Self {
-            fixed_base: self.fixed_base,
-            t0: self.t0,
-            dt: self.dt * every as f64,
-            joint_names: self.joint_names.clone(),
-            q: pick(&self.q),
-            qd: self.qd.as_ref().map(pick),
-            qdd: self.qdd.as_ref().map(pick),
-            tau: pick(&self.tau),
-            gyro: pick(&self.gyro),
-            acc: self.acc.as_ref().map(pick),
-            att: self.att.as_ref().map(pick),
-        })
+        Ok(Self { dt: self.dt * every as f64, ..self.mapped(pick) })
     }
 }
 

@@ -8,6 +8,7 @@ pub mod degeneracies;
 pub mod excitation;
 pub mod identification;
 pub mod nist;
+mod quintic;
 pub mod starts;
 
 use crate::exit::Failure;
@@ -127,6 +128,21 @@ impl Study {
         self.figure(name.clone(), unit, value);
         self.pass &= op.holds(value, limit);
         self.limits.insert(name, (op, limit));
+    }
+    /// A limit that holds for the whole study only: with `quick`, a figure.
+    pub fn judged(
+        &mut self,
+        quick: bool,
+        name: impl Into<String>,
+        unit: &'static str,
+        value: f64,
+        (op, limit): (Op, f64),
+    ) {
+        if quick {
+            self.figure(name, unit, value);
+        } else {
+            self.limited(name, unit, value, op, limit);
+        }
     }
     /// A line below the table.
     pub fn note(&mut self, text: impl Into<String>) {

@@ -162,8 +162,7 @@ fn record(
     let mut j = DMatrix::zeros(torques + d.gyro.nrows(), selected.len());
     j.rows_mut(0, torques).copy_from(&(d.tau.rows(0, torques) / NOISE.0));
     j.rows_mut(torques, d.gyro.nrows()).copy_from(&(d.gyro / NOISE.1));
-    let unknown = |&i: &usize| Unknown { name: decls[i].name.clone(), unit: decls[i].unit.to_owned(), size: sizes[i] };
-    let unknowns: Vec<Unknown> = selected.iter().map(unknown).collect();
+    let unknowns = Unknown::of_parameters(&decls, &selected, &sizes);
     Ok((analyse(&j, &unknowns, TOLERANCE)?, j))
 }
 

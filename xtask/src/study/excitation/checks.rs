@@ -1,7 +1,7 @@
 //! Gradients, limits between the knots, and times.
 
 use super::truth::Swing;
-use super::{CONTROL_POINTS, FREE, RECORD_S, SEARCH_STEP_S, Setup, fisher_request, judged, modal_cost, quiet_cost};
+use super::{CONTROL_POINTS, FREE, RECORD_S, SEARCH_STEP_S, Setup, fisher_request, modal_cost, quiet_cost};
 use crate::study::{Op, Study};
 use anyhow::Context;
 use ffid::dynamics::motion::JointMotion;
@@ -134,7 +134,7 @@ pub(super) fn times(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     for (name, cost) in goals {
         let clock = Instant::now();
         let o = minimise(cost, &plan, &random_plan(&plan, s.seed, 1, 0.5)?, &options)?;
-        judged(study, s.quick, &format!("seconds.{name}"), "s", clock.elapsed().as_secs_f64(), Op::AtMost, 30.0);
+        study.judged(s.quick, format!("seconds.{name}"), "s", clock.elapsed().as_secs_f64(), (Op::AtMost, 30.0));
         study.note(format!(
             "goal ({name}), free duration: {:?} after {} iterations, {:.1} s long",
             o.status,
@@ -148,7 +148,7 @@ pub(super) fn times(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     let request = FisherRequest { duration: FREE, refined: 1, starts: 2, ..fisher_request(s, RECORD_S) };
     let clock = Instant::now();
     let p = plan_fisher(s.model(), &s.params, &information, &criterion, s.noise, &request)?;
-    judged(study, s.quick, "seconds.c", "s", clock.elapsed().as_secs_f64(), Op::AtMost, 180.0);
+    study.judged(s.quick, "seconds.c", "s", clock.elapsed().as_secs_f64(), (Op::AtMost, 180.0));
     study.note(format!(
         "goal (c), free duration: {:?} after {} iterations, {:.1} s long",
         p.outcome.status,

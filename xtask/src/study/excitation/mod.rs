@@ -146,15 +146,6 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     Ok(study)
 }
 
-/// A limit that holds for the whole study only.
-fn judged(study: &mut Study, quick: bool, name: &str, unit: &'static str, value: f64, op: Op, limit: f64) {
-    if quick {
-        study.figure(name, unit, value);
-    } else {
-        study.limited(name, unit, value, op, limit);
-    }
-}
-
 fn largest(f: &DMatrix<f64>, quantities: &[RelativeQuantity]) -> f64 {
     relative_deviations(f, quantities).into_iter().fold(0.0, f64::max)
 }
@@ -183,8 +174,8 @@ fn information(s: &Setup, study: &mut Study) -> anyhow::Result<Box<dyn JointMoti
     study.figure("information.largest", "%", 100.0 * planned_std);
     study.figure("information.multisine_median", "%", 100.0 * median);
     study.figure("information.multisine_best", "%", 100.0 * best);
-    judged(study, s.quick, "information.gain_over_median", "", median / planned_std, Op::AtLeast, 3.0);
-    judged(study, s.quick, "information.gain_over_best", "", best / planned_std, Op::AtLeast, 1.5);
+    study.judged(s.quick, "information.gain_over_median", "", median / planned_std, (Op::AtLeast, 3.0));
+    study.judged(s.quick, "information.gain_over_best", "", best / planned_std, (Op::AtLeast, 1.5));
     // The steps of search and report against the record's own.
     let exact = s.information(0.01)?.of_motion(&planned.motion).context("information at 10 ms")?;
     let coarse = search.of_motion(&planned.motion).context("information at the search step")?;
@@ -231,7 +222,7 @@ fn quiet(s: &Setup, study: &mut Study, loud: &dyn JointMotion) -> anyhow::Result
     let motion = plan.motion(&best.x)?;
     let (loud_power, quiet_power) = (truth::band_power(loud, low, high), truth::band_power(&motion, low, high));
     let attenuation = 10.0 * (loud_power / quiet_power).log10();
-    judged(study, s.quick, "quiet.attenuation", "dB", attenuation, Op::AtLeast, 40.0);
+    study.judged(s.quick, "quiet.attenuation", "dB", attenuation, (Op::AtLeast, 40.0));
     let bias = |m: &dyn JointMotion| truth::rigid_bias(s.model(), &s.params, m, s.noise);
     let (loud_bias, quiet_bias) = (bias(loud)?, bias(&motion)?);
     for (i, name) in ["mass", "centre_of_mass", "inertia"].into_iter().enumerate() {
@@ -241,8 +232,8 @@ fn quiet(s: &Setup, study: &mut Study, loud: &dyn JointMotion) -> anyhow::Result
         }
     }
     let ([fit, linear], [fit_q, linear_q]) = (loud_bias.worst(), quiet_bias.worst());
-    judged(study, s.quick, "quiet.bias_ratio", "", fit / fit_q, Op::AtLeast, 5.0);
-    judged(study, s.quick, "quiet.bias_ratio_first_step", "", linear / linear_q, Op::AtLeast, 5.0);
+    study.judged(s.quick, "quiet.bias_ratio", "", fit / fit_q, (Op::AtLeast, 5.0));
+    study.judged(s.quick, "quiet.bias_ratio_first_step", "", linear / linear_q, (Op::AtLeast, 5.0));
     let f = s.information(REPORT_STEP_S)?;
     let quantities = base_quantities(&f).context("all ten parameters of the base")?;
     let std = f.of_motion(&motion).map_or(f64::INFINITY, |f| largest(&f, &quantities));
@@ -295,10 +286,10 @@ fn modal(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     study.figure("modal.frequency", "Hz", frequency);
     study.figure("modal.amplitude", "rad", a);
     study.figure("modal.amplitude_manoeuvre", "rad", a0);
-    judged(study, s.quick, "modal.response_ratio", "", a / a0, Op::AtLeast, 3.0);
+    study.judged(s.quick, "modal.response_ratio", "", a / a0, (Op::AtLeast, 3.0));
     study.figure("modal.line_ratio", "", line / line0);
     let torque = swing.torque(symmetric, of(&swing, &planned, symmetric)?.0) / s.noise.torque;
-    judged(study, s.quick, "modal.symmetric_torque_over_noise", "", torque, Op::AtLeast, 10.0);
+    study.judged(s.quick, "modal.symmetric_torque_over_noise", "", torque, (Op::AtLeast, 10.0));
     let before = parallel.torque(plain_symmetric, of(&parallel, &plain, plain_symmetric)?.0) / s.noise.torque;
     study.figure("modal.symmetric_torque_over_noise_manoeuvre", "", before);
     study.note(format!("modal plan: {:?} after {} iterations", best.status, best.iterations));

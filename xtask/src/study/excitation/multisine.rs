@@ -5,6 +5,7 @@
 //! of the time each by a quintic step (rest to rest with continuous acceleration). `c_j` is as large as position, speed
 //! and acceleration allow: each joint touches one of its limits.
 
+use crate::study::quintic::step;
 use ffid::dynamics::motion::JointMotion;
 use ffid::excitation::JointLimits;
 use rand::{RngExt, SeedableRng};
@@ -47,16 +48,6 @@ impl Multisine {
         }
         m
     }
-}
-
-/// Quintic step over unit time with its two derivatives.
-fn step(x: f64) -> [f64; 3] {
-    let x = x.clamp(0.0, 1.0);
-    [
-        x * x * x * (10.0 - 15.0 * x + 6.0 * x * x),
-        30.0 * x * x * (1.0 - x) * (1.0 - x),
-        60.0 * x * (1.0 - x) * (1.0 - 2.0 * x),
-    ]
 }
 
 impl JointMotion for Multisine {

@@ -6,7 +6,7 @@
 //! starts and biases. The figures are the worst of the three.
 
 use super::case::{COMBINED, Case};
-use super::{fit, judged, settings};
+use super::{fit, settings};
 use crate::study::{Op, Options, Study};
 use anyhow::Context;
 use ffid::dynamics::{Boundary, Trace, measure, modes};
@@ -53,7 +53,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
         let of = |e: &Errors| e.named.iter().find(|n| n.0 == name).map_or(f64::NAN, |n| 100.0 * n.1);
         // NaN must not be lost in the largest.
         let worst = all.iter().map(of).fold(0.0, |m: f64, x| if x.is_nan() { x } else { m.max(x) });
-        judged(&mut study, false, format!("{name}.error"), "%", worst, (Op::AtMost, limit));
+        study.judged(false, format!("{name}.error"), "%", worst, (Op::AtMost, limit));
     }
     for name in ["delay", "torque_bias", "gyro_bias", "slosh_mass", "slosh_length"] {
         let of = |e: &Errors| e.named.iter().find(|n| n.0 == name).map_or(f64::NAN, |n| n.1);
@@ -66,7 +66,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
         study.figure(format!("{name}.error"), unit, all.iter().map(of).fold(0.0, f64::max));
     }
     let converged = all.iter().filter(|e| e.estimate.status.is_converged()).count();
-    judged(&mut study, false, "converged".into(), "", converged as f64, (Op::AtLeast, count as f64));
+    study.judged(false, "converged", "", converged as f64, (Op::AtLeast, count as f64));
     study.figure("chi2_per_dof", "", all[0].estimate.chi2_per_dof);
     study.figure("iterations", "", all.iter().map(|e| e.estimate.iterations).max().unwrap_or(0) as f64);
     study.figure("seconds", "s", all.iter().map(|e| e.seconds).fold(0.0, f64::max));

@@ -6,7 +6,7 @@
 //! `flexible`, `slosh`.
 
 use super::case::{Case, FLEXIBLE, Kind, SLOSH};
-use super::{judged, settings};
+use super::settings;
 use crate::study::{Op, Options, Study};
 use ffid::dynamics::{Trace, measure};
 use ffid::ident::start::offset_start;
@@ -56,7 +56,7 @@ fn system(kind: Kind, groups: &[Group], options: &Options, study: &mut Study) ->
     study.figure(name("seconds"), "s", seconds);
     study.figure(name("chi2_per_dof"), "", fits.iter().map(|e| e.chi2_per_dof).sum::<f64>() / count);
     let converged = fits.iter().filter(|e| e.status.is_converged()).count();
-    judged(study, options.quick, name("converged"), "", converged as f64, (Op::AtLeast, count));
+    study.judged(options.quick, name("converged"), "", converged as f64, (Op::AtLeast, count));
     for (group, pattern) in groups {
         let members: Vec<usize> =
             (0..case.selected.len()).filter(|&k| case.decls[case.selected[k]].name.contains(pattern)).collect();
@@ -75,11 +75,11 @@ fn system(kind: Kind, groups: &[Group], options: &Options, study: &mut Study) ->
             }
         }
         let covered = 100.0 * inside / all;
-        judged(study, options.quick, name(&format!("{group}.covered")), "%", covered, (Op::AtLeast, 92.0));
+        study.judged(options.quick, name(&format!("{group}.covered")), "%", covered, (Op::AtLeast, 92.0));
         if !options.quick {
             study.limited(name(&format!("{group}.covered_at_most")), "%", covered, Op::AtMost, 98.0);
         }
-        judged(study, options.quick, name(&format!("{group}.bias")), "sigma", worst.abs(), (Op::AtMost, 0.2));
+        study.judged(options.quick, name(&format!("{group}.bias")), "sigma", worst.abs(), (Op::AtMost, 0.2));
         study.note(format!("{}: largest bias of {group}: {of}, {worst:.3} sigma", case.name));
     }
     Ok(())

@@ -6,7 +6,6 @@ pub mod coverage;
 pub mod recovery;
 mod shaken;
 
-use super::{Op, Study};
 use case::Case;
 use ffid::ident::lm::Settings;
 use ffid::ident::staged::{Accept, Pass, estimate_staged};
@@ -49,13 +48,4 @@ fn fit(
     let mut e = staged.estimate;
     e.iterations += staged.trials.iter().map(|t| t.iterations).sum::<usize>();
     Ok(e)
-}
-
-/// A limit that holds for the whole study only.
-fn judged(study: &mut Study, quick: bool, name: String, unit: &'static str, value: f64, (op, limit): (Op, f64)) {
-    if quick {
-        study.figure(name, unit, value);
-    } else {
-        study.limited(name, unit, value, op, limit);
-    }
 }

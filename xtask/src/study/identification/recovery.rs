@@ -7,7 +7,7 @@
 //! a frequency off by half, so beginnings of the record are fitted first. Parts for `--only`: the systems.
 
 use super::case::{COMBINED, Case, FLEXIBLE, PAYLOAD, RIGID, SLOSH};
-use super::{fit, judged, settings};
+use super::{fit, settings};
 use crate::study::{Op, Options, Study};
 use ffid::ident::start::offset_start;
 use ffid::ident::{Estimate, Rda, Record, Request, estimate};
@@ -52,7 +52,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
         study.figure(name("worst_error"), "", all.iter().map(|x| x.1).fold(0.0, f64::max));
         study.figure(name("iterations"), "", all.iter().map(|x| x.2).sum::<usize>() as f64 / seeds as f64);
         study.figure(name("seconds"), "s", seconds);
-        judged(&mut study, false, name("recovered"), "", recovered as f64, (Op::AtLeast, seeds as f64));
+        study.judged(false, name("recovered"), "", recovered as f64, (Op::AtLeast, seeds as f64));
     }
     study.note(format!("{seeds} starts per system, {:.0} % off; recovered: to {RECOVERED:e}", 100.0 * OFFSET));
     Ok(study)

@@ -6,6 +6,7 @@
 //! of the time and fall over the last. Limits hold because they are linear in the motion: three quarters of them for the plan, the
 //! rest for the tones.
 
+use crate::study::quintic::step;
 use ffid::dynamics::bspline::BSplineMotion;
 use ffid::dynamics::motion::JointMotion;
 use std::f64::consts::TAU;
@@ -33,13 +34,6 @@ impl Shaken {
         let each = acceleration.iter().map(|a| TONES * a / frequencies.len().max(1) as f64).collect();
         Self { plan, start: q, frequencies, each }
     }
-}
-
-/// Quintic step over unit time with its two derivatives.
-fn step(x: f64) -> [f64; 3] {
-    let x = x.clamp(0.0, 1.0);
-    let y = x * (1.0 - x);
-    [x.powi(3) * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * y * y, 60.0 * y * (1.0 - 2.0 * x)]
 }
 
 impl JointMotion for Shaken {
