@@ -104,7 +104,7 @@ pub fn estimate_clocks(
     uncertain: &[(usize, f64)],
     max_offset: f64,
 ) -> Result<Clocks, ClockError> {
-    let mut tables = Tables::new(model, record, 2)?;
+    let mut tables = Tables::new(model, record, 2, None, false)?;
     let mut z0 = vec![0.0; 6];
     z0.extend(model.rest_position(params));
     z0.resize(6 + 2 * model.np(), 0.0);

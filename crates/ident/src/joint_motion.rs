@@ -1,7 +1,7 @@
 //! Joint motion of a record as a smooth function of time, with consistent rates and accelerations.
 
-use crate::knot_spectrum::{SpectralFit, fit_by_spectrum};
-use crate::motion_fit::{JointSamples, choose_knots};
+use crate::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
+use crate::motion_fit::{JointSamples, choose_knots, fit_motion_from_rest, noise_estimate};
 use crate::rda::SetupError;
 use crate::record::Record;
 use ff_dynamics::motion::{HermiteTable, JointMotion};
@@ -11,48 +11,97 @@ use nalgebra::DMatrix;
 /// The joint motion of a record.
 ///
 /// With rates and accelerations in the record (noise-free simulation, or a controller that logs its set
-/// points), quintic Hermite interpolation through the samples; with positions alone, a least-squares B-spline
-/// ([`crate::motion_fit`]). Allocates.
+/// points), quintic Hermite interpolation through the samples; with positions, and rates where they agree with them, a
+/// least-squares B-spline ([`spectral_motion`]). Allocates.
 ///
 /// # Errors
 /// [`SetupError`].
 pub fn joint_motion(model: &Model, record: &Record) -> Result<Box<dyn JointMotion>, SetupError> {
-    let n = record.joints();
-    if n != model.nj() {
-        return Err(SetupError::Joints { got: n, want: model.nj() });
+    check_joints(model, record)?;
+    if let Some(table) = logged(record)? {
+        return Ok(Box::new(table));
     }
-    let rows = |m: &nalgebra::DMatrix<f64>| m.transpose().as_slice().to_vec();
-    match (record.qd(), record.qdd()) {
-        (Some(qd), Some(qdd)) => {
-            let table = HermiteTable::new(n, record.dt(), &rows(record.q()), &rows(qd), &rows(qdd));
-            Ok(Box::new(table.map_err(|e| SetupError::JointMotion(e.to_string()))?))
-        }
-        _ => fitted(record),
+    if let Some(short) = short(record)? {
+        return Ok(short);
     }
+    Ok(Box::new(spectral_motion(record)?.fit.motion))
 }
 
-/// B-spline through the positions of a record: the coarsest knots that reach the noise floor, no denser than the spectrum of
-/// the positions has anything to follow, with the reason ([`crate::knot_spectrum`]). Allocates.
+pub(crate) fn check_joints(model: &Model, record: &Record) -> Result<(), SetupError> {
+    let n = record.joints();
+    if n == model.nj() { Ok(()) } else { Err(SetupError::Joints { got: n, want: model.nj() }) }
+}
+
+/// The motion of a record that has rates and accelerations.
+pub(crate) fn logged(record: &Record) -> Result<Option<HermiteTable>, SetupError> {
+    let (Some(qd), Some(qdd)) = (record.qd(), record.qdd()) else { return Ok(None) };
+    let table = HermiteTable::new(record.joints(), record.dt(), &rows(record.q()), &rows(qd), &rows(qdd));
+    table.map(Some).map_err(|e| SetupError::JointMotion(e.to_string()))
+}
+
+/// The motion of a record too short for a spectrum.
+pub(crate) fn short(record: &Record) -> Result<Option<Box<dyn JointMotion>>, SetupError> {
+    if record.samples() >= 64 {
+        return Ok(None);
+    }
+    let (times, q) = (times(record), rows(record.q()));
+    let s = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
+    let fit = choose_knots(&s, None).map_err(|e| SetupError::JointMotion(e.to_string()))?;
+    Ok(Some(Box::new(fit.motion)))
+}
+
+/// B-spline through the positions of a record, with knots judged by their accelerations, every joint alike, and with the reason for
+/// them ([`crate::knot_spectrum`]). Allocates.
 ///
 /// # Errors
 /// [`SetupError::JointMotion`]; at least 64 samples are needed.
 pub fn spectral_motion(record: &Record) -> Result<SpectralFit, SetupError> {
-    on_samples(record, |s| fit_by_spectrum(s, None).map_err(|e| SetupError::JointMotion(e.to_string())))
+    motion_at_stake(record, &Stake { weights: vec![1.0; record.joints()], free: 0.0 }, false)
 }
 
-fn on_samples<T>(record: &Record, fit: impl FnOnce(&JointSamples<'_>) -> T) -> T {
-    let times: Vec<f64> = (0..record.samples()).map(|i| i as f64 * record.dt()).collect();
-    let q = rows(record.q());
-    fit(&JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 })
-}
-
-/// [`spectral_motion`], or without a spectrum for the shortest records.
-fn fitted(record: &Record) -> Result<Box<dyn JointMotion>, SetupError> {
-    if record.samples() >= 64 {
-        return Ok(Box::new(spectral_motion(record)?.fit.motion));
+/// [`spectral_motion`] with what accelerations are worth.
+///
+/// Recorded rates are used when a spline can follow both: rates that are late, filtered or scaled leave more than their noise, and
+/// are then left out. With `from_rest`, rates at the first sample that are zero within their noise are held at zero
+/// ([`fit_motion_from_rest`]). Allocates.
+///
+/// # Errors
+/// As [`spectral_motion`].
+pub fn motion_at_stake(record: &Record, stake: &Stake, from_rest: bool) -> Result<SpectralFit, SetupError> {
+    let failed = |e: KnotError| SetupError::JointMotion(e.to_string());
+    let (times, q) = (times(record), rows(record.q()));
+    let positions = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
+    if let Some(qd) = record.qd() {
+        let qd = rows(qd);
+        let noise = |x: &[f64]| noise_estimate(&JointSamples { q: x, ..positions }).map_err(|e| failed(e.into()));
+        let (of_q, of_qd) = (noise(&q)?, noise(&qd)?);
+        let norm = |s: &[f64]| s.iter().map(|s| s * s).sum::<f64>().sqrt();
+        let rate_weight = norm(&of_q) / norm(&of_qd);
+        if rate_weight > 0.0 && rate_weight.is_finite() {
+            let agree = |r: &[f64], s: &[f64]| r.iter().zip(s).all(|(r, s)| *r <= 1.5 * s);
+            // Rates so much better than positions that these do not count leave the constant of the motion open.
+            if let Ok(fit) = fit_at_stake(&JointSamples { qd: Some(&qd), rate_weight, ..positions }, None, stake)
+                && agree(&fit.fit.rate_residual, &of_qd)
+                && agree(&fit.fit.residual, &fit.noise)
+            {
+                return settled(fit, &JointSamples { qd: Some(&qd), rate_weight, ..positions }, from_rest);
+            }
+        }
     }
-    let fit = on_samples(record, |s| choose_knots(s, None)).map_err(|e| SetupError::JointMotion(e.to_string()))?;
-    Ok(Box::new(fit.motion))
+    settled(fit_at_stake(&positions, None, stake).map_err(failed)?, &positions, from_rest)
+}
+
+/// The fit, held at rest at the first sample if it may start there and is asked to.
+fn settled(mut fit: SpectralFit, samples: &JointSamples<'_>, from_rest: bool) -> Result<SpectralFit, SetupError> {
+    if from_rest && fit.fit.may_start_at_rest(&fit.noise) {
+        let held = fit_motion_from_rest(samples, fit.fit.spacing);
+        fit.fit = held.map_err(|e| SetupError::JointMotion(e.to_string()))?;
+    }
+    Ok(fit)
+}
+
+fn times(record: &Record) -> Vec<f64> {
+    (0..record.samples()).map(|i| i as f64 * record.dt()).collect()
 }
 
 /// Row-major copy: sample after sample.

@@ -1,26 +1,40 @@
-//! How dense the knots of a fitted joint motion need be, read off the spectrum of the positions.
+//! How dense the knots of a fitted joint motion need be.
 //!
 //! Knots too far apart bend the motion, knots too close let noise through, whose part in the acceleration grows with
-//! `spacing^-2.5`. Above the frequency where the spectrum of the positions meets the floor of its noise there is nothing to
-//! follow: a spline of degree 5 needs some four knots per period there ([`KNOTS_PER_PERIOD`]), and no more. Among the
-//! spacings up to that density the coarsest is taken whose residual is at the noise of every joint, as in
-//! [`crate::motion_fit::choose_knots`], which knows no such end and, told too little noise, follows what there is down to 2.5 samples.
+//! `spacing^-2.5`. Spacings from a sixth of the record down are tried, each `1 / sqrt 2` of the one before, and judged by their
+//! accelerations: by what finer knots change beyond noise, and by the noise they let through ([`crate::knot_risk`], equations
+//! in `docs/theory/joint-motion.md`). Where it is known how much noise in acceleration costs nothing, because torques are noisier,
+//! the finest spacing that lets through no more is taken, or a finer one that the motion needs.
+//!
+//! Above the frequency where the spectrum of the positions meets the floor of its noise there is nothing to follow: a spline of
+//! degree 5 needs some four knots per period there ([`KNOTS_PER_PERIOD`]), and no more. [`crate::motion_fit::choose_knots`] knows no
+//! such end and, told too little noise, follows what there is down to 2.5 samples.
 
+use crate::knot_risk::{Candidate, acceleration_variance, best, biases, quantum};
 use crate::motion_fit::{FitError, JointSamples, MotionFit, fit_motion, noise_estimate};
 use crate::psd::{PsdError, Welch};
 
 /// Knots per period of the highest frequency that stands out of the noise. At four, a spline of degree 5 follows a sine to
 /// about 1e-3 of its amplitude in position.
 pub const KNOTS_PER_PERIOD: f64 = 4.0;
+/// Samples per knot below which a spline follows every sample.
+const SAMPLES_PER_KNOT: f64 = 2.5;
+/// Instants at which accelerations are compared.
+const INSTANTS: usize = 4000;
+/// Residual of the positions over their noise up to which a spacing is a candidate: what is bent so slowly that accelerations
+/// do not show it.
+const RESIDUAL: f64 = 1.5;
 
 /// Why the knots are as dense as they are.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum KnotReason {
-    /// The coarsest knots whose residual is at the noise of every joint.
-    ResidualAtNoise,
-    /// The residual is above the noise, but beyond this frequency (Hz) the spectrum shows nothing that finer knots could
-    /// follow: the figure given for the noise is too low.
+    /// Finer knots do not change the accelerations by more than the noise they let through.
+    AccelerationsSettled,
+    /// Finer knots would follow the motion better, and let through more noise than that is worth: what is left is the least.
+    NoiseAgainstDetail,
+    /// Finer knots change the accelerations by more than noise, but beyond this frequency (Hz) the spectrum shows nothing that
+    /// they could follow: the figure given for the noise is too low.
     SpectrumAtFloor {
         /// Where the last joint meets its floor (Hz).
         band: f64,
@@ -38,8 +52,30 @@ pub struct SpectralFit {
     pub bands: Vec<f64>,
     /// Per joint, the floor (rad^2 / Hz or m^2 / Hz).
     pub floors: Vec<f64>,
+    /// Per joint, the standard deviation of the positions (rad or m): given, or estimated.
+    pub noise: Vec<f64>,
+    /// Deviation of the positions over that of the rates (s); 0 when rates were not used.
+    pub rate_weight: f64,
+    /// Sampling interval (s).
+    pub dt: f64,
     /// Why these knots.
     pub reason: KnotReason,
+}
+
+impl SpectralFit {
+    /// Standard deviation of the accelerations of joint `j` (rad/s^2 or m/s^2) away from the ends, for knots `spacing` (s) apart.
+    pub fn acceleration_noise(&self, j: usize, spacing: f64) -> f64 {
+        self.noise[j] * acceleration_variance(spacing, self.dt, self.rate_weight).sqrt()
+    }
+}
+
+/// What an acceleration of every joint weighs, and what noise may cost nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stake {
+    /// Per joint, what an error of 1 rad/s^2 (or m/s^2) is worth, such as the torque it makes over the noise of the torque sensors.
+    pub weights: Vec<f64>,
+    /// Sum over joints of the squared weights times variances of acceleration that may pass.
+    pub free: f64,
 }
 
 /// Why there is no spectral choice.
@@ -53,27 +89,93 @@ pub enum KnotError {
     Psd(#[from] PsdError),
 }
 
-/// Fits `samples` (equally spaced, positions only) with knots from the spectrum. `noise` is the standard deviation per joint
-/// where it is known; otherwise it is estimated. Allocates.
+/// Fits `samples` (equally spaced) with knots judged by their accelerations. `noise` is the standard deviation of the positions per joint
+/// where it is known; otherwise it is estimated, and not below that of the steps of an encoder. Every joint counts alike. Allocates.
 ///
 /// # Errors
 /// [`KnotError`]; at least 64 samples are needed.
 pub fn fit_by_spectrum(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Result<SpectralFit, KnotError> {
+    fit_at_stake(samples, noise, &Stake { weights: vec![1.0; samples.dof], free: 0.0 })
+}
+
+/// [`fit_by_spectrum`] with what accelerations are worth. Allocates.
+///
+/// # Errors
+/// As [`fit_by_spectrum`].
+pub fn fit_at_stake(
+    samples: &JointSamples<'_>,
+    noise: Option<&[f64]>,
+    stake: &Stake,
+) -> Result<SpectralFit, KnotError> {
     let estimated = noise_estimate(samples)?;
     let (n, m) = (samples.dof, samples.times.len());
     if m < 64 {
         return Err(FitError::Length { what: "samples", got: m, expected: 64 }.into());
     }
-    let given = noise.is_some();
-    let noise = match noise {
-        Some(s) if s.len() != n => {
-            return Err(FitError::Length { what: "noise", got: s.len(), expected: n }.into());
+    for (what, got) in [("noise", noise.map_or(n, <[f64]>::len)), ("weights", stake.weights.len())] {
+        if got != n {
+            return Err(FitError::Length { what, got, expected: n }.into());
         }
-        Some(s) => s,
-        None => &estimated,
+    }
+    let stepped = |j: usize| {
+        let step = quantum(samples.q.iter().skip(j).step_by(n).copied());
+        // Where a joint rests its readings repeat, and differences see less than the steps.
+        estimated[j].max(step.unwrap_or(0.0) / 12f64.sqrt())
     };
+    let noise: Vec<f64> = noise.map_or_else(|| (0..n).map(stepped).collect(), <[f64]>::to_vec);
     let end = samples.times[m - 1];
     let dt = end / (m - 1) as f64;
+    let (bands, floors) = spectrum(samples, &noise, dt)?;
+    let band = bands.iter().copied().fold(0.0, f64::max);
+    let rho = if samples.qd.is_some() { samples.rate_weight } else { 0.0 };
+    let weighted: f64 = noise.iter().zip(&stake.weights).map(|(s, w)| (s * w).powi(2)).sum();
+    let variance = |h: f64| weighted * acceleration_variance(h, dt, rho);
+    let finest = SAMPLES_PER_KNOT * dt;
+    // Rates stand out of their noise further up than positions do.
+    let limited = if rho > 0.0 { finest } else { 1.0 / (KNOTS_PER_PERIOD * band.max(1.0 / end)) };
+    // V goes with the fifth power, with rates with the third at least.
+    let costless = if stake.free > 0.0 {
+        (0..200).map(|k| finest * 1.05f64.powi(k)).find(|h| variance(*h) <= stake.free).unwrap_or(f64::INFINITY)
+    } else {
+        f64::INFINITY
+    };
+    let densest = limited.min(costless).max(finest);
+    let every = m.div_ceil(INSTANTS);
+    let instants: Vec<f64> = samples.times.iter().step_by(every).copied().collect();
+    let mut candidates = Vec::new();
+    let mut spacing = (end / 6.0).max(densest);
+    loop {
+        let fit = fit_motion(samples, spacing)?;
+        let passes = variance(fit.spacing);
+        candidates.push(Candidate::new(fit, &instants, passes));
+        if spacing <= densest {
+            break;
+        }
+        spacing = (spacing / core::f64::consts::SQRT_2).max(densest);
+    }
+    let least = |j: usize| candidates.iter().map(|c| c.fit.residual[j]).fold(f64::INFINITY, f64::min);
+    let floor: Vec<f64> = (0..n).map(|j| RESIDUAL * noise[j].max(least(j))).collect();
+    // The finest always is one, as far as rounding goes.
+    let follows = |c: &Candidate| c.fit.residual.iter().zip(&floor).all(|(r, f)| r <= f);
+    let first = candidates.iter().position(follows).unwrap_or(candidates.len() - 1);
+    let mut candidates = candidates.split_off(first);
+    let biases = biases(&candidates, &instants, &stake.weights);
+    let chosen = best(&candidates, &biases, stake.free);
+    // The finest has no finer one to be judged by: that the one before it was bent says that it may be as well.
+    let last = chosen + 1 == candidates.len() && chosen > 0 && biases[chosen - 1] > 0.0;
+    let reason = match (biases[chosen] > 0.0, last) {
+        (true, _) => KnotReason::NoiseAgainstDetail,
+        (false, true) if limited > finest && densest == limited => KnotReason::SpectrumAtFloor { band },
+        (false, true) if densest == finest => KnotReason::AllOfTheBand,
+        _ => KnotReason::AccelerationsSettled,
+    };
+    let fit = candidates.swap_remove(chosen).fit;
+    Ok(SpectralFit { fit, bands, floors, noise, rate_weight: rho, dt, reason })
+}
+
+/// Per joint, where its spectrum meets the floor of `noise`, and that floor.
+fn spectrum(samples: &JointSamples<'_>, noise: &[f64], dt: f64) -> Result<(Vec<f64>, Vec<f64>), PsdError> {
+    let (n, m) = (samples.dof, samples.times.len());
     // Four segments with half overlap: enough averages to tell a line from the floor, enough length to see slow ones.
     let segment = (2 * m / 5).max(32);
     let mut welch = Welch::new(segment, 1.0 / dt)?;
@@ -98,30 +200,7 @@ pub fn fit_by_spectrum(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Res
         bands.push(top.map_or(0.0, |k| p.frequency[k + 1]));
         floors.push(floor);
     }
-    let band = bands.iter().copied().fold(0.0, f64::max);
-    let finest = 2.5 * dt;
-    let limited = 1.0 / (KNOTS_PER_PERIOD * band.max(1.0 / end));
-    let densest = limited.max(finest);
-    let largest = samples.q.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    // Two deviations of the comparison, as in `choose_knots`: an estimated noise varies as well.
-    let uncertainty = if given { 1.0 } else { (1.0 + 1.0 / 0.316f64).sqrt() };
-    let slack = 1.0 + 2.0 * uncertainty / (2.0 * m as f64).sqrt();
-    let mut spacing = (end / 6.0).max(densest);
-    loop {
-        let fit = fit_motion(samples, spacing)?;
-        let reached = fit.residual.iter().zip(noise).all(|(r, s)| *r <= (slack * s).max(1e-12 * largest));
-        if reached || spacing <= densest {
-            let reason = if reached {
-                KnotReason::ResidualAtNoise
-            } else if limited > finest {
-                KnotReason::SpectrumAtFloor { band }
-            } else {
-                KnotReason::AllOfTheBand
-            };
-            return Ok(SpectralFit { fit, bands, floors, reason });
-        }
-        spacing = (spacing / core::f64::consts::SQRT_2).max(densest);
-    }
+    Ok((bands, floors))
 }
 
 #[cfg(test)]
@@ -161,7 +240,7 @@ mod tests {
         let f = fit_by_spectrum(&s, None).unwrap();
         // The window of 16 s spreads a line that stands 200 deviations out over a few tenths of a hertz.
         assert!((0.9..1.4).contains(&f.bands[1]) && f.bands[0] < 0.7, "{:?}", f.bands);
-        assert_eq!(f.reason, KnotReason::ResidualAtNoise);
+        assert_eq!(f.reason, KnotReason::AccelerationsSettled);
         let (mut y, mut yd, mut ydd) = ([0.0; 2], [0.0; 2], [0.0; 2]);
         let mut worst = 0.0f64;
         for i in 100..N - 100 {
@@ -181,9 +260,9 @@ mod tests {
         let low = [9e-5, 9e-5];
         let free = crate::motion_fit::choose_knots(&s, Some(&low)).unwrap();
         let f = fit_by_spectrum(&s, Some(&low)).unwrap();
-        assert!(matches!(f.reason, KnotReason::SpectrumAtFloor { band } if band < 2.0), "{:?}", f.reason);
         assert!(f.fit.spacing > 2.0 * free.spacing, "{} {}", f.fit.spacing, free.spacing);
-        assert_eq!(fit_by_spectrum(&s, Some(&[1e-4, 1e-4])).unwrap().reason, KnotReason::ResidualAtNoise);
+        let right = fit_by_spectrum(&s, Some(&[1e-4, 1e-4])).unwrap();
+        assert_eq!((right.fit.spacing, right.reason), (f.fit.spacing, KnotReason::AccelerationsSettled));
     }
 
     #[test]

@@ -100,6 +100,19 @@ pub struct MotionFit {
     pub residual: Vec<f64>,
     /// Residual rms of the rates per joint (rad/s), plain; empty without rates.
     pub rate_residual: Vec<f64>,
+    /// Variance of the fitted rate at the first sample for white noise of unit deviation in position (1/s^2).
+    pub start_rate_variance: f64,
+}
+
+impl MotionFit {
+    /// Whether the motion may have started from rest: the fitted rates at the first sample are zero to four standard deviations,
+    /// for positions with this noise (rad or m, per joint). Allocates.
+    pub fn may_start_at_rest(&self, noise: &[f64]) -> bool {
+        let mut rate = vec![0.0; noise.len()];
+        self.motion.derivative(0.0, 1, &mut rate);
+        let s = self.start_rate_variance.sqrt();
+        rate.iter().zip(noise).zip(&self.residual).all(|((v, n), r)| v.abs() <= 4.0 * s * n.max(*r))
+    }
 }
 
 /// Fits a spline with knots `spacing` (s) apart (rounded so that spans are equal). Allocates.
@@ -110,10 +123,28 @@ pub fn fit_motion(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit,
     let end = check(samples)?;
     positive("knot spacing", spacing)?;
     let spans = (end / spacing).round().clamp(1.0, samples.times.len() as f64) as usize;
-    fit_spans(samples, end, spans)
+    fit_spans(samples, end, spans, false)
 }
 
-fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize) -> Result<MotionFit, FitError> {
+/// [`fit_motion`] with the rates at the first sample held at zero.
+///
+/// Splines are loose at their ends. The rate that noise leaves there is small, but a simulation that starts with the base at rest
+/// takes it for momentum, and for a kick to everything that swings. Allocates.
+///
+/// # Errors
+/// As [`fit_motion`].
+pub fn fit_motion_from_rest(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit, FitError> {
+    let end = check(samples)?;
+    positive("knot spacing", spacing)?;
+    let spans = (end / spacing).round().clamp(1.0, samples.times.len() as f64) as usize;
+    fit_spans(samples, end, spans, true)
+}
+
+/// Weight of the rate at the first sample, where it is held, over that of the samples on its knots: leaves `1e-8` of it, and half the
+/// digits.
+const HELD: f64 = 1e8;
+
+fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, from_rest: bool) -> Result<MotionFit, FitError> {
     let knots = Knots::uniform(DEGREE, spans + DEGREE, end)?;
     let (n, k) = (samples.dof, knots.count());
     let w2 = samples.rate_weight * samples.rate_weight;
@@ -136,8 +167,17 @@ fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize) -> Result<Motio
             }
         }
     }
+    let (first, [_, rate]) = knots.local::<2>(0.0);
+    if from_rest {
+        let largest = rate.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        normal.add_outer(first, &rate, HELD * normal.rows[first][DEGREE] / (largest * largest));
+    }
     normal.factor().map_err(|i| FitError::Undetermined { time: knots.greville()[i] })?;
     normal.solve(&mut rhs);
+    let mut of_rate = DMatrix::zeros(1, k);
+    (0..=DEGREE).for_each(|a| of_rate[(0, first + a)] = rate[a]);
+    normal.solve(&mut of_rate);
+    let start_rate_variance = (0..=DEGREE).map(|a| rate[a] * of_rate[(0, first + a)]).sum();
     let motion = BSplineMotion::new(knots, rhs)?;
     let (mut res, mut rate) = (vec![0.0; n], vec![0.0; n]);
     let mut y = vec![0.0; n];
@@ -158,7 +198,7 @@ fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize) -> Result<Motio
     res.iter_mut().for_each(|r| *r = (*r / left as f64).sqrt());
     rate.iter_mut().for_each(|r| *r = (*r / m as f64).sqrt());
     let rate_residual = if samples.qd.is_some() { rate } else { Vec::new() };
-    Ok(MotionFit { motion, spacing: end / spans as f64, residual: res, rate_residual })
+    Ok(MotionFit { motion, spacing: end / spans as f64, residual: res, rate_residual, start_rate_variance })
 }
 
 /// Standard deviation of white noise on each joint position, from differences of order 6 of equally spaced
@@ -225,7 +265,7 @@ pub fn choose_knots(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Result
     let most = (count / 2.5).floor().max(1.0);
     let mut spans = 6.0f64.min(most);
     loop {
-        let fit = fit_spans(samples, end, spans.round() as usize)?;
+        let fit = fit_spans(samples, end, spans.round() as usize, false)?;
         let reached = fit.residual.iter().zip(noise).all(|(r, s)| *r <= (slack * s).max(1e-12 * largest));
         if reached || spans >= most {
             return Ok(fit);

@@ -14,7 +14,7 @@ use crate::record::Record;
 use crate::tables::Tables;
 use ff_dynamics::{Response, Wanted, sensitivities, simulate_reduced};
 use ff_model::{Model, Params};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DMatrixView};
 
 /// What the estimator assumes and what else it may adjust.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,6 +58,8 @@ pub struct OutputError<'a> {
     tables: Tables,
     /// Initial-state components that are estimated.
     initial: Vec<usize>,
+    /// One over the standard deviation of each row.
+    inverse: Vec<f64>,
 }
 
 impl<'a> OutputError<'a> {
@@ -69,13 +71,11 @@ impl<'a> OutputError<'a> {
         check_noise(&options.noise)?;
         // A uniform velocity changes nothing that is measured, so it is not among the unknowns.
         let initial = if options.initial_state { (3..6 + 2 * model.np()).collect() } else { Vec::new() };
-        Ok(Self {
-            model,
-            record,
-            tables: Tables::new(model, record, options.substeps.max(1))?,
-            options: options.clone(),
-            initial,
-        })
+        let tables = Tables::new(model, record, options.substeps.max(1), Some(&options.noise), !options.initial_state)?;
+        let n = model.nj();
+        let of = |row: usize| 1.0 / if row % (n + 3) < n { options.noise.torque } else { options.noise.gyro };
+        let inverse = (0..record.samples() * (n + 3)).map(of).collect();
+        Ok(Self { model, record, tables, options: options.clone(), initial, inverse })
     }
     /// Initial state: springs relaxed, base at rest, plus what is estimated.
     fn start(&self, params: &Params<f64>, extra: &[f64]) -> Vec<f64> {
@@ -106,36 +106,33 @@ impl<'a> OutputError<'a> {
         };
         Ok([take(self.options.torque_delay, "torque")?, take(self.options.gyro_delay, "gyro")?])
     }
-    /// Residual rows of sample `i` start here: `n` torques, then 3 rates.
-    fn row(&self, i: usize) -> usize {
-        i * (self.model.nj() + 3)
-    }
-    /// What the sensors would read but for noise: torques (N x n) and rates (N x 3) with bias and delay. Allocates.
-    fn readings(&self, y: &Response, extra: &[f64]) -> Result<(DMatrix<f64>, DMatrix<f64>), EvalError> {
+    /// Residuals: what the sensors would read but for noise, with bias and delay, less what they read.
+    fn fill(&self, y: &Response, delays: &[Option<Delay>; 2], extra: &[f64], r: &mut [f64]) {
         let n = self.model.nj();
-        let [late_torque, late_gyro] = self.delays(extra)?;
-        let gyro = y.twist.columns(3, 3).into_owned();
-        let mut tau = late_torque.map_or_else(|| y.tau.clone(), |d| d.of(&y.tau));
-        let mut gyro = late_gyro.map_or_else(|| gyro.clone(), |d| d.of(&gyro));
+        let late = |d: &Option<Delay>, y: DMatrixView<'_, f64>| -> Option<DMatrix<f64>> {
+            d.as_ref().map(|d| d.of(&y.into_owned()))
+        };
+        let (late_tau, late_gyro) = (late(&delays[0], y.tau.as_view()), late(&delays[1], y.twist.columns(3, 3)));
+        let tau: DMatrixView<'_, f64> = late_tau.as_ref().map_or_else(|| y.tau.as_view(), |m| m.as_view());
+        let gyro: DMatrixView<'_, f64> = late_gyro.as_ref().map_or_else(|| y.twist.columns(3, 3), |m| m.as_view());
         let (gyro_bias, rest) = extra.split_at(3 * usize::from(self.options.gyro_bias));
-        gyro.column_iter_mut().zip(gyro_bias).for_each(|(mut c, b)| c.add_scalar_mut(*b));
         let torque_bias = &rest[..n * usize::from(self.options.torque_bias)];
-        tau.column_iter_mut().zip(torque_bias).for_each(|(mut c, b)| c.add_scalar_mut(*b));
-        Ok((tau, gyro))
-    }
-    fn fill(&self, y: &Response, extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-        let (n, noise) = (self.model.nj(), &self.options.noise);
-        let (tau, gyro) = self.readings(y, extra)?;
-        for i in 0..self.record.samples() {
-            let row = self.row(i);
-            for j in 0..n {
-                r[row + j] = (tau[(i, j)] - self.record.tau()[(i, j)]) / noise.torque;
+        let channels = n + 3;
+        let mut channel = |c: usize, predicted: &[f64], measured: &[f64], bias: f64| {
+            for (i, (p, m)) in predicted.iter().zip(measured).enumerate() {
+                let row = i * channels + c;
+                r[row] = (p + bias - m) * self.inverse[row];
             }
-            for j in 0..3 {
-                r[row + n + j] = (gyro[(i, j)] - self.record.gyro()[(i, j)]) / noise.gyro;
-            }
+        };
+        let bias = |b: &[f64], j: usize| b.get(j).copied().unwrap_or(0.0);
+        for j in 0..n {
+            let (p, m) = (tau.column(j), self.record.tau().column(j));
+            channel(j, p.as_slice(), m.as_slice(), bias(torque_bias, j));
         }
-        Ok(())
+        for j in 0..3 {
+            let (p, m) = (gyro.column(j), self.record.gyro().column(j));
+            channel(n + j, p.as_slice(), m.as_slice(), bias(gyro_bias, j));
+        }
     }
 }
 
@@ -178,7 +175,8 @@ impl Estimator for OutputError<'_> {
         let model = self.model;
         let table = self.tables.get(model, &params, &[]);
         let y = simulate_reduced(model, &params, table, &z0).map_err(|e| EvalError::Rejected(e.to_string()))?;
-        self.fill(&y, extra, r)
+        self.fill(&y, &self.delays(extra)?, extra, r);
+        Ok(())
     }
     fn jacobian(
         &mut self,
@@ -196,46 +194,50 @@ impl Estimator for OutputError<'_> {
         let table = self.tables.get(model, &params, &links);
         let (y, d) =
             sensitivities(model, &params, table, &z0, &wanted).map_err(|e| EvalError::Rejected(e.to_string()))?;
-        self.fill(&y, extra, r)?;
-        let (n, noise) = (model.nj(), &self.options.noise);
+        let delays = self.delays(extra)?;
+        self.fill(&y, &delays, extra, r);
+        let [late_torque, late_gyro] = delays;
+        let n = model.nj();
+        let channels = n + 3;
         let biases = self.biases();
-        let [late_torque, late_gyro] = self.delays(extra)?;
         let d_tau = late_torque.as_ref().map(|late| late.of_rows(&d.tau, n));
         let d_gyro = late_gyro.as_ref().map(|late| late.of_rows(&d.gyro, 3));
         let (d_tau, d_gyro) = (d_tau.as_ref().unwrap_or(&d.tau), d_gyro.as_ref().unwrap_or(&d.gyro));
-        j.fill(0.0);
+        let rows = self.record.samples() * channels;
+        j.columns_mut(selected.len(), j.ncols() - selected.len()).fill(0.0);
         for c in 0..wanted.len() {
             let col = if c < selected.len() { c } else { c + biases };
-            for i in 0..self.record.samples() {
-                let row = self.row(i);
-                for k in 0..n {
-                    j[(row + k, col)] = d_tau[(i * n + k, c)] / noise.torque;
-                }
-                for k in 0..3 {
-                    j[(row + n + k, col)] = d_gyro[(i * 3 + k, c)] / noise.gyro;
-                }
+            let out = &mut j.as_mut_slice()[col * rows..(col + 1) * rows];
+            let tau = &d_tau.as_slice()[c * d_tau.nrows()..(c + 1) * d_tau.nrows()];
+            let gyro = &d_gyro.as_slice()[c * d_gyro.nrows()..(c + 1) * d_gyro.nrows()];
+            for (i, (out, w)) in out.chunks_exact_mut(channels).zip(self.inverse.chunks_exact(channels)).enumerate() {
+                let derivatives = tau[i * n..(i + 1) * n].iter().chain(&gyro[i * 3..(i + 1) * 3]);
+                out.iter_mut().zip(derivatives).zip(w).for_each(|((o, d), w)| *o = d * w);
             }
         }
         let mut col = selected.len();
         let each = |j: &mut DMatrix<f64>, first: usize, col: usize, value: &dyn Fn(usize) -> f64| {
-            (0..self.record.samples()).for_each(|i| j[(self.row(i) + first, col)] = value(i));
+            for i in 0..self.record.samples() {
+                let row = i * channels + first;
+                j[(row, col)] = value(i) * self.inverse[row];
+            }
         };
         if self.options.gyro_bias {
-            (0..3).for_each(|k| each(j, n + k, col + k, &|_| 1.0 / noise.gyro));
+            (0..3).for_each(|k| each(j, n + k, col + k, &|_| 1.0));
             col += 3;
         }
         if self.options.torque_bias {
-            (0..n).for_each(|k| each(j, k, col + k, &|_| 1.0 / noise.torque));
+            (0..n).for_each(|k| each(j, k, col + k, &|_| 1.0));
             col += n;
         }
         if let Some(late) = late_torque {
             let slope = late.slope(&y.tau);
-            (0..n).for_each(|k| each(j, k, col, &|i| slope[(i, k)] / noise.torque));
+            (0..n).for_each(|k| each(j, k, col, &|i| slope[(i, k)]));
             col += 1;
         }
         if let Some(late) = late_gyro {
             let slope = late.slope(&y.twist.columns(3, 3).into_owned());
-            (0..3).for_each(|k| each(j, n + k, col, &|i| slope[(i, k)] / noise.gyro));
+            (0..3).for_each(|k| each(j, n + k, col, &|i| slope[(i, k)]));
         }
         Ok(())
     }

@@ -75,7 +75,7 @@ impl<'a> Rda<'a> {
         if model.np() > 0 {
             return Err(SetupError::NotRigid(model.np()));
         }
-        Ok(Self { model, record, sigma: noise.torque, tables: Tables::new(model, record, 1)? })
+        Ok(Self { model, record, sigma: noise.torque, tables: Tables::new(model, record, 1, Some(noise), true)? })
     }
     fn fill(&self, tau: &DMatrix<f64>, r: &mut [f64]) {
         let n = self.model.nj();

@@ -1,7 +1,8 @@
 //! The prescribed motion of a record, tabulated once and kept as long as the links it was made for.
 
-use crate::joint_motion::joint_motion;
-use crate::rda::SetupError;
+use crate::joint_motion::{check_joints, logged, motion_at_stake, short};
+use crate::knot_stake::Leverage;
+use crate::rda::{Noise, SetupError};
 use crate::record::Record;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Sampling};
@@ -23,9 +24,29 @@ struct Kept {
 }
 
 impl Tables {
-    pub(crate) fn new(model: &Model, record: &Record, substeps: usize) -> Result<Self, SetupError> {
+    /// Without the noise of the torques, the knots of a fitted motion weigh all joints alike. `from_rest`: the simulation starts with
+    /// the base at rest, so that joints whose fitted rates are zero within their noise must not move either.
+    pub(crate) fn new(
+        model: &Model,
+        record: &Record,
+        substeps: usize,
+        noise: Option<&Noise>,
+        from_rest: bool,
+    ) -> Result<Self, SetupError> {
+        check_joints(model, record)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
-        Ok(Self { motion: joint_motion(model, record)?, sampling, kept: None })
+        let known = |motion| Self { motion, sampling, kept: None };
+        if let Some(table) = logged(record)? {
+            return Ok(known(Box::new(table)));
+        }
+        if let Some(short) = short(record)? {
+            return Ok(known(short));
+        }
+        let (Some(noise), Some(leverage)) = (noise, Leverage::new(model, record)) else {
+            return Ok(known(crate::joint_motion::joint_motion(model, record)?));
+        };
+        let fit = motion_at_stake(record, &leverage.stake(noise.torque), from_rest)?;
+        Ok(known(Box::new(fit.fit.motion)))
     }
     /// The table for these parameters. Base and appendages play no part in it, so it is made anew only when a
     /// link's parameter has changed or other links are asked for.

@@ -6,6 +6,7 @@ mod common;
 
 mod complete;
 mod ground;
+mod joint_motion;
 mod modal_paper;
 mod momentum;
 mod motion_fit;

@@ -2,7 +2,7 @@
 
 use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
 use ff_dynamics::motion::JointMotion;
-use ident::motion_fit::{FitError, JointSamples, choose_knots, fit_motion, noise_estimate};
+use ident::motion_fit::{FitError, JointSamples, choose_knots, fit_motion, fit_motion_from_rest, noise_estimate};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -170,4 +170,52 @@ fn bad_records_are_refused() {
     assert!(fit_motion(&r.view(None), 0.4).is_ok());
     assert!(matches!(noise_estimate(&r.view(None)), Err(FitError::Uneven { .. })));
     assert!(choose_knots(&r.view(None), Some(&[1e-3; N])).is_ok());
+}
+
+/// A motion that starts at rest, with noise; `drift` is a rate that it has from the start.
+fn from_rest(drift: f64, sigma: f64, seed: u64) -> Record {
+    let mut r = record(2000, 0.01, 0.0, 0.0, seed);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let unit = Normal::new(0.0, sigma).unwrap();
+    for (i, t) in r.times.iter().enumerate() {
+        for j in 0..N {
+            let w = 0.9 + 0.4 * j as f64;
+            r.q[i * N + j] = 0.3 * (1.0 - (w * t).cos()) + drift * t + unit.sample(&mut rng);
+        }
+    }
+    r
+}
+
+#[test]
+fn the_rate_at_the_start_has_the_variance_that_is_said_and_can_be_held() {
+    let (sigma, spacing) = (2e-6, 0.2);
+    let rate = |f: &ident::motion_fit::MotionFit| {
+        let mut v = [0.0; N];
+        f.motion.derivative(0.0, 1, &mut v);
+        v
+    };
+    let mut mean_square = 0.0;
+    let mut at_rest = 0;
+    for seed in 0..200 {
+        let r = from_rest(0.0, sigma, 100 + seed);
+        let fit = fit_motion(&r.view(None), spacing).unwrap();
+        let expected = sigma * fit.start_rate_variance.sqrt();
+        mean_square += rate(&fit).iter().map(|v| (v / expected).powi(2)).sum::<f64>() / (200 * N) as f64;
+        at_rest += usize::from(fit.may_start_at_rest(&[sigma; N]));
+    }
+    // 600 squares: 6 % is one standard deviation of their mean.
+    assert!((0.8..1.2).contains(&mean_square), "{mean_square}");
+    assert_eq!(at_rest, 200);
+    let r = from_rest(0.0, sigma, 7);
+    let (free, held) =
+        (fit_motion(&r.view(None), spacing).unwrap(), fit_motion_from_rest(&r.view(None), spacing).unwrap());
+    for (f, h) in rate(&free).iter().zip(rate(&held)) {
+        assert!(h.abs() < 1e-6 * f.abs(), "{h:e} of {f:e}");
+    }
+    // The rest of the motion hardly knows.
+    assert!(held.residual.iter().zip(&free.residual).all(|(h, f)| (h / f - 1.0).abs() < 0.01));
+    // Thirty deviations of a rate are motion.
+    let drift = 30.0 * sigma * free.start_rate_variance.sqrt();
+    let moving = fit_motion(&from_rest(drift, sigma, 8).view(None), spacing).unwrap();
+    assert!(!moving.may_start_at_rest(&[sigma; N]));
 }
