@@ -53,3 +53,8 @@ pub fn default_registry() -> model::Registry {
     slosh_pendulum::register(&mut r);
     r
 }
+
+/// Compiles the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;

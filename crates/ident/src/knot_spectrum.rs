@@ -2,7 +2,7 @@
 //!
 //! Knots too far apart bend the motion, knots too close let noise through, whose part in the acceleration grows with
 //! `spacing^-2.5`. Spacings from a sixth of the record down are tried, each `1 / sqrt 2` of the one before, and judged by their
-//! accelerations: by what finer knots change beyond noise, and by the noise they let through ([`crate::knot_risk`], equations
+//! accelerations: by what finer knots change beyond noise, and by the noise they let through (`knot_risk`, equations
 //! in `docs/theory/joint-motion.md`). Where it is known how much noise in acceleration costs nothing, because torques are noisier,
 //! the finest spacing that lets through no more is taken, or a finer one that the motion needs.
 //!
