@@ -3,87 +3,11 @@
 //! `PROPTEST_CASES` raises the number of cases; six million mutations of the URDF and a million of the
 //! mission files were run once. One in about 500,000 found a refusal without a reason (`urdf_tree.rs`, `empty_names`).
 
+use crate::common::mutate::{edits, mutate};
 use crate::common::{registry, text};
 use ff_model::mission::{LoadOptions, Mission};
 use ff_model::urdf::{self, UrdfOptions};
 use proptest::prelude::*;
-
-/// Pieces that matter to the readers, beside single bytes.
-const PIECES: [&str; 24] = [
-    "<",
-    ">",
-    "/>",
-    "</",
-    "\"",
-    "'",
-    "<!--",
-    "-->",
-    "<![CDATA[",
-    "&",
-    "=",
-    "[",
-    "]",
-    "{",
-    "}",
-    "[[",
-    "nan",
-    "1e999",
-    "-",
-    "\n",
-    "\u{feff}",
-    "µ",
-    "*",
-    ".",
-];
-
-#[derive(Clone, Debug)]
-enum Edit {
-    Byte(prop::sample::Index, u8),
-    Insert(prop::sample::Index, usize),
-    Remove(prop::sample::Index, usize),
-    Copy(prop::sample::Index, prop::sample::Index, usize),
-    Cut(prop::sample::Index),
-}
-
-fn edits() -> impl Strategy<Value = Vec<Edit>> {
-    let at = any::<prop::sample::Index>;
-    let one = prop_oneof![
-        4 => (at(), any::<u8>()).prop_map(|(i, b)| Edit::Byte(i, b)),
-        4 => (at(), 0..PIECES.len()).prop_map(|(i, p)| Edit::Insert(i, p)),
-        2 => (at(), 1..60usize).prop_map(|(i, n)| Edit::Remove(i, n)),
-        2 => (at(), at(), 1..300usize).prop_map(|(i, j, n)| Edit::Copy(i, j, n)),
-        1 => at().prop_map(Edit::Cut),
-    ];
-    prop::collection::vec(one, 1..8)
-}
-
-fn mutate(text: &str, edits: &[Edit]) -> Vec<u8> {
-    let mut b = text.as_bytes().to_vec();
-    for e in edits {
-        if b.is_empty() {
-            break;
-        }
-        let n = b.len();
-        match e {
-            Edit::Byte(i, x) => b[i.index(n)] = *x,
-            Edit::Insert(i, p) => {
-                let i = i.index(n);
-                b.splice(i..i, PIECES[*p].bytes());
-            }
-            Edit::Remove(i, k) => {
-                let i = i.index(n);
-                b.drain(i..(i + k).min(n));
-            }
-            Edit::Copy(i, j, k) => {
-                let (i, j) = (i.index(n), j.index(n));
-                let piece = b[i..(i + k).min(n)].to_vec();
-                b.splice(j..j, piece);
-            }
-            Edit::Cut(i) => b.truncate(i.index(n)),
-        }
-    }
-    b
-}
 
 /// A result is a model, or at least one error that says something.
 fn sane<V>(result: Result<V, ff_model::Problems>) {
@@ -98,13 +22,13 @@ proptest! {
     #[test]
     fn mutated_urdf(e in edits(), several in any::<bool>()) {
         let good = if several { text("bad/several.urdf") } else { text("paper/robot.urdf") };
-        sane(urdf::from_bytes(&mutate(&good, &e), &UrdfOptions::default()));
+        sane(urdf::from_bytes(&mutate(good.as_bytes(), &e), &UrdfOptions::default()));
     }
 
     #[test]
     fn mutated_mission(e in edits(), which in 0..3usize) {
         let good = text(["paper/flex.toml", "paper/slosh.toml", "bad/several.toml"][which]);
-        let toml = String::from_utf8_lossy(&mutate(&good, &e)).into_owned();
+        let toml = String::from_utf8_lossy(&mutate(good.as_bytes(), &e)).into_owned();
         sane(Mission::from_str(&toml, &text("paper/robot.urdf"), &registry(), &LoadOptions::default()));
     }
 

@@ -2,6 +2,7 @@
 //! `cargo test -p ffid --test all check` runs those of `check.rs`.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
+mod any_bytes;
 mod check;
 mod convert;
 mod doubts;
@@ -12,4 +13,5 @@ mod kinds;
 mod outputs;
 mod preflight;
 mod questions;
+
 mod three_segment;

@@ -2,6 +2,8 @@
 // Every test file is its own crate and uses a part of this; helpers may unwrap like the tests they serve.
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
 
+pub mod mutate;
+
 use ff_model::{
     Appendage, Area, CoordDecl, Decl, DynAppendage, Inertia, ParamDecl, PortMatrix, Problem, Problems, Registry, Scalar,
 };
