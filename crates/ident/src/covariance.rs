@@ -8,6 +8,7 @@
 //! have no part in a null direction; the others have no deviation at all.
 
 use crate::linalg::{self, LinalgError};
+use crate::tall_qr::qr_r;
 use ff_model::ParamDecl;
 use nalgebra::{DMatrix, DVector};
 
@@ -93,7 +94,7 @@ pub fn analyse(j: &DMatrix<f64>, unknowns: &[Unknown], tolerance: f64) -> Result
         let needed = format!("{} columns, and at least as many rows", unknowns.len());
         return Err(LinalgError::Shape { what: "Jacobian", rows: m, columns: n, needed });
     }
-    let mut a = linalg::qr_r(j)?;
+    let mut a = qr_r(j)?;
     for (k, u) in unknowns.iter().enumerate() {
         a.column_mut(k).scale_mut(u.size);
     }

@@ -48,7 +48,6 @@ pub mod joint_motion;
 mod knot_risk;
 pub mod knot_spectrum;
 mod knot_stake;
-pub mod linalg;
 pub mod linear;
 pub mod lm;
 mod lm_step;
@@ -92,6 +91,7 @@ pub mod whiteness;
 
 pub use complete::{Complete, CompleteOptions};
 pub use estimator::{Estimate, Estimated, Estimator, Request, estimate};
+pub use ff_linalg as linalg;
 pub use ground::{Friction, Ground, GroundEstimate};
 pub use loss::Loss;
 pub use output_error::{Options, OutputError};

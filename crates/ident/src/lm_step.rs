@@ -1,6 +1,7 @@
 //! One linearisation of a least-squares problem: its reduction to a triangle, and the damped step.
 
 use crate::linalg::{self, LinalgError};
+use crate::tall_qr::qr_r;
 use nalgebra::{DMatrix, DVector};
 
 /// `(R, c)` with `R^T R = J^T J` and `R^T c = J^T r`: all that a least-squares step needs to know of m rows.
@@ -44,7 +45,7 @@ pub fn reduce(j: &DMatrix<f64>, r: &[f64]) -> Result<(DMatrix<f64>, DVector<f64>
     let mut jr = DMatrix::zeros(m, n + 1);
     jr.columns_mut(0, n).copy_from(j);
     jr.column_mut(n).copy_from_slice(r);
-    let t = linalg::qr_r(&jr)?;
+    let t = qr_r(&jr)?;
     Ok((t.view((0, 0), (n, n)).into_owned(), t.view((0, n), (n, 1)).column(0).into_owned()))
 }
 

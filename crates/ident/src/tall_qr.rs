@@ -151,8 +151,22 @@ impl TallQr {
     }
 }
 
-/// Upper triangle of a tall matrix that is at hand, n x n for n columns: [`crate::linalg::qr_r`] of matrices much taller than
-/// wide comes here. Non-finite numbers must have been refused. Allocates.
+/// Rows per column from which a matrix is folded in lanes; more than the lanes of any machine.
+const TALL: usize = 16;
+
+/// [`linalg::qr_r`], in lanes where the matrix is much taller than wide. Allocates.
+///
+/// # Errors
+/// [`LinalgError::NotFinite`].
+pub(crate) fn qr_r(a: &DMatrix<f64>) -> Result<DMatrix<f64>, LinalgError> {
+    if a.nrows() < TALL * a.ncols() {
+        return linalg::qr_r(a);
+    }
+    linalg::check_finite("matrix", a)?;
+    triangle_of(a)
+}
+
+/// Upper triangle of a tall matrix that is at hand, n x n for n columns. Non-finite numbers must have been refused. Allocates.
 ///
 /// # Errors
 /// [`LinalgError`] of the last, small factorisation.

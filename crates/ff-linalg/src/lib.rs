@@ -1,4 +1,4 @@
-//! The one bridge between nalgebra (which everything here speaks) and faer (which factorises).
+//! Dense factorisations: the one bridge between nalgebra (which everything here speaks) and faer (which factorises).
 //!
 //! Why a bridge: nalgebra's `svd()` does not return on NaN, its `cholesky()` accepts `+Inf`, and its
 //! `col_piv_qr()` pivots on the largest element instead of the largest column norm, so that it cannot
@@ -6,6 +6,8 @@
 //! Every function below therefore checks its input for non-finite numbers *before* it factorises, and
 //! decides rank explicitly. All functions allocate their results. faer runs sequentially (no `rayon`
 //! feature), so that results repeat bit for bit on one machine.
+//!
+//! A crate of its own, because faer is generic code: what uses it compiles it anew, for minutes (decision 0010).
 
 use faer::linalg::solvers::SolveLstsq;
 use faer::{MatRef, Side};
@@ -108,9 +110,6 @@ pub fn gram(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     Ok(back((v.transpose() * v).as_ref()))
 }
 
-/// Rows per column from which a matrix is folded in lanes; more than the lanes of any machine.
-const TALL: usize = 16;
-
 /// Upper triangular `R` (min(m,n) x n) of `A = Q R`, without forming `Q`.
 ///
 /// To reduce a least-squares problem `min |A x - b|`, pass `[A b]`: the last column of `R` is then
@@ -120,9 +119,6 @@ const TALL: usize = 16;
 /// [`LinalgError::NotFinite`].
 pub fn qr_r(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     check_finite("matrix", a)?;
-    if a.nrows() >= TALL * a.ncols() {
-        return crate::tall_qr::triangle_of(a);
-    }
     let qr = view(a).qr();
     Ok(back(qr.thin_R()).upper_triangle())
 }
@@ -261,13 +257,16 @@ pub fn general_eigen(a: &DMatrix<f64>) -> Result<ComplexEigen> {
 
 /// What is left of the unknowns of a matrix of some rank: columns `kept` (in the order of what each adds), and the others as their
 /// combinations, `A_left = A_kept C`.
-pub(crate) struct Elimination {
-    pub(crate) kept: Vec<usize>,
-    pub(crate) left: Vec<usize>,
+#[derive(Clone, Debug)]
+pub struct Elimination {
+    /// Columns that stay, by index.
+    pub kept: Vec<usize>,
+    /// Columns that are combinations of them, by index.
+    pub left: Vec<usize>,
     /// Triangle of the kept columns, rank x rank.
-    pub(crate) r: DMatrix<f64>,
+    pub r: DMatrix<f64>,
     /// Rank x left.
-    pub(crate) c: DMatrix<f64>,
+    pub c: DMatrix<f64>,
 }
 
 /// Eliminates all but `rank` columns by QR with column pivoting: `A P = Q [R_11 R_12; 0 0]`, `C = R_11^-1 R_12` (M. Gautier,
@@ -275,7 +274,7 @@ pub(crate) struct Elimination {
 ///
 /// # Errors
 /// [`LinalgError`]; `RankDeficient` when the rank is lower.
-pub(crate) fn eliminate(a: &DMatrix<f64>, rank: usize) -> Result<Elimination> {
+pub fn eliminate(a: &DMatrix<f64>, rank: usize) -> Result<Elimination> {
     let n = a.ncols();
     let qr = col_piv_qr(a)?;
     let (kept, left) = (qr.order[..rank].to_vec(), qr.order[rank..].to_vec());
@@ -287,85 +286,4 @@ pub(crate) fn eliminate(a: &DMatrix<f64>, rank: usize) -> Result<Elimination> {
         dependent: left.clone(),
     })?;
     Ok(Elimination { kept, left, r, c })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use approx::assert_relative_eq;
-
-    fn sample() -> DMatrix<f64> {
-        DMatrix::from_fn(7, 3, |i, j| ((3 * i + 5 * j + 1) as f64).sin() + 0.3 * (i as f64 - j as f64))
-    }
-
-    #[test]
-    fn least_squares_leaves_a_residual_orthogonal_to_the_columns() {
-        let a = sample();
-        let b = DVector::from_fn(7, |i, _| (1.7 * i as f64).cos());
-        let x = least_squares(&a, &b).unwrap();
-        assert!((a.transpose() * (&b - &a * &x)).norm() < 1e-13);
-        // The augmented triangle carries the same answer.
-        let mut ab = a.clone().insert_column(3, 0.0);
-        ab.set_column(3, &b);
-        let r = qr_r(&ab).unwrap();
-        let y = r.view((0, 0), (3, 3)).into_owned().solve_upper_triangular(&r.view((0, 3), (3, 1)).into_owned());
-        assert_relative_eq!(y.unwrap().column(0).into_owned(), x, max_relative = 1e-12);
-        assert_relative_eq!(r[(3, 3)].abs(), (&b - &a * &x).norm(), max_relative = 1e-12);
-    }
-
-    #[test]
-    fn rank_deficiency_names_the_dependent_columns_instead_of_returning_huge_numbers() {
-        let mut a = sample().insert_column(3, 0.0);
-        let c = a.column(0) * 2.0 - a.column(2) * 0.7;
-        a.set_column(3, &c);
-        let e = least_squares(&a, &DVector::from_element(7, 1.3)).unwrap_err();
-        assert!(matches!(e, LinalgError::RankDeficient { rank: 3, columns: 4, ref dependent } if dependent.len() == 1));
-    }
-
-    #[test]
-    fn pivoting_follows_column_norms() {
-        // The case in which nalgebra's `col_piv_qr` picks the largest element (crates.md, section 2).
-        let mut a = DMatrix::from_element(100, 3, 1.0);
-        a.column_mut(0).fill(0.0);
-        a[(0, 0)] = 5.0;
-        a[(17, 2)] += 1e-9;
-        let qr = col_piv_qr(&a).unwrap();
-        assert_eq!(qr.order[1], 0);
-        assert_relative_eq!(qr.r[(0, 0)].abs(), 10.0, max_relative = 1e-9);
-        assert!(qr.r[(2, 2)].abs() < 1e-8);
-    }
-
-    #[test]
-    fn factorisations_rebuild_the_matrix() {
-        let a = sample();
-        let d = svd(&a).unwrap();
-        assert_relative_eq!(&d.u * DMatrix::from_diagonal(&d.s) * d.v.transpose(), a, epsilon = 1e-13);
-        assert_eq!(d.rank(1e-12), 3);
-        assert_relative_eq!(DVector::from_vec(singular_values(&a).unwrap()), d.s, max_relative = 1e-12);
-        let g = gram(&a).unwrap();
-        assert_relative_eq!(g, a.transpose() * &a, max_relative = 1e-13);
-        let (w, v) = symmetric_eigen(&g).unwrap();
-        assert!(w[0] <= w[1] && w[1] <= w[2]);
-        assert_relative_eq!(&g * &v, &v * DMatrix::from_diagonal(&w), epsilon = 1e-12);
-        let m = DMatrix::from_row_slice(2, 2, &[0.3, -1.7, 0.9, 0.4]);
-        let (l, u) = general_eigen(&m).unwrap();
-        let mc = m.map(|x| Complex::new(x, 0.0));
-        for k in 0..2 {
-            assert!((&mc * u.column(k) - u.column(k) * l[k]).norm() < 1e-14);
-        }
-    }
-
-    #[test]
-    fn non_finite_input_stops_at_the_door() {
-        let mut a = sample();
-        a[(4, 1)] = f64::INFINITY;
-        let e = LinalgError::NotFinite { what: "matrix", row: 4, column: 1 };
-        assert_eq!(svd(&a).unwrap_err(), e);
-        assert_eq!(gram(&a).unwrap_err(), e);
-        assert_eq!(col_piv_qr(&a).unwrap_err(), e);
-        assert_eq!(qr_r(&a).unwrap_err(), e);
-        let square =
-            LinalgError::Shape { what: "symmetric matrix", rows: 7, columns: 3, needed: "a square matrix".into() };
-        assert_eq!(symmetric_eigen(&a).unwrap_err(), square);
-    }
 }
