@@ -1,9 +1,13 @@
 //! From a rough start to the answer: a cheap pass over several starts, then the whole record from the one that explains it.
 //!
 //! Output error far from the truth has valleys that lead nowhere: predicted and measured oscillations slip by a period. Where
-//! the residuals are in units of declared noise, such an end is recognised: it leaves a `chi^2` per degree of freedom that noise
-//! cannot explain. Starts are tried in order, on a coarse estimator (a thinned record); from one that explains its data the fine
-//! estimator takes over, and has to explain its own. Some wrong ends show in the whole record only.
+//! the residuals are in units of declared noise, most such ends are recognised: they leave a `chi^2` per degree of freedom that
+//! noise cannot explain. Starts are tried in order, on a coarse estimator (a thinned record); from one that explains its data the
+//! fine estimator takes over, and has to explain its own. Some wrong ends show in the whole record only.
+//!
+//! A test of the noise level is blunt: among `n` residuals it passes an end that is worse than the best by some `sqrt(n)` in
+//! `chi^2`, where one or two would decide. So ends are also compared with each other: the lowest counts once several starts have
+//! led to it ([`Accept::agree`]), or when there is no start left.
 
 use crate::estimator::{Estimate, EstimateError, Estimator, Request, estimate};
 use crate::lm::Status;
@@ -39,26 +43,45 @@ pub struct Staged {
     pub explained: bool,
 }
 
-/// `chi^2` per degree of freedom that still counts as explained.
+/// When a fit counts as the answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accept {
-    /// At the end of the coarse passes.
+    /// `chi^2` per degree of freedom that still counts as explained, at the end of the coarse passes.
     pub coarse: f64,
     /// Of the last pass.
     pub fine: f64,
+    /// Starts that must have led the coarse passes to the lowest end found, while there are others to try. One is enough
+    /// where an end that explains the data at all explains them completely (no noise).
+    pub agree: usize,
 }
 
 impl Accept {
-    /// What noise of the declared size leaves, but for three deviations (`sqrt(2 / n)` each), for so many residuals.
+    /// What noise of the declared size leaves, but for three deviations (`sqrt(2 / n)` each), for so many residuals; two starts
+    /// must agree.
     pub fn noise(coarse: usize, fine: usize) -> Self {
         let limit = |n: usize| 1.0 + 3.0 * (2.0 / n.max(1) as f64).sqrt();
-        Self { coarse: limit(coarse), fine: limit(fine) }
+        Self { coarse: limit(coarse), fine: limit(fine), agree: 2 }
     }
 }
 
-/// Takes `starts` in order through `coarse` and, where that explains its data, on through `fine`, until that explains its
-/// own. When none does, the best that `fine` made, or what it makes of the best of `coarse`. A good order is: a short beginning
-/// of the record, in which no oscillation can slip by a period; a thinned record; the whole one. Allocates.
+/// Ends of the same passes with objectives (`chi^2` and priors) this close are one: half as far from each other as one deviation of
+/// one parameter is from the best.
+const SAME: f64 = 0.5;
+
+/// An end of the coarse passes that explains their data.
+struct End {
+    objective: f64,
+    values: Vec<f64>,
+    /// Starts that led here.
+    starts: usize,
+    /// The fine pass has been there, and it did not explain its data.
+    refused: bool,
+}
+
+/// Takes `starts` in order through `coarse`; from the lowest end that explains its data, once [`Accept::agree`] starts have led to it
+/// or all have been tried, on through `fine`, which has to explain its own. When none does, the best that `fine` made, or what
+/// it makes of the best of `coarse`. A good order is: a short beginning of the record, in which no oscillation can slip by a period;
+/// a thinned record; the whole one. Allocates.
 ///
 /// # Errors
 /// [`EstimateError`]: that of the last start when all fail, or that of the fine pass.
@@ -68,51 +91,104 @@ pub fn estimate_staged(
     starts: &[Vec<f64>],
     accept: Accept,
 ) -> Result<Staged, EstimateError> {
-    let mut finished: Option<Estimate> = None;
+    let mut search = Search { fine, accept, ends: Vec::new(), finished: None, failed: None };
     let mut trials = Vec::new();
     let mut best: Option<(f64, Vec<f64>)> = None;
-    let mut failed = None;
     for (k, start) in starts.iter().enumerate() {
-        let (mut values, mut iterations, mut left) = (start.clone(), 0, None);
-        for pass in coarse.iter_mut() {
-            match through(pass, &values) {
-                Ok((e, steps, on)) => {
-                    iterations += steps;
-                    left = Some(e.chi2_per_dof);
-                    values = on;
-                }
-                Err(e) => {
-                    failed = Some(e);
-                    left = None;
-                    break;
-                }
+        let mut trial = Trial { start: k, iterations: 0, chi2_per_dof: None };
+        let end = descend(coarse, start, &mut trial);
+        trials.push(trial);
+        let (end, values) = match end {
+            Ok(Some(end)) => end,
+            Ok(None) => continue,
+            Err(e) => {
+                search.failed = Some(e);
+                continue;
+            }
+        };
+        if end.chi2_per_dof <= accept.coarse {
+            search.arrived(end.objective, &values);
+            if let Some(estimate) = search.lowest(accept.agree) {
+                return Ok(Staged { estimate, trials, explained: true });
             }
         }
-        trials.push(Trial { start: k, iterations, chi2_per_dof: left });
-        let Some(left) = left else { continue };
-        if left <= accept.coarse {
-            match through(fine, &values).map(|t| t.0) {
-                Ok(e) if e.chi2_per_dof <= accept.fine => return Ok(Staged { estimate: e, trials, explained: true }),
-                Ok(e) if finished.as_ref().is_none_or(|f| e.chi2_per_dof < f.chi2_per_dof) => finished = Some(e),
-                Ok(_) => {}
-                Err(e) => failed = Some(e),
-            }
-        }
-        if best.as_ref().is_none_or(|b| left < b.0) {
-            best = Some((left, values));
+        if best.as_ref().is_none_or(|b| end.chi2_per_dof < b.0) {
+            best = Some((end.chi2_per_dof, values));
         }
     }
-    if let Some(estimate) = finished {
+    // No start is left to agree.
+    while search.ends.iter().any(|e| !e.refused) {
+        if let Some(estimate) = search.lowest(1) {
+            return Ok(Staged { estimate, trials, explained: true });
+        }
+    }
+    if let Some(estimate) = search.finished {
         return Ok(Staged { estimate, trials, explained: false });
     }
-    let start = match (best, failed) {
+    let start = match (best, search.failed) {
         (Some(b), _) => b.1,
         (None, Some(e)) => return Err(e),
-        (None, None) => starts.first().map_or_else(|| fine.request.start.to_vec(), Clone::clone),
+        (None, None) => starts.first().map_or_else(|| search.fine.request.start.to_vec(), Clone::clone),
     };
-    let estimate = through(fine, &start)?.0;
+    let estimate = through(search.fine, &start)?.0;
     let explained = estimate.chi2_per_dof <= accept.fine;
     Ok(Staged { estimate, trials, explained })
+}
+
+/// One start through the coarse passes: the last estimate, and where to go on from; nothing when there are no passes.
+fn descend(
+    coarse: &mut [Pass<'_, '_>],
+    start: &[f64],
+    trial: &mut Trial,
+) -> Result<Option<(Estimate, Vec<f64>)>, EstimateError> {
+    let mut end: Option<(Estimate, Vec<f64>)> = None;
+    for pass in coarse.iter_mut() {
+        let from = end.as_ref().map_or(start, |e| &e.1);
+        let (estimate, steps, on) = through(pass, from)?;
+        trial.iterations += steps;
+        end = Some((estimate, on));
+    }
+    trial.chi2_per_dof = end.as_ref().map(|e| e.0.chi2_per_dof);
+    Ok(end)
+}
+
+/// What the fine pass has to choose from, and what became of it.
+struct Search<'p, 'a, 'b> {
+    fine: &'p mut Pass<'a, 'b>,
+    accept: Accept,
+    ends: Vec<End>,
+    /// The best of the fine pass among those that do not explain its data.
+    finished: Option<Estimate>,
+    failed: Option<EstimateError>,
+}
+
+impl Search<'_, '_, '_> {
+    fn arrived(&mut self, objective: f64, values: &[f64]) {
+        match self.ends.iter_mut().find(|e| (e.objective - objective).abs() < SAME) {
+            Some(e) => {
+                e.starts += 1;
+                if objective < e.objective {
+                    (e.objective, e.values) = (objective, values.to_vec());
+                }
+            }
+            None => self.ends.push(End { objective, values: values.to_vec(), starts: 1, refused: false }),
+        }
+    }
+    /// The fine pass from the lowest end that it has not refused, if so many starts led there: its estimate, if that explains its data.
+    fn lowest(&mut self, agree: usize) -> Option<Estimate> {
+        let left = self.ends.iter_mut().filter(|e| !e.refused);
+        let end = left.min_by(|a, b| a.objective.total_cmp(&b.objective)).filter(|e| e.starts >= agree)?;
+        end.refused = true;
+        match through(self.fine, &end.values) {
+            Ok((e, ..)) if e.chi2_per_dof <= self.accept.fine => return Some(e),
+            Ok((e, ..)) if self.finished.as_ref().is_none_or(|f| e.chi2_per_dof < f.chi2_per_dof) => {
+                self.finished = Some(e);
+            }
+            Ok(_) => {}
+            Err(e) => self.failed = Some(e),
+        }
+        None
+    }
 }
 
 /// How often a pass is taken up again from the inside after it has ended at the edge of what can exist.
@@ -206,7 +282,7 @@ mod tests {
             let (mut every, mut fourth) = (Tone { every: 1 }, Tone { every: 4 });
             let mut fine = Pass { request: request.clone(), estimator: &mut every };
             let coarse = Pass { request: request.clone(), estimator: &mut fourth };
-            estimate_staged(&mut [coarse], &mut fine, starts, Accept { coarse: 1.5, fine: 1.5 }).unwrap()
+            estimate_staged(&mut [coarse], &mut fine, starts, Accept { coarse: 1.5, fine: 1.5, agree: 1 }).unwrap()
         };
         let s = run(&starts);
         assert_eq!((s.trials.len(), s.explained), (3, true), "{:?}", s.trials);

@@ -6,8 +6,8 @@
 //! 100 Hz. The fit knows the prior and the record:
 //!
 //! 1. modes of the decay ([`ffid::ident::modal_fit`]),
-//! 2. all parameters from them, under the prior ([`ffid::ident::modal_estimate`]): the first start. Others, tried only when it
-//!    does not explain the record to its noise: stiffness and damping alone from the modes; the prior; draws around it;
+//! 2. all parameters from them, under the prior ([`ffid::ident::modal_estimate`]): the first start. Others, tried until two
+//!    agree on the lowest end (without noise: until one explains the record): stiffness and damping alone from the modes; the prior; draws around it;
 //! 3. output error for base, stiffness and damping over the beginning of the record, then over every tenth sample of it, then
 //!    over the whole ([`ffid::ident::staged`]).
 //!
@@ -224,7 +224,7 @@ const THIN: usize = 10;
 const SHORT_S: f64 = 9.0;
 /// `chi^2` per degree of freedom up to which a noise-free record is explained, thinned and whole: what integrating with
 /// coarser steps than the truth leaves is a thousandth of it.
-const EXACT: Accept = Accept { coarse: 1e-4, fine: 1e-8 };
+const EXACT: Accept = Accept { coarse: 1e-4, fine: 1e-8, agree: 1 };
 /// Draws around the prior that are tried when modes and prior have led nowhere.
 const DRAWS: u64 = 20;
 

@@ -91,7 +91,8 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 fn one(case: &Case, trace: &Trace, seed: u64) -> anyhow::Result<Estimate> {
     // Where the zero of an encoder lies within its step is chance. With the same phase in all records their positions would be the
     // same to the last bit, and what is one draw of the error of the joint motion would count as a bias.
-    let phase = (seed as f64 * GOLDEN).fract();
+    // No record is displaced by more than half a step, and all together by nothing.
+    let phase = (seed as f64 * GOLDEN).fract() - 0.5;
     let encoder = Channel { bias: phase * case.sensors.encoder.quantum, ..case.sensors.encoder };
     let r = measure(trace, &SensorSuite { encoder, ..case.sensors }, seed);
     let record = case.record(r.dt).q(r.q).tau(r.tau).gyro(r.gyro).build()?.0;

@@ -43,7 +43,7 @@ fn fit(
     let request = Request { centre: Some(request.start), ..request.clone() };
     let mut fine = Pass { request: request.clone(), estimator: &mut whole };
     // One start: whatever it leads to is the answer, and is judged by the study.
-    let any = Accept { coarse: f64::INFINITY, fine: f64::INFINITY };
+    let any = Accept { coarse: f64::INFINITY, fine: f64::INFINITY, agree: 1 };
     let staged = estimate_staged(&mut coarse, &mut fine, &[request.start.to_vec()], any)?;
     let mut e = staged.estimate;
     e.iterations += staged.trials.iter().map(|t| t.iterations).sum::<usize>();
