@@ -103,7 +103,7 @@ impl TrajectoryFile {
     /// Those of [`TrajectoryFile::from_json`], with the file; `Io::Read`, `Data::NameMismatch`, `Data::Unit`.
     pub fn load(path: &Path, model: &Model) -> Result<Self, Problems> {
         let text = ff_model::text_file(path, MAX_BYTES)?;
-        Self::from_json(&text).and_then(|f| f.for_model(model)).map_err(|p| in_file(p, path))
+        Self::from_json(&text).and_then(|f| f.for_model(model)).map_err(|p| p.in_file(path))
     }
     /// The same trajectory with its joints in the order of the model.
     ///
@@ -166,11 +166,6 @@ fn match_joints(file: &[NamedJoint], model: &[NamedJoint]) -> Result<Vec<usize>,
 
 fn data(code: &'static str, message: impl Into<String>) -> Problem {
     Problem::error(Area::Data, code, message)
-}
-
-fn in_file(mut p: Problems, path: &Path) -> Problems {
-    p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.to_path_buf()));
-    p
 }
 
 fn bad_spline(e: &dyn std::fmt::Display) -> Problems {

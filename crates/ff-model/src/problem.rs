@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// How bad a problem is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -158,6 +158,14 @@ impl Problems {
     /// Adds all of another list.
     pub fn extend(&mut self, o: Self) {
         self.0.extend(o.0);
+    }
+    /// Names the file in every problem that names none.
+    #[must_use]
+    pub fn in_file(mut self, file: impl AsRef<Path>) -> Self {
+        for p in &mut self.0 {
+            p.file.get_or_insert_with(|| file.as_ref().to_path_buf());
+        }
+        self
     }
     /// True when any entry is an error.
     pub fn has_errors(&self) -> bool {

@@ -1,8 +1,8 @@
 //! `ffid convert`: a record from one format to another, block by block in memory of fixed size.
 
 use crate::output::{Input, Outcome};
-use crate::results::failed;
-use ffid::exit::{Exit, Failure};
+use crate::results::{self, Refusal, refused};
+use ffid::exit::Failure;
 use ffid::files::atomic;
 use ffid::files::folder::Entry;
 use ffid::ident::record_file::units::{self, Unit};
@@ -68,12 +68,6 @@ struct Converted {
     sha256: String,
 }
 
-/// Results in JSON; absent when there are none.
-#[derive(Default, Serialize)]
-struct Results<'a> {
-    converted: Option<&'a Converted>,
-}
-
 impl Display for Converted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let names = list(self.columns.iter().map(String::as_str), 8);
@@ -92,18 +86,8 @@ impl Display for Converted {
 
 /// Converts and prints.
 pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
-    let input = &args.input;
-    match work(args) {
-        Ok((done, problems)) => {
-            let text: [Option<&dyn Display>; 1] = [Some(&done)];
-            let text = if args.quiet { &[][..] } else { &text[..] };
-            input.print(Exit::of(&problems), &problems, Results { converted: Some(&done) }, text, out, err)
-        }
-        Err((exit, problems)) => input.print(exit, &problems, Results::default(), &[], out, err),
-    }
+    args.input.print_done("converted", work(args), args.quiet, out, err)
 }
-
-type Refusal = (Exit, Problems);
 
 /// A column as it is written.
 struct Column {
@@ -116,11 +100,7 @@ struct Column {
 }
 
 fn work(args: &Args) -> Result<(Converted, Problems), Refusal> {
-    let refused = |p: Problems| (Exit::of(&p), p);
-    let io = |e: &Failure| {
-        let (exit, p) = failed(e);
-        (exit, Problems(vec![p.hint("give another OUT, or --force to replace it")]))
-    };
+    let io = |e: Failure| results::io_hint(e, "OUT");
     let to = match args.out.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("csv") => Format::Csv,
         Some("parquet") => Format::Parquet,
@@ -131,7 +111,7 @@ fn work(args: &Args) -> Result<(Converted, Problems), Refusal> {
         }
     };
     if args.out.exists() && !args.force {
-        return Err(io(&Failure::Exists { path: args.out.clone() }));
+        return Err(io(Failure::Exists { path: args.out.clone() }));
     }
     let joints: Vec<JointColumn> = Vec::new();
     let options = ReadOptions {
@@ -142,10 +122,7 @@ fn work(args: &Args) -> Result<(Converted, Problems), Refusal> {
     };
     let file = &args.input.file;
     let (from, mut source) = open(file, &joints, &options).map_err(refused)?;
-    let named = |mut p: Problems| {
-        p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| file.clone()));
-        p
-    };
+    let named = |p: Problems| p.in_file(file);
     let columns = columns(source.names(), args).map_err(|p| refused(named(p)))?;
     let mut wanted = vec![false; source.names().len()];
     columns.iter().for_each(|c| wanted[c.from] = true);
@@ -182,10 +159,10 @@ fn work(args: &Args) -> Result<(Converted, Problems), Refusal> {
         p.extend(named(source.notes()));
         return Err(refused(p));
     }
-    written.map_err(|e| io(&e))?;
+    written.map_err(io)?;
     problems.extend(named(source.notes()));
     leniency.settle(&mut problems);
-    let entry = Entry::of(&args.out, "").map_err(|e| io(&e))?;
+    let entry = Entry::of(&args.out, "").map_err(io)?;
     let done = Converted {
         from: from.name(),
         to: to.name(),

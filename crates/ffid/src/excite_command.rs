@@ -133,17 +133,11 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     };
     let demands = match demands(&opened, &mission.limits, &start(&opened, &settings), &input.file) {
         Ok(d) => d,
-        Err(mut problems) => {
-            problems.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| input.file.clone()));
-            return refuse(Exit::of(&problems), &problems, out, err);
-        }
+        Err(problems) => return refuse(Exit::of(&problems), &problems.in_file(&input.file), out, err),
     };
     let planned = match search(args, &opened, mission, &settings, &demands) {
         Ok(p) => p,
-        Err((exit, mut problems)) => {
-            problems.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| input.file.clone()));
-            return refuse(exit, &problems, out, err);
-        }
+        Err((exit, problems)) => return refuse(exit, &problems.in_file(&input.file), out, err),
     };
     let judged = prove(&planned.file.trajectory, &joint_limits(&opened.model, &mission.limits))
         .map_err(|e| {
@@ -155,10 +149,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         });
     let verdict = match judged {
         Ok(v) => v,
-        Err((exit, mut problems)) => {
-            problems.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| input.file.clone()));
-            return refuse(exit, &problems, out, err);
-        }
+        Err((exit, problems)) => return refuse(exit, &problems.in_file(&input.file), out, err),
     };
     let mut problems = opened.warnings.clone();
     let mut faults = results::faults(&verdict);

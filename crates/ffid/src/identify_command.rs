@@ -153,10 +153,7 @@ impl Args {
         let mut asked = Asked { reduce: self.reduce, more_starts: self.starts as usize - 1, ..Asked::default() };
         if let Some(path) = &self.ties {
             let text = ffid::model::text_file(path, MAX_TIES)?;
-            asked.ties = TieSpec::read(&text).map_err(|mut p| {
-                p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.clone()));
-                p
-            })?;
+            asked.ties = TieSpec::read(&text).map_err(|p| p.in_file(path))?;
         }
         let mut earlier = Vec::new();
         if let Some(folder) = &self.prior_from {
@@ -223,10 +220,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     let found = fit(args, &mut ready);
     let (mut found, held, said) = match found {
         Ok(f) => f,
-        Err((exit, mut p)) => {
-            p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| input.file.clone()));
-            return input.print(exit, &p, Results::default(), &[], out, err);
-        }
+        Err((exit, p)) => return input.print(exit, &p.in_file(&input.file), Results::default(), &[], out, err),
     };
     let Ready { opened, problems, files, inputs, folder, target, .. } = ready;
     let mut problems = problems;
@@ -238,8 +232,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         exit = found.result.exit();
     }
     problems.extend(faults);
-    found.result.warnings =
-        problems.0.iter().map(|p| Warning { code: p.code.to_owned(), message: p.to_string() }).collect();
+    found.result.warnings = Warning::all(&problems);
     if let Some(p) = results::changed(&inputs, &files) {
         exit = Exit::Data;
         problems.push(p);
@@ -371,10 +364,9 @@ fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Signals>, Probl
         let turned = |takes: &[Take], s: &Settings| -> Result<(), IdentifyError> {
             let nominal = Params::nominal(model);
             for (take, path) in takes.iter().zip(args.paths()) {
-                let mut turned = axes::mismatch(model, nominal.values(), &take.record, s)?;
+                let turned = axes::mismatch(model, nominal.values(), &take.record, s)?;
                 if turned.has_errors() {
-                    turned.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.clone()));
-                    return Err(IdentifyError::Refused(turned));
+                    return Err(IdentifyError::Refused(turned.in_file(path)));
                 }
             }
             Ok(())

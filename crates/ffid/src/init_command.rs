@@ -1,8 +1,8 @@
 //! `ffid init`: a first mission file from a URDF.
 
 use crate::output::{Input, Outcome};
-use crate::results::failed;
-use ffid::exit::{Exit, Failure};
+use crate::results::{self, Refusal, refused};
+use ffid::exit::Failure;
 use ffid::files::atomic;
 use ffid::init::{Guess, Known, Tank, mission};
 use ffid::model::mission::{LoadOptions, Mission};
@@ -111,12 +111,6 @@ struct Started {
     lifted: Vec<String>,
 }
 
-/// Results in JSON; absent when there are none.
-#[derive(Default, Serialize)]
-struct Results<'a> {
-    started: Option<&'a Started>,
-}
-
 impl Display for Started {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let g = &self.guess;
@@ -142,27 +136,14 @@ impl Display for Started {
 
 /// Guesses, writes and prints.
 pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
-    let input = &args.input;
-    match work(args) {
-        Ok((started, problems)) => {
-            let text: [Option<&dyn Display>; 1] = [Some(&started)];
-            let text = if args.quiet { &[][..] } else { &text[..] };
-            input.print(Exit::of(&problems), &problems, Results { started: Some(&started) }, text, out, err)
-        }
-        Err((exit, problems)) => input.print(exit, &problems, Results::default(), &[], out, err),
-    }
+    args.input.print_done("started", work(args), args.quiet, out, err)
 }
 
-fn work(args: &Args) -> Result<(Started, Problems), (Exit, Problems)> {
-    let refused = |p: Problems| (Exit::of(&p), p);
-    let io = |e: &Failure| {
-        let (exit, p) = failed(e);
-        let hint = "give another -o, or --force to replace it";
-        (exit, Problems(vec![if matches!(e, Failure::Exists { .. }) { p.hint(hint) } else { p }]))
-    };
+fn work(args: &Args) -> Result<(Started, Problems), Refusal> {
+    let io = |e: Failure| results::io_hint(e, "-o");
     // Before anything else, as for every output: a mission is work that must not be lost.
     if args.out.exists() && !args.force {
-        return Err(io(&Failure::Exists { path: args.out.clone() }));
+        return Err(io(Failure::Exists { path: args.out.clone() }));
     }
     let file = &args.input.file;
     let options = UrdfOptions {
@@ -181,7 +162,7 @@ fn work(args: &Args) -> Result<(Started, Problems), (Exit, Problems)> {
     let warnings = loaded.map_err(refused)?.warnings;
     let new = warnings.0.into_iter().filter(|w| w.area != Area::Model);
     problems.extend(Problems(new.collect()));
-    atomic::write(&args.out, text.as_bytes()).map_err(|e| io(&e))?;
+    atomic::write(&args.out, text.as_bytes()).map_err(io)?;
     let lifted = guess.panels.iter().filter(|p| known.springs(p).is_some()).map(|p| p.name.clone()).collect();
     Ok((Started { mission: args.out.clone(), guess, lifted }, problems))
 }

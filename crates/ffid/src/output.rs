@@ -1,9 +1,11 @@
 //! How every subcommand ends: its options, its printing, its exit code.
 
+use crate::results::Refusal;
 use ffid::exit::Exit;
 use ffid::model::leniency::Leniency;
 use ffid::model::{Problems, Severity};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -40,6 +42,22 @@ pub(crate) type Outcome = Result<Exit, (Exit, io::Error)>;
 impl Input {
     pub(crate) fn leniency(&self) -> Leniency {
         Leniency { allow: self.allow.clone(), strict: self.strict }
+    }
+    /// Prints what a command has done, in JSON as the value of `key`, or why it was refused; `quiet`: problems only.
+    pub(crate) fn print_done<T: Serialize + Display>(
+        &self,
+        key: &'static str,
+        done: Result<(T, Problems), Refusal>,
+        quiet: bool,
+        out: &mut impl Write,
+        err: &mut impl Write,
+    ) -> Outcome {
+        let (exit, problems, done) = match done {
+            Ok((done, problems)) => (Exit::of(&problems), problems, Some(done)),
+            Err((exit, problems)) => (exit, problems, None),
+        };
+        let text = done.as_ref().filter(|_| !quiet).map(|d| d as &dyn Display);
+        self.print(exit, &problems, BTreeMap::from([(key, &done)]), &[text], out, err)
     }
     /// Prints `results` as JSON; or `text` (in order, absent parts left out) and the problems line by line.
     pub(crate) fn print(

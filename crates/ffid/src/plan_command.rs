@@ -141,10 +141,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         .and_then(|d| results::verdict(&opened, mission, given.motion.as_ref(), given.proven.as_ref(), &d));
     let verdict = match judged {
         Ok(v) => v,
-        Err((exit, mut problems)) => {
-            problems.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| args.trajectory.clone()));
-            return refuse(exit, &problems, out, err);
-        }
+        Err((exit, problems)) => return refuse(exit, &problems.in_file(&args.trajectory), out, err),
     };
     let mut problems = opened.warnings.clone();
     problems.extend(given.warnings);

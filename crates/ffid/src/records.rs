@@ -77,10 +77,7 @@ impl RecordFlags {
         }
         loaded.warnings = warnings;
         if let Some(hz) = self.low_pass {
-            let (record, warnings) = low_pass(&loaded.record, hz, need).map_err(|mut p| {
-                p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.to_owned()));
-                p
-            })?;
+            let (record, warnings) = low_pass(&loaded.record, hz, need).map_err(|p| p.in_file(path))?;
             loaded.record = record;
             loaded.warnings.extend(warnings);
         }

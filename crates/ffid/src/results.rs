@@ -159,6 +159,17 @@ pub(crate) fn io(e: Failure) -> Refusal {
     (exit, Problems(vec![p]))
 }
 
+/// [`io`] for one file, which is named by `argument`.
+pub(crate) fn io_hint(e: Failure, argument: &str) -> Refusal {
+    match &e {
+        Failure::Exists { .. } => {
+            let (exit, p) = failed(&e);
+            (exit, Problems(vec![p.hint(format!("give another {argument}, or --force to replace it"))]))
+        }
+        _ => io(e),
+    }
+}
+
 /// Writes figures under their stems, as SVG and, when asked for, PNG.
 pub(crate) fn draw(folder: &Folder, figures: &[(impl AsRef<Path>, Figure)], png: bool) -> Result<(), Failure> {
     for (stem, figure) in figures {

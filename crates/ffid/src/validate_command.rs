@@ -70,10 +70,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     let input = &args.input;
     let found = match judge(args) {
         Ok(f) => f,
-        Err((exit, mut p)) => {
-            p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| args.record.clone()));
-            return input.print(exit, &p, Results::default(), &[], out, err);
-        }
+        Err((exit, p)) => return input.print(exit, &p.in_file(&args.record), Results::default(), &[], out, err),
     };
     let Found { robot, held, signals, modes, mut problems, files, inputs, folder } = found;
     let mut exit = Exit::of(&problems);

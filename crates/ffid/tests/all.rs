@@ -4,6 +4,7 @@
 
 mod any_bytes;
 mod check;
+mod common;
 mod convert;
 mod doubts;
 mod excite;
@@ -13,5 +14,4 @@ mod kinds;
 mod outputs;
 mod preflight;
 mod questions;
-
 mod three_segment;

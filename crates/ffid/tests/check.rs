@@ -1,18 +1,13 @@
 //! `ffid check` through the real binary: exit codes, output, and every bad fixture with the real appendages.
 
+use crate::common::{finish, fixture};
 use assert_cmd::Command;
 use serde_json::Value;
 use std::path::PathBuf;
 
-fn fixture(path: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures").join(path)
-}
-
 /// Runs `ffid check`; exit code, standard output, standard error.
 fn check(file: &str, more: &[&str]) -> (i32, String, String) {
-    let out = Command::cargo_bin("ffid").unwrap().arg("check").arg(fixture(file)).args(more).output().unwrap();
-    let text = |b: Vec<u8>| String::from_utf8(b).unwrap();
-    (out.status.code().unwrap(), text(out.stdout), text(out.stderr))
+    finish(Command::cargo_bin("ffid").unwrap().arg("check").arg(fixture(file)).args(more))
 }
 
 fn json(file: &str, more: &[&str]) -> (i32, Value) {
@@ -236,7 +231,7 @@ fn crlf_locale_and_odd_paths_make_no_difference() {
     let folder = dir.path().join("a b µ");
     std::fs::create_dir(&folder).unwrap();
     for name in ["robot.urdf", "slosh.toml"] {
-        let text = std::fs::read_to_string(fixture(&format!("paper/{name}"))).unwrap().replace('\n', "\r\n");
+        let text = std::fs::read_to_string(fixture(format!("paper/{name}"))).unwrap().replace('\n', "\r\n");
         std::fs::write(folder.join(name), text).unwrap();
     }
     let run = |path: PathBuf| {

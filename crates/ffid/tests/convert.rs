@@ -1,18 +1,12 @@
 //! `ffid convert` and records that are no CSV, through the real binary.
 
-use assert_cmd::Command;
+use crate::common::{self, ffid};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 fn fixture(path: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/records").join(path)
-}
-
-fn ffid(dir: &Path, args: &[&str]) -> (i32, String, String) {
-    let out = Command::cargo_bin("ffid").unwrap().args(args).current_dir(dir).output().unwrap();
-    let text = |b: Vec<u8>| String::from_utf8(b).unwrap();
-    (out.status.code().unwrap(), text(out.stdout), text(out.stderr))
+    common::fixture("records").join(path)
 }
 
 fn convert(dir: &Path, args: &[&str]) -> Value {

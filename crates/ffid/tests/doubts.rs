@@ -1,8 +1,8 @@
 //! What may be wrong with a record, or with the model: clocks, rest, momentum, modes, models compared, an arm on the ground.
 //! Rows D15, D16, D23 to D25, D29 and D30 of `bad-inputs.md`.
 
+use crate::common::fixture;
 use crate::identify::{flex, near_the_truth, slosh};
-use std::path::PathBuf;
 
 /// Changes the cells of a record: time, name of the column, old value -> new value.
 fn edit(text: &str, change: impl Fn(f64, &str, f64) -> f64) -> String {
@@ -169,7 +169,7 @@ fn models_are_compared_by_what_they_predict() {
 
 #[test]
 fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
+    let folder = fixture("");
     let c = slosh();
     let mission = folder.join("ground/arm.toml");
     let mission = mission.to_str().unwrap();

@@ -1,6 +1,6 @@
 //! `ffid excite` and `ffid plan` through the real binary: goals, files, refusals, interruption.
 
-use assert_cmd::Command;
+use crate::common::{self, ffid};
 use ffid::dynamics::motion::JointMotion;
 use ffid::excitation::{Samples, Trajectory, TrajectoryFile};
 use ffid::open::open;
@@ -19,7 +19,7 @@ struct Case {
 
 impl Case {
     fn new(fixture: &str, more: &str) -> Self {
-        let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/paper");
+        let folder = common::fixture("paper");
         let dir = tempfile::tempdir().unwrap();
         fs::copy(folder.join("robot.urdf"), dir.path().join("robot.urdf")).unwrap();
         let text = fs::read_to_string(folder.join(fixture)).unwrap().replace("rate_hz = 100.0", "rate_hz = 20.0");
@@ -39,9 +39,7 @@ impl Case {
     }
     /// Exit code, standard output, standard error; run in the folder of the case.
     fn run(&self, args: &[&str]) -> (i32, String, String) {
-        let out = Command::cargo_bin("ffid").unwrap().args(args).current_dir(self.dir.path()).output().unwrap();
-        let text = |b: Vec<u8>| String::from_utf8(b).unwrap();
-        (out.status.code().unwrap(), text(out.stdout), text(out.stderr))
+        ffid(self.dir.path(), args)
     }
     fn json(&self, args: &[&str]) -> (i32, Value) {
         let (code, out, err) = self.run(&[args, &["--json"]].concat());

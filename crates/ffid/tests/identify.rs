@@ -1,6 +1,7 @@
 //! `ffid simulate`, `identify`, `validate` and `predict` through the real binary: the chain from a mission to an answer,
 //! the files it leaves, and what wrong records get (rows `D..` and `R..` of `bad-inputs.md`).
 
+use crate::common::{self, finish};
 use assert_cmd::Command;
 use ffid::identify::IdentificationResult;
 use ffid::model::leniency::Leniency;
@@ -43,7 +44,7 @@ pub(crate) struct Case {
 impl Case {
     /// `cad` are the wrong values of `m.toml`.
     pub(crate) fn new(fixture: &str, estimate: &str, cad: &str) -> Self {
-        let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/paper");
+        let folder = common::fixture("paper");
         let dir = tempfile::tempdir().unwrap();
         fs::copy(folder.join("robot.urdf"), dir.path().join("robot.urdf")).unwrap();
         let text = fs::read_to_string(folder.join(fixture)).unwrap().replace("rate_hz = 100.0", "rate_hz = 50.0");
@@ -68,9 +69,7 @@ impl Case {
     /// Exit code, standard output, standard error; run in the folder of the case, under another locale (R10).
     pub(crate) fn run(&self, args: &[&str]) -> (i32, String, String) {
         let mut c = Command::cargo_bin("ffid").unwrap();
-        let out = c.args(args).env("LC_ALL", "de_DE.UTF-8").current_dir(self.dir.path()).output().unwrap();
-        let text = |b: Vec<u8>| String::from_utf8(b).unwrap();
-        (out.status.code().unwrap(), text(out.stdout), text(out.stderr))
+        finish(c.args(args).env("LC_ALL", "de_DE.UTF-8").current_dir(self.dir.path()))
     }
     pub(crate) fn good(&self, args: &[&str]) -> String {
         let (code, out, err) = self.run(args);

@@ -1,21 +1,10 @@
 //! `ffid init` through the real binary: what is guessed on robots of several shapes, and that the file loads at once.
 
-use assert_cmd::Command;
+use crate::common::{ffid, fixture};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
 use tempfile::TempDir;
-
-fn fixture(path: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures").join(path)
-}
-
-fn ffid(dir: &Path, args: &[&str]) -> (i32, String, String) {
-    let out = Command::cargo_bin("ffid").unwrap().args(args).current_dir(dir).output().unwrap();
-    let text = |b: Vec<u8>| String::from_utf8(b).unwrap();
-    (out.status.code().unwrap(), text(out.stdout), text(out.stderr))
-}
 
 /// Runs `ffid init --json` on a URDF in the folder; then `ffid check --json` on what it wrote. Both results.
 fn init(dir: &TempDir, urdf: &str, more: &[&str]) -> (Value, Value) {

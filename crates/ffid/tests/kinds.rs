@@ -1,5 +1,6 @@
 //! One mission with every kind of appendage this workspace brings.
 
+use crate::common::fixture;
 use ffid::dynamics::motion::JointMotion;
 use ffid::dynamics::{
     Boundary, Drive, SimOptions, State, Work, bias, budget, forward_dynamics, hybrid_dynamics, mass_matrix, regressor,
@@ -15,7 +16,7 @@ use nalgebra::DMatrix;
 use std::path::Path;
 
 fn opened() -> ffid::open::Opened {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/kinds/all.toml"));
+    let path = &fixture("kinds/all.toml");
     ffid::open::open(path, Leniency::default()).unwrap()
 }
 

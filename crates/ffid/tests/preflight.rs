@@ -1,5 +1,6 @@
 //! The verdict against what happens: noise drawn many times, fits made, other programs' way of computing the same.
 
+use crate::common::fixture;
 use ffid::dynamics::bspline::BSplineMotion;
 use ffid::dynamics::motion::JointMotion;
 use ffid::dynamics::{Channel, SensorSuite, measure};
@@ -9,10 +10,9 @@ use ffid::ident::{Estimate, Noise, Options, OutputError, Rda, RecordBuilder, Req
 use ffid::model::Params;
 use ffid::open::{Opened, open};
 use ffid::preflight::{Preflight, Proof, Question, Seen, Sensing, Told, joint_limits, judge};
-use std::path::PathBuf;
 
 fn paper(name: &str) -> Opened {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/paper").join(name);
+    let path = fixture("paper").join(name);
     open(&path, Default::default()).unwrap()
 }
 

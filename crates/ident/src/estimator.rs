@@ -50,6 +50,28 @@ pub trait Estimator {
     ) -> Result<(), EvalError>;
 }
 
+impl<E: Estimator + ?Sized> Estimator for Box<E> {
+    fn rows(&self) -> usize {
+        (**self).rows()
+    }
+    fn nuisance(&self) -> Vec<Unknown> {
+        (**self).nuisance()
+    }
+    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        (**self).residuals(full, extra, r)
+    }
+    fn jacobian(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        (**self).jacobian(full, extra, selected, r, j)
+    }
+}
+
 /// What to estimate, from where, with what prior knowledge.
 #[derive(Clone, Debug)]
 pub struct Request<'a> {

@@ -139,9 +139,9 @@ impl<E: Estimator + ?Sized> Problem for Fit<'_, E> {
         let (n, rows) = (self.transform.dim(), self.estimator.rows());
         let all = rows + self.priors.len() + n * self.references.len();
         self.last.at(self.estimator, self.transform.selected(), &self.full, &extra)?;
-        let roots: Vec<(f64, f64)> = self.last.residuals.iter().map(|&r| self.loss.root(r)).collect();
+        let loss = self.loss;
         r.clear();
-        r.extend(roots.iter().map(|x| x.0));
+        r.extend(self.last.residuals.iter().map(|&r| loss.root(r).0));
         let physical = &self.last.jacobian;
         let mut own = DMatrix::zeros(all, n);
         own.rows_mut(0, rows).copy_from(&physical.columns(0, n));
@@ -159,9 +159,10 @@ impl<E: Estimator + ?Sized> Problem for Fit<'_, E> {
         for (k, s) in self.sizes.iter().enumerate() {
             j.view_mut((0, n + k), (rows, 1)).copy_from(&(self.last.jacobian.column(n + k) * *s));
         }
-        if self.loss != Loss::Squares {
+        if loss != Loss::Squares {
+            let slopes: Vec<f64> = self.last.residuals.iter().map(|&r| loss.root(r).1).collect();
             for mut c in j.column_iter_mut() {
-                c.iter_mut().zip(&roots).for_each(|(x, (_, slope))| *x *= slope);
+                c.iter_mut().zip(&slopes).for_each(|(x, slope)| *x *= slope);
             }
         }
         Ok(())

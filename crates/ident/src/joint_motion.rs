@@ -17,30 +17,43 @@ use nalgebra::DMatrix;
 /// # Errors
 /// [`SetupError`].
 pub fn joint_motion(model: &Model, record: &Record) -> Result<Box<dyn JointMotion>, SetupError> {
-    check_joints(model, record)?;
+    motion_of(model, record, || None, false)
+}
+
+/// [`joint_motion`] with what accelerations are worth, asked for only where knots are chosen by it; `None`: every joint alike.
+/// `from_rest` as in [`motion_at_stake`].
+pub(crate) fn motion_of(
+    model: &Model,
+    record: &Record,
+    stake: impl FnOnce() -> Option<Stake>,
+    from_rest: bool,
+) -> Result<Box<dyn JointMotion>, SetupError> {
+    let n = record.joints();
+    if n != model.nj() {
+        return Err(SetupError::Joints { got: n, want: model.nj() });
+    }
     if let Some(table) = logged(record)? {
         return Ok(Box::new(table));
     }
     if let Some(short) = short(record)? {
         return Ok(short);
     }
-    Ok(Box::new(spectral_motion(record)?.fit.motion))
-}
-
-pub(crate) fn check_joints(model: &Model, record: &Record) -> Result<(), SetupError> {
-    let n = record.joints();
-    if n == model.nj() { Ok(()) } else { Err(SetupError::Joints { got: n, want: model.nj() }) }
+    let fit = match stake() {
+        Some(stake) => motion_at_stake(record, &stake, from_rest)?,
+        None => spectral_motion(record)?,
+    };
+    Ok(Box::new(fit.fit.motion))
 }
 
 /// The motion of a record that has rates and accelerations.
-pub(crate) fn logged(record: &Record) -> Result<Option<HermiteTable>, SetupError> {
+fn logged(record: &Record) -> Result<Option<HermiteTable>, SetupError> {
     let (Some(qd), Some(qdd)) = (record.qd(), record.qdd()) else { return Ok(None) };
     let table = HermiteTable::new(record.joints(), record.dt(), &rows(record.q()), &rows(qd), &rows(qdd));
     table.map(Some).map_err(|e| SetupError::JointMotion(e.to_string()))
 }
 
 /// The motion of a record too short for a spectrum.
-pub(crate) fn short(record: &Record) -> Result<Option<Box<dyn JointMotion>>, SetupError> {
+fn short(record: &Record) -> Result<Option<Box<dyn JointMotion>>, SetupError> {
     if record.samples() >= 64 {
         return Ok(None);
     }

@@ -15,40 +15,30 @@ const POSES: usize = 9;
 /// Part of the variance of the torque sensors that noise of accelerations may add without costing anything.
 const FREE: f64 = 1e-3;
 
-/// Torque over joint acceleration, `n x n`, base and passive coordinates free, at some poses along a record.
-pub(crate) struct Leverage(Vec<DMatrix<f64>>);
-
-impl Leverage {
-    /// At the nominal parameters: a scale is wanted. `None` where a mass matrix is not definite.
-    pub(crate) fn new(model: &Model, record: &Record) -> Option<Self> {
-        let params = Params::<f64>::nominal(model);
-        let (n, m) = (model.nj(), model.np());
-        let nb = model.nv() - n - m;
-        let mut work = Work::new(model);
-        let mut state = State::zero(model);
-        state.eta = model.rest_position(&params);
-        let mut h = DMatrix::zeros(model.nv(), model.nv());
-        let free: Vec<usize> = (0..nb).chain(nb + n..model.nv()).collect();
-        let joints: Vec<usize> = (nb..nb + n).collect();
-        let mut torque = Vec::new();
-        for k in 0..POSES {
-            let i = k * (record.samples() - 1) / (POSES - 1);
-            state.q.iter_mut().zip(record.q().row(i).iter()).for_each(|(q, x)| *q = *x);
-            mass_matrix(model, &params, &state, &mut work, &mut h);
-            let cut = |rows: &[usize], cols: &[usize]| h.select_rows(rows).select_columns(cols);
-            let h_um = cut(&free, &joints);
-            let x = cut(&free, &free).cholesky()?.solve(&h_um);
-            torque.push(cut(&joints, &joints) - h_um.transpose() * &x);
-        }
-        Some(Self(torque))
+/// What accelerations are worth for torque sensors of standard deviation `sigma` (N m): for every joint, the norm of the torques
+/// that its unit acceleration takes, base and passive coordinates free, root mean square over the poses, over `sigma`. At the
+/// nominal parameters. `None` where a mass matrix is not definite. Allocates.
+pub(crate) fn stake(model: &Model, record: &Record, sigma: f64) -> Option<Stake> {
+    let params = Params::<f64>::nominal(model);
+    let (n, m) = (model.nj(), model.np());
+    let nb = model.nv() - n - m;
+    let mut work = Work::new(model);
+    let mut state = State::zero(model);
+    state.eta = model.rest_position(&params);
+    let mut h = DMatrix::zeros(model.nv(), model.nv());
+    let free: Vec<usize> = (0..nb).chain(nb + n..model.nv()).collect();
+    let joints: Vec<usize> = (nb..nb + n).collect();
+    let mut squares = vec![0.0; n];
+    for k in 0..POSES {
+        let i = k * (record.samples() - 1) / (POSES - 1);
+        state.q.iter_mut().zip(record.q().row(i).iter()).for_each(|(q, x)| *q = *x);
+        mass_matrix(model, &params, &state, &mut work, &mut h);
+        let cut = |rows: &[usize], cols: &[usize]| h.select_rows(rows).select_columns(cols);
+        let h_um = cut(&free, &joints);
+        let x = cut(&free, &free).cholesky()?.solve(&h_um);
+        let torque = cut(&joints, &joints) - h_um.transpose() * &x;
+        squares.iter_mut().zip(torque.column_iter()).for_each(|(s, c)| *s += c.norm_squared());
     }
-    /// What accelerations are worth for torques of this noise.
-    pub(crate) fn stake(&self, sigma: f64) -> Stake {
-        let n = self.0[0].ncols();
-        let of = |j: usize| {
-            let sum: f64 = self.0.iter().map(|h| h.column(j).norm_squared()).sum();
-            (sum / self.0.len() as f64).sqrt() / sigma
-        };
-        Stake { weights: (0..n).map(of).collect(), free: FREE * n as f64 }
-    }
+    let weights = squares.iter().map(|s| (s / POSES as f64).sqrt() / sigma).collect();
+    Some(Stake { weights, free: FREE * n as f64 })
 }

@@ -120,10 +120,7 @@ impl MotionFit {
 /// # Errors
 /// [`FitError`] naming the argument or the time where samples are missing.
 pub fn fit_motion(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit, FitError> {
-    let end = check(samples)?;
-    positive("knot spacing", spacing)?;
-    let spans = (end / spacing).round().clamp(1.0, samples.times.len() as f64) as usize;
-    fit_spans(samples, end, spans, false)
+    fit_spacing(samples, spacing, false)
 }
 
 /// [`fit_motion`] with the rates at the first sample held at zero.
@@ -134,10 +131,14 @@ pub fn fit_motion(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit,
 /// # Errors
 /// As [`fit_motion`].
 pub fn fit_motion_from_rest(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit, FitError> {
+    fit_spacing(samples, spacing, true)
+}
+
+fn fit_spacing(samples: &JointSamples<'_>, spacing: f64, from_rest: bool) -> Result<MotionFit, FitError> {
     let end = check(samples)?;
     positive("knot spacing", spacing)?;
     let spans = (end / spacing).round().clamp(1.0, samples.times.len() as f64) as usize;
-    fit_spans(samples, end, spans, true)
+    fit_spans(samples, end, spans, from_rest)
 }
 
 /// Weight of the rate at the first sample, where it is held, over that of the samples on its knots: leaves `1e-8` of it, and half the

@@ -1,7 +1,7 @@
 //! The prescribed motion of a record, tabulated once and kept as long as the links it was made for.
 
-use crate::joint_motion::{check_joints, logged, motion_at_stake, short};
-use crate::knot_stake::Leverage;
+use crate::joint_motion::motion_of;
+use crate::knot_stake;
 use crate::rda::{Noise, SetupError};
 use crate::record::Record;
 use ff_dynamics::motion::JointMotion;
@@ -33,20 +33,10 @@ impl Tables {
         noise: Option<&Noise>,
         from_rest: bool,
     ) -> Result<Self, SetupError> {
-        check_joints(model, record)?;
+        let stake = || knot_stake::stake(model, record, noise?.torque);
+        let motion = motion_of(model, record, stake, from_rest)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
-        let known = |motion| Self { motion, sampling, kept: None };
-        if let Some(table) = logged(record)? {
-            return Ok(known(Box::new(table)));
-        }
-        if let Some(short) = short(record)? {
-            return Ok(known(short));
-        }
-        let (Some(noise), Some(leverage)) = (noise, Leverage::new(model, record)) else {
-            return Ok(known(crate::joint_motion::joint_motion(model, record)?));
-        };
-        let fit = motion_at_stake(record, &leverage.stake(noise.torque), from_rest)?;
-        Ok(known(Box::new(fit.fit.motion)))
+        Ok(Self { motion, sampling, kept: None })
     }
     /// The table for these parameters. Base and appendages play no part in it, so it is made anew only when a
     /// link's parameter has changed or other links are asked for.

@@ -3,7 +3,7 @@
 //! Columns `time[s]` and `q.<joint>[rad]` (`[m]` for sliding joints, `[deg]` is converted) are required; `qd.<joint>`
 //! and `qdd.<joint>` are read when they are there for every joint. Their order does not matter.
 
-use super::{MAX_BYTES, NamedJoint, data, in_file, named_joints};
+use super::{MAX_BYTES, NamedJoint, data, named_joints};
 use ff_dynamics::motion::{HermiteTable, JointMotion, MotionError};
 use ff_model::{Area, Model, Problem, Problems, clip, list, nearest};
 use std::fmt::Write;
@@ -83,8 +83,8 @@ impl Samples {
     pub fn load(path: &Path, model: &Model) -> Result<(Self, Problems), Problems> {
         let text = ff_model::text_file(path, MAX_BYTES)?;
         match Self::from_csv(&text, model) {
-            Ok((s, warnings)) => Ok((s, in_file(warnings, path))),
-            Err(p) => Err(in_file(p, path)),
+            Ok((s, warnings)) => Ok((s, warnings.in_file(path))),
+            Err(p) => Err(p.in_file(path)),
         }
     }
     /// Reads a CSV text for a model; returns warnings beside the samples. Rows refer to `bad-inputs.md`.

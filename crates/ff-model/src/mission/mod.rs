@@ -193,7 +193,7 @@ fn load(
     let mut own = cx.take();
     if let Some(f) = file {
         // A problem inside a file that the mission names keeps the name of that file.
-        own.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| f.to_path_buf()));
+        own = own.in_file(f);
     }
     out.extend(own);
     options.leniency.settle(&mut out);

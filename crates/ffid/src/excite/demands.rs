@@ -122,10 +122,7 @@ fn clearances(opened: &Opened, limits: &Limits, least: f64, file: &Path) -> Resu
     let urdf = opened.mission.as_ref().map(|m| m.robot.urdf.clone()).unwrap_or_default();
     let path = file.parent().unwrap_or(Path::new("")).join(urdf);
     let text = crate::model::text_file(&path, MAX_URDF)?;
-    let (mut solids, _) = collision::from_urdf(&text, model).map_err(|mut p| {
-        p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.clone()));
-        p
-    })?;
+    let (mut solids, _) = collision::from_urdf(&text, model).map_err(|p| p.in_file(&path))?;
     if solids.is_empty() {
         let hint = "give the links <collision> elements: boxes, spheres, cylinders or capsules";
         return Err(ExciteError::new(Exit::Config, "Config::Limits", "the URDF has no collision shapes", hint)

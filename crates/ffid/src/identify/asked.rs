@@ -1,9 +1,7 @@
 //! What may be asked of an identification beside its settings: several records, ties, earlier knowledge, doubts.
 
 use super::{IdentifyError, Settings, config};
-use crate::ident::covariance::Unknown;
 use crate::ident::estimator::Estimator;
-use crate::ident::lm::EvalError;
 use crate::ident::prior::{Priors, Sigma};
 use crate::ident::sequence::{Posterior, SequenceError};
 use crate::ident::start::offset_start;
@@ -13,6 +11,7 @@ use crate::model::{Area, Model, ParamDecl, ParamGroup, Problem, Problems};
 use nalgebra::{DMatrix, DVector};
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// A record with the name of what belongs to it alone.
 #[derive(Clone, Debug)]
@@ -143,7 +142,7 @@ pub(super) struct Unknowns {
     pub(super) start: Vec<f64>,
     /// Parameters of the model that may change, ascending.
     pub(super) touched: Vec<usize>,
-    map: Option<TieMap>,
+    map: Option<Arc<TieMap>>,
     width: Option<f64>,
     posterior: Option<Posterior>,
 }
@@ -159,19 +158,11 @@ impl Unknowns {
         let (decls, nominal, mut selected) = match &map {
             None => (all, values, estimated.to_vec()),
             Some(m) => {
-                let tied: Vec<usize> = asked
-                    .ties
-                    .iter()
-                    .filter_map(|t| t.make(&all, &values).ok())
-                    .flat_map(|t| t.parameters().to_vec())
-                    .collect();
-                touched.extend(&tied);
-                let short = m.decls().to_vec();
-                let name = |i: &&usize| !tied.contains(i);
-                let free =
-                    estimated.iter().filter(name).filter_map(|&i| short.iter().position(|d| d.name == all[i].name));
-                let selected = free.chain(all.len() - tied.len()..short.len()).collect();
-                (short, m.start(), selected)
+                let free = m.free();
+                touched.extend((0..all.len()).filter(|i| free.binary_search(i).is_err()));
+                let kept = estimated.iter().filter_map(|i| free.binary_search(i).ok());
+                let selected = kept.chain(free.len()..m.decls().len()).collect();
+                (m.decls().to_vec(), m.start(), selected)
             }
         };
         selected.sort_unstable();
@@ -207,17 +198,10 @@ impl Unknowns {
         }
     }
     /// Puts the ties before an estimator of the whole model.
-    pub(super) fn tied<'a>(
-        &self,
-        model: &Model,
-        ties: &[TieSpec],
-        inner: Box<dyn Estimator + 'a>,
-    ) -> Result<Box<dyn Estimator + 'a>, IdentifyError> {
-        let all = model.param_decls();
-        let values: Vec<f64> = all.iter().map(|d| d.nominal).collect();
-        match tie_map(&all, &values, ties).map_err(|e| IdentifyError::Model(e.to_string()))? {
-            None => Ok(inner),
-            Some(m) => Ok(Box::new(Tied::new(Boxed(inner), m))),
+    pub(super) fn tied<'a>(&self, inner: Box<dyn Estimator + 'a>) -> Box<dyn Estimator + 'a> {
+        match &self.map {
+            None => inner,
+            Some(m) => Box::new(Tied::new(inner, Arc::clone(m))),
         }
     }
     /// Whether ties stand for parameters of the model.
@@ -226,12 +210,12 @@ impl Unknowns {
     }
 }
 
-fn tie_map(decls: &[ParamDecl], values: &[f64], ties: &[TieSpec]) -> Result<Option<TieMap>, TieError> {
+fn tie_map(decls: &[ParamDecl], values: &[f64], ties: &[TieSpec]) -> Result<Option<Arc<TieMap>>, TieError> {
     if ties.is_empty() {
         return Ok(None);
     }
     let made = ties.iter().map(|t| t.make(decls, values)).collect::<Result<Vec<_>, _>>()?;
-    TieMap::new(decls, values, made).map(Some)
+    TieMap::new(decls, values, made).map(|m| Some(Arc::new(m)))
 }
 
 /// Standard deviation that a posterior alone gives each parameter, by name; absent where it does not tell. Allocates.
@@ -244,29 +228,4 @@ pub(super) fn known_before(p: &Posterior) -> Result<BTreeMap<String, (f64, f64)>
         }
     }
     Ok(out)
-}
-
-/// Whichever estimator, by value.
-struct Boxed<'a>(Box<dyn Estimator + 'a>);
-
-impl Estimator for Boxed<'_> {
-    fn rows(&self) -> usize {
-        self.0.rows()
-    }
-    fn nuisance(&self) -> Vec<Unknown> {
-        self.0.nuisance()
-    }
-    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-        self.0.residuals(full, extra, r)
-    }
-    fn jacobian(
-        &mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-        r: &mut [f64],
-        j: &mut DMatrix<f64>,
-    ) -> Result<(), EvalError> {
-        self.0.jacobian(full, extra, selected, r, j)
-    }
 }

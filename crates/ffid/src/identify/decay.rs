@@ -2,6 +2,7 @@
 
 use super::asked::Take;
 use super::findings::{DecayMode, DecayModes, UnseenMode};
+use super::fit::sigmas;
 use super::{IdentifyError, Settings};
 use crate::dynamics::Boundary;
 use crate::ident::Record;
@@ -96,8 +97,7 @@ pub fn modes(model: &Model, values: &[f64], take: &Take, s: &Settings) -> Result
         return Ok(none("Data::Resolution", what, "hold the joints longer after the motion, such as with --hold"));
     }
     let window = record.window(from as f64 * dt, to as f64 * dt).map_err(IdentifyError::Refused)?;
-    let mut sigma = vec![s.noise.torque; model.nj()];
-    sigma.extend([s.noise.gyro; 3]);
+    let sigma = sigmas(model, &s.noise);
     let fit = match fit_modes(&window.responses(), &sigma, record.rate_hz(), &ModalSettings::up_to(f_max)) {
         Ok(f) => f,
         Err(e) => return refusal(&e),

@@ -51,12 +51,18 @@ impl<'a> Fit<'a> {
     }
     /// Standard deviation of every channel of a sample, in the order of the residuals.
     pub fn sigmas(&self, model: &Model) -> Vec<f64> {
-        let mut out = vec![self.noise.torque; model.nj()];
-        if self.method == Method::OutputError {
-            out.extend([self.noise.gyro; 3]);
+        match self.method {
+            Method::OutputError => sigmas(model, &self.noise),
+            _ => vec![self.noise.torque; model.nj()],
         }
-        out
     }
+}
+
+/// Standard deviations of torques and gyro.
+pub(super) fn sigmas(model: &Model, noise: &Noise) -> Vec<f64> {
+    let mut out = vec![noise.torque; model.nj()];
+    out.extend([noise.gyro; 3]);
+    out
 }
 
 /// Why a record cannot be predicted at all.

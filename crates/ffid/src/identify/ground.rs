@@ -7,7 +7,7 @@ use super::known;
 use super::result::{
     Combination, Correlation, Covariance, Ended, IdentificationResult, Parameter, Provenance, Value, Warning,
 };
-use super::{Identified, IdentifyError, Method, STRONG, Settings, Signals, config, record_line, records_of};
+use super::{Identified, IdentifyError, Method, Settings, Signals, config, record_line, records_of};
 use crate::ident::ground::{Friction, Ground, GroundEstimate};
 use crate::ident::linear::{LinearError, LinearEstimate};
 use crate::ident::lm::{Criterion, Status};
@@ -187,12 +187,7 @@ fn report(
         residuals,
         parameters: (0..n).map(line).collect(),
         nuisance: (n..all.len()).map(line).collect(),
-        model: model
-            .param_decls()
-            .iter()
-            .zip(&fit.values)
-            .map(|(d, &value)| Value { name: d.name.clone(), unit: d.unit.to_owned(), value })
-            .collect(),
+        model: Value::all(model, &fit.values),
         rank: u.rank,
         singular_values: u.singular_values.clone(),
         null_directions: u.null.iter().map(Combination::of).collect(),
@@ -200,22 +195,13 @@ fn report(
         priors_cover: u.full_rank(),
         silent: known::silent(model, &fit.values, unknowns, u)?,
         reduced: (asked.reduce && !u.null.is_empty()).then(|| reduced(fit)),
-        correlations: u
-            .strong_correlations(STRONG)
-            .into_iter()
-            .map(|(first, second, value)| Correlation { first, second, value })
-            .collect(),
+        correlations: Correlation::strong(u),
         covariance: Covariance::of(u),
         posterior: Some(posterior),
         whiteness: known::whiteness(takes, signals, &[]),
         channels: signals[0].channels(),
         records: records_of(takes, signals),
-        warnings: opened
-            .warnings
-            .0
-            .iter()
-            .map(|p| Warning { code: p.code.to_owned(), message: p.to_string() })
-            .collect(),
+        warnings: Warning::all(&opened.warnings),
         ..IdentificationResult::empty(
             model.name(),
             Method::Ground,

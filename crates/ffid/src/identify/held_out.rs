@@ -56,26 +56,15 @@ fn on_the_ground(
     source: String,
 ) -> Result<(HeldOut, Signals), IdentifyError> {
     let (signals, used) = ground::explain(model, values, arm, record)?;
-    let channels = signals.channels();
-    let squares: f64 = channels.iter().map(|c| c.over_noise.powi(2)).sum();
+    let squares: f64 = signals.channels().iter().map(|c| c.over_noise.powi(2)).sum();
     let chi2_per_dof = squares * record.samples() as f64 / used.max(1) as f64;
-    let explained = chi2_per_dof <= s.limit;
+    let mut held = HeldOut::of(source, record, &signals, chi2_per_dof, s.limit);
     let times = chi2_per_dof.sqrt();
-    let words = if explained { "predicts" } else { "does NOT predict" };
-    let verdict = format!(
+    let words = if held.explained { "predicts" } else { "does NOT predict" };
+    held.verdict = format!(
         "The calibrated arm {words} these torques: residuals are {times:.2} times those of the calibration, {}.",
-        text::shares(&channels)
+        text::shares(&held.channels)
     );
-    let held = HeldOut {
-        source,
-        samples: record.samples(),
-        seconds: record.seconds(),
-        chi2_per_dof,
-        limit: s.limit,
-        explained,
-        channels,
-        verdict,
-    };
     Ok((held, signals))
 }
 
@@ -134,28 +123,18 @@ pub fn explain(
     let freedom = residuals.len().saturating_sub(extra.len());
     let signals = Signals::of(model, record, &residuals, &sigma);
     let chi2_per_dof = residuals.iter().map(|r| r * r).sum::<f64>() / freedom.max(1) as f64;
-    let explained = chi2_per_dof <= s.limit;
+    let mut held = HeldOut::of(source.into(), record, &signals, chi2_per_dof, s.limit);
     let rms = chi2_per_dof.sqrt();
-    let verdict = if explained {
+    held.verdict = if held.explained {
         format!("The model predicts these data: residuals are {rms:.3} times the noise of the sensors.")
     } else {
-        let worst = signals.channels().into_iter().max_by(|a, b| a.over_noise.total_cmp(&b.over_noise));
+        let worst = held.channels.iter().max_by(|a, b| a.over_noise.total_cmp(&b.over_noise));
         let worst = worst.map(|c| format!("; worst in {}, {:.2} times its noise", c.name, c.over_noise));
         format!(
             "The model does NOT explain these data: residuals are {rms:.3} times the noise, limit {:.3}{}.",
             s.limit.sqrt(),
             worst.unwrap_or_default()
         )
-    };
-    let held = HeldOut {
-        source: source.into(),
-        samples: record.samples(),
-        seconds: record.seconds(),
-        chi2_per_dof,
-        limit: s.limit,
-        explained,
-        channels: signals.channels(),
-        verdict,
     };
     Ok((held, signals))
 }

@@ -62,8 +62,6 @@ use watched::Watched;
 
 /// Pull that holds what neither data nor priors tell near where it is, relative.
 const ANCHOR: f64 = 10.0;
-/// Correlation from which a pair is named.
-pub const STRONG: f64 = 0.95;
 /// Relative width of the draws of other starts.
 const SPREAD: f64 = 0.3;
 
@@ -172,17 +170,9 @@ pub fn identify(
     let none: [&str; 0] = [];
     let shared = Shared::new(&labelled, &none)
         .map_err(|e| IdentifyError::Refused(config("Config::Records", e.to_string(), "name each record once")))?;
-    let parts: Vec<Box<dyn Estimator + '_>> = fits.into_iter().map(Fit::into_estimator).collect();
-    let single = parts.len() == 1;
-    let mut parts = parts;
-    let whole: Box<dyn Estimator + '_> = match parts.pop() {
-        Some(one) if single => one,
-        last => {
-            parts.extend(last);
-            Box::new(Several::new(&shared, parts))
-        }
-    };
-    let mut whole = unknowns.tied(model, &asked.ties, whole)?;
+    let mut parts: Vec<Box<dyn Estimator + '_>> = fits.into_iter().map(Fit::into_estimator).collect();
+    let whole = if parts.len() == 1 { parts.remove(0) } else { Box::new(Several::new(&shared, parts)) };
+    let mut whole = unknowns.tied(whole);
     let priors = unknowns.priors(&unknowns.selected)?;
     let request = Request {
         anchor: priors.is_empty().then_some(ANCHOR),
@@ -235,7 +225,7 @@ fn solve(
     asked: &Asked,
     estimator: &mut Watched<'_>,
 ) -> Result<Fitted, IdentifyError> {
-    let (estimate, minima) = if asked.more_starts == 0 {
+    let (first, minima) = if asked.more_starts == 0 {
         (estimate(request, estimator)?, None)
     } else {
         let draw = |k: usize| {
@@ -251,8 +241,8 @@ fn solve(
         };
         (best.estimate, Some(minima))
     };
-    let full = estimate.data_only.clone();
-    let mut out = Fitted { selected: request.selected.to_vec(), full, estimate, minima, reduced: None };
+    let full = first.data_only.clone();
+    let mut out = Fitted { selected: request.selected.to_vec(), full, estimate: first, minima, reduced: None };
     if asked.reduce && !out.full.null.is_empty() {
         let (kept, set) = known::reduced(&out.full, request.selected)?;
         let selected: Vec<usize> = kept.iter().map(|&k| request.selected[k]).collect();
@@ -260,11 +250,10 @@ fn solve(
         // From where the first fit went: what is held then stays there.
         let start = out.estimate.values.clone();
         let again = Request { selected: &selected, start: &start, priors, ..request.clone() };
-        let mut e = crate::ident::estimate(&again, estimator)?;
-        for (p, &i) in e.parameters.iter_mut().zip(&selected) {
+        out.estimate = estimate(&again, estimator)?;
+        for (p, &i) in out.estimate.parameters.iter_mut().zip(&selected) {
             p.start = request.start[i];
         }
-        out.estimate = e;
         out.selected = selected;
         out.reduced = Some(set);
     }
@@ -356,12 +345,7 @@ impl Report<'_> {
             residuals: e.residuals.len(),
             parameters,
             nuisance: (n..fit.estimates.len()).map(line).collect(),
-            model: model
-                .param_decls()
-                .iter()
-                .zip(self.values)
-                .map(|(d, &value)| Value { name: d.name.clone(), unit: d.unit.to_owned(), value })
-                .collect(),
+            model: Value::all(model, self.values),
             rank: f.full.rank,
             singular_values: f.full.singular_values.clone(),
             null_directions: f.full.null.iter().map(Combination::of).collect(),
@@ -376,25 +360,14 @@ impl Report<'_> {
             priors_cover: e.uncertainty.full_rank(),
             reduced: f.reduced.clone(),
             minima: f.minima.clone(),
-            correlations: e
-                .uncertainty
-                .strong_correlations(STRONG)
-                .into_iter()
-                .map(|(first, second, value)| Correlation { first, second, value })
-                .collect(),
+            correlations: Correlation::strong(&e.uncertainty),
             covariance: Covariance::of(&e.uncertainty),
             posterior: Some(posterior),
             whiteness: known::whiteness(self.takes, self.signals, &modes),
             modes,
             channels: self.signals[0].channels(),
             records: records_of(self.takes, self.signals),
-            warnings: self
-                .opened
-                .warnings
-                .0
-                .iter()
-                .map(|p| Warning { code: p.code.to_owned(), message: p.to_string() })
-                .collect(),
+            warnings: Warning::all(&self.opened.warnings),
             ..IdentificationResult::empty(
                 model.name(),
                 method(model, self.settings.method),

@@ -3,10 +3,13 @@
 use super::findings::{
     ClockLine, ComparisonTable, DecayModes, Minima, ProfileLine, RecordFit, ReducedSet, Silent, Whiteness,
 };
+use super::signals::Signals;
+use crate::ident::Record;
 use crate::ident::covariance::{Direction, Uncertainty};
 use crate::ident::lm::Status;
 use crate::ident::report::{Estimate as Line, Verdict};
 use crate::ident::sequence::Posterior;
+use crate::model::{Model, ParamDecl, Problems};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -14,6 +17,8 @@ use std::collections::BTreeMap;
 pub const FORMAT: &str = "ffid-result";
 /// Version that is written, and the only one that is read.
 pub const VERSION: u32 = 1;
+/// Correlation from which a pair is named.
+pub const STRONG: f64 = 0.95;
 
 /// A whole identification.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -255,6 +260,14 @@ pub struct Value {
     pub value: f64,
 }
 
+impl Value {
+    /// All parameters of a model with these values.
+    pub(super) fn all(model: &Model, values: &[f64]) -> Vec<Self> {
+        let one = |(d, &value): (&ParamDecl, &f64)| Self { name: d.name.clone(), unit: d.unit.to_owned(), value };
+        model.param_decls().iter().zip(values).map(one).collect()
+    }
+}
+
 /// A combination of parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -285,6 +298,14 @@ pub struct Correlation {
     pub second: String,
     /// Coefficient.
     pub value: f64,
+}
+
+impl Correlation {
+    /// Every pair from [`STRONG`] on, strongest first.
+    pub(super) fn strong(u: &Uncertainty) -> Vec<Self> {
+        let pairs = u.strong_correlations(STRONG).into_iter();
+        pairs.map(|(first, second, value)| Self { first, second, value }).collect()
+    }
 }
 
 /// Covariance in the units of the unknowns.
@@ -356,6 +377,22 @@ pub struct HeldOut {
     pub verdict: String,
 }
 
+impl HeldOut {
+    /// The numbers; the verdict in words is the caller's to add.
+    pub(super) fn of(source: String, record: &Record, signals: &Signals, chi2_per_dof: f64, limit: f64) -> Self {
+        Self {
+            source,
+            samples: record.samples(),
+            seconds: record.seconds(),
+            chi2_per_dof,
+            limit,
+            explained: chi2_per_dof <= limit,
+            channels: signals.channels(),
+            verdict: String::new(),
+        }
+    }
+}
+
 /// A problem that was let through.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -364,6 +401,13 @@ pub struct Warning {
     pub code: String,
     /// What it says.
     pub message: String,
+}
+
+impl Warning {
+    /// Every problem of a list.
+    pub fn all(problems: &Problems) -> Vec<Self> {
+        problems.0.iter().map(|p| Self { code: p.code.to_owned(), message: p.to_string() }).collect()
+    }
 }
 
 /// Where a result comes from.
