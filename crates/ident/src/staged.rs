@@ -56,11 +56,11 @@ pub struct Accept {
 }
 
 impl Accept {
-    /// What noise of the declared size leaves, but for three deviations (`sqrt(2 / n)` each), for so many residuals; two starts
-    /// must agree.
+    /// What noise of the declared size leaves, but for three deviations (`sqrt(2 / n)` each), for so many residuals; three
+    /// starts must agree: the first two are often of one origin.
     pub fn noise(coarse: usize, fine: usize) -> Self {
         let limit = |n: usize| 1.0 + 3.0 * (2.0 / n.max(1) as f64).sqrt();
-        Self { coarse: limit(coarse), fine: limit(fine), agree: 2 }
+        Self { coarse: limit(coarse), fine: limit(fine), agree: 3 }
     }
 }
 
