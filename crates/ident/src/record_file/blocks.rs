@@ -1,8 +1,10 @@
 //! Records in blocks of rows: what every format gives, and the one way from blocks to a record.
 
 use super::columns::{Target, targets};
-use super::read::{Clock, Count, LISTED, builder, finish, resolution};
+use super::read::finish;
+use super::samples::{NOT_FINITE, Samples, too_many};
 use super::{JointColumn, Loaded, ReadOptions, data};
+use crate::record_builder::RecordBuilder;
 use ff_model::{Problem, Problems};
 
 /// Most rows of a block.
@@ -29,10 +31,12 @@ impl Stamps {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    pub(super) fn clear(&mut self) {
-        match self {
-            Self::Whole(v) => v.clear(),
-            Self::Real(v) => v.clear(),
+    /// The buffer of whole stamps, or a new one where they are not whole.
+    #[cfg(any(feature = "parquet", feature = "mcap"))]
+    pub(super) fn take_whole(&mut self) -> Vec<i64> {
+        match std::mem::replace(self, Self::Real(Vec::new())) {
+            Self::Whole(v) => v,
+            Self::Real(_) => Vec::new(),
         }
     }
 }
@@ -55,6 +59,14 @@ impl Block {
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.stamps.len()
+    }
+    /// Takes all rows out; the buffers stay.
+    pub(super) fn clear(&mut self) {
+        match &mut self.stamps {
+            Stamps::Whole(v) => v.clear(),
+            Stamps::Real(v) => v.clear(),
+        }
+        self.columns.iter_mut().for_each(Vec::clear);
     }
 }
 
@@ -81,9 +93,6 @@ pub trait Blocks {
     }
 }
 
-/// What a row of a block is called in messages.
-const ROW: &str = "row";
-
 /// Reads all blocks into a record of the given joints.
 ///
 /// # Errors
@@ -94,30 +103,18 @@ pub(super) fn collect(
     options: &ReadOptions,
 ) -> Result<Loaded, Problems> {
     let mut bad = Problems::default();
-    let parsed = match targets(source.names(), joints, &options.ignore, options.fixed_base, &mut bad) {
-        Some(t) => rows(source, &t, joints, options, &mut bad),
-        None => None,
-    };
+    let targets = targets(source.names(), joints, &options.ignore, options.fixed_base, &mut bad);
     // The names of these files stand in no line.
-    for p in &mut bad.0 {
-        if let Some(row) = p.line.take().filter(|_| ["Data::Dropped", "Data::Repeated"].contains(&p.code)) {
-            p.message.push_str(&format!(", {ROW} {row}"));
-        }
-        p.column = None;
-    }
+    bad.0.iter_mut().for_each(|p| p.line = None);
+    let parsed = targets.and_then(|t| rows(source, &t, joints, options, &mut bad));
     bad.extend(source.notes());
     finish(parsed, bad, options, source.bytes())
 }
 
-/// The columns that grow, with what they have to be checked for.
-struct Growing<'a> {
-    targets: &'a [Target],
-    options: &'a ReadOptions,
-    columns: Vec<Vec<f64>>,
-    clock: Clock,
-    count: Count,
-    /// Rows of the file so far.
-    seen: usize,
+/// Names the row of a table, as there are no lines.
+fn in_row(mut p: Problem, row: usize) -> Problem {
+    p.message = format!("row {row}: {}", p.message);
+    p
 }
 
 fn rows(
@@ -126,21 +123,20 @@ fn rows(
     joints: &[JointColumn],
     options: &ReadOptions,
     bad: &mut Problems,
-) -> Option<(crate::record_builder::RecordBuilder, f64)> {
+) -> Option<(RecordBuilder, f64)> {
     let wanted: Vec<bool> = targets.iter().map(|t| !matches!(t, Target::Ignored)).collect();
     source.want(&wanted);
     // Row D34: before memory is taken.
     if let Some(n) = source.declared_rows().filter(|n| *n > options.max_rows as u64) {
-        let what = format!("{n} rows, limit {}", options.max_rows);
-        bad.push(data("Data::TooLarge", what).hint("cut the record, or raise --max-rows"));
+        bad.push(too_many(format!("{n} rows, limit {}", options.max_rows)));
         return None;
     }
     let mut all = Growing {
         targets,
         options,
-        columns: vec![Vec::new(); targets.len()],
-        clock: Clock::new(targets),
-        count: Count::default(),
+        samples: Samples::new(targets, options, in_row),
+        times: Vec::new(),
+        row: vec![0.0; targets.len()],
         seen: 0,
     };
     let mut block = Block::new(targets.len());
@@ -149,6 +145,7 @@ fn rows(
             Ok(true) => {}
             Ok(false) => break,
             Err(p) => {
+                // What is complete of a file that is cut short, when that is allowed.
                 let stop = p.has_errors() && !p.0.iter().all(|p| options.allow.iter().any(|a| a == p.code));
                 bad.extend(p);
                 if stop {
@@ -159,129 +156,83 @@ fn rows(
         }
         all.take(&block, bad)?;
     }
-    all.count.report(bad);
-    if all.clock.stamps.is_empty() {
-        if !bad.has_errors() {
-            let what = "there are column names, but no samples";
-            bad.push(data("Data::NoSamples", what).hint("check that recording had started"));
-        }
-        return None;
-    }
-    resolution(&all.clock, bad);
-    Some((builder(all.columns, targets, joints, &all.clock), all.clock.origin))
+    all.samples.finish(joints, None, bad)
+}
+
+/// The samples that grow, with what a block of them takes.
+struct Growing<'a> {
+    targets: &'a [Target],
+    options: &'a ReadOptions,
+    samples: Samples<'a>,
+    times: Vec<f64>,
+    row: Vec<f64>,
+    /// Rows of the file so far.
+    seen: usize,
 }
 
 impl Growing<'_> {
     /// Takes a block; `None` when there is no use in going on.
     fn take(&mut self, block: &Block, bad: &mut Problems) -> Option<()> {
-        let n = block.rows();
-        if self.clock.stamps.len() + n > self.options.max_rows {
-            let what = format!("more than {} rows", self.options.max_rows);
-            bad.push(data("Data::TooLarge", what).hint("cut the record, or raise --max-rows"));
+        if let Some(p) = self.samples.too_many(block.rows()) {
+            bad.push(p);
             return None;
         }
-        let times = self.times(&block.stamps, bad)?;
-        if self.smooth(block, &times) {
-            // The usual case, a column at a time.
-            for (to, (from, t)) in self.columns.iter_mut().zip(block.columns.iter().zip(self.targets)) {
-                if let Target::Channel(_, _, u) = t {
-                    if u.mul == 1.0 && u.div == 1.0 {
-                        to.extend_from_slice(from);
-                    } else {
-                        to.extend(from.iter().map(|&x| u.to_si(x)));
-                    }
-                }
-            }
-            self.clock.stamps.extend(times);
+        self.place(&block.stamps, bad)?;
+        if self.samples.forward(&self.times) && self.finite(block) {
+            // The usual case.
+            self.samples.append(&self.times, &block.columns);
         } else {
-            for (i, t) in times.into_iter().enumerate() {
-                self.row(block, i, t, bad);
+            for i in 0..block.rows() {
+                self.row(block, i, bad);
             }
         }
-        self.seen += n;
+        self.seen += block.rows();
         Some(())
     }
     /// Seconds of the stamps, relative to the origin.
-    fn times(&mut self, stamps: &Stamps, bad: &mut Problems) -> Option<Vec<f64>> {
-        let mut out = Vec::with_capacity(stamps.len());
+    fn place(&mut self, stamps: &Stamps, bad: &mut Problems) -> Option<()> {
+        self.times.clear();
+        let clock = &mut self.samples.clock;
         match stamps {
             Stamps::Whole(all) => {
                 for (i, &w) in all.iter().enumerate() {
-                    let Some(t) = self.clock.of_whole(w) else {
-                        let what = format!("{ROW} {}: stamp {w} is too far from the first", self.seen + i + 1);
-                        bad.push(data("Data::TimeScale", what).on("time").hint("check the clock of the recorder"));
+                    let Some(t) = clock.of_whole(w) else {
+                        let p = data("Data::TimeScale", format!("stamp {w} is too far from the first"));
+                        let p = in_row(p, self.seen + i + 1).on("time");
+                        bad.push(p.hint("check the clock of the recorder"));
                         return None;
                     };
-                    out.push(t);
+                    self.times.push(t);
                 }
             }
-            Stamps::Real(all) => out.extend(all.iter().map(|&x| self.clock.of_real(x))),
+            Stamps::Real(all) => self.times.extend(all.iter().map(|&x| clock.of_real(x))),
         }
-        Some(out)
+        Some(())
     }
-    /// True when every number is finite and time goes forward.
-    fn smooth(&self, block: &Block, times: &[f64]) -> bool {
-        let first = self.clock.stamps.last().is_none_or(|&l| times.first().is_none_or(|&t| t > l));
-        first
-            && times.iter().all(|t| t.is_finite())
-            && times.windows(2).all(|w| w[1] > w[0])
-            && block.columns.iter().zip(self.targets).all(|(c, t)| {
-                // Without a branch per number.
-                !matches!(t, Target::Channel(..)) || c.iter().fold(true, |s, x| s & x.is_finite())
-            })
+    /// True when every number is finite.
+    fn finite(&self, block: &Block) -> bool {
+        block.columns.iter().zip(self.targets).all(|(c, t)| {
+            // Without a branch per number.
+            !matches!(t, Target::Channel(..)) || c.iter().fold(true, |s, x| s & x.is_finite())
+        })
     }
     /// One row with all its checks.
-    fn row(&mut self, block: &Block, i: usize, time: f64, bad: &mut Problems) {
-        let number = self.seen + i + 1;
-        let value = |k: usize| match &self.targets[k] {
-            Target::Channel(_, _, u) => u.to_si(block.columns[k][i]),
-            _ => 0.0,
-        };
-        let n = self.targets.len();
-        let wrong = (0..n).find(|&k| !value(k).is_finite());
-        if wrong.is_some() || !time.is_finite() {
-            if self.options.drop_gaps {
-                self.count.dropped += 1;
-                self.count.first_dropped.get_or_insert(number);
-                return;
-            }
-            self.count.bad_cells += 1;
-            if self.count.bad_cells <= LISTED {
-                let name = wrong.map_or("time", |k| self.targets[k].group());
-                let what = format!("{ROW} {number}: a cell is empty, or not finite");
-                let hint = "repair or cut out these samples, or leave such rows out with --gaps drop";
-                bad.push(data("Data::NotFinite", what).on(name).hint(hint));
-            }
-            return;
-        }
-        if let Some(&last) = self.clock.stamps.last() {
-            let same = || {
-                let channel = |k: &usize| matches!(self.targets[*k], Target::Channel(..));
-                (0..n).filter(channel).all(|k| self.columns[k].last() == Some(&value(k)))
-            };
-            if self.options.drop_repeated && time == last && same() {
-                self.count.repeated += 1;
-                return;
-            }
-            if time <= last {
-                self.count.backward += 1;
-                if self.count.backward <= LISTED {
-                    let o = self.clock.origin;
-                    let what = format!("{ROW} {number}: time goes from {} to {} s", last + o, time + o);
-                    let hint = "sort the rows; --drop-repeated leaves out rows that repeat the one before";
-                    bad.push(data("Data::NonMonotone", what).on("time").hint(hint));
-                }
+    fn row(&mut self, block: &Block, i: usize, bad: &mut Problems) {
+        let (number, time) = (self.seen + i + 1, self.times[i]);
+        for (k, t) in self.targets.iter().enumerate() {
+            if let Target::Channel(_, _, u) = t {
+                self.row[k] = u.to_si(block.columns[k][i]);
             }
         }
-        self.clock.stamps.push(time);
-        for k in 0..n {
-            if matches!(self.targets[k], Target::Channel(..)) {
-                let x = match &self.targets[k] {
-                    Target::Channel(_, _, u) => u.to_si(block.columns[k][i]),
-                    _ => continue,
-                };
-                self.columns[k].push(x);
-            }
+        let wrong = self.row.iter().position(|x| !x.is_finite());
+        if wrong.is_none() && time.is_finite() {
+            self.samples.push(number, time, &self.row, bad);
+        } else if self.options.drop_gaps {
+            self.samples.drop_row(number);
+        } else {
+            let name = wrong.map_or("time", |k| self.targets[k].group());
+            let p = data("Data::NotFinite", "a cell is empty, or not finite");
+            self.samples.bad_cell(in_row(p, number).on(name).hint(NOT_FINITE), bad);
         }
     }
 }

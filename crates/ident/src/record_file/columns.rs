@@ -151,8 +151,8 @@ pub(super) fn targets(
     let named = |g: Group, k: usize| {
         head.iter().any(|c| matches!(place(split(c).0, joints), Some((Some(p), _)) if p == (g, k)))
     };
-    if !head.iter().any(|c| split(c).0 == "time") {
-        fail(data("Data::Columns", "there is no column time[s]").hint("give the time of every sample"));
+    if let Err(p) = time_column(head) {
+        fail(*p);
     }
     let absent: Vec<&str> =
         joints.iter().enumerate().filter(|(k, _)| !named(Group::Q, *k)).map(|(_, j)| j.name.as_str()).collect();
@@ -201,6 +201,12 @@ pub(super) fn targets(
         fail(data("Data::Columns", what).hint(hint));
     }
     if good { out.into_iter().collect() } else { None }
+}
+
+/// Place of the column of the time, or what to say where there is none.
+pub(super) fn time_column(names: &[String]) -> Result<usize, Box<Problem>> {
+    let missing = || data("Data::Columns", "there is no column time[s]").hint("give the time of every sample");
+    names.iter().position(|n| split(n).0 == "time").ok_or_else(|| Box::new(missing()))
 }
 
 /// Name and unit of a header cell.

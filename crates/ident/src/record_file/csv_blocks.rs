@@ -1,7 +1,7 @@
 //! CSV text in blocks, for conversion: numbers as they are, no column is left out.
 
-use super::blocks::{BLOCK, Block, Blocks, Stamps, unreadable};
-use super::columns::split;
+use super::blocks::{BLOCK, Block, Blocks, Stamps};
+use super::columns::time_column;
 use super::read::{BUFFER, Lines, header};
 use super::{data, number};
 use ff_model::{Problem, Problems, clip};
@@ -21,14 +21,11 @@ pub(super) struct CsvBlocks {
 }
 
 impl CsvBlocks {
-    pub(super) fn new(file: File) -> Result<Self, Problems> {
-        let mut lines = Lines::new(BufReader::with_capacity(BUFFER, file));
+    pub(super) fn new(file: File, limit: u64) -> Result<Self, Problems> {
+        let mut lines = Lines::new(BufReader::with_capacity(BUFFER, file), limit);
         let mut bad = Problems::default();
         let Some(names) = header(&mut lines, &mut bad) else { return Err(bad) };
-        let Some(time) = names.iter().position(|n| split(n).0 == "time") else {
-            let p = data("Data::Columns", "there is no column time[s]").at_line(1);
-            return Err(Problems(vec![p.hint("give the time of every sample")]));
-        };
+        let time = time_column(&names).map_err(|p| Problems(vec![(*p).at_line(1)]))?;
         let wanted = vec![true; names.len()];
         Ok(Self { lines, names, time, wanted, whole: None })
     }
@@ -38,11 +35,12 @@ impl CsvBlocks {
         let quoted = line.contains(&b'"').then(|| super::read::cells(line)).flatten();
         let (mut start, mut k) = (0, 0);
         loop {
-            let cell = match &quoted {
-                Some(cells) => cells.get(k).unwrap_or_default(),
+            let (value, cell) = match &quoted {
+                Some(cells) => (None, cells.get(k).unwrap_or_default()),
                 None => {
                     let rest = &line[start.min(line.len())..];
-                    &rest[..rest.iter().position(|&b| b == b',').unwrap_or(rest.len())]
+                    let (value, len) = number::cell(rest);
+                    (value, &rest[..len])
                 }
             };
             let bad = |code, what: String| {
@@ -55,7 +53,7 @@ impl CsvBlocks {
                 if out.rows() == 0 {
                     out.stamps = if keep { Stamps::Whole(Vec::new()) } else { Stamps::Real(Vec::new()) };
                 }
-                match (&mut out.stamps, whole, number::parse(cell)) {
+                match (&mut out.stamps, whole, value.or_else(|| number::parse(cell))) {
                     (Stamps::Whole(v), Some(w), _) => v.push(w),
                     (Stamps::Real(v), _, Some(x)) => v.push(x),
                     _ => {
@@ -66,7 +64,7 @@ impl CsvBlocks {
                     }
                 }
             } else if self.wanted.get(k) == Some(&true) {
-                match number::parse(cell) {
+                match value.or_else(|| number::parse(cell)) {
                     Some(x) => out.columns[k].push(x),
                     None if cell.trim_ascii().is_empty() => out.columns[k].push(f64::NAN),
                     None => {
@@ -102,23 +100,14 @@ impl Blocks for CsvBlocks {
         self.wanted = wanted.to_vec();
     }
     fn next(&mut self, out: &mut Block) -> Result<bool, Problems> {
-        out.stamps.clear();
-        out.columns.iter_mut().for_each(Vec::clear);
+        out.clear();
         let one = |p: Problem| Problems(vec![p]);
-        while out.rows() < BLOCK {
-            if !self.lines.next().map_err(|p| one(*p))? {
-                break;
-            }
-            if !self.lines.line.trim_ascii().is_empty() {
-                self.take(out)?;
-            } else if self.lines.next().map_err(|p| one(*p))? {
-                return Err(unreadable("Data::RowLength", "a blank line between samples", "remove it"));
-            }
+        while out.rows() < BLOCK && self.lines.sample().map_err(|p| one(*p))? {
+            self.take(out)?;
         }
-        if out.rows() == 0 && !self.lines.ended {
-            let what = "the last line does not end: the file may be cut short, and its last number with it";
-            let p = data("Data::MaybeTruncated", what).at_line(self.lines.number);
-            return Err(one(p.hint("write the file again, or end the line if it is whole")));
+        // Asked for once more at the end of the file, when all its rows are out.
+        if let Some(p) = self.lines.cut_short().filter(|_| out.rows() == 0) {
+            return Err(one(p));
         }
         Ok(out.rows() > 0)
     }

@@ -34,6 +34,7 @@ mod parquet_in;
 #[cfg(feature = "parquet")]
 mod parquet_out;
 mod read;
+mod samples;
 mod source;
 pub mod units;
 mod write;

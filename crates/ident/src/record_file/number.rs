@@ -17,6 +17,12 @@ pub(super) fn parse(cell: &[u8]) -> Option<f64> {
     }
 }
 
+/// The cell that a line without quotes begins with: its value where that is a plain number, and its length.
+#[inline]
+pub(super) fn cell(line: &[u8]) -> (Option<f64>, usize) {
+    leading(line).unwrap_or_else(|| (None, line.iter().position(|&b| b == b',').unwrap_or(line.len())))
+}
+
 /// Reads the plain decimal number that a line begins with, up to a comma or the end: its value if that is exact here, and
 /// its length. `None` when the cell is no such number, or has more than 19 digits.
 ///
@@ -25,7 +31,7 @@ pub(super) fn parse(cell: &[u8]) -> Option<f64> {
 /// standard library, which is as exact, and slower. Digits are taken eight at a time (D. Lemire, *Number parsing at a
 /// gigabyte per second*, Software: Practice and Experience 51, 2021).
 #[inline]
-pub(super) fn leading(line: &[u8]) -> Option<(Option<f64>, usize)> {
+fn leading(line: &[u8]) -> Option<(Option<f64>, usize)> {
     let negative = line.first() == Some(&b'-');
     let mut i = usize::from(negative);
     let (mut m, mut count, mut after, mut point) = (0u64, 0, 0, false);

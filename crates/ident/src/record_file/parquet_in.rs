@@ -2,7 +2,7 @@
 //! double the build). Columns are flat and numeric; what the crate cannot cope with is an error here, never a panic.
 
 use super::blocks::{BLOCK, Block, Blocks, Stamps, unreadable};
-use super::columns::split;
+use super::columns::{split, time_column};
 use bytes::Bytes;
 use ff_model::{Problems, clip};
 use parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type};
@@ -110,9 +110,7 @@ impl ParquetBlocks {
             };
             names.push(full);
         }
-        let Some(time) = names.iter().position(|n| split(n).0 == "time") else {
-            return Err(unreadable("Data::Columns", "there is no column time[s]", "give the time of every sample"));
-        };
+        let time = time_column(&names).map_err(|p| Problems(vec![*p]))?;
         let wanted = vec![true; names.len()];
         Ok(Self { reader, names, wanted, time, group: 0, open: Vec::new(), left: 0, buffers: Buffers::default(), len })
     }
@@ -205,10 +203,7 @@ fn stamps(reader: &mut ColumnReader, rows: usize, b: &mut Buffers, out: &mut Sta
     let empty = || ParquetError::General("a row without a time".to_owned());
     let (n, values) = match reader {
         ColumnReader::Int64ColumnReader(r) => {
-            let mut whole = match std::mem::replace(out, Stamps::Real(Vec::new())) {
-                Stamps::Whole(v) => v,
-                Stamps::Real(_) => Vec::new(),
-            };
+            let mut whole = out.take_whole();
             let (n, values, _) = r.read_records(rows, Some(&mut b.levels), None, &mut whole)?;
             *out = Stamps::Whole(whole);
             (n, values)
@@ -241,8 +236,7 @@ impl Blocks for ParquetBlocks {
         self.wanted = wanted.to_vec();
     }
     fn next(&mut self, out: &mut Block) -> Result<bool, Problems> {
-        out.stamps.clear();
-        out.columns.iter_mut().for_each(Vec::clear);
+        out.clear();
         if self.group == 0 {
             self.judge()?;
         }

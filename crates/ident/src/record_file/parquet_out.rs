@@ -1,7 +1,7 @@
 //! Writing Parquet: flat columns of doubles, block after block.
 
 use super::blocks::{Block, Stamps};
-use super::columns::split;
+use super::columns::{split, time_column};
 use parquet::basic::{Compression, Encoding, Repetition, Type as Physical};
 use parquet::data_type::{DoubleType, Int64Type};
 use parquet::file::metadata::KeyValue;
@@ -37,7 +37,7 @@ impl<W: Write + Send> ParquetWriter<W> {
     /// # Errors
     /// Those of `out`.
     pub fn new(out: W, names: &[String], whole: bool) -> io::Result<Self> {
-        let time = names.iter().position(|n| split(n).0 == "time");
+        let time = time_column(names).ok();
         let column = |(k, name): (usize, &String)| {
             let physical = if whole && Some(k) == time { Physical::INT64 } else { Physical::DOUBLE };
             Type::primitive_type_builder(name, physical).with_repetition(Repetition::REQUIRED).build().map(Arc::new)
@@ -95,8 +95,7 @@ impl<W: Write + Send> ParquetWriter<W> {
             k += 1;
         }
         group.close().map_err(io::Error::other)?;
-        self.waiting.stamps.clear();
-        self.waiting.columns.iter_mut().for_each(Vec::clear);
+        self.waiting.clear();
         Ok(())
     }
     /// Ends the file and gives back what it was written to.

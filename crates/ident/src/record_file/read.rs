@@ -1,25 +1,20 @@
 //! One pass over a file: lines, cells, numbers, samples. Memory beside the samples is one buffer and one line.
 
 use super::blocks::collect;
-use super::columns::{GROUPS, Group, Target, targets};
-use super::source::{Format, format_of};
+use super::columns::{Target, targets};
+use super::samples::{Clock, NOT_FINITE, Samples};
+use super::source::{Format, blocks, in_file, opened};
 use super::{JointColumn, data, number};
 use crate::record::Record;
 use crate::record_builder::RecordBuilder;
 use ff_model::{Area, Problem, Problems, Severity, clip};
-use nalgebra::DMatrix;
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 /// Size of the buffer (bytes).
 pub(super) const BUFFER: usize = 1 << 20;
 /// Longest line (bytes): no record has thousands of channels.
 const MAX_LINE: u64 = 1 << 20;
-/// Most problems of one kind listed one by one.
-pub(super) const LISTED: usize = 5;
-/// Largest error of a time stamp from its own digits (s).
-const RESOLUTION: f64 = 1e-6;
 
 /// What is read, and what is put up with.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,29 +78,13 @@ pub struct Loaded {
 /// # Errors
 /// All of [`read_from`], with the file; `Io::Read`.
 pub fn read(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Result<Loaded, Problems> {
-    let io = |e: &io::Error| {
-        let p = Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"));
-        Problems(vec![p.in_file(path).hint("check the path and its permissions")])
-    };
-    let file = File::open(path).map_err(|e| io(&e))?;
-    let meta = file.metadata().map_err(|e| io(&e))?;
-    let named = |mut p: Problems| {
-        p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.to_path_buf()));
-        p
-    };
-    if meta.is_dir() {
-        return Err(io(&io::Error::new(io::ErrorKind::IsADirectory, "is a folder")));
-    }
-    if meta.is_file() && meta.len() > options.max_bytes {
-        return Err(named(Problems(vec![too_long(meta.len(), options.max_bytes)])));
-    }
-    let mut loaded = match format_of(&file).map_err(|e| io(&e))? {
+    let (file, format) = opened(path, options)?;
+    let loaded = match format {
         Format::Csv => read_from(BufReader::with_capacity(BUFFER, file), joints, options),
-        other => {
-            super::source::blocks(file, other, joints, options).and_then(|mut s| collect(s.as_mut(), joints, options))
-        }
-    }
-    .map_err(named)?;
+        other => blocks(file, other, joints, options).and_then(|mut s| collect(s.as_mut(), joints, options)),
+    };
+    let named = |p| in_file(p, path);
+    let mut loaded = loaded.map_err(named)?;
     loaded.warnings = named(loaded.warnings);
     Ok(loaded)
 }
@@ -124,7 +103,7 @@ pub(super) fn too_long(bytes: u64, limit: u64) -> Problem {
 /// `Data::NotUtf8`, and those of [`RecordBuilder::build`].
 pub fn read_from(input: impl BufRead, joints: &[JointColumn], options: &ReadOptions) -> Result<Loaded, Problems> {
     let mut bad = Problems::default();
-    let mut lines = Lines::new(input);
+    let mut lines = Lines::new(input, options.max_bytes);
     let parsed = head(&mut lines, joints, options, &mut bad)
         .and_then(|targets| body(&mut lines, &targets, joints, options, &mut bad));
     finish(parsed, bad, options, lines.bytes)
@@ -164,20 +143,23 @@ pub(super) fn finish(
 /// Lines of a file, each in the same buffer.
 pub(super) struct Lines<R> {
     input: R,
+    /// Most bytes.
+    limit: u64,
     pub(super) line: Vec<u8>,
     /// Number of the line in `line`, from 1.
     pub(super) number: usize,
     pub(super) bytes: u64,
     /// Whether the line ended with a newline.
-    pub(super) ended: bool,
+    ended: bool,
 }
 
 impl<R: BufRead> Lines<R> {
-    pub(super) fn new(input: R) -> Self {
-        Self { input, line: Vec::new(), number: 0, bytes: 0, ended: true }
+    /// Lines of a file of no more than so many bytes.
+    pub(super) fn new(input: R, limit: u64) -> Self {
+        Self { input, limit, line: Vec::new(), number: 0, bytes: 0, ended: true }
     }
     /// Reads the next line, its end removed; false at the end of the file.
-    pub(super) fn next(&mut self) -> Result<bool, Box<Problem>> {
+    fn next(&mut self) -> Result<bool, Box<Problem>> {
         self.line.clear();
         let n = (&mut self.input).take(MAX_LINE).read_until(b'\n', &mut self.line).map_err(|e| {
             Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"))
@@ -197,10 +179,31 @@ impl<R: BufRead> Lines<R> {
             let what = format!("a line of more than {MAX_LINE} bytes");
             return Err(Box::new(data("Data::TooLarge", what).at_line(self.number).hint("is this a CSV file?")));
         }
+        if self.bytes > self.limit {
+            return Err(Box::new(too_long(self.bytes, self.limit).at_line(self.number)));
+        }
         if self.line.last() == Some(&b'\r') {
             self.line.pop();
         }
         Ok(true)
+    }
+    /// Reads the next line of a sample; false behind the last. Blank lines may only stand at the end.
+    pub(super) fn sample(&mut self) -> Result<bool, Box<Problem>> {
+        let mut blank = None;
+        while self.next()? {
+            if !self.line.trim_ascii().is_empty() {
+                let between = |line| data("Data::RowLength", "a blank line between samples").at_line(line);
+                return blank.map_or(Ok(true), |line| Err(Box::new(between(line).hint("remove it"))));
+            }
+            blank.get_or_insert(self.number);
+        }
+        Ok(false)
+    }
+    /// Row D05, at the end of the file: a last line without its end.
+    pub(super) fn cut_short(&self) -> Option<Problem> {
+        let what = "the last line does not end: the file may be cut short, and its last number with it";
+        let hint = "write the file again, or end the line if it is whole";
+        (!self.ended).then(|| data("Data::MaybeTruncated", what).at_line(self.number).hint(hint))
     }
 }
 
@@ -261,51 +264,6 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, bad: &mut Problems) -> Opt
     Some(names)
 }
 
-/// Time stamps: whole numbers are counted from the first one before they become floating-point numbers.
-pub(super) struct Clock {
-    whole: Option<i64>,
-    scale: (f64, f64),
-    pub(super) origin: f64,
-    pub(super) stamps: Vec<f64>,
-}
-
-impl Clock {
-    /// A clock in the unit of the column of the time.
-    pub(super) fn new(targets: &[Target]) -> Self {
-        let unit = targets.iter().find_map(|t| if let Target::Time(u) = t { Some((u.mul, u.div)) } else { None });
-        Self { whole: None, scale: unit.unwrap_or((1.0, 1.0)), origin: 0.0, stamps: Vec::new() }
-    }
-    /// Seconds of a whole stamp, counted from the first; `None` beyond what whole numbers hold.
-    pub(super) fn of_whole(&mut self, w: i64) -> Option<f64> {
-        let to_si = |x: f64| x * self.scale.0 / self.scale.1;
-        let first = *self.whole.get_or_insert_with(|| {
-            self.origin = to_si(w as f64);
-            w
-        });
-        Some(to_si(w.checked_sub(first)? as f64))
-    }
-    /// Seconds of a stamp.
-    pub(super) fn of_real(&self, x: f64) -> f64 {
-        x * self.scale.0 / self.scale.1 - self.origin
-    }
-    /// Seconds of a cell, relative to the origin.
-    fn read(&mut self, cell: &[u8]) -> Option<f64> {
-        let to_si = |x: f64| x * self.scale.0 / self.scale.1;
-        if self.stamps.is_empty() {
-            // Small whole numbers are exact either way, and the others may have a fraction.
-            self.whole = number::whole(cell).filter(|w| w.unsigned_abs() > 1 << 50);
-            if let Some(w) = self.whole {
-                self.origin = to_si(w as f64);
-                return Some(0.0);
-            }
-        }
-        if let (Some(first), Some(w)) = (self.whole, number::whole(cell)) {
-            return Some(to_si(w.checked_sub(first)? as f64));
-        }
-        Some(to_si(number::parse(cell)?) - self.origin)
-    }
-}
-
 /// Everything behind the header: the samples as a builder, and the origin of its clock.
 fn body(
     lines: &mut Lines<impl BufRead>,
@@ -314,14 +272,10 @@ fn body(
     options: &ReadOptions,
     bad: &mut Problems,
 ) -> Option<(RecordBuilder, f64)> {
-    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); targets.len()];
+    let mut all = Samples::new(targets, options, Problem::at_line);
     let mut row = vec![0.0; targets.len()];
-    let mut clock = Clock::new(targets);
-    let mut count = Count::default();
-    // Line of the first of a run of blank lines, which may only stand at the end.
-    let mut blank = None;
     loop {
-        match lines.next() {
+        match lines.sample() {
             Ok(true) => {}
             Ok(false) => break,
             Err(p) => {
@@ -329,127 +283,26 @@ fn body(
                 return None;
             }
         }
-        if lines.bytes > options.max_bytes {
-            bad.push(too_long(lines.bytes, options.max_bytes).at_line(lines.number));
+        if let Some(p) = all.too_many(1) {
+            bad.push(p.at_line(lines.number));
             return None;
         }
-        if lines.line.trim_ascii().is_empty() {
-            blank.get_or_insert(lines.number);
-            continue;
-        }
-        if let Some(line) = blank {
-            bad.push(data("Data::RowLength", "a blank line between samples").at_line(line).hint("remove it"));
-            return None;
-        }
-        if clock.stamps.len() == options.max_rows {
-            let what = format!("more than {} rows", options.max_rows);
-            let hint = "cut the record, or raise --max-rows";
-            bad.push(data("Data::TooLarge", what).at_line(lines.number).hint(hint));
-            return None;
-        }
-        let time = match fill(&lines.line, lines.number, targets, &mut row, &mut clock) {
-            Ok(t) => t,
+        match fill(&lines.line, lines.number, targets, &mut row, &mut all.clock) {
+            Ok(time) => all.push(lines.number, time, &row, bad),
             Err(problems) if options.drop_gaps && problems.0.iter().all(|p| p.code == "Data::NotFinite") => {
-                count.dropped += 1;
-                count.first_dropped.get_or_insert(lines.number);
-                continue;
+                all.drop_row(lines.number);
             }
             Err(problems) => {
-                let stop = problems.0.iter().any(|p| p.code == "Data::RowLength");
-                for p in problems.0 {
-                    count.bad_cells += 1;
-                    if count.bad_cells <= LISTED {
-                        bad.push(p);
-                    }
-                }
+                let stop = problems.has("Data::RowLength");
+                problems.0.into_iter().for_each(|p| all.bad_cell(p, bad));
                 if stop {
                     break;
                 }
-                continue;
-            }
-        };
-        if let Some(&last) = clock.stamps.last() {
-            let same = || {
-                columns
-                    .iter()
-                    .zip(&row)
-                    .zip(targets)
-                    .all(|((c, x), t)| !matches!(t, Target::Channel(..)) || c.last() == Some(x))
-            };
-            if options.drop_repeated && time == last && same() {
-                count.repeated += 1;
-                continue;
-            }
-            if time <= last {
-                count.backward += 1;
-                if count.backward <= LISTED {
-                    let what = format!(
-                        "data row {}: time goes from {} to {} s",
-                        clock.stamps.len() + 1,
-                        last + clock.origin,
-                        time + clock.origin
-                    );
-                    let hint = "sort the rows; --drop-repeated leaves out rows that repeat the one before";
-                    bad.push(data("Data::NonMonotone", what).at_line(lines.number).on("time").hint(hint));
-                }
-            }
-        }
-        clock.stamps.push(time);
-        for ((c, &x), t) in columns.iter_mut().zip(&row).zip(targets) {
-            if matches!(t, Target::Channel(..)) {
-                c.push(x);
             }
         }
     }
-    if !lines.ended {
-        let what = "the last line does not end: the file may be cut short, and its last number with it";
-        let hint = "write the file again, or end the line if it is whole";
-        bad.push(data("Data::MaybeTruncated", what).at_line(lines.number).hint(hint));
-    }
-    count.report(bad);
-    if clock.stamps.is_empty() {
-        if !bad.has_errors() {
-            let what = "there are column names, but no samples";
-            bad.push(data("Data::NoSamples", what).at_line(lines.number).hint("check that recording had started"));
-        }
-        return None;
-    }
-    resolution(&clock, bad);
-    Some((builder(columns, targets, joints, &clock), clock.origin))
-}
-
-/// What is counted along the way.
-#[derive(Default)]
-pub(super) struct Count {
-    pub(super) bad_cells: usize,
-    pub(super) backward: usize,
-    pub(super) repeated: usize,
-    pub(super) dropped: usize,
-    pub(super) first_dropped: Option<usize>,
-}
-
-impl Count {
-    pub(super) fn report(&self, bad: &mut Problems) {
-        let more = |n: usize, code, what: &str, bad: &mut Problems| {
-            if n > LISTED {
-                bad.push(
-                    data(code, format!("{} {what} more like these", n - LISTED))
-                        .hint("mend the program that wrote them"),
-                );
-            }
-        };
-        more(self.bad_cells, "Data::NotFinite", "cells", bad);
-        more(self.backward, "Data::NonMonotone", "rows", bad);
-        let warn = |code, what: String| Problem::warning(Area::Data, code, what);
-        if let Some(line) = self.first_dropped {
-            let what = format!("{} rows with cells that are not finite left out, the first here", self.dropped);
-            bad.push(warn("Data::Dropped", what).at_line(line).hint("see why the recorder had no numbers"));
-        }
-        if self.repeated > 0 {
-            let what = format!("{} rows that repeat the one before left out", self.repeated);
-            bad.push(warn("Data::Dropped", what).hint("see why the recorder wrote them twice"));
-        }
-    }
+    bad.0.extend(lines.cut_short());
+    all.finish(joints, Some(lines.number), bad)
 }
 
 /// Reads the cells of a line into `row`; the time comes back by itself.
@@ -461,10 +314,7 @@ fn fill(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: 
     // The fast way: no quotes, so that a comma is a comma; a plain number ends where its digits do.
     loop {
         let rest = &line[start..];
-        let (value, len) = match number::leading(rest) {
-            Some(found) => found,
-            None => (None, rest.iter().position(|&b| b == b',').unwrap_or(rest.len())),
-        };
+        let (value, len) = number::cell(rest);
         match (value, targets.get(k), row.get_mut(k)) {
             (Some(x), Some(Target::Channel(_, _, u)), Some(to)) => *to = u.to_si(x),
             (_, Some(target), to) => {
@@ -539,7 +389,7 @@ fn one(
         None => data("Data::BadNumber", format!("'{}' is not a number", shown())),
     };
     let hint = match p.code {
-        "Data::NotFinite" => "repair or cut out these samples, or leave such rows out with --gaps drop",
+        "Data::NotFinite" => NOT_FINITE,
         _ => "write numbers with a decimal point and nothing else",
     };
     let channel = match target {
@@ -547,59 +397,4 @@ fn one(
         _ => name.to_owned(),
     };
     problems.push(p.at(place.0, place.1).on(channel).hint(hint));
-}
-
-/// Row D12: stamps of an epoch as floating-point numbers lose digits.
-pub(super) fn resolution(clock: &Clock, bad: &mut Problems) {
-    if clock.whole.is_some() {
-        return;
-    }
-    let first = clock.stamps[0] + clock.origin;
-    let last = clock.stamps[clock.stamps.len() - 1];
-    let lost = first.abs() * f64::EPSILON;
-    if lost > RESOLUTION {
-        let dt = (last - clock.stamps[0]) / (clock.stamps.len().max(2) - 1) as f64;
-        let what = format!("stamps near {first} s are known to {lost:.1e} s, samples are {dt:.3e} s apart");
-        let hint = "count time from the start of the record, or write whole numbers of ns";
-        bad.push(data("Data::TimeScale", what).on("time").hint(hint));
-    }
-}
-
-pub(super) fn builder(
-    mut columns: Vec<Vec<f64>>,
-    targets: &[Target],
-    joints: &[JointColumn],
-    clock: &Clock,
-) -> RecordBuilder {
-    let rows = clock.stamps.len();
-    let mut b = RecordBuilder::new(joints.iter().map(|j| j.name.clone())).stamps(clock.stamps.clone());
-    for g in GROUPS {
-        let width = g.channels(joints).len();
-        let mut all = Vec::new();
-        for k in 0..width {
-            let found = targets.iter().position(|t| matches!(t, Target::Channel(g2, k2, _) if (*g2, *k2) == (g, k)));
-            let Some(c) = found else { continue };
-            if width == 1 {
-                all = std::mem::take(&mut columns[c]);
-            } else {
-                all.reserve_exact(if all.is_empty() { rows * width } else { 0 });
-                // Freed one by one, so that a record is never held twice.
-                all.append(&mut std::mem::take(&mut columns[c]));
-            }
-        }
-        if all.len() != rows * width || width == 0 {
-            continue;
-        }
-        let m = DMatrix::from_vec(rows, width, all);
-        b = match g {
-            Group::Q => b.q(m),
-            Group::Dq => b.qd(m),
-            Group::Ddq => b.qdd(m),
-            Group::Tau => b.tau(m),
-            Group::Gyro => b.gyro(m),
-            Group::Acc => b.acc(m),
-            Group::Att => b.att(m),
-        };
-    }
-    b
 }

@@ -2,6 +2,7 @@
 
 use super::blocks::{Blocks, unreadable};
 use super::csv_blocks::CsvBlocks;
+use super::read::too_long;
 use super::{JointColumn, ReadOptions};
 use ff_model::{Area, Problem, Problems};
 use std::fs::File;
@@ -40,16 +41,37 @@ impl Format {
     }
 }
 
-/// Looks at the first bytes of a file, which is then at its start again.
-pub(super) fn format_of(mut file: &File) -> io::Result<Format> {
-    // A pipe cannot go back, and is text.
-    if !file.metadata()?.is_file() {
-        return Ok(Format::Csv);
+/// A file that may be read, at its start, with its format.
+///
+/// # Errors
+/// `Io::Read`; `Data::TooLarge` by its length, before anything is read.
+pub(super) fn opened(path: &Path, options: &ReadOptions) -> Result<(File, Format), Problems> {
+    let io = |e: io::Error| {
+        let p = Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"));
+        Problems(vec![p.in_file(path).hint("check the path and its permissions")])
+    };
+    let mut file = File::open(path).map_err(io)?;
+    let meta = file.metadata().map_err(io)?;
+    if meta.is_dir() {
+        return Err(io(io::Error::new(io::ErrorKind::IsADirectory, "is a folder")));
+    }
+    // A pipe has no length and cannot go back, and is text.
+    if !meta.is_file() {
+        return Ok((file, Format::Csv));
+    }
+    if meta.len() > options.max_bytes {
+        return Err(in_file(Problems(vec![too_long(meta.len(), options.max_bytes)]), path));
     }
     let mut first = Vec::with_capacity(8);
-    file.take(8).read_to_end(&mut first)?;
-    file.seek(SeekFrom::Start(0))?;
-    Ok(Format::of(&first))
+    (&file).take(8).read_to_end(&mut first).map_err(io)?;
+    file.seek(SeekFrom::Start(0)).map_err(io)?;
+    Ok((file, Format::of(&first)))
+}
+
+/// Names the file in problems that name none.
+pub(super) fn in_file(mut problems: Problems, path: &Path) -> Problems {
+    problems.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.to_path_buf()));
+    problems
 }
 
 /// Opens a record of any format for reading in blocks. `joints` tells joints that slide, where the file does not.
@@ -57,28 +79,12 @@ pub(super) fn format_of(mut file: &File) -> io::Result<Format> {
 /// # Errors
 /// `Io::Read`, `Data::TooLarge`, `Data::NoReader` for a format that this build leaves out, and those of the header.
 pub fn open(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Result<(Format, Box<dyn Blocks>), Problems> {
-    let io = |e: &io::Error| {
-        let p = Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"));
-        Problems(vec![p.in_file(path).hint("check the path and its permissions")])
-    };
-    let file = File::open(path).map_err(|e| io(&e))?;
-    let meta = file.metadata().map_err(|e| io(&e))?;
-    if meta.is_dir() {
-        return Err(io(&io::Error::new(io::ErrorKind::IsADirectory, "is a folder")));
-    }
-    let named = |mut p: Problems| {
-        p.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.to_path_buf()));
-        p
-    };
-    if meta.is_file() && meta.len() > options.max_bytes {
-        return Err(named(Problems(vec![super::read::too_long(meta.len(), options.max_bytes)])));
-    }
-    let format = format_of(&file).map_err(|e| io(&e))?;
-    Ok((format, blocks(file, format, joints, options).map_err(named)?))
+    let (file, format) = opened(path, options)?;
+    Ok((format, blocks(file, format, joints, options).map_err(|p| in_file(p, path))?))
 }
 
 /// The reader of a file at its start.
-#[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "topics and sliding joints are asked for by MCAP"))]
+#[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "sliding joints are asked for by MCAP"))]
 pub(super) fn blocks(
     file: File,
     format: Format,
@@ -86,7 +92,7 @@ pub(super) fn blocks(
     options: &ReadOptions,
 ) -> Result<Box<dyn Blocks>, Problems> {
     match format {
-        Format::Csv => Ok(Box::new(CsvBlocks::new(file)?)),
+        Format::Csv => Ok(Box::new(CsvBlocks::new(file, options.max_bytes)?)),
         #[cfg(feature = "parquet")]
         Format::Parquet => Ok(Box::new(super::parquet_in::ParquetBlocks::new(file)?)),
         #[cfg(feature = "mcap")]

@@ -2,7 +2,7 @@
 
 use super::JointColumn;
 use super::blocks::{Block, Stamps};
-use super::columns::{GROUPS, Group};
+use super::columns::{GROUPS, Group, time_column};
 use super::units::si;
 use nalgebra::DMatrix;
 use std::io::{self, Write};
@@ -102,7 +102,7 @@ impl<W: Write> CsvRows<W> {
         let mut head = csv::Writer::from_writer(Vec::new());
         head.write_record(names).map_err(io::Error::other)?;
         out.write_all(&head.into_inner().map_err(|e| io::Error::other(e.to_string()))?)?;
-        Ok(Self { out, time: names.iter().position(|n| super::columns::split(n).0 == "time") })
+        Ok(Self { out, time: time_column(names).ok() })
     }
     /// Writes rows; NaN is an empty cell. The block has a column per name; that of the time is in its stamps.
     ///
