@@ -1,13 +1,18 @@
-//! How fast Parquet files and ROS 2 bags are read, and in how much memory: writes a file of each and reads it, once into a
-//! record and once block by block as `ffid convert` does. Speeds are of decoded samples, eight bytes each.
+//! How fast records are read, and in how much memory: writes a file of each format and reads it, once into a record and once block
+//! by block as `ffid convert` does. Speeds are of decoded samples, eight bytes each, and of the file.
 //!
-//! `cargo run --release -p ident --features parquet,mcap --example record_speed -- 200 blocks` for 200 MB of samples, in blocks
-//! only: a record of more than its 4,000,000 rows would be refused.
+//! ```sh
+//! cargo run --release -p ident --features parquet,mcap --example record_speed -- 200               # MB of samples
+//! cargo run --release -p ident --features parquet,mcap --example record_speed -- 2100 csv blocks   # a file of 5 GB
+//! ```
+//!
+//! After the size come formats (`csv`, every digit; `csv6`, six places; `parquet`; `mcap`; all unless named), and `blocks` for blocks
+//! alone.
 
-use ident::record_file::{Block, Blocks, JointColumn, ParquetWriter, ReadOptions, Stamps, open, read};
+use ident::record_file::{Block, Blocks, CsvRows, JointColumn, ParquetWriter, ReadOptions, Stamps, open, read};
 use std::error::Error;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -19,21 +24,48 @@ fn value(i: usize, j: usize) -> f64 {
     ((i as f64 * 0.37 + j as f64) * 1.7).sin()
 }
 
-fn parquet(path: &Path, rows: usize) -> Result<(), Box<dyn Error>> {
+fn names() -> Vec<String> {
     let mut names = vec!["time[s]".to_owned()];
     names.extend((1..=JOINTS).map(|j| format!("q.joint{j}[rad]")));
     names.extend((1..=JOINTS).map(|j| format!("tau.joint{j}[N m]")));
     names.extend(["x", "y", "z"].map(|a| format!("gyro.{a}[rad/s]")));
-    let mut w = ParquetWriter::new(BufWriter::new(File::create(path)?), &names, false)?;
+    names
+}
+
+/// The rows of a table, block after block.
+fn blocks(rows: usize, of: fn(usize, usize) -> f64, mut to: impl FnMut(&Block) -> io::Result<()>) -> io::Result<()> {
     for start in (0..rows).step_by(8192) {
         let range = start..(start + 8192).min(rows);
-        let mut block = Block::new(names.len());
+        let mut block = Block::new(WIDTH);
         block.stamps = Stamps::Real(range.clone().map(|i| i as f64 / 1000.0).collect());
         for (j, c) in block.columns.iter_mut().enumerate().skip(1) {
-            c.extend(range.clone().map(|i| value(i, j)));
+            c.extend(range.clone().map(|i| of(i, j)));
         }
-        w.write(&block)?;
+        to(&block)?;
     }
+    Ok(())
+}
+
+fn csv(path: &Path, rows: usize, of: fn(usize, usize) -> f64) -> Result<(), Box<dyn Error>> {
+    let mut w = CsvRows::new(BufWriter::new(File::create(path)?), &names())?;
+    blocks(rows, of, |b| w.write(b))?;
+    w.finish()?.flush()?;
+    Ok(())
+}
+
+/// Every digit of a number: 18 to 20 characters.
+fn all_digits(path: &Path, rows: usize) -> Result<(), Box<dyn Error>> {
+    csv(path, rows, value)
+}
+
+/// Six places, as most recorders write: ten characters.
+fn six_places(path: &Path, rows: usize) -> Result<(), Box<dyn Error>> {
+    csv(path, rows, |i, j| (value(i, j) * 1e6).round() / 1e6)
+}
+
+fn parquet(path: &Path, rows: usize) -> Result<(), Box<dyn Error>> {
+    let mut w = ParquetWriter::new(BufWriter::new(File::create(path)?), &names(), false)?;
+    blocks(rows, value, |b| w.write(b))?;
     w.finish()?.flush()?;
     Ok(())
 }
@@ -160,20 +192,33 @@ fn peak() -> Option<f64> {
     Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1e3)
 }
 
-fn say(what: &str, rows: usize, start: Instant, file: &Path) -> Result<(), Box<dyn Error>> {
-    let (seconds, decoded) = (start.elapsed().as_secs_f64(), (rows * WIDTH * 8) as f64 / 1e6);
+/// Time that this process has been on a processor (s); none where `/proc` is not. On a machine that is busy it says more than the
+/// clock on the wall.
+fn busy() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/self/schedstat").ok()?;
+    Some(text.split_whitespace().next()?.parse::<f64>().ok()? / 1e9)
+}
+
+/// What reading has taken since these times.
+fn say(what: &str, rows: usize, (wall, cpu): (Instant, Option<f64>), file: &Path) -> Result<(), Box<dyn Error>> {
+    let (seconds, decoded) = (wall.elapsed().as_secs_f64(), (rows * WIDTH * 8) as f64 / 1e6);
     let on_disk = std::fs::metadata(file)?.len() as f64 / 1e6;
+    let used = cpu.zip(busy()).map(|(from, to)| to - from);
+    let cpu = used.map_or(String::new(), |u| format!(" ({:.0} per second on a processor)", decoded / u));
     let peak = peak().map_or(String::new(), |p| format!(", peak memory {p:.0} MB"));
     println!(
-        "{what}: {rows} rows, {on_disk:.0} MB on disk, {seconds:.3} s, {:.0} MB/s decoded{peak}",
-        decoded / seconds
+        "{what}: {rows} rows, {seconds:.3} s, {:.0} MB/s decoded{cpu}, {:.0} MB/s of {on_disk:.0} MB on disk{peak}",
+        decoded / seconds,
+        on_disk / seconds
     );
     Ok(())
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let megabytes: usize = std::env::args().nth(1).map_or(Ok(100), |a| a.parse())?;
-    let only_blocks = std::env::args().nth(2).is_some_and(|a| a == "blocks");
+    let mut words = std::env::args().skip(1);
+    let megabytes: usize = words.next().map_or(Ok(100), |a| a.parse())?;
+    let words: Vec<String> = words.collect();
+    let only_blocks = words.iter().any(|w| w == "blocks");
     let rows = megabytes * 1_000_000 / (8 * WIDTH);
     let joints: Vec<JointColumn> =
         (1..=JOINTS).map(|j| JointColumn { name: format!("joint{j}"), slides: false }).collect();
@@ -181,22 +226,24 @@ fn main() -> Result<(), Box<dyn Error>> {
         std::env::temp_dir().join(format!("ident-record-speed-{}.{end}", std::process::id()))
     };
     type Make = fn(&Path, usize) -> Result<(), Box<dyn Error>>;
-    for (name, make) in [("parquet", parquet as Make), ("mcap", bag)] {
+    let all = [("csv", all_digits as Make), ("csv6", six_places), ("parquet", parquet), ("mcap", bag)];
+    let named = all.iter().any(|(name, _)| words.iter().any(|w| w == name));
+    for (name, make) in all.into_iter().filter(|(name, _)| !named || words.iter().any(|w| w == name)) {
         let path = file(name);
         make(&path, rows)?;
-        for _ in 0..2 {
-            let start = Instant::now();
-            let (_, mut source): (_, Box<dyn Blocks>) =
-                open(&path, &joints, &ReadOptions::default()).map_err(|p| p.to_string())?;
+        let options = ReadOptions { max_rows: usize::MAX, ..ReadOptions::default() };
+        for _ in 0..3 {
+            let start = (Instant::now(), busy());
+            let (_, mut source): (_, Box<dyn Blocks>) = open(&path, &joints, &options).map_err(|p| p.to_string())?;
             let (mut block, mut n) = (Block::new(source.names().len()), 0);
             while source.next(&mut block).map_err(|p| p.to_string())? {
                 n += block.rows();
             }
             say(&format!("{name}, in blocks"), n, start, &path)?;
         }
-        for _ in 0..if only_blocks { 0 } else { 2 } {
-            let start = Instant::now();
-            let loaded = read(&path, &joints, &ReadOptions::default()).map_err(|p| p.to_string())?;
+        for _ in 0..if only_blocks { 0 } else { 3 } {
+            let start = (Instant::now(), busy());
+            let loaded = read(&path, &joints, &options).map_err(|p| p.to_string())?;
             say(&format!("{name}, a record"), loaded.record.samples(), start, &path)?;
         }
         std::fs::remove_file(&path)?;

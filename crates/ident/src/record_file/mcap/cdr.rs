@@ -11,6 +11,22 @@ struct Cdr<'a> {
     big: bool,
 }
 
+/// Numbers side by side.
+struct Numbers<'a> {
+    bytes: &'a [[u8; 8]],
+    big: bool,
+}
+
+impl Numbers<'_> {
+    fn get(&self, k: usize) -> f64 {
+        let b = self.bytes[k];
+        if self.big { f64::from_be_bytes(b) } else { f64::from_le_bytes(b) }
+    }
+    fn array<const N: usize>(&self, first: usize) -> [f64; N] {
+        core::array::from_fn(|k| self.get(first + k))
+    }
+}
+
 impl<'a> Cdr<'a> {
     fn new(message: &'a [u8]) -> Option<Self> {
         // Plain CDR, big or little endian; other encodings are of types with optional members, which these are not.
@@ -31,10 +47,6 @@ impl<'a> Cdr<'a> {
         let b = self.take::<4>()?;
         Some(if self.big { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
     }
-    fn f64(&mut self) -> Option<f64> {
-        let b = self.take::<8>()?;
-        Some(if self.big { f64::from_be_bytes(b) } else { f64::from_le_bytes(b) })
-    }
     /// A length followed by so many bytes, the last of them zero.
     fn string(&mut self) -> Option<&'a [u8]> {
         let n = self.u32()? as usize;
@@ -42,12 +54,12 @@ impl<'a> Cdr<'a> {
         self.at += n;
         Some(out.strip_suffix(&[0]).unwrap_or(out))
     }
-    fn array<const N: usize>(&mut self) -> Option<[f64; N]> {
-        let mut out = [0.0; N];
-        for x in &mut out {
-            *x = self.f64()?;
-        }
-        Some(out)
+    /// So many numbers, as they are in the message.
+    fn numbers(&mut self, n: usize) -> Option<Numbers<'a>> {
+        let start = self.at.checked_next_multiple_of(8)?;
+        let bytes = self.bytes.get(start..start.checked_add(n.checked_mul(8)?)?)?;
+        self.at = start + bytes.len();
+        Some(Numbers { bytes: bytes.as_chunks().0, big: self.big })
     }
     /// A sequence of numbers into a buffer that is used again.
     fn sequence(&mut self, out: &mut Vec<f64>) -> Option<()> {
@@ -56,15 +68,8 @@ impl<'a> Cdr<'a> {
         if n == 0 {
             return Some(());
         }
-        let start = self.at.checked_next_multiple_of(8)?;
-        let bytes = self.bytes.get(start..start.checked_add(n.checked_mul(8)?)?)?;
-        self.at = start + bytes.len();
-        let numbers = bytes.chunks_exact(8).filter_map(|b| b.first_chunk::<8>());
-        if self.big {
-            out.extend(numbers.map(|b| f64::from_be_bytes(*b)));
-        } else {
-            out.extend(numbers.map(|b| f64::from_le_bytes(*b)));
-        }
+        let numbers = self.numbers(n)?;
+        out.extend((0..n).map(|k| numbers.get(k)));
         Some(())
     }
     /// `std_msgs/Header`: the stamp in ns; the name of the frame is skipped.
@@ -85,6 +90,12 @@ pub(super) struct JointState {
     pub(super) position: Vec<f64>,
     pub(super) velocity: Vec<f64>,
     pub(super) effort: Vec<f64>,
+    /// Another one whenever the names may have changed.
+    pub(super) version: u64,
+    /// The names as they were in the message, whose bytes the next one mostly repeats.
+    image: Vec<u8>,
+    /// What their bytes mean depends on: where in a word they begin, and the order of bytes.
+    image_of: (usize, bool),
 }
 
 impl JointState {
@@ -93,27 +104,37 @@ impl JointState {
         out.read_again(message)?;
         Some(out)
     }
-    /// Reads into the buffers of a message before, whose names are mostly the same. What is left after `None` is of no use.
+    /// Reads into the buffers of a message before. What is left after `None` is of no use.
     pub(super) fn read_again(&mut self, message: &[u8]) -> Option<()> {
         let mut c = Cdr::new(message)?;
         self.stamp = c.header()?;
-        let n = c.u32()? as usize;
-        if n > MAX_JOINTS {
-            return None;
-        }
-        self.names.truncate(n);
-        for k in 0..n {
-            let name = c.string()?;
-            match self.names.get_mut(k) {
-                Some(old) if old.as_bytes() == name => {}
-                Some(old) => *old = String::from_utf8_lossy(name).into_owned(),
-                None => self.names.push(String::from_utf8_lossy(name).into_owned()),
-            }
-        }
+        self.read_names(&mut c)?;
+        let n = self.names.len();
         c.sequence(&mut self.position)?;
         c.sequence(&mut self.velocity)?;
         c.sequence(&mut self.effort)?;
         [&self.position, &self.velocity, &self.effort].into_iter().all(|v| v.is_empty() || v.len() == n).then_some(())
+    }
+    fn read_names(&mut self, c: &mut Cdr<'_>) -> Option<()> {
+        let (begin, same) = (c.at, self.image.len());
+        let of = (begin % 4, c.big);
+        if same > 0 && of == self.image_of && c.bytes.get(begin..begin.checked_add(same)?) == Some(&self.image[..]) {
+            c.at += same;
+            return Some(());
+        }
+        let n = c.u32()? as usize;
+        if n > MAX_JOINTS {
+            return None;
+        }
+        self.image.clear();
+        self.version += 1;
+        self.names.clear();
+        for _ in 0..n {
+            self.names.push(String::from_utf8_lossy(c.string()?).into_owned());
+        }
+        self.image.extend_from_slice(&c.bytes[begin..c.at]);
+        self.image_of = of;
+        Some(())
     }
 }
 
@@ -132,18 +153,16 @@ impl Imu {
     pub(super) fn read(message: &[u8]) -> Option<Self> {
         let mut c = Cdr::new(message)?;
         let stamp = c.header()?;
-        let [x, y, z, w] = c.array()?;
-        let known = |cov: [f64; 9]| cov[0] != -1.0;
-        let att = known(c.array()?) && [x, y, z, w] != [0.0; 4];
-        let gyro = c.array()?;
-        let has_gyro = known(c.array()?);
-        let acc = c.array()?;
-        let has_acc = known(c.array()?);
+        // Orientation, angular velocity and acceleration, each with nine covariances behind it.
+        let all = c.numbers(4 + 9 + 3 + 9 + 3 + 9)?;
+        let known = |covariance: usize| all.get(covariance) != -1.0;
+        let [x, y, z, w] = all.array(0);
+        let att = known(4) && [x, y, z, w] != [0.0; 4];
         Some(Self {
             stamp,
             att: att.then_some([w, x, y, z]),
-            gyro: has_gyro.then_some(gyro),
-            acc: has_acc.then_some(acc),
+            gyro: known(16).then(|| all.array(13)),
+            acc: known(28).then(|| all.array(25)),
         })
     }
 }

@@ -2,10 +2,11 @@
 
 use super::super::blocks::unreadable;
 use super::super::read::BUFFER;
+use super::lz4;
 use ff_model::{Problem, Problems, clip};
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 
 const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Largest chunk, compressed or not (bytes). Recorders write some hundred kB to some MB.
@@ -34,11 +35,7 @@ pub(super) struct Message<'a> {
     /// Byte of the file where its record or chunk begins.
     pub(super) offset: u64,
     pub(super) data: &'a [u8],
-    pub(super) info: Option<&'a Channel>,
 }
-
-/// Channel, time of recording (ns), byte of the file and content of a message.
-type Owned = (u16, i64, u64, Vec<u8>);
 
 /// A file being read from front to back.
 pub(super) struct Container {
@@ -52,7 +49,6 @@ pub(super) struct Container {
     chunk: Vec<u8>,
     next: usize,
     chunk_at: u64,
-    spare: Vec<u8>,
     raw: Vec<u8>,
 }
 
@@ -74,9 +70,12 @@ impl<'a> Fields<'a> {
     fn u64(&mut self) -> Option<u64> {
         Some(u64::from_le_bytes(*self.bytes(8)?.first_chunk()?))
     }
-    fn string(&mut self) -> Option<String> {
+    fn text(&mut self) -> Option<&'a [u8]> {
         let n = self.u32()? as usize;
-        Some(String::from_utf8_lossy(self.bytes(n)?).into_owned())
+        self.bytes(n)
+    }
+    fn string(&mut self) -> Option<String> {
+        Some(String::from_utf8_lossy(self.text()?).into_owned())
     }
 }
 
@@ -104,7 +103,6 @@ impl Container {
             chunk: Vec::new(),
             next: 0,
             chunk_at: 0,
-            spare: Vec::new(),
             raw: Vec::new(),
         };
         out.rewind()?;
@@ -132,19 +130,11 @@ impl Container {
         let (offset, content) = (self.chunk_at, &self.chunk[start..end]);
         let (channel, log_time, data) =
             message(content).ok_or_else(|| damaged("a message that is cut short", offset))?;
-        Ok(Some(Message { channel, log_time, offset, data, info: self.channels.get(&channel) }))
+        Ok(Some(Message { channel, log_time, offset, data }))
     }
-    /// The next message with its bytes in a buffer of its own, to be given back.
-    pub(super) fn next_owned(&mut self) -> Result<Option<Owned>, Problems> {
-        let mut buffer = std::mem::take(&mut self.spare);
-        buffer.clear();
-        Ok(self.next()?.map(|m| {
-            buffer.extend_from_slice(m.data);
-            (m.channel, m.log_time, m.offset, buffer)
-        }))
-    }
-    pub(super) fn give_back(&mut self, buffer: Vec<u8>) {
-        self.spare = buffer;
+    /// What is known of a channel.
+    pub(super) fn channel(&self, id: u16) -> Option<&Channel> {
+        self.channels.get(&id)
     }
     /// Reads records until a message is at hand: its range in the chunk.
     fn advance(&mut self) -> Result<Option<(usize, usize)>, Problems> {
@@ -196,11 +186,11 @@ impl Container {
                     let what = format!("a record of {n} bytes at byte {offset}, limit {limit}");
                     return Err(unreadable("Data::TooLarge", what, "record in smaller chunks"));
                 }
-                self.raw.clear();
-                let read = (&mut self.file).take(n).read_to_end(&mut self.raw).map_err(|e| io(&e))?;
-                if (read as u64) < n {
-                    return Err(truncated(offset));
-                }
+                self.raw.resize(n as usize, 0);
+                self.file.read_exact(&mut self.raw).map_err(|e| match e.kind() {
+                    ErrorKind::UnexpectedEof => truncated(offset),
+                    _ => io(&e),
+                })?;
                 self.at = offset + 9 + n;
                 self.chunk_at = offset;
                 match op {
@@ -234,7 +224,7 @@ impl Container {
         if self.channels.len() + self.schemas.len() > MAX_CHANNELS {
             return Err(damaged("too many channels", offset));
         }
-        let done = if op == 0x03 { self.schema(&mut f) } else { self.channel(&mut f) };
+        let done = if op == 0x03 { self.schema(&mut f) } else { self.topic(&mut f) };
         done.ok_or_else(|| damaged("a schema or channel that is cut short", offset))
     }
     fn schema(&mut self, f: &mut Fields<'_>) -> Option<()> {
@@ -242,7 +232,7 @@ impl Container {
         self.schemas.insert(id, name);
         Some(())
     }
-    fn channel(&mut self, f: &mut Fields<'_>) -> Option<()> {
+    fn topic(&mut self, f: &mut Fields<'_>) -> Option<()> {
         let (id, schema, topic, encoding) = (f.u16()?, f.u16()?, f.string()?, f.string()?);
         let schema = self.schemas.get(&schema).cloned().unwrap_or_default();
         self.channels.insert(id, Channel { id, topic, encoding, schema });
@@ -261,21 +251,38 @@ impl Container {
         let Some(body) = usize::try_from(packed).ok().and_then(|n| f.bytes(n)) else {
             return Err(damaged(format!("a chunk of {packed} bytes in a smaller record"), offset));
         };
-        self.chunk.clear();
         self.next = 0;
-        // One byte more than promised tells too much from enough.
-        let done = match compression.as_str() {
-            "" => Read::take(body, size + 1).read_to_end(&mut self.chunk),
-            "lz4" => lz4_flex::frame::FrameDecoder::new(body).take(size + 1).read_to_end(&mut self.chunk),
-            "zstd" => zstd::stream::read::Decoder::with_buffer(body)
-                .and_then(|d| d.take(size + 1).read_to_end(&mut self.chunk)),
-            other => return Err(damaged(format!("a chunk compressed by '{}'", clip(other)), offset)),
+        // Memory is taken for what is there, not for what is promised.
+        let done = match compression {
+            b"" => {
+                self.chunk.clear();
+                self.chunk.extend_from_slice(body);
+                Ok(body.len())
+            }
+            b"lz4" if size > lz4::most(body) => Err(format!("{} bytes cannot hold {size}", body.len())),
+            b"lz4" => {
+                // Bytes of the chunk before are overwritten.
+                self.chunk.resize(size as usize, 0);
+                lz4::unpack(body, &mut self.chunk)
+            }
+            b"zstd" => {
+                self.chunk.clear();
+                // One byte more than promised tells too much from enough.
+                zstd::stream::read::Decoder::with_buffer(body)
+                    .and_then(|d| d.take(size + 1).read_to_end(&mut self.chunk))
+                    .map_err(|e| e.to_string())
+            }
+            other => {
+                let name = clip(&String::from_utf8_lossy(other));
+                return Err(damaged(format!("a chunk compressed by '{name}'"), offset));
+            }
         };
-        if let Err(e) = done {
-            return Err(damaged(format!("a chunk that cannot be unpacked: {}", clip(&e.to_string())), offset));
-        }
-        if self.chunk.len() as u64 != size {
-            return Err(damaged(format!("a chunk of {} bytes that should have {size}", self.chunk.len()), offset));
+        match done {
+            Err(e) => return Err(damaged(format!("a chunk that cannot be unpacked: {}", clip(&e)), offset)),
+            Ok(n) if n as u64 != size => {
+                return Err(damaged(format!("a chunk of {n} bytes that should have {size}"), offset));
+            }
+            Ok(_) => {}
         }
         if crc != 0 && crc32fast::hash(&self.chunk) != crc {
             return Err(damaged("a chunk with a wrong checksum", offset));
@@ -285,9 +292,9 @@ impl Container {
 }
 
 /// Size when unpacked, checksum, compression and packed size of a chunk, behind the times of its first and last message.
-fn chunk_head(f: &mut Fields<'_>) -> Option<(u64, u32, String, u64)> {
+fn chunk_head<'a>(f: &mut Fields<'a>) -> Option<(u64, u32, &'a [u8], u64)> {
     f.bytes(16)?;
-    Some((f.u64()?, f.u32()?, f.string()?, f.u64()?))
+    Some((f.u64()?, f.u32()?, f.text()?, f.u64()?))
 }
 
 /// Channel, time of recording (ns) and content of a message record.

@@ -6,6 +6,7 @@
 
 mod cdr;
 mod container;
+mod lz4;
 mod merge;
 
 use super::blocks::{BLOCK, Block, Blocks, Stamps, unreadable};
@@ -28,18 +29,23 @@ const IMU: [&str; 2] = ["sensor_msgs/msg/Imu", "sensor_msgs/Imu"];
 pub(super) struct McapBlocks {
     bag: Container,
     names: Vec<String>,
+    messages: Messages,
+    ended: bool,
+    truncated: Option<Problem>,
+}
+
+/// The messages that belong to the record.
+struct Messages {
     /// Channels that are read.
     joints: u16,
     imu: Option<u16>,
     merge: Merge,
     /// Buffers of the message at hand.
     state: JointState,
-    ended: bool,
     /// Topics, for what is said at the end.
     topics: (String, Option<String>),
     /// True when messages carry no stamp of their own and the time of recording is taken.
     unstamped: bool,
-    truncated: Option<Problem>,
 }
 
 /// What the beginning of a bag tells.
@@ -93,19 +99,13 @@ impl McapBlocks {
         bag.rewind()?;
         let unstamped = first.stamp == 0;
         let topics = (channel.topic.clone(), imu.as_ref().map(|(c, _)| c.topic.clone()));
-        Ok(Self {
-            bag,
-            names,
-            joints: channel.id,
-            imu: imu.map(|(c, _)| c.id),
-            merge,
-            state: first,
-            ended: false,
-            topics,
-            unstamped,
-            truncated: None,
-        })
+        let messages =
+            Messages { joints: channel.id, imu: imu.map(|(c, _)| c.id), merge, state: first, topics, unstamped };
+        Ok(Self { bag, names, messages, ended: false, truncated: None })
     }
+}
+
+impl Messages {
     /// Takes a message that belongs to the record.
     fn take(&mut self, m: &Message<'_>) -> Result<(), Problems> {
         let wrong = |what: &str, topic: &str| {
@@ -138,12 +138,12 @@ fn look(bag: &mut Container, options: &ReadOptions) -> Result<Found, Problems> {
             break;
         }
         // Channels stand before their first message; those without any tell nothing.
-        let (id, channel, states) = match bag.next() {
+        let (id, states) = match bag.next() {
             Ok(Some(m)) => {
                 if seen.contains(&m.channel) {
                     continue;
                 }
-                (m.channel, m.info.cloned(), (JointState::read(m.data), Imu::read(m.data)))
+                (m.channel, (JointState::read(m.data), Imu::read(m.data)))
             }
             Ok(None) => break,
             // What can be said of it is said when it is read.
@@ -151,7 +151,7 @@ fn look(bag: &mut Container, options: &ReadOptions) -> Result<Found, Problems> {
             Err(p) => return Err(p),
         };
         seen.push(id);
-        let Some(c) = channel else { continue };
+        let Some(c) = bag.channel(id).cloned() else { continue };
         let schema = c.schema.clone();
         let kind = |all: [&str; 2]| all.contains(&schema.as_str());
         let named = || options.topics.contains(&c.topic);
@@ -212,20 +212,13 @@ impl Blocks for McapBlocks {
     }
     fn want(&mut self, _: &[bool]) {}
     fn next(&mut self, out: &mut Block) -> Result<bool, Problems> {
-        out.columns.iter_mut().for_each(Vec::clear);
-        let mut stamps = match std::mem::replace(&mut out.stamps, Stamps::Real(Vec::new())) {
-            Stamps::Whole(v) => v,
-            Stamps::Real(_) => Vec::new(),
-        };
-        stamps.clear();
-        while !self.ended && self.merge.ready() < BLOCK {
-            // Message after message, so that its borrow of the chunk ends before the merge begins.
-            match self.bag.next_owned() {
-                Ok(Some((channel, log_time, offset, bytes))) => {
-                    let m = Message { channel, log_time, offset, data: &bytes, info: None };
-                    self.take(&m)?;
-                    self.bag.give_back(bytes);
-                }
+        out.clear();
+        let mut stamps = out.stamps.take_whole();
+        // What waited for room.
+        self.messages.merge.advance();
+        while !self.ended && self.messages.merge.ready() < BLOCK {
+            match self.bag.next() {
+                Ok(Some(m)) => self.messages.take(&m)?,
                 Ok(None) => self.ended = true,
                 Err(p) if p.has("Data::MaybeTruncated") => {
                     self.truncated = p.0.into_iter().next();
@@ -234,10 +227,10 @@ impl Blocks for McapBlocks {
                 Err(p) => return Err(p),
             }
         }
-        if self.ended {
-            self.merge.end();
+        if self.ended && self.messages.merge.ready() < BLOCK {
+            self.messages.merge.end();
         }
-        self.merge.drain(BLOCK, &mut stamps, &mut out.columns);
+        self.messages.merge.take(&mut stamps, &mut out.columns);
         let some = !stamps.is_empty();
         out.stamps = Stamps::Whole(stamps);
         match self.truncated.take_if(|_| !some) {
@@ -253,16 +246,17 @@ impl Blocks for McapBlocks {
         let mut note = |what: String, hint: &str| {
             out.push(Problem::warning(Area::Data, "Data::Merged", what).hint(hint));
         };
-        if self.unstamped {
+        let m = &self.messages;
+        if m.unstamped {
             note("messages carry no stamps; the times of recording are taken".to_owned(), "stamp at the sensor");
         }
-        if let (Some(topic), Some(r)) = (&self.topics.1, self.merge.report()) {
+        if let (Some(topic), Some(r)) = (&m.topics.1, m.merge.report()) {
             let what = format!(
                 "base sensors of '{}' interpolated to {} stamps of '{}': {} at stamps of their own, the others between neighbours up \
                  to {:.6} s apart (median interval {:.6} s); {} joint states outside left out",
                 clip(topic),
                 r.rows,
-                clip(&self.topics.0),
+                clip(&m.topics.0),
                 r.exact,
                 r.widest,
                 r.interval,
