@@ -1,4 +1,4 @@
-//! `ffid schema`: JSON schemas for editors.
+//! `ffid schema`: JSON schemas for editors and programs.
 
 use clap::ValueEnum;
 use ffid::exit::Exit;
@@ -7,6 +7,7 @@ use std::io::{self, Write};
 /// Examples for `--help`.
 pub(crate) const EXAMPLES: &str = "Examples:
   ffid schema mission > mission.schema.json
+  ffid schema result > result.schema.json       of the result.json of an identification
 
 An editor that knows TOML schemas (Even Better TOML, taplo) completes and checks a mission file that begins with
   #:schema ./mission.schema.json";
@@ -16,6 +17,8 @@ An editor that knows TOML schemas (Even Better TOML, taplo) completes and checks
 pub(crate) enum Of {
     /// The mission file.
     Mission,
+    /// The `result.json` of an identification.
+    Result,
 }
 
 /// Arguments of `ffid schema`.
@@ -30,6 +33,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<Exit, (Exit, io::Error)> {
     let schema = match args.of {
         Of::Mission => ffid::schema::mission(&ffid::default_registry()),
+        Of::Result => ffid::schema::result(),
     };
     let print = |out: &mut dyn Write| -> io::Result<()> {
         serde_json::to_writer_pretty(&mut *out, &schema)?;

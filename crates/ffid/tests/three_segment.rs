@@ -1,5 +1,8 @@
 //! The example of newcomers: a spacecraft of another shape, measured in MuJoCo, from `ffid init` to a validated model.
 
+#[path = "../src/schema/check.rs"]
+mod schema;
+
 use assert_cmd::Command;
 use ffid::identify::IdentificationResult;
 use serde_json::Value;
@@ -38,6 +41,11 @@ fn five_commands_lead_to_the_truth_of_mujoco() {
     assert!(columns.starts_with(b"PAR1") && columns.ends_with(b"PAR1"));
     let result = IdentificationResult::from_json(&fs::read(dir.path().join("result/result.json")).unwrap()).unwrap();
     assert!(result.status.is_solution() && result.null_directions.is_empty());
+    // It is what its schema says.
+    let out = Command::cargo_bin("ffid").unwrap().args(["schema", "result"]).output().unwrap();
+    let expected: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let written: Value = serde_json::from_slice(&fs::read(dir.path().join("result/result.json")).unwrap()).unwrap();
+    schema::check(&expected, &written, "").unwrap();
     assert!((0.9..1.15).contains(&result.chi2_per_dof), "{}", result.chi2_per_dof);
     let truth: Value = serde_json::from_slice(&fs::read(folder().join("truth.json")).unwrap()).unwrap();
     let truth = truth["values"].as_object().unwrap();

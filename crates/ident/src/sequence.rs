@@ -62,6 +62,7 @@ pub enum SequenceError {
 
 /// A Gaussian over named parameters.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Posterior {
     /// Full names.
     pub names: Vec<String>,

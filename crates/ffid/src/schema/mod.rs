@@ -1,9 +1,10 @@
-//! JSON schemas of the files that people write, so that editors complete and check them.
+//! JSON schemas: of the files that people write, so that editors complete and check them, and of what programs read.
 //!
 //! The reader of mission files asks for its keys by name ([`crate::model::mission`]); the keys here are held to those by a test
 //! that reads its sources. What each kind of appendage needs is asked of its factory, so that a kind of your own is in the schema of your registry.
 
 mod mission;
+mod result;
 
 use crate::model::{Registry, toml};
 use serde_json::{Map, Value, json};
@@ -35,6 +36,19 @@ enum Holds {
     Tables(&'static [Key]),
     /// Any names with numbers.
     Named,
+    /// Any names with texts.
+    Words,
+    Flag,
+    /// This number and no other.
+    Just(u32),
+    /// Rows of any length.
+    Matrix,
+    /// Two numbers each.
+    Pairs,
+    /// A name and a number each.
+    Terms,
+    /// One of several tables.
+    Either(&'static [&'static [Key]]),
     /// Tables of appendages.
     Appendages(&'static [Key]),
 }
@@ -57,10 +71,18 @@ const fn must(name: &'static str, holds: Holds, about: &'static str) -> Key {
 
 /// The schema of a mission file whose appendages are of the kinds of a registry. Allocates.
 pub fn mission(registry: &Registry) -> Value {
-    let mut root = object(mission::ROOT, registry);
+    titled("Mission file of ffid", object(mission::ROOT, registry))
+}
+
+/// The schema of the `result.json` of an identification ([`crate::identify::IdentificationResult`]). Allocates.
+pub fn result() -> Value {
+    titled("Result of ffid identify", object(result::ROOT, &Registry::default()))
+}
+
+fn titled(title: &str, mut root: Value) -> Value {
     if let Value::Object(map) = &mut root {
         map.insert("$schema".to_owned(), json!(DIALECT));
-        map.insert("title".to_owned(), json!("Mission file of ffid"));
+        map.insert("title".to_owned(), json!(title));
     }
     root
 }
@@ -97,6 +119,15 @@ fn value(holds: Holds, registry: &Registry) -> Value {
         Holds::Table(keys) => object(keys, registry),
         Holds::Tables(keys) => json!({ "type": "array", "items": object(keys, registry) }),
         Holds::Named => json!({ "type": "object", "additionalProperties": number() }),
+        Holds::Words => json!({ "type": "object", "additionalProperties": { "type": "string" } }),
+        Holds::Flag => json!({ "type": "boolean" }),
+        Holds::Just(n) => json!({ "const": n }),
+        Holds::Matrix => json!({ "type": "array", "items": { "type": "array", "items": number() } }),
+        Holds::Pairs => json!({ "type": "array", "items": list(number(), 2) }),
+        Holds::Terms => json!({ "type": "array", "items": {
+            "type": "array", "prefixItems": [{ "type": "string" }, number()], "minItems": 2, "maxItems": 2
+        } }),
+        Holds::Either(tables) => json!({ "anyOf": tables.iter().map(|t| object(t, registry)).collect::<Vec<_>>() }),
         Holds::Appendages(keys) => json!({ "type": "array", "items": appendage(keys, registry) }),
     }
 }
@@ -139,5 +170,7 @@ fn required(kind: &str, registry: &Registry) -> Vec<String> {
     missing.filter_map(|p| p.object).collect()
 }
 
+#[cfg(test)]
+mod check;
 #[cfg(test)]
 mod tests;

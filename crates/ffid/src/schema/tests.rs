@@ -1,71 +1,12 @@
+use super::check::check;
 use super::*;
+use crate::identify::IdentificationResult;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;
 
 fn root(path: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(path)
-}
-
-/// What of JSON Schema the schemas use: the reason why a value is refused.
-fn check(schema: &Value, v: &Value, at: &str) -> Result<(), String> {
-    let no = |why: String| Err(format!("{at}: {why}"));
-    if schema["anyOf"].as_array().is_some_and(|all| all.iter().all(|s| check(s, v, at).is_err())) {
-        return no("none of several".into());
-    }
-    let typed = match schema["type"].as_str() {
-        Some("object") => v.is_object(),
-        Some("array") => v.is_array(),
-        Some("string") => v.is_string(),
-        Some("number") => v.is_number(),
-        Some("integer") => v.is_u64() || v.is_i64(),
-        _ => true,
-    };
-    if !typed {
-        return no(format!("{v} is no {}", schema["type"]));
-    }
-    if schema["enum"].as_array().is_some_and(|e| !e.contains(v)) || schema.get("const").is_some_and(|c| c != v) {
-        return no(format!("{v} is none of the known words"));
-    }
-    let x = v.as_f64();
-    if schema["minimum"].as_f64().is_some_and(|m| x.is_some_and(|x| x < m))
-        || schema["exclusiveMinimum"].as_f64().is_some_and(|m| x.is_some_and(|x| x <= m))
-    {
-        return no(format!("{v} is too small"));
-    }
-    if let Some(items) = v.as_array() {
-        let n = items.len() as u64;
-        if schema["minItems"].as_u64().is_some_and(|m| n < m) || schema["maxItems"].as_u64().is_some_and(|m| n > m) {
-            return no(format!("{n} items"));
-        }
-        for (i, item) in items.iter().enumerate().filter(|_| schema["items"].is_object()) {
-            check(&schema["items"], item, &format!("{at}[{i}]"))?;
-        }
-    }
-    if let Some(map) = v.as_object() {
-        for key in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-            if !map.contains_key(key) {
-                return no(format!("{key} is missing"));
-            }
-        }
-        for (key, item) in map {
-            let path = format!("{at}.{key}");
-            match (&schema["properties"][key], &schema["additionalProperties"]) {
-                (Value::Null, Value::Bool(false)) => return no(format!("unknown key {key}")),
-                (Value::Null, other @ Value::Object(_)) => check(other, item, &path)?,
-                (Value::Null, _) => {}
-                (known, _) => check(known, item, &path)?,
-            }
-        }
-    }
-    for rule in schema["allOf"].as_array().into_iter().flatten() {
-        let condition = &rule["if"];
-        let not = condition.get("not").is_none_or(|n| check(n, v, at).is_err());
-        if not && check(condition, v, at).is_ok() {
-            check(&rule["then"], v, at)?;
-        }
-    }
-    Ok(())
 }
 
 fn load(path: &std::path::Path) -> Option<Value> {
@@ -171,4 +112,92 @@ fn the_keys_are_those_that_the_reader_asks_for() {
     let missing: Vec<_> = asked.difference(&known).collect();
     let stale: Vec<_> = known.difference(&asked).collect();
     assert!(missing.is_empty() && stale.is_empty(), "not in the schema: {missing:?}; not asked for: {stale:?}");
+}
+
+/// A value with every key of a schema; of several tables the one of this number.
+fn full(schema: &Value, pick: usize) -> Value {
+    if let Some(all) = schema["anyOf"].as_array() {
+        return full(&all[pick % all.len()], pick);
+    }
+    if let Some(words) = schema["enum"].as_array() {
+        return words[pick % words.len()].clone();
+    }
+    let n = schema["minItems"].as_u64().unwrap_or(2) as usize;
+    match schema["type"].as_str() {
+        Some("object") => match &schema["additionalProperties"] {
+            of @ Value::Object(_) => json!({ "any": full(of, pick) }),
+            _ => schema["properties"].as_object().unwrap().iter().map(|(k, of)| (k.clone(), full(of, pick))).collect(),
+        },
+        Some("array") => match schema["prefixItems"].as_array() {
+            Some(each) => each.iter().map(|of| full(of, pick)).collect(),
+            None => (0..n).map(|_| full(&schema["items"], pick)).collect(),
+        },
+        Some("string") => json!("text"),
+        Some("number") => json!(0.25),
+        Some("integer") => json!(3),
+        Some("boolean") => json!(true),
+        _ => schema["const"].clone(),
+    }
+}
+
+/// Every table in a value, as JSON pointer.
+fn tables(v: &Value, at: &str, out: &mut Vec<String>) {
+    match v {
+        Value::Object(map) => {
+            out.push(at.to_owned());
+            map.iter().for_each(|(k, v)| tables(v, &format!("{at}/{k}"), out));
+        }
+        Value::Array(items) => items.iter().take(1).for_each(|v| tables(v, &format!("{at}/0"), out)),
+        _ => {}
+    }
+}
+
+fn read(v: &Value) -> Result<IdentificationResult, String> {
+    IdentificationResult::from_json(v.to_string().as_bytes())
+}
+
+/// Schema and reader ask for the same: a result with every key is read, every key that can be left out can be left out of both,
+/// and the reader knows no key that the schema does not.
+#[test]
+fn the_schema_of_results_is_what_the_reader_reads() {
+    let schema = result();
+    for pick in 0..12 {
+        let whole = full(&schema, pick);
+        check(&schema, &whole, "").unwrap();
+        let again = read(&whole).unwrap_or_else(|e| panic!("{e}: {whole}"));
+        let written: Value = serde_json::from_slice(&again.to_json().unwrap()).unwrap();
+        assert_eq!(written, whole);
+        let mut places = Vec::new();
+        tables(&whole, "", &mut places);
+        assert!(places.len() > 25, "{places:?}");
+        for at in places {
+            let keys: Vec<String> = whole.pointer(&at).unwrap().as_object().unwrap().keys().cloned().collect();
+            let change = |f: &dyn Fn(&mut Map<String, Value>)| {
+                let mut v = whole.clone();
+                f(v.pointer_mut(&at).unwrap().as_object_mut().unwrap());
+                (check(&schema, &v, ""), read(&v).map(|_| ()))
+            };
+            if at.ends_with("/settings") {
+                continue;
+            }
+            for k in &keys {
+                let (by_schema, by_reader) = change(&|map| _ = map.remove(k));
+                assert_eq!(by_schema.is_ok(), by_reader.is_ok(), "{at} without {k}: {by_schema:?}, {by_reader:?}");
+                let (by_schema, by_reader) = change(&|map| _ = map.insert(k.clone(), json!({ "other": [] })));
+                assert!(by_schema.is_err() && by_reader.is_err(), "{at} with another {k}");
+            }
+            let (by_schema, by_reader) = change(&|map| _ = map.insert("?".to_owned(), json!(0)));
+            assert!(by_schema.is_err(), "{at}");
+            // The tag of an enum lets the reader take more than its keys.
+            if !at.ends_with("/status") {
+                let said = by_reader.unwrap_err();
+                let known: BTreeSet<&str> = said.split('`').skip(3).step_by(2).collect();
+                assert_eq!(known, keys.iter().map(String::as_str).collect(), "{at}: {said}");
+            }
+        }
+    }
+    // Results of real identifications.
+    for seed in fs::read_dir(root("fuzz/seeds/result")).unwrap().map(|e| e.unwrap().path()) {
+        check(&schema, &serde_json::from_slice(&fs::read(&seed).unwrap()).unwrap(), "").unwrap();
+    }
 }

@@ -1,0 +1,248 @@
+//! Keys of `result.json`. Meanings in full are on the fields of [`crate::identify::IdentificationResult`].
+
+use super::Holds::{
+    Either, Flag, Just, Matrix, Number, Numbers, OneOf, Pairs, Table, Tables, Terms, Text, Texts, Vector, Whole, Words,
+};
+use super::{Key, key, must};
+use crate::identify::result::{FORMAT, VERSION};
+
+pub(super) const ROOT: &[Key] = &[
+    must("format", OneOf(&[FORMAT]), "what this file is"),
+    must("version", Just(VERSION), "version of the format"),
+    must("robot", Text, "name of the robot"),
+    must("method", OneOf(&["rda", "output_error", "ground"]), "how the record was predicted"),
+    must("verdict", Texts, "what was found, and what was not; the most important first"),
+    must("status", Either(STATUS), "how the fit ended"),
+    must("iterations", Whole, "linearisations used"),
+    must("chi2_per_dof", Number, "sum of squared whitened residuals over the degrees of freedom"),
+    must("residuals", Whole, "number of residuals"),
+    must("parameters", Tables(PARAMETER), "the parameters asked for"),
+    must("nuisance", Tables(PARAMETER), "biases, friction and initial state, estimated beside them"),
+    must("model", Tables(VALUE), "every parameter of the model with the estimates in place"),
+    must("rank", Whole, "numerical rank of the scaled sensitivities of the data alone"),
+    must("singular_values", Numbers, "their singular values, descending"),
+    must("null_directions", Tables(COMBINATION), "combinations on which the record is silent"),
+    must("weak_directions", Tables(COMBINATION), "combinations told to worse than their own size, weakest first"),
+    must("priors_cover", Flag, "whether priors hold every null direction"),
+    key("silent", Table(SILENT), "null directions, told apart"),
+    key("reduced", Table(REDUCED), "what was estimated in place of what was asked for"),
+    key("profiles", Tables(PROFILE), "intervals from the likelihood itself"),
+    key("minima", Table(MINIMA), "where other starts led"),
+    must("correlations", Tables(CORRELATION), "pairs with a correlation of 0.95 or more"),
+    must("covariance", Table(COVARIANCE), "covariance of parameters and nuisance, priors included"),
+    key("posterior", Table(POSTERIOR), "what is known of the parameters: the prior of a later identification"),
+    key("whiteness", Tables(WHITENESS), "residuals of every channel against white noise"),
+    must("modes", Tables(MODE), "modes of the identified model at the pose of the mission, joints held"),
+    key("decay", Tables(DECAY), "modes of the free decay in the records"),
+    key("clocks", Tables(CLOCK), "clocks of the channels against that of the encoders"),
+    key("comparison", Table(COMPARISON), "models against each other"),
+    key("records", Tables(RECORD_FIT), "every record, when there are several"),
+    must("channels", Tables(CHANNEL), "every channel over the first record"),
+    key("held_out", Table(HELD_OUT), "the same on data that were not used"),
+    must("warnings", Tables(WARNING), "what was let through"),
+    must("provenance", Table(PROVENANCE), "where all this comes from"),
+];
+
+const STATUS: &[&[Key]] = &[
+    &[must("status", OneOf(&["converged", "iteration_limit"]), "at a minimum, or out of iterations")],
+    &[
+        must("status", OneOf(&["at_bound"]), "at a minimum of a bounded problem"),
+        must("at", Texts, "parameters that want to leave their bounds"),
+    ],
+    &[
+        must("status", OneOf(&["stalled"]), "no step helps: not a solution"),
+        must("promised", Number, "relative reduction still promised"),
+    ],
+];
+
+const PARAMETER: &[Key] = &[
+    must("name", Text, "full name"),
+    must("unit", Text, "SI unit"),
+    must("start", Number, "where the fit started"),
+    must("value", Number, "estimate"),
+    key("std", Number, "standard deviation; absent where data and priors cannot tell"),
+    key("interval95", Vector(2), "95 % interval"),
+    key("prior_mean", Number, "mean of its prior"),
+    key("prior_std", Number, "standard deviation of its prior"),
+    must("verdict", OneOf(&["estimated", "weak", "prior_only", "at_bound", "not_identifiable"]), "what the data say"),
+];
+
+const VALUE: &[Key] = &[must("name", Text, "full name"), must("unit", Text, "SI unit"), must("value", Number, "value")];
+
+const COMBINATION: &[Key] = &[
+    must("singular_value", Number, "singular value of the scaled sensitivities along it"),
+    must("terms", Terms, "change of each parameter along it, in its own unit"),
+    must("omitted", Whole, "smaller parts left out"),
+    must("text", Text, "in words"),
+];
+
+const SILENT: &[Key] = &[
+    must("structural", Tables(COMBINATION), "what no record of this robot can tell"),
+    must("unexcited", Tables(COMBINATION), "what another motion, or more sensors, might tell"),
+];
+
+const REDUCED: &[Key] = &[
+    must("held", Texts, "parameters held, because others stand for them"),
+    must("combinations", Tables(STANDS), "what was estimated, and for what it stands"),
+];
+
+const STANDS: &[Key] = &[
+    must("name", Text, "the one among the unknowns"),
+    must("terms", Terms, "those held, with what each unit of them adds to it"),
+    must("text", Text, "in words"),
+];
+
+const PROFILE: &[Key] = &[
+    must("name", Text, "full name"),
+    must("unit", Text, "SI unit"),
+    must("value", Number, "estimate"),
+    key("gaussian95", Vector(2), "the Gaussian interval beside it"),
+    key("lower95", Number, "lower end; absent where the data put no bound as far as was looked"),
+    key("upper95", Number, "upper end"),
+    must("points", Pairs, "values, and twice the negative log posterior above its minimum there"),
+];
+
+const MINIMA: &[Key] = &[
+    must("starts", Whole, "starts that were tried"),
+    must("converged", Whole, "how many of them converged"),
+    must("objectives", Numbers, "twice the negative log posterior of every distinct minimum, ascending"),
+];
+
+const CORRELATION: &[Key] =
+    &[must("first", Text, "one unknown"), must("second", Text, "the other"), must("value", Number, "coefficient")];
+
+const COVARIANCE: &[Key] = &[
+    must("names", Texts, "unknowns, in the order of rows and columns"),
+    must("rows", Matrix, "covariance in the units of the unknowns"),
+];
+
+const POSTERIOR: &[Key] = &[
+    must("names", Texts, "full names"),
+    must("units", Texts, "SI units"),
+    must("sizes", Numbers, "what a relative change of 1 means"),
+    must("mean", Numbers, "means, in these units"),
+    must("rows", Matrix, "whitened: rows (p - mean) are standard normal"),
+];
+
+const WHITENESS: &[Key] = &[
+    must("channel", Text, "channel, such as tau.joint2"),
+    must("mean_square", Number, "mean square of the whitened residuals"),
+    must("white_p", Number, "how often white noise would look at least as coloured (Bartlett)"),
+    must("portmanteau_p", Number, "the same by Ljung and Box"),
+    must("normal_p", Number, "how often normal noise would look at least as skewed or heavy-tailed (Jarque, Bera)"),
+    must("first_correlation", Number, "first autocorrelation"),
+    must("largest", Number, "largest residual in standard deviations"),
+    must("white", Flag, "white at a level of 1 % over all channels"),
+    must("stands_out_hz", Numbers, "natural frequencies of the model at which the residuals stand out (Hz)"),
+];
+
+const MODE: &[Key] = &[
+    must("frequency_hz", Number, "natural frequency (Hz)"),
+    must("damping_ratio", Number, "damping ratio"),
+    must("start_hz", Number, "natural frequency at the start of the fit (Hz)"),
+];
+
+const DECAY: &[Key] = &[
+    must("record", Text, "the record"),
+    must("from_s", Number, "beginning of the free motion (s since the first sample)"),
+    must("to_s", Number, "its end"),
+    must("resolution_hz", Number, "what a spectrum of that length resolves (Hz)"),
+    must("noise_ratio", Number, "noise found over noise declared"),
+    must("modes", Tables(DECAY_MODE), "modes by frequency"),
+    must("unresolved", Pairs, "pairs of frequencies that the record cannot keep apart (Hz)"),
+    must("unseen", Tables(UNSEEN), "modes of the identified model that were not measured"),
+];
+
+const DECAY_MODE: &[Key] = &[
+    must("frequency_hz", Number, "undamped natural frequency (Hz)"),
+    must("frequency_std_hz", Number, "its standard deviation (Hz)"),
+    must("damping_ratio", Number, "damping ratio"),
+    must("damping_std", Number, "its standard deviation"),
+    key("model_hz", Number, "frequency of the mode of the model that it is (Hz)"),
+    key("model_damping", Number, "damping ratio of that mode"),
+    key("mac", Number, "modal assurance of the two"),
+    key("note", Text, "what it is, when it is no mode of the model"),
+];
+
+const UNSEEN: &[Key] = &[must("frequency_hz", Number, "its frequency (Hz)"), must("why", Text, "why")];
+
+const CLOCK: &[Key] = &[
+    must("record", Text, "the record"),
+    must("group", Text, "torque or gyro"),
+    must("offset_s", Number, "how late the channels are at mid-record (s)"),
+    must("offset_std_s", Number, "its standard deviation (s)"),
+    must("skew_ppm", Number, "how fast their clock runs (ppm)"),
+    must("skew_std_ppm", Number, "its standard deviation (ppm)"),
+    must("corrected", Flag, "whether the record was corrected by it"),
+];
+
+const COMPARISON: &[Key] = &[
+    must("recommended", Text, "the one to use"),
+    must("reason", Text, "why"),
+    must("explains", Flag, "whether it explains the data that were held out to their noise"),
+    must("judged_by", Text, "what judged"),
+    must("candidates", Tables(CANDIDATE), "all, best prediction first"),
+];
+
+const CANDIDATE: &[Key] = &[
+    must("name", Text, "its name"),
+    must("unknowns", Whole, "combinations of unknowns that were estimated"),
+    must("aic", Number, "Akaike's criterion above that of the best"),
+    must("bic", Number, "Schwarz's criterion above that of the best"),
+    must("held_out", Number, "-2 ln L of the data held out above that of the best"),
+    must("held_out_std", Number, "standard deviation of that difference"),
+    must("held_out_mean_square", Number, "mean square of the residuals held out"),
+];
+
+const RECORD_FIT: &[Key] = &[
+    must("label", Text, "its name: prefix of its biases and initial state"),
+    must("samples", Whole, "samples"),
+    must("rate_hz", Number, "rate (Hz)"),
+    must("seconds", Number, "length (s)"),
+    must("mean_square", Number, "mean square of its whitened residuals"),
+    must("channels", Tables(CHANNEL), "every channel"),
+];
+
+const CHANNEL: &[Key] = &[
+    must("name", Text, "name, such as tau.joint1"),
+    must("unit", Text, "SI unit"),
+    must("signal_rms", Number, "root mean square of the measured signal"),
+    must("residual_rms", Number, "root mean square of the residual"),
+    must("over_noise", Number, "that over the standard deviation of the sensor"),
+];
+
+const HELD_OUT: &[Key] = &[
+    must("source", Text, "the file, or the part of the record"),
+    must("samples", Whole, "samples"),
+    must("seconds", Number, "length (s)"),
+    must("chi2_per_dof", Number, "as that of the fit, with the parameters as they are"),
+    must("limit", Number, "largest value at which the model counts as explaining them"),
+    must("explained", Flag, "whether it does"),
+    must("channels", Tables(CHANNEL), "every channel"),
+    must("verdict", Text, "in words"),
+];
+
+const WARNING: &[Key] = &[must("code", Text, "its code"), must("message", Text, "what it says")];
+
+const PROVENANCE: &[Key] = &[
+    must("program", Text, "program and version"),
+    must("inputs", Tables(INPUT), "files, as they were named"),
+    must("record", Table(RECORD), "the record, its first part when the rest was held out"),
+    must("noise_torque_nm", Number, "standard deviation that whitened torques (N m)"),
+    must("noise_gyro_rad_per_s", Number, "standard deviation that whitened the gyro (rad/s)"),
+    must("settings", Words, "settings by name"),
+];
+
+const INPUT: &[Key] = &[
+    must("file", Text, "path as given"),
+    must("bytes", Whole, "size (bytes)"),
+    must("sha256", Text, "SHA-256, hexadecimal"),
+];
+
+const RECORD: &[Key] = &[
+    must("samples", Whole, "samples used"),
+    must("rate_hz", Number, "rate (Hz)"),
+    must("seconds", Number, "length (s)"),
+    must("t0", Number, "first time stamp (s)"),
+    must("rates", Flag, "whether joint rates and accelerations were recorded and used"),
+];
