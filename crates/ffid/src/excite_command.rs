@@ -5,7 +5,6 @@ use crate::output::{Input, Outcome};
 use crate::results::{self, Output};
 use ffid::excite::{Demands, Planned, Progress, Watch, demands, plan, start};
 use ffid::exit::Exit;
-use ffid::files::folder::Folder;
 use ffid::model::mission::{Excite, GOALS, Goal, Mission};
 use ffid::model::{Area, Problem, Problems};
 use ffid::open::{Opened, open};
@@ -123,7 +122,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         PathBuf::from(format!("{stem}-{}", settings.goal.name()))
     });
     let files = results::mission_files(&input.file, mission);
-    let begun = results::inputs(&files).and_then(|i| Ok((i, Folder::begin(&target, args.output.force)?)));
+    let begun = results::inputs(&files).and_then(|i| Ok((i, results::begin(&target, &args.output)?)));
     let (inputs, folder) = match begun {
         Ok(b) => b,
         Err(e) => {

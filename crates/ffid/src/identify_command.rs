@@ -301,7 +301,7 @@ fn prepare(args: &Args) -> Result<Ready, Refusal> {
     files.extend(args.prior_from.iter().map(|f| f.join("result.json")));
     let inputs = results::inputs(&files).map_err(io)?;
     same_data(&inputs[2..], paths.len(), fraction.is_none() && held_out.is_some(), &earlier).map_err(refused)?;
-    let folder = Folder::begin(&target, args.output.force).map_err(io)?;
+    let folder = results::begin(&target, &args.output).map_err(io)?;
     let mut problems = opened.warnings.clone();
     let mut takes: Vec<Take> = Vec::new();
     for (path, l) in paths.iter().zip(loaded) {

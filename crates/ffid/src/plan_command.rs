@@ -5,7 +5,6 @@ use crate::results::{self, Output};
 use ffid::dynamics::motion::JointMotion;
 use ffid::excitation::{LimitReport, Samples, TrajectoryFile};
 use ffid::exit::Exit;
-use ffid::files::folder::Folder;
 use ffid::model::{Area, Problem, Problems};
 use ffid::open::{Opened, open};
 use ffid::preflight::{Preflight, joint_limits, motion_of, prove};
@@ -127,7 +126,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     let mut files = results::mission_files(&input.file, mission);
     files.push(args.trajectory.clone());
     let begun = results::inputs(&files)
-        .and_then(|i| Ok((i, args.out.as_ref().map(|o| Folder::begin(o, args.output.force)).transpose()?)));
+        .and_then(|i| Ok((i, args.out.as_ref().map(|o| results::begin(o, &args.output)).transpose()?)));
     let (inputs, folder) = match begun {
         Ok(b) => b,
         Err(e) => {

@@ -13,6 +13,7 @@ use ffid::open::Opened;
 use ffid::plot::Figure;
 use ffid::preflight::page::page;
 use ffid::preflight::{Preflight, PreflightError, Question, Seen, Sensing, Told, judge};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Units of what names none: the control points of a trajectory.
@@ -30,6 +31,20 @@ pub(crate) struct Output {
     /// Print problems only: no report, no progress.
     #[arg(long)]
     pub(crate) quiet: bool,
+}
+
+/// Takes the folder for results. What killed runs left of it is removed, which is said at once: the rest may take long, or fail.
+///
+/// # Errors
+/// Those of [`Folder::begin`].
+pub(crate) fn begin(target: &Path, output: &Output) -> Result<Folder, Failure> {
+    let folder = Folder::begin(target, output.force)?;
+    for left in folder.left_behind() {
+        let p = Problem::warning(Area::Io, "Io::LeftBehind", "removed what a run that was killed had left");
+        // Nothing can be done where standard error is closed.
+        let _ = writeln!(std::io::stderr(), "{}", p.in_file(left));
+    }
+    Ok(folder)
 }
 
 /// The mission of what was opened; a URDF alone has none.

@@ -117,7 +117,7 @@ fn judge(args: &Args) -> Result<Found, Refusal> {
         let p = Problem::error(Area::Data, "Data::SameData", what).in_file(&args.record);
         return Err(refused(Problems(vec![p.hint("judge the model by a record that it has not seen")])));
     }
-    let folder = args.out.as_ref().map(|o| Folder::begin(o, args.output.force)).transpose().map_err(io)?;
+    let folder = args.out.as_ref().map(|o| results::begin(o, &args.output)).transpose().map_err(io)?;
     let p = &found.result.provenance;
     let asked = args.fit.settings(mission);
     let given = args.fit.noise();

@@ -455,7 +455,7 @@ fn m39_values_of_parameters() {
     }
 }
 
-/// Killed at any moment, the folder is absent or whole, and the next run is not in its way (R04); Ctrl-C ends with 130 and
+/// Killed at any moment, the folder is absent or whole, and the next run removes what was left (R04); Ctrl-C ends with 130 and
 /// leaves nothing (R03).
 #[cfg(unix)]
 #[test]
@@ -496,8 +496,24 @@ fn r03_r04_killed_and_interrupted_runs() {
                 .any(|e| { e.unwrap().file_name().into_string().unwrap().ends_with(&format!("partial-{pid}")) })
         );
     }
-    c.good(&["identify", "m.toml", "--record", "rec.csv", "--out", "res", "--force", "--quiet"]);
+    // Killed while it computes, a run leaves its partial folder; one beside it is of a process that lives.
+    let mut run = start();
+    let left = format!("res.partial-{}", run.id());
+    while !c.path(&left).exists() && run.try_wait().unwrap().is_none() {
+        std::thread::yield_now();
+    }
+    run.kill().unwrap();
+    run.wait().unwrap();
+    let alive = format!("res.partial-{}", std::process::id());
+    [&left, &alive].iter().for_each(|name| fs::create_dir_all(c.path(name)).unwrap());
+    let (code, _, err) = c.run(&["identify", "m.toml", "--record", "rec.csv", "--out", "res", "--force", "--quiet"]);
+    assert_eq!(code, 0, "{err}");
+    assert!(err.contains("warning[Io::LeftBehind]") && err.contains(&left) && !err.contains(&alive), "{err}");
+    assert!(!c.path(&left).exists() && c.path(&alive).exists());
     ffid::files::complete::check(&c.path("res"), "identify").unwrap();
+    fs::remove_dir(c.path(&alive)).unwrap();
+    // The lock of a killed run is gone with the run that took it over.
+    c.clean();
 }
 
 /// The laws of mechanics on a user's own model, and completions.

@@ -2,7 +2,8 @@
 //!
 //! Everything is built in `<out>.partial-<pid>` beside the target, on the same file system. The manifest comes last; then
 //! one rename makes the folder appear. An error removes the own partial folder and leaves what was there before. A folder
-//! without `manifest.toml` is incomplete, whatever else is in it.
+//! without `manifest.toml` is incomplete, whatever else is in it. What a run that was killed left behind, the next one into
+//! the same folder removes.
 
 use crate::exit::Failure;
 use crate::files::atomic;
@@ -14,6 +15,9 @@ use std::path::{Path, PathBuf};
 
 /// Name of the manifest.
 pub const MANIFEST: &str = "manifest.toml";
+
+/// What stands between the name of a folder and the process that builds it.
+const PARTIAL: &str = ".partial-";
 
 /// A file of the manifest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -82,6 +86,7 @@ pub struct Folder {
     /// Held, not read: the lock goes with it.
     _held: File,
     replace: bool,
+    left_behind: Vec<PathBuf>,
 }
 
 impl Folder {
@@ -91,13 +96,13 @@ impl Folder {
     /// # Errors
     /// [`Failure::Exists`], [`Failure::Locked`], [`Failure::Io`].
     pub fn begin(target: &Path, replace: bool) -> Result<Self, Failure> {
+        // "results/" and "results" are the same folder, but not the same name with something behind it.
+        let target: &Path = &target.components().collect::<PathBuf>();
         let beside = |suffix: &str| {
             let mut name = target.as_os_str().to_owned();
             name.push(suffix);
             PathBuf::from(name)
         };
-        // "results/" and "results" are the same folder, but not the same name with something behind it.
-        let target: &Path = &target.components().collect::<PathBuf>();
         if target.file_name().is_none() {
             let e = std::io::Error::new(std::io::ErrorKind::InvalidInput, "is no name of a new folder");
             return Err(Failure::io("create", target, e));
@@ -109,10 +114,9 @@ impl Folder {
         fs::create_dir_all(parent).map_err(|e| Failure::io("create", parent, e))?;
         let lock = beside(".lock");
         let held = Self::lock(&lock)?;
-        let partial = beside(&format!(".partial-{}", std::process::id()));
-        // Left behind by a run that was killed and had this id: nobody else's, for we hold the lock.
-        let _ = fs::remove_dir_all(&partial);
-        let folder = Self { target: target.to_owned(), partial, lock, _held: held, replace };
+        let left_behind = remove_dead(parent, &beside(PARTIAL));
+        let partial = beside(&format!("{PARTIAL}{}", std::process::id()));
+        let folder = Self { target: target.to_owned(), partial, lock, _held: held, replace, left_behind };
         fs::create_dir(&folder.partial).map_err(|e| Failure::io("create", target, e))?;
         Ok(folder)
     }
@@ -141,6 +145,10 @@ impl Folder {
         };
         write(&mut file).map_err(|e| Failure::io("write", path, e))?;
         Ok(file)
+    }
+    /// Partial folders of runs that were killed, which [`Folder::begin`] removed.
+    pub fn left_behind(&self) -> &[PathBuf] {
+        &self.left_behind
     }
     /// Where to put files; they move with the folder.
     pub fn path(&self) -> &Path {
@@ -197,6 +205,24 @@ impl Drop for Folder {
         let _ = fs::remove_dir_all(&self.partial);
         let _ = fs::remove_file(&self.lock);
     }
+}
+
+/// Removes the folders `<prefix><pid>` of `parent` whose process is dead, and says which.
+///
+/// Whoever holds the lock of the target is the only one who writes it. The process is looked for all the same: a lock may not
+/// work on every file system, and what a living process writes is never removed. The own id is that of a dead process that had it
+/// before.
+fn remove_dead(parent: &Path, prefix: &Path) -> Vec<PathBuf> {
+    let own = std::process::id();
+    let dead = |path: &PathBuf| {
+        let name = path.file_name().and_then(|n| n.to_str()).zip(prefix.file_name().and_then(|n| n.to_str()));
+        let pid = name.and_then(|(n, p)| n.strip_prefix(p)?.parse::<u32>().ok());
+        pid.is_some_and(|pid| pid == own || !Path::new(&format!("/proc/{pid}")).exists())
+    };
+    // A link, or a file of this name, is none of ours.
+    let folder = |path: &PathBuf| fs::symlink_metadata(path).is_ok_and(|m| m.is_dir());
+    let entries = fs::read_dir(parent).into_iter().flatten().filter_map(|e| Some(e.ok()?.path()));
+    entries.filter(dead).filter(folder).filter(|path| fs::remove_dir_all(path).is_ok()).collect()
 }
 
 #[cfg(test)]
@@ -261,5 +287,30 @@ mod tests {
         drop(first);
         assert!(names(dir.path()).is_empty());
         drop(Folder::begin(&out, false).unwrap());
+    }
+
+    /// Row R04: what a killed run left is removed, what a living process writes or somebody else put there is not.
+    #[test]
+    fn r04_partial_folders_of_dead_processes_are_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("out");
+        let make = |name: &str| {
+            fs::create_dir_all(dir.path().join(name)).unwrap();
+            fs::write(dir.path().join(name).join("a.txt"), b"x").unwrap();
+        };
+        // The process with the greatest id there can be is not there; the first one is.
+        let kept = ["other.partial-4194999", "out.partial-1", "out.partial-4194999x", "out.partial-", "out2"];
+        kept.iter().chain(&["out.partial-4194999", "out.partial-4194998"]).for_each(|n| make(n));
+        fs::write(dir.path().join("out.partial-4194997"), b"a file").unwrap();
+        let f = Folder::begin(&dir.path().join("out/"), false).unwrap();
+        let mut gone = f.left_behind().to_vec();
+        gone.sort();
+        assert_eq!(gone, ["out.partial-4194998", "out.partial-4194999"].map(|n| dir.path().join(n)));
+        assert!(f.path().is_dir() && f.path().parent() == Some(dir.path()));
+        drop(f);
+        let mut want: Vec<&str> = kept.iter().copied().chain(["out.partial-4194997"]).collect();
+        want.sort_unstable();
+        assert_eq!(names(dir.path()), want);
+        assert!(!out.exists());
     }
 }
