@@ -1,5 +1,5 @@
 //! What may be wrong with a record, or with the model: clocks, rest, momentum, modes, models compared, an arm on the ground.
-//! Rows D15, D16, D23 to D25, D29 and D30 of `bad-inputs.md`.
+//! Rows D15, D16, D23 to D26, D29 and D30 of `bad-inputs.md`.
 
 use crate::common::fixture;
 use crate::identify::{flex, near_the_truth, slosh};
@@ -35,6 +35,25 @@ fn shifted(text: &str, column: &str, at: impl Fn(f64) -> f64) -> String {
 }
 
 #[test]
+/// A mission whose fuel rings for minutes, sampled slowly enough for that, with its stiffness alone to be found.
+pub(crate) fn ringing(mission: &str) -> String {
+    let damped = mission.replace("damping_nms_per_rad = [5.0, 5.0]", "damping_nms_per_rad = [0.2, 0.2]");
+    let known = damped.replace("\"base.*\", \"tank.k[*]\", \"tank.d[*]\"", "\"tank.k[*]\"");
+    known.replace("rate_hz = 50.0", "rate_hz = 20.0")
+}
+
+/// A trajectory with hardly any motion.
+fn calm(trajectory: &str) -> String {
+    let one = |(i, line): (usize, &str)| {
+        let small = |(k, x): (usize, &str)| match x.parse::<f64>() {
+            Ok(v) if i > 0 && k > 0 => (0.3 + 1e-4 * v).to_string(),
+            _ => x.to_owned(),
+        };
+        line.split(',').enumerate().map(small).collect::<Vec<_>>().join(",") + "\n"
+    };
+    trajectory.lines().enumerate().map(one).collect()
+}
+
 fn d15_a_channel_that_is_late_is_put_right_with_a_warning() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -86,6 +105,40 @@ fn d29_momentum_that_is_not_conserved_is_refused_unless_declared() {
 }
 
 #[test]
+/// A torque that acts all the time: the base rate drifts, which no bias does.
+#[test]
+fn d29_momentum_that_drifts_steadily_is_refused_as_well() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
+    let drifts = edit(&c.read("rec.csv"), |t, name, x| if name == "gyro.z[rad/s]" { x + 3e-4 * t } else { x });
+    c.write("drifts.csv", &drifts);
+    let args = ["identify", "m.toml", "--record", "drifts.csv", "--out", "res"];
+    c.refused(&args, 12, "Data::MomentumNotConserved", &["drifts steadily", "N m s", "--external-torque"]);
+    assert!(!c.path("res").exists());
+}
+
+/// Clocks that the record does not tell are taken as they are, unless they are required.
+#[test]
+fn d15_clocks_that_are_required_must_be_told() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
+    let require = ["--record", "rec.csv", "--out", "res", "--clocks", "require"];
+    let out = c.good(&[&["identify", "m.toml"][..], &require].concat());
+    assert!(out.contains("clocks against that of the encoders"), "{out}");
+    assert_eq!(c.result("res").clocks.len(), 2);
+    // Hardly any motion: the torques are those of the noise.
+    c.write("calm.csv", &calm(&c.read("a.csv")));
+    c.simulate("truth.toml", "calm.csv", "calm-rec.csv", &["--seed", "2"]);
+    let args = ["identify", "m.toml", "--record", "calm-rec.csv", "--out", "x", "--prior", "0.3"];
+    c.refused(
+        &[&args[..], &["--clocks", "require"]].concat(),
+        13,
+        "Data::ClockNotEstimable",
+        &["calm-rec", "--clocks trust"],
+    );
+    assert!(!c.path("x").exists());
+}
+
 fn d30_a_record_that_does_not_begin_at_rest_is_told_by_its_misfit() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -126,29 +179,44 @@ fn d23_modes_of_the_free_decay_are_matched_to_those_of_the_model() {
 }
 
 #[test]
-fn d24_d25_modes_that_a_record_cannot_tell() {
+fn d25_modes_that_do_not_rise_above_the_noise() {
     let c = slosh();
     // Hardly any motion before the hold: nothing rings above the noise.
-    let calm: String = c
-        .read("a.csv")
-        .lines()
-        .enumerate()
-        .map(|(i, l)| {
-            let cells: Vec<&str> = l.split(',').collect();
-            let small = |(k, x): (usize, &&str)| match x.parse::<f64>() {
-                Ok(v) if i > 0 && k > 0 => (0.3 + 1e-4 * v).to_string(),
-                _ => (*x).to_owned(),
-            };
-            cells.iter().enumerate().map(small).collect::<Vec<_>>().join(",") + "\n"
-        })
-        .collect();
-    c.write("calm.csv", &calm);
+    c.write("calm.csv", &calm(&c.read("a.csv")));
     c.simulate("truth.toml", "calm.csv", "rec.csv", &["--seed", "2", "--hold", "60"]);
     let args = ["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--modes", "--prior", "0.3"];
     c.refused(&args, 13, "Data::NoPeak", &["excite more strongly"]);
 }
 
 #[test]
+/// A record that is sampled too slowly for the modes of the model tells none of them.
+#[test]
+fn d24_samples_too_slow_for_the_modes() {
+    let c = flex();
+    // Hinges that swing at 4.8 Hz, ten samples a second.
+    let stiff = c.read("truth.toml").replace("stiffness_nm_per_rad = 200.0", "stiffness_nm_per_rad = 10000.0");
+    let stiff = stiff.replace("\"base.*\", \"panel_*.k[*]\", \"panel_*.d[*]\"", "\"base.mass\"");
+    c.write("stiff.toml", &stiff.replace("rate_hz = 50.0", "rate_hz = 10.0"));
+    c.simulate("stiff.toml", "b.csv", "stiff.csv", &["--seed", "7", "--hold", "30"]);
+    let args = ["identify", "stiff.toml", "--record", "stiff.csv", "--out", "x", "--modes"];
+    c.refused(&args, 13, "Data::Nyquist", &["sampling at 10 Hz", "sample at 18.0", "anti-alias"]);
+}
+
+/// The two modes of hardly damped fuel are closer than a minute tells apart: they are named as a pair.
+#[test]
+fn d26_modes_closer_than_the_resolution_are_named() {
+    let c = slosh();
+    c.write("ring.toml", &ringing(&c.read("truth.toml")));
+    c.simulate("ring.toml", "b.csv", "ring.csv", &["--seed", "6", "--hold", "60"]);
+    let (code, out, err) = c.run(&["identify", "ring.toml", "--record", "ring.csv", "--out", "res", "--modes"]);
+    assert_eq!(code, 0, "{out}\n{err}");
+    assert!(err.contains("warning[Data::Unresolved]") && err.contains("Hz that the record keeps apart"), "{err}");
+    let d = &c.result("res").decay[0];
+    let (f1, f2) = d.unresolved[0];
+    assert!(f1 < f2 && f2 - f1 < d.resolution_hz && d.resolution_hz < 0.02, "{d:?}");
+    assert!(out.contains("cannot be kept apart"), "{out}");
+}
+
 fn models_are_compared_by_what_they_predict() {
     let c = flex();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "3"]);
