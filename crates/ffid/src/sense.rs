@@ -4,7 +4,7 @@ use crate::dynamics::motion::JointMotion;
 use crate::dynamics::{Channel, Drive, Readings, SensorSuite, SimError, SimOptions, State, Trace, measure, simulate};
 use crate::ident::record_file::{CsvWriter, joints_of};
 use crate::model::mission::Sensors;
-use crate::model::{Model, Params};
+use crate::model::{BaseKind, Model, Params};
 use crate::modes::held;
 use crate::preflight::{start_pose, step};
 use std::io;
@@ -57,7 +57,7 @@ pub fn from_rest(
 }
 
 /// A record as CSV: what the sensors read with this seed, or, without one, the exact motion with joint rates and
-/// accelerations. Allocates.
+/// accelerations. Gyro and attitude are those of a floating base. Allocates.
 ///
 /// # Errors
 /// [`io::ErrorKind::InvalidData`] for a number that is not finite.
@@ -66,6 +66,8 @@ pub fn csv(model: &Model, trace: &Trace, rate_hz: f64, noise: Option<(&SensorSui
     // A quotient, so that the third sample at 100 Hz is at 0.02 s, and not a bit beside it.
     let time: Vec<f64> = (0..trace.len()).map(|i| i as f64 / rate_hz).collect();
     let mut out = Vec::new();
+    // On a base that is bolted down gyro and attitude would be constant, which the reader takes for broken sensors.
+    let floats = model.base_kind() == BaseKind::Floating;
     match noise {
         Some((sensors, seed)) => {
             let Readings { q, tau, gyro, .. } = measure(trace, sensors, seed);
@@ -76,7 +78,7 @@ pub fn csv(model: &Model, trace: &Trace, rate_hz: f64, noise: Option<(&SensorSui
                 dq: None,
                 ddq: None,
                 tau: &tau,
-                gyro: &gyro,
+                gyro: floats.then_some(&gyro),
                 acc: None,
                 att: None,
             };
@@ -91,9 +93,9 @@ pub fn csv(model: &Model, trace: &Trace, rate_hz: f64, noise: Option<(&SensorSui
                 dq: Some(&trace.qd),
                 ddq: Some(&trace.qdd),
                 tau: &trace.tau,
-                gyro: &gyro,
+                gyro: floats.then_some(&gyro),
                 acc: None,
-                att: Some(&trace.att),
+                att: floats.then_some(&trace.att),
             };
             w.write(&mut out)?;
         }

@@ -20,7 +20,7 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid simulate m.toml --trajectory m-information/trajectory.json --out rec.csv --seed 3
   ffid simulate m.toml --trajectory mine.csv --out exact.csv --noise-free
 
-The record has time[s], q.<joint>[rad], tau.<joint>[N m] and gyro.x[rad/s] ..., with noise, bias and quantisation of
+The record has time[s], q.<joint>[rad], tau.<joint>[N m] and, unless the base is fixed, gyro.x[rad/s] ..., with noise, bias and quantisation of
 [sensors]; without noise also dq., ddq. and att. `ffid identify` reads it. Base and appendages are at rest at the start.";
 
 /// Arguments of `ffid simulate`.

@@ -236,6 +236,31 @@ fn models_are_compared_by_what_they_predict() {
 }
 
 #[test]
+/// A base that is bolted down has neither rate nor attitude: columns of constants would pass for broken sensors.
+#[test]
+fn a_simulated_arm_on_the_ground_has_no_gyro_and_is_identified() {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
+    let c = slosh();
+    let text = std::fs::read_to_string(folder.join("ground/arm.toml")).unwrap();
+    let noisy = text.replace("../peers-model/", "").replace("250.0", "250.0\n\n[sensors.torque]\nnoise_std_nm = 0.2");
+    c.write("arm.toml", &noisy);
+    std::fs::copy(folder.join("peers-model/arm_fixed.urdf"), c.path("arm_fixed.urdf")).unwrap();
+    c.write("motion.csv", &c.read("a.csv").replace("q.joint", "q.arm_j"));
+    c.simulate("arm.toml", "motion.csv", "exact.csv", &["--noise-free"]);
+    c.simulate("arm.toml", "motion.csv", "rec.csv", &["--seed", "3"]);
+    for (file, columns) in [("exact.csv", 1 + 4 * 7), ("rec.csv", 1 + 2 * 7)] {
+        let text = c.read(file);
+        let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+        assert!(
+            head.len() == columns && !head.iter().any(|h| h.starts_with("gyro") || h.starts_with("att")),
+            "{head:?}"
+        );
+    }
+    let (code, out, err) = c.run(&["identify", "arm.toml", "--record", "rec.csv", "--reduce", "--out", "res"]);
+    assert!(code == 0 && !err.contains("Stuck"), "{out}\n{err}");
+    assert!((c.result("res").chi2_per_dof - 1.0).abs() < 0.02);
+}
+
 fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
     let folder = fixture("");
     let c = slosh();

@@ -28,7 +28,7 @@ fn good() -> (String, [DMatrix<f64>; 6]) {
         dq: Some(&all[1]),
         ddq: Some(&all[2]),
         tau: &all[3],
-        gyro: &all[4],
+        gyro: Some(&all[4]),
         acc: Some(&all[5]),
         att: None,
     };

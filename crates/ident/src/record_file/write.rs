@@ -22,8 +22,8 @@ pub struct CsvWriter<'a> {
     pub ddq: Option<&'a DMatrix<f64>>,
     /// Joint torques.
     pub tau: &'a DMatrix<f64>,
-    /// Base rates.
-    pub gyro: &'a DMatrix<f64>,
+    /// Base rates; none of a base that is bolted down.
+    pub gyro: Option<&'a DMatrix<f64>>,
     /// Specific force.
     pub acc: Option<&'a DMatrix<f64>>,
     /// Attitude quaternions.
@@ -33,7 +33,7 @@ pub struct CsvWriter<'a> {
 impl CsvWriter<'_> {
     /// The groups that are there, with their matrices.
     fn groups(&self) -> impl Iterator<Item = (Group, &DMatrix<f64>)> {
-        let all = [Some(self.q), self.dq, self.ddq, Some(self.tau), Some(self.gyro), self.acc, self.att];
+        let all = [Some(self.q), self.dq, self.ddq, Some(self.tau), self.gyro, self.acc, self.att];
         GROUPS.into_iter().zip(all).filter_map(|(g, m)| Some((g, m?)))
     }
     /// Header cells, in order. Allocates.
