@@ -50,6 +50,7 @@ pub mod knot_spectrum;
 mod knot_stake;
 pub mod linalg;
 pub mod linear;
+mod linearise;
 pub mod lm;
 mod lm_step;
 pub mod loss;

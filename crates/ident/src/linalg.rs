@@ -121,7 +121,7 @@ const TALL: usize = 16;
 pub fn qr_r(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     check_finite("matrix", a)?;
     if a.nrows() >= TALL * a.ncols() {
-        return crate::tall_qr::triangle_of(a);
+        return crate::tall_qr::triangle_of(&crate::tall_qr::Tall::new(a));
     }
     let qr = view(a).qr();
     Ok(back(qr.thin_R()).upper_triangle())

@@ -7,10 +7,11 @@ use crate::record::Record;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Sampling};
 use ff_model::{Model, Params};
+use std::sync::Arc;
 
 /// Joint motion of a record with its tables.
 pub(crate) struct Tables {
-    motion: Box<dyn JointMotion>,
+    motion: Arc<dyn JointMotion>,
     sampling: Sampling,
     kept: Option<Kept>,
 }
@@ -35,7 +36,7 @@ impl Tables {
     ) -> Result<Self, SetupError> {
         check_joints(model, record)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
-        let known = |motion| Self { motion, sampling, kept: None };
+        let known = |motion: Box<dyn JointMotion>| Self { motion: motion.into(), sampling, kept: None };
         if let Some(table) = logged(record)? {
             return Ok(known(Box::new(table)));
         }
@@ -47,6 +48,12 @@ impl Tables {
         };
         let fit = motion_at_stake(record, &leverage.stake(noise.torque), from_rest)?;
         Ok(known(Box::new(fit.fit.motion)))
+    }
+    /// Of the record with every `every`-th sample: the same motion, one step per sample.
+    pub(crate) fn thinned(&self, every: usize) -> Self {
+        let Sampling { samples, sample_s, .. } = self.sampling;
+        let sampling = Sampling { samples: samples.div_ceil(every), sample_s: sample_s * every as f64, substeps: 1 };
+        Self { motion: Arc::clone(&self.motion), sampling, kept: None }
     }
     /// The table for these parameters. Base and appendages play no part in it, so it is made anew only when a
     /// link's parameter has changed or other links are asked for.

@@ -8,16 +8,17 @@
 //! [`Affine`] covers shared values, values equal up to a factor, and `p = p0 + B u`; other maps implement [`Tie`].
 
 use crate::covariance::Unknown;
-use crate::estimator::Estimator;
+use crate::estimator::{Coarse, Estimator};
 use crate::linalg::{self, LinalgError};
 use crate::lm::EvalError;
 use crate::selection::{self, SelectionError};
 use ff_model::inertia::Inertia;
 use ff_model::{ParamDecl, ParamGroup};
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
 
 /// A differentiable map from unknowns of its own to parameters of the model.
-pub trait Tie: Send {
+pub trait Tie: Send + Sync {
     /// Its unknowns: names, units, start values, whether they must stay positive.
     fn unknowns(&self) -> &[ParamDecl];
     /// Indices of the parameters that it determines.
@@ -303,6 +304,10 @@ impl TieMap {
     pub fn decls(&self) -> &[ParamDecl] {
         &self.decls
     }
+    /// Full indices of the parameters that are not tied, ascending: they come first in the shorter vector, in this order.
+    pub fn free(&self) -> &[usize] {
+        &self.free
+    }
     /// The shorter vector at the start: the values given, and the start of every tie. Allocates.
     pub fn start(&self) -> Vec<f64> {
         let free = self.free.iter().map(|&i| self.full[i]);
@@ -362,15 +367,15 @@ impl TieMap {
 pub struct Tied<E> {
     /// The estimator over the full one.
     pub inner: E,
-    map: TieMap,
+    map: Arc<TieMap>,
     checked: bool,
     buffer: DMatrix<f64>,
 }
 
 impl<E: Estimator> Tied<E> {
     /// Puts the map before an estimator.
-    pub fn new(inner: E, map: TieMap) -> Self {
-        Self { inner, map, checked: true, buffer: DMatrix::zeros(0, 0) }
+    pub fn new(inner: E, map: impl Into<Arc<TieMap>>) -> Self {
+        Self { inner, map: map.into(), checked: true, buffer: DMatrix::zeros(0, 0) }
     }
     /// Lets the fit pass through values that no body has on its way. Where ties leave a body little room (its other numbers
     /// known), the way from a start inside to an answer inside may lead outside, and a fit that is kept in stalls at the
@@ -396,6 +401,11 @@ impl<E: Estimator> Tied<E> {
 impl<E: Estimator> Estimator for Tied<E> {
     fn rows(&self) -> usize {
         self.inner.rows()
+    }
+    fn coarse(&self, short: &[f64]) -> Option<Coarse<'_>> {
+        let thin = self.inner.coarse(&self.full(short).ok()?)?;
+        let tied = Tied { checked: self.checked, ..Tied::new(thin.estimator, Arc::clone(&self.map)) };
+        Some(Coarse { estimator: Box::new(tied), ..thin })
     }
     fn nuisance(&self) -> Vec<Unknown> {
         self.inner.nuisance()
