@@ -53,7 +53,7 @@ struct Line {
     iterations: usize,
     status: String,
     cost: f64,
-    /// Largest error of a parameter in units of the peers' scale; for `all`, of a direction in its standard deviations.
+    /// Largest error of a parameter in units of the peers' scale; for `all`, in its standard deviation.
     max_rel_param_err: f64,
 }
 
@@ -95,7 +95,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if peers {
         ensure!(middle.error < PEERS_ERROR, "largest scaled error {:.1e}, the peers reach 2.5e-7", middle.error);
     } else {
-        ensure!(middle.error < 6.0, "a direction is {:.1} standard deviations off", middle.error);
+        ensure!(middle.error < 5.0, "a parameter is {:.1} standard deviations off", middle.error);
     }
     Ok(())
 }
@@ -151,7 +151,7 @@ fn fifteen(model: &Model, record: &Record, start: f64) -> anyhow::Result<Outcome
     selected.iter().zip(&x).for_each(|(&i, &v)| values[i] = v);
     let oe = OutputError::new(model, record, &Options { substeps: 1, ..Options::new(NOISE) })?;
     // The peers do not keep panels physical on the way either.
-    let request = Request { settings: settings(), ..Request::new(&short, &selected, &values) };
+    let request = Request { settings: settings(Task::Peers), ..Request::new(&short, &selected, &values) };
     let e = estimate(&request, &mut Tied::new(oe, map).unchecked())?;
     let seconds = from.elapsed().as_secs_f64();
     let errors = e.parameters.iter().zip(&truth).zip(SCALE).map(|((p, t), s)| ((p.value - t) / s).abs());
@@ -171,18 +171,30 @@ fn all(model: &Model, record: &Record, offset: f64) -> anyhow::Result<Outcome> {
     let start = ident::start::offset_start(&decls, &truth, &selected, offset, 1);
     let from = Instant::now();
     let mut oe = OutputError::new(model, record, &Options { substeps: 1, ..Options::new(NOISE) })?;
-    let request = Request { prior_width: Some(0.3), settings: settings(), ..Request::new(&decls, &selected, &start) };
+    let request =
+        Request { prior_width: Some(0.3), settings: settings(Task::All), ..Request::new(&decls, &selected, &start) };
     let e = estimate(&request, &mut oe)?;
     let seconds = from.elapsed().as_secs_f64();
-    // Along each direction that the data know to a hundredth, so that the prior is nothing beside them.
-    let u = &e.data_only;
-    let along = |k: usize| {
-        let parts = e.parameters.iter().zip(&selected).enumerate();
-        let error: f64 =
-            parts.map(|(c, (p, &i))| u.directions[(c, k)] * (p.value - truth[i]) / u.unknowns[c].size).sum();
-        error.abs() * u.singular_values[k]
+    // The truth must cost more than the answer, and no more than chance explains: twice the difference is chi-squared with one
+    // degree of freedom per unknown. (Errors along single directions of the linearisation say little: the set of parameters
+    // that explain the data is curved.)
+    let lax = Settings { decrement_tolerance: f64::INFINITY, ..Settings::default() };
+    let there = Request {
+        prior_width: Some(0.3),
+        centre: Some(&start),
+        coarse: false,
+        settings: lax,
+        ..Request::new(&decls, &selected, &truth)
     };
-    let error = (0..u.rank).filter(|&k| u.singular_values[k] > 100.0).map(along).fold(0.0, f64::max);
+    let excess = estimate(&there, &mut oe)?.objective - e.objective;
+    let n = selected.len() as f64;
+    ensure!(excess > 0.0, "the truth costs {:.1e} less than the answer", -excess);
+    ensure!(
+        excess < n + 6.0 * (2.0 * n).sqrt(),
+        "the truth costs {excess:.1} more than the answer, {n} would be chance"
+    );
+    let off = e.parameters.iter().zip(&selected).map(|(p, &i)| p.std.map(|s| ((p.value - truth[i]) / s).abs()));
+    let error = off.flatten().fold(0.0, f64::max);
     Ok(Outcome {
         seconds,
         iterations: e.iterations,
@@ -192,8 +204,9 @@ fn all(model: &Model, record: &Record, offset: f64) -> anyhow::Result<Outcome> {
     })
 }
 
-/// The peers stop at a relative change of the cost of 1e-10. Without noise the cost is 1e-13 of a residual of one standard
-/// deviation each, and its rounding hides less than 1e-8 of it.
-fn settings() -> Settings {
-    Settings { decrement_tolerance: 1e-8, ..Settings::default() }
+/// Converged when an undamped step promises no more than this part of the cost. Without noise, where the cost is that of a step of
+/// 10 ms against 1 ms, parameters are then within a hundredth of what that step moves them by; with noise, within a fifth of the
+/// standard deviation, all 58 together.
+fn settings(task: Task) -> Settings {
+    Settings { decrement_tolerance: if task == Task::Peers { 1e-4 } else { 1e-6 }, ..Settings::default() }
 }

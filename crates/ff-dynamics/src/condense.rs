@@ -93,17 +93,24 @@ impl<T: ModelScalar> Factor<T> {
         self.base = s;
         ok
     }
-    /// Turns a right-hand side `[base 6 | passive]` into minus the solution. Passive rows other than those of port
+    /// Minus the solution for a right-hand side `[base 6 | passive]` into `x`. Passive rows other than those of port
     /// `only` are zero, if given; of all ports otherwise.
     #[inline(always)]
-    pub(crate) fn solve_minus(&self, ports: &[PortWork<T>], offsets: &[usize], only: Option<usize>, x: &mut [T]) {
-        let mut b = [x[0], x[1], x[2], x[3], x[4], x[5]];
+    pub(crate) fn solve_minus(
+        &self,
+        ports: &[PortWork<T>],
+        offsets: &[usize],
+        only: Option<usize>,
+        rhs: &[T],
+        x: &mut [T],
+    ) {
+        let mut b = [rhs[0], rhs[1], rhs[2], rhs[3], rhs[4], rhs[5]];
         for (k, (p, &at)) in ports.iter().zip(offsets).enumerate() {
             if only.is_some_and(|only| only != k) {
                 continue;
             }
             for i in 0..p.n {
-                let (e, g) = (-x[6 + at + i], &p.gain[6 * i..6 * i + 6]);
+                let (e, g) = (-rhs[6 + at + i], &p.gain[6 * i..6 * i + 6]);
                 for r in 0..6 {
                     b[r] = g[r].mul_add(e, b[r]);
                 }
@@ -113,10 +120,10 @@ impl<T: ModelScalar> Factor<T> {
         for (k, (p, &at)) in ports.iter().zip(offsets).enumerate() {
             let own = only.is_none_or(|only| only == k);
             match p.n {
-                1 => p.back::<1>(&b, own, &mut x[6 + at..]),
-                2 => p.back::<2>(&b, own, &mut x[6 + at..]),
-                3 => p.back::<3>(&b, own, &mut x[6 + at..]),
-                _ => p.back_any(&b, own, &mut x[6 + at..]),
+                1 => p.back::<1>(&b, own, &rhs[6 + at..], &mut x[6 + at..]),
+                2 => p.back::<2>(&b, own, &rhs[6 + at..], &mut x[6 + at..]),
+                3 => p.back::<3>(&b, own, &rhs[6 + at..], &mut x[6 + at..]),
+                _ => p.back_any(&b, own, &rhs[6 + at..], &mut x[6 + at..]),
             }
         }
         for r in 0..6 {
@@ -144,9 +151,9 @@ impl<T: ModelScalar> PortWork<T> {
             ldl::solve_inverted(&l[..n * n], n, column);
         }
     }
-    /// `x = gain b - M_ee^-1 x`, the second term where the right-hand side has `own` rows.
+    /// `x = gain b - M_ee^-1 rhs`, the second term where the right-hand side has `own` rows.
     #[inline(always)]
-    fn back<const N: usize>(&self, b: &[T; 6], own: bool, x: &mut [T]) {
+    fn back<const N: usize>(&self, b: &[T; 6], own: bool, rhs: &[T], x: &mut [T]) {
         let mut y = [T::zero(); N];
         for i in 0..N {
             let g = &self.gain[6 * i..6 * i + 6];
@@ -157,7 +164,7 @@ impl<T: ModelScalar> PortWork<T> {
         if own {
             for i in 0..N {
                 for j in 0..N {
-                    y[i] = (-self.ee[i * N + j]).mul_add(x[j], y[i]);
+                    y[i] = (-self.ee[i * N + j]).mul_add(rhs[j], y[i]);
                 }
             }
         }
@@ -165,14 +172,14 @@ impl<T: ModelScalar> PortWork<T> {
     }
     /// [`PortWork::back`] for any number of coordinates.
     #[inline(always)]
-    fn back_any(&self, b: &[T; 6], own: bool, x: &mut [T]) {
+    fn back_any(&self, b: &[T; 6], own: bool, rhs: &[T], x: &mut [T]) {
         let mut y = [T::zero(); ff_model::MAX_COORDS];
         for (i, y) in y.iter_mut().enumerate().take(self.n) {
             for r in 0..6 {
                 *y = self.gain[6 * i + r].mul_add(b[r], *y);
             }
             for j in 0..if own { self.n } else { 0 } {
-                *y = (-self.ee[i * self.n + j]).mul_add(x[j], *y);
+                *y = (-self.ee[i * self.n + j]).mul_add(rhs[j], *y);
             }
         }
         x[..self.n].copy_from_slice(&y[..self.n]);

@@ -33,6 +33,7 @@ pub mod crba;
 pub mod derivatives;
 pub mod ensemble;
 mod flight;
+mod flow;
 pub mod forward;
 pub mod frames;
 pub mod inputs;

@@ -13,8 +13,9 @@
 //! exact derivatives of the discrete (RK4) solution.
 
 use crate::attitude::{Attitude, AttitudeTrack};
+use crate::flow::{BLOCK, Flow};
 use crate::prescribed::Prescribed;
-use crate::reduced::{Reduced, ReducedError, Response, Rk4, STAGE, WEIGHT, check};
+use crate::reduced::{Reduced, ReducedError, Response, Rk4, STAGE, check};
 use crate::tangent::{Columns, Tangent, TorqueRows, fma};
 use ff_lanes::{Kernel, Lanes};
 use ff_model::lanes::{Isa, LaneTask, dispatch, splat};
@@ -150,10 +151,10 @@ impl LaneTask for Run<'_> {
                 {
                     flow.turn = Some(track.step(table.step, core::array::from_fn(|s| points.w(lane + s))));
                 }
-                flow.step(lane, sample, step < last, &points);
                 if sample {
-                    sink.take(step / table.substeps, points.point(lane), &flow);
+                    sink.begin(step / table.substeps, points.point(lane));
                 }
+                flow.step(lane, step < last, &points.z, if sample { Some(&mut sink) } else { None });
             }
             if first == last {
                 return Ok(sink.done());
@@ -258,220 +259,8 @@ impl<L: LaneScalar> Points<L> {
     }
 }
 
-/// The columns `dz`, and what carries them through a step.
-struct Flow<L> {
-    m: usize,
-    /// Rows of the accelerations and of the state.
-    n: usize,
-    nz: usize,
-    /// Wanted parameters, and columns in all, and these rounded up to whole vectors.
-    np: usize,
-    pub(crate) count: usize,
-    width: usize,
-    h: f64,
-    /// Per stage: `-M^-1 R_z`, `n x nz`, and `-M^-1 R_p`, `n x width`, row-major.
-    gain: Vec<f64>,
-    force: Vec<f64>,
-    /// `[w 3 | eta | nu | (v 3)] x width`, row-major, and accelerations `n x width` at the present sample.
-    dz: Vec<f64>,
-    at_sample: Vec<f64>,
-    du: Vec<f64>,
-    /// Derivatives of the attitude, `3 x width`, and how they go through the step.
-    dtheta: Vec<f64>,
-    turn: Option<crate::attitude::Turned>,
-    /// One block of columns.
-    x0: Vec<L>,
-    x: Vec<L>,
-    k: Vec<L>,
-    sum: Vec<L>,
-    y: Vec<L>,
-}
-
-impl<L: LaneScalar> Flow<L> {
-    fn new(model: &Model, nz: usize, wanted: &Wanted, h: f64) -> Self {
-        let (m, count) = (model.np(), wanted.len());
-        let (n, width) = (6 + m, count.next_multiple_of(8).max(8));
-        let mut dz = vec![0.0; nz * width];
-        for (c, &i) in wanted.initial.iter().enumerate() {
-            // The state of the record is `[v | w | eta | nu]`.
-            let row = if i < 3 { 3 + 2 * m + i } else { i - 3 };
-            if row < nz {
-                dz[row * width + wanted.params.len() + c] = 1.0;
-            }
-        }
-        let z = |k| vec![L::zero(); k];
-        Self {
-            m,
-            n,
-            nz,
-            np: wanted.params.len(),
-            count,
-            width,
-            h,
-            gain: vec![0.0; 8 * n * nz],
-            force: vec![0.0; 8 * n * width],
-            at_sample: dz.clone(),
-            dz,
-            du: vec![0.0; n * width],
-            dtheta: vec![0.0; if wanted.attitude { 3 * width } else { 0 }],
-            turn: None,
-            x0: z(nz),
-            x: z(nz),
-            k: z(nz),
-            sum: z(nz),
-            y: z(n),
-        }
-    }
-
-    /// Turns lanes of stages into rows of parameters.
-    #[inline(always)]
-    fn take(&mut self, t: &Tangent<'_, L>) {
-        let (n, nz, width) = (self.n, self.nz, self.width);
-        let mut lane = [0.0; 8];
-        for c in 0..nz {
-            for r in 0..n {
-                t.gz[c * n + r].store(&mut lane);
-                for (i, &x) in lane[..L::N].iter().enumerate() {
-                    self.gain[(i * n + r) * nz + c] = x;
-                }
-            }
-        }
-        // Eight columns at a time, so that rows are written in whole vectors; spare columns stay zero.
-        let mut block = [[0.0; 8]; 8];
-        for first in (0..self.np).step_by(8) {
-            let columns = 8.min(self.np - first);
-            for r in 0..n {
-                for (k, b) in block.iter_mut().enumerate().take(columns) {
-                    t.gp[(first + k) * n + r].store(b);
-                }
-                for i in 0..L::N {
-                    let mut row = [0.0; 8];
-                    for (k, x) in row.iter_mut().enumerate() {
-                        *x = block[k][i];
-                    }
-                    let to = (i * n + r) * width + first;
-                    self.force[to..to + columns].copy_from_slice(&row[..columns]);
-                }
-            }
-        }
-    }
-
-    /// `du` of the columns in `x` from row `from` on, at a stage, into `y`.
-    #[inline(always)]
-    fn accelerations(&mut self, lane: usize, block: usize, from: usize) {
-        let (n, nz, width) = (self.n, self.nz, self.width);
-        let gain = &self.gain[lane * n * nz..(lane + 1) * n * nz];
-        let force = &self.force[lane * n * width..(lane + 1) * n * width];
-        let mut r = from;
-        while r < n {
-            let left = (n - r).min(4);
-            let f = &force[r * width + block..];
-            let (g, y) = (&gain[r * nz..(r + left) * nz], &mut self.y[r..r + left]);
-            match left {
-                4 => product::<L, 4>(g, &self.x, f, width, y),
-                3 => product::<L, 3>(g, &self.x, f, width, y),
-                2 => product::<L, 2>(g, &self.x, f, width, y),
-                _ => product::<L, 1>(g, &self.x, f, width, y),
-            }
-            r += left;
-        }
-    }
-
-    /// Carries all columns through the step whose stages are lanes `lane..lane + 4`; keeps `dz` and `du` at its
-    /// start where that is a sample. Without `advance` there is nothing but that start.
-    #[inline(always)]
-    fn step(&mut self, lane: usize, sample: bool, advance: bool, points: &Points<L>) {
-        let (n, nz, m, width) = (self.n, self.nz, self.m, self.width);
-        let at_speed = nz > 3 + 2 * m;
-        for block in (0..width).step_by(L::N) {
-            for c in 0..nz {
-                self.x0[c] = L::load(&self.dz[c * width + block..]);
-                if sample {
-                    self.x0[c].store(&mut self.at_sample[c * width + block..]);
-                }
-            }
-            let mut theta = match &self.turn {
-                Some(t) if !self.dtheta.is_empty() => Some(t.carried(&self.dtheta, width, block)),
-                _ => None,
-            };
-            for stage in 0..4 {
-                let c = L::splat(0.5 * self.h * STAGE[stage] as f64);
-                for i in 0..nz {
-                    self.x[i] = if stage == 0 { self.x0[i] } else { fma(c, self.k[i], self.x0[i]) };
-                }
-                if let (Some(theta), Some(turn)) = (&mut theta, &self.turn) {
-                    turn.add(theta, stage, &self.x[..3]);
-                }
-                let all = at_speed || (sample && stage == 0);
-                self.accelerations(lane + stage, block, if all { 0 } else { 3 });
-                if sample && stage == 0 {
-                    for r in 0..n {
-                        self.y[r].store(&mut self.du[r * width + block..]);
-                    }
-                }
-                if !advance {
-                    break;
-                }
-                self.k[..3].copy_from_slice(&self.y[3..6]);
-                self.k[3..3 + m].copy_from_slice(&self.x[3 + m..3 + 2 * m]);
-                self.k[3 + m..3 + 2 * m].copy_from_slice(&self.y[6..]);
-                if at_speed {
-                    // v' = a - w x v.
-                    let z = &points.z[lane + stage];
-                    let s = |i: usize| L::splat(z[i]);
-                    for i in 0..3 {
-                        let (j, l) = ((i + 1) % 3, (i + 2) % 3);
-                        let (w, v) = (&self.x[..3], &self.x[3 + 2 * m..]);
-                        let turned = w[j] * s(l) - w[l] * s(j) + (s(3 + j) * v[l] - s(3 + l) * v[j]);
-                        self.k[3 + 2 * m + i] = self.y[i] - turned;
-                    }
-                }
-                let weight = L::splat(WEIGHT[stage] * self.h);
-                for i in 0..nz {
-                    let from = if stage == 0 { self.x0[i] } else { self.sum[i] };
-                    self.sum[i] = fma(weight, self.k[i], from);
-                }
-            }
-            if !advance {
-                continue;
-            }
-            for c in 0..nz {
-                self.sum[c].store(&mut self.dz[c * width + block..]);
-            }
-            if let Some(theta) = theta {
-                theta.iter().enumerate().for_each(|(i, x)| x.store(&mut self.dtheta[i * width + block..]));
-            }
-        }
-    }
-
-    /// Writes the attitude and its derivatives at a sample.
-    fn attitude_rows(&self, to: &mut Option<Attitude>, track: &AttitudeTrack, sample: usize) {
-        if let Some(to) = to {
-            to.write(sample, track, &self.dtheta, self.width, self.count);
-        }
-    }
-}
-
-/// `y = f + G x`: `R` rows of `G` and of `f`, one block of columns.
-#[inline(always)]
-fn product<L: LaneScalar, const R: usize>(g: &[f64], x: &[L], f: &[f64], width: usize, y: &mut [L]) {
-    let nz = x.len();
-    let mut rows = [g; R];
-    let mut sum = [L::zero(); R];
-    for r in 0..R {
-        rows[r] = &g[r * nz..(r + 1) * nz];
-        sum[r] = L::load(&f[r * width..]);
-    }
-    for (c, &x) in x.iter().enumerate() {
-        for r in 0..R {
-            sum[r] = fma(L::splat(rows[r][c]), x, sum[r]);
-        }
-    }
-    y.copy_from_slice(&sum);
-}
-
 /// Where samples go.
-struct Sink<'a> {
+pub(crate) struct Sink<'a> {
     model: &'a Model,
     response: Response,
     /// Joint torques of the present sample.
@@ -481,7 +270,12 @@ struct Sink<'a> {
     accel: Option<Vec<f64>>,
     samples: usize,
     rows: TorqueRows<'a>,
+    /// Columns of parameters, and columns in all.
     np: usize,
+    count: usize,
+    /// The present sample, and the torques of a block of columns there.
+    sample: usize,
+    tile: Vec<f64>,
     track: Option<AttitudeTrack>,
     attitude: Option<Attitude>,
 }
@@ -505,43 +299,54 @@ impl<'a> Sink<'a> {
             samples: n,
             rows: TorqueRows::new(model, params, table, columns),
             np: columns.count,
+            count: p,
+            sample: 0,
+            tile: vec![0.0; model.nj() * BLOCK],
             track: wanted.attitude.then(AttitudeTrack::default),
             attitude: wanted.attitude.then(|| Attitude::new(n, p)),
         }
     }
 
-    /// Torque and gyro derivatives at a sample.
-    #[inline(always)]
-    fn take<L: LaneScalar>(&mut self, sample: usize, (z, u): (&[f64], &[f64]), flow: &Flow<L>) {
-        let (n, nz, nj) = (self.samples, flow.nz, self.model.nj());
+    /// Begins a sample with state `z` and accelerations `u`.
+    fn begin(&mut self, sample: usize, (z, u): (&[f64], &[f64])) {
+        self.sample = sample;
         self.rows.evaluate(sample, z, u);
-        let carried = self.rows.carried;
-        let (used_u, used_z) = if carried { (flow.n, nz) } else { (6, 3) };
-        let mut lane = [0.0; 8];
-        for block in (0..flow.count).step_by(L::N) {
-            let columns = block..(block + L::N).min(flow.count);
-            for j in 0..nj {
-                let mut s = L::zero();
-                for (r, &t) in self.rows.by_u[j * flow.n..][..used_u].iter().enumerate() {
-                    s = fma(L::splat(t), L::load(&flow.du[r * flow.width + block..]), s);
+    }
+
+    /// Torque and gyro derivatives of a block of columns at the present sample, from `dz` and `du`.
+    #[inline(always)]
+    pub(crate) fn take<L: LaneScalar, const W: usize>(&mut self, block: usize, dz: &[[L; W]], du: &[[L; W]]) {
+        let (n, nj, at) = (self.samples, self.model.nj(), self.sample);
+        let first = block * BLOCK;
+        let columns = first..(first + BLOCK).min(self.count);
+        let rows = &self.rows;
+        let (used_u, used_z) = if rows.carried { (du.len(), dz.len()) } else { (6, 3) };
+        let by_u = rows.by_u.chunks_exact(du.len());
+        let by_z = rows.by_z.chunks_exact(dz.len());
+        for ((tile, by_u), by_z) in self.tile.chunks_exact_mut(BLOCK).zip(by_u).zip(by_z) {
+            let mut s = [L::zero(); W];
+            for (&t, x) in by_u[..used_u].iter().zip(du).chain(by_z[..used_z].iter().zip(dz)) {
+                let t = L::splat(t);
+                for w in 0..W {
+                    s[w] = fma(t, x[w], s[w]);
                 }
-                for (c, &t) in self.rows.by_z[j * nz..][..used_z].iter().enumerate() {
-                    s = fma(L::splat(t), L::load(&flow.at_sample[c * flow.width + block..]), s);
-                }
-                s.store(&mut lane);
-                for c in columns.clone() {
-                    let own = if carried && c < self.np { self.rows.by_p[j * self.np + c] } else { 0.0 };
-                    self.d_tau[(c * n + sample) * nj + j] = lane[c - block] + own;
+            }
+            store(&s, tile);
+        }
+        for (i, c) in columns.clone().enumerate() {
+            let to = &mut self.d_tau[(c * n + at) * nj..(c * n + at + 1) * nj];
+            for (to, row) in to.iter_mut().zip(self.tile.chunks_exact(BLOCK)) {
+                *to = row[i];
+            }
+            if rows.carried && c < self.np {
+                for (to, own) in to.iter_mut().zip(rows.by_p.chunks_exact(self.np)) {
+                    *to += own[c];
                 }
             }
         }
-        for c in 0..flow.count {
-            for k in 0..3 {
-                self.d_gyro[(c * n + sample) * 3 + k] = flow.at_sample[k * flow.width + c];
-            }
-            if let Some(a) = &mut self.accel {
-                (0..6).for_each(|k| a[(c * n + sample) * 6 + k] = flow.du[k * flow.width + c]);
-            }
+        write(&dz[..3], columns.clone(), at, n, &mut self.d_gyro);
+        if let Some(a) = &mut self.accel {
+            write(&du[..6], columns, at, n, a);
         }
     }
 
@@ -558,5 +363,32 @@ impl<'a> Sink<'a> {
             attitude: self.attitude,
         };
         (self.response, s)
+    }
+}
+
+/// One row of a block.
+#[inline(always)]
+fn store<L: LaneScalar, const W: usize>(x: &[L; W], to: &mut [f64]) {
+    for (x, to) in x.iter().zip(to.chunks_exact_mut(L::N)) {
+        x.store(to);
+    }
+}
+
+/// Rows of some columns at sample `at` of `n`, each column's rows of a sample side by side.
+#[inline(always)]
+fn write<L: LaneScalar, const W: usize>(
+    rows: &[[L; W]],
+    columns: core::ops::Range<usize>,
+    at: usize,
+    n: usize,
+    to: &mut [f64],
+) {
+    let count = rows.len();
+    for (k, row) in rows.iter().enumerate() {
+        let mut lanes = [0.0; BLOCK];
+        store(row, &mut lanes);
+        for (x, c) in lanes.iter().zip(columns.clone()) {
+            to[(c * n + at) * count + k] = *x;
+        }
     }
 }

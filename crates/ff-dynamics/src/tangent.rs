@@ -351,17 +351,15 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
     #[inline(always)]
     pub(crate) fn solve(&mut self) -> bool {
         let n = 6 + self.parts.model.np();
-        self.gz.copy_from_slice(&self.rz);
-        self.gp.copy_from_slice(&self.rp);
-        let z = self.gz.chunks_exact_mut(n).zip(&self.owner_z).enumerate();
+        let z = self.gz.chunks_exact_mut(n).zip(self.rz.chunks_exact(n)).zip(&self.owner_z).enumerate();
         // Angular velocity of the base, and its velocity, move all ports.
         let passive = 3..3 + 2 * self.parts.model.np();
         let z = z.map(|(c, (x, owner))| (x, *owner, !passive.contains(&c)));
-        let p = self.gp.chunks_exact_mut(n).zip(&self.owner_p).map(|(x, owner)| (x, *owner, false));
-        for (x, owner, every) in z.chain(p) {
+        let p = self.gp.chunks_exact_mut(n).zip(self.rp.chunks_exact(n)).zip(&self.owner_p);
+        for ((x, rhs), owner, every) in z.chain(p.map(|(x, owner)| (x, *owner, false))) {
             // A column of the base alone has no passive rows at all: any port will do.
             let only = if every { None } else { Some(owner.unwrap_or(usize::MAX)) };
-            self.mass.solve_minus(&self.parts.ports, &self.offsets, only, x);
+            self.mass.solve_minus(&self.parts.ports, &self.offsets, only, rhs, x);
         }
         self.definite
     }

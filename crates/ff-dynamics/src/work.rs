@@ -100,11 +100,13 @@ impl<T: ModelScalar> PortWork<T> {
     /// the block has the ten-parameter structure (checked by the conformance suite, not here).
     #[inline(always)]
     pub(crate) fn host_ten(&self) -> Ten<T> {
-        let m = |i: usize, j: usize| self.m[i * (6 + self.n) + j];
+        let dim = 6 + self.n;
+        let row = |i: usize| &self.m[i * dim..i * dim + 6];
+        let (a, b, c) = (row(3), row(4), row(5));
         Ten {
-            m: m(0, 0),
-            h: V3::new(m(5, 1), m(3, 2), m(4, 0)),
-            i: S3 { xx: m(3, 3), xy: m(4, 3), yy: m(4, 4), xz: m(5, 3), yz: m(5, 4), zz: m(5, 5) },
+            m: self.m[0],
+            h: V3::new(c[1], a[2], b[0]),
+            i: S3 { xx: a[3], xy: b[3], yy: b[4], xz: c[3], yz: c[4], zz: c[5] },
         }
     }
     /// Column `k` of `M_be`, force and moment on the host per unit own acceleration, mount frame.

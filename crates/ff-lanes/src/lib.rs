@@ -88,6 +88,24 @@ pub trait Lanes: Copy + Enter {
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// True when every lane is above zero and finite.
     fn all_positive(self) -> bool;
+    /// Lane `j` of element `i` becomes lane `i` of element `j`, for the first `N` elements.
+    ///
+    /// # Panics
+    /// If there are fewer.
+    #[inline(always)]
+    fn transpose(rows: &mut [Self]) {
+        let mut all = [[0.0; 8]; 8];
+        for (x, to) in rows[..Self::N].iter().zip(&mut all) {
+            x.store(to);
+        }
+        for (j, to) in rows[..Self::N].iter_mut().enumerate() {
+            let mut x = [0.0; 8];
+            for i in 0..Self::N {
+                x[i] = all[i][j];
+            }
+            *to = Self::load(&x);
+        }
+    }
 }
 
 /// One lane: so that code over lanes also runs on plain numbers.

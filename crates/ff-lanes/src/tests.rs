@@ -94,3 +94,37 @@ fn lanes_are_set_one_by_one() {
     assert_eq!(Isa::V4.lanes(), 8);
     assert!(Isa::detect() >= Isa::Portable);
 }
+
+struct Transpose<L>(core::marker::PhantomData<L>);
+impl<L: Lanes> Kernel for Transpose<L> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let x = |i: usize, j: usize| (10 * i + j) as f64 + 0.5;
+        // One element more than is turned.
+        let mut rows = [L::splat(-3.0); 9];
+        for (i, row) in rows[..L::N].iter_mut().enumerate() {
+            (0..L::N).for_each(|j| row.set_lane(j, x(i, j)));
+        }
+        L::transpose(&mut rows);
+        for (i, row) in rows[..L::N].iter().enumerate() {
+            (0..L::N).for_each(|j| assert_eq!(row.lane(j), x(j, i)));
+        }
+        assert_eq!(rows[L::N].lane(0), -3.0);
+    }
+}
+
+#[test]
+fn rows_become_columns() {
+    Transpose::<f64>(core::marker::PhantomData).run();
+    Transpose::<Portable4>(core::marker::PhantomData).run();
+    #[cfg(target_arch = "x86_64")]
+    {
+        if Isa::detect() >= Isa::V3 {
+            Avx2x4::enter(Transpose::<Avx2x4>(core::marker::PhantomData));
+        }
+        if Isa::detect() >= Isa::V4 {
+            Avx512x8::enter(Transpose::<Avx512x8>(core::marker::PhantomData));
+        }
+    }
+}

@@ -169,9 +169,24 @@ fn positive4(x: __m256d) -> bool {
     _mm256_movemask_pd(_mm256_and_pd(above, below)) == 0xf
 }
 
+/// Rows for columns of a 4 x 4 matrix.
+#[inline]
+#[target_feature(enable = "avx")]
+fn transposed(r: [__m256d; 4]) -> [__m256d; 4] {
+    // Even and odd columns of each pair of rows, then halves.
+    let (a, b) = (_mm256_unpacklo_pd(r[0], r[1]), _mm256_unpackhi_pd(r[0], r[1]));
+    let (c, d) = (_mm256_unpacklo_pd(r[2], r[3]), _mm256_unpackhi_pd(r[2], r[3]));
+    [
+        _mm256_permute2f128_pd::<0x20>(a, c),
+        _mm256_permute2f128_pd::<0x20>(b, d),
+        _mm256_permute2f128_pd::<0x31>(a, c),
+        _mm256_permute2f128_pd::<0x31>(b, d),
+    ]
+}
+
 macro_rules! vector {
     ($t:ident, $n:literal, $raw:ty, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $sqrt:ident, $set1:ident,
-     $loadu:ident, $storeu:ident, $positive:ident) => {
+     $loadu:ident, $storeu:ident, $positive:ident, {$($more:item)*}) => {
         impl Lanes for $t {
             const N: usize = $n;
             #[inline(always)]
@@ -214,6 +229,7 @@ macro_rules! vector {
                 // SAFETY: module documentation.
                 unsafe { $positive(self.0) }
             }
+            $($more)*
         }
         impl Add for $t {
             type Output = Self;
@@ -289,7 +305,8 @@ vector!(
     _mm512_set1_pd,
     _mm512_loadu_pd,
     _mm512_storeu_pd,
-    positive8
+    positive8,
+    {}
 );
 vector!(
     Avx2x4,
@@ -304,7 +321,18 @@ vector!(
     _mm256_set1_pd,
     _mm256_loadu_pd,
     _mm256_storeu_pd,
-    positive4
+    positive4,
+    {
+        #[inline(always)]
+        fn transpose(rows: &mut [Self]) {
+            let r = &mut rows[..4];
+            // SAFETY: module documentation.
+            let x = unsafe { transposed([r[0].0, r[1].0, r[2].0, r[3].0]) };
+            for i in 0..4 {
+                r[i] = Self(x[i]);
+            }
+        }
+    }
 );
 
 impl Avx512x8 {

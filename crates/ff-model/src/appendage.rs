@@ -170,14 +170,16 @@ impl<'a, T: Scalar> PortMatrix<'a, T> {
         }
         Self { dim, a }
     }
-    /// Tells the compiler the size, once, where the caller knows it: writing elements is then free of checks.
+    /// The same matrix for a caller who knows its size: writing elements of the view is free of checks. (Of a view behind a
+    /// reference the compiler must think that every element written could have changed its size.)
     ///
     /// # Panics
     /// If the matrix is not that of `n` coordinates.
     #[inline(always)]
-    pub fn expect(&mut self, n: usize) {
+    #[must_use]
+    pub fn expect(&mut self, n: usize) -> PortMatrix<'_, T> {
         assert!(self.dim == 6 + n && self.a.len() == (6 + n) * (6 + n));
-        self.dim = 6 + n;
+        PortMatrix { dim: 6 + n, a: &mut self.a[..(6 + n) * (6 + n)] }
     }
     /// Number of rows, `6 + n`.
     pub fn dim(&self) -> usize {

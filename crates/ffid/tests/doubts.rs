@@ -34,7 +34,6 @@ fn shifted(text: &str, column: &str, at: impl Fn(f64) -> f64) -> String {
     })
 }
 
-#[test]
 /// A mission whose fuel rings for minutes, sampled slowly enough for that, with its stiffness alone to be found.
 pub(crate) fn ringing(mission: &str) -> String {
     let damped = mission.replace("damping_nms_per_rad = [5.0, 5.0]", "damping_nms_per_rad = [0.2, 0.2]");
@@ -104,7 +103,6 @@ fn d29_momentum_that_is_not_conserved_is_refused_unless_declared() {
     assert!(err.contains("warning[Data::MomentumNotConserved]"), "{err}");
 }
 
-#[test]
 /// A torque that acts all the time: the base rate drifts, which no bias does.
 #[test]
 fn d29_momentum_that_drifts_steadily_is_refused_as_well() {
@@ -188,7 +186,6 @@ fn d25_modes_that_do_not_rise_above_the_noise() {
     c.refused(&args, 13, "Data::NoPeak", &["excite more strongly"]);
 }
 
-#[test]
 /// A record that is sampled too slowly for the modes of the model tells none of them.
 #[test]
 fn d24_samples_too_slow_for_the_modes() {
@@ -235,11 +232,10 @@ fn models_are_compared_by_what_they_predict() {
     c.refused(&one, 11, "Config::Compare", &["fewer than two models"]);
 }
 
-#[test]
 /// A base that is bolted down has neither rate nor attitude: columns of constants would pass for broken sensors.
 #[test]
 fn a_simulated_arm_on_the_ground_has_no_gyro_and_is_identified() {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
+    let folder = fixture("");
     let c = slosh();
     let text = std::fs::read_to_string(folder.join("ground/arm.toml")).unwrap();
     let noisy = text.replace("../peers-model/", "").replace("250.0", "250.0\n\n[sensors.torque]\nnoise_std_nm = 0.2");

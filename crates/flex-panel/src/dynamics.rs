@@ -214,7 +214,7 @@ fn composite_at<T: Scalar, const N: usize, const K: u8>(
     m: &mut PortMatrix<'_, T>,
 ) {
     let n = if N <= 3 { N } else { c.count() };
-    m.expect(n);
+    let mut m = m.expect(n);
     let mut ic = [Ten::<T>::zero(); N];
     for i in 0..n {
         ic[i] = Ten::from_params(&p[c.inertial_offset(i)..]);

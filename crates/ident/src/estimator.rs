@@ -11,6 +11,7 @@
 use crate::covariance::{Uncertainty, Unknown, analyse};
 use crate::fit::{Evaluated, Fit, Reference};
 use crate::linalg::LinalgError;
+use crate::linearise::Linearise;
 use crate::lm::{self, Criterion, EvalError, LmError, Scale, Settings, Status};
 use crate::loss::Loss;
 use crate::prior::Priors;
@@ -18,6 +19,14 @@ use crate::scale;
 use crate::transform::{Transform, TransformError};
 use ff_model::ParamDecl;
 use nalgebra::DMatrix;
+
+/// A cheaper look at the same data ([`Estimator::coarse`]).
+pub struct Coarse<'a> {
+    /// Over some of the rows, with the same parameters and nuisance.
+    pub estimator: Box<dyn Estimator + 'a>,
+    /// Which of the rows they are, ascending.
+    pub rows: Vec<usize>,
+}
 
 /// A way of predicting a record. Residuals are whitened: divided by the standard deviation of the sensor.
 pub trait Estimator {
@@ -48,6 +57,12 @@ pub trait Estimator {
         r: &mut [f64],
         j: &mut DMatrix<f64>,
     ) -> Result<(), EvalError>;
+    /// The same over so much less data that it takes a fraction of the time, if there is enough of it: [`estimate`] takes the way
+    /// there and does the last steps with all of it. `full` is about where it will be used. `None` unless overridden.
+    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        let _ = full;
+        None
+    }
 }
 
 impl<E: Estimator + ?Sized> Estimator for Box<E> {
@@ -69,6 +84,9 @@ impl<E: Estimator + ?Sized> Estimator for Box<E> {
         j: &mut DMatrix<f64>,
     ) -> Result<(), EvalError> {
         (**self).jacobian(full, extra, selected, r, j)
+    }
+    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        (**self).coarse(full)
     }
 }
 
@@ -94,6 +112,9 @@ pub struct Request<'a> {
     pub anchor: Option<f64>,
     /// What a residual costs. Priors and anchors are squares whatever is asked for here.
     pub loss: Loss,
+    /// Take the way to the answer over less data, where the estimator offers that ([`Estimator::coarse`]). The answer and its
+    /// deviations are those of all data either way.
+    pub coarse: bool,
     /// When to stop.
     pub settings: Settings,
 }
@@ -110,6 +131,7 @@ impl<'a> Request<'a> {
             prior_width: None,
             anchor: None,
             loss: Loss::Squares,
+            coarse: true,
             settings: Settings::default(),
         }
     }
@@ -201,75 +223,27 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
     let extra = estimator.nuisance();
     let n = request.selected.len();
     let sizes_extra: Vec<f64> = extra.iter().map(|u| u.size).collect();
-    let mut nuisance = vec![0.0; extra.len()];
-    let mut full = request.start.to_vec();
-    let mut iterations = 0;
     let fixed = match request.prior_width {
         Some(w) => Some(Reference::new(request.decls, request.selected, request.centre.unwrap_or(request.start), w)?),
         None => None,
     };
     let mut references: Vec<Reference> = fixed.into_iter().collect();
-    let priors_kept = references.len();
-    let mut settings = Settings {
-        scale: Scale::Unit,
-        initial_radius: RADIUS,
-        max_radius: RADIUS,
-        max_iterations: 1,
-        acceleration: true,
-        ..request.settings.clone()
-    };
-    let mut last = None;
+    let mut place = Place { full: request.start.to_vec(), nuisance: vec![0.0; extra.len()], iterations: 0 };
+    if request.coarse {
+        approach(request, estimator, &sizes_extra, &mut references, &mut place);
+    }
     let mut evaluated = Evaluated::default();
-    let (transform, status) = loop {
-        // Coordinates around the present estimate: linear in the bodies, scaled by them.
-        let transform = match (Transform::affine(request.decls, request.selected, &full), last.take()) {
-            (Ok(t), _) => t,
-            // The fit has pressed a body against the boundary of what is physical: that is the answer.
-            (Err(TransformError::Boundary { .. }), Some(t)) => {
-                break (t, Status::AtBound { at: Vec::new(), by: Criterion::Step });
-            }
-            (Err(e), _) => return Err(e.into()),
-        };
-        references.truncate(priors_kept);
-        if let Some(w) = request.anchor {
-            references.push(Reference::new(request.decls, request.selected, &full, w)?);
-        }
-        let mut x = transform.coordinates(&full)?;
-        x.extend_from_slice(&nuisance);
-        let mut fit = Fit {
-            estimator: &mut *estimator,
-            loss: request.loss,
-            transform: &transform,
-            priors: &request.priors,
-            references: &references,
-            sizes: sizes_extra.clone(),
-            origin: (&x, &full),
-            full: full.clone(),
-            last: &mut evaluated,
-        };
-        let solution = lm::minimise(&mut fit, &x, &settings)?;
-        iterations += solution.iterations;
-        settings.initial_radius = solution.radius.min(RADIUS);
-        nuisance.copy_from_slice(&solution.x[n..]);
-        if solution.x[..n] != x[..n] {
-            transform.apply(&solution.x[..n], &mut full);
-        }
-        let moved = solution.x.iter().zip(&x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < ANCHOR_MOVED);
-        if settled || iterations >= request.settings.max_iterations || matches!(solution.status, Status::Stalled { .. })
-        {
-            break (transform, solution.status);
-        }
-        last = Some(transform);
-    };
-    references.truncate(priors_kept);
+    let (transform, status) =
+        settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, ANCHOR_MOVED)?;
+    let Place { full, nuisance, iterations } = place;
     let values_extra: Vec<f64> = nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect();
     let rows = estimator.rows();
     let selected = transform.selected();
     let at_solution = |e: EvalError| LmError::Setup(e.to_string());
     // The last linearisation is the one at the solution, unless the last step was refused after it.
-    evaluated.at(estimator, selected, &full, &values_extra).map_err(at_solution)?;
-    let Evaluated { residuals, jacobian: mut data, .. } = evaluated;
+    let at = evaluated.at(estimator, selected, &full, &values_extra, request.loss).map_err(at_solution)?;
+    let mut data = at.information()?;
+    let residuals = core::mem::take(&mut at.residuals);
     // What a loss leaves of the information.
     data.unscale_mut(request.loss.inflation(&residuals).sqrt());
     let values = full;
@@ -287,8 +261,9 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
             let rows = r.jacobian(&values).map_err(at_solution)?;
             tail.rows_mut(request.priors.len() + k * n, n).copy_from(&rows);
         }
-        let mut both = data.resize_vertically(rows + known, 0.0);
-        both.view_mut((rows, 0), (known, n)).copy_from(&tail);
+        let from = data.nrows();
+        let mut both = data.resize_vertically(from + known, 0.0);
+        both.view_mut((from, 0), (known, n)).copy_from(&tail);
         analyse(&both, &unknowns, RANK_TOLERANCE)?
     };
     let chi2: f64 = residuals.iter().map(|r| r * r).sum();
@@ -319,4 +294,117 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         iterations,
         residuals,
     })
+}
+
+/// Where a fit is: all parameters, nuisance unknowns over their sizes, and the linearisations it took.
+#[derive(Clone)]
+struct Place {
+    full: Vec<f64>,
+    nuisance: Vec<f64>,
+    iterations: usize,
+}
+
+/// Minimises from `place` on, with the coordinates taken anew at every step, and leaves it at the end. `references` are those of priors;
+/// an anchor is added and taken out again, and has no more to give when a step moves less than `still`.
+fn settle<E: Estimator + ?Sized>(
+    request: &Request<'_>,
+    estimator: &mut E,
+    sizes: &[f64],
+    references: &mut Vec<Reference>,
+    place: &mut Place,
+    evaluated: &mut Evaluated,
+    still: f64,
+) -> Result<(Transform, Status), EstimateError> {
+    let (n, priors_kept) = (request.selected.len(), references.len());
+    let mut settings = Settings {
+        scale: Scale::Unit,
+        initial_radius: RADIUS,
+        max_radius: RADIUS,
+        max_iterations: 1,
+        acceleration: true,
+        chord: true,
+        ..request.settings.clone()
+    };
+    let mut last = None;
+    let end = loop {
+        // Coordinates around the present estimate: linear in the bodies, scaled by them.
+        let transform = match (Transform::affine(request.decls, request.selected, &place.full), last.take()) {
+            (Ok(t), _) => t,
+            // The fit has pressed a body against the boundary of what is physical: that is the answer.
+            (Err(TransformError::Boundary { .. }), Some(t)) => {
+                break (t, Status::AtBound { at: Vec::new(), by: Criterion::Step });
+            }
+            (Err(e), _) => return Err(e.into()),
+        };
+        references.truncate(priors_kept);
+        if let Some(w) = request.anchor {
+            references.push(Reference::new(request.decls, request.selected, &place.full, w)?);
+        }
+        let mut x = transform.coordinates(&place.full)?;
+        x.extend_from_slice(&place.nuisance);
+        let full = place.full.clone();
+        let mut fit = Fit::new(request, &mut *estimator, &transform, references, sizes, (&x, &full), evaluated);
+        let solution = lm::run(&mut fit, &x, &settings)?;
+        place.iterations += solution.iterations;
+        settings.initial_radius = solution.radius.min(RADIUS);
+        place.nuisance.copy_from_slice(&solution.x[n..]);
+        if solution.x[..n] != x[..n] {
+            transform.apply(&solution.x[..n], &mut place.full);
+        }
+        let moved = solution.x.iter().zip(&x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < still);
+        let over = place.iterations >= request.settings.max_iterations;
+        if settled || over || matches!(solution.status, Status::Stalled { .. }) {
+            break (transform, solution.status);
+        }
+        last = Some(transform);
+    };
+    references.truncate(priors_kept);
+    Ok(end)
+}
+
+/// Relative reduction of the cost below which a pass over less data has done its part: a hundred times that of the pass it is for,
+/// within these bounds.
+const APPROACHED: (f64, f64) = (1e-4, 1e-2);
+
+/// Takes the start to where less data say that the answer is, if there is such a look at them and all data agree that it is better there.
+/// What goes wrong on the way is no error: the start stays as it was.
+fn approach<E: Estimator + ?Sized>(
+    request: &Request<'_>,
+    estimator: &mut E,
+    sizes: &[f64],
+    references: &mut Vec<Reference>,
+    place: &mut Place,
+) {
+    let Some(mut thin) = estimator.coarse(&place.full) else { return };
+    let settings = Settings {
+        decrement_tolerance: (100.0 * request.settings.decrement_tolerance).clamp(APPROACHED.0, APPROACHED.1),
+        max_iterations: request.settings.max_iterations / 2,
+        ..request.settings.clone()
+    };
+    let lax = Request { settings, ..request.clone() };
+    let mut there = place.clone();
+    approach(&lax, &mut *thin.estimator, sizes, references, &mut there);
+    let end =
+        settle(&lax, &mut *thin.estimator, sizes, references, &mut there, &mut Evaluated::default(), f64::INFINITY);
+    drop(thin);
+    place.iterations = there.iterations;
+    if !end.is_ok_and(|(_, status)| status.is_converged()) {
+        return;
+    }
+    let mut cost = |at: &Place| -> Option<f64> {
+        let transform = Transform::affine(request.decls, request.selected, &at.full).ok()?;
+        let mut x = transform.coordinates(&at.full).ok()?;
+        x.extend_from_slice(&at.nuisance);
+        let (mut new, origin) = (Evaluated::default(), (&x[..], &at.full[..]));
+        let mut fit = Fit::new(request, &mut *estimator, &transform, references, sizes, origin, &mut new);
+        let mut r = Vec::new();
+        let tried = fit.residuals(&x, &mut r).ok()?;
+        tried.ok().map(|()| r.iter().map(|r| r * r).sum())
+    };
+    if let (Some(before), Some(after)) = (cost(place), cost(&there))
+        && after < before
+    {
+        *place = there;
+    }
 }

@@ -49,6 +49,7 @@ mod knot_risk;
 pub mod knot_spectrum;
 mod knot_stake;
 pub mod linear;
+mod linearise;
 pub mod lm;
 mod lm_step;
 pub mod loss;

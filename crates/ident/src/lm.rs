@@ -13,9 +13,10 @@
 //! projected onto the box. `Delta` follows the gain ratio (actual over predicted reduction).
 
 use crate::linalg::LinalgError;
+use crate::linearise::{Dense, Linearise, curvature, finite};
 use crate::lm_step::Linear;
 pub use crate::lm_step::reduce;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 /// Why a point could not be evaluated.
 #[derive(Debug, thiserror::Error)]
@@ -80,6 +81,9 @@ pub struct Settings {
     /// Follow curved valleys: correct every step by the second derivative of the residuals along it (geodesic
     /// acceleration), found with one more evaluation. Pays where a Jacobian costs much more than residuals.
     pub acceleration: bool,
+    /// After an undamped step that kept its promise, go on with the same linearisation (the chord method) for as long as it
+    /// does. Pays where a Jacobian costs much more than residuals; what is called converged is so by a linearisation of its own.
+    pub chord: bool,
     /// Lower and upper bound of each unknown; empty for none. Infinite entries are free.
     pub bounds: Vec<(f64, f64)>,
     /// Singular values of `R D^-1` below this times the largest count as zero.
@@ -97,6 +101,7 @@ impl Default for Settings {
             initial_radius: 1.0,
             max_radius: f64::INFINITY,
             acceleration: false,
+            chord: false,
             bounds: Vec::new(),
             rank_tolerance: 1e-13,
         }
@@ -121,6 +126,9 @@ pub enum Criterion {
 /// Relative reduction of the cost that its own rounding hides. Below it the gain ratio is noise, and steps
 /// are judged by whether the promise (the projected gradient) still shrinks.
 const UNRESOLVED: f64 = 1e-12;
+
+/// Length of an undamped step ([`Scale::Unit`]) below which its second order is left to chords.
+const NEAR: f64 = 0.1;
 
 /// How a fit ended.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -247,91 +255,50 @@ fn reduction(r: &[f64], new: &[f64]) -> f64 {
     0.5 * r.iter().zip(new).map(|(a, b)| (a - b) * (a + b)).sum::<f64>()
 }
 
-/// What rounding of the unknowns to machine numbers changes in the cost, `sum |r_i| eps sqrt(sum (J_ij x_j)^2)`: no step can be
-/// seen to win less. It matters where residuals are many digits smaller than what they are differences of.
-fn rounding(x: &[f64], r: &[f64], j: &DMatrix<f64>) -> f64 {
-    let row = |i: usize| x.iter().enumerate().map(|(k, x)| (j[(i, k)] * x).powi(2)).sum::<f64>().sqrt();
-    f64::EPSILON * r.iter().enumerate().map(|(i, r)| r.abs() * row(i)).sum::<f64>()
-}
-
-/// `J^T r_pp` with the second derivative of the residuals along `p` by a one-sided difference,
-/// `r_pp = 2 ((r(x + h p) - r) / h - J p) / h`; `None` where the residuals cannot be evaluated.
-fn curvature<P: Problem + ?Sized>(
-    problem: &mut P,
-    x: &[f64],
-    p: &[f64],
-    r: &[f64],
-    j: &DMatrix<f64>,
-    buffer: &mut Vec<f64>,
-) -> Result<Option<DVector<f64>>, LmError> {
-    const H: f64 = 0.1;
-    let near: Vec<f64> = x.iter().zip(p).map(|(x, p)| x + H * p).collect();
-    let res = problem.residuals(&near, buffer);
-    if evaluate(res, buffer, None)?.is_some() {
-        return Ok(None);
-    }
-    let mut second = j * DVector::from_column_slice(p);
-    for ((s, new), old) in second.iter_mut().zip(buffer.iter()).zip(r) {
-        *s = 2.0 / H * ((new - old) / H - *s);
-    }
-    Ok(Some(j.tr_mul(&second)))
-}
-
-/// Calls the problem; `Ok(None)` with a finite result, `Ok(Some(reason))` when there is none.
-fn evaluate(res: Result<(), EvalError>, r: &[f64], j: Option<&DMatrix<f64>>) -> Result<Option<String>, LmError> {
-    match res {
-        Err(EvalError::Fatal(e)) => Err(LmError::Fatal(e)),
-        Err(EvalError::Rejected(why)) => Ok(Some(why)),
-        Ok(()) if !half_norm2(r).is_finite() => Ok(Some(String::new())),
-        Ok(()) if j.is_some_and(|j| j.iter().any(|x| !x.is_finite())) => {
-            Ok(Some("the derivatives are not finite".into()))
-        }
-        Ok(()) => Ok(None),
-    }
-}
-
 /// Minimises from `start`.
 ///
-/// Memory: two vectors of m and one m x n matrix, besides n x n work per iteration.
+/// Memory: two vectors of m and two m x n matrices, besides n x n work per iteration.
 ///
 /// # Errors
 /// [`LmError`]. A fit that ends without a minimum is not an error; look at [`Solution::status`].
 pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Settings) -> Result<Solution, LmError> {
+    let mut dense = Dense::new(problem);
+    let solution = run(&mut dense, start, set)?;
+    Ok(Solution { jacobian: dense.j, ..solution })
+}
+
+/// As [`minimise`], for a problem that keeps its Jacobian: that of the solution is left empty.
+pub(crate) fn run<P: Linearise + ?Sized>(problem: &mut P, start: &[f64], set: &Settings) -> Result<Solution, LmError> {
     const TRIES: usize = 10;
     let n = problem.dim();
     check_start(n, start, &set.bounds)?;
     let bound = |i: usize| set.bounds.get(i).copied().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
     let mut x = start.to_vec();
-    let (mut r, mut j) = (Vec::new(), DMatrix::zeros(0, 0));
-    let res = problem.jacobian(&x, &mut r, &mut j);
-    if let Some(reason) = evaluate(res, &r, Some(&j))? {
-        return Err(LmError::NonFiniteResidual { attempts: 1, values: problem.describe(&x), best: x, reason });
-    }
-    let m = r.len();
-    if j.shape() != (m, n) || m < n {
-        let (a, b) = j.shape();
-        return Err(LmError::Setup(format!(
-            "{m} residuals, {n} unknowns and a Jacobian of {a} x {b}: need as many rows as residuals, at least n"
-        )));
-    }
+    let mut r = Vec::new();
+    let (mut rr, mut c) = match problem.linearise(&x, &mut r)? {
+        Ok(triangle) => triangle,
+        Err(reason) => {
+            return Err(LmError::NonFiniteResidual { attempts: 1, values: problem.describe(&x), best: x, reason });
+        }
+    };
+    problem.accept();
     let mut cost = half_norm2(&r);
     let mut d: Vec<f64> = vec![0.0; n];
     let (mut radius, mut evaluations) = (f64::NAN, 1);
-    let (mut trial, mut r_trial, mut j_trial) = (x.clone(), Vec::with_capacity(m), DMatrix::zeros(m, n));
+    let (mut trial, mut r_trial) = (x.clone(), Vec::with_capacity(r.len()));
     let mut history = Vec::new();
     let (mut bad, mut iteration, mut small_step, mut flat_from) = (0, 0, false, None);
     let (status, active) = 'outer: loop {
         for (i, d) in d.iter_mut().enumerate() {
-            let norm = if set.scale == Scale::Unit { 1.0 } else { j.column(i).norm() };
+            let norm = if set.scale == Scale::Unit { 1.0 } else { rr.column(i).norm() };
             *d = if *d == 0.0 && norm == 0.0 { 1.0 } else { d.max(norm) };
         }
-        let gradient = j.tr_mul(&DVector::from_column_slice(&r));
+        let gradient = rr.tr_mul(&c);
         let (lower, upper): (Vec<f64>, Vec<f64>) = (0..n).map(bound).unzip();
         let held: Vec<usize> = (0..n)
             .filter(|&i| (x[i] <= lower[i] && gradient[i] > 0.0) || (x[i] >= upper[i] && gradient[i] < 0.0))
             .collect();
         let free = (0..n).filter(|i| !held.contains(i)).collect();
-        let (rr, c) = reduce(&j, &r)?;
         let lin = Linear::new(rr, c, &d, free, set.rank_tolerance)?;
         let x_norm = scaled_norm(&x, &d);
         if radius.is_nan() {
@@ -357,16 +324,18 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
         if iteration >= set.max_iterations {
             break 'outer (Status::IterationLimit, held);
         }
-        loop {
+        (rr, c) = loop {
             let lambda = lin.damping(radius);
             let p = lin.step(lambda, &d);
             for i in 0..n {
                 trial[i] = (x[i] + p[i]).clamp(lower[i], upper[i]);
             }
             let p: Vec<f64> = trial.iter().zip(&x).map(|(t, x)| t - x).collect();
-            if set.acceleration && decrement > UNRESOLVED {
+            // Near the end chords do as much, and are steps of their own.
+            let near = set.chord && lambda == 0.0 && set.scale == Scale::Unit && scaled_norm(&p, &d) < NEAR;
+            if set.acceleration && decrement > UNRESOLVED && !near {
                 evaluations += 1;
-                if let Some(g) = curvature(problem, &x, &p, &r, &j, &mut r_trial)?
+                if let Some(g) = curvature(problem, &lin, &x, &p, &r, &mut r_trial)?
                     && let Some(a) = lin.correction(lambda, &d, &p, &g)
                 {
                     for i in 0..n {
@@ -381,7 +350,7 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
             if p_norm <= 4.0 * f64::EPSILON * x_norm || radius < 1e-30 {
                 history.push(note);
                 let by = Criterion::Rounding;
-                let resolved = UNRESOLVED.max(rounding(&x, &r, &j) / cost);
+                let resolved = UNRESOLVED.max(problem.rounding(&x, &r) / cost);
                 let status = match decrement <= resolved {
                     true if held.is_empty() => Status::Converged { by },
                     true => Status::AtBound { at: vec![], by },
@@ -390,18 +359,21 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
                 break 'outer (status, held);
             }
             evaluations += 1;
-            let res = problem.residuals(&trial, &mut r_trial);
-            let mut reason = evaluate(res, &r_trial, None)?;
-            let gain = if predicted > 0.0 && reason.is_none() { reduction(&r, &r_trial) / predicted } else { -1.0 };
+            let mut tried = problem.residuals(&trial, &mut r_trial)?;
+            let gain = if predicted > 0.0 && tried.is_ok() { reduction(&r, &r_trial) / predicted } else { -1.0 };
             let flat =
                 decrement <= UNRESOLVED && lambda == 0.0 && (cost - half_norm2(&r_trial)).abs() <= UNRESOLVED * cost;
-            let accept = reason.is_none() && (gain > 1e-4 || flat);
+            let accept = tried.is_ok() && (gain > 1e-4 || flat);
+            let mut triangle = None;
             if accept {
+                if set.chord && lambda == 0.0 && gain > 0.25 {
+                    let room = Room { x: &x, d: &d, lower: &lower, upper: &upper, radius: set.max_radius };
+                    evaluations += chord(problem, &lin, &room, set, &mut trial, &mut r_trial)?;
+                }
                 evaluations += 1;
-                let res = problem.jacobian(&trial, &mut r_trial, &mut j_trial);
-                reason = evaluate(res, &r_trial, Some(&j_trial))?;
+                tried = problem.linearise(&trial, &mut r_trial)?.map(|t| triangle = Some(t));
             }
-            if let Some(reason) = reason {
+            if let Err(reason) = tried {
                 bad += 1;
                 history.push(note);
                 if bad >= TRIES {
@@ -420,23 +392,64 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
             } else if gain > 0.75 || lambda == 0.0 {
                 radius = radius.max(2.0 * p_norm).min(set.max_radius.max(radius));
             }
-            if accept {
+            if let Some(triangle) = triangle {
+                problem.accept();
                 flat_from = flat.then_some(decrement);
                 small_step = lambda == 0.0 && gain > 0.25 && p_norm <= set.step_tolerance * x_norm;
                 core::mem::swap(&mut x, &mut trial);
                 core::mem::swap(&mut r, &mut r_trial);
-                core::mem::swap(&mut j, &mut j_trial);
                 cost = half_norm2(&r);
                 iteration += 1;
-                break;
+                break triangle;
             }
-        }
+        };
     };
     let status = match status {
         Status::AtBound { by, .. } => Status::AtBound { at: active, by },
         s => s,
     };
-    Ok(Solution { x, cost, residuals: r, jacobian: j, status, evaluations, iterations: iteration, radius, history })
+    let jacobian = DMatrix::zeros(0, 0);
+    Ok(Solution { x, cost, residuals: r, jacobian, status, evaluations, iterations: iteration, radius, history })
+}
+
+/// Where steps may lead: bounds, and how far from the linearisation.
+struct Room<'a> {
+    x: &'a [f64],
+    d: &'a [f64],
+    lower: &'a [f64],
+    upper: &'a [f64],
+    radius: f64,
+}
+
+/// Goes on from `trial` by steps of the linearisation at hand, as long as each finds less than a quarter left of what the one before
+/// promised, and wins what it promises itself. Returns the number of evaluations.
+fn chord<P: Linearise + ?Sized>(
+    problem: &mut P,
+    lin: &Linear,
+    room: &Room<'_>,
+    set: &Settings,
+    trial: &mut Vec<f64>,
+    r_trial: &mut Vec<f64>,
+) -> Result<usize, LmError> {
+    const STEPS: usize = 6;
+    let (mut before, mut r_next) = (lin.promised(), Vec::with_capacity(r_trial.len()));
+    for step in 0..STEPS {
+        let (p, promised) = lin.again(&problem.transposed(r_trial), room.d);
+        let least = set.decrement_tolerance.max(UNRESOLVED) * half_norm2(r_trial);
+        let next: Vec<f64> = (0..p.len()).map(|i| (trial[i] + p[i]).clamp(room.lower[i], room.upper[i])).collect();
+        let way: Vec<f64> = next.iter().zip(room.x).map(|(a, b)| a - b).collect();
+        let worth = promised > least && promised < 0.25 * before && scaled_norm(&way, room.d) < room.radius;
+        if !worth {
+            return Ok(step);
+        }
+        if problem.residuals(&next, &mut r_next)?.is_err() || reduction(r_trial, &r_next) < 0.5 * promised {
+            return Ok(step + 1);
+        }
+        *trial = next;
+        core::mem::swap(r_trial, &mut r_next);
+        before = promised;
+    }
+    Ok(STEPS)
 }
 
 fn scaled_norm(p: &[f64], d: &[f64]) -> f64 {
@@ -466,9 +479,9 @@ fn check_start(n: usize, start: &[f64], bounds: &[(f64, f64)]) -> Result<(), LmE
 /// [`LmError::Fatal`] or [`LmError::NonFiniteResidual`] when a point cannot be evaluated.
 pub fn jacobian_error<P: Problem + ?Sized>(problem: &mut P, x: &[f64], h: f64) -> Result<f64, LmError> {
     let (mut r, mut j) = (Vec::new(), DMatrix::zeros(0, 0));
-    let ok = |res, r: &[f64], j: Option<&DMatrix<f64>>, x: &[f64]| match evaluate(res, r, j)? {
-        None => Ok(()),
-        Some(reason) => {
+    let ok = |res, r: &[f64], j: Option<&DMatrix<f64>>, x: &[f64]| match finite(res, r, j)? {
+        Ok(()) => Ok(()),
+        Err(reason) => {
             let values = x.iter().enumerate().map(|(i, v)| (format!("x[{i}]"), *v)).collect();
             Err(LmError::NonFiniteResidual { attempts: 1, values, best: x.to_vec(), reason })
         }

@@ -112,14 +112,7 @@ impl Linear {
     }
     /// The unscaled step over all n unknowns (zero where held).
     pub(crate) fn step(&self, lambda: f64, d: &[f64]) -> Vec<f64> {
-        let mut p = vec![0.0; self.r.ncols()];
-        if !self.s.is_empty() {
-            let y = &self.v * self.weights(lambda).0;
-            for (k, &i) in self.free.iter().enumerate() {
-                p[i] = y[k] / d[i];
-            }
-        }
-        p
+        self.unscaled(&(&self.v * self.weights(lambda).0), 1.0, d)
     }
     /// Second-order correction `a / 2` of a step `p`: `a = argmin |J a + r_pp|^2 + lambda |D a|^2` from
     /// `gradient = J^T r_pp`, where `r_pp` is the second derivative of the residuals along `p`. `None` when it is too
@@ -128,8 +121,7 @@ impl Linear {
     /// M. Transtrum, J. Sethna, *Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
     /// minimization*, arXiv:1201.5885, eqs. (4)-(6).
     pub(crate) fn correction(&self, lambda: f64, d: &[f64], p: &[f64], gradient: &DVector<f64>) -> Option<Vec<f64>> {
-        let g = DVector::from_fn(self.free.len(), |k, _| gradient[self.free[k]] / d[self.free[k]]);
-        let mut y = self.v.tr_mul(&g);
+        let mut y = self.onto(gradient, d);
         for (y, s) in y.iter_mut().zip(&self.s) {
             *y = -*y / (s * s + lambda);
         }
@@ -138,17 +130,38 @@ impl Linear {
         if !small {
             return None;
         }
-        let y = &self.v * y;
-        let mut a = vec![0.0; self.r.ncols()];
-        for (k, &i) in self.free.iter().enumerate() {
-            a[i] = 0.5 * y[k] / d[i];
-        }
-        Some(a)
+        Some(self.unscaled(&(&self.v * y), 0.5, d))
     }
     /// `C(x) - C_linear(x + p)`, exact for the linear model also after projection.
     pub(crate) fn predicted(&self, p: &[f64]) -> f64 {
         let q = &self.r * DVector::from_column_slice(p);
         -(self.c.dot(&q) + 0.5 * q.norm_squared())
+    }
+    /// The undamped step from where the gradient `J^T r` is this one, by the same linearisation, and what it promises.
+    pub(crate) fn again(&self, gradient: &DVector<f64>, d: &[f64]) -> (Vec<f64>, f64) {
+        let (mut y, mut promised) = (self.onto(gradient, d), 0.0);
+        for (y, s) in y.iter_mut().zip(&self.s) {
+            promised += 0.5 * (*y / s).powi(2);
+            *y /= -s * s;
+        }
+        (self.unscaled(&(&self.v * y), 1.0, d), promised)
+    }
+    /// `V^T D^-1` of a gradient.
+    fn onto(&self, gradient: &DVector<f64>, d: &[f64]) -> DVector<f64> {
+        let g = DVector::from_fn(self.free.len(), |k, _| gradient[self.free[k]] / d[self.free[k]]);
+        self.v.tr_mul(&g)
+    }
+    /// `J^T J p`.
+    pub(crate) fn squared(&self, p: &[f64]) -> DVector<f64> {
+        self.r.tr_mul(&(&self.r * DVector::from_column_slice(p)))
+    }
+    /// Scaled step of the free unknowns over all n, times `factor`.
+    fn unscaled(&self, y: &DVector<f64>, factor: f64, d: &[f64]) -> Vec<f64> {
+        let mut p = vec![0.0; self.r.ncols()];
+        for (k, &i) in self.free.iter().enumerate() {
+            p[i] = factor * y[k] / d[i];
+        }
+        p
     }
     /// Reduction that an undamped step of the free unknowns promises: `|U^T c|^2 / 2`.
     pub(crate) fn promised(&self) -> f64 {

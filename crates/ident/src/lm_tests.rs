@@ -1,5 +1,6 @@
 use super::*;
 use approx::assert_relative_eq;
+use nalgebra::DVector;
 
 /// Residuals and their Jacobian.
 type Rows = (Vec<f64>, DMatrix<f64>);

@@ -4,7 +4,7 @@
 //! sample like any other. [`Masked`] puts the weights on the rows of an estimator.
 
 use crate::covariance::Unknown;
-use crate::estimator::Estimator;
+use crate::estimator::{Coarse, Estimator};
 use crate::lm::EvalError;
 use crate::record::Record;
 use crate::runs::runs;
@@ -100,6 +100,11 @@ impl<E: Estimator> Masked<E> {
 impl<E: Estimator> Estimator for Masked<E> {
     fn rows(&self) -> usize {
         self.inner.rows()
+    }
+    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        let thin = self.inner.coarse(full)?;
+        let roots = thin.rows.iter().map(|&i| self.roots[i]).collect();
+        Some(Coarse { estimator: Box::new(Masked { inner: thin.estimator, roots }), ..thin })
     }
     fn nuisance(&self) -> Vec<Unknown> {
         self.inner.nuisance()

@@ -6,7 +6,7 @@
 //! residuals are those of all records below one another.
 
 use crate::covariance::Unknown;
-use crate::estimator::Estimator;
+use crate::estimator::{Coarse, Estimator};
 use crate::lm::EvalError;
 use crate::selection::{self, SelectionError, sift};
 use ff_model::{ParamDecl, ParamGroup};
@@ -165,6 +165,16 @@ impl<'a> Several<'a> {
 impl Estimator for Several<'_> {
     fn rows(&self) -> usize {
         self.parts.iter().map(|p| p.rows()).sum()
+    }
+    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        let (mut first, mut rows, mut parts) = (0, Vec::new(), Vec::new());
+        for (k, part) in self.parts.iter().enumerate() {
+            let thin = part.coarse(&self.shared.of_record(k, full))?;
+            rows.extend(thin.rows.iter().map(|i| first + i));
+            first += part.rows();
+            parts.push(thin.estimator);
+        }
+        Some(Coarse { estimator: Box::new(Several { shared: self.shared, parts }), rows })
     }
     fn nuisance(&self) -> Vec<Unknown> {
         let mut out = Vec::new();

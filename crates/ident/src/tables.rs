@@ -7,10 +7,11 @@ use crate::record::Record;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Sampling};
 use ff_model::{Model, Params};
+use std::sync::Arc;
 
 /// Joint motion of a record with its tables.
 pub(crate) struct Tables {
-    motion: Box<dyn JointMotion>,
+    motion: Arc<dyn JointMotion>,
     sampling: Sampling,
     kept: Option<Kept>,
 }
@@ -36,7 +37,13 @@ impl Tables {
         let stake = || knot_stake::stake(model, record, noise?.torque);
         let motion = motion_of(model, record, stake, from_rest)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
-        Ok(Self { motion, sampling, kept: None })
+        Ok(Self { motion: motion.into(), sampling, kept: None })
+    }
+    /// Of the record with every `every`-th sample: the same motion, one step per sample.
+    pub(crate) fn thinned(&self, every: usize) -> Self {
+        let Sampling { samples, sample_s, .. } = self.sampling;
+        let sampling = Sampling { samples: samples.div_ceil(every), sample_s: sample_s * every as f64, substeps: 1 };
+        Self { motion: Arc::clone(&self.motion), sampling, kept: None }
     }
     /// The table for these parameters. Base and appendages play no part in it, so it is made anew only when a
     /// link's parameter has changed or other links are asked for.

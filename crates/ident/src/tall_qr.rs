@@ -163,49 +163,91 @@ pub(crate) fn qr_r(a: &DMatrix<f64>) -> Result<DMatrix<f64>, LinalgError> {
         return linalg::qr_r(a);
     }
     linalg::check_finite("matrix", a)?;
-    triangle_of(a)
+    triangle_of(&Tall::new(a))
 }
 
-/// Upper triangle of a tall matrix that is at hand, n x n for n columns. Non-finite numbers must have been refused. Allocates.
+/// A tall matrix that is at hand, perhaps with one more column and a factor on every row.
+#[derive(Clone, Copy)]
+pub(crate) struct Tall<'a> {
+    matrix: &'a DMatrix<f64>,
+    last: Option<&'a [f64]>,
+    weights: &'a [f64],
+}
+
+impl<'a> Tall<'a> {
+    pub(crate) fn new(matrix: &'a DMatrix<f64>) -> Self {
+        Self { matrix, last: None, weights: &[] }
+    }
+    /// With one more column, of which the weights take nothing.
+    ///
+    /// # Panics
+    /// If it has another length.
+    pub(crate) fn with(self, last: &'a [f64]) -> Self {
+        assert_eq!(last.len(), self.matrix.nrows(), "length of the last column");
+        Self { last: Some(last), ..self }
+    }
+    /// With a factor on every row of the matrix; none are ones.
+    ///
+    /// # Panics
+    /// If there are some, but not one per row.
+    pub(crate) fn weighted(self, weights: &'a [f64]) -> Self {
+        assert!(weights.is_empty() || weights.len() == self.matrix.nrows(), "one weight per row");
+        Self { weights, ..self }
+    }
+}
+
+/// Upper triangle of a tall matrix, n x n for n columns: [`qr_r`] of matrices much taller than
+/// wide comes here. Numbers that are not finite are refused by what they leave in the triangle. Allocates.
 ///
 /// # Errors
 /// [`LinalgError`] of the last, small factorisation.
-pub(crate) fn triangle_of(a: &DMatrix<f64>) -> Result<DMatrix<f64>, LinalgError> {
-    if a.ncols() == 0 {
+pub(crate) fn triangle_of(a: &Tall<'_>) -> Result<DMatrix<f64>, LinalgError> {
+    if a.matrix.ncols() + usize::from(a.last.is_some()) == 0 {
         return Ok(DMatrix::zeros(0, 0));
     }
-    dispatch(Isa::detect(), Dense(a))
+    dispatch(Isa::detect(), *a)
 }
 
-struct Dense<'a>(&'a DMatrix<f64>);
-
-impl LaneTask for Dense<'_> {
+impl LaneTask for Tall<'_> {
     type Output = Result<DMatrix<f64>, LinalgError>;
     #[inline(always)]
     fn run<L: LaneScalar>(self) -> Self::Output {
-        let (m, n) = self.0.shape();
-        let mut stream = Stream::<L>::new(n - 1);
+        let (m, n) = self.matrix.shape();
+        let mut stream = Stream::<L>::new(n + usize::from(self.last.is_some()) - 1);
         let whole = m - m % L::N;
-        let data = self.0.as_slice();
-        for first in (0..whole).step_by(L::N) {
-            for k in 0..n {
-                stream.put(k, L::load(&data[k * m + first..]));
+        let data = self.matrix.as_slice();
+        for first in (0..m).step_by(L::N) {
+            let inside = first < whole;
+            if self.weights.is_empty() {
+                for k in 0..n {
+                    stream.put(k, part(&data[k * m + first..(k + 1) * m], inside));
+                }
+            } else {
+                let weight = part::<L>(&self.weights[first..], inside);
+                for k in 0..n {
+                    stream.put(k, part::<L>(&data[k * m + first..(k + 1) * m], inside) * weight);
+                }
             }
-            stream.end_row();
-        }
-        if whole < m {
-            for k in 0..n {
-                let rest =
-                    core::array::from_fn::<f64, 8, _>(|lane| data.get(k * m + whole + lane).copied().unwrap_or(0.0));
-                let mut x = L::splat(0.0);
-                (0..m - whole).for_each(|lane| x.set_lane(lane, rest[lane]));
-                stream.put(k, x);
+            if let Some(last) = self.last {
+                stream.put(n, part(&last[first..], inside));
             }
             stream.end_row();
         }
         stream.flush();
         stream.finish()
     }
+}
+
+/// The first numbers of a slice, one per lane; where it is not `full`, what is missing is zero.
+#[inline(always)]
+fn part<L: LaneScalar>(x: &[f64], full: bool) -> L {
+    if full {
+        return L::load(x);
+    }
+    let mut lanes = [0.0; 8];
+    let count = x.len().min(L::N);
+    lanes[..count].copy_from_slice(&x[..count]);
+    L::load(&lanes)
 }
 
 /// Rows of one kind, a stream per lane.
@@ -375,7 +417,7 @@ mod tests {
                 }
             }
             if count >= N {
-                same(&r, &triangle_of(&a).unwrap());
+                same(&r, &triangle_of(&Tall::new(&a)).unwrap());
             }
             let mut plain = TallQr::new(N);
             plain.push(&a.rows(0, 3).into_owned()).unwrap();

@@ -8,7 +8,7 @@
 //! [`Affine`] covers shared values, values equal up to a factor, and `p = p0 + B u`; other maps implement [`Tie`].
 
 use crate::covariance::Unknown;
-use crate::estimator::Estimator;
+use crate::estimator::{Coarse, Estimator};
 use crate::linalg::{self, LinalgError};
 use crate::lm::EvalError;
 use crate::selection::{self, SelectionError};
@@ -401,6 +401,11 @@ impl<E: Estimator> Tied<E> {
 impl<E: Estimator> Estimator for Tied<E> {
     fn rows(&self) -> usize {
         self.inner.rows()
+    }
+    fn coarse(&self, short: &[f64]) -> Option<Coarse<'_>> {
+        let thin = self.inner.coarse(&self.full(short).ok()?)?;
+        let tied = Tied { checked: self.checked, ..Tied::new(thin.estimator, Arc::clone(&self.map)) };
+        Some(Coarse { estimator: Box::new(tied), ..thin })
     }
     fn nuisance(&self) -> Vec<Unknown> {
         self.inner.nuisance()

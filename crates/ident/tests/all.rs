@@ -4,6 +4,7 @@
 
 mod common;
 
+mod coarse;
 mod complete;
 mod ground;
 mod joint_motion;

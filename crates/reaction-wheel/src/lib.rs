@@ -227,7 +227,7 @@ impl Appendage for ReactionWheel {
     }
     #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
-        m.expect(1);
+        let mut m = m.expect(1);
         let (a, more, t) = (self.along(), p[SPIN] - p[TRANSVERSE], p[TRANSVERSE]);
         let b = a.scaled(more);
         let (xx, yy, zz) = (b.x.mul_add(a.x, t), b.y.mul_add(a.y, t), b.z.mul_add(a.z, t));

@@ -135,7 +135,7 @@ impl Appendage for SloshPendulum {
     /// `M = m J^T J` with `J = [1, -[r]x, dr/da, dr/db]` the 3 x 8 Jacobian of the mass.
     #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-        m.expect(2);
+        let m = &mut m.expect(2);
         let host = point::inertia(&swing(p, eta), &SLOT, p, m);
         m.set_host(&host);
     }
@@ -164,7 +164,7 @@ impl Appendage for SloshPendulum {
     fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
         let ((p, s), h) = (sized(p, s), &mut h[..8]);
         let x = swing(p, s.eta);
-        m.expect(2);
+        let m = &mut m.expect(2);
         let host = point::inertia(&x, &SLOT, p, m);
         m.set_host(&host);
         let wrench = point::residual(&x, &SLOT, p, &s, None, h);

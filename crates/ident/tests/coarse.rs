@@ -1,0 +1,78 @@
+//! The look at less data that a fit takes first.
+
+use crate::common::*;
+use ff_model::Params;
+use ident::mask::{Mask, Masked};
+use ident::several::{Several, Shared};
+use ident::start::offset_start;
+use ident::ties::{Affine, Tie, TieMap, Tied};
+use ident::*;
+
+const NOISE: Noise = Noise { torque: 0.1, gyro: 1.5e-4 };
+
+fn norm(x: &[f64]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Residuals of less data are those of the rows of all data that it says, but for the longer steps of the integration.
+fn agree(what: &str, e: &mut dyn Estimator, full: &[f64]) {
+    let mut all = vec![0.0; e.rows()];
+    e.residuals(full, &[], &mut all).unwrap();
+    let mut thin = e.coarse(full).unwrap();
+    let mut some = vec![0.0; thin.estimator.rows()];
+    thin.estimator.residuals(full, &[], &mut some).unwrap();
+    let picked: Vec<f64> = thin.rows.iter().map(|&i| all[i]).collect();
+    let apart: Vec<f64> = picked.iter().zip(&some).map(|(a, b)| a - b).collect();
+    assert!(2 * some.len() <= all.len(), "{what}: {} of {} rows", some.len(), all.len());
+    assert!(norm(&apart) < 0.1 * norm(&picked), "{what}: {:e} of {:e}", norm(&apart), norm(&picked));
+}
+
+#[test]
+fn rows_of_less_data_are_rows_of_all_through_masks_ties_and_several_records() {
+    let l = load("flex");
+    let record = exact(&l, &run(&l, &planned(&l, 30.0, 10), 30.0));
+    let decls = l.model.param_decls();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    let springs = selection::select(&decls, &["base.mass", "panel_*.k[*]"]).unwrap();
+    let values = offset_start(&decls, &truth, &springs, 0.1, 3);
+    let options = Options { substeps: 1, ..Options::new(NOISE) };
+    let oe = || OutputError::new(&l.model, &record, &options).unwrap();
+    agree("record", &mut oe(), &values);
+    let mut mask = Mask::all(record.samples(), l.model.nj());
+    for i in (0..record.samples()).filter(|i| i % 7 < 4) {
+        mask.tau.row_mut(i).fill(0.0);
+    }
+    agree("mask", &mut Masked::new(oe(), &mask).unwrap(), &values);
+    let tie = Affine::shared(&decls, &values, "k", &["panel_*.k[*]"]).unwrap();
+    let map = TieMap::new(&decls, &values, vec![Box::new(tie) as Box<dyn Tie>]).unwrap();
+    let short = map.start();
+    agree("ties", &mut Tied::new(oe(), map), &short);
+    let shared = Shared::new(&[("one", &decls[..]), ("two", &decls[..])], &["base.mass"]).unwrap();
+    let both = shared.gather(&[values.clone(), truth]);
+    let mut several = Several::new(&shared, vec![Box::new(oe()), Box::new(Masked::new(oe(), &mask).unwrap())]);
+    agree("records", &mut several, &both);
+}
+
+#[test]
+fn the_way_over_less_data_leads_to_the_same_answer() {
+    let l = load("flex");
+    let record = exact(&l, &run(&l, &planned(&l, 30.0, 10), 30.0));
+    let decls = l.model.param_decls();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    let selected = selection::select(&decls, &["base.*", "panel_*.k[*]"]).unwrap();
+    let start = offset_start(&decls, &truth, &selected, 0.2, 7);
+    let fit = |coarse: bool| {
+        let mut oe = OutputError::new(&l.model, &record, &Options { substeps: 1, ..Options::new(NOISE) }).unwrap();
+        let settings = lm::Settings { cost_floor: 1e-13, ..lm::Settings::default() };
+        let request = Request { coarse, settings, ..Request::new(&decls, &selected, &start) };
+        estimate(&request, &mut oe).unwrap()
+    };
+    let (over, direct) = (fit(true), fit(false));
+    assert!(over.status.is_converged() && direct.status.is_converged(), "{:?} {:?}", over.status, direct.status);
+    assert_eq!(over.residuals.len(), direct.residuals.len());
+    for (a, b) in over.parameters.iter().zip(&direct.parameters) {
+        let (sa, sb) = (a.std.unwrap(), b.std.unwrap());
+        assert!((a.value - b.value).abs() < 1e-4 * sb && (sa / sb - 1.0).abs() < 1e-6, "{}: {a:?} {b:?}", a.name);
+        assert_ne!(a.value, a.start);
+    }
+}
