@@ -53,6 +53,7 @@ fn calm(trajectory: &str) -> String {
     trajectory.lines().enumerate().map(one).collect()
 }
 
+#[test]
 fn d15_a_channel_that_is_late_is_put_right_with_a_warning() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -137,6 +138,7 @@ fn d15_clocks_that_are_required_must_be_told() {
     assert!(!c.path("x").exists());
 }
 
+#[test]
 fn d30_a_record_that_does_not_begin_at_rest_is_told_by_its_misfit() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -214,6 +216,7 @@ fn d26_modes_closer_than_the_resolution_are_named() {
     assert!(out.contains("cannot be kept apart"), "{out}");
 }
 
+#[test]
 fn models_are_compared_by_what_they_predict() {
     let c = flex();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "3"]);
@@ -257,6 +260,7 @@ fn a_simulated_arm_on_the_ground_has_no_gyro_and_is_identified() {
     assert!((c.result("res").chi2_per_dof - 1.0).abs() < 0.02);
 }
 
+#[test]
 fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
     let folder = fixture("");
     let c = slosh();
