@@ -34,7 +34,6 @@ fn shifted(text: &str, column: &str, at: impl Fn(f64) -> f64) -> String {
     })
 }
 
-#[test]
 /// A mission whose fuel rings for minutes, sampled slowly enough for that, with its stiffness alone to be found.
 pub(crate) fn ringing(mission: &str) -> String {
     let damped = mission.replace("damping_nms_per_rad = [5.0, 5.0]", "damping_nms_per_rad = [0.2, 0.2]");
@@ -54,6 +53,7 @@ fn calm(trajectory: &str) -> String {
     trajectory.lines().enumerate().map(one).collect()
 }
 
+#[test]
 fn d15_a_channel_that_is_late_is_put_right_with_a_warning() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -104,7 +104,6 @@ fn d29_momentum_that_is_not_conserved_is_refused_unless_declared() {
     assert!(err.contains("warning[Data::MomentumNotConserved]"), "{err}");
 }
 
-#[test]
 /// A torque that acts all the time: the base rate drifts, which no bias does.
 #[test]
 fn d29_momentum_that_drifts_steadily_is_refused_as_well() {
@@ -139,6 +138,7 @@ fn d15_clocks_that_are_required_must_be_told() {
     assert!(!c.path("x").exists());
 }
 
+#[test]
 fn d30_a_record_that_does_not_begin_at_rest_is_told_by_its_misfit() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -188,7 +188,6 @@ fn d25_modes_that_do_not_rise_above_the_noise() {
     c.refused(&args, 13, "Data::NoPeak", &["excite more strongly"]);
 }
 
-#[test]
 /// A record that is sampled too slowly for the modes of the model tells none of them.
 #[test]
 fn d24_samples_too_slow_for_the_modes() {
@@ -217,6 +216,7 @@ fn d26_modes_closer_than_the_resolution_are_named() {
     assert!(out.contains("cannot be kept apart"), "{out}");
 }
 
+#[test]
 fn models_are_compared_by_what_they_predict() {
     let c = flex();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "3"]);
@@ -235,11 +235,10 @@ fn models_are_compared_by_what_they_predict() {
     c.refused(&one, 11, "Config::Compare", &["fewer than two models"]);
 }
 
-#[test]
 /// A base that is bolted down has neither rate nor attitude: columns of constants would pass for broken sensors.
 #[test]
 fn a_simulated_arm_on_the_ground_has_no_gyro_and_is_identified() {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
+    let folder = fixture("");
     let c = slosh();
     let text = std::fs::read_to_string(folder.join("ground/arm.toml")).unwrap();
     let noisy = text.replace("../peers-model/", "").replace("250.0", "250.0\n\n[sensors.torque]\nnoise_std_nm = 0.2");
@@ -261,6 +260,7 @@ fn a_simulated_arm_on_the_ground_has_no_gyro_and_is_identified() {
     assert!((c.result("res").chi2_per_dof - 1.0).abs() < 0.02);
 }
 
+#[test]
 fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
     let folder = fixture("");
     let c = slosh();
