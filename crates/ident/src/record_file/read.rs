@@ -3,7 +3,7 @@
 use super::blocks::collect;
 use super::columns::{Target, targets};
 use super::samples::{Clock, NOT_FINITE, Samples};
-use super::source::{Format, blocks, in_file, opened};
+use super::source::{Format, blocks, opened};
 use super::{JointColumn, data, number};
 use crate::record::Record;
 use crate::record_builder::RecordBuilder;
@@ -83,9 +83,8 @@ pub fn read(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Resul
         Format::Csv => read_from(BufReader::with_capacity(BUFFER, file), joints, options),
         other => blocks(file, other, joints, options).and_then(|mut s| collect(s.as_mut(), joints, options)),
     };
-    let named = |p| in_file(p, path);
-    let mut loaded = loaded.map_err(named)?;
-    loaded.warnings = named(loaded.warnings);
+    let mut loaded = loaded.map_err(|p| p.in_file(path))?;
+    loaded.warnings = loaded.warnings.in_file(path);
     Ok(loaded)
 }
 

@@ -60,18 +60,12 @@ pub(super) fn opened(path: &Path, options: &ReadOptions) -> Result<(File, Format
         return Ok((file, Format::Csv));
     }
     if meta.len() > options.max_bytes {
-        return Err(in_file(Problems(vec![too_long(meta.len(), options.max_bytes)]), path));
+        return Err(Problems(vec![too_long(meta.len(), options.max_bytes)]).in_file(path));
     }
     let mut first = Vec::with_capacity(8);
     (&file).take(8).read_to_end(&mut first).map_err(io)?;
     file.seek(SeekFrom::Start(0)).map_err(io)?;
     Ok((file, Format::of(&first)))
-}
-
-/// Names the file in problems that name none.
-pub(super) fn in_file(mut problems: Problems, path: &Path) -> Problems {
-    problems.0.iter_mut().for_each(|p| _ = p.file.get_or_insert_with(|| path.to_path_buf()));
-    problems
 }
 
 /// Opens a record of any format for reading in blocks. `joints` tells joints that slide, where the file does not.
@@ -80,7 +74,7 @@ pub(super) fn in_file(mut problems: Problems, path: &Path) -> Problems {
 /// `Io::Read`, `Data::TooLarge`, `Data::NoReader` for a format that this build leaves out, and those of the header.
 pub fn open(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Result<(Format, Box<dyn Blocks>), Problems> {
     let (file, format) = opened(path, options)?;
-    Ok((format, blocks(file, format, joints, options).map_err(|p| in_file(p, path))?))
+    Ok((format, blocks(file, format, joints, options).map_err(|p| p.in_file(path))?))
 }
 
 /// The reader of a file at its start.
