@@ -100,7 +100,8 @@ pub fn default_rank_tolerance(rows: usize, columns: usize) -> f64 {
     rows.max(columns) as f64 * f64::EPSILON
 }
 
-/// `A^T A` (n x n) of an m x n matrix. Squares the condition number: see [`crate::lm`] for when that is safe.
+/// `A^T A` (n x n) of an m x n matrix. Squares the condition number: safe for well conditioned columns only, and then cheaper than a
+/// factorisation.
 ///
 /// # Errors
 /// [`LinalgError::NotFinite`].
