@@ -92,7 +92,7 @@ pub(crate) fn build(name: Name, form: Form) -> anyhow::Result<Peer> {
                     rest: 0.0,
                 };
                 let chain = PanelChain::new(hinges.map(segment).to_vec()).map_err(|p| anyhow!("{p}"))?;
-                mount(&mut model, wing, Vector3::new(x, 0.0, 0.6), Arc::new(chain))?;
+                mount(&mut model, wing, Vector3::new(x, 0.0, 0.6), chain.into())?;
             }
             vec![PANEL; 4]
         }
@@ -109,7 +109,7 @@ pub(crate) fn build(name: Name, form: Form) -> anyhow::Result<Peer> {
         }
         (Name::Slosh, Form::Ports) => {
             let p = SloshPendulum::new(100.0, 0.8, [SLOSH.0; 2], [SLOSH.1; 2]).map_err(|p| anyhow!("{p}"))?;
-            mount(&mut model, "slosh", FULCRUM, Arc::new(p))?;
+            mount(&mut model, "slosh", FULCRUM, p.into())?;
             vec![SLOSH; 2]
         }
         (Name::Slosh, Form::Tree) => {

@@ -56,7 +56,7 @@ fn faults_are_named() {
 fn takes_any_table(
     _: &ffid::model::toml::Table,
 ) -> Result<std::sync::Arc<dyn ff_model::DynAppendage>, ff_model::Problems> {
-    Ok(std::sync::Arc::new(ffid::slosh_pendulum::SloshPendulum::new(3.0, 0.7, [2.0, 3.0], [0.0, 0.0])?))
+    Ok(ffid::slosh_pendulum::SloshPendulum::new(3.0, 0.7, [2.0, 3.0], [0.0, 0.0])?.into())
 }
 
 #[test]

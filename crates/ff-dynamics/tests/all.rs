@@ -1,10 +1,11 @@
 //! The integration tests as one program: as many programs would compile the same generic dynamics again and again.
-//! `cargo test -p ff-dynamics --test all reduced` runs those of `reduced.rs`. Allocations are counted in a program of
-//! their own, `allocation.rs`, because the counter replaces the allocator.
+//! `cargo test -p ff-dynamics --test all reduced` runs those of `reduced.rs`. `allocation.rs` counts allocations thread by
+//! thread, so that the others do not disturb it.
 
 mod common;
 
 mod adaptive;
+mod allocation;
 mod centroidal;
 mod conservation;
 mod derivatives;

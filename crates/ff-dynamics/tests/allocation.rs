@@ -1,9 +1,8 @@
 //! Nothing allocates after `Work::new`: every algorithm that takes a `Work`, over every number type, and the integrator.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
-mod common;
+use crate::common::*;
 use allocation_counter::measure;
-use common::*;
 use ff_dynamics::integrate::{QUADRATURES, Rkmk4};
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::*;

@@ -21,15 +21,15 @@ fn general() -> Model {
     for host in [0, 3] {
         let part = segment(rand_inertia(&mut r, 4.0), rand_v3(&mut r, 0.5), rand_unit(&mut r)).with_spring(80.0, 1.5);
         let panel = flex_panel::PanelChain::new(vec![part.clone(), part]).unwrap();
-        m.mount(format!("panel{host}"), host, at(&mut r), std::sync::Arc::new(panel)).unwrap();
+        m.mount(format!("panel{host}"), host, at(&mut r), panel.into()).unwrap();
         let rigid = Inertia::from_com(20.0, &v3(0.3, 0.9, -0.2), &Matrix3::from_diagonal(&v3(6.0, 3.0, 7.0)));
         let mode = |f, p: [f64; 6]| Mode { frequency_hz: f, damping_ratio: 0.02, participation: Vector6::from(p) };
         let modes = [mode(0.7, [0.4, -0.3, 1.9, 1.1, 0.2, -0.3]), mode(1.3, [1.2, 0.5, -0.2, 0.1, -0.4, 0.9])];
         let modal = ModalAppendage::new(rigid, &modes).unwrap();
-        m.mount(format!("modal{host}"), host, at(&mut r), std::sync::Arc::new(modal)).unwrap();
+        m.mount(format!("modal{host}"), host, at(&mut r), modal.into()).unwrap();
     }
     let slosh = slosh_pendulum::SloshPendulum::new(30.0, 0.6, [9.0, 11.0], [1.5, 2.0]).unwrap();
-    m.mount("tank", 0, at(&mut r), std::sync::Arc::new(slosh)).unwrap();
+    m.mount("tank", 0, at(&mut r), slosh.into()).unwrap();
     m
 }
 

@@ -7,7 +7,11 @@
 //! decides rank explicitly. All functions allocate their results. faer runs sequentially (no `rayon`
 //! feature), so that results repeat bit for bit on one machine.
 //!
-//! A crate of its own, because faer is generic code: what uses it compiles it anew, for minutes (decision 0010).
+//! [`fourier`] is the same bridge to rustfft.
+//!
+//! A crate of its own, because faer and rustfft are generic code: what uses them compiles them anew, for minutes (decision 0010).
+
+pub mod fourier;
 
 use faer::linalg::solvers::SolveLstsq;
 use faer::{MatRef, Side};
@@ -54,6 +58,9 @@ pub enum LinalgError {
         /// Which factorisation.
         what: &'static str,
     },
+    /// A transform refused its buffers; a bug of this crate.
+    #[error("fast Fourier transform: {0}")]
+    Transform(String),
 }
 
 type Result<T> = core::result::Result<T, LinalgError>;

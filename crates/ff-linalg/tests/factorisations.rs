@@ -80,3 +80,26 @@ fn non_finite_input_stops_at_the_door() {
     let square = LinalgError::Shape { what: "symmetric matrix", rows: 7, columns: 3, needed: "a square matrix".into() };
     assert_eq!(symmetric_eigen(&a).unwrap_err(), square);
 }
+
+/// Against the defining sum, for a length with a large prime factor, an odd one and a power of two.
+#[test]
+fn the_transform_is_the_defining_sum() {
+    for n in [2 * 37, 45, 64] {
+        let x: Vec<f64> = (0..n).map(|i| (0.3 * i as f64).sin() + 0.2 * ((i * i) % 7) as f64).collect();
+        let mut fft = ff_linalg::fourier::RealFft::new(n);
+        // Twice: nothing of the first run stays.
+        for _ in 0..2 {
+            fft.input().copy_from_slice(&x);
+            let got = fft.run().unwrap().to_vec();
+            assert_eq!((got.len(), fft.lines()), (n / 2 + 1, n / 2 + 1));
+            for (j, z) in got.iter().enumerate() {
+                let phase = |i: usize| -std::f64::consts::TAU * ((i * j) % n) as f64 / n as f64;
+                let (re, im) = x
+                    .iter()
+                    .enumerate()
+                    .fold((0.0, 0.0), |(re, im), (i, x)| (re + x * phase(i).cos(), im + x * phase(i).sin()));
+                assert!((z.re - re).hypot(z.im - im) < 1e-11, "n = {n}, line {j}: {z} for {re} + {im} i");
+            }
+        }
+    }
+}

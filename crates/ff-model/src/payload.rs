@@ -66,8 +66,10 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
             }
         }
     })?;
-    Ok(Arc::new(payload))
+    Ok(payload.into())
 }
+
+crate::shared!(Payload);
 
 impl Appendage for Payload {
     fn decl(&self) -> &Decl {

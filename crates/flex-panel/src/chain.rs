@@ -232,6 +232,8 @@ impl PanelChain {
     }
 }
 
+ff_model::shared!(PanelChain);
+
 /// Collects segments from the host outwards; see [`PanelChain::builder`].
 #[derive(Clone, Debug, Default)]
 pub struct PanelBuilder {

@@ -43,10 +43,10 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
     })?;
     let chain = PanelChain::new(segments)?;
     if k.is_none() && d.is_none() {
-        return Ok(Arc::new(chain));
+        return Ok(chain.into());
     }
     let (own_k, own_d) = chain.stiffness_damping();
-    Ok(Arc::new(chain.with_coupling(&k.unwrap_or(own_k), &d.unwrap_or(own_d))?))
+    Ok(chain.with_coupling(&k.unwrap_or(own_k), &d.unwrap_or(own_d))?.into())
 }
 
 /// A matrix in rows of equal length.

@@ -223,6 +223,8 @@ fn check_residual(rigid: &Inertia<f64>, modes: &[Mode]) -> Option<Problem> {
     Residual::new(rigid, &DMatrix::from_fn(6, modes.len(), |i, j| modes[j].participation[i])).problem()
 }
 
+ff_model::shared!(ModalAppendage);
+
 impl Appendage for ModalAppendage {
     fn decl(&self) -> &Decl {
         &self.decl

@@ -240,7 +240,7 @@ fn a_chains_own_modes_move_the_base_as_it_does_at_small_angles() {
         m.mount("wing", 0, mount, a).unwrap();
         m
     };
-    let (full, modal) = (model(Arc::new(chain)), model(Arc::new(lin.appendage.clone())));
+    let (full, modal) = (model(chain.into()), model(lin.appendage.clone().into()));
     let inverse = lin.shapes.clone().try_inverse().unwrap();
     let difference = |angle: f64| {
         let delta = nalgebra::DVector::from_vec(vec![angle, -0.6 * angle, 0.8 * angle]);

@@ -28,7 +28,7 @@
 //! | [`loss`] | what a residual costs, and what outliers may |
 //! | [`linalg`], [`lm`] | factorisations that refuse bad input, and the least-squares solver |
 //!
-//! No type of faer or rustfft appears in a public signature.
+//! No type of faer, realfft or rustfft appears in a public signature.
 
 mod affine;
 mod assignment;

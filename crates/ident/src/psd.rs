@@ -10,9 +10,8 @@
 //! in (unit of x)^2 / Hz, so that the integral of S over f is the variance of x. The numbers are those of
 //! `scipy.signal.welch` with its defaults (P. Welch, IEEE Trans. Audio Electroacoustics 15(2), 1967).
 
-use realfft::{RealFftPlanner, RealToComplex};
-use rustfft::num_complex::Complex;
-use std::sync::Arc;
+use ff_linalg::LinalgError;
+use ff_linalg::fourier::RealFft;
 
 /// Why there is no spectrum.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -69,9 +68,9 @@ pub enum PsdError {
     /// Spectra to be summed have different grids, or there are none.
     #[error("{0}")]
     Mismatch(String),
-    /// The transform refused its buffers; a bug in this module.
-    #[error("fast Fourier transform: {0}")]
-    Transform(String),
+    /// The transform refused its buffers; a bug.
+    #[error(transparent)]
+    Transform(#[from] LinalgError),
 }
 
 impl PsdError {
@@ -104,17 +103,14 @@ pub struct Psd {
     pub rate_hz: f64,
 }
 
-/// Welch's method for one segment length. Owns every buffer, so that the transform, which panics on a
-/// buffer of the wrong length, never meets one (bad-inputs row D38).
+/// Welch's method for one segment length. Owns every buffer, so that the transform, which refuses a
+/// buffer of another length, never meets one (bad-inputs row D38).
 pub struct Welch {
     rate_hz: f64,
     window: Vec<f64>,
     /// `1 / (fs sum(w^2))`.
     scale: f64,
-    plan: Arc<dyn RealToComplex<f64>>,
-    input: Vec<f64>,
-    output: Vec<Complex<f64>>,
-    scratch: Vec<Complex<f64>>,
+    transform: RealFft,
 }
 
 impl core::fmt::Debug for Welch {
@@ -136,9 +132,7 @@ impl Welch {
         let step = core::f64::consts::TAU / segment as f64;
         let window: Vec<f64> = (0..segment).map(|i| 0.5 - 0.5 * (step * i as f64).cos()).collect();
         let scale = 1.0 / (rate_hz * window.iter().map(|w| w * w).sum::<f64>());
-        let plan = RealFftPlanner::new().plan_fft_forward(segment);
-        let (input, output, scratch) = (plan.make_input_vec(), plan.make_output_vec(), plan.make_scratch_vec());
-        Ok(Self { rate_hz, window, scale, plan, input, output, scratch })
+        Ok(Self { rate_hz, window, scale, transform: RealFft::new(segment) })
     }
 
     /// The spectrum of one channel. Samples after the last whole segment are not used (as scipy does not).
@@ -156,17 +150,14 @@ impl Welch {
         }
         let hop = l - l / 2;
         let segments = (x.len() - l) / hop + 1;
-        let mut density = vec![0.0; self.output.len()];
+        let mut density = vec![0.0; self.transform.lines()];
         for k in 0..segments {
             let part = &x[k * hop..k * hop + l];
             let mean = part.iter().sum::<f64>() / l as f64;
-            for (y, (v, w)) in self.input.iter_mut().zip(part.iter().zip(&self.window)) {
+            for (y, (v, w)) in self.transform.input().iter_mut().zip(part.iter().zip(&self.window)) {
                 *y = (v - mean) * w;
             }
-            self.plan
-                .process_with_scratch(&mut self.input, &mut self.output, &mut self.scratch)
-                .map_err(|e| PsdError::Transform(e.to_string()))?;
-            for (d, z) in density.iter_mut().zip(&self.output) {
+            for (d, z) in density.iter_mut().zip(self.transform.run()?) {
                 *d += z.norm_sqr();
             }
         }

@@ -14,7 +14,7 @@
 //! A fit with n parameters has used up n of the N degrees of freedom; with thousands of samples that does not matter here.
 
 use crate::chi_square::chi_square_survival;
-use realfft::RealFftPlanner;
+use ff_linalg::fourier::RealFft;
 use serde::Serialize;
 
 /// Lags of the portmanteau test.
@@ -75,9 +75,9 @@ pub enum CheckError {
         /// The value.
         value: f64,
     },
-    /// The transform refused its buffers; a bug in this module.
-    #[error("fast Fourier transform: {0}")]
-    Transform(String),
+    /// The transform refused its buffers; a bug.
+    #[error(transparent)]
+    Transform(#[from] ff_linalg::LinalgError),
 }
 
 /// Judges one channel of whitened residuals sampled at `rate_hz`, with the natural frequencies of the model. Allocates.
@@ -132,11 +132,11 @@ impl ChannelCheck {
 
 /// Periodogram without the mean, in any unit, from the first frequency above zero to the last below Nyquist.
 fn periodogram(r: &[f64], mean: f64) -> Result<Vec<f64>, CheckError> {
-    let plan = RealFftPlanner::new().plan_fft_forward(r.len());
-    let mut input: Vec<f64> = r.iter().map(|x| x - mean).collect();
-    let mut output = plan.make_output_vec();
-    plan.process(&mut input, &mut output).map_err(|e| CheckError::Transform(e.to_string()))?;
-    Ok(output[1..r.len().div_ceil(2)].iter().map(|c| c.norm_sqr()).collect())
+    let mut transform = RealFft::new(r.len());
+    for (y, x) in transform.input().iter_mut().zip(r) {
+        *y = x - mean;
+    }
+    Ok(transform.run()?[1..r.len().div_ceil(2)].iter().map(|c| c.norm_sqr()).collect())
 }
 
 /// `p` of Bartlett's test.

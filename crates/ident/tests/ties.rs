@@ -12,7 +12,6 @@ use ident::ties::{Affine, Tie, TieMap, Tied};
 use ident::*;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use slosh_pendulum::geometry::Tank;
-use std::sync::Arc;
 
 /// The robot of the speed comparison with the peers.
 fn robot() -> Model {
@@ -55,7 +54,7 @@ fn robot() -> Model {
             rest: 0.0,
         };
         let chain = PanelChain::new(vec![segment(0.0), segment(2.0 * side)]).unwrap();
-        model.mount(wing, 0, Xform::new(Matrix3::identity(), Vector3::new(x, 0.0, 0.6)), Arc::new(chain)).unwrap();
+        model.mount(wing, 0, Xform::new(Matrix3::identity(), Vector3::new(x, 0.0, 0.6)), chain.into()).unwrap();
     }
     model
 }

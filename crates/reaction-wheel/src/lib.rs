@@ -218,8 +218,10 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
         let all = [mass, spin, transverse, viscous, dry, rounding];
         (axis.is_some() && all.iter().all(Option::is_some)).then_some(w)
     })?;
-    Ok(Arc::new(ReactionWheel::new(&wheel)?))
+    Ok(ReactionWheel::new(&wheel)?.into())
 }
+
+ff_model::shared!(ReactionWheel);
 
 impl Appendage for ReactionWheel {
     fn decl(&self) -> &Decl {

@@ -13,7 +13,6 @@ use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reaction_wheel::{KIND, ReactionWheel, Wheel, axial_momentum, from_toml, register};
-use std::sync::Arc;
 use validate::check_appendage;
 
 type Random = ChaCha8Rng;
@@ -125,7 +124,7 @@ fn the_wheel_is_its_tree_twin() {
         let w = random(&mut r);
         let [mass, j, jt, d, c] = w.nominal();
         let mut port = Model::new("sat", "base", base(), BaseKind::Floating);
-        port.mount("wheel", 0, mount(), Arc::new(w.clone())).unwrap();
+        port.mount("wheel", 0, mount(), w.clone().into()).unwrap();
         let a = w.axis();
         let rotor =
             Inertia::from_com(mass, &Vector3::zeros(), &(Matrix3::identity() * jt + a * a.transpose() * (j - jt)));
@@ -178,7 +177,7 @@ fn the_motor_turns_the_base_the_other_way_and_keeps_the_momentum() {
         rounding: 0.1,
     };
     let mut m = Model::new("sat", "base", base(), BaseKind::Floating);
-    m.mount("wheel", 0, mount(), Arc::new(ReactionWheel::new(&wheel).unwrap())).unwrap();
+    m.mount("wheel", 0, mount(), ReactionWheel::new(&wheel).unwrap().into()).unwrap();
     let (p, mut work) = (Params::nominal(&m), Work::new(&m));
     let motor = 0.05;
     let mut s = State::<f64>::zero(&m);

@@ -20,5 +20,5 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
         check(mass.unwrap_or(1.0), length.unwrap_or(1.0), k.unwrap_or_default(), d.unwrap_or_default(), t.problems());
         Some((mass?, length?, k?, d?))
     })?;
-    Ok(Arc::new(SloshPendulum::new(mass, length, k, d)?))
+    Ok(SloshPendulum::new(mass, length, k, d)?.into())
 }

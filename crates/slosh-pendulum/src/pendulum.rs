@@ -127,6 +127,8 @@ fn sized<'a, T: Scalar>(p: &'a [T], s: &PortState<'a, T>) -> (&'a [T], PortState
     (&p[..6], PortState { host: s.host, eta: &s.eta[..2], nu: &s.nu[..2] })
 }
 
+ff_model::shared!(SloshPendulum);
+
 impl Appendage for SloshPendulum {
     fn decl(&self) -> &Decl {
         &self.decl

@@ -75,8 +75,10 @@ impl SloshSpringMass {
 /// Every problem of the table: those of [`ff_model::keys::read`] and of [`SloshSpringMass::new`].
 pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
     let v = keys::read(table, |t| check::read_springs(t, "rest_m"))?;
-    Ok(Arc::new(SloshSpringMass::new(v.mass, v.rest, &v.k, &v.d, v.travel)?))
+    Ok(SloshSpringMass::new(v.mass, v.rest, &v.k, &v.d, v.travel)?.into())
 }
+
+ff_model::shared!(SloshSpringMass);
 
 impl Appendage for SloshSpringMass {
     fn decl(&self) -> &Decl {

@@ -178,6 +178,8 @@ fn fixed_problem(e: &InertiaError) -> Problem {
     Problem::error(Area::Config, code, e.to_string()).on(key).hint(hint)
 }
 
+ff_model::shared!(SloshTank);
+
 impl Appendage for SloshTank {
     fn decl(&self) -> &Decl {
         &self.decl

@@ -56,7 +56,7 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
             }
         }
     })?;
-    Ok(Arc::new(SloshTank::new(fixed, &parts)?))
+    Ok(SloshTank::new(fixed, &parts)?.into())
 }
 
 type Contents = (Option<FixedFuel>, Vec<SloshPart>);

@@ -145,7 +145,7 @@ mod factories {
     pub(super) const TABLE: &str = "mass_kg = 3.0\nlength_m = 0.7";
 
     fn make(mass: f64, length: f64) -> Made {
-        Ok(Arc::new(SloshPendulum::new(mass, length, [2.0, 3.0], [0.2, 0.3])?))
+        Ok(SloshPendulum::new(mass, length, [2.0, 3.0], [0.2, 0.3])?.into())
     }
     pub(super) fn panics(t: &toml::Table) -> Made {
         make(t["mass_kg"].as_float().unwrap(), t["length_m"].as_float().unwrap())

@@ -152,8 +152,8 @@ pub(crate) fn with_twins(arm: &Model, parts: &[(usize, Xform<f64>, Part)]) -> Tw
     let mut springs = Vec::new();
     for (k, (host, mount, part)) in parts.iter().enumerate() {
         let (appendage, bodies) = match part {
-            Part::Panel(p) => (std::sync::Arc::new(p.clone()) as std::sync::Arc<dyn DynAppendage>, p.twin_bodies()),
-            Part::Slosh(s) => (std::sync::Arc::new(s.clone()) as _, s.twin_bodies()),
+            Part::Panel(p) => (std::sync::Arc::<dyn DynAppendage>::from(p.clone()), p.twin_bodies()),
+            Part::Slosh(s) => (s.clone().into(), s.twin_bodies()),
         };
         ports.mount(format!("a{k}"), *host, *mount, appendage).unwrap();
         let mut ids = Vec::new();

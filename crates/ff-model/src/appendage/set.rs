@@ -68,3 +68,19 @@ tuples! {
     (A: 0, B: 1, C: 2, D: 3, E: 4, F: 5, G: 6)
     (A: 0, B: 1, C: 2, D: 3, E: 4, F: 5, G: 6, H: 7)
 }
+
+/// Writes `From<Kind> for Arc<dyn DynAppendage>`, what [`crate::Model::mount`] takes, for a kind of appendage: stands once in the crate
+/// of the kind. It compiles the kind's dynamics for every number type there, so that programs which say `kind.into()` need
+/// not; `Arc::new(kind)` does the same and compiles them anew in each program.
+#[macro_export]
+macro_rules! shared {
+    ($kind:ty) => {
+        impl From<$kind> for std::sync::Arc<dyn $crate::DynAppendage> {
+            // Inlined, it would be compiled where it is called.
+            #[inline(never)]
+            fn from(appendage: $kind) -> Self {
+                std::sync::Arc::new(appendage)
+            }
+        }
+    };
+}

@@ -58,7 +58,7 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
         let modes = modes.filter(|m| check_modes(m, t.problems()));
         Some((rigid.filter(|_| sound)?, modes?))
     })?;
-    Ok(Arc::new(ModalAppendage::new(rigid, &modes)?))
+    Ok(ModalAppendage::new(rigid, &modes)?.into())
 }
 
 fn mode(t: &mut Keys<'_, '_>) -> Option<Mode> {

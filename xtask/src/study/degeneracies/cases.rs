@@ -131,7 +131,7 @@ fn universal() -> Model {
 
 fn mount_payload(model: &mut Model, host: usize) -> anyhow::Result<()> {
     let payload = Payload::new(&body(4)).context("payload")?;
-    model.mount("client", host, Xform::new(Matrix3::identity(), place(3)), Arc::new(payload))?;
+    model.mount("client", host, Xform::new(Matrix3::identity(), place(3)), payload.into())?;
     Ok(())
 }
 
@@ -207,7 +207,7 @@ fn symmetric() -> anyhow::Result<Case> {
         };
         let panel = PanelChain::new(vec![segment(0), segment(1)])?;
         let at = Xform::new(Matrix3::identity(), Vector3::new(x, 0.5 * side, 0.3));
-        m.mount(format!("panel_{name}"), 0, at, Arc::new(panel))?;
+        m.mount(format!("panel_{name}"), 0, at, panel.into())?;
     }
     // Joint held where it is; wing tips up by the same.
     let motion = Sines { joints: 1, amplitude: 0.0, seconds: 16.0 };
