@@ -22,7 +22,7 @@ fn coupled_chains_keep_every_law() {
     let mut r = rng(41);
     for n in [2, 3, 6] {
         let c = coupled(&mut r, n);
-        let report = check_appendage(&c);
+        let report = check_appendage(&*crate::common::ports::shared(&c));
         println!("{report}");
         assert!(report.checks.iter().all(|c| c.pass), "{n} segments: {report}");
         assert_eq!(c.decl().params.len(), 12 * n + n * (n - 1));

@@ -1,4 +1,5 @@
 //! The modal appendage: laws, residual mass, and the chain whose modes it carries.
+use crate::common::ports::shared;
 use crate::common::{rel, rng, segment, sym, vec3};
 use ff_dynamics::{State, Work, forward_dynamics};
 use ff_model::{
@@ -44,7 +45,7 @@ fn matrix(a: &dyn PortModel<f64>, p: &[f64], eta: &[f64]) -> DMatrix<f64> {
 fn random_modal_appendages_keep_every_law() {
     let mut r = rng(31);
     for n in [1, 2, 5, 16] {
-        let report = check_appendage(&modal(&mut r, n));
+        let report = check_appendage(&*shared(&modal(&mut r, n)));
         println!("{report}");
         // The first moment does not follow the deflection: advice that a linearised model cannot take.
         assert!(report.passed(), "{n} modes: {report}");
@@ -150,7 +151,7 @@ fn damping_that_couples_modes_is_reported() {
             (0..n).map(|i| segment(&mut r).with_spring(90.0 + 40.0 * i as f64, 0.3 + 1.9 * (i * i) as f64)).collect();
         let chain = PanelChain::new(segments).unwrap();
         let rest: Vec<f64> = (0..n).map(|i| chain.segment(i).unwrap().rest).collect();
-        let lin = linearise(&chain, &chain.nominal(), &rest).unwrap();
+        let lin = linearise(&*shared(&chain), &chain.nominal(), &rest).unwrap();
         let d = DMatrix::from_diagonal(&nalgebra::DVector::from_fn(n, |i, _| chain.segment(i).unwrap().damping));
         let modal = lin.shapes.transpose() * d * &lin.shapes;
         let mut want = 0.0_f64;
@@ -171,7 +172,7 @@ fn a_chains_own_modes_have_its_transfer_functions() {
     for n in [1, 2, 3, 6] {
         let chain = proportional(&mut r, n, 0.013);
         let rest: Vec<f64> = (0..n).map(|i| chain.segment(i).unwrap().rest).collect();
-        let lin = linearise(&chain, &chain.nominal(), &rest).unwrap();
+        let lin = linearise(&*shared(&chain), &chain.nominal(), &rest).unwrap();
         assert!(lin.damping_coupling < 1e-10, "{}", lin.damping_coupling);
         let diagonal = |f: &dyn Fn(usize) -> f64| DMatrix::from_diagonal(&nalgebra::DVector::from_fn(n, |i, _| f(i)));
         let s = |i: usize| chain.segment(i).unwrap();
@@ -228,7 +229,7 @@ fn a_chains_own_modes_move_the_base_as_it_does_at_small_angles() {
     let mut r = rng(36);
     let chain = proportional(&mut r, 3, 0.02);
     let rest: Vec<f64> = (0..3).map(|i| chain.segment(i).unwrap().rest).collect();
-    let lin = linearise(&chain, &chain.nominal(), &rest).unwrap();
+    let lin = linearise(&*shared(&chain), &chain.nominal(), &rest).unwrap();
     let base = Inertia::from_com(
         90.0,
         &Vector3::new(0.2, -0.3, 0.4),
@@ -266,7 +267,7 @@ fn one_panel_has_the_frequency_and_effective_mass_of_the_book() {
     let b: TwinBody = PanelChain::new(vec![s.clone()]).unwrap().twin_bodies().remove(0);
     let j = e.dot(&(b.inertia.rot * e));
     let chain = PanelChain::new(vec![s]).unwrap();
-    let lin = linearise(&chain, &chain.nominal(), &[0.0]).unwrap();
+    let lin = linearise(&*shared(&chain), &chain.nominal(), &[0.0]).unwrap();
     let p = lin.appendage.nominal();
     assert!((p[11] - 180.0 / j).abs() < 1e-12 && (p[12] - 2.3 / j).abs() < 1e-14);
     let sign = lin.shapes[(0, 0)].signum();

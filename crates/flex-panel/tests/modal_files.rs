@@ -122,7 +122,7 @@ fn both_files_hold_the_modes_of_the_panel_chain() {
         .with_spring(180.0, 1.8),
     ])
     .unwrap();
-    let lin = linearise(&chain, &chain.nominal(), &[0.0; 2]).unwrap().appendage;
+    let lin = linearise(&*crate::common::ports::shared(&chain), &chain.nominal(), &[0.0; 2]).unwrap().appendage;
     let want = ff_model::Appendage::decl(&lin);
     let csv = read_csv(&text("wing.csv"), Path::new("wing.csv")).unwrap();
     let f06 = read_f06(&text("wing.f06"), 0.006, Path::new("wing.f06")).unwrap();

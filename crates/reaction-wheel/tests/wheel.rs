@@ -47,7 +47,7 @@ fn random(r: &mut ChaCha8Rng) -> ReactionWheel {
 fn random_wheels_keep_every_law() {
     let mut r = ChaCha8Rng::seed_from_u64(61);
     for _ in 0..10 {
-        let report = check_appendage(&random(&mut r));
+        let report = check_appendage(&*ports::shared(&random(&mut r)));
         println!("{report}");
         assert!(report.checks.iter().all(|c| c.pass), "{report}");
     }

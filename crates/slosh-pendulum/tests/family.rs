@@ -1,9 +1,7 @@
 //! Spring-mass and tank: laws, equivalence with the pendulum, geometry, and what is said when a table is wrong.
-use crate::common::ports::check_ports;
+use crate::common::ports::{check_ports, shared};
 use crate::common::{Random, pendulum, rel, rng, sym, vec3};
-use ff_model::{
-    Appendage, DynAppendage, ModelScalar, Motion, PortMatrix, PortModel, PortState, Problems, derived_bias,
-};
+use ff_model::{Appendage, DynAppendage, Motion, PortMatrix, PortModel, PortState, Problems, derived_bias};
 use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 use rand::RngExt;
 use slosh_pendulum::geometry::Tank;
@@ -45,7 +43,7 @@ fn tank(r: &mut Random) -> SloshTank {
 fn random_spring_masses_and_tanks_keep_every_law() {
     let mut r = rng(51);
     for i in 0..6 {
-        let reports = [check_appendage(&spring_mass(&mut r, 2 + i % 2)), check_appendage(&tank(&mut r))];
+        let reports = [shared(&spring_mass(&mut r, 2 + i % 2)), shared(&tank(&mut r))].map(|a| check_appendage(&*a));
         for report in reports {
             println!("{report}");
             assert!(report.checks.iter().all(|c| c.pass), "{report}");
@@ -103,10 +101,10 @@ fn port_equations_equal_the_defaults_over_lanes_and_differences() {
     }
 }
 
-fn matrix(a: &dyn DynAppendage, p: &[f64], eta: &[f64]) -> DMatrix<f64> {
+fn matrix(a: &dyn PortModel<f64>, p: &[f64], eta: &[f64]) -> DMatrix<f64> {
     let n = 6 + eta.len();
     let mut buffer = vec![0.0; n * n];
-    f64::port(a).inertia(p, eta, &mut PortMatrix::new(eta.len(), &mut buffer));
+    a.inertia(p, eta, &mut PortMatrix::new(eta.len(), &mut buffer));
     DMatrix::from_row_slice(n, n, &buffer)
 }
 
@@ -135,9 +133,9 @@ fn a_tank_is_the_sum_of_its_parts() {
     assert!((whole.view((0, 8), (6, 3)) - b.view((0, 6), (6, 3))).amax() < 1e-12);
     assert!((whole.view((8, 8), (3, 3)) - b.view((6, 6), (3, 3))).amax() < 1e-12);
     let host = Motion::new(vec3(&mut r, 1.0), vec3(&mut r, 1.0));
-    let bias = |x: &dyn DynAppendage, p: &[f64], range: std::ops::Range<usize>| {
+    let bias = |x: &dyn PortModel<f64>, p: &[f64], range: std::ops::Range<usize>| {
         let mut h = vec![0.0; 6 + range.len()];
-        f64::port(x).bias(p, &PortState { host, eta: &eta[range.clone()], nu: &nu[range] }, &mut h);
+        x.bias(p, &PortState { host, eta: &eta[range.clone()], nu: &nu[range] }, &mut h);
         h
     };
     let (h, ha, hb) =
@@ -150,7 +148,7 @@ fn a_tank_is_the_sum_of_its_parts() {
 
 /// Wrench about a fixed point per acceleration of the host, at rest, at frequency `w` (rad/s): `M_bb + w^2 M_be (K +
 /// i w D - w^2 M_ee)^-1 M_eb`, for an appendage whose mount is `height` above the point along z.
-fn impedance(a: &dyn DynAppendage, p: &[f64], k: &[f64], d: &[f64], height: f64, w: f64) -> DMatrix<Complex<f64>> {
+fn impedance(a: &dyn PortModel<f64>, p: &[f64], k: &[f64], d: &[f64], height: f64, w: f64) -> DMatrix<Complex<f64>> {
     let n = k.len();
     let m = matrix(a, p, &vec![0.0; n]);
     let c = |x: DMatrix<f64>| x.map(|x| Complex::new(x, 0.0));

@@ -5,6 +5,7 @@ use flex_panel::{PanelChain, Segment};
 use nalgebra::{Matrix3, Vector3};
 use slosh_pendulum::SloshPendulum;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use validate::conformance::law;
 use validate::known_wrong::{known_wrong, right};
 use validate::{ConformanceReport, check_appendage, check_appendage_counting, check_kind};
@@ -66,7 +67,7 @@ fn every_law_of_an_appendage_is_broken_by_some_wrong_one() {
     assert!(silent.is_empty(), "no wrong appendage breaks {silent:?}");
 }
 
-fn shipped() -> Vec<Box<dyn ff_model::DynAppendage>> {
+fn shipped() -> Vec<Arc<dyn ff_model::DynAppendage>> {
     let i = Matrix3::new(3.1, 0.2, -0.3, 0.2, 2.4, 0.1, -0.3, 0.1, 3.7);
     let s = |x: f64| {
         Segment::new(20.0 + x, Vector3::new(0.1, 1.0, -0.2), &i, Vector3::new(0.4, x, 0.3), Vector3::new(1.0, 0.3, -x))
@@ -75,11 +76,11 @@ fn shipped() -> Vec<Box<dyn ff_model::DynAppendage>> {
     };
     let chain = |n: i32| PanelChain::new((0..n).map(|i| s(0.4 + f64::from(i))).collect()).unwrap();
     vec![
-        Box::new(chain(1)),
-        Box::new(chain(2)),
-        Box::new(chain(5)),
-        Box::new(chain(16)),
-        Box::new(SloshPendulum::new(100.0, 0.8, [20.0, 21.0], [5.0, 6.0]).unwrap()),
+        chain(1).into(),
+        chain(2).into(),
+        chain(5).into(),
+        chain(16).into(),
+        SloshPendulum::new(100.0, 0.8, [20.0, 21.0], [5.0, 6.0]).unwrap().into(),
     ]
 }
 

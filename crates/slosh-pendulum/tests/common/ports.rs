@@ -3,6 +3,12 @@
 use super::{Random, rel, sym, vec3};
 use ff_model::lanes::{Isa, LaneScalar, LaneTask, dispatch};
 use ff_model::{Appendage, Decl, DynAppendage, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar};
+use std::sync::Arc;
+
+/// As a model holds it, with the dynamics that its crate compiled: `&a as &dyn DynAppendage` compiles them anew.
+pub(crate) fn shared(a: &(impl Clone + Into<Arc<dyn DynAppendage>>)) -> Arc<dyn DynAppendage> {
+    a.clone().into()
+}
 
 /// An appendage with nothing of its own but inertia, potential and bias; everything else is a default.
 pub(crate) struct Plain<A>(pub(crate) A);
@@ -110,18 +116,23 @@ impl LaneTask for Compare<'_> {
 
 /// Holds `terms`, `residual`, `jacobian` and `regressor` to the defaults over plain numbers and over every vector type
 /// of the machine, and the derivatives to central differences of the default residual.
-pub(crate) fn check_ports<A: Appendage + Clone>(a: &A, p: &[f64], r: &mut Random, samples: usize) {
-    let plain = Plain(a.clone());
+pub(crate) fn check_ports<A: Appendage + Clone + Into<Arc<dyn DynAppendage>>>(
+    a: &A,
+    p: &[f64],
+    r: &mut Random,
+    samples: usize,
+) {
+    let (own, plain) = (shared(a), Plain(a.clone()));
     let n = a.decl().coords.len();
     for _ in 0..samples {
         let moves: Vec<Move> = (0..8).map(|_| Move::new(r, n)).collect();
-        let compare = || Compare { own: a, plain: &plain, p, moves: moves.clone() };
+        let compare = || Compare { own: &*own, plain: &plain, p, moves: moves.clone() };
         let isas = [Isa::Portable, Isa::V3, Isa::V4].into_iter().filter(|&i| i <= Isa::detect());
         let each = isas.map(|i| dispatch(i, compare())).chain([compare().run::<f64>()]);
         for (i, w) in each.enumerate() {
             assert!(w.iter().all(|x| *x < 1e-12), "terms, residual, jacobian, regressor: {w:?}, number type {i}");
         }
-        differences(a, &plain, p, &moves[0]);
+        differences(&*own, &plain, p, &moves[0]);
     }
 }
 
