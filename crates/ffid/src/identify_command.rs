@@ -10,7 +10,7 @@ use ffid::files::folder::{Entry, Folder};
 use ffid::ident::Record;
 use ffid::identify::compare::{Kind, Trial, judge};
 use ffid::identify::doubts::{Doubts, Watches, careful};
-use ffid::identify::ground::Arm;
+use ffid::identify::ground::{Arm, LOW_PASS};
 use ffid::identify::page::{all_figures, page};
 use ffid::identify::result::{Combination, InputFile, Provenance, RecordLine, Warning};
 use ffid::identify::{
@@ -268,6 +268,7 @@ fn prepare(args: &Args) -> Result<Ready, Refusal> {
     settings.prior = args.prior.or(mission.estimate.prior_relative_std).filter(|_| !args.no_prior);
     settings.start_offset = if args.no_start_offset { 0.0 } else { mission.estimate.start_offset };
     settings.seed = args.seed;
+    settings.low_pass_hz = args.reading.low_pass();
     let target = args.out.clone().unwrap_or_else(|| {
         let stem = input.file.file_stem().unwrap_or_default().to_string_lossy();
         PathBuf::from(format!("{stem}-identified"))
@@ -294,7 +295,7 @@ fn prepare(args: &Args) -> Result<Ready, Refusal> {
     // Before the folder, so that a wrong path is said first.
     let mut loaded = Vec::new();
     for path in &paths {
-        loaded.push(args.reading.read(path, &opened.model, need, input).map_err(refused)?);
+        loaded.push(args.reading.read(path, &opened.model, need, settings.low_pass_hz, input).map_err(refused)?);
     }
     let (mut asked, earlier) = args.asked().map_err(refused)?;
     files.extend(args.ties.iter().cloned());
@@ -332,7 +333,7 @@ fn prepare(args: &Args) -> Result<Ready, Refusal> {
         }
         (None, Some(path)) => {
             let path = PathBuf::from(path);
-            let other = args.reading.read(&path, &opened.model, 8, input).map_err(refused)?;
+            let other = args.reading.read(&path, &opened.model, 8, settings.low_pass_hz, input).map_err(refused)?;
             problems.extend(other.warnings);
             Held::File { record: other.record, path }
         }
@@ -425,6 +426,7 @@ fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
         ("max_chi2", s.limit.to_string()),
     ];
     all.extend(args.reduce.then(|| ("reduce", "yes".to_owned())));
+    all.extend(s.low_pass_hz.map(|hz| (LOW_PASS, hz.to_string())));
     all.extend((args.starts > 1).then(|| ("starts", args.starts.to_string())));
     all.extend((!args.profile.is_empty()).then(|| ("profile", args.profile.join(", "))));
     all.extend(args.prior_from.iter().map(|p| ("prior_from", p.display().to_string())));

@@ -2,9 +2,10 @@
 
 use crate::output::Input;
 use clap::ValueEnum;
-use ffid::ident::decimate::Decimator;
+use ffid::ident::Record;
+use ffid::ident::ground::smoothed;
+use ffid::ident::linear::LinearError;
 use ffid::ident::record_file::{Loaded, ReadOptions, joints_of, read};
-use ffid::ident::{Record, RecordBuilder};
 use ffid::model::leniency::ALLOWABLE;
 use ffid::model::{Area, Model, Problem, Problems};
 use std::path::Path;
@@ -39,8 +40,9 @@ pub(crate) struct RecordFlags {
     /// A topic of an MCAP file to read; may be given several times.
     #[arg(long, value_name = "TOPIC")]
     topic: Vec<String>,
-    /// Filter positions and torques alike, without shifting their phase, and thin them: what is above this frequency (Hz) is
-    /// left out. For logs of an arm on the ground, whose accelerations come from noisy positions.
+    /// Leave out what is above this frequency (Hz): positions, torques and equations pass the same filter, which shifts nothing in
+    /// time. For logs of an arm on the ground, whose accelerations come from noisy positions. `validate` takes that of the
+    /// identification unless given.
     #[arg(long, value_name = "HZ", value_parser = crate::fit_flags::positive)]
     low_pass: Option<f64>,
     /// Most rows of a record.
@@ -52,8 +54,15 @@ pub(crate) struct RecordFlags {
 }
 
 impl RecordFlags {
-    /// Reads a record of the robot; `need` is the fewest samples that make sense.
-    pub(crate) fn read(&self, path: &Path, model: &Model, need: usize, input: &Input) -> Result<Loaded, Problems> {
+    /// Reads a record of the robot; `need` is the fewest samples that make sense. Its motion passes the low pass (Hz), if any.
+    pub(crate) fn read(
+        &self,
+        path: &Path,
+        model: &Model,
+        need: usize,
+        low_pass: Option<f64>,
+        input: &Input,
+    ) -> Result<Loaded, Problems> {
         let leniency = input.leniency();
         let options = ReadOptions {
             max_rows: self.max_rows,
@@ -76,17 +85,19 @@ impl RecordFlags {
             return Err(warnings);
         }
         loaded.warnings = warnings;
-        if let Some(hz) = self.low_pass {
-            let (record, warnings) = low_pass(&loaded.record, hz, need).map_err(|p| p.in_file(path))?;
-            loaded.record = record;
-            loaded.warnings.extend(warnings);
+        if let Some(hz) = low_pass {
+            loaded.record = filtered(&loaded.record, hz).map_err(|p| p.in_file(path))?;
         }
         Ok(loaded)
     }
+    /// Cutoff of the low pass of the ground calibration (Hz).
+    pub(crate) fn low_pass(&self) -> Option<f64> {
+        self.low_pass
+    }
 }
 
-/// A record on the ground with what is above `hz` left out, at the lower rate that is then enough.
-fn low_pass(r: &Record, hz: f64, need: usize) -> Result<(Record, Problems), Problems> {
+/// A record on the ground with filtered motion; its torques are filtered with the equations.
+fn filtered(r: &Record, hz: f64) -> Result<Record, Problems> {
     let refused = |what: String, hint: &str| {
         Problems(vec![Problem::error(Area::Config, "Config::LowPass", what).on("--low-pass").hint(hint)])
     };
@@ -94,19 +105,8 @@ fn low_pass(r: &Record, hz: f64, need: usize) -> Result<(Record, Problems), Prob
         let what = "the dynamics of a free-floating robot do not pass a filter unchanged".to_owned();
         return Err(refused(what, "leave --low-pass out; the fit weighs noise by itself"));
     }
-    let d = Decimator::new(r.rate_hz(), hz);
-    if d.factor() == 1 {
-        let what = format!("value {hz} Hz, limit a tenth of the rate, {} Hz", 0.1 * r.rate_hz());
-        return Err(refused(what, "give a lower frequency, or leave --low-pass out"));
-    }
-    let t0 = r.t0() + d.margin() as f64 * r.dt();
-    let b = RecordBuilder::new(r.joint_names().to_vec()).uniform(t0, r.rate_hz() / d.factor() as f64).fixed_base();
-    let b = b.q(d.run(r.q())).tau(d.run(r.tau())).need_samples(need);
-    let b = match (r.qd(), r.qdd()) {
-        (Some(v), Some(a)) => b.qd(d.run(v)).qdd(d.run(a)),
-        _ => b,
-    };
-    b.build()
+    let what = |e: LinearError| format!("{e}; the record has {:.2} s at {} Hz", r.seconds(), r.rate_hz());
+    smoothed(r, hz).map_err(|e| refused(what(e), "give another frequency, or leave --low-pass out"))
 }
 
 /// Rows D09, D10 and D28: motion and torques beyond what the robot can do.

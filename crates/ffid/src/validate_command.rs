@@ -109,7 +109,12 @@ fn judge(args: &Args) -> Result<Found, Refusal> {
     let found = result_folder::load(input).map_err(refused)?;
     let mission = results::mission(&found.opened, &found.mission_file).map_err(refused)?;
     let model = &found.opened.model;
-    let loaded = args.reading.read(&args.record, model, 8, input).map_err(refused)?;
+    // The noise of a calibration is that behind its filter.
+    let low_pass = args.reading.low_pass();
+    let arm =
+        Arm::of(&found.result, &model.joint_names()).map(|a| Arm { low_pass_hz: low_pass.or(a.low_pass_hz), ..a });
+    let low_pass = arm.as_ref().map_or(low_pass, |a| a.low_pass_hz);
+    let loaded = args.reading.read(&args.record, model, 8, low_pass, input).map_err(refused)?;
     let files = vec![found.mission_file.clone(), args.record.clone()];
     let inputs = results::inputs(&files).map_err(io)?;
     if let Some(same) = found.result.provenance.inputs.iter().find(|i| i.sha256 == inputs[1].sha256) {
@@ -125,7 +130,6 @@ fn judge(args: &Args) -> Result<Found, Refusal> {
     let s = Settings { method: Some(found.result.method), noise, ..asked };
     let values: Vec<f64> = found.result.model.iter().map(|v| v.value).collect();
     let (held, signals) = watched(args.output.quiet, |watch| {
-        let arm = Arm::of(&found.result, &model.joint_names());
         let found =
             explain(model, &values, arm.as_ref(), &loaded.record, &s, args.record.display().to_string(), watch)?;
         if !found.0.explained && arm.is_none() {

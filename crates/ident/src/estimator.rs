@@ -65,30 +65,37 @@ pub trait Estimator {
     }
 }
 
-impl<E: Estimator + ?Sized> Estimator for Box<E> {
-    fn rows(&self) -> usize {
-        (**self).rows()
-    }
-    fn nuisance(&self) -> Vec<Unknown> {
-        (**self).nuisance()
-    }
-    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-        (**self).residuals(full, extra, r)
-    }
-    fn jacobian(
-        &mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-        r: &mut [f64],
-        j: &mut DMatrix<f64>,
-    ) -> Result<(), EvalError> {
-        (**self).jacobian(full, extra, selected, r, j)
-    }
-    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        (**self).coarse(full)
-    }
+/// What points to an estimator is one.
+macro_rules! pointer {
+    ($pointer:ty) => {
+        impl<E: Estimator + ?Sized> Estimator for $pointer {
+            fn rows(&self) -> usize {
+                (**self).rows()
+            }
+            fn nuisance(&self) -> Vec<Unknown> {
+                (**self).nuisance()
+            }
+            fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+                (**self).residuals(full, extra, r)
+            }
+            fn jacobian(
+                &mut self,
+                full: &[f64],
+                extra: &[f64],
+                selected: &[usize],
+                r: &mut [f64],
+                j: &mut DMatrix<f64>,
+            ) -> Result<(), EvalError> {
+                (**self).jacobian(full, extra, selected, r, j)
+            }
+            fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
+                (**self).coarse(full)
+            }
+        }
+    };
 }
+pointer!(Box<E>);
+pointer!(&mut E);
 
 /// What to estimate, from where, with what prior knowledge.
 #[derive(Clone, Debug)]
@@ -316,6 +323,8 @@ fn settle<E: Estimator + ?Sized>(
     still: f64,
 ) -> Result<(Transform, Status), EstimateError> {
     let (n, priors_kept) = (request.selected.len(), references.len());
+    // The limit is that of a pass: cheap linearisations of thinner records do not use up those of all data.
+    let limit = place.iterations + request.settings.max_iterations;
     let mut settings = Settings {
         scale: Scale::Unit,
         initial_radius: RADIUS,
@@ -353,7 +362,7 @@ fn settle<E: Estimator + ?Sized>(
         }
         let moved = solution.x.iter().zip(&x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < still);
-        let over = place.iterations >= request.settings.max_iterations;
+        let over = place.iterations >= limit;
         if settled || over || matches!(solution.status, Status::Stalled { .. }) {
             break (transform, solution.status);
         }

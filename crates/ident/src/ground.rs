@@ -12,7 +12,9 @@
 //! (M. Gautier, P. Poignet, *Extended Kalman filtering and weighted least squares dynamic identification of robot*, Control
 //! Eng. Practice 9, 2001, section 4). Rates and accelerations that were not recorded come from splines through the
 //! positions, which shift no phase ([`crate::motion_fit`]). Near rest the sign of a rate is noise and friction is not what the
-//! formula says: [`NearRest`] says what becomes of such samples. `docs/theory/ground.md`.
+//! formula says: [`NearRest`] says what becomes of such samples. Logs with noise that is not white, or whose positions are too
+//! noisy for the splines, pass a low-pass filter: positions before they are differentiated ([`smoothed`]), then torques and every
+//! column of the equations alike ([`Ground::low_pass`]). `docs/theory/ground.md`.
 
 use crate::complete::{motion_at, trimmed};
 use crate::covariance::Unknown;
@@ -21,6 +23,8 @@ use crate::linear::{self, LinearError, LinearEstimate, Task, Weights};
 use crate::rda::SetupError;
 use crate::record::Record;
 use crate::regressor_rows::{Equations, Extra, Kind};
+use crate::zero_phase::ZeroPhase;
+use core::ops::Range;
 use ff_dynamics::{State, Work, rnea};
 use ff_model::{BaseKind, Model, Params};
 use nalgebra::DMatrix;
@@ -64,6 +68,7 @@ pub struct Ground<'a> {
     friction: Friction,
     weights: Weights,
     trim_s: f64,
+    low_pass_hz: Option<f64>,
 }
 
 /// Its result.
@@ -77,12 +82,15 @@ pub struct GroundEstimate {
     pub used: Vec<f64>,
 }
 
-/// Motion and torques of the samples of a record that are used.
+/// Motion and measured torques at the samples of a record.
 struct Instants {
     q: DMatrix<f64>,
     qd: DMatrix<f64>,
     qdd: DMatrix<f64>,
     tau: DMatrix<f64>,
+    filter: Option<ZeroPhase>,
+    /// Rows that count: all but the transients of the filter.
+    rows: Range<usize>,
 }
 
 impl<'a> Ground<'a> {
@@ -104,7 +112,7 @@ impl<'a> Ground<'a> {
             let needed = if smooth { "positive and finite" } else { "zero or positive" };
             return Err(LinearError::Option { what: "rate near rest (rad/s)".into(), value, needed });
         }
-        Ok(Self { model, friction, weights: Weights::FromResiduals(3), trim_s: 0.0 })
+        Ok(Self { model, friction, weights: Weights::FromResiduals(3), trim_s: 0.0, low_pass_hz: None })
     }
     /// With other weights: one standard deviation per joint (N m).
     #[must_use]
@@ -118,17 +126,60 @@ impl<'a> Ground<'a> {
         self.trim_s = seconds;
         self
     }
-    fn instants(&self, record: &Record) -> Result<Instants, LinearError> {
-        let kept = trimmed(record, self.trim_s)?;
-        let (q, qd, qdd) = motion_at(&*joint_motion(self.model, record)?, record, kept.clone());
-        Ok(Instants { q, qd, qdd, tau: record.tau().rows(kept.start, kept.len()).into_owned() })
+    /// Takes away what is above this frequency (Hz) by a filter that shifts nothing ([`ZeroPhase`]): measured torques and every
+    /// column of the equations pass it alike, friction included, which leaves their solution as it is. Rows at the ends of a record,
+    /// where the filter lets more noise through, do not count.
+    /// A tenth of the sampling rate at most. Positions are taken as they are: see [`smoothed`].
+    #[must_use]
+    pub fn low_pass(mut self, hz: f64) -> Self {
+        self.low_pass_hz = Some(hz);
+        self
     }
-    /// The sign of a rate, or none where it is not to be trusted.
-    fn sign(&self, rate: f64) -> Option<f64> {
+    /// A record as the estimator sees it: the samples that are used, torques behind the low pass. Allocates.
+    ///
+    /// # Errors
+    /// [`LinearError::Option`].
+    pub fn seen(&self, record: &Record) -> Result<Record, LinearError> {
+        let used = trimmed(record, self.trim_s)?;
+        let t0 = record.t0 + record.time(used.start);
+        let part = |r: &Record, rows: Range<usize>, t0: f64| Record {
+            t0,
+            ..r.mapped(|m| m.rows(rows.start, rows.len()).into_owned())
+        };
+        let mut out = part(record, used, t0);
+        let Some(hz) = self.low_pass_hz else { return Ok(out) };
+        let z = filter(record, hz)?;
+        let (n, cut) = (out.samples(), z.transient());
+        if n < 3 * cut {
+            return Err(too_short(hz));
+        }
+        z.columns(&mut out.tau);
+        Ok(part(&out, cut..n - cut, t0 + record.time(cut)))
+    }
+    fn instants(&self, record: &Record) -> Result<Instants, LinearError> {
+        let used = trimmed(record, self.trim_s)?;
+        let (q, qd, qdd) = motion_at(&*joint_motion(self.model, record)?, record, used.clone());
+        let tau = record.tau().rows(used.start, used.len()).into_owned();
+        let filter = self.low_pass_hz.map(|hz| filter(record, hz)).transpose()?;
+        let cut = filter.as_ref().map_or(0, ZeroPhase::transient);
+        if used.len() < 3 * cut {
+            return Err(too_short(self.low_pass_hz.unwrap_or_default()));
+        }
+        Ok(Instants { q, qd, qdd, tau, filter, rows: cut..used.len() - cut })
+    }
+    /// The sign of a rate.
+    fn sign(&self, rate: f64) -> f64 {
         match self.friction.near_rest {
-            NearRest::Smooth(width) => Some((rate / width).tanh()),
-            NearRest::LeaveOut(_) if !self.friction.coulomb => Some(0.0),
-            NearRest::LeaveOut(band) => (rate.abs() > band).then(|| rate.signum()),
+            NearRest::Smooth(width) => (rate / width).tanh(),
+            NearRest::LeaveOut(_) if rate == 0.0 => 0.0,
+            NearRest::LeaveOut(_) => rate.signum(),
+        }
+    }
+    /// Whether the sign of a rate is to be trusted, or does not matter.
+    fn moves(&self, rate: f64) -> bool {
+        match self.friction.near_rest {
+            NearRest::LeaveOut(band) => !self.friction.coulomb || rate.abs() > band,
+            NearRest::Smooth(_) => true,
         }
     }
     /// Which of viscous, Coulomb and offset are estimated.
@@ -168,14 +219,21 @@ impl<'a> Ground<'a> {
         };
         let (q, qd, qdd, tau) = (stack(|p| &p.q), stack(|p| &p.qd), stack(|p| &p.qdd), stack(|p| &p.tau));
         let n = q.nrows();
-        let keep = DMatrix::from_fn(n, nj, |i, j| f64::from(u8::from(self.sign(qd[(i, j)]).is_some())));
+        let (mut filters, mut first) = (Vec::new(), 0);
+        for p in &parts {
+            filters.extend(p.filter.as_ref().map(|z| (first..first + p.q.nrows(), z)));
+            first += p.q.nrows();
+        }
+        let mut counts = Vec::with_capacity(n);
+        parts.iter().for_each(|p| counts.extend((0..p.q.nrows()).map(|i| p.rows.contains(&i))));
+        let keep = DMatrix::from_fn(n, nj, |i, j| f64::from(u8::from(counts[i] && self.moves(qd[(i, j)]))));
         let rms = |m: &DMatrix<f64>, j: usize| (m.column(j).norm() / (n as f64).sqrt()).max(1e-6);
         let (mut extra, mut unknowns) = (vec![], vec![]);
         for (j, joint) in model.joint_names().iter().enumerate() {
             for k in self.terms() {
                 let factor = match k {
                     0 => qd.column(j).iter().copied().collect(),
-                    1 => qd.column(j).iter().map(|&w| self.sign(w).unwrap_or(0.0)).collect(),
+                    1 => qd.column(j).iter().map(|&w| self.sign(w)).collect(),
                     _ => vec![1.0; n],
                 };
                 extra.push(Extra { dof: j, factor });
@@ -200,14 +258,16 @@ impl<'a> Ground<'a> {
             kinds: kinds.collect(),
         };
         let task = Task { decls: &decls, selected, start, extra: unknowns, weights: &self.weights };
-        let fit = linear::solve(&task, &equations.triangles()?)?;
+        let triangles =
+            if filters.is_empty() { equations.triangles()? } else { equations.filtered_triangles(&filters)? };
+        let fit = linear::solve(&task, &triangles)?;
         let mut friction = vec![[0.0; 3]; nj];
         let places = (0..nj).flat_map(|j| self.terms().map(move |k| (j, k)));
         places.zip(&fit.extra).for_each(|((j, k), e)| friction[j][k] = e.value);
         Ok(GroundEstimate { fit, friction, used })
     }
-    /// Torques (N x n) that parameters and friction predict for the motion of a record, and residuals `measured - predicted`,
-    /// zero where a sample is left out. Allocates.
+    /// Torques (N x n) that parameters and friction predict at the samples of [`Ground::seen`], and residuals `measured -
+    /// predicted`, zero close to rest. Allocates.
     ///
     /// # Errors
     /// [`LinearError::Setup`], [`LinearError::Option`], [`LinearError::Shape`].
@@ -229,7 +289,7 @@ impl<'a> Ground<'a> {
         let params = Params::from_values(model, values.to_vec());
         let (mut work, mut state) = (Work::new(model), State::zero(model));
         let n = at.q.nrows();
-        let (mut tau, mut residual) = (DMatrix::zeros(n, nj), DMatrix::zeros(n, nj));
+        let mut tau = DMatrix::zeros(n, nj);
         let (mut acc, mut row) = (vec![0.0; nj], vec![0.0; nj]);
         for i in 0..n {
             for j in 0..nj {
@@ -237,14 +297,19 @@ impl<'a> Ground<'a> {
             }
             rnea(model, &params, &state, &acc, &mut work, &mut row);
             for (j, [v, c, o]) in friction.iter().enumerate() {
-                let sign = self.sign(state.v[j]);
-                tau[(i, j)] = row[j] + v * state.v[j] + c * sign.unwrap_or(0.0) + o;
-                if sign.is_some() {
-                    residual[(i, j)] = at.tau[(i, j)] - tau[(i, j)];
-                }
+                tau[(i, j)] = row[j] + v * state.v[j] + c * self.sign(state.v[j]) + o;
             }
         }
-        Ok((tau, residual))
+        let mut residual = &at.tau - &tau;
+        if let Some(z) = &at.filter {
+            z.columns(&mut tau);
+            z.columns(&mut residual);
+        }
+        for (r, rate) in residual.iter_mut().zip(at.qd.iter()) {
+            *r = if self.moves(*rate) { *r } else { 0.0 };
+        }
+        let rows = |m: DMatrix<f64>| m.rows(at.rows.start, at.rows.len()).into_owned();
+        Ok((rows(tau), rows(residual)))
     }
     /// Root mean square of the prediction error of each joint (N m) on a record that played no part in the estimate.
     /// Allocates.
@@ -260,4 +325,55 @@ impl<'a> Ground<'a> {
         };
         Ok((0..self.model.nj()).map(rms).collect())
     }
+}
+
+fn filter(record: &Record, value: f64) -> Result<ZeroPhase, LinearError> {
+    let needed = "above zero and a tenth of the rate at most";
+    let wrong = || LinearError::Option { what: "cutoff of the low pass (Hz)".into(), value, needed };
+    ZeroPhase::new(record.rate_hz(), value).ok_or_else(wrong)
+}
+
+fn too_short(value: f64) -> LinearError {
+    let needed = "higher, for a record as short as this";
+    LinearError::Option { what: "cutoff of the low pass (Hz)".into(), value, needed }
+}
+
+/// A record with joint positions that passed a low pass, and their rates and accelerations, for positions too noisy for splines.
+/// Rates and accelerations that were recorded, both, pass it as they are. Samples at the ends that depend on what was before or comes
+/// after are cut off. Torques stay as they are. Allocates.
+///
+/// # Errors
+/// [`LinearError::Option`] for a frequency out of range (a tenth of the sampling rate at most), or a record too short for it.
+pub fn smoothed(record: &Record, hz: f64) -> Result<Record, LinearError> {
+    let z = filter(record, hz)?;
+    let (n, cut) = (record.samples(), z.transient());
+    if n < 3 * cut {
+        return Err(too_short(hz));
+    }
+    let pass = |m: &DMatrix<f64>| {
+        let mut m = m.clone();
+        z.columns(&mut m);
+        m
+    };
+    let (q, dt) = (pass(&record.q), record.dt);
+    let (qd, qdd) = match (&record.qd, &record.qdd) {
+        (Some(v), Some(a)) => (pass(v), pass(a)),
+        _ => (slopes(&q, dt, RATE), slopes(&q, dt * dt, ACCELERATION)),
+    };
+    let whole = Record { q, qd: Some(qd), qdd: Some(qdd), ..record.clone() };
+    let t0 = record.t0 + record.time(cut);
+    Ok(Record { t0, ..whole.mapped(|m| m.rows(cut, n - 2 * cut).into_owned()) })
+}
+
+/// Central differences of order four: what two samples before to two behind count.
+const RATE: [f64; 5] = [1.0 / 12.0, -8.0 / 12.0, 0.0, 8.0 / 12.0, -1.0 / 12.0];
+const ACCELERATION: [f64; 5] = [-1.0 / 12.0, 16.0 / 12.0, -30.0 / 12.0, 16.0 / 12.0, -1.0 / 12.0];
+
+/// Differences of every column over `step`; the two samples at each end, where a filter has not settled, take those next to them.
+fn slopes(x: &DMatrix<f64>, step: f64, weights: [f64; 5]) -> DMatrix<f64> {
+    let last = x.nrows() - 3;
+    DMatrix::from_fn(x.nrows(), x.ncols(), |i, j| {
+        let i = i.clamp(2, last);
+        weights.iter().enumerate().map(|(k, w)| w * x[(i + k - 2, j)]).sum::<f64>() / step
+    })
 }

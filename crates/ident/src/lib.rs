@@ -89,6 +89,7 @@ mod thin;
 pub mod ties;
 pub mod transform;
 pub mod whiteness;
+pub mod zero_phase;
 
 pub use complete::{Complete, CompleteOptions};
 pub use estimator::{Estimate, Estimated, Estimator, Request, estimate};

@@ -245,6 +245,27 @@ pub fn check_rate(rate_hz: f64, f_max: f64) -> Result<(), PsdError> {
     if rate_hz < need_hz { Err(PsdError::Nyquist { rate_hz, f_max, need_hz }) } else { Ok(()) }
 }
 
+/// Part of the energy of a signal that lies in the top tenth of the band up to half the rate, white noise of the deviation `sigma`
+/// apart; zero unless there is four times what such noise has there, and more than it may have by chance. What is faster than half the
+/// rate appears slower, and a signal that is not small there was not filtered before it was sampled (bad-inputs row D24).
+/// Allocates.
+///
+/// # Errors
+/// Those of [`Welch`].
+pub fn energy_at_the_top(x: &[f64], rate_hz: f64, sigma: f64) -> Result<f64, PsdError> {
+    const TOP: f64 = 0.1;
+    let p = Welch::new(x.len().min(1024), rate_hz)?.run(x)?;
+    let edge = 0.5 * (1.0 - TOP) * rate_hz;
+    let first = p.frequency.partition_point(|f| *f < edge);
+    let (energy, noise) = (p.variance(), sigma * sigma);
+    let top: f64 = p.density[first..].iter().sum::<f64>() * p.df;
+    // Each bin scatters by sqrt(2 / freedom) of itself.
+    let freedom: f64 = p.freedom[first..].iter().sum();
+    let by_chance = 1.0 + 4.0 * (2.0 / freedom.max(1.0)).sqrt();
+    let (there, signal) = (top > TOP * noise * by_chance.max(4.0), energy - noise);
+    Ok(if there && signal > 0.0 { ((top - TOP * noise) / signal).clamp(0.0, 1.0) } else { 0.0 })
+}
+
 fn positive(what: &'static str, value: f64) -> Result<(), PsdError> {
     if value.is_finite() && value > 0.0 { Ok(()) } else { Err(PsdError::NotPositive { what, value }) }
 }
@@ -288,5 +309,24 @@ mod tests {
         assert_eq!(e.exit_code(), 13);
         assert!(check_resolution(5.0 / 0.06, 0.06).is_ok());
         assert!(check_rate(2.0, 0.9).is_err() && check_rate(100.0, 0.9).is_ok());
+    }
+
+    #[test]
+    fn energy_at_the_top_is_told_from_noise() {
+        use rand::SeedableRng;
+        use rand_distr::{Distribution, StandardNormal};
+        let wave = |i: usize, hz: f64| (core::f64::consts::TAU * hz * i as f64 / 50.0 + 0.4).sin();
+        let mut alarms = 0;
+        for seed in 0..40 {
+            let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+            let mut noise = || -> f64 { StandardNormal.sample(&mut rng) };
+            let calm: Vec<f64> = (0..2000).map(|i| 2.0 * wave(i, 0.7) + noise()).collect();
+            alarms += u32::from(energy_at_the_top(&calm, 50.0, 1.0).unwrap() > 0.01);
+            // A tone of variance 1/2 beside a slow one of variance 2.
+            let fast: Vec<f64> = calm.iter().enumerate().map(|(i, x)| x + wave(i, 24.1)).collect();
+            let share = energy_at_the_top(&fast, 50.0, 1.0).unwrap();
+            assert!((share - 0.2).abs() < 0.06, "{share}");
+        }
+        assert_eq!(alarms, 0);
     }
 }

@@ -1,7 +1,9 @@
 //! The equations of motion of a record as rows that are linear in the parameters: `Y phi + extra = measured`.
 
-use crate::linalg::LinalgError;
+use crate::linalg::{self, LinalgError};
 use crate::tall_qr::{Stream, Triangle};
+use crate::zero_phase::ZeroPhase;
+use core::ops::Range;
 use ff_dynamics::{State, Work, regressor};
 use ff_model::lanes::{Isa, LaneScalar, LaneTask, Lanes, dispatch};
 use ff_model::{Model, Params};
@@ -72,6 +74,40 @@ impl Equations<'_> {
             })
             .collect())
     }
+    /// The same of equations that have passed filters, column by column: linear in their unknowns as before. Every kind is one
+    /// degree of freedom; each record, given by its samples, is filtered by itself. Neighbours of a filtered signal tell the
+    /// same, so that each row weighs as much as it is worth of an independent one ([`ZeroPhase::noise_gain`]). Allocates the
+    /// rows of one kind.
+    ///
+    /// # Errors
+    /// [`LinalgError::NotFinite`].
+    pub(crate) fn filtered_triangles(
+        &self,
+        filters: &[(Range<usize>, &ZeroPhase)],
+    ) -> Result<Vec<Triangle>, LinalgError> {
+        let one = |kind: &Kind| {
+            let c = self.columns(kind);
+            let width = c.unknown.len() + c.extra.len() + 1;
+            let mut columns = dispatch(Isa::detect(), Tabulate { eq: self, columns: &c, kind });
+            let kept = |i: &usize| self.keep.as_ref().is_none_or(|k| kind.dofs.iter().all(|&d| k[(*i, d)] > 0.0));
+            let used: Vec<(usize, f64)> = filters
+                .iter()
+                .flat_map(|(samples, z)| samples.clone().filter(kept).map(|i| (i, z.noise_gain())))
+                .collect();
+            let mut rows = DMatrix::zeros(used.len().max(width), width);
+            for (k, x) in columns.iter_mut().enumerate() {
+                filters.iter().for_each(|(samples, z)| z.run(&mut x[samples.clone()]));
+                used.iter().enumerate().for_each(|(row, &(i, worth))| rows[(row, k)] = worth.sqrt() * x[i]);
+            }
+            Ok(Triangle {
+                name: kind.name.clone(),
+                columns: c.unknown.iter().map(|u| u.0).chain(c.extra).collect(),
+                r: linalg::qr_r(&rows)?,
+                rows: used.iter().map(|u| u.1).sum::<f64>().round() as usize,
+            })
+        };
+        self.kinds.iter().map(one).collect()
+    }
     /// What the rows of a kind may depend on: a force on the base on masses and first moments, a moment on it on
     /// everything, the torque of a joint on the bodies that it carries.
     fn columns(&self, kind: &Kind) -> Columns {
@@ -123,6 +159,37 @@ struct Columns {
     extra: Vec<usize>,
 }
 
+/// Where rows go: numbers of a row one after the other, a sample in every lane.
+trait Rows<L> {
+    fn put(&mut self, column: usize, x: L);
+    fn end_row(&mut self);
+}
+
+impl<L: LaneScalar> Rows<L> for Stream<L> {
+    #[inline(always)]
+    fn put(&mut self, column: usize, x: L) {
+        Stream::put(self, column, x);
+    }
+    #[inline(always)]
+    fn end_row(&mut self) {
+        Stream::end_row(self);
+    }
+}
+
+/// Whole columns.
+struct Table(Vec<Vec<f64>>);
+
+impl<L: LaneScalar> Rows<L> for Table {
+    #[inline(always)]
+    fn put(&mut self, column: usize, x: L) {
+        let to = &mut self.0[column];
+        let n = to.len();
+        to.resize(n + L::N, 0.0);
+        x.store(&mut to[n..]);
+    }
+    fn end_row(&mut self) {}
+}
+
 struct Fold<'a> {
     eq: &'a Equations<'a>,
     columns: &'a [Columns],
@@ -133,61 +200,95 @@ impl LaneTask for Fold<'_> {
     #[inline(always)]
     fn run<L: LaneScalar>(self) -> Self::Output {
         let Self { eq, columns } = self;
-        let (model, n) = (eq.model, eq.q.nrows());
-        let (nv, first_extra) = (model.nv(), eq.selected.len());
-        let params = Params::<L>::from_values(model, eq.values.iter().map(|&x| L::splat(x)).collect());
-        let mut work = Work::<L>::new(model);
-        let mut state = State::<L>::zero(model);
-        let mut a = vec![L::splat(0.0); nv];
-        let mut y = DMatrix::from_element(nv, model.n_params(), L::splat(0.0));
         let mut streams: Vec<Stream<L>> =
             columns.iter().map(|c| Stream::new(c.unknown.len() + c.extra.len())).collect();
-        for first in (0..n).step_by(L::N) {
-            let full = first + L::N <= n;
-            // A group that is not full repeats its last sample with weight zero.
-            let load = |column: &[f64]| {
-                if full {
-                    L::load(&column[first..])
-                } else {
-                    L::load(&core::array::from_fn::<f64, 8, _>(|lane| column[(first + lane).min(n - 1)]))
-                }
-            };
-            let of = |m: &DMatrix<f64>, k: usize| load(&m.as_slice()[k * n..(k + 1) * n]);
-            let present = if full {
-                L::splat(1.0)
-            } else {
-                L::load(&core::array::from_fn::<f64, 8, _>(|lane| f64::from(u8::from(first + lane < n))))
-            };
-            (0..model.nj()).for_each(|k| state.q[k] = of(&eq.q, k));
-            (0..nv).for_each(|k| state.v[k] = of(&eq.v, k));
-            (0..nv).for_each(|k| a[k] = of(&eq.a, k));
-            regressor(model, &params, &state, &a, &mut work, &mut y);
-            let y = y.as_slice();
-            for ((kind, c), stream) in eq.kinds.iter().zip(columns).zip(&mut streams) {
-                for &dof in &kind.dofs {
-                    let w = eq.keep.as_ref().map_or(present, |keep| of(keep, dof) * present);
-                    let weighted = !full || eq.keep.is_some();
-                    let mut b = of(&eq.measured, dof);
-                    for &(p, x) in &c.known {
-                        b = Lanes::mul_add(y[p * nv + dof], L::splat(-x), b);
-                    }
-                    for (k, &(_, p)) in c.unknown.iter().enumerate() {
-                        let x = y[p * nv + dof];
-                        stream.put(k, if weighted { x * w } else { x });
-                    }
-                    for (k, &e) in c.extra.iter().enumerate() {
-                        let e = &eq.extra[e - first_extra];
-                        let x = if e.dof == dof { load(&e.factor) * w } else { L::splat(0.0) };
-                        stream.put(c.unknown.len() + k, x);
-                    }
-                    stream.put(c.unknown.len() + c.extra.len(), if weighted { b * w } else { b });
-                    stream.end_row();
-                }
-            }
-        }
+        write_rows(eq, &eq.kinds, columns, eq.keep.as_ref(), &mut streams);
         for stream in &mut streams {
             stream.flush();
         }
         streams.into_iter().map(Stream::finish).collect()
+    }
+}
+
+/// The rows of one kind of one degree of freedom, as columns of a sample each; all samples are kept.
+struct Tabulate<'a> {
+    eq: &'a Equations<'a>,
+    columns: &'a Columns,
+    kind: &'a Kind,
+}
+
+impl LaneTask for Tabulate<'_> {
+    type Output = Vec<Vec<f64>>;
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        let Self { eq, columns, kind } = self;
+        let (n, width) = (eq.q.nrows(), columns.unknown.len() + columns.extra.len() + 1);
+        let mut table = Table(vec![Vec::with_capacity(n + L::N); width]);
+        let (kinds, columns) = (core::slice::from_ref(kind), core::slice::from_ref(columns));
+        write_rows::<L, _>(eq, kinds, columns, None, core::slice::from_mut(&mut table));
+        // The last group of lanes repeats its last sample.
+        table.0.iter_mut().for_each(|c| c.truncate(n));
+        table.0
+    }
+}
+
+/// Writes the rows of every kind to its place, weighted by `keep`.
+#[inline(always)]
+fn write_rows<L: LaneScalar, R: Rows<L>>(
+    eq: &Equations<'_>,
+    kinds: &[Kind],
+    columns: &[Columns],
+    keep: Option<&DMatrix<f64>>,
+    to: &mut [R],
+) {
+    let (model, n) = (eq.model, eq.q.nrows());
+    let (nv, first_extra) = (model.nv(), eq.selected.len());
+    let params = Params::<L>::from_values(model, eq.values.iter().map(|&x| L::splat(x)).collect());
+    let mut work = Work::<L>::new(model);
+    let mut state = State::<L>::zero(model);
+    let mut a = vec![L::splat(0.0); nv];
+    let mut y = DMatrix::from_element(nv, model.n_params(), L::splat(0.0));
+    for first in (0..n).step_by(L::N) {
+        let full = first + L::N <= n;
+        // A group that is not full repeats its last sample with weight zero.
+        let load = |column: &[f64]| {
+            if full {
+                L::load(&column[first..])
+            } else {
+                L::load(&core::array::from_fn::<f64, 8, _>(|lane| column[(first + lane).min(n - 1)]))
+            }
+        };
+        let of = |m: &DMatrix<f64>, k: usize| load(&m.as_slice()[k * n..(k + 1) * n]);
+        let present = if full {
+            L::splat(1.0)
+        } else {
+            L::load(&core::array::from_fn::<f64, 8, _>(|lane| f64::from(u8::from(first + lane < n))))
+        };
+        (0..model.nj()).for_each(|k| state.q[k] = of(&eq.q, k));
+        (0..nv).for_each(|k| state.v[k] = of(&eq.v, k));
+        (0..nv).for_each(|k| a[k] = of(&eq.a, k));
+        regressor(model, &params, &state, &a, &mut work, &mut y);
+        let y = y.as_slice();
+        for ((kind, c), rows) in kinds.iter().zip(columns).zip(to.iter_mut()) {
+            for &dof in &kind.dofs {
+                let w = keep.map_or(present, |keep| of(keep, dof) * present);
+                let weighted = !full || keep.is_some();
+                let mut b = of(&eq.measured, dof);
+                for &(p, x) in &c.known {
+                    b = Lanes::mul_add(y[p * nv + dof], L::splat(-x), b);
+                }
+                for (k, &(_, p)) in c.unknown.iter().enumerate() {
+                    let x = y[p * nv + dof];
+                    rows.put(k, if weighted { x * w } else { x });
+                }
+                for (k, &e) in c.extra.iter().enumerate() {
+                    let e = &eq.extra[e - first_extra];
+                    let x = if e.dof == dof { load(&e.factor) * w } else { L::splat(0.0) };
+                    rows.put(c.unknown.len() + k, x);
+                }
+                rows.put(c.unknown.len() + c.extra.len(), if weighted { b * w } else { b });
+                rows.end_row();
+            }
+        }
     }
 }

@@ -9,7 +9,7 @@ use crate::ident::Record;
 use crate::ident::modal_fit::{ModalError, ModalFit, ModalSettings, fit_modes};
 use crate::ident::modal_model::{HeldPose, ModalModel};
 use crate::ident::mode_match::{MatchSettings, ModeMatch, Stray, match_modes};
-use crate::ident::psd::PsdError;
+use crate::ident::psd::{PsdError, energy_at_the_top};
 use crate::model::{Area, Model, Params, Problem, Problems};
 use crate::open::MAX_DENSE;
 
@@ -21,6 +21,8 @@ const ABOVE: f64 = 1.5;
 const KNOWN: f64 = 0.05;
 /// Shortest decay that is looked at, in periods of the slowest mode of the model.
 const PERIODS: f64 = 2.0;
+/// Part of the energy of a channel just below half the rate at which it was not filtered before it was sampled.
+const ALIASED: f64 = 0.01;
 
 /// What became of the question.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,6 +115,7 @@ pub fn modes(model: &Model, values: &[f64], take: &Take, s: &Settings) -> Result
         let p = Problem::warning(Area::Data, "Data::Unresolved", what).on(&take.label);
         warnings.push(p.hint("read their frequencies and damping together, or record a longer decay"));
     }
+    aliases(&window, &sigma).into_iter().for_each(|p| warnings.push(p.on(&take.label)));
     let line = |i: usize| {
         let m = &fit.modes[i];
         let pair = matched.pairs.iter().find(|p| p.measured == i);
@@ -142,6 +145,30 @@ pub fn modes(model: &Model, values: &[f64], take: &Take, s: &Settings) -> Result
             .collect(),
     };
     Ok(Decay::Found(Box::new(found), warnings))
+}
+
+/// Row D24: channels that are not quiet just below half the rate.
+fn aliases(window: &Record, sigma: &[f64]) -> Option<Problem> {
+    let rate = window.rate_hz();
+    let share = |k: usize, x: &[f64]| energy_at_the_top(x, rate, sigma[k]).unwrap_or(0.0);
+    let all = window.responses();
+    let loud: Vec<String> = all
+        .column_iter()
+        .zip(window.response_names())
+        .enumerate()
+        .map(|(k, (c, name))| (share(k, &c.iter().copied().collect::<Vec<_>>()), name))
+        .filter(|(share, _)| *share > ALIASED)
+        .map(|(share, name)| format!("{:.1} % of {name}", 100.0 * share))
+        .collect();
+    let what = format!(
+        "above {:.3} Hz, nine tenths of half the rate, lies {} (limit {} %): what is faster than half the rate appears slower, and may \
+         pass for a mode",
+        0.45 * rate,
+        crate::model::list(loud.iter().map(String::as_str), 6),
+        100.0 * ALIASED
+    );
+    let hint = "sample faster, or behind an anti-alias filter";
+    (!loud.is_empty()).then(|| Problem::warning(Area::Data, "Data::Aliasing", what).hint(hint))
 }
 
 /// What a measured mode is that the model has not.

@@ -26,8 +26,12 @@ pub struct Arm {
     pub friction: Vec<[f64; 3]>,
     /// Standard deviation of the residual of every joint (N m).
     pub sigma: Vec<f64>,
+    /// Cutoff of the low pass that torques and equations went through (Hz), if any.
+    pub low_pass_hz: Option<f64>,
 }
 
+/// Name of the cutoff among the settings of a result.
+pub const LOW_PASS: &str = "low_pass_hz";
 const TERMS: [&str; 3] = ["viscous", "coulomb", "offset"];
 
 impl Arm {
@@ -41,8 +45,21 @@ impl Arm {
             r.nuisance.iter().find(|p| p.name == name).map_or(0.0, |p| p.value)
         };
         let sigma = r.channels.iter().map(|c| if c.over_noise > 0.0 { c.residual_rms / c.over_noise } else { 1.0 });
-        Some(Self { friction: joints.iter().map(|j| TERMS.map(|t| value(j, t))).collect(), sigma: sigma.collect() })
+        Some(Self {
+            friction: joints.iter().map(|j| TERMS.map(|t| value(j, t))).collect(),
+            sigma: sigma.collect(),
+            low_pass_hz: r.provenance.settings.get(LOW_PASS).and_then(|hz| hz.parse().ok()),
+        })
     }
+}
+
+/// The estimator.
+fn calibration(model: &Model, low_pass_hz: Option<f64>) -> Result<Ground<'_>, IdentifyError> {
+    let ground = Ground::new(model, Friction::ALL).map_err(linear)?;
+    Ok(match low_pass_hz {
+        Some(hz) => ground.low_pass(hz),
+        None => ground,
+    })
 }
 
 pub(super) fn linear(e: LinearError) -> IdentifyError {
@@ -85,7 +102,7 @@ pub(super) fn identify(
     let model = &opened.model;
     let unknowns = Unknowns::new(model, &opened.estimated, s, asked)?;
     let (decls, selected, start) = (&unknowns.decls, &unknowns.selected, &unknowns.start);
-    let ground = Ground::new(model, Friction::ALL).map_err(linear)?;
+    let ground = calibration(model, s.low_pass_hz)?;
     let records: Vec<&Record> = takes.iter().map(|t| &t.record).collect();
     let mut found = ground.estimate(&records, selected, start).map_err(linear)?;
     // Numbers that no body has are moved to the nearest that some body has; what the data do not tell moves first.
@@ -107,12 +124,14 @@ pub(super) fn identify(
         bounded = near.at_boundary;
     }
     let sigma: Vec<f64> = found.fit.kinds.iter().map(|k| k.sigma).collect();
-    let arm = Arm { friction: found.friction.clone(), sigma };
-    let mut signals = Vec::new();
+    let arm = Arm { friction: found.friction.clone(), sigma, low_pass_hz: s.low_pass_hz };
+    let (mut signals, mut seen) = (Vec::new(), Vec::new());
     for t in takes {
         signals.push(predict(model, &ground, &t.record, &found.fit.values, &arm)?);
+        seen.push(Take { label: t.label.clone(), record: ground.seen(&t.record).map_err(linear)? });
     }
-    let result = report(opened, takes, s, asked, (&unknowns, &found, &bounded), &signals, provenance)?;
+    let provenance = Provenance { record: record_line(&takes[0].record), ..provenance };
+    let result = report(opened, &seen, s, asked, (&unknowns, &found, &bounded), &signals, provenance)?;
     Ok(Identified { result, signals, values: found.fit.values, selected: unknowns.touched.clone() })
 }
 
@@ -128,7 +147,7 @@ fn predict(
     let (n, nj) = residual.shape();
     // Whitened, predicted less measured, sample after sample; zero close to rest, where friction is not what the formula says.
     let r: Vec<f64> = (0..n * nj).map(|i| -residual[(i / nj, i % nj)] / arm.sigma[i % nj]).collect();
-    Ok(Signals::of(model, record, &r, &arm.sigma))
+    Ok(Signals::of(model, &ground.seen(record).map_err(linear)?, &r, &arm.sigma))
 }
 
 /// Signals of a record that played no part, and the number of residuals that count.
@@ -138,7 +157,7 @@ pub(super) fn explain(
     arm: &Arm,
     record: &Record,
 ) -> Result<(Signals, usize), IdentifyError> {
-    let ground = Ground::new(model, Friction::ALL).map_err(linear)?;
+    let ground = calibration(model, arm.low_pass_hz)?;
     let signals = predict(model, &ground, record, values, arm)?;
     let used = (0..signals.names.len()).flat_map(|k| signals.residual(k)).filter(|r| *r != 0.0).count();
     Ok((signals, used))
@@ -198,15 +217,12 @@ fn report(
         correlations: Correlation::strong(u),
         covariance: Covariance::of(u),
         posterior: Some(posterior),
-        whiteness: known::whiteness(takes, signals, &[]),
+        // What a filter leaves of white noise is not white.
+        whiteness: if s.low_pass_hz.is_some() { Vec::new() } else { known::whiteness(takes, signals, &[]) },
         channels: signals[0].channels(),
         records: records_of(takes, signals),
         warnings: Warning::all(&opened.warnings),
-        ..IdentificationResult::empty(
-            model.name(),
-            Method::Ground,
-            Provenance { record: record_line(&takes[0].record), ..provenance },
-        )
+        ..IdentificationResult::empty(model.name(), Method::Ground, provenance)
     };
     result.verdict = super::text::verdict(&result, s.limit);
     Ok(result)

@@ -57,8 +57,11 @@ fn on_the_ground(
 ) -> Result<(HeldOut, Signals), IdentifyError> {
     let (signals, used) = ground::explain(model, values, arm, record)?;
     let squares: f64 = signals.channels().iter().map(|c| c.over_noise.powi(2)).sum();
-    let chi2_per_dof = squares * record.samples() as f64 / used.max(1) as f64;
+    let samples = signals.time.len();
+    let chi2_per_dof = squares * samples as f64 / used.max(1) as f64;
     let mut held = HeldOut::of(source, record, &signals, chi2_per_dof, s.limit);
+    // Behind a low pass the ends do not count.
+    (held.samples, held.seconds) = (samples, samples as f64 * record.dt());
     let times = chi2_per_dof.sqrt();
     let words = if held.explained { "predicts" } else { "does NOT predict" };
     held.verdict = format!(
@@ -89,7 +92,7 @@ pub(super) fn beside(
     let solver = Solver { max_iterations: s.max_iterations, cost_floor: 1e-13, ..Solver::default() };
     let found = lm::minimise(&mut problem, &start, &solver);
     let sizes = problem.sizes;
-    if watched.stopped {
+    if watched.stopped() {
         return Err(IdentifyError::Interrupted);
     }
     let found = found.map_err(EstimateError::from)?;

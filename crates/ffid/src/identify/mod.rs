@@ -86,6 +86,8 @@ pub struct Settings {
     pub max_iterations: usize,
     /// Largest chi-squared per degree of freedom at which a model counts as explaining a record.
     pub limit: f64,
+    /// Cutoff of the low pass of the ground calibration (Hz); none of the other methods has one.
+    pub low_pass_hz: Option<f64>,
 }
 
 /// Largest chi-squared per degree of freedom that counts as explained unless another is given: residuals of 1.4 times the
@@ -187,11 +189,11 @@ pub fn identify(
     };
     let mut watched = Watched::new(&mut *whole, watch);
     let fitted = solve(&request, &unknowns, settings, asked, &mut watched);
-    let fitted = if watched.stopped { return Err(IdentifyError::Interrupted) } else { fitted? };
+    let fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
     let values = unknowns.expand(&fitted.estimate.values)?;
     let silent = known::silent(model, &values, &unknowns, &fitted.full)?;
     let profiles = known::profiles(&request, &unknowns, (&fitted.selected, &fitted.estimate), asked, &mut watched);
-    let profiles = if watched.stopped { return Err(IdentifyError::Interrupted) } else { profiles? };
+    let profiles = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { profiles? };
     let mut signals = Vec::new();
     let mut at = 0;
     for (t, n) in takes.iter().zip(&rows) {

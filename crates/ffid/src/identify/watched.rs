@@ -1,9 +1,11 @@
 //! A fit under watch: it tells how far it is, and ends when it is told to.
 
 use crate::ident::covariance::Unknown;
-use crate::ident::estimator::Estimator;
+use crate::ident::estimator::{Coarse, Estimator};
 use crate::ident::lm::EvalError;
 use nalgebra::DMatrix;
+use std::cell::Cell;
+use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Watched from outside while it works.
@@ -15,22 +17,31 @@ pub struct Watch<'a> {
     pub progress: Option<&'a dyn Fn(usize, f64)>,
 }
 
-/// An estimator that tells how far it is, and ends when it is told to.
+/// An estimator that tells how far it is, and ends when it is told to; over the thinned record, too.
 pub(super) struct Watched<'a> {
-    inner: &'a mut dyn Estimator,
+    inner: Box<dyn Estimator + 'a>,
     watch: &'a Watch<'a>,
-    count: usize,
-    /// Whether it was ended from outside.
-    pub(super) stopped: bool,
+    told: Rc<Told>,
+}
+
+/// What an estimator and its thinner ones have in common.
+#[derive(Default)]
+struct Told {
+    linearisations: Cell<usize>,
+    stopped: Cell<bool>,
 }
 
 impl<'a> Watched<'a> {
-    pub(super) fn new(inner: &'a mut dyn Estimator, watch: &'a Watch<'a>) -> Self {
-        Self { inner, watch, count: 0, stopped: false }
+    pub(super) fn new(inner: impl Estimator + 'a, watch: &'a Watch<'a>) -> Self {
+        Self { inner: Box::new(inner), watch, told: Rc::default() }
     }
-    fn go_on(&mut self) -> Result<(), EvalError> {
+    /// Whether it was ended from outside.
+    pub(super) fn stopped(&self) -> bool {
+        self.told.stopped.get()
+    }
+    fn go_on(&self) -> Result<(), EvalError> {
         if self.watch.stop.is_some_and(|s| s.load(Ordering::SeqCst)) {
-            self.stopped = true;
+            self.told.stopped.set(true);
             return Err(EvalError::Fatal("interrupted".into()));
         }
         Ok(())
@@ -43,6 +54,11 @@ impl Estimator for Watched<'_> {
     }
     fn nuisance(&self) -> Vec<Unknown> {
         self.inner.nuisance()
+    }
+    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        let thin = self.inner.coarse(full)?;
+        let watched = Watched { inner: thin.estimator, watch: self.watch, told: Rc::clone(&self.told) };
+        Some(Coarse { estimator: Box::new(watched), ..thin })
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         self.go_on()?;
@@ -58,9 +74,10 @@ impl Estimator for Watched<'_> {
     ) -> Result<(), EvalError> {
         self.go_on()?;
         self.inner.jacobian(full, extra, selected, r, j)?;
-        self.count += 1;
+        let count = self.told.linearisations.get() + 1;
+        self.told.linearisations.set(count);
         if let Some(tell) = self.watch.progress {
-            tell(self.count, r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64);
+            tell(count, r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64);
         }
         Ok(())
     }
