@@ -366,6 +366,11 @@ fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
         let wrong = ["identify", mission, "--record", log, "--out", "x", "--reduce", "--low-pass", hz];
         c.refused(&wrong, 11, "Config::LowPass", &[says]);
     }
+    // Without noise, too, there is a robot that can exist.
+    c.write("arm.csv", &c.read("b.csv").replace("q.joint", "q.arm_j"));
+    c.simulate(mission, "arm.csv", "exact.csv", &["--noise-free"]);
+    let (code, out, err) = c.run(&["identify", mission, "--record", "exact.csv", "--out", "exact", "--reduce"]);
+    assert_eq!(code, 0, "{out}\n{err}");
     c.simulate("truth.toml", "b.csv", "rec.csv", &["--seed", "7"]);
     let floating = ["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--low-pass", "2"];
     c.refused(&floating, 11, "Config::LowPass", &["--low-pass"]);

@@ -226,3 +226,28 @@ fn a_linear_estimate_from_poor_data_becomes_a_robot_that_can_exist() {
     assert!(p.chi2_increase > 0.0 && p.chi2_increase < far + 1e-6, "{} {far}", p.chi2_increase);
     assert!(!p.at_boundary.is_empty() && p.gap < 1e-9 * p.chi2_increase.max(1.0));
 }
+
+/// Data without noise: a metric of rounding's fineness sees what it sees exactly, and the body is found in what it leaves open.
+#[test]
+fn a_metric_of_any_fineness_is_followed() {
+    let mut s = Draw::new(5);
+    let truth = (0..5).fold(Inertia::zero(), |mut b, _| {
+        b += Inertia::point(s.between(0.1, 0.9), &s.vec3(0.8));
+        b
+    });
+    let truth = DVector::from_column_slice(&truth.to_params());
+    let seen = DMatrix::from_fn(6, 10, |_, _| s.sym(3.0));
+    // Off in what the rows do not see, by so much that no body has it.
+    let across = seen.clone().pseudo_inverse(1e-12).unwrap();
+    let stray = DVector::from_fn(10, |_, _| s.sym(4.0));
+    let x_hat = &truth + &stray - across * (&seen * &stray);
+    let cone = Cone { bodies: vec![body(0)], positive: vec![] };
+    for fineness in [1.0, 1e6, 1e15] {
+        let r = &seen * fineness;
+        let got = nearest(&r, x_hat.as_slice(), &[1.0; 10], &[0.0; 10], &cone, &OPTIONS).unwrap();
+        let body = Inertia::from_params(&core::array::from_fn::<f64, 10, _>(|k| got.x[k]));
+        assert!(body.pseudo().symmetric_eigenvalues().min() > 0.0, "{fineness:e}");
+        let moved = (&seen * (DVector::from_column_slice(&got.x) - &x_hat)).amax();
+        assert!(got.steps > 0 && moved < 1e-6, "{fineness:e}: {moved:e}");
+    }
+}

@@ -56,15 +56,16 @@ pub struct Options {
     /// Fewer samples and shorter searches: shows that everything runs; limits that need the whole are left out
     #[arg(long)]
     pub quick: bool,
-    /// Only these parts of the study; its documentation names them
+    /// Only these parts of the study; its documentation names them. A number means a case of every part, where parts have cases
     #[arg(long, value_name = "PART")]
     pub only: Vec<String>,
 }
 
 impl Options {
-    /// Whether a part is to be run.
+    /// Whether a part is to be run. Numbers name cases, not parts.
     pub fn wants(&self, part: &str) -> bool {
-        self.only.is_empty() || self.only.iter().any(|p| p == part)
+        let mut named = self.only.iter().filter(|p| p.parse::<u64>().is_err()).peekable();
+        named.peek().is_none() || named.any(|p| p == part)
     }
 }
 
@@ -223,6 +224,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_are_cases_of_every_part() {
+        let only =
+            |parts: &[&str]| Options { only: parts.iter().map(|&p| p.to_owned()).collect(), ..Options::default() };
+        assert!(only(&[]).wants("noisy") && only(&["1025"]).wants("noisy") && only(&["noisy", "1025"]).wants("noisy"));
+        assert!(!only(&["noisy", "1025"]).wants("exact") && !only(&["exact"]).wants("noisy"));
+    }
 
     #[test]
     fn json_and_verdict_follow_the_limits() {
