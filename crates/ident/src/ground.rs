@@ -82,6 +82,15 @@ pub struct GroundEstimate {
     pub used: Vec<f64>,
 }
 
+/// What is looked at of a record.
+struct Window {
+    /// Samples between the ends that are left out.
+    used: Range<usize>,
+    filter: Option<ZeroPhase>,
+    /// Which of these count: all but the transients of the filter.
+    rows: Range<usize>,
+}
+
 /// Motion and measured torques at the samples of a record.
 struct Instants {
     q: DMatrix<f64>,
@@ -140,32 +149,32 @@ impl<'a> Ground<'a> {
     /// # Errors
     /// [`LinearError::Option`].
     pub fn seen(&self, record: &Record) -> Result<Record, LinearError> {
+        let Window { used, filter, rows } = self.window(record)?;
+        let part = |r: &Record, rows: Range<usize>| r.mapped(|m| m.rows(rows.start, rows.len()).into_owned());
+        let t0 = record.t0 + record.time(used.start) + record.time(rows.start);
+        let mut out = part(record, used);
+        if let Some(z) = filter {
+            z.columns(&mut out.tau);
+            out = part(&out, rows);
+        }
+        Ok(Record { t0, ..out })
+    }
+    fn window(&self, record: &Record) -> Result<Window, LinearError> {
         let used = trimmed(record, self.trim_s)?;
-        let t0 = record.t0 + record.time(used.start);
-        let part = |r: &Record, rows: Range<usize>, t0: f64| Record {
-            t0,
-            ..r.mapped(|m| m.rows(rows.start, rows.len()).into_owned())
-        };
-        let mut out = part(record, used, t0);
-        let Some(hz) = self.low_pass_hz else { return Ok(out) };
+        let n = used.len();
+        let Some(hz) = self.low_pass_hz else { return Ok(Window { used, filter: None, rows: 0..n }) };
         let z = filter(record, hz)?;
-        let (n, cut) = (out.samples(), z.transient());
+        let cut = z.transient();
         if n < 3 * cut {
             return Err(too_short(hz));
         }
-        z.columns(&mut out.tau);
-        Ok(part(&out, cut..n - cut, t0 + record.time(cut)))
+        Ok(Window { used, filter: Some(z), rows: cut..n - cut })
     }
     fn instants(&self, record: &Record) -> Result<Instants, LinearError> {
-        let used = trimmed(record, self.trim_s)?;
+        let Window { used, filter, rows } = self.window(record)?;
         let (q, qd, qdd) = motion_at(&*joint_motion(self.model, record)?, record, used.clone());
         let tau = record.tau().rows(used.start, used.len()).into_owned();
-        let filter = self.low_pass_hz.map(|hz| filter(record, hz)).transpose()?;
-        let cut = filter.as_ref().map_or(0, ZeroPhase::transient);
-        if used.len() < 3 * cut {
-            return Err(too_short(self.low_pass_hz.unwrap_or_default()));
-        }
-        Ok(Instants { q, qd, qdd, tau, filter, rows: cut..used.len() - cut })
+        Ok(Instants { q, qd, qdd, tau, filter, rows })
     }
     /// The sign of a rate.
     fn sign(&self, rate: f64) -> f64 {

@@ -150,16 +150,17 @@ pub fn modes(model: &Model, values: &[f64], take: &Take, s: &Settings) -> Result
 /// Row D24: channels that are not quiet just below half the rate.
 fn aliases(window: &Record, sigma: &[f64]) -> Option<Problem> {
     let rate = window.rate_hz();
-    let share = |k: usize, x: &[f64]| energy_at_the_top(x, rate, sigma[k]).unwrap_or(0.0);
     let all = window.responses();
-    let loud: Vec<String> = all
-        .column_iter()
-        .zip(window.response_names())
-        .enumerate()
-        .map(|(k, (c, name))| (share(k, &c.iter().copied().collect::<Vec<_>>()), name))
+    let share = |k: usize| energy_at_the_top(all.column(k).as_slice(), rate, sigma[k]).unwrap_or(0.0);
+    let names = window.response_names().into_iter().enumerate();
+    let loud: Vec<String> = names
+        .map(|(k, name)| (share(k), name))
         .filter(|(share, _)| *share > ALIASED)
         .map(|(share, name)| format!("{:.1} % of {name}", 100.0 * share))
         .collect();
+    if loud.is_empty() {
+        return None;
+    }
     let what = format!(
         "above {:.3} Hz, nine tenths of half the rate, lies {} (limit {} %): what is faster than half the rate appears slower, and may \
          pass for a mode",
@@ -168,7 +169,7 @@ fn aliases(window: &Record, sigma: &[f64]) -> Option<Problem> {
         100.0 * ALIASED
     );
     let hint = "sample faster, or behind an anti-alias filter";
-    (!loud.is_empty()).then(|| Problem::warning(Area::Data, "Data::Aliasing", what).hint(hint))
+    Some(Problem::warning(Area::Data, "Data::Aliasing", what).hint(hint))
 }
 
 /// What a measured mode is that the model has not.

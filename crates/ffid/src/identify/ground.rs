@@ -127,27 +127,29 @@ pub(super) fn identify(
     let arm = Arm { friction: found.friction.clone(), sigma, low_pass_hz: s.low_pass_hz };
     let (mut signals, mut seen) = (Vec::new(), Vec::new());
     for t in takes {
-        signals.push(predict(model, &ground, &t.record, &found.fit.values, &arm)?);
-        seen.push(Take { label: t.label.clone(), record: ground.seen(&t.record).map_err(linear)? });
+        let (predicted, record) = predict(model, &ground, &t.record, &found.fit.values, &arm)?;
+        signals.push(predicted);
+        seen.push(Take { label: t.label.clone(), record });
     }
     let provenance = Provenance { record: record_line(&takes[0].record), ..provenance };
     let result = report(opened, &seen, s, asked, (&unknowns, &found, &bounded), &signals, provenance)?;
     Ok(Identified { result, signals, values: found.fit.values, selected: unknowns.touched.clone() })
 }
 
-/// Torques that parameters and friction predict.
+/// Torques that parameters and friction predict, and the record as the estimator sees it.
 fn predict(
     model: &Model,
     ground: &Ground<'_>,
     record: &Record,
     values: &[f64],
     arm: &Arm,
-) -> Result<Signals, IdentifyError> {
+) -> Result<(Signals, Record), IdentifyError> {
     let (_, residual) = ground.predict(record, values, &arm.friction).map_err(linear)?;
     let (n, nj) = residual.shape();
     // Whitened, predicted less measured, sample after sample; zero close to rest, where friction is not what the formula says.
     let r: Vec<f64> = (0..n * nj).map(|i| -residual[(i / nj, i % nj)] / arm.sigma[i % nj]).collect();
-    Ok(Signals::of(model, &ground.seen(record).map_err(linear)?, &r, &arm.sigma))
+    let seen = ground.seen(record).map_err(linear)?;
+    Ok((Signals::of(model, &seen, &r, &arm.sigma), seen))
 }
 
 /// Signals of a record that played no part, and the number of residuals that count.
@@ -158,7 +160,7 @@ pub(super) fn explain(
     record: &Record,
 ) -> Result<(Signals, usize), IdentifyError> {
     let ground = calibration(model, arm.low_pass_hz)?;
-    let signals = predict(model, &ground, record, values, arm)?;
+    let (signals, _) = predict(model, &ground, record, values, arm)?;
     let used = (0..signals.names.len()).flat_map(|k| signals.residual(k)).filter(|r| *r != 0.0).count();
     Ok((signals, used))
 }
