@@ -1,6 +1,6 @@
 //! What a single channel shows by itself: a sensor at the end of its range, readings that jump out and back.
 
-use crate::runs::runs;
+use crate::runs::{repeats, runs};
 use core::ops::Range;
 use ff_model::{Area, Problem, Problems};
 
@@ -39,8 +39,11 @@ fn median(count: usize, value: impl Fn(usize) -> f64, keep: impl Fn(f64) -> bool
 /// Runs of the largest or smallest value that are entered or left with a step: what a limit does to a signal. The top of a
 /// smooth or coarsely quantised signal is entered by the smallest of steps.
 fn saturated(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
-    let (lo, hi) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
     // Nearly every channel ends here: it has no plateau.
+    if !repeats(x, PLATEAU - 1) {
+        return;
+    }
+    let (lo, hi) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
     if !x.windows(PLATEAU).any(|w| w[0] == w[1] && w[1] == w[2] && (w[0] == lo || w[0] == hi)) {
         return;
     }

@@ -176,7 +176,8 @@ impl<'a> Samples<'a> {
             return None;
         }
         self.clock.resolution(bad);
-        Some((builder(self.columns, self.targets, joints, &self.clock), self.clock.origin))
+        let Clock { stamps, origin, .. } = self.clock;
+        Some((builder(self.columns, self.targets, joints, stamps), origin))
     }
     fn report(&self, bad: &mut Problems) {
         let c = &self.count;
@@ -202,9 +203,9 @@ pub(super) fn too_many(what: String) -> Problem {
     data("Data::TooLarge", what).hint("cut the record, or raise --max-rows")
 }
 
-fn builder(mut columns: Vec<Vec<f64>>, targets: &[Target], joints: &[JointColumn], clock: &Clock) -> RecordBuilder {
-    let rows = clock.stamps.len();
-    let mut b = RecordBuilder::new(joints.iter().map(|j| j.name.clone())).stamps(clock.stamps.clone());
+fn builder(mut columns: Vec<Vec<f64>>, targets: &[Target], joints: &[JointColumn], stamps: Vec<f64>) -> RecordBuilder {
+    let rows = stamps.len();
+    let mut b = RecordBuilder::new(joints.iter().map(|j| j.name.clone())).stamps(stamps);
     for g in GROUPS {
         let width = g.channels(joints).len();
         let mut all = Vec::new();
