@@ -133,13 +133,12 @@ impl<L: LaneScalar> Flow<L> {
         let width = self.dz.len() / nz;
         let forces = self.force.chunks_exact(STAGES * n * BLOCK);
         for (block, (dz, forces)) in self.dz.chunks_exact_mut(nz * BLOCK).zip(forces).enumerate() {
-            for (x, row) in x0.iter_mut().zip(dz.chunks_exact(BLOCK)) {
+            for (((x0, x), sum), row) in x0.iter_mut().zip(&mut *x).zip(&mut *sum).zip(dz.chunks_exact(BLOCK)) {
                 for w in 0..W {
-                    x[w] = L::load(&row[w * L::N..]);
+                    x0[w] = L::load(&row[w * L::N..]);
                 }
+                (*x, *sum) = (*x0, *x0);
             }
-            x.copy_from_slice(x0);
-            sum.copy_from_slice(x0);
             let from = |w: usize| block * BLOCK + w * L::N;
             let mut theta = [[L::zero(); 3]; W];
             let turn = self.turn.as_ref().filter(|_| !self.dtheta.is_empty());

@@ -241,21 +241,24 @@ impl<L: LaneScalar> Points<L> {
         for i in self.count..L::N {
             self.nodes[i] = self.nodes[self.count - 1];
         }
-        let pack = |to: &mut [L], from: &[Vec<f64>; 8], count: usize| {
-            for (k, to) in to.iter_mut().enumerate() {
-                let mut lanes = [0.0; 8];
-                for (i, x) in lanes.iter_mut().enumerate() {
-                    *x = from[i.min(count - 1)][k];
-                }
-                *to = L::load(&lanes);
-            }
-        };
         pack(&mut self.zl, &self.z, self.count);
         pack(&mut self.ul, &self.u, self.count);
         tangent.evaluate(&self.nodes[..L::N], &self.zl, &self.ul);
         // These points were solved for, so their mass matrices are definite.
         tangent.solve();
         flow.take(tangent);
+    }
+}
+
+/// Points `from` by lane; the last of `count` is repeated.
+#[inline(always)]
+fn pack<L: LaneScalar>(to: &mut [L], from: &[Vec<f64>; 8], count: usize) {
+    for (k, to) in to.iter_mut().enumerate() {
+        let mut lanes = [0.0; 8];
+        for (i, x) in lanes.iter_mut().enumerate() {
+            *x = from[i.min(count - 1)][k];
+        }
+        *to = L::load(&lanes);
     }
 }
 

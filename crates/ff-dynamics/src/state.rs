@@ -81,7 +81,14 @@ impl<T: Scalar> State<T> {
     /// True when every number is finite, in every lane.
     #[inline(always)]
     pub fn is_finite(&self) -> bool {
-        self.pos.iter().chain(self.att.iter()).chain(&self.q).chain(&self.eta).chain(&self.v).all(|x| x.is_finite())
+        // Loops: a chain of iterators is not inlined into code for lanes.
+        let mut all = true;
+        for part in [self.pos.as_slice(), self.att.as_slice(), &self.q, &self.eta, &self.v] {
+            for x in part {
+                all &= x.is_finite();
+            }
+        }
+        all
     }
 }
 

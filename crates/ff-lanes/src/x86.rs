@@ -169,6 +169,23 @@ fn positive4(x: __m256d) -> bool {
     _mm256_movemask_pd(_mm256_and_pd(above, below)) == 0xf
 }
 
+/// `x` with the other sign where the second bit of `n` is set: the third and fourth quadrant. Functions, because a closure is not
+/// always inlined, and is not compiled for the instruction set of its surroundings then.
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn flipped8(n: __m512i, x: __m512d) -> __m512d {
+    let sign = _mm512_slli_epi64::<62>(_mm512_and_si512(n, _mm512_set1_epi64(2)));
+    _mm512_castsi512_pd(_mm512_xor_si512(_mm512_castpd_si512(x), sign))
+}
+
+/// As [`flipped8`].
+#[inline]
+#[target_feature(enable = "avx2")]
+fn flipped4(n: __m256i, x: __m256d) -> __m256d {
+    let sign = _mm256_slli_epi64::<62>(_mm256_and_si256(n, _mm256_set1_epi64x(2)));
+    _mm256_castsi256_pd(_mm256_xor_si256(_mm256_castpd_si256(x), sign))
+}
+
 /// Rows for columns of a 4 x 4 matrix.
 #[inline]
 #[target_feature(enable = "avx")]
@@ -347,15 +364,10 @@ impl Avx512x8 {
             }
             let (t, s, c) = reduced!(self, Self::splat);
             let n = _mm512_castpd_si512(t.0);
-            let two = _mm512_set1_epi64(2);
             let swap = _mm512_test_epi64_mask(n, _mm512_set1_epi64(1));
-            let flip = |n: __m512i, x: __m512d| {
-                let sign = _mm512_slli_epi64::<62>(_mm512_and_si512(n, two));
-                _mm512_castsi512_pd(_mm512_xor_si512(_mm512_castpd_si512(x), sign))
-            };
             let a = _mm512_mask_blend_pd(swap, s.0, c.0);
             let b = _mm512_mask_blend_pd(swap, c.0, s.0);
-            (Self(flip(n, a)), Self(flip(_mm512_add_epi64(n, _mm512_set1_epi64(1)), b)))
+            (Self(flipped8(n, a)), Self(flipped8(_mm512_add_epi64(n, _mm512_set1_epi64(1)), b)))
         }
     }
 }
@@ -373,15 +385,10 @@ impl Avx2x4 {
             }
             let (t, s, c) = reduced!(self, Self::splat);
             let n = _mm256_castpd_si256(t.0);
-            let two = _mm256_set1_epi64x(2);
             let swap = _mm256_castsi256_pd(_mm256_slli_epi64::<63>(n));
-            let flip = |n: __m256i, x: __m256d| {
-                let sign = _mm256_slli_epi64::<62>(_mm256_and_si256(n, two));
-                _mm256_castsi256_pd(_mm256_xor_si256(_mm256_castpd_si256(x), sign))
-            };
             let a = _mm256_blendv_pd(s.0, c.0, swap);
             let b = _mm256_blendv_pd(c.0, s.0, swap);
-            (Self(flip(n, a)), Self(flip(_mm256_add_epi64(n, _mm256_set1_epi64x(1)), b)))
+            (Self(flipped4(n, a)), Self(flipped4(_mm256_add_epi64(n, _mm256_set1_epi64x(1)), b)))
         }
     }
 }

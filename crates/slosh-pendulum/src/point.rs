@@ -196,13 +196,18 @@ pub(crate) fn jacobian<T: Scalar, const N: usize, const P: usize>(
         mr.scale_add(-w.y, &V3::new(mc.z, wr, -mc.x)),
         mr.scale_add(-w.z, &V3::new(-mc.y, mc.x, wr)),
     ];
-    let pushes: [Push<T, N>; 3] = array(x.push(V3::zero()), |i| x.push(by_spin[i]));
-    for (i, push) in pushes.iter().enumerate() {
+    // Loops: closures of some size are not inlined into code for lanes.
+    let mut spin = [(V3::zero(), V3::zero()); 3];
+    for (i, (spin, by)) in spin.iter_mut().zip(&by_spin).enumerate() {
+        let push: Push<T, N> = x.push(*by);
         j[i * dim + 6 + slot.eta0..i * dim + 6 + slot.eta0 + N].copy_from_slice(&push.own);
+        *spin = (push.f, push.n);
     }
-    let spin = array((V3::zero(), V3::zero()), |i| (pushes[i].f, pushes[i].n));
     let along = x.by_coordinate(&drive);
-    let mut columns: [Push<T, N>; N] = array(x.push(V3::zero()), |k| x.push(along[k].scaled(m)));
+    let mut columns = [x.push(V3::zero()); N];
+    for (column, a) in columns.iter_mut().zip(&along) {
+        *column = x.push(a.scaled(m));
+    }
     x.shift(&f, &mut columns);
     for (k, mut c) in columns.into_iter().enumerate() {
         c.own[k] += p[slot.k0 + k];
