@@ -32,7 +32,7 @@ enum Which {
     Excitation(Options),
     /// Noise-free data from 100 starts 20 % off: rigid, flexible, slosh, both, with a payload
     Recovery(Options),
-    /// 200 noisy records: do the 95 % intervals hold the truth?
+    /// 1000 noisy records: do the 95 % intervals hold the truth?
     Coverage(Options),
     /// Panels and fuel at once, with biases and a delay unknown
     Combined(Options),
