@@ -12,6 +12,7 @@
 use crate::estimator::{Estimate, EstimateError, Estimator, Request, estimate};
 use crate::lm::Status;
 use crate::transform::Transform;
+use ff_model::{ParamDecl, ParamGroup};
 
 /// One pass: what to fit it with, and to what.
 pub struct Pass<'a, 'b> {
@@ -224,15 +225,39 @@ fn through(pass: &mut Pass<'_, '_>, start: &[f64]) -> Result<(Estimate, usize, V
             break;
         }
     }
+    // Along the edge a fit may creep for ever. Without the edge it does not; where that leads to what can exist, it goes on from there.
+    if at_edge(&best) {
+        let loose = unbounded(decls);
+        let free = Request { decls: &loose, start: &best.values, ..pass.request.clone() };
+        if let Ok(way) = estimate(&free, pass.estimator) {
+            steps += way.iterations;
+            if let Ok(e) = estimate(&Request { start: &way.values, ..pass.request.clone() }, pass.estimator)
+                && e.chi2_per_dof < best.chi2_per_dof
+            {
+                steps += e.iterations;
+                best = e;
+            }
+        }
+    }
     let on = if at_edge(&best) { halfway(&best, &from) } else { best.values.clone() };
     Ok((best, steps, on))
+}
+
+/// The same parameters, bodies as ten numbers each that may be anything.
+fn unbounded(decls: &[ParamDecl]) -> Vec<ParamDecl> {
+    let loose = |d: &ParamDecl| match d.group {
+        ParamGroup::Inertial(_) => {
+            ParamDecl { group: ParamGroup::Free, bounds: (f64::NEG_INFINITY, f64::INFINITY), ..d.clone() }
+        }
+        _ => d.clone(),
+    };
+    decls.iter().map(loose).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::lm::EvalError;
-    use ff_model::ParamDecl;
     use nalgebra::DMatrix;
 
     /// A tone of unknown frequency and amplitude: full of valleys.

@@ -355,8 +355,13 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     // A number among the parts is a truth to look at by itself.
     let listed: Vec<u64> = options.only.iter().filter_map(|p| p.parse().ok()).collect();
     seeds.retain(|s| listed.is_empty() || listed.contains(s));
-    let truths = seeds.len();
     for (part, name) in parts {
+        let mut seeds = seeds.clone();
+        // A way that leads along the edge of what can exist, with the first seed.
+        if part == Part::Exact && options.quick && listed.is_empty() {
+            seeds.push(options.seed.wrapping_mul(1000) + 28);
+        }
+        let truths = seeds.len();
         let all: Vec<(u64, anyhow::Result<Outcome>)> =
             seeds.par_iter().map(|&seed| (seed, one(&x, seed, part))).collect();
         let mut good: Vec<&Outcome> = Vec::new();
