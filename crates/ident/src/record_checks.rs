@@ -44,7 +44,9 @@ fn saturated(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
         return;
     }
     let (lo, hi) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
-    if !x.windows(PLATEAU).any(|w| w[0] == w[1] && w[1] == w[2] && (w[0] == lo || w[0] == hi)) {
+    let plateaus: Vec<Range<usize>> =
+        runs(x).filter(|r| r.len() >= PLATEAU && (x[r.start] == lo || x[r.start] == hi)).collect();
+    if plateaus.is_empty() {
         return;
     }
     let step = |i: usize| (x[i + 1] - x[i]).abs();
@@ -55,12 +57,11 @@ fn saturated(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
     let usual = median(x.len() - 1, step, |s| s > 0.0);
     let sharp = (0.25 * usual).max(2.0 * least);
     let (mut count, mut first, mut at) = (0, 0, 0.0);
-    for Range { start, end } in runs(x) {
-        let extreme = x[start] == lo || x[start] == hi;
+    for Range { start, end } in plateaus {
         // A signal that begins or ends at rest enters its plateau from nowhere.
         let entered = start > 0 && (x[start] - x[start - 1]).abs() >= sharp;
         let left = end < x.len() && (x[end] - x[start]).abs() >= sharp;
-        if extreme && end - start >= PLATEAU && (entered || left) {
+        if entered || left {
             if count == 0 {
                 (first, at) = (start, x[start]);
             }

@@ -231,11 +231,11 @@ fn through(pass: &mut Pass<'_, '_>, start: &[f64]) -> Result<(Estimate, usize, V
         let free = Request { decls: &loose, start: &best.values, ..pass.request.clone() };
         if let Ok(way) = estimate(&free, pass.estimator) {
             steps += way.iterations;
-            if let Ok(e) = estimate(&Request { start: &way.values, ..pass.request.clone() }, pass.estimator)
-                && e.chi2_per_dof < best.chi2_per_dof
-            {
+            if let Ok(e) = estimate(&Request { start: &way.values, ..pass.request.clone() }, pass.estimator) {
                 steps += e.iterations;
-                best = e;
+                if e.chi2_per_dof < best.chi2_per_dof {
+                    best = e;
+                }
             }
         }
     }
