@@ -3,8 +3,8 @@
 use crate::states::Set;
 use clap::ValueEnum;
 use ff_dynamics::{
-    Derivatives, SingularInertia, Work, forward_dynamics, hybrid_dynamics, mass_matrix, regressor, rnea,
-    rnea_derivatives,
+    Derivatives, Regressor, SingularInertia, Work, forward_dynamics, hybrid_dynamics, mass_matrix, mass_matrix_lower,
+    regressor, rnea, rnea_derivatives,
 };
 use ff_model::{LaneScalar, Model, Params};
 use nalgebra::DMatrix;
@@ -15,8 +15,11 @@ use std::hint::black_box;
 pub(crate) enum Function {
     /// Forces for a motion.
     Rnea,
-    /// Mass matrix.
+    /// Lower triangle of the mass matrix: as the peers, which fill one triangle, too.
     Crba,
+    /// Mass matrix, both triangles.
+    #[value(name = "mass_matrix")]
+    MassMatrix,
     /// Accelerations for forces, everything free.
     Fd,
     /// Base and passive accelerations and joint torques for prescribed joint accelerations.
@@ -30,14 +33,15 @@ pub(crate) enum Function {
 
 impl Function {
     /// All of them.
-    pub(crate) const ALL: [Self; 6] =
-        [Self::Rnea, Self::Crba, Self::Fd, Self::Hybrid, Self::Regressor, Self::IdDerivatives];
+    pub(crate) const ALL: [Self; 7] =
+        [Self::Rnea, Self::Crba, Self::MassMatrix, Self::Fd, Self::Hybrid, Self::Regressor, Self::IdDerivatives];
 
     /// Name in the JSON output.
     pub(crate) fn text(self) -> &'static str {
         match self {
             Self::Rnea => "rnea",
             Self::Crba => "crba",
+            Self::MassMatrix => "mass_matrix",
             Self::Fd => "fd",
             Self::Hybrid => "hybrid",
             Self::Regressor => "regressor",
@@ -59,7 +63,7 @@ pub(crate) struct Runner<'m, T: LaneScalar> {
     /// Mass matrix.
     pub(crate) matrix: DMatrix<T>,
     /// Regressor.
-    pub(crate) y: DMatrix<T>,
+    pub(crate) y: Regressor<T>,
     /// Derivatives.
     pub(crate) d: Derivatives<T>,
 }
@@ -75,7 +79,7 @@ impl<'m, T: LaneScalar> Runner<'m, T> {
             out: vec![z; nv],
             joint: vec![z; model.nj()],
             matrix: DMatrix::from_element(nv, nv, z),
-            y: DMatrix::from_element(nv, model.n_params(), z),
+            y: Regressor::new(model),
             d: Derivatives::new(model),
         }
     }
@@ -91,6 +95,11 @@ impl<'m, T: LaneScalar> Runner<'m, T> {
                 pick(black_box(&self.out), 7)
             }
             Function::Crba => {
+                let h = mass_matrix_lower(m, p, s, &mut self.work);
+                let k = 7.min(m.nv() - 1);
+                black_box(&h)[(k, k)].lane(0)
+            }
+            Function::MassMatrix => {
                 mass_matrix(m, p, s, &mut self.work, &mut self.matrix);
                 pick(black_box(&self.matrix).as_slice(), 7 * m.nv() + 7)
             }
@@ -117,11 +126,16 @@ impl<'m, T: LaneScalar> Runner<'m, T> {
         })
     }
 
-    /// Everything the last call of `f` computed.
-    pub(crate) fn result(&self, f: Function) -> Vec<T> {
+    /// Everything that a call of `f` on state `i` computed, if it was the last one.
+    pub(crate) fn result(&mut self, f: Function, i: usize) -> Vec<T> {
         match f {
             Function::Rnea | Function::Fd => self.out.clone(),
-            Function::Crba => self.matrix.as_slice().to_vec(),
+            // The numbers are in `work`: once more.
+            Function::Crba => {
+                let h = mass_matrix_lower(self.model, &self.params, &self.set.states[i], &mut self.work);
+                (0..h.nrows()).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|at| h[at]).collect()
+            }
+            Function::MassMatrix => self.matrix.as_slice().to_vec(),
             Function::Hybrid => [self.out.as_slice(), &self.joint].concat(),
             Function::Regressor => self.y.as_slice().to_vec(),
             Function::IdDerivatives => [self.d.dq.as_slice(), self.d.dv.as_slice(), self.d.da.as_slice()].concat(),

@@ -102,7 +102,7 @@ fn prepare<T: ModelScalar>(
         let p = &mut work.ports[k];
         for i in 0..n {
             for j in 0..n {
-                p.ee[i * n + j] = p.m(6 + i, 6 + j);
+                p.ee[i * n + j] = p.mass().own(i, j);
             }
         }
         if !ldl::factor(&mut p.ee, n) {
@@ -115,14 +115,14 @@ fn prepare<T: ModelScalar>(
         let mut col = [T::zero(); ff_model::MAX_COORDS];
         for j in 0..6 {
             for i in 0..n {
-                col[i] = p.m(6 + i, j);
+                col[i] = p.mass().get(6 + i, j);
             }
             ldl::solve(&p.ee, n, &mut col[..n]);
             for i in 0..n {
                 p.gain[i * 6 + j] = col[i];
             }
         }
-        let mut ia = Matrix6::from_fn(|i, j| p.m(i, j));
+        let mut ia = Matrix6::from_fn(|i, j| p.mass().get(i, j));
         let mut pa = Force::from_slice(&p.h);
         for l in 0..n {
             let c = p.coupling(l);

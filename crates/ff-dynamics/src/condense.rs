@@ -12,8 +12,8 @@
 
 use crate::ldl;
 use crate::work::PortWork;
-use ff_model::ModelScalar;
 use ff_model::vec3::{Ten, V3};
+use ff_model::{ModelScalar, PortView};
 
 /// Classical acceleration of the base origin and angular acceleration. Reads `m`, `r` and `g` of the ports, writes
 /// `gain` and `free`.
@@ -136,11 +136,11 @@ impl<T: ModelScalar> PortWork<T> {
     /// `M_ee^-1` into `ee`.
     #[inline(always)]
     fn invert(&mut self) {
-        let (n, dim) = (self.n, 6 + self.n);
+        let n = self.n;
         let mut l = [T::zero(); ff_model::MAX_COORDS * ff_model::MAX_COORDS];
         for i in 0..n {
             for j in 0..=i {
-                l[i * n + j] = self.m[(6 + i) * dim + 6 + j];
+                l[i * n + j] = self.mass().own(i, j);
             }
         }
         ldl::factor_inverted(&mut l[..n * n], n);
@@ -213,9 +213,10 @@ impl<T: ModelScalar> PortWork<T> {
 #[inline(always)]
 fn eliminate<T: ModelScalar, const N: usize>(p: &mut PortWork<T>, s: &mut [[T; 6]; 6], b: &mut [T; 6]) -> bool {
     let mut m = [[T::zero(); N]; N];
+    let of = PortView::new(N, &p.m);
     for i in 0..N {
         for j in 0..=i {
-            m[i][j] = p.m[(6 + i) * (6 + N) + 6 + j];
+            m[i][j] = of.own(i, j);
         }
     }
     if !ldl::factor_fixed(&mut m) {
@@ -262,7 +263,7 @@ fn eliminate_any<T: ModelScalar>(p: &mut PortWork<T>, s: &mut [[T; 6]; 6], b: &m
     let n = p.n;
     for i in 0..n {
         for j in 0..n {
-            p.ee[i * n + j] = p.m[(6 + i) * (6 + n) + 6 + j];
+            p.ee[i * n + j] = p.mass().own(i, j);
         }
         p.free[i] = -p.r[6 + i];
     }

@@ -223,7 +223,7 @@ impl<T: LaneScalar> Kernel for Run<'_, T> {
             let (mut m, mut r, mut d) = (take(&mut port.m), take(&mut port.r), take(&mut port.d));
             tree::port_motion(model, state, a, ap, port, &links[ap.host], true, |s, acc| {
                 let p = params.appendage(model, k);
-                let mut mass = PortMatrix::new(port.n, &mut m);
+                let mut mass = PortMatrix::over(port.n, &mut m);
                 T::port(&*ap.appendage).terms(p, s, &mut mass, &mut r);
                 ff_model::appendage::add_inertial(&mass, acc, &mut r);
                 T::tangent(&*ap.appendage).jacobian(p, s, acc, &mut d);
@@ -275,7 +275,7 @@ impl<T: LaneScalar> Kernel for Run<'_, T> {
             let u = host.w.cross_add(&mount.p, &host.u);
             let w = tree::at_mount(port, &links[ap.host]).0;
             for k in 0..n {
-                let (pull, row) = (port.pull(k), 6 + k);
+                let (pull, row) = (port.mass().coupling(k), 6 + k);
                 let feel = V3::new(port.d[row], port.d[dim + row], port.d[2 * dim + row]) - pull.1.cross(&w);
                 let t1 = mount.wrench_up::<{ turn::ANY }>(&pull.0, &pull.1);
                 let t4 = mount.r.mul(&feel) + u.cross(&t1.0).scaled(T::from_f64(2.0));
@@ -283,7 +283,7 @@ impl<T: LaneScalar> Kernel for Run<'_, T> {
                 let nu = &port.d[(3 + n + k) * dim..][..dim];
                 let own = Own { t1, t2: up(&mount, nu), t3: up(&mount, eta), t4 };
                 for l in 0..n {
-                    out.set(first + l, first + k, eta[6 + l], nu[6 + l], port.m[(6 + l) * dim + row]);
+                    out.set(first + l, first + k, eta[6 + l], nu[6 + l], port.mass().own(l, k));
                 }
                 out.column(first + k, &own);
                 out.row(first + k, &own.t1, &own.t4, &ground);
@@ -471,10 +471,10 @@ fn hang<T: LaneScalar>(port: &PortWork<T>, w: &V3<T>, nu: &[T], host: &mut Node<
     let dim = 6 + port.n;
     let x = mounted(port, &host.pose);
     let u = host.w.cross_add(&x.p, &host.u);
-    let own = port.host_ten();
+    let own = port.mass().host();
     let mut p = w.cross(&own.h);
     for (k, &nu) in nu.iter().enumerate() {
-        p = port.pull(k).0.scale_add(nu, &p);
+        p = port.mass().coupling(k).0.scale_add(nu, &p);
     }
     let p = own_momentum(&x, &p, &u, own.m);
     // D in mount axes, by columns.

@@ -141,7 +141,7 @@ impl<T: ModelScalar> Kernel for Free<'_, T> {
                 a[row] = tau[row] - p.r[6 + k];
             }
         }
-        crba::composite(params, model, work);
+        tree::compose(model, params, &mut work.links, &work.ports);
         let mut h = std::mem::take(&mut work.lower);
         crba::columns::<T, false>(model, work, &mut h);
         let done = ltl::solve(&mut h, nb, &work.dof_parent, a);
@@ -225,11 +225,11 @@ impl<T: ModelScalar> Kernel for Hybrid<'_, T> {
                 }
             }
         }
-        crba::composite(params, model, work);
+        tree::compose(model, params, &mut work.links, &work.ports);
         let (al0, a0) = if nb == 6 {
             for (ap, p) in model.appendages().iter().zip(&mut work.ports) {
                 for j in 0..p.n {
-                    let (f, n) = p.pull(j);
+                    let (f, n) = p.mass().coupling(j);
                     let (mut f, mut n) = p.up(&f, &n);
                     let mut at = ap.host;
                     while at > 0 {
@@ -271,7 +271,7 @@ impl<T: ModelScalar> Kernel for Hybrid<'_, T> {
             let (mut f, mut n) = (V3::zero(), V3::zero());
             for k in 0..p.n {
                 let x = a[nb + nj + ap.coord_offset + k];
-                let (pf, pn) = p.pull(k);
+                let (pf, pn) = p.mass().coupling(k);
                 (f, n) = (pf.scale_add(x, &f), pn.scale_add(x, &n));
             }
             (f, n) = p.up(&f, &n);

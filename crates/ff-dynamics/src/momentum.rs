@@ -57,7 +57,7 @@ pub fn budget<T: ModelScalar>(model: &Model, params: &Params<T>, state: &State<T
         for i in 0..nu.len() {
             let mut row = p.v.dot(&p.coupling(i));
             for j in 0..nu.len() {
-                row += p.m(6 + i, 6 + j) * nu[j];
+                row += p.mass().own(i, j) * nu[j];
             }
             kinetic += nu[i] * row;
         }

@@ -125,7 +125,7 @@ impl<'a, T: ModelScalar> Reduced<'a, T> {
             let own = ap.coord_offset..ap.coord_offset + p.n;
             let (eta, nu) = (&z[6 + own.start..6 + own.end], &z[6 + m + own.start..6 + m + own.end]);
             let s = PortState { host: Motion { lin: v.into(), ang: at.w.into() }, eta, nu };
-            let mut mass = PortMatrix::new(p.n, &mut p.m);
+            let mut mass = PortMatrix::over(p.n, &mut p.m);
             T::port(&*ap.appendage).terms(self.params.appendage(model, k), &s, &mut mass, &mut p.h);
             p.rest(&a, &at.al);
             let (pf, pn) = frame.up(&V3::from_slice(&p.r), &V3::from_slice(&p.r[3..]));
@@ -133,7 +133,7 @@ impl<'a, T: ModelScalar> Reduced<'a, T> {
             n += pn;
             c.add(&hung(frame, p));
             for j in 0..p.n {
-                let (pf, pn) = p.pull(j);
+                let (pf, pn) = p.mass().coupling(j);
                 p.g[j] = frame.up(&pf, &pn);
             }
         }
@@ -202,16 +202,14 @@ impl<'a, T: ModelScalar> Reduced<'a, T> {
         let (a, al) = (V3::from_slice(u), V3::from_slice(&u[3..]));
         let at = frame.carried(&w, &al, &a, &M3::field(&w, &al));
         let lin = at.a - at.w.cross(&frame.velocity(&v, &w));
-        let (mut wrench, dim) = ([T::zero(); 6], 6 + p.n);
-        let acc = [lin.x, lin.y, lin.z, at.al.x, at.al.y, at.al.z];
-        let own = &u[6 + ap.coord_offset..6 + ap.coord_offset + p.n];
-        for (i, x) in wrench.iter_mut().enumerate() {
-            *x = p.h[i];
-            for (j, &y) in acc.iter().chain(own).enumerate() {
-                *x = p.m[i * dim + j].mul_add(y, *x);
-            }
+        let m = p.mass();
+        let (f, n) = m.host().momentum(&lin, &at.al);
+        let (mut f, mut n) = (f + V3::from_slice(&p.h), n + V3::from_slice(&p.h[3..]));
+        for (k, &x) in u[6 + ap.coord_offset..][..p.n].iter().enumerate() {
+            let (pf, pn) = m.coupling(k);
+            (f, n) = (pf.scale_add(x, &f), pn.scale_add(x, &n));
         }
-        (V3::from_slice(&wrench), V3::from_slice(&wrench[3..]))
+        (f, n)
     }
 }
 
@@ -242,8 +240,8 @@ pub(crate) fn at_zero_acceleration<T: ModelScalar>(base: &Ten<T>, arm: &Arm<T>, 
 pub(crate) fn hung<T: ModelScalar>(frame: &Frame<T>, p: &PortWork<T>) -> Ten<T> {
     use ff_model::vec3::{Turn, turn};
     match frame.pose.turn {
-        Turn::None => frame.pose.body_up::<{ turn::NONE }>(&p.host_ten()),
-        _ => frame.pose.body_up::<{ turn::ANY }>(&p.host_ten()),
+        Turn::None => frame.pose.body_up::<{ turn::NONE }>(&p.mass().host()),
+        _ => frame.pose.body_up::<{ turn::ANY }>(&p.mass().host()),
     }
 }
 

@@ -6,9 +6,9 @@ use crate::work::Work;
 use ff_lanes::Kernel;
 use ff_model::by_turn;
 use ff_model::vec3::V3;
-use ff_model::{Force, LaneScalar, Model, ModelScalar, Motion, Params};
+use ff_model::{Force, LaneScalar, Model, ModelScalar, Motion, Mounted, Params};
 use nalgebra::{DMatrix, Matrix3, Vector3};
-use std::ops::Range;
+use std::ops::Deref;
 
 /// Wrench of a rigid body moving with twist `v` and acceleration `a`, per unit of each inertial parameter.
 ///
@@ -53,6 +53,46 @@ fn skew<T: ModelScalar>(v: &Vector3<T>) -> Matrix3<T> {
     Matrix3::new(z, -v.z, v.y, v.z, z, -v.x, -v.y, v.x, z)
 }
 
+/// The regressor of one model, `nv x n_params`, where [`regressor`] puts it; reads as its matrix.
+///
+/// More than half of it is zero whatever the motion: what a joint closer to the tip has to do with a body, a panel with another one.
+/// That is written once, here.
+#[derive(Clone, Debug)]
+pub struct Regressor<T> {
+    y: DMatrix<T>,
+    /// Parents of the bodies of the model it belongs to, and of its appendages the host, the first coordinate and the first parameter.
+    bodies: Vec<usize>,
+    appendages: Vec<[usize; 3]>,
+}
+
+impl<T: LaneScalar> Regressor<T> {
+    /// Zeros for `model`. Allocates.
+    pub fn new(model: &Model) -> Self {
+        Self {
+            y: DMatrix::from_element(model.nv(), model.n_params(), T::zero()),
+            bodies: model.bodies().iter().map(|b| b.parent).collect(),
+            appendages: model.appendages().iter().map(place).collect(),
+        }
+    }
+    /// Whether the same elements are zero in that of another model.
+    fn fits(&self, model: &Model) -> bool {
+        self.y.shape() == (model.nv(), model.n_params())
+            && model.bodies().iter().map(|b| b.parent).eq(self.bodies.iter().copied())
+            && model.appendages().iter().map(place).eq(self.appendages.iter().copied())
+    }
+}
+
+fn place(a: &Mounted) -> [usize; 3] {
+    [a.host, a.coord_offset, a.param_offset]
+}
+
+impl<T> Deref for Regressor<T> {
+    type Target = DMatrix<T>;
+    fn deref(&self) -> &DMatrix<T> {
+        &self.y
+    }
+}
+
 /// `Y = d tau / d p` at fixed motion, `nv x n_params`, in the order of [`Model::param_decls`].
 ///
 /// Rows as in [`crate::rnea()`]: base wrench, joint torques, passive rows. For the bodies `tau = Y phi`
@@ -63,21 +103,21 @@ fn skew<T: ModelScalar>(v: &Vector3<T>) -> Matrix3<T> {
 /// their motion ([`ff_model::vec3::Moving::powers`]). Does not allocate.
 ///
 /// # Panics
-/// If a shape is wrong.
+/// If `a` is not `nv` long, or `y` belongs to a model of another tree.
 pub fn regressor<T: LaneScalar>(
     model: &Model,
     params: &Params<T>,
     state: &State<T>,
     a: &[T],
     work: &mut Work<T>,
-    y: &mut DMatrix<T>,
+    y: &mut Regressor<T>,
 ) {
     assert_eq!(a.len(), model.nv(), "acceleration length");
-    assert_eq!(y.shape(), (model.nv(), model.n_params()), "regressor shape");
-    T::enter(Regressor { model, params, state, a, work, y: y.as_mut_slice() });
+    assert!(y.fits(model), "regressor of another model");
+    T::enter(Filling { model, params, state, a, work, y: y.y.as_mut_slice() });
 }
 
-struct Regressor<'a, T: LaneScalar> {
+struct Filling<'a, T: LaneScalar> {
     model: &'a Model,
     params: &'a Params<T>,
     state: &'a State<T>,
@@ -86,7 +126,7 @@ struct Regressor<'a, T: LaneScalar> {
     y: &'a mut [T],
 }
 
-impl<T: LaneScalar> Kernel for Regressor<'_, T> {
+impl<T: LaneScalar> Kernel for Filling<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
@@ -95,9 +135,9 @@ impl<T: LaneScalar> Kernel for Regressor<'_, T> {
         let links = &mut work.links[..];
         tree::place(links, &state.q);
         tree::move_all(model, state, a, links);
-        // One number takes least time to clear as a whole; lanes fill the cache, and are written once.
-        let plain = size_of::<T>() == size_of::<f64>();
-        if plain {
+        // Lanes fill the first cache, and what is zero is better left alone. One number is faster with the matrix in the cache, where
+        // clearing it brings it.
+        if size_of::<T>() == size_of::<f64>() {
             y.fill(T::zero());
         }
         // Screws of all degrees of freedom that move body b, in its frame: base, then joints. Those of the base's
@@ -155,16 +195,6 @@ impl<T: LaneScalar> Kernel for Regressor<'_, T> {
                     k += 1;
                 }
             }
-            if !plain {
-                for column in block.chunks_exact_mut(nv) {
-                    clear(column, &work.still[b]);
-                }
-                for column in block[4 * nv..].chunks_exact_mut(nv) {
-                    for x in &mut column[..nb.min(3)] {
-                        *x = T::zero();
-                    }
-                }
-            }
         }
         for (k, (ap, port)) in model.appendages().iter().zip(&mut work.ports).enumerate() {
             let p = params.appendage(model, k);
@@ -181,20 +211,8 @@ impl<T: LaneScalar> Kernel for Regressor<'_, T> {
                 }
                 let (f, n) = port.up(&V3::from_slice(d), &V3::from_slice(&d[3..]));
                 crate::crba::carry(links, nb, ap.host, f, n, col);
-                if !plain {
-                    clear(col, &work.still[links.len() + k]);
-                }
             }
             port.d = columns;
-        }
-    }
-}
-
-#[inline(always)]
-fn clear<T: LaneScalar>(column: &mut [T], rows: &[Range<usize>]) {
-    for run in rows {
-        for x in &mut column[run.clone()] {
-            *x = T::zero();
         }
     }
 }

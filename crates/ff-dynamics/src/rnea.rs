@@ -62,7 +62,7 @@ impl<T: ModelScalar> Kernel for Rnea<'_, T> {
         for (k, (ap, p)) in model.appendages().iter().zip(&mut work.ports).enumerate() {
             let (mut m, mut r) = (std::mem::take(&mut p.m), std::mem::take(&mut p.r));
             tree::port_motion(model, state, a, ap, p, &links[ap.host], false, |s, acc| {
-                let mut scratch = PortMatrix::new(p.n, &mut m);
+                let mut scratch = PortMatrix::over(p.n, &mut m);
                 T::port(&*ap.appendage).residual(params.appendage(model, k), s, acc, &mut scratch, &mut r);
             });
             (p.m, p.r) = (m, r);

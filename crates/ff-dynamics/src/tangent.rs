@@ -11,6 +11,7 @@ use crate::work::PortWork;
 use ff_model::vec3::{M3, Moving, Ten, V3};
 use ff_model::{
     D1, DynAppendage, LaneScalar, Model, ModelScalar, Motion, Mounted, Params, PortAccel, PortMatrix, PortState,
+    port_len,
 };
 
 /// Which columns are wanted, sorted by what they belong to: `(own index, column)`.
@@ -114,10 +115,16 @@ impl<T: LaneScalar> PortWork<T> {
     /// `first` other than zero, a velocity `dv` (columns from zero on).
     #[inline(always)]
     fn along(&self, first: usize, dw: &V3<T>, dv: &V3<T>, a: &V3<T>, al: &V3<T>, to: &mut [T]) {
-        let dim = 6 + self.n;
+        let (m, dim) = (self.mass(), 6 + self.n);
+        let (f, n) = m.host().momentum(a, al);
+        f.write_to(to);
+        n.write_to(&mut to[3..]);
+        for k in 0..self.n {
+            let (f, n) = m.coupling(k);
+            to[6 + k] = f.dot(a) + n.dot(al);
+        }
         for (i, to) in to.iter_mut().enumerate() {
-            let row = &self.m[i * dim..i * dim + 6];
-            let mut y = V3::from_slice(row).dot(a) + V3::from_slice(&row[3..]).dot(al);
+            let mut y = *to;
             let column = |j: usize| self.d[j * dim + i];
             if first > 0 {
                 y += V3::new(column(0), column(1), column(2)).dot(dv);
@@ -163,7 +170,7 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
         let (eta, nu) = (&z[6 + own.start..6 + own.end], &z[6 + m + own.start..6 + m + own.end]);
         let acc = &u[6 + own.start..6 + own.end];
         let params = self.params.appendage(self.model, k);
-        T::port(&*ap.appendage).inertia(params, eta, &mut PortMatrix::new(n, &mut p.m));
+        T::port(&*ap.appendage).inertia(params, eta, &mut PortMatrix::over(n, &mut p.m));
         let host = frame.carried(&at.w, &at.al, &at.a, &at.field);
         // What does not depend on the host's velocity is asked in a frame that moves with the mount.
         let slow = self.at_speed[k].as_mut();
@@ -340,7 +347,7 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
             let (p, frame) = (&mut parts.ports[k], &parts.frames[k]);
             c.add(&hung(frame, p));
             for j in 0..p.n {
-                let (f, t) = p.pull(j);
+                let (f, t) = p.mass().coupling(j);
                 p.g[j] = frame.up(&f, &t);
             }
         }
@@ -468,7 +475,7 @@ impl<'a> TorqueRows<'a> {
                 }
             }
             for i in 0..p.n {
-                let (f, n) = p.pull(i);
+                let (f, n) = p.mass().coupling(i);
                 let (f, n) = frame.up(&f, &n);
                 above.iter().for_each(|&j| by_u[j * nu + 6 + ap.coord_offset + i] += felt(j, &f, &n));
             }
@@ -526,7 +533,7 @@ struct AtSpeed {
 impl AtSpeed {
     fn new(n: usize, np: usize) -> Self {
         let z = |k| vec![D1::constant(0.0); k];
-        Self { p: z(np), eta: z(n), nu: z(n), acc: z(n), m: z((6 + n).pow(2)), r: z(6 + n) }
+        Self { p: z(np), eta: z(n), nu: z(n), acc: z(n), m: z(port_len(n)), r: z(6 + n) }
     }
 
     /// Columns of `M [A; nu'] + h` at fixed accelerations, `6+n` each: host twist 6, coordinates n, rates n.
@@ -560,7 +567,7 @@ impl AtSpeed {
                 let v: [D1; 6] = core::array::from_fn(|i| seed(i, s.host.get(i).lane(lane)));
                 let state = PortState { host: Motion::from_slice(&v), eta: &self.eta, nu: &self.nu };
                 let accel = PortAccel { host, nu: &self.acc };
-                port.residual(&self.p, &state, &accel, &mut PortMatrix::new(n, &mut self.m), &mut self.r);
+                port.residual(&self.p, &state, &accel, &mut PortMatrix::over(n, &mut self.m), &mut self.r);
                 for (i, r) in self.r.iter().enumerate() {
                     out[dir * dim + i].set_lane(lane, r.eps[0]);
                 }

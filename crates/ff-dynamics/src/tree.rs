@@ -22,6 +22,9 @@ use nalgebra::{Matrix3, Vector3};
 #[derive(Clone, Debug)]
 pub(crate) struct Link<T: Scalar> {
     pub(crate) parent: usize,
+    /// Last of the bodies that it carries, and the one before it that has the same parent; zero if there is none.
+    pub(crate) child: usize,
+    pub(crate) sibling: usize,
     prismatic: bool,
     axis: Axis,
     origin: [f64; 3],
@@ -49,6 +52,8 @@ impl<T: Scalar> Link<T> {
     pub(crate) fn base() -> Self {
         Self {
             parent: 0,
+            child: 0,
+            sibling: 0,
             prismatic: false,
             axis: Axis::new(&Vector3::z(), &Matrix3::identity()),
             origin: [0.0; 3],
@@ -303,13 +308,21 @@ pub(crate) fn gather<T: ModelScalar>(links: &mut [Link<T>], tau: &mut [T]) {
     }
 }
 
-/// Carries composite inertias inwards.
+/// Composite inertias of all bodies, ports included; needs the poses and `M` of the ports.
 #[inline(always)]
-pub(crate) fn compose<T: ModelScalar>(links: &mut [Link<T>]) {
-    for i in (1..links.len()).rev() {
-        let (inner, outer) = links.split_at_mut(i);
-        let (l, c) = (&outer[0], &mut inner[outer[0].parent].ic);
-        by_turn!(T, l.pose.turn, K => c.add(&l.pose.body_up::<K>(&l.ic)));
+pub(crate) fn compose<T: ModelScalar>(model: &Model, params: &Params<T>, links: &mut [Link<T>], ports: &[PortWork<T>]) {
+    for i in (0..links.len()).rev() {
+        let mut c = Ten::from(params.body(i));
+        for (_, p) in model.appendages().iter().zip(ports).filter(|(a, _)| a.host == i) {
+            c.add(&p.hung());
+        }
+        let mut j = links[i].child;
+        while j > 0 {
+            let l = &links[j];
+            by_turn!(T, l.pose.turn, K => c.add(&l.pose.body_up::<K>(&l.ic)));
+            j = l.sibling;
+        }
+        links[i].ic = c;
     }
 }
 
@@ -341,7 +354,7 @@ pub(crate) fn port_terms<T: ModelScalar>(
         let (v, a) = mount_twist(p, &links[ap.host], &w, &a);
         let s =
             PortState { host: Motion { lin: v.into(), ang: w.into() }, eta: &state.eta[c.clone()], nu: &state.nu()[c] };
-        let mut m = PortMatrix::new(n, &mut p.m);
+        let mut m = PortMatrix::over(n, &mut p.m);
         T::port(&*ap.appendage).terms(params.appendage(model, k), &s, &mut m, &mut p.h);
         p.rest(&a, &al);
         p.press(&mut links[ap.host]);

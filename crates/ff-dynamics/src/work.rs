@@ -6,10 +6,11 @@ use crate::state::State;
 use crate::tree::Link;
 use ff_model::small::{mm, mv};
 use ff_model::so3::quat_to_rot;
-use ff_model::vec3::{Pose, S3, Ten, Turn, V3, turn};
-use ff_model::{Force, Inertia, JointKind, Model, ModelScalar, Motion, Params, PortMatrix, PortState, Xform};
+use ff_model::vec3::{Pose, Ten, Turn, V3, turn};
+use ff_model::{
+    Force, Inertia, JointKind, Model, ModelScalar, Motion, Params, PortMatrix, PortState, PortView, Xform, port_len,
+};
 use nalgebra::{Matrix3, Matrix6, Vector3};
-use std::ops::Range;
 
 /// Buffers of one appendage port.
 #[derive(Clone, Debug)]
@@ -18,7 +19,7 @@ pub(crate) struct PortWork<T: ModelScalar> {
     pub(crate) mount: Xform<T>,
     /// Host twist in the mount frame.
     pub(crate) v: Motion<T>,
-    /// `M`, row-major `(6+n)^2`.
+    /// The numbers of `M`: see [`PortMatrix`].
     pub(crate) m: Vec<T>,
     /// Bias, `6+n`.
     pub(crate) h: Vec<T>,
@@ -48,7 +49,7 @@ impl<T: ModelScalar> PortWork<T> {
         Self {
             mount: a.mount.lift(),
             v: Motion::zero(),
-            m: z(dim * dim),
+            m: z(port_len(n)),
             h: z(dim),
             ee: z(n * n),
             gain: z(6 * n),
@@ -63,13 +64,13 @@ impl<T: ModelScalar> PortWork<T> {
     /// The residual `r = h + M [A; 0]` at a host acceleration (componentwise, angular) and own rates held.
     #[inline(always)]
     pub(crate) fn rest(&mut self, a: &V3<T>, al: &V3<T>) {
-        let b = self.host_ten();
+        let b = self.mass().host();
         let f = al.cross_add(&b.h, &a.scale_add(b.m, &V3::from_slice(&self.h)));
         let n = b.h.cross_add(a, &b.i.mul_add(al, &V3::from_slice(&self.h[3..])));
         f.write_to(&mut self.r);
         n.write_to(&mut self.r[3..]);
         for k in 0..self.n {
-            let (f, n) = self.pull(k);
+            let (f, n) = self.mass().coupling(k);
             self.r[6 + k] = f.dot(a) + n.dot(al) + self.h[6 + k];
         }
     }
@@ -92,53 +93,25 @@ impl<T: ModelScalar> PortWork<T> {
     #[inline(always)]
     pub(crate) fn hung(&self) -> Ten<T> {
         match self.pose.turn {
-            Turn::None if !T::DERIVATIVES => self.pose.body_up::<{ turn::NONE }>(&self.host_ten()),
-            _ => self.pose.body_up::<{ turn::ANY }>(&self.host_ten()),
+            Turn::None if !T::DERIVATIVES => self.pose.body_up::<{ turn::NONE }>(&self.mass().host()),
+            _ => self.pose.body_up::<{ turn::ANY }>(&self.mass().host()),
         }
     }
-    /// `M_bb` as a rigid body in the mount frame: with its own rates zero an appendage moves with its host, so
-    /// the block has the ten-parameter structure (checked by the conformance suite, not here).
+    /// `M`.
     #[inline(always)]
-    pub(crate) fn host_ten(&self) -> Ten<T> {
-        let dim = 6 + self.n;
-        let row = |i: usize| &self.m[i * dim..i * dim + 6];
-        let (a, b, c) = (row(3), row(4), row(5));
-        Ten {
-            m: self.m[0],
-            h: V3::new(c[1], a[2], b[0]),
-            i: S3 { xx: a[3], xy: b[3], yy: b[4], xz: c[3], yz: c[4], zz: c[5] },
-        }
-    }
-    /// Column `k` of `M_be`, force and moment on the host per unit own acceleration, mount frame.
-    #[inline(always)]
-    pub(crate) fn pull(&self, k: usize) -> (V3<T>, V3<T>) {
-        let row = &self.m[(6 + k) * (6 + self.n)..];
-        (V3::from_slice(row), V3::from_slice(&row[3..]))
-    }
-    /// `M[i][j]` of a port with `n` coordinates.
-    #[inline(always)]
-    pub(crate) fn m(&self, i: usize, j: usize) -> T {
-        self.m[i * self.h.len() + j]
+    pub(crate) fn mass(&self) -> PortView<'_, T> {
+        PortView::new(self.n, &self.m)
     }
     /// Column `k` of `M_be`: the wrench on the host per unit own acceleration, in the mount frame.
-    #[inline(always)]
     pub(crate) fn coupling(&self, k: usize) -> Force<T> {
-        let c = 6 + k;
-        Force::new(
-            Vector3::new(self.m(0, c), self.m(1, c), self.m(2, c)),
-            Vector3::new(self.m(3, c), self.m(4, c), self.m(5, c)),
-        )
+        let (f, n) = self.mass().coupling(k);
+        Force::new(f.into(), n.into())
     }
     /// `M_bb A` for a host acceleration `A` in the mount frame.
     #[inline(always)]
     pub(crate) fn host_inertia(&self, a: &Motion<T>) -> Force<T> {
-        let mut f = [T::zero(); 6];
-        for i in 0..6 {
-            for j in 0..6 {
-                f[i] += self.m(i, j) * a.get(j);
-            }
-        }
-        Force::from_slice(&f)
+        let (f, n) = self.mass().host().momentum(&V3::from(&a.lin), &V3::from(&a.ang));
+        Force::new(f.into(), n.into())
     }
 }
 
@@ -187,9 +160,7 @@ pub struct Work<T: ModelScalar> {
     pub(crate) dof_parent: Vec<usize>,
     /// Pairs `(i, j)`, `j < i`, of which neither carries the other: zero in the mass matrix.
     pub(crate) apart: Vec<(usize, usize)>,
-    /// Rows of the regressor that are zero in the columns of each body, then of each appendage.
-    pub(crate) still: Vec<Vec<Range<usize>>>,
-    /// Mass matrix, row-major, lower triangle.
+    /// Mass matrix, row-major, lower triangle. What is zero whatever the state stays as it began.
     pub(crate) lower: Vec<T>,
     /// Per body, the screws of the base and of the joints that move it, in its frame: `6 + nj` each.
     pub(crate) screws: Vec<(V3<T>, V3<T>)>,
@@ -227,9 +198,8 @@ impl<T: ModelScalar> Work<T> {
             has_passive: false,
             mean_depth: mean_depth(model),
             zeros: vec![T::zero(); model.nv()],
-            links: std::iter::once(Link::base()).chain(model.bodies().iter().map(Link::new)).collect(),
+            links: links(model),
             apart: apart(model.nb(), &dof_parent),
-            still: still(model, &dof_parent),
             dof_parent,
             lower: vec![T::zero(); model.nv().pow(2)],
             screws: vec![(V3::zero(), V3::zero()); nb * (6 + model.nj())],
@@ -295,7 +265,7 @@ impl<T: ModelScalar> Work<T> {
         for (k, a) in model.appendages().iter().enumerate() {
             let n = a.dim();
             let eta = &eta[a.coord_offset..a.coord_offset + n];
-            let mut m = PortMatrix::new(n, &mut self.ports[k].m);
+            let mut m = PortMatrix::over(n, &mut self.ports[k].m);
             T::port(&*a.appendage).inertia(params.appendage(model, k), eta, &mut m);
         }
     }
@@ -316,6 +286,15 @@ impl<T: ModelScalar> Work<T> {
         }
         Motion::new(-quat_to_rot(&state.att).tr_mul(&g.map(T::from_f64)), Vector3::zeros())
     }
+}
+
+fn links<T: ModelScalar>(model: &Model) -> Vec<Link<T>> {
+    let mut all: Vec<Link<T>> = std::iter::once(Link::base()).chain(model.bodies().iter().map(Link::new)).collect();
+    for i in 1..all.len() {
+        let parent = all[i].parent;
+        all[i].sibling = std::mem::replace(&mut all[parent].child, i);
+    }
+    all
 }
 
 fn mean_depth(model: &Model) -> f64 {
@@ -358,33 +337,6 @@ fn apart(nb: usize, parent: &[usize]) -> Vec<(usize, usize)> {
         out.extend((nb..i).filter(|&j| !related[j]).map(|j| (i, j)));
     }
     out
-}
-
-/// Degrees of freedom that do not move each body and, after the bodies, each appendage.
-fn still(model: &Model, parent: &[usize]) -> Vec<Vec<Range<usize>>> {
-    let (nb, passive) = (model.nb(), model.nb() + model.nj());
-    let joints = |body: usize| {
-        let mut moves = vec![false; parent.len()];
-        mark(parent, if body > 0 { nb + body - 1 } else { ROOT }, &mut moves);
-        moves
-    };
-    let runs = |moves: &[bool]| {
-        let mut out = Vec::<Range<usize>>::new();
-        for i in (nb..moves.len()).filter(|&i| !moves[i]) {
-            match out.last_mut() {
-                Some(run) if run.end == i => run.end += 1,
-                _ => out.push(i..i + 1),
-            }
-        }
-        out
-    };
-    let bodies = (0..model.n_bodies()).map(|b| runs(&joints(b)));
-    let ports = model.appendages().iter().map(|a| {
-        let mut moves = joints(a.host);
-        moves[passive + a.coord_offset..][..a.dim()].fill(true);
-        runs(&moves)
-    });
-    bodies.chain(ports).collect()
 }
 
 /// Rotation about a unit axis: `1 + s [u]x + (1 - c) [u]x^2` (Rodrigues).

@@ -23,6 +23,7 @@ fn counts<T: ModelScalar>(m: &Model) -> Vec<(&'static str, u64)> {
     vec![
         ("rnea", measure(|| rnea(m, &p, &s, &a, &mut w, &mut out)).count_total),
         ("bias", measure(|| bias(m, &p, &s, &mut w, &mut out)).count_total),
+        ("mass_matrix_lower", measure(|| _ = mass_matrix_lower(m, &p, &s, &mut w)).count_total),
         ("mass_matrix", measure(|| mass_matrix(m, &p, &s, &mut w, &mut h)).count_total),
         ("forward_dynamics", measure(|| forward_dynamics(m, &p, &s, &a, &mut w, &mut out).unwrap()).count_total),
         (

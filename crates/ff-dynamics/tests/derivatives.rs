@@ -126,8 +126,9 @@ fn hybrid_derivatives_follow_from_those_of_inverse_dynamics() {
         hybrid_dynamics(m, &p, &s, &qdd, &mut w, &mut a, &mut tau).unwrap();
         let mut d = Derivatives::new(m);
         rnea_derivatives(m, &p, &s, &a, &mut w, &mut d);
-        let mut y = DMatrix::zeros(nv, m.n_params());
+        let mut y = Regressor::new(m);
         regressor(m, &p, &s, &a, &mut w, &mut y);
+        let mut y = y.clone_owned();
         let mut by_rate = d.dv.clone();
         hybrid_columns(m, &d.da, &mut by_rate).unwrap();
         hybrid_columns(m, &d.da, &mut y).unwrap();

@@ -37,8 +37,9 @@ impl LaneTask for Compare {
         assert!(forward_dynamics(m, &p, &s, &tau, &mut w, &mut back).is_ok());
         // What was in a result before must not show.
         let old = L::splat(7.3);
-        let (mut h, mut y) = (DMatrix::from_element(nv, nv, old), DMatrix::from_element(nv, m.n_params(), old));
+        let (mut h, mut y) = (DMatrix::from_element(nv, nv, old), Regressor::new(m));
         mass_matrix(m, &p, &s, &mut w, &mut h);
+        regressor(m, &p, &s, &tau, &mut w, &mut y);
         regressor(m, &p, &s, &a, &mut w, &mut y);
         let (mut ah, mut th) = (vec![z; nv], vec![z; m.nj()]);
         assert!(hybrid_dynamics(m, &p, &s, &a[m.nb()..m.nb() + m.nj()], &mut w, &mut ah, &mut th).is_ok());
@@ -47,7 +48,7 @@ impl LaneTask for Compare {
             let scale = plain.iter().fold(1e-9f64, |m, x| m.max(x.abs()));
             lanes.iter().zip(plain).for_each(|(x, y)| worst = worst.max((x.lane(l) - y).abs() / scale));
         };
-        let (pf, mut wf) = (Params::<f64>::nominal(m), Work::<f64>::new(m));
+        let (pf, mut wf, mut yf) = (Params::<f64>::nominal(m), Work::<f64>::new(m), Regressor::new(m));
         for l in 0..L::N {
             let (mut t, mut hf) = (vec![0.0; nv], DMatrix::zeros(nv, nv));
             rnea(m, &pf, &states[l], &acc[l], &mut wf, &mut t);
@@ -55,7 +56,6 @@ impl LaneTask for Compare {
             differ(&back, &acc[l], l);
             mass_matrix(m, &pf, &states[l], &mut wf, &mut hf);
             differ(h.as_slice(), hf.as_slice(), l);
-            let mut yf = DMatrix::from_element(nv, m.n_params(), -4.1);
             regressor(m, &pf, &states[l], &acc[l], &mut wf, &mut yf);
             differ(y.as_slice(), yf.as_slice(), l);
             let (mut a1, mut t1) = (vec![0.0; nv], vec![0.0; m.nj()]);

@@ -88,6 +88,11 @@ fn compare(m: &Model, o: &Oracle, gravity: &Model, p: &Params<f64>) -> Vec<(&'st
         let mut h = DMatrix::zeros(nv, nv);
         mass_matrix(m, p, &st, &mut w, &mut h);
         note("M", rel(&rows(&h), &flat(&s.M)));
+        // Behind forward dynamics, which factorises in the same place.
+        let mut a = vec![0.0; nv];
+        forward_dynamics(m, p, &st, &s.tau, &mut w, &mut a).unwrap();
+        let lower = mass_matrix_lower(m, p, &st, &mut w);
+        assert!((0..nv).all(|i| (0..=i).all(|j| lower[(i, j)] == h[(i, j)])));
         let mut out = vec![0.0; nv];
         bias(m, p, &st, &mut w, &mut out);
         note("nle", rel(&out, &s.nle));
@@ -110,13 +115,13 @@ fn compare(m: &Model, o: &Oracle, gravity: &Model, p: &Params<f64>) -> Vec<(&'st
         let t = frame_pose(m, &st, tool, &mut w);
         let got: Vec<f64> = (0..3).flat_map(|i| [t.rot[(i, 0)], t.rot[(i, 1)], t.rot[(i, 2)], t.pos[i]]).collect();
         note("T_tool", rel(&got, &flat(&s.T_tool)));
-        let mut y = DMatrix::zeros(nv, m.n_params());
+        let mut y = Regressor::new(m);
         regressor(m, p, &st, &s.a, &mut w, &mut y);
         let nbodies = 10 * m.n_bodies();
         let want: Vec<f64> = s.Y.iter().flat_map(|r| r[..nbodies].to_vec()).collect();
         note("Y", rel(&rows(&y.columns(0, nbodies).into_owned()), &want));
         if m.np() == 0 {
-            let tau = &y * DVector::from_column_slice(p.values());
+            let tau = &*y * DVector::from_column_slice(p.values());
             note("Y pi", rel(tau.as_slice(), &s.rnea));
             note("pi", rel(p.values(), &o.pi));
         }
@@ -175,7 +180,7 @@ fn panels_through_their_ports_agree_with_pinocchio() {
     let p = unsprung(&m);
     for s in load("flex").states {
         let st = state_of(&m, &s);
-        let mut y = DMatrix::zeros(m.nv(), m.n_params());
+        let mut y = Regressor::new(&m);
         regressor(&m, &p, &st, &s.a, &mut Work::new(&m), &mut y);
         for (wing, a) in m.appendages().iter().enumerate() {
             let got = rows(&y.columns(a.param_offset, 20).into_owned());

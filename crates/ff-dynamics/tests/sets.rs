@@ -40,7 +40,7 @@ fn tuples_and_boxed_sets_give_the_same_bits() {
             let (mut a, mut back) = (vec![0.0; nv], vec![0.0; nv]);
             assert!(forward_dynamics(m, &p, &s, &tau, &mut work, &mut a).is_ok());
             rnea(m, &p, &s, &a, &mut work, &mut back);
-            let (mut h, mut y) = (DMatrix::zeros(nv, nv), DMatrix::zeros(nv, m.n_params()));
+            let (mut h, mut y) = (DMatrix::zeros(nv, nv), Regressor::new(m));
             mass_matrix(m, &p, &s, &mut work, &mut h);
             regressor(m, &p, &s, &a, &mut work, &mut y);
             assert!(tau.iter().zip(&back).all(|(t, b)| (t - b).abs() < 1e-9 * (1.0 + t.abs())));

@@ -83,7 +83,7 @@ fn regressor_columns_are_the_derivatives_of_rnea() {
         let p = Params::nominal(&m);
         let nv = m.nv();
         let a: Vec<f64> = (0..nv).map(|_| uni(&mut r, -1.0, 1.0)).collect();
-        let mut y = DMatrix::zeros(nv, m.n_params());
+        let mut y = Regressor::new(&m);
         regressor(&m, &p, &s, &a, &mut Work::new(&m), &mut y);
         // Independent: whole algorithm over duals, one parameter at a time.
         let (sd, ad): (State<D1>, Vec<D1>) = (s.lift(), a.iter().map(|&x| D1::constant(x)).collect());
@@ -127,4 +127,20 @@ fn mass_matrix_and_articulated_bodies_agree_on_deep_trees() {
         // Mean depths 3.0, 5.4 and 8.3: the last alone is deep.
         assert_eq!(if joints == 23 { &b } else { &a }, &c, "{joints} joints take the other way");
     }
+}
+
+/// Same numbers of everything, and the rigid body hangs on another link: other elements are zero.
+#[test]
+#[should_panic(expected = "regressor of another model")]
+fn a_regressor_belongs_to_its_tree() {
+    let hung = |host: usize| {
+        let mut m = system().without_appendages();
+        let payload = ff_model::payload::Payload::new(m.inertia(1)).unwrap();
+        m.mount("client", host, Xform::identity(), std::sync::Arc::new(payload)).unwrap();
+        m
+    };
+    let (one, other) = (hung(1), hung(2));
+    let (p, s, a) = (Params::<f64>::nominal(&one), State::zero(&one), vec![0.3; one.nv()]);
+    let mut y = Regressor::new(&other);
+    regressor(&one, &p, &s, &a, &mut Work::new(&one), &mut y);
 }

@@ -23,9 +23,11 @@
 //! balance and "damping dissipates" hold by construction.
 
 mod derived;
+mod port_matrix;
 mod set;
 
 pub use derived::{derived_jacobian, derived_regressor};
+pub use port_matrix::{PortMatrix, PortView, add_inertial, port_len};
 pub use set::{AppendageSet, Place};
 
 use crate::dual::Dual;
@@ -34,7 +36,7 @@ use crate::spatial::Motion;
 use crate::twin::TwinBody;
 use crate::vec3::{Moving, V3};
 use ff_lanes::{Kernel, Portable4};
-use nalgebra::Vector3;
+use nalgebra::DMatrix;
 use serde::Serialize;
 
 /// Most coordinates one appendage may declare; buffers of the derived bias live on the stack.
@@ -149,137 +151,6 @@ pub struct PortAccel<'a, T: Scalar> {
     pub nu: &'a [T],
 }
 
-/// A symmetric `(6+n) x (6+n)` matrix over (host twist, own rates), zero when handed out.
-#[derive(Debug)]
-pub struct PortMatrix<'a, T> {
-    dim: usize,
-    a: &'a mut [T],
-}
-
-impl<'a, T: Scalar> PortMatrix<'a, T> {
-    /// A view of the first `(6+n)^2` elements of `buffer`, row-major, cleared to zero.
-    ///
-    /// # Panics
-    /// If `buffer` is too short.
-    #[inline(always)]
-    pub fn new(n: usize, buffer: &'a mut [T]) -> Self {
-        let dim = 6 + n;
-        let a = &mut buffer[..dim * dim];
-        for x in a.iter_mut() {
-            *x = T::zero();
-        }
-        Self { dim, a }
-    }
-    /// The same matrix for a caller who knows its size: writing elements of the view is free of checks. (Of a view behind a
-    /// reference the compiler must think that every element written could have changed its size.)
-    ///
-    /// # Panics
-    /// If the matrix is not that of `n` coordinates.
-    #[inline(always)]
-    #[must_use]
-    pub fn expect(&mut self, n: usize) -> PortMatrix<'_, T> {
-        assert!(self.dim == 6 + n && self.a.len() == (6 + n) * (6 + n));
-        PortMatrix { dim: 6 + n, a: &mut self.a[..(6 + n) * (6 + n)] }
-    }
-    /// Number of rows, `6 + n`.
-    pub fn dim(&self) -> usize {
-        self.dim
-    }
-    /// Element `(i, j)`.
-    ///
-    /// # Panics
-    /// If out of range.
-    #[inline(always)]
-    pub fn get(&self, i: usize, j: usize) -> T {
-        self.a[i * self.dim + j]
-    }
-    /// Sets element `(i, j)` alone. Writers must keep the matrix symmetric; see [`PortMatrix::set_sym`].
-    ///
-    /// # Panics
-    /// If out of range.
-    #[inline(always)]
-    pub fn set(&mut self, i: usize, j: usize, x: T) {
-        self.a[i * self.dim + j] = x;
-    }
-    /// Sets elements `(i, j)` and `(j, i)`.
-    ///
-    /// # Panics
-    /// If out of range.
-    #[inline(always)]
-    pub fn set_sym(&mut self, i: usize, j: usize, x: T) {
-        self.set(i, j, x);
-        self.set(j, i, x);
-    }
-    /// Adds to elements `(i, j)` and `(j, i)` (once on the diagonal).
-    ///
-    /// # Panics
-    /// If out of range.
-    #[inline(always)]
-    pub fn add_sym(&mut self, i: usize, j: usize, x: T) {
-        let y = self.get(i, j) + x;
-        self.set_sym(i, j, y);
-    }
-    /// Sets the host block to a body's spatial inertia.
-    #[inline(always)]
-    pub fn set_host(&mut self, b: &crate::vec3::Ten<T>) {
-        let (h, i) = (b.h, b.i);
-        for k in 0..3 {
-            self.set(k, k, b.m);
-        }
-        self.set_sym(3, 3, i.xx);
-        self.set_sym(4, 3, i.xy);
-        self.set_sym(4, 4, i.yy);
-        self.set_sym(5, 3, i.xz);
-        self.set_sym(5, 4, i.yz);
-        self.set_sym(5, 5, i.zz);
-        self.set_sym(0, 4, h.z);
-        self.set_sym(0, 5, -h.y);
-        self.set_sym(1, 3, -h.z);
-        self.set_sym(1, 5, h.x);
-        self.set_sym(2, 3, h.y);
-        self.set_sym(2, 4, -h.x);
-    }
-    /// Adds a body's spatial inertia to the host block.
-    #[inline(always)]
-    pub fn add_host(&mut self, b: &crate::inertia::Inertia<T>) {
-        let (m, h) = (b.mass, b.h);
-        for i in 0..3 {
-            self.add_sym(i, i, m);
-            for j in i..3 {
-                self.add_sym(3 + i, 3 + j, b.rot[(i, j)]);
-            }
-        }
-        self.add_sym(0, 4, h.z);
-        self.add_sym(0, 5, -h.y);
-        self.add_sym(1, 3, -h.z);
-        self.add_sym(1, 5, h.x);
-        self.add_sym(2, 3, h.y);
-        self.add_sym(2, 4, -h.x);
-    }
-    /// Adds a point mass at `r(eta)` (mount frame): `m J^T J` with `J = [1, -[r]x, dr/d eta_0, ..]`, which is its
-    /// kinetic energy `m |v + w x r + sum dr/d eta_k nu_k|^2 / 2`. `dr` holds one vector per coordinate.
-    ///
-    /// With point masses at the nodes of a quadrature rule this serves bodies that deform, too.
-    ///
-    /// # Panics
-    /// If `dr` is longer than the number of coordinates.
-    #[inline]
-    pub fn add_point(&mut self, mass: T, r: &Vector3<T>, dr: &[Vector3<T>]) {
-        self.add_host(&crate::inertia::Inertia::point(mass, r));
-        for (k, d) in dr.iter().enumerate() {
-            let momentum = d * mass;
-            let moment = crate::small::cross(r, &momentum);
-            for i in 0..3 {
-                self.add_sym(i, 6 + k, momentum[i]);
-                self.add_sym(3 + i, 6 + k, moment[i]);
-            }
-            for (j, e) in dr[..=k].iter().enumerate() {
-                self.add_sym(6 + j, 6 + k, crate::small::dot(e, &momentum));
-            }
-        }
-    }
-}
-
 /// A `6+n` vector over (host twist, own rates): wrench first, then own rows.
 pub type PortVector<T> = [T];
 
@@ -290,14 +161,15 @@ pub type PortVector<T> = [T];
 pub trait Appendage: Send + Sync + 'static {
     /// Coordinates and parameters.
     fn decl(&self) -> &Decl;
-    /// Kinetic-energy matrix `M(p, eta)`; `m` arrives zeroed.
+    /// Whether [`Appendage::inertia`] writes every number of `m`, which need not arrive zeroed then. For speed alone.
+    const WRITES_ALL: bool = false;
+    /// Kinetic-energy matrix `M(p, eta)`; `m` arrives zeroed, unless [`Appendage::WRITES_ALL`].
     ///
     /// The host block must be the inertia of the appendage as one rigid body at `eta`, about the mount origin:
     /// `M_bb = [[m 1, -[h]x], [[h]x, I]]` with `m` independent of `eta` and `I` symmetric, ten numbers in all.
     /// That is what rigid motion of host and appendage together costs, so every true kinetic energy has it; one
     /// linearised by hand may not. `ff-dynamics` relies on it: composite inertias are carried through the tree as
-    /// ten parameters, and of `M_bb` only `m` (element 0,0), `h` (5,1), (3,2), (4,0) and `I` are read.
-    /// [`PortMatrix::add_host`] writes it.
+    /// ten parameters. [`PortMatrix::set_host`] and [`PortMatrix::add_host`] write it.
     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>);
     /// Potential energy `U(p, eta)` (J).
     fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
@@ -308,6 +180,13 @@ pub trait Appendage: Send + Sync + 'static {
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         let _ = (p, nu);
         T::zero()
+    }
+    /// Power that the dampers take out, `nu . dR/d nu >= 0` (W).
+    ///
+    /// The default differentiates [`Appendage::rayleigh`] along `nu`. An override is for speed alone and must equal it: `2 R` where `R` is
+    /// quadratic. A simulation asks for it at every stage.
+    fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        derived_power(self, p, nu)
     }
     /// Bias `h(p, s)`, length `6+n`: everything in the equations of motion but `M [A; nu']`.
     ///
@@ -329,12 +208,17 @@ pub trait Appendage: Send + Sync + 'static {
     fn twin(&self) -> Option<Vec<TwinBody>> {
         None
     }
-    /// `M` and `h` of one state together, for appendages that share work between them. For speed alone.
+    /// `M` and `h` of one state together, for appendages that share work between them. For speed alone. `m` arrives with anything in
+    /// it, and an override sets every number or clears it first.
     fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
+        if !Self::WRITES_ALL {
+            m.clear();
+        }
         self.inertia(p, s.eta, m);
         self.bias(p, s, h);
     }
-    /// Port equations `r = M [A; nu'] + h`, length `6+n`; `scratch` may be used for `M` and arrives zeroed.
+    /// Port equations `r = M [A; nu'] + h`, length `6+n`; `scratch` may be used for `M` and arrives with
+    /// anything in it.
     ///
     /// An override is for speed alone and must equal the default.
     fn residual<T: Scalar>(
@@ -367,26 +251,6 @@ pub trait Appendage: Send + Sync + 'static {
     }
 }
 
-/// `r += M [A; nu']`: what turns a bias into a residual. Does not allocate.
-///
-/// # Panics
-/// If `r` or the accelerations have another size than `M`.
-#[inline(always)]
-pub fn add_inertial<T: Scalar>(m: &PortMatrix<'_, T>, acc: &PortAccel<'_, T>, r: &mut [T]) {
-    for (i, x) in r.iter_mut().enumerate() {
-        let row = &m.a[i * m.dim..(i + 1) * m.dim];
-        let mut y = *x;
-        for j in 0..3 {
-            y = row[j].mul_add(acc.host.lin.data.0[0][j], y);
-            y = row[3 + j].mul_add(acc.host.ang.data.0[0][j], y);
-        }
-        for (&a, &m) in acc.nu.iter().zip(&row[6..]) {
-            y = m.mul_add(a, y);
-        }
-        *x = y;
-    }
-}
-
 /// The bias that follows from the three energies (module docs), by forward differentiation.
 ///
 /// `h` has length `6+n` and is overwritten. Costs `2 + 3n` evaluations over duals; does not allocate.
@@ -397,7 +261,7 @@ pub fn derived_bias<A: Appendage + ?Sized, T: Scalar>(a: &A, p: &[T], s: &PortSt
     type D<T> = Dual<T, 1>;
     let n = s.eta.len();
     let dim = 6 + n;
-    let mut buf = [D::<T>::constant(T::zero()); MAX_PORT * MAX_PORT];
+    let mut buf = [D::<T>::constant(T::zero()); port_len(MAX_COORDS)];
     let mut y = [T::zero(); MAX_PORT];
     s.host.write_to(&mut y);
     y[6..dim].copy_from_slice(s.nu);
@@ -414,6 +278,7 @@ pub fn derived_bias<A: Appendage + ?Sized, T: Scalar>(a: &A, p: &[T], s: &PortSt
     }
     let mut m = PortMatrix::new(n, &mut buf);
     a.inertia(pd, &eta[..n], &mut m);
+    let m = m.view();
     let mut pi = [T::zero(); 6];
     for i in 0..dim {
         let mut acc = T::zero();
@@ -437,6 +302,7 @@ pub fn derived_bias<A: Appendage + ?Sized, T: Scalar>(a: &A, p: &[T], s: &PortSt
         }
         let mut m = PortMatrix::new(n, &mut buf);
         a.inertia(pd, &eta[..n], &mut m);
+        let m = m.view();
         let mut yy = T::zero();
         for i in 0..dim {
             for j in 0..dim {
@@ -452,9 +318,34 @@ pub fn derived_bias<A: Appendage + ?Sized, T: Scalar>(a: &A, p: &[T], s: &PortSt
     }
 }
 
+/// The power that follows from the Rayleigh function, `nu . dR/d nu`, by a dual number along `nu`: the default of
+/// [`Appendage::dissipated_power`]. Does not allocate.
+///
+/// # Panics
+/// If there are more than [`MAX_COORDS`] rates or [`MAX_PARAMS`] parameters.
+pub fn derived_power<A: Appendage + ?Sized, T: Scalar>(a: &A, p: &[T], nu: &[T]) -> T {
+    fn sized<A: Appendage + ?Sized, T: Scalar, const N: usize>(a: &A, p: &[T], nu: &[T]) -> T {
+        let mut pd = [Dual::<T, 1>::constant(T::zero()); N];
+        for (d, &x) in pd.iter_mut().zip(p) {
+            *d = Dual::constant(x);
+        }
+        let mut nd = [Dual::<T, 1>::constant(T::zero()); MAX_COORDS];
+        for (d, &x) in nd.iter_mut().zip(nu) {
+            *d = Dual::new(x, x);
+        }
+        a.rayleigh(&pd[..p.len()], &nd[..nu.len()]).eps[0]
+    }
+    // Most appendages are small, and clearing buffers for the largest would cost more than the power.
+    match p.len() {
+        0..=8 => sized::<A, T, 8>(a, p, nu),
+        9..=32 => sized::<A, T, 32>(a, p, nu),
+        _ => sized::<A, T, MAX_PARAMS>(a, p, nu),
+    }
+}
+
 /// An appendage at one number type: the object-safe twin of [`Appendage`].
 pub trait PortModel<T: Scalar> {
-    /// See [`Appendage::inertia`].
+    /// See [`Appendage::inertia`]; `m` may hold anything.
     fn inertia(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>);
     /// See [`Appendage::potential`].
     fn potential(&self, p: &[T], eta: &[T]) -> T;
@@ -473,8 +364,15 @@ pub trait PortModel<T: Scalar> {
         scratch: &mut PortMatrix<'_, T>,
         r: &mut PortVector<T>,
     );
-    /// Power dissipated by the dampers, `nu . dR/d nu >= 0` (W).
+    /// See [`Appendage::dissipated_power`].
     fn dissipated_power(&self, p: &[T], nu: &[T]) -> T;
+    /// `M(p, eta)` in full, `(6+n) x (6+n)`, to be looked at. Allocates.
+    fn dense_inertia(&self, p: &[T], eta: &[T]) -> DMatrix<T> {
+        let mut buffer = vec![T::zero(); port_len(eta.len())];
+        let mut m = PortMatrix::over(eta.len(), &mut buffer);
+        self.inertia(p, eta, &mut m);
+        m.view().dense()
+    }
 }
 
 /// Derivatives of the port equations of an appendage at numbers and lanes.
@@ -488,25 +386,30 @@ pub trait PortTangent<T: LaneScalar> {
 /// Calls a method of [`Appendage`] in a function compiled for the instructions of the scalar: a trait object's
 /// methods are functions of their own, so whatever instructions the caller was compiled for end at the call.
 macro_rules! entered {
-    ($bound:ident, $this:ident . $method:ident($($arg:ident: $ty:ty),*)) => {{
+    ($bound:ident, $this:ident . $method:ident($($arg:ident: $ty:ty),*) $(-> $out:ty)?) => {{
         struct Call<'x, 'y, 'z, A, T: $bound> {
             this: &'x A,
             $($arg: $ty,)*
             borrowed: core::marker::PhantomData<(&'x &'y &'z (), T)>,
         }
         impl<'x, 'y, 'z, A: Appendage, T: $bound> Kernel for Call<'x, 'y, 'z, A, T> {
-            type Output = ();
+            type Output = entered!(@ $($out)?);
             #[inline(always)]
-            fn run(self) {
-                Appendage::$method(self.this, $(self.$arg),*);
+            fn run(self) -> Self::Output {
+                Appendage::$method(self.this, $(self.$arg),*)
             }
         }
-        T::enter(Call::<A, T> { this: $this, $($arg,)* borrowed: core::marker::PhantomData });
+        T::enter(Call::<A, T> { this: $this, $($arg,)* borrowed: core::marker::PhantomData })
     }};
+    (@) => { () };
+    (@ $out:ty) => { $out };
 }
 
 impl<A: Appendage, T: Scalar> PortModel<T> for A {
     fn inertia(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+        if !A::WRITES_ALL {
+            m.clear();
+        }
         entered!(Scalar, self.inertia(p: &'x [T], eta: &'x [T], m: &'x mut PortMatrix<'z, T>));
     }
     fn potential(&self, p: &[T], eta: &[T]) -> T {
@@ -520,6 +423,7 @@ impl<A: Appendage, T: Scalar> PortModel<T> for A {
     }
     fn terms(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
         if T::DERIVATIVES {
+            m.clear();
             Appendage::inertia(self, p, s.eta, m);
             Appendage::bias(self, p, s, h);
             return;
@@ -535,6 +439,7 @@ impl<A: Appendage, T: Scalar> PortModel<T> for A {
         r: &mut PortVector<T>,
     ) {
         if T::DERIVATIVES {
+            scratch.clear();
             Appendage::inertia(self, p, s.eta, scratch);
             Appendage::bias(self, p, s, r);
             add_inertial(scratch, acc, r);
@@ -544,28 +449,8 @@ impl<A: Appendage, T: Scalar> PortModel<T> for A {
             scratch: &'x mut PortMatrix<'z, T>, r: &'x mut [T]));
     }
     fn dissipated_power(&self, p: &[T], nu: &[T]) -> T {
-        // A simulation asks for this at every stage: most appendages are small, and clearing buffers for the largest
-        // would cost more than the power.
-        match p.len() {
-            0..=8 => dissipated_power::<A, T, 8>(self, p, nu),
-            9..=32 => dissipated_power::<A, T, 32>(self, p, nu),
-            _ => dissipated_power::<A, T, MAX_PARAMS>(self, p, nu),
-        }
+        entered!(Scalar, self.dissipated_power(p: &'x [T], nu: &'x [T]) -> T)
     }
-}
-
-/// `nu . dR/d nu` by a dual number along `nu`, with room for `N` parameters.
-#[inline]
-fn dissipated_power<A: Appendage, T: Scalar, const N: usize>(appendage: &A, p: &[T], nu: &[T]) -> T {
-    let mut pd = [Dual::<T, 1>::constant(T::zero()); N];
-    for (d, &x) in pd.iter_mut().zip(p) {
-        *d = Dual::constant(x);
-    }
-    let mut nd = [Dual::<T, 1>::constant(T::zero()); MAX_COORDS];
-    for (d, &x) in nd.iter_mut().zip(nu) {
-        *d = Dual::new(x, x);
-    }
-    Appendage::rayleigh(appendage, &pd[..p.len()], &nd[..nu.len()]).eps[0]
 }
 
 impl<A: Appendage, T: LaneScalar> PortTangent<T> for A {
@@ -625,33 +510,5 @@ impl<A: Appendage> DynAppendage for A {
     }
     fn tree_twin(&self) -> Option<Vec<TwinBody>> {
         Appendage::twin(self)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Against the Jacobian written out: `m J^T J`, twice, since contributions add.
-    #[test]
-    fn a_point_mass_is_its_jacobian_squared() {
-        let (mass, r) = (2.3, Vector3::new(0.4, -0.7, 1.1));
-        let dr = [Vector3::new(0.2, 0.9, -0.3), Vector3::new(-0.6, 0.1, 0.8), Vector3::new(0.5, 0.4, 0.7)];
-        let mut buffer = [0.0; 81];
-        let mut m = PortMatrix::new(3, &mut buffer);
-        m.add_point(mass, &r, &dr);
-        m.add_point(mass, &r, &dr);
-        let mut j = nalgebra::SMatrix::<f64, 3, 9>::zeros();
-        j.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-        j.fixed_view_mut::<3, 3>(0, 3).copy_from(&-r.cross_matrix());
-        for k in 0..3 {
-            j.set_column(6 + k, &dr[k]);
-        }
-        let want = j.transpose() * j * (2.0 * mass);
-        for a in 0..9 {
-            for b in 0..9 {
-                assert!((m.get(a, b) - want[(a, b)]).abs() < 1e-14, "({a}, {b}): {} {}", m.get(a, b), want[(a, b)]);
-            }
-        }
     }
 }

@@ -31,7 +31,8 @@ pub mod vec3;
 
 pub use appendage::{
     Appendage, AppendageSet, CoordDecl, Decl, DynAppendage, MAX_COORDS, ParamDecl, ParamGroup, Place, PortAccel,
-    PortMatrix, PortModel, PortState, PortTangent, PortVector, derived_bias, derived_jacobian, derived_regressor,
+    PortMatrix, PortModel, PortState, PortTangent, PortVector, PortView, derived_bias, derived_jacobian, derived_power,
+    derived_regressor, port_len,
 };
 pub use dual::Dual;
 pub use inertia::Inertia;

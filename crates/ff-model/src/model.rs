@@ -326,14 +326,12 @@ impl Model {
     pub fn total_mass(&self) -> f64 {
         let bodies: f64 = (0..self.n_bodies()).map(|i| self.inertia(i).mass).sum();
         let params = crate::params::Params::<f64>::nominal(self);
-        let mut buf = vec![0.0; (6 + crate::appendage::MAX_COORDS).pow(2)];
         let hung: f64 = (0..self.appendages.len())
             .map(|k| {
                 let a = &self.appendages[k];
-                let mut m = crate::appendage::PortMatrix::new(a.dim(), &mut buf);
                 let eta = vec![0.0; a.dim()];
-                crate::appendage::PortModel::<f64>::inertia(&*a.appendage, params.appendage(self, k), &eta, &mut m);
-                m.get(0, 0)
+                let port: &dyn crate::appendage::PortModel<f64> = &*a.appendage;
+                port.dense_inertia(params.appendage(self, k), &eta)[(0, 0)]
             })
             .sum();
         bodies + hung

@@ -72,6 +72,7 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
 crate::shared!(Payload);
 
 impl Appendage for Payload {
+    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }

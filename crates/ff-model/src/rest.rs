@@ -1,6 +1,5 @@
 //! Rest position of an appendage, and the system with every appendage frozen there.
 
-use crate::appendage::{MAX_COORDS, PortMatrix};
 use crate::dual::Dual;
 use crate::inertia::Inertia;
 use crate::model::{Model, Mounted};
@@ -50,10 +49,8 @@ impl Model {
         let mut m = self.without_appendages();
         for (k, a) in self.appendages().iter().enumerate() {
             let p = params.appendage(self, k);
-            let mut buf = vec![0.0; (6 + MAX_COORDS).pow(2)];
-            let mut port = PortMatrix::new(a.dim(), &mut buf);
-            f64::port(&*a.appendage).inertia(p, &rest(a, p), &mut port);
-            let b = Inertia::from_elements(|i, j| port.get(i, j));
+            let port = f64::port(&*a.appendage).dense_inertia(p, &rest(a, p));
+            let b = Inertia::from_elements(|i, j| port[(i, j)]);
             m.add_rigid(a.host, &b.to_parent(&a.mount));
         }
         m

@@ -3,8 +3,8 @@
 use crate::common::fixture;
 use ffid::dynamics::motion::JointMotion;
 use ffid::dynamics::{
-    Boundary, Drive, SimOptions, State, Work, bias, budget, forward_dynamics, hybrid_dynamics, mass_matrix, regressor,
-    rnea, simulate,
+    Boundary, Drive, Regressor, SimOptions, State, Work, bias, budget, forward_dynamics, hybrid_dynamics, mass_matrix,
+    regressor, rnea, simulate,
 };
 use ffid::ident::lm::Settings;
 use ffid::ident::output_error::Options;
@@ -100,7 +100,7 @@ fn every_parameter_has_its_column_in_the_regressor() {
     (0..s.eta.len()).for_each(|i| s.eta[i] = 0.1 * (1.1 * i as f64 + 0.7).cos());
     (0..nv).for_each(|i| s.v[i] = 0.5 * (0.9 * i as f64 + 0.2).sin());
     let a: Vec<f64> = (0..nv).map(|i| (2.1 * i as f64 + 0.3).sin()).collect();
-    let mut y = DMatrix::zeros(nv, m.n_params());
+    let mut y = Regressor::new(m);
     regressor(m, &p, &s, &a, &mut Work::new(m), &mut y);
     let (sd, ad): (State<D1>, Vec<D1>) = (s.lift(), a.iter().map(|&x| D1::constant(x)).collect());
     let mut work = Work::<D1>::new(m);

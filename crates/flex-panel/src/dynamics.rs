@@ -57,6 +57,7 @@ macro_rules! by_axis {
 }
 
 impl Appendage for PanelChain {
+    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         self.declared()
     }
@@ -83,6 +84,7 @@ impl Appendage for PanelChain {
     }
 
     /// `R = nu^T D nu / 2` (W).
+    #[inline(always)]
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         let mut r = T::zero();
         for i in 0..self.count() {
@@ -93,6 +95,12 @@ impl Appendage for PanelChain {
             r += d * nu[i] * nu[j];
         }
         r
+    }
+
+    /// `R` is quadratic.
+    #[inline(always)]
+    fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        Appendage::rayleigh(self, p, nu).scale(2.0)
     }
 
     /// Recursive Newton-Euler with `A = 0`, `nu' = 0`, plus springs and dampers; `O(n)`.
@@ -231,9 +239,7 @@ fn composite_at<T: Scalar, const N: usize, const K: u8>(
             m.set_sym(6 + i, 6 + j, c.hinges[j].axis.along::<T, K>(&g));
             (f, g) = pose[j].wrench_up::<K>(&f, &g);
         }
-        for (k, x) in [f.x, f.y, f.z, g.x, g.y, g.z].into_iter().enumerate() {
-            m.set_sym(k, 6 + i, x);
-        }
+        m.set_coupling(i, &f, &g);
     }
 }
 
@@ -300,9 +306,6 @@ fn regressor<T: LaneScalar, const N: usize, const K: u8>(
     let n = if N <= 3 { N } else { c.count() };
     let dim = 6 + n;
     let y = &mut y[..p.len() * dim];
-    for x in y.iter_mut() {
-        *x = T::zero();
-    }
     // Screws of the host's translation (axes alone) and rotation, and of the hinges.
     let none = (V3::<T>::zero(), V3::<T>::zero());
     let (mut axes, mut turns, mut hinge) = ([none.0; 3], [none; 3], [none; N]);
@@ -345,6 +348,16 @@ fn regressor<T: LaneScalar, const N: usize, const K: u8>(
                 block[k * dim + 3 + r] = x[k];
             }
         }
+        // What is left: translation against moments of inertia, and hinges further out. Each number is written once.
+        for (k, column) in block.chunks_exact_mut(dim).enumerate() {
+            let (front, behind) = column.split_at_mut(7 + i);
+            for x in front[..if k < 4 { 0 } else { 3 }].iter_mut().chain(behind) {
+                *x = T::zero();
+            }
+        }
+    }
+    for x in &mut y[10 * n * dim..] {
+        *x = T::zero();
     }
     let bend = |i: usize| s.eta[i] - T::from_f64(c.hinges[i].rest);
     for i in 0..n {

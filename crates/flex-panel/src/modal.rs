@@ -240,11 +240,9 @@ impl Appendage for ModalAppendage {
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
         m.set_host(&Ten::from_params(p));
         for j in 0..self.modes {
-            let part = &p[self.participation_index(j)..][..6];
-            for i in 0..6 {
-                m.set_sym(6 + j, i, part[i]);
-            }
-            m.set(6 + j, 6 + j, p[self.modal_mass_index(j)]);
+            let (f, g) = self.part(p, j);
+            m.set_coupling(j, &f, &g);
+            m.set_sym(6 + j, 6 + j, p[self.modal_mass_index(j)]);
         }
     }
 
@@ -258,12 +256,19 @@ impl Appendage for ModalAppendage {
     }
 
     /// `R = sum d nu^2 / 2` (W).
+    #[inline(always)]
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         let mut r = T::zero();
         for j in 0..self.modes {
             r += p[self.damping_index(j)] * nu[j] * nu[j];
         }
         r.scale(0.5)
+    }
+
+    /// `R` is quadratic.
+    #[inline(always)]
+    fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        Appendage::rayleigh(self, p, nu).scale(2.0)
     }
 
     /// `h_b = V x* (M V + P nu)`, `h_e = k eta + d nu`: `M` and `P` are constant. `O(n)`.

@@ -1,18 +1,15 @@
 //! Energy with the damping on: what the dampers take is what the motion loses.
 use crate::common::{chain, rng, sym};
-use ff_model::{Motion, PortMatrix, PortModel, PortState};
+use ff_model::{Motion, PortModel, PortState};
 use flex_panel::PanelChain;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 /// `nu'` and energy of the chain on a host at rest in inertial space.
 fn rates(c: &PanelChain, x: &[f64]) -> (Vec<f64>, f64, f64) {
     let n = c.count();
     let p = c.nominal();
     let (eta, nu) = x.split_at(n);
-    let mut buffer = vec![0.0; (6 + n) * (6 + n)];
-    let mut port = PortMatrix::new(n, &mut buffer);
-    c.inertia(&p, eta, &mut port);
-    let m = DMatrix::from_fn(n, n, |i, j| port.get(6 + i, 6 + j));
+    let m = c.dense_inertia(&p, eta).view((6, 6), (n, n)).into_owned();
     let mut h = vec![0.0; 6 + n];
     c.bias(&p, &PortState { host: Motion::zero(), eta, nu }, &mut h);
     let rhs = DVector::from_column_slice(&h[6..]);
@@ -67,9 +64,7 @@ fn power_of_host_wrench_and_dampers_is_the_rate_of_energy() {
         let energy = |t: f64| {
             let eta: Vec<f64> = (0..2).map(|i| s.eta[i] + t * s.nu[i]).collect();
             let yt = &y + t * &a;
-            let mut buffer = vec![0.0; 64];
-            c.inertia(&p, &eta, &mut PortMatrix::new(2, &mut buffer));
-            0.5 * yt.dot(&(DMatrix::from_row_slice(8, 8, &buffer) * &yt)) + c.potential(&p, &eta)
+            0.5 * yt.dot(&(c.dense_inertia(&p, &eta) * &yt)) + c.potential(&p, &eta)
         };
         let h = 0.01;
         let rate: f64 = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0]
@@ -77,9 +72,7 @@ fn power_of_host_wrench_and_dampers_is_the_rate_of_energy() {
             .enumerate()
             .map(|(k, c)| c / h * (energy(h * (k + 1) as f64) - energy(-h * (k + 1) as f64)))
             .sum();
-        let mut buffer = vec![0.0; 64];
-        c.inertia(&p, &s.eta, &mut PortMatrix::new(2, &mut buffer));
-        let mut f = DMatrix::from_row_slice(8, 8, &buffer) * &a;
+        let mut f = c.dense_inertia(&p, &s.eta) * &a;
         let mut h = vec![0.0; 8];
         c.bias(&p, &s.port(), &mut h);
         f += DVector::from_vec(h);

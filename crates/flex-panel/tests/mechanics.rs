@@ -4,7 +4,7 @@
 //! from their velocities by the elementary rule `v + w x r`; forces come from second differences of their
 //! positions alone. No spatial vector, composite body or dual number takes part.
 use crate::common::{State, amax, chain, rel, rng, sym, vec3};
-use ff_model::{Appendage, PortMatrix};
+use ff_model::PortModel;
 use flex_panel::{PanelChain, Segment};
 use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3};
 
@@ -42,10 +42,7 @@ fn segments(c: &PanelChain) -> Vec<Segment> {
 }
 
 fn matrix(c: &PanelChain, eta: &[f64]) -> DMatrix<f64> {
-    let n = 6 + c.count();
-    let mut buffer = vec![0.0; n * n];
-    c.inertia(&c.nominal(), eta, &mut PortMatrix::new(c.count(), &mut buffer));
-    DMatrix::from_row_slice(n, n, &buffer)
+    c.dense_inertia(&c.nominal(), eta)
 }
 
 #[test]

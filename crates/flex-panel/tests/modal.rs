@@ -2,9 +2,7 @@
 use crate::common::ports::shared;
 use crate::common::{rel, rng, segment, sym, vec3};
 use ff_dynamics::{State, Work, forward_dynamics};
-use ff_model::{
-    BaseKind, Inertia, Model, Motion, Params, PortMatrix, PortModel, PortState, TwinBody, Xform, derived_bias,
-};
+use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortModel, PortState, TwinBody, Xform, derived_bias};
 use flex_panel::modal::{DIRECTIONS, ModalAppendage, Mode, linearise};
 use flex_panel::{PanelChain, Segment};
 use nalgebra::{Complex, DMatrix, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
@@ -32,13 +30,6 @@ fn proportional(r: &mut rand_chacha::ChaCha8Rng, n: usize, c: f64) -> PanelChain
     let mut segments: Vec<Segment> = (0..n).map(|_| segment(r)).collect();
     segments.iter_mut().for_each(|s| s.damping = c * s.stiffness);
     PanelChain::new(segments).unwrap()
-}
-
-fn matrix(a: &dyn PortModel<f64>, p: &[f64], eta: &[f64]) -> DMatrix<f64> {
-    let n = 6 + eta.len();
-    let mut buffer = vec![0.0; n * n];
-    a.inertia(p, eta, &mut PortMatrix::new(eta.len(), &mut buffer));
-    DMatrix::from_row_slice(n, n, &buffer)
 }
 
 #[test]
@@ -88,7 +79,7 @@ fn residual_is_the_schur_complement_of_the_modes() {
     for n in [1, 4, 9] {
         let a = modal(&mut r, n);
         let p = a.nominal();
-        let m = matrix(&a, &p, &vec![0.0; n]);
+        let m = a.dense_inertia(&p, &vec![0.0; n]);
         let part = m.view((0, 6), (6, n));
         let residual: Matrix6<f64> =
             (m.view((0, 0), (6, 6)) - part * part.transpose()).fixed_view::<6, 6>(0, 0).into_owned();
@@ -106,7 +97,7 @@ fn residual_is_the_schur_complement_of_the_modes() {
             let mut q = p.clone();
             q[a.participation_index(0)..].iter_mut().for_each(|x| *x *= k);
             assert!(a.residual(&q).margin * sign > 0.0);
-            assert!(matrix(&a, &q, &vec![0.0; n]).symmetric_eigenvalues().min() * sign > 0.0);
+            assert!(a.dense_inertia(&q, &vec![0.0; n]).symmetric_eigenvalues().min() * sign > 0.0);
         }
     }
 }
@@ -177,7 +168,7 @@ fn a_chains_own_modes_have_its_transfer_functions() {
         let diagonal = |f: &dyn Fn(usize) -> f64| DMatrix::from_diagonal(&nalgebra::DVector::from_fn(n, |i, _| f(i)));
         let s = |i: usize| chain.segment(i).unwrap();
         let p = lin.appendage.nominal();
-        let (mc, mm) = (matrix(&chain, &chain.nominal(), &rest), matrix(&lin.appendage, &p, &vec![0.0; n]));
+        let (mc, mm) = (chain.dense_inertia(&chain.nominal(), &rest), lin.appendage.dense_inertia(&p, &vec![0.0; n]));
         for w in [0.03, 0.4, 1.7, 6.0, 40.0] {
             let a = impedance(&mc, &diagonal(&|i| s(i).stiffness), &diagonal(&|i| s(i).damping), w);
             let (k, d) = (lin.appendage.stiffness_index(0), lin.appendage.damping_index(0));

@@ -13,7 +13,7 @@
 use crate::covariance::{Direction, Uncertainty, Unknown, analyse, name_direction, sparse_basis};
 use crate::linalg::{self, Elimination, LinalgError, eliminate};
 use crate::scale;
-use ff_dynamics::{State, Work, regressor};
+use ff_dynamics::{Regressor, State, Work, regressor};
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
@@ -39,7 +39,7 @@ pub fn structural(model: &Model, params: &Params<f64>, selected: &[usize]) -> Re
     let motions = (2 * selected.len()).div_ceil(nv).max(2);
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut random = |scale: f64| scale * rng.random_range(-1.0..1.0);
-    let (mut work, mut y) = (Work::new(model), DMatrix::zeros(nv, model.n_params()));
+    let (mut work, mut y) = (Work::new(model), Regressor::new(model));
     let mut all = DMatrix::zeros(motions * nv, selected.len());
     let rest = model.rest_position(params);
     for k in 0..motions {

@@ -26,7 +26,7 @@ use crate::linear::{self, LinearError, LinearEstimate, Task, Weights};
 use crate::rda::SetupError;
 use crate::record::Record;
 use crate::tall_qr::{TallQr, Triangle};
-use ff_dynamics::{State, Work, mass_matrix, regressor};
+use ff_dynamics::{Regressor, State, Work, mass_matrix, regressor};
 use ff_model::so3::{Quat, exp_so3, quat_identity, quat_mul, quat_to_rot};
 use ff_model::{BaseKind, Model, Params};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -158,7 +158,7 @@ impl Momentum {
         let (nv, nj, n, m) = (model.nv(), model.nj(), self.q.nrows(), selected.len());
         let params = Params::from_values(model, values.to_vec());
         let (mut work, mut state) = (Work::new(model), State::<f64>::zero(model));
-        let (mut h, mut y) = (DMatrix::zeros(nv, nv), DMatrix::zeros(nv, model.n_params()));
+        let (mut h, mut y) = (DMatrix::zeros(nv, nv), Regressor::new(model));
         let mut u = vec![0.0; nv];
         let mut qr = TallQr::new(m + 4);
         let mut rows = DMatrix::zeros(3, m + 4);

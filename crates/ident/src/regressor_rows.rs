@@ -4,7 +4,7 @@ use crate::linalg::{self, LinalgError};
 use crate::tall_qr::{Stream, Triangle};
 use crate::zero_phase::ZeroPhase;
 use core::ops::Range;
-use ff_dynamics::{State, Work, regressor};
+use ff_dynamics::{Regressor, State, Work, regressor};
 use ff_model::lanes::{Isa, LaneScalar, LaneTask, Lanes, dispatch};
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
@@ -247,7 +247,7 @@ fn write_rows<L: LaneScalar, R: Rows<L>>(
     let mut work = Work::<L>::new(model);
     let mut state = State::<L>::zero(model);
     let mut a = vec![L::splat(0.0); nv];
-    let mut y = DMatrix::from_element(nv, model.n_params(), L::splat(0.0));
+    let mut y = Regressor::<L>::new(model);
     for first in (0..n).step_by(L::N) {
         let full = first + L::N <= n;
         // A group that is not full repeats its last sample with weight zero.

@@ -224,6 +224,7 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
 ff_model::shared!(ReactionWheel);
 
 impl Appendage for ReactionWheel {
+    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -235,11 +236,8 @@ impl Appendage for ReactionWheel {
         let (xx, yy, zz) = (b.x.mul_add(a.x, t), b.y.mul_add(a.y, t), b.z.mul_add(a.z, t));
         let i = S3 { xx, xy: b.x * a.y, yy, xz: b.x * a.z, yz: b.y * a.z, zz };
         m.set_host(&Ten { m: p[MASS], h: V3::zero(), i });
-        let spin = a.scaled(p[SPIN]);
-        for (i, x) in [spin.x, spin.y, spin.z].into_iter().enumerate() {
-            m.set_sym(3 + i, 6, x);
-        }
-        m.set(6, 6, p[SPIN]);
+        m.set_coupling(0, &V3::zero(), &a.scaled(p[SPIN]));
+        m.set_sym(6, 6, p[SPIN]);
     }
     /// `R = d nu^2 / 2 + c (sqrt(nu^2 + s^2) - s)` (W), the bracket as `nu^2 / (sqrt(nu^2 + s^2) + s)`: exactly zero at
     /// rest and without cancellation near it.
@@ -247,6 +245,11 @@ impl Appendage for ReactionWheel {
         let square = nu[0] * nu[0];
         let s = T::from_f64(self.rounding);
         (p[VISCOUS] * square).scale(0.5) + p[DRY] * (square / ((square + s * s).sqrt() + s))
+    }
+    /// The friction times the rate.
+    #[inline(always)]
+    fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        self.friction(p, nu[0]) * nu[0]
     }
     /// `h_b = V x* (M_bb V + [0; J a nu])`, `h_e = d nu + c nu / sqrt(nu^2 + s^2)`.
     #[inline(always)]

@@ -140,7 +140,7 @@ impl Particle {
     }
 
     /// `sum d nu^2 / 2`.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         (0..self.n()).fold(T::zero(), |r, i| {
             let x = nu[self.slot.eta0 + i];

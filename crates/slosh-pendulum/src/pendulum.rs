@@ -130,6 +130,7 @@ fn sized<'a, T: Scalar>(p: &'a [T], s: &PortState<'a, T>) -> (&'a [T], PortState
 ff_model::shared!(SloshPendulum);
 
 impl Appendage for SloshPendulum {
+    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -148,8 +149,15 @@ impl Appendage for SloshPendulum {
     }
 
     /// `R = (d_0 a'^2 + d_1 b'^2) / 2` (W).
+    #[inline(always)]
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         (p[D] * nu[0] * nu[0] + p[D + 1] * nu[1] * nu[1]).scale(0.5)
+    }
+
+    /// `R` is quadratic.
+    #[inline(always)]
+    fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        Appendage::rayleigh(self, p, nu).scale(2.0)
     }
 
     /// Newton's law for the mass at zero `A` and `nu'`:

@@ -139,11 +139,12 @@ pub(crate) fn inertia<T: Scalar, const N: usize, const P: usize>(
     let mass = p[slot.p0];
     let (pull, own) = x.coupling(mass);
     for (k, (f, n)) in pull.iter().enumerate() {
-        let row = 6 + slot.eta0 + k;
-        for (i, x) in [f.x, f.y, f.z, n.x, n.y, n.z].into_iter().enumerate() {
-            m.set_sym(row, i, x);
+        let at = slot.eta0 + k;
+        m.set_coupling(at, f, n);
+        for other in 0..at {
+            m.set_sym(6 + at, 6 + other, T::zero());
         }
-        m.set(row, row, own[k]);
+        m.set_sym(6 + at, 6 + at, own[k]);
     }
     point(mass, &x.r())
 }

@@ -81,6 +81,7 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
 ff_model::shared!(SloshSpringMass);
 
 impl Appendage for SloshSpringMass {
+    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -92,8 +93,14 @@ impl Appendage for SloshSpringMass {
     fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
         self.mass.potential(p, eta)
     }
+    #[inline(always)]
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         self.mass.rayleigh(p, nu)
+    }
+    /// `R` is quadratic.
+    #[inline(always)]
+    fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        Appendage::rayleigh(self, p, nu).scale(2.0)
     }
     /// Newton's law for the mass, `A` and `nu'` zero, in its acceleration relative to the mount.
     #[inline(always)]

@@ -181,6 +181,7 @@ fn fixed_problem(e: &InertiaError) -> Problem {
 ff_model::shared!(SloshTank);
 
 impl Appendage for SloshTank {
+    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -195,8 +196,14 @@ impl Appendage for SloshTank {
     fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
         self.masses.iter().fold(T::zero(), |u, m| u + m.potential(p, eta))
     }
+    #[inline(always)]
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         self.masses.iter().fold(T::zero(), |r, m| r + m.rayleigh(p, nu))
+    }
+    /// `R` is quadratic.
+    #[inline(always)]
+    fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        Appendage::rayleigh(self, p, nu).scale(2.0)
     }
     /// Newton's law mass by mass, and `V x* (I V)` of the fixed fuel.
     #[inline(always)]

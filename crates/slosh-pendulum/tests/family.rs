@@ -1,7 +1,7 @@
 //! Spring-mass and tank: laws, equivalence with the pendulum, geometry, and what is said when a table is wrong.
 use crate::common::ports::{check_ports, shared};
 use crate::common::{Random, pendulum, rel, rng, sym, vec3};
-use ff_model::{Appendage, DynAppendage, Motion, PortMatrix, PortModel, PortState, Problems, derived_bias};
+use ff_model::{Appendage, DynAppendage, Motion, PortModel, PortState, Problems, derived_bias};
 use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 use rand::RngExt;
 use slosh_pendulum::geometry::Tank;
@@ -101,13 +101,6 @@ fn port_equations_equal_the_defaults_over_lanes_and_differences() {
     }
 }
 
-fn matrix(a: &dyn PortModel<f64>, p: &[f64], eta: &[f64]) -> DMatrix<f64> {
-    let n = 6 + eta.len();
-    let mut buffer = vec![0.0; n * n];
-    a.inertia(p, eta, &mut PortMatrix::new(eta.len(), &mut buffer));
-    DMatrix::from_row_slice(n, n, &buffer)
-}
-
 #[test]
 fn a_tank_is_the_sum_of_its_parts() {
     let mut r = rng(53);
@@ -126,8 +119,8 @@ fn a_tank_is_the_sum_of_its_parts() {
     let tank = SloshTank::new(None, &[part, other]).unwrap();
     let eta = [0.4, -0.3, 0.2, 0.1, -0.25];
     let nu = [0.7, -0.5, 0.3, 0.6, -0.2];
-    let whole = matrix(&tank, &tank.nominal(), &eta);
-    let (a, b) = (matrix(&pendulum, &pendulum.nominal(), &eta[..2]), matrix(&springs, &p, &eta[2..]));
+    let whole = tank.dense_inertia(&tank.nominal(), &eta);
+    let (a, b) = (pendulum.dense_inertia(&pendulum.nominal(), &eta[..2]), springs.dense_inertia(&p, &eta[2..]));
     assert!((whole.view((0, 0), (6, 6)) - a.view((0, 0), (6, 6)) - b.view((0, 0), (6, 6))).amax() < 1e-12);
     assert!((whole.view((0, 6), (8, 2)) - a.view((0, 6), (8, 2))).amax() < 1e-12);
     assert!((whole.view((0, 8), (6, 3)) - b.view((0, 6), (6, 3))).amax() < 1e-12);
@@ -150,7 +143,7 @@ fn a_tank_is_the_sum_of_its_parts() {
 /// i w D - w^2 M_ee)^-1 M_eb`, for an appendage whose mount is `height` above the point along z.
 fn impedance(a: &dyn PortModel<f64>, p: &[f64], k: &[f64], d: &[f64], height: f64, w: f64) -> DMatrix<Complex<f64>> {
     let n = k.len();
-    let m = matrix(a, p, &vec![0.0; n]);
+    let m = a.dense_inertia(p, &vec![0.0; n]);
     let c = |x: DMatrix<f64>| x.map(|x| Complex::new(x, 0.0));
     // Twist at the mount from the twist at the point: v + w x [0, 0, height].
     let mut x = DMatrix::identity(6, 6);
@@ -205,7 +198,7 @@ fn springs_give_hookes_law_and_stokes_law() {
     PortModel::bias(&a, &a.nominal(), &PortState { host: Motion::zero(), eta: &eta, nu: &nu }, &mut h);
     assert_eq!(&h[..6], &[0.0; 6], "a mass that moves evenly pushes nobody");
     assert!(rel(&h[6..], &[12.0 * 0.2 + 1.5 * 0.4, -1.5 + 1.1 * 0.5, 19.0 * 0.3 - 0.7 * 0.6]) < 1e-15);
-    let m = matrix(&a, &a.nominal(), &eta);
+    let m = a.dense_inertia(&a.nominal(), &eta);
     assert_eq!((m[(0, 4)], m[(6, 6)], m[(7, 5)]), (40.0 * 0.6, 40.0, 40.0 * (0.1 + 0.2)));
 }
 
@@ -235,7 +228,7 @@ fn geometry_gives_masses_that_swing_at_the_sloshing_frequency() {
         let a = tank_from_toml(&text.parse().unwrap()).unwrap();
         assert_eq!((a.declaration().kind, a.declaration().coords.len()), (TANK_KIND, 4));
         let p: Vec<f64> = a.declaration().params.iter().map(|p| p.nominal).collect();
-        let m = matrix(&*a, &p, &[0.0; 4]);
+        let m = a.dense_inertia(&p, &[0.0; 4]);
         for (i, mode) in model.modes.iter().enumerate() {
             let (k, d) = (nominal(&*a, &format!("mode[{i}].k[1]")), nominal(&*a, &format!("mode[{i}].d[1]")));
             let own = m[(7 + 2 * i, 7 + 2 * i)];

@@ -1,15 +1,13 @@
 //! The pendulum against elementary mechanics of one point: positions, velocities, second differences.
 //! No spatial vector or dual number takes part.
 use crate::common::{State, pendulum, rel, rng, sym, vec3};
-use ff_model::{Motion, PortMatrix, PortModel, PortState};
+use ff_model::{Motion, PortModel, PortState};
 use nalgebra::{DMatrix, DVector, Matrix2, Rotation3, Vector2, Vector3};
 use rand::RngExt;
 use slosh_pendulum::SloshPendulum;
 
 fn matrix(c: &SloshPendulum, eta: &[f64]) -> DMatrix<f64> {
-    let mut buffer = [0.0; 64];
-    c.inertia(&c.nominal(), eta, &mut PortMatrix::new(2, &mut buffer));
-    DMatrix::from_row_slice(8, 8, &buffer)
+    c.dense_inertia(&c.nominal(), eta)
 }
 
 /// Rotation of the arm in the mount: about x, then about the turned y.

@@ -1,6 +1,6 @@
 //! The paper's formulas, as corrected, against the appendage and against Table I.
 use ff_dynamics::{Boundary, State, Work, mass_matrix, modes};
-use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortMatrix, PortModel, PortState, Xform};
+use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortModel, PortState, Xform};
 use nalgebra::{Complex, DMatrix, Matrix3, SMatrix, SVector, Vector3};
 use slosh_pendulum::SloshPendulum;
 use slosh_pendulum::formulas::{
@@ -37,9 +37,7 @@ fn no_frequency_without_a_stable_rest() {
 /// Own acceleration and wrench on the host, from the appendage, for host acceleration `a` (host not moving).
 fn appendage(c: &SloshPendulum, eta: [f64; 2], nu: [f64; 2], a: [f64; 6]) -> ([f64; 2], [f64; 6]) {
     let p = c.nominal();
-    let mut buffer = [0.0; 64];
-    c.inertia(&p, &eta, &mut PortMatrix::new(2, &mut buffer));
-    let m = SMatrix::<f64, 8, 8>::from_row_slice(&buffer);
+    let m: SMatrix<f64, 8, 8> = c.dense_inertia(&p, &eta).fixed_view::<8, 8>(0, 0).into_owned();
     let mut h = [0.0; 8];
     c.bias(&p, &PortState { host: Motion::zero(), eta: &eta, nu: &nu }, &mut h);
     let h = SVector::<f64, 8>::from(h);
@@ -163,9 +161,7 @@ fn the_lateral_force_exceeds_a_frozen_mass_only_below_root_two_times_the_frequen
     // theory.md 5.12: |F / (m x'')| from the appendage's own matrices, harmonic base motion.
     let (m, l, k, d) = TABLE_I;
     let c = SloshPendulum::new(m, l, [k; 2], [d; 2]).unwrap();
-    let mut buffer = [0.0; 64];
-    c.inertia(&c.nominal(), &[0.0; 2], &mut PortMatrix::new(2, &mut buffer));
-    let h = SMatrix::<f64, 8, 8>::from_row_slice(&buffer);
+    let h = c.dense_inertia(&c.nominal(), &[0.0; 2]);
     let wn = natural_frequency(m, l, k, 0.0).unwrap();
     let ratio = |w: f64| {
         let dynamic = Complex::new(k - w * w * h[(6, 6)], w * d);

@@ -49,14 +49,13 @@ pub mod law {
     /// `M`, `U`, `R`, `h`, `terms`, `residual`, `jacobian` and `regressor` stay finite at rest, at tiny motion, at range ends, high rates and parameters scaled by
     /// 1e-6 and 1e6.
     pub const EXTREME: &str = "results are finite at extremes";
-    /// `M = M^T`.
-    pub const SYMMETRIC: &str = "inertia is symmetric";
     /// `y^T M y >= 0`: no motion has negative kinetic energy.
     pub const SEMIDEFINITE: &str = "inertia is positive semidefinite";
     /// `M_ee` is positive definite: the own coordinates have an equation of motion.
     pub const OWN_BLOCK: &str = "own block is invertible";
-    /// `M_bb = [[m 1, -[h]x], [[h]x, I]]`, `m` independent of the coordinates.
-    pub const HOST_BLOCK: &str = "host block is that of a rigid body";
+    /// The mass of the host block does not depend on the coordinates. (That the block is `[[m 1, -[h]x], [[h]x, I]]`, and `M`
+    /// symmetric, is what a [`ff_model::PortMatrix`] can hold.)
+    pub const MASS: &str = "mass does not change with the coordinates";
     /// `(M_be)_lin = dh/d eta`: linear momentum is the rate of the first moment. It is the condition for the port
     /// equations to be Galilean, so it is required where [`ff_model::Appendage::galilean`] says so, and advice where it
     /// does not: linearised modes break it.
@@ -81,6 +80,8 @@ pub mod law {
     pub const NO_DAMPING_AT_REST: &str = "no dissipation at rest";
     /// `nu . dR/dnu >= 0` and `R >= 0`.
     pub const DISSIPATES: &str = "damping dissipates";
+    /// `dissipated_power` gives `nu . dR/dnu`.
+    pub const POWER: &str = "dissipated power equals nu . dR/dnu";
     /// `R((a + b) / 2) <= (R(a) + R(b)) / 2`.
     pub const CONVEX: &str = "dissipation is convex";
     /// Every declared parameter changes `M`, `U`, `R` or `h`.

@@ -223,3 +223,42 @@ fn a_kind_without_a_good_example_is_refused() {
     r.register("fuel", slosh_pendulum::from_toml).example("fuel", good);
     says(&r, "fuel", "declares itself as 'slosh_pendulum'");
 }
+
+mod sums {
+    //! A pendulum whose inertia adds its host block to what is there, which is right where that is zero.
+    use ff_model::{Appendage, Decl, Inertia, PortMatrix, Scalar, port_len};
+    use slosh_pendulum::SloshPendulum;
+
+    pub(super) struct Sums<const WRITES_ALL: bool>(pub(super) SloshPendulum);
+
+    impl<const WRITES_ALL: bool> Appendage for Sums<WRITES_ALL> {
+        const WRITES_ALL: bool = WRITES_ALL;
+        fn decl(&self) -> &Decl {
+            Appendage::decl(&self.0)
+        }
+        fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+            let mut buffer = [T::zero(); port_len(2)];
+            let mut right = PortMatrix::new(2, &mut buffer);
+            Appendage::inertia(&self.0, p, eta, &mut right);
+            let right = right.view();
+            m.add_host(&Inertia::from_elements(|i, j| right.get(i, j)));
+            for i in 6..8 {
+                (0..=i).for_each(|j| m.set_sym(i, j, right.get(i, j)));
+            }
+        }
+        fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
+            Appendage::potential(&self.0, p, eta)
+        }
+        fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+            Appendage::rayleigh(&self.0, p, nu)
+        }
+    }
+}
+
+#[test]
+fn an_inertia_that_leans_on_zeros_must_not_say_that_it_writes_everything() {
+    let pendulum = || slosh_pendulum::SloshPendulum::new(3.0, 0.7, [2.0, 3.0], [0.2, 0.3]).unwrap();
+    let modest = check_appendage(&sums::Sums::<false>(pendulum()));
+    assert!(modest.passed(), "{modest}");
+    assert!(!check_appendage(&sums::Sums::<true>(pendulum())).passed());
+}

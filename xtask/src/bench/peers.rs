@@ -75,7 +75,7 @@ impl Peers {
 pub fn pinocchio(function: &str) -> &'static [&'static str] {
     match function {
         "rnea" => &["rnea"],
-        "crba" => &["crba LOCAL", "crba WORLD"],
+        "crba" | "mass_matrix" => &["crba LOCAL", "crba WORLD"],
         "fd" => &["aba LOCAL", "aba WORLD", "crba+cholesky+solve"],
         "hybrid" => &["hybrid: crba+nle+LLT(unknown block)+tau_arm"],
         "regressor" => &["computeJointTorqueRegressor"],
@@ -88,7 +88,7 @@ pub fn pinocchio(function: &str) -> &'static [&'static str] {
 pub fn mujoco(function: &str) -> &'static [&'static str] {
     match function {
         "rnea" => &["kinematics+comPos+comVel+rne (ID)"],
-        "crba" => &["kinematics+comPos+makeM"],
+        "crba" | "mass_matrix" => &["kinematics+comPos+makeM"],
         "fd" => &["mj_forward"],
         _ => &[],
     }

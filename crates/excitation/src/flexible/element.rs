@@ -9,7 +9,10 @@
 
 use super::arm::Frame;
 use ff_model::vec3::{M3, Ten, V3};
-use ff_model::{D1, D2, LaneScalar, Model, ModelScalar, Motion, Mounted, Params, PortAccel, PortMatrix, PortState};
+use ff_model::{
+    D1, D2, LaneScalar, Model, ModelScalar, Motion, Mounted, Params, PortAccel, PortMatrix, PortState, PortView,
+    port_len,
+};
 use nalgebra::DMatrix;
 
 /// What it is.
@@ -128,7 +131,7 @@ impl Element {
                 let host = Motion { lin: v.into(), ang: w.into() };
                 let s = PortState { host, eta: &x[at.eta..at.nu], nu: &x[at.nu..at.v] };
                 let acc = PortAccel { host: Motion { lin: lin.into(), ang: al.into() }, nu: &x[at.acc..] };
-                T::port(&*m.appendage).residual(p, &s, &acc, &mut PortMatrix::new(self.n, scratch), r);
+                T::port(&*m.appendage).residual(p, &s, &acc, &mut PortMatrix::over(self.n, scratch), r);
             }
             Kind::Link => {
                 let (f, n) = Ten::from_params(p).wrench(&w, &al, &a, &M3::field(&w, &al));
@@ -151,32 +154,33 @@ impl Element {
             _ => self.residual(p, x, scratch, r),
         }
     }
-    fn inertia<T: ModelScalar>(&self, p: &[T], eta: &[T], out: &mut [T]) {
-        let mut m = PortMatrix::new(self.n, out);
+    /// The mass matrix, in `buffer`.
+    fn inertia<'a, T: ModelScalar>(&self, p: &[T], eta: &[T], buffer: &'a mut [T]) -> PortView<'a, T> {
+        let mut m = PortMatrix::new(self.n, buffer);
         match &self.kind {
             Kind::Port(port) => T::port(&*port.appendage).inertia(p, eta, &mut m),
             Kind::Link => m.set_host(&Ten::from_params(p)),
         }
+        PortView::new(self.n, buffer)
     }
-    /// Mass matrix, row-major, and residual without accelerations.
-    pub(super) fn free(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let (d, at) = (self.dim(), self.at());
-        let (mut m, mut r) = (vec![0.0; d * d], vec![0.0; d]);
+    /// Mass matrix and residual without accelerations.
+    pub(super) fn free(&self, x: &[f64]) -> (DMatrix<f64>, Vec<f64>) {
+        let at = self.at();
+        let (mut m, mut r) = (vec![0.0; port_len(self.n)], vec![0.0; self.dim()]);
         self.residual(&self.params, x, &mut m, &mut r);
-        self.inertia(&self.params, &x[at.eta..at.nu], &mut m);
-        (m, r)
+        (self.inertia(&self.params, &x[at.eta..at.nu], &mut m).dense(), r)
     }
     /// Residual and first derivatives at `x`.
     pub(super) fn evaluate(&self, frame: Frame<f64>, x: Vec<f64>) -> Evaluated {
         let (d, at, n) = (self.dim(), self.at(), self.n);
-        let (mut m, mut r) = (vec![0.0; d * d], vec![0.0; d]);
+        let (mut m, mut r) = (vec![0.0; port_len(n)], vec![0.0; d]);
         self.residual(&self.params, &x, &mut m, &mut r);
-        self.inertia(&self.params, &x[at.eta..at.nu], &mut m);
         let mut j = DMatrix::zeros(d, at.len);
         let mut rp = DMatrix::zeros(d, self.wanted.len());
+        let mass = self.inertia(&self.params, &x[at.eta..at.nu], &mut m);
         for row in 0..d {
             for c in 0..d {
-                j[(row, at.a + c)] = m[row * d + c];
+                j[(row, at.a + c)] = mass.get(row, c);
             }
         }
         match &self.kind {
@@ -214,7 +218,7 @@ impl Element {
             let p: Vec<D1> = self.params.iter().map(|&p| D1::constant(p)).collect();
             let mut y: Vec<D1> = x.iter().map(|&x| D1::constant(x)).collect();
             let z = D1::constant(0.0);
-            let (mut scratch, mut out) = (vec![z; d * d], vec![z; d]);
+            let (mut scratch, mut out) = (vec![z; port_len(n)], vec![z; d]);
             for c in 0..at.a {
                 y[c].eps[0] = 1.0;
                 self.residual(&p, &y, &mut scratch, &mut out);
@@ -278,7 +282,7 @@ impl Element {
         let lift = |x: f64| D2::constant(D1::constant(x));
         let mut p: Vec<D2> = self.params.iter().map(|&p| lift(p)).collect();
         let mut y: Vec<D2> = x.iter().map(|&x| lift(x)).collect();
-        let (mut scratch, mut r, mut h) = (vec![lift(0.0); d * d], vec![lift(0.0); d], vec![0.0; d]);
+        let (mut scratch, mut r, mut h) = (vec![lift(0.0); port_len(self.n)], vec![lift(0.0); d], vec![0.0; d]);
         let curls = |i: usize| (at.eta..at.nu).contains(&i);
         for (a, others) in &self.pattern.pairs {
             y[*a].eps[0].re = 1.0;
@@ -306,20 +310,21 @@ impl Element {
         // Along accelerations: dM.
         let mut p: Vec<D1> = self.params.iter().map(|&p| D1::constant(p)).collect();
         let mut eta: Vec<D1> = x[at.eta..at.nu].iter().map(|&x| D1::constant(x)).collect();
-        let (mut m, mut dm) = (vec![D1::constant(0.0); d * d], vec![0.0; d * d]);
+        let (mut m, mut dm) = (vec![D1::constant(0.0); port_len(self.n)], vec![0.0; d * d]);
+        let pull = |dm: &mut [f64], m: PortView<'_, D1>| {
+            dm.iter_mut().enumerate().for_each(|(i, x)| *x = m.get(i / d, i % d).eps[0]);
+        };
         for &l in &self.pattern.mass {
             eta[l].eps[0] = 1.0;
-            self.inertia(&p, &eta, &mut m);
+            pull(&mut dm, self.inertia(&p, &eta, &mut m));
             eta[l].eps[0] = 0.0;
-            dm.iter_mut().zip(&m).for_each(|(d, m)| *d = m.eps[0]);
             mass(l, &dm);
         }
         for &k in &self.pattern.mass_params {
             let own = self.wanted[k].0;
             p[own].eps[0] = 1.0;
-            self.inertia(&p, &eta, &mut m);
+            pull(&mut dm, self.inertia(&p, &eta, &mut m));
             p[own].eps[0] = 0.0;
-            dm.iter_mut().zip(&m).for_each(|(d, m)| *d = m.eps[0]);
             mass_param(k, &dm);
         }
     }

@@ -149,7 +149,7 @@ impl System {
             let mut j = DMatrix::zeros(d, at.len);
             for i in 0..d {
                 for c in 0..d {
-                    j[(i, at.a + c)] = m[i * d + c];
+                    j[(i, at.a + c)] = m[(i, c)];
                 }
             }
             let j = frame.up_columns(&frame.over_base(&at, &b.w, &j));

@@ -3,7 +3,7 @@
 use super::{ExternalInput, InputError, Loads, Scene};
 use ff_model::appendage::MAX_PARAMS;
 use ff_model::scalar::D1;
-use ff_model::{Force, Inertia, MAX_COORDS, Model, ModelScalar, PortMatrix, Xform};
+use ff_model::{Force, Inertia, MAX_COORDS, Model, ModelScalar, PortMatrix, Xform, port_len};
 use nalgebra::Vector3;
 
 /// Gravity gradient on a circular orbit, to first order in size over radius.
@@ -94,7 +94,7 @@ impl ExternalInput for GravityGradient {
         }
         let mut p = [D1::constant(0.0); MAX_PARAMS];
         let mut eta = [D1::constant(0.0); MAX_COORDS];
-        let mut buffer = [D1::constant(0.0); (6 + MAX_COORDS) * (6 + MAX_COORDS)];
+        let mut buffer = [D1::constant(0.0); port_len(MAX_COORDS)];
         for (k, ap) in scene.model.appendages().iter().enumerate() {
             let (g, o) = self.at(&o, &(*scene.pose(ap.host) * ap.mount));
             let values = scene.params.appendage(scene.model, k);
@@ -108,8 +108,9 @@ impl ExternalInput for GravityGradient {
                 for (i, (e, x)) in eta.iter_mut().zip(own).enumerate() {
                     *e = D1::new(*x, f64::from(i == j));
                 }
-                let mut m = PortMatrix::new(n, &mut buffer);
+                let mut m = PortMatrix::over(n, &mut buffer);
                 D1::port(&*ap.appendage).inertia(p, eta, &mut m);
+                let m = m.view();
                 if j == 0 {
                     let hung = Inertia::from_elements(|a, b| m.get(a, b).re);
                     on.add(ap.host, ap.mount.force_to_parent(&self.wrench(&hung, &g, &o)));

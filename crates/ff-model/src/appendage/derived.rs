@@ -1,6 +1,6 @@
 //! Derivatives of the port equations that follow from inertia and bias, for appendages that do not write their own.
 
-use super::{Appendage, MAX_COORDS, MAX_PARAMS, MAX_PORT, ParamGroup, PortAccel, PortMatrix, PortState};
+use super::{Appendage, MAX_COORDS, MAX_PARAMS, MAX_PORT, ParamGroup, PortAccel, PortMatrix, PortState, port_len};
 use crate::dual::Dual;
 use crate::scalar::LaneScalar;
 use crate::spatial::Motion;
@@ -13,8 +13,8 @@ const N: usize = 8;
 macro_rules! sized {
     ($n:expr, $np:expr, $f:ident($($arg:expr),*)) => {
         match ($n, $np) {
-            (0..=3, 0..=36) => $f::<A, 3, 81, 36>($($arg),*),
-            _ => $f::<A, MAX_COORDS, { MAX_PORT * MAX_PORT }, MAX_PARAMS>($($arg),*),
+            (0..=3, 0..=36) => $f::<A, 3, { port_len(3) }, 36>($($arg),*),
+            _ => $f::<A, MAX_COORDS, { port_len(MAX_COORDS) }, MAX_PARAMS>($($arg),*),
         }
     };
 }
@@ -166,7 +166,7 @@ fn regressor_in<A: Appendage + ?Sized, const C: usize, const M: usize, const P: 
     for k in (0..p.len()).filter(|&k| inertial(k)) {
         unit[k] = 1.0;
         let col = &mut out[k * dim..(k + 1) * dim];
-        a.residual(&unit[..p.len()], s, acc, &mut PortMatrix::new(n, &mut m), col);
+        a.residual(&unit[..p.len()], s, acc, &mut PortMatrix::over(n, &mut m), col);
         unit[k] = 0.0;
     }
     if (0..p.len()).all(inertial) {

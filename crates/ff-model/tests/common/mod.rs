@@ -33,7 +33,7 @@ impl Appendage for StandIn {
     fn inertia<T: Scalar>(&self, _p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
         m.add_host(&Inertia::point(T::one(), &Vector3::zeros()));
         for i in 6..m.dim() {
-            m.set(i, i, T::one());
+            m.set_sym(i, i, T::one());
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{MAX_MODES, ModalAppendage, Mode};
 use ff_model::scalar::{D1, D2};
-use ff_model::{Area, Dual, DynAppendage, Inertia, ModelScalar, Motion, PortMatrix, PortState, Problem, Problems};
+use ff_model::{Area, Dual, DynAppendage, Inertia, ModelScalar, Motion, PortState, Problem, Problems};
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector6};
 use std::f64::consts::TAU;
 
@@ -38,9 +38,7 @@ pub fn linearise(a: &dyn DynAppendage, p: &[f64], eta: &[f64]) -> Result<Lineari
         let what = format!("{n} coordinates, outside the limits 1 to {MAX_MODES}");
         return one("Config::Param", what, "linearise what has coordinates of its own");
     }
-    let mut buffer = vec![0.0; (6 + n).pow(2)];
-    f64::port(a).inertia(p, eta, &mut PortMatrix::new(n, &mut buffer));
-    let m = DMatrix::from_row_slice(6 + n, 6 + n, &buffer);
+    let m = f64::port(a).dense_inertia(p, eta);
     let (k, d) = stiffness_damping(a, p, eta);
     let hint = "every coordinate needs inertia";
     let Some(cholesky) = m.view((6, 6), (n, n)).into_owned().cholesky() else {

@@ -2,7 +2,7 @@
 
 use super::{Random, rel, sym, vec3};
 use ff_model::lanes::{Isa, LaneScalar, LaneTask, dispatch};
-use ff_model::{Appendage, Decl, DynAppendage, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar};
+use ff_model::{Appendage, Decl, DynAppendage, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, port_len};
 use std::sync::Arc;
 
 /// As a model holds it, with the dynamics that its crate compiled: `&a as &dyn DynAppendage` compiles them anew.
@@ -49,7 +49,7 @@ impl Move {
 /// Results: `M` and `h`, residual, jacobian, regressor.
 type Results<T> = [Vec<T>; 4];
 
-/// With garbage in every buffer but `M`, which arrives zeroed.
+/// With garbage in every buffer.
 fn evaluate<T: LaneScalar>(a: &dyn DynAppendage, p: &[T], moves: &[Move]) -> Results<T> {
     let n = a.declaration().coords.len();
     let dim = 6 + n;
@@ -69,11 +69,11 @@ fn evaluate<T: LaneScalar>(a: &dyn DynAppendage, p: &[T], moves: &[Move]) -> Res
     });
     let (s, acc) = (PortState { host: host[0], eta: &own[0], nu: &own[1] }, PortAccel { host: host[1], nu: &own[2] });
     let garbage = |k: usize| vec![T::from_f64(f64::NAN); k];
-    let (mut m, mut h, mut r) = (garbage(dim * dim), garbage(dim), garbage(dim));
+    let (mut m, mut h, mut r) = (garbage(port_len(n)), garbage(dim), garbage(dim));
     let (mut j, mut y) = (garbage(dim * (3 + 2 * n)), garbage(dim * p.len()));
-    T::port(a).terms(p, &s, &mut PortMatrix::new(n, &mut m), &mut h);
+    T::port(a).terms(p, &s, &mut PortMatrix::over(n, &mut m), &mut h);
     m.extend(h);
-    T::port(a).residual(p, &s, &acc, &mut PortMatrix::new(n, &mut garbage(dim * dim)), &mut r);
+    T::port(a).residual(p, &s, &acc, &mut PortMatrix::over(n, &mut garbage(port_len(n))), &mut r);
     T::tangent(a).jacobian(p, &s, &acc, &mut j);
     T::tangent(a).regressor(p, &s, &acc, &mut y);
     [m, r, j, y]

@@ -6,7 +6,7 @@ use super::report::Check;
 use super::sample::{Sample, lift};
 use ff_model::lanes::Portable4;
 use ff_model::scalar::{D1, D2, Grad};
-use ff_model::{DynAppendage, LaneScalar, ModelScalar, Motion, PortAccel, PortMatrix, PortState};
+use ff_model::{DynAppendage, LaneScalar, ModelScalar, Motion, PortAccel, PortMatrix, PortState, port_len};
 
 /// Runs what it is given and says how many allocations that made.
 ///
@@ -33,7 +33,7 @@ fn over<T: ModelScalar>(name: &str, a: &dyn DynAppendage, s: &Sample, meter: All
     let (p, eta, nu) = (lift::<T>(&s.p), lift::<T>(&s.eta), lift::<T>(&s.nu));
     let host = Motion::new(s.host.lin.map(T::from_f64), s.host.ang.map(T::from_f64));
     let dim = 6 + eta.len();
-    let (mut m, mut h) = (vec![T::zero(); dim * dim], vec![T::zero(); dim]);
+    let (mut m, mut h) = (vec![T::zero(); port_len(eta.len())], vec![T::zero(); dim]);
     let acc = lift::<T>(&s.acc);
     let acc = PortAccel { host: Motion::from_slice(&acc), nu: &acc[6..] };
     let state = PortState { host, eta: &eta, nu: &nu };
@@ -43,8 +43,8 @@ fn over<T: ModelScalar>(name: &str, a: &dyn DynAppendage, s: &Sample, meter: All
         ("potential", meter(&mut || _ = std::hint::black_box(port.potential(&p, &eta)))),
         ("rayleigh", meter(&mut || _ = std::hint::black_box(port.rayleigh(&p, &nu)))),
         ("bias", meter(&mut || port.bias(&p, &state, &mut h))),
-        ("terms", meter(&mut || port.terms(&p, &state, &mut PortMatrix::new(eta.len(), &mut m), &mut h))),
-        ("residual", meter(&mut || port.residual(&p, &state, &acc, &mut PortMatrix::new(eta.len(), &mut m), &mut h))),
+        ("terms", meter(&mut || port.terms(&p, &state, &mut PortMatrix::over(eta.len(), &mut m), &mut h))),
+        ("residual", meter(&mut || port.residual(&p, &state, &acc, &mut PortMatrix::over(eta.len(), &mut m), &mut h))),
     ];
     for (method, count) in counts {
         worst.see(count as f64, || format!("{method} over {name} allocates {count} times in one call"));

@@ -3,14 +3,14 @@
 //! The formula of [`ff_model::derived_bias`], written a second time over [`PortModel`], because a boxed appendage
 //! cannot be passed to a generic function, and because a suite should not trust the code it holds others to.
 
-use ff_model::{Dual, Force, Motion, PortMatrix, PortModel, Scalar};
+use ff_model::{Dual, Force, Motion, PortMatrix, PortModel, PortView, Scalar, port_len};
 
 /// Inertia matrix as rows, over any number type.
 pub(super) fn matrix<T: Scalar>(a: &dyn PortModel<T>, p: &[T], eta: &[T]) -> Vec<Vec<T>> {
-    let dim = 6 + eta.len();
-    let mut buffer = vec![T::zero(); dim * dim];
-    a.inertia(p, eta, &mut PortMatrix::new(eta.len(), &mut buffer));
-    buffer.chunks(dim).map(<[T]>::to_vec).collect()
+    // In a buffer that holds other numbers.
+    let mut buffer = vec![T::from_f64(-7.3e5); port_len(eta.len())];
+    a.inertia(p, eta, &mut PortMatrix::over(eta.len(), &mut buffer));
+    PortView::new(eta.len(), &buffer).dense().row_iter().map(|row| row.iter().copied().collect()).collect()
 }
 
 /// `h = Mdot y + [V x* (M y)_b; -d(y^T M y / 2)/d eta + dU/d eta + dR/d nu]`, length `6+n`. Allocates.

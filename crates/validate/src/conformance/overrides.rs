@@ -9,7 +9,7 @@ use super::ports::{Packed, Ports, scales};
 use super::report::Check;
 use super::sample::{Sample, lift};
 use ff_model::scalar::{DIRECTIONS, Grad};
-use ff_model::{DynAppendage, ModelScalar, Motion, PortAccel, PortMatrix, PortState};
+use ff_model::{DynAppendage, ModelScalar, Motion, PortAccel, PortMatrix, PortState, port_len};
 
 /// See [`law::TERMS`], [`law::RESIDUAL`], [`law::JACOBIAN`], [`law::REGRESSOR`].
 pub(super) fn overrides(a: &dyn DynAppendage, samples: &[Sample]) -> [Check; 4] {
@@ -77,7 +77,7 @@ fn derivatives(a: &dyn DynAppendage, s: &Sample) -> (Vec<f64>, Vec<f64>) {
         host[3..].copy_from_slice(&turn);
         let (eta, nu, p) = (seeded(&s.eta, 3), seeded(&s.nu, 3 + n), seeded(&s.p, motion));
         let state = PortState { host: Motion::from_slice(&host), eta: &eta, nu: &nu };
-        let (mut m, mut h) = (vec![Grad::constant(0.0); dim * dim], vec![Grad::constant(0.0); dim]);
+        let (mut m, mut h) = (vec![Grad::constant(0.0); port_len(n)], vec![Grad::constant(0.0); dim]);
         let mut m = PortMatrix::new(n, &mut m);
         port.inertia(&p, &eta, &mut m);
         port.bias(&p, &state, &mut h);

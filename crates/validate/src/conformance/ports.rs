@@ -2,7 +2,7 @@
 
 use super::derived::matrix;
 use super::sample::{Sample, lift};
-use ff_model::{DynAppendage, LaneScalar, Motion, PortAccel, PortMatrix, PortState, Scalar};
+use ff_model::{DynAppendage, LaneScalar, Motion, PortAccel, PortMatrix, PortState, PortView, Scalar, port_len};
 
 /// Results of every method, by the names of [`Ports::NAMES`].
 pub(super) struct Ports<T>(pub(super) [Vec<T>; 9]);
@@ -18,13 +18,17 @@ impl<T: LaneScalar> Ports<T> {
         let zeros = |len: usize| vec![T::zero(); len];
         let state = PortState { host: s.host, eta: &s.eta, nu: &s.nu };
         let acc = PortAccel { host: Motion::from_slice(&s.acc), nu: &s.acc[6..] };
-        let (mut h, mut tm, mut th, mut r) = (zeros(dim), zeros(dim * dim), zeros(dim), zeros(dim));
+        let (mut h, mut th, mut r) = (zeros(dim), zeros(dim), zeros(dim));
+        // These two are handed whatever a buffer holds.
+        let used = || vec![T::from_f64(-7.3e5); port_len(n)];
+        let (mut tm, mut scratch) = (used(), used());
         port.bias(&s.p, &state, &mut h);
-        port.terms(&s.p, &state, &mut PortMatrix::new(n, &mut tm), &mut th);
-        port.residual(&s.p, &state, &acc, &mut PortMatrix::new(n, &mut zeros(dim * dim)), &mut r);
+        port.terms(&s.p, &state, &mut PortMatrix::over(n, &mut tm), &mut th);
+        port.residual(&s.p, &state, &acc, &mut PortMatrix::over(n, &mut scratch), &mut r);
         let (mut j, mut y) = (zeros(dim * (3 + 2 * n)), zeros(dim * np));
         tangent.jacobian(&s.p, &state, &acc, &mut j);
         tangent.regressor(&s.p, &state, &acc, &mut y);
+        let tm = PortView::new(n, &tm).dense().as_slice().to_vec();
         let (u, loss) = (port.potential(&s.p, &s.eta), port.rayleigh(&s.p, &s.nu));
         Self([matrix(port, &s.p, &s.eta).concat(), vec![u], vec![loss], h, tm, th, r, j, y])
     }

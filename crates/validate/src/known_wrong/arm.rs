@@ -5,9 +5,10 @@
 
 use ff_model::appendage::CoordDecl;
 use ff_model::appendage::add_inertial;
+use ff_model::vec3::{Ten, V3};
 use ff_model::{
     Appendage, Decl, Inertia, LaneScalar, Motion, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Scalar,
-    derived_jacobian, derived_regressor,
+    derived_jacobian, derived_power, derived_regressor,
 };
 use nalgebra::Vector3;
 
@@ -25,6 +26,7 @@ pub(super) enum ArmMistake {
     DamperWithoutWork,
     DamperWithoutArm,
     DamperTwice,
+    HalfThePower,
     NegativeDamping,
     ConstantTorque,
     NotConvex,
@@ -35,7 +37,7 @@ pub(super) enum ArmMistake {
     CentripetalSign,
     TorqueWithoutArm,
     CouplingWithoutArm,
-    NotSymmetric,
+    NotCleared,
     NotDefinite,
     NoOwnInertia,
     MassGrows,
@@ -141,14 +143,7 @@ impl Appendage for Arm {
         }
         let arm = if self.is(Wrong::CouplingWithoutArm) { r - Vector3::from(HUB).map(T::from_f64) } else { r };
         for (k, c) in columns.iter().enumerate() {
-            let ang = arm.cross(c);
-            for i in 0..3 {
-                m.set_sym(i, 6 + k, c[i]);
-                m.set_sym(3 + i, 6 + k, ang[i]);
-            }
-        }
-        if self.is(Wrong::NotSymmetric) {
-            m.set(6, 1, T::zero());
+            m.set_coupling(k, &V3::from(c), &V3::from(&arm.cross(c)));
         }
         let mut own = mass * reach * reach;
         if self.is(Wrong::PoleAtRangeEnd) {
@@ -188,7 +183,16 @@ impl Appendage for Arm {
         }
     }
 
+    fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        derived_power(self, p, nu).scale(if self.is(Wrong::HalfThePower) { 0.5 } else { 1.0 })
+    }
+
     fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
+        if self.is(Wrong::NotCleared) {
+            m.set_host(&Ten::zero());
+        } else {
+            m.clear();
+        }
         self.inertia(p, s.eta, m);
         self.bias(p, s, h);
         if self.is(Wrong::TermsWithoutDamper) {

@@ -66,7 +66,7 @@ impl Appendage for Paddle {
         m.add_host(&turned);
         // The hinge rate is an angular velocity about z: its column is that of w_z.
         for i in 0..6 {
-            let x = m.get(i, 5);
+            let x = m.view().get(i, 5);
             m.set_sym(i, 6, x);
         }
         m.set_sym(6, 6, turned.rot[(2, 2)]);

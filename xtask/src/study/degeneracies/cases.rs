@@ -5,7 +5,7 @@ use super::robots::{Sines, UnknownFulcrum, axis, body, chain, flat, joint, place
 use crate::workspace;
 use anyhow::Context;
 use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{Prescribed, Sampling, State, Wanted, Work, regressor, sensitivities};
+use ffid::dynamics::{Prescribed, Regressor, Sampling, State, Wanted, Work, regressor, sensitivities};
 use ffid::flex_panel::{PanelChain, Segment};
 use ffid::ident::covariance::{Uncertainty, Unknown, analyse};
 use ffid::ident::{identifiability, scale, selection};
@@ -103,7 +103,7 @@ fn structure(
 fn fresh(model: &Model, params: &Params<f64>, selected: &[usize], seed: u64) -> DMatrix<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_add(40_000));
     let nv = model.nv();
-    let (mut work, mut y) = (Work::new(model), DMatrix::zeros(nv, model.n_params()));
+    let (mut work, mut y) = (Work::new(model), Regressor::new(model));
     let rest = model.rest_position(params);
     let mut out = DMatrix::zeros(20 * nv, selected.len());
     for k in 0..20 {
