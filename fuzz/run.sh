@@ -31,7 +31,7 @@ for target in "${targets[@]}"; do
     for seed in fuzz/seeds/"$target"/*; do [ -e "$seed" ] && cp -n "$seed" "$corpus"; done
     case $target in
         urdf) cp -n fixtures/paper/*.urdf fixtures/bad/*.urdf "$corpus" ;;
-        mission) cp -n fixtures/paper/*.toml fixtures/bad/*.toml "$corpus" ;;
+        mission) cp -n fixtures/paper/*.toml fixtures/kinds/*.toml fixtures/bad/*.toml "$corpus" ;;
         binary) cp -n fixtures/records/*.parquet fixtures/records/*.mcap "$corpus" ;;
     esac
     echo "=== $target, $minutes min"

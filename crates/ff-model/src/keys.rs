@@ -329,7 +329,7 @@ pub(crate) fn unknown_key(key: &str, known: &[&'static str]) -> Problem {
 /// The unit a key name ends with, after a blank: `panel.stiffness_nm_per_rad[0]` is in ` N m/rad`.
 pub(crate) fn unit_of(path: &str) -> &'static str {
     // Longer endings first: `_rad` is an ending of `_nm_per_rad`, too.
-    const UNITS: [(&str, &str); 16] = [
+    const UNITS: [(&str, &str); 18] = [
         ("_kg_per_m3", " kg/m^3"),
         ("_ns_per_m", " N s/m"),
         ("_n_per_m", " N/m"),
@@ -338,6 +338,7 @@ pub(crate) fn unit_of(path: &str) -> &'static str {
         ("_rad_per_s2", " rad/s^2"),
         ("_rad_per_s", " rad/s"),
         ("_m_per_s2", " m/s^2"),
+        ("_m3_per_s2", " m^3/s^2"),
         ("_kgm2", " kg m^2"),
         ("_bits", " bits"),
         ("_rad", " rad"),
@@ -346,6 +347,7 @@ pub(crate) fn unit_of(path: &str) -> &'static str {
         ("_hz", " Hz"),
         ("_m", " m"),
         ("_s", " s"),
+        ("_n", " N"),
     ];
     let key = path.rsplit('.').next().unwrap_or(path);
     let key = key.split('[').next().unwrap_or(key);

@@ -3,6 +3,7 @@
 use crate::output::{Input, Outcome};
 use ffid::dynamics::Boundary;
 use ffid::exit::Exit;
+use ffid::inputs::Lines;
 use ffid::model::mission::Mission;
 use ffid::model::{Area, Problem};
 use ffid::modes::ModeTable;
@@ -43,6 +44,8 @@ pub(crate) fn run(input: &Input, out: &mut impl Write, err: &mut impl Write) -> 
         }
     }
     let results = Results { model: Some(&summary), modes: modes.as_ref(), mission: opened.mission.as_ref() };
-    let text: [Option<&dyn Display>; 2] = [Some(&summary), modes.as_ref().map(|m| m as _)];
+    let inputs = opened.mission.as_ref().filter(|m| !m.inputs.is_empty()).map(|m| Lines(&m.inputs));
+    let text: [Option<&dyn Display>; 3] =
+        [Some(&summary), inputs.as_ref().map(|i| i as _), modes.as_ref().map(|m| m as _)];
     input.print(Exit::of(&problems), &problems, results, &text, out, err)
 }

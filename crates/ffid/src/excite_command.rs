@@ -112,7 +112,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         Ok(o) => o,
         Err(p) => return refuse(Exit::of(&p), &p, out, err),
     };
-    let mission = match results::mission(&opened, &input.file) {
+    let mission = match results::undisturbed(&opened, &input.file) {
         Ok(m) => m,
         Err(p) => return refuse(Exit::of(&p), &p, out, err),
     };

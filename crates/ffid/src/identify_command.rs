@@ -262,7 +262,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
 fn prepare(args: &Args) -> Result<Ready, Refusal> {
     let input = &args.input;
     let opened = open(&input.file, input.leniency()).map_err(refused)?;
-    let mission = results::mission(&opened, &input.file).map_err(refused)?;
+    let mission = results::undisturbed(&opened, &input.file).map_err(refused)?;
     let mut settings = args.fit.settings(mission);
     settings.method = args.method.method();
     settings.prior = args.prior.or(mission.estimate.prior_relative_std).filter(|_| !args.no_prior);

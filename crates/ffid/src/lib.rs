@@ -22,6 +22,7 @@ pub mod exit;
 pub mod files;
 pub mod identify;
 pub mod init;
+pub mod inputs;
 pub mod modes;
 pub mod open;
 pub mod plot;

@@ -1,6 +1,7 @@
 //! From a file to a model that the dynamics can be trusted with: reading, then what only physics can judge.
 
 use crate::dynamics::{State, Work, conditioning, dof_names, mass_matrix};
+use crate::inputs::{Declared, declare};
 use crate::model::leniency::Leniency;
 use crate::model::mission::{LoadOptions, Mission};
 use crate::model::urdf::{self, UrdfOptions};
@@ -27,6 +28,9 @@ pub struct Opened {
     pub excited: Vec<usize>,
     /// Index of the frame of the end effector, if the mission names one.
     pub end_effector: Option<usize>,
+    /// What acts from outside in a simulation (`[[input]]`). The planning and the identification of this crate take robots that
+    /// float freely, and do not ask for it; the commands refuse a mission that has any.
+    pub inputs: Vec<Declared>,
     /// Everything that was let through, to be recorded with every result.
     pub warnings: Problems,
 }
@@ -61,7 +65,8 @@ pub fn open(file: &Path, leniency: Leniency) -> Result<Opened, Problems> {
         }
         let options = UrdfOptions { leniency: leniency.clone(), ..UrdfOptions::default() };
         let (model, warnings) = urdf::from_file(file, &options)?;
-        Opened { model, mission: None, estimated: Vec::new(), excited: Vec::new(), end_effector: None, warnings }
+        let (estimated, excited, inputs) = (Vec::new(), Vec::new(), Vec::new());
+        Opened { model, mission: None, estimated, excited, end_effector: None, inputs, warnings }
     } else {
         let l = Mission::load(file, &crate::default_registry(), &LoadOptions { leniency: leniency.clone() })?;
         Opened {
@@ -70,6 +75,7 @@ pub fn open(file: &Path, leniency: Leniency) -> Result<Opened, Problems> {
             estimated: l.estimated,
             excited: l.excited,
             end_effector: l.end_effector,
+            inputs: Vec::new(),
             warnings: l.warnings,
         }
     };
@@ -80,6 +86,10 @@ pub fn open(file: &Path, leniency: Leniency) -> Result<Opened, Problems> {
     problems
         .0
         .extend(poses.map(|(name, q)| near_singular(&opened.model, name, &q)).find_map(|p| p.map(|p| p.in_file(file))));
+    match declare(opened.mission.as_ref().map_or(&[], |m| &m.inputs), &opened.model) {
+        Ok(inputs) => opened.inputs = inputs,
+        Err(p) => problems.extend(p.in_file(file)),
+    }
     leniency.settle(&mut problems);
     let (mut opened, warnings) = problems.finish(Some(opened))?;
     opened.warnings = warnings;

@@ -118,7 +118,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         Ok(o) => o,
         Err(p) => return refuse(Exit::of(&p), &p, out, err),
     };
-    let loaded = results::mission(&opened, &input.file).and_then(|m| Ok((m, load(&args.trajectory, &opened)?)));
+    let loaded = results::undisturbed(&opened, &input.file).and_then(|m| Ok((m, load(&args.trajectory, &opened)?)));
     let (mission, given) = match loaded {
         Ok(l) => l,
         Err(p) => return refuse(Exit::of(&p), &p, out, err),

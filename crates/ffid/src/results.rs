@@ -59,6 +59,21 @@ pub(crate) fn mission<'a>(opened: &'a Opened, file: &Path) -> Result<&'a Mission
     })
 }
 
+/// The [`mission`] of a robot that floats freely: what is planned, identified and judged with has no external inputs, and does not
+/// ignore those of the mission.
+pub(crate) fn undisturbed<'a>(opened: &'a Opened, file: &Path) -> Result<&'a Mission, Problems> {
+    let mission = mission(opened, file)?;
+    let n = mission.inputs.len();
+    if n == 0 {
+        return Ok(mission);
+    }
+    let what =
+        format!("{n} [[input]], limit 0: only `ffid simulate` and `ffid predict` reckon with what acts from outside");
+    let p = Problem::error(Area::Config, "Config::ExternalInput", what).on("input").in_file(file);
+    let hint = "use a copy of the mission without [[input]], and records of times at which nothing acts";
+    Err(Problems(vec![p.hint(hint)]))
+}
+
 /// The verdict on a motion at the mission's nominal parameters.
 pub(crate) fn verdict(
     opened: &Opened,

@@ -1,7 +1,9 @@
 //! What the sensors of a mission read on a motion: the record that `ffid simulate` writes.
 
 use crate::dynamics::motion::JointMotion;
-use crate::dynamics::{Channel, Drive, Readings, SensorSuite, SimError, SimOptions, State, Trace, measure, simulate};
+use crate::dynamics::{
+    Channel, Drive, ExternalInput, Readings, SensorSuite, SimError, SimOptions, State, Trace, measure, simulate_with,
+};
 use crate::ident::record_file::{CsvWriter, joints_of};
 use crate::model::mission::Sensors;
 use crate::model::{BaseKind, Model, Params};
@@ -20,8 +22,8 @@ pub fn suite(s: &Sensors) -> SensorSuite {
     }
 }
 
-/// Simulates a motion from rest, springs relaxed, and `hold_s` longer, sampled at `rate_hz`; the step is the one that the
-/// modes at the start pose need. Allocates.
+/// Simulates a motion from rest, springs relaxed, and `hold_s` longer, under external inputs, sampled at `rate_hz`; the step is
+/// the one that the modes at the start pose need. Allocates.
 ///
 /// # Errors
 /// [`SimError`].
@@ -29,6 +31,7 @@ pub fn fly(
     model: &Model,
     params: &Params<f64>,
     motion: &dyn JointMotion,
+    inputs: &[&dyn ExternalInput],
     rate_hz: f64,
     hold_s: f64,
 ) -> Result<Trace, SimError> {
@@ -37,7 +40,8 @@ pub fn fly(
     let duration_s = motion.duration() + hold_s;
     let sample_s = 1.0 / rate_hz;
     let found = held(model, params, &start, &rest);
-    from_rest(model, params, motion, &SimOptions { duration_s, step_s: step(&found, duration_s, sample_s), sample_s })
+    let options = SimOptions { duration_s, step_s: step(&found, duration_s, sample_s), sample_s };
+    simulate_with(model, params, &at_rest(model, params, motion), &Drive::Prescribed(motion), inputs, &options)
 }
 
 /// Simulates a motion from where it begins, base at rest, springs relaxed. Allocates.
@@ -50,10 +54,15 @@ pub fn from_rest(
     motion: &dyn JointMotion,
     options: &SimOptions,
 ) -> Result<Trace, SimError> {
+    simulate_with(model, params, &at_rest(model, params, motion), &Drive::Prescribed(motion), &[], options)
+}
+
+/// Where a motion begins, base at rest, springs relaxed.
+fn at_rest(model: &Model, params: &Params<f64>, motion: &dyn JointMotion) -> State<f64> {
     let mut from = State::zero(model);
     from.q.copy_from_slice(&start_pose(motion));
     from.eta.copy_from_slice(&model.rest_position(params));
-    simulate(model, params, &from, &Drive::Prescribed(motion), options)
+    from
 }
 
 /// A record as CSV: what the sensors read with this seed, or, without one, the exact motion with joint rates and

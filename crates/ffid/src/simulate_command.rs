@@ -6,6 +6,7 @@ use crate::results::{self, Refusal, io, refused};
 use ffid::exit::{Exit, Failure};
 use ffid::files::atomic;
 use ffid::files::folder::Entry;
+use ffid::inputs::{Acted, Declared};
 use ffid::model::{Area, Leniency, Params, Problem, Problems};
 use ffid::open::{Opened, open};
 use ffid::sense::{csv, fly, suite};
@@ -21,7 +22,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid simulate m.toml --trajectory mine.csv --out exact.csv --noise-free
 
 The record has time[s], q.<joint>[rad], tau.<joint>[N m] and, unless the base is fixed, gyro.x[rad/s] ..., with noise, bias and quantisation of
-[sensors]; without noise also dq., ddq. and att. `ffid identify` reads it. Base and appendages are at rest at the start.";
+[sensors]; without noise also dq., ddq. and att. `ffid identify` reads it. Base and appendages are at rest at the start. Every
+[[input]] of the mission acts on the robot.";
 
 /// Arguments of `ffid simulate`.
 #[derive(clap::Args)]
@@ -76,6 +78,9 @@ pub(crate) struct Summary {
     /// Absent without noise.
     #[serde(skip_serializing_if = "Option::is_none")]
     seed: Option<u64>,
+    /// Absent without inputs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    acted: Option<Acted>,
 }
 
 impl Display for Summary {
@@ -84,7 +89,8 @@ impl Display for Summary {
         match self.seed {
             Some(s) => writeln!(f, "sensors of the mission, seed {s}"),
             None => writeln!(f, "without noise"),
-        }
+        }?;
+        self.acted.iter().try_for_each(|a| a.fmt(f))
     }
 }
 
@@ -155,8 +161,14 @@ impl Task<'_> {
         let numerical = |code, what: String, hint: &str| {
             (Exit::Numerical, Problems(vec![Problem::error(Area::Config, code, what).in_file(file).hint(hint)]))
         };
-        let trace = fly(model, &Params::nominal(model), given.motion.as_ref(), rate, self.hold)
-            .map_err(|e| numerical("Sim::Failed", e.to_string(), "excite less, or check the parameters"))?;
+        let inputs: Vec<_> = opened.inputs.iter().map(Declared::as_input).collect();
+        let hint = if inputs.is_empty() {
+            "excite less, or check the parameters"
+        } else {
+            "excite less, or check the parameters and the size of every [[input]]"
+        };
+        let trace = fly(model, &Params::nominal(model), given.motion.as_ref(), &inputs, rate, self.hold)
+            .map_err(|e| numerical("Sim::Failed", e.to_string(), hint))?;
         let sensors = suite(&mission.sensors);
         let noise = self.seed.map(|s| (&sensors, s));
         let bytes = csv(model, &trace, rate, noise)
@@ -170,6 +182,7 @@ impl Task<'_> {
             rate_hz: rate,
             seconds: (trace.len() - 1) as f64 / rate,
             seed: self.seed,
+            acted: Acted::of(inputs.len(), &trace),
         };
         Ok((summary, problems))
     }

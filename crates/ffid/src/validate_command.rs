@@ -107,7 +107,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
 fn judge(args: &Args) -> Result<Found, Refusal> {
     let input = &args.input;
     let found = result_folder::load(input).map_err(refused)?;
-    let mission = results::mission(&found.opened, &found.mission_file).map_err(refused)?;
+    let mission = results::undisturbed(&found.opened, &found.mission_file).map_err(refused)?;
     let model = &found.opened.model;
     // The noise of a calibration is that behind its filter.
     let low_pass = args.reading.low_pass();

@@ -10,6 +10,7 @@ mod doubts;
 mod excite;
 mod identify;
 mod init;
+mod inputs;
 mod kinds;
 mod outputs;
 mod preflight;

@@ -30,7 +30,8 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut folders = vec![root.join("fuzz/seeds").join(target)];
     folders.extend(match target {
-        "urdf" | "mission" => vec![root.join("fixtures/paper")],
+        "urdf" => vec![root.join("fixtures/paper")],
+        "mission" => ["paper", "kinds"].map(|f| root.join("fixtures").join(f)).to_vec(),
         "binary" => vec![root.join("fixtures/records")],
         _ => Vec::new(),
     });

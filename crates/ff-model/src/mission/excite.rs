@@ -199,7 +199,7 @@ impl Excite {
 }
 
 /// One of several words.
-fn choice<V: Copy>(t: &Table<'_, '_>, key: &'static str, known: &[(&'static str, V)]) -> Option<V> {
+pub(super) fn choice<V: Copy>(t: &Table<'_, '_>, key: &'static str, known: &[(&'static str, V)]) -> Option<V> {
     let word = t.string(key)?;
     let found = known.iter().find(|(n, _)| *n == word).map(|(_, v)| *v);
     if found.is_none() {

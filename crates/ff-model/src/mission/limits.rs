@@ -109,17 +109,7 @@ impl KeepOut {
 impl PointingLimit {
     fn read(t: &Table<'_, '_>) -> Option<Self> {
         let name = appendage::name(t);
-        let [axis, target] = ["axis", "target"].map(|key| {
-            let v = t.required(key, t.vector::<3>(key))?;
-            let zero = v.iter().all(|x| *x == 0.0);
-            if zero {
-                t.fail(
-                    key,
-                    error("Config::ZeroAxis", "is the zero vector").hint("give a direction, such as [0, 0, 1]"),
-                );
-            }
-            (!zero).then_some(v)
-        });
+        let [axis, target] = ["axis", "target"].map(|key| direction(t, key));
         let (within_rad, outside_rad) = (angle(t, "within_rad"), angle(t, "outside_rad"));
         match (t.has("within_rad"), t.has("outside_rad")) {
             (true, true) => {
@@ -132,6 +122,16 @@ impl PointingLimit {
         t.finish();
         Some(Self { name: name?, axis: axis?, target: target?, within_rad, outside_rad })
     }
+}
+
+/// A vector that must be given, and not be zero.
+pub(super) fn direction(t: &Table<'_, '_>, key: &'static str) -> Option<[f64; 3]> {
+    let v = t.required(key, t.vector::<3>(key))?;
+    let zero = v.iter().all(|x| *x == 0.0);
+    if zero {
+        t.fail(key, error("Config::ZeroAxis", "is the zero vector").hint("give a direction, such as [0, 0, 1]"));
+    }
+    (!zero).then_some(v)
 }
 
 /// An angle above 0 and below pi.

@@ -15,6 +15,13 @@
 //! host = "base"
 //! mount = { xyz_m = [0.9, 0.0, 0.6] }
 //!
+//! [[input]]                   # InputSpec: what acts from outside in `ffid simulate`
+//! kind = "thruster"
+//! host = "base"
+//! point_m = [-0.4, 0.3, 0.2]
+//! direction = [0.8, 0.1, -0.3]
+//! pulse = [{ t_on_s = 1.3, t_off_s = 4.1, force_n = 6.5 }]
+//!
 //! [sensors]                   # Sensors
 //! rate_hz = 100.0
 //! [sensors.gyro]
@@ -43,6 +50,7 @@
 mod appendage;
 mod client;
 mod excite;
+mod input;
 mod lift;
 mod limits;
 mod reader;
@@ -54,6 +62,7 @@ mod values;
 pub use appendage::{AppendageSpec, Mount};
 pub use client::Client;
 pub use excite::{Excite, ExciteDuration, ExciteEnd, GOALS, Goal, Optimality};
+pub use input::{Course, Effort, InputSpec, PulseSpec, SampleSpec, Thrust, Wrench, WrenchAxes};
 pub use limits::{KeepOut, Limits, PointingLimit};
 pub use robot::{Rigid, RigidBody, Robot};
 pub use settings::{Encoder, Estimate, Gyro, Reproduce, Sensors, Torque};
@@ -84,6 +93,8 @@ pub struct Mission {
     pub clients: Vec<Client>,
     /// `[[appendage]]`, in order.
     pub appendages: Vec<AppendageSpec>,
+    /// `[[input]]`, in order: what `ffid simulate` lets act on the robot.
+    pub inputs: Vec<InputSpec>,
     /// `[sensors]`.
     pub sensors: Sensors,
     /// `[limits]`.
@@ -222,6 +233,14 @@ fn read(
         })
         .collect();
     let mut drafts: Vec<Draft<'_, '_>> = root.tables("appendage").into_iter().map(|t| Draft::read(t, kinds)).collect();
+    let inputs: Vec<(Table<'_, '_>, Option<InputSpec>)> = root
+        .tables("input")
+        .into_iter()
+        .map(|t| {
+            let i = InputSpec::read(&t);
+            (t, i)
+        })
+        .collect();
     let sensors = root.table("sensors").map(|t| Sensors::read(&t)).unwrap_or_default();
     let limits = root.table("limits").map(|t| Limits::read(&t)).unwrap_or_default();
     let estimate_table = root.table("estimate");
@@ -276,6 +295,10 @@ fn read(
         values::apply(&mut model, &parameters, t);
     }
     let appendages = drafts.iter().filter_map(Draft::spec).collect();
+    for (t, i) in inputs.iter().filter_map(|(t, i)| Some((t, i.as_ref()?))) {
+        i.check(&frames, &model, complete, t);
+    }
+    let inputs = inputs.into_iter().filter_map(|(_, i)| i).collect();
     let mut estimated = Vec::new();
     // With an appendage missing, patterns for its parameters would be reported as well.
     if let (Some(t), true) = (&estimate_table, complete) {
@@ -292,7 +315,8 @@ fn read(
         check_reproduce(r, &model, t);
     }
     let clients = clients.into_iter().filter_map(|(_, c)| c).collect();
-    let mission = Mission { robot, clients, appendages, sensors, limits, estimate, excite, reproduce, parameters };
+    let mission =
+        Mission { robot, clients, appendages, inputs, sensors, limits, estimate, excite, reproduce, parameters };
     Some(Loaded { mission, model, estimated, excited, end_effector, warnings: Problems::default() })
 }
 

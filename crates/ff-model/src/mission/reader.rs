@@ -207,6 +207,13 @@ impl<'d, 't> Table<'d, 't> {
     pub(super) fn has(&self, key: &str) -> bool {
         self.table.contains_key(key)
     }
+    /// Number of entries of an array, right or wrong; `None` for anything else.
+    pub(super) fn entries(&self, key: &str) -> Option<usize> {
+        match self.table.get(key)?.get_ref() {
+            DeValue::Array(a) => Some(a.len()),
+            _ => None,
+        }
+    }
     /// True when the value is an array of arrays.
     pub(super) fn is_nested(&self, key: &str) -> bool {
         matches!(self.table.get(key).map(Spanned::get_ref),

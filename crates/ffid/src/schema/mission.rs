@@ -1,8 +1,8 @@
 //! Keys of mission files. Meanings in full are on the fields of [`crate::model::mission`].
 
 use super::Holds::{
-    Appendages, Named, NotNegative, Number, Numbers, OneOf, Positive, Rows, Symmetric, Table, Tables, Text, Texts,
-    Vector, Whole, Wholes,
+    Appendages, Named, NotNegative, Number, Numbers, OneOf, Positive, Rows, Symmetric, Table, Tables, TablesOf, Text,
+    Texts, Vector, Whole, Wholes,
 };
 use super::{Key, key, must};
 
@@ -10,6 +10,7 @@ pub(super) const ROOT: &[Key] = &[
     must("robot", Table(ROBOT), "which robot, which base, gravity"),
     key("client", Tables(CLIENT), "what the end effector holds"),
     key("appendage", Appendages(APPENDAGE), "what hangs on the robot: panels, fuel, wheels"),
+    key("input", TablesOf(&[THRUSTER, WRENCH, PASSIVE_FORCE, GRAVITY_GRADIENT]), "what acts in ffid simulate"),
     key("sensors", Table(SENSORS), "rate and noise of the sensors"),
     key("limits", Table(LIMITS), "what planned motion must keep to"),
     key("estimate", Table(ESTIMATE), "what is identified, and from which start"),
@@ -63,6 +64,52 @@ const APPENDAGE: &[Key] = &[
     key("host", Text, "link that carries it"),
     key("mount", Table(MOUNT), "pose of the mount frame in the link frame"),
     key("lift", Texts, "joints of the URDF that become its hinges, from the host outwards"),
+];
+
+const T_ON: Key = must("t_on_s", Number, "begin (s)");
+const T_OFF: Key = must("t_off_s", Number, "end (s), later than t_on_s");
+const T: Key = must("t_s", Number, "time (s), later than that of the sample before");
+
+const THRUST: Key = must("force_n", NotNegative, "force (N)");
+const THRUSTER: &[Key] = &[
+    must("kind", OneOf(&["thruster"]), "a force along a direction that is fixed in a link"),
+    must("host", Text, "link or client that is pushed"),
+    must("point_m", Vector(3), "where it is pushed, in the frame of the link (m)"),
+    must("direction", Vector(3), "where to, in the frame of the link, of any length"),
+    key("force_n", NotNegative, "force at all times (N), unless pulse or sample is given"),
+    key("pulse", Tables(&[T_ON, T_OFF, THRUST]), "on, then off"),
+    key("sample", Tables(&[T, THRUST]), "linear in between, zero outside"),
+];
+
+const FORCE: Key = key("force_n", Vector(3), "force (N); zero unless given");
+const MOMENT: Key = key("moment_nm", Vector(3), "moment about the origin of the link (N m); zero unless given");
+const WRENCH: &[Key] = &[
+    must("kind", OneOf(&["wrench"]), "a given force and moment on a link"),
+    must("host", Text, "link or client; with world axes one that begins where its body does"),
+    must("axes", OneOf(&["body", "world"]), "axes of force and moment; those of the world keep their direction"),
+    FORCE,
+    MOMENT,
+    key("pulse", Tables(&[T_ON, T_OFF, FORCE, MOMENT]), "on, then off"),
+    key("sample", Tables(&[T, FORCE, MOMENT]), "linear in between, zero outside"),
+];
+
+const TORQUE_NM: Key = key("torque_nm", Number, "torque on an angle (N m)");
+const FORCE_N: Key = key("force_n", Number, "force on a length (N)");
+const PASSIVE_FORCE: &[Key] = &[
+    must("kind", OneOf(&["passive_force"]), "between an appendage and its host, such as the motor of a wheel"),
+    must("coordinate", Text, "full name of a coordinate of an appendage, such as wheel.spin"),
+    TORQUE_NM,
+    FORCE_N,
+    key("pulse", Tables(&[T_ON, T_OFF, TORQUE_NM, FORCE_N]), "on, then off"),
+    key("sample", Tables(&[T, TORQUE_NM, FORCE_N]), "linear in between, zero outside"),
+];
+
+const GRAVITY_GRADIENT: &[Key] = &[
+    must("kind", OneOf(&["gravity_gradient"]), "on everything, on a circular orbit"),
+    key("mu_m3_per_s2", Positive, "gravitational parameter (m^3/s^2); the Earth's unless given"),
+    must("radius_m", Positive, "distance from the centre of what is orbited (m)"),
+    must("radial", Vector(3), "direction away from it at the start, in world axes, of any length"),
+    must("normal", Vector(3), "normal of the orbit in world axes, of any length; perpendicular to radial"),
 ];
 
 const SENSORS: &[Key] = &[

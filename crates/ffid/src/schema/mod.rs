@@ -34,6 +34,8 @@ enum Holds {
     OneOf(&'static [&'static str]),
     Table(&'static [Key]),
     Tables(&'static [Key]),
+    /// Tables that are each one of several.
+    TablesOf(&'static [&'static [Key]]),
     /// Any names with numbers.
     Named,
     /// Any names with texts.
@@ -118,6 +120,7 @@ fn value(holds: Holds, registry: &Registry) -> Value {
         Holds::OneOf(words) => json!({ "type": "string", "enum": words }),
         Holds::Table(keys) => object(keys, registry),
         Holds::Tables(keys) => json!({ "type": "array", "items": object(keys, registry) }),
+        Holds::TablesOf(tables) => json!({ "type": "array", "items": value(Holds::Either(tables), registry) }),
         Holds::Named => json!({ "type": "object", "additionalProperties": number() }),
         Holds::Words => json!({ "type": "object", "additionalProperties": { "type": "string" } }),
         Holds::Flag => json!({ "type": "boolean" }),

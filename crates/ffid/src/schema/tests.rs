@@ -102,8 +102,10 @@ fn the_keys_are_those_that_the_reader_asks_for() {
     fn names(keys: &[Key], out: &mut BTreeSet<String>) {
         for k in keys {
             out.insert(k.name.to_owned());
-            if let Holds::Table(k) | Holds::Tables(k) | Holds::Appendages(k) = k.holds {
-                names(k, out);
+            match k.holds {
+                Holds::Table(k) | Holds::Tables(k) | Holds::Appendages(k) => names(k, out),
+                Holds::TablesOf(all) => all.iter().for_each(|k| names(k, out)),
+                _ => {}
             }
         }
     }
