@@ -1,6 +1,7 @@
 //! The joint motion of every whole-task run (`peers/src/traj.hpp`).
 
 use ff_dynamics::motion::JointMotion;
+use ff_model::Scalar;
 use std::f64::consts::TAU;
 
 /// `q_j = q0 + A (1 - cos 2 pi f t) + B (1 - cos 2 pi g t)`: at rest at the start.
@@ -24,7 +25,7 @@ impl JointMotion for Manoeuvre {
     fn eval(&self, t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
         for j in 0..7 {
             let (a, w, b, u) = (SLOW.0[j], TAU * SLOW.1[j], FAST.0[j], TAU * FAST.1[j]);
-            let ((sw, cw), (su, cu)) = ((w * t).sin_cos(), (u * t).sin_cos());
+            let ((sw, cw), (su, cu)) = (Scalar::sin_cos(w * t), Scalar::sin_cos(u * t));
             q[j] = START[j] + a * (1.0 - cw) + b * (1.0 - cu);
             qd[j] = a * w * sw + b * u * su;
             qdd[j] = a * w * w * cw + b * u * u * cu;

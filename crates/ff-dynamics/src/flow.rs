@@ -77,13 +77,19 @@ impl<L: LaneScalar> Flow<L> {
     #[inline(always)]
     pub(crate) fn take(&mut self, t: &Tangent<'_, L>) {
         let (n, nz) = (self.n, self.nz);
+        // Both lie column by column, so that as many numbers as there are lanes are turned at once.
         let mut lane = [0.0; STAGES];
-        for (c, column) in t.gz[..n * nz].chunks_exact(n).enumerate() {
-            for (r, x) in column.iter().enumerate() {
-                x.store(&mut lane);
-                // A loop: closures of some size are not inlined into code for lanes.
-                for i in 0..L::N {
-                    self.gain[i * n * nz + c * n + r] = lane[i];
+        for (k, gains) in t.gz[..n * nz].chunks(L::N).enumerate() {
+            let mut x = [L::zero(); BLOCK];
+            x[..gains.len()].copy_from_slice(gains);
+            L::transpose(&mut x[..L::N]);
+            for (stage, x) in x[..L::N].iter().enumerate() {
+                let to = &mut self.gain[stage * n * nz + k * L::N..][..gains.len()];
+                if gains.len() == L::N {
+                    x.store(to);
+                } else {
+                    x.store(&mut lane);
+                    to.copy_from_slice(&lane[..gains.len()]);
                 }
             }
         }

@@ -472,10 +472,20 @@ impl<T: ModelScalar> Rk4<T> {
     /// Takes the rates of the present stage in.
     #[inline(always)]
     pub(crate) fn rate(&mut self, h: f64, stage: usize) {
-        rate(self.m, &self.zs, &self.u, &mut self.k);
-        let weight = T::from_f64(WEIGHT[stage] * h);
-        for (s, &k) in self.sum.iter_mut().zip(&self.k) {
-            *s = if stage == 0 { weight * k } else { weight.mul_add(k, *s) };
+        let (m, weight) = (self.m, T::from_f64(WEIGHT[stage] * h));
+        let (v, w) = (V3::from_slice(&self.zs), V3::from_slice(&self.zs[3..]));
+        let mut lin = [T::zero(); 3];
+        (V3::from_slice(&self.u) - w.cross(&v)).write_to(&mut lin);
+        // `z' = [a - w x v | al | nu | nu']`.
+        let (k, sum) = (&mut self.k[..6 + 2 * m], &mut self.sum[..6 + 2 * m]);
+        let parts = [(0, &lin[..]), (3, &self.u[3..6]), (6, &self.zs[6 + m..6 + 2 * m]), (6 + m, &self.u[6..6 + m])];
+        for (at, x) in parts {
+            let places = k[at..at + x.len()].iter_mut().zip(&mut sum[at..at + x.len()]);
+            // Rates and their sums in one loop: of a copy alone the compiler makes a call.
+            for ((k, s), &x) in places.zip(x) {
+                *k = x;
+                *s = if stage == 0 { weight * x } else { weight.mul_add(x, *s) };
+            }
         }
     }
     /// Ends the step.
@@ -483,16 +493,6 @@ impl<T: ModelScalar> Rk4<T> {
     pub(crate) fn finish(&mut self) {
         self.z.iter_mut().zip(&self.sum).for_each(|(z, &d)| *z += d);
     }
-}
-
-/// `z' = [a - w x v | al | nu | nu']`.
-#[inline(always)]
-pub(crate) fn rate<T: ModelScalar>(m: usize, z: &[T], u: &[T], k: &mut [T]) {
-    let (v, w) = (V3::from_slice(z), V3::from_slice(&z[3..]));
-    (V3::from_slice(u) - w.cross(&v)).write_to(k);
-    k[3..6].copy_from_slice(&u[3..6]);
-    k[6..6 + m].copy_from_slice(&z[6 + m..]);
-    k[6 + m..].copy_from_slice(&u[6..]);
 }
 
 impl Response {

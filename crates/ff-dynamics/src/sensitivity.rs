@@ -268,9 +268,9 @@ pub(crate) struct Sink<'a> {
     response: Response,
     /// Joint torques of the present sample.
     tau: Vec<f64>,
-    d_tau: Vec<f64>,
-    d_gyro: Vec<f64>,
-    accel: Option<Vec<f64>>,
+    d_tau: Gathered,
+    d_gyro: Gathered,
+    accel: Option<Gathered>,
     samples: usize,
     rows: TorqueRows<'a>,
     /// Columns of parameters, and columns in all.
@@ -296,9 +296,9 @@ impl<'a> Sink<'a> {
             model,
             response: Response::new(n, model.nj(), model.np()),
             tau: vec![0.0; model.nj()],
-            d_tau: vec![0.0; n * model.nj() * p],
-            d_gyro: vec![0.0; n * 3 * p],
-            accel: wanted.accel.then(|| vec![0.0; n * 6 * p]),
+            d_tau: Gathered::new(model.nj(), n, p),
+            d_gyro: Gathered::new(3, n, p),
+            accel: wanted.accel.then(|| Gathered::new(6, n, p)),
             samples: n,
             rows: TorqueRows::new(model, params, table, columns),
             np: columns.count,
@@ -313,13 +313,16 @@ impl<'a> Sink<'a> {
     /// Begins a sample with state `z` and accelerations `u`.
     fn begin(&mut self, sample: usize, (z, u): (&[f64], &[f64])) {
         self.sample = sample;
+        self.d_tau.begin(sample);
+        self.d_gyro.begin(sample);
+        self.accel.iter_mut().for_each(|a| a.begin(sample));
         self.rows.evaluate(sample, z, u);
     }
 
     /// Torque and gyro derivatives of a block of columns at the present sample, from `dz` and `du`.
     #[inline(always)]
     pub(crate) fn take<L: LaneScalar, const W: usize>(&mut self, block: usize, dz: &[[L; W]], du: &[[L; W]]) {
-        let (n, nj, at) = (self.samples, self.model.nj(), self.sample);
+        let at = self.sample;
         let first = block * BLOCK;
         let columns = first..(first + BLOCK).min(self.count);
         let rows = &self.rows;
@@ -337,7 +340,7 @@ impl<'a> Sink<'a> {
             store(&s, tile);
         }
         for (i, c) in columns.clone().enumerate() {
-            let to = &mut self.d_tau[(c * n + at) * nj..(c * n + at + 1) * nj];
+            let to = self.d_tau.row(c, at);
             for (to, row) in to.iter_mut().zip(self.tile.chunks_exact(BLOCK)) {
                 *to = row[i];
             }
@@ -347,9 +350,9 @@ impl<'a> Sink<'a> {
                 }
             }
         }
-        write(&dz[..3], columns.clone(), at, n, &mut self.d_gyro);
+        write(&dz[..3], columns.clone(), at, &mut self.d_gyro);
         if let Some(a) = &mut self.accel {
-            write(&du[..6], columns, at, n, a);
+            write(&du[..6], columns, at, a);
         }
     }
 
@@ -360,9 +363,9 @@ impl<'a> Sink<'a> {
             DMatrix::from_vec(rows, columns, x)
         };
         let s = Sensitivities {
-            tau: matrix(n * nj, self.d_tau),
-            gyro: matrix(n * 3, self.d_gyro),
-            accel: self.accel.map(|a| matrix(n * 6, a)),
+            tau: matrix(n * nj, self.d_tau.done()),
+            gyro: matrix(n * 3, self.d_gyro.done()),
+            accel: self.accel.map(|a| matrix(n * 6, a.done())),
             attitude: self.attitude,
         };
         (self.response, s)
@@ -377,21 +380,66 @@ fn store<L: LaneScalar, const W: usize>(x: &[L; W], to: &mut [f64]) {
     }
 }
 
-/// Rows of some columns at sample `at` of `n`, each column's rows of a sample side by side.
+/// Derivatives of some channels, column by column, each column's numbers of a sample side by side.
+///
+/// Columns lie far from one another. Some samples are gathered nearer by and written together, so that the memory of each column is
+/// visited once for all of them.
+struct Gathered {
+    width: usize,
+    samples: usize,
+    columns: usize,
+    /// The first sample that is gathered, and the numbers by columns.
+    first: usize,
+    group: Vec<f64>,
+    out: Vec<f64>,
+}
+
+impl Gathered {
+    /// Samples that are gathered.
+    const SAMPLES: usize = 8;
+
+    fn new(width: usize, samples: usize, columns: usize) -> Self {
+        let zeros = |samples: usize| vec![0.0; width * samples * columns];
+        Self { width, samples, columns, first: 0, group: zeros(Self::SAMPLES), out: zeros(samples) }
+    }
+    /// Samples up to this one are complete. They come in order.
+    fn begin(&mut self, sample: usize) {
+        if sample - self.first == Self::SAMPLES {
+            self.write(Self::SAMPLES);
+            self.first = sample;
+        }
+    }
+    /// The numbers of column `c` at the sample that has begun.
+    #[inline(always)]
+    fn row(&mut self, c: usize, sample: usize) -> &mut [f64] {
+        &mut self.group[(c * Self::SAMPLES + sample - self.first) * self.width..][..self.width]
+    }
+    fn write(&mut self, samples: usize) {
+        let count = samples * self.width;
+        for c in 0..self.columns {
+            let to = &mut self.out[(c * self.samples + self.first) * self.width..][..count];
+            to.copy_from_slice(&self.group[c * Self::SAMPLES * self.width..][..count]);
+        }
+    }
+    fn done(mut self) -> Vec<f64> {
+        self.write(self.samples - self.first);
+        self.out
+    }
+}
+
+/// Rows of some columns at sample `at`.
 #[inline(always)]
 fn write<L: LaneScalar, const W: usize>(
     rows: &[[L; W]],
     columns: core::ops::Range<usize>,
     at: usize,
-    n: usize,
-    to: &mut [f64],
+    to: &mut Gathered,
 ) {
-    let count = rows.len();
     for (k, row) in rows.iter().enumerate() {
         let mut lanes = [0.0; BLOCK];
         store(row, &mut lanes);
         for (x, c) in lanes.iter().zip(columns.clone()) {
-            to[(c * n + at) * count + k] = *x;
+            to.row(c, at)[k] = *x;
         }
     }
 }

@@ -97,6 +97,8 @@ pub struct Mounted {
     pub param_offset: usize,
     /// Nominal values of its parameters, in order: those it declares, unless [`Model::set_nominal`] gave others.
     pub(crate) nominal: Vec<f64>,
+    /// Number of own coordinates: asked for at every stage of a simulation.
+    pub(crate) dim: usize,
 }
 
 impl Mounted {
@@ -106,7 +108,7 @@ impl Mounted {
     }
     /// Number of own coordinates.
     pub fn dim(&self) -> usize {
-        self.decl().coords.len()
+        self.dim
     }
 }
 

@@ -62,7 +62,7 @@ impl<T: Scalar> Params<T> {
     #[inline(always)]
     pub fn appendage(&self, model: &Model, k: usize) -> &[T] {
         let a = &model.appendages()[k];
-        &self.values[a.param_offset..a.param_offset + a.decl().params.len()]
+        &self.values[a.param_offset..a.param_offset + a.nominal.len()]
     }
 }
 

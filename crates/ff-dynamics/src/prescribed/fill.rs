@@ -186,8 +186,16 @@ impl<L: LaneScalar> Kernel for Filling<'_, '_, L> {
 /// Writes the lanes of `x` one after another, each where `at` says.
 #[inline(always)]
 fn scatter<L: LaneScalar, const N: usize>(x: &[L; N], nodes: &[usize], at: impl Fn(usize) -> usize, to: &mut [f64]) {
+    // As many numbers as there are lanes at a time, so that those of a node are written together.
+    let (mut turned, whole) = (*x, N - N % L::N);
+    for (k, group) in turned[..whole].chunks_exact_mut(L::N).enumerate() {
+        L::transpose(group);
+        for (&n, numbers) in nodes.iter().zip(&*group) {
+            numbers.store(&mut to[at(n) + k * L::N..][..L::N]);
+        }
+    }
     let mut lane = [0.0; 8];
-    for (i, x) in x.iter().enumerate() {
+    for (i, x) in x.iter().enumerate().skip(whole) {
         x.store(&mut lane);
         for (&n, &y) in nodes.iter().zip(&lane) {
             to[at(n) + i] = y;

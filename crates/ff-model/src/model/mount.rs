@@ -87,11 +87,12 @@ impl Model {
     fn push(&mut self, place: Place, appendage: Arc<dyn DynAppendage>) {
         let (coord_offset, param_offset) = (self.passive, self.params);
         let decl = appendage.declaration();
-        self.passive += decl.coords.len();
+        let dim = decl.coords.len();
+        self.passive += dim;
         self.params += decl.params.len();
         let Place { name, host, mount } = place;
         let nominal = decl.params.iter().map(|p| p.nominal).collect();
-        self.appendages.push(Mounted { name, host, mount, appendage, coord_offset, param_offset, nominal });
+        self.appendages.push(Mounted { name, host, mount, appendage, coord_offset, param_offset, nominal, dim });
     }
     /// Why an appendage cannot be mounted under this name.
     fn refusals(&self, name: &str, decl: &Decl) -> Problems {
