@@ -109,9 +109,8 @@ fn forces<T: ModelScalar>(
     let links = &mut work.links[..];
     tree::place(links, &state.q);
     tree::move_base(model, state, links, V3::zero(), V3::zero());
-    tree::advance(links, state.qd(), qdd);
+    tree::drive(params, links, state.qd(), qdd, work.has_external.then_some(&work.external[..]));
     tree::carry_velocities(model, state, links);
-    tree::wrenches(params, links, work.has_external.then_some(&work.external[..]));
     tree::port_terms(model, params, state, links, &mut work.ports);
     tree::gather(links, joint);
 }

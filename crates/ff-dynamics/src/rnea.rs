@@ -57,8 +57,10 @@ impl<T: ModelScalar> Kernel for Rnea<'_, T> {
         assert_eq!(tau.len(), model.nv(), "tau length");
         let links = &mut work.links[..];
         tree::place(links, &state.q);
-        tree::move_all(model, state, a, links);
-        tree::wrenches(params, links, work.has_external.then_some(&work.external[..]));
+        tree::accelerate_base(model, state, a, links);
+        let external = work.has_external.then_some(&work.external[..]);
+        tree::drive(params, links, state.qd(), &a[nb..nb + nj], external);
+        tree::carry_velocities(model, state, links);
         for (k, (ap, p)) in model.appendages().iter().zip(&mut work.ports).enumerate() {
             let (mut m, mut r) = (std::mem::take(&mut p.m), std::mem::take(&mut p.r));
             tree::port_motion(model, state, a, ap, p, &links[ap.host], false, |s, acc| {

@@ -125,6 +125,11 @@ impl<T: Scalar> Link<T> {
         let f = self.al.cross_add(&self.ic.h, &self.a.scaled(self.ic.m));
         self.joint_force::<K>(&f, &self.ic.i.mul_add(&self.al, &self.ic.h.cross(&self.a)))
     }
+    /// Sets the wrench to what the motion of a body takes.
+    #[inline(always)]
+    fn exert(&mut self, body: &Ten<T>) {
+        (self.f, self.n) = body.wrench(&self.w, &self.al, &self.a, &self.field);
+    }
     /// How the body moves.
     #[inline(always)]
     pub(crate) fn moving(&self) -> Moving<T> {
@@ -206,14 +211,20 @@ pub(crate) fn transport<T: ModelScalar>(model: &Model, state: &State<T>) -> V3<T
 #[inline(always)]
 pub(crate) fn move_all<T: ModelScalar>(model: &Model, state: &State<T>, a: &[T], links: &mut [Link<T>]) {
     let (nb, nj) = (model.nb(), model.nj());
-    let (lin, al) = if nb == 6 {
+    accelerate_base(model, state, a, links);
+    advance(links, state.qd(), &a[nb..nb + nj]);
+    carry_velocities(model, state, links);
+}
+
+/// Sets the base's motion for the generalised accelerations `a`.
+#[inline(always)]
+pub(crate) fn accelerate_base<T: ModelScalar>(model: &Model, state: &State<T>, a: &[T], links: &mut [Link<T>]) {
+    let (lin, al) = if model.nb() == 6 {
         (V3::from_slice(a) + transport(model, state), V3::from_slice(&a[3..]))
     } else {
         (V3::zero(), V3::zero())
     };
     move_base(model, state, links, lin, al);
-    advance(links, state.qd(), &a[nb..nb + nj]);
-    carry_velocities(model, state, links);
 }
 
 /// Hands the state and the accelerations of a port to `f`; `comoving`: watched from a frame that moves with
@@ -277,20 +288,37 @@ fn mount_twist<T: ModelScalar>(port: &PortWork<T>, host: &Link<T>, w: &V3<T>, a:
     (v, *a - w.cross(&v))
 }
 
-/// Inertial wrenches of all bodies, wrenches from outside subtracted.
+/// As [`advance`], and inertial wrenches of all bodies, wrenches from outside subtracted.
 #[inline(always)]
-pub(crate) fn wrenches<T: ModelScalar>(
+pub(crate) fn drive<T: ModelScalar>(
     params: &Params<T>,
     links: &mut [Link<T>],
+    qd: &[T],
+    qdd: &[T],
     external: Option<&[ff_model::Force<T>]>,
 ) {
-    for (i, l) in links.iter_mut().enumerate() {
-        let b = Ten::from(params.body(i));
-        (l.f, l.n) = b.wrench(&l.w, &l.al, &l.a, &l.field);
-        if let Some(x) = external {
-            l.f -= V3::from(&x[i].lin);
-            l.n -= V3::from(&x[i].ang);
+    // Thirty-two registers (eight lanes) hold a motion while its wrench is computed, sixteen do not: eight lanes gain 5 % by one
+    // pass, four lose 7 %.
+    if size_of::<T>() < 8 * size_of::<f64>() {
+        advance(links, qd, qdd);
+        for (i, l) in links.iter_mut().enumerate() {
+            l.exert(&Ten::from(params.body(i)));
         }
+    } else {
+        links[0].exert(&Ten::from(params.body(0)));
+        for i in 1..links.len() {
+            let (inner, outer) = links.split_at_mut(i);
+            let l = &mut outer[0];
+            let body = Ten::from(params.body(i));
+            by_turn!(T, l.pose.turn, K => {
+                l.advance::<K>(&inner[l.parent], qd[i - 1], qdd[i - 1]);
+                l.exert(&body);
+            });
+        }
+    }
+    for (l, x) in links.iter_mut().zip(external.unwrap_or_default()) {
+        l.f -= V3::from(&x.lin);
+        l.n -= V3::from(&x.ang);
     }
 }
 
