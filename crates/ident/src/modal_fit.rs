@@ -121,6 +121,14 @@ pub struct Mode {
 }
 
 impl Mode {
+    /// The frequency at which it rings, `f sqrt(1 - zeta^2)` (Hz); zero where it does not.
+    pub fn damped_frequency(&self) -> f64 {
+        self.frequency * (1.0 - self.damping * self.damping).max(0.0).sqrt()
+    }
+    /// The rate at which it decays, `2 pi f zeta` (1/s).
+    pub fn decay_rate(&self) -> f64 {
+        TAU * self.frequency * self.damping
+    }
     /// Complex amplitude of each channel at the first sample: `y_j = Re(a_j e^(p t))`. Allocates.
     pub fn shape(&self) -> Vec<Complex<f64>> {
         self.amplitude.iter().zip(&self.phase).map(|(a, p)| Complex::from_polar(*a, *p)).collect()

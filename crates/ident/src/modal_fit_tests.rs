@@ -156,3 +156,47 @@ fn the_diagram_holds_every_mode_stable_from_its_order_on() {
     let json = serde_json::to_value(d).unwrap();
     assert_eq!(json["orders"][7]["order"], 8);
 }
+
+#[test]
+fn a_product_of_decays_is_known_by_the_frequency_at_which_it_rings() {
+    let mode = |frequency: f64, damping: f64, snr: f64| Mode {
+        frequency,
+        frequency_deviation: 1e-4,
+        damping,
+        damping_deviation: 1e-3,
+        covariance: 0.0,
+        amplitude: vec![snr],
+        amplitude_deviation: vec![1.0],
+        phase: vec![0.4],
+        phase_deviation: vec![0.1],
+        consistency: 0.97,
+        snr,
+    };
+    // Slosh of the paper's satellite, as measured: the difference of its two modes decays with 0.11 /s and hardly swings, and the pole of
+    // that has an undamped frequency of 0.018 Hz. Most of it is in a channel that the modes hardly reach.
+    let close = [mode(0.01837, 0.981, 24.6), mode(0.1055, 0.0822, 149.6), mode(0.1090, 0.0898, 126.7)];
+    let fit = |modes: &[Mode]| ModalFit {
+        modes: modes.to_vec(),
+        unresolved: vec![],
+        order: 6,
+        dropped: 0,
+        singular_values: vec![],
+        stabilisation: crate::era::Stabilisation { orders: vec![], tolerance: Tolerance::default(), chosen: 6 },
+        seconds: 100.0,
+        df: 0.01,
+        noise_ratio: 1.0,
+    };
+    let all: Vec<_> = (0..3).map(|i| fit(&close).combination(i)).collect();
+    assert_eq!(all, [Some((1, 1)), None, None]);
+    let changed = |frequency: f64, damping: f64, snr: f64| {
+        let mut modes = close.clone();
+        modes[0] = mode(frequency, damping, snr);
+        fit(&modes).combination(0)
+    };
+    // Swings at another frequency; decays otherwise; is louder than what it would be a product of.
+    assert_eq!(changed(0.0184, 0.04, 24.6), None);
+    assert_eq!(changed(0.0060, 0.9, 24.6), None);
+    assert_eq!(changed(0.01837, 0.981, 200.0), None);
+    // At the sum strength alone decides, since a true mode there decays alike.
+    assert_eq!((changed(0.2132, 0.086, 2.6), changed(0.2132, 0.086, 24.6)), (Some((1, 1)), None));
+}

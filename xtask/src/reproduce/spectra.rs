@@ -61,29 +61,11 @@ impl Spectra {
     }
 }
 
-/// Modes of a fit, and what is left out as a combination tone.
-///
-/// Panels and pendulum are not linear: a decay at `f` carries weak tones at `2 f` and at sums and differences of
-/// modes. A tone that lies within the resolution of such a combination of stronger ones, and is at most
-/// [`TONE`] of them, is no mode of its own.
+/// Modes of a fit, and what is left out as a combination tone ([`ModalFit::combination`]).
 fn split(fit: &ModalFit) -> (Vec<&Mode>, Vec<f64>) {
-    let stronger = |m: &Mode| fit.modes.iter().filter(move |s| m.snr < TONE * s.snr).collect::<Vec<_>>();
-    let is_tone = |m: &Mode| {
-        let s = stronger(m);
-        s.iter().enumerate().any(|(i, a)| {
-            s[i..].iter().any(|b| {
-                [a.frequency + b.frequency, (a.frequency - b.frequency).abs()]
-                    .iter()
-                    .any(|f| (f - m.frequency).abs() < fit.df)
-            })
-        })
-    };
-    let modes = fit.modes.iter().filter(|m| !is_tone(m)).collect();
-    (modes, fit.modes.iter().filter(|m| is_tone(m)).map(|m| m.frequency).collect())
+    let (tones, modes): (Vec<usize>, Vec<usize>) = (0..fit.modes.len()).partition(|&i| fit.combination(i).is_some());
+    (modes.iter().map(|&i| &fit.modes[i]).collect(), tones.iter().map(|&i| fit.modes[i].frequency).collect())
 }
-
-/// Strength, relative to the modes it combines, up to which a tone can be their product.
-const TONE: f64 = 0.05;
 
 /// One window over the whole signal, so that the resolution is the best there is; zero-padded short signals are not.
 fn spectrum(y: &DMatrix<f64>, sigma: &[f64], segment: usize, rate: f64) -> anyhow::Result<Psd> {
