@@ -169,6 +169,16 @@ impl<T: Scalar> Link<T> {
     }
 }
 
+/// The base and all bodies of a model. Allocates.
+pub(crate) fn links<T: ModelScalar>(model: &Model) -> Vec<Link<T>> {
+    let mut all: Vec<Link<T>> = std::iter::once(Link::base()).chain(model.bodies().iter().map(Link::new)).collect();
+    for i in 1..all.len() {
+        let parent = all[i].parent;
+        all[i].sibling = std::mem::replace(&mut all[parent].child, i);
+    }
+    all
+}
+
 /// Poses of all bodies.
 #[inline(always)]
 pub(crate) fn place<T: ModelScalar>(links: &mut [Link<T>], q: &[T]) {

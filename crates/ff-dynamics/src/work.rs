@@ -3,7 +3,7 @@
 use crate::derivatives::Node;
 use crate::ltl::ROOT;
 use crate::state::State;
-use crate::tree::Link;
+use crate::tree::{self, Link};
 use ff_model::small::{mm, mv};
 use ff_model::so3::quat_to_rot;
 use ff_model::vec3::{Pose, Ten, Turn, V3, turn};
@@ -198,7 +198,7 @@ impl<T: ModelScalar> Work<T> {
             has_passive: false,
             mean_depth: mean_depth(model),
             zeros: vec![T::zero(); model.nv()],
-            links: links(model),
+            links: tree::links(model),
             apart: apart(model.nb(), &dof_parent),
             dof_parent,
             lower: vec![T::zero(); model.nv().pow(2)],
@@ -286,15 +286,6 @@ impl<T: ModelScalar> Work<T> {
         }
         Motion::new(-quat_to_rot(&state.att).tr_mul(&g.map(T::from_f64)), Vector3::zeros())
     }
-}
-
-fn links<T: ModelScalar>(model: &Model) -> Vec<Link<T>> {
-    let mut all: Vec<Link<T>> = std::iter::once(Link::base()).chain(model.bodies().iter().map(Link::new)).collect();
-    for i in 1..all.len() {
-        let parent = all[i].parent;
-        all[i].sibling = std::mem::replace(&mut all[parent].child, i);
-    }
-    all
 }
 
 fn mean_depth(model: &Model) -> f64 {

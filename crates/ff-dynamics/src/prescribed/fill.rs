@@ -5,7 +5,7 @@
 
 use super::{ARM, Arm, FORM, FRAME, Frame, Prescribed, ROW, Site};
 use crate::motion::JointMotion;
-use crate::tree::{Link, place};
+use crate::tree::{Link, links, place};
 use ff_lanes::Kernel;
 use ff_model::lanes::LaneTask;
 use ff_model::vec3::{M3, Pose, S3, Ten, Turn, V3, turn};
@@ -68,13 +68,10 @@ impl<'a, L: LaneScalar> Filler<'a, L> {
     /// For the arm parameters in `params`.
     pub(crate) fn new(model: &'a Model, params: &Params<f64>) -> Self {
         let nj = model.nj();
-        let mut links = Vec::with_capacity(nj + 1);
-        links.push(Link::<L>::base());
-        links.extend(model.bodies().iter().map(Link::new));
         Self {
             model,
             bodies: (0..=nj).map(|i| Body::new(&Ten::from(params.body(i)))).collect(),
-            links,
+            links: links(model),
             moved: vec![Moved::at_rest(); nj + 1],
             sums: vec![Sums::<L>::zero(); nj + 1],
             q: vec![L::zero(); nj],
