@@ -11,9 +11,10 @@
 //! appendages; what is left is 6 x 6. Nothing allocates.
 
 use crate::ldl;
+use crate::rows::{RowTask, by_rows};
 use crate::work::PortWork;
 use ff_model::vec3::{Ten, V3};
-use ff_model::{ModelScalar, PortView};
+use ff_model::{Model, ModelScalar, Mounted, PortView};
 
 /// Classical acceleration of the base origin and angular acceleration. Reads `m`, `r` and `g` of the ports, writes
 /// `gain` and `free`.
@@ -68,121 +69,165 @@ fn eliminate_port<T: ModelScalar>(p: &mut PortWork<T>, s: &mut [[T; 6]; 6], b: &
     }
 }
 
-/// The mass matrix of base and passive coordinates, factorised for many right-hand sides.
-#[derive(Clone, Debug)]
-pub(crate) struct Factor<T> {
-    /// `C - sum G M_ee^-1 G^T` as [`ldl::factor_fixed`] leaves it.
-    base: [[T; 6]; 6],
+/// Passive rows of a right-hand side that can be other than zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum OwnRows {
+    None,
+    /// Those of one port.
+    Port(usize),
+    All,
 }
 
-impl<T: ModelScalar> Factor<T> {
-    pub(crate) fn new() -> Self {
-        Self { base: [[T::zero(); 6]; 6] }
+/// Minus the inverse of the mass matrix of base and passive coordinates, in parts, for many right-hand sides.
+///
+/// With this many, an inverse is cheaper than a factorisation: its products do not wait for one another.
+#[derive(Clone, Debug)]
+pub(crate) struct Inverse<T> {
+    /// `-(C - sum G M_ee^-1 G^T)^-1`, which is symmetric.
+    base: [[T; 6]; 6],
+    /// `-M_ee^-1 G^T` of all passive coordinates, `m x 6`, column by column.
+    gain: Vec<T>,
+    ports: Vec<OwnInverse<T>>,
+}
+
+/// `-M_ee^-1` of a port, `n x n`, and its first passive coordinate.
+#[derive(Clone, Debug)]
+struct OwnInverse<T> {
+    first: usize,
+    n: usize,
+    inverse: Vec<T>,
+}
+
+impl<T: ModelScalar> Inverse<T> {
+    pub(crate) fn new(model: &Model) -> Self {
+        let z = T::zero();
+        let own = |a: &Mounted| OwnInverse { first: a.coord_offset, n: a.dim(), inverse: vec![z; a.dim() * a.dim()] };
+        Self { base: [[z; 6]; 6], gain: vec![z; 6 * model.np()], ports: model.appendages().iter().map(own).collect() }
     }
-    /// From the composite inertia; reads `m` and `g` of the ports, writes their `gain` and `ee`. False where a pivot is
-    /// not positive.
+    /// From the composite inertia; reads `m` and `g` of the ports, writes their `gain`. Meaningless where the mass matrix is
+    /// not positive definite.
     #[inline(always)]
-    pub(crate) fn set(&mut self, ports: &mut [PortWork<T>], c: &Ten<T>) -> bool {
-        let (mut s, mut b, mut ok) = (rigid(c), [T::zero(); 6], true);
-        for p in ports.iter_mut() {
+    pub(crate) fn set(&mut self, ports: &mut [PortWork<T>], c: &Ten<T>) {
+        let (mut s, mut b) = (rigid(c), [T::zero(); 6]);
+        let m = self.gain.len() / 6;
+        for (p, own) in ports.iter_mut().zip(&mut self.ports) {
             p.r.fill(T::zero());
-            ok &= eliminate_port(p, &mut s, &mut b);
-            p.invert();
-        }
-        ok &= ldl::factor_fixed(&mut s);
-        self.base = s;
-        ok
-    }
-    /// Minus the solution for a right-hand side `[base 6 | passive]` into `x`. Passive rows other than those of port
-    /// `only` are zero, if given; of all ports otherwise.
-    #[inline(always)]
-    pub(crate) fn solve_minus(
-        &self,
-        ports: &[PortWork<T>],
-        offsets: &[usize],
-        only: Option<usize>,
-        rhs: &[T],
-        x: &mut [T],
-    ) {
-        let mut b = [rhs[0], rhs[1], rhs[2], rhs[3], rhs[4], rhs[5]];
-        for (k, (p, &at)) in ports.iter().zip(offsets).enumerate() {
-            if only.is_some_and(|only| only != k) {
-                continue;
-            }
+            eliminate_port(p, &mut s, &mut b);
             for i in 0..p.n {
-                let (e, g) = (-rhs[6 + at + i], &p.gain[6 * i..6 * i + 6]);
+                for k in 0..6 {
+                    self.gain[k * m + own.first + i] = -p.gain[6 * i + k];
+                }
+            }
+            own.set(p);
+        }
+        ldl::factor_fixed(&mut s);
+        for (k, column) in self.base.iter_mut().enumerate() {
+            *column = [T::zero(); 6];
+            column[k] = -T::one();
+            ldl::solve_fixed(&s, column);
+        }
+    }
+    /// Minus the solutions for `W` right-hand sides `[base 6 | passive]` into `x`, columns of length `6 + m` one after another.
+    /// Passive rows of the right-hand sides other than `own` are zero.
+    #[inline(always)]
+    pub(crate) fn solve_minus<const W: usize>(&self, own: OwnRows, rhs: &[T], x: &mut [T]) {
+        let m = self.gain.len() / 6;
+        let n = 6 + m;
+        let (rhs, x) = (&rhs[..W * n], &mut x[..W * n]);
+        let (ports, passive) = match own {
+            OwnRows::None => (0..0, 0..0),
+            OwnRows::Port(k) => (k..k + 1, self.ports[k].first..self.ports[k].first + self.ports[k].n),
+            OwnRows::All => (0..self.ports.len(), 0..m),
+        };
+        let mut b = [[T::zero(); W]; 6];
+        for w in 0..W {
+            let column = &rhs[w * n..w * n + 6];
+            for r in 0..6 {
+                b[r][w] = column[r];
+            }
+        }
+        for i in passive {
+            for w in 0..W {
+                let e = rhs[w * n + 6 + i];
                 for r in 0..6 {
-                    b[r] = g[r].mul_add(e, b[r]);
+                    b[r][w] = self.gain[r * m + i].mul_add(e, b[r][w]);
                 }
             }
         }
-        ldl::solve_fixed(&self.base, &mut b);
-        for (k, (p, &at)) in ports.iter().zip(offsets).enumerate() {
-            let own = only.is_none_or(|only| only == k);
-            match p.n {
-                1 => p.back::<1>(&b, own, &rhs[6 + at..], &mut x[6 + at..]),
-                2 => p.back::<2>(&b, own, &rhs[6 + at..], &mut x[6 + at..]),
-                3 => p.back::<3>(&b, own, &rhs[6 + at..], &mut x[6 + at..]),
-                _ => p.back_any(&b, own, &rhs[6 + at..], &mut x[6 + at..]),
+        let mut y = [[T::zero(); W]; 6];
+        for k in 0..6 {
+            for r in 0..6 {
+                for w in 0..W {
+                    y[r][w] = self.base[k][r].mul_add(b[k][w], y[r][w]);
+                }
             }
         }
-        for r in 0..6 {
-            x[r] = -b[r];
+        for w in 0..W {
+            let column = &mut x[w * n..w * n + 6];
+            for r in 0..6 {
+                column[r] = y[r][w];
+            }
+        }
+        by_rows::<2>(0..m, &mut Passive { gain: &self.gain, y: &y, x });
+        for p in &self.ports[ports] {
+            for i in 0..p.n {
+                for j in 0..p.n {
+                    let e = p.inverse[i * p.n + j];
+                    for w in 0..W {
+                        let at = w * n + 6 + p.first;
+                        x[at + i] = e.mul_add(rhs[at + j], x[at + i]);
+                    }
+                }
+            }
         }
     }
 }
 
-impl<T: ModelScalar> PortWork<T> {
-    /// `M_ee^-1` into `ee`.
+/// Passive rows of solutions for the rows `y` of the base: `x = gain y`.
+struct Passive<'a, T, const W: usize> {
+    gain: &'a [T],
+    y: &'a [[T; W]; 6],
+    x: &'a mut [T],
+}
+
+impl<T: ModelScalar, const W: usize> RowTask for Passive<'_, T, W> {
     #[inline(always)]
-    fn invert(&mut self) {
+    fn rows<const R: usize>(&mut self, from: usize) {
+        let m = self.gain.len() / 6;
+        let mut s = [[T::zero(); W]; R];
+        for k in 0..6 {
+            let g = &self.gain[k * m + from..k * m + from + R];
+            for r in 0..R {
+                for w in 0..W {
+                    s[r][w] = g[r].mul_add(self.y[k][w], s[r][w]);
+                }
+            }
+        }
+        for w in 0..W {
+            let x = &mut self.x[w * (6 + m) + 6 + from..][..R];
+            for r in 0..R {
+                x[r] = s[r][w];
+            }
+        }
+    }
+}
+
+impl<T: ModelScalar> OwnInverse<T> {
+    #[inline(always)]
+    fn set(&mut self, p: &PortWork<T>) {
         let n = self.n;
         let mut l = [T::zero(); ff_model::MAX_COORDS * ff_model::MAX_COORDS];
         for i in 0..n {
             for j in 0..=i {
-                l[i * n + j] = self.mass().own(i, j);
+                l[i * n + j] = p.mass().own(i, j);
             }
         }
         ldl::factor_inverted(&mut l[..n * n], n);
-        for j in 0..n {
-            let column = &mut self.ee[j * n..(j + 1) * n];
+        for (j, column) in self.inverse.chunks_exact_mut(n.max(1)).enumerate() {
             column.fill(T::zero());
-            column[j] = T::one();
+            column[j] = -T::one();
             ldl::solve_inverted(&l[..n * n], n, column);
         }
-    }
-    /// `x = gain b - M_ee^-1 rhs`, the second term where the right-hand side has `own` rows.
-    #[inline(always)]
-    fn back<const N: usize>(&self, b: &[T; 6], own: bool, rhs: &[T], x: &mut [T]) {
-        let mut y = [T::zero(); N];
-        for i in 0..N {
-            let g = &self.gain[6 * i..6 * i + 6];
-            for r in 0..6 {
-                y[i] = g[r].mul_add(b[r], y[i]);
-            }
-        }
-        if own {
-            for i in 0..N {
-                for j in 0..N {
-                    y[i] = (-self.ee[i * N + j]).mul_add(rhs[j], y[i]);
-                }
-            }
-        }
-        x[..N].copy_from_slice(&y);
-    }
-    /// [`PortWork::back`] for any number of coordinates.
-    #[inline(always)]
-    fn back_any(&self, b: &[T; 6], own: bool, rhs: &[T], x: &mut [T]) {
-        let mut y = [T::zero(); ff_model::MAX_COORDS];
-        for (i, y) in y.iter_mut().enumerate().take(self.n) {
-            for r in 0..6 {
-                *y = self.gain[6 * i + r].mul_add(b[r], *y);
-            }
-            for j in 0..if own { self.n } else { 0 } {
-                *y = (-self.ee[i * self.n + j]).mul_add(rhs[j], *y);
-            }
-        }
-        x[..self.n].copy_from_slice(&y[..self.n]);
     }
 }
 

@@ -6,14 +6,16 @@
 
 use crate::attitude::{Attitude, AttitudeTrack, Turned};
 use crate::reduced::{STAGE, WEIGHT};
+use crate::rows::{RowTask, accumulate, by_rows, copy};
 use crate::sensitivity::{Sink, Wanted};
 use crate::tangent::{Tangent, fma};
+use ff_lanes::Kernel;
 use ff_model::{LaneScalar, Model};
 
 /// Columns of a block: as many as the widest lanes have.
-pub(crate) const BLOCK: usize = 8;
+pub(crate) const BLOCK: usize = ff_lanes::WIDEST;
 /// Stages whose derivatives are at hand at once, at most: one per lane.
-const STAGES: usize = 8;
+const STAGES: usize = ff_lanes::WIDEST;
 
 /// The columns `dz`, and what carries them through a step.
 pub(crate) struct Flow<L> {
@@ -25,20 +27,22 @@ pub(crate) struct Flow<L> {
     np: usize,
     count: usize,
     h: f64,
-    /// `G` per stage, `n x nz`, column by column.
+    /// `G` per stage, `n x nz`, column by column; stages are `stride` apart, a multiple of the lanes.
     gain: Vec<f64>,
+    stride: usize,
     /// `F` per block and stage, `n x 8`.
-    force: Vec<f64>,
+    force: Vec<L>,
     /// `[w 3 | eta | nu | (v 3)]` per block, `nz x 8`.
-    dz: Vec<f64>,
+    dz: Vec<L>,
     /// Derivatives of the attitude, `3 x width`, and how they go through the step.
     dtheta: Vec<f64>,
     pub(crate) turn: Option<Turned>,
-    /// One block of columns, row by row: at the start of the step, at the stage, at its end, and accelerations.
-    x0: Vec<L>,
+    /// One block of columns, row by row: at the stage, at the end of the step so far, and accelerations.
     x: Vec<L>,
     sum: Vec<L>,
     y: Vec<L>,
+    /// One block of solved columns, stages in lanes.
+    solved: Vec<L>,
 }
 
 impl<L: LaneScalar> Flow<L> {
@@ -53,7 +57,9 @@ impl<L: LaneScalar> Flow<L> {
                 dz[(c / BLOCK * nz + row) * BLOCK + c % BLOCK] = 1.0;
             }
         }
+        let stride = (n * nz).next_multiple_of(L::N);
         let z = |k: usize| vec![L::zero(); k * BLOCK / L::N];
+        let dz = dz.chunks_exact(L::N).map(L::load).collect();
         Self {
             m,
             n,
@@ -61,51 +67,50 @@ impl<L: LaneScalar> Flow<L> {
             np: wanted.params.len(),
             count,
             h,
-            gain: vec![0.0; STAGES * n * nz],
-            force: vec![0.0; blocks * STAGES * n * BLOCK],
+            gain: vec![0.0; STAGES * stride],
+            stride,
+            force: z(blocks * STAGES * n),
             dz,
             dtheta: vec![0.0; if wanted.attitude { 3 * blocks * BLOCK } else { 0 }],
             turn: None,
-            x0: z(nz),
             x: z(nz),
             sum: z(nz),
             y: z(n),
+            solved: vec![L::zero(); stride.max(n * BLOCK)],
         }
     }
 
-    /// Turns lanes of stages into rows of parameters.
+    /// Solves for all columns, and turns lanes of stages into rows of parameters. Not inlined, as [`Flow::step`]: in one
+    /// function with everything else, the compiler runs out of registers for where things are (a quarter of the time).
+    #[inline(never)]
+    pub(crate) fn take(&mut self, tangent: &Tangent<'_, L>) {
+        L::enter(Take { flow: self, tangent });
+    }
+
     #[inline(always)]
-    pub(crate) fn take(&mut self, t: &Tangent<'_, L>) {
+    fn solve(&mut self, t: &Tangent<'_, L>) {
         let (n, nz) = (self.n, self.nz);
-        // Both lie column by column, so that as many numbers as there are lanes are turned at once.
-        let mut lane = [0.0; STAGES];
-        for (k, gains) in t.gz[..n * nz].chunks(L::N).enumerate() {
-            let mut x = [L::zero(); BLOCK];
-            x[..gains.len()].copy_from_slice(gains);
-            L::transpose(&mut x[..L::N]);
-            for (stage, x) in x[..L::N].iter().enumerate() {
-                let to = &mut self.gain[stage * n * nz + k * L::N..][..gains.len()];
-                if gains.len() == L::N {
-                    x.store(to);
-                } else {
-                    x.store(&mut lane);
-                    to.copy_from_slice(&lane[..gains.len()]);
-                }
+        // Column by column, so that as many numbers as there are lanes are turned at once.
+        t.solve_states(&mut self.solved);
+        for k in (0..n * nz).step_by(L::N) {
+            let stages = L::transpose(&self.solved[k..], 1);
+            for stage in 0..L::N {
+                stages[stage].store(&mut self.gain[stage * self.stride + k..]);
             }
         }
-        // A vector of stages per column becomes a vector of columns per stage; spare columns stay zero.
-        let blocks = self.force.chunks_exact_mut(STAGES * n * BLOCK);
-        for (force, columns) in blocks.zip(t.gp[..n * self.np].chunks(n * BLOCK)) {
-            let count = columns.len() / n;
-            for r in 0..n {
-                let mut x = [L::zero(); BLOCK];
-                for (x, column) in x.iter_mut().zip(columns.chunks_exact(n)).take(count) {
-                    *x = column[r];
-                }
-                for (part, x) in x.chunks_exact_mut(L::N).enumerate() {
-                    L::transpose(x);
-                    for (stage, x) in x.iter().enumerate() {
-                        x.store(&mut force[(stage * n + r) * BLOCK + part * L::N..]);
+        // A vector of stages per column becomes a vector of columns per stage.
+        let (np, parts) = (self.np, BLOCK / L::N);
+        for (block, force) in self.force.chunks_exact_mut(STAGES * n * parts).take(np.div_ceil(BLOCK)).enumerate() {
+            let columns = block * BLOCK..((block + 1) * BLOCK).min(np);
+            if columns.len() < BLOCK {
+                self.solved[columns.len() * n..].fill(L::zero());
+            }
+            t.solve_params(columns, &mut self.solved);
+            for part in 0..parts {
+                for r in 0..n {
+                    let stages = L::transpose(&self.solved[part * L::N * n + r..], n);
+                    for stage in 0..L::N {
+                        force[(stage * n + r) * parts + part] = stages[stage];
                     }
                 }
             }
@@ -114,14 +119,9 @@ impl<L: LaneScalar> Flow<L> {
 
     /// Carries all columns through the step whose stages are lanes `lane..lane + 4`, with their states in `points`; hands the start
     /// of the step to `sink`. Without `advance` there is nothing but that start.
-    #[inline(always)]
-    pub(crate) fn step(&mut self, lane: usize, advance: bool, points: &[Vec<f64>; 8], sink: Option<&mut Sink<'_>>) {
-        // Lanes are four or eight.
-        if L::N == BLOCK {
-            self.carry::<1>(lane, advance, points, sink);
-        } else {
-            self.carry::<2>(lane, advance, points, sink);
-        }
+    #[inline(never)]
+    pub(crate) fn step(&mut self, lane: usize, advance: bool, points: &[Vec<f64>; 8], sink: Option<&mut Sink<'_, L>>) {
+        L::enter(Step { flow: self, lane, advance, points, sink });
     }
 
     /// [`Flow::step`] with `W` vectors per row of a block.
@@ -131,20 +131,14 @@ impl<L: LaneScalar> Flow<L> {
         lane: usize,
         advance: bool,
         points: &[Vec<f64>; 8],
-        mut sink: Option<&mut Sink<'_>>,
+        mut sink: Option<&mut Sink<'_, L>>,
     ) {
         let (n, nz, m) = (self.n, self.nz, self.m);
         let at_speed = nz > 3 + 2 * m;
-        let [x0, x, sum, y] = [&mut self.x0, &mut self.x, &mut self.sum, &mut self.y].map(|v| v.as_chunks_mut::<W>().0);
-        let width = self.dz.len() / nz;
-        let forces = self.force.chunks_exact(STAGES * n * BLOCK);
-        for (block, (dz, forces)) in self.dz.chunks_exact_mut(nz * BLOCK).zip(forces).enumerate() {
-            for (((x0, x), sum), row) in x0.iter_mut().zip(&mut *x).zip(&mut *sum).zip(dz.chunks_exact(BLOCK)) {
-                for w in 0..W {
-                    x0[w] = L::load(&row[w * L::N..]);
-                }
-                (*x, *sum) = (*x0, *x0);
-            }
+        let [dz, x, sum, y] = [&mut self.dz, &mut self.x, &mut self.sum, &mut self.y].map(|v| v.as_chunks_mut::<W>().0);
+        let width = dz.len() / nz * BLOCK;
+        let forces = self.force.as_chunks::<W>().0.chunks_exact(STAGES * n);
+        for (block, (x0, forces)) in dz.chunks_exact_mut(nz).zip(forces).enumerate() {
             let from = |w: usize| block * BLOCK + w * L::N;
             let mut theta = [[L::zero(); 3]; W];
             let turn = self.turn.as_ref().filter(|_| !self.dtheta.is_empty());
@@ -154,19 +148,21 @@ impl<L: LaneScalar> Flow<L> {
                 }
             }
             for stage in 0..4 {
+                let z = if stage == 0 { &*x0 } else { &*x };
                 if let Some(turn) = turn {
                     for w in 0..W {
-                        turn.add(&mut theta[w], stage, &[x[0][w], x[1][w], x[2][w]]);
+                        turn.add(&mut theta[w], stage, &[z[0][w], z[1][w], z[2][w]]);
                     }
                 }
                 let now = lane + stage;
                 let first = if at_speed || (sink.is_some() && stage == 0) { 0 } else { 3 };
-                let force = &forces[now * n * BLOCK..(now + 1) * n * BLOCK];
-                accelerations(&self.gain[now * n * nz..(now + 1) * n * nz], n, first, x, force, y);
+                let gain = &self.gain[now * self.stride..][..n * nz];
+                let force = &forces[now * n..(now + 1) * n];
+                by_rows::<W>(first..n, &mut Accelerations { gain, force, z, y });
                 if stage == 0
                     && let Some(sink) = &mut sink
                 {
-                    sink.take(block, x0, y);
+                    sink.take(block, z, y);
                 }
                 if !advance {
                     break;
@@ -175,25 +171,23 @@ impl<L: LaneScalar> Flow<L> {
                     L::splat(WEIGHT[stage] * self.h),
                     L::splat(if stage < 3 { 0.5 * self.h * STAGE[stage + 1] as f64 } else { 0.0 }),
                 );
+                let mut v = [[L::zero(); W]; 3];
                 if at_speed {
-                    let v = speed(x, &points[now], &y[..3], m);
-                    along(&v, &x0[3 + 2 * m..], &mut sum[3 + 2 * m..], &mut x[3 + 2 * m..], by);
+                    v = speed(z, &points[now], &y[..3], m);
                 }
-                along(&y[3..6], x0, sum, x, by);
+                let (z_head, z_rates) = x0.split_at_mut(3 + m);
+                let (x_head, x_rates) = x.split_at_mut(3 + m);
+                let (sum_head, sum_rates) = sum.split_at_mut(3 + m);
                 // Coordinates before their rates, which are overwritten next.
-                let (coordinates, rates) = x.split_at_mut(3 + m);
-                along(&rates[..m], &x0[3..], &mut sum[3..], &mut coordinates[3..], by);
-                along(&y[6..], &x0[3 + m..], &mut sum[3 + m..], rates, by);
-            }
-            if !advance {
-                continue;
-            }
-            for (x, row) in sum.iter().zip(dz.chunks_exact_mut(BLOCK)) {
-                for w in 0..W {
-                    x[w].store(&mut row[w * L::N..]);
+                let rates = if stage == 0 { &z_rates[..m] } else { &x_rates[..m] };
+                along(stage, by, rates, &mut z_head[3..], &mut sum_head[3..], &mut x_head[3..]);
+                along(stage, by, &y[3..6], z_head, sum_head, x_head);
+                along(stage, by, &y[6..], z_rates, sum_rates, x_rates);
+                if at_speed {
+                    along(stage, by, &v, &mut z_rates[m..], &mut sum_rates[m..], &mut x_rates[m..]);
                 }
             }
-            if turn.is_some() {
+            if turn.is_some() && advance {
                 for w in 0..W {
                     for i in 0..3 {
                         theta[w][i].store(&mut self.dtheta[i * width + from(w)..]);
@@ -211,70 +205,61 @@ impl<L: LaneScalar> Flow<L> {
     }
 }
 
-/// `y = F + G x` from row `from` on.
-#[inline(always)]
-fn accelerations<L: LaneScalar, const W: usize>(
-    gain: &[f64],
-    n: usize,
-    from: usize,
-    x: &[[L; W]],
-    force: &[f64],
-    y: &mut [[L; W]],
-) {
-    let mut r = from;
-    while r < n {
-        let left = (n - r).min(4);
-        match left {
-            4 => product::<L, 4, W>(gain, n, r, x, force, y),
-            3 => product::<L, 3, W>(gain, n, r, x, force, y),
-            2 => product::<L, 2, W>(gain, n, r, x, force, y),
-            _ => product::<L, 1, W>(gain, n, r, x, force, y),
+/// `y = F + G z` for a block of columns.
+struct Accelerations<'a, L, const W: usize> {
+    gain: &'a [f64],
+    force: &'a [[L; W]],
+    z: &'a [[L; W]],
+    y: &'a mut [[L; W]],
+}
+
+impl<L: LaneScalar, const W: usize> RowTask for Accelerations<'_, L, W> {
+    #[inline(always)]
+    fn rows<const R: usize>(&mut self, from: usize) {
+        let mut s = [[L::zero(); W]; R];
+        if let Some(force) = self.force[from..].first_chunk::<R>() {
+            copy(force, &mut s);
         }
-        r += left;
+        accumulate(&mut s, self.gain, self.y.len(), from, self.z);
+        copy(&s, &mut self.y[from..]);
     }
 }
 
-/// `R` rows of [`accelerations`]: they and the numbers of a column stay in registers.
-#[inline(always)]
-fn product<L: LaneScalar, const R: usize, const W: usize>(
-    gain: &[f64],
-    n: usize,
-    from: usize,
-    x: &[[L; W]],
-    force: &[f64],
-    y: &mut [[L; W]],
-) {
-    let mut s = [[L::zero(); W]; R];
-    for (s, f) in s.iter_mut().zip(force[from * BLOCK..].chunks_exact(BLOCK)) {
-        for w in 0..W {
-            s[w] = L::load(&f[w * L::N..]);
-        }
-    }
-    for (x, g) in x.iter().zip(gain.chunks_exact(n)) {
-        let g = &g[from..from + R];
-        for r in 0..R {
-            let k = L::splat(g[r]);
-            for w in 0..W {
-                s[r][w] = fma(k, x[w], s[r][w]);
-            }
-        }
-    }
-    y[from..from + R].copy_from_slice(&s);
-}
-
-/// Takes rates `k` in: `sum += b k`, and `x = x0 + c k` for the next stage.
+/// Takes the rates `k` of a stage in, weighted with `b` for the end of the step and with `c` for the next stage. What is summed
+/// up becomes `x0` in the last stage.
 #[inline(always)]
 fn along<L: LaneScalar, const W: usize>(
+    stage: usize,
+    (b, c): (L, L),
     k: &[[L; W]],
-    x0: &[[L; W]],
+    x0: &mut [[L; W]],
     sum: &mut [[L; W]],
     x: &mut [[L; W]],
-    (b, c): (L, L),
 ) {
-    for (((k, x0), sum), x) in k.iter().zip(x0).zip(sum).zip(x) {
-        for w in 0..W {
-            sum[w] = fma(b, k[w], sum[w]);
-            x[w] = fma(c, k[w], x0[w]);
+    let rows = k.iter().zip(x0).zip(sum).zip(x);
+    match stage {
+        0 => {
+            for (((k, x0), sum), x) in rows {
+                for w in 0..W {
+                    sum[w] = fma(b, k[w], x0[w]);
+                    x[w] = fma(c, k[w], x0[w]);
+                }
+            }
+        }
+        3 => {
+            for (((k, x0), sum), _) in rows {
+                for w in 0..W {
+                    x0[w] = fma(b, k[w], sum[w]);
+                }
+            }
+        }
+        _ => {
+            for (((k, x0), sum), x) in rows {
+                for w in 0..W {
+                    sum[w] = fma(b, k[w], sum[w]);
+                    x[w] = fma(c, k[w], x0[w]);
+                }
+            }
         }
     }
 }
@@ -293,4 +278,41 @@ fn speed<L: LaneScalar, const W: usize>(x: &[[L; W]], z: &[f64], a: &[[L; W]], m
         }
     }
     out
+}
+
+/// [`Flow::take`].
+struct Take<'a, 'b, L: LaneScalar> {
+    flow: &'a mut Flow<L>,
+    tangent: &'a Tangent<'b, L>,
+}
+
+impl<L: LaneScalar> Kernel for Take<'_, '_, L> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.flow.solve(self.tangent);
+    }
+}
+
+/// [`Flow::step`].
+struct Step<'a, 'b, L: LaneScalar> {
+    flow: &'a mut Flow<L>,
+    lane: usize,
+    advance: bool,
+    points: &'a [Vec<f64>; 8],
+    sink: Option<&'a mut Sink<'b, L>>,
+}
+
+impl<L: LaneScalar> Kernel for Step<'_, '_, L> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { flow, lane, advance, points, sink } = self;
+        // Lanes are four or eight.
+        if L::N == BLOCK {
+            flow.carry::<1>(lane, advance, points, sink);
+        } else {
+            flow.carry::<2>(lane, advance, points, sink);
+        }
+    }
 }

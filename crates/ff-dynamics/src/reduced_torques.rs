@@ -77,6 +77,7 @@ impl LaneTask for Derivatives<'_> {
         let lifted = params.lift::<L>(model);
         let mut tangent = Tangent::<L>::new(model, &lifted, table, columns);
         let mut torque = TorqueRows::new(model, params, table, columns);
+        let mut solved = vec![L::zero(); 6 * np];
         let (mut z, mut u) = ([L::zero(); 6], [L::zero(); 6]);
         for first in (0..n).step_by(L::N) {
             // A group that is not full repeats its last sample.
@@ -90,15 +91,15 @@ impl LaneTask for Derivatives<'_> {
             }
             tangent.evaluate(&nodes[..L::N], &z, &u);
             // The points themselves were solved for, so the mass matrices are definite.
-            tangent.solve();
+            tangent.solve_params(0..np, &mut solved);
             for (lane, point) in points[first..].iter().take(L::N).enumerate() {
                 let sample = first + lane;
                 torque.evaluate(sample, &point[..6], &point[6..]);
                 for j in 0..nj {
-                    let by_u = &torque.by_u[j * 6..j * 6 + 6];
                     for c in 0..np {
-                        let own = if torque.carried { torque.by_p[j * np + c] } else { 0.0 };
-                        let through = by_u.iter().zip(&tangent.gp[c * 6..]).map(|(t, x)| t * x.lane(lane)).sum::<f64>();
+                        let own = if torque.carried { torque.by_p[j * torque.wide + c] } else { 0.0 };
+                        let by_u = torque.by_u.iter().skip(j).step_by(nj);
+                        let through = by_u.zip(&solved[c * 6..]).map(|(t, x)| t * x.lane(lane)).sum::<f64>();
                         d[(c * n + sample) * nj + j] = own + through;
                     }
                 }

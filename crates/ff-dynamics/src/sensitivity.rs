@@ -14,9 +14,11 @@
 
 use crate::attitude::{Attitude, AttitudeTrack};
 use crate::flow::{BLOCK, Flow};
+use crate::gather::Gathered;
 use crate::prescribed::Prescribed;
 use crate::reduced::{Reduced, ReducedError, Response, Rk4, STAGE, check};
-use crate::tangent::{Columns, Tangent, TorqueRows, fma};
+use crate::rows::{RowTask, accumulate, by_rows, copy};
+use crate::tangent::{Columns, Tangent, TorqueRows};
 use ff_lanes::{Kernel, Lanes};
 use ff_model::lanes::{Isa, LaneTask, dispatch, splat};
 use ff_model::{LaneScalar, Model, Params};
@@ -85,12 +87,30 @@ pub fn sensitivities(
     z0: &[f64],
     wanted: &Wanted,
 ) -> Result<(Response, Sensitivities), ReducedError> {
+    sensitivities_with(Isa::detect(), model, params, table, z0, wanted)
+}
+
+/// [`sensitivities`] with the lanes of a given instruction set.
+///
+/// # Errors
+/// As [`sensitivities`].
+///
+/// # Panics
+/// As [`sensitivities`], and if the machine does not have `isa`.
+pub fn sensitivities_with(
+    isa: Isa,
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    z0: &[f64],
+    wanted: &Wanted,
+) -> Result<(Response, Sensitivities), ReducedError> {
     check(model)?;
     let nz = 6 + 2 * model.np();
     assert_eq!(z0.len(), nz, "initial state");
     assert!(wanted.initial.iter().all(|&i| i < nz), "index of an initial state");
     let columns = Columns::new(model, table, &wanted.params);
-    dispatch(Isa::detect(), Run { model, params, table, z0, wanted, columns: &columns })
+    dispatch(isa, Run { model, params, table, z0, wanted, columns: &columns })
 }
 
 struct Run<'a> {
@@ -115,7 +135,7 @@ impl LaneTask for Run<'_> {
         let mut tangent = Tangent::<L>::new(model, &lifted, table, columns);
         let mut points = Points::<L>::new(m);
         let mut flow = Flow::<L>::new(model, tangent.nz, wanted, table.step);
-        let mut sink = Sink::new(model, params, table, wanted, columns);
+        let mut sink = Sink::<L>::new(model, params, table, wanted, columns);
         let last = (table.samples - 1) * table.substeps;
         let at_once = L::N / 4;
         let mut first = 0;
@@ -243,9 +263,8 @@ impl<L: LaneScalar> Points<L> {
         }
         pack(&mut self.zl, &self.z, self.count);
         pack(&mut self.ul, &self.u, self.count);
-        tangent.evaluate(&self.nodes[..L::N], &self.zl, &self.ul);
         // These points were solved for, so their mass matrices are definite.
-        tangent.solve();
+        tangent.evaluate(&self.nodes[..L::N], &self.zl, &self.ul);
         flow.take(tangent);
     }
 }
@@ -263,27 +282,22 @@ fn pack<L: LaneScalar>(to: &mut [L], from: &[Vec<f64>; 8], count: usize) {
 }
 
 /// Where samples go.
-pub(crate) struct Sink<'a> {
+pub(crate) struct Sink<'a, L> {
     model: &'a Model,
     response: Response,
     /// Joint torques of the present sample.
     tau: Vec<f64>,
-    d_tau: Gathered,
-    d_gyro: Gathered,
-    accel: Option<Gathered>,
-    samples: usize,
+    d_tau: Gathered<L>,
+    d_gyro: Gathered<L>,
+    accel: Option<Gathered<L>>,
     rows: TorqueRows<'a>,
-    /// Columns of parameters, and columns in all.
-    np: usize,
-    count: usize,
-    /// The present sample, and the torques of a block of columns there.
+    /// The present sample.
     sample: usize,
-    tile: Vec<f64>,
     track: Option<AttitudeTrack>,
     attitude: Option<Attitude>,
 }
 
-impl<'a> Sink<'a> {
+impl<'a, L: LaneScalar> Sink<'a, L> {
     fn new(
         model: &'a Model,
         params: &'a Params<f64>,
@@ -299,147 +313,72 @@ impl<'a> Sink<'a> {
             d_tau: Gathered::new(model.nj(), n, p),
             d_gyro: Gathered::new(3, n, p),
             accel: wanted.accel.then(|| Gathered::new(6, n, p)),
-            samples: n,
             rows: TorqueRows::new(model, params, table, columns),
-            np: columns.count,
-            count: p,
             sample: 0,
-            tile: vec![0.0; model.nj() * BLOCK],
             track: wanted.attitude.then(AttitudeTrack::default),
             attitude: wanted.attitude.then(|| Attitude::new(n, p)),
         }
     }
 
     /// Begins a sample with state `z` and accelerations `u`.
+    #[inline(always)]
     fn begin(&mut self, sample: usize, (z, u): (&[f64], &[f64])) {
         self.sample = sample;
-        self.d_tau.begin(sample);
-        self.d_gyro.begin(sample);
-        self.accel.iter_mut().for_each(|a| a.begin(sample));
+        // One call: it is inlined.
+        for gathered in [Some(&mut self.d_tau), Some(&mut self.d_gyro), self.accel.as_mut()].into_iter().flatten() {
+            gathered.begin(sample);
+        }
         self.rows.evaluate(sample, z, u);
     }
 
     /// Torque and gyro derivatives of a block of columns at the present sample, from `dz` and `du`.
     #[inline(always)]
-    pub(crate) fn take<L: LaneScalar, const W: usize>(&mut self, block: usize, dz: &[[L; W]], du: &[[L; W]]) {
-        let at = self.sample;
-        let first = block * BLOCK;
-        let columns = first..(first + BLOCK).min(self.count);
-        let rows = &self.rows;
-        let (used_u, used_z) = if rows.carried { (du.len(), dz.len()) } else { (6, 3) };
-        let by_u = rows.by_u.chunks_exact(du.len());
-        let by_z = rows.by_z.chunks_exact(dz.len());
-        for ((tile, by_u), by_z) in self.tile.chunks_exact_mut(BLOCK).zip(by_u).zip(by_z) {
-            let mut s = [L::zero(); W];
-            for (&t, x) in by_u[..used_u].iter().zip(du).chain(by_z[..used_z].iter().zip(dz)) {
-                let t = L::splat(t);
-                for w in 0..W {
-                    s[w] = fma(t, x[w], s[w]);
-                }
-            }
-            store(&s, tile);
+    pub(crate) fn take<const W: usize>(&mut self, block: usize, dz: &[[L; W]], du: &[[L; W]]) {
+        let (rows, at) = (&self.rows, self.sample);
+        by_rows::<W>(0..self.model.nj(), &mut Torques { rows, block, dz, du, to: self.d_tau.rows(block, at) });
+        if let Some(rates) = dz.first_chunk::<3>() {
+            copy(rates, self.d_gyro.rows(block, at));
         }
-        for (i, c) in columns.clone().enumerate() {
-            let to = self.d_tau.row(c, at);
-            for (to, row) in to.iter_mut().zip(self.tile.chunks_exact(BLOCK)) {
-                *to = row[i];
-            }
-            if rows.carried && c < self.np {
-                for (to, own) in to.iter_mut().zip(rows.by_p.chunks_exact(self.np)) {
-                    *to += own[c];
-                }
-            }
-        }
-        write(&dz[..3], columns.clone(), at, &mut self.d_gyro);
-        if let Some(a) = &mut self.accel {
-            write(&du[..6], columns, at, a);
+        if let (Some(to), Some(base)) = (&mut self.accel, du.first_chunk::<6>()) {
+            copy(base, to.rows(block, at));
         }
     }
 
-    fn done(self) -> (Response, Sensitivities) {
-        let (n, nj) = (self.samples, self.model.nj());
-        let matrix = |rows: usize, x: Vec<f64>| {
-            let columns = x.len().checked_div(rows).unwrap_or(0);
-            DMatrix::from_vec(rows, columns, x)
-        };
-        let s = Sensitivities {
-            tau: matrix(n * nj, self.d_tau.done()),
-            gyro: matrix(n * 3, self.d_gyro.done()),
-            accel: self.accel.map(|a| matrix(n * 6, a.done())),
-            attitude: self.attitude,
-        };
-        (self.response, s)
-    }
-}
-
-/// One row of a block.
-#[inline(always)]
-fn store<L: LaneScalar, const W: usize>(x: &[L; W], to: &mut [f64]) {
-    for (x, to) in x.iter().zip(to.chunks_exact_mut(L::N)) {
-        x.store(to);
-    }
-}
-
-/// Derivatives of some channels, column by column, each column's numbers of a sample side by side.
-///
-/// Columns lie far from one another. Some samples are gathered nearer by and written together, so that the memory of each column is
-/// visited once for all of them.
-struct Gathered {
-    width: usize,
-    samples: usize,
-    columns: usize,
-    /// The first sample that is gathered, and the numbers by columns.
-    first: usize,
-    group: Vec<f64>,
-    out: Vec<f64>,
-}
-
-impl Gathered {
-    /// Samples that are gathered.
-    const SAMPLES: usize = 8;
-
-    fn new(width: usize, samples: usize, columns: usize) -> Self {
-        let zeros = |samples: usize| vec![0.0; width * samples * columns];
-        Self { width, samples, columns, first: 0, group: zeros(Self::SAMPLES), out: zeros(samples) }
-    }
-    /// Samples up to this one are complete. They come in order.
-    fn begin(&mut self, sample: usize) {
-        if sample - self.first == Self::SAMPLES {
-            self.write(Self::SAMPLES);
-            self.first = sample;
-        }
-    }
-    /// The numbers of column `c` at the sample that has begun.
     #[inline(always)]
-    fn row(&mut self, c: usize, sample: usize) -> &mut [f64] {
-        &mut self.group[(c * Self::SAMPLES + sample - self.first) * self.width..][..self.width]
-    }
-    fn write(&mut self, samples: usize) {
-        let count = samples * self.width;
-        for c in 0..self.columns {
-            let to = &mut self.out[(c * self.samples + self.first) * self.width..][..count];
-            to.copy_from_slice(&self.group[c * Self::SAMPLES * self.width..][..count]);
-        }
-    }
-    fn done(mut self) -> Vec<f64> {
-        self.write(self.samples - self.first);
-        self.out
+    fn done(self) -> (Response, Sensitivities) {
+        let Self { d_tau, d_gyro, accel, response, attitude, .. } = self;
+        (response, Sensitivities { tau: d_tau.done(), gyro: d_gyro.done(), accel: accel.map(Gathered::done), attitude })
     }
 }
 
-/// Rows of some columns at sample `at`.
-#[inline(always)]
-fn write<L: LaneScalar, const W: usize>(
-    rows: &[[L; W]],
-    columns: core::ops::Range<usize>,
-    at: usize,
-    to: &mut Gathered,
-) {
-    for (k, row) in rows.iter().enumerate() {
-        let mut lanes = [0.0; BLOCK];
-        store(row, &mut lanes);
-        for (x, c) in lanes.iter().zip(columns.clone()) {
-            to.row(c, at)[k] = *x;
+/// Torques of a block of columns at a sample.
+struct Torques<'a, L, const W: usize> {
+    rows: &'a TorqueRows<'a>,
+    block: usize,
+    dz: &'a [[L; W]],
+    du: &'a [[L; W]],
+    to: &'a mut [[L; W]],
+}
+
+impl<L: LaneScalar, const W: usize> RowTask for Torques<'_, L, W> {
+    #[inline(always)]
+    fn rows<const R: usize>(&mut self, from: usize) {
+        let TorqueRows { by_u, by_z, by_p, wide, carried, .. } = self.rows;
+        let nj = self.to.len();
+        let mut s = [[L::zero(); W]; R];
+        let (mut du, mut dz) = (self.du, self.dz);
+        if !carried {
+            (du, dz) = (&du[..6], &dz[..3]);
+        } else if self.block * BLOCK < *wide {
+            for r in 0..R {
+                let own = &by_p[(from + r) * wide + self.block * BLOCK..];
+                for w in 0..W {
+                    s[r][w] = L::load(&own[w * L::N..]);
+                }
+            }
         }
+        accumulate(&mut s, by_u, nj, from, du);
+        accumulate(&mut s, by_z, nj, from, dz);
+        copy(&s, &mut self.to[from..]);
     }
 }

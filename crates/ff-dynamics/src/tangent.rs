@@ -4,7 +4,7 @@
 //! `R_z` and one column of `R_p` per wanted parameter. The points of a trajectory are known before its derivatives
 //! are, so that eight stages of the integration go through this together.
 
-use crate::condense::Factor;
+use crate::condense::{Inverse, OwnRows};
 use crate::prescribed::{Frame, Prescribed, Site};
 use crate::reduced::{at_rest, at_zero_acceleration, hung};
 use crate::work::PortWork;
@@ -262,18 +262,13 @@ pub(crate) struct Tangent<'a, L: LaneScalar> {
     parts: Parts<'a, L>,
     /// State columns: `3 + 2m`, or three more.
     pub(crate) nz: usize,
-    mass: Factor<L>,
-    definite: bool,
-    /// First coordinate of every port; the port of every column whose own rows are that port's alone, base if none.
-    offsets: Vec<usize>,
-    owner_z: Vec<Option<usize>>,
-    owner_p: Vec<Option<usize>>,
+    mass: Inverse<L>,
+    /// The passive rows that a column has.
+    own_z: Vec<OwnRows>,
+    own_p: Vec<OwnRows>,
     /// `R_z` and `R_p` by columns of length `n = 6 + m`. What is zero in `R_p` always is.
     rz: Vec<L>,
     rp: Vec<L>,
-    /// `-M^-1 R_z` and `-M^-1 R_p` after [`Tangent::solve`].
-    pub(crate) gz: Vec<L>,
-    pub(crate) gp: Vec<L>,
 }
 
 impl<'a, L: LaneScalar> Tangent<'a, L> {
@@ -283,33 +278,32 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
         let z = |k| vec![L::zero(); k];
         let parts = Parts::new(model, params, table, columns);
         let (m, ports) = (model.np(), model.appendages());
-        let owner_z = |c: usize| match c {
-            c if (3..3 + 2 * m).contains(&c) => ports.iter().rposition(|a| a.coord_offset <= (c - 3) % m),
-            _ => None,
+        // Angular velocity of the base, and its velocity, move all ports.
+        let own_z = |c: usize| match c {
+            c if (3..3 + 2 * m).contains(&c) => {
+                ports.iter().rposition(|a| a.coord_offset <= (c - 3) % m).map_or(OwnRows::All, OwnRows::Port)
+            }
+            _ => OwnRows::All,
         };
-        let mut owner_p = vec![None; columns.count];
+        let mut own_p = vec![OwnRows::None; columns.count];
         for (k, wanted) in columns.ports.iter().enumerate() {
-            wanted.iter().for_each(|&(_, col)| owner_p[col] = Some(k));
+            wanted.iter().for_each(|&(_, col)| own_p[col] = OwnRows::Port(k));
         }
         Self {
             parts,
             nz,
-            mass: Factor::new(),
-            definite: false,
-            offsets: ports.iter().map(|a| a.coord_offset).collect(),
-            owner_z: (0..nz).map(owner_z).collect(),
-            owner_p,
+            mass: Inverse::new(model),
+            own_z: (0..nz).map(own_z).collect(),
+            own_p,
             rz: z(n * nz),
             rp: z(n * columns.count),
-            gz: z(n * nz),
-            gp: z(n * columns.count),
         }
     }
 
     /// Evaluates all columns at points `(z, u)`, given by lane, and nodes.
     #[inline(always)]
     pub(crate) fn evaluate(&mut self, nodes: &[usize], z: &[L], u: &[L]) {
-        let Self { parts, nz, mass, definite, rz, rp, .. } = self;
+        let Self { parts, nz, mass, rz, rp, .. } = self;
         let (model, table) = (parts.model, parts.table);
         let (m, nz) = (model.np(), *nz);
         let n = 6 + m;
@@ -351,24 +345,37 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
                 p.g[j] = frame.up(&f, &t);
             }
         }
-        *definite = mass.set(&mut parts.ports, &c);
+        mass.set(&mut parts.ports, &c);
     }
 
-    /// `-M^-1 R` of every column `R`. False when the mass matrix is not positive definite in some lane.
+    /// `-M^-1 R_z`, column by column.
     #[inline(always)]
-    pub(crate) fn solve(&mut self) -> bool {
+    pub(crate) fn solve_states(&self, to: &mut [L]) {
+        self.solve(&self.rz, &self.own_z, to);
+    }
+
+    /// `-M^-1 R_p` of the parameters `columns`, column by column.
+    #[inline(always)]
+    pub(crate) fn solve_params(&self, columns: core::ops::Range<usize>, to: &mut [L]) {
         let n = 6 + self.parts.model.np();
-        let z = self.gz.chunks_exact_mut(n).zip(self.rz.chunks_exact(n)).zip(&self.owner_z).enumerate();
-        // Angular velocity of the base, and its velocity, move all ports.
-        let passive = 3..3 + 2 * self.parts.model.np();
-        let z = z.map(|(c, (x, owner))| (x, *owner, !passive.contains(&c)));
-        let p = self.gp.chunks_exact_mut(n).zip(self.rp.chunks_exact(n)).zip(&self.owner_p);
-        for ((x, rhs), owner, every) in z.chain(p.map(|(x, owner)| (x, *owner, false))) {
-            // A column of the base alone has no passive rows at all: any port will do.
-            let only = if every { None } else { Some(owner.unwrap_or(usize::MAX)) };
-            self.mass.solve_minus(&self.parts.ports, &self.offsets, only, rhs, x);
+        self.solve(&self.rp[n * columns.start..n * columns.end], &self.own_p[columns], to);
+    }
+
+    /// `-M^-1 R` of columns `R` with these own rows.
+    #[inline(always)]
+    fn solve(&self, rhs: &[L], own: &[OwnRows], to: &mut [L]) {
+        let n = 6 + self.parts.model.np();
+        // Two columns at a time, so that a number of the inverse serves both; what they do not share is done for both.
+        let pairs = own.len() / 2 * 2;
+        for (c, own) in own[..pairs].chunks_exact(2).enumerate() {
+            let both = if own[0] == own[1] { own[0] } else { OwnRows::All };
+            let at = 2 * c * n..2 * (c + 1) * n;
+            self.mass.solve_minus::<2>(both, &rhs[at.clone()], &mut to[at]);
         }
-        self.definite
+        for (c, &own) in own.iter().enumerate().skip(pairs) {
+            let at = c * n..(c + 1) * n;
+            self.mass.solve_minus::<1>(own, &rhs[at.clone()], &mut to[at]);
+        }
     }
 }
 
@@ -398,7 +405,10 @@ impl<T: ModelScalar> Put<T> for Rows<'_, T> {
                 to
             }
         };
-        to[self.first..self.first + own.len()].copy_from_slice(own);
+        // A few numbers: not worth a call.
+        for (to, own) in to[self.first..].iter_mut().zip(own) {
+            *to = *own;
+        }
     }
 }
 
@@ -411,73 +421,76 @@ pub(crate) fn state_columns(model: &Model) -> usize {
 /// Joint torques as linear forms at one sample: `d tau = t_u du + t_z dz + t_p`.
 pub(crate) struct TorqueRows<'a> {
     parts: Parts<'a, f64>,
-    /// `n x (6 + m)`, `n x nz`, `n x P`, row-major.
+    /// `n x (6 + m)` and `n x nz`, column by column.
     pub(crate) by_u: Vec<f64>,
     pub(crate) by_z: Vec<f64>,
+    /// `n x P`, row by row; rows are `wide` apart, a multiple of eight, with zeros behind the last column.
     pub(crate) by_p: Vec<f64>,
+    pub(crate) wide: usize,
     /// Columns beyond 6 of `by_u`, beyond 3 of `by_z` and `by_p` can be other than zero.
     pub(crate) carried: bool,
-    nz: usize,
 }
 
 impl<'a> TorqueRows<'a> {
     pub(crate) fn new(model: &'a Model, params: &'a Params<f64>, table: &'a Prescribed, columns: &'a Columns) -> Self {
-        let (nj, nz) = (model.nj(), state_columns(model));
+        let (nj, wide) = (model.nj(), columns.count.next_multiple_of(8));
         Self {
             parts: Parts::new(model, params, table, columns),
             by_u: vec![0.0; nj * (6 + model.np())],
-            by_z: vec![0.0; nj * nz],
-            by_p: vec![0.0; nj * columns.count],
+            by_z: vec![0.0; nj * state_columns(model)],
+            by_p: vec![0.0; nj * wide],
+            wide,
             carried: model.appendages().iter().any(|a| a.host > 0) || !columns.links.is_empty(),
-            nz,
         }
     }
 
     /// At sample `i` with state `z` and accelerations `u`.
     pub(crate) fn evaluate(&mut self, sample: usize, z: &[f64], u: &[f64]) {
-        let Self { parts, by_u, by_z, by_p, carried, nz } = self;
-        let (model, table) = (parts.model, parts.table);
-        let (nj, nu, nz, np) = (model.nj(), 6 + model.np(), *nz, parts.columns.count);
+        let Self { parts, by_u, by_z, by_p, wide, carried } = self;
+        let (model, table, wide) = (parts.model, parts.table, *wide);
+        let nj = model.nj();
         let at = At::new(z, u);
+        let w2 = at.w.scaled(2.0);
         for j in 0..nj {
-            let r = table.row(sample, j);
-            r.form.ga.write_to(&mut by_u[j * nu..]);
-            r.form.gb.write_to(&mut by_u[j * nu + 3..]);
-            let w2 = at.w.scaled(2.0);
-            r.form.q.mul_add(&w2, &r.form.gw).write_to(&mut by_z[j * nz..]);
+            let form = table.row(sample, j).form;
+            let gw = form.q.mul_add(&w2, &form.gw);
+            for (c, x) in [form.ga.x, form.ga.y, form.ga.z, form.gb.x, form.gb.y, form.gb.z].into_iter().enumerate() {
+                by_u[c * nj + j] = x;
+            }
+            for (c, x) in [gw.x, gw.y, gw.z].into_iter().enumerate() {
+                by_z[c * nj + j] = x;
+            }
         }
         if !*carried {
             return;
         }
-        for j in 0..nj {
-            by_u[j * nu + 6..(j + 1) * nu].fill(0.0);
-            by_z[j * nz + 3..(j + 1) * nz].fill(0.0);
-        }
+        by_u[6 * nj..].fill(0.0);
+        by_z[3 * nj..].fill(0.0);
         by_p.fill(0.0);
         let node = table.node_of(sample);
         parts.place(|column| table.frame(column, node));
         for l in 0..parts.columns.links.len() {
             let above = &table.above[parts.columns.links[l].body];
-            parts.link(l, &at, &mut Felt { table, sample, above, nz, np, by_z, by_p });
+            parts.link(l, &at, &mut Felt { table, sample, above, nj, wide, by_z, by_p });
         }
         let felt = |j: usize, f: &V3<f64>, n: &V3<f64>| table.row(sample, j).of(f, n);
         for (k, ap) in model.appendages().iter().enumerate().filter(|(_, a)| a.host > 0) {
             let above = &table.above[ap.host];
-            parts.port(k, &at, z, u, &mut Felt { table, sample, above, nz, np, by_z, by_p });
+            parts.port(k, &at, z, u, &mut Felt { table, sample, above, nj, wide, by_z, by_p });
             let (p, frame) = (&parts.ports[k], &parts.frames[k]);
             let b = hung(frame, p);
             for i in 0..3 {
                 let e = unit::<f64>(i);
                 let (lin, ang) = (b.momentum(&e, &V3::zero()), b.momentum(&V3::zero(), &e));
                 for &j in above {
-                    by_u[j * nu + i] += felt(j, &lin.0, &lin.1);
-                    by_u[j * nu + 3 + i] += felt(j, &ang.0, &ang.1);
+                    by_u[i * nj + j] += felt(j, &lin.0, &lin.1);
+                    by_u[(3 + i) * nj + j] += felt(j, &ang.0, &ang.1);
                 }
             }
             for i in 0..p.n {
                 let (f, n) = p.mass().coupling(i);
                 let (f, n) = frame.up(&f, &n);
-                above.iter().for_each(|&j| by_u[j * nu + 6 + ap.coord_offset + i] += felt(j, &f, &n));
+                above.iter().for_each(|&j| by_u[(6 + ap.coord_offset + i) * nj + j] += felt(j, &f, &n));
             }
         }
     }
@@ -488,8 +501,8 @@ struct Felt<'a> {
     table: &'a Prescribed,
     sample: usize,
     above: &'a [usize],
-    nz: usize,
-    np: usize,
+    nj: usize,
+    wide: usize,
     by_z: &'a mut [f64],
     by_p: &'a mut [f64],
 }
@@ -499,8 +512,8 @@ impl Put<f64> for Felt<'_> {
         for &j in self.above {
             let torque = self.table.row(self.sample, j).of(&f, &n);
             match column {
-                Column::State(c) => self.by_z[j * self.nz + c] += torque,
-                Column::Param(c) => self.by_p[j * self.np + c] += torque,
+                Column::State(c) => self.by_z[c * self.nj + j] += torque,
+                Column::Param(c) => self.by_p[j * self.wide + c] += torque,
             }
         }
     }

@@ -6,6 +6,7 @@
 
 use crate::common::*;
 use ff_dynamics::*;
+use ff_model::lanes::Isa;
 use ff_model::so3::{log_so3, quat_conj, quat_mul};
 use ff_model::*;
 use flex_panel::modal::{ModalAppendage, Mode};
@@ -60,6 +61,36 @@ fn record(m: &Model, values: &[f64], z: &[f64], sensor: &Accelerometer) -> (Resp
 
 fn att(t: &DMatrix<f64>, i: usize) -> Vector4<f64> {
     Vector4::new(t[(i, 0)], t[(i, 1)], t[(i, 2)], t[(i, 3)])
+}
+
+#[test]
+fn every_instruction_set_gives_the_same_sensitivities() {
+    let m = general();
+    let p = Params::<f64>::nominal(&m);
+    let z0 = start(&m);
+    // Neither columns nor samples fill the lanes.
+    for (params, samples) in
+        [((0..10).chain(10 * m.n_bodies()..m.n_params() - 3).collect::<Vec<_>>(), 30), (vec![3, 5], 9)]
+    {
+        let wanted = Wanted { params, initial: vec![2, 5, 8], accel: true, attitude: true };
+        let sampling = Sampling { samples, ..SAMPLING };
+        let table = Prescribed::new(&m, &p, &Wave(m.nj()), &sampling, &[]);
+        let run = |isa| sensitivities_with(isa, &m, &p, &table, &z0, &wanted).unwrap().1;
+        let all = |s: &Sensitivities| {
+            let attitude = s.attitude.as_ref().unwrap();
+            [&s.tau, &s.gyro, s.accel.as_ref().unwrap(), &attitude.d].map(Clone::clone)
+        };
+        let want = all(&run(Isa::Portable));
+        for isa in [Isa::V3, Isa::V4].into_iter().filter(|&i| i <= Isa::detect()) {
+            for (got, want) in all(&run(isa)).iter().zip(&want) {
+                assert_eq!(got.shape(), want.shape());
+                for (c, (got, want)) in got.column_iter().zip(want.column_iter()).enumerate() {
+                    let e = (got - want).amax() / want.amax().max(1e-9);
+                    assert!(e < 1e-10, "{isa:?} column {c}: {e:e}");
+                }
+            }
+        }
+    }
 }
 
 #[test]

@@ -88,25 +88,31 @@ pub trait Lanes: Copy + Enter {
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// True when every lane is above zero and finite.
     fn all_positive(self) -> bool;
-    /// Lane `j` of element `i` becomes lane `i` of element `j`, for the first `N` elements.
+    /// The transposed matrix of rows `rows[0]`, `rows[stride]`, ..: lane `j` of row `i` becomes lane `i` of the `j`-th of
+    /// the results, the first `N` of which are meant.
     ///
     /// # Panics
-    /// If there are fewer.
+    /// If there are fewer than `N` rows.
     #[inline(always)]
-    fn transpose(rows: &mut [Self]) {
-        let mut all = [[0.0; 8]; 8];
-        for (x, to) in rows[..Self::N].iter().zip(&mut all) {
-            x.store(to);
+    fn transpose(rows: &[Self], stride: usize) -> [Self; WIDEST] {
+        let mut all = [[0.0; WIDEST]; WIDEST];
+        for (i, to) in all[..Self::N].iter_mut().enumerate() {
+            rows[i * stride].store(to);
         }
-        for (j, to) in rows[..Self::N].iter_mut().enumerate() {
-            let mut x = [0.0; 8];
+        let mut columns = [Self::splat(0.0); WIDEST];
+        for (j, column) in columns[..Self::N].iter_mut().enumerate() {
+            let mut x = [0.0; WIDEST];
             for i in 0..Self::N {
                 x[i] = all[i][j];
             }
-            *to = Self::load(&x);
+            *column = Self::load(&x);
         }
+        columns
     }
 }
+
+/// Lanes of the widest type.
+pub const WIDEST: usize = 8;
 
 /// One lane: so that code over lanes also runs on plain numbers.
 impl Lanes for f64 {

@@ -8,7 +8,7 @@
 //! instructions, only slower.
 
 use crate::trig::{LIMIT, far, quadrant, reduced};
-use crate::{Enter, Kernel, Lanes, operators};
+use crate::{Enter, Kernel, Lanes, WIDEST, operators};
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -186,18 +186,53 @@ fn flipped4(n: __m256i, x: __m256d) -> __m256d {
     _mm256_castsi256_pd(_mm256_xor_si256(_mm256_castpd_si256(x), sign))
 }
 
-/// Rows for columns of a 4 x 4 matrix.
+/// Columns of a 4 x 4 matrix given by rows. Straight-line code: the compiler makes calls of `memcpy` of loops over vectors.
 #[inline]
 #[target_feature(enable = "avx")]
-fn transposed(r: [__m256d; 4]) -> [__m256d; 4] {
+fn transpose4(r: &[Avx2x4], stride: usize) -> [Avx2x4; WIDEST] {
+    let (w, x, y, z) = (r[0].0, r[stride].0, r[2 * stride].0, r[3 * stride].0);
     // Even and odd columns of each pair of rows, then halves.
-    let (a, b) = (_mm256_unpacklo_pd(r[0], r[1]), _mm256_unpackhi_pd(r[0], r[1]));
-    let (c, d) = (_mm256_unpacklo_pd(r[2], r[3]), _mm256_unpackhi_pd(r[2], r[3]));
+    let (a, b) = (_mm256_unpacklo_pd(w, x), _mm256_unpackhi_pd(w, x));
+    let (c, d) = (_mm256_unpacklo_pd(y, z), _mm256_unpackhi_pd(y, z));
+    let zero = Avx2x4(_mm256_setzero_pd());
     [
-        _mm256_permute2f128_pd::<0x20>(a, c),
-        _mm256_permute2f128_pd::<0x20>(b, d),
-        _mm256_permute2f128_pd::<0x31>(a, c),
-        _mm256_permute2f128_pd::<0x31>(b, d),
+        Avx2x4(_mm256_permute2f128_pd::<0x20>(a, c)),
+        Avx2x4(_mm256_permute2f128_pd::<0x20>(b, d)),
+        Avx2x4(_mm256_permute2f128_pd::<0x31>(a, c)),
+        Avx2x4(_mm256_permute2f128_pd::<0x31>(b, d)),
+        zero,
+        zero,
+        zero,
+        zero,
+    ]
+}
+
+/// Columns of an 8 x 8 matrix given by rows, as [`transpose4`].
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn transpose8(r: &[Avx512x8], stride: usize) -> [Avx512x8; WIDEST] {
+    let pair = |i: usize| {
+        let (x, y) = (r[i * stride].0, r[(i + 1) * stride].0);
+        (_mm512_unpacklo_pd(x, y), _mm512_unpackhi_pd(x, y))
+    };
+    let ((a, b), (c, d), (e, f), (g, h)) = (pair(0), pair(2), pair(4), pair(6));
+    let (even, odd) = (transpose_pairs(a, c, e, g), transpose_pairs(b, d, f, h));
+    [even[0], odd[0], even[1], odd[1], even[2], odd[2], even[3], odd[3]]
+}
+
+/// Rows of pairs for columns of pairs: the first vector has the pairs of rows 0 and 1, the second those of 2 and 3, and so on.
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn transpose_pairs(a: __m512d, b: __m512d, c: __m512d, d: __m512d) -> [Avx512x8; 4] {
+    const EVEN: i32 = 0b10_00_10_00;
+    const ODD: i32 = 0b11_01_11_01;
+    let (e, f) = (_mm512_shuffle_f64x2::<EVEN>(a, b), _mm512_shuffle_f64x2::<EVEN>(c, d));
+    let (g, h) = (_mm512_shuffle_f64x2::<ODD>(a, b), _mm512_shuffle_f64x2::<ODD>(c, d));
+    [
+        Avx512x8(_mm512_shuffle_f64x2::<EVEN>(e, f)),
+        Avx512x8(_mm512_shuffle_f64x2::<EVEN>(g, h)),
+        Avx512x8(_mm512_shuffle_f64x2::<ODD>(e, f)),
+        Avx512x8(_mm512_shuffle_f64x2::<ODD>(g, h)),
     ]
 }
 
@@ -323,7 +358,13 @@ vector!(
     _mm512_loadu_pd,
     _mm512_storeu_pd,
     positive8,
-    {}
+    {
+        #[inline(always)]
+        fn transpose(rows: &[Self], stride: usize) -> [Self; WIDEST] {
+            // SAFETY: module documentation.
+            unsafe { transpose8(rows, stride) }
+        }
+    }
 );
 vector!(
     Avx2x4,
@@ -341,13 +382,9 @@ vector!(
     positive4,
     {
         #[inline(always)]
-        fn transpose(rows: &mut [Self]) {
-            let r = &mut rows[..4];
+        fn transpose(rows: &[Self], stride: usize) -> [Self; WIDEST] {
             // SAFETY: module documentation.
-            let x = unsafe { transposed([r[0].0, r[1].0, r[2].0, r[3].0]) };
-            for i in 0..4 {
-                r[i] = Self(x[i]);
-            }
+            unsafe { transpose4(rows, stride) }
         }
     }
 );

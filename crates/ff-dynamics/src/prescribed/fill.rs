@@ -184,10 +184,9 @@ impl<L: LaneScalar> Kernel for Filling<'_, '_, L> {
 #[inline(always)]
 fn scatter<L: LaneScalar, const N: usize>(x: &[L; N], nodes: &[usize], at: impl Fn(usize) -> usize, to: &mut [f64]) {
     // As many numbers as there are lanes at a time, so that those of a node are written together.
-    let (mut turned, whole) = (*x, N - N % L::N);
-    for (k, group) in turned[..whole].chunks_exact_mut(L::N).enumerate() {
-        L::transpose(group);
-        for (&n, numbers) in nodes.iter().zip(&*group) {
+    let whole = N - N % L::N;
+    for (k, group) in x[..whole].chunks_exact(L::N).enumerate() {
+        for (&n, numbers) in nodes.iter().zip(&L::transpose(group, 1)) {
             numbers.store(&mut to[at(n) + k * L::N..][..L::N]);
         }
     }
