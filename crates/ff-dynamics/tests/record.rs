@@ -93,6 +93,49 @@ fn every_instruction_set_gives_the_same_sensitivities() {
     }
 }
 
+/// A base with a panel, without joints.
+fn without_joints() -> Model {
+    let mut r = rng(5);
+    let mut m = Model::new("hull", "hull", rand_inertia(&mut r, 40.0), BaseKind::Floating);
+    let part = segment(rand_inertia(&mut r, 4.0), rand_v3(&mut r, 0.5), rand_unit(&mut r)).with_spring(80.0, 1.5);
+    let panel = flex_panel::PanelChain::new(vec![part]).unwrap();
+    m.mount("panel", 0, Xform::new(rand_rot(&mut r), rand_v3(&mut r, 0.7)), panel.into()).unwrap();
+    m
+}
+
+#[test]
+fn few_columns_and_samples_are_those_of_many() {
+    for m in [general(), peers_arm(BaseKind::Floating), without_joints()] {
+        let (p, z0) = (Params::<f64>::nominal(&m), start(&m));
+        let params: Vec<usize> = (0..10).chain(10 * m.n_bodies()..m.n_params()).collect();
+        let run = |params: &[usize], initial: &[usize], samples| {
+            let wanted = Wanted { params: params.to_vec(), initial: initial.to_vec(), ..Wanted::default() };
+            let table = Prescribed::new(&m, &p, &Wave(m.nj()), &Sampling { samples, ..SAMPLING }, &[]);
+            sensitivities(&m, &p, &table, &z0, &wanted).unwrap().1
+        };
+        let initial: Vec<usize> = (0..z0.len()).collect();
+        let all = run(&params, &initial, 17);
+        let last = params.len() - 1;
+        for (some, starts) in
+            [(vec![], vec![]), (vec![last], vec![]), (vec![], vec![4]), (vec![7, 2, last], vec![5, 0])]
+        {
+            let chosen: Vec<usize> = some.iter().map(|&i| params[i]).collect();
+            for samples in [1, 2, 9] {
+                let few = run(&chosen, &starts, samples);
+                let columns: Vec<usize> = some.iter().copied().chain(starts.iter().map(|i| params.len() + i)).collect();
+                for (few, all, channels) in [(&few.tau, &all.tau, m.nj()), (&few.gyro, &all.gyro, 3)] {
+                    assert_eq!(few.shape(), (channels * samples, if channels > 0 { columns.len() } else { 0 }));
+                    for (c, &of) in columns.iter().enumerate().take(few.ncols()) {
+                        let want = all.column(of).rows(0, channels * samples).clone_owned();
+                        let e = (few.column(c) - &want).amax() / want.amax().max(1e-9);
+                        assert!(e < 1e-11, "{}: column {c} of {samples} samples: {e:e}", m.name());
+                    }
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn general_systems_have_exact_sensitivities_of_all_sensors() {
     let m = general();
