@@ -1,8 +1,9 @@
 //! `ff-bench sensitivities`: derivatives of the record with respect to all parameters, against the plain simulation.
 
+use crate::isa::Isa;
 use crate::models::{self, Form, Name};
 use crate::motion::Manoeuvre;
-use ff_dynamics::{Prescribed, Sampling, Wanted, sensitivities, simulate_reduced};
+use ff_dynamics::{Prescribed, Sampling, Wanted, sensitivities, sensitivities_with, simulate_reduced};
 use ff_model::Params;
 use serde::Serialize;
 use std::hint::black_box;
@@ -19,6 +20,9 @@ pub(crate) struct Args {
     /// Repetitions
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     reps: u32,
+    /// Once and nothing else, for an instruction counter, with the lanes of this set
+    #[arg(long, value_enum)]
+    once: Option<Isa>,
 }
 
 #[derive(Serialize)]
@@ -50,11 +54,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         ..Wanted::default()
     };
     let z0 = vec![0.0; 6 + 2 * model.np()];
+    if let Some(isa) = args.once {
+        let (r, _) = sensitivities_with(isa.widest()?, model, &params, &table, &z0, &wanted)?;
+        println!("{}", r.tau.sum());
+        return Ok(());
+    }
     let (mut plain, mut exact) = (Vec::new(), Vec::new());
     let (_, sens) = sensitivities(model, &params, &table, &z0, &wanted)?;
     let differences = differences(model, &params, &table, &z0, &wanted, &sens)?;
     anyhow::ensure!(differences < 1e-4, "sensitivities differ from central differences by {differences:.1e}");
-    // Once untimed: the first call takes its memory from the system page by page. An identification calls again and again.
+    // Once untimed, as an identification calls again and again: memory comes from the system page by page the first time.
+    drop(sens);
     black_box(sensitivities(model, &params, &table, &z0, &wanted)?);
     for _ in 0..args.reps {
         let start = Instant::now();

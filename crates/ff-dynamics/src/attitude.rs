@@ -114,7 +114,7 @@ fn multiply_add<L: LaneScalar>(m: &Matrix3<f64>, x: &[L], y: &mut [L; 3]) {
     let m = &m.data.0;
     for i in 0..3 {
         for j in 0..3 {
-            y[i] = crate::tangent::fma(L::splat(m[j][i]), x[j], y[i]);
+            y[i] = crate::rows::fma(L::splat(m[j][i]), x[j], y[i]);
         }
     }
 }

@@ -8,7 +8,10 @@
 //! ```
 //!
 //! Passive coordinates are unknowns of their own appendage alone, so that the solve costs `O(n)` in the number of
-//! appendages; what is left is 6 x 6. Nothing allocates.
+//! appendages; what is left is 6 x 6.
+//!
+//! For many right-hand sides `(r_b, r_e)` at once [`Inverse`] has `S^-1` of `S = C - sum G M_ee^-1 G^T`, `M_ee^-1 G^T` and
+//! `M_ee^-1`: `x_b = S^-1 (r_b - sum G M_ee^-1 r_e)`, `x_e = M_ee^-1 r_e - M_ee^-1 G^T x_b`. Nothing allocates but its `new`.
 
 use crate::ldl;
 use crate::rows::{RowTask, by_rows};
@@ -96,23 +99,31 @@ struct OwnInverse<T> {
     first: usize,
     n: usize,
     inverse: Vec<T>,
+    /// The factorisation, a buffer.
+    factor: Vec<T>,
 }
 
 impl<T: ModelScalar> Inverse<T> {
     pub(crate) fn new(model: &Model) -> Self {
         let z = T::zero();
-        let own = |a: &Mounted| OwnInverse { first: a.coord_offset, n: a.dim(), inverse: vec![z; a.dim() * a.dim()] };
+        let square = |n: usize| vec![z; n * n];
+        let own = |a: &Mounted| OwnInverse {
+            first: a.coord_offset,
+            n: a.dim(),
+            inverse: square(a.dim()),
+            factor: square(a.dim()),
+        };
         Self { base: [[z; 6]; 6], gain: vec![z; 6 * model.np()], ports: model.appendages().iter().map(own).collect() }
     }
-    /// From the composite inertia; reads `m` and `g` of the ports, writes their `gain`. Meaningless where the mass matrix is
-    /// not positive definite.
+    /// From the composite inertia; reads `m` and `g` of the ports, overwrites the rest of what elimination leaves in them. False
+    /// where a pivot is not positive; the inverse is then meaningless.
     #[inline(always)]
-    pub(crate) fn set(&mut self, ports: &mut [PortWork<T>], c: &Ten<T>) {
-        let (mut s, mut b) = (rigid(c), [T::zero(); 6]);
+    pub(crate) fn set(&mut self, ports: &mut [PortWork<T>], c: &Ten<T>) -> bool {
+        let (mut s, mut b, mut ok) = (rigid(c), [T::zero(); 6], true);
         let m = self.gain.len() / 6;
         for (p, own) in ports.iter_mut().zip(&mut self.ports) {
             p.r.fill(T::zero());
-            eliminate_port(p, &mut s, &mut b);
+            ok &= eliminate_port(p, &mut s, &mut b);
             for i in 0..p.n {
                 for k in 0..6 {
                     self.gain[k * m + own.first + i] = -p.gain[6 * i + k];
@@ -120,12 +131,13 @@ impl<T: ModelScalar> Inverse<T> {
             }
             own.set(p);
         }
-        ldl::factor_fixed(&mut s);
+        ok &= ldl::factor_fixed(&mut s);
         for (k, column) in self.base.iter_mut().enumerate() {
             *column = [T::zero(); 6];
             column[k] = -T::one();
             ldl::solve_fixed(&s, column);
         }
+        ok
     }
     /// Minus the solutions for `W` right-hand sides `[base 6 | passive]` into `x`, columns of length `6 + m` one after another.
     /// Passive rows of the right-hand sides other than `own` are zero.
@@ -168,7 +180,7 @@ impl<T: ModelScalar> Inverse<T> {
                 column[r] = y[r][w];
             }
         }
-        by_rows::<2>(0..m, &mut Passive { gain: &self.gain, y: &y, x });
+        by_rows::<W>(0..m, &mut Passive { gain: &self.gain, y: &y, x });
         for p in &self.ports[ports] {
             for i in 0..p.n {
                 for j in 0..p.n {
@@ -215,23 +227,23 @@ impl<T: ModelScalar, const W: usize> RowTask for Passive<'_, T, W> {
 impl<T: ModelScalar> OwnInverse<T> {
     #[inline(always)]
     fn set(&mut self, p: &PortWork<T>) {
-        let n = self.n;
-        let mut l = [T::zero(); ff_model::MAX_COORDS * ff_model::MAX_COORDS];
+        let Self { n, inverse, factor, .. } = self;
+        let n = *n;
         for i in 0..n {
             for j in 0..=i {
-                l[i * n + j] = p.mass().own(i, j);
+                factor[i * n + j] = p.mass().own(i, j);
             }
         }
-        ldl::factor_inverted(&mut l[..n * n], n);
-        for (j, column) in self.inverse.chunks_exact_mut(n.max(1)).enumerate() {
+        ldl::factor_inverted(factor, n);
+        for (j, column) in inverse.chunks_exact_mut(n.max(1)).enumerate() {
             column.fill(T::zero());
             column[j] = -T::one();
-            ldl::solve_inverted(&l[..n * n], n, column);
+            ldl::solve_inverted(factor, n, column);
         }
     }
 }
 
-/// The same for an appendage on something that does not move. False if its mass matrix is not positive definite.
+/// [`eliminate`] for an appendage on something that does not move. False if its mass matrix is not positive definite.
 #[inline(always)]
 pub(crate) fn alone<T: ModelScalar>(p: &mut PortWork<T>) -> bool {
     eliminate_any(p, &mut [[T::zero(); 6]; 6], &mut [T::zero(); 6])

@@ -189,7 +189,7 @@ impl<T: LaneScalar, S: Sink<T>> Kernel for Block<'_, '_, T, S> {
                     let rate =
                         [sys.dissipated_power(&flight.rk.zs), sys.joint_power(node, &flight.rk.zs, &flight.rk.u)];
                     for (s, &r) in flight.sum.iter_mut().zip(&rate) {
-                        *s = if stage == 0 { weight * r } else { crate::tangent::fma(weight, r, *s) };
+                        *s = if stage == 0 { weight * r } else { crate::rows::fma(weight, r, *s) };
                     }
                 }
                 flight.rk.rate(h, stage);

@@ -6,16 +6,16 @@
 
 use crate::attitude::{Attitude, AttitudeTrack, Turned};
 use crate::reduced::{STAGE, WEIGHT};
-use crate::rows::{RowTask, accumulate, by_rows, copy};
+use crate::rows::{RowTask, accumulate, by_rows, copy, fma};
 use crate::sensitivity::{Sink, Wanted};
-use crate::tangent::{Tangent, fma};
-use ff_lanes::Kernel;
+use crate::tangent::Tangent;
+use ff_lanes::{Kernel, WIDEST};
 use ff_model::{LaneScalar, Model};
 
 /// Columns of a block: as many as the widest lanes have.
-pub(crate) const BLOCK: usize = ff_lanes::WIDEST;
+pub(crate) const BLOCK: usize = WIDEST;
 /// Stages whose derivatives are at hand at once, at most: one per lane.
-const STAGES: usize = ff_lanes::WIDEST;
+const STAGES: usize = WIDEST;
 
 /// The columns `dz`, and what carries them through a step.
 pub(crate) struct Flow<L> {
@@ -41,7 +41,7 @@ pub(crate) struct Flow<L> {
     x: Vec<L>,
     sum: Vec<L>,
     y: Vec<L>,
-    /// One block of solved columns, stages in lanes.
+    /// The solved columns of the state, or a block of those of parameters, stages in lanes.
     solved: Vec<L>,
 }
 
@@ -87,6 +87,7 @@ impl<L: LaneScalar> Flow<L> {
         L::enter(Take { flow: self, tangent });
     }
 
+    /// [`Flow::take`] where it is compiled for its instructions.
     #[inline(always)]
     fn solve(&mut self, t: &Tangent<'_, L>) {
         let (n, nz) = (self.n, self.nz);
@@ -120,7 +121,13 @@ impl<L: LaneScalar> Flow<L> {
     /// Carries all columns through the step whose stages are lanes `lane..lane + 4`, with their states in `points`; hands the start
     /// of the step to `sink`. Without `advance` there is nothing but that start.
     #[inline(never)]
-    pub(crate) fn step(&mut self, lane: usize, advance: bool, points: &[Vec<f64>; 8], sink: Option<&mut Sink<'_, L>>) {
+    pub(crate) fn step(
+        &mut self,
+        lane: usize,
+        advance: bool,
+        points: &[Vec<f64>; WIDEST],
+        sink: Option<&mut Sink<'_, L>>,
+    ) {
         L::enter(Step { flow: self, lane, advance, points, sink });
     }
 
@@ -130,7 +137,7 @@ impl<L: LaneScalar> Flow<L> {
         &mut self,
         lane: usize,
         advance: bool,
-        points: &[Vec<f64>; 8],
+        points: &[Vec<f64>; WIDEST],
         mut sink: Option<&mut Sink<'_, L>>,
     ) {
         let (n, nz, m) = (self.n, self.nz, self.m);
@@ -217,11 +224,9 @@ impl<L: LaneScalar, const W: usize> RowTask for Accelerations<'_, L, W> {
     #[inline(always)]
     fn rows<const R: usize>(&mut self, from: usize) {
         let mut s = [[L::zero(); W]; R];
-        if let Some(force) = self.force[from..].first_chunk::<R>() {
-            copy(force, &mut s);
-        }
+        copy::<_, R>(&self.force[from..], &mut s);
         accumulate(&mut s, self.gain, self.y.len(), from, self.z);
-        copy(&s, &mut self.y[from..]);
+        copy::<_, R>(&s, &mut self.y[from..]);
     }
 }
 
@@ -299,7 +304,7 @@ struct Step<'a, 'b, L: LaneScalar> {
     flow: &'a mut Flow<L>,
     lane: usize,
     advance: bool,
-    points: &'a [Vec<f64>; 8],
+    points: &'a [Vec<f64>; WIDEST],
     sink: Option<&'a mut Sink<'b, L>>,
 }
 

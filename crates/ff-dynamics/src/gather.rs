@@ -12,7 +12,7 @@ pub(crate) struct Gathered<L> {
     width: usize,
     samples: usize,
     columns: usize,
-    /// The first sample that is gathered, and the rows of each block.
+    /// The first sample that is gathered, and the rows: by block, sample and channel, each of [`BLOCK`] columns.
     first: usize,
     group: Vec<L>,
     out: Vec<f64>,

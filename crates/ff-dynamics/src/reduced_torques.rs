@@ -1,9 +1,12 @@
 //! Joint torques of a rigid free-floating system with the base acceleration eliminated: the model of the RDA.
 
+use crate::parts::Columns;
 use crate::prescribed::Prescribed;
 use crate::reduced::{Reduced, ReducedError, check};
 use crate::sensitivity::Wanted;
-use crate::tangent::{Columns, Tangent, TorqueRows};
+use crate::tangent::Tangent;
+use crate::torque_rows::TorqueRows;
+use ff_lanes::WIDEST;
 use ff_model::lanes::{Isa, LaneTask, dispatch};
 use ff_model::{LaneScalar, Model, Params};
 use nalgebra::DMatrix;
@@ -54,7 +57,7 @@ pub fn reduced_torques(
     }
     if columns.count > 0 {
         let d = out.1.as_mut_slice();
-        dispatch(Isa::detect(), Derivatives { model, params, table, columns: &columns, points: &points, d });
+        dispatch(Isa::detect(), Derivatives { model, params, table, columns: &columns, points: &points, d })?;
     }
     Ok(out)
 }
@@ -69,9 +72,9 @@ struct Derivatives<'a> {
 }
 
 impl LaneTask for Derivatives<'_> {
-    type Output = ();
+    type Output = Result<(), ReducedError>;
     #[inline(always)]
-    fn run<L: LaneScalar>(self) {
+    fn run<L: LaneScalar>(self) -> Self::Output {
         let Self { model, params, table, columns, points, d } = self;
         let (n, nj, np) = (points.len(), model.nj(), columns.count);
         let lifted = params.lift::<L>(model);
@@ -82,15 +85,16 @@ impl LaneTask for Derivatives<'_> {
         for first in (0..n).step_by(L::N) {
             // A group that is not full repeats its last sample.
             let at = |lane: usize| (first + lane).min(n - 1);
-            let nodes: [usize; 8] = core::array::from_fn(|lane| table.node_of(at(lane)));
+            let nodes: [usize; WIDEST] = core::array::from_fn(|lane| table.node_of(at(lane)));
             for k in 0..6 {
                 for lane in 0..L::N {
                     z[k].set_lane(lane, points[at(lane)][k]);
                     u[k].set_lane(lane, points[at(lane)][6 + k]);
                 }
             }
-            tangent.evaluate(&nodes[..L::N], &z, &u);
-            // The points themselves were solved for, so the mass matrices are definite.
+            if !tangent.evaluate(&nodes[..L::N], &z, &u) {
+                return Err(ReducedError::Singular { t: table.sample_s * first as f64 });
+            }
             tangent.solve_params(0..np, &mut solved);
             for (lane, point) in points[first..].iter().take(L::N).enumerate() {
                 let sample = first + lane;
@@ -105,5 +109,6 @@ impl LaneTask for Derivatives<'_> {
                 }
             }
         }
+        Ok(())
     }
 }

@@ -1,7 +1,6 @@
 //! Rows of a product, a few at a time, so that what they are summed in stays in registers.
 
-use crate::tangent::fma;
-use ff_model::LaneScalar;
+use ff_model::{LaneScalar, ModelScalar};
 
 /// Something to be done for rows of a product, a few at a time.
 pub(crate) trait RowTask {
@@ -52,11 +51,11 @@ pub(crate) fn accumulate<L: LaneScalar, const R: usize, const W: usize>(
     }
 }
 
-/// Copies a few vectors. Not a loop, of which the compiler would make a call of `memcpy`.
+/// Copies the first `R` of a few vectors. Not a loop, of which the compiler would make a call of `memcpy`.
 #[inline(always)]
-pub(crate) fn copy<T: Copy, const R: usize>(from: &[T; R], to: &mut [T]) {
-    let to = &mut to[..R];
+pub(crate) fn copy<T: Copy, const R: usize>(from: &[T], to: &mut [T]) {
     const { assert!(R <= 8) };
+    let (from, to) = (&from[..R], &mut to[..R]);
     if R > 0 {
         to[0] = from[0];
     }
@@ -81,4 +80,10 @@ pub(crate) fn copy<T: Copy, const R: usize>(from: &[T; R], to: &mut [T]) {
     if R > 7 {
         to[7] = from[7];
     }
+}
+
+/// `a b + c`, whichever trait's method of that name is meant.
+#[inline(always)]
+pub(crate) fn fma<T: ModelScalar>(a: T, b: T, c: T) -> T {
+    a.mul_add(b, c)
 }

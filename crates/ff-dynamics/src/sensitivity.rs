@@ -6,7 +6,7 @@
 //! M du = -(R_z dz + R_p dp),      M = R_u,
 //! ```
 //!
-//! so one regressor `R_p`, one derivative pass `R_z` and one factorisation of `M` per stage serve all parameters
+//! so one regressor `R_p`, one derivative pass `R_z` and one inverse of `M` per stage serve all parameters
 //! (`docs/theory/derivatives.md`). The trajectory does not depend on its derivatives: the stages of a step (of two, with
 //! eight lanes) are integrated first, their derivatives are evaluated together, one stage per lane (`tangent.rs`), and
 //! the columns `dz` are then carried through the step, several columns per vector. The discrete sensitivities are the
@@ -15,11 +15,13 @@
 use crate::attitude::{Attitude, AttitudeTrack};
 use crate::flow::{BLOCK, Flow};
 use crate::gather::Gathered;
+use crate::parts::Columns;
 use crate::prescribed::Prescribed;
 use crate::reduced::{Reduced, ReducedError, Response, Rk4, STAGE, check};
 use crate::rows::{RowTask, accumulate, by_rows, copy};
-use crate::tangent::{Columns, Tangent, TorqueRows};
-use ff_lanes::{Kernel, Lanes};
+use crate::tangent::Tangent;
+use crate::torque_rows::TorqueRows;
+use ff_lanes::{Kernel, Lanes, WIDEST};
 use ff_model::lanes::{Isa, LaneTask, dispatch, splat};
 use ff_model::{LaneScalar, Model, Params};
 use nalgebra::DMatrix;
@@ -90,7 +92,8 @@ pub fn sensitivities(
     sensitivities_with(Isa::detect(), model, params, table, z0, wanted)
 }
 
-/// [`sensitivities`] with the lanes of a given instruction set.
+/// [`sensitivities`] with the lanes of a given instruction set. The response is that of [`crate::simulate_reduced`] to rounding, and
+/// bit for bit with the set that the machine would choose. Allocates results and buffers once.
 ///
 /// # Errors
 /// As [`sensitivities`].
@@ -160,7 +163,9 @@ impl LaneTask for Run<'_> {
                 }
                 rk.finish();
             }
-            points.differentiate(&mut tangent, &mut flow);
+            if !points.differentiate(&mut tangent, &mut flow) {
+                return Err(ReducedError::Singular { t: first as f64 * table.step });
+            }
             for step in first..first + steps.max(1) {
                 let (lane, sample) = (4 * (step - first), step % table.substeps == 0);
                 if sample && let Some(track) = &sink.track {
@@ -220,10 +225,10 @@ impl<T: LaneScalar> Kernel for OneStage<'_, '_, T> {
 /// Points of the trajectory that go through the derivatives together.
 struct Points<L> {
     count: usize,
-    nodes: [usize; 8],
+    nodes: [usize; WIDEST],
     /// By point: state and accelerations, as they were.
-    z: [Vec<f64>; 8],
-    u: [Vec<f64>; 8],
+    z: [Vec<f64>; WIDEST],
+    u: [Vec<f64>; WIDEST],
     /// The same by lane.
     zl: Vec<L>,
     ul: Vec<L>,
@@ -233,7 +238,7 @@ impl<L: LaneScalar> Points<L> {
     fn new(m: usize) -> Self {
         Self {
             count: 0,
-            nodes: [0; 8],
+            nodes: [0; WIDEST],
             z: core::array::from_fn(|_| vec![0.0; 6 + 2 * m]),
             u: core::array::from_fn(|_| vec![0.0; 6 + m]),
             zl: vec![L::zero(); 6 + 2 * m],
@@ -255,25 +260,26 @@ impl<L: LaneScalar> Points<L> {
     fn w(&self, i: usize) -> [f64; 3] {
         [self.z[i][3], self.z[i][4], self.z[i][5]]
     }
-    /// Evaluates the derivatives at all points and hands them to `flow`. A group that is not full repeats its last.
+    /// Evaluates the derivatives at all points and hands them to `flow`. A group that is not full repeats its last. False where a
+    /// mass matrix is not positive definite: these points were solved for, but in other arithmetic.
     #[inline(always)]
-    fn differentiate(&mut self, tangent: &mut Tangent<'_, L>, flow: &mut Flow<L>) {
+    fn differentiate(&mut self, tangent: &mut Tangent<'_, L>, flow: &mut Flow<L>) -> bool {
         for i in self.count..L::N {
             self.nodes[i] = self.nodes[self.count - 1];
         }
         pack(&mut self.zl, &self.z, self.count);
         pack(&mut self.ul, &self.u, self.count);
-        // These points were solved for, so their mass matrices are definite.
-        tangent.evaluate(&self.nodes[..L::N], &self.zl, &self.ul);
+        let definite = tangent.evaluate(&self.nodes[..L::N], &self.zl, &self.ul);
         flow.take(tangent);
+        definite
     }
 }
 
 /// Points `from` by lane; the last of `count` is repeated.
 #[inline(always)]
-fn pack<L: LaneScalar>(to: &mut [L], from: &[Vec<f64>; 8], count: usize) {
+fn pack<L: LaneScalar>(to: &mut [L], from: &[Vec<f64>; WIDEST], count: usize) {
     for (k, to) in to.iter_mut().enumerate() {
-        let mut lanes = [0.0; 8];
+        let mut lanes = [0.0; WIDEST];
         for (i, x) in lanes.iter_mut().enumerate() {
             *x = from[i.min(count - 1)][k];
         }
@@ -336,11 +342,9 @@ impl<'a, L: LaneScalar> Sink<'a, L> {
     pub(crate) fn take<const W: usize>(&mut self, block: usize, dz: &[[L; W]], du: &[[L; W]]) {
         let (rows, at) = (&self.rows, self.sample);
         by_rows::<W>(0..self.model.nj(), &mut Torques { rows, block, dz, du, to: self.d_tau.rows(block, at) });
-        if let Some(rates) = dz.first_chunk::<3>() {
-            copy(rates, self.d_gyro.rows(block, at));
-        }
-        if let (Some(to), Some(base)) = (&mut self.accel, du.first_chunk::<6>()) {
-            copy(base, to.rows(block, at));
+        copy::<_, 3>(dz, self.d_gyro.rows(block, at));
+        if let Some(to) = &mut self.accel {
+            copy::<_, 6>(du, to.rows(block, at));
         }
     }
 
@@ -379,6 +383,6 @@ impl<L: LaneScalar, const W: usize> RowTask for Torques<'_, L, W> {
         }
         accumulate(&mut s, by_u, nj, from, du);
         accumulate(&mut s, by_z, nj, from, dz);
-        copy(&s, &mut self.to[from..]);
+        copy::<_, R>(&s, &mut self.to[from..]);
     }
 }

@@ -29,6 +29,11 @@ fn general() -> Model {
         let modal = ModalAppendage::new(rigid, &modes).unwrap();
         m.mount(format!("modal{host}"), host, at(&mut r), modal.into()).unwrap();
     }
+    // Ports of no coordinates, and of more than the sizes with code of their own.
+    let client = payload::Payload::new(&rand_inertia(&mut r, 6.0)).unwrap();
+    m.mount("client", 5, at(&mut r), client.into()).unwrap();
+    let part = segment(rand_inertia(&mut r, 2.0), rand_v3(&mut r, 0.4), rand_unit(&mut r)).with_spring(60.0, 1.0);
+    m.mount("blade", 0, at(&mut r), flex_panel::PanelChain::new(vec![part; 5]).unwrap().into()).unwrap();
     let slosh = slosh_pendulum::SloshPendulum::new(30.0, 0.6, [9.0, 11.0], [1.5, 2.0]).unwrap();
     m.mount("tank", 0, at(&mut r), slosh.into()).unwrap();
     m
@@ -63,6 +68,12 @@ fn att(t: &DMatrix<f64>, i: usize) -> Vector4<f64> {
     Vector4::new(t[(i, 0)], t[(i, 1)], t[(i, 2)], t[(i, 3)])
 }
 
+/// Torques, gyro, accelerations, attitude.
+fn channels(s: &Sensitivities) -> [DMatrix<f64>; 4] {
+    let attitude = s.attitude.as_ref().unwrap();
+    [&s.tau, &s.gyro, s.accel.as_ref().unwrap(), &attitude.d].map(Clone::clone)
+}
+
 #[test]
 fn every_instruction_set_gives_the_same_sensitivities() {
     let m = general();
@@ -76,13 +87,9 @@ fn every_instruction_set_gives_the_same_sensitivities() {
         let sampling = Sampling { samples, ..SAMPLING };
         let table = Prescribed::new(&m, &p, &Wave(m.nj()), &sampling, &[]);
         let run = |isa| sensitivities_with(isa, &m, &p, &table, &z0, &wanted).unwrap().1;
-        let all = |s: &Sensitivities| {
-            let attitude = s.attitude.as_ref().unwrap();
-            [&s.tau, &s.gyro, s.accel.as_ref().unwrap(), &attitude.d].map(Clone::clone)
-        };
-        let want = all(&run(Isa::Portable));
+        let want = channels(&run(Isa::Portable));
         for isa in [Isa::V3, Isa::V4].into_iter().filter(|&i| i <= Isa::detect()) {
-            for (got, want) in all(&run(isa)).iter().zip(&want) {
+            for (got, want) in channels(&run(isa)).iter().zip(&want) {
                 assert_eq!(got.shape(), want.shape());
                 for (c, (got, want)) in got.column_iter().zip(want.column_iter()).enumerate() {
                     let e = (got - want).amax() / want.amax().max(1e-9);
@@ -109,9 +116,11 @@ fn few_columns_and_samples_are_those_of_many() {
         let (p, z0) = (Params::<f64>::nominal(&m), start(&m));
         let params: Vec<usize> = (0..10).chain(10 * m.n_bodies()..m.n_params()).collect();
         let run = |params: &[usize], initial: &[usize], samples| {
-            let wanted = Wanted { params: params.to_vec(), initial: initial.to_vec(), ..Wanted::default() };
-            let table = Prescribed::new(&m, &p, &Wave(m.nj()), &Sampling { samples, ..SAMPLING }, &[]);
-            sensitivities(&m, &p, &table, &z0, &wanted).unwrap().1
+            let wanted = Wanted { params: params.to_vec(), initial: initial.to_vec(), accel: true, attitude: true };
+            // Both steps of eight stages are samples.
+            let sampling = Sampling { samples, sample_s: 0.02, substeps: 1 };
+            let table = Prescribed::new(&m, &p, &Wave(m.nj()), &sampling, &[]);
+            channels(&sensitivities(&m, &p, &table, &z0, &wanted).unwrap().1)
         };
         let initial: Vec<usize> = (0..z0.len()).collect();
         let all = run(&params, &initial, 17);
@@ -123,7 +132,7 @@ fn few_columns_and_samples_are_those_of_many() {
             for samples in [1, 2, 9] {
                 let few = run(&chosen, &starts, samples);
                 let columns: Vec<usize> = some.iter().copied().chain(starts.iter().map(|i| params.len() + i)).collect();
-                for (few, all, channels) in [(&few.tau, &all.tau, m.nj()), (&few.gyro, &all.gyro, 3)] {
+                for ((few, all), channels) in few.iter().zip(&all).zip([m.nj(), 3, 6, 3]) {
                     assert_eq!(few.shape(), (channels * samples, if channels > 0 { columns.len() } else { 0 }));
                     for (c, &of) in columns.iter().enumerate().take(few.ncols()) {
                         let want = all.column(of).rows(0, channels * samples).clone_owned();

@@ -211,11 +211,12 @@ fn transpose4(r: &[Avx2x4], stride: usize) -> [Avx2x4; WIDEST] {
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn transpose8(r: &[Avx512x8], stride: usize) -> [Avx512x8; WIDEST] {
-    let pair = |i: usize| {
-        let (x, y) = (r[i * stride].0, r[(i + 1) * stride].0);
-        (_mm512_unpacklo_pd(x, y), _mm512_unpackhi_pd(x, y))
-    };
-    let ((a, b), (c, d), (e, f), (g, h)) = (pair(0), pair(2), pair(4), pair(6));
+    let (s, t, u, v) = (r[0].0, r[stride].0, r[2 * stride].0, r[3 * stride].0);
+    let (w, x, y, z) = (r[4 * stride].0, r[5 * stride].0, r[6 * stride].0, r[7 * stride].0);
+    let (a, b) = (_mm512_unpacklo_pd(s, t), _mm512_unpackhi_pd(s, t));
+    let (c, d) = (_mm512_unpacklo_pd(u, v), _mm512_unpackhi_pd(u, v));
+    let (e, f) = (_mm512_unpacklo_pd(w, x), _mm512_unpackhi_pd(w, x));
+    let (g, h) = (_mm512_unpacklo_pd(y, z), _mm512_unpackhi_pd(y, z));
     let (even, odd) = (transpose_pairs(a, c, e, g), transpose_pairs(b, d, f, h));
     [even[0], odd[0], even[1], odd[1], even[2], odd[2], even[3], odd[3]]
 }

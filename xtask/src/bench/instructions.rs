@@ -17,7 +17,7 @@ use std::process::{Command, Stdio};
 pub struct Kept {
     /// Compiler the counts were taken with; another one gives other counts.
     pub rustc: String,
-    /// Instructions per state by `model.function.form.isa`.
+    /// Instructions per state, or sample of a record, by `model.function.form.isa`.
     pub instructions: BTreeMap<String, f64>,
 }
 
@@ -50,6 +50,11 @@ const COUNTED: [(&str, &str, &str, u32, &str); 19] = [
     ("flex", "ports", "id_derivatives", 4, "v3"),
 ];
 
+/// Sensitivities of the 58 parameters of `flex`, per sample and step of 10 ms, in lanes as above.
+const SENSITIVITIES: &str = "flex.sensitivities58.x4.ports.v3";
+/// Samples of a record, whose cost is the difference to one of twice as many.
+const SAMPLES: u64 = 256;
+
 /// Counts, compares, and keeps if asked to.
 ///
 /// # Errors
@@ -77,6 +82,15 @@ pub fn run(root: &Path, args: &Args) -> anyhow::Result<()> {
         eprintln!("{name}: {per_state:.1}");
         now.instructions.insert(name, (10.0 * per_state).round() / 10.0);
     }
+    if SENSITIVITIES.contains(&args.only) {
+        let count = |samples: u64| {
+            let seconds = format!("{}", 0.01 * samples as f64);
+            collected(&valgrind, &program, &["sensitivities", "--once", "v3", "--seconds", &seconds])
+        };
+        let per_sample = (count(2 * SAMPLES)? as f64 - count(SAMPLES)? as f64) / SAMPLES as f64;
+        eprintln!("{SENSITIVITIES}: {per_sample:.1}");
+        now.instructions.insert(SENSITIVITIES.into(), (10.0 * per_sample).round() / 10.0);
+    }
     println!("{}", table(&kept, &now));
     if args.keep {
         let mut all = kept.instructions;
@@ -103,7 +117,7 @@ fn above(kept: &Kept, now: &Kept) -> Vec<String> {
 }
 
 fn table(kept: &Kept, now: &Kept) -> Table {
-    let mut t = Table::new("Instructions per state (callgrind)", &["", "now", "kept", "change"]);
+    let mut t = Table::new("Instructions per state or sample (callgrind)", &["", "now", "kept", "change"]);
     for (name, n) in &now.instructions {
         let (k, change) = match kept.instructions.get(name) {
             Some(k) => (format!("{k:.0}"), format!("{:+.1} %", 100.0 * (n / k - 1.0))),

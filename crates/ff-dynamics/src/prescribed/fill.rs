@@ -158,7 +158,7 @@ impl<L: LaneScalar> Kernel for Filling<'_, '_, L> {
                 let row = own.row(&s, &u);
                 let qd = L::load(&given[nj + i - 1]);
                 for (p, &x) in power.iter_mut().zip(&row) {
-                    *p = crate::tangent::fma(x, qd, *p);
+                    *p = crate::rows::fma(x, qd, *p);
                 }
                 if rows {
                     scatter(&row, &nodes[..count], |n| (n / per * nj + i - 1) * ROW, &mut table.rows);
