@@ -469,10 +469,8 @@ fn faults(r: &IdentificationResult, args: &Args) -> Problems {
     if let Some(m) = r.minima.as_ref().filter(|m| m.objectives.len() > 1) {
         let costs: Vec<String> = m.objectives.iter().map(|o| format!("{o:.4e}")).collect();
         let what = format!("{} starts led to {} minima, of cost {}", m.starts, costs.len(), costs.join(", "));
-        add(
-            Problem::warning(Area::Data, "Fit::MultipleMinima", what),
-            "the lowest was taken; start nearer, or excite more",
-        );
+        let hint = format!("{}; start nearer, or excite more", m.taken());
+        add(Problem::warning(Area::Data, "Fit::MultipleMinima", what), &hint);
     }
     if r.chi2_per_dof > args.fit.limit() {
         let what = format!("chi-squared per degree of freedom {:.3}, limit {}", r.chi2_per_dof, args.fit.limit());

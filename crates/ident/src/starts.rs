@@ -5,10 +5,13 @@
 
 use crate::estimator::{Estimate, EstimateError, Estimator, Request, estimate};
 
-/// Relative difference of two objectives below which they may be the same minimum.
+/// Relative difference of two objectives below which they are equal.
 const SAME_COST: f64 = 1e-6;
 /// Distance of two estimates, in standard deviations of every parameter, below which they are the same minimum.
 const SAME_PLACE: f64 = 0.1;
+/// The same for two of equal cost: one flat minimum whose ends the uncertainty covers. Beyond it they are two, as those of a
+/// symmetric system, between which the data cannot choose.
+const SAME_FLAT: f64 = 3.0;
 
 /// Where one start led.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -75,12 +78,15 @@ pub fn best_of<E: Estimator + ?Sized>(
     }
 }
 
+/// Whether two objectives (sums of squared whitened residuals and prior terms) are equal as far as a fit reaches.
+pub fn equal_cost(a: f64, b: f64) -> bool {
+    (a - b).abs() <= SAME_COST * a.abs().max(1.0)
+}
+
+/// Whether two ends are the same minimum. Parameters that the data cannot tell do not count.
 fn same(a: &Estimate, b: &Estimate) -> bool {
-    let close = |(x, y): (&crate::Estimated, &crate::Estimated)| {
-        x.std.is_none_or(|s| (x.value - y.value).abs() <= SAME_PLACE * s)
-    };
-    (a.objective - b.objective).abs() <= SAME_COST * a.objective.abs().max(1.0)
-        || a.parameters.iter().zip(&b.parameters).all(close)
+    let reach = if equal_cost(a.objective, b.objective) { SAME_FLAT } else { SAME_PLACE };
+    a.parameters.iter().zip(&b.parameters).all(|(x, y)| x.std.is_none_or(|s| (x.value - y.value).abs() <= reach * s))
 }
 
 #[cfg(test)]
@@ -90,8 +96,10 @@ mod tests {
     use ff_model::{ParamDecl, ParamGroup};
     use nalgebra::DMatrix;
 
-    /// `(p^2 - 1)^2 + 0.3 p` has a minimum on each side of zero, the left one lower.
-    struct TwoWells;
+    /// `(p^2 - 1)^2 + tilt p` has a minimum on each side of zero, the left one lower where it is tilted.
+    struct TwoWells {
+        tilt: f64,
+    }
 
     impl Estimator for TwoWells {
         fn rows(&self) -> usize {
@@ -102,7 +110,7 @@ mod tests {
                 return Err(EvalError::Rejected("too far".into()));
             }
             r[0] = full[0] * full[0] - 1.0;
-            r[1] = (0.3 * (full[0] + 4.0)).sqrt();
+            r[1] = (self.tilt * (full[0] + 4.0)).sqrt();
             Ok(())
         }
         fn jacobian(
@@ -115,7 +123,7 @@ mod tests {
         ) -> Result<(), EvalError> {
             self.residuals(full, extra, r)?;
             j[(0, 0)] = 2.0 * full[0];
-            j[(1, 0)] = 0.15 / r[1];
+            j[(1, 0)] = if self.tilt > 0.0 { 0.5 * self.tilt / r[1] } else { 0.0 };
             Ok(())
         }
     }
@@ -126,15 +134,28 @@ mod tests {
         let decls = [ParamDecl { bounds: (-inf, inf), group: ParamGroup::Free, ..ParamDecl::positive("p", "1", 1.0) }];
         let request = Request::new(&decls, &[0], &[1.0]);
         let starts: Vec<Vec<f64>> = [1.4, -1.7, 0.8, 7.0, -0.9].iter().map(|p| vec![*p]).collect();
-        let best = best_of(&request, &starts, &mut TwoWells).unwrap();
+        let best = best_of(&request, &starts, &mut TwoWells { tilt: 0.3 }).unwrap();
         assert!(best.estimate.values[0] < -1.0, "{:?}", best.estimate.values);
         assert_eq!(best.minima.len(), 2);
         assert!(best.minima[0] < best.minima[1]);
         assert!(best.endings[3].error.as_deref().is_some_and(|e| e.contains("too far")));
         assert_eq!(best.endings.iter().filter(|e| e.converged).count(), 4);
-        let one = best_of(&request, &starts[..1], &mut TwoWells).unwrap();
+        let one = best_of(&request, &starts[..1], &mut TwoWells { tilt: 0.3 }).unwrap();
         assert!(one.minima.len() == 1 && one.estimate.values[0] > 0.0);
-        assert!(best_of(&request, &starts[3..4], &mut TwoWells).is_err());
-        assert!(matches!(best_of(&request, &[], &mut TwoWells), Err(EstimateError::NoStart)));
+        assert!(best_of(&request, &starts[3..4], &mut TwoWells { tilt: 0.3 }).is_err());
+        assert!(matches!(best_of(&request, &[], &mut TwoWells { tilt: 0.3 }), Err(EstimateError::NoStart)));
+    }
+
+    #[test]
+    fn minima_of_equal_cost_are_told_apart_by_their_places() {
+        let inf = f64::INFINITY;
+        let decls = [ParamDecl { bounds: (-inf, inf), group: ParamGroup::Free, ..ParamDecl::positive("p", "1", 1.0) }];
+        let request = Request::new(&decls, &[0], &[1.0]);
+        let starts: Vec<Vec<f64>> = [1.4, -1.7, 0.8, -0.9].iter().map(|p| vec![*p]).collect();
+        let best = best_of(&request, &starts, &mut TwoWells { tilt: 0.0 }).unwrap();
+        assert!(best.endings.iter().all(|e| e.converged));
+        assert!(best.minima.len() == 2 && equal_cost(best.minima[0], best.minima[1]), "{:?}", best.minima);
+        let right = [starts[0].clone(), starts[2].clone()];
+        assert_eq!(best_of(&request, &right, &mut TwoWells { tilt: 0.0 }).unwrap().minima.len(), 1);
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::ident::identifiability::{Reduced, Silence};
 use crate::ident::profile::Profile;
+use crate::ident::starts::equal_cost;
 use crate::ident::whiteness::ChannelCheck;
 use serde::{Deserialize, Serialize};
 
@@ -123,6 +124,16 @@ pub struct Minima {
     pub converged: usize,
     /// Twice the negative log posterior of every distinct minimum, ascending; one when all agree.
     pub objectives: Vec<f64>,
+}
+
+impl Minima {
+    /// Which of several minima was taken, in words.
+    pub fn taken(&self) -> &'static str {
+        match self.objectives.get(..2) {
+            Some(&[a, b]) if equal_cost(a, b) => "one of equal cost was taken: the data cannot choose between them",
+            _ => "the lowest was taken",
+        }
+    }
 }
 
 /// Level at which residuals of all channels together count as coloured.

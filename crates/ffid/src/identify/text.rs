@@ -60,9 +60,10 @@ pub(super) fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
     }
     if let Some(m) = r.minima.as_ref().filter(|m| m.objectives.len() > 1) {
         out.push(format!(
-            "The fit has {} minima: {} starts led to different answers, and the lowest was taken.",
+            "The fit has {} minima: {} starts led to different answers, and {}.",
             m.objectives.len(),
-            m.starts
+            m.starts,
+            m.taken()
         ));
     }
     for (t, words) in [
