@@ -4,7 +4,7 @@ use anyhow::ensure;
 use clap::ValueEnum;
 use ff_model::lanes::Isa as Set;
 
-/// Widest instruction set to use for lanes. Whole tasks (`sim`, `sensitivities`) choose for themselves; under valgrind
+/// Widest instruction set to use for lanes. Whole tasks that are timed (`sim`, `sensitivities`) choose for themselves; under valgrind
 /// 3.19, which knows no AVX-512, they choose AVX2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Isa {

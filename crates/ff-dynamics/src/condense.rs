@@ -14,8 +14,9 @@
 //! `M_ee^-1`: `x_b = S^-1 (r_b - sum G M_ee^-1 r_e)`, `x_e = M_ee^-1 r_e - M_ee^-1 G^T x_b`. Nothing allocates but its `new`.
 
 use crate::ldl;
-use crate::rows::{RowTask, by_rows};
+use crate::rows::{RowTask, accumulate, by_rows};
 use crate::work::PortWork;
+use core::convert::identity;
 use ff_model::vec3::{Ten, V3};
 use ff_model::{Model, ModelScalar, Mounted, PortView};
 
@@ -99,20 +100,12 @@ struct OwnInverse<T> {
     first: usize,
     n: usize,
     inverse: Vec<T>,
-    /// The factorisation, a buffer.
-    factor: Vec<T>,
 }
 
 impl<T: ModelScalar> Inverse<T> {
     pub(crate) fn new(model: &Model) -> Self {
         let z = T::zero();
-        let square = |n: usize| vec![z; n * n];
-        let own = |a: &Mounted| OwnInverse {
-            first: a.coord_offset,
-            n: a.dim(),
-            inverse: square(a.dim()),
-            factor: square(a.dim()),
-        };
+        let own = |a: &Mounted| OwnInverse { first: a.coord_offset, n: a.dim(), inverse: vec![z; a.dim() * a.dim()] };
         Self { base: [[z; 6]; 6], gain: vec![z; 6 * model.np()], ports: model.appendages().iter().map(own).collect() }
     }
     /// From the composite inertia; reads `m` and `g` of the ports, overwrites the rest of what elimination leaves in them. False
@@ -167,13 +160,7 @@ impl<T: ModelScalar> Inverse<T> {
             }
         }
         let mut y = [[T::zero(); W]; 6];
-        for k in 0..6 {
-            for r in 0..6 {
-                for w in 0..W {
-                    y[r][w] = self.base[k][r].mul_add(b[k][w], y[r][w]);
-                }
-            }
-        }
+        accumulate(&mut y, identity, self.base.as_flattened(), 6, 0, &b);
         for w in 0..W {
             let column = &mut x[w * n..w * n + 6];
             for r in 0..6 {
@@ -207,14 +194,7 @@ impl<T: ModelScalar, const W: usize> RowTask for Passive<'_, T, W> {
     fn rows<const R: usize>(&mut self, from: usize) {
         let m = self.gain.len() / 6;
         let mut s = [[T::zero(); W]; R];
-        for k in 0..6 {
-            let g = &self.gain[k * m + from..k * m + from + R];
-            for r in 0..R {
-                for w in 0..W {
-                    s[r][w] = g[r].mul_add(self.y[k][w], s[r][w]);
-                }
-            }
-        }
+        accumulate(&mut s, identity, self.gain, m, from, self.y);
         for w in 0..W {
             let x = &mut self.x[w * (6 + m) + 6 + from..][..R];
             for r in 0..R {
@@ -225,20 +205,20 @@ impl<T: ModelScalar, const W: usize> RowTask for Passive<'_, T, W> {
 }
 
 impl<T: ModelScalar> OwnInverse<T> {
+    /// Reads `m` of the port; its `ee` is a buffer.
     #[inline(always)]
-    fn set(&mut self, p: &PortWork<T>) {
-        let Self { n, inverse, factor, .. } = self;
-        let n = *n;
+    fn set(&mut self, p: &mut PortWork<T>) {
+        let n = self.n;
         for i in 0..n {
             for j in 0..=i {
-                factor[i * n + j] = p.mass().own(i, j);
+                p.ee[i * n + j] = p.mass().own(i, j);
             }
         }
-        ldl::factor_inverted(factor, n);
-        for (j, column) in inverse.chunks_exact_mut(n.max(1)).enumerate() {
+        ldl::factor_inverted(&mut p.ee, n);
+        for (j, column) in self.inverse.chunks_exact_mut(n.max(1)).enumerate() {
             column.fill(T::zero());
             column[j] = -T::one();
-            ldl::solve_inverted(factor, n, column);
+            ldl::solve_inverted(&p.ee, n, column);
         }
     }
 }

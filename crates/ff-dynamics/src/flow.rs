@@ -225,7 +225,7 @@ impl<L: LaneScalar, const W: usize> RowTask for Accelerations<'_, L, W> {
     fn rows<const R: usize>(&mut self, from: usize) {
         let mut s = [[L::zero(); W]; R];
         copy::<_, R>(&self.force[from..], &mut s);
-        accumulate(&mut s, self.gain, self.y.len(), from, self.z);
+        accumulate(&mut s, L::splat, self.gain, self.y.len(), from, self.z);
         copy::<_, R>(&s, &mut self.y[from..]);
     }
 }

@@ -1,6 +1,7 @@
 //! Derivatives of measured channels on their way into matrices, a block of columns at a time.
 
 use crate::flow::BLOCK;
+use ff_lanes::WIDEST;
 use ff_model::LaneScalar;
 use nalgebra::DMatrix;
 
@@ -20,7 +21,7 @@ pub(crate) struct Gathered<L> {
 
 impl<L: LaneScalar> Gathered<L> {
     /// Samples that are gathered: a multiple of the lanes.
-    const SAMPLES: usize = 8;
+    const SAMPLES: usize = WIDEST;
     /// Vectors in a row of a block.
     const PARTS: usize = BLOCK / L::N;
 

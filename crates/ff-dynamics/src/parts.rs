@@ -241,7 +241,7 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
         let LinkColumns { site, wanted, .. } = &self.columns.links[l];
         let frame = &self.frames[*site];
         let host = frame.carried(&at.w, &at.al, &at.a, &at.field);
-        let moving = Moving { w: host.w, al: host.al, a: host.a, field: M3::field(&host.w, &host.al) };
+        let moving = Moving::new(host.w, host.al, host.a);
         let mut rows = [[T::zero(); 10]; 6];
         for (r, row) in rows.iter_mut().enumerate() {
             let e = unit::<T>(r % 3);

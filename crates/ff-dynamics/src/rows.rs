@@ -1,6 +1,6 @@
 //! Rows of a product, a few at a time, so that what they are summed in stays in registers.
 
-use ff_model::{LaneScalar, ModelScalar};
+use ff_model::ModelScalar;
 
 /// Something to be done for rows of a product, a few at a time.
 pub(crate) trait RowTask {
@@ -31,19 +31,21 @@ pub(crate) fn by_rows<const W: usize>(rows: core::ops::Range<usize>, task: &mut 
     }
 }
 
-/// Adds rows `from..from + R` of `G x`; `G` has `n` rows and lies column by column.
+/// Adds rows `from..from + R` of `G x`; `G` has `n` rows and lies column by column. Its elements are numbers, the same for all lanes
+/// (`lift` is `splat`), or lanes themselves (`identity`).
 #[inline(always)]
-pub(crate) fn accumulate<L: LaneScalar, const R: usize, const W: usize>(
-    s: &mut [[L; W]; R],
-    gain: &[f64],
+pub(crate) fn accumulate<T: ModelScalar, G: Copy, const R: usize, const W: usize>(
+    s: &mut [[T; W]; R],
+    lift: impl Fn(G) -> T,
+    gain: &[G],
     n: usize,
     from: usize,
-    x: &[[L; W]],
+    x: &[[T; W]],
 ) {
     for (x, g) in x.iter().zip(gain.chunks_exact(n)) {
         let g = &g[from..from + R];
         for r in 0..R {
-            let k = L::splat(g[r]);
+            let k = lift(g[r]);
             for w in 0..W {
                 s[r][w] = fma(k, x[w], s[r][w]);
             }

@@ -381,8 +381,8 @@ impl<L: LaneScalar, const W: usize> RowTask for Torques<'_, L, W> {
                 }
             }
         }
-        accumulate(&mut s, by_u, nj, from, du);
-        accumulate(&mut s, by_z, nj, from, dz);
+        accumulate(&mut s, L::splat, by_u, nj, from, du);
+        accumulate(&mut s, L::splat, by_z, nj, from, dz);
         copy::<_, R>(&s, &mut self.to[from..]);
     }
 }

@@ -33,25 +33,17 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
         let parts = Parts::new(model, params, table, columns);
         let (m, ports) = (model.np(), model.appendages());
         // Angular velocity of the base, and its velocity, move all ports.
-        let own_z = |c: usize| match c {
-            c if (3..3 + 2 * m).contains(&c) => {
-                ports.iter().rposition(|a| a.coord_offset <= (c - 3) % m).map_or(OwnRows::All, OwnRows::Port)
-            }
-            _ => OwnRows::All,
-        };
+        let mut own_z = vec![OwnRows::All; nz];
+        for (k, a) in ports.iter().enumerate() {
+            let own = 3 + a.coord_offset..3 + a.coord_offset + a.dim();
+            own_z[own.start + m..own.end + m].fill(OwnRows::Port(k));
+            own_z[own].fill(OwnRows::Port(k));
+        }
         let mut own_p = vec![OwnRows::None; columns.count];
         for (k, wanted) in columns.ports.iter().enumerate() {
             wanted.iter().for_each(|&(_, col)| own_p[col] = OwnRows::Port(k));
         }
-        Self {
-            parts,
-            nz,
-            mass: Inverse::new(model),
-            own_z: (0..nz).map(own_z).collect(),
-            own_p,
-            rz: z(n * nz),
-            rp: z(n * columns.count),
-        }
+        Self { parts, nz, mass: Inverse::new(model), own_z, own_p, rz: z(n * nz), rp: z(n * columns.count) }
     }
 
     /// Evaluates all columns at points `(z, u)`, given by lane, and nodes. False where a mass matrix is not positive definite; there

@@ -23,7 +23,7 @@ pub(crate) struct PortWork<T: ModelScalar> {
     pub(crate) m: Vec<T>,
     /// Bias, `6+n`.
     pub(crate) h: Vec<T>,
-    /// Factorised `M_ee`, `n^2`.
+    /// Factorised `M_ee`, `n^2`: a buffer of the elimination.
     pub(crate) ee: Vec<T>,
     /// `M_ee^-1 M_eb`, `n x 6` row-major.
     pub(crate) gain: Vec<T>,

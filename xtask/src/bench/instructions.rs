@@ -52,8 +52,6 @@ const COUNTED: [(&str, &str, &str, u32, &str); 19] = [
 
 /// Sensitivities of the 58 parameters of `flex`, per sample and step of 10 ms, in lanes as above.
 const SENSITIVITIES: &str = "flex.sensitivities58.x4.ports.v3";
-/// Samples of a record, whose cost is the difference to one of twice as many.
-const SAMPLES: u64 = 256;
 
 /// Counts, compares, and keeps if asked to.
 ///
@@ -65,32 +63,27 @@ pub fn run(root: &Path, args: &Args) -> anyhow::Result<()> {
     let path = root.join("bench").join("instructions.json");
     let kept = read(&path)?;
     let mut now = Kept { rustc: rustc(root)?, ..Kept::default() };
-    for (model, form, function, lanes, isa) in COUNTED {
-        let suffix = if lanes == 1 { String::new() } else { format!(".x{lanes}") };
-        let name = format!("{model}.{function}{suffix}.{form}.{isa}");
+    // `command` is what runs so many calls; each is of `states`.
+    let mut count = |name: String, states: u32, command: &dyn Fn(u64) -> String| -> Result<(), Failure> {
         if !name.contains(&args.only) {
-            continue;
+            return Ok(());
         }
-        let count = |calls: u64| {
-            let (lanes, calls) = (lanes.to_string(), calls.to_string());
-            let own = ["--model", model, "--form", form, "--function", function, "--lanes", &lanes, "--isa", isa];
-            let own: Vec<&str> = [&["count"], own.as_slice(), &["--calls", &calls]].concat();
-            collected(&valgrind, &program, &own)
-        };
-        let (once, twice) = (count(CALLS)?, count(2 * CALLS)?);
-        let per_state = (twice as f64 - once as f64) / (CALLS * u64::from(lanes)) as f64;
+        let taken = |n: u64| collected(&valgrind, &program, &command(n).split(' ').collect::<Vec<_>>());
+        let (once, twice) = (taken(CALLS)?, taken(2 * CALLS)?);
+        let per_state = (twice as f64 - once as f64) / (CALLS * u64::from(states)) as f64;
         eprintln!("{name}: {per_state:.1}");
         now.instructions.insert(name, (10.0 * per_state).round() / 10.0);
+        Ok(())
+    };
+    for (model, form, function, lanes, isa) in COUNTED {
+        let suffix = if lanes == 1 { String::new() } else { format!(".x{lanes}") };
+        count(format!("{model}.{function}{suffix}.{form}.{isa}"), lanes, &|calls| {
+            let what = format!("--model {model} --form {form} --function {function}");
+            format!("count {what} --lanes {lanes} --isa {isa} --calls {calls}")
+        })?;
     }
-    if SENSITIVITIES.contains(&args.only) {
-        let count = |samples: u64| {
-            let seconds = format!("{}", 0.01 * samples as f64);
-            collected(&valgrind, &program, &["sensitivities", "--once", "v3", "--seconds", &seconds])
-        };
-        let per_sample = (count(2 * SAMPLES)? as f64 - count(SAMPLES)? as f64) / SAMPLES as f64;
-        eprintln!("{SENSITIVITIES}: {per_sample:.1}");
-        now.instructions.insert(SENSITIVITIES.into(), (10.0 * per_sample).round() / 10.0);
-    }
+    // A call is a sample of the record, and a step.
+    count(SENSITIVITIES.into(), 1, &|samples| format!("sensitivities --once v3 --seconds {}", 0.01 * samples as f64))?;
     println!("{}", table(&kept, &now));
     if args.keep {
         let mut all = kept.instructions;
