@@ -19,10 +19,9 @@
 //! | a motion over time, and what sensors see of it | [`mod@simulate`], [`sensors`] |
 //! | thrusters, wrenches, gravity gradient, motors | [`inputs`] |
 //! | several runs at once, one per lane | [`ensemble`] |
-//! | the step a system needs; steps that adapt | [`step`], [`adaptive`] |
+//! | the step a system needs | [`step`] |
 
 pub mod aba;
-pub mod adaptive;
 mod attitude;
 pub mod blocks;
 pub mod bspline;
@@ -64,7 +63,6 @@ mod tree;
 mod work;
 
 pub use aba::{SingularInertia, aba};
-pub use adaptive::{AdaptiveOptions, StepReport, simulate_adaptive};
 pub use attitude::Attitude;
 pub use blocks::MassBlocks;
 pub use centroidal::{Centroidal, CentroidalRate};

@@ -16,7 +16,6 @@
 //! | [`staged`], [`starts`] | rough starts over beginnings and thinned records; many starts, and whether they agree |
 //! | [`complete`] | a rigid system with base accelerometer, by linear least squares |
 //! | [`ground`] | the arm on the ground: link parameters and joint friction, by linear least squares |
-//! | [`momentum`] | a rigid system from joint motion and gyro alone |
 //! | [`linear`], [`tall_qr`] | linear least squares over a record, in memory that does not grow with it |
 //! | [`project`](mod@project) | the nearest parameters that bodies and joints can have |
 //! | [`several`], [`ties`] | several records in one fit; parameters that are functions of fewer unknowns |
@@ -59,7 +58,6 @@ pub mod modal_fit;
 pub mod modal_model;
 mod modal_refine;
 pub mod mode_match;
-pub mod momentum;
 pub mod motion_fit;
 pub mod output_error;
 pub mod peaks;
