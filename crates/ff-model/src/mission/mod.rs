@@ -49,12 +49,14 @@
 
 mod appendage;
 mod client;
+mod declared;
 mod excite;
 mod input;
 mod lift;
 mod limits;
 mod reader;
 mod robot;
+pub mod schema;
 mod select;
 mod settings;
 mod values;
@@ -73,16 +75,37 @@ use crate::problem::{Area, Problem, Problems};
 use crate::registry::Registry;
 use crate::text::{LineIndex, clip, list, nearest};
 use crate::urdf::{self, UrdfOptions};
-use appendage::{Draft, Kinds};
+use appendage::{APPENDAGE, Draft, Kinds};
+use client::CLIENT;
+use declared::{Holds, Key, key, must};
+use excite::EXCITE;
+use input::INPUTS;
+use limits::LIMITS;
 use nalgebra::Vector3;
 use reader::{Context, Table, error};
+use robot::ROBOT;
 use serde::Serialize;
+use settings::{ESTIMATE, REPRODUCE, SENSORS};
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::de::DeTable;
 
 /// Largest mission file read (bytes).
 pub const MAX_BYTES: usize = 1 << 20;
+
+/// Keys of a mission file. Those of a section are declared beside what it is read to.
+const ROOT: &[Key] = &[
+    must("robot", Holds::Table(ROBOT), "which robot, which base, gravity"),
+    key("client", Holds::Tables(CLIENT), "what the end effector holds"),
+    key("appendage", Holds::Appendages(APPENDAGE), "what hangs on the robot: panels, fuel, wheels"),
+    key("input", Holds::TablesOf(INPUTS), "what acts in ffid simulate"),
+    key("sensors", Holds::Table(SENSORS), "rate and noise of the sensors"),
+    key("limits", Holds::Table(LIMITS), "what planned motion must keep to"),
+    key("estimate", Holds::Table(ESTIMATE), "what is identified, and from which start"),
+    key("excite", Holds::Table(EXCITE), "the manoeuvre that is planned"),
+    key("reproduce", Holds::Table(REPRODUCE), "the procedure of the paper, for cargo xtask reproduce"),
+    key("parameters", Holds::Named, "values by full name that replace those from above, such as \"base.mass\" = 612.5"),
+];
 
 /// A mission file as read.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -194,7 +217,7 @@ fn load(
         }
         let mut imported = Problems::default();
         let kinds = Kinds { registry, folder };
-        let loaded = read(&Table::root(&cx, &doc), &kinds, options, import, &mut imported);
+        let loaded = read(&Table::root(&cx, &doc, ROOT), &kinds, options, import, &mut imported);
         out.extend(imported);
         loaded
     } else {
@@ -222,7 +245,7 @@ fn read(
     import: impl FnOnce(&Robot, &UrdfOptions) -> Result<(Model, Problems), Problems>,
     imported: &mut Problems,
 ) -> Option<Loaded> {
-    let robot_table = root.required("robot", root.table("robot"));
+    let robot_table = root.table("robot");
     let robot = robot_table.as_ref().and_then(Robot::read);
     let clients: Vec<(Table<'_, '_>, Option<Client>)> = root
         .tables("client")
