@@ -1,7 +1,7 @@
 //! ROS 2 bags in MCAP: `sensor_msgs/JointState` and `sensor_msgs/Imu` as one record on the clock of the joints.
 //!
-//! The container is read by the `mcap` crate ([`container`]): a chunk at a time, every length checked against the file and against
-//! a limit before memory is taken, so that nothing a file says can exhaust memory or panic. Messages are decoded from CDR by
+//! The container is read by the `mcap` crate ([`container`]): a chunk at a time, every length checked against the file or
+//! against a limit before memory is taken, so that nothing a file says can exhaust memory or panic. Messages are decoded from CDR by
 //! [`cdr`], and brought to one clock by [`merge`].
 
 mod cdr;
