@@ -11,10 +11,12 @@
 pub mod conflict;
 pub mod constraint;
 pub mod cost;
+pub mod demand;
 pub mod flexible;
 pub mod limits;
 pub mod manoeuvre;
 pub mod modal_response;
+pub mod plan_error;
 pub mod planning;
 pub mod prediction;
 pub mod problem;
@@ -28,7 +30,6 @@ pub mod trajectory_file;
 pub mod verdict;
 pub mod watch;
 
-pub use conflict::{Conflict, Demand};
 pub use constraint::{
     BaseAttitude, BaseRate, Channel, Cone, Constraint, ConstraintError, FrameSpeed, HeldSystem, JointTorque,
     PassiveRange, Pointing, Sense, Signal, Snapshot, Wanted,
@@ -43,10 +44,12 @@ pub use cost::information::{Information, SampleInformation};
 pub use cost::response::{ModalResponse, ResponseTarget, Robust};
 pub use cost::spectrum::{Modal, Quiet, Target};
 pub use cost::{Cost, CostSum, Form};
+pub use demand::{Conflict, Demand};
 pub use flexible::{Estimated, FlexibleError, FlexibleInformation, FlexibleRequest, Nuisance};
 pub use limits::{JointLimits, LimitError, LimitReport, Margin, Quantity, check_for_all_time, check_manoeuvre};
 pub use manoeuvre::{Extent, JointCommand, Manoeuvre, ManoeuvreError, ManoeuvreSpec, Move, Shape};
 pub use modal_response::{driven_modes, flexible_band, modal_targets};
+pub use plan_error::{PlanError, PlanLimit};
 pub use planning::fisher::{FisherPlanned, FisherRequest, base_quantities, named_quantities, plan_fisher};
 pub use planning::{
     InformationRequest, Planned, PlanningError, QuietBand, Quieted, Quietness, plan_information, plan_quiet,
@@ -56,8 +59,8 @@ pub use problem::Problem;
 pub use random::{feasible_start, random_plan};
 pub use rigid::{RigidBase, RigidError, RigidInformation, SensorNoise};
 pub use search::{Found, MultiStart, SearchOptions, multi_start, search, search_from};
-pub use spline_plan::{Duration, End, PlanError, PlanSpec, SplinePlan, Which};
+pub use spline_plan::{Duration, End, PlanSpec, SplinePlan};
 pub use sqp::{Outcome, SqpOptions, Status, minimise, minimise_under};
 pub use trajectory_file::{NamedJoint, Origin, Samples, Trajectory, TrajectoryFile, named_joints, write_csv};
 pub use verdict::{Basis, ConstraintMargin, Verdict, verify};
-pub use watch::{Progress, Watch};
+pub use watch::{Observer, Progress};

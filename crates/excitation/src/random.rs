@@ -1,7 +1,8 @@
 //! Seeded random plans that keep all limits: trajectories for rigid identification and for validation.
 
+use crate::plan_error::PlanError;
 use crate::qp::{self, Inequality, QpFailure};
-use crate::spline_plan::{Duration, End, PlanError, SplinePlan};
+use crate::spline_plan::{Duration, End, SplinePlan};
 use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

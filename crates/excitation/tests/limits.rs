@@ -103,7 +103,10 @@ fn impossible_demands_are_named() {
         SplinePlan::new(s).unwrap_err()
     };
     let start = broken(|s| s.start[2] = 2.9);
-    assert!(matches!(start, PlanError::Infeasible { which: Which { joint: Some(2), quantity: Quantity::Upper, .. } }));
+    assert!(matches!(
+        start,
+        PlanError::Infeasible { which: PlanLimit { joint: Some(2), quantity: Quantity::Upper, .. } }
+    ));
     assert!(start.to_string().starts_with("upper position limit 2.1"), "{start}");
     assert!(matches!(broken(|s| s.limits[0].velocity = -1.0), PlanError::Limits(LimitError::Limits { joint: 0, .. })));
     assert!(matches!(broken(|s| s.limits.truncate(2)), PlanError::Limits(LimitError::Count { got: 2, dof: 3 })));
@@ -118,5 +121,5 @@ fn impossible_demands_are_named() {
     s.duration = Duration::Fixed(5.0);
     let plan = SplinePlan::new(s).unwrap();
     let e = random_plan(&plan, 1, 0, 0.5).unwrap_err();
-    assert!(matches!(e, PlanError::Infeasible { which: Which { joint: Some(2), .. } }), "{e}");
+    assert!(matches!(e, PlanError::Infeasible { which: PlanLimit { joint: Some(2), .. } }), "{e}");
 }

@@ -131,7 +131,7 @@ fn impossible_requests_are_named() {
     let plan = |r: &InformationRequest| plan_information(model, &params, &[0], r).map(|_| ()).unwrap_err();
     let mut r = good.clone();
     r.start[2] = 9.0;
-    assert!(matches!(plan(&r), PlanningError::Plan(PlanError::Infeasible { which: Which { joint: Some(2), .. } })));
+    assert!(matches!(plan(&r), PlanningError::Plan(PlanError::Infeasible { which: PlanLimit { joint: Some(2), .. } })));
     r = good.clone();
     r.start.pop();
     assert!(matches!(plan(&r), PlanningError::Plan(PlanError::Argument { .. })));

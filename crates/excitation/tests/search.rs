@@ -53,12 +53,12 @@ fn options(starts: usize, iterations: usize) -> SearchOptions {
 fn active(system: &Arc<HeldSystem>, plan: &SplinePlan, constraint: &dyn Constraint, within: f64) -> Found {
     let cost = shake(system);
     let list = [constraint];
-    let bare = search(&Problem::new(&cost, plan), None, &options(1, 40), &Watch::default()).unwrap();
+    let bare = search(&Problem::new(&cost, plan), None, &options(1, 40), &Observer::default()).unwrap();
     let problem = Problem::new(&cost, plan).under(&list);
     let before = verify(&problem, Some(system), &bare.best.x).unwrap();
     assert!(!before.holds, "the constraint does not matter: {:?}", before.worst());
     let clock = Instant::now();
-    let found = search(&problem, Some(system), &options(1, 60), &Watch::default()).unwrap();
+    let found = search(&problem, Some(system), &options(1, 60), &Observer::default()).unwrap();
     let seconds = clock.elapsed().as_secs_f64();
     let own: Vec<&ConstraintMargin> =
         found.verdict.margins.iter().filter(|m| matches!(m.basis, Basis::Samples(_))).collect();
@@ -155,7 +155,7 @@ fn clearance_is_held() {
     let plan = plan(&q, End::Fixed(end), Duration::Fixed(20.0), 6);
     // A ball in the way of the hand: where it comes along when there is none.
     let cost = shake(&system);
-    let bare = search(&Problem::new(&cost, &plan), None, &options(1, 40), &Watch::default()).unwrap();
+    let bare = search(&Problem::new(&cost, &plan), None, &options(1, 40), &Observer::default()).unwrap();
     let motion = plan.motion(&bare.best.x).unwrap();
     let tool = loaded.model.frame(loaded.mission.robot.end_effector.as_ref().unwrap()).unwrap();
     let mut state = ff_dynamics::State::zero(&loaded.model);
@@ -188,7 +188,7 @@ fn conflict(system: &Arc<HeldSystem>, plan: &SplinePlan, constraints: &[&dyn Con
     let cost = shake(system);
     let problem = Problem::new(&cost, plan).under(constraints);
     let clock = Instant::now();
-    let e = search(&problem, Some(system), &options(2, 10), &Watch::default()).unwrap_err();
+    let e = search(&problem, Some(system), &options(2, 10), &Observer::default()).unwrap_err();
     eprintln!("{e} ({:.1} s)", clock.elapsed().as_secs_f64());
     assert!(e.is_ill_posed());
     match e {
@@ -239,7 +239,7 @@ fn demands_that_conflict_are_named() {
     let loose = BaseAttitude::new(&system, &q, 1.3 * possible).unwrap();
     let cost = shake(&system);
     let problem = Problem::new(&cost, &slow).under(&[&rate, &loose, &torque]);
-    let found = search(&problem, Some(&system), &options(1, 5), &Watch::default());
+    let found = search(&problem, Some(&system), &options(1, 5), &Observer::default());
     assert!(found.is_ok(), "{}", found.unwrap_err());
 
     // The move takes work, and no joint may do any to speak of.
@@ -274,8 +274,8 @@ fn interruption_keeps_the_best_feasible_plan_and_threads_do_not_matter() {
     let list: [&dyn Constraint; 1] = [&rate];
     let problem = Problem::new(&cost, &plan).under(&list);
     let few = |threads| SearchOptions { threads, ..options(3, 12) };
-    let one = search(&problem, Some(&system), &few(1), &Watch::default()).unwrap();
-    let two = search(&problem, Some(&system), &few(2), &Watch::default()).unwrap();
+    let one = search(&problem, Some(&system), &few(1), &Observer::default()).unwrap();
+    let two = search(&problem, Some(&system), &few(2), &Observer::default()).unwrap();
     assert_eq!((&one.best, &one.all, &one.verdict), (&two.best, &two.all, &two.verdict)); // bit for bit
 
     // By the callback, after some iterations; by a flag, at once; by time.
@@ -284,8 +284,8 @@ fn interruption_keeps_the_best_feasible_plan_and_threads_do_not_matter() {
         seen.lock().unwrap().push(*p);
         calls.fetch_add(1, Ordering::Relaxed) < 7
     };
-    let watch = Watch { progress: Some(&progress), ..Watch::default() };
-    let cut = search(&problem, Some(&system), &few(1), &watch).unwrap();
+    let observer = Observer { progress: Some(&progress), ..Observer::default() };
+    let cut = search(&problem, Some(&system), &few(1), &observer).unwrap();
     assert_eq!(cut.best.status, Status::Interrupted);
     assert!(cut.verdict.holds, "{:?}", cut.verdict.worst());
     assert!(cut.best.cost >= one.best.cost);
@@ -297,13 +297,13 @@ fn interruption_keeps_the_best_feasible_plan_and_threads_do_not_matter() {
     assert!(seen.iter().all(|p| p.excess.is_finite()));
 
     let stop = AtomicBool::new(true);
-    let watch = Watch { stop: Some(&stop), ..Watch::default() };
-    let cut = search(&problem, Some(&system), &few(2), &watch).unwrap();
+    let observer = Observer { stop: Some(&stop), ..Observer::default() };
+    let cut = search(&problem, Some(&system), &few(2), &observer).unwrap();
     assert!(cut.best.status == Status::Interrupted && cut.best.iterations == 0 && cut.verdict.holds);
 
     let soon = SearchOptions { time_limit: Some(std::time::Duration::from_millis(150)), ..options(2, 100_000) };
     let clock = Instant::now();
-    let cut = search(&problem, Some(&system), &soon, &Watch::default()).unwrap();
+    let cut = search(&problem, Some(&system), &soon, &Observer::default()).unwrap();
     assert!(cut.best.status == Status::TimeLimit && cut.verdict.holds);
     assert!(clock.elapsed().as_secs_f64() < 10.0);
 }
@@ -323,10 +323,10 @@ fn seven_joints_ten_points_free_duration() {
         &PassiveRange::all(&system, &q, "rad", 0.05).unwrap(),
     ];
     let clock = Instant::now();
-    let bare = search(&Problem::new(&cost, &plan), None, &options(2, 100), &Watch::default()).unwrap();
+    let bare = search(&Problem::new(&cost, &plan), None, &options(2, 100), &Observer::default()).unwrap();
     let without = clock.elapsed().as_secs_f64();
     let problem = Problem::new(&cost, &plan).under(&list);
-    let found = search(&problem, Some(&system), &options(2, 30), &Watch::default()).unwrap();
+    let found = search(&problem, Some(&system), &options(2, 30), &Observer::default()).unwrap();
     let with = clock.elapsed().as_secs_f64() - without;
     eprintln!("two starts: {without:.1} s without constraints, {with:.1} s with three, {} rounds", found.rounds);
     eprintln!(

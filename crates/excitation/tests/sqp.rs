@@ -118,7 +118,7 @@ fn bad_starts_are_refused() {
     let mut x = random_plan(&plan, 1, 0, 0.5).unwrap();
     x[13] += 4.0;
     let e = minimise(&cost, &plan, &x, &SqpOptions::default()).unwrap_err();
-    assert!(matches!(e, PlanError::Infeasible { which: Which { joint: Some(1), .. } }), "{e}");
+    assert!(matches!(e, PlanError::Infeasible { which: PlanLimit { joint: Some(1), .. } }), "{e}");
     assert!(matches!(minimise(&cost, &plan, &x[1..], &SqpOptions::default()), Err(PlanError::Argument { .. })));
     x[13] = f64::NAN;
     assert!(minimise(&cost, &plan, &x, &SqpOptions::default()).is_err());

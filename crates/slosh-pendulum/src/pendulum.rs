@@ -1,9 +1,9 @@
 //! The pendulum: declaration, energies, and the bias by hand for speed.
 
 use crate::KIND;
-use crate::particle::Slot;
 use crate::point;
-use crate::swing::Swing;
+use crate::slot::Slot;
+use crate::swing::{SWING_LIMITS, Swing};
 use ff_model::appendage::CoordDecl;
 use ff_model::keys::{check_damping, check_stiffness};
 use ff_model::{
@@ -11,14 +11,6 @@ use ff_model::{
     Problems, Scalar, TwinBody, Xform,
 };
 use nalgebra::Vector3;
-
-/// Greatest magnitude of each swing angle (rad).
-///
-/// `swing[0]` turns about a mount-fixed axis and has no singularity; its range is one turn. `swing[1]` has: at
-/// `|swing[1]| = pi/2` the arm lies along the first axis, turning about that axis no longer moves the mass
-/// (`M_aa = m l^2 cos^2 b` is zero) and the acceleration of `swing[0]` is undefined. At the limit of 1.4 rad
-/// `cos^2 b` is still 0.029. The range ends before pi/2, so no simulation crosses it.
-pub const SWING_LIMITS: [f64; 2] = [std::f64::consts::PI, 1.4];
 
 const MASS: usize = 0;
 const LENGTH: usize = 1;

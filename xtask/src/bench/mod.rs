@@ -6,9 +6,11 @@
 
 pub mod aggregate;
 pub mod build;
+pub mod cell;
 pub mod instructions;
 pub mod limits;
 pub mod micro;
+pub mod models;
 pub mod peers;
 pub mod report;
 pub mod run;

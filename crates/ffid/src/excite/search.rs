@@ -128,14 +128,14 @@ fn best(found: Found, searches: Vec<Search>, watch: &Watch<'_>) -> Best {
 }
 
 /// Runs a search that reports to `watch`.
-fn watched<R>(watch: &Watch<'_>, stage: &'static str, run: impl FnOnce(&crate::excitation::Watch<'_>) -> R) -> R {
+fn watched<R>(watch: &Watch<'_>, stage: &'static str, run: impl FnOnce(&crate::excitation::Observer<'_>) -> R) -> R {
     let report = |p: &crate::excitation::Progress| {
         if let Some(f) = watch.progress {
             f(&Progress { stage, start: p.start, iteration: p.iteration, cost: p.cost });
         }
         !watch.stopped()
     };
-    let inner = crate::excitation::Watch { stop: watch.stop, progress: Some(&report), ..Default::default() };
+    let inner = crate::excitation::Observer { stop: watch.stop, progress: Some(&report), ..Default::default() };
     run(&inner)
 }
 

@@ -6,7 +6,8 @@ use crate::ident::starts::equal_cost;
 use crate::ident::whiteness::ChannelCheck;
 use serde::{Deserialize, Serialize};
 
-use super::result::{Channel, Combination};
+use super::channel::Channel;
+use super::combination::Combination;
 
 /// One record of several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

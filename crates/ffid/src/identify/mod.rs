@@ -16,6 +16,8 @@
 
 pub mod asked;
 pub mod axes;
+pub mod channel;
+pub mod combination;
 pub mod compare;
 pub mod decay;
 pub mod doubts;
