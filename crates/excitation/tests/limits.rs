@@ -3,6 +3,7 @@
 use crate::common::{limits, spec};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
+use ff_testkit::assert_within;
 
 #[test]
 fn no_sample_of_200_random_plans_breaks_a_limit() {
@@ -52,7 +53,7 @@ fn rest_to_rest_is_exact() {
         let (mut q, mut qd, mut qdd) = ([0.0; 3], [1.0; 3], [1.0; 3]);
         m.eval(t, &mut q, &mut qd, &mut qdd);
         for j in 0..3 {
-            assert!((q[j] - want[j]).abs() < 1e-15);
+            assert_within!((q[j] - want[j]).abs(), 1e-15);
             assert_eq!((qd[j], qdd[j]), (0.0, 0.0));
         }
     }

@@ -39,7 +39,7 @@ pub use inertia::Inertia;
 pub use leniency::Leniency;
 pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
 pub use params::Params;
-pub use problem::{Area, Problem, Problems, Severity};
+pub use problem::{Area, Limit, Problem, Problems, Severity, Violation};
 pub use read::text_file;
 pub use registry::Registry;
 pub use scalar::{D1, D2, Grad, LaneScalar, ModelScalar, Scalar};

@@ -6,7 +6,7 @@ use crate::segment::Segment;
 use ff_model::appendage::{CoordDecl, MAX_PARAMS};
 use ff_model::axis::Axis;
 use ff_model::vec3::{Pose, Turn, V3};
-use ff_model::{Area, Decl, Inertia, MAX_COORDS, ParamDecl, Problem, Problems, Scalar, TwinBody, Xform};
+use ff_model::{Area, Decl, Inertia, Limit, MAX_COORDS, ParamDecl, Problem, Problems, Scalar, TwinBody, Xform};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::PI;
 
@@ -73,6 +73,7 @@ impl PanelChain {
                     "Config::Param",
                     format!("{} segments, outside the limits 1 to {MAX_SEGMENTS}", segments.len()),
                 )
+                .violating(segments.len() as f64, Limit::Within(1.0, MAX_SEGMENTS as f64), "segments")
                 .on("segments")
                 .hint("one table per rigid segment, from the host outwards"),
             );
@@ -135,6 +136,7 @@ impl PanelChain {
         if params.len() > MAX_PARAMS {
             let what = format!("{} parameters, limit {MAX_PARAMS}", params.len());
             let p = Problem::error(Area::Config, "Config::TooManyParameters", what).on("segments");
+            let p = p.violating(params.len() as f64, Limit::AtMost(MAX_PARAMS as f64), "parameters");
             return Err(Problems(vec![p.hint("couple fewer hinges: elements that are zero are no parameters")]));
         }
         Ok(self)

@@ -5,10 +5,10 @@ use crate::point;
 use crate::slot::Slot;
 use crate::swing::{SWING_LIMITS, Swing};
 use ff_model::appendage::CoordDecl;
-use ff_model::keys::{check_damping, check_stiffness};
+use ff_model::keys::{check_damping, check_positive, check_stiffness};
 use ff_model::{
-    Appendage, Area, Decl, Inertia, LaneScalar, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem,
-    Problems, Scalar, TwinBody, Xform,
+    Appendage, Decl, Inertia, LaneScalar, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problems, Scalar,
+    TwinBody, Xform,
 };
 use nalgebra::Vector3;
 
@@ -83,17 +83,9 @@ impl SloshPendulum {
 
 /// Adds everything that is wrong with the numbers to `problems`. Allocates on trouble only.
 pub(crate) fn check(mass: f64, length: f64, k: [f64; 2], d: [f64; 2], problems: &mut Problems) {
-    let mut bad = |code, key: String, message: String, hint: &str| {
-        problems.push(Problem::error(Area::Config, code, message).on(key).hint(hint));
-    };
     for (key, unit, x) in [("mass_kg", "kg", mass), ("length_m", "m", length)] {
-        if !x.is_finite() {
-            let why = format!("{x} {unit} is not a finite number");
-            bad("Config::NotFinite", key.into(), why, "give a number above 0");
-        } else if x <= 0.0 {
-            let why = format!("{x} {unit} is not above the limit 0 {unit}");
-            bad("Config::Param", key.into(), why, "leave the slosh table out where there is no sloshing fuel");
-        }
+        let hint = "leave the slosh table out where there is no sloshing fuel";
+        problems.0.extend(check_positive(key, x, unit, hint));
     }
     for i in 0..2 {
         let springs = [

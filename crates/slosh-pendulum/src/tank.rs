@@ -6,8 +6,8 @@ use crate::point::{Wrench, press, press_each};
 use ff_model::inertia::InertiaError;
 use ff_model::vec3::{M3, S3, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, Inertia, LaneScalar, MAX_COORDS, ParamDecl, PortAccel, PortMatrix, PortState, PortVector,
-    Problem, Problems, Scalar,
+    Appendage, Area, Decl, Inertia, LaneScalar, Limit, MAX_COORDS, ParamDecl, PortAccel, PortMatrix, PortState,
+    PortVector, Problem, Problems, Scalar,
 };
 use nalgebra::{Matrix3, Vector3};
 
@@ -116,6 +116,7 @@ impl SloshTank {
         let n: usize = all.iter().map(|(v, ..)| v.k.len()).sum();
         if n > MAX_COORDS {
             let p = Problem::error(Area::Config, "Config::Param", format!("{n} coordinates, limit {MAX_COORDS}"));
+            let p = p.violating(n as f64, Limit::AtMost(MAX_COORDS as f64), "coordinates");
             problems.push(p.on("modes").hint("keep the masses with the lowest frequencies"));
         }
         if problems.has_errors() {

@@ -2,7 +2,9 @@
 
 use super::reader::{Must, Table, error};
 use super::select;
+use crate::keys::out_of_range;
 use crate::model::Model;
+use crate::problem::Limit;
 use crate::text::{clip, list, nearest};
 use serde::Serialize;
 
@@ -169,7 +171,7 @@ impl Excite {
             weak_relative_std: t.number("weak_relative_std", Must::BePositive).unwrap_or(d.weak_relative_std),
         };
         if let Some(f) = out.modes_hz.iter().find(|f| **f <= 0.0) {
-            let p = error("Config::OutOfRange", format!("value {f} Hz, limit > 0 Hz"));
+            let p = out_of_range(*f, Limit::Above(0.0), "Hz");
             t.fail("modes_hz", p.hint("give natural frequencies in Hz; `ffid modes` prints them"));
         }
         t.finish();
@@ -214,8 +216,8 @@ pub(super) fn choice<V: Copy>(t: &Table<'_, '_>, key: &'static str, known: &[(&'
 fn within(t: &Table<'_, '_>, key: &'static str, low: u64, high: u64) -> Option<u64> {
     let x = t.whole(key)?;
     if !(low..=high).contains(&x) {
-        let what = format!("value {x}, limit {low} to {high}");
-        t.fail(key, error("Config::OutOfRange", what).hint("give a whole number within the limits"));
+        let limit = Limit::Within(low as f64, high as f64);
+        t.fail(key, out_of_range(x as f64, limit, "").hint("give a whole number within the limits"));
         return None;
     }
     Some(x)
@@ -224,8 +226,7 @@ fn within(t: &Table<'_, '_>, key: &'static str, low: u64, high: u64) -> Option<u
 fn fraction(t: &Table<'_, '_>, key: &'static str) -> Option<f64> {
     let x = t.number(key, Must::NotBeNegative)?;
     if x >= 1.0 {
-        let what = format!("value {x}, limit < 1");
-        t.fail(key, error("Config::OutOfRange", what).hint("give a fraction, such as 0.1 for 10 %"));
+        t.fail(key, out_of_range(x, Limit::Below(1.0), "").hint("give a fraction, such as 0.1 for 10 %"));
         return None;
     }
     Some(x)
@@ -280,7 +281,8 @@ fn positions(q: &[f64], key: &'static str, model: &Model, t: &Table<'_, '_>) {
         let l = &b.joint.limits;
         if !(l.lower..=l.upper).contains(&q) {
             let what = format!("joint {}: {q} rad, limit {} .. {} rad", b.joint.name, l.lower, l.upper);
-            t.fail(key, error("Config::OutOfRange", what).hint("give a position within the joint limits"));
+            let p = error("Config::OutOfRange", what).violating(q, Limit::Within(l.lower, l.upper), "rad");
+            t.fail(key, p.hint("give a position within the joint limits"));
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::appendage;
 use super::reader::{Must, Table, error};
+use crate::problem::Limit;
 use serde::Serialize;
 
 /// Section `[limits]`: what planned motion must keep to. Absent keys are no limit.
@@ -139,7 +140,8 @@ fn angle(t: &Table<'_, '_>, key: &'static str) -> Option<f64> {
     let x = t.number(key, Must::BePositive)?;
     if x >= std::f64::consts::PI {
         let what = format!("value {x} rad, limit < pi rad");
-        t.fail(key, error("Config::OutOfRange", what).hint("give the angle in radians; leave it out for no limit"));
+        let p = error("Config::OutOfRange", what).violating(x, Limit::Below(std::f64::consts::PI), "rad");
+        t.fail(key, p.hint("give the angle in radians; leave it out for no limit"));
         return None;
     }
     Some(x)

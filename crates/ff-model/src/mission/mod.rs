@@ -69,7 +69,7 @@ pub use settings::{Encoder, Estimate, Gyro, Reproduce, Sensors, Torque};
 
 use crate::leniency::Leniency;
 use crate::model::Model;
-use crate::problem::{Area, Problem, Problems};
+use crate::problem::{Area, Limit, Problem, Problems};
 use crate::registry::Registry;
 use crate::text::{LineIndex, clip, list, nearest};
 use crate::urdf::{self, UrdfOptions};
@@ -427,7 +427,8 @@ fn check_reproduce(r: &Reproduce, model: &Model, t: &Table<'_, '_>) {
             let l = &b.joint.limits;
             if !(l.lower..=l.upper).contains(&q) {
                 let what = format!("joint {}: {q} rad, limit {} .. {} rad", b.joint.name, l.lower, l.upper);
-                t.fail("hold_rad", error("Config::OutOfRange", what).hint("give a position within the joint limits"));
+                let p = error("Config::OutOfRange", what).violating(q, Limit::Within(l.lower, l.upper), "rad");
+                t.fail("hold_rad", p.hint("give a position within the joint limits"));
             }
         }
     }

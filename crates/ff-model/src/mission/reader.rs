@@ -4,8 +4,8 @@
 //! each key by name, so the keys asked for are the keys known, and [`Table::finish`] reports the rest.
 
 pub(super) use crate::keys::error;
-use crate::keys::{missing_key, not_finite, unit_of, unknown_key, wrong_type};
-use crate::problem::{Problem, Problems};
+use crate::keys::{missing_key, not_finite, out_of_range, unit_of, unknown_key, wrong_type};
+use crate::problem::{Limit, Problem, Problems};
 use crate::text::{LineIndex, clip};
 use std::cell::RefCell;
 use std::ops::Range;
@@ -283,17 +283,17 @@ impl<'d, 't> Table<'d, 't> {
         self.cx.push_at(span, p.hint("give a smaller whole number, or write it with a decimal point"));
     }
     fn in_range(&self, span: Range<usize>, path: &str, x: f64, must: Must) -> Option<f64> {
-        let (good, limit) = match must {
-            Must::Any => (true, ""),
-            Must::BePositive => (x > 0.0, "> 0"),
-            Must::NotBeNegative => (x >= 0.0, ">= 0"),
+        let limit = match must {
+            Must::Any => return Some(x),
+            Must::BePositive => Limit::Above(0.0),
+            Must::NotBeNegative => Limit::AtLeast(0.0),
         };
-        if !good {
-            let unit = unit_of(path);
-            let p = error("Config::OutOfRange", format!("value {x}{unit}, limit {limit}{unit}")).on(path);
+        if !limit.admits(x) {
+            let p = out_of_range(x, limit, unit_of(path).trim_start()).on(path);
             self.cx.push_at(span, p.hint("give a value within the limit"));
+            return None;
         }
-        good.then_some(x)
+        Some(x)
     }
 
     /// The table without some keys, as plain TOML.

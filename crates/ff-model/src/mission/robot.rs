@@ -3,6 +3,7 @@
 use super::reader::{Must, Table, error};
 use crate::inertia::{Inertia, InertiaError};
 use crate::model::BaseKind;
+use crate::problem::Limit;
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -101,6 +102,7 @@ fn six(t: &Table<'_, '_>, key: &'static str) -> Option<[f64; 6]> {
                 "Config::NotSymmetric",
                 format!("opposite elements differ by {skew} kg m^2, limit {} kg m^2", 1e-9 * scale),
             )
+            .violating(skew, Limit::AtMost(1e-9 * scale), "kg m^2")
             .hint("an inertia matrix is symmetric"),
         );
         return None;

@@ -1,7 +1,9 @@
 //! `[sensors]`, `[estimate]`, `[reproduce]`: the sections that do not change the model.
 
 use super::appendage::or_zero;
-use super::reader::{Must, Table, error};
+use super::reader::{Must, Table};
+use crate::keys::out_of_range;
+use crate::problem::Limit;
 use serde::Serialize;
 
 /// Section `[sensors]`; without it, perfect sensors at 100 Hz.
@@ -79,8 +81,8 @@ impl Sensors {
                 // Beyond 52 bits a step is below the resolution of the numbers themselves.
                 Ok(b) if (1..=52).contains(&b) => Some(b),
                 _ => {
-                    let what = format!("value {b} bits, limit 1 to 52 bits");
-                    t.fail("bits", error("Config::OutOfRange", what).hint("give the resolution per turn in bits"));
+                    let p = out_of_range(b as f64, Limit::Within(1.0, 52.0), "bits");
+                    t.fail("bits", p.hint("give the resolution per turn in bits"));
                     None
                 }
             });
@@ -108,10 +110,10 @@ impl Estimate {
     pub(super) fn read(t: &Table<'_, '_>) -> Self {
         let offset = t.number("start_offset", Must::Any).unwrap_or(0.0);
         if offset <= -1.0 {
-            let what = format!("value {offset}, limit > -1");
             t.fail(
                 "start_offset",
-                error("Config::OutOfRange", what).hint("a start value must keep the sign of the nominal one"),
+                out_of_range(offset, Limit::Above(-1.0), "")
+                    .hint("a start value must keep the sign of the nominal one"),
             );
         }
         let out = Self {

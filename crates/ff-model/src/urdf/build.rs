@@ -5,7 +5,7 @@ use super::graph::Tree;
 use super::raw::{RawInertial, RawJoint, RawPose, RawRobot};
 use crate::inertia::Inertia;
 use crate::model::{BaseKind, Joint, JointKind, JointLimits, Model};
-use crate::problem::{Area, Problem, Problems};
+use crate::problem::{Area, Limit, Problem, Problems};
 use crate::so3::rot_of_rpy;
 use crate::spatial::Xform;
 use crate::text::{list, nearest};
@@ -153,6 +153,7 @@ fn masses(r: &RawRobot, groups: &[Group], at: &[(usize, Xform<f64>)], options: &
         match g.joint {
             None if options.base_kind == BaseKind::Floating && g.inertia.mass <= 0.0 && !silent => out.push(
                 Problem::error(Area::Model, "Urdf::MasslessBase", format!("mass {} kg, limit > 0 kg", g.inertia.mass))
+                    .violating(g.inertia.mass, Limit::Above(0.0), "kg")
                     .at_line(line)
                     .on(format!("link {}", l.name))
                     .hint("a floating base needs mass; give it, or set base = \"fixed\""),
@@ -174,6 +175,7 @@ fn masses(r: &RawRobot, groups: &[Group], at: &[(usize, Xform<f64>)], options: &
                             "Urdf::MasslessLeaf",
                             format!("{what} {x} {unit}, limit > 0 {unit}"),
                         )
+                        .violating(x, Limit::Above(0.0), unit)
                         .at_line(line)
                         .on(format!("link {}", l.name))
                         .hint(format!("nothing resists joint {}: give mass and inertia, or make it fixed", joint.name)),
