@@ -25,7 +25,7 @@ pub use plan::{
     check_manoeuvre, feasible_start, random_plan,
 };
 pub use planning::{plan_fisher, plan_information, plan_quiet};
-pub use solve::{Conflict, Found, Outcome, Progress, SearchOptions, SqpOptions, Verdict, Watch, search, verify};
+pub use solve::{Conflict, Found, Observer, Outcome, Progress, SearchOptions, SqpOptions, Verdict, search, verify};
 pub use system::flexible::FlexibleInformation;
 pub use system::prediction::Prediction;
 pub use system::rigid::{RigidInformation, SensorNoise};

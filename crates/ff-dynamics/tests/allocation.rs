@@ -15,7 +15,7 @@ use nalgebra::DMatrix;
 /// Allocations of each algorithm in its first call; results are made beforehand.
 fn counts<T: ModelScalar>(m: &Model) -> Vec<(&'static str, u64)> {
     let p = Params::<T>::nominal(m);
-    let s = rand_state(m, &mut rng(41), 0.3).lift::<T>();
+    let s = random_state(m, &mut rng(41), 0.3).lift::<T>();
     let (nv, nj) = (m.nv(), m.nj());
     let a: Vec<T> = (0..nv).map(|i| T::from_f64(0.3 - 0.07 * i as f64)).collect();
     let (mut out, mut tau) = (a.clone(), vec![T::zero(); nj]);
@@ -56,7 +56,7 @@ fn algorithms_do_not_allocate() {
 fn a_step_of_the_integrator_does_not_allocate() {
     let m = system();
     let p = Params::<f64>::nominal(&m);
-    let mut s = rand_state(&m, &mut rng(42), 0.1);
+    let mut s = random_state(&m, &mut rng(42), 0.1);
     let (mut w, mut stepper) = (Work::new(&m), Rkmk4::<f64>::new(&m));
     let (mut quad, mut tau) = ([0.0; QUADRATURES], vec![0.2; m.nv()]);
     tau[..6].fill(0.0);

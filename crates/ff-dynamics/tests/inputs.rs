@@ -14,8 +14,8 @@ fn start(m: &Model) -> State<f64> {
     s.pos = v3(0.3, -0.4, 0.2);
     s.att = exp_so3(&v3(0.4, -0.2, 0.9));
     s.q = vec![0.3, 0.8, -0.4, 0.7, 0.2, 0.5, -0.3];
-    s.eta.iter_mut().for_each(|x| *x = uni(&mut r, -0.1, 0.1));
-    s.v.iter_mut().for_each(|x| *x = uni(&mut r, -0.06, 0.06));
+    s.eta.iter_mut().for_each(|x| *x = uniform(&mut r, -0.1, 0.1));
+    s.v.iter_mut().for_each(|x| *x = uniform(&mut r, -0.06, 0.06));
     s
 }
 
@@ -122,7 +122,7 @@ fn a_burn_gives_its_impulse_whatever_the_steps() {
         let off = (tr.last.pos - position).norm();
         let j = tr.impulse.fixed_view::<1, 3>(tr.len() - 1, 0).transpose();
         assert!(off < 1e-9 && (j - velocity * i.mass).norm() < 1e-9, "{step_s}: {off:e}");
-        assert!((quat_to_rot(&tr.last.att) * tr.last.base_twist().lin - velocity).norm() < 1e-9);
+        assert_within!((quat_to_rot(&tr.last.att) * tr.last.base_twist().lin - velocity).norm(), 1e-9);
     }
 }
 
@@ -141,7 +141,7 @@ fn axes_of_a_wrench() {
     let (world, body) = (run(Axes::World), run(Axes::Body));
     let force = v3(w[0], w[1], w[2]) * 1.5;
     let j = |tr: &Trace| tr.impulse.fixed_view::<1, 3>(tr.len() - 1, 0).transpose();
-    assert!((j(&world) - force).norm() < 1e-9);
+    assert_within!((j(&world) - force).norm(), 1e-9);
     assert!((j(&body) - force).norm() > 0.3);
     let gain = world.budget(&m, &p, 3).momentum.lin - world.budget(&m, &p, 0).momentum.lin;
     assert!((gain - force).norm() < 1e-9 && i.mass > 1.0);
@@ -156,8 +156,8 @@ fn the_gradient_acts_on_appendages_as_on_their_bodies() {
     let mut moved = 0.0f64;
     for seed in 0..12 {
         let mut r = rng(700 + seed);
-        let t = rand_twins(&mut r);
-        let mut s = rand_state(&t.ports, &mut r, 0.3);
+        let t = random_twins(&mut r);
+        let mut s = random_state(&t.ports, &mut r, 0.3);
         s.v.iter_mut().for_each(|x| *x *= 0.3);
         let gradient = GravityGradient::new(0.9, 1.0, v3(0.6, -0.3, 0.9), v3(0.3, 0.6, 0.0)).unwrap();
         let nj = t.ports.nj();
@@ -180,8 +180,8 @@ fn the_gradient_acts_on_appendages_as_on_their_bodies() {
             a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs())) / size
         };
         let e = off(&ports.last.v, &tree.last.v).max(off(ports.impulse.as_slice(), tree.impulse.as_slice()));
-        assert!(e < 1e-9, "seed {seed}: {e:e}");
-        assert!((ports.input_work[2] - tree.input_work[2]).abs() < 1e-9 * tree.input_work[2].abs().max(1.0));
+        assert_within!(e, 1e-9, "seed {seed}: {e:e}");
+        assert_within!((ports.input_work[2] - tree.input_work[2]).abs(), 1e-9 * tree.input_work[2].abs().max(1.0));
         moved = moved.max(off(ports.last.nu(), free.last.nu()));
     }
     assert!(moved > 1e-3, "the gradient must show on the passive coordinates: {moved:e}");
@@ -210,9 +210,9 @@ fn libration_has_its_period() {
         // Signed angle from the vertical to the axis of the body.
         normal.dot(&o.cross(&x)).atan2(o.dot(&x))
     };
-    assert!((angle(0) / pitch - 1.0).abs() < 1e-9);
-    assert!(angle(1).abs() < 1e-5 * pitch, "{:e}", angle(1));
-    assert!((angle(2) / pitch + 1.0).abs() < 1e-5, "{:e}", angle(2));
+    assert_within!((angle(0) / pitch - 1.0).abs(), 1e-9);
+    assert_within!(angle(1).abs(), 1e-5 * pitch, "{:e}", angle(1));
+    assert_within!((angle(2) / pitch + 1.0).abs(), 1e-5, "{:e}", angle(2));
     assert!(along.dot(&g.radial(0.25 * std::f64::consts::TAU / n)) > 0.999_999);
 }
 

@@ -2,6 +2,7 @@
 
 use approx::assert_relative_eq;
 use ff_dynamics::motion::{HermiteTable, Hold, JointMotion, MotionError, Sequence};
+use ff_testkit::scaled;
 
 /// Joint `i` follows a polynomial of degree 5 with no vanishing coefficient.
 struct Quintic(f64);
@@ -39,13 +40,13 @@ fn at(m: &dyn JointMotion, t: f64) -> ([f64; 2], [f64; 2], [f64; 2]) {
 fn hermite_table_is_exact_for_degree_five() {
     let table = HermiteTable::sample(&Quintic(2.1), 0.3).unwrap();
     assert_eq!(table.samples(), 8);
-    assert_relative_eq!(table.duration(), 2.1, epsilon = 1e-15);
+    assert_relative_eq!(table.duration(), 2.1, epsilon = scaled(1e-15));
     for k in 0..=211 {
         let t = 2.1 * k as f64 / 211.0;
         let (a, b) = (at(&table, t), at(&Quintic(2.1), t));
-        assert_relative_eq!(a.0[..], b.0[..], epsilon = 1e-14, max_relative = 1e-14);
-        assert_relative_eq!(a.1[..], b.1[..], epsilon = 1e-13, max_relative = 1e-13);
-        assert_relative_eq!(a.2[..], b.2[..], epsilon = 1e-12, max_relative = 1e-12);
+        assert_relative_eq!(a.0[..], b.0[..], epsilon = scaled(1e-14), max_relative = scaled(1e-14));
+        assert_relative_eq!(a.1[..], b.1[..], epsilon = scaled(1e-13), max_relative = scaled(1e-13));
+        assert_relative_eq!(a.2[..], b.2[..], epsilon = scaled(1e-12), max_relative = scaled(1e-12));
     }
 }
 

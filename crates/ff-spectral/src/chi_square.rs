@@ -19,17 +19,18 @@ pub fn chi_square_quantile(p: f64, freedom: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     #[test]
     fn tails_are_those_of_the_closed_forms() {
         // Two and four degrees of freedom; far out, where one less the other would be rounding.
         for x in [0.3f64, 2.7, 18.0, 90.0, 400.0] {
             let two = (-0.5 * x).exp();
-            assert!((chi_square_survival(x, 2.0) / two - 1.0).abs() < 1e-11, "{x}");
-            assert!((chi_square_survival(x, 4.0) / (two * (1.0 + 0.5 * x)) - 1.0).abs() < 1e-11, "{x}");
+            assert_within!((chi_square_survival(x, 2.0) / two - 1.0).abs(), 1e-11, "{x}");
+            assert_within!((chi_square_survival(x, 4.0) / (two * (1.0 + 0.5 * x)) - 1.0).abs(), 1e-11, "{x}");
         }
         assert_eq!((chi_square_survival(0.0, 3.0), chi_square_survival(5e3, 6.0)), (1.0, 0.0));
-        assert!((chi_square_survival(18.307_0, 10.0) - 0.05).abs() < 1e-6);
+        assert_within!((chi_square_survival(18.307_0, 10.0) - 0.05).abs(), 1e-6);
     }
 
     #[test]
@@ -38,14 +39,14 @@ mod tests {
         for (p, n, x) in
             [(0.95, 10.0, 18.307_0), (0.025, 10.0, 3.246_97), (0.975, 1.0, 5.023_89), (0.005, 30.0, 13.786_7)]
         {
-            assert!((chi_square_quantile(p, n) / x - 1.0).abs() < 1e-5, "{p} {n}");
+            assert_within!((chi_square_quantile(p, n) / x - 1.0).abs(), 1e-5, "{p} {n}");
         }
         for p in [1e-6, 0.025, 0.5, 0.975, 0.999_9] {
-            assert!((chi_square_quantile(p, 2.0) / (-2.0 * f64::ln(1.0 - p)) - 1.0).abs() < 1e-9, "{p}");
+            assert_within!((chi_square_quantile(p, 2.0) / (-2.0 * f64::ln(1.0 - p)) - 1.0).abs(), 1e-9, "{p}");
         }
         // Large numbers are normal (Wilson and Hilferty).
         let n = 5_000.0f64;
         let cube = 1.0 - 2.0 / (9.0 * n) + 1.959_964 * (2.0 / (9.0 * n)).sqrt();
-        assert!((chi_square_quantile(0.975, n) / (n * cube.powi(3)) - 1.0).abs() < 1e-6);
+        assert_within!((chi_square_quantile(0.975, n) / (n * cube.powi(3)) - 1.0).abs(), 1e-6);
     }
 }

@@ -5,6 +5,7 @@ use crate::coupling;
 use crate::coupling::{Coupling, DAMPING, STIFFNESS};
 use crate::segment::Segment;
 use ff_model::CoordDecl;
+use ff_model::diagnostics::Limit;
 use ff_model::port::MAX_COORDS;
 use ff_model::port::MAX_PARAMS;
 use ff_model::spatial::Axis;
@@ -76,6 +77,7 @@ impl PanelChain {
                     "Config::Param",
                     format!("{} segments, outside the limits 1 to {MAX_SEGMENTS}", segments.len()),
                 )
+                .violating(segments.len() as f64, Limit::Within(1.0, MAX_SEGMENTS as f64), "segments")
                 .on("segments")
                 .hint("one table per rigid segment, from the host outwards"),
             );
@@ -138,6 +140,7 @@ impl PanelChain {
         if params.len() > MAX_PARAMS {
             let what = format!("{} parameters, limit {MAX_PARAMS}", params.len());
             let p = Problem::error(Area::Config, "Config::TooManyParameters", what).on("segments");
+            let p = p.violating(params.len() as f64, Limit::AtMost(MAX_PARAMS as f64), "parameters");
             return Err(Problems(vec![p.hint("couple fewer hinges: elements that are zero are no parameters")]));
         }
         Ok(self)

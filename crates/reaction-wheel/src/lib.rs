@@ -22,8 +22,9 @@
 //! parameters can be estimated. `J` shows when the wheel's speed changes or when a spinning wheel is turned.
 
 use ff_model::CoordDecl;
+use ff_model::diagnostics::Limit;
 use ff_model::keys;
-use ff_model::keys::check_damping;
+use ff_model::keys::{check_damping, check_positive};
 use ff_model::scalar::LaneScalar;
 use ff_model::spatial::small::dot;
 use ff_model::spatial::vec3::{S3, Ten, V3};
@@ -142,22 +143,15 @@ impl ReactionWheel {
 /// Adds everything that is wrong with the numbers to `problems`. Allocates on trouble only.
 fn check(w: &Wheel, problems: &mut Problems) {
     let mut sound = true;
-    let mut bad = |code, key: &str, what: String, hint: &str| {
-        problems.push(Problem::error(Area::Config, code, what).on(key).hint(hint));
-    };
     for (key, unit, x) in [
         ("mass_kg", "kg", w.mass),
         ("inertia_spin_kgm2", "kg m^2", w.spin),
         ("inertia_transverse_kgm2", "kg m^2", w.transverse),
         ("rounding_rad_per_s", "rad/s", w.rounding),
     ] {
-        if !x.is_finite() {
-            bad("Config::NotFinite", key, format!("{x} {unit} is not a finite number"), "give a number above 0");
-            sound = false;
-        } else if x <= 0.0 {
-            bad("Config::Param", key, format!("{x} {unit} is not above the limit 0 {unit}"), "give a number above 0");
-            sound = false;
-        }
+        let problem = check_positive(key, x, unit, "give a number above 0");
+        sound &= problem.is_none();
+        problems.0.extend(problem);
     }
     // J = 2 J_t for a disc without thickness; no body of revolution has more.
     if sound && w.transverse < 0.5 * w.spin * (1.0 - 1e-9) {
@@ -166,8 +160,13 @@ fn check(w: &Wheel, problems: &mut Problems) {
             w.transverse,
             0.5 * w.spin
         );
-        bad("Config::Inertia", "inertia_transverse_kgm2", what, "are the two inertias interchanged?");
+        let p = Problem::error(Area::Config, "Config::Inertia", what).on("inertia_transverse_kgm2");
+        let p = p.violating(w.transverse, Limit::AtLeast(0.5 * w.spin), "kg m^2");
+        problems.push(p.hint("are the two inertias interchanged?"));
     }
+    let mut bad = |code, key: &str, what: String, hint: &str| {
+        problems.push(Problem::error(Area::Config, code, what).on(key).hint(hint));
+    };
     if w.axis.iter().any(|x| !x.is_finite()) {
         let what = format!("{:?} holds a number that is not finite", w.axis.as_slice());
         bad("Config::NotFinite", "axis", what, "give a direction such as [0.0, 0.0, 1.0]");

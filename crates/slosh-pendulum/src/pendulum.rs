@@ -1,25 +1,17 @@
 //! The pendulum: declaration, energies, and the bias by hand for speed.
 
 use crate::KIND;
-use crate::particle::Slot;
 use crate::point;
-use crate::swing::Swing;
+use crate::slot::Slot;
+use crate::swing::{SWING_LIMITS, Swing};
 use ff_model::CoordDecl;
-use ff_model::keys::{check_damping, check_stiffness};
+use ff_model::keys::{check_damping, check_positive, check_stiffness};
 use ff_model::scalar::LaneScalar;
 use ff_model::{
-    Appendage, Area, Decl, Inertia, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem, Problems, Scalar,
-    TwinBody, Xform,
+    Appendage, Decl, Inertia, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problems, Scalar, TwinBody,
+    Xform,
 };
 use nalgebra::Vector3;
-
-/// Greatest magnitude of each swing angle (rad).
-///
-/// `swing[0]` turns about a mount-fixed axis and has no singularity; its range is one turn. `swing[1]` has: at
-/// `|swing[1]| = pi/2` the arm lies along the first axis, turning about that axis no longer moves the mass
-/// (`M_aa = m l^2 cos^2 b` is zero) and the acceleration of `swing[0]` is undefined. At the limit of 1.4 rad
-/// `cos^2 b` is still 0.029. The range ends before pi/2, so no simulation crosses it.
-pub const SWING_LIMITS: [f64; 2] = [std::f64::consts::PI, 1.4];
 
 const MASS: usize = 0;
 const LENGTH: usize = 1;
@@ -92,17 +84,9 @@ impl SloshPendulum {
 
 /// Adds everything that is wrong with the numbers to `problems`. Allocates on trouble only.
 pub(crate) fn check(mass: f64, length: f64, k: [f64; 2], d: [f64; 2], problems: &mut Problems) {
-    let mut bad = |code, key: String, message: String, hint: &str| {
-        problems.push(Problem::error(Area::Config, code, message).on(key).hint(hint));
-    };
     for (key, unit, x) in [("mass_kg", "kg", mass), ("length_m", "m", length)] {
-        if !x.is_finite() {
-            let why = format!("{x} {unit} is not a finite number");
-            bad("Config::NotFinite", key.into(), why, "give a number above 0");
-        } else if x <= 0.0 {
-            let why = format!("{x} {unit} is not above the limit 0 {unit}");
-            bad("Config::Param", key.into(), why, "leave the slosh table out where there is no sloshing fuel");
-        }
+        let hint = "leave the slosh table out where there is no sloshing fuel";
+        problems.0.extend(check_positive(key, x, unit, hint));
     }
     for i in 0..2 {
         let springs = [

@@ -4,6 +4,7 @@ use crate::check;
 use crate::check::Axes;
 use crate::particle::{Particle, Path, Values};
 use crate::point::{Wrench, press, press_each};
+use ff_model::diagnostics::Limit;
 use ff_model::port::MAX_COORDS;
 use ff_model::scalar::LaneScalar;
 use ff_model::spatial::InertiaError;
@@ -118,6 +119,7 @@ impl SloshTank {
         let n: usize = all.iter().map(|(v, ..)| v.k.len()).sum();
         if n > MAX_COORDS {
             let p = Problem::error(Area::Config, "Config::Param", format!("{n} coordinates, limit {MAX_COORDS}"));
+            let p = p.violating(n as f64, Limit::AtMost(MAX_COORDS as f64), "coordinates");
             problems.push(p.on("modes").hint("keep the masses with the lowest frequencies"));
         }
         if problems.has_errors() {

@@ -91,14 +91,15 @@ fn shipped_appendages_pass() {
         let report = check_appendage_counting(&*a, meter);
         println!("{report}");
         assert!(report.checks.iter().all(|c| c.pass), "{report}");
-        assert!(report.skipped.is_empty(), "{report}");
+        // Instruction sets that this machine lacks are listed as not checked.
+        assert!(report.skipped.iter().all(|s| s.law == law::NUMBER_TYPES), "{report}");
     }
 }
 
 #[test]
 fn what_was_not_checked_is_said() {
     let report = check_appendage(&*right()[0].1);
-    let skipped: Vec<&str> = report.skipped.iter().map(|s| s.law).collect();
+    let skipped: Vec<&str> = report.skipped.iter().map(|s| s.law).filter(|l| *l != law::NUMBER_TYPES).collect();
     assert_eq!(skipped, [law::TWIN, law::NO_ALLOCATION]);
     assert!(report.to_string().contains("not checked"), "{report}");
 }

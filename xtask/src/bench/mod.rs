@@ -5,9 +5,11 @@
 //! `docs/benchmarks.md`. Two other questions have flags of their own: [`instructions`] and [`sizes`].
 pub mod aggregate;
 pub mod build;
+pub mod cell;
 pub mod instructions;
 pub mod limits;
 pub mod micro;
+pub mod models;
 pub mod peers;
 pub mod report;
 pub mod run;

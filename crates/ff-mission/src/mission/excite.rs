@@ -5,7 +5,9 @@ use super::reader;
 use super::reader::{Table, error};
 use super::select;
 use ff_model::Model;
+use ff_model::diagnostics::Limit;
 use ff_model::diagnostics::{clip, list, nearest};
+use ff_model::keys::out_of_range;
 use serde::Serialize;
 
 /// What a plan is for.
@@ -186,7 +188,7 @@ impl Excite {
             weak_relative_std: t.number("weak_relative_std").unwrap_or_default(),
         };
         if let Some(f) = out.modes_hz.iter().find(|f| **f <= 0.0) {
-            let p = error("Config::OutOfRange", format!("value {f} Hz, limit > 0 Hz"));
+            let p = out_of_range(*f, Limit::Above(0.0), "Hz");
             t.fail("modes_hz", p.hint("give natural frequencies in Hz; `ffid modes` prints them"));
         }
         t.finish();
@@ -277,7 +279,8 @@ fn positions(q: &[f64], key: &'static str, model: &Model, t: &Table<'_, '_>) {
         let l = &b.joint.limits;
         if !(l.lower..=l.upper).contains(&q) {
             let what = format!("joint {}: {q} rad, limit {} .. {} rad", b.joint.name, l.lower, l.upper);
-            t.fail(key, error("Config::OutOfRange", what).hint("give a position within the joint limits"));
+            let p = error("Config::OutOfRange", what).violating(q, Limit::Within(l.lower, l.upper), "rad");
+            t.fail(key, p.hint("give a position within the joint limits"));
         }
     }
 }

@@ -8,6 +8,7 @@ use super::excite::choice;
 use super::limits::direction;
 use super::reader::{Table, error};
 use ff_model::Model;
+use ff_model::diagnostics::Limit;
 use ff_model::diagnostics::{clip, list, nearest};
 use serde::Serialize;
 
@@ -261,7 +262,8 @@ fn gravity_gradient(t: &Table<'_, '_>) -> Option<InputSpec> {
     let cosine = dot(&radial, &normal) / (dot(&radial, &radial) * dot(&normal, &normal)).sqrt();
     if cosine.abs() > PERPENDICULAR {
         let what = format!("cosine {cosine:.3e} between radial and normal, limit {PERPENDICULAR:e}");
-        t.fail("normal", error("Config::OutOfRange", what).hint("give a normal perpendicular to radial"));
+        let p = error("Config::OutOfRange", what).violating(cosine.abs(), Limit::AtMost(PERPENDICULAR), "");
+        t.fail("normal", p.hint("give a normal perpendicular to radial"));
         return None;
     }
     Some(InputSpec::GravityGradient { mu_m3_per_s2, radius_m, radial, normal })
@@ -364,7 +366,8 @@ fn pulse<V: Strength>(t: &Table<'_, '_>) -> Option<PulseSpec<V>> {
     let (t_on_s, t_off_s) = (on?, off?);
     if t_off_s <= t_on_s {
         let what = format!("value {t_off_s} s, limit > t_on_s, {t_on_s} s");
-        t.fail("t_off_s", error("Config::OutOfRange", what).hint("let the pulse end after it begins"));
+        let p = error("Config::OutOfRange", what).violating(t_off_s, Limit::Above(t_on_s), "s");
+        t.fail("t_off_s", p.hint("let the pulse end after it begins"));
         return None;
     }
     Some(PulseSpec { t_on_s, t_off_s, value: value? })
@@ -394,7 +397,8 @@ fn ascending<V>(samples: &[SampleSpec<V>], t: &Table<'_, '_>) -> bool {
     let Some(k) = samples.windows(2).position(|w| w[1].t_s <= w[0].t_s) else { return true };
     let key = format!("sample[{}].t_s", k + 1);
     let what = format!("value {} s, limit > {} s, the sample before", samples[k + 1].t_s, samples[k].t_s);
-    let p = error("Config::OutOfRange", what).on(t.name_of(&key));
+    let limit = Limit::Above(samples[k].t_s);
+    let p = error("Config::OutOfRange", what).violating(samples[k + 1].t_s, limit, "s").on(t.name_of(&key));
     t.fail_at(t.place(&key), p.hint("give the samples in order, each time once"));
     false
 }
@@ -407,7 +411,8 @@ fn about_origin(host: &str, frames: &Frames<'_>, t: &Table<'_, '_>) {
         let body = frames.0.body_name(f.body);
         let what =
             format!("its origin is {off} m from that of body {body}, limit {AT_ORIGIN:e} m for axes = \"world\"");
-        t.fail("host", error("Config::OutOfRange", what).hint(format!("give {body} as host, or axes = \"body\"")));
+        let p = error("Config::OutOfRange", what).violating(off, Limit::AtMost(AT_ORIGIN), "m");
+        t.fail("host", p.hint(format!("give {body} as host, or axes = \"body\"")));
     }
 }
 

@@ -78,7 +78,7 @@ use declared::{Holds, Key, key, must};
 use excite::EXCITE;
 use ff_model::Model;
 use ff_model::Registry;
-use ff_model::diagnostics::{clip, list, nearest};
+use ff_model::diagnostics::{Limit, clip, list, nearest};
 use ff_model::{Area, Problem, Problems};
 use input::INPUTS;
 use limits::LIMITS;
@@ -451,7 +451,8 @@ fn check_reproduce(r: &Reproduce, model: &Model, t: &Table<'_, '_>) {
             let l = &b.joint.limits;
             if !(l.lower..=l.upper).contains(&q) {
                 let what = format!("joint {}: {q} rad, limit {} .. {} rad", b.joint.name, l.lower, l.upper);
-                t.fail("hold_rad", error("Config::OutOfRange", what).hint("give a position within the joint limits"));
+                let p = error("Config::OutOfRange", what).violating(q, Limit::Within(l.lower, l.upper), "rad");
+                t.fail("hold_rad", p.hint("give a position within the joint limits"));
             }
         }
     }

@@ -7,7 +7,7 @@
 
 use super::declared::{Holds, Key, Literal};
 use crate::lines::LineIndex;
-use ff_model::diagnostics::clip;
+use ff_model::diagnostics::{Limit, clip};
 pub(crate) use ff_model::keys::error;
 use ff_model::keys::{missing_key, not_finite, unit_of, unknown_key, wrong_type};
 use ff_model::{Problem, Problems};
@@ -258,7 +258,9 @@ impl<'d, 't> Table<'d, 't> {
         match k.holds {
             Holds::WholeWithin { from, to, unit } if !(from..=to).contains(&x) => {
                 let what = format!("value {x}{unit}, limit {from} to {to}{unit}");
-                self.fail(key, error("Config::OutOfRange", what).hint("give a whole number within the limits"));
+                let limit = Limit::Within(from as f64, to as f64);
+                let p = error("Config::OutOfRange", what).violating(x as f64, limit, unit.trim_start());
+                self.fail(key, p.hint("give a whole number within the limits"));
                 None
             }
             _ => Some(x),
@@ -348,12 +350,13 @@ impl<'d, 't> Table<'d, 't> {
         let p = error("Config::OutOfRange", format!("{} does not fit a 64-bit whole number", clip(text))).on(path);
         self.cx.push_at(span, p.hint("give a smaller whole number, or write it with a decimal point"));
     }
-    fn in_range(&self, span: Range<usize>, path: &str, x: f64, limits: &[Limit]) -> Option<f64> {
-        let broken = limits.iter().find(|l| !(l.keeps)(x));
-        if let Some(Limit { text, hint, .. }) = broken {
+    fn in_range(&self, span: Range<usize>, path: &str, x: f64, limits: &[Bound]) -> Option<f64> {
+        let broken = limits.iter().find(|b| !b.limit.admits(x));
+        if let Some(Bound { limit, text, hint }) = broken {
             let unit = unit_of(path);
-            let p = error("Config::OutOfRange", format!("value {x}{unit}, limit {text}{unit}")).on(path);
-            self.cx.push_at(span, p.hint(*hint));
+            let text = text.map_or_else(|| limit.to_string(), str::to_owned);
+            let p = error("Config::OutOfRange", format!("value {x}{unit}, limit {text}{unit}"));
+            self.cx.push_at(span, p.violating(x, *limit, unit.trim_start()).on(path).hint(*hint));
         }
         broken.is_none().then_some(x)
     }
@@ -390,25 +393,31 @@ impl<'d, 't> Table<'d, 't> {
 }
 
 /// One side of what a number may be.
-struct Limit {
-    keeps: fn(f64) -> bool,
-    text: &'static str,
+struct Bound {
+    limit: Limit,
+    /// The limit as messages write it, where its number says less.
+    text: Option<&'static str>,
     hint: &'static str,
 }
 
+impl Bound {
+    const fn new(limit: Limit, hint: &'static str) -> Self {
+        Self { limit, text: None, hint }
+    }
+}
+
 /// The limits of a key that holds a number; `None` for any other.
-fn limits(holds: Holds) -> Option<&'static [Limit]> {
+fn limits(holds: Holds) -> Option<&'static [Bound]> {
     const WITHIN: &str = "give a value within the limit";
-    const POSITIVE: Limit = Limit { keeps: |x| x > 0.0, text: "> 0", hint: WITHIN };
-    const NOT_NEGATIVE: Limit = Limit { keeps: |x| x >= 0.0, text: ">= 0", hint: WITHIN };
-    const BELOW_PI: Limit = Limit {
-        keeps: |x| x < std::f64::consts::PI,
-        text: "< pi",
+    const POSITIVE: Bound = Bound::new(Limit::Above(0.0), WITHIN);
+    const NOT_NEGATIVE: Bound = Bound::new(Limit::AtLeast(0.0), WITHIN);
+    const BELOW_PI: Bound = Bound {
+        limit: Limit::Below(std::f64::consts::PI),
+        text: Some("< pi"),
         hint: "give the angle in radians; leave it out for no limit",
     };
-    const BELOW_ONE: Limit = Limit { keeps: |x| x < 1.0, text: "< 1", hint: "give a fraction, such as 0.1 for 10 %" };
-    const OFFSET: Limit =
-        Limit { keeps: |x| x > -1.0, text: "> -1", hint: "a start value must keep the sign of the nominal one" };
+    const BELOW_ONE: Bound = Bound::new(Limit::Below(1.0), "give a fraction, such as 0.1 for 10 %");
+    const OFFSET: Bound = Bound::new(Limit::Above(-1.0), "a start value must keep the sign of the nominal one");
     match holds {
         Holds::Number => Some(&[]),
         Holds::Positive => Some(&[POSITIVE]),

@@ -4,6 +4,7 @@ use super::declared::{Holds, Key, key, must};
 use super::reader::{Table, error};
 use ff_model::BaseKind;
 use ff_model::Inertia;
+use ff_model::diagnostics::Limit;
 use ff_model::spatial::InertiaError;
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -127,6 +128,7 @@ fn six(t: &Table<'_, '_>, key: &'static str) -> Option<[f64; 6]> {
                 "Config::NotSymmetric",
                 format!("opposite elements differ by {skew} kg m^2, limit {} kg m^2", 1e-9 * scale),
             )
+            .violating(skew, Limit::AtMost(1e-9 * scale), "kg m^2")
             .hint("an inertia matrix is symmetric"),
         );
         return None;

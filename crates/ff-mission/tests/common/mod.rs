@@ -1,25 +1,12 @@
-//! Shared by the tests: paths of fixtures, and stand-ins for the appendage crates, which depend on this one.
+//! Stand-ins for the appendage crates: the readers are tested without their physics.
 // Every test file is its own crate and uses a part of this; helpers may unwrap like the tests they serve.
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
-
-pub mod mutate;
 
 use ff_model::{
     Appendage, Area, CoordDecl, Decl, DynAppendage, Inertia, ParamDecl, PortMatrix, Problem, Problems, Registry, Scalar,
 };
 use nalgebra::Vector3;
-use std::path::PathBuf;
 use std::sync::Arc;
-
-/// A file of `fixtures/`.
-pub fn fixture(path: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures").join(path)
-}
-
-/// Text of a file of `fixtures/`.
-pub fn text(path: &str) -> String {
-    std::fs::read_to_string(fixture(path)).unwrap()
-}
 
 /// Unit point masses on springs: the names and counts of the real kinds without their physics.
 struct StandIn {

@@ -1,7 +1,7 @@
 //! Mounting appendages on the bodies of a model, one by one and as a set.
 
 use super::model::{Model, Mounted};
-use crate::diagnostics::problem::{Area, Problem, Problems};
+use crate::diagnostics::problem::{Area, Limit, Problem, Problems};
 use crate::port::{AppendageSet, Decl, DynAppendage, MAX_COORDS, MAX_PARAMS, Place};
 use crate::spatial::motion::Xform;
 use std::sync::Arc;
@@ -105,18 +105,16 @@ impl Model {
             );
         }
         if decl.coords.len() > MAX_COORDS {
-            bad.push(Problem::error(
-                Area::Config,
-                "Config::TooManyCoordinates",
-                format!("{} coordinates, limit {}", decl.coords.len(), MAX_COORDS),
-            ));
+            let what = format!("{} coordinates, limit {}", decl.coords.len(), MAX_COORDS);
+            let limit = Limit::AtMost(MAX_COORDS as f64);
+            let p = Problem::error(Area::Config, "Config::TooManyCoordinates", what);
+            bad.push(p.violating(decl.coords.len() as f64, limit, "coordinates"));
         }
         if decl.params.len() > MAX_PARAMS {
-            bad.push(Problem::error(
-                Area::Config,
-                "Config::TooManyParameters",
-                format!("{} parameters, limit {}", decl.params.len(), MAX_PARAMS),
-            ));
+            let what = format!("{} parameters, limit {}", decl.params.len(), MAX_PARAMS);
+            let limit = Limit::AtMost(MAX_PARAMS as f64);
+            let p = Problem::error(Area::Config, "Config::TooManyParameters", what);
+            bad.push(p.violating(decl.params.len() as f64, limit, "parameters"));
         }
         for p in &decl.params {
             let (lo, hi) = p.bounds;
@@ -127,6 +125,7 @@ impl Model {
                         "Config::Param",
                         format!("value {} {} outside its bounds {lo} .. {hi}", p.nominal, p.unit),
                     )
+                    .violating(p.nominal, Limit::Within(lo, hi), p.unit)
                     .on(format!("{name}.{}", p.name))
                     .hint("give a value inside the bounds"),
                 );

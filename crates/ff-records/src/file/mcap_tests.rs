@@ -1,6 +1,7 @@
 //! ROS 2 bags of another writer (`mcap-ros2-support`, `fixtures/records/make.py`), and damaged ones.
 
 use crate::file::*;
+use ff_testkit::assert_within;
 use std::path::PathBuf;
 
 const N: usize = 300;
@@ -39,13 +40,13 @@ fn bags_are_read_on_the_clock_of_the_joints() {
             for j in 0..3 {
                 // Linear in time, so that interpolation is exact.
                 let want = 0.1 + (0.02 + 0.01 * j as f64) * t;
-                assert!((r.gyro()[(i, j)] - want).abs() < 1e-12, "{name} {i}: {}", r.gyro()[(i, j)]);
+                assert_within!((r.gyro()[(i, j)] - want).abs(), 1e-12, "{name} {i}: {}", r.gyro()[(i, j)]);
             }
             let q = r.att().unwrap().row(i);
             let (s, c) = (0.1 * t).sin_cos();
             let off: f64 = [c, 0.6 * s, 0.8 * s, 0.0].iter().zip(q.iter()).map(|(a, b)| a * b).sum();
             // The sign alternates in the bag; between two attitudes 0.8 mrad apart the chord is as good as the arc.
-            assert!((off.abs() - 1.0).abs() < 1e-9, "{name} {i}: {q}");
+            assert_within!((off.abs() - 1.0).abs(), 1e-9, "{name} {i}: {q}");
         }
         assert!(text.contains("/bus/imu") && text.contains("/arm/joint_states"), "{text}");
         assert!(text.contains("up to 0.004000 s apart (median interval 0.004000 s)"), "{text}");

@@ -32,6 +32,7 @@ pub use residual::{RESIDUAL_SLACK, Residual};
 pub use table::{CSV_COLUMNS, read_csv};
 
 use ff_model::CoordDecl;
+use ff_model::diagnostics::Limit;
 use ff_model::keys::check_damping;
 use ff_model::port::MAX_COORDS;
 use ff_model::scalar::LaneScalar;
@@ -173,42 +174,39 @@ impl ModalAppendage {
 /// Adds everything that is wrong with the rigid body to `problems`; true when it is sound. Allocates on trouble only.
 pub(crate) fn check_rigid(rigid: &Inertia<f64>, problems: &mut Problems) -> bool {
     let Err(e) = rigid.check() else { return true };
-    let (code, key) = crate::segment::inertia_fault(&e);
-    problems.push(Problem::error(Area::Config, code, e.to_string()).on(key).hint(crate::segment::INERTIA_HINT));
+    problems.push(crate::segment::inertia_problem(&e, str::to_owned));
     false
 }
 
 /// Adds everything that is wrong with the modes alone to `problems`; true when they are sound. Allocates.
 pub(crate) fn check_modes(modes: &[Mode], problems: &mut Problems) -> bool {
     let mut own = Problems::default();
-    let mut bad = |code, key: String, message: String, hint: &str| {
-        own.push(Problem::error(Area::Config, code, message).on(key).hint(hint));
-    };
+    let bad =
+        |code, key: String, message: String, hint: &str| Problem::error(Area::Config, code, message).on(key).hint(hint);
     if modes.is_empty() || modes.len() > MAX_MODES {
         let why = format!("{} modes, outside the limits 1 to {MAX_MODES}", modes.len());
-        bad("Config::Param", "modes".into(), why, "keep those with the greatest effective mass (modes_used)");
+        let p = bad("Config::Param", "modes".into(), why, "keep those with the greatest effective mass (modes_used)");
+        own.push(p.violating(modes.len() as f64, Limit::Within(1.0, MAX_MODES as f64), "modes"));
     }
     for (j, m) in modes.iter().enumerate() {
         let at = |key: &str| format!("modes[{j}].{key}");
         if !m.frequency_hz.is_finite() {
             let why = format!("{} Hz is not a finite number", m.frequency_hz);
-            bad("Config::NotFinite", at("freq_hz"), why, "give a number above 0");
+            own.push(bad("Config::NotFinite", at("freq_hz"), why, "give a number above 0"));
         } else if m.frequency_hz <= 0.0 {
             let why = format!("{} Hz is not above the limit 0 Hz", m.frequency_hz);
             let hint = "modes of the structure with its mount held have no rigid-body motion; leave those out";
-            bad("Config::Param", at("freq_hz"), why, hint);
+            let p = bad("Config::Param", at("freq_hz"), why, hint);
+            own.push(p.violating(m.frequency_hz, Limit::Above(0.0), "Hz"));
         } else if m.frequency_hz > MAX_FREQUENCY_HZ {
             let why = format!("{} Hz is above the limit {MAX_FREQUENCY_HZ:e} Hz", m.frequency_hz);
-            bad(
-                "Config::Param",
-                at("freq_hz"),
-                why,
-                "modes far above those of interest belong to the residual mass; leave them out",
-            );
+            let hint = "modes far above those of interest belong to the residual mass; leave them out";
+            let p = bad("Config::Param", at("freq_hz"), why, hint);
+            own.push(p.violating(m.frequency_hz, Limit::AtMost(MAX_FREQUENCY_HZ), "Hz"));
         }
         if m.participation.iter().any(|x| !x.is_finite()) {
             let why = format!("{:?} holds a number that is not finite", m.participation.as_slice());
-            bad("Config::NotFinite", at("participation"), why, "give six finite numbers");
+            own.push(bad("Config::NotFinite", at("participation"), why, "give six finite numbers"));
         }
     }
     for (j, m) in modes.iter().enumerate() {

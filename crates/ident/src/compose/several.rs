@@ -232,6 +232,7 @@ mod tests {
     use super::*;
     use crate::estimate::estimator::{Request, estimate};
     use ff_model::Inertia;
+    use ff_testkit::assert_within;
     use nalgebra::{Matrix3, Vector3};
 
     /// Straight lines `slope t + level + bias`, read at some instants.
@@ -299,7 +300,7 @@ mod tests {
         assert_eq!(start, [2.0, 1.0, 1.0, 7.0]);
         let e = estimate(&Request::new(&shared.decls, &[0, 1, 2], &start), &mut both).unwrap();
         for (got, want) in e.values.iter().zip([3.0, 1.5, 2.5, 7.0]) {
-            assert!((got - want).abs() < 1e-9, "{:?}", e.values);
+            assert_within!((got - want).abs(), 1e-9, "{:?}", e.values);
         }
         assert!((e.nuisance[0].value - 0.2).abs() < 1e-9 && (e.nuisance[1].value + 0.4).abs() < 1e-9);
         assert_eq!(shared.of_record(1, &e.values)[0], e.values[2]);

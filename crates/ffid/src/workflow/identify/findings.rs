@@ -6,7 +6,8 @@ use ident::checks::whiteness::ChannelCheck;
 use ident::compose::equal_cost;
 use serde::{Deserialize, Serialize};
 
-use super::result::{Channel, Combination};
+use super::channel::Channel;
+use super::combination::Combination;
 
 /// One record of several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

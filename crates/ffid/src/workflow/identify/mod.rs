@@ -15,6 +15,8 @@
 //! ```
 pub(crate) mod asked;
 pub mod axes;
+pub mod channel;
+pub mod combination;
 pub(crate) mod compare;
 pub(crate) mod decay;
 pub(crate) mod doubts;

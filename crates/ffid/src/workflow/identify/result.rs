@@ -1,5 +1,8 @@
 //! What an identification hands to people and programs: `result.json`. Every number reads back exactly.
 
+pub use super::channel::Channel;
+pub use super::combination::Combination;
+
 use super::findings::{
     ClockLine, ComparisonTable, DecayModes, Minima, ProfileLine, RecordFit, ReducedSet, Silent, Whiteness,
 };
@@ -9,7 +12,6 @@ use ff_model::{Model, ParamDecl, Problems};
 use ff_records::Record;
 use ident::Posterior;
 use ident::Uncertainty;
-use ident::belief::Direction;
 use ident::estimate::report::{Estimate as Line, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -269,26 +271,6 @@ impl Value {
     }
 }
 
-/// A combination of parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Combination {
-    /// Singular value of the scaled sensitivities along it.
-    pub singular_value: f64,
-    /// Change of each parameter along it, in its own unit, largest relative part first.
-    pub terms: Vec<(String, f64)>,
-    /// Smaller parts left out.
-    pub omitted: usize,
-    /// In words.
-    pub text: String,
-}
-
-impl Combination {
-    pub(super) fn of(d: &Direction) -> Self {
-        Self { singular_value: d.singular_value, terms: d.terms.clone(), omitted: d.omitted, text: d.to_string() }
-    }
-}
-
 /// A strong correlation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -338,22 +320,6 @@ pub struct ModeLine {
     pub damping_ratio: f64,
     /// Natural frequency at the start of the fit (Hz).
     pub start_hz: f64,
-}
-
-/// How one channel was predicted.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Channel {
-    /// Name, such as `tau.joint1`.
-    pub name: String,
-    /// SI unit.
-    pub unit: String,
-    /// Root mean square of the measured signal.
-    pub signal_rms: f64,
-    /// Root mean square of the residual.
-    pub residual_rms: f64,
-    /// That over the standard deviation of the sensor: 1 when model and noise figure are right.
-    pub over_noise: f64,
 }
 
 /// The prediction of data that were not used.
