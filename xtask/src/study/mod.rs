@@ -107,9 +107,17 @@ impl Op {
 /// What a part of a study adds to it, as its trial keeps it.
 #[derive(Serialize, Deserialize)]
 struct Part {
-    /// Name, unit, value and limit.
-    figures: Vec<(String, String, Number, Option<(Op, f64)>)>,
+    figures: Vec<Figure>,
     notes: Vec<String>,
+}
+
+/// A figure of a part.
+#[derive(Serialize, Deserialize)]
+struct Figure {
+    name: String,
+    unit: String,
+    value: Number,
+    limit: Option<(Op, f64)>,
 }
 
 /// Figures of one study, with limits on some of them.
@@ -180,12 +188,12 @@ impl Study {
             let figures = s.lines.into_iter().map(|(name, unit)| {
                 let value = s.figures.get(&name).copied().unwrap_or(f64::NAN);
                 let limit = s.limits.get(&name).copied();
-                (name, unit, Number(value), limit)
+                Figure { name, unit, value: Number(value), limit }
             });
             Ok(Part { figures: figures.collect(), notes: s.notes })
         })?;
-        for (name, unit, value, limit) in part.figures {
-            self.add(name, &unit, value.0, limit);
+        for f in part.figures {
+            self.add(f.name, &f.unit, f.value.0, f.limit);
         }
         self.notes.extend(part.notes);
         Ok(())
