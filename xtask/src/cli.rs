@@ -1,6 +1,7 @@
 //! The command line: parse, dispatch, map the outcome to an exit code.
 
-use crate::exit::{self, Exit};
+use crate::exit;
+use crate::exit::Exit;
 use crate::{bench, conformance, reproduce, study};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;

@@ -7,13 +7,12 @@
 //! * the parameters without a deviation are those of the degeneracy,
 //! * and no direction is false: moving the parameters along it changes nothing, on motions that the analysis has not seen
 //!   (structural ones) or in the record itself (the others).
-
 mod cases;
 mod robots;
 
 use super::trials::Trials;
 use super::{Op, Options, Study};
-use ffid::ident::covariance::Uncertainty;
+use ident::Uncertainty;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
