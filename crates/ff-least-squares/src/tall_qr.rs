@@ -300,7 +300,7 @@ impl<L: LaneScalar> Stream<L> {
     /// # Errors
     /// [`LinalgError::NotFinite`].
     pub fn finish(self) -> Result<DMatrix<f64>, LinalgError> {
-        debug_assert!(self.filled == 0, "rows still wait");
+        assert!(self.filled == 0, "rows still wait");
         let n = self.width;
         // At most eight rows per column: `qr_r` factorises it in one piece.
         let mut all = DMatrix::zeros(n * L::N, n);

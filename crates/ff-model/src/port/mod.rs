@@ -424,9 +424,9 @@ impl<A: Appendage, T: Scalar> PortModel<T> for A {
     }
     fn terms(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
         if T::DERIVATIVES {
-            m.clear();
-            Appendage::inertia(self, p, s.eta, m);
-            Appendage::bias(self, p, s, h);
+            // The functions of this trait, not those of `Appendage`, which the compiler would copy into this one.
+            PortModel::inertia(self, p, s.eta, m);
+            PortModel::bias(self, p, s, h);
             return;
         }
         entered!(Scalar, self.terms(p: &'x [T], s: &'x PortState<'y, T>, m: &'x mut PortMatrix<'z, T>, h: &'x mut [T]));
@@ -440,9 +440,8 @@ impl<A: Appendage, T: Scalar> PortModel<T> for A {
         r: &mut PortVector<T>,
     ) {
         if T::DERIVATIVES {
-            scratch.clear();
-            Appendage::inertia(self, p, s.eta, scratch);
-            Appendage::bias(self, p, s, r);
+            PortModel::inertia(self, p, s.eta, scratch);
+            PortModel::bias(self, p, s, r);
             add_inertial(scratch, acc, r);
             return;
         }
