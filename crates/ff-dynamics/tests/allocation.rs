@@ -6,7 +6,7 @@ use allocation_counter::measure;
 use ff_dynamics::integrate::{QUADRATURES, Rkmk4};
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::*;
-use ff_model::scalar::{D2, Grad};
+use ff_model::dual::{D2, Grad};
 use ff_model::*;
 use nalgebra::DMatrix;
 

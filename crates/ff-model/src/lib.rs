@@ -30,11 +30,11 @@ pub mod urdf;
 pub mod vec3;
 
 pub use appendage::{
-    Appendage, AppendageSet, CoordDecl, Decl, DynAppendage, MAX_COORDS, ParamDecl, ParamGroup, Place, PortAccel,
-    PortMatrix, PortModel, PortState, PortTangent, PortVector, PortView, derived_bias, derived_jacobian, derived_power,
-    derived_regressor, port_len,
+    Appendage, AppendageSet, CoordDecl, Decl, Derived, DynAppendage, LaneScalar, MAX_COORDS, ModelScalar, ParamDecl,
+    ParamGroup, Place, PortAccel, PortDynamics, PortMatrix, PortModel, PortState, PortTangent, PortVector, PortView,
+    SharedAppendage, derived_bias, derived_jacobian, derived_power, derived_regressor, port_len,
 };
-pub use dual::Dual;
+pub use dual::{D1, D2, Dual, Grad};
 pub use inertia::Inertia;
 pub use leniency::Leniency;
 pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
@@ -42,10 +42,10 @@ pub use params::Params;
 pub use problem::{Area, Problem, Problems, Severity};
 pub use read::text_file;
 pub use registry::Registry;
-pub use scalar::{D1, D2, Grad, LaneScalar, ModelScalar, Scalar};
+pub use scalar::{PlainScalar, Scalar};
 pub use spatial::{Force, Motion, Xform};
 pub use text::{clip, list, nearest};
-pub use twin::TwinBody;
+pub use twin::{TreeTwin, TwinBody};
 
 /// Vectors and matrices of the public signatures, so that an appendage crate needs no second dependency.
 pub use nalgebra;

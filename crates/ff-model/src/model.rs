@@ -3,12 +3,11 @@
 mod mount;
 mod nominal;
 
-use crate::appendage::{CoordDecl, Decl, DynAppendage, ParamDecl};
+use crate::appendage::{CoordDecl, Decl, ParamDecl, SharedAppendage};
 use crate::inertia::Inertia;
 use crate::spatial::Xform;
 use nalgebra::Vector3;
 use std::fmt;
-use std::sync::Arc;
 
 /// How a body moves against its parent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,7 +89,7 @@ pub struct Mounted {
     /// Pose of the mount frame in the host body frame.
     pub mount: Xform<f64>,
     /// What hangs there.
-    pub appendage: Arc<dyn DynAppendage>,
+    pub appendage: SharedAppendage,
     /// First own coordinate among all passive coordinates.
     pub coord_offset: usize,
     /// First own parameter in the parameter vector.

@@ -1,10 +1,10 @@
 //! Rest position of an appendage, and the system with every appendage frozen there.
 
-use crate::dual::Dual;
+use crate::appendage::ModelScalar;
+use crate::dual::{D1, D2, Dual};
 use crate::inertia::Inertia;
 use crate::model::{Model, Mounted};
 use crate::params::Params;
-use crate::scalar::{D1, D2, ModelScalar};
 use nalgebra::{DMatrix, DVector};
 
 /// Coordinates at which the springs of an appendage are relaxed, `dU/d eta = 0`, by Newton from zero with

@@ -1,6 +1,6 @@
 //! Full stiffness and damping matrices: laws, forces, bounds, and what is said when they are wrong.
 use crate::common::{State, chain, rel, rng, sym};
-use ff_model::{Appendage, Motion, PortModel, PortState, Problems, derived_bias};
+use ff_model::{Appendage, Motion, PortDynamics, PortModel, PortState, Problems, derived_bias};
 use flex_panel::{PanelChain, from_toml};
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
@@ -38,7 +38,7 @@ fn override_equals_the_derived_bias_with_couplings() {
         for _ in 0..500 {
             let s = State::new(&mut r, n);
             let (mut h, mut d) = (vec![0.0; 6 + n], vec![0.0; 6 + n]);
-            Appendage::bias(&c, &c.nominal(), &s.port(), &mut h);
+            PortDynamics::bias(&c, &c.nominal(), &s.port(), &mut h);
             derived_bias(&c, &c.nominal(), &s.port(), &mut d);
             worst = worst.max(rel(&h, &d));
         }

@@ -1,7 +1,7 @@
 //! Spring-mass and tank: laws, equivalence with the pendulum, geometry, and what is said when a table is wrong.
 use crate::common::ports::{check_ports, shared};
 use crate::common::{Random, pendulum, rel, rng, sym, vec3};
-use ff_model::{Appendage, DynAppendage, Motion, PortModel, PortState, Problems, derived_bias};
+use ff_model::{DynAppendage, Motion, PortDynamics, PortModel, PortState, Problems, derived_bias};
 use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 use rand::RngExt;
 use slosh_pendulum::geometry::Tank;
@@ -51,7 +51,7 @@ fn random_spring_masses_and_tanks_keep_every_law() {
     }
 }
 
-fn bias_difference<A: Appendage>(a: &A, p: &[f64], r: &mut Random) -> f64 {
+fn bias_difference<A: PortDynamics>(a: &A, p: &[f64], r: &mut Random) -> f64 {
     let n = a.decl().coords.len();
     (0..300).fold(0.0_f64, |worst, _| {
         let eta: Vec<f64> = (0..n).map(|_| sym(r, 0.6)).collect();
@@ -59,7 +59,7 @@ fn bias_difference<A: Appendage>(a: &A, p: &[f64], r: &mut Random) -> f64 {
         let s = PortState { host: Motion::new(vec3(r, 2.0), vec3(r, 2.0)), eta: &eta, nu: &nu };
         // The override must not lean on what the buffer held.
         let (mut h, mut d) = (vec![f64::NAN; 6 + n], vec![0.0; 6 + n]);
-        Appendage::bias(a, p, &s, &mut h);
+        PortDynamics::bias(a, p, &s, &mut h);
         derived_bias(a, p, &s, &mut d);
         let worse = rel(&h, &d);
         if worse.is_nan() { f64::NAN } else { worst.max(worse) }

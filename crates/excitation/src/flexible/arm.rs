@@ -274,7 +274,7 @@ impl ArmModel {
     }
     /// Adds to `[gq, gqd, gqdd]` the gradient of `sum weights . numbers`.
     pub(super) fn pull_back(&self, [q, qd, qdd]: [&[f64]; 3], rows: bool, weights: &[f64], g: [&mut [f64]; 3]) {
-        const CHUNK: usize = ff_model::scalar::DIRECTIONS;
+        const CHUNK: usize = ff_model::dual::DIRECTIONS;
         let n = self.links.len();
         let mut x: Vec<Grad> = q.iter().chain(qd).chain(qdd).map(|&x| Grad::constant(x)).collect();
         let mut out = Vec::with_capacity(self.len(rows));

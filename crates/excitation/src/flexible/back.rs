@@ -328,7 +328,7 @@ impl System {
 
 /// Gradient over the first `count` of `seeds`.
 fn chunks(seeds: &mut [Grad], count: usize, f: impl Fn(&[Grad]) -> Grad) -> Vec<f64> {
-    const CHUNK: usize = ff_model::scalar::DIRECTIONS;
+    const CHUNK: usize = ff_model::dual::DIRECTIONS;
     let mut out = Vec::with_capacity(count);
     for first in (0..count).step_by(CHUNK) {
         let n = CHUNK.min(count - first);

@@ -2,7 +2,7 @@
 
 use super::{ExternalInput, InputError, Loads, Scene};
 use ff_model::appendage::MAX_PARAMS;
-use ff_model::scalar::D1;
+use ff_model::dual::D1;
 use ff_model::{Force, Inertia, MAX_COORDS, Model, ModelScalar, PortMatrix, Xform, port_len};
 use nalgebra::Vector3;
 

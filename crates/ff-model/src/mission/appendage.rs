@@ -2,7 +2,7 @@
 
 use super::lift;
 use super::reader::{Must, Table, error};
-use crate::appendage::DynAppendage;
+use crate::appendage::SharedAppendage;
 use crate::model::Model;
 use crate::registry::Registry;
 use crate::so3::{quat_to_rot, rot_of_rpy};
@@ -11,7 +11,6 @@ use crate::text::{list, nearest};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use std::path::Path;
-use std::sync::Arc;
 
 /// How far a quaternion or rotation matrix may be from exact before it is refused.
 const UNIT_TOLERANCE: f64 = 1e-6;
@@ -123,7 +122,7 @@ pub(super) struct Draft<'d, 't> {
     pub(super) mount: Option<Mount>,
     pub(super) lift: Option<Vec<String>>,
     pub(super) settings: toml::Table,
-    pub(super) appendage: Option<Arc<dyn DynAppendage>>,
+    pub(super) appendage: Option<SharedAppendage>,
     pub(super) table: Table<'d, 't>,
 }
 
@@ -151,7 +150,7 @@ impl<'d, 't> Draft<'d, 't> {
         draft
     }
     /// Runs the factory of the kind on a table; problems are recorded.
-    fn make(&self, settings: &toml::Table, kinds: &Kinds<'_>) -> Option<Arc<dyn DynAppendage>> {
+    fn make(&self, settings: &toml::Table, kinds: &Kinds<'_>) -> Option<SharedAppendage> {
         let kind = self.kind.as_deref()?;
         make(&self.table, kind, self.name.as_deref().unwrap_or(kind), settings, kinds)
     }
@@ -197,7 +196,7 @@ fn make(
     label: &str,
     settings: &toml::Table,
     kinds: &Kinds<'_>,
-) -> Option<Arc<dyn DynAppendage>> {
+) -> Option<SharedAppendage> {
     let registry = kinds.registry;
     let Some(factory) = registry.get(kind) else {
         let known = list(registry.kinds(), 20);

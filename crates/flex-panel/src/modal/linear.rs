@@ -1,7 +1,7 @@
 //! Any appendage at small deflections as a modal one.
 
 use super::{MAX_MODES, ModalAppendage, Mode};
-use ff_model::scalar::{D1, D2};
+use ff_model::dual::{D1, D2};
 use ff_model::{Area, Dual, DynAppendage, Inertia, ModelScalar, Motion, PortState, Problem, Problems};
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector6};
 use std::f64::consts::TAU;

@@ -2,7 +2,9 @@
 
 use super::{Random, rel, sym, vec3};
 use ff_model::lanes::{Isa, LaneScalar, LaneTask, dispatch};
-use ff_model::{Appendage, Decl, DynAppendage, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, port_len};
+use ff_model::{
+    Appendage, Decl, DynAppendage, Motion, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Scalar, port_len,
+};
 use std::sync::Arc;
 
 /// As a model holds it, with the dynamics that its crate compiled: `&a as &dyn DynAppendage` compiles them anew.
@@ -13,7 +15,7 @@ pub(crate) fn shared(a: &(impl Clone + Into<Arc<dyn DynAppendage>>)) -> Arc<dyn 
 /// An appendage with nothing of its own but inertia, potential and bias; everything else is a default.
 pub(crate) struct Plain<A>(pub(crate) A);
 
-impl<A: Appendage> Appendage for Plain<A> {
+impl<A: PortDynamics> Appendage for Plain<A> {
     fn decl(&self) -> &Decl {
         self.0.decl()
     }
@@ -26,8 +28,11 @@ impl<A: Appendage> Appendage for Plain<A> {
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         Appendage::rayleigh(&self.0, p, nu)
     }
+}
+
+impl<A: PortDynamics> PortDynamics for Plain<A> {
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        Appendage::bias(&self.0, p, s, h);
+        PortDynamics::bias(&self.0, p, s, h);
     }
 }
 
@@ -116,7 +121,7 @@ impl LaneTask for Compare<'_> {
 
 /// Holds `terms`, `residual`, `jacobian` and `regressor` to the defaults over plain numbers and over every vector type
 /// of the machine, and the derivatives to central differences of the default residual.
-pub(crate) fn check_ports<A: Appendage + Clone + Into<Arc<dyn DynAppendage>>>(
+pub(crate) fn check_ports<A: PortDynamics + Clone + Into<Arc<dyn DynAppendage>>>(
     a: &A,
     p: &[f64],
     r: &mut Random,

@@ -4,7 +4,7 @@ use super::law;
 use super::measure::{Worst, relative};
 use super::report::Check;
 use super::sample::{Sample, lift};
-use ff_model::scalar::D1;
+use ff_model::dual::D1;
 use ff_model::{DynAppendage, ModelScalar};
 
 /// Laws of the Rayleigh function.

@@ -5,7 +5,7 @@ use super::law;
 use super::measure::{Worst, amax, relative};
 use super::report::Check;
 use super::sample::{Sample, lift};
-use ff_model::scalar::D1;
+use ff_model::dual::D1;
 use ff_model::{Dual, DynAppendage, ModelScalar};
 use nalgebra::DMatrix;
 
@@ -50,6 +50,6 @@ pub(super) fn inertia(a: &dyn DynAppendage, samples: &[Sample]) -> [Check; 4] {
         psd.check(law::SEMIDEFINITE, 1e-10),
         own.check(law::OWN_BLOCK, 1e10),
         host.check(law::MASS, 1e-12),
-        if a.is_galilean() { moment } else { moment.advice() },
+        if a.declaration().galilean { moment } else { moment.advice() },
     ]
 }

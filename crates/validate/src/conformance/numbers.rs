@@ -6,8 +6,8 @@ use super::measure::{Worst, bias, relative};
 use super::ports::{Packed, Ports, scales};
 use super::report::Check;
 use super::sample::{Sample, lift};
+use ff_model::dual::{D1, D2, Grad};
 use ff_model::lanes::{Isa, LaneTask, dispatch};
-use ff_model::scalar::{D1, D2, Grad};
 use ff_model::{Dual, DynAppendage, LaneScalar, ModelScalar, Motion, Scalar};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

@@ -8,7 +8,7 @@ use super::measure::{Worst, relative};
 use super::ports::{Packed, Ports, scales};
 use super::report::Check;
 use super::sample::{Sample, lift};
-use ff_model::scalar::{DIRECTIONS, Grad};
+use ff_model::dual::{DIRECTIONS, Grad};
 use ff_model::{DynAppendage, ModelScalar, Motion, PortAccel, PortMatrix, PortState, port_len};
 
 /// See [`law::TERMS`], [`law::RESIDUAL`], [`law::JACOBIAN`], [`law::REGRESSOR`].
