@@ -1,6 +1,12 @@
 //! Every cost against central differences, over control points, free end and free duration.
 
 use crate::common::{Toy, ToyRegressor, spec};
+use excitation::objective::Optimality;
+use excitation::objective::{
+    BaseMotion, Disturbance, DrivenMode, Form, Information, Modal, ModalResponse, Quiet, ResponseTarget, Robust, Target,
+};
+use excitation::plan::PlanError;
+use excitation::solve::minimise;
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 use nalgebra::Vector6;

@@ -1,6 +1,8 @@
 //! Limits that hold for all time, and rest at both ends.
 
 use crate::common::{limits, spec};
+use excitation::plan::Shape;
+use excitation::plan::{Extent, LimitError, PlanError, Quantity, Which};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 

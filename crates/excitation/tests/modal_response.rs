@@ -1,6 +1,10 @@
 //! Modal weights against the full dynamics: at rest, and as the motion that is left over.
 
 use crate::common::{paper, uniform};
+use excitation::objective::BaseResponse;
+use excitation::objective::{Form, Modal, Target};
+use excitation::system::rigid::RigidBase;
+use excitation::system::{driven_modes, flexible_band, modal_targets};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Boundary, Prescribed, Sampling, State, Work, hybrid_dynamics, modes, simulate_reduced};

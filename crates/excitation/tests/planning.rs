@@ -1,9 +1,12 @@
 //! Plans for the paper's robot: limits, predicted standard deviations, quietness, and their time.
 
 use crate::common::{paper, request};
+use excitation::planning::{InformationRequest, Planned};
+use excitation::solve::Status;
 use excitation::*;
+use ff_dynamics::Wanted;
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::{Prescribed, Sampling, Wanted, sensitivities};
+use ff_dynamics::{Prescribed, Sampling, sensitivities};
 use ff_model::Params;
 use std::time::Instant;
 

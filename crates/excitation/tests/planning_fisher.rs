@@ -1,6 +1,11 @@
 //! A plan for the real system: better than its warm start and than multisine-like random plans, within the limits.
 
 use crate::common::{paper, request};
+use excitation::objective::{RelativeQuantity, relative_deviations};
+use excitation::planning::{FisherRequest, base_quantities, named_quantities};
+use excitation::system::flexible::Estimated;
+use excitation::system::flexible::{FlexibleError, FlexibleRequest, Nuisance};
+use excitation::system::rigid::RigidError;
 use excitation::*;
 use ff_model::Params;
 

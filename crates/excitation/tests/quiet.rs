@@ -2,6 +2,11 @@
 //! makes of it in truth. Times are printed, not tested: the tests of this file compete for the cores.
 
 use crate::common::{paper, request};
+use excitation::objective::SampleInformation;
+use excitation::plan::{PlanError, Which};
+use excitation::planning::{InformationRequest, Planned, PlanningError, QuietBand, Quietness};
+use excitation::system::flexible_band;
+use excitation::system::rigid::RigidError;
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Response, Sampling, simulate_reduced};

@@ -1,9 +1,12 @@
 //! The rigid model at zero momentum against the dynamics crate and against differences, on the paper's robot.
 
 use crate::common::{paper, uniform};
+use excitation::objective::{BasePartials, BaseResponse, SampleInformation};
+use excitation::system::rigid::{RigidBase, RigidError};
 use excitation::*;
+use ff_dynamics::Wanted;
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::{Prescribed, Sampling, State, Wanted, Work, budget, hybrid_dynamics, reduced_torques};
+use ff_dynamics::{Prescribed, Sampling, State, Work, budget, hybrid_dynamics, reduced_torques};
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
 

@@ -1,9 +1,20 @@
 //! Search under constraints: active ones held to their limit and no further, conflicts named, interruption, threads, time.
 
 use crate::common::paper;
+use excitation::constraint::Cone;
+use excitation::constraint::{
+    BaseAttitude, BaseRate, Clearance, FrameSpeed, HeldSystem, JointTorque, Pairs, PassiveRange, Pointing,
+};
+use excitation::objective::{BaseMotion, Form};
+use excitation::plan::PlanError;
+use excitation::solve::Problem;
+use excitation::solve::Status;
+use excitation::solve::{Basis, ConstraintMargin};
+use excitation::system::rigid::RigidBase;
 use excitation::*;
-use ff_model::mission::Loaded;
-use ff_model::urdf::collision::{Shape, Solid};
+use ff_mission::Loaded;
+use ff_model::tree::Shape;
+use ff_model::tree::Solid;
 use ff_model::{Params, Xform};
 use nalgebra::{Vector3, Vector6};
 use std::sync::Arc;

@@ -1,6 +1,11 @@
 //! The optimiser: feasibility, honesty, and the 70-variable problem of the benchmark.
 
 use crate::common::{Toy, ToyRegressor, spec};
+use excitation::objective::{BaseMotion, Form, Information, Modal, Quiet, Target};
+use excitation::plan::{PlanError, Which};
+use excitation::solve::Status;
+use excitation::solve::minimise;
+use excitation::solve::multi_start;
 use excitation::*;
 use nalgebra::Vector6;
 use std::time::Instant;

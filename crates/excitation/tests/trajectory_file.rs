@@ -1,9 +1,12 @@
 //! Trajectories as files: bit for bit there and back, and every way in which a file can be wrong.
 
 use crate::common::paper;
+use excitation::plan::Extent;
+use excitation::plan::Shape;
+use excitation::trajectory::{Origin, Samples, named_joints, write_csv};
 use excitation::*;
-use ff_dynamics::bspline::{BSplineMotion, Knots};
 use ff_dynamics::motion::JointMotion;
+use ff_dynamics::motion::bspline::{BSplineMotion, Knots};
 use ff_model::{Model, Problems};
 use nalgebra::DMatrix;
 use serde_json::{Value, json};

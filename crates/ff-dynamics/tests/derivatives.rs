@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
 use crate::common::*;
+use ff_dynamics::tree::{Derivatives, hybrid_columns, rnea_derivatives};
 use ff_dynamics::*;
-use ff_model::so3::quat_mul;
+use ff_model::scalar::D1;
+use ff_model::spatial::so3::quat_mul;
 use ff_model::*;
 use nalgebra::{DMatrix, Vector3, Vector4};
 

@@ -6,7 +6,7 @@
 //! column.
 //!
 //! ```
-//! use ff_model::keys;
+//! use crate::keys;
 //!
 //! let tether = |table: &toml::Table| {
 //!     keys::read(table, |k| {
@@ -23,8 +23,8 @@
 //! assert!(problems.to_string().contains("did you mean mass_kg?"));
 //! ```
 
-use crate::problem::{Area, Problem, Problems};
-use crate::text::{clip, list, nearest};
+use crate::diagnostics::problem::{Area, Problem, Problems};
+use crate::diagnostics::text::{clip, list, nearest};
 use nalgebra::Matrix3;
 use std::ops::RangeInclusive;
 
@@ -269,7 +269,7 @@ impl<'t> Keys<'t, '_> {
 }
 
 /// The symmetric matrix of xx, xy, xz, yy, yz, zz: the order of every inertia in a mission file.
-pub(crate) fn symmetric(&[xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> Matrix3<f64> {
+pub fn symmetric(&[xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
@@ -297,28 +297,28 @@ fn not_negative(path: &str, value: f64, law: &str) -> Option<Problem> {
 }
 
 /// A configuration error.
-pub(crate) fn error(code: &'static str, message: impl Into<String>) -> Problem {
+pub fn error(code: &'static str, message: impl Into<String>) -> Problem {
     Problem::error(Area::Config, code, message)
 }
 
 /// A required key that is not there.
-pub(crate) fn missing_key(key: &str) -> Problem {
+pub fn missing_key(key: &str) -> Problem {
     error("Config::MissingKey", format!("required key '{key}' is missing"))
 }
 
 /// A value of a wrong type.
-pub(crate) fn wrong_type(found: &str, wanted: &str) -> Problem {
+pub fn wrong_type(found: &str, wanted: &str) -> Problem {
     error("Config::Type", format!("is {found}, expected {wanted}")).hint(format!("give {wanted}"))
 }
 
 /// A number that is NaN or infinite, as written or printed; `path` tells its unit.
-pub(crate) fn not_finite(value: &str, path: &str) -> Problem {
+pub fn not_finite(value: &str, path: &str) -> Problem {
     let what = format!("{}{} is not a finite number", clip(value), unit_of(path));
     error("Config::NotFinite", what).hint("give a finite number")
 }
 
 /// A key nobody asks for.
-pub(crate) fn unknown_key(key: &str, known: &[&'static str]) -> Problem {
+pub fn unknown_key(key: &str, known: &[&'static str]) -> Problem {
     let p = error("Config::UnknownKey", format!("unknown key '{}'", clip(key)));
     match nearest(key, known.iter().copied()) {
         Some(n) => p.hint(format!("did you mean {n}?")),
@@ -327,7 +327,7 @@ pub(crate) fn unknown_key(key: &str, known: &[&'static str]) -> Problem {
 }
 
 /// The unit a key name ends with, after a blank: `panel.stiffness_nm_per_rad[0]` is in ` N m/rad`.
-pub(crate) fn unit_of(path: &str) -> &'static str {
+pub fn unit_of(path: &str) -> &'static str {
     // Longer endings first: `_rad` is an ending of `_nm_per_rad`, too.
     const UNITS: [(&str, &str); 18] = [
         ("_kg_per_m3", " kg/m^3"),

@@ -1,51 +1,39 @@
-//! What exists: spatial algebra, bodies, the kinematic tree, URDF and mission files, parameters, and the
-//! [`Appendage`] trait.
+//! Descriptions of free-floating robots: spatial algebra, bodies, the kinematic tree, parameters, and the [`Appendage`] trait.
 //!
 //! SI units throughout. Spatial vectors are linear-first; the base twist is in base coordinates; attitude
 //! is a unit quaternion `[w, x, y, z]`; the generalised velocity is `[base 6 | joints n | passive m]`
 //! (`docs/notation.md`).
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`scalar`] | number types: plain, forward duals, vectors of the machine |
+//! | [`spatial`] | twists, wrenches, poses, spatial inertia, rotations |
+//! | [`port`] | appendages: the trait of authors, the interface of the dynamics, tree twins |
+//! | [`tree`] | the model: bodies, joints, frames, mounted appendages, parameters |
+//! | [`keys`], [`registry`] | tables of mission files, and the kinds of appendage they name |
+//! | [`payload`] | a rigid body as an appendage without coordinates |
+//! | [`diagnostics`] | problems: severity, code, place, value, limit, next step |
+//!
+//! Files are read by `ff-mission`; motion is computed by `ff-dynamics`.
 
-pub mod appendage;
-pub mod axis;
-pub mod dual;
-pub mod inertia;
+pub mod diagnostics;
 pub mod keys;
-pub mod lanes;
-pub mod leniency;
-pub mod mission;
-pub mod model;
-pub mod params;
 pub mod payload;
-pub mod problem;
-mod read;
+pub mod port;
 pub mod registry;
-pub mod rest;
 pub mod scalar;
-pub mod small;
-pub mod so3;
 pub mod spatial;
-mod text;
-pub mod twin;
-pub mod urdf;
-pub mod vec3;
+pub mod tree;
 
-pub use appendage::{
-    Appendage, AppendageSet, CoordDecl, Decl, Derived, DynAppendage, LaneScalar, MAX_COORDS, ModelScalar, ParamDecl,
-    ParamGroup, Place, PortAccel, PortDynamics, PortMatrix, PortModel, PortState, PortTangent, PortVector, PortView,
-    SharedAppendage, derived_bias, derived_jacobian, derived_power, derived_regressor, port_len,
+pub use diagnostics::{Area, Problem, Problems, Severity};
+pub use port::{
+    Appendage, AppendageSet, CoordDecl, Decl, Derived, DynAppendage, ParamDecl, ParamGroup, Place, PortAccel,
+    PortDynamics, PortMatrix, PortState, PortVector, SharedAppendage, TreeTwin, TwinBody,
 };
-pub use dual::{D1, D2, Dual, Grad};
-pub use inertia::Inertia;
-pub use leniency::Leniency;
-pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
-pub use params::Params;
-pub use problem::{Area, Problem, Problems, Severity};
-pub use read::text_file;
 pub use registry::Registry;
-pub use scalar::{PlainScalar, Scalar};
-pub use spatial::{Force, Motion, Xform};
-pub use text::{clip, list, nearest};
-pub use twin::{TreeTwin, TwinBody};
+pub use scalar::{Dual, Scalar};
+pub use spatial::{Force, Inertia, Motion, Xform};
+pub use tree::{BaseKind, Body, Frame, Joint, JointKind, Model, Params};
 
 /// Vectors and matrices of the public signatures, so that an appendage crate needs no second dependency.
 pub use nalgebra;

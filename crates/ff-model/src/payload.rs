@@ -1,18 +1,21 @@
 //! A rigid body held by another: a grasped client, a payload, as ten parameters of its own.
 //!
 //! Without coordinates: `M = M_bb`, the ten parameters about the mount, and `h = V x* (M V)`. Unlike mass added to a link
-//! ([`crate::Model::add_rigid`]) its parameters can be estimated beside those of the link. Both belong to one body, so no
+//! ([`crate::tree::model::Model::add_rigid`]) its parameters can be estimated beside those of the link. Both belong to one body, so no
 //! data can tell them apart: estimate the one or the other.
 
-use crate::appendage::{
-    Appendage, Decl, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, SharedAppendage,
-};
-use crate::inertia::{Inertia, InertiaError};
+use crate::diagnostics::problem::Problems;
 use crate::keys;
-use crate::problem::Problems;
+use crate::port::declaration::{Decl, ParamDecl};
+use crate::port::dynamics::PortDynamics;
+use crate::port::energies::Appendage;
+use crate::port::matrix::PortMatrix;
+use crate::port::shared::SharedAppendage;
+use crate::port::state::{PortAccel, PortState, PortVector};
 use crate::registry::Registry;
-use crate::scalar::{PlainScalar, Scalar};
-use crate::vec3::{Moving, Ten, V3};
+use crate::scalar::traits::{PlainScalar, Scalar};
+use crate::spatial::inertia::{Inertia, InertiaError};
+use crate::spatial::vec3::{Moving, Ten, V3};
 use nalgebra::Vector3;
 
 /// The `kind` of mission files for this appendage.

@@ -1,12 +1,5 @@
 //! The integration tests as one program: as many programs would compile the same generic dynamics again and again.
-//! `cargo test -p ff-model --test all bad_inputs` runs those of `bad_inputs.rs`.
+//! `cargo test -p ff-model --test all sets` runs those of `sets.rs`.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
-mod common;
-
-mod bad_inputs;
-mod collision;
-mod no_panic;
-mod paper;
 mod sets;
-mod urdf_tree;

@@ -1,10 +1,11 @@
 //! Sets of appendages: tuples of every size, boxed ones, and what is refused.
 
 use ff_model::payload::Payload;
+use ff_model::scalar::ModelScalar;
+use ff_model::tree::JointLimits;
 use ff_model::{
-    Appendage, AppendageSet, BaseKind, CoordDecl, Decl, Derived, DynAppendage, Inertia, Joint, JointKind, JointLimits,
-    Model, ModelScalar, Motion, ParamDecl, Place, PortMatrix, PortState, Scalar, SharedAppendage, TreeTwin, TwinBody,
-    Xform,
+    Appendage, AppendageSet, BaseKind, CoordDecl, Decl, Derived, DynAppendage, Inertia, Joint, JointKind, Model,
+    Motion, ParamDecl, Place, PortMatrix, PortState, Scalar, SharedAppendage, TreeTwin, TwinBody, Xform,
 };
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;

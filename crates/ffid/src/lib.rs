@@ -6,36 +6,35 @@
 //! command `ffid` is built on it.
 //!
 //! ```
-//! use ffid::dynamics::Boundary;
-//! use ffid::model::leniency::Leniency;
+//! use ff_dynamics::Boundary;
+//! use ff_mission::Leniency;
 //!
 //! let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/paper/flex.toml");
-//! let system = ffid::open::open(path.as_ref(), Leniency::default())?;
+//! let system = crate::open::open(path.as_ref(), Leniency::default())?;
 //! assert_eq!(system.model.nv(), 6 + 7 + 4);
-//! let modes = ffid::modes::ModeTable::new(&system.model, &system.pose(), Boundary::JointsHeld)?;
+//! let modes = crate::modes::ModeTable::new(&system.model, &system.pose(), Boundary::JointsHeld)?;
 //! assert_eq!(modes.modes[1].base, "rotates");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub mod excite;
 pub mod exit;
 pub mod files;
-pub mod identify;
 pub mod init;
 pub mod inputs;
 pub mod modes;
 pub mod open;
-pub mod plot;
-pub mod preflight;
-pub mod report_html;
 pub mod schema;
 pub mod selfcheck;
 pub mod sense;
 pub mod summary;
+pub mod workflow;
 
 pub use excitation;
 pub use ff_dynamics as dynamics;
+pub use ff_mission as mission;
 pub use ff_model as model;
+pub use ff_records as records;
+pub use ff_spectral as spectral;
 pub use flex_panel;
 pub use ident;
 pub use reaction_wheel;

@@ -1,6 +1,9 @@
 //! What the mission-file factory accepts, and what it says when it refuses.
 use ff_model::Problems;
-use flex_panel::{KIND, PanelChain, Segment, from_toml, register};
+use flex_panel::PanelChain;
+use flex_panel::Segment;
+use flex_panel::from_toml;
+use flex_panel::{KIND, register};
 use nalgebra::{Matrix3, Vector3};
 
 const GOOD: &str = r#"

@@ -2,7 +2,8 @@
 
 use crate::common::{chain, rng};
 use ff_model::DynAppendage;
-use flex_panel::{PanelChain, Segment};
+use flex_panel::PanelChain;
+use flex_panel::Segment;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
 

@@ -4,8 +4,9 @@
 //! from their velocities by the elementary rule `v + w x r`; forces come from second differences of their
 //! positions alone. No spatial vector, composite body or dual number takes part.
 use crate::common::{State, amax, chain, rel, rng, sym, vec3};
-use ff_model::PortModel;
-use flex_panel::{PanelChain, Segment};
+use ff_model::port::PortModel;
+use flex_panel::PanelChain;
+use flex_panel::Segment;
 use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3};
 
 /// Six points `c +- sqrt(3 s_i / m) e_i` of mass `m / 6` with the second moments `s_i` of the body about `c`.

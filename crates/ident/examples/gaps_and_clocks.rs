@@ -4,14 +4,20 @@
 //! the sums. The clocks of torques and gyro are compared with that of the encoders by what a rough model predicts, and put
 //! right where they are off by more than half a sample.
 
-use excitation::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
+use excitation::plan::{Extent, Shape};
+use excitation::{JointCommand, Manoeuvre, ManoeuvreSpec};
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::{Drive, SensorSuite, SimOptions, State, measure, sensors::Channel, simulate};
-use ff_model::mission::{LoadOptions, Mission};
+use ff_dynamics::sim::Channel;
+use ff_dynamics::{Drive, SensorSuite, SimOptions, State, measure, simulate};
+use ff_mission::{LoadOptions, Mission};
 use ff_model::{Params, Registry};
-use ident::clock::{correct_clocks, estimate_clocks};
-use ident::mask::{Mask, Masked};
-use ident::{Noise, Options, OutputError, RecordBuilder, Request, estimate, selection};
+use ff_records::Mask;
+use ff_records::RecordBuilder;
+use ff_records::clock::correct_clocks;
+use ident::checks::estimate_clocks;
+use ident::compose::Masked;
+use ident::parameters::select;
+use ident::{Noise, Options, OutputError, Request, estimate};
 use nalgebra::DMatrix;
 use std::error::Error;
 
@@ -63,9 +69,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{warnings}");
 
     let decls = model.param_decls();
-    let selected = selection::select(&decls, &["base.*", "tank.*"])?;
+    let selected = select(&decls, &["base.*", "tank.*"])?;
     // What is uncertain about the model is fitted beside the clocks, within 10 %.
-    let uncertain: Vec<(usize, f64)> = selection::select(&decls, &["base.mass", "tank.*"])?
+    let uncertain: Vec<(usize, f64)> = select(&decls, &["base.mass", "tank.*"])?
         .into_iter()
         .map(|i| (i, 0.1 * truth.values()[i].abs().max(1e-3)))
         .collect();

@@ -1,5 +1,5 @@
 //! The integration tests as one program: as many programs would compile the same generic dynamics again and again.
-//! `cargo test -p ident --test all complete` runs those of `complete.rs`.
+//! `cargo test -p ident --test all coarse` runs those of `coarse.rs`.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 mod common;
@@ -14,6 +14,5 @@ mod motion_fit;
 mod nist_strd;
 mod output_error;
 mod project;
-mod psd_scipy;
 mod recovery;
 mod ties;

@@ -1,12 +1,17 @@
 //! The look at less data that a fit takes first.
 
 use crate::common::*;
+use ff_least_squares::Settings;
 use ff_model::Params;
-use ident::mask::{Mask, Masked};
-use ident::several::{Several, Shared};
-use ident::start::offset_start;
-use ident::ties::{Affine, Tie, TieMap, Tied};
+use ff_records::Mask;
+use ident::Several;
+use ident::compose::Masked;
+use ident::compose::Shared;
+use ident::compose::{Affine, TieMap};
+use ident::parameters::offset_start;
+use ident::parameters::select;
 use ident::*;
+use ident::{Tie, Tied};
 
 const NOISE: Noise = Noise { torque: 0.1, gyro: 1.5e-4 };
 
@@ -33,7 +38,7 @@ fn rows_of_less_data_are_rows_of_all_through_masks_ties_and_several_records() {
     let record = exact(&l, &run(&l, &planned(&l, 30.0, 10), 30.0));
     let decls = l.model.param_decls();
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
-    let springs = selection::select(&decls, &["base.mass", "panel_*.k[*]"]).unwrap();
+    let springs = select(&decls, &["base.mass", "panel_*.k[*]"]).unwrap();
     let values = offset_start(&decls, &truth, &springs, 0.1, 3);
     let options = Options { substeps: 1, ..Options::new(NOISE) };
     let oe = || OutputError::new(&l.model, &record, &options).unwrap();
@@ -59,11 +64,11 @@ fn the_way_over_less_data_leads_to_the_same_answer() {
     let record = exact(&l, &run(&l, &planned(&l, 30.0, 10), 30.0));
     let decls = l.model.param_decls();
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
-    let selected = selection::select(&decls, &["base.*", "panel_*.k[*]"]).unwrap();
+    let selected = select(&decls, &["base.*", "panel_*.k[*]"]).unwrap();
     let start = offset_start(&decls, &truth, &selected, 0.2, 7);
     let fit = |coarse: bool| {
         let mut oe = OutputError::new(&l.model, &record, &Options { substeps: 1, ..Options::new(NOISE) }).unwrap();
-        let settings = lm::Settings { cost_floor: 1e-13, ..lm::Settings::default() };
+        let settings = Settings { cost_floor: 1e-13, ..Settings::default() };
         let request = Request { coarse, settings, ..Request::new(&decls, &selected, &start) };
         estimate(&request, &mut oe).unwrap()
     };

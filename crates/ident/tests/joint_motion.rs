@@ -1,14 +1,18 @@
 //! Joint motion through encoders of 20 bits: accelerations against known ones, and what is estimated with them.
 
 use crate::common::*;
-use excitation::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
+use excitation::plan::{Extent, Shape};
+use excitation::{JointCommand, Manoeuvre, ManoeuvreSpec};
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::{SensorSuite, Trace, measure, sensors::Channel};
+use ff_dynamics::sim::Channel;
+use ff_dynamics::{SensorSuite, Trace, measure};
+use ff_mission::Loaded;
 use ff_model::Params;
-use ff_model::mission::Loaded;
-use ident::joint_motion::{motion_at_stake, spectral_motion};
-use ident::knot_spectrum::{SpectralFit, Stake};
-use ident::start::offset_start;
+use ff_records::{Record, RecordBuilder};
+use ident::motion::{SpectralFit, Stake};
+use ident::motion::{motion_at_stake, spectral_motion};
+use ident::parameters::offset_start;
+use ident::parameters::select;
 use ident::*;
 
 const NOISE: Noise = Noise { torque: 0.1, gyro: 1.5e-4 };
@@ -99,7 +103,7 @@ fn a_bang_bang_manoeuvre_is_identified_from_encoders() {
     let record = sensed(&l, &t, Some(1), false);
     let decls = l.model.param_decls();
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
-    let selected = selection::select(&decls, &["base.*", "tank.*"]).unwrap();
+    let selected = select(&decls, &["base.*", "tank.*"]).unwrap();
     let start = offset_start(&decls, &truth, &selected, 0.1, 2);
     let mut oe = OutputError::new(&l.model, &record, &Options::new(NOISE)).unwrap();
     let e = estimate(&Request { prior_width: Some(0.3), ..Request::new(&decls, &selected, &start) }, &mut oe).unwrap();

@@ -1,10 +1,14 @@
 //! What a record has besides parameters: biases, delays, initial states, outliers; and several records at once.
 
 use crate::common::*;
+use ff_mission::Loaded;
 use ff_model::Params;
-use ff_model::mission::Loaded;
-use ident::several::{Several, Shared};
-use ident::start::offset_start;
+use ff_records::{Record, RecordBuilder};
+use ident::Several;
+use ident::compose::Shared;
+use ident::estimate::Estimate;
+use ident::parameters::offset_start;
+use ident::parameters::select;
 use ident::*;
 use nalgebra::DMatrix;
 use rand::SeedableRng;
@@ -63,7 +67,7 @@ fn derivatives_are_those_of_the_residuals() {
     let mut oe = OutputError::new(&l.model, &record, &everything()).unwrap();
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
     let decls = l.model.param_decls();
-    let selected = selection::select(&decls, &["base.mass", "base.i_xy", "tank.*"]).unwrap();
+    let selected = select(&decls, &["base.mass", "base.i_xy", "tank.*"]).unwrap();
     let unknowns = oe.nuisance();
     let names: Vec<&str> = unknowns.iter().map(|u| u.name.as_str()).collect();
     assert_eq!(
@@ -80,7 +84,7 @@ fn derivatives_are_those_of_the_residuals() {
         r
     };
     assert_eq!(at(&truth, &extra), r);
-    let sizes = ident::scale::sizes(&decls, &truth);
+    let sizes = ident::parameters::sizes(&decls, &truth);
     for c in 0..j.ncols() {
         // Parameters and nuisance unknowns in one vector.
         let (place, h) = match selected.get(c) {
@@ -105,7 +109,7 @@ fn biases_delays_and_initial_state_come_back_with_the_parameters() {
     let record = spoiled(&l, 0.0, 0);
     let decls = l.model.param_decls();
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
-    let selected = selection::select(&decls, &["base.*", "tank.*"]).unwrap();
+    let selected = select(&decls, &["base.*", "tank.*"]).unwrap();
     let start = offset_start(&decls, &truth, &selected, 0.2, 4);
     let mut oe = OutputError::new(&l.model, &record, &everything()).unwrap();
     let e = estimate(&Request::new(&decls, &selected, &start), &mut oe).unwrap();
@@ -140,7 +144,7 @@ fn a_robust_loss_is_not_moved_by_outliers() {
     let record = b.tau(tau).gyro(clean.gyro().clone()).build().unwrap().0;
     let decls = l.model.param_decls();
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
-    let selected = selection::select(&decls, &["base.*", "tank.*"]).unwrap();
+    let selected = select(&decls, &["base.*", "tank.*"]).unwrap();
     let fit = |record: &Record, loss: Loss| {
         let mut oe = OutputError::new(&l.model, record, &everything()).unwrap();
         estimate(&Request { loss, ..Request::new(&decls, &selected, &truth) }, &mut oe).unwrap()
@@ -176,7 +180,7 @@ fn two_records_share_the_model_and_keep_their_biases() {
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
     // Fuel is burnt in between: the tank is another one, base and arm are not.
     let shared = Shared::new(&[("first", &decls), ("second", &decls)], &["tank.mass"]).unwrap();
-    let selected = selection::select(&shared.decls, &["base.*", "*tank.*"]).unwrap();
+    let selected = select(&shared.decls, &["base.*", "*tank.*"]).unwrap();
     let one =
         |record| -> Box<dyn Estimator + '_> { Box::new(OutputError::new(&l.model, record, &everything()).unwrap()) };
     let mut both = Several::new(&shared, vec![one(&first), one(&second)]);

@@ -4,11 +4,12 @@ use crate::KIND;
 use crate::particle::Slot;
 use crate::point;
 use crate::swing::Swing;
-use ff_model::appendage::CoordDecl;
+use ff_model::CoordDecl;
 use ff_model::keys::{check_damping, check_stiffness};
+use ff_model::scalar::PlainScalar;
 use ff_model::{
-    Appendage, Area, Decl, Inertia, ParamDecl, PlainScalar, PortAccel, PortDynamics, PortMatrix, PortState, PortVector,
-    Problem, Problems, Scalar, TreeTwin, TwinBody, Xform,
+    Appendage, Area, Decl, Inertia, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problem,
+    Problems, Scalar, TreeTwin, TwinBody, Xform,
 };
 use nalgebra::Vector3;
 

@@ -1,11 +1,13 @@
 //! Fuel slosh as a mass on springs and dampers.
 
-use crate::check::{self, Axes};
+use crate::check;
+use crate::check::Axes;
 use crate::particle::{Particle, Path, Values};
 use crate::point::{press, press_each};
+use ff_model::scalar::PlainScalar;
 use ff_model::{
-    Appendage, Decl, PlainScalar, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problems, Scalar,
-    SharedAppendage, keys,
+    Appendage, Decl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problems, Scalar, SharedAppendage,
+    keys,
 };
 use nalgebra::Vector3;
 

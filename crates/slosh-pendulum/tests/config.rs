@@ -1,6 +1,8 @@
 //! What the mission-file factory accepts, and what it says when it refuses.
 use nalgebra::Vector3;
-use slosh_pendulum::{KIND, SWING_LIMITS, SloshPendulum, from_toml, register};
+use slosh_pendulum::from_toml;
+use slosh_pendulum::{KIND, register};
+use slosh_pendulum::{SWING_LIMITS, SloshPendulum};
 
 const GOOD: &str =
     "mass_kg = 100\nlength_m = 0.8\nstiffness_nm_per_rad = [20.0, 21.0]\ndamping_nms_per_rad = [5.0, 6]\n";

@@ -1,14 +1,16 @@
 //! Spring-mass and tank: laws, equivalence with the pendulum, geometry, and what is said when a table is wrong.
 use crate::common::ports::{check_ports, shared};
 use crate::common::{Random, pendulum, rel, rng, sym, vec3};
-use ff_model::{DynAppendage, Motion, PortDynamics, PortModel, PortState, Problems, derived_bias};
+use ff_model::port::{PortModel, derived_bias};
+use ff_model::{DynAppendage, Motion, PortDynamics, PortState, Problems};
 use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 use rand::RngExt;
+use slosh_pendulum::SloshPendulum;
 use slosh_pendulum::geometry::Tank;
-use slosh_pendulum::{
-    FixedFuel, SPRING_MASS_KIND, SloshPart, SloshPendulum, SloshSpringMass, SloshTank, TANK_KIND, register,
-    spring_mass_from_toml, tank_from_toml,
-};
+use slosh_pendulum::register;
+use slosh_pendulum::tank_from_toml;
+use slosh_pendulum::{FixedFuel, SloshPart, SloshTank, TANK_KIND};
+use slosh_pendulum::{SPRING_MASS_KIND, SloshSpringMass, from_toml as spring_mass_from_toml};
 use validate::check_appendage;
 
 fn spring_mass(r: &mut Random, n: usize) -> SloshSpringMass {

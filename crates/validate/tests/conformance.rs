@@ -1,7 +1,8 @@
 //! The suite accepts what keeps the laws and names the law that a wrong appendage breaks.
 
 use ff_model::Registry;
-use flex_panel::{PanelChain, Segment};
+use flex_panel::PanelChain;
+use flex_panel::Segment;
 use nalgebra::{Matrix3, Vector3};
 use slosh_pendulum::SloshPendulum;
 use std::collections::BTreeSet;
@@ -226,7 +227,8 @@ fn a_kind_without_a_good_example_is_refused() {
 
 mod sums {
     //! A pendulum whose inertia adds its host block to what is there, which is right where that is zero.
-    use ff_model::{Appendage, Decl, Inertia, PortDynamics, PortMatrix, Scalar, port_len};
+    use ff_model::port::port_len;
+    use ff_model::{Appendage, Decl, Inertia, PortDynamics, PortMatrix, Scalar};
     use slosh_pendulum::SloshPendulum;
 
     pub(super) struct Sums<const WRITES_ALL: bool>(pub(super) SloshPendulum);

@@ -4,8 +4,8 @@ use super::run::{self, Pin};
 use super::{Args, Effort, build};
 use crate::exit::Failure;
 use crate::table::{Table, sig};
+use ff_report::plot::{Figure, Panel, Series};
 use ffid::files::atomic;
-use ffid::plot::{Figure, Panel, Series};
 use serde_json::Value;
 use std::path::Path;
 

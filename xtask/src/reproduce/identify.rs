@@ -2,11 +2,14 @@
 
 use super::experiment::Experiment;
 use crate::exit::Failure;
-use ffid::dynamics::{Trace, measure};
-use ffid::ident::lm::Settings;
-use ffid::ident::start::offset_start;
-use ffid::ident::{Estimate, Options, OutputError, Rda, Record, RecordBuilder, Request, estimate, selection};
-use ffid::model::{Model, Params};
+use ff_dynamics::{Trace, measure};
+use ff_least_squares::Settings;
+use ff_model::{Model, Params};
+use ff_records::{Record, RecordBuilder};
+use ident::estimate::Estimate;
+use ident::parameters::offset_start;
+use ident::parameters::select;
+use ident::{Options, OutputError, Rda, Request, estimate};
 use serde::Serialize;
 
 /// Which sensors a record was taken with: none but the truth, or those of the mission with a seed.
@@ -84,8 +87,7 @@ pub(super) fn extended(x: &Experiment, record: &Record, noise: Noise) -> anyhow:
     let m: &Model = &x.loaded.model;
     let decls = m.param_decls();
     let e = &x.loaded.mission.estimate;
-    let selected =
-        if x.quick { selection::select(&decls, &["base.*", "*.k[*]", "*.d[*]"])? } else { x.loaded.estimated.clone() };
+    let selected = if x.quick { select(&decls, &["base.*", "*.k[*]", "*.d[*]"])? } else { x.loaded.estimated.clone() };
     let start = offset_start(&decls, x.params.values(), &selected, e.start_offset, x.seed);
     let options = Options { substeps: 1, ..Options::new(x.noise) };
     let mut output_error = OutputError::new(m, record, &options)?;

@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used)] // helpers of tests may panic
 
 use ff_model::{Motion, PortState, Scalar};
-use flex_panel::{PanelChain, Segment};
+use flex_panel::PanelChain;
+use flex_panel::Segment;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

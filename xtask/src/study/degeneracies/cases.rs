@@ -4,14 +4,17 @@ use super::Case;
 use super::robots::{Sines, UnknownFulcrum, axis, body, chain, flat, joint, place};
 use crate::workspace;
 use anyhow::Context;
-use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{Prescribed, Regressor, Sampling, State, Wanted, Work, regressor, sensitivities};
-use ffid::flex_panel::{PanelChain, Segment};
-use ffid::ident::covariance::{Uncertainty, Unknown, analyse};
-use ffid::ident::{identifiability, scale, selection};
-use ffid::model::mission::{LoadOptions, Mission};
-use ffid::model::payload::Payload;
-use ffid::model::{BaseKind, Inertia, JointKind, Model, Params, Xform};
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::{Prescribed, Regressor, Sampling, State, Wanted, Work, regressor, sensitivities};
+use ff_mission::{LoadOptions, Mission};
+use ff_model::payload::Payload;
+use ff_model::{BaseKind, Inertia, JointKind, Model, Params, Xform};
+use flex_panel::PanelChain;
+use flex_panel::Segment;
+use ident::Uncertainty;
+use ident::belief::structural;
+use ident::belief::{Unknown, analyse};
+use ident::parameters::{select, sizes};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -73,7 +76,7 @@ pub(super) fn all(seed: u64) -> anyhow::Result<Vec<Case>> {
     let mut case =
         structure("wings of the paper, 58 parameters", &loaded.model, &["base.*", "panel_*"], 12, None, seed)?;
     let decls = loaded.model.param_decls();
-    let springs = selection::select(&decls, &["panel_*.k[*]", "panel_*.d[*]"])?;
+    let springs = select(&decls, &["panel_*.k[*]", "panel_*.d[*]"])?;
     case.untouched = springs.iter().map(|&i| decls[i].name.clone()).collect();
     add(Ok(case))?;
     Ok(out)
@@ -90,9 +93,9 @@ fn structure(
 ) -> anyhow::Result<Case> {
     let decls = model.param_decls();
     let params = Params::nominal(model);
-    let selected = selection::select(&decls, patterns)?;
-    let found = identifiability::structural(model, &params, &selected)?;
-    let touched = touched.map(|p| selection::select(&decls, p)).transpose()?;
+    let selected = select(&decls, patterns)?;
+    let found = structural(model, &params, &selected)?;
+    let touched = touched.map(|p| select(&decls, p)).transpose()?;
     let touched = touched.map(|t| t.iter().map(|&i| decls[i].name.clone()).collect());
     let proof = fresh(model, &params, &selected, seed);
     Ok(Case { name, expected, touched, untouched: vec![], found, proof })
@@ -151,8 +154,8 @@ fn record(
 ) -> anyhow::Result<(Uncertainty, DMatrix<f64>)> {
     let params = Params::nominal(model);
     let decls = model.param_decls();
-    let selected = selection::select(&decls, patterns)?;
-    let sizes = scale::sizes(&decls, params.values());
+    let selected = select(&decls, patterns)?;
+    let sizes = sizes(&decls, params.values());
     let sampling = Sampling { samples: 800, sample_s: 0.02, substeps: 2 };
     let wanted = Wanted { params: selected.clone(), ..Wanted::default() };
     let table = Prescribed::new(model, &params, motion, &sampling, &wanted.links(model));

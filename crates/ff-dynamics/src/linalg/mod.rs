@@ -1,0 +1,5 @@
+//! Factorisations of small matrices in place.
+
+pub mod ldl;
+pub(crate) mod ltl;
+pub(crate) mod rows;

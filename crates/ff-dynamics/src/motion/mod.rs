@@ -1,0 +1,6 @@
+//! Joint motions as functions of time.
+
+pub mod bspline;
+pub(crate) mod joint;
+
+pub use joint::{HermiteTable, Hold, JOIN_TOLERANCE, JointMotion, MotionError, Sequence};

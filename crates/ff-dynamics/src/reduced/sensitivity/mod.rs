@@ -1,0 +1,10 @@
+//! Exact derivatives of a simulated record with respect to parameters.
+
+pub(crate) mod assemble;
+pub(crate) mod driver;
+pub(crate) mod outputs;
+pub(crate) mod partials;
+pub(crate) mod propagate;
+pub(crate) mod stage;
+
+pub use driver::{Sensitivities, Wanted, sensitivities, sensitivities_with};

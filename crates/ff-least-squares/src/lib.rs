@@ -1,0 +1,20 @@
+//! Least squares: Levenberg-Marquardt with bounds and rank decided, and triangles of tall matrices.
+//!
+//! * [`minimise`] solves a [`Problem`]: residuals and Jacobian in, [`Solution`] out, with the reason for stopping.
+//! * [`Linearise`] is the interface of a problem that reduces its own Jacobian, so that it need not be kept whole.
+//! * [`TallQr`] folds rows into a triangle as they come, in lanes, in memory that does not grow with their number.
+
+mod covariance;
+mod linearise;
+mod lm;
+mod step;
+mod tall_qr;
+
+pub use covariance::{Determined, determine};
+pub use linearise::{Dense, Linearise, Reduced, Tried, finite, reduced, rounding};
+pub use lm::{
+    Criterion, EvalError, Iterate, LmError, Problem, Scale, Settings, Solution, Status, jacobian_error, minimise,
+    minimise_linearised,
+};
+pub use step::reduce;
+pub use tall_qr::{Merged, Stream, Tall, TallQr, Triangle, merge, qr_r, triangle_of};

@@ -1,0 +1,13 @@
+//! The model: bodies, joints, frames, mounted appendages, and the values of all parameters.
+
+pub(crate) mod model;
+pub(crate) mod mount;
+pub(crate) mod nominal;
+pub(crate) mod parameters;
+pub(crate) mod rest;
+pub(crate) mod solid;
+
+pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
+pub use parameters::Params;
+pub use rest::rest;
+pub use solid::{Shape, Solid};

@@ -1,0 +1,13 @@
+//! Figures and pages: plots as SVG and PNG, reports of identifications and of plans as HTML.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`plot`] | figures of curves, bands and markers |
+//! | [`page`] | pages as data, rendered to one HTML file |
+//! | [`identify`] | figures and page of an identification |
+//! | [`preflight`] | figures and page of a verdict on a trajectory |
+
+pub mod identify;
+pub mod page;
+pub mod plot;
+pub mod preflight;

@@ -1,0 +1,7 @@
+//! Figures and page of a verdict on a trajectory.
+
+mod figures;
+mod page;
+
+pub use figures::figures;
+pub use page::page;

@@ -1,0 +1,5 @@
+//! The command `ffid`.
+
+fn main() -> std::process::ExitCode {
+    ffid_cli::main()
+}

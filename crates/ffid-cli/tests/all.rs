@@ -1,0 +1,18 @@
+//! The integration tests as one program: as many programs would compile the same generic dynamics again and again.
+//! `cargo test -p ffid-cli --test all check` runs those of `check.rs`.
+#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
+
+mod any_bytes;
+mod check;
+mod common;
+mod convert;
+mod doubts;
+mod excite;
+mod identify;
+mod init;
+mod inputs;
+mod kinds;
+mod outputs;
+mod preflight;
+mod questions;
+mod three_segment;

@@ -1,0 +1,13 @@
+//! Several records, parameters tied to each other, rough starts, many starts.
+
+pub(crate) mod continuation;
+pub(crate) mod masked;
+pub(crate) mod multi_start;
+pub(crate) mod several;
+pub(crate) mod ties;
+
+pub use continuation::{Accept, Pass, Staged, Trial, estimate_staged};
+pub use masked::Masked;
+pub use multi_start::{Best, Ending, best_of, equal_cost};
+pub use several::{Several, Shared, SharedError};
+pub use ties::{Affine, Tie, TieError, TieMap, Tied};
