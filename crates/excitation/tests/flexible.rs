@@ -216,7 +216,7 @@ fn every_kind() {
     slosh_pendulum::register(&mut registry);
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/kinds/all.toml");
     let model = ff_mission::Mission::load(&file, &registry, &Default::default()).unwrap().model;
-    assert!(model.appendages().iter().any(|a| !a.appendage.is_galilean() && a.host > 0));
+    assert!(model.appendages().iter().any(|a| !a.decl().galilean && a.host > 0));
     let named = indices(&model, |n| n == "base.mass" || n.starts_with("client."));
     assert_eq!(named.len(), 11);
     let pick = ["array_client", "tank_client.", "tank_main.length", "panel_b.k", "wheel."];

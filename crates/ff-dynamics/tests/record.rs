@@ -25,20 +25,20 @@ fn general() -> Model {
     for host in [0, 3] {
         let part = rigid_segment(body(&mut r, 4.0), vector(&mut r, 0.5), unit_vector(&mut r)).with_spring(80.0, 1.5);
         let panel = flex_panel::PanelChain::new(vec![part.clone(), part]).unwrap();
-        m.mount(format!("panel{host}"), host, at(&mut r), panel.into()).unwrap();
+        m.mount(format!("panel{host}"), host, at(&mut r), panel).unwrap();
         let rigid = Inertia::from_com(20.0, &v3(0.3, 0.9, -0.2), &Matrix3::from_diagonal(&v3(6.0, 3.0, 7.0)));
         let mode = |f, p: [f64; 6]| Mode { frequency_hz: f, damping_ratio: 0.02, participation: Vector6::from(p) };
         let modes = [mode(0.7, [0.4, -0.3, 1.9, 1.1, 0.2, -0.3]), mode(1.3, [1.2, 0.5, -0.2, 0.1, -0.4, 0.9])];
         let modal = ModalAppendage::new(rigid, &modes).unwrap();
-        m.mount(format!("modal{host}"), host, at(&mut r), modal.into()).unwrap();
+        m.mount(format!("modal{host}"), host, at(&mut r), modal).unwrap();
     }
     // Ports of no coordinates, and of more than the sizes with code of their own.
     let client = payload::Payload::new(&body(&mut r, 6.0)).unwrap();
-    m.mount("client", 5, at(&mut r), client.into()).unwrap();
+    m.mount("client", 5, at(&mut r), client).unwrap();
     let part = rigid_segment(body(&mut r, 2.0), vector(&mut r, 0.4), unit_vector(&mut r)).with_spring(60.0, 1.0);
-    m.mount("blade", 0, at(&mut r), flex_panel::PanelChain::new(vec![part; 5]).unwrap().into()).unwrap();
+    m.mount("blade", 0, at(&mut r), flex_panel::PanelChain::new(vec![part; 5]).unwrap()).unwrap();
     let slosh = slosh_pendulum::SloshPendulum::new(30.0, 0.6, [9.0, 11.0], [1.5, 2.0]).unwrap();
-    m.mount("tank", 0, at(&mut r), slosh.into()).unwrap();
+    m.mount("tank", 0, at(&mut r), slosh).unwrap();
     m
 }
 
@@ -109,7 +109,7 @@ fn without_joints() -> Model {
     let mut m = Model::new("hull", "hull", body(&mut r, 40.0), BaseKind::Floating);
     let part = rigid_segment(body(&mut r, 4.0), vector(&mut r, 0.5), unit_vector(&mut r)).with_spring(80.0, 1.5);
     let panel = flex_panel::PanelChain::new(vec![part]).unwrap();
-    m.mount("panel", 0, Xform::new(rotation(&mut r), vector(&mut r, 0.7)), panel.into()).unwrap();
+    m.mount("panel", 0, Xform::new(rotation(&mut r), vector(&mut r, 0.7)), panel).unwrap();
     m
 }
 

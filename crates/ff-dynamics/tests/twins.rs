@@ -132,7 +132,7 @@ fn a_regressor_belongs_to_its_tree() {
     let hung = |host: usize| {
         let mut m = system().without_appendages();
         let payload = ff_model::payload::Payload::new(m.inertia(1)).unwrap();
-        m.mount("client", host, Xform::identity(), std::sync::Arc::new(payload)).unwrap();
+        m.mount("client", host, Xform::identity(), payload).unwrap();
         m
     };
     let (one, other) = (hung(1), hung(2));

@@ -12,7 +12,6 @@ use ff_model::{Area, CoordDecl, Decl, ParamDecl, PortMatrix, Problem, Problems, 
 use ff_testkit::fixtures::{fixture, text};
 use ff_testkit::problem::{assert_violation, problem_of};
 use serde::Deserialize;
-use std::sync::Arc;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -220,9 +219,9 @@ fn m39_nominal_values_outside_their_bounds_are_named_at_their_table() {
     let mut r = Registry::new();
     r.register("odd", |t| {
         let k = t["k_nm_per_rad"].as_float().unwrap();
-        let coords = vec![CoordDecl { name: "x".into(), unit: "rad", range: (-1.0, 1.0) }];
+        let coords = [CoordDecl::new("x", "rad", (-1.0, 1.0))];
         let p = ParamDecl { bounds: (1.0, 9.0), ..ParamDecl::positive("k_nm_per_rad", "N m/rad", k) };
-        Ok(Arc::new(Odd(Decl { kind: "odd", coords, params: vec![p] })))
+        Ok(ff_model::Derived::new(Odd(Decl::new("odd", coords, [p]))).into())
     });
     let toml = "[robot]\nurdf = 'x'\n\n[[appendage]]\nkind = 'odd'\nname = 'a'\nhost = 'base'\nk_nm_per_rad = 0.5\n";
     let p = Mission::from_str(toml, &text("paper/robot.urdf"), &r, &LoadOptions::default()).unwrap_err();

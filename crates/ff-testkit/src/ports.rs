@@ -6,7 +6,9 @@ use crate::random::{Random, symmetric, vector};
 use crate::tolerance::{largest, relative_error};
 use ff_model::port::port_len;
 use ff_model::scalar::lanes::{LaneScalar, LaneTask, dispatch};
-use ff_model::{Appendage, Decl, DynAppendage, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar};
+use ff_model::{
+    Appendage, Decl, DynAppendage, Motion, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Scalar,
+};
 use std::sync::Arc;
 
 /// As a model holds it, with the dynamics that its crate compiled: `&a as &dyn DynAppendage` compiles them anew.
@@ -20,7 +22,7 @@ pub struct Plain<A>(
     pub A,
 );
 
-impl<A: Appendage> Appendage for Plain<A> {
+impl<A: PortDynamics> Appendage for Plain<A> {
     fn decl(&self) -> &Decl {
         self.0.decl()
     }
@@ -33,8 +35,11 @@ impl<A: Appendage> Appendage for Plain<A> {
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         Appendage::rayleigh(&self.0, p, nu)
     }
+}
+
+impl<A: PortDynamics> PortDynamics for Plain<A> {
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        Appendage::bias(&self.0, p, s, h);
+        PortDynamics::bias(&self.0, p, s, h);
     }
 }
 
@@ -123,7 +128,7 @@ impl LaneTask for Compare<'_> {
 ///
 /// # Panics
 /// Where they differ.
-pub fn check_ports<A: Appendage + Clone + Into<Arc<dyn DynAppendage>>>(
+pub fn check_ports<A: PortDynamics + Clone + Into<Arc<dyn DynAppendage>>>(
     a: &A,
     p: &[f64],
     r: &mut Random,

@@ -3,7 +3,7 @@
 use crate::common::{PortSample, chain, relative_error, rng, symmetric};
 use ff_model::port::derived_bias;
 use ff_model::scalar::Grad;
-use ff_model::{Appendage, Motion, PortState, Scalar};
+use ff_model::{Motion, PortDynamics, PortState, Scalar};
 use ff_testkit::assert_within;
 use nalgebra::Vector3;
 

@@ -2,7 +2,7 @@
 use crate::common::{PortSample, chain, relative_error, rng, symmetric};
 use ff_model::diagnostics::Limit;
 use ff_model::port::{PortModel, derived_bias};
-use ff_model::{Appendage, Motion, PortState, Problem};
+use ff_model::{Appendage, Motion, PortDynamics, PortState, Problem};
 use ff_testkit::assert_within;
 use ff_testkit::problem::{assert_violation, problem_of};
 use flex_panel::{PanelChain, from_toml};
@@ -42,7 +42,7 @@ fn override_equals_the_derived_bias_with_couplings() {
         for _ in 0..500 {
             let s = PortSample::new(&mut r, &vec![3.0; n]);
             let (mut h, mut d) = (vec![0.0; 6 + n], vec![0.0; 6 + n]);
-            Appendage::bias(&c, &c.nominal(), &s.port(), &mut h);
+            PortDynamics::bias(&c, &c.nominal(), &s.port(), &mut h);
             derived_bias(&c, &c.nominal(), &s.port(), &mut d);
             worst = worst.max(relative_error(&h, &d));
         }

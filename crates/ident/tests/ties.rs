@@ -58,7 +58,7 @@ fn robot() -> Model {
             rest: 0.0,
         };
         let chain = PanelChain::new(vec![segment(0.0), segment(2.0 * side)]).unwrap();
-        model.mount(wing, 0, Xform::new(Matrix3::identity(), Vector3::new(x, 0.0, 0.6)), chain.into()).unwrap();
+        model.mount(wing, 0, Xform::new(Matrix3::identity(), Vector3::new(x, 0.0, 0.6)), chain).unwrap();
     }
     model
 }

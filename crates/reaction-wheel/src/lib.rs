@@ -25,15 +25,14 @@ use ff_model::CoordDecl;
 use ff_model::diagnostics::Limit;
 use ff_model::keys;
 use ff_model::keys::{check_damping, check_positive};
-use ff_model::scalar::LaneScalar;
+use ff_model::scalar::PlainScalar;
 use ff_model::spatial::small::dot;
 use ff_model::spatial::vec3::{S3, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, DynAppendage, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem, Problems,
-    Scalar,
+    Appendage, Area, Decl, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problem, Problems,
+    Scalar, SharedAppendage,
 };
 use nalgebra::Vector3;
-use std::sync::Arc;
 
 /// The `kind` of mission files for this appendage.
 pub const KIND: &str = "reaction_wheel";
@@ -111,9 +110,9 @@ impl ReactionWheel {
             ParamDecl::positive("d", "N m s/rad", w.viscous),
             ParamDecl::positive("c", "N m", w.dry),
         ];
-        let coords = vec![CoordDecl { name: "spin".into(), unit: "rad", range: (f64::NEG_INFINITY, f64::INFINITY) }];
+        let coords = [CoordDecl::new("spin", "rad", (f64::NEG_INFINITY, f64::INFINITY))];
         let axis = (w.axis / w.axis.amax()).normalize();
-        Ok(Self { decl: Decl { kind: KIND, coords, params }, axis, rounding: w.rounding })
+        Ok(Self { decl: Decl::new(KIND, coords, params), axis, rounding: w.rounding })
     }
     /// Unit spin axis in the mount frame.
     pub fn axis(&self) -> &Vector3<f64> {
@@ -198,7 +197,7 @@ fn check(w: &Wheel, problems: &mut Problems) {
 ///
 /// # Errors
 /// Every problem of the table: those of [`ff_model::keys::read`] and of [`ReactionWheel::new`].
-pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+pub fn from_toml(table: &toml::Table) -> Result<SharedAppendage, Problems> {
     let wheel = keys::read(table, |t| {
         let (axis, mass) = (t.numbers::<3>("axis"), t.number("mass_kg"));
         let (spin, transverse) = (t.number("inertia_spin_kgm2"), t.number("inertia_transverse_kgm2"));
@@ -225,7 +224,6 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
 ff_model::shared!(ReactionWheel);
 
 impl Appendage for ReactionWheel {
-    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -247,6 +245,10 @@ impl Appendage for ReactionWheel {
         let s = T::from_f64(self.rounding);
         (p[VISCOUS] * square).scale(0.5) + p[DRY] * (square / ((square + s * s).sqrt() + s))
     }
+}
+
+impl PortDynamics for ReactionWheel {
+    const WRITES_ALL: bool = true;
     /// The friction times the rate.
     #[inline(always)]
     fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
@@ -282,7 +284,7 @@ impl Appendage for ReactionWheel {
         r[6] = j.mul_add(x.a_al + acc.nu[0], self.friction(p, s.nu[0]));
     }
     #[inline(always)]
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
         let x = Spun::new(self, s, acc);
         let (spin, more, nu, o) = (p[SPIN], p[SPIN] - p[TRANSVERSE], s.nu[0], T::zero());
         let (f, a) = (V3::from(&s.host.lin).scaled(p[MASS]), &x.a);
@@ -309,7 +311,7 @@ impl Appendage for ReactionWheel {
         j[34] = p[VISCOUS] + p[DRY] * round / (square * Scalar::sqrt(square));
     }
     #[inline(always)]
-    fn regressor<T: LaneScalar>(&self, _: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, _: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         let x = Spun::new(self, s, acc);
         let (nu, al) = (s.nu[0], x.a_al + acc.nu[0]);
         let y = &mut y[..35];

@@ -6,7 +6,7 @@ use ff_model::diagnostics::Limit;
 use ff_model::port::{PortModel, derived_bias};
 use ff_model::tree::JointLimits;
 use ff_model::{
-    Appendage, BaseKind, Inertia, Joint, JointKind, Model, Motion, Params, PortState, Problem, Registry, Xform,
+    BaseKind, Inertia, Joint, JointKind, Model, Motion, Params, PortDynamics, PortState, Problem, Registry, Xform,
 };
 use ff_testkit::assert_within;
 use ff_testkit::ports;
@@ -61,7 +61,7 @@ fn override_equals_the_derived_bias() {
             nu: &[symmetric(&mut r, 300.0)],
         };
         let (mut h, mut d) = ([f64::NAN; 7], [0.0; 7]);
-        Appendage::bias(&w, &w.nominal(), &s, &mut h);
+        PortDynamics::bias(&w, &w.nominal(), &s, &mut h);
         derived_bias(&w, &w.nominal(), &s, &mut d);
         for range in [0..6, 6..7] {
             let scale = d[range.clone()].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -111,7 +111,7 @@ fn the_wheel_is_its_tree_twin() {
         let w = random(&mut r);
         let [mass, j, jt, d, c] = w.nominal();
         let mut port = Model::new("sat", "base", base(), BaseKind::Floating);
-        port.mount("wheel", 0, mount(), w.clone().into()).unwrap();
+        port.mount("wheel", 0, mount(), w.clone()).unwrap();
         let a = w.axis();
         let rotor =
             Inertia::from_com(mass, &Vector3::zeros(), &(Matrix3::identity() * jt + a * a.transpose() * (j - jt)));
@@ -164,7 +164,7 @@ fn the_motor_turns_the_base_the_other_way_and_keeps_the_momentum() {
         rounding: 0.1,
     };
     let mut m = Model::new("sat", "base", base(), BaseKind::Floating);
-    m.mount("wheel", 0, mount(), ReactionWheel::new(&wheel).unwrap().into()).unwrap();
+    m.mount("wheel", 0, mount(), ReactionWheel::new(&wheel).unwrap()).unwrap();
     let (p, mut work) = (Params::nominal(&m), Work::new(&m));
     let motor = 0.05;
     let mut s = State::<f64>::zero(&m);

@@ -106,7 +106,7 @@ impl Particle {
                 Path::Pendulum(_) => ("swing", "rad", SWING_LIMITS[i]),
                 Path::Springs(_) => ("shift", "m", v.travel),
             };
-            coords.push(CoordDecl { name: format!("{prefix}{name}[{i}]"), unit, range: (-limit, limit) });
+            coords.push(CoordDecl::new(format!("{prefix}{name}[{i}]"), unit, (-limit, limit)));
         }
         Self { path, slot: Slot { eta0, p0, k0 } }
     }

@@ -6,10 +6,10 @@ use crate::slot::Slot;
 use crate::swing::{SWING_LIMITS, Swing};
 use ff_model::CoordDecl;
 use ff_model::keys::{check_damping, check_positive, check_stiffness};
-use ff_model::scalar::LaneScalar;
+use ff_model::scalar::PlainScalar;
 use ff_model::{
-    Appendage, Decl, Inertia, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problems, Scalar, TwinBody,
-    Xform,
+    Appendage, Decl, Inertia, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problems, Scalar,
+    TreeTwin, TwinBody, Xform,
 };
 use nalgebra::Vector3;
 
@@ -51,10 +51,8 @@ impl SloshPendulum {
         for i in 0..2 {
             params.push(ParamDecl::positive(format!("d[{i}]"), "N m s/rad", d[i]));
         }
-        let coords = (0..2)
-            .map(|i| CoordDecl { name: format!("swing[{i}]"), unit: "rad", range: (-SWING_LIMITS[i], SWING_LIMITS[i]) })
-            .collect();
-        Ok(Self { decl: Decl { kind: KIND, coords, params } })
+        let coords = (0..2).map(|i| CoordDecl::new(format!("swing[{i}]"), "rad", (-SWING_LIMITS[i], SWING_LIMITS[i])));
+        Ok(Self { decl: Decl::new(KIND, coords, params) })
     }
 
     /// Nominal values `[mass, length, k_0, k_1, d_0, d_1]`. Does not allocate.
@@ -65,21 +63,31 @@ impl SloshPendulum {
     /// The pendulum as two ordinary tree links with external springs, at nominal parameters (see [`TwinBody`]).
     /// Allocates.
     pub fn twin_bodies(&self) -> Vec<TwinBody> {
-        let [m, l, k0, k1, d0, d1] = self.nominal();
-        let link = |parent, axis, inertia, stiffness, damping| TwinBody {
-            parent,
-            axis,
-            placement: Xform::identity(),
-            inertia,
-            stiffness,
-            damping,
-            rest: 0.0,
-        };
-        vec![
-            link(None, Vector3::x(), Inertia::zero(), k0, d0),
-            link(Some(0), Vector3::y(), Inertia::point(m, &Vector3::new(0.0, 0.0, -l)), k1, d1),
-        ]
+        bodies(&self.nominal())
     }
+}
+
+impl TreeTwin for SloshPendulum {
+    fn tree_bodies(&self, p: &[f64]) -> Option<Vec<TwinBody>> {
+        Some(bodies(p))
+    }
+}
+
+/// The tree links at parameters `[mass, length, k_0, k_1, d_0, d_1]`. Allocates.
+fn bodies(p: &[f64]) -> Vec<TwinBody> {
+    let link = |parent, axis, inertia, i: usize| TwinBody {
+        parent,
+        axis,
+        placement: Xform::identity(),
+        inertia,
+        stiffness: p[K + i],
+        damping: p[D + i],
+        rest: 0.0,
+    };
+    vec![
+        link(None, Vector3::x(), Inertia::zero(), 0),
+        link(Some(0), Vector3::y(), Inertia::point(p[MASS], &Vector3::new(0.0, 0.0, -p[LENGTH])), 1),
+    ]
 }
 
 /// Adds everything that is wrong with the numbers to `problems`. Allocates on trouble only.
@@ -115,7 +123,6 @@ fn sized<'a, T: Scalar>(p: &'a [T], s: &PortState<'a, T>) -> (&'a [T], PortState
 ff_model::shared!(SloshPendulum);
 
 impl Appendage for SloshPendulum {
-    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -138,11 +145,15 @@ impl Appendage for SloshPendulum {
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         (p[D] * nu[0] * nu[0] + p[D + 1] * nu[1] * nu[1]).scale(0.5)
     }
+}
+
+impl PortDynamics for SloshPendulum {
+    const WRITES_ALL: bool = true;
 
     /// `R` is quadratic.
     #[inline(always)]
     fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
-        Appendage::rayleigh(self, p, nu).scale(2.0)
+        self.rayleigh(p, nu).scale(2.0)
     }
 
     /// Newton's law for the mass at zero `A` and `nu'`:
@@ -181,19 +192,19 @@ impl Appendage for SloshPendulum {
     }
     /// Derivatives of the acceleration of the mass, column by column.
     #[inline(always)]
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
         let ((p, s), j) = (sized(p, s), &mut j[..56]);
         let spin = point::jacobian(&swing(p, s.eta), &SLOT, p, &s, acc, j);
         point::press_each(&spin, 8, j);
     }
     /// Mass and length act through the acceleration of the mass, springs and dampers on their own row.
     #[inline(always)]
-    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         let ((p, s), y) = (sized(p, s), &mut y[..48]);
         y.fill(T::zero());
         point::regressor(&swing(p, s.eta), &SLOT, p, &s, acc, y);
     }
-    fn twin(&self) -> Option<Vec<TwinBody>> {
-        Some(self.twin_bodies())
+    fn twin(&self) -> Option<&dyn TreeTwin> {
+        Some(self)
     }
 }

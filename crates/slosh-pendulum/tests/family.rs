@@ -3,10 +3,9 @@ use crate::common::ports::{check_ports, shared};
 use crate::common::{Random, pendulum, relative_error, rng, symmetric, vector};
 use ff_model::diagnostics::Limit;
 use ff_model::port::{PortModel, derived_bias};
-use ff_model::{Appendage, DynAppendage, Motion, PortState, Problem};
-use ff_testkit::assert_within;
-use ff_testkit::problem;
+use ff_model::{DynAppendage, Motion, PortDynamics, PortState, Problem};
 use ff_testkit::problem::{assert_violation, refused_table};
+use ff_testkit::{assert_within, problem};
 use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 use rand::RngExt;
 use slosh_pendulum::geometry::{MAX_TANK_MODES, Tank};
@@ -56,7 +55,7 @@ fn random_spring_masses_and_tanks_keep_every_law() {
     }
 }
 
-fn bias_difference<A: Appendage>(a: &A, p: &[f64], r: &mut Random) -> f64 {
+fn bias_difference<A: PortDynamics>(a: &A, p: &[f64], r: &mut Random) -> f64 {
     let n = a.decl().coords.len();
     (0..300).fold(0.0_f64, |worst, _| {
         let eta: Vec<f64> = (0..n).map(|_| symmetric(r, 0.6)).collect();
@@ -64,7 +63,7 @@ fn bias_difference<A: Appendage>(a: &A, p: &[f64], r: &mut Random) -> f64 {
         let s = PortState { host: Motion::new(vector(r, 2.0), vector(r, 2.0)), eta: &eta, nu: &nu };
         // The override must not lean on what the buffer held.
         let (mut h, mut d) = (vec![f64::NAN; 6 + n], vec![0.0; 6 + n]);
-        Appendage::bias(a, p, &s, &mut h);
+        PortDynamics::bias(a, p, &s, &mut h);
         derived_bias(a, p, &s, &mut d);
         let worse = relative_error(&h, &d);
         if worse.is_nan() { f64::NAN } else { worst.max(worse) }

@@ -28,7 +28,10 @@ fn a_rest_position_that_is_not_stable_has_no_frequency() {
 #[test]
 fn the_twin_is_handed_out() {
     let p = SloshPendulum::new(70.0, 0.6, [15.0, 17.0], [2.0, 3.0]).unwrap();
-    assert_eq!(p.tree_twin(), Some(p.twin_bodies()));
+    assert_eq!(p.tree_twin().and_then(|t| t.tree_bodies(&p.nominal())), Some(p.twin_bodies()));
     let k: Vec<f64> = p.twin_bodies().iter().map(|b| b.stiffness).collect();
     assert_eq!(k, [15.0, 17.0]);
+    // At other parameters it is that of the pendulum which has them.
+    let other = SloshPendulum::new(43.0, 0.75, [11.0, 9.0], [1.3, 0.8]).unwrap();
+    assert_eq!(p.tree_twin().and_then(|t| t.tree_bodies(&other.nominal())), Some(other.twin_bodies()));
 }

@@ -131,7 +131,7 @@ fn on_a_free_base_eq_16_has_the_reduced_inertia() {
     let mut model = Model::new("sat", "base", body(), BaseKind::Floating);
     let mount = Vector3::new(0.3, -0.2, 0.5);
     let pendulum = SloshPendulum::new(m, l, [k; 2], [0.0; 2]).unwrap();
-    model.mount("tank", 0, Xform::new(Matrix3::identity(), mount), pendulum.into()).unwrap();
+    model.mount("tank", 0, Xform::new(Matrix3::identity(), mount), pendulum).unwrap();
     let p = Params::nominal(&model);
     let mut h = DMatrix::zeros(8, 8);
     mass_matrix(&model, &p, &State::zero(&model), &mut Work::new(&model), &mut h);

@@ -134,7 +134,7 @@ fn shipped_kinds_pass_with_their_factories() {
 mod factories {
     //! Factories with a mistake each.
     use ff_model::keys;
-    use ff_model::{Appendage, Decl, DynAppendage, PortMatrix, Problems, Scalar};
+    use ff_model::{Appendage, Decl, Derived, DynAppendage, PortMatrix, Problems, Scalar};
     use slosh_pendulum::SloshPendulum;
     use std::sync::Arc;
 
@@ -173,7 +173,7 @@ mod factories {
     }
     pub(super) fn asserts_later(t: &toml::Table) -> Made {
         let rest = keys::read(t, |k| k.number("rest_rad"))?;
-        Ok(Arc::new(Assertive { rest, inner: SloshPendulum::new(3.0, 0.7, [2.0, 3.0], [0.2, 0.3])? }))
+        Ok(Derived::new(Assertive { rest, inner: SloshPendulum::new(3.0, 0.7, [2.0, 3.0], [0.2, 0.3])? }).into())
     }
     pub(super) fn refuses_in_silence(t: &toml::Table) -> Made {
         let made = keys::read(t, |k| {
@@ -223,13 +223,16 @@ fn a_kind_without_a_good_example_is_refused() {
 mod sums {
     //! A pendulum whose inertia adds its host block to what is there, which is right where that is zero.
     use ff_model::port::port_len;
-    use ff_model::{Appendage, Decl, Inertia, PortMatrix, Scalar};
+    use ff_model::{Appendage, Decl, Inertia, PortDynamics, PortMatrix, Scalar};
     use slosh_pendulum::SloshPendulum;
 
     pub(super) struct Sums<const WRITES_ALL: bool>(pub(super) SloshPendulum);
 
-    impl<const WRITES_ALL: bool> Appendage for Sums<WRITES_ALL> {
+    impl<const WRITES_ALL: bool> PortDynamics for Sums<WRITES_ALL> {
         const WRITES_ALL: bool = WRITES_ALL;
+    }
+
+    impl<const WRITES_ALL: bool> Appendage for Sums<WRITES_ALL> {
         fn decl(&self) -> &Decl {
             Appendage::decl(&self.0)
         }

@@ -3,16 +3,15 @@
 use super::declared::{Holds, Key, key, must};
 use super::lift;
 use super::reader::{Table, error};
-use ff_model::DynAppendage;
 use ff_model::Model;
 use ff_model::Registry;
+use ff_model::SharedAppendage;
 use ff_model::Xform;
 use ff_model::diagnostics::{list, nearest};
 use ff_model::spatial::so3::{quat_to_rot, rot_of_rpy};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use std::path::Path;
-use std::sync::Arc;
 
 /// How far a quaternion or rotation matrix may be from exact before it is refused.
 const UNIT_TOLERANCE: f64 = 1e-6;
@@ -141,7 +140,7 @@ pub(super) struct Draft<'d, 't> {
     pub(super) mount: Option<Mount>,
     pub(super) lift: Option<Vec<String>>,
     pub(super) settings: toml::Table,
-    pub(super) appendage: Option<Arc<dyn DynAppendage>>,
+    pub(super) appendage: Option<SharedAppendage>,
     pub(super) table: Table<'d, 't>,
 }
 
@@ -169,7 +168,7 @@ impl<'d, 't> Draft<'d, 't> {
         draft
     }
     /// Runs the factory of the kind on a table; problems are recorded.
-    fn make(&self, settings: &toml::Table, kinds: &Kinds<'_>) -> Option<Arc<dyn DynAppendage>> {
+    fn make(&self, settings: &toml::Table, kinds: &Kinds<'_>) -> Option<SharedAppendage> {
         let kind = self.kind.as_deref()?;
         make(&self.table, kind, self.name.as_deref().unwrap_or(kind), settings, kinds)
     }
@@ -215,7 +214,7 @@ fn make(
     label: &str,
     settings: &toml::Table,
     kinds: &Kinds<'_>,
-) -> Option<Arc<dyn DynAppendage>> {
+) -> Option<SharedAppendage> {
     let registry = kinds.registry;
     let Some(factory) = registry.get(kind) else {
         let known = list(registry.kinds(), 20);

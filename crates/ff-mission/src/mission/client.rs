@@ -7,7 +7,6 @@ use super::reader::{Table, error};
 use super::robot::{BODY, RigidBody};
 use ff_model::payload::Payload;
 use serde::Serialize;
-use std::sync::Arc;
 
 /// One `[[client]]`: a body held by a link, by the end effector unless another is named.
 ///
@@ -61,9 +60,9 @@ impl Client {
         Some(Self { name: name?, host, mount: mount?, body: body? })
     }
     /// As an appendage without coordinates; `None` where a problem is recorded.
-    pub(super) fn payload(&self, t: &Table<'_, '_>) -> Option<Arc<Payload>> {
+    pub(super) fn payload(&self, t: &Table<'_, '_>) -> Option<Payload> {
         match Payload::new(&self.body.inertia()) {
-            Ok(p) => Some(Arc::new(p)),
+            Ok(p) => Some(p),
             Err(e) => {
                 let p = error("Config::Inertia", e.to_string());
                 t.fail("inertia_com_kgm2", p.hint("give the inertia about the centre of mass"));

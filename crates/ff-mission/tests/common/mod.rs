@@ -3,7 +3,8 @@
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
 
 use ff_model::{
-    Appendage, Area, CoordDecl, Decl, DynAppendage, Inertia, ParamDecl, PortMatrix, Problem, Problems, Registry, Scalar,
+    Appendage, Area, CoordDecl, Decl, Derived, DynAppendage, Inertia, ParamDecl, PortMatrix, Problem, Problems,
+    Registry, Scalar,
 };
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -26,12 +27,10 @@ impl Appendage for StandIn {
 }
 
 fn stand_in(kind: &'static str, coord: &str, k: &[f64], d: &[f64]) -> Arc<dyn DynAppendage> {
-    let coords =
-        (0..k.len()).map(|i| CoordDecl { name: format!("{coord}[{i}]"), unit: "rad", range: (-1.5, 1.5) }).collect();
+    let coords = (0..k.len()).map(|i| CoordDecl::new(format!("{coord}[{i}]"), "rad", (-1.5, 1.5)));
     let params = (k.iter().enumerate().map(|(i, &k)| ParamDecl::positive(format!("k[{i}]"), "N m/rad", k)))
-        .chain(d.iter().enumerate().map(|(i, &d)| ParamDecl::positive(format!("d[{i}]"), "N m s/rad", d)))
-        .collect();
-    Arc::new(StandIn { decl: Decl { kind, coords, params } })
+        .chain(d.iter().enumerate().map(|(i, &d)| ParamDecl::positive(format!("d[{i}]"), "N m s/rad", d)));
+    Derived::new(StandIn { decl: Decl::new(kind, coords, params) }).into()
 }
 
 fn number(t: &toml::Table, key: &str, path: &str) -> Result<f64, Problems> {

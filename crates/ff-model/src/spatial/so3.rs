@@ -200,7 +200,7 @@ mod tests {
     /// One lane at zero, one below the switch to the series, two above it: each as if it were alone.
     #[test]
     fn lanes_on_both_sides_of_the_switch_do_not_disturb_each_other() {
-        use crate::scalar::lanes::{Lanes, Portable4};
+        use ff_lanes::{Lanes, Portable4};
         let sizes = [0.0, 1e-3, 0.4, 2.7];
         for turn in 0..4 {
             let size = |l: usize| sizes[(l + turn) % 4];

@@ -2,12 +2,14 @@
 
 use super::model::{Model, Mounted};
 use crate::diagnostics::problem::{Area, Limit, Problem, Problems};
-use crate::port::{AppendageSet, Decl, DynAppendage, MAX_COORDS, MAX_PARAMS, Place};
+use crate::port::declaration::{Decl, MAX_COORDS, MAX_PARAMS};
+use crate::port::set::{AppendageSet, Place};
+use crate::port::shared::SharedAppendage;
 use crate::spatial::motion::Xform;
-use std::sync::Arc;
 
 impl Model {
-    /// Mounts an appendage.
+    /// Mounts an appendage: a kind (see [`derived!`](crate::derived)), [`Derived`](crate::Derived) of one, or a handle that
+    /// a registry built. Allocates.
     ///
     /// # Errors
     /// [`Problems`] (area `Config`) if the name is taken, a nominal value lies outside its bounds, or the
@@ -20,10 +22,10 @@ impl Model {
         name: impl Into<String>,
         host: usize,
         mount: Xform<f64>,
-        appendage: Arc<dyn DynAppendage>,
+        appendage: impl Into<SharedAppendage>,
     ) -> Result<(), Problems> {
         assert!(host < self.n_bodies(), "host body {host} does not exist");
-        let name = name.into();
+        let (name, appendage) = (name.into(), appendage.into());
         let bad = self.refusals(&name, appendage.declaration());
         if bad.has_errors() {
             return Err(bad);
@@ -84,7 +86,7 @@ impl Model {
         Ok(())
     }
     /// Adds an appendage without asking.
-    fn push(&mut self, place: Place, appendage: Arc<dyn DynAppendage>) {
+    fn push(&mut self, place: Place, appendage: SharedAppendage) {
         let (coord_offset, param_offset) = (self.passive, self.params);
         let decl = appendage.declaration();
         let dim = decl.coords.len();

@@ -35,11 +35,11 @@ use ff_model::CoordDecl;
 use ff_model::diagnostics::Limit;
 use ff_model::keys::check_damping;
 use ff_model::port::MAX_COORDS;
-use ff_model::scalar::LaneScalar;
+use ff_model::scalar::PlainScalar;
 use ff_model::spatial::vec3::{Moving, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, Inertia, ParamDecl, ParamGroup, PortAccel, PortMatrix, PortState, PortVector, Problem,
-    Problems, Scalar,
+    Appendage, Area, Decl, Inertia, ParamDecl, ParamGroup, PortAccel, PortDynamics, PortMatrix, PortState, PortVector,
+    Problem, Problems, Scalar,
 };
 use nalgebra::{DMatrix, Vector6};
 use std::f64::consts::TAU;
@@ -132,8 +132,9 @@ impl ModalAppendage {
             }
         }
         let range = (f64::NEG_INFINITY, f64::INFINITY);
-        let coords = (0..n).map(|j| CoordDecl { name: format!("mode[{j}]"), unit: "m", range }).collect();
-        Ok(Self { decl: Decl { kind: MODAL_KIND, coords, params }, modes: n })
+        let coords = (0..n).map(|j| CoordDecl::new(format!("mode[{j}]"), "m", range));
+        // The inertia is that of the undeformed structure, whatever the modes move: see the module docs.
+        Ok(Self { decl: Decl::new(MODAL_KIND, coords, params).not_galilean(), modes: n })
     }
 
     /// Number of modes `n`, which is also the number of coordinates.
@@ -229,11 +230,6 @@ impl Appendage for ModalAppendage {
         &self.decl
     }
 
-    /// The inertia is that of the undeformed structure, whatever the modes move: see the module docs.
-    fn galilean(&self) -> bool {
-        false
-    }
-
     /// `[[M, P], [P^T, m]]`, independent of `eta`.
     #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
@@ -263,11 +259,13 @@ impl Appendage for ModalAppendage {
         }
         r.scale(0.5)
     }
+}
 
+impl PortDynamics for ModalAppendage {
     /// `R` is quadratic.
     #[inline(always)]
     fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
-        Appendage::rayleigh(self, p, nu).scale(2.0)
+        self.rayleigh(p, nu).scale(2.0)
     }
 
     /// `h_b = V x* (M V + P nu)`, `h_e = k eta + d nu`: `M` and `P` are constant. `O(n)`.
@@ -292,7 +290,7 @@ impl Appendage for ModalAppendage {
     }
 
     #[inline(always)]
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, _: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, _: &PortAccel<'_, T>, j: &mut [T]) {
         let (n, o) = (self.modes, T::zero());
         let dim = 6 + n;
         let j = &mut j[..(3 + 2 * n) * dim];
@@ -319,7 +317,7 @@ impl Appendage for ModalAppendage {
     }
 
     #[inline(always)]
-    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         let (dim, o) = (6 + self.modes, T::zero());
         let y = &mut y[..p.len() * dim];
         y.fill(o);

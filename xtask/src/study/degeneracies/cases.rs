@@ -18,7 +18,6 @@ use ident::parameters::{select, sizes};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::sync::Arc;
 
 use BaseKind::{Fixed, Floating};
 use JointKind::{Prismatic, Revolute};
@@ -145,7 +144,7 @@ fn universal() -> Model {
 
 fn mount_payload(model: &mut Model, host: usize) -> anyhow::Result<()> {
     let payload = Payload::new(&body(4)).context("payload")?;
-    model.mount("client", host, Xform::new(Matrix3::identity(), place(3)), payload.into())?;
+    model.mount("client", host, Xform::new(Matrix3::identity(), place(3)), payload)?;
     Ok(())
 }
 
@@ -221,7 +220,7 @@ fn symmetric() -> anyhow::Result<Case> {
         };
         let panel = PanelChain::new(vec![segment(0), segment(1)])?;
         let at = Xform::new(Matrix3::identity(), Vector3::new(x, 0.5 * side, 0.3));
-        m.mount(format!("panel_{name}"), 0, at, panel.into())?;
+        m.mount(format!("panel_{name}"), 0, at, panel)?;
     }
     // Joint held where it is; wing tips up by the same.
     let motion = Sines { joints: 1, amplitude: 0.0, seconds: 16.0 };
@@ -236,7 +235,7 @@ fn symmetric() -> anyhow::Result<Case> {
 /// See [`UnknownFulcrum`].
 fn fulcrum() -> anyhow::Result<Case> {
     let mut m = chain(Floating, &[(Revolute, axis(0)), (Revolute, axis(1))]);
-    m.mount("tank", 0, Xform::new(Matrix3::identity(), place(2)), Arc::new(UnknownFulcrum::new()))?;
+    m.mount("tank", 0, Xform::new(Matrix3::identity(), place(2)), UnknownFulcrum::new())?;
     let motion = Sines { joints: 2, amplitude: 0.5, seconds: 16.0 };
     let (found, proof) = record(&m, &motion, &[0.0; 10], &["tank.*"], Rows::All)?;
     let touched = ["length", "k[0]", "k[1]", "d[0]", "d[1]"].map(|n| format!("tank.{n}")).to_vec();
