@@ -54,7 +54,7 @@ pub fn default_registry() -> model::Registry {
     r
 }
 
-/// Compiles the example of the README.
+/// Compiles the example of `README.md`.
 #[cfg(doctest)]
-#[doc = include_str!("../../../README.md")]
+#[doc = include_str!("../README.md")]
 struct Readme;
