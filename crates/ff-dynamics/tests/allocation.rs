@@ -4,7 +4,6 @@
 use crate::common::*;
 use allocation_counter::measure;
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::sim::{AdaptiveOptions, simulate_adaptive};
 use ff_dynamics::sim::{QUADRATURES, Rkmk4};
 use ff_dynamics::tree::mass_matrix_lower;
 use ff_dynamics::*;
@@ -93,9 +92,9 @@ fn simulation_allocates_by_sample_and_not_by_step() {
     }
 }
 
-/// External inputs add nothing per step, of fixed length or not.
+/// External inputs add nothing per step.
 #[test]
-fn inputs_and_adaptive_steps_do_not_allocate() {
+fn inputs_do_not_allocate() {
     use ff_dynamics::sim::inputs::{GravityGradient, PassiveForce, Signal};
     let m = system();
     let (p, s, wave) = (Params::<f64>::nominal(&m), State::zero(&m), Wave(m.nj()));
@@ -108,11 +107,6 @@ fn inputs_and_adaptive_steps_do_not_allocate() {
         measure(|| drop(simulate_with(&m, &p, &s, &drive, &inputs, &o).unwrap())).count_total
     };
     assert_eq!(fixed(0.01), fixed(0.0005), "10 steps against 200");
-    let adaptive = |max_step_s: f64| {
-        let o = AdaptiveOptions { duration_s: 0.1, sample_s: 0.02, relative: 1e-4, absolute: 1e-4, max_step_s };
-        measure(|| drop(simulate_adaptive(&m, &p, &s, &drive, &inputs, &o).unwrap())).count_total
-    };
-    assert_eq!(adaptive(0.01), adaptive(0.0005), "10 steps against 200");
 }
 
 /// The reduced system and its sensitivities: buffers and results once, nothing per step or stage.

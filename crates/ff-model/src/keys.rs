@@ -20,7 +20,7 @@
 //! let bad = "mas_kg = 2\naxis = [0.0, nan, 0.8]".parse().unwrap();
 //! let problems = tether(&bad).unwrap_err();
 //! assert_eq!(problems.0.len(), 3);
-//! assert!(problems.to_string().contains("did you mean mass_kg?"));
+//! assert!(problems.to_string().contains("unknown key 'mas_kg'"));
 //! ```
 
 use crate::diagnostics::problem::{Area, Problem, Problems};

@@ -39,10 +39,10 @@ pub struct Args {
     /// The core everything is pinned to
     #[arg(long, value_name = "CPU", default_value_t = 1)]
     pub core: usize,
-    /// Count instructions with callgrind instead of measuring time, and compare with bench/instructions.json
+    /// Count instructions with callgrind instead of measuring time, and compare with crates/ff-bench/instructions.json
     #[arg(long, conflicts_with_all = ["peers", "json", "sizes"])]
     pub instructions: bool,
-    /// With --instructions: keep the counts in bench/instructions.json
+    /// With --instructions: keep the counts in crates/ff-bench/instructions.json
     #[arg(long, requires = "instructions")]
     pub keep: bool,
     /// Time against the number of bodies instead: docs/figures/bench-linear.svg

@@ -1,7 +1,8 @@
 //! `[[appendage]]`: what hangs where. The keys of each kind are read by the crate that registered it.
 
+use super::declared::{Holds, Key, key, must};
 use super::lift;
-use super::reader::{Must, Table, error};
+use super::reader::{Table, error};
 use ff_model::DynAppendage;
 use ff_model::Model;
 use ff_model::Registry;
@@ -45,6 +46,23 @@ pub struct Mount {
     /// `quat_wxyz` (unit quaternion, w first) or `rotation` (the matrix itself, in rows).
     pub rotation: [[f64; 3]; 3],
 }
+
+/// Keys of a mount.
+pub(crate) const MOUNT: &[Key] = &[
+    key("xyz_m", Holds::Vector(3), "origin of the mount frame in the link frame (m)"),
+    key("rpy_rad", Holds::Vector(3), "roll, pitch, yaw as in URDF (rad)"),
+    key("quat_wxyz", Holds::Vector(4), "unit quaternion, scalar first"),
+    key("rotation", Holds::Rows, "rotation from mount to link coordinates, in rows"),
+];
+
+/// Keys of every `[[appendage]]`; the others belong to its kind.
+pub(crate) const APPENDAGE: &[Key] = &[
+    must("kind", Holds::Text, "what hangs there"),
+    must("name", Holds::Text, "prefix of its parameters and coordinates"),
+    key("host", Holds::Text, "link that carries it"),
+    key("mount", Holds::Table(MOUNT), "pose of the mount frame in the link frame"),
+    key("lift", Holds::Texts, "joints of the URDF that become its hinges, from the host outwards"),
+];
 
 impl Mount {
     /// As a pose.
@@ -130,7 +148,7 @@ pub(super) struct Draft<'d, 't> {
 impl<'d, 't> Draft<'d, 't> {
     /// Reads one table and runs the factory of its kind; problems are recorded at their keys.
     pub(super) fn read(t: Table<'d, 't>, kinds: &Kinds<'_>) -> Self {
-        let kind = t.required("kind", t.string("kind"));
+        let kind = t.string("kind");
         let name = name(&t);
         let lift = t.strings("lift");
         let (host, mount) = match &lift {
@@ -143,7 +161,7 @@ impl<'d, 't> Draft<'d, 't> {
                 (None, None)
             }
         };
-        let settings = t.rest(&["kind", "name", "host", "mount", "lift"]);
+        let settings = t.undeclared();
         let mut draft = Self { kind, name, host, mount, lift, settings, appendage: None, table: t };
         if draft.lift.is_none() {
             draft.appendage = draft.make(&draft.settings, kinds);
@@ -180,7 +198,7 @@ impl<'d, 't> Draft<'d, 't> {
 
 /// Key `name` of an appendage or client, fit to be the prefix of parameters.
 pub(super) fn name(t: &Table<'_, '_>) -> Option<String> {
-    t.required("name", t.string("name")).filter(|n| {
+    t.string("name").filter(|n| {
         let good = !n.is_empty() && !n.contains(|c: char| c.is_whitespace() || ".[]*".contains(c));
         if !good {
             let what = format!("'{}' is blank or holds a dot, bracket, star or blank", ff_model::diagnostics::clip(n));
@@ -256,9 +274,4 @@ fn finite(v: &toml::Value) -> bool {
         toml::Value::Table(t) => t.values().all(finite),
         _ => true,
     }
-}
-
-/// Used by other sections of the file for numbers that default when absent.
-pub(super) fn or_zero(t: &Table<'_, '_>, key: &'static str, must: Must) -> f64 {
-    t.number(key, must).unwrap_or(0.0)
 }

@@ -1,9 +1,10 @@
 //! `[[client]]`: what the robot holds. A rigid body of ten parameters with a frame of its own, on which panels and tanks
 //! hang like on any link.
 
-use super::appendage::Mount;
+use super::appendage::{MOUNT, Mount};
+use super::declared::{Holds, Key, key, must};
 use super::reader::{Table, error};
-use super::robot::RigidBody;
+use super::robot::{BODY, RigidBody};
 use ff_model::payload::Payload;
 use serde::Serialize;
 use std::sync::Arc;
@@ -38,6 +39,16 @@ pub struct Client {
     #[serde(flatten)]
     pub body: RigidBody,
 }
+
+/// Keys of `[[client]]`.
+pub(crate) const CLIENT: &[Key] = &[
+    must("name", Holds::Text, "name of its frame, prefix of its parameters"),
+    key("host", Holds::Text, "link that holds it; robot.end_effector unless given"),
+    key("mount", Holds::Table(MOUNT), "pose of the client frame in the link frame"),
+    BODY[0],
+    BODY[1],
+    BODY[2],
+];
 
 impl Client {
     /// Reads one table; `None` where a problem is recorded.
