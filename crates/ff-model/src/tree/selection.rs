@@ -26,8 +26,7 @@ pub enum SelectionError {
 impl SelectionError {
     /// Nothing matches `pattern`; the nearest of the names is found. Allocates.
     pub(crate) fn no_match(decls: &[ParamDecl], pattern: &str) -> Self {
-        let similarity = |d: &ParamDecl| strsim::jaro_winkler(pattern, &d.name);
-        let nearest = decls.iter().max_by(|a, b| similarity(a).total_cmp(&similarity(b)));
+        let nearest = decls.iter().max_by(|a, b| similarity(pattern, &a.name).total_cmp(&similarity(pattern, &b.name)));
         Self::NoMatch { pattern: pattern.to_owned(), nearest: nearest.map(|d| d.name.clone()) }
     }
     /// Process exit code of `bad-inputs.md`: 11 (configuration).
@@ -73,6 +72,18 @@ pub fn sift<'a, S: AsRef<str>>(decls: &[ParamDecl], patterns: &'a [S]) -> (Vec<u
         missed = missed.or((!hit).then_some(pattern));
     }
     ((0..decls.len()).filter(|&i| chosen[i]).collect(), missed)
+}
+
+/// How much two names are alike; larger is more.
+#[cfg(feature = "suggestions")]
+fn similarity(a: &str, b: &str) -> f64 {
+    strsim::jaro_winkler(a, b)
+}
+
+/// Letters that agree from the start.
+#[cfg(not(feature = "suggestions"))]
+fn similarity(a: &str, b: &str) -> f64 {
+    a.chars().zip(b.chars()).take_while(|(x, y)| x == y).count() as f64
 }
 
 /// True when `pattern`, with `*` for any run of characters, covers the whole of `name`. Does not allocate.
