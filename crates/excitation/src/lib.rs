@@ -30,3 +30,8 @@ pub use system::flexible::FlexibleInformation;
 pub use system::prediction::Prediction;
 pub use system::rigid::{RigidInformation, SensorNoise};
 pub use trajectory::{Trajectory, TrajectoryFile};
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

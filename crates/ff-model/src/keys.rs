@@ -6,7 +6,7 @@
 //! column.
 //!
 //! ```
-//! use crate::keys;
+//! use ff_model::keys;
 //!
 //! let tether = |table: &toml::Table| {
 //!     keys::read(table, |k| {

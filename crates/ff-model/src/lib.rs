@@ -39,3 +39,8 @@ pub use tree::{BaseKind, Body, Frame, Joint, JointKind, Model, Params};
 pub use nalgebra;
 /// Tables of mission files, as a [`registry::Factory`] gets them.
 pub use toml;
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -119,7 +119,8 @@ fn every_parameter_has_its_column_in_the_regressor() {
 
 /// Joints that swing from rest, each with a period and an amplitude of its own.
 fn swing(joints: usize) -> Swing {
-    let one = |j: usize| (if j.is_multiple_of(2) { 1.0 } else { -1.0 } * (0.06 + 0.01 * j as f64), 0.9 + 0.41 * j as f64);
+    let one =
+        |j: usize| (if j.is_multiple_of(2) { 1.0 } else { -1.0 } * (0.06 + 0.01 * j as f64), 0.9 + 0.41 * j as f64);
     Swing { seconds: 1e3, rest: 0.3, joints: (0..joints).map(one).collect() }
 }
 

@@ -355,3 +355,8 @@ impl<T: Scalar> Spun<T> {
 pub fn axial_momentum<T: Scalar>(wheel: &ReactionWheel, p: &[T], w: &Vector3<T>, nu: T) -> T {
     p[SPIN] * (dot(&wheel.axis.map(T::from_f64), w) + nu)
 }
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

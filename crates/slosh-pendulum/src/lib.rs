@@ -96,3 +96,8 @@ sphere = { radius_m = 0.3, fill_m = 0.25 }
 density_kg_per_m3 = 1010.0
 settling_m_per_s2 = 0.05
 damping_ratio = 0.01";
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -36,7 +36,7 @@ impl Model {
     /// Mounts a set of appendages, the `i`-th at the `i`-th place: a tuple of them, or boxed ones. All or none. Allocates.
     ///
     /// ```
-    /// use crate::payload::Payload;
+    /// use ff_model::payload::Payload;
     /// use ff_model::{BaseKind, DynAppendage, Inertia, Model, Place, Xform};
     /// use nalgebra::{Matrix3, Vector3};
     ///

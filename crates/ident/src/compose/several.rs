@@ -7,9 +7,8 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::estimator::{Coarse, Estimator};
-use crate::parameters::selection;
-use crate::parameters::selection::{SelectionError, sift};
 use ff_least_squares::EvalError;
+use ff_model::tree::{SelectionError, select, sift};
 use ff_model::{ParamDecl, ParamGroup};
 use nalgebra::DMatrix;
 
@@ -64,7 +63,7 @@ fn kind(d: &ParamDecl) -> String {
 }
 
 impl Shared {
-    /// For records with labels and the parameters of their models. `own` are patterns ([`crate::parameters::selection`]) of parameters
+    /// For records with labels and the parameters of their models. `own` are patterns ([`ff_model::tree::select`]) of parameters
     /// that every record has for itself; a body is claimed as a whole if one of its ten numbers is. Allocates.
     ///
     /// # Errors
@@ -78,7 +77,7 @@ impl Shared {
         let mut origin: Vec<(usize, bool)> = Vec::new();
         let everything: Vec<ParamDecl> = records.iter().flat_map(|r| r.1.iter().cloned()).collect();
         if !own.is_empty() {
-            selection::select(&everything, own)?;
+            select(&everything, own)?;
         }
         for (k, (label, decls)) in records.iter().enumerate() {
             if out.labels.iter().any(|l| l == label) {

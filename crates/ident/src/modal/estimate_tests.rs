@@ -1,7 +1,7 @@
 use crate::modal::estimate::*;
 use crate::modal::matching::{Stray, Unseen};
 use crate::modal::model::tests::load;
-use crate::parameters::selection::select;
+use crate::parameters::select;
 use ff_spectral::era::{Stabilisation, Tolerance};
 use ff_testkit::assert_within;
 use rand::SeedableRng;

@@ -1,13 +1,13 @@
 //! Does an appendage keep the laws that the trait leaves to its author?
 //!
 //! ```text
-//! let report = crate::conformance::check_appendage(&my_appendage);
+//! let report = validate::conformance::check_appendage(&my_appendage);
 //! assert!(report.passed(), "{report}");
 //! ```
 //!
 //! The suite draws [`SAMPLES`] states and parameter sets (deterministic, general values, no zeros) and asks for each
 //! law one figure that must not exceed a limit. [`check_kind`] does so for a kind of a registry, and tries its factory
-//! and a whole system with values that nobody should pass; `crate::systems` runs random systems of many kinds. It cannot know whether the energies are those of the device meant;
+//! and a whole system with values that nobody should pass; `validate::systems` runs random systems of many kinds. It cannot know whether the energies are those of the device meant;
 //! it knows that a device with these energies exists, and that the code computes its motion.
 mod allocation;
 mod declaration;
