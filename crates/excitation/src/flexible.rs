@@ -14,9 +14,8 @@
 //!
 //! The gradient over control points and duration is exact for the discrete (Runge-Kutta) solution: the adjoint of the
 //! tangent equations, one backward sweep whatever the number of variables (`docs/theory/excitation.md`). The joints'
-//! motion enters through the 28 numbers per instant of the table only.
+//! motion enters through the numbers of the arm's table only ([`ff_dynamics::prescribed`]).
 
-mod arm;
 mod back;
 mod carried;
 mod element;
@@ -26,10 +25,10 @@ mod system;
 use crate::cost::{State, Sweep, uniform_nodes};
 use crate::rigid::{RigidError, SensorNoise};
 use crate::spline_plan::{Duration, SplinePlan};
-use arm::{ArmModel, Frame};
 use element::{Element, Place};
 use ff_dynamics::Accelerometer;
 use ff_dynamics::motion::JointMotion;
+use ff_dynamics::prescribed::{ArmModel, Frame};
 use ff_model::{BaseKind, Model, ParamGroup, Params, Xform};
 use flow::{Flow, Joints, Table};
 use nalgebra::{DMatrix, DVector};
@@ -253,8 +252,11 @@ impl FlexibleInformation {
         elements.iter_mut().for_each(Element::probe);
         let m = model.np();
         let speed = elements.iter().any(|e| e.speed);
+        let lifted: Vec<_> = sites.iter().map(|(host, x)| (*host, x.lift())).collect();
         System {
-            arm: ArmModel::new(model, params, sites),
+            arm: ArmModel::new(model, params, &sites),
+            arm_grad: ArmModel::new(model, &params.lift(model), &lifted),
+            above: above(model),
             elements,
             base: params.body(0).to_params(),
             base_wanted,
@@ -367,7 +369,7 @@ impl FlexibleInformation {
         }
         let (numbers, over_step) = flow.pull(&self.system, &table, &over);
         let mut at = numbers.iter().enumerate();
-        let arm = &self.system.arm;
+        let mut arm = self.system.arm_grad.clone();
         sweep.backward(&nodes, grad, |_, s, adj| {
             let Some((i, weights)) = at.next() else { return };
             arm.pull_back([&s.q, &s.qd, &s.qdd], i % 2 == 0, weights, [&mut adj.q, &mut adj.qd, &mut adj.qdd]);
@@ -420,6 +422,17 @@ impl FlexibleInformation {
         }
         (m, rows)
     }
+}
+
+/// Joints between each body and the base.
+fn above(model: &Model) -> Vec<Vec<usize>> {
+    let mut above = vec![Vec::new(); model.n_bodies()];
+    for (l, b) in model.bodies().iter().enumerate() {
+        let mut path = above[b.parent].clone();
+        path.push(l);
+        above[l + 1] = path;
+    }
+    above
 }
 
 fn positive(what: &'static str, value: f64) -> Result<(), FlexibleError> {

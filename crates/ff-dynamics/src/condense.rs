@@ -14,8 +14,8 @@
 //! `M_ee^-1`: `x_b = S^-1 (r_b - sum G M_ee^-1 r_e)`, `x_e = M_ee^-1 r_e - M_ee^-1 G^T x_b`. Nothing allocates but its `new`.
 
 use crate::ldl;
+use crate::port_work::PortWork;
 use crate::rows::{RowTask, accumulate, by_rows};
-use crate::work::PortWork;
 use core::convert::identity;
 use ff_model::vec3::{Ten, V3};
 use ff_model::{Model, ModelScalar, Mounted, PortView};

@@ -1,8 +1,10 @@
 //! The mass matrix by the composite-rigid-body algorithm (CRBA).
 
+use crate::link::Link;
+use crate::port_work::PortWork;
 use crate::state::State;
-use crate::tree::{self, Link};
-use crate::work::{PortWork, Work};
+use crate::tree;
+use crate::work::Work;
 use ff_lanes::Kernel;
 use ff_model::by_turn;
 use ff_model::vec3::{Ten, V3};

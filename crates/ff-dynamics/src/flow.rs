@@ -6,14 +6,13 @@
 
 use crate::attitude::{Attitude, AttitudeTrack, Turned};
 use crate::reduced::{STAGE, WEIGHT};
-use crate::rows::{RowTask, accumulate, by_rows, copy, fma};
-use crate::sensitivity::{Sink, Wanted};
+use crate::rows::{BLOCK, RowTask, accumulate, by_rows, copy, fma};
+use crate::sink::Sink;
 use crate::tangent::Tangent;
+use crate::wanted::Wanted;
 use ff_lanes::{Kernel, WIDEST};
 use ff_model::{LaneScalar, Model};
 
-/// Columns of a block: as many as the widest lanes have.
-pub(crate) const BLOCK: usize = WIDEST;
 /// Stages whose derivatives are at hand at once, at most: one per lane.
 const STAGES: usize = WIDEST;
 
@@ -52,7 +51,7 @@ impl<L: LaneScalar> Flow<L> {
         let mut dz = vec![0.0; nz * blocks * BLOCK];
         for (c, &i) in wanted.initial.iter().enumerate() {
             // The state of the record is `[v | w | eta | nu]`.
-            let (row, c) = (if i < 3 { 3 + 2 * m + i } else { i - 3 }, wanted.params.len() + c);
+            let (row, c) = (if i < 3 { 3 + 2 * m + i } else { i - 3 }, wanted.forced() + c);
             if row < nz {
                 dz[(c / BLOCK * nz + row) * BLOCK + c % BLOCK] = 1.0;
             }
@@ -64,7 +63,7 @@ impl<L: LaneScalar> Flow<L> {
             m,
             n,
             nz,
-            np: wanted.params.len(),
+            np: wanted.forced(),
             count,
             h,
             gain: vec![0.0; STAGES * stride],

@@ -1,6 +1,6 @@
 //! Derivatives of measured channels on their way into matrices, a block of columns at a time.
 
-use crate::flow::BLOCK;
+use crate::rows::BLOCK;
 use ff_lanes::WIDEST;
 use ff_model::LaneScalar;
 use nalgebra::DMatrix;

@@ -12,7 +12,7 @@
 //! | momentum, energy, dissipation; centroidal momentum matrix | [`momentum`], [`mod@centroidal`] |
 //! | dependence on parameters | [`mod@regressor`] |
 //! | dependence on positions and velocities | [`derivatives`] |
-//! | prescribed arm condensed; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
+//! | prescribed arm condensed, over any scalar; records and their sensitivities | [`prescribed`], [`reduced`], [`sensitivity`] |
 //! | joint motions | [`motion`], [`bspline`] |
 //! | frequencies and damping | [`mod@modes`] |
 //! | frames | [`frames`] |
@@ -40,14 +40,19 @@ mod gather;
 pub mod inputs;
 pub mod integrate;
 pub mod ldl;
+mod link;
 mod ltl;
 pub mod modes;
 pub mod momentum;
 pub mod motion;
+mod node;
 mod parts;
 mod plant;
+mod port_work;
 pub mod prescribed;
 pub mod reduced;
+mod reduced_batch;
+mod reduced_over;
 mod reduced_torques;
 pub mod regressor;
 pub mod rnea;
@@ -55,12 +60,14 @@ mod rows;
 pub mod sensitivity;
 pub mod sensors;
 pub mod simulate;
+mod sink;
 pub mod state;
 pub mod step;
 mod tangent;
 mod torque_rows;
 mod trace;
 mod tree;
+mod wanted;
 mod work;
 
 pub use aba::{SingularInertia, aba};
@@ -77,14 +84,17 @@ pub use frames::{frame_jacobian, frame_pose};
 pub use inputs::{ExternalInput, InputError};
 pub use modes::{Boundary, Mode, modes};
 pub use momentum::{Budget, budget};
-pub use prescribed::{Prescribed, Sampling};
-pub use reduced::{ReducedError, Response, simulate_reduced, simulate_reduced_batch};
+pub use prescribed::{ArmTable, Prescribed, Sampling};
+pub use reduced::{ReducedError, Response, simulate_reduced};
+pub use reduced_batch::{OwnTable, simulate_reduced_batch, simulate_reduced_own_tables};
+pub use reduced_over::simulate_reduced_over;
 pub use reduced_torques::reduced_torques;
 pub use regressor::{Regressor, body_regressor, regressor};
 pub use rnea::{bias, rnea};
-pub use sensitivity::{Sensitivities, Wanted, sensitivities, sensitivities_with};
+pub use sensitivity::{Sensitivities, sensitivities, sensitivities_with};
 pub use sensors::{Accelerometer, Channel, Readings, SensorSuite, measure};
 pub use simulate::{Drive, SimError, SimOptions, Trace, simulate, simulate_with};
 pub use state::{State, dof_names};
 pub use step::{StepAdvice, advise_step, rk4_error};
+pub use wanted::Wanted;
 pub use work::Work;

@@ -3,9 +3,9 @@
 use crate::parts::Columns;
 use crate::prescribed::Prescribed;
 use crate::reduced::{Reduced, ReducedError, check};
-use crate::sensitivity::Wanted;
 use crate::tangent::Tangent;
 use crate::torque_rows::TorqueRows;
+use crate::wanted::Wanted;
 use ff_lanes::WIDEST;
 use ff_model::lanes::{Isa, LaneTask, dispatch};
 use ff_model::{LaneScalar, Model, Params};
@@ -22,7 +22,7 @@ use nalgebra::DMatrix;
 /// ```
 ///
 /// Rackl, Lampariello, Albu-Schaeffer 2013 (reference 2 of the paper); `docs/theory/rda.md`. Returns torques
-/// (`N x n`) and their derivatives (`(N n) x P`, columns as in `wanted.params`). Allocates the results.
+/// (`N x n`) and their derivatives (`(N n) x P`, columns as in `wanted.params`, then `wanted.kinematics`). Allocates the results.
 ///
 /// # Errors
 /// [`ReducedError`].
@@ -41,7 +41,7 @@ pub fn reduced_torques(
     assert!(wanted.initial.is_empty(), "there is no initial state to differentiate with respect to");
     assert_eq!(rates.shape(), (table.samples, 3), "base rates");
     let (n, nj) = (table.samples, model.nj());
-    let columns = Columns::new(model, table, &wanted.params);
+    let columns = Columns::new(model, table, wanted);
     let mut out = (DMatrix::zeros(n, nj), DMatrix::zeros(n * nj, columns.count));
     // States and accelerations at all samples, then derivatives for several samples at a time.
     let mut sys = Reduced::new(model, params, table);

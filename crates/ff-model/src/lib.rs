@@ -10,6 +10,7 @@ pub mod axis;
 pub mod dual;
 pub mod inertia;
 pub mod keys;
+pub mod kinematics;
 pub mod lanes;
 pub mod leniency;
 pub mod mission;
@@ -36,6 +37,7 @@ pub use appendage::{
 };
 pub use dual::Dual;
 pub use inertia::Inertia;
+pub use kinematics::{Displacement, DisplacementKind, KinematicParam, Kinematics, Placed};
 pub use leniency::Leniency;
 pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
 pub use params::Params;

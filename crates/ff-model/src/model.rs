@@ -1,5 +1,6 @@
 //! The immutable description of a system: bodies in a tree, frames, appendages, gravity.
 
+mod displaced;
 mod mount;
 mod nominal;
 

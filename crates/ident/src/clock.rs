@@ -23,7 +23,7 @@ use crate::rda::{Noise, SetupError};
 use crate::record::Record;
 use crate::tables::Tables;
 use ff_dynamics::{Wanted, sensitivities};
-use ff_model::{Area, Model, Params, Problem, Problems};
+use ff_model::{Area, Kinematics, Model, Params, Problem, Problems};
 use nalgebra::{DMatrix, DVector};
 
 /// Why clocks could not be compared.
@@ -109,7 +109,7 @@ pub fn estimate_clocks(
     z0.extend(model.rest_position(params));
     z0.resize(6 + 2 * model.np(), 0.0);
     let wanted = Wanted { params: uncertain.iter().map(|u| u.0).collect(), ..Wanted::default() };
-    let table = tables.get(model, params, &wanted.links(model));
+    let table = tables.get(model, params, &Kinematics::fixed(model), &wanted);
     let (y, d) =
         sensitivities(model, params, table, &z0, &wanted).map_err(|e| ClockError::Prediction(e.to_string()))?;
     let (n, nj, dt) = (record.samples(), model.nj(), record.dt());

@@ -7,7 +7,7 @@
 //! stiffness and an angular velocity) are found once, at three general points, and left out: equations of motion are
 //! analytic, so that what is zero there is zero everywhere.
 
-use super::arm::Frame;
+use ff_dynamics::prescribed::Frame;
 use ff_model::vec3::{M3, Ten, V3};
 use ff_model::{
     D1, D2, LaneScalar, Model, ModelScalar, Motion, Mounted, Params, PortAccel, PortMatrix, PortState, PortView,
