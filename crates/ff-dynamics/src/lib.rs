@@ -25,7 +25,9 @@ pub mod work;
 
 pub use analysis::{Boundary, Budget, Mode, budget, modes};
 pub use reduced::sensitivity::{Sensitivities, Wanted, sensitivities};
-pub use reduced::{Prescribed, Response, Sampling, reduced_torques, simulate_reduced, simulate_reduced_batch};
+pub use reduced::{
+    ArmTable, Prescribed, Response, Sampling, reduced_torques, simulate_reduced, simulate_reduced_batch,
+};
 pub use sim::inputs::ExternalInput;
 pub use sim::{Attitude, Drive, Readings, SensorSuite, SimError, SimOptions, Trace, measure, simulate, simulate_with};
 pub use state::State;

@@ -10,6 +10,7 @@ mod conservation;
 mod derivatives;
 mod ensemble;
 mod inputs;
+mod kinematics;
 mod lanes;
 mod motion;
 mod oracle;

@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3, Vector4, Vector6};
 
 /// A random tree with sliding and turning joints, a panel and a slosh mass on turned mounts, and modal appendages on the
 /// base and on a link.
-fn general() -> Model {
+pub(crate) fn general() -> Model {
     let mut r = rng(11);
     let mut m = random_tree(&mut r, 5, BaseKind::Floating);
     assert!(m.bodies().iter().any(|b| b.joint.kind == JointKind::Prismatic), "no sliding joint");
@@ -42,11 +42,11 @@ fn general() -> Model {
     m
 }
 
-fn start(m: &Model) -> Vec<f64> {
+pub(crate) fn start(m: &Model) -> Vec<f64> {
     (0..6 + 2 * m.np()).map(|i| if i < 6 { 0.2 } else { 0.02 } * (1.3 * i as f64 + 0.4).sin()).collect()
 }
 
-fn state_of(m: &Model, z: &[f64]) -> State<f64> {
+pub(crate) fn state_of(m: &Model, z: &[f64]) -> State<f64> {
     let mut s = State::zero(m);
     s.v[..6].copy_from_slice(&z[..6]);
     s.eta.copy_from_slice(&z[6..6 + m.np()]);
@@ -54,7 +54,7 @@ fn state_of(m: &Model, z: &[f64]) -> State<f64> {
     s
 }
 
-const SAMPLING: Sampling = Sampling { samples: 9, sample_s: 0.05, substeps: 5 };
+pub(crate) const SAMPLING: Sampling = Sampling { samples: 9, sample_s: 0.05, substeps: 5 };
 
 /// What [`sensitivities`] differentiates, by plain simulation.
 fn record(m: &Model, values: &[f64], z: &[f64], sensor: &Accelerometer) -> (Response, Vec<Vector3<f64>>, Trace) {
@@ -67,7 +67,7 @@ fn record(m: &Model, values: &[f64], z: &[f64], sensor: &Accelerometer) -> (Resp
     (r, a, t)
 }
 
-fn att(t: &DMatrix<f64>, i: usize) -> Vector4<f64> {
+pub(crate) fn att(t: &DMatrix<f64>, i: usize) -> Vector4<f64> {
     Vector4::new(t[(i, 0)], t[(i, 1)], t[(i, 2)], t[(i, 3)])
 }
 
@@ -86,7 +86,7 @@ fn every_instruction_set_gives_the_same_sensitivities() {
     for (params, samples) in
         [((0..10).chain(10 * m.n_bodies()..m.n_params() - 3).collect::<Vec<_>>(), 30), (vec![3, 5], 9)]
     {
-        let wanted = Wanted { params, initial: vec![2, 5, 8], accel: true, attitude: true };
+        let wanted = Wanted { params, initial: vec![2, 5, 8], accel: true, attitude: true, ..Wanted::default() };
         let sampling = Sampling { samples, ..SAMPLING };
         let table = Prescribed::new(&m, &p, &Wave(m.nj()), &sampling, &[]);
         let run = |isa| sensitivities_with(isa, &m, &p, &table, &z0, &wanted).unwrap().1;
@@ -119,7 +119,8 @@ fn few_columns_and_samples_are_those_of_many() {
         let (p, z0) = (Params::<f64>::nominal(&m), start(&m));
         let params: Vec<usize> = (0..10).chain(10 * m.n_bodies()..m.n_params()).collect();
         let run = |params: &[usize], initial: &[usize], samples| {
-            let wanted = Wanted { params: params.to_vec(), initial: initial.to_vec(), accel: true, attitude: true };
+            let (params, initial) = (params.to_vec(), initial.to_vec());
+            let wanted = Wanted { params, initial, accel: true, attitude: true, ..Wanted::default() };
             // Both steps of eight stages are samples.
             let sampling = Sampling { samples, sample_s: 0.02, substeps: 1 };
             let table = Prescribed::new(&m, &p, &Wave(m.nj()), &sampling, &[]);
@@ -159,6 +160,7 @@ fn general_systems_have_exact_sensitivities_of_all_sensors() {
         initial: (0..z0.len()).collect(),
         accel: true,
         attitude: true,
+        ..Wanted::default()
     };
     let table = Prescribed::new(&m, &p, &Wave(m.nj()), &SAMPLING, &wanted.links(&m));
     let (r, s) = sensitivities(&m, &p, &table, &z0, &wanted).unwrap();

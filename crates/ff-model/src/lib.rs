@@ -33,7 +33,10 @@ pub use port::{
 pub use registry::Registry;
 pub use scalar::{Dual, Scalar};
 pub use spatial::{Force, Inertia, Motion, Xform};
-pub use tree::{BaseKind, Body, Frame, Joint, JointKind, Model, Params};
+pub use tree::{
+    BaseKind, Body, Displacement, DisplacementKind, Frame, Joint, JointKind, KinematicParam, Kinematics, Model, Params,
+    Placed,
+};
 
 /// Vectors and matrices of the public signatures, so that an appendage crate needs no second dependency.
 pub use nalgebra;

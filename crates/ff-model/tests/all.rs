@@ -2,5 +2,6 @@
 //! `cargo test -p ff-model --test all sets` runs those of `sets.rs`.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
+mod kinematics;
 mod names;
 mod sets;

@@ -5,6 +5,7 @@ use ff_mission::Loaded;
 use ff_model::Params;
 use ff_records::{Record, RecordBuilder};
 use ff_testkit::assert_within;
+use ident::SetupError;
 use ident::Several;
 use ident::compose::Shared;
 use ident::estimate::Estimate;
@@ -193,4 +194,86 @@ fn two_records_share_the_model_and_keep_their_biases() {
     println!("{:?} after {}: {:?}", e.status, e.iterations, masses.iter().map(|p| p.value).collect::<Vec<_>>());
     assert!(masses.iter().all(|p| (p.value - 100.0).abs() < 1e-5), "{masses:?}");
     assert!(e.nuisance.iter().any(|u| u.name == "second.torque.delay" && (u.value - 3e-3).abs() < 1e-9));
+}
+
+/// A record of a robot whose joints and tank are not quite where the model has them: exact columns, and the values come back.
+#[test]
+fn placements_of_joints_and_mounts_are_estimated_by_name() {
+    let l = paper("slosh");
+    let m = &l.model;
+    let joints = m.joint_names();
+    let wanted = [
+        (format!("{}.offset", joints[2]), 0.004),
+        (format!("{}.placement.x", joints[4]), -0.003),
+        (format!("{}.placement.rz", joints[1]), 0.002),
+        ("tank.mount.y".to_owned(), 0.02),
+    ];
+    let mut values = vec![0.0; m.n_kinematic_params()];
+    for (name, x) in &wanted {
+        values[m.kinematic_index(name).unwrap()] = *x;
+    }
+    let moved = m.displaced(&ff_model::Kinematics::from_values(m, values));
+    let motion = planned(&l, SECONDS, 10);
+    let o = ff_dynamics::SimOptions { duration_s: SECONDS, step_s: 5e-3, sample_s: 1e-2 };
+    let drive = ff_dynamics::Drive::Prescribed(&motion);
+    let y = ff_dynamics::simulate(&moved, &Params::nominal(m), &ff_dynamics::State::zero(m), &drive, &o).unwrap();
+    let gyro = y.gyro();
+    let b = RecordBuilder::new(joints).uniform(0.0, 100.0).allow("Data::Stuck");
+    let record = b.q(y.q).qd(y.qd).qdd(y.qdd).tau(y.tau).gyro(gyro).build().unwrap().0;
+    let kinematics = wanted.iter().map(|(name, _)| name.clone()).collect();
+    let options = Options { substeps: 2, torque_bias: true, initial_state: true, kinematics, ..Options::new(NOISE) };
+    let mut oe = OutputError::new(m, &record, &options).unwrap();
+    let decls = m.param_decls();
+    let truth = Params::<f64>::nominal(m).values().to_vec();
+    let selected = select(&decls, &["base.mass", "tank.*"]).unwrap();
+    let unknowns = oe.nuisance();
+    let first = m.nj();
+    let (names, rows) = (unknowns[first..first + 4].iter().map(|u| u.name.clone()).collect::<Vec<_>>(), oe.rows());
+    for ((name, _), got) in wanted.iter().zip(&names) {
+        assert_eq!(m.kinematic_index(name), m.kinematic_index(got), "{name} {got}");
+    }
+    // Columns at a general point.
+    let extra: Vec<f64> = unknowns.iter().enumerate().map(|(k, u)| u.size * (0.3 + 0.7 * (k as f64).sin())).collect();
+    let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, selected.len() + extra.len()));
+    oe.jacobian(&truth, &extra, &selected, &mut r, &mut j).unwrap();
+    for k in first..extra.len() {
+        let mut at = |h: f64| {
+            let (mut x, mut r) = (extra.clone(), vec![0.0; rows]);
+            x[k] += h;
+            oe.residuals(&truth, &x, &mut r).unwrap();
+            r
+        };
+        let h = 1e-4;
+        let (a, b) = (at(h), at(-h));
+        let column = j.column(selected.len() + k);
+        let worst = (0..rows).map(|i| (column[i] - (a[i] - b[i]) / (2.0 * h)).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-5 * column.amax(), "{}: {worst:e} of {:e}", unknowns[k].name, column.amax());
+    }
+    let start = offset_start(&decls, &truth, &selected, 0.1, 4);
+    let e = estimate(&Request::new(&decls, &selected, &start), &mut oe).unwrap();
+    for ((_, want), name) in wanted.iter().zip(&names) {
+        let got = e.nuisance.iter().find(|u| u.name == *name).unwrap().value;
+        println!("{name}: {got}");
+        assert!((got - want).abs() < 1e-5, "{name}: {got} {want}");
+    }
+}
+
+#[test]
+fn a_placement_that_does_not_exist_or_comes_twice_is_refused() {
+    let l = paper("slosh");
+    let record = spoiled(&l, 0.0, 0).window(3.0, 9.0).unwrap();
+    let of = |names: &[String]| {
+        let options = Options { kinematics: names.to_vec(), ..Options::new(NOISE) };
+        OutputError::new(&l.model, &record, &options).err().unwrap()
+    };
+    let joint = &l.model.joint_names()[0];
+    let near = match of(&[format!("{joint}.ofset")]) {
+        SetupError::Placement { near, .. } => near,
+        other => panic!("{other}"),
+    };
+    assert_eq!(near, Some(format!("{joint}.offset")));
+    // The rotation about the joint's axis under its other name.
+    let twice = ["rx", "ry", "rz"].map(|r| format!("{joint}.placement.{r}"));
+    let names = [&twice[..], &[format!("{joint}.offset")]].concat();
+    assert!(matches!(of(&names), SetupError::PlacementTwice(name) if name == format!("{joint}.offset")));
 }

@@ -1,6 +1,10 @@
 //! Rows of a product, a few at a time, so that what they are summed in stays in registers.
 
+use ff_lanes::WIDEST;
 use ff_model::scalar::ModelScalar;
+
+/// Columns of a block: as many as the widest lanes have.
+pub(crate) const BLOCK: usize = WIDEST;
 
 /// Something to be done for rows of a product, a few at a time.
 pub(crate) trait RowTask {

@@ -1,10 +1,14 @@
 //! The prescribed arm condensed into a table; simulation of base twist and passive states only.
 
+pub(crate) mod batch;
+pub(crate) mod over;
 pub mod sensitivity;
 pub(crate) mod system;
 pub(crate) mod table;
 pub(crate) mod torques;
 
-pub use system::{ReducedError, Response, simulate_reduced, simulate_reduced_batch};
-pub use table::{Prescribed, Sampling};
+pub use batch::{OwnTable, simulate_reduced_batch, simulate_reduced_own_tables};
+pub use over::simulate_reduced_over;
+pub use system::{ReducedError, Response, STAGE, WEIGHT, simulate_reduced};
+pub use table::{Arm, ArmModel, ArmTable, Frame, JointRow, Prescribed, Sampling, TableKey, TorqueForm};
 pub use torques::reduced_torques;

@@ -14,14 +14,14 @@
 //! `A_h = R^T (a + al x p + w x (w x p) + 2 w x p. + p..)`. Appendages are eliminated one by one
 //! (`condense.rs`). The result equals [`crate::tree::forward::hybrid_dynamics`] (`theory.md` 2; `docs/theory/derivatives.md`).
 
-use crate::reduced::table::{Arm, Frame, Prescribed, Site, products};
+use crate::reduced::table::{Arm, ArmSource, Frame, Prescribed, Site, products};
 use crate::tree::condense;
-use crate::work::buffers::PortWork;
+use crate::work::port_work::PortWork;
 use ff_lanes::Kernel;
-use ff_model::scalar::lanes::{Isa, LaneTask, dispatch, dispatch_one, gather, splat};
+use ff_model::scalar::lanes::{LaneTask, dispatch_one, splat};
 use ff_model::scalar::{LaneScalar, ModelScalar};
 use ff_model::spatial::vec3::{M3, Ten, V3};
-use ff_model::{BaseKind, Model, Motion, Params, PortMatrix, PortState};
+use ff_model::{BaseKind, Model, Motion, Params, PortMatrix, PortState, Scalar};
 use nalgebra::DMatrix;
 
 /// Why the reduced system cannot be used or integrated.
@@ -48,24 +48,26 @@ pub enum ReducedError {
 
 /// Samples of the reduced system.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Response {
+pub struct Response<T: Scalar = f64> {
     /// Joint torques (N m), `N x n`.
-    pub tau: DMatrix<f64>,
+    pub tau: DMatrix<T>,
     /// Base twist, base frame, linear first, `N x 6`; columns 3..6 are the gyro (rad/s).
-    pub twist: DMatrix<f64>,
+    pub twist: DMatrix<T>,
     /// Base acceleration, `N x 6`.
-    pub accel: DMatrix<f64>,
+    pub accel: DMatrix<T>,
     /// Passive coordinates, `N x m`.
-    pub eta: DMatrix<f64>,
+    pub eta: DMatrix<T>,
     /// Passive rates, `N x m`.
-    pub nu: DMatrix<f64>,
+    pub nu: DMatrix<T>,
 }
 
 /// The reduced system at one parameter set, or one per lane.
 #[derive(Clone, Debug)]
-pub(crate) struct Reduced<'a, T: ModelScalar> {
+pub(crate) struct Reduced<'a, T: ModelScalar, S = Prescribed> {
     pub(crate) model: &'a Model,
     pub(crate) params: &'a Params<T>,
+    pub(crate) source: &'a S,
+    /// Steps, samples and sites of the source.
     pub(crate) table: &'a Prescribed,
     ports: Vec<PortWork<T>>,
     frames: Vec<Frame<T>>,
@@ -79,20 +81,20 @@ pub(crate) struct Buffers<T: ModelScalar> {
 }
 
 impl<T: ModelScalar> Buffers<T> {
-    pub(crate) fn new(model: &Model, table: &Prescribed) -> Self {
+    pub(crate) fn new(model: &Model, source: &impl ArmSource<T>) -> Self {
         let ports = model.appendages();
-        let frames = table.sites[..ports.len()].iter().map(at_rest).collect();
+        let frames = (0..ports.len()).map(|site| source.at_rest(site)).collect();
         Self { ports: ports.iter().map(PortWork::new).collect(), frames }
     }
 }
 
-impl<'a, T: ModelScalar> Reduced<'a, T> {
-    pub(crate) fn new(model: &'a Model, params: &'a Params<T>, table: &'a Prescribed) -> Self {
-        Self::reuse(Buffers::new(model, table), model, params, table)
+impl<'a, T: ModelScalar, S: ArmSource<T>> Reduced<'a, T, S> {
+    pub(crate) fn new(model: &'a Model, params: &'a Params<T>, source: &'a S) -> Self {
+        Self::reuse(Buffers::new(model, source), model, params, source)
     }
     /// With the buffers of an earlier one of the same model; does not allocate.
-    pub(crate) fn reuse(b: Buffers<T>, model: &'a Model, params: &'a Params<T>, table: &'a Prescribed) -> Self {
-        Self { model, params, table, ports: b.ports, frames: b.frames }
+    pub(crate) fn reuse(b: Buffers<T>, model: &'a Model, params: &'a Params<T>, source: &'a S) -> Self {
+        Self { model, params, source, table: source.layout(), ports: b.ports, frames: b.frames }
     }
     /// Its buffers.
     pub(crate) fn into_buffers(self) -> Buffers<T> {
@@ -109,14 +111,14 @@ impl<'a, T: ModelScalar> Reduced<'a, T> {
         let m = model.np();
         let z = &z[..6 + 2 * m];
         let u = &mut u[..6 + m];
-        let arm: Arm<T> = table.arm(node);
+        let arm: Arm<T> = self.source.arm(node);
         let (v, w) = (V3::from_slice(z), V3::from_slice(&z[3..]));
         let (mut c, mut f, mut n) = at_zero_acceleration(&Ten::from(self.params.body(0)), &arm, &w);
         let still = V3::zero();
         let field = M3::field(&w, &still);
         for (k, (ap, p)) in model.appendages().iter().zip(&mut self.ports).enumerate() {
             if let Site::Body(_, _, column) = table.sites[k] {
-                self.frames[k] = table.frame(column, node);
+                self.frames[k] = self.source.frame(column, node);
             }
             let frame = &self.frames[k];
             let at = frame.carried(&w, &still, &still, &field);
@@ -153,7 +155,7 @@ impl<'a, T: ModelScalar> Reduced<'a, T> {
         let (w, a, al) = (V3::from_slice(&z[3..]), V3::from_slice(u), V3::from_slice(&u[3..]));
         let ww = products(&w);
         for (j, t) in tau.iter_mut().enumerate() {
-            *t = self.table.row(sample, j).form.value(&a, &al, &w, &ww);
+            *t = self.source.row(sample, j).form.value(&a, &al, &w, &ww);
         }
         for k in 0..self.ports.len() {
             let host = self.model.appendages()[k].host;
@@ -161,26 +163,10 @@ impl<'a, T: ModelScalar> Reduced<'a, T> {
                 let (f, n) = self.wrench(k, z, u);
                 let (f, n) = self.frames[k].up(&f, &n);
                 for &j in &self.table.above[host] {
-                    let r = self.table.row(sample, j);
-                    tau[j] += lift(&r.s).dot(&f) + lift(&r.u).dot(&n);
+                    tau[j] += self.source.row(sample, j).of(&f, &n);
                 }
             }
         }
-    }
-
-    /// Power of the joint torques, `sum_j tau_j qd_j`, after [`Reduced::accelerate`] at this node.
-    #[inline(always)]
-    pub(crate) fn joint_power(&self, node: usize, z: &[T], u: &[T]) -> T {
-        let (w, a, al) = (V3::from_slice(&z[3..]), V3::from_slice(u), V3::from_slice(&u[3..]));
-        let mut power = self.table.power(node).value(&a, &al, &w, &products(&w));
-        for k in 0..self.ports.len() {
-            let frame = &self.frames[k];
-            if frame.moving {
-                let (f, n) = self.wrench(k, z, u);
-                power += f.dot(&frame.down(&frame.dp)) + n.dot(&frame.down(&frame.w));
-            }
-        }
-        power
     }
 
     /// Power that the dampers take out at rates `nu` (W).
@@ -214,15 +200,20 @@ impl<'a, T: ModelScalar> Reduced<'a, T> {
     }
 }
 
-#[inline(always)]
-fn lift<T: ModelScalar>(v: &V3<f64>) -> V3<T> {
-    V3::new(T::from_f64(v.x), T::from_f64(v.y), T::from_f64(v.z))
-}
-
-/// A frame that never moves, or a place for one that does.
-pub(crate) fn at_rest<T: ModelScalar>(site: &Site) -> Frame<T> {
-    match site {
-        Site::Base(x) | Site::Body(_, x, _) => Frame::fixed(x),
+impl<T: ModelScalar> Reduced<'_, T> {
+    /// Power of the joint torques, `sum_j tau_j qd_j`, after [`Reduced::accelerate`] at this node.
+    #[inline(always)]
+    pub(crate) fn joint_power(&self, node: usize, z: &[T], u: &[T]) -> T {
+        let (w, a, al) = (V3::from_slice(&z[3..]), V3::from_slice(u), V3::from_slice(&u[3..]));
+        let mut power = self.table.power::<T>(node).value(&a, &al, &w, &products(&w));
+        for k in 0..self.ports.len() {
+            let frame = &self.frames[k];
+            if frame.moving {
+                let (f, n) = self.wrench(k, z, u);
+                power += f.dot(&frame.down(&frame.dp)) + n.dot(&frame.down(&frame.w));
+            }
+        }
+        power
     }
 }
 
@@ -254,9 +245,10 @@ pub(crate) fn check(model: &Model) -> Result<(), ReducedError> {
     Ok(())
 }
 
-/// Nodes (in half steps) and weights of the classical Runge-Kutta method.
-pub(crate) const STAGE: [usize; 4] = [0, 1, 1, 2];
-pub(crate) const WEIGHT: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
+/// Nodes of the stages of the classical Runge-Kutta method, in half steps. Each stage starts from the rates of the one before.
+pub const STAGE: [usize; 4] = [0, 1, 1, 2];
+/// Weights of its stages in the step.
+pub const WEIGHT: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
 
 /// Integrates the reduced system from `z0 = [V 6 | eta m | nu m]` (classical RK4) and samples it.
 ///
@@ -304,7 +296,7 @@ impl LaneTask for Single<'_> {
 
 /// Lane `lane` of a sample into `out`, through a buffer.
 #[inline(always)]
-fn write_lane<L: LaneScalar>(
+pub(crate) fn write_lane<L: LaneScalar>(
     out: &mut Response,
     plain: &mut [f64],
     lane: usize,
@@ -320,88 +312,23 @@ fn write_lane<L: LaneScalar>(
     out.write(i, m, z, u, tau);
 }
 
-/// [`simulate_reduced`] for many parameter sets and initial states under one joint motion, as many at a time as the
-/// machine has lanes (eight with AVX-512, four otherwise).
-///
-/// The results are those of single runs to rounding (the lanes use fused multiply-adds). Sets that share their lanes
-/// with one that fails are run again alone, so that each gets its own result. Allocates results and buffers.
-///
-/// # Errors
-/// [`ReducedError::NotFreeFloating`]; what goes wrong with one set is in its own result.
-///
-/// # Panics
-/// If an initial state has the wrong length.
-pub fn simulate_reduced_batch(
-    model: &Model,
-    table: &Prescribed,
-    runs: &[(&Params<f64>, &[f64])],
-) -> Result<Vec<Result<Response, ReducedError>>, ReducedError> {
-    check(model)?;
-    for (_, z0) in runs {
-        assert_eq!(z0.len(), 6 + 2 * model.np(), "initial state");
-    }
-    Ok(dispatch(Isa::detect(), Batch { model, table, runs }))
-}
-
-struct Batch<'a> {
-    model: &'a Model,
-    table: &'a Prescribed,
-    runs: &'a [(&'a Params<f64>, &'a [f64])],
-}
-
-impl LaneTask for Batch<'_> {
-    type Output = Vec<Result<Response, ReducedError>>;
-    #[inline(always)]
-    fn run<L: LaneScalar>(self) -> Self::Output {
-        let Self { model, table, runs } = self;
-        let (m, nj) = (model.np(), model.nj());
-        let mut all = Vec::with_capacity(runs.len());
-        for group in runs.chunks(L::N) {
-            let one = |&(p, z): &(&Params<f64>, &[f64])| simulate_reduced(model, p, table, z);
-            if group.len() == 1 {
-                all.extend(group.iter().map(one));
-                continue;
-            }
-            // A group that is not full repeats its last run.
-            let last = group.len() - 1;
-            let values: Vec<&[f64]> = (0..L::N).map(|l| group[l.min(last)].0.values()).collect();
-            let starts: Vec<&[f64]> = (0..L::N).map(|l| group[l.min(last)].1).collect();
-            let params = Params::from_values(model, (0..values[0].len()).map(|i| gather::<L>(&values, i)).collect());
-            let z0: Vec<L> = (0..starts[0].len()).map(|i| gather(&starts, i)).collect();
-            let mut out: Vec<Response> = group.iter().map(|_| Response::new(table.samples, nj, m)).collect();
-            let mut plain = vec![0.0; 12 + 3 * m + nj];
-            let mut sys = Reduced::<L>::new(model, &params, table);
-            let done = integrate(&mut sys, &z0, |i, z, u, tau| {
-                for (lane, out) in out.iter_mut().enumerate() {
-                    write_lane(out, &mut plain, lane, (i, m), z, u, tau);
-                }
-            });
-            match done {
-                Ok(()) => all.extend(out.into_iter().map(Ok)),
-                Err(_) => all.extend(group.iter().map(one)),
-            }
-        }
-        all
-    }
-}
-
 /// Classical RK4 over the table; `write(sample, z, u, tau)` at every sample.
 #[inline(always)]
-fn integrate<T: LaneScalar>(
-    sys: &mut Reduced<'_, T>,
+pub(crate) fn integrate<T: LaneScalar, S: ArmSource<T>>(
+    sys: &mut Reduced<'_, T, S>,
     z0: &[T],
     write: impl FnMut(usize, &[T], &[T], &[T]),
 ) -> Result<(), ReducedError> {
     T::enter(Integrate { sys, z0, write })
 }
 
-struct Integrate<'a, 'b, T: LaneScalar, F> {
-    sys: &'a mut Reduced<'b, T>,
+struct Integrate<'a, 'b, T: LaneScalar, S, F> {
+    sys: &'a mut Reduced<'b, T, S>,
     z0: &'a [T],
     write: F,
 }
 
-impl<T: LaneScalar, F: FnMut(usize, &[T], &[T], &[T])> Kernel for Integrate<'_, '_, T, F> {
+impl<T: LaneScalar, S: ArmSource<T>, F: FnMut(usize, &[T], &[T], &[T])> Kernel for Integrate<'_, '_, T, S, F> {
     type Output = Result<(), ReducedError>;
     #[inline(always)]
     fn run(self) -> Self::Output {
@@ -452,7 +379,12 @@ impl<T: ModelScalar> Rk4<T> {
     }
     /// Evaluates a stage of a step. Errors as [`Reduced::accelerate`].
     #[inline(always)]
-    pub(crate) fn stage(&mut self, sys: &mut Reduced<'_, T>, step: usize, stage: usize) -> Result<(), Option<usize>> {
+    pub(crate) fn stage<S: ArmSource<T>>(
+        &mut self,
+        sys: &mut Reduced<'_, T, S>,
+        step: usize,
+        stage: usize,
+    ) -> Result<(), Option<usize>> {
         let node = 2 * step + STAGE[stage];
         let h = sys.table.step;
         let c = T::from_f64(0.5 * h * STAGE[stage] as f64);
@@ -463,7 +395,11 @@ impl<T: ModelScalar> Rk4<T> {
     }
     /// Joint torques at a sample, and whether the state is finite there; after its stage 0.
     #[inline(always)]
-    pub(crate) fn sample(&mut self, sys: &Reduced<'_, T>, sample: usize) -> Result<(), ReducedError> {
+    pub(crate) fn sample<S: ArmSource<T>>(
+        &mut self,
+        sys: &Reduced<'_, T, S>,
+        sample: usize,
+    ) -> Result<(), ReducedError> {
         sys.torques(sample, &self.zs, &self.u, &mut self.tau);
         if self.zs.iter().all(|x| x.is_finite()) {
             return Ok(());
@@ -496,13 +432,13 @@ impl<T: ModelScalar> Rk4<T> {
     }
 }
 
-impl Response {
+impl<T: Scalar> Response<T> {
     pub(crate) fn new(samples: usize, nj: usize, m: usize) -> Self {
         let z = |c| DMatrix::zeros(samples, c);
         Self { tau: z(nj), twist: z(6), accel: z(6), eta: z(m), nu: z(m) }
     }
-    pub(crate) fn write(&mut self, i: usize, m: usize, z: &[f64], u: &[f64], tau: &[f64]) {
-        let fill = |d: &mut DMatrix<f64>, x: &[f64]| x.iter().enumerate().for_each(|(k, &v)| d[(i, k)] = v);
+    pub(crate) fn write(&mut self, i: usize, m: usize, z: &[T], u: &[T], tau: &[T]) {
+        let fill = |d: &mut DMatrix<T>, x: &[T]| x.iter().enumerate().for_each(|(k, &v)| d[(i, k)] = v);
         fill(&mut self.tau, tau);
         fill(&mut self.twist, &z[..6]);
         let (v, w) = (V3::from_slice(z), V3::from_slice(&z[3..]));
@@ -513,7 +449,7 @@ impl Response {
         fill(&mut self.nu, &z[6 + m..]);
     }
     /// Base rates (rad/s), `N x 3`.
-    pub fn gyro(&self) -> DMatrix<f64> {
+    pub fn gyro(&self) -> DMatrix<T> {
         self.twist.columns(3, 3).into_owned()
     }
 }

@@ -1,9 +1,9 @@
 //! Joint torques of a rigid free-floating system with the base acceleration eliminated: the model of the RDA.
 
-use crate::reduced::sensitivity::driver::Wanted;
 use crate::reduced::sensitivity::outputs::TorqueRows;
 use crate::reduced::sensitivity::partials::Columns;
 use crate::reduced::sensitivity::stage::Tangent;
+use crate::reduced::sensitivity::wanted::Wanted;
 use crate::reduced::system::{Reduced, ReducedError, check};
 use crate::reduced::table::Prescribed;
 use ff_lanes::WIDEST;
@@ -23,7 +23,7 @@ use nalgebra::DMatrix;
 /// ```
 ///
 /// Rackl, Lampariello, Albu-Schaeffer 2013 (reference 2 of the paper); `docs/theory/rda.md`. Returns torques
-/// (`N x n`) and their derivatives (`(N n) x P`, columns as in `wanted.params`). Allocates the results.
+/// (`N x n`) and their derivatives (`(N n) x P`, columns as in `wanted.params`, then `wanted.kinematics`). Allocates the results.
 ///
 /// # Errors
 /// [`ReducedError`].
@@ -42,7 +42,7 @@ pub fn reduced_torques(
     assert!(wanted.initial.is_empty(), "there is no initial state to differentiate with respect to");
     assert_eq!(rates.shape(), (table.samples, 3), "base rates");
     let (n, nj) = (table.samples, model.nj());
-    let columns = Columns::new(model, table, &wanted.params);
+    let columns = Columns::new(model, table, wanted);
     let mut out = (DMatrix::zeros(n, nj), DMatrix::zeros(n * nj, columns.count));
     // States and accelerations at all samples, then derivatives for several samples at a time.
     let mut sys = Reduced::new(model, params, table);

@@ -58,7 +58,7 @@ impl Accelerometer {
         self.mount.rot.transpose() * (row(&r.accel, 0) + w.cross(&v) + al.cross(p) + w.cross(&w.cross(p)))
     }
     /// Derivative of the reading at sample `i` along column `c` of sensitivities that hold accelerations
-    /// ([`crate::reduced::sensitivity::driver::Wanted::accel`]); `None` if they do not. Does not allocate.
+    /// ([`crate::Wanted::accel`]); `None` if they do not. Does not allocate.
     ///
     /// # Panics
     /// If there is no such sample or column.

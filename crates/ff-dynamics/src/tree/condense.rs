@@ -15,7 +15,7 @@
 
 use crate::linalg::ldl;
 use crate::linalg::rows::{RowTask, accumulate, by_rows};
-use crate::work::buffers::PortWork;
+use crate::work::port_work::PortWork;
 use core::convert::identity;
 use ff_model::Model;
 use ff_model::port::PortView;

@@ -2,8 +2,9 @@
 
 use crate::state::State;
 use crate::tree::links as tree;
-use crate::tree::links::Link;
-use crate::work::buffers::{PortWork, Work};
+use crate::work::buffers::Work;
+use crate::work::link::Link;
+use crate::work::port_work::PortWork;
 use ff_lanes::Kernel;
 use ff_model::by_turn;
 use ff_model::scalar::ModelScalar;

@@ -21,8 +21,10 @@
 
 use crate::state::State;
 use crate::tree::links as tree;
-use crate::tree::links::Link;
-use crate::work::buffers::{PortWork, Work};
+use crate::work::buffers::Work;
+use crate::work::link::Link;
+use crate::work::node::{Node, Screw};
+use crate::work::port_work::PortWork;
 use ff_lanes::Kernel;
 use ff_model::by_turn;
 use ff_model::scalar::LaneScalar;
@@ -50,68 +52,6 @@ impl<T: Scalar> Derivatives<T> {
     pub fn new(model: &Model) -> Self {
         let z = DMatrix::from_element(model.nv(), model.nv(), T::zero());
         Self { dq: z.clone(), dv: z.clone(), da: z }
-    }
-}
-
-/// A body and its joint in base axes.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Node<T: Scalar> {
-    /// Pose in the base.
-    pose: Pose<T>,
-    /// Spatial velocity and acceleration: linear part at the base origin, angular part.
-    u: V3<T>,
-    w: V3<T>,
-    al: V3<T>,
-    aw: V3<T>,
-    /// Joint screw and its two rates.
-    s: Screw<T>,
-    psi: Screw<T>,
-    psi2: Screw<T>,
-    /// Composite inertia, linear momentum, `D`, and wrench.
-    ic: Ten<T>,
-    p: V3<T>,
-    d: M3<T>,
-    f: V3<T>,
-    n: V3<T>,
-}
-
-type Screw<T> = (V3<T>, V3<T>);
-
-impl<T: Scalar> Node<T> {
-    pub(crate) fn zero() -> Self {
-        let z = V3::zero();
-        let mut pose = Pose::identity();
-        pose.turn = Turn::General;
-        Self {
-            pose,
-            u: z,
-            w: z,
-            al: z,
-            aw: z,
-            s: (z, z),
-            psi: (z, z),
-            psi2: (z, z),
-            ic: Ten::zero(),
-            p: z,
-            d: M3::zero(),
-            f: z,
-            n: z,
-        }
-    }
-    #[inline(always)]
-    fn add(&mut self, o: &Self) {
-        self.ic.add(&o.ic);
-        self.p += o.p;
-        self.f += o.f;
-        self.n += o.n;
-        for k in 0..3 {
-            self.d.0[k] += o.d.0[k];
-        }
-    }
-    /// What a small change of angular velocity does to force and moment.
-    #[inline(always)]
-    fn turning(&self, w: &V3<T>) -> Screw<T> {
-        (w.cross(&self.p).scaled(T::from_f64(2.0)), self.d.mul(w))
     }
 }
 

@@ -1,5 +1,8 @@
 //! Buffers of the algorithms: everything that is allocated, once.
 
 pub(crate) mod buffers;
+pub(crate) mod link;
+pub(crate) mod node;
+pub(crate) mod port_work;
 
 pub use buffers::Work;

@@ -1,5 +1,6 @@
 //! The model: bodies, joints, frames, mounted appendages, and the values of all parameters.
 
+pub(crate) mod kinematics;
 pub(crate) mod model;
 pub(crate) mod mount;
 pub(crate) mod names;
@@ -9,6 +10,7 @@ pub(crate) mod rest;
 pub(crate) mod selection;
 pub(crate) mod solid;
 
+pub use kinematics::{Displacement, DisplacementKind, KinematicParam, Kinematics, Placed};
 pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
 pub use parameters::Params;
 pub use rest::rest;

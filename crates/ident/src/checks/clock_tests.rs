@@ -104,7 +104,9 @@ fn late_record() -> (ff_mission::Loaded, Record) {
     let fine = build(1000.0, q.clone(), qd.clone(), qdd.clone(), DMatrix::zeros(20_100, 7), DMatrix::zeros(20_100, 3));
     let p = Params::nominal(m);
     let mut tables = Tables::new(m, &fine, 1, None, false).unwrap();
-    let y = simulate_reduced(m, &p, tables.get(m, &p, &[]), &[0.0; 14]).unwrap();
+    let y =
+        simulate_reduced(m, &p, tables.get(m, &p, &ff_model::Kinematics::fixed(m), &Default::default()), &[0.0; 14])
+            .unwrap();
     let (mut rng, normal) = (ChaCha8Rng::seed_from_u64(8), Normal::new(0.0, 1.0).unwrap());
     let thin = |x: &DMatrix<f64>| DMatrix::from_fn(2000, x.ncols(), |i, j| x[(10 * i, j)]);
     let mut late = |x: DMatrix<f64>, by: usize, s: f64| {

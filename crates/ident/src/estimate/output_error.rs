@@ -12,7 +12,8 @@ use crate::estimate::rda::{Noise, SetupError, check_noise};
 use crate::motion::tables::Tables;
 use ff_dynamics::{Boundary, Response, Wanted, modes, sensitivities, simulate_reduced};
 use ff_least_squares::EvalError;
-use ff_model::{Model, Params};
+use ff_model::diagnostics::{clip, nearest};
+use ff_model::{Kinematics, Model, Params};
 use ff_records::Record;
 use nalgebra::{DMatrix, DMatrixView};
 use std::borrow::Cow;
@@ -41,6 +42,9 @@ pub struct Options {
     pub torque_delay: bool,
     /// The same for the gyro.
     pub gyro_delay: bool,
+    /// Placements of joints and mounts to estimate, by name ([`Model::kinematic_params`]: `joint3.offset`,
+    /// `joint3.placement.x`, `wing.mount.rx`); all others stay where the model has them.
+    pub kinematics: Vec<String>,
 }
 
 impl Options {
@@ -54,6 +58,7 @@ impl Options {
             initial_state: false,
             torque_delay: false,
             gyro_delay: false,
+            kinematics: Vec::new(),
         }
     }
 }
@@ -64,7 +69,8 @@ pub struct OutputError<'a> {
     record: Cow<'a, Record>,
     options: Options,
     tables: Tables,
-    /// Initial-state components that are estimated.
+    /// Kinematic parameters and initial-state components that are estimated.
+    kinematics: Vec<usize>,
     initial: Vec<usize>,
     /// One over the standard deviation of each row.
     inverse: Vec<f64>,
@@ -81,14 +87,15 @@ impl<'a> OutputError<'a> {
         check_noise(&options.noise)?;
         // A uniform velocity changes nothing that is measured, so it is not among the unknowns.
         let initial = if options.initial_state { (3..6 + 2 * model.np()).collect() } else { Vec::new() };
+        let kinematics = placements(model, &options.kinematics)?;
         let tables = Tables::new(model, record, options.substeps.max(1), Some(&options.noise), !options.initial_state)?;
-        Ok(Self::over(model, Cow::Borrowed(record), options.clone(), tables, initial))
+        Ok(Self { kinematics, ..Self::over(model, Cow::Borrowed(record), options.clone(), tables, initial) })
     }
     fn over(model: &'a Model, record: Cow<'a, Record>, options: Options, tables: Tables, initial: Vec<usize>) -> Self {
         let n = model.nj();
         let of = |row: usize| 1.0 / if row % (n + 3) < n { options.noise.torque } else { options.noise.gyro };
         let inverse = (0..record.samples() * (n + 3)).map(of).collect();
-        Self { model, record, options, tables, initial, inverse, thinned: 0 }
+        Self { model, record, options, tables, kinematics: Vec::new(), initial, inverse, thinned: 0 }
     }
     /// How many samples a first pass can go on by. With ten of them left per period of the fastest mode, steps of the integration
     /// as long are off by less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %.
@@ -109,12 +116,20 @@ impl<'a> OutputError<'a> {
         let mut z = vec![0.0; 6];
         z.extend(self.model.rest_position(params));
         z.resize(6 + 2 * self.model.np(), 0.0);
-        for (&i, x) in self.initial.iter().zip(&extra[self.biases()..]) {
+        for (&i, x) in self.initial.iter().zip(&extra[self.biases() + self.kinematics.len()..]) {
             z[i] += x;
         }
         z
     }
-    /// Nuisance unknowns before the initial state.
+    /// Where joints and mounts are.
+    fn placed(&self, extra: &[f64]) -> Kinematics<f64> {
+        let mut values = vec![0.0; self.model.n_kinematic_params()];
+        for (&i, &x) in self.kinematics.iter().zip(&extra[self.biases()..]) {
+            values[i] = x;
+        }
+        Kinematics::from_values(self.model, values)
+    }
+    /// Nuisance unknowns before placements and the initial state.
     fn biases(&self) -> usize {
         self.delays_at() + usize::from(self.options.torque_delay) + usize::from(self.options.gyro_delay)
     }
@@ -163,6 +178,23 @@ impl<'a> OutputError<'a> {
     }
 }
 
+/// Indices of kinematic parameters by name.
+fn placements(model: &Model, names: &[String]) -> Result<Vec<usize>, SetupError> {
+    let mut found = Vec::with_capacity(names.len());
+    for name in names {
+        let Some(i) = model.kinematic_index(name) else {
+            let known = model.kinematic_params();
+            let near = nearest(name, known.iter().map(|p| p.name.as_str())).map(str::to_owned);
+            return Err(SetupError::Placement { name: clip(name), near });
+        };
+        if found.contains(&i) {
+            return Err(SetupError::PlacementTwice(model.kinematic_params().swap_remove(i).name));
+        }
+        found.push(i);
+    }
+    Ok(found)
+}
+
 impl Estimator for OutputError<'_> {
     fn rows(&self) -> usize {
         self.record.samples() * (self.model.nj() + 3)
@@ -186,6 +218,10 @@ impl Estimator for OutputError<'_> {
                 add(name.to_owned(), "s", self.record.dt());
             }
         }
+        let declared = if self.kinematics.is_empty() { Vec::new() } else { self.model.kinematic_params() };
+        for &i in &self.kinematics {
+            add(declared[i].name.clone(), declared[i].unit, 1e-2);
+        }
         let coords = self.model.passive_coords();
         for &i in &self.initial {
             match i {
@@ -203,13 +239,15 @@ impl Estimator for OutputError<'_> {
         let rows = (0..record.samples()).flat_map(|i| (0..channels).map(move |c| i * every * channels + c)).collect();
         let (options, tables) = (self.options.clone(), self.tables.thinned(every));
         let thin = OutputError::over(self.model, Cow::Owned(record), options, tables, self.initial.clone());
-        Some(Coarse { estimator: Box::new(OutputError { thinned: self.thinned + 1, ..thin }), rows })
+        let kinematics = self.kinematics.clone();
+        Some(Coarse { estimator: Box::new(OutputError { thinned: self.thinned + 1, kinematics, ..thin }), rows })
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         let params = Params::from_values(self.model, full.to_vec());
         let z0 = self.start(&params, extra);
         let model = self.model;
-        let table = self.tables.get(model, &params, &[]);
+        let placed = self.placed(extra);
+        let table = self.tables.get(model, &params, &placed, &Wanted::default());
         let y = simulate_reduced(model, &params, table, &z0).map_err(|e| EvalError::Rejected(e.to_string()))?;
         self.fill(&y, &self.delays(extra)?, extra, r);
         Ok(())
@@ -224,10 +262,10 @@ impl Estimator for OutputError<'_> {
     ) -> Result<(), EvalError> {
         let params = Params::from_values(self.model, full.to_vec());
         let z0 = self.start(&params, extra);
-        let wanted = Wanted { params: selected.to_vec(), initial: self.initial.clone(), ..Wanted::default() };
-        let model = self.model;
-        let links = wanted.links(model);
-        let table = self.tables.get(model, &params, &links);
+        let (kinematics, initial) = (self.kinematics.clone(), self.initial.clone());
+        let wanted = Wanted { params: selected.to_vec(), kinematics, initial, ..Wanted::default() };
+        let (model, placed) = (self.model, self.placed(extra));
+        let table = self.tables.get(model, &params, &placed, &wanted);
         let (y, d) =
             sensitivities(model, &params, table, &z0, &wanted).map_err(|e| EvalError::Rejected(e.to_string()))?;
         let delays = self.delays(extra)?;

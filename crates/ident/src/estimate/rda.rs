@@ -8,7 +8,7 @@ use crate::estimate::estimator::Estimator;
 use crate::motion::tables::Tables;
 use ff_dynamics::{Wanted, reduced_torques};
 use ff_least_squares::EvalError;
-use ff_model::{Model, Params};
+use ff_model::{Kinematics, Model, Params};
 use ff_records::Record;
 use nalgebra::DMatrix;
 
@@ -46,6 +46,17 @@ pub enum SetupError {
     /// The rigid estimator was given a model with appendages.
     #[error("the rigid estimator takes a model without passive coordinates, this one has {0}; freeze them first")]
     NotRigid(usize),
+    /// A kinematic parameter that the model does not have.
+    #[error("no joint or mount has a placement '{name}'{}", .near.as_ref().map(|n| format!("; did you mean {n}?")).unwrap_or_default())]
+    Placement {
+        /// As asked for.
+        name: String,
+        /// The nearest name there is.
+        near: Option<String>,
+    },
+    /// The same kinematic parameter under two names, or twice.
+    #[error("'{0}' is asked for twice; the rotation of a joint's placement about its own axis is its offset")]
+    PlacementTwice(String),
     /// A standard deviation that is not positive and finite.
     #[error("noise of the {channel} is {value}; it must be positive and finite")]
     Noise {
@@ -88,9 +99,8 @@ impl<'a> Rda<'a> {
     fn run(&mut self, full: &[f64], selected: &[usize]) -> Result<(DMatrix<f64>, DMatrix<f64>), EvalError> {
         let params = Params::from_values(self.model, full.to_vec());
         let wanted = Wanted { params: selected.to_vec(), initial: Vec::new(), ..Wanted::default() };
-        let links = wanted.links(self.model);
         let (model, rates) = (self.model, self.record.gyro());
-        let table = self.tables.get(model, &params, &links);
+        let table = self.tables.get(model, &params, &Kinematics::fixed(model), &wanted);
         reduced_torques(model, &params, table, rates, &wanted).map_err(|e| EvalError::Rejected(e.to_string()))
     }
 }

@@ -1,11 +1,12 @@
-//! The prescribed motion of a record, tabulated once and kept as long as the links it was made for.
+//! The prescribed motion of a record, tabulated once and kept as long as nothing changes that the table depends on.
 
 use crate::estimate::rda::{Noise, SetupError};
 use crate::motion::joint_motion::motion_of;
 use crate::motion::torque_sensitivity as knot_stake;
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::{Prescribed, Sampling};
-use ff_model::{Model, Params};
+use ff_dynamics::reduced::TableKey;
+use ff_dynamics::{Prescribed, Sampling, Wanted};
+use ff_model::{Kinematics, Model, Params};
 use ff_records::Record;
 use std::sync::Arc;
 
@@ -17,10 +18,7 @@ pub(crate) struct Tables {
 }
 
 struct Kept {
-    /// Links whose parameters the table can be differentiated by.
-    links: Vec<usize>,
-    /// Parameters of all links that went into it.
-    values: Vec<f64>,
+    key: TableKey,
     table: Prescribed,
 }
 
@@ -45,19 +43,24 @@ impl Tables {
         let sampling = Sampling { samples: samples.div_ceil(every), sample_s: sample_s * every as f64, substeps: 1 };
         Self { motion: Arc::clone(&self.motion), sampling, kept: None }
     }
-    /// The table for these parameters. Base and appendages play no part in it, so it is made anew only when a
-    /// link's parameter has changed or other links are asked for.
-    pub(crate) fn get(&mut self, model: &Model, params: &Params<f64>, links: &[usize]) -> &Prescribed {
-        let values = &params.values()[10..10 * model.n_bodies()];
-        let fits = |k: &Kept| (links.is_empty() || k.links == links) && k.values == values;
-        if !self.kept.as_ref().is_some_and(fits) {
+    /// The table for these parameters and displacements of joints and mounts, with what the derivatives `wanted` need. Base
+    /// and appendages play no part in it, so it is made anew only when its [`TableKey`] says so: a link's parameter, a
+    /// placement, an offset or a mount has changed, or derivatives are wanted that it lacks.
+    pub(crate) fn get(
+        &mut self,
+        model: &Model,
+        params: &Params<f64>,
+        kinematics: &Kinematics<f64>,
+        wanted: &Wanted,
+    ) -> &Prescribed {
+        let (motion, sampling) = (&self.motion, &self.sampling);
+        let key = TableKey::new(model, params, kinematics, sampling, wanted);
+        if !self.kept.as_ref().is_some_and(|k| k.key.serves(&key)) {
             self.kept = None;
         }
-        let (motion, sampling) = (&self.motion, &self.sampling);
-        let make = || Kept {
-            links: links.to_vec(),
-            values: values.to_vec(),
-            table: Prescribed::new(model, params, motion, sampling, links),
+        let make = || {
+            let table = Prescribed::with_kinematics(model, params, kinematics, motion, sampling, wanted);
+            Kept { key, table }
         };
         &self.kept.get_or_insert_with(make).table
     }

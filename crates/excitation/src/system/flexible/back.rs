@@ -5,14 +5,19 @@
 //! `rho_0 = -M^-1 (g_0 + dPsi/du)` the gradient over anything else is that of `Psi + rho_0 . R`. The columns enter `Psi`
 //! through the small matrix `sum_k rho_k [s_k; u_k]^T` alone, whatever their number.
 
-use super::arm::{ARM, Arm, FRAME, Frame, Row, unit};
-use super::carried::{Base, at_frame};
+use super::carried::{Base, Carry, CarryBack, at_frame, unit};
 use super::element::{Element, Evaluated, Place};
 use super::system::{Global, Outputs, Point, System, add, unit_wrench, v3};
+use ff_dynamics::reduced::{Arm, Frame, JointRow, TorqueForm};
 use ff_model::Scalar;
 use ff_model::scalar::Grad;
 use ff_model::spatial::vec3::{M3, Ten, V3};
 use nalgebra::{DMatrix, DVector};
+
+/// Numbers of the arm and of a frame, and where the screw stands in a joint's row.
+const ARM: usize = Arm::<f64>::LEN;
+const FRAME: usize = Frame::<f64>::LEN;
+const SCREW: usize = TorqueForm::<f64>::LEN;
 
 impl System {
     /// The way back through one point: from gradients over the rates of state and columns, and over the outputs where
@@ -94,9 +99,9 @@ impl System {
                 }
             }
             let x = e.second(&part.x, &w, &v);
-            let f = part.frame.r.mul(&v3(&x, at.a));
+            let f = part.frame.pose.r.mul(&v3(&x, at.a));
             add(g0.as_mut_slice(), 0, &f);
-            add(g0.as_mut_slice(), 3, &(part.frame.r.mul(&v3(&x, at.al)) + part.frame.p.cross(&f)));
+            add(g0.as_mut_slice(), 3, &(part.frame.pose.r.mul(&v3(&x, at.al)) + part.frame.pose.p.cross(&f)));
             for i in 0..e.n {
                 g0[6 + e.first + i] += x[at.acc + i];
             }
@@ -123,20 +128,21 @@ impl System {
         let wrenches = self.carried_columns(p);
         for j in 0..self.arm.joints() {
             let at = self.arm.row_at(j);
-            let row = Row::read(&numbers[at..]);
-            let by_w = row.gw + row.q.mul(&b.w).scaled(2.0);
+            let row = JointRow::from_slice(&numbers[at..]);
+            let form = &row.form;
+            let by_w = form.gw + form.q.mul(&b.w).scaled(2.0);
             let (mut da, mut dal, mut dw) = (V3::zero(), V3::zero(), V3::zero());
             for k in 0..kk {
                 let c = o.torque[(j, k)];
-                add(g.column_mut(k).as_mut_slice(), 0, &row.ga.scaled(c));
-                add(g.column_mut(k).as_mut_slice(), 3, &row.gb.scaled(c));
+                add(g.column_mut(k).as_mut_slice(), 0, &form.ga.scaled(c));
+                add(g.column_mut(k).as_mut_slice(), 3, &form.gb.scaled(c));
                 add(over_s.column_mut(k).as_mut_slice(), 0, &by_w.scaled(c));
                 let (s, d) = (p.s.column(k), p.du.column(k));
                 da += v3(d.as_slice(), 0).scaled(c);
                 dal += v3(d.as_slice(), 3).scaled(c);
                 dw += v3(s.as_slice(), 0).scaled(c);
             }
-            add(over_z.as_mut_slice(), 0, &row.q.mul(&dw).scaled(2.0));
+            add(over_z.as_mut_slice(), 0, &form.q.mul(&dw).scaled(2.0));
             add(over_numbers, at, &da);
             add(over_numbers, at + 3, &dal);
             add(over_numbers, at + 6, &dw);
@@ -145,14 +151,14 @@ impl System {
             for (i, (a, c)) in [(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)].into_iter().enumerate() {
                 over_numbers[at + 9 + i] += if a == c { q(a, c) } else { 2.0 * q(a, c) };
             }
-            for i in (0..self.elements.len()).filter(|&i| self.arm.above[self.elements[i].host].contains(&j)) {
+            for i in (0..self.elements.len()).filter(|&i| self.above[self.elements[i].host].contains(&j)) {
                 for k in 0..kk {
                     let c = o.torque[(j, k)];
                     add(twists[i].column_mut(k).as_mut_slice(), 0, &row.s.scaled(c));
                     add(twists[i].column_mut(k).as_mut_slice(), 3, &row.u.scaled(c));
                     let wrench = wrenches[i].column(k);
-                    add(over_numbers, at + 15, &v3(wrench.as_slice(), 0).scaled(c));
-                    add(over_numbers, at + 18, &v3(wrench.as_slice(), 3).scaled(c));
+                    add(over_numbers, at + SCREW, &v3(wrench.as_slice(), 0).scaled(c));
+                    add(over_numbers, at + SCREW + 3, &v3(wrench.as_slice(), 3).scaled(c));
                 }
             }
         }
@@ -224,7 +230,7 @@ impl System {
             }
         }
         if self.speed() {
-            add(over_z.as_mut_slice(), self.v_at(), &part.frame.r.mul(&v3(&x, at.v)));
+            add(over_z.as_mut_slice(), self.v_at(), &part.frame.pose.r.mul(&v3(&x, at.v)));
         }
         // Over the angular velocity of the base and, where it moves, the frame.
         let moving = matches!(e.place, Place::Moving(_));
@@ -232,14 +238,14 @@ impl System {
         let mut seeds = Vec::with_capacity(count);
         let mut numbers = Vec::with_capacity(FRAME);
         let f = &part.frame;
-        for v in [&f.r.0[0], &f.r.0[1], &f.r.0[2], &f.p, &f.dp, &f.ddp, &f.w, &f.dw] {
+        for v in [&f.pose.r.0[0], &f.pose.r.0[1], &f.pose.r.0[2], &f.pose.p, &f.dp, &f.ddp, &f.w, &f.dw] {
             numbers.extend([v.x, v.y, v.z]);
         }
         seeds.extend([b.w.x, b.w.y, b.w.z].map(Grad::constant));
         seeds.extend(numbers.iter().map(|&x| Grad::constant(x)));
         chunks(&mut seeds, count, |y| {
             let c = |v: &V3<f64>| V3::new(Grad::constant(v.x), Grad::constant(v.y), Grad::constant(v.z));
-            let (w, f) = (V3::from_slice(y), Frame::read(&y[3..]));
+            let (w, f) = (V3::from_slice(y), Frame::from_slice(&y[3..]));
             let mut sum = Grad::constant(0.0);
             if e.moves() {
                 for (i, q) in at_frame(&f, &w, &at, z).chunks_exact(at.len).enumerate() {
@@ -268,7 +274,7 @@ impl System {
         .enumerate()
         .for_each(|(i, slope)| match (&e.place, i) {
             (_, 0..3) => over_z[i] += slope,
-            (Place::Moving(site), _) => over_numbers[ARM + FRAME * site + i - 3] += slope,
+            (Place::Moving(site), _) => over_numbers[self.arm.frame_at(*site) + i - 3] += slope,
             _ => {}
         });
     }
@@ -290,7 +296,7 @@ impl System {
         seeds.extend(numbers[..ARM].iter().map(|&x| Grad::constant(x)));
         let slopes = chunks(&mut seeds, 3 + ARM, |y| {
             let c = |v: &V3<f64>| V3::new(Grad::constant(v.x), Grad::constant(v.y), Grad::constant(v.z));
-            let (w, arm) = (V3::from_slice(y), Arm::read(&y[3..]));
+            let (w, arm) = (V3::from_slice(y), Arm::from_slice(&y[3..]));
             let mut t = arm.ten;
             t.add(&Ten::from_params(&self.base.map(Grad::constant)));
             let mut sum = Grad::constant(0.0);

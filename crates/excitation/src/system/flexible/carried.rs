@@ -1,7 +1,8 @@
 //! From the motion of the base to that of a frame on it or on the arm, and back with wrenches and derivatives.
 
-use super::arm::{Frame, unit};
 use super::element::At;
+use ff_dynamics::reduced::Frame;
+use ff_model::Scalar;
 use ff_model::spatial::vec3::V3;
 use nalgebra::DMatrix;
 
@@ -14,45 +15,61 @@ pub(super) struct Base<T> {
     pub(super) al: V3<T>,
 }
 
-impl<T: ff_model::Scalar> Frame<T> {
+/// What a frame makes of the motion of the base.
+pub(super) trait Carry<T> {
     /// A vector of the base in the frame.
-    fn down(&self, v: &V3<T>) -> V3<T> {
-        self.r.tr_mul(v)
-    }
+    fn down(&self, v: &V3<T>) -> V3<T>;
     /// Angular velocity, velocity, classical and angular acceleration of the frame, in its axes.
-    pub(super) fn carried(&self, b: &Base<T>) -> [V3<T>; 4] {
+    fn carried(&self, b: &Base<T>) -> [V3<T>; 4];
+    /// The same for a small change of the motion of the base, which turns with `w`.
+    fn varied(&self, w: &V3<T>, d: &Base<T>) -> [V3<T>; 4];
+    /// A twist about the base origin, in the frame: what a wrench of the frame is weighted with.
+    fn screw(&self, lin: &V3<T>, ang: &V3<T>) -> (V3<T>, V3<T>);
+}
+
+/// What a frame makes of wrenches and columns.
+pub(super) trait CarryBack {
+    /// A wrench of the frame about the base origin.
+    fn up(&self, f: &V3<f64>, n: &V3<f64>) -> (V3<f64>, V3<f64>);
+    /// Rows of the base and own rows from columns of an element.
+    fn up_columns(&self, m: &DMatrix<f64>) -> DMatrix<f64>;
+    /// Columns over the motion of the base from columns over that of the frame.
+    fn over_base(&self, at: &At, w: &V3<f64>, j: &DMatrix<f64>) -> DMatrix<f64>;
+}
+
+impl<T: Scalar> Carry<T> for Frame<T> {
+    fn down(&self, v: &V3<T>) -> V3<T> {
+        self.pose.r.tr_mul(v)
+    }
+    fn carried(&self, b: &Base<T>) -> [V3<T>; 4] {
         let two = T::from_f64(2.0);
-        let wp = b.w.cross(&self.p);
-        let a = b.a + b.al.cross(&self.p) + b.w.cross(&wp) + b.w.cross(&self.dp).scaled(two) + self.ddp;
+        let wp = b.w.cross(&self.pose.p);
+        let a = b.a + b.al.cross(&self.pose.p) + b.w.cross(&wp) + b.w.cross(&self.dp).scaled(two) + self.ddp;
         let al = b.al + b.w.cross(&self.w) + self.dw;
         [self.down(&(b.w + self.w)), self.down(&(b.v + wp + self.dp)), self.down(&a), self.down(&al)]
     }
-    /// The same for a small change of the motion of the base, which turns with `w`.
     fn varied(&self, w: &V3<T>, d: &Base<T>) -> [V3<T>; 4] {
         let two = T::from_f64(2.0);
-        let turned = d.w.cross(&self.p);
+        let turned = d.w.cross(&self.pose.p);
         let a = d.a
-            + d.al.cross(&self.p)
-            + d.w.cross(&w.cross(&self.p))
+            + d.al.cross(&self.pose.p)
+            + d.w.cross(&w.cross(&self.pose.p))
             + w.cross(&turned)
             + d.w.cross(&self.dp).scaled(two);
         let al = d.al + d.w.cross(&self.w);
         [self.down(&d.w), self.down(&(d.v + turned)), self.down(&a), self.down(&al)]
     }
-    /// A twist about the base origin, in the frame: what a wrench of the frame is weighted with.
-    pub(super) fn screw(&self, lin: &V3<T>, ang: &V3<T>) -> (V3<T>, V3<T>) {
-        (self.down(&(*lin + ang.cross(&self.p))), self.down(ang))
+    fn screw(&self, lin: &V3<T>, ang: &V3<T>) -> (V3<T>, V3<T>) {
+        (self.down(&(*lin + ang.cross(&self.pose.p))), self.down(ang))
     }
 }
 
-impl Frame<f64> {
-    /// A wrench of the frame about the base origin.
-    pub(super) fn up(&self, f: &V3<f64>, n: &V3<f64>) -> (V3<f64>, V3<f64>) {
-        let f = self.r.mul(f);
-        (f, self.r.mul(n) + self.p.cross(&f))
+impl CarryBack for Frame<f64> {
+    fn up(&self, f: &V3<f64>, n: &V3<f64>) -> (V3<f64>, V3<f64>) {
+        let f = self.pose.r.mul(f);
+        (f, self.pose.r.mul(n) + self.pose.p.cross(&f))
     }
-    /// Rows of the base and own rows from columns of an element.
-    pub(super) fn up_columns(&self, m: &DMatrix<f64>) -> DMatrix<f64> {
+    fn up_columns(&self, m: &DMatrix<f64>) -> DMatrix<f64> {
         let mut out = m.clone();
         for mut c in out.column_iter_mut() {
             let (f, n) = self.up(&V3::new(c[0], c[1], c[2]), &V3::new(c[3], c[4], c[5]));
@@ -62,8 +79,7 @@ impl Frame<f64> {
         }
         out
     }
-    /// Columns over the motion of the base from columns over that of the frame.
-    pub(super) fn over_base(&self, at: &At, w: &V3<f64>, j: &DMatrix<f64>) -> DMatrix<f64> {
+    fn over_base(&self, at: &At, w: &V3<f64>, j: &DMatrix<f64>) -> DMatrix<f64> {
         let mut out = j.clone();
         let z = V3::zero();
         for k in 0..3 {
@@ -91,7 +107,7 @@ impl Frame<f64> {
 
 /// Weights of `dr/dx` at the frame, row-major, from weights `z` of the same derivatives between base rows and motions of
 /// the base: `W = A Z B^T`.
-pub(super) fn at_frame<T: ff_model::Scalar>(f: &Frame<T>, w: &V3<T>, at: &At, z: &DMatrix<f64>) -> Vec<T> {
+pub(super) fn at_frame<T: Scalar>(f: &Frame<T>, w: &V3<T>, at: &At, z: &DMatrix<f64>) -> Vec<T> {
     let (d, len) = z.shape();
     let t = T::from_f64;
     let mut q = vec![T::zero(); d * len];
@@ -114,4 +130,11 @@ pub(super) fn at_frame<T: ff_model::Scalar>(f: &Frame<T>, w: &V3<T>, at: &At, z:
         }
     }
     q
+}
+
+/// Coordinate axis `i`.
+pub(crate) fn unit<T: Scalar>(i: usize) -> V3<T> {
+    let mut e = [T::zero(); 3];
+    e[i] = T::one();
+    V3::from_slice(&e)
 }

@@ -7,7 +7,7 @@
 //! stiffness and an angular velocity) are found once, at three general points, and left out: equations of motion are
 //! analytic, so that what is zero there is zero everywhere.
 
-use super::arm::Frame;
+use ff_dynamics::reduced::Frame;
 use ff_model::port::{PortView, port_len};
 use ff_model::scalar::{D1, D2, LaneScalar, ModelScalar};
 use ff_model::spatial::vec3::{M3, Ten, V3};

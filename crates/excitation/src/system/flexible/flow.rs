@@ -3,15 +3,18 @@
 //! Classical Runge-Kutta steps of state and columns together, a sample at the start of every step; the gradient is that
 //! of the discrete solution, by the adjoint of each step.
 
-use super::arm::ArmModel;
 use super::system::{Outputs, Point, System};
+use ff_dynamics::reduced::ArmModel;
+use ff_dynamics::reduced::{STAGE, WEIGHT};
 use nalgebra::{DMatrix, DVector};
 
 /// Joint motion at a node: `q, qd, qdd`.
 pub(super) type Joints = [Vec<f64>; 3];
 
-const STAGE: [f64; 4] = [0.0, 0.5, 0.5, 1.0];
-const WEIGHT: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
+/// Place of a stage within the step, as a fraction of it.
+fn fraction(stage: usize) -> f64 {
+    0.5 * STAGE[stage] as f64
+}
 
 /// A motion tabulated at half steps.
 pub(super) struct Table {
@@ -20,7 +23,8 @@ pub(super) struct Table {
 }
 
 impl Table {
-    pub(super) fn new(arm: &ArmModel, nodes: &[Joints], step: f64) -> Self {
+    pub(super) fn new(arm: &ArmModel<f64>, nodes: &[Joints], step: f64) -> Self {
+        let mut arm = arm.clone();
         let one = |(i, [q, qd, qdd]): (usize, &Joints)| {
             let mut out = Vec::new();
             arm.numbers([q, qd, qdd], i % 2 == 0, &mut out);
@@ -47,15 +51,15 @@ impl Flow {
             let (mut zi, mut si) = (z.clone(), s.clone());
             let (z0, s0) = (z.clone(), s.clone());
             for stage in 0..4 {
-                let node = 2 * step + (2.0 * STAGE[stage]) as usize;
+                let node = 2 * step + STAGE[stage];
                 let p = system.point(&table.numbers[node], zi, si)?;
                 let (dz, ds) = system.rates(&p);
                 z.axpy(h * WEIGHT[stage], &dz, 1.0);
                 add(&mut s, h * WEIGHT[stage], &ds);
                 if stage < 3 {
                     (zi, si) = (z0.clone(), s0.clone());
-                    zi.axpy(h * STAGE[stage + 1], &dz, 1.0);
-                    add(&mut si, h * STAGE[stage + 1], &ds);
+                    zi.axpy(h * fraction(stage + 1), &dz, 1.0);
+                    add(&mut si, h * fraction(stage + 1), &ds);
                 } else {
                     (zi, si) = (DVector::zeros(0), DMatrix::zeros(0, 0));
                 }
@@ -97,14 +101,14 @@ impl Flow {
             let mut later: Option<(DVector<f64>, DMatrix<f64>)> = None;
             for stage in (0..4).rev() {
                 let p = &self.points[4 * step + stage];
-                let node = 2 * step + (2.0 * STAGE[stage]) as usize;
+                let node = 2 * step + STAGE[stage];
                 let (dz, ds) = system.rates(p);
                 let (mut kz, mut ks) = (&lz * (h * WEIGHT[stage]), &ls * (h * WEIGHT[stage]));
                 over_step += WEIGHT[stage] * (lz.dot(&dz) + ls.dot(&ds));
                 if let Some((az, a_s)) = &later {
-                    kz.axpy(h * STAGE[stage + 1], az, 1.0);
-                    add(&mut ks, h * STAGE[stage + 1], a_s);
-                    over_step += STAGE[stage + 1] * (az.dot(&dz) + a_s.dot(&ds));
+                    kz.axpy(h * fraction(stage + 1), az, 1.0);
+                    add(&mut ks, h * fraction(stage + 1), a_s);
+                    over_step += fraction(stage + 1) * (az.dot(&dz) + a_s.dot(&ds));
                 }
                 let (mut oz, mut os) = zero();
                 let sample = if stage == 0 { over.get(step) } else { None };

@@ -14,8 +14,7 @@
 //!
 //! The gradient over control points and duration is exact for the discrete (Runge-Kutta) solution: the adjoint of the
 //! tangent equations, one backward sweep whatever the number of variables (`docs/theory/excitation.md`). The joints'
-//! motion enters through the 28 numbers per instant of the table only.
-pub(crate) mod arm;
+//! motion enters through the numbers of the arm's table only ([`ff_dynamics::reduced::table`]).
 pub(crate) mod back;
 pub(crate) mod carried;
 pub(crate) mod element;
@@ -25,9 +24,9 @@ pub(crate) mod system;
 use crate::objective::{State, Sweep, uniform_nodes};
 use crate::plan::spline::{Duration, SplinePlan};
 use crate::system::rigid::{RigidError, SensorNoise};
-use arm::{ArmModel, Frame};
 use element::{Element, Place};
 use ff_dynamics::motion::JointMotion;
+use ff_dynamics::reduced::{ArmModel, Frame};
 use ff_dynamics::sim::Accelerometer;
 use ff_model::{BaseKind, Model, ParamGroup, Params, Xform};
 use flow::{Flow, Joints, Table};
@@ -252,8 +251,11 @@ impl FlexibleInformation {
         elements.iter_mut().for_each(Element::probe);
         let m = model.np();
         let speed = elements.iter().any(|e| e.speed);
+        let lifted: Vec<_> = sites.iter().map(|(host, x)| (*host, x.lift())).collect();
         System {
-            arm: ArmModel::new(model, params, sites),
+            arm: ArmModel::new(model, params, &sites),
+            arm_grad: ArmModel::new(model, &params.lift(model), &lifted),
+            above: above(model),
             elements,
             base: params.body(0).to_params(),
             base_wanted,
@@ -366,7 +368,7 @@ impl FlexibleInformation {
         }
         let (numbers, over_step) = flow.pull(&self.system, &table, &over);
         let mut at = numbers.iter().enumerate();
-        let arm = &self.system.arm;
+        let mut arm = self.system.arm_grad.clone();
         sweep.backward(&nodes, grad, |_, s, adj| {
             let Some((i, weights)) = at.next() else { return };
             arm.pull_back([&s.q, &s.qd, &s.qdd], i % 2 == 0, weights, [&mut adj.q, &mut adj.qd, &mut adj.qdd]);
@@ -419,6 +421,17 @@ impl FlexibleInformation {
         }
         (m, rows)
     }
+}
+
+/// Joints between each body and the base.
+fn above(model: &Model) -> Vec<Vec<usize>> {
+    let mut above = vec![Vec::new(); model.n_bodies()];
+    for (l, b) in model.bodies().iter().enumerate() {
+        let mut path = above[b.parent].clone();
+        path.push(l);
+        above[l + 1] = path;
+    }
+    above
 }
 
 fn positive(what: &'static str, value: f64) -> Result<(), FlexibleError> {

@@ -6,18 +6,23 @@
 //! M u_k + T_k = 0,   T_k = R_z s_k + R_p,k,   M = R_u.
 //! ```
 
-use super::arm::{ARM, Arm, ArmModel, FRAME, Frame, Row, unit};
-use super::carried::Base;
+use super::carried::{Base, Carry, CarryBack, unit};
 use super::element::{Element, Evaluated, Place};
+use ff_dynamics::reduced::{Arm, ArmModel, Frame, JointRow};
 use ff_dynamics::sim::Accelerometer;
 use ff_model::Scalar;
+use ff_model::scalar::Grad;
 use ff_model::spatial::vec3::{M3, Ten, V3};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// The system, and which columns are carried.
 #[derive(Clone, Debug)]
 pub(super) struct System {
-    pub(super) arm: ArmModel,
+    pub(super) arm: ArmModel<f64>,
+    /// The same with derivatives, for the way back.
+    pub(crate) arm_grad: ArmModel<Grad>,
+    /// Joints between each body and the base.
+    pub(crate) above: Vec<Vec<usize>>,
     pub(super) elements: Vec<Element>,
     pub(super) base: [f64; 10],
     /// Wanted parameters of the base with their columns.
@@ -77,7 +82,7 @@ impl System {
     fn frame(&self, e: &Element, numbers: &[f64]) -> Frame<f64> {
         match &e.place {
             Place::Base(f) => **f,
-            Place::Moving(i) => Frame::read(&numbers[ARM + FRAME * i..]),
+            Place::Moving(i) => Frame::from_slice(&numbers[self.arm.frame_at(*i)..]),
         }
     }
     fn state_of(&self, e: &Element, frame: &Frame<f64>, z: &[f64], u: Option<&[f64]>) -> Vec<f64> {
@@ -123,7 +128,7 @@ impl System {
     /// Accelerations and their derivatives; `None` where the mass matrix is not positive definite.
     pub(super) fn point(&self, numbers: &[f64], z: DVector<f64>, s: DMatrix<f64>) -> Option<Point> {
         let n = 6 + self.m;
-        let arm = Arm::read(numbers);
+        let arm = Arm::from_slice(numbers);
         let mut rigid = arm.ten;
         rigid.add(&Ten::from_params(&self.base));
         let zs = z.as_slice();
@@ -246,14 +251,15 @@ impl System {
         let b = self.base_of(p.z.as_slice(), Some(p.u.as_slice()));
         let felt = self.carried_columns(p);
         for j in 0..n {
-            let row = Row::read(&numbers[self.arm.row_at(j)..]);
-            let by_w = row.gw + row.q.mul(&b.w).scaled(2.0);
+            let row = JointRow::from_slice(&numbers[self.arm.row_at(j)..]);
+            let form = &row.form;
+            let by_w = form.gw + form.q.mul(&b.w).scaled(2.0);
             for k in 0..self.columns {
                 let (s, d) = (p.s.column(k), p.du.column(k));
                 let (dw, da, dal) = (v3(s.as_slice(), 0), v3(d.as_slice(), 0), v3(d.as_slice(), 3));
-                torque[(j, k)] = row.ga.dot(&da) + row.gb.dot(&dal) + by_w.dot(&dw);
+                torque[(j, k)] = form.ga.dot(&da) + form.gb.dot(&dal) + by_w.dot(&dw);
             }
-            let carried = self.elements.iter().zip(&felt).filter(|(e, _)| self.arm.above[e.host].contains(&j));
+            let carried = self.elements.iter().zip(&felt).filter(|(e, _)| self.above[e.host].contains(&j));
             for wrench in carried.map(|c| c.1) {
                 for k in 0..self.columns {
                     let c = wrench.column(k);

@@ -1,6 +1,6 @@
 //! Derivatives of measured channels on their way into matrices, a block of columns at a time.
 
-use crate::reduced::sensitivity::propagate::BLOCK;
+use crate::linalg::rows::BLOCK;
 use ff_lanes::WIDEST;
 use ff_model::scalar::LaneScalar;
 use nalgebra::DMatrix;

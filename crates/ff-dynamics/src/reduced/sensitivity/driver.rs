@@ -12,55 +12,22 @@
 //! the columns `dz` are then carried through the step, several columns per vector. The discrete sensitivities are the
 //! exact derivatives of the discrete (RK4) solution.
 
-use crate::linalg::rows::{RowTask, accumulate, by_rows, copy};
-use crate::reduced::sensitivity::assemble::Gathered;
-use crate::reduced::sensitivity::outputs::TorqueRows;
 use crate::reduced::sensitivity::partials::Columns;
-use crate::reduced::sensitivity::propagate::{BLOCK, Flow};
+use crate::reduced::sensitivity::propagate::Flow;
+use crate::reduced::sensitivity::sink::{Samples, Sink};
 use crate::reduced::sensitivity::stage::Tangent;
+use crate::reduced::sensitivity::wanted::Wanted;
 use crate::reduced::system::{Reduced, ReducedError, Response, Rk4, STAGE, check};
 use crate::reduced::table::Prescribed;
-use crate::sim::attitude::{Attitude, AttitudeTrack};
+use crate::sim::attitude::Attitude;
 use ff_lanes::{Kernel, Lanes, WIDEST};
 use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch, splat};
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
 
-/// What to differentiate, and with respect to what.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
-    /// Indices into the parameter vector (base body, tracked links, appendages).
-    pub params: Vec<usize>,
-    /// Indices into the initial state `z0 = [V 6 | eta m | nu m]`.
-    pub initial: Vec<usize>,
-    /// The acceleration of the base, too ([`Sensitivities::accel`]).
-    pub accel: bool,
-    /// The attitude of the base, too ([`Sensitivities::attitude`]).
-    pub attitude: bool,
-}
-
-impl Wanted {
-    /// Number of columns.
-    pub fn len(&self) -> usize {
-        self.params.len() + self.initial.len()
-    }
-    /// True without columns.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-    /// Bodies other than the base whose parameters are wanted: the `links` of [`Prescribed::new`].
-    pub fn links(&self, model: &Model) -> Vec<usize> {
-        let mut l: Vec<usize> =
-            self.params.iter().filter(|&&p| p >= 10 && p < 10 * model.n_bodies()).map(|p| p / 10).collect();
-        l.sort_unstable();
-        l.dedup();
-        l
-    }
-}
-
 /// Derivatives of what is measured; row `i * n + j` is channel `j` of `n` at sample `i`, one column per entry of
-/// [`Wanted`] (parameters first).
+/// [`Wanted`] (parameters, kinematic parameters, initial state).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensitivities {
     /// d tau, `(N n) x P` (N m per unit).
@@ -82,7 +49,8 @@ pub struct Sensitivities {
 /// [`ReducedError`].
 ///
 /// # Panics
-/// If `z0` has the wrong length, an initial state does not exist or a wanted link is not tracked by `table`.
+/// If `z0` has the wrong length, an initial state does not exist, or a wanted link or kinematic parameter is not tracked by
+/// `table`.
 pub fn sensitivities(
     model: &Model,
     params: &Params<f64>,
@@ -113,7 +81,7 @@ pub fn sensitivities_with(
     let nz = 6 + 2 * model.np();
     assert_eq!(z0.len(), nz, "initial state");
     assert!(wanted.initial.iter().all(|&i| i < nz), "index of an initial state");
-    let columns = Columns::new(model, table, &wanted.params);
+    let columns = Columns::new(model, table, wanted);
     dispatch(isa, Run { model, params, table, z0, wanted, columns: &columns })
 }
 
@@ -183,7 +151,8 @@ impl LaneTask for Run<'_> {
                 flow.step(lane, step < last, &points.z, if sample { Some(&mut sink) } else { None });
             }
             if first == last {
-                return Ok(sink.done());
+                let Samples { response, tau, gyro, accel, attitude } = sink.done();
+                return Ok((response, Sensitivities { tau, gyro, accel, attitude }));
             }
             first += steps;
         }
@@ -285,105 +254,5 @@ fn pack<L: LaneScalar>(to: &mut [L], from: &[Vec<f64>; WIDEST], count: usize) {
             *x = from[i.min(count - 1)][k];
         }
         *to = L::load(&lanes);
-    }
-}
-
-/// Where samples go.
-pub(crate) struct Sink<'a, L> {
-    model: &'a Model,
-    response: Response,
-    /// Joint torques of the present sample.
-    tau: Vec<f64>,
-    d_tau: Gathered<L>,
-    d_gyro: Gathered<L>,
-    accel: Option<Gathered<L>>,
-    rows: TorqueRows<'a>,
-    /// The present sample.
-    sample: usize,
-    track: Option<AttitudeTrack>,
-    attitude: Option<Attitude>,
-}
-
-impl<'a, L: LaneScalar> Sink<'a, L> {
-    fn new(
-        model: &'a Model,
-        params: &'a Params<f64>,
-        table: &'a Prescribed,
-        wanted: &Wanted,
-        columns: &'a Columns,
-    ) -> Self {
-        let (n, p) = (table.samples, wanted.len());
-        Self {
-            model,
-            response: Response::new(n, model.nj(), model.np()),
-            tau: vec![0.0; model.nj()],
-            d_tau: Gathered::new(model.nj(), n, p),
-            d_gyro: Gathered::new(3, n, p),
-            accel: wanted.accel.then(|| Gathered::new(6, n, p)),
-            rows: TorqueRows::new(model, params, table, columns),
-            sample: 0,
-            track: wanted.attitude.then(AttitudeTrack::default),
-            attitude: wanted.attitude.then(|| Attitude::new(n, p)),
-        }
-    }
-
-    /// Begins a sample with state `z` and accelerations `u`.
-    #[inline(always)]
-    fn begin(&mut self, sample: usize, (z, u): (&[f64], &[f64])) {
-        self.sample = sample;
-        // One call: it is inlined.
-        for gathered in [Some(&mut self.d_tau), Some(&mut self.d_gyro), self.accel.as_mut()].into_iter().flatten() {
-            gathered.begin(sample);
-        }
-        self.rows.evaluate(sample, z, u);
-    }
-
-    /// Torque and gyro derivatives of a block of columns at the present sample, from `dz` and `du`.
-    #[inline(always)]
-    pub(crate) fn take<const W: usize>(&mut self, block: usize, dz: &[[L; W]], du: &[[L; W]]) {
-        let (rows, at) = (&self.rows, self.sample);
-        by_rows::<W>(0..self.model.nj(), &mut Torques { rows, block, dz, du, to: self.d_tau.rows(block, at) });
-        copy::<_, 3>(dz, self.d_gyro.rows(block, at));
-        if let Some(to) = &mut self.accel {
-            copy::<_, 6>(du, to.rows(block, at));
-        }
-    }
-
-    #[inline(always)]
-    fn done(self) -> (Response, Sensitivities) {
-        let Self { d_tau, d_gyro, accel, response, attitude, .. } = self;
-        (response, Sensitivities { tau: d_tau.done(), gyro: d_gyro.done(), accel: accel.map(Gathered::done), attitude })
-    }
-}
-
-/// Torques of a block of columns at a sample.
-struct Torques<'a, L, const W: usize> {
-    rows: &'a TorqueRows<'a>,
-    block: usize,
-    dz: &'a [[L; W]],
-    du: &'a [[L; W]],
-    to: &'a mut [[L; W]],
-}
-
-impl<L: LaneScalar, const W: usize> RowTask for Torques<'_, L, W> {
-    #[inline(always)]
-    fn rows<const R: usize>(&mut self, from: usize) {
-        let TorqueRows { by_u, by_z, by_p, wide, carried, .. } = self.rows;
-        let nj = self.to.len();
-        let mut s = [[L::zero(); W]; R];
-        let (mut du, mut dz) = (self.du, self.dz);
-        if !carried {
-            (du, dz) = (&du[..6], &dz[..3]);
-        } else if self.block * BLOCK < *wide {
-            for r in 0..R {
-                let own = &by_p[(from + r) * wide + self.block * BLOCK..];
-                for w in 0..W {
-                    s[r][w] = L::load(&own[w * L::N..]);
-                }
-            }
-        }
-        accumulate(&mut s, L::splat, by_u, nj, from, du);
-        accumulate(&mut s, L::splat, by_z, nj, from, dz);
-        copy::<_, R>(&s, &mut self.to[from..]);
     }
 }

@@ -5,6 +5,9 @@ pub(crate) mod driver;
 pub(crate) mod outputs;
 pub(crate) mod partials;
 pub(crate) mod propagate;
+pub(crate) mod sink;
 pub(crate) mod stage;
+pub(crate) mod wanted;
 
-pub use driver::{Sensitivities, Wanted, sensitivities, sensitivities_with};
+pub use driver::{Sensitivities, sensitivities, sensitivities_with};
+pub use wanted::Wanted;

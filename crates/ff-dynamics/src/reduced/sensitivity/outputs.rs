@@ -1,9 +1,9 @@
 //! Joint torques as linear forms of what the derivatives of a trajectory are: state, accelerations and parameters.
 
+use crate::linalg::rows::BLOCK;
 use crate::reduced::sensitivity::partials::{At, Column, Columns, Parts, Put, state_columns, unit};
-use crate::reduced::sensitivity::propagate::BLOCK;
 use crate::reduced::system::hung;
-use crate::reduced::table::Prescribed;
+use crate::reduced::table::{Prescribed, products};
 use ff_model::spatial::vec3::V3;
 use ff_model::{Model, Params};
 
@@ -29,7 +29,9 @@ impl<'a> TorqueRows<'a> {
             by_z: vec![0.0; nj * state_columns(model)],
             by_p: vec![0.0; nj * wide],
             wide,
-            carried: model.appendages().iter().any(|a| a.host > 0) || !columns.links.is_empty(),
+            carried: model.appendages().iter().any(|a| a.host > 0)
+                || !columns.links.is_empty()
+                || !columns.kinematic().is_empty(),
         }
     }
 
@@ -41,7 +43,7 @@ impl<'a> TorqueRows<'a> {
         let at = At::new(z, u);
         let w2 = at.w.scaled(2.0);
         for j in 0..nj {
-            let form = table.row(sample, j).form;
+            let form = table.row::<f64>(sample, j).form;
             let gw = form.q.mul_add(&w2, &form.gw);
             for (c, x) in [form.ga.x, form.ga.y, form.ga.z, form.gb.x, form.gb.y, form.gb.z].into_iter().enumerate() {
                 by_u[c * nj + j] = x;
@@ -58,15 +60,30 @@ impl<'a> TorqueRows<'a> {
         by_p.fill(0.0);
         let node = table.node_of(sample);
         parts.place(|column| table.frame(column, node));
+        parts.place_slopes(&[node]);
+        let ww = products(&at.w);
+        for &(slope, col) in &parts.columns.arm {
+            for j in 0..nj {
+                by_p[j * wide + col] += table.slopes.all[slope].row(sample, j).form.value(&at.a, &at.al, &at.w, &ww);
+            }
+        }
         for l in 0..parts.columns.links.len() {
             let above = &table.above[parts.columns.links[l].body];
             parts.link(l, &at, &mut Felt { table, sample, above, nj, wide, by_z, by_p });
         }
-        let felt = |j: usize, f: &V3<f64>, n: &V3<f64>| table.row(sample, j).of(f, n);
+        let felt = |j: usize, f: &V3<f64>, n: &V3<f64>| table.row::<f64>(sample, j).of(f, n);
         for (k, ap) in model.appendages().iter().enumerate().filter(|(_, a)| a.host > 0) {
             let above = &table.above[ap.host];
             parts.port(k, &at, z, u, &mut Felt { table, sample, above, nj, wide, by_z, by_p });
             let (p, frame) = (&parts.ports[k], &parts.frames[k]);
+            // The residual is at hand where a kinematic parameter moves the frame; if it moves a joint above, it does.
+            for &(slope, _, col) in &parts.columns.placements[k] {
+                let slope = &table.slopes.all[slope];
+                if slope.has_arm() {
+                    let (f, n) = frame.up(&V3::from_slice(&p.r), &V3::from_slice(&p.r[3..]));
+                    above.iter().for_each(|&j| by_p[j * wide + col] += slope.row(sample, j).of(&f, &n));
+                }
+            }
             let b = hung(frame, p);
             for i in 0..3 {
                 let e = unit::<f64>(i);
@@ -99,10 +116,10 @@ struct Felt<'a> {
 impl Put<f64> for Felt<'_> {
     fn put(&mut self, column: Column, f: V3<f64>, n: V3<f64>, _: &[f64]) {
         for &j in self.above {
-            let torque = self.table.row(self.sample, j).of(&f, &n);
+            let torque = self.table.row::<f64>(self.sample, j).of(&f, &n);
             match column {
                 Column::State(c) => self.by_z[c * self.nj + j] += torque,
-                Column::Param(c) => self.by_p[j * self.wide + c] += torque,
+                Column::Param(c) | Column::Kinematic(c) => self.by_p[j * self.wide + c] += torque,
             }
         }
     }

@@ -4,12 +4,12 @@
 //! rows, at one point or at one point per lane; who asks decides where they go ([`Put`]): into the equations (`tangent.rs`) or
 //! into the torques of the joints that carry the part (`torque_rows.rs`).
 
-use crate::reduced::system::at_rest;
-use crate::reduced::table::{Frame, Prescribed, Site};
-use crate::work::buffers::PortWork;
+use crate::reduced::sensitivity::wanted::Wanted;
+use crate::reduced::table::{ArmSource, Frame, Prescribed, Site};
+use crate::work::port_work::PortWork;
 use ff_model::port::port_len;
 use ff_model::scalar::{D1, LaneScalar, ModelScalar};
-use ff_model::spatial::vec3::{M3, Moving, V3};
+use ff_model::spatial::vec3::{M3, Moving, Pose, V3};
 use ff_model::tree::Mounted;
 use ff_model::{DynAppendage, Model, Motion, Params, PortAccel, PortMatrix, PortState};
 
@@ -17,26 +17,32 @@ use ff_model::{DynAppendage, Model, Motion, Params, PortAccel, PortMatrix, PortS
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Columns {
     pub(crate) count: usize,
+    first_kinematic: usize,
     pub(crate) base: Vec<(usize, usize)>,
     pub(crate) links: Vec<LinkColumns>,
     pub(crate) ports: Vec<Vec<(usize, usize)>>,
+    /// Kinematic parameters that the arm depends on: which of the table's, column.
+    pub(crate) arm: Vec<(usize, usize)>,
+    /// By port, those that its frame depends on: which of the table's, which of its frames, column.
+    pub(crate) placements: Vec<Vec<(usize, usize, usize)>>,
 }
 
 impl Columns {
-    /// Columns of the parameters `wanted`, in that order.
+    /// Columns of the parameters and the kinematic parameters of `wanted`, in that order.
     ///
     /// # Panics
-    /// If a link is not tracked by the table.
-    pub(crate) fn new(model: &Model, table: &Prescribed, wanted: &[usize]) -> Self {
+    /// If a link or a kinematic parameter is not tracked by the table.
+    pub(crate) fn new(model: &Model, table: &Prescribed, wanted: &Wanted) -> Self {
         let (ports, bodies) = (model.appendages(), 10 * model.n_bodies());
-        let mut c = Self { count: wanted.len(), ports: vec![Vec::new(); ports.len()], ..Self::default() };
+        let (count, first_kinematic) = (wanted.forced(), wanted.params.len());
+        let mut c = Self { count, first_kinematic, ports: vec![Vec::new(); ports.len()], ..Self::default() };
         c.links = table
             .links
             .iter()
             .enumerate()
             .map(|(i, &body)| LinkColumns { site: ports.len() + i, body, wanted: Vec::new() })
             .collect();
-        for (col, &p) in wanted.iter().enumerate() {
+        for (col, &p) in wanted.params.iter().enumerate() {
             if p < 10 {
                 c.base.push((p, col));
             } else if p < bodies {
@@ -50,7 +56,27 @@ impl Columns {
             }
         }
         c.links.retain(|l| !l.wanted.is_empty());
+        c.placements = vec![Vec::new(); ports.len()];
+        for (col, &k) in (wanted.params.len()..).zip(&wanted.kinematics) {
+            let slope = table.slopes.of.iter().position(|&of| of == k);
+            assert!(slope.is_some(), "kinematic parameter {k} is not tracked by the prescribed motion");
+            let Some(i) = slope else { continue };
+            let slope = &table.slopes.all[i];
+            if slope.has_arm() {
+                c.arm.push((i, col));
+            }
+            for (at, frame) in slope.frames.iter().enumerate() {
+                c.placements[frame.port].push((i, at, col));
+            }
+        }
         c
+    }
+}
+
+impl Columns {
+    /// Columns of kinematic parameters.
+    pub(crate) fn kinematic(&self) -> core::ops::Range<usize> {
+        self.first_kinematic..self.count
     }
 }
 
@@ -69,6 +95,8 @@ pub(crate) enum Column {
     /// `[w 3 | eta m | nu m]`, then `v 3` where an appendage is not Galilean.
     State(usize),
     Param(usize),
+    /// A kinematic parameter: several parts may add to it.
+    Kinematic(usize),
 }
 
 /// Where columns go. A trait and not a closure, because closures of some size are not inlined, and code for lanes must
@@ -107,6 +135,9 @@ pub(crate) struct Parts<'a, T: LaneScalar> {
     at_speed: Vec<Option<AtSpeed>>,
     /// State columns of each port, `6+n` each: base angular velocity, coordinates, rates, base velocity.
     state: Vec<Vec<T>>,
+    /// By port, derivatives of its frame with respect to kinematic parameters, and a column of them.
+    slopes: Vec<Vec<Frame<T>>>,
+    column: Vec<T>,
 }
 
 impl<T: LaneScalar> PortWork<T> {
@@ -143,9 +174,11 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
             table,
             columns,
             ports: ports.iter().map(PortWork::new).collect(),
-            frames: table.sites.iter().map(at_rest).collect(),
+            frames: (0..table.sites.len()).map(|i| table.at_rest(i)).collect(),
             at_speed: ports.iter().map(slow).collect(),
             state: ports.iter().map(|a| vec![T::zero(); (6 + 2 * a.dim()) * (6 + a.dim())]).collect(),
+            slopes: columns.placements.iter().map(|c| vec![Frame::at_rest(Pose::identity()); c.len()]).collect(),
+            column: vec![T::zero(); 6 + ports.iter().map(Mounted::dim).max().unwrap_or(0)],
         }
     }
 
@@ -159,7 +192,17 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
         }
     }
 
-    /// Columns of port `k`. `M` stays in the port.
+    /// Reads what frames owe to kinematic parameters at nodes, one per lane.
+    #[inline(always)]
+    pub(crate) fn place_slopes(&mut self, nodes: &[usize]) {
+        for (slopes, columns) in self.slopes.iter_mut().zip(&self.columns.placements) {
+            for (to, &(slope, frame, _)) in slopes.iter_mut().zip(columns) {
+                *to = self.table.slopes.all[slope].frames[frame].at(nodes);
+            }
+        }
+    }
+
+    /// Columns of port `k`. `M` stays in the port, and the residual where a kinematic parameter moves its frame.
     #[inline(always)]
     pub(crate) fn port(&mut self, k: usize, at: &At<T>, z: &[T], u: &[T], to: &mut impl Put<T>) {
         let (ap, p, frame) = (&self.model.appendages()[k], &mut self.ports[k], &self.frames[k]);
@@ -212,6 +255,16 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
         }
         let own_columns = 2 * n * dim;
         state[3 * dim..][..own_columns].copy_from_slice(&p.d[(first + 3) * dim..][..own_columns]);
+        if !self.slopes[k].is_empty() {
+            let mut mass = PortMatrix::over(n, &mut p.m);
+            T::port(&*ap.appendage).residual(params, &s, &accel, &mut mass, &mut p.r);
+            let moved = Moved { port: p, frame, at, w: host.w, v, first };
+            for (slope, &(_, _, col)) in self.slopes[k].iter().zip(&self.columns.placements[k]) {
+                let column = &mut self.column[..dim];
+                let (f, n) = moved.column(slope, column);
+                to.put(Column::Kinematic(col), f, n, &column[6..]);
+            }
+        }
         let wanted = &self.columns.ports[k];
         if !wanted.is_empty() {
             T::tangent(&*ap.appendage).regressor(params, &s, &accel, &mut p.d);
@@ -253,6 +306,56 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
             let [a, b, c, d, e, f] = &rows;
             to.put(Column::Param(col), V3::new(a[k], b[k], c[k]), V3::new(d[k], e[k], f[k]), &[]);
         }
+    }
+}
+
+/// A port whose frame is displaced, at given accelerations of the base and of its own coordinates.
+struct Moved<'a, T: LaneScalar> {
+    /// With `M`, Jacobian and residual.
+    port: &'a PortWork<T>,
+    frame: &'a Frame<T>,
+    at: &'a At<T>,
+    /// Angular velocity and velocity of the frame in its axes, the latter zero where it plays no part.
+    w: V3<T>,
+    v: V3<T>,
+    /// Columns of the Jacobian before those of the angular velocity.
+    first: usize,
+}
+
+impl<T: LaneScalar> Moved<'_, T> {
+    /// What the port's equations owe to a displacement with derivative `d` of the frame: wrench about the base origin, and
+    /// own rows in `own[6..]`.
+    ///
+    /// With `X = R^T x` for the frame's motion `x` in base axes, `dX = dR^T x + R^T dx` goes through Jacobian and mass matrix;
+    /// the residual `r` itself is carried to the base by `d(R f) = dR f`, `d(R n + p x R f) = dR n + dp x R f + p x dR f`.
+    #[inline(always)]
+    fn column(&self, d: &Frame<T>, own: &mut [T]) -> (V3<T>, V3<T>) {
+        let Self { port, frame, at, w, v, first } = self;
+        let (two, zero) = (T::from_f64(2.0), V3::zero());
+        let turned = |x: &V3<T>, dx: &V3<T>| d.pose.r.tr_mul(x) + frame.down(dx);
+        let mut a = at.field.mul_add(&frame.pose.p, &at.a);
+        let (mut w_at, mut al_at) = (at.w, at.al);
+        if frame.moving {
+            a += frame.ddp + at.w.cross(&frame.dp).scaled(two);
+            al_at += at.w.cross_add(&frame.w, &frame.dw);
+            w_at += frame.w;
+        }
+        let da = at.field.mul_add(&d.pose.p, &(d.ddp + at.w.cross(&d.dp).scaled(two)));
+        let (mut lin, al) = (turned(&a, &da), turned(&al_at, &at.w.cross_add(&d.w, &d.dw)));
+        let dw = turned(&w_at, &d.w);
+        let mut dv = zero;
+        if *first > 0 {
+            let v_at = at.w.cross_add(&frame.pose.p, &at.v) + frame.dp;
+            dv = turned(&v_at, &at.w.cross_add(&d.pose.p, &d.dp));
+            lin -= dw.cross(v) + w.cross(&dv);
+        }
+        port.along(*first, &dw, &dv, &lin, &al, own);
+        let (mut f, mut n) = frame.up(&V3::from_slice(own), &V3::from_slice(&own[3..]));
+        let (rf, rn) = (V3::from_slice(&port.r), V3::from_slice(&port.r[3..]));
+        let (force, df) = (frame.up(&rf, &zero).0, d.pose.r.mul(&rf));
+        f += df;
+        n += d.pose.r.mul(&rn) + d.pose.p.cross(&force) + frame.pose.p.cross(&df);
+        (f, n)
     }
 }
 

@@ -4,17 +4,16 @@
 //! `G = -M^-1 R_z` and `F = -M^-1 R_p` from `tangent.rs`. A block of eight columns goes through all four stages while it is
 //! in the first cache, a number of `G` serving all of it.
 
-use crate::linalg::rows::{RowTask, accumulate, by_rows, copy, fma};
-use crate::reduced::sensitivity::driver::{Sink, Wanted};
+use crate::linalg::rows::{BLOCK, RowTask, accumulate, by_rows, copy, fma};
+use crate::reduced::sensitivity::sink::Sink;
 use crate::reduced::sensitivity::stage::Tangent;
+use crate::reduced::sensitivity::wanted::Wanted;
 use crate::reduced::system::{STAGE, WEIGHT};
 use crate::sim::attitude::{Attitude, AttitudeTrack, Turned};
 use ff_lanes::{Kernel, WIDEST};
 use ff_model::Model;
 use ff_model::scalar::LaneScalar;
 
-/// Columns of a block: as many as the widest lanes have.
-pub(crate) const BLOCK: usize = WIDEST;
 /// Stages whose derivatives are at hand at once, at most: one per lane.
 const STAGES: usize = WIDEST;
 
@@ -53,7 +52,7 @@ impl<L: LaneScalar> Flow<L> {
         let mut dz = vec![0.0; nz * blocks * BLOCK];
         for (c, &i) in wanted.initial.iter().enumerate() {
             // The state of the record is `[v | w | eta | nu]`.
-            let (row, c) = (if i < 3 { 3 + 2 * m + i } else { i - 3 }, wanted.params.len() + c);
+            let (row, c) = (if i < 3 { 3 + 2 * m + i } else { i - 3 }, wanted.forced() + c);
             if row < nz {
                 dz[(c / BLOCK * nz + row) * BLOCK + c % BLOCK] = 1.0;
             }
@@ -65,7 +64,7 @@ impl<L: LaneScalar> Flow<L> {
             m,
             n,
             nz,
-            np: wanted.params.len(),
+            np: wanted.forced(),
             count,
             h,
             gain: vec![0.0; STAGES * stride],

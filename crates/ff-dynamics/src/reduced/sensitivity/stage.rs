@@ -44,6 +44,11 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
         for (k, wanted) in columns.ports.iter().enumerate() {
             wanted.iter().for_each(|&(_, col)| own_p[col] = OwnRows::Port(k));
         }
+        for (k, wanted) in columns.placements.iter().enumerate() {
+            for &(_, _, col) in wanted {
+                own_p[col] = if own_p[col] == OwnRows::None { OwnRows::Port(k) } else { OwnRows::All };
+            }
+        }
         Self { parts, nz, mass: Inverse::new(model), own_z, own_p, rz: z(n * nz), rp: z(n * columns.count) }
     }
 
@@ -79,6 +84,17 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
                     rp[col * n + r] = row[k];
                 }
             }
+        }
+        let kinematic = parts.columns.kinematic();
+        rp[n * kinematic.start..n * kinematic.end].fill(L::zero());
+        if !kinematic.is_empty() {
+            parts.place_slopes(nodes);
+        }
+        for &(slope, col) in &parts.columns.arm {
+            let d = table.slopes.all[slope].arm::<L>(nodes);
+            let (f, t) = d.ten.wrench(&at.w, &at.al, &at.a, &at.field);
+            (f + at.w.cross_add(&d.dh2, &d.ddh)).write_to(&mut rp[col * n..]);
+            (t + d.c.mul_add(&at.w, &d.dl)).write_to(&mut rp[col * n + 3..]);
         }
         for l in 0..parts.columns.links.len() {
             parts.link(l, &at, &mut Rows { n, first: 6, rz, rp });
@@ -141,6 +157,12 @@ impl<T: ModelScalar> Put<T> for Rows<'_, T> {
         let to = match column {
             Column::State(c) => {
                 let to = &mut self.rz[c * self.n..(c + 1) * self.n];
+                (f + V3::from_slice(to)).write_to(to);
+                (moment + V3::from_slice(&to[3..])).write_to(&mut to[3..]);
+                to
+            }
+            Column::Kinematic(c) => {
+                let to = &mut self.rp[c * self.n..(c + 1) * self.n];
                 (f + V3::from_slice(to)).write_to(to);
                 (moment + V3::from_slice(&to[3..])).write_to(&mut to[3..]);
                 to

@@ -1,0 +1,128 @@
+//! The reduced system for many parameter sets at once, one per lane: under one table of the arm, or each under its own.
+
+use crate::reduced::system::{Reduced, ReducedError, Response, check, integrate, simulate_reduced, write_lane};
+use crate::reduced::table::{ArmSource, OnePerLane, Prescribed};
+use ff_model::scalar::LaneScalar;
+use ff_model::scalar::lanes::{Isa, LaneTask, dispatch, gather};
+use ff_model::{Model, Params};
+
+/// [`simulate_reduced`] for many parameter sets and initial states under one joint motion, as many at a time as the
+/// machine has lanes (eight with AVX-512, four otherwise).
+///
+/// The results are those of single runs to rounding (the lanes use fused multiply-adds). Sets that share their lanes
+/// with one that fails are run again alone, so that each gets its own result. Allocates results and buffers.
+///
+/// # Errors
+/// [`ReducedError::NotFreeFloating`]; what goes wrong with one set is in its own result.
+///
+/// # Panics
+/// If an initial state has the wrong length.
+pub fn simulate_reduced_batch(
+    model: &Model,
+    table: &Prescribed,
+    runs: &[(&Params<f64>, &[f64])],
+) -> Result<Vec<Result<Response, ReducedError>>, ReducedError> {
+    let start = |&(_, z0): &(&Params<f64>, &[f64])| z0.len();
+    check_starts(model, runs.iter().map(start))?;
+    Ok(dispatch(Isa::detect(), Batch { model, table, runs }))
+}
+
+/// A parameter set, the table of the arm that belongs to it, and an initial state.
+pub type OwnTable<'a> = (&'a Params<f64>, &'a Prescribed, &'a [f64]);
+
+/// [`simulate_reduced_batch`] with a table per parameter set: the masses of the links, placements of joints and mounts, or
+/// the motion itself differ between the sets. Allocates results and buffers.
+///
+/// # Errors
+/// As [`simulate_reduced_batch`].
+///
+/// # Panics
+/// If an initial state has the wrong length, or the tables differ in sampling, joints or hosts of the appendages.
+pub fn simulate_reduced_own_tables(
+    model: &Model,
+    runs: &[OwnTable<'_>],
+) -> Result<Vec<Result<Response, ReducedError>>, ReducedError> {
+    check_starts(model, runs.iter().map(|run| run.2.len()))?;
+    for pair in runs.windows(2) {
+        assert!(pair[0].1.is_like(pair[1].1), "tables of one sampling, number of joints and hosts of the appendages");
+    }
+    Ok(dispatch(Isa::detect(), OwnTables { model, runs }))
+}
+
+fn check_starts(model: &Model, lengths: impl Iterator<Item = usize>) -> Result<(), ReducedError> {
+    check(model)?;
+    lengths.for_each(|n| assert_eq!(n, 6 + 2 * model.np(), "initial state"));
+    Ok(())
+}
+
+struct Batch<'a> {
+    model: &'a Model,
+    table: &'a Prescribed,
+    runs: &'a [(&'a Params<f64>, &'a [f64])],
+}
+
+impl LaneTask for Batch<'_> {
+    type Output = Vec<Result<Response, ReducedError>>;
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        let Self { model, table, runs } = self;
+        let mut all = Vec::with_capacity(runs.len());
+        for group in runs.chunks(L::N) {
+            match together::<L, _>(model, table, group.len(), |i| group[i]) {
+                Some(together) => all.extend(together.into_iter().map(Ok)),
+                None => all.extend(group.iter().map(|&(p, z)| simulate_reduced(model, p, table, z))),
+            }
+        }
+        all
+    }
+}
+
+struct OwnTables<'a> {
+    model: &'a Model,
+    runs: &'a [OwnTable<'a>],
+}
+
+impl LaneTask for OwnTables<'_> {
+    type Output = Vec<Result<Response, ReducedError>>;
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        let Self { model, runs } = self;
+        let mut all = Vec::with_capacity(runs.len());
+        for group in runs.chunks(L::N) {
+            let tables: Vec<&Prescribed> = (0..L::N).map(|l| group[l.min(group.len() - 1)].1).collect();
+            match together::<L, _>(model, &OnePerLane(&tables), group.len(), |i| (group[i].0, group[i].2)) {
+                Some(together) => all.extend(together.into_iter().map(Ok)),
+                None => all.extend(group.iter().map(|&(p, table, z)| simulate_reduced(model, p, table, z))),
+            }
+        }
+        all
+    }
+}
+
+/// A group of runs, one per lane; one that is not full repeats its last. `None` for a single run, and where one fails.
+#[inline(always)]
+fn together<'a, L: LaneScalar, S: ArmSource<L>>(
+    model: &Model,
+    source: &S,
+    count: usize,
+    run: impl Fn(usize) -> (&'a Params<f64>, &'a [f64]),
+) -> Option<Vec<Response>> {
+    if count == 1 {
+        return None;
+    }
+    let (m, nj) = (model.np(), model.nj());
+    let of = |l: usize| run(l.min(count - 1));
+    let values: Vec<&[f64]> = (0..L::N).map(|l| of(l).0.values()).collect();
+    let starts: Vec<&[f64]> = (0..L::N).map(|l| of(l).1).collect();
+    let params = Params::from_values(model, (0..values[0].len()).map(|i| gather::<L>(&values, i)).collect());
+    let z0: Vec<L> = (0..starts[0].len()).map(|i| gather(&starts, i)).collect();
+    let mut out: Vec<Response> = (0..count).map(|_| Response::new(source.layout().samples, nj, m)).collect();
+    let mut plain = vec![0.0; 12 + 3 * m + nj];
+    let mut sys = Reduced::<L, S>::new(model, &params, source);
+    let done = integrate(&mut sys, &z0, |i, z, u, tau| {
+        for (lane, out) in out.iter_mut().enumerate() {
+            write_lane(out, &mut plain, lane, (i, m), z, u, tau);
+        }
+    });
+    done.ok().map(|()| out)
+}

@@ -1,0 +1,149 @@
+//! Derivatives of the tables with respect to kinematic parameters, by forward dual numbers through [`ArmModel`].
+//!
+//! A parameter of a joint changes the arm, the frames on what the joint carries, and the rows of joints; one of a mount
+//! changes the frame of that mount alone, the same at all times where the host is the base.
+
+use super::arm_model::ArmModel;
+use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW, lanes};
+use super::sampling::Sampling;
+use crate::motion::joint::JointMotion;
+use ff_lanes::WIDEST;
+use ff_model::scalar::DIRECTIONS;
+use ff_model::scalar::{Grad, LaneScalar};
+use ff_model::{Kinematics, Model, Params, Placed, Xform};
+
+/// Derivatives of the tables, one per kinematic parameter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Slopes {
+    /// Indices of the kinematic parameters.
+    pub(crate) of: Vec<usize>,
+    /// In the same order.
+    pub(crate) all: Vec<Slope>,
+}
+
+/// Derivatives of the tables with respect to one kinematic parameter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Slope {
+    nj: usize,
+    /// Of the arm, per node, and of the rows, per sample and joint; empty for a mount.
+    arm: Vec<f64>,
+    rows: Vec<f64>,
+    /// Of the frames of appendages, those that it moves.
+    pub(crate) frames: Vec<FrameSlope>,
+}
+
+/// Derivative of the frame of an appendage.
+#[derive(Clone, Debug)]
+pub(crate) struct FrameSlope {
+    /// The appendage.
+    pub(crate) port: usize,
+    /// Per node, or once where the frame is at rest in the base.
+    numbers: Vec<f64>,
+    at_rest: bool,
+}
+
+impl Slopes {
+    /// With respect to the kinematic parameters `of`, at the values `kinematics`.
+    ///
+    /// # Panics
+    /// If a parameter does not exist or the motion has another number of joints.
+    pub(crate) fn new(
+        sampling: &Sampling,
+        model: &Model,
+        params: &Params<f64>,
+        kinematics: &Kinematics<f64>,
+        motion: &dyn JointMotion,
+        of: &[usize],
+    ) -> Self {
+        let (decls, nj, nodes) = (model.kinematic_params(), model.nj(), sampling.nodes());
+        assert!(of.iter().all(|&i| i < decls.len()), "kinematic parameters: there are {}", decls.len());
+        let moves = |by: Placed, port: usize| match by {
+            Placed::Joint(j) => carries(model, j, model.appendages()[port].host),
+            Placed::Mount(k) => k == port,
+        };
+        let empty = |&i: &usize| {
+            let by = decls[i].of;
+            let joint = matches!(by, Placed::Joint(_));
+            let room = |n: usize| vec![0.0; if joint { n } else { 0 }];
+            let frames = (0..model.appendages().len()).filter(|&port| moves(by, port)).map(|port| {
+                let at_rest = model.appendages()[port].host == 0;
+                FrameSlope { port, numbers: vec![0.0; FRAME * if at_rest { 1 } else { nodes }], at_rest }
+            });
+            let frames = frames.collect();
+            Slope { nj, arm: room(ARM * nodes), rows: room(ROW * nj * sampling.samples), frames }
+        };
+        let mut out = Self { of: of.to_vec(), all: of.iter().map(empty).collect() };
+        let params = params.lift::<Grad>(model);
+        let mut joints = vec![0.0; 3 * nj];
+        let (mut x, mut numbers) = (vec![Grad::constant(0.0); 3 * nj], Vec::new());
+        for (of, slopes) in of.chunks(DIRECTIONS).zip(out.all.chunks_mut(DIRECTIONS)) {
+            let mut values: Vec<Grad> = kinematics.values().iter().map(|&x| Grad::constant(x)).collect();
+            of.iter().enumerate().for_each(|(k, &i)| values[i].eps[k] = 1.0);
+            let kinematics = Kinematics::from_values(model, values);
+            let site = |(k, a): (usize, &ff_model::tree::Mounted)| (a.host, kinematics.mount(k).apply(&a.mount));
+            let sites: Vec<(usize, Xform<Grad>)> = model.appendages().iter().enumerate().map(site).collect();
+            let mut arm = ArmModel::new(model, &params, &sites).displaced(&kinematics);
+            for node in 0..nodes {
+                let (q, rest) = joints.split_at_mut(nj);
+                let (qd, qdd) = rest.split_at_mut(nj);
+                motion.eval(sampling.time_of(node), q, qd, qdd);
+                x.iter_mut().zip(&joints).for_each(|(x, &j)| *x = Grad::constant(j));
+                let per_sample = sampling.nodes_per_sample();
+                let rows = node % per_sample == 0;
+                arm.numbers([&x[..nj], &x[nj..2 * nj], &x[2 * nj..]], rows, &mut numbers);
+                for (k, slope) in slopes.iter_mut().enumerate() {
+                    let take = |to: &mut [f64], from: usize| {
+                        to.iter_mut().zip(&numbers[from..]).for_each(|(t, x)| *t = x.eps[k]);
+                    };
+                    if !slope.arm.is_empty() {
+                        take(&mut slope.arm[ARM * node..ARM * (node + 1)], 0);
+                        if rows {
+                            let first = ROW * nj * (node / per_sample);
+                            take(&mut slope.rows[first..first + ROW * nj], arm.row_at(0));
+                        }
+                    }
+                    for f in slope.frames.iter_mut().filter(|f| !f.at_rest || node == 0) {
+                        take(&mut f.numbers[FRAME * node..FRAME * (node + 1)], arm.frame_at(f.port));
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Whether joint `j` lies between a body and the base.
+fn carries(model: &Model, j: usize, mut body: usize) -> bool {
+    while body > j + 1 {
+        body = model.bodies()[body - 1].parent;
+    }
+    body == j + 1
+}
+
+impl Slope {
+    /// Whether arm and rows depend on the parameter.
+    pub(crate) fn has_arm(&self) -> bool {
+        !self.arm.is_empty()
+    }
+    /// Of the arm at nodes, one per lane.
+    #[inline(always)]
+    pub(crate) fn arm<L: LaneScalar>(&self, nodes: &[usize]) -> Arm<L> {
+        Arm::read(|i| lanes(nodes, |n| self.arm[n * ARM + i]))
+    }
+    /// Of the row of joint `j` at a sample.
+    pub(crate) fn row(&self, sample: usize, j: usize) -> JointRow<f64> {
+        JointRow::from_slice(&self.rows[(sample * self.nj + j) * ROW..])
+    }
+}
+
+impl FrameSlope {
+    /// At nodes, one per lane: `R` and `p` of the pose are derivatives, too.
+    #[inline(always)]
+    pub(crate) fn at<L: LaneScalar>(&self, nodes: &[usize]) -> Frame<L> {
+        let mut here = [0; WIDEST];
+        if !self.at_rest {
+            here[..L::N].copy_from_slice(&nodes[..L::N]);
+        }
+        Frame::read(|i| lanes(&here, |n| self.numbers[n * FRAME + i]))
+    }
+}
