@@ -4,7 +4,7 @@ use super::Holds::{
     Either, Flag, Just, Matrix, Number, Numbers, OneOf, Pairs, Table, Tables, Terms, Text, Texts, Vector, Whole, Words,
 };
 use super::{Key, key, must};
-use crate::workflow::identify::result::{FORMAT, VERSION};
+use crate::workflow::identify::result::identification::{FORMAT, VERSION};
 
 pub(super) const ROOT: &[Key] = &[
     must("format", OneOf(&[FORMAT]), "what this file is"),
