@@ -1,4 +1,4 @@
-//! Every reader of a file, given any bytes: what the fuzz targets run, and what `crates/ffid/tests/any_bytes.rs` runs with seeds and
+//! Every reader of a file, given any bytes: what the fuzz targets run, and what `crates/ffid-cli/tests/any_bytes.rs` runs with seeds and
 //! mutations on a stable compiler. A reader returns; and when it refuses, it says why.
 
 use excitation::TrajectoryFile;

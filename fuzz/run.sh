@@ -7,7 +7,7 @@
 # install nightly); without, the stable one is allowed the flags of the sanitisers, which it has as well. Starts from fuzz/seeds
 # and the fixtures, keeps what it learns in fuzz/corpus and what it finds in fuzz/artifacts; both stay out of the repository. Goes on
 # to the next target after a finding, and ends with exit code 1 if there was one. A finding becomes a regression test: minimise
-# it (cargo fuzz tmin) and put it into fuzz/seeds/<target>, which `cargo xtask test` runs (crates/ffid/tests/any_bytes.rs).
+# it (cargo fuzz tmin) and put it into fuzz/seeds/<target>, which `cargo xtask test` runs (crates/ffid-cli/tests/any_bytes.rs).
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 minutes=${1:-20}

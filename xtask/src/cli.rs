@@ -2,11 +2,11 @@
 
 use crate::exit;
 use crate::exit::Exit;
-use crate::{bench, ci, conformance, fixtures, reproduce, study, suite};
+use crate::{bench, conformance, reproduce, study};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Project tasks.
+/// Project tasks that need its libraries; `cargo xtask --help` lists the others.
 #[derive(Debug, Parser)]
 #[command(name = "cargo xtask", version, about, after_help = exit::help())]
 struct Cli {
@@ -14,17 +14,11 @@ struct Cli {
     command: Command,
 }
 
-/// One variant per command; each has its own file.
+/// One variant per command; each has its own file, and a line in `launcher/src/tasks.rs`, which starts it.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run every test of the workspace, doc tests included
-    Test(suite::Args),
     /// Hold every kind of appendage to the laws of mechanics, and check that wrong ones are caught
     Conformance(conformance::Args),
-    /// Write fixtures/SHA256SUMS, or verify it with --check
-    Fixtures(fixtures::Args),
-    /// Run the steps of .ci/run
-    Ci,
     /// Run the paper's study end to end: tables, figures, series, summary.json
     Reproduce(reproduce::Args),
     /// Run a seeded study and hold its figures to their limits
@@ -38,10 +32,7 @@ pub fn main() -> ExitCode {
     // clap exits by itself on bad usage, with code 2: the code of the project's table.
     let cli = Cli::parse();
     let outcome = match &cli.command {
-        Command::Test(args) => suite::run(args),
         Command::Conformance(args) => conformance::run(args),
-        Command::Fixtures(args) => fixtures::run(args),
-        Command::Ci => ci::run(),
         Command::Reproduce(args) => reproduce::run(args),
         Command::Study(args) => study::run(args),
         Command::Bench(args) => bench::run(args),

@@ -1,12 +1,13 @@
 //! Which failure of a project task ends with which code of [`ffid::exit`], the one table.
 
+use crate::study::trials::TrialsError;
 use ff_model::Problems;
 pub use ffid::exit::{Exit, Failure};
 use std::io;
 
-/// The table as `--help` prints it, and what it does not hold.
+/// The table as `--help` prints it.
 pub fn help() -> String {
-    format!("{}\n`test` and `ci` pass on the code of the program that failed.", ffid::exit::help())
+    ffid::exit::help()
 }
 
 /// The exit code of an error: that of the first cause in its chain that has one.
@@ -19,6 +20,9 @@ pub fn code_of(e: &anyhow::Error) -> u8 {
         }
         if let Some(p) = cause.downcast_ref::<Problems>() {
             return Exit::of(p).code();
+        }
+        if cause.is::<TrialsError>() {
+            return Exit::Incompatible.code();
         }
         if cause.is::<io::Error>() {
             return Exit::Io.code();

@@ -2,11 +2,16 @@
 
 use assert_cmd::Command;
 use serde_json::Value;
+use std::path::Path;
 
 /// Runs a study in the workspace; its JSON and what it printed. The exit code must be zero: every limit holds.
 fn study(args: &[&str]) -> (Value, String) {
-    let dir = tempfile::tempdir().unwrap();
-    let file = dir.path().join("study.json");
+    study_in(tempfile::tempdir().unwrap().path(), args)
+}
+
+/// The same with its trials in `trials.jsonl` of a folder.
+fn study_in(dir: &Path, args: &[&str]) -> (Value, String) {
+    let file = dir.join("study.json");
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
     let out = Command::cargo_bin("xtask")
         .unwrap()
@@ -14,6 +19,8 @@ fn study(args: &[&str]) -> (Value, String) {
         .args(args)
         .arg("--json")
         .arg(&file)
+        .arg("--out")
+        .arg(dir.join("trials.jsonl"))
         .current_dir(root)
         .output()
         .unwrap();
@@ -27,6 +34,21 @@ fn nist_problems_are_solved_without_a_false_success() {
     let (json, text) = study(&["nist"]);
     assert_eq!(json["figures"]["start_2.reached_6_digits"], 27.0);
     assert_eq!(text.lines().filter(|l| l.contains("digits, ") && l.contains(" start ")).count(), 54);
+}
+
+/// Killed in the middle of a line, a study goes on where it stopped and ends with the same figures.
+#[test]
+fn an_interrupted_study_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let (whole, _) = study_in(dir.path(), &["nist"]);
+    let trials = dir.path().join("trials.jsonl");
+    let text = std::fs::read(&trials).unwrap();
+    std::fs::write(&trials, &text[..text.len() / 2]).unwrap();
+    let (resumed, said) = study_in(dir.path(), &["nist", "--resume"]);
+    assert_eq!(resumed, whole);
+    assert!(said.contains("trials were read from"), "{said}");
+    let lines = std::fs::read_to_string(&trials).unwrap().lines().count();
+    assert_eq!(lines, 54);
 }
 
 #[test]

@@ -25,8 +25,13 @@ pub use plan::{
     check_manoeuvre, feasible_start, random_plan,
 };
 pub use planning::{plan_fisher, plan_information, plan_quiet};
-pub use solve::{Conflict, Found, Outcome, Progress, SearchOptions, SqpOptions, Verdict, Watch, search, verify};
+pub use solve::{Conflict, Found, Observer, Outcome, Progress, SearchOptions, SqpOptions, Verdict, search, verify};
 pub use system::flexible::FlexibleInformation;
 pub use system::prediction::Prediction;
 pub use system::rigid::{RigidInformation, SensorNoise};
 pub use trajectory::{Trajectory, TrajectoryFile};
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -9,6 +9,7 @@ use excitation::plan::PlanError;
 use excitation::solve::minimise;
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
+use ff_testkit::assert_within;
 use nalgebra::Vector6;
 
 fn plans() -> Vec<(SplinePlan, Vec<f64>)> {
@@ -30,8 +31,7 @@ fn check(cost: &dyn Cost) {
     for (plan, x) in plans() {
         let n = plan.variables();
         let (mut g, mut scrap) = (vec![7.0; n], vec![0.0; n]);
-        let f = cost.value_gradient(&plan, &x, &mut g);
-        assert!(f.is_finite());
+        cost.value_gradient(&plan, &x, &mut g);
         let norm = g.iter().map(|v| v * v).sum::<f64>().sqrt();
         for i in 0..n {
             let mut y = x.clone();
@@ -42,8 +42,9 @@ fn check(cost: &dyn Cost) {
             // Fourth-order central difference.
             let h = 1e-3 * x[i].abs().clamp(0.3, 1.0);
             let num = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
-            assert!(
-                (g[i] - num).abs() <= 1e-6 * norm.max(g[i].abs()),
+            assert_within!(
+                (g[i] - num).abs(),
+                1e-6 * norm.max(g[i].abs()),
                 "variable {i}: {} against {num}, norm {norm}",
                 g[i]
             );
@@ -135,7 +136,7 @@ fn wide_band_energy_is_parseval() {
     }
     let mut g = vec![0.0; x.len()];
     let wide = Quiet { low: 0.0, high: 4.0, points: 800, weights }.value_gradient(&plan, &x, &mut g);
-    assert!((wide / energy - 1.0).abs() < 1e-4, "{wide} against {energy}");
+    assert_within!((wide / energy - 1.0).abs(), 1e-4, "{wide} against {energy}");
 }
 
 #[test]

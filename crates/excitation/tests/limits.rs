@@ -1,10 +1,10 @@
 //! Limits that hold for all time, and rest at both ends.
 
 use crate::common::{limits, spec};
-use excitation::plan::Shape;
-use excitation::plan::{Extent, LimitError, PlanError, Quantity, Which};
+use excitation::plan::{Extent, LimitError, PlanError, PlanLimit, Quantity, Shape};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
+use ff_testkit::assert_within;
 
 #[test]
 fn no_sample_of_200_random_plans_breaks_a_limit() {
@@ -54,7 +54,7 @@ fn rest_to_rest_is_exact() {
         let (mut q, mut qd, mut qdd) = ([0.0; 3], [1.0; 3], [1.0; 3]);
         m.eval(t, &mut q, &mut qd, &mut qdd);
         for j in 0..3 {
-            assert!((q[j] - want[j]).abs() < 1e-15);
+            assert_within!((q[j] - want[j]).abs(), 1e-15);
             assert_eq!((qd[j], qdd[j]), (0.0, 0.0));
         }
     }
@@ -105,7 +105,10 @@ fn impossible_demands_are_named() {
         SplinePlan::new(s).unwrap_err()
     };
     let start = broken(|s| s.start[2] = 2.9);
-    assert!(matches!(start, PlanError::Infeasible { which: Which { joint: Some(2), quantity: Quantity::Upper, .. } }));
+    assert!(matches!(
+        start,
+        PlanError::Infeasible { which: PlanLimit { joint: Some(2), quantity: Quantity::Upper, .. } }
+    ));
     assert!(start.to_string().starts_with("upper position limit 2.1"), "{start}");
     assert!(matches!(broken(|s| s.limits[0].velocity = -1.0), PlanError::Limits(LimitError::Limits { joint: 0, .. })));
     assert!(matches!(broken(|s| s.limits.truncate(2)), PlanError::Limits(LimitError::Count { got: 2, dof: 3 })));
@@ -120,5 +123,5 @@ fn impossible_demands_are_named() {
     s.duration = Duration::Fixed(5.0);
     let plan = SplinePlan::new(s).unwrap();
     let e = random_plan(&plan, 1, 0, 0.5).unwrap_err();
-    assert!(matches!(e, PlanError::Infeasible { which: Which { joint: Some(2), .. } }), "{e}");
+    assert!(matches!(e, PlanError::Infeasible { which: PlanLimit { joint: Some(2), .. } }), "{e}");
 }

@@ -4,6 +4,7 @@ use approx::assert_relative_eq;
 use excitation::plan::{Extent, ManoeuvreError, Shape};
 use excitation::{JointCommand, JointLimits, Manoeuvre, ManoeuvreSpec, check_manoeuvre};
 use ff_dynamics::motion::{JointMotion, Sequence};
+use ff_testkit::{assert_within, scaled};
 
 fn command(joint: usize, shape: Shape, extent: Extent) -> JointCommand {
     JointCommand { joint, shape, extent, velocity: 0.17, acceleration: 0.15 }
@@ -25,8 +26,8 @@ fn sampled_peaks(m: &Manoeuvre, joint: usize) -> [f64; 3] {
         m.eval(i as f64 * h, &mut q, &mut qd, &mut qdd);
         let now = [q[joint], qd[joint], qdd[joint]];
         if let Some(l) = last {
-            assert!((now[0] - l[0] - 0.5 * h * (now[1] + l[1])).abs() < 1e-11);
-            assert!((now[1] - l[1] - 0.5 * h * (now[2] + l[2])).abs() < 1e-7 * 0.2);
+            assert_within!((now[0] - l[0] - 0.5 * h * (now[1] + l[1])).abs(), 1e-11);
+            assert_within!((now[1] - l[1] - 0.5 * h * (now[2] + l[2])).abs(), 1e-7 * 0.2);
             peaks[2] = peaks[2].max((now[2] - l[2]).abs() / h);
         }
         peaks[0] = peaks[0].max(now[1].abs());
@@ -45,17 +46,17 @@ fn limits_hold_and_angles_are_exact() {
                 let mv = m.moves()[0];
                 let peaks = sampled_peaks(&m, 1);
                 assert!(peaks[0] <= 0.17 + 1e-9 && peaks[1] <= 0.15 + 1e-9, "{peaks:?}");
-                assert_relative_eq!(peaks[0], mv.velocity, max_relative = 1e-4);
-                assert_relative_eq!(peaks[1], mv.acceleration, max_relative = 2e-3);
-                assert_relative_eq!(peaks[2], mv.jerk, max_relative = 1e-6);
+                assert_relative_eq!(peaks[0], mv.velocity, max_relative = scaled(1e-4));
+                assert_relative_eq!(peaks[1], mv.acceleration, max_relative = scaled(2e-3));
+                assert_relative_eq!(peaks[2], mv.jerk, max_relative = scaled(1e-6));
                 assert!(mv.jerk <= 0.15 / 0.083 + 1e-9);
                 let (mut q, mut qd, mut qdd) = ([0.0; 3], [0.0; 3], [0.0; 3]);
                 m.eval(m.duration(), &mut q, &mut qd, &mut qdd);
                 let end = 0.82 + if shape == Shape::Single { angle } else { 0.0 };
                 assert_eq!((q, qd, qdd), ([0.11, end, -0.43], [0.0; 3], [0.0; 3]));
                 if grid.is_none() && angle == 0.9 {
-                    assert_relative_eq!(mv.velocity, 0.17, epsilon = 1e-12);
-                    assert_relative_eq!(mv.acceleration, 0.15, epsilon = 1e-12);
+                    assert_relative_eq!(mv.velocity, 0.17, epsilon = scaled(1e-12));
+                    assert_relative_eq!(mv.acceleration, 0.15, epsilon = scaled(1e-12));
                 }
                 if let Some(h) = grid {
                     assert!(m.breaks().iter().all(|b| ((b / h).round() * h - b).abs() < 1e-12));
@@ -91,7 +92,7 @@ fn half_period_moves_drive_the_mode() {
         assert!(mv.angle < 0.0);
         let lobes = if shape == Shape::Single { 1.0 } else { 2.0 };
         if shape == Shape::Doublet {
-            assert_relative_eq!(mv.end - mv.start, 2.0 * 2.17, epsilon = 1e-9);
+            assert_relative_eq!(mv.end - mv.start, 2.0 * 2.17, epsilon = scaled(1e-9));
         }
         let at_mode = gain(&m, 0.23);
         assert!(at_mode > 0.9 * lobes * 2.0 * 0.5 * mv.velocity, "{at_mode}");
@@ -110,7 +111,7 @@ fn several_joints_and_bad_arguments() {
     let b = command(2, Shape::Doublet, Extent::Angle(-0.4));
     let m = Manoeuvre::new(&spec(vec![a, b], None)).unwrap();
     assert_eq!(m.excursion(2), (-0.43 - 0.4, -0.43));
-    assert_relative_eq!(m.ringing().1 - m.ringing().0, 20.3, epsilon = 1e-12);
+    assert_relative_eq!(m.ringing().1 - m.ringing().0, 20.3, epsilon = scaled(1e-12));
     assert_eq!(Manoeuvre::new(&spec(vec![a, a], None)), Err(ManoeuvreError::Twice(0)));
     let bad = |f: fn(&mut ManoeuvreSpec)| {
         let mut s = spec(vec![command(0, Shape::Single, Extent::Angle(0.3))], None);

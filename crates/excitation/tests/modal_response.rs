@@ -1,14 +1,14 @@
 //! Modal weights against the full dynamics: at rest, and as the motion that is left over.
 
-use crate::common::{paper, uniform};
-use excitation::objective::BaseResponse;
-use excitation::objective::{Form, Modal, Target};
+use crate::common::{numbers, paper};
+use excitation::objective::{BaseResponse, Form, Modal, Target};
 use excitation::system::rigid::RigidBase;
 use excitation::system::{driven_modes, flexible_band, modal_targets};
 use excitation::*;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Boundary, Prescribed, Sampling, State, Work, hybrid_dynamics, modes, simulate_reduced};
 use ff_model::{BaseKind, Params};
+use ff_testkit::assert_within;
 use std::f64::consts::TAU;
 
 #[test]
@@ -18,7 +18,7 @@ fn modes_add_up_to_the_passive_acceleration() {
             let model = paper(file).model.with_base_kind(base);
             let params = Params::nominal(&model);
             for seed in 0..5 {
-                let (q, qdd) = (uniform(7, 2.0, seed), uniform(7, 1.0, seed + 50));
+                let (q, qdd) = (numbers(7, 2.0, seed), numbers(7, 1.0, seed + 50));
                 let mut s = State::zero(&model);
                 s.q.copy_from_slice(&q);
                 s.eta.copy_from_slice(&model.rest_position(&params));
@@ -30,7 +30,7 @@ fn modes_add_up_to_the_passive_acceleration() {
                     let force = |t: &Target| t.weights.iter().zip(&qdd).map(|(c, a)| c * a).sum::<f64>();
                     let sum: f64 = shapes.iter().zip(&targets).map(|(m, t)| m.passive[i] * force(t)).sum();
                     let want = a[model.nb() + 7 + i];
-                    assert!((sum - want).abs() < 1e-10, "{file} {base:?} {i}: {sum} against {want}");
+                    assert_within!((sum - want).abs(), 1e-10, "{file} {base:?} {i}: {sum} against {want}");
                 }
             }
         }
@@ -45,13 +45,13 @@ fn base_acceleration_of_the_frozen_robot_drives_the_same_modes() {
         let params = Params::nominal(&model);
         let robot = RigidBase::new(&model, &params).unwrap();
         for seed in 0..5 {
-            let (q, qdd) = (uniform(7, 2.0, seed), uniform(7, 1.0, seed + 50));
+            let (q, qdd) = (numbers(7, 2.0, seed), numbers(7, 1.0, seed + 50));
             let mut a = [0.0; 6];
             robot.base_acceleration(&q, &[0.0; 7], &qdd, &mut a);
             let modes = driven_modes(&model, &params, &q, &noise).unwrap();
             for (m, t) in modes.iter().zip(modal_targets(&model, &params, &q).unwrap()) {
                 let force: f64 = t.weights.iter().zip(&qdd).map(|(c, a)| c * a).sum();
-                assert!((m.drive.dot(&nalgebra::Vector6::from(a)) - force).abs() < 1e-10);
+                assert_within!((m.drive.dot(&nalgebra::Vector6::from(a)) - force).abs(), 1e-10);
                 assert!(m.frequency == t.frequency && m.gyro == 0.0 && m.torque > 0.0);
             }
         }

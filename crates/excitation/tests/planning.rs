@@ -1,4 +1,4 @@
-//! Plans for the paper's robot: limits, predicted standard deviations, quietness, and their time.
+//! Plans for the paper's robot: limits, predicted standard deviations and quietness.
 
 use crate::common::{paper, request};
 use excitation::planning::{InformationRequest, Planned};
@@ -8,10 +8,9 @@ use ff_dynamics::Wanted;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Sampling, sensitivities};
 use ff_model::Params;
-use std::time::Instant;
 
-fn print(what: &str, p: &Planned, seconds: f64) {
-    eprintln!("{what}: {seconds:.2} s, {:?}, searches {:?}", p.status, p.searches);
+fn print(what: &str, p: &Planned) {
+    eprintln!("{what}: {:?}, searches {:?}", p.status, p.searches);
     eprintln!("  -log det: random {:.2}, planned {:.2}", p.random_information_cost, p.information_cost);
     for q in &p.predictions {
         eprintln!(
@@ -32,11 +31,8 @@ fn information_beats_random_plans_within_the_limits() {
     let params = Params::nominal(&loaded.model);
     let all: Vec<usize> = (0..10).collect();
     let request = request(&loaded, 3);
-    let clock = Instant::now();
     let p = plan_information(&loaded.model, &params, &all, &request).unwrap();
-    let seconds = clock.elapsed().as_secs_f64();
-    print("information", &p, seconds);
-    assert!(seconds < 20.0);
+    print("information", &p);
     assert_eq!(p.status, Status::Converged);
     // For all time by the control polygons, and at samples, which share nothing with that proof.
     assert!(p.limits.holds, "{:?}", p.limits.worst());

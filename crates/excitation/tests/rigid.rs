@@ -1,6 +1,6 @@
 //! The rigid model at zero momentum against the dynamics crate and against differences, on the paper's robot.
 
-use crate::common::{paper, uniform};
+use crate::common::{Numeric, numbers, paper};
 use excitation::objective::{BasePartials, BaseResponse, SampleInformation};
 use excitation::system::rigid::{RigidBase, RigidError};
 use excitation::*;
@@ -8,13 +8,14 @@ use ff_dynamics::Wanted;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Sampling, State, Work, budget, hybrid_dynamics, reduced_torques};
 use ff_model::{Model, Params};
+use ff_testkit::assert_within;
 use nalgebra::DMatrix;
 
 const NOISE: SensorNoise = SensorNoise { torque: 0.1, gyro: Some(1.5e-4), rate: 100.0 };
 
 /// A general state: positions, rates and accelerations all far from zero.
 fn state(seed: u64) -> [Vec<f64>; 3] {
-    [uniform(7, 2.5, seed), uniform(7, 0.9, seed + 100), uniform(7, 1.3, seed + 200)]
+    [numbers(7, 2.5, seed), numbers(7, 0.9, seed + 100), numbers(7, 1.3, seed + 200)]
 }
 
 /// One instant as a motion, for the tables of the dynamics crate.
@@ -53,13 +54,13 @@ fn base_motion_is_that_of_the_dynamics_crate_at_zero_momentum() {
         s.qd_mut().copy_from_slice(&qd);
         let mut work = Work::new(&model);
         let b = budget(&model, &params, &s, &mut work);
-        assert!(b.momentum.to_vector().norm() < 1e-12 * 600.0, "{:?}", b.momentum);
+        assert_within!(b.momentum.to_vector().norm(), 1e-12 * 600.0, "{:?}", b.momentum);
         let (mut a, mut tau) = (vec![0.0; 13], vec![0.0; 7]);
         hybrid_dynamics(&model, &params, &s, &qdd, &mut work, &mut a, &mut tau).unwrap();
         let mut out = [0.0; 6];
         robot.base_acceleration(&q, &qd, &qdd, &mut out);
         for i in 0..6 {
-            assert!((out[i] - a[i]).abs() < 1e-13, "{out:?} against {a:?}");
+            assert_within!((out[i] - a[i]).abs(), 1e-13, "{out:?} against {a:?}");
         }
     }
 }
@@ -85,7 +86,7 @@ fn partials_match_differences() {
                 let (p, m, pp, mm) = (value(h), value(-h), value(2.0 * h), value(-2.0 * h));
                 for i in 0..6 {
                     let num = (8.0 * (p[i] - m[i]) - (pp[i] - mm[i])) / (12.0 * h);
-                    assert!((exact[(i, j)] - num).abs() < 1e-9, "{k} {j} {i}: {} against {num}", exact[(i, j)]);
+                    assert_within!((exact[(i, j)] - num).abs(), 1e-9, "{k} {j} {i}: {} against {num}", exact[(i, j)]);
                 }
             }
         }
@@ -110,7 +111,7 @@ fn rows_are_the_rda_jacobian_and_the_rate_sensitivity() {
         for k in 0..10 {
             for j in 0..7 {
                 let want = jacobian[(j, k)] * info.sizes()[k] / NOISE.torque;
-                assert!((rows[(j, k)] - want).abs() < 1e-11 * (1.0 + want.abs()), "torque {j}, parameter {k}");
+                assert_within!((rows[(j, k)] - want).abs(), 1e-11 * (1.0 + want.abs()), "torque {j}, parameter {k}");
             }
             let rate_at = |d: f64| {
                 let mut v = params.values().to_vec();
@@ -120,27 +121,13 @@ fn rows_are_the_rda_jacobian_and_the_rate_sensitivity() {
             };
             let num = (rate_at(1e-5) - rate_at(-1e-5)) / 2e-5 / 1.5e-4;
             for r in 0..3 {
-                assert!((rows[(7 + r, k)] - num[3 + r]).abs() < 1e-7 * (1.0 + num.norm()), "gyro {r}, parameter {k}");
+                assert_within!(
+                    (rows[(7 + r, k)] - num[3 + r]).abs(),
+                    1e-7 * (1.0 + num.norm()),
+                    "gyro {r}, parameter {k}"
+                );
             }
         }
-    }
-}
-
-/// The gradient by differences, as a reference.
-struct Numeric<'a>(&'a RigidInformation);
-
-impl SampleInformation for Numeric<'_> {
-    fn parameters(&self) -> usize {
-        self.0.parameters()
-    }
-    fn rows(&self) -> usize {
-        self.0.rows()
-    }
-    fn rows_at(&self, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut DMatrix<f64>) {
-        self.0.rows_at(q, qd, qdd, out);
-    }
-    fn contract(&self, state: [&[f64]; 3], weights: &DMatrix<f64>, gradient: [&mut [f64]; 3]) {
-        crate::common::contract_by_differences(self.0, state, weights, gradient);
     }
 }
 
@@ -155,7 +142,7 @@ fn contracted_gradient_matches_differences() {
         for seed in 0..5 {
             let at = state(seed);
             let (rows, n) = (info.rows(), info.parameters());
-            let weights = DMatrix::from_vec(rows, n, uniform(rows * n, 1.0, seed + 300));
+            let weights = DMatrix::from_vec(rows, n, numbers(rows * n, 1.0, seed + 300));
             let gradient = |s: &dyn SampleInformation| {
                 let mut g = [vec![0.0; 7], vec![0.0; 7], vec![0.0; 7]];
                 let [a, b, c] = &mut g;
@@ -167,7 +154,7 @@ fn contracted_gradient_matches_differences() {
                 let norm = num[k].iter().map(|x| x * x).sum::<f64>().sqrt();
                 for j in 0..7 {
                     let (e, x) = (exact[k][j], num[k][j]);
-                    assert!((e - x).abs() < 1e-7 * norm, "{k} {j}: {e} against {x}");
+                    assert_within!((e - x).abs(), 1e-7 * norm, "{k} {j}: {e} against {x}");
                 }
             }
         }
@@ -186,7 +173,7 @@ fn freezing_adds_the_panels_to_the_given_base() {
     heavier.add_rigid(0, &extra);
     let want = RigidBase::new(&heavier, &Params::nominal(&heavier)).unwrap();
     let [q, qd, _] = state(3);
-    assert!((robot.base_twist(&q, &qd) - want.base_twist(&q, &qd)).norm() < 1e-14);
+    assert_within!((robot.base_twist(&q, &qd) - want.base_twist(&q, &qd)).norm(), 1e-14);
 }
 
 #[test]

@@ -19,7 +19,6 @@ use ff_model::{Params, Xform};
 use nalgebra::{Vector3, Vector6};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::Instant;
 
 fn system(file: &str) -> (Loaded, Arc<HeldSystem>) {
     let loaded = paper(file);
@@ -64,19 +63,17 @@ fn options(starts: usize, iterations: usize) -> SearchOptions {
 fn active(system: &Arc<HeldSystem>, plan: &SplinePlan, constraint: &dyn Constraint, within: f64) -> Found {
     let cost = shake(system);
     let list = [constraint];
-    let bare = search(&Problem::new(&cost, plan), None, &options(1, 40), &Watch::default()).unwrap();
+    let bare = search(&Problem::new(&cost, plan), None, &options(1, 40), &Observer::default()).unwrap();
     let problem = Problem::new(&cost, plan).under(&list);
     let before = verify(&problem, Some(system), &bare.best.x).unwrap();
     assert!(!before.holds, "the constraint does not matter: {:?}", before.worst());
-    let clock = Instant::now();
-    let found = search(&problem, Some(system), &options(1, 60), &Watch::default()).unwrap();
-    let seconds = clock.elapsed().as_secs_f64();
+    let found = search(&problem, Some(system), &options(1, 60), &Observer::default()).unwrap();
     let own: Vec<&ConstraintMargin> =
         found.verdict.margins.iter().filter(|m| matches!(m.basis, Basis::Samples(_))).collect();
     let tightest = own.iter().min_by(|a, b| a.relative.total_cmp(&b.relative)).unwrap();
     eprintln!(
         "{} of {}: cost {:.3} free, {:.3} held; broken before by {:.3}, now {:.5} of {} {} (margin {:.2e}, {:?}); {:?}, \
-         {} iterations, {} rounds, {seconds:.1} s",
+         {} iterations, {} rounds",
         tightest.name,
         tightest.item,
         bare.best.cost,
@@ -166,7 +163,7 @@ fn clearance_is_held() {
     let plan = plan(&q, End::Fixed(end), Duration::Fixed(20.0), 6);
     // A ball in the way of the hand: where it comes along when there is none.
     let cost = shake(&system);
-    let bare = search(&Problem::new(&cost, &plan), None, &options(1, 40), &Watch::default()).unwrap();
+    let bare = search(&Problem::new(&cost, &plan), None, &options(1, 40), &Observer::default()).unwrap();
     let motion = plan.motion(&bare.best.x).unwrap();
     let tool = loaded.model.frame(loaded.mission.robot.end_effector.as_ref().unwrap()).unwrap();
     let mut state = ff_dynamics::State::zero(&loaded.model);
@@ -198,9 +195,8 @@ fn deflection_and_slosh_are_held() {
 fn conflict(system: &Arc<HeldSystem>, plan: &SplinePlan, constraints: &[&dyn Constraint]) -> Conflict {
     let cost = shake(system);
     let problem = Problem::new(&cost, plan).under(constraints);
-    let clock = Instant::now();
-    let e = search(&problem, Some(system), &options(2, 10), &Watch::default()).unwrap_err();
-    eprintln!("{e} ({:.1} s)", clock.elapsed().as_secs_f64());
+    let e = search(&problem, Some(system), &options(2, 10), &Observer::default()).unwrap_err();
+    eprintln!("{e}");
     assert!(e.is_ill_posed());
     match e {
         PlanError::Conflict(c) => *c,
@@ -226,7 +222,8 @@ fn a_way_too_long_for_the_speed_limit_is_named_with_the_time_it_needs() {
     // 1.9 rad at 0.17 rad/s is 11.2 s, and a spline that starts and ends at rest needs somewhat longer.
     let needed = c.demands.iter().find(|d| d.unit == "s").unwrap().possible.unwrap();
     assert!(needed > 11.2 && needed < 20.0, "{needed}");
-    assert!(c.next.contains("Allow"), "{}", c.next);
+    // The next step names the duration that would do.
+    assert!(c.next.contains(&format!("{needed:.4}")), "{}", c.next);
 }
 
 #[test]
@@ -250,7 +247,7 @@ fn demands_that_conflict_are_named() {
     let loose = BaseAttitude::new(&system, &q, 1.3 * possible).unwrap();
     let cost = shake(&system);
     let problem = Problem::new(&cost, &slow).under(&[&rate, &loose, &torque]);
-    let found = search(&problem, Some(&system), &options(1, 5), &Watch::default());
+    let found = search(&problem, Some(&system), &options(1, 5), &Observer::default());
     assert!(found.is_ok(), "{}", found.unwrap_err());
 
     // The move takes work, and no joint may do any to speak of.
@@ -285,8 +282,8 @@ fn interruption_keeps_the_best_feasible_plan_and_threads_do_not_matter() {
     let list: [&dyn Constraint; 1] = [&rate];
     let problem = Problem::new(&cost, &plan).under(&list);
     let few = |threads| SearchOptions { threads, ..options(3, 12) };
-    let one = search(&problem, Some(&system), &few(1), &Watch::default()).unwrap();
-    let two = search(&problem, Some(&system), &few(2), &Watch::default()).unwrap();
+    let one = search(&problem, Some(&system), &few(1), &Observer::default()).unwrap();
+    let two = search(&problem, Some(&system), &few(2), &Observer::default()).unwrap();
     assert_eq!((&one.best, &one.all, &one.verdict), (&two.best, &two.all, &two.verdict)); // bit for bit
 
     // By the callback, after some iterations; by a flag, at once; by time.
@@ -295,8 +292,8 @@ fn interruption_keeps_the_best_feasible_plan_and_threads_do_not_matter() {
         seen.lock().unwrap().push(*p);
         calls.fetch_add(1, Ordering::Relaxed) < 7
     };
-    let watch = Watch { progress: Some(&progress), ..Watch::default() };
-    let cut = search(&problem, Some(&system), &few(1), &watch).unwrap();
+    let observer = Observer { progress: Some(&progress), ..Observer::default() };
+    let cut = search(&problem, Some(&system), &few(1), &observer).unwrap();
     assert_eq!(cut.best.status, Status::Interrupted);
     assert!(cut.verdict.holds, "{:?}", cut.verdict.worst());
     assert!(cut.best.cost >= one.best.cost);
@@ -305,18 +302,15 @@ fn interruption_keeps_the_best_feasible_plan_and_threads_do_not_matter() {
     let feasible = seen.iter().filter(|p| p.start == 0 && p.excess <= 0.0 && p.cost.is_finite());
     assert_eq!(cut.all[0].as_ref().unwrap().cost, feasible.map(|p| p.cost).fold(f64::INFINITY, f64::min));
     assert!(seen[0].start == 0 && seen[0].iteration == 0 && seen[5].iteration == 5);
-    assert!(seen.iter().all(|p| p.excess.is_finite()));
 
     let stop = AtomicBool::new(true);
-    let watch = Watch { stop: Some(&stop), ..Watch::default() };
-    let cut = search(&problem, Some(&system), &few(2), &watch).unwrap();
+    let observer = Observer { stop: Some(&stop), ..Observer::default() };
+    let cut = search(&problem, Some(&system), &few(2), &observer).unwrap();
     assert!(cut.best.status == Status::Interrupted && cut.best.iterations == 0 && cut.verdict.holds);
 
     let soon = SearchOptions { time_limit: Some(std::time::Duration::from_millis(150)), ..options(2, 100_000) };
-    let clock = Instant::now();
-    let cut = search(&problem, Some(&system), &soon, &Watch::default()).unwrap();
+    let cut = search(&problem, Some(&system), &soon, &Observer::default()).unwrap();
     assert!(cut.best.status == Status::TimeLimit && cut.verdict.holds);
-    assert!(clock.elapsed().as_secs_f64() < 10.0);
 }
 
 /// Eq. (9): seven joints, ten control points each, free duration, the paper's limits.
@@ -333,18 +327,18 @@ fn seven_joints_ten_points_free_duration() {
         &BaseAttitude::new(&system, &q, 0.1).unwrap(),
         &PassiveRange::all(&system, &q, "rad", 0.05).unwrap(),
     ];
-    let clock = Instant::now();
-    let bare = search(&Problem::new(&cost, &plan), None, &options(2, 100), &Watch::default()).unwrap();
-    let without = clock.elapsed().as_secs_f64();
+    let bare = search(&Problem::new(&cost, &plan), None, &options(2, 100), &Observer::default()).unwrap();
     let problem = Problem::new(&cost, &plan).under(&list);
-    let found = search(&problem, Some(&system), &options(2, 30), &Watch::default()).unwrap();
-    let with = clock.elapsed().as_secs_f64() - without;
-    eprintln!("two starts: {without:.1} s without constraints, {with:.1} s with three, {} rounds", found.rounds);
+    let found = search(&problem, Some(&system), &options(2, 30), &Observer::default()).unwrap();
+    eprintln!("two starts: {} rounds", found.rounds);
     eprintln!(
         "  {:.4} {:?} {} its; {:.4} {:?}",
         bare.best.cost, bare.best.status, bare.best.iterations, found.best.cost, found.best.status
     );
     eprintln!("  tightest {:?}", found.verdict.worst());
     assert!(found.verdict.holds);
-    assert!(without < 30.0, "{without}");
+    // Work instead of time: iterations and evaluations of both searches.
+    for o in bare.all.iter().flatten() {
+        assert!(o.iterations <= 100 && o.evaluations < 10 * o.iterations, "{} in {}", o.evaluations, o.iterations);
+    }
 }

@@ -8,6 +8,7 @@ use excitation::*;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::motion::bspline::{BSplineMotion, Knots};
 use ff_model::{Model, Problems};
+use ff_testkit::assert_within;
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
@@ -246,7 +247,7 @@ fn samples_are_read_back_bit_for_bit() {
     let [q, qd, qdd] = &mut b;
     table.eval(17.3456, q, qd, qdd);
     for (x, y) in a.iter().flatten().zip(b.iter().flatten()) {
-        assert!((x - y).abs() < 1e-9, "{x} {y}");
+        assert_within!((x - y).abs(), 1e-9, "{x} {y}");
     }
     // Windows line ends, a byte order mark's worth of blanks and another order of columns change nothing.
     let crlf = write_csv(&s).replace('\n', "\r\n");
@@ -278,7 +279,7 @@ fn degrees_are_converted_and_times_start_at_zero() {
     });
     let converted = Samples::from_csv(&degrees, &m).unwrap().0;
     for (a, b) in radians.q.iter().zip(&converted.q).chain(radians.times.iter().zip(&converted.times)) {
-        assert!((a - b).abs() < 1e-13, "{a} {b}");
+        assert_within!((a - b).abs(), 1e-13, "{a} {b}");
     }
     assert!(converted.qd.is_none() && converted.table().is_none() && converted.times[0] == 0.0);
 }

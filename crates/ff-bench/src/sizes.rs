@@ -106,7 +106,7 @@ fn panels(n: usize) -> anyhow::Result<Model> {
         let angle = std::f64::consts::TAU * (k as f64 + 0.3) / n as f64;
         let at = Vector3::new(0.9 + angle.cos(), 0.1 + angle.sin(), 0.6);
         let mount = Xform::new(rot_of_rpy(&Vector3::new(0.1, 0.05, angle)), at);
-        model.mount(format!("panel{k}"), 0, mount, panel.into()).map_err(|p| anyhow!("{p}"))?;
+        model.mount(format!("panel{k}"), 0, mount, panel).map_err(|p| anyhow!("{p}"))?;
     }
     Ok(model)
 }

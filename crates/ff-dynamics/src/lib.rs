@@ -34,3 +34,8 @@ pub use tree::{
     regressor, rnea,
 };
 pub use work::Work;
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -4,7 +4,6 @@
 
 mod common;
 
-mod adaptive;
 mod allocation;
 mod centroidal;
 mod conservation;

@@ -4,7 +4,6 @@
 use crate::common::*;
 use allocation_counter::measure;
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::sim::{AdaptiveOptions, simulate_adaptive};
 use ff_dynamics::sim::{QUADRATURES, Rkmk4};
 use ff_dynamics::tree::mass_matrix_lower;
 use ff_dynamics::*;
@@ -16,7 +15,7 @@ use nalgebra::DMatrix;
 /// Allocations of each algorithm in its first call; results are made beforehand.
 fn counts<T: ModelScalar>(m: &Model) -> Vec<(&'static str, u64)> {
     let p = Params::<T>::nominal(m);
-    let s = rand_state(m, &mut rng(41), 0.3).lift::<T>();
+    let s = random_state(m, &mut rng(41), 0.3).lift::<T>();
     let (nv, nj) = (m.nv(), m.nj());
     let a: Vec<T> = (0..nv).map(|i| T::from_f64(0.3 - 0.07 * i as f64)).collect();
     let (mut out, mut tau) = (a.clone(), vec![T::zero(); nj]);
@@ -57,7 +56,7 @@ fn algorithms_do_not_allocate() {
 fn a_step_of_the_integrator_does_not_allocate() {
     let m = system();
     let p = Params::<f64>::nominal(&m);
-    let mut s = rand_state(&m, &mut rng(42), 0.1);
+    let mut s = random_state(&m, &mut rng(42), 0.1);
     let (mut w, mut stepper) = (Work::new(&m), Rkmk4::<f64>::new(&m));
     let (mut quad, mut tau) = ([0.0; QUADRATURES], vec![0.2; m.nv()]);
     tau[..6].fill(0.0);
@@ -93,9 +92,9 @@ fn simulation_allocates_by_sample_and_not_by_step() {
     }
 }
 
-/// External inputs add nothing per step, of fixed length or not.
+/// External inputs add nothing per step.
 #[test]
-fn inputs_and_adaptive_steps_do_not_allocate() {
+fn inputs_do_not_allocate() {
     use ff_dynamics::sim::inputs::{GravityGradient, PassiveForce, Signal};
     let m = system();
     let (p, s, wave) = (Params::<f64>::nominal(&m), State::zero(&m), Wave(m.nj()));
@@ -108,11 +107,6 @@ fn inputs_and_adaptive_steps_do_not_allocate() {
         measure(|| drop(simulate_with(&m, &p, &s, &drive, &inputs, &o).unwrap())).count_total
     };
     assert_eq!(fixed(0.01), fixed(0.0005), "10 steps against 200");
-    let adaptive = |max_step_s: f64| {
-        let o = AdaptiveOptions { duration_s: 0.1, sample_s: 0.02, relative: 1e-4, absolute: 1e-4, max_step_s };
-        measure(|| drop(simulate_adaptive(&m, &p, &s, &drive, &inputs, &o).unwrap())).count_total
-    };
-    assert_eq!(adaptive(0.01), adaptive(0.0005), "10 steps against 200");
 }
 
 /// The reduced system and its sensitivities: buffers and results once, nothing per step or stage.

@@ -8,10 +8,9 @@ use ff_model::spatial::so3::{exp_so3, quat_mul, quat_normalize, quat_to_rot};
 use ff_model::*;
 use nalgebra::{DVector, Vector3, Vector4};
 
+#[track_caller]
 fn close(got: &[f64], want: &[f64], limit: f64, what: &str) {
-    let scale = want.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-    let worst = got.iter().zip(want).fold(0.0f64, |m, (g, w)| m.max((g - w).abs()));
-    assert!(worst <= limit * scale, "{what}: {:e} relative", worst / scale);
+    assert_within!(relative_error(got, want), limit, "{what}");
 }
 
 #[test]
@@ -41,8 +40,8 @@ fn momentum_is_that_of_the_budget() {
     let mut r = rng(31);
     for k in 0..40 {
         let kind = if k % 2 == 0 { BaseKind::Floating } else { BaseKind::Fixed };
-        let m = rand_twins(&mut r).ports.with_base_kind(kind);
-        let s = rand_state(&m, &mut r, 0.6);
+        let m = random_twins(&mut r).ports.with_base_kind(kind);
+        let s = random_state(&m, &mut r, 0.6);
         let p = Params::nominal(&m);
         let mut g = Centroidal::<f64>::new(&m);
         g.evaluate(&p, &s);
@@ -52,7 +51,7 @@ fn momentum_is_that_of_the_budget() {
             close(&g.momentum(&s.v), &want, 1e-12, "momentum");
         }
         close(g.com().as_slice(), b.com.as_slice(), 1e-12, "centre of mass");
-        assert!((g.mass() - b.mass).abs() < 1e-12 * b.mass);
+        assert_within!((g.mass() - b.mass).abs(), 1e-12 * b.mass);
     }
 }
 
@@ -61,10 +60,10 @@ fn momentum_is_that_of_the_budget() {
 fn the_rate_is_the_law_of_momentum() {
     let mut r = rng(32);
     for _ in 0..20 {
-        let m = rand_twins(&mut r).ports;
-        let s = rand_state(&m, &mut r, 0.6);
+        let m = random_twins(&mut r).ports;
+        let s = random_state(&m, &mut r, 0.6);
         let p = Params::nominal(&m);
-        let a: Vec<f64> = (0..m.nv()).map(|_| uni(&mut r, -2.0, 2.0)).collect();
+        let a: Vec<f64> = (0..m.nv()).map(|_| uniform(&mut r, -2.0, 2.0)).collect();
         let mut g = CentroidalRate::new(&m);
         g.evaluate(&p, &s);
         let bias = g.bias(&s.v);
@@ -86,7 +85,7 @@ fn the_rate_is_the_law_of_momentum() {
 fn the_rate_is_the_derivative_of_every_column() {
     let mut r = rng(33);
     let m = system();
-    let s = rand_state(&m, &mut r, 0.4);
+    let s = random_state(&m, &mut r, 0.4);
     let p = Params::nominal(&m);
     let mut g = CentroidalRate::new(&m);
     g.evaluate(&p, &s);
@@ -106,6 +105,6 @@ fn the_rate_is_the_derivative_of_every_column() {
     for j in 0..m.nv() {
         // Columns of the base's linear velocity keep their angular part at zero: compared with the whole.
         let d = (g.rate().column(j) - want.column(j)).amax();
-        assert!(d < 1e-7 * want.amax(), "column {j}: {d:e} of {:e}", want.amax());
+        assert_within!(d, 1e-7 * want.amax(), "column {j}: {d:e} of {:e}", want.amax());
     }
 }

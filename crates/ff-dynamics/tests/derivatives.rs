@@ -10,11 +10,6 @@ use ff_model::spatial::so3::quat_mul;
 use ff_model::*;
 use nalgebra::{DMatrix, Vector3, Vector4};
 
-/// Largest difference relative to the largest element.
-fn rel(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
-    (a - b).amax() / b.amax().max(1e-300)
-}
-
 /// d tau / d(q, v, a) by one forward-dual pass of `rnea` per direction.
 fn by_duals(m: &Model, s: &State<f64>, a: &[f64], wrench: &Force<f64>) -> [DMatrix<f64>; 3] {
     let (nb, nj, nv) = (m.nb(), m.nj(), m.nv());
@@ -56,13 +51,13 @@ fn inverse_dynamics_derivatives_equal_forward_duals() {
     let mut r = rng(77);
     let mut worst = [0.0f64; 3];
     for case in 0..60 {
-        let t = rand_twins(&mut r);
+        let t = random_twins(&mut r);
         let models = [t.ports.with_gravity(Vector3::new(0.7, -1.9, 3.2)), t.tree];
         let m = &models[case % 2];
-        let mut s = rand_state(m, &mut r, 0.6);
+        let mut s = random_state(m, &mut r, 0.6);
         // Reads as a moving base: the equations must not care about its linear velocity but through w x v.
         s.v[0] += 1.3;
-        let a: Vec<f64> = (0..m.nv()).map(|_| uni(&mut r, -2.0, 2.0)).collect();
+        let a: Vec<f64> = (0..m.nv()).map(|_| uniform(&mut r, -2.0, 2.0)).collect();
         let p = Params::nominal(m);
         let mut w = Work::new(m);
         let wrench = Force::new(Vector3::new(0.4, -1.1, 2.3), Vector3::new(-0.8, 0.6, 1.7));
@@ -71,7 +66,7 @@ fn inverse_dynamics_derivatives_equal_forward_duals() {
         rnea_derivatives(m, &p, &s, &a, &mut w, &mut d);
         let want = by_duals(m, &s, &a, &wrench);
         for (k, (got, want)) in [&d.dq, &d.dv, &d.da].into_iter().zip(&want).enumerate() {
-            worst[k] = worst[k].max(rel(got, want));
+            worst[k] = worst[k].max(relative_error(got.as_slice(), want.as_slice()));
         }
     }
     assert!(worst.iter().all(|&w| w < 1e-12), "{worst:?}");
@@ -80,11 +75,11 @@ fn inverse_dynamics_derivatives_equal_forward_duals() {
 #[test]
 fn inverse_dynamics_derivatives_equal_central_differences() {
     let mut r = rng(78);
-    let t = rand_twins(&mut r);
+    let t = random_twins(&mut r);
     let m = &t.ports;
     let (nb, nj, nv) = (m.nb(), m.nj(), m.nv());
-    let s = rand_state(m, &mut r, 0.6);
-    let a: Vec<f64> = (0..nv).map(|_| uni(&mut r, -2.0, 2.0)).collect();
+    let s = random_state(m, &mut r, 0.6);
+    let a: Vec<f64> = (0..nv).map(|_| uniform(&mut r, -2.0, 2.0)).collect();
     let p = Params::nominal(m);
     let mut w = Work::new(m);
     let mut d = Derivatives::new(m);
@@ -108,8 +103,8 @@ fn inverse_dynamics_derivatives_equal_central_differences() {
             }
         });
         let v = column(&|s, x| s.v[k] += x);
-        assert!((q - d.dq.column(k)).amax() < 1e-6 * d.dq.amax(), "dq column {k}");
-        assert!((v - d.dv.column(k)).amax() < 1e-6 * d.dv.amax(), "dv column {k}");
+        assert_within!((q - d.dq.column(k)).amax(), 1e-6 * d.dq.amax(), "dq column {k}");
+        assert_within!((v - d.dv.column(k)).amax(), 1e-6 * d.dv.amax(), "dv column {k}");
     }
 }
 
@@ -117,11 +112,11 @@ fn inverse_dynamics_derivatives_equal_central_differences() {
 fn hybrid_derivatives_follow_from_those_of_inverse_dynamics() {
     let mut r = rng(79);
     for _ in 0..20 {
-        let t = rand_twins(&mut r);
+        let t = random_twins(&mut r);
         let m = &t.ports;
         let (nb, nj, nv) = (m.nb(), m.nj(), m.nv());
-        let s = rand_state(m, &mut r, 0.6);
-        let qdd: Vec<f64> = (0..nj).map(|_| uni(&mut r, -1.0, 1.0)).collect();
+        let s = random_state(m, &mut r, 0.6);
+        let qdd: Vec<f64> = (0..nj).map(|_| uniform(&mut r, -1.0, 1.0)).collect();
         let p = Params::nominal(m);
         let mut w = Work::new(m);
         let (mut a, mut tau) = (vec![0.0; nv], vec![0.0; nj]);
@@ -145,7 +140,7 @@ fn hybrid_derivatives_follow_from_those_of_inverse_dynamics() {
             a[nb..nb + nj].copy_from_slice(&tau);
             let scale = a.iter().fold(1e-9f64, |m, x| m.max(x.eps[0].abs()));
             for (got, want) in column.iter().zip(&a) {
-                assert!((got - want.eps[0]).abs() < 1e-11 * scale, "{what}: {got} {}", want.eps[0]);
+                assert_within!((got - want.eps[0]).abs(), 1e-11 * scale, "{what}: {got} {}", want.eps[0]);
             }
         };
         for k in 0..nv {

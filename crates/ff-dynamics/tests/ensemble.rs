@@ -13,23 +13,18 @@ fn runs(m: &Model) -> (Vec<Params<f64>>, Vec<State<f64>>) {
     let nominal = Params::<f64>::nominal(m);
     let params = (0..11)
         .map(|_| {
-            let v = nominal.values().iter().map(|x| x * uni(&mut r, 0.97, 1.03)).collect();
+            let v = nominal.values().iter().map(|x| x * uniform(&mut r, 0.97, 1.03)).collect();
             Params::from_values(m, v)
         })
         .collect();
     let starts = (0..11)
         .map(|_| {
-            let mut s = rand_state(m, &mut r, 0.05);
+            let mut s = random_state(m, &mut r, 0.05);
             s.v.iter_mut().for_each(|x| *x *= 0.1);
             s
         })
         .collect();
     (params, starts)
-}
-
-fn worst(a: &nalgebra::DMatrix<f64>, b: &nalgebra::DMatrix<f64>) -> f64 {
-    assert_eq!(a.shape(), b.shape());
-    (a - b).amax() / b.amax()
 }
 
 #[test]
@@ -39,7 +34,7 @@ fn every_run_is_the_simulation_of_its_own() {
     let all: Vec<Run<'_>> = params.iter().zip(&starts).map(|(params, start)| Run { params, start }).collect();
     let motion = Wave(m.nj());
     let o = SimOptions { duration_s: 1.5, step_s: 4e-3, sample_s: 0.01 };
-    for isa in [Isa::Portable, Isa::V3, Isa::V4].into_iter().filter(|i| *i <= Isa::detect()) {
+    for isa in instruction_sets() {
         let traces = simulate_ensemble_with(isa, &m, &all, &motion, &o, Keep::ALL).unwrap();
         assert_eq!(traces.len(), 11);
         for (k, (got, run)) in traces.iter().zip(&all).enumerate() {
@@ -54,8 +49,8 @@ fn every_run_is_the_simulation_of_its_own() {
                 (&got.nu, &want.nu),
             ];
             for (c, (got, want)) in channels.into_iter().enumerate() {
-                let e = worst(got, want);
-                assert!(e < 1e-10, "{isa:?}, run {k}, channel {c}: {e:e}");
+                let e = relative_error(got.as_slice(), want.as_slice());
+                assert_within!(e, 1e-10, "{isa:?}, run {k}, channel {c}: {e:e}");
             }
             let end = (got.last.att - want.last.att).amax() + (got.last.pos - want.last.pos).amax();
             assert!(end < 1e-11 && got.last.q == want.last.q, "{isa:?}, run {k}: {end:e}");

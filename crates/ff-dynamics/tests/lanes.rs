@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use ff_dynamics::*;
-use ff_model::scalar::lanes::{Isa, LaneScalar, LaneTask, dispatch};
+use ff_model::scalar::lanes::{LaneScalar, LaneTask, dispatch};
 use ff_model::*;
 use nalgebra::DMatrix;
 
@@ -14,11 +14,11 @@ impl LaneTask for Compare {
     #[inline(always)]
     fn run<L: LaneScalar>(self) -> f64 {
         let mut r = rng(self.0);
-        let t = rand_twins(&mut r);
+        let t = random_twins(&mut r);
         let m = &t.ports;
         let nv = m.nv();
-        let states: Vec<State<f64>> = (0..L::N).map(|_| rand_state(m, &mut r, 0.6)).collect();
-        let acc: Vec<Vec<f64>> = (0..L::N).map(|_| (0..nv).map(|_| uni(&mut r, -2.0, 2.0)).collect()).collect();
+        let states: Vec<State<f64>> = (0..L::N).map(|_| random_state(m, &mut r, 0.6)).collect();
+        let acc: Vec<Vec<f64>> = (0..L::N).map(|_| (0..nv).map(|_| uniform(&mut r, -2.0, 2.0)).collect()).collect();
         let pack = |of: &dyn Fn(usize) -> f64| {
             let mut x = L::splat(0.0);
             (0..L::N).for_each(|l| x.set_lane(l, of(l)));
@@ -70,10 +70,10 @@ impl LaneTask for Compare {
 
 #[test]
 fn lanes_compute_what_plain_numbers_do() {
-    for isa in [Isa::Portable, Isa::V3, Isa::V4].into_iter().filter(|&i| i <= Isa::detect()) {
+    for isa in instruction_sets() {
         for seed in 0..20 {
             let worst = dispatch(isa, Compare(seed));
-            assert!(worst < 1e-10, "{isa:?}, seed {seed}: {worst:e}");
+            assert_within!(worst, 1e-10, "{isa:?}, seed {seed}: {worst:e}");
         }
     }
 }

@@ -1,7 +1,8 @@
 //! Hold, sequence and Hermite table.
 
 use approx::assert_relative_eq;
-use ff_dynamics::motion::{HermiteTable, Hold, JointMotion, MotionError, Sequence};
+use ff_dynamics::motion::{FnMotion, HermiteTable, Hold, JointMotion, MotionError, Sequence};
+use ff_testkit::scaled;
 
 /// Joint `i` follows a polynomial of degree 5 with no vanishing coefficient.
 struct Quintic(f64);
@@ -39,13 +40,13 @@ fn at(m: &dyn JointMotion, t: f64) -> ([f64; 2], [f64; 2], [f64; 2]) {
 fn hermite_table_is_exact_for_degree_five() {
     let table = HermiteTable::sample(&Quintic(2.1), 0.3).unwrap();
     assert_eq!(table.samples(), 8);
-    assert_relative_eq!(table.duration(), 2.1, epsilon = 1e-15);
+    assert_relative_eq!(table.duration(), 2.1, epsilon = scaled(1e-15));
     for k in 0..=211 {
         let t = 2.1 * k as f64 / 211.0;
         let (a, b) = (at(&table, t), at(&Quintic(2.1), t));
-        assert_relative_eq!(a.0[..], b.0[..], epsilon = 1e-14, max_relative = 1e-14);
-        assert_relative_eq!(a.1[..], b.1[..], epsilon = 1e-13, max_relative = 1e-13);
-        assert_relative_eq!(a.2[..], b.2[..], epsilon = 1e-12, max_relative = 1e-12);
+        assert_relative_eq!(a.0[..], b.0[..], epsilon = scaled(1e-14), max_relative = scaled(1e-14));
+        assert_relative_eq!(a.1[..], b.1[..], epsilon = scaled(1e-13), max_relative = scaled(1e-13));
+        assert_relative_eq!(a.2[..], b.2[..], epsilon = scaled(1e-12), max_relative = scaled(1e-12));
     }
 }
 
@@ -92,4 +93,49 @@ fn bad_arguments_are_named() {
     ));
     let bad = HermiteTable::new(2, 0.1, &[1.0; 4], &[1.0; 4], &[1.0, 1.0, 1.0, f64::NAN]);
     assert!(matches!(bad, Err(MotionError::NotFinite { what: "qdd", joint: 1, index: 1, .. })));
+}
+
+#[test]
+fn a_function_moves_joints_and_is_held_outside() {
+    let f = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+        assert!((0.0..=2.1).contains(&t) && q.len() == 2 && qd.len() == 2 && qdd.len() == 2);
+        (0..2).for_each(|i| (q[i], qd[i], qdd[i]) = poly(i, t));
+    };
+    let motion = FnMotion::new(2, 2.1, f).unwrap();
+    // The table interpolates samples: another way to the same polynomial.
+    let table = HermiteTable::sample(&Quintic(2.1), 0.3).unwrap();
+    for k in 0..=97 {
+        let t = 2.1 * k as f64 / 97.0;
+        let (a, b) = (at(&motion, t), at(&table, t));
+        assert_relative_eq!(a.0[..], b.0[..], epsilon = 1e-13, max_relative = 1e-13);
+        assert_relative_eq!(a.1[..], b.1[..], epsilon = 1e-12, max_relative = 1e-12);
+        assert_relative_eq!(a.2[..], b.2[..], epsilon = 1e-11, max_relative = 1e-11);
+    }
+    for (t, end) in [(-0.4, 0.0), (2.7, 2.1)] {
+        let (q, qd, qdd) = at(&motion, t);
+        assert_eq!(q, at(&motion, end).0);
+        assert_eq!((qd, qdd), ([0.0; 2], [0.0; 2]));
+    }
+    assert_eq!(motion.with_breaks(vec![1.7, 0.2]).unwrap().breaks(), [0.2, 1.7]);
+}
+
+#[test]
+fn a_function_that_cannot_be_followed_is_refused() {
+    let still = |_: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+        [q, qd, qdd].into_iter().for_each(|x| x.fill(0.7));
+    };
+    assert_eq!(FnMotion::new(0, 1.3, still).unwrap_err(), MotionError::Empty("joint"));
+    assert!(matches!(FnMotion::new(2, -1.3, still), Err(MotionError::BadTime { value: -1.3, .. })));
+    let break_time = FnMotion::new(2, 1.3, still).unwrap().with_breaks(vec![f64::NAN]);
+    assert!(matches!(break_time, Err(MotionError::BadTime { what: "break", .. })));
+    // A pole at the end, and an acceleration that was forgotten.
+    let pole = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+        still(t, q, qd, qdd);
+        qd[1] = 1.0 / (1.3 - t);
+    };
+    let e = FnMotion::new(2, 1.3, pole).unwrap_err();
+    assert_eq!(e, MotionError::NotFinite { what: "rate", joint: 1, index: 1, value: f64::INFINITY });
+    let forgotten = |_: f64, q: &mut [f64], qd: &mut [f64], _: &mut [f64]| (q[0], qd[0]) = (0.7, 0.3);
+    let e = FnMotion::new(1, 1.3, forgotten).unwrap_err();
+    assert!(matches!(e, MotionError::NotFinite { what: "acceleration", joint: 0, index: 0, .. }));
 }

@@ -90,7 +90,7 @@ fn sensitivities_are_the_derivatives_of_the_simulated_record() {
             }
         }
         worst = worst.max(err / scale);
-        assert!(err < 1e-5 * scale, "column {col}: {err:e} of {scale:e}");
+        assert_within!(err, 1e-5 * scale, "column {col}: {err:e} of {scale:e}");
     }
     // Galilean invariance: a uniform velocity changes nothing that is measured.
     for col in wanted.params.len()..wanted.params.len() + 3 {
@@ -113,7 +113,7 @@ fn rda_torques_and_their_derivatives_are_those_of_the_rigid_system() {
     let table = Prescribed::new(&m, &p, &wave, &sampling, &wanted.links(&m));
     let (tau, d) = reduced_torques(&m, &p, &table, &full.gyro(), &wanted).unwrap();
     // The base starts with a linear velocity the RDA never hears of.
-    assert!((&tau - &full.tau).amax() < 1e-11 * full.tau.amax());
+    assert_within!((&tau - &full.tau).amax(), 1e-11 * full.tau.amax());
     for (c, &k) in wanted.params.iter().enumerate() {
         let h = 1e-4 * (1.0 + p.values()[k].abs());
         let run = |h: f64| {
@@ -127,7 +127,7 @@ fn rda_torques_and_their_derivatives_are_those_of_the_rigid_system() {
         for i in 0..tau.nrows() {
             for j in 0..7 {
                 let e = (fd[(i, j)] - d[(i * 7 + j, c)]).abs();
-                assert!(e < 1e-6 * (1e-3 + fd.amax()), "parameter {k} sample {i} joint {j}: {e:e}");
+                assert_within!(e, 1e-6 * (1e-3 + fd.amax()), "parameter {k} sample {i} joint {j}: {e:e}");
             }
         }
     }

@@ -10,16 +10,16 @@ use slosh_pendulum::SloshPendulum;
 #[test]
 fn tuples_and_boxed_sets_give_the_same_bits() {
     let r = &mut rng(41);
-    let arm = rand_tree(r, 4, BaseKind::Floating);
+    let arm = random_tree(r, 4, BaseKind::Floating);
     // Kinds of little code: what stands in a tuple by its type is compiled here, for every number type.
     let fuel = SloshPendulum::new(90.0, 0.8, [20.0, 21.0], [5.0, 6.0]).unwrap();
     let other = SloshPendulum::new(41.0, 0.55, [13.0, 9.0], [1.5, 0.7]).unwrap();
-    let client = Payload::new(&rand_inertia(r, 9.0)).unwrap();
+    let client = Payload::new(&body(r, 9.0)).unwrap();
     let names = ["fuel", "other", "client"];
     let places: Vec<Place> = names
         .iter()
         .zip([2, 0, 4])
-        .map(|(n, host)| Place::new(*n, host, Xform::new(rand_rot(r), rand_v3(r, 0.9))))
+        .map(|(n, host)| Place::new(*n, host, Xform::new(rotation(r), vector(r, 0.9))))
         .collect();
 
     let mut typed = arm.clone();
@@ -32,8 +32,8 @@ fn tuples_and_boxed_sets_give_the_same_bits() {
     assert_eq!((typed.np(), typed.n_params()), (4, 10 * 5 + 6 + 6 + 10));
 
     for seed in 0..20 {
-        let s = rand_state(&typed, &mut rng(100 + seed), 0.6);
-        let tau: Vec<f64> = (0..typed.nv()).map(|_| uni(r, -5.0, 5.0)).collect();
+        let s = random_state(&typed, &mut rng(100 + seed), 0.6);
+        let tau: Vec<f64> = (0..typed.nv()).map(|_| uniform(r, -5.0, 5.0)).collect();
         // Accelerations, joint torques back, mass matrix and regressor, as bits.
         let of = |m: &Model| -> Vec<u64> {
             let (p, mut work, nv) = (Params::<f64>::nominal(m), Work::new(m), m.nv());

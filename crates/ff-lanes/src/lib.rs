@@ -255,5 +255,10 @@ macro_rules! operators {
 }
 pub(crate) use operators;
 
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,24 @@
 use super::*;
 
+/// True on a machine with these instructions; else the test is printed as skipped on them, or fails where
+/// `FF_REQUIRE_ISA` (`v3` or `v4`) requires them. `ff_testkit::isa` does the same for the crates above this one.
+#[track_caller]
+fn enabled(isa: Isa) -> bool {
+    let widest = Isa::detect();
+    if isa <= widest {
+        return true;
+    }
+    let required = match std::env::var("FF_REQUIRE_ISA").as_deref() {
+        Ok("v3") => Isa::V3,
+        Ok("v4") => Isa::V4,
+        _ => Isa::Portable,
+    };
+    assert!(isa > required, "this machine lacks {isa:?}, which FF_REQUIRE_ISA requires");
+    let test = std::thread::current().name().unwrap_or("a test").to_owned();
+    eprintln!("SKIPPED {test} on {isa:?}: this machine has {widest:?} at most ({})", core::panic::Location::caller());
+    false
+}
+
 /// Arguments over many quadrants, both signs, and beyond the limit of the reduction.
 fn arguments() -> Vec<f64> {
     let mut x: Vec<f64> = (0..20_000).map(|i| (i as f64 - 9_876.5) * 0.013_7).collect();
@@ -38,10 +57,10 @@ fn sine_and_cosine_are_those_of_the_library() {
     assert!(Trig(&x, Portable4::sin_cos).run() < 2.3e-16);
     #[cfg(target_arch = "x86_64")]
     {
-        if Isa::detect() >= Isa::V3 {
+        if enabled(Isa::V3) {
             assert!(Avx2x4::enter(Trig(&x, Avx2x4::sin_cos)) < 2.3e-16);
         }
-        if Isa::detect() >= Isa::V4 {
+        if enabled(Isa::V4) {
             assert!(Avx512x8::enter(Trig(&x, Avx512x8::sin_cos)) < 2.3e-16);
         }
     }
@@ -77,10 +96,10 @@ fn lanes_compute_what_numbers_do() {
     assert!(Portable4::enter(Arithmetic::<Portable4>(P)) < 1e-14);
     #[cfg(target_arch = "x86_64")]
     {
-        if Isa::detect() >= Isa::V3 {
+        if enabled(Isa::V3) {
             assert!(Avx2x4::enter(Arithmetic::<Avx2x4>(P)) < 1e-14);
         }
-        if Isa::detect() >= Isa::V4 {
+        if enabled(Isa::V4) {
             assert!(Avx512x8::enter(Arithmetic::<Avx512x8>(P)) < 1e-14);
         }
     }
@@ -120,10 +139,10 @@ fn rows_become_columns() {
     Transpose::<Portable4>(core::marker::PhantomData).run();
     #[cfg(target_arch = "x86_64")]
     {
-        if Isa::detect() >= Isa::V3 {
+        if enabled(Isa::V3) {
             Avx2x4::enter(Transpose::<Avx2x4>(core::marker::PhantomData));
         }
-        if Isa::detect() >= Isa::V4 {
+        if enabled(Isa::V4) {
             Avx512x8::enter(Transpose::<Avx512x8>(core::marker::PhantomData));
         }
     }

@@ -18,3 +18,8 @@ pub use lm::{
 };
 pub use step::reduce;
 pub use tall_qr::{Merged, Stream, Tall, TallQr, Triangle, merge, qr_r, triangle_of};
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

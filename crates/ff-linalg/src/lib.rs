@@ -19,3 +19,8 @@ pub use factor::{
     default_rank_tolerance, eliminate, general_eigen, gram, least_squares, qr_r, rank_of, singular_values, svd,
     symmetric_eigen,
 };
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -16,3 +16,8 @@ pub mod urdf;
 
 pub use leniency::Leniency;
 pub use mission::{LoadOptions, Loaded, Mission};
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

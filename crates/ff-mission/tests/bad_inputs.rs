@@ -1,15 +1,17 @@
-//! Every row M01 to M40 of the bad-input table gets what it must: code, severity, line and words.
+//! Every row M01 to M40 of the bad-input table gets what it must: code, severity, place, value, limit, unit, next step.
 //!
 //! The files and what each must get stand in `fixtures/bad/manifest.toml`; the large ones are made here.
 
-use crate::common::{fixture, registry, text};
+use crate::common::registry;
 use ff_mission::Leniency;
 use ff_mission::urdf;
 use ff_mission::urdf::UrdfOptions;
 use ff_mission::{LoadOptions, Mission};
+use ff_model::diagnostics::Limit;
 use ff_model::{Area, CoordDecl, Decl, ParamDecl, PortMatrix, Problem, Problems, Registry, Scalar, Severity};
+use ff_testkit::fixtures::{fixture, text};
+use ff_testkit::problem::{assert_violation, problem_of};
 use serde::Deserialize;
-use std::sync::Arc;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -21,6 +23,10 @@ struct Row {
     line: Option<usize>,
     #[serde(default)]
     says: Vec<String>,
+    suggests: Option<String>,
+    value: Option<f64>,
+    limit: Option<String>,
+    unit: Option<String>,
     #[serde(default)]
     allow: Vec<String>,
     #[serde(default)]
@@ -56,7 +62,7 @@ fn from_text(text: &str) -> Problems {
 }
 
 #[test]
-fn every_row_gets_its_code_line_and_words() {
+fn every_row_gets_its_code_place_value_limit_unit_and_next_step() {
     let mut failures = Vec::new();
     for r in rows() {
         assert!(r.file.starts_with(&r.id), "{}: name must start with its id", r.file);
@@ -82,8 +88,16 @@ fn every_row_gets_its_code_line_and_words() {
         if let Some(w) = r.says.iter().find(|w| !line.contains(w.as_str())) {
             fail(&format!("does not say {w:?}"));
         }
-        if p.hint.is_none() {
-            fail("names no next step");
+        let hint = p.hint.as_deref().unwrap_or_default();
+        if hint.is_empty() || r.suggests.as_deref().is_some_and(|name| !hint.contains(name)) {
+            fail("names no next step, or not the name it must suggest");
+        }
+        let violation = p.violation.as_ref();
+        let differs = r.value.is_some_and(|x| violation.is_none_or(|v| (v.value - x).abs() > 1e-9 * x.abs()))
+            || r.limit.as_deref().is_some_and(|x| violation.is_none_or(|v| v.limit.to_string() != x))
+            || r.unit.as_deref().is_some_and(|x| violation.is_none_or(|v| v.unit != x));
+        if differs {
+            fail(&format!("value, limit or unit differ from {:?} {:?} {:?}: {violation:?}", r.value, r.limit, r.unit));
         }
         let file_named = p.file.as_ref().is_some_and(|f| f.to_string_lossy().contains(&r.file));
         if !file_named && r.file != "M30_package.toml" {
@@ -135,13 +149,14 @@ fn m02_deep_nesting_never_reaches_a_parser() {
     let lines = "<a>\n".repeat(100);
     let p = from_text(&lines);
     assert_eq!((p.0[0].code, p.0[0].line), ("Urdf::TooDeep", Some(65)));
-    assert!(p.to_string().contains("65 deep, limit 64"), "{p}");
+    assert_violation(&p.0[0], 65.0, Limit::AtMost(64.0), "levels");
 }
 
 #[test]
 fn m03_size_and_number_of_links_are_limited() {
     let p = urdf::from_bytes(&vec![b' '; (16 << 20) + 1], &UrdfOptions::default()).unwrap_err();
-    assert!(p.has("Urdf::TooLarge") && p.to_string().contains("limit 16777216 bytes"), "{p}");
+    let limit = f64::from(16 << 20);
+    assert_violation(problem_of(&p, "Urdf::TooLarge"), limit + 1.0, Limit::AtMost(limit), "bytes");
 
     let chain = |n: usize| {
         let mut s = String::from(
@@ -156,7 +171,8 @@ fn m03_size_and_number_of_links_are_limited() {
         s + "</robot>"
     };
     let p = from_text(&chain(10_001));
-    assert!(p.has("Urdf::TooLarge") && p.to_string().contains("more than 10000 links"), "{p}");
+    let v = problem_of(&p, "Urdf::TooLarge").violation.as_ref().unwrap();
+    assert_eq!((v.value, v.limit, v.unit.as_ref()), (10_001.0, Limit::AtMost(10_000.0), "links"), "{p}");
     let (m, _) = urdf::from_str(&chain(10_000), &UrdfOptions::default()).unwrap();
     assert_eq!((m.n_bodies(), m.frames().len()), (1, 10_000));
     let options = UrdfOptions { max_links: 10_001, ..UrdfOptions::default() };
@@ -203,14 +219,15 @@ fn m39_nominal_values_outside_their_bounds_are_named_at_their_table() {
     let mut r = Registry::new();
     r.register("odd", |t| {
         let k = t["k_nm_per_rad"].as_float().unwrap();
-        let coords = vec![CoordDecl { name: "x".into(), unit: "rad", range: (-1.0, 1.0) }];
+        let coords = [CoordDecl::new("x", "rad", (-1.0, 1.0))];
         let p = ParamDecl { bounds: (1.0, 9.0), ..ParamDecl::positive("k_nm_per_rad", "N m/rad", k) };
-        Ok(Arc::new(Odd(Decl { kind: "odd", coords, params: vec![p] })))
+        Ok(ff_model::Derived::new(Odd(Decl::new("odd", coords, [p]))).into())
     });
     let toml = "[robot]\nurdf = 'x'\n\n[[appendage]]\nkind = 'odd'\nname = 'a'\nhost = 'base'\nk_nm_per_rad = 0.5\n";
     let p = Mission::from_str(toml, &text("paper/robot.urdf"), &r, &LoadOptions::default()).unwrap_err();
     assert_eq!((p.0.len(), p.0[0].code, p.0[0].line), (1, "Config::Param", Some(8)), "{p}");
-    assert!(p.to_string().contains("a.k_nm_per_rad: value 0.5 N m/rad outside its bounds 1 .. 9"), "{p}");
+    assert_eq!(p.0[0].object.as_deref(), Some("a.k_nm_per_rad"));
+    assert_violation(&p.0[0], 0.5, Limit::Within(1.0, 9.0), "N m/rad");
 }
 
 #[test]

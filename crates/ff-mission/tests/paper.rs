@@ -1,10 +1,12 @@
 //! The paper's robot and missions load without a warning and are what Table I says.
 
-use crate::common::{fixture, registry};
+use crate::common::registry;
 use approx::assert_relative_eq;
 use ff_mission::urdf::{UrdfOptions, from_file};
 use ff_mission::{LoadOptions, Mission};
 use ff_model::{BaseKind, Inertia, Model};
+use ff_testkit::fixtures::fixture;
+use ff_testkit::scaled;
 use nalgebra::{Matrix3, Vector3};
 
 fn robot() -> Model {
@@ -28,10 +30,10 @@ fn the_robot_is_table_one() {
     assert_eq!((m.base_kind(), m.n_bodies(), m.nj()), (BaseKind::Floating, 8, 7));
     let base = m.inertia(0);
     assert_relative_eq!(base.mass, 600.0);
-    assert_relative_eq!(base.com().unwrap(), Vector3::new(0.9, 0.0, 0.6), epsilon = 1e-15);
-    assert_relative_eq!(base.about_com(), Matrix3::from_diagonal_element(150.0), epsilon = 1e-10);
+    assert_relative_eq!(base.com().unwrap(), Vector3::new(0.9, 0.0, 0.6), epsilon = scaled(1e-15));
+    assert_relative_eq!(base.about_com(), Matrix3::from_diagonal_element(150.0), epsilon = scaled(1e-10));
     let arm: f64 = (1..8).map(|i| m.inertia(i).mass).sum();
-    assert_relative_eq!(arm, 60.0, max_relative = 1e-14);
+    assert_relative_eq!(arm, 60.0, max_relative = scaled(1e-14));
 }
 
 #[test]
@@ -41,16 +43,24 @@ fn the_arm_points_up_with_alternating_axes() {
     for (i, b) in m.bodies().iter().enumerate() {
         let axis = x[i + 1].rot * b.joint.axis;
         let want = if i % 2 == 0 { Vector3::z() } else { Vector3::y() };
-        assert_relative_eq!(axis, want, epsilon = 1e-15);
-        assert_relative_eq!(x[i + 1].pos, Vector3::new(0.9, 0.0, 1.2 + 3.0 / 7.0 * i as f64), epsilon = 1e-15);
+        assert_relative_eq!(axis, want, epsilon = scaled(1e-15));
+        assert_relative_eq!(x[i + 1].pos, Vector3::new(0.9, 0.0, 1.2 + 3.0 / 7.0 * i as f64), epsilon = scaled(1e-15));
         // In base axes the small moment is the one along the arm.
         let seen = b.inertia.to_parent(&x[i + 1]);
-        assert_relative_eq!(seen.about_com(), Matrix3::from_diagonal(&Vector3::new(0.4, 0.4, 0.04)), epsilon = 1e-12);
-        assert_relative_eq!(seen.com().unwrap() - x[i + 1].pos, Vector3::new(0.0, 0.0, 1.5 / 7.0), epsilon = 1e-14);
+        assert_relative_eq!(
+            seen.about_com(),
+            Matrix3::from_diagonal(&Vector3::new(0.4, 0.4, 0.04)),
+            epsilon = scaled(1e-12)
+        );
+        assert_relative_eq!(
+            seen.com().unwrap() - x[i + 1].pos,
+            Vector3::new(0.0, 0.0, 1.5 / 7.0),
+            epsilon = scaled(1e-14)
+        );
     }
     let tool = m.frame("tool").unwrap();
     assert_eq!(tool.body, 7);
-    assert_relative_eq!((x[7] * tool.placement).pos, Vector3::new(0.9, 0.0, 4.2), epsilon = 1e-14);
+    assert_relative_eq!((x[7] * tool.placement).pos, Vector3::new(0.9, 0.0, 4.2), epsilon = scaled(1e-14));
 }
 
 #[test]
@@ -94,17 +104,17 @@ fn wings_mirror_each_other_and_the_tank_hangs_from_the_centre_of_mass() {
     }
     let l = Mission::load(&fixture("paper/slosh.toml"), &registry(), &LoadOptions::default()).unwrap();
     let com = l.model.inertia(0).com().unwrap();
-    assert_relative_eq!(l.model.appendages()[0].mount.pos, com, epsilon = 1e-15);
+    assert_relative_eq!(l.model.appendages()[0].mount.pos, com, epsilon = scaled(1e-15));
 }
 
 #[test]
 fn rigid_fuel_adds_to_the_body_of_its_link() {
-    let urdf = crate::common::text("paper/robot.urdf");
+    let urdf = ff_testkit::fixtures::text("paper/robot.urdf");
     let toml = "[robot]\nurdf = 'x'\n[[robot.rigid]]\nlink = 'tool'\nmass_kg = 5\ncom_m = [0.1, 0.2, 0.3]\n";
     let l = Mission::from_str(toml, &urdf, &registry(), &LoadOptions::default()).unwrap();
     let r = robot();
     let tool = r.frame("tool").unwrap();
     let fuel = Inertia::point(5.0, &(tool.placement.pos + Vector3::new(0.1, 0.2, 0.3)));
-    assert_relative_eq!(l.model.inertia(7).rot, (*r.inertia(7) + fuel).rot, epsilon = 1e-13);
-    assert_relative_eq!(l.model.inertia(7).h, (*r.inertia(7) + fuel).h, epsilon = 1e-13);
+    assert_relative_eq!(l.model.inertia(7).rot, (*r.inertia(7) + fuel).rot, epsilon = scaled(1e-13));
+    assert_relative_eq!(l.model.inertia(7).h, (*r.inertia(7) + fuel).h, epsilon = scaled(1e-13));
 }

@@ -6,7 +6,7 @@
 //! column.
 //!
 //! ```
-//! use crate::keys;
+//! use ff_model::keys;
 //!
 //! let tether = |table: &toml::Table| {
 //!     keys::read(table, |k| {
@@ -20,10 +20,10 @@
 //! let bad = "mas_kg = 2\naxis = [0.0, nan, 0.8]".parse().unwrap();
 //! let problems = tether(&bad).unwrap_err();
 //! assert_eq!(problems.0.len(), 3);
-//! assert!(problems.to_string().contains("did you mean mass_kg?"));
+//! assert!(problems.to_string().contains("unknown key 'mas_kg'"));
 //! ```
 
-use crate::diagnostics::problem::{Area, Problem, Problems};
+use crate::diagnostics::problem::{Area, Limit, Problem, Problems};
 use crate::diagnostics::text::{clip, list, nearest};
 use nalgebra::Matrix3;
 use std::ops::RangeInclusive;
@@ -91,7 +91,9 @@ impl<'t> Keys<'t, '_> {
         }
         let (unit, lo, hi) = (unit_of(key), limits.start(), limits.end());
         let what = format!("{x:?}{unit} is outside {lo:?}{unit} to {hi:?}{unit}");
-        let problem = error("Config::Param", what).hint(format!("give a number within these limits{}", in_units(unit)));
+        let problem = error("Config::Param", what)
+            .violating(x, Limit::Within(*lo, *hi), unit.trim_start())
+            .hint(format!("give a number within these limits{}", in_units(unit)));
         self.problems.push(problem.on(format!("{}{key}", self.path)));
         None
     }
@@ -283,17 +285,38 @@ pub fn check_damping(path: &str, value: f64) -> Option<Problem> {
     not_negative(path, value, "it would feed energy into the motion")
 }
 
+/// Why this number at this key cannot be a mass, a length or the like, which are positive, if so; `hint` is the next step
+/// for one that is not above zero.
+pub fn check_positive(path: &str, value: f64, unit: &'static str, hint: &str) -> Option<Problem> {
+    let problem = if !value.is_finite() {
+        error("Config::NotFinite", format!("{value} {unit} is not a finite number")).hint("give a number above 0")
+    } else if value <= 0.0 {
+        error("Config::Param", format!("{value} {unit} is not above the limit 0 {unit}"))
+            .violating(value, Limit::Above(0.0), unit)
+            .hint(hint)
+    } else {
+        return None;
+    };
+    Some(problem.on(path))
+}
+
 fn not_negative(path: &str, value: f64, law: &str) -> Option<Problem> {
     let unit = unit_of(path);
     let problem = if !value.is_finite() {
         not_finite(&value.to_string(), path)
     } else if value < 0.0 {
         error("Config::NotPassive", format!("{value}{unit} is below the limit 0{unit}: {law}"))
+            .violating(value, Limit::AtLeast(0.0), unit.trim_start())
             .hint("give the magnitude; the restoring sign is built in")
     } else {
         return None;
     };
     Some(problem.on(path))
+}
+
+/// A number of the mission that breaks its limit.
+pub fn out_of_range(value: f64, limit: Limit, unit: &'static str) -> Problem {
+    Problem::out_of_range(Area::Config, "Config::OutOfRange", value, limit, unit)
 }
 
 /// A configuration error.

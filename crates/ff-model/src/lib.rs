@@ -27,8 +27,8 @@ pub mod tree;
 
 pub use diagnostics::{Area, Problem, Problems, Severity};
 pub use port::{
-    Appendage, AppendageSet, CoordDecl, Decl, DynAppendage, ParamDecl, ParamGroup, Place, PortAccel, PortMatrix,
-    PortState, PortVector, TwinBody,
+    Appendage, AppendageSet, CoordDecl, Decl, Derived, DynAppendage, ParamDecl, ParamGroup, Place, PortAccel,
+    PortDynamics, PortMatrix, PortState, PortVector, SharedAppendage, TreeTwin, TwinBody,
 };
 pub use registry::Registry;
 pub use scalar::{Dual, Scalar};
@@ -39,3 +39,8 @@ pub use tree::{BaseKind, Body, Frame, Joint, JointKind, Model, Params};
 pub use nalgebra;
 /// Tables of mission files, as a [`registry::Factory`] gets them.
 pub use toml;
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -6,13 +6,17 @@
 
 use crate::diagnostics::problem::Problems;
 use crate::keys;
-use crate::port::{Appendage, Decl, DynAppendage, ParamDecl, PortAccel, PortMatrix, PortState, PortVector};
+use crate::port::declaration::{Decl, ParamDecl};
+use crate::port::dynamics::PortDynamics;
+use crate::port::energies::Appendage;
+use crate::port::matrix::PortMatrix;
+use crate::port::shared::SharedAppendage;
+use crate::port::state::{PortAccel, PortState, PortVector};
 use crate::registry::Registry;
-use crate::scalar::traits::{LaneScalar, Scalar};
+use crate::scalar::traits::{PlainScalar, Scalar};
 use crate::spatial::inertia::{Inertia, InertiaError};
 use crate::spatial::vec3::{Moving, Ten, V3};
 use nalgebra::Vector3;
-use std::sync::Arc;
 
 /// The `kind` of mission files for this appendage.
 pub const KIND: &str = "payload";
@@ -41,7 +45,7 @@ impl Payload {
     /// The law that they break.
     pub fn new(body: &Inertia<f64>) -> Result<Self, InertiaError> {
         body.check()?;
-        Ok(Self { decl: Decl { kind: KIND, coords: Vec::new(), params: ParamDecl::inertial("body", body) } })
+        Ok(Self { decl: Decl::new(KIND, [], ParamDecl::inertial("body", body)) })
     }
 }
 
@@ -51,7 +55,7 @@ impl Payload {
 ///
 /// # Errors
 /// Every problem of the table: those of [`keys::read`], and `Config::Inertia` for numbers that no body has.
-pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+pub fn from_toml(table: &toml::Table) -> Result<SharedAppendage, Problems> {
     let payload = keys::read(table, |t| {
         let (mass, com, i_com) = (t.number("mass_kg"), t.numbers("com_m"), t.symmetric("inertia_com_kgm2"));
         let body = Inertia::from_com(mass?, &Vector3::from(com?), &i_com?);
@@ -72,7 +76,6 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
 crate::shared!(Payload);
 
 impl Appendage for Payload {
-    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -80,6 +83,10 @@ impl Appendage for Payload {
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
         m.set_host(&Ten::from_params(p));
     }
+}
+
+impl PortDynamics for Payload {
+    const WRITES_ALL: bool = true;
     #[inline(always)]
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
         press(&Ten::from_params(p), &s.moving(None), h);
@@ -97,12 +104,12 @@ impl Appendage for Payload {
         press(&Ten::from_params(p), &s.moving(Some(acc)), r);
     }
     #[inline(always)]
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, _: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, _: &PortAccel<'_, T>, j: &mut [T]) {
         let columns = Ten::from_params(p).wrench_by_spin(&V3::from(&s.host.ang), &V3::from(&s.host.lin));
         write(&columns, j);
     }
     #[inline(always)]
-    fn regressor<T: LaneScalar>(&self, _: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, _: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         write(&s.moving(Some(acc)).columns(), y);
     }
 }

@@ -3,16 +3,15 @@
 use crate::diagnostics::problem::Problems;
 use crate::diagnostics::text::list;
 use crate::keys::error;
-use crate::port::DynAppendage;
+use crate::port::shared::SharedAppendage;
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Builds an appendage from its table in the mission file (keys `kind`, `name`, `host`, `mount` removed).
 ///
 /// Errors carry key names in `Problem::object`; the mission loader adds file and line, unless the problem is in another
 /// file and says so. A text in a key that ends with `_file` is a path, which the loader has made to start at the folder
 /// of the mission file; [`crate::diagnostics::read::text_file`] reads it.
-pub type Factory = fn(&toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>;
+pub type Factory = fn(&toml::Table) -> Result<SharedAppendage, Problems>;
 
 /// What a registry knows of one kind.
 #[derive(Clone, Debug)]
@@ -26,9 +25,8 @@ struct Entry {
 /// A third-party crate registers its own, with at least one table that `validate::check_kind` can build it from:
 ///
 /// ```
-/// use ff_model::{DynAppendage, Problems, Registry, toml::Table};
-/// # use std::sync::Arc;
-/// # fn from_toml(_: &Table) -> Result<Arc<dyn DynAppendage>, Problems> { Err(Problems::default()) }
+/// use ff_model::{SharedAppendage, Problems, Registry, toml::Table};
+/// # fn from_toml(_: &Table) -> Result<SharedAppendage, Problems> { Err(Problems::default()) }
 /// let mut registry = Registry::new();
 /// registry.register("tether", from_toml).example("tether", "length_m = 12.0\nmass_kg = 3.5");
 /// assert_eq!(registry.kinds().collect::<Vec<_>>(), ["tether"]);
@@ -76,7 +74,7 @@ impl Registry {
     ///
     /// # Errors
     /// `Config::UnknownKind`, `Config::Syntax`, or what the factory finds wrong.
-    pub fn build(&self, kind: &str, table: &str) -> Result<Arc<dyn DynAppendage>, Problems> {
+    pub fn build(&self, kind: &str, table: &str) -> Result<SharedAppendage, Problems> {
         let factory = self.get(kind).ok_or_else(|| {
             let known = list(self.kinds(), 20);
             Problems(vec![error("Config::UnknownKind", format!("unknown kind '{kind}'; known: {known}")).on("kind")])

@@ -2,4 +2,5 @@
 //! `cargo test -p ff-model --test all sets` runs those of `sets.rs`.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
+mod names;
 mod sets;

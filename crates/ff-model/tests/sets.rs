@@ -1,8 +1,12 @@
 //! Sets of appendages: tuples of every size, boxed ones, and what is refused.
 
 use ff_model::payload::Payload;
+use ff_model::scalar::ModelScalar;
 use ff_model::tree::JointLimits;
-use ff_model::{AppendageSet, BaseKind, DynAppendage, Inertia, Joint, JointKind, Model, Place, Xform};
+use ff_model::{
+    Appendage, AppendageSet, BaseKind, CoordDecl, Decl, Derived, DynAppendage, Inertia, Joint, JointKind, Model,
+    Motion, ParamDecl, Place, PortMatrix, PortState, Scalar, SharedAppendage, TreeTwin, TwinBody, Xform,
+};
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
@@ -90,6 +94,81 @@ fn everything_wrong_with_a_set_is_said_at_once_and_nothing_is_mounted() {
     }
     assert_eq!((m.param_decls(), m.n_params(), masses(&m)), (before, 30, vec![1.5]));
     // What was refused left no offset behind.
-    m.mount("late", 1, Xform::identity(), Arc::new(load(6.0))).unwrap();
+    m.mount("late", 1, Xform::identity(), load(6.0)).unwrap();
     assert_eq!(m.appendages()[1].param_offset, 30);
+}
+
+/// A point mass on an arm that turns about the z axis of its mount, `r = l (cos q, sin q, 0)`, against a spring and a
+/// damper: energies and nothing else.
+struct Swing(Decl);
+
+impl Swing {
+    fn new(mass: f64) -> Self {
+        let params = [("mass", "kg", mass), ("k", "N m/rad", 7.0), ("d", "N m s/rad", 0.6), ("length", "m", 0.8)];
+        let params = params.map(|(name, unit, x)| ParamDecl::positive(name, unit, x));
+        Self(Decl::new("swing", [CoordDecl::new("q", "rad", (-1.5, 1.5))], params))
+    }
+}
+
+impl Appendage for Swing {
+    fn decl(&self) -> &Decl {
+        &self.0
+    }
+    fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+        let ((s, c), l) = (eta[0].sin_cos(), p[3]);
+        m.add_point(p[0], &Vector3::new(l * c, l * s, T::zero()), &[Vector3::new(-l * s, l * c, T::zero())]);
+    }
+    fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
+        (p[1] * eta[0] * eta[0]).scale(0.5)
+    }
+    fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+        (p[2] * nu[0] * nu[0]).scale(0.5)
+    }
+}
+
+impl TreeTwin for Swing {
+    fn tree_bodies(&self, p: &[f64]) -> Option<Vec<TwinBody>> {
+        let inertia = Inertia::point(p[0], &Vector3::new(p[3], 0.0, 0.0));
+        let (axis, placement) = (Vector3::z(), Xform::identity());
+        Some(vec![TwinBody { parent: None, axis, placement, inertia, stiffness: p[1], damping: p[2], rest: 0.0 }])
+    }
+}
+
+ff_model::derived!(Swing: TreeTwin);
+
+#[test]
+fn an_appendage_is_mounted_as_it_is_wrapped_or_as_a_handle() {
+    let mut m = model();
+    m.mount("kind", 1, Xform::identity(), Swing::new(2.0)).unwrap();
+    m.mount("wrapped", 1, Xform::identity(), Derived::new(Swing::new(3.0))).unwrap();
+    let handle: SharedAppendage = Swing::new(4.0).into();
+    let places = ["handle", "load"].map(|name| Place::new(name, 0, Xform::identity()));
+    m.mount_set(&places, (handle, load(5.0))).unwrap();
+    assert_eq!(masses(&m), [2.0, 3.0, 4.0, 5.0]);
+    let links = |k: usize| m.appendages()[k].appendage.tree_twin().and_then(|t| t.tree_bodies(&[2.5, 8.0, 0.7, 1.1]));
+    let twin = links(0).unwrap();
+    assert_eq!((twin[0].inertia.mass, twin[0].stiffness, twin[0].damping), (2.5, 8.0, 0.7));
+    assert_eq!((links(1), links(2).unwrap()), (None, twin));
+    assert!(m.appendages().iter().all(|a| a.decl().galilean));
+    assert!(!Decl::new("linearised", [], []).not_galilean().galilean);
+}
+
+/// Newton's law for the mass, written out: `f = m (w x (v + w x r + 2 r') - r q'^2)`, wrench `[f; r x f]`, own row
+/// `dr/dq . f + k q + d q'`.
+#[test]
+fn the_dynamics_follow_from_the_energies() {
+    let a: SharedAppendage = Swing::new(2.0).into();
+    let (p, q, rate) = ([2.0, 7.0, 0.6, 0.8], 0.31_f64, -0.83);
+    let host = Motion::new(Vector3::new(0.4, -1.1, 0.9), Vector3::new(-0.7, 0.5, 1.2));
+    let mut h = [f64::NAN; 7];
+    f64::port(&*a).bias(&p, &PortState { host, eta: &[q], nu: &[rate] }, &mut h);
+    let (r, across) = (Vector3::new(q.cos(), q.sin(), 0.0) * p[3], Vector3::new(-q.sin(), q.cos(), 0.0) * p[3]);
+    let w = host.ang;
+    let f = (w.cross(&(host.lin + w.cross(&r) + across * (2.0 * rate))) - r * (rate * rate)) * p[0];
+    let n = r.cross(&f);
+    let want = [f.x, f.y, f.z, n.x, n.y, n.z, across.dot(&f) + p[1] * q + p[2] * rate];
+    for i in 0..7 {
+        assert!((h[i] - want[i]).abs() < 1e-14, "row {i}: {} {}", h[i], want[i]);
+    }
+    assert!((f64::port(&*a).dissipated_power(&p, &[rate]) - p[2] * rate * rate).abs() < 1e-15);
 }

@@ -10,6 +10,8 @@
 //! alone.
 
 use ff_records::file::{Block, Blocks, CsvRows, JointColumn, ParquetWriter, ReadOptions, Stamps, open, read};
+use mcap::records::MessageHeader;
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs::File;
 use std::io;
@@ -102,38 +104,16 @@ impl Cdr {
     }
 }
 
-fn record(op: u8, content: &[u8], out: &mut Vec<u8>) {
-    out.push(op);
-    out.extend((content.len() as u64).to_le_bytes());
-    out.extend(content);
-}
-
-fn text(s: &str, out: &mut Vec<u8>) {
-    out.extend((s.len() as u32).to_le_bytes());
-    out.extend(s.as_bytes());
-}
-
 /// A bag of joint states with base samples at the same instants, in lz4 chunks of about 1 MB.
 fn bag(path: &Path, rows: usize) -> Result<(), Box<dyn Error>> {
-    let mut out = BufWriter::new(File::create(path)?);
-    let magic = b"\x89MCAP0\r\n";
-    out.write_all(magic)?;
-    let mut chunk = Vec::new();
-    for (id, (topic, schema)) in
-        [("/joint_states", "sensor_msgs/msg/JointState"), ("/imu", "sensor_msgs/msg/Imu")].into_iter().enumerate()
-    {
-        let id = (id as u16 + 1).to_le_bytes();
-        let mut s = id.to_vec();
-        text(schema, &mut s);
-        text("ros2msg", &mut s);
-        text("", &mut s);
-        record(3, &s, &mut chunk);
-        let mut c = [id, id].concat();
-        text(topic, &mut c);
-        text("cdr", &mut c);
-        c.extend(0u32.to_le_bytes());
-        record(4, &c, &mut chunk);
-    }
+    let options = mcap::WriteOptions::new().compression(Some(mcap::Compression::Lz4)).chunk_size(Some(1_000_000));
+    let mut out = options.create(BufWriter::new(File::create(path)?))?;
+    let mut channel = |topic: &str, schema: &str| {
+        let schema = out.add_schema(schema, "ros2msg", &[])?;
+        out.add_channel(schema, topic, "cdr", &BTreeMap::new())
+    };
+    let joints_id = channel("/joint_states", "sensor_msgs/msg/JointState")?;
+    let imu_id = channel("/imu", "sensor_msgs/msg/Imu")?;
     for i in 0..rows {
         let stamp = 1_700_000_000_000_000_000 + i as u64 * 1_000_000;
         let mut joints = Cdr::new(stamp);
@@ -153,36 +133,12 @@ fn bag(path: &Path, rows: usize) -> Result<(), Box<dyn Error>> {
                 _ => 0.0,
             });
         }
-        for (id, m) in [(2u16, imu.0), (1, joints.0)] {
-            let mut content = id.to_le_bytes().to_vec();
-            content.extend((i as u32).to_le_bytes());
-            content.extend(stamp.to_le_bytes());
-            content.extend(stamp.to_le_bytes());
-            content.extend(m);
-            record(5, &content, &mut chunk);
-        }
-        if chunk.len() > 1_000_000 || i + 1 == rows {
-            let mut packed = lz4_flex::frame::FrameEncoder::new(Vec::new());
-            packed.write_all(&chunk)?;
-            let packed = packed.finish()?;
-            let mut content = [0; 16].to_vec();
-            content.extend((chunk.len() as u64).to_le_bytes());
-            content.extend(crc32fast::hash(&chunk).to_le_bytes());
-            text("lz4", &mut content);
-            content.extend((packed.len() as u64).to_le_bytes());
-            content.extend(packed);
-            let mut all = Vec::new();
-            record(6, &content, &mut all);
-            out.write_all(&all)?;
-            chunk.clear();
+        for (channel_id, message) in [(imu_id, imu.0), (joints_id, joints.0)] {
+            let header = MessageHeader { channel_id, sequence: i as u32, log_time: stamp, publish_time: stamp };
+            out.write_to_known_channel(&header, &message)?;
         }
     }
-    let mut end = Vec::new();
-    record(0x0f, &0u32.to_le_bytes(), &mut end);
-    record(2, &[0; 20], &mut end);
-    out.write_all(&end)?;
-    out.write_all(magic)?;
-    out.flush()?;
+    out.finish()?;
     Ok(())
 }
 

@@ -24,8 +24,8 @@ enum Clock {
 /// Collects columns, then checks them all. Matrices are N x channels.
 ///
 /// ```
-/// # use nalgebra::DMatrix;
-/// # use crate::builder::RecordBuilder;
+/// use nalgebra::DMatrix;
+/// use ff_records::RecordBuilder;
 /// let wave = |n: usize, k: f64| DMatrix::from_fn(400, n, |i, j| (k * i as f64 + 0.7 * j as f64).sin());
 /// let (record, warnings) = RecordBuilder::new(["shoulder", "elbow"])
 ///     .uniform(0.0, 100.0)

@@ -1,5 +1,6 @@
 use crate::builder::*;
 use approx::assert_relative_eq;
+use ff_testkit::scaled;
 
 const N: usize = 400;
 
@@ -19,7 +20,7 @@ fn code_of(b: RecordBuilder) -> &'static str {
 fn a_good_record_passes_and_is_cut_by_time() {
     let (r, w) = good().build().unwrap();
     assert!(w.0.is_empty());
-    assert_relative_eq!(r.seconds(), 4.0, max_relative = 1e-12);
+    assert_relative_eq!(r.seconds(), 4.0, max_relative = scaled(1e-12));
     let c = r.window(0.5, 1.25).unwrap();
     assert_eq!((c.samples(), c.joints()), (75, 2));
     assert_eq!(c.tau()[(3, 1)], r.tau()[(53, 1)]);
@@ -70,7 +71,7 @@ fn all_problems_come_at_once() {
 #[test]
 fn clocks_are_uniform_or_refused() {
     let clean: Vec<f64> = (0..N).map(|i| 7.3 + 0.01 * i as f64).collect();
-    assert_relative_eq!(good().stamps(clean.clone()).build().unwrap().0.rate_hz(), 100.0, max_relative = 1e-9);
+    assert_relative_eq!(good().stamps(clean.clone()).build().unwrap().0.rate_hz(), 100.0, max_relative = scaled(1e-9));
     let mut back = clean.clone();
     back[40] = back[39];
     assert_eq!(code_of(good().stamps(back)), "Data::NonMonotone");
@@ -81,7 +82,7 @@ fn clocks_are_uniform_or_refused() {
     let wave_at = |t: &[f64]| DMatrix::from_fn(N, 2, |i, j| (2.0 * (t[i] - t[0]) + 0.7 * j as f64).sin());
     let (r, w) = good().stamps(jitter.clone()).q(wave_at(&jitter)).resample(true).build().unwrap();
     assert!(w.has("Data::Resampled"));
-    assert_relative_eq!(r.q()[(200, 1)], (2.0 * r.time(200) + 0.7).sin(), epsilon = 5e-4);
+    assert_relative_eq!(r.q()[(200, 1)], (2.0 * r.time(200) + 0.7).sin(), epsilon = scaled(5e-4));
     let gap: Vec<f64> = clean.iter().enumerate().map(|(i, t)| t + if i >= 100 { 0.02 } else { 0.0 }).collect();
     assert_eq!(code_of(good().stamps(gap.clone())), "Data::Gap");
     let (r, w) = good().stamps(gap).resample(true).build().unwrap();

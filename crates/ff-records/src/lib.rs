@@ -22,3 +22,8 @@ mod thin;
 pub use builder::RecordBuilder;
 pub use mask::Mask;
 pub use record::Record;
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

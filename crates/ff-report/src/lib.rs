@@ -11,3 +11,8 @@ pub mod identify;
 pub mod page;
 pub mod plot;
 pub mod preflight;
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -102,6 +102,7 @@ fn bessel_i0(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     #[test]
     fn the_pass_band_is_flat_the_stop_band_quiet_and_decays_keep_their_poles() {
@@ -115,7 +116,7 @@ mod tests {
         let y = d.run(&x);
         assert_eq!(y.nrows(), d.len(3000));
         let expect = (d.gain(z) * z.powi((d.margin() + 7 * 15) as i32)).re;
-        assert!((y[(7, 0)] - expect).abs() < 1e-12);
+        assert_within!((y[(7, 0)] - expect).abs(), 1e-12);
     }
 
     #[test]

@@ -338,6 +338,7 @@ impl Sweep {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     type Decay = (DMatrix<f64>, [Complex<f64>; 2], [[Complex<f64>; 3]; 2]);
     /// Two modes and an offset on three channels, exactly: order 5.
@@ -362,10 +363,10 @@ mod tests {
         for (p, s) in poles.iter().zip(&shapes) {
             let m = found.iter().find(|m| (m.pole - p).norm() < 1e-9).expect("pole");
             for (a, b) in m.shape.iter().zip(s) {
-                assert!((a - b).norm() < 1e-8, "{a} {b}");
+                assert_within!((a - b).norm(), 1e-8, "{a} {b}");
             }
             // Consistent in time; the shapes are complex, which is all that lowers the indicator.
-            assert!((m.consistency - phase_collinearity(s)).abs() < 1e-6, "{}", m.consistency);
+            assert_within!((m.consistency - phase_collinearity(s)).abs(), 1e-6, "{}", m.consistency);
         }
     }
 
@@ -373,10 +374,10 @@ mod tests {
     fn mac_knows_shapes_up_to_a_complex_factor_and_spans() {
         let (_, _, [a, b]) = decay();
         let turned: Vec<_> = a.iter().map(|x| x * Complex::new(-0.3, 1.9)).collect();
-        assert!((mac(&a, &turned) - 1.0).abs() < 1e-14);
+        assert_within!((mac(&a, &turned) - 1.0).abs(), 1e-14);
         let m = mac(&a, &b);
         assert!(m > 1e-3 && m < 0.9, "{m}");
-        assert!((subspace_mac(&a, &[&b]) - m).abs() < 1e-14);
+        assert_within!((subspace_mac(&a, &[&b]) - m).abs(), 1e-14);
         let mixed: Vec<_> = a.iter().zip(&b).map(|(x, y)| x * 0.4 + y * Complex::new(0.2, -0.7)).collect();
         assert!((subspace_mac(&mixed, &[&a, &b]) - 1.0).abs() < 1e-13 && mac(&mixed, &a) < 0.99);
         let line: Vec<_> = [1.0, -2.0, 0.3].iter().map(|x| Complex::new(0.6, -0.8) * *x).collect();

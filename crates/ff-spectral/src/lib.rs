@@ -23,3 +23,8 @@ pub use decimate::Decimator;
 pub use modal::{ModalFit, ModalSettings, fit_modes};
 pub use peaks::{Peak, Peaks, find_peaks};
 pub use psd::{Psd, Welch};
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

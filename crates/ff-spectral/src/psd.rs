@@ -274,16 +274,17 @@ fn positive(what: &'static str, value: f64) -> Result<(), PsdError> {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use ff_testkit::scaled;
 
     #[test]
     fn the_integral_of_the_density_is_the_variance() {
         let x: Vec<f64> =
             (0..4096).map(|i| 1.3 * (0.11 * i as f64).sin() + 0.4 * (0.9 * i as f64).cos() + 7.0).collect();
         let p = Welch::new(1024, 50.0).unwrap().run(&x).unwrap();
-        assert_relative_eq!(p.variance(), (1.3f64.powi(2) + 0.4f64.powi(2)) / 2.0, max_relative = 2e-3);
+        assert_relative_eq!(p.variance(), (1.3f64.powi(2) + 0.4f64.powi(2)) / 2.0, max_relative = scaled(2e-3));
         assert_eq!((p.segments, p.density.len()), (7, 513));
         let s = Psd::weighted_sum(&[p.clone(), p.clone()], &[0.5, 2.0]).unwrap();
-        assert_relative_eq!(s.density[20], p.density[20] * (4.0 + 0.25), max_relative = 1e-14);
+        assert_relative_eq!(s.density[20], p.density[20] * (4.0 + 0.25), max_relative = scaled(1e-14));
     }
 
     #[test]

@@ -62,6 +62,7 @@ impl Psd {
 mod tests {
     use super::*;
     use crate::psd::Welch;
+    use ff_testkit::assert_within;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, Normal};
@@ -89,7 +90,7 @@ mod tests {
         let window: Vec<f64> =
             (0..512).map(|i| 0.5 - 0.5 * (core::f64::consts::TAU * i as f64 / 512.0).cos()).collect();
         let k = effective_averages(&window, 256, 9);
-        assert!((k - 9.0 / (1.0 + 2.0 * (8.0 / 9.0) / 36.0)).abs() < 1e-9, "{k}");
+        assert_within!((k - 9.0 / (1.0 + 2.0 * (8.0 / 9.0) / 36.0)).abs(), 1e-9, "{k}");
         assert_eq!(effective_averages(&window, 512, 4), 4.0);
         // Three quarters of overlap: many segments, hardly more averages than at half.
         let dense = effective_averages(&window, 128, 17);

@@ -1,6 +1,7 @@
 //! Welch spectra against `scipy.signal.welch`; `data/make_welch.py` made the numbers.
 
 use ff_spectral::Welch;
+use ff_testkit::assert_within;
 use serde_json::Value;
 
 #[test]
@@ -18,11 +19,11 @@ fn agrees_with_scipy_for_even_odd_and_whole_record_segments() {
         assert_eq!(p.density.len(), d.len());
         let top = d.iter().cloned().fold(0.0, f64::max);
         for j in 0..d.len() {
-            assert!((p.frequency[j] - f[j]).abs() < 1e-12 * f[f.len() - 1]);
+            assert_within!((p.frequency[j] - f[j]).abs(), 1e-12 * f[f.len() - 1]);
             // The bin at zero holds only rounding noise: judge it against the top of the spectrum.
             worst = worst.max((p.density[j] - d[j]).abs() / d[j].max(1e-3 * top));
         }
     }
     println!("worst relative difference {worst:.2e}");
-    assert!(worst < 1e-12, "{worst:.3e}");
+    assert_within!(worst, 1e-12, "{worst:.3e}");
 }

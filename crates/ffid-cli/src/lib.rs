@@ -147,3 +147,8 @@ fn execute(cli: Cli, mut out: &mut dyn Write, mut err: &mut dyn Write) -> Exit {
         }
     }
 }
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

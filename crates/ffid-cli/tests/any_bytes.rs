@@ -2,14 +2,11 @@
 //!
 //! `PROPTEST_CASES` raises the number of cases. `fuzz/run.sh` searches with coverage instead of chance.
 
-#[allow(unreachable_pub)] // of a file that another crate shares
-#[path = "../../ff-mission/tests/common/mutate.rs"]
-mod mutate;
 #[allow(unreachable_pub)] // of a file that the fuzz targets share
 #[path = "../../../fuzz/readers.rs"]
 mod readers;
 
-use mutate::{edits, mutate};
+use ff_testkit::mutate::{edits, mutate};
 use proptest::prelude::*;
 use std::fs;
 use std::path::PathBuf;

@@ -54,11 +54,11 @@ impl Case {
         assert_eq!(found, exit, "{err}");
         assert!(out.is_empty(), "{out}");
         assert!(err.contains(&format!("error[{code}]")), "{code} in {err}");
-        assert!(says.iter().all(|s| err.contains(s)), "{says:?} in {err}");
         // JSON says the same.
         let (again, v) = self.json(args);
         assert_eq!((again, v["exit_code"].as_i64()), (exit, Some(i64::from(exit))));
-        assert!(v["problems"].as_array().unwrap().iter().any(|p| p["code"] == code), "{v}");
+        let found = v["problems"].as_array().unwrap().iter().any(|p| p["code"] == code && common::says(p, &err, says));
+        assert!(found, "{says:?} in {err}\n{v}");
     }
     fn names(&self) -> Vec<String> {
         let all = fs::read_dir(self.dir.path()).unwrap();
@@ -194,19 +194,23 @@ fn text_says_what_matters() {
 fn settings_that_make_no_sense_are_refused() {
     let section = |text: &str| Case::new("flex.toml", &format!("[excite]\n{text}\n"));
     let cases: [(&str, &str, &[&str]); 14] = [
-        ("gaol = \"modal\"", "Config::UnknownKey", &["excite", "'gaol'", "did you mean goal?"]),
-        ("goal = \"model\"", "Config::UnknownChoice", &["excite.goal", "'model'", "did you mean modal?"]),
+        ("gaol = \"modal\"", "Config::UnknownKey", &["excite", "'gaol'", "goal"]),
+        ("goal = \"model\"", "Config::UnknownChoice", &["excite.goal", "'model'", "modal"]),
         ("duration_s = 0.0", "Config::OutOfRange", &["excite.duration_s", "value 0 s, limit > 0 s"]),
         ("duration_s = 9.0\nduration_bounds_s = [1.0, 2.0]", "Config::Conflict", &["duration_bounds_s"]),
         ("duration_bounds_s = [30.0, 20.0]", "Config::OutOfRange", &["30 .. 20 s"]),
         ("degree = 2", "Config::OutOfRange", &["excite.degree", "value 2, limit 3 to 7"]),
         ("control_points = 0", "Config::OutOfRange", &["excite.control_points"]),
         ("start_rad = [0.1, 0.2]", "Config::WrongLength", &["2 positions for 7 joints"]),
-        ("end_rad = [0.1, 0.2, 9.0, 0, 0, 0, 0]", "Config::OutOfRange", &["joint3: 9 rad, limit -3.1 .. 3.1 rad"]),
-        ("end = \"strat\"", "Config::UnknownChoice", &["did you mean start?"]),
+        (
+            "end_rad = [0.1, 0.2, 9.0, 0, 0, 0, 0]",
+            "Config::OutOfRange",
+            &["joint3", "value 9 rad, limit -3.1 to 3.1 rad"],
+        ),
+        ("end = \"strat\"", "Config::UnknownChoice", &["start"]),
         ("parameters = [\"bse.*\"]", "Config::NoSuchParameter", &["excite.parameters[0]", "'bse.*'"]),
-        ("joints = [\"joint22\"]", "Config::UnknownJoint", &["excite.joints", "did you mean joint2?"]),
-        ("frequency_error = 1.5", "Config::OutOfRange", &["limit < 1"]),
+        ("joints = [\"joint22\"]", "Config::UnknownJoint", &["excite.joints", "joint2"]),
+        ("frequency_error = 1.5", "Config::OutOfRange", &["value 1.5, limit < 1"]),
         ("duration_s = nan", "Config::NotFinite", &["excite.duration_s"]),
     ];
     for (text, code, says) in cases {
@@ -216,9 +220,9 @@ fn settings_that_make_no_sense_are_refused() {
         Case::edited("flex.toml", SMALL, "velocity_rad_per_s = 0.17", &format!("velocity_rad_per_s = 0.17\n{line}"))
     };
     let cases: [(&str, &str, &[&str]); 6] = [
-        ("jerk_rad_per_s2 = 1.0", "Config::UnknownKey", &["did you mean jerk_rad_per_s3?"]),
-        ("torque_nm = -1.0", "Config::OutOfRange", &["limits.torque_nm", "limit > 0 N m"]),
-        ("base_attitude_rad = 57.0", "Config::OutOfRange", &["limit < pi rad"]),
+        ("jerk_rad_per_s2 = 1.0", "Config::UnknownKey", &["jerk_rad_per_s3"]),
+        ("torque_nm = -1.0", "Config::OutOfRange", &["limits.torque_nm", "value -1 N m, limit > 0 N m"]),
+        ("base_attitude_rad = 57.0", "Config::OutOfRange", &["value 57 rad, limit < 3.141592653589793 rad"]),
         (
             "pointing = [{ name = \"antenna\", axis = [0, 0, 0], target = [0, 0, 1], within_rad = 0.1 }]",
             "Config::ZeroAxis",
@@ -317,7 +321,7 @@ fn bad_trajectory_files_are_refused() {
         &["missing: joint3; extra: jiont3"],
     );
     judge("version.json", &json.replace("\"version\": 1", "\"version\": 7"), 12, "Data::Version", &["version 7"]);
-    judge("key.json", &json.replacen("\"degree\"", "\"degre\"", 1), 12, "Data::UnknownKey", &["did you mean degree?"]);
+    judge("key.json", &json.replacen("\"degree\"", "\"degre\"", 1), 12, "Data::UnknownKey", &["degree"]);
     judge("cut.csv", &csv[..csv.len() - 4], 12, "Data::MaybeTruncated", &["cut short"]);
     judge("nan.csv", &csv.replacen("\n0.05,", "\nNaN,", 1), 12, "Data::NotFinite", &["time[s]", "data row 2"]);
     judge("name.csv", &csv.replace("joint3", "jiont3"), 12, "Data::NameMismatch", &["q.jiont3[rad]"]);

@@ -1,12 +1,13 @@
 //! `[[input]]` of a mission: what acts in `ffid simulate`, what is wrong with a table, and which commands take none.
 
+use crate::common;
 use crate::common::{ffid, fixture};
 use crate::identify::trajectory;
-use ff_dynamics::motion::JointMotion;
 use ff_dynamics::sim::inputs::GravityGradient;
 use ff_dynamics::{Drive, ExternalInput, SimOptions, State, Trace, simulate_with};
 use ff_mission::Leniency;
 use ff_model::{Params, Problems};
+use ff_testkit::motion::Swing;
 use ffid::inputs::Declared;
 use ffid::open::{Opened, open};
 use ffid::sense::{fly, from_rest};
@@ -15,21 +16,9 @@ use serde_json::Value;
 use std::fs;
 
 /// Every joint in motion, from rest.
-struct Wave(usize);
-
-impl JointMotion for Wave {
-    fn dof(&self) -> usize {
-        self.0
-    }
-    fn duration(&self) -> f64 {
-        3.0
-    }
-    fn eval(&self, t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
-        for j in 0..self.0 {
-            let (a, w) = (0.07 + 0.02 * j as f64, 0.8 + 0.3 * j as f64);
-            (q[j], qd[j], qdd[j]) = (0.4 + a * (1.0 - (w * t).cos()), a * w * (w * t).sin(), a * w * w * (w * t).cos());
-        }
-    }
+fn wave(joints: usize) -> Swing {
+    let joints = (0..joints).map(|j| (0.07 + 0.02 * j as f64, 0.8 + 0.3 * j as f64)).collect();
+    Swing { seconds: 3.0, rest: 0.4, joints }
 }
 
 const RATE: f64 = 100.0;
@@ -54,7 +43,7 @@ fn flexible(inputs: &str) -> Opened {
 
 fn run(o: &Opened) -> Trace {
     let inputs: Vec<_> = o.inputs.iter().map(Declared::as_input).collect();
-    fly(&o.model, &Params::nominal(&o.model), &Wave(o.model.nj()), &inputs, RATE, 0.0).unwrap()
+    fly(&o.model, &Params::nominal(&o.model), &wave(o.model.nj()), &inputs, RATE, 0.0).unwrap()
 }
 
 /// What the momentum about the world origin has gained at the end: linear, angular.
@@ -161,7 +150,7 @@ fn the_gradient_is_that_of_the_library_and_no_input_changes_nothing() {
     let o = flexible(
         "[[input]]\nkind = 'gravity_gradient'\nradius_m = 6.878e6\nradial = [0.6, -0.3, 0.9]\nnormal = [0.3, 0.6, 0.0]\n",
     );
-    let (m, p, motion) = (&o.model, Params::nominal(&o.model), Wave(o.model.nj()));
+    let (m, p, motion) = (&o.model, Params::nominal(&o.model), wave(o.model.nj()));
     let t = run(&o);
     let g = GravityGradient::new(GravityGradient::EARTH, 6.878e6, v3(0.6, -0.3, 0.9), v3(0.3, 0.6, 0.0)).unwrap();
     let mut from = State::zero(m);
@@ -197,11 +186,11 @@ fn the_gradient_is_that_of_the_library_and_no_input_changes_nothing() {
 /// One table each: what follows `[[input]]`, the code it gets, and words of its line.
 const BAD: &[(&str, &str, &[&str])] = &[
     ("host = 'base'", "Config::MissingKey", &["input[0]: ", "'kind'"]),
-    ("kind = 'truster'", "Config::UnknownChoice", &["input[0].kind", "did you mean thruster?"]),
+    ("kind = 'truster'", "Config::UnknownChoice", &["input[0].kind", "thruster"]),
     (
         "kind = 'thruster'\nhost = 'bsae'\npoint_m = [0.1, 0.2, 0.3]\ndirection = [0.3, 0.2, 0.1]\nforce_n = 2.5",
         "Config::UnknownFrame",
-        &["input[0].host", "'bsae'", "did you mean base?"],
+        &["input[0].host", "'bsae'", "base"],
     ),
     (
         "kind = 'thruster'\nhost = 'base'\npoint_m = [0.1, 0.2]\ndirection = [0.3, 0.2, 0.1]\nforce_n = 2.5",
@@ -261,7 +250,7 @@ const BAD: &[(&str, &str, &[&str])] = &[
     (
         "kind = 'thruster'\nhost = 'base'\npoint_m = [0.1, 0.2, 0.3]\ndirection = [0.3, 0.2, 0.1]\npulse = [{ t_on_s = 0.9, t_off_s = 0.4, force_n = 2.5 }]",
         "Config::OutOfRange",
-        &["input[0].pulse[0].t_off_s", "value 0.4 s, limit > t_on_s, 0.9 s"],
+        &["input[0].pulse[0].t_off_s", "value 0.4 s, limit > 0.9 s"],
     ),
     (
         "kind = 'thruster'\nhost = 'base'\npoint_m = [0.1, 0.2, 0.3]\ndirection = [0.3, 0.2, 0.1]\npulse = [{ t_on_s = 0.9, t_off_s = nan, force_n = 2.5 }]",
@@ -281,13 +270,13 @@ const BAD: &[(&str, &str, &[&str])] = &[
     (
         "kind = 'thruster'\nhost = 'base'\npoint_m = [0.1, 0.2, 0.3]\ndirection = [0.3, 0.2, 0.1]\npulse = [{ t_on = 0.3, t_on_s = 0.4, t_off_s = 0.9, force_n = 2.5 }]",
         "Config::UnknownKey",
-        &["input[0].pulse[0]", "'t_on'", "did you mean t_on_s?"],
+        &["input[0].pulse[0]", "'t_on'", "t_on_s"],
     ),
     ("kind = 'wrench'\nhost = 'base'\nforce_n = [2.5, 0.3, 0.7]", "Config::MissingKey", &["'axes'"]),
     (
         "kind = 'wrench'\nhost = 'base'\naxes = 'word'\nforce_n = [2.5, 0.3, 0.7]",
         "Config::UnknownChoice",
-        &["input[0].axes", "did you mean world?"],
+        &["input[0].axes", "world"],
     ),
     ("kind = 'wrench'\nhost = 'base'\naxes = 'body'\nforce_n = 2.5", "Config::Type", &["input[0].force_n"]),
     (
@@ -313,7 +302,7 @@ const BAD: &[(&str, &str, &[&str])] = &[
     (
         "kind = 'passive_force'\ncoordinate = 'wheel.spn'\ntorque_nm = 0.3",
         "Config::UnknownCoordinate",
-        &["input[0].coordinate", "'wheel.spn'", "did you mean wheel.spin?"],
+        &["input[0].coordinate", "'wheel.spn'", "wheel.spin"],
     ),
     (
         "kind = 'passive_force'\ncoordinate = 'nothing like it'\ntorque_nm = 0.3",
@@ -353,7 +342,7 @@ const BAD: &[(&str, &str, &[&str])] = &[
     (
         "kind = 'gravity_gradient'\nradius_m = 7e6\nradial = [0.6, -0.3, 0.9]\nnormal = [0.3, 0.6, 0.1]",
         "Config::OutOfRange",
-        &["input[0].normal", "cosine 1.182e-1", "limit 1e-6"],
+        &["input[0].normal", "1.182e-1"],
     ),
     (
         "kind = 'gravity_gradient'\nradius_m = 1e-200\nradial = [0.6, -0.3, 0.9]\nnormal = [0.3, 0.6, 0.0]",
@@ -380,7 +369,7 @@ fn bad_inputs_get_one_error_each_that_names_them() {
         let line = p.to_string();
         let placed = p.line.is_some() || *code == "Config::Input";
         let good = found.0.len() == 1 && p.code == *code && p.hint.is_some() && placed && found.exit_code() == 11;
-        if !good || says.iter().any(|s| !line.contains(s)) {
+        if !good || !common::says(&serde_json::to_value(p).unwrap(), &line, says) {
             failures += &format!("{table}\nexpected {code} {says:?}, found\n{found}\n\n");
         }
     }

@@ -1,7 +1,6 @@
 //! One mission with every kind of appendage this workspace brings.
 
 use crate::common::fixture;
-use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{
     Boundary, Drive, Regressor, SimOptions, State, Work, bias, budget, forward_dynamics, hybrid_dynamics, mass_matrix,
     regressor, rnea, simulate,
@@ -11,6 +10,7 @@ use ff_mission::Leniency;
 use ff_model::Params;
 use ff_model::scalar::D1;
 use ff_records::RecordBuilder;
+use ff_testkit::motion::Swing;
 use ident::Options;
 use ident::parameters::offset_start;
 use ident::{Noise, OutputError, Request, estimate};
@@ -118,24 +118,10 @@ fn every_parameter_has_its_column_in_the_regressor() {
 }
 
 /// Joints that swing from rest, each with a period and an amplitude of its own.
-struct Swing(usize);
-
-impl JointMotion for Swing {
-    fn dof(&self) -> usize {
-        self.0
-    }
-    fn duration(&self) -> f64 {
-        1e3
-    }
-    fn eval(&self, t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
-        for j in 0..self.0 {
-            let (a, w) = (0.06 + 0.01 * j as f64, 0.9 + 0.41 * j as f64);
-            let a = if j % 2 == 0 { a } else { -a };
-            q[j] = 0.3 + a * (1.0 - (w * t).cos());
-            qd[j] = a * w * (w * t).sin();
-            qdd[j] = a * w * w * (w * t).cos();
-        }
-    }
+fn swing(joints: usize) -> Swing {
+    let one =
+        |j: usize| (if j.is_multiple_of(2) { 1.0 } else { -1.0 } * (0.06 + 0.01 * j as f64), 0.9 + 0.41 * j as f64);
+    Swing { seconds: 1e3, rest: 0.3, joints: (0..joints).map(one).collect() }
 }
 
 /// Torques and gyro of one simulated record tell one parameter of each kind, from starts 20 % off: simulation and
@@ -171,7 +157,7 @@ fn a_parameter_of_every_kind_is_identified_from_one_record() {
     let mut start = State::zero(m);
     start.q.fill(0.3);
     start.eta.copy_from_slice(&m.rest_position(&truth));
-    let motion = Swing(m.nj());
+    let motion = swing(m.nj());
     let trace = simulate(m, &truth, &start, &Drive::Prescribed(&motion), &options).unwrap();
     let record = RecordBuilder::new(m.joint_names())
         .uniform(0.0, 1.0 / trace.dt)

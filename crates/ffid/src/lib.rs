@@ -10,9 +10,9 @@
 //! use ff_mission::Leniency;
 //!
 //! let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/paper/flex.toml");
-//! let system = crate::open::open(path.as_ref(), Leniency::default())?;
+//! let system = ffid::open::open(path.as_ref(), Leniency::default())?;
 //! assert_eq!(system.model.nv(), 6 + 7 + 4);
-//! let modes = crate::modes::ModeTable::new(&system.model, &system.pose(), Boundary::JointsHeld)?;
+//! let modes = ffid::modes::ModeTable::new(&system.model, &system.pose(), Boundary::JointsHeld)?;
 //! assert_eq!(modes.modes[1].base, "rotates");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -54,7 +54,7 @@ pub fn default_registry() -> model::Registry {
     r
 }
 
-/// Compiles the example of the README.
+/// Compiles the example of `README.md`.
 #[cfg(doctest)]
-#[doc = include_str!("../../../README.md")]
+#[doc = include_str!("../README.md")]
 struct Readme;

@@ -5,11 +5,12 @@ use crate::coupling;
 use crate::coupling::{Coupling, DAMPING, STIFFNESS};
 use crate::segment::Segment;
 use ff_model::CoordDecl;
+use ff_model::diagnostics::Limit;
 use ff_model::port::MAX_COORDS;
 use ff_model::port::MAX_PARAMS;
 use ff_model::spatial::Axis;
 use ff_model::spatial::vec3::{Pose, Turn, V3};
-use ff_model::{Area, Decl, Inertia, ParamDecl, Problem, Problems, Scalar, TwinBody, Xform};
+use ff_model::{Area, Decl, Inertia, ParamDecl, Problem, Problems, Scalar, TreeTwin, TwinBody, Xform};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::PI;
 
@@ -76,6 +77,7 @@ impl PanelChain {
                     "Config::Param",
                     format!("{} segments, outside the limits 1 to {MAX_SEGMENTS}", segments.len()),
                 )
+                .violating(segments.len() as f64, Limit::Within(1.0, MAX_SEGMENTS as f64), "segments")
                 .on("segments")
                 .hint("one table per rigid segment, from the host outwards"),
             );
@@ -96,13 +98,11 @@ impl PanelChain {
         for (i, s) in segments.iter().enumerate() {
             params.push(ParamDecl::positive(format!("d[{i}]"), "N m s/rad", s.damping));
         }
-        let coords = (0..segments.len())
-            .map(|i| CoordDecl { name: format!("hinge[{i}]"), unit: "rad", range: (-PI, PI) })
-            .collect();
+        let coords = (0..segments.len()).map(|i| CoordDecl::new(format!("hinge[{i}]"), "rad", (-PI, PI)));
         let hinges: Vec<Hinge> = segments.iter().map(Hinge::new).collect();
         let about = hinges[0].axis.about();
         Ok(Self {
-            decl: Decl { kind: KIND, coords, params },
+            decl: Decl::new(KIND, coords, params),
             about: if hinges.iter().all(|h| h.axis.about() == about) { about } else { Turn::General },
             hinges,
             k_pairs: Coupling::default(),
@@ -138,6 +138,7 @@ impl PanelChain {
         if params.len() > MAX_PARAMS {
             let what = format!("{} parameters, limit {MAX_PARAMS}", params.len());
             let p = Problem::error(Area::Config, "Config::TooManyParameters", what).on("segments");
+            let p = p.violating(params.len() as f64, Limit::AtMost(MAX_PARAMS as f64), "parameters");
             return Err(Problems(vec![p.hint("couple fewer hinges: elements that are zero are no parameters")]));
         }
         Ok(self)
@@ -204,8 +205,12 @@ impl PanelChain {
 
     /// Segment `i` with its nominal parameters and unit axis; `None` if there is no such segment.
     pub fn segment(&self, i: usize) -> Option<Segment> {
+        self.segment_at(&self.nominal(), i)
+    }
+
+    /// Segment `i` at parameters `p`.
+    fn segment_at(&self, p: &[f64], i: usize) -> Option<Segment> {
         let h = self.hinges.get(i)?;
-        let p = self.nominal();
         Some(Segment {
             inertia: Inertia::from_params(&p[self.inertial_offset(i)..]),
             hinge: h.pos,
@@ -220,8 +225,12 @@ impl PanelChain {
     /// between hinges are not in it: [`PanelChain::stiffness_damping`] has them.
     /// Allocates.
     pub fn twin_bodies(&self) -> Vec<TwinBody> {
+        self.twin_bodies_at(&self.nominal())
+    }
+
+    fn twin_bodies_at(&self, p: &[f64]) -> Vec<TwinBody> {
         (0..self.count())
-            .filter_map(|i| self.segment(i).map(|s| (i, s)))
+            .filter_map(|i| self.segment_at(p, i).map(|s| (i, s)))
             .map(|(i, s)| TwinBody {
                 parent: i.checked_sub(1),
                 axis: s.axis,
@@ -232,6 +241,14 @@ impl PanelChain {
                 rest: s.rest,
             })
             .collect()
+    }
+}
+
+impl TreeTwin for PanelChain {
+    /// `None` for coupled hinges: a tree joint has its own spring only.
+    fn tree_bodies(&self, p: &[f64]) -> Option<Vec<TwinBody>> {
+        let plain = self.k_pairs.pairs.is_empty() && self.d_pairs.pairs.is_empty();
+        plain.then(|| self.twin_bodies_at(p))
     }
 }
 

@@ -6,9 +6,8 @@ use crate::coupling::{DAMPING, STIFFNESS};
 use crate::segment::Segment;
 use ff_model::keys;
 use ff_model::keys::Keys;
-use ff_model::{Area, DynAppendage, Problem, Problems};
+use ff_model::{Area, Problem, Problems, SharedAppendage};
 use nalgebra::{DMatrix, Vector3};
-use std::sync::Arc;
 
 /// Builds a [`PanelChain`] from its table in a mission file (a [`ff_model::registry::Factory`]). Allocates.
 ///
@@ -27,7 +26,7 @@ use std::sync::Arc;
 /// # Errors
 /// Every problem of the table: those of [`ff_model::keys::read`] and of [`PanelChain::new`]. `Problem::object`
 /// holds the key, such as `segments[1].hinge_axis`.
-pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+pub fn from_toml(table: &toml::Table) -> Result<SharedAppendage, Problems> {
     let (segments, k, d) = keys::read(table, |t| {
         let k = if t.has(STIFFNESS.key) { Some(matrix(t, STIFFNESS)) } else { None };
         let d = if t.has(DAMPING.key) { Some(matrix(t, DAMPING)) } else { None };

@@ -14,6 +14,7 @@
 //! are positive semidefinite, because what is taken from `C` has a row sum, hence a norm, of at most `l/2 + m l/(2 m)`
 //! (Gershgorin), and a diagonal that grows adds a semidefinite matrix. Hinges without a coupling keep `(0, inf)`.
 
+use ff_model::diagnostics::Limit;
 use ff_model::{Area, ParamDecl, ParamGroup, Problem, Problems};
 use nalgebra::DMatrix;
 
@@ -92,13 +93,11 @@ fn scaled_least(m: &DMatrix<f64>) -> f64 {
 
 /// Adds everything that is wrong with the matrix of `n` hinges to `problems`, at key `of.key`. Allocates.
 pub(crate) fn check(matrix: &DMatrix<f64>, n: usize, of: Of, problems: &mut Problems) {
-    let mut bad = |code, at: String, what: String, hint: &str| {
-        problems.push(Problem::error(Area::Config, code, what).on(at).hint(hint));
-    };
+    let bad = |code, at: String, what: String, hint: &str| Problem::error(Area::Config, code, what).on(at).hint(hint);
     let (rows, columns) = matrix.shape();
     if (rows, columns) != (n, n) {
         let what = format!("{rows} x {columns} numbers for {n} segments, expected {n} x {n}");
-        bad("Config::WrongLength", of.key.into(), what, "give one row and one column per hinge");
+        problems.push(bad("Config::WrongLength", of.key.into(), what, "give one row and one column per hinge"));
         return;
     }
     let mut sound = true;
@@ -109,13 +108,14 @@ pub(crate) fn check(matrix: &DMatrix<f64>, n: usize, of: Of, problems: &mut Prob
         for j in 0..n {
             if !matrix[(i, j)].is_finite() {
                 let what = format!("{} {} is not a finite number", matrix[(i, j)], of.unit);
-                bad("Config::NotFinite", format!("{}[{i}][{j}]", of.key), what, "give a finite number");
+                problems.push(bad("Config::NotFinite", format!("{}[{i}][{j}]", of.key), what, "give a finite number"));
                 sound = false;
             }
         }
         if own < 0.0 {
             let what = format!("{own} {} is below the limit 0 {}", of.unit, of.unit);
-            bad("Config::NotPassive", at, what, "give the magnitude; the restoring sign is built in");
+            let p = bad("Config::NotPassive", at, what, "give the magnitude; the restoring sign is built in");
+            problems.push(p.violating(own, Limit::AtLeast(0.0), of.unit));
             sound = false;
         }
         scale = scale.max(own.abs());
@@ -124,7 +124,12 @@ pub(crate) fn check(matrix: &DMatrix<f64>, n: usize, of: Of, problems: &mut Prob
         let (a, b) = (matrix[(i, j)], matrix[(j, i)]);
         if sound && (a - b).abs() > 1e-9 * scale {
             let what = format!("{a} {} differs from {b} {} on the other side of the diagonal", of.unit, of.unit);
-            bad("Config::NotSymmetric", format!("{}[{i}][{j}]", of.key), what, "give a symmetric matrix");
+            problems.push(bad(
+                "Config::NotSymmetric",
+                format!("{}[{i}][{j}]", of.key),
+                what,
+                "give a symmetric matrix",
+            ));
             sound = false;
         }
     }
@@ -137,6 +142,8 @@ pub(crate) fn check(matrix: &DMatrix<f64>, n: usize, of: Of, problems: &mut Prob
             "is not positive semidefinite: least eigenvalue {least:.3e} after scaling to unit diagonal, limit 0: {}",
             of.law
         );
-        bad("Config::NotPassive", of.key.into(), what, "make off-diagonal elements smaller than the diagonal allows");
+        let hint = "make off-diagonal elements smaller than the diagonal allows";
+        let p = bad("Config::NotPassive", of.key.into(), what, hint);
+        problems.push(p.violating(least, Limit::AtLeast(0.0), ""));
     }
 }

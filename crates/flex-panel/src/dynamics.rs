@@ -5,9 +5,9 @@
 
 use crate::chain::{MAX_SEGMENTS, PanelChain};
 use crate::tangent::jacobian;
-use ff_model::scalar::LaneScalar;
+use ff_model::scalar::PlainScalar;
 use ff_model::spatial::vec3::{M3, Moving, Pose, Ten, Turn, V3, turn};
-use ff_model::{Appendage, Decl, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, TwinBody};
+use ff_model::{Appendage, Decl, Motion, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Scalar, TreeTwin};
 
 /// Runs `$f` with a compile-time capacity of at least the number of segments, so that the usual short panels do not
 /// clear stack buffers for sixteen, and with what the hinges turn about as a constant of [`turn`]: poses then stay in
@@ -58,7 +58,6 @@ macro_rules! by_axis {
 }
 
 impl Appendage for PanelChain {
-    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         self.declared()
     }
@@ -97,11 +96,15 @@ impl Appendage for PanelChain {
         }
         r
     }
+}
+
+impl PortDynamics for PanelChain {
+    const WRITES_ALL: bool = true;
 
     /// `R` is quadratic.
     #[inline(always)]
     fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
-        Appendage::rayleigh(self, p, nu).scale(2.0)
+        self.rayleigh(p, nu).scale(2.0)
     }
 
     /// Recursive Newton-Euler with `A = 0`, `nu' = 0`, plus springs and dampers; `O(n)`.
@@ -131,20 +134,18 @@ impl Appendage for PanelChain {
 
     /// Composite bodies with their momenta, in closed form; `O(n^2)` (Singh, Russell, Wensing 2022).
     #[inline(always)]
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
         specialised!(self, jacobian, jacobian(self, p, s, acc, j));
     }
 
     /// Screws of host and hinges carried outwards and contracted with the motion of each segment.
     #[inline(always)]
-    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         specialised!(self, regressor, regressor(self, p, s, acc, y));
     }
 
-    fn twin(&self) -> Option<Vec<TwinBody>> {
-        // A tree link knows only its own spring.
-        let plain = self.k_pairs.pairs.is_empty() && self.d_pairs.pairs.is_empty();
-        plain.then(|| self.twin_bodies())
+    fn twin(&self) -> Option<&dyn TreeTwin> {
+        Some(self)
     }
 }
 
@@ -297,7 +298,7 @@ fn newton_euler<T: Scalar, const N: usize, const K: u8>(
 
 /// Columns of the regressor: ten per segment, then springs and dampers. See [`Moving::powers`].
 #[inline(always)]
-fn regressor<T: LaneScalar, const N: usize, const K: u8>(
+fn regressor<T: PlainScalar, const N: usize, const K: u8>(
     c: &PanelChain,
     p: &[T],
     s: &PortState<'_, T>,

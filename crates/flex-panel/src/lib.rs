@@ -70,3 +70,8 @@ modes = [
     { freq_hz = 0.47, damping_ratio = 0.004, participation = [1.4, 0.3, -0.4, -0.5, 0.2, -2.6] },
     { freq_hz = 1.15, damping_ratio = 0.009, participation = [0.2, 0.5, 0.7, 0.6, 1.3, 0.4] },
 ]";
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,5 +1,6 @@
 //! One rigid segment with its hinge, and what makes it acceptable.
 
+use ff_model::diagnostics::Limit;
 use ff_model::keys::{check_damping, check_stiffness};
 use ff_model::spatial::InertiaError;
 use ff_model::{Area, Inertia, Problem, Problems};
@@ -70,27 +71,30 @@ impl Segment {
             check_damping(&at("damping_nms_per_rad"), self.damping),
         ];
         springs.into_iter().flatten().for_each(|p| problems.push(p));
-        let mut bad = |code, key: &str, message: String, hint: &str| {
-            problems.push(Problem::error(Area::Config, code, message).on(at(key)).hint(hint));
+        let bad = |code, key: &str, message: String, hint: &str| {
+            Problem::error(Area::Config, code, message).on(at(key)).hint(hint)
         };
         if !self.rest.is_finite() {
-            bad(
-                "Config::NotFinite",
-                "rest_rad",
-                format!("{} rad is not a finite number", self.rest),
-                "0 is the default",
-            );
+            let why = format!("{} rad is not a finite number", self.rest);
+            problems.push(bad("Config::NotFinite", "rest_rad", why, "0 is the default"));
         } else if self.rest.abs() > std::f64::consts::PI {
             let why = format!("{} rad is outside the hinge range of -pi to pi rad", self.rest);
-            bad("Config::Param", "rest_rad", why, "angles are in rad, not in degrees");
+            let limit = Limit::Within(-std::f64::consts::PI, std::f64::consts::PI);
+            let p = bad("Config::Param", "rest_rad", why, "angles are in rad, not in degrees");
+            problems.push(p.violating(self.rest, limit, "rad"));
         }
         if self.hinge.iter().any(|x| !x.is_finite()) {
             let why = format!("{:?} m holds a number that is not finite", self.hinge.as_slice());
-            bad("Config::NotFinite", "hinge_m", why, "give three finite coordinates in the parent frame");
+            problems.push(bad(
+                "Config::NotFinite",
+                "hinge_m",
+                why,
+                "give three finite coordinates in the parent frame",
+            ));
         }
         if self.axis.iter().any(|x| !x.is_finite()) {
             let why = format!("{:?} holds a number that is not finite", self.axis.as_slice());
-            bad("Config::NotFinite", "hinge_axis", why, "give a direction such as [0.0, 1.0, 0.0]");
+            problems.push(bad("Config::NotFinite", "hinge_axis", why, "give a direction such as [0.0, 1.0, 0.0]"));
         } else if !(AXIS_MIN..=AXIS_MAX).contains(&self.axis.amax()) {
             // The square of a subnormal or huge component under- or overflows: the direction would be noise.
             let why = format!(
@@ -98,21 +102,39 @@ impl Segment {
                 self.axis.as_slice(),
                 self.axis.amax()
             );
-            bad("Config::Axis", "hinge_axis", why, "give a direction such as [0.0, 1.0, 0.0]; any length will do");
+            problems.push(bad(
+                "Config::Axis",
+                "hinge_axis",
+                why,
+                "give a direction such as [0.0, 1.0, 0.0]; any length will do",
+            ));
         }
         if let Err(e) = self.inertia.check() {
-            let (code, key) = inertia_fault(&e);
-            bad(code, key, e.to_string(), INERTIA_HINT);
+            problems.push(inertia_problem(&e, at));
         }
     }
 }
 
+/// The problem of an inertia that no body has; `at` makes a path of a key. Allocates.
+pub(crate) fn inertia_problem(e: &InertiaError, at: impl Fn(&str) -> String) -> Problem {
+    let (code, key) = inertia_fault(e);
+    let p = Problem::error(Area::Config, code, e.to_string()).on(at(key)).hint(INERTIA_HINT);
+    match e {
+        InertiaError::NotFinite { .. } => p,
+        InertiaError::NonPositiveMass { value } => p.violating(*value, Limit::Above(0.0), "kg"),
+        InertiaError::NotPsd { moments } => {
+            p.violating(moments.iter().copied().fold(f64::INFINITY, f64::min), Limit::AtLeast(0.0), "kg m^2")
+        }
+        InertiaError::Triangle { violation, .. } => p.violating(*violation, Limit::AtMost(0.0), "kg m^2"),
+    }
+}
+
 /// What to do about an inertia that no body has.
-pub(crate) const INERTIA_HINT: &str = "give finite numbers, a mass above 0 kg, and the inertia about the centre of mass, \
+const INERTIA_HINT: &str = "give finite numbers, a mass above 0 kg, and the inertia about the centre of mass, \
                                        not about the hinge or mount, in the order xx, xy, xz, yy, yz, zz";
 
 /// Code and mission-file key of a fault of ten inertial parameters.
-pub(crate) fn inertia_fault(e: &InertiaError) -> (&'static str, &'static str) {
+fn inertia_fault(e: &InertiaError) -> (&'static str, &'static str) {
     match e {
         InertiaError::NotFinite { name } => ("Config::NotFinite", key_of(name)),
         InertiaError::NonPositiveMass { .. } => ("Config::Inertia", "mass_kg"),

@@ -140,7 +140,7 @@ impl<T: Scalar> Whole<T> {
     }
 }
 
-/// See [`ff_model::Appendage::jacobian`]. Does not allocate.
+/// See [`ff_model::PortDynamics::jacobian`]. Does not allocate.
 #[inline(always)]
 pub(crate) fn jacobian<T: Scalar, const N: usize, const K: u8>(
     c: &PanelChain,

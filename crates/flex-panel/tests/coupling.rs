@@ -1,20 +1,22 @@
 //! Full stiffness and damping matrices: laws, forces, bounds, and what is said when they are wrong.
-use crate::common::{State, chain, rel, rng, sym};
+use crate::common::{PortSample, chain, relative_error, rng, symmetric};
+use ff_model::diagnostics::Limit;
 use ff_model::port::{PortModel, derived_bias};
-use ff_model::{Appendage, Motion, PortState, Problems};
-use flex_panel::PanelChain;
-use flex_panel::from_toml;
+use ff_model::{Appendage, Motion, PortDynamics, PortState, Problem};
+use ff_testkit::assert_within;
+use ff_testkit::problem::{assert_violation, problem_of};
+use flex_panel::{PanelChain, from_toml};
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use validate::check_appendage;
 
 /// Positive definite with condition a few.
-fn definite(r: &mut rand_chacha::ChaCha8Rng, n: usize, size: f64) -> DMatrix<f64> {
-    let b = DMatrix::from_fn(n, n, |_, _| sym(r, 0.8));
+fn definite(r: &mut ff_testkit::random::Random, n: usize, size: f64) -> DMatrix<f64> {
+    let b = DMatrix::from_fn(n, n, |_, _| symmetric(r, 0.8));
     (b.transpose() * &b + DMatrix::identity(n, n) * 0.6) * size
 }
 
-fn coupled(r: &mut rand_chacha::ChaCha8Rng, n: usize) -> PanelChain {
+fn coupled(r: &mut ff_testkit::random::Random, n: usize) -> PanelChain {
     let (k, d) = (definite(r, n, 150.0), definite(r, n, 2.0));
     chain(r, n).with_coupling(&k, &d).unwrap()
 }
@@ -38,15 +40,15 @@ fn override_equals_the_derived_bias_with_couplings() {
     for n in [2, 5] {
         let c = coupled(&mut r, n);
         for _ in 0..500 {
-            let s = State::new(&mut r, n);
+            let s = PortSample::new(&mut r, &vec![3.0; n]);
             let (mut h, mut d) = (vec![0.0; 6 + n], vec![0.0; 6 + n]);
-            Appendage::bias(&c, &c.nominal(), &s.port(), &mut h);
+            PortDynamics::bias(&c, &c.nominal(), &s.port(), &mut h);
             derived_bias(&c, &c.nominal(), &s.port(), &mut d);
-            worst = worst.max(rel(&h, &d));
+            worst = worst.max(relative_error(&h, &d));
         }
     }
     println!("largest relative difference {worst:.2e}");
-    assert!(worst < 1e-12, "{worst:e}");
+    assert_within!(worst, 1e-12, "{worst:e}");
 }
 
 #[test]
@@ -58,7 +60,8 @@ fn hinge_torques_are_those_of_the_matrices() {
     let c = base.clone().with_coupling(&k, &d).unwrap();
     assert_eq!(c.stiffness_damping(), (k.clone(), d.clone()));
     let rest = DVector::from_fn(n, |i, _| c.segment(i).unwrap().rest);
-    let (x, v) = (DVector::from_fn(n, |_, _| sym(&mut r, 0.5)), DVector::from_fn(n, |_, _| sym(&mut r, 0.5)));
+    let (x, v) =
+        (DVector::from_fn(n, |_, _| symmetric(&mut r, 0.5)), DVector::from_fn(n, |_, _| symmetric(&mut r, 0.5)));
     let eta = &x + &rest;
     let own = |c: &PanelChain| {
         let mut h = vec![0.0; 6 + n];
@@ -69,7 +72,7 @@ fn hinge_torques_are_those_of_the_matrices() {
     let (k0, d0) = base.stiffness_damping();
     // The velocity products are the same in both.
     let difference = own(&c) - own(&base) - ((k - k0) * &x + (d - d0) * &v);
-    assert!(difference.amax() < 1e-11, "{difference}");
+    assert_within!(difference.amax(), 1e-11, "{difference}");
 }
 
 #[test]
@@ -141,13 +144,12 @@ segments = [
 "#;
 
 #[track_caller]
-fn refused(from: &str, to: &str, code: &str, object: &str, says: &str) -> Problems {
+fn refused(from: &str, to: &str, code: &str, object: &str) -> Problem {
     assert!(TWO.contains(from), "{from}");
     let Err(e) = from_toml(&TWO.replace(from, to).parse().unwrap()) else { panic!("accepted") };
-    let p = e.0.iter().find(|p| p.code == code).unwrap_or_else(|| panic!("no {code} in {e}"));
+    let p = problem_of(&e, code);
     assert_eq!((p.object.as_deref(), p.hint.is_some()), (Some(object), true), "{p}");
-    assert!(p.to_string().contains(says), "{says}: {p}");
-    e
+    p.clone()
 }
 
 #[test]
@@ -166,32 +168,30 @@ fn mission_files_give_matrices_in_rows() {
 
 #[test]
 fn wrong_matrices_are_refused_by_name() {
-    refused("-60.0", "-190.0", "Config::NotPassive", "stiffness_nm_per_rad", "pushed away from rest");
-    refused("0.3], [0.3", "1.9], [1.9", "Config::NotPassive", "damping_nms_per_rad", "fed with energy");
-    refused(
-        "[-60.0, 180.0]",
-        "[-61.0, 180.0]",
-        "Config::NotSymmetric",
-        "stiffness_nm_per_rad[1][0]",
-        "-61 N m/rad differs from -60",
-    );
-    refused("180.0]]", "-180.0]]", "Config::NotPassive", "stiffness_nm_per_rad[1][1]", "-180 N m/rad");
-    refused("[2.0, 0.3]", "[2.0]", "Config::WrongLength", "damping_nms_per_rad[0]", "1 numbers in a row");
-    refused(
-        "[[2.0, 0.3], [0.3, 1.5]]",
-        "[[2.0]]",
-        "Config::WrongLength",
-        "damping_nms_per_rad",
-        "1 x 1 numbers for 2 segments",
-    );
-    refused("[[2.0, 0.3], [0.3, 1.5]]", "2.0", "Config::Type", "damping_nms_per_rad", "array of rows");
-    refused("[0.3, 1.5]", "[0.3, nan]", "Config::NotFinite", "damping_nms_per_rad[1][1]", "NaN");
+    // The least eigenvalue after scaling to unit diagonal: 1 - 190 / sqrt(200 180), 1 - 1.9 / sqrt(2 1.5).
+    for (from, to, key, least) in [
+        ("-60.0", "-190.0", "stiffness_nm_per_rad", 1.0 - 190.0 / 36_000.0_f64.sqrt()),
+        ("0.3], [0.3", "1.9], [1.9", "damping_nms_per_rad", 1.0 - 1.9 / 3.0_f64.sqrt()),
+    ] {
+        let v = refused(from, to, "Config::NotPassive", key).violation.unwrap();
+        assert!((v.value - least).abs() < 1e-12 && v.limit == Limit::AtLeast(0.0) && v.unit.is_empty(), "{v:?}");
+    }
+    refused("[-60.0, 180.0]", "[-61.0, 180.0]", "Config::NotSymmetric", "stiffness_nm_per_rad[1][0]");
+    let p = refused("180.0]]", "-180.0]]", "Config::NotPassive", "stiffness_nm_per_rad[1][1]");
+    assert_violation(&p, -180.0, Limit::AtLeast(0.0), "N m/rad");
+    refused("[2.0, 0.3]", "[2.0]", "Config::WrongLength", "damping_nms_per_rad[0]");
+    refused("[[2.0, 0.3], [0.3, 1.5]]", "[[2.0]]", "Config::WrongLength", "damping_nms_per_rad");
+    refused("[[2.0, 0.3], [0.3, 1.5]]", "2.0", "Config::Type", "damping_nms_per_rad");
+    refused("[0.3, 1.5]", "[0.3, nan]", "Config::NotFinite", "damping_nms_per_rad[1][1]");
     // Both a matrix and springs of the segments: which one counts?
     let at = "segments[0].stiffness_nm_per_rad";
-    refused("hinge_m = [0.9", "stiffness_nm_per_rad = 3.0, hinge_m = [0.9", "Config::UnknownKey", at, "unknown key");
+    refused("hinge_m = [0.9", "stiffness_nm_per_rad = 3.0, hinge_m = [0.9", "Config::UnknownKey", at);
     let k = DMatrix::from_element(16, 16, 1.0) + DMatrix::identity(16, 16) * 16.0;
     let e = chain(&mut rng(46), 16).with_coupling(&k, &k).unwrap_err();
-    assert!(e.has("Config::TooManyParameters") && e.to_string().contains("limit 256"), "{e}");
+    let v = problem_of(&e, "Config::TooManyParameters").violation.as_ref().unwrap();
+    // Ten per segment, springs and dampers, and both triangles of couplings.
+    let count = f64::from(10 * 16 + 2 * 16 + 2 * 16 * 15 / 2);
+    assert_eq!((v.value, v.limit, v.unit.as_ref()), (count, Limit::AtMost(256.0), "parameters"), "{e}");
     let bad = DMatrix::from_element(2, 2, f64::INFINITY);
     assert!(chain(&mut rng(47), 2).with_coupling(&bad, &bad).unwrap_err().has("Config::NotFinite"));
 }
@@ -211,7 +211,7 @@ fn bounds_of_couplings_grow_with_the_matrix() {
     assert_eq!(one.len(), n * (n - 1));
     for (a, b) in one.iter().zip(&many) {
         assert!(a.1 > a.0);
-        assert!((7.0 * a.0 - b.0).abs() < 1e-9 * b.0.abs(), "{a:?} {b:?}");
-        assert!((7.0 * a.1 - b.1).abs() < 1e-9 * b.1.abs(), "{a:?} {b:?}");
+        assert_within!((7.0 * a.0 - b.0).abs(), 1e-9 * b.0.abs(), "{a:?} {b:?}");
+        assert_within!((7.0 * a.1 - b.1).abs(), 1e-9 * b.1.abs(), "{a:?} {b:?}");
     }
 }

@@ -11,9 +11,33 @@ use std::f64::consts::PI;
 #[test]
 fn the_twin_is_handed_out() {
     let c = chain(&mut rng(31), 3);
-    let twin = c.tree_twin().unwrap();
+    let twin = c.tree_twin().and_then(|t| t.tree_bodies(&c.nominal())).unwrap();
     assert_eq!(twin, c.twin_bodies());
     assert_eq!(twin.iter().map(|b| b.parent).collect::<Vec<_>>(), [None, Some(0), Some(1)]);
+}
+
+/// At other parameters than the nominal ones the twin is that of the chain which has them.
+#[test]
+fn the_twin_follows_the_parameters() {
+    let (mut r, n) = (rng(32), 3);
+    let (c, bodies) = (chain(&mut r, n), chain(&mut r, n));
+    let other = PanelChain::new(
+        (0..n)
+            .map(|i| {
+                let (s, o) = (c.segment(i).unwrap(), bodies.segment(i).unwrap());
+                Segment { inertia: o.inertia, stiffness: o.stiffness, damping: o.damping, ..s }
+            })
+            .collect(),
+    );
+    let other = other.unwrap();
+    assert_ne!(other.twin_bodies(), c.twin_bodies());
+    assert_eq!(c.tree_twin().and_then(|t| t.tree_bodies(&other.nominal())), Some(other.twin_bodies()));
+    // A tree joint knows only its own spring.
+    let (k, d) = c.stiffness_damping();
+    let mut coupled = k.clone();
+    (coupled[(0, 1)], coupled[(1, 0)]) = (0.1 * k[(0, 0)].min(k[(1, 1)]), 0.1 * k[(0, 0)].min(k[(1, 1)]));
+    let coupled = c.with_coupling(&coupled, &d).unwrap();
+    assert_eq!(coupled.tree_twin().unwrap().tree_bodies(&coupled.nominal()), None);
 }
 
 /// A panel folded flat back is relaxed at half a turn, which is within the range of its hinge.

@@ -3,10 +3,10 @@
 //! Every segment is replaced by six point masses with the same ten inertial parameters. Kinetic energy comes
 //! from their velocities by the elementary rule `v + w x r`; forces come from second differences of their
 //! positions alone. No spatial vector, composite body or dual number takes part.
-use crate::common::{State, amax, chain, rel, rng, sym, vec3};
+use crate::common::{PortSample, chain, largest, relative_error, rng, symmetric, vector};
 use ff_model::port::PortModel;
-use flex_panel::PanelChain;
-use flex_panel::Segment;
+use ff_testkit::assert_within;
+use flex_panel::{PanelChain, Segment};
 use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3};
 
 /// Six points `c +- sqrt(3 s_i / m) e_i` of mass `m / 6` with the second moments `s_i` of the body about `c`.
@@ -53,7 +53,7 @@ fn kinetic_energy_is_that_of_the_points() {
     for n in [1, 2, 3, 5, 16] {
         for _ in 0..200 {
             let c = chain(&mut r, n);
-            let s = State::new(&mut r, n);
+            let s = PortSample::new(&mut r, &vec![3.0; n]);
             let y = DVector::from_vec(s.y());
             let have = 0.5 * y.dot(&(matrix(&c, &s.eta) * &y));
             // Velocity of the hinge origin and rate of each segment, all in mount axes.
@@ -70,7 +70,7 @@ fn kinetic_energy_is_that_of_the_points() {
         }
     }
     println!("kinetic energy, largest relative difference {worst:.2e}");
-    assert!(worst < 1e-13, "{worst:e}");
+    assert_within!(worst, 1e-13, "{worst:e}");
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn inertia_is_symmetric_and_positive_semidefinite() {
     for n in [1, 2, 3, 5, 16] {
         for _ in 0..200 {
             let c = chain(&mut r, n);
-            let eta: Vec<f64> = (0..n).map(|_| sym(&mut r, 3.0)).collect();
+            let eta: Vec<f64> = (0..n).map(|_| symmetric(&mut r, 3.0)).collect();
             let m = matrix(&c, &eta);
             assert_eq!(m, m.transpose());
             let e = m.symmetric_eigenvalues();
@@ -119,9 +119,9 @@ fn equations_of_motion_follow_from_positions_alone() {
         for _ in 0..340 {
             let c = chain(&mut r, n);
             let seg = segments(&c);
-            let s = State::new(&mut r, n);
-            let (a_lin, a_ang) = (vec3(&mut r, 2.0), vec3(&mut r, 2.0));
-            let acc: Vec<f64> = (0..n).map(|_| sym(&mut r, 2.0)).collect();
+            let s = PortSample::new(&mut r, &vec![3.0; n]);
+            let (a_lin, a_ang) = (vector(&mut r, 2.0), vector(&mut r, 2.0));
+            let acc: Vec<f64> = (0..n).map(|_| symmetric(&mut r, 2.0)).collect();
             let at = |q: &[f64], t: f64| -> Vec<Vector3<f64>> {
                 // Virtual displacement q = [mount shift, mount turn, hinge angles] on top of the motion at t; the
                 // acceleration of the mount origin is A + w x v because A differentiates components.
@@ -159,10 +159,10 @@ fn equations_of_motion_follow_from_positions_alone() {
             for k in 0..6 + n {
                 have[k] += ma[k];
             }
-            worst = worst.max(rel(&have, &want));
-            assert!(amax(&have) > 0.0);
+            worst = worst.max(relative_error(&have, &want));
+            assert!(largest(&have) > 0.0);
         }
     }
     println!("equations of motion, largest relative difference {worst:.2e}");
-    assert!(worst < 1e-9, "{worst:e}");
+    assert_within!(worst, 1e-9, "{worst:e}");
 }

@@ -1,34 +1,34 @@
 //! The modal appendage: laws, residual mass, and the chain whose modes it carries.
 use crate::common::ports::shared;
-use crate::common::{rel, rng, segment, sym, vec3};
+use crate::common::{relative_error, rng, segment, symmetric, vector};
 use ff_dynamics::{State, Work, forward_dynamics};
 use ff_model::port::{PortModel, derived_bias};
 use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortState, TwinBody, Xform};
-use flex_panel::PanelChain;
-use flex_panel::Segment;
+use ff_testkit::assert_within;
 use flex_panel::modal::{DIRECTIONS, ModalAppendage, Mode, linearise};
+use flex_panel::{PanelChain, Segment};
 use nalgebra::{Complex, DMatrix, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 use rand::RngExt;
 use std::sync::Arc;
 use validate::check_appendage;
 
 /// Undeformed inertia with room to spare, and `n` modes that take a quarter of it or so.
-fn modal(r: &mut rand_chacha::ChaCha8Rng, n: usize) -> ModalAppendage {
-    let turn = Rotation3::new(vec3(r, 2.0)).into_inner();
+fn modal(r: &mut ff_testkit::random::Random, n: usize) -> ModalAppendage {
+    let turn = Rotation3::new(vector(r, 2.0)).into_inner();
     let moments = Matrix3::from_diagonal(&Vector3::new(160.0, 210.0, 190.0));
-    let rigid = Inertia::from_com(r.random_range(200.0..300.0), &vec3(r, 0.4), &(turn * moments * turn.transpose()));
+    let rigid = Inertia::from_com(r.random_range(200.0..300.0), &vector(r, 0.4), &(turn * moments * turn.transpose()));
     let modes: Vec<Mode> = (0..n)
         .map(|_| Mode {
             frequency_hz: r.random_range(0.05..1.5),
             damping_ratio: r.random_range(0.001..0.05),
-            participation: Vector6::from_fn(|_, _| sym(r, 3.0 / (n as f64).sqrt())),
+            participation: Vector6::from_fn(|_, _| symmetric(r, 3.0 / (n as f64).sqrt())),
         })
         .collect();
     ModalAppendage::new(rigid, &modes).unwrap()
 }
 
 /// A chain whose damping is proportional to its stiffness, so that its modes are uncoupled.
-fn proportional(r: &mut rand_chacha::ChaCha8Rng, n: usize, c: f64) -> PanelChain {
+fn proportional(r: &mut ff_testkit::random::Random, n: usize, c: f64) -> PanelChain {
     let mut segments: Vec<Segment> = (0..n).map(|_| segment(r)).collect();
     segments.iter_mut().for_each(|s| s.damping = c * s.stiffness);
     PanelChain::new(segments).unwrap()
@@ -53,15 +53,15 @@ fn override_equals_the_derived_bias() {
         let a = modal(&mut r, n);
         let p = a.nominal();
         for _ in 0..1000 {
-            let s = crate::common::State::new(&mut r, n);
+            let s = crate::common::PortSample::new(&mut r, &vec![3.0; n]);
             let (mut h, mut d) = (vec![0.0; 6 + n], vec![0.0; 6 + n]);
             PortModel::bias(&a, &p, &s.port(), &mut h);
             derived_bias(&a, &p, &s.port(), &mut d);
-            worst = worst.max(rel(&h, &d));
+            worst = worst.max(relative_error(&h, &d));
         }
     }
     println!("largest relative difference {worst:.2e}");
-    assert!(worst < 1e-12, "{worst:e}");
+    assert_within!(worst, 1e-12, "{worst:e}");
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn residual_is_the_schur_complement_of_the_modes() {
             (m.view((0, 0), (6, 6)) - part * part.transpose()).fixed_view::<6, 6>(0, 0).into_owned();
         let found = a.residual(&p);
         for i in 0..6 {
-            assert!((found.parts[i] - residual[(i, i)] / m[(i, i)]).abs() < 1e-13);
+            assert_within!((found.parts[i] - residual[(i, i)] / m[(i, i)]).abs(), 1e-13);
         }
         let s = Matrix6::from_diagonal(&m.view((0, 0), (6, 6)).diagonal().fixed_rows::<6>(0).map(|x| 1.0 / x.sqrt()));
         let least = (s * residual * s).symmetric_eigenvalues().min();
@@ -154,7 +154,7 @@ fn damping_that_couples_modes_is_reported() {
             }
         }
         assert!(want > 0.05, "nothing to see: {want}");
-        assert!((lin.damping_coupling - want).abs() < 1e-8, "{} {want}", lin.damping_coupling);
+        assert_within!((lin.damping_coupling - want).abs(), 1e-8, "{} {want}", lin.damping_coupling);
     }
 }
 
@@ -166,7 +166,7 @@ fn a_chains_own_modes_have_its_transfer_functions() {
         let chain = proportional(&mut r, n, 0.013);
         let rest: Vec<f64> = (0..n).map(|i| chain.segment(i).unwrap().rest).collect();
         let lin = linearise(&*shared(&chain), &chain.nominal(), &rest).unwrap();
-        assert!(lin.damping_coupling < 1e-10, "{}", lin.damping_coupling);
+        assert_within!(lin.damping_coupling, 1e-10, "{}", lin.damping_coupling);
         let diagonal = |f: &dyn Fn(usize) -> f64| DMatrix::from_diagonal(&nalgebra::DVector::from_fn(n, |i, _| f(i)));
         let s = |i: usize| chain.segment(i).unwrap();
         let p = lin.appendage.nominal();
@@ -182,7 +182,7 @@ fn a_chains_own_modes_have_its_transfer_functions() {
         }
     }
     println!("impedances, largest relative difference {worst:.2e}");
-    assert!(worst < 1e-9, "{worst:e}");
+    assert_within!(worst, 1e-9, "{worst:e}");
 }
 
 /// Base with one appendage; its motion after `t` s of free swing from the given deflection, and the mean size of the
@@ -241,11 +241,11 @@ fn a_chains_own_modes_move_the_base_as_it_does_at_small_angles() {
         let eta: Vec<f64> = rest.iter().zip(delta.iter()).map(|(a, b)| a + b).collect();
         let a = swing(&full, &eta, 6.0);
         let b = swing(&modal, (&inverse * &delta).as_slice(), 6.0);
-        rel(&a, &b)
+        relative_error(&a, &b)
     };
     let (small, large) = (difference(1e-7), difference(1e-3));
     println!("base twist, largest relative difference {small:.2e} at 1e-7 rad, {large:.2e} at 1e-3 rad");
-    assert!(small < 1e-6, "{small:e}");
+    assert_within!(small, 1e-6, "{small:e}");
     // What is left out is of second order in the angle: the relative difference is proportional to it.
     assert!(large > 1e-5 && large < 1e-1, "{large:e}");
 }
@@ -267,13 +267,13 @@ fn one_panel_has_the_frequency_and_effective_mass_of_the_book() {
     let lin_part = e.cross(&(rho * m)) / j.sqrt() * sign;
     let ang_part = b.inertia.rot * e / j.sqrt() * sign;
     for i in 0..3 {
-        assert!((p[13 + i] - lin_part[i]).abs() < 1e-12);
-        assert!((p[16 + i] - ang_part[i]).abs() < 1e-12);
+        assert_within!((p[13 + i] - lin_part[i]).abs(), 1e-12);
+        assert_within!((p[16 + i] - ang_part[i]).abs(), 1e-12);
     }
     // A lone hinge leaves nothing about its own axis: the margin is zero.
-    assert!(lin.appendage.residual(&p).margin.abs() < 1e-12);
+    assert_within!(lin.appendage.residual(&p).margin.abs(), 1e-12);
     let still = PortState { host: Motion::zero(), eta: &[0.3], nu: &[0.0] };
     let mut h = [0.0; 7];
     PortModel::bias(&lin.appendage, &p, &still, &mut h);
-    assert!((h[6] - 0.3 * 180.0 / j).abs() < 1e-12);
+    assert_within!((h[6] - 0.3 * 180.0 / j).abs(), 1e-12);
 }

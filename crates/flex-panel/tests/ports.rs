@@ -1,6 +1,6 @@
 //! The port equations that chain, modal appendage and payload write themselves equal the defaults.
 use crate::common::ports::check_ports;
-use crate::common::{chain, rng, segment, sym, vec3};
+use crate::common::{chain, rng, segment, symmetric, vector};
 use ff_model::Inertia;
 use ff_model::payload::Payload;
 use flex_panel::PanelChain;
@@ -54,12 +54,12 @@ fn modal_appendages_equal_the_defaults() {
     let mut r = rng(64);
     for n in [1, 2, 5] {
         let i_com = Matrix3::new(160.0, 5.0, -7.0, 5.0, 210.0, 9.0, -7.0, 9.0, 190.0);
-        let rigid = Inertia::from_com(250.0, &vec3(&mut r, 0.4), &i_com);
+        let rigid = Inertia::from_com(250.0, &vector(&mut r, 0.4), &i_com);
         let modes: Vec<Mode> = (0..n)
             .map(|_| Mode {
                 frequency_hz: r.random_range(0.05..1.5),
                 damping_ratio: r.random_range(0.001..0.05),
-                participation: Vector6::from_fn(|_, _| sym(&mut r, 1.0)),
+                participation: Vector6::from_fn(|_, _| symmetric(&mut r, 1.0)),
             })
             .collect();
         let m = ModalAppendage::new(rigid, &modes).unwrap();

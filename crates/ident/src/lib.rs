@@ -28,3 +28,8 @@ pub use estimate::{
 };
 pub use parameters::Transform;
 pub use solve::Loss;
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -9,7 +9,6 @@ mod complete;
 mod ground;
 mod joint_motion;
 mod modal_paper;
-mod momentum;
 mod motion_fit;
 mod nist_strd;
 mod output_error;

@@ -9,6 +9,7 @@ use ff_dynamics::{SensorSuite, Trace, measure};
 use ff_mission::Loaded;
 use ff_model::Params;
 use ff_records::{Record, RecordBuilder};
+use ff_testkit::assert_within;
 use ident::motion::{SpectralFit, Stake};
 use ident::motion::{motion_at_stake, spectral_motion};
 use ident::parameters::offset_start;
@@ -65,13 +66,13 @@ fn error(fit: &SpectralFit, truth: &dyn JointMotion) -> f64 {
 
 #[test]
 fn accelerations_of_a_plan_are_known_to_less_than_torques_can_tell() {
-    let l = load("slosh");
+    let l = paper("slosh.toml");
     let motion = planned(&l, 40.0, 27);
     let t = run(&l, &motion, 40.0);
     // 150 kg m^2 against 0.1 N m.
     let stake = Stake { weights: vec![1500.0; l.model.nj()], free: 0.14 };
     let exact = motion_at_stake(&sensed(&l, &t, None, false), &stake, false).unwrap();
-    assert!(error(&exact, &motion) < 1e-6, "{:e} at {}", error(&exact, &motion), exact.fit.spacing);
+    assert_within!(error(&exact, &motion), 1e-6, "{:e} at {}", error(&exact, &motion), exact.fit.spacing);
     let read = sensed(&l, &t, Some(3), false);
     let fit = motion_at_stake(&read, &stake, false).unwrap();
     let (e, expected) = (error(&fit, &motion), fit.acceleration_noise(0, fit.fit.spacing));
@@ -85,7 +86,7 @@ fn accelerations_of_a_plan_are_known_to_less_than_torques_can_tell() {
 
 #[test]
 fn rates_that_are_not_those_of_the_positions_are_left_out() {
-    let l = load("slosh");
+    let l = paper("slosh.toml");
     let motion = planned(&l, 30.0, 14);
     let t = run(&l, &motion, 30.0);
     let scaled = Trace { qd: &t.qd * 1.01, ..t.clone() };
@@ -97,7 +98,7 @@ fn rates_that_are_not_those_of_the_positions_are_left_out() {
 /// `ffid identify` gave a chi-squared of 8 here, and no converged fit (exit 14): the accelerations rang at every corner.
 #[test]
 fn a_bang_bang_manoeuvre_is_identified_from_encoders() {
-    let l = load("slosh");
+    let l = paper("slosh.toml");
     let motion = bang_bang(&l, 40.0);
     let t = run(&l, &motion, motion.duration());
     let record = sensed(&l, &t, Some(1), false);

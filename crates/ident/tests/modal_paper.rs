@@ -10,6 +10,7 @@ use ff_mission::Loaded;
 use ff_model::Params;
 use ff_records::RecordBuilder;
 use ff_spectral::{ModalFit, ModalSettings, fit_modes};
+use ff_testkit::assert_within;
 use ident::modal::{HeldPose, ModalModel};
 use ident::modal::{MatchSettings, Unseen, match_modes};
 use ident::modal::{ModalRequest, estimate_modal};
@@ -56,7 +57,7 @@ fn pose() -> HeldPose<'static> {
 
 #[test]
 fn the_close_pair_is_found_as_two_or_said_to_be_unresolved() {
-    let l = load("flex");
+    let l = paper("flex.toml");
     let p = Params::nominal(&l.model);
     let fit = ring(&l, &p, 3);
     let model = ModalModel::new(&l.model, &p, &pose()).unwrap();
@@ -70,7 +71,7 @@ fn the_close_pair_is_found_as_two_or_said_to_be_unresolved() {
     println!("{m:?} {:?}", fit.unresolved);
     // The antisymmetric mode is measured; the symmetric one turns no base and was hardly excited: measured or named.
     for (k, f) in [(0, 0.1127), (1, 0.2290)] {
-        assert!((model.modes()[k].frequency() - f).abs() < 3e-3);
+        assert_within!((model.modes()[k].frequency() - f).abs(), 3e-3);
         let Some(pair) = m.pairs.iter().find(|p| p.model == k) else {
             assert_eq!(m.unseen.iter().find(|u| u.0 == k).unwrap().1, Unseen::GyroBlind);
             assert_eq!(k, 0);
@@ -91,7 +92,7 @@ fn the_close_pair_is_found_as_two_or_said_to_be_unresolved() {
 
 #[test]
 fn the_modes_of_uneven_wings_give_their_hinges() {
-    let l = load("flex");
+    let l = paper("flex.toml");
     let decls = l.model.param_decls();
     let hinges = select(&decls, &["panel_*.k[*]", "panel_*.d[*]"]).unwrap();
     let mut truth = Params::<f64>::nominal(&l.model).values().to_vec();

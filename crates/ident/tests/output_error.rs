@@ -4,6 +4,7 @@ use crate::common::*;
 use ff_mission::Loaded;
 use ff_model::Params;
 use ff_records::{Record, RecordBuilder};
+use ff_testkit::assert_within;
 use ident::Several;
 use ident::compose::Shared;
 use ident::estimate::Estimate;
@@ -62,7 +63,7 @@ fn everything() -> Options {
 
 #[test]
 fn derivatives_are_those_of_the_residuals() {
-    let l = load("slosh");
+    let l = paper("slosh.toml");
     let record = spoiled(&l, 0.0, 0).window(3.0, 9.0).unwrap();
     let mut oe = OutputError::new(&l.model, &record, &everything()).unwrap();
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
@@ -105,7 +106,7 @@ fn derivatives_are_those_of_the_residuals() {
 
 #[test]
 fn biases_delays_and_initial_state_come_back_with_the_parameters() {
-    let l = load("slosh");
+    let l = paper("slosh.toml");
     let record = spoiled(&l, 0.0, 0);
     let decls = l.model.param_decls();
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
@@ -115,13 +116,13 @@ fn biases_delays_and_initial_state_come_back_with_the_parameters() {
     let e = estimate(&Request::new(&decls, &selected, &start), &mut oe).unwrap();
     let of = |name: &str| e.nuisance.iter().find(|u| u.name == name).unwrap().value;
     println!("{:?} after {}: delays {} {}", e.status, e.iterations, of("torque.delay"), of("gyro.delay"));
-    assert!((of("torque.delay") - 3e-3).abs() < 1e-9, "{}", of("torque.delay"));
-    assert!((of("gyro.delay") + 4e-3).abs() < 1e-9, "{}", of("gyro.delay"));
+    assert_within!((of("torque.delay") - 3e-3).abs(), 1e-9, "{}", of("torque.delay"));
+    assert_within!((of("gyro.delay") + 4e-3).abs(), 1e-9, "{}", of("gyro.delay"));
     for (k, axis) in ["x", "y", "z"].iter().enumerate() {
-        assert!((of(&format!("gyro.bias.{axis}")) - GYRO_BIAS[k]).abs() < 1e-7);
+        assert_within!((of(&format!("gyro.bias.{axis}")) - GYRO_BIAS[k]).abs(), 1e-7);
     }
     for (j, name) in l.model.joint_names().iter().enumerate() {
-        assert!((of(&format!("torque.bias.{name}")) - torque_bias(j)).abs() < 1e-4);
+        assert_within!((of(&format!("torque.bias.{name}")) - torque_bias(j)).abs(), 1e-4);
     }
     let errors: Vec<f64> =
         selected.iter().map(|&i| e.values[i] - truth[i]).chain(e.nuisance.iter().map(|_| 0.0)).collect();
@@ -132,7 +133,7 @@ fn biases_delays_and_initial_state_come_back_with_the_parameters() {
 
 #[test]
 fn a_robust_loss_is_not_moved_by_outliers() {
-    let l = load("slosh");
+    let l = paper("slosh.toml");
     let clean = spoiled(&l, 1.0, 3);
     let mut tau = clean.tau().clone();
     // Every twentieth sample of one joint is off by up to 30 N m, in step with a slow motion.
@@ -173,7 +174,7 @@ fn a_robust_loss_is_not_moved_by_outliers() {
 
 #[test]
 fn two_records_share_the_model_and_keep_their_biases() {
-    let l = load("slosh");
+    let l = paper("slosh.toml");
     let whole = spoiled(&l, 0.0, 0);
     let (first, second) = (whole.window(0.0, 14.0).unwrap(), whole.window(15.0, 29.0).unwrap());
     let decls = l.model.param_decls();

@@ -1,7 +1,8 @@
 //! The projection against cases solved in closed form, against the conditions of optimality, and on a linear estimate.
 
-use crate::common::tree::Draw;
 use ff_model::Inertia;
+use ff_testkit::assert_within;
+use ff_testkit::random::{Random, rng, symmetric, uniform, vector};
 use ident::solve::{Body, Cone, Nearest, ProjectError, ProjectOptions, nearest};
 use nalgebra::{DMatrix, DVector, Matrix4};
 
@@ -27,16 +28,16 @@ fn frobenius() -> DMatrix<f64> {
     }
     out
 }
-fn symmetric(s: &mut Draw) -> Matrix4<f64> {
-    let a = Matrix4::from_fn(|_, _| s.sym(1.0));
+fn random_symmetric(s: &mut Random) -> Matrix4<f64> {
+    let a = Matrix4::from_fn(|_, _| symmetric(s, 1.0));
     a + a.transpose()
 }
 
 #[test]
 fn in_the_frobenius_norm_it_is_the_clipping_of_eigenvalues() {
-    let mut s = Draw::new(4);
+    let mut s = rng(4);
     for _ in 0..20 {
-        let target = symmetric(&mut s);
+        let target = random_symmetric(&mut s);
         let x_hat = Inertia::from_pseudo(&target).to_params();
         let cone = Cone { bodies: vec![body(0)], positive: vec![] };
         let got = nearest(&frobenius(), &x_hat, &[1.0; 10], &[0.0; 10], &cone, &OPTIONS).unwrap();
@@ -45,9 +46,9 @@ fn in_the_frobenius_norm_it_is_the_clipping_of_eigenvalues() {
             e.eigenvectors * Matrix4::from_diagonal(&e.eigenvalues.map(|v| v.max(EPS))) * e.eigenvectors.transpose();
         let p = Inertia::from_params(&got.x).pseudo();
         // The cost is flat: its error is the square of this one.
-        assert!((p - clipped).norm() < 2e-5, "{:e} after {} steps", (p - clipped).norm(), got.steps);
+        assert_within!((p - clipped).norm(), 2e-5, "{:e} after {} steps", (p - clipped).norm(), got.steps);
         let exact = 0.5 * (target - clipped).norm_squared();
-        assert!((got.cost - exact).abs() < 1e-8 * (1.0 + exact), "{} {exact}", got.cost);
+        assert_within!((got.cost - exact).abs(), 1e-8 * (1.0 + exact), "{} {exact}", got.cost);
         assert!(got.steps < 150);
     }
 }
@@ -107,14 +108,14 @@ fn check_kkt(r: &DMatrix<f64>, x_hat: &[f64], sizes: &[f64], cone: &Cone, got: &
 
 #[test]
 fn the_conditions_of_optimality_hold_for_two_bodies_springs_and_a_metric_that_lacks_rank() {
-    let mut s = Draw::new(17);
+    let mut s = rng(17);
     for _ in 0..10 {
         let n = 23;
         // 18 rows see 23 unknowns; sizes of a satellite and of a spring.
         let sizes: Vec<f64> =
             (0..n).map(|k| [600.0, 300.0, 300.0, 300.0, 150.0][k % 5] * if k >= 20 { 0.01 } else { 1.0 }).collect();
-        let r = DMatrix::from_fn(18, n, |_, k| s.sym(40.0) / sizes[k]);
-        let x_hat: Vec<f64> = (0..n).map(|k| s.sym(1.0) * sizes[k]).collect();
+        let r = DMatrix::from_fn(18, n, |_, k| symmetric(&mut s, 40.0) / sizes[k]);
+        let x_hat: Vec<f64> = (0..n).map(|k| symmetric(&mut s, 1.0) * sizes[k]).collect();
         let mut bodies = vec![body(0), body(10)];
         bodies.iter_mut().for_each(|b| b.size = (600.0, 0.5));
         let cone = Cone { bodies, positive: vec![20, 22] };
@@ -126,9 +127,9 @@ fn the_conditions_of_optimality_hold_for_two_bodies_springs_and_a_metric_that_la
 
 #[test]
 fn what_exists_already_stays() {
-    let mut s = Draw::new(2);
+    let mut s = rng(2);
     let x_hat = (0..5).fold(Inertia::zero(), |mut b, _| {
-        b += Inertia::point(s.between(0.1, 0.9), &s.vec3(0.8));
+        b += Inertia::point(uniform(&mut s, 0.1, 0.9), &vector(&mut s, 0.8));
         b
     });
     let x_hat = x_hat.to_params();
@@ -178,16 +179,17 @@ fn bodies_known_in_part_start_from_the_known_part() {
 
 #[test]
 fn a_linear_estimate_from_poor_data_becomes_a_robot_that_can_exist() {
-    use crate::common::tree::{Sines, model};
     use ff_dynamics::motion::JointMotion;
     use ff_dynamics::{State, Work, rnea};
     use ff_model::{BaseKind, Params};
     use ff_records::RecordBuilder;
+    use ff_testkit::motion::Sines;
+    use ff_testkit::tree::branched_arm;
     use ident::solve::project;
     use ident::{Friction, Ground};
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
-    let m = model(6, 4, BaseKind::Fixed).with_gravity(nalgebra::Vector3::new(0.8, 1.1, -9.7));
+    let m = branched_arm(6, 4, BaseKind::Fixed).with_gravity(nalgebra::Vector3::new(0.8, 1.1, -9.7));
     let decls = m.param_decls();
     let truth = Params::<f64>::nominal(&m);
     let motion = Sines::new(3, 4, 6.0, 0.3);
@@ -231,16 +233,16 @@ fn a_linear_estimate_from_poor_data_becomes_a_robot_that_can_exist() {
 /// Data without noise: a metric of rounding's fineness sees what it sees exactly, and the body is found in what it leaves open.
 #[test]
 fn a_metric_of_any_fineness_is_followed() {
-    let mut s = Draw::new(5);
+    let mut s = rng(5);
     let truth = (0..5).fold(Inertia::zero(), |mut b, _| {
-        b += Inertia::point(s.between(0.1, 0.9), &s.vec3(0.8));
+        b += Inertia::point(uniform(&mut s, 0.1, 0.9), &vector(&mut s, 0.8));
         b
     });
     let truth = DVector::from_column_slice(&truth.to_params());
-    let seen = DMatrix::from_fn(6, 10, |_, _| s.sym(3.0));
+    let seen = DMatrix::from_fn(6, 10, |_, _| symmetric(&mut s, 3.0));
     // Off in what the rows do not see, by so much that no body has it.
     let across = seen.clone().pseudo_inverse(1e-12).unwrap();
-    let stray = DVector::from_fn(10, |_, _| s.sym(4.0));
+    let stray = DVector::from_fn(10, |_, _| symmetric(&mut s, 4.0));
     let x_hat = &truth + &stray - across * (&seen * &stray);
     let cone = Cone { bodies: vec![body(0)], positive: vec![] };
     for fineness in [1.0, 1e6, 1e15] {

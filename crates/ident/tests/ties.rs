@@ -8,8 +8,8 @@ use ff_model::spatial::so3::rot_of_rpy;
 use ff_model::tree::JointLimits;
 use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, ParamDecl, Params, Xform};
 use ff_records::{Record, RecordBuilder};
-use flex_panel::PanelChain;
-use flex_panel::Segment;
+use ff_testkit::assert_within;
+use flex_panel::{PanelChain, Segment};
 use ident::Posterior;
 use ident::compose::{Affine, TieMap};
 use ident::*;
@@ -58,7 +58,7 @@ fn robot() -> Model {
             rest: 0.0,
         };
         let chain = PanelChain::new(vec![segment(0.0), segment(2.0 * side)]).unwrap();
-        model.mount(wing, 0, Xform::new(Matrix3::identity(), Vector3::new(x, 0.0, 0.6)), chain.into()).unwrap();
+        model.mount(wing, 0, Xform::new(Matrix3::identity(), Vector3::new(x, 0.0, 0.6)), chain).unwrap();
     }
     model
 }
@@ -191,7 +191,7 @@ impl Tie for Fuel {
 
 #[test]
 fn the_filling_level_is_tracked_by_one_unknown_and_the_posterior_goes_on() {
-    let l = crate::common::load("slosh");
+    let l = ff_testkit::fixtures::paper("slosh.toml");
     let decls = l.model.param_decls();
     let nominal = Params::<f64>::nominal(&l.model).values().to_vec();
     let place = |n: &str| decls.iter().position(|d| d.name == n).unwrap();
@@ -209,7 +209,7 @@ fn the_filling_level_is_tracked_by_one_unknown_and_the_posterior_goes_on() {
         let params = Params::from_values(&l.model, values);
         let mut start = State::zero(&l.model);
         start.eta.copy_from_slice(&l.model.rest_position(&params));
-        let motion = crate::common::tree::Sines::new(seed, 7, 20.0, 0.2);
+        let motion = ff_testkit::motion::Sines::new(seed, 7, 20.0, 0.2);
         let o = SimOptions { duration_s: 20.0, step_s: 1e-2, sample_s: 0.01 };
         let t = simulate(&l.model, &params, &start, &Drive::Prescribed(&motion), &o).unwrap();
         let white = |noise_std| Channel { noise_std: if noisy { noise_std } else { 0.0 }, ..Channel::default() };
@@ -229,13 +229,13 @@ fn the_filling_level_is_tracked_by_one_unknown_and_the_posterior_goes_on() {
     };
     let exact = fit(&fly(85.0, 3, false), 40.0);
     println!("{:?} {:?}", exact.status, exact.parameters);
-    assert!((exact.parameters[0].value - 85.0).abs() < 1e-5, "{:?}", exact.parameters[0]);
+    assert_within!((exact.parameters[0].value - 85.0).abs(), 1e-5, "{:?}", exact.parameters[0]);
     // Two records in sequence: the posterior of the first, loosened by what may have been burnt, and the second.
     let (first, second) = (fit(&fly(85.0, 4, true), 60.0), fit(&fly(87.0, 5, true), 60.0));
     let posterior = Posterior::of(&first).unwrap().loosen(&["consumed"], 5.0).unwrap();
     let (a, b) = (posterior.covariance().unwrap().unwrap()[(0, 0)], second.parameters[0].std.unwrap().powi(2));
     let before = first.parameters[0].std.unwrap();
-    assert!((a - 25.0 - before * before).abs() < 1e-9 * a);
+    assert_within!((a - 25.0 - before * before).abs(), 1e-9 * a);
     println!(
         "consumed {} +- {before:.3}, then {} +- {:.3}",
         first.parameters[0].value,

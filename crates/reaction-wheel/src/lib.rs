@@ -22,17 +22,17 @@
 //! parameters can be estimated. `J` shows when the wheel's speed changes or when a spinning wheel is turned.
 
 use ff_model::CoordDecl;
+use ff_model::diagnostics::Limit;
 use ff_model::keys;
-use ff_model::keys::check_damping;
-use ff_model::scalar::LaneScalar;
+use ff_model::keys::{check_damping, check_positive};
+use ff_model::scalar::PlainScalar;
 use ff_model::spatial::small::dot;
 use ff_model::spatial::vec3::{S3, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, DynAppendage, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem, Problems,
-    Scalar,
+    Appendage, Area, Decl, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problem, Problems,
+    Scalar, SharedAppendage,
 };
 use nalgebra::Vector3;
-use std::sync::Arc;
 
 /// The `kind` of mission files for this appendage.
 pub const KIND: &str = "reaction_wheel";
@@ -110,9 +110,9 @@ impl ReactionWheel {
             ParamDecl::positive("d", "N m s/rad", w.viscous),
             ParamDecl::positive("c", "N m", w.dry),
         ];
-        let coords = vec![CoordDecl { name: "spin".into(), unit: "rad", range: (f64::NEG_INFINITY, f64::INFINITY) }];
+        let coords = [CoordDecl::new("spin", "rad", (f64::NEG_INFINITY, f64::INFINITY))];
         let axis = (w.axis / w.axis.amax()).normalize();
-        Ok(Self { decl: Decl { kind: KIND, coords, params }, axis, rounding: w.rounding })
+        Ok(Self { decl: Decl::new(KIND, coords, params), axis, rounding: w.rounding })
     }
     /// Unit spin axis in the mount frame.
     pub fn axis(&self) -> &Vector3<f64> {
@@ -142,22 +142,15 @@ impl ReactionWheel {
 /// Adds everything that is wrong with the numbers to `problems`. Allocates on trouble only.
 fn check(w: &Wheel, problems: &mut Problems) {
     let mut sound = true;
-    let mut bad = |code, key: &str, what: String, hint: &str| {
-        problems.push(Problem::error(Area::Config, code, what).on(key).hint(hint));
-    };
     for (key, unit, x) in [
         ("mass_kg", "kg", w.mass),
         ("inertia_spin_kgm2", "kg m^2", w.spin),
         ("inertia_transverse_kgm2", "kg m^2", w.transverse),
         ("rounding_rad_per_s", "rad/s", w.rounding),
     ] {
-        if !x.is_finite() {
-            bad("Config::NotFinite", key, format!("{x} {unit} is not a finite number"), "give a number above 0");
-            sound = false;
-        } else if x <= 0.0 {
-            bad("Config::Param", key, format!("{x} {unit} is not above the limit 0 {unit}"), "give a number above 0");
-            sound = false;
-        }
+        let problem = check_positive(key, x, unit, "give a number above 0");
+        sound &= problem.is_none();
+        problems.0.extend(problem);
     }
     // J = 2 J_t for a disc without thickness; no body of revolution has more.
     if sound && w.transverse < 0.5 * w.spin * (1.0 - 1e-9) {
@@ -166,8 +159,13 @@ fn check(w: &Wheel, problems: &mut Problems) {
             w.transverse,
             0.5 * w.spin
         );
-        bad("Config::Inertia", "inertia_transverse_kgm2", what, "are the two inertias interchanged?");
+        let p = Problem::error(Area::Config, "Config::Inertia", what).on("inertia_transverse_kgm2");
+        let p = p.violating(w.transverse, Limit::AtLeast(0.5 * w.spin), "kg m^2");
+        problems.push(p.hint("are the two inertias interchanged?"));
     }
+    let mut bad = |code, key: &str, what: String, hint: &str| {
+        problems.push(Problem::error(Area::Config, code, what).on(key).hint(hint));
+    };
     if w.axis.iter().any(|x| !x.is_finite()) {
         let what = format!("{:?} holds a number that is not finite", w.axis.as_slice());
         bad("Config::NotFinite", "axis", what, "give a direction such as [0.0, 0.0, 1.0]");
@@ -199,7 +197,7 @@ fn check(w: &Wheel, problems: &mut Problems) {
 ///
 /// # Errors
 /// Every problem of the table: those of [`ff_model::keys::read`] and of [`ReactionWheel::new`].
-pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+pub fn from_toml(table: &toml::Table) -> Result<SharedAppendage, Problems> {
     let wheel = keys::read(table, |t| {
         let (axis, mass) = (t.numbers::<3>("axis"), t.number("mass_kg"));
         let (spin, transverse) = (t.number("inertia_spin_kgm2"), t.number("inertia_transverse_kgm2"));
@@ -226,7 +224,6 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
 ff_model::shared!(ReactionWheel);
 
 impl Appendage for ReactionWheel {
-    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -248,6 +245,10 @@ impl Appendage for ReactionWheel {
         let s = T::from_f64(self.rounding);
         (p[VISCOUS] * square).scale(0.5) + p[DRY] * (square / ((square + s * s).sqrt() + s))
     }
+}
+
+impl PortDynamics for ReactionWheel {
+    const WRITES_ALL: bool = true;
     /// The friction times the rate.
     #[inline(always)]
     fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
@@ -283,7 +284,7 @@ impl Appendage for ReactionWheel {
         r[6] = j.mul_add(x.a_al + acc.nu[0], self.friction(p, s.nu[0]));
     }
     #[inline(always)]
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
         let x = Spun::new(self, s, acc);
         let (spin, more, nu, o) = (p[SPIN], p[SPIN] - p[TRANSVERSE], s.nu[0], T::zero());
         let (f, a) = (V3::from(&s.host.lin).scaled(p[MASS]), &x.a);
@@ -310,7 +311,7 @@ impl Appendage for ReactionWheel {
         j[34] = p[VISCOUS] + p[DRY] * round / (square * Scalar::sqrt(square));
     }
     #[inline(always)]
-    fn regressor<T: LaneScalar>(&self, _: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, _: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         let x = Spun::new(self, s, acc);
         let (nu, al) = (s.nu[0], x.a_al + acc.nu[0]);
         let y = &mut y[..35];
@@ -354,3 +355,8 @@ impl<T: Scalar> Spun<T> {
 pub fn axial_momentum<T: Scalar>(wheel: &ReactionWheel, p: &[T], w: &Vector3<T>, nu: T) -> T {
     p[SPIN] * (dot(&wheel.axis.map(T::from_f64), w) + nu)
 }
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,44 +1,30 @@
 //! The wheel: laws, gyroscopic torque, motor, friction, its tree twin, and what is said when a table is wrong.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
-#[path = "../../slosh-pendulum/tests/common/ports.rs"]
-mod ports;
-
 use ff_dynamics::{State, Work, bias, budget, forward_dynamics, mass_matrix};
+use ff_model::diagnostics::Limit;
 use ff_model::port::{PortModel, derived_bias};
 use ff_model::tree::JointLimits;
 use ff_model::{
-    Appendage, BaseKind, Inertia, Joint, JointKind, Model, Motion, Params, PortState, Problems, Registry, Xform,
+    BaseKind, Inertia, Joint, JointKind, Model, Motion, Params, PortDynamics, PortState, Problem, Registry, Xform,
 };
+use ff_testkit::assert_within;
+use ff_testkit::ports;
+use ff_testkit::problem::{assert_violation, refused_table};
+use ff_testkit::random::{Random, rng, symmetric, uniform, vector};
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use reaction_wheel::{KIND, ReactionWheel, Wheel, axial_momentum, from_toml, register};
 use validate::check_appendage;
 
-type Random = ChaCha8Rng;
-
-/// Largest difference over largest component.
-fn rel(a: &[f64], b: &[f64]) -> f64 {
-    let amax = |x: &[f64]| x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let d = a.iter().zip(b).fold(0.0_f64, |m, (x, y)| m.max((x - y).abs()));
-    d / amax(a).max(amax(b))
-}
-fn sym(r: &mut ChaCha8Rng, a: f64) -> f64 {
-    r.random_range(-a..a)
-}
-fn vec3(r: &mut ChaCha8Rng, a: f64) -> Vector3<f64> {
-    Vector3::new(sym(r, a), sym(r, a), sym(r, a))
-}
-fn random(r: &mut ChaCha8Rng) -> ReactionWheel {
-    let spin = r.random_range(0.02..0.5);
+fn random(r: &mut Random) -> ReactionWheel {
+    let spin = uniform(r, 0.02, 0.5);
     ReactionWheel::new(&Wheel {
-        axis: vec3(r, 2.0),
-        mass: r.random_range(2.0..15.0),
+        axis: vector(r, 2.0),
+        mass: uniform(r, 2.0, 15.0),
         spin,
-        transverse: spin * r.random_range(0.5..0.9),
-        viscous: r.random_range(1e-4..0.05),
-        dry: r.random_range(1e-3..0.02),
+        transverse: spin * uniform(r, 0.5, 0.9),
+        viscous: uniform(r, 1e-4, 0.05),
+        dry: uniform(r, 1e-3, 0.02),
         rounding: 0.3,
     })
     .unwrap()
@@ -46,7 +32,7 @@ fn random(r: &mut ChaCha8Rng) -> ReactionWheel {
 
 #[test]
 fn random_wheels_keep_every_law() {
-    let mut r = ChaCha8Rng::seed_from_u64(61);
+    let mut r = rng(61);
     for _ in 0..10 {
         let report = check_appendage(&*ports::shared(&random(&mut r)));
         println!("{report}");
@@ -56,7 +42,7 @@ fn random_wheels_keep_every_law() {
 
 #[test]
 fn port_equations_equal_the_defaults_over_lanes_and_differences() {
-    let mut r = ChaCha8Rng::seed_from_u64(69);
+    let mut r = rng(69);
     for _ in 0..20 {
         let w = random(&mut r);
         ports::check_ports(&w, &w.nominal(), &mut r, 5);
@@ -65,17 +51,17 @@ fn port_equations_equal_the_defaults_over_lanes_and_differences() {
 
 #[test]
 fn override_equals_the_derived_bias() {
-    let mut r = ChaCha8Rng::seed_from_u64(62);
+    let mut r = rng(62);
     let mut worst = 0.0_f64;
     for _ in 0..1000 {
         let w = random(&mut r);
         let s = PortState {
-            host: Motion::new(vec3(&mut r, 2.0), vec3(&mut r, 2.0)),
-            eta: &[sym(&mut r, 9.0)],
-            nu: &[sym(&mut r, 300.0)],
+            host: Motion::new(vector(&mut r, 2.0), vector(&mut r, 2.0)),
+            eta: &[symmetric(&mut r, 9.0)],
+            nu: &[symmetric(&mut r, 300.0)],
         };
         let (mut h, mut d) = ([f64::NAN; 7], [0.0; 7]);
-        Appendage::bias(&w, &w.nominal(), &s, &mut h);
+        PortDynamics::bias(&w, &w.nominal(), &s, &mut h);
         derived_bias(&w, &w.nominal(), &s, &mut d);
         for range in [0..6, 6..7] {
             let scale = d[range.clone()].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -83,15 +69,15 @@ fn override_equals_the_derived_bias() {
         }
     }
     println!("largest relative difference {worst:.2e}");
-    assert!(worst < 1e-12, "{worst:e}");
+    assert_within!(worst, 1e-12, "{worst:e}");
 }
 
 #[test]
 fn a_turned_spinning_wheel_gives_the_gyroscopic_torque() {
-    let mut r = ChaCha8Rng::seed_from_u64(63);
+    let mut r = rng(63);
     let w = random(&mut r);
     let [_, j, ..] = w.nominal();
-    let (omega, nu) = (vec3(&mut r, 0.5), 250.0);
+    let (omega, nu) = (vector(&mut r, 0.5), 250.0);
     let wrench = |nu: f64| {
         let mut h = [0.0; 7];
         PortModel::bias(
@@ -105,7 +91,7 @@ fn a_turned_spinning_wheel_gives_the_gyroscopic_torque() {
     let (a, b) = (wrench(nu), wrench(0.0));
     let want = omega.cross(&(w.axis() * (j * nu)));
     for i in 0..3 {
-        assert!((a[3 + i] - b[3 + i] - want[i]).abs() < 1e-12 * want.amax());
+        assert_within!((a[3 + i] - b[3 + i] - want[i]).abs(), 1e-12 * want.amax());
     }
     assert_eq!(axial_momentum(&w, &w.nominal(), &omega, nu), j * (w.axis().dot(&omega) + nu));
 }
@@ -120,12 +106,12 @@ fn mount() -> Xform<f64> {
 
 #[test]
 fn the_wheel_is_its_tree_twin() {
-    let mut r = ChaCha8Rng::seed_from_u64(64);
+    let mut r = rng(64);
     for _ in 0..100 {
         let w = random(&mut r);
         let [mass, j, jt, d, c] = w.nominal();
         let mut port = Model::new("sat", "base", base(), BaseKind::Floating);
-        port.mount("wheel", 0, mount(), w.clone().into()).unwrap();
+        port.mount("wheel", 0, mount(), w.clone()).unwrap();
         let a = w.axis();
         let rotor =
             Inertia::from_com(mass, &Vector3::zeros(), &(Matrix3::identity() * jt + a * a.transpose() * (j - jt)));
@@ -139,7 +125,7 @@ fn the_wheel_is_its_tree_twin() {
         };
         tree.add_body(0, "rotor", joint, rotor);
         let (mut s, mut t) = (State::<f64>::zero(&port), State::<f64>::zero(&tree));
-        let v: Vec<f64> = (0..7).map(|i| sym(&mut r, if i < 6 { 1.0 } else { 80.0 })).collect();
+        let v: Vec<f64> = (0..7).map(|i| symmetric(&mut r, if i < 6 { 1.0 } else { 80.0 })).collect();
         s.v.copy_from_slice(&v);
         t.v.copy_from_slice(&v);
         (s.eta[0], t.q[0]) = (0.7, 0.7);
@@ -147,7 +133,7 @@ fn the_wheel_is_its_tree_twin() {
         let (mut hs, mut ht) = (DMatrix::zeros(7, 7), DMatrix::zeros(7, 7));
         mass_matrix(&port, &ps, &s, &mut Work::new(&port), &mut hs);
         mass_matrix(&tree, &pt, &t, &mut Work::new(&tree), &mut ht);
-        assert!((&hs - &ht).amax() < 1e-13 * ht.amax());
+        assert_within!((&hs - &ht).amax(), 1e-13 * ht.amax());
         let (mut bs, mut bt) = (vec![0.0; 7], vec![0.0; 7]);
         bias(&port, &ps, &s, &mut Work::new(&port), &mut bs);
         bias(&tree, &pt, &t, &mut Work::new(&tree), &mut bt);
@@ -156,7 +142,7 @@ fn the_wheel_is_its_tree_twin() {
         let scale = bt.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         assert!(bs.iter().zip(&bt).all(|(x, y)| (x - y).abs() < 1e-12 * scale), "{bs:?} {bt:?}");
         // The motor: a torque on the wheel's row, in the tree on its joint.
-        let mut tau: Vec<f64> = (0..7).map(|_| sym(&mut r, 2.0)).collect();
+        let mut tau: Vec<f64> = (0..7).map(|_| symmetric(&mut r, 2.0)).collect();
         let (mut acc, mut twin) = (vec![0.0; 7], vec![0.0; 7]);
         forward_dynamics(&port, &ps, &s, &tau, &mut Work::new(&port), &mut acc).unwrap();
         tau[6] -= friction;
@@ -178,7 +164,7 @@ fn the_motor_turns_the_base_the_other_way_and_keeps_the_momentum() {
         rounding: 0.1,
     };
     let mut m = Model::new("sat", "base", base(), BaseKind::Floating);
-    m.mount("wheel", 0, mount(), ReactionWheel::new(&wheel).unwrap().into()).unwrap();
+    m.mount("wheel", 0, mount(), ReactionWheel::new(&wheel).unwrap()).unwrap();
     let (p, mut work) = (Params::nominal(&m), Work::new(&m));
     let motor = 0.05;
     let mut s = State::<f64>::zero(&m);
@@ -212,16 +198,8 @@ fn the_motor_turns_the_base_the_other_way_and_keeps_the_momentum() {
 const GOOD: &str = "axis = [0.3, -0.5, 0.8]\nmass_kg = 8.5\ninertia_spin_kgm2 = 0.11\ninertia_transverse_kgm2 = 0.06\nviscous_nms_per_rad = 2e-5\ndry_nm = 1e-3\n";
 
 #[track_caller]
-fn refused(from: &str, to: &str, code: &str, object: &str, says: &str) -> Problems {
-    assert!(GOOD.contains(from), "{from}");
-    let Err(e) = from_toml(&GOOD.replacen(from, to, 1).parse().unwrap()) else { panic!("accepted") };
-    assert_eq!(
-        (e.0.len(), e.0[0].code, e.0[0].object.as_deref(), e.0[0].hint.is_some()),
-        (1, code, Some(object), true),
-        "{e}"
-    );
-    assert!(e.to_string().contains(says), "{says}: {e}");
-    e
+fn refused(from: &str, to: &str, code: &str, object: &str) -> Problem {
+    refused_table(from_toml, GOOD, (from, to), code, object)
 }
 
 #[test]
@@ -240,13 +218,18 @@ fn tables_are_read_and_refused_by_name() {
     let mut registry = Registry::new();
     register(&mut registry);
     assert!(registry.get("reaction_wheel").is_some());
-    refused("8.5", "-8.5", "Config::Param", "mass_kg", "-8.5 kg");
-    refused("0.06", "0.05", "Config::Inertia", "inertia_transverse_kgm2", "limit 0.055 kg m^2");
-    refused("0.11", "nan", "Config::NotFinite", "inertia_spin_kgm2", "NaN kg m^2");
-    refused("[0.3, -0.5, 0.8]", "[0.0, 0.0, 0.0]", "Config::Axis", "axis", "no direction");
-    refused("2e-5", "-2e-5", "Config::NotPassive", "viscous_nms_per_rad", "energy");
-    refused("1e-3", "-1e-3", "Config::NotPassive", "dry_nm", "N m");
-    refused("dry_nm", "dry_Nm", "Config::UnknownKey", "dry_Nm", "dry_nm");
-    refused("mass_kg = 8.5\n", "", "Config::MissingKey", "mass_kg", "missing");
-    refused("dry_nm", "rounding_rad_per_s = 0.0\ndry_nm", "Config::Param", "rounding_rad_per_s", "0 rad/s");
+    let p = refused("8.5", "-8.5", "Config::Param", "mass_kg");
+    assert_violation(&p, -8.5, Limit::Above(0.0), "kg");
+    let p = refused("0.06", "0.05", "Config::Inertia", "inertia_transverse_kgm2");
+    assert_violation(&p, 0.05, Limit::AtLeast(0.055), "kg m^2");
+    refused("0.11", "nan", "Config::NotFinite", "inertia_spin_kgm2");
+    refused("[0.3, -0.5, 0.8]", "[0.0, 0.0, 0.0]", "Config::Axis", "axis");
+    let p = refused("2e-5", "-2e-5", "Config::NotPassive", "viscous_nms_per_rad");
+    assert_violation(&p, -2e-5, Limit::AtLeast(0.0), "N m s/rad");
+    let p = refused("1e-3", "-1e-3", "Config::NotPassive", "dry_nm");
+    assert_violation(&p, -1e-3, Limit::AtLeast(0.0), "N m");
+    refused("dry_nm", "dry_Nm", "Config::UnknownKey", "dry_Nm");
+    refused("mass_kg = 8.5\n", "", "Config::MissingKey", "mass_kg");
+    let p = refused("dry_nm", "rounding_rad_per_s = 0.0\ndry_nm", "Config::Param", "rounding_rad_per_s");
+    assert_violation(&p, 0.0, Limit::Above(0.0), "rad/s");
 }

@@ -1,7 +1,7 @@
 //! Reading and checking the numbers of one sloshing mass.
 
 use crate::particle::Values;
-use ff_model::keys::{Keys, check_damping, check_stiffness};
+use ff_model::keys::{Keys, check_damping, check_positive, check_stiffness};
 use ff_model::{Area, Problem, Problems};
 use nalgebra::Vector3;
 
@@ -24,17 +24,13 @@ pub(crate) fn values(v: &Values, axes: Axes, path: &str, problems: &mut Problems
             (keys.0, keys.1, [("mass_kg", "kg", v.mass), ("travel_m", "m", v.travel)], 2..=3)
         }
     };
+    for (key, unit, x) in positive {
+        let hint = "leave the mass out where there is no sloshing fuel";
+        problems.0.extend(check_positive(&format!("{path}{key}"), x, unit, hint));
+    }
     let mut bad = |code, key: &str, message: String, hint: &str| {
         problems.push(Problem::error(Area::Config, code, message).on(format!("{path}{key}")).hint(hint));
     };
-    for (key, unit, x) in positive {
-        if !x.is_finite() {
-            bad("Config::NotFinite", key, format!("{x} {unit} is not a finite number"), "give a number above 0");
-        } else if x <= 0.0 {
-            let why = format!("{x} {unit} is not above the limit 0 {unit}");
-            bad("Config::Param", key, why, "leave the mass out where there is no sloshing fuel");
-        }
-    }
     if v.rest.iter().any(|x| !x.is_finite()) {
         let why = format!("{:?} m holds a number that is not finite", v.rest.as_slice());
         bad("Config::NotFinite", "rest_m", why, "give three finite numbers");

@@ -1,8 +1,7 @@
 //! From the table of a mission file to a pendulum.
 
 use crate::pendulum::{SloshPendulum, check};
-use ff_model::{DynAppendage, Problems, keys};
-use std::sync::Arc;
+use ff_model::{Problems, SharedAppendage, keys};
 
 /// Builds a [`SloshPendulum`] from its table in a mission file (a [`ff_model::registry::Factory`]). Allocates.
 ///
@@ -12,7 +11,7 @@ use std::sync::Arc;
 /// # Errors
 /// Every problem of the table: those of [`ff_model::keys::read`] and of [`SloshPendulum::new`].
 /// `Problem::object` holds the key.
-pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+pub fn from_toml(table: &toml::Table) -> Result<SharedAppendage, Problems> {
     let (mass, length, k, d) = keys::read(table, |t| {
         let (mass, length) = (t.number("mass_kg"), t.number("length_m"));
         let (k, d) = (t.numbers::<2>("stiffness_nm_per_rad"), t.numbers::<2>("damping_nms_per_rad"));

@@ -19,6 +19,8 @@
 
 use crate::potential;
 use crate::potential::WallPoint;
+use ff_model::diagnostics::Limit;
+use ff_model::keys::check_positive;
 use ff_model::{Area, Problem, Problems};
 use std::f64::consts::{PI, TAU};
 
@@ -137,18 +139,10 @@ impl Tank {
 
     fn check(&self, density: f64, count: usize) -> Result<(), Problems> {
         let mut problems = Problems::default();
-        let mut bad = |code, key: &str, what: String, hint: &str| {
-            problems.push(Problem::error(Area::Config, code, what).on(key).hint(hint));
-        };
         let (Self::Cylinder { radius, fill } | Self::Sphere { radius, fill }) = *self;
         let numbers = [("radius_m", "m", radius), ("fill_m", "m", fill), ("density_kg_per_m3", "kg/m^3", density)];
         for (key, unit, x) in numbers {
-            if !x.is_finite() {
-                bad("Config::NotFinite", key, format!("{x} {unit} is not a finite number"), "give a number above 0");
-            } else if x <= 0.0 {
-                let what = format!("{x} {unit} is not above the limit 0 {unit}");
-                bad("Config::Param", key, what, "leave the tank out where there is no liquid");
-            }
+            problems.0.extend(check_positive(key, x, unit, "leave the tank out where there is no liquid"));
         }
         if numbers.iter().all(|n| n.2.is_finite() && n.2 > 0.0) {
             let (low, high) = match self {
@@ -158,12 +152,16 @@ impl Tank {
             if !(low..=high).contains(&fill) {
                 let what = format!("{fill} m is outside the limits {low} .. {high} m for a radius of {radius} m");
                 let hint = "a liquid as shallow does not slosh linearly; a full tank does not slosh: make it rigid";
-                bad("Config::Param", "fill_m", what, hint);
+                let p = Problem::error(Area::Config, "Config::Param", what).on("fill_m");
+                problems.push(p.violating(fill, Limit::Within(low, high), "m").hint(hint));
             }
         }
         if count == 0 || count > MAX_TANK_MODES {
             let what = format!("{count} modes, outside the limits 1 to {MAX_TANK_MODES}");
-            bad("Config::Param", "slosh_modes", what, "the first mode carries nearly all of the sloshing mass");
+            let p = Problem::error(Area::Config, "Config::Param", what).on("slosh_modes");
+            let limit = Limit::Within(1.0, MAX_TANK_MODES as f64);
+            let hint = "the first mode carries nearly all of the sloshing mass";
+            problems.push(p.violating(count as f64, limit, "modes").hint(hint));
         }
         if problems.has_errors() { Err(problems) } else { Ok(()) }
     }
@@ -204,6 +202,7 @@ fn sphere(radius: f64, fill: f64, density: f64, count: usize) -> Result<Vec<Slos
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     /// Wall of a cylinder for the numerical solution: bottom, then side.
     fn cylinder_wall(radius: f64, fill: f64) -> Vec<WallPoint> {
@@ -226,7 +225,7 @@ mod tests {
     #[test]
     fn xi_are_the_zeros_of_the_slope_of_j1() {
         for xi in XI {
-            assert!(bessel_slope(xi).abs() < 1e-9, "{xi}: {}", bessel_slope(xi));
+            assert_within!(bessel_slope(xi).abs(), 1e-9, "{xi}: {}", bessel_slope(xi));
             assert!(bessel_slope(xi - 1e-3) * bessel_slope(xi + 1e-3) < 0.0);
         }
     }
@@ -253,15 +252,15 @@ mod tests {
         let t = Tank::Cylinder { radius: 0.5, fill: 0.5 };
         let m = t.model(800.0, 1).unwrap();
         let total = 800.0 * t.volume();
-        assert!((0.5 / m.modes[0].length - 1.7507).abs() < 2e-4, "{}", 0.5 / m.modes[0].length);
-        assert!((m.modes[0].mass / total - 0.4320).abs() < 2e-4, "{}", m.modes[0].mass / total);
-        assert!((m.modes[0].mass + m.fixed_mass - total).abs() < 1e-12 * total);
+        assert_within!((0.5 / m.modes[0].length - 1.7507).abs(), 2e-4, "{}", 0.5 / m.modes[0].length);
+        assert_within!((m.modes[0].mass / total - 0.4320).abs(), 2e-4, "{}", m.modes[0].mass / total);
+        assert_within!((m.modes[0].mass + m.fixed_mass - total).abs(), 1e-12 * total);
         let first = m.modes[0].mass * m.modes[0].height + m.fixed_mass * m.fixed_height;
-        assert!((first - total * 0.25).abs() < 1e-12 * total);
+        assert_within!((first - total * 0.25).abs(), 1e-12 * total);
         // A shallow liquid sloshes as a whole: 2 / (xi^2 - 1) of it in each mode, which adds up to one.
         let shallow = Tank::Cylinder { radius: 1.0, fill: 0.02 }.model(1.0, 5).unwrap();
         let volume = Tank::Cylinder { radius: 1.0, fill: 0.02 }.volume();
-        assert!((shallow.modes[0].mass / volume - 2.0 / (XI[0] * XI[0] - 1.0)).abs() < 1e-3);
+        assert_within!((shallow.modes[0].mass / volume - 2.0 / (XI[0] * XI[0] - 1.0)).abs(), 1e-3);
         assert!(shallow.fixed_mass / volume > 0.0 && shallow.fixed_mass / volume < 0.05);
     }
 
@@ -272,7 +271,7 @@ mod tests {
             let t = Tank::Sphere { radius: 1.0, fill };
             let m = t.model(1.0, 2).unwrap();
             for mode in &m.modes {
-                assert!((mode.fulcrum() - 1.0).abs() < 2e-3, "fill {fill}: {mode:?}");
+                assert_within!((mode.fulcrum() - 1.0).abs(), 2e-3, "fill {fill}: {mode:?}");
             }
             let part = m.modes[0].mass / t.volume();
             println!("fill {fill}: omega^2 R/g = {:.5}, m_1/m = {part:.4}", 1.0 / m.modes[0].length);
@@ -286,7 +285,7 @@ mod tests {
         let m = Tank::Sphere { radius: 0.6, fill: 0.6 }.model(1000.0, 1).unwrap();
         let have = 0.6 / m.modes[0].length;
         println!("{have:.6}");
-        assert!((have - 1.5602).abs() < 1e-4, "{have}");
+        assert_within!((have - 1.5602).abs(), 1e-4, "{have}");
         // A puddle swings like a marble in the bowl.
         let puddle = Tank::Sphere { radius: 1.0, fill: 0.1 }.model(1.0, 1).unwrap();
         assert!((1.0 / puddle.modes[0].length - 1.0).abs() < 0.1);

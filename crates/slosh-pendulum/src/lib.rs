@@ -43,6 +43,7 @@ mod particle;
 mod pendulum;
 mod point;
 mod potential;
+mod slot;
 mod spring;
 mod spring_mass;
 mod swing;
@@ -50,8 +51,9 @@ mod tank;
 mod tank_config;
 
 pub use config::from_toml;
-pub use pendulum::{SWING_LIMITS, SloshPendulum};
+pub use pendulum::SloshPendulum;
 pub use spring_mass::{SPRING_MASS_KIND, SloshSpringMass, from_toml as spring_mass_from_toml};
+pub use swing::SWING_LIMITS;
 pub use tank::{FixedFuel, SloshPart, SloshTank, TANK_KIND};
 pub use tank_config::from_toml as tank_from_toml;
 
@@ -94,3 +96,8 @@ sphere = { radius_m = 0.3, fill_m = 0.25 }
 density_kg_per_m3 = 1010.0
 settling_m_per_s2 = 0.05
 damping_ratio = 0.01";
+
+/// Compiles the example of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

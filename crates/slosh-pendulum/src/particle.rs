@@ -4,11 +4,11 @@
 //! `J = [1, -[r]x, dr/d eta]`. What follows from it is in [`crate::point`], the places in [`crate::swing`] and
 //! [`crate::spring`]; here is which of them a particle is, and where its numbers are.
 
-use crate::pendulum::SWING_LIMITS;
 use crate::point;
 use crate::point::Wrench;
+use crate::slot::Slot;
 use crate::spring::Shift;
-use crate::swing::Swing;
+use crate::swing::{SWING_LIMITS, Swing};
 use ff_model::CoordDecl;
 use ff_model::spatial::vec3::{Ten, V3};
 use ff_model::{ParamDecl, ParamGroup, PortAccel, PortMatrix, PortState, Scalar};
@@ -28,17 +28,6 @@ pub(crate) enum Path {
 pub(crate) struct Particle {
     path: Path,
     slot: Slot,
-}
-
-/// Where a particle's numbers are.
-#[derive(Clone, Debug)]
-pub(crate) struct Slot {
-    /// First own coordinate.
-    pub(crate) eta0: usize,
-    /// First own parameter, the mass.
-    pub(crate) p0: usize,
-    /// Parameter `k[0]`; the other springs and the dampers follow.
-    pub(crate) k0: usize,
 }
 
 /// Evaluates `$e` with `$x` standing for the [`point::Place`] of a particle.
@@ -117,7 +106,7 @@ impl Particle {
                 Path::Pendulum(_) => ("swing", "rad", SWING_LIMITS[i]),
                 Path::Springs(_) => ("shift", "m", v.travel),
             };
-            coords.push(CoordDecl { name: format!("{prefix}{name}[{i}]"), unit, range: (-limit, limit) });
+            coords.push(CoordDecl::new(format!("{prefix}{name}[{i}]"), unit, (-limit, limit)));
         }
         Self { path, slot: Slot { eta0, p0, k0 } }
     }

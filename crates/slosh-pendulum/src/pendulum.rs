@@ -1,25 +1,17 @@
 //! The pendulum: declaration, energies, and the bias by hand for speed.
 
 use crate::KIND;
-use crate::particle::Slot;
 use crate::point;
-use crate::swing::Swing;
+use crate::slot::Slot;
+use crate::swing::{SWING_LIMITS, Swing};
 use ff_model::CoordDecl;
-use ff_model::keys::{check_damping, check_stiffness};
-use ff_model::scalar::LaneScalar;
+use ff_model::keys::{check_damping, check_positive, check_stiffness};
+use ff_model::scalar::PlainScalar;
 use ff_model::{
-    Appendage, Area, Decl, Inertia, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem, Problems, Scalar,
-    TwinBody, Xform,
+    Appendage, Decl, Inertia, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problems, Scalar,
+    TreeTwin, TwinBody, Xform,
 };
 use nalgebra::Vector3;
-
-/// Greatest magnitude of each swing angle (rad).
-///
-/// `swing[0]` turns about a mount-fixed axis and has no singularity; its range is one turn. `swing[1]` has: at
-/// `|swing[1]| = pi/2` the arm lies along the first axis, turning about that axis no longer moves the mass
-/// (`M_aa = m l^2 cos^2 b` is zero) and the acceleration of `swing[0]` is undefined. At the limit of 1.4 rad
-/// `cos^2 b` is still 0.029. The range ends before pi/2, so no simulation crosses it.
-pub const SWING_LIMITS: [f64; 2] = [std::f64::consts::PI, 1.4];
 
 const MASS: usize = 0;
 const LENGTH: usize = 1;
@@ -59,10 +51,8 @@ impl SloshPendulum {
         for i in 0..2 {
             params.push(ParamDecl::positive(format!("d[{i}]"), "N m s/rad", d[i]));
         }
-        let coords = (0..2)
-            .map(|i| CoordDecl { name: format!("swing[{i}]"), unit: "rad", range: (-SWING_LIMITS[i], SWING_LIMITS[i]) })
-            .collect();
-        Ok(Self { decl: Decl { kind: KIND, coords, params } })
+        let coords = (0..2).map(|i| CoordDecl::new(format!("swing[{i}]"), "rad", (-SWING_LIMITS[i], SWING_LIMITS[i])));
+        Ok(Self { decl: Decl::new(KIND, coords, params) })
     }
 
     /// Nominal values `[mass, length, k_0, k_1, d_0, d_1]`. Does not allocate.
@@ -73,36 +63,38 @@ impl SloshPendulum {
     /// The pendulum as two ordinary tree links with external springs, at nominal parameters (see [`TwinBody`]).
     /// Allocates.
     pub fn twin_bodies(&self) -> Vec<TwinBody> {
-        let [m, l, k0, k1, d0, d1] = self.nominal();
-        let link = |parent, axis, inertia, stiffness, damping| TwinBody {
-            parent,
-            axis,
-            placement: Xform::identity(),
-            inertia,
-            stiffness,
-            damping,
-            rest: 0.0,
-        };
-        vec![
-            link(None, Vector3::x(), Inertia::zero(), k0, d0),
-            link(Some(0), Vector3::y(), Inertia::point(m, &Vector3::new(0.0, 0.0, -l)), k1, d1),
-        ]
+        bodies(&self.nominal())
     }
+}
+
+impl TreeTwin for SloshPendulum {
+    fn tree_bodies(&self, p: &[f64]) -> Option<Vec<TwinBody>> {
+        Some(bodies(p))
+    }
+}
+
+/// The tree links at parameters `[mass, length, k_0, k_1, d_0, d_1]`. Allocates.
+fn bodies(p: &[f64]) -> Vec<TwinBody> {
+    let link = |parent, axis, inertia, i: usize| TwinBody {
+        parent,
+        axis,
+        placement: Xform::identity(),
+        inertia,
+        stiffness: p[K + i],
+        damping: p[D + i],
+        rest: 0.0,
+    };
+    vec![
+        link(None, Vector3::x(), Inertia::zero(), 0),
+        link(Some(0), Vector3::y(), Inertia::point(p[MASS], &Vector3::new(0.0, 0.0, -p[LENGTH])), 1),
+    ]
 }
 
 /// Adds everything that is wrong with the numbers to `problems`. Allocates on trouble only.
 pub(crate) fn check(mass: f64, length: f64, k: [f64; 2], d: [f64; 2], problems: &mut Problems) {
-    let mut bad = |code, key: String, message: String, hint: &str| {
-        problems.push(Problem::error(Area::Config, code, message).on(key).hint(hint));
-    };
     for (key, unit, x) in [("mass_kg", "kg", mass), ("length_m", "m", length)] {
-        if !x.is_finite() {
-            let why = format!("{x} {unit} is not a finite number");
-            bad("Config::NotFinite", key.into(), why, "give a number above 0");
-        } else if x <= 0.0 {
-            let why = format!("{x} {unit} is not above the limit 0 {unit}");
-            bad("Config::Param", key.into(), why, "leave the slosh table out where there is no sloshing fuel");
-        }
+        let hint = "leave the slosh table out where there is no sloshing fuel";
+        problems.0.extend(check_positive(key, x, unit, hint));
     }
     for i in 0..2 {
         let springs = [
@@ -131,7 +123,6 @@ fn sized<'a, T: Scalar>(p: &'a [T], s: &PortState<'a, T>) -> (&'a [T], PortState
 ff_model::shared!(SloshPendulum);
 
 impl Appendage for SloshPendulum {
-    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -154,11 +145,15 @@ impl Appendage for SloshPendulum {
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         (p[D] * nu[0] * nu[0] + p[D + 1] * nu[1] * nu[1]).scale(0.5)
     }
+}
+
+impl PortDynamics for SloshPendulum {
+    const WRITES_ALL: bool = true;
 
     /// `R` is quadratic.
     #[inline(always)]
     fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
-        Appendage::rayleigh(self, p, nu).scale(2.0)
+        self.rayleigh(p, nu).scale(2.0)
     }
 
     /// Newton's law for the mass at zero `A` and `nu'`:
@@ -197,19 +192,19 @@ impl Appendage for SloshPendulum {
     }
     /// Derivatives of the acceleration of the mass, column by column.
     #[inline(always)]
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
         let ((p, s), j) = (sized(p, s), &mut j[..56]);
         let spin = point::jacobian(&swing(p, s.eta), &SLOT, p, &s, acc, j);
         point::press_each(&spin, 8, j);
     }
     /// Mass and length act through the acceleration of the mass, springs and dampers on their own row.
     #[inline(always)]
-    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         let ((p, s), y) = (sized(p, s), &mut y[..48]);
         y.fill(T::zero());
         point::regressor(&swing(p, s.eta), &SLOT, p, &s, acc, y);
     }
-    fn twin(&self) -> Option<Vec<TwinBody>> {
-        Some(self.twin_bodies())
+    fn twin(&self) -> Option<&dyn TreeTwin> {
+        Some(self)
     }
 }

@@ -9,7 +9,7 @@
 //!
 //! The velocity of the mount enters through its acceleration in an inertial frame, `A + w x v`, alone.
 
-use crate::particle::Slot;
+use crate::slot::Slot;
 use ff_model::spatial::vec3::{M3, S3, Ten, V3, array};
 use ff_model::{PortAccel, PortMatrix, PortState, Scalar};
 

@@ -160,13 +160,14 @@ pub(crate) fn modes(wall: &[WallPoint], radius: f64, fill: f64, count: usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     #[test]
     fn gauss_is_exact_for_polynomials() {
         let rule = gauss(7);
         for p in 0..14 {
             let sum: f64 = rule.iter().map(|(x, w)| w * x.powi(p)).sum();
-            assert!((sum - 1.0 / f64::from(p + 1)).abs() < 1e-15, "degree {p}: {sum}");
+            assert_within!((sum - 1.0 / f64::from(p + 1)).abs(), 1e-15, "degree {p}: {sum}");
         }
     }
 
@@ -181,12 +182,14 @@ mod tests {
             let (rr, zz) = (d(h, 0.0)[1] - d(-h, 0.0)[1], d(0.0, h)[2] - d(0.0, -h)[2]);
             let scale = here[0].abs() + here[1].abs() + here[2].abs();
             let laplace = (rr + zz) / (2.0 * h) + here[1] / r - here[0] / (r * r);
-            assert!(laplace.abs() < 1e-5 * (1 + l * l) as f64 * scale, "{l}: {laplace}");
-            assert!(
-                ((d(h, 0.0)[0] - d(-h, 0.0)[0]) / (2.0 * h) - here[1]).abs() < 1e-6 * (1 + l * l * l) as f64 * scale
+            assert_within!(laplace.abs(), 1e-5 * (1 + l * l) as f64 * scale, "{l}: {laplace}");
+            assert_within!(
+                ((d(h, 0.0)[0] - d(-h, 0.0)[0]) / (2.0 * h) - here[1]).abs(),
+                1e-6 * (1 + l * l * l) as f64 * scale
             );
-            assert!(
-                ((d(0.0, h)[0] - d(0.0, -h)[0]) / (2.0 * h) - here[2]).abs() < 1e-6 * (1 + l * l * l) as f64 * scale
+            assert_within!(
+                ((d(0.0, h)[0] - d(0.0, -h)[0]) / (2.0 * h) - here[2]).abs(),
+                1e-6 * (1 + l * l * l) as f64 * scale
             );
         }
     }

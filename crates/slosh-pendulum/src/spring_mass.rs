@@ -4,10 +4,12 @@ use crate::check;
 use crate::check::Axes;
 use crate::particle::{Particle, Path, Values};
 use crate::point::{press, press_each};
-use ff_model::scalar::LaneScalar;
-use ff_model::{Appendage, Decl, DynAppendage, PortAccel, PortMatrix, PortState, PortVector, Problems, Scalar, keys};
+use ff_model::scalar::PlainScalar;
+use ff_model::{
+    Appendage, Decl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problems, Scalar, SharedAppendage,
+    keys,
+};
 use nalgebra::Vector3;
-use std::sync::Arc;
 
 /// The `kind` of mission files for this appendage.
 pub const SPRING_MASS_KIND: &str = "slosh_spring_mass";
@@ -45,7 +47,7 @@ impl SloshSpringMass {
         }
         let (mut coords, mut params) = (Vec::new(), Vec::new());
         let mass = Particle::declare(Path::Springs(k.len()), &values, "", &mut coords, &mut params);
-        Ok(Self { decl: Decl { kind: SPRING_MASS_KIND, coords, params }, mass })
+        Ok(Self { decl: Decl::new(SPRING_MASS_KIND, coords, params), mass })
     }
     /// Nominal values of all parameters, in the order of the declaration. Allocates.
     pub fn nominal(&self) -> Vec<f64> {
@@ -73,7 +75,7 @@ impl SloshSpringMass {
 ///
 /// # Errors
 /// Every problem of the table: those of [`ff_model::keys::read`] and of [`SloshSpringMass::new`].
-pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+pub fn from_toml(table: &toml::Table) -> Result<SharedAppendage, Problems> {
     let v = keys::read(table, |t| check::read_springs(t, "rest_m"))?;
     Ok(SloshSpringMass::new(v.mass, v.rest, &v.k, &v.d, v.travel)?.into())
 }
@@ -81,7 +83,6 @@ pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>
 ff_model::shared!(SloshSpringMass);
 
 impl Appendage for SloshSpringMass {
-    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -97,10 +98,14 @@ impl Appendage for SloshSpringMass {
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         self.mass.rayleigh(p, nu)
     }
+}
+
+impl PortDynamics for SloshSpringMass {
+    const WRITES_ALL: bool = true;
     /// `R` is quadratic.
     #[inline(always)]
     fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
-        Appendage::rayleigh(self, p, nu).scale(2.0)
+        self.rayleigh(p, nu).scale(2.0)
     }
     /// Newton's law for the mass, `A` and `nu'` zero, in its acceleration relative to the mount.
     #[inline(always)]
@@ -127,12 +132,12 @@ impl Appendage for SloshSpringMass {
         press(&wrench, r);
     }
     #[inline(always)]
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
         let spin = self.mass.jacobian(p, s, acc, j);
         press_each(&spin, 6 + s.eta.len(), j);
     }
     #[inline(always)]
-    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         y.fill(T::zero());
         self.mass.regressor(p, s, acc, y);
     }

@@ -4,6 +4,14 @@ use crate::point::{Coupling, Drive, Place, Push};
 use ff_model::Scalar;
 use ff_model::spatial::vec3::V3;
 
+/// Greatest magnitude of each swing angle (rad).
+///
+/// `swing[0]` turns about a mount-fixed axis and has no singularity; its range is one turn. `swing[1]` has: at
+/// `|swing[1]| = pi/2` the arm lies along the first axis, turning about that axis no longer moves the mass
+/// (`M_aa = m l^2 cos^2 b` is zero) and the acceleration of `swing[0]` is undefined. At the limit of 1.4 rad
+/// `cos^2 b` is still 0.029. The range ends before pi/2, so no simulation crosses it.
+pub const SWING_LIMITS: [f64; 2] = [std::f64::consts::PI, 1.4];
+
 /// A mass on an arm of length `l` from a fulcrum, with swing angles `a` (about the mount x axis) and `b` (about the y
 /// axis turned with `a`).
 ///

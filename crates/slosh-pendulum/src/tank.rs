@@ -4,12 +4,14 @@ use crate::check;
 use crate::check::Axes;
 use crate::particle::{Particle, Path, Values};
 use crate::point::{Wrench, press, press_each};
+use ff_model::diagnostics::Limit;
 use ff_model::port::MAX_COORDS;
-use ff_model::scalar::LaneScalar;
+use ff_model::scalar::PlainScalar;
 use ff_model::spatial::InertiaError;
 use ff_model::spatial::vec3::{M3, S3, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, Inertia, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem, Problems, Scalar,
+    Appendage, Area, Decl, Inertia, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problem,
+    Problems, Scalar,
 };
 use nalgebra::{Matrix3, Vector3};
 
@@ -118,6 +120,7 @@ impl SloshTank {
         let n: usize = all.iter().map(|(v, ..)| v.k.len()).sum();
         if n > MAX_COORDS {
             let p = Problem::error(Area::Config, "Config::Param", format!("{n} coordinates, limit {MAX_COORDS}"));
+            let p = p.violating(n as f64, Limit::AtMost(MAX_COORDS as f64), "coordinates");
             problems.push(p.on("modes").hint("keep the masses with the lowest frequencies"));
         }
         if problems.has_errors() {
@@ -128,7 +131,7 @@ impl SloshTank {
             .enumerate()
             .map(|(i, (v, _, path))| Particle::declare(path, &v, &format!("mode[{i}]."), &mut coords, &mut params))
             .collect();
-        Ok(Self { decl: Decl { kind: TANK_KIND, coords, params }, fixed, masses })
+        Ok(Self { decl: Decl::new(TANK_KIND, coords, params), fixed, masses })
     }
     /// Nominal values of all parameters, in the order of the declaration. Allocates.
     pub fn nominal(&self) -> Vec<f64> {
@@ -183,7 +186,6 @@ fn fixed_problem(e: &InertiaError) -> Problem {
 ff_model::shared!(SloshTank);
 
 impl Appendage for SloshTank {
-    const WRITES_ALL: bool = true;
     fn decl(&self) -> &Decl {
         &self.decl
     }
@@ -202,10 +204,14 @@ impl Appendage for SloshTank {
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         self.masses.iter().fold(T::zero(), |r, m| r + m.rayleigh(p, nu))
     }
+}
+
+impl PortDynamics for SloshTank {
+    const WRITES_ALL: bool = true;
     /// `R` is quadratic.
     #[inline(always)]
     fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
-        Appendage::rayleigh(self, p, nu).scale(2.0)
+        self.rayleigh(p, nu).scale(2.0)
     }
     /// Newton's law mass by mass, and `V x* (I V)` of the fixed fuel.
     #[inline(always)]
@@ -240,7 +246,7 @@ impl Appendage for SloshTank {
         self.push(p, s, Some(acc), r);
     }
     #[inline(always)]
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
         let n = s.eta.len();
         let j = &mut j[..(3 + 2 * n) * (6 + n)];
         j.fill(T::zero());
@@ -256,7 +262,7 @@ impl Appendage for SloshTank {
         press_each(&spin, 6 + n, j);
     }
     #[inline(always)]
-    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         y.fill(T::zero());
         if let Some(b) = self.kilogram() {
             press(&Self::still(&b, s, Some(acc)), y);

@@ -5,9 +5,8 @@ use crate::geometry::{SloshMode, Tank, TankModel};
 use crate::tank::{FixedFuel, SloshPart, SloshTank};
 use ff_model::keys;
 use ff_model::keys::Keys;
-use ff_model::{Area, DynAppendage, Problem, Problems};
+use ff_model::{Area, Problem, Problems, SharedAppendage};
 use nalgebra::{Matrix3, Vector3};
-use std::sync::Arc;
 
 /// Builds a [`SloshTank`] from its table in a mission file (a [`ff_model::registry::Factory`]). Allocates.
 ///
@@ -42,7 +41,7 @@ use std::sync::Arc;
 /// # Errors
 /// Every problem of the table: those of [`ff_model::keys::read`], [`Tank::model`] and [`SloshTank::new`];
 /// `Config::Conflict` when the fuel is given in none or several of these ways.
-pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+pub fn from_toml(table: &toml::Table) -> Result<SharedAppendage, Problems> {
     let (fixed, parts) = keys::read(table, |t| {
         let given = ["modes", "cylinder", "sphere"].map(|k| t.has(k));
         match given.iter().filter(|&&g| g).count() {

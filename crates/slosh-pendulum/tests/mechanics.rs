@@ -1,8 +1,9 @@
 //! The pendulum against elementary mechanics of one point: positions, velocities, second differences.
 //! No spatial vector or dual number takes part.
-use crate::common::{State, pendulum, rel, rng, sym, vec3};
+use crate::common::{pendulum, relative_error, rng, sample, symmetric, vector};
 use ff_model::port::PortModel;
 use ff_model::{Motion, PortState};
+use ff_testkit::assert_within;
 use nalgebra::{DMatrix, DVector, Matrix2, Rotation3, Vector2, Vector3};
 use rand::RngExt;
 use slosh_pendulum::SloshPendulum;
@@ -21,7 +22,7 @@ fn kinetic_energy_is_that_of_the_point() {
     let mut r = rng(10);
     let (mut worst, mut least) = (0.0_f64, f64::INFINITY);
     for _ in 0..1000 {
-        let (c, s) = (pendulum(&mut r), State::new(&mut r));
+        let (c, s) = (pendulum(&mut r), sample(&mut r));
         let y = DVector::from_column_slice(&s.y());
         let m = matrix(&c, &s.eta);
         let [mass, l, ..] = c.nominal();
@@ -35,7 +36,7 @@ fn kinetic_energy_is_that_of_the_point() {
         least = least.min(e.min() / e.max());
     }
     println!("kinetic energy, largest relative difference {worst:.2e}; least eigenvalue over largest {least:.2e}");
-    assert!(worst < 1e-13, "{worst:e}");
+    assert_within!(worst, 1e-13, "{worst:e}");
     assert!(least > -1e-14, "{least:e}"); // rank 3: one point
 }
 
@@ -58,9 +59,10 @@ fn equations_of_motion_follow_from_the_position_alone() {
     let mut r = rng(12);
     let mut worst = 0.0_f64;
     for _ in 0..1000 {
-        let (c, s) = (pendulum(&mut r), State::new(&mut r));
+        let (c, s) = (pendulum(&mut r), sample(&mut r));
         let [mass, l, k0, k1, d0, d1] = c.nominal();
-        let (a_lin, a_ang, acc) = (vec3(&mut r, 2.0), vec3(&mut r, 2.0), [sym(&mut r, 2.0), sym(&mut r, 2.0)]);
+        let (a_lin, a_ang, acc) =
+            (vector(&mut r, 2.0), vector(&mut r, 2.0), [symmetric(&mut r, 2.0), symmetric(&mut r, 2.0)]);
         let at = |q: &[f64; 8], t: f64| {
             let (v, w) = (s.host.lin, s.host.ang);
             let o = v * t + (a_lin + w.cross(&v)) * (t * t / 2.0) + Vector3::new(q[0], q[1], q[2]);
@@ -86,10 +88,10 @@ fn equations_of_motion_follow_from_the_position_alone() {
         for k in 0..8 {
             have[k] += ma[k];
         }
-        worst = worst.max(rel(&have, &want));
+        worst = worst.max(relative_error(&have, &want));
     }
     println!("equations of motion, largest relative difference {worst:.2e}");
-    assert!(worst < 1e-9, "{worst:e}");
+    assert_within!(worst, 1e-9, "{worst:e}");
 }
 
 /// State derivative, energy, dissipated power of the pendulum on a host at rest.
@@ -114,7 +116,7 @@ fn energy_lost_is_energy_dissipated() {
         let mut u = |a: f64, b: f64| r.random_range(a..b);
         let (k, d) = ([u(5.0, 50.0), u(5.0, 50.0)], [u(1.0, 8.0), u(1.0, 8.0)]);
         let c = SloshPendulum::new(u(20.0, 200.0), u(0.5, 1.5), k, d).unwrap();
-        let mut x = [sym(&mut r, 1.0), sym(&mut r, 0.8), sym(&mut r, 0.8), sym(&mut r, 0.8)];
+        let mut x = [symmetric(&mut r, 1.0), symmetric(&mut r, 0.8), symmetric(&mut r, 0.8), symmetric(&mut r, 0.8)];
         let (e0, h, mut work) = (rates(&c, &x).1, 1e-3, 0.0);
         let step = |x: &[f64; 4], k: &[f64; 4], a: f64| std::array::from_fn(|i| x[i] + a * k[i]);
         for _ in 0..10_000 {
@@ -132,6 +134,6 @@ fn energy_lost_is_energy_dissipated() {
         let drift = (e1 + work - e0).abs() / e0;
         println!("energy {e0:.3} -> {e1:.3} J, dissipated {work:.3} J, balance {drift:.2e}");
         assert!(work > 0.05 * e0, "the dampers must matter in this test");
-        assert!(drift < 1e-10, "{drift:e}");
+        assert_within!(drift, 1e-10, "{drift:e}");
     }
 }

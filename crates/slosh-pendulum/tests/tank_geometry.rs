@@ -1,5 +1,6 @@
 //! Volume and centre of mass of the liquid against the integral over its slices.
 
+use ff_testkit::assert_within;
 use slosh_pendulum::geometry::Tank;
 use std::f64::consts::PI;
 
@@ -24,8 +25,8 @@ fn volume_and_centre_are_those_of_the_slices() {
             for (tank, (volume, moment)) in
                 [(Tank::Cylinder { radius, fill }, cylinder), (Tank::Sphere { radius, fill }, sphere)]
             {
-                assert!((tank.volume() / volume - 1.0).abs() < 1e-13, "{tank:?}");
-                assert!((tank.centre() / (moment / volume) - 1.0).abs() < 1e-13, "{tank:?}");
+                assert_within!((tank.volume() / volume - 1.0).abs(), 1e-13, "{tank:?}");
+                assert_within!((tank.centre() / (moment / volume) - 1.0).abs(), 1e-13, "{tank:?}");
                 assert_eq!(tank.radius(), radius);
             }
         }
@@ -40,12 +41,12 @@ fn what_does_not_slosh_keeps_the_centre_of_mass_in_its_place() {
         let m = tank.model(density, 2).unwrap();
         let mass: f64 = m.modes.iter().map(|n| n.mass).sum::<f64>() + m.fixed_mass;
         let moment = m.modes.iter().map(|n| n.mass * n.height).sum::<f64>() + m.fixed_mass * m.fixed_height;
-        assert!((mass / (density * tank.volume()) - 1.0).abs() < 1e-12, "{tank:?}");
-        assert!((moment / mass / tank.centre() - 1.0).abs() < 1e-12, "{tank:?}");
+        assert_within!((mass / (density * tank.volume()) - 1.0).abs(), 1e-12, "{tank:?}");
+        assert_within!((moment / mass / tank.centre() - 1.0).abs(), 1e-12, "{tank:?}");
         // A mode: stiffness and frequency belong together, the fulcrum lies one length above the mass.
         for n in &m.modes {
             let a = 0.31;
-            assert!((n.stiffness(a) / (n.mass * n.omega(a).powi(2)) - 1.0).abs() < 1e-13);
+            assert_within!((n.stiffness(a) / (n.mass * n.omega(a).powi(2)) - 1.0).abs(), 1e-13);
             assert!((n.fulcrum() - n.height - n.length).abs() < 1e-13 && n.length > 0.0);
         }
     }

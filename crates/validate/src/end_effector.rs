@@ -109,6 +109,7 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
     use ff_model::spatial::so3::exp_so3;
+    use ff_testkit::scaled;
 
     #[test]
     fn errors_are_those_of_known_displacements() {
@@ -117,10 +118,10 @@ mod tests {
         let a = FramePath { pos: vec![Vector3::new(1.0, 2.0, 3.0); 2], att: vec![exp_so3(&Vector3::zeros()); 2] };
         let b = FramePath { pos: vec![a.pos[0] + d[0], a.pos[1] + d[1]], att: u.iter().map(exp_so3).collect() };
         let e = compare(&a, &b).unwrap();
-        assert_relative_eq!(e.mean_pos_m, 0.5 * (d[0].norm() + d[1].norm()), max_relative = 1e-14);
-        assert_relative_eq!(e.max_pos_m, 0.05, max_relative = 1e-12);
-        assert_relative_eq!(e.mean_angle_rad, 0.5 * (u[0].norm() + u[1].norm()), max_relative = 1e-12);
-        assert_relative_eq!(e.max_angle_rad, u[1].norm(), max_relative = 1e-12);
+        assert_relative_eq!(e.mean_pos_m, 0.5 * (d[0].norm() + d[1].norm()), max_relative = scaled(1e-14));
+        assert_relative_eq!(e.max_pos_m, 0.05, max_relative = scaled(1e-12));
+        assert_relative_eq!(e.mean_angle_rad, 0.5 * (u[0].norm() + u[1].norm()), max_relative = scaled(1e-12));
+        assert_relative_eq!(e.max_angle_rad, u[1].norm(), max_relative = scaled(1e-12));
         assert!(e.max_rpy_rad > 0.4 && e.mean_rpy_rad < e.max_rpy_rad);
         assert!(compare(&a, &FramePath { pos: vec![], att: vec![] }).is_err());
     }

@@ -126,6 +126,7 @@ impl Extrapolation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     type Never = std::convert::Infallible;
 
@@ -154,7 +155,7 @@ mod tests {
         }
         let energy = 0.5 * z[1] * z[1] - z[0].cos();
         println!("{steps} steps, z = {z:?}, energy error {:e}", energy + 1.0_f64.cos());
-        assert!((energy + 1.0_f64.cos()).abs() < 1e-13);
+        assert_within!((energy + 1.0_f64.cos()).abs(), 1e-13);
         assert!((z[0] - 1.0).abs() < 1e-12 && z[1].abs() < 1e-11, "{z:?}");
         assert!((40..300).contains(&steps), "{steps} steps");
     }

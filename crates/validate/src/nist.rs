@@ -246,6 +246,7 @@ pub fn digits(a: f64, certified: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     fn all() -> Vec<Problem> {
         problems(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/nist")).unwrap()
@@ -285,7 +286,7 @@ mod tests {
                 let scale = j.column(k).amax();
                 for i in 0..r.len() {
                     let d = (plus[i] - minus[i]) / (2.0 * h);
-                    assert!((j[(i, k)] - d).abs() < 1e-5 * scale, "{} b{}: {} {d}", p.name, k + 1, j[(i, k)]);
+                    assert_within!((j[(i, k)] - d).abs(), 1e-5 * scale, "{} b{}: {} {d}", p.name, k + 1, j[(i, k)]);
                 }
             }
         }

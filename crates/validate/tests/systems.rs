@@ -1,6 +1,7 @@
 //! 300 of the random systems of `cargo xtask conformance --systems`, which runs 10,000.
 
 use ff_model::{DynAppendage, Registry};
+use ff_testkit::assert_within;
 use rayon::prelude::*;
 use std::sync::Arc;
 use validate::known_wrong::{known_wrong, right};
@@ -31,9 +32,9 @@ fn mixed_systems_keep_momentum_and_balance_energy() {
     let whole = all.iter().filter(|s| s.seconds == 10.0).count();
     let damped = all.iter().filter(|s| s.dissipated > 0.01).count();
     println!("momentum {p:.1e}, energy {e:.1e}, bias {b:.1e}; {steps} steps, {whole} whole, {damped} well damped");
-    assert!(p < 1e-11, "momentum {p:e}");
-    assert!(e < 1e-10, "energy {e:e}");
-    assert!(b < 1e-12, "bias {b:e}");
+    assert_within!(p, 1e-11, "momentum {p:e}");
+    assert_within!(e, 1e-10, "energy {e:e}");
+    assert_within!(b, 1e-12, "bias {b:e}");
     assert!(whole >= 280, "{whole} systems stayed within the ranges of their appendages");
     assert!(damped >= 150, "damping hardly matters: {damped}");
     // Several kinds in one system, and hosts other than the base.

@@ -1,7 +1,7 @@
 //! `cargo xtask bench --instructions`: how many instructions a call takes, by callgrind.
 //!
 //! A count shows a regression on a machine whose clock is shared or throttled. Each function runs `N` and `2 N` times;
-//! the difference over `N` is one call, because start-up cancels. Counts are kept in `bench/instructions.json`.
+//! the difference over `N` is one call, because start-up cancels. Counts are kept in `crates/ff-bench/instructions.json`.
 
 use super::{Args, build};
 use crate::exit::Failure;
@@ -60,7 +60,7 @@ const SENSITIVITIES: &str = "flex.sensitivities58.x4.ports.v3";
 pub fn run(root: &Path, args: &Args) -> anyhow::Result<()> {
     let valgrind = find_valgrind()?;
     let program = build::ff_bench(root, build::Target::Portable)?;
-    let path = root.join("bench").join("instructions.json");
+    let path = root.join("crates/ff-bench/instructions.json");
     let kept = read(&path)?;
     let mut now = Kept { rustc: rustc(root)?, ..Kept::default() };
     // `command` is what runs so many calls; each is of `states`.

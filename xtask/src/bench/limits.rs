@@ -3,12 +3,10 @@
 //! Every ratio is one of medians of the same run. The portable build counts; `ports`, the form users have, counts.
 
 use super::build::Target;
-use super::micro::{Cell, split_lanes};
+use super::cell::{Cell, split_lanes};
+use super::models::MODELS;
 use super::tasks::Tasks;
 use std::collections::BTreeMap;
-
-/// The models of the peers.
-pub const MODELS: [&str; 3] = ["rigid", "flex", "slosh"];
 
 /// One row of the table of issue 3: ours over the best Pinocchio.
 pub struct Row {

@@ -2,6 +2,8 @@
 
 use super::aggregate::Spread;
 use super::build::Target;
+use super::cell::{Cell, split_lanes};
+use super::models::MODELS;
 use super::peers;
 use super::peers::Peers;
 use super::run;
@@ -26,44 +28,6 @@ pub struct Programs<'a> {
     pub pin: Pin,
 }
 
-/// One measured function.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Cell {
-    /// `rigid`, `flex` or `slosh`.
-    pub model: String,
-    /// Name with the suffix of its lanes: `rnea`, `rnea.x8`.
-    pub function: String,
-    /// `ports` or `tree`.
-    pub form: String,
-    /// For which processor we were compiled.
-    pub target: Target,
-    /// Ours (ns per state).
-    pub ours: Spread,
-    /// The best Pinocchio (ns), if measured.
-    pub pinocchio: Option<Spread>,
-    /// MuJoCo (ns), if measured.
-    pub mujoco: Option<Spread>,
-}
-
-impl Cell {
-    /// Function without lanes, and whether it had any.
-    pub fn plain(&self) -> (&str, bool) {
-        split_lanes(&self.function)
-    }
-    /// Ours over the best Pinocchio.
-    pub fn ratio(&self) -> Option<f64> {
-        self.pinocchio.map(|p| self.ours.median / p.median)
-    }
-}
-
-/// `rnea.x8` into `("rnea", true)`; `rnea.x1` is one state, too.
-pub fn split_lanes(function: &str) -> (&str, bool) {
-    match function.rsplit_once(".x").map(|(plain, lanes)| (plain, lanes.parse::<u32>())) {
-        Some((plain, Ok(lanes))) => (plain, lanes > 1),
-        _ => (function, false),
-    }
-}
-
 /// `(program, model, function, form)`; the form is empty for peers.
 type Key = (&'static str, String, String, String);
 
@@ -80,7 +44,7 @@ const MUJOCO: &str = "mujoco";
 /// # Errors
 /// As [`run::lines`]; [`Failure::Numerical`] for a line without its figures.
 pub fn measure(p: &Programs<'_>, states: &Path, effort: Effort, only: &str) -> Result<Vec<Cell>, Failure> {
-    let names = limits::MODELS.iter().flat_map(|m| limits::FUNCTIONS.iter().map(move |f| (m, f.name)));
+    let names = MODELS.iter().flat_map(|m| limits::FUNCTIONS.iter().map(move |f| (m, f.name)));
     let named = names.flat_map(|(m, f)| ["ports", "tree"].map(|c| format!("{m}.{f}.{c}")));
     if !only.contains(".x") && !named.into_iter().any(|n| n.contains(only)) {
         return Ok(Vec::new());
@@ -141,7 +105,7 @@ fn cells(all: &Rounds) -> Vec<Cell> {
         })
         .collect();
     let place = |c: &Cell| {
-        let model = limits::MODELS.iter().position(|m| *m == c.model);
+        let model = MODELS.iter().position(|m| *m == c.model);
         let function = limits::FUNCTIONS.iter().position(|f| f.name == c.plain().0);
         (model, c.form.clone(), c.target == Target::Native, c.plain().1, function, c.function.clone())
     };
@@ -153,14 +117,6 @@ fn cells(all: &Rounds) -> Vec<Cell> {
 mod tests {
     use super::*;
     use serde_json::json;
-
-    #[test]
-    fn lanes_are_told_from_names() {
-        assert_eq!(split_lanes("rnea.x8"), ("rnea", true));
-        assert_eq!(split_lanes("rnea.x1"), ("rnea", false));
-        assert_eq!(split_lanes("id_derivatives"), ("id_derivatives", false));
-        assert_eq!(split_lanes("odd.xy"), ("odd.xy", false));
-    }
 
     #[test]
     fn ours_meet_the_best_peer_of_the_same_model() {

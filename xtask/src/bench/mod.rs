@@ -5,9 +5,11 @@
 //! `docs/benchmarks.md`. Two other questions have flags of their own: [`instructions`] and [`sizes`].
 pub mod aggregate;
 pub mod build;
+pub mod cell;
 pub mod instructions;
 pub mod limits;
 pub mod micro;
+pub mod models;
 pub mod peers;
 pub mod report;
 pub mod run;
@@ -39,10 +41,10 @@ pub struct Args {
     /// The core everything is pinned to
     #[arg(long, value_name = "CPU", default_value_t = 1)]
     pub core: usize,
-    /// Count instructions with callgrind instead of measuring time, and compare with bench/instructions.json
+    /// Count instructions with callgrind instead of measuring time, and compare with crates/ff-bench/instructions.json
     #[arg(long, conflicts_with_all = ["peers", "json", "sizes"])]
     pub instructions: bool,
-    /// With --instructions: keep the counts in bench/instructions.json
+    /// With --instructions: keep the counts in crates/ff-bench/instructions.json
     #[arg(long, requires = "instructions")]
     pub keep: bool,
     /// Time against the number of bodies instead: docs/figures/bench-linear.svg

@@ -63,7 +63,7 @@ impl Peers {
             states: work.join("states"),
             model: work.join("model"),
         };
-        for model in super::limits::MODELS {
+        for model in super::models::MODELS {
             need(found.states.join(format!("{model}.txt")))?;
             need(found.model.join(format!("{model}.mjcf.xml")))?;
         }

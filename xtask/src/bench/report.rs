@@ -2,8 +2,8 @@
 
 use super::aggregate::Spread;
 use super::build::Target;
+use super::cell::Cell;
 use super::limits::Limit;
-use super::micro::Cell;
 use super::run::Pin;
 use super::tasks::Tasks;
 use crate::exit::Failure;

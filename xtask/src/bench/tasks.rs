@@ -78,7 +78,7 @@ impl Tasks {
     /// A minute of the flexible system, portable build, everything the peers compute: ours over the best peer.
     pub fn simulation_ratio(&self, batched: bool) -> Option<f64> {
         let counts = |s: &&Simulation| {
-            let (via, lanes) = super::micro::split_lanes(s.via);
+            let (via, lanes) = super::cell::split_lanes(s.via);
             s.model == "flex" && s.target == Target::Portable && via == "full" && lanes == batched
         };
         let ratios = self.simulations.iter().filter(counts).filter_map(|s| Some(s.ours.median / s.peer?.1.median));

@@ -2,20 +2,23 @@
 //!
 //! A study fills a [`Study`] with figures and their limits; this file prints, writes and judges it. The JSON of every
 //! study is `{"study", "seed", "figures": {name: number}, "limits": {name: [op, number]}, "pass"}`; when a limit fails
-//! the exit code is 15, with everything printed and written before.
+//! the exit code is 15, with everything printed and written before. A study consists of [`trials`], which are kept as they are done.
+
 pub mod degeneracies;
 pub mod excitation;
 pub mod identification;
 pub mod nist;
 mod quintic;
 pub mod starts;
+pub mod trials;
 
 use crate::exit::Failure;
 use crate::table::{Table, sig};
 use ffid::files::json;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use trials::{Number, Trials};
 
 /// Arguments of `study`.
 #[derive(Debug, clap::Args)]
@@ -58,6 +61,12 @@ pub struct Options {
     /// Only these parts of the study; its documentation names them. A number means a case of every part, where parts have cases
     #[arg(long, value_name = "PART")]
     pub only: Vec<String>,
+    /// File of the trials, one JSON object per line [default: target/study/<STUDY>-<SEED>.jsonl, with -quick before the dot]
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Continue an interrupted run: trials in the file count as done
+    #[arg(long)]
+    pub resume: bool,
 }
 
 impl Options {
@@ -69,7 +78,7 @@ impl Options {
 }
 
 /// How a figure is held to its limit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Op {
     /// Not above.
     #[serde(rename = "<=")]
@@ -95,6 +104,22 @@ impl Op {
     }
 }
 
+/// What a part of a study adds to it, as its trial keeps it.
+#[derive(Serialize, Deserialize)]
+struct Part {
+    figures: Vec<Figure>,
+    notes: Vec<String>,
+}
+
+/// A figure of a part.
+#[derive(Serialize, Deserialize)]
+struct Figure {
+    name: String,
+    unit: String,
+    value: Number,
+    limit: Option<(Op, f64)>,
+}
+
 /// Figures of one study, with limits on some of them.
 #[derive(Clone, Debug, Serialize)]
 pub struct Study {
@@ -104,7 +129,7 @@ pub struct Study {
     limits: BTreeMap<String, (Op, f64)>,
     pass: bool,
     #[serde(skip)]
-    lines: Vec<(String, &'static str)>,
+    lines: Vec<(String, String)>,
     #[serde(skip)]
     notes: Vec<String>,
 }
@@ -116,28 +141,27 @@ impl Study {
         Self { study, seed, figures, limits, pass: true, lines: Vec::new(), notes: Vec::new() }
     }
     /// A figure without a limit.
-    pub fn figure(&mut self, name: impl Into<String>, unit: &'static str, value: f64) {
+    pub fn figure(&mut self, name: impl Into<String>, unit: &str, value: f64) {
         let name = name.into();
         eprintln!("{name} = {} {unit}", sig(value, 4));
+        self.add(name, unit, value, None);
+    }
+    fn add(&mut self, name: String, unit: &str, value: f64, limit: Option<(Op, f64)>) {
         self.figures.insert(name.clone(), value);
-        self.lines.push((name, unit));
+        if let Some((op, limit)) = limit {
+            self.pass &= op.holds(value, limit);
+            self.limits.insert(name.clone(), (op, limit));
+        }
+        self.lines.push((name, unit.to_owned()));
     }
     /// A figure with a limit.
-    pub fn limited(&mut self, name: impl Into<String>, unit: &'static str, value: f64, op: Op, limit: f64) {
+    pub fn limited(&mut self, name: impl Into<String>, unit: &str, value: f64, op: Op, limit: f64) {
         let name = name.into();
-        self.figure(name.clone(), unit, value);
-        self.pass &= op.holds(value, limit);
-        self.limits.insert(name, (op, limit));
+        eprintln!("{name} = {} {unit}", sig(value, 4));
+        self.add(name, unit, value, Some((op, limit)));
     }
     /// A limit that holds for the whole study only: with `quick`, a figure.
-    pub fn judged(
-        &mut self,
-        quick: bool,
-        name: impl Into<String>,
-        unit: &'static str,
-        value: f64,
-        (op, limit): (Op, f64),
-    ) {
+    pub fn judged(&mut self, quick: bool, name: impl Into<String>, unit: &str, value: f64, (op, limit): (Op, f64)) {
         if quick {
             self.figure(name, unit, value);
         } else {
@@ -147,6 +171,32 @@ impl Study {
     /// A line below the table.
     pub fn note(&mut self, text: impl Into<String>) {
         self.notes.push(text.into());
+    }
+    /// A part that is not divided into trials: what `fill` adds, kept as one trial.
+    ///
+    /// # Errors
+    /// Those of `fill` and of [`Trials::once`].
+    pub fn part(
+        &mut self,
+        trials: &Trials,
+        name: &str,
+        fill: impl FnOnce(&mut Self) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let part = trials.once(name, || {
+            let mut s = Self::new(self.study, self.seed);
+            fill(&mut s)?;
+            let figures = s.lines.into_iter().map(|(name, unit)| {
+                let value = s.figures.get(&name).copied().unwrap_or(f64::NAN);
+                let limit = s.limits.get(&name).copied();
+                Figure { name, unit, value: Number(value), limit }
+            });
+            Ok(Part { figures: figures.collect(), notes: s.notes })
+        })?;
+        for f in part.figures {
+            self.add(f.name, &f.unit, f.value.0, f.limit);
+        }
+        self.notes.extend(part.notes);
+        Ok(())
     }
     /// Value of a figure.
     pub fn get(&self, name: &str) -> Option<f64> {
@@ -176,7 +226,7 @@ impl Study {
             let limit = self.limits.get(name);
             t.row([
                 name.clone(),
-                (*unit).to_owned(),
+                unit.clone(),
                 sig(value, 4),
                 limit.map_or(String::new(), |(op, l)| format!("{} {l}", op.text())),
                 limit.map_or("", |(op, l)| if op.holds(value, *l) { "pass" } else { "FAIL" }).to_owned(),
@@ -235,7 +285,7 @@ mod tests {
     #[test]
     fn json_and_verdict_follow_the_limits() {
         let dir = tempfile::tempdir().unwrap();
-        let options = Options { json: Some(dir.path().join("s.json")), seed: 7, quick: true, only: Vec::new() };
+        let options = Options { json: Some(dir.path().join("s.json")), seed: 7, quick: true, ..Options::default() };
         let mut s = Study::new("sample", 7);
         s.figure("plain", "m", 1.25);
         s.limited("low", "dB", 40.0, Op::AtLeast, 40.0);
@@ -253,6 +303,31 @@ mod tests {
         assert_eq!(v, want);
         let table = s.table().to_string();
         assert!(table.contains("FAIL") && table.contains("pass") && !s.pass());
+    }
+
+    /// An undivided part gives the same table and the same JSON whether it is run or read.
+    #[test]
+    fn a_part_that_was_kept_adds_the_same() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = Some(dir.path().join("t.jsonl"));
+        let of = |resume: bool, run: bool| {
+            let options = Options { out: out.clone(), seed: 7, resume, ..Options::default() };
+            let trials = Trials::open("sample", 1, &options).unwrap();
+            let mut s = Study::new("sample", 7);
+            s.figure("before", "", 0.3);
+            let fill = |s: &mut Study| {
+                assert!(run, "the part is in the file");
+                s.limited("low", "dB", 1.0 / 3.0, Op::AtLeast, 40.0);
+                s.figure("lost", "m", f64::INFINITY);
+                s.note("a line");
+                Ok(())
+            };
+            s.part(&trials, "a", fill).unwrap();
+            (s.table().to_string(), s.faults(), s.pass())
+        };
+        let first = of(false, true);
+        assert!(!first.2 && first.0.contains("a line") && first.0.contains("dB"));
+        assert_eq!(of(true, false), first);
     }
 
     #[test]

@@ -15,6 +15,7 @@
 //! 1e-6 of its size), `noisy` (found means that the fit explains the record better than the truth does, and by no more than chance
 //! does but once in a million: the truth lies in the likelihood region of the answer), `prior` (noise-free, from the prior itself, without the modal step: what the step is worth). A number, such as 1028, is one truth alone.
 
+use super::trials::{Number, Trial, Trials};
 use super::{Op, Options, Study};
 use crate::workspace;
 use anyhow::Context;
@@ -38,7 +39,7 @@ use ident::modal::{ModalRequest, estimate_modal};
 use ident::parameters::random_start;
 use ident::parameters::select;
 use ident::{Estimator, Noise, OutputError, Request, estimate};
-use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// How far truths lie from the prior.
@@ -235,10 +236,11 @@ const EXACT: Accept = Accept { coarse: 1e-4, fine: 1e-8, agree: 1 };
 const DRAWS: u64 = 20;
 
 /// What came of one truth.
+#[derive(Serialize, Deserialize)]
 struct Outcome {
     found: bool,
     /// Largest error of a known combination, relative (exact), or what chi squared is below that of the truth, per parameter (noisy).
-    error: f64,
+    error: Number,
     iterations: usize,
     /// Starts tried, and steps on the thinned record.
     starts: usize,
@@ -255,7 +257,8 @@ enum Part {
     Prior,
 }
 
-fn one(x: &Setup, seed: u64, part: Part) -> anyhow::Result<Outcome> {
+fn one(x: &Setup, trial: Trial, part: Part) -> anyhow::Result<Outcome> {
+    let seed = trial.own_seed();
     let truth = random_start(&x.decls, &x.prior, &x.selected, WIDTH, seed);
     let record = x.record(&x.fly(&truth)?, (part == Part::Noisy).then_some(seed))?;
     let begun = Instant::now();
@@ -333,7 +336,7 @@ fn one(x: &Setup, seed: u64, part: Part) -> anyhow::Result<Outcome> {
     eprintln!("{text}");
     Ok(Outcome {
         found: found && known >= x.selected.len() / 2,
-        error,
+        error: Number(error),
         iterations: e.iterations,
         starts: trials.len(),
         coarse: trials.iter().map(|t| t.iterations).sum(),
@@ -349,6 +352,7 @@ fn one(x: &Setup, seed: u64, part: Part) -> anyhow::Result<Outcome> {
 /// Of the mission, the plan and the simulations. Fits that fail are counted, not errors.
 pub fn run(options: &Options) -> anyhow::Result<Study> {
     let mut study = Study::new("starts", options.seed);
+    let trials = Trials::open("starts", 1, options)?;
     let x = Setup::new(options)?;
     let truths = if options.quick { 6 } else { 100 };
     study.figure("record", "s", x.motion.duration());
@@ -356,26 +360,29 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     let extra = options.only.iter().any(|p| p == "prior");
     let mut parts = vec![(Part::Exact, "exact"), (Part::Noisy, "noisy"), (Part::Prior, "prior")];
     parts.retain(|(part, name)| options.wants(name) && (*part != Part::Prior || extra));
-    let mut seeds: Vec<u64> = (0..truths).map(|k| options.seed.wrapping_mul(1000) + k).collect();
+    let mut numbers: Vec<u64> = (0..truths).collect();
     let begun = Instant::now();
-    // A number among the parts is a truth to look at by itself.
+    // A number among the parts is the seed of a truth to look at by itself.
     let listed: Vec<u64> = options.only.iter().filter_map(|p| p.parse().ok()).collect();
-    seeds.retain(|s| listed.is_empty() || listed.contains(s));
+    let seed = |number| Trial { seed: options.seed, number }.own_seed();
+    numbers.retain(|k| listed.is_empty() || listed.contains(&seed(*k)));
     for (part, name) in parts {
-        let mut seeds = seeds.clone();
+        let mut numbers = numbers.clone();
         // A way that leads along the edge of what can exist, with the first seed.
         if part == Part::Exact && options.quick && listed.is_empty() {
-            seeds.push(options.seed.wrapping_mul(1000) + 28);
+            numbers.push(28);
         }
-        let truths = seeds.len();
-        let all: Vec<(u64, anyhow::Result<Outcome>)> =
-            seeds.par_iter().map(|&seed| (seed, one(&x, seed, part))).collect();
+        let truths = numbers.len();
+        // A fit that fails is a result, too.
+        let all = trials.run(name, numbers.iter().copied(), |t| {
+            Ok(one(&x, t, part).map_err(|e| format!("{name}: truth {}: {e:#}", t.own_seed())))
+        })?;
         let mut good: Vec<&Outcome> = Vec::new();
-        for (seed, o) in &all {
+        for o in &all {
             match o {
                 Ok(o) if o.found => good.push(o),
                 Ok(o) => study.note(o.text.clone()),
-                Err(e) => study.note(format!("{name}: truth {seed}: {e:#}")),
+                Err(text) => study.note(text.clone()),
             }
         }
         let of = |f: &dyn Fn(&Outcome) -> f64| -> Vec<f64> {
@@ -391,7 +398,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
         } else {
             study.limited(format!("{name}.found"), "", found, Op::AtLeast, truths as f64);
         }
-        let (seconds, steps, error) = (of(&|o| o.seconds), of(&|o| o.iterations as f64), of(&|o| o.error));
+        let (seconds, steps, error) = (of(&|o| o.seconds), of(&|o| o.iterations as f64), of(&|o| o.error.0));
         study.figure(format!("{name}.seconds_median"), "s", median(&seconds));
         study.figure(format!("{name}.seconds_max"), "s", last(&seconds));
         study.figure(format!("{name}.steps_median"), "", median(&steps));
@@ -406,5 +413,6 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
         study.figure(format!("{name}.modes_matched_median"), "", median(&of(&|o| o.matched as f64)));
     }
     study.figure("elapsed", "s", begun.elapsed().as_secs_f64());
+    trials.note().into_iter().for_each(|n| study.note(n));
     Ok(study)
 }

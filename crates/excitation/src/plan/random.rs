@@ -1,6 +1,7 @@
 //! Seeded random plans that keep all limits: trajectories for rigid identification and for validation.
 
-use crate::plan::spline::{Duration, End, PlanError, SplinePlan};
+use crate::plan::error::PlanError;
+use crate::plan::spline::{Duration, End, SplinePlan};
 use crate::solve::qp;
 use crate::solve::qp::{Inequality, QpFailure};
 use nalgebra::DMatrix;

@@ -5,118 +5,13 @@
 //! `s = t / T`, so the maps from control points to derivative polygons are constant and the limits read
 //! `|M_r P| <= L_r T^r` with `L_r` the limit on derivative `r`.
 
-use crate::plan::limits::{JointLimits, LimitError, Quantity, check_limits, rate_limit};
-use crate::solve::conflict::Conflict;
-use ff_dynamics::SimError;
-use ff_dynamics::motion::bspline::{BSplineError, BSplineMotion, Knots};
+use crate::plan::error::{PlanError, PlanLimit};
+use crate::plan::limits::{JointLimits, Quantity, check_limits, rate_limit};
+use ff_dynamics::motion::bspline::{BSplineMotion, Knots};
 use nalgebra::DMatrix;
-use thiserror::Error;
 
 /// Control points that are equal at each end.
 pub const REPEAT: usize = 3;
-
-/// Why a plan is impossible.
-#[derive(Clone, Debug, PartialEq, Error)]
-pub enum PlanError {
-    /// Bad limits.
-    #[error(transparent)]
-    Limits(#[from] LimitError),
-    /// Bad degree, number of points or duration.
-    #[error(transparent)]
-    Spline(#[from] BSplineError),
-    /// Lengths or numbers that do not fit.
-    #[error("{what}: {got}, expected {expected}")]
-    Argument {
-        /// Which argument.
-        what: &'static str,
-        /// What was given.
-        got: String,
-        /// What was expected.
-        expected: String,
-    },
-    /// A constraint is broken by what is asked for.
-    #[error("{which} is broken")]
-    Infeasible {
-        /// The constraint.
-        which: Which,
-    },
-    /// The cost is not finite at the start.
-    #[error("the cost at the start is {0}; give a start that moves")]
-    Cost(f64),
-    /// A constraint that a single search could not come to keep.
-    #[error("{name} of {item} stays at {value} {unit}, limit {limit} {unit}; search from other starts")]
-    Broken {
-        /// What is limited.
-        name: &'static str,
-        /// Of what.
-        item: String,
-        /// Value at the end of the search.
-        value: f64,
-        /// The limit.
-        limit: f64,
-        /// Unit of both.
-        unit: &'static str,
-    },
-    /// Demands that contradict each other; exit code 13.
-    #[error(transparent)]
-    Conflict(Box<Conflict>),
-    /// A constraint is not defined (not finite) at the start of the search.
-    #[error("a constraint is not defined at the start of the search; check masses, inertias and solids")]
-    Undefined,
-    /// The search was ended before it found a plan that keeps everything.
-    #[error("ended before a feasible plan was found; allow more time")]
-    Interrupted,
-    /// The plan cannot be verified by simulation.
-    #[error("the plan cannot be simulated: {0}")]
-    Simulation(#[from] SimError),
-    /// Constraints that hold for the appendages held do not hold with the appendages swinging.
-    #[error(
-        "{name} of {item} is {value} {unit} in the full simulation, limit {limit} {unit}, and keeping away from the \
-             limit did not help; loosen it, or plan slower"
-    )]
-    Unverified {
-        /// What is limited.
-        name: &'static str,
-        /// Of what.
-        item: String,
-        /// Value in the full simulation.
-        value: f64,
-        /// The limit.
-        limit: f64,
-        /// Unit of both.
-        unit: &'static str,
-    },
-}
-
-impl PlanError {
-    /// True when what is asked for cannot be had (exit code 13), rather than being asked for wrongly.
-    pub fn is_ill_posed(&self) -> bool {
-        use PlanError::{Broken, Conflict, Infeasible, Unverified};
-        matches!(self, Broken { .. } | Conflict(_) | Infeasible { .. } | Unverified { .. })
-    }
-}
-
-/// Names one constraint of a plan.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Which {
-    /// Joint index; `None` for the bounds of the duration.
-    pub joint: Option<usize>,
-    /// Which limit.
-    pub quantity: Quantity,
-    /// Value of the limit.
-    pub limit: f64,
-    /// How far it is broken (same unit), 0 when only an infeasibility certificate is known.
-    pub excess: f64,
-}
-
-impl std::fmt::Display for Which {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.joint {
-            Some(j) => write!(f, "{} {} of joint {j} (by {:.3e})", self.quantity, self.limit, self.excess),
-            None => write!(f, "bound {} s of the duration (by {:.3e} s)", self.limit, self.excess),
-        }
-    }
-}
 
 /// Where a plan ends.
 #[derive(Clone, Debug, PartialEq)]
@@ -237,7 +132,7 @@ impl SplinePlan {
                     [(Quantity::Lower, l.lower, l.lower - q), (Quantity::Upper, l.upper, q - l.upper)]
                 {
                     if excess > 0.0 {
-                        let which = Which { joint: Some(joint), quantity, limit, excess };
+                        let which = PlanLimit { joint: Some(joint), quantity, limit, excess };
                         return Err(PlanError::Infeasible { which });
                     }
                 }
@@ -397,10 +292,10 @@ impl SplinePlan {
     ///
     /// # Panics
     /// If `x` is too short.
-    pub fn violated(&self, x: &[f64]) -> Option<Which> {
+    pub fn violated(&self, x: &[f64]) -> Option<PlanLimit> {
         let t = self.duration(x);
-        let mut worst: Option<(f64, Which)> = None;
-        let mut note = |relative: f64, which: Which| {
+        let mut worst: Option<(f64, PlanLimit)> = None;
+        let mut note = |relative: f64, which: PlanLimit| {
             // Negated so that NaN counts as broken.
             let fine = relative >= -crate::plan::limits::ROUNDING;
             if !fine && worst.as_ref().is_none_or(|w| relative < w.0) {
@@ -412,7 +307,7 @@ impl SplinePlan {
             note(slack, r.which(-slack * r.scale));
         }
         if let Duration::Free { min, max } = self.spec.duration {
-            let w = |quantity, limit, excess| Which { joint: None, quantity, limit, excess };
+            let w = |quantity, limit, excess| PlanLimit { joint: None, quantity, limit, excess };
             note((t - min) / min, w(Quantity::Lower, min, min - t));
             note((max - t) / max, w(Quantity::Upper, max, t - max));
         }
@@ -422,9 +317,9 @@ impl SplinePlan {
 
 impl Row {
     /// Names this constraint.
-    pub(crate) fn which(&self, excess: f64) -> Which {
+    pub(crate) fn which(&self, excess: f64) -> PlanLimit {
         let limit = if self.quantity == Quantity::Lower { -self.limit } else { self.limit };
-        Which { joint: Some(self.joint), quantity: self.quantity, limit, excess }
+        PlanLimit { joint: Some(self.joint), quantity: self.quantity, limit, excess }
     }
     /// `sum_c coef x[c] + constant`.
     pub(crate) fn value(&self, x: &[f64]) -> f64 {

@@ -14,11 +14,12 @@ pub use fisher::{FisherPlanned, FisherRequest, base_quantities, named_quantities
 
 use crate::objective::information::Information;
 use crate::objective::{Cost, CostSum};
+use crate::plan::error::PlanError;
 use crate::plan::limits::{JointLimits, LimitError, LimitReport, check_for_all_time};
 use crate::plan::random::random_plan;
-use crate::plan::spline::{Duration, End, PlanError, PlanSpec, SplinePlan};
+use crate::plan::spline::{Duration, End, PlanSpec, SplinePlan};
 use crate::solve::search::multi_start;
-use crate::solve::sqp::{SqpOptions, Status};
+use crate::solve::sqp::outcome::{SqpOptions, Status};
 use crate::system::prediction::{Prediction, deviations, medians, quantities};
 use crate::system::rigid::{RigidError, RigidInformation, SensorNoise};
 use ff_dynamics::analysis::ModesError;

@@ -8,14 +8,17 @@
 
 use crate::constraint::{Constraint, Sense, Wanted};
 use crate::objective::Cost;
+use crate::plan::error::PlanError;
 use crate::plan::limits::{JointLimits, Quantity};
 use crate::plan::random::{feasible_start, random_plan};
-use crate::plan::spline::{Duration, End, PlanError, SplinePlan};
-use crate::solve::observer::Eye;
+use crate::plan::spline::{Duration, End, SplinePlan};
+use crate::solve::demand::{Conflict, Demand};
+use crate::solve::observer::StartObserver;
 use crate::solve::problem::Problem;
-use crate::solve::sqp::{Obstacle, SqpOptions, minimise_seen, restore};
+use crate::solve::sqp::minimise_observed;
+use crate::solve::sqp::outcome::SqpOptions;
+use crate::solve::sqp::restoration::{Obstacle, restore};
 use crate::solve::verdict::{quantity_name, quantity_unit};
-use std::fmt;
 
 /// Random starts of every local search for a feasible plan, besides the straight plan.
 const TRIES: u64 = 2;
@@ -23,55 +26,6 @@ const TRIES: u64 = 2;
 const ITERATIONS: usize = 36;
 /// Iterations spent on how far a constraint could be kept.
 const LEAST: usize = 40;
-
-/// One of the demands that cannot be kept together.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Demand {
-    /// What is demanded.
-    pub name: String,
-    /// Of what: joint, body, frame, coordinate.
-    pub item: String,
-    /// The limit.
-    pub limit: f64,
-    /// A value with which a plan exists if everything else stays, if one was found.
-    pub possible: Option<f64>,
-    /// Unit of both.
-    pub unit: &'static str,
-}
-
-/// Demands that contradict each other: leave out any one of them, and there is a plan.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Conflict {
-    /// The demands.
-    pub demands: Vec<Demand>,
-    /// One next step.
-    pub next: String,
-}
-
-impl fmt::Display for Demand {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} of {}: limit {} {}", self.name, self.item, self.limit, self.unit)?;
-        match self.possible {
-            Some(v) => write!(f, ", possible if all else stays {v:.4} {}", self.unit),
-            None => Ok(()),
-        }
-    }
-}
-
-impl fmt::Display for Conflict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("no plan keeps all of this: ")?;
-        for (i, d) in self.demands.iter().enumerate() {
-            if i > 0 {
-                f.write_str("; ")?;
-            }
-            write!(f, "{d}")?;
-        }
-        write!(f, ". {}", self.next)
-    }
-}
-
-impl std::error::Error for Conflict {}
 
 /// A demand that can be left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,8 +36,8 @@ enum Group {
     Joint(usize, i32),
 }
 
-/// What a closer look at a problem without a plan found.
-pub(crate) enum Answer {
+/// Result of the diagnosis of a problem for which no plan was found.
+pub(crate) enum Diagnosis {
     /// A plan that keeps everything after all.
     Plan(Vec<f64>),
     /// Why there is none.
@@ -94,24 +48,24 @@ pub(crate) enum Answer {
 ///
 /// # Errors
 /// [`PlanError::Interrupted`].
-pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Eye<'_>) -> Result<Answer, PlanError> {
+pub(crate) fn diagnose(problem: &Problem<'_>, observer: &StartObserver<'_>) -> Result<Diagnosis, PlanError> {
     if let Some(conflict) = of_joints(problem) {
-        return Ok(Answer::Conflict(conflict));
+        return Ok(Diagnosis::Conflict(conflict));
     }
     let first = starts(problem)?;
-    let obstacle = match infeasible(problem, &first, watch)? {
-        Err(x) => return Ok(Answer::Plan(x)),
+    let obstacle = match infeasible(problem, &first, observer)? {
+        Err(x) => return Ok(Diagnosis::Plan(x)),
         Ok(obstacle) => obstacle,
     };
-    // What is left to be told is near: from where the search stood still, and from the straight plan.
+    // Later searches start where the first one stood still, and from the straight plan.
     let from = [obstacle.x.clone(), first[0].clone()];
-    let mut candidates = pressing(problem, &obstacle);
+    let mut candidates = active_demands(problem, &obstacle);
     // All other demands leave at once, if the conflict stays without them.
     let mut without = problem.clone();
     for g in everything(problem).into_iter().filter(|g| !candidates.contains(g)) {
         drop_group(&mut without, g);
     }
-    if infeasible(&without, &from, watch)?.is_err() {
+    if infeasible(&without, &from, observer)?.is_err() {
         without = problem.clone();
         candidates = everything(problem);
     }
@@ -119,17 +73,17 @@ pub(crate) fn diagnose(problem: &Problem<'_>, watch: &Eye<'_>) -> Result<Answer,
     for &g in &candidates {
         let mut trial = without.clone();
         drop_group(&mut trial, g);
-        match infeasible(&trial, &from, watch)? {
+        match infeasible(&trial, &from, observer)? {
             Ok(_) => without = trial,
             Err(x) => members.push((g, x)),
         }
     }
     let mut demands = Vec::new();
     for (g, x) in members {
-        demands.push(demand(problem, g, &[x.as_slice(), &first[0], &obstacle.x], watch)?);
+        demands.push(demand(problem, g, &[x.as_slice(), &first[0], &obstacle.x], observer)?);
     }
     let next = advice(problem.plan, &demands);
-    Ok(Answer::Conflict(Conflict { demands, next }))
+    Ok(Diagnosis::Conflict(Conflict { demands, next }))
 }
 
 /// Everything that can be left out.
@@ -149,13 +103,13 @@ fn everything(problem: &Problem<'_>) -> Vec<Group> {
     out
 }
 
-/// The demands with multipliers, or broken, where the search stood still.
-fn pressing(problem: &Problem<'_>, obstacle: &Obstacle) -> Vec<Group> {
-    let most = obstacle.pull.iter().copied().fold(0.0, f64::max);
+/// The demands that are active or broken where the search stood still.
+fn active_demands(problem: &Problem<'_>, obstacle: &Obstacle) -> Vec<Group> {
+    let most = obstacle.multipliers.iter().copied().fold(0.0, f64::max);
     let mut out = Vec::new();
     for (row, (k, ch)) in problem.origin().into_iter().enumerate() {
         let g = Group::Channel(k, ch);
-        let presses = obstacle.pull[row] > 1e-4 * most || obstacle.rows[row] > 0.5 * obstacle.excess;
+        let presses = obstacle.multipliers[row] > 1e-4 * most || obstacle.rows[row] > 0.5 * obstacle.excess;
         if presses && !out.contains(&g) {
             out.push(g);
         }
@@ -176,11 +130,11 @@ fn drop_group(problem: &mut Problem<'_>, g: Group) {
 fn infeasible(
     problem: &Problem<'_>,
     from: &[Vec<f64>],
-    watch: &Eye<'_>,
+    observer: &StartObserver<'_>,
 ) -> Result<Result<Obstacle, Vec<f64>>, PlanError> {
     let mut least: Option<Obstacle> = None;
     for x in from {
-        match restore(problem, x, ITERATIONS, watch)? {
+        match restore(problem, x, ITERATIONS, observer)? {
             Ok(x) => return Ok(Err(x)),
             Err(o) if least.as_ref().is_none_or(|l| o.excess < l.excess) => least = Some(o),
             Err(_) => {}
@@ -200,12 +154,12 @@ fn starts(problem: &Problem<'_>) -> Result<Vec<Vec<f64>>, PlanError> {
 }
 
 /// The best value of `g` when everything else of `problem` is kept, if a plan for that is found from one of `from`.
-fn demand(problem: &Problem<'_>, g: Group, from: &[&[f64]], watch: &Eye<'_>) -> Result<Demand, PlanError> {
+fn demand(problem: &Problem<'_>, g: Group, from: &[&[f64]], observer: &StartObserver<'_>) -> Result<Demand, PlanError> {
     let mut others = problem.clone();
     drop_group(&mut others, g);
     let mut found = None;
     for x in from.iter().filter(|x| others.violated(x).is_none()) {
-        if let Ok(x) = restore(&others, x, ITERATIONS, watch)? {
+        if let Ok(x) = restore(&others, x, ITERATIONS, observer)? {
             found = Some(x);
             break;
         }
@@ -214,12 +168,12 @@ fn demand(problem: &Problem<'_>, g: Group, from: &[&[f64]], watch: &Eye<'_>) -> 
         Group::Channel(k, ch) => {
             let constraint = problem.constraints[k];
             let channel = &constraint.channels()[ch];
-            let lowest = Lowest { constraint, channel: ch };
+            let maximum = ChannelMaximum { constraint, channel: ch };
             let possible = found.map(|found| {
-                let least = Problem { cost: &lowest, ..others.clone() };
+                let least = Problem { cost: &maximum, ..others.clone() };
                 let options = SqpOptions { iterations: LEAST, tolerance: 1e-5 };
-                let x = minimise_seen(&least, &found, &options, watch).map_or(found, |o| o.x);
-                let most = lowest.rows(problem.plan, &x).iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                let x = minimise_observed(&least, &found, &options, observer).map_or(found, |o| o.x);
+                let most = maximum.rows(problem.plan, &x).iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 let beyond = most * channel.scale;
                 if channel.sense == Sense::AtMost { channel.limit + beyond } else { channel.limit - beyond }
             });
@@ -246,12 +200,12 @@ fn demand(problem: &Problem<'_>, g: Group, from: &[&[f64]], watch: &Eye<'_>) -> 
 }
 
 /// The largest row of one channel, smoothly.
-struct Lowest<'a> {
+struct ChannelMaximum<'a> {
     constraint: &'a dyn Constraint,
     channel: usize,
 }
 
-impl Lowest<'_> {
+impl ChannelMaximum<'_> {
     /// Rows of the channel.
     fn rows(&self, plan: &SplinePlan, x: &[f64]) -> Vec<f64> {
         let samples = self.constraint.samples(plan);
@@ -261,7 +215,7 @@ impl Lowest<'_> {
     }
 }
 
-impl Cost for Lowest<'_> {
+impl Cost for ChannelMaximum<'_> {
     /// The aggregate of Kreisselmeier and Steinhauser, `max + ln(sum exp(rho (row - max))) / rho`.
     fn value_gradient(&self, plan: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
         const SHARPNESS: f64 = 50.0;

@@ -1,6 +1,6 @@
-//! How a search is watched, limited in time, and interrupted.
+//! Progress, time limit and interruption of a search.
 
-use crate::solve::sqp::Status;
+use crate::solve::sqp::outcome::Status;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -17,9 +17,9 @@ pub struct Progress {
     pub excess: f64,
 }
 
-/// Who looks on. All fields may stay empty.
+/// Optional callbacks and limits of a search; all fields may stay empty.
 #[derive(Clone, Copy, Default)]
-pub struct Watch<'a> {
+pub struct Observer<'a> {
     /// Set to true from anywhere (a signal handler, another thread) to end the search.
     pub stop: Option<&'a AtomicBool>,
     /// When to end the search.
@@ -28,38 +28,38 @@ pub struct Watch<'a> {
     pub progress: Option<&'a (dyn Fn(&Progress) -> bool + Sync)>,
 }
 
-/// Who looks on at one local search.
+/// The observer of one local search of several.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Eye<'a> {
-    pub(crate) watch: Watch<'a>,
+pub(crate) struct StartObserver<'a> {
+    pub(crate) observer: Observer<'a>,
     /// Start that is reported.
     pub(crate) start: usize,
     /// Set once `progress` has asked for an end: for all threads, and for what comes after.
     pub(crate) latch: Option<&'a AtomicBool>,
 }
 
-impl Eye<'_> {
+impl StartObserver<'_> {
     /// True when the search is to end now.
     pub(crate) fn cut_short(&self) -> bool {
         let set = |s: Option<&AtomicBool>| s.is_some_and(|s| s.load(Ordering::Relaxed));
-        set(self.watch.stop) || set(self.latch) || self.watch.deadline.is_some_and(|d| Instant::now() >= d)
+        set(self.observer.stop) || set(self.latch) || self.observer.deadline.is_some_and(|d| Instant::now() >= d)
     }
-    /// Reports, and tells how the search ends if it is to end now.
+    /// Reports the progress; the status with which the search ends if it is to end now.
     pub(crate) fn ended(&self, progress: &Progress) -> Option<Status> {
         let set = |s: Option<&AtomicBool>| s.is_some_and(|s| s.load(Ordering::Relaxed));
-        let go_on = self.watch.progress.is_none_or(|f| f(progress));
+        let go_on = self.observer.progress.is_none_or(|f| f(progress));
         if !go_on && let Some(latch) = self.latch {
             latch.store(true, Ordering::Relaxed);
         }
-        if !go_on || set(self.watch.stop) || set(self.latch) {
+        if !go_on || set(self.observer.stop) || set(self.latch) {
             return Some(Status::Interrupted);
         }
-        self.watch.deadline.filter(|d| Instant::now() >= *d).map(|_| Status::TimeLimit)
+        self.observer.deadline.filter(|d| Instant::now() >= *d).map(|_| Status::TimeLimit)
     }
 }
 
-impl std::fmt::Debug for Watch<'_> {
+impl std::fmt::Debug for Observer<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Watch").field("stop", &self.stop).field("deadline", &self.deadline).finish_non_exhaustive()
+        f.debug_struct("Observer").field("stop", &self.stop).field("deadline", &self.deadline).finish_non_exhaustive()
     }
 }

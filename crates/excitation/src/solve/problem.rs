@@ -1,9 +1,10 @@
 //! What is to be optimised: a cost over the variables of a plan, under constraints.
 
-use crate::constraint::{Constraint, Wanted};
+use crate::constraint::{Constraint, Sense, Wanted};
 use crate::objective::Cost;
+use crate::plan::error::{PlanError, PlanLimit};
 use crate::plan::limits::{JointLimits, ROUNDING};
-use crate::plan::spline::{Duration, SplinePlan, Which};
+use crate::plan::spline::{Duration, SplinePlan};
 use nalgebra::DMatrix;
 
 /// Relative distance to the limit within which peaks are looked at.
@@ -72,7 +73,7 @@ impl<'a> Problem<'a> {
         };
         self.constraints.iter().enumerate().flat_map(of).collect()
     }
-    /// All rows, the correction included, and the the derivatives of those that are wanted. Rows of dropped channels are `-1`.
+    /// All rows, the correction included, and the derivatives of those that are wanted. Rows of dropped channels are `-1`.
     pub(crate) fn evaluate(&self, x: &[f64], rows: &mut [f64], jacobian: Option<(&[bool], &mut DMatrix<f64>)>) {
         let mut first = 0;
         let (wanted, mut jacobian) = jacobian.unzip();
@@ -120,12 +121,25 @@ impl<'a> Problem<'a> {
         self.evaluate(x, &mut rows, None);
         largest(&rows)
     }
+    /// Names the constraint that `rows` break most, with its value.
+    pub(crate) fn worst_broken(&self, rows: &[f64]) -> PlanError {
+        let worst = (0..rows.len()).max_by(|a, b| rows[*a].total_cmp(&rows[*b])).unwrap_or(0);
+        let (k, ch) = self.origin()[worst];
+        let channel = &self.constraints[k].channels()[ch];
+        let beyond = rows[worst] * channel.scale;
+        let value = match channel.sense {
+            Sense::AtMost => channel.limit + beyond,
+            Sense::AtLeast => channel.limit - beyond,
+        };
+        let (name, item, limit, unit) = (channel.name, channel.item.clone(), channel.limit, channel.unit);
+        PlanError::Broken { name, item, value, limit, unit }
+    }
     /// True when the limit of a joint does not count.
     pub(crate) fn is_freed(&self, joint: usize, power: i32) -> bool {
         self.freed.contains(&(joint, power))
     }
     /// The joint limit that `x` breaks most, [`SplinePlan::violated`], those that do not count left out.
-    pub(crate) fn violated(&self, x: &[f64]) -> Option<Which> {
+    pub(crate) fn violated(&self, x: &[f64]) -> Option<PlanLimit> {
         if self.freed.is_empty() {
             return self.plan.violated(x);
         }

@@ -11,12 +11,15 @@
 
 use crate::constraint::HeldSystem;
 use crate::objective::Cost;
+use crate::plan::error::PlanError;
 use crate::plan::random::{feasible_start, random_plan};
-use crate::plan::spline::{PlanError, SplinePlan};
-use crate::solve::conflict::{Answer, diagnose};
-use crate::solve::observer::{Eye, Watch};
+use crate::plan::spline::SplinePlan;
+use crate::solve::conflict::{Diagnosis, diagnose};
+use crate::solve::observer::{Observer, StartObserver};
 use crate::solve::problem::Problem;
-use crate::solve::sqp::{Outcome, SqpOptions, minimise_seen, restore};
+use crate::solve::sqp::minimise_observed;
+use crate::solve::sqp::outcome::{Outcome, SqpOptions};
+use crate::solve::sqp::restoration::restore;
 use crate::solve::verdict::{Verdict, inspect};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -26,7 +29,7 @@ use std::time::{Duration, Instant};
 pub const ROUNDS: usize = 12;
 /// Verified room (relative) with which a constraint counts as used up.
 const USED: f64 = 2e-3;
-/// Gain (relative to `1 + |cost|`) below which another round is not worth it.
+/// Gain (relative to `1 + |cost|`) below which no further round is made.
 const GAIN: f64 = 1e-3;
 /// What corrected constraints are kept away from the limit (relative).
 const AIM: f64 = 1e-4;
@@ -81,9 +84,9 @@ pub fn search(
     problem: &Problem<'_>,
     system: Option<&HeldSystem>,
     options: &SearchOptions,
-    watch: &Watch<'_>,
+    observer: &Observer<'_>,
 ) -> Result<Found, PlanError> {
-    search_with(problem, system, options, watch, &|i, w| start(problem, options.seed, i as u64, w))
+    search_with(problem, system, options, observer, &|i, w| start(problem, options.seed, i as u64, w))
 }
 
 /// [`search`] from given plans, which must keep the limits of the joints, instead of random ones: one local search each.
@@ -96,20 +99,20 @@ pub fn search_from(
     system: Option<&HeldSystem>,
     from: &[Vec<f64>],
     options: &SearchOptions,
-    watch: &Watch<'_>,
+    observer: &Observer<'_>,
 ) -> Result<Found, PlanError> {
     let options = SearchOptions { starts: from.len(), ..*options };
-    search_with(problem, system, &options, watch, &|i, w| feasible_near(problem, &from[i], w))
+    search_with(problem, system, &options, observer, &|i, w| feasible_near(problem, &from[i], w))
 }
 
 /// The plan that start `i` begins with.
-type Begin<'a> = dyn Fn(usize, &Eye<'_>) -> Result<Vec<f64>, PlanError> + Sync + 'a;
+type Begin<'a> = dyn Fn(usize, &StartObserver<'_>) -> Result<Vec<f64>, PlanError> + Sync + 'a;
 
 fn search_with(
     problem: &Problem<'_>,
     system: Option<&HeldSystem>,
     options: &SearchOptions,
-    watch: &Watch<'_>,
+    observer: &Observer<'_>,
     begin: &Begin<'_>,
 ) -> Result<Found, PlanError> {
     let argument =
@@ -127,34 +130,34 @@ fn search_with(
     let named = system.filter(|_| problem.joints.is_empty()).map(|s| problem.clone().named(s.model()));
     let problem = named.as_ref().unwrap_or(problem);
     let deadline = options.time_limit.and_then(|t| Instant::now().checked_add(t));
-    let deadline = [deadline, watch.deadline].into_iter().flatten().min();
+    let deadline = [deadline, observer.deadline].into_iter().flatten().min();
     let latch = AtomicBool::new(false);
-    let watch = Eye { watch: Watch { deadline, ..*watch }, start: 0, latch: Some(&latch) };
-    let mut all = run_all(problem, options, &watch, begin);
+    let observer = StartObserver { observer: Observer { deadline, ..*observer }, start: 0, latch: Some(&latch) };
+    let mut all = run_all(problem, options, &observer, begin);
     if all.iter().all(Result::is_err) {
-        all.push(Ok(after_all(problem, &all, options, &watch)?));
+        all.push(Ok(diagnosed(problem, &all, options, &observer)?));
     }
     let best = all.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
     let Some(best) = best else { return Err(PlanError::Undefined) };
-    let (best, verdict, rounds) = settle(problem, system, best, options, &watch)?;
+    let (best, verdict, rounds) = verify_and_correct(problem, system, best, options, &observer)?;
     Ok(Found { best, all, verdict, rounds })
 }
 
-/// When no start led to a plan: why, as an error, or a plan that the search for the reason has come upon.
-fn after_all(
+/// When no start led to a plan: why, as an error, or a plan that the diagnosis has found.
+fn diagnosed(
     problem: &Problem<'_>,
     all: &[Result<Outcome, PlanError>],
     options: &SearchOptions,
-    watch: &Eye<'_>,
+    observer: &StartObserver<'_>,
 ) -> Result<Outcome, PlanError> {
     let errors: Vec<&PlanError> = all.iter().filter_map(|r| r.as_ref().err()).collect();
     if let Some(e) = errors.iter().find(|e| matches!(e, PlanError::Interrupted)) {
         return Err((*e).clone());
     }
     if errors.iter().any(|e| matches!(e, PlanError::Broken { .. } | PlanError::Infeasible { .. })) {
-        return match diagnose(problem, watch)? {
-            Answer::Plan(x) => minimise_seen(problem, &x, &options.sqp, watch),
-            Answer::Conflict(c) => Err(PlanError::Conflict(Box::new(c))),
+        return match diagnose(problem, observer)? {
+            Diagnosis::Plan(x) => minimise_observed(problem, &x, &options.sqp, observer),
+            Diagnosis::Conflict(c) => Err(PlanError::Conflict(Box::new(c))),
         };
     }
     Err(errors[0].clone())
@@ -163,17 +166,17 @@ fn after_all(
 fn run_all(
     problem: &Problem<'_>,
     options: &SearchOptions,
-    watch: &Eye<'_>,
+    observer: &StartObserver<'_>,
     begin: &Begin<'_>,
 ) -> Vec<Result<Outcome, PlanError>> {
     let one = |i: usize| {
-        let watch = Eye { start: i, ..*watch };
-        // Of what has not begun when the search is cut short, nothing is to be expected; the first ones always begin.
-        if i >= options.threads && watch.cut_short() {
+        let observer = StartObserver { start: i, ..*observer };
+        // Searches not started when the search is cut short report `Interrupted`; the first ones always start.
+        if i >= options.threads && observer.cut_short() {
             return Err(PlanError::Interrupted);
         }
-        let x = begin(i, &watch)?;
-        minimise_seen(problem, &x, &options.sqp, &watch)
+        let x = begin(i, &observer)?;
+        minimise_observed(problem, &x, &options.sqp, &observer)
     };
     let threads = options.threads.min(options.starts);
     if threads == 1 {
@@ -201,22 +204,31 @@ fn run_all(
 }
 
 /// A feasible plan for start `stream`.
-pub(crate) fn start(problem: &Problem<'_>, seed: u64, stream: u64, watch: &Eye<'_>) -> Result<Vec<f64>, PlanError> {
+pub(crate) fn start(
+    problem: &Problem<'_>,
+    seed: u64,
+    stream: u64,
+    observer: &StartObserver<'_>,
+) -> Result<Vec<f64>, PlanError> {
     let x = random_plan(problem.plan, seed, stream, FRACTION)?;
-    feasible_near(problem, &x, watch)
+    feasible_near(problem, &x, observer)
 }
 
 /// `x` itself, or a plan near it that keeps the constraints.
-pub(crate) fn feasible_near(problem: &Problem<'_>, x: &[f64], watch: &Eye<'_>) -> Result<Vec<f64>, PlanError> {
+pub(crate) fn feasible_near(
+    problem: &Problem<'_>,
+    x: &[f64],
+    observer: &StartObserver<'_>,
+) -> Result<Vec<f64>, PlanError> {
     if problem.constraints.is_empty() || problem.excess(x) <= 0.0 {
         return Ok(x.to_vec());
     }
     if let Some(x) = contracted(problem, x) {
         return Ok(x);
     }
-    match restore(problem, x, RESTORING, watch)? {
+    match restore(problem, x, RESTORING, observer)? {
         Ok(x) => Ok(x),
-        Err(obstacle) => Err(crate::solve::sqp::broken(problem, &obstacle.rows)),
+        Err(obstacle) => Err(problem.worst_broken(&obstacle.rows)),
     }
 }
 
@@ -238,12 +250,12 @@ fn contracted(problem: &Problem<'_>, x: &[f64]) -> Option<Vec<f64>> {
 }
 
 /// Verifies, corrects the rows by what the simulation shows, and goes on from there until both agree.
-fn settle(
+fn verify_and_correct(
     problem: &Problem<'_>,
     system: Option<&HeldSystem>,
     first: Outcome,
     options: &SearchOptions,
-    watch: &Eye<'_>,
+    observer: &StartObserver<'_>,
 ) -> Result<(Outcome, Verdict, usize), PlanError> {
     let (mut verdict, mut seen) = inspect(problem, system, &first.x)?;
     let mut corrected = problem.clone();
@@ -267,7 +279,7 @@ fn settle(
         let settled = verdict.holds
             // At the limit in simulation too, or far from it in both, or nothing more to gain.
             && (near(&seen) || !near(&rows) || gain < GAIN * (1.0 + last.cost.abs()));
-        if (settled || round == ROUNDS || watch.cut_short())
+        if (settled || round == ROUNDS || observer.cut_short())
             && let Some((best, verdict)) = kept.take()
         {
             return Ok((best, verdict, round));
@@ -276,11 +288,11 @@ fn settle(
             break;
         }
         corrected.correction = seen.iter().zip(&rows).map(|(seen, row)| seen - row + further).collect();
-        let next = match minimise_seen(&corrected, &last.x, &options.sqp, watch) {
+        let next = match minimise_observed(&corrected, &last.x, &options.sqp, observer) {
             Ok(next) => next,
             // Cut short, or stuck outside: a plan closer to the straight one will do.
-            Err(_) => match feasible_near(&corrected, &last.x, watch) {
-                Ok(x) => minimise_seen(&corrected, &x, &options.sqp, watch)?,
+            Err(_) => match feasible_near(&corrected, &last.x, observer) {
+                Ok(x) => minimise_observed(&corrected, &x, &options.sqp, observer)?,
                 Err(_) => break,
             },
         };
@@ -327,7 +339,7 @@ pub fn multi_start(
 ) -> Result<MultiStart, PlanError> {
     let search = SearchOptions { seed, starts, threads: 1, sqp: *options, time_limit: None };
     let problem = Problem::new(cost, plan);
-    let all = run_all(&problem, &search, &Eye::default(), &|i, w| start(&problem, seed, i as u64, w));
+    let all = run_all(&problem, &search, &StartObserver::default(), &|i, w| start(&problem, seed, i as u64, w));
     let best = all.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
     match (best, all.first()) {
         (Some(best), _) => Ok(MultiStart { best, all }),

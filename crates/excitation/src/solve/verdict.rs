@@ -5,8 +5,8 @@
 //! swinging, at ten times the density of the samples in the search ([`DENSER`]).
 
 use crate::constraint::{Channel, HeldSystem, Snapshot};
+use crate::plan::error::PlanError;
 use crate::plan::limits::{Quantity, check_for_all_time};
-use crate::plan::spline::PlanError;
 use crate::solve::problem::Problem;
 use ff_dynamics::analysis::advise_step;
 use ff_dynamics::{Boundary, Drive, SimOptions, State, Trace, modes, simulate};
@@ -112,7 +112,7 @@ pub(crate) fn inspect(
             return Err(PlanError::Argument { what: "system to verify on", got, expected });
         };
         let samples = problem.constraints.iter().map(|c| c.samples(plan)).max().unwrap_or(2);
-        let trace = fly(system, &motion, &plan.spec().start, DENSER * (samples - 1))?;
+        let trace = simulate_from_rest(system, &motion, &plan.spec().start, DENSER * (samples - 1))?;
         for c in &problem.constraints {
             let (here, count) = (rows.len(), c.samples(plan));
             rows.resize(here + count * c.channels().len(), f64::NEG_INFINITY);
@@ -162,7 +162,7 @@ fn margin(ch: &Channel, value: f64, time: f64, dt: f64) -> ConstraintMargin {
 }
 
 /// Simulates the whole system from rest along `motion`, with `count` equal intervals between samples.
-fn fly(
+fn simulate_from_rest(
     system: &HeldSystem,
     motion: &ff_dynamics::motion::bspline::BSplineMotion,
     start: &[f64],

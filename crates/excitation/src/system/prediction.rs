@@ -109,6 +109,7 @@ pub(crate) fn medians(samples: &[Vec<f64>], columns: usize) -> Vec<f64> {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use ff_testkit::scaled;
     use nalgebra::Vector3;
 
     #[test]
@@ -118,7 +119,7 @@ mod tests {
         let y = about_com(&Inertia::from_com(60.0, &c, &i).to_params());
         let want = [0.9, -0.3, 0.6, 15.0, 0.3, 18.0, -0.2, 0.7, 21.0];
         for (y, w) in y.iter().zip(want) {
-            assert_relative_eq!(*y, w, epsilon = 1e-12);
+            assert_relative_eq!(*y, w, epsilon = scaled(1e-12));
         }
     }
 

@@ -1,9 +1,11 @@
 //! Plans and stand-in models shared by the tests.
-#![allow(dead_code, clippy::unwrap_used)]
+#![allow(dead_code, unused_imports, clippy::unwrap_used)]
 
 use excitation::objective::{BasePartials, BaseResponse, SampleInformation};
 use excitation::planning::InformationRequest;
 use excitation::*;
+pub(crate) use ff_testkit::fixtures::paper;
+pub(crate) use ff_testkit::random::numbers;
 use nalgebra::DMatrix;
 
 pub(crate) fn limits(n: usize) -> Vec<JointLimits> {
@@ -101,8 +103,8 @@ impl SampleInformation for ToyRegressor {
     }
 }
 
-/// The same source with its gradient by differences.
-struct Numeric<'a>(&'a ToyRegressor);
+/// A source with its gradient by differences, as a reference.
+pub(crate) struct Numeric<'a>(pub(crate) &'a dyn SampleInformation);
 
 impl SampleInformation for Numeric<'_> {
     fn parameters(&self) -> usize {
@@ -142,22 +144,6 @@ pub(crate) fn contract_by_differences(
             out[j] += (plus.dot(weights) - minus.dot(weights)) / (2.0 * h);
         }
     }
-}
-
-/// A mission of `fixtures/paper`.
-pub(crate) fn paper(file: &str) -> ff_mission::Loaded {
-    let mut registry = ff_model::Registry::new();
-    flex_panel::register(&mut registry);
-    slosh_pendulum::register(&mut registry);
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/paper").join(file);
-    ff_mission::Mission::load(&path, &registry, &ff_mission::LoadOptions::default()).unwrap()
-}
-
-/// `n` repeatable numbers in `-size..size`.
-pub(crate) fn uniform(n: usize, size: f64, seed: u64) -> Vec<f64> {
-    use rand::{RngExt, SeedableRng};
-    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-    (0..n).map(|_| size * (2.0 * rng.random::<f64>() - 1.0)).collect()
 }
 
 /// The base of the paper's robot: 60 s at the mission's 0.17 rad/s and 0.15 rad/s^2, ten control points.

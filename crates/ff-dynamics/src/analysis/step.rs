@@ -91,6 +91,7 @@ pub fn advise_step(modes: &[Mode], duration_s: f64, error: f64) -> Option<StepAd
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
     use nalgebra::Vector6;
 
     fn mode(frequency_hz: f64, damping_ratio: f64) -> Mode {
@@ -129,7 +130,7 @@ mod tests {
         // Small errors are not lost in rounding: the leading term n (w h)^5 / 120.
         let (w, h, t) = (TAU * 0.3, 1e-3, 60.0);
         let want = t / h * (w * h).powi(5) / 120.0;
-        assert!((rk4_error(0.3, 0.0, h, t) / want - 1.0).abs() < 1e-3);
+        assert_within!((rk4_error(0.3, 0.0, h, t) / want - 1.0).abs(), 1e-3);
     }
 
     #[test]
@@ -138,7 +139,7 @@ mod tests {
         for wanted in [1e-9, 1e-6, 1e-3] {
             let a = advise_step(&modes, 60.0, wanted).unwrap();
             assert_eq!(a.mode, 1);
-            assert!((a.error / wanted - 1.0).abs() < 1e-6, "{a:?}");
+            assert_within!((a.error / wanted - 1.0).abs(), 1e-6, "{a:?}");
             let seen = measured(0.68, 0.012, a.step_s, 60.0);
             assert!(wanted < 1e-8 || (seen / wanted - 1.0).abs() < 0.05, "{seen:e} instead of {wanted:e}");
         }

@@ -111,6 +111,7 @@ fn eliminate<T: Scalar, const B: usize>(h: &mut [T], parent: &[usize], b: &mut [
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use ff_testkit::scaled;
 
     /// The matrix of a tree of nine: two branches and an appendage of two, on a base of `nb`; and its lower triangle.
     fn system(nb: usize) -> (Vec<usize>, [[f64; 9]; 9], Vec<f64>) {
@@ -149,7 +150,7 @@ mod tests {
             let mut b: [f64; 9] = core::array::from_fn(|i| (0..9).map(|j| full[i][j] * want[j]).sum());
             solve(&mut h, nb, &parent, &mut b).unwrap();
             for i in 0..9 {
-                assert_relative_eq!(b[i], want[i], max_relative = 1e-12);
+                assert_relative_eq!(b[i], want[i], max_relative = scaled(1e-12));
             }
         }
     }

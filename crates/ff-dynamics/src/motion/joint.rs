@@ -113,7 +113,7 @@ pub(crate) fn at_rest(n: usize, qd: &mut [f64], qdd: &mut [f64]) {
     qdd[..n].fill(0.0);
 }
 
-fn check_time(what: &'static str, value: f64, positive: bool) -> Result<(), MotionError> {
+pub(crate) fn check_time(what: &'static str, value: f64, positive: bool) -> Result<(), MotionError> {
     if value.is_finite() && (value > 0.0 || (value == 0.0 && !positive)) {
         return Ok(());
     }

@@ -411,17 +411,18 @@ fn dexp_inv(u: &Vector3<f64>, w: &Vector3<f64>) -> Vector3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     /// Rows of a consistent method, quadrature to degree 4, and weights of differences that sum to zero.
     #[test]
     fn the_coefficients_are_those_of_a_method_of_order_five() {
         for i in 0..7 {
-            assert!((A[i].iter().sum::<f64>() - C[i]).abs() < 1e-14, "row {i}");
+            assert_within!((A[i].iter().sum::<f64>() - C[i]).abs(), 1e-14, "row {i}");
         }
         assert!(E.iter().sum::<f64>().abs() < 1e-15 && D.iter().sum::<f64>().abs() < 1e-13);
         for p in 1..5 {
             let b: f64 = (0..6).map(|j| A[6][j] * C[j].powi(p)).sum();
-            assert!((b - 1.0 / (f64::from(p) + 1.0)).abs() < 1e-14, "quadrature of degree {p}");
+            assert_within!((b - 1.0 / (f64::from(p) + 1.0)).abs(), 1e-14, "quadrature of degree {p}");
         }
     }
 
@@ -435,9 +436,9 @@ mod tests {
             let h = 1e-3;
             // Central differences of order four.
             let want = ((at(h) - at(-h)) * 8.0 - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
-            assert!((dexp_inv(&u, &w) - want).norm() < 1e-11, "{size}");
+            assert_within!((dexp_inv(&u, &w) - want).norm(), 1e-11, "{size}");
         }
         let side = |s: f64| dexp_inv(&(Vector3::new(0.48, -0.6, 0.64) * (0.1f64.sqrt() * s)), &w);
-        assert!((side(1.0 - 1e-12) - side(1.0 + 1e-12)).norm() < 1e-12);
+        assert_within!((side(1.0 - 1e-12) - side(1.0 + 1e-12)).norm(), 1e-12);
     }
 }

@@ -1,6 +1,5 @@
 //! Motion over time: integration, external inputs, sensors, ensembles in lanes.
 
-pub(crate) mod adaptive;
 pub(crate) mod attitude;
 pub(crate) mod ensemble;
 pub(crate) mod flight;
@@ -11,7 +10,6 @@ pub(crate) mod sensors;
 pub(crate) mod simulate;
 pub(crate) mod trace;
 
-pub use adaptive::{AdaptiveOptions, StepReport, simulate_adaptive};
 pub use attitude::Attitude;
 pub use ensemble::{EnsembleError, Keep, Run, RunTrace, simulate_ensemble, simulate_ensemble_with};
 pub use integrate::{QUADRATURES, Rkmk4};

@@ -58,32 +58,30 @@ impl<'a> Plant<'a> {
         let inside = INSIDE * (to - from);
         self.span = (from + inside, to - inside);
     }
-    /// Accelerations at `t`. `seen` is the time at which a prescribed motion is looked up.
+    /// Accelerations at `t`.
     ///
     /// # Errors
     /// [`SimError::Singular`] and [`SimError::NotFinite`].
     pub(crate) fn accelerate(
         &mut self,
         t: f64,
-        seen: f64,
         state: &mut State<f64>,
         a: &mut [f64],
         rate: &mut [f64; QUADRATURES],
     ) -> Result<(), SimError> {
         let step = self.span.1 - self.span.0;
-        self.rates(t, seen, state, a, rate).map_err(|source| SimError::singular(t, step, state.is_finite(), source))
+        self.rates(t, state, a, rate).map_err(|source| SimError::singular(t, step, state.is_finite(), source))
     }
     fn rates(
         &mut self,
         t: f64,
-        seen: f64,
         state: &mut State<f64>,
         a: &mut [f64],
         rate: &mut [f64; QUADRATURES],
     ) -> Result<(), SingularInertia> {
         let Self { model, params, work, .. } = self;
         if let Drive::Prescribed(m) = self.drive {
-            m.eval(seen, &mut self.q, &mut self.qd, &mut self.qdd);
+            m.eval(t, &mut self.q, &mut self.qd, &mut self.qdd);
             state.q.copy_from_slice(&self.q);
             state.qd_mut().copy_from_slice(&self.qd);
         }
@@ -119,10 +117,6 @@ impl<'a> Plant<'a> {
         }
         rate[1] = self.tau.iter().zip(state.qd()).map(|(t, w)| t * w).sum();
         Ok(())
-    }
-    /// `t`, moved inside the step that is being taken.
-    pub(crate) fn inside(&self, t: f64) -> f64 {
-        inside(t, self.span)
     }
 }
 

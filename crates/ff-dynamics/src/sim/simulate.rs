@@ -99,17 +99,6 @@ pub enum SimError {
         /// Step used (s).
         step: f64,
     },
-    /// The steps of an adaptive simulation became shorter than rounding leaves room for.
-    #[error(
-        "at t = {t} s: steps of {step} s are still too long for the tolerance; loosen it, or give a shortest time scale \
-         to what jumps there"
-    )]
-    StepUnderflow {
-        /// Time (s).
-        t: f64,
-        /// Last step tried (s).
-        step: f64,
-    },
     /// An external input does not fit the model.
     #[error("external input {index} (from 0): {source}")]
     Input {
@@ -218,7 +207,7 @@ pub fn simulate_with(
     let mut state = start.clone();
     let mut quad = [0.0; QUADRATURES];
     let mut a = vec![0.0; model.nv()];
-    let breaks = breaks_of(inputs, &[], 0.0, options.duration_s, APART * h);
+    let breaks = breaks_of(inputs, 0.0, options.duration_s, APART * h);
     let mut pieces = Pieces { breaks: &breaks, whole: (per_sample, h) };
     for i in 0..samples {
         let t = i as f64 * options.sample_s;
@@ -226,7 +215,7 @@ pub fn simulate_with(
         let mut rate = [0.0; QUADRATURES];
         let mut piece = pieces.next(t, t, next);
         plant.enter_step(t, t + piece.step);
-        plant.accelerate(t, t, &mut state, &mut a, &mut rate)?;
+        plant.accelerate(t, &mut state, &mut a, &mut rate)?;
         trace.put(i, &state, &a, &plant.tau, &quad);
         if i + 1 == samples {
             break;
@@ -238,7 +227,7 @@ pub fn simulate_with(
                 let ts = piece.from + k as f64 * piece.step;
                 plant.enter_step(ts, ts + piece.step);
                 stepper.step_from(ts, piece.step, &mut state, &mut quad, first.take(), |t, s, a, r| {
-                    plant.accelerate(t, t, s, a, r)
+                    plant.accelerate(t, s, a, r)
                 })?;
             }
             if piece.end >= next {

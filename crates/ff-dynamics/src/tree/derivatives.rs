@@ -15,7 +15,7 @@
 //!
 //! For a rigid body `2 B = v x* I - I v x + (I v) x~*` has no linear columns: it maps an angular velocity `x` to
 //! the force `2 x x p` (`p` the linear momentum) and the moment `D x`, `D = 2 [w] I - tr(I) [w] - 2 [h][u]`, twelve
-//! numbers. An appendage has the same form, with `D` from [`ff_model::Appendage::jacobian`]: `2 B = dh/dV - M V x`
+//! numbers. An appendage has the same form, with `D` from [`ff_model::PortDynamics::jacobian`]: `2 B = dh/dV - M V x`
 //! and Galilean invariance, which an appendage linearised by hand (`modal`) has only at rest.
 //! `docs/theory/derivatives.md` derives it.
 

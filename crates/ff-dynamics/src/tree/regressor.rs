@@ -99,7 +99,7 @@ impl<T> Deref for Regressor<T> {
 ///
 /// Rows as in [`crate::tree::rnea::rnea()`]: base wrench, joint torques, passive rows. For the bodies `tau = Y phi`
 /// holds exactly; appendage columns are exact derivatives of the port equations
-/// ([`ff_model::Appendage::regressor`]). A rigid model has `n_params = 10 n_bodies` and no appendage columns.
+/// ([`ff_model::PortDynamics::regressor`]). A rigid model has `n_params = 10 n_bodies` and no appendage columns.
 ///
 /// Each row is the screw of its degree of freedom, carried outwards to the bodies it moves, contracted with
 /// their motion ([`ff_model::spatial::vec3::Moving::powers`]). Does not allocate.

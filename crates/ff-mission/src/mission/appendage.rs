@@ -1,17 +1,17 @@
 //! `[[appendage]]`: what hangs where. The keys of each kind are read by the crate that registered it.
 
+use super::declared::{Holds, Key, key, must};
 use super::lift;
-use super::reader::{Must, Table, error};
-use ff_model::DynAppendage;
+use super::reader::{Table, error};
 use ff_model::Model;
 use ff_model::Registry;
+use ff_model::SharedAppendage;
 use ff_model::Xform;
 use ff_model::diagnostics::{list, nearest};
 use ff_model::spatial::so3::{quat_to_rot, rot_of_rpy};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use std::path::Path;
-use std::sync::Arc;
 
 /// How far a quaternion or rotation matrix may be from exact before it is refused.
 const UNIT_TOLERANCE: f64 = 1e-6;
@@ -45,6 +45,23 @@ pub struct Mount {
     /// `quat_wxyz` (unit quaternion, w first) or `rotation` (the matrix itself, in rows).
     pub rotation: [[f64; 3]; 3],
 }
+
+/// Keys of a mount.
+pub(crate) const MOUNT: &[Key] = &[
+    key("xyz_m", Holds::Vector(3), "origin of the mount frame in the link frame (m)"),
+    key("rpy_rad", Holds::Vector(3), "roll, pitch, yaw as in URDF (rad)"),
+    key("quat_wxyz", Holds::Vector(4), "unit quaternion, scalar first"),
+    key("rotation", Holds::Rows, "rotation from mount to link coordinates, in rows"),
+];
+
+/// Keys of every `[[appendage]]`; the others belong to its kind.
+pub(crate) const APPENDAGE: &[Key] = &[
+    must("kind", Holds::Text, "what hangs there"),
+    must("name", Holds::Text, "prefix of its parameters and coordinates"),
+    key("host", Holds::Text, "link that carries it"),
+    key("mount", Holds::Table(MOUNT), "pose of the mount frame in the link frame"),
+    key("lift", Holds::Texts, "joints of the URDF that become its hinges, from the host outwards"),
+];
 
 impl Mount {
     /// As a pose.
@@ -123,14 +140,14 @@ pub(super) struct Draft<'d, 't> {
     pub(super) mount: Option<Mount>,
     pub(super) lift: Option<Vec<String>>,
     pub(super) settings: toml::Table,
-    pub(super) appendage: Option<Arc<dyn DynAppendage>>,
+    pub(super) appendage: Option<SharedAppendage>,
     pub(super) table: Table<'d, 't>,
 }
 
 impl<'d, 't> Draft<'d, 't> {
     /// Reads one table and runs the factory of its kind; problems are recorded at their keys.
     pub(super) fn read(t: Table<'d, 't>, kinds: &Kinds<'_>) -> Self {
-        let kind = t.required("kind", t.string("kind"));
+        let kind = t.string("kind");
         let name = name(&t);
         let lift = t.strings("lift");
         let (host, mount) = match &lift {
@@ -143,7 +160,7 @@ impl<'d, 't> Draft<'d, 't> {
                 (None, None)
             }
         };
-        let settings = t.rest(&["kind", "name", "host", "mount", "lift"]);
+        let settings = t.undeclared();
         let mut draft = Self { kind, name, host, mount, lift, settings, appendage: None, table: t };
         if draft.lift.is_none() {
             draft.appendage = draft.make(&draft.settings, kinds);
@@ -151,7 +168,7 @@ impl<'d, 't> Draft<'d, 't> {
         draft
     }
     /// Runs the factory of the kind on a table; problems are recorded.
-    fn make(&self, settings: &toml::Table, kinds: &Kinds<'_>) -> Option<Arc<dyn DynAppendage>> {
+    fn make(&self, settings: &toml::Table, kinds: &Kinds<'_>) -> Option<SharedAppendage> {
         let kind = self.kind.as_deref()?;
         make(&self.table, kind, self.name.as_deref().unwrap_or(kind), settings, kinds)
     }
@@ -180,7 +197,7 @@ impl<'d, 't> Draft<'d, 't> {
 
 /// Key `name` of an appendage or client, fit to be the prefix of parameters.
 pub(super) fn name(t: &Table<'_, '_>) -> Option<String> {
-    t.required("name", t.string("name")).filter(|n| {
+    t.string("name").filter(|n| {
         let good = !n.is_empty() && !n.contains(|c: char| c.is_whitespace() || ".[]*".contains(c));
         if !good {
             let what = format!("'{}' is blank or holds a dot, bracket, star or blank", ff_model::diagnostics::clip(n));
@@ -197,7 +214,7 @@ fn make(
     label: &str,
     settings: &toml::Table,
     kinds: &Kinds<'_>,
-) -> Option<Arc<dyn DynAppendage>> {
+) -> Option<SharedAppendage> {
     let registry = kinds.registry;
     let Some(factory) = registry.get(kind) else {
         let known = list(registry.kinds(), 20);
@@ -256,9 +273,4 @@ fn finite(v: &toml::Value) -> bool {
         toml::Value::Table(t) => t.values().all(finite),
         _ => true,
     }
-}
-
-/// Used by other sections of the file for numbers that default when absent.
-pub(super) fn or_zero(t: &Table<'_, '_>, key: &'static str, must: Must) -> f64 {
-    t.number(key, must).unwrap_or(0.0)
 }

@@ -1,12 +1,12 @@
 //! `[[client]]`: what the robot holds. A rigid body of ten parameters with a frame of its own, on which panels and tanks
 //! hang like on any link.
 
-use super::appendage::Mount;
+use super::appendage::{MOUNT, Mount};
+use super::declared::{Holds, Key, key, must};
 use super::reader::{Table, error};
-use super::robot::RigidBody;
+use super::robot::{BODY, RigidBody};
 use ff_model::payload::Payload;
 use serde::Serialize;
-use std::sync::Arc;
 
 /// One `[[client]]`: a body held by a link, by the end effector unless another is named.
 ///
@@ -39,6 +39,16 @@ pub struct Client {
     pub body: RigidBody,
 }
 
+/// Keys of `[[client]]`.
+pub(crate) const CLIENT: &[Key] = &[
+    must("name", Holds::Text, "name of its frame, prefix of its parameters"),
+    key("host", Holds::Text, "link that holds it; robot.end_effector unless given"),
+    key("mount", Holds::Table(MOUNT), "pose of the client frame in the link frame"),
+    BODY[0],
+    BODY[1],
+    BODY[2],
+];
+
 impl Client {
     /// Reads one table; `None` where a problem is recorded.
     pub(super) fn read(t: &Table<'_, '_>) -> Option<Self> {
@@ -50,9 +60,9 @@ impl Client {
         Some(Self { name: name?, host, mount: mount?, body: body? })
     }
     /// As an appendage without coordinates; `None` where a problem is recorded.
-    pub(super) fn payload(&self, t: &Table<'_, '_>) -> Option<Arc<Payload>> {
+    pub(super) fn payload(&self, t: &Table<'_, '_>) -> Option<Payload> {
         match Payload::new(&self.body.inertia()) {
-            Ok(p) => Some(Arc::new(p)),
+            Ok(p) => Some(p),
             Err(e) => {
                 let p = error("Config::Inertia", e.to_string());
                 t.fail("inertia_com_kgm2", p.hint("give the inertia about the centre of mass"));

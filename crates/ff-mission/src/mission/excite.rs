@@ -1,9 +1,13 @@
 //! `[excite]`: the manoeuvre that is to be planned, for `ffid excite`.
 
-use super::reader::{Must, Table, error};
+use super::declared::{Holds, Key, key, words};
+use super::reader;
+use super::reader::{Table, error};
 use super::select;
 use ff_model::Model;
+use ff_model::diagnostics::Limit;
 use ff_model::diagnostics::{clip, list, nearest};
+use ff_model::keys::out_of_range;
 use serde::Serialize;
 
 /// What a plan is for.
@@ -63,7 +67,7 @@ pub enum ExciteEnd {
 
 /// Section `[excite]`; every key has a default.
 ///
-/// To add a key: one field here, one line in `read`.
+/// To add a key: one field here, one line in `EXCITE`, one in `read`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Excite {
     /// `goal`: `information` (default), `modal`, `quiet`, `paper` or `condition`.
@@ -105,25 +109,7 @@ pub struct Excite {
 
 impl Default for Excite {
     fn default() -> Self {
-        Self {
-            goal: Goal::default(),
-            optimality: Optimality::default(),
-            parameters: Vec::new(),
-            duration: ExciteDuration::Fixed(60.0),
-            control_points: 10,
-            degree: 5,
-            start_rad: Vec::new(),
-            end: ExciteEnd::default(),
-            seed: 1,
-            starts: 4,
-            iterations: 200,
-            modes_hz: Vec::new(),
-            frequency_error: 0.1,
-            emphasis: 3.0,
-            joints: Vec::new(),
-            hold_s: 60.0,
-            weak_relative_std: 0.1,
-        }
+        reader::absent(EXCITE, Self::read)
     }
 }
 
@@ -139,6 +125,40 @@ pub const GOALS: [(&str, Goal); 5] = [
 const OPTIMALITIES: [(&str, Optimality); 4] =
     [("d", Optimality::D), ("a", Optimality::A), ("e", Optimality::E), ("largest", Optimality::Largest)];
 
+/// What `end` can say, and whether the plan ends at the start then.
+const ENDS: [(&str, bool); 2] = [("free", false), ("start", true)];
+
+const GOAL_WORDS: [&str; 5] = words(&GOALS);
+const OPTIMALITY_WORDS: [&str; 4] = words(&OPTIMALITIES);
+const END_WORDS: [&str; 2] = words(&ENDS);
+
+const fn within(from: u64, to: u64) -> Holds {
+    Holds::WholeWithin { from, to, unit: "" }
+}
+
+/// Keys of `[excite]`.
+pub(crate) const EXCITE: &[Key] = &[
+    key("goal", Holds::OneOf(&GOAL_WORDS), "what the plan is for").or_word(GOALS[0].0),
+    key("optimality", Holds::OneOf(&OPTIMALITY_WORDS), "of an information plan").or_word(OPTIMALITIES[0].0),
+    key("parameters", Holds::Texts, "names or patterns to plan for; those of [estimate] unless given"),
+    key("duration_s", Holds::Positive, "given duration (s)").or(60.0),
+    key("duration_bounds_s", Holds::Vector(2), "free duration between two bounds (s)"),
+    key("control_points", within(1, 1000), "free control points per joint").or_whole(10),
+    key("degree", within(3, 7), "of the splines, 3 to 7").or_whole(5),
+    key("start_rad", Holds::Numbers, "joint positions at the start (rad or m)"),
+    key("end", Holds::OneOf(&END_WORDS), "where the plan ends").or_word(ENDS[0].0),
+    key("end_rad", Holds::Numbers, "joint positions at the end (rad or m)"),
+    key("seed", Holds::Whole, "of all randomness").or_whole(1),
+    key("starts", within(1, 10_000), "local searches").or_whole(4),
+    key("iterations", within(1, 1_000_000), "of each search at most").or_whole(200),
+    key("modes_hz", Holds::Numbers, "natural frequencies that a modal plan drives (Hz)"),
+    key("frequency_error", Holds::Fraction, "relative error of the frequencies that is allowed for; below 1").or(0.1),
+    key("emphasis", Holds::NotNegative, "of quietness against information").or(3.0),
+    key("joints", Holds::Texts, "joints that move in the paper's manoeuvre"),
+    key("hold_s", Holds::NotNegative, "time that the joints hold after it (s)").or(60.0),
+    key("weak_relative_std", Holds::Positive, "from which a parameter counts as weakly identifiable").or(0.1),
+];
+
 impl Goal {
     /// Its name in a mission file.
     pub fn name(self) -> &'static str {
@@ -148,28 +168,27 @@ impl Goal {
 
 impl Excite {
     pub(super) fn read(t: &Table<'_, '_>) -> Self {
-        let d = Self::default();
         let out = Self {
             goal: choice(t, "goal", &GOALS).unwrap_or_default(),
             optimality: choice(t, "optimality", &OPTIMALITIES).unwrap_or_default(),
             parameters: t.strings("parameters").unwrap_or_default(),
-            duration: duration(t).unwrap_or(d.duration),
-            control_points: within(t, "control_points", 1, 1000).unwrap_or(d.control_points),
-            degree: within(t, "degree", 3, 7).unwrap_or(d.degree),
+            duration: duration(t),
+            control_points: t.whole("control_points").unwrap_or_default(),
+            degree: t.whole("degree").unwrap_or_default(),
             start_rad: t.numbers("start_rad").unwrap_or_default(),
             end: end(t),
-            seed: t.whole("seed").unwrap_or(d.seed),
-            starts: within(t, "starts", 1, 10_000).unwrap_or(d.starts),
-            iterations: within(t, "iterations", 1, 1_000_000).unwrap_or(d.iterations),
+            seed: t.whole("seed").unwrap_or_default(),
+            starts: t.whole("starts").unwrap_or_default(),
+            iterations: t.whole("iterations").unwrap_or_default(),
             modes_hz: t.numbers("modes_hz").unwrap_or_default(),
-            frequency_error: fraction(t, "frequency_error").unwrap_or(d.frequency_error),
-            emphasis: t.number("emphasis", Must::NotBeNegative).unwrap_or(d.emphasis),
+            frequency_error: t.number("frequency_error").unwrap_or_default(),
+            emphasis: t.number("emphasis").unwrap_or_default(),
             joints: t.strings("joints").unwrap_or_default(),
-            hold_s: t.number("hold_s", Must::NotBeNegative).unwrap_or(d.hold_s),
-            weak_relative_std: t.number("weak_relative_std", Must::BePositive).unwrap_or(d.weak_relative_std),
+            hold_s: t.number("hold_s").unwrap_or_default(),
+            weak_relative_std: t.number("weak_relative_std").unwrap_or_default(),
         };
         if let Some(f) = out.modes_hz.iter().find(|f| **f <= 0.0) {
-            let p = error("Config::OutOfRange", format!("value {f} Hz, limit > 0 Hz"));
+            let p = out_of_range(*f, Limit::Above(0.0), "Hz");
             t.fail("modes_hz", p.hint("give natural frequencies in Hz; `ffid modes` prints them"));
         }
         t.finish();
@@ -211,44 +230,24 @@ pub(super) fn choice<V: Copy>(t: &Table<'_, '_>, key: &'static str, known: &[(&'
     found
 }
 
-fn within(t: &Table<'_, '_>, key: &'static str, low: u64, high: u64) -> Option<u64> {
-    let x = t.whole(key)?;
-    if !(low..=high).contains(&x) {
-        let what = format!("value {x}, limit {low} to {high}");
-        t.fail(key, error("Config::OutOfRange", what).hint("give a whole number within the limits"));
-        return None;
-    }
-    Some(x)
-}
-
-fn fraction(t: &Table<'_, '_>, key: &'static str) -> Option<f64> {
-    let x = t.number(key, Must::NotBeNegative)?;
-    if x >= 1.0 {
-        let what = format!("value {x}, limit < 1");
-        t.fail(key, error("Config::OutOfRange", what).hint("give a fraction, such as 0.1 for 10 %"));
-        return None;
-    }
-    Some(x)
-}
-
-fn duration(t: &Table<'_, '_>) -> Option<ExciteDuration> {
-    let fixed = t.number("duration_s", Must::BePositive);
-    let bounds = t.vector::<2>("duration_bounds_s");
-    if t.has("duration_s") && t.has("duration_bounds_s") {
+fn duration(t: &Table<'_, '_>) -> ExciteDuration {
+    let fixed = ExciteDuration::Fixed(t.number("duration_s").unwrap_or_default());
+    let Some([a, b]) = t.vector::<2>("duration_bounds_s") else { return fixed };
+    if t.has("duration_s") {
         let p = error("Config::Conflict", "duration_s and duration_bounds_s are both given");
         t.fail("duration_bounds_s", p.hint("keep duration_s for a given duration, duration_bounds_s for a free one"));
-        return None;
+        return fixed;
     }
-    if let Some([a, b]) = bounds.filter(|[a, b]| !(*a > 0.0 && a < b)) {
+    if !(a > 0.0 && a < b) {
         let what = format!("{a} .. {b} s, limit 0 < shortest < longest");
         t.fail("duration_bounds_s", error("Config::OutOfRange", what).hint("give [shortest, longest] in seconds"));
-        return None;
+        return fixed;
     }
-    fixed.map(ExciteDuration::Fixed).or(bounds.map(ExciteDuration::Free))
+    ExciteDuration::Free([a, b])
 }
 
 fn end(t: &Table<'_, '_>) -> ExciteEnd {
-    let word = choice(t, "end", &[("free", false), ("start", true)]);
+    let word = choice(t, "end", &ENDS);
     let at = t.numbers("end_rad");
     if t.has("end") && t.has("end_rad") {
         let p = error("Config::Conflict", "end and end_rad are both given");
@@ -280,7 +279,8 @@ fn positions(q: &[f64], key: &'static str, model: &Model, t: &Table<'_, '_>) {
         let l = &b.joint.limits;
         if !(l.lower..=l.upper).contains(&q) {
             let what = format!("joint {}: {q} rad, limit {} .. {} rad", b.joint.name, l.lower, l.upper);
-            t.fail(key, error("Config::OutOfRange", what).hint("give a position within the joint limits"));
+            let p = error("Config::OutOfRange", what).violating(q, Limit::Within(l.lower, l.upper), "rad");
+            t.fail(key, p.hint("give a position within the joint limits"));
         }
     }
 }

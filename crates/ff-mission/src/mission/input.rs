@@ -3,10 +3,12 @@
 //! Only declared here; `ff-dynamics` has what they do. To add a kind: a variant, its reader, a line in [`KINDS`].
 
 use super::Frames;
+use super::declared::{Holds, Key, key, must, words};
 use super::excite::choice;
 use super::limits::direction;
-use super::reader::{Must, Table, error};
+use super::reader::{Table, error};
 use ff_model::Model;
+use ff_model::diagnostics::Limit;
 use ff_model::diagnostics::{clip, list, nearest};
 use serde::Serialize;
 
@@ -148,19 +150,72 @@ pub enum WrenchAxes {
 /// Reads what is particular to a kind.
 type Reader = fn(&Table<'_, '_>) -> Option<InputSpec>;
 
-const KINDS: [(&str, Reader); 4] = [
-    ("thruster", thruster),
-    ("wrench", wrench),
-    ("passive_force", passive_force),
-    ("gravity_gradient", gravity_gradient),
+/// Its keys and its reader, by kind.
+const KINDS: [(&str, (&[Key], Reader)); 4] = [
+    ("thruster", (THRUSTER, thruster)),
+    ("wrench", (WRENCH, wrench)),
+    ("passive_force", (PASSIVE_FORCE, passive_force)),
+    ("gravity_gradient", (GRAVITY_GRADIENT, gravity_gradient)),
+];
+
+/// Keys of every kind of `[[input]]`.
+pub(crate) const INPUTS: &[&[Key]] = &[KINDS[0].1.0, KINDS[1].1.0, KINDS[2].1.0, KINDS[3].1.0];
+
+const T_ON: Key = must("t_on_s", Holds::Number, "begin (s)");
+const T_OFF: Key = must("t_off_s", Holds::Number, "end (s), later than t_on_s");
+const T: Key = must("t_s", Holds::Number, "time (s), later than that of the sample before");
+
+const THRUST: Key = must("force_n", Holds::NotNegative, "force (N)");
+const THRUSTER: &[Key] = &[
+    must("kind", Holds::OneOf(&["thruster"]), "a force along a direction that is fixed in a link"),
+    must("host", Holds::Text, "link or client that is pushed"),
+    must("point_m", Holds::Vector(3), "where it is pushed, in the frame of the link (m)"),
+    must("direction", Holds::Vector(3), "where to, in the frame of the link, of any length"),
+    key("force_n", Holds::NotNegative, "force at all times (N), unless pulse or sample is given"),
+    key("pulse", Holds::Tables(&[T_ON, T_OFF, THRUST]), "on, then off"),
+    key("sample", Holds::Tables(&[T, THRUST]), "linear in between, zero outside"),
+];
+
+const AXES: [(&str, WrenchAxes); 2] = [("body", WrenchAxes::Body), ("world", WrenchAxes::World)];
+const AXES_WORDS: [&str; 2] = words(&AXES);
+const FORCE: Key = key("force_n", Holds::Vector(3), "force (N); zero unless given");
+const MOMENT: Key = key("moment_nm", Holds::Vector(3), "moment about the origin of the link (N m); zero unless given");
+const WRENCH: &[Key] = &[
+    must("kind", Holds::OneOf(&["wrench"]), "a given force and moment on a link"),
+    must("host", Holds::Text, "link or client; with world axes one that begins where its body does"),
+    must("axes", Holds::OneOf(&AXES_WORDS), "axes of force and moment; those of the world keep their direction"),
+    FORCE,
+    MOMENT,
+    key("pulse", Holds::Tables(&[T_ON, T_OFF, FORCE, MOMENT]), "on, then off"),
+    key("sample", Holds::Tables(&[T, FORCE, MOMENT]), "linear in between, zero outside"),
+];
+
+const TORQUE_NM: Key = key("torque_nm", Holds::Number, "torque on an angle (N m)");
+const FORCE_N: Key = key("force_n", Holds::Number, "force on a length (N)");
+const PASSIVE_FORCE: &[Key] = &[
+    must("kind", Holds::OneOf(&["passive_force"]), "between an appendage and its host, such as the motor of a wheel"),
+    must("coordinate", Holds::Text, "full name of a coordinate of an appendage, such as wheel.spin"),
+    TORQUE_NM,
+    FORCE_N,
+    key("pulse", Holds::Tables(&[T_ON, T_OFF, TORQUE_NM, FORCE_N]), "on, then off"),
+    key("sample", Holds::Tables(&[T, TORQUE_NM, FORCE_N]), "linear in between, zero outside"),
+];
+
+const GRAVITY_GRADIENT: &[Key] = &[
+    must("kind", Holds::OneOf(&["gravity_gradient"]), "on everything, on a circular orbit"),
+    key("mu_m3_per_s2", Holds::Positive, "gravitational parameter (m^3/s^2); the Earth's unless given"),
+    must("radius_m", Holds::Positive, "distance from the centre of what is orbited (m)"),
+    must("radial", Holds::Vector(3), "direction away from it at the start, in world axes, of any length"),
+    must("normal", Holds::Vector(3), "normal of the orbit in world axes, of any length; perpendicular to radial"),
 ];
 
 impl InputSpec {
     /// Reads one table; `None` where a problem is recorded.
     pub(super) fn read(t: &Table<'_, '_>) -> Option<Self> {
         // The keys of an unknown kind cannot be judged.
-        let kind = t.required("kind", choice(t, "kind", &KINDS))?;
-        let input = kind(t);
+        let (keys, read) = choice(t, "kind", &KINDS)?;
+        t.is_of(keys);
+        let input = read(t);
         t.finish();
         input
     }
@@ -178,37 +233,37 @@ impl InputSpec {
 }
 
 fn thruster(t: &Table<'_, '_>) -> Option<InputSpec> {
-    let host = t.required("host", t.string("host"));
-    let point_m = t.required("point_m", t.vector::<3>("point_m"));
+    let host = t.string("host");
+    let point_m = t.vector::<3>("point_m");
     let direction = direction(t, "direction");
     let thrust = course(t);
     Some(InputSpec::Thruster { host: host?, point_m: point_m?, direction: direction?, thrust: thrust? })
 }
 
 fn wrench(t: &Table<'_, '_>) -> Option<InputSpec> {
-    let host = t.required("host", t.string("host"));
-    let known = [("body", WrenchAxes::Body), ("world", WrenchAxes::World)];
-    let axes = t.required("axes", choice(t, "axes", &known));
+    let host = t.string("host");
+    let axes = choice(t, "axes", &AXES);
     let wrench = course(t);
     Some(InputSpec::Wrench { host: host?, axes: axes?, wrench: wrench? })
 }
 
 fn passive_force(t: &Table<'_, '_>) -> Option<InputSpec> {
-    let coordinate = t.required("coordinate", t.string("coordinate"));
+    let coordinate = t.string("coordinate");
     let force = course(t);
     Some(InputSpec::PassiveForce { coordinate: coordinate?, force: force? })
 }
 
 fn gravity_gradient(t: &Table<'_, '_>) -> Option<InputSpec> {
-    let mu_m3_per_s2 = t.number("mu_m3_per_s2", Must::BePositive);
-    let radius_m = t.required("radius_m", t.number("radius_m", Must::BePositive));
+    let mu_m3_per_s2 = t.number("mu_m3_per_s2");
+    let radius_m = t.number("radius_m");
     let (radial, normal) = (direction(t, "radial"), direction(t, "normal"));
     let (radius_m, radial, normal) = (radius_m?, radial?, normal?);
     let dot = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let cosine = dot(&radial, &normal) / (dot(&radial, &radial) * dot(&normal, &normal)).sqrt();
     if cosine.abs() > PERPENDICULAR {
         let what = format!("cosine {cosine:.3e} between radial and normal, limit {PERPENDICULAR:e}");
-        t.fail("normal", error("Config::OutOfRange", what).hint("give a normal perpendicular to radial"));
+        let p = error("Config::OutOfRange", what).violating(cosine.abs(), Limit::AtMost(PERPENDICULAR), "");
+        t.fail("normal", p.hint("give a normal perpendicular to radial"));
         return None;
     }
     Some(InputSpec::GravityGradient { mu_m3_per_s2, radius_m, radial, normal })
@@ -235,7 +290,7 @@ impl Strength for Thrust {
     const KEYS: &'static [&'static str] = &["force_n"];
     fn read(t: &Table<'_, '_>) -> Option<Self> {
         // A thruster cannot pull.
-        t.number("force_n", Must::NotBeNegative).map(|force_n| Self { force_n })
+        t.number("force_n").map(|force_n| Self { force_n })
     }
 }
 
@@ -252,8 +307,8 @@ impl Strength for Wrench {
 impl Strength for Effort {
     const KEYS: &'static [&'static str] = &["torque_nm", "force_n"];
     fn read(t: &Table<'_, '_>) -> Option<Self> {
-        let torque = t.number("torque_nm", Must::Any).map(Self::TorqueNm);
-        let force = t.number("force_n", Must::Any).map(Self::ForceN);
+        let torque = t.number("torque_nm").map(Self::TorqueNm);
+        let force = t.number("force_n").map(Self::ForceN);
         if t.has("torque_nm") && t.has("force_n") {
             let p = error("Config::Conflict", "torque_nm and force_n are both given");
             t.fail("force_n", p.hint("keep torque_nm for an angle, force_n for a length"));
@@ -304,21 +359,22 @@ fn course<V: Strength>(t: &Table<'_, '_>) -> Option<Course<V>> {
 }
 
 fn pulse<V: Strength>(t: &Table<'_, '_>) -> Option<PulseSpec<V>> {
-    let on = t.required("t_on_s", t.number("t_on_s", Must::Any));
-    let off = t.required("t_off_s", t.number("t_off_s", Must::Any));
+    let on = t.number("t_on_s");
+    let off = t.number("t_off_s");
     let value = V::required(t);
     t.finish();
     let (t_on_s, t_off_s) = (on?, off?);
     if t_off_s <= t_on_s {
         let what = format!("value {t_off_s} s, limit > t_on_s, {t_on_s} s");
-        t.fail("t_off_s", error("Config::OutOfRange", what).hint("let the pulse end after it begins"));
+        let p = error("Config::OutOfRange", what).violating(t_off_s, Limit::Above(t_on_s), "s");
+        t.fail("t_off_s", p.hint("let the pulse end after it begins"));
         return None;
     }
     Some(PulseSpec { t_on_s, t_off_s, value: value? })
 }
 
 fn sample<V: Strength>(t: &Table<'_, '_>) -> Option<SampleSpec<V>> {
-    let at = t.required("t_s", t.number("t_s", Must::Any));
+    let at = t.number("t_s");
     let value = V::required(t);
     t.finish();
     Some(SampleSpec { t_s: at?, value: value? })
@@ -341,7 +397,8 @@ fn ascending<V>(samples: &[SampleSpec<V>], t: &Table<'_, '_>) -> bool {
     let Some(k) = samples.windows(2).position(|w| w[1].t_s <= w[0].t_s) else { return true };
     let key = format!("sample[{}].t_s", k + 1);
     let what = format!("value {} s, limit > {} s, the sample before", samples[k + 1].t_s, samples[k].t_s);
-    let p = error("Config::OutOfRange", what).on(t.name_of(&key));
+    let limit = Limit::Above(samples[k].t_s);
+    let p = error("Config::OutOfRange", what).violating(samples[k + 1].t_s, limit, "s").on(t.name_of(&key));
     t.fail_at(t.place(&key), p.hint("give the samples in order, each time once"));
     false
 }
@@ -354,7 +411,8 @@ fn about_origin(host: &str, frames: &Frames<'_>, t: &Table<'_, '_>) {
         let body = frames.0.body_name(f.body);
         let what =
             format!("its origin is {off} m from that of body {body}, limit {AT_ORIGIN:e} m for axes = \"world\"");
-        t.fail("host", error("Config::OutOfRange", what).hint(format!("give {body} as host, or axes = \"body\"")));
+        let p = error("Config::OutOfRange", what).violating(off, Limit::AtMost(AT_ORIGIN), "m");
+        t.fail("host", p.hint(format!("give {body} as host, or axes = \"body\"")));
     }
 }
 

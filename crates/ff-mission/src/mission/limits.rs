@@ -1,7 +1,8 @@
 //! `[limits]`: what planned motion must keep to.
 
 use super::appendage;
-use super::reader::{Must, Table, error};
+use super::declared::{Holds, Key, key, must};
+use super::reader::{Table, error};
 use serde::Serialize;
 
 /// Section `[limits]`: what planned motion must keep to. Absent keys are no limit.
@@ -67,20 +68,52 @@ pub struct PointingLimit {
     pub outside_rad: Option<f64>,
 }
 
+/// Keys of `[limits]`.
+pub(crate) const LIMITS: &[Key] = &[
+    key("velocity_rad_per_s", Holds::Positive, "greatest joint speed (rad/s)"),
+    key("acceleration_rad_per_s2", Holds::Positive, "greatest joint acceleration (rad/s^2)"),
+    key("jerk_rad_per_s3", Holds::Positive, "greatest joint jerk (rad/s^3)"),
+    key("torque_nm", Holds::Positive, "greatest joint torque (N m)"),
+    key("base_attitude_rad", Holds::Angle, "greatest turn of the base from its start (rad), below pi"),
+    key("base_rate_rad_per_s", Holds::Positive, "greatest angular speed of the base (rad/s)"),
+    key("end_effector_speed_m_per_s", Holds::Positive, "greatest speed of the end effector (m/s)"),
+    key("passive_rad", Holds::Positive, "greatest deflection of passive angles (rad)"),
+    key("passive_m", Holds::Positive, "greatest deflection of passive lengths (m)"),
+    key("pointing", Holds::Tables(POINTING), "cones for axes of the base"),
+    key("clearance_m", Holds::Positive, "least distance between collision shapes (m)"),
+    key("keep_out", Holds::Tables(KEEP_OUT), "capsules that other bodies stay out of"),
+];
+
+const POINTING: &[Key] = &[
+    must("name", Holds::Text, "what points"),
+    must("axis", Holds::Vector(3), "axis in base axes"),
+    must("target", Holds::Vector(3), "direction in world axes"),
+    key("within_rad", Holds::Angle, "greatest angle between the two (rad)"),
+    key("outside_rad", Holds::Angle, "least angle between the two (rad)"),
+];
+
+const KEEP_OUT: &[Key] = &[
+    must("name", Holds::Text, "name"),
+    must("host", Holds::Text, "link that carries it"),
+    must("from_m", Holds::Vector(3), "centre of one end (m)"),
+    must("to_m", Holds::Vector(3), "centre of the other end (m)"),
+    must("radius_m", Holds::Positive, "radius (m)"),
+];
+
 impl Limits {
     pub(super) fn read(t: &Table<'_, '_>) -> Self {
         let out = Self {
-            velocity_rad_per_s: t.number("velocity_rad_per_s", Must::BePositive),
-            acceleration_rad_per_s2: t.number("acceleration_rad_per_s2", Must::BePositive),
-            jerk_rad_per_s3: t.number("jerk_rad_per_s3", Must::BePositive),
-            torque_nm: t.number("torque_nm", Must::BePositive),
-            base_attitude_rad: angle(t, "base_attitude_rad"),
-            base_rate_rad_per_s: t.number("base_rate_rad_per_s", Must::BePositive),
-            end_effector_speed_m_per_s: t.number("end_effector_speed_m_per_s", Must::BePositive),
-            passive_rad: t.number("passive_rad", Must::BePositive),
-            passive_m: t.number("passive_m", Must::BePositive),
+            velocity_rad_per_s: t.number("velocity_rad_per_s"),
+            acceleration_rad_per_s2: t.number("acceleration_rad_per_s2"),
+            jerk_rad_per_s3: t.number("jerk_rad_per_s3"),
+            torque_nm: t.number("torque_nm"),
+            base_attitude_rad: t.number("base_attitude_rad"),
+            base_rate_rad_per_s: t.number("base_rate_rad_per_s"),
+            end_effector_speed_m_per_s: t.number("end_effector_speed_m_per_s"),
+            passive_rad: t.number("passive_rad"),
+            passive_m: t.number("passive_m"),
             pointing: t.tables("pointing").iter().filter_map(PointingLimit::read).collect(),
-            clearance_m: t.number("clearance_m", Must::BePositive),
+            clearance_m: t.number("clearance_m"),
             keep_out: t.tables("keep_out").iter().filter_map(KeepOut::read).collect(),
         };
         if !out.keep_out.is_empty() && !t.has("clearance_m") {
@@ -98,9 +131,9 @@ impl Limits {
 impl KeepOut {
     fn read(t: &Table<'_, '_>) -> Option<Self> {
         let name = appendage::name(t);
-        let host = t.required("host", t.string("host"));
-        let [from_m, to_m] = ["from_m", "to_m"].map(|key| t.required(key, t.vector::<3>(key)));
-        let radius_m = t.required("radius_m", t.number("radius_m", Must::BePositive));
+        let host = t.string("host");
+        let [from_m, to_m] = ["from_m", "to_m"].map(|key| t.vector::<3>(key));
+        let radius_m = t.number("radius_m");
         t.finish();
         Some(Self { name: name?, host: host?, from_m: from_m?, to_m: to_m?, radius_m: radius_m? })
     }
@@ -110,7 +143,7 @@ impl PointingLimit {
     fn read(t: &Table<'_, '_>) -> Option<Self> {
         let name = appendage::name(t);
         let [axis, target] = ["axis", "target"].map(|key| direction(t, key));
-        let (within_rad, outside_rad) = (angle(t, "within_rad"), angle(t, "outside_rad"));
+        let (within_rad, outside_rad) = (t.number("within_rad"), t.number("outside_rad"));
         match (t.has("within_rad"), t.has("outside_rad")) {
             (true, true) => {
                 let p = error("Config::Conflict", "within_rad and outside_rad are both given");
@@ -124,23 +157,12 @@ impl PointingLimit {
     }
 }
 
-/// A vector that must be given, and not be zero.
+/// A vector that must not be zero.
 pub(super) fn direction(t: &Table<'_, '_>, key: &'static str) -> Option<[f64; 3]> {
-    let v = t.required(key, t.vector::<3>(key))?;
+    let v = t.vector::<3>(key)?;
     let zero = v.iter().all(|x| *x == 0.0);
     if zero {
         t.fail(key, error("Config::ZeroAxis", "is the zero vector").hint("give a direction, such as [0, 0, 1]"));
     }
     (!zero).then_some(v)
-}
-
-/// An angle above 0 and below pi.
-fn angle(t: &Table<'_, '_>, key: &'static str) -> Option<f64> {
-    let x = t.number(key, Must::BePositive)?;
-    if x >= std::f64::consts::PI {
-        let what = format!("value {x} rad, limit < pi rad");
-        t.fail(key, error("Config::OutOfRange", what).hint("give the angle in radians; leave it out for no limit"));
-        return None;
-    }
-    Some(x)
 }

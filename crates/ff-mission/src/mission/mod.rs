@@ -48,12 +48,14 @@
 //! infinity are errors; all problems are listed with file, line and column. Reasons go into comments.
 pub(crate) mod appendage;
 pub(crate) mod client;
+pub(crate) mod declared;
 pub(crate) mod excite;
 pub(crate) mod input;
 pub(crate) mod lift;
 pub(crate) mod limits;
 pub(crate) mod reader;
 pub(crate) mod robot;
+pub mod schema;
 pub(crate) mod select;
 pub(crate) mod settings;
 pub(crate) mod values;
@@ -70,20 +72,41 @@ use crate::leniency::Leniency;
 use crate::lines::LineIndex;
 use crate::urdf;
 use crate::urdf::UrdfOptions;
-use appendage::{Draft, Kinds};
+use appendage::{APPENDAGE, Draft, Kinds};
+use client::CLIENT;
+use declared::{Holds, Key, key, must};
+use excite::EXCITE;
 use ff_model::Model;
 use ff_model::Registry;
-use ff_model::diagnostics::{clip, list, nearest};
+use ff_model::diagnostics::{Limit, clip, list, nearest};
 use ff_model::{Area, Problem, Problems};
+use input::INPUTS;
+use limits::LIMITS;
 use nalgebra::Vector3;
 use reader::{Context, Table, error};
+use robot::ROBOT;
 use serde::Serialize;
+use settings::{ESTIMATE, REPRODUCE, SENSORS};
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::de::DeTable;
 
 /// Largest mission file read (bytes).
 pub const MAX_BYTES: usize = 1 << 20;
+
+/// Keys of a mission file. Those of a section are declared beside what it is read to.
+const ROOT: &[Key] = &[
+    must("robot", Holds::Table(ROBOT), "which robot, which base, gravity"),
+    key("client", Holds::Tables(CLIENT), "what the end effector holds"),
+    key("appendage", Holds::Appendages(APPENDAGE), "what hangs on the robot: panels, fuel, wheels"),
+    key("input", Holds::TablesOf(INPUTS), "what acts in ffid simulate"),
+    key("sensors", Holds::Table(SENSORS), "rate and noise of the sensors"),
+    key("limits", Holds::Table(LIMITS), "what planned motion must keep to"),
+    key("estimate", Holds::Table(ESTIMATE), "what is identified, and from which start"),
+    key("excite", Holds::Table(EXCITE), "the manoeuvre that is planned"),
+    key("reproduce", Holds::Table(REPRODUCE), "the procedure of the paper, for cargo xtask reproduce"),
+    key("parameters", Holds::Named, "values by full name that replace those from above, such as \"base.mass\" = 612.5"),
+];
 
 /// A mission file as read.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -195,7 +218,7 @@ fn load(
         }
         let mut imported = Problems::default();
         let kinds = Kinds { registry, folder };
-        let loaded = read(&Table::root(&cx, &doc), &kinds, options, import, &mut imported);
+        let loaded = read(&Table::root(&cx, &doc, ROOT), &kinds, options, import, &mut imported);
         out.extend(imported);
         loaded
     } else {
@@ -223,7 +246,7 @@ fn read(
     import: impl FnOnce(&Robot, &UrdfOptions) -> Result<(Model, Problems), Problems>,
     imported: &mut Problems,
 ) -> Option<Loaded> {
-    let robot_table = root.required("robot", root.table("robot"));
+    let robot_table = root.table("robot");
     let robot = robot_table.as_ref().and_then(Robot::read);
     let clients: Vec<(Table<'_, '_>, Option<Client>)> = root
         .tables("client")
@@ -428,7 +451,8 @@ fn check_reproduce(r: &Reproduce, model: &Model, t: &Table<'_, '_>) {
             let l = &b.joint.limits;
             if !(l.lower..=l.upper).contains(&q) {
                 let what = format!("joint {}: {q} rad, limit {} .. {} rad", b.joint.name, l.lower, l.upper);
-                t.fail("hold_rad", error("Config::OutOfRange", what).hint("give a position within the joint limits"));
+                let p = error("Config::OutOfRange", what).violating(q, Limit::Within(l.lower, l.upper), "rad");
+                t.fail("hold_rad", p.hint("give a position within the joint limits"));
             }
         }
     }

@@ -1,8 +1,10 @@
 //! `[robot]`: which URDF, which base, gravity, and rigid mass the URDF does not know of.
 
-use super::reader::{Must, Table, error};
+use super::declared::{Holds, Key, key, must};
+use super::reader::{Table, error};
 use ff_model::BaseKind;
 use ff_model::Inertia;
+use ff_model::diagnostics::Limit;
 use ff_model::spatial::InertiaError;
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -54,6 +56,30 @@ fn base_name<S: serde::Serializer>(b: &BaseKind, s: S) -> Result<S::Ok, S::Error
     s.serialize_str(if *b == BaseKind::Fixed { "fixed" } else { "floating" })
 }
 
+/// Keys of a [`RigidBody`].
+pub(crate) const BODY: [Key; 3] = [
+    must("mass_kg", Holds::Positive, "mass (kg)"),
+    key("com_m", Holds::Vector(3), "centre of mass in the frame of the link or client (m)"),
+    key(
+        "inertia_com_kgm2",
+        Holds::Symmetric,
+        "inertia about the centre of mass (kg m^2): xx, xy, xz, yy, yz, zz or rows",
+    ),
+];
+
+/// Keys of `[robot]`.
+pub(crate) const ROBOT: &[Key] = &[
+    must("urdf", Holds::Text, "path of the URDF, relative to the mission file"),
+    key("base_link", Holds::Text, "link whose frame is the base frame; the root unless given"),
+    key("end_effector", Holds::Text, "link whose motion is reported"),
+    key("base", Holds::OneOf(&["floating", "fixed"]), "").or_word("floating"),
+    key("gravity_m_per_s2", Holds::Vector(3), "gravity in world axes (m/s^2); zero unless given"),
+    key("base_inertial", Holds::Table(&BODY), "replaces the inertial of the base link"),
+    key("rigid", Holds::Tables(RIGID), "rigid mass on a link"),
+];
+
+const RIGID: &[Key] = &[must("link", Holds::Text, "the link that carries the mass"), BODY[0], BODY[1], BODY[2]];
+
 impl RigidBody {
     /// Inertia about the origin of the link frame.
     pub fn inertia(&self) -> Inertia<f64> {
@@ -63,7 +89,7 @@ impl RigidBody {
         ff_model::keys::symmetric(&self.inertia_com_kgm2)
     }
     pub(super) fn read(t: &Table<'_, '_>) -> Option<Self> {
-        let mass_kg = t.required("mass_kg", t.number("mass_kg", Must::BePositive));
+        let mass_kg = t.number("mass_kg");
         let com_m = t.vector("com_m").unwrap_or_default();
         let inertia_com_kgm2 = six(t, "inertia_com_kgm2").unwrap_or_default();
         let body = Self { mass_kg: mass_kg?, com_m, inertia_com_kgm2 };
@@ -102,6 +128,7 @@ fn six(t: &Table<'_, '_>, key: &'static str) -> Option<[f64; 6]> {
                 "Config::NotSymmetric",
                 format!("opposite elements differ by {skew} kg m^2, limit {} kg m^2", 1e-9 * scale),
             )
+            .violating(skew, Limit::AtMost(1e-9 * scale), "kg m^2")
             .hint("an inertia matrix is symmetric"),
         );
         return None;
@@ -112,7 +139,7 @@ fn six(t: &Table<'_, '_>, key: &'static str) -> Option<[f64; 6]> {
 impl Robot {
     /// Reads the section; `None` without a usable `urdf`.
     pub(super) fn read(t: &Table<'_, '_>) -> Option<Self> {
-        let urdf = t.required("urdf", t.string("urdf"));
+        let urdf = t.string("urdf");
         let base = match t.string("base").as_deref() {
             None | Some("floating") => BaseKind::Floating,
             Some("fixed") => BaseKind::Fixed,
@@ -128,7 +155,7 @@ impl Robot {
             body
         });
         let rigid = t.tables("rigid").into_iter().filter_map(|r| {
-            let link = r.required("link", r.string("link"));
+            let link = r.string("link");
             let body = RigidBody::read(&r);
             r.finish();
             Some(Rigid { link: link?, body: body? })

@@ -1,7 +1,8 @@
 //! `[sensors]`, `[estimate]`, `[reproduce]`: the sections that do not change the model.
 
-use super::appendage::or_zero;
-use super::reader::{Must, Table, error};
+use super::declared::{Holds, Key, key, must};
+use super::reader;
+use super::reader::Table;
 use serde::Serialize;
 
 /// Section `[sensors]`; without it, perfect sensors at 100 Hz.
@@ -50,40 +51,64 @@ pub struct Encoder {
     pub bits: Option<u32>,
 }
 
+/// Keys of `[sensors]`.
+pub(crate) const SENSORS: &[Key] = &[
+    key("rate_hz", Holds::Positive, "sample rate of all sensors (Hz)").or(100.0),
+    key("torque", Holds::Table(TORQUE), "joint torque sensors"),
+    key("gyro", Holds::Table(GYRO), "base gyro"),
+    key("encoder", Holds::Table(ENCODER), "joint encoders"),
+];
+
+const TORQUE: &[Key] = &[
+    key("noise_std_nm", Holds::NotNegative, "standard deviation of white noise (N m)").or(0.0),
+    key("bias_nm", Holds::Number, "constant offset (N m)").or(0.0),
+    key("lsb_nm", Holds::NotNegative, "quantisation step (N m); 0 for none").or(0.0),
+];
+
+const GYRO: &[Key] = &[
+    key("noise_std_rad_per_s", Holds::NotNegative, "standard deviation of white noise (rad/s)").or(0.0),
+    key("bias_rad_per_s", Holds::Number, "constant offset (rad/s)").or(0.0),
+    key("lsb_rad_per_s", Holds::NotNegative, "quantisation step (rad/s); 0 for none").or(0.0),
+];
+
+// Beyond 52 bits a step is below the resolution of the numbers themselves.
+const BITS: Holds = Holds::WholeWithin { from: 1, to: 52, unit: " bits" };
+const ENCODER: &[Key] = &[
+    key("noise_std_rad", Holds::NotNegative, "standard deviation of white noise (rad)").or(0.0),
+    key("bias_rad", Holds::Number, "constant offset (rad)").or(0.0),
+    key("bits", BITS, "steps per turn are 2^bits, 1 to 52; no quantisation unless given"),
+];
+
 impl Default for Sensors {
     fn default() -> Self {
-        Self { rate_hz: 100.0, torque: Torque::default(), gyro: Gyro::default(), encoder: Encoder::default() }
+        reader::absent(SENSORS, Self::read)
     }
 }
 
 impl Sensors {
     pub(super) fn read(t: &Table<'_, '_>) -> Self {
-        let mut s = Self::default();
-        s.rate_hz = t.number("rate_hz", Must::BePositive).unwrap_or(s.rate_hz);
+        let mut s = Self {
+            rate_hz: t.number("rate_hz").unwrap_or_default(),
+            torque: Torque::default(),
+            gyro: Gyro::default(),
+            encoder: Encoder::default(),
+        };
         if let Some(t) = t.table("torque") {
-            s.torque.noise_std_nm = or_zero(&t, "noise_std_nm", Must::NotBeNegative);
-            s.torque.bias_nm = or_zero(&t, "bias_nm", Must::Any);
-            s.torque.lsb_nm = or_zero(&t, "lsb_nm", Must::NotBeNegative);
+            s.torque.noise_std_nm = t.number("noise_std_nm").unwrap_or_default();
+            s.torque.bias_nm = t.number("bias_nm").unwrap_or_default();
+            s.torque.lsb_nm = t.number("lsb_nm").unwrap_or_default();
             t.finish();
         }
         if let Some(t) = t.table("gyro") {
-            s.gyro.noise_std_rad_per_s = or_zero(&t, "noise_std_rad_per_s", Must::NotBeNegative);
-            s.gyro.bias_rad_per_s = or_zero(&t, "bias_rad_per_s", Must::Any);
-            s.gyro.lsb_rad_per_s = or_zero(&t, "lsb_rad_per_s", Must::NotBeNegative);
+            s.gyro.noise_std_rad_per_s = t.number("noise_std_rad_per_s").unwrap_or_default();
+            s.gyro.bias_rad_per_s = t.number("bias_rad_per_s").unwrap_or_default();
+            s.gyro.lsb_rad_per_s = t.number("lsb_rad_per_s").unwrap_or_default();
             t.finish();
         }
         if let Some(t) = t.table("encoder") {
-            s.encoder.noise_std_rad = or_zero(&t, "noise_std_rad", Must::NotBeNegative);
-            s.encoder.bias_rad = or_zero(&t, "bias_rad", Must::Any);
-            s.encoder.bits = t.whole("bits").and_then(|b| match u32::try_from(b) {
-                // Beyond 52 bits a step is below the resolution of the numbers themselves.
-                Ok(b) if (1..=52).contains(&b) => Some(b),
-                _ => {
-                    let what = format!("value {b} bits, limit 1 to 52 bits");
-                    t.fail("bits", error("Config::OutOfRange", what).hint("give the resolution per turn in bits"));
-                    None
-                }
-            });
+            s.encoder.noise_std_rad = t.number("noise_std_rad").unwrap_or_default();
+            s.encoder.bias_rad = t.number("bias_rad").unwrap_or_default();
+            s.encoder.bits = t.whole("bits").and_then(|b| u32::try_from(b).ok());
             t.finish();
         }
         t.finish();
@@ -104,20 +129,19 @@ pub struct Estimate {
     pub prior_relative_std: Option<f64>,
 }
 
+/// Keys of `[estimate]`.
+pub(crate) const ESTIMATE: &[Key] = &[
+    key("parameters", Holds::Texts, "names or patterns with *, such as base.* or panel_left.k[*]"),
+    key("start_offset", Holds::Offset, "relative offset of the start, for studies; above -1").or(0.0),
+    key("prior_relative_std", Holds::Positive, "relative standard deviation of a prior on the nominal values"),
+];
+
 impl Estimate {
     pub(super) fn read(t: &Table<'_, '_>) -> Self {
-        let offset = t.number("start_offset", Must::Any).unwrap_or(0.0);
-        if offset <= -1.0 {
-            let what = format!("value {offset}, limit > -1");
-            t.fail(
-                "start_offset",
-                error("Config::OutOfRange", what).hint("a start value must keep the sign of the nominal one"),
-            );
-        }
         let out = Self {
             parameters: t.strings("parameters").unwrap_or_default(),
-            start_offset: offset,
-            prior_relative_std: t.number("prior_relative_std", Must::BePositive),
+            start_offset: t.number("start_offset").unwrap_or_default(),
+            prior_relative_std: t.number("prior_relative_std"),
         };
         t.finish();
         out
@@ -126,7 +150,7 @@ impl Estimate {
 
 /// Section `[reproduce]`: the procedure of the paper, used by `cargo xtask reproduce`.
 ///
-/// To add a key: one field here, one line in `read`.
+/// To add a key: one field here, one line in `REPRODUCE`, one in `read`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Reproduce {
     /// `seed`: seed of every random number; 0 unless given.
@@ -149,20 +173,31 @@ pub struct Reproduce {
     pub control_points: u64,
 }
 
+/// Keys of `[reproduce]`.
+pub(crate) const REPRODUCE: &[Key] = &[
+    key("seed", Holds::Whole, "of every random number").or_whole(0),
+    key("trajectory_seeds", Holds::Wholes, "one excitation trajectory each"),
+    key("hold_rad", Holds::Numbers, "joint positions held while the modes ring (rad)"),
+    key("manoeuvre_joints", Holds::Texts, "joints that make them ring"),
+    key("settle_s", Holds::NotNegative, "time after the manoeuvre that is not used (s)").or(0.0),
+    must("record_s", Holds::Positive, "length of the record of the free motion (s)"),
+    must("identification_s", Holds::Positive, "length of the identification trajectory (s)"),
+    must("reference_s", Holds::Positive, "length of the reference trajectory (s)"),
+    key("control_points", Holds::Whole, "per joint").or_whole(10),
+];
+
 impl Reproduce {
     pub(super) fn read(t: &Table<'_, '_>) -> Self {
         let out = Self {
-            seed: t.whole("seed").unwrap_or(0),
+            seed: t.whole("seed").unwrap_or_default(),
             trajectory_seeds: t.wholes("trajectory_seeds").unwrap_or_default(),
             hold_rad: t.numbers("hold_rad").unwrap_or_default(),
             manoeuvre_joints: t.strings("manoeuvre_joints").unwrap_or_default(),
-            settle_s: or_zero(t, "settle_s", Must::NotBeNegative),
-            record_s: t.required("record_s", t.number("record_s", Must::BePositive)).unwrap_or(0.0),
-            identification_s: t
-                .required("identification_s", t.number("identification_s", Must::BePositive))
-                .unwrap_or(0.0),
-            reference_s: t.required("reference_s", t.number("reference_s", Must::BePositive)).unwrap_or(0.0),
-            control_points: t.whole("control_points").unwrap_or(10),
+            settle_s: t.number("settle_s").unwrap_or_default(),
+            record_s: t.number("record_s").unwrap_or_default(),
+            identification_s: t.number("identification_s").unwrap_or_default(),
+            reference_s: t.number("reference_s").unwrap_or_default(),
+            control_points: t.whole("control_points").unwrap_or_default(),
         };
         t.finish();
         out

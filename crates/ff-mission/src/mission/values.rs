@@ -10,7 +10,7 @@ use toml::Value;
 /// The numbers of the section; what is no number is reported.
 pub(super) fn read(t: &Table<'_, '_>) -> BTreeMap<String, f64> {
     let mut out = BTreeMap::new();
-    for (name, value) in t.rest(&[]) {
+    for (name, value) in t.undeclared() {
         match value {
             // Not finite: reported for the whole file.
             Value::Float(x) => _ = out.insert(name, x),

@@ -5,6 +5,7 @@ use super::graph::Tree;
 use super::raw::{RawInertial, RawJoint, RawPose, RawRobot};
 use ff_model::Inertia;
 use ff_model::Xform;
+use ff_model::diagnostics::Limit;
 use ff_model::diagnostics::{list, nearest};
 use ff_model::spatial::so3::rot_of_rpy;
 use ff_model::tree::JointLimits;
@@ -154,6 +155,7 @@ fn masses(r: &RawRobot, groups: &[Group], at: &[(usize, Xform<f64>)], options: &
         match g.joint {
             None if options.base_kind == BaseKind::Floating && g.inertia.mass <= 0.0 && !silent => out.push(
                 Problem::error(Area::Model, "Urdf::MasslessBase", format!("mass {} kg, limit > 0 kg", g.inertia.mass))
+                    .violating(g.inertia.mass, Limit::Above(0.0), "kg")
                     .at_line(line)
                     .on(format!("link {}", l.name))
                     .hint("a floating base needs mass; give it, or set base = \"fixed\""),
@@ -175,6 +177,7 @@ fn masses(r: &RawRobot, groups: &[Group], at: &[(usize, Xform<f64>)], options: &
                             "Urdf::MasslessLeaf",
                             format!("{what} {x} {unit}, limit > 0 {unit}"),
                         )
+                        .violating(x, Limit::Above(0.0), unit)
                         .at_line(line)
                         .on(format!("link {}", l.name))
                         .hint(format!("nothing resists joint {}: give mass and inertia, or make it fixed", joint.name)),

@@ -1,6 +1,7 @@
 //! Is it one tree? Names, ends of joints, parents, cycles, roots.
 
 use super::raw::RawRobot;
+use ff_model::diagnostics::Limit;
 use ff_model::diagnostics::{clip, list, nearest};
 use ff_model::{Area, Problem, Problems};
 use std::collections::{BinaryHeap, HashMap};
@@ -79,6 +80,7 @@ pub(super) fn tree(r: &RawRobot, out: &mut Problems) -> Option<Tree> {
         let names = list(roots.iter().map(|&i| r.links[i].name.as_str()), 8);
         out.push(
             err("Urdf::MultipleRoots", format!("{} links have no parent: {names}; limit 1", roots.len()))
+                .violating(roots.len() as f64, Limit::AtMost(1.0), "links")
                 .at_line(r.links[roots[1]].line)
                 .on("robot")
                 .hint("connect them with joints, or remove the unused"),

@@ -2,6 +2,7 @@
 
 use super::raw::{RawInertial, RawJoint, RawLink, RawRobot};
 use ff_model::Inertia;
+use ff_model::diagnostics::Limit;
 use ff_model::spatial::InertiaError;
 use ff_model::{Area, Problem, Problems};
 use nalgebra::Vector3;
@@ -47,6 +48,7 @@ fn inertial(l: &RawLink, i: &RawInertial, line: usize, out: &mut Problems) {
         }
         Err(InertiaError::NonPositiveMass { value }) => Some(
             err("Urdf::NonPositiveMass", format!("mass {value} kg, limit > 0 kg"))
+                .violating(value, Limit::Above(0.0), "kg")
                 .hint("give the mass in kg; a massless link has mass and inertia 0"),
         ),
         Err(InertiaError::NotPsd { moments }) => Some(
@@ -54,6 +56,7 @@ fn inertial(l: &RawLink, i: &RawInertial, line: usize, out: &mut Problems) {
                 "Urdf::InertiaNotPsd",
                 format!("principal moments {} kg m^2 about the centre of mass, limit >= 0 kg m^2", show(&moments)),
             )
+            .violating(moments.iter().copied().fold(f64::INFINITY, f64::min), Limit::AtLeast(0.0), "kg m^2")
             .hint(cause(i)),
         ),
         Err(InertiaError::Triangle { moments, violation }) => Some(
@@ -64,6 +67,7 @@ fn inertial(l: &RawLink, i: &RawInertial, line: usize, out: &mut Problems) {
                     show(&moments)
                 ),
             )
+            .violating(violation, Limit::AtMost(0.0), "kg m^2")
             .hint("no mass distribution has these; check the units and axes, or allow 'triangle'"),
         ),
     };
@@ -198,20 +202,22 @@ fn limits(j: &RawJoint, name: &str, out: &mut Problems) {
         }
         return;
     };
-    let mut bad =
-        |message: String, hint: &str| out.push(err("Urdf::BadLimits", message).at_line(l.line).on(name).hint(hint));
+    let bad = |message: String, hint: &str| err("Urdf::BadLimits", message).at_line(l.line).on(name).hint(hint);
     if let Some(v) = l.velocity.filter(|v| *v <= 0.0) {
-        bad(format!("velocity limit {v} {speed}, limit > 0 {speed}"), "give the greatest speed of the joint");
+        let p = bad(format!("velocity limit {v} {speed}, limit > 0 {speed}"), "give the greatest speed of the joint");
+        out.push(p.violating(v, Limit::Above(0.0), speed));
     }
     if let Some(e) = l.effort.filter(|e| *e < 0.0) {
-        bad(format!("effort limit {e} {force}, limit >= 0 {force}"), "give the greatest torque or force");
+        let p = bad(format!("effort limit {e} {force}, limit >= 0 {force}"), "give the greatest torque or force");
+        out.push(p.violating(e, Limit::AtLeast(0.0), force));
     }
     if j.kind == "continuous" {
         return;
     }
     match (l.lower, l.upper) {
         (Some(lo), Some(up)) if lo > up => {
-            bad(format!("lower {lo} {u} exceeds upper {up} {u}"), "swap them");
+            let p = bad(format!("lower {lo} {u} exceeds upper {up} {u}"), "swap them");
+            out.push(p.violating(lo, Limit::AtMost(up), u));
         }
         (None, None) => out.push(
             warn("Urdf::NoLimits", "has neither lower nor upper limit; taken as unlimited")
@@ -226,7 +232,7 @@ fn limits(j: &RawJoint, name: &str, out: &mut Problems) {
             // URDF reads an absent limit as zero; that is rarely what was meant, so it is not done in silence.
             let text = format!("{which} limit is absent and read as 0 {u} (the other is {other} {u})");
             if (which == "lower" && other < 0.0) || (which == "upper" && other > 0.0) {
-                bad(format!("{text}: the range is empty"), "give both limits");
+                out.push(bad(format!("{text}: the range is empty"), "give both limits"));
             } else {
                 out.push(warn("Urdf::NoLimits", text).at_line(l.line).on(name).hint("give both limits"));
             }

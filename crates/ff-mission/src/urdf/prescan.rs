@@ -5,6 +5,7 @@
 
 use super::{MAX_BYTES, MAX_DEPTH};
 use crate::lines::LineIndex;
+use ff_model::diagnostics::Limit;
 use ff_model::{Area, Problem, Problems};
 
 /// The text of a file without its byte order mark.
@@ -16,6 +17,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<&str, Problems> {
     if bytes.len() > MAX_BYTES {
         return fail(
             Problem::error(Area::Model, "Urdf::TooLarge", format!("{} bytes, limit {MAX_BYTES} bytes", bytes.len()))
+                .violating(bytes.len() as f64, Limit::AtMost(MAX_BYTES as f64), "bytes")
                 .hint("keep meshes out of the URDF, or split the robot"),
         );
     }
@@ -75,6 +77,7 @@ pub(super) fn scan(text: &str, max_links: usize) -> Result<(), Problems> {
                                 "Urdf::TooLarge",
                                 format!("more than {max_links} links, the limit"),
                             )
+                            .violating(max_links as f64 + 1.0, Limit::AtMost(max_links as f64), "links")
                             .hint("raise the limit if the robot is really that large"),
                         );
                     }
@@ -89,6 +92,7 @@ pub(super) fn scan(text: &str, max_links: usize) -> Result<(), Problems> {
                             "Urdf::TooDeep",
                             format!("elements nested {level} deep, limit {MAX_DEPTH}"),
                         )
+                        .violating(level as f64, Limit::AtMost(MAX_DEPTH as f64), "levels")
                         .hint("a URDF needs 5 levels; look for an element that is not closed"),
                     );
                 }

@@ -1,25 +1,13 @@
-//! Shared by the tests: paths of fixtures, and stand-ins for the appendage crates, which depend on this one.
+//! Stand-ins for the appendage crates: the readers are tested without their physics.
 // Every test file is its own crate and uses a part of this; helpers may unwrap like the tests they serve.
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
 
-pub mod mutate;
-
 use ff_model::{
-    Appendage, Area, CoordDecl, Decl, DynAppendage, Inertia, ParamDecl, PortMatrix, Problem, Problems, Registry, Scalar,
+    Appendage, Area, CoordDecl, Decl, Derived, DynAppendage, Inertia, ParamDecl, PortMatrix, Problem, Problems,
+    Registry, Scalar,
 };
 use nalgebra::Vector3;
-use std::path::PathBuf;
 use std::sync::Arc;
-
-/// A file of `fixtures/`.
-pub fn fixture(path: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures").join(path)
-}
-
-/// Text of a file of `fixtures/`.
-pub fn text(path: &str) -> String {
-    std::fs::read_to_string(fixture(path)).unwrap()
-}
 
 /// Unit point masses on springs: the names and counts of the real kinds without their physics.
 struct StandIn {
@@ -39,12 +27,10 @@ impl Appendage for StandIn {
 }
 
 fn stand_in(kind: &'static str, coord: &str, k: &[f64], d: &[f64]) -> Arc<dyn DynAppendage> {
-    let coords =
-        (0..k.len()).map(|i| CoordDecl { name: format!("{coord}[{i}]"), unit: "rad", range: (-1.5, 1.5) }).collect();
+    let coords = (0..k.len()).map(|i| CoordDecl::new(format!("{coord}[{i}]"), "rad", (-1.5, 1.5)));
     let params = (k.iter().enumerate().map(|(i, &k)| ParamDecl::positive(format!("k[{i}]"), "N m/rad", k)))
-        .chain(d.iter().enumerate().map(|(i, &d)| ParamDecl::positive(format!("d[{i}]"), "N m s/rad", d)))
-        .collect();
-    Arc::new(StandIn { decl: Decl { kind, coords, params } })
+        .chain(d.iter().enumerate().map(|(i, &d)| ParamDecl::positive(format!("d[{i}]"), "N m s/rad", d)));
+    Derived::new(StandIn { decl: Decl::new(kind, coords, params) }).into()
 }
 
 fn number(t: &toml::Table, key: &str, path: &str) -> Result<f64, Problems> {

@@ -4,6 +4,6 @@ pub(crate) mod problem;
 pub(crate) mod read;
 pub(crate) mod text;
 
-pub use problem::{Area, Problem, Problems, Severity};
+pub use problem::{Area, Limit, Problem, Problems, Severity, Violation};
 pub use read::{read_bytes, text_file};
 pub use text::{clip, list, nearest};

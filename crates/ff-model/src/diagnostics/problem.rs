@@ -3,7 +3,8 @@
 //! Readers collect every [`Problem`] before they refuse; a refused input is a [`Problems`] value, which
 //! prints one line per problem and knows the exit code the command line must return.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -43,6 +44,66 @@ impl Area {
     }
 }
 
+/// What a number may be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Limit {
+    /// Greater than this.
+    Above(f64),
+    /// This or greater.
+    AtLeast(f64),
+    /// Less than this.
+    Below(f64),
+    /// This or less.
+    AtMost(f64),
+    /// From the first to the second, both included.
+    Within(f64, f64),
+}
+
+impl Limit {
+    /// True for a number that keeps the limit; never for NaN.
+    pub fn admits(self, value: f64) -> bool {
+        match self {
+            Self::Above(limit) => value > limit,
+            Self::AtLeast(limit) => value >= limit,
+            Self::Below(limit) => value < limit,
+            Self::AtMost(limit) => value <= limit,
+            Self::Within(low, high) => (low..=high).contains(&value),
+        }
+    }
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Above(limit) => write!(f, "> {limit}"),
+            Self::AtLeast(limit) => write!(f, ">= {limit}"),
+            Self::Below(limit) => write!(f, "< {limit}"),
+            Self::AtMost(limit) => write!(f, "<= {limit}"),
+            Self::Within(low, high) => write!(f, "{low} to {high}"),
+        }
+    }
+}
+
+/// A number that breaks its limit; prints as `value 0 kg, limit > 0 kg`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Violation {
+    /// The number.
+    pub value: f64,
+    /// What it may be.
+    pub limit: Limit,
+    /// Unit of both, empty for counts and ratios.
+    pub unit: Cow<'static, str>,
+}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { value, limit, unit } = self;
+        let space = if unit.is_empty() { "" } else { " " };
+        write!(f, "value {value}{space}{unit}, limit {limit}{space}{unit}")
+    }
+}
+
 /// One thing that is wrong: what, where, value, limit, unit, and one next step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Problem {
@@ -62,6 +123,9 @@ pub struct Problem {
     pub object: Option<String>,
     /// What is wrong, with value, limit and unit.
     pub message: String,
+    /// The number that breaks a limit, for programs; `message` says the same in words. None where no single number does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub violation: Option<Violation>,
     /// One next step.
     pub hint: Option<String>,
 }
@@ -78,8 +142,21 @@ impl Problem {
             column: None,
             object: None,
             message: message.into(),
+            violation: None,
             hint: None,
         }
+    }
+    /// An error: `value` breaks its limit. The message is `value {value} {unit}, limit {limit} {unit}`.
+    pub fn out_of_range(
+        area: Area,
+        code: &'static str,
+        value: f64,
+        limit: Limit,
+        unit: impl Into<Cow<'static, str>>,
+    ) -> Self {
+        let violation = Violation { value, limit, unit: unit.into() };
+        let message = violation.to_string();
+        Self { violation: Some(violation), ..Self::error(area, code, message) }
     }
     /// A warning.
     pub fn warning(area: Area, code: &'static str, message: impl Into<String>) -> Self {
@@ -108,6 +185,12 @@ impl Problem {
     #[must_use]
     pub fn on(mut self, object: impl Into<String>) -> Self {
         self.object = Some(object.into());
+        self
+    }
+    /// Adds the number that breaks a limit; the message is to say it, too.
+    #[must_use]
+    pub fn violating(mut self, value: f64, limit: Limit, unit: impl Into<Cow<'static, str>>) -> Self {
+        self.violation = Some(Violation { value, limit, unit: unit.into() });
         self
     }
     /// Adds the next step.
@@ -216,6 +299,20 @@ impl std::error::Error for Problems {}
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_out_of_its_limits_is_said_in_words_and_kept_for_programs() {
+        let p = Problem::out_of_range(Area::Config, "Config::OutOfRange", -0.7, Limit::AtLeast(0.0), "N m/rad");
+        assert_eq!(p.message, "value -0.7 N m/rad, limit >= 0 N m/rad");
+        let v = p.violation.unwrap();
+        assert_eq!((v.value, v.limit, v.unit.as_ref()), (-0.7, Limit::AtLeast(0.0), "N m/rad"));
+        let p = Problem::out_of_range(Area::Config, "Config::OutOfRange", 53.0, Limit::Within(1.0, 52.0), "");
+        assert_eq!(p.message, "value 53, limit 1 to 52");
+        let limits =
+            [Limit::Above(2.0), Limit::AtLeast(2.0), Limit::Below(2.0), Limit::AtMost(2.0), Limit::Within(2.0, 3.0)];
+        assert_eq!(limits.map(|l| l.admits(2.0)), [false, true, false, true, true]);
+        assert!(limits.iter().all(|l| !l.admits(f64::NAN)));
+    }
 
     #[test]
     fn a_refusal_always_has_an_error_and_a_code() {

@@ -1,6 +1,6 @@
 //! Reading a whole file with a size limit, so that `/dev/zero` or a 50 GB file is refused and not loaded.
 
-use crate::diagnostics::problem::{Area, Problem, Problems};
+use crate::diagnostics::problem::{Area, Limit, Problem, Problems};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -48,6 +48,7 @@ pub fn read_bytes(path: &Path, limit: usize, area: Area, code: &'static str) -> 
     file.take(limit as u64 + 1).read_to_end(&mut out).map_err(io)?;
     if out.len() > limit {
         return Err(one(Problem::error(area, code, format!("more than {limit} bytes, the limit"))
+            .violating(out.len() as f64, Limit::AtMost(limit as f64), "bytes")
             .in_file(path)
             .hint("split the file")));
     }

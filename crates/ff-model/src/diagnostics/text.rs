@@ -1,6 +1,7 @@
 //! Small helpers for readers of text files: byte offset to line and column, nearest known name.
 
-/// The known name most like `word`, if one is close enough to be worth suggesting.
+/// The known name most like `word`, if one is close enough to be worth suggesting; without feature `suggestions` one that
+/// differs in case alone.
 pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
     // Names in a file can be as long as the file; the comparison is quadratic.
     if word.len() > 200 {
@@ -9,10 +10,21 @@ pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Opti
     known
         .into_iter()
         .filter(|k| k.len() <= 200)
-        .map(|k| (k, strsim::damerau_levenshtein(&word.to_lowercase(), &k.to_lowercase())))
+        .map(|k| (k, distance(&word.to_lowercase(), &k.to_lowercase())))
         .filter(|(k, d)| *d <= 1 + word.chars().count().max(k.chars().count()) / 3)
         .min_by_key(|(_, d)| *d)
         .map(|(k, _)| k)
+}
+
+/// Letters to change, add, leave out or swap.
+#[cfg(feature = "suggestions")]
+fn distance(a: &str, b: &str) -> usize {
+    strsim::damerau_levenshtein(a, b)
+}
+
+#[cfg(not(feature = "suggestions"))]
+fn distance(a: &str, b: &str) -> usize {
+    if a == b { 0 } else { usize::MAX }
 }
 
 /// At most `max` names, comma separated, with the number left out.
@@ -31,6 +43,7 @@ pub fn clip(s: &str) -> String {
 mod tests {
     use super::*;
 
+    #[cfg(feature = "suggestions")]
     #[test]
     fn only_close_names_are_suggested() {
         assert_eq!(nearest("inertail", ["visual", "inertial"]), Some("inertial"));

@@ -1,8 +1,11 @@
 //! Derivatives of the port equations that follow from inertia and bias, for appendages that do not write their own.
 
-use super::{Appendage, MAX_COORDS, MAX_PARAMS, MAX_PORT, ParamGroup, PortAccel, PortMatrix, PortState, port_len};
+use super::declaration::{MAX_COORDS, MAX_PARAMS, MAX_PORT, ParamGroup};
+use super::dynamics::PortDynamics;
+use super::matrix::{PortMatrix, add_inertial, port_len};
+use super::state::{PortAccel, PortState};
 use crate::scalar::dual::Dual;
-use crate::scalar::traits::LaneScalar;
+use crate::scalar::traits::PlainScalar;
 use crate::spatial::motion::Motion;
 
 /// Directions per pass.
@@ -25,18 +28,18 @@ type D = Dual<f64, N>;
 type Plain<A> = fn(&A, &[f64], &PortState<'_, f64>, &PortAccel<'_, f64>, &mut [f64]);
 
 /// The derivatives of the port equations with respect to the motion that follow from inertia and bias: the default of
-/// [`Appendage::jacobian`], for an override that writes some cases only, and for tests of one.
+/// [`PortDynamics::jacobian`], for an override that writes some cases only, and for tests of one.
 ///
 /// With `r = M(p, eta) [A; nu'] + h(p, V, eta, nu)` at fixed `A`, `nu'` the columns, of length `6+n` each, are
 /// `dr/dw` (three, `w` the angular velocity of the host), `dr/d eta` and `dr/d nu` (`n` each), in mount axes, wrench rows
-/// first. Exact: forward duals over [`Appendage::inertia`] and [`Appendage::bias`] (A. Griewank, A. Walther, *Evaluating
+/// first. Exact: forward duals over [`Appendage::inertia`](super::Appendage::inertia) and [`PortDynamics::bias`] (A. Griewank, A. Walther, *Evaluating
 /// Derivatives*, SIAM 2008, section 3.1), never over an override of `terms` or `residual`. Lanes are computed one by one.
 /// Does not allocate.
 ///
 /// # Panics
 /// If `out` is shorter than `(6+n) (3+2n)`, or the appendage declares more than [`MAX_COORDS`] coordinates or
 /// [`MAX_PARAMS`] parameters.
-pub fn derived_jacobian<A: Appendage + ?Sized, T: LaneScalar>(
+pub fn derived_jacobian<A: PortDynamics + ?Sized, T: PlainScalar>(
     a: &A,
     p: &[T],
     s: &PortState<'_, T>,
@@ -47,17 +50,17 @@ pub fn derived_jacobian<A: Appendage + ?Sized, T: LaneScalar>(
 }
 
 /// The derivatives of the port equations with respect to the parameters that follow from inertia and bias: the default
-/// of [`Appendage::regressor`], for an override that writes some columns only, and for tests of one.
+/// of [`PortDynamics::regressor`], for an override that writes some columns only, and for tests of one.
 ///
 /// One column `dr/dp_k` of length `6+n` per parameter, `r = M [A; nu'] + h`, in mount axes, wrench rows first. Columns of
 /// inertial parameters are the port equations at unit parameters, in which they are linear
-/// (`docs/decisions/0005-sensitivities.md`), by [`Appendage::residual`]; the others come from forward duals over
-/// [`Appendage::inertia`] and [`Appendage::bias`]. Lanes are computed one by one. Does not allocate.
+/// (`docs/decisions/0005-sensitivities.md`), by [`PortDynamics::residual`]; the others come from forward duals over
+/// [`Appendage::inertia`](super::Appendage::inertia) and [`PortDynamics::bias`]. Lanes are computed one by one. Does not allocate.
 ///
 /// # Panics
 /// If `out` is shorter than `6+n` times the number of parameters, or the appendage declares more than [`MAX_COORDS`]
 /// coordinates or [`MAX_PARAMS`] parameters.
-pub fn derived_regressor<A: Appendage + ?Sized, T: LaneScalar>(
+pub fn derived_regressor<A: PortDynamics + ?Sized, T: PlainScalar>(
     a: &A,
     p: &[T],
     s: &PortState<'_, T>,
@@ -69,7 +72,7 @@ pub fn derived_regressor<A: Appendage + ?Sized, T: LaneScalar>(
 
 /// Runs `plain` once for each lane: an appendage that does not write its own derivatives has them at the
 /// speed of plain numbers.
-fn by_lane<A: Appendage + ?Sized, T: LaneScalar>(
+fn by_lane<A: PortDynamics + ?Sized, T: PlainScalar>(
     a: &A,
     p: &[T],
     s: &PortState<'_, T>,
@@ -98,7 +101,7 @@ fn by_lane<A: Appendage + ?Sized, T: LaneScalar>(
     }
 }
 
-fn jacobian_in<A: Appendage + ?Sized, const C: usize, const M: usize, const P: usize>(
+fn jacobian_in<A: PortDynamics + ?Sized, const C: usize, const M: usize, const P: usize>(
     a: &A,
     p: &[f64],
     s: &PortState<'_, f64>,
@@ -149,7 +152,7 @@ fn jacobian_in<A: Appendage + ?Sized, const C: usize, const M: usize, const P: u
     }
 }
 
-fn regressor_in<A: Appendage + ?Sized, const C: usize, const M: usize, const P: usize>(
+fn regressor_in<A: PortDynamics + ?Sized, const C: usize, const M: usize, const P: usize>(
     a: &A,
     p: &[f64],
     s: &PortState<'_, f64>,
@@ -207,7 +210,7 @@ fn regressor_in<A: Appendage + ?Sized, const C: usize, const M: usize, const P: 
 }
 
 /// The residual over duals, from energies and bias: see [`Scalar::DERIVATIVES`](crate::scalar::traits::Scalar::DERIVATIVES).
-fn residual<A: Appendage + ?Sized>(
+fn residual<A: PortDynamics + ?Sized>(
     a: &A,
     p: &[D],
     s: &PortState<'_, D>,
@@ -217,7 +220,7 @@ fn residual<A: Appendage + ?Sized>(
 ) {
     a.inertia(p, s.eta, m);
     a.bias(p, s, r);
-    super::add_inertial(m, acc, r);
+    add_inertial(m, acc, r);
 }
 
 fn lift(m: &Motion<f64>) -> Motion<D> {

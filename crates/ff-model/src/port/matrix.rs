@@ -1,6 +1,6 @@
 //! The kinetic-energy matrix of an appendage, as the numbers that can differ in it.
 
-use super::PortAccel;
+use super::state::PortAccel;
 use crate::scalar::traits::Scalar;
 use crate::spatial::inertia::Inertia;
 use crate::spatial::vec3::{S3, Ten, V3};
@@ -45,8 +45,8 @@ impl<'a, T: Scalar> PortMatrix<'a, T> {
         m.clear();
         m
     }
-    /// The same view of whatever the buffer holds: for [`Appendage::terms`](super::Appendage::terms), which sets every number, and as the
-    /// scratch of [`Appendage::residual`](super::Appendage::residual).
+    /// The same view of whatever the buffer holds: for [`PortDynamics::terms`](super::PortDynamics::terms), which sets every number, and as the
+    /// scratch of [`PortDynamics::residual`](super::PortDynamics::residual).
     ///
     /// # Panics
     /// If `buffer` is too short.

@@ -1,8 +1,7 @@
 //! Several appendages as one value, to be mounted together.
 
-use super::{Appendage, DynAppendage};
+use super::shared::SharedAppendage;
 use crate::spatial::motion::Xform;
-use std::sync::Arc;
 
 /// Where an appendage of a set goes, and what it is called there.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,36 +23,30 @@ impl Place {
 
 /// A set of appendages in an order of its own, for [`Model::mount_set`](crate::tree::model::Model::mount_set).
 ///
-/// * **Tuples** of up to eight appendages of any types: a system that is known when the program is written. Elements
-///   keep their types until they are mounted.
-/// * **`Vec<Box<dyn DynAppendage>>`**, and `Vec<Arc<dyn DynAppendage>>` as a registry builds them: a set that a file or a
-///   user puts together at run time.
+/// * **Tuples** of up to eight elements, each a kind of appendage or a handle: a system that is known when the program is
+///   written. Elements keep their types until they are mounted.
+/// * **`Vec<SharedAppendage>`** as a registry builds them, and `Vec<Box<dyn DynAppendage>>`: a set that a file or a user
+///   puts together at run time.
 ///
-/// Both give the same [`Model`](crate::tree::model::Model): mounting hides the types, and calls through the object-safe twin were
+/// Both give the same [`Model`](crate::tree::model::Model): mounting hides the types, and calls through the trait object were
 /// measured to cost nothing (decision 0001). The algorithms compute the same bits
 /// (`crates/ff-dynamics/tests/sets.rs`).
 pub trait AppendageSet {
     /// The appendages in order, their types hidden. Allocates.
-    fn into_shared(self) -> Vec<Arc<dyn DynAppendage>>;
+    fn into_shared(self) -> Vec<SharedAppendage>;
 }
 
-impl AppendageSet for Vec<Arc<dyn DynAppendage>> {
-    fn into_shared(self) -> Self {
-        self
-    }
-}
-
-impl AppendageSet for Vec<Box<dyn DynAppendage>> {
-    fn into_shared(self) -> Vec<Arc<dyn DynAppendage>> {
-        self.into_iter().map(Arc::from).collect()
+impl<A: Into<SharedAppendage>> AppendageSet for Vec<A> {
+    fn into_shared(self) -> Vec<SharedAppendage> {
+        self.into_iter().map(Into::into).collect()
     }
 }
 
 macro_rules! tuples {
     ($(($($a:ident: $i:tt),*))*) => {$(
-        impl<$($a: Appendage),*> AppendageSet for ($($a,)*) {
-            fn into_shared(self) -> Vec<Arc<dyn DynAppendage>> {
-                vec![$(Arc::new(self.$i)),*]
+        impl<$($a: Into<SharedAppendage>),*> AppendageSet for ($($a,)*) {
+            fn into_shared(self) -> Vec<SharedAppendage> {
+                vec![$(self.$i.into()),*]
             }
         }
     )*};
@@ -67,20 +60,4 @@ tuples! {
     (A: 0, B: 1, C: 2, D: 3, E: 4, F: 5)
     (A: 0, B: 1, C: 2, D: 3, E: 4, F: 5, G: 6)
     (A: 0, B: 1, C: 2, D: 3, E: 4, F: 5, G: 6, H: 7)
-}
-
-/// Writes `From<Kind> for Arc<dyn DynAppendage>`, what [`crate::tree::model::Model::mount`] takes, for a kind of appendage: stands once in the crate
-/// of the kind. It compiles the kind's dynamics for every number type there, so that programs which say `kind.into()` need
-/// not; `Arc::new(kind)` does the same and compiles them anew in each program.
-#[macro_export]
-macro_rules! shared {
-    ($kind:ty) => {
-        impl From<$kind> for std::sync::Arc<dyn $crate::DynAppendage> {
-            // Inlined, it would be compiled where it is called.
-            #[inline(never)]
-            fn from(appendage: $kind) -> Self {
-                std::sync::Arc::new(appendage)
-            }
-        }
-    };
 }

@@ -1,5 +1,5 @@
-//! Appendages restated as ordinary tree links: a free oracle for tests (see `flex_panel::PanelChain::twin_bodies` and
-//! `slosh_pendulum::SloshPendulum::twin_bodies`).
+//! Appendages restated as ordinary tree links with springs and dampers: an independent reference for tests, and what
+//! programs read that know links and joints only.
 
 use crate::spatial::inertia::Inertia;
 use crate::spatial::motion::Xform;
@@ -25,4 +25,19 @@ pub struct TwinBody {
     pub damping: f64,
     /// Angle at which the spring is relaxed (rad).
     pub rest: f64,
+}
+
+/// An appendage that is also a chain or tree of ordinary links with springs and dampers, such as
+/// `flex_panel::PanelChain` and `slosh_pendulum::SloshPendulum`.
+///
+/// Of an appendage behind a handle it is found by [`DynAppendage::tree_twin`](crate::DynAppendage::tree_twin).
+/// `validate::check_appendage` holds the equations of motion of the appendage to those of its twin.
+pub trait TreeTwin {
+    /// The links at parameters `p` (SI units, in the order of the declaration), link `i` moved by coordinate `i`, parents
+    /// before their children. `None` where this one has no such form: a tree joint has no spring across two hinges.
+    /// Allocates.
+    ///
+    /// # Panics
+    /// If `p` is shorter than the parameters of the declaration.
+    fn tree_bodies(&self, p: &[f64]) -> Option<Vec<TwinBody>>;
 }

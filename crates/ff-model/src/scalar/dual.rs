@@ -19,6 +19,15 @@ pub struct Dual<T, const N: usize> {
     pub eps: [T; N],
 }
 
+/// Directions carried at once by [`Grad`], the dual used for parameter sensitivities.
+pub const DIRECTIONS: usize = 8;
+/// First derivative in one direction.
+pub type D1 = Dual<f64, 1>;
+/// First derivatives in [`DIRECTIONS`] directions.
+pub type Grad = Dual<f64, DIRECTIONS>;
+/// Second derivative in one direction.
+pub type D2 = Dual<D1, 1>;
+
 impl<T: Scalar, const N: usize> Dual<T, N> {
     /// A constant: all derivatives zero.
     #[inline]

@@ -1,6 +1,6 @@
 //! Running one computation with eight states, or eight parameter sets, at a time.
 
-pub use crate::scalar::traits::LaneScalar;
+pub use crate::port::erased::LaneScalar;
 use ff_lanes::Kernel;
 pub use ff_lanes::{Isa, Lanes, Portable4};
 

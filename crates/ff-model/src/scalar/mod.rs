@@ -4,5 +4,6 @@ pub(crate) mod dual;
 pub mod lanes;
 pub(crate) mod traits;
 
-pub use dual::Dual;
-pub use traits::{D1, D2, DIRECTIONS, Grad, LaneScalar, ModelScalar, Scalar};
+pub use crate::port::erased::{LaneScalar, ModelScalar};
+pub use dual::{D1, D2, DIRECTIONS, Dual, Grad};
+pub use traits::{PlainScalar, Scalar};

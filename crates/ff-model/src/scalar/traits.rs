@@ -1,12 +1,7 @@
 //! The number type the dynamics are written over.
 //!
-//! One source serves plain numbers, forward duals (exact derivatives) and SIMD lanes (`ff-lanes`). The set of
-//! number types that reach an appendage behind a trait object is closed ([`ModelScalar`]), because a
-//! `dyn` object cannot carry a generic method; adding a type is one line in this file and one in
-//! [`DynAppendage`].
+//! One source serves plain numbers, forward duals (exact derivatives) and SIMD lanes (`ff-lanes`).
 
-use crate::port::{DynAppendage, PortModel, PortTangent};
-use crate::scalar::dual::Dual;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 use ff_lanes::{Enter, Lanes, Portable4};
 use nalgebra::{ClosedAddAssign, ClosedDivAssign, ClosedMulAssign, ClosedSubAssign};
@@ -146,61 +141,11 @@ lane_scalars!(Portable4);
 #[cfg(target_arch = "x86_64")]
 lane_scalars!(ff_lanes::Avx2x1, ff_lanes::Avx2x4, ff_lanes::Avx512x8);
 
-/// A scalar that can pass through a boxed appendage.
+/// A scalar without derivatives: `f64`, or a vector of lanes of them. Its lanes are read and written by the methods of
+/// [`Lanes`], the supertrait.
 ///
-/// Implemented for `f64`, for lanes, for duals with 1 and with [`DIRECTIONS`] directions, and for the nested
-/// dual that second derivatives need.
-pub trait ModelScalar: Scalar {
-    /// The face of a boxed appendage at this number type.
-    fn port(appendage: &dyn DynAppendage) -> &dyn PortModel<Self>;
-}
-
-/// Directions carried at once by [`Grad`], the dual used for parameter sensitivities.
-pub const DIRECTIONS: usize = 8;
-/// First derivative in one direction.
-pub type D1 = Dual<f64, 1>;
-/// First derivatives in [`DIRECTIONS`] directions.
-pub type Grad = Dual<f64, DIRECTIONS>;
-/// Second derivative in one direction.
-pub type D2 = Dual<D1, 1>;
-
-macro_rules! model_scalars {
-    ($($t:ty),* $(,)?) => {$(
-        impl ModelScalar for $t {
-            #[inline(always)]
-            fn port(appendage: &dyn DynAppendage) -> &dyn PortModel<Self> {
-                appendage
-            }
-        }
-    )*};
-}
-model_scalars!(f64, D1, Grad, D2, Portable4);
-#[cfg(target_arch = "x86_64")]
-model_scalars!(ff_lanes::Avx2x1, ff_lanes::Avx2x4, ff_lanes::Avx512x8);
-
-/// A number, or a vector of lanes, that can pass through a boxed appendage and have the port equations
-/// differentiated at it.
-pub trait LaneScalar: ModelScalar + Lanes {
-    /// One number in code for the same instructions, or for fewer: what a single state is computed over beside lanes.
-    type One: LaneScalar;
-    /// The derivatives of a boxed appendage at this number type.
-    fn tangent(appendage: &dyn DynAppendage) -> &dyn PortTangent<Self>;
-}
-macro_rules! lane_models {
-    ($($t:ty: $one:ty),* $(,)?) => {$(
-        impl LaneScalar for $t {
-            type One = $one;
-            #[inline(always)]
-            fn tangent(appendage: &dyn DynAppendage) -> &dyn PortTangent<Self> {
-                appendage
-            }
-        }
-    )*};
-}
-lane_models!(f64: f64, Portable4: f64);
-#[cfg(target_arch = "x86_64")]
-lane_models!(
-    ff_lanes::Avx2x1: ff_lanes::Avx2x1,
-    ff_lanes::Avx2x4: ff_lanes::Avx2x1,
-    ff_lanes::Avx512x8: ff_lanes::Avx2x1,
-);
+/// Derivatives of the port equations are computed over such numbers. An appendage that writes them itself
+/// ([`PortDynamics`](crate::PortDynamics)) uses the operations of [`Scalar`]; lanes matter to it only where it must treat
+/// them one by one.
+pub trait PlainScalar: Scalar + Lanes {}
+impl<T: Scalar + Lanes> PlainScalar for T {}

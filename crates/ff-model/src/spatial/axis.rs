@@ -119,6 +119,7 @@ mod tests {
     use crate::spatial::so3::{exp_so3, quat_to_rot};
     use crate::spatial::vec3::S3;
     use approx::assert_relative_eq;
+    use ff_testkit::scaled;
 
     #[test]
     fn every_kind_of_axis_does_the_same_algebra() {
@@ -129,13 +130,14 @@ mod tests {
         for u in [Vector3::x(), -Vector3::y(), Vector3::z(), -Vector3::z(), Vector3::new(0.6, -0.48, 0.64)] {
             for placement in [Matrix3::identity(), skew] {
                 let a = Axis::new(&u, &placement);
-                let near = |x: V3<f64>, y: Vector3<f64>| assert_relative_eq!(Vector3::from(x), y, epsilon = 1e-15);
+                let near =
+                    |x: V3<f64>, y: Vector3<f64>| assert_relative_eq!(Vector3::from(x), y, epsilon = scaled(1e-15));
                 near(by_turn!(f64, a.about(), K => a.add::<f64, K>(V3::from(&v), q)), v + u * q);
                 near(a.add::<f64, { turn::ANY }>(V3::from(&v), q), v + u * q);
                 let crossed = by_turn!(f64, a.about(), K => a.cross_add::<f64, K>(&V3::from(&v), q, V3::from(&c)));
                 near(crossed, c + v.cross(&(u * q)));
                 let along = by_turn!(f64, a.about(), K => a.along::<f64, K>(&V3::from(&v)));
-                assert_relative_eq!(along, u.dot(&v), epsilon = 1e-15);
+                assert_relative_eq!(along, u.dot(&v), epsilon = scaled(1e-15));
                 let (f, n) = by_turn!(f64, a.about(), K => a.momentum::<f64, K>(&V3::from(&v), &i));
                 near(f, u.cross(&v));
                 near(n, full * u);

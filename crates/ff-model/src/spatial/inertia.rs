@@ -29,28 +29,24 @@ pub struct Inertia<T: Scalar> {
 }
 
 /// Why ten numbers are not the inertia of any body.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum InertiaError {
     /// A parameter is NaN or infinite.
-    #[error("inertial parameter {name} is not finite")]
     NotFinite {
         /// Which of the ten.
         name: &'static str,
     },
     /// Mass zero or negative.
-    #[error("mass {value} kg is not positive")]
     NonPositiveMass {
         /// The mass (kg).
         value: f64,
     },
     /// The rotational inertia about the centre of mass is not positive semidefinite.
-    #[error("inertia about the centre of mass has negative principal moments {moments:?} kg m^2")]
     NotPsd {
         /// Principal moments, ascending (kg m^2).
         moments: [f64; 3],
     },
     /// One principal moment exceeds the sum of the other two.
-    #[error("principal moments {moments:?} kg m^2 violate the triangle inequality by {violation} kg m^2")]
     Triangle {
         /// Principal moments, ascending (kg m^2).
         moments: [f64; 3],
@@ -58,6 +54,23 @@ pub enum InertiaError {
         violation: f64,
     },
 }
+
+impl core::fmt::Display for InertiaError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NotFinite { name } => write!(f, "inertial parameter {name} is not finite"),
+            Self::NonPositiveMass { value } => write!(f, "mass {value} kg is not positive"),
+            Self::NotPsd { moments } => {
+                write!(f, "inertia about the centre of mass has negative principal moments {moments:?} kg m^2")
+            }
+            Self::Triangle { moments, violation } => {
+                write!(f, "principal moments {moments:?} kg m^2 violate the triangle inequality by {violation} kg m^2")
+            }
+        }
+    }
+}
+
+impl std::error::Error for InertiaError {}
 
 #[inline(always)]
 fn skew<T: Scalar>(v: &Vector3<T>) -> Matrix3<T> {

@@ -179,14 +179,15 @@ mod tests {
     use super::*;
     use crate::scalar::dual::Dual;
     use approx::assert_relative_eq;
+    use ff_testkit::{assert_within, scaled};
 
     #[test]
     fn exponential_and_logarithm_are_inverse_through_the_switch() {
         for s in [0.0, 1e-12, 1e-6, 0.019, 0.021, 1.3, 3.1] {
             let u = Vector3::new(0.48, -0.6, 0.64) * s;
-            assert_relative_eq!(log_so3(&exp_so3(&u)), u, epsilon = 1e-14, max_relative = 1e-13);
+            assert_relative_eq!(log_so3(&exp_so3(&u)), u, epsilon = scaled(1e-14), max_relative = scaled(1e-13));
             let r = quat_to_rot(&exp_so3(&u));
-            assert_relative_eq!(rot_to_quat(&r), exp_so3(&u), epsilon = 1e-14);
+            assert_relative_eq!(rot_to_quat(&r), exp_so3(&u), epsilon = scaled(1e-14));
         }
     }
 
@@ -199,7 +200,7 @@ mod tests {
     /// One lane at zero, one below the switch to the series, two above it: each as if it were alone.
     #[test]
     fn lanes_on_both_sides_of_the_switch_do_not_disturb_each_other() {
-        use crate::scalar::lanes::{Lanes, Portable4};
+        use ff_lanes::{Lanes, Portable4};
         let sizes = [0.0, 1e-3, 0.4, 2.7];
         for turn in 0..4 {
             let size = |l: usize| sizes[(l + turn) % 4];
@@ -209,7 +210,7 @@ mod tests {
             for l in 0..4 {
                 let want = exp_so3(&one(l));
                 for i in 0..4 {
-                    assert!((q[i].lane(l) - want[i]).abs() < 1e-15, "lane {l}, |u| = {}", size(l));
+                    assert_within!((q[i].lane(l) - want[i]).abs(), 1e-15, "lane {l}, |u| = {}", size(l));
                 }
             }
         }
@@ -218,10 +219,10 @@ mod tests {
     #[test]
     fn rpy_round_trip_and_geodesic() {
         let rpy = Vector3::new(0.3, -0.9, 2.1);
-        assert_relative_eq!(rpy_of(&rot_of_rpy(&rpy)), rpy, epsilon = 1e-14);
+        assert_relative_eq!(rpy_of(&rot_of_rpy(&rpy)), rpy, epsilon = scaled(1e-14));
         let a = exp_so3(&Vector3::new(0.2, 0.5, -0.1));
         let b = quat_mul(&a, &exp_so3(&Vector3::new(-0.3, 0.1, 0.25)));
-        assert_relative_eq!(geodesic_angle(&a, &b), Vector3::new(-0.3, 0.1, 0.25).norm(), max_relative = 1e-13);
+        assert_relative_eq!(geodesic_angle(&a, &b), Vector3::new(-0.3, 0.1, 0.25).norm(), max_relative = scaled(1e-13));
     }
 
     #[test]
@@ -230,7 +231,7 @@ mod tests {
         for size in [1e-3, 0.0099, 0.0101, 0.7, 2.4] {
             let (u, du, h) = (Vector3::new(0.48, -0.6, 0.64) * size, Vector3::new(0.7, 0.4, -1.1), 1e-5);
             let at = |h: f64| log_so3(&quat_mul(&quat_conj(&exp_so3(&u)), &exp_so3(&(u + du * h))));
-            assert_relative_eq!(right_jacobian(&u) * du, (at(h) - at(-h)) / (2.0 * h), epsilon = 1e-9);
+            assert_relative_eq!(right_jacobian(&u) * du, (at(h) - at(-h)) / (2.0 * h), epsilon = scaled(1e-9));
         }
     }
 
@@ -241,6 +242,6 @@ mod tests {
         let du = dexp_inv_body(&u, &w);
         let plus = quat_mul(&exp_so3(&u), &exp_so3(&(w * h)));
         let want = (log_so3(&plus) - u) / h;
-        assert_relative_eq!(du, want, epsilon = 2e-6);
+        assert_relative_eq!(du, want, epsilon = scaled(2e-6));
     }
 }

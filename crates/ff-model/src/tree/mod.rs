@@ -2,12 +2,15 @@
 
 pub(crate) mod model;
 pub(crate) mod mount;
+pub(crate) mod names;
 pub(crate) mod nominal;
 pub(crate) mod parameters;
 pub(crate) mod rest;
+pub(crate) mod selection;
 pub(crate) mod solid;
 
 pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
 pub use parameters::Params;
 pub use rest::rest;
+pub use selection::{SelectionError, matches, select, sift};
 pub use solid::{Shape, Solid};

@@ -1,11 +1,11 @@
 //! The immutable description of a system: bodies in a tree, frames, appendages, gravity.
 
-use crate::port::{CoordDecl, Decl, DynAppendage, ParamDecl};
+use crate::port::declaration::{CoordDecl, Decl, ParamDecl};
+use crate::port::shared::SharedAppendage;
 use crate::spatial::inertia::Inertia;
 use crate::spatial::motion::Xform;
 use nalgebra::Vector3;
 use std::fmt;
-use std::sync::Arc;
 
 /// How a body moves against its parent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +87,7 @@ pub struct Mounted {
     /// Pose of the mount frame in the host body frame.
     pub mount: Xform<f64>,
     /// What hangs there.
-    pub appendage: Arc<dyn DynAppendage>,
+    pub appendage: SharedAppendage,
     /// First own coordinate among all passive coordinates.
     pub coord_offset: usize,
     /// First own parameter in the parameter vector.
@@ -313,7 +313,7 @@ impl Model {
                 let mut p = p.clone();
                 p.nominal = *nominal;
                 p.name = format!("{}.{}", a.name, p.name);
-                if let crate::port::ParamGroup::Inertial(b) = &mut p.group {
+                if let crate::port::declaration::ParamGroup::Inertial(b) = &mut p.group {
                     *b = format!("{}.{b}", a.name);
                 }
                 out.push(p);
@@ -329,7 +329,7 @@ impl Model {
             .map(|k| {
                 let a = &self.appendages[k];
                 let eta = vec![0.0; a.dim()];
-                let port: &dyn crate::port::PortModel<f64> = &*a.appendage;
+                let port: &dyn crate::port::erased::PortModel<f64> = &*a.appendage;
                 port.dense_inertia(params.appendage(self, k), &eta)[(0, 0)]
             })
             .sum();

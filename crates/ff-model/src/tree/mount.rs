@@ -1,13 +1,15 @@
 //! Mounting appendages on the bodies of a model, one by one and as a set.
 
 use super::model::{Model, Mounted};
-use crate::diagnostics::problem::{Area, Problem, Problems};
-use crate::port::{AppendageSet, Decl, DynAppendage, MAX_COORDS, MAX_PARAMS, Place};
+use crate::diagnostics::problem::{Area, Limit, Problem, Problems};
+use crate::port::declaration::{Decl, MAX_COORDS, MAX_PARAMS};
+use crate::port::set::{AppendageSet, Place};
+use crate::port::shared::SharedAppendage;
 use crate::spatial::motion::Xform;
-use std::sync::Arc;
 
 impl Model {
-    /// Mounts an appendage.
+    /// Mounts an appendage: a kind (see [`derived!`](crate::derived)), [`Derived`](crate::Derived) of one, or a handle that
+    /// a registry built. Allocates.
     ///
     /// # Errors
     /// [`Problems`] (area `Config`) if the name is taken, a nominal value lies outside its bounds, or the
@@ -20,10 +22,10 @@ impl Model {
         name: impl Into<String>,
         host: usize,
         mount: Xform<f64>,
-        appendage: Arc<dyn DynAppendage>,
+        appendage: impl Into<SharedAppendage>,
     ) -> Result<(), Problems> {
         assert!(host < self.n_bodies(), "host body {host} does not exist");
-        let name = name.into();
+        let (name, appendage) = (name.into(), appendage.into());
         let bad = self.refusals(&name, appendage.declaration());
         if bad.has_errors() {
             return Err(bad);
@@ -34,7 +36,7 @@ impl Model {
     /// Mounts a set of appendages, the `i`-th at the `i`-th place: a tuple of them, or boxed ones. All or none. Allocates.
     ///
     /// ```
-    /// use crate::payload::Payload;
+    /// use ff_model::payload::Payload;
     /// use ff_model::{BaseKind, DynAppendage, Inertia, Model, Place, Xform};
     /// use nalgebra::{Matrix3, Vector3};
     ///
@@ -84,7 +86,7 @@ impl Model {
         Ok(())
     }
     /// Adds an appendage without asking.
-    fn push(&mut self, place: Place, appendage: Arc<dyn DynAppendage>) {
+    fn push(&mut self, place: Place, appendage: SharedAppendage) {
         let (coord_offset, param_offset) = (self.passive, self.params);
         let decl = appendage.declaration();
         let dim = decl.coords.len();
@@ -105,18 +107,16 @@ impl Model {
             );
         }
         if decl.coords.len() > MAX_COORDS {
-            bad.push(Problem::error(
-                Area::Config,
-                "Config::TooManyCoordinates",
-                format!("{} coordinates, limit {}", decl.coords.len(), MAX_COORDS),
-            ));
+            let what = format!("{} coordinates, limit {}", decl.coords.len(), MAX_COORDS);
+            let limit = Limit::AtMost(MAX_COORDS as f64);
+            let p = Problem::error(Area::Config, "Config::TooManyCoordinates", what);
+            bad.push(p.violating(decl.coords.len() as f64, limit, "coordinates"));
         }
         if decl.params.len() > MAX_PARAMS {
-            bad.push(Problem::error(
-                Area::Config,
-                "Config::TooManyParameters",
-                format!("{} parameters, limit {}", decl.params.len(), MAX_PARAMS),
-            ));
+            let what = format!("{} parameters, limit {}", decl.params.len(), MAX_PARAMS);
+            let limit = Limit::AtMost(MAX_PARAMS as f64);
+            let p = Problem::error(Area::Config, "Config::TooManyParameters", what);
+            bad.push(p.violating(decl.params.len() as f64, limit, "parameters"));
         }
         for p in &decl.params {
             let (lo, hi) = p.bounds;
@@ -127,6 +127,7 @@ impl Model {
                         "Config::Param",
                         format!("value {} {} outside its bounds {lo} .. {hi}", p.nominal, p.unit),
                     )
+                    .violating(p.nominal, Limit::Within(lo, hi), p.unit)
                     .on(format!("{name}.{}", p.name))
                     .hint("give a value inside the bounds"),
                 );

@@ -18,7 +18,7 @@ impl Model {
     /// assert_eq!(model.param_decls()[0].nominal, 50.3);
     /// assert_eq!(model.total_mass(), 50.3);
     /// assert!(model.set_nominal(&[(0, -50.3)]).is_err());
-    /// # Ok::<(), crate::diagnostics::problem::Problems>(())
+    /// # Ok::<(), ff_model::Problems>(())
     /// ```
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Rest position of an appendage, and the system with every appendage frozen there.
 
-use crate::scalar::dual::Dual;
-use crate::scalar::traits::{D1, D2, ModelScalar};
+use crate::port::erased::ModelScalar;
+use crate::scalar::dual::{D1, D2, Dual};
 use crate::spatial::inertia::Inertia;
 use crate::tree::model::{Model, Mounted};
 use crate::tree::parameters::Params;

@@ -1,6 +1,7 @@
 //! ROS 2 bags of another writer (`mcap-ros2-support`, `fixtures/records/make.py`), and damaged ones.
 
 use crate::file::*;
+use ff_testkit::assert_within;
 use std::path::PathBuf;
 
 const N: usize = 300;
@@ -39,13 +40,13 @@ fn bags_are_read_on_the_clock_of_the_joints() {
             for j in 0..3 {
                 // Linear in time, so that interpolation is exact.
                 let want = 0.1 + (0.02 + 0.01 * j as f64) * t;
-                assert!((r.gyro()[(i, j)] - want).abs() < 1e-12, "{name} {i}: {}", r.gyro()[(i, j)]);
+                assert_within!((r.gyro()[(i, j)] - want).abs(), 1e-12, "{name} {i}: {}", r.gyro()[(i, j)]);
             }
             let q = r.att().unwrap().row(i);
             let (s, c) = (0.1 * t).sin_cos();
             let off: f64 = [c, 0.6 * s, 0.8 * s, 0.0].iter().zip(q.iter()).map(|(a, b)| a * b).sum();
             // The sign alternates in the bag; between two attitudes 0.8 mrad apart the chord is as good as the arc.
-            assert!((off.abs() - 1.0).abs() < 1e-9, "{name} {i}: {q}");
+            assert_within!((off.abs() - 1.0).abs(), 1e-9, "{name} {i}: {q}");
         }
         assert!(text.contains("/bus/imu") && text.contains("/arm/joint_states"), "{text}");
         assert!(text.contains("up to 0.004000 s apart (median interval 0.004000 s)"), "{text}");
@@ -112,9 +113,9 @@ fn d35_lengths_that_cannot_be_are_refused_before_memory_is_taken() {
     };
     let huge = u64::MAX.to_le_bytes();
     // Length of the record, size when unpacked, checksum, compression, length of the packed records.
-    assert!(with(1, &huge).has("Data::Mcap"), "{}", with(1, &huge));
+    assert!(with(1, &huge).has("Data::TooLarge"), "{}", with(1, &huge));
     assert!(with(9 + 16, &huge).has("Data::TooLarge"), "{}", with(9 + 16, &huge));
-    assert!(with(9 + 16, &[7, 7]).to_string().contains("bytes that should have"), "{}", with(9 + 16, &[7, 7]));
+    assert!(with(9 + 16, &[7, 7]).has("Data::Mcap"), "{}", with(9 + 16, &[7, 7]));
     assert!(with(9 + 24, &[1]).to_string().contains("wrong checksum"), "{}", with(9 + 24, &[1]));
     assert!(with(9 + 32, b"zzz").to_string().contains("compressed by 'zzz'"), "{}", with(9 + 32, b"zzz"));
     assert!(with(9 + 35, &huge).has("Data::Mcap"), "{}", with(9 + 35, &huge));
@@ -138,4 +139,50 @@ fn no_damage_makes_it_panic() {
             bytes[at] = good[at];
         }
     }
+}
+
+/// Where the record that begins at a byte ends.
+fn end_of(bag: &[u8], at: usize) -> usize {
+    at + 9 + u64::from_le_bytes(*bag[at + 1..].first_chunk().unwrap()) as usize
+}
+
+/// The crate takes the length of such a record from that of its chunk without a check.
+#[test]
+fn a_record_longer_than_its_plain_chunk_is_refused() {
+    let good = std::fs::read(fixture("two_arms.mcap")).unwrap();
+    let mut bag = good[..end_of(&good, 8)].to_vec();
+    // Times, size, no checksum, no compression, size: then a chunk of 20 bytes whose one record has 100.
+    let mut chunk = [0; 16].to_vec();
+    chunk.extend(20u64.to_le_bytes());
+    chunk.extend([0; 8]);
+    chunk.extend(20u64.to_le_bytes());
+    chunk.push(5);
+    chunk.extend(100u64.to_le_bytes());
+    chunk.extend([7; 11]);
+    bag.push(6);
+    bag.extend((chunk.len() as u64).to_le_bytes());
+    bag.extend(chunk);
+    bag.extend(&good[end_of(&good, 8)..]);
+    let p = read(file(&bag).path(), &joints(), &ReadOptions::default()).unwrap_err();
+    assert!(p.exit_code() == 12 && ["Data::Mcap", "Data::Topics"].iter().any(|c| p.has(c)), "{p}");
+}
+
+#[test]
+fn attachments_too_large_to_hold_are_left_out() {
+    use std::io::{Seek, SeekFrom, Write};
+    let good = std::fs::read(fixture("zstd.mcap")).unwrap();
+    let (head, rest) = good.split_at(end_of(&good, 8));
+    let n = 300u64 << 20;
+    let mut f = tempfile::NamedTempFile::new().unwrap();
+    f.write_all(head).unwrap();
+    f.write_all(&[9]).unwrap();
+    f.write_all(&n.to_le_bytes()).unwrap();
+    // A hole, which takes no room on the disk.
+    f.seek(SeekFrom::Current(n as i64)).unwrap();
+    f.write_all(rest).unwrap();
+    let l = read(f.path(), &joints(), &ReadOptions::default()).unwrap();
+    assert_eq!(l.record.samples(), N - 1);
+    // One that the file does not have: nothing can be found behind it.
+    let cut = file(&[head, &[9], &n.to_le_bytes(), rest].concat());
+    assert!(read(cut.path(), &joints(), &ReadOptions::default()).unwrap_err().has("Data::Topics"));
 }

@@ -1,4 +1,5 @@
 use crate::file::*;
+use ff_testkit::assert_within;
 use nalgebra::DMatrix;
 
 const N: usize = 300;
@@ -62,7 +63,7 @@ fn a_written_record_is_read_back_bit_for_bit() {
     assert!(l.warnings.0.is_empty(), "{}", l.warnings);
     let r = &l.record;
     assert_eq!((r.samples(), r.joint_names()[1].as_str(), r.t0()), (N, "rail, left", 7.25));
-    assert!((r.dt() - 0.01).abs() < 1e-15);
+    assert_within!((r.dt() - 0.01).abs(), 1e-15);
     assert_eq!((r.q(), r.qd(), r.qdd()), (&q, Some(&dq), Some(&ddq)));
     assert_eq!((r.tau(), r.gyro(), r.acc()), (&tau, &gyro, Some(&acc)));
     assert_eq!(l.bytes, text.len() as u64);

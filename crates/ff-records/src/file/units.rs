@@ -136,6 +136,7 @@ impl Unit {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     #[test]
     fn spellings_of_one_unit_are_one_unit() {
@@ -156,9 +157,9 @@ mod tests {
         assert_eq!(of("ms", Time, 100.0), 0.1);
         assert_eq!(of("ns", Time, 123_456_789.0), 0.123_456_789);
         assert_eq!(of("min", Time, 1.5), 90.0);
-        assert!((of("deg", Angle, 90.0) - PI / 2.0).abs() < 1e-16);
-        assert!((of("rpm", AngularRate, 30.0) - PI).abs() < 1e-15);
-        assert!((of("deg/h", AngularRate, 3600.0) - PI / 180.0).abs() < 1e-17);
+        assert_within!((of("deg", Angle, 90.0) - PI / 2.0).abs(), 1e-16);
+        assert_within!((of("rpm", AngularRate, 30.0) - PI).abs(), 1e-15);
+        assert_within!((of("deg/h", AngularRate, 3600.0) - PI / 180.0).abs(), 1e-17);
         assert_eq!(of("mN m", Torque, 1500.0), 1.5);
         assert_eq!(of("g0", Acceleration, 2.0), 19.6133);
         // No symbol stands for two units.

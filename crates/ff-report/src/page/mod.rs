@@ -4,7 +4,7 @@
 //! are SVG of [`crate::plot`], set into the page.
 //!
 //! ```
-//! use crate::page::{Block, Level, Page};
+//! use ff_report::page::{Block, Level, Page};
 //!
 //! let mut page = Page::new("Identification of <probe>");
 //! page.verdict(Level::Good, &["All 2 parameters are determined by the record.".to_owned()]);

@@ -5,7 +5,7 @@
 //! reduced to what the eye can see, so that an SVG stays small however long the record.
 //!
 //! ```no_run
-//! use crate::plot::{Figure, Panel, Series};
+//! use ff_report::plot::{Figure, Panel, Series};
 //! # let (t, tau) = (vec![0.0, 1.0], vec![0.0, 1.0]);
 //! let mut torque = Panel::new("time (s)", "joint torque (N m)");
 //! torque.series.push(Series::new("joint 2", &t, &tau));

@@ -1,4 +1,5 @@
 use crate::modal::fit::*;
+use ff_testkit::assert_within;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -38,7 +39,7 @@ fn without_noise_the_poles_are_exact() {
         assert!((m.frequency / f - 1.0).abs() < 1e-9 && (m.damping / z - 1.0).abs() < 1e-6, "{m:?}");
         let k = PAPER.iter().position(|p| p.0 == f).unwrap() as f64;
         let shape = (1.7 * (k + 0.6) * 3.9f64).sin();
-        assert!((m.amplitude[3] / (0.1 * a * shape.abs()) - 1.0).abs() < 1e-5);
+        assert_within!((m.amplitude[3] / (0.1 * a * shape.abs()) - 1.0).abs(), 1e-5);
     }
     assert!(fit.unresolved.is_empty());
 }

@@ -2,7 +2,7 @@
 //! unit it needs.
 //!
 //! ```
-//! use crate::init::{Guess, Known, mission};
+//! use ffid::init::{Guess, Known, mission};
 //! use ff_mission::urdf::{self, UrdfOptions};
 //!
 //! let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/peers-model/flex.urdf");

@@ -29,6 +29,11 @@ pub(crate) fn check(schema: &Value, v: &Value, at: &str) -> Result<(), String> {
     {
         return no(format!("{v} is too small"));
     }
+    if schema["maximum"].as_f64().is_some_and(|m| x.is_some_and(|x| x > m))
+        || schema["exclusiveMaximum"].as_f64().is_some_and(|m| x.is_some_and(|x| x >= m))
+    {
+        return no(format!("{v} is too large"));
+    }
     if let Some(items) = v.as_array() {
         let n = items.len() as u64;
         if schema["minItems"].as_u64().is_some_and(|m| n < m) || schema["maxItems"].as_u64().is_some_and(|m| n > m) {

@@ -1,10 +1,10 @@
 //! Keys of `result.json`. Meanings in full are on the fields of [`crate::workflow::identify::IdentificationResult`].
 
-use super::Holds::{
+use crate::workflow::identify::result::identification::{FORMAT, VERSION};
+use ff_mission::mission::schema::Holds::{
     Either, Flag, Just, Matrix, Number, Numbers, OneOf, Pairs, Table, Tables, Terms, Text, Texts, Vector, Whole, Words,
 };
-use super::{Key, key, must};
-use crate::workflow::identify::result::identification::{FORMAT, VERSION};
+use ff_mission::mission::schema::{Key, key, must};
 
 pub(super) const ROOT: &[Key] = &[
     must("format", OneOf(&[FORMAT]), "what this file is"),

@@ -1,6 +1,9 @@
 use super::check::check;
 use crate::schema::*;
 use crate::workflow::identify::IdentificationResult;
+use ff_mission::{LoadOptions, Mission};
+use ff_model::{Problems, toml};
+use serde_json::{Map, json};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;
@@ -49,73 +52,6 @@ fn every_mission_that_loads_is_valid_and_the_wrong_ones_are_not() {
     assert!(with(wing("lift")).is_ok() && with(wing("host")).is_err());
 }
 
-/// The keys that the reader asks for, from its sources: the same as those of the schema.
-#[test]
-fn the_keys_are_those_that_the_reader_asks_for() {
-    let mut asked = BTreeSet::new();
-    for file in fs::read_dir(root("crates/ff-model/src/mission")).unwrap().map(|e| e.unwrap().path()) {
-        if file.ends_with("reader.rs") {
-            continue;
-        }
-        let text = fs::read_to_string(&file).unwrap();
-        for call in [
-            ".number(",
-            ".string(",
-            ".strings(",
-            ".vector(",
-            ".vector::<2>(",
-            ".vector::<3>(",
-            ".vector::<4>(",
-            ".whole(",
-            ".wholes(",
-            ".numbers(",
-            ".rows(",
-            ".table(",
-            ".tables(",
-            "six(t, ",
-            "six(&t, ",
-            "within(t, ",
-            "fraction(t, ",
-            "choice(t, ",
-            "angle(t, ",
-            "or_zero(&t, ",
-            "or_zero(t, ",
-            "angle(&t, ",
-            "direction(t, ",
-            "direction(&t, ",
-        ] {
-            for (i, _) in text.match_indices(call) {
-                if let Some(name) =
-                    text[i + call.len()..].trim_start().strip_prefix('"').and_then(|r| r.split('"').next())
-                {
-                    asked.insert(name.to_owned());
-                }
-            }
-        }
-    }
-    // Lists of keys that are read alike: `["axis", "target"].map(|key| ...)`.
-    let limits = fs::read_to_string(root("crates/ff-model/src/mission/limits.rs")).unwrap();
-    for (i, _) in limits.match_indices("].map(|key|") {
-        let list = &limits[limits[..i].rfind('[').unwrap()..i];
-        asked.extend(list.split('"').skip(1).step_by(2).map(str::to_owned));
-    }
-    fn names(keys: &[Key], out: &mut BTreeSet<String>) {
-        for k in keys {
-            out.insert(k.name.to_owned());
-            match k.holds {
-                Holds::Table(k) | Holds::Tables(k) | Holds::Appendages(k) => names(k, out),
-                Holds::TablesOf(all) => all.iter().for_each(|k| names(k, out)),
-                _ => {}
-            }
-        }
-    }
-    let mut known = BTreeSet::new();
-    names(mission::ROOT, &mut known);
-    let missing: Vec<_> = asked.difference(&known).collect();
-    let stale: Vec<_> = known.difference(&asked).collect();
-    assert!(missing.is_empty() && stale.is_empty(), "not in the schema: {missing:?}; not asked for: {stale:?}");
-}
-
 /// A value with every key of a schema; of several tables the one of this number.
 fn full(schema: &Value, pick: usize) -> Value {
     if let Some(all) = schema["anyOf"].as_array() {
@@ -151,6 +87,39 @@ fn tables(v: &Value, at: &str, out: &mut Vec<String>) {
         }
         Value::Array(items) => items.iter().take(1).for_each(|v| tables(v, &format!("{at}/0"), out)),
         _ => {}
+    }
+}
+
+/// What is wrong with a mission of this content.
+fn problems(mission: &Value, registry: &Registry) -> Problems {
+    let urdf = fs::read_to_string(root("fixtures/paper/robot.urdf")).unwrap();
+    let text = toml::to_string(mission).unwrap();
+    Mission::from_str(&text, &urdf, registry, &LoadOptions::default()).map(|_| ()).unwrap_err()
+}
+
+/// By construction: the reader refuses to read a key that is not declared, and reports one that nothing reads as unknown. So a
+/// mission with every key of the schema meets neither, and a further key is unknown in every table.
+#[test]
+fn the_schema_of_missions_is_what_the_reader_reads() {
+    let registry = crate::default_registry();
+    let schema = mission(&registry);
+    for pick in 0..4 {
+        let mut whole = full(&schema, pick);
+        check(&schema, &whole, "").unwrap();
+        // What is lifted has no mount of its own.
+        whole["appendage"][0].as_object_mut().unwrap().remove("lift");
+        let p = problems(&whole, &registry);
+        let wrong = |p: &Problems| p.0.iter().any(|p| p.code == "Config::UnknownKey" || p.code.starts_with("Internal"));
+        assert!(!wrong(&p) && !p.has("Config::Syntax"), "{p}");
+        let mut places = Vec::new();
+        tables(&whole, "", &mut places);
+        assert!(places.len() >= 20, "{places:?}");
+        // Names of parameters, and the keys of a kind, are for others to judge.
+        for at in places.iter().filter(|at| **at != "/parameters" && **at != "/appendage/0") {
+            let mut v = whole.clone();
+            v.pointer_mut(at).unwrap().as_object_mut().unwrap().insert("further".to_owned(), json!(0));
+            assert!(wrong(&problems(&v, &registry)), "{at}");
+        }
     }
 }
 

@@ -5,11 +5,10 @@ use super::{ModalAppendage, Mode, check_modes, check_rigid, read_csv, read_f06};
 use ff_model::diagnostics::text_file;
 use ff_model::keys;
 use ff_model::keys::Keys;
-use ff_model::{Area, DynAppendage, Inertia, Problem, Problems};
+use ff_model::{Area, Inertia, Problem, Problems, SharedAppendage};
 use nalgebra::{Vector3, Vector6};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 /// Builds a [`ModalAppendage`] from its table in a mission file (a [`ff_model::registry::Factory`]). Allocates; reads
 /// the file that `modes_file` names.
@@ -40,7 +39,7 @@ use std::sync::Arc;
 /// Every problem of table and file: those of [`ff_model::keys::read`], [`ModalAppendage::new`], [`read_csv`] and
 /// [`read_f06`]; `Config::Conflict` when both or neither of `modes` and `modes_file` are given, `Config::BadChoice` for
 /// another kind of file.
-pub fn from_toml(table: &toml::Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+pub fn from_toml(table: &toml::Table) -> Result<SharedAppendage, Problems> {
     let (rigid, modes) = keys::read(table, |t| {
         let (mass, com, i_com) = (t.number("mass_kg"), t.numbers("com_m"), t.symmetric("inertia_com_kgm2"));
         let modes = match (t.has("modes"), t.has("modes_file")) {

@@ -32,13 +32,14 @@ pub use residual::{RESIDUAL_SLACK, Residual};
 pub use table::{CSV_COLUMNS, read_csv};
 
 use ff_model::CoordDecl;
+use ff_model::diagnostics::Limit;
 use ff_model::keys::check_damping;
 use ff_model::port::MAX_COORDS;
-use ff_model::scalar::LaneScalar;
+use ff_model::scalar::PlainScalar;
 use ff_model::spatial::vec3::{Moving, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, Inertia, ParamDecl, ParamGroup, PortAccel, PortMatrix, PortState, PortVector, Problem,
-    Problems, Scalar,
+    Appendage, Area, Decl, Inertia, ParamDecl, ParamGroup, PortAccel, PortDynamics, PortMatrix, PortState, PortVector,
+    Problem, Problems, Scalar,
 };
 use nalgebra::{DMatrix, Vector6};
 use std::f64::consts::TAU;
@@ -131,8 +132,9 @@ impl ModalAppendage {
             }
         }
         let range = (f64::NEG_INFINITY, f64::INFINITY);
-        let coords = (0..n).map(|j| CoordDecl { name: format!("mode[{j}]"), unit: "m", range }).collect();
-        Ok(Self { decl: Decl { kind: MODAL_KIND, coords, params }, modes: n })
+        let coords = (0..n).map(|j| CoordDecl::new(format!("mode[{j}]"), "m", range));
+        // The inertia is that of the undeformed structure, whatever the modes move: see the module docs.
+        Ok(Self { decl: Decl::new(MODAL_KIND, coords, params).not_galilean(), modes: n })
     }
 
     /// Number of modes `n`, which is also the number of coordinates.
@@ -173,42 +175,39 @@ impl ModalAppendage {
 /// Adds everything that is wrong with the rigid body to `problems`; true when it is sound. Allocates on trouble only.
 pub(crate) fn check_rigid(rigid: &Inertia<f64>, problems: &mut Problems) -> bool {
     let Err(e) = rigid.check() else { return true };
-    let (code, key) = crate::segment::inertia_fault(&e);
-    problems.push(Problem::error(Area::Config, code, e.to_string()).on(key).hint(crate::segment::INERTIA_HINT));
+    problems.push(crate::segment::inertia_problem(&e, str::to_owned));
     false
 }
 
 /// Adds everything that is wrong with the modes alone to `problems`; true when they are sound. Allocates.
 pub(crate) fn check_modes(modes: &[Mode], problems: &mut Problems) -> bool {
     let mut own = Problems::default();
-    let mut bad = |code, key: String, message: String, hint: &str| {
-        own.push(Problem::error(Area::Config, code, message).on(key).hint(hint));
-    };
+    let bad =
+        |code, key: String, message: String, hint: &str| Problem::error(Area::Config, code, message).on(key).hint(hint);
     if modes.is_empty() || modes.len() > MAX_MODES {
         let why = format!("{} modes, outside the limits 1 to {MAX_MODES}", modes.len());
-        bad("Config::Param", "modes".into(), why, "keep those with the greatest effective mass (modes_used)");
+        let p = bad("Config::Param", "modes".into(), why, "keep those with the greatest effective mass (modes_used)");
+        own.push(p.violating(modes.len() as f64, Limit::Within(1.0, MAX_MODES as f64), "modes"));
     }
     for (j, m) in modes.iter().enumerate() {
         let at = |key: &str| format!("modes[{j}].{key}");
         if !m.frequency_hz.is_finite() {
             let why = format!("{} Hz is not a finite number", m.frequency_hz);
-            bad("Config::NotFinite", at("freq_hz"), why, "give a number above 0");
+            own.push(bad("Config::NotFinite", at("freq_hz"), why, "give a number above 0"));
         } else if m.frequency_hz <= 0.0 {
             let why = format!("{} Hz is not above the limit 0 Hz", m.frequency_hz);
             let hint = "modes of the structure with its mount held have no rigid-body motion; leave those out";
-            bad("Config::Param", at("freq_hz"), why, hint);
+            let p = bad("Config::Param", at("freq_hz"), why, hint);
+            own.push(p.violating(m.frequency_hz, Limit::Above(0.0), "Hz"));
         } else if m.frequency_hz > MAX_FREQUENCY_HZ {
             let why = format!("{} Hz is above the limit {MAX_FREQUENCY_HZ:e} Hz", m.frequency_hz);
-            bad(
-                "Config::Param",
-                at("freq_hz"),
-                why,
-                "modes far above those of interest belong to the residual mass; leave them out",
-            );
+            let hint = "modes far above those of interest belong to the residual mass; leave them out";
+            let p = bad("Config::Param", at("freq_hz"), why, hint);
+            own.push(p.violating(m.frequency_hz, Limit::AtMost(MAX_FREQUENCY_HZ), "Hz"));
         }
         if m.participation.iter().any(|x| !x.is_finite()) {
             let why = format!("{:?} holds a number that is not finite", m.participation.as_slice());
-            bad("Config::NotFinite", at("participation"), why, "give six finite numbers");
+            own.push(bad("Config::NotFinite", at("participation"), why, "give six finite numbers"));
         }
     }
     for (j, m) in modes.iter().enumerate() {
@@ -229,11 +228,6 @@ ff_model::shared!(ModalAppendage);
 impl Appendage for ModalAppendage {
     fn decl(&self) -> &Decl {
         &self.decl
-    }
-
-    /// The inertia is that of the undeformed structure, whatever the modes move: see the module docs.
-    fn galilean(&self) -> bool {
-        false
     }
 
     /// `[[M, P], [P^T, m]]`, independent of `eta`.
@@ -265,11 +259,13 @@ impl Appendage for ModalAppendage {
         }
         r.scale(0.5)
     }
+}
 
+impl PortDynamics for ModalAppendage {
     /// `R` is quadratic.
     #[inline(always)]
     fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
-        Appendage::rayleigh(self, p, nu).scale(2.0)
+        self.rayleigh(p, nu).scale(2.0)
     }
 
     /// `h_b = V x* (M V + P nu)`, `h_e = k eta + d nu`: `M` and `P` are constant. `O(n)`.
@@ -294,7 +290,7 @@ impl Appendage for ModalAppendage {
     }
 
     #[inline(always)]
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, _: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, _: &PortAccel<'_, T>, j: &mut [T]) {
         let (n, o) = (self.modes, T::zero());
         let dim = 6 + n;
         let j = &mut j[..(3 + 2 * n) * dim];
@@ -321,7 +317,7 @@ impl Appendage for ModalAppendage {
     }
 
     #[inline(always)]
-    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         let (dim, o) = (6 + self.modes, T::zero());
         let y = &mut y[..p.len() * dim];
         y.fill(o);

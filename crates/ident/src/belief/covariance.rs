@@ -225,6 +225,7 @@ pub(crate) fn name_direction(v: &[f64], singular_value: f64, unknowns: &[Unknown
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use ff_testkit::scaled;
 
     fn unknowns(n: usize) -> Vec<Unknown> {
         (0..n).map(|i| Unknown { name: format!("p{i}"), unit: "kg".into(), size: [600.0, 0.5, 20.0, 3.0][i] }).collect()
@@ -239,10 +240,10 @@ mod tests {
         let j = sensitivities();
         let u = analyse(&j, &unknowns(4), 1e-9).unwrap();
         let reference = (j.transpose() * &j).try_inverse().unwrap();
-        assert_relative_eq!(u.covariance, reference, max_relative = 1e-9);
-        assert_relative_eq!(u.deviation[2].unwrap(), reference[(2, 2)].sqrt(), max_relative = 1e-10);
+        assert_relative_eq!(u.covariance, reference, max_relative = scaled(1e-9));
+        assert_relative_eq!(u.deviation[2].unwrap(), reference[(2, 2)].sqrt(), max_relative = scaled(1e-10));
         assert!(u.full_rank() && u.null.is_empty() && u.condition > 1.0);
-        assert_relative_eq!(u.correlations()[(1, 1)], 1.0, max_relative = 1e-12);
+        assert_relative_eq!(u.correlations()[(1, 1)], 1.0, max_relative = scaled(1e-12));
         let strong = u.strong_correlations(0.0);
         assert!(strong.len() == 6 && strong[0].2.abs() >= strong[5].2.abs());
     }
@@ -259,12 +260,12 @@ mod tests {
         // p0 - 0.05 p3 is what the data see of the two, and what they would see of p0 with p3 known.
         let three = j.columns(0, 3).into_owned();
         let alone = analyse(&three, &unknowns(3), 1e-9).unwrap().deviation[0].unwrap();
-        assert_relative_eq!(u.combination(&[1.0, 0.0, 0.0, -0.05]).unwrap(), alone, max_relative = 1e-6);
+        assert_relative_eq!(u.combination(&[1.0, 0.0, 0.0, -0.05]).unwrap(), alone, max_relative = scaled(1e-6));
         assert_eq!(u.combination(&[1.0, 0.3, 0.0, 0.05]), None);
         let d = &u.null[0];
         let of = |n: &str| d.terms.iter().find(|t| t.0 == n).map_or(0.0, |t| t.1);
         assert!(d.terms[0].0 == "p3" && d.omitted == 1, "{d}");
-        assert_relative_eq!(of("p3"), 3.0, max_relative = 1e-6);
+        assert_relative_eq!(of("p3"), 3.0, max_relative = scaled(1e-6));
         assert!(d.to_string().starts_with("3.000e0 p3 (and 1"), "{d}");
     }
 
@@ -282,7 +283,7 @@ mod tests {
     fn coordinates_and_physical_parameters_carry_the_same_information() {
         let p = DMatrix::from_fn(4, 4, |i, k| if i == k { 2.0 + i as f64 } else { 0.1 * (i as f64 - 1.7 * k as f64) });
         let j = sensitivities();
-        assert_relative_eq!(physical_jacobian(&(&j * &p), &p).unwrap(), j, epsilon = 1e-11);
+        assert_relative_eq!(physical_jacobian(&(&j * &p), &p).unwrap(), j, epsilon = scaled(1e-11));
         assert!(physical_jacobian(&j, &DMatrix::zeros(4, 4)).is_err());
         let mut bad = j.clone();
         bad[(3, 3)] = f64::NAN;

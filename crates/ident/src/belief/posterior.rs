@@ -16,12 +16,11 @@
 
 use crate::belief::covariance::Uncertainty;
 use crate::estimate::estimator::{Estimate, RANK_TOLERANCE};
-use crate::parameters::selection;
-use crate::parameters::selection::SelectionError;
 use crate::solve::linear::LinearEstimate;
 use ff_linalg as linalg;
 use ff_linalg::LinalgError;
 use ff_model::ParamDecl;
+use ff_model::tree::{SelectionError, select};
 use nalgebra::{DMatrix, DVector};
 
 /// Why a posterior cannot be used.
@@ -208,7 +207,7 @@ impl Posterior {
     }
     fn matching(&self, patterns: &[&str]) -> Result<Vec<usize>, SequenceError> {
         let decls: Vec<ParamDecl> = self.names.iter().map(|n| ParamDecl::positive(n.clone(), "1", 1.0)).collect();
-        Ok(selection::select(&decls, patterns)?)
+        Ok(select(&decls, patterns)?)
     }
     /// What is known of the parameters that the patterns match, whatever the others are. Allocates.
     ///

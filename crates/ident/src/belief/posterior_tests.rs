@@ -1,5 +1,6 @@
 use crate::belief::posterior::*;
 use approx::assert_relative_eq;
+use ff_testkit::scaled;
 
 fn covariance() -> DMatrix<f64> {
     let a = DMatrix::from_fn(4, 4, |i, j| {
@@ -21,10 +22,10 @@ fn sub(c: &DMatrix<f64>, k: &[usize]) -> DMatrix<f64> {
 #[test]
 fn marginals_are_blocks_of_the_covariance() {
     let (p, c) = (posterior(), covariance());
-    assert_relative_eq!(p.covariance().unwrap().unwrap(), c, max_relative = 1e-10, epsilon = 1e-10);
+    assert_relative_eq!(p.covariance().unwrap().unwrap(), c, max_relative = scaled(1e-10), epsilon = scaled(1e-10));
     let m = p.marginal(&["base.*"]).unwrap();
     assert_eq!(m.names, ["base.mass", "base.h_x"]);
-    assert_relative_eq!(m.covariance().unwrap().unwrap(), sub(&c, &[0, 2]), max_relative = 1e-10);
+    assert_relative_eq!(m.covariance().unwrap().unwrap(), sub(&c, &[0, 2]), max_relative = scaled(1e-10));
     // Forgotten parameters carry no information, the others what they carried alone.
     let f = p.forget(&["tank.*"]).unwrap();
     assert_eq!((f.len(), f.rows.len()), (4, 2));
@@ -32,14 +33,14 @@ fn marginals_are_blocks_of_the_covariance() {
     assert_relative_eq!(
         f.marginal(&["base.*"]).unwrap().covariance().unwrap().unwrap(),
         sub(&c, &[0, 2]),
-        max_relative = 1e-9
+        max_relative = scaled(1e-9)
     );
     // A random step adds its variance and leaves the covariances.
     let l = p.loosen(&["base.mass", "tank.mass"], 7.0).unwrap();
     let mut wider = c.clone();
     wider[(0, 0)] += 49.0;
     wider[(3, 3)] += 49.0;
-    assert_relative_eq!(l.covariance().unwrap().unwrap(), wider, max_relative = 1e-9);
+    assert_relative_eq!(l.covariance().unwrap().unwrap(), wider, max_relative = scaled(1e-9));
     assert!(matches!(p.loosen(&["base.mass"], 0.0), Err(SequenceError::Width { .. })));
     assert!(matches!(p.marginal(&["wing"]), Err(SequenceError::Selection(_))));
 }
@@ -55,12 +56,16 @@ fn a_direction_that_is_not_known_stays_unknown_in_every_marginal() {
     assert_eq!(m.rows.len(), 1);
     assert!(m.rows[0][0].abs() < 1e-12 && (m.rows[0][1].abs() - 3.0).abs() < 1e-12, "{:?}", m.rows);
     let both = p.marginal(&["base.mass", "tank.k[0]"]).unwrap();
-    assert_relative_eq!(both.information(), DMatrix::from_row_slice(2, 2, &[0.01, 0.02, 0.02, 0.04]), epsilon = 1e-14);
+    assert_relative_eq!(
+        both.information(),
+        DMatrix::from_row_slice(2, 2, &[0.01, 0.02, 0.02, 0.04]),
+        epsilon = scaled(1e-14)
+    );
     // A step of k then blurs the sum.
     let l = p.loosen(&["tank.k[0]"], 5.0).unwrap().marginal(&["base.mass", "tank.k[0]"]).unwrap();
     assert_eq!(l.rows.len(), 1);
     let variance = 100.0 + 4.0 * 25.0;
-    assert_relative_eq!(l.information()[(0, 0)], 1.0 / variance, max_relative = 1e-10);
+    assert_relative_eq!(l.information()[(0, 0)], 1.0 / variance, max_relative = scaled(1e-10));
 }
 
 #[test]
@@ -99,13 +104,13 @@ fn rows_of_a_fit_are_those_of_what_is_estimated_in_it() {
     // The information on (tank.mass, base.mass) is that of the marginal.
     let both = DMatrix::from_columns(&[w.column(0), w.column(2)]);
     let expected = sub(&covariance(), &[3, 0]).try_inverse().unwrap();
-    assert_relative_eq!(both.transpose() * &both, expected, max_relative = 1e-9);
+    assert_relative_eq!(both.transpose() * &both, expected, max_relative = scaled(1e-9));
     assert!(j.row(0).iter().all(|x| *x == 9.0) && j.row(3).iter().all(|x| *x == 9.0));
     let p = [103.0, 5.0, 590.0];
     let mut r = vec![1.5];
     rows.push_residuals(&p, &mut r);
     let d = DVector::from_column_slice(&[3.0, 5.0, -10.0]);
-    assert_relative_eq!(DVector::from_column_slice(&r[1..]), &w * d, max_relative = 1e-12);
+    assert_relative_eq!(DVector::from_column_slice(&r[1..]), &w * d, max_relative = scaled(1e-12));
     assert!(matches!(posterior().rows_for(&decls, &[1]), Err(SequenceError::Disjoint { .. })));
     let other = [decl("tank.mass", "m")];
     assert!(matches!(posterior().rows_for(&other, &[0]), Err(SequenceError::Unit { .. })));
@@ -118,7 +123,11 @@ fn what_a_grasp_has_added_carries_both_uncertainties() {
     after.mean = vec![640.0, 20.0, 25.0, 100.0];
     let c = change(&before, &after, &["base.h_x", "base.mass"], |n| n.replace("base", "payload")).unwrap();
     assert_eq!((c.names[1].as_str(), c.mean[1], c.mean[0]), ("payload.mass", 40.0, 25.0));
-    assert_relative_eq!(c.covariance().unwrap().unwrap(), sub(&covariance(), &[2, 0]) * 2.0, max_relative = 1e-9);
+    assert_relative_eq!(
+        c.covariance().unwrap().unwrap(),
+        sub(&covariance(), &[2, 0]) * 2.0,
+        max_relative = scaled(1e-9)
+    );
     assert!(change(&before, &after, &["wing.mass"], str::to_owned).is_err());
     let blind = after.forget(&["base.mass"]).unwrap();
     assert!(change(&before, &blind, &["base.mass"], str::to_owned).unwrap_err().to_string().contains("after"));
@@ -174,8 +183,8 @@ fn one_record_after_the_other_is_both_at_once() {
     let second = estimate(&second, &mut part(15, 25)).unwrap();
     let both = estimate(&Request { priors: cad, ..Request::new(&decls, &all, &start) }, &mut part(0, 40)).unwrap();
     for (s, b) in second.parameters.iter().zip(&both.parameters) {
-        assert_relative_eq!(s.value, b.value, max_relative = 1e-9);
-        assert_relative_eq!(s.std.unwrap(), b.std.unwrap(), max_relative = 1e-8);
+        assert_relative_eq!(s.value, b.value, max_relative = scaled(1e-9));
+        assert_relative_eq!(s.std.unwrap(), b.std.unwrap(), max_relative = scaled(1e-8));
     }
     assert!(first.parameters[0].std.unwrap() > 1.2 * both.parameters[0].std.unwrap());
 }

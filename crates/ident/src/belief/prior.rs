@@ -6,9 +6,8 @@
 //! [`Transform::chain`](crate::parameters::transform::Transform::chain).
 
 use crate::belief::posterior::PosteriorRows;
-use crate::parameters::selection;
-use crate::parameters::selection::SelectionError;
 use ff_model::ParamDecl;
+use ff_model::tree::{SelectionError, select};
 use nalgebra::DMatrix;
 
 /// Width of a prior.
@@ -92,7 +91,7 @@ impl Priors {
                 return Err(PriorError::Width { pattern: pattern.to_owned(), value });
             }
             let mut used = false;
-            for i in selection::select(decls, &[pattern])? {
+            for i in select(decls, &[pattern])? {
                 let Some(column) = selected.iter().position(|&s| s == i) else { continue };
                 let sigma = if matches!(width, Sigma::Relative(_)) { value * sizes[i] } else { value };
                 rows.retain(|r| r.column != column);

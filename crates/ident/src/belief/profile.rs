@@ -129,6 +129,7 @@ mod tests {
     use crate::belief::prior::{Priors, Sigma};
     use ff_least_squares::EvalError;
     use ff_model::ParamDecl;
+    use ff_testkit::assert_within;
     use nalgebra::DMatrix;
 
     /// Decay `a exp(-b t)`, read with noise of one.
@@ -187,7 +188,7 @@ mod tests {
         };
         let lowest = cost(p.value);
         for point in &p.points {
-            assert!((point.excess - (cost(point.value) - lowest)).abs() < 1e-6, "{point:?}");
+            assert_within!((point.excess - (cost(point.value) - lowest)).abs(), 1e-6, "{point:?}");
         }
         let (low, high) = (p.interval95.0.unwrap(), p.interval95.1.unwrap());
         for end in [low, high] {

@@ -182,6 +182,7 @@ fn spread(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
@@ -212,7 +213,7 @@ mod tests {
         let (a, b) = (&c.candidates[0], &c.candidates[1]);
         let (more, less) = if a.estimated > b.estimated { (a, b) } else { (b, a) };
         let charged = (more.bic - less.bic) - (more.aic - less.aic);
-        assert!((charged - 10.0 * (3000f64.ln() - 2.0)).abs() < 1e-9, "{charged}");
+        assert_within!((charged - 10.0 * (3000f64.ln() - 2.0)).abs(), 1e-9, "{charged}");
     }
 
     #[test]

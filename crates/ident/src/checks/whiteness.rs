@@ -220,6 +220,7 @@ fn powers(power: &[f64], resolution: f64, modes_hz: &[f64]) -> Vec<ModePower> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
@@ -254,7 +255,7 @@ mod tests {
         let c = check("tau", &coloured, 100.0, &[]).unwrap();
         assert!(!c.is_white(0.01) && c.first_correlation > 0.15 && c.normal_p > 0.001, "{c:?}");
         let skewed: Vec<f64> = white.iter().map(|x| x + 0.2 * x * x).collect();
-        assert!(check("tau", &skewed, 100.0, &[]).unwrap().normal_p < 1e-6);
+        assert_within!(check("tau", &skewed, 100.0, &[]).unwrap().normal_p, 1e-6);
         let rings: Vec<f64> = white.iter().enumerate().map(|(i, x)| x + 0.3 * (1.45 * 0.01 * i as f64).sin()).collect();
         let c = check("tau", &rings, 100.0, &[1.45 / std::f64::consts::TAU, 5.3]).unwrap();
         // Too little for the tests over all frequencies, but plain at the mode.
@@ -266,9 +267,9 @@ mod tests {
     #[test]
     fn distributions_are_those_of_the_tables() {
         // R: pchisq(x, df, lower.tail = FALSE); Kolmogorov's 5 % point.
-        assert!((chi_square_survival(31.41, 20.0) - 0.05).abs() < 1e-4);
-        assert!((chi_square_survival(5.991, 2.0) - 0.05).abs() < 1e-4);
-        assert!((kolmogorov(1.3581) - 0.05).abs() < 1e-5);
+        assert_within!((chi_square_survival(31.41, 20.0) - 0.05).abs(), 1e-4);
+        assert_within!((chi_square_survival(5.991, 2.0) - 0.05).abs(), 1e-4);
+        assert_within!((kolmogorov(1.3581) - 0.05).abs(), 1e-5);
         assert_eq!(chi_square_survival(1e5, 20.0), 0.0);
     }
 

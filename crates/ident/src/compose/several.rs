@@ -7,9 +7,8 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::estimator::{Coarse, Estimator};
-use crate::parameters::selection;
-use crate::parameters::selection::{SelectionError, sift};
 use ff_least_squares::EvalError;
+use ff_model::tree::{SelectionError, select, sift};
 use ff_model::{ParamDecl, ParamGroup};
 use nalgebra::DMatrix;
 
@@ -64,7 +63,7 @@ fn kind(d: &ParamDecl) -> String {
 }
 
 impl Shared {
-    /// For records with labels and the parameters of their models. `own` are patterns ([`crate::parameters::selection`]) of parameters
+    /// For records with labels and the parameters of their models. `own` are patterns ([`ff_model::tree::select`]) of parameters
     /// that every record has for itself; a body is claimed as a whole if one of its ten numbers is. Allocates.
     ///
     /// # Errors
@@ -78,7 +77,7 @@ impl Shared {
         let mut origin: Vec<(usize, bool)> = Vec::new();
         let everything: Vec<ParamDecl> = records.iter().flat_map(|r| r.1.iter().cloned()).collect();
         if !own.is_empty() {
-            selection::select(&everything, own)?;
+            select(&everything, own)?;
         }
         for (k, (label, decls)) in records.iter().enumerate() {
             if out.labels.iter().any(|l| l == label) {
@@ -232,6 +231,7 @@ mod tests {
     use super::*;
     use crate::estimate::estimator::{Request, estimate};
     use ff_model::Inertia;
+    use ff_testkit::assert_within;
     use nalgebra::{Matrix3, Vector3};
 
     /// Straight lines `slope t + level + bias`, read at some instants.
@@ -299,7 +299,7 @@ mod tests {
         assert_eq!(start, [2.0, 1.0, 1.0, 7.0]);
         let e = estimate(&Request::new(&shared.decls, &[0, 1, 2], &start), &mut both).unwrap();
         for (got, want) in e.values.iter().zip([3.0, 1.5, 2.5, 7.0]) {
-            assert!((got - want).abs() < 1e-9, "{:?}", e.values);
+            assert_within!((got - want).abs(), 1e-9, "{:?}", e.values);
         }
         assert!((e.nuisance[0].value - 0.2).abs() < 1e-9 && (e.nuisance[1].value + 0.4).abs() < 1e-9);
         assert_eq!(shared.of_record(1, &e.values)[0], e.values[2]);

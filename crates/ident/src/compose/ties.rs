@@ -9,12 +9,11 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::estimator::{Coarse, Estimator};
-use crate::parameters::selection;
-use crate::parameters::selection::SelectionError;
 use ff_least_squares::EvalError;
 use ff_linalg as linalg;
 use ff_linalg::LinalgError;
 use ff_model::Inertia;
+use ff_model::tree::{SelectionError, select};
 use ff_model::{ParamDecl, ParamGroup};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -147,11 +146,11 @@ impl Affine {
         let mut tied: Vec<(usize, f64)> = Vec::new();
         for (pattern, factor) in members {
             if let Some(out) = pattern.trim().strip_prefix('!') {
-                let out = selection::select(decls, &[out])?;
+                let out = select(decls, &[out])?;
                 tied.retain(|(i, _)| !out.contains(i));
                 continue;
             }
-            for i in selection::select(decls, &[*pattern])? {
+            for i in select(decls, &[*pattern])? {
                 if tied.iter().any(|(k, _)| *k == i) {
                     return Err(TieError::Twice { parameter: decls[i].name.clone() });
                 }
@@ -190,7 +189,7 @@ impl Affine {
         let mut parameters = Vec::new();
         let mut offset = Vec::new();
         for (pattern, value) in members {
-            for i in selection::select(decls, &[*pattern])? {
+            for i in select(decls, &[*pattern])? {
                 if parameters.contains(&i) {
                     return Err(TieError::Twice { parameter: decls[i].name.clone() });
                 }

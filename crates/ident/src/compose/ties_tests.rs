@@ -1,5 +1,6 @@
 use crate::compose::ties::*;
 use ff_model::Inertia;
+use ff_testkit::assert_within;
 use nalgebra::Vector3;
 
 fn decls() -> Vec<ParamDecl> {
@@ -105,7 +106,7 @@ fn the_shorter_vector_has_what_is_free_and_the_unknowns_of_the_ties() {
     assert_eq!(names[8..], ["panel_a.k[1]", "panel_a.d[0]", "panel_b.k[1]", "k", "consumed"]);
     let start = m.start();
     let full = m.expand(&start).unwrap();
-    assert!((start[11] - 0.5 * (200.0 + 200.0)).abs() < 1e-12, "{start:?}");
+    assert_within!((start[11] - 0.5 * (200.0 + 200.0)).abs(), 1e-12, "{start:?}");
     assert_eq!((full[10], full[13], full[15]), (200.0, 260.0, 2.2));
     assert!((full[0] - values()[0]).abs() < 1e-12 && (full[1] - values()[1]).abs() < 1e-12);
     // What is carried to the full vector: the factor of each member.
@@ -136,7 +137,7 @@ fn derivatives_follow_the_chain_rule() {
             let (up, down) = (at(c, 1e-5), at(c, -1e-5));
             for i in 0..40 {
                 let fd = (up[i] - down[i]) / 2e-5;
-                assert!((fd - j[(i, c)]).abs() < 1e-8 * (1.0 + fd.abs()), "{i} {c}: {fd} {}", j[(i, c)]);
+                assert_within!((fd - j[(i, c)]).abs(), 1e-8 * (1.0 + fd.abs()), "{i} {c}: {fd} {}", j[(i, c)]);
             }
         }
     }

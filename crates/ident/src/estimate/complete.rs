@@ -81,7 +81,7 @@ impl Complete {
         };
         let kept = trimmed(record, options.trim_s)?;
         let (q, qd, qdd) = motion_at(&*joint_motion(model, record)?, record, kept.clone());
-        let (w, al, _) = motion_at(&base_rates(record)?.0.motion, record, kept.clone());
+        let (w, al, _) = motion_at(&base_rates(record)?.motion, record, kept.clone());
         let (n, nj, first) = (kept.len(), model.nj(), kept.start);
         let mut v = DMatrix::zeros(n, 6 + nj);
         let mut a = DMatrix::zeros(n, 6 + nj);
@@ -199,23 +199,10 @@ pub(crate) fn motion_at(
     (q, qd, qdd)
 }
 
-/// A smooth base rate.
-pub(crate) struct BaseRates(MotionFit);
-
-impl BaseRates {
-    /// The rate at time `t` since the first sample (rad/s).
-    pub(crate) fn rate(&self, t: f64) -> Vector3<f64> {
-        let (mut w, mut a, mut b) = ([0.0; 3], [0.0; 3], [0.0; 3]);
-        self.0.motion.eval(t, &mut w, &mut a, &mut b);
-        w.into()
-    }
-}
-
 /// Spline through the gyro with the coarsest knots that reach its noise.
-pub(crate) fn base_rates(record: &Record) -> Result<BaseRates, LinearError> {
+fn base_rates(record: &Record) -> Result<MotionFit, LinearError> {
     let times: Vec<f64> = (0..record.samples()).map(|i| record.time(i)).collect();
     let rows = record.gyro().transpose();
     let samples = JointSamples { dof: 3, times: &times, q: rows.as_slice(), qd: None, rate_weight: 0.0 };
-    let fit = choose_knots(&samples, None).map_err(|e| SetupError::JointMotion(format!("base rates: {e}")))?;
-    Ok(BaseRates(fit))
+    Ok(choose_knots(&samples, None).map_err(|e| SetupError::JointMotion(format!("base rates: {e}")))?)
 }

@@ -90,6 +90,7 @@ impl Delay {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use ff_testkit::scaled;
 
     const DT: f64 = 0.01;
 
@@ -108,7 +109,7 @@ mod tests {
             // Where the wanted instant lies in the record.
             for i in 6..74 {
                 for c in 0..2 {
-                    assert_relative_eq!(got[(i, c)], want[(i, c)], epsilon = 1e-9);
+                    assert_relative_eq!(got[(i, c)], want[(i, c)], epsilon = scaled(1e-9));
                 }
             }
             let rows = delay.of_rows(&DMatrix::from_fn(160, 1, |k, _| signal((k / 2) as f64 * DT, k % 2)), 2);
@@ -122,7 +123,7 @@ mod tests {
         let at = |d: f64| Delay::new(80, DT, d).unwrap().of(&y);
         for d in [0.0034, -0.0241] {
             let slope = Delay::new(80, DT, d).unwrap().slope(&y);
-            assert_relative_eq!(slope, (at(d + h) - at(d - h)) / (2.0 * h), epsilon = 1e-7);
+            assert_relative_eq!(slope, (at(d + h) - at(d - h)) / (2.0 * h), epsilon = scaled(1e-7));
         }
     }
 

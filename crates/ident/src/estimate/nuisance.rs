@@ -96,6 +96,7 @@ pub fn fit_nuisance(
 mod tests {
     use super::*;
     use crate::belief::covariance::Unknown;
+    use ff_testkit::assert_within;
 
     /// Residuals `a p + B e - y` with one parameter p and two nuisance values e of different sizes.
     struct Linear {
@@ -152,8 +153,8 @@ mod tests {
         let squares = (&b * &expected - &rhs).norm_squared();
         let fit = fit_nuisance(&mut Linear { a, b, y }, &[held], 50).unwrap();
         for (found, want) in fit.values.iter().zip(expected.iter()) {
-            assert!((found - want).abs() < 1e-8 * want.abs().max(1.0), "{found} {want}");
+            assert_within!((found - want).abs(), 1e-8 * want.abs().max(1.0), "{found} {want}");
         }
-        assert!((fit.chi2_per_dof() - squares / (n - 2) as f64).abs() < 1e-9 * squares);
+        assert_within!((fit.chi2_per_dof() - squares / (n - 2) as f64).abs(), 1e-9 * squares);
     }
 }

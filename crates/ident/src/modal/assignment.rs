@@ -68,6 +68,7 @@ pub(crate) fn assign(cost: &[Vec<f64>], columns: usize, alone: f64) -> Vec<Optio
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     /// Least total cost over all assignments, by trying them.
     fn best(cost: &[Vec<f64>], taken: &mut Vec<bool>, alone: f64, row: usize) -> f64 {
@@ -96,7 +97,7 @@ mod tests {
             let total: f64 = found.iter().enumerate().filter_map(|(i, j)| j.map(|j| cost[i][j])).sum::<f64>()
                 + 2.0 * (rows + columns - 2 * pairs) as f64;
             let least = best(&cost, &mut vec![false; columns], 4.0, 0);
-            assert!((total - least).abs() < 1e-12, "case {case}: {total} instead of {least}");
+            assert_within!((total - least).abs(), 1e-12, "case {case}: {total} instead of {least}");
             assert!(found.iter().enumerate().all(|(i, j)| j.is_none_or(|j| cost[i][j] <= 4.0)));
         }
     }

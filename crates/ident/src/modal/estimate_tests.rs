@@ -1,8 +1,9 @@
 use crate::modal::estimate::*;
 use crate::modal::matching::{Stray, Unseen};
 use crate::modal::model::tests::load;
-use crate::parameters::selection::select;
+use crate::parameters::select;
 use ff_spectral::era::{Stabilisation, Tolerance};
+use ff_testkit::assert_within;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -78,8 +79,9 @@ fn hinges_come_back_from_their_modes_with_honest_deviations() {
         found.rounds, found.estimate.iterations, found.estimate.status, found.estimate.data_only.singular_values
     );
     for &i in &selected {
-        assert!(
-            (found.estimate.values[i] / v[i] - 1.0).abs() < 1e-6,
+        assert_within!(
+            (found.estimate.values[i] / v[i] - 1.0).abs(),
+            1e-6,
             "{}: {} {}",
             decls[i].name,
             found.estimate.values[i],
@@ -171,7 +173,7 @@ fn fuel_at_0_0890_hz_on_a_held_base_swings_at_0_105_to_0_109_hz_on_a_free_one_an
         assert!((c.from - 0.0890).abs() < 5e-5 && (c.from_damping - 0.0699).abs() < 1e-3, "{c:?}");
         assert!((0.1045..0.1095).contains(&c.frequency), "{c:?}");
         // Proportional damping: zeta / omega is the same before and after.
-        assert!((c.damping / c.frequency / (c.from_damping / c.from) - 1.0).abs() < 1e-9);
+        assert_within!((c.damping / c.frequency / (c.from_damping / c.from) - 1.0).abs(), 1e-9);
     }
     let known = ff_dynamics::modes(m, &Params::from_values(m, v.clone()), &q, &eta, Boundary::JointsHeld).unwrap();
     for (a, b) in free.iter().zip(&known) {

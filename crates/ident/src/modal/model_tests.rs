@@ -2,6 +2,7 @@ use crate::modal::model::*;
 use ff_dynamics::modes;
 use ff_mission::{LoadOptions, Loaded, Mission};
 use ff_model::Registry;
+use ff_testkit::assert_within;
 
 pub(crate) fn load(name: &str) -> Loaded {
     let mut r = Registry::new();
@@ -35,8 +36,8 @@ fn poles_are_those_of_the_dynamics_for_every_boundary() {
             let mine = ModalModel::new(&l.model, &p, &HeldPose { q: &q, eta: &eta, boundary }).unwrap();
             assert_eq!(known.len(), mine.modes().len() + mine.overdamped());
             for (a, b) in known.iter().zip(mine.modes()) {
-                assert!((a.frequency_hz / b.frequency() - 1.0).abs() < 1e-9, "{name} {boundary:?} {a:?} {b:?}");
-                assert!((a.damping_ratio / b.damping() - 1.0).abs() < 1e-7);
+                assert_within!((a.frequency_hz / b.frequency() - 1.0).abs(), 1e-9, "{name} {boundary:?} {a:?} {b:?}");
+                assert_within!((a.damping_ratio / b.damping() - 1.0).abs(), 1e-7);
             }
         }
     }
@@ -87,8 +88,9 @@ fn derivatives_of_the_poles_are_those_of_difference_quotients() {
                         "{name} {boundary:?} mode {k} parameter {i}: channels"
                     );
                     let scale = here.modes()[k].pole.norm() / p.values()[i].abs().max(0.1);
-                    assert!(
-                        (quotient - d[(k, c)]).norm() < 2e-6 * scale,
+                    assert_within!(
+                        (quotient - d[(k, c)]).norm(),
+                        2e-6 * scale,
                         "{name} {boundary:?} mode {k} parameter {i}: {quotient} {}",
                         d[(k, c)]
                     );

@@ -121,6 +121,7 @@ mod tests {
     use super::*;
     use crate::motion::spline_fit::{JointSamples, fit_motion};
     use approx::assert_relative_eq;
+    use ff_testkit::scaled;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, Normal};
@@ -142,10 +143,10 @@ mod tests {
 
     #[test]
     fn noise_in_acceleration_is_as_the_formula_says() {
-        assert_relative_eq!(acceleration_variance(1.0, 1.0, 0.0), 20.5916, max_relative = 1e-4);
-        assert_relative_eq!(measured(None), acceleration_variance(0.16, 0.01, 0.0), max_relative = 0.08);
+        assert_relative_eq!(acceleration_variance(1.0, 1.0, 0.0), 20.5916, max_relative = scaled(1e-4));
+        assert_relative_eq!(measured(None), acceleration_variance(0.16, 0.01, 0.0), max_relative = scaled(0.08));
         let rho = 0.05;
-        assert_relative_eq!(measured(Some(rho)), acceleration_variance(0.16, 0.01, rho), max_relative = 0.08);
+        assert_relative_eq!(measured(Some(rho)), acceleration_variance(0.16, 0.01, rho), max_relative = scaled(0.08));
         assert!(acceleration_variance(0.16, 0.01, rho) < 0.8 * acceleration_variance(0.16, 0.01, 0.0));
     }
 
@@ -154,7 +155,7 @@ mod tests {
         let step = TAU / f64::from(1 << 20);
         let q = |i: usize| 0.83 + 0.21 * (0.013 * i as f64).sin();
         let quantised = (0..3000).map(|i| (q(i) / step).round() * step);
-        assert_relative_eq!(quantum(quantised).unwrap(), step, max_relative = 1e-3);
+        assert_relative_eq!(quantum(quantised).unwrap(), step, max_relative = scaled(1e-3));
         assert_eq!(quantum((0..3000).map(q)), None);
         assert_eq!(quantum([0.3; 40].into_iter()), None);
     }

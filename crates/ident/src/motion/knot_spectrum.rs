@@ -208,6 +208,7 @@ fn spectrum(samples: &JointSamples<'_>, noise: &[f64], dt: f64) -> Result<(Vec<f
 mod tests {
     use super::*;
     use ff_dynamics::motion::JointMotion;
+    use ff_testkit::assert_within;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, Normal};
@@ -287,6 +288,6 @@ mod tests {
         let (times, q) = positions(0.0, 0.0, 3);
         let s = JointSamples { times: &times, q: &q, ..s };
         let f = fit_by_spectrum(&s, None).unwrap();
-        assert!(f.fit.residual[1] < 1e-7, "{:?} {:?}", f.fit.residual, f.reason);
+        assert_within!(f.fit.residual[1], 1e-7, "{:?} {:?}", f.fit.residual, f.reason);
     }
 }

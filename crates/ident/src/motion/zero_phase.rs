@@ -104,6 +104,7 @@ impl ZeroPhase {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     /// Amplitude and largest error of a filtered sine in the middle of a record.
     fn sine(z: &ZeroPhase, rate: f64, hz: f64) -> (f64, f64) {
@@ -141,7 +142,7 @@ mod tests {
         // int_0^inf 1 / (1 + u^8)^2 du = 7/8 pi/8 / sin(pi/8) of the cutoff, for a cutoff far below the rate.
         let slow = ZeroPhase::new(1000.0, 2.0).unwrap();
         let share = 2.0 * 2.0 / 1000.0 * 7.0 / 8.0 * (PI / 8.0) / (PI / 8.0).sin();
-        assert!((slow.noise_gain() / share - 1.0).abs() < 1e-3, "{} {share}", slow.noise_gain());
+        assert_within!((slow.noise_gain() / share - 1.0).abs(), 1e-3, "{} {share}", slow.noise_gain());
         // What happens beyond the transient of an end does not touch it.
         let wave = |i: usize| (0.02 * i as f64).sin() + (0.9 * i as f64).cos();
         let (mut whole, mut part): (Vec<f64>, Vec<f64>) =

@@ -63,6 +63,7 @@ impl Affine {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
     use nalgebra::{Matrix3, Vector3};
 
     fn body() -> Inertia<f64> {
@@ -77,13 +78,13 @@ mod tests {
         let b = a.body(&x);
         assert_eq!(b.check(), Ok(()));
         for (u, v) in a.coordinates(&b).iter().zip(&x) {
-            assert!((u - v).abs() < 1e-12);
+            assert_within!((u - v).abs(), 1e-12);
         }
         // Linear: the Jacobian is exact for any step.
         let p = a.jacobian() * nalgebra::SVector::<f64, 10>::from_row_slice(&x);
         let (p0, p1) = (body().to_params(), b.to_params());
         for k in 0..10 {
-            assert!((p[k] - (p1[k] - p0[k])).abs() < 1e-10 * (1.0 + p1[k].abs()));
+            assert_within!((p[k] - (p1[k] - p0[k])).abs(), 1e-10 * (1.0 + p1[k].abs()));
         }
     }
 }

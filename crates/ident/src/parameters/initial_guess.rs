@@ -71,6 +71,7 @@ fn moved(decls: &[ParamDecl], values: &[f64], selected: &[usize], mut toss: impl
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     #[test]
     fn a_moved_body_is_still_a_body_and_every_parameter_moved() {
@@ -83,8 +84,8 @@ mod tests {
             let out = offset_start(&decls, &values, &(0..11).collect::<Vec<_>>(), 0.25, seed);
             let moved = Inertia::from_params(&out);
             assert_eq!(moved.check(), Ok(()));
-            assert!(((out[0] / 33.0 - 1.0).abs() - 0.25).abs() < 1e-12);
-            assert!(((out[10] / 200.0 - 1.0).abs() - 0.25).abs() < 1e-12);
+            assert_within!(((out[0] / 33.0 - 1.0).abs() - 0.25).abs(), 1e-12);
+            assert_within!(((out[10] / 200.0 - 1.0).abs() - 0.25).abs(), 1e-12);
             assert!(out.iter().zip(&values).all(|(a, b)| a != b));
             let drawn = random_start(&decls, &values, &(0..11).collect::<Vec<_>>(), 0.7, seed);
             assert_eq!(Inertia::from_params(&drawn).check(), Ok(()));

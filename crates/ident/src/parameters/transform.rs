@@ -103,7 +103,7 @@ pub struct Transform {
 }
 
 impl Transform {
-    /// For the parameters `selected` (ascending indices into `decls`, as from [`crate::parameters::selection::select`]).
+    /// For the parameters `selected` (ascending indices into `decls`, as from [`crate::parameters::select`]).
     /// `start` is the full parameter vector; it fixes the scale of free parameters and must have coordinates.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
 use crate::parameters::transform::*;
 use approx::assert_relative_eq;
+use ff_testkit::scaled;
 
 fn decls() -> (Vec<ParamDecl>, Vec<f64>) {
     let i = Matrix3::new(1.9, 0.13, -0.21, 0.13, 2.3, 0.32, -0.21, 0.32, 2.7);
@@ -23,7 +24,7 @@ fn there_and_back_and_every_point_is_a_body() {
     let mut full = vec![0.0; 12];
     t.apply(&x, &mut full);
     for (a, b) in full.iter().zip(&v) {
-        assert_relative_eq!(a, b, max_relative = 1e-13);
+        assert_relative_eq!(a, b, max_relative = scaled(1e-13));
     }
     // Any ten numbers: far away, still a body that can exist.
     for (k, x) in x.iter_mut().enumerate() {
@@ -48,13 +49,18 @@ fn jacobian_matches_differences_and_chain_matches_the_product() {
         b[k] -= h;
         let (pa, pb) = (t.physical(&a), t.physical(&b));
         for i in 0..12 {
-            assert_relative_eq!(j[(i, k)], (pa[i] - pb[i]) / (2.0 * h), epsilon = 1e-7, max_relative = 1e-7);
+            assert_relative_eq!(
+                j[(i, k)],
+                (pa[i] - pb[i]) / (2.0 * h),
+                epsilon = scaled(1e-7),
+                max_relative = scaled(1e-7)
+            );
         }
     }
     let y = DMatrix::from_fn(5, 12, |i, k| ((7 * i + 3 * k + 1) as f64).sin());
     let mut z = y.clone();
     t.chain(&x, &mut z);
-    assert_relative_eq!(z, &y * &j, epsilon = 1e-11);
+    assert_relative_eq!(z, &y * &j, epsilon = scaled(1e-11));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Linear least squares over a record: the solution, what it is worth, and what the data cannot tell.
 //!
-//! The estimators that are linear in the parameters (complete form, momentum, ground calibration) reduce their rows to
+//! The estimators that are linear in the parameters (complete form, ground calibration) reduce their rows to
 //! triangles ([`ff_least_squares::tall_qr`]) and are solved here: `min sum_g |A_g x - b_g|^2 / sigma_g^2`, kinds `g` of rows with one
 //! standard deviation each. With the scaled triangle `R diag(s) = U diag(w) V^T` the solution is
 //!
@@ -50,9 +50,6 @@ pub enum LinearError {
         /// What to do.
         hint: &'static str,
     },
-    /// Nothing known sets the scale of equations without a right-hand side.
-    #[error("{0}")]
-    NoScale(String),
     /// An option outside its range.
     #[error("{what} is {value}, must be {needed}")]
     Option {

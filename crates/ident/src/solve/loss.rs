@@ -100,6 +100,7 @@ impl Loss {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use ff_testkit::scaled;
 
     const ALL: [Loss; 4] = [Loss::Squares, Loss::HUBER, Loss::Huber { k: 0.6 }, Loss::STUDENT];
 
@@ -108,21 +109,21 @@ mod tests {
         let h = 1e-6;
         for l in ALL {
             for r in [-7.3, -1.9, -0.4, 1e-3, 0.31, 1.2, 40.0] {
-                assert_relative_eq!(l.psi(r), (l.rho(r + h) - l.rho(r - h)) / (4.0 * h), max_relative = 1e-6);
-                assert_relative_eq!(l.stiffness(r), (l.psi(r + h) - l.psi(r - h)) / (2.0 * h), epsilon = 1e-8);
+                assert_relative_eq!(l.psi(r), (l.rho(r + h) - l.rho(r - h)) / (4.0 * h), max_relative = scaled(1e-6));
+                assert_relative_eq!(l.stiffness(r), (l.psi(r + h) - l.psi(r - h)) / (2.0 * h), epsilon = scaled(1e-8));
                 let (root, slope) = l.root(r);
-                assert_relative_eq!(root * root, l.rho(r), max_relative = 1e-12);
-                assert_relative_eq!(slope, (l.root(r + h).0 - l.root(r - h).0) / (2.0 * h), epsilon = 1e-6);
+                assert_relative_eq!(root * root, l.rho(r), max_relative = scaled(1e-12));
+                assert_relative_eq!(slope, (l.root(r + h).0 - l.root(r - h).0) / (2.0 * h), epsilon = scaled(1e-6));
             }
-            assert_relative_eq!(l.root(0.0).1, l.root(1e-4).1, epsilon = 1e-6);
+            assert_relative_eq!(l.root(0.0).1, l.root(1e-4).1, epsilon = scaled(1e-6));
         }
     }
 
     #[test]
     fn large_parameters_are_squares_and_wrong_ones_are_refused() {
         let l = Loss::Student { dof: 1e9 };
-        assert_relative_eq!(l.rho(2.3), 2.3f64.powi(2), max_relative = 1e-8);
-        assert_relative_eq!(Loss::Huber { k: 50.0 }.rho(-3.1), 3.1f64.powi(2), max_relative = 1e-14);
+        assert_relative_eq!(l.rho(2.3), 2.3f64.powi(2), max_relative = scaled(1e-8));
+        assert_relative_eq!(Loss::Huber { k: 50.0 }.rho(-3.1), 3.1f64.powi(2), max_relative = scaled(1e-14));
         for p in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(!Loss::Huber { k: p }.is_valid() && !Loss::Student { dof: p }.is_valid());
         }

@@ -51,6 +51,6 @@ pub(super) fn inertia(a: &dyn DynAppendage, samples: &[Sample]) -> [Check; 4] {
         psd.check(law::SEMIDEFINITE, 1e-10),
         own.check(law::OWN_BLOCK, 1e10),
         host.check(law::MASS, 1e-12),
-        if a.is_galilean() { moment } else { moment.advice() },
+        if a.declaration().galilean { moment } else { moment.advice() },
     ]
 }

@@ -1,13 +1,13 @@
 //! Does an appendage keep the laws that the trait leaves to its author?
 //!
 //! ```text
-//! let report = crate::conformance::check_appendage(&my_appendage);
+//! let report = validate::conformance::check_appendage(&my_appendage);
 //! assert!(report.passed(), "{report}");
 //! ```
 //!
 //! The suite draws [`SAMPLES`] states and parameter sets (deterministic, general values, no zeros) and asks for each
 //! law one figure that must not exceed a limit. [`check_kind`] does so for a kind of a registry, and tries its factory
-//! and a whole system with values that nobody should pass; `crate::systems` runs random systems of many kinds. It cannot know whether the energies are those of the device meant;
+//! and a whole system with values that nobody should pass; `validate::systems` runs random systems of many kinds. It cannot know whether the energies are those of the device meant;
 //! it knows that a device with these energies exists, and that the code computes its motion.
 mod allocation;
 mod declaration;
@@ -56,7 +56,7 @@ pub mod law {
     /// symmetric, is what a [`ff_model::PortMatrix`] can hold.)
     pub const MASS: &str = "mass does not change with the coordinates";
     /// `(M_be)_lin = dh/d eta`: linear momentum is the rate of the first moment. It is the condition for the port
-    /// equations to be Galilean, so it is required where [`ff_model::Appendage::galilean`] says so, and advice where it
+    /// equations to be Galilean, so it is required where [`ff_model::Decl::galilean`] says so, and advice where it
     /// does not: linearised modes break it.
     pub const FIRST_MOMENT: &str = "coupling is the rate of the first moment";
     /// Duals and differences agree on the derivatives of `M`, `U` and `R`.
@@ -106,7 +106,8 @@ pub mod law {
     pub const SYSTEM: &str = "extreme values give finite motion or an error";
 }
 
-/// Checks an appendage against every law in [`law`]. A `&A` of any [`ff_model::Appendage`] will do.
+/// Checks an appendage against every law in [`law`]. A `&A` of any
+/// [`ff_model::PortDynamics`] will do, such as `&Derived::new(appendage)` of an [`ff_model::Appendage`].
 ///
 /// Deterministic; takes milliseconds for a few coordinates; allocates. Never panics on wrong numbers: a declaration
 /// that is not sane ends the suite after its first entry, and results that are not finite fail their law.
@@ -138,6 +139,9 @@ fn check(a: &dyn DynAppendage, meter: Option<AllocationMeter>) -> ConformanceRep
     report.push(numbers::extreme(a, &extremes));
     report.push(numbers::no_panic(a, &samples[1]));
     report.push(numbers::number_types(a, few));
+    for why in numbers::lacking() {
+        report.skip(law::NUMBER_TYPES, why);
+    }
     for check in inertia::inertia(a, &samples) {
         report.push(check);
     }
@@ -155,7 +159,8 @@ fn check(a: &dyn DynAppendage, meter: Option<AllocationMeter>) -> ConformanceRep
     }
     report.push(parameters::parameters(a, &samples));
     report.push(parameters::linear(a, &few[..8]));
-    match a.tree_twin() {
+    let nominal: Vec<f64> = decl.params.iter().map(|p| p.nominal).collect();
+    match a.tree_twin().and_then(|t| t.tree_bodies(&nominal)) {
         Some(bodies) => report.push(twin::twin(a, &bodies, few)),
         None => report.skip(law::TWIN, "the appendage has no twin"),
     }

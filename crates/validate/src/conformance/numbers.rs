@@ -95,6 +95,15 @@ pub(super) fn number_types(a: &dyn DynAppendage, samples: &[Sample]) -> Check {
     worst.check(law::NUMBER_TYPES, 1e-12)
 }
 
+/// Why [`number_types`] leaves out instruction sets on this machine.
+pub(super) fn lacking() -> impl Iterator<Item = &'static str> {
+    let sets = [
+        (Isa::V3, "not over the lanes of AVX2 (x86-64-v3), which this machine lacks"),
+        (Isa::V4, "not over the lanes of AVX-512 (x86-64-v4), which this machine lacks"),
+    ];
+    sets.into_iter().filter(|(isa, _)| *isa > Isa::detect()).map(|(_, why)| why)
+}
+
 /// Every method over lanes, one sample in each, against plain numbers.
 struct Lanes<'a> {
     a: &'a dyn DynAppendage,

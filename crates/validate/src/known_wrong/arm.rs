@@ -6,9 +6,11 @@
 use ff_model::CoordDecl;
 use ff_model::port::add_inertial;
 use ff_model::port::{derived_jacobian, derived_power, derived_regressor};
-use ff_model::scalar::LaneScalar;
+use ff_model::scalar::PlainScalar;
 use ff_model::spatial::vec3::{Ten, V3};
-use ff_model::{Appendage, Decl, Inertia, Motion, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Scalar};
+use ff_model::{
+    Appendage, Decl, Inertia, Motion, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Scalar,
+};
 use nalgebra::Vector3;
 
 const HUB: [f64; 3] = [0.3, -0.2, 0.5];
@@ -78,11 +80,8 @@ impl Arm {
             Some(Wrong::NameTwice) => params[K + 1].name = "k_q".into(),
             _ => {}
         }
-        let coords = vec![
-            CoordDecl { name: "q".into(), unit: "rad", range: (-2.0, 2.0) },
-            CoordDecl { name: "x".into(), unit: "m", range: (-0.3, 0.25) },
-        ];
-        Self { decl: Decl { kind: "arm", coords, params }, wrong }
+        let coords = [CoordDecl::new("q", "rad", (-2.0, 2.0)), CoordDecl::new("x", "m", (-0.3, 0.25))];
+        Self { decl: Decl::new("arm", coords, params), wrong }
     }
     fn is(&self, wrong: Wrong) -> bool {
         self.wrong == Some(wrong)
@@ -181,7 +180,9 @@ impl Appendage for Arm {
             _ => r,
         }
     }
+}
 
+impl PortDynamics for Arm {
     fn dissipated_power<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         derived_power(self, p, nu).scale(if self.is(Wrong::HalfThePower) { 0.5 } else { 1.0 })
     }
@@ -215,7 +216,7 @@ impl Appendage for Arm {
         add_inertial(scratch, &acc, r);
     }
 
-    fn jacobian<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
+    fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, j: &mut [T]) {
         if self.is(Wrong::JacobianOfBias) {
             let still = PortAccel { host: Motion::zero(), nu: &[T::zero(); 2] };
             return derived_jacobian(self, p, s, &still, j);
@@ -223,7 +224,7 @@ impl Appendage for Arm {
         derived_jacobian(self, p, s, acc, j);
     }
 
-    fn regressor<T: LaneScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
+    fn regressor<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, acc: &PortAccel<'_, T>, y: &mut [T]) {
         derived_regressor(self, p, s, acc, y);
         if self.is(Wrong::ColumnForgotten) {
             y[8 * (D + 1)..8 * (D + 2)].fill(T::zero());

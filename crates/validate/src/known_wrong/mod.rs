@@ -7,7 +7,7 @@ mod paddle;
 
 use crate::conformance::law;
 use arm::{Arm, ArmMistake};
-use ff_model::DynAppendage;
+use ff_model::{Derived, DynAppendage};
 use paddle::{Paddle, PaddleMistake};
 
 /// An appendage with a mistake.
@@ -24,7 +24,7 @@ pub struct KnownWrong {
 
 /// The two appendages without a mistake, by name.
 pub fn right() -> Vec<(&'static str, Box<dyn DynAppendage>)> {
-    vec![("arm", Box::new(Arm::new(None))), ("paddle", Box::new(Paddle::new(None)))]
+    vec![("arm", Box::new(Arm::new(None))), ("paddle", Box::new(Derived::with_twin(Paddle::new(None))))]
 }
 
 /// Every known-wrong appendage. Allocates.
@@ -32,8 +32,10 @@ pub fn known_wrong() -> Vec<KnownWrong> {
     use ArmMistake as A;
     use PaddleMistake as P;
     let arm = |name, m: A, law, mistake| KnownWrong { name, mistake, law, appendage: Box::new(Arm::new(Some(m))) };
-    let paddle =
-        |name, m: P, law, mistake| KnownWrong { name, mistake, law, appendage: Box::new(Paddle::new(Some(m))) };
+    let paddle = |name, m: P, law, mistake| {
+        let appendage = Box::new(Derived::with_twin(Paddle::new(Some(m))));
+        KnownWrong { name, mistake, law, appendage }
+    };
     vec![
         arm(
             "damper-without-work",
@@ -117,7 +119,7 @@ pub fn known_wrong() -> Vec<KnownWrong> {
             "frozen-inertia",
             P::FrozenInertia,
             law::FIRST_MOMENT,
-            "inertia linearised by hand at the rest angle, and `galilean` not overridden",
+            "inertia linearised by hand at the rest angle, and the declaration says that it is Galilean",
         ),
         paddle("mass-squared", P::MassSquared, law::LINEAR, "an inertial parameter enters the kinetic energy squared"),
         paddle("scaled-by-length", P::ScaledByLength, law::LINEAR, "another parameter scales inertial ones"),

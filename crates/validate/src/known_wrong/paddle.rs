@@ -1,7 +1,7 @@
 //! A rigid body on one sprung hinge at the mount, with ten inertial parameters, with and without a mistake.
 
 use ff_model::CoordDecl;
-use ff_model::{Appendage, Decl, Inertia, ParamDecl, PortMatrix, Scalar, TwinBody, Xform};
+use ff_model::{Appendage, Decl, Inertia, ParamDecl, PortMatrix, Scalar, TreeTwin, TwinBody, Xform};
 use nalgebra::{Matrix3, Vector3};
 
 const K: usize = 10;
@@ -35,8 +35,8 @@ impl Paddle {
         if wrong == Some(Wrong::ScaledByLength) {
             params.push(ParamDecl::positive("length", "m", 1.3));
         }
-        let coords = vec![CoordDecl { name: "q".into(), unit: "rad", range: (-1.5, 1.5) }];
-        Self { decl: Decl { kind: "paddle", coords, params }, wrong }
+        let coords = [CoordDecl::new("q", "rad", (-1.5, 1.5))];
+        Self { decl: Decl::new("paddle", coords, params), wrong }
     }
 }
 
@@ -80,16 +80,18 @@ impl Appendage for Paddle {
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         (p[D] * nu[0] * nu[0]).scale(0.5)
     }
+}
 
-    fn twin(&self) -> Option<Vec<TwinBody>> {
-        let stiffness = if self.wrong == Some(Wrong::TwinSpring) { STIFFNESS * 1.01 } else { STIFFNESS };
+impl TreeTwin for Paddle {
+    fn tree_bodies(&self, p: &[f64]) -> Option<Vec<TwinBody>> {
+        let stiffness = if self.wrong == Some(Wrong::TwinSpring) { p[K] * 1.01 } else { p[K] };
         Some(vec![TwinBody {
             parent: None,
             axis: Vector3::z(),
             placement: Xform::identity(),
-            inertia: blade(),
+            inertia: Inertia::from_params(&p[..10]),
             stiffness,
-            damping: DAMPING,
+            damping: p[D],
             rest: 0.0,
         }])
     }

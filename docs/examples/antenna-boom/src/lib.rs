@@ -13,11 +13,9 @@
 //! (L. Meirovitch, *Fundamentals of Vibrations*, McGraw-Hill 2001, sec. 9.6, assumed modes.) The modal mass is
 //! `33/140 m + m_tip`. Shortening of the deflected boom is neglected: it is of second order in `eta / L`.
 
-use ff_model::CoordDecl;
 use ff_model::nalgebra::Vector3;
 use ff_model::toml::Table;
-use ff_model::{Appendage, Decl, DynAppendage, ParamDecl, PortMatrix, Problems, Registry, Scalar, keys};
-use std::sync::Arc;
+use ff_model::{Appendage, CoordDecl, Decl, ParamDecl, PortMatrix, Problems, Registry, Scalar, SharedAppendage, keys};
 
 /// The `kind` of mission files.
 pub const KIND: &str = "antenna_boom";
@@ -41,6 +39,8 @@ const GAUSS: [(f64, f64); 4] = [
 pub struct Boom {
     decl: Decl,
 }
+
+ff_model::derived!(Boom);
 
 impl Appendage for Boom {
     fn decl(&self) -> &Decl {
@@ -66,15 +66,15 @@ impl Appendage for Boom {
 ///
 /// # Errors
 /// Every key that is missing, unknown, not a number, or below its limit.
-pub fn from_toml(table: &Table) -> Result<Arc<dyn DynAppendage>, Problems> {
+pub fn from_toml(table: &Table) -> Result<SharedAppendage, Problems> {
     let values = keys::read(table, |k| {
         let values = PARAMS.map(|(key, _, _, least)| k.number_within(key, least..=1e12));
         values.into_iter().collect::<Option<Vec<f64>>>()
     })?;
     let params = PARAMS.iter().zip(&values).map(|(&(_, name, unit, _), &x)| ParamDecl::positive(name, unit, x));
     let reach = 0.2 * values[2];
-    let coords = ["tip_y", "tip_z"].map(|name| CoordDecl { name: name.into(), unit: "m", range: (-reach, reach) });
-    Ok(Arc::new(Boom { decl: Decl { kind: KIND, coords: coords.into(), params: params.collect() } }))
+    let coords = ["tip_y", "tip_z"].map(|name| CoordDecl::new(name, "m", (-reach, reach)));
+    Ok(Boom { decl: Decl::new(KIND, coords, params) }.into())
 }
 
 /// Adds the boom to a registry, with the table that the conformance suite checks it with.

@@ -18,7 +18,6 @@ use ident::parameters::{select, sizes};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::sync::Arc;
 
 use BaseKind::{Fixed, Floating};
 use JointKind::{Prismatic, Revolute};
@@ -28,25 +27,27 @@ const NOISE: (f64, f64) = (0.1, 1.5e-4);
 /// Relative singular value below which a direction of a record is null.
 const TOLERANCE: f64 = 1e-9;
 
-pub(super) fn all(seed: u64) -> anyhow::Result<Vec<Case>> {
-    let mut out = Vec::new();
-    let mut add = |case: anyhow::Result<Case>| -> anyhow::Result<()> {
-        out.push(case?);
-        Ok(())
-    };
+/// Makes a case; nothing is computed before.
+pub(super) type Make = Box<dyn Fn() -> anyhow::Result<Case> + Send + Sync>;
+
+pub(super) fn all(seed: u64) -> Vec<Make> {
+    let mut out: Vec<Make> = Vec::new();
     let general = |n: usize| (0..n).map(|k| (Revolute, axis(k))).collect::<Vec<_>>();
+    let mut structural = |name: &'static str, model: Model, expected: usize| {
+        out.push(Box::new(move || structure(name, &model, &["*"], expected, None, seed)));
+    };
     // Three per revolute joint, whatever the axes.
     for (name, n) in [("one joint", 1), ("two joints", 2), ("three joints", 3), ("seven joints", 7)] {
-        add(structure(name, &chain(Floating, &general(n)), &["*"], 3 * n, None, seed))?;
+        structural(name, chain(Floating, &general(n)), 3 * n);
     }
-    add(structure("massless axis (universal joint)", &universal(), &["*"], 6, None, seed))?;
+    structural("massless axis (universal joint)", universal(), 6);
     let parallel = [(Revolute, axis(2)), (Revolute, axis(2)), (Revolute, axis(2))];
-    add(structure("parallel axes, floating base", &chain(Floating, &parallel), &["*"], 9, None, seed))?;
+    structural("parallel axes, floating base", chain(Floating, &parallel), 9);
     // A body on a slide keeps its attitude: its inertia may as well be the other's.
     let slide = [(Prismatic, axis(1))];
-    add(structure("a slide", &chain(Floating, &slide), &["*"], 6, None, seed))?;
+    structural("a slide", chain(Floating, &slide), 6);
     let mixed = [(Revolute, axis(0)), (Prismatic, axis(3))];
-    add(structure("a hinge and a slide", &chain(Floating, &mixed), &["*"], 9, None, seed))?;
+    structural("a hinge and a slide", chain(Floating, &mixed), 9);
     // Planar arms on the ground. Of every link the torques know the moment about its axis and, but for the first link without
     // gravity across the axis, two first moments; the base knows nothing.
     for (name, n, upright, rank) in [
@@ -58,20 +59,30 @@ pub(super) fn all(seed: u64) -> anyhow::Result<Vec<Case>> {
         let z = Vector3::z();
         let gravity = if upright { Vector3::new(-3.1, 9.2, 0.0) } else { -9.81 * z };
         let m = chain(Fixed, &vec![(Revolute, z); n]).with_gravity(gravity);
-        add(structure(name, &m, &["*"], 10 * (n + 1) - rank, None, seed))?;
+        structural(name, m, 10 * (n + 1) - rank);
     }
     for (k, name) in ["turning about x only", "turning about y only", "turning about z only"].into_iter().enumerate() {
-        add(one_axis(name, k))?;
+        out.push(Box::new(move || one_axis(name, k)));
     }
-    add(symmetric())?;
-    add(fulcrum())?;
-    let mut held = chain(Floating, &general(2));
-    mount_payload(&mut held, 0)?;
-    add(structure("fixed fuel in the base", &held, &["base.*", "client.*"], 10, Some(&["base.*", "client.*"]), seed))?;
-    let mut held = chain(Floating, &general(2));
-    mount_payload(&mut held, 2)?;
-    let both = ["link2.*", "client.*"];
-    add(structure("payload and the link that holds it", &held, &both, 10, Some(&both), seed))?;
+    out.push(Box::new(symmetric));
+    out.push(Box::new(fulcrum));
+    // A payload in the base, and one in the hand.
+    let with_payload = |name, host, patterns: &'static [&'static str]| -> Make {
+        Box::new(move || {
+            let general: Vec<_> = (0..2).map(|k| (Revolute, axis(k))).collect();
+            let mut held = chain(Floating, &general);
+            mount_payload(&mut held, host)?;
+            structure(name, &held, patterns, 10, Some(patterns), seed)
+        })
+    };
+    out.push(with_payload("fixed fuel in the base", 0, &["base.*", "client.*"]));
+    out.push(with_payload("payload and the link that holds it", 2, &["link2.*", "client.*"]));
+    out.push(Box::new(move || wings(seed)));
+    out
+}
+
+/// The robot of the paper with all 58 parameters: springs and dampers are known.
+fn wings(seed: u64) -> anyhow::Result<Case> {
     let file = workspace::root()?.join("fixtures/paper/flex.toml");
     let loaded = Mission::load(&file, &ffid::default_registry(), &LoadOptions::default())?;
     let mut case =
@@ -79,8 +90,7 @@ pub(super) fn all(seed: u64) -> anyhow::Result<Vec<Case>> {
     let decls = loaded.model.param_decls();
     let springs = select(&decls, &["panel_*.k[*]", "panel_*.d[*]"])?;
     case.untouched = springs.iter().map(|&i| decls[i].name.clone()).collect();
-    add(Ok(case))?;
-    Ok(out)
+    Ok(case)
 }
 
 /// What no motion can tell of the parameters that the patterns select.
@@ -134,7 +144,7 @@ fn universal() -> Model {
 
 fn mount_payload(model: &mut Model, host: usize) -> anyhow::Result<()> {
     let payload = Payload::new(&body(4)).context("payload")?;
-    model.mount("client", host, Xform::new(Matrix3::identity(), place(3)), payload.into())?;
+    model.mount("client", host, Xform::new(Matrix3::identity(), place(3)), payload)?;
     Ok(())
 }
 
@@ -210,7 +220,7 @@ fn symmetric() -> anyhow::Result<Case> {
         };
         let panel = PanelChain::new(vec![segment(0), segment(1)])?;
         let at = Xform::new(Matrix3::identity(), Vector3::new(x, 0.5 * side, 0.3));
-        m.mount(format!("panel_{name}"), 0, at, panel.into())?;
+        m.mount(format!("panel_{name}"), 0, at, panel)?;
     }
     // Joint held where it is; wing tips up by the same.
     let motion = Sines { joints: 1, amplitude: 0.0, seconds: 16.0 };
@@ -225,7 +235,7 @@ fn symmetric() -> anyhow::Result<Case> {
 /// See [`UnknownFulcrum`].
 fn fulcrum() -> anyhow::Result<Case> {
     let mut m = chain(Floating, &[(Revolute, axis(0)), (Revolute, axis(1))]);
-    m.mount("tank", 0, Xform::new(Matrix3::identity(), place(2)), Arc::new(UnknownFulcrum::new()))?;
+    m.mount("tank", 0, Xform::new(Matrix3::identity(), place(2)), UnknownFulcrum::new())?;
     let motion = Sines { joints: 2, amplitude: 0.5, seconds: 16.0 };
     let (found, proof) = record(&m, &motion, &[0.0; 10], &["tank.*"], Rows::All)?;
     let touched = ["length", "k[0]", "k[1]", "d[0]", "d[1]"].map(|n| format!("tank.{n}")).to_vec();

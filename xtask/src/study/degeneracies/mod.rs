@@ -10,9 +10,11 @@
 mod cases;
 mod robots;
 
+use super::trials::Trials;
 use super::{Op, Options, Study};
 use ident::Uncertainty;
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 /// Change of a prediction along a null direction, relative to that of the loudest parameter, that still counts as none.
 const SILENT: f64 = 1e-9;
@@ -34,52 +36,66 @@ pub(super) struct Case {
     proof: DMatrix<f64>,
 }
 
+/// What came of one case.
+#[derive(Serialize, Deserialize)]
+struct Verdict {
+    named: bool,
+    /// Null directions that change what was not analysed.
+    false_directions: usize,
+    /// The case in words, and its first null directions.
+    lines: Vec<String>,
+}
+
 /// Runs the study.
 ///
 /// # Errors
 /// Systems that cannot be computed; none of these should.
 pub fn run(options: &Options) -> anyhow::Result<Study> {
     let mut study = Study::new("degeneracies", options.seed);
-    let (mut named, mut false_ones, mut all) = (0, 0, 0);
-    for case in cases::all(options.seed)? {
-        all += 1;
-        let u = &case.found;
-        let null = u.unknowns.len() - u.rank;
-        let gap = if null > 0 && u.rank > 0 {
-            u.singular_values[u.rank - 1] / u.singular_values[u.rank].max(f64::MIN_POSITIVE)
-        } else {
-            f64::INFINITY
-        };
-        let touched: Vec<&str> =
-            u.unknowns.iter().zip(&u.deviation).filter(|(_, d)| d.is_none()).map(|(k, _)| k.name.as_str()).collect();
-        let names = case
-            .touched
-            .as_ref()
-            .is_none_or(|want| want.len() == touched.len() && want.iter().all(|w| touched.contains(&w.as_str())));
-        let loud = loudest(&case);
-        let wrong = loud.iter().filter(|l| **l > SILENT).count();
-        false_ones += wrong;
-        let ok = null == case.expected && gap >= GAP && names && wrong == 0;
-        named += usize::from(ok);
-        let worst = loud.iter().fold(0.0f64, |m, l| m.max(*l));
-        study.note(format!(
-            "{:34} {:2} unknowns, {null:2} null directions ({} expected), gap {gap:.0e}, change along them {worst:.0e}{}",
-            case.name,
-            u.unknowns.len(),
-            case.expected,
-            if ok { String::new() } else { format!("  NOT NAMED; touched: {}", touched.join(", ")) },
-        ));
-        for d in u.null.iter().take(4) {
-            study.note(format!("    {d}"));
-        }
-        if null > 4 {
-            study.note(format!("    and {} more", null - 4));
-        }
-    }
-    study.figure("cases", "", f64::from(all));
+    let trials = Trials::open("degeneracies", 1, options)?;
+    let cases = cases::all(options.seed);
+    let all = trials.run("all", 0..cases.len() as u64, |t| Ok(judge(&cases[t.number as usize]()?)))?;
+    all.iter().flat_map(|v| &v.lines).for_each(|line| study.note(line));
+    trials.note().into_iter().for_each(|n| study.note(n));
+    study.figure("cases", "", all.len() as f64);
+    let named = all.iter().filter(|v| v.named).count();
     study.limited("named", "", named as f64, Op::AtLeast, 20.0);
+    let false_ones: usize = all.iter().map(|v| v.false_directions).sum();
     study.limited("false_directions", "", false_ones as f64, Op::AtMost, 0.0);
     Ok(study)
+}
+
+fn judge(case: &Case) -> Verdict {
+    let u = &case.found;
+    let null = u.unknowns.len() - u.rank;
+    let gap = if null > 0 && u.rank > 0 {
+        u.singular_values[u.rank - 1] / u.singular_values[u.rank].max(f64::MIN_POSITIVE)
+    } else {
+        f64::INFINITY
+    };
+    let touched: Vec<&str> =
+        u.unknowns.iter().zip(&u.deviation).filter(|(_, d)| d.is_none()).map(|(k, _)| k.name.as_str()).collect();
+    let names = case
+        .touched
+        .as_ref()
+        .is_none_or(|want| want.len() == touched.len() && want.iter().all(|w| touched.contains(&w.as_str())));
+    let spared = case.untouched.iter().all(|w| !touched.contains(&w.as_str()));
+    let loud = loudest(case);
+    let wrong = loud.iter().filter(|l| **l > SILENT).count();
+    let ok = null == case.expected && gap >= GAP && names && spared && wrong == 0;
+    let worst = loud.iter().fold(0.0f64, |m, l| m.max(*l));
+    let mut lines = vec![format!(
+        "{:34} {:2} unknowns, {null:2} null directions ({} expected), gap {gap:.0e}, change along them {worst:.0e}{}",
+        case.name,
+        u.unknowns.len(),
+        case.expected,
+        if ok { String::new() } else { format!("  NOT NAMED; touched: {}", touched.join(", ")) },
+    )];
+    lines.extend(u.null.iter().take(4).map(|d| format!("    {d}")));
+    if null > 4 {
+        lines.push(format!("    and {} more", null - 4));
+    }
+    Verdict { named: ok, false_directions: wrong, lines }
 }
 
 /// For every null direction: how much a relative change of one along it changes what was not analysed, relative to the most that a

@@ -101,11 +101,13 @@ impl UnknownFulcrum {
             ("d[0]", "N m s/rad", 1.3),
             ("d[1]", "N m s/rad", 0.9),
         ];
-        let params = values.map(|(n, u, x)| ParamDecl::positive(n, u, x)).to_vec();
-        let coords = ["alpha", "beta"].map(|n| CoordDecl { name: n.into(), unit: "rad", range: (-1.5, 1.5) }).to_vec();
-        Self { decl: Decl { kind: "unknown_fulcrum", coords, params } }
+        let params = values.map(|(n, u, x)| ParamDecl::positive(n, u, x));
+        let coords = ["alpha", "beta"].map(|n| CoordDecl::new(n, "rad", (-1.5, 1.5)));
+        Self { decl: Decl::new("unknown_fulcrum", coords, params) }
     }
 }
+
+ff_model::derived!(UnknownFulcrum);
 
 impl Appendage for UnknownFulcrum {
     fn decl(&self) -> &Decl {

@@ -8,6 +8,7 @@ mod checks;
 mod multisine;
 mod truth;
 
+use super::trials::{Number, Trial, Trials};
 use super::{Op, Options, Study};
 use crate::workspace;
 use anyhow::Context;
@@ -18,7 +19,7 @@ use excitation::objective::{
 use excitation::plan::{Extent, Shape};
 use excitation::plan_fisher;
 use excitation::planning::{FisherRequest, base_quantities};
-use excitation::solve::minimise;
+use excitation::solve::{Outcome, minimise};
 use excitation::system::flexible::{Estimated, FlexibleRequest, Nuisance};
 use excitation::system::rigid::RigidBase;
 use excitation::{
@@ -31,7 +32,7 @@ use ff_mission::{LoadOptions, Loaded, Mission};
 use ff_model::{Model, Params};
 use multisine::Multisine;
 use nalgebra::DMatrix;
-use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 use truth::Swing;
 
@@ -131,25 +132,56 @@ impl Setup {
 /// # Errors
 /// Files that cannot be read, and whatever a plan fails of.
 pub fn run(options: &Options) -> anyhow::Result<Study> {
+    let trials = Trials::open("excitation", 1, options)?;
     let setup = Setup::new(options)?;
     let mut study = Study::new("excitation", options.seed);
     if options.wants("gradients") {
-        checks::gradients(&setup, &mut study)?;
+        study.part(&trials, "gradients", |study| checks::gradients(&setup, study))?;
     }
     if options.wants("limits") {
-        checks::violations(&setup, &mut study)?;
+        study.part(&trials, "limits", |study| checks::violations(&setup, study))?;
     }
     if options.wants("information") || options.wants("quiet") {
-        let loud = information(&setup, &mut study)?;
-        quiet(&setup, &mut study, &*loud)?;
+        study.part(&trials, "information", |study| {
+            let loud = information(&setup, &trials, study)?;
+            quiet(&setup, &trials, study, &*loud)
+        })?;
     }
     if options.wants("modal") {
-        modal(&setup, &mut study)?;
+        study.part(&trials, "modal", |study| modal(&setup, &trials, study))?;
     }
     if options.wants("times") {
-        checks::times(&setup, &mut study)?;
+        study.part(&trials, "times", |study| checks::times(&setup, study))?;
     }
+    trials.note().into_iter().for_each(|n| study.note(n));
     Ok(study)
+}
+
+/// The end of one search.
+#[derive(Serialize, Deserialize)]
+struct Searched {
+    cost: Number,
+    x: Vec<f64>,
+    /// Status and iterations, in words.
+    how: String,
+}
+
+/// Searches from several random plans, each a trial of `part`; the end of lowest cost, if any has one.
+fn best_of(
+    trials: &Trials,
+    part: &str,
+    starts: u64,
+    search: impl Fn(Trial) -> anyhow::Result<Outcome> + Sync,
+) -> anyhow::Result<Option<Searched>> {
+    // A search that fails is a result, too: others may not.
+    let all: Vec<Option<Searched>> = trials.run(part, 0..starts, |t| {
+        Ok(search(t).ok().map(|o| Searched {
+            cost: Number(o.cost),
+            how: format!("{:?} after {} iterations", o.status, o.iterations),
+            x: o.x,
+        }))
+    })?;
+    Ok(all.into_iter().flatten().min_by(|a, b| a.cost.0.total_cmp(&b.cost.0)))
 }
 
 fn largest(f: &DMatrix<f64>, quantities: &[RelativeQuantity]) -> f64 {
@@ -157,13 +189,13 @@ fn largest(f: &DMatrix<f64>, quantities: &[RelativeQuantity]) -> f64 {
 }
 
 /// The information plan against random feasible multisines.
-fn information(s: &Setup, study: &mut Study) -> anyhow::Result<Box<dyn JointMotion>> {
+fn information(s: &Setup, trials: &Trials, study: &mut Study) -> anyhow::Result<Box<dyn JointMotion>> {
     let report = s.information(REPORT_STEP_S)?;
     let quantities = base_quantities(&report).context("all ten parameters of the base")?;
     let rate = |m: &dyn JointMotion| report.of_motion(m).map_or(f64::INFINITY, |f| largest(&f, &quantities));
     let count = if s.quick { 6 } else { 100 };
-    let mut random: Vec<f64> =
-        (0..count).into_par_iter().map(|i| rate(&Multisine::new(&s.start, &s.limits, RECORD_S, s.seed, i))).collect();
+    let one = |t: Trial| Ok(Number(rate(&Multisine::new(&s.start, &s.limits, RECORD_S, t.rng()))));
+    let mut random: Vec<f64> = trials.run("multisine", 0..count, one)?.into_iter().map(|r| r.0).collect();
     random.sort_by(f64::total_cmp);
     let (median, best) = (0.5 * (random[(count as usize - 1) / 2] + random[count as usize / 2]), random[0]);
 
@@ -215,16 +247,13 @@ fn fisher_request(s: &Setup, seconds: f64) -> FisherRequest {
 }
 
 /// The quiet plan: silence in the band of the panels, and what it spares a rigid fit.
-fn quiet(s: &Setup, study: &mut Study, loud: &dyn JointMotion) -> anyhow::Result<()> {
+fn quiet(s: &Setup, trials: &Trials, study: &mut Study, loud: &dyn JointMotion) -> anyhow::Result<()> {
     let (low, high) = (0.2, 1.0);
     let plan = s.plan(Duration::Fixed(RECORD_S), CONTROL_POINTS)?;
     let cost = quiet_cost(s, &plan)?;
     let starts: u64 = if s.quick { 1 } else { 4 };
-    let outcomes: Vec<_> = (0..starts)
-        .into_par_iter()
-        .map(|i| minimise(&cost, &plan, &random_plan(&plan, s.seed, i, 0.5)?, &s.options(300)))
-        .collect();
-    let best = outcomes.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).context("no quiet plan")?;
+    let search = |t: Trial| Ok(minimise(&cost, &plan, &random_plan(&plan, t.seed, t.number, 0.5)?, &s.options(300))?);
+    let best = best_of(trials, "quiet.searches", starts, search)?.context("no quiet plan")?;
     let motion = plan.motion(&best.x)?;
     let (loud_power, quiet_power) = (truth::band_power(loud, low, high), truth::band_power(&motion, low, high));
     let attenuation = 10.0 * (loud_power / quiet_power).log10();
@@ -244,7 +273,7 @@ fn quiet(s: &Setup, study: &mut Study, loud: &dyn JointMotion) -> anyhow::Result
     let quantities = base_quantities(&f).context("all ten parameters of the base")?;
     let std = f.of_motion(&motion).map_or(f64::INFINITY, |f| largest(&f, &quantities));
     study.figure("quiet.largest", "%", 100.0 * std);
-    study.note(format!("quiet plan: {:?} after {} iterations", best.status, best.iterations));
+    study.note(format!("quiet plan: {}", best.how));
     Ok(())
 }
 
@@ -262,7 +291,7 @@ fn quiet_cost(s: &Setup, plan: &SplinePlan) -> anyhow::Result<CostSum> {
 }
 
 /// The modal plan against the paper's simplified manoeuvre.
-fn modal(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
+fn modal(s: &Setup, trials: &Trials, study: &mut Study) -> anyhow::Result<()> {
     let both = |swing: &Swing| -> anyhow::Result<(usize, usize)> {
         let symmetric = swing.symmetric().context("no symmetric mode")?;
         Ok((swing.antisymmetric().context("no antisymmetric mode")?, symmetric))
@@ -277,11 +306,8 @@ fn modal(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     let plan = SplinePlan::new(PlanSpec { start: MODAL_START.to_vec(), ..spec })?;
     let cost = modal_cost(s, &swing, &[(antisymmetric, 1.0, 0.04), (symmetric, 2.5, 0.02)])?;
     let starts: u64 = if s.quick { 1 } else { 4 };
-    let outcomes: Vec<_> = (0..starts)
-        .into_par_iter()
-        .map(|i| minimise(&cost, &plan, &random_plan(&plan, s.seed, i, 0.5)?, &s.options(250)))
-        .collect();
-    let best = outcomes.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)).context("no modal plan")?;
+    let search = |t: Trial| Ok(minimise(&cost, &plan, &random_plan(&plan, t.seed, t.number, 0.5)?, &s.options(250))?);
+    let best = best_of(trials, "modal.searches", starts, search)?.context("no modal plan")?;
     let motion = plan.motion(&best.x)?;
     let manoeuvre = manoeuvre(s, parallel.driven()[plain_antisymmetric].frequency)?;
     let (planned, plain) =
@@ -298,7 +324,7 @@ fn modal(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
     study.judged(s.quick, "modal.symmetric_torque_over_noise", "", torque, (Op::AtLeast, 10.0));
     let before = parallel.torque(plain_symmetric, of(&parallel, &plain, plain_symmetric)?.0) / s.noise.torque;
     study.figure("modal.symmetric_torque_over_noise_manoeuvre", "", before);
-    study.note(format!("modal plan: {:?} after {} iterations", best.status, best.iterations));
+    study.note(format!("modal plan: {}", best.how));
     Ok(())
 }
 

@@ -8,7 +8,7 @@
 use crate::study::quintic::step;
 use excitation::JointLimits;
 use ff_dynamics::motion::JointMotion;
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 
@@ -24,9 +24,7 @@ pub(super) struct Multisine {
 }
 
 impl Multisine {
-    pub(super) fn new(start: &[f64], limits: &[JointLimits], duration: f64, seed: u64, stream: u64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(stream);
+    pub(super) fn new(start: &[f64], limits: &[JointLimits], duration: f64, mut rng: ChaCha8Rng) -> Self {
         let mut one = |h: usize| (rng.random::<f64>() / h as f64, TAU * rng.random::<f64>());
         let terms = start.iter().map(|_| (1..=HARMONICS).map(&mut one).collect()).collect();
         let mut m = Self { start: start.to_vec(), duration, terms };
@@ -85,12 +83,13 @@ impl JointMotion for Multisine {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::trials::Trial;
 
     #[test]
     fn derivatives_limits_and_rest() {
         let limits = vec![JointLimits { lower: -1.5, upper: 2.0, velocity: 0.17, acceleration: 0.15, jerk: None }; 3];
         let start = [0.4, -0.7, 1.1];
-        let m = Multisine::new(&start, &limits, 60.0, 4, 2);
+        let m = Multisine::new(&start, &limits, 60.0, Trial { seed: 4, number: 2 }.rng());
         let at = |t: f64| {
             let mut x = [[0.0; 3]; 3];
             let [q, qd, qdd] = &mut x;

@@ -7,6 +7,7 @@
 
 use super::case::{COMBINED, Case};
 use super::{fit, settings};
+use crate::study::trials::{Number, Trial, Trials};
 use crate::study::{Op, Options, Study};
 use anyhow::Context;
 use ff_dynamics::{Boundary, Trace, measure, modes};
@@ -17,7 +18,7 @@ use ident::parameters::offset_start;
 use nalgebra::{DMatrix, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// Record (s), its sampling, and that of the simulation it is cut from.
@@ -30,11 +31,17 @@ const DELAY: usize = 3;
 const TORQUE_BIAS: f64 = 0.3;
 const GYRO_BIAS: f64 = 5e-4;
 
-/// Relative errors of one identification.
-struct Errors {
-    named: Vec<(&'static str, f64)>,
-    estimate: Estimate,
+/// What came of one record.
+#[derive(Serialize, Deserialize)]
+struct Outcome {
+    /// Errors by name, relative but for delay and biases.
+    errors: Vec<(String, Number)>,
+    converged: bool,
+    chi2_per_dof: Number,
+    iterations: usize,
     seconds: f64,
+    /// Every unknown, in words.
+    notes: Vec<String>,
 }
 
 /// Runs the study.
@@ -43,46 +50,52 @@ struct Errors {
 /// Files that cannot be read, and fits that give no estimate at all.
 pub fn run(options: &Options) -> anyhow::Result<Study> {
     let mut study = Study::new("combined", options.seed);
+    let trials = Trials::open("combined", 1, options)?;
     let case = Case::new(COMBINED, RECORD_S, true, options.seed)?;
     let fine = case.simulate(FINE_S)?;
     let count = if options.quick { 1 } else { 3 };
-    let all: Vec<Errors> =
-        (0..count).into_par_iter().map(|k| one(&case, &fine, 1000 * options.seed + k)).collect::<Result<_, _>>()?;
+    let all = trials.run("all", 0..count, |t| one(&case, &fine, t))?;
+    let error = |e: &Outcome, name: &str| e.errors.iter().find(|n| n.0 == name).map_or(f64::NAN, |n| n.1.0);
     let limits =
         [("mass", 2.0), ("com", 2.0), ("inertia", 2.0), ("stiffness", 1.0), ("damping", 10.0), ("frequency", 0.5)];
     for (name, limit) in limits {
-        let of = |e: &Errors| e.named.iter().find(|n| n.0 == name).map_or(f64::NAN, |n| 100.0 * n.1);
+        let of = |e: &Outcome| 100.0 * error(e, name);
         // NaN must not be lost in the largest.
         let worst = all.iter().map(of).fold(0.0, |m: f64, x| if x.is_nan() { x } else { m.max(x) });
         study.judged(false, format!("{name}.error"), "%", worst, (Op::AtMost, limit));
     }
     for name in ["delay", "torque_bias", "gyro_bias", "slosh_mass", "slosh_length"] {
-        let of = |e: &Errors| e.named.iter().find(|n| n.0 == name).map_or(f64::NAN, |n| n.1);
         let unit = match name {
             "delay" => "s",
             "torque_bias" => "N m",
             "gyro_bias" => "rad/s",
             _ => "",
         };
-        study.figure(format!("{name}.error"), unit, all.iter().map(of).fold(0.0, f64::max));
+        study.figure(format!("{name}.error"), unit, all.iter().map(|e| error(e, name)).fold(0.0, f64::max));
     }
-    let converged = all.iter().filter(|e| e.estimate.status.is_converged()).count();
+    let converged = all.iter().filter(|e| e.converged).count();
     study.judged(false, "converged", "", converged as f64, (Op::AtLeast, count as f64));
-    study.figure("chi2_per_dof", "", all[0].estimate.chi2_per_dof);
-    study.figure("iterations", "", all.iter().map(|e| e.estimate.iterations).max().unwrap_or(0) as f64);
+    study.figure("chi2_per_dof", "", all[0].chi2_per_dof.0);
+    study.figure("iterations", "", all.iter().map(|e| e.iterations).max().unwrap_or(0) as f64);
     study.figure("seconds", "s", all.iter().map(|e| e.seconds).fold(0.0, f64::max));
-    for p in &all[0].estimate.nuisance {
-        study.note(format!("{:24} {:12.6e} +- {:?}", p.name, p.value, p.std));
-    }
-    for p in &all[0].estimate.parameters {
-        let truth = case.true_value(&p.name);
-        let std = p.std.map_or_else(|| "untold".to_owned(), |s| format!("{s:.2e}"));
-        study.note(format!("{:24} truth {truth:10.4}, found {:10.4} +- {std} {}", p.name, p.value, p.unit));
-    }
+    all[0].notes.iter().for_each(|n| study.note(n));
+    trials.note().into_iter().for_each(|n| study.note(n));
     Ok(study)
 }
 
-fn one(case: &Case, fine: &Trace, seed: u64) -> anyhow::Result<Errors> {
+/// Every unknown of an estimate, a line each.
+fn notes(case: &Case, e: &Estimate) -> Vec<String> {
+    let nuisance = e.nuisance.iter().map(|p| format!("{:24} {:12.6e} +- {:?}", p.name, p.value, p.std));
+    let parameters = e.parameters.iter().map(|p| {
+        let truth = case.true_value(&p.name);
+        let std = p.std.map_or_else(|| "untold".to_owned(), |s| format!("{s:.2e}"));
+        format!("{:24} truth {truth:10.4}, found {:10.4} +- {std} {}", p.name, p.value, p.unit)
+    });
+    nuisance.chain(parameters).collect()
+}
+
+fn one(case: &Case, fine: &Trace, trial: Trial) -> anyhow::Result<Outcome> {
+    let seed = trial.own_seed();
     let n = case.model.nj();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let torque_bias: Vec<f64> = (0..n).map(|_| TORQUE_BIAS * rng.random_range(-1.0..1.0)).collect();
@@ -118,8 +131,15 @@ fn one(case: &Case, fine: &Trace, seed: u64) -> anyhow::Result<Errors> {
     let clock = Instant::now();
     let estimate = fit(case, &record, &options, &request)?;
     let seconds = clock.elapsed().as_secs_f64();
-    let named = errors(case, &estimate, &torque_bias, &gyro_bias)?;
-    Ok(Errors { named, estimate, seconds })
+    let errors = errors(case, &estimate, &torque_bias, &gyro_bias)?;
+    Ok(Outcome {
+        errors: errors.into_iter().map(|(name, e)| (name.to_owned(), Number(e))).collect(),
+        converged: estimate.status.is_converged(),
+        chi2_per_dof: Number(estimate.chi2_per_dof),
+        iterations: estimate.iterations,
+        seconds,
+        notes: notes(case, &estimate),
+    })
 }
 
 fn errors(

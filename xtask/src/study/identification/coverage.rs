@@ -7,13 +7,14 @@
 
 use super::case::{Case, FLEXIBLE, Kind, SLOSH};
 use super::settings;
+use crate::study::trials::{Number, Trial, Trials};
 use crate::study::{Op, Options, Study};
 use ff_dynamics::sim::Channel;
 use ff_dynamics::{SensorSuite, Trace, measure};
 use ident::estimate::Estimate;
 use ident::parameters::offset_start;
 use ident::{OutputError, Request, estimate};
-use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// Record (s) and its sampling.
@@ -31,34 +32,43 @@ const Z95: f64 = 1.959_963_984_540_054;
 /// Files that cannot be read, and fits that give no estimate at all.
 pub fn run(options: &Options) -> anyhow::Result<Study> {
     let mut study = Study::new("coverage", options.seed);
+    let trials = Trials::open("coverage", 1, options)?;
     let flexible: &[Group] = &[("base", "base."), ("k", ".k["), ("d", ".d[")];
     let slosh: &[Group] =
         &[("base", "base."), ("slosh_mass", "tank.mass"), ("slosh_length", "tank.length"), ("k", ".k["), ("d", ".d[")];
     for (kind, groups) in [(FLEXIBLE, flexible), (SLOSH, slosh)] {
         if options.wants(kind.name) {
-            system(kind, groups, options, &mut study)?;
+            system(kind, groups, options, &trials, &mut study)?;
         }
     }
+    trials.note().into_iter().for_each(|n| study.note(n));
     Ok(study)
 }
 
 /// Name of a group, and what the names of its parameters contain.
 type Group = (&'static str, &'static str);
 
-fn system(kind: Kind, groups: &[Group], options: &Options, study: &mut Study) -> anyhow::Result<()> {
+/// What came of one record.
+#[derive(Serialize, Deserialize)]
+struct Fitted {
+    chi2_per_dof: Number,
+    converged: bool,
+    /// Value and standard deviation of every estimated parameter.
+    estimates: Vec<(Number, Option<Number>)>,
+}
+
+fn system(kind: Kind, groups: &[Group], options: &Options, trials: &Trials, study: &mut Study) -> anyhow::Result<()> {
     let case = Case::new(kind, RECORD_S, true, options.seed)?;
     let trace = case.simulate(SAMPLE_S)?;
     let records = if options.quick { 4 } else { RECORDS };
     let clock = Instant::now();
-    let first = 1000 * options.seed;
-    let fits: Vec<Estimate> =
-        (first..first + records).into_par_iter().map(|s| one(&case, &trace, s)).collect::<Result<_, _>>()?;
+    let fits = trials.run(case.name, 0..records, |t| one(&case, &trace, t))?;
     let seconds = clock.elapsed().as_secs_f64();
     let count = fits.len() as f64;
     let name = |what: &str| format!("{}.{what}", case.name);
     study.figure(name("seconds"), "s", seconds);
-    study.figure(name("chi2_per_dof"), "", fits.iter().map(|e| e.chi2_per_dof).sum::<f64>() / count);
-    let converged = fits.iter().filter(|e| e.status.is_converged()).count();
+    study.figure(name("chi2_per_dof"), "", fits.iter().map(|e| e.chi2_per_dof.0).sum::<f64>() / count);
+    let converged = fits.iter().filter(|e| e.converged).count();
     study.judged(options.quick, name("converged"), "", converged as f64, (Op::AtLeast, count));
     for (group, pattern) in groups {
         let members: Vec<usize> =
@@ -68,8 +78,8 @@ fn system(kind: Kind, groups: &[Group], options: &Options, study: &mut Study) ->
             let i = case.selected[k];
             let truth = case.truth.values()[i];
             // A parameter without a deviation is not covered.
-            let errors: Vec<f64> =
-                fits.iter().map(|e| (e.parameters[k].value - truth) / e.parameters[k].std.unwrap_or(0.0)).collect();
+            let error = |(value, std): (Number, Option<Number>)| (value.0 - truth) / std.map_or(0.0, |s| s.0);
+            let errors: Vec<f64> = fits.iter().map(|e| error(e.estimates[k])).collect();
             inside += errors.iter().filter(|e| e.abs() <= Z95).count() as f64;
             all += count;
             let bias = errors.iter().sum::<f64>() / count;
@@ -91,7 +101,8 @@ fn system(kind: Kind, groups: &[Group], options: &Options, study: &mut Study) ->
 /// Fraction of the golden ratio: its multiples fill the unit interval evenly.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-fn one(case: &Case, trace: &Trace, seed: u64) -> anyhow::Result<Estimate> {
+fn one(case: &Case, trace: &Trace, trial: Trial) -> anyhow::Result<Fitted> {
+    let seed = trial.own_seed();
     // Where the zero of an encoder lies within its step is chance. With the same phase in all records their positions would be the
     // same to the last bit, and what is one draw of the error of the joint motion would count as a bias.
     // No record is displaced by more than half a step, and all together by nothing.
@@ -101,6 +112,11 @@ fn one(case: &Case, trace: &Trace, seed: u64) -> anyhow::Result<Estimate> {
     let record = case.record(r.dt).q(r.q).tau(r.tau).gyro(r.gyro).build()?.0;
     let start = offset_start(&case.decls, case.truth.values(), &case.selected, 0.1, seed);
     let request = Request { settings: settings(), ..Request::new(&case.decls, &case.selected, &start) };
-    let o = ident::Options { substeps: 1, ..ffid::ident::Options::new(case.noise) };
-    Ok(estimate(&request, &mut OutputError::new(&case.model, &record, &o)?)?)
+    let o = ident::Options { substeps: 1, ..ident::Options::new(case.noise) };
+    let e: Estimate = estimate(&request, &mut OutputError::new(&case.model, &record, &o)?)?;
+    Ok(Fitted {
+        chi2_per_dof: Number(e.chi2_per_dof),
+        converged: e.status.is_converged(),
+        estimates: e.parameters.iter().map(|p| (Number(p.value), p.std.map(Number))).collect(),
+    })
 }

@@ -8,12 +8,13 @@
 
 use super::case::{COMBINED, Case, FLEXIBLE, PAYLOAD, RIGID, SLOSH};
 use super::{fit, settings};
+use crate::study::trials::{Number, Trial, Trials};
 use crate::study::{Op, Options, Study};
 use ff_records::Record;
 use ident::estimate::Estimate;
 use ident::parameters::offset_start;
 use ident::{Rda, Request, estimate};
-use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// Record (s) and its sampling.
@@ -34,6 +35,7 @@ const SEEDS: u64 = 100;
 /// Files that cannot be read, and fits that give no estimate at all.
 pub fn run(options: &Options) -> anyhow::Result<Study> {
     let mut study = Study::new("recovery", options.seed);
+    let trials = Trials::open("recovery", 1, options)?;
     let seeds =
         if options.quick { 2 } else { std::env::var("SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(SEEDS) };
     for kind in [RIGID, FLEXIBLE, SLOSH, COMBINED, PAYLOAD] {
@@ -43,25 +45,34 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
         let case = Case::new(kind, RECORD_S, false, options.seed)?;
         let record = case.exact(&case.simulate(SAMPLE_S)?)?;
         let clock = Instant::now();
-        let first = 1000 * options.seed;
-        let all: Vec<(usize, f64, usize)> =
-            (first..first + seeds).into_par_iter().map(|s| one(&case, &record, s)).collect::<Result<_, _>>()?;
+        let all = trials.run(case.name, 0..seeds, |t| one(&case, &record, t))?;
         let seconds = clock.elapsed().as_secs_f64();
-        let recovered = all.iter().filter(|x| x.1 <= RECOVERED).count();
+        let recovered = all.iter().filter(|x| x.error.0 <= RECOVERED).count();
         let name = |what: &str| format!("{}.{what}", case.name);
         study.figure(name("parameters"), "", case.selected.len() as f64);
-        study.figure(name("identifiable"), "", all.iter().map(|x| x.0).min().unwrap_or(0) as f64);
-        study.figure(name("worst_error"), "", all.iter().map(|x| x.1).fold(0.0, f64::max));
-        study.figure(name("iterations"), "", all.iter().map(|x| x.2).sum::<usize>() as f64 / seeds as f64);
+        study.figure(name("identifiable"), "", all.iter().map(|x| x.identifiable).min().unwrap_or(0) as f64);
+        study.figure(name("worst_error"), "", all.iter().map(|x| x.error.0).fold(0.0, f64::max));
+        study.figure(name("iterations"), "", all.iter().map(|x| x.iterations).sum::<usize>() as f64 / seeds as f64);
         study.figure(name("seconds"), "s", seconds);
         study.judged(false, name("recovered"), "", recovered as f64, (Op::AtLeast, seeds as f64));
     }
+    trials.note().into_iter().for_each(|n| study.note(n));
     study.note(format!("{seeds} starts per system, {:.0} % off; recovered: to {RECOVERED:e}", 100.0 * OFFSET));
     Ok(study)
 }
 
-/// Identifiable combinations, their largest error, iterations.
-fn one(case: &Case, record: &Record, seed: u64) -> anyhow::Result<(usize, f64, usize)> {
+/// What came of one start.
+#[derive(Serialize, Deserialize)]
+struct Recovery {
+    /// Identifiable combinations of parameters.
+    identifiable: usize,
+    /// Their largest error, relative.
+    error: Number,
+    iterations: usize,
+}
+
+fn one(case: &Case, record: &Record, trial: Trial) -> anyhow::Result<Recovery> {
+    let seed = trial.own_seed();
     let truth = case.truth.values();
     let start = offset_start(&case.decls, truth, &case.selected, OFFSET, seed);
     let request = Request {
@@ -87,5 +98,5 @@ fn one(case: &Case, record: &Record, seed: u64) -> anyhow::Result<(usize, f64, u
             case.name, e.status, e.iterations, e.chi2_per_dof
         );
     }
-    Ok((known, worst, e.iterations))
+    Ok(Recovery { identifiable: known, error: Number(worst), iterations: e.iterations })
 }

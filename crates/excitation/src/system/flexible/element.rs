@@ -93,7 +93,7 @@ pub(super) struct Evaluated {
 impl Element {
     pub(super) fn port(model: &Model, params: &Params<f64>, k: usize, place: Place) -> Self {
         let a = model.appendages()[k].clone();
-        let speed = !a.appendage.is_galilean();
+        let speed = !a.decl().galilean;
         Self {
             host: a.host,
             place,

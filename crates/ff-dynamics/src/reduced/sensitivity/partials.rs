@@ -136,7 +136,7 @@ impl<T: LaneScalar> PortWork<T> {
 impl<'a, T: LaneScalar> Parts<'a, T> {
     pub(crate) fn new(model: &'a Model, params: &'a Params<T>, table: &'a Prescribed, columns: &'a Columns) -> Self {
         let ports = model.appendages();
-        let slow = |a: &Mounted| (!a.appendage.is_galilean()).then(|| AtSpeed::new(a.dim(), a.decl().params.len()));
+        let slow = |a: &Mounted| (!a.decl().galilean).then(|| AtSpeed::new(a.dim(), a.decl().params.len()));
         Self {
             model,
             params,
@@ -258,7 +258,7 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
 
 /// Number of state columns.
 pub(crate) fn state_columns(model: &Model) -> usize {
-    let galilean = model.appendages().iter().all(|a| a.appendage.is_galilean());
+    let galilean = model.appendages().iter().all(|a| a.decl().galilean);
     3 + 2 * model.np() + if galilean { 0 } else { 3 }
 }
 

@@ -1,7 +1,6 @@
 //! What acts on the system from outside: thrusters, wrenches, motors of wheels, the gradient of gravity.
 //!
-//! Inputs are declared beside the drive of the joints ([`crate::sim::simulate::simulate_with`], [`crate::sim::adaptive::simulate_adaptive`]). An
-//! [`ExternalInput`] looks at the [`Scene`], the poses and twists of all bodies, and adds wrenches on bodies and forces on
+//! Inputs are declared beside the drive of the joints ([`crate::sim::simulate::simulate_with`]). An [`ExternalInput`] looks at the [`Scene`], the poses and twists of all bodies, and adds wrenches on bodies and forces on
 //! passive coordinates to the [`Loads`]. A simulation carries their work and their impulse as quadratures, so that
 //!
 //! ```text
@@ -215,8 +214,8 @@ impl<'a> Inputs<'a> {
 
 /// Times strictly between `from` and `to` at which one of the inputs breaks, ascending, none closer to another than
 /// `apart`. Allocates.
-pub(crate) fn breaks_of(inputs: &[&dyn ExternalInput], more: &[f64], from: f64, to: f64, apart: f64) -> Vec<f64> {
-    let mut all: Vec<f64> = inputs.iter().flat_map(|i| i.breaks()).chain(more.iter().copied()).collect();
+pub(crate) fn breaks_of(inputs: &[&dyn ExternalInput], from: f64, to: f64, apart: f64) -> Vec<f64> {
+    let mut all: Vec<f64> = inputs.iter().flat_map(|i| i.breaks()).collect();
     all.retain(|t| *t > from + apart && *t < to - apart);
     all.sort_by(f64::total_cmp);
     all.dedup_by(|a, b| *a - *b <= apart);

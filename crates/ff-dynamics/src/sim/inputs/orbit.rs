@@ -135,6 +135,7 @@ impl ExternalInput for GravityGradient {
 mod tests {
     use super::*;
     use ff_model::spatial::so3::{exp_so3, quat_to_rot};
+    use ff_testkit::assert_within;
 
     /// Against the sum over the mass points of a body, each in the field.
     #[test]
@@ -144,7 +145,7 @@ mod tests {
         let pose = Xform::new(quat_to_rot(&exp_so3(&v(0.7, -1.2, 0.4))), v(0.8, -0.5, 1.7));
         let points = [(1.3, v(0.4, -0.2, 0.9)), (0.7, v(-0.8, 0.3, 0.5)), (2.1, v(0.1, 1.1, -0.6))];
         let o = g.radial(2.3);
-        assert!((o.norm() - 1.0).abs() < 1e-15);
+        assert_within!((o.norm() - 1.0).abs(), 1e-15);
         let (mut body, mut want) = (Inertia::zero(), Force::zero());
         for (mass, r) in points {
             body += Inertia::point(mass, &r);
@@ -154,6 +155,6 @@ mod tests {
         }
         let (field, local) = g.at(&o, &pose);
         let got = g.wrench(&body, &field, &local);
-        assert!((got.to_vector() - want.to_vector()).norm() < 1e-13, "{got:?} {want:?}");
+        assert_within!((got.to_vector() - want.to_vector()).norm(), 1e-13, "{got:?} {want:?}");
     }
 }

@@ -110,13 +110,14 @@ impl<const N: usize> Signal<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_testkit::assert_within;
 
     #[test]
     fn values_are_those_declared_on_either_side_of_every_break() {
         let p = |start_s, end_s, value| Pulse { start_s, end_s, value: [value] };
         let s = Signal::pulses(vec![p(0.3, 1.1, 2.5), p(0.9, 1.7, -0.4)]).unwrap();
         for (t, want) in [(0.29, 0.0), (0.3, 2.5), (0.9, 2.1), (1.1, -0.4), (1.7, 0.0)] {
-            assert!((s.at(t)[0] - want).abs() < 1e-15, "{t}");
+            assert_within!((s.at(t)[0] - want).abs(), 1e-15, "{t}");
         }
         assert_eq!(s.breaks(), [0.3, 1.1, 0.9, 1.7]);
         let s = Signal::sampled(vec![0.2, 0.7, 1.9], vec![[1.0, -2.0], [3.0, 0.5], [-1.0, 0.7]]).unwrap();

@@ -1,11 +1,10 @@
 //! ROS 2 bags in MCAP: `sensor_msgs/JointState` and `sensor_msgs/Imu` as one record on the clock of the joints.
 //!
-//! The container is read by own code ([`container`]): a chunk at a time, every length checked against the file and against
-//! limits before memory is taken, so that nothing a file says can exhaust memory or panic. Messages are decoded from CDR by
+//! The container is read by the `mcap` crate ([`container`]): a chunk at a time, every length checked against the file or
+//! against a limit before memory is taken, so that nothing a file says can exhaust memory or panic. Messages are decoded from CDR by
 //! [`cdr`], and brought to one clock by [`merge`].
 pub(crate) mod cdr;
 pub(crate) mod container;
-pub(crate) mod lz4;
 pub(crate) mod merge;
 
 use super::blocks::{BLOCK, Block, Blocks, Stamps, unreadable};
@@ -109,18 +108,18 @@ impl Messages {
     /// Takes a message that belongs to the record.
     fn take(&mut self, m: &Message<'_>) -> Result<(), Problems> {
         let wrong = |what: &str, topic: &str| {
-            let what = format!("{what} on topic '{}' at byte {}", clip(topic), m.offset);
+            let what = format!("{what} on topic '{}' before byte {}", clip(topic), m.before);
             unreadable("Data::Mcap", what, "record the bag again; it may be damaged")
         };
         if m.channel == self.joints {
             let joints = &self.topics.0;
             let s = &mut self.state;
-            s.read_again(m.data).ok_or_else(|| wrong("a JointState that is cut short", joints))?;
+            s.read_again(&m.data).ok_or_else(|| wrong("a JointState that is cut short", joints))?;
             let stamp = if self.unstamped { m.log_time } else { s.stamp };
             self.merge.joints(stamp, s).map_err(|what| wrong(&what, joints))
         } else if Some(m.channel) == self.imu {
             let topic = self.topics.1.as_deref().unwrap_or_default();
-            let i = Imu::read(m.data).ok_or_else(|| wrong("an Imu that is cut short", topic))?;
+            let i = Imu::read(&m.data).ok_or_else(|| wrong("an Imu that is cut short", topic))?;
             let stamp = if self.unstamped { m.log_time } else { i.stamp };
             self.merge.imu(stamp, &i).map_err(|what| wrong(&what, topic))
         } else {
@@ -143,7 +142,7 @@ fn look(bag: &mut Container, options: &ReadOptions) -> Result<Found, Problems> {
                 if seen.contains(&m.channel) {
                     continue;
                 }
-                (m.channel, (JointState::read(m.data), Imu::read(m.data)))
+                (m.channel, (JointState::read(&m.data), Imu::read(&m.data)))
             }
             Ok(None) => break,
             // What can be said of it is said when it is read.

@@ -13,7 +13,8 @@ pub use search::{Progress, Search, Watch};
 use crate::exit::Exit;
 use crate::open::Opened;
 use crate::workflow::preflight::{Sensing, joint_limits};
-use excitation::plan::{Extent, PlanError, Shape};
+use excitation::plan::PlanError;
+use excitation::plan::{Extent, Shape};
 use excitation::trajectory::{Origin, named_joints};
 use excitation::{
     Duration, End, JointCommand, Manoeuvre, ManoeuvreSpec, PlanSpec, SplinePlan, Trajectory, TrajectoryFile,

@@ -129,14 +129,14 @@ fn best(found: Found, searches: Vec<Search>, watch: &Watch<'_>) -> Best {
 }
 
 /// Runs a search that reports to `watch`.
-fn watched<R>(watch: &Watch<'_>, stage: &'static str, run: impl FnOnce(&excitation::Watch<'_>) -> R) -> R {
+fn watched<R>(watch: &Watch<'_>, stage: &'static str, run: impl FnOnce(&excitation::solve::Observer<'_>) -> R) -> R {
     let report = |p: &excitation::Progress| {
         if let Some(f) = watch.progress {
             f(&Progress { stage, start: p.start, iteration: p.iteration, cost: p.cost });
         }
         !watch.stopped()
     };
-    let inner = excitation::Watch { stop: watch.stop, progress: Some(&report), ..Default::default() };
+    let inner = excitation::solve::Observer { stop: watch.stop, progress: Some(&report), ..Default::default() };
     run(&inner)
 }
 

@@ -1,10 +1,10 @@
-//! Choosing parameters by name: `base.*`, `panel_left.k[*]`, `*.d[*]`.
+//! Parameters by name and pattern: `base.*`, `panel_left.k[*]`, `*.d[*]`.
 //!
 //! `*` stands for any run of characters (also none, also dots); everything else, brackets included, stands
 //! for itself. A pattern is matched against the full name. A leading `!` removes what it matches from the
 //! selection so far, so that `["base.*", "!base.h_*"]` leaves out the first moments.
 
-use ff_model::ParamDecl;
+use crate::port::ParamDecl;
 
 /// Why a selection was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -24,6 +24,11 @@ pub enum SelectionError {
 }
 
 impl SelectionError {
+    /// Nothing matches `pattern`; the nearest of the names is found. Allocates.
+    pub(crate) fn no_match(decls: &[ParamDecl], pattern: &str) -> Self {
+        let nearest = decls.iter().max_by(|a, b| similarity(pattern, &a.name).total_cmp(&similarity(pattern, &b.name)));
+        Self::NoMatch { pattern: pattern.to_owned(), nearest: nearest.map(|d| d.name.clone()) }
+    }
     /// Process exit code of `bad-inputs.md`: 11 (configuration).
     pub fn exit_code(&self) -> u8 {
         11
@@ -32,21 +37,28 @@ impl SelectionError {
 
 /// Indices of the parameters that the patterns select, ascending and without repetition. Allocates.
 ///
+/// ```
+/// use ff_model::ParamDecl;
+/// use ff_model::tree::select;
+///
+/// let decls = ["base.mass", "panel.k[0]", "panel.k[1]"].map(|name| ParamDecl::positive(name, "", 1.3));
+/// assert_eq!(select(&decls, &["panel.*", "!*[0]"]), Ok(vec![2]));
+/// ```
+///
 /// # Errors
 /// [`SelectionError::NoMatch`] for the first pattern that matches nothing, with the name nearest to it;
 /// [`SelectionError::Empty`].
 pub fn select<S: AsRef<str>>(decls: &[ParamDecl], patterns: &[S]) -> Result<Vec<usize>, SelectionError> {
     let (out, missed) = sift(decls, patterns);
     if let Some(pattern) = missed {
-        let similarity = |d: &ParamDecl| strsim::jaro_winkler(pattern, &d.name);
-        let nearest = decls.iter().max_by(|a, b| similarity(a).total_cmp(&similarity(b)));
-        return Err(SelectionError::NoMatch { pattern: pattern.to_owned(), nearest: nearest.map(|d| d.name.clone()) });
+        return Err(SelectionError::no_match(decls, pattern));
     }
     if out.is_empty() { Err(SelectionError::Empty) } else { Ok(out) }
 }
 
-/// What the patterns leave selected, ascending, and the first pattern that matches nothing.
-pub(crate) fn sift<'a, S: AsRef<str>>(decls: &[ParamDecl], patterns: &'a [S]) -> (Vec<usize>, Option<&'a str>) {
+/// Indices of the parameters that the patterns select, ascending, and the first pattern that matches none: [`select`] for
+/// callers that accept patterns without a match. Allocates.
+pub fn sift<'a, S: AsRef<str>>(decls: &[ParamDecl], patterns: &'a [S]) -> (Vec<usize>, Option<&'a str>) {
     let (mut chosen, mut missed) = (vec![false; decls.len()], None);
     for p in patterns {
         let p = p.as_ref().trim();
@@ -62,9 +74,26 @@ pub(crate) fn sift<'a, S: AsRef<str>>(decls: &[ParamDecl], patterns: &'a [S]) ->
     ((0..decls.len()).filter(|&i| chosen[i]).collect(), missed)
 }
 
+/// How much two names are alike; larger is more.
+#[cfg(feature = "suggestions")]
+fn similarity(a: &str, b: &str) -> f64 {
+    strsim::jaro_winkler(a, b)
+}
+
+/// Letters that agree from the start.
+#[cfg(not(feature = "suggestions"))]
+fn similarity(a: &str, b: &str) -> f64 {
+    a.chars().zip(b.chars()).take_while(|(x, y)| x == y).count() as f64
+}
+
 /// True when `pattern`, with `*` for any run of characters, covers the whole of `name`. Does not allocate.
 ///
 /// Linear in the length of the name for each star (the last star is the only one retried).
+///
+/// ```
+/// assert!(ff_model::tree::matches("panel_*.k[*]", "panel_left.k[0]"));
+/// assert!(!ff_model::tree::matches("panel_*.k[*]", "panel_left.d[0]"));
+/// ```
 pub fn matches(pattern: &str, name: &str) -> bool {
     let (p, n) = (pattern.as_bytes(), name.as_bytes());
     let (mut i, mut k) = (0, 0);

@@ -3,9 +3,8 @@
 //! `fixtures/SHA256SUMS` has the format of `sha256sum`, one `hash  path` per file, sorted by path, with
 //! `/` between folders; so `cd fixtures && sha256sum -c SHA256SUMS` verifies it without this project.
 
-use crate::exit::Failure;
+use crate::failure::Failure;
 use crate::workspace;
-use ffid::files::atomic;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -16,22 +15,14 @@ use std::path::Path;
 /// Name of the manifest in the fixtures folder.
 pub const MANIFEST: &str = "SHA256SUMS";
 
-/// Arguments of `fixtures`.
-#[derive(Debug, clap::Args)]
-pub struct Args {
-    /// Verify instead of writing; exit code 15 if a fixture was changed, added or removed
-    #[arg(long)]
-    pub check: bool,
-}
-
 /// Writes or verifies the manifest of this workspace.
 ///
 /// # Errors
-/// [`Failure::Tolerance`] (15) listing every difference, [`Failure::Io`] (20).
-pub fn run(args: &Args) -> anyhow::Result<()> {
+/// [`Failure::Differs`] (15) listing every difference, [`Failure::Io`] (20).
+pub fn run(verify: bool) -> Result<(), Failure> {
     let dir = workspace::root()?.join("fixtures");
-    let n = if args.check { check(&dir)? } else { write(&dir)? };
-    println!("fixtures: {n} files {}", if args.check { "as recorded" } else { "hashed into fixtures/SHA256SUMS" });
+    let n = if verify { check(&dir)? } else { write(&dir)? };
+    println!("fixtures: {n} files {}", if verify { "as recorded" } else { "hashed into fixtures/SHA256SUMS" });
     Ok(())
 }
 
@@ -46,14 +37,15 @@ pub fn write(dir: &Path) -> Result<usize, Failure> {
         // Writing to a String cannot fail.
         let _ = writeln!(text, "{hash}  {path}");
     }
-    atomic::write(&dir.join(MANIFEST), text.as_bytes())?;
+    let (path, partial) = (dir.join(MANIFEST), dir.join(format!("{MANIFEST}.partial")));
+    fs::write(&partial, text).and_then(|()| fs::rename(&partial, &path)).map_err(|e| Failure::io("write", &path, e))?;
     Ok(hashes.len())
 }
 
 /// Compares the files of `dir` with its manifest; returns the number of files.
 ///
 /// # Errors
-/// [`Failure::Tolerance`] naming every file changed, missing or unrecorded; [`Failure::Io`].
+/// [`Failure::Differs`] naming every file changed, missing or unrecorded; [`Failure::Io`].
 pub fn check(dir: &Path) -> Result<usize, Failure> {
     let path = dir.join(MANIFEST);
     let text = fs::read_to_string(&path).map_err(|e| Failure::io("read", &path, e))?;
@@ -72,7 +64,7 @@ pub fn check(dir: &Path) -> Result<usize, Failure> {
     if wrong.is_empty() {
         return Ok(found.len());
     }
-    Err(Failure::Tolerance(format!(
+    Err(Failure::Differs(format!(
         "fixtures differ from {}:\n{}\nrestore them, or record a wanted change with `cargo xtask fixtures`",
         path.display(),
         wrong.join("\n")
@@ -142,8 +134,8 @@ mod tests {
         fs::write(dir.path().join("oracle/a.json"), "abd").unwrap();
         fs::remove_file(dir.path().join("b.urdf")).unwrap();
         fs::write(dir.path().join("c.toml"), "").unwrap();
-        let e = anyhow::Error::new(check(dir.path()).unwrap_err());
-        assert_eq!(crate::exit::code_of(&e), 15);
+        let e = check(dir.path()).unwrap_err();
+        assert_eq!(e.code(), 15);
         let text = e.to_string();
         for part in ["oracle/a.json: changed", "b.urdf: missing", "c.toml: not in the manifest"] {
             assert!(text.contains(part), "{text}");

@@ -1,20 +1,28 @@
 //! The port equations as an appendage writes them against the defaults of the trait and against differences.
 
-use super::{Random, rel, sym, vec3};
+use crate::assert_within;
+use crate::isa::instruction_sets;
+use crate::random::{Random, symmetric, vector};
+use crate::tolerance::{largest, relative_error};
 use ff_model::port::port_len;
-use ff_model::scalar::lanes::{Isa, LaneScalar, LaneTask, dispatch};
-use ff_model::{Appendage, Decl, DynAppendage, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar};
+use ff_model::scalar::lanes::{LaneScalar, LaneTask, dispatch};
+use ff_model::{
+    Appendage, Decl, DynAppendage, Motion, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Scalar,
+};
 use std::sync::Arc;
 
 /// As a model holds it, with the dynamics that its crate compiled: `&a as &dyn DynAppendage` compiles them anew.
-pub(crate) fn shared(a: &(impl Clone + Into<Arc<dyn DynAppendage>>)) -> Arc<dyn DynAppendage> {
+pub fn shared(a: &(impl Clone + Into<Arc<dyn DynAppendage>>)) -> Arc<dyn DynAppendage> {
     a.clone().into()
 }
 
 /// An appendage with nothing of its own but inertia, potential and bias; everything else is a default.
-pub(crate) struct Plain<A>(pub(crate) A);
+pub struct Plain<A>(
+    /// The appendage.
+    pub A,
+);
 
-impl<A: Appendage> Appendage for Plain<A> {
+impl<A: PortDynamics> Appendage for Plain<A> {
     fn decl(&self) -> &Decl {
         self.0.decl()
     }
@@ -27,23 +35,26 @@ impl<A: Appendage> Appendage for Plain<A> {
     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
         Appendage::rayleigh(&self.0, p, nu)
     }
+}
+
+impl<A: PortDynamics> PortDynamics for Plain<A> {
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        Appendage::bias(&self.0, p, s, h);
+        PortDynamics::bias(&self.0, p, s, h);
     }
 }
 
 /// A motion of host and appendage with accelerations: twist, coordinates, rates, acceleration, own accelerations.
 #[derive(Clone)]
-pub(crate) struct Move {
+struct Move {
     host: [Motion<f64>; 2],
     own: [Vec<f64>; 3],
 }
 
 impl Move {
     fn new(r: &mut Random, n: usize) -> Self {
-        let mut own = |a: f64| (0..n).map(|_| sym(r, a)).collect::<Vec<_>>();
+        let mut own = |a: f64| (0..n).map(|_| symmetric(r, a)).collect::<Vec<_>>();
         let own = [own(1.1), own(2.0), own(3.0)];
-        Self { host: [(); 2].map(|()| Motion::new(vec3(r, 2.0), vec3(r, 2.0))), own }
+        Self { host: [(); 2].map(|()| Motion::new(vector(r, 2.0), vector(r, 2.0))), own }
     }
 }
 
@@ -80,13 +91,10 @@ fn evaluate<T: LaneScalar>(a: &dyn DynAppendage, p: &[T], moves: &[Move]) -> Res
     [m, r, j, y]
 }
 
-/// Columns of `x` of length `dim` whose difference from `y` relative to the largest number of the column is greatest.
+/// Greatest relative error of a column of length `dim`.
 fn worst(x: &[f64], y: &[f64], dim: usize) -> f64 {
-    x.chunks(dim).zip(y.chunks(dim)).fold(0.0_f64, |w, (x, y)| {
-        let zero = x.iter().chain(y).all(|v| *v == 0.0);
-        let d = if zero { 0.0 } else { rel(x, y) };
-        if d.is_nan() { f64::NAN } else { w.max(d) }
-    })
+    let columns = x.chunks(dim).zip(y.chunks(dim));
+    largest(&columns.map(|(x, y)| relative_error(x, y)).collect::<Vec<_>>())
 }
 
 struct Compare<'a> {
@@ -108,7 +116,7 @@ impl LaneTask for Compare<'_> {
             for k in 0..4 {
                 let lane: Vec<f64> = found[k].iter().map(|x| x.lane(l)).collect();
                 let d = worst(&lane, &want[k], dim);
-                w[k] = if d.is_nan() { d } else { w[k].max(d) };
+                w[k] = largest(&[w[k], d]);
             }
         }
         w
@@ -117,7 +125,10 @@ impl LaneTask for Compare<'_> {
 
 /// Holds `terms`, `residual`, `jacobian` and `regressor` to the defaults over plain numbers and over every vector type
 /// of the machine, and the derivatives to central differences of the default residual.
-pub(crate) fn check_ports<A: Appendage + Clone + Into<Arc<dyn DynAppendage>>>(
+///
+/// # Panics
+/// Where they differ.
+pub fn check_ports<A: PortDynamics + Clone + Into<Arc<dyn DynAppendage>>>(
     a: &A,
     p: &[f64],
     r: &mut Random,
@@ -125,13 +136,15 @@ pub(crate) fn check_ports<A: Appendage + Clone + Into<Arc<dyn DynAppendage>>>(
 ) {
     let (own, plain) = (shared(a), Plain(a.clone()));
     let n = a.decl().coords.len();
+    let isas = instruction_sets();
     for _ in 0..samples {
         let moves: Vec<Move> = (0..8).map(|_| Move::new(r, n)).collect();
         let compare = || Compare { own: &*own, plain: &plain, p, moves: moves.clone() };
-        let isas = [Isa::Portable, Isa::V3, Isa::V4].into_iter().filter(|&i| i <= Isa::detect());
-        let each = isas.map(|i| dispatch(i, compare())).chain([compare().run::<f64>()]);
+        let each = isas.iter().map(|&i| dispatch(i, compare())).chain([compare().run::<f64>()]);
         for (i, w) in each.enumerate() {
-            assert!(w.iter().all(|x| *x < 1e-12), "terms, residual, jacobian, regressor: {w:?}, number type {i}");
+            for (what, w) in ["terms", "residual", "jacobian", "regressor"].iter().zip(w) {
+                assert_within!(w, 1e-12, "{what}, number type {i}");
+            }
         }
         differences(&*own, &plain, p, &moves[0]);
     }
@@ -148,14 +161,10 @@ fn differences(own: &dyn DynAppendage, plain: &dyn DynAppendage, p: &[f64], at: 
             evaluate::<f64>(plain, &p, &[m])[1].clone()
         };
         let (a, b) = (at(h), at(-h));
-        let largest = |x: &[f64]| x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let limit = 1e-7 * largest(column) + 1e-14 * largest(&a) / h;
         for (i, x) in column.iter().enumerate() {
             let difference = (a[i] - b[i]) / (2.0 * h);
-            assert!(
-                (x - difference).abs() < limit,
-                "{what}, row {i}: {x:e}, difference {difference:e}, limit {limit:e}"
-            );
+            assert_within!((x - difference).abs(), limit, "{what}, row {i}: {x:e}, difference {difference:e}");
         }
     };
     for k in 0..3 + 2 * n {

@@ -1,4 +1,4 @@
-//! Files changed at random, for tests of readers. Also used by the tests of `ffid`.
+//! Files changed at random, for tests of readers.
 
 use proptest::prelude::*;
 
@@ -33,10 +33,15 @@ const PIECES: [&str; 24] = [
 /// One change of a file.
 #[derive(Clone, Debug)]
 pub enum Edit {
+    /// This byte becomes that one.
     Byte(prop::sample::Index, u8),
+    /// A piece of syntax is put in.
     Insert(prop::sample::Index, usize),
+    /// So many bytes leave.
     Remove(prop::sample::Index, usize),
+    /// A piece is repeated elsewhere.
     Copy(prop::sample::Index, prop::sample::Index, usize),
+    /// The rest leaves.
     Cut(prop::sample::Index),
 }
 
