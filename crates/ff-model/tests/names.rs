@@ -4,7 +4,6 @@ use ff_model::payload::Payload;
 use ff_model::tree::{JointLimits, SelectionError};
 use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Params, Xform};
 use nalgebra::{Matrix3, Vector3};
-use std::sync::Arc;
 
 fn model() -> Model {
     let about_com = Matrix3::new(0.9, 0.06, -0.04, 0.06, 0.7, 0.05, -0.04, 0.05, 1.1);
@@ -21,7 +20,7 @@ fn model() -> Model {
         m.add_body(i, link, joint, body(5.0 + i as f64));
     }
     let at = Xform::new(Matrix3::identity(), Vector3::new(0.3, -0.7, 0.2));
-    m.mount("load", 2, at, Arc::new(Payload::new(&body(3.0)).unwrap())).unwrap();
+    m.mount("load", 2, at, Payload::new(&body(3.0)).unwrap()).unwrap();
     m
 }
 

@@ -6,13 +6,14 @@
 use ffid::dynamics::Boundary;
 use ffid::mission::Leniency;
 use ffid::model::nalgebra::{Matrix3, Vector3};
-use ffid::model::{Appendage, CoordDecl, Decl, ParamDecl, PortMatrix, Scalar, Xform};
+use ffid::model::{Appendage, CoordDecl, Decl, ParamDecl, PortMatrix, Scalar, SharedAppendage, Xform};
 use ffid::modes::ModeTable;
-use std::sync::Arc;
 
 struct MassDamper {
     decl: Decl,
 }
+
+ffid::model::derived!(MassDamper);
 
 impl Appendage for MassDamper {
     fn decl(&self) -> &Decl {
@@ -35,16 +36,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let params = [("mass", "kg", 4.0), ("k", "N/m", 8.0), ("d", "N s/m", 1.2)];
         let params = params.map(|(name, unit, nominal)| ParamDecl::positive(name, unit, nominal)).to_vec();
         let coords = vec![CoordDecl { name: "slide".into(), unit: "m", range: (-0.3, 0.3) }];
-        MassDamper { decl: Decl { kind: "mass_damper", coords, params } }
+        MassDamper { decl: Decl::new("mass_damper", coords, params) }
     };
     // The laws of mechanics, before it is used.
-    let report = ffid::validate::check_appendage(&damper());
+    let report = ffid::validate::check_appendage(&*SharedAppendage::from(damper()));
     println!("{report}");
 
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/paper/flex.toml");
     let system = ffid::open::open(file.as_ref(), Leniency::default())?;
     let mut model = system.model.clone();
-    model.mount("damper", 0, Xform::new(Matrix3::identity(), Vector3::new(0.4, 0.1, 0.9)), Arc::new(damper()))?;
+    model.mount("damper", 0, Xform::new(Matrix3::identity(), Vector3::new(0.4, 0.1, 0.9)), damper())?;
     println!("{}", ModeTable::new(&model, &system.pose(), Boundary::JointsHeld)?);
     Ok(())
 }

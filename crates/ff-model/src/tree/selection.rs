@@ -7,11 +7,9 @@
 use crate::port::ParamDecl;
 
 /// Why a selection was refused.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum SelectionError {
     /// A pattern matches no parameter of the model.
-    #[error("'{pattern}' matches no parameter{}", nearest.as_ref().map_or_else(
-        || "; the model has none".to_owned(), |n| format!("; the nearest name is '{n}'")))]
     NoMatch {
         /// The pattern.
         pattern: String,
@@ -19,9 +17,24 @@ pub enum SelectionError {
         nearest: Option<String>,
     },
     /// Nothing is left to estimate.
-    #[error("no parameter is selected; name at least one, such as 'base.*'")]
     Empty,
 }
+
+impl core::fmt::Display for SelectionError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NoMatch { pattern, nearest: Some(n) } => {
+                write!(f, "'{pattern}' matches no parameter; the nearest name is '{n}'")
+            }
+            Self::NoMatch { pattern, nearest: None } => {
+                write!(f, "'{pattern}' matches no parameter; the model has none")
+            }
+            Self::Empty => f.write_str("no parameter is selected; name at least one, such as 'base.*'"),
+        }
+    }
+}
+
+impl std::error::Error for SelectionError {}
 
 impl SelectionError {
     /// Nothing matches `pattern`; the nearest of the names is found. Allocates.
