@@ -5,9 +5,13 @@ use ffid::exit::Exit;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A flag that the first Ctrl-C sets. Asked for once per run of the program.
-pub(crate) fn flag() -> Result<Arc<AtomicBool>, (Exit, Problems)> {
+/// A flag that the first Ctrl-C sets, when the command runs in its own process (once per process). A caller of the library
+/// keeps its own handling of signals: then nothing sets the flag.
+pub(crate) fn flag(own_process: bool) -> Result<Arc<AtomicBool>, (Exit, Problems)> {
     let stop = Arc::new(AtomicBool::new(false));
+    if !own_process {
+        return Ok(stop);
+    }
     let flag = stop.clone();
     let handler = ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::SeqCst) {

@@ -63,16 +63,32 @@ enum Command {
     Modes(commands::modes::Args),
 }
 
+impl Command {
+    /// Lets commands that take long draw progress on the standard error of the process and catch its Ctrl-C.
+    fn in_own_process(&mut self) {
+        let output = match self {
+            Self::Excite(args) => &mut args.output,
+            Self::Plan(args) => &mut args.output,
+            Self::Identify(args) => &mut args.output,
+            Self::Validate(args) => &mut args.output,
+            _ => return,
+        };
+        output.own_process = true;
+    }
+}
+
 /// Runs the command line of this process. Wrong usage ends the process with exit code 2 and help with 0, as the table of
 /// exit codes wants.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let mut cli = Cli::parse();
+    cli.command.in_own_process();
     // The standard error is not locked: a progress bar writes to it from a thread of its own.
     execute(cli, &mut std::io::stdout().lock(), &mut std::io::stderr()).into()
 }
 
 /// Runs the command `ffid` with `args`, the first of which is the name of the program, and returns its exit code. Output goes to
-/// `out`; progress and problems to `err`. Wrong usage is written to `err` (help to `out`) and does not end the process.
+/// `out`, problems to `err`. Wrong usage is written to `err` (help to `out`) and does not end the process. Nothing is
+/// written to the streams of the process, no progress is shown, and the handling of its signals stays as it is.
 ///
 /// ```
 /// let mut out = Vec::new();

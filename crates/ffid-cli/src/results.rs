@@ -14,8 +14,8 @@ use ffid::files::folder::{About, Entry, Folder};
 use ffid::files::json;
 use ffid::open::Opened;
 use ffid::workflow::excite::Demands;
-use ffid::workflow::preflight::{Preflight, PreflightError, Question, Seen, Sensing, Told, judge};
-use std::io::Write;
+use ffid::workflow::preflight::{Determination, Preflight, PreflightError, Question, Seen, Sensing, judge};
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 /// Units of what names none: the control points of a trajectory.
@@ -33,18 +33,28 @@ pub(crate) struct Output {
     /// Print problems only: no report, no progress.
     #[arg(long)]
     pub(crate) quiet: bool,
+    /// Set by [`crate::main`]: the streams are those of the process, and Ctrl-C is the command's to catch.
+    #[arg(skip)]
+    pub(crate) own_process: bool,
+}
+
+impl Output {
+    /// Whether a progress bar may be drawn: on the standard error of the command's own process, if that is a terminal.
+    pub(crate) fn progress(&self) -> bool {
+        self.own_process && !self.quiet && std::io::stderr().is_terminal()
+    }
 }
 
 /// Takes the folder for results. What killed runs left of it is removed, which is said at once: the rest may take long, or fail.
 ///
 /// # Errors
 /// Those of [`Folder::begin`].
-pub(crate) fn begin(target: &Path, output: &Output) -> Result<Folder, Failure> {
+pub(crate) fn begin(target: &Path, output: &Output, err: &mut impl Write) -> Result<Folder, Failure> {
     let folder = Folder::begin(target, output.force)?;
     for left in folder.left_behind() {
         let p = Problem::warning(Area::Io, "Io::LeftBehind", "removed what a run that was killed had left");
         // Nothing can be done where standard error is closed.
-        let _ = writeln!(std::io::stderr(), "{}", p.in_file(left));
+        let _ = writeln!(err, "{}", p.in_file(left));
     }
     Ok(folder)
 }
@@ -125,7 +135,8 @@ pub(crate) fn faults(v: &Preflight) -> Problems {
         let p = Problem::error(Area::Config, "Plan::LimitBroken", what).on(&m.item);
         out.push(p.hint("plan again within the limits, or loosen them"));
     }
-    let silent: Vec<&str> = v.parameters.iter().filter(|p| p.told == Told::NotAtAll).map(|p| p.name.as_str()).collect();
+    let silent: Vec<&str> =
+        v.parameters.iter().filter(|p| p.told == Determination::NotAtAll).map(|p| p.name.as_str()).collect();
     if !silent.is_empty() {
         let what =
             format!("the record is silent on {} ({} null directions)", silent.join(", "), v.null_directions.len());

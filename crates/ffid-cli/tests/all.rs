@@ -9,6 +9,7 @@ mod convert;
 mod doubts;
 mod excite;
 mod identify;
+mod in_process;
 mod init;
 mod inputs;
 mod kinds;

@@ -10,7 +10,7 @@ use ff_least_squares::Settings;
 use ff_model::Params;
 use ff_records::RecordBuilder;
 use ffid::open::{Opened, open};
-use ffid::workflow::preflight::{Preflight, Proof, Question, Seen, Sensing, Told, joint_limits, judge};
+use ffid::workflow::preflight::{Determination, Preflight, Proof, Question, Seen, Sensing, joint_limits, judge};
 use ident::estimate::Estimate;
 use ident::parameters::select;
 use ident::{Noise, Options, OutputError, Rda, Request, estimate};
@@ -158,9 +158,10 @@ fn what_cannot_be_told_is_named() {
     for d in &v.null_directions {
         assert!(d.terms.iter().any(|(n, _)| n.starts_with("panel_")), "{d}");
     }
-    let silent: Vec<&str> = v.parameters.iter().filter(|p| p.told == Told::NotAtAll).map(|p| p.name.as_str()).collect();
+    let silent: Vec<&str> =
+        v.parameters.iter().filter(|p| p.told == Determination::NotAtAll).map(|p| p.name.as_str()).collect();
     assert!(silent.contains(&"base.mass") && silent.iter().any(|n| n.starts_with("panel_left.")), "{silent:?}");
-    assert!(v.parameters.iter().all(|p| (p.told == Told::NotAtAll) == p.std.is_none()));
+    assert!(v.parameters.iter().all(|p| (p.told == Determination::NotAtAll) == p.std.is_none()));
     let text = v.to_string();
     assert!(text.contains("cannot be told") && text.matches("silent on:").count() == 12, "{text}");
     // Springs are told whatever the inertias are.

@@ -9,7 +9,7 @@
 //! | [`compose`] | several records, ties between parameters, continuation from rough starts, multiple starts |
 //! | [`belief`] | priors, posteriors, covariance, identifiability, likelihood profiles |
 //! | [`modal`] | measured modes against the modes of the model; stiffness and damping from modes |
-//! | [`checks`] | clocks, whiteness of residuals, comparison of models |
+//! | [`checks`] | clocks, axes, momentum, free decay, whiteness of residuals, comparison of models |
 
 pub mod belief;
 pub mod checks;

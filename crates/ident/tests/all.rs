@@ -13,5 +13,6 @@ mod motion_fit;
 mod nist_strd;
 mod output_error;
 mod project;
+mod record_checks;
 mod recovery;
 mod ties;

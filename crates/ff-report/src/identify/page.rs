@@ -8,7 +8,7 @@ use ffid::workflow::identify::EXPLAINED;
 use ffid::workflow::identify::Signals;
 use ffid::workflow::identify::num;
 use ffid::workflow::identify::{CandidateLine, ClockLine, DecayMode, DecayModes, ProfileLine, Whiteness};
-use ffid::workflow::identify::{Channel, HeldOut, IdentificationResult, Parameter, Told};
+use ffid::workflow::identify::{Channel, HeldOut, IdentificationResult, Parameter, ParameterVerdict};
 
 /// Figures of a result with their file stems. `held` are the signals of data that were held out.
 pub fn all_figures(r: &IdentificationResult, all: &[Signals], held: Option<&Signals>) -> Vec<(String, Figure)> {
@@ -105,7 +105,7 @@ pub fn validation(robot: &str, h: &HeldOut, figures: &[(&'static str, Figure)]) 
 }
 
 fn level(r: &IdentificationResult) -> Level {
-    let all = r.parameters.iter().all(|p| p.verdict == Told::Estimated);
+    let all = r.parameters.iter().all(|p| p.verdict == ParameterVerdict::Estimated);
     let explained = r.chi2_per_dof <= EXPLAINED && r.held_out.as_ref().is_none_or(|h| h.explained);
     match (r.exit() == ffid::exit::Exit::Done, all && explained) {
         (false, _) => Level::Bad,
@@ -118,9 +118,9 @@ fn table(caption: &str, all: &[Parameter]) -> Table {
     let rows = all.iter().map(|p| {
         let prior = p.prior_mean.zip(p.prior_std);
         let level = match p.verdict {
-            Told::Estimated => Level::Good,
-            Told::Weak | Told::PriorOnly => Level::Fair,
-            Told::AtBound | Told::NotIdentifiable => Level::Bad,
+            ParameterVerdict::Estimated => Level::Good,
+            ParameterVerdict::Weak | ParameterVerdict::PriorOnly => Level::Fair,
+            ParameterVerdict::AtBound | ParameterVerdict::NotIdentifiable => Level::Bad,
         };
         vec![
             Cell::words(p.name.clone()),

@@ -2,7 +2,7 @@
 
 use crate::plot::{Figure, Panel, Series};
 use ff_spectral::Psd;
-use ffid::workflow::preflight::{Preflight, Told};
+use ffid::workflow::preflight::{Determination, Preflight};
 use ffid::workflow::preflight::{angle, displacement};
 use nalgebra::DMatrix;
 
@@ -106,13 +106,18 @@ fn deviations(v: &Preflight) -> Figure {
         let x = *k as f64;
         // A bar, drawn as a closed outline.
         let (xs, ys) = ([x - 0.3, x - 0.3, x + 0.3, x + 0.3], [floor, *r, *r, floor]);
-        p.series.push(Series::new("", &xs, &ys).colour(if v.parameters[*k].told == Told::Weakly { 1 } else { 0 }));
+        p.series.push(Series::new("", &xs, &ys).colour(if v.parameters[*k].told == Determination::Weakly {
+            1
+        } else {
+            0
+        }));
     }
     // More names than that cannot be read.
     for (k, q) in v.parameters.iter().enumerate().filter(|_| v.parameters.len() <= NAMED) {
         p = p.vline(k as f64, q.name.clone());
     }
-    let silent: Vec<&str> = v.parameters.iter().filter(|p| p.told == Told::NotAtAll).map(|p| p.name.as_str()).collect();
+    let silent: Vec<&str> =
+        v.parameters.iter().filter(|p| p.told == Determination::NotAtAll).map(|p| p.name.as_str()).collect();
     let caption = if silent.is_empty() {
         "Predicted for one record, biases and initial state estimated beside.".to_owned()
     } else {

@@ -4,7 +4,7 @@ use crate::page::{Block, Cell, Level, Page, Table};
 use crate::plot::Figure;
 use ffid::exit::Failure;
 use ffid::workflow::identify::num;
-use ffid::workflow::preflight::{LimitMargin, ModeVisibility, Predicted, Preflight, Proof, Seen, Told};
+use ffid::workflow::preflight::{Determination, LimitMargin, ModeVisibility, Predicted, Preflight, Proof, Seen};
 
 /// The page. `plan` is how the trajectory was found, in words; none for one that was given.
 ///
@@ -51,9 +51,10 @@ pub fn page(v: &Preflight, plan: Option<&str>, figures: &[(&'static str, Figure)
 
 fn verdict(v: &Preflight) -> (Level, Vec<String>) {
     let n = v.parameters.len();
-    let told = v.parameters.iter().filter(|p| p.told == Told::Well).count();
+    let told = v.parameters.iter().filter(|p| p.told == Determination::Well).count();
     let mut out = vec![format!("{told} of {n} parameters will be determined by {:.2} s of this motion.", v.duration_s)];
-    let weak: Vec<&str> = v.parameters.iter().filter(|p| p.told == Told::Weakly).map(|p| p.name.as_str()).collect();
+    let weak: Vec<&str> =
+        v.parameters.iter().filter(|p| p.told == Determination::Weakly).map(|p| p.name.as_str()).collect();
     if !weak.is_empty() {
         let above = num(100.0 * v.weak_above);
         out.push(format!("Known worse than to {above} %: {}.", ff_model::diagnostics::list(weak.iter().copied(), 12)));
@@ -77,9 +78,9 @@ fn verdict(v: &Preflight) -> (Level, Vec<String>) {
 fn table(caption: &str, all: &[&Predicted]) -> Table {
     let row = |p: &&Predicted| {
         let (level, word) = match p.told {
-            Told::Well => (Level::Good, "told"),
-            Told::Weakly => (Level::Fair, "weak"),
-            Told::NotAtAll => (Level::Bad, "not at all"),
+            Determination::Well => (Level::Good, "told"),
+            Determination::Weakly => (Level::Fair, "weak"),
+            Determination::NotAtAll => (Level::Bad, "not at all"),
         };
         vec![
             Cell::words(p.name.clone()),

@@ -15,7 +15,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::fmt;
 use std::fmt::Display;
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
@@ -49,7 +49,7 @@ pub(crate) struct Args {
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     starts: Option<u64>,
     #[command(flatten)]
-    output: Output,
+    pub(crate) output: Output,
 }
 
 fn goal(word: &str) -> Result<Goal, String> {
@@ -125,7 +125,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         PathBuf::from(format!("{stem}-{}", settings.goal.name()))
     });
     let files = results::mission_files(&input.file, mission);
-    let begun = results::inputs(&files).and_then(|i| Ok((i, results::begin(&target, &args.output)?)));
+    let begun = results::inputs(&files).and_then(|i| Ok((i, results::begin(&target, &args.output, err)?)));
     let (inputs, folder) = match begun {
         Ok(b) => b,
         Err(e) => {
@@ -210,8 +210,8 @@ fn search(
     settings: &Excite,
     demands: &Demands,
 ) -> Result<Planned, (Exit, Problems)> {
-    let stop = interrupt::flag()?;
-    let bar = (!args.output.quiet && std::io::stderr().is_terminal()).then(bar);
+    let stop = interrupt::flag(args.output.own_process)?;
+    let bar = args.output.progress().then(bar);
     let best = Mutex::new(("", f64::INFINITY));
     let show = |p: &Progress| {
         let Some(bar) = &bar else { return };

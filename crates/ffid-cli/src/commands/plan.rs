@@ -40,7 +40,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    output: Output,
+    pub(crate) output: Output,
 }
 
 /// Results in JSON; absent when there are none.
@@ -129,7 +129,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     let mut files = results::mission_files(&input.file, mission);
     files.push(args.trajectory.clone());
     let begun = results::inputs(&files)
-        .and_then(|i| Ok((i, args.out.as_ref().map(|o| results::begin(o, &args.output)).transpose()?)));
+        .and_then(|i| Ok((i, args.out.as_ref().map(|o| results::begin(o, &args.output, err)).transpose()?)));
     let (inputs, folder) = match begun {
         Ok(b) => b,
         Err(e) => {

@@ -13,7 +13,7 @@ use ffid::files::folder::Folder;
 use ffid::files::json;
 use ffid::workflow::identify::Arm;
 use ffid::workflow::identify::HeldOut;
-use ffid::workflow::identify::{Settings, Signals, axes, explain};
+use ffid::workflow::identify::{Settings, Signals, axes, predict_held_out};
 use ident::Noise;
 use serde::Serialize;
 use std::fmt::Display;
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     reading: RecordFlags,
     #[command(flatten)]
-    output: Output,
+    pub(crate) output: Output,
 }
 
 /// Results in JSON; absent when there are none.
@@ -70,7 +70,7 @@ struct Found {
 /// Predicts, judges, writes when asked to, and prints.
 pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
     let input = &args.input;
-    let found = match judge(args) {
+    let found = match judge(args, err) {
         Ok(f) => f,
         Err((exit, p)) => return input.print(exit, &p.in_file(&args.record), Results::default(), &[], out, err),
     };
@@ -106,7 +106,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     input.print(exit, &problems, Results { verdict: Some(&held), out: written }, text, out, err)
 }
 
-fn judge(args: &Args) -> Result<Found, Refusal> {
+fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     let input = &args.input;
     let found = result_folder::load(input).map_err(refused)?;
     let mission = results::undisturbed(&found.opened, &found.mission_file).map_err(refused)?;
@@ -124,16 +124,23 @@ fn judge(args: &Args) -> Result<Found, Refusal> {
         let p = Problem::error(Area::Data, "Data::SameData", what).in_file(&args.record);
         return Err(refused(Problems(vec![p.hint("judge the model by a record that it has not seen")])));
     }
-    let folder = args.out.as_ref().map(|o| results::begin(o, &args.output)).transpose().map_err(io)?;
+    let folder = args.out.as_ref().map(|o| results::begin(o, &args.output, err)).transpose().map_err(io)?;
     let p = &found.result.provenance;
     let asked = args.fit.settings(mission);
     let given = args.fit.noise();
     let noise = Noise { torque: given.0.unwrap_or(p.noise_torque_nm), gyro: given.1.unwrap_or(p.noise_gyro_rad_per_s) };
     let s = Settings { method: Some(found.result.method), noise, ..asked };
     let values: Vec<f64> = found.result.model.iter().map(|v| v.value).collect();
-    let (held, signals) = watched(args.output.quiet, |watch| {
-        let found =
-            explain(model, &values, arm.as_ref(), &loaded.record, &s, args.record.display().to_string(), watch)?;
+    let (held, signals) = watched(&args.output, |watch| {
+        let found = predict_held_out(
+            model,
+            &values,
+            arm.as_ref(),
+            &loaded.record,
+            &s,
+            args.record.display().to_string(),
+            watch,
+        )?;
         if !found.0.explained && arm.is_none() {
             let turned = axes::mismatch(model, &values, &loaded.record, &s)?;
             if turned.has_errors() {

@@ -1,7 +1,7 @@
 //! Choices of the command line and what they are in the library, which knows no command line.
 
 use clap::ValueEnum;
-use ffid::workflow::identify::{Kind, Watches};
+use ffid::workflow::identify::{ClockPolicy, ModelVariant};
 
 /// Values of `--compare`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -16,7 +16,7 @@ pub(crate) enum Candidate {
     Both,
 }
 
-impl From<Candidate> for Kind {
+impl From<Candidate> for ModelVariant {
     fn from(c: Candidate) -> Self {
         match c {
             Candidate::Rigid => Self::Rigid,
@@ -39,7 +39,7 @@ pub(crate) enum Clocks {
     Trust,
 }
 
-impl From<Clocks> for Watches {
+impl From<Clocks> for ClockPolicy {
     fn from(c: Clocks) -> Self {
         match c {
             Clocks::Correct => Self::Correct,

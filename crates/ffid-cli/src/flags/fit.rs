@@ -1,6 +1,7 @@
 //! What `identify` and `validate` share: the flags of the fit, the watch over it, the words for its failures.
 
 use crate::interrupt;
+use crate::results::Output;
 use ff_mission::Mission;
 use ff_model::{Area, Problem, Problems};
 use ffid::exit::Exit;
@@ -9,7 +10,6 @@ use ffid::workflow::preflight::Sensing;
 use ident::EstimateError;
 use ident::Noise;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::IsTerminal;
 use std::time::Duration;
 
 /// How the record is predicted.
@@ -98,11 +98,11 @@ impl FitFlags {
 
 /// Runs a fit that shows how far it is on a terminal, and ends at Ctrl-C.
 pub(crate) fn watched<V>(
-    quiet: bool,
+    output: &Output,
     work: impl FnOnce(&Watch<'_>) -> Result<V, IdentifyError>,
 ) -> Result<V, (Exit, Problems)> {
-    let stop = interrupt::flag()?;
-    let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
+    let stop = interrupt::flag(output.own_process)?;
+    let bar = output.progress().then(|| {
         let bar = ProgressBar::new_spinner();
         let style = ProgressStyle::with_template("{spinner} [{elapsed}] fitting: {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));

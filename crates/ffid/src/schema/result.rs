@@ -1,6 +1,6 @@
 //! Keys of `result.json`. Meanings in full are on the fields of [`crate::workflow::identify::IdentificationResult`].
 
-use crate::workflow::identify::result::{FORMAT, VERSION};
+use crate::workflow::identify::result::identification::{FORMAT, VERSION};
 use ff_mission::mission::schema::Holds::{
     Either, Flag, Just, Matrix, Number, Numbers, OneOf, Pairs, Table, Tables, Terms, Text, Texts, Vector, Whole, Words,
 };

@@ -168,6 +168,23 @@ pub fn reduce(u: &Uncertainty) -> Result<Reduced, LinalgError> {
     Ok(Reduced { kept, held, combinations })
 }
 
+/// Factor on the sizes of nuisance unknowns that keeps them before any parameter.
+const NUISANCE_FIRST: f64 = 1e6;
+
+/// [`reduce`] for a fit whose first `parameters` unknowns are parameters and the others nuisance: nuisance unknowns are never
+/// held while a parameter can be held instead. `kept` and `held` count all unknowns. Allocates.
+///
+/// # Errors
+/// [`LinalgError`].
+pub fn reduce_parameters(u: &Uncertainty, parameters: usize) -> Result<Reduced, LinalgError> {
+    let mut scaled = u.clone();
+    for i in parameters..scaled.unknowns.len() {
+        scaled.unknowns[i].size *= NUISANCE_FIRST;
+        scaled.directions.row_mut(i).scale_mut(NUISANCE_FIRST);
+    }
+    reduce(&scaled)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -225,6 +242,16 @@ mod tests {
             undone -= j.column(*k) * part;
         }
         assert_relative_eq!(undone.norm(), 0.0, epsilon = scaled(1e-10 * j.column(r.held[0]).norm()));
+        // A bias that acts as column 2 does: as nuisance it is kept, and the parameter is held.
+        let mut biased = j.clone().insert_column(4, 0.0);
+        let twin = biased.column(2) * 1e-3;
+        biased.set_column(4, &twin);
+        let mut names = unknowns();
+        names.push(Unknown { name: "bias".into(), unit: "N m".into(), size: 0.1 });
+        let u = analyse(&biased, &names, 1e-9).unwrap();
+        let kept = |r: Reduced| (r.kept.contains(&2), r.kept.contains(&4));
+        assert_eq!(kept(reduce(&u).unwrap()), (true, false));
+        assert_eq!(kept(reduce_parameters(&u, 4).unwrap()), (false, true));
         let all = reduce(&analyse(&j.columns(0, 3).into_owned(), &unknowns()[..3], 1e-9).unwrap()).unwrap();
         assert_eq!((all.kept, all.held.len()), (vec![0, 1, 2], 0));
     }

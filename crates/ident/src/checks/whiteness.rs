@@ -80,6 +80,36 @@ pub enum CheckError {
     Transform(#[from] ff_linalg::LinalgError),
 }
 
+/// Level at which the residuals of all channels together count as coloured.
+pub const LEVEL: f64 = 0.01;
+
+/// Whitened residuals of one channel of a record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelResiduals {
+    /// Channel, such as `tau.joint2`.
+    pub channel: String,
+    /// Residuals over their standard deviation.
+    pub residuals: Vec<f64>,
+    /// Samples per second (Hz).
+    pub rate_hz: f64,
+}
+
+/// Judges all channels of a fit at a joint level of [`LEVEL`] (Bonferroni: `LEVEL / channels` for each), with the natural
+/// frequencies of the model. The flag says whether a channel is white. Channels that are too short or not finite are left
+/// out, but count in the number of channels. Allocates.
+pub fn check_all(channels: &[ChannelResiduals], modes_hz: &[f64]) -> Vec<(ChannelCheck, bool)> {
+    let alpha = LEVEL / channels.len().max(1) as f64;
+    let one = |c: &ChannelResiduals| check(&c.channel, &c.residuals, c.rate_hz, modes_hz).ok();
+    channels
+        .iter()
+        .filter_map(one)
+        .map(|c| {
+            let white = c.is_white(alpha);
+            (c, white)
+        })
+        .collect()
+}
+
 /// Judges one channel of whitened residuals sampled at `rate_hz`, with the natural frequencies of the model. Allocates.
 ///
 /// # Errors

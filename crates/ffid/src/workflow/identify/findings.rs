@@ -1,4 +1,4 @@
-//! What an identification says beside its numbers: whether they can be known, and whether the model is right.
+//! Findings of an identification beside the estimates, as lines of the result: identifiability, checks of records and model.
 
 use ident::belief::Profile;
 use ident::belief::{Reduced, Silence};
@@ -6,8 +6,8 @@ use ident::checks::whiteness::ChannelCheck;
 use ident::compose::equal_cost;
 use serde::{Deserialize, Serialize};
 
-use super::channel::Channel;
-use super::combination::Combination;
+use super::result::channel::Channel;
+use super::result::parameter::Combination;
 
 /// One record of several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -137,9 +137,6 @@ impl Minima {
     }
 }
 
-/// Level at which residuals of all channels together count as coloured.
-const ALPHA: f64 = 0.01;
-
 /// Residuals of one channel against white noise ([`ident::checks::whiteness`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -165,8 +162,8 @@ pub struct Whiteness {
 }
 
 impl Whiteness {
-    /// One of `channels` channels.
-    pub(super) fn of(c: &ChannelCheck, channels: usize) -> Self {
+    /// One channel, `white` at the joint level of all.
+    pub(super) fn of(c: &ChannelCheck, white: bool) -> Self {
         Self {
             channel: c.channel.clone(),
             mean_square: c.mean_square,
@@ -175,7 +172,7 @@ impl Whiteness {
             normal_p: c.normal_p,
             first_correlation: c.first_correlation,
             largest: c.largest,
-            white: c.is_white(ALPHA / channels.max(1) as f64),
+            white,
             stands_out_hz: c.modes.iter().filter(|m| m.stands_out).map(|m| m.frequency_hz).collect(),
         }
     }

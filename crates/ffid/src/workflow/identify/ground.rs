@@ -1,13 +1,21 @@
 //! The arm on the ground: a fixed base with gravity, positions and torques, joint friction. Linear least squares
-//! ([`ident::estimate::ground`]), made physical by projection ([`ident::solve::project`](mod@ident::solve::project)).
+//! ([`Ground`]), made physical by projection ([`ident::solve::project`](mod@ident::solve::project)).
 
-use super::asked::{Asked, Take, Unknowns};
+use super::error::{IdentifyError, config};
 use super::findings::{ReducedSet, Stands};
+use super::identified::Identified;
 use super::known;
-use super::result::{
-    Combination, Correlation, Covariance, Ended, IdentificationResult, Parameter, Provenance, Value, Warning,
-};
-use super::{Identified, IdentifyError, Method, Settings, Signals, config, record_line, records_of};
+use super::labelled_record::LabelledRecord;
+use super::options::FitOptions;
+use super::report::{record_line, records_of};
+use super::result::fit::{Ended, Method};
+use super::result::identification::IdentificationResult;
+use super::result::parameter::{Combination, Correlation, Covariance, Parameter, Value};
+use super::result::provenance::{Provenance, Warning};
+use super::settings::Settings;
+use super::signals::Signals;
+use super::text;
+use super::unknowns::Unknowns;
 use crate::open::Opened;
 use ff_least_squares::{Criterion, Status};
 use ff_model::{Area, Model, Problem, Problems};
@@ -17,7 +25,6 @@ use ident::Priors;
 use ident::SetupError;
 use ident::estimate::report::FitReport;
 use ident::solve::{LinearError, LinearEstimate};
-use ident::solve::{ProjectOptions, project};
 use ident::{Friction, Ground, GroundEstimate};
 
 /// Joint friction and noise, as an identification found them.
@@ -78,13 +85,13 @@ pub(super) fn linear(e: LinearError) -> IdentifyError {
 }
 
 /// What the ground calibration does not do.
-pub(super) fn check(s: &Settings, asked: &Asked) -> Result<(), Problems> {
+pub(super) fn check(s: &Settings, options: &FitOptions) -> Result<(), Problems> {
     let wrong = [
         (s.prior.is_some(), "priors", "give --no-prior, and drop prior_relative_std from [estimate]"),
-        (asked.posterior.is_some(), "an earlier identification as prior", "give all records at once with --records"),
-        (!asked.ties.is_empty(), "ties", "estimate the parameters for themselves"),
-        (!asked.profile.is_empty(), "profiles", "its cost is a parabola: the intervals are exact"),
-        (asked.more_starts > 0, "other starts", "it is linear: every start leads to the same answer"),
+        (options.posterior.is_some(), "an earlier identification as prior", "give all records at once with --records"),
+        (!options.ties.is_empty(), "ties", "estimate the parameters for themselves"),
+        (!options.profile.is_empty(), "profiles", "its cost is a parabola: the intervals are exact"),
+        (options.more_starts > 0, "other starts", "it is linear: every start leads to the same answer"),
     ];
     match wrong.iter().find(|w| w.0) {
         None => Ok(()),
@@ -95,45 +102,29 @@ pub(super) fn check(s: &Settings, asked: &Asked) -> Result<(), Problems> {
 /// Calibrates.
 pub(super) fn identify(
     opened: &Opened,
-    takes: &[Take],
+    records: &[LabelledRecord],
     s: &Settings,
-    asked: &Asked,
+    options: &FitOptions,
     provenance: Provenance,
 ) -> Result<Identified, IdentifyError> {
     let model = &opened.model;
-    let unknowns = Unknowns::new(model, &opened.estimated, s, asked)?;
+    let unknowns = Unknowns::new(model, &opened.estimated, s, options)?;
     let (decls, selected, start) = (&unknowns.decls, &unknowns.selected, &unknowns.start);
     let ground = calibration(model, s.low_pass_hz)?;
-    let records: Vec<&Record> = takes.iter().map(|t| &t.record).collect();
-    let mut found = ground.estimate(&records, selected, start).map_err(linear)?;
-    // Numbers that no body has are moved to the nearest that some body has; what the data do not tell moves first.
-    let dissipates = |name: &str| name.ends_with(TERMS[0]) || name.ends_with(TERMS[1]);
-    let negative = found.fit.extra.iter().any(|e| dissipates(&e.name) && e.value < 0.0);
-    let mut bounded = Vec::new();
-    if !found.fit.unphysical.is_empty() || negative {
-        let near = project(&found.fit, decls, selected, start, dissipates, &ProjectOptions::default())
-            .map_err(|e| IdentifyError::Model(e.to_string()))?;
-        found.fit.values = near.values;
-        let m = selected.len();
-        for (p, moved) in found.fit.parameters.iter_mut().zip(&near.unknowns[..m]) {
-            p.value = moved.to;
-        }
-        for (p, moved) in found.fit.extra.iter_mut().zip(&near.unknowns[m..]) {
-            p.value = moved.to;
-        }
-        found.friction.iter_mut().flatten().zip(&found.fit.extra).for_each(|(f, e)| *f = e.value);
-        bounded = near.at_boundary;
-    }
+    let samples: Vec<&Record> = records.iter().map(|r| &r.record).collect();
+    let mut found = ground.estimate(&samples, selected, start).map_err(linear)?;
+    // Numbers that no body has are moved to the nearest that some body has.
+    let bounded = found.make_physical(decls, selected, start).map_err(|e| IdentifyError::Model(e.to_string()))?;
     let sigma: Vec<f64> = found.fit.kinds.iter().map(|k| k.sigma).collect();
     let arm = Arm { friction: found.friction.clone(), sigma, low_pass_hz: s.low_pass_hz };
     let (mut signals, mut seen) = (Vec::new(), Vec::new());
-    for t in takes {
-        let (predicted, record) = predict(model, &ground, &t.record, &found.fit.values, &arm)?;
+    for r in records {
+        let (predicted, record) = predict(model, &ground, &r.record, &found.fit.values, &arm)?;
         signals.push(predicted);
-        seen.push(Take { label: t.label.clone(), record });
+        seen.push(LabelledRecord { label: r.label.clone(), record });
     }
-    let provenance = Provenance { record: record_line(&takes[0].record), ..provenance };
-    let result = report(opened, &seen, s, asked, (&unknowns, &found, &bounded), &signals, provenance)?;
+    let provenance = Provenance { record: record_line(&records[0].record), ..provenance };
+    let result = report(opened, &seen, s, options, (&unknowns, &found, &bounded), &signals, provenance)?;
     Ok(Identified { result, signals, values: found.fit.values, selected: unknowns.touched.clone() })
 }
 
@@ -170,16 +161,16 @@ fn reduced(fit: &LinearEstimate) -> ReducedSet {
     let one = |b: &ident::solve::BaseParameter| Stands {
         name: b.terms.first().map_or_else(String::new, |t| t.0.clone()),
         terms: b.terms.iter().skip(1).cloned().collect(),
-        text: format!("{b} = {} +- {} {}", super::text::num(b.value), super::text::num(b.std), b.unit),
+        text: format!("{b} = {} +- {} {}", text::num(b.value), text::num(b.std), b.unit),
     };
     ReducedSet { held: Vec::new(), combinations: fit.base.iter().map(one).collect() }
 }
 
 fn report(
     opened: &Opened,
-    takes: &[Take],
+    records: &[LabelledRecord],
     s: &Settings,
-    asked: &Asked,
+    options: &FitOptions,
     (unknowns, found, bounded): (&Unknowns, &GroundEstimate, &[String]),
     signals: &[Signals],
     provenance: Provenance,
@@ -216,17 +207,17 @@ fn report(
         weak_directions: u.weak.iter().map(Combination::of).collect(),
         priors_cover: u.full_rank(),
         silent: known::silent(model, &fit.values, unknowns, u)?,
-        reduced: (asked.reduce && !u.null.is_empty()).then(|| reduced(fit)),
+        reduced: (options.reduce && !u.null.is_empty()).then(|| reduced(fit)),
         correlations: Correlation::strong(u),
         covariance: Covariance::of(u),
         posterior: Some(posterior),
         // What a filter leaves of white noise is not white.
-        whiteness: if s.low_pass_hz.is_some() { Vec::new() } else { known::whiteness(takes, signals, &[]) },
+        whiteness: if s.low_pass_hz.is_some() { Vec::new() } else { known::whiteness(records, signals, &[]) },
         channels: signals[0].channels(),
-        records: records_of(takes, signals),
+        records: records_of(records, signals),
         warnings: Warning::all(&opened.warnings),
         ..IdentificationResult::empty(model.name(), Method::Ground, provenance)
     };
-    result.verdict = super::text::verdict(&result, s.limit);
+    result.verdict = text::verdict(&result, s.limit);
     Ok(result)
 }

@@ -1,25 +1,25 @@
-//! Can it be known? What no record could tell, what this one does not, and intervals from the likelihood itself.
+//! Identifiability of a result: structural and unexcited directions, intervals from the likelihood, whiteness.
 
-use super::asked::{Asked, Take, Unknowns};
+use super::error::{IdentifyError, config};
 use super::findings::{ProfileLine, ReducedSet, Silent, Whiteness};
-use super::result::ModeLine;
+use super::labelled_record::{LabelledRecord, channel_name};
+use super::options::FitOptions;
+use super::result::channel::ModeLine;
 use super::signals::Signals;
-use super::{IdentifyError, config, of_record};
+use super::unknowns::Unknowns;
 use ff_linalg::LinalgError;
 use ff_model::{Model, Params};
 use ident::Estimator;
 use ident::Request;
 use ident::Uncertainty;
 use ident::belief::profile;
-use ident::belief::{reduce, silence, structural};
-use ident::checks::whiteness as tests;
+use ident::belief::{reduce_parameters, silence, structural};
+use ident::checks::whiteness::{ChannelResiduals, check_all};
 use ident::estimate::Estimate;
 use ident::parameters::matches;
 
 /// How far a profile looks, in standard deviations.
 const REACH: f64 = 5.0;
-/// Biases and initial state are kept before parameters when fewer unknowns are estimated: they are not there to be held.
-const FIRST: f64 = 1e6;
 
 fn linalg(e: LinalgError) -> IdentifyError {
     IdentifyError::Model(e.to_string())
@@ -43,12 +43,7 @@ pub(super) fn silent(
 
 /// Columns of the parameters that the data determine, and what is then held.
 pub(super) fn reduced(full: &Uncertainty, selected: &[usize]) -> Result<(Vec<usize>, ReducedSet), IdentifyError> {
-    let mut u = full.clone();
-    for i in selected.len()..u.unknowns.len() {
-        u.unknowns[i].size *= FIRST;
-        u.directions.row_mut(i).scale_mut(FIRST);
-    }
-    let set = reduce(&u).map_err(linalg)?;
+    let set = reduce_parameters(full, selected.len()).map_err(linalg)?;
     let held: Vec<String> =
         set.held.iter().filter(|&&k| k < selected.len()).map(|&k| full.unknowns[k].name.clone()).collect();
     let kept: Vec<usize> = set.kept.iter().copied().filter(|&k| k < selected.len()).collect();
@@ -59,16 +54,16 @@ pub(super) fn reduced(full: &Uncertainty, selected: &[usize]) -> Result<(Vec<usi
     Ok((kept, ReducedSet::of(&set, held)))
 }
 
-/// Profiles of the parameters asked for.
+/// Profiles of the parameters that the options name.
 pub(super) fn profiles(
     request: &Request<'_>,
     unknowns: &Unknowns,
     (selected, at): (&[usize], &Estimate),
-    asked: &Asked,
+    options: &FitOptions,
     estimator: &mut impl Estimator,
 ) -> Result<Vec<ProfileLine>, IdentifyError> {
     let mut columns: Vec<usize> = Vec::new();
-    for pattern in &asked.profile {
+    for pattern in &options.profile {
         let found: Vec<usize> = (0..selected.len()).filter(|&k| matches(pattern, &at.parameters[k].name)).collect();
         if found.is_empty() {
             let near = ff_model::diagnostics::nearest(pattern, at.parameters.iter().map(|p| p.name.as_str()));
@@ -90,17 +85,17 @@ pub(super) fn profiles(
 }
 
 /// Residuals of every channel against white noise. Channels too short to be judged are left out.
-pub(super) fn whiteness(takes: &[Take], signals: &[Signals], modes: &[ModeLine]) -> Vec<Whiteness> {
+pub(super) fn whiteness(records: &[LabelledRecord], signals: &[Signals], modes: &[ModeLine]) -> Vec<Whiteness> {
     let hz: Vec<f64> = modes.iter().map(|m| m.frequency_hz).collect();
-    let total: usize = signals.iter().map(|s| s.names.len()).sum();
-    let mut out = Vec::new();
-    for (k, (take, s)) in takes.iter().zip(signals).enumerate() {
+    let mut channels = Vec::new();
+    for (k, (labelled, s)) in records.iter().zip(signals).enumerate() {
         for (j, name) in s.names.iter().enumerate() {
-            let r: Vec<f64> = s.residual(j).iter().map(|r| r / s.sigma[j]).collect();
-            if let Ok(c) = tests::check(&of_record(takes, k, name), &r, take.record.rate_hz(), &hz) {
-                out.push(Whiteness::of(&c, total));
-            }
+            channels.push(ChannelResiduals {
+                channel: channel_name(records, k, name).into_owned(),
+                residuals: s.residual(j).iter().map(|r| r / s.sigma[j]).collect(),
+                rate_hz: labelled.record.rate_hz(),
+            });
         }
     }
-    out
+    check_all(&channels, &hz).iter().map(|(c, white)| Whiteness::of(c, *white)).collect()
 }

@@ -1,6 +1,6 @@
 //! Measured and predicted channels side by side.
 
-use super::channel::Channel;
+use super::result::channel::Channel;
 use crate::exit::Failure;
 use crate::files::atomic;
 use crate::files::csv_out;

@@ -1,7 +1,11 @@
 //! A result in words, for the terminal and `report.txt`.
 
 use super::findings::Whiteness;
-use super::result::{Ended, HeldOut, IdentificationResult, Method, Parameter, Told};
+use super::result::channel::Channel;
+use super::result::fit::{Ended, Method};
+use super::result::held_out::HeldOut;
+use super::result::identification::IdentificationResult;
+use super::result::parameter::{Parameter, ParameterVerdict};
 use std::fmt;
 
 /// Chi-squared per degree of freedom below which the noise figures are too large to be those of the record.
@@ -21,12 +25,13 @@ pub fn num(x: f64) -> String {
 }
 
 /// The verdict in sentences, the most important first.
-pub(super) fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
+pub fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
     let mut out = Vec::new();
     let n = r.parameters.len();
-    let names =
-        |t: Told| -> Vec<&str> { r.parameters.iter().filter(|p| p.verdict == t).map(|p| p.name.as_str()).collect() };
-    let told = names(Told::Estimated).len();
+    let names = |t: ParameterVerdict| -> Vec<&str> {
+        r.parameters.iter().filter(|p| p.verdict == t).map(|p| p.name.as_str()).collect()
+    };
+    let told = names(ParameterVerdict::Estimated).len();
     if !r.status.is_solution() {
         out.push(format!("The fit did NOT end at a solution: it {}. The values below are no estimates.", r.status));
     } else if told == n {
@@ -67,9 +72,9 @@ pub(super) fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
         ));
     }
     for (t, words) in [
-        (Told::Weak, "known worse than to their own size"),
-        (Told::PriorOnly, "no better known than before, by their priors"),
-        (Told::AtBound, "at a bound, and no estimates"),
+        (ParameterVerdict::Weak, "known worse than to their own size"),
+        (ParameterVerdict::PriorOnly, "no better known than before, by their priors"),
+        (ParameterVerdict::AtBound, "at a bound, and no estimates"),
     ] {
         let all = names(t);
         if !all.is_empty() {
@@ -100,8 +105,8 @@ pub(super) fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
 }
 
 /// Residuals as parts of the signals, for an arm whose sensors have no figure of their own.
-pub(super) fn shares(channels: &[super::result::Channel]) -> String {
-    let share = |c: &super::result::Channel| 100.0 * c.residual_rms / c.signal_rms.max(f64::MIN_POSITIVE);
+pub(super) fn shares(channels: &[Channel]) -> String {
+    let share = |c: &Channel| 100.0 * c.residual_rms / c.signal_rms.max(f64::MIN_POSITIVE);
     let all = || channels.iter().map(|c| (share(c), c.name.as_str()));
     let least = all().min_by(|a, b| a.0.total_cmp(&b.0));
     let most = all().max_by(|a, b| a.0.total_cmp(&b.0));
@@ -138,7 +143,7 @@ fn row(f: &mut fmt::Formatter<'_>, p: &Parameter, w: usize) -> fmt::Result {
         (Some(s), Some((lo, hi))) => write!(f, " +- {:>10}  [{}, {}]", num(s), num(lo), num(hi))?,
         _ => write!(f, " cannot be told")?,
     }
-    if p.verdict != Told::Estimated && p.std.is_some() {
+    if p.verdict != ParameterVerdict::Estimated && p.std.is_some() {
         write!(f, "  {}", p.verdict.words())?;
     }
     writeln!(f)
@@ -153,7 +158,7 @@ impl fmt::Display for HeldOut {
     }
 }
 
-fn channels(f: &mut fmt::Formatter<'_>, all: &[super::result::Channel]) -> fmt::Result {
+fn channels(f: &mut fmt::Formatter<'_>, all: &[Channel]) -> fmt::Result {
     let w = all.iter().map(|c| c.name.chars().count()).max().unwrap_or(8);
     for c in all {
         writeln!(

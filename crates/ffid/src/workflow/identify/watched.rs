@@ -1,4 +1,4 @@
-//! A fit under watch: it tells how far it is, and ends when it is told to.
+//! Progress and interruption of a fit.
 
 use ff_least_squares::EvalError;
 use ident::Estimator;
@@ -9,40 +9,40 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Watched from outside while it works.
+/// Progress and interruption from outside.
 #[derive(Clone, Copy, Default)]
 pub struct Watch<'a> {
     /// Set to end the fit.
     pub stop: Option<&'a AtomicBool>,
-    /// Told the number of the linearisation and chi-squared per residual.
+    /// Called with the number of the linearisation and chi-squared per residual.
     pub progress: Option<&'a dyn Fn(usize, f64)>,
 }
 
-/// An estimator that tells how far it is, and ends when it is told to; over the thinned record, too.
+/// An estimator that reports its progress and ends on request, over the decimated record too.
 pub(super) struct Watched<'a> {
     inner: Box<dyn Estimator + 'a>,
     watch: &'a Watch<'a>,
-    told: Rc<Told>,
+    state: Rc<SharedState>,
 }
 
-/// What an estimator and its thinner ones have in common.
+/// State shared by an estimator and its coarse ones.
 #[derive(Default)]
-struct Told {
+struct SharedState {
     linearisations: Cell<usize>,
     stopped: Cell<bool>,
 }
 
 impl<'a> Watched<'a> {
     pub(super) fn new(inner: impl Estimator + 'a, watch: &'a Watch<'a>) -> Self {
-        Self { inner: Box::new(inner), watch, told: Rc::default() }
+        Self { inner: Box::new(inner), watch, state: Rc::default() }
     }
     /// Whether it was ended from outside.
     pub(super) fn stopped(&self) -> bool {
-        self.told.stopped.get()
+        self.state.stopped.get()
     }
     fn go_on(&self) -> Result<(), EvalError> {
         if self.watch.stop.is_some_and(|s| s.load(Ordering::SeqCst)) {
-            self.told.stopped.set(true);
+            self.state.stopped.set(true);
             return Err(EvalError::Fatal("interrupted".into()));
         }
         Ok(())
@@ -58,7 +58,7 @@ impl Estimator for Watched<'_> {
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         let thin = self.inner.coarse(full)?;
-        let watched = Watched { inner: thin.estimator, watch: self.watch, told: Rc::clone(&self.told) };
+        let watched = Watched { inner: thin.estimator, watch: self.watch, state: Rc::clone(&self.state) };
         Some(Coarse { estimator: Box::new(watched), ..thin })
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
@@ -75,8 +75,8 @@ impl Estimator for Watched<'_> {
     ) -> Result<(), EvalError> {
         self.go_on()?;
         self.inner.jacobian(full, extra, selected, r, j)?;
-        let count = self.told.linearisations.get() + 1;
-        self.told.linearisations.set(count);
+        let count = self.state.linearisations.get() + 1;
+        self.state.linearisations.set(count);
         if let Some(tell) = self.watch.progress {
             tell(count, r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64);
         }

@@ -27,7 +27,7 @@ pub use bias::{BiasedParameter, RigidBias};
 pub use excursion::{Excursion, Peak, angle, displacement};
 pub use limits::{LimitMargin, Proof, joint_limits, prove};
 pub use modes::{ModeVisibility, Reading, SENSED, Seen};
-pub use parameters::{Predicted, Told};
+pub use parameters::{Determination, Predicted};
 pub use spectrum::{ModePower, Spectrum};
 
 use excitation::Constraint;

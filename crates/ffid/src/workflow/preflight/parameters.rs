@@ -13,10 +13,10 @@ use ident::{Options, OutputError};
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-/// What a record will say about a parameter.
+/// How well a record will determine a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Told {
+pub enum Determination {
     /// Its relative standard deviation is at most the threshold.
     Well,
     /// Its relative standard deviation is above the threshold.
@@ -42,7 +42,7 @@ pub struct Predicted {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relative_std: Option<f64>,
     /// The verdict.
-    pub told: Told,
+    pub told: Determination,
 }
 
 pub(super) struct Seen {
@@ -98,9 +98,9 @@ pub(super) fn predict(q: &Question<'_>, trace: &Trace, substeps: usize) -> Resul
 fn predicted(name: String, unit: String, value: f64, std: Option<f64>, size: f64, weak: f64) -> Predicted {
     let relative_std = std.map(|s| s / size);
     let told = match relative_std {
-        None => Told::NotAtAll,
-        Some(r) if r > weak => Told::Weakly,
-        Some(_) => Told::Well,
+        None => Determination::NotAtAll,
+        Some(r) if r > weak => Determination::Weakly,
+        Some(_) => Determination::Well,
     };
     Predicted { name, unit, value, std, relative_std, told }
 }
@@ -139,6 +139,9 @@ mod tests {
     #[test]
     fn the_threshold_decides_what_is_weak() {
         let p = |std| predicted("x".into(), "kg".into(), 600.0, std, 600.0, 0.1).told;
-        assert_eq!([p(Some(59.0)), p(Some(61.0)), p(None)], [Told::Well, Told::Weakly, Told::NotAtAll]);
+        assert_eq!(
+            [p(Some(59.0)), p(Some(61.0)), p(None)],
+            [Determination::Well, Determination::Weakly, Determination::NotAtAll]
+        );
     }
 }

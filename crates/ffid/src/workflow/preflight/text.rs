@@ -1,6 +1,6 @@
 //! The verdict in words.
 
-use super::{LimitMargin, ModeVisibility, Predicted, Preflight, Proof, Seen, Told, modes::Reading};
+use super::{Determination, LimitMargin, ModeVisibility, Predicted, Preflight, Proof, Seen, modes::Reading};
 use std::fmt;
 
 /// Limits listed: the closest ones.
@@ -57,7 +57,7 @@ fn parameters(f: &mut fmt::Formatter<'_>, p: &Preflight) -> fmt::Result {
             (Some(s), Some(r)) => write!(f, " +- {:>10}  {:>8.3} %", num(s), 100.0 * r)?,
             _ => write!(f, " cannot be told")?,
         }
-        writeln!(f, "{}", if x.told == Told::Weakly { "  weak" } else { "" })?;
+        writeln!(f, "{}", if x.told == Determination::Weakly { "  weak" } else { "" })?;
     }
     writeln!(
         f,

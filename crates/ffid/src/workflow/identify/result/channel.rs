@@ -1,6 +1,18 @@
-//! How well one channel of a record is predicted.
+//! Channels and modes in a result.
 
 use serde::{Deserialize, Serialize};
+
+/// A mode of the identified model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModeLine {
+    /// Natural frequency (Hz).
+    pub frequency_hz: f64,
+    /// Damping ratio.
+    pub damping_ratio: f64,
+    /// Natural frequency at the start of the fit (Hz).
+    pub start_hz: f64,
+}
 
 /// How one channel was predicted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

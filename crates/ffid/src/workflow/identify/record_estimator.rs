@@ -1,6 +1,8 @@
-//! One record, and whichever estimator predicts it.
+//! The estimator that predicts one record.
 
-use super::{IdentifyError, Method, Settings, config, method};
+use super::error::{IdentifyError, config};
+use super::result::fit::Method;
+use super::settings::{Settings, method};
 use crate::modes::held;
 use crate::workflow::preflight::step;
 use ff_model::{Area, Model, Params, Problem, Problems};
@@ -9,14 +11,14 @@ use ident::Estimator;
 use ident::SetupError;
 use ident::{Noise, Options, OutputError, Rda};
 
-/// An estimator for a record, whichever fits.
-pub struct Fit<'a> {
+/// The estimator of a record, chosen by the method.
+pub struct RecordEstimator<'a> {
     estimator: Box<dyn Estimator + 'a>,
     method: Method,
     noise: Noise,
 }
 
-impl<'a> Fit<'a> {
+impl<'a> RecordEstimator<'a> {
     /// Chooses by the method; the steps of the integration by the modes.
     ///
     /// # Errors

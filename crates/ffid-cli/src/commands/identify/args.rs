@@ -1,0 +1,127 @@
+//! Arguments of `ffid identify`.
+
+use crate::flags::choice::{Candidate, Clocks};
+use crate::flags::fit::{FitFlags, MethodFlag, positive};
+use crate::flags::record::RecordFlags;
+use crate::output::Input;
+use crate::result_folder;
+use crate::results::Output;
+use ff_model::{Area, Problem, Problems};
+use ffid::workflow::identify::{FitOptions, InputFile, TieSpec};
+use std::path::PathBuf;
+
+/// Longest file of ties (bytes).
+const MAX_TIES: usize = 1 << 20;
+
+/// Examples for `--help`.
+pub(crate) const EXAMPLES: &str = "Examples:
+  ffid identify m.toml --record rec.csv                     into m-identified/
+  ffid identify m.toml --record rec.csv --held-out 0.3      the last 30 % judge the model
+  ffid identify m.toml --record a.csv --held-out b.csv --out result
+  ffid identify m.toml --record exact.csv --torque-noise 0.1 --gyro-noise 1e-4
+  ffid identify m.toml --records a.csv b.csv c.csv          one robot, biases of each record
+  ffid identify m.toml --record rec.csv --reduce            where the record is silent, what it can tell
+  ffid identify m.toml --record rec.csv --profile 'tank.*'  intervals from the likelihood itself
+  ffid identify m.toml --record new.csv --prior-from m-identified
+  ffid identify m.toml --record rec.csv --compare           rigid, flexible, sloshing or both?
+  ffid identify arm.toml --record log.csv --reduce --held-out 0.33   an arm on the ground, friction included
+  ffid identify m.toml --record rec.csv --ties ties.toml    one stiffness for all hinges, one filling level
+
+A record has columns time[s], q.<joint>[rad], tau.<joint>[N m], gyro.x[rad/s], gyro.y[..], gyro.z[..]; dq., ddq., acc. and
+att. are optional, units are converted (docs/records.md). The folder holds report.html, result.json, identified.toml,
+identified.urdf, residuals.csv and .parquet, report.txt, figures and manifest.toml (docs/results.md). Parameters that the record cannot
+tell end with exit code 13 and are named; a fit that found no solution ends with 14.";
+
+/// Arguments of `ffid identify`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    pub(crate) input: Input,
+    /// The record: CSV, Parquet or MCAP (a ROS 2 bag).
+    #[arg(long, value_name = "FILE", required_unless_present = "records")]
+    pub(crate) record: Option<PathBuf>,
+    /// Several records of the robot, instead of --record: parameters are shared, biases and initial state are those of each.
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "record")]
+    pub(crate) records: Vec<PathBuf>,
+    /// Folder for the results; <mission>-identified in the working directory unless given.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Data that judge the model and are not fitted: a fraction (the end of the last record) or another record.
+    #[arg(long, value_name = "FRACTION|FILE")]
+    pub(crate) held_out: Option<String>,
+    /// How the record is predicted.
+    #[arg(long, value_enum, default_value_t = MethodFlag::Auto)]
+    pub(crate) method: MethodFlag,
+    /// Relative standard deviation of a prior on every parameter, instead of estimate.prior_relative_std.
+    #[arg(long, value_name = "RELATIVE", value_parser = positive, conflicts_with = "no_prior")]
+    pub(crate) prior: Option<f64>,
+    /// The data alone, whatever the mission says.
+    #[arg(long)]
+    pub(crate) no_prior: bool,
+    /// Take what an earlier identification has learnt as prior: the folder that it wrote.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) prior_from: Option<PathBuf>,
+    /// Parameters that are functions of fewer unknowns: a file of [[tie]] tables (docs/results.md).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) ties: Option<PathBuf>,
+    /// Where the record is silent, estimate the parameters that it can tell, and hold the others where they are.
+    #[arg(long)]
+    pub(crate) reduce: bool,
+    /// Profile the likelihood of these parameters (names, `*` for any): intervals that assume no parabola. Many fits.
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub(crate) profile: Vec<String>,
+    /// Fit from this many starts, drawn around the first, and say whether they agree.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) starts: u32,
+    /// Fit models with and without panels and fuel as well, and say which to use; the last 30 % judge unless --held-out does.
+    #[arg(long, value_name = "MODEL", value_enum, value_delimiter = ',', num_args = 0.., default_missing_value = "rigid,flexible,slosh,both")]
+    pub(crate) compare: Vec<Candidate>,
+    /// What becomes of clocks of torques and gyro that disagree with that of the encoders.
+    #[arg(long, value_enum, default_value_t = Clocks::Correct)]
+    pub(crate) clocks: Clocks,
+    /// Thrusters or other external torques acted during the record: do not refuse it for its momentum.
+    #[arg(long)]
+    pub(crate) external_torque: bool,
+    /// The modes of the free decay must be told: refuse a record in which they cannot.
+    #[arg(long)]
+    pub(crate) modes: bool,
+    /// Start at the values of the mission: leave out estimate.start_offset, which is for studies.
+    #[arg(long)]
+    pub(crate) no_start_offset: bool,
+    /// Seed of the directions of estimate.start_offset, and of other starts.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    #[command(flatten)]
+    pub(crate) fit: FitFlags,
+    #[command(flatten)]
+    pub(crate) reading: RecordFlags,
+    #[command(flatten)]
+    pub(crate) output: Output,
+}
+
+impl Args {
+    /// The records that are fitted.
+    pub(crate) fn paths(&self) -> Vec<PathBuf> {
+        self.record.iter().chain(&self.records).cloned().collect()
+    }
+    /// Options of the fit, and the files of an earlier identification.
+    pub(crate) fn options(&self) -> Result<(FitOptions, Vec<InputFile>), Problems> {
+        let mut options =
+            FitOptions { reduce: self.reduce, more_starts: self.starts as usize - 1, ..FitOptions::default() };
+        if let Some(path) = &self.ties {
+            let text = ff_model::diagnostics::text_file(path, MAX_TIES)?;
+            options.ties = TieSpec::read(&text).map_err(|p| p.in_file(path))?;
+        }
+        let mut earlier = Vec::new();
+        if let Some(folder) = &self.prior_from {
+            let result = result_folder::result(folder)?;
+            earlier = result.provenance.inputs;
+            options.posterior = Some(result.posterior.ok_or_else(|| {
+                let what = "the result holds no posterior";
+                let p = Problem::error(Area::Data, "Data::NoPosterior", what).in_file(folder.join("result.json"));
+                Problems(vec![p.hint("identify again with this version")])
+            })?);
+        }
+        Ok((options, earlier))
+    }
+}

@@ -1,0 +1,50 @@
+//! Errors and warnings that follow from an identification.
+
+use super::args::Args;
+use ff_model::{Area, Problem, Problems};
+use ffid::workflow::identify::{Combination, IdentificationResult};
+
+/// What a result finds fault with. A solution that is not one, and what nothing can tell, are errors.
+pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
+    let mut out = Problems::default();
+    let file = args.paths().swap_remove(0);
+    let mut add = |p: Problem, hint: &str| out.push(p.in_file(&file).hint(hint));
+    if !r.status.is_solution() {
+        let p = Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}", r.status));
+        add(p, "start nearer, give priors, or raise --max-iterations");
+    }
+    let silent: Vec<(&Combination, &str)> = match &r.silent {
+        None => r.null_directions.iter().map(|d| (d, "")).collect(),
+        Some(s) => {
+            let structural = s.structural.iter().map(|d| (d, ", as any record of this robot is"));
+            structural.chain(s.unexcited.iter().map(|d| (d, ", which another motion might tell"))).collect()
+        }
+    };
+    for (d, why) in silent {
+        let what = format!("the record is silent on {}{why}", d.text);
+        let (make, hint): (fn(_, _, String) -> Problem, _) = if r.reduced.is_some() {
+            (|a, c, m| Problem::warning(a, c, m), "what it can tell was estimated, and the rest held; see the report")
+        } else if r.priors_cover {
+            (|a, c, m| Problem::warning(a, c, m), "its prior holds it; excite it, or estimate less")
+        } else {
+            (|a, c, m| Problem::error(a, c, m), "give --reduce or --prior, estimate less, or excite otherwise")
+        };
+        add(make(Area::Data, "Fit::Unidentifiable", what), hint);
+    }
+    if let Some(m) = r.minima.as_ref().filter(|m| m.objectives.len() > 1) {
+        let costs: Vec<String> = m.objectives.iter().map(|o| format!("{o:.4e}")).collect();
+        let what = format!("{} starts led to {} minima, of cost {}", m.starts, costs.len(), costs.join(", "));
+        let hint = format!("{}; start nearer, or excite more", m.taken());
+        add(Problem::warning(Area::Data, "Fit::MultipleMinima", what), &hint);
+    }
+    if r.chi2_per_dof > args.fit.limit() {
+        let what = format!("chi-squared per degree of freedom {:.3}, limit {}", r.chi2_per_dof, args.fit.limit());
+        let p = Problem::warning(Area::Data, "Fit::Misfit", what);
+        add(p, "look at the spectra of the residuals: something moves that the model does not have");
+    }
+    if let Some(h) = r.held_out.as_ref().filter(|h| !h.explained) {
+        let what = format!("held-out data: chi-squared per degree of freedom {:.3}, limit {}", h.chi2_per_dof, h.limit);
+        add(Problem::warning(Area::Data, "Fit::HeldOut", what), "the model does not predict what it has not seen");
+    }
+    out
+}

@@ -1,0 +1,123 @@
+//! The fit of `ffid identify`, the prediction of what was held out, and the comparison of models.
+
+use super::args::Args;
+use super::prepare::{Held, Ready};
+use crate::flags::choice::Clocks;
+use crate::flags::fit::watched;
+use crate::results::Refusal;
+use ff_model::{Params, Problems};
+use ffid::workflow::identify::{
+    Arm, Comparison, Identified, IdentifyError, InputFile, LOW_PASS, LabelledRecord, Method, ModelVariant, Provenance,
+    RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, identify_checked, method, predict_held_out,
+    verdict,
+};
+use std::collections::BTreeMap;
+
+/// The fit, and the judgement of what was held out.
+pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Signals>, Problems), Refusal> {
+    let settings_words = words(args, r);
+    let Ready { opened, settings: s, options, records, held, inputs, .. } = r;
+    let model = &opened.model;
+    let provenance = Provenance {
+        program: concat!("ffid ", env!("CARGO_PKG_VERSION")).to_owned(),
+        inputs: inputs
+            .iter()
+            .map(|e| InputFile { file: e.file.clone(), bytes: e.bytes, sha256: e.sha256.clone() })
+            .collect(),
+        record: RecordLine { samples: 0, rate_hz: 0.0, seconds: 0.0, t0: 0.0, rates: false },
+        noise_torque_nm: s.noise.torque,
+        noise_gyro_rad_per_s: s.noise.gyro,
+        settings: settings_words,
+    };
+    watched(&args.output, |watch| {
+        let checks = RecordChecks {
+            clocks: args.clocks.into(),
+            external_torque: args.external_torque,
+            require_modes: args.modes,
+        };
+        // An axis mismatch explains a misfit, and is looked for only then.
+        let axes = |records: &[LabelledRecord], s: &Settings| -> Result<(), IdentifyError> {
+            let nominal = Params::nominal(model);
+            for (labelled, path) in records.iter().zip(args.paths()) {
+                let turned = axes::mismatch(model, nominal.values(), &labelled.record, s)?;
+                if turned.has_errors() {
+                    return Err(IdentifyError::Refused(turned.in_file(path)));
+                }
+            }
+            Ok(())
+        };
+        let (mut found, s, warnings) =
+            identify_checked(opened, records, s, options, checks, &axes, &provenance, watch)?;
+        let s = &s;
+        let arm = Arm::of(&found.result, &model.joint_names());
+        let mut signals = None;
+        let judged = match held {
+            Held::None => None,
+            // A part of a record begins in the middle of a motion.
+            Held::Part { record, words } => {
+                let s = Settings { initial_state: true, ..s.clone() };
+                Some(predict_held_out(model, &found.values, arm.as_ref(), record, &s, words.clone(), watch)?)
+            }
+            Held::File { record, path } => Some(predict_held_out(
+                model,
+                &found.values,
+                arm.as_ref(),
+                record,
+                s,
+                path.display().to_string(),
+                watch,
+            )?),
+        };
+        if let Some((held, of)) = judged {
+            found.result.held_out = Some(held);
+            signals = Some(of);
+        }
+        if !args.compare.is_empty() {
+            let (record, source, moving) = match held {
+                Held::Part { record, words } => (&*record, words.clone(), true),
+                Held::File { record, path } => (&*record, path.display().to_string(), false),
+                // Not reached: comparing holds something out.
+                Held::None => return Ok((found, signals, warnings)),
+            };
+            let data =
+                Comparison { opened, records: records.as_slice(), held: record, source: &source, moving, settings: s };
+            let variants: Vec<ModelVariant> = args.compare.iter().map(|&c| c.into()).collect();
+            found.result.comparison = Some(compare_variants(&data, &variants, &provenance, watch)?);
+        }
+        found.result.verdict = verdict(&found.result, s.limit);
+        Ok((found, signals, warnings))
+    })
+}
+
+/// Settings by name, for result and manifest.
+fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
+    let s = &r.settings;
+    let how = method(&r.opened.model, s.method);
+    let passive = how == Method::OutputError;
+    let name = match how {
+        Method::Rda => "rda",
+        Method::OutputError => "output_error",
+        Method::Ground => "ground",
+    };
+    let yes = |b: bool| if b { "estimated" } else { "none" }.to_owned();
+    let mut all = vec![
+        ("method", name.to_owned()),
+        ("biases", yes(s.biases && passive)),
+        ("initial_state", if s.initial_state && passive { "estimated" } else { "at rest" }.to_owned()),
+        ("prior_relative_std", s.prior.map_or_else(|| "none".to_owned(), |p| p.to_string())),
+        ("start_offset", s.start_offset.to_string()),
+        ("max_chi2", s.limit.to_string()),
+    ];
+    all.extend(args.reduce.then(|| ("reduce", "yes".to_owned())));
+    all.extend(s.low_pass_hz.map(|hz| (LOW_PASS, hz.to_string())));
+    all.extend((args.starts > 1).then(|| ("starts", args.starts.to_string())));
+    all.extend((!args.profile.is_empty()).then(|| ("profile", args.profile.join(", "))));
+    all.extend(args.prior_from.iter().map(|p| ("prior_from", p.display().to_string())));
+    all.extend(args.ties.iter().map(|p| ("ties", p.display().to_string())));
+    let variants: Vec<&str> = args.compare.iter().map(|&k| ModelVariant::from(k).name()).collect();
+    all.extend((!variants.is_empty()).then(|| ("compare", variants.join(", "))));
+    all.extend(args.external_torque.then(|| ("external_torque", "declared".to_owned())));
+    all.extend((args.clocks == Clocks::Trust).then(|| ("clocks", "trusted".to_owned())));
+    all.extend(args.held_out.iter().map(|h| ("held_out", h.clone())));
+    all.into_iter().map(|(k, v)| (k.to_owned(), v)).collect()
+}

@@ -1,0 +1,88 @@
+//! `ffid identify`: from a mission and a record to parameters, a report, and files of the identified robot.
+
+mod args;
+mod faults;
+mod fit;
+mod prepare;
+mod write;
+
+pub(crate) use args::{Args, EXAMPLES};
+
+use crate::output::Outcome;
+use crate::results;
+use faults::faults;
+use ffid::exit::Exit;
+use ffid::workflow::identify::{IdentificationResult, Warning};
+use fit::fit;
+use prepare::{Ready, prepare};
+use serde::Serialize;
+use std::fmt;
+use std::fmt::Display;
+use std::io::Write;
+use std::path::PathBuf;
+use write::write;
+
+/// Results in JSON; absent when there are none.
+#[derive(Default, Serialize)]
+struct Results<'a> {
+    result: Option<&'a IdentificationResult>,
+    /// The folder that was written.
+    out: Option<&'a PathBuf>,
+}
+
+/// Where the results are.
+struct Written<'a>(&'a PathBuf);
+
+impl Display for Written<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "written to {}: report.html, result.json, identified.toml", self.0.display())
+    }
+}
+
+/// Identifies, writes and prints.
+pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
+    let input = &args.input;
+    let mut ready = match prepare(args, err) {
+        Ok(r) => r,
+        Err((exit, p)) => return input.print(exit, &p, Results::default(), &[], out, err),
+    };
+    let found = fit(args, &mut ready);
+    let (mut found, held, warnings) = match found {
+        Ok(f) => f,
+        Err((exit, p)) => return input.print(exit, &p.in_file(&input.file), Results::default(), &[], out, err),
+    };
+    let Ready { opened, problems, files, inputs, folder, target, .. } = ready;
+    let mut problems = problems;
+    problems.extend(warnings);
+    input.leniency().settle(&mut problems);
+    let mut faults = faults(&found.result, args);
+    let mut exit = results::exit_of(&problems, &mut faults, &input.leniency());
+    if found.result.exit() != Exit::Done {
+        exit = found.result.exit();
+    }
+    problems.extend(faults);
+    found.result.warnings = Warning::all(&problems);
+    if let Some(p) = results::changed(&inputs, &files) {
+        exit = Exit::Data;
+        problems.push(p);
+    }
+    let leniency = input.leniency();
+    let wrote = write(&folder, args, &opened, &found, held.as_ref(), &leniency).and_then(|()| {
+        let r = &found.result;
+        let settings: Vec<(&str, String)> =
+            r.provenance.settings.iter().map(|(k, v)| (k.as_str(), v.clone())).collect();
+        folder.finish(&results::about("identify", args.seed, &settings, inputs))
+    });
+    let written = wrote.is_ok();
+    if let Err(e) = wrote {
+        // What was found is printed all the same.
+        let (code, p) = results::failed(&e);
+        exit = code;
+        problems.push(p);
+    }
+    let where_to = written.then_some(&target);
+    let line = where_to.map(Written);
+    let text: [Option<&dyn Display>; 2] = [Some(&found.result), line.as_ref().map(|w| w as _)];
+    let text = if args.output.quiet { &[][..] } else { &text[..] };
+    input.print(exit, &problems, Results { result: Some(&found.result), out: where_to }, text, out, err)
+}

@@ -1,0 +1,149 @@
+//! Mission, records, options and output folder of `ffid identify`, read before anything is computed.
+
+use super::args::Args;
+use crate::results;
+use crate::results::{Refusal, io, refused};
+use ff_model::{Area, Problem, Problems};
+use ff_records::Record;
+use ffid::files::folder::{Entry, Folder};
+use ffid::open::{Opened, open};
+use ffid::workflow::identify::{FitOptions, InputFile, LabelledRecord, Settings};
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Data that are held out of the fit.
+pub(crate) enum Held {
+    None,
+    /// From here to the end of the record, whose part before is fitted.
+    Part {
+        record: Record,
+        words: String,
+    },
+    File {
+        record: Record,
+        path: PathBuf,
+    },
+}
+
+/// Everything read and ready.
+pub(crate) struct Ready {
+    pub(crate) opened: Opened,
+    pub(crate) settings: Settings,
+    pub(crate) options: FitOptions,
+    pub(crate) records: Vec<LabelledRecord>,
+    pub(crate) held: Held,
+    pub(crate) problems: Problems,
+    pub(crate) files: Vec<PathBuf>,
+    pub(crate) inputs: Vec<Entry>,
+    pub(crate) folder: Folder,
+    pub(crate) target: PathBuf,
+}
+
+/// Reads everything, and takes the output folder, before anything is computed.
+pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusal> {
+    let input = &args.input;
+    let opened = open(&input.file, input.leniency()).map_err(refused)?;
+    let mission = results::undisturbed(&opened, &input.file).map_err(refused)?;
+    let mut settings = args.fit.settings(mission);
+    settings.method = args.method.method();
+    settings.prior = args.prior.or(mission.estimate.prior_relative_std).filter(|_| !args.no_prior);
+    settings.start_offset = if args.no_start_offset { 0.0 } else { mission.estimate.start_offset };
+    settings.seed = args.seed;
+    settings.low_pass_hz = args.reading.low_pass();
+    let target = args.out.clone().unwrap_or_else(|| {
+        let stem = input.file.file_stem().unwrap_or_default().to_string_lossy();
+        PathBuf::from(format!("{stem}-identified"))
+    });
+    let held_out = args.held_out.clone().or_else(|| (!args.compare.is_empty()).then(|| "0.3".to_owned()));
+    let mut files = results::mission_files(&input.file, mission);
+    let paths = args.paths();
+    files.extend(paths.iter().cloned());
+    let fraction = match held_out.as_deref() {
+        None => None,
+        Some(word) => match word.parse::<f64>() {
+            Ok(f) if f > 0.0 && f < 1.0 => Some(f),
+            Ok(f) => {
+                let p = Problem::error(Area::Config, "Config::OutOfRange", format!("value {f}, limit 0 < value < 1"));
+                return Err(refused(Problems(vec![p.on("--held-out").hint("give 0.3 for the last 30 %, or a file")])));
+            }
+            Err(_) => {
+                files.push(PathBuf::from(word));
+                None
+            }
+        },
+    };
+    let need = 2 * opened.estimated.len().max(4);
+    // Before the folder, so that a wrong path is said first.
+    let mut loaded = Vec::new();
+    for path in &paths {
+        loaded.push(args.reading.read(path, &opened.model, need, settings.low_pass_hz, input).map_err(refused)?);
+    }
+    let (mut options, earlier) = args.options().map_err(refused)?;
+    files.extend(args.ties.iter().cloned());
+    files.extend(args.prior_from.iter().map(|f| f.join("result.json")));
+    let inputs = results::inputs(&files).map_err(io)?;
+    same_data(&inputs[2..], paths.len(), fraction.is_none() && held_out.is_some(), &earlier).map_err(refused)?;
+    let folder = results::begin(&target, &args.output, err).map_err(io)?;
+    let mut problems = opened.warnings.clone();
+    let mut records: Vec<LabelledRecord> = Vec::new();
+    for (path, l) in paths.iter().zip(loaded) {
+        problems.extend(l.warnings);
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let again = records.iter().filter(|t| t.label == stem || t.label.starts_with(&format!("{stem}-"))).count();
+        let label = if again == 0 { stem } else { format!("{stem}-{}", again + 1) };
+        records.push(LabelledRecord { label, record: l.record });
+    }
+    let last = records.len() - 1;
+    let held = match (fraction, held_out.as_deref()) {
+        (Some(f), _) => {
+            let whole = records[last].record.clone();
+            let seconds = whole.seconds();
+            let cut = (1.0 - f) * seconds;
+            let first = whole.window(0.0, cut).map_err(refused)?;
+            let end = whole.window(cut, f64::INFINITY).map_err(refused)?;
+            if first.samples() < need || end.samples() < 8 {
+                let what = format!("{} samples to fit and {} to judge by", first.samples(), end.samples());
+                let p = Problem::error(Area::Data, "Data::TooShort", format!("{what}, at least {need} and 8 needed"));
+                return Err(refused(Problems(vec![
+                    p.on("--held-out").hint("record longer, or hold out another part"),
+                ])));
+            }
+            let words = format!("the last {:.1} % of {}", 100.0 * f, paths[last].display());
+            records[last].record = first;
+            Held::Part { record: end, words }
+        }
+        (None, Some(path)) => {
+            let path = PathBuf::from(path);
+            let other = args.reading.read(&path, &opened.model, 8, settings.low_pass_hz, input).map_err(refused)?;
+            problems.extend(other.warnings);
+            Held::File { record: other.record, path }
+        }
+        (None, None) => Held::None,
+    };
+    options.profile.clone_from(&args.profile);
+    Ok(Ready { opened, settings, options, records, held, problems, files, inputs, folder, target })
+}
+
+/// Row D39: data that were given twice. `files` are `records` records, then the one held out, if `held` is.
+fn same_data(files: &[Entry], records: usize, held: bool, earlier: &[InputFile]) -> Result<(), Problems> {
+    let refuse = |of: &Entry, as_what: String, hint: &str| {
+        let what = format!("the same data as {as_what} (SHA-256 {})", of.sha256);
+        let p = Problem::error(Area::Data, "Data::SameData", what).in_file(&of.file);
+        Err(Problems(vec![p.hint(hint)]))
+    };
+    for (k, file) in files.iter().take(records + usize::from(held)).enumerate() {
+        if let Some(first) = files[..k.min(records)].iter().find(|f| f.sha256 == file.sha256) {
+            let hint = if k < records {
+                "give each record once"
+            } else {
+                "judge the model by data that were not fitted, or give a fraction"
+            };
+            return refuse(file, first.file.clone(), hint);
+        }
+        if let Some(old) = earlier.iter().find(|f| f.sha256 == file.sha256) {
+            let hint = "its prior knows them already; fit both at once with --records, or leave --prior-from out";
+            return refuse(file, format!("{} of the earlier identification", old.file), hint);
+        }
+    }
+    Ok(())
+}

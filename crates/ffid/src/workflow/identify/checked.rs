@@ -1,0 +1,149 @@
+//! Identification with record checks after the fit: axes (row D21), start at rest (D30), clocks (D15, D16), momentum (D29), modes of
+//! the free decay (D23 to D25). What can be corrected is corrected with a warning and fitted again. The checks themselves are
+//! [`ident::checks`]; here are their order and their messages.
+
+use super::clocks::set_clocks;
+use super::decay::{DecayOutcome, decay_modes};
+use super::error::IdentifyError;
+use super::held_out::nuisance;
+use super::identified::Identified;
+use super::labelled_record::LabelledRecord;
+use super::options::FitOptions;
+use super::record_estimator::RecordEstimator;
+use super::result::fit::Method;
+use super::result::parameter::Parameter;
+use super::result::provenance::Provenance;
+use super::run::identify;
+use super::settings::Settings;
+use super::text;
+use super::watched::Watch;
+use crate::open::Opened;
+use ff_model::{Area, Problem, Problems};
+use ident::checks::{ClockPolicy, MomentumChange, RecordChecks, momentum_change};
+
+/// Part of chi-squared that a fit with an initial state must leave at most to be preferred.
+const BETTER: f64 = 0.2;
+/// Initial values below this many standard deviations are not named.
+const SURE: f64 = 3.0;
+
+/// Refuses records whose axes do not match the model, given the settings of the fit.
+pub type AxesCheck<'a> = &'a dyn Fn(&[LabelledRecord], &Settings) -> Result<(), IdentifyError>;
+
+/// [`identify`] with record checks. `axes` refuses records with an axis mismatch (row D21). Records that were corrected are
+/// changed in place. Returns the settings of the last fit and warnings beside the result.
+///
+/// # Errors
+/// Those of [`identify`], and the refusals of the rows named above.
+#[allow(clippy::too_many_arguments, reason = "one call; each is a thing of its own")]
+pub fn identify_checked(
+    opened: &Opened,
+    records: &mut [LabelledRecord],
+    settings: &Settings,
+    options: &FitOptions,
+    checks: RecordChecks,
+    axes: AxesCheck<'_>,
+    provenance: &Provenance,
+    watch: &Watch<'_>,
+) -> Result<(Identified, Settings, Problems), IdentifyError> {
+    let fit =
+        |records: &[LabelledRecord], s: &Settings| identify(opened, records, s, options, provenance.clone(), watch);
+    let mut s = settings.clone();
+    let mut problems = Problems::default();
+    let mut found = fit(records, &s)?;
+    if found.result.method == Method::Ground {
+        return Ok((found, s, problems));
+    }
+    if found.result.chi2_per_dof > s.limit {
+        axes(records, &s)?;
+    }
+    if found.result.chi2_per_dof > s.limit && !s.initial_state && found.result.method == Method::OutputError {
+        let moving = Settings { initial_state: true, ..s.clone() };
+        let again = fit(records, &moving)?;
+        if again.result.chi2_per_dof < BETTER * found.result.chi2_per_dof {
+            problems.push(not_at_rest(&again, found.result.chi2_per_dof));
+            (found, s) = (again, moving);
+        }
+    }
+    let mut clocks = Vec::new();
+    // A start in the middle of a motion is not predicted by the comparison of clocks.
+    if checks.clocks != ClockPolicy::Trust && !s.initial_state {
+        let (again, lines, warnings) = set_clocks(&opened.model, records, &s, checks.clocks, found, &fit)?;
+        (found, clocks) = (again, lines);
+        problems.extend(warnings);
+    }
+    if found.result.chi2_per_dof > s.limit {
+        for labelled in records.iter() {
+            let Some(change) = momentum(opened, &found, labelled, &s, watch)? else { continue };
+            let p = not_conserved(&change, labelled, checks.external_torque);
+            if !checks.external_torque {
+                return Err(IdentifyError::Refused(Problems(vec![p])));
+            }
+            problems.push(p);
+        }
+    }
+    found.result.clocks = clocks;
+    for labelled in records.iter() {
+        match decay_modes(&opened.model, &found.values, labelled, &s)? {
+            DecayOutcome::Found(modes, warnings) => {
+                found.result.decay.push(*modes);
+                problems.extend(warnings);
+            }
+            DecayOutcome::None(why) if checks.require_modes => return Err(IdentifyError::IllPosed(why)),
+            DecayOutcome::None(_) => {}
+        }
+    }
+    Ok((found, s, problems))
+}
+
+/// Row D30.
+fn not_at_rest(found: &Identified, before: f64) -> Problem {
+    let sure = |p: &&Parameter| p.std.is_some_and(|s| p.value.abs() > SURE * s);
+    let initial = |p: &&Parameter| p.name.contains("initial");
+    let all: Vec<String> = found
+        .result
+        .nuisance
+        .iter()
+        .filter(initial)
+        .filter(sure)
+        .map(|p| format!("{} {} {}", p.name, text::num(p.value), p.unit))
+        .collect();
+    let what = format!(
+        "the record does not begin at rest ({}); chi-squared per degree of freedom {before:.3} with rest, {:.3} with its \
+         initial state estimated, which was done",
+        ff_model::diagnostics::list(all.iter().map(String::as_str), 6),
+        found.result.chi2_per_dof
+    );
+    Problem::warning(Area::Data, "Data::NotAtRest", what)
+        .hint("give --initial-state, or begin to record before the motion")
+}
+
+/// Row D29: the change of momentum that explains what the fit leaves, if one does.
+fn momentum(
+    opened: &Opened,
+    found: &Identified,
+    labelled: &LabelledRecord,
+    s: &Settings,
+    watch: &Watch<'_>,
+) -> Result<Option<MomentumChange>, IdentifyError> {
+    let (model, record) = (&opened.model, &labelled.record);
+    let s = Settings { method: Some(Method::OutputError), ..s.clone() };
+    let mut fit = RecordEstimator::new(model, record, &s)?;
+    let beside = nuisance(fit.estimator(), &found.values, &s, watch)?;
+    let at = (found.values.as_slice(), found.selected.as_slice());
+    momentum_change(model, record, fit.estimator(), at, beside, s.noise.gyro).map_err(IdentifyError::from)
+}
+
+fn not_conserved(c: &MomentumChange, labelled: &LabelledRecord, declared: bool) -> Problem {
+    let when =
+        c.at.map_or_else(|| "drifts steadily".to_owned(), |t| format!("jumps about {t:.1} s after the first sample"));
+    let what = format!(
+        "angular momentum {when}, by {:.3e} N m s (base rate {:.2e} rad/s): that would explain {:.0} % of what the model does not; a \
+         system on which nothing acts keeps its momentum",
+        c.momentum.norm(),
+        c.rate.norm(),
+        100.0 * (c.drop / c.excess).min(1.0)
+    );
+    let make = if declared { Problem::warning } else { Problem::error };
+    let hint = "leave the firing out of the record, or declare it with --external-torque";
+    make(Area::Data, "Data::MomentumNotConserved", what).on(&labelled.label).hint(hint)
+}

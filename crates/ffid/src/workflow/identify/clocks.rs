@@ -1,0 +1,76 @@
+//! Rounds of clock correction and fit (rows D15 and D16), and their lines in the result.
+
+use super::error::IdentifyError;
+use super::findings::ClockLine;
+use super::identified::Identified;
+use super::labelled_record::LabelledRecord;
+use super::settings::Settings;
+use ff_model::{Area, Model, Problem, Problems};
+use ff_records::Record;
+use ff_records::clock::ClockEstimate;
+use ident::checks::{ClockCorrection, ClockCorrectionError, ClockPolicy, CorrectedClocks, FittedModel};
+
+/// Another fit of corrected records.
+pub(super) type Refit<'a> = &'a dyn Fn(&[LabelledRecord], &Settings) -> Result<Identified, IdentifyError>;
+
+/// Corrects the clocks of `records` in place and fits again until nothing is left to correct. Lines of the result and warnings.
+pub(super) fn set_clocks(
+    model: &Model,
+    records: &mut [LabelledRecord],
+    s: &Settings,
+    policy: ClockPolicy,
+    mut found: Identified,
+    fit: Refit<'_>,
+) -> Result<(Identified, Vec<ClockLine>, Problems), IdentifyError> {
+    let mut correction = ClockCorrection::new(records.iter().map(|r| r.record.clone()).collect());
+    loop {
+        let fitted = FittedModel { model, values: &found.values, selected: &found.selected, noise: &s.noise };
+        let current: Vec<&Record> = records.iter().map(|r| &r.record).collect();
+        let changed =
+            correction.round(&fitted, &current, policy == ClockPolicy::Require).map_err(|e| refusal(e, records))?;
+        if changed.is_empty() {
+            break;
+        }
+        for (k, corrected) in changed {
+            records[k].record = corrected;
+        }
+        found = fit(records, s)?;
+    }
+    let mut problems = Problems::default();
+    let mut lines = Vec::new();
+    for c in correction.found() {
+        let CorrectedClocks { record, clocks, corrected, mut warnings } = c;
+        let label = &records[record].label;
+        lines.push(line(label, "torque", &clocks.torque, corrected.0));
+        lines.push(line(label, "gyro", &clocks.gyro, corrected.1));
+        warnings
+            .0
+            .iter_mut()
+            .for_each(|p| p.object = Some(format!("{} of {label}", p.object.as_deref().unwrap_or(""))));
+        problems.extend(warnings);
+    }
+    Ok((found, lines, problems))
+}
+
+fn line(record: &str, group: &str, e: &ClockEstimate, corrected: bool) -> ClockLine {
+    ClockLine {
+        record: record.to_owned(),
+        group: group.to_owned(),
+        offset_s: e.offset,
+        offset_std_s: e.offset_deviation,
+        skew_ppm: 1e6 * e.skew,
+        skew_std_ppm: 1e6 * e.skew_deviation,
+        corrected,
+    }
+}
+
+fn refusal(e: ClockCorrectionError, records: &[LabelledRecord]) -> IdentifyError {
+    match e {
+        ClockCorrectionError::NotEstimable { record, group, why } => {
+            let p = Problem::error(Area::Data, "Data::ClockNotEstimable", format!("{group}: {why}"));
+            let hint = "move the joints faster while recording, or take the clocks as they are: --clocks trust";
+            IdentifyError::IllPosed(Problems(vec![p.on(&records[record].label).hint(hint)]))
+        }
+        ClockCorrectionError::Record(p) => IdentifyError::Refused(p),
+    }
+}

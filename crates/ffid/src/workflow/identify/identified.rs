@@ -1,0 +1,17 @@
+//! An identification with what figures and files need.
+
+use super::result::identification::IdentificationResult;
+use super::signals::Signals;
+
+/// A result with what figures and files need beside it.
+#[derive(Clone, Debug)]
+pub struct Identified {
+    /// The result; its held-out part and its warnings are the caller's to add.
+    pub result: IdentificationResult,
+    /// Signals of every record.
+    pub signals: Vec<Signals>,
+    /// All parameters with the estimates in place.
+    pub values: Vec<f64>,
+    /// Indices of the parameters that were estimated, for themselves or by a tie.
+    pub selected: Vec<usize>,
+}

@@ -1,0 +1,18 @@
+//! A record and its label.
+
+use ff_records::Record;
+use std::borrow::Cow;
+
+/// A record with its label.
+#[derive(Clone, Debug)]
+pub struct LabelledRecord {
+    /// Prefix of its biases and initial state when there are several.
+    pub label: String,
+    /// The samples.
+    pub record: Record,
+}
+
+/// The name of a channel where there are several records.
+pub(super) fn channel_name<'a>(records: &[LabelledRecord], k: usize, name: &'a str) -> Cow<'a, str> {
+    if records.len() > 1 { format!("{}.{name}", records[k].label).into() } else { name.into() }
+}

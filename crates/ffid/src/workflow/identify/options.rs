@@ -1,0 +1,19 @@
+//! Options of an identification beside its settings: reduction, profiles, other starts, earlier knowledge, ties.
+
+use super::ties::TieSpec;
+use ident::Posterior;
+
+/// Options of a fit; the default is one fit of all parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FitOptions {
+    /// Where the data are silent, estimate the parameters that they can tell and hold the others.
+    pub reduce: bool,
+    /// Patterns of parameters whose likelihood is to be profiled.
+    pub profile: Vec<String>,
+    /// Fits from random starts, beside the one from the start.
+    pub more_starts: usize,
+    /// What an earlier identification has learnt.
+    pub posterior: Option<Posterior>,
+    /// Parameters that are functions of fewer unknowns.
+    pub ties: Vec<TieSpec>,
+}

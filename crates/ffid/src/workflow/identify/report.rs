@@ -1,0 +1,166 @@
+//! The result of a fit: numbers into the lines of `result.json`.
+
+use super::error::IdentifyError;
+use super::findings::{Minima, RecordFit, ReducedSet};
+use super::known;
+use super::labelled_record::LabelledRecord;
+use super::options::FitOptions;
+use super::result::channel::ModeLine;
+use super::result::fit::Ended;
+use super::result::identification::IdentificationResult;
+use super::result::parameter::{Combination, Correlation, Covariance, Parameter, ParameterVerdict, Value};
+use super::result::provenance::{Provenance, RecordLine, Warning};
+use super::settings::{Settings, method};
+use super::signals::Signals;
+use super::unknowns::{Unknowns, known_before};
+use crate::modes::held;
+use crate::open::Opened;
+use ff_model::Params;
+use ff_records::Record;
+use ident::Posterior;
+use ident::Uncertainty;
+use ident::estimate::Estimate;
+use ident::estimate::report::FitReport;
+
+/// A fit with what led to it.
+pub(super) struct Fitted {
+    /// The last fit.
+    pub(super) estimate: Estimate,
+    /// What was estimated in the end, by index among the unknowns' declarations.
+    pub(super) selected: Vec<usize>,
+    /// What the data can tell of everything that was asked for.
+    pub(super) full: Uncertainty,
+    /// Minima of several starts.
+    pub(super) minima: Option<Minima>,
+    /// Set of parameters that was estimated in place of all.
+    pub(super) reduced: Option<ReducedSet>,
+}
+
+/// What a result is made of.
+pub(super) struct Report<'a> {
+    pub(super) opened: &'a Opened,
+    pub(super) records: &'a [LabelledRecord],
+    pub(super) settings: &'a Settings,
+    pub(super) options: &'a FitOptions,
+    pub(super) unknowns: &'a Unknowns,
+    pub(super) signals: &'a [Signals],
+    /// All parameters of the model.
+    pub(super) values: &'a [f64],
+}
+
+impl Report<'_> {
+    pub(super) fn result(&self, f: &Fitted, provenance: Provenance) -> Result<IdentificationResult, IdentifyError> {
+        let (model, e, unknowns) = (&self.opened.model, &f.estimate, self.unknowns);
+        let start = unknowns.expand(&unknowns.start)?;
+        let cost = 0.5 * e.residuals.iter().map(|r| r * r).sum::<f64>();
+        let mut from: Vec<f64> = f.selected.iter().map(|&i| unknowns.start[i]).collect();
+        let mut to: Vec<f64> = e.parameters.iter().map(|p| p.value).collect();
+        from.extend(e.nuisance.iter().map(|p| p.start));
+        to.extend(e.nuisance.iter().map(|p| p.value));
+        let priors = unknowns.priors(&f.selected)?;
+        let fit = FitReport::new(e.status.clone(), (cost, e.residuals.len()), (&from, &to), &priors, &e.uncertainty);
+        let names: Vec<String> = fit.estimates.iter().map(|l| l.name.clone()).collect();
+        let line = |k: usize| Parameter::of(&fit.estimates[k], f.selected.get(k).map(|&i| unknowns.nominal[i]));
+        let n = f.selected.len();
+        let mut parameters: Vec<Parameter> = (0..n).map(line).collect();
+        if let Some(p) = &self.options.posterior {
+            let known = known_before(p).map_err(|e| IdentifyError::Model(e.to_string()))?;
+            parameters.iter_mut().for_each(|line| before(line, known.get(&line.name)));
+        }
+        let posterior = Posterior::of(e).map_err(|e| IdentifyError::Model(e.to_string()))?;
+        let modes = mode_lines(self.opened, &start, self.values);
+        let first = &self.records[0].record;
+        Ok(IdentificationResult {
+            status: Ended::of(&e.status, &names),
+            iterations: e.iterations,
+            chi2_per_dof: e.chi2_per_dof,
+            residuals: e.residuals.len(),
+            parameters,
+            nuisance: (n..fit.estimates.len()).map(line).collect(),
+            model: Value::all(model, self.values),
+            rank: f.full.rank,
+            singular_values: f.full.singular_values.clone(),
+            null_directions: f.full.null.iter().map(Combination::of).collect(),
+            weak_directions: e
+                .data_only
+                .weak
+                .iter()
+                // A bias that is not seen worries nobody.
+                .filter(|d| d.terms.first().is_some_and(|t| names[..n].contains(&t.0)))
+                .map(Combination::of)
+                .collect(),
+            priors_cover: e.uncertainty.full_rank(),
+            reduced: f.reduced.clone(),
+            minima: f.minima.clone(),
+            correlations: Correlation::strong(&e.uncertainty),
+            covariance: Covariance::of(&e.uncertainty),
+            posterior: Some(posterior),
+            whiteness: known::whiteness(self.records, self.signals, &modes),
+            modes,
+            channels: self.signals[0].channels(),
+            records: records_of(self.records, self.signals),
+            warnings: Warning::all(&self.opened.warnings),
+            ..IdentificationResult::empty(
+                model.name(),
+                method(model, self.settings.method),
+                Provenance { record: record_line(first), ..provenance },
+            )
+        })
+    }
+}
+
+/// Every record, when there are several.
+pub(super) fn records_of(records: &[LabelledRecord], signals: &[Signals]) -> Vec<RecordFit> {
+    let one = |(t, s): (&LabelledRecord, &Signals)| {
+        let channels = s.channels();
+        RecordFit {
+            label: t.label.clone(),
+            samples: t.record.samples(),
+            rate_hz: t.record.rate_hz(),
+            seconds: t.record.seconds(),
+            mean_square: channels.iter().map(|c| c.over_noise.powi(2)).sum::<f64>() / channels.len().max(1) as f64,
+            channels,
+        }
+    };
+    if records.len() > 1 { records.iter().zip(signals).map(one).collect() } else { Vec::new() }
+}
+
+pub(super) fn record_line(r: &Record) -> RecordLine {
+    RecordLine {
+        samples: r.samples(),
+        rate_hz: r.rate_hz(),
+        seconds: r.seconds(),
+        t0: r.t0(),
+        rates: r.qd().is_some() && r.qdd().is_some(),
+    }
+}
+
+/// Adds what an earlier identification knew of a parameter to its prior.
+fn before(line: &mut Parameter, known: Option<&(f64, f64)>) {
+    let Some(&(mean, std)) = known else { return };
+    let (a, b) = (1.0 / (std * std), line.prior_std.map_or(0.0, |s| 1.0 / (s * s)));
+    line.prior_mean = Some((a * mean + b * line.prior_mean.unwrap_or(0.0)) / (a + b));
+    let both = (a + b).sqrt().recip();
+    line.prior_std = Some(both);
+    if line.std.is_some_and(|s| s > 0.9 * both)
+        && matches!(line.verdict, ParameterVerdict::Estimated | ParameterVerdict::Weak)
+    {
+        line.verdict = ParameterVerdict::PriorOnly;
+    }
+}
+
+/// Modes at the pose of the mission, before and after.
+fn mode_lines(opened: &Opened, start: &[f64], values: &[f64]) -> Vec<ModeLine> {
+    let model = &opened.model;
+    let at = |v: &[f64]| {
+        let params = Params::from_values(model, v.to_vec());
+        let rest = model.rest_position(&params);
+        held(model, &params, &opened.pose(), &rest)
+    };
+    let line = |(a, b): (ff_dynamics::Mode, ff_dynamics::Mode)| ModeLine {
+        frequency_hz: b.frequency_hz,
+        damping_ratio: b.damping_ratio,
+        start_hz: a.frequency_hz,
+    };
+    at(start).into_iter().zip(at(values)).map(line).collect()
+}

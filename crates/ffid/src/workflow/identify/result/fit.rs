@@ -1,0 +1,65 @@
+//! Method and end of a fit in a result.
+
+use ff_least_squares::Status;
+use serde::{Deserialize, Serialize};
+
+/// How a record is predicted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Rigid system, base acceleration eliminated ([`ident::Rda`]).
+    Rda,
+    /// Base and passive states simulated ([`ident::OutputError`]).
+    OutputError,
+    /// Fixed base with gravity and joint friction, linear least squares ([`ident::Ground`]).
+    Ground,
+}
+
+/// How the solver ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum Ended {
+    /// At a minimum.
+    Converged,
+    /// At a minimum of a bounded problem; the named parameters want to leave their bounds.
+    AtBound {
+        /// Their names; empty when a body is at the boundary of what is physical.
+        at: Vec<String>,
+    },
+    /// No step helps although the linearisation promises one: not a solution.
+    Stalled {
+        /// Relative reduction still promised.
+        promised: f64,
+    },
+    /// Out of iterations: not a solution.
+    IterationLimit,
+}
+
+impl Ended {
+    pub(in crate::workflow::identify) fn of(s: &Status, names: &[String]) -> Self {
+        match s {
+            Status::Converged { .. } => Self::Converged,
+            Status::AtBound { at, .. } => {
+                Self::AtBound { at: at.iter().filter_map(|&i| names.get(i).cloned()).collect() }
+            }
+            Status::Stalled { promised } => Self::Stalled { promised: *promised },
+            Status::IterationLimit => Self::IterationLimit,
+        }
+    }
+    /// True for a minimum, bounded or not.
+    pub fn is_solution(&self) -> bool {
+        matches!(self, Self::Converged | Self::AtBound { .. })
+    }
+}
+
+impl std::fmt::Display for Ended {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Converged => f.write_str("converged"),
+            Self::AtBound { at } if at.is_empty() => f.write_str("a body reached the boundary of what is physical"),
+            Self::AtBound { at } => write!(f, "converged with {} at a bound", at.join(", ")),
+            Self::Stalled { promised } => write!(f, "stalled (a reduction of {promised:.1e} still promised)"),
+            Self::IterationLimit => f.write_str("ran out of iterations"),
+        }
+    }
+}

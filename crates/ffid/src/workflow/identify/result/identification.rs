@@ -1,0 +1,174 @@
+//! A whole identification: `result.json`. Every number reads back exactly.
+
+use super::channel::{Channel, ModeLine};
+use super::fit::{Ended, Method};
+use super::held_out::HeldOut;
+use super::parameter::{Combination, Correlation, Covariance, Parameter, Value};
+use super::provenance::{Provenance, Warning};
+use crate::workflow::identify::findings::{
+    ClockLine, ComparisonTable, DecayModes, Minima, ProfileLine, RecordFit, ReducedSet, Silent, Whiteness,
+};
+use ident::Posterior;
+use serde::{Deserialize, Serialize};
+
+/// What the field `format` of a result must say.
+pub const FORMAT: &str = "ffid-result";
+/// Version that is written, and the only one that is read.
+pub const VERSION: u32 = 1;
+
+/// A whole identification.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IdentificationResult {
+    /// [`FORMAT`].
+    pub format: String,
+    /// [`VERSION`].
+    pub version: u32,
+    /// Name of the robot.
+    pub robot: String,
+    /// How the record was predicted.
+    pub method: Method,
+    /// In words: what was found, and what was not.
+    pub verdict: Vec<String>,
+    /// How the fit ended.
+    pub status: Ended,
+    /// Linearisations used.
+    pub iterations: usize,
+    /// Sum of squared whitened residuals over the degrees of freedom; 1 when model and noise figures are right.
+    pub chi2_per_dof: f64,
+    /// Residuals of the record.
+    pub residuals: usize,
+    /// The parameters asked for.
+    pub parameters: Vec<Parameter>,
+    /// Biases and initial state, estimated beside them.
+    pub nuisance: Vec<Parameter>,
+    /// Every parameter of the model with the estimates in place, in the order of the parameter vector.
+    pub model: Vec<Value>,
+    /// Numerical rank of the scaled sensitivities of the data alone.
+    pub rank: usize,
+    /// Their singular values, descending.
+    pub singular_values: Vec<f64>,
+    /// Combinations on which the record is silent, in the names of the parameters.
+    pub null_directions: Vec<Combination>,
+    /// Combinations that the record tells to worse than their own size, weakest first.
+    pub weak_directions: Vec<Combination>,
+    /// True when every combination on which the record is silent is held by a prior.
+    pub priors_cover: bool,
+    /// The combinations on which the record is silent, told apart: by structure, or because it excites too little.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub silent: Option<Silent>,
+    /// What was estimated in place of what was asked for, because the record is silent on the rest.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub reduced: Option<ReducedSet>,
+    /// Intervals from the likelihood itself.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub profiles: Vec<ProfileLine>,
+    /// Where other starts led.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub minima: Option<Minima>,
+    /// Pairs with a correlation of 0.95 or more.
+    pub correlations: Vec<Correlation>,
+    /// Covariance of parameters and nuisance, priors included.
+    pub covariance: Covariance,
+    /// What is known of the parameters, biases and initial state projected out: the prior of a later identification.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub posterior: Option<Posterior>,
+    /// Residuals of every channel against white noise.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub whiteness: Vec<Whiteness>,
+    /// Modes of the identified model at the mission's pose, joints held.
+    pub modes: Vec<ModeLine>,
+    /// Modes of the free decay in the records.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub decay: Vec<DecayModes>,
+    /// Clocks of the channels against that of the encoders.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub clocks: Vec<ClockLine>,
+    /// Models against each other.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub comparison: Option<ComparisonTable>,
+    /// Every record, when there are several.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub records: Vec<RecordFit>,
+    /// Every channel over the (first) record.
+    pub channels: Vec<Channel>,
+    /// The same on data that were not used.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub held_out: Option<HeldOut>,
+    /// What was put up with.
+    pub warnings: Vec<Warning>,
+    /// Where all this comes from.
+    pub provenance: Provenance,
+}
+
+impl IdentificationResult {
+    /// Without any finding.
+    pub(in crate::workflow::identify) fn empty(robot: &str, method: Method, provenance: Provenance) -> Self {
+        Self {
+            format: FORMAT.into(),
+            version: VERSION,
+            robot: robot.to_owned(),
+            method,
+            verdict: Vec::new(),
+            status: Ended::Converged,
+            iterations: 0,
+            chi2_per_dof: 0.0,
+            residuals: 0,
+            parameters: Vec::new(),
+            nuisance: Vec::new(),
+            model: Vec::new(),
+            rank: 0,
+            singular_values: Vec::new(),
+            null_directions: Vec::new(),
+            weak_directions: Vec::new(),
+            priors_cover: false,
+            silent: None,
+            reduced: None,
+            profiles: Vec::new(),
+            minima: None,
+            correlations: Vec::new(),
+            covariance: Covariance { names: Vec::new(), rows: Vec::new() },
+            posterior: None,
+            whiteness: Vec::new(),
+            modes: Vec::new(),
+            decay: Vec::new(),
+            clocks: Vec::new(),
+            comparison: None,
+            channels: Vec::new(),
+            records: Vec::new(),
+            held_out: None,
+            warnings: Vec::new(),
+            provenance,
+        }
+    }
+    /// The code a command ends with that has found this: 13 for combinations that neither data nor priors tell (whatever
+    /// the solver then made of them, unless the set that can be told was asked for), 14 for no solution, else 0.
+    pub fn exit(&self) -> crate::exit::Exit {
+        use crate::exit::Exit;
+        if !self.null_directions.is_empty() && !self.priors_cover && self.reduced.is_none() {
+            Exit::IllPosed
+        } else if !self.status.is_solution() {
+            Exit::Numerical
+        } else {
+            Exit::Done
+        }
+    }
+    /// As JSON text.
+    ///
+    /// # Errors
+    /// [`crate::exit::Failure::NotFinite`] with the place of a number that is not finite.
+    pub fn to_json(&self) -> Result<Vec<u8>, crate::exit::Failure> {
+        crate::files::json::bytes(std::path::Path::new("result.json"), self)
+    }
+    /// Reads a text of [`IdentificationResult::to_json`].
+    ///
+    /// # Errors
+    /// What is wrong, with line and column.
+    pub fn from_json(text: &[u8]) -> Result<Self, String> {
+        let r: Self = serde_json::from_slice(text).map_err(|e| e.to_string())?;
+        if r.format != FORMAT || r.version != VERSION {
+            return Err(format!("format '{}' version {}, expected {FORMAT} {VERSION}", r.format, r.version));
+        }
+        Ok(r)
+    }
+}

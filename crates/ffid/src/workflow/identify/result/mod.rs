@@ -1,0 +1,15 @@
+//! What an identification hands to people and programs: `result.json`.
+
+pub(crate) mod channel;
+pub(crate) mod fit;
+pub(crate) mod held_out;
+pub(crate) mod identification;
+pub(crate) mod parameter;
+pub(crate) mod provenance;
+
+pub use channel::{Channel, ModeLine};
+pub use fit::{Ended, Method};
+pub use held_out::HeldOut;
+pub use identification::{FORMAT, IdentificationResult, VERSION};
+pub use parameter::{Combination, Correlation, Covariance, Parameter, ParameterVerdict, STRONG, Value};
+pub use provenance::{InputFile, Provenance, RecordLine, Warning};

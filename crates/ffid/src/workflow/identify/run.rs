@@ -1,0 +1,141 @@
+//! One identification: unknowns, fit, reduction, identifiability, profiles, result.
+
+use super::error::{IdentifyError, config};
+use super::findings::Minima;
+use super::ground;
+use super::identified::Identified;
+use super::known;
+use super::labelled_record::LabelledRecord;
+use super::options::FitOptions;
+use super::record_estimator::RecordEstimator;
+use super::report::{Fitted, Report};
+use super::result::fit::Method;
+use super::result::provenance::Provenance;
+use super::settings::{Settings, check, method};
+use super::signals::Signals;
+use super::text;
+use super::unknowns::Unknowns;
+use super::watched::{Watch, Watched};
+use crate::open::Opened;
+use ff_least_squares::Settings as Solver;
+use ident::Estimator;
+use ident::Several;
+use ident::compose::Shared;
+use ident::compose::best_of;
+use ident::parameters::random_start;
+use ident::{Request, estimate};
+
+/// Pull that holds what neither data nor priors tell near where it is, relative.
+const ANCHOR: f64 = 10.0;
+/// Relative width of the draws of other starts.
+const SPREAD: f64 = 0.3;
+
+/// Estimates the parameters of `[estimate]` from one or several records of the robot. Allocates the Jacobian.
+///
+/// # Errors
+/// [`IdentifyError`]. A fit that stalls, or cannot tell some parameters, is a result ([`crate::workflow::identify::IdentificationResult::exit`]).
+pub fn identify(
+    opened: &Opened,
+    records: &[LabelledRecord],
+    settings: &Settings,
+    options: &FitOptions,
+    provenance: Provenance,
+    watch: &Watch<'_>,
+) -> Result<Identified, IdentifyError> {
+    let model = &opened.model;
+    check(opened, settings).map_err(IdentifyError::Refused)?;
+    for t in records {
+        t.record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
+    }
+    if method(model, settings.method) == Method::Ground {
+        ground::check(settings, options).map_err(IdentifyError::Refused)?;
+        return ground::identify(opened, records, settings, options, provenance);
+    }
+    let unknowns = Unknowns::new(model, &opened.estimated, settings, options)?;
+    let mut fits =
+        records.iter().map(|t| RecordEstimator::new(model, &t.record, settings)).collect::<Result<Vec<_>, _>>()?;
+    let sigma = fits.first().map(|f| f.sigmas(model)).unwrap_or_default();
+    let rows: Vec<usize> = fits.iter_mut().map(|f| f.estimator().rows()).collect();
+    let decls = model.param_decls();
+    let labelled: Vec<(&str, &[_])> = records.iter().map(|t| (t.label.as_str(), decls.as_slice())).collect();
+    let none: [&str; 0] = [];
+    let shared = Shared::new(&labelled, &none)
+        .map_err(|e| IdentifyError::Refused(config("Config::Records", e.to_string(), "name each record once")))?;
+    let mut parts: Vec<Box<dyn Estimator + '_>> = fits.into_iter().map(RecordEstimator::into_estimator).collect();
+    let whole = if parts.len() == 1 { parts.remove(0) } else { Box::new(Several::new(&shared, parts)) };
+    let mut whole = unknowns.tied(whole);
+    let priors = unknowns.priors(&unknowns.selected)?;
+    let request = Request {
+        anchor: priors.is_empty().then_some(ANCHOR),
+        priors,
+        settings: Solver {
+            max_iterations: settings.max_iterations,
+            decrement_tolerance: 1e-10,
+            cost_floor: 1e-13,
+            ..Solver::default()
+        },
+        ..Request::new(&unknowns.decls, &unknowns.selected, &unknowns.start)
+    };
+    let mut watched = Watched::new(&mut *whole, watch);
+    let fitted = solve(&request, &unknowns, settings, options, &mut watched);
+    let fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
+    let values = unknowns.expand(&fitted.estimate.values)?;
+    let silent = known::silent(model, &values, &unknowns, &fitted.full)?;
+    let profiles = known::profiles(&request, &unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
+    let profiles = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { profiles? };
+    let mut signals = Vec::new();
+    let mut at = 0;
+    for (t, n) in records.iter().zip(&rows) {
+        signals.push(Signals::of(model, &t.record, &fitted.estimate.residuals[at..at + n], &sigma));
+        at += n;
+    }
+    let report = Report { opened, records, settings, options, unknowns: &unknowns, signals: &signals, values: &values };
+    let mut result = report.result(&fitted, provenance)?;
+    result.silent = silent;
+    result.profiles = profiles;
+    result.verdict = text::verdict(&result, settings.limit);
+    Ok(Identified { result, signals, values, selected: unknowns.touched.clone() })
+}
+
+/// Fits; from several starts, and again with fewer unknowns, when asked to.
+fn solve(
+    request: &Request<'_>,
+    unknowns: &Unknowns,
+    s: &Settings,
+    options: &FitOptions,
+    estimator: &mut Watched<'_>,
+) -> Result<Fitted, IdentifyError> {
+    let (first, minima) = if options.more_starts == 0 {
+        (estimate(request, estimator)?, None)
+    } else {
+        let draw = |k: usize| {
+            random_start(request.decls, request.start, request.selected, SPREAD, s.seed.wrapping_add(1 + k as u64))
+        };
+        let starts: Vec<Vec<f64>> =
+            std::iter::once(request.start.to_vec()).chain((0..options.more_starts).map(draw)).collect();
+        let best = best_of(request, &starts, estimator)?;
+        let minima = Minima {
+            starts: starts.len(),
+            converged: best.endings.iter().filter(|e| e.converged).count(),
+            objectives: best.minima,
+        };
+        (best.estimate, Some(minima))
+    };
+    let full = first.data_only.clone();
+    let mut out = Fitted { selected: request.selected.to_vec(), full, estimate: first, minima, reduced: None };
+    if options.reduce && !out.full.null.is_empty() {
+        let (kept, set) = known::reduced(&out.full, request.selected)?;
+        let selected: Vec<usize> = kept.iter().map(|&k| request.selected[k]).collect();
+        let priors = unknowns.priors(&selected)?;
+        // From where the first fit went: what is held then stays there.
+        let start = out.estimate.values.clone();
+        let again = Request { selected: &selected, start: &start, priors, ..request.clone() };
+        out.estimate = estimate(&again, estimator)?;
+        for (p, &i) in out.estimate.parameters.iter_mut().zip(&selected) {
+            p.start = request.start[i];
+        }
+        out.selected = selected;
+        out.reduced = Some(set);
+    }
+    Ok(out)
+}
