@@ -10,8 +10,8 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 use rand::RngExt;
 use slosh_pendulum::geometry::{MAX_TANK_MODES, Tank};
 use slosh_pendulum::{
-    FixedFuel, SPRING_MASS_KIND, SloshPart, SloshPendulum, SloshSpringMass, SloshTank, TANK_KIND,
-    from_toml as spring_mass_from_toml, register, tank_from_toml,
+    FixedFuel, SPRING_MASS_KIND, SloshPart, SloshPendulum, SloshSpringMass, SloshTank, TANK_KIND, register,
+    spring_mass_from_toml, tank_from_toml,
 };
 use validate::check_appendage;
 
