@@ -14,3 +14,8 @@ pub mod reproduce;
 pub mod study;
 pub mod table;
 pub mod workspace;
+
+/// Compiles the example of `docs/library.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/library.md")]
+struct Library;

@@ -7,4 +7,5 @@ mod cli;
 mod conformance;
 mod docs;
 mod errata;
+mod quotes;
 mod studies;

@@ -31,6 +31,7 @@ pub mod workflow;
 
 pub use excitation;
 pub use ff_dynamics as dynamics;
+pub use ff_least_squares as least_squares;
 pub use ff_mission as mission;
 pub use ff_model as model;
 pub use ff_records as records;
