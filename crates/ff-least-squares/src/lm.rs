@@ -191,7 +191,7 @@ pub struct Solution {
     pub cost: f64,
     /// Residuals there (m).
     pub residuals: Vec<f64>,
-    /// Jacobian there (m x n), for [`ident::belief::covariance`].
+    /// Jacobian there (m x n), for `ident::belief::covariance`.
     pub jacobian: DMatrix<f64>,
     /// How the fit ended.
     pub status: Status,

@@ -5,7 +5,7 @@
 //! logarithms of three bins, which for the Hann window is good to a few hundredths of a bin on a pure line; the
 //! stated interval is nevertheless never narrower than half a bin to either side, because a bin is what the
 //! record resolves. Damping comes from the half-power width, from which the width of the window (1.44 bins for
-//! Hann) is removed. For frequencies finer than a bin use [`crate::modal::fit`].
+//! Hann) is removed. For frequencies finer than a bin use `crate::modal::fit`.
 
 use crate::psd::{Psd, PsdError};
 

@@ -36,7 +36,7 @@ impl SloshPendulum {
     /// (N m s/rad) on the first and second swing angle. Allocates.
     ///
     /// # Errors
-    /// Every problem, all of [`Area::Config`]: `Config::NotFinite`, `Config::Param` (mass or length not above
+    /// Every problem, all of `Area::Config`: `Config::NotFinite`, `Config::Param` (mass or length not above
     /// zero), `Config::NotPassive` (negative stiffness or damping).
     pub fn new(mass: f64, length: f64, k: [f64; 2], d: [f64; 2]) -> Result<Self, Problems> {
         let mut problems = Problems::default();

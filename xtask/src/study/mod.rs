@@ -61,7 +61,7 @@ pub struct Options {
     /// Only these parts of the study; its documentation names them. A number means a case of every part, where parts have cases
     #[arg(long, value_name = "PART")]
     pub only: Vec<String>,
-    /// File of the trials, one JSON object per line [default: target/study/<STUDY>-<SEED>.jsonl, with -quick before the dot]
+    /// File of the trials, one JSON object per line [default: target/study/`STUDY`-`SEED`.jsonl, with -quick before the dot]
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
     /// Continue an interrupted run: trials in the file count as done

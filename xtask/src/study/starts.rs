@@ -5,11 +5,11 @@
 //! file. The record is the paper's manoeuvre, the free decay after it, and the information plan of the prior, sensed at
 //! 100 Hz. The fit knows the prior and the record:
 //!
-//! 1. modes of the decay ([`ff_spectral::modal::fit`]),
-//! 2. all parameters from them, under the prior ([`ident::modal::estimate`]): the first start. Others, tried until three
+//! 1. modes of the decay (`ff_spectral::modal::fit`),
+//! 2. all parameters from them, under the prior (`ident::modal::estimate`): the first start. Others, tried until three
 //!    agree on the lowest end (without noise: until one explains the record): stiffness and damping alone from the modes; the prior; draws around it;
 //! 3. output error for base, stiffness and damping over the beginning of the record, then over every tenth sample of it, then
-//!    over the whole ([`ident::compose::continuation`]).
+//!    over the whole (`ident::compose::continuation`).
 //!
 //! Parts for `--only`: `exact` (noise-free; found means every combination that the sensors would tell to 10 % is right to
 //! 1e-6 of its size), `noisy` (found means that the fit explains the record better than the truth does, and by no more than chance

@@ -1,7 +1,7 @@
 //! What a plan may not do, beyond the limits of its joints: named rows with exact Jacobians and margins.
 //!
 //! Joint position, speed, acceleration and jerk are limited for all time by the control polygon
-//! ([`crate::plan::limits`]). What is here depends on the whole system and is limited *at samples*: torque
+//! (`crate::plan::limits`). What is here depends on the whole system and is limited *at samples*: torque
 //! ([`JointTorque`]), base attitude and rate ([`BaseAttitude`], [`BaseRate`]), pointing ([`Pointing`]), the speed
 //! of a frame ([`FrameSpeed`]), panel deflection and slosh angle ([`PassiveRange`]), and collision
 #![cfg_attr(feature = "collision", doc = "([`Clearance`]).")]

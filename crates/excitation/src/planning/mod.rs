@@ -1,7 +1,7 @@
 //! Plans that identify the base: most information within the limits, quietly if asked.
 //!
 //! The cost is `-log det` of the information on the base parameters ([`crate::system::rigid`]), the search several
-//! starts of [`crate::solve::sqp`]; random feasible plans tell what was gained. Appendages are frozen at rest, which
+//! starts of `crate::solve::sqp`; random feasible plans tell what was gained. Appendages are frozen at rest, which
 //! is what rigid identification assumes: a quiet plan keeps the assumption true.
 //!
 //! On the paper's robot with panels that matters more than the information: the loud plan predicts a standard

@@ -64,7 +64,7 @@ fn short(record: &Record) -> Result<Option<Box<dyn JointMotion>>, SetupError> {
 }
 
 /// B-spline through the positions of a record, with knots judged by their accelerations, every joint alike, and with the reason for
-/// them ([`crate::motion::knot_spectrum`]). Allocates.
+/// them (`crate::motion::knot_spectrum`). Allocates.
 ///
 /// # Errors
 /// [`SetupError::JointMotion`]; at least 64 samples are needed.

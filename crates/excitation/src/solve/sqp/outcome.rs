@@ -27,7 +27,7 @@ impl std::fmt::Display for Status {
     }
 }
 
-/// Settings of [`minimise`].
+/// Settings of `minimise`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SqpOptions {
     /// Greatest number of iterations.

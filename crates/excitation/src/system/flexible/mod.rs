@@ -14,7 +14,7 @@
 //!
 //! The gradient over control points and duration is exact for the discrete (Runge-Kutta) solution: the adjoint of the
 //! tangent equations, one backward sweep whatever the number of variables (`docs/theory/excitation.md`). The joints'
-//! motion enters through the numbers of the arm's table only ([`ff_dynamics::reduced::table`]).
+//! motion enters through the numbers of the arm's table only (`ff_dynamics::reduced::table`).
 pub(crate) mod back;
 pub(crate) mod carried;
 pub(crate) mod element;

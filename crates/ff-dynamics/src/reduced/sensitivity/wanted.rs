@@ -12,9 +12,9 @@ pub struct Wanted {
     pub kinematics: Vec<usize>,
     /// Indices into the initial state `z0 = [V 6 | eta m | nu m]`.
     pub initial: Vec<usize>,
-    /// The acceleration of the base, too ([`Sensitivities::accel`]).
+    /// The acceleration of the base, too (`Sensitivities::accel`).
     pub accel: bool,
-    /// The attitude of the base, too ([`Sensitivities::attitude`]).
+    /// The attitude of the base, too (`Sensitivities::attitude`).
     pub attitude: bool,
 }
 
@@ -31,7 +31,7 @@ impl Wanted {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    /// Bodies other than the base whose parameters are wanted: the `links` of [`Prescribed::new`].
+    /// Bodies other than the base whose parameters are wanted: the `links` of `Prescribed::new`.
     pub fn links(&self, model: &Model) -> Vec<usize> {
         let mut l: Vec<usize> =
             self.params.iter().filter(|&&p| p >= 10 && p < 10 * model.n_bodies()).map(|p| p / 10).collect();

@@ -2,15 +2,15 @@
 
 use super::arm_model::ArmModel;
 use super::numbers::{Arm, Frame, JointRow};
+use super::prescribed::{Prescribed, Site};
 use super::sampling::Sampling;
 use super::source::ArmSource;
-use super::table::{Prescribed, Site};
 use crate::motion::joint::JointMotion;
 use ff_model::spatial::vec3::{M3, Pose, Turn, V3};
 use ff_model::{Kinematics, Model, Params, Scalar, Xform};
 
 /// What [`Prescribed`] holds, over any scalar: links' parameters, placements of joints and mounts, or both may carry
-/// derivatives, and so does then the record that [`crate::simulate_reduced_over`] makes of it.
+/// derivatives, and so does then the record that `crate::simulate_reduced_over` makes of it.
 #[derive(Clone, Debug)]
 pub struct ArmTable<T: Scalar> {
     layout: Prescribed,
@@ -57,7 +57,11 @@ impl<T: Scalar> ArmTable<T> {
             motion.eval(sampling.time_of(i), q, qd, qdd);
             x.iter_mut().zip(&joints).for_each(|(x, &j)| *x = T::from_f64(j));
             let mut out = Vec::new();
-            arm.numbers([&x[..nj], &x[nj..2 * nj], &x[2 * nj..]], i % sampling.nodes_per_sample() == 0, &mut out);
+            arm.numbers(
+                [&x[..nj], &x[nj..2 * nj], &x[2 * nj..]],
+                i.is_multiple_of(sampling.nodes_per_sample()),
+                &mut out,
+            );
             out
         };
         let nodes = (0..sampling.nodes()).map(&mut node).collect();

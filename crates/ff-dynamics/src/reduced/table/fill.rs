@@ -4,10 +4,10 @@
 //! of what it carries are summed; the sums of all links are the arm's 28 numbers, those of a subtree its joint's row.
 
 use super::numbers::{ARM, FORM, FRAME, ROW};
+use super::prescribed::{Prescribed, Site};
 use super::sampling::Sampling;
 use super::slopes::Slopes;
 use super::sweep::Sweep;
-use super::table::{Prescribed, Site};
 use crate::motion::joint::JointMotion;
 use crate::reduced::sensitivity::wanted::Wanted;
 use ff_lanes::Kernel;
@@ -19,7 +19,7 @@ use ff_model::{Kinematics, Model, Params};
 impl Prescribed {
     /// Tabulates `motion` for the arm parameters in `params` (links only; base and appendages play no part).
     ///
-    /// `links` are bodies whose inertial parameters will be differentiated ([`crate::reduced::sensitivity::driver`]). Allocates.
+    /// `links` are bodies whose inertial parameters will be differentiated (`crate::reduced::sensitivity::driver`). Allocates.
     ///
     /// # Panics
     /// If the motion has another number of joints than the model, or there are no samples or substeps.

@@ -23,19 +23,19 @@
 //! w^T Q w = s.(w x (w x h)) + u.(w x J w).
 //! ```
 //!
-//! These equations stand once, over any scalar (`prescribed/sweep.rs`). Tables of records are filled for several instants at a
-//! time, one per lane (`prescribed/fill.rs`); [`ArmModel`] evaluates one instant, with derivatives or with other links in
+//! These equations stand once, over any scalar (`sweep.rs`). Tables of records are filled for several instants at a
+//! time, one per lane (`fill.rs`); [`ArmModel`] evaluates one instant, with derivatives or with other links in
 //! every lane.
 pub(crate) mod arm_model;
 pub(crate) mod arm_table;
 pub(crate) mod fill;
 pub(crate) mod key;
 pub(crate) mod numbers;
+pub(crate) mod prescribed;
 pub(crate) mod sampling;
 pub(crate) mod slopes;
 pub(crate) mod source;
 pub(crate) mod sweep;
-pub(crate) mod table;
 
 pub use arm_model::ArmModel;
 pub use arm_table::ArmTable;
@@ -43,7 +43,7 @@ pub(crate) use fill::Filler;
 pub use key::TableKey;
 pub(crate) use numbers::products;
 pub use numbers::{Arm, Frame, JointRow, TorqueForm};
+pub use prescribed::Prescribed;
+pub(crate) use prescribed::Site;
 pub use sampling::Sampling;
 pub(crate) use source::{ArmSource, OnePerLane};
-pub use table::Prescribed;
-pub(crate) use table::Site;

@@ -11,7 +11,7 @@ pub(crate) const ARM: usize = 28;
 pub(crate) const FRAME: usize = 24;
 
 /// The wrench on a set of links as a linear function of the base's acceleration and a quadratic one of its angular velocity
-/// ([`crate::reduced::table`]): `m, h, J, 2 h., h.., C, L.`.
+/// (`crate::reduced::table`): `m, h, J, 2 h., h.., C, L.`.
 #[derive(Clone, Copy, Debug)]
 pub struct Arm<T> {
     /// Mass `m` (kg), first moment `h` (kg m), inertia `J` (kg m^2).
@@ -166,7 +166,7 @@ impl<T: Scalar> Frame<T> {
     }
 }
 
-/// A joint torque, or a sum of them, as a function of the base's motion ([`crate::reduced::table`]):
+/// A joint torque, or a sum of them, as a function of the base's motion (`crate::reduced::table`):
 /// `ga.a + gb.al + gw.w + w^T Q w + c`.
 #[derive(Clone, Copy, Debug)]
 pub struct TorqueForm<T> {

@@ -1,7 +1,7 @@
 //! Where a stage of the simulation reads the numbers of the arm: from one table for all lanes, or from one table per lane.
 
 use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW};
-use super::table::{Prescribed, Site};
+use super::prescribed::{Prescribed, Site};
 use ff_model::scalar::{LaneScalar, ModelScalar};
 use ff_model::spatial::vec3::{M3, Pose, Turn, V3};
 

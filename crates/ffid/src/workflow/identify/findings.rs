@@ -27,7 +27,7 @@ pub struct RecordFit {
     pub channels: Vec<Channel>,
 }
 
-/// Combinations on which the record is silent, told apart ([`ident::belief::identifiability`]).
+/// Combinations on which the record is silent, told apart (`ident::belief::identifiability`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Silent {
@@ -178,7 +178,7 @@ impl Whiteness {
     }
 }
 
-/// Clock of a group of channels against that of the encoders ([`ident::checks::clock`]).
+/// Clock of a group of channels against that of the encoders (`ident::checks::clock`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClockLine {
@@ -198,7 +198,7 @@ pub struct ClockLine {
     pub corrected: bool,
 }
 
-/// Modes of the free decay in a record ([`ff_spectral::modal::fit`]).
+/// Modes of the free decay in a record (`ff_spectral::modal::fit`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DecayModes {

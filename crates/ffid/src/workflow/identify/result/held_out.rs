@@ -15,7 +15,7 @@ pub struct HeldOut {
     pub samples: usize,
     /// Length (s).
     pub seconds: f64,
-    /// As [`IdentificationResult::chi2_per_dof`], with the parameters as they are and only biases and initial state fitted.
+    /// As `IdentificationResult::chi2_per_dof`, with the parameters as they are and only biases and initial state fitted.
     pub chi2_per_dof: f64,
     /// Largest value at which the model counts as explaining them.
     pub limit: f64,
