@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 /// In-orbit identification of free-floating robots.
 #[derive(Parser)]
-#[command(version, about, after_help = ffid::exit::help())]
+#[command(name = "ffid", version, about, after_help = ffid::exit::help())]
 struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -10,8 +10,9 @@ use ff_model::{Kinematics, Model, Params, Scalar, Xform};
 /// motion, inertial or kinematic parameters), or lanes with other links in every lane.
 ///
 /// ```
-/// use crate::reduced::table::ArmModel;
-/// use ff_model::{BaseKind, Inertia, Joint, JointKind, JointLimits, Model, Params, Xform};
+/// use ff_dynamics::reduced::ArmModel;
+/// use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Params, Xform};
+/// use ff_model::tree::JointLimits;
 /// use nalgebra::{Matrix3, Vector3};
 ///
 /// let body = Inertia::from_com(3.0, &Vector3::new(0.2, 0.0, 0.1), &Matrix3::identity());
