@@ -5,7 +5,7 @@
 //! interest and too large to hold are skipped, and a panic on a damaged file becomes an error.
 
 use crate::file::blocks::unreadable;
-use crate::file::read::BUFFER;
+use crate::file::lines::BUFFER;
 use ff_model::diagnostics::clip;
 use ff_model::{Problem, Problems};
 use mcap::McapError;
