@@ -45,9 +45,9 @@ fn patterns_lead_to_parameters() {
     assert_eq!((p.get(&m, "upper_arm.mass").unwrap(), p.body(2).mass), (7.25, 7.25));
     let changed: Vec<usize> = (0..m.n_params()).filter(|&i| p.values()[i] != before[i]).collect();
     assert_eq!(changed, [10, 20]);
-    let nearest = |name: &str| SelectionError::NoMatch { pattern: name.into(), nearest: Some("load.mass".into()) };
-    assert_eq!(p.get(&m, "load.mas").unwrap_err(), nearest("load.mas"));
-    assert_eq!(p.set_matching(&m, "load.mas", 1.3).unwrap_err(), nearest("load.mas"));
+    let nearest = |name: &str| SelectionError::NoMatch { pattern: name.into(), nearest: Some("load.body.mass".into()) };
+    assert_eq!(p.get(&m, "load.body.mas").unwrap_err(), nearest("load.body.mas"));
+    assert_eq!(p.set_matching(&m, "load.body.mas", 1.3).unwrap_err(), nearest("load.body.mas"));
     assert_eq!(m.parameter_indices("*.k[*]").unwrap_err().exit_code(), 11);
     // A pattern is no name.
     assert!(p.get(&m, "load.*").is_err());

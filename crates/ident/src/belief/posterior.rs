@@ -15,7 +15,7 @@
 //! [`forget`]: Posterior::forget
 
 use crate::belief::covariance::Uncertainty;
-use crate::estimate::estimator::{Estimate, RANK_TOLERANCE};
+use crate::estimate::outcome::{Estimate, RANK_TOLERANCE};
 use crate::solve::linear::LinearEstimate;
 use ff_linalg as linalg;
 use ff_linalg::LinalgError;

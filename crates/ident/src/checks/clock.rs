@@ -17,7 +17,7 @@
 //! is correlated in time, from the autocovariance of the scores with Bartlett weights (W. Newey, K. West, Econometrica
 //! 55(3), 1987).
 
-use crate::estimate::rda::{Noise, SetupError};
+use crate::estimate::setup::{Noise, SetupError};
 use crate::motion::tables::Tables;
 use ff_dynamics::{Wanted, sensitivities};
 use ff_linalg as linalg;

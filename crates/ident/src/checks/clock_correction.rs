@@ -5,7 +5,7 @@
 //! corrects the **original** record by the total. The caller fits again between rounds.
 
 use crate::checks::clock::{ClockError, estimate_clocks};
-use crate::estimate::rda::Noise;
+use crate::estimate::setup::Noise;
 use crate::parameters::scale::sizes;
 use ff_model::{Model, Params, Problems};
 use ff_records::Record;

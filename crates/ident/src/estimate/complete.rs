@@ -15,7 +15,7 @@
 //! Rates of the base come from a spline through the gyro, which gives the angular acceleration as well
 //! (`docs/theory/linear-estimators.md`).
 
-use crate::estimate::rda::SetupError;
+use crate::estimate::setup::SetupError;
 use crate::motion::joint_motion::joint_motion;
 use crate::motion::spline_fit::{JointSamples, MotionFit, choose_knots};
 use crate::solve::linear;

@@ -1,7 +1,8 @@
 //! The least-squares problem behind [`crate::estimate::estimator::estimate`]: data, priors and references in unconstrained coordinates.
 
 use crate::belief::prior::Priors;
-use crate::estimate::estimator::{EstimateError, Estimator, Request};
+use crate::estimate::estimator::{Estimator, Request};
+use crate::estimate::outcome::EstimateError;
 use crate::parameters::transform::Transform;
 use crate::solve::loss::Loss;
 use ff_least_squares::{EvalError, LmError};

@@ -18,7 +18,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::complete::{motion_at, trimmed};
-use crate::estimate::rda::SetupError;
+use crate::estimate::setup::SetupError;
 use crate::motion::joint_motion::joint_motion;
 use crate::motion::zero_phase::ZeroPhase;
 use crate::solve::linear;

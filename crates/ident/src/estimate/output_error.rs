@@ -8,7 +8,7 @@
 use crate::belief::covariance::Unknown;
 use crate::estimate::delay::Delay;
 use crate::estimate::estimator::{Coarse, Estimator};
-use crate::estimate::rda::{Noise, SetupError, check_noise};
+use crate::estimate::setup::{Noise, SetupError, check_noise};
 use crate::motion::tables::Tables;
 use ff_dynamics::{Boundary, Response, Wanted, modes, sensitivities, simulate_reduced};
 use ff_least_squares::EvalError;

@@ -1,6 +1,6 @@
 //! Joint motion of a record as a smooth function of time, with consistent rates and accelerations.
 
-use crate::estimate::rda::SetupError;
+use crate::estimate::setup::SetupError;
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
 use crate::motion::spline_fit::{JointSamples, choose_knots, fit_motion_from_rest, noise_estimate};
 use ff_dynamics::motion::{HermiteTable, JointMotion};

@@ -1,6 +1,6 @@
 //! The prescribed motion of a record, tabulated once and kept as long as nothing changes that the table depends on.
 
-use crate::estimate::rda::{Noise, SetupError};
+use crate::estimate::setup::{Noise, SetupError};
 use crate::motion::joint_motion::motion_of;
 use crate::motion::torque_sensitivity as knot_stake;
 use ff_dynamics::motion::JointMotion;

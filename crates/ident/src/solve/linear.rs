@@ -14,8 +14,8 @@
 //! Derivation: `docs/theory/linear-estimators.md`.
 
 use crate::belief::covariance::{Uncertainty, Unknown, analyse};
-use crate::estimate::estimator::{Estimated, RANK_TOLERANCE};
-use crate::estimate::rda::SetupError;
+use crate::estimate::outcome::{Estimated, RANK_TOLERANCE};
+use crate::estimate::setup::SetupError;
 use crate::parameters::scale;
 use ff_least_squares::{Merged, Triangle, merge};
 use ff_linalg as linalg;
