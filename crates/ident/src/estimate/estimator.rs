@@ -13,7 +13,7 @@ use crate::belief::prior::Priors;
 use crate::estimate::fit::{Evaluated, Fit, Reference};
 use crate::estimate::outcome::{Estimate, EstimateError, Estimated, RANK_TOLERANCE};
 use crate::parameters::scale;
-use crate::parameters::transform::Transform;
+use crate::parameters::transform::{Transform, TransformError};
 use crate::solve::loss::Loss;
 use ff_least_squares::{Criterion, EvalError, Linearise, LmError, Scale, Settings, Status, minimise_linearised};
 use ff_model::ParamDecl;
