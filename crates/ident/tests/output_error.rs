@@ -199,7 +199,7 @@ fn two_records_share_the_model_and_keep_their_biases() {
 /// A record of a robot whose joints and tank are not quite where the model has them: exact columns, and the values come back.
 #[test]
 fn placements_of_joints_and_mounts_are_estimated_by_name() {
-    let l = paper("slosh");
+    let l = paper("slosh.toml");
     let m = &l.model;
     let joints = m.joint_names();
     let wanted = [
@@ -260,7 +260,7 @@ fn placements_of_joints_and_mounts_are_estimated_by_name() {
 
 #[test]
 fn a_placement_that_does_not_exist_or_comes_twice_is_refused() {
-    let l = paper("slosh");
+    let l = paper("slosh.toml");
     let record = spoiled(&l, 0.0, 0).window(3.0, 9.0).unwrap();
     let of = |names: &[String]| {
         let options = Options { kinematics: names.to_vec(), ..Options::new(NOISE) };
