@@ -82,7 +82,8 @@ pub fn momentum_change(
         columns -= &q * q.tr_mul(&columns);
         let g = columns.tr_mul(&left);
         let change = (columns.tr_mul(&columns)).cholesky()?.solve(&g);
-        Some((g.dot(&change), Vector3::new(change[0], change[1], change[2])))
+        // Residuals are predicted minus measured: what they lack is what the measured rate has more.
+        Some((g.dot(&change), -Vector3::new(change[0], change[1], change[2])))
     };
     let last = (n - 1).max(1) as f64;
     let mut best: (f64, Vector3<f64>, Option<f64>) = (0.0, Vector3::zeros(), None);
