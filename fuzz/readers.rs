@@ -1,12 +1,14 @@
 //! Every reader of a file, given any bytes: what the fuzz targets run, and what `crates/ffid/tests/any_bytes.rs` runs with seeds and
 //! mutations on a stable compiler. A reader returns; and when it refuses, it says why.
 
-use ffid::excitation::{Samples, TrajectoryFile};
-use ffid::ident::record_file::{JointColumn, ReadOptions, read, read_from};
-use ffid::identify::IdentificationResult;
-use ffid::model::mission::{LoadOptions, Mission};
-use ffid::model::urdf::{self, UrdfOptions};
-use ffid::model::{Model, Problems};
+use excitation::TrajectoryFile;
+use excitation::trajectory::Samples;
+use ff_mission::urdf;
+use ff_mission::urdf::UrdfOptions;
+use ff_mission::{LoadOptions, Mission};
+use ff_model::{Model, Problems};
+use ff_records::file::{JointColumn, ReadOptions, read, read_from};
+use ffid::workflow::identify::IdentificationResult;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::OnceLock;

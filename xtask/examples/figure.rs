@@ -2,7 +2,7 @@
 //!
 //! `cargo run -p xtask --example figure`
 
-use ffid::plot::{Figure, Panel, Series, VLine};
+use ff_report::plot::{Figure, Panel, Series, VLine};
 use std::f64::consts::TAU;
 
 fn main() -> anyhow::Result<()> {

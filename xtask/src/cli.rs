@@ -1,6 +1,7 @@
 //! The command line: parse, dispatch, map the outcome to an exit code.
 
-use crate::exit::{self, Exit};
+use crate::exit;
+use crate::exit::Exit;
 use crate::{bench, ci, conformance, fixtures, reproduce, study, suite};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;

@@ -3,7 +3,7 @@
 //! A library with a thin binary, so that figures, tables and writers are documented and tested like the
 //! rest. One file per command ([`suite`], [`conformance`], [`fixtures`], [`ci`], [`reproduce`], [`study`], [`mod@bench`]); what commands share sits
 //! beside them: exit codes ([`exit`]),
-//! text tables ([`table`]). Figures and writers come from `ffid` ([`ffid::plot`], [`ffid::files`]).
+//! text tables ([`table`]). Figures and writers come from `ffid` ([`ff_report::plot`], [`ffid::files`]).
 
 pub mod bench;
 pub mod ci;

@@ -1,6 +1,6 @@
 //! Fixed-width text tables for the terminal.
 
-use ffid::report_html::{Block, Cell, Table as HtmlTable};
+use ff_report::page::{Block, Cell, Table as HtmlTable};
 use std::fmt;
 
 /// A table: the first column is left-aligned, the others right-aligned unless [`Table::left`] says more.

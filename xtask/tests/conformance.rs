@@ -54,9 +54,9 @@ fn faults_are_named() {
 
 /// A factory that reads nothing.
 fn takes_any_table(
-    _: &ffid::model::toml::Table,
+    _: &ff_model::toml::Table,
 ) -> Result<std::sync::Arc<dyn ff_model::DynAppendage>, ff_model::Problems> {
-    Ok(ffid::slosh_pendulum::SloshPendulum::new(3.0, 0.7, [2.0, 3.0], [0.0, 0.0])?.into())
+    Ok(slosh_pendulum::SloshPendulum::new(3.0, 0.7, [2.0, 3.0], [0.0, 0.0])?.into())
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use crate::common::paper;
 use excitation::*;
-use ff_model::mission::Loaded;
-use ff_model::urdf::collision::{Shape, Solid};
+use ff_mission::Loaded;
+use ff_mission::urdf::collision::{Shape, Solid};
 use ff_model::{Params, Xform};
 use nalgebra::{DMatrix, Vector3};
 use std::sync::Arc;
@@ -34,7 +34,7 @@ fn hold(loaded: &Loaded) -> Vec<f64> {
 
 /// Solids on the base, the elbow and the hand; sizes and places general.
 fn solids(loaded: &Loaded) -> Vec<Solid> {
-    let turn = ff_model::so3::rot_of_rpy(&Vector3::new(0.3, -0.4, 0.7));
+    let turn = ff_model::spatial::so3::rot_of_rpy(&Vector3::new(0.3, -0.4, 0.7));
     let solid = |name: &str, body, at: [f64; 3], shape| Solid {
         name: name.into(),
         body,

@@ -3,7 +3,8 @@
 
 use crate::common::{paper, uniform};
 use excitation::*;
-use ff_dynamics::{Accelerometer, Prescribed, Sampling, Wanted, sensitivities};
+use ff_dynamics::sim::Accelerometer;
+use ff_dynamics::{Prescribed, Sampling, Wanted, sensitivities};
 use ff_model::{Model, Params, Xform};
 use nalgebra::{DMatrix, Rotation3, Vector3};
 use std::time::Instant;
@@ -211,7 +212,7 @@ fn every_kind() {
     reaction_wheel::register(&mut registry);
     slosh_pendulum::register(&mut registry);
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/kinds/all.toml");
-    let model = ff_model::mission::Mission::load(&file, &registry, &Default::default()).unwrap().model;
+    let model = ff_mission::Mission::load(&file, &registry, &Default::default()).unwrap().model;
     assert!(model.appendages().iter().any(|a| !a.appendage.is_galilean() && a.host > 0));
     let named = indices(&model, |n| n == "base.mass" || n.starts_with("client."));
     assert_eq!(named.len(), 11);

@@ -1,7 +1,8 @@
 //! The simplified manoeuvre of the paper: limits, exact angles, continuity, timing.
 
 use approx::assert_relative_eq;
-use excitation::{Extent, JointCommand, JointLimits, Manoeuvre, ManoeuvreError, ManoeuvreSpec, Shape, check_manoeuvre};
+use excitation::plan::{Extent, ManoeuvreError, Shape};
+use excitation::{JointCommand, JointLimits, Manoeuvre, ManoeuvreSpec, check_manoeuvre};
 use ff_dynamics::motion::{JointMotion, Sequence};
 
 fn command(joint: usize, shape: Shape, extent: Extent) -> JointCommand {
@@ -126,7 +127,7 @@ fn several_joints_and_bad_arguments() {
 
 #[test]
 fn grid_manoeuvres_keep_their_limits_exactly_and_join() {
-    let model = ff_model::JointLimits { lower: -3.0, upper: 3.0, velocity: 0.17, effort: 9.0 };
+    let model = ff_model::tree::JointLimits { lower: -3.0, upper: 3.0, velocity: 0.17, effort: 9.0 };
     let limits = [JointLimits::from_model(&model, 0.15); 3];
     for k in 1..400 {
         let grid = [None, Some(0.01), Some(0.004), Some(1.0 / 128.0)][k % 4];

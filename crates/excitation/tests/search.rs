@@ -2,8 +2,8 @@
 
 use crate::common::paper;
 use excitation::*;
-use ff_model::mission::Loaded;
-use ff_model::urdf::collision::{Shape, Solid};
+use ff_mission::Loaded;
+use ff_mission::urdf::collision::{Shape, Solid};
 use ff_model::{Params, Xform};
 use nalgebra::{Vector3, Vector6};
 use std::sync::Arc;

@@ -2,8 +2,8 @@
 
 use crate::common::paper;
 use excitation::*;
-use ff_dynamics::bspline::{BSplineMotion, Knots};
 use ff_dynamics::motion::JointMotion;
+use ff_dynamics::motion::bspline::{BSplineMotion, Knots};
 use ff_model::{Model, Problems};
 use nalgebra::DMatrix;
 use serde_json::{Value, json};

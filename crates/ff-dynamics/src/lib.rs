@@ -2,7 +2,7 @@
 //!
 //! `algorithm(model, params, state, work)`: the [`Model`](ff_model::Model) is immutable, [`Work`] owns every
 //! buffer, and nothing allocates after `Work::new`. Algorithms are written once over
-//! [`ModelScalar`](ff_model::ModelScalar). Conventions are those of [`ff_model`].
+//! [`ModelScalar`](ff_model::scalar::ModelScalar). Conventions are those of [`ff_model`].
 //!
 //! | question | module |
 //! |---|---|

@@ -1,6 +1,6 @@
 //! Position and velocity of a whole system.
 
-use ff_model::so3::{Quat, quat_identity};
+use ff_model::spatial::so3::{Quat, quat_identity};
 use ff_model::{BaseKind, Model, Motion, Scalar};
 use nalgebra::Vector3;
 

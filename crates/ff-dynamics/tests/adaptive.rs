@@ -8,7 +8,7 @@ use ff_model::*;
 fn start(m: &Model) -> State<f64> {
     let mut s = State::zero(m);
     s.pos = v3(0.3, -0.4, 0.2);
-    s.att = ff_model::so3::exp_so3(&v3(0.4, -0.2, 0.9));
+    s.att = ff_model::spatial::so3::exp_so3(&v3(0.4, -0.2, 0.9));
     s.q = vec![0.3, 0.8, -0.4, 0.7, 0.2, 0.5, -0.3];
     s.eta.iter_mut().enumerate().for_each(|(i, x)| *x = 0.02 + 0.007 * i as f64);
     s.v.iter_mut().enumerate().for_each(|(i, x)| *x = 0.05 - 0.011 * i as f64);
@@ -173,7 +173,7 @@ fn what_cannot_be_followed_is_an_error() {
     let m = system();
     let (p, s) = (Params::nominal(&m), start(&m));
     let nan = |t: f64, _: &State<f64>, tau: &mut [f64]| tau.fill(if t < 0.7 { 0.1 } else { f64::NAN });
-    let run = |p: &Params<f64>, s: &State<f64>, law: &ff_dynamics::simulate::TorqueLaw<'_>| {
+    let run = |p: &Params<f64>, s: &State<f64>, law: &ff_dynamics::sim::TorqueLaw<'_>| {
         simulate_adaptive(&m, p, s, &Drive::Torque(law), &[], &options(1e-6)).unwrap_err()
     };
     let e = run(&p, &s, &nan);

@@ -3,8 +3,8 @@
 
 use crate::common::*;
 use allocation_counter::measure;
-use ff_dynamics::integrate::{QUADRATURES, Rkmk4};
 use ff_dynamics::motion::JointMotion;
+use ff_dynamics::sim::{QUADRATURES, Rkmk4};
 use ff_dynamics::*;
 use ff_model::scalar::{D2, Grad};
 use ff_model::*;
@@ -93,7 +93,7 @@ fn simulation_allocates_by_sample_and_not_by_step() {
 /// External inputs add nothing per step, of fixed length or not.
 #[test]
 fn inputs_and_adaptive_steps_do_not_allocate() {
-    use ff_dynamics::inputs::{GravityGradient, PassiveForce, Signal};
+    use ff_dynamics::sim::inputs::{GravityGradient, PassiveForce, Signal};
     let m = system();
     let (p, s, wave) = (Params::<f64>::nominal(&m), State::zero(&m), Wave(m.nj()));
     let gradient = GravityGradient::new(0.5, 1.0, v3(0.6, -0.3, 0.9), v3(0.3, 0.6, 0.0)).unwrap();

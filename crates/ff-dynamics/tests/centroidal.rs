@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use ff_dynamics::*;
-use ff_model::so3::{exp_so3, quat_mul, quat_normalize, quat_to_rot};
+use ff_model::spatial::so3::{exp_so3, quat_mul, quat_normalize, quat_to_rot};
 use ff_model::*;
 use nalgebra::{DVector, Vector3, Vector4};
 

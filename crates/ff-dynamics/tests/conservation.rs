@@ -11,7 +11,7 @@ fn sixty_seconds_of_free_motion_conserve_momentum_and_balance_energy() {
     let mut s = State::zero(&m);
     let mut r = rng(99);
     s.pos = v3(0.3, -0.4, 0.2);
-    s.att = ff_model::so3::exp_so3(&v3(0.4, -0.2, 0.9));
+    s.att = ff_model::spatial::so3::exp_so3(&v3(0.4, -0.2, 0.9));
     s.q = vec![0.3, 0.8, -0.4, 0.7, 0.2, 0.5, -0.3];
     s.eta.iter_mut().for_each(|x| *x = uni(&mut r, -0.12, 0.12));
     s.v.iter_mut().for_each(|x| *x = uni(&mut r, -0.06, 0.06));

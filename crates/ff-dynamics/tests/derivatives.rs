@@ -4,7 +4,7 @@
 
 use crate::common::*;
 use ff_dynamics::*;
-use ff_model::so3::quat_mul;
+use ff_model::spatial::so3::quat_mul;
 use ff_model::*;
 use nalgebra::{DMatrix, Vector3, Vector4};
 

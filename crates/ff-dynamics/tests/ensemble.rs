@@ -1,9 +1,9 @@
 //! An ensemble is its runs, one by one.
 
 use crate::common::*;
-use ff_dynamics::ensemble::simulate_ensemble_with;
+use ff_dynamics::sim::simulate_ensemble_with;
 use ff_dynamics::*;
-use ff_model::lanes::Isa;
+use ff_model::scalar::lanes::Isa;
 use ff_model::*;
 
 /// Eleven runs that differ in everything that may differ: on eight lanes one group and a rest of three.

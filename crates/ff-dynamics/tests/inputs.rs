@@ -2,9 +2,9 @@
 #![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
 use crate::common::*;
-use ff_dynamics::inputs::{AppliedWrench, Axes, GravityGradient, PassiveForce, Pulse, Signal, Thruster};
+use ff_dynamics::sim::inputs::{AppliedWrench, Axes, GravityGradient, PassiveForce, Pulse, Signal, Thruster};
 use ff_dynamics::*;
-use ff_model::so3::{exp_so3, quat_to_rot};
+use ff_model::spatial::so3::{exp_so3, quat_to_rot};
 use ff_model::*;
 use nalgebra::{Matrix3, Vector6};
 

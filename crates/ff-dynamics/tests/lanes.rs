@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use ff_dynamics::*;
-use ff_model::lanes::{Isa, LaneScalar, LaneTask, dispatch};
+use ff_model::scalar::lanes::{Isa, LaneScalar, LaneTask, dispatch};
 use ff_model::*;
 use nalgebra::DMatrix;
 

@@ -6,8 +6,8 @@
 
 use crate::common::*;
 use ff_dynamics::*;
-use ff_model::lanes::Isa;
-use ff_model::so3::{log_so3, quat_conj, quat_mul};
+use ff_model::scalar::lanes::Isa;
+use ff_model::spatial::so3::{log_so3, quat_conj, quat_mul};
 use ff_model::*;
 use flex_panel::modal::{ModalAppendage, Mode};
 use nalgebra::{DMatrix, Matrix3, Vector3, Vector4, Vector6};

@@ -120,7 +120,7 @@ fn mass_matrix_and_articulated_bodies_agree_on_deep_trees() {
         let (mut a, mut b, mut c) = (vec![0.0; nv], vec![0.0; nv], vec![0.0; nv]);
         let mut w = Work::new(m);
         w.set_external(joints / 2, Force::new(rand_v3(&mut r, 4.0), rand_v3(&mut r, 3.0)));
-        ff_dynamics::forward::by_mass_matrix(m, &p, &s, &tau, &mut w, &mut a).unwrap();
+        ff_dynamics::tree::by_mass_matrix(m, &p, &s, &tau, &mut w, &mut a).unwrap();
         aba(m, &p, &s, &tau, &mut w, &mut b).unwrap();
         forward_dynamics(m, &p, &s, &tau, &mut w, &mut c).unwrap();
         assert!(rel(&a, &b) < 1e-9, "{joints} joints: {:e}", rel(&a, &b));

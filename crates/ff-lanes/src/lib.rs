@@ -17,7 +17,7 @@
 //!
 //! The vector types of the two instruction sets are hidden from the documentation on purpose: a value of
 //! them must exist only on a machine that has the instructions, and [`Isa::detect`] is how one knows. They
-//! are reached through a `match` on [`Isa`] (`ff_model::lanes::dispatch`). See
+//! are reached through a `match` on [`Isa`] (`ff_model::scalar::lanes::dispatch`). See
 //! `docs/decisions/0006-lanes.md` for why this crate, alone, contains unsafe code.
 
 mod portable;

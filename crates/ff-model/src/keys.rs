@@ -6,7 +6,7 @@
 //! column.
 //!
 //! ```
-//! use ff_model::keys;
+//! use crate::keys;
 //!
 //! let tether = |table: &toml::Table| {
 //!     keys::read(table, |k| {
@@ -23,8 +23,8 @@
 //! assert!(problems.to_string().contains("did you mean mass_kg?"));
 //! ```
 
-use crate::problem::{Area, Problem, Problems};
-use crate::text::{clip, list, nearest};
+use crate::diagnostics::problem::{Area, Problem, Problems};
+use crate::diagnostics::text::{clip, list, nearest};
 use nalgebra::Matrix3;
 use std::ops::RangeInclusive;
 

@@ -1,16 +1,16 @@
 //! A rigid body held by another: a grasped client, a payload, as ten parameters of its own.
 //!
 //! Without coordinates: `M = M_bb`, the ten parameters about the mount, and `h = V x* (M V)`. Unlike mass added to a link
-//! ([`crate::Model::add_rigid`]) its parameters can be estimated beside those of the link. Both belong to one body, so no
+//! ([`crate::tree::model::Model::add_rigid`]) its parameters can be estimated beside those of the link. Both belong to one body, so no
 //! data can tell them apart: estimate the one or the other.
 
-use crate::appendage::{Appendage, Decl, DynAppendage, ParamDecl, PortAccel, PortMatrix, PortState, PortVector};
-use crate::inertia::{Inertia, InertiaError};
+use crate::diagnostics::problem::Problems;
 use crate::keys;
-use crate::problem::Problems;
+use crate::port::{Appendage, Decl, DynAppendage, ParamDecl, PortAccel, PortMatrix, PortState, PortVector};
 use crate::registry::Registry;
-use crate::scalar::{LaneScalar, Scalar};
-use crate::vec3::{Moving, Ten, V3};
+use crate::scalar::traits::{LaneScalar, Scalar};
+use crate::spatial::inertia::{Inertia, InertiaError};
+use crate::spatial::vec3::{Moving, Ten, V3};
 use nalgebra::Vector3;
 use std::sync::Arc;
 

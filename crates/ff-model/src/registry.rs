@@ -1,9 +1,9 @@
 //! From the `kind = "..."` of a mission file to an appendage.
 
-use crate::appendage::DynAppendage;
+use crate::diagnostics::problem::Problems;
+use crate::diagnostics::text::list;
 use crate::keys::error;
-use crate::problem::Problems;
-use crate::text::list;
+use crate::port::DynAppendage;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use std::sync::Arc;
 ///
 /// Errors carry key names in `Problem::object`; the mission loader adds file and line, unless the problem is in another
 /// file and says so. A text in a key that ends with `_file` is a path, which the loader has made to start at the folder
-/// of the mission file; [`crate::text_file`] reads it.
+/// of the mission file; [`crate::diagnostics::read::text_file`] reads it.
 pub type Factory = fn(&toml::Table) -> Result<Arc<dyn DynAppendage>, Problems>;
 
 /// What a registry knows of one kind.

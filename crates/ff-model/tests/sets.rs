@@ -1,7 +1,8 @@
 //! Sets of appendages: tuples of every size, boxed ones, and what is refused.
 
 use ff_model::payload::Payload;
-use ff_model::{AppendageSet, BaseKind, DynAppendage, Inertia, Joint, JointKind, JointLimits, Model, Place, Xform};
+use ff_model::tree::JointLimits;
+use ff_model::{AppendageSet, BaseKind, DynAppendage, Inertia, Joint, JointKind, Model, Place, Xform};
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 

@@ -1,12 +1,14 @@
 //! What acts on the robot in `ffid simulate`: the `[[input]]` tables of a mission as inputs of a simulation, and in words.
 
-use crate::dynamics::inputs::{AppliedWrench, Axes, GravityGradient, PassiveForce, Pulse, Signal, Thruster};
-use crate::dynamics::{ExternalInput, InputError, Trace};
-use crate::model::mission::{Course, Effort, InputSpec, WrenchAxes};
-use crate::model::{Area, Force, Frame, Model, Problem, Problems};
+use ff_dynamics::sim::inputs::InputError;
+use ff_dynamics::sim::inputs::{AppliedWrench, Axes, GravityGradient, PassiveForce, Pulse, Signal, Thruster};
+use ff_dynamics::{ExternalInput, Trace};
+use ff_mission::mission::{Course, Effort, InputSpec, WrenchAxes};
+use ff_model::{Area, Force, Frame, Model, Problem, Problems};
 use nalgebra::Vector3;
 use serde::Serialize;
-use std::fmt::{self, Display};
+use std::fmt;
+use std::fmt::Display;
 
 /// An input of a mission.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +24,7 @@ pub enum Declared {
 }
 
 impl Declared {
-    /// For [`crate::dynamics::simulate_with`].
+    /// For [`ff_dynamics::simulate_with`].
     pub fn as_input(&self) -> &dyn ExternalInput {
         match self {
             Self::Thruster(i) => i,

@@ -6,13 +6,13 @@
 //! command `ffid` is built on it.
 //!
 //! ```
-//! use ffid::dynamics::Boundary;
-//! use ffid::model::leniency::Leniency;
+//! use ff_dynamics::Boundary;
+//! use ff_mission::Leniency;
 //!
 //! let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/paper/flex.toml");
-//! let system = ffid::open::open(path.as_ref(), Leniency::default())?;
+//! let system = crate::open::open(path.as_ref(), Leniency::default())?;
 //! assert_eq!(system.model.nv(), 6 + 7 + 4);
-//! let modes = ffid::modes::ModeTable::new(&system.model, &system.pose(), Boundary::JointsHeld)?;
+//! let modes = crate::modes::ModeTable::new(&system.model, &system.pose(), Boundary::JointsHeld)?;
 //! assert_eq!(modes.modes[1].base, "rotates");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

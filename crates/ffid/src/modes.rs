@@ -1,9 +1,9 @@
 //! Natural modes as plain data, with a word on what each does: for `ffid check` and `ffid modes`.
 
-use crate::dynamics::modes::ModesError;
-use crate::dynamics::{Boundary, Mode, State, Work, mass_matrix, modes};
-use crate::model::{Inertia, Model, Motion, Params};
 use crate::open::MAX_DENSE;
+use ff_dynamics::analysis::ModesError;
+use ff_dynamics::{Boundary, Mode, State, Work, mass_matrix, modes};
+use ff_model::{Inertia, Model, Motion, Params};
 use nalgebra::DMatrix;
 use serde::Serialize;
 use std::fmt;

@@ -1,11 +1,14 @@
 //! From a file to a model that the dynamics can be trusted with: reading, then what only physics can judge.
 
-use crate::dynamics::{State, Work, conditioning, dof_names, mass_matrix};
 use crate::inputs::{Declared, declare};
-use crate::model::leniency::Leniency;
-use crate::model::mission::{LoadOptions, Mission};
-use crate::model::urdf::{self, UrdfOptions};
-use crate::model::{Area, Model, Params, Problem, Problems};
+use ff_dynamics::analysis::conditioning;
+use ff_dynamics::state::dof_names;
+use ff_dynamics::{State, Work, mass_matrix};
+use ff_mission::Leniency;
+use ff_mission::urdf;
+use ff_mission::urdf::UrdfOptions;
+use ff_mission::{LoadOptions, Mission};
+use ff_model::{Area, Model, Params, Problem, Problems};
 use nalgebra::DMatrix;
 use std::path::Path;
 

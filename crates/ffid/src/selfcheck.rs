@@ -9,13 +9,13 @@
 //! | dampers only take | the most they gave back over what they took |
 //! | the integrator is of fourth order | `log2(|x_h - x_h/2| / |x_h/2 - x_h/4|)` of all states |
 
-use crate::dynamics::motion::JointMotion;
-use crate::dynamics::{SimError, SimOptions, Trace};
-use crate::model::{BaseKind, Model, Params};
 use crate::modes::held;
 use crate::open::nominal_pose;
-use crate::preflight::step;
 use crate::sense::from_rest;
+use crate::workflow::preflight::step;
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::{SimError, SimOptions, Trace};
+use ff_model::{BaseKind, Model, Params};
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::fmt;
@@ -116,7 +116,7 @@ pub fn check(model: &Model) -> Result<SelfCheck, SimError> {
 fn at(model: &Model, params: &Params<f64>, amplitude: f64) -> Result<SelfCheck, SimError> {
     let start = nominal_pose(model);
     // Into the range of a joint, whichever way there is room.
-    let room = |(b, q): (&crate::model::Body, &f64)| {
+    let room = |(b, q): (&ff_model::Body, &f64)| {
         let (up, down) = (b.joint.limits.upper - q, q - b.joint.limits.lower);
         if up >= down { amplitude.min(up) } else { -amplitude.min(down) }
     };
@@ -227,7 +227,7 @@ impl fmt::Display for SelfCheck {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::leniency::Leniency;
+    use ff_mission::Leniency;
     use std::path::PathBuf;
 
     #[test]

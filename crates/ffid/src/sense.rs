@@ -1,14 +1,15 @@
 //! What the sensors of a mission read on a motion: the record that `ffid simulate` writes.
 
-use crate::dynamics::motion::JointMotion;
-use crate::dynamics::{
-    Channel, Drive, ExternalInput, Readings, SensorSuite, SimError, SimOptions, State, Trace, measure, simulate_with,
-};
-use crate::ident::record_file::{CsvWriter, joints_of};
-use crate::model::mission::Sensors;
-use crate::model::{BaseKind, Model, Params};
 use crate::modes::held;
-use crate::preflight::{start_pose, step};
+use crate::workflow::preflight::{start_pose, step};
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::sim::Channel;
+use ff_dynamics::{
+    Drive, ExternalInput, Readings, SensorSuite, SimError, SimOptions, State, Trace, measure, simulate_with,
+};
+use ff_mission::mission::Sensors;
+use ff_model::{BaseKind, Model, Params};
+use ff_records::file::{CsvWriter, joints_of};
 use std::io;
 
 /// The sensors of a mission as `ff-dynamics` reads them.

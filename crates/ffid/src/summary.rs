@@ -103,7 +103,7 @@ impl Summary {
             velocity: limit(b.joint.limits.velocity),
             effort: limit(b.joint.limits.effort),
         };
-        let appendage = |a: &ff_model::Mounted| Appendage {
+        let appendage = |a: &ff_model::tree::Mounted| Appendage {
             name: a.name.clone(),
             kind: a.decl().kind,
             host: m.body_name(a.host).to_owned(),

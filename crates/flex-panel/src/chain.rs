@@ -1,12 +1,15 @@
 //! The chain as an immutable structure: geometry, declaration, accessors and the tree twin.
 
 use crate::KIND;
-use crate::coupling::{self, Coupling, DAMPING, STIFFNESS};
+use crate::coupling;
+use crate::coupling::{Coupling, DAMPING, STIFFNESS};
 use crate::segment::Segment;
-use ff_model::appendage::{CoordDecl, MAX_PARAMS};
-use ff_model::axis::Axis;
-use ff_model::vec3::{Pose, Turn, V3};
-use ff_model::{Area, Decl, Inertia, MAX_COORDS, ParamDecl, Problem, Problems, Scalar, TwinBody, Xform};
+use ff_model::CoordDecl;
+use ff_model::port::MAX_COORDS;
+use ff_model::port::MAX_PARAMS;
+use ff_model::spatial::Axis;
+use ff_model::spatial::vec3::{Pose, Turn, V3};
+use ff_model::{Area, Decl, Inertia, ParamDecl, Problem, Problems, Scalar, TwinBody, Xform};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::PI;
 

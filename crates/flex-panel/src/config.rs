@@ -1,9 +1,11 @@
 //! From the table of a mission file to a chain.
 
 use crate::chain::PanelChain;
-use crate::coupling::{self, DAMPING, STIFFNESS};
+use crate::coupling;
+use crate::coupling::{DAMPING, STIFFNESS};
 use crate::segment::Segment;
-use ff_model::keys::{self, Keys};
+use ff_model::keys;
+use ff_model::keys::Keys;
 use ff_model::{Area, DynAppendage, Problem, Problems};
 use nalgebra::{DMatrix, Vector3};
 use std::sync::Arc;

@@ -5,8 +5,9 @@
 
 use crate::chain::{MAX_SEGMENTS, PanelChain};
 use crate::tangent::jacobian;
-use ff_model::vec3::{M3, Moving, Pose, Ten, Turn, V3, turn};
-use ff_model::{Appendage, Decl, LaneScalar, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, TwinBody};
+use ff_model::scalar::LaneScalar;
+use ff_model::spatial::vec3::{M3, Moving, Pose, Ten, Turn, V3, turn};
+use ff_model::{Appendage, Decl, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, TwinBody};
 
 /// Runs `$f` with a compile-time capacity of at least the number of segments, so that the usual short panels do not
 /// clear stack buffers for sixteen, and with what the hinges turn about as a constant of [`turn`]: poses then stay in

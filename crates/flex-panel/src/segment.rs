@@ -1,7 +1,7 @@
 //! One rigid segment with its hinge, and what makes it acceptable.
 
-use ff_model::inertia::InertiaError;
 use ff_model::keys::{check_damping, check_stiffness};
+use ff_model::spatial::InertiaError;
 use ff_model::{Area, Inertia, Problem, Problems};
 use nalgebra::{Matrix3, Vector3};
 
@@ -29,7 +29,7 @@ impl Segment {
     /// A segment from its mass (kg), centre of mass (m) and inertia about the centre of mass (kg m^2), both
     /// in the segment frame, on a hinge at `hinge` (m, parent frame) about `axis`; no spring, no damper.
     ///
-    /// Nothing is checked here; [`crate::PanelChain::new`] checks everything at once.
+    /// Nothing is checked here; [`crate::chain::PanelChain::new`] checks everything at once.
     pub fn new(
         mass: f64,
         com: Vector3<f64>,

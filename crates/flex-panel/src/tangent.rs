@@ -31,7 +31,7 @@
 //! three covectors that are carried inwards and meet the triples there.
 
 use crate::chain::PanelChain;
-use ff_model::vec3::{M3, Pose, Ten, V3};
+use ff_model::spatial::vec3::{M3, Pose, Ten, V3};
 use ff_model::{PortAccel, PortState, Scalar};
 
 /// A segment as the outward pass leaves it, in its own frame.

@@ -1,6 +1,7 @@
 //! Full stiffness and damping matrices: laws, forces, bounds, and what is said when they are wrong.
 use crate::common::{State, chain, rel, rng, sym};
-use ff_model::{Appendage, Motion, PortModel, PortState, Problems, derived_bias};
+use ff_model::port::{PortModel, derived_bias};
+use ff_model::{Appendage, Motion, PortState, Problems};
 use flex_panel::{PanelChain, from_toml};
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;

@@ -1,6 +1,7 @@
 //! Energy with the damping on: what the dampers take is what the motion loses.
 use crate::common::{chain, rng, sym};
-use ff_model::{Motion, PortModel, PortState};
+use ff_model::port::PortModel;
+use ff_model::{Motion, PortState};
 use flex_panel::PanelChain;
 use nalgebra::DVector;
 

@@ -1,8 +1,9 @@
 //! Panels modelled in the URDF, lifted out of the tree; and bodies that the end effector holds.
 use crate::common::{rng, sym};
 use ff_dynamics::{State, Work, bias, forward_dynamics, mass_matrix, rnea};
-use ff_model::mission::{LoadOptions, Loaded, Mission};
-use ff_model::urdf::{self, UrdfOptions};
+use ff_mission::urdf;
+use ff_mission::urdf::UrdfOptions;
+use ff_mission::{LoadOptions, Loaded, Mission};
 use ff_model::{Model, Params, Problems, Registry};
 use nalgebra::DMatrix;
 use validate::check_appendage;
@@ -242,7 +243,9 @@ fn a_held_client_with_a_panel_is_a_body_of_the_tree() {
     // By hand: the client's body added to the last arm link, its panel a link on a continuous joint.
     let (mut tree, _) = urdf::from_str(&peers(), &UrdfOptions::default()).unwrap();
     let tool = tree.frame("tool").unwrap().clone();
-    let pose = |xyz: [f64; 3], rpy: [f64; 3]| ff_model::Xform::new(ff_model::so3::rot_of_rpy(&rpy.into()), xyz.into());
+    let pose = |xyz: [f64; 3], rpy: [f64; 3]| {
+        ff_model::Xform::new(ff_model::spatial::so3::rot_of_rpy(&rpy.into()), xyz.into())
+    };
     let client = tool.placement * pose([0.1, 0.2, 0.15], [0.3, -0.4, 0.5]);
     let i = nalgebra::Matrix3::new(90.0, 2.0, -3.0, 2.0, 80.0, 1.0, -3.0, 1.0, 70.0);
     let body = ff_model::Inertia::from_com(320.0, &nalgebra::Vector3::new(0.05, 0.1, 0.6), &i);
@@ -255,7 +258,7 @@ fn a_held_client_with_a_panel_is_a_body_of_the_tree() {
         kind: ff_model::JointKind::Continuous,
         axis: nalgebra::Vector3::new(0.1, 1.0, 0.2),
         placement: client * hinge,
-        limits: ff_model::JointLimits::default(),
+        limits: ff_model::tree::JointLimits::default(),
     };
     tree.add_body(tool.body, "panel", joint, panel);
     let worst = compare(&tree, m, &[(60.0, 0.6, 0.0)], 73);

@@ -4,7 +4,7 @@
 //! from their velocities by the elementary rule `v + w x r`; forces come from second differences of their
 //! positions alone. No spatial vector, composite body or dual number takes part.
 use crate::common::{State, amax, chain, rel, rng, sym, vec3};
-use ff_model::PortModel;
+use ff_model::port::PortModel;
 use flex_panel::{PanelChain, Segment};
 use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3};
 

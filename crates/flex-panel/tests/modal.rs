@@ -2,7 +2,8 @@
 use crate::common::ports::shared;
 use crate::common::{rel, rng, segment, sym, vec3};
 use ff_dynamics::{State, Work, forward_dynamics};
-use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortModel, PortState, TwinBody, Xform, derived_bias};
+use ff_model::port::{PortModel, derived_bias};
+use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortState, TwinBody, Xform};
 use flex_panel::modal::{DIRECTIONS, ModalAppendage, Mode, linearise};
 use flex_panel::{PanelChain, Segment};
 use nalgebra::{Complex, DMatrix, Matrix3, Matrix6, Rotation3, Vector3, Vector6};

@@ -1,7 +1,8 @@
 //! Modes from tables and files, and what is said when they are wrong.
-use ff_model::mission::{LoadOptions, Mission};
+use ff_mission::{LoadOptions, Mission};
 use ff_model::{Decl, Problems, Registry};
-use flex_panel::modal::{self, linearise, read_csv, read_f06};
+use flex_panel::modal;
+use flex_panel::modal::{linearise, read_csv, read_f06};
 use flex_panel::{PanelChain, Segment};
 use nalgebra::{Matrix3, Vector3};
 use std::path::{Path, PathBuf};

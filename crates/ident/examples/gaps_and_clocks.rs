@@ -4,14 +4,19 @@
 //! the sums. The clocks of torques and gyro are compared with that of the encoders by what a rough model predicts, and put
 //! right where they are off by more than half a sample.
 
-use excitation::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
+use excitation::plan::{Extent, Shape};
+use excitation::{JointCommand, Manoeuvre, ManoeuvreSpec};
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::{Drive, SensorSuite, SimOptions, State, measure, sensors::Channel, simulate};
-use ff_model::mission::{LoadOptions, Mission};
+use ff_dynamics::sim::Channel;
+use ff_dynamics::{Drive, SensorSuite, SimOptions, State, measure, simulate};
+use ff_mission::{LoadOptions, Mission};
 use ff_model::{Params, Registry};
-use ident::clock::{correct_clocks, estimate_clocks};
-use ident::mask::{Mask, Masked};
-use ident::{Noise, Options, OutputError, RecordBuilder, Request, estimate, selection};
+use ff_records::Mask;
+use ff_records::RecordBuilder;
+use ff_records::mask::Masked;
+use ident::checks::{correct_clocks, estimate_clocks};
+use ident::parameters::selection;
+use ident::{Noise, Options, OutputError, Request, estimate};
 use nalgebra::DMatrix;
 use std::error::Error;
 

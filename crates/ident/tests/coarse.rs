@@ -2,11 +2,14 @@
 
 use crate::common::*;
 use ff_model::Params;
-use ident::mask::{Mask, Masked};
-use ident::several::{Several, Shared};
-use ident::start::offset_start;
-use ident::ties::{Affine, Tie, TieMap, Tied};
+use ff_records::Mask;
+use ff_records::mask::Masked;
+use ident::Several;
+use ident::compose::Shared;
+use ident::compose::{Affine, TieMap};
+use ident::parameters::offset_start;
 use ident::*;
+use ident::{Tie, Tied};
 
 const NOISE: Noise = Noise { torque: 0.1, gyro: 1.5e-4 };
 

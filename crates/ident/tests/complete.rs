@@ -1,11 +1,11 @@
 //! The complete form on random trees: noise-free recovery of every combination, covariance against scatter, conditioning.
 
 use crate::common::tree::{Draw, Sines, model};
-use ff_dynamics::sensors::Accelerometer;
+use ff_dynamics::sim::Accelerometer;
 use ff_dynamics::{Drive, SimOptions, State, Trace, simulate};
-use ff_model::so3::{exp_so3, quat_to_rot};
+use ff_model::spatial::so3::{exp_so3, quat_to_rot};
 use ff_model::{BaseKind, Model, Params, Xform};
-use ident::start::offset_start;
+use ident::parameters::offset_start;
 use ident::*;
 use nalgebra::{DMatrix, Vector3};
 use rand::SeedableRng;
@@ -100,8 +100,8 @@ fn the_covariance_is_the_scatter_of_the_estimates() {
     let mount = Xform::identity();
     let decls = m.param_decls();
     let truth = Params::<f64>::nominal(&m).values().to_vec();
-    let selected = ident::selection::select(&decls, &["l2.*", "l3.*"]).unwrap();
-    let weights = ident::linear::Weights::Given([&[1e7, 1e7][..], &[0.05; 4]].concat());
+    let selected = ident::parameters::select(&decls, &["l2.*", "l3.*"]).unwrap();
+    let weights = ident::solve::Weights::Given([&[1e7, 1e7][..], &[0.05; 4]].concat());
     let options = CompleteOptions { weights, trim_s: 0.2, ..Default::default() };
     let (mut sum, mut count, mut chi2, mut bias) = (0.0, 0.0, 0.0, 0.0f64);
     const RUNS: u64 = 60;
@@ -136,7 +136,7 @@ fn every_sensor_noisy_the_weights_come_from_the_residuals() {
     let r = record(&m, &t, &Xform::identity(), &Noise3(0.05, 1e-5, 1e-4), 7);
     let decls = m.param_decls();
     let truth = Params::<f64>::nominal(&m).values().to_vec();
-    let selected = ident::selection::select(&decls, &["base.*"]).unwrap();
+    let selected = ident::parameters::select(&decls, &["base.*"]).unwrap();
     let e = Complete::new(&m, &r, &CompleteOptions { trim_s: 0.5, ..Default::default() }).unwrap();
     let e = e.estimate(&selected, &truth).unwrap();
     for (k, sigma) in e.kinds[2..].iter().map(|k| (k, 0.05)) {
@@ -146,7 +146,7 @@ fn every_sensor_noisy_the_weights_come_from_the_residuals() {
         .parameters
         .iter()
         .zip(&selected)
-        .map(|(p, &i)| (p.value - truth[i]).abs() / ident::scale::sizes(&decls, &truth)[i])
+        .map(|(p, &i)| (p.value - truth[i]).abs() / ident::parameters::sizes(&decls, &truth)[i])
         .fold(0.0, f64::max);
     println!(
         "base to {worst:.1e} of its size; chi2 {:.3}; force on the base known to {:.3} N",
@@ -175,7 +175,7 @@ fn what_is_missing_is_said() {
     let mut wrong = values.clone();
     wrong[2] = f64::NAN;
     assert!(c.estimate(&[0], &wrong).unwrap_err().to_string().contains("non-finite"));
-    let weights = ident::linear::Weights::Given(vec![1.0; 4]);
+    let weights = ident::solve::Weights::Given(vec![1.0; 4]);
     let c = Complete::new(&m, &r, &CompleteOptions { weights, ..options }).unwrap();
     assert!(c.estimate(&[0], &values).unwrap_err().to_string().contains("5 kinds"));
 }

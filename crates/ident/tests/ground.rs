@@ -3,10 +3,10 @@
 use crate::common::tree::{Draw, Sines, model};
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{State, Work, rnea};
-use ff_model::urdf::{UrdfOptions, from_file};
+use ff_mission::urdf::{UrdfOptions, from_file};
 use ff_model::{BaseKind, Model, Params};
-use ident::ground::NearRest;
-use ident::start::offset_start;
+use ident::estimate::NearRest;
+use ident::parameters::offset_start;
 use ident::*;
 use nalgebra::{DMatrix, Vector3};
 use rand::SeedableRng;
@@ -59,7 +59,7 @@ fn friction(nj: usize, seed: u64) -> Vec<[f64; 3]> {
     (0..nj).map(|_| [s.between(0.5, 4.0), s.between(0.3, 2.0), s.sym(1.5)]).collect()
 }
 
-fn worst_base(e: &ident::linear::LinearEstimate, m: &Model, truth: &[f64]) -> f64 {
+fn worst_base(e: &ident::solve::LinearEstimate, m: &Model, truth: &[f64]) -> f64 {
     let decls = m.param_decls();
     // Friction and link parameters never mix: a rate is not an acceleration.
     e.base

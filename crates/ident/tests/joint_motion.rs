@@ -1,14 +1,16 @@
 //! Joint motion through encoders of 20 bits: accelerations against known ones, and what is estimated with them.
 
 use crate::common::*;
-use excitation::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
+use excitation::plan::{Extent, Shape};
+use excitation::{JointCommand, Manoeuvre, ManoeuvreSpec};
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::{SensorSuite, Trace, measure, sensors::Channel};
+use ff_dynamics::sim::Channel;
+use ff_dynamics::{SensorSuite, Trace, measure};
+use ff_mission::Loaded;
 use ff_model::Params;
-use ff_model::mission::Loaded;
-use ident::joint_motion::{motion_at_stake, spectral_motion};
-use ident::knot_spectrum::{SpectralFit, Stake};
-use ident::start::offset_start;
+use ident::motion::{SpectralFit, Stake};
+use ident::motion::{motion_at_stake, spectral_motion};
+use ident::parameters::offset_start;
 use ident::*;
 
 const NOISE: Noise = Noise { torque: 0.1, gyro: 1.5e-4 };

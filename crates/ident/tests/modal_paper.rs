@@ -1,17 +1,19 @@
 //! The paper's flexible satellite rings after its manoeuvre: modes measured, matched, and turned into hinges.
 
 use crate::common::*;
-use excitation::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
+use excitation::plan::{Extent, Shape};
+use excitation::{JointCommand, Manoeuvre, ManoeuvreSpec};
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::{Boundary, Channel, Drive, SensorSuite, SimOptions, State, measure, simulate};
+use ff_dynamics::sim::Channel;
+use ff_dynamics::{Boundary, Drive, SensorSuite, SimOptions, State, measure, simulate};
+use ff_mission::Loaded;
 use ff_model::Params;
-use ff_model::mission::Loaded;
-use ident::RecordBuilder;
-use ident::modal_estimate::{ModalRequest, estimate_modal};
-use ident::modal_fit::{ModalFit, ModalSettings, fit_modes};
-use ident::modal_model::{HeldPose, ModalModel};
-use ident::mode_match::{MatchSettings, Unseen, match_modes};
-use ident::selection::select;
+use ff_records::RecordBuilder;
+use ff_spectral::{ModalFit, ModalSettings, fit_modes};
+use ident::modal::{HeldPose, ModalModel};
+use ident::modal::{MatchSettings, Unseen, match_modes};
+use ident::modal::{ModalRequest, estimate_modal};
+use ident::parameters::select;
 
 const HOLD: [f64; 7] = [core::f64::consts::FRAC_PI_2, 1.4, 0.0, -2.6, 0.0, 2.4, 0.0];
 

@@ -2,10 +2,10 @@
 
 use crate::common::tree::{Sines, model};
 use ff_dynamics::{Drive, SimOptions, State, Trace, simulate};
-use ff_model::so3::exp_so3;
+use ff_model::spatial::so3::exp_so3;
 use ff_model::{BaseKind, Model, Params};
-use ident::momentum::{Momentum, MomentumOptions};
-use ident::start::offset_start;
+use ident::estimate::{Momentum, MomentumOptions};
+use ident::parameters::offset_start;
 use ident::*;
 use nalgebra::Vector3;
 use rand::SeedableRng;
@@ -42,7 +42,7 @@ fn without_noise_the_base_comes_back_with_and_without_attitude_and_the_constant_
         let decls = m.param_decls();
         let params = Params::<f64>::nominal(&m);
         let truth = params.values().to_vec();
-        let selected = ident::selection::select(&decls, &["base.*"]).unwrap();
+        let selected = ident::parameters::select(&decls, &["base.*"]).unwrap();
         let start = offset_start(&decls, &truth, &selected, 0.25, seed);
         let e = Momentum::new(&m, &r, &MomentumOptions::new(1e-5)).unwrap().estimate(&selected, &start).unwrap();
         let errors: Vec<f64> = selected.iter().map(|&i| e.fit.values[i] - truth[i]).chain([0.0; 3]).collect();
@@ -68,7 +68,7 @@ fn scatter_under_gyro_noise_is_what_the_covariance_says() {
     let t = fly(&m, 20.0, true);
     let decls = m.param_decls();
     let truth = Params::<f64>::nominal(&m).values().to_vec();
-    let selected = ident::selection::select(&decls, &["base.i_*", "base.h_*"]).unwrap();
+    let selected = ident::parameters::select(&decls, &["base.i_*", "base.h_*"]).unwrap();
     let (mut sum, mut chi2) = (0.0, 0.0);
     const RUNS: u64 = 40;
     for seed in 0..RUNS {

@@ -2,7 +2,7 @@
 
 use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
 use ff_dynamics::motion::JointMotion;
-use ident::motion_fit::{FitError, JointSamples, choose_knots, fit_motion, fit_motion_from_rest, noise_estimate};
+use ident::motion::{FitError, JointSamples, choose_knots, fit_motion, fit_motion_from_rest, noise_estimate};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -189,7 +189,7 @@ fn from_rest(drift: f64, sigma: f64, seed: u64) -> Record {
 #[test]
 fn the_rate_at_the_start_has_the_variance_that_is_said_and_can_be_held() {
     let (sigma, spacing) = (2e-6, 0.2);
-    let rate = |f: &ident::motion_fit::MotionFit| {
+    let rate = |f: &ident::motion::MotionFit| {
         let mut v = [0.0; N];
         f.motion.derivative(0.0, 1, &mut v);
         v

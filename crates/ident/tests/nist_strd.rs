@@ -1,12 +1,13 @@
 //! The solver on the NIST Statistical Reference Datasets, from both published starts, against the certified
 //! estimates, their standard deviations and residual sums of squares.
 
-use ident::covariance::{Unknown, analyse};
-use ident::lm::{EvalError, Problem, Settings, minimise};
+use ff_least_squares::{EvalError, Problem, Settings, minimise};
+use ident::belief::{Unknown, analyse};
 use nalgebra::DMatrix;
 use std::fmt::Write as _;
 use std::path::Path;
-use validate::nist::{self, digits, problems};
+use validate::nist;
+use validate::nist::{digits, problems};
 
 struct Fit<'a>(&'a nist::Problem);
 

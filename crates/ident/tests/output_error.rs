@@ -1,10 +1,11 @@
 //! What a record has besides parameters: biases, delays, initial states, outliers; and several records at once.
 
 use crate::common::*;
+use ff_mission::Loaded;
 use ff_model::Params;
-use ff_model::mission::Loaded;
-use ident::several::{Several, Shared};
-use ident::start::offset_start;
+use ident::Several;
+use ident::compose::Shared;
+use ident::parameters::offset_start;
 use ident::*;
 use nalgebra::DMatrix;
 use rand::SeedableRng;
@@ -80,7 +81,7 @@ fn derivatives_are_those_of_the_residuals() {
         r
     };
     assert_eq!(at(&truth, &extra), r);
-    let sizes = ident::scale::sizes(&decls, &truth);
+    let sizes = ident::parameters::sizes(&decls, &truth);
     for c in 0..j.ncols() {
         // Parameters and nuisance unknowns in one vector.
         let (place, h) = match selected.get(c) {

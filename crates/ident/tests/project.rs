@@ -2,7 +2,7 @@
 
 use crate::common::tree::Draw;
 use ff_model::Inertia;
-use ident::project::{Body, Cone, Nearest, ProjectError, ProjectOptions, nearest};
+use ident::solve::{Body, Cone, Nearest, ProjectError, ProjectOptions, nearest};
 use nalgebra::{DMatrix, DVector, Matrix4};
 
 const EPS: f64 = 1e-7;
@@ -182,8 +182,9 @@ fn a_linear_estimate_from_poor_data_becomes_a_robot_that_can_exist() {
     use ff_dynamics::motion::JointMotion;
     use ff_dynamics::{State, Work, rnea};
     use ff_model::{BaseKind, Params};
-    use ident::project::project;
-    use ident::{Friction, Ground, RecordBuilder};
+    use ff_records::RecordBuilder;
+    use ident::solve::project;
+    use ident::{Friction, Ground};
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
     let m = model(6, 4, BaseKind::Fixed).with_gravity(nalgebra::Vector3::new(0.8, 1.1, -9.7));

@@ -1,11 +1,11 @@
 //! Noise-free data, starting 25 % off: every identifiable combination comes back.
 
 use crate::common::*;
+use ff_least_squares::Settings;
 use ff_model::Params;
-use ident::covariance::{Unknown, analyse};
-use ident::estimator::RANK_TOLERANCE;
-use ident::lm::Settings;
-use ident::start::offset_start;
+use ident::belief::{Unknown, analyse};
+use ident::estimate::RANK_TOLERANCE;
+use ident::parameters::offset_start;
 use ident::*;
 use nalgebra::DMatrix;
 
@@ -19,7 +19,7 @@ fn recover(mission: &str, patterns: &[&str], seed: u64) {
     let record = exact(&l, &run(&l, &motion, 40.0));
     let decls = l.model.param_decls();
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
-    let selected = ident::selection::select(&decls, patterns).unwrap();
+    let selected = ident::parameters::select(&decls, patterns).unwrap();
     let start = offset_start(&decls, &truth, &selected, 0.25, seed);
     let mut oe = OutputError::new(&l.model, &record, &Options { substeps: 1, ..Options::new(NOISE) }).unwrap();
     let request = Request {
@@ -58,14 +58,14 @@ fn of_all_58_parameters_46_directions_are_seen_and_the_twelve_others_lie_at_the_
     let record = exact(&l, &run(&l, &planned(&l, 40.0, 10), 40.0));
     let decls = l.model.param_decls();
     let values = Params::<f64>::nominal(&l.model).values().to_vec();
-    let selected = ident::selection::select(&decls, &["base.*", "panel_*"]).unwrap();
+    let selected = ident::parameters::select(&decls, &["base.*", "panel_*"]).unwrap();
     assert_eq!(selected.len(), 58);
     let mut oe = OutputError::new(&l.model, &record, &Options { substeps: 1, ..Options::new(NOISE) }).unwrap();
     let (mut r, mut j) = (vec![0.0; oe.rows()], DMatrix::zeros(oe.rows(), 58));
     oe.jacobian(&values, &[], &selected, &mut r, &mut j).unwrap();
     // The truth explains its own record: what is left is the integrator's difference at ten times the step.
     assert!(r.iter().all(|x| x.abs() < 1e-5), "{:e}", r.iter().fold(0.0f64, |m, x| m.max(x.abs())));
-    let sizes = ident::scale::sizes(&decls, &values);
+    let sizes = ident::parameters::sizes(&decls, &values);
     let unknowns: Vec<Unknown> = selected
         .iter()
         .map(|&i| Unknown { name: decls[i].name.clone(), unit: decls[i].unit.into(), size: sizes[i] })
@@ -87,7 +87,7 @@ fn base_and_payload_of_a_rigid_system() {
     // 20 parameters: the base, and the last link, whose change makes every table anew (rank 20, theory.md 4).
     let l = load("slosh");
     let truth = Params::<f64>::nominal(&l.model);
-    let rigid = ff_model::mission::Loaded { model: l.model.frozen(&truth), ..l };
+    let rigid = ff_mission::Loaded { model: l.model.frozen(&truth), ..l };
     let record = exact(&rigid, &run(&rigid, &planned(&rigid, 40.0, 10), 40.0));
     let decls = rigid.model.param_decls();
     let truth = Params::<f64>::nominal(&rigid.model).values().to_vec();
@@ -103,7 +103,7 @@ fn base_and_payload_of_a_rigid_system() {
         .parameters
         .iter()
         .zip(&selected)
-        .fold(0.0f64, |m, (p, &i)| m.max((p.value - truth[i]).abs() / ident::scale::sizes(&decls, &truth)[i]));
+        .fold(0.0f64, |m, (p, &i)| m.max((p.value - truth[i]).abs() / ident::parameters::sizes(&decls, &truth)[i]));
     println!("{:?} after {} steps, rank {}, worst {worst:.1e}", e.status, e.iterations, e.data_only.rank);
     assert_eq!(e.data_only.rank, 20);
     assert!(worst < 1e-8, "{worst:e}");

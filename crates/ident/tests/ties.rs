@@ -1,15 +1,17 @@
 //! Ties in whole fits: one stiffness for all hinges, and the fuel of a tank from what has been consumed.
 
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::sensors::Channel;
+use ff_dynamics::sim::Channel;
 use ff_dynamics::{Drive, SensorSuite, SimOptions, State, measure, simulate};
-use ff_model::so3::rot_of_rpy;
-use ff_model::{BaseKind, Inertia, Joint, JointKind, JointLimits, Model, ParamDecl, Params, Xform};
+use ff_least_squares::{EvalError, Settings};
+use ff_model::spatial::so3::rot_of_rpy;
+use ff_model::tree::JointLimits;
+use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, ParamDecl, Params, Xform};
 use flex_panel::{PanelChain, Segment};
-use ident::lm::{EvalError, Settings};
-use ident::sequence::Posterior;
-use ident::ties::{Affine, Tie, TieMap, Tied};
+use ident::Posterior;
+use ident::compose::{Affine, TieMap};
 use ident::*;
+use ident::{Tie, Tied};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use slosh_pendulum::geometry::Tank;
 

@@ -21,13 +21,15 @@
 //! **What data can tell.** `m`, the position and `J_t` belong to the host body as well: of these only sums with its ten
 //! parameters can be estimated. `J` shows when the wheel's speed changes or when a spinning wheel is turned.
 
-use ff_model::appendage::CoordDecl;
-use ff_model::keys::{self, check_damping};
-use ff_model::small::dot;
-use ff_model::vec3::{S3, Ten, V3};
+use ff_model::CoordDecl;
+use ff_model::keys;
+use ff_model::keys::check_damping;
+use ff_model::scalar::LaneScalar;
+use ff_model::spatial::small::dot;
+use ff_model::spatial::vec3::{S3, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, DynAppendage, LaneScalar, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem,
-    Problems, Scalar,
+    Appendage, Area, Decl, DynAppendage, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem, Problems,
+    Scalar,
 };
 use nalgebra::Vector3;
 use std::sync::Arc;

@@ -5,9 +5,10 @@
 mod ports;
 
 use ff_dynamics::{State, Work, bias, budget, forward_dynamics, mass_matrix};
+use ff_model::port::{PortModel, derived_bias};
+use ff_model::tree::JointLimits;
 use ff_model::{
-    Appendage, BaseKind, Inertia, Joint, JointKind, JointLimits, Model, Motion, Params, PortModel, PortState, Problems,
-    Registry, Xform, derived_bias,
+    Appendage, BaseKind, Inertia, Joint, JointKind, Model, Motion, Params, PortState, Problems, Registry, Xform,
 };
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 use rand::{RngExt, SeedableRng};

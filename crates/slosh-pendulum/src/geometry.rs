@@ -17,7 +17,8 @@
 //!
 //! **Sphere**: no closed form; the modes are computed from linear potential flow (module `potential`).
 
-use crate::potential::{self, WallPoint};
+use crate::potential;
+use crate::potential::WallPoint;
 use ff_model::{Area, Problem, Problems};
 use std::f64::consts::{PI, TAU};
 

@@ -5,18 +5,19 @@
 //! [`crate::spring`]; here is which of them a particle is, and where its numbers are.
 
 use crate::pendulum::SWING_LIMITS;
-use crate::point::{self, Wrench};
+use crate::point;
+use crate::point::Wrench;
 use crate::spring::Shift;
 use crate::swing::Swing;
-use ff_model::appendage::CoordDecl;
-use ff_model::vec3::{Ten, V3};
+use ff_model::CoordDecl;
+use ff_model::spatial::vec3::{Ten, V3};
 use ff_model::{ParamDecl, ParamGroup, PortAccel, PortMatrix, PortState, Scalar};
 use nalgebra::Vector3;
 
 /// How a particle moves.
 #[derive(Clone, Debug)]
 pub(crate) enum Path {
-    /// On an arm from a fulcrum at this place (m, mount frame), universal joint as in [`crate::SloshPendulum`].
+    /// On an arm from a fulcrum at this place (m, mount frame), universal joint as in [`crate::pendulum::SloshPendulum`].
     Pendulum(Vector3<f64>),
     /// Along two or three axes of the mount from x on, around a rest position that is a parameter.
     Springs(usize),

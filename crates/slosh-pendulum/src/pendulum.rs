@@ -4,11 +4,12 @@ use crate::KIND;
 use crate::particle::Slot;
 use crate::point;
 use crate::swing::Swing;
-use ff_model::appendage::CoordDecl;
+use ff_model::CoordDecl;
 use ff_model::keys::{check_damping, check_stiffness};
+use ff_model::scalar::LaneScalar;
 use ff_model::{
-    Appendage, Area, Decl, Inertia, LaneScalar, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem,
-    Problems, Scalar, TwinBody, Xform,
+    Appendage, Area, Decl, Inertia, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem, Problems, Scalar,
+    TwinBody, Xform,
 };
 use nalgebra::Vector3;
 

@@ -10,7 +10,7 @@
 //! The velocity of the mount enters through its acceleration in an inertial frame, `A + w x v`, alone.
 
 use crate::particle::Slot;
-use ff_model::vec3::{M3, S3, Ten, V3, array};
+use ff_model::spatial::vec3::{M3, S3, Ten, V3, array};
 use ff_model::{PortAccel, PortMatrix, PortState, Scalar};
 
 /// Motion of the mount, and own rates and accelerations of one mass.

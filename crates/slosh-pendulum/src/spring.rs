@@ -2,7 +2,7 @@
 
 use crate::point::{Coupling, Drive, Place, Push};
 use ff_model::Scalar;
-use ff_model::vec3::{M3, V3, array};
+use ff_model::spatial::vec3::{M3, V3, array};
 
 /// A mass that moves along `N` axes of the mount, from x on: `r = rest + sum eta_k e_k`.
 #[derive(Clone, Copy)]

@@ -1,11 +1,11 @@
 //! Fuel slosh as a mass on springs and dampers.
 
-use crate::check::{self, Axes};
+use crate::check;
+use crate::check::Axes;
 use crate::particle::{Particle, Path, Values};
 use crate::point::{press, press_each};
-use ff_model::{
-    Appendage, Decl, DynAppendage, LaneScalar, PortAccel, PortMatrix, PortState, PortVector, Problems, Scalar, keys,
-};
+use ff_model::scalar::LaneScalar;
+use ff_model::{Appendage, Decl, DynAppendage, PortAccel, PortMatrix, PortState, PortVector, Problems, Scalar, keys};
 use nalgebra::Vector3;
 use std::sync::Arc;
 

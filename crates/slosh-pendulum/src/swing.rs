@@ -2,7 +2,7 @@
 
 use crate::point::{Coupling, Drive, Place, Push};
 use ff_model::Scalar;
-use ff_model::vec3::V3;
+use ff_model::spatial::vec3::V3;
 
 /// A mass on an arm of length `l` from a fulcrum, with swing angles `a` (about the mount x axis) and `b` (about the y
 /// axis turned with `a`).

@@ -1,13 +1,15 @@
 //! A tank: several sloshing masses and the fuel that does not move.
 
-use crate::check::{self, Axes};
+use crate::check;
+use crate::check::Axes;
 use crate::particle::{Particle, Path, Values};
 use crate::point::{Wrench, press, press_each};
-use ff_model::inertia::InertiaError;
-use ff_model::vec3::{M3, S3, Ten, V3};
+use ff_model::port::MAX_COORDS;
+use ff_model::scalar::LaneScalar;
+use ff_model::spatial::InertiaError;
+use ff_model::spatial::vec3::{M3, S3, Ten, V3};
 use ff_model::{
-    Appendage, Area, Decl, Inertia, LaneScalar, MAX_COORDS, ParamDecl, PortAccel, PortMatrix, PortState, PortVector,
-    Problem, Problems, Scalar,
+    Appendage, Area, Decl, Inertia, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Problem, Problems, Scalar,
 };
 use nalgebra::{Matrix3, Vector3};
 
@@ -17,7 +19,7 @@ pub const TANK_KIND: &str = "slosh_tank";
 /// One sloshing mass of a tank, mount frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SloshPart {
-    /// As [`crate::SloshPendulum`], with its fulcrum at `fulcrum`; hangs along `-z`.
+    /// As [`crate::pendulum::SloshPendulum`], with its fulcrum at `fulcrum`; hangs along `-z`.
     Pendulum {
         /// Mass (kg).
         mass: f64,
@@ -30,7 +32,7 @@ pub enum SloshPart {
         /// Damping of both swings (N m s/rad).
         d: [f64; 2],
     },
-    /// As [`crate::SloshSpringMass`]: two axes (x, y) or three.
+    /// As [`crate::spring_mass::SloshSpringMass`]: two axes (x, y) or three.
     SpringMass {
         /// Mass (kg).
         mass: f64,

@@ -3,7 +3,8 @@
 use crate::check::{read_pendulum, read_springs};
 use crate::geometry::{SloshMode, Tank, TankModel};
 use crate::tank::{FixedFuel, SloshPart, SloshTank};
-use ff_model::keys::{self, Keys};
+use ff_model::keys;
+use ff_model::keys::Keys;
 use ff_model::{Area, DynAppendage, Problem, Problems};
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;

@@ -1,8 +1,9 @@
 //! The hand-written bias is the one that follows from the energies.
 
 use crate::common::{State, pendulum, rel, rng, sym};
+use ff_model::port::derived_bias;
 use ff_model::scalar::Grad;
-use ff_model::{Appendage, Motion, PortState, Scalar, derived_bias};
+use ff_model::{Appendage, Motion, PortState, Scalar};
 use nalgebra::Vector3;
 
 #[test]

@@ -1,13 +1,14 @@
 //! Spring-mass and tank: laws, equivalence with the pendulum, geometry, and what is said when a table is wrong.
 use crate::common::ports::{check_ports, shared};
 use crate::common::{Random, pendulum, rel, rng, sym, vec3};
-use ff_model::{Appendage, DynAppendage, Motion, PortModel, PortState, Problems, derived_bias};
+use ff_model::port::{PortModel, derived_bias};
+use ff_model::{Appendage, DynAppendage, Motion, PortState, Problems};
 use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 use rand::RngExt;
 use slosh_pendulum::geometry::Tank;
 use slosh_pendulum::{
-    FixedFuel, SPRING_MASS_KIND, SloshPart, SloshPendulum, SloshSpringMass, SloshTank, TANK_KIND, register,
-    spring_mass_from_toml, tank_from_toml,
+    FixedFuel, SPRING_MASS_KIND, SloshPart, SloshPendulum, SloshSpringMass, SloshTank, TANK_KIND,
+    from_toml as spring_mass_from_toml, from_toml as tank_from_toml, register,
 };
 use validate::check_appendage;
 

@@ -1,7 +1,8 @@
 //! The pendulum against elementary mechanics of one point: positions, velocities, second differences.
 //! No spatial vector or dual number takes part.
 use crate::common::{State, pendulum, rel, rng, sym, vec3};
-use ff_model::{Motion, PortModel, PortState};
+use ff_model::port::PortModel;
+use ff_model::{Motion, PortState};
 use nalgebra::{DMatrix, DVector, Matrix2, Rotation3, Vector2, Vector3};
 use rand::RngExt;
 use slosh_pendulum::SloshPendulum;

@@ -1,6 +1,7 @@
 //! The paper's formulas, as corrected, against the appendage and against Table I.
 use ff_dynamics::{Boundary, State, Work, mass_matrix, modes};
-use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortModel, PortState, Xform};
+use ff_model::port::PortModel;
+use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortState, Xform};
 use nalgebra::{Complex, DMatrix, Matrix3, SMatrix, SVector, Vector3};
 use slosh_pendulum::SloshPendulum;
 use slosh_pendulum::formulas::{

@@ -5,7 +5,7 @@
 
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Drive, SimError, SimOptions, State, Work, frame_pose, simulate};
-use ff_model::so3::{Quat, geodesic_angle, quat_to_rot, rot_to_quat, rpy_of};
+use ff_model::spatial::so3::{Quat, geodesic_angle, quat_to_rot, rot_to_quat, rpy_of};
 use ff_model::{Model, Params};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -108,7 +108,7 @@ pub fn compare(a: &FramePath, b: &FramePath) -> Result<PathError, PathErrorKind>
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use ff_model::so3::exp_so3;
+    use ff_model::spatial::so3::exp_so3;
 
     #[test]
     fn errors_are_those_of_known_displacements() {

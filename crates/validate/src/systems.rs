@@ -7,12 +7,12 @@
 
 use crate::conformance::{Source, bias_against_derived};
 use crate::extrapolation::{Extrapolation, Stopped};
-use ff_dynamics::{Boundary, Budget, SingularInertia, State, Work, budget, forward_dynamics, modes};
-use ff_model::so3::{exp_so3, quat_mul, quat_to_rot};
-use ff_model::{
-    BaseKind, DynAppendage, Inertia, Joint, JointKind, JointLimits, Model, ModelScalar, Motion, Params, PortState,
-    Problems, Xform,
-};
+use ff_dynamics::tree::SingularInertia;
+use ff_dynamics::{Boundary, Budget, State, Work, budget, forward_dynamics, modes};
+use ff_model::scalar::ModelScalar;
+use ff_model::spatial::so3::{exp_so3, quat_mul, quat_to_rot};
+use ff_model::tree::JointLimits;
+use ff_model::{BaseKind, DynAppendage, Inertia, Joint, JointKind, Model, Motion, Params, PortState, Problems, Xform};
 use nalgebra::{Vector3, Vector4};
 use serde::Serialize;
 use std::sync::Arc;
@@ -195,7 +195,7 @@ fn draw_state(model: &Model, params: &Params<f64>, s: &mut Source) -> State<f64>
     state.q.iter_mut().for_each(|x| *x = s.sym(2.5));
     state.v.iter_mut().for_each(|x| *x = s.sym(0.12));
     for (k, a) in model.appendages().iter().enumerate() {
-        let rest = ff_model::rest::rest(a, params.appendage(model, k));
+        let rest = ff_model::tree::rest(a, params.appendage(model, k));
         for (i, c) in a.decl().coords.iter().enumerate() {
             // A tenth of the range, and no more than moves of the kind usually are.
             let reach = (0.1 * (c.range.1 - c.range.0)).min(if c.unit == "rad" { 0.2 } else { 0.05 });

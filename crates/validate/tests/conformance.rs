@@ -226,7 +226,8 @@ fn a_kind_without_a_good_example_is_refused() {
 
 mod sums {
     //! A pendulum whose inertia adds its host block to what is there, which is right where that is zero.
-    use ff_model::{Appendage, Decl, Inertia, PortMatrix, Scalar, port_len};
+    use ff_model::port::port_len;
+    use ff_model::{Appendage, Decl, Inertia, PortMatrix, Scalar};
     use slosh_pendulum::SloshPendulum;
 
     pub(super) struct Sums<const WRITES_ALL: bool>(pub(super) SloshPendulum);

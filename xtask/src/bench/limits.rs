@@ -96,8 +96,8 @@ fn best<'a>(cells: &'a [Cell], model: &str, function: &str, lanes: bool, target:
 
 #[cfg(test)]
 mod tests {
-    use super::super::aggregate::Spread;
     use super::*;
+    use crate::bench::aggregate::Spread;
 
     fn cell(function: &str, form: &str, target: Target, ns: f64) -> Cell {
         let spread = |x: f64| Spread { median: x, min: 0.9 * x, max: 1.1 * x };

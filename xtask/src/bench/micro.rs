@@ -2,8 +2,10 @@
 
 use super::aggregate::Spread;
 use super::build::Target;
-use super::peers::{self, Peers};
-use super::run::{self, Pin};
+use super::peers;
+use super::peers::Peers;
+use super::run;
+use super::run::Pin;
 use super::{Effort, limits};
 use crate::exit::Failure;
 use serde_json::Value;

@@ -3,7 +3,6 @@
 //! `ff-bench` is built for the portable CPU target and for this machine's, and runs by turns with the programs of
 //! `peers/run_peers.sh` on one core. [`limits`] holds what must be reached; what is measured and how is in
 //! `docs/benchmarks.md`. Two other questions have flags of their own: [`instructions`] and [`sizes`].
-
 pub mod aggregate;
 pub mod build;
 pub mod instructions;

@@ -218,8 +218,8 @@ fn dash() -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::limits;
     use super::*;
+    use crate::bench::limits;
     use serde_json::Value;
 
     fn cell(pinocchio: Option<f64>) -> Cell {

@@ -1,11 +1,12 @@
 //! `cargo xtask bench --sizes`: time against the number of bodies, as a figure and as the exponent of growth.
 
-use super::run::{self, Pin};
+use super::run;
+use super::run::Pin;
 use super::{Args, Effort, build};
 use crate::exit::Failure;
 use crate::table::{Table, sig};
+use ff_report::plot::{Figure, Panel, Series};
 use ffid::files::atomic;
-use ffid::plot::{Figure, Panel, Series};
 use serde_json::Value;
 use std::path::Path;
 

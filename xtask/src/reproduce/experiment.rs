@@ -1,19 +1,22 @@
 //! Trajectories and simulations of one case.
 
 use anyhow::Context;
-use ffid::dynamics::bspline::BSplineMotion;
-use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{Boundary, Mode, SensorSuite, SimOptions, Trace, modes};
-use ffid::excitation::limits::JointLimits;
-use ffid::excitation::manoeuvre::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
-use ffid::excitation::planning::{InformationRequest, Quietness, plan_information, plan_quiet};
-use ffid::excitation::random::random_plan;
-use ffid::excitation::rigid::SensorNoise;
-use ffid::excitation::spline_plan::{Duration, End, PlanSpec, SplinePlan};
-use ffid::ident::Noise;
-use ffid::model::mission::{LoadOptions, Loaded, Mission, Reproduce};
-use ffid::model::{Area, Model, Params, Problem, Problems};
+use excitation::JointLimits;
+use excitation::SensorNoise;
+use excitation::plan::{Extent, Shape};
+use excitation::planning::{InformationRequest, Quietness};
+use excitation::random_plan;
+use excitation::{Duration, End, PlanSpec, SplinePlan};
+use excitation::{JointCommand, Manoeuvre, ManoeuvreSpec};
+use excitation::{plan_information, plan_quiet};
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::motion::bspline::BSplineMotion;
+use ff_dynamics::{Boundary, Mode, SensorSuite, SimOptions, Trace, modes};
+use ff_mission::mission::Reproduce;
+use ff_mission::{LoadOptions, Loaded, Mission};
+use ff_model::{Area, Model, Params, Problem, Problems};
 use ffid::sense::{from_rest, suite};
+use ident::Noise;
 use indicatif::ProgressBar;
 use std::path::Path;
 
@@ -129,7 +132,7 @@ fn truth(m: &Model, p: &Params<f64>, motion: &dyn JointMotion, sample_s: f64) ->
 }
 
 fn limits(l: &Loaded) -> Vec<JointLimits> {
-    ffid::preflight::joint_limits(&l.model, &l.mission.limits)
+    ffid::workflow::preflight::joint_limits(&l.model, &l.mission.limits)
 }
 
 /// The paper's simplified manoeuvre: the named joints at full speed and acceleration, there and back, timed at

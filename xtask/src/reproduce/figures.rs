@@ -2,9 +2,10 @@
 
 use super::experiment::Experiment;
 use super::spectra::{Frequencies, Spectra};
-use ffid::files::csv_out::{self, Column};
-use ffid::ident::psd::Psd;
-use ffid::plot::{Figure, Panel};
+use ff_report::plot::{Figure, Panel};
+use ff_spectral::Psd;
+use ffid::files::csv_out;
+use ffid::files::csv_out::Column;
 use std::path::Path;
 
 /// Writes the time figure (torques over base rate) and the spectrum figure of one case, and returns them.

@@ -2,11 +2,14 @@
 
 use super::experiment::Experiment;
 use crate::exit::Failure;
-use ffid::dynamics::{Trace, measure};
-use ffid::ident::lm::Settings;
-use ffid::ident::start::offset_start;
-use ffid::ident::{Estimate, Options, OutputError, Rda, Record, RecordBuilder, Request, estimate, selection};
-use ffid::model::{Model, Params};
+use ff_dynamics::{Trace, measure};
+use ff_least_squares::Settings;
+use ff_model::{Model, Params};
+use ff_records::{Record, RecordBuilder};
+use ident::estimate::Estimate;
+use ident::parameters::offset_start;
+use ident::parameters::selection;
+use ident::{Options, OutputError, Rda, Request, estimate};
 use serde::Serialize;
 
 /// Which sensors a record was taken with: none but the truth, or those of the mission with a seed.

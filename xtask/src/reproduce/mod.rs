@@ -11,7 +11,6 @@
 //!    reference trajectory (`score`).
 //!
 //! Everything is done twice: without noise as in the paper, and with the sensors of the mission file.
-
 mod checks;
 mod experiment;
 mod figures;

@@ -2,8 +2,8 @@
 
 use super::{Columns, Runs, Summary};
 use crate::table::{Table, sig};
-use ffid::validate::PathError;
 use std::path::Path;
+use validate::PathError;
 
 /// The paper's tables: rows mean position, max position, mean rpy, max rpy; columns rigid, extended.
 pub(super) const PAPER: [[[f64; 2]; 4]; 2] = [

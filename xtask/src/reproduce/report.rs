@@ -1,9 +1,9 @@
 //! `report.html` of the study: the paper's tables beside ours, figures, every identification. One file, offline.
 
 use super::{Summary, checks, printed};
+use ff_report::page::{Block, Level, Page};
+use ff_report::plot::Figure;
 use ffid::exit::Failure;
-use ffid::plot::Figure;
-use ffid::report_html::{Block, Level, Page};
 
 /// The page.
 ///

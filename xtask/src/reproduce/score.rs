@@ -2,10 +2,10 @@
 
 use super::experiment::Experiment;
 use super::identify::{Noise, Report, extended, record, rigid};
-use ffid::model::{Model, Params};
-use ffid::validate::{FramePath, PathError, compare, frame_path};
+use ff_model::{Model, Params};
 use indicatif::ProgressBar;
 use serde::Serialize;
+use validate::{FramePath, PathError, compare, frame_path};
 
 /// End-effector errors of one run.
 #[derive(Clone, Copy, Debug, Serialize)]

@@ -1,10 +1,11 @@
 //! Natural frequencies from the ringing: spectra, and a fit of the free decay.
 
 use super::experiment::Experiment;
-use ffid::dynamics::measure;
-use ffid::ident::modal_fit::{ModalFit, ModalSettings, Mode, fit_modes};
-use ffid::ident::peaks::find_peaks;
-use ffid::ident::psd::{Psd, Welch};
+use ff_dynamics::measure;
+use ff_spectral::find_peaks;
+use ff_spectral::modal::Mode;
+use ff_spectral::{ModalFit, ModalSettings, fit_modes};
+use ff_spectral::{Psd, Welch};
 use nalgebra::DMatrix;
 use serde::Serialize;
 
@@ -103,7 +104,7 @@ pub(super) struct Frequencies {
 
 impl Frequencies {
     pub(super) fn of(x: &Experiment, s: &Spectra) -> anyhow::Result<Self> {
-        let turning = |m: &&ffid::dynamics::Mode| {
+        let turning = |m: &&ff_dynamics::Mode| {
             let (v, w) = (m.base.fixed_rows::<3>(0).norm(), m.base.fixed_rows::<3>(3).norm());
             w > 0.3 * v
         };

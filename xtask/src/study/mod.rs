@@ -3,7 +3,6 @@
 //! A study fills a [`Study`] with figures and their limits; this file prints, writes and judges it. The JSON of every
 //! study is `{"study", "seed", "figures": {name: number}, "limits": {name: [op, number]}, "pass"}`; when a limit fails
 //! the exit code is 15, with everything printed and written before.
-
 pub mod degeneracies;
 pub mod excitation;
 pub mod identification;

@@ -5,9 +5,10 @@
 
 use super::{Op, Options, Study};
 use crate::workspace;
-use ffid::ident::lm::{EvalError, LmError, Problem, Settings, minimise};
+use ff_least_squares::{EvalError, LmError, Problem, Settings, minimise};
 use nalgebra::DMatrix;
-use validate::nist::{self, problems};
+use validate::nist;
+use validate::nist::problems;
 
 struct Fit<'a>(&'a nist::Problem);
 

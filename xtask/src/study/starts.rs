@@ -5,11 +5,11 @@
 //! file. The record is the paper's manoeuvre, the free decay after it, and the information plan of the prior, sensed at
 //! 100 Hz. The fit knows the prior and the record:
 //!
-//! 1. modes of the decay ([`ffid::ident::modal_fit`]),
-//! 2. all parameters from them, under the prior ([`ffid::ident::modal_estimate`]): the first start. Others, tried until three
+//! 1. modes of the decay ([`ff_spectral::modal::fit`]),
+//! 2. all parameters from them, under the prior ([`ident::modal::estimate`]): the first start. Others, tried until three
 //!    agree on the lowest end (without noise: until one explains the record): stiffness and damping alone from the modes; the prior; draws around it;
 //! 3. output error for base, stiffness and damping over the beginning of the record, then over every tenth sample of it, then
-//!    over the whole ([`ffid::ident::staged`]).
+//!    over the whole ([`ident::compose::continuation`]).
 //!
 //! Parts for `--only`: `exact` (noise-free; found means every combination that the sensors would tell to 10 % is right to
 //! 1e-6 of its size), `noisy` (found means that the fit explains the record better than the truth does, and by no more than chance
@@ -18,20 +18,26 @@
 use super::{Op, Options, Study};
 use crate::workspace;
 use anyhow::Context;
-use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{Boundary, Channel, SensorSuite, SimOptions, Trace, measure, modes};
-use ffid::excitation::planning::{InformationRequest, plan_information};
-use ffid::excitation::{End, Extent, JointCommand, Manoeuvre, ManoeuvreSpec, SensorNoise, Shape};
-use ffid::ident::lm::Settings;
-use ffid::ident::modal_estimate::{ModalRequest, estimate_modal};
-use ffid::ident::modal_fit::{ModalSettings, fit_modes};
-use ffid::ident::modal_model::HeldPose;
-use ffid::ident::staged::{Accept, Pass, estimate_staged};
-use ffid::ident::start::random_start;
-use ffid::ident::{self, Estimator, Noise, OutputError, Record, RecordBuilder, Request, estimate, selection};
-use ffid::model::mission::{LoadOptions, Loaded, Mission};
-use ffid::model::{Model, ParamDecl, Params};
+use excitation::plan::{Extent, Shape};
+use excitation::plan_information;
+use excitation::planning::InformationRequest;
+use excitation::{End, JointCommand, Manoeuvre, ManoeuvreSpec, SensorNoise};
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::sim::Channel;
+use ff_dynamics::{Boundary, SensorSuite, SimOptions, Trace, measure, modes};
+use ff_least_squares::Settings;
+use ff_mission::{LoadOptions, Loaded, Mission};
+use ff_model::{Model, ParamDecl, Params};
+use ff_records::{Record, RecordBuilder};
+use ff_spectral::{ModalSettings, fit_modes};
 use ffid::sense::from_rest;
+use ident;
+use ident::compose::{Accept, Pass, estimate_staged};
+use ident::modal::HeldPose;
+use ident::modal::{ModalRequest, estimate_modal};
+use ident::parameters::random_start;
+use ident::parameters::selection;
+use ident::{Estimator, Noise, OutputError, Request, estimate};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -94,11 +100,11 @@ impl Setup {
         let loaded = Mission::load(&file, &ffid::default_registry(), &LoadOptions::default())?;
         let (m, s) = (&loaded.model, &loaded.mission.sensors);
         let r = loaded.mission.reproduce.as_ref().context("section [reproduce]")?;
-        let limits = ffid::preflight::joint_limits(m, &loaded.mission.limits);
+        let limits = ffid::workflow::preflight::joint_limits(m, &loaded.mission.limits);
         let prior = Params::<f64>::nominal(m);
         let rest = m.rest_position(&prior);
         let known = modes(m, &prior, &r.hold_rad, &rest, Boundary::JointsHeld)?;
-        let turning = |m: &ffid::dynamics::Mode| m.base.fixed_rows::<3>(3).norm();
+        let turning = |m: &ff_dynamics::Mode| m.base.fixed_rows::<3>(3).norm();
         let frequency = known.iter().max_by(|a, b| turning(a).total_cmp(&turning(b))).context("no mode")?.frequency_hz;
         let commands = r.manoeuvre_joints.iter().map(|n| {
             let joint = m.joint_names().iter().position(|x| x == n).context("manoeuvre joint")?;

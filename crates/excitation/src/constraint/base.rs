@@ -7,7 +7,7 @@ use super::held::{HeldPartials, HeldSystem, HeldWork};
 use super::ringing::{Ringing, Rung};
 use super::signal::Signal;
 use super::{Channel, ConstraintError, Snapshot, check_limit};
-use ff_model::so3::{exp_so3, log_so3, quat_identity, quat_mul, quat_to_rot, right_jacobian};
+use ff_model::spatial::so3::{exp_so3, log_so3, quat_identity, quat_mul, quat_to_rot, right_jacobian};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use std::sync::Arc;
 
@@ -261,7 +261,7 @@ impl Turning {
 
 /// Angle of a rotation and its axis, which is the derivative with respect to small turns in the world.
 fn excursion(r: &Matrix3<f64>) -> (f64, Vector3<f64>) {
-    let v = log_so3(&ff_model::so3::rot_to_quat(r));
+    let v = log_so3(&ff_model::spatial::so3::rot_to_quat(r));
     (v.norm(), direction(&v))
 }
 

@@ -12,7 +12,7 @@
 use super::base::direction;
 use super::signal::Signal;
 use super::{Channel, ConstraintError, Sense, Snapshot, check_limit};
-use ff_model::urdf::collision::{Shape, Solid};
+use ff_mission::urdf::collision::{Shape, Solid};
 use ff_model::{JointKind, Model, Xform};
 use nalgebra::{DMatrix, Matrix3, Rotation3, Unit, Vector3};
 use parry3d_f64::math::{Pose, Rotation, Vector};
@@ -167,7 +167,7 @@ fn vector(v: Vector) -> Vector3<f64> {
 }
 
 fn pose(x: &Xform<f64>) -> Pose {
-    let q = ff_model::so3::rot_to_quat(&x.rot);
+    let q = ff_model::spatial::so3::rot_to_quat(&x.rot);
     let p = x.pos;
     Pose::from_parts(Vector::new(p.x, p.y, p.z), Rotation::from_xyzw(q[1], q[2], q[3], q[0]))
 }

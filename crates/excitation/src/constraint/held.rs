@@ -20,11 +20,12 @@
 //! Derivatives. Inverse dynamics at zero velocity with the "acceleration" `u = (V, qd, 0)` returns `H u`, whose base
 //! rows are the momentum, so its derivative with respect to `q_l` at fixed `u` gives `dV/dq_l = -H_b^-1 d(H_b V +
 //! H_bm qd)/dq_l`; `dV/dqd = -H_b^-1 H_bm`. A second call at the motion itself gives the columns of all rows; the
-//! change of `A` that keeps the base rows zero is eliminated as in [`ff_dynamics::hybrid_columns`]. `G_k` and `B_k` are
+//! change of `A` that keeps the base rows zero is eliminated as in [`ff_dynamics::tree::hybrid_columns`]. `G_k` and `B_k` are
 //! the same at zero velocity with the acceleration `(G_k, 0, 1_k)`.
 
-use crate::rigid::RigidError;
-use ff_dynamics::{Derivatives, State, Work, mass_matrix, rnea, rnea_derivatives};
+use crate::system::rigid::RigidError;
+use ff_dynamics::tree::{Derivatives, rnea_derivatives};
+use ff_dynamics::{State, Work, mass_matrix, rnea};
 use ff_model::{BaseKind, Model, Params};
 use nalgebra::{Cholesky, Const, DMatrix, Matrix6, Vector6};
 

@@ -4,7 +4,7 @@ use super::base::{History, Rates, direction, driven_by_rates};
 use super::held::HeldSystem;
 use super::signal::Signal;
 use super::{Channel, ConstraintError, Sense, Snapshot, check_limit};
-use ff_model::so3::quat_to_rot;
+use ff_model::spatial::so3::quat_to_rot;
 use nalgebra::{DMatrix, Vector3};
 use std::sync::Arc;
 

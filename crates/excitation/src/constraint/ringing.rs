@@ -27,7 +27,7 @@
 //! the derivative with respect to `h` is the corner of `exp [X, dX; 0, X]`.
 
 use super::{ConstraintError, HeldSystem};
-use ff_dynamics::modes::stiffness_damping;
+use ff_dynamics::analysis::stiffness_damping;
 use ff_dynamics::{Boundary, State, Work, mass_matrix, modes};
 use nalgebra::{DMatrix, DVector};
 
@@ -74,7 +74,7 @@ impl Ringing {
         state.eta.copy_from_slice(system.rest());
         let mut h = DMatrix::zeros(m.nv(), m.nv());
         mass_matrix(m, system.params(), &state, &mut Work::new(m), &mut h);
-        let singular = || ConstraintError::Rigid(crate::rigid::RigidError::Singular);
+        let singular = || ConstraintError::Rigid(crate::system::rigid::RigidError::Singular);
         let block = |r: usize, c: usize, rows: usize, cols: usize| h.view((r, c), (rows, cols)).into_owned();
         let h_bp = block(0, 6 + n, 6, np);
         let h_b = block(0, 0, 6, 6).cholesky().ok_or_else(singular)?;

@@ -6,7 +6,7 @@
 //! qdd) / T` over the duration.
 
 use super::{Channel, Constraint, Snapshot, Wanted};
-use crate::spline_plan::SplinePlan;
+use crate::plan::spline::SplinePlan;
 use nalgebra::DMatrix;
 
 /// Fewest samples in a knot span, over which a quintic acceleration turns at most three times.
@@ -62,7 +62,7 @@ pub trait Signal: Send + Sync {
 /// Basis functions of one sample.
 struct Node {
     first: usize,
-    basis: [[f64; ff_dynamics::bspline::LOCAL]; 3],
+    basis: [[f64; ff_dynamics::motion::bspline::LOCAL]; 3],
 }
 
 impl<S: Signal> Constraint for S {

@@ -5,18 +5,18 @@
 //! outcomes and as many random plans are rated by the true cost, and the best few are refined on it.
 
 use super::{DEGREE, PER_SECOND, PER_SPAN, PRIOR, PlanningError};
-use crate::cost::criterion::{Criterion, RelativeQuantity};
-use crate::cost::fisher::FisherCost;
-use crate::cost::information::Information;
-use crate::flexible::FlexibleInformation;
-use crate::limits::{JointLimits, LimitReport, check_for_all_time};
-use crate::prediction::about_com;
-use crate::random::random_plan;
-use crate::rigid::{RigidInformation, SensorNoise};
-use crate::search::multi_start;
-use crate::spline_plan::{Duration, End, PlanError, PlanSpec, SplinePlan};
-use crate::sqp::{Outcome, SqpOptions, minimise};
-use ff_dynamics::bspline::BSplineMotion;
+use crate::objective::criterion::{Criterion, RelativeQuantity};
+use crate::objective::fisher::FisherCost;
+use crate::objective::information::Information;
+use crate::plan::limits::{JointLimits, LimitReport, check_for_all_time};
+use crate::plan::random::random_plan;
+use crate::plan::spline::{Duration, End, PlanError, PlanSpec, SplinePlan};
+use crate::solve::search::multi_start;
+use crate::solve::sqp::{Outcome, SqpOptions, minimise};
+use crate::system::flexible::FlexibleInformation;
+use crate::system::prediction::about_com;
+use crate::system::rigid::{RigidInformation, SensorNoise};
+use ff_dynamics::motion::bspline::BSplineMotion;
 use ff_model::{Dual, Inertia, Model, Params};
 use nalgebra::DMatrix;
 

@@ -1,12 +1,12 @@
 //! Measures, and charges for, what a quiet plan has to keep small.
 
 use super::{InformationRequest, PlanningError, QuietBand, Quietness};
-use crate::cost::Cost;
-use crate::cost::disturbance::Disturbance;
-use crate::cost::spectrum::Quiet;
-use crate::modal_response::driven_modes;
-use crate::rigid::{RigidBase, RigidInformation};
-use crate::spline_plan::{Duration, SplinePlan};
+use crate::objective::Cost;
+use crate::objective::disturbance::Disturbance;
+use crate::objective::spectrum::Quiet;
+use crate::plan::spline::{Duration, SplinePlan};
+use crate::system::modal_response::driven_modes;
+use crate::system::rigid::{RigidBase, RigidInformation};
 use ff_model::{Model, Params};
 
 /// What is measured.

@@ -143,12 +143,12 @@ pub(crate) fn contract_by_differences(
 }
 
 /// A mission of `fixtures/paper`.
-pub(crate) fn paper(file: &str) -> ff_model::mission::Loaded {
+pub(crate) fn paper(file: &str) -> ff_mission::Loaded {
     let mut registry = ff_model::Registry::new();
     flex_panel::register(&mut registry);
     slosh_pendulum::register(&mut registry);
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/paper").join(file);
-    ff_model::mission::Mission::load(&path, &registry, &ff_model::mission::LoadOptions::default()).unwrap()
+    ff_mission::Mission::load(&path, &registry, &ff_mission::LoadOptions::default()).unwrap()
 }
 
 /// `n` repeatable numbers in `-size..size`.
@@ -159,7 +159,7 @@ pub(crate) fn uniform(n: usize, size: f64, seed: u64) -> Vec<f64> {
 }
 
 /// The base of the paper's robot: 60 s at the mission's 0.17 rad/s and 0.15 rad/s^2, ten control points.
-pub(crate) fn request(loaded: &ff_model::mission::Loaded, starts: usize) -> InformationRequest {
+pub(crate) fn request(loaded: &ff_mission::Loaded, starts: usize) -> InformationRequest {
     let limits = loaded
         .model
         .bodies()

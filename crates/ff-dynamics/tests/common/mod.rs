@@ -2,7 +2,7 @@
 // Every test file is its own crate and uses a part of this; helpers may unwrap like the tests they serve.
 #![allow(dead_code, clippy::unwrap_used)]
 
-use ff_model::so3::{exp_so3, quat_to_rot, rot_of_rpy};
+use ff_model::spatial::so3::{exp_so3, quat_to_rot, rot_of_rpy};
 use ff_model::*;
 use nalgebra::{Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};

@@ -4,7 +4,8 @@
 //! any error the temporary file is removed and an older target stays as it was.
 
 use crate::exit::Failure;
-use std::fs::{self, File};
+use std::fs;
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,7 @@
 //! Reading a folder of results: complete and untouched, or refused.
 
 use super::folder::{Entry, MANIFEST};
-use crate::model::{Area, Problem, Problems};
+use ff_model::{Area, Problem, Problems};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -43,8 +43,8 @@ pub fn check(folder: &Path, command: &str) -> Result<(), Problems> {
             "run the command again; a run that was killed leaves such a folder",
         ));
     }
-    let text = crate::model::text_file(&path, MAX_BYTES)?;
-    let listed: Listed = crate::model::toml::from_str(&text)
+    let text = ff_model::diagnostics::text_file(&path, MAX_BYTES)?;
+    let listed: Listed = ff_model::toml::from_str(&text)
         .map_err(|e| data("Data::Incomplete", format!("{MANIFEST}: {}", e.message()), "run the command again"))?;
     if listed.command != command {
         let what = format!("holds results of `ffid {}`, not of `ffid {command}`", listed.command);

@@ -9,7 +9,8 @@ use crate::exit::Failure;
 use crate::files::atomic;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
-use std::fs::{self, File, TryLockError};
+use std::fs;
+use std::fs::{File, TryLockError};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! Which joints of a tree are the arm, and which are hinges of panels.
 
-use crate::model::{Body, JointKind, Model};
+use ff_model::{Body, JointKind, Model};
 use serde::Serialize;
 
 /// Parts of names of what swings rather than being driven.
@@ -43,7 +43,7 @@ pub struct Panel {
 }
 
 impl Guess {
-    /// Looks at a model as [`urdf`](crate::model::urdf) imports it, without appendages. Allocates.
+    /// Looks at a model as [`urdf`](ff_mission::urdf) imports it, without appendages. Allocates.
     pub fn of(model: &Model) -> Self {
         let tree = Tree::new(model);
         let arm = tree.arm();
@@ -177,7 +177,7 @@ impl<'m> Tree<'m> {
 
 /// A name on one line, whatever characters it holds.
 pub(super) fn shown(name: &str) -> String {
-    crate::model::clip(&name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>())
+    ff_model::diagnostics::clip(&name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>())
 }
 
 /// A name that an appendage may have, made of that of a link.

@@ -2,8 +2,8 @@
 //! unit it needs.
 //!
 //! ```
-//! use ffid::init::{Guess, Known, mission};
-//! use ffid::model::urdf::{self, UrdfOptions};
+//! use crate::init::{Guess, Known, mission};
+//! use ff_mission::urdf::{self, UrdfOptions};
 //!
 //! let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/peers-model/flex.urdf");
 //! let (model, _) = urdf::from_file(path.as_ref(), &UrdfOptions::default()).map_err(|p| p.to_string())?;
@@ -14,9 +14,8 @@
 //! assert!(text.contains("end_effector = \"tool\""));
 //! # Ok::<(), String>(())
 //! ```
-
-mod guess;
-mod text;
+pub(crate) mod guess;
+pub(crate) mod text;
 
 pub use guess::{Guess, Panel};
 pub use text::{Known, Tank, mission};

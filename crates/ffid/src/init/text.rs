@@ -2,7 +2,8 @@
 
 use super::guess::{Guess, Panel, shown};
 use std::collections::BTreeMap;
-use std::fmt::{self, Write};
+use std::fmt;
+use std::fmt::Write;
 
 /// Column where comments behind keys begin.
 const COMMENTS: usize = 38;

@@ -1,4 +1,4 @@
-//! Keys of mission files. Meanings in full are on the fields of [`crate::model::mission`].
+//! Keys of mission files. Meanings in full are on the fields of [`ff_mission::mission`].
 
 use super::Holds::{
     Appendages, Named, NotNegative, Number, Numbers, OneOf, Positive, Rows, Symmetric, Table, Tables, TablesOf, Text,

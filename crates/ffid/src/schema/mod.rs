@@ -1,12 +1,15 @@
 //! JSON schemas: of the files that people write, so that editors complete and check them, and of what programs read.
 //!
-//! The reader of mission files asks for its keys by name ([`crate::model::mission`]); the keys here are held to those by a test
+//! The reader of mission files asks for its keys by name ([`ff_mission::mission`]); the keys here are held to those by a test
 //! that reads its sources. What each kind of appendage needs is asked of its factory, so that a kind of your own is in the schema of your registry.
+#[cfg(test)]
+pub(crate) mod check;
+pub(crate) mod mission;
+pub(crate) mod result;
+#[cfg(test)]
+pub(crate) mod tests;
 
-mod mission;
-mod result;
-
-use crate::model::{Registry, toml};
+use ff_model::{Registry, toml};
 use serde_json::{Map, Value, json};
 
 /// The dialect of the schemas.
@@ -76,7 +79,7 @@ pub fn mission(registry: &Registry) -> Value {
     titled("Mission file of ffid", object(mission::ROOT, registry))
 }
 
-/// The schema of the `result.json` of an identification ([`crate::identify::IdentificationResult`]). Allocates.
+/// The schema of the `result.json` of an identification ([`crate::workflow::identify::IdentificationResult`]). Allocates.
 pub fn result() -> Value {
     titled("Result of ffid identify", object(result::ROOT, &Registry::default()))
 }
@@ -172,8 +175,3 @@ fn required(kind: &str, registry: &Registry) -> Vec<String> {
     let missing = problems.0.into_iter().filter(|p| p.code == "Config::MissingKey");
     missing.filter_map(|p| p.object).collect()
 }
-
-#[cfg(test)]
-mod check;
-#[cfg(test)]
-mod tests;

@@ -1,10 +1,10 @@
-//! Keys of `result.json`. Meanings in full are on the fields of [`crate::identify::IdentificationResult`].
+//! Keys of `result.json`. Meanings in full are on the fields of [`crate::workflow::identify::IdentificationResult`].
 
 use super::Holds::{
     Either, Flag, Just, Matrix, Number, Numbers, OneOf, Pairs, Table, Tables, Terms, Text, Texts, Vector, Whole, Words,
 };
 use super::{Key, key, must};
-use crate::identify::result::{FORMAT, VERSION};
+use crate::workflow::identify::result::{FORMAT, VERSION};
 
 pub(super) const ROOT: &[Key] = &[
     must("format", OneOf(&[FORMAT]), "what this file is"),

@@ -1,6 +1,6 @@
 use super::check::check;
-use super::*;
-use crate::identify::IdentificationResult;
+use crate::schema::*;
+use crate::workflow::identify::IdentificationResult;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;

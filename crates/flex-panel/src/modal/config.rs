@@ -2,8 +2,10 @@
 
 use super::table::MAX_BYTES;
 use super::{ModalAppendage, Mode, check_modes, check_rigid, read_csv, read_f06};
-use ff_model::keys::{self, Keys};
-use ff_model::{Area, DynAppendage, Inertia, Problem, Problems, text_file};
+use ff_model::diagnostics::text_file;
+use ff_model::keys;
+use ff_model::keys::Keys;
+use ff_model::{Area, DynAppendage, Inertia, Problem, Problems};
 use nalgebra::{Vector3, Vector6};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,8 +1,9 @@
 //! Any appendage at small deflections as a modal one.
 
 use super::{MAX_MODES, ModalAppendage, Mode};
+use ff_model::scalar::ModelScalar;
 use ff_model::scalar::{D1, D2};
-use ff_model::{Area, Dual, DynAppendage, Inertia, ModelScalar, Motion, PortState, Problem, Problems};
+use ff_model::{Area, Dual, DynAppendage, Inertia, Motion, PortState, Problem, Problems};
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector6};
 use std::f64::consts::TAU;
 

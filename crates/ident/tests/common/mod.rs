@@ -1,12 +1,12 @@
 //! The paper's missions as test systems.
 #![allow(dead_code, clippy::unwrap_used)]
 
-use ff_dynamics::bspline::BSplineMotion;
 use ff_dynamics::motion::JointMotion;
+use ff_dynamics::motion::bspline::BSplineMotion;
 use ff_dynamics::{Drive, SimOptions, State, Trace, simulate};
-use ff_model::mission::{LoadOptions, Loaded, Mission};
+use ff_mission::{LoadOptions, Loaded, Mission};
 use ff_model::{Params, Registry};
-use ident::{Record, RecordBuilder};
+use ff_records::{Record, RecordBuilder};
 
 pub(crate) fn load(name: &str) -> Loaded {
     let mut r = Registry::new();
@@ -39,8 +39,9 @@ pub(crate) fn exact(l: &Loaded, t: &Trace) -> Record {
 
 /// The most informative plan for the base, as `cargo xtask reproduce` makes it.
 pub(crate) fn planned(l: &Loaded, seconds: f64, free: usize) -> BSplineMotion {
-    use excitation::planning::{InformationRequest, plan_information};
-    let limits = excitation::limits::JointLimits {
+    use excitation::plan_information;
+    use excitation::planning::InformationRequest;
+    let limits = excitation::JointLimits {
         lower: -3.1,
         upper: 3.1,
         velocity: l.mission.limits.velocity_rad_per_s.unwrap(),
@@ -49,13 +50,13 @@ pub(crate) fn planned(l: &Loaded, seconds: f64, free: usize) -> BSplineMotion {
     };
     let request = InformationRequest {
         start: l.mission.reproduce.as_ref().unwrap().hold_rad.clone(),
-        end: excitation::spline_plan::End::Free,
+        end: excitation::End::Free,
         limits: vec![limits; l.model.nj()],
         duration: seconds,
         control_points: free,
         seed: 1,
         starts: 1,
-        noise: excitation::rigid::SensorNoise { torque: 0.1, gyro: Some(1.5e-4), rate: 100.0 },
+        noise: excitation::SensorNoise { torque: 0.1, gyro: Some(1.5e-4), rate: 100.0 },
         options: Default::default(),
     };
     plan_information(&l.model, &Params::nominal(&l.model), &(0..10).collect::<Vec<_>>(), &request).unwrap().motion
@@ -64,8 +65,9 @@ pub(crate) fn planned(l: &Loaded, seconds: f64, free: usize) -> BSplineMotion {
 /// A random rigid tree on skewed axes, floating unless said otherwise, with nothing symmetric about it.
 pub(crate) mod tree {
     use ff_dynamics::motion::JointMotion;
-    use ff_model::so3::{exp_so3, quat_to_rot};
-    use ff_model::{BaseKind, Inertia, Joint, JointKind, JointLimits, Model, Xform};
+    use ff_model::spatial::so3::{exp_so3, quat_to_rot};
+    use ff_model::tree::JointLimits;
+    use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Xform};
     use nalgebra::Vector3;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;

@@ -1,8 +1,9 @@
 //! The port equations as an appendage writes them against the defaults of the trait and against differences.
 
 use super::{Random, rel, sym, vec3};
-use ff_model::lanes::{Isa, LaneScalar, LaneTask, dispatch};
-use ff_model::{Appendage, Decl, DynAppendage, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar, port_len};
+use ff_model::port::port_len;
+use ff_model::scalar::lanes::{Isa, LaneScalar, LaneTask, dispatch};
+use ff_model::{Appendage, Decl, DynAppendage, Motion, PortAccel, PortMatrix, PortState, PortVector, Scalar};
 use std::sync::Arc;
 
 /// As a model holds it, with the dynamics that its crate compiled: `&a as &dyn DynAppendage` compiles them anew.

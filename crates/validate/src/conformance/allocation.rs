@@ -4,9 +4,11 @@ use super::law;
 use super::measure::Worst;
 use super::report::Check;
 use super::sample::{Sample, lift};
-use ff_model::lanes::Portable4;
+use ff_model::port::port_len;
+use ff_model::scalar::lanes::Portable4;
 use ff_model::scalar::{D1, D2, Grad};
-use ff_model::{DynAppendage, LaneScalar, ModelScalar, Motion, PortAccel, PortMatrix, PortState, port_len};
+use ff_model::scalar::{LaneScalar, ModelScalar};
+use ff_model::{DynAppendage, Motion, PortAccel, PortMatrix, PortState};
 
 /// Runs what it is given and says how many allocations that made.
 ///

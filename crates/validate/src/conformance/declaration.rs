@@ -2,8 +2,9 @@
 
 use super::law;
 use super::report::Check;
-use ff_model::appendage::MAX_PARAMS;
-use ff_model::{Decl, Inertia, MAX_COORDS, ParamGroup};
+use ff_model::port::MAX_COORDS;
+use ff_model::port::MAX_PARAMS;
+use ff_model::{Decl, Inertia, ParamGroup};
 use std::cmp::Ordering;
 
 /// See [`law::DECLARATION`].

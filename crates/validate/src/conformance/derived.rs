@@ -1,9 +1,10 @@
 //! The bias that the energies imply, through the object-safe face of an appendage.
 //!
-//! The formula of [`ff_model::derived_bias`], written a second time over [`PortModel`], because a boxed appendage
+//! The formula of [`ff_model::port::derived_bias`], written a second time over [`PortModel`], because a boxed appendage
 //! cannot be passed to a generic function, and because a suite should not trust the code it holds others to.
 
-use ff_model::{Dual, Force, Motion, PortMatrix, PortModel, PortView, Scalar, port_len};
+use ff_model::port::{PortModel, PortView, port_len};
+use ff_model::{Dual, Force, Motion, PortMatrix, Scalar};
 
 /// Inertia matrix as rows, over any number type.
 pub(super) fn matrix<T: Scalar>(a: &dyn PortModel<T>, p: &[T], eta: &[T]) -> Vec<Vec<T>> {

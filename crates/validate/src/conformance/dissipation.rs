@@ -4,8 +4,9 @@ use super::law;
 use super::measure::{Worst, relative};
 use super::report::Check;
 use super::sample::{Sample, lift};
+use ff_model::DynAppendage;
 use ff_model::scalar::D1;
-use ff_model::{DynAppendage, ModelScalar};
+use ff_model::scalar::ModelScalar;
 
 /// Laws of the Rayleigh function.
 pub(super) fn rayleigh(a: &dyn DynAppendage, samples: &[Sample]) -> [Check; 4] {

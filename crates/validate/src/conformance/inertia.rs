@@ -6,7 +6,8 @@ use super::measure::{Worst, amax, relative};
 use super::report::Check;
 use super::sample::{Sample, lift};
 use ff_model::scalar::D1;
-use ff_model::{Dual, DynAppendage, ModelScalar};
+use ff_model::scalar::ModelScalar;
+use ff_model::{Dual, DynAppendage};
 use nalgebra::DMatrix;
 
 /// Eigenvalues of a symmetric matrix scaled to unit diagonal, so that kilograms do not hide kg m^2; least, greatest.

@@ -5,9 +5,8 @@ use super::report::{Check, ConformanceReport};
 use super::{AllocationMeter, check, declaration, law};
 use ff_dynamics::{Drive, SimOptions, State, Trace, simulate};
 use ff_model::registry::Factory;
-use ff_model::{
-    BaseKind, DynAppendage, Inertia, Joint, JointKind, JointLimits, Model, Params, Problems, Registry, Xform,
-};
+use ff_model::tree::JointLimits;
+use ff_model::{BaseKind, DynAppendage, Inertia, Joint, JointKind, Model, Params, Problems, Registry, Xform};
 use nalgebra::{Matrix3, Vector3};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;

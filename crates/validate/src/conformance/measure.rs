@@ -1,7 +1,8 @@
 //! What the laws share: worst figures, relative differences, the port equations at any number type.
 
 use super::report::Check;
-use ff_model::{DynAppendage, ModelScalar, Motion, PortState};
+use ff_model::scalar::ModelScalar;
+use ff_model::{DynAppendage, Motion, PortState};
 
 /// A worst figure and where it occurred. NaN is worse than anything.
 #[derive(Default)]

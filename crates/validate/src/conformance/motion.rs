@@ -5,8 +5,9 @@ use super::law;
 use super::measure::{STEP, Worst, amax, bias, difference, relative};
 use super::report::Check;
 use super::sample::{Sample, lift};
+use ff_model::scalar::ModelScalar;
 use ff_model::scalar::{D1, D2};
-use ff_model::{Dual, DynAppendage, Force, ModelScalar, Motion, PortState};
+use ff_model::{Dual, DynAppendage, Force, Motion, PortState};
 
 /// See [`law::DERIVATIVES`]: along a random direction, one figure for each of the three energies.
 pub(super) fn derivatives(a: &dyn DynAppendage, samples: &[Sample]) -> Check {

@@ -6,9 +6,10 @@ use super::measure::{Worst, bias, relative};
 use super::ports::{Packed, Ports, scales};
 use super::report::Check;
 use super::sample::{Sample, lift};
-use ff_model::lanes::{Isa, LaneTask, dispatch};
+use ff_model::scalar::lanes::{Isa, LaneTask, dispatch};
 use ff_model::scalar::{D1, D2, Grad};
-use ff_model::{Dual, DynAppendage, LaneScalar, ModelScalar, Motion, Scalar};
+use ff_model::scalar::{LaneScalar, ModelScalar};
+use ff_model::{Dual, DynAppendage, Motion, Scalar};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// What is not finite at this sample, in values or in derivatives along the motion.

@@ -8,8 +8,10 @@ use super::measure::{Worst, relative};
 use super::ports::{Packed, Ports, scales};
 use super::report::Check;
 use super::sample::{Sample, lift};
+use ff_model::port::port_len;
+use ff_model::scalar::ModelScalar;
 use ff_model::scalar::{DIRECTIONS, Grad};
-use ff_model::{DynAppendage, ModelScalar, Motion, PortAccel, PortMatrix, PortState, port_len};
+use ff_model::{DynAppendage, Motion, PortAccel, PortMatrix, PortState};
 
 /// See [`law::TERMS`], [`law::RESIDUAL`], [`law::JACOBIAN`], [`law::REGRESSOR`].
 pub(super) fn overrides(a: &dyn DynAppendage, samples: &[Sample]) -> [Check; 4] {
@@ -81,7 +83,7 @@ fn derivatives(a: &dyn DynAppendage, s: &Sample) -> (Vec<f64>, Vec<f64>) {
         let mut m = PortMatrix::new(n, &mut m);
         port.inertia(&p, &eta, &mut m);
         port.bias(&p, &state, &mut h);
-        ff_model::appendage::add_inertial(&m, &acc, &mut h);
+        ff_model::port::add_inertial(&m, &acc, &mut h);
         for d in 0..DIRECTIONS.min(all - first) {
             out.extend(h.iter().map(|x| x.eps[d]));
         }

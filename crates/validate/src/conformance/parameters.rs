@@ -6,7 +6,8 @@ use super::measure::{Worst, amax, bias, relative};
 use super::report::Check;
 use super::sample::{Sample, lift};
 use ff_model::scalar::D1;
-use ff_model::{DynAppendage, ModelScalar, Motion, ParamGroup, Scalar};
+use ff_model::scalar::ModelScalar;
+use ff_model::{DynAppendage, Motion, ParamGroup, Scalar};
 
 /// See [`law::PARAMETERS`].
 pub(super) fn parameters(a: &dyn DynAppendage, samples: &[Sample]) -> Check {

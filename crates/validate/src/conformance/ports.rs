@@ -2,7 +2,9 @@
 
 use super::derived::matrix;
 use super::sample::{Sample, lift};
-use ff_model::{DynAppendage, LaneScalar, Motion, PortAccel, PortMatrix, PortState, PortView, Scalar, port_len};
+use ff_model::port::{PortView, port_len};
+use ff_model::scalar::LaneScalar;
+use ff_model::{DynAppendage, Motion, PortAccel, PortMatrix, PortState, Scalar};
 
 /// Results of every method, by the names of [`Ports::NAMES`].
 pub(super) struct Ports<T>(pub(super) [Vec<T>; 9]);

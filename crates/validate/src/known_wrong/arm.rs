@@ -3,13 +3,12 @@
 //! `r = HUB + (l + x) e(q)` with `e = (cos q, sin q, 0.3)`; springs and dampers on `q` and `x`, the damper of `q`
 //! acting on the tip with the arm `l`: `R = d_q (l q')^2 / 2 + d_x x'^2 / 2`.
 
-use ff_model::appendage::CoordDecl;
-use ff_model::appendage::add_inertial;
-use ff_model::vec3::{Ten, V3};
-use ff_model::{
-    Appendage, Decl, Inertia, LaneScalar, Motion, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Scalar,
-    derived_jacobian, derived_power, derived_regressor,
-};
+use ff_model::CoordDecl;
+use ff_model::port::add_inertial;
+use ff_model::port::{derived_jacobian, derived_power, derived_regressor};
+use ff_model::scalar::LaneScalar;
+use ff_model::spatial::vec3::{Ten, V3};
+use ff_model::{Appendage, Decl, Inertia, Motion, ParamDecl, PortAccel, PortMatrix, PortState, PortVector, Scalar};
 use nalgebra::Vector3;
 
 const HUB: [f64; 3] = [0.3, -0.2, 0.5];
@@ -234,7 +233,7 @@ impl Appendage for Arm {
     /// Newton's law for the mass: `f = m (w x (v + w x r + 2 r') + (l + x) q'^2 e_qq + 2 x' q' e_q)`.
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
         if !self.writes_bias() {
-            return ff_model::derived_bias(self, p, s, h);
+            return ff_model::port::derived_bias(self, p, s, h);
         }
         let [r, e, e_q] = self.geometry(p, s.eta);
         let reach = p[LENGTH] + s.eta[1];

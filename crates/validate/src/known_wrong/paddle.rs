@@ -1,6 +1,6 @@
 //! A rigid body on one sprung hinge at the mount, with ten inertial parameters, with and without a mistake.
 
-use ff_model::appendage::CoordDecl;
+use ff_model::CoordDecl;
 use ff_model::{Appendage, Decl, Inertia, ParamDecl, PortMatrix, Scalar, TwinBody, Xform};
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,7 +1,7 @@
 //! Modes of the mission beside this crate: `cargo run --example modes`.
 
 use ff_dynamics::{Boundary, modes};
-use ff_model::mission::{LoadOptions, Mission};
+use ff_mission::{LoadOptions, Mission};
 use ff_model::{Params, Registry};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -13,7 +13,7 @@
 //! (L. Meirovitch, *Fundamentals of Vibrations*, McGraw-Hill 2001, sec. 9.6, assumed modes.) The modal mass is
 //! `33/140 m + m_tip`. Shortening of the deflected boom is neglected: it is of second order in `eta / L`.
 
-use ff_model::appendage::CoordDecl;
+use ff_model::CoordDecl;
 use ff_model::nalgebra::Vector3;
 use ff_model::toml::Table;
 use ff_model::{Appendage, Decl, DynAppendage, ParamDecl, PortMatrix, Problems, Registry, Scalar, keys};

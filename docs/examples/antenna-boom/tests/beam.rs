@@ -1,7 +1,8 @@
 //! The boom against the theory of beams.
 
 use ff_model::nalgebra::Vector3;
-use ff_model::{DynAppendage, Force, Motion, PortModel, PortState, Registry};
+use ff_model::port::PortModel;
+use ff_model::{DynAppendage, Force, Motion, PortState, Registry};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 

@@ -2,12 +2,13 @@
 
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Boundary, Drive, SimOptions, State, modes, simulate};
-use ff_model::mission::{LoadOptions, Loaded, Mission};
+use ff_least_squares::Settings;
+use ff_mission::{LoadOptions, Loaded, Mission};
 use ff_model::{Params, Registry};
-use ident::lm::Settings;
-use ident::output_error::Options;
-use ident::start::offset_start;
-use ident::{Noise, OutputError, RecordBuilder, Request, estimate};
+use ff_records::RecordBuilder;
+use ident::Options;
+use ident::parameters::offset_start;
+use ident::{Noise, OutputError, Request, estimate};
 
 fn load() -> Loaded {
     let mut registry = Registry::new();

@@ -7,12 +7,11 @@
 //! * the parameters without a deviation are those of the degeneracy,
 //! * and no direction is false: moving the parameters along it changes nothing, on motions that the analysis has not seen
 //!   (structural ones) or in the record itself (the others).
-
 mod cases;
 mod robots;
 
 use super::{Op, Options, Study};
-use ffid::ident::covariance::Uncertainty;
+use ident::Uncertainty;
 use nalgebra::{DMatrix, DVector};
 
 /// Change of a prediction along a null direction, relative to that of the loudest parameter, that still counts as none.

@@ -1,10 +1,9 @@
 //! Robots for the degeneracies: general bodies on chosen axes.
 
-use ffid::dynamics::motion::JointMotion;
-use ffid::model::appendage::CoordDecl;
-use ffid::model::{
-    Appendage, BaseKind, Decl, Inertia, Joint, JointKind, JointLimits, Model, ParamDecl, PortMatrix, Scalar, Xform,
-};
+use ff_dynamics::motion::JointMotion;
+use ff_model::CoordDecl;
+use ff_model::tree::JointLimits;
+use ff_model::{Appendage, BaseKind, Decl, Inertia, Joint, JointKind, Model, ParamDecl, PortMatrix, Scalar, Xform};
 use nalgebra::{Matrix3, Vector3};
 
 /// A body like no other: every number depends on `k`.

@@ -4,12 +4,13 @@ use super::truth::Swing;
 use super::{CONTROL_POINTS, FREE, RECORD_S, SEARCH_STEP_S, Setup, fisher_request, modal_cost, quiet_cost};
 use crate::study::{Op, Study};
 use anyhow::Context;
-use ffid::dynamics::motion::JointMotion;
-use ffid::excitation::planning::fisher::{FisherRequest, base_quantities, plan_fisher};
-use ffid::excitation::{
-    BaseMotion, Cost, Criterion, Duration, FisherCost, Form, JointLimits, Optimality, PlanSpec, RigidBase, SplinePlan,
-    minimise, random_plan,
-};
+use excitation::objective::{BaseMotion, FisherCost, Form, Optimality};
+use excitation::plan_fisher;
+use excitation::planning::{FisherRequest, base_quantities};
+use excitation::solve::minimise;
+use excitation::system::rigid::RigidBase;
+use excitation::{Cost, Criterion, Duration, JointLimits, PlanSpec, SplinePlan, random_plan};
+use ff_dynamics::motion::JointMotion;
 use nalgebra::Vector6;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -92,7 +93,7 @@ pub(super) fn violations(s: &Setup, study: &mut Study) -> anyhow::Result<()> {
         let n = motion.dof();
         let spans = plan.unit_knots().count() - plan.unit_knots().degree();
         let (knots, control) = motion.derivative_control(3)?;
-        let jerk = ffid::dynamics::bspline::BSplineMotion::new(knots, control)?;
+        let jerk = ff_dynamics::motion::bspline::BSplineMotion::new(knots, control)?;
         let (mut q, mut qd, mut qdd, mut qddd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let mut scrap = [vec![0.0; n], vec![0.0; n]];
         for k in 0..=100 * spans {

@@ -4,7 +4,6 @@
 //! bias, the modal plan's response, limits between the knots, gradients, and the time that eq. (9) takes.
 //! `docs/theory/excitation.md` explains the terms. Parts for `--only`: `gradients`, `limits`, `information` (with `quiet`), `modal`,
 //! `times`.
-
 mod checks;
 mod multisine;
 mod truth;
@@ -12,17 +11,24 @@ mod truth;
 use super::{Op, Options, Study};
 use crate::workspace;
 use anyhow::Context;
-use ffid::dynamics::motion::JointMotion;
-use ffid::excitation::limits::JointLimits;
-use ffid::excitation::planning::fisher::{FisherRequest, base_quantities, plan_fisher};
-use ffid::excitation::{
-    Cost, CostSum, Criterion, Disturbance, Duration, End, Estimated, FlexibleInformation, FlexibleRequest, Information,
-    ModalResponse, Nuisance, PlanSpec, Quiet, RelativeQuantity, ResponseTarget, RigidBase, RigidInformation, Robust,
-    SensorNoise, SplinePlan, SqpOptions, minimise, random_plan, relative_deviations,
+use excitation::JointLimits;
+use excitation::objective::{
+    Disturbance, Information, ModalResponse, Quiet, RelativeQuantity, ResponseTarget, Robust, relative_deviations,
 };
-use ffid::excitation::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
-use ffid::model::mission::{LoadOptions, Loaded, Mission};
-use ffid::model::{Model, Params};
+use excitation::plan::{Extent, Shape};
+use excitation::plan_fisher;
+use excitation::planning::{FisherRequest, base_quantities};
+use excitation::solve::minimise;
+use excitation::system::flexible::{Estimated, FlexibleRequest, Nuisance};
+use excitation::system::rigid::RigidBase;
+use excitation::{
+    Cost, CostSum, Criterion, Duration, End, FlexibleInformation, PlanSpec, RigidInformation, SensorNoise, SplinePlan,
+    SqpOptions, random_plan,
+};
+use excitation::{JointCommand, Manoeuvre, ManoeuvreSpec};
+use ff_dynamics::motion::JointMotion;
+use ff_mission::{LoadOptions, Loaded, Mission};
+use ff_model::{Model, Params};
 use multisine::Multisine;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -64,7 +70,7 @@ impl Setup {
         };
         Ok(Self {
             start: m.reproduce.as_ref().context("section [reproduce]")?.hold_rad.clone(),
-            limits: ffid::preflight::joint_limits(&loaded.model, &m.limits),
+            limits: ffid::workflow::preflight::joint_limits(&loaded.model, &m.limits),
             params: Params::nominal(&loaded.model),
             noise,
             seed: options.seed,
@@ -246,7 +252,7 @@ fn quiet(s: &Setup, study: &mut Study, loud: &dyn JointMotion) -> anyhow::Result
 /// energy in the band of the panels against that of a random plan, of which a twenty-thousandth costs as much as one unit
 /// of `log det`.
 fn quiet_cost(s: &Setup, plan: &SplinePlan) -> anyhow::Result<CostSum> {
-    let modes = ffid::excitation::modal_response::driven_modes(s.model(), &s.params, &s.start, &s.noise)?;
+    let modes = excitation::system::driven_modes(s.model(), &s.params, &s.start, &s.noise)?;
     let response = RigidBase::new(s.model(), &s.params)?;
     let disturbance = Disturbance { response, modes, rate: s.noise.rate, duration: RECORD_S, emphasis: 3.0 };
     let band = Quiet { low: 0.2, high: 1.0, points: 200, weights: vec![1.0; plan.dof()] };

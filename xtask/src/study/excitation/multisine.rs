@@ -6,8 +6,8 @@
 //! and acceleration allow: each joint touches one of its limits.
 
 use crate::study::quintic::step;
-use ffid::dynamics::motion::JointMotion;
-use ffid::excitation::JointLimits;
+use excitation::JointLimits;
+use ff_dynamics::motion::JointMotion;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;

@@ -1,15 +1,15 @@
 //! What the true system makes of a motion: torques, base rates, modes, and the bias of a rigid fit.
 
 use anyhow::Context;
-use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{
-    Boundary, Mode, Prescribed, Response, Sampling, Wanted, modes, reduced_torques, simulate_reduced,
-};
-use ffid::excitation::modal_response::driven_modes;
-use ffid::excitation::{DrivenMode, SensorNoise};
-use ffid::ident::lm::Settings;
-use ffid::ident::{Noise, Rda, RecordBuilder, Request, estimate};
-use ffid::model::{Inertia, Model, Params};
+use excitation::SensorNoise;
+use excitation::objective::DrivenMode;
+use excitation::system::driven_modes;
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::{Boundary, Mode, Prescribed, Response, Sampling, Wanted, modes, reduced_torques, simulate_reduced};
+use ff_least_squares::Settings;
+use ff_model::{Inertia, Model, Params};
+use ff_records::RecordBuilder;
+use ident::{Noise, Rda, Request, estimate};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::f64::consts::TAU;
 
@@ -112,11 +112,11 @@ impl Swing {
         let driven = driven_modes(model, params, q, &noise)?;
         // Torque of a unit modal acceleration with the joints held: the torques of the accelerations of shape and base.
         let mut load = Vec::new();
-        let mut state = ffid::dynamics::State::zero(model);
+        let mut state = ff_dynamics::State::zero(model);
         state.q.copy_from_slice(q);
         state.eta.copy_from_slice(&rest);
         let mut h = DMatrix::zeros(model.nv(), model.nv());
-        ffid::dynamics::mass_matrix(model, params, &state, &mut ffid::dynamics::Work::new(model), &mut h);
+        ff_dynamics::mass_matrix(model, params, &state, &mut ff_dynamics::Work::new(model), &mut h);
         for m in &shapes {
             let mut a = DVector::zeros(model.nv());
             a.rows_mut(0, 6).copy_from(&m.base);

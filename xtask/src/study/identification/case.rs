@@ -3,15 +3,19 @@
 use super::shaken::Shaken;
 use crate::workspace;
 use anyhow::Context;
-use ffid::dynamics::motion::JointMotion;
-use ffid::dynamics::{Boundary, Channel, SensorSuite, SimOptions, Trace, modes};
-use ffid::excitation::planning::{InformationRequest, plan_information};
-use ffid::excitation::spline_plan::End;
-use ffid::excitation::{SensorNoise, SqpOptions};
-use ffid::ident::{Noise, Record, RecordBuilder, selection};
-use ffid::model::mission::{LoadOptions, Mission};
-use ffid::model::{Model, ParamDecl, Params};
+use excitation::End;
+use excitation::plan_information;
+use excitation::planning::InformationRequest;
+use excitation::{SensorNoise, SqpOptions};
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::sim::Channel;
+use ff_dynamics::{Boundary, SensorSuite, SimOptions, Trace, modes};
+use ff_mission::{LoadOptions, Mission};
+use ff_model::{Model, ParamDecl, Params};
+use ff_records::{Record, RecordBuilder};
 use ffid::sense::{from_rest, suite};
+use ident::Noise;
+use ident::parameters::selection;
 
 /// Integration step of the simulated truth (s).
 const STEP_S: f64 = 1e-3;
@@ -75,7 +79,7 @@ impl Case {
         let request = InformationRequest {
             start: m.reproduce.as_ref().context("section [reproduce]")?.hold_rad.clone(),
             end: End::Free,
-            limits: ffid::preflight::joint_limits(&model, &m.limits),
+            limits: ffid::workflow::preflight::joint_limits(&model, &m.limits),
             duration: seconds,
             control_points: if shaken { SHAKEN_POINTS } else { 10 },
             seed,

@@ -9,10 +9,11 @@ use super::case::{COMBINED, Case};
 use super::{fit, settings};
 use crate::study::{Op, Options, Study};
 use anyhow::Context;
-use ffid::dynamics::{Boundary, Trace, measure, modes};
-use ffid::ident::start::offset_start;
-use ffid::ident::{Estimate, Request};
-use ffid::model::{Inertia, Params};
+use ff_dynamics::{Boundary, Trace, measure, modes};
+use ff_model::{Inertia, Params};
+use ident::Request;
+use ident::estimate::Estimate;
+use ident::parameters::offset_start;
 use nalgebra::{DMatrix, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -103,7 +104,7 @@ fn one(case: &Case, fine: &Trace, seed: u64) -> anyhow::Result<Errors> {
     r.tau.column_iter_mut().zip(&torque_bias).for_each(|(mut c, b)| c.add_scalar_mut(*b));
     r.gyro.column_iter_mut().zip(&gyro_bias).for_each(|(mut c, b)| c.add_scalar_mut(*b));
     let record = case.record(SAMPLE_S).q(r.q).tau(r.tau).gyro(r.gyro).build()?.0;
-    let options = ffid::ident::Options {
+    let options = ident::Options {
         substeps: 1,
         gyro_bias: true,
         torque_bias: true,
@@ -139,7 +140,7 @@ fn errors(
         ("inertia", (i - i0).norm() / i0.norm()),
     ];
     let worst = |pattern: &str| {
-        let of = |p: &ffid::ident::Estimated| (p.value / case.true_value(&p.name) - 1.0).abs();
+        let of = |p: &ident::Estimated| (p.value / case.true_value(&p.name) - 1.0).abs();
         e.parameters.iter().filter(|p| p.name.contains(pattern)).map(of).fold(0.0, f64::max)
     };
     out.extend([("stiffness", worst(".k[")), ("damping", worst(".d["))]);
@@ -147,7 +148,7 @@ fn errors(
     let q = {
         let mut q = vec![0.0; case.model.nj()];
         let (mut qd, mut qdd) = (q.clone(), q.clone());
-        ffid::dynamics::motion::JointMotion::eval(&*case.motion, 0.0, &mut q, &mut qd, &mut qdd);
+        ff_dynamics::motion::JointMotion::eval(&*case.motion, 0.0, &mut q, &mut qd, &mut qdd);
         q
     };
     let at = |p: &Params<f64>| -> anyhow::Result<Vec<f64>> {

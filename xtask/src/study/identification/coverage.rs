@@ -8,9 +8,11 @@
 use super::case::{Case, FLEXIBLE, Kind, SLOSH};
 use super::settings;
 use crate::study::{Op, Options, Study};
-use ffid::dynamics::{Channel, SensorSuite, Trace, measure};
-use ffid::ident::start::offset_start;
-use ffid::ident::{Estimate, OutputError, Request, estimate};
+use ff_dynamics::sim::Channel;
+use ff_dynamics::{SensorSuite, Trace, measure};
+use ident::estimate::Estimate;
+use ident::parameters::offset_start;
+use ident::{OutputError, Request, estimate};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -99,6 +101,6 @@ fn one(case: &Case, trace: &Trace, seed: u64) -> anyhow::Result<Estimate> {
     let record = case.record(r.dt).q(r.q).tau(r.tau).gyro(r.gyro).build()?.0;
     let start = offset_start(&case.decls, case.truth.values(), &case.selected, 0.1, seed);
     let request = Request { settings: settings(), ..Request::new(&case.decls, &case.selected, &start) };
-    let o = ffid::ident::Options { substeps: 1, ..ffid::ident::Options::new(case.noise) };
+    let o = ident::Options { substeps: 1, ..ffid::ident::Options::new(case.noise) };
     Ok(estimate(&request, &mut OutputError::new(&case.model, &record, &o)?)?)
 }

@@ -1,5 +1,4 @@
 //! Studies of what is identified: `recovery`, `coverage`, `combined`.
-
 mod case;
 pub mod combined;
 pub mod coverage;
@@ -7,9 +6,11 @@ pub mod recovery;
 mod shaken;
 
 use case::Case;
-use ffid::ident::lm::Settings;
-use ffid::ident::staged::{Accept, Pass, estimate_staged};
-use ffid::ident::{self, OutputError, Record, Request};
+use ff_least_squares::Settings;
+use ff_records::Record;
+use ident;
+use ident::compose::{Accept, Pass, estimate_staged};
+use ident::{OutputError, Request};
 
 /// When a fit of these studies stops.
 fn settings() -> Settings {
@@ -26,7 +27,7 @@ fn fit(
     record: &Record,
     options: &ident::Options,
     request: &Request<'_>,
-) -> anyhow::Result<ident::Estimate> {
+) -> anyhow::Result<ident::estimate::Estimate> {
     let cut: Vec<Record> = BEGINNINGS_S.iter().map(|s| record.window(0.0, *s)).collect::<Result<_, _>>()?;
     let mut parts: Vec<OutputError<'_>> =
         cut.iter().map(|r| OutputError::new(&case.model, r, options)).collect::<Result<_, _>>()?;

@@ -9,8 +9,10 @@
 use super::case::{COMBINED, Case, FLEXIBLE, PAYLOAD, RIGID, SLOSH};
 use super::{fit, settings};
 use crate::study::{Op, Options, Study};
-use ffid::ident::start::offset_start;
-use ffid::ident::{Estimate, Rda, Record, Request, estimate};
+use ff_records::Record;
+use ident::estimate::Estimate;
+use ident::parameters::offset_start;
+use ident::{Rda, Request, estimate};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -71,7 +73,7 @@ fn one(case: &Case, record: &Record, seed: u64) -> anyhow::Result<(usize, f64, u
     let e: Estimate = if case.model.np() == 0 {
         estimate(&request, &mut Rda::new(&case.model, record, &case.noise)?)?
     } else {
-        let o = ffid::ident::Options { substeps: 1, ..ffid::ident::Options::new(case.noise) };
+        let o = ident::Options { substeps: 1, ..ffid::ident::Options::new(case.noise) };
         fit(case, record, &o, &request)?
     };
     let errors: Vec<f64> = case.selected.iter().map(|&i| e.values[i] - truth[i]).collect();

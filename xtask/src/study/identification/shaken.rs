@@ -7,8 +7,8 @@
 //! rest for the tones.
 
 use crate::study::quintic::step;
-use ffid::dynamics::bspline::BSplineMotion;
-use ffid::dynamics::motion::JointMotion;
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::motion::bspline::BSplineMotion;
 use std::f64::consts::TAU;
 
 /// Part of the plan.
@@ -79,7 +79,7 @@ impl JointMotion for Shaken {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ffid::dynamics::bspline::Knots;
+    use ff_dynamics::motion::bspline::Knots;
     use nalgebra::DMatrix;
 
     #[test]

@@ -1,0 +1,519 @@
+//! Base twist and passive states under a prescribed joint motion: the reduced system of identification.
+//!
+//! Position and attitude drop out (Galilean and rotational invariance in zero gravity), the arm comes from
+//! [`Prescribed`], and what is left is `z = [V 6 | eta m | nu m]`. The unknowns are `u = [a | al | nu']` with the
+//! classical acceleration `a = v' + w x v` of the base origin, and
+//!
+//! ```text
+//! 0 = m a + al x h + w x (w x h + 2 h.) + h..   + sum_ports f
+//! 0 = J al + h x a + w x J w + C w + L.         + sum_ports n
+//! 0 = M_eb A_h + M_ee nu' + h_e
+//! ```
+//!
+//! with base body and arm in `m`, `h`, `J` ([`crate::reduced::table`]); an appendage moves with its mount,
+//! `A_h = R^T (a + al x p + w x (w x p) + 2 w x p. + p..)`. Appendages are eliminated one by one
+//! (`condense.rs`). The result equals [`crate::tree::forward::hybrid_dynamics`] (`theory.md` 2; `docs/theory/derivatives.md`).
+
+use crate::reduced::table::{Arm, Frame, Prescribed, Site, products};
+use crate::tree::condense;
+use crate::work::buffers::PortWork;
+use ff_lanes::Kernel;
+use ff_model::scalar::lanes::{Isa, LaneTask, dispatch, dispatch_one, gather, splat};
+use ff_model::scalar::{LaneScalar, ModelScalar};
+use ff_model::spatial::vec3::{M3, Ten, V3};
+use ff_model::{BaseKind, Model, Motion, Params, PortMatrix, PortState};
+use nalgebra::DMatrix;
+
+/// Why the reduced system cannot be used or integrated.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ReducedError {
+    /// The base is fixed or gravity acts.
+    #[error("the reduced system needs a free-floating base and zero gravity; use the full dynamics")]
+    NotFreeFloating,
+    /// The mass matrix of base and passive coordinates is not positive definite.
+    #[error("at t = {t} s: the mass matrix of base and passive coordinates is not positive definite")]
+    Singular {
+        /// Time (s).
+        t: f64,
+    },
+    /// The state became NaN or infinite.
+    #[error("at t = {t} s: the state is no longer finite (step {step} s); check stiffness, damping and step")]
+    NotFinite {
+        /// Time (s).
+        t: f64,
+        /// Integration step (s).
+        step: f64,
+    },
+}
+
+/// Samples of the reduced system.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Response {
+    /// Joint torques (N m), `N x n`.
+    pub tau: DMatrix<f64>,
+    /// Base twist, base frame, linear first, `N x 6`; columns 3..6 are the gyro (rad/s).
+    pub twist: DMatrix<f64>,
+    /// Base acceleration, `N x 6`.
+    pub accel: DMatrix<f64>,
+    /// Passive coordinates, `N x m`.
+    pub eta: DMatrix<f64>,
+    /// Passive rates, `N x m`.
+    pub nu: DMatrix<f64>,
+}
+
+/// The reduced system at one parameter set, or one per lane.
+#[derive(Clone, Debug)]
+pub(crate) struct Reduced<'a, T: ModelScalar> {
+    pub(crate) model: &'a Model,
+    pub(crate) params: &'a Params<T>,
+    pub(crate) table: &'a Prescribed,
+    ports: Vec<PortWork<T>>,
+    frames: Vec<Frame<T>>,
+}
+
+/// Buffers of a [`Reduced`], to be used again with another table.
+#[derive(Clone, Debug)]
+pub(crate) struct Buffers<T: ModelScalar> {
+    ports: Vec<PortWork<T>>,
+    frames: Vec<Frame<T>>,
+}
+
+impl<T: ModelScalar> Buffers<T> {
+    pub(crate) fn new(model: &Model, table: &Prescribed) -> Self {
+        let ports = model.appendages();
+        let frames = table.sites[..ports.len()].iter().map(at_rest).collect();
+        Self { ports: ports.iter().map(PortWork::new).collect(), frames }
+    }
+}
+
+impl<'a, T: ModelScalar> Reduced<'a, T> {
+    pub(crate) fn new(model: &'a Model, params: &'a Params<T>, table: &'a Prescribed) -> Self {
+        Self::reuse(Buffers::new(model, table), model, params, table)
+    }
+    /// With the buffers of an earlier one of the same model; does not allocate.
+    pub(crate) fn reuse(b: Buffers<T>, model: &'a Model, params: &'a Params<T>, table: &'a Prescribed) -> Self {
+        Self { model, params, table, ports: b.ports, frames: b.frames }
+    }
+    /// Its buffers.
+    pub(crate) fn into_buffers(self) -> Buffers<T> {
+        Buffers { ports: self.ports, frames: self.frames }
+    }
+
+    /// `u = [a | al | nu']` at state `z` and a node.
+    ///
+    /// # Errors
+    /// The appendage whose mass matrix is not positive definite, or `None` for the base.
+    #[inline(always)]
+    pub(crate) fn accelerate(&mut self, node: usize, z: &[T], u: &mut [T]) -> Result<(), Option<usize>> {
+        let (model, table) = (self.model, self.table);
+        let m = model.np();
+        let z = &z[..6 + 2 * m];
+        let u = &mut u[..6 + m];
+        let arm: Arm<T> = table.arm(node);
+        let (v, w) = (V3::from_slice(z), V3::from_slice(&z[3..]));
+        let (mut c, mut f, mut n) = at_zero_acceleration(&Ten::from(self.params.body(0)), &arm, &w);
+        let still = V3::zero();
+        let field = M3::field(&w, &still);
+        for (k, (ap, p)) in model.appendages().iter().zip(&mut self.ports).enumerate() {
+            if let Site::Body(_, _, column) = table.sites[k] {
+                self.frames[k] = table.frame(column, node);
+            }
+            let frame = &self.frames[k];
+            let at = frame.carried(&w, &still, &still, &field);
+            let v = frame.velocity(&v, &w);
+            // Ports take the componentwise derivative of the twist.
+            let a = at.a - at.w.cross(&v);
+            let own = ap.coord_offset..ap.coord_offset + p.n;
+            let (eta, nu) = (&z[6 + own.start..6 + own.end], &z[6 + m + own.start..6 + m + own.end]);
+            let s = PortState { host: Motion { lin: v.into(), ang: at.w.into() }, eta, nu };
+            let mut mass = PortMatrix::over(p.n, &mut p.m);
+            T::port(&*ap.appendage).terms(self.params.appendage(model, k), &s, &mut mass, &mut p.h);
+            p.rest(&a, &at.al);
+            let (pf, pn) = frame.up(&V3::from_slice(&p.r), &V3::from_slice(&p.r[3..]));
+            f += pf;
+            n += pn;
+            c.add(&hung(frame, p));
+            for j in 0..p.n {
+                let (pf, pn) = p.mass().coupling(j);
+                p.g[j] = frame.up(&pf, &pn);
+            }
+        }
+        let (a, al) = condense::base_acceleration(&mut self.ports, &c, &f, &n)?;
+        a.write_to(u);
+        al.write_to(&mut u[3..]);
+        for (ap, p) in model.appendages().iter().zip(&self.ports) {
+            p.respond(Some((&a, &al)), &mut u[6 + ap.coord_offset..]);
+        }
+        Ok(())
+    }
+
+    /// Joint torques at a sample, after [`Reduced::accelerate`] at its node.
+    #[inline(always)]
+    pub(crate) fn torques(&self, sample: usize, z: &[T], u: &[T], tau: &mut [T]) {
+        let (w, a, al) = (V3::from_slice(&z[3..]), V3::from_slice(u), V3::from_slice(&u[3..]));
+        let ww = products(&w);
+        for (j, t) in tau.iter_mut().enumerate() {
+            *t = self.table.row(sample, j).form.value(&a, &al, &w, &ww);
+        }
+        for k in 0..self.ports.len() {
+            let host = self.model.appendages()[k].host;
+            if host > 0 {
+                let (f, n) = self.wrench(k, z, u);
+                let (f, n) = self.frames[k].up(&f, &n);
+                for &j in &self.table.above[host] {
+                    let r = self.table.row(sample, j);
+                    tau[j] += lift(&r.s).dot(&f) + lift(&r.u).dot(&n);
+                }
+            }
+        }
+    }
+
+    /// Power of the joint torques, `sum_j tau_j qd_j`, after [`Reduced::accelerate`] at this node.
+    #[inline(always)]
+    pub(crate) fn joint_power(&self, node: usize, z: &[T], u: &[T]) -> T {
+        let (w, a, al) = (V3::from_slice(&z[3..]), V3::from_slice(u), V3::from_slice(&u[3..]));
+        let mut power = self.table.power(node).value(&a, &al, &w, &products(&w));
+        for k in 0..self.ports.len() {
+            let frame = &self.frames[k];
+            if frame.moving {
+                let (f, n) = self.wrench(k, z, u);
+                power += f.dot(&frame.down(&frame.dp)) + n.dot(&frame.down(&frame.w));
+            }
+        }
+        power
+    }
+
+    /// Power that the dampers take out at rates `nu` (W).
+    #[inline(always)]
+    pub(crate) fn dissipated_power(&self, z: &[T]) -> T {
+        let nu = &z[6 + self.model.np()..];
+        let mut power = T::zero();
+        for (k, ap) in self.model.appendages().iter().enumerate() {
+            let own = &nu[ap.coord_offset..ap.coord_offset + ap.dim()];
+            power += T::port(&*ap.appendage).dissipated_power(self.params.appendage(self.model, k), own);
+        }
+        power
+    }
+
+    /// Wrench on the mount of port `k` in its axes, after [`Reduced::accelerate`].
+    #[inline(always)]
+    fn wrench(&self, k: usize, z: &[T], u: &[T]) -> (V3<T>, V3<T>) {
+        let (ap, p, frame) = (&self.model.appendages()[k], &self.ports[k], &self.frames[k]);
+        let (v, w) = (V3::from_slice(z), V3::from_slice(&z[3..]));
+        let (a, al) = (V3::from_slice(u), V3::from_slice(&u[3..]));
+        let at = frame.carried(&w, &al, &a, &M3::field(&w, &al));
+        let lin = at.a - at.w.cross(&frame.velocity(&v, &w));
+        let m = p.mass();
+        let (f, n) = m.host().momentum(&lin, &at.al);
+        let (mut f, mut n) = (f + V3::from_slice(&p.h), n + V3::from_slice(&p.h[3..]));
+        for (k, &x) in u[6 + ap.coord_offset..][..p.n].iter().enumerate() {
+            let (pf, pn) = m.coupling(k);
+            (f, n) = (pf.scale_add(x, &f), pn.scale_add(x, &n));
+        }
+        (f, n)
+    }
+}
+
+#[inline(always)]
+fn lift<T: ModelScalar>(v: &V3<f64>) -> V3<T> {
+    V3::new(T::from_f64(v.x), T::from_f64(v.y), T::from_f64(v.z))
+}
+
+/// A frame that never moves, or a place for one that does.
+pub(crate) fn at_rest<T: ModelScalar>(site: &Site) -> Frame<T> {
+    match site {
+        Site::Base(x) | Site::Body(_, x, _) => Frame::fixed(x),
+    }
+}
+
+/// Base body and arm together, and the wrench they ask for at angular velocity `w` without acceleration.
+#[inline(always)]
+pub(crate) fn at_zero_acceleration<T: ModelScalar>(base: &Ten<T>, arm: &Arm<T>, w: &V3<T>) -> (Ten<T>, V3<T>, V3<T>) {
+    let mut c = arm.ten;
+    c.add(base);
+    let f = w.cross_add(&w.cross_add(&c.h, &arm.dh2), &arm.ddh);
+    let n = w.cross_add(&c.i.mul(w), &arm.c.mul_add(w, &arm.dl));
+    (c, f, n)
+}
+
+/// The host block of a port as a body in base coordinates.
+#[inline(always)]
+pub(crate) fn hung<T: ModelScalar>(frame: &Frame<T>, p: &PortWork<T>) -> Ten<T> {
+    use ff_model::spatial::vec3::{Turn, turn};
+    match frame.pose.turn {
+        Turn::None => frame.pose.body_up::<{ turn::NONE }>(&p.mass().host()),
+        _ => frame.pose.body_up::<{ turn::ANY }>(&p.mass().host()),
+    }
+}
+
+/// Checks that the reduced system applies.
+pub(crate) fn check(model: &Model) -> Result<(), ReducedError> {
+    if model.base_kind() != BaseKind::Floating || model.gravity().norm() != 0.0 {
+        return Err(ReducedError::NotFreeFloating);
+    }
+    Ok(())
+}
+
+/// Nodes (in half steps) and weights of the classical Runge-Kutta method.
+pub(crate) const STAGE: [usize; 4] = [0, 1, 1, 2];
+pub(crate) const WEIGHT: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
+
+/// Integrates the reduced system from `z0 = [V 6 | eta m | nu m]` (classical RK4) and samples it.
+///
+/// Allocates the response and buffers once.
+///
+/// # Errors
+/// [`ReducedError`].
+///
+/// # Panics
+/// If `z0` has the wrong length.
+pub fn simulate_reduced(
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    z0: &[f64],
+) -> Result<Response, ReducedError> {
+    check(model)?;
+    assert_eq!(z0.len(), 6 + 2 * model.np(), "initial state");
+    dispatch_one(Single { model, params, table, z0 })
+}
+
+struct Single<'a> {
+    model: &'a Model,
+    params: &'a Params<f64>,
+    table: &'a Prescribed,
+    z0: &'a [f64],
+}
+
+impl LaneTask for Single<'_> {
+    type Output = Result<Response, ReducedError>;
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        let Self { model, params, table, z0 } = self;
+        let m = model.np();
+        let mut out = Response::new(table.samples, model.nj(), m);
+        let params = params.lift::<L>(model);
+        let mut sys = Reduced::new(model, &params, table);
+        let mut plain = vec![0.0; 12 + 3 * m + model.nj()];
+        integrate(&mut sys, &splat::<L>(z0), |i, z, u, tau| {
+            write_lane(&mut out, &mut plain, 0, (i, m), z, u, tau);
+        })?;
+        Ok(out)
+    }
+}
+
+/// Lane `lane` of a sample into `out`, through a buffer.
+#[inline(always)]
+fn write_lane<L: LaneScalar>(
+    out: &mut Response,
+    plain: &mut [f64],
+    lane: usize,
+    (i, m): (usize, usize),
+    z: &[L],
+    u: &[L],
+    tau: &[L],
+) {
+    let from = z.iter().chain(u).chain(tau);
+    plain.iter_mut().zip(from).for_each(|(x, y)| *x = y.lane(lane));
+    let (z, rest) = plain.split_at(6 + 2 * m);
+    let (u, tau) = rest.split_at(6 + m);
+    out.write(i, m, z, u, tau);
+}
+
+/// [`simulate_reduced`] for many parameter sets and initial states under one joint motion, as many at a time as the
+/// machine has lanes (eight with AVX-512, four otherwise).
+///
+/// The results are those of single runs to rounding (the lanes use fused multiply-adds). Sets that share their lanes
+/// with one that fails are run again alone, so that each gets its own result. Allocates results and buffers.
+///
+/// # Errors
+/// [`ReducedError::NotFreeFloating`]; what goes wrong with one set is in its own result.
+///
+/// # Panics
+/// If an initial state has the wrong length.
+pub fn simulate_reduced_batch(
+    model: &Model,
+    table: &Prescribed,
+    runs: &[(&Params<f64>, &[f64])],
+) -> Result<Vec<Result<Response, ReducedError>>, ReducedError> {
+    check(model)?;
+    for (_, z0) in runs {
+        assert_eq!(z0.len(), 6 + 2 * model.np(), "initial state");
+    }
+    Ok(dispatch(Isa::detect(), Batch { model, table, runs }))
+}
+
+struct Batch<'a> {
+    model: &'a Model,
+    table: &'a Prescribed,
+    runs: &'a [(&'a Params<f64>, &'a [f64])],
+}
+
+impl LaneTask for Batch<'_> {
+    type Output = Vec<Result<Response, ReducedError>>;
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) -> Self::Output {
+        let Self { model, table, runs } = self;
+        let (m, nj) = (model.np(), model.nj());
+        let mut all = Vec::with_capacity(runs.len());
+        for group in runs.chunks(L::N) {
+            let one = |&(p, z): &(&Params<f64>, &[f64])| simulate_reduced(model, p, table, z);
+            if group.len() == 1 {
+                all.extend(group.iter().map(one));
+                continue;
+            }
+            // A group that is not full repeats its last run.
+            let last = group.len() - 1;
+            let values: Vec<&[f64]> = (0..L::N).map(|l| group[l.min(last)].0.values()).collect();
+            let starts: Vec<&[f64]> = (0..L::N).map(|l| group[l.min(last)].1).collect();
+            let params = Params::from_values(model, (0..values[0].len()).map(|i| gather::<L>(&values, i)).collect());
+            let z0: Vec<L> = (0..starts[0].len()).map(|i| gather(&starts, i)).collect();
+            let mut out: Vec<Response> = group.iter().map(|_| Response::new(table.samples, nj, m)).collect();
+            let mut plain = vec![0.0; 12 + 3 * m + nj];
+            let mut sys = Reduced::<L>::new(model, &params, table);
+            let done = integrate(&mut sys, &z0, |i, z, u, tau| {
+                for (lane, out) in out.iter_mut().enumerate() {
+                    write_lane(out, &mut plain, lane, (i, m), z, u, tau);
+                }
+            });
+            match done {
+                Ok(()) => all.extend(out.into_iter().map(Ok)),
+                Err(_) => all.extend(group.iter().map(one)),
+            }
+        }
+        all
+    }
+}
+
+/// Classical RK4 over the table; `write(sample, z, u, tau)` at every sample.
+#[inline(always)]
+fn integrate<T: LaneScalar>(
+    sys: &mut Reduced<'_, T>,
+    z0: &[T],
+    write: impl FnMut(usize, &[T], &[T], &[T]),
+) -> Result<(), ReducedError> {
+    T::enter(Integrate { sys, z0, write })
+}
+
+struct Integrate<'a, 'b, T: LaneScalar, F> {
+    sys: &'a mut Reduced<'b, T>,
+    z0: &'a [T],
+    write: F,
+}
+
+impl<T: LaneScalar, F: FnMut(usize, &[T], &[T], &[T])> Kernel for Integrate<'_, '_, T, F> {
+    type Output = Result<(), ReducedError>;
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let Self { sys, z0, mut write } = self;
+        let table = sys.table;
+        let mut rk = Rk4::new(sys.model, z0);
+        let last = (table.samples - 1) * table.substeps;
+        // One call of `stage`: it is inlined, once per instruction set.
+        for step in 0..=last {
+            for stage in 0..4 {
+                let t = 0.5 * table.step * (2 * step + STAGE[stage]) as f64;
+                rk.stage(sys, step, stage).map_err(|_| ReducedError::Singular { t })?;
+                if stage == 0 && step % table.substeps == 0 {
+                    rk.sample(sys, step / table.substeps)?;
+                    write(step / table.substeps, &rk.zs, &rk.u, &rk.tau);
+                    if step == last {
+                        return Ok(());
+                    }
+                }
+                rk.rate(table.step, stage);
+            }
+            rk.finish();
+        }
+        Ok(())
+    }
+}
+
+/// One step of the classical Runge-Kutta method at a time, with its buffers.
+#[derive(Clone, Debug)]
+pub(crate) struct Rk4<T> {
+    m: usize,
+    /// State at the beginning of the step.
+    pub(crate) z: Vec<T>,
+    /// State and accelerations of the present stage, joint torques of the present sample.
+    pub(crate) zs: Vec<T>,
+    pub(crate) u: Vec<T>,
+    pub(crate) tau: Vec<T>,
+    k: Vec<T>,
+    sum: Vec<T>,
+}
+
+impl<T: ModelScalar> Rk4<T> {
+    pub(crate) fn new(model: &Model, z0: &[T]) -> Self {
+        let (m, o) = (model.np(), T::zero());
+        let z = z0.to_vec();
+        let (zs, k, sum) = (z.clone(), z.clone(), z.clone());
+        Self { m, z, zs, u: vec![o; 6 + m], tau: vec![o; model.nj()], k, sum }
+    }
+    /// Evaluates a stage of a step. Errors as [`Reduced::accelerate`].
+    #[inline(always)]
+    pub(crate) fn stage(&mut self, sys: &mut Reduced<'_, T>, step: usize, stage: usize) -> Result<(), Option<usize>> {
+        let node = 2 * step + STAGE[stage];
+        let h = sys.table.step;
+        let c = T::from_f64(0.5 * h * STAGE[stage] as f64);
+        for ((s, &z), &k) in self.zs.iter_mut().zip(&self.z).zip(&self.k) {
+            *s = if stage == 0 { z } else { c.mul_add(k, z) };
+        }
+        sys.accelerate(node, &self.zs, &mut self.u)
+    }
+    /// Joint torques at a sample, and whether the state is finite there; after its stage 0.
+    #[inline(always)]
+    pub(crate) fn sample(&mut self, sys: &Reduced<'_, T>, sample: usize) -> Result<(), ReducedError> {
+        sys.torques(sample, &self.zs, &self.u, &mut self.tau);
+        if self.zs.iter().all(|x| x.is_finite()) {
+            return Ok(());
+        }
+        Err(ReducedError::NotFinite { t: sample as f64 * sys.table.sample_s, step: sys.table.step })
+    }
+    /// Takes the rates of the present stage in.
+    #[inline(always)]
+    pub(crate) fn rate(&mut self, h: f64, stage: usize) {
+        let (m, weight) = (self.m, T::from_f64(WEIGHT[stage] * h));
+        let (v, w) = (V3::from_slice(&self.zs), V3::from_slice(&self.zs[3..]));
+        let mut lin = [T::zero(); 3];
+        (V3::from_slice(&self.u) - w.cross(&v)).write_to(&mut lin);
+        // `z' = [a - w x v | al | nu | nu']`.
+        let (k, sum) = (&mut self.k[..6 + 2 * m], &mut self.sum[..6 + 2 * m]);
+        let parts = [(0, &lin[..]), (3, &self.u[3..6]), (6, &self.zs[6 + m..6 + 2 * m]), (6 + m, &self.u[6..6 + m])];
+        for (at, x) in parts {
+            let places = k[at..at + x.len()].iter_mut().zip(&mut sum[at..at + x.len()]);
+            // Rates and their sums in one loop: of a copy alone the compiler makes a call.
+            for ((k, s), &x) in places.zip(x) {
+                *k = x;
+                *s = if stage == 0 { weight * x } else { weight.mul_add(x, *s) };
+            }
+        }
+    }
+    /// Ends the step.
+    #[inline(always)]
+    pub(crate) fn finish(&mut self) {
+        self.z.iter_mut().zip(&self.sum).for_each(|(z, &d)| *z += d);
+    }
+}
+
+impl Response {
+    pub(crate) fn new(samples: usize, nj: usize, m: usize) -> Self {
+        let z = |c| DMatrix::zeros(samples, c);
+        Self { tau: z(nj), twist: z(6), accel: z(6), eta: z(m), nu: z(m) }
+    }
+    pub(crate) fn write(&mut self, i: usize, m: usize, z: &[f64], u: &[f64], tau: &[f64]) {
+        let fill = |d: &mut DMatrix<f64>, x: &[f64]| x.iter().enumerate().for_each(|(k, &v)| d[(i, k)] = v);
+        fill(&mut self.tau, tau);
+        fill(&mut self.twist, &z[..6]);
+        let (v, w) = (V3::from_slice(z), V3::from_slice(&z[3..]));
+        let mut accel = [u[0], u[1], u[2], u[3], u[4], u[5]];
+        (V3::from_slice(u) - w.cross(&v)).write_to(&mut accel);
+        fill(&mut self.accel, &accel);
+        fill(&mut self.eta, &z[6..6 + m]);
+        fill(&mut self.nu, &z[6 + m..]);
+    }
+    /// Base rates (rad/s), `N x 3`.
+    pub fn gyro(&self) -> DMatrix<f64> {
+        self.twist.columns(3, 3).into_owned()
+    }
+}

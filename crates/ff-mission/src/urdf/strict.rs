@@ -1,0 +1,347 @@
+//! The strict reading: every element and attribute must be known, every token a number, every line kept.
+//!
+//! urdf-rs drops unknown elements and non-numeric tokens, so that a misspelt `<inertial>` is a massless link
+//! and `xyz="0,5 1 2 3"` is `[1, 2, 3]`. This pass refuses both and remembers where everything stands.
+
+use super::prescan::xacro;
+use super::raw::{RawInertial, RawJoint, RawLimit, RawLink, RawPose, RawRobot};
+use super::schema;
+use super::schema::Element;
+use crate::leniency::Leniency;
+use ff_model::diagnostics::{LineIndex, clip, list, nearest};
+use ff_model::{Area, Problem, Problems};
+use roxmltree::{Attribute, Document, Node, ParsingOptions};
+
+/// Most XML nodes of a file; 10,000 full links have about 400,000.
+const MAX_NODES: u32 = 2_000_000;
+
+/// Most problems listed; a file that is not a URDF at all would otherwise list every tag.
+const MAX_PROBLEMS: usize = 500;
+
+/// Reads a file; what cannot be read is left at zero or absent and has its problem recorded.
+pub(super) fn read(text: &str, leniency: &Leniency, out: &mut Problems) -> Option<RawRobot> {
+    let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
+    let doc = match Document::parse_with_options(text, options) {
+        Ok(d) => d,
+        Err(e) => {
+            out.push(syntax_error(text, &e));
+            return None;
+        }
+    };
+    let mut r = Reader { lines: LineIndex::new(text), leniency, refused: 0, out };
+    Some(r.robot(doc.root_element()))
+}
+
+/// A parse error of the XML itself.
+fn syntax_error(text: &str, e: &roxmltree::Error) -> Problem {
+    let whole = e.to_string();
+    let message = whole.split(" at ").next().unwrap_or(&whole).to_owned();
+    let pos = e.pos();
+    let (line, column) = match e {
+        // These carry no position: the file ended before its root element was closed.
+        roxmltree::Error::NoRootNode | roxmltree::Error::UnclosedRootNode => LineIndex::new(text).at(text.len()),
+        _ => (pos.row as usize, pos.col as usize),
+    };
+    match e {
+        roxmltree::Error::NodesLimitReached | roxmltree::Error::AttributesLimitReached => Problem::error(
+            Area::Model,
+            "Urdf::TooLarge",
+            format!("more than {MAX_NODES} XML nodes or attributes, the limit"),
+        )
+        .hint("split the robot"),
+        roxmltree::Error::DtdDetected => {
+            Problem::error(Area::Model, "Urdf::DtdForbidden", "document type declarations are refused")
+                .hint("remove the <!DOCTYPE ...> block")
+        }
+        _ => Problem::error(Area::Model, "Urdf::Syntax", clip(&message)).at(line, column).hint(
+            if text.trim().is_empty() {
+                "the file is empty; give a URDF"
+            } else {
+                "mend the XML; a file cut short ends like this"
+            },
+        ),
+    }
+}
+
+/// What the walk carries along.
+struct Reader<'t, 'p> {
+    lines: LineIndex<'t>,
+    leniency: &'p Leniency,
+    /// Errors so far that the user has not allowed.
+    refused: usize,
+    out: &'p mut Problems,
+}
+
+impl Reader<'_, '_> {
+    fn line(&self, n: Node<'_, '_>) -> usize {
+        self.lines.at(n.range().start).0
+    }
+    fn err(&mut self, offset: usize, object: &str, code: &'static str, message: String, hint: String) {
+        if !self.leniency.allows(code) {
+            self.refused += 1;
+        }
+        // Never drop the first error that refuses, however many allowed ones came before.
+        if self.out.0.len() >= MAX_PROBLEMS && self.refused > 1 {
+            return;
+        }
+        let (line, column) = self.lines.at(offset);
+        self.out.push(Problem::error(Area::Model, code, message).at(line, column).on(clip(object)).hint(hint));
+    }
+
+    /// Reports unknown attributes and child elements, and known ones given twice.
+    fn check(&mut self, n: Node<'_, '_>, e: &Element, object: &str) {
+        for a in n.attributes() {
+            if is_expression(a.value()) {
+                let (line, column) = self.lines.at(a.range_value().start);
+                self.refused += 1;
+                self.out
+                    .push(xacro(&format!("'{}' is a xacro expression", clip(a.value()))).at(line, column).on(object));
+            }
+            if a.name() == "quat_xyzw" && e.attributes.contains(&"rpy") {
+                // urdf-rs ignores it before version 1.1 and rounds it near a pitch of 90 degrees after.
+                self.err(
+                    a.range().start,
+                    object,
+                    "Urdf::Unsupported",
+                    "quat_xyzw is not supported".into(),
+                    "give the rotation as rpy=\"roll pitch yaw\" in rad".into(),
+                );
+            } else if !e.attributes.contains(&a.name()) {
+                let hint = match nearest(a.name(), e.attributes.iter().copied()) {
+                    Some(k) => format!("did you mean {k}?"),
+                    None => format!("known: {}", list(e.attributes.iter().copied(), 12)),
+                };
+                let what = format!("unknown attribute '{}' of <{}>", clip(a.name()), e.name);
+                self.err(a.range().start, object, "Urdf::UnknownAttribute", what, hint);
+            }
+        }
+        let mut seen: Vec<&str> = Vec::new();
+        for c in n.children().filter(Node::is_element) {
+            let name = c.tag_name().name();
+            if e.single.contains(&name) {
+                if seen.contains(&name) {
+                    self.err(
+                        c.range().start,
+                        object,
+                        "Urdf::DuplicateElement",
+                        format!("a second <{name}> in <{}>", e.name),
+                        "keep one of them".into(),
+                    );
+                }
+                seen.push(name);
+            } else if !e.many.contains(&name) {
+                let known = || e.single.iter().chain(e.many).copied();
+                let hint = match (schema::home_of(name), nearest(name, known())) {
+                    (_, Some(k)) => format!("did you mean <{k}>?"),
+                    (Some(home), None) => format!("<{name}> belongs in <{home}>"),
+                    (None, None) => format!("known here: {}", list(known(), 12)),
+                };
+                let what = format!("unknown element <{}> in <{}>", clip(name), e.name);
+                self.err(c.range().start, object, "Urdf::UnknownElement", what, hint);
+            }
+        }
+    }
+
+    fn robot(&mut self, n: Node<'_, '_>) -> RawRobot {
+        let mut r = RawRobot::default();
+        if n.tag_name().name() != "robot" {
+            let what = format!("the root element is <{}>, not <robot>", clip(n.tag_name().name()));
+            self.err(n.range().start, "file", "Urdf::UnknownElement", what, "give a URDF file".into());
+            return r;
+        }
+        self.check(n, &schema::ROBOT, "robot");
+        r.name = self.name(n, "robot");
+        for c in n.children().filter(Node::is_element) {
+            match c.tag_name().name() {
+                "link" => r.links.push(self.link(c)),
+                "joint" => r.joints.push(self.joint(c, n.attribute("version"))),
+                _ => {}
+            }
+        }
+        if r.links.is_empty() {
+            let hint = "a robot needs at least its base link".to_owned();
+            self.err(n.range().start, "robot", "Urdf::NoLinks", "there is no <link>".into(), hint);
+        }
+        r
+    }
+
+    /// The `name` attribute; absent or blank is an error.
+    fn name(&mut self, n: Node<'_, '_>, element: &str) -> String {
+        let name = self.required(n, "name", element).map_or("", |a| a.value());
+        if name.trim() != name {
+            let what = format!("name '{}' has blanks around it", clip(name));
+            self.err(n.range().start, element, "Urdf::BadName", what, "give a name without blanks around it".into());
+        }
+        name.to_owned()
+    }
+
+    fn link(&mut self, n: Node<'_, '_>) -> RawLink {
+        let before = self.refused;
+        let name = self.name(n, "link");
+        let object = format!("link {name}");
+        self.check(n, &schema::LINK, &object);
+        let inertial = child(n, "inertial").map(|c| (self.inertial(c, &object), self.line(c)));
+        RawLink { line: self.line(n), name, inertial, unsure: self.refused > before }
+    }
+
+    fn inertial(&mut self, n: Node<'_, '_>, object: &str) -> RawInertial {
+        self.check(n, &schema::INERTIAL, object);
+        let origin = self.pose(n, object);
+        let mut mass = 0.0;
+        if let Some(m) = self.required_child(n, "mass", object) {
+            self.check(m, &schema::MASS, object);
+            mass = self.required_number(m, "value", object);
+        }
+        let mut inertia = [0.0; 6];
+        if let Some(i) = self.required_child(n, "inertia", object) {
+            self.check(i, &schema::INERTIA, object);
+            for (slot, name) in inertia.iter_mut().zip(schema::INERTIA.attributes) {
+                *slot = self.required_number(i, name, object);
+            }
+        }
+        RawInertial { origin, mass, inertia }
+    }
+
+    fn joint(&mut self, n: Node<'_, '_>, version: Option<&str>) -> RawJoint {
+        let name = self.name(n, "joint");
+        let object = format!("joint {name}");
+        self.check(n, &schema::JOINT, &object);
+        let kind = self.required(n, "type", &object).map_or("", |a| a.value()).to_owned();
+        let line = self.line(n);
+        let end = |r: &mut Self, which: &'static str, e: &Element| match r.required_child(n, which, &object) {
+            Some(c) => {
+                r.check(c, e, &object);
+                let link = r.required(c, "link", &object).map_or("", |a| a.value()).to_owned();
+                (link, r.line(c))
+            }
+            None => (String::new(), line),
+        };
+        let parent = end(self, "parent", &schema::PARENT);
+        let child_link = end(self, "child", &schema::CHILD);
+        let axis = match child(n, "axis") {
+            Some(a) => {
+                self.check(a, &schema::AXIS, &object);
+                let xyz = self.required(a, "xyz", &object).map(|x| self.numbers(x, &object));
+                (xyz.flatten().unwrap_or([1.0, 0.0, 0.0]), self.line(a))
+            }
+            None => ([1.0, 0.0, 0.0], line),
+        };
+        let limit = child(n, "limit").map(|l| self.limit(l, &object, version));
+        for e in [&schema::DYNAMICS, &schema::CALIBRATION, &schema::SAFETY] {
+            if let Some(c) = child(n, e.name) {
+                self.check(c, e, &object);
+                for a in c.attributes().filter(|a| e.attributes.contains(&a.name())) {
+                    let x: Option<[f64; 1]> = self.numbers(a, &object);
+                    if e.name == "dynamics" && x.is_some_and(|[x]| x != 0.0) {
+                        let (line, column) = self.lines.at(a.range().start);
+                        let what = format!("joint {} {} is not modelled", a.name(), clip(a.value()));
+                        self.out.push(
+                            Problem::warning(Area::Model, "Urdf::Ignored", what)
+                                .at(line, column)
+                                .on(object.as_str())
+                                .hint("torques are taken to be measured after the gear, where friction does not show"),
+                        );
+                    }
+                }
+            }
+        }
+        if let Some(m) = child(n, "mimic") {
+            let hint = "drive the joint itself, or make it fixed".to_owned();
+            self.err(m.range().start, &object, "Urdf::Unsupported", "<mimic> is not supported".into(), hint);
+        }
+        let origin_line = child(n, "origin").map_or(line, |o| self.line(o));
+        let origin = self.pose(n, &object);
+        RawJoint { name, line, kind, origin, origin_line, parent, child: child_link, axis, limit }
+    }
+
+    fn limit(&mut self, n: Node<'_, '_>, object: &str, version: Option<&str>) -> RawLimit {
+        self.check(n, &schema::LIMIT, object);
+        // Up to URDF 1.1 `velocity` is required; from 1.2 on an absent limit is no limit.
+        if !matches!(version, Some("1.2")) {
+            self.required(n, "velocity", object);
+        }
+        let mut get = |name| n.attribute_node(name).and_then(|a| self.numbers(a, object)).map(|[x]| x);
+        let (lower, upper, velocity, effort) = (get("lower"), get("upper"), get("velocity"), get("effort"));
+        for name in ["acceleration", "deceleration", "jerk"] {
+            get(name);
+        }
+        RawLimit { line: self.line(n), lower, upper, velocity, effort }
+    }
+
+    /// The optional `<origin>` of an element.
+    fn pose(&mut self, n: Node<'_, '_>, object: &str) -> RawPose {
+        let Some(o) = child(n, "origin") else { return RawPose::default() };
+        self.check(o, &schema::ORIGIN, object);
+        let mut get = |name| o.attribute_node(name).and_then(|a| self.numbers(a, object)).unwrap_or_default();
+        RawPose { xyz: get("xyz"), rpy: get("rpy") }
+    }
+
+    /// An attribute that must be there and hold something.
+    fn required<'a, 'i>(&mut self, n: Node<'a, 'i>, name: &'static str, object: &str) -> Option<Attribute<'a, 'i>> {
+        let a = n.attribute_node(name).filter(|a| !a.value().is_empty());
+        if a.is_none() {
+            let how = if n.has_attribute(name) { "an empty" } else { "no" };
+            let what = format!("<{}> has {how} attribute {name}", n.tag_name().name());
+            self.err(n.range().start, object, "Urdf::MissingAttribute", what, format!("give {name}=\"...\""));
+        }
+        a
+    }
+    fn required_child<'a, 'i>(&mut self, n: Node<'a, 'i>, name: &'static str, object: &str) -> Option<Node<'a, 'i>> {
+        let c = child(n, name);
+        if c.is_none() {
+            let what = format!("<{}> has no <{name}>", n.tag_name().name());
+            self.err(n.range().start, object, "Urdf::MissingElement", what, format!("add <{name} .../>"));
+        }
+        c
+    }
+    fn required_number(&mut self, n: Node<'_, '_>, name: &'static str, object: &str) -> f64 {
+        self.required(n, name, object).and_then(|a| self.numbers(a, object)).map_or(0.0, |[x]| x)
+    }
+
+    /// Exactly `N` finite numbers; every token that is not one is reported.
+    fn numbers<const N: usize>(&mut self, a: Attribute<'_, '_>, object: &str) -> Option<[f64; N]> {
+        if is_expression(a.value()) {
+            return None; // reported by `check`
+        }
+        let (mut out, mut found, mut good) = ([0.0; N], 0, true);
+        let at = a.range_value().start;
+        for token in a.value().split_whitespace() {
+            match token.parse::<f64>() {
+                Ok(x) if x.is_finite() => {
+                    if let Some(slot) = out.get_mut(found) {
+                        *slot = x;
+                    }
+                }
+                Ok(_) => {
+                    good = false;
+                    let what = format!("{} = {} is not finite", a.name(), clip(token));
+                    self.err(at, object, "Urdf::NotFinite", what, "give a finite number in SI units".into());
+                }
+                Err(_) => {
+                    good = false;
+                    let what = format!("'{}' in {}=\"{}\" is not a number", clip(token), a.name(), clip(a.value()));
+                    let hint =
+                        if token.contains(',') { "write a decimal point, not a comma" } else { "remove or mend it" };
+                    self.err(at, object, "Urdf::BadNumber", what, hint.into());
+                }
+            }
+            found += 1;
+        }
+        if found != N && good {
+            good = false;
+            let what = format!("{}=\"{}\" holds {found} numbers, expected {N}", a.name(), clip(a.value()));
+            self.err(at, object, "Urdf::BadNumber", what, format!("give {N} numbers separated by blanks"));
+        }
+        good.then_some(out)
+    }
+}
+
+/// The first child element of a name.
+fn child<'a, 'i>(n: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
+    n.children().find(|c| c.is_element() && c.tag_name().name() == name)
+}
+
+/// True for what xacro would compute.
+fn is_expression(value: &str) -> bool {
+    value.contains("${") || value.contains("$(")
+}

@@ -1,0 +1,117 @@
+use crate::builder::*;
+use approx::assert_relative_eq;
+
+const N: usize = 400;
+
+fn wave(n: usize, k: f64) -> DMatrix<f64> {
+    DMatrix::from_fn(N, n, |i, j| 0.3 + (k * i as f64 + 0.7 * j as f64).sin())
+}
+fn good() -> RecordBuilder {
+    RecordBuilder::new(["a", "b"]).uniform(3.0, 100.0).q(wave(2, 0.01)).tau(wave(2, 0.023)).gyro(wave(3, 0.017))
+}
+fn code_of(b: RecordBuilder) -> &'static str {
+    let p = b.build().unwrap_err();
+    assert_eq!(p.exit_code(), 12, "{p}");
+    p.0[0].code
+}
+
+#[test]
+fn a_good_record_passes_and_is_cut_by_time() {
+    let (r, w) = good().build().unwrap();
+    assert!(w.0.is_empty());
+    assert_relative_eq!(r.seconds(), 4.0, max_relative = 1e-12);
+    let c = r.window(0.5, 1.25).unwrap();
+    assert_eq!((c.samples(), c.joints()), (75, 2));
+    assert_eq!(c.tau()[(3, 1)], r.tau()[(53, 1)]);
+    assert_relative_eq!(c.t0(), 3.5);
+    assert_eq!(r.window(0.5, 0.505).unwrap_err().exit_code(), 12);
+    assert!(r.window(f64::NAN, 1.0).is_err() && r.window(2.0, 1.0).is_err());
+    assert_eq!((r.responses().ncols(), &r.response_names()[1][..]), (5, "tau.b"));
+    assert!(r.check_joints(&["a".into(), "b".into()]).is_ok());
+    assert!(r.check_joints(&["a".into(), "c".into()]).unwrap_err().to_string().contains("missing [\"c\"]"));
+    assert!(r.check_joints(&["b".into(), "a".into()]).unwrap_err().to_string().contains("another order"));
+}
+
+#[test]
+fn each_defect_has_its_code() {
+    let none = DMatrix::zeros(0, 2);
+    assert_eq!(code_of(good().q(none)), "Data::NoSamples");
+    assert_eq!(code_of(good().need_samples(500)), "Data::TooShort");
+    assert_eq!(code_of(good().gyro(wave(2, 0.1))), "Data::Shape");
+    assert_eq!(code_of(RecordBuilder::new(["a"]).uniform(0.0, 10.0)), "Data::Missing");
+    assert_eq!(code_of(RecordBuilder::new(["a", "a"])), "Data::DuplicateName");
+    assert_eq!(code_of(good().uniform(0.0, 0.1)), "Data::TimeScale");
+    assert_eq!(code_of(good().uniform(0.0, 0.0)), "Data::TimeScale");
+    let mut tau = wave(2, 0.023);
+    tau[(17, 1)] = f64::NAN;
+    let p = good().tau(tau).build().unwrap_err();
+    assert!(p.to_string().contains("tau: column 1 row 17 is NaN"), "{p}");
+    let mut dead = wave(3, 0.017);
+    dead.column_mut(2).fill(0.25);
+    assert_eq!(code_of(good().gyro(dead.clone())), "Data::Stuck");
+    let (_, w) = good().gyro(dead).allow("Data::Stuck").build().unwrap();
+    assert!(w.has("Data::Stuck") && !w.has_errors());
+    let rate = DMatrix::from_fn(N, 2, |i, j| (0.01 * i as f64 + 0.7 * j as f64).cos());
+    assert!(good().qd(rate.clone()).build().unwrap().1.0.is_empty());
+    assert_eq!(code_of(good().qd(rate.clone()).q(wave(2, 0.01) * 57.3)), "Data::LooksLikeDegrees");
+    assert_eq!(code_of(good().qd(rate * 57.3)), "Data::LooksLikeDegrees");
+}
+
+#[test]
+fn all_problems_come_at_once() {
+    let mut gyro = wave(3, 0.017);
+    gyro[(1, 1)] = f64::INFINITY;
+    let p = good().gyro(gyro).tau(wave(1, 0.2)).need_samples(1000).build().unwrap_err();
+    for code in ["Data::TooShort", "Data::Shape", "Data::NotFinite"] {
+        assert!(p.has(code), "{p}");
+    }
+}
+
+#[test]
+fn clocks_are_uniform_or_refused() {
+    let clean: Vec<f64> = (0..N).map(|i| 7.3 + 0.01 * i as f64).collect();
+    assert_relative_eq!(good().stamps(clean.clone()).build().unwrap().0.rate_hz(), 100.0, max_relative = 1e-9);
+    let mut back = clean.clone();
+    back[40] = back[39];
+    assert_eq!(code_of(good().stamps(back)), "Data::NonMonotone");
+    assert_eq!(code_of(good().stamps(clean.iter().map(|t| t * 1e3).collect())), "Data::TimeScale");
+    assert_eq!(code_of(good().stamps(clean[1..].to_vec())), "Data::Shape");
+    let jitter: Vec<f64> = clean.iter().enumerate().map(|(i, t)| t + 0.003 * (1.3 * i as f64).sin()).collect();
+    assert_eq!(code_of(good().stamps(jitter.clone())), "Data::Jitter");
+    let wave_at = |t: &[f64]| DMatrix::from_fn(N, 2, |i, j| (2.0 * (t[i] - t[0]) + 0.7 * j as f64).sin());
+    let (r, w) = good().stamps(jitter.clone()).q(wave_at(&jitter)).resample(true).build().unwrap();
+    assert!(w.has("Data::Resampled"));
+    assert_relative_eq!(r.q()[(200, 1)], (2.0 * r.time(200) + 0.7).sin(), epsilon = 5e-4);
+    let gap: Vec<f64> = clean.iter().enumerate().map(|(i, t)| t + if i >= 100 { 0.02 } else { 0.0 }).collect();
+    assert_eq!(code_of(good().stamps(gap.clone())), "Data::Gap");
+    let (r, w) = good().stamps(gap).resample(true).build().unwrap();
+    assert_eq!((r.samples(), w.has("Data::Gap")), (N + 2, true));
+    let hole: Vec<f64> = clean.iter().enumerate().map(|(i, t)| t + if i >= 100 { 0.2 } else { 0.0 }).collect();
+    assert_eq!(code_of(good().stamps(hole).resample(true)), "Data::Gap");
+}
+
+#[test]
+fn attitude_signs_are_made_continuous() {
+    let att = DMatrix::from_fn(N, 4, |i, k| {
+        let a = 0.004 * i as f64 + 0.2;
+        let sign = if i % 7 == 3 { -1.0 } else { 1.0 };
+        sign * [a.cos(), 0.6 * a.sin(), 0.8 * a.sin(), 0.0][k]
+    });
+    let (r, _) = good().att(att.clone()).build().unwrap();
+    let a = r.att().unwrap();
+    assert!((1..N).all(|i| a.row(i).dot(&a.row(i - 1)) > 0.99));
+    assert_eq!(code_of(good().att(att * 1.01)), "Data::Quaternion");
+}
+
+#[test]
+fn a_record_on_the_ground_needs_no_gyro() {
+    let bolted = || RecordBuilder::new(["a", "b"]).uniform(3.0, 100.0).q(wave(2, 0.01)).tau(wave(2, 0.023));
+    assert_eq!(code_of(bolted()), "Data::Missing");
+    let (r, w) = bolted().fixed_base().build().unwrap();
+    assert!(w.0.is_empty() && r.is_fixed_base() && r.window(0.5, 1.0).unwrap().is_fixed_base());
+    assert_eq!((r.gyro().shape(), r.gyro().amax()), ((N, 3), 0.0));
+    // One that is given is kept and checked.
+    assert_eq!(bolted().fixed_base().gyro(wave(3, 0.017)).build().unwrap().0.gyro(), &wave(3, 0.017));
+    assert_eq!(code_of(bolted().fixed_base().gyro(wave(2, 0.017))), "Data::Shape");
+    assert!(!good().build().unwrap().0.is_fixed_base());
+}

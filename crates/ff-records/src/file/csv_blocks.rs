@@ -1,0 +1,118 @@
+//! CSV text in blocks, for conversion: numbers as they are, no column is left out.
+
+use super::blocks::{BLOCK, Block, Blocks, Stamps};
+use super::columns::time_column;
+use super::read::{BUFFER, Lines, header};
+use super::{data, number};
+use ff_model::diagnostics::clip;
+use ff_model::{Problem, Problems};
+use std::fs::File;
+use std::io::BufReader;
+
+/// Whole stamps beyond this are kept whole: as floating-point numbers they would lose digits.
+const WHOLE: u64 = 1 << 50;
+
+pub(super) struct CsvBlocks {
+    lines: Lines<BufReader<File>>,
+    names: Vec<String>,
+    time: usize,
+    wanted: Vec<bool>,
+    /// Whether stamps are whole, once the first is read.
+    whole: Option<bool>,
+}
+
+impl CsvBlocks {
+    pub(super) fn new(file: File, limit: u64) -> Result<Self, Problems> {
+        let mut lines = Lines::new(BufReader::with_capacity(BUFFER, file), limit);
+        let mut bad = Problems::default();
+        let Some(names) = header(&mut lines, &mut bad) else { return Err(bad) };
+        let time = time_column(&names).map_err(|p| Problems(vec![(*p).at_line(1)]))?;
+        let wanted = vec![true; names.len()];
+        Ok(Self { lines, names, time, wanted, whole: None })
+    }
+    /// One line into the block.
+    fn take(&mut self, out: &mut Block) -> Result<(), Problems> {
+        let (line, at) = (&self.lines.line, self.lines.number);
+        let quoted = line.contains(&b'"').then(|| super::read::cells(line)).flatten();
+        let (mut start, mut k) = (0, 0);
+        loop {
+            let (value, cell) = match &quoted {
+                Some(cells) => (None, cells.get(k).unwrap_or_default()),
+                None => {
+                    let rest = &line[start.min(line.len())..];
+                    let (value, len) = number::cell(rest);
+                    (value, &rest[..len])
+                }
+            };
+            let bad = |code, what: String| {
+                let p = data(code, what).at(at, start + 1);
+                Err(Problems(vec![p.hint("write numbers with a decimal point and nothing else")]))
+            };
+            if k == self.time {
+                let whole = number::whole(cell);
+                let keep = *self.whole.get_or_insert(whole.is_some_and(|w| w.unsigned_abs() > WHOLE));
+                if out.rows() == 0 {
+                    out.stamps = if keep { Stamps::Whole(Vec::new()) } else { Stamps::Real(Vec::new()) };
+                }
+                match (&mut out.stamps, whole, value.or_else(|| number::parse(cell))) {
+                    (Stamps::Whole(v), Some(w), _) => v.push(w),
+                    (Stamps::Real(v), _, Some(x)) => v.push(x),
+                    _ => {
+                        return bad(
+                            "Data::BadNumber",
+                            format!("'{}' is no time", clip(&String::from_utf8_lossy(cell))),
+                        );
+                    }
+                }
+            } else if self.wanted.get(k) == Some(&true) {
+                match value.or_else(|| number::parse(cell)) {
+                    Some(x) => out.columns[k].push(x),
+                    None if cell.trim_ascii().is_empty() => out.columns[k].push(f64::NAN),
+                    None => {
+                        let what = format!("'{}' is not a number", clip(&String::from_utf8_lossy(cell)));
+                        return bad("Data::BadNumber", what);
+                    }
+                }
+            }
+            k += 1;
+            start += cell.len() + 1;
+            let more = match &quoted {
+                Some(cells) => k < cells.len(),
+                None => start <= line.len(),
+            };
+            if !more {
+                break;
+            }
+        }
+        if k == self.names.len() {
+            return Ok(());
+        }
+        let what = format!("{k} cells, the line of names has {}", self.names.len());
+        let p = data("Data::RowLength", what).at_line(at);
+        Err(Problems(vec![p.hint("the line may be cut short; write the file again")]))
+    }
+}
+
+impl Blocks for CsvBlocks {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+    fn want(&mut self, wanted: &[bool]) {
+        self.wanted = wanted.to_vec();
+    }
+    fn next(&mut self, out: &mut Block) -> Result<bool, Problems> {
+        out.clear();
+        let one = |p: Problem| Problems(vec![p]);
+        while out.rows() < BLOCK && self.lines.sample().map_err(|p| one(*p))? {
+            self.take(out)?;
+        }
+        // Asked for once more at the end of the file, when all its rows are out.
+        if let Some(p) = self.lines.cut_short().filter(|_| out.rows() == 0) {
+            return Err(one(p));
+        }
+        Ok(out.rows() > 0)
+    }
+    fn bytes(&self) -> u64 {
+        self.lines.bytes
+    }
+}

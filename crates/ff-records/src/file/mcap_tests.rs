@@ -1,0 +1,141 @@
+//! ROS 2 bags of another writer (`mcap-ros2-support`, `fixtures/records/make.py`), and damaged ones.
+
+use crate::file::mcap::*;
+use std::path::PathBuf;
+
+const N: usize = 300;
+const T0: i64 = 1_700_000_000_123_456_789;
+
+fn fixture(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/records").join(name)
+}
+fn joints() -> Vec<JointColumn> {
+    ["elbow", "shoulder"].map(|n| JointColumn { name: n.into(), slides: false }).to_vec()
+}
+fn value(i: usize, k: usize) -> f64 {
+    (0.05 * i as f64 + 0.7 * k as f64).sin() / (1.0 + 0.3 * k as f64) + 0.01 * k as f64
+}
+fn file(bytes: &[u8]) -> tempfile::NamedTempFile {
+    let f = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(f.path(), bytes).unwrap();
+    f
+}
+
+#[test]
+fn bags_are_read_on_the_clock_of_the_joints() {
+    // Base samples at the same instants every second time, or never; their last one is before the last joint state.
+    for (name, exact) in [("zstd.mcap", 150), ("lz4.mcap", 0)] {
+        let l = read(&fixture(name), &joints(), &ReadOptions::default()).unwrap();
+        let (r, text) = (&l.record, l.warnings.to_string());
+        let rows = r.samples();
+        assert_eq!(rows, N - 1);
+        assert!((r.dt() - 0.01).abs() < 1e-9 && (r.t0() - T0 as f64 * 1e-9).abs() < 1e-6, "{}", r.t0());
+        assert!(r.qd().is_none() && r.acc().is_none() && r.att().is_some());
+        for i in 0..rows {
+            // The order of the model, whatever that of a message.
+            assert_eq!((r.q()[(i, 1)], r.q()[(i, 0)]), (value(i, 0), value(i, 1)));
+            assert_eq!((r.tau()[(i, 1)], r.tau()[(i, 0)]), (value(i, 2), value(i, 3)));
+            let t = 0.01 * i as f64;
+            for j in 0..3 {
+                // Linear in time, so that interpolation is exact.
+                let want = 0.1 + (0.02 + 0.01 * j as f64) * t;
+                assert!((r.gyro()[(i, j)] - want).abs() < 1e-12, "{name} {i}: {}", r.gyro()[(i, j)]);
+            }
+            let q = r.att().unwrap().row(i);
+            let (s, c) = (0.1 * t).sin_cos();
+            let off: f64 = [c, 0.6 * s, 0.8 * s, 0.0].iter().zip(q.iter()).map(|(a, b)| a * b).sum();
+            // The sign alternates in the bag; between two attitudes 0.8 mrad apart the chord is as good as the arc.
+            assert!((off.abs() - 1.0).abs() < 1e-9, "{name} {i}: {q}");
+        }
+        assert!(text.contains("/bus/imu") && text.contains("/arm/joint_states"), "{text}");
+        assert!(text.contains("up to 0.004000 s apart (median interval 0.004000 s)"), "{text}");
+        assert!(text.contains(&format!(": {exact} at stamps of their own")), "{text}");
+        assert!(text.contains(&format!("{} joint states outside left out", N - rows)), "{text}");
+    }
+}
+
+#[test]
+fn d36_topics_are_found_chosen_and_listed() {
+    let bag = fixture("two_arms.mcap");
+    // The one that has the joints of the robot.
+    let l = read(&bag, &joints(), &ReadOptions::default()).unwrap();
+    assert!(l.record.samples() > 50);
+    // Without a robot there is no telling.
+    let p = open(&bag, &[], &ReadOptions::default()).map(|_| ()).unwrap_err();
+    assert!(p.has("Data::Topics") && p.exit_code() == 12, "{p}");
+    let text = p.to_string();
+    assert!(
+        ["/arm/joint_states", "/other/joint_states", "/log (std_msgs/msg/String)", "--topic"]
+            .iter()
+            .all(|s| text.contains(s)),
+        "{text}"
+    );
+    let options =
+        ReadOptions { topics: vec!["/other/joint_states".into()], slides: vec!["other".into()], ..Default::default() };
+    let (format, source) = open(&bag, &[], &options).unwrap();
+    assert_eq!(
+        (format, &source.names()[..3]),
+        (Format::Mcap, &["time[ns]", "q.other[m]", "tau.other[N]"].map(String::from)[..])
+    );
+    // Joints of another robot.
+    let other = [JointColumn { name: "wrist".into(), slides: false }];
+    let one = ReadOptions { topics: vec!["/arm/joint_states".into()], ..Default::default() };
+    assert!(read(&bag, &other, &one).unwrap_err().has("Data::NameMismatch"));
+}
+
+#[test]
+fn d35_truncated_bags_are_refused_or_read_to_the_last_complete_chunk() {
+    let good = std::fs::read(fixture("zstd.mcap")).unwrap();
+    let cut = file(&good[..good.len() * 2 / 3]);
+    let p = read(cut.path(), &joints(), &ReadOptions::default()).unwrap_err();
+    assert!(p.has("Data::MaybeTruncated") && p.exit_code() == 12, "{p}");
+    assert!(p.to_string().contains("byte ") && p.to_string().contains("--allow maybe-truncated"), "{p}");
+    let options = ReadOptions { allow: vec!["Data::MaybeTruncated".into()], ..Default::default() };
+    let l = read(cut.path(), &joints(), &options).unwrap();
+    assert!((150..290).contains(&l.record.samples()), "{}", l.record.samples());
+    assert!(l.warnings.has("Data::MaybeTruncated"));
+    assert_eq!(l.record.q()[(100, 1)], value(100, 0));
+}
+
+#[test]
+fn d35_lengths_that_cannot_be_are_refused_before_memory_is_taken() {
+    let good = std::fs::read(fixture("lz4.mcap")).unwrap();
+    // The first chunk, found by walking the records.
+    let mut at = 8;
+    while good[at] != 0x06 {
+        at += 9 + u64::from_le_bytes(*good[at + 1..].first_chunk().unwrap()) as usize;
+    }
+    let with = |offset: usize, bytes: &[u8]| {
+        let mut b = good.clone();
+        b[at + offset..at + offset + bytes.len()].copy_from_slice(bytes);
+        read(file(&b).path(), &joints(), &ReadOptions::default()).unwrap_err()
+    };
+    let huge = u64::MAX.to_le_bytes();
+    // Length of the record, size when unpacked, checksum, compression, length of the packed records.
+    assert!(with(1, &huge).has("Data::Mcap"), "{}", with(1, &huge));
+    assert!(with(9 + 16, &huge).has("Data::TooLarge"), "{}", with(9 + 16, &huge));
+    assert!(with(9 + 16, &[7, 7]).to_string().contains("bytes that should have"), "{}", with(9 + 16, &[7, 7]));
+    assert!(with(9 + 24, &[1]).to_string().contains("wrong checksum"), "{}", with(9 + 24, &[1]));
+    assert!(with(9 + 32, b"zzz").to_string().contains("compressed by 'zzz'"), "{}", with(9 + 32, b"zzz"));
+    assert!(with(9 + 35, &huge).has("Data::Mcap"), "{}", with(9 + 35, &huge));
+}
+
+#[test]
+fn no_damage_makes_it_panic() {
+    for name in ["zstd.mcap", "two_arms.mcap"] {
+        let good = std::fs::read(fixture(name)).unwrap();
+        let mut bytes = good.clone();
+        let mut seed = 0x2545_f491_4f6c_dd1d_u64;
+        for k in 0..600 {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            // Uncompressed, every byte is structure or number; most changes near the start, where the topics are.
+            let at = 8 + (seed >> 20) as usize % if k % 2 == 0 { 3000 } else { good.len() - 8 };
+            bytes[at] = (seed >> 50) as u8;
+            let options = ReadOptions { allow: vec!["Data::MaybeTruncated".into()], ..Default::default() };
+            if let Err(p) = read(file(&bytes).path(), &joints(), &options) {
+                assert!(p.has_errors(), "{p}");
+            }
+            bytes[at] = good[at];
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! Records in files: one `name[unit]` column per channel, one row per sample; as CSV, and with features `parquet` and `mcap` as
+//! Parquet and as ROS 2 bags.
+//!
+//! ```text
+//! time[s],q.joint1[rad],dq.joint1[rad/s],tau.joint1[N m],gyro.x[rad/s],gyro.y[rad/s],gyro.z[rad/s]
+//! 0,0.25,0,1.5,0,0,0
+//! 0.01,0.25001,0.002,1.4,-1e-4,2e-4,0
+//! ```
+//!
+//! | columns | meaning | |
+//! |---|---|---|
+//! | `time` | time stamp | required |
+//! | `q.<joint>` | position after the gear | required for every joint |
+//! | `dq.<joint>`, `ddq.<joint>` | rate and acceleration (`qd.`, `qdd.` as well) | for every joint or for none |
+//! | `tau.<joint>` | torque (or force) after the gear, on the joint | required for every joint |
+//! | `gyro.x`, `.y`, `.z` | base angular velocity in base axes | required, unless the base is fixed |
+//! | `acc.x`, `.y`, `.z` | specific force in base axes | optional |
+//! | `att.w`, `.x`, `.y`, `.z` | attitude quaternion, body to world, scalar first | optional |
+//!
+//! Columns come in any order. Units are converted because the header names them ([`units`]); a column without one is
+//! refused. The file is read in one pass through a buffer of fixed size, with limits on rows and bytes; what is kept is
+//! the samples. [`CsvWriter`] writes every number in its shortest exact form, so that a file is read back bit for bit.
+//!
+//! Rows `D..` are those of `bad-inputs.md`.
+pub(crate) mod blocks;
+pub(crate) mod columns;
+pub(crate) mod csv_blocks;
+#[cfg(feature = "mcap")]
+pub(crate) mod mcap;
+pub(crate) mod number;
+#[cfg(feature = "parquet")]
+pub(crate) mod parquet_in;
+#[cfg(feature = "parquet")]
+pub(crate) mod parquet_out;
+#[cfg(test)]
+#[cfg(feature = "parquet")]
+pub(crate) mod parquet_tests;
+pub(crate) mod read;
+pub(crate) mod samples;
+pub(crate) mod source;
+#[cfg(test)]
+pub(crate) mod tests;
+pub mod units;
+pub(crate) mod write;
+
+pub use blocks::{BLOCK, Block, Blocks, Stamps};
+#[cfg(feature = "parquet")]
+pub use parquet_out::ParquetWriter;
+pub use read::{Loaded, ReadOptions, read, read_from};
+pub use source::{Format, open};
+pub use write::{CsvRows, CsvWriter};
+
+use ff_model::{Area, JointKind, Model, Problem};
+
+/// A joint as a record names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct JointColumn {
+    /// Name in the URDF.
+    pub name: String,
+    /// True for a joint that slides: its position is in metres, its torque a force.
+    pub slides: bool,
+}
+
+/// The joints of a model, in its order. Allocates.
+pub fn joints_of(model: &Model) -> Vec<JointColumn> {
+    let one =
+        |b: &ff_model::Body| JointColumn { name: b.joint.name.clone(), slides: b.joint.kind == JointKind::Prismatic };
+    model.bodies().iter().map(one).collect()
+}
+
+fn data(code: &'static str, message: impl Into<String>) -> Problem {
+    Problem::error(Area::Data, code, message)
+}
+
+/// Name and unit of a column `name[unit]`.
+pub fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
+    columns::split(cell)
+}
+
+#[cfg(test)]
+#[cfg(feature = "mcap")]
+mod mcap_tests;

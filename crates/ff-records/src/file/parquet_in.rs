@@ -1,0 +1,297 @@
+//! Parquet files, one row group after the other, through the column readers of the `parquet` crate (its `arrow` part would
+//! double the build). Columns are flat and numeric; what the crate cannot cope with is an error here, never a panic.
+
+use super::blocks::{BLOCK, Block, Blocks, Stamps, unreadable};
+use super::columns::{split, time_column};
+use bytes::Bytes;
+use ff_model::Problems;
+use ff_model::diagnostics::clip;
+use parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type};
+use parquet::column::reader::ColumnReader;
+use parquet::errors::{ParquetError, Result as ParquetResult};
+use parquet::file::reader::{ChunkReader, FileReader, Length, SerializedFileReader};
+use parquet::schema::types::ColumnDescriptor;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// Most columns of a file.
+const MAX_COLUMNS: usize = 10_000;
+
+/// A file whose declared lengths are checked before memory is taken for them.
+struct Guarded {
+    file: File,
+    len: u64,
+}
+
+impl Length for Guarded {
+    fn len(&self) -> u64 {
+        self.len
+    }
+}
+
+impl ChunkReader for Guarded {
+    type T = BufReader<File>;
+
+    fn get_read(&self, start: u64) -> ParquetResult<Self::T> {
+        let mut file = self.file.try_clone()?;
+        file.seek(SeekFrom::Start(start))?;
+        Ok(BufReader::with_capacity(1 << 16, file))
+    }
+    fn get_bytes(&self, start: u64, length: usize) -> ParquetResult<Bytes> {
+        if start.checked_add(length as u64).is_none_or(|end| end > self.len) {
+            let what = format!("{length} bytes at {start} are asked for, the file has {}", self.len);
+            return Err(ParquetError::EOF(what));
+        }
+        let mut out = vec![0; length];
+        let mut file = self.file.try_clone()?;
+        file.seek(SeekFrom::Start(start))?;
+        file.read_exact(&mut out)?;
+        Ok(out.into())
+    }
+}
+
+/// Runs a part of the parquet crate; a panic of it becomes an error.
+fn guard<V>(f: impl FnOnce() -> ParquetResult<V>) -> Result<V, Problems> {
+    let hint = "write the file again; it may be cut short or damaged";
+    match catch_unwind(AssertUnwindSafe(f)) {
+        Ok(Ok(v)) => Ok(v),
+        Ok(Err(e)) => Err(unreadable("Data::Parquet", clip(&e.to_string().replace('\n', " ")), hint)),
+        Err(_) => Err(unreadable("Data::Parquet", "the reader gave up on this file", hint)),
+    }
+}
+
+pub(super) struct ParquetBlocks {
+    reader: SerializedFileReader<Guarded>,
+    names: Vec<String>,
+    wanted: Vec<bool>,
+    time: usize,
+    /// Row group that is read next.
+    group: usize,
+    /// Readers of the columns of the present row group; `None` for those that are not wanted.
+    open: Vec<Option<ColumnReader>>,
+    /// Rows of the present row group that are left.
+    left: usize,
+    buffers: Buffers,
+    len: u64,
+}
+
+/// Buffers of the physical types.
+#[derive(Default)]
+struct Buffers {
+    int32: Vec<i32>,
+    int64: Vec<i64>,
+    float: Vec<f32>,
+    levels: Vec<i16>,
+}
+
+impl ParquetBlocks {
+    pub(super) fn new(file: File) -> Result<Self, Problems> {
+        let len = file.metadata().map_or(0, |m| m.len());
+        let reader = guard(|| SerializedFileReader::new(Guarded { file, len }))?;
+        let meta = reader.metadata().file_metadata();
+        let columns = meta.schema_descr().columns();
+        if columns.len() > MAX_COLUMNS {
+            let what = format!("{} columns, limit {MAX_COLUMNS}", columns.len());
+            return Err(unreadable("Data::TooLarge", what, "is this a record?"));
+        }
+        let units = meta.key_value_metadata();
+        let unit_of = |name: &str| {
+            let key = format!("unit.{name}");
+            units?.iter().find(|kv| kv.key == key)?.value.clone()
+        };
+        let mut names = Vec::with_capacity(columns.len());
+        for c in columns {
+            let name = c.path().string();
+            let full = match (split(&name).1, unit_of(&name), stamp_unit(c)) {
+                (Some(_), ..) => name,
+                (None, Some(u), _) => format!("{name}[{u}]"),
+                (None, None, Some(u)) => format!("{name}[{u}]"),
+                (None, None, None) => name,
+            };
+            names.push(full);
+        }
+        let time = time_column(&names).map_err(|p| Problems(vec![*p]))?;
+        let wanted = vec![true; names.len()];
+        Ok(Self { reader, names, wanted, time, group: 0, open: Vec::new(), left: 0, buffers: Buffers::default(), len })
+    }
+    /// Rows of the whole file, by its footer.
+    fn declared(&self) -> u64 {
+        u64::try_from(self.reader.metadata().file_metadata().num_rows()).unwrap_or(0)
+    }
+    /// Opens the next row group that has rows; false behind the last.
+    fn advance(&mut self) -> Result<bool, Problems> {
+        while self.left == 0 {
+            if self.group == self.reader.num_row_groups() {
+                return Ok(false);
+            }
+            let (group, wanted, reader) = (self.group, &self.wanted, &self.reader);
+            let (open, rows) = guard(|| {
+                let g = reader.get_row_group(group)?;
+                let open = (0..wanted.len()).map(|k| wanted[k].then(|| g.get_column_reader(k)).transpose());
+                Ok((open.collect::<ParquetResult<Vec<_>>>()?, g.metadata().num_rows()))
+            })?;
+            self.open = open;
+            self.left = usize::try_from(rows).unwrap_or(0);
+            self.group += 1;
+        }
+        Ok(true)
+    }
+}
+
+/// The unit that the type of a column says, for time stamps of other programs.
+fn stamp_unit(c: &ColumnDescriptor) -> Option<&'static str> {
+    match (c.logical_type_ref(), c.converted_type()) {
+        (Some(LogicalType::Timestamp(t)), _) => Some(match t.unit {
+            TimeUnit::MILLIS => "ms",
+            TimeUnit::MICROS => "us",
+            TimeUnit::NANOS => "ns",
+        }),
+        (_, ConvertedType::TIMESTAMP_MILLIS) => Some("ms"),
+        (_, ConvertedType::TIMESTAMP_MICROS) => Some("us"),
+        _ => None,
+    }
+}
+
+/// Puts numbers where the levels say there are some, NaN elsewhere.
+fn spread<T: Copy>(values: &[T], levels: &[i16], full: i16, rows: usize, to: impl Fn(T) -> f64, out: &mut Vec<f64>) {
+    if values.len() == rows {
+        out.extend(values.iter().map(|&x| to(x)));
+        return;
+    }
+    let mut next = values.iter();
+    for level in levels.iter().take(rows) {
+        out.push(if *level == full { next.next().map_or(f64::NAN, |&x| to(x)) } else { f64::NAN });
+    }
+}
+
+/// Reads `rows` values of a column as numbers.
+fn numbers(
+    reader: &mut ColumnReader,
+    full: i16,
+    rows: usize,
+    b: &mut Buffers,
+    out: &mut Vec<f64>,
+) -> ParquetResult<usize> {
+    b.levels.clear();
+    macro_rules! cast {
+        ($r:expr, $buffer:expr, $to:expr) => {{
+            $buffer.clear();
+            let (n, _, _) = $r.read_records(rows, Some(&mut b.levels), None, &mut $buffer)?;
+            spread(&$buffer, &b.levels, full, n, $to, out);
+            Ok(n)
+        }};
+    }
+    match reader {
+        ColumnReader::DoubleColumnReader(r) => {
+            let (n, values, _) = r.read_records(rows, Some(&mut b.levels), None, out)?;
+            if values < n {
+                let dense = std::mem::take(out);
+                spread(&dense, &b.levels, full, n, |x| x, out);
+            }
+            Ok(n)
+        }
+        ColumnReader::FloatColumnReader(r) => cast!(r, b.float, f64::from),
+        ColumnReader::Int32ColumnReader(r) => cast!(r, b.int32, f64::from),
+        ColumnReader::Int64ColumnReader(r) => cast!(r, b.int64, |x| x as f64),
+        _ => Err(ParquetError::General("a column that holds no numbers".to_owned())),
+    }
+}
+
+/// Reads `rows` time stamps.
+fn stamps(reader: &mut ColumnReader, rows: usize, b: &mut Buffers, out: &mut Stamps) -> ParquetResult<usize> {
+    b.levels.clear();
+    let empty = || ParquetError::General("a row without a time".to_owned());
+    let (n, values) = match reader {
+        ColumnReader::Int64ColumnReader(r) => {
+            let mut whole = out.take_whole();
+            let (n, values, _) = r.read_records(rows, Some(&mut b.levels), None, &mut whole)?;
+            *out = Stamps::Whole(whole);
+            (n, values)
+        }
+        ColumnReader::Int32ColumnReader(r) => {
+            b.int32.clear();
+            let (n, values, _) = r.read_records(rows, Some(&mut b.levels), None, &mut b.int32)?;
+            *out = Stamps::Whole(b.int32.iter().map(|&x| i64::from(x)).collect());
+            (n, values)
+        }
+        other => {
+            let mut real = match std::mem::replace(out, Stamps::Real(Vec::new())) {
+                Stamps::Real(v) => v,
+                Stamps::Whole(_) => Vec::new(),
+            };
+            let n = numbers(other, 1, rows, b, &mut real)?;
+            let values = real.iter().filter(|x| !x.is_nan()).count();
+            *out = Stamps::Real(real);
+            (n, values)
+        }
+    };
+    if values < n { Err(empty()) } else { Ok(n) }
+}
+
+impl Blocks for ParquetBlocks {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+    fn want(&mut self, wanted: &[bool]) {
+        self.wanted = wanted.to_vec();
+    }
+    fn next(&mut self, out: &mut Block) -> Result<bool, Problems> {
+        out.clear();
+        if self.group == 0 {
+            self.judge()?;
+        }
+        if !self.advance()? {
+            return Ok(false);
+        }
+        let rows = self.left.min(BLOCK);
+        let schema = self.reader.metadata().file_metadata().schema_descr_ptr();
+        let (open, buffers, names, time) = (&mut self.open, &mut self.buffers, &self.names, self.time);
+        for (k, reader) in open.iter_mut().enumerate() {
+            let Some(reader) = reader else { continue };
+            let full = schema.column(k).max_def_level();
+            let n = guard(|| {
+                if k == time {
+                    stamps(reader, rows, buffers, &mut out.stamps)
+                } else {
+                    numbers(reader, full, rows, buffers, &mut out.columns[k])
+                }
+            })
+            .map_err(|mut p| {
+                p.0.iter_mut().for_each(|p| p.object = Some(clip(&names[k])));
+                p
+            })?;
+            if n < rows || (k != time && out.columns[k].len() != rows) || (k == time && out.stamps.len() != rows) {
+                let what = format!("column '{}' ends after {n} of {rows} rows of its row group", clip(&names[k]));
+                return Err(unreadable("Data::Parquet", what, "write the file again; it may be damaged"));
+            }
+        }
+        self.left -= rows;
+        Ok(true)
+    }
+    fn bytes(&self) -> u64 {
+        self.len
+    }
+    fn declared_rows(&self) -> Option<u64> {
+        Some(self.declared())
+    }
+}
+
+impl ParquetBlocks {
+    /// Columns that are wanted must be flat and numeric.
+    fn judge(&self) -> Result<(), Problems> {
+        let mut bad = Problems::default();
+        let schema = self.reader.metadata().file_metadata().schema_descr();
+        for (k, c) in schema.columns().iter().enumerate().filter(|(k, _)| self.wanted[*k]) {
+            let numeric = matches!(c.physical_type(), Type::INT32 | Type::INT64 | Type::FLOAT | Type::DOUBLE);
+            let flat = c.max_rep_level() == 0 && c.path().parts().len() == 1;
+            let nested = c.self_type().get_basic_info().has_repetition()
+                && c.self_type().get_basic_info().repetition() == Repetition::REPEATED;
+            if !(numeric && flat) || nested {
+                let what = format!("column '{}' holds {:?}", clip(&self.names[k]), c.physical_type());
+                bad.extend(unreadable("Data::BadNumber", what, "write it as a flat column of doubles, or --ignore it"));
+            }
+        }
+        if bad.has_errors() { Err(bad) } else { Ok(()) }
+    }
+}

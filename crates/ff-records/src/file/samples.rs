@@ -1,0 +1,238 @@
+//! The samples of a file as they grow, with the checks of every row: the same for text and for blocks.
+
+use super::columns::{GROUPS, Group, Target};
+use super::{JointColumn, ReadOptions, data, number};
+use crate::builder::RecordBuilder;
+use ff_model::{Area, Problem, Problems};
+use nalgebra::DMatrix;
+
+/// Most problems of one kind listed one by one.
+const LISTED: usize = 5;
+/// Largest error of a time stamp from its own digits (s).
+const RESOLUTION: f64 = 1e-6;
+/// What can be done about cells without a number.
+pub(super) const NOT_FINITE: &str = "repair or cut out these samples, or leave such rows out with --gaps drop";
+
+/// Time stamps: whole numbers are counted from the first one before they become floating-point numbers.
+pub(super) struct Clock {
+    whole: Option<i64>,
+    scale: (f64, f64),
+    origin: f64,
+    stamps: Vec<f64>,
+}
+
+impl Clock {
+    /// A clock in the unit of the column of the time.
+    fn new(targets: &[Target]) -> Self {
+        let unit = targets.iter().find_map(|t| if let Target::Time(u) = t { Some((u.mul, u.div)) } else { None });
+        Self { whole: None, scale: unit.unwrap_or((1.0, 1.0)), origin: 0.0, stamps: Vec::new() }
+    }
+    fn to_si(&self, x: f64) -> f64 {
+        x * self.scale.0 / self.scale.1
+    }
+    /// Seconds of a whole stamp, counted from the first; `None` beyond what whole numbers hold.
+    pub(super) fn of_whole(&mut self, w: i64) -> Option<f64> {
+        if self.whole.is_none() {
+            (self.whole, self.origin) = (Some(w), self.to_si(w as f64));
+        }
+        Some(self.to_si(w.checked_sub(self.whole?)? as f64))
+    }
+    /// Seconds of a stamp.
+    pub(super) fn of_real(&self, x: f64) -> f64 {
+        self.to_si(x) - self.origin
+    }
+    /// Seconds of a cell, relative to the origin.
+    pub(super) fn read(&mut self, cell: &[u8]) -> Option<f64> {
+        let whole = || number::whole(cell);
+        // Small whole numbers are exact either way, and the others may have a fraction.
+        let w = if self.stamps.is_empty() {
+            self.whole = None;
+            whole().filter(|w| w.unsigned_abs() > 1 << 50)
+        } else {
+            self.whole.and_then(|_| whole())
+        };
+        match w {
+            Some(w) => self.of_whole(w),
+            None => Some(self.of_real(number::parse(cell)?)),
+        }
+    }
+    /// Row D12: stamps of an epoch as floating-point numbers lose digits.
+    fn resolution(&self, bad: &mut Problems) {
+        let (None, Some(t0), Some(last)) = (self.whole, self.stamps.first(), self.stamps.last()) else { return };
+        let first = t0 + self.origin;
+        let lost = first.abs() * f64::EPSILON;
+        if lost > RESOLUTION {
+            let dt = (last - t0) / (self.stamps.len().max(2) - 1) as f64;
+            let what = format!("stamps near {first} s are known to {lost:.1e} s, samples are {dt:.3e} s apart");
+            let hint = "count time from the start of the record, or write whole numbers of ns";
+            bad.push(data("Data::TimeScale", what).on("time").hint(hint));
+        }
+    }
+}
+
+/// What is counted along the way.
+#[derive(Default)]
+struct Count {
+    bad_cells: usize,
+    backward: usize,
+    repeated: usize,
+    dropped: usize,
+    first_dropped: Option<usize>,
+}
+
+/// The columns so far.
+pub(super) struct Samples<'a> {
+    targets: &'a [Target],
+    options: &'a ReadOptions,
+    /// Says in which row a problem is: lines of a text, rows of a table.
+    place: fn(Problem, usize) -> Problem,
+    pub(super) clock: Clock,
+    columns: Vec<Vec<f64>>,
+    count: Count,
+}
+
+impl<'a> Samples<'a> {
+    pub(super) fn new(targets: &'a [Target], options: &'a ReadOptions, place: fn(Problem, usize) -> Problem) -> Self {
+        let (clock, columns) = (Clock::new(targets), vec![Vec::new(); targets.len()]);
+        Self { targets, options, place, clock, columns, count: Count::default() }
+    }
+    /// Row D34: what is wrong with so many rows more.
+    pub(super) fn too_many(&self, more: usize) -> Option<Problem> {
+        let limit = self.options.max_rows;
+        (self.clock.stamps.len() + more > limit).then(|| too_many(format!("more than {limit} rows")))
+    }
+    /// A row with cells that are not finite, which is left out.
+    pub(super) fn drop_row(&mut self, number: usize) {
+        self.count.dropped += 1;
+        self.count.first_dropped.get_or_insert(number);
+    }
+    /// A cell that cannot be used.
+    pub(super) fn bad_cell(&mut self, p: Problem, bad: &mut Problems) {
+        self.count.bad_cells += 1;
+        if self.count.bad_cells <= LISTED {
+            bad.push(p);
+        }
+    }
+    /// Whether rows with these time stamps go on from the last one.
+    pub(super) fn forward(&self, times: &[f64]) -> bool {
+        let first = self.clock.stamps.last().is_none_or(|&l| times.first().is_none_or(|&t| t > l));
+        first && times.iter().all(|t| t.is_finite()) && times.windows(2).all(|w| w[1] > w[0])
+    }
+    /// Takes rows that need no check, a column at a time: in SI already, or by their units.
+    pub(super) fn append(&mut self, times: &[f64], columns: &[Vec<f64>]) {
+        for (to, (from, t)) in self.columns.iter_mut().zip(columns.iter().zip(self.targets)) {
+            if let Target::Channel(_, _, u) = t {
+                if u.mul == 1.0 && u.div == 1.0 {
+                    to.extend_from_slice(from);
+                } else {
+                    to.extend(from.iter().map(|&x| u.to_si(x)));
+                }
+            }
+        }
+        self.clock.stamps.extend_from_slice(times);
+    }
+    /// Takes a row of finite numbers in SI, unless it repeats the one before and may be left out. `number` is its place.
+    pub(super) fn push(&mut self, number: usize, time: f64, row: &[f64], bad: &mut Problems) {
+        if let Some(&last) = self.clock.stamps.last() {
+            let same = || {
+                let mut all = self.columns.iter().zip(row).zip(self.targets);
+                all.all(|((c, x), t)| !matches!(t, Target::Channel(..)) || c.last() == Some(x))
+            };
+            if self.options.drop_repeated && time == last && same() {
+                self.count.repeated += 1;
+                return;
+            }
+            if time <= last {
+                self.count.backward += 1;
+                if self.count.backward <= LISTED {
+                    let o = self.clock.origin;
+                    let p = data("Data::NonMonotone", format!("time goes from {} to {} s", last + o, time + o));
+                    let hint = "sort the rows; --drop-repeated leaves out rows that repeat the one before";
+                    bad.push((self.place)(p, number).on("time").hint(hint));
+                }
+            }
+        }
+        self.clock.stamps.push(time);
+        for ((c, &x), t) in self.columns.iter_mut().zip(row).zip(self.targets) {
+            if matches!(t, Target::Channel(..)) {
+                c.push(x);
+            }
+        }
+    }
+    /// The samples as a builder, and the origin of its clock; `None` when there are none. `end` is the last line of a text.
+    pub(super) fn finish(
+        self,
+        joints: &[JointColumn],
+        end: Option<usize>,
+        bad: &mut Problems,
+    ) -> Option<(RecordBuilder, f64)> {
+        self.report(bad);
+        if self.clock.stamps.is_empty() {
+            if !bad.has_errors() {
+                let what = "there are column names, but no samples";
+                let p = data("Data::NoSamples", what).hint("check that recording had started");
+                bad.push(Problem { line: end, ..p });
+            }
+            return None;
+        }
+        self.clock.resolution(bad);
+        let Clock { stamps, origin, .. } = self.clock;
+        Some((builder(self.columns, self.targets, joints, stamps), origin))
+    }
+    fn report(&self, bad: &mut Problems) {
+        let c = &self.count;
+        let all = [(c.bad_cells, "Data::NotFinite", "cells"), (c.backward, "Data::NonMonotone", "rows")];
+        for (n, code, what) in all.into_iter().filter(|(n, ..)| *n > LISTED) {
+            let what = format!("{} {what} more like these", n - LISTED);
+            bad.push(data(code, what).hint("mend the program that wrote them"));
+        }
+        let warn = |what: String| Problem::warning(Area::Data, "Data::Dropped", what);
+        if let Some(row) = c.first_dropped {
+            let what = format!("{} rows with cells that are not finite left out, the first here", c.dropped);
+            bad.push((self.place)(warn(what), row).hint("see why the recorder had no numbers"));
+        }
+        if c.repeated > 0 {
+            let what = format!("{} rows that repeat the one before left out", c.repeated);
+            bad.push(warn(what).hint("see why the recorder wrote them twice"));
+        }
+    }
+}
+
+/// Row D34, of rows: before memory is taken.
+pub(super) fn too_many(what: String) -> Problem {
+    data("Data::TooLarge", what).hint("cut the record, or raise --max-rows")
+}
+
+fn builder(mut columns: Vec<Vec<f64>>, targets: &[Target], joints: &[JointColumn], stamps: Vec<f64>) -> RecordBuilder {
+    let rows = stamps.len();
+    let mut b = RecordBuilder::new(joints.iter().map(|j| j.name.clone())).stamps(stamps);
+    for g in GROUPS {
+        let width = g.channels(joints).len();
+        let mut all = Vec::new();
+        for k in 0..width {
+            let found = targets.iter().position(|t| matches!(t, Target::Channel(g2, k2, _) if (*g2, *k2) == (g, k)));
+            let Some(c) = found else { continue };
+            if width == 1 {
+                all = std::mem::take(&mut columns[c]);
+            } else {
+                all.reserve_exact(if all.is_empty() { rows * width } else { 0 });
+                // Freed one by one, so that a record is never held twice.
+                all.append(&mut std::mem::take(&mut columns[c]));
+            }
+        }
+        if all.len() != rows * width || width == 0 {
+            continue;
+        }
+        let m = DMatrix::from_vec(rows, width, all);
+        b = match g {
+            Group::Q => b.q(m),
+            Group::Dq => b.qd(m),
+            Group::Ddq => b.qdd(m),
+            Group::Tau => b.tau(m),
+            Group::Gyro => b.gyro(m),
+            Group::Acc => b.acc(m),
+            Group::Att => b.att(m),
+        };
+    }
+    b
+}

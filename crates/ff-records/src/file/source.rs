@@ -1,0 +1,101 @@
+//! Which format a file has, and its reader.
+
+use super::blocks::{Blocks, unreadable};
+use super::csv_blocks::CsvBlocks;
+use super::read::too_long;
+use super::{JointColumn, ReadOptions};
+use ff_model::{Area, Problem, Problems};
+use std::fs::File;
+use std::io;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+/// Formats of records, told apart by their first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Text: everything that is none of the others.
+    Csv,
+    /// Apache Parquet.
+    Parquet,
+    /// MCAP, as ROS 2 bags are.
+    Mcap,
+}
+
+impl Format {
+    /// The format of a file that begins with these bytes.
+    pub fn of(first: &[u8]) -> Self {
+        if first.starts_with(b"PAR1") {
+            Self::Parquet
+        } else if first.starts_with(b"\x89MCAP0\r\n") {
+            Self::Mcap
+        } else {
+            Self::Csv
+        }
+    }
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Csv => "CSV",
+            Self::Parquet => "Parquet",
+            Self::Mcap => "MCAP",
+        }
+    }
+}
+
+/// A file that may be read, at its start, with its format.
+///
+/// # Errors
+/// `Io::Read`; `Data::TooLarge` by its length, before anything is read.
+pub(super) fn opened(path: &Path, options: &ReadOptions) -> Result<(File, Format), Problems> {
+    let io = |e: io::Error| {
+        let p = Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"));
+        Problems(vec![p.in_file(path).hint("check the path and its permissions")])
+    };
+    let mut file = File::open(path).map_err(io)?;
+    let meta = file.metadata().map_err(io)?;
+    if meta.is_dir() {
+        return Err(io(io::Error::new(io::ErrorKind::IsADirectory, "is a folder")));
+    }
+    // A pipe has no length and cannot go back, and is text.
+    if !meta.is_file() {
+        return Ok((file, Format::Csv));
+    }
+    if meta.len() > options.max_bytes {
+        return Err(Problems(vec![too_long(meta.len(), options.max_bytes)]).in_file(path));
+    }
+    let mut first = Vec::with_capacity(8);
+    (&file).take(8).read_to_end(&mut first).map_err(io)?;
+    file.seek(SeekFrom::Start(0)).map_err(io)?;
+    Ok((file, Format::of(&first)))
+}
+
+/// Opens a record of any format for reading in blocks. `joints` tells joints that slide, where the file does not.
+///
+/// # Errors
+/// `Io::Read`, `Data::TooLarge`, `Data::NoReader` for a format that this build leaves out, and those of the header.
+pub fn open(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Result<(Format, Box<dyn Blocks>), Problems> {
+    let (file, format) = opened(path, options)?;
+    Ok((format, blocks(file, format, joints, options).map_err(|p| p.in_file(path))?))
+}
+
+/// The reader of a file at its start.
+#[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "sliding joints are asked for by MCAP"))]
+pub(super) fn blocks(
+    file: File,
+    format: Format,
+    joints: &[JointColumn],
+    options: &ReadOptions,
+) -> Result<Box<dyn Blocks>, Problems> {
+    match format {
+        Format::Csv => Ok(Box::new(CsvBlocks::new(file, options.max_bytes)?)),
+        #[cfg(feature = "parquet")]
+        Format::Parquet => Ok(Box::new(super::parquet_in::ParquetBlocks::new(file)?)),
+        #[cfg(feature = "mcap")]
+        Format::Mcap => Ok(Box::new(super::mcap::McapBlocks::new(file, joints, options)?)),
+        #[allow(unreachable_patterns)] // with all features there is nothing left
+        other => {
+            let what = format!("a {} file, which this build does not read", other.name());
+            Err(unreadable("Data::NoReader", what, "build with the feature of this format, or convert it to CSV"))
+        }
+    }
+}

@@ -1,0 +1,347 @@
+use crate::file::*;
+use nalgebra::DMatrix;
+
+const N: usize = 300;
+
+fn joints() -> Vec<JointColumn> {
+    vec![
+        JointColumn { name: "shoulder".into(), slides: false },
+        JointColumn { name: "rail, left".into(), slides: true },
+    ]
+}
+fn wave(n: usize, k: f64) -> DMatrix<f64> {
+    DMatrix::from_fn(N, n, |i, j| 0.3 + (k * i as f64 + 0.7 * j as f64).sin() / 3.0)
+}
+fn slope(n: usize, k: f64) -> DMatrix<f64> {
+    DMatrix::from_fn(N, n, |i, j| 100.0 * k * (k * i as f64 + 0.7 * j as f64).cos() / 3.0)
+}
+
+/// The text of a good record, and what is in it.
+fn good() -> (String, [DMatrix<f64>; 6]) {
+    let all = [wave(2, 0.01), slope(2, 0.01), slope(2, 0.017), wave(2, 0.023), wave(3, 0.031), wave(3, 0.041)];
+    let time: Vec<f64> = (0..N).map(|i| 7.25 + i as f64 / 100.0).collect();
+    let joints = joints();
+    let w = CsvWriter {
+        joints: &joints,
+        time: &time,
+        q: &all[0],
+        dq: Some(&all[1]),
+        ddq: Some(&all[2]),
+        tau: &all[3],
+        gyro: Some(&all[4]),
+        acc: Some(&all[5]),
+        att: None,
+    };
+    let mut out = Vec::new();
+    w.write(&mut out).unwrap();
+    (String::from_utf8(out).unwrap(), all)
+}
+
+fn load(text: &str, options: &ReadOptions) -> Result<Loaded, ff_model::Problems> {
+    read_from(text.as_bytes(), &joints(), options)
+}
+fn refused(text: &str) -> ff_model::Problems {
+    let p = load(text, &ReadOptions::default()).unwrap_err();
+    assert_eq!(p.exit_code(), 12, "{p}");
+    p
+}
+/// The text with one cell replaced: line (from 1), column (from 0).
+fn with(text: &str, line: usize, column: usize, cell: &str) -> String {
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    let mut cells: Vec<&str> = lines[line - 1].split(',').collect();
+    cells[column] = cell;
+    lines[line - 1] = cells.join(",");
+    lines.join("\n") + "\n"
+}
+
+#[test]
+fn a_written_record_is_read_back_bit_for_bit() {
+    let (text, [q, dq, ddq, tau, gyro, acc]) = good();
+    assert!(text.starts_with("time[s],q.shoulder[rad],\"q.rail, left[m]\",dq.shoulder[rad/s],\"dq.rail, left[m/s]\""));
+    let l = load(&text, &ReadOptions::default()).unwrap();
+    assert!(l.warnings.0.is_empty(), "{}", l.warnings);
+    let r = &l.record;
+    assert_eq!((r.samples(), r.joint_names()[1].as_str(), r.t0()), (N, "rail, left", 7.25));
+    assert!((r.dt() - 0.01).abs() < 1e-15);
+    assert_eq!((r.q(), r.qd(), r.qdd()), (&q, Some(&dq), Some(&ddq)));
+    assert_eq!((r.tau(), r.gyro(), r.acc()), (&tau, &gyro, Some(&acc)));
+    assert_eq!(l.bytes, text.len() as u64);
+}
+
+#[test]
+fn columns_in_any_order_and_unit_give_the_same_record() {
+    let (text, _) = good();
+    let want = load(&text, &ReadOptions::default()).unwrap().record;
+    // Columns backwards, angles in degrees, times in ms, torques in mN m; lines end like on Windows, a BOM in front.
+    let mut lines: Vec<String> = Vec::new();
+    for (i, line) in text.replace("\"q.rail, left[m]\"", "R").lines().enumerate() {
+        let line = if i == 0 {
+            line.replace('R', "A")
+                .replace("\"dq.rail, left[m/s]\"", "B")
+                .replace("\"ddq.rail, left[m/s^2]\"", "C")
+                .replace("\"tau.rail, left[N]\"", "D")
+        } else {
+            line.to_owned()
+        };
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if i == 0 {
+            cells[0] = "time[ms]".into();
+            cells[1] = "q.shoulder[deg]".into();
+            cells[7] = "tau.shoulder[mNm]".into();
+            for (k, name) in [
+                (2, "\"q.rail, left[mm]\""),
+                (4, "\"qd.rail, left[m/s]\""),
+                (6, "\"qdd.rail, left[m/s2]\""),
+                (8, "\"tau.rail, left[N]\""),
+            ] {
+                cells[k] = name.into();
+            }
+        } else {
+            for (k, factor) in [(0, 1e3), (1, 180.0 / std::f64::consts::PI), (2, 1e3), (7, 1e3)] {
+                cells[k] = format!("{}", cells[k].parse::<f64>().unwrap() * factor);
+            }
+        }
+        cells.reverse();
+        lines.push(cells.join(","));
+    }
+    let other = format!("\u{feff}{}\r\n", lines.join("\r\n"));
+    let r = load(&other, &ReadOptions::default()).unwrap().record;
+    assert!((r.q() - want.q()).amax() < 1e-15 && (r.tau() - want.tau()).amax() < 1e-15);
+    assert_eq!((r.gyro(), r.qd(), r.acc()), (want.gyro(), want.qd(), want.acc()));
+    assert!((r.dt() - want.dt()).abs() < 1e-14 && (r.t0() - 7.25).abs() < 1e-14);
+}
+
+#[test]
+fn nanoseconds_of_an_epoch_keep_every_digit() {
+    let (text, _) = good();
+    let lines: Vec<String> = text
+        .lines()
+        .enumerate()
+        .map(|(i, l)| match i {
+            0 => l.replace("time[s]", "time[ns]"),
+            _ => format!("{}{}", 1_763_000_000_000_000_123 + 10_000_000 * i as i64, &l[l.find(',').unwrap()..]),
+        })
+        .collect();
+    let l = load(&(lines.join("\n") + "\n"), &ReadOptions::default()).unwrap();
+    assert_eq!(l.record.dt(), 0.01);
+    assert!((l.record.t0() - 1_763_000_000.01).abs() < 1e-6 && l.warnings.0.is_empty());
+}
+
+#[test]
+fn d01_empty_files_and_headers_alone() {
+    let (text, _) = good();
+    let header = &text[..text.find('\n').unwrap() + 1];
+    for t in ["", "\n", "\u{feff}", header, &format!("{header}\n\n")] {
+        assert!(refused(t).has("Data::NoSamples"), "{t:?}");
+    }
+}
+
+#[test]
+fn d02_too_few_samples() {
+    let options = ReadOptions { need_samples: N + 1, ..ReadOptions::default() };
+    let p = load(&good().0, &options).unwrap_err();
+    assert!(p.has("Data::TooShort") && p.to_string().contains("at least 301"), "{p}");
+}
+
+#[test]
+fn d03_cells_that_are_not_finite_have_line_and_column_and_can_make_a_gap() {
+    let (text, _) = good();
+    for cell in ["nan", "inf", "1e400", "-INF", ""] {
+        let p = refused(&with(&text, 20, 3, cell));
+        assert_eq!((p.0[0].code, p.0[0].line), ("Data::NotFinite", Some(20)), "{p}");
+        assert!(p.0[0].column.is_some_and(|c| c > 20) && p.to_string().contains("dq, channel 1"), "{p}");
+    }
+    let p = refused(&with(&text, 20, 3, "0x1f"));
+    assert!(p.has("Data::BadNumber"), "{p}");
+    let all = text.lines().fold(String::new(), |s, l| s + &l.replace("0.", "x.") + "\n");
+    assert!(refused(&all).0.len() < 12);
+    let options = ReadOptions { drop_gaps: true, resample: true, ..ReadOptions::default() };
+    let l = load(&with(&text, 20, 3, "nan"), &options).unwrap();
+    assert!(l.warnings.has("Data::Dropped") && l.warnings.has("Data::Gap") && l.record.samples() == N);
+    let p = load(&with(&text, 20, 3, "nan"), &ReadOptions { drop_gaps: true, ..ReadOptions::default() }).unwrap_err();
+    assert!(p.has("Data::Gap"), "{p}");
+}
+
+#[test]
+fn d04_rows_of_another_length_and_blank_lines() {
+    let (text, _) = good();
+    let mut lines: Vec<&str> = text.lines().collect();
+    let cut = &lines[41][..lines[41].rfind(',').unwrap()];
+    lines[41] = cut;
+    let p = refused(&(lines.join("\n") + "\n"));
+    assert_eq!((p.0[0].code, p.0[0].line, p.0.len()), ("Data::RowLength", Some(42), 1), "{p}");
+    lines[41] = "";
+    assert_eq!(refused(&(lines.join("\n") + "\n")).0[0].line, Some(42));
+    assert!(load(&(text + "\n\n"), &ReadOptions::default()).is_ok());
+}
+
+#[test]
+fn d05_a_last_line_without_its_end_may_be_cut() {
+    let (text, _) = good();
+    let p = refused(text.trim_end());
+    assert!(p.has("Data::MaybeTruncated") && p.0[0].line == Some(N + 1), "{p}");
+    let options = ReadOptions { allow: vec!["Data::MaybeTruncated".into()], ..ReadOptions::default() };
+    let l = load(text.trim_end(), &options).unwrap();
+    assert!(l.warnings.has("Data::MaybeTruncated") && l.record.samples() == N);
+}
+
+#[test]
+fn d06_other_separators_are_guessed() {
+    let (text, _) = good();
+    let plain = text.replace("\"q.rail, left[m]\"", "x");
+    for (s, word) in [(";", "semicolons"), ("\t", "tabs"), ("|", "bars")] {
+        let p = refused(&plain.replace(',', s).replace('\"', ""));
+        assert!(p.has("Data::Separator") && p.to_string().contains(word), "{p}");
+    }
+    // Numbers in quotes are CSV all the same.
+    let first = text.lines().nth(1).unwrap().split(',').next().unwrap().to_owned();
+    assert!(load(&with(&text, 2, 0, &format!("\"{first}\"")), &ReadOptions::default()).is_ok());
+    // Decimal commas make too many cells.
+    let p = refused(&text.replacen("0.3", "0,3", 1));
+    assert!(p.has("Data::RowLength") && p.to_string().contains("decimal point"), "{p}");
+}
+
+#[test]
+fn d07_missing_extra_and_repeated_columns() {
+    let (text, _) = good();
+    let p = refused(&text.replace("gyro.y[rad/s]", "gyroscope[rad/s]"));
+    let s = p.to_string();
+    assert!(p.has("Data::Columns") && s.contains("gyro.y") && s.contains("gyroscope"), "{p}");
+    assert!(refused(&text.replace("gyro.y[", "gyro.x[")).to_string().contains("there twice"));
+    assert!(refused(&text.replace("time[s]", "clock[s]")).to_string().contains("no column time[s]"));
+    // An optional group is there whole or not at all.
+    assert!(refused(&text.replace("acc.y[m/s^2]", "temperature")).to_string().contains("acc.y"));
+    let more = text
+        .lines()
+        .enumerate()
+        .fold(String::new(), |s, (i, l)| s + l + if i == 0 { ",temperature" } else { ",warm" } + "\n");
+    assert!(refused(&more).to_string().contains("--ignore"));
+    let options = ReadOptions { ignore: vec!["temperature".into()], ..ReadOptions::default() };
+    assert!(load(&more, &options).is_ok());
+}
+
+#[test]
+fn d08_units_are_required_and_known() {
+    let (text, _) = good();
+    let p = refused(&text.replace("q.shoulder[rad]", "q.shoulder"));
+    assert!(p.has("Data::UnitMissing") && p.to_string().contains("rad, mrad, urad, deg"), "{p}");
+    let p = refused(&text.replace("tau.shoulder[N m]", "tau.shoulder[ft lbf]"));
+    assert!(p.has("Data::UnknownUnit") && p.to_string().contains("N m, mN m"), "{p}");
+    // A length is no unit of an angle.
+    assert!(refused(&text.replace("q.shoulder[rad]", "q.shoulder[m]")).has("Data::UnknownUnit"));
+}
+
+#[test]
+fn d11_time_must_go_forward_and_repeated_rows_can_be_left_out() {
+    let (text, _) = good();
+    let mut lines: Vec<&str> = text.lines().collect();
+    let twice = lines[30];
+    lines.insert(31, twice);
+    let t = lines.join("\n") + "\n";
+    let p = refused(&t);
+    assert_eq!((p.0[0].code, p.0[0].line), ("Data::NonMonotone", Some(32)), "{p}");
+    assert!(p.to_string().contains("from 7.54 to 7.54 s"), "{p}");
+    let options = ReadOptions { drop_repeated: true, ..ReadOptions::default() };
+    let l = load(&t, &options).unwrap();
+    assert!(l.warnings.has("Data::Dropped") && l.record.samples() == N);
+    lines.swap(50, 60);
+    assert!(refused(&(lines.join("\n") + "\n")).has("Data::NonMonotone"));
+}
+
+#[test]
+fn d12_times_in_another_unit_and_epochs_that_lose_digits() {
+    let (text, _) = good();
+    let stamps = |f: &dyn Fn(usize) -> String| {
+        let lines: Vec<String> = text
+            .lines()
+            .enumerate()
+            .map(|(i, l)| if i == 0 { l.to_owned() } else { format!("{}{}", f(i), &l[l.find(',').unwrap()..]) })
+            .collect();
+        lines.join("\n") + "\n"
+    };
+    let p = refused(&stamps(&|i| format!("{}", 10 * i)));
+    assert!(p.has("Data::TimeScale") && p.to_string().contains("milliseconds"), "{p}");
+    let p = refused(&stamps(&|i| format!("{}.5", 17_000_000_000_i64 + i as i64)));
+    assert!(p.has("Data::TimeScale"), "{p}");
+}
+
+#[test]
+fn d13_d14_gaps_and_jitter_need_leave_to_resample() {
+    let (text, _) = good();
+    let gap: Vec<&str> = text.lines().enumerate().filter(|(i, _)| *i != 100).map(|(_, l)| l).collect();
+    let gap = gap.join("\n") + "\n";
+    assert!(refused(&gap).has("Data::Gap"));
+    let options = ReadOptions { resample: true, ..ReadOptions::default() };
+    let l = load(&gap, &options).unwrap();
+    assert!(l.warnings.has("Data::Gap") && l.record.samples() == N);
+    let t = with(&text, 100, 0, "8.2322");
+    assert!(refused(&t).has("Data::Jitter"));
+    assert!(load(&t, &options).unwrap().warnings.has("Data::Resampled"));
+}
+
+#[test]
+fn d34_limits_come_before_memory() {
+    let (text, _) = good();
+    let p = load(&text, &ReadOptions { max_rows: 100, ..ReadOptions::default() }).unwrap_err();
+    assert!(p.has("Data::TooLarge") && p.0[0].line == Some(102) && p.to_string().contains("100 rows"), "{p}");
+    let p = load(&text, &ReadOptions { max_bytes: 5000, ..ReadOptions::default() }).unwrap_err();
+    assert!(p.has("Data::TooLarge") && p.to_string().contains("limit 5000 bytes"), "{p}");
+    let endless = std::io::BufReader::new(std::io::Read::take(std::io::repeat(b'a'), 1 << 30));
+    assert!(read_from(endless, &joints(), &ReadOptions::default()).unwrap_err().has("Data::TooLarge"));
+    // A file is refused by its size before it is read.
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("huge.csv");
+    std::fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();
+    let p = read(&path, &joints(), &ReadOptions::default()).unwrap_err();
+    assert!(p.has("Data::TooLarge") && p.to_string().contains("huge.csv"), "{p}");
+}
+
+#[test]
+fn d37_joints_of_another_robot() {
+    let (text, _) = good();
+    let p = refused(&text.replace("shoulder", "shoulder_pan"));
+    assert!(p.has("Data::NameMismatch"), "{p}");
+    let s = p.to_string();
+    assert!(s.contains("does not have: shoulder_pan") && s.contains("missing: shoulder"), "{p}");
+}
+
+#[test]
+fn files_that_are_not_text_or_not_there() {
+    let dir = tempfile::tempdir().unwrap();
+    assert_eq!(read(&dir.path().join("none.csv"), &joints(), &ReadOptions::default()).unwrap_err().exit_code(), 20);
+    assert_eq!(read(dir.path(), &joints(), &ReadOptions::default()).unwrap_err().exit_code(), 20);
+    let path = dir.path().join("latin1.csv");
+    std::fs::write(&path, b"time[s],q.Gelenk_\xfc[rad]\n0,1\n").unwrap();
+    let p = read(&path, &joints(), &ReadOptions::default()).unwrap_err();
+    assert!(p.has("Data::NotUtf8") && p.to_string().contains("latin1.csv:1:18"), "{p}");
+    for bytes in [&b"\"\n"[..], b"\0\0\0", b"time[s]\n\"", b",,,\n,,,\n", b"[s]\n1\n", b"time[,]\n"] {
+        let p = read_from(bytes, &joints(), &ReadOptions::default()).unwrap_err();
+        assert_eq!(p.exit_code(), 12, "{p}");
+    }
+}
+
+#[test]
+fn a_base_that_is_bolted_down_needs_no_gyro() {
+    let (text, [_, _, _, tau, ..]) = good();
+    // A comma in a joint name would be quoted; the columns before it count the same in every line.
+    let plain = text.replace("rail, left", "rail").replace('"', "");
+    let joints = [joints()[0].clone(), JointColumn { name: "rail".into(), slides: true }];
+    let head = plain.lines().next().unwrap();
+    let gyro: Vec<usize> =
+        head.split(',').enumerate().filter(|(_, c)| c.starts_with("gyro.")).map(|(i, _)| i).collect();
+    assert_eq!(gyro.len(), 3);
+    let cut = |line: &str| {
+        let kept: Vec<&str> = line.split(',').enumerate().filter(|(i, _)| !gyro.contains(i)).map(|(_, c)| c).collect();
+        kept.join(",") + "\n"
+    };
+    let short: String = plain.lines().map(cut).collect();
+    let fixed = ReadOptions { fixed_base: true, ..ReadOptions::default() };
+    let r = read_from(short.as_bytes(), &joints, &fixed).unwrap().record;
+    assert!(r.is_fixed_base() && r.tau() == &tau && r.gyro().amax() == 0.0);
+    // Half a gyro is none, and a floating base needs a whole one.
+    let half = short.replacen("time[s]", "time[s],gyro.x[rad/s]", 1);
+    let p = read_from(half.as_bytes(), &joints, &fixed).unwrap_err();
+    assert!(p.0[0].message.contains("gyro.y, gyro.z"), "{p}");
+    let p = read_from(short.as_bytes(), &joints, &ReadOptions::default()).unwrap_err();
+    assert!(p.0[0].message.contains("gyro.x, gyro.y, gyro.z"), "{p}");
+}

@@ -1,0 +1,171 @@
+//! A measured record on a uniform clock: joint motion, joint torques, base gyro.
+//!
+//! A [`Record`] can only be made by [`RecordBuilder`](crate::builder::RecordBuilder), which is the one
+//! door where non-finite numbers, broken clocks and ragged columns stop; whoever holds one may rely on every
+//! number being finite and every length being right. Matrices are N x channels, so that one channel is one
+//! contiguous column.
+
+use ff_model::{Area, Problem, Problems};
+use nalgebra::DMatrix;
+
+/// N uniform samples. Rows are samples, columns are channels.
+#[derive(Clone, PartialEq)]
+pub struct Record {
+    pub(crate) t0: f64,
+    pub(crate) dt: f64,
+    pub(crate) joint_names: Vec<String>,
+    pub(crate) q: DMatrix<f64>,
+    pub(crate) qd: Option<DMatrix<f64>>,
+    pub(crate) qdd: Option<DMatrix<f64>>,
+    pub(crate) tau: DMatrix<f64>,
+    pub(crate) gyro: DMatrix<f64>,
+    pub(crate) acc: Option<DMatrix<f64>>,
+    pub(crate) att: Option<DMatrix<f64>>,
+    pub(crate) fixed_base: bool,
+}
+
+impl core::fmt::Debug for Record {
+    /// The head of the record; the samples would fill pages.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Record")
+            .field("t0", &self.t0)
+            .field("dt", &self.dt)
+            .field("samples", &self.samples())
+            .field("joint_names", &self.joint_names)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Record {
+    /// Time of the first sample on the recorder's clock (s).
+    pub fn t0(&self) -> f64 {
+        self.t0
+    }
+    /// Sampling interval (s).
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
+    /// Sampling rate `1/dt` (Hz).
+    pub fn rate_hz(&self) -> f64 {
+        1.0 / self.dt
+    }
+    /// Number of samples N.
+    pub fn samples(&self) -> usize {
+        self.q.nrows()
+    }
+    /// `N dt` (s): the time the samples stand for, whose inverse is the frequency resolution.
+    pub fn seconds(&self) -> f64 {
+        self.samples() as f64 * self.dt
+    }
+    /// Number of joints n.
+    pub fn joints(&self) -> usize {
+        self.joint_names.len()
+    }
+    /// Time of sample `i` since the first one (s).
+    pub fn time(&self, i: usize) -> f64 {
+        i as f64 * self.dt
+    }
+    /// Names of the joints, in the order of the columns.
+    pub fn joint_names(&self) -> &[String] {
+        &self.joint_names
+    }
+    /// Joint positions, N x n (rad or m).
+    pub fn q(&self) -> &DMatrix<f64> {
+        &self.q
+    }
+    /// Joint rates, N x n (rad/s or m/s), when recorded.
+    pub fn qd(&self) -> Option<&DMatrix<f64>> {
+        self.qd.as_ref()
+    }
+    /// Joint accelerations, N x n (rad/s^2 or m/s^2), when recorded.
+    pub fn qdd(&self) -> Option<&DMatrix<f64>> {
+        self.qdd.as_ref()
+    }
+    /// Joint torques after the gear, N x n (N m or N).
+    pub fn tau(&self) -> &DMatrix<f64> {
+        &self.tau
+    }
+    /// Base angular velocity in base axes, N x 3 (rad/s).
+    pub fn gyro(&self) -> &DMatrix<f64> {
+        &self.gyro
+    }
+    /// Base specific force in base axes, N x 3 (m/s^2), when recorded.
+    pub fn acc(&self) -> Option<&DMatrix<f64>> {
+        self.acc.as_ref()
+    }
+    /// Base attitude as unit quaternions `[w, x, y, z]`, N x 4, sign-continuous, when recorded.
+    pub fn att(&self) -> Option<&DMatrix<f64>> {
+        self.att.as_ref()
+    }
+    /// True when the base was bolted to the ground; [`Record::gyro`] is then zero unless it was recorded.
+    pub fn is_fixed_base(&self) -> bool {
+        self.fixed_base
+    }
+    /// The torque and gyro channels in one matrix, N x (n + 3): what spectra and modal fits look at. Allocates.
+    pub fn responses(&self) -> DMatrix<f64> {
+        let n = self.joints();
+        let mut out = DMatrix::zeros(self.samples(), n + 3);
+        out.columns_mut(0, n).copy_from(&self.tau);
+        out.columns_mut(n, 3).copy_from(&self.gyro);
+        out
+    }
+    /// Names of the columns of [`Record::responses`]: `tau.<joint>`, then `gyro.x`, `gyro.y`, `gyro.z`. Allocates.
+    pub fn response_names(&self) -> Vec<String> {
+        let tau = self.joint_names.iter().map(|j| format!("tau.{j}"));
+        tau.chain(["gyro.x", "gyro.y", "gyro.z"].map(String::from)).collect()
+    }
+    /// Samples with `from <= time < to`, times in seconds since the first sample of this record. Allocates.
+    ///
+    /// # Errors
+    /// `Data::Window` when fewer than two samples lie inside.
+    pub fn window(&self, from: f64, to: f64) -> Result<Self, Problems> {
+        // A hair of a sample, so that a bound computed as k * dt means sample k.
+        let index = |t: f64| ((t / self.dt - 1e-6).ceil().max(0.0) as usize).min(self.samples());
+        let (a, b) = if from.is_finite() && to > from { (index(from), index(to)) } else { (0, 0) };
+        if b < a + 2 {
+            let p = Problem::error(
+                Area::Data,
+                "Data::Window",
+                format!("window {from} .. {to} s holds fewer than two of the samples at 0 .. {} s", self.seconds()),
+            );
+            return Err(Problems(vec![p.hint("choose a window inside the record")]));
+        }
+        Ok(Self { t0: self.t0 + self.time(a), ..self.mapped(|m| m.rows(a, b - a).into_owned()) })
+    }
+    /// Every channel through `f`, which takes samples to samples; clock and names as they are.
+    pub(crate) fn mapped(&self, f: impl Fn(&DMatrix<f64>) -> DMatrix<f64>) -> Self {
+        let of = |m: &Option<DMatrix<f64>>| m.as_ref().map(&f);
+        Self {
+            t0: self.t0,
+            dt: self.dt,
+            joint_names: self.joint_names.clone(),
+            q: f(&self.q),
+            qd: of(&self.qd),
+            qdd: of(&self.qdd),
+            tau: f(&self.tau),
+            gyro: f(&self.gyro),
+            acc: of(&self.acc),
+            att: of(&self.att),
+            fixed_base: self.fixed_base,
+        }
+    }
+    /// Checks that the joints are those of a model, in its order (bad-inputs row D37).
+    ///
+    /// # Errors
+    /// `Data::NameMismatch` with what is missing, extra, or out of order.
+    pub fn check_joints(&self, model: &[String]) -> Result<(), Problems> {
+        if self.joint_names == model {
+            return Ok(());
+        }
+        let only =
+            |a: &[String], b: &[String]| -> Vec<String> { a.iter().filter(|x| !b.contains(x)).cloned().collect() };
+        let (missing, extra) = (only(model, &self.joint_names), only(&self.joint_names, model));
+        let message = if missing.is_empty() && extra.is_empty() {
+            format!("joints are in another order: record {:?}, model {model:?}", self.joint_names)
+        } else {
+            format!("joints differ from the model: missing {missing:?}, not in the model {extra:?}")
+        };
+        let p = Problem::error(Area::Data, "Data::NameMismatch", message);
+        Err(Problems(vec![p.hint("use the record of this robot, or rename its columns")]))
+    }
+}

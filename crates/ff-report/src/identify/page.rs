@@ -1,0 +1,373 @@
+//! The report of a result: data to a page.
+
+use super::figures;
+use crate::page::{Block, Cell, Level, Page, Table, interval};
+use crate::plot::Figure;
+use ffid::exit::Failure;
+use ffid::workflow::identify::EXPLAINED;
+use ffid::workflow::identify::Signals;
+use ffid::workflow::identify::num;
+use ffid::workflow::identify::{CandidateLine, ClockLine, DecayMode, DecayModes, ProfileLine, Whiteness};
+use ffid::workflow::identify::{Channel, HeldOut, IdentificationResult, Parameter, Told};
+
+/// Figures of a result with their file stems. `held` are the signals of data that were held out.
+pub fn all_figures(r: &IdentificationResult, all: &[Signals], held: Option<&Signals>) -> Vec<(String, Figure)> {
+    let mut out = Vec::new();
+    for (k, s) in all.iter().enumerate() {
+        // The first record keeps the plain names.
+        let label = r.records.get(k).map(|r| r.label.as_str());
+        let of = |what: &str| match label {
+            Some(l) => format!("{}, {l}: {what}", r.robot),
+            None => format!("{}: {what}", r.robot),
+        };
+        let stem = |what: &str| match label {
+            Some(l) if k > 0 => format!("{what}-{l}"),
+            _ => what.to_owned(),
+        };
+        out.push((stem("signals"), figures::signals(s, &of("measured and predicted"))));
+        out.push((stem("residuals"), figures::residuals(s, &of("residuals, measured minus predicted"))));
+        let spectra = figures::spectra(s, &r.modes, &of("spectra of signals and residuals"));
+        out.extend(spectra.map(|f| (stem("spectra"), f)));
+    }
+    let of = |what: &str| format!("{}: {what}", r.robot);
+    if let Some(h) = held {
+        out.push(("held-out".into(), figures::signals(h, &of("data that were held out"))));
+        out.push(("held-out-residuals".into(), figures::residuals(h, &of("residuals of the data that were held out"))));
+    }
+    out
+}
+
+/// The report of an identification.
+///
+/// # Errors
+/// Those of [`Figure::to_svg`].
+pub fn page(r: &IdentificationResult, figures: &[(String, Figure)]) -> Result<String, Failure> {
+    let mut page = Page::new(format!("Identification of {}", r.robot));
+    let mut sentences = r.verdict.clone();
+    sentences.extend(r.held_out.iter().map(|h| format!("Held out ({}): {}", h.source, h.verdict)));
+    page.verdict(level(r), &sentences);
+    let mut parameters = vec![
+        Block::text(
+            "Estimates with standard deviations and 95 % intervals. In the drawing: wide and pale the prior, thin the \
+             interval of the estimate, a dot at its value, a tick where the fit started.",
+        ),
+        Block::Table(table("Parameters that were asked for", &r.parameters)),
+    ];
+    if !r.nuisance.is_empty() {
+        let beside = Block::Table(table("Biases and initial state", &r.nuisance));
+        parameters.push(Block::Details("Biases and initial state, estimated beside them".into(), vec![beside]));
+    }
+    page.section("Parameters", parameters);
+    let drawn = |stems: &[&str]| -> Result<Vec<Block>, Failure> {
+        let of = |s: &str| stems.iter().any(|w| s == *w || s.strip_prefix(w).is_some_and(|l| l.starts_with('-')));
+        figures.iter().filter(|(s, _)| of(s)).map(|(_, f)| Block::figure(f)).collect()
+    };
+    let mut signals = vec![];
+    if r.records.is_empty() {
+        signals.push(Block::Table(channels("Root mean squares over the record", &r.channels)));
+    }
+    for k in &r.records {
+        let caption =
+            format!("Record {}: {:.2} s, residuals {:.3} times the noise", k.label, k.seconds, k.mean_square.sqrt());
+        signals.push(Block::Table(channels(&caption, &k.channels)));
+    }
+    signals.extend(drawn(&["signals"])?);
+    page.section("Measured against predicted", signals);
+    let mut residuals = drawn(&["residuals", "spectra"])?;
+    residuals.extend(whiteness(r));
+    residuals.extend(modes(r));
+    residuals.extend(r.decay.iter().map(decay));
+    residuals.extend(clocks(r));
+    page.section("Residuals and their spectra", residuals);
+    page.section("Models compared", comparison(r));
+    if let Some(h) = &r.held_out {
+        let mut blocks = held(h);
+        blocks.extend(drawn(&["held-out", "held-out-residuals"])?);
+        page.section("Data that were held out", blocks);
+    }
+    page.section("What the record can tell", identifiability(r));
+    page.section("Warnings", warnings(r));
+    page.section("Provenance", provenance(r));
+    Ok(page.render())
+}
+
+/// The report of a validation: a record that was not used.
+///
+/// # Errors
+/// Those of [`Figure::to_svg`].
+pub fn validation(robot: &str, h: &HeldOut, figures: &[(&'static str, Figure)]) -> Result<String, Failure> {
+    let mut page = Page::new(format!("Validation of {robot}"));
+    page.verdict(if h.explained { Level::Good } else { Level::Bad }, std::slice::from_ref(&h.verdict));
+    page.section("Record", held(h));
+    let all: Result<Vec<Block>, Failure> = figures.iter().map(|(_, f)| Block::figure(f)).collect();
+    page.section("Measured against predicted", all?);
+    Ok(page.render())
+}
+
+fn level(r: &IdentificationResult) -> Level {
+    let all = r.parameters.iter().all(|p| p.verdict == Told::Estimated);
+    let explained = r.chi2_per_dof <= EXPLAINED && r.held_out.as_ref().is_none_or(|h| h.explained);
+    match (r.exit() == ffid::exit::Exit::Done, all && explained) {
+        (false, _) => Level::Bad,
+        (true, true) => Level::Good,
+        (true, false) => Level::Fair,
+    }
+}
+
+fn table(caption: &str, all: &[Parameter]) -> Table {
+    let rows = all.iter().map(|p| {
+        let prior = p.prior_mean.zip(p.prior_std);
+        let level = match p.verdict {
+            Told::Estimated => Level::Good,
+            Told::Weak | Told::PriorOnly => Level::Fair,
+            Told::AtBound | Told::NotIdentifiable => Level::Bad,
+        };
+        vec![
+            Cell::words(p.name.clone()),
+            Cell::number(num(p.value)),
+            Cell::words(p.unit.clone()),
+            Cell::number(p.std.map_or_else(|| "cannot be told".into(), num)),
+            Cell::number(p.interval95.map_or_else(String::new, |(a, b)| format!("{} .. {}", num(a), num(b)))),
+            Cell::number(num(p.start)),
+            Cell::number(prior.map_or_else(|| "none".into(), |(m, s)| format!("{} ± {}", num(m), num(s)))),
+            interval(p.value, p.interval95, prior.map(|(m, s)| (m - 1.96 * s, m + 1.96 * s)), p.start),
+            Cell::Mark(level, p.verdict.words().into()),
+        ]
+    });
+    let head = ["name", "value", "unit", "std", "95 % interval", "start", "prior", "", "verdict"];
+    Table { caption: caption.into(), head: head.map(String::from).to_vec(), rows: rows.collect() }
+}
+
+fn channels(caption: &str, all: &[Channel]) -> Table {
+    let row = |c: &Channel| {
+        vec![
+            Cell::words(c.name.clone()),
+            Cell::number(num(c.signal_rms)),
+            Cell::number(num(c.residual_rms)),
+            Cell::words(c.unit.clone()),
+            Cell::number(format!("{:.3}", c.over_noise)),
+        ]
+    };
+    Table {
+        caption: caption.into(),
+        head: ["channel", "signal", "residual", "unit", "residual / noise"].map(String::from).to_vec(),
+        rows: all.iter().map(row).collect(),
+    }
+}
+
+fn held(h: &HeldOut) -> Vec<Block> {
+    vec![
+        Block::text(format!(
+            "{}: {} samples, {:.3} s. Parameters as estimated; biases and initial state, which belong to the record, are \
+             fitted. Chi-squared per degree of freedom {:.4}, limit {}.",
+            h.source, h.samples, h.seconds, h.chi2_per_dof, h.limit
+        )),
+        Block::Table(channels("Root mean squares over the record", &h.channels)),
+    ]
+}
+
+fn modes(r: &IdentificationResult) -> Option<Block> {
+    if r.modes.is_empty() {
+        return None;
+    }
+    let row = |(i, m): (usize, &ffid::workflow::identify::ModeLine)| {
+        vec![
+            Cell::words(format!("mode {}", i + 1)),
+            Cell::number(format!("{:.4}", m.frequency_hz)),
+            Cell::number(format!("{:.2}", 100.0 * m.damping_ratio)),
+            Cell::number(format!("{:.4}", m.start_hz)),
+        ]
+    };
+    Some(Block::Table(Table {
+        caption: "Modes at the pose of the mission, joints held".into(),
+        head: ["", "identified (Hz)", "damping (%)", "at the start (Hz)"].map(String::from).to_vec(),
+        rows: r.modes.iter().enumerate().map(row).collect(),
+    }))
+}
+
+/// A table, but none without rows.
+fn table_of(caption: &str, head: &[&str], rows: Vec<Vec<Cell>>) -> Option<Block> {
+    let head = head.iter().map(|h| (*h).to_owned()).collect();
+    (!rows.is_empty()).then(|| Block::Table(Table { caption: caption.into(), head, rows }))
+}
+
+fn whiteness(r: &IdentificationResult) -> Option<Block> {
+    let row = |w: &Whiteness| {
+        let hz: Vec<String> = w.stands_out_hz.iter().map(|f| format!("{f:.4}")).collect();
+        let (level, word) = if w.white { (Level::Good, "white") } else { (Level::Fair, "coloured") };
+        vec![
+            Cell::words(w.channel.clone()),
+            Cell::number(format!("{:.3}", w.mean_square.sqrt())),
+            Cell::number(format!("{:+.3}", w.first_correlation)),
+            Cell::number(num(w.white_p.min(w.portmanteau_p))),
+            Cell::number(num(w.normal_p)),
+            Cell::number(hz.join(", ")),
+            Cell::Mark(level, word.into()),
+        ]
+    };
+    let head = ["channel", "rms / noise", "next to it", "p white", "p normal", "stands out at (Hz)", "verdict"];
+    table_of("Residuals against white noise", &head, r.whiteness.iter().map(row).collect())
+}
+
+fn decay(d: &DecayModes) -> Block {
+    let cell = |x: Option<f64>, digits: usize| Cell::number(x.map_or_else(String::new, |x| format!("{x:.digits$}")));
+    let row = |m: &DecayMode| {
+        vec![
+            Cell::number(format!("{:.4} ± {:.4}", m.frequency_hz, m.frequency_std_hz)),
+            Cell::number(format!("{:.2} ± {:.2}", 100.0 * m.damping_ratio, 100.0 * m.damping_std)),
+            cell(m.model_hz, 4),
+            cell(m.model_damping.map(|d| 100.0 * d), 2),
+            cell(m.mac, 3),
+            Cell::words(m.note.clone()),
+        ]
+    };
+    let mut rows: Vec<Vec<Cell>> = d.modes.iter().map(row).collect();
+    rows.extend(d.unseen.iter().map(|u| {
+        let none = || Cell::number(String::new());
+        vec![
+            Cell::number("not seen"),
+            none(),
+            cell(Some(u.frequency_hz), 4),
+            none(),
+            none(),
+            Cell::words(u.why.clone()),
+        ]
+    }));
+    let caption = format!(
+        "Modes of the free decay of {}, {:.2} s to {:.2} s (a spectrum of it resolves {:.4} Hz)",
+        d.record, d.from_s, d.to_s, d.resolution_hz
+    );
+    let head = ["measured (Hz)", "damping (%)", "model (Hz)", "damping (%)", "MAC", ""].map(String::from).to_vec();
+    Block::Table(Table { caption, head, rows })
+}
+
+fn clocks(r: &IdentificationResult) -> Option<Block> {
+    let row = |c: &ClockLine| {
+        vec![
+            Cell::words(format!("{} of {}", c.group, c.record)),
+            Cell::number(format!("{:+.3} ± {:.3}", 1e3 * c.offset_s, 1e3 * c.offset_std_s)),
+            Cell::number(format!("{:+.1} ± {:.1}", c.skew_ppm, c.skew_std_ppm)),
+            Cell::words(if c.corrected { "corrected" } else { "left as it is" }.to_owned()),
+        ]
+    };
+    let head = ["clock", "late (ms)", "fast (ppm)", ""];
+    table_of("Clocks against that of the encoders", &head, r.clocks.iter().map(row).collect())
+}
+
+fn comparison(r: &IdentificationResult) -> Vec<Block> {
+    let Some(c) = &r.comparison else { return Vec::new() };
+    let row = |k: &CandidateLine| {
+        let (level, word) = if k.name == c.recommended { (Level::Good, "recommended") } else { (Level::Fair, "") };
+        vec![
+            Cell::words(k.name.clone()),
+            Cell::number(k.unknowns.to_string()),
+            Cell::number(format!("{} ± {}", num(k.held_out), num(k.held_out_std))),
+            Cell::number(num(k.aic)),
+            Cell::number(num(k.bic)),
+            Cell::number(format!("{:.3}", k.held_out_mean_square.sqrt())),
+            Cell::Mark(level, word.into()),
+        ]
+    };
+    let head = ["model", "unknowns", "-2 ln L held out", "AIC", "BIC", "residual / noise", ""];
+    let caption = format!("Above the best of them; judged by {}", c.judged_by);
+    let mut out = vec![Block::text(format!("{}: {}.", c.recommended, c.reason))];
+    out.extend(table_of(&caption, &head, c.candidates.iter().map(row).collect()));
+    out
+}
+
+fn profiles(r: &IdentificationResult) -> Option<Block> {
+    let row = |p: &ProfileLine| {
+        let end = |x: Option<f64>| x.map_or_else(|| "unbounded".to_owned(), num);
+        vec![
+            Cell::words(p.name.clone()),
+            Cell::number(num(p.value)),
+            Cell::words(p.unit.clone()),
+            Cell::number(format!("{} .. {}", end(p.lower95), end(p.upper95))),
+            Cell::number(p.gaussian95.map_or_else(String::new, |(a, b)| format!("{} .. {}", num(a), num(b)))),
+        ]
+    };
+    let head = ["name", "value", "unit", "profile", "Gaussian"];
+    table_of("95 % intervals from the likelihood itself", &head, r.profiles.iter().map(row).collect())
+}
+
+fn identifiability(r: &IdentificationResult) -> Vec<Block> {
+    let n = r.singular_values.len();
+    let mut out = vec![Block::text(format!(
+        "{} of {n} unknowns are determined by the data alone (sensitivities scaled by the size of each parameter, biases and \
+         initial state among them).",
+        r.rank
+    ))];
+    let lines = |what: &str, all: &[ffid::workflow::identify::Combination]| -> Vec<String> {
+        all.iter().map(|d| format!("{what}: {}", d.text)).collect()
+    };
+    let mut said = lines("silent on", &r.null_directions);
+    if let Some(s) = &r.silent {
+        said.extend(lines("by structure, so that no record could tell", &s.structural));
+        said.extend(lines("not excited by this one", &s.unexcited));
+    }
+    if let Some(s) = &r.reduced {
+        said.push(format!("held where they are: {}", s.held.join(", ")));
+        said.extend(s.combinations.iter().map(|c| format!("estimated for itself and for others: {}", c.text)));
+    }
+    said.extend(lines("known worse than its own size", &r.weak_directions));
+    if let Some(m) = &r.minima {
+        said.push(format!("{} of {} starts converged, to {} minima", m.converged, m.starts, m.objectives.len()));
+    }
+    if !said.is_empty() {
+        out.push(Block::List(said));
+    }
+    out.extend(profiles(r));
+    if !r.correlations.is_empty() {
+        let row = |c: &ffid::workflow::identify::Correlation| {
+            vec![Cell::words(c.first.clone()), Cell::words(c.second.clone()), Cell::number(format!("{:+.4}", c.value))]
+        };
+        let table = Table {
+            caption: "Strong correlations".into(),
+            head: ["", "", "coefficient"].map(String::from).to_vec(),
+            rows: r.correlations.iter().map(row).collect(),
+        };
+        out.push(Block::Details(
+            format!("{} pairs with a correlation of 0.95 or more", r.correlations.len()),
+            vec![Block::Table(table)],
+        ));
+    }
+    let values: Vec<String> = r.singular_values.iter().map(|s| format!("{s:.4e}")).collect();
+    out.push(Block::Details(
+        "Singular values of the scaled sensitivities".into(),
+        vec![Block::Code(values.join("  "))],
+    ));
+    out
+}
+
+fn warnings(r: &IdentificationResult) -> Vec<Block> {
+    if r.warnings.is_empty() {
+        Vec::new()
+    } else {
+        vec![Block::List(r.warnings.iter().map(|w| w.message.clone()).collect())]
+    }
+}
+
+fn provenance(r: &IdentificationResult) -> Vec<Block> {
+    let p = &r.provenance;
+    let mut rows: Vec<(String, String)> = vec![
+        ("program".into(), p.program.clone()),
+        (
+            "record".into(),
+            format!(
+                "{} samples at {} Hz, {:.4} s, from {} s",
+                p.record.samples,
+                num(p.record.rate_hz),
+                p.record.seconds,
+                p.record.t0
+            ),
+        ),
+        ("noise".into(), format!("torque {} N m, gyro {} rad/s", num(p.noise_torque_nm), num(p.noise_gyro_rad_per_s))),
+        ("fit".into(), format!("{} after {} linearisations", r.status, r.iterations)),
+        ("chi-squared per degree of freedom".into(), format!("{:.6}", r.chi2_per_dof)),
+    ];
+    rows.extend(p.settings.iter().map(|(k, v)| (k.clone(), v.clone())));
+    rows.extend(p.inputs.iter().map(|i| (i.file.clone(), format!("{} bytes, SHA-256 {}", i.bytes, i.sha256))));
+    let rows = rows.into_iter().map(|(k, v)| vec![Cell::words(k), Cell::words(v)]).collect();
+    let head = ["", ""].map(String::from).to_vec();
+    vec![Block::Table(Table { caption: "Where this comes from".into(), head, rows })]
+}

@@ -1,0 +1,139 @@
+//! Reports as one HTML file: opens offline, needs no script, readable on a phone, in the dark and on paper.
+//!
+//! A [`Page`] is data: a title, a verdict, sections of [`Block`]s. Everything that is text goes through [`escape`]; figures
+//! are SVG of [`crate::plot`], set into the page.
+//!
+//! ```
+//! use crate::page::{Block, Level, Page};
+//!
+//! let mut page = Page::new("Identification of <probe>");
+//! page.verdict(Level::Good, &["All 2 parameters are determined by the record.".to_owned()]);
+//! page.section("Parameters", vec![Block::text("Values & intervals.")]);
+//! let html = page.render();
+//! assert!(html.contains("Identification of &lt;probe&gt;") && html.contains("Values &amp; intervals."));
+//! assert!(!html.contains("<script"));
+//! ```
+pub(crate) mod bars;
+pub(crate) mod render;
+pub(crate) mod style;
+#[cfg(test)]
+pub(crate) mod tests;
+
+pub use bars::interval;
+pub use render::escape;
+
+use crate::plot::Figure;
+use ffid::exit::Failure;
+
+/// How a verdict is to be taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// As hoped.
+    Good,
+    /// With reservations.
+    Fair,
+    /// Not to be relied on.
+    Bad,
+}
+
+/// A report.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Page {
+    title: String,
+    verdict: Option<(Level, Vec<String>)>,
+    sections: Vec<(String, Vec<Block>)>,
+}
+
+/// Part of a section.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Block {
+    /// A paragraph.
+    Text(String),
+    /// A list of sentences.
+    List(Vec<String>),
+    /// A table.
+    Table(Table),
+    /// A figure: SVG and what it shows.
+    Figure {
+        /// SVG, trusted: made by [`crate::plot`].
+        svg: String,
+        /// What it shows, for those who cannot see it.
+        caption: String,
+    },
+    /// Preformatted text.
+    Code(String),
+    /// Blocks behind a line that opens them.
+    Details(String, Vec<Block>),
+}
+
+/// A table; the first column is the head of each row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// What it lists.
+    pub caption: String,
+    /// Heads of the columns.
+    pub head: Vec<String>,
+    /// Rows of as many cells.
+    pub rows: Vec<Vec<Cell>>,
+}
+
+/// A cell of a table.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cell {
+    /// Words, to the left.
+    Words(String),
+    /// A number, to the right, its digits aligned.
+    Number(String),
+    /// A drawing of [`interval`].
+    Drawing(String),
+    /// A word with the colour of a verdict.
+    Mark(Level, String),
+}
+
+impl Cell {
+    /// Words.
+    pub fn words(s: impl Into<String>) -> Self {
+        Self::Words(s.into())
+    }
+    /// A number.
+    pub fn number(s: impl Into<String>) -> Self {
+        Self::Number(s.into())
+    }
+}
+
+impl Block {
+    /// A paragraph.
+    pub fn text(s: impl Into<String>) -> Self {
+        Self::Text(s.into())
+    }
+    /// A figure, drawn.
+    ///
+    /// # Errors
+    /// Those of [`Figure::to_svg`].
+    pub fn figure(f: &Figure) -> Result<Self, Failure> {
+        // The writer of SVG escapes what is markup, but lets control characters through, which no XML may hold.
+        let hidden = |c: char| c.is_control() && !c.is_ascii_whitespace();
+        Ok(Self::Figure { svg: f.to_svg()?.replace(hidden, "\u{fffd}"), caption: f.title.clone() })
+    }
+}
+
+impl Page {
+    /// A page without sections.
+    pub fn new(title: impl Into<String>) -> Self {
+        Self { title: title.into(), verdict: None, sections: Vec::new() }
+    }
+    /// Sets what comes first: the verdict in sentences, the most important in front.
+    pub fn verdict(&mut self, level: Level, sentences: &[String]) {
+        self.verdict = Some((level, sentences.to_vec()));
+    }
+    /// Adds a section; one without blocks is left out.
+    pub fn section(&mut self, title: impl Into<String>, blocks: Vec<Block>) {
+        if !blocks.is_empty() {
+            self.sections.push((title.into(), blocks));
+        }
+    }
+    /// The file.
+    pub fn render(&self) -> String {
+        render::page(self)
+    }
+}

@@ -1,0 +1,61 @@
+use crate::page::*;
+use crate::plot::Panel;
+
+/// A page with everything in it, and names that try to break out.
+fn page() -> Page {
+    let evil = "</title><script>alert(1)</script> & \"quotes\" 'n' \u{7}";
+    let mut p = Page::new(evil);
+    p.verdict(Level::Bad, &[evil.to_owned()]);
+    let t: Vec<f64> = (0..50).map(f64::from).collect();
+    let fig = Figure::new(evil).panel(Panel::new("time (s)", evil).curve(evil, &t, &t).vline(20.0, evil));
+    let cells = vec![
+        Cell::words(evil),
+        Cell::number(evil),
+        Cell::Mark(Level::Fair, evil.into()),
+        interval(1.2, Some((1.0, 1.4)), Some((0.3, 2.2)), 0.9),
+    ];
+    let table = Table { caption: evil.into(), head: vec![evil.into(); 4], rows: vec![cells] };
+    p.section(evil, vec![Block::text(evil), Block::List(vec![evil.into()]), Block::Table(table)]);
+    p.section("figure", vec![Block::figure(&fig).unwrap(), Block::Code(evil.into())]);
+    p.section("more", vec![Block::Details(evil.into(), vec![Block::text(evil)])]);
+    p.section("nothing", vec![]);
+    p
+}
+
+#[test]
+fn names_cannot_break_out_of_the_page() {
+    let html = page().render();
+    assert!(!html.contains("<script") && !html.contains('\u{7}'), "{html}");
+    assert!(html.contains("&lt;script&gt;alert(1)&lt;/script&gt; &amp; &quot;quotes&quot; &#39;n&#39; \u{fffd}"));
+    assert!(!html.contains("nothing"));
+}
+
+/// Every tag is closed in order: what is left after the void ones is well-formed XML.
+#[test]
+fn the_page_is_well_formed_and_needs_nothing_from_elsewhere() {
+    let html = page().render();
+    let xml = html.replacen("<!doctype html>", "", 1);
+    let xml = xml.replace("<meta charset=\"utf-8\">", "");
+    let xml = xml.replace("<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">", "");
+    let doc = roxmltree::Document::parse(&xml).unwrap();
+    assert!(doc.descendants().any(|n| n.has_tag_name("svg") || n.tag_name().name() == "svg"));
+    let outside = doc
+        .descendants()
+        .flat_map(|n| n.attributes())
+        .filter(|a| matches!(a.name(), "href" | "src") && !a.value().starts_with('#'))
+        .count();
+    assert_eq!(outside, 0);
+    assert!(!html.contains("url(") && !html.contains("@import"));
+    for rule in ["prefers-color-scheme:dark", "@media print", "max-width:40rem"] {
+        assert!(html.contains(rule), "{rule}");
+    }
+}
+
+#[test]
+fn intervals_share_one_scale_and_need_something_to_draw() {
+    let Cell::Drawing(svg) = interval(2.0, Some((1.0, 3.0)), Some((0.0, 4.0)), 4.0) else { panic!("a drawing") };
+    // 0 at 4 px, 4 at 140 px: the estimate from 38 to 106, its value in the middle.
+    assert!(svg.contains("M4.0 9H140.0") && svg.contains("M38.0 9H106.0") && svg.contains("cx=\"72.0\""), "{svg}");
+    assert_eq!(interval(2.0, None, None, 1.0), Cell::Words(String::new()));
+    assert_eq!(interval(2.0, Some((2.0, 2.0)), None, 2.0), Cell::Words(String::new()));
+}

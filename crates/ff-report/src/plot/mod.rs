@@ -1,0 +1,255 @@
+//! Figures: declared as data, drawn as SVG (plotters) and PNG (resvg), with the font built in.
+//!
+//! A [`Figure`] is a column of [`Panel`]s. Legends and the names of marked lines sit outside the data
+//! area, colours come from the colour-blind-safe palette of Okabe and Ito in order, and curves are
+//! reduced to what the eye can see, so that an SVG stays small however long the record.
+//!
+//! ```no_run
+//! use crate::plot::{Figure, Panel, Series};
+//! # let (t, tau) = (vec![0.0, 1.0], vec![0.0, 1.0]);
+//! let mut torque = Panel::new("time (s)", "joint torque (N m)");
+//! torque.series.push(Series::new("joint 2", &t, &tau));
+//! Figure::new("Free response").panel(torque).write("target/reproduce/fig4".as_ref())?;
+//! # Ok::<(), ffid::exit::Failure>(())
+//! ```
+pub(crate) mod canvas;
+pub(crate) mod draw;
+pub(crate) mod layout;
+pub(crate) mod polyline;
+pub(crate) mod raster;
+pub(crate) mod scale;
+#[cfg(test)]
+pub(crate) mod tests;
+
+use ffid::exit::Failure;
+use ffid::files::atomic;
+use std::path::{Path, PathBuf};
+
+/// Width of every figure (px of the SVG; the PNG has twice as many).
+pub const WIDTH: f64 = 960.0;
+
+/// A figure: title, panels from top to bottom, caption.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Figure {
+    /// Title above everything.
+    pub title: String,
+    /// Panels from top to bottom.
+    pub panels: Vec<Panel>,
+    /// Text below everything, wrapped to the width; empty for none.
+    pub caption: String,
+}
+
+/// One pair of axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// Heading of the panel, such as `A) answer of the flexible appendages`; empty for none.
+    pub title: String,
+    /// Label with unit, such as `time (s)`.
+    pub x_label: String,
+    /// Label with unit.
+    pub y_label: String,
+    /// Range of x; that of the data unless set.
+    pub x_range: Option<(f64, f64)>,
+    /// Range of y; that of the data with a margin unless set.
+    pub y_range: Option<(f64, f64)>,
+    /// Logarithmic y, for spectra. Values that are not positive are left out; without `y_range` at most
+    /// [`LOG_DECADES`] decades below the maximum are shown.
+    pub log_y: bool,
+    /// Height of the data area (px).
+    pub height: f64,
+    /// Curves.
+    pub series: Vec<Series>,
+    /// Marked abscissae with their names, such as `model 0.231 Hz`.
+    pub vlines: Vec<VLine>,
+    /// Shaded intervals of x.
+    pub bands: Vec<Band>,
+}
+
+/// Most decades a logarithmic axis shows of its own accord.
+pub const LOG_DECADES: f64 = 10.0;
+
+/// One curve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Name in the legend; empty for no entry.
+    pub label: String,
+    /// Abscissae, ascending.
+    pub xs: Vec<f64>,
+    /// Ordinates.
+    pub ys: Vec<f64>,
+    /// Dashed rather than solid.
+    pub dashed: bool,
+    /// Place in the palette; that of the series in its panel unless set.
+    pub colour: Option<usize>,
+}
+
+/// A vertical line at `x` with a name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VLine {
+    /// Where.
+    pub x: f64,
+    /// Its name, drawn above the data area.
+    pub label: String,
+    /// Place in the palette; grey unless set.
+    pub colour: Option<usize>,
+    /// Solid rather than dashed.
+    pub solid: bool,
+}
+
+/// A shaded interval of x with a name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Band {
+    /// From.
+    pub from: f64,
+    /// To.
+    pub to: f64,
+    /// Name in the legend; empty for none.
+    pub label: String,
+}
+
+impl Figure {
+    /// A figure without panels.
+    pub fn new(title: impl Into<String>) -> Self {
+        Self { title: title.into(), ..Self::default() }
+    }
+    /// Adds a panel below the others.
+    #[must_use]
+    pub fn panel(mut self, panel: Panel) -> Self {
+        self.panels.push(panel);
+        self
+    }
+    /// Sets the caption.
+    #[must_use]
+    pub fn caption(mut self, text: impl Into<String>) -> Self {
+        self.caption = text.into();
+        self
+    }
+    /// The figure as SVG text.
+    ///
+    /// # Errors
+    /// [`Failure::NotFinite`] or [`Failure::Length`] naming the series.
+    pub fn to_svg(&self) -> Result<String, Failure> {
+        self.check()?;
+        draw::figure(self).map_err(|e| Failure::Numerical(format!("figure '{}': {e}", self.title)))
+    }
+    /// Writes `stem.svg` and `stem.png`, each whole or not at all, and returns their paths.
+    ///
+    /// # Errors
+    /// Those of [`Figure::to_svg`], and [`Failure::Io`].
+    pub fn write(&self, stem: &Path) -> Result<[PathBuf; 2], Failure> {
+        let svg = self.to_svg()?;
+        let png = raster::png(&svg).map_err(|e| Failure::Numerical(format!("figure '{}': {e}", self.title)))?;
+        let paths = ["svg", "png"].map(|ext| {
+            let mut name = stem.as_os_str().to_owned();
+            name.push(format!(".{ext}"));
+            PathBuf::from(name)
+        });
+        atomic::write(&paths[0], svg.as_bytes())?;
+        atomic::write(&paths[1], &png)?;
+        Ok(paths)
+    }
+
+    /// Writes `stem.svg` alone.
+    ///
+    /// # Errors
+    /// Those of [`Figure::to_svg`], and [`Failure::Io`].
+    pub fn write_svg(&self, stem: &Path) -> Result<PathBuf, Failure> {
+        let mut name = stem.as_os_str().to_owned();
+        name.push(".svg");
+        atomic::write(Path::new(&name), self.to_svg()?.as_bytes())?;
+        Ok(PathBuf::from(name))
+    }
+
+    fn check(&self) -> Result<(), Failure> {
+        for s in self.panels.iter().flat_map(|p| &p.series) {
+            let place = format!("figure '{}', series '{}'", self.title, s.label);
+            if s.xs.len() != s.ys.len() {
+                return Err(Failure::Length { place, left: s.xs.len(), right: s.ys.len() });
+            }
+            for (axis, values) in [("x", &s.xs), ("y", &s.ys)] {
+                if let Some(i) = values.iter().position(|v| !v.is_finite()) {
+                    let place = format!("{place}: {axis} of sample {i}");
+                    return Err(Failure::NotFinite { place, value: values[i].to_string() });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Panel {
+    /// Empty linear axes.
+    pub fn new(x_label: impl Into<String>, y_label: impl Into<String>) -> Self {
+        Self {
+            title: String::new(),
+            x_label: x_label.into(),
+            y_label: y_label.into(),
+            x_range: None,
+            y_range: None,
+            log_y: false,
+            height: 240.0,
+            series: Vec::new(),
+            vlines: Vec::new(),
+            bands: Vec::new(),
+        }
+    }
+    /// Empty axes with a logarithmic ordinate.
+    pub fn log_y(x_label: impl Into<String>, y_label: impl Into<String>) -> Self {
+        Self { log_y: true, ..Self::new(x_label, y_label) }
+    }
+    /// Sets the heading.
+    #[must_use]
+    pub fn titled(mut self, title: impl Into<String>) -> Self {
+        self.title = title.into();
+        self
+    }
+    /// Adds a curve.
+    #[must_use]
+    pub fn curve(mut self, label: impl Into<String>, xs: &[f64], ys: &[f64]) -> Self {
+        self.series.push(Series::new(label, xs, ys));
+        self
+    }
+    /// Adds a dashed vertical line.
+    #[must_use]
+    pub fn vline(mut self, x: f64, label: impl Into<String>) -> Self {
+        self.vlines.push(VLine { x, label: label.into(), colour: None, solid: false });
+        self
+    }
+    /// Shades an interval of x.
+    #[must_use]
+    pub fn band(mut self, from: f64, to: f64, label: impl Into<String>) -> Self {
+        self.bands.push(Band { from, to, label: label.into() });
+        self
+    }
+    /// Sets the range of x.
+    #[must_use]
+    pub fn x_range(mut self, from: f64, to: f64) -> Self {
+        self.x_range = Some((from, to));
+        self
+    }
+    /// Sets the range of y.
+    #[must_use]
+    pub fn y_range(mut self, from: f64, to: f64) -> Self {
+        self.y_range = Some((from, to));
+        self
+    }
+}
+
+impl Series {
+    /// A solid curve.
+    pub fn new(label: impl Into<String>, xs: &[f64], ys: &[f64]) -> Self {
+        Self { label: label.into(), xs: xs.to_vec(), ys: ys.to_vec(), dashed: false, colour: None }
+    }
+    /// The same curve dashed.
+    #[must_use]
+    pub fn dashed(mut self) -> Self {
+        self.dashed = true;
+        self
+    }
+    /// The same curve in colour `i` of the palette, to match another series.
+    #[must_use]
+    pub fn colour(mut self, i: usize) -> Self {
+        self.colour = Some(i);
+        self
+    }
+}

@@ -1,0 +1,79 @@
+//! Figures as a whole: what is drawn, what is refused, what is written.
+
+use crate::plot::*;
+
+fn spectrum() -> Figure {
+    let f: Vec<f64> = (0..20_000).map(|i| i as f64 * 1e-4).collect();
+    let s: Vec<f64> = f.iter().map(|f| 1.0 / ((f * f - 0.05).powi(2) + 1e-6)).collect();
+    let p = Panel::log_y("frequency (Hz)", "PSD ((N m)²/Hz)").curve("joint 2", &f, &s).vline(0.2236, "mode <1> & 2");
+    Figure::new("Spectrum").panel(p).caption("One mode.")
+}
+
+#[test]
+fn svg_is_small_well_formed_and_says_what_it_shows() {
+    let svg = spectrum().to_svg().unwrap();
+    assert!(svg.len() < 40_000, "{} bytes", svg.len());
+    for part in ["<title>Spectrum</title>", "joint 2", "frequency (Hz)", "One mode.", "mode &lt;1&gt; &amp; 2", "10⁻"]
+    {
+        assert!(svg.contains(part), "no {part:?} in the SVG");
+    }
+}
+
+#[test]
+fn writes_both_files_and_the_same_bytes_every_time() {
+    let dir = tempfile::tempdir().unwrap();
+    let read = |stem: &str| {
+        let paths = spectrum().write(&dir.path().join("figures").join(stem)).unwrap();
+        assert!(paths[1].ends_with(format!("{stem}.png")));
+        paths.map(|p| std::fs::read(p).unwrap())
+    };
+    let [svg, png] = read("fig5.first"); // a dot in the stem is part of the name
+    assert_eq!([svg, png.clone()], read("fig5.second"));
+    assert_eq!(&png[1..4], b"PNG");
+}
+
+/// Without the built-in font the text would silently vanish from the PNG: compare with and without title.
+#[test]
+fn text_is_rendered_without_system_fonts() {
+    let with = raster::png(&spectrum().to_svg().unwrap()).unwrap();
+    let blank = spectrum().to_svg().unwrap().replace("joint 2", " ");
+    assert_ne!(with, raster::png(&blank).unwrap());
+}
+
+#[test]
+fn refuses_non_finite_and_unequal_series() {
+    let f = Figure::new("F").panel(Panel::new("x", "y").curve("bad", &[0.0, 1.0], &[0.0, f64::NAN]));
+    let e = f.to_svg().unwrap_err().to_string();
+    assert!(e.contains("series 'bad'") && e.contains("sample 1"), "{e}");
+    let f = Figure::new("F").panel(Panel::new("x", "y").curve("bad", &[0.0], &[]));
+    assert!(matches!(f.to_svg(), Err(Failure::Length { left: 1, right: 0, .. })));
+}
+
+#[test]
+fn empty_and_degenerate_panels_are_drawn() {
+    let zeros = [0.0; 3];
+    let f = Figure::new("")
+        .panel(Panel::new("x", "y"))
+        .panel(Panel::log_y("x", "y").curve("all zero", &[0.0, 1.0, 2.0], &zeros))
+        .panel(Panel::new("x", "y").curve("one point", &[1.0], &[1.0]));
+    assert!(f.to_svg().unwrap().contains("all zero"));
+}
+
+/// A factor of the tick labels belongs to the unit: "× 10⁴" beside it could be read both ways.
+#[test]
+fn power_of_ten_is_part_of_the_unit() {
+    let f = Figure::new("").panel(Panel::new("time (s)", "rate (rad/s)").curve("x", &[0.0, 1.0], &[-3e-4, 3e-4]));
+    assert!(f.to_svg().unwrap().contains("rate (10⁻⁴ rad/s)"));
+}
+
+#[test]
+fn what_lies_outside_or_has_no_name_takes_no_room() {
+    let base = Panel::new("x (m)", "y (m)").curve("a", &[0.0, 1.0], &[0.0, 1.0]);
+    let more = base.clone().vline(7.0, "outside").curve("", &[0.0, 1.0], &[1.0, 0.0]);
+    let height = |p: Panel| {
+        let svg = Figure::new("").panel(p).to_svg().unwrap();
+        assert!(!svg.contains("outside"));
+        svg.split("height=\"").nth(1).unwrap().split('"').next().unwrap().to_owned()
+    };
+    assert_eq!(height(base), height(more));
+}

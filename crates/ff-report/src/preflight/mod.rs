@@ -1,0 +1,4 @@
+//! TODO-FOLDER ff-report preflight
+
+pub(crate) mod figures;
+pub mod page;

@@ -1,0 +1,14 @@
+//! TODO-FOLDER ffid-cli commands
+
+pub(crate) mod check;
+pub(crate) mod convert;
+pub(crate) mod excite;
+pub(crate) mod identify;
+pub(crate) mod init;
+pub(crate) mod modes;
+pub(crate) mod plan;
+pub(crate) mod predict;
+pub(crate) mod schema;
+pub(crate) mod selfcheck;
+pub(crate) mod simulate;
+pub(crate) mod validate;

@@ -1,0 +1,171 @@
+//! `ffid validate`: does the identified model explain a record it has not seen?
+
+use crate::flags::fit::{FitFlags, watched};
+use crate::flags::record::RecordFlags;
+use crate::output::{Input, Outcome};
+use crate::result_folder;
+use crate::results;
+use crate::results::{Output, Refusal, io, refused};
+use ff_model::{Area, Problem, Problems};
+use ff_report::identify::{figures, page};
+use ffid::exit::{Exit, Failure};
+use ffid::files::folder::Folder;
+use ffid::files::json;
+use ffid::workflow::identify::Arm;
+use ffid::workflow::identify::HeldOut;
+use ffid::workflow::identify::{Settings, Signals, axes, explain};
+use ident::Noise;
+use serde::Serialize;
+use std::fmt::Display;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Examples for `--help`.
+pub(crate) const EXAMPLES: &str = "Examples:
+  ffid validate m-identified --record other.csv
+  ffid validate m-identified --record other.csv --out verdict
+
+Parameters stay as they were estimated; biases (and, when asked for, the initial state) belong to the record and are fitted.
+A model that does not explain the record ends with exit code 13.";
+
+/// Arguments of `ffid validate`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    input: Input,
+    /// A record that was not used to identify (.csv).
+    #[arg(long, value_name = "FILE")]
+    record: PathBuf,
+    /// Folder for report, residuals and figures; printed only unless given.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    fit: FitFlags,
+    #[command(flatten)]
+    reading: RecordFlags,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Results in JSON; absent when there are none.
+#[derive(Default, Serialize)]
+struct Results<'a> {
+    verdict: Option<&'a HeldOut>,
+    /// The folder that was written.
+    out: Option<&'a PathBuf>,
+}
+
+/// What was found.
+struct Found {
+    robot: String,
+    held: HeldOut,
+    signals: Signals,
+    modes: Vec<ffid::workflow::identify::ModeLine>,
+    problems: Problems,
+    files: Vec<PathBuf>,
+    inputs: Vec<ffid::files::folder::Entry>,
+    folder: Option<Folder>,
+}
+
+/// Predicts, judges, writes when asked to, and prints.
+pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
+    let input = &args.input;
+    let found = match judge(args) {
+        Ok(f) => f,
+        Err((exit, p)) => return input.print(exit, &p.in_file(&args.record), Results::default(), &[], out, err),
+    };
+    let Found { robot, held, signals, modes, mut problems, files, inputs, folder } = found;
+    let mut exit = Exit::of(&problems);
+    if !held.explained {
+        let what = format!("chi-squared per degree of freedom {:.3}, limit {}", held.chi2_per_dof, held.limit);
+        let p = Problem::error(Area::Data, "Fit::NotExplained", what).in_file(&args.record);
+        problems.push(p.hint("another robot, other fuel, or something moves that the model does not have"));
+        exit = Exit::IllPosed;
+    }
+    if let Some(p) = results::changed(&inputs, &files) {
+        exit = Exit::Data;
+        problems.push(p);
+    }
+    let mut written = None;
+    if let Some(folder) = folder {
+        let wrote = write(&folder, args, &robot, &held, &signals, &modes).and_then(|()| {
+            let settings = [("max_chi2", held.limit.to_string())];
+            folder.finish(&results::about("validate", 0, &settings, inputs))
+        });
+        match wrote {
+            Ok(()) => written = args.out.as_ref(),
+            Err(e) => {
+                let (code, p) = results::failed(&e);
+                exit = code;
+                problems.push(p);
+            }
+        }
+    }
+    let text: [Option<&dyn Display>; 1] = [Some(&held)];
+    let text = if args.output.quiet { &[][..] } else { &text[..] };
+    input.print(exit, &problems, Results { verdict: Some(&held), out: written }, text, out, err)
+}
+
+fn judge(args: &Args) -> Result<Found, Refusal> {
+    let input = &args.input;
+    let found = result_folder::load(input).map_err(refused)?;
+    let mission = results::undisturbed(&found.opened, &found.mission_file).map_err(refused)?;
+    let model = &found.opened.model;
+    // The noise of a calibration is that behind its filter.
+    let low_pass = args.reading.low_pass();
+    let arm =
+        Arm::of(&found.result, &model.joint_names()).map(|a| Arm { low_pass_hz: low_pass.or(a.low_pass_hz), ..a });
+    let low_pass = arm.as_ref().map_or(low_pass, |a| a.low_pass_hz);
+    let loaded = args.reading.read(&args.record, model, 8, low_pass, input).map_err(refused)?;
+    let files = vec![found.mission_file.clone(), args.record.clone()];
+    let inputs = results::inputs(&files).map_err(io)?;
+    if let Some(same) = found.result.provenance.inputs.iter().find(|i| i.sha256 == inputs[1].sha256) {
+        let what = format!("the same data as {} of the identification (SHA-256 {})", same.file, same.sha256);
+        let p = Problem::error(Area::Data, "Data::SameData", what).in_file(&args.record);
+        return Err(refused(Problems(vec![p.hint("judge the model by a record that it has not seen")])));
+    }
+    let folder = args.out.as_ref().map(|o| results::begin(o, &args.output)).transpose().map_err(io)?;
+    let p = &found.result.provenance;
+    let asked = args.fit.settings(mission);
+    let given = args.fit.noise();
+    let noise = Noise { torque: given.0.unwrap_or(p.noise_torque_nm), gyro: given.1.unwrap_or(p.noise_gyro_rad_per_s) };
+    let s = Settings { method: Some(found.result.method), noise, ..asked };
+    let values: Vec<f64> = found.result.model.iter().map(|v| v.value).collect();
+    let (held, signals) = watched(args.output.quiet, |watch| {
+        let found =
+            explain(model, &values, arm.as_ref(), &loaded.record, &s, args.record.display().to_string(), watch)?;
+        if !found.0.explained && arm.is_none() {
+            let turned = axes::mismatch(model, &values, &loaded.record, &s)?;
+            if turned.has_errors() {
+                return Err(ffid::workflow::identify::IdentifyError::Refused(turned));
+            }
+        }
+        Ok(found)
+    })?;
+    let mut problems = found.opened.warnings.clone();
+    problems.extend(loaded.warnings);
+    input.leniency().settle(&mut problems);
+    let (robot, modes) = (found.result.robot, found.result.modes);
+    Ok(Found { robot, held, signals, modes, problems, files, inputs, folder })
+}
+
+fn write(
+    folder: &Folder,
+    args: &Args,
+    robot: &str,
+    held: &HeldOut,
+    signals: &Signals,
+    modes: &[ffid::workflow::identify::ModeLine],
+) -> Result<(), Failure> {
+    json::write(&folder.path().join("verdict.json"), held)?;
+    folder.write("report.txt", held.to_string().as_bytes())?;
+    signals.write(&folder.path().join("residuals.csv"))?;
+    let mut all = vec![
+        ("signals", figures::signals(signals, &format!("{robot}: measured and predicted"))),
+        ("residuals", figures::residuals(signals, &format!("{robot}: residuals, measured minus predicted"))),
+    ];
+    let spectra = figures::spectra(signals, modes, &format!("{robot}: spectra of signals and residuals"));
+    all.extend(spectra.map(|f| ("spectra", f)));
+    results::draw(folder, &all, args.output.png)?;
+    folder.write("report.html", page::validation(robot, held, &all)?.as_bytes())
+}

@@ -1,0 +1,153 @@
+//! What `simulate`, `identify`, `validate` and `predict` share: reading a record, and asking whether it can be true.
+
+use crate::output::Input;
+use clap::ValueEnum;
+use ff_mission::leniency::ALLOWABLE;
+use ff_model::{Area, Model, Problem, Problems};
+use ff_records::Record;
+use ff_records::file::{Loaded, ReadOptions, joints_of, read};
+use ident::estimate::smoothed;
+use ident::solve::LinearError;
+use std::path::Path;
+
+/// Speeds beyond this many times the limit of a joint are not believed.
+const TOO_FAST: f64 = 3.0;
+
+/// What to do with rows that have no number in a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Gaps {
+    /// Refuse the record.
+    Refuse,
+    /// Leave the rows out; what is left has a gap.
+    Drop,
+}
+
+/// How a record is read.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct RecordFlags {
+    /// Interpolate jittered samples and gaps of up to 1 % of the record.
+    #[arg(long)]
+    resample: bool,
+    /// Rows with NaN, infinite or empty cells.
+    #[arg(long, value_enum, default_value_t = Gaps::Refuse)]
+    gaps: Gaps,
+    /// Leave out rows that repeat the one before.
+    #[arg(long)]
+    drop_repeated: bool,
+    /// Leave out a column of this name; may be given several times.
+    #[arg(long, value_name = "COLUMN")]
+    ignore: Vec<String>,
+    /// A topic of an MCAP file to read; may be given several times.
+    #[arg(long, value_name = "TOPIC")]
+    topic: Vec<String>,
+    /// Leave out what is above this frequency (Hz): positions, torques and equations pass the same filter, which shifts nothing in
+    /// time. For logs of an arm on the ground, whose accelerations come from noisy positions. `validate` takes that of the
+    /// identification unless given.
+    #[arg(long, value_name = "HZ", value_parser = crate::flags::fit::positive)]
+    low_pass: Option<f64>,
+    /// Most rows of a record.
+    #[arg(long, default_value_t = ReadOptions::default().max_rows)]
+    max_rows: usize,
+    /// Longest record (bytes).
+    #[arg(long, default_value_t = ReadOptions::default().max_bytes)]
+    max_bytes: u64,
+}
+
+impl RecordFlags {
+    /// Reads a record of the robot; `need` is the fewest samples that make sense. Its motion passes the low pass (Hz), if any.
+    pub(crate) fn read(
+        &self,
+        path: &Path,
+        model: &Model,
+        need: usize,
+        low_pass: Option<f64>,
+        input: &Input,
+    ) -> Result<Loaded, Problems> {
+        let leniency = input.leniency();
+        let options = ReadOptions {
+            max_rows: self.max_rows,
+            max_bytes: self.max_bytes,
+            ignore: self.ignore.clone(),
+            drop_gaps: self.gaps == Gaps::Drop,
+            drop_repeated: self.drop_repeated,
+            fixed_base: model.base_kind() == ff_model::BaseKind::Fixed,
+            resample: self.resample,
+            need_samples: need,
+            allow: ALLOWABLE.iter().filter(|c| leniency.allows(c)).map(|c| (*c).to_owned()).collect(),
+            topics: self.topic.clone(),
+            slides: Vec::new(),
+        };
+        let mut loaded = read(path, &joints_of(model), &options)?;
+        plausible(&loaded.record, model, path, &mut loaded.warnings);
+        let mut warnings = std::mem::take(&mut loaded.warnings);
+        leniency.settle(&mut warnings);
+        if warnings.has_errors() {
+            return Err(warnings);
+        }
+        loaded.warnings = warnings;
+        if let Some(hz) = low_pass {
+            loaded.record = filtered(&loaded.record, hz).map_err(|p| p.in_file(path))?;
+        }
+        Ok(loaded)
+    }
+    /// Cutoff of the low pass of the ground calibration (Hz).
+    pub(crate) fn low_pass(&self) -> Option<f64> {
+        self.low_pass
+    }
+}
+
+/// A record on the ground with filtered motion; its torques are filtered with the equations.
+fn filtered(r: &Record, hz: f64) -> Result<Record, Problems> {
+    let refused = |what: String, hint: &str| {
+        Problems(vec![Problem::error(Area::Config, "Config::LowPass", what).on("--low-pass").hint(hint)])
+    };
+    if !r.is_fixed_base() {
+        let what = "the dynamics of a free-floating robot do not pass a filter unchanged".to_owned();
+        return Err(refused(what, "leave --low-pass out; the fit weighs noise by itself"));
+    }
+    let what = |e: LinearError| format!("{e}; the record has {:.2} s at {} Hz", r.seconds(), r.rate_hz());
+    smoothed(r, hz).map_err(|e| refused(what(e), "give another frequency, or leave --low-pass out"))
+}
+
+/// Rows D09, D10 and D28: motion and torques beyond what the robot can do.
+fn plausible(record: &Record, model: &Model, path: &Path, out: &mut Problems) {
+    let mut warn = |code, object: String, what: String, hint: &str| {
+        out.push(Problem::warning(Area::Data, code, what).in_file(path).on(object).hint(hint));
+    };
+    for (j, b) in model.bodies().iter().enumerate() {
+        let (name, limits) = (&b.joint.name, &b.joint.limits);
+        let q = record.q().column(j);
+        let (lo, hi) = (q.min(), q.max());
+        if lo < limits.lower || hi > limits.upper {
+            let what = format!("from {lo:.4} to {hi:.4}, limits {} .. {}", limits.lower, limits.upper);
+            warn("Data::BeyondLimits", format!("q.{name}"), what, "is the position in degrees, or its zero elsewhere?");
+        }
+        // Over ten samples, so that quantisation does not look like speed.
+        let span = 10.min(q.len() - 1).max(1);
+        let speed =
+            (span..q.len()).map(|i| (q[i] - q[i - span]).abs()).fold(0.0, f64::max) / (span as f64 * record.dt());
+        if speed > TOO_FAST * limits.velocity {
+            let what = format!(
+                "moves at {speed:.4} per s, limit {} per s (ratio {:.1})",
+                limits.velocity,
+                speed / limits.velocity
+            );
+            warn(
+                "Data::LooksLikeDegrees",
+                format!("q.{name}"),
+                what,
+                "if the column is in degrees, write q.<joint>[deg]",
+            );
+        }
+        let torque = record.tau().column(j).amax();
+        if torque > limits.effort {
+            let what = format!("reaches {torque:.4}, effort limit {}", limits.effort);
+            warn(
+                "Data::BeyondLimits",
+                format!("tau.{name}"),
+                what,
+                "if the column is in mN m, write tau.<joint>[mN m]",
+            );
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! The example of newcomers: a spacecraft of another shape, measured in MuJoCo, from `ffid init` to a validated model.
+
+#[path = "../src/schema/check.rs"]
+mod schema;
+
+use assert_cmd::Command;
+use ffid::workflow::identify::IdentificationResult;
+use serde_json::Value;
+use std::fs;
+use std::path::PathBuf;
+
+fn folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/examples/three-segment")
+}
+
+/// The commands of the README's first block, without `$`.
+fn commands() -> Vec<Vec<String>> {
+    let text = fs::read_to_string(folder().join("README.md")).unwrap();
+    let block = text.split("```sh\n").nth(1).unwrap().split("```").next().unwrap().replace("\\\n", " ");
+    let lines = block.lines().filter(|l| l.trim_start().starts_with("ffid "));
+    let words = |l: &str| l.split('#').next().unwrap().split_whitespace().skip(1).map(str::to_owned).collect();
+    lines.map(words).collect()
+}
+
+#[test]
+fn five_commands_lead_to_the_truth_of_mujoco() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["robot.urdf", "record.csv", "other.csv"] {
+        fs::copy(folder().join(name), dir.path().join(name)).unwrap();
+    }
+    let commands = commands();
+    assert_eq!(commands.len(), 5, "{commands:?}");
+    for args in &commands {
+        let out = Command::cargo_bin("ffid").unwrap().args(args).current_dir(dir.path()).output().unwrap();
+        let (text, err) = (String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr));
+        assert_eq!(out.status.code(), Some(0), "{args:?}\n{text}\n{err}");
+    }
+    let page = fs::read_to_string(dir.path().join("result/report.html")).unwrap();
+    assert!(page.contains("</html>") && !page.contains("http-equiv=\"refresh\""));
+    let columns = fs::read(dir.path().join("result/residuals.parquet")).unwrap();
+    assert!(columns.starts_with(b"PAR1") && columns.ends_with(b"PAR1"));
+    let result = IdentificationResult::from_json(&fs::read(dir.path().join("result/result.json")).unwrap()).unwrap();
+    assert!(result.status.is_solution() && result.null_directions.is_empty());
+    // It is what its schema says.
+    let out = Command::cargo_bin("ffid").unwrap().args(["schema", "result"]).output().unwrap();
+    let expected: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let written: Value = serde_json::from_slice(&fs::read(dir.path().join("result/result.json")).unwrap()).unwrap();
+    schema::check(&expected, &written, "").unwrap();
+    assert!((0.9..1.15).contains(&result.chi2_per_dof), "{}", result.chi2_per_dof);
+    let truth: Value = serde_json::from_slice(&fs::read(folder().join("truth.json")).unwrap()).unwrap();
+    let truth = truth["values"].as_object().unwrap();
+    assert_eq!(result.parameters.len(), truth.len());
+    let (mut within, mut worst) = (0, 0.0_f64);
+    for p in &result.parameters {
+        let want = truth[&p.name].as_f64().unwrap();
+        let off = (p.value - want).abs() / p.std.unwrap();
+        worst = worst.max(off);
+        within += usize::from(off < 1.96);
+        assert!(off < 4.0, "{}: {} +- {} instead of {want}", p.name, p.value, p.std.unwrap());
+    }
+    // 95 % intervals of 22 parameters: fewer than 18 inside would happen once in a thousand.
+    assert!(within >= 18, "{within} of {} within their interval, worst {worst:.2} deviations", truth.len());
+}

@@ -1,0 +1,295 @@
+//! What an identification says beside its numbers: whether they can be known, and whether the model is right.
+
+use ident::belief::Profile;
+use ident::belief::{Reduced, Silence};
+use ident::checks::whiteness::ChannelCheck;
+use ident::compose::equal_cost;
+use serde::{Deserialize, Serialize};
+
+use super::result::{Channel, Combination};
+
+/// One record of several.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordFit {
+    /// Its name: prefix of its biases and initial state.
+    pub label: String,
+    /// Samples.
+    pub samples: usize,
+    /// Rate (Hz).
+    pub rate_hz: f64,
+    /// Length (s).
+    pub seconds: f64,
+    /// Mean square of its whitened residuals.
+    pub mean_square: f64,
+    /// Every channel.
+    pub channels: Vec<Channel>,
+}
+
+/// Combinations on which the record is silent, told apart ([`ident::belief::identifiability`]).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Silent {
+    /// No record of this robot can tell these; they move nothing.
+    pub structural: Vec<Combination>,
+    /// Another motion, or more sensors, might tell these.
+    pub unexcited: Vec<Combination>,
+}
+
+impl Silent {
+    pub(super) fn of(s: &Silence) -> Self {
+        let list = |d: &[ident::belief::Direction]| d.iter().map(Combination::of).collect();
+        Self { structural: list(&s.structural), unexcited: list(&s.unexcited) }
+    }
+}
+
+/// The set that was estimated in place of what was asked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReducedSet {
+    /// Parameters held at their values, because others stand for them.
+    pub held: Vec<String>,
+    /// What was estimated, and for what it stands.
+    pub combinations: Vec<Stands>,
+}
+
+/// A parameter that is estimated for itself and for others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stands {
+    /// The one among the unknowns.
+    pub name: String,
+    /// Those held, with what each unit of them adds to it.
+    pub terms: Vec<(String, f64)>,
+    /// In words.
+    pub text: String,
+}
+
+impl ReducedSet {
+    /// Parameters alone: biases and initial state are never held. `held` are the names held.
+    pub(super) fn of(r: &Reduced, held: Vec<String>) -> Self {
+        let stands = r.combinations.iter().filter(|c| !c.terms.is_empty()).map(|c| Stands {
+            name: c.name.clone(),
+            terms: c.terms.clone(),
+            text: c.to_string(),
+        });
+        Self { held, combinations: stands.collect() }
+    }
+}
+
+/// The interval of one parameter from the likelihood itself ([`ident::belief::profile`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProfileLine {
+    /// Full name.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// Estimate.
+    pub value: f64,
+    /// The Gaussian interval beside it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub gaussian95: Option<(f64, f64)>,
+    /// Lower end; absent where the data put no bound as far as was looked.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub lower95: Option<f64>,
+    /// Upper end.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub upper95: Option<f64>,
+    /// Values and by how much twice the negative log posterior is above its minimum there.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl ProfileLine {
+    pub(super) fn of(p: &Profile, gaussian95: Option<(f64, f64)>) -> Self {
+        Self {
+            name: p.name.clone(),
+            unit: p.unit.clone(),
+            value: p.value,
+            gaussian95,
+            lower95: p.interval95.0,
+            upper95: p.interval95.1,
+            points: p.points.iter().map(|p| (p.value, p.excess)).collect(),
+        }
+    }
+}
+
+/// Where several starts led.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Minima {
+    /// Starts that were tried.
+    pub starts: usize,
+    /// How many of them converged.
+    pub converged: usize,
+    /// Twice the negative log posterior of every distinct minimum, ascending; one when all agree.
+    pub objectives: Vec<f64>,
+}
+
+impl Minima {
+    /// Which of several minima was taken, in words.
+    pub fn taken(&self) -> &'static str {
+        match self.objectives.get(..2) {
+            Some(&[a, b]) if equal_cost(a, b) => "one of equal cost was taken: the data cannot choose between them",
+            _ => "the lowest was taken",
+        }
+    }
+}
+
+/// Level at which residuals of all channels together count as coloured.
+const ALPHA: f64 = 0.01;
+
+/// Residuals of one channel against white noise ([`ident::checks::whiteness`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Whiteness {
+    /// Channel, such as `tau.joint2`.
+    pub channel: String,
+    /// Mean square of the whitened residuals: one when the noise is as assumed.
+    pub mean_square: f64,
+    /// How often white noise would look at least as coloured (Bartlett).
+    pub white_p: f64,
+    /// The same by Ljung and Box.
+    pub portmanteau_p: f64,
+    /// How often normal noise would look at least as skewed or heavy-tailed (Jarque and Bera).
+    pub normal_p: f64,
+    /// First autocorrelation.
+    pub first_correlation: f64,
+    /// Largest residual in standard deviations.
+    pub largest: f64,
+    /// White at a level of 1 % over all channels.
+    pub white: bool,
+    /// Natural frequencies of the model (Hz) at which the residuals stand out.
+    pub stands_out_hz: Vec<f64>,
+}
+
+impl Whiteness {
+    /// One of `channels` channels.
+    pub(super) fn of(c: &ChannelCheck, channels: usize) -> Self {
+        Self {
+            channel: c.channel.clone(),
+            mean_square: c.mean_square,
+            white_p: c.white_p,
+            portmanteau_p: c.portmanteau_p,
+            normal_p: c.normal_p,
+            first_correlation: c.first_correlation,
+            largest: c.largest,
+            white: c.is_white(ALPHA / channels.max(1) as f64),
+            stands_out_hz: c.modes.iter().filter(|m| m.stands_out).map(|m| m.frequency_hz).collect(),
+        }
+    }
+}
+
+/// Clock of a group of channels against that of the encoders ([`ident::checks::clock`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClockLine {
+    /// The record.
+    pub record: String,
+    /// `torque` or `gyro`.
+    pub group: String,
+    /// How late the channels are at mid-record (s).
+    pub offset_s: f64,
+    /// Its standard deviation (s).
+    pub offset_std_s: f64,
+    /// How fast their clock runs (ppm).
+    pub skew_ppm: f64,
+    /// Its standard deviation (ppm).
+    pub skew_std_ppm: f64,
+    /// Whether the record was corrected by it.
+    pub corrected: bool,
+}
+
+/// Modes of the free decay in a record ([`ff_spectral::modal::fit`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DecayModes {
+    /// The record.
+    pub record: String,
+    /// Beginning of the free motion (s since the first sample).
+    pub from_s: f64,
+    /// Its end.
+    pub to_s: f64,
+    /// What a spectrum of that length resolves (Hz).
+    pub resolution_hz: f64,
+    /// Noise found over noise declared.
+    pub noise_ratio: f64,
+    /// Modes by frequency.
+    pub modes: Vec<DecayMode>,
+    /// Pairs of frequencies that the record cannot keep apart (Hz).
+    pub unresolved: Vec<(f64, f64)>,
+    /// Modes of the identified model that were not measured.
+    pub unseen: Vec<UnseenMode>,
+}
+
+/// One measured mode.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DecayMode {
+    /// Undamped natural frequency (Hz).
+    pub frequency_hz: f64,
+    /// Its standard deviation (Hz).
+    pub frequency_std_hz: f64,
+    /// Damping ratio.
+    pub damping_ratio: f64,
+    /// Its standard deviation.
+    pub damping_std: f64,
+    /// Frequency of the mode of the identified model that it is (Hz).
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub model_hz: Option<f64>,
+    /// Damping ratio of that mode.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub model_damping: Option<f64>,
+    /// Modal assurance of the two.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub mac: Option<f64>,
+    /// What it is, when it is no mode of the model.
+    #[serde(skip_serializing_if = "String::is_empty", default)]
+    pub note: String,
+}
+
+/// A mode of the model that was not measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UnseenMode {
+    /// Its frequency (Hz).
+    pub frequency_hz: f64,
+    /// Why.
+    pub why: String,
+}
+
+/// Models against each other ([`ident::checks::compare`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ComparisonTable {
+    /// The one to use.
+    pub recommended: String,
+    /// Why.
+    pub reason: String,
+    /// Whether it explains the data that were held out to their noise.
+    pub explains: bool,
+    /// What judged.
+    pub judged_by: String,
+    /// All, best prediction first.
+    pub candidates: Vec<CandidateLine>,
+}
+
+/// One model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CandidateLine {
+    /// Its name.
+    pub name: String,
+    /// Combinations of unknowns that were estimated.
+    pub unknowns: usize,
+    /// Akaike's criterion above that of the best.
+    pub aic: f64,
+    /// Schwarz's criterion above that of the best.
+    pub bic: f64,
+    /// `-2 ln L` of the data held out above that of the best: the cross-validated likelihood.
+    pub held_out: f64,
+    /// Standard deviation of that difference.
+    pub held_out_std: f64,
+    /// Mean square of the residuals held out: one when they are explained.
+    pub held_out_mean_square: f64,
+}

@@ -1,0 +1,85 @@
+//! One record, and whichever estimator predicts it.
+
+use super::{IdentifyError, Method, Settings, config, method};
+use crate::modes::held;
+use crate::workflow::preflight::step;
+use ff_model::{Area, Model, Params, Problem, Problems};
+use ff_records::Record;
+use ident::Estimator;
+use ident::SetupError;
+use ident::{Noise, Options, OutputError, Rda};
+
+/// An estimator for a record, whichever fits.
+pub struct Fit<'a> {
+    estimator: Box<dyn Estimator + 'a>,
+    method: Method,
+    noise: Noise,
+}
+
+impl<'a> Fit<'a> {
+    /// Chooses by the method; the steps of the integration by the modes.
+    ///
+    /// # Errors
+    /// [`IdentifyError::Refused`].
+    pub fn new(model: &'a Model, record: &'a Record, s: &Settings) -> Result<Self, IdentifyError> {
+        let method = method(model, s.method);
+        let estimator: Box<dyn Estimator + 'a> = match method {
+            Method::Ground => {
+                let what = "the ground calibration predicts no free-floating robot";
+                return Err(IdentifyError::Refused(config("Config::Method", what, "leave --method out")));
+            }
+            Method::Rda => Box::new(Rda::new(model, record, &s.noise).map_err(setup)?),
+            Method::OutputError => {
+                let options = Options {
+                    substeps: substeps(model, record),
+                    gyro_bias: s.biases,
+                    torque_bias: s.biases,
+                    initial_state: s.initial_state,
+                    ..Options::new(s.noise)
+                };
+                Box::new(OutputError::new(model, record, &options).map_err(setup)?)
+            }
+        };
+        Ok(Self { estimator, method, noise: s.noise })
+    }
+    /// The estimator.
+    pub fn estimator(&mut self) -> &mut (dyn Estimator + 'a) {
+        &mut *self.estimator
+    }
+    /// The estimator, by value.
+    pub fn into_estimator(self) -> Box<dyn Estimator + 'a> {
+        self.estimator
+    }
+    /// Standard deviation of every channel of a sample, in the order of the residuals.
+    pub fn sigmas(&self, model: &Model) -> Vec<f64> {
+        match self.method {
+            Method::OutputError => sigmas(model, &self.noise),
+            _ => vec![self.noise.torque; model.nj()],
+        }
+    }
+}
+
+/// Standard deviations of torques and gyro.
+pub(super) fn sigmas(model: &Model, noise: &Noise) -> Vec<f64> {
+    let mut out = vec![noise.torque; model.nj()];
+    out.extend([noise.gyro; 3]);
+    out
+}
+
+/// Why a record cannot be predicted at all.
+pub(super) fn setup(e: SetupError) -> IdentifyError {
+    let (area, hint) = match e {
+        SetupError::JointMotion(_) => (Area::Data, "look at the joint positions of the record"),
+        _ => (Area::Config, "check mission and record"),
+    };
+    IdentifyError::Refused(Problems(vec![Problem::error(area, "Data::Setup", e.to_string()).hint(hint)]))
+}
+
+/// Steps per sample that the modes need, at the start pose of a record.
+fn substeps(model: &Model, record: &Record) -> usize {
+    let pose: Vec<f64> = record.q().row(0).iter().copied().collect();
+    let params = Params::nominal(model);
+    let rest = model.rest_position(&params);
+    let h = step(&held(model, &params, &pose, &rest), record.seconds(), record.dt());
+    (record.dt() / h).round().max(1.0) as usize
+}

@@ -1,0 +1,232 @@
+//! The arm on the ground: a fixed base with gravity, positions and torques, joint friction. Linear least squares
+//! ([`ident::estimate::ground`]), made physical by projection ([`ident::solve::project`](mod@ident::solve::project)).
+
+use super::asked::{Asked, Take, Unknowns};
+use super::findings::{ReducedSet, Stands};
+use super::known;
+use super::result::{
+    Combination, Correlation, Covariance, Ended, IdentificationResult, Parameter, Provenance, Value, Warning,
+};
+use super::{Identified, IdentifyError, Method, Settings, Signals, config, record_line, records_of};
+use crate::open::Opened;
+use ff_least_squares::{Criterion, Status};
+use ff_model::{Area, Model, Problem, Problems};
+use ff_records::Record;
+use ident::Posterior;
+use ident::Priors;
+use ident::SetupError;
+use ident::estimate::report::FitReport;
+use ident::solve::{LinearError, LinearEstimate};
+use ident::solve::{ProjectOptions, project};
+use ident::{Friction, Ground, GroundEstimate};
+
+/// Joint friction and noise, as an identification found them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Arm {
+    /// Viscous and Coulomb friction and offset of every joint (N m s/rad, N m, N m).
+    pub friction: Vec<[f64; 3]>,
+    /// Standard deviation of the residual of every joint (N m).
+    pub sigma: Vec<f64>,
+    /// Cutoff of the low pass that torques and equations went through (Hz), if any.
+    pub low_pass_hz: Option<f64>,
+}
+
+/// Name of the cutoff among the settings of a result.
+pub const LOW_PASS: &str = "low_pass_hz";
+const TERMS: [&str; 3] = ["viscous", "coulomb", "offset"];
+
+impl Arm {
+    /// Of a result; none when it is not that of a ground calibration.
+    pub fn of(r: &IdentificationResult, joints: &[String]) -> Option<Self> {
+        if r.method != Method::Ground {
+            return None;
+        }
+        let value = |joint: &String, term: &str| {
+            let name = format!("friction.{joint}.{term}");
+            r.nuisance.iter().find(|p| p.name == name).map_or(0.0, |p| p.value)
+        };
+        let sigma = r.channels.iter().map(|c| if c.over_noise > 0.0 { c.residual_rms / c.over_noise } else { 1.0 });
+        Some(Self {
+            friction: joints.iter().map(|j| TERMS.map(|t| value(j, t))).collect(),
+            sigma: sigma.collect(),
+            low_pass_hz: r.provenance.settings.get(LOW_PASS).and_then(|hz| hz.parse().ok()),
+        })
+    }
+}
+
+/// The estimator.
+fn calibration(model: &Model, low_pass_hz: Option<f64>) -> Result<Ground<'_>, IdentifyError> {
+    let ground = Ground::new(model, Friction::ALL).map_err(linear)?;
+    Ok(match low_pass_hz {
+        Some(hz) => ground.low_pass(hz),
+        None => ground,
+    })
+}
+
+pub(super) fn linear(e: LinearError) -> IdentifyError {
+    let (area, code, hint) = match &e {
+        LinearError::Base { .. } | LinearError::Option { .. } => {
+            (Area::Config, "Config::Method", "see [robot] base and the flags of the command")
+        }
+        LinearError::Setup(SetupError::JointMotion(_)) => {
+            (Area::Data, "Data::Setup", "look at the joint positions of the record")
+        }
+        LinearError::Linalg(_) => return IdentifyError::Model(e.to_string()),
+        _ => (Area::Data, "Data::Setup", "check mission and record"),
+    };
+    IdentifyError::Refused(Problems(vec![Problem::error(area, code, e.to_string()).hint(hint)]))
+}
+
+/// What the ground calibration does not do.
+pub(super) fn check(s: &Settings, asked: &Asked) -> Result<(), Problems> {
+    let wrong = [
+        (s.prior.is_some(), "priors", "give --no-prior, and drop prior_relative_std from [estimate]"),
+        (asked.posterior.is_some(), "an earlier identification as prior", "give all records at once with --records"),
+        (!asked.ties.is_empty(), "ties", "estimate the parameters for themselves"),
+        (!asked.profile.is_empty(), "profiles", "its cost is a parabola: the intervals are exact"),
+        (asked.more_starts > 0, "other starts", "it is linear: every start leads to the same answer"),
+    ];
+    match wrong.iter().find(|w| w.0) {
+        None => Ok(()),
+        Some((_, what, hint)) => Err(config("Config::Method", format!("the ground calibration takes no {what}"), hint)),
+    }
+}
+
+/// Calibrates.
+pub(super) fn identify(
+    opened: &Opened,
+    takes: &[Take],
+    s: &Settings,
+    asked: &Asked,
+    provenance: Provenance,
+) -> Result<Identified, IdentifyError> {
+    let model = &opened.model;
+    let unknowns = Unknowns::new(model, &opened.estimated, s, asked)?;
+    let (decls, selected, start) = (&unknowns.decls, &unknowns.selected, &unknowns.start);
+    let ground = calibration(model, s.low_pass_hz)?;
+    let records: Vec<&Record> = takes.iter().map(|t| &t.record).collect();
+    let mut found = ground.estimate(&records, selected, start).map_err(linear)?;
+    // Numbers that no body has are moved to the nearest that some body has; what the data do not tell moves first.
+    let dissipates = |name: &str| name.ends_with(TERMS[0]) || name.ends_with(TERMS[1]);
+    let negative = found.fit.extra.iter().any(|e| dissipates(&e.name) && e.value < 0.0);
+    let mut bounded = Vec::new();
+    if !found.fit.unphysical.is_empty() || negative {
+        let near = project(&found.fit, decls, selected, start, dissipates, &ProjectOptions::default())
+            .map_err(|e| IdentifyError::Model(e.to_string()))?;
+        found.fit.values = near.values;
+        let m = selected.len();
+        for (p, moved) in found.fit.parameters.iter_mut().zip(&near.unknowns[..m]) {
+            p.value = moved.to;
+        }
+        for (p, moved) in found.fit.extra.iter_mut().zip(&near.unknowns[m..]) {
+            p.value = moved.to;
+        }
+        found.friction.iter_mut().flatten().zip(&found.fit.extra).for_each(|(f, e)| *f = e.value);
+        bounded = near.at_boundary;
+    }
+    let sigma: Vec<f64> = found.fit.kinds.iter().map(|k| k.sigma).collect();
+    let arm = Arm { friction: found.friction.clone(), sigma, low_pass_hz: s.low_pass_hz };
+    let (mut signals, mut seen) = (Vec::new(), Vec::new());
+    for t in takes {
+        let (predicted, record) = predict(model, &ground, &t.record, &found.fit.values, &arm)?;
+        signals.push(predicted);
+        seen.push(Take { label: t.label.clone(), record });
+    }
+    let provenance = Provenance { record: record_line(&takes[0].record), ..provenance };
+    let result = report(opened, &seen, s, asked, (&unknowns, &found, &bounded), &signals, provenance)?;
+    Ok(Identified { result, signals, values: found.fit.values, selected: unknowns.touched.clone() })
+}
+
+/// Torques that parameters and friction predict, and the record as the estimator sees it.
+fn predict(
+    model: &Model,
+    ground: &Ground<'_>,
+    record: &Record,
+    values: &[f64],
+    arm: &Arm,
+) -> Result<(Signals, Record), IdentifyError> {
+    let (_, residual) = ground.predict(record, values, &arm.friction).map_err(linear)?;
+    let (n, nj) = residual.shape();
+    // Whitened, predicted less measured, sample after sample; zero close to rest, where friction is not what the formula says.
+    let r: Vec<f64> = (0..n * nj).map(|i| -residual[(i / nj, i % nj)] / arm.sigma[i % nj]).collect();
+    let seen = ground.seen(record).map_err(linear)?;
+    Ok((Signals::of(model, &seen, &r, &arm.sigma), seen))
+}
+
+/// Signals of a record that played no part, and the number of residuals that count.
+pub(super) fn explain(
+    model: &Model,
+    values: &[f64],
+    arm: &Arm,
+    record: &Record,
+) -> Result<(Signals, usize), IdentifyError> {
+    let ground = calibration(model, arm.low_pass_hz)?;
+    let (signals, _) = predict(model, &ground, record, values, arm)?;
+    let used = (0..signals.names.len()).flat_map(|k| signals.residual(k)).filter(|r| *r != 0.0).count();
+    Ok((signals, used))
+}
+
+fn reduced(fit: &LinearEstimate) -> ReducedSet {
+    let one = |b: &ident::solve::BaseParameter| Stands {
+        name: b.terms.first().map_or_else(String::new, |t| t.0.clone()),
+        terms: b.terms.iter().skip(1).cloned().collect(),
+        text: format!("{b} = {} +- {} {}", super::text::num(b.value), super::text::num(b.std), b.unit),
+    };
+    ReducedSet { held: Vec::new(), combinations: fit.base.iter().map(one).collect() }
+}
+
+fn report(
+    opened: &Opened,
+    takes: &[Take],
+    s: &Settings,
+    asked: &Asked,
+    (unknowns, found, bounded): (&Unknowns, &GroundEstimate, &[String]),
+    signals: &[Signals],
+    provenance: Provenance,
+) -> Result<IdentificationResult, IdentifyError> {
+    let (model, fit) = (&opened.model, &found.fit);
+    let u = &fit.uncertainty;
+    let all: Vec<_> = fit.parameters.iter().chain(&fit.extra).collect();
+    let from: Vec<f64> = all.iter().map(|p| p.start).collect();
+    let to: Vec<f64> = all.iter().map(|p| p.value).collect();
+    let residuals: usize = fit.kinds.iter().map(|k| k.rows).sum();
+    let status = Status::Converged { by: Criterion::Step };
+    let lines = FitReport::new(
+        status,
+        (0.5 * fit.chi2_per_dof * residuals as f64, residuals),
+        (&from, &to),
+        &Priors::default(),
+        u,
+    );
+    let n = unknowns.selected.len();
+    let line = |k: usize| Parameter::of(&lines.estimates[k], None);
+    let ended = if bounded.is_empty() { Ended::Converged } else { Ended::AtBound { at: bounded.to_vec() } };
+    let posterior = Posterior::of_linear(fit).map_err(|e| IdentifyError::Model(e.to_string()))?;
+    let mut result = IdentificationResult {
+        status: ended,
+        iterations: 1,
+        chi2_per_dof: fit.chi2_per_dof,
+        residuals,
+        parameters: (0..n).map(line).collect(),
+        nuisance: (n..all.len()).map(line).collect(),
+        model: Value::all(model, &fit.values),
+        rank: u.rank,
+        singular_values: u.singular_values.clone(),
+        null_directions: u.null.iter().map(Combination::of).collect(),
+        weak_directions: u.weak.iter().map(Combination::of).collect(),
+        priors_cover: u.full_rank(),
+        silent: known::silent(model, &fit.values, unknowns, u)?,
+        reduced: (asked.reduce && !u.null.is_empty()).then(|| reduced(fit)),
+        correlations: Correlation::strong(u),
+        covariance: Covariance::of(u),
+        posterior: Some(posterior),
+        // What a filter leaves of white noise is not white.
+        whiteness: if s.low_pass_hz.is_some() { Vec::new() } else { known::whiteness(takes, signals, &[]) },
+        channels: signals[0].channels(),
+        records: records_of(takes, signals),
+        warnings: Warning::all(&opened.warnings),
+        ..IdentificationResult::empty(model.name(), Method::Ground, provenance)
+    };
+    result.verdict = super::text::verdict(&result, s.limit);
+    Ok(result)
+}

@@ -1,0 +1,107 @@
+//! Can it be known? What no record could tell, what this one does not, and intervals from the likelihood itself.
+
+use super::asked::{Asked, Take, Unknowns};
+use super::findings::{ProfileLine, ReducedSet, Silent, Whiteness};
+use super::result::ModeLine;
+use super::signals::Signals;
+use super::{IdentifyError, config, of_record};
+use ff_linalg::LinalgError;
+use ff_model::{Model, Params};
+use ident::Estimator;
+use ident::Request;
+use ident::Uncertainty;
+use ident::belief::profile;
+use ident::belief::{reduce, silence, structural};
+use ident::checks::whiteness as tests;
+use ident::estimate::Estimate;
+use ident::parameters::selection;
+
+/// How far a profile looks, in standard deviations.
+const REACH: f64 = 5.0;
+/// Biases and initial state are kept before parameters when fewer unknowns are estimated: they are not there to be held.
+const FIRST: f64 = 1e6;
+
+fn linalg(e: LinalgError) -> IdentifyError {
+    IdentifyError::Model(e.to_string())
+}
+
+/// Structural and unexcited null directions of the data; none when there is none, or with ties, whose structure is not that of
+/// the equations of motion alone.
+pub(super) fn silent(
+    model: &Model,
+    values: &[f64],
+    unknowns: &Unknowns,
+    full: &Uncertainty,
+) -> Result<Option<Silent>, IdentifyError> {
+    if full.null.is_empty() || unknowns.has_ties() {
+        return Ok(None);
+    }
+    let params = Params::from_values(model, values.to_vec());
+    let structure = structural(model, &params, &unknowns.selected).map_err(linalg)?;
+    Ok(Some(Silent::of(&silence(full, &structure).map_err(linalg)?)))
+}
+
+/// Columns of the parameters that the data determine, and what is then held.
+pub(super) fn reduced(full: &Uncertainty, selected: &[usize]) -> Result<(Vec<usize>, ReducedSet), IdentifyError> {
+    let mut u = full.clone();
+    for i in selected.len()..u.unknowns.len() {
+        u.unknowns[i].size *= FIRST;
+        u.directions.row_mut(i).scale_mut(FIRST);
+    }
+    let set = reduce(&u).map_err(linalg)?;
+    let held: Vec<String> =
+        set.held.iter().filter(|&&k| k < selected.len()).map(|&k| full.unknowns[k].name.clone()).collect();
+    let kept: Vec<usize> = set.kept.iter().copied().filter(|&k| k < selected.len()).collect();
+    if kept.is_empty() {
+        let what = "the record tells none of the parameters";
+        return Err(IdentifyError::Refused(config("Fit::Unidentifiable", what, "excite the robot, or give priors")));
+    }
+    Ok((kept, ReducedSet::of(&set, held)))
+}
+
+/// Profiles of the parameters asked for.
+pub(super) fn profiles(
+    request: &Request<'_>,
+    unknowns: &Unknowns,
+    (selected, at): (&[usize], &Estimate),
+    asked: &Asked,
+    estimator: &mut impl Estimator,
+) -> Result<Vec<ProfileLine>, IdentifyError> {
+    let mut columns: Vec<usize> = Vec::new();
+    for pattern in &asked.profile {
+        let found: Vec<usize> =
+            (0..selected.len()).filter(|&k| selection::matches(pattern, &at.parameters[k].name)).collect();
+        if found.is_empty() {
+            let near = ff_model::diagnostics::nearest(pattern, at.parameters.iter().map(|p| p.name.as_str()));
+            let hint = near.map_or_else(|| "see [estimate]".to_owned(), |n| format!("did you mean {n}?"));
+            let what = format!("--profile {pattern}: no such parameter is estimated");
+            return Err(IdentifyError::Refused(config("Config::UnknownParameter", what, &hint)));
+        }
+        columns.extend(found);
+    }
+    columns.sort_unstable();
+    columns.dedup();
+    let own = Request { selected, priors: unknowns.priors(selected)?, ..request.clone() };
+    let one = |column: usize| {
+        let p = &at.parameters[column];
+        let gaussian = p.std.map(|s| (p.value - 1.96 * s, p.value + 1.96 * s));
+        Ok(ProfileLine::of(&profile(&own, at, column, REACH, estimator)?, gaussian))
+    };
+    columns.into_iter().map(one).collect()
+}
+
+/// Residuals of every channel against white noise. Channels too short to be judged are left out.
+pub(super) fn whiteness(takes: &[Take], signals: &[Signals], modes: &[ModeLine]) -> Vec<Whiteness> {
+    let hz: Vec<f64> = modes.iter().map(|m| m.frequency_hz).collect();
+    let total: usize = signals.iter().map(|s| s.names.len()).sum();
+    let mut out = Vec::new();
+    for (k, (take, s)) in takes.iter().zip(signals).enumerate() {
+        for (j, name) in s.names.iter().enumerate() {
+            let r: Vec<f64> = s.residual(j).iter().map(|r| r / s.sigma[j]).collect();
+            if let Ok(c) = tests::check(&of_record(takes, k, name), &r, take.record.rate_hz(), &hz) {
+                out.push(Whiteness::of(&c, total));
+            }
+        }
+    }
+    out
+}

@@ -1,0 +1,318 @@
+//! A result in words, for the terminal and `report.txt`.
+
+use super::findings::Whiteness;
+use super::result::{Ended, HeldOut, IdentificationResult, Method, Parameter, Told};
+use std::fmt;
+
+/// Chi-squared per degree of freedom below which the noise figures are too large to be those of the record.
+const QUIET: f64 = 0.5;
+
+/// Four significant digits, in exponent form when very large or small.
+pub(crate) fn num(x: f64) -> String {
+    let size = x.abs();
+    if x == 0.0 {
+        "0".into()
+    } else if (1e-3..1e6).contains(&size) {
+        let digits = (4 - size.log10().floor() as i32).max(0) as usize;
+        format!("{x:.digits$}")
+    } else {
+        format!("{x:.4e}")
+    }
+}
+
+/// The verdict in sentences, the most important first.
+pub(super) fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
+    let mut out = Vec::new();
+    let n = r.parameters.len();
+    let names =
+        |t: Told| -> Vec<&str> { r.parameters.iter().filter(|p| p.verdict == t).map(|p| p.name.as_str()).collect() };
+    let told = names(Told::Estimated).len();
+    if !r.status.is_solution() {
+        out.push(format!("The fit did NOT end at a solution: it {}. The values below are no estimates.", r.status));
+    } else if told == n {
+        out.push(format!("All {n} parameters are determined by the record."));
+    } else {
+        out.push(format!("{told} of {n} parameters are determined by the record."));
+    }
+    if !r.null_directions.is_empty() {
+        let k = r.null_directions.len();
+        let held = match (&r.reduced, r.priors_cover) {
+            (Some(_), _) => "and the parameters that it can tell were estimated instead",
+            (None, true) => "held by the priors",
+            (None, false) => "left where the fit started",
+        };
+        let what = if k == 1 { "one combination".to_owned() } else { format!("{k} combinations") };
+        let first = &r.null_directions[0].text;
+        out.push(format!("The record is silent on {what}, {held}: {first}{}", if k > 1 { "; ..." } else { "." }));
+    }
+    if let Some(s) = &r.silent {
+        if !s.structural.is_empty() {
+            let k = s.structural.len();
+            out.push(format!(
+                "No record of this robot can tell {k} of them; they move nothing: {}.",
+                s.structural[0].text
+            ));
+        }
+        if !s.unexcited.is_empty() {
+            let k = s.unexcited.len();
+            out.push(format!("Another motion, or more sensors, might tell {k} of them: {}.", s.unexcited[0].text));
+        }
+    }
+    if let Some(m) = r.minima.as_ref().filter(|m| m.objectives.len() > 1) {
+        out.push(format!(
+            "The fit has {} minima: {} starts led to different answers, and {}.",
+            m.objectives.len(),
+            m.starts,
+            m.taken()
+        ));
+    }
+    for (t, words) in [
+        (Told::Weak, "known worse than to their own size"),
+        (Told::PriorOnly, "no better known than before, by their priors"),
+        (Told::AtBound, "at a bound, and no estimates"),
+    ] {
+        let all = names(t);
+        if !all.is_empty() {
+            out.push(format!("{} {words}: {}.", all.len(), ff_model::diagnostics::list(all.iter().copied(), 12)));
+        }
+    }
+    let rms = r.chi2_per_dof.sqrt();
+    out.push(if r.method == Method::Ground {
+        format!("The arm and its friction predict the torques {}.", shares(&r.channels))
+    } else if r.chi2_per_dof > limit {
+        format!(
+            "The model does NOT explain the record: residuals are {rms:.2} times the noise of the sensors (limit {:.2}). \
+             Standard deviations are too small by about that factor; something moves that the model does not have, or \
+             the noise figures are wrong.",
+            limit.sqrt()
+        )
+    } else if r.chi2_per_dof < QUIET {
+        format!(
+            "Residuals are {rms:.3} times the noise that was given: the sensors are quieter than that, and the standard \
+             deviations are too large."
+        )
+    } else {
+        format!("The model explains the record: residuals are {rms:.3} times the noise of the sensors.")
+    });
+    out.extend(whiteness(&r.whiteness));
+    out.extend(r.comparison.iter().map(|c| format!("Models compared by {}: {}.", c.judged_by, c.reason)));
+    out
+}
+
+/// Residuals as parts of the signals, for an arm whose sensors have no figure of their own.
+pub(super) fn shares(channels: &[super::result::Channel]) -> String {
+    let share = |c: &super::result::Channel| 100.0 * c.residual_rms / c.signal_rms.max(f64::MIN_POSITIVE);
+    let all = || channels.iter().map(|c| (share(c), c.name.as_str()));
+    let least = all().min_by(|a, b| a.0.total_cmp(&b.0));
+    let most = all().max_by(|a, b| a.0.total_cmp(&b.0));
+    match (least, most) {
+        (Some((a, x)), Some((b, y))) => format!("to between {a:.1} % ({x}) and {b:.1} % ({y}) of their size"),
+        _ => String::new(),
+    }
+}
+
+/// Are the residuals white? Worth a sentence either way.
+fn whiteness(all: &[Whiteness]) -> Option<String> {
+    let coloured: Vec<&Whiteness> = all.iter().filter(|w| !w.white).collect();
+    if all.is_empty() {
+        return None;
+    }
+    if coloured.is_empty() {
+        return Some(format!("The residuals of all {} channels are white.", all.len()));
+    }
+    let names = ff_model::diagnostics::list(coloured.iter().map(|w| w.channel.as_str()), 6);
+    let mut hz: Vec<f64> = coloured.iter().flat_map(|w| w.stands_out_hz.iter().copied()).collect();
+    hz.sort_by(f64::total_cmp);
+    hz.dedup();
+    let hz: Vec<String> = hz.iter().map(|f| format!("{f:.3}")).collect();
+    let modes = if hz.is_empty() { String::new() } else { format!("; they stand out at {} Hz", hz.join(", ")) };
+    let (k, n) = (coloured.len(), all.len());
+    Some(format!(
+        "The residuals of {k} of {n} channels are coloured, so that something is left in them: {names}{modes}."
+    ))
+}
+
+fn row(f: &mut fmt::Formatter<'_>, p: &Parameter, w: usize) -> fmt::Result {
+    write!(f, "  {:w$} {:>13} {:8}", p.name, num(p.value), p.unit)?;
+    match (p.std, p.interval95) {
+        (Some(s), Some((lo, hi))) => write!(f, " +- {:>10}  [{}, {}]", num(s), num(lo), num(hi))?,
+        _ => write!(f, " cannot be told")?,
+    }
+    if p.verdict != Told::Estimated && p.std.is_some() {
+        write!(f, "  {}", p.verdict.words())?;
+    }
+    writeln!(f)
+}
+
+impl fmt::Display for HeldOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} ({} samples, {:.3} s)", self.source, self.samples, self.seconds)?;
+        writeln!(f, "  {}", self.verdict)?;
+        writeln!(f, "  chi-squared per degree of freedom {:.4}, limit {}", self.chi2_per_dof, self.limit)?;
+        channels(f, &self.channels)
+    }
+}
+
+fn channels(f: &mut fmt::Formatter<'_>, all: &[super::result::Channel]) -> fmt::Result {
+    let w = all.iter().map(|c| c.name.chars().count()).max().unwrap_or(8);
+    for c in all {
+        writeln!(
+            f,
+            "  {:w$} signal {:>11} {:6} residual {:>11}  {:>7.3} times the noise",
+            c.name,
+            num(c.signal_rms),
+            c.unit,
+            num(c.residual_rms),
+            c.over_noise
+        )?;
+    }
+    Ok(())
+}
+
+impl fmt::Display for IdentificationResult {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let p = &self.provenance;
+        let how = match self.method {
+            Method::Rda => "rigid, base acceleration eliminated",
+            Method::OutputError => "output error",
+            Method::Ground => "fixed base, linear least squares with joint friction",
+        };
+        let rec = &p.record;
+        writeln!(f, "identification of {} from {:.3} s at {:.4} Hz ({how})", self.robot, rec.seconds, rec.rate_hz)?;
+        self.verdict.iter().try_for_each(|v| writeln!(f, "  {v}"))?;
+        let w = self.parameters.iter().chain(&self.nuisance).map(|p| p.name.chars().count()).max().unwrap_or(8);
+        writeln!(f, "\nparameters ({}), standard deviation, 95 % interval", self.parameters.len())?;
+        self.parameters.iter().try_for_each(|p| row(f, p, w))?;
+        if !self.nuisance.is_empty() {
+            writeln!(f, "\nbeside them ({})", self.nuisance.len())?;
+            self.nuisance.iter().try_for_each(|p| row(f, p, w))?;
+        }
+        let total = self.singular_values.len();
+        writeln!(f, "\nidentifiability: {} of {total} unknowns determined by the data alone", self.rank)?;
+        for d in &self.null_directions {
+            writeln!(f, "  silent on: {}", d.text)?;
+        }
+        for d in &self.weak_directions {
+            writeln!(f, "  known worse than its own size: {}", d.text)?;
+        }
+        if let Some(s) = &self.silent {
+            for (what, all) in [("by structure", &s.structural), ("not excited", &s.unexcited)] {
+                all.iter().try_for_each(|d| writeln!(f, "  {what}: {}", d.text))?;
+            }
+        }
+        if let Some(r) = &self.reduced {
+            writeln!(f, "  held: {}", ff_model::diagnostics::list(r.held.iter().map(String::as_str), 40))?;
+            r.combinations.iter().try_for_each(|c| writeln!(f, "  estimated: {}", c.text))?;
+        }
+        for c in self.correlations.iter().take(12) {
+            writeln!(f, "  correlation {:+.4} of {} and {}", c.value, c.first, c.second)?;
+        }
+        if !self.profiles.is_empty() {
+            let end = |x: Option<f64>| x.map_or_else(|| "unbounded".to_owned(), num);
+            writeln!(f, "\nprofile likelihood, 95 % intervals")?;
+            for p in &self.profiles {
+                let gauss =
+                    p.gaussian95.map_or_else(String::new, |(a, b)| format!(" (Gaussian [{}, {}])", num(a), num(b)));
+                writeln!(f, "  {:w$} [{}, {}] {}{gauss}", p.name, end(p.lower95), end(p.upper95), p.unit)?;
+            }
+        }
+        if let Some(m) = &self.minima {
+            let all: Vec<String> = m.objectives.iter().map(|o| format!("{o:.6e}")).collect();
+            writeln!(f, "\nstarts: {} of {} converged, minima at {}", m.converged, m.starts, all.join(", "))?;
+        }
+        if let Some(c) = &self.comparison {
+            writeln!(f, "\nmodels, judged by {}", c.judged_by)?;
+            for k in &c.candidates {
+                writeln!(
+                    f,
+                    "  {:9} {:>3} unknowns  -2 ln L +{:<11} (+- {:<9}) AIC +{:<11} BIC +{:<11} residuals {:.3} times the noise",
+                    k.name,
+                    k.unknowns,
+                    num(k.held_out),
+                    num(k.held_out_std),
+                    num(k.aic),
+                    num(k.bic),
+                    k.held_out_mean_square.sqrt()
+                )?;
+            }
+            writeln!(f, "  recommended: {}; {}", c.recommended, c.reason)?;
+        }
+        if !self.modes.is_empty() {
+            writeln!(f, "\nmodes of the identified model (joints held, pose of the mission)")?;
+            for m in &self.modes {
+                writeln!(
+                    f,
+                    "  {:.4} Hz, damping {:.2} % (at the start {:.4} Hz)",
+                    m.frequency_hz,
+                    100.0 * m.damping_ratio,
+                    m.start_hz
+                )?;
+            }
+        }
+        for d in &self.decay {
+            writeln!(
+                f,
+                "\nmodes of the free decay of {} ({:.2} to {:.2} s, resolution {:.4} Hz)",
+                d.record, d.from_s, d.to_s, d.resolution_hz
+            )?;
+            for m in &d.modes {
+                write!(
+                    f,
+                    "  {:.4} +- {:.4} Hz, damping {:.2} +- {:.2} %",
+                    m.frequency_hz,
+                    m.frequency_std_hz,
+                    100.0 * m.damping_ratio,
+                    100.0 * m.damping_std
+                )?;
+                match (m.model_hz, m.mac) {
+                    (Some(hz), Some(mac)) => writeln!(f, ": mode of the model at {hz:.4} Hz, MAC {mac:.3}")?,
+                    _ => writeln!(f, ": {}", m.note)?,
+                }
+            }
+            d.unresolved.iter().try_for_each(|(a, b)| writeln!(f, "  {a:.4} and {b:.4} Hz cannot be kept apart"))?;
+            d.unseen.iter().try_for_each(|u| writeln!(f, "  not seen: {:.4} Hz, {}", u.frequency_hz, u.why))?;
+        }
+        if !self.clocks.is_empty() {
+            writeln!(f, "\nclocks against that of the encoders (late, fast)")?;
+        }
+        for c in &self.clocks {
+            writeln!(
+                f,
+                "  clock of the {} of {}: {:+.3} +- {:.3} ms, {:+.1} +- {:.1} ppm{}",
+                c.group,
+                c.record,
+                1e3 * c.offset_s,
+                1e3 * c.offset_std_s,
+                c.skew_ppm,
+                c.skew_std_ppm,
+                if c.corrected { ", corrected" } else { "" }
+            )?;
+        }
+        let end = match &self.status {
+            Ended::Converged => "converged".to_owned(),
+            other => other.to_string(),
+        };
+        writeln!(
+            f,
+            "\nfit: {end} after {} linearisations, chi-squared per degree of freedom {:.4}",
+            self.iterations, self.chi2_per_dof
+        )?;
+        if self.records.is_empty() {
+            channels(f, &self.channels)?;
+        }
+        for r in &self.records {
+            writeln!(
+                f,
+                "  record {}: {:.3} s, residuals {:.3} times the noise",
+                r.label,
+                r.seconds,
+                r.mean_square.sqrt()
+            )?;
+            channels(f, &r.channels)?;
+        }
+        if let Some(h) = &self.held_out {
+            write!(f, "\nheld out: {h}")?;
+        }
+        Ok(())
+    }
+}

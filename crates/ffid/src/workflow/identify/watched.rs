@@ -1,0 +1,85 @@
+//! A fit under watch: it tells how far it is, and ends when it is told to.
+
+use ff_least_squares::EvalError;
+use ident::Estimator;
+use ident::belief::Unknown;
+use ident::estimate::Coarse;
+use nalgebra::DMatrix;
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Watched from outside while it works.
+#[derive(Clone, Copy, Default)]
+pub struct Watch<'a> {
+    /// Set to end the fit.
+    pub stop: Option<&'a AtomicBool>,
+    /// Told the number of the linearisation and chi-squared per residual.
+    pub progress: Option<&'a dyn Fn(usize, f64)>,
+}
+
+/// An estimator that tells how far it is, and ends when it is told to; over the thinned record, too.
+pub(super) struct Watched<'a> {
+    inner: Box<dyn Estimator + 'a>,
+    watch: &'a Watch<'a>,
+    told: Rc<Told>,
+}
+
+/// What an estimator and its thinner ones have in common.
+#[derive(Default)]
+struct Told {
+    linearisations: Cell<usize>,
+    stopped: Cell<bool>,
+}
+
+impl<'a> Watched<'a> {
+    pub(super) fn new(inner: impl Estimator + 'a, watch: &'a Watch<'a>) -> Self {
+        Self { inner: Box::new(inner), watch, told: Rc::default() }
+    }
+    /// Whether it was ended from outside.
+    pub(super) fn stopped(&self) -> bool {
+        self.told.stopped.get()
+    }
+    fn go_on(&self) -> Result<(), EvalError> {
+        if self.watch.stop.is_some_and(|s| s.load(Ordering::SeqCst)) {
+            self.told.stopped.set(true);
+            return Err(EvalError::Fatal("interrupted".into()));
+        }
+        Ok(())
+    }
+}
+
+impl Estimator for Watched<'_> {
+    fn rows(&self) -> usize {
+        self.inner.rows()
+    }
+    fn nuisance(&self) -> Vec<Unknown> {
+        self.inner.nuisance()
+    }
+    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        let thin = self.inner.coarse(full)?;
+        let watched = Watched { inner: thin.estimator, watch: self.watch, told: Rc::clone(&self.told) };
+        Some(Coarse { estimator: Box::new(watched), ..thin })
+    }
+    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        self.go_on()?;
+        self.inner.residuals(full, extra, r)
+    }
+    fn jacobian(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        self.go_on()?;
+        self.inner.jacobian(full, extra, selected, r, j)?;
+        let count = self.told.linearisations.get() + 1;
+        self.told.linearisations.set(count);
+        if let Some(tell) = self.watch.progress {
+            tell(count, r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,5 @@
+//! TODO-FOLDER ffid workflow
+
+pub mod excite;
+pub mod identify;
+pub mod preflight;

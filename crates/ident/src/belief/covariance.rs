@@ -1,0 +1,308 @@
+//! How well the data determine each parameter, and which combinations they do not determine at all.
+//!
+//! With J the whitened Jacobian with respect to physical parameters (m x n) and sizes `s_i`
+//! ([`crate::parameters::scale::sizes`]), the scaled sensitivities are `A = J diag(s) = U diag(sigma) V^T`. Along the unit
+//! direction `v_k` of relative change the standard deviation is `1/sigma_k` (1 = as uncertain as the parameter
+//! is large). Directions with `sigma_k <= tol sigma_1` are null: the data say nothing about them. The
+//! Cramer-Rao covariance `(J^T J)^-1 = diag(s) V diag(1/sigma^2) V^T diag(s)` is given for the parameters that
+//! have no part in a null direction; the others have no deviation at all.
+
+use ff_least_squares::qr_r;
+use ff_linalg as linalg;
+use ff_linalg::LinalgError;
+use ff_model::ParamDecl;
+use nalgebra::{DMatrix, DVector};
+
+/// Part of a null direction below which a parameter counts as untouched by it.
+const TOUCH: f64 = 1e-5;
+
+/// A named unknown.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Unknown {
+    /// Full name.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// Size (in the unit): what a relative change of 1 means.
+    pub size: f64,
+}
+
+impl Unknown {
+    /// The parameters of these indices, with the sizes of all ([`crate::parameters::scale::sizes`]). Allocates.
+    ///
+    /// # Panics
+    /// If an index does not exist.
+    pub fn of_parameters(decls: &[ParamDecl], selected: &[usize], sizes: &[f64]) -> Vec<Self> {
+        let of = |&i: &usize| Self { name: decls[i].name.clone(), unit: decls[i].unit.to_owned(), size: sizes[i] };
+        selected.iter().map(of).collect()
+    }
+}
+
+/// A combination of parameters.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Direction {
+    /// Singular value of the scaled sensitivities (its inverse is the relative standard deviation).
+    pub singular_value: f64,
+    /// Parameters and their changes along the direction, in their own units, largest relative part first;
+    /// parts below a tenth of the largest are left out.
+    pub terms: Vec<(String, f64)>,
+    /// How many parts were left out.
+    pub omitted: usize,
+}
+
+impl core::fmt::Display for Direction {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        for (i, (name, w)) in self.terms.iter().enumerate() {
+            let sign = if *w < 0.0 { "- " } else { "" };
+            let sign = if i > 0 && *w >= 0.0 { "+ " } else { sign };
+            write!(f, "{}{sign}{:.3e} {name}", if i > 0 { " " } else { "" }, w.abs())?;
+        }
+        if self.omitted > 0 { write!(f, " (and {} smaller)", self.omitted) } else { Ok(()) }
+    }
+}
+
+/// The result of [`analyse`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Uncertainty {
+    /// The unknowns, in the order of the columns.
+    pub unknowns: Vec<Unknown>,
+    /// Covariance in physical units, n x n, on the identifiable subspace (pseudo-inverse when rank < n).
+    pub covariance: DMatrix<f64>,
+    /// Standard deviations in physical units; none for a parameter that has a part in a null direction.
+    pub deviation: Vec<Option<f64>>,
+    /// Singular values of the scaled sensitivities, descending.
+    pub singular_values: Vec<f64>,
+    /// The directions they belong to, orthonormal columns in scaled parameters, n x n.
+    pub directions: DMatrix<f64>,
+    /// Numerical rank.
+    pub rank: usize,
+    /// Ratio of the largest singular value to the smallest one counted in the rank.
+    pub condition: f64,
+    /// Null directions, n - rank, in the reduced form that mixes as few parameters as possible.
+    pub null: Vec<Direction>,
+    /// Directions within the rank that are known worse than to their own size (`sigma < 1`), weakest first.
+    pub weak: Vec<Direction>,
+}
+
+/// Analyses a whitened Jacobian `j` (m x n, m >= n, prior rows included if wanted) with respect to physical
+/// parameters. `tolerance` is relative to the largest singular value; `1e-9` suits exact sensitivities. Allocates.
+///
+/// # Errors
+/// [`LinalgError`] for non-finite input, m < n, or another number of unknowns.
+pub fn analyse(j: &DMatrix<f64>, unknowns: &[Unknown], tolerance: f64) -> Result<Uncertainty, LinalgError> {
+    let (m, n) = j.shape();
+    if n != unknowns.len() || m < n || n == 0 {
+        let needed = format!("{} columns, and at least as many rows", unknowns.len());
+        return Err(LinalgError::Shape { what: "Jacobian", rows: m, columns: n, needed });
+    }
+    let mut a = qr_r(j)?;
+    for (k, u) in unknowns.iter().enumerate() {
+        a.column_mut(k).scale_mut(u.size);
+    }
+    let d = linalg::svd(&a)?;
+    let (s, rank) = (d.s.as_slice(), d.rank(tolerance));
+    let size = |i: usize| unknowns[i].size;
+    let mut covariance = DMatrix::zeros(n, n);
+    for k in 0..rank {
+        let w = DVector::from_fn(n, |i, _| size(i) * d.v[(i, k)] / s[k]);
+        covariance.ger(1.0, &w, &w, 1.0);
+    }
+    let touched = |i: usize| (rank..n).map(|k| d.v[(i, k)].powi(2)).sum::<f64>().sqrt() > TOUCH;
+    let deviation = (0..n).map(|i| (!touched(i)).then(|| covariance[(i, i)].sqrt())).collect();
+    let direction = |v: &[f64], singular_value: f64| name_direction(v, singular_value, unknowns);
+    let weak = (0..rank).rev().take_while(|&k| s[k] < 1.0);
+    let weak = weak.map(|k| direction(d.v.column(k).as_slice(), s[k])).collect();
+    let null = if rank < n {
+        let basis = sparse_basis(&d.v.columns(rank, n - rank).into_owned())?;
+        let worst = |c: &[f64]| (&a * DVector::from_column_slice(c)).norm();
+        basis.column_iter().map(|c| direction(c.as_slice(), worst(c.as_slice()))).collect()
+    } else {
+        vec![]
+    };
+    let condition = if rank > 0 { s[0] / s[rank - 1] } else { f64::INFINITY };
+    Ok(Uncertainty {
+        unknowns: unknowns.to_vec(),
+        covariance,
+        deviation,
+        singular_values: s.to_vec(),
+        directions: d.v.clone(),
+        rank,
+        condition,
+        null,
+        weak,
+    })
+}
+
+impl Uncertainty {
+    /// Number of directions known to the relative standard deviation `limit` or better, and the largest component
+    /// of `errors` (one per unknown, in its unit) along any of them, relative to the size of the parameters.
+    ///
+    /// For studies with a known truth: what is left of an error in the combinations that the data determine.
+    ///
+    /// # Panics
+    /// If there is another number of errors than unknowns.
+    pub fn worst_combination(&self, errors: &[f64], limit: f64) -> (usize, f64) {
+        assert_eq!(errors.len(), self.unknowns.len(), "one error per unknown");
+        let known = self.singular_values.iter().take(self.rank).filter(|&&s| s * limit >= 1.0).count();
+        let along = |k: usize| {
+            (0..errors.len()).map(|i| self.directions[(i, k)] * errors[i] / self.unknowns[i].size).sum::<f64>().abs()
+        };
+        (known, (0..known).map(along).fold(0.0, f64::max))
+    }
+    /// Standard deviation of the quantity with this gradient over the unknowns (`sqrt(g^T C g)`, in its own unit), or none
+    /// where the data cannot tell it: where the gradient over scaled unknowns has a part in a null direction.
+    ///
+    /// A quantity may be determined although an unknown beside it is not.
+    ///
+    /// # Panics
+    /// If there is not one component per unknown.
+    pub fn combination(&self, gradient: &[f64]) -> Option<f64> {
+        let n = self.unknowns.len();
+        assert_eq!(gradient.len(), n, "one component per unknown");
+        let scaled = DVector::from_fn(n, |i, _| gradient[i] * self.unknowns[i].size);
+        let lost = (self.rank..n).map(|k| self.directions.column(k).dot(&scaled).powi(2)).sum::<f64>().sqrt();
+        let g = DVector::from_column_slice(gradient);
+        (lost <= TOUCH * scaled.norm()).then(|| g.dot(&(&self.covariance * &g)).max(0.0).sqrt())
+    }
+    /// True when every parameter is determined.
+    pub fn full_rank(&self) -> bool {
+        self.rank == self.unknowns.len()
+    }
+    /// Correlation coefficients, n x n; zero rows where a parameter has no variance. Allocates.
+    pub fn correlations(&self) -> DMatrix<f64> {
+        let c = &self.covariance;
+        DMatrix::from_fn(c.nrows(), c.ncols(), |i, j| {
+            let v = c[(i, i)] * c[(j, j)];
+            if v > 0.0 { (c[(i, j)] / v.sqrt()).clamp(-1.0, 1.0) } else { 0.0 }
+        })
+    }
+    /// Pairs of names with `|correlation| >= limit`, strongest first. Allocates.
+    pub fn strong_correlations(&self, limit: f64) -> Vec<(String, String, f64)> {
+        let c = self.correlations();
+        let mut out = Vec::new();
+        for i in 0..c.nrows() {
+            for j in 0..i {
+                if c[(i, j)].abs() >= limit {
+                    out.push((self.unknowns[j].name.clone(), self.unknowns[i].name.clone(), c[(i, j)]));
+                }
+            }
+        }
+        out.sort_by(|a, b| b.2.abs().total_cmp(&a.2.abs()));
+        out
+    }
+}
+
+/// Sensitivities with respect to physical parameters from those with respect to coordinates:
+/// `J_p = J_x P^-1` with `P = d physical / d x` ([`crate::parameters::transform::Transform::jacobian`]). Allocates.
+///
+/// # Errors
+/// [`LinalgError`] for non-finite input, shapes that do not fit, or a singular P.
+pub fn physical_jacobian(j: &DMatrix<f64>, p: &DMatrix<f64>) -> Result<DMatrix<f64>, LinalgError> {
+    linalg::check_finite("Jacobian", j)?;
+    linalg::check_finite("parameter map", p)?;
+    let (rows, columns) = p.shape();
+    if rows != columns || j.ncols() != rows {
+        let needed = format!("a square matrix of size {}", j.ncols());
+        return Err(LinalgError::Shape { what: "parameter map", rows, columns, needed });
+    }
+    let solved = p.transpose().lu().solve(&j.transpose());
+    let solved = solved.ok_or(LinalgError::RankDeficient { rank: columns - 1, columns, dependent: vec![] })?;
+    Ok(solved.transpose())
+}
+
+/// The same space, spanned by vectors that each own one parameter alone (reduced echelon form on the
+/// parameters that column pivoting finds), scaled to unit length: a direction then mixes few parameters,
+/// where singular vectors of a repeated zero are an arbitrary rotation.
+pub(crate) fn sparse_basis(v: &DMatrix<f64>) -> Result<DMatrix<f64>, LinalgError> {
+    let k = v.ncols();
+    let order = linalg::col_piv_qr(&v.transpose())?.order;
+    let own = DMatrix::from_fn(k, k, |i, j| v[(order[i], j)]);
+    let Some(inverse) = own.try_inverse() else { return Ok(v.clone()) };
+    let mut out = v * inverse;
+    for mut c in out.column_iter_mut() {
+        let norm = c.norm();
+        c.unscale_mut(norm);
+    }
+    Ok(out)
+}
+
+pub(crate) fn name_direction(v: &[f64], singular_value: f64, unknowns: &[Unknown]) -> Direction {
+    let mut order: Vec<usize> = (0..v.len()).collect();
+    order.sort_by(|&a, &b| v[b].abs().total_cmp(&v[a].abs()));
+    let top = v[order[0]].abs();
+    // The sign of a direction means nothing; make its largest part positive.
+    let sign = v[order[0]].signum();
+    let kept = order.iter().take_while(|&&i| v[i].abs() >= 0.1 * top).count();
+    let omitted = v.iter().filter(|x| x.abs() > TOUCH).count().saturating_sub(kept);
+    let terms = order[..kept].iter().map(|&i| (unknowns[i].name.clone(), sign * v[i] * unknowns[i].size)).collect();
+    Direction { singular_value, terms, omitted }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn unknowns(n: usize) -> Vec<Unknown> {
+        (0..n).map(|i| Unknown { name: format!("p{i}"), unit: "kg".into(), size: [600.0, 0.5, 20.0, 3.0][i] }).collect()
+    }
+    fn sensitivities() -> DMatrix<f64> {
+        let scale = [0.02, 30.0, 0.4, 5.0];
+        DMatrix::from_fn(40, 4, |i, k| scale[k] * ((0.31 * (k + 1) as f64) * i as f64 + 0.4).sin())
+    }
+
+    #[test]
+    fn covariance_is_the_inverse_information_matrix() {
+        let j = sensitivities();
+        let u = analyse(&j, &unknowns(4), 1e-9).unwrap();
+        let reference = (j.transpose() * &j).try_inverse().unwrap();
+        assert_relative_eq!(u.covariance, reference, max_relative = 1e-9);
+        assert_relative_eq!(u.deviation[2].unwrap(), reference[(2, 2)].sqrt(), max_relative = 1e-10);
+        assert!(u.full_rank() && u.null.is_empty() && u.condition > 1.0);
+        assert_relative_eq!(u.correlations()[(1, 1)], 1.0, max_relative = 1e-12);
+        let strong = u.strong_correlations(0.0);
+        assert!(strong.len() == 6 && strong[0].2.abs() >= strong[5].2.abs());
+    }
+
+    #[test]
+    fn null_directions_are_named_in_physical_units_and_touch_only_their_parameters() {
+        let mut j = sensitivities();
+        // Column 3 acts as -0.05 of column 0 per unit: raising p3 by 1 is undone by raising p0 by 0.05.
+        let c = j.column(0) * -0.05;
+        j.set_column(3, &c);
+        let u = analyse(&j, &unknowns(4), 1e-9).unwrap();
+        assert_eq!((u.rank, u.null.len()), (3, 1));
+        assert_eq!(u.deviation.iter().map(Option::is_some).collect::<Vec<_>>(), [false, true, true, false]);
+        // p0 - 0.05 p3 is what the data see of the two, and what they would see of p0 with p3 known.
+        let three = j.columns(0, 3).into_owned();
+        let alone = analyse(&three, &unknowns(3), 1e-9).unwrap().deviation[0].unwrap();
+        assert_relative_eq!(u.combination(&[1.0, 0.0, 0.0, -0.05]).unwrap(), alone, max_relative = 1e-6);
+        assert_eq!(u.combination(&[1.0, 0.3, 0.0, 0.05]), None);
+        let d = &u.null[0];
+        let of = |n: &str| d.terms.iter().find(|t| t.0 == n).map_or(0.0, |t| t.1);
+        assert!(d.terms[0].0 == "p3" && d.omitted == 1, "{d}");
+        assert_relative_eq!(of("p3"), 3.0, max_relative = 1e-6);
+        assert!(d.to_string().starts_with("3.000e0 p3 (and 1"), "{d}");
+    }
+
+    #[test]
+    fn weak_directions_are_known_worse_than_their_own_size() {
+        let mut j = sensitivities();
+        j.column_mut(1).scale_mut(1e-3);
+        let u = analyse(&j, &unknowns(4), 1e-9).unwrap();
+        assert_eq!((u.rank, u.weak.len()), (4, 1));
+        assert_eq!(u.weak[0].terms[0].0, "p1");
+        assert!(u.deviation[1].unwrap() > 0.5);
+    }
+
+    #[test]
+    fn coordinates_and_physical_parameters_carry_the_same_information() {
+        let p = DMatrix::from_fn(4, 4, |i, k| if i == k { 2.0 + i as f64 } else { 0.1 * (i as f64 - 1.7 * k as f64) });
+        let j = sensitivities();
+        assert_relative_eq!(physical_jacobian(&(&j * &p), &p).unwrap(), j, epsilon = 1e-11);
+        assert!(physical_jacobian(&j, &DMatrix::zeros(4, 4)).is_err());
+        let mut bad = j.clone();
+        bad[(3, 3)] = f64::NAN;
+        assert!(analyse(&bad, &unknowns(4), 1e-9).is_err() && analyse(&j, &unknowns(3), 1e-9).is_err());
+    }
+}

@@ -1,0 +1,214 @@
+//! Intervals from the likelihood itself: the profile of one parameter.
+//!
+//! A standard deviation assumes that the cost is a parabola. The profile does not: for values `p` of one parameter all others
+//! are fitted again, and `D(p) = min C(. | p) - min C`, with C twice the negative log posterior, is chi-squared with one degree
+//! of freedom when `p` is the truth (Wilks). The 95 % interval is where `D <= 3.84`; where it never gets there the data put no
+//! bound on that side (A. Raue et al., *Structural and practical identifiability analysis ... by exploiting the profile
+//! likelihood*, Bioinformatics 25(15), 2009).
+//!
+//! The parameter is held by a prior a ten-thousandth of its deviation wide, so that the body it belongs to stays a body.
+
+use crate::belief::prior::PriorRow;
+use crate::estimate::estimator::{Estimate, EstimateError, Estimator, Request, estimate};
+
+/// `D` at the ends of a 95 % interval: the square of 1.96.
+pub const LIMIT95: f64 = 3.841_458_820_694_124;
+
+/// Width of the prior that holds the parameter, in standard deviations.
+const HELD: f64 = 1e-4;
+
+/// One point of a profile.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Point {
+    /// Value of the parameter.
+    pub value: f64,
+    /// `D` there.
+    pub excess: f64,
+    /// Whether the fit of the others converged.
+    pub converged: bool,
+}
+
+/// The profile of one parameter.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Profile {
+    /// Full name.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// The estimate.
+    pub value: f64,
+    /// Points with ascending values; the estimate is among them with zero excess.
+    pub points: Vec<Point>,
+    /// Ends of the 95 % interval; none where `D` stays below the limit as far as was looked.
+    pub interval95: (Option<f64>, Option<f64>),
+}
+
+/// Profiles parameter `column` of the selection around its estimate, in steps of half a standard deviation until the limit is
+/// passed or `reach` standard deviations are (parameters without a deviation: of their size). Every point is a fit; they start
+/// from each other.
+///
+/// # Errors
+/// [`EstimateError`] when a point cannot be fitted at all. A point at which the parameter is not physical ends its side.
+///
+/// # Panics
+/// If there is no such column.
+pub fn profile<E: Estimator + ?Sized>(
+    request: &Request<'_>,
+    at: &Estimate,
+    column: usize,
+    reach: f64,
+    estimator: &mut E,
+) -> Result<Profile, EstimateError> {
+    let p = &at.parameters[column];
+    let index = request.selected[column];
+    let sigma = p.std.unwrap_or_else(|| crate::parameters::scale::sizes(request.decls, &at.values)[index]);
+    let mut points = vec![Point { value: p.value, excess: 0.0, converged: at.status.is_converged() }];
+    let mut interval = [None, None];
+    for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
+        let mut from = at.values.clone();
+        let mut last = (0.0, 0.0);
+        for k in 1.. {
+            let distance = 0.5 * f64::from(k);
+            if distance > reach {
+                break;
+            }
+            let value = p.value + sign * distance * sigma;
+            let Some((found, point)) = held(request, at, (column, value, sigma), &from, estimator)? else { break };
+            points.push(point);
+            from = found.values;
+            // The square root of D is nearly straight.
+            let root = point.excess.max(0.0).sqrt();
+            let limit = LIMIT95.sqrt();
+            if root >= limit {
+                let share = (limit - last.1) / (root - last.1);
+                interval[side] = Some(p.value + sign * sigma * (last.0 + share * (distance - last.0)));
+                break;
+            }
+            last = (distance, root);
+        }
+    }
+    points.sort_by(|a, b| a.value.total_cmp(&b.value));
+    Ok(Profile {
+        name: p.name.clone(),
+        unit: p.unit.clone(),
+        value: p.value,
+        points,
+        interval95: (interval[0], interval[1]),
+    })
+}
+
+/// The fit with the parameter at a value; `None` where that is not physical.
+fn held<E: Estimator + ?Sized>(
+    request: &Request<'_>,
+    at: &Estimate,
+    (column, value, sigma): (usize, f64, f64),
+    from: &[f64],
+    estimator: &mut E,
+) -> Result<Option<(Estimate, Point)>, EstimateError> {
+    let own = request.priors.rows().iter().find(|r| r.column == column).copied();
+    let pin = PriorRow { column, mean: value, sigma: HELD * sigma };
+    let fixed = Request { priors: request.priors.with(pin), start: from, ..request.clone() };
+    match estimate(&fixed, estimator) {
+        Ok(e) => {
+            let got = e.parameters[column].value;
+            // The pin does not belong to the cost, the prior that it replaced does.
+            let pinned = ((got - value) / pin.sigma).powi(2);
+            let prior = own.map_or(0.0, |r| ((got - r.mean) / r.sigma).powi(2));
+            let excess = e.objective - pinned + prior - at.objective;
+            let point = Point { value: got, excess, converged: e.status.is_converged() };
+            Ok(Some((e, point)))
+        }
+        Err(EstimateError::Transform(_)) => Ok(None),
+        Err(e) => Err(e),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::belief::prior::{Priors, Sigma};
+    use ff_least_squares::EvalError;
+    use ff_model::ParamDecl;
+    use nalgebra::DMatrix;
+
+    /// Decay `a exp(-b t)`, read with noise of one.
+    struct Decay {
+        read: Vec<f64>,
+    }
+
+    fn time(i: usize) -> f64 {
+        0.4 * i as f64
+    }
+
+    impl Estimator for Decay {
+        fn rows(&self) -> usize {
+            self.read.len()
+        }
+        fn residuals(&mut self, p: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+            for (i, r) in r.iter_mut().enumerate() {
+                *r = p[0] * (-p[1] * time(i)).exp() - self.read[i];
+            }
+            Ok(())
+        }
+        fn jacobian(
+            &mut self,
+            p: &[f64],
+            extra: &[f64],
+            selected: &[usize],
+            r: &mut [f64],
+            j: &mut DMatrix<f64>,
+        ) -> Result<(), EvalError> {
+            self.residuals(p, extra, r)?;
+            for i in 0..r.len() {
+                let e = (-p[1] * time(i)).exp();
+                let d = [e, -p[0] * time(i) * e];
+                selected.iter().enumerate().for_each(|(c, &s)| j[(i, c)] = d[s]);
+            }
+            Ok(())
+        }
+    }
+
+    fn setup() -> (Decay, [ParamDecl; 2]) {
+        let read = (0..12).map(|i| 9.0 * (-0.7 * time(i)).exp() + 0.8 * (2.9 * i as f64).sin()).collect();
+        (Decay { read }, [ParamDecl::positive("a", "N m", 9.0), ParamDecl::positive("b", "1/s", 0.7)])
+    }
+
+    #[test]
+    fn the_profile_is_the_lowest_cost_at_each_value() {
+        let (mut decay, decls) = setup();
+        let request = Request::new(&decls, &[0, 1], &[5.0, 1.3]);
+        let best = estimate(&request, &mut decay).unwrap();
+        let p = profile(&request, &best, 1, 6.0, &mut decay).unwrap();
+        // Independently: for fixed b the best a is linear least squares.
+        let cost = |b: f64| {
+            let e: Vec<f64> = (0..12).map(|i| (-b * time(i)).exp()).collect();
+            let a = e.iter().zip(&decay.read).map(|(e, y)| e * y).sum::<f64>() / e.iter().map(|e| e * e).sum::<f64>();
+            e.iter().zip(&decay.read).map(|(e, y)| (a * e - y).powi(2)).sum::<f64>()
+        };
+        let lowest = cost(p.value);
+        for point in &p.points {
+            assert!((point.excess - (cost(point.value) - lowest)).abs() < 1e-6, "{point:?}");
+        }
+        let (low, high) = (p.interval95.0.unwrap(), p.interval95.1.unwrap());
+        for end in [low, high] {
+            assert!((cost(end) - lowest - LIMIT95).abs() < 0.05, "{end}: {}", cost(end) - lowest);
+        }
+        // Not symmetric, as a deviation would have it.
+        assert!((high - p.value) > 1.02 * (p.value - low), "{low} {} {high}", p.value);
+        // Nothing to be found on a side that is not searched far enough.
+        let near = profile(&request, &best, 1, 1.0, &mut decay).unwrap();
+        assert_eq!((near.interval95, near.points.len()), ((None, None), 5));
+    }
+
+    #[test]
+    fn a_prior_counts_like_data() {
+        let (mut decay, decls) = setup();
+        let priors = Priors::new(&decls, &[0, 1], &[9.0, 0.7], &[("b", Sigma::Absolute(0.05))]).unwrap();
+        let request = Request { priors, ..Request::new(&decls, &[0, 1], &[9.0, 0.7]) };
+        let best = estimate(&request, &mut decay).unwrap();
+        let p = profile(&request, &best, 1, 6.0, &mut decay).unwrap();
+        let width = (p.interval95.1.unwrap() - p.interval95.0.unwrap()) / 2.0;
+        let expected = 1.96 * best.parameters[1].std.unwrap();
+        assert!((width / expected - 1.0).abs() < 0.05 && width < 1.96 * 0.05, "{width} {expected}");
+    }
+}

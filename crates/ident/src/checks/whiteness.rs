@@ -1,0 +1,254 @@
+//! Is the model right? Residuals of a right model are white noise of the size that was assumed.
+//!
+//! For every channel of whitened residuals `r_0 .. r_(N-1)`:
+//!
+//! * **Size**: `mean(r^2)`, with its 95 % interval under noise of one.
+//! * **Whiteness**: Bartlett's test on the cumulated periodogram (M. Bartlett, *Stochastic Processes*, 1955; J. Durbin,
+//!   *Biometrika* 56, 1969): `D = max |C_k - k/m|` of the m frequencies below Nyquist, and
+//!   `p = 2 sum_(j>=1) (-1)^(j-1) exp(-2 j^2 m D^2)` of Kolmogorov; and the portmanteau of G. Ljung and G. Box (*Biometrika*
+//!   65, 1978) over 20 lags, `Q = N (N+2) sum_k rho_k^2 / (N-k)`, chi-squared with 20 degrees of freedom.
+//! * **Normality**: C. Jarque and A. Bera (*Economics Letters* 6, 1980), `N/6 (S^2 + (K-3)^2/4)`, chi-squared with two.
+//! * **Modes**: the power of the residuals within a resolution of each natural frequency against their median power: a mode that
+//!   the model describes badly stands out there.
+//!
+//! A fit with n parameters has used up n of the N degrees of freedom; with thousands of samples that does not matter here.
+
+use ff_linalg::fourier::RealFft;
+use ff_spectral::chi_square::chi_square_survival;
+use serde::Serialize;
+
+/// Lags of the portmanteau test.
+pub const LAGS: usize = 20;
+
+/// What the residuals of one channel look like.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ChannelCheck {
+    /// Channel, such as `tau.joint2`.
+    pub channel: String,
+    /// `mean(r^2)`: one when the noise is as assumed.
+    pub mean_square: f64,
+    /// Bartlett's `p`: how often white noise would look at least as coloured.
+    pub white_p: f64,
+    /// First autocorrelation `rho_1`.
+    pub first_correlation: f64,
+    /// `p` of Ljung and Box.
+    pub portmanteau_p: f64,
+    /// `p` of Jarque and Bera: how often normal noise would look at least as skewed or heavy-tailed.
+    pub normal_p: f64,
+    /// Largest `|r|`, in standard deviations.
+    pub largest: f64,
+    /// What stands out at the modes.
+    pub modes: Vec<ModePower>,
+}
+
+/// Power of the residuals at a mode.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ModePower {
+    /// Natural frequency (Hz).
+    pub frequency_hz: f64,
+    /// Mean power within a resolution of it, over the median of all frequencies.
+    pub over_median: f64,
+    /// Whether that is more than noise would show once in a thousand.
+    pub stands_out: bool,
+}
+
+/// Why residuals cannot be judged.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckError {
+    /// Too few samples.
+    #[error("channel {channel}: {have} residuals, at least {need} needed; take a longer record")]
+    TooShort {
+        /// The channel.
+        channel: String,
+        /// Given.
+        have: usize,
+        /// Needed.
+        need: usize,
+    },
+    /// A residual is not finite.
+    #[error("channel {channel}: residual {index} is {value}")]
+    NotFinite {
+        /// The channel.
+        channel: String,
+        /// Which.
+        index: usize,
+        /// The value.
+        value: f64,
+    },
+    /// The transform refused its buffers; a bug.
+    #[error(transparent)]
+    Transform(#[from] ff_linalg::LinalgError),
+}
+
+/// Judges one channel of whitened residuals sampled at `rate_hz`, with the natural frequencies of the model. Allocates.
+///
+/// # Errors
+/// [`CheckError`]; at least 64 residuals are needed.
+pub fn check(channel: &str, r: &[f64], rate_hz: f64, modes_hz: &[f64]) -> Result<ChannelCheck, CheckError> {
+    let n = r.len();
+    if n < 64 {
+        return Err(CheckError::TooShort { channel: channel.to_owned(), have: n, need: 64 });
+    }
+    if let Some(index) = r.iter().position(|x| !x.is_finite()) {
+        return Err(CheckError::NotFinite { channel: channel.to_owned(), index, value: r[index] });
+    }
+    let count = n as f64;
+    let mean = r.iter().sum::<f64>() / count;
+    let moment = |k: i32| r.iter().map(|x| (x - mean).powi(k)).sum::<f64>() / count;
+    let variance = moment(2);
+    let constant = variance <= f64::MIN_POSITIVE;
+    let (skew, kurtosis) =
+        if constant { (0.0, 3.0) } else { (moment(3) / variance.powf(1.5), moment(4) / variance.powi(2)) };
+    let jarque_bera = count / 6.0 * (skew.powi(2) + (kurtosis - 3.0).powi(2) / 4.0);
+    let correlation = |lag: usize| {
+        let sum: f64 = r.iter().zip(&r[lag..]).map(|(a, b)| (a - mean) * (b - mean)).sum();
+        if constant { 0.0 } else { sum / (count * variance) }
+    };
+    let ljung_box: f64 =
+        (1..=LAGS).map(|k| correlation(k).powi(2) / (count - k as f64)).sum::<f64>() * count * (count + 2.0);
+    let whole = periodogram(r, mean)?;
+    Ok(ChannelCheck {
+        channel: channel.to_owned(),
+        mean_square: r.iter().map(|x| x * x).sum::<f64>() / count,
+        white_p: bartlett(&whole),
+        first_correlation: correlation(1),
+        portmanteau_p: chi_square_survival(ljung_box, LAGS as f64),
+        normal_p: (-jarque_bera / 2.0).exp(),
+        largest: r.iter().fold(0.0, |m: f64, x| m.max(x.abs())),
+        modes: powers(&whole, rate_hz / n as f64, modes_hz),
+    })
+}
+
+impl ChannelCheck {
+    /// White at the level `alpha` (both tests; each takes half of it).
+    pub fn is_white(&self, alpha: f64) -> bool {
+        self.white_p.min(self.portmanteau_p) >= 0.5 * alpha
+    }
+    /// The noise is as large as assumed, to `factor` in standard deviation either way.
+    pub fn has_size(&self, factor: f64) -> bool {
+        (1.0 / factor..=factor).contains(&self.mean_square.sqrt())
+    }
+}
+
+/// Periodogram without the mean, in any unit, from the first frequency above zero to the last below Nyquist.
+fn periodogram(r: &[f64], mean: f64) -> Result<Vec<f64>, CheckError> {
+    let mut transform = RealFft::new(r.len());
+    for (y, x) in transform.input().iter_mut().zip(r) {
+        *y = x - mean;
+    }
+    Ok(transform.run()?[1..r.len().div_ceil(2)].iter().map(|c| c.norm_sqr()).collect())
+}
+
+/// `p` of Bartlett's test.
+fn bartlett(power: &[f64]) -> f64 {
+    let total: f64 = power.iter().sum();
+    if total <= 0.0 {
+        return 1.0;
+    }
+    let m = power.len() as f64;
+    let (mut sum, mut worst) = (0.0, 0.0f64);
+    for (k, p) in power.iter().enumerate() {
+        let before = sum / total - k as f64 / m;
+        sum += p;
+        let after = sum / total - (k + 1) as f64 / m;
+        worst = worst.max(before.abs()).max(after.abs());
+    }
+    kolmogorov(worst * m.sqrt())
+}
+
+/// Survival function of Kolmogorov's distribution.
+fn kolmogorov(x: f64) -> f64 {
+    if x < 0.2 {
+        return 1.0; // 1 - 5e-13
+    }
+    let term = |j: i32| (-2.0 * f64::from(j * j) * x * x).exp() * if j % 2 == 1 { 1.0 } else { -1.0 };
+    (2.0 * (1..60).map(term).sum::<f64>()).clamp(0.0, 1.0)
+}
+
+fn powers(power: &[f64], resolution: f64, modes_hz: &[f64]) -> Vec<ModePower> {
+    let mut sorted = power.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted[sorted.len() / 2];
+    // The median of chi-squared with two degrees of freedom is ln 2 of its mean.
+    let floor = median / std::f64::consts::LN_2;
+    let of = |&frequency_hz: &f64| {
+        let centre = frequency_hz / resolution;
+        // Entry k is frequency k + 1.
+        let near = |k: usize| ((k + 1) as f64 - centre).abs() <= 1.5;
+        let around: Vec<f64> = (0..power.len()).filter(|&k| near(k)).map(|k| power[k]).collect();
+        (!around.is_empty()).then(|| {
+            let mean = around.iter().sum::<f64>() / around.len() as f64;
+            let over = if floor > 0.0 { mean / floor } else { 1.0 };
+            let p = chi_square_survival(2.0 * over * around.len() as f64, 2.0 * around.len() as f64);
+            let over_median = if median > 0.0 { mean / median } else { 1.0 };
+            ModePower { frequency_hz, over_median, stands_out: p < 1e-3 }
+        })
+    };
+    modes_hz.iter().filter_map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    fn noise(n: usize, seed: u64) -> Vec<f64> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        (0..n).map(|_| StandardNormal.sample(&mut rng)).collect()
+    }
+
+    #[test]
+    fn white_normal_noise_passes_as_often_as_the_level_says() {
+        let (mut white, mut portmanteau, mut normal, mut modes) = (0, 0, 0, 0);
+        for seed in 0..400 {
+            let c = check("tau", &noise(1500, seed), 100.0, &[0.23, 7.1]).unwrap();
+            white += usize::from(c.white_p < 0.05);
+            portmanteau += usize::from(c.portmanteau_p < 0.05);
+            normal += usize::from(c.normal_p < 0.05);
+            modes += c.modes.iter().filter(|m| m.stands_out).count();
+            assert!(c.has_size(1.1), "{c:?}");
+        }
+        // 20 expected of 400, deviation 4.4; Bartlett's test is a little conservative.
+        assert!((7..=33).contains(&white), "{white}");
+        assert!((7..=33).contains(&portmanteau), "{portmanteau}");
+        assert!((7..=33).contains(&normal), "{normal}");
+        assert!(modes <= 5, "{modes}");
+    }
+
+    #[test]
+    fn coloured_skewed_and_ringing_residuals_are_caught() {
+        let white = noise(1500, 9);
+        let coloured: Vec<f64> = white.windows(2).map(|w| w[1] + 0.25 * w[0]).collect();
+        let c = check("tau", &coloured, 100.0, &[]).unwrap();
+        assert!(!c.is_white(0.01) && c.first_correlation > 0.15 && c.normal_p > 0.001, "{c:?}");
+        let skewed: Vec<f64> = white.iter().map(|x| x + 0.2 * x * x).collect();
+        assert!(check("tau", &skewed, 100.0, &[]).unwrap().normal_p < 1e-6);
+        let rings: Vec<f64> = white.iter().enumerate().map(|(i, x)| x + 0.3 * (1.45 * 0.01 * i as f64).sin()).collect();
+        let c = check("tau", &rings, 100.0, &[1.45 / std::f64::consts::TAU, 5.3]).unwrap();
+        // Too little for the tests over all frequencies, but plain at the mode.
+        assert!(c.modes[0].stands_out && !c.modes[1].stands_out && c.is_white(0.01), "{c:?}");
+        let loud: Vec<f64> = white.iter().map(|x| 1.4 * x).collect();
+        assert!(!check("tau", &loud, 100.0, &[]).unwrap().has_size(1.2));
+    }
+
+    #[test]
+    fn distributions_are_those_of_the_tables() {
+        // R: pchisq(x, df, lower.tail = FALSE); Kolmogorov's 5 % point.
+        assert!((chi_square_survival(31.41, 20.0) - 0.05).abs() < 1e-4);
+        assert!((chi_square_survival(5.991, 2.0) - 0.05).abs() < 1e-4);
+        assert!((kolmogorov(1.3581) - 0.05).abs() < 1e-5);
+        assert_eq!(chi_square_survival(1e5, 20.0), 0.0);
+    }
+
+    #[test]
+    fn degenerate_residuals_have_an_answer() {
+        assert!(matches!(check("gyro.x", &[0.3; 20], 100.0, &[]), Err(CheckError::TooShort { have: 20, .. })));
+        let mut r = noise(200, 2);
+        r[17] = f64::NAN;
+        assert!(matches!(check("gyro.x", &r, 100.0, &[]), Err(CheckError::NotFinite { index: 17, .. })));
+        let c = check("gyro.x", &[0.0; 200], 100.0, &[0.3]).unwrap();
+        assert!(c.mean_square == 0.0 && c.white_p == 1.0 && !c.modes[0].stands_out);
+    }
+}

@@ -1,0 +1,11 @@
+//! TODO-FOLDER ident compose
+
+pub(crate) mod continuation;
+pub(crate) mod multi_start;
+pub(crate) mod several;
+pub(crate) mod ties;
+
+pub use continuation::{Accept, Pass, Staged, Trial, estimate_staged};
+pub use multi_start::{Best, Ending, best_of, equal_cost};
+pub use several::{Several, Shared, SharedError};
+pub use ties::{Affine, Tie, TieError, TieMap, Tied};

@@ -1,0 +1,327 @@
+//! Several records in one fit: parameters that they share, and parameters that each has for itself.
+//!
+//! Every record keeps its own estimator, with its own model (before and after grasping a client the robot is not the same) and
+//! its own biases, delays and initial state. [`Shared`] says which parameters of these models are one and the same unknown:
+//! those of equal name, unless a pattern claims them for each record. [`Several`] is then an [`Estimator`] like any other; its
+//! residuals are those of all records below one another.
+
+use crate::belief::covariance::Unknown;
+use crate::estimate::estimator::{Coarse, Estimator};
+use crate::parameters::selection;
+use crate::parameters::selection::{SelectionError, sift};
+use ff_least_squares::EvalError;
+use ff_model::{ParamDecl, ParamGroup};
+use nalgebra::DMatrix;
+
+/// The parameters of several models as one list.
+#[derive(Clone, Debug)]
+pub struct Shared {
+    /// All parameters: those of the first record, then what the others add. Parameters that a record has for itself are
+    /// called `<record>.<name>`.
+    pub decls: Vec<ParamDecl>,
+    /// For each record: where each of its parameters is in the list.
+    maps: Vec<Vec<usize>>,
+    labels: Vec<String>,
+}
+
+/// Why parameters cannot be shared.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SharedError {
+    /// No record was given.
+    #[error("no record; give at least one")]
+    NoRecord,
+    /// Two records have the same label.
+    #[error("two records are called '{0}'; parameters and biases of each need a name")]
+    Label(String),
+    /// A pattern matches no parameter.
+    #[error(transparent)]
+    Selection(#[from] SelectionError),
+    /// Two records mean different things by one name.
+    #[error(
+        "'{name}' is {first} in record '{one}' and {second} in record '{other}'; rename it, or let each record have its own"
+    )]
+    Differs {
+        /// The parameter.
+        name: String,
+        /// Unit and kind in the first.
+        first: String,
+        /// Unit and kind in the second.
+        second: String,
+        /// The first record.
+        one: String,
+        /// The second record.
+        other: String,
+    },
+}
+
+fn kind(d: &ParamDecl) -> String {
+    let group = match &d.group {
+        ParamGroup::Inertial(_) => "a number of a body",
+        ParamGroup::Positive => "positive",
+        ParamGroup::Free => "free",
+    };
+    format!("{group} in {}", d.unit)
+}
+
+impl Shared {
+    /// For records with labels and the parameters of their models. `own` are patterns ([`crate::parameters::selection`]) of parameters
+    /// that every record has for itself; a body is claimed as a whole if one of its ten numbers is. Allocates.
+    ///
+    /// # Errors
+    /// [`SharedError`].
+    pub fn new<S: AsRef<str>>(records: &[(&str, &[ParamDecl])], own: &[S]) -> Result<Self, SharedError> {
+        if records.is_empty() {
+            return Err(SharedError::NoRecord);
+        }
+        let mut out = Self { decls: Vec::new(), maps: Vec::new(), labels: Vec::new() };
+        // The record that brought a parameter, and its name there.
+        let mut origin: Vec<(usize, bool)> = Vec::new();
+        let everything: Vec<ParamDecl> = records.iter().flat_map(|r| r.1.iter().cloned()).collect();
+        if !own.is_empty() {
+            selection::select(&everything, own)?;
+        }
+        for (k, (label, decls)) in records.iter().enumerate() {
+            if out.labels.iter().any(|l| l == label) {
+                return Err(SharedError::Label((*label).to_owned()));
+            }
+            let claimed: Vec<usize> = if own.is_empty() { Vec::new() } else { sift(decls, own).0 };
+            let is_own = |i: usize| {
+                let same_body =
+                    |j: &usize| matches!(decls[i].group, ParamGroup::Inertial(_)) && decls[*j].group == decls[i].group;
+                claimed.contains(&i) || claimed.iter().any(same_body)
+            };
+            let mut map = Vec::with_capacity(decls.len());
+            for (i, d) in decls.iter().enumerate() {
+                let mine = is_own(i);
+                let known = out.decls.iter().zip(&origin).position(|(o, (_, own))| !own && o.name == d.name);
+                if let (Some(at), false) = (known, mine) {
+                    let first = &out.decls[at];
+                    if first.unit != d.unit || first.group != d.group {
+                        return Err(SharedError::Differs {
+                            name: d.name.clone(),
+                            first: kind(first),
+                            second: kind(d),
+                            one: out.labels[origin[at].0].clone(),
+                            other: (*label).to_owned(),
+                        });
+                    }
+                    map.push(at);
+                    continue;
+                }
+                let mut added = d.clone();
+                if mine {
+                    added.name = format!("{label}.{}", d.name);
+                    if let ParamGroup::Inertial(body) = &d.group {
+                        added.group = ParamGroup::Inertial(format!("{label}.{body}"));
+                    }
+                }
+                map.push(out.decls.len());
+                out.decls.push(added);
+                origin.push((k, mine));
+            }
+            out.maps.push(map);
+            out.labels.push((*label).to_owned());
+        }
+        Ok(out)
+    }
+    /// The values of record `k` out of those of all. Allocates.
+    ///
+    /// # Panics
+    /// If there is no such record, or `all` is shorter than the list.
+    pub fn of_record(&self, k: usize, all: &[f64]) -> Vec<f64> {
+        self.maps[k].iter().map(|&i| all[i]).collect()
+    }
+    /// The values of all out of those of each record; of a shared parameter, that of the first record which has it. Allocates.
+    ///
+    /// # Panics
+    /// If there is not one vector per record, as long as its parameters.
+    pub fn gather(&self, each: &[Vec<f64>]) -> Vec<f64> {
+        assert_eq!(each.len(), self.maps.len(), "one vector per record");
+        let mut out = vec![f64::NAN; self.decls.len()];
+        for (map, values) in self.maps.iter().zip(each).rev() {
+            assert_eq!(map.len(), values.len(), "one value per parameter");
+            map.iter().zip(values).for_each(|(&at, v)| out[at] = *v);
+        }
+        out
+    }
+}
+
+/// Estimators of several records as one.
+pub struct Several<'a> {
+    shared: &'a Shared,
+    parts: Vec<Box<dyn Estimator + 'a>>,
+}
+
+impl<'a> Several<'a> {
+    /// One estimator per record, in the order of `shared`.
+    ///
+    /// # Panics
+    /// If there is not one estimator per record.
+    pub fn new(shared: &'a Shared, parts: Vec<Box<dyn Estimator + 'a>>) -> Self {
+        assert_eq!(parts.len(), shared.maps.len(), "one estimator per record");
+        Self { shared, parts }
+    }
+}
+
+impl Estimator for Several<'_> {
+    fn rows(&self) -> usize {
+        self.parts.iter().map(|p| p.rows()).sum()
+    }
+    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        let (mut first, mut rows, mut parts) = (0, Vec::new(), Vec::new());
+        for (k, part) in self.parts.iter().enumerate() {
+            let thin = part.coarse(&self.shared.of_record(k, full))?;
+            rows.extend(thin.rows.iter().map(|i| first + i));
+            first += part.rows();
+            parts.push(thin.estimator);
+        }
+        Some(Coarse { estimator: Box::new(Several { shared: self.shared, parts }), rows })
+    }
+    fn nuisance(&self) -> Vec<Unknown> {
+        let mut out = Vec::new();
+        for (part, label) in self.parts.iter().zip(&self.shared.labels) {
+            out.extend(part.nuisance().into_iter().map(|u| Unknown { name: format!("{label}.{}", u.name), ..u }));
+        }
+        out
+    }
+    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        let (mut row, mut at) = (0, 0);
+        for (k, part) in self.parts.iter_mut().enumerate() {
+            let (rows, count) = (part.rows(), part.nuisance().len());
+            let own = self.shared.of_record(k, full);
+            part.residuals(&own, &extra[at..at + count], &mut r[row..row + rows])?;
+            (row, at) = (row + rows, at + count);
+        }
+        Ok(())
+    }
+    fn jacobian(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        j.fill(0.0);
+        let (mut row, mut at) = (0, 0);
+        for (k, part) in self.parts.iter_mut().enumerate() {
+            let (rows, count) = (part.rows(), part.nuisance().len());
+            let own = self.shared.of_record(k, full);
+            // Indices into the record's own parameters ascend; the columns they belong to need not.
+            let columns: Vec<(usize, usize)> = self.shared.maps[k]
+                .iter()
+                .enumerate()
+                .filter_map(|(i, all)| selected.iter().position(|s| s == all).map(|c| (i, c)))
+                .collect();
+            let mine: Vec<usize> = columns.iter().map(|c| c.0).collect();
+            let mut block = DMatrix::zeros(rows, mine.len() + count);
+            part.jacobian(&own, &extra[at..at + count], &mine, &mut r[row..row + rows], &mut block)?;
+            for (b, (_, c)) in columns.iter().enumerate() {
+                j.view_mut((row, *c), (rows, 1)).copy_from(&block.column(b));
+            }
+            let first = selected.len() + at;
+            j.view_mut((row, first), (rows, count)).copy_from(&block.columns(mine.len(), count));
+            (row, at) = (row + rows, at + count);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::estimator::{Request, estimate};
+    use ff_model::Inertia;
+    use nalgebra::{Matrix3, Vector3};
+
+    /// Straight lines `slope t + level + bias`, read at some instants.
+    struct Line {
+        times: Vec<f64>,
+        read: Vec<f64>,
+        /// Which of the parameters are slope and level.
+        at: [usize; 2],
+    }
+
+    impl Estimator for Line {
+        fn rows(&self) -> usize {
+            self.times.len()
+        }
+        fn nuisance(&self) -> Vec<Unknown> {
+            vec![Unknown { name: "bend".into(), unit: "1".into(), size: 1.0 }]
+        }
+        fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+            for (i, t) in self.times.iter().enumerate() {
+                r[i] = full[self.at[0]] * t + full[self.at[1]] + extra[0] * t * t - self.read[i];
+            }
+            Ok(())
+        }
+        fn jacobian(
+            &mut self,
+            full: &[f64],
+            extra: &[f64],
+            selected: &[usize],
+            r: &mut [f64],
+            j: &mut DMatrix<f64>,
+        ) -> Result<(), EvalError> {
+            self.residuals(full, extra, r)?;
+            j.fill(0.0);
+            for (i, &t) in self.times.iter().enumerate() {
+                for (c, s) in selected.iter().enumerate() {
+                    j[(i, c)] = if *s == self.at[0] { t } else { f64::from(u8::from(*s == self.at[1])) };
+                }
+                j[(i, selected.len())] = t * t;
+            }
+            Ok(())
+        }
+    }
+
+    fn line(values: [f64; 2], bend: f64, at: [usize; 2]) -> Box<dyn Estimator> {
+        let times: Vec<f64> = (0..9).map(|i| 0.3 * f64::from(i) - 0.7).collect();
+        let read = times.iter().map(|t| values[0] * t + values[1] + bend * t * t).collect();
+        Box::new(Line { times, read, at })
+    }
+
+    #[test]
+    fn shared_and_own_parameters_are_told_apart() {
+        // The second record names its parameters in the other order and has one more.
+        let one = [ParamDecl::positive("k", "N m/rad", 2.0), ParamDecl::positive("level", "N m", 1.0)];
+        let two = [
+            ParamDecl::positive("level", "N m", 1.0),
+            ParamDecl::positive("k", "N m/rad", 2.0),
+            ParamDecl::positive("idle", "kg", 7.0),
+        ];
+        let shared = Shared::new(&[("calm", &one), ("windy", &two)], &["level"]).unwrap();
+        let names: Vec<&str> = shared.decls.iter().map(|d| d.name.as_str()).collect();
+        assert_eq!(names, ["k", "calm.level", "windy.level", "idle"]);
+        let mut both = Several::new(&shared, vec![line([3.0, 1.5], 0.2, [0, 1]), line([3.0, 2.5], -0.4, [1, 0])]);
+        assert_eq!(both.nuisance()[1].name, "windy.bend");
+        let start = shared.gather(&[vec![2.0, 1.0], vec![1.0, 9.0, 7.0]]);
+        assert_eq!(start, [2.0, 1.0, 1.0, 7.0]);
+        let e = estimate(&Request::new(&shared.decls, &[0, 1, 2], &start), &mut both).unwrap();
+        for (got, want) in e.values.iter().zip([3.0, 1.5, 2.5, 7.0]) {
+            assert!((got - want).abs() < 1e-9, "{:?}", e.values);
+        }
+        assert!((e.nuisance[0].value - 0.2).abs() < 1e-9 && (e.nuisance[1].value + 0.4).abs() < 1e-9);
+        assert_eq!(shared.of_record(1, &e.values)[0], e.values[2]);
+    }
+
+    #[test]
+    fn a_body_is_claimed_as_a_whole() {
+        let i = Matrix3::new(15.0, 0.3, -0.2, 0.3, 18.0, 0.7, -0.2, 0.7, 21.0);
+        let d = ParamDecl::inertial("payload", &Inertia::from_com(60.0, &Vector3::new(0.9, -0.3, 0.6), &i));
+        let shared = Shared::new(&[("before", &d), ("after", &d)], &["payload.mass"]).unwrap();
+        assert_eq!(shared.decls.len(), 20);
+        assert_eq!(shared.decls[13].name, "after.payload.h_z");
+        assert!(matches!(&shared.decls[13].group, ParamGroup::Inertial(b) if b == "after.payload"));
+    }
+
+    #[test]
+    fn what_cannot_be_shared_is_named() {
+        let (a, b) = ([ParamDecl::positive("k", "N m/rad", 2.0)], [ParamDecl::positive("k", "N/m", 2.0)]);
+        let e = Shared::new::<&str>(&[("one", &a), ("two", &b)], &[]).unwrap_err();
+        assert!(e.to_string().starts_with("'k' is positive in N m/rad in record 'one' and positive in N/m"), "{e}");
+        assert!(matches!(Shared::new::<&str>(&[], &[]), Err(SharedError::NoRecord)));
+        assert!(matches!(Shared::new::<&str>(&[("a", &a), ("a", &a)], &[]), Err(SharedError::Label(_))));
+        assert!(matches!(Shared::new(&[("a", &a)], &["x"]), Err(SharedError::Selection(_))));
+    }
+}

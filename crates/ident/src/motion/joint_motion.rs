@@ -1,0 +1,123 @@
+//! Joint motion of a record as a smooth function of time, with consistent rates and accelerations.
+
+use crate::estimate::rda::SetupError;
+use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
+use crate::motion::spline_fit::{JointSamples, choose_knots, fit_motion_from_rest, noise_estimate};
+use ff_dynamics::motion::{HermiteTable, JointMotion};
+use ff_model::Model;
+use ff_records::Record;
+use nalgebra::DMatrix;
+
+/// The joint motion of a record.
+///
+/// With rates and accelerations in the record (noise-free simulation, or a controller that logs its set
+/// points), quintic Hermite interpolation through the samples; with positions, and rates where they agree with them, a
+/// least-squares B-spline ([`spectral_motion`]). Allocates.
+///
+/// # Errors
+/// [`SetupError`].
+pub fn joint_motion(model: &Model, record: &Record) -> Result<Box<dyn JointMotion>, SetupError> {
+    motion_of(model, record, || None, false)
+}
+
+/// [`joint_motion`] with what accelerations are worth, asked for only where knots are chosen by it; `None`: every joint alike.
+/// `from_rest` as in [`motion_at_stake`].
+pub(crate) fn motion_of(
+    model: &Model,
+    record: &Record,
+    stake: impl FnOnce() -> Option<Stake>,
+    from_rest: bool,
+) -> Result<Box<dyn JointMotion>, SetupError> {
+    let n = record.joints();
+    if n != model.nj() {
+        return Err(SetupError::Joints { got: n, want: model.nj() });
+    }
+    if let Some(table) = logged(record)? {
+        return Ok(Box::new(table));
+    }
+    if let Some(short) = short(record)? {
+        return Ok(short);
+    }
+    let fit = match stake() {
+        Some(stake) => motion_at_stake(record, &stake, from_rest)?,
+        None => spectral_motion(record)?,
+    };
+    Ok(Box::new(fit.fit.motion))
+}
+
+/// The motion of a record that has rates and accelerations.
+fn logged(record: &Record) -> Result<Option<HermiteTable>, SetupError> {
+    let (Some(qd), Some(qdd)) = (record.qd(), record.qdd()) else { return Ok(None) };
+    let table = HermiteTable::new(record.joints(), record.dt(), &rows(record.q()), &rows(qd), &rows(qdd));
+    table.map(Some).map_err(|e| SetupError::JointMotion(e.to_string()))
+}
+
+/// The motion of a record too short for a spectrum.
+fn short(record: &Record) -> Result<Option<Box<dyn JointMotion>>, SetupError> {
+    if record.samples() >= 64 {
+        return Ok(None);
+    }
+    let (times, q) = (times(record), rows(record.q()));
+    let s = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
+    let fit = choose_knots(&s, None).map_err(|e| SetupError::JointMotion(e.to_string()))?;
+    Ok(Some(Box::new(fit.motion)))
+}
+
+/// B-spline through the positions of a record, with knots judged by their accelerations, every joint alike, and with the reason for
+/// them ([`crate::motion::knot_spectrum`]). Allocates.
+///
+/// # Errors
+/// [`SetupError::JointMotion`]; at least 64 samples are needed.
+pub fn spectral_motion(record: &Record) -> Result<SpectralFit, SetupError> {
+    motion_at_stake(record, &Stake { weights: vec![1.0; record.joints()], free: 0.0 }, false)
+}
+
+/// [`spectral_motion`] with what accelerations are worth.
+///
+/// Recorded rates are used when a spline can follow both: rates that are late, filtered or scaled leave more than their noise, and
+/// are then left out. With `from_rest`, rates at the first sample that are zero within their noise are held at zero
+/// ([`fit_motion_from_rest`]). Allocates.
+///
+/// # Errors
+/// As [`spectral_motion`].
+pub fn motion_at_stake(record: &Record, stake: &Stake, from_rest: bool) -> Result<SpectralFit, SetupError> {
+    let failed = |e: KnotError| SetupError::JointMotion(e.to_string());
+    let (times, q) = (times(record), rows(record.q()));
+    let positions = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
+    if let Some(qd) = record.qd() {
+        let qd = rows(qd);
+        let noise = |x: &[f64]| noise_estimate(&JointSamples { q: x, ..positions }).map_err(|e| failed(e.into()));
+        let (of_q, of_qd) = (noise(&q)?, noise(&qd)?);
+        let norm = |s: &[f64]| s.iter().map(|s| s * s).sum::<f64>().sqrt();
+        let rate_weight = norm(&of_q) / norm(&of_qd);
+        if rate_weight > 0.0 && rate_weight.is_finite() {
+            let agree = |r: &[f64], s: &[f64]| r.iter().zip(s).all(|(r, s)| *r <= 1.5 * s);
+            // Rates so much better than positions that these do not count leave the constant of the motion open.
+            if let Ok(fit) = fit_at_stake(&JointSamples { qd: Some(&qd), rate_weight, ..positions }, None, stake)
+                && agree(&fit.fit.rate_residual, &of_qd)
+                && agree(&fit.fit.residual, &fit.noise)
+            {
+                return settled(fit, &JointSamples { qd: Some(&qd), rate_weight, ..positions }, from_rest);
+            }
+        }
+    }
+    settled(fit_at_stake(&positions, None, stake).map_err(failed)?, &positions, from_rest)
+}
+
+/// The fit, held at rest at the first sample if it may start there and is asked to.
+fn settled(mut fit: SpectralFit, samples: &JointSamples<'_>, from_rest: bool) -> Result<SpectralFit, SetupError> {
+    if from_rest && fit.fit.may_start_at_rest(&fit.noise) {
+        let held = fit_motion_from_rest(samples, fit.fit.spacing);
+        fit.fit = held.map_err(|e| SetupError::JointMotion(e.to_string()))?;
+    }
+    Ok(fit)
+}
+
+fn times(record: &Record) -> Vec<f64> {
+    (0..record.samples()).map(|i| i as f64 * record.dt()).collect()
+}
+
+/// Row-major copy: sample after sample.
+fn rows(m: &DMatrix<f64>) -> Vec<f64> {
+    m.transpose().as_slice().to_vec()
+}

@@ -1,0 +1,161 @@
+//! What a knot spacing costs in acceleration: noise let through, and motion bent.
+//!
+//! Torques follow accelerations, so that knots are judged by accelerations, not by how near the spline is to the positions: an
+//! error of `1e-6` rad at 3 Hz is nothing in position, and 4e-4 rad/s^2 times an inertia of 150 kg m^2 in torque.
+//!
+//! **Noise.** A least-squares spline of degree `p` with a knot every `h` is the projection onto the splines (many samples per
+//! knot). White noise of deviation `s`, sampled every `dt`, has in the second derivative the variance, averaged over a span,
+//!
+//! ```text
+//! V(h) = s^2 dt / h^5 (1 / 2 pi) int_-pi^pi  S4(w) / (S0(w) + (rho/h)^2 S2(w)) dw,
+//! Sk(w) = sum_l (w + 2 pi l)^k sinc((w + 2 pi l) / 2)^(2 p + 2)
+//! ```
+//!
+//! with `rho` the deviation of positions over that of rates (0 without rates); `V = 20.6 s^2 dt / h^5` for degree 5 and no rates.
+//!
+//! **Bias.** What finer knots change beyond their own noise must have been bent (Goldenshluger, Lepski, *Ann. Statist.* 39, 2011, 1608,
+//! here with the mean square over the record):
+//!
+//! ```text
+//! B^2(h) = max over h' < h of [ mean |a_h - a_h'|^2 - kappa V(h') ]_+
+//! ```
+
+use crate::motion::spline_fit::{DEGREE, MotionFit};
+use core::f64::consts::{PI, TAU};
+use ff_dynamics::motion::JointMotion;
+
+/// Variance of the accelerations of a least-squares spline with knots `spacing` (s) apart, for samples every `dt` (s) with white
+/// noise of unit deviation in position, and of `1 / rho` in rate (`rho` in s; 0 for no rates). In 1/s^4. Equation in the page above.
+pub(crate) fn acceleration_variance(spacing: f64, dt: f64, rho: f64) -> f64 {
+    const POINTS: usize = 48;
+    const ALIASES: i32 = 4;
+    let power = 2 * (DEGREE as i32 + 1);
+    let ratio = (rho / spacing).powi(2);
+    let at = |w: f64| {
+        let (mut low, mut high) = (0.0, 0.0);
+        for l in -ALIASES..=ALIASES {
+            let x = w + TAU * f64::from(l);
+            let b = ((0.5 * w).sin() / (0.5 * x)).powi(power);
+            low += (1.0 + ratio * x * x) * b;
+            high += x.powi(4) * b;
+        }
+        high / low
+    };
+    let mean = (0..POINTS).map(|i| at(PI * (i as f64 + 0.5) / POINTS as f64)).sum::<f64>() / POINTS as f64;
+    mean * dt / spacing.powi(5)
+}
+
+/// Step of a channel whose readings are whole multiples of one, counted from the first; `None` for one that is not quantised.
+/// Allocates.
+pub(crate) fn quantum(x: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = x.collect();
+    sorted.sort_by(f64::total_cmp);
+    let largest = sorted.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let gaps: Vec<f64> = sorted.windows(2).map(|w| w[1] - w[0]).filter(|g| *g > 1e-13 * largest).collect();
+    let step = gaps.iter().copied().fold(f64::INFINITY, f64::min);
+    // One gap is always a multiple of itself; the rounding of readings leaves a little of every other.
+    let slack = 0.01 + 1e-14 * largest / step;
+    let whole = |g: &f64| (g / step - (g / step).round()).abs() < slack;
+    (gaps.len() > 8 && slack < 0.1 && gaps.iter().all(whole)).then_some(step)
+}
+
+/// A fit with its accelerations at instants that all fits share.
+pub(crate) struct Candidate {
+    pub(crate) fit: MotionFit,
+    acceleration: Vec<f64>,
+    /// Weighted variance of its accelerations.
+    pub(crate) variance: f64,
+}
+
+impl Candidate {
+    /// `variance` is the sum over joints, each with its weight squared.
+    pub(crate) fn new(fit: MotionFit, instants: &[f64], variance: f64) -> Self {
+        let n = fit.motion.dof();
+        let (mut q, mut qd) = (vec![0.0; n], vec![0.0; n]);
+        let mut acceleration = vec![0.0; n * instants.len()];
+        for (t, a) in instants.iter().zip(acceleration.chunks_exact_mut(n)) {
+            fit.motion.eval(*t, &mut q, &mut qd, a);
+        }
+        Self { fit, acceleration, variance }
+    }
+    /// Weighted mean square of the difference to a finer fit, two spans off the ends, where splines are loose.
+    fn difference(&self, finer: &Self, instants: &[f64], weights: &[f64]) -> f64 {
+        let (n, end) = (weights.len(), self.fit.motion.duration());
+        let inside = 2.0 * self.fit.spacing..end - 2.0 * self.fit.spacing;
+        let (mut sum, mut count) = (0.0, 0usize);
+        let both = self.acceleration.chunks_exact(n).zip(finer.acceleration.chunks_exact(n));
+        for (_, (a, b)) in instants.iter().zip(both).filter(|(t, _)| inside.contains(*t)) {
+            sum += a.iter().zip(b).zip(weights).map(|((a, b), w)| (w * (a - b)).powi(2)).sum::<f64>();
+            count += 1;
+        }
+        sum / count.max(1) as f64
+    }
+}
+
+/// How much more a bias counts than noise of the same size: it does not average out.
+const BIAS_COUNTS: f64 = 4.0;
+
+/// `B^2` of every candidate, coarse to fine: see the page above. The finest has none to be compared with.
+pub(crate) fn biases(candidates: &[Candidate], instants: &[f64], weights: &[f64]) -> Vec<f64> {
+    let of = |i: usize| {
+        let finer = candidates[i + 1..].iter();
+        let excess = finer.map(|f| {
+            let points = (f.fit.motion.duration() / f.fit.spacing).max(1.0);
+            // Four deviations of a mean of that many squares, and a tenth for noise figures a little too low.
+            let kappa = 1.2 + 4.0 * (2.0 / points).sqrt();
+            candidates[i].difference(f, instants, weights) - kappa * f.variance
+        });
+        excess.fold(0.0, f64::max)
+    };
+    (0..candidates.len()).map(of).collect()
+}
+
+/// The candidate with the smallest `4 B^2 + max(V, free)`: noise up to `free` costs nothing, and the finest of equals is taken.
+pub(crate) fn best(candidates: &[Candidate], biases: &[f64], free: f64) -> usize {
+    let cost = |i: usize| BIAS_COUNTS * biases[i] + candidates[i].variance.max(free);
+    (0..candidates.len()).fold(0, |best, i| if cost(i) <= cost(best) { i } else { best })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::spline_fit::{JointSamples, fit_motion};
+    use approx::assert_relative_eq;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, Normal};
+
+    /// Variance of the accelerations fitted to noise, away from the ends.
+    fn measured(rates: Option<f64>) -> f64 {
+        const N: usize = 40_000;
+        let (mut rng, normal) = (ChaCha8Rng::seed_from_u64(5), Normal::new(0.0, 1.0).unwrap());
+        let times: Vec<f64> = (0..N).map(|i| 0.01 * i as f64).collect();
+        let q: Vec<f64> = times.iter().map(|_| normal.sample(&mut rng)).collect();
+        let qd: Vec<f64> = times.iter().map(|_| normal.sample(&mut rng) / rates.unwrap_or(1.0)).collect();
+        let rate_weight = rates.unwrap_or(1.0);
+        let s = JointSamples { dof: 1, times: &times, q: &q, qd: rates.map(|_| &qd[..]), rate_weight };
+        let fit = fit_motion(&s, 0.16).unwrap();
+        let c = Candidate::new(fit, &times, 0.0);
+        let inner = &c.acceleration[200..N - 200];
+        inner.iter().map(|a| a * a).sum::<f64>() / inner.len() as f64
+    }
+
+    #[test]
+    fn noise_in_acceleration_is_as_the_formula_says() {
+        assert_relative_eq!(acceleration_variance(1.0, 1.0, 0.0), 20.5916, max_relative = 1e-4);
+        assert_relative_eq!(measured(None), acceleration_variance(0.16, 0.01, 0.0), max_relative = 0.08);
+        let rho = 0.05;
+        assert_relative_eq!(measured(Some(rho)), acceleration_variance(0.16, 0.01, rho), max_relative = 0.08);
+        assert!(acceleration_variance(0.16, 0.01, rho) < 0.8 * acceleration_variance(0.16, 0.01, 0.0));
+    }
+
+    #[test]
+    fn the_step_of_an_encoder_is_found_and_noise_has_none() {
+        let step = TAU / f64::from(1 << 20);
+        let q = |i: usize| 0.83 + 0.21 * (0.013 * i as f64).sin();
+        let quantised = (0..3000).map(|i| (q(i) / step).round() * step);
+        assert_relative_eq!(quantum(quantised).unwrap(), step, max_relative = 1e-3);
+        assert_eq!(quantum((0..3000).map(q)), None);
+        assert_eq!(quantum([0.3; 40].into_iter()), None);
+    }
+}

@@ -1,0 +1,292 @@
+//! How dense the knots of a fitted joint motion need be.
+//!
+//! Knots too far apart bend the motion, knots too close let noise through, whose part in the acceleration grows with
+//! `spacing^-2.5`. Spacings from a sixth of the record down are tried, each `1 / sqrt 2` of the one before, and judged by their
+//! accelerations: by what finer knots change beyond noise, and by the noise they let through (`knot_risk`, equations
+//! in `docs/theory/joint-motion.md`). Where it is known how much noise in acceleration costs nothing, because torques are noisier,
+//! the finest spacing that lets through no more is taken, or a finer one that the motion needs.
+//!
+//! Above the frequency where the spectrum of the positions meets the floor of its noise there is nothing to follow: a spline of
+//! degree 5 needs some four knots per period there ([`KNOTS_PER_PERIOD`]), and no more. [`crate::motion::spline_fit::choose_knots`] knows no
+//! such end and, told too little noise, follows what there is down to 2.5 samples.
+
+use crate::motion::knot_risk::{Candidate, acceleration_variance, best, biases, quantum};
+use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_motion, noise_estimate};
+use ff_spectral::Welch;
+use ff_spectral::psd::PsdError;
+
+/// Knots per period of the highest frequency that stands out of the noise. At four, a spline of degree 5 follows a sine to
+/// about 1e-3 of its amplitude in position.
+pub const KNOTS_PER_PERIOD: f64 = 4.0;
+/// Samples per knot below which a spline follows every sample.
+const SAMPLES_PER_KNOT: f64 = 2.5;
+/// Instants at which accelerations are compared.
+const INSTANTS: usize = 4000;
+/// Residual of the positions over their noise up to which a spacing is a candidate: what is bent so slowly that accelerations
+/// do not show it.
+const RESIDUAL: f64 = 1.5;
+
+/// Why the knots are as dense as they are.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum KnotReason {
+    /// Finer knots do not change the accelerations by more than the noise they let through.
+    AccelerationsSettled,
+    /// Finer knots would follow the motion better, and let through more noise than that is worth: what is left is the least.
+    NoiseAgainstDetail,
+    /// Finer knots change the accelerations by more than noise, but beyond this frequency (Hz) the spectrum shows nothing that
+    /// they could follow: the figure given for the noise is too low.
+    SpectrumAtFloor {
+        /// Where the last joint meets its floor (Hz).
+        band: f64,
+    },
+    /// The spectrum stands out of the floor up to the highest frequency that 2.5 samples per knot can follow: sample faster.
+    AllOfTheBand,
+}
+
+/// A fit with the spectrum behind its knots.
+#[derive(Clone, Debug)]
+pub struct SpectralFit {
+    /// The fit.
+    pub fit: MotionFit,
+    /// Per joint, the frequency (Hz) above which its positions are at the floor of their noise; 0 for one that stands still.
+    pub bands: Vec<f64>,
+    /// Per joint, the floor (rad^2 / Hz or m^2 / Hz).
+    pub floors: Vec<f64>,
+    /// Per joint, the standard deviation of the positions (rad or m): given, or estimated.
+    pub noise: Vec<f64>,
+    /// Deviation of the positions over that of the rates (s); 0 when rates were not used.
+    pub rate_weight: f64,
+    /// Sampling interval (s).
+    pub dt: f64,
+    /// Why these knots.
+    pub reason: KnotReason,
+}
+
+impl SpectralFit {
+    /// Standard deviation of the accelerations of joint `j` (rad/s^2 or m/s^2) away from the ends, for knots `spacing` (s) apart.
+    pub fn acceleration_noise(&self, j: usize, spacing: f64) -> f64 {
+        self.noise[j] * acceleration_variance(spacing, self.dt, self.rate_weight).sqrt()
+    }
+}
+
+/// What an acceleration of every joint weighs, and what noise may cost nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stake {
+    /// Per joint, what an error of 1 rad/s^2 (or m/s^2) is worth, such as the torque it makes over the noise of the torque sensors.
+    pub weights: Vec<f64>,
+    /// Sum over joints of the squared weights times variances of acceleration that may pass.
+    pub free: f64,
+}
+
+/// Why there is no spectral choice.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum KnotError {
+    /// The fit failed.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// The spectrum failed.
+    #[error(transparent)]
+    Psd(#[from] PsdError),
+}
+
+/// Fits `samples` (equally spaced) with knots judged by their accelerations. `noise` is the standard deviation of the positions per joint
+/// where it is known; otherwise it is estimated, and not below that of the steps of an encoder. Every joint counts alike. Allocates.
+///
+/// # Errors
+/// [`KnotError`]; at least 64 samples are needed.
+pub fn fit_by_spectrum(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Result<SpectralFit, KnotError> {
+    fit_at_stake(samples, noise, &Stake { weights: vec![1.0; samples.dof], free: 0.0 })
+}
+
+/// [`fit_by_spectrum`] with what accelerations are worth. Allocates.
+///
+/// # Errors
+/// As [`fit_by_spectrum`].
+pub fn fit_at_stake(
+    samples: &JointSamples<'_>,
+    noise: Option<&[f64]>,
+    stake: &Stake,
+) -> Result<SpectralFit, KnotError> {
+    let estimated = noise_estimate(samples)?;
+    let (n, m) = (samples.dof, samples.times.len());
+    if m < 64 {
+        return Err(FitError::Length { what: "samples", got: m, expected: 64 }.into());
+    }
+    for (what, got) in [("noise", noise.map_or(n, <[f64]>::len)), ("weights", stake.weights.len())] {
+        if got != n {
+            return Err(FitError::Length { what, got, expected: n }.into());
+        }
+    }
+    let stepped = |j: usize| {
+        let step = quantum(samples.q.iter().skip(j).step_by(n).copied());
+        // Where a joint rests its readings repeat, and differences see less than the steps.
+        estimated[j].max(step.unwrap_or(0.0) / 12f64.sqrt())
+    };
+    let noise: Vec<f64> = noise.map_or_else(|| (0..n).map(stepped).collect(), <[f64]>::to_vec);
+    let end = samples.times[m - 1];
+    let dt = end / (m - 1) as f64;
+    let (bands, floors) = spectrum(samples, &noise, dt)?;
+    let band = bands.iter().copied().fold(0.0, f64::max);
+    let rho = if samples.qd.is_some() { samples.rate_weight } else { 0.0 };
+    let weighted: f64 = noise.iter().zip(&stake.weights).map(|(s, w)| (s * w).powi(2)).sum();
+    let variance = |h: f64| weighted * acceleration_variance(h, dt, rho);
+    let finest = SAMPLES_PER_KNOT * dt;
+    // Rates stand out of their noise further up than positions do.
+    let limited = if rho > 0.0 { finest } else { 1.0 / (KNOTS_PER_PERIOD * band.max(1.0 / end)) };
+    // V goes with the fifth power, with rates with the third at least.
+    let costless = if stake.free > 0.0 {
+        (0..200).map(|k| finest * 1.05f64.powi(k)).find(|h| variance(*h) <= stake.free).unwrap_or(f64::INFINITY)
+    } else {
+        f64::INFINITY
+    };
+    let densest = limited.min(costless).max(finest);
+    let every = m.div_ceil(INSTANTS);
+    let instants: Vec<f64> = samples.times.iter().step_by(every).copied().collect();
+    let mut candidates = Vec::new();
+    let mut spacing = (end / 6.0).max(densest);
+    loop {
+        let fit = fit_motion(samples, spacing)?;
+        let passes = variance(fit.spacing);
+        candidates.push(Candidate::new(fit, &instants, passes));
+        if spacing <= densest {
+            break;
+        }
+        spacing = (spacing / core::f64::consts::SQRT_2).max(densest);
+    }
+    let least = |j: usize| candidates.iter().map(|c| c.fit.residual[j]).fold(f64::INFINITY, f64::min);
+    let floor: Vec<f64> = (0..n).map(|j| RESIDUAL * noise[j].max(least(j))).collect();
+    // The finest always is one, as far as rounding goes.
+    let follows = |c: &Candidate| c.fit.residual.iter().zip(&floor).all(|(r, f)| r <= f);
+    let first = candidates.iter().position(follows).unwrap_or(candidates.len() - 1);
+    let mut candidates = candidates.split_off(first);
+    let biases = biases(&candidates, &instants, &stake.weights);
+    let chosen = best(&candidates, &biases, stake.free);
+    // The finest has no finer one to be judged by: that the one before it was bent says that it may be as well.
+    let last = chosen + 1 == candidates.len() && chosen > 0 && biases[chosen - 1] > 0.0;
+    let reason = match (biases[chosen] > 0.0, last) {
+        (true, _) => KnotReason::NoiseAgainstDetail,
+        (false, true) if limited > finest && densest == limited => KnotReason::SpectrumAtFloor { band },
+        (false, true) if densest == finest => KnotReason::AllOfTheBand,
+        _ => KnotReason::AccelerationsSettled,
+    };
+    let fit = candidates.swap_remove(chosen).fit;
+    Ok(SpectralFit { fit, bands, floors, noise, rate_weight: rho, dt, reason })
+}
+
+/// Per joint, where its spectrum meets the floor of `noise`, and that floor.
+fn spectrum(samples: &JointSamples<'_>, noise: &[f64], dt: f64) -> Result<(Vec<f64>, Vec<f64>), PsdError> {
+    let (n, m) = (samples.dof, samples.times.len());
+    // Four segments with half overlap: enough averages to tell a line from the floor, enough length to see slow ones.
+    let segment = (2 * m / 5).max(32);
+    let mut welch = Welch::new(segment, 1.0 / dt)?;
+    let (mut bands, mut floors) = (Vec::with_capacity(n), Vec::with_capacity(n));
+    let mut x = vec![0.0; m];
+    for j in 0..n {
+        // Second differences: a ramp leaks across the whole spectrum of positions, and is gone from theirs. White noise of
+        // deviation s has the density 2 s^2 dt (2 sin(pi f dt))^4 there.
+        for (i, v) in x.iter_mut().enumerate().take(m - 1).skip(1) {
+            *v = samples.q[(i + 1) * n + j] - 2.0 * samples.q[i * n + j] + samples.q[(i - 1) * n + j];
+        }
+        let p = welch.run(&x[1..m - 1])?;
+        let floor = 2.0 * noise[j] * noise[j] * dt;
+        let white = |f: f64| floor * (2.0 * (core::f64::consts::PI * f * dt).sin()).powi(4);
+        // The window leaks a line into its neighbours, and rounding is a floor of its own.
+        let rounding = 1e-30 * p.density.iter().copied().fold(0.0, f64::max);
+        let low = p.confidence(0.998)?;
+        // Twice the floor: a figure for the noise that is a little low must not count as motion. A single bin in some
+        // hundreds is above by chance; two side by side are not.
+        let above = |k: usize| low[k].0 > 2.0 * white(p.frequency[k]) + rounding;
+        let top = (1..p.density.len() - 1).rev().find(|&k| above(k) && above(k + 1));
+        bands.push(top.map_or(0.0, |k| p.frequency[k + 1]));
+        floors.push(floor);
+    }
+    Ok((bands, floors))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ff_dynamics::motion::JointMotion;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, Normal};
+
+    const RATE: f64 = 50.0;
+    const N: usize = 2000;
+
+    /// Two joints: a slow ramped sine and one with a tone at 0.9 Hz; noise `s`, coloured by `a`.
+    fn positions(s: f64, a: f64, seed: u64) -> (Vec<f64>, Vec<f64>) {
+        let (mut rng, normal) = (ChaCha8Rng::seed_from_u64(seed), Normal::new(0.0, 1.0).unwrap());
+        let times: Vec<f64> = (0..N).map(|i| i as f64 / RATE).collect();
+        let mut c = [0.0; 2];
+        let mut q = Vec::new();
+        for t in &times {
+            for (j, c) in c.iter_mut().enumerate() {
+                *c = a * *c + (1.0 - a * a).sqrt() * normal.sample(&mut rng);
+                q.push(truth(*t, j) + s * *c);
+            }
+        }
+        (times, q)
+    }
+    fn truth(t: f64, j: usize) -> f64 {
+        let tone = if j == 1 { 0.004 * (core::f64::consts::TAU * 0.9 * t).sin() } else { 0.0 };
+        0.3 * (0.4 * t + j as f64).sin() + 0.01 * t + tone
+    }
+
+    #[test]
+    fn the_band_ends_at_the_fastest_motion_and_the_acceleration_follows_it() {
+        let (times, q) = positions(2e-5, 0.0, 1);
+        let s = JointSamples { dof: 2, times: &times, q: &q, qd: None, rate_weight: 0.0 };
+        let f = fit_by_spectrum(&s, None).unwrap();
+        // The window of 16 s spreads a line that stands 200 deviations out over a few tenths of a hertz.
+        assert!((0.9..1.4).contains(&f.bands[1]) && f.bands[0] < 0.7, "{:?}", f.bands);
+        assert_eq!(f.reason, KnotReason::AccelerationsSettled);
+        let (mut y, mut yd, mut ydd) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        let mut worst = 0.0f64;
+        for i in 100..N - 100 {
+            let t = times[i] + 0.004;
+            f.fit.motion.eval(t, &mut y, &mut yd, &mut ydd);
+            let w = core::f64::consts::TAU * 0.9;
+            let exact = -0.3 * 0.16 * (0.4 * t + 1.0).sin() - 0.004 * w * w * (w * t).sin();
+            worst = worst.max((ydd[1] - exact).abs());
+        }
+        assert!(worst < 0.04 * 0.004 * 32.0, "{worst}");
+    }
+
+    #[test]
+    fn a_noise_figure_a_tenth_too_low_does_not_drive_the_knots_to_the_samples() {
+        let (times, q) = positions(1e-4, 0.0, 2);
+        let s = JointSamples { dof: 2, times: &times, q: &q, qd: None, rate_weight: 0.0 };
+        let low = [9e-5, 9e-5];
+        let free = crate::motion::spline_fit::choose_knots(&s, Some(&low)).unwrap();
+        let f = fit_by_spectrum(&s, Some(&low)).unwrap();
+        assert!(f.fit.spacing > 2.0 * free.spacing, "{} {}", f.fit.spacing, free.spacing);
+        let right = fit_by_spectrum(&s, Some(&[1e-4, 1e-4])).unwrap();
+        assert_eq!((right.fit.spacing, right.reason), (f.fit.spacing, KnotReason::AccelerationsSettled));
+    }
+
+    #[test]
+    fn slow_noise_is_not_followed() {
+        // Noise that is mostly below 1 Hz: differences see a tenth of it, and would have the knots follow it.
+        let (times, q) = positions(3e-4, 0.95, 2);
+        let s = JointSamples { dof: 2, times: &times, q: &q, qd: None, rate_weight: 0.0 };
+        let free = crate::motion::spline_fit::choose_knots(&s, Some(&[1e-5, 1e-5])).unwrap();
+        let f = fit_by_spectrum(&s, Some(&[3e-4, 3e-4])).unwrap();
+        assert!(f.fit.spacing > 3.0 * free.spacing, "{} {}", f.fit.spacing, free.spacing);
+    }
+
+    #[test]
+    fn too_few_samples_and_wrong_noise_are_refused() {
+        let (times, q) = positions(1e-4, 0.0, 3);
+        let s = JointSamples { dof: 2, times: &times[..40], q: &q[..80], qd: None, rate_weight: 0.0 };
+        assert!(matches!(fit_by_spectrum(&s, None), Err(KnotError::Fit(FitError::Length { got: 40, .. }))));
+        let s = JointSamples { times: &times, q: &q, ..s };
+        assert!(fit_by_spectrum(&s, Some(&[1e-4])).is_err());
+        // Without noise, all there is to follow is followed.
+        let (times, q) = positions(0.0, 0.0, 3);
+        let s = JointSamples { times: &times, q: &q, ..s };
+        let f = fit_by_spectrum(&s, None).unwrap();
+        assert!(f.fit.residual[1] < 1e-7, "{:?} {:?}", f.fit.residual, f.reason);
+    }
+}

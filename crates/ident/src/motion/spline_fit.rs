@@ -1,0 +1,372 @@
+//! Joint records to smooth motion: a least-squares B-spline through sampled joint positions.
+//!
+//! Differencing samples multiplies noise by `1/h` and `1/h^2`; a spline with few knots averages it first and
+//! gives position, rate and acceleration of one and the same curve. Least-squares spline approximation as in
+//! de Boor (*A Practical Guide to Splines*, ch. XIV) and Piegl and Tiller (*The NURBS Book*, 9.4.1), with
+//! uniform clamped knots of degree 5: `min sum_k |N(t_k) P - q_k|^2 / s^2 + |N'(t_k) P - qd_k|^2 / s_d^2`.
+//! The normal matrix has bandwidth 5, so its Cholesky factorisation costs `O(k)`.
+
+use ff_dynamics::motion::bspline::{BSplineError, BSplineMotion, Knots};
+use nalgebra::DMatrix;
+use thiserror::Error;
+
+/// Degree of the fitted splines: acceleration three times continuously differentiable.
+pub const DEGREE: usize = 5;
+
+/// Why a record could not be fitted.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum FitError {
+    /// Lengths that do not agree.
+    #[error("{what} has length {got}, expected {expected}")]
+    Length {
+        /// Which argument.
+        what: &'static str,
+        /// Length met.
+        got: usize,
+        /// Length needed.
+        expected: usize,
+    },
+    /// A value that is not finite.
+    #[error("{what}, sample {sample}: {value} is not finite")]
+    NotFinite {
+        /// Which argument.
+        what: &'static str,
+        /// Sample index, from 0.
+        sample: usize,
+        /// The value met.
+        value: f64,
+    },
+    /// Sample times that do not start at 0 or do not ascend.
+    #[error("sample {sample} is at {time} s; times must start at 0 and ascend")]
+    Time {
+        /// Sample index, from 0.
+        sample: usize,
+        /// Its time (s).
+        time: f64,
+    },
+    /// A spacing or standard deviation out of range.
+    #[error("{what} is {value}; it must be positive and finite")]
+    Value {
+        /// Which argument.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// Too few samples near one time for the knot spacing asked for.
+    #[error("too few samples near {time} s for this knot spacing; widen it or fill the gap")]
+    Undetermined {
+        /// Where (s).
+        time: f64,
+    },
+    /// Sample times that are not equally spaced where they must be.
+    #[error("sample {sample} at {time} s is off the even grid by more than 1 %; give the noise instead")]
+    Uneven {
+        /// Sample index, from 0.
+        sample: usize,
+        /// Its time (s).
+        time: f64,
+    },
+    /// The spline could not be built.
+    #[error(transparent)]
+    Spline(#[from] BSplineError),
+}
+
+/// Sampled joint motion. Sample `k` of joint `j` stands at `[k n + j]`.
+#[derive(Clone, Copy, Debug)]
+pub struct JointSamples<'a> {
+    /// Number of joints `n`.
+    pub dof: usize,
+    /// Sample times (s), ascending from 0; not necessarily equally spaced.
+    pub times: &'a [f64],
+    /// Positions (rad or m).
+    pub q: &'a [f64],
+    /// Rates (rad/s or m/s), if measured.
+    pub qd: Option<&'a [f64]>,
+    /// Standard deviation of the positions over that of the rates (s); weighs the rates. Not used
+    /// without rates.
+    pub rate_weight: f64,
+}
+
+/// A fitted motion and how well it fits.
+#[derive(Clone, Debug)]
+pub struct MotionFit {
+    /// The motion, with consistent rates and accelerations.
+    pub motion: BSplineMotion,
+    /// Knot spacing used (s).
+    pub spacing: f64,
+    /// Residual rms of the positions per joint (rad or m), divided by the degrees of freedom left
+    /// (samples less control points, when only positions are fitted): an estimate of the noise if the
+    /// spline can follow the motion.
+    pub residual: Vec<f64>,
+    /// Residual rms of the rates per joint (rad/s), plain; empty without rates.
+    pub rate_residual: Vec<f64>,
+    /// Variance of the fitted rate at the first sample for white noise of unit deviation in position (1/s^2).
+    pub start_rate_variance: f64,
+}
+
+impl MotionFit {
+    /// Whether the motion may have started from rest: the fitted rates at the first sample are zero to four standard deviations,
+    /// for positions with this noise (rad or m, per joint). Allocates.
+    pub fn may_start_at_rest(&self, noise: &[f64]) -> bool {
+        let mut rate = vec![0.0; noise.len()];
+        self.motion.derivative(0.0, 1, &mut rate);
+        let s = self.start_rate_variance.sqrt();
+        rate.iter().zip(noise).zip(&self.residual).all(|((v, n), r)| v.abs() <= 4.0 * s * n.max(*r))
+    }
+}
+
+/// Fits a spline with knots `spacing` (s) apart (rounded so that spans are equal). Allocates.
+///
+/// # Errors
+/// [`FitError`] naming the argument or the time where samples are missing.
+pub fn fit_motion(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit, FitError> {
+    fit_spacing(samples, spacing, false)
+}
+
+/// [`fit_motion`] with the rates at the first sample held at zero.
+///
+/// Splines are loose at their ends. The rate that noise leaves there is small, but a simulation that starts with the base at rest
+/// takes it for momentum, and for a kick to everything that swings. Allocates.
+///
+/// # Errors
+/// As [`fit_motion`].
+pub fn fit_motion_from_rest(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit, FitError> {
+    fit_spacing(samples, spacing, true)
+}
+
+fn fit_spacing(samples: &JointSamples<'_>, spacing: f64, from_rest: bool) -> Result<MotionFit, FitError> {
+    let end = check(samples)?;
+    positive("knot spacing", spacing)?;
+    let spans = (end / spacing).round().clamp(1.0, samples.times.len() as f64) as usize;
+    fit_spans(samples, end, spans, from_rest)
+}
+
+/// Weight of the rate at the first sample, where it is held, over that of the samples on its knots: leaves `1e-8` of it, and half the
+/// digits.
+const HELD: f64 = 1e8;
+
+fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, from_rest: bool) -> Result<MotionFit, FitError> {
+    let knots = Knots::uniform(DEGREE, spans + DEGREE, end)?;
+    let (n, k) = (samples.dof, knots.count());
+    let w2 = samples.rate_weight * samples.rate_weight;
+    let mut normal = Banded::zeros(k);
+    let mut rhs = DMatrix::zeros(n, k);
+    for (i, &t) in samples.times.iter().enumerate() {
+        let (first, [b, d]) = knots.local::<2>(t);
+        normal.add_outer(first, &b, 1.0);
+        for a in 0..=DEGREE {
+            for j in 0..n {
+                rhs[(j, first + a)] += b[a] * samples.q[i * n + j];
+            }
+        }
+        if let Some(qd) = samples.qd {
+            normal.add_outer(first, &d, w2);
+            for a in 0..=DEGREE {
+                for j in 0..n {
+                    rhs[(j, first + a)] += w2 * d[a] * qd[i * n + j];
+                }
+            }
+        }
+    }
+    let (first, [_, rate]) = knots.local::<2>(0.0);
+    if from_rest {
+        let largest = rate.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        normal.add_outer(first, &rate, HELD * normal.rows[first][DEGREE] / (largest * largest));
+    }
+    normal.factor().map_err(|i| FitError::Undetermined { time: knots.greville()[i] })?;
+    normal.solve(&mut rhs);
+    let mut of_rate = DMatrix::zeros(1, k);
+    (0..=DEGREE).for_each(|a| of_rate[(0, first + a)] = rate[a]);
+    normal.solve(&mut of_rate);
+    let start_rate_variance = (0..=DEGREE).map(|a| rate[a] * of_rate[(0, first + a)]).sum();
+    let motion = BSplineMotion::new(knots, rhs)?;
+    let (mut res, mut rate) = (vec![0.0; n], vec![0.0; n]);
+    let mut y = vec![0.0; n];
+    for (i, &t) in samples.times.iter().enumerate() {
+        motion.derivative(t, 0, &mut y);
+        for j in 0..n {
+            res[j] += (y[j] - samples.q[i * n + j]).powi(2);
+        }
+        if let Some(qd) = samples.qd {
+            motion.derivative(t, 1, &mut y);
+            for j in 0..n {
+                rate[j] += (y[j] - qd[i * n + j]).powi(2);
+            }
+        }
+    }
+    let m = samples.times.len();
+    let left = if samples.qd.is_none() && m > k { m - k } else { m };
+    res.iter_mut().for_each(|r| *r = (*r / left as f64).sqrt());
+    rate.iter_mut().for_each(|r| *r = (*r / m as f64).sqrt());
+    let rate_residual = if samples.qd.is_some() { rate } else { Vec::new() };
+    Ok(MotionFit { motion, spacing: end / spans as f64, residual: res, rate_residual, start_rate_variance })
+}
+
+/// Standard deviation of white noise on each joint position, from differences of order 6 of equally spaced
+/// samples: `var(diff^m x) = C(2m, m) sigma^2` for white noise, while a smooth motion of angular frequency
+/// `w` keeps only `(w h)^m` of its amplitude (J. von Neumann 1941 for `m = 1`). Needs 7 samples; returns an
+/// upper bound when the motion is not smooth at the sample time. Allocates.
+///
+/// # Errors
+/// [`FitError`] if lengths disagree, a value is not finite, there are too few samples or they are uneven.
+pub fn noise_estimate(samples: &JointSamples<'_>) -> Result<Vec<f64>, FitError> {
+    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+    let end = check(samples)?;
+    let (n, m) = (samples.dof, samples.times.len());
+    let h = end / (m - 1) as f64;
+    if let Some((sample, &time)) = samples.times.iter().enumerate().find(|(i, t)| (*t - *i as f64 * h).abs() > 0.01 * h)
+    {
+        return Err(FitError::Uneven { sample, time });
+    }
+    if m < BINOMIAL.len() {
+        return Err(FitError::Length { what: "samples", got: m, expected: BINOMIAL.len() });
+    }
+    let rows = m + 1 - BINOMIAL.len();
+    let of_joint = |j: usize| {
+        let sum: f64 = (0..rows)
+            .map(|i| BINOMIAL.iter().enumerate().map(|(a, c)| c * samples.q[(i + a) * n + j]).sum::<f64>().powi(2))
+            .sum();
+        (sum / rows as f64 / 924.0).sqrt()
+    };
+    Ok((0..n).map(of_joint).collect())
+}
+
+/// The coarsest knots whose residual is at the noise floor of every joint.
+///
+/// Spacings from a sixth of the record down to 2.5 samples, each `1/sqrt(2)` of the one before, are tried.
+/// `noise` is the standard deviation per joint (rad or m); without it [`noise_estimate`] is used. "At the
+/// floor" means within two standard deviations of the comparison (`1 + 2 / sqrt(2 N)` for a given noise and `N`
+/// samples, twice as wide for an estimated one) or, for noise below it, within 1e-12 of the largest position. Too coarse knots bend the acceleration, too fine ones
+/// let noise through: its noise grows with `spacing^-2.5`. The finest spacing is returned when none reaches
+/// the floor. Allocates.
+///
+/// # Errors
+/// [`FitError`] as [`fit_motion`]; `Value` if a noise figure is negative or not finite.
+pub fn choose_knots(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Result<MotionFit, FitError> {
+    let end = check(samples)?;
+    let estimated;
+    let mut uncertainty = 1.0;
+    let noise = if let Some(s) = noise {
+        if s.len() != samples.dof {
+            return Err(FitError::Length { what: "noise", got: s.len(), expected: samples.dof });
+        }
+        if let Some(&value) = s.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
+            return Err(FitError::Value { what: "noise", value });
+        }
+        s
+    } else {
+        estimated = noise_estimate(samples)?;
+        // Overlapping differences carry C(12,6)^2 / C(24,12) = 0.316 of the information; both figures vary.
+        uncertainty = (1.0 + 1.0 / 0.316f64).sqrt();
+        &estimated
+    };
+    let largest = samples.q.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let count = samples.times.len() as f64;
+    let slack = 1.0 + 2.0 * uncertainty / (2.0 * count).sqrt();
+    let most = (count / 2.5).floor().max(1.0);
+    let mut spans = 6.0f64.min(most);
+    loop {
+        let fit = fit_spans(samples, end, spans.round() as usize, false)?;
+        let reached = fit.residual.iter().zip(noise).all(|(r, s)| *r <= (slack * s).max(1e-12 * largest));
+        if reached || spans >= most {
+            return Ok(fit);
+        }
+        spans = (spans * std::f64::consts::SQRT_2).min(most);
+    }
+}
+
+/// Checks lengths, numbers and times; returns the last time.
+fn check(s: &JointSamples<'_>) -> Result<f64, FitError> {
+    let m = s.times.len();
+    if s.dof == 0 || m < 2 {
+        let (what, got, expected) = if s.dof == 0 { ("joint list", 0, 1) } else { ("times", m, 2) };
+        return Err(FitError::Length { what, got, expected });
+    }
+    for (what, x) in [("q", s.q), ("qd", s.qd.unwrap_or(s.q))] {
+        if x.len() != m * s.dof {
+            return Err(FitError::Length { what, got: x.len(), expected: m * s.dof });
+        }
+        if let Some(i) = x.iter().position(|v| !v.is_finite()) {
+            return Err(FitError::NotFinite { what, sample: i / s.dof, value: x[i] });
+        }
+    }
+    if s.qd.is_some() {
+        positive("rate weight", s.rate_weight)?;
+    }
+    for (sample, &time) in s.times.iter().enumerate() {
+        let ascends = time.is_finite() && if sample == 0 { time == 0.0 } else { time > s.times[sample - 1] };
+        if !ascends {
+            return Err(FitError::Time { sample, time });
+        }
+    }
+    Ok(s.times[m - 1])
+}
+
+fn positive(what: &'static str, value: f64) -> Result<(), FitError> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { Err(FitError::Value { what, value }) }
+}
+
+/// Symmetric positive definite band matrix of half bandwidth [`DEGREE`]: row `i` holds columns
+/// `i - DEGREE ..= i` (Golub and Van Loan, *Matrix Computations*, 4th ed., algorithm 4.3.5).
+struct Banded {
+    rows: Vec<[f64; DEGREE + 1]>,
+}
+
+impl Banded {
+    fn zeros(n: usize) -> Self {
+        Self { rows: vec![[0.0; DEGREE + 1]; n] }
+    }
+    /// Adds `w b b^T` at rows and columns `first ..= first + DEGREE`.
+    fn add_outer(&mut self, first: usize, b: &[f64], w: f64) {
+        for i in 0..=DEGREE {
+            for j in 0..=i {
+                self.rows[first + i][DEGREE + j - i] += w * b[i] * b[j];
+            }
+        }
+    }
+    /// Cholesky factor in place; on failure the row whose pivot vanished.
+    fn factor(&mut self) -> Result<(), usize> {
+        for i in 0..self.rows.len() {
+            let diagonal = self.rows[i][DEGREE];
+            for j in i.saturating_sub(DEGREE)..=i {
+                let mut s = self.rows[i][DEGREE + j - i];
+                for m in i.saturating_sub(DEGREE)..j {
+                    if j - m <= DEGREE {
+                        s -= self.rows[i][DEGREE + m - i] * self.rows[j][DEGREE + m - j];
+                    }
+                }
+                if j < i {
+                    self.rows[i][DEGREE + j - i] = s / self.rows[j][DEGREE];
+                } else {
+                    // Relative to the diagonal before elimination: rank is lost, not merely small.
+                    let sound = s > 1e-13 * diagonal && s.is_finite();
+                    if !sound {
+                        return Err(i);
+                    }
+                    self.rows[i][DEGREE] = s.sqrt();
+                }
+            }
+        }
+        Ok(())
+    }
+    /// Solves for every row of `rhs` (`n x k`) in place.
+    fn solve(&self, rhs: &mut DMatrix<f64>) {
+        let k = self.rows.len();
+        for mut x in rhs.row_iter_mut() {
+            for i in 0..k {
+                let mut s = x[i];
+                for j in i.saturating_sub(DEGREE)..i {
+                    s -= self.rows[i][DEGREE + j - i] * x[j];
+                }
+                x[i] = s / self.rows[i][DEGREE];
+            }
+            for i in (0..k).rev() {
+                let mut s = x[i];
+                for j in i + 1..(i + DEGREE + 1).min(k) {
+                    s -= self.rows[j][DEGREE + i - j] * x[j];
+                }
+                x[i] = s / self.rows[i][DEGREE];
+            }
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! The prescribed motion of a record, tabulated once and kept as long as the links it was made for.
+
+use crate::estimate::rda::{Noise, SetupError};
+use crate::motion::joint_motion::motion_of;
+use crate::motion::torque_sensitivity as knot_stake;
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::{Prescribed, Sampling};
+use ff_model::{Model, Params};
+use ff_records::Record;
+use std::sync::Arc;
+
+/// Joint motion of a record with its tables.
+pub(crate) struct Tables {
+    motion: Arc<dyn JointMotion>,
+    sampling: Sampling,
+    kept: Option<Kept>,
+}
+
+struct Kept {
+    /// Links whose parameters the table can be differentiated by.
+    links: Vec<usize>,
+    /// Parameters of all links that went into it.
+    values: Vec<f64>,
+    table: Prescribed,
+}
+
+impl Tables {
+    /// Without the noise of the torques, the knots of a fitted motion weigh all joints alike. `from_rest`: the simulation starts with
+    /// the base at rest, so that joints whose fitted rates are zero within their noise must not move either.
+    pub(crate) fn new(
+        model: &Model,
+        record: &Record,
+        substeps: usize,
+        noise: Option<&Noise>,
+        from_rest: bool,
+    ) -> Result<Self, SetupError> {
+        let stake = || knot_stake::stake(model, record, noise?.torque);
+        let motion = motion_of(model, record, stake, from_rest)?;
+        let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
+        Ok(Self { motion: motion.into(), sampling, kept: None })
+    }
+    /// Of the record with every `every`-th sample: the same motion, one step per sample.
+    pub(crate) fn thinned(&self, every: usize) -> Self {
+        let Sampling { samples, sample_s, .. } = self.sampling;
+        let sampling = Sampling { samples: samples.div_ceil(every), sample_s: sample_s * every as f64, substeps: 1 };
+        Self { motion: Arc::clone(&self.motion), sampling, kept: None }
+    }
+    /// The table for these parameters. Base and appendages play no part in it, so it is made anew only when a
+    /// link's parameter has changed or other links are asked for.
+    pub(crate) fn get(&mut self, model: &Model, params: &Params<f64>, links: &[usize]) -> &Prescribed {
+        let values = &params.values()[10..10 * model.n_bodies()];
+        let fits = |k: &Kept| (links.is_empty() || k.links == links) && k.values == values;
+        if !self.kept.as_ref().is_some_and(fits) {
+            self.kept = None;
+        }
+        let (motion, sampling) = (&self.motion, &self.sampling);
+        let make = || Kept {
+            links: links.to_vec(),
+            values: values.to_vec(),
+            table: Prescribed::new(model, params, motion, sampling, links),
+        };
+        &self.kept.get_or_insert_with(make).table
+    }
+}

@@ -1,0 +1,10 @@
+//! TODO-FOLDER ident solve
+
+pub(crate) mod linear;
+pub(crate) mod loss;
+pub(crate) mod project;
+pub(crate) mod regressor_rows;
+
+pub use linear::{BaseParameter, LinearError, LinearEstimate, RowKind, Weights};
+pub use loss::Loss;
+pub use project::{Body, Cone, Moved, Nearest, ProjectError, ProjectOptions, Projected, nearest, project};
