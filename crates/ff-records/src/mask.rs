@@ -10,9 +10,10 @@ use ff_least_squares::EvalError;
 use ident::Estimator;
 use ident::belief::Unknown;
 use ident::estimate::Coarse;
+use ident::row_stream::{RowBlock, RowStream};
 use nalgebra::DMatrix;
 
-/// Weights of the torque and gyro channels, N x n and N x 3, each 0 to 1.
+/// Weights of the torque and gyro channels, N x n and N x 3, each 0 to 1 (as many rows as each has samples).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
     /// Of the joint torques.
@@ -30,7 +31,8 @@ impl Mask {
     /// (bad-inputs row D17), with its neighbours on both sides, which have met the limit within their interval.
     /// Runs over a whole channel are a dead sensor, not saturation, and are left to the builder. Allocates.
     pub fn of_saturation(record: &Record) -> Self {
-        let mut m = Self::all(record.samples(), record.joints());
+        let ones = |of: &DMatrix<f64>| DMatrix::from_element(of.nrows(), of.ncols(), 1.0);
+        let mut m = Self { tau: ones(record.tau()), gyro: ones(record.gyro()) };
         for (from, to) in [(record.tau(), &mut m.tau), (record.gyro(), &mut m.gyro)] {
             for (x, mut w) in from.column_iter().zip(to.column_iter_mut()) {
                 for (a, b) in saturated(x.as_slice()) {
@@ -67,6 +69,9 @@ impl Mask {
         1.0 - (self.tau.sum() + self.gyro.sum()) / n
     }
     /// Weights by rows of an estimator that lists, per sample, the torques and then the gyro. Allocates.
+    ///
+    /// # Panics
+    /// If the gyro has fewer samples than the torques; see [`Masked::by_group`].
     pub fn rows(&self) -> Vec<f64> {
         let of = |i: usize| self.tau.row(i).iter().chain(self.gyro.row(i).iter()).copied().collect::<Vec<f64>>();
         (0..self.tau.nrows()).flat_map(of).collect()
@@ -91,6 +96,12 @@ impl<E: Estimator> Masked<E> {
     /// `None` unless there is one weight per row.
     pub fn new(inner: E, mask: &Mask) -> Option<Self> {
         let roots: Vec<f64> = mask.rows().iter().map(|w| w.max(0.0).sqrt()).collect();
+        (roots.len() == inner.rows()).then_some(Self { inner, roots })
+    }
+    /// [`Masked::new`] for a record whose torques or gyro have sample times of their own: rows of all torque samples come first.
+    pub fn by_group(inner: E, mask: &Mask) -> Option<Self> {
+        let rows = |m: &DMatrix<f64>| m.transpose().as_slice().to_vec();
+        let roots: Vec<f64> = [rows(&mask.tau), rows(&mask.gyro)].concat().iter().map(|w| w.max(0.0).sqrt()).collect();
         (roots.len() == inner.rows()).then_some(Self { inner, roots })
     }
     fn weigh(&self, r: &mut [f64]) {
@@ -129,6 +140,36 @@ impl<E: Estimator> Estimator for Masked<E> {
             c.iter_mut().zip(&self.roots).for_each(|(x, w)| *x *= w);
         }
         Ok(())
+    }
+    fn streams<'s>(
+        &'s mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        let Self { inner, roots } = self;
+        let weighed = |inner| -> Box<dyn RowStream + 's> { Box::new(Weighed { inner, roots }) };
+        Ok(inner.streams(full, extra, selected)?.into_iter().map(weighed).collect())
+    }
+}
+
+/// Rows of a stream with their weights.
+struct Weighed<'s> {
+    inner: Box<dyn RowStream + 's>,
+    roots: &'s [f64],
+}
+
+impl RowStream for Weighed<'_> {
+    fn next(&mut self, block: &mut RowBlock) -> Result<bool, EvalError> {
+        if !self.inner.next(block)? {
+            return Ok(false);
+        }
+        let roots: Vec<f64> = block.rows.iter().flat_map(|r| &self.roots[r.clone()]).copied().collect();
+        block.residuals.iter_mut().zip(&roots).for_each(|(r, w)| *r *= w);
+        for mut c in block.jacobian.column_iter_mut() {
+            c.iter_mut().zip(&roots).for_each(|(x, w)| *x *= w);
+        }
+        Ok(true)
     }
 }
 

@@ -16,4 +16,6 @@ mod output_error;
 mod project;
 mod psd_scipy;
 mod recovery;
+mod row_streams;
 mod ties;
+mod time_bases;

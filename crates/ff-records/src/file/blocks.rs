@@ -1,7 +1,7 @@
 //! Records in blocks of rows: what every format gives, and the one way from blocks to a record.
 
 use super::columns::{Target, targets};
-use super::read::finish;
+use super::load::finish;
 use super::samples::{NOT_FINITE, Samples, too_many};
 use super::{JointColumn, Loaded, ReadOptions, data};
 use crate::builder::RecordBuilder;

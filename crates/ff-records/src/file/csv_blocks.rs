@@ -2,7 +2,7 @@
 
 use super::blocks::{BLOCK, Block, Blocks, Stamps};
 use super::columns::time_column;
-use super::read::{BUFFER, Lines, header};
+use super::lines::{BUFFER, Lines, cells, header};
 use super::{data, number};
 use ff_model::diagnostics::clip;
 use ff_model::{Problem, Problems};
@@ -33,7 +33,7 @@ impl CsvBlocks {
     /// One line into the block.
     fn take(&mut self, out: &mut Block) -> Result<(), Problems> {
         let (line, at) = (&self.lines.line, self.lines.number);
-        let quoted = line.contains(&b'"').then(|| super::read::cells(line)).flatten();
+        let quoted = line.contains(&b'"').then(|| cells(line)).flatten();
         let (mut start, mut k) = (0, 0);
         loop {
             let (value, cell) = match &quoted {

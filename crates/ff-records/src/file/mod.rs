@@ -25,6 +25,8 @@
 pub(crate) mod blocks;
 pub(crate) mod columns;
 pub(crate) mod csv_blocks;
+pub(crate) mod lines;
+pub(crate) mod load;
 #[cfg(feature = "mcap")]
 pub(crate) mod mcap;
 pub(crate) mod number;
@@ -44,9 +46,10 @@ pub mod units;
 pub(crate) mod write;
 
 pub use blocks::{BLOCK, Block, Blocks, Stamps};
+pub use load::{Loaded, ReadOptions};
 #[cfg(feature = "parquet")]
 pub use parquet_out::ParquetWriter;
-pub use read::{Loaded, ReadOptions, read, read_from};
+pub use read::{read, read_from};
 pub use source::{Format, open};
 pub use write::{CsvRows, CsvWriter};
 

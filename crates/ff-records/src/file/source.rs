@@ -2,7 +2,7 @@
 
 use super::blocks::{Blocks, unreadable};
 use super::csv_blocks::CsvBlocks;
-use super::read::too_long;
+use super::load::too_long;
 use super::{JointColumn, ReadOptions};
 use ff_model::{Area, Problem, Problems};
 use std::fs::File;

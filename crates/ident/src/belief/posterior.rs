@@ -15,7 +15,7 @@
 //! [`forget`]: Posterior::forget
 
 use crate::belief::covariance::Uncertainty;
-use crate::estimate::estimator::{Estimate, RANK_TOLERANCE};
+use crate::outcome::{Estimate, RANK_TOLERANCE};
 use crate::parameters::selection;
 use crate::parameters::selection::SelectionError;
 use crate::solve::linear::LinearEstimate;

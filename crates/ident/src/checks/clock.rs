@@ -104,6 +104,7 @@ pub fn estimate_clocks(
     uncertain: &[(usize, f64)],
     max_offset: f64,
 ) -> Result<Clocks, ClockError> {
+    record.check_uniform("the comparison of clocks").map_err(SetupError::from)?;
     let mut tables = Tables::new(model, record, 2, None, false)?;
     let mut z0 = vec![0.0; 6];
     z0.extend(model.rest_position(params));
@@ -319,7 +320,11 @@ fn interpolate(m: &DMatrix<f64>, j: usize, at: f64) -> f64 {
 /// The record with its torque and gyro channels put on the encoders' clock, where they are off by more than half a sample
 /// (`Data::ClockOffset`, row D15) or drift by more than that over the record (`Data::ClockSkew`, row D16), each with a
 /// warning; and which samples count afterwards: those at the ends for which there is no reading do not. Allocates.
+///
+/// # Panics
+/// If the record is not uniform ([`Record::is_uniform`]): [`estimate_clocks`] refuses it.
 pub fn correct_clocks(record: &Record, clocks: &Clocks) -> (Record, Mask, Problems) {
+    assert!(record.is_uniform(), "one uniform clock");
     let (mut out, mut problems) = (record.clone(), Problems::default());
     let (n, dt) = (record.samples(), record.dt());
     let mut mask = Mask::all(n, record.joints());

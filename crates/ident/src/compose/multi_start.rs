@@ -3,7 +3,8 @@
 //! One start may end in a local minimum without a sign of it. Several that agree are no proof, but several that disagree are
 //! a warning (bad-inputs row D33): the lowest is taken, and the others are listed with their costs.
 
-use crate::estimate::estimator::{Estimate, EstimateError, Estimator, Request, estimate};
+use crate::estimate::estimator::{Estimate, EstimateError, Estimator, Request};
+use crate::estimation::estimate;
 
 /// Relative difference of two objectives below which they are equal.
 const SAME_COST: f64 = 1e-6;

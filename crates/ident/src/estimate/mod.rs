@@ -11,7 +11,10 @@ pub(crate) mod rda;
 pub mod report;
 
 pub use complete::{Complete, CompleteOptions};
-pub use estimator::{Coarse, Estimate, EstimateError, Estimated, Estimator, RANK_TOLERANCE, Request, estimate};
+pub use estimator::{
+    Coarse, Estimate, EstimateError, Estimated, Estimator, Jacobian, KEPT_BYTES, RANK_TOLERANCE, Request, RowBlock,
+    RowStream,
+};
 pub use ground::{Friction, Ground, GroundEstimate, NearRest, smoothed};
 pub use momentum::{Momentum, MomentumEstimate, MomentumOptions};
 pub use output_error::{Options, OutputError};

@@ -23,7 +23,8 @@
 //! springs and dampers, `det(l^2 H_p + l D + K) = 0` and `det(l^2 (H_p - H_bp^T H_b^-1 H_bp) + l D + K) = 0`.
 
 use crate::belief::covariance::Uncertainty;
-use crate::estimate::estimator::{Estimate, EstimateError, Estimator, Request, estimate};
+use crate::estimate::estimator::{Estimate, EstimateError, Estimator, Request};
+use crate::estimation::estimate;
 use crate::modal::assignment::assign;
 use crate::modal::matching::{MatchSettings, ModeMatch, Pair, Unseen, match_modes};
 use crate::modal::model::{HeldPose, ModalModel, ModalModelError, ModeDerivatives, ModelMode};

@@ -1,13 +1,25 @@
 //! The prescribed motion of a record, tabulated once and kept as long as the links it was made for.
 
-use crate::estimate::rda::{Noise, SetupError};
 use crate::motion::joint_motion::motion_of;
 use crate::motion::torque_sensitivity as knot_stake;
+use crate::setup::{Noise, SetupError};
+use core::ops::Range;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Prescribed, Sampling};
 use ff_model::{Model, Params};
 use ff_records::Record;
+use std::borrow::Cow;
 use std::sync::Arc;
+
+/// Samples of a record up to which its table is made once and kept (some 2 kB for each); that of a longer one is made span by span,
+/// whenever it is gone through.
+pub(crate) const KEPT: usize = 1 << 16;
+
+/// A table, and which of its samples are meant.
+pub(crate) struct Table<'a> {
+    pub(crate) table: Cow<'a, Prescribed>,
+    pub(crate) samples: Range<usize>,
+}
 
 /// Joint motion of a record with its tables.
 pub(crate) struct Tables {
@@ -44,6 +56,22 @@ impl Tables {
         let Sampling { samples, sample_s, .. } = self.sampling;
         let sampling = Sampling { samples: samples.div_ceil(every), sample_s: sample_s * every as f64, substeps: 1 };
         Self { motion: Arc::clone(&self.motion), sampling, kept: None }
+    }
+    /// The table of samples `span` for these parameters, with one sample more unless they are the last: kept, or made for them.
+    pub(crate) fn span(
+        &mut self,
+        model: &Model,
+        params: &Params<f64>,
+        links: &[usize],
+        span: Range<usize>,
+    ) -> Table<'_> {
+        let samples = self.sampling.samples;
+        if samples <= KEPT {
+            return Table { table: Cow::Borrowed(self.get(model, params, links)), samples: span };
+        }
+        let own = span.start..(span.end + 1).min(samples);
+        let table = Prescribed::span(model, params, &self.motion, &self.sampling, own, links);
+        Table { table: Cow::Owned(table), samples: 0..span.len() }
     }
     /// The table for these parameters. Base and appendages play no part in it, so it is made anew only when a
     /// link's parameter has changed or other links are asked for.

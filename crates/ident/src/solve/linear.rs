@@ -14,9 +14,9 @@
 //! Derivation: `docs/theory/linear-estimators.md`.
 
 use crate::belief::covariance::{Uncertainty, Unknown, analyse};
-use crate::estimate::estimator::{Estimated, RANK_TOLERANCE};
-use crate::estimate::rda::SetupError;
+use crate::outcome::{Estimated, RANK_TOLERANCE};
 use crate::parameters::scale;
+use crate::setup::SetupError;
 use ff_least_squares::{Merged, Triangle, merge};
 use ff_linalg as linalg;
 use ff_linalg::LinalgError;

@@ -16,11 +16,12 @@ use crate::linalg::rows::{RowTask, accumulate, by_rows, copy};
 use crate::reduced::sensitivity::assemble::Gathered;
 use crate::reduced::sensitivity::outputs::TorqueRows;
 use crate::reduced::sensitivity::partials::Columns;
-use crate::reduced::sensitivity::propagate::{BLOCK, Flow};
+use crate::reduced::sensitivity::propagate::{BLOCK, Flow, initial_columns};
 use crate::reduced::sensitivity::stage::Tangent;
 use crate::reduced::system::{Reduced, ReducedError, Response, Rk4, STAGE, check};
 use crate::reduced::table::Prescribed;
 use crate::sim::attitude::{Attitude, AttitudeTrack};
+use core::ops::Range;
 use ff_lanes::{Kernel, Lanes, WIDEST};
 use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch, splat};
@@ -109,19 +110,78 @@ pub fn sensitivities_with(
     z0: &[f64],
     wanted: &Wanted,
 ) -> Result<(Response, Sensitivities), ReducedError> {
+    run(isa, model, params, table, 0..table.samples, &mut Carried::start(model, z0, wanted), wanted)
+}
+
+/// What is handed from one part of a record to the next: state, its derivatives, and the attitude where it is wanted.
+#[derive(Clone, Debug)]
+pub struct Carried {
+    z: Vec<f64>,
+    /// By block of columns, as `flow.rs` keeps them.
+    pub(crate) dz: Vec<f64>,
+    track: Option<AttitudeTrack>,
+    pub(crate) dtheta: Vec<f64>,
+}
+
+impl Carried {
+    /// At the first sample of a record, with the state `z0 = [V 6 | eta m | nu m]`. Allocates.
+    ///
+    /// # Panics
+    /// If `z0` has the wrong length or an initial state does not exist.
+    pub fn start(model: &Model, z0: &[f64], wanted: &Wanted) -> Self {
+        let nz = 6 + 2 * model.np();
+        assert_eq!(z0.len(), nz, "initial state");
+        assert!(wanted.initial.iter().all(|&i| i < nz), "index of an initial state");
+        let dz = initial_columns(model, wanted);
+        let width = wanted.len().next_multiple_of(BLOCK);
+        let dtheta = vec![0.0; if wanted.attitude { 3 * width } else { 0 }];
+        Self { z: z0.to_vec(), dz, track: wanted.attitude.then(AttitudeTrack::default), dtheta }
+    }
+}
+
+/// [`sensitivities`] over the samples `span` of the table, from what was `carried` to the first of them. `carried` becomes what is
+/// handed on at the sample `span.end`; at the end of the table there is nothing to go on to, and it is of no use. The parts give what
+/// the whole gives, bit for bit, and so do tables of parts ([`Prescribed::span`]) with one sample more than is asked for. Allocates
+/// results of the span and buffers.
+///
+/// # Errors
+/// [`ReducedError`]; `carried` is then of no use.
+///
+/// # Panics
+/// If `carried` was started for another model or with other columns, the span is empty or ends beyond the table, or a wanted link is
+/// not tracked by the table.
+pub fn sensitivities_span(
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    span: Range<usize>,
+    carried: &mut Carried,
+    wanted: &Wanted,
+) -> Result<(Response, Sensitivities), ReducedError> {
+    run(Isa::detect(), model, params, table, span, carried, wanted)
+}
+
+fn run(
+    isa: Isa,
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    span: Range<usize>,
+    carried: &mut Carried,
+    wanted: &Wanted,
+) -> Result<(Response, Sensitivities), ReducedError> {
     check(model)?;
-    let nz = 6 + 2 * model.np();
-    assert_eq!(z0.len(), nz, "initial state");
-    assert!(wanted.initial.iter().all(|&i| i < nz), "index of an initial state");
+    assert!(span.start < span.end && span.end <= table.samples, "samples of a span");
     let columns = Columns::new(model, table, &wanted.params);
-    dispatch(isa, Run { model, params, table, z0, wanted, columns: &columns })
+    dispatch(isa, Run { model, params, table, span, carried, wanted, columns: &columns })
 }
 
 struct Run<'a> {
     model: &'a Model,
     params: &'a Params<f64>,
     table: &'a Prescribed,
-    z0: &'a [f64],
+    span: Range<usize>,
+    carried: &'a mut Carried,
     wanted: &'a Wanted,
     columns: &'a Columns,
 }
@@ -130,22 +190,30 @@ impl LaneTask for Run<'_> {
     type Output = Result<(Response, Sensitivities), ReducedError>;
     #[inline(always)]
     fn run<L: LaneScalar>(self) -> Self::Output {
-        let Self { model, params, table, z0, wanted, columns } = self;
+        let Self { model, params, table, span, carried, wanted, columns } = self;
         let m = model.np();
         let lifted = params.lift::<L>(model);
         let single = params.lift::<L::One>(model);
         let mut sys = Reduced::new(model, &single, table);
-        let mut rk = Rk4::new(model, &splat::<L::One>(z0));
+        let mut rk = Rk4::new(model, &splat::<L::One>(&carried.z));
         let mut tangent = Tangent::<L>::new(model, &lifted, table, columns);
         let mut points = Points::<L>::new(m);
-        let mut flow = Flow::<L>::new(model, tangent.nz, wanted, table.step);
-        let mut sink = Sink::<L>::new(model, params, table, wanted, columns);
-        let last = (table.samples - 1) * table.substeps;
+        let mut flow = Flow::<L>::new(model, tangent.nz, wanted, table.step, carried);
+        let mut sink = Sink::<L>::new(model, params, table, wanted, columns, &span);
+        sink.track.clone_from(&carried.track);
+        let end = span.end == table.samples;
+        let last = (span.end - usize::from(end)) * table.substeps;
         let at_once = L::N / 4;
-        let mut first = 0;
+        let mut first = span.start * table.substeps;
         // One call of `differentiate`: it is inlined, once per instruction set.
         loop {
             let steps = at_once.min(last - first);
+            if steps == 0 && !end {
+                carried.z.iter_mut().zip(&rk.z).for_each(|(to, z)| *to = z.lane(0));
+                flow.hand_over(&mut carried.dz, &mut carried.dtheta);
+                carried.track = sink.track.take();
+                return Ok(sink.done());
+            }
             points.clear();
             // The last sample is an evaluation without a step.
             'points: for step in first..first + steps.max(1) {
@@ -155,7 +223,7 @@ impl LaneTask for Run<'_> {
                     if stage == 0 && step % table.substeps == 0 {
                         let (z, u) = points.point(points.count - 1);
                         sink.tau.iter_mut().zip(&rk.tau).for_each(|(x, t)| *x = t.lane(0));
-                        sink.response.write(step / table.substeps, m, z, u, &sink.tau);
+                        sink.response.write(step / table.substeps - span.start, m, z, u, &sink.tau);
                     }
                     if step == last {
                         break 'points;
@@ -165,12 +233,12 @@ impl LaneTask for Run<'_> {
                 rk.finish();
             }
             if !points.differentiate(&mut tangent, &mut flow) {
-                return Err(ReducedError::Singular { t: first as f64 * table.step });
+                return Err(ReducedError::Singular { t: table.start_s() + first as f64 * table.step });
             }
             for step in first..first + steps.max(1) {
                 let (lane, sample) = (4 * (step - first), step % table.substeps == 0);
                 if sample && let Some(track) = &sink.track {
-                    flow.attitude_rows(&mut sink.attitude, track, step / table.substeps);
+                    flow.attitude_rows(&mut sink.attitude, track, step / table.substeps - span.start);
                 }
                 if let Some(track) = &mut sink.track
                     && step < last
@@ -214,7 +282,7 @@ impl<T: LaneScalar> Kernel for OneStage<'_, '_, T> {
     #[inline(always)]
     fn run(self) -> Self::Output {
         let Self { rk, sys, step, stage } = self;
-        let t = 0.5 * sys.table.step * (2 * step + STAGE[stage]) as f64;
+        let t = sys.table.start_s() + 0.5 * sys.table.step * (2 * step + STAGE[stage]) as f64;
         rk.stage(sys, step, stage).map_err(|_| ReducedError::Singular { t })?;
         if stage == 0 && step % sys.table.substeps == 0 {
             rk.sample(sys, step / sys.table.substeps)?;
@@ -298,7 +366,8 @@ pub(crate) struct Sink<'a, L> {
     d_gyro: Gathered<L>,
     accel: Option<Gathered<L>>,
     rows: TorqueRows<'a>,
-    /// The present sample.
+    /// Sample of the table that is the first here, and the present one, counted from it.
+    first: usize,
     sample: usize,
     track: Option<AttitudeTrack>,
     attitude: Option<Attitude>,
@@ -311,8 +380,9 @@ impl<'a, L: LaneScalar> Sink<'a, L> {
         table: &'a Prescribed,
         wanted: &Wanted,
         columns: &'a Columns,
+        span: &Range<usize>,
     ) -> Self {
-        let (n, p) = (table.samples, wanted.len());
+        let (n, p) = (span.len(), wanted.len());
         Self {
             model,
             response: Response::new(n, model.nj(), model.np()),
@@ -321,8 +391,9 @@ impl<'a, L: LaneScalar> Sink<'a, L> {
             d_gyro: Gathered::new(3, n, p),
             accel: wanted.accel.then(|| Gathered::new(6, n, p)),
             rows: TorqueRows::new(model, params, table, columns),
+            first: span.start,
             sample: 0,
-            track: wanted.attitude.then(AttitudeTrack::default),
+            track: None,
             attitude: wanted.attitude.then(|| Attitude::new(n, p)),
         }
     }
@@ -330,10 +401,10 @@ impl<'a, L: LaneScalar> Sink<'a, L> {
     /// Begins a sample with state `z` and accelerations `u`.
     #[inline(always)]
     fn begin(&mut self, sample: usize, (z, u): (&[f64], &[f64])) {
-        self.sample = sample;
+        self.sample = sample - self.first;
         // One call: it is inlined.
         for gathered in [Some(&mut self.d_tau), Some(&mut self.d_gyro), self.accel.as_mut()].into_iter().flatten() {
-            gathered.begin(sample);
+            gathered.begin(self.sample);
         }
         self.rows.evaluate(sample, z, u);
     }

@@ -7,4 +7,4 @@ pub(crate) mod partials;
 pub(crate) mod propagate;
 pub(crate) mod stage;
 
-pub use driver::{Sensitivities, Wanted, sensitivities, sensitivities_with};
+pub use driver::{Carried, Sensitivities, Wanted, sensitivities, sensitivities_span, sensitivities_with};

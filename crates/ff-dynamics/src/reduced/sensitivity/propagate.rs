@@ -5,7 +5,8 @@
 //! in the first cache, a number of `G` serving all of it.
 
 use crate::linalg::rows::{RowTask, accumulate, by_rows, copy, fma};
-use crate::reduced::sensitivity::driver::{Sink, Wanted};
+use crate::reduced::sensitivity::driver::{Carried, Sink, Wanted};
+use crate::reduced::sensitivity::partials::state_columns;
 use crate::reduced::sensitivity::stage::Tangent;
 use crate::reduced::system::{STAGE, WEIGHT};
 use crate::sim::attitude::{Attitude, AttitudeTrack, Turned};
@@ -17,6 +18,20 @@ use ff_model::scalar::LaneScalar;
 pub(crate) const BLOCK: usize = WIDEST;
 /// Stages whose derivatives are at hand at once, at most: one per lane.
 const STAGES: usize = WIDEST;
+
+/// Columns `dz` at the beginning of a record, by block: one for each wanted initial state.
+pub(crate) fn initial_columns(model: &Model, wanted: &Wanted) -> Vec<f64> {
+    let (m, nz) = (model.np(), state_columns(model));
+    let mut dz = vec![0.0; nz * wanted.len().next_multiple_of(BLOCK)];
+    for (c, &i) in wanted.initial.iter().enumerate() {
+        // The state of the record is `[v | w | eta | nu]`.
+        let (row, c) = (if i < 3 { 3 + 2 * m + i } else { i - 3 }, wanted.params.len() + c);
+        if row < nz {
+            dz[(c / BLOCK * nz + row) * BLOCK + c % BLOCK] = 1.0;
+        }
+    }
+    dz
+}
 
 /// The columns `dz`, and what carries them through a step.
 pub(crate) struct Flow<L> {
@@ -47,20 +62,13 @@ pub(crate) struct Flow<L> {
 }
 
 impl<L: LaneScalar> Flow<L> {
-    pub(crate) fn new(model: &Model, nz: usize, wanted: &Wanted, h: f64) -> Self {
+    pub(crate) fn new(model: &Model, nz: usize, wanted: &Wanted, h: f64, carried: &Carried) -> Self {
         let (m, count) = (model.np(), wanted.len());
         let (n, blocks) = (6 + m, count.div_ceil(BLOCK));
-        let mut dz = vec![0.0; nz * blocks * BLOCK];
-        for (c, &i) in wanted.initial.iter().enumerate() {
-            // The state of the record is `[v | w | eta | nu]`.
-            let (row, c) = (if i < 3 { 3 + 2 * m + i } else { i - 3 }, wanted.params.len() + c);
-            if row < nz {
-                dz[(c / BLOCK * nz + row) * BLOCK + c % BLOCK] = 1.0;
-            }
-        }
+        assert_eq!(carried.dz.len(), nz * blocks * BLOCK, "columns that were carried");
         let stride = (n * nz).next_multiple_of(L::N);
         let z = |k: usize| vec![L::zero(); k * BLOCK / L::N];
-        let dz = dz.chunks_exact(L::N).map(L::load).collect();
+        let dz = carried.dz.chunks_exact(L::N).map(L::load).collect();
         Self {
             m,
             n,
@@ -72,13 +80,19 @@ impl<L: LaneScalar> Flow<L> {
             stride,
             force: z(blocks * STAGES * n),
             dz,
-            dtheta: vec![0.0; if wanted.attitude { 3 * blocks * BLOCK } else { 0 }],
+            dtheta: carried.dtheta.clone(),
             turn: None,
             x: z(nz),
             sum: z(nz),
             y: z(n),
             solved: vec![L::zero(); stride.max(n * BLOCK)],
         }
+    }
+
+    /// The columns as they are, for the next part of the record.
+    pub(crate) fn hand_over(&self, dz: &mut [f64], dtheta: &mut [f64]) {
+        dz.chunks_exact_mut(L::N).zip(&self.dz).for_each(|(to, x)| x.store(to));
+        dtheta.copy_from_slice(&self.dtheta);
     }
 
     /// Solves for all columns, and turns lanes of stages into rows of parameters. Not inlined, as [`Flow::step`]: in one

@@ -109,6 +109,7 @@ impl<L: LaneScalar> Kernel for Filling<'_, '_, L> {
         // Nodes of samples, which want joint rows, then the nodes between them.
         let per = 2 * table.substeps;
         let between = (table.samples - 1) * (per - 1);
+        let from = table.first_node();
         let (mut first, mut rows) = (0, true);
         loop {
             let total = if rows { table.samples } else { between };
@@ -128,7 +129,7 @@ impl<L: LaneScalar> Kernel for Filling<'_, '_, L> {
                 let (p, rest) = joint.split_at_mut(nj);
                 let (v, a) = rest.split_at_mut(nj);
                 if lane < count {
-                    motion.eval(start + 0.5 * table.step * *node as f64, p, v, a);
+                    motion.eval(start + 0.5 * table.step * (from + *node) as f64, p, v, a);
                     if rows {
                         table.joints[3 * nj * i..3 * nj * (i + 1)].copy_from_slice(joint);
                     }

@@ -241,6 +241,8 @@ pub struct Prescribed {
     pub(crate) substeps: usize,
     pub(crate) samples: usize,
     pub(crate) sample_s: f64,
+    /// Sample of the motion that is the first of the table.
+    first: usize,
     nj: usize,
     /// [`ARM`] numbers per node (base body not included).
     arm: Vec<f64>,
@@ -300,6 +302,26 @@ impl Prescribed {
         t
     }
 
+    /// The part of [`Prescribed::new`] for the samples `span`, bit for bit: what a long record is integrated over piece by piece
+    /// ([`crate::reduced::sensitivity::driver::sensitivities_span`]). Neighbouring parts share a sample. Allocates as many numbers as the part has.
+    ///
+    /// # Panics
+    /// As [`Prescribed::new`], and if the span is empty or ends beyond the samples.
+    pub fn span(
+        model: &Model,
+        params: &Params<f64>,
+        motion: &dyn JointMotion,
+        sampling: &Sampling,
+        span: core::ops::Range<usize>,
+        links: &[usize],
+    ) -> Self {
+        assert!(span.start < span.end && span.end <= sampling.samples, "samples of a span");
+        let mut t = Self::empty(model, &Sampling { samples: span.len(), ..*sampling }, links);
+        t.first = span.start;
+        dispatch(Isa::detect(), Fill { table: &mut t, model, params, motion });
+        t
+    }
+
     /// Tables of the right size, to be filled.
     pub(crate) fn empty(model: &Model, sampling: &Sampling, links: &[usize]) -> Self {
         let Sampling { samples, sample_s, substeps } = *sampling;
@@ -327,6 +349,7 @@ impl Prescribed {
             substeps,
             samples,
             sample_s,
+            first: 0,
             nj,
             arm: vec![0.0; nodes * ARM],
             frames: vec![0.0; nodes * moving * FRAME],
@@ -353,6 +376,14 @@ impl Prescribed {
     /// Time between samples (s).
     pub fn sample_s(&self) -> f64 {
         self.sample_s
+    }
+    /// Time of the first sample of the table since the beginning of the motion (s).
+    pub fn start_s(&self) -> f64 {
+        self.first as f64 * self.sample_s
+    }
+    /// Node of the motion that is the first of the table.
+    pub(crate) fn first_node(&self) -> usize {
+        self.node_of(self.first)
     }
     /// Integration step (s).
     pub fn step(&self) -> f64 {

@@ -1,0 +1,98 @@
+//! What a reader of records is told, and what it gives.
+
+use super::data;
+use crate::builder::RecordBuilder;
+use crate::record::Record;
+use ff_model::{Problem, Problems, Severity};
+
+/// What is read, and what is put up with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadOptions {
+    /// Most samples.
+    pub max_rows: usize,
+    /// Longest file (bytes).
+    pub max_bytes: u64,
+    /// Columns to leave out, by name (without unit) or as the header has them.
+    pub ignore: Vec<String>,
+    /// Leave out rows with cells that are not finite; the rows left make a gap.
+    pub drop_gaps: bool,
+    /// Leave out a row that repeats the one before, time stamp included.
+    pub drop_repeated: bool,
+    /// Interpolate jittered or missing samples ([`RecordBuilder::resample`]).
+    pub resample: bool,
+    /// Fewest samples ([`RecordBuilder::need_samples`]).
+    pub need_samples: usize,
+    /// The base is bolted down: the gyro is not required ([`RecordBuilder::fixed_base`]).
+    pub fixed_base: bool,
+    /// Codes of errors to report as warnings, such as `Data::Stuck`.
+    pub allow: Vec<String>,
+    /// Topics of an MCAP file to read; the one of each kind that fits unless given.
+    pub topics: Vec<String>,
+    /// Joints of an MCAP file that slide, where no robot tells.
+    pub slides: Vec<String>,
+}
+
+impl Default for ReadOptions {
+    /// Four million rows (eleven hours at 100 Hz), 16 GiB; nothing is dropped or repaired.
+    fn default() -> Self {
+        Self {
+            max_rows: 4_000_000,
+            max_bytes: 16 << 30,
+            ignore: Vec::new(),
+            drop_gaps: false,
+            drop_repeated: false,
+            resample: false,
+            need_samples: 2,
+            fixed_base: false,
+            allow: Vec::new(),
+            topics: Vec::new(),
+            slides: Vec::new(),
+        }
+    }
+}
+
+/// A record with what is to be said about it.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The samples, on a uniform clock.
+    pub record: Record,
+    /// What was let through.
+    pub warnings: Problems,
+    /// Bytes read.
+    pub bytes: u64,
+}
+
+pub(crate) fn too_long(bytes: u64, limit: u64) -> Problem {
+    data("Data::TooLarge", format!("{bytes} bytes, limit {limit} bytes")).hint("cut the record, or raise --max-bytes")
+}
+
+/// The record of a builder (with the origin of its clock), or everything that is wrong.
+pub(crate) fn finish(
+    parsed: Option<(RecordBuilder, f64)>,
+    mut bad: Problems,
+    options: &ReadOptions,
+    bytes: u64,
+) -> Result<Loaded, Problems> {
+    for p in &mut bad.0 {
+        if options.allow.iter().any(|a| a == p.code) {
+            p.severity = Severity::Warning;
+        }
+    }
+    let (builder, t0) = match parsed {
+        Some(p) if !bad.has_errors() => p,
+        _ => return bad.finish(None).map(|(x, _)| x),
+    };
+    let builder = if options.fixed_base { builder.fixed_base() } else { builder };
+    let builder = options.allow.iter().fold(builder, |b, a| b.allow(a));
+    match builder.need_samples(options.need_samples).resample(options.resample).build() {
+        Ok((mut record, warnings)) => {
+            record.t0 += t0;
+            bad.extend(warnings);
+            Ok(Loaded { record, warnings: bad, bytes })
+        }
+        Err(problems) => {
+            bad.extend(problems);
+            Err(bad)
+        }
+    }
+}
