@@ -14,7 +14,7 @@ const QUOTED: [(&[&str], &str); 4] = [
 fn quotation<'t>(page: &'t str, first: &str) -> Vec<&'t str> {
     let block = page.split("```text\n").skip(1).find(|b| b.starts_with(first));
     let block = block.unwrap_or_else(|| panic!("docs/command.md quotes nothing that begins with '{first}'"));
-    block.split("```").next().unwrap().lines().filter(|l| l.trim() != "...").collect()
+    block.split("```").next().unwrap().lines().filter(|l| !["", "..."].contains(&l.trim())).collect()
 }
 
 /// Numbers of the last printed digit may differ between machines; rounding errors (below 1e-6) are not compared.
