@@ -21,7 +21,7 @@ pub struct Estimated {
     pub std: Option<f64>,
 }
 
-/// The result of [`estimate`].
+/// The result of [`estimate`](fn@crate::estimate::estimate).
 #[derive(Clone, Debug)]
 pub struct Estimate {
     /// Full parameter vector with the estimates in place.
