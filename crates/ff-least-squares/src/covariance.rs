@@ -5,7 +5,7 @@ use ff_linalg::{LinalgError, Svd, svd};
 use nalgebra::{DMatrix, DVector};
 
 /// Part of a null direction below which an unknown counts as untouched by it.
-const TOUCH: f64 = 1e-5;
+pub const TOUCH: f64 = 1e-5;
 
 /// What a whitened Jacobian says of its unknowns ([`determine`]).
 #[derive(Clone, Debug)]

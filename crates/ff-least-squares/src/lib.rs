@@ -10,7 +10,7 @@ mod lm;
 mod step;
 mod tall_qr;
 
-pub use covariance::{Determined, determine};
+pub use covariance::{Determined, TOUCH, determine};
 pub use linearise::{Dense, Linearise, Reduced, Tried, finite, reduced, rounding};
 pub use lm::{
     Criterion, EvalError, Iterate, LmError, Problem, Scale, Settings, Solution, Status, jacobian_error, minimise,

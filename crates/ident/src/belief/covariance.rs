@@ -7,13 +7,10 @@
 //! Cramer-Rao covariance `(J^T J)^-1 = diag(s) V diag(1/sigma^2) V^T diag(s)` is given for the parameters that
 //! have no part in a null direction; the others have no deviation at all.
 
-use ff_least_squares::{Determined, determine};
+use ff_least_squares::{Determined, TOUCH, determine};
 use ff_linalg::{self as linalg, LinalgError};
 use ff_model::ParamDecl;
 use nalgebra::{DMatrix, DVector};
-
-/// Part of a null direction below which a parameter counts as untouched by it.
-const TOUCH: f64 = 1e-5;
 
 /// A named unknown.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
