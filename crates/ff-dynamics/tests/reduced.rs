@@ -1,6 +1,8 @@
 //! The reduced system against the full dynamics, and its sensitivities against differences.
 
 use crate::common::*;
+use ff_dynamics::reduced::sensitivity::{Carried, sensitivities_span};
+use ff_dynamics::reduced::{reduced_torques_span, simulate_reduced_span};
 use ff_dynamics::*;
 use ff_model::*;
 
@@ -130,5 +132,65 @@ fn rda_torques_and_their_derivatives_are_those_of_the_rigid_system() {
                 assert_within!(e, 1e-6 * (1e-3 + fd.amax()), "parameter {k} sample {i} joint {j}: {e:e}");
             }
         }
+    }
+}
+
+/// Rows `from..` of a matrix whose rows come in groups of `width` per sample.
+fn part(of: &nalgebra::DMatrix<f64>, span: &core::ops::Range<usize>, width: usize) -> nalgebra::DMatrix<f64> {
+    of.rows(span.start * width, span.len() * width).into_owned()
+}
+
+#[test]
+fn a_record_in_parts_is_the_whole_record_bit_for_bit() {
+    let m = system();
+    let p = Params::nominal(&m);
+    let z0 = start(&m);
+    let wanted = Wanted {
+        params: (0..10).chain(40..50).chain(70..m.n_params()).collect(),
+        initial: (2..z0.len()).collect(),
+        accel: true,
+        attitude: true,
+        ..Wanted::default()
+    };
+    let (wave, links) = (Wave(7), wanted.links(&m));
+    for substeps in [1, 3] {
+        let sampling = Sampling { samples: 37, sample_s: 0.05, substeps };
+        let table = Prescribed::new(&m, &p, &wave, &sampling, &links);
+        let (r, s) = sensitivities(&m, &p, &table, &z0, &wanted).unwrap();
+        let mut carried = [Carried::start(&m, &z0, &wanted), Carried::start(&m, &z0, &wanted)];
+        let mut z = z0.clone();
+        for span in [0..1, 1..2, 2..9, 9..20, 20..36, 36..37] {
+            // Of the table of the whole record, and of one that ends with the first sample of the next part.
+            let own = span.start..(span.end + 1).min(37);
+            let short = Prescribed::span(&m, &p, &wave, &sampling, own, &links);
+            let parts = [(&table, span.clone()), (&short, 0..span.len())];
+            for ((table, local), carried) in parts.into_iter().zip(&mut carried) {
+                let (rp, sp) = sensitivities_span(&m, &p, table, local, carried, &wanted).unwrap();
+                let (a, b) = (s.attitude.as_ref().unwrap(), sp.attitude.unwrap());
+                assert_eq!((rp.tau, rp.accel), (part(&r.tau, &span, 1), part(&r.accel, &span, 1)), "{span:?}");
+                assert_eq!((sp.tau, sp.gyro), (part(&s.tau, &span, 7), part(&s.gyro, &span, 3)), "{span:?}");
+                assert_eq!(sp.accel.unwrap(), part(s.accel.as_ref().unwrap(), &span, 6), "{span:?}");
+                assert_eq!((b.att, b.d), (part(&a.att, &span, 1), part(&a.d, &span, 3)), "{span:?}");
+            }
+            let rp = simulate_reduced_span(&m, &p, &short, 0..span.len(), &mut z).unwrap();
+            assert_eq!((rp.nu, rp.twist), (part(&r.nu, &span, 1), part(&r.twist, &span, 1)), "{span:?}");
+        }
+        assert_eq!(z[3..6], r.twist.row(36).iter().copied().collect::<Vec<_>>()[3..]);
+    }
+}
+
+#[test]
+fn rda_torques_of_a_part_are_those_of_the_whole_bit_for_bit() {
+    let m = system().without_appendages();
+    let (p, wave) = (Params::nominal(&m), Wave(7));
+    let sampling = Sampling { samples: 21, sample_s: 0.05, substeps: 1 };
+    let wanted = Wanted { params: (0..10).chain(30..40).collect(), ..Wanted::default() };
+    let rates = nalgebra::DMatrix::from_fn(21, 3, |i, k| 0.1 * (0.3 * i as f64 + k as f64).sin());
+    let table = Prescribed::new(&m, &p, &wave, &sampling, &wanted.links(&m));
+    let (tau, d) = reduced_torques(&m, &p, &table, &rates, &wanted).unwrap();
+    for span in [0..5, 5..6, 6..21] {
+        let own = part(&rates, &span, 1);
+        let (t, dt) = reduced_torques_span(&m, &p, &table, span.clone(), &own, &wanted).unwrap();
+        assert_eq!((t, dt), (part(&tau, &span, 1), part(&d, &span, 7)), "{span:?}");
     }
 }

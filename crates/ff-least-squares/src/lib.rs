@@ -11,7 +11,7 @@ mod step;
 mod tall_qr;
 
 pub use covariance::{Determined, TOUCH, determine};
-pub use linearise::{Dense, Linearise, Reduced, Tried, finite, reduced, rounding};
+pub use linearise::{Dense, Linearise, NOT_FINITE, Reduced, Tried, finite, reduced, rounding};
 pub use lm::{
     Criterion, EvalError, Iterate, LmError, Problem, Scale, Settings, Solution, Status, jacobian_error, minimise,
     minimise_linearised,

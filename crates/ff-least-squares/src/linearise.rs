@@ -24,8 +24,11 @@ pub trait Linearise {
     fn linearise(&mut self, x: &[f64], r: &mut Vec<f64>) -> Tried<Reduced>;
     /// The last linearisation is the one to go on from.
     fn accept(&mut self);
-    /// `J^T v` of the linearisation gone on from.
-    fn transposed(&self, v: &[f64]) -> DVector<f64>;
+    /// `J^T v` of the linearisation gone on from; a problem that keeps no rows evaluates them once more.
+    ///
+    /// # Errors
+    /// As [`Linearise::linearise`].
+    fn transposed(&mut self, v: &[f64]) -> Tried<DVector<f64>>;
     /// What rounding of the unknowns to machine numbers changes in the cost, `sum |r_i| eps sqrt(sum (J_ij x_j)^2)`, at the
     /// linearisation gone on from: no step can be seen to win less. It matters where residuals are many digits smaller
     /// than what they are differences of.
@@ -74,8 +77,8 @@ impl<P: Problem + ?Sized> Linearise for Dense<'_, P> {
     fn accept(&mut self) {
         core::mem::swap(&mut self.j, &mut self.next);
     }
-    fn transposed(&self, v: &[f64]) -> DVector<f64> {
-        self.j.tr_mul(&DVector::from_column_slice(v))
+    fn transposed(&mut self, v: &[f64]) -> Tried<DVector<f64>> {
+        Ok(Ok(self.j.tr_mul(&DVector::from_column_slice(v))))
     }
     fn rounding(&self, x: &[f64], r: &[f64]) -> f64 {
         rounding(&self.j, x, r)
@@ -106,7 +109,7 @@ pub fn finite(res: Result<(), EvalError>, r: &[f64], j: Option<&DMatrix<f64>>) -
 }
 
 /// Why a linearisation without numbers is refused.
-const NOT_FINITE: &str = "the derivatives are not finite";
+pub const NOT_FINITE: &str = "the derivatives are not finite";
 
 /// A triangle of rows that were not looked at: numbers that are not finite, if there were any, are all over it.
 pub fn reduced(res: Result<Reduced, LinalgError>) -> Tried<Reduced> {
@@ -133,5 +136,5 @@ pub(crate) fn curvature<P: Linearise + ?Sized>(
         return Ok(None);
     }
     buffer.iter_mut().zip(r).for_each(|(new, old)| *new = (*new - old) / H);
-    Ok(Some((problem.transposed(buffer) - linear.squared(p)) * (2.0 / H)))
+    Ok(problem.transposed(buffer)?.ok().map(|g| (g - linear.squared(p)) * (2.0 / H)))
 }

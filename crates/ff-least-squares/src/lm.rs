@@ -437,7 +437,8 @@ fn chord<P: Linearise + ?Sized>(
     const STEPS: usize = 6;
     let (mut before, mut r_next) = (lin.promised(), Vec::with_capacity(r_trial.len()));
     for step in 0..STEPS {
-        let (p, promised) = lin.again(&problem.transposed(r_trial), room.d);
+        let Ok(gradient) = problem.transposed(r_trial)? else { return Ok(step) };
+        let (p, promised) = lin.again(&gradient, room.d);
         let least = set.decrement_tolerance.max(UNRESOLVED) * half_norm2(r_trial);
         let next: Vec<f64> = (0..p.len()).map(|i| (trial[i] + p[i]).clamp(room.lower[i], room.upper[i])).collect();
         let way: Vec<f64> = next.iter().zip(room.x).map(|(a, b)| a - b).collect();

@@ -6,6 +6,9 @@
 use crate::checks as record_checks;
 use crate::record::Record;
 use crate::runs::longest;
+use crate::time_base::{ChannelGroup, TimeBases};
+use crate::time_checks;
+use crate::time_checks::Grid;
 use ff_model::{Area, Problem, Problems, Severity};
 use nalgebra::DMatrix;
 
@@ -17,8 +20,13 @@ const LISTED: usize = 5;
 
 #[derive(Clone, Debug)]
 enum Clock {
-    Uniform { t0: f64, dt: f64 },
+    Uniform {
+        t0: f64,
+        dt: f64,
+    },
     Stamps(Vec<f64>),
+    /// Times of the joint motion, which are kept.
+    Motion(Vec<f64>),
 }
 
 /// Collects columns, then checks them all. Matrices are N x channels.
@@ -47,6 +55,8 @@ pub struct RecordBuilder {
     gyro: Option<DMatrix<f64>>,
     acc: Option<DMatrix<f64>>,
     att: Option<DMatrix<f64>>,
+    times: [Option<Vec<f64>>; 5],
+    grid_hz: Option<f64>,
     fixed_base: bool,
     need: usize,
     resample: bool,
@@ -66,6 +76,8 @@ impl RecordBuilder {
             gyro: None,
             acc: None,
             att: None,
+            times: Default::default(),
+            grid_hz: None,
             fixed_base: false,
             need: 2,
             resample: false,
@@ -82,6 +94,25 @@ impl RecordBuilder {
     #[must_use]
     pub fn stamps(mut self, t: Vec<f64>) -> Self {
         self.clock = Some(Clock::Stamps(t));
+        self
+    }
+    /// Times of the samples of a group of channels (s), on the same clock as the others: another rate, jitter, lost samples. The
+    /// channels of the group have one row per time; nothing is resampled. Times must be finite, strictly increasing and within the
+    /// joint motion; gaps are named.
+    ///
+    /// Where the joint motion has times of its own, there is no other clock: every group needs its times, and the grid that
+    /// a model is integrated on runs from the first of the joint motion to the last ([`Self::grid`]).
+    #[must_use]
+    pub fn times(mut self, group: ChannelGroup, t: Vec<f64>) -> Self {
+        self.times[group as usize] = Some(t);
+        self
+    }
+    /// About how dense the grid of a joint motion with times of its own is (Hz): a whole number of intervals spans it. Its median
+    /// interval unless given. Predictions are interpolated between instants of the grid (`docs/theory/output-operator.md`): ten
+    /// per period of the fastest mode leave 3e-4 of it, twenty 5e-6.
+    #[must_use]
+    pub fn grid(mut self, rate_hz: f64) -> Self {
+        self.grid_hz = Some(rate_hz);
         self
     }
     /// Joint positions, N x n (rad or m). Required.
@@ -157,7 +188,8 @@ impl RecordBuilder {
     /// # Errors
     /// Codes: `Data::NoSamples` (D01), `TooShort` (D02), `NotFinite` (D03), `Missing`, `Shape`, `NonMonotone`
     /// (D11), `TimeScale` (D12), `Gap` (D13), `Jitter` (D14), `Saturated` (D17), `Stuck` (D18), `Quaternion` (D22),
-    /// `LooksLikeDegrees` (D09). Warnings besides: `Spikes` (D19).
+    /// `LooksLikeDegrees` (D09), `Clock` (a clock beside times of the joint motion), `Outside` (times beyond the joint motion). Warnings
+    /// besides: `Spikes` (D19).
     pub fn build(self) -> Result<(Record, Problems), Problems> {
         let allow = self.allow.clone();
         let mut bad = Problems::default();
@@ -183,8 +215,26 @@ impl RecordBuilder {
         }
         // The rate of a base that is bolted down is known.
         let still = self.gyro.is_none() && self.fixed_base;
-        let gyro = if still { self.q.as_ref().map(|q| DMatrix::zeros(q.nrows(), 3)) } else { self.gyro };
-        let (Some(q), Some(tau), Some(gyro), Some(clock)) = (self.q, self.tau, gyro, self.clock) else {
+        let mut times = self.times;
+        let gyro = if still {
+            // A rate that is not measured is zero whenever joint positions were read.
+            times[ChannelGroup::Gyro as usize] = times[ChannelGroup::Motion as usize].clone();
+            self.q.as_ref().map(|q| DMatrix::zeros(q.nrows(), 3))
+        } else {
+            self.gyro
+        };
+        let clock = match (&times[ChannelGroup::Motion as usize], self.clock) {
+            (Some(_), Some(_)) => {
+                let what = "a clock was given, and times of the joint motion beside it".into();
+                bad.push(
+                    error("Data::Clock", what).on("time").hint("give the times of every group, and no other clock"),
+                );
+                return None;
+            }
+            (Some(t), None) => Some(Clock::Motion(t.clone())),
+            (None, clock) => clock,
+        };
+        let (Some(q), Some(tau), Some(gyro), Some(clock)) = (self.q, self.tau, gyro, clock) else {
             bad.push(
                 error("Data::Missing", "joint positions, torques, gyro and a clock are required".into())
                     .hint("give all four"),
@@ -205,7 +255,15 @@ impl RecordBuilder {
             columns.extend(m.map(|m| (name, m, width)));
         }
         let mut whole = true;
+        let own = matches!(clock, Clock::Motion(_));
         for (name, m, width) in &columns {
+            let rows = times[group_of(name) as usize].as_ref().map_or(rows, Vec::len);
+            if own && times[group_of(name) as usize].is_none() {
+                let what = "the joint motion has times of its own, and these channels have none".into();
+                bad.push(error("Data::Missing", what).on(*name).hint("give their times (RecordBuilder::times)"));
+                whole = false;
+                continue;
+            }
             if m.shape() != (rows, *width) {
                 let (a, b) = m.shape();
                 bad.push(error("Data::Shape", format!("is {a} x {b}, must be {rows} x {width}")).on(*name));
@@ -224,24 +282,56 @@ impl RecordBuilder {
                 whole = false;
             }
         }
-        let (t0, dt, stamps) = check_clock(clock, rows, self.resample, bad)?;
+        let sound: Vec<bool> = ChannelGroup::ALL
+            .map(|g| times[g as usize].as_ref().is_none_or(|t| time_checks::alone(g, t, self.need, bad)))
+            .to_vec();
+        let (t0, dt, stamps) = match &clock {
+            // Its times are not sound, which has been said.
+            Clock::Motion(_) if !sound[ChannelGroup::Motion as usize] => return None,
+            Clock::Motion(t) => {
+                let grid = Grid::over(t, self.grid_hz, bad)?;
+                (grid.t0, grid.dt, None)
+            }
+            _ => check_clock(clock.clone(), rows, self.resample, bad)?,
+        };
+        let on_clock = stamps.as_ref().map_or(rows, |t: &Vec<f64>| grid_rows(t, dt));
+        let grid = match &clock {
+            Clock::Motion(t) => Grid::over(t, self.grid_hz, bad)?,
+            _ => Grid { t0, dt, samples: on_clock },
+        };
+        let mut bases = TimeBases::default();
+        for group in ChannelGroup::ALL {
+            let Some(t) = times[group as usize].as_ref() else { continue };
+            let since = if sound[group as usize] { time_checks::inside(group, t, &grid, bad) } else { None };
+            match since {
+                Some(since) => bases.set(group, since),
+                None => whole = false,
+            }
+        }
         if !whole {
             return None;
         }
+        let time = |name: &str, i: usize| {
+            // Behind the last sample, as far as it is from the first on average.
+            bases.of(group_of(name)).map_or(i as f64 * dt, |t| {
+                let last = t.len() - 1;
+                t.get(i).copied().unwrap_or(t[last] + (t[last] - t[0]) / last as f64)
+            })
+        };
         if let Some((_, att, _)) = columns.iter_mut().find(|c| c.0 == "att") {
             unwrap_attitude(att, bad);
         }
         for (name, m, _) in columns.iter().filter(|c| !(still && c.0 == "gyro")) {
-            stuck(name, m, &self.joint_names, dt, bad);
+            stuck(name, m, &self.joint_names, &|i| time(name, i), bad);
             if matches!(*name, "tau" | "gyro" | "acc") {
                 for (j, c) in m.column_iter().enumerate() {
                     let axis = if *name == "tau" { &self.joint_names[j] } else { ["x", "y", "z"][j] };
-                    record_checks::channel(&format!("{name}.{axis}"), c.as_slice(), dt, bad);
+                    record_checks::channel(&format!("{name}.{axis}"), c.as_slice(), &|i| time(name, i), bad);
                 }
             }
         }
         if let Some(t) = stamps {
-            for (name, m, _) in &mut columns {
+            for (name, m, _) in columns.iter_mut().filter(|c| times[group_of(c.0) as usize].is_none()) {
                 *m = interpolate(m, &t, dt);
                 if *name == "att" {
                     for mut row in m.row_iter_mut() {
@@ -257,7 +347,7 @@ impl RecordBuilder {
         };
         let (q, qd) = (take("q")?, take("qd"));
         if let Some(qd) = &qd {
-            degrees(&q, qd, dt, bad);
+            degrees(&q, qd, dt, bases.of(ChannelGroup::Motion).map(|t| &**t), bad);
         }
         Some(Record {
             t0,
@@ -271,6 +361,8 @@ impl RecordBuilder {
             acc: take("acc"),
             att: take("att"),
             fixed_base: self.fixed_base,
+            grid: bases.of(ChannelGroup::Motion).map(|_| grid.samples),
+            bases,
         })
     }
 }
@@ -289,7 +381,7 @@ fn a_rows(m: &DMatrix<f64>) -> usize {
 fn check_clock(clock: Clock, rows: usize, resample: bool, bad: &mut Problems) -> Option<(f64, f64, Option<Vec<f64>>)> {
     let (t0, dt, stamps) = match clock {
         Clock::Uniform { t0, dt } => (t0, dt, None),
-        Clock::Stamps(t) => {
+        Clock::Stamps(t) | Clock::Motion(t) => {
             if t.len() != rows {
                 bad.push(error("Data::Shape", format!("{} time stamps for {rows} samples", t.len())).on("time"));
                 return None;
@@ -362,10 +454,26 @@ fn check_clock(clock: Clock, rows: usize, resample: bool, bad: &mut Problems) ->
     None
 }
 
+/// Samples of the uniform clock up to the last stamp.
+fn grid_rows(t: &[f64], dt: f64) -> usize {
+    (t[t.len() - 1] / dt + 1e-9).floor() as usize + 1
+}
+
+/// The group that a column belongs to.
+fn group_of(name: &str) -> ChannelGroup {
+    match name {
+        "tau" => ChannelGroup::Torque,
+        "gyro" => ChannelGroup::Gyro,
+        "acc" => ChannelGroup::Accelerometer,
+        "att" => ChannelGroup::Attitude,
+        _ => ChannelGroup::Motion,
+    }
+}
+
 /// Linear interpolation of every column from stamps `t` (from 0, ascending) onto `0, dt, 2 dt, ...`.
 fn interpolate(m: &DMatrix<f64>, t: &[f64], dt: f64) -> DMatrix<f64> {
     let last = t[t.len() - 1];
-    let rows = (last / dt + 1e-9).floor() as usize + 1;
+    let rows = grid_rows(t, dt);
     let mut out = DMatrix::zeros(rows, m.ncols());
     let mut k = 0;
     for i in 0..rows {
@@ -383,7 +491,7 @@ fn interpolate(m: &DMatrix<f64>, t: &[f64], dt: f64) -> DMatrix<f64> {
 
 /// Row D18. A torque or gyro channel that never changes is a dead sensor; one that holds still for a tenth
 /// of the record, or a joint that never moves, may be meant.
-fn stuck(name: &str, m: &DMatrix<f64>, joints: &[String], dt: f64, bad: &mut Problems) {
+fn stuck(name: &str, m: &DMatrix<f64>, joints: &[String], time: &dyn Fn(usize) -> f64, bad: &mut Problems) {
     let sensor = matches!(name, "tau" | "gyro");
     if !(sensor || name == "q") || m.nrows() < 8 {
         return;
@@ -392,8 +500,8 @@ fn stuck(name: &str, m: &DMatrix<f64>, joints: &[String], dt: f64, bad: &mut Pro
         let longest = longest(c.as_slice());
         let (from, best) = (longest.start, longest.len());
         let axis = if name == "gyro" { ["x", "y", "z"][j] } else { &joints[j] };
-        let (a, b) = (from as f64 * dt, (from + best) as f64 * dt);
-        let message = format!("holds exactly {} from {a:.3} to {b:.3} s of {:.3} s", c[from], c.len() as f64 * dt);
+        let (a, b) = (time(from), time(from + best));
+        let message = format!("holds exactly {} from {a:.3} to {b:.3} s of {:.3} s", c[from], time(c.len()));
         let dead = best == c.len();
         if dead && sensor {
             let p = error("Data::Stuck", message).on(format!("{name}.{axis}"));
@@ -424,12 +532,13 @@ fn unwrap_attitude(att: &mut DMatrix<f64>, bad: &mut Problems) {
 }
 
 /// Row D09: recorded rates against differences of the positions.
-fn degrees(q: &DMatrix<f64>, qd: &DMatrix<f64>, dt: f64, bad: &mut Problems) {
+fn degrees(q: &DMatrix<f64>, qd: &DMatrix<f64>, dt: f64, times: Option<&[f64]>, bad: &mut Problems) {
     let rows = q.nrows();
     let (mut a, mut b) = (0.0, 0.0);
     for (q, qd) in q.column_iter().zip(qd.column_iter()) {
         for i in 1..rows.saturating_sub(1) {
-            a += ((q[i + 1] - q[i - 1]) / (2.0 * dt)).powi(2);
+            let between = times.map_or(2.0 * dt, |t| t[i + 1] - t[i - 1]);
+            a += ((q[i + 1] - q[i - 1]) / between).powi(2);
             b += qd[i].powi(2);
         }
     }

@@ -116,3 +116,90 @@ fn a_record_on_the_ground_needs_no_gyro() {
     assert_eq!(code_of(bolted().fixed_base().gyro(wave(2, 0.017))), "Data::Shape");
     assert!(!good().build().unwrap().0.is_fixed_base());
 }
+
+/// Times about 10 ms apart with jitter, every tenth lost.
+fn own(from: f64) -> Vec<f64> {
+    (0..N).filter(|i| i % 10 != 7).map(|i| from + 0.01 * (i as f64 + 0.2 * (1.9 * i as f64).sin())).collect()
+}
+fn at(t: &[f64], channels: usize) -> DMatrix<f64> {
+    DMatrix::from_fn(t.len(), channels, |i, j| (1.7 * t[i] + 0.7 * j as f64).sin())
+}
+
+#[test]
+fn groups_of_channels_have_times_of_their_own() {
+    let t: Vec<f64> = own(3.005).into_iter().filter(|t| *t < 6.989).collect();
+    let (r, w) = good().tau(at(&t, 2)).times(ChannelGroup::Torque, t.clone()).build().unwrap();
+    let own_times = r.times(ChannelGroup::Torque).unwrap();
+    assert!(!r.is_uniform() && r.times(ChannelGroup::Gyro).is_none() && own_times.len() == t.len());
+    assert_eq!((r.samples(), r.tau(), r.gyro().nrows()), (N, &at(&t, 2), N));
+    assert_relative_eq!(own_times[5], t[5] - 3.0, epsilon = 1e-12);
+    let p = w.0.iter().find(|p| p.code == "Data::Gap").unwrap();
+    assert_eq!((p.object.as_deref(), w.has_errors()), (Some("torque times"), false), "{p}");
+    // A window keeps what lies inside, and counts from its beginning.
+    let c = r.window(0.5, 1.25).unwrap();
+    let first = t.iter().position(|t| *t >= 3.5).unwrap();
+    assert_eq!((c.samples(), c.tau().row(0)), (75, r.tau().row(first)));
+    assert_relative_eq!(c.times(ChannelGroup::Torque).unwrap()[0], t[first] - 3.5, epsilon = 1e-9);
+    let thin = r.thinned(3).unwrap();
+    assert_eq!((thin.tau().nrows(), thin.gyro().nrows()), (t.len().div_ceil(3), N.div_ceil(3)));
+    assert_eq!(thin.times(ChannelGroup::Torque).unwrap()[4], own_times[12]);
+    // Back on the clock, which begins and ends within an interval of the torques.
+    let back = r.resampled().unwrap();
+    assert!(back.is_uniform());
+    assert_relative_eq!(back.tau()[(200, 1)], (1.7 * 5.0f64 + 0.7).sin(), epsilon = 1e-9);
+}
+
+#[test]
+fn a_joint_motion_with_times_of_its_own_spans_a_grid() {
+    let (q, s) = (own(12.0), own(12.02).into_iter().filter(|t| *t < 15.9).collect::<Vec<_>>());
+    let b = || {
+        let b = RecordBuilder::new(["a", "b"]).q(at(&q, 2)).times(ChannelGroup::Motion, q.clone()).tau(at(&s, 2));
+        b.times(ChannelGroup::Torque, s.clone()).gyro(at(&s, 3)).times(ChannelGroup::Gyro, s.clone())
+    };
+    let (r, _) = b().grid(50.0).build().unwrap();
+    assert_eq!((r.t0(), r.q().nrows()), (q[0], q.len()));
+    // Whole intervals, as near to the rate as the ends allow.
+    assert_relative_eq!(r.time(r.samples() - 1), q[q.len() - 1] - q[0], max_relative = 1e-12);
+    assert!((r.rate_hz() / 50.0 - 1.0).abs() < 0.01, "{}", r.rate_hz());
+    // The median interval is that of the jittered times.
+    assert!((b().build().unwrap().0.rate_hz() / 100.0 - 1.0).abs() < 0.2);
+    let c = r.window(1.0, 2.5).unwrap();
+    assert_eq!(c.times(ChannelGroup::Motion).unwrap()[0], 0.0);
+    let end = c.time(c.samples() - 1);
+    assert!(ChannelGroup::ALL[..3].iter().all(|g| c.times(*g).unwrap().iter().all(|t| (0.0..=end).contains(t))));
+    assert_eq!(code_of(b().uniform(12.0, 100.0)), "Data::Clock");
+    assert_eq!(code_of(b().grid(0.0)), "Data::TimeScale");
+    let none = RecordBuilder::new(["a", "b"]).q(at(&q, 2)).times(ChannelGroup::Motion, q.clone());
+    assert_eq!(code_of(none.tau(at(&q, 2)).gyro(at(&q, 3))), "Data::Missing");
+}
+
+#[test]
+fn each_defect_of_times_has_its_code_and_names_its_place() {
+    let t: Vec<f64> = own(3.01).into_iter().filter(|t| *t < 6.9).collect();
+    let with = |t: &[f64]| good().tau(at(t, 2)).times(ChannelGroup::Torque, t.to_vec());
+    let spoiled = |f: &dyn Fn(&mut Vec<f64>)| {
+        let mut t = t.clone();
+        f(&mut t);
+        let all = with(&t).build().unwrap_err().0;
+        all.into_iter().find(|p| p.severity == Severity::Error).unwrap()
+    };
+    let p = spoiled(&|t| t[40] = t[39]);
+    assert_eq!((p.code, p.object.as_deref()), ("Data::NonMonotone", Some("torque times")));
+    assert!(p.to_string().contains("sample 40"), "{p}");
+    assert_eq!(spoiled(&|t| t[40] = f64::NAN).code, "Data::NotFinite");
+    assert_eq!(spoiled(&|t| t.iter_mut().for_each(|t| *t *= 1e3)).code, "Data::Outside");
+    let p = spoiled(&|t| t[0] = 2.9);
+    assert!(p.code == "Data::Outside" && p.to_string().contains("sample 0 at 2.9 s"), "{p}");
+    assert_eq!(code_of(with(&t).tau(at(&t[1..], 2))), "Data::Shape");
+    assert_eq!(code_of(with(&t[..1])), "Data::TooShort");
+    assert_eq!(code_of(with(&t).need_samples(390)), "Data::TooShort");
+    // Joint motion must be known everywhere.
+    let mut q = own(3.0);
+    q.drain(50..60);
+    let b = RecordBuilder::new(["a", "b"]).q(at(&q, 2)).times(ChannelGroup::Motion, q.clone());
+    let b =
+        b.tau(at(&q, 2)).times(ChannelGroup::Torque, q.clone()).gyro(at(&q, 3)).times(ChannelGroup::Gyro, q.clone());
+    let p = b.clone().build().unwrap_err();
+    assert!(p.has("Data::Gap") && p.to_string().contains("limit 4 intervals"), "{p}");
+    assert!(b.allow("Data::Gap").build().is_ok());
+}

@@ -15,14 +15,14 @@ const SAMPLED: usize = 20_000;
 /// How far the neighbours of a spike may be from minus half of it.
 const SHAPE: f64 = 0.35;
 
-/// Rows D17 and D19.
-pub(crate) fn channel(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
+/// Rows D17 and D19. `time` of a sample (s) is what messages name.
+pub(crate) fn channel(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, bad: &mut Problems) {
     // Statistics of a few samples say nothing.
     if x.len() < 50 {
         return;
     }
-    saturated(name, x, dt, bad);
-    spikes(name, x, dt, bad);
+    saturated(name, x, time, bad);
+    spikes(name, x, time, bad);
 }
 
 /// Median of what an iterator gives, or of every k-th of it for a long channel; zero without numbers.
@@ -38,7 +38,7 @@ fn median(count: usize, value: impl Fn(usize) -> f64, keep: impl Fn(f64) -> bool
 
 /// Runs of the largest or smallest value that are entered or left with a step: what a limit does to a signal. The top of a
 /// smooth or coarsely quantised signal is entered by the smallest of steps.
-fn saturated(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
+fn saturated(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, bad: &mut Problems) {
     // Nearly every channel ends here: it has no plateau.
     if !repeats(x, PLATEAU - 1) {
         return;
@@ -72,7 +72,7 @@ fn saturated(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
         return;
     }
     let share = count as f64 / x.len() as f64;
-    let t = first as f64 * dt;
+    let t = time(first);
     let what = format!(
         "{count} samples ({:.2} %, limit {:.0} %) stand at the end of the range, the first at {t:.3} s with {at}",
         100.0 * share,
@@ -84,7 +84,7 @@ fn saturated(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
 }
 
 /// A single sample that leaves its neighbours and comes back: its second differences are `s, -2 s, s`.
-fn spikes(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
+fn spikes(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, bad: &mut Problems) {
     let second = |i: usize| x[i] - 2.0 * x[i + 1] + x[i + 2];
     let all = x.len() - 2;
     let limit = SPIKE * median(all, |i| second(i).abs(), |_| true);
@@ -110,7 +110,7 @@ fn spikes(name: &str, x: &[f64], dt: f64, bad: &mut Problems) {
         "{} single samples jump by more than {SPIKE} times what is usual (limit {:.3e}), the first at {:.3} s: {}",
         count,
         limit,
-        (first + 1) as f64 * dt,
+        time(first + 1),
         x[first + 1]
     );
     let p = Problem::warning(Area::Data, "Data::Spikes", what).on(name);
@@ -127,7 +127,7 @@ mod tests {
     }
     fn found(x: &[f64]) -> Problems {
         let mut bad = Problems::default();
-        channel("tau.a", x, 0.01, &mut bad);
+        channel("tau.a", x, &|i| i as f64 * 0.01, &mut bad);
         bad
     }
 

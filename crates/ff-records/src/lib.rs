@@ -8,6 +8,7 @@
 //! | [`builder`] | from columns to a record, with every check |
 //! | [`clock`] | lags of the channels, and a record resampled onto one clock |
 //! | [`mask`] | which samples count |
+//! | [`time_base`] | groups of channels with sample times of their own |
 //! | [`file`](mod@file) | CSV with units, Parquet and ROS 2 bags (features `parquet`, `mcap`) |
 
 pub mod builder;
@@ -16,12 +17,16 @@ pub mod clock;
 pub mod file;
 pub mod mask;
 pub mod record;
+mod resample;
 mod runs;
 mod thin;
+pub mod time_base;
+mod time_checks;
 
 pub use builder::RecordBuilder;
 pub use mask::Mask;
 pub use record::Record;
+pub use time_base::ChannelGroup;
 
 /// Compiles the example of `README.md`.
 #[cfg(doctest)]

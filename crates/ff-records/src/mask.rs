@@ -8,7 +8,7 @@ use crate::runs::runs;
 use core::ops::Range;
 use nalgebra::DMatrix;
 
-/// Weights of the torque and gyro channels, N x n and N x 3, each 0 to 1.
+/// Weights of the torque and gyro channels, N x n and N x 3, each 0 to 1 (as many rows as each has samples).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
     /// Of the joint torques.
@@ -26,7 +26,8 @@ impl Mask {
     /// (bad-inputs row D17), with its neighbours on both sides, which have met the limit within their interval.
     /// Runs over a whole channel are a dead sensor, not saturation, and are left to the builder. Allocates.
     pub fn of_saturation(record: &Record) -> Self {
-        let mut m = Self::all(record.samples(), record.joints());
+        let ones = |of: &DMatrix<f64>| DMatrix::from_element(of.nrows(), of.ncols(), 1.0);
+        let mut m = Self { tau: ones(record.tau()), gyro: ones(record.gyro()) };
         for (from, to) in [(record.tau(), &mut m.tau), (record.gyro(), &mut m.gyro)] {
             for (x, mut w) in from.column_iter().zip(to.column_iter_mut()) {
                 for (a, b) in saturated(x.as_slice()) {
@@ -63,6 +64,9 @@ impl Mask {
         1.0 - (self.tau.sum() + self.gyro.sum()) / n
     }
     /// Weights by rows of an estimator that lists, per sample, the torques and then the gyro. Allocates.
+    ///
+    /// # Panics
+    /// If the gyro has fewer samples than the torques; see `ident::compose::Masked::by_group`.
     pub fn rows(&self) -> Vec<f64> {
         let of = |i: usize| self.tau.row(i).iter().chain(self.gyro.row(i).iter()).copied().collect::<Vec<f64>>();
         (0..self.tau.nrows()).flat_map(of).collect()

@@ -1,14 +1,20 @@
-//! A measured record on a uniform clock: joint motion, joint torques, base gyro.
+//! A measured record: joint motion, joint torques, base gyro.
+//!
+//! All channels are sampled on one uniform clock, or groups of them at times of their own ([`ChannelGroup`]): the uniform clock is then
+//! the grid that a model is integrated on.
 //!
 //! A [`Record`] can only be made by [`RecordBuilder`](crate::builder::RecordBuilder), which is the one
 //! door where non-finite numbers, broken clocks and ragged columns stop; whoever holds one may rely on every
 //! number being finite and every length being right. Matrices are N x channels, so that one channel is one
 //! contiguous column.
 
+use crate::resample::{TimeBaseError, on_grid};
+use crate::time_base::{ChannelGroup, TimeBases};
+use core::ops::Range;
 use ff_model::{Area, Problem, Problems};
 use nalgebra::DMatrix;
 
-/// N uniform samples. Rows are samples, columns are channels.
+/// N uniform samples, and channels sampled on them or at times of their own. Rows are samples, columns are channels.
 #[derive(Clone, PartialEq)]
 pub struct Record {
     pub(crate) t0: f64,
@@ -22,6 +28,9 @@ pub struct Record {
     pub(crate) acc: Option<DMatrix<f64>>,
     pub(crate) att: Option<DMatrix<f64>>,
     pub(crate) fixed_base: bool,
+    pub(crate) bases: TimeBases,
+    /// Samples of the grid, where they are not those of the joint motion.
+    pub(crate) grid: Option<usize>,
 }
 
 impl core::fmt::Debug for Record {
@@ -41,7 +50,7 @@ impl Record {
     pub fn t0(&self) -> f64 {
         self.t0
     }
-    /// Sampling interval (s).
+    /// Sampling interval of the uniform clock (s).
     pub fn dt(&self) -> f64 {
         self.dt
     }
@@ -49,9 +58,60 @@ impl Record {
     pub fn rate_hz(&self) -> f64 {
         1.0 / self.dt
     }
-    /// Number of samples N.
+    /// Number of samples N of the uniform clock.
     pub fn samples(&self) -> usize {
-        self.q.nrows()
+        self.grid.unwrap_or(self.q.nrows())
+    }
+    /// Sample times of a group since the first sample of the uniform clock (s), ascending; `None` where it is sampled on that clock.
+    /// The channels of the group have as many rows.
+    pub fn times(&self, group: ChannelGroup) -> Option<&[f64]> {
+        self.bases.of(group).map(|t| &**t)
+    }
+    /// Whether all channels are sampled on the uniform clock.
+    pub fn is_uniform(&self) -> bool {
+        self.bases.first().is_none()
+    }
+    /// Whether `what` can be done with the record, which needs all channels on the uniform clock.
+    ///
+    /// # Errors
+    /// [`TimeBaseError::NotUniform`] naming the first group with sample times of its own.
+    pub fn check_uniform(&self, what: &'static str) -> Result<(), TimeBaseError> {
+        self.bases.first().map_or(Ok(()), |group| Err(TimeBaseError::NotUniform { group, what }))
+    }
+    /// All channels on the uniform clock: those sampled at times of their own by the polynomials of degree five through the six nearest
+    /// samples, in error by at most `h^6 max|f^(6)| / 205` where samples are no further than `h` apart
+    /// (`docs/theory/output-operator.md`). Noise of interpolated samples is no longer white. Attitudes are normalised. Allocates.
+    ///
+    /// # Errors
+    /// [`TimeBaseError`] naming the channels: fewer than six samples, more than four usual intervals without one, or the clock
+    /// goes on where they were not sampled.
+    pub fn resampled(&self) -> Result<Self, TimeBaseError> {
+        let n = self.samples();
+        let one = |group, m: &DMatrix<f64>| match self.times(group) {
+            Some(times) => on_grid(group, times, m, self.dt, n),
+            None => Ok(m.clone()),
+        };
+        let some = |group, m: &Option<DMatrix<f64>>| m.as_ref().map(|m| one(group, m)).transpose();
+        let mut att = some(ChannelGroup::Attitude, &self.att)?;
+        if self.times(ChannelGroup::Attitude).is_some() {
+            for mut row in att.iter_mut().flat_map(|m| m.row_iter_mut()) {
+                let norm = row.norm();
+                row.unscale_mut(norm);
+            }
+        }
+        Ok(Self {
+            q: one(ChannelGroup::Motion, &self.q)?,
+            qd: some(ChannelGroup::Motion, &self.qd)?,
+            qdd: some(ChannelGroup::Motion, &self.qdd)?,
+            tau: one(ChannelGroup::Torque, &self.tau)?,
+            gyro: one(ChannelGroup::Gyro, &self.gyro)?,
+            acc: some(ChannelGroup::Accelerometer, &self.acc)?,
+            att,
+            bases: TimeBases::default(),
+            grid: None,
+            joint_names: self.joint_names.clone(),
+            ..*self
+        })
     }
     /// `N dt` (s): the time the samples stand for, whose inverse is the frequency resolution.
     pub fn seconds(&self) -> f64 {
@@ -102,7 +162,11 @@ impl Record {
         self.fixed_base
     }
     /// The torque and gyro channels in one matrix, N x (n + 3): what spectra and modal fits look at. Allocates.
+    ///
+    /// # Panics
+    /// If the channels are not sampled on one clock; see [`Record::resampled`].
     pub fn responses(&self) -> DMatrix<f64> {
+        assert!(self.is_uniform(), "torque and gyro on one uniform clock");
         let n = self.joints();
         let mut out = DMatrix::zeros(self.samples(), n + 3);
         out.columns_mut(0, n).copy_from(&self.tau);
@@ -130,14 +194,18 @@ impl Record {
             );
             return Err(Problems(vec![p.hint("choose a window inside the record")]));
         }
+        if !self.is_uniform() {
+            return self.cut(a, b);
+        }
         Ok(Self { t0: self.t0 + self.time(a), ..self.mapped(|m| m.rows(a, b - a).into_owned()) })
     }
     /// The samples `rows` of every channel, on the same clock. Allocates.
     ///
     /// # Panics
-    /// If `rows` ends behind the last sample.
+    /// If `rows` ends behind the last sample, or channels have sample times of their own ([`Record::window`] cuts those).
     #[must_use]
-    pub fn rows(&self, rows: core::ops::Range<usize>) -> Self {
+    pub fn rows(&self, rows: Range<usize>) -> Self {
+        assert!(self.is_uniform(), "all channels on one uniform clock");
         let part = |m: &DMatrix<f64>| m.rows(rows.start, rows.len()).into_owned();
         Self { t0: self.t0 + self.time(rows.start), ..self.mapped(part) }
     }
@@ -170,6 +238,70 @@ impl Record {
         self
     }
     /// Every channel through `f`, which takes samples to samples; clock and names as they are.
+    /// [`Record::window`] of a record whose groups have times of their own: from sample `a` of the grid to before sample `b`, or what
+    /// joint motion there is between them, where it has times of its own.
+    pub(crate) fn cut(&self, a: usize, b: usize) -> Result<Self, Problems> {
+        // A hair, for times that were computed.
+        let hair = 1e-6 * self.dt;
+        let inside = |times: &[f64], from: f64, to: f64| {
+            times.partition_point(|t| *t < from - hair)..times.partition_point(|t| *t <= to + hair)
+        };
+        let (mut start, mut end) = (self.time(a), self.time(b - 1));
+        if let Some(times) = self.times(ChannelGroup::Motion) {
+            let rows = inside(times, start, end);
+            if rows.len() < 2 {
+                return Err(self.too_few(ChannelGroup::Motion, rows.len()));
+            }
+            (start, end) = (times[rows.start], times[rows.end - 1]);
+        }
+        let intervals = ((end - start) / self.dt).round().max(1.0);
+        // The grid ends with the joint motion.
+        let stamped = self.times(ChannelGroup::Motion).is_some();
+        let dt = if stamped { (end - start) / intervals } else { self.dt };
+        let mut bases = TimeBases::default();
+        let mut pick =
+            |group: ChannelGroup, of: &[Option<&DMatrix<f64>>]| -> Result<Vec<Option<DMatrix<f64>>>, Problems> {
+                let rows: Range<usize> = match self.times(group) {
+                    Some(times) => inside(times, start, end),
+                    None => a..b,
+                };
+                if rows.len() < 2 && of[0].is_some() {
+                    return Err(self.too_few(group, rows.len()));
+                }
+                if let Some(times) = self.times(group) {
+                    bases.set(group, times[rows.clone()].iter().map(|t| (t - start).clamp(0.0, end - start)).collect());
+                }
+                Ok(of.iter().map(|m| m.map(|m| m.rows(rows.start, rows.len()).into_owned())).collect())
+            };
+        let mut motion = pick(ChannelGroup::Motion, &[Some(&self.q), self.qd.as_ref(), self.qdd.as_ref()])?;
+        let (qdd, qd) = (motion.pop().flatten(), motion.pop().flatten());
+        let mut single = |group, m| pick(group, &[m]).map(|mut all| all.pop().flatten());
+        let tau = single(ChannelGroup::Torque, Some(&self.tau))?;
+        let gyro = single(ChannelGroup::Gyro, Some(&self.gyro))?;
+        let acc = single(ChannelGroup::Accelerometer, self.acc.as_ref())?;
+        let att = single(ChannelGroup::Attitude, self.att.as_ref())?;
+        Ok(Self {
+            t0: self.t0 + start,
+            dt,
+            joint_names: self.joint_names.clone(),
+            q: motion.pop().flatten().unwrap_or_default(),
+            qd,
+            qdd,
+            tau: tau.unwrap_or_default(),
+            gyro: gyro.unwrap_or_default(),
+            acc,
+            att,
+            fixed_base: self.fixed_base,
+            bases,
+            grid: stamped.then_some(intervals as usize + 1),
+        })
+    }
+    fn too_few(&self, group: ChannelGroup, got: usize) -> Problems {
+        let what = format!("the window holds {got} samples of the {}, at least 2 are needed", group.name());
+        let p = Problem::error(Area::Data, "Data::Window", what);
+        Problems(vec![p.on(group.name()).hint("choose a longer window")])
+    }
+    /// Every channel through `f`, which takes samples to samples; clock and names as they are. Of a record on one clock.
     pub(crate) fn mapped(&self, f: impl Fn(&DMatrix<f64>) -> DMatrix<f64>) -> Self {
         let of = |m: &Option<DMatrix<f64>>| m.as_ref().map(&f);
         Self {
@@ -184,6 +316,8 @@ impl Record {
             acc: of(&self.acc),
             att: of(&self.att),
             fixed_base: self.fixed_base,
+            bases: self.bases.clone(),
+            grid: self.grid,
         }
     }
     /// Checks that the joints are those of a model, in its order (bad-inputs row D37).

@@ -4,12 +4,14 @@
 //! and finished on the whole one costs a k-th per step until it is close.
 
 use crate::record::Record;
+use crate::time_base::ChannelGroup;
 use ff_model::{Area, Problem, Problems};
 use nalgebra::DMatrix;
 
 impl Record {
     /// Every `every`-th sample, from the first. No filter: frequencies above half the new rate fold back, so thin no further
-    /// than ten samples per period of the fastest mode of interest. Allocates.
+    /// than ten samples per period of the fastest mode of interest. Of channels with sample times of their own, every `every`-th, too.
+    /// Allocates.
     ///
     /// # Errors
     /// `Data::Window` when fewer than two samples would be left, or `every` is 0.
@@ -19,8 +21,19 @@ impl Record {
             let m = format!("every {every}th of {} samples leaves {left}, at least 2 are needed", self.samples());
             return Err(Problems(vec![Problem::error(Area::Data, "Data::Window", m).hint("thin less")]));
         }
-        let pick = |m: &DMatrix<f64>| DMatrix::from_fn(left, m.ncols(), |i, j| m[(i * every, j)]);
-        Ok(Self { dt: self.dt * every as f64, ..self.mapped(pick) })
+        let pick = |m: &DMatrix<f64>| m.select_rows(&(0..m.nrows()).step_by(every).collect::<Vec<_>>());
+        let mut out = Self { dt: self.dt * every as f64, ..self.mapped(pick) };
+        for group in ChannelGroup::ALL {
+            if let Some(times) = self.times(group) {
+                out.bases.set(group, times.iter().copied().step_by(every).collect());
+            }
+        }
+        if self.is_uniform() {
+            return Ok(out);
+        }
+        out.grid = self.times(ChannelGroup::Motion).map(|_| left);
+        // Readings behind the last instant that is left are left out, too.
+        out.cut(0, left)
     }
 }
 

@@ -15,4 +15,6 @@ mod output_error;
 mod project;
 mod record_checks;
 mod recovery;
+mod row_streams;
 mod ties;
+mod time_bases;

@@ -119,10 +119,11 @@ fn together<'a, L: LaneScalar, S: ArmSource<L>>(
     let mut out: Vec<Response> = (0..count).map(|_| Response::new(source.layout().samples, nj, m)).collect();
     let mut plain = vec![0.0; 12 + 3 * m + nj];
     let mut sys = Reduced::<L, S>::new(model, &params, source);
-    let done = integrate(&mut sys, &z0, |i, z, u, tau| {
+    let samples = source.layout().samples;
+    let done = integrate(&mut sys, &z0, 0..samples, |i, z, u, tau| {
         for (lane, out) in out.iter_mut().enumerate() {
             write_lane(out, &mut plain, lane, (i, m), z, u, tau);
         }
     });
-    done.ok().map(|()| out)
+    done.ok().map(|_| out)
 }

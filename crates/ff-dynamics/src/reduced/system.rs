@@ -17,6 +17,7 @@
 use crate::reduced::table::{Arm, ArmSource, Frame, Prescribed, Site, products};
 use crate::tree::condense;
 use crate::work::port_work::PortWork;
+use core::ops::Range;
 use ff_lanes::Kernel;
 use ff_model::scalar::lanes::{LaneTask, dispatch_one, splat};
 use ff_model::scalar::{LaneScalar, ModelScalar};
@@ -265,31 +266,55 @@ pub fn simulate_reduced(
     table: &Prescribed,
     z0: &[f64],
 ) -> Result<Response, ReducedError> {
+    simulate_reduced_span(model, params, table, 0..table.samples, &mut z0.to_vec())
+}
+
+/// [`simulate_reduced`] over the samples `span` of the table, from the state `z` at the first of them on. `z` becomes the state at the
+/// sample `span.end`, from which the next part goes on; at the end of the table, that of its last sample. The parts give what the
+/// whole gives, bit for bit, and so do tables of parts ([`Prescribed::span`]) with one sample more than is asked for.
+///
+/// Allocates the response of the span and buffers once.
+///
+/// # Errors
+/// [`ReducedError`]; `z` is then as it was.
+///
+/// # Panics
+/// If `z` has the wrong length, or the span is empty or ends beyond the table.
+pub fn simulate_reduced_span(
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    span: Range<usize>,
+    z: &mut [f64],
+) -> Result<Response, ReducedError> {
     check(model)?;
-    assert_eq!(z0.len(), 6 + 2 * model.np(), "initial state");
-    dispatch_one(Single { model, params, table, z0 })
+    assert_eq!(z.len(), 6 + 2 * model.np(), "initial state");
+    assert!(span.start < span.end && span.end <= table.samples, "samples of a span");
+    dispatch_one(Single { model, params, table, span, z })
 }
 
 struct Single<'a> {
     model: &'a Model,
     params: &'a Params<f64>,
     table: &'a Prescribed,
-    z0: &'a [f64],
+    span: Range<usize>,
+    z: &'a mut [f64],
 }
 
 impl LaneTask for Single<'_> {
     type Output = Result<Response, ReducedError>;
     #[inline(always)]
     fn run<L: LaneScalar>(self) -> Self::Output {
-        let Self { model, params, table, z0 } = self;
+        let Self { model, params, table, span, z } = self;
         let m = model.np();
-        let mut out = Response::new(table.samples, model.nj(), m);
+        let mut out = Response::new(span.len(), model.nj(), m);
         let params = params.lift::<L>(model);
         let mut sys = Reduced::new(model, &params, table);
         let mut plain = vec![0.0; 12 + 3 * m + model.nj()];
-        integrate(&mut sys, &splat::<L>(z0), |i, z, u, tau| {
+        let last = integrate(&mut sys, &splat::<L>(z), span, |i, z, u, tau| {
             write_lane(&mut out, &mut plain, 0, (i, m), z, u, tau);
         })?;
+        z.iter_mut().zip(&last).for_each(|(z, x)| *z = x.lane(0));
         Ok(out)
     }
 }
@@ -312,47 +337,51 @@ pub(crate) fn write_lane<L: LaneScalar>(
     out.write(i, m, z, u, tau);
 }
 
-/// Classical RK4 over the table; `write(sample, z, u, tau)` at every sample.
+/// Classical RK4 over samples of the table; `write(sample, z, u, tau)` at each, counted from the first of them. The state at the end.
 #[inline(always)]
 pub(crate) fn integrate<T: LaneScalar, S: ArmSource<T>>(
     sys: &mut Reduced<'_, T, S>,
     z0: &[T],
+    span: Range<usize>,
     write: impl FnMut(usize, &[T], &[T], &[T]),
-) -> Result<(), ReducedError> {
-    T::enter(Integrate { sys, z0, write })
+) -> Result<Vec<T>, ReducedError> {
+    T::enter(Integrate { sys, z0, span, write })
 }
 
 struct Integrate<'a, 'b, T: LaneScalar, S, F> {
     sys: &'a mut Reduced<'b, T, S>,
     z0: &'a [T],
+    span: Range<usize>,
     write: F,
 }
 
 impl<T: LaneScalar, S: ArmSource<T>, F: FnMut(usize, &[T], &[T], &[T])> Kernel for Integrate<'_, '_, T, S, F> {
-    type Output = Result<(), ReducedError>;
+    type Output = Result<Vec<T>, ReducedError>;
     #[inline(always)]
     fn run(self) -> Self::Output {
-        let Self { sys, z0, mut write } = self;
+        let Self { sys, z0, span, mut write } = self;
         let table = sys.table;
         let mut rk = Rk4::new(sys.model, z0);
         let last = (table.samples - 1) * table.substeps;
         // One call of `stage`: it is inlined, once per instruction set.
-        for step in 0..=last {
+        for step in span.start * table.substeps..(span.end * table.substeps).min(last + 1) {
             for stage in 0..4 {
-                let t = 0.5 * table.step * (2 * step + STAGE[stage]) as f64;
+                let t = table.start_s() + 0.5 * table.step * (2 * step + STAGE[stage]) as f64;
                 rk.stage(sys, step, stage).map_err(|_| ReducedError::Singular { t })?;
                 if stage == 0 && step % table.substeps == 0 {
                     rk.sample(sys, step / table.substeps)?;
-                    write(step / table.substeps, &rk.zs, &rk.u, &rk.tau);
+                    write(step / table.substeps - span.start, &rk.zs, &rk.u, &rk.tau);
                     if step == last {
-                        return Ok(());
+                        break;
                     }
                 }
                 rk.rate(table.step, stage);
             }
-            rk.finish();
+            if step < last {
+                rk.finish();
+            }
         }
-        Ok(())
+        Ok(rk.z)
     }
 }
 
@@ -404,7 +433,10 @@ impl<T: ModelScalar> Rk4<T> {
         if self.zs.iter().all(|x| x.is_finite()) {
             return Ok(());
         }
-        Err(ReducedError::NotFinite { t: sample as f64 * sys.table.sample_s, step: sys.table.step })
+        Err(ReducedError::NotFinite {
+            t: sys.table.start_s() + sample as f64 * sys.table.sample_s,
+            step: sys.table.step,
+        })
     }
     /// Takes the rates of the present stage in.
     #[inline(always)]

@@ -6,6 +6,7 @@ use crate::reduced::sensitivity::stage::Tangent;
 use crate::reduced::sensitivity::wanted::Wanted;
 use crate::reduced::system::{Reduced, ReducedError, check};
 use crate::reduced::table::Prescribed;
+use core::ops::Range;
 use ff_lanes::WIDEST;
 use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch};
@@ -37,11 +38,30 @@ pub fn reduced_torques(
     rates: &DMatrix<f64>,
     wanted: &Wanted,
 ) -> Result<(DMatrix<f64>, DMatrix<f64>), ReducedError> {
+    reduced_torques_span(model, params, table, 0..table.samples, rates, wanted)
+}
+
+/// [`reduced_torques`] of the samples `span` of the table, with base rates at these samples. Allocates the results.
+///
+/// # Errors
+/// [`ReducedError`].
+///
+/// # Panics
+/// As [`reduced_torques`], and if the span ends beyond the table.
+pub fn reduced_torques_span(
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    span: Range<usize>,
+    rates: &DMatrix<f64>,
+    wanted: &Wanted,
+) -> Result<(DMatrix<f64>, DMatrix<f64>), ReducedError> {
     check(model)?;
     assert_eq!(model.np(), 0, "reduced torques are those of a rigid model");
     assert!(wanted.initial.is_empty(), "there is no initial state to differentiate with respect to");
-    assert_eq!(rates.shape(), (table.samples, 3), "base rates");
-    let (n, nj) = (table.samples, model.nj());
+    assert!(span.end <= table.samples, "samples of a span");
+    assert_eq!(rates.shape(), (span.len(), 3), "base rates");
+    let (n, nj) = (span.len(), model.nj());
     let columns = Columns::new(model, table, wanted);
     let mut out = (DMatrix::zeros(n, nj), DMatrix::zeros(n * nj, columns.count));
     // States and accelerations at all samples, then derivatives for several samples at a time.
@@ -51,14 +71,16 @@ pub fn reduced_torques(
     for (i, point) in points.iter_mut().enumerate() {
         let (z, u) = point.split_at_mut(6);
         (0..3).for_each(|k| z[3 + k] = rates[(i, k)]);
-        let node = table.node_of(i);
-        sys.accelerate(node, z, u).map_err(|_| ReducedError::Singular { t: 0.5 * table.step * node as f64 })?;
-        sys.torques(i, z, u, &mut row);
+        let node = table.node_of(span.start + i);
+        sys.accelerate(node, z, u)
+            .map_err(|_| ReducedError::Singular { t: table.start_s() + 0.5 * table.step * node as f64 })?;
+        sys.torques(span.start + i, z, u, &mut row);
         row.iter().enumerate().for_each(|(j, &t)| out.0[(i, j)] = t);
     }
     if columns.count > 0 {
         let d = out.1.as_mut_slice();
-        dispatch(Isa::detect(), Derivatives { model, params, table, columns: &columns, points: &points, d })?;
+        let first = span.start;
+        dispatch(Isa::detect(), Derivatives { model, params, table, columns: &columns, points: &points, first, d })?;
     }
     Ok(out)
 }
@@ -69,6 +91,8 @@ struct Derivatives<'a> {
     table: &'a Prescribed,
     columns: &'a Columns,
     points: &'a [[f64; 12]],
+    /// Sample of the table that the first point is.
+    first: usize,
     d: &'a mut [f64],
 }
 
@@ -76,7 +100,7 @@ impl LaneTask for Derivatives<'_> {
     type Output = Result<(), ReducedError>;
     #[inline(always)]
     fn run<L: LaneScalar>(self) -> Self::Output {
-        let Self { model, params, table, columns, points, d } = self;
+        let Self { model, params, table, columns, points, first: from, d } = self;
         let (n, nj, np) = (points.len(), model.nj(), columns.count);
         let lifted = params.lift::<L>(model);
         let mut tangent = Tangent::<L>::new(model, &lifted, table, columns);
@@ -86,7 +110,7 @@ impl LaneTask for Derivatives<'_> {
         for first in (0..n).step_by(L::N) {
             // A group that is not full repeats its last sample.
             let at = |lane: usize| (first + lane).min(n - 1);
-            let nodes: [usize; WIDEST] = core::array::from_fn(|lane| table.node_of(at(lane)));
+            let nodes: [usize; WIDEST] = core::array::from_fn(|lane| table.node_of(from + at(lane)));
             for k in 0..6 {
                 for lane in 0..L::N {
                     z[k].set_lane(lane, points[at(lane)][k]);
@@ -94,12 +118,12 @@ impl LaneTask for Derivatives<'_> {
                 }
             }
             if !tangent.evaluate(&nodes[..L::N], &z, &u) {
-                return Err(ReducedError::Singular { t: table.sample_s * first as f64 });
+                return Err(ReducedError::Singular { t: table.start_s() + table.sample_s * (from + first) as f64 });
             }
             tangent.solve_params(0..np, &mut solved);
             for (lane, point) in points[first..].iter().take(L::N).enumerate() {
                 let sample = first + lane;
-                torque.evaluate(sample, &point[..6], &point[6..]);
+                torque.evaluate(from + sample, &point[..6], &point[6..]);
                 for j in 0..nj {
                     for c in 0..np {
                         let own = if torque.carried { torque.by_p[j * torque.wide + c] } else { 0.0 };

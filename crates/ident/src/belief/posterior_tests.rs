@@ -166,7 +166,8 @@ impl crate::estimate::estimator::Estimator for Linear {
 #[test]
 fn one_record_after_the_other_is_both_at_once() {
     use crate::belief::prior::{Priors, Sigma};
-    use crate::estimate::estimator::{Request, estimate};
+    use crate::estimate;
+    use crate::estimate::request::Request;
     let decls: Vec<ParamDecl> = [("tank.mass", "kg"), ("k", "N m/rad"), ("d", "N m s/rad")]
         .map(|(n, u)| ParamDecl::positive(n, u, 3.0))
         .to_vec();

@@ -9,8 +9,10 @@
 //! The parameter is held by a prior a ten-thousandth of its deviation wide, so that the body it belongs to stays a body.
 
 use crate::belief::prior::PriorRow;
-use crate::estimate::estimator::{Estimator, Request, estimate};
+use crate::estimate::estimation::estimate;
+use crate::estimate::estimator::Estimator;
 use crate::estimate::outcome::{Estimate, EstimateError};
+use crate::estimate::request::Request;
 
 /// `D` at the ends of a 95 % interval: the square of 1.96.
 pub const LIMIT95: f64 = 3.841_458_820_694_124;

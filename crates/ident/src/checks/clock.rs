@@ -78,6 +78,7 @@ pub fn estimate_clocks(
     uncertain: &[(usize, f64)],
     max_offset: f64,
 ) -> Result<Clocks, ClockError> {
+    record.check_uniform("the comparison of clocks").map_err(SetupError::from)?;
     let mut tables = Tables::new(model, record, 2, None, false)?;
     let mut z0 = vec![0.0; 6];
     z0.extend(model.rest_position(params));

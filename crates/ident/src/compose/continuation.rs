@@ -9,8 +9,10 @@
 //! `chi^2`, where one or two would decide. So ends are also compared with each other: the lowest counts once several starts have
 //! led to it ([`Accept::agree`]), or when there is no start left.
 
-use crate::estimate::estimator::{Estimator, Request, estimate};
+use crate::estimate::estimation::estimate;
+use crate::estimate::estimator::Estimator;
 use crate::estimate::outcome::{Estimate, EstimateError};
+use crate::estimate::request::Request;
 use crate::parameters::transform::Transform;
 use ff_least_squares::Status;
 use ff_model::{ParamDecl, ParamGroup};

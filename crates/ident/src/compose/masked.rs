@@ -2,6 +2,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::estimator::{Coarse, Estimator};
+use crate::estimate::row_stream::{RowBlock, RowStream};
 use ff_least_squares::EvalError;
 use ff_records::Mask;
 use nalgebra::DMatrix;
@@ -16,6 +17,12 @@ impl<E: Estimator> Masked<E> {
     /// `None` unless there is one weight per row.
     pub fn new(inner: E, mask: &Mask) -> Option<Self> {
         let roots: Vec<f64> = mask.rows().iter().map(|w| w.max(0.0).sqrt()).collect();
+        (roots.len() == inner.rows()).then_some(Self { inner, roots })
+    }
+    /// [`Masked::new`] for a record whose torques or gyro have sample times of their own: rows of all torque samples come first.
+    pub fn by_group(inner: E, mask: &Mask) -> Option<Self> {
+        let rows = |m: &DMatrix<f64>| m.transpose().as_slice().to_vec();
+        let roots: Vec<f64> = [rows(&mask.tau), rows(&mask.gyro)].concat().iter().map(|w| w.max(0.0).sqrt()).collect();
         (roots.len() == inner.rows()).then_some(Self { inner, roots })
     }
     fn weigh(&self, r: &mut [f64]) {
@@ -54,6 +61,36 @@ impl<E: Estimator> Estimator for Masked<E> {
             c.iter_mut().zip(&self.roots).for_each(|(x, w)| *x *= w);
         }
         Ok(())
+    }
+    fn streams<'s>(
+        &'s mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        let Self { inner, roots } = self;
+        let weighed = |inner| -> Box<dyn RowStream + 's> { Box::new(Weighed { inner, roots }) };
+        Ok(inner.streams(full, extra, selected)?.into_iter().map(weighed).collect())
+    }
+}
+
+/// Rows of a stream with their weights.
+struct Weighed<'s> {
+    inner: Box<dyn RowStream + 's>,
+    roots: &'s [f64],
+}
+
+impl RowStream for Weighed<'_> {
+    fn next(&mut self, block: &mut RowBlock) -> Result<bool, EvalError> {
+        if !self.inner.next(block)? {
+            return Ok(false);
+        }
+        let roots: Vec<f64> = block.rows.iter().flat_map(|r| &self.roots[r.clone()]).copied().collect();
+        block.residuals.iter_mut().zip(&roots).for_each(|(r, w)| *r *= w);
+        for mut c in block.jacobian.column_iter_mut() {
+            c.iter_mut().zip(&roots).for_each(|(x, w)| *x *= w);
+        }
+        Ok(true)
     }
 }
 

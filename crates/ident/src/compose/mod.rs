@@ -4,6 +4,7 @@ pub(crate) mod continuation;
 pub(crate) mod masked;
 pub(crate) mod multi_start;
 pub(crate) mod several;
+pub(crate) mod tied_rows;
 pub(crate) mod ties;
 
 pub use continuation::{Accept, Pass, Staged, Trial, estimate_staged};

@@ -3,8 +3,10 @@
 //! One start may end in a local minimum without a sign of it. Several that agree are no proof, but several that disagree are
 //! a warning (bad-inputs row D33): the lowest is taken, and the others are listed with their costs.
 
-use crate::estimate::estimator::{Estimator, Request, estimate};
+use crate::estimate::estimation::estimate;
+use crate::estimate::estimator::Estimator;
 use crate::estimate::outcome::{Estimate, EstimateError};
+use crate::estimate::request::Request;
 
 /// Relative difference of two objectives below which they are equal.
 const SAME_COST: f64 = 1e-6;

@@ -7,6 +7,8 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::estimator::{Coarse, Estimator};
+use crate::estimate::row_stream::{RowBlock, RowStream};
+use core::ops::Range;
 use ff_least_squares::EvalError;
 use ff_model::tree::{SelectionError, select, sift};
 use ff_model::{ParamDecl, ParamGroup};
@@ -123,6 +125,11 @@ impl Shared {
         }
         Ok(out)
     }
+    /// Selected parameters of record `k`: index among its own, which ascends, and column, which need not. Allocates.
+    fn columns(&self, k: usize, selected: &[usize]) -> Vec<(usize, usize)> {
+        let column = |all: &usize| selected.iter().position(|s| s == all);
+        self.maps[k].iter().enumerate().filter_map(|(i, all)| column(all).map(|c| (i, c))).collect()
+    }
     /// The values of record `k` out of those of all. Allocates.
     ///
     /// # Panics
@@ -206,12 +213,7 @@ impl Estimator for Several<'_> {
         for (k, part) in self.parts.iter_mut().enumerate() {
             let (rows, count) = (part.rows(), part.nuisance().len());
             let own = self.shared.of_record(k, full);
-            // Indices into the record's own parameters ascend; the columns they belong to need not.
-            let columns: Vec<(usize, usize)> = self.shared.maps[k]
-                .iter()
-                .enumerate()
-                .filter_map(|(i, all)| selected.iter().position(|s| s == all).map(|c| (i, c)))
-                .collect();
+            let columns = self.shared.columns(k, selected);
             let mine: Vec<usize> = columns.iter().map(|c| c.0).collect();
             let mut block = DMatrix::zeros(rows, mine.len() + count);
             part.jacobian(&own, &extra[at..at + count], &mine, &mut r[row..row + rows], &mut block)?;
@@ -224,12 +226,60 @@ impl Estimator for Several<'_> {
         }
         Ok(())
     }
+    /// Those of all records, side by side.
+    fn streams<'s>(
+        &'s mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        let (mut out, mut row, mut at) = (Vec::<Box<dyn RowStream + 's>>::new(), 0, 0);
+        for (k, part) in self.parts.iter_mut().enumerate() {
+            let (rows, count) = (part.rows(), part.nuisance().len());
+            let own = self.shared.of_record(k, full);
+            let (mine, mut to): (Vec<usize>, Vec<usize>) = self.shared.columns(k, selected).into_iter().unzip();
+            to.extend(selected.len() + at..selected.len() + at + count);
+            for inner in part.streams(&own, &extra[at..at + count], &mine)? {
+                let (to, buffer) = (to.clone(), RowBlock::default());
+                out.push(Box::new(OfRecord { inner, row, to, columns: selected.len() + extra.len(), buffer }));
+            }
+            (row, at) = (row + rows, at + count);
+        }
+        Ok(out)
+    }
+}
+
+/// Rows of one record among those of all.
+struct OfRecord<'s> {
+    inner: Box<dyn RowStream + 's>,
+    /// Its first row, where its columns belong, and how many there are.
+    row: usize,
+    to: Vec<usize>,
+    columns: usize,
+    buffer: RowBlock,
+}
+
+impl RowStream for OfRecord<'_> {
+    fn next(&mut self, block: &mut RowBlock) -> Result<bool, EvalError> {
+        if !self.inner.next(&mut self.buffer)? {
+            return Ok(false);
+        }
+        let rows: Vec<Range<usize>> = self.buffer.rows.iter().map(|r| self.row + r.start..self.row + r.end).collect();
+        block.resize(&rows, self.columns);
+        core::mem::swap(&mut block.residuals, &mut self.buffer.residuals);
+        block.jacobian.fill(0.0);
+        for (from, &to) in self.to.iter().enumerate() {
+            block.jacobian.column_mut(to).copy_from(&self.buffer.jacobian.column(from));
+        }
+        Ok(true)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::estimator::{Request, estimate};
+    use crate::estimate::estimation::estimate;
+    use crate::estimate::request::Request;
     use ff_model::Inertia;
     use ff_testkit::assert_within;
     use nalgebra::{Matrix3, Vector3};

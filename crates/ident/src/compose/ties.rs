@@ -8,7 +8,9 @@
 //! [`Affine`] covers shared values, values equal up to a factor, and `p = p0 + B u`; other maps implement [`Tie`].
 
 use crate::belief::covariance::Unknown;
+use crate::compose::tied_rows::{Made, TiedColumns, TiedRows};
 use crate::estimate::estimator::{Coarse, Estimator};
+use crate::estimate::row_stream::{RowBlock, RowStream};
 use ff_least_squares::EvalError;
 use ff_linalg as linalg;
 use ff_linalg::LinalgError;
@@ -424,33 +426,55 @@ impl<E: Estimator> Estimator for Tied<E> {
         j: &mut DMatrix<f64>,
     ) -> Result<(), EvalError> {
         let full = self.full(short)?;
-        // What the selection touches: itself, and the parameters of its ties.
-        let mut wanted: Vec<usize> = selected.iter().filter_map(|&s| self.map.free.get(s).copied()).collect();
+        let columns = self.map.columns(short, selected, j.ncols() - selected.len())?;
+        self.buffer.resize_mut(r.len(), columns.inner(), 0.0);
+        self.inner.jacobian(&full, extra, &columns.wanted, r, &mut self.buffer)?;
+        columns.gather(&self.buffer, j);
+        Ok(())
+    }
+    fn streams<'s>(
+        &'s mut self,
+        short: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        let full = self.full(short)?;
+        let columns = self.map.columns(short, selected, extra.len())?;
+        let inner = self.inner.streams(&full, extra, &columns.wanted)?;
+        let columns = Arc::new(columns);
+        let tied = |inner| -> Box<dyn RowStream + 's> {
+            Box::new(TiedRows { inner, columns: Arc::clone(&columns), buffer: RowBlock::default() })
+        };
+        Ok(inner.into_iter().map(tied).collect())
+    }
+}
+
+impl TieMap {
+    fn columns(&self, short: &[f64], selected: &[usize], extras: usize) -> Result<TiedColumns, EvalError> {
+        let mut wanted: Vec<usize> = selected.iter().filter_map(|&s| self.free.get(s).copied()).collect();
         let touched = |p: &&Placed| selected.iter().any(|&s| s >= p.at && s < p.at + p.tie.unknowns().len());
-        let ties: Vec<&Placed> = self.map.ties.iter().filter(touched).collect();
+        let ties: Vec<&Placed> = self.ties.iter().filter(touched).collect();
         ties.iter().for_each(|p| wanted.extend(p.tie.parameters()));
         wanted.sort_unstable();
-        let extras = j.ncols() - selected.len();
-        self.buffer.resize_mut(r.len(), wanted.len() + extras, 0.0);
-        self.inner.jacobian(&full, extra, &wanted, r, &mut self.buffer)?;
         let from = |i: usize| wanted.binary_search(&i).map_err(|_| EvalError::Rejected("tie without column".into()));
-        for (c, &s) in selected.iter().enumerate() {
-            if let Some(&i) = self.map.free.get(s) {
-                j.set_column(c, &self.buffer.column(from(i)?));
-            } else {
-                j.column_mut(c).fill(0.0);
-            }
+        let mut made = Vec::with_capacity(selected.len());
+        for &s in selected {
+            made.push(match self.free.get(s) {
+                Some(&i) => Made::Free(from(i)?),
+                None => Made::Tied(Vec::new()),
+            });
         }
         for p in ties {
             let d = p.derivative(short)?;
-            for (c, &s) in selected.iter().enumerate().filter(|(_, s)| **s >= p.at && **s < p.at + d.ncols()) {
-                for (row, &i) in p.tie.parameters().iter().enumerate() {
-                    j.column_mut(c).axpy(d[(row, s - p.at)], &self.buffer.column(from(i)?), 1.0);
+            for (made, &s) in made.iter_mut().zip(selected).filter(|(_, s)| **s >= p.at && **s < p.at + d.ncols()) {
+                if let Made::Tied(parts) = made {
+                    for (row, &i) in p.tie.parameters().iter().enumerate() {
+                        parts.push((from(i)?, d[(row, s - p.at)]));
+                    }
                 }
             }
         }
-        j.columns_mut(selected.len(), extras).copy_from(&self.buffer.columns(wanted.len(), extras));
-        Ok(())
+        Ok(TiedColumns { wanted, made, extras })
     }
 }
 

@@ -169,6 +169,7 @@ impl Complete {
 
 /// Samples that are left when `trim_s` seconds are cut off at both ends.
 pub(crate) fn trimmed(record: &Record, trim_s: f64) -> Result<core::ops::Range<usize>, LinearError> {
+    record.check_uniform("linear least squares").map_err(SetupError::from)?;
     let wrong = |needed| LinearError::Option { what: "time left out at the ends (s)".into(), value: trim_s, needed };
     if !(trim_s.is_finite() && trim_s >= 0.0) {
         return Err(wrong("zero or positive"));

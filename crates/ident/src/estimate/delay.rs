@@ -1,10 +1,13 @@
-//! Signals a little later than they were sampled: interpolation at `t_i - d`.
+//! Predictions where sensors read them: interpolation of a uniform grid at sample times `t_i`, or at `t_i - d` for readings late by `d`.
 //!
 //! A polynomial of degree five runs through the six samples around the wanted instant (Lagrange; at the ends of the record the
 //! nearest six). A component at frequency f is wrong by at most `(2 pi f dt)^6 / 205` of itself: 5e-6 at a twentieth of the
 //! sampling rate, 3e-10 at a hundredth. Weights are polynomials of the delay, so that the derivative is exact.
+//! Derivation of the bound, and what it means for estimates: `docs/theory/output-operator.md`.
 
+use core::ops::Range;
 use nalgebra::DMatrix;
+use std::sync::Arc;
 
 /// Samples in a stencil.
 const N: usize = 6;
@@ -12,30 +15,47 @@ const N: usize = 6;
 /// Samples beyond the ends of the record for which there is extrapolation.
 const BEYOND: f64 = 1.0;
 
-/// Weights of one delay for every sample of a record.
+/// Predictions on a uniform grid, taken at the sample times of a group of channels, perhaps later than that by a delay.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Delay {
-    samples: usize,
+pub(crate) struct OutputOperator {
+    /// Samples and interval (s) of the grid.
+    grid: usize,
     dt: f64,
-    /// `d / dt`.
+    /// Sample times (s); those of the grid where there are none.
+    times: Option<Arc<[f64]>>,
+    /// Delay over `dt`.
     shift: f64,
 }
 
-/// First sample, weights, and their derivatives with respect to the delay (1/s).
+/// First sample of the grid, weights, and their derivatives with respect to the delay (1/s).
 type Stencil = (usize, [f64; N], [f64; N]);
 
-impl Delay {
-    /// For records of `samples` (at least six) at `dt`, by `delay_s`; `None` when that is no shorter than the record.
-    pub(crate) fn new(samples: usize, dt: f64, delay_s: f64) -> Option<Self> {
+impl OutputOperator {
+    /// For a grid of `grid` samples (at least six) at `dt`, and readings at `times` since its first (s), or on it, that are late by
+    /// `delay_s`; `None` when that is no shorter than the grid.
+    pub(crate) fn new(grid: usize, dt: f64, times: Option<Arc<[f64]>>, delay_s: f64) -> Option<Self> {
         let shift = delay_s / dt;
-        (samples >= N && shift.abs() < samples as f64).then_some(Self { samples, dt, shift })
+        (grid >= N && shift.abs() < grid as f64).then_some(Self { grid, dt, times, shift })
+    }
+    /// Where reading `i` looks at the grid, in samples, and where the polynomial is taken for it.
+    fn position(&self, i: usize) -> (f64, f64) {
+        // Beyond the ends the polynomial of the last six samples serves for a little; then it would run away, and is held.
+        let last = (self.grid - 1) as f64;
+        let at = self.times.as_ref().map_or(i as f64, |t| t[i] / self.dt) - self.shift;
+        (at, at.clamp(-BEYOND, last + BEYOND))
+    }
+    /// First sample of the grid that reading `i` needs; it needs no more than six. Ascends with `i`.
+    pub(crate) fn first(&self, i: usize) -> usize {
+        let (_, x) = self.position(i);
+        (x.floor().max(0.0) as usize).saturating_sub(N / 2 - 1).min(self.grid - N)
+    }
+    /// The sample of the grid behind those that reading `i` needs.
+    pub(crate) fn end(&self, i: usize) -> usize {
+        self.first(i) + N
     }
     fn stencil(&self, i: usize) -> Stencil {
-        // Beyond the ends the polynomial of the last six samples serves for a little; then it would run away, and is held.
-        let last = (self.samples - 1) as f64;
-        let at = i as f64 - self.shift;
-        let x = at.clamp(-BEYOND, last + BEYOND);
-        let first = (x.floor().max(0.0) as usize).saturating_sub(N / 2 - 1).min(self.samples - N);
+        let (at, x) = self.position(i);
+        let first = self.first(i);
         let u = x - first as f64;
         let (mut w, mut dw) = ([0.0; N], [0.0; N]);
         for k in 0..N {
@@ -49,36 +69,45 @@ impl Delay {
         }
         (first, w, dw)
     }
-    /// Values of the columns of `y` (samples x channels) at `t_i - d`. Allocates.
-    pub(crate) fn of(&self, y: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut out = DMatrix::zeros(self.samples, y.ncols());
-        for i in 0..self.samples {
-            let (first, w, _) = self.stencil(i);
+    /// Values of the columns of `y` (grid x channels, of which row 0 is sample `from` of the grid) for the readings. Allocates.
+    pub(crate) fn of(&self, y: &DMatrix<f64>, from: usize, readings: Range<usize>) -> DMatrix<f64> {
+        self.weighted(y, from, readings, |(_, w, _)| w)
+    }
+    /// Derivative of [`OutputOperator::of`] with respect to the delay (unit of y per s). Allocates.
+    pub(crate) fn slope(&self, y: &DMatrix<f64>, from: usize, readings: Range<usize>) -> DMatrix<f64> {
+        self.weighted(y, from, readings, |(_, _, dw)| dw)
+    }
+    fn weighted(
+        &self,
+        y: &DMatrix<f64>,
+        from: usize,
+        readings: Range<usize>,
+        pick: impl Fn(&Stencil) -> &[f64; N],
+    ) -> DMatrix<f64> {
+        let mut out = DMatrix::zeros(readings.len(), y.ncols());
+        for (row, i) in readings.enumerate() {
+            let stencil = self.stencil(i);
+            let (first, w) = (stencil.0 - from, pick(&stencil));
             for c in 0..y.ncols() {
-                out[(i, c)] = (0..N).map(|k| w[k] * y[(first + k, c)]).sum();
+                out[(row, c)] = (0..N).map(|k| w[k] * y[(first + k, c)]).sum();
             }
         }
         out
     }
-    /// Derivative of [`Delay::of`] with respect to the delay (unit of y per s). Allocates.
-    pub(crate) fn slope(&self, y: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut out = DMatrix::zeros(self.samples, y.ncols());
-        for i in 0..self.samples {
-            let (first, _, dw) = self.stencil(i);
-            for c in 0..y.ncols() {
-                out[(i, c)] = (0..N).map(|k| dw[k] * y[(first + k, c)]).sum();
-            }
-        }
-        out
-    }
-    /// [`Delay::of`] for sensitivities: row `channels * i + c` of `d` holds channel c at sample i. Allocates.
-    pub(crate) fn of_rows(&self, d: &DMatrix<f64>, channels: usize) -> DMatrix<f64> {
-        let mut out = DMatrix::zeros(d.nrows(), d.ncols());
-        let stencils: Vec<Stencil> = (0..self.samples).map(|i| self.stencil(i)).collect();
+    /// [`OutputOperator::of`] for sensitivities: row `channels * i + c` of `d` holds channel c at sample i. Allocates.
+    pub(crate) fn of_rows(
+        &self,
+        d: &DMatrix<f64>,
+        channels: usize,
+        from: usize,
+        readings: Range<usize>,
+    ) -> DMatrix<f64> {
+        let mut out = DMatrix::zeros(channels * readings.len(), d.ncols());
+        let stencils: Vec<Stencil> = readings.map(|i| self.stencil(i)).collect();
         for (mut out, d) in out.column_iter_mut().zip(d.column_iter()) {
             for (i, (first, w, _)) in stencils.iter().enumerate() {
                 for c in 0..channels {
-                    out[channels * i + c] = (0..N).map(|k| w[k] * d[channels * (first + k) + c]).sum();
+                    out[channels * i + c] = (0..N).map(|k| w[k] * d[channels * (first - from + k) + c]).sum();
                 }
             }
         }
@@ -104,15 +133,15 @@ mod tests {
     #[test]
     fn smooth_signals_are_delayed_and_advanced() {
         for d in [0.003, -0.0041, 0.0272, 0.0, -0.05] {
-            let delay = Delay::new(80, DT, d).unwrap();
-            let (got, want) = (delay.of(&sampled(0.0)), sampled(d));
+            let delay = OutputOperator::new(80, DT, None, d).unwrap();
+            let (got, want) = (delay.of(&sampled(0.0), 0, 0..80), sampled(d));
             // Where the wanted instant lies in the record.
             for i in 6..74 {
                 for c in 0..2 {
                     assert_relative_eq!(got[(i, c)], want[(i, c)], epsilon = scaled(1e-9));
                 }
             }
-            let rows = delay.of_rows(&DMatrix::from_fn(160, 1, |k, _| signal((k / 2) as f64 * DT, k % 2)), 2);
+            let rows = delay.of_rows(&DMatrix::from_fn(160, 1, |k, _| signal((k / 2) as f64 * DT, k % 2)), 2, 0, 0..80);
             assert!((0..160).all(|k| rows[k] == got[(k / 2, k % 2)]));
         }
     }
@@ -120,16 +149,60 @@ mod tests {
     #[test]
     fn the_slope_is_the_derivative_also_at_the_ends() {
         let (y, h) = (sampled(0.0), 1e-6);
-        let at = |d: f64| Delay::new(80, DT, d).unwrap().of(&y);
+        let at = |d: f64| OutputOperator::new(80, DT, None, d).unwrap().of(&y, 0, 0..80);
         for d in [0.0034, -0.0241] {
-            let slope = Delay::new(80, DT, d).unwrap().slope(&y);
+            let slope = OutputOperator::new(80, DT, None, d).unwrap().slope(&y, 0, 0..80);
             assert_relative_eq!(slope, (at(d + h) - at(d - h)) / (2.0 * h), epsilon = scaled(1e-7));
         }
     }
 
     #[test]
     fn impossible_delays_are_refused() {
-        assert!(Delay::new(5, DT, 0.001).is_none() && Delay::new(80, DT, 0.81).is_none());
-        assert!(Delay::new(80, DT, f64::NAN).is_none());
+        let new = |grid, d| OutputOperator::new(grid, DT, None, d);
+        assert!(new(5, 0.001).is_none() && new(80, 0.81).is_none() && new(80, f64::NAN).is_none());
+    }
+
+    /// Sample times with jitter, at another rate than the grid, some lost.
+    fn times() -> Arc<[f64]> {
+        (0..130).filter(|i| i % 11 != 5).map(|i| 0.006 * (i as f64 + 0.3 * (1.9 * i as f64).sin()).max(0.0)).collect()
+    }
+
+    #[test]
+    fn readings_at_times_of_their_own_are_within_the_bound_of_the_docs() {
+        let (y, times) = (sampled(0.0), times());
+        // f^(6) = 2.1^6 sin + 0.3 7.3^6 cos.
+        let sixth = 2.1f64.powi(6) + 0.3 * 7.3f64.powi(6);
+        for d in [0.0, 0.0034] {
+            let o = OutputOperator::new(80, DT, Some(Arc::clone(&times)), d).unwrap();
+            let got = o.of(&y, 0, 0..times.len());
+            let (mut inner, mut outer) = (0.0f64, 0.0f64);
+            for (i, t) in times.iter().enumerate() {
+                let (x, e) = ((t - d) / DT, (got[(i, 1)] - signal(t - d, 1)).abs());
+                if (2.0..77.0).contains(&x) {
+                    inner = inner.max(e);
+                } else if (0.0..=79.0).contains(&x) {
+                    outer = outer.max(e);
+                }
+            }
+            let unit = DT.powi(6) * sixth;
+            assert!(inner < unit / 204.8 && inner > 0.2 * unit / 204.8, "{inner:e} {:e}", unit / 204.8);
+            assert!(outer < unit / 42.5 && outer > 0.0, "{outer:e} {:e}", unit / 42.5);
+        }
+    }
+
+    #[test]
+    fn a_window_of_the_grid_is_enough() {
+        let (y, times) = (sampled(0.0), times());
+        let o = OutputOperator::new(80, DT, Some(Arc::clone(&times)), -0.0021).unwrap();
+        let whole = o.of(&y, 0, 0..times.len());
+        let readings = 31..64;
+        let (from, end) = (o.first(31), o.end(63));
+        let window = y.rows(from, end - from).into_owned();
+        assert_eq!(o.of(&window, from, readings.clone()), whole.rows(31, 33));
+        assert_eq!(o.slope(&window, from, readings), o.slope(&y, 0, 0..times.len()).rows(31, 33));
+        let d = DMatrix::from_fn(160, 1, |k, _| y[(k / 2, k % 2)]);
+        let part = d.rows(2 * from, 2 * (end - from)).into_owned();
+        assert_eq!(o.of_rows(&part, 2, from, 31..64), o.of_rows(&d, 2, 0, 0..times.len()).rows(62, 66));
+        assert!((1..times.len()).all(|i| o.first(i) >= o.first(i - 1)));
     }
 }

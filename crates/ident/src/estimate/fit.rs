@@ -1,8 +1,10 @@
-//! The least-squares problem behind [`crate::estimate::estimator::estimate`]: data, priors and references in unconstrained coordinates.
+//! The least-squares problem behind [`crate::estimate`]: data, priors and references in unconstrained coordinates.
 
 use crate::belief::prior::Priors;
-use crate::estimate::estimator::{Estimator, Request};
+use crate::estimate::estimator::Estimator;
+use crate::estimate::fold::{self, At, Folded};
 use crate::estimate::outcome::EstimateError;
+use crate::estimate::request::Request;
 use crate::parameters::transform::Transform;
 use crate::solve::loss::Loss;
 use ff_least_squares::{EvalError, LmError};
@@ -88,6 +90,8 @@ pub(crate) struct Linearised {
     slopes: Vec<f64>,
     /// Upper triangle of `[J r]`, after the loss.
     triangle: DMatrix<f64>,
+    /// What is left where rows were not kept; its triangle is the one above.
+    folded: Option<Folded>,
 }
 
 impl Linearised {
@@ -101,15 +105,30 @@ impl Linearised {
         full: &[f64],
         extra: &[f64],
         loss: Loss,
+        threads: Option<usize>,
     ) -> Result<(), EvalError> {
         let rows = estimator.rows();
         self.residuals.resize(rows, 0.0);
+        if let Some(threads) = threads {
+            self.full.clear();
+            let at = At { full, extra, selected, threads };
+            let mut folded = fold::fold(estimator, at, loss, &mut self.residuals)?;
+            self.triangle = core::mem::take(&mut folded.triangle);
+            self.folded = Some(folded);
+            self.ends_at(full, extra, loss);
+            return Ok(());
+        }
         let columns = selected.len() + extra.len();
         if self.jacobian.shape() != (rows, columns) {
             self.jacobian = DMatrix::zeros(rows, columns);
         }
         self.full.clear();
         estimator.jacobian(full, extra, selected, &mut self.residuals, &mut self.jacobian)?;
+        self.ends_at(full, extra, loss);
+        Ok(())
+    }
+    /// Residuals are those of this point.
+    fn ends_at(&mut self, full: &[f64], extra: &[f64], loss: Loss) {
         self.full.extend_from_slice(full);
         self.extra.clear();
         self.extra.extend_from_slice(extra);
@@ -117,11 +136,13 @@ impl Linearised {
         if loss != Loss::Squares {
             self.slopes.extend(self.residuals.iter().map(|&r| loss.root(r).1));
         }
-        Ok(())
     }
     /// Triangle of the Jacobian alone, without the loss: what [`crate::belief::covariance::analyse`] needs of it.
     pub(crate) fn information(&self) -> Result<DMatrix<f64>, LinalgError> {
-        let n = self.jacobian.ncols();
+        if let Some(folded) = self.folded.as_ref().filter(|f| !f.plain.is_empty()) {
+            return Ok(folded.plain.clone());
+        }
+        let n = if self.folded.is_some() { self.triangle.ncols() - 1 } else { self.jacobian.ncols() };
         if self.slopes.is_empty() && self.triangle.ncols() == n + 1 {
             return Ok(self.triangle.columns(0, n).into_owned());
         }
@@ -130,8 +151,9 @@ impl Linearised {
 }
 
 /// The last two linearisations: the next round starts where this one ended.
-#[derive(Default)]
 pub(crate) struct Evaluated {
+    /// Threads that fold the rows, where they are not kept.
+    threads: Option<usize>,
     /// Where the solver is, and the candidate.
     at: [Linearised; 2],
     /// Which of them was asked for last.
@@ -139,6 +161,14 @@ pub(crate) struct Evaluated {
 }
 
 impl Evaluated {
+    /// Of rows that are kept, or folded on so many threads.
+    pub(crate) fn new(threads: Option<usize>) -> Self {
+        Self { threads, at: Default::default(), asked: 0 }
+    }
+    /// Whether rows are folded, not kept.
+    pub(crate) fn folds(&self) -> bool {
+        self.threads.is_some()
+    }
     /// The linearisation at a point, without its triangle if it is new. Evaluates unless it is at hand.
     pub(crate) fn at<E: Estimator + ?Sized>(
         &mut self,
@@ -152,7 +182,7 @@ impl Evaluated {
         let at = &mut self.at[self.asked];
         if !at.is_at(full, extra) {
             at.triangle = DMatrix::default();
-            at.evaluate(estimator, selected, full, extra, loss)?;
+            at.evaluate(estimator, selected, full, extra, loss, self.threads)?;
         }
         Ok(at)
     }
@@ -272,23 +302,35 @@ impl<E: Estimator + ?Sized> Linearise for Fit<'_, E> {
         self.last.at.swap(0, self.last.asked);
         self.last.asked = 0;
     }
-    fn transposed(&self, v: &[f64]) -> DVector<f64> {
+    fn transposed(&mut self, v: &[f64]) -> Tried<DVector<f64>> {
         let (at, frame, n) = (&self.last.at[0], &self.frames[0], self.transform.dim());
         let (data, rest) = v.split_at(at.residuals.len());
-        let mut data = DVector::from_column_slice(data);
-        data.iter_mut().zip(&at.slopes).for_each(|(v, s)| *v *= s);
-        let physical = at.jacobian.tr_mul(&data);
+        let physical = if let Some(threads) = self.last.threads {
+            let place = At { full: &at.full, extra: &at.extra, selected: self.transform.selected(), threads };
+            match fold::transposed(&mut *self.estimator, place, data, &at.slopes) {
+                Ok(g) => g,
+                Err(EvalError::Rejected(why)) => return Ok(Err(why)),
+                Err(EvalError::Fatal(e)) => return Err(LmError::Fatal(e)),
+            }
+        } else {
+            let mut data = DVector::from_column_slice(data);
+            data.iter_mut().zip(&at.slopes).for_each(|(v, s)| *v *= s);
+            at.jacobian.tr_mul(&data)
+        };
         let mut g = DVector::zeros(self.dim());
         let known = frame.known.tr_mul(&DVector::from_column_slice(rest));
         g.rows_mut(0, n).copy_from(&(frame.chain.tr_mul(&physical.rows(0, n)) + known));
         for (k, s) in self.sizes.iter().enumerate() {
             g[n + k] = physical[n + k] * s;
         }
-        g
+        Ok(Ok(g))
     }
     fn rounding(&self, _x: &[f64], r: &[f64]) -> f64 {
         // What is rounded are the parameters themselves.
         let at = &self.last.at[0];
+        if let Some(folded) = &at.folded {
+            return folded.rounding;
+        }
         let mut values: Vec<f64> = self.transform.selected().iter().map(|&i| at.full[i]).collect();
         values.extend_from_slice(&at.extra);
         rounding(&at.jacobian, &values, &r[..at.residuals.len()])

@@ -352,6 +352,7 @@ fn too_short(value: f64) -> LinearError {
 /// # Errors
 /// [`LinearError::Option`] for a frequency out of range (a tenth of the sampling rate at most), or a record too short for it.
 pub fn smoothed(record: &Record, hz: f64) -> Result<Record, LinearError> {
+    record.check_uniform("a filter").map_err(SetupError::from)?;
     let z = filter(record, hz)?;
     let (n, cut) = (record.samples(), z.transient());
     if n < 3 * cut {

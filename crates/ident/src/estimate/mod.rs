@@ -2,22 +2,33 @@
 
 pub(crate) mod complete;
 pub(crate) mod delay;
+pub(crate) mod estimation;
 pub(crate) mod estimator;
 pub(crate) mod fit;
+pub(crate) mod fold;
 pub(crate) mod ground;
 mod ground_physical;
 pub(crate) mod nuisance;
 pub(crate) mod outcome;
 pub(crate) mod output_error;
+pub(crate) mod output_options;
+pub(crate) mod output_rows;
+pub(crate) mod output_spans;
 pub(crate) mod rda;
 pub mod report;
+pub(crate) mod request;
+pub(crate) mod row_stream;
 pub(crate) mod setup;
 
 pub use complete::{Complete, CompleteOptions};
-pub use estimator::{Coarse, Estimator, Request, estimate};
+pub use estimation::estimate;
+pub use estimator::{Coarse, Estimator};
 pub use ground::{Friction, Ground, GroundEstimate, NearRest, smoothed};
 pub use nuisance::{NuisanceError, NuisanceFit, fit_nuisance};
 pub use outcome::{Estimate, EstimateError, Estimated, RANK_TOLERANCE};
-pub use output_error::{Options, OutputError};
+pub use output_error::OutputError;
+pub use output_options::Options;
 pub use rda::Rda;
+pub use request::{Jacobian, KEPT_BYTES, Request};
+pub use row_stream::{RowBlock, RowStream};
 pub use setup::{Noise, SetupError};

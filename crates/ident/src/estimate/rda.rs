@@ -4,21 +4,36 @@
 //! attitude has to be measured: `tau = H* qdd + c* = N^T Y phi`, rational in `phi`, with the exact Jacobian
 //! `N^T Y` ([`ff_dynamics::reduced_torques`]; Rackl, Lampariello, Albu-Schaeffer 2013).
 
+use crate::estimate::delay::OutputOperator;
 use crate::estimate::estimator::Estimator;
-use crate::estimate::setup::{Noise, SetupError, check_noise};
-use crate::motion::tables::Tables;
-use ff_dynamics::{Wanted, reduced_torques};
+use crate::estimate::row_stream::{RowBlock, RowStream};
+use crate::estimate::setup::check_noise;
+use crate::estimate::setup::{Noise, SetupError};
+use crate::motion::tables::{KEPT, Table, Tables};
+use core::ops::Range;
+use ff_dynamics::Wanted;
+use ff_dynamics::reduced::reduced_torques_span;
 use ff_least_squares::EvalError;
 use ff_model::{Kinematics, Model, Params};
-use ff_records::Record;
+use ff_records::time_base::on_grid;
+use ff_records::{ChannelGroup, Record};
 use nalgebra::DMatrix;
+use std::borrow::Cow;
+use std::sync::Arc;
 
 /// The rigid estimator.
+///
+/// Torques may have sample times of their own; predictions are then interpolated where they were read. So may the gyro, which is an
+/// input here: its readings are brought to the grid (`docs/theory/output-operator.md`).
 pub struct Rda<'a> {
     model: &'a Model,
     record: &'a Record,
     sigma: f64,
     tables: Tables,
+    /// Base rates on the grid (rad/s), samples x 3.
+    rates: Cow<'a, DMatrix<f64>>,
+    /// How torques are read, where they are not sampled on the grid.
+    by: Option<OutputOperator>,
 }
 
 impl<'a> Rda<'a> {
@@ -31,32 +46,74 @@ impl<'a> Rda<'a> {
         if model.np() > 0 {
             return Err(SetupError::NotRigid(model.np()));
         }
-        Ok(Self { model, record, sigma: noise.torque, tables: Tables::new(model, record, 1, Some(noise), true)? })
-    }
-    fn fill(&self, tau: &DMatrix<f64>, r: &mut [f64]) {
-        let n = self.model.nj();
-        for i in 0..tau.nrows() {
-            for j in 0..n {
-                r[i * n + j] = (tau[(i, j)] - self.record.tau()[(i, j)]) / self.sigma;
+        let (samples, dt) = (record.samples(), record.dt());
+        let rates = match record.times(ChannelGroup::Gyro) {
+            Some(times) => Cow::Owned(on_grid(ChannelGroup::Gyro, times, record.gyro(), dt, samples)?),
+            None => Cow::Borrowed(record.gyro()),
+        };
+        let by = match record.times(ChannelGroup::Torque) {
+            Some(times) => {
+                let by = OutputOperator::new(samples, dt, Some(Arc::from(times)), 0.0);
+                let few = || SetupError::JointMotion("interpolation of readings needs six samples of the grid".into());
+                Some(by.ok_or_else(few)?)
             }
+            None => None,
+        };
+        let tables = Tables::new(model, record, 1, Some(noise), true)?;
+        Ok(Self { model, record, sigma: noise.torque, tables, rates, by })
+    }
+    /// Samples of the grid that readings need.
+    fn needed(&self, readings: &Range<usize>) -> Range<usize> {
+        match &self.by {
+            Some(by) => by.first(readings.start)..by.end(readings.end - 1),
+            None => readings.clone(),
         }
     }
-    fn run(&mut self, full: &[f64], selected: &[usize]) -> Result<(DMatrix<f64>, DMatrix<f64>), EvalError> {
+    /// Whitened residuals and, unless there are no columns, derivatives of the torques at some readings, in rows of joints.
+    fn run(
+        &mut self,
+        full: &[f64],
+        selected: &[usize],
+        readings: Range<usize>,
+        r: &mut [f64],
+    ) -> Result<DMatrix<f64>, EvalError> {
         let params = Params::from_values(self.model, full.to_vec());
         let wanted = Wanted { params: selected.to_vec(), initial: Vec::new(), ..Wanted::default() };
-        let (model, rates) = (self.model, self.record.gyro());
-        let table = self.tables.get(model, &params, &Kinematics::fixed(model), &wanted);
-        reduced_torques(model, &params, table, rates, &wanted).map_err(|e| EvalError::Rejected(e.to_string()))
+        let (model, grid) = (self.model, self.needed(&readings));
+        let rates = match &self.rates {
+            Cow::Borrowed(all) if grid.len() == all.nrows() => Cow::Borrowed(*all),
+            all => Cow::Owned(all.rows(grid.start, grid.len()).into_owned()),
+        };
+        let Table { table, samples } =
+            self.tables.span(model, &params, &Kinematics::fixed(model), &wanted, grid.clone());
+        let made = reduced_torques_span(model, &params, &table, samples, &rates, &wanted);
+        let (mut tau, mut d) = made.map_err(|e| EvalError::Rejected(e.to_string()))?;
+        if let Some(by) = &self.by {
+            tau = by.of(&tau, grid.start, readings.clone());
+            d = by.of_rows(&d, model.nj(), grid.start, readings.clone());
+        }
+        let n = model.nj();
+        for i in 0..tau.nrows() {
+            for j in 0..n {
+                r[i * n + j] = (tau[(i, j)] - self.record.tau()[(readings.start + i, j)]) / self.sigma;
+            }
+        }
+        Ok(d)
+    }
+    fn readings(&self) -> usize {
+        self.record.tau().nrows()
     }
 }
 
 impl Estimator for Rda<'_> {
     fn rows(&self) -> usize {
-        self.record.samples() * self.model.nj()
+        self.readings() * self.model.nj()
     }
     fn residuals(&mut self, full: &[f64], _extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-        let (tau, _) = self.run(full, &[])?;
-        self.fill(&tau, r);
+        let n = self.model.nj();
+        for part in parts(self.readings()) {
+            self.run(full, &[], part.clone(), &mut r[part.start * n..part.end * n])?;
+        }
         Ok(())
     }
     fn jacobian(
@@ -67,9 +124,53 @@ impl Estimator for Rda<'_> {
         r: &mut [f64],
         j: &mut DMatrix<f64>,
     ) -> Result<(), EvalError> {
-        let (tau, d) = self.run(full, selected)?;
-        self.fill(&tau, r);
-        j.columns_mut(0, selected.len()).copy_from(&(d / self.sigma));
+        let n = self.model.nj();
+        for part in parts(self.readings()) {
+            let rows = part.start * n..part.end * n;
+            let d = self.run(full, selected, part, &mut r[rows.clone()])?;
+            j.view_mut((rows.start, 0), (rows.len(), selected.len())).copy_from(&(d / self.sigma));
+        }
         Ok(())
+    }
+    fn streams<'s>(
+        &'s mut self,
+        full: &[f64],
+        _extra: &[f64],
+        selected: &[usize],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        Ok(vec![Box::new(Parts { full: full.to_vec(), selected: selected.to_vec(), next: 0, rda: self })])
+    }
+}
+
+/// Readings that are evaluated together: all of them where a table of the whole record is kept.
+fn parts(readings: usize) -> impl Iterator<Item = Range<usize>> {
+    let length = if readings <= KEPT { readings.max(1) } else { PART };
+    (0..readings).step_by(length).map(move |first| first..(first + length).min(readings))
+}
+
+/// Readings of a block of rows.
+const PART: usize = 1024;
+
+/// The rows, some readings at a time.
+struct Parts<'s, 'a> {
+    rda: &'s mut Rda<'a>,
+    full: Vec<f64>,
+    selected: Vec<usize>,
+    next: usize,
+}
+
+impl RowStream for Parts<'_, '_> {
+    fn next(&mut self, block: &mut RowBlock) -> Result<bool, EvalError> {
+        let Self { rda, full, selected, next } = self;
+        let (n, part) = (rda.model.nj(), *next..(*next + PART).min(rda.readings()));
+        if part.is_empty() {
+            return Ok(false);
+        }
+        let rows = part.start * n..part.end * n;
+        block.resize(core::slice::from_ref(&rows), selected.len());
+        let d = rda.run(full, selected, part.clone(), &mut block.residuals)?;
+        block.jacobian.copy_from(&(d / rda.sigma));
+        *next = part.end;
+        Ok(true)
     }
 }

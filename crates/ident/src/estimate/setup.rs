@@ -1,5 +1,7 @@
 //! Noise of the sensors, and why an estimator cannot be set up.
 
+use ff_records::time_base::TimeBaseError;
+
 /// Standard deviations that whiten the residuals.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Noise {
@@ -23,6 +25,9 @@ pub enum SetupError {
         /// In the model.
         want: usize,
     },
+    /// Sample times that it cannot work with.
+    #[error(transparent)]
+    TimeBase(#[from] TimeBaseError),
     /// The rigid estimator was given a model with appendages.
     #[error("the rigid estimator takes a model without passive coordinates, this one has {0}; freeze them first")]
     NotRigid(usize),

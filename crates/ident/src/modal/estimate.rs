@@ -23,8 +23,10 @@
 //! springs and dampers, `det(l^2 H_p + l D + K) = 0` and `det(l^2 (H_p - H_bp^T H_b^-1 H_bp) + l D + K) = 0`.
 
 use crate::belief::covariance::Uncertainty;
-use crate::estimate::estimator::{Estimator, Request, estimate};
+use crate::estimate::estimation::estimate;
+use crate::estimate::estimator::Estimator;
 use crate::estimate::outcome::{Estimate, EstimateError};
+use crate::estimate::request::Request;
 use crate::modal::assignment::assign;
 use crate::modal::matching::{MatchSettings, ModeMatch, Pair, Unseen, match_modes};
 use crate::modal::model::{HeldPose, ModalModel, ModalModelError, ModeDerivatives, ModelMode};

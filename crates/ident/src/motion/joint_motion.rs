@@ -2,16 +2,18 @@
 
 use crate::estimate::setup::SetupError;
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
-use crate::motion::spline_fit::{JointSamples, choose_knots, fit_motion_from_rest, noise_estimate};
+use crate::motion::spline_fit::{JointSamples, choose_knots, fit_motion_from_rest, noise_of};
+use crate::motion::stamped_motion::StampedHermite;
 use ff_dynamics::motion::{HermiteTable, JointMotion};
 use ff_model::Model;
 use ff_records::Record;
+use ff_records::time_base::ChannelGroup;
 use nalgebra::DMatrix;
 
 /// The joint motion of a record.
 ///
 /// With rates and accelerations in the record (noise-free simulation, or a controller that logs its set
-/// points), quintic Hermite interpolation through the samples; with positions, and rates where they agree with them, a
+/// points), quintic Hermite interpolation through the samples, at times of their own or not; with positions, and rates where they agree with them, a
 /// least-squares B-spline ([`spectral_motion`]). Allocates.
 ///
 /// # Errors
@@ -31,6 +33,9 @@ pub(crate) fn motion_of(
     let n = record.joints();
     if n != model.nj() {
         return Err(SetupError::Joints { got: n, want: model.nj() });
+    }
+    if let (Some(times), Some(qd), Some(qdd)) = (record.times(ChannelGroup::Motion), record.qd(), record.qdd()) {
+        return Ok(Box::new(StampedHermite::new(times, record.q(), qd, qdd)));
     }
     if let Some(table) = logged(record)? {
         return Ok(Box::new(table));
@@ -54,7 +59,7 @@ fn logged(record: &Record) -> Result<Option<HermiteTable>, SetupError> {
 
 /// The motion of a record too short for a spectrum.
 fn short(record: &Record) -> Result<Option<Box<dyn JointMotion>>, SetupError> {
-    if record.samples() >= 64 {
+    if record.q().nrows() >= 64 {
         return Ok(None);
     }
     let (times, q) = (times(record), rows(record.q()));
@@ -86,7 +91,7 @@ pub fn motion_at_stake(record: &Record, stake: &Stake, from_rest: bool) -> Resul
     let positions = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
     if let Some(qd) = record.qd() {
         let qd = rows(qd);
-        let noise = |x: &[f64]| noise_estimate(&JointSamples { q: x, ..positions }).map_err(|e| failed(e.into()));
+        let noise = |x: &[f64]| noise_of(&JointSamples { q: x, ..positions }).map_err(|e| failed(e.into()));
         let (of_q, of_qd) = (noise(&q)?, noise(&qd)?);
         let norm = |s: &[f64]| s.iter().map(|s| s * s).sum::<f64>().sqrt();
         let rate_weight = norm(&of_q) / norm(&of_qd);
@@ -114,6 +119,9 @@ fn settled(mut fit: SpectralFit, samples: &JointSamples<'_>, from_rest: bool) ->
 }
 
 fn times(record: &Record) -> Vec<f64> {
+    if let Some(times) = record.times(ChannelGroup::Motion) {
+        return times.to_vec();
+    }
     (0..record.samples()).map(|i| i as f64 * record.dt()).collect()
 }
 

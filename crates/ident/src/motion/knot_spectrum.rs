@@ -11,9 +11,12 @@
 //! such end and, told too little noise, follows what there is down to 2.5 samples.
 
 use crate::motion::knot_risk::{Candidate, acceleration_variance, best, biases, quantum};
-use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_motion, noise_estimate};
+use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_motion, is_even, noise_of};
+use ff_records::ChannelGroup;
+use ff_records::time_base::{TimeBaseError, on_grid};
 use ff_spectral::Welch;
 use ff_spectral::psd::PsdError;
+use nalgebra::DMatrix;
 
 /// Knots per period of the highest frequency that stands out of the noise. At four, a spline of degree 5 follows a sine to
 /// about 1e-3 of its amplitude in position.
@@ -88,9 +91,12 @@ pub enum KnotError {
     /// The spectrum failed.
     #[error(transparent)]
     Psd(#[from] PsdError),
+    /// Samples at uneven times that no spectrum can be made of.
+    #[error(transparent)]
+    Resample(#[from] TimeBaseError),
 }
 
-/// Fits `samples` (equally spaced) with knots judged by their accelerations. `noise` is the standard deviation of the positions per joint
+/// Fits `samples` with knots judged by their accelerations. `noise` is the standard deviation of the positions per joint
 /// where it is known; otherwise it is estimated, and not below that of the steps of an encoder. Every joint counts alike. Allocates.
 ///
 /// # Errors
@@ -108,7 +114,7 @@ pub fn fit_at_stake(
     noise: Option<&[f64]>,
     stake: &Stake,
 ) -> Result<SpectralFit, KnotError> {
-    let estimated = noise_estimate(samples)?;
+    let estimated = noise_of(samples)?;
     let (n, m) = (samples.dof, samples.times.len());
     if m < 64 {
         return Err(FitError::Length { what: "samples", got: m, expected: 64 }.into());
@@ -126,7 +132,10 @@ pub fn fit_at_stake(
     let noise: Vec<f64> = noise.map_or_else(|| (0..n).map(stepped).collect(), <[f64]>::to_vec);
     let end = samples.times[m - 1];
     let dt = end / (m - 1) as f64;
-    let (bands, floors) = spectrum(samples, &noise, dt)?;
+    // What the spectrum is for is where the motion ends: of samples at uneven times it is that of their interpolation, whose
+    // noise is a little lower.
+    let even = evenly(samples, dt)?;
+    let (bands, floors) = spectrum(&JointSamples { q: even.as_deref().unwrap_or(samples.q), ..*samples }, &noise, dt)?;
     let band = bands.iter().copied().fold(0.0, f64::max);
     let rho = if samples.qd.is_some() { samples.rate_weight } else { 0.0 };
     let weighted: f64 = noise.iter().zip(&stake.weights).map(|(s, w)| (s * w).powi(2)).sum();
@@ -172,6 +181,16 @@ pub fn fit_at_stake(
     };
     let fit = candidates.swap_remove(chosen).fit;
     Ok(SpectralFit { fit, bands, floors, noise, rate_weight: rho, dt, reason })
+}
+
+/// Positions at `0, dt, 2 dt, ...`, sample after sample; `None` where they are there already.
+fn evenly(samples: &JointSamples<'_>, dt: f64) -> Result<Option<Vec<f64>>, TimeBaseError> {
+    if is_even(samples.times).is_ok() {
+        return Ok(None);
+    }
+    let q = DMatrix::from_row_slice(samples.times.len(), samples.dof, samples.q);
+    let even = on_grid(ChannelGroup::Motion, samples.times, &q, dt, samples.times.len())?;
+    Ok(Some(even.transpose().as_slice().to_vec()))
 }
 
 /// Per joint, where its spectrum meets the floor of `noise`, and that floor.

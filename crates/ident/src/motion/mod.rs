@@ -4,6 +4,7 @@ pub(crate) mod joint_motion;
 pub(crate) mod knot_risk;
 pub(crate) mod knot_spectrum;
 pub(crate) mod spline_fit;
+pub(crate) mod stamped_motion;
 pub(crate) mod tables;
 pub(crate) mod torque_sensitivity;
 pub(crate) mod zero_phase;
@@ -11,6 +12,6 @@ pub(crate) mod zero_phase;
 pub use joint_motion::{joint_motion, motion_at_stake, spectral_motion};
 pub use knot_spectrum::{KNOTS_PER_PERIOD, KnotError, KnotReason, SpectralFit, Stake, fit_at_stake, fit_by_spectrum};
 pub use spline_fit::{
-    DEGREE, FitError, JointSamples, MotionFit, choose_knots, fit_motion, fit_motion_from_rest, noise_estimate,
+    DEGREE, FitError, JointSamples, MotionFit, choose_knots, fit_motion, fit_motion_from_rest, noise_estimate, noise_of,
 };
 pub use zero_phase::ZeroPhase;

@@ -211,13 +211,9 @@ fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, from_rest: bool
 /// [`FitError`] if lengths disagree, a value is not finite, there are too few samples or they are uneven.
 pub fn noise_estimate(samples: &JointSamples<'_>) -> Result<Vec<f64>, FitError> {
     const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
-    let end = check(samples)?;
+    check(samples)?;
     let (n, m) = (samples.dof, samples.times.len());
-    let h = end / (m - 1) as f64;
-    if let Some((sample, &time)) = samples.times.iter().enumerate().find(|(i, t)| (*t - *i as f64 * h).abs() > 0.01 * h)
-    {
-        return Err(FitError::Uneven { sample, time });
-    }
+    is_even(samples.times)?;
     if m < BINOMIAL.len() {
         return Err(FitError::Length { what: "samples", got: m, expected: BINOMIAL.len() });
     }
@@ -231,10 +227,54 @@ pub fn noise_estimate(samples: &JointSamples<'_>) -> Result<Vec<f64>, FitError> 
     Ok((0..n).map(of_joint).collect())
 }
 
+/// Whether ascending times from 0 are equally spaced to a hundredth of an interval.
+pub(crate) fn is_even(times: &[f64]) -> Result<(), FitError> {
+    let h = times[times.len() - 1] / (times.len() - 1) as f64;
+    match times.iter().enumerate().find(|(i, t)| (*t - *i as f64 * h).abs() > 0.01 * h) {
+        Some((sample, &time)) => Err(FitError::Uneven { sample, time }),
+        None => Ok(()),
+    }
+}
+
+/// [`noise_estimate`] of samples at any times.
+///
+/// Where they are not equally spaced, divided differences take the place of differences: `sum_a w_a x(t_a)` over seven neighbours with
+/// `w_a = 1 / prod_b (t_a - t_b)` vanishes for polynomials of degree five and has the variance `sigma^2 sum w_a^2` for white noise.
+/// Allocates.
+///
+/// # Errors
+/// As [`noise_estimate`], but for uneven times.
+pub fn noise_of(samples: &JointSamples<'_>) -> Result<Vec<f64>, FitError> {
+    const WINDOW: usize = 7;
+    let end = check(samples)?;
+    let (n, m) = (samples.dof, samples.times.len());
+    if is_even(samples.times).is_ok() {
+        return noise_estimate(samples);
+    }
+    if m < WINDOW {
+        return Err(FitError::Length { what: "samples", got: m, expected: WINDOW });
+    }
+    // In intervals, so that products stay near one.
+    let scale = (m - 1) as f64 / end;
+    let mut squares = vec![0.0; n];
+    for first in 0..=m - WINDOW {
+        let t = &samples.times[first..first + WINDOW];
+        let w: [f64; WINDOW] = core::array::from_fn(|a| {
+            1.0 / (0..WINDOW).filter(|&b| b != a).map(|b| scale * (t[a] - t[b])).product::<f64>()
+        });
+        let variance: f64 = w.iter().map(|w| w * w).sum();
+        for (j, s) in squares.iter_mut().enumerate() {
+            let difference: f64 = w.iter().enumerate().map(|(a, w)| w * samples.q[(first + a) * n + j]).sum();
+            *s += difference * difference / variance;
+        }
+    }
+    Ok(squares.iter().map(|s| (s / (m + 1 - WINDOW) as f64).sqrt()).collect())
+}
+
 /// The coarsest knots whose residual is at the noise floor of every joint.
 ///
 /// Spacings from a sixth of the record down to 2.5 samples, each `1/sqrt(2)` of the one before, are tried.
-/// `noise` is the standard deviation per joint (rad or m); without it [`noise_estimate`] is used. "At the
+/// `noise` is the standard deviation per joint (rad or m); without it [`noise_of`] is used. "At the
 /// floor" means within two standard deviations of the comparison (`1 + 2 / sqrt(2 N)` for a given noise and `N`
 /// samples, twice as wide for an estimated one) or, for noise below it, within 1e-12 of the largest position. Too coarse knots bend the acceleration, too fine ones
 /// let noise through: its noise grows with `spacing^-2.5`. The finest spacing is returned when none reaches
@@ -255,7 +295,7 @@ pub fn choose_knots(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Result
         }
         s
     } else {
-        estimated = noise_estimate(samples)?;
+        estimated = noise_of(samples)?;
         // Overlapping differences carry C(12,6)^2 / C(24,12) = 0.316 of the information; both figures vary.
         uncertainty = (1.0 + 1.0 / 0.316f64).sqrt();
         &estimated

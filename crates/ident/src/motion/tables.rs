@@ -3,12 +3,24 @@
 use crate::estimate::setup::{Noise, SetupError};
 use crate::motion::joint_motion::motion_of;
 use crate::motion::torque_sensitivity as knot_stake;
+use core::ops::Range;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::reduced::TableKey;
 use ff_dynamics::{Prescribed, Sampling, Wanted};
 use ff_model::{Kinematics, Model, Params};
 use ff_records::Record;
+use std::borrow::Cow;
 use std::sync::Arc;
+
+/// Samples of a record up to which its table is made once and kept (some 2 kB for each); that of a longer one is made span by span,
+/// whenever it is gone through.
+pub(crate) const KEPT: usize = 1 << 16;
+
+/// A table, and which of its samples are meant.
+pub(crate) struct Table<'a> {
+    pub(crate) table: Cow<'a, Prescribed>,
+    pub(crate) samples: Range<usize>,
+}
 
 /// Joint motion of a record with its tables.
 pub(crate) struct Tables {
@@ -42,6 +54,25 @@ impl Tables {
         let Sampling { samples, sample_s, .. } = self.sampling;
         let sampling = Sampling { samples: samples.div_ceil(every), sample_s: sample_s * every as f64, substeps: 1 };
         Self { motion: Arc::clone(&self.motion), sampling, kept: None }
+    }
+    /// The table of samples `span` for these parameters and displacements, with what the derivatives `wanted` need and one sample more
+    /// unless they are the last: kept, or made for them.
+    pub(crate) fn span(
+        &mut self,
+        model: &Model,
+        params: &Params<f64>,
+        kinematics: &Kinematics<f64>,
+        wanted: &Wanted,
+        span: Range<usize>,
+    ) -> Table<'_> {
+        let samples = self.sampling.samples;
+        if samples <= KEPT {
+            return Table { table: Cow::Borrowed(self.get(model, params, kinematics, wanted)), samples: span };
+        }
+        let own = span.start..(span.end + 1).min(samples);
+        let (motion, sampling) = (&self.motion, &self.sampling);
+        let table = Prescribed::span_with_kinematics(model, params, kinematics, motion, sampling, own, wanted);
+        Table { table: Cow::Owned(table), samples: 0..span.len() }
     }
     /// The table for these parameters and displacements of joints and mounts, with what the derivatives `wanted` need. Base
     /// and appendages play no part in it, so it is made anew only when its [`TableKey`] says so: a link's parameter, a

@@ -30,7 +30,7 @@ pub(crate) fn stake(model: &Model, record: &Record, sigma: f64) -> Option<Stake>
     let joints: Vec<usize> = (nb..nb + n).collect();
     let mut squares = vec![0.0; n];
     for k in 0..POSES {
-        let i = k * (record.samples() - 1) / (POSES - 1);
+        let i = k * (record.q().nrows() - 1) / (POSES - 1);
         state.q.iter_mut().zip(record.q().row(i).iter()).for_each(|(q, x)| *q = *x);
         mass_matrix(model, &params, &state, &mut work, &mut h);
         let cut = |rows: &[usize], cols: &[usize]| h.select_rows(rows).select_columns(cols);

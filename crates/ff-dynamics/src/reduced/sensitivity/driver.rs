@@ -12,6 +12,7 @@
 //! the columns `dz` are then carried through the step, several columns per vector. The discrete sensitivities are the
 //! exact derivatives of the discrete (RK4) solution.
 
+use crate::reduced::sensitivity::carried::Carried;
 use crate::reduced::sensitivity::partials::Columns;
 use crate::reduced::sensitivity::propagate::Flow;
 use crate::reduced::sensitivity::sink::{Samples, Sink};
@@ -20,6 +21,7 @@ use crate::reduced::sensitivity::wanted::Wanted;
 use crate::reduced::system::{Reduced, ReducedError, Response, Rk4, STAGE, check};
 use crate::reduced::table::Prescribed;
 use crate::sim::attitude::Attitude;
+use core::ops::Range;
 use ff_lanes::{Kernel, Lanes, WIDEST};
 use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch, splat};
@@ -77,19 +79,52 @@ pub fn sensitivities_with(
     z0: &[f64],
     wanted: &Wanted,
 ) -> Result<(Response, Sensitivities), ReducedError> {
+    run(isa, model, params, table, 0..table.samples, &mut Carried::start(model, z0, wanted), wanted)
+}
+
+/// [`sensitivities`] over the samples `span` of the table, from what was `carried` to the first of them. `carried` becomes what is
+/// handed on at the sample `span.end`; at the end of the table there is nothing to go on to, and it is of no use. The parts give what
+/// the whole gives, bit for bit, and so do tables of parts ([`Prescribed::span`]) with one sample more than is asked for. Allocates
+/// results of the span and buffers.
+///
+/// # Errors
+/// [`ReducedError`]; `carried` is then of no use.
+///
+/// # Panics
+/// If `carried` was started for another model or with other columns, the span is empty or ends beyond the table, or a wanted link is
+/// not tracked by the table.
+pub fn sensitivities_span(
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    span: Range<usize>,
+    carried: &mut Carried,
+    wanted: &Wanted,
+) -> Result<(Response, Sensitivities), ReducedError> {
+    run(Isa::detect(), model, params, table, span, carried, wanted)
+}
+
+fn run(
+    isa: Isa,
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    span: Range<usize>,
+    carried: &mut Carried,
+    wanted: &Wanted,
+) -> Result<(Response, Sensitivities), ReducedError> {
     check(model)?;
-    let nz = 6 + 2 * model.np();
-    assert_eq!(z0.len(), nz, "initial state");
-    assert!(wanted.initial.iter().all(|&i| i < nz), "index of an initial state");
+    assert!(span.start < span.end && span.end <= table.samples, "samples of a span");
     let columns = Columns::new(model, table, wanted);
-    dispatch(isa, Run { model, params, table, z0, wanted, columns: &columns })
+    dispatch(isa, Run { model, params, table, span, carried, wanted, columns: &columns })
 }
 
 struct Run<'a> {
     model: &'a Model,
     params: &'a Params<f64>,
     table: &'a Prescribed,
-    z0: &'a [f64],
+    span: Range<usize>,
+    carried: &'a mut Carried,
     wanted: &'a Wanted,
     columns: &'a Columns,
 }
@@ -98,22 +133,30 @@ impl LaneTask for Run<'_> {
     type Output = Result<(Response, Sensitivities), ReducedError>;
     #[inline(always)]
     fn run<L: LaneScalar>(self) -> Self::Output {
-        let Self { model, params, table, z0, wanted, columns } = self;
+        let Self { model, params, table, span, carried, wanted, columns } = self;
         let m = model.np();
         let lifted = params.lift::<L>(model);
         let single = params.lift::<L::One>(model);
         let mut sys = Reduced::new(model, &single, table);
-        let mut rk = Rk4::new(model, &splat::<L::One>(z0));
+        let mut rk = Rk4::new(model, &splat::<L::One>(&carried.z));
         let mut tangent = Tangent::<L>::new(model, &lifted, table, columns);
         let mut points = Points::<L>::new(m);
-        let mut flow = Flow::<L>::new(model, tangent.nz, wanted, table.step);
-        let mut sink = Sink::<L>::new(model, params, table, wanted, columns);
-        let last = (table.samples - 1) * table.substeps;
+        let mut flow = Flow::<L>::new(model, tangent.nz, wanted, table.step, carried);
+        let mut sink = Sink::<L>::new(model, params, table, wanted, columns, &span);
+        sink.track.clone_from(&carried.track);
+        let end = span.end == table.samples;
+        let last = (span.end - usize::from(end)) * table.substeps;
         let at_once = L::N / 4;
-        let mut first = 0;
+        let mut first = span.start * table.substeps;
         // One call of `differentiate`: it is inlined, once per instruction set.
         loop {
             let steps = at_once.min(last - first);
+            if steps == 0 && !end {
+                carried.z.iter_mut().zip(&rk.z).for_each(|(to, z)| *to = z.lane(0));
+                flow.hand_over(&mut carried.dz, &mut carried.dtheta);
+                carried.track = sink.track.take();
+                return Ok(together(sink.done()));
+            }
             points.clear();
             // The last sample is an evaluation without a step.
             'points: for step in first..first + steps.max(1) {
@@ -123,7 +166,7 @@ impl LaneTask for Run<'_> {
                     if stage == 0 && step % table.substeps == 0 {
                         let (z, u) = points.point(points.count - 1);
                         sink.tau.iter_mut().zip(&rk.tau).for_each(|(x, t)| *x = t.lane(0));
-                        sink.response.write(step / table.substeps, m, z, u, &sink.tau);
+                        sink.response.write(step / table.substeps - span.start, m, z, u, &sink.tau);
                     }
                     if step == last {
                         break 'points;
@@ -133,12 +176,12 @@ impl LaneTask for Run<'_> {
                 rk.finish();
             }
             if !points.differentiate(&mut tangent, &mut flow) {
-                return Err(ReducedError::Singular { t: first as f64 * table.step });
+                return Err(ReducedError::Singular { t: table.start_s() + first as f64 * table.step });
             }
             for step in first..first + steps.max(1) {
                 let (lane, sample) = (4 * (step - first), step % table.substeps == 0);
                 if sample && let Some(track) = &sink.track {
-                    flow.attitude_rows(&mut sink.attitude, track, step / table.substeps);
+                    flow.attitude_rows(&mut sink.attitude, track, step / table.substeps - span.start);
                 }
                 if let Some(track) = &mut sink.track
                     && step < last
@@ -151,12 +194,16 @@ impl LaneTask for Run<'_> {
                 flow.step(lane, step < last, &points.z, if sample { Some(&mut sink) } else { None });
             }
             if first == last {
-                let Samples { response, tau, gyro, accel, attitude } = sink.done();
-                return Ok((response, Sensitivities { tau, gyro, accel, attitude }));
+                return Ok(together(sink.done()));
             }
             first += steps;
         }
     }
+}
+
+fn together(samples: Samples) -> (Response, Sensitivities) {
+    let Samples { response, tau, gyro, accel, attitude } = samples;
+    (response, Sensitivities { tau, gyro, accel, attitude })
 }
 
 /// A stage of the trajectory itself, and the joint torques where it is a sample. Not inlined: it has its own
@@ -183,7 +230,7 @@ impl<T: LaneScalar> Kernel for OneStage<'_, '_, T> {
     #[inline(always)]
     fn run(self) -> Self::Output {
         let Self { rk, sys, step, stage } = self;
-        let t = 0.5 * sys.table.step * (2 * step + STAGE[stage]) as f64;
+        let t = sys.table.start_s() + 0.5 * sys.table.step * (2 * step + STAGE[stage]) as f64;
         rk.stage(sys, step, stage).map_err(|_| ReducedError::Singular { t })?;
         if stage == 0 && step % sys.table.substeps == 0 {
             rk.sample(sys, step / sys.table.substeps)?;

@@ -1,6 +1,7 @@
 //! Exact derivatives of a simulated record with respect to parameters.
 
 pub(crate) mod assemble;
+pub(crate) mod carried;
 pub(crate) mod driver;
 pub(crate) mod outputs;
 pub(crate) mod partials;
@@ -9,5 +10,6 @@ pub(crate) mod sink;
 pub(crate) mod stage;
 pub(crate) mod wanted;
 
-pub use driver::{Sensitivities, sensitivities, sensitivities_with};
+pub use carried::Carried;
+pub use driver::{Sensitivities, sensitivities, sensitivities_span, sensitivities_with};
 pub use wanted::Wanted;

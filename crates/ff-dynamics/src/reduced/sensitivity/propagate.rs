@@ -5,6 +5,7 @@
 //! in the first cache, a number of `G` serving all of it.
 
 use crate::linalg::rows::{BLOCK, RowTask, accumulate, by_rows, copy, fma};
+use crate::reduced::sensitivity::carried::Carried;
 use crate::reduced::sensitivity::sink::Sink;
 use crate::reduced::sensitivity::stage::Tangent;
 use crate::reduced::sensitivity::wanted::Wanted;
@@ -46,20 +47,13 @@ pub(crate) struct Flow<L> {
 }
 
 impl<L: LaneScalar> Flow<L> {
-    pub(crate) fn new(model: &Model, nz: usize, wanted: &Wanted, h: f64) -> Self {
+    pub(crate) fn new(model: &Model, nz: usize, wanted: &Wanted, h: f64, carried: &Carried) -> Self {
         let (m, count) = (model.np(), wanted.len());
         let (n, blocks) = (6 + m, count.div_ceil(BLOCK));
-        let mut dz = vec![0.0; nz * blocks * BLOCK];
-        for (c, &i) in wanted.initial.iter().enumerate() {
-            // The state of the record is `[v | w | eta | nu]`.
-            let (row, c) = (if i < 3 { 3 + 2 * m + i } else { i - 3 }, wanted.forced() + c);
-            if row < nz {
-                dz[(c / BLOCK * nz + row) * BLOCK + c % BLOCK] = 1.0;
-            }
-        }
+        assert_eq!(carried.dz.len(), nz * blocks * BLOCK, "columns that were carried");
         let stride = (n * nz).next_multiple_of(L::N);
         let z = |k: usize| vec![L::zero(); k * BLOCK / L::N];
-        let dz = dz.chunks_exact(L::N).map(L::load).collect();
+        let dz = carried.dz.chunks_exact(L::N).map(L::load).collect();
         Self {
             m,
             n,
@@ -71,13 +65,19 @@ impl<L: LaneScalar> Flow<L> {
             stride,
             force: z(blocks * STAGES * n),
             dz,
-            dtheta: vec![0.0; if wanted.attitude { 3 * blocks * BLOCK } else { 0 }],
+            dtheta: carried.dtheta.clone(),
             turn: None,
             x: z(nz),
             sum: z(nz),
             y: z(n),
             solved: vec![L::zero(); stride.max(n * BLOCK)],
         }
+    }
+
+    /// The columns as they are, for the next part of the record.
+    pub(crate) fn hand_over(&self, dz: &mut [f64], dtheta: &mut [f64]) {
+        dz.chunks_exact_mut(L::N).zip(&self.dz).for_each(|(to, x)| x.store(to));
+        dtheta.copy_from_slice(&self.dtheta);
     }
 
     /// Solves for all columns, and turns lanes of stages into rows of parameters. Not inlined, as [`Flow::step`]: in one

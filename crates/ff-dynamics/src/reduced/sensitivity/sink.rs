@@ -8,6 +8,7 @@ use crate::reduced::sensitivity::wanted::Wanted;
 use crate::reduced::system::Response;
 use crate::reduced::table::Prescribed;
 use crate::sim::attitude::{Attitude, AttitudeTrack};
+use core::ops::Range;
 use ff_model::scalar::LaneScalar;
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
@@ -22,7 +23,8 @@ pub(crate) struct Sink<'a, L> {
     d_gyro: Gathered<L>,
     accel: Option<Gathered<L>>,
     rows: TorqueRows<'a>,
-    /// The present sample.
+    /// Sample of the table that is the first here, and the present one, counted from it.
+    first: usize,
     sample: usize,
     pub(crate) track: Option<AttitudeTrack>,
     pub(crate) attitude: Option<Attitude>,
@@ -35,8 +37,9 @@ impl<'a, L: LaneScalar> Sink<'a, L> {
         table: &'a Prescribed,
         wanted: &Wanted,
         columns: &'a Columns,
+        span: &Range<usize>,
     ) -> Self {
-        let (n, p) = (table.samples, wanted.len());
+        let (n, p) = (span.len(), wanted.len());
         Self {
             model,
             response: Response::new(n, model.nj(), model.np()),
@@ -45,8 +48,9 @@ impl<'a, L: LaneScalar> Sink<'a, L> {
             d_gyro: Gathered::new(3, n, p),
             accel: wanted.accel.then(|| Gathered::new(6, n, p)),
             rows: TorqueRows::new(model, params, table, columns),
+            first: span.start,
             sample: 0,
-            track: wanted.attitude.then(AttitudeTrack::default),
+            track: None,
             attitude: wanted.attitude.then(|| Attitude::new(n, p)),
         }
     }
@@ -54,10 +58,10 @@ impl<'a, L: LaneScalar> Sink<'a, L> {
     /// Begins a sample with state `z` and accelerations `u`.
     #[inline(always)]
     pub(crate) fn begin(&mut self, sample: usize, (z, u): (&[f64], &[f64])) {
-        self.sample = sample;
+        self.sample = sample - self.first;
         // One call: it is inlined.
         for gathered in [Some(&mut self.d_tau), Some(&mut self.d_gyro), self.accel.as_mut()].into_iter().flatten() {
-            gathered.begin(sample);
+            gathered.begin(self.sample);
         }
         self.rows.evaluate(sample, z, u);
     }

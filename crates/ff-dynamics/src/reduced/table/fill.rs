@@ -10,6 +10,7 @@ use super::slopes::Slopes;
 use super::sweep::Sweep;
 use crate::motion::joint::JointMotion;
 use crate::reduced::sensitivity::wanted::Wanted;
+use core::ops::Range;
 use ff_lanes::Kernel;
 use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch};
@@ -30,7 +31,26 @@ impl Prescribed {
         sampling: &Sampling,
         links: &[usize],
     ) -> Self {
-        let mut t = Self::empty(model, sampling, links);
+        Self::span(model, params, motion, sampling, 0..sampling.samples, links)
+    }
+
+    /// The part of [`Prescribed::new`] for the samples `span`, bit for bit: what a long record is integrated over piece by piece
+    /// ([`crate::reduced::sensitivity::sensitivities_span`]). Neighbouring parts share a sample. Allocates as many numbers as the
+    /// part has.
+    ///
+    /// # Panics
+    /// As [`Prescribed::new`], and if the span is empty or ends beyond the samples.
+    pub fn span(
+        model: &Model,
+        params: &Params<f64>,
+        motion: &dyn JointMotion,
+        sampling: &Sampling,
+        span: Range<usize>,
+        links: &[usize],
+    ) -> Self {
+        assert!(span.end <= sampling.samples, "samples of a span");
+        let mut t = Self::empty(model, &Sampling { samples: span.len(), ..*sampling }, links);
+        t.first = span.start;
         dispatch(Isa::detect(), Fill { table: &mut t, model, params, motion });
         t
     }
@@ -49,8 +69,25 @@ impl Prescribed {
         sampling: &Sampling,
         wanted: &Wanted,
     ) -> Self {
-        let mut t = Self::new(&model.displaced(kinematics), params, motion, sampling, &wanted.links(model));
-        t.slopes = Slopes::new(sampling, model, params, kinematics, motion, &wanted.kinematics);
+        Self::span_with_kinematics(model, params, kinematics, motion, sampling, 0..sampling.samples, wanted)
+    }
+
+    /// The part of [`Prescribed::with_kinematics`] for the samples `span`, as [`Prescribed::span`].
+    ///
+    /// # Panics
+    /// As [`Prescribed::with_kinematics`] and [`Prescribed::span`].
+    pub fn span_with_kinematics(
+        model: &Model,
+        params: &Params<f64>,
+        kinematics: &Kinematics<f64>,
+        motion: &dyn JointMotion,
+        sampling: &Sampling,
+        span: Range<usize>,
+        wanted: &Wanted,
+    ) -> Self {
+        let mut t =
+            Self::span(&model.displaced(kinematics), params, motion, sampling, span.clone(), &wanted.links(model));
+        t.slopes = Slopes::new(sampling, span, model, params, kinematics, motion, &wanted.kinematics);
         t
     }
 }
@@ -122,6 +159,7 @@ impl<L: LaneScalar> Kernel for Filling<'_, L> {
         // Nodes of samples, which want joint rows, then the nodes between them.
         let per = 2 * table.substeps;
         let between = (table.samples - 1) * (per - 1);
+        let from = table.first_node();
         let (mut first, mut rows) = (0, true);
         loop {
             let total = if rows { table.samples } else { between };
@@ -141,7 +179,7 @@ impl<L: LaneScalar> Kernel for Filling<'_, L> {
                 let (p, rest) = joint.split_at_mut(nj);
                 let (v, a) = rest.split_at_mut(nj);
                 if lane < count {
-                    motion.eval(start + 0.5 * table.step * *node as f64, p, v, a);
+                    motion.eval(start + 0.5 * table.step * (from + *node) as f64, p, v, a);
                     if rows {
                         table.joints[3 * nj * i..3 * nj * (i + 1)].copy_from_slice(joint);
                     }

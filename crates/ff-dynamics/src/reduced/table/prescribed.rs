@@ -14,6 +14,8 @@ pub struct Prescribed {
     pub(crate) substeps: usize,
     pub(crate) samples: usize,
     pub(crate) sample_s: f64,
+    /// Sample of the motion that is the first of the table.
+    pub(crate) first: usize,
     pub(crate) nj: usize,
     /// [`ARM`] numbers per node (base body not included).
     pub(crate) arm: Vec<f64>,
@@ -83,6 +85,7 @@ impl Prescribed {
             substeps,
             samples,
             sample_s,
+            first: 0,
             nj,
             arm: Vec::new(),
             frames: Vec::new(),
@@ -110,6 +113,14 @@ impl Prescribed {
     /// Time between samples (s).
     pub fn sample_s(&self) -> f64 {
         self.sample_s
+    }
+    /// Time of the first sample of the table since the beginning of the motion (s).
+    pub fn start_s(&self) -> f64 {
+        self.first as f64 * self.sample_s
+    }
+    /// Node of the motion that is the first of the table.
+    pub(crate) fn first_node(&self) -> usize {
+        self.node_of(self.first)
     }
     /// Integration step (s).
     pub fn step(&self) -> f64 {
@@ -159,7 +170,7 @@ impl Prescribed {
     }
     /// Whether another table can stand beside it in another lane: same steps, joints and hosts of the frames.
     pub(crate) fn is_like(&self, o: &Self) -> bool {
-        let steps = |t: &Self| (t.samples, t.substeps, t.step.to_bits(), t.nj, t.moving);
+        let steps = |t: &Self| (t.first, t.samples, t.substeps, t.step.to_bits(), t.nj, t.moving);
         let column = |s: &Site| match s {
             Site::Base(_) => None,
             Site::Body(host, _, column) => Some((*host, *column)),

@@ -7,6 +7,7 @@ use super::arm_model::ArmModel;
 use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW, lanes};
 use super::sampling::Sampling;
 use crate::motion::joint::JointMotion;
+use core::ops::Range;
 use ff_lanes::WIDEST;
 use ff_model::scalar::DIRECTIONS;
 use ff_model::scalar::{Grad, LaneScalar};
@@ -43,18 +44,21 @@ pub(crate) struct FrameSlope {
 }
 
 impl Slopes {
-    /// With respect to the kinematic parameters `of`, at the values `kinematics`.
+    /// With respect to the kinematic parameters `of`, at the values `kinematics`, for the samples `span`.
     ///
     /// # Panics
     /// If a parameter does not exist or the motion has another number of joints.
     pub(crate) fn new(
         sampling: &Sampling,
+        span: Range<usize>,
         model: &Model,
         params: &Params<f64>,
         kinematics: &Kinematics<f64>,
         motion: &dyn JointMotion,
         of: &[usize],
     ) -> Self {
+        let first = span.start * sampling.nodes_per_sample();
+        let sampling = &Sampling { samples: span.len(), ..*sampling };
         let (decls, nj, nodes) = (model.kinematic_params(), model.nj(), sampling.nodes());
         assert!(of.iter().all(|&i| i < decls.len()), "kinematic parameters: there are {}", decls.len());
         let moves = |by: Placed, port: usize| match by {
@@ -86,7 +90,7 @@ impl Slopes {
             for node in 0..nodes {
                 let (q, rest) = joints.split_at_mut(nj);
                 let (qd, qdd) = rest.split_at_mut(nj);
-                motion.eval(sampling.time_of(node), q, qd, qdd);
+                motion.eval(sampling.time_of(first + node), q, qd, qdd);
                 x.iter_mut().zip(&joints).for_each(|(x, &j)| *x = Grad::constant(j));
                 let per_sample = sampling.nodes_per_sample();
                 let rows = node % per_sample == 0;

@@ -72,6 +72,7 @@ pub(super) fn sigmas(model: &Model, noise: &Noise) -> Vec<f64> {
 pub(super) fn setup(e: SetupError) -> IdentifyError {
     let (area, hint) = match e {
         SetupError::JointMotion(_) => (Area::Data, "look at the joint positions of the record"),
+        SetupError::TimeBase(_) => (Area::Data, "look at the sample times of the record"),
         _ => (Area::Config, "check mission and record"),
     };
     IdentifyError::Refused(Problems(vec![Problem::error(area, "Data::Setup", e.to_string()).hint(hint)]))

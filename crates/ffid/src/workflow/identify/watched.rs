@@ -3,7 +3,7 @@
 use ff_least_squares::EvalError;
 use ident::Estimator;
 use ident::belief::Unknown;
-use ident::estimate::Coarse;
+use ident::estimate::{Coarse, RowStream};
 use nalgebra::DMatrix;
 use std::cell::Cell;
 use std::rc::Rc;
@@ -30,6 +30,16 @@ pub(super) struct Watched<'a> {
 struct SharedState {
     linearisations: Cell<usize>,
     stopped: Cell<bool>,
+    /// The last linearisation was folded, and has not been reported yet.
+    folded: Cell<bool>,
+}
+
+impl SharedState {
+    fn report(&self, watch: &Watch<'_>, r: &[f64]) {
+        if let Some(tell) = watch.progress {
+            tell(self.linearisations.get(), r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64);
+        }
+    }
 }
 
 impl<'a> Watched<'a> {
@@ -63,7 +73,12 @@ impl Estimator for Watched<'_> {
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         self.go_on()?;
-        self.inner.residuals(full, extra, r)
+        self.inner.residuals(full, extra, r)?;
+        // Rows that are folded are not seen here; the first residuals after them tell about as much.
+        if self.state.folded.replace(false) {
+            self.state.report(self.watch, r);
+        }
+        Ok(())
     }
     fn jacobian(
         &mut self,
@@ -75,11 +90,19 @@ impl Estimator for Watched<'_> {
     ) -> Result<(), EvalError> {
         self.go_on()?;
         self.inner.jacobian(full, extra, selected, r, j)?;
-        let count = self.state.linearisations.get() + 1;
-        self.state.linearisations.set(count);
-        if let Some(tell) = self.watch.progress {
-            tell(count, r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64);
-        }
+        self.state.linearisations.set(self.state.linearisations.get() + 1);
+        self.state.report(self.watch, r);
         Ok(())
+    }
+    fn streams<'s>(
+        &'s mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        self.go_on()?;
+        self.state.linearisations.set(self.state.linearisations.get() + 1);
+        self.state.folded.set(true);
+        self.inner.streams(full, extra, selected)
     }
 }

@@ -1,0 +1,41 @@
+//! What output error assumes, and what it may adjust besides parameters.
+
+use crate::estimate::setup::Noise;
+
+/// What the estimator assumes and what else it may adjust.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Noise that whitens the residuals.
+    pub noise: Noise,
+    /// Integration steps per sample.
+    pub substeps: usize,
+    /// Estimate a constant bias of every gyro axis.
+    pub gyro_bias: bool,
+    /// Estimate a constant bias of every torque sensor.
+    pub torque_bias: bool,
+    /// Estimate the initial base rate and passive state instead of assuming rest.
+    pub initial_state: bool,
+    /// Estimate by how much the torque readings are late against the joint positions (s); negative when early.
+    pub torque_delay: bool,
+    /// The same for the gyro.
+    pub gyro_delay: bool,
+    /// Placements of joints and mounts to estimate, by name ([`ff_model::Model::kinematic_params`]: `joint3.offset`,
+    /// `joint3.placement.x`, `wing.mount.rx`); all others stay where the model has them.
+    pub kinematics: Vec<String>,
+}
+
+impl Options {
+    /// Given noise, two steps per sample, no nuisance unknowns, start at rest.
+    pub fn new(noise: Noise) -> Self {
+        Self {
+            noise,
+            substeps: 2,
+            gyro_bias: false,
+            torque_bias: false,
+            initial_state: false,
+            torque_delay: false,
+            gyro_delay: false,
+            kinematics: Vec::new(),
+        }
+    }
+}

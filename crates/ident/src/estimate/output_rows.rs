@@ -1,0 +1,332 @@
+//! Predictions of output error beside what was measured: which rows they are, whitened residuals, and their derivatives.
+//!
+//! Torques and gyro that are sampled on one clock are listed sample by sample, torques before gyro; where one of them has sample times
+//! of its own, all torque samples come before all gyro samples.
+
+use crate::belief::covariance::Unknown;
+use crate::estimate::delay::OutputOperator;
+use crate::estimate::output_options::Options;
+use crate::estimate::row_stream::RowBlock;
+use core::ops::Range;
+use ff_dynamics::{Response, Sensitivities, Wanted};
+use ff_least_squares::EvalError;
+use ff_model::{Kinematics, Model, Params};
+use ff_records::Record;
+use ff_records::time_base::ChannelGroup;
+use nalgebra::DMatrix;
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// What is compared, in the order of rows.
+pub(crate) const GROUPS: [ChannelGroup; 2] = [ChannelGroup::Torque, ChannelGroup::Gyro];
+
+/// How readings are taken of predictions on the grid: torques, gyro. `None` where they are the predictions.
+pub(crate) type Operators = [Option<OutputOperator>; 2];
+
+/// Samples of torques and gyro.
+pub(crate) type Readings = [Range<usize>; 2];
+
+/// Predictions on some samples of the grid, and their derivatives where they were asked for.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Window {
+    /// Sample of the grid that is the first here.
+    pub(crate) first: usize,
+    /// Torques and base rates, samples x channels.
+    pub(crate) values: [DMatrix<f64>; 2],
+    /// Row `channels * i + c` holds channel c at sample i.
+    pub(crate) derivatives: [DMatrix<f64>; 2],
+}
+
+impl Window {
+    /// Of a simulation from sample `first` of the grid on.
+    pub(crate) fn new(first: usize, y: Response, d: Option<Sensitivities>) -> Self {
+        let gyro = y.gyro();
+        let derivatives = d.map_or_else(Default::default, |d| [d.tau, d.gyro]);
+        Self { first, values: [y.tau, gyro], derivatives }
+    }
+    /// The sample of the grid behind the last here.
+    pub(crate) fn end(&self) -> usize {
+        self.first + self.values[0].nrows()
+    }
+    /// With the samples that `later` begins with below, from sample `from` of the grid on.
+    pub(crate) fn followed_by(&self, later: &Self, from: usize) -> Self {
+        let from = from.clamp(self.first, later.first);
+        let joined = |a: &DMatrix<f64>, b: &DMatrix<f64>| {
+            // Rows per sample, whatever they are of.
+            let kept = a.nrows() / (self.end() - self.first).max(1) * (self.end() - from);
+            let mut out = DMatrix::zeros(kept + b.nrows(), b.ncols());
+            out.rows_mut(0, kept).copy_from(&a.rows(a.nrows() - kept, kept));
+            out.rows_mut(kept, b.nrows()).copy_from(b);
+            out
+        };
+        let of = |a: &[DMatrix<f64>; 2], b: &[DMatrix<f64>; 2]| core::array::from_fn(|g| joined(&a[g], &b[g]));
+        Self {
+            first: from,
+            values: of(&self.values, &later.values),
+            derivatives: of(&self.derivatives, &later.derivatives),
+        }
+    }
+}
+
+/// Record and model side by side.
+#[derive(Clone)]
+pub(crate) struct OutputRows<'a> {
+    pub(crate) model: &'a Model,
+    pub(crate) record: Cow<'a, Record>,
+    pub(crate) options: Options,
+    /// Sample times of torques and gyro, where they are not sampled on the grid.
+    pub(crate) times: [Option<Arc<[f64]>>; 2],
+    /// Kinematic parameters and initial-state components that are estimated.
+    pub(crate) kinematics: Vec<usize>,
+    pub(crate) initial: Vec<usize>,
+}
+
+impl<'a> OutputRows<'a> {
+    /// Without placements among the unknowns.
+    pub(crate) fn new(model: &'a Model, record: Cow<'a, Record>, options: Options, initial: Vec<usize>) -> Self {
+        let times = GROUPS.map(|g| record.times(g).map(Arc::from));
+        Self { model, record, options, times, kinematics: Vec::new(), initial }
+    }
+    /// Channels of torques and of the gyro.
+    pub(crate) fn channels(&self) -> [usize; 2] {
+        [self.model.nj(), 3]
+    }
+    fn measured(&self) -> [&DMatrix<f64>; 2] {
+        [self.record.tau(), self.record.gyro()]
+    }
+    /// Samples of torques and gyro.
+    pub(crate) fn readings(&self) -> Readings {
+        self.measured().map(|m| 0..m.nrows())
+    }
+    /// Whether torques and gyro are listed sample by sample.
+    pub(crate) fn interleaved(&self) -> bool {
+        self.times.iter().all(Option::is_none)
+    }
+    /// Number of rows.
+    pub(crate) fn count(&self) -> usize {
+        self.readings().iter().zip(self.channels()).map(|(r, c)| r.len() * c).sum()
+    }
+    /// Rows of some readings; those of both groups are the same samples where they are interleaved.
+    pub(crate) fn rows(&self, of: &Readings) -> Vec<Range<usize>> {
+        let [n, axes] = self.channels();
+        if self.interleaved() {
+            let rows = of[0].start * (n + axes)..of[0].end * (n + axes);
+            return vec![rows];
+        }
+        let behind = self.record.tau().nrows() * n;
+        vec![of[0].start * n..of[0].end * n, behind + of[1].start * axes..behind + of[1].end * axes]
+    }
+    /// Row of the first channel of a group at a sample, among those of `of`, and how far apart samples are.
+    fn place(&self, of: &Readings, group: usize) -> (usize, usize) {
+        let [n, axes] = self.channels();
+        match (self.interleaved(), group) {
+            (true, 0) => (0, n + axes),
+            (true, _) => (n, n + axes),
+            (false, 0) => (0, n),
+            (false, _) => (of[0].len() * n, axes),
+        }
+    }
+    /// Rows of every `every`-th sample, ascending.
+    pub(crate) fn every(&self, every: usize) -> Vec<usize> {
+        let all = self.readings();
+        let mut rows = Vec::new();
+        if self.interleaved() {
+            let channels: usize = self.channels().iter().sum();
+            for i in all[0].clone().step_by(every) {
+                rows.extend(i * channels..(i + 1) * channels);
+            }
+            return rows;
+        }
+        for group in 0..2 {
+            let (first, stride) = self.place(&all, group);
+            for i in all[group].clone().step_by(every) {
+                rows.extend(first + i * stride..first + (i + 1) * stride);
+            }
+        }
+        rows
+    }
+    /// Nuisance unknowns before placements and the initial state.
+    pub(crate) fn biases(&self) -> usize {
+        self.delays_at() + usize::from(self.options.torque_delay) + usize::from(self.options.gyro_delay)
+    }
+    /// Nuisance unknowns before the delays.
+    fn delays_at(&self) -> usize {
+        3 * usize::from(self.options.gyro_bias) + self.model.nj() * usize::from(self.options.torque_bias)
+    }
+    /// Nuisance unknowns in their order.
+    pub(crate) fn nuisance(&self) -> Vec<Unknown> {
+        let mut out = Vec::new();
+        let mut add = |name: String, unit: &str, size: f64| out.push(Unknown { name, unit: unit.into(), size });
+        if self.options.gyro_bias {
+            for axis in ["x", "y", "z"] {
+                add(format!("gyro.bias.{axis}"), "rad/s", self.options.noise.gyro);
+            }
+        }
+        if self.options.torque_bias {
+            for j in self.model.joint_names() {
+                add(format!("torque.bias.{j}"), "N m", self.options.noise.torque);
+            }
+        }
+        // A sample is what a delay is compared with.
+        for (wanted, name) in [(self.options.torque_delay, "torque.delay"), (self.options.gyro_delay, "gyro.delay")] {
+            if wanted {
+                add(name.to_owned(), "s", self.record.dt());
+            }
+        }
+        let declared = if self.kinematics.is_empty() { Vec::new() } else { self.model.kinematic_params() };
+        for &i in &self.kinematics {
+            add(declared[i].name.clone(), declared[i].unit, 1e-2);
+        }
+        let coords = self.model.passive_coords();
+        for &i in &self.initial {
+            match i {
+                3..6 => add(format!("initial.rate.{}", ["x", "y", "z"][i - 3]), "rad/s", 1e-2),
+                _ if i - 6 < coords.len() => add(format!("initial.{}", coords[i - 6].0), coords[i - 6].1.unit, 1e-2),
+                _ => add(format!("initial.d/dt {}", coords[i - 6 - coords.len()].0), "1/s", 1e-2),
+            }
+        }
+        out
+    }
+    /// Initial state: springs relaxed, base at rest, plus what is estimated.
+    pub(crate) fn start(&self, params: &Params<f64>, extra: &[f64]) -> Vec<f64> {
+        let mut z = vec![0.0; 6];
+        z.extend(self.model.rest_position(params));
+        z.resize(6 + 2 * self.model.np(), 0.0);
+        for (&i, x) in self.initial.iter().zip(&extra[self.biases() + self.kinematics.len()..]) {
+            z[i] += x;
+        }
+        z
+    }
+    /// Where joints and mounts are.
+    pub(crate) fn placed(&self, extra: &[f64]) -> Kinematics<f64> {
+        let mut values = vec![0.0; self.model.n_kinematic_params()];
+        for (&i, &x) in self.kinematics.iter().zip(&extra[self.biases()..]) {
+            values[i] = x;
+        }
+        Kinematics::from_values(self.model, values)
+    }
+    /// What is differentiated with respect to.
+    pub(crate) fn wanted(&self, selected: &[usize]) -> Wanted {
+        let (kinematics, initial) = (self.kinematics.clone(), self.initial.clone());
+        Wanted { params: selected.to_vec(), kinematics, initial, ..Wanted::default() }
+    }
+    /// How readings are taken, with the delays that are estimated.
+    pub(crate) fn operators(&self, extra: &[f64]) -> Result<Operators, EvalError> {
+        let mut next = extra[self.delays_at()..].iter();
+        let (samples, dt) = (self.record.samples(), self.record.dt());
+        let mut take = |wanted: bool, group: usize| {
+            let d = if wanted { next.next().copied() } else { None };
+            let times = self.times[group].clone();
+            if d.is_none() && times.is_none() {
+                return Ok(None);
+            }
+            let d = d.unwrap_or(0.0);
+            let operator = OutputOperator::new(samples, dt, times, d);
+            operator.map(Some).ok_or_else(|| {
+                EvalError::Rejected(format!("{} delay of {d} s exceeds the record", GROUPS[group].name()))
+            })
+        };
+        Ok([take(self.options.torque_delay, 0)?, take(self.options.gyro_delay, 1)?])
+    }
+    /// Residuals of the readings `of`: what the sensors would read but for noise, with bias and delay, less what they read.
+    pub(crate) fn residuals(&self, w: &Window, by: &Operators, extra: &[f64], of: &Readings, r: &mut [f64]) {
+        let n = self.model.nj();
+        let (gyro_bias, rest) = extra.split_at(3 * usize::from(self.options.gyro_bias));
+        let bias = [&rest[..n * usize::from(self.options.torque_bias)], gyro_bias];
+        let inverse = self.inverse();
+        for group in 0..2 {
+            let (readings, measured) = (of[group].clone(), self.measured()[group]);
+            let taken = by[group].as_ref().map(|o| o.of(&w.values[group], w.first, readings.clone()));
+            let (first, stride) = self.place(of, group);
+            for c in 0..self.channels()[group] {
+                let predicted = match &taken {
+                    Some(taken) => taken.column(c),
+                    None => w.values[group].column(c),
+                };
+                let predicted = match taken {
+                    Some(_) => predicted.as_slice(),
+                    None => &predicted.as_slice()[readings.start - w.first..readings.end - w.first],
+                };
+                let bias = bias[group].get(c).copied().unwrap_or(0.0);
+                let column = measured.column(c);
+                let measured = &column.as_slice()[readings.clone()];
+                for (i, (p, m)) in predicted.iter().zip(measured).enumerate() {
+                    r[first + i * stride + c] = (p + bias - m) * inverse[group];
+                }
+            }
+        }
+    }
+    /// One over the standard deviations.
+    fn inverse(&self) -> [f64; 2] {
+        [1.0 / self.options.noise.torque, 1.0 / self.options.noise.gyro]
+    }
+    /// Derivatives of the rows of the readings `of`: columns of `selected` parameters come first, then nuisance.
+    pub(crate) fn jacobian(&self, w: &Window, by: &Operators, selected: usize, of: &Readings, j: &mut DMatrix<f64>) {
+        let (rows, biases, channels) = (j.nrows(), self.biases(), self.channels());
+        j.columns_mut(selected, j.ncols() - selected).fill(0.0);
+        let inverse = self.inverse();
+        let taken: [Cow<'_, DMatrix<f64>>; 2] = core::array::from_fn(|g| match &by[g] {
+            Some(o) => Cow::Owned(o.of_rows(&w.derivatives[g], channels[g], w.first, of[g].clone())),
+            None => Cow::Borrowed(&w.derivatives[g]),
+        });
+        // Where the first row of the readings is in a column.
+        let from = |g: usize| if by[g].is_some() { 0 } else { (of[g].start - w.first) * channels[g] };
+        // Without joints there are no columns of torques.
+        for c in 0..taken[1].ncols() {
+            let col = if c < selected { c } else { c + biases };
+            let out = &mut j.as_mut_slice()[col * rows..(col + 1) * rows];
+            let [tau, gyro] = core::array::from_fn(|g| {
+                let (height, from) = (taken[g].nrows(), from(g));
+                &taken[g].as_slice()[c * height + from..c * height + from + of[g].len() * channels[g]]
+            });
+            let [n, axes] = channels;
+            if self.interleaved() {
+                for (i, out) in out.chunks_exact_mut(n + axes).enumerate() {
+                    let (torques, rates) = out.split_at_mut(n);
+                    torques.iter_mut().zip(&tau[i * n..]).for_each(|(o, d)| *o = d * inverse[0]);
+                    rates.iter_mut().zip(&gyro[i * axes..]).for_each(|(o, d)| *o = d * inverse[1]);
+                }
+            } else {
+                let (torques, rates) = out.split_at_mut(tau.len());
+                torques.iter_mut().zip(tau).for_each(|(o, d)| *o = d * inverse[0]);
+                rates.iter_mut().zip(gyro).for_each(|(o, d)| *o = d * inverse[1]);
+            }
+        }
+        let mut col = selected;
+        let mut each = |group: usize, channel: usize, col: usize, value: &dyn Fn(usize) -> f64| {
+            let (first, stride) = self.place(of, group);
+            for i in 0..of[group].len() {
+                j[(first + i * stride + channel, col)] = value(i) * inverse[group];
+            }
+        };
+        if self.options.gyro_bias {
+            (0..3).for_each(|k| each(1, k, col + k, &|_| 1.0));
+            col += 3;
+        }
+        if self.options.torque_bias {
+            (0..channels[0]).for_each(|k| each(0, k, col + k, &|_| 1.0));
+            col += channels[0];
+        }
+        for (group, wanted) in [self.options.torque_delay, self.options.gyro_delay].into_iter().enumerate() {
+            if let Some(o) = by[group].as_ref().filter(|_| wanted) {
+                let slope = o.slope(&w.values[group], w.first, of[group].clone());
+                (0..channels[group]).for_each(|k| each(group, k, col, &|i| slope[(i, k)]));
+                col += 1;
+            }
+        }
+    }
+    /// Both, as a block.
+    pub(crate) fn block(
+        &self,
+        w: &Window,
+        by: &Operators,
+        extra: &[f64],
+        selected: usize,
+        of: &Readings,
+        to: &mut RowBlock,
+    ) {
+        to.resize(&self.rows(of), selected + extra.len());
+        self.residuals(w, by, extra, of, &mut to.residuals);
+        self.jacobian(w, by, selected, of, &mut to.jacobian);
+    }
+}
