@@ -48,7 +48,11 @@ pub fn interpolate(m: &DMatrix<f64>, j: usize, at: f64) -> f64 {
 /// The record with its torque and gyro channels put on the encoders' clock, where they are off by more than half a sample
 /// (`Data::ClockOffset`, row D15) or drift by more than that over the record (`Data::ClockSkew`, row D16), each with a
 /// warning; and which samples count afterwards: those at the ends for which there is no reading do not. Allocates.
+///
+/// # Panics
+/// If channels have sample times of their own ([`Record::is_uniform`]).
 pub fn correct_clocks(record: &Record, clocks: &Clocks) -> (Record, Mask, Problems) {
+    assert!(record.is_uniform(), "all channels on one uniform clock");
     let (mut out, mut problems) = (record.clone(), Problems::default());
     let (n, dt) = (record.samples(), record.dt());
     let mut mask = Mask::all(n, record.joints());

@@ -43,7 +43,8 @@ pub enum AxisMismatch {
 /// estimator that predicts it the gyro (rad/s). Allocates.
 ///
 /// # Panics
-/// If there is not one residual per sample and channel, or more channels than the record has.
+/// If there is not one residual per sample and channel, or more channels than the record has, or channels have sample times of
+/// their own ([`Record::is_uniform`]).
 pub fn axis_mismatches(record: &Record, residuals: &[f64], sigma: &[f64]) -> Vec<AxisMismatch> {
     let (k, n) = (sigma.len(), record.joints());
     assert_eq!(residuals.len(), record.samples() * k, "one residual per sample and channel");

@@ -4,6 +4,7 @@ use crate::modal::{HeldPose, MatchSettings, ModalModel, ModalModelError, ModeMat
 use ff_dynamics::Boundary;
 use ff_model::{Model, Params, Problems};
 use ff_records::Record;
+use ff_records::time_base::TimeBaseError;
 use ff_spectral::modal::ModalError;
 use ff_spectral::psd::energy_at_the_top;
 use ff_spectral::{ModalFit, ModalSettings, fit_modes};
@@ -59,6 +60,9 @@ pub enum FreeDecayError {
     /// The model has no modes at the pose of the decay.
     #[error(transparent)]
     Model(#[from] ModalModelError),
+    /// Channels have sample times of their own.
+    #[error(transparent)]
+    TimeBase(#[from] TimeBaseError),
     /// The part of the record is no record.
     #[error("{0}")]
     Record(Problems),
@@ -67,7 +71,8 @@ pub enum FreeDecayError {
     Fit(#[from] ModalError),
 }
 
-/// The longest time during which no joint moves: first sample and the one after the last. Allocates.
+/// The longest time during which no joint moves: first sample of the joint motion and the one after the last.
+/// Allocates.
 pub fn longest_rest(record: &Record) -> (usize, usize) {
     let q = record.q();
     let tolerance: Vec<f64> = q.column_iter().map(|c| STILL * (c.max() - c.min())).collect();
@@ -105,6 +110,7 @@ pub fn free_decay(model: &Model, values: &[f64], record: &Record, sigma: &[f64])
     if model.np() == 0 {
         return Err(FreeDecayError::NoPassiveCoordinates);
     }
+    record.check_uniform("a fit of modes")?;
     let (from, to) = longest_rest(record);
     let (dt, n) = (record.dt(), to - from);
     let mid = (from + to) / 2;

@@ -47,6 +47,9 @@ pub struct MomentumChange {
 ///
 /// # Errors
 /// [`NuisanceError::Evaluate`] when the record cannot be predicted at these values.
+///
+/// # Panics
+/// If channels have sample times of their own ([`Record::is_uniform`]).
 pub fn momentum_change(
     model: &Model,
     record: &Record,
@@ -55,6 +58,7 @@ pub fn momentum_change(
     nuisance: NuisanceFit,
     gyro_sigma: f64,
 ) -> Result<Option<MomentumChange>, NuisanceError> {
+    assert!(record.is_uniform(), "all channels on one uniform clock");
     let NuisanceFit { values: extra, residuals: mut r } = nuisance;
     let mut j = DMatrix::zeros(r.len(), selected.len() + extra.len());
     estimator.jacobian(values, &extra, selected, &mut r, &mut j)?;

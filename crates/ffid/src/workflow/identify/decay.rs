@@ -123,6 +123,7 @@ fn refusal(e: FreeDecayError) -> Result<DecayOutcome, IdentifyError> {
         FreeDecayError::NoOscillation => {
             none("Data::NoDecay", "no mode of the model oscillates".into(), "leave --modes out")
         }
+        FreeDecayError::TimeBase(e) => none("Data::TimeBase", e.to_string(), "bring the record to one clock"),
         FreeDecayError::TooShort { longest, needed, slowest_hz, resolution_hz } => {
             let what = format!(
                 "the joints stand still for {longest:.2} s at most; modes from {slowest_hz:.4} Hz need {needed:.2} s (a spectrum of \

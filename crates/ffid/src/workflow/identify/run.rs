@@ -18,6 +18,7 @@ use super::unknowns::Unknowns;
 use super::watched::{Watch, Watched};
 use crate::open::Opened;
 use ff_least_squares::Settings as Solver;
+use ff_model::{Area, Problem, Problems};
 use ident::Estimator;
 use ident::Several;
 use ident::compose::Shared;
@@ -46,6 +47,10 @@ pub fn identify(
     check(opened, settings).map_err(IdentifyError::Refused)?;
     for t in records {
         t.record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
+        t.record.check_uniform("identification with all checks").map_err(|e| {
+            let p = Problem::error(Area::Data, "Data::TimeBase", e.to_string());
+            IdentifyError::Refused(Problems(vec![p.hint("bring it to one clock, or fit it with ident::OutputError")]))
+        })?;
     }
     if method(model, settings.method) == Method::Ground {
         ground::check(settings, options).map_err(IdentifyError::Refused)?;
