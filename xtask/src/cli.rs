@@ -1,9 +1,9 @@
 //! The command line: parse, dispatch, map the outcome to an exit code.
 
 use crate::exit;
-use crate::exit::Exit;
 use crate::{bench, conformance, reproduce, study};
 use clap::{Parser, Subcommand};
+use ffid::exit::Exit;
 use std::process::ExitCode;
 
 /// Project tasks that need its libraries; `cargo xtask --help` lists the others.

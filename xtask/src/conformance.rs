@@ -3,9 +3,9 @@
 //! Kinds come from [`ffid::default_registry`] with their example tables, so that a new kind appears by itself. With
 //! `--systems N` random systems of mixed kinds move for ten seconds each and are held to momentum and energy.
 
-use crate::exit::Failure;
 use crate::table::{Table, sig};
 use ff_model::{DynAppendage, Registry};
+use ffid::exit::Failure;
 use ffid::files::json;
 use rayon::prelude::*;
 use serde::Serialize;

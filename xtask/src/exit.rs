@@ -2,7 +2,7 @@
 
 use crate::study::trials::TrialsError;
 use ff_model::Problems;
-pub use ffid::exit::{Exit, Failure};
+use ffid::exit::{Exit, Failure};
 use std::io;
 
 /// The table as `--help` prints it.

@@ -1,6 +1,6 @@
 //! Where the workspace is.
 
-use crate::exit::Failure;
+use ffid::exit::Failure;
 use std::path::{Path, PathBuf};
 
 /// Root of the workspace: the folder above this package, or, outside cargo, above the current folder.

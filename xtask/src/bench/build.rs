@@ -1,8 +1,8 @@
 //! Building `ff-bench`, and states for it when the peers' are not at hand.
 
 use super::run;
-use crate::exit::Failure;
 use crate::process;
+use ffid::exit::Failure;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

@@ -4,8 +4,8 @@
 //! the difference over `N` is one call, because start-up cancels. Counts are kept in `crates/ff-bench/instructions.json`.
 
 use super::{Args, build};
-use crate::exit::Failure;
 use crate::table::Table;
+use ffid::exit::Failure;
 use ffid::files::atomic;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -5,28 +5,13 @@ use super::build::Target;
 use super::cell::{Cell, split_lanes};
 use super::models::MODELS;
 use super::peers;
-use super::peers::Peers;
+use super::programs::Programs;
 use super::run;
-use super::run::Pin;
 use super::{Effort, limits};
-use crate::exit::Failure;
+use ffid::exit::Failure;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
-
-/// What is run.
-pub struct Programs<'a> {
-    /// The workspace.
-    pub root: &'a Path,
-    /// `ff-bench` for any x86-64.
-    pub portable: &'a Path,
-    /// `ff-bench` for this machine.
-    pub native: &'a Path,
-    /// The peers' programs, if asked for.
-    pub peers: Option<&'a Peers>,
-    /// Where everything runs.
-    pub pin: Pin,
-}
 
 /// `(program, model, function, form)`; the form is empty for peers.
 type Key = (&'static str, String, String, String);

@@ -11,6 +11,7 @@ pub mod limits;
 pub mod micro;
 pub mod models;
 pub mod peers;
+pub mod programs;
 pub mod report;
 pub mod run;
 pub mod sizes;
@@ -73,7 +74,7 @@ impl Effort {
 /// Runs what is asked for.
 ///
 /// # Errors
-/// Failures of the programs, [`crate::exit::Failure::Tolerance`] when an instruction count rose.
+/// Failures of the programs, [`ffid::exit::Failure::Tolerance`] when an instruction count rose.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let root = workspace::root()?;
     let effort = Effort::of(args);
@@ -92,7 +93,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Some(p) => p.states.clone(),
         None => build::own_states(&root, &portable)?,
     };
-    let programs = micro::Programs { root: &root, portable: &portable, native: &native, peers: peers.as_ref(), pin };
+    let programs = programs::Programs { root: &root, portable: &portable, native: &native, peers: peers.as_ref(), pin };
     let cells = micro::measure(&programs, &states, effort, &args.only)?;
     let tasks = tasks::measure(&programs, effort, &args.only)?;
     let limits = limits::evaluate(&cells, &tasks, peers.is_some());

@@ -1,6 +1,6 @@
 //! The peers' programs: where they are, and which of their figures answers which of our functions.
 
-use crate::exit::Failure;
+use ffid::exit::Failure;
 use std::io;
 use std::path::{Path, PathBuf};
 

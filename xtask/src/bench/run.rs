@@ -1,6 +1,6 @@
 //! Running a benchmark program on one core and reading its JSON lines.
 
-use crate::exit::Failure;
+use ffid::exit::Failure;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

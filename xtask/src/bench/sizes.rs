@@ -2,9 +2,9 @@
 
 use super::run::{self, Pin};
 use super::{Args, Effort, build};
-use crate::exit::Failure;
 use crate::table::{Table, sig};
 use ff_report::plot::{Figure, Panel, Series};
+use ffid::exit::Failure;
 use ffid::files::atomic;
 use serde_json::Value;
 use std::path::Path;

@@ -3,9 +3,9 @@
 use super::Effort;
 use super::aggregate::Spread;
 use super::build::Target;
-use super::micro::Programs;
+use super::programs::Programs;
 use super::run;
-use crate::exit::Failure;
+use ffid::exit::Failure;
 use serde_json::Value;
 use std::path::Path;
 

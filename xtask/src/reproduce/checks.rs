@@ -2,7 +2,7 @@
 
 use super::Summary;
 use super::score::Columns;
-use crate::exit::Failure;
+use ffid::exit::Failure;
 
 /// Compares every promised figure with its limit.
 ///

@@ -1,11 +1,11 @@
 //! Records of an experiment, and the models identified from them.
 
 use super::experiment::Experiment;
-use crate::exit::Failure;
 use ff_dynamics::{Trace, measure};
 use ff_least_squares::Settings;
 use ff_model::{Model, Params};
 use ff_records::{Record, RecordBuilder};
+use ffid::exit::Failure;
 use ident::estimate::Estimate;
 use ident::parameters::offset_start;
 use ident::parameters::select;

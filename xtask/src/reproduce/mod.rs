@@ -20,9 +20,9 @@ mod report;
 mod score;
 mod spectra;
 
-use crate::exit::Failure;
 use crate::workspace;
 use experiment::Experiment;
+use ffid::exit::Failure;
 use ffid::files::{atomic, json};
 use indicatif::{ProgressBar, ProgressStyle};
 use score::Columns;

@@ -12,8 +12,8 @@ mod quintic;
 pub mod starts;
 pub mod trials;
 
-use crate::exit::Failure;
 use crate::table::{Table, sig};
+use ffid::exit::Failure;
 use ffid::files::json;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -10,9 +10,9 @@
 //! begun by another build can be continued, and the table of the study says so.
 
 use super::Options;
-use crate::exit::Failure;
 use crate::workspace;
 use anyhow::Context;
+use ffid::exit::Failure;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
