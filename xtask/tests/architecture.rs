@@ -78,3 +78,26 @@ fn dev_dependencies_on_members_are_by_path_alone() {
         }
     }
 }
+
+/// Packages that are compiled for `arguments` with their features, apart from what runs while compiling.
+fn packages_with_features(arguments: &[&str]) -> BTreeSet<String> {
+    let out = Command::new(xtask::process::cargo())
+        .args(["tree", "--locked", "--offline", "--prefix", "none", "--format", "{p} with features {f}"])
+        .args(arguments)
+        .current_dir(xtask::workspace::root().unwrap())
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let text = String::from_utf8(out.stdout).unwrap();
+    text.lines().map(|l| l.trim_end_matches(" (*)").to_owned()).collect()
+}
+
+/// Of a package that `cargo xtask` wants with other features than the tests of the workspace, two builds are made, and of everything
+/// that depends on it: one missing feature of `libc` compiled every crate from `ff-dynamics` upwards a second time.
+#[test]
+fn tasks_and_tests_share_one_build() {
+    let tests = packages_with_features(&["--workspace", "--edges", "normal,dev,no-proc-macro"]);
+    let tasks = packages_with_features(&["--package", "xtask", "--edges", "normal,no-proc-macro"]);
+    let other: Vec<_> = tasks.difference(&tests).collect();
+    assert!(other.is_empty(), "switch on in xtask/Cargo.toml what the tests switch on of {other:#?}");
+}

@@ -1,4 +1,4 @@
-//! A system made of a tuple of appendages and one made of boxed appendages are the same system.
+//! A system made of a tuple of appendages and one made of handles are the same system.
 
 use crate::common::*;
 use ff_dynamics::*;
@@ -8,10 +8,10 @@ use nalgebra::DMatrix;
 use slosh_pendulum::SloshPendulum;
 
 #[test]
-fn tuples_and_boxed_sets_give_the_same_bits() {
+fn tuples_and_sets_of_handles_give_the_same_bits() {
     let r = &mut rng(41);
     let arm = random_tree(r, 4, BaseKind::Floating);
-    // Kinds of little code: what stands in a tuple by its type is compiled here, for every number type.
+    // Handles and not `Box::new(fuel)`, whose dynamics would be compiled here for every number type; `ff-model` mounts boxes.
     let fuel = SloshPendulum::new(90.0, 0.8, [20.0, 21.0], [5.0, 6.0]).unwrap();
     let other = SloshPendulum::new(41.0, 0.55, [13.0, 9.0], [1.5, 0.7]).unwrap();
     let client = Payload::new(&body(r, 9.0)).unwrap();
@@ -24,11 +24,11 @@ fn tuples_and_boxed_sets_give_the_same_bits() {
 
     let mut typed = arm.clone();
     typed.mount_set(&places, (fuel.clone(), other.clone(), client.clone())).unwrap();
-    let mut boxed = arm;
-    let set: Vec<Box<dyn DynAppendage>> = vec![Box::new(fuel), Box::new(other), Box::new(client)];
-    boxed.mount_set(&places, set).unwrap();
-    assert_eq!(typed.param_decls(), boxed.param_decls());
-    assert_eq!(typed.passive_coords(), boxed.passive_coords());
+    let mut handles = arm;
+    let set: Vec<SharedAppendage> = vec![fuel.into(), other.into(), client.into()];
+    handles.mount_set(&places, set).unwrap();
+    assert_eq!(typed.param_decls(), handles.param_decls());
+    assert_eq!(typed.passive_coords(), handles.passive_coords());
     assert_eq!((typed.np(), typed.n_params()), (4, 10 * 5 + 6 + 6 + 10));
 
     for seed in 0..20 {
@@ -46,6 +46,6 @@ fn tuples_and_boxed_sets_give_the_same_bits() {
             assert!(tau.iter().zip(&back).all(|(t, b)| (t - b).abs() < 1e-9 * (1.0 + t.abs())));
             a.iter().chain(&back).chain(h.iter()).chain(y.iter()).map(|x| x.to_bits()).collect()
         };
-        assert_eq!(of(&typed), of(&boxed), "seed {seed}");
+        assert_eq!(of(&typed), of(&handles), "seed {seed}");
     }
 }

@@ -267,11 +267,9 @@ pub fn minimise<P: Problem + ?Sized>(problem: &mut P, start: &[f64], set: &Setti
 }
 
 /// As [`minimise`], for a problem that keeps its Jacobian: that of the solution is left empty.
-pub fn minimise_linearised<P: Linearise + ?Sized>(
-    problem: &mut P,
-    start: &[f64],
-    set: &Settings,
-) -> Result<Solution, LmError> {
+///
+/// A trait object, so that the solver is compiled once and not for every problem of every crate.
+pub fn minimise_linearised(problem: &mut dyn Linearise, start: &[f64], set: &Settings) -> Result<Solution, LmError> {
     const TRIES: usize = 10;
     let n = problem.dim();
     check_start(n, start, &set.bounds)?;

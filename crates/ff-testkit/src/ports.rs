@@ -4,7 +4,7 @@ use crate::assert_within;
 use crate::isa::instruction_sets;
 use crate::random::{Random, symmetric, vector};
 use crate::tolerance::{largest, relative_error};
-use ff_model::port::port_len;
+use ff_model::port::{PortModel, PortTangent, port_len};
 use ff_model::scalar::lanes::{LaneScalar, LaneTask, dispatch};
 use ff_model::{
     Appendage, Decl, DynAppendage, Motion, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Scalar,
@@ -16,7 +16,8 @@ pub fn shared(a: &(impl Clone + Into<Arc<dyn DynAppendage>>)) -> Arc<dyn DynAppe
     a.clone().into()
 }
 
-/// An appendage with nothing of its own but inertia, potential and bias; everything else is a default.
+/// An appendage with nothing of its own but inertia, potential and bias; everything else is a default. As `dyn DynAppendage` it
+/// would be compiled for every number type; [`check_ports`] wants plain numbers.
 pub struct Plain<A>(
     /// The appendage.
     pub A,
@@ -61,9 +62,23 @@ impl Move {
 /// Results: `M` and `h`, residual, jacobian, regressor.
 type Results<T> = [Vec<T>; 4];
 
+/// An appendage at one number type.
+#[derive(Clone, Copy)]
+struct Ports<'a, T: LaneScalar> {
+    model: &'a dyn PortModel<T>,
+    tangent: &'a dyn PortTangent<T>,
+    coords: usize,
+}
+
+impl<'a, T: LaneScalar> Ports<'a, T> {
+    fn of(a: &'a dyn DynAppendage) -> Self {
+        Self { model: T::port(a), tangent: T::tangent(a), coords: a.declaration().coords.len() }
+    }
+}
+
 /// With garbage in every buffer.
-fn evaluate<T: LaneScalar>(a: &dyn DynAppendage, p: &[T], moves: &[Move]) -> Results<T> {
-    let n = a.declaration().coords.len();
+fn evaluate<T: LaneScalar>(a: Ports<'_, T>, p: &[T], moves: &[Move]) -> Results<T> {
+    let n = a.coords;
     let dim = 6 + n;
     let pack = |of: &dyn Fn(&Move) -> f64| {
         let mut x = T::from_f64(0.0);
@@ -83,11 +98,11 @@ fn evaluate<T: LaneScalar>(a: &dyn DynAppendage, p: &[T], moves: &[Move]) -> Res
     let garbage = |k: usize| vec![T::from_f64(f64::NAN); k];
     let (mut m, mut h, mut r) = (garbage(port_len(n)), garbage(dim), garbage(dim));
     let (mut j, mut y) = (garbage(dim * (3 + 2 * n)), garbage(dim * p.len()));
-    T::port(a).terms(p, &s, &mut PortMatrix::over(n, &mut m), &mut h);
+    a.model.terms(p, &s, &mut PortMatrix::over(n, &mut m), &mut h);
     m.extend(h);
-    T::port(a).residual(p, &s, &acc, &mut PortMatrix::over(n, &mut garbage(port_len(n))), &mut r);
-    T::tangent(a).jacobian(p, &s, &acc, &mut j);
-    T::tangent(a).regressor(p, &s, &acc, &mut y);
+    a.model.residual(p, &s, &acc, &mut PortMatrix::over(n, &mut garbage(port_len(n))), &mut r);
+    a.tangent.jacobian(p, &s, &acc, &mut j);
+    a.tangent.regressor(p, &s, &acc, &mut y);
     [m, r, j, y]
 }
 
@@ -99,7 +114,7 @@ fn worst(x: &[f64], y: &[f64], dim: usize) -> f64 {
 
 struct Compare<'a> {
     own: &'a dyn DynAppendage,
-    plain: &'a dyn DynAppendage,
+    plain: Ports<'a, f64>,
     p: &'a [f64],
     moves: Vec<Move>,
 }
@@ -108,11 +123,11 @@ impl LaneTask for Compare<'_> {
     type Output = [f64; 4];
     fn run<T: LaneScalar>(self) -> [f64; 4] {
         let p: Vec<T> = self.p.iter().map(|&x| T::from_f64(x)).collect();
-        let found = evaluate::<T>(self.own, &p, &self.moves);
+        let found = evaluate::<T>(Ports::of(self.own), &p, &self.moves);
         let dim = 6 + self.own.declaration().coords.len();
         let mut w = [0.0_f64; 4];
         for l in 0..T::N {
-            let want = evaluate::<f64>(self.plain, self.p, &self.moves[l..]);
+            let want = evaluate(self.plain, self.p, &self.moves[l..]);
             for k in 0..4 {
                 let lane: Vec<f64> = found[k].iter().map(|x| x.lane(l)).collect();
                 let d = worst(&lane, &want[k], dim);
@@ -136,29 +151,30 @@ pub fn check_ports<A: PortDynamics + Clone + Into<Arc<dyn DynAppendage>>>(
 ) {
     let (own, plain) = (shared(a), Plain(a.clone()));
     let n = a.decl().coords.len();
+    let plain = Ports { model: &plain, tangent: &plain, coords: n };
     let isas = instruction_sets();
     for _ in 0..samples {
         let moves: Vec<Move> = (0..8).map(|_| Move::new(r, n)).collect();
-        let compare = || Compare { own: &*own, plain: &plain, p, moves: moves.clone() };
+        let compare = || Compare { own: &*own, plain, p, moves: moves.clone() };
         let each = isas.iter().map(|&i| dispatch(i, compare())).chain([compare().run::<f64>()]);
         for (i, w) in each.enumerate() {
             for (what, w) in ["terms", "residual", "jacobian", "regressor"].iter().zip(w) {
                 assert_within!(w, 1e-12, "{what}, number type {i}");
             }
         }
-        differences(&*own, &plain, p, &moves[0]);
+        differences(&*own, plain, p, &moves[0]);
     }
 }
 
-fn differences(own: &dyn DynAppendage, plain: &dyn DynAppendage, p: &[f64], at: &Move) {
+fn differences(own: &dyn DynAppendage, plain: Ports<'_, f64>, p: &[f64], at: &Move) {
     let n = at.own[0].len();
     let dim = 6 + n;
-    let [_, _, j, y] = evaluate::<f64>(own, p, std::slice::from_ref(at));
+    let [_, _, j, y] = evaluate::<f64>(Ports::of(own), p, std::slice::from_ref(at));
     // Rounding of the residual leaves its mark on a difference, and small columns carry it, too.
     let near = |column: &[f64], step: &dyn Fn(f64) -> (Vec<f64>, Move), h: f64, what: &str| {
         let at = |h: f64| {
             let (p, m) = step(h);
-            evaluate::<f64>(plain, &p, &[m])[1].clone()
+            evaluate(plain, &p, &[m])[1].clone()
         };
         let (a, b) = (at(h), at(-h));
         let limit = 1e-7 * largest(column) + 1e-14 * largest(&a) / h;

@@ -7,7 +7,7 @@ use crate::{process, workspace};
 ///
 /// `--no-nextest` uses `cargo test` even where cargo-nextest is installed; all other arguments are passed on to the runner, such as the
 /// name of a test. cargo-nextest leaves doc tests out, so they run on their own before it, and its summary closes the output. Both
-/// run even if the first fails.
+/// run even if the first fails. Examples are not compiled: clippy has read them, and `.ci/full examples` runs them.
 ///
 /// # Errors
 /// The failure of the runner, or of the doc tests when the rest passes.
@@ -18,7 +18,8 @@ pub fn run(args: &[String]) -> Result<(), Failure> {
     let with = |base: &[&str]| -> Vec<String> {
         base.iter().map(|&s| s.to_owned()).chain(rest.iter().map(|&s| s.clone())).collect()
     };
-    if !own.is_empty() || !process::has_cargo_subcommand("nextest") {
+    let nextest = own.is_empty() && process::has_cargo_subcommand("nextest");
+    if !nextest && !rest.is_empty() {
         return process::run(&root, &cargo, &with(&["test", "--workspace", "--no-fail-fast"]));
     }
     let docs = if rest.is_empty() {
@@ -26,7 +27,8 @@ pub fn run(args: &[String]) -> Result<(), Failure> {
     } else {
         Ok(()) // a filter of nextest means nothing to rustdoc
     };
-    process::run(&root, &cargo, &with(&["nextest", "run", "--workspace", "--no-fail-fast"]))?;
+    let runner: &[&str] = if nextest { &["nextest", "run"] } else { &["test"] };
+    process::run(&root, &cargo, &with(&[runner, &["--workspace", "--tests", "--no-fail-fast"]].concat()))?;
     if docs.is_err() {
         eprintln!("doc tests failed (the other tests passed)");
     }
