@@ -1,6 +1,8 @@
 //! Mission files: one TOML file that names the robot, what hangs on it, its sensors, and what to estimate.
 //!
 //! ```toml
+//! format = 1                  # version of the format, FORMAT; 1 unless given
+//!
 //! [robot]                     # Robot
 //! urdf = "robot.urdf"
 //! end_effector = "tool"
@@ -94,8 +96,13 @@ use toml::de::DeTable;
 /// Largest mission file read (bytes).
 pub const MAX_BYTES: usize = 1 << 20;
 
+/// Format of mission files that this version knows, as their key `format` gives it: all from 1 to this are read.
+pub const FORMAT: u64 = 1;
+
 /// Keys of a mission file. Those of a section are declared beside what it is read to.
 const ROOT: &[Key] = &[
+    key("format", Holds::WholeWithin { from: 1, to: FORMAT, unit: "" }, "version of the format of this file")
+        .or_whole(1),
     must("robot", Holds::Table(ROBOT), "which robot, which base, gravity"),
     key("client", Holds::Tables(CLIENT), "what the end effector holds"),
     key("appendage", Holds::Appendages(APPENDAGE), "what hangs on the robot: panels, fuel, wheels"),
@@ -109,6 +116,31 @@ const ROOT: &[Key] = &[
 ];
 
 /// A mission file as read.
+///
+/// ```
+/// use ff_mission::{LoadOptions, Mission};
+/// use ff_model::Registry;
+/// # let urdf = r#"<robot name="probe">
+/// #   <link name="hull"><inertial><mass value="50"/><inertia ixx="9" iyy="8" izz="7" ixy="0.1" ixz="0.2" iyz="0.3"/></inertial></link>
+/// #   <link name="arm"><inertial><mass value="4"/><inertia ixx="0.3" iyy="0.2" izz="0.3" ixy="0.01" ixz="0.02" iyz="0.03"/></inertial></link>
+/// #   <joint name="shoulder" type="continuous"><parent link="hull"/><child link="arm"/><axis xyz="0.6 0 0.8"/></joint>
+/// # </robot>"#;
+///
+/// let mission = r#"
+/// [robot]
+/// urdf = "probe.urdf"
+/// base = "floating"
+/// [estimate]
+/// parameters = ["base.*"]
+/// [parameters]
+/// "base.mass" = 51.5
+/// "#;
+///
+/// let loaded = Mission::from_str(mission, urdf, &Registry::new(), &LoadOptions::default())?;
+/// assert_eq!(loaded.mission.estimate.parameters, ["base.*"]);
+/// assert_eq!(loaded.mission.parameters["base.mass"], 51.5);
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mission {
     /// `[robot]`.
@@ -136,6 +168,32 @@ pub struct Mission {
 }
 
 /// A mission and the model it describes.
+///
+/// ```
+/// use ff_mission::{LoadOptions, Mission};
+/// use ff_model::Registry;
+/// # let urdf = r#"<robot name="probe">
+/// #   <link name="hull"><inertial><mass value="50"/><inertia ixx="9" iyy="8" izz="7" ixy="0.1" ixz="0.2" iyz="0.3"/></inertial></link>
+/// #   <link name="arm"><inertial><mass value="4"/><inertia ixx="0.3" iyy="0.2" izz="0.3" ixy="0.01" ixz="0.02" iyz="0.03"/></inertial></link>
+/// #   <joint name="shoulder" type="continuous"><parent link="hull"/><child link="arm"/><axis xyz="0.6 0 0.8"/></joint>
+/// # </robot>"#;
+///
+/// let mission = r#"
+/// [robot]
+/// urdf = "probe.urdf"
+/// base = "floating"
+/// [estimate]
+/// parameters = ["base.*"]
+/// [parameters]
+/// "base.mass" = 51.5
+/// "#;
+///
+/// let loaded = Mission::from_str(mission, urdf, &Registry::new(), &LoadOptions::default())?;
+/// assert_eq!((loaded.model.nv(), loaded.model.total_mass()), (7, 51.5 + 4.0));
+/// assert_eq!(loaded.estimated.len(), 10); // base.mass to base.i_zz
+/// assert!(loaded.warnings.0.is_empty());
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The file.
@@ -153,6 +211,35 @@ pub struct Loaded {
 }
 
 /// How to load a mission.
+///
+/// ```
+/// use ff_mission::{LoadOptions, Mission};
+/// use ff_model::Registry;
+/// # let urdf = r#"<robot name="probe">
+/// #   <link name="hull"><inertial><mass value="50"/><inertia ixx="9" iyy="8" izz="7" ixy="0.1" ixz="0.2" iyz="0.3"/></inertial></link>
+/// #   <link name="arm"><inertial><mass value="4"/><inertia ixx="0.3" iyy="0.2" izz="0.3" ixy="0.01" ixz="0.02" iyz="0.03"/></inertial></link>
+/// #   <joint name="shoulder" type="continuous"><parent link="hull"/><child link="arm"/><axis xyz="0.6 0 0.8"/></joint>
+/// # </robot>"#;
+///
+/// let mission = r#"
+/// [robot]
+/// urdf = "probe.urdf"
+/// base = "floating"
+/// [estimate]
+/// parameters = ["base.*"]
+/// [parameters]
+/// "base.mass" = 51.5
+/// "#;
+/// use ff_mission::Leniency;
+///
+/// // Moments of inertia that no body has: an error, unless its code is allowed.
+/// let (thin, mission) = (urdf.replace("ixx=\"9\"", "ixx=\"19\""), mission.replace("\"base.mass\" = 51.5", ""));
+/// let allow = LoadOptions { leniency: Leniency { allow: vec!["triangle".into()], strict: false } };
+/// assert!(Mission::from_str(&mission, &thin, &Registry::new(), &LoadOptions::default()).unwrap_err().has("Urdf::Triangle"));
+/// let warnings = Mission::from_str(&mission, &thin, &Registry::new(), &allow)?.warnings;
+/// assert!(warnings.has("Urdf::Triangle"));
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoadOptions {
     /// Named errors to allow, and whether warnings refuse.
@@ -216,11 +303,16 @@ fn load(
         for (k, v) in doc.get_ref() {
             cx.finite(k.get_ref(), v);
         }
-        let mut imported = Problems::default();
-        let kinds = Kinds { registry, folder };
-        let loaded = read(&Table::root(&cx, &doc, ROOT), &kinds, options, import, &mut imported);
-        out.extend(imported);
-        loaded
+        let root = Table::root(&cx, &doc, ROOT);
+        if is_readable(&root) {
+            let mut imported = Problems::default();
+            let kinds = Kinds { registry, folder };
+            let loaded = read(&root, &kinds, options, import, &mut imported);
+            out.extend(imported);
+            loaded
+        } else {
+            None
+        }
     } else {
         syntax.iter().take(100).for_each(|e| cx.push(syntax_problem(text, e)));
         None
@@ -237,6 +329,13 @@ fn load(
     Ok(loaded)
 }
 
+/// False for a file in a newer format, which is reported: nothing else in it can be judged.
+fn is_readable(root: &Table<'_, '_>) -> bool {
+    let Some(format) = root.newer_than("format", FORMAT) else { return true };
+    root.fail("format", Problem::newer_format(Area::Config, "Config::Version", format, FORMAT));
+    false
+}
+
 /// Reads all sections, imports the robot, mounts the appendages; goes on as far as there is something to
 /// check.
 fn read(
@@ -246,6 +345,7 @@ fn read(
     import: impl FnOnce(&Robot, &UrdfOptions) -> Result<(Model, Problems), Problems>,
     imported: &mut Problems,
 ) -> Option<Loaded> {
+    root.whole("format");
     let robot_table = root.table("robot");
     let robot = robot_table.as_ref().and_then(Robot::read);
     let clients: Vec<(Table<'_, '_>, Option<Client>)> = root

@@ -17,6 +17,31 @@ pub struct Coarse<'a> {
 }
 
 /// A way of predicting a record. Residuals are whitened: divided by the standard deviation of the sensor.
+///
+/// ```
+/// use ff_least_squares::EvalError;
+/// use ff_model::ParamDecl;
+/// use ident::{Estimator, Request, estimate};
+/// use nalgebra::DMatrix;
+///
+/// /// A stiffness from a static test: deflections under three torques, read to 1 mrad.
+/// struct Static([(f64, f64); 3]);
+/// impl Estimator for Static {
+///     fn rows(&self) -> usize { 3 }
+///     fn residuals(&mut self, p: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+///         r.iter_mut().zip(self.0).for_each(|(r, (torque, angle))| *r = (torque / p[0] - angle) / 1e-3);
+///         Ok(())
+///     }
+///     fn jacobian(&mut self, p: &[f64], e: &[f64], _: &[usize], r: &mut [f64], j: &mut DMatrix<f64>) -> Result<(), EvalError> {
+///         (0..3).for_each(|i| j[(i, 0)] = -self.0[i].0 / p[0].powi(2) / 1e-3);
+///         self.residuals(p, e, r)
+///     }
+/// }
+/// let k = [ParamDecl::positive("hinge.k", "N m/rad", 150.0)];
+/// let fit = estimate(&Request::new(&k, &[0], &[150.0]), &mut Static([(5.0, 0.025), (9.0, 0.0449), (14.0, 0.0701)]))?;
+/// assert!((fit.values[0] - 200.0).abs() < 1.0);
+/// # Ok::<(), ident::EstimateError>(())
+/// ```
 pub trait Estimator {
     /// Number of residuals, the same for every call.
     fn rows(&self) -> usize;

@@ -3,6 +3,15 @@
 use crate::estimate::setup::Noise;
 
 /// What the estimator assumes and what else it may adjust.
+///
+/// ```
+/// use ident::{Noise, Options};
+///
+/// // Sensors with biases, and a robot that need not be at rest when the record begins.
+/// let noise = Noise { torque: 0.1, gyro: 1.5e-4 };
+/// let options = Options { gyro_bias: true, torque_bias: true, initial_state: true, ..Options::new(noise) };
+/// assert_eq!((options.substeps, options.noise), (2, noise));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Noise that whitens the residuals.

@@ -11,7 +11,8 @@ use core::ops::Range;
 use ff_lanes::WIDEST;
 use ff_model::scalar::DIRECTIONS;
 use ff_model::scalar::{Grad, LaneScalar};
-use ff_model::{Kinematics, Model, Params, Placed, Xform};
+use ff_model::tree::Placed;
+use ff_model::{Kinematics, Model, Params, Xform};
 
 /// Derivatives of the tables, one per kinematic parameter.
 #[derive(Clone, Debug, Default)]
