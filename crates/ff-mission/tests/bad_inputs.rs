@@ -327,5 +327,5 @@ fn a_newer_format_is_refused_and_the_first_may_be_left_out() {
     assert_eq!((p.line, p.column, newer.exit_code()), (Some(2), Some(10), 11));
     let p = load(&format!("format = 0\n{mission}")).unwrap_err();
     assert_violation(refused(&p, "Config::OutOfRange", "format"), 0.0, Limit::Within(1.0, 1.0), "");
-    refused(&load(&format!("format = \"1\"\n{mission}")).unwrap_err(), "Config::WrongType", "format");
+    refused(&load(&format!("format = \"1\"\n{mission}")).unwrap_err(), "Config::Type", "format");
 }

@@ -170,7 +170,7 @@ impl<A: PortDynamics> PortablePorts for A {}
 ///
 /// /// Nominal mass of whatever hangs there (kg), if it is a parameter.
 /// fn mass(appendage: &dyn DynAppendage) -> Option<f64> {
-///     appendage.declaration().params.iter().find(|p| p.name == "mass").map(|p| p.nominal)
+///     appendage.declaration().params.iter().find(|p| p.name.ends_with("mass")).map(|p| p.nominal)
 /// }
 /// let block = Inertia::from_com(3.2, &Vector3::new(0.4, -0.1, 0.2), &Matrix3::from_diagonal_element(0.3));
 /// let payload: SharedAppendage = Payload::new(&block)?.into();

@@ -182,7 +182,7 @@ impl Shared {
 /// // Two records of the same robot, here twice the same: every variance is half.
 /// let noise = Noise { torque: 0.01, gyro: 1e-5 };
 /// let part = || Rda::new(&robot, &record, &noise).map(|rda| Box::new(rda) as Box<dyn Estimator>);
-/// let shared = Shared::new(&[("first", decls.as_slice()), ("second", decls.as_slice())], &[])?;
+/// let shared = Shared::new::<&str>(&[("first", decls.as_slice()), ("second", decls.as_slice())], &[])?;
 /// let (mut both, mut one) = (Several::new(&shared, vec![part()?, part()?]), part()?);
 /// let std = |fit: ident::estimate::Estimate| fit.parameters[0].std.unwrap();
 /// let two = std(estimate(&Request::new(&shared.decls, &mass, &start), &mut both)?);
