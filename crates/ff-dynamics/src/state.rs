@@ -16,6 +16,17 @@ pub fn dof_names(model: &Model) -> Vec<String> {
 /// State of a [`Model`]: base pose, joint positions, passive coordinates and the generalised velocity.
 ///
 /// `v = [base twist (base frame, linear first) | joint rates | passive rates]`; a fixed base has no base part.
+///
+/// ```
+/// use ff_dynamics::State;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+///
+/// let mut state = State::<f64>::zero(&robot);
+/// state.v[5] = 0.02; // rad/s about z of the base
+/// state.qd_mut()[3] = -0.1;
+/// assert_eq!((state.base_twist().ang.z, state.v[6 + 3]), (0.02, -0.1));
+/// assert_eq!((state.q.len(), state.nu().len()), (robot.nj(), robot.np()));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct State<T: Scalar> {
     /// Base origin in the world (m).

@@ -35,6 +35,19 @@ pub use x86::{Avx2x1, Avx2x4, Avx512x8};
 /// A computation that can be compiled for several instruction sets.
 ///
 /// `run` must be `#[inline(always)]`, and so must what it calls: see the crate documentation.
+///
+/// ```
+/// struct Energy<'a>(&'a [f64]);
+///
+/// impl ff_lanes::Kernel for Energy<'_> {
+///     type Output = f64;
+///     #[inline(always)]
+///     fn run(self) -> f64 {
+///         self.0.iter().map(|v| 0.5 * v * v).sum()
+///     }
+/// }
+/// assert_eq!(ff_lanes::widest(Energy(&[3.0, 4.0, 2.0])), 14.5);
+/// ```
 pub trait Kernel {
     /// What it returns.
     type Output;
@@ -43,6 +56,22 @@ pub trait Kernel {
 }
 
 /// A number type that knows which instructions it needs.
+///
+/// ```
+/// use ff_lanes::{Enter, Kernel, Lanes, Portable4};
+///
+/// struct Norm<L>(L, L);
+/// impl<L: Lanes + std::ops::Mul<Output = L>> Kernel for Norm<L> {
+///     type Output = L;
+///     #[inline(always)]
+///     fn run(self) -> L {
+///         self.0.mul_add(self.0, self.1 * self.1)
+///     }
+/// }
+/// let (x, y) = (Portable4::load(&[3.0, 5.0, 8.0, 7.0]), Portable4::load(&[4.0, 12.0, 15.0, 24.0]));
+/// assert_eq!(Portable4::enter(Norm(x, y)), Portable4::load(&[25.0, 169.0, 289.0, 625.0]));
+/// assert_eq!(f64::enter(Norm(3.0, 4.0)), 25.0); // the same code, one lane
+/// ```
 pub trait Enter {
     /// Runs `kernel` in a function compiled for the instructions of this type.
     ///
@@ -59,6 +88,19 @@ impl Enter for f64 {
 }
 
 /// `N` numbers that go through the same arithmetic together.
+///
+/// ```
+/// use ff_lanes::{Lanes, Portable4};
+///
+/// // Over any number of lanes: the sum of a column whose length is a multiple of it.
+/// fn sum<L: Lanes + std::ops::AddAssign>(x: &[f64]) -> f64 {
+///     let mut s = L::splat(0.0);
+///     x.chunks_exact(L::N).for_each(|part| s += L::load(part));
+///     (0..L::N).map(|i| s.lane(i)).sum()
+/// }
+/// let x = [2.0, -3.0, 5.0, 7.0, 11.0, 13.0, -17.0, 19.0];
+/// assert_eq!((sum::<f64>(&x), sum::<Portable4>(&x)), (37.0, 37.0));
+/// ```
 pub trait Lanes: Copy + Enter {
     /// How many.
     const N: usize;
@@ -150,6 +192,15 @@ impl Lanes for f64 {
 }
 
 /// An instruction set of the list in the crate documentation.
+///
+/// ```
+/// use ff_lanes::Isa;
+///
+/// // Runs of an ensemble go through the dynamics in groups of this size.
+/// let isa = Isa::detect();
+/// assert_eq!(isa.lanes(), if isa == Isa::V4 { 8 } else { 4 });
+/// assert!(isa >= Isa::Portable);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Isa {
     /// What the program was built for.

@@ -5,6 +5,15 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 use wide::f64x4;
 
 /// Four numbers, with the instructions the program was built for.
+///
+/// ```
+/// use ff_lanes::{Lanes, Portable4};
+///
+/// // Four springs at once: 2.5 N m/rad, at four angles.
+/// let angle = Portable4::load(&[0.1, -0.2, 0.3, 0.4]);
+/// let torque = angle * Portable4::splat(-2.5);
+/// assert_eq!((torque.lane(1), torque.lane(3)), (0.5, -1.0));
+/// ```
 #[derive(Clone, Copy)]
 pub struct Portable4(f64x4);
 

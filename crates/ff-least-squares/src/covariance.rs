@@ -8,6 +8,18 @@ use nalgebra::{DMatrix, DVector};
 pub const TOUCH: f64 = 1e-5;
 
 /// What a whitened Jacobian says of its unknowns ([`determine`]).
+///
+/// ```
+/// use ff_least_squares::determine;
+/// use nalgebra::DMatrix;
+///
+/// // The third unknown enters only as the sum with the second.
+/// let j = DMatrix::from_fn(6, 3, |i, k| if k == 0 { 1.5 } else { 0.3 * i as f64 - 0.4 });
+/// let found = determine(&j, &[2.0, 0.7, 0.7], 1e-10)?;
+/// assert_eq!(found.rank, 2);
+/// assert!(found.deviation[0].is_some() && found.deviation[1].is_none() && found.deviation[2].is_none());
+/// # Ok::<(), ff_linalg::LinalgError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Determined {
     /// Triangle of the Jacobian with every column times the size of its unknown, n x n.

@@ -9,12 +9,61 @@ use ff_linalg::LinalgError;
 use nalgebra::{DMatrix, DVector};
 
 /// `(R, c)` with `R^T R = J^T J` and `R^T c = J^T r`.
+///
+/// ```
+/// use ff_least_squares::{Reduced, reduce};
+/// use nalgebra::DMatrix;
+///
+/// let j = DMatrix::from_fn(40, 2, |i, k| if k == 0 { 1.3 } else { (0.2 * i as f64).sin() });
+/// let r: Vec<f64> = (0..40).map(|i| 0.7 + (0.3 * f64::from(i)).cos()).collect();
+/// let (triangle, c): Reduced = reduce(&j, &r)?;
+/// assert!((triangle.tr_mul(&triangle) - j.tr_mul(&j)).norm() < 1e-12);
+/// assert!((triangle.tr_mul(&c) - j.tr_mul(&nalgebra::DVector::from_vec(r))).norm() < 1e-12);
+/// # Ok::<(), ff_linalg::LinalgError>(())
+/// ```
 pub type Reduced = (DMatrix<f64>, DVector<f64>);
 
 /// A result at a point, or why the point has none; the outer error ends the fit.
+///
+/// ```
+/// use ff_least_squares::{EvalError, LmError, Tried, finite};
+///
+/// // A rejected point is an answer: the solver tries a shorter step. A fatal error ends the fit.
+/// let point: Tried<()> = finite(Err(EvalError::Rejected("panel beyond 1 rad".into())), &[], None);
+/// assert!(matches!(point, Ok(Err(reason)) if reason == "panel beyond 1 rad"));
+/// let point = finite(Err(EvalError::Fatal("record lost".into())), &[], None);
+/// assert!(matches!(point, Err(LmError::Fatal(_))));
+/// ```
 pub type Tried<T> = Result<Result<T, String>, LmError>;
 
 /// A least-squares problem that keeps its Jacobian.
+///
+/// ```
+/// # use ff_least_squares::{EvalError, Problem};
+/// # /// `y = 3 exp(-0.7 t)` at four times, fitted by `x0 exp(-x1 t)`.
+/// # struct Decay;
+/// # impl Problem for Decay {
+/// #     fn dim(&self) -> usize { 2 }
+/// #     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+/// #         *r = [0.3, 0.9, 1.7, 2.6].map(|t: f64| x[0] * (-x[1] * t).exp() - 3.0 * (-0.7 * t).exp()).to_vec();
+/// #         Ok(())
+/// #     }
+/// #     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut nalgebra::DMatrix<f64>) -> Result<(), EvalError> {
+/// #         let e = [0.3, 0.9, 1.7, 2.6].map(|t: f64| (t, (-x[1] * t).exp()));
+/// #         *j = nalgebra::DMatrix::from_fn(4, 2, |i, k| if k == 0 { e[i].1 } else { -x[0] * e[i].0 * e[i].1 });
+/// #         self.residuals(x, r)
+/// #     }
+/// # }
+/// use ff_least_squares::{Dense, Linearise};
+///
+/// // What the solver keeps of a Jacobian: the triangle, and products with the rows.
+/// let (mut decay, mut r) = (Decay, Vec::new());
+/// let mut problem = Dense::new(&mut decay);
+/// let (triangle, c) = problem.linearise(&[2.0, 0.5], &mut r)?.map_err(|reason| reason.to_string())?;
+/// problem.accept();
+/// assert!((problem.transposed(&r) - triangle.tr_mul(&c)).norm() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Linearise {
     /// Number of unknowns n.
     fn dim(&self) -> usize;
@@ -35,6 +84,32 @@ pub trait Linearise {
 }
 
 /// A [`Problem`] with its Jacobian kept for it.
+///
+/// ```
+/// # use ff_least_squares::{EvalError, Problem};
+/// # /// `y = 3 exp(-0.7 t)` at four times, fitted by `x0 exp(-x1 t)`.
+/// # struct Decay;
+/// # impl Problem for Decay {
+/// #     fn dim(&self) -> usize { 2 }
+/// #     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+/// #         *r = [0.3, 0.9, 1.7, 2.6].map(|t: f64| x[0] * (-x[1] * t).exp() - 3.0 * (-0.7 * t).exp()).to_vec();
+/// #         Ok(())
+/// #     }
+/// #     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut nalgebra::DMatrix<f64>) -> Result<(), EvalError> {
+/// #         let e = [0.3, 0.9, 1.7, 2.6].map(|t: f64| (t, (-x[1] * t).exp()));
+/// #         *j = nalgebra::DMatrix::from_fn(4, 2, |i, k| if k == 0 { e[i].1 } else { -x[0] * e[i].0 * e[i].1 });
+/// #         self.residuals(x, r)
+/// #     }
+/// # }
+/// use ff_least_squares::{Dense, Settings, minimise_linearised};
+///
+/// let mut decay = Decay;
+/// let mut problem = Dense::new(&mut decay);
+/// let solution = minimise_linearised(&mut problem, &[2.0, 0.5], &Settings::default())?;
+/// assert!(solution.status.is_converged());
+/// assert_eq!(problem.j.shape(), (4, 2)); // the Jacobian at the solution
+/// # Ok::<(), ff_least_squares::LmError>(())
+/// ```
 pub struct Dense<'a, P: ?Sized> {
     problem: &'a mut P,
     /// Jacobian at the last linearisation, m x n.

@@ -18,6 +18,15 @@ use ff_linalg::LinalgError;
 use nalgebra::DMatrix;
 
 /// Why a point could not be evaluated.
+///
+/// ```
+/// use ff_least_squares::EvalError;
+///
+/// fn temperature_factor(x: f64) -> Result<f64, EvalError> {
+///     if x > 0.0 { Ok(x.ln()) } else { Err(EvalError::Rejected(format!("no logarithm of {x}"))) }
+/// }
+/// assert_eq!(temperature_factor(-0.4).unwrap_err().to_string(), "no logarithm of -0.4");
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum EvalError {
     /// The model has no answer here (it diverged, left its range); the solver tries a shorter step.
@@ -29,6 +38,29 @@ pub enum EvalError {
 }
 
 /// A whitened least-squares problem: residuals have unit standard deviation when the model is right.
+///
+/// ```
+/// use ff_least_squares::{EvalError, Problem, jacobian_error};
+/// use nalgebra::DMatrix;
+///
+/// /// The stiffness and offset of a hinge, from torques read at four angles; 0.02 N m noise.
+/// struct Hinge;
+/// impl Problem for Hinge {
+///     fn dim(&self) -> usize { 2 }
+///     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+///         *r = [(0.1, 1.9), (0.3, 5.2), (0.4, 6.8), (0.7, 11.6)].map(|(a, tau)| (x[0] * (a - x[1]) - tau) / 0.02).to_vec();
+///         Ok(())
+///     }
+///     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut DMatrix<f64>) -> Result<(), EvalError> {
+///         self.residuals(x, r)?;
+///         let angles = [0.1, 0.3, 0.4, 0.7];
+///         *j = DMatrix::from_fn(4, 2, |i, k| if k == 0 { angles[i] - x[1] } else { -x[0] } / 0.02);
+///         Ok(())
+///     }
+/// }
+/// assert!(jacobian_error(&mut Hinge, &[17.0, -0.02], 1e-6)? < 1e-7);
+/// # Ok::<(), ff_least_squares::LmError>(())
+/// ```
 pub trait Problem {
     /// Number of unknowns n.
     fn dim(&self) -> usize;
@@ -50,6 +82,30 @@ pub trait Problem {
 }
 
 /// How the trust region measures a step.
+///
+/// ```
+/// # use ff_least_squares::{EvalError, Problem};
+/// # /// `y = 3 exp(-0.7 t)` at four times, fitted by `x0 exp(-x1 t)`.
+/// # struct Decay;
+/// # impl Problem for Decay {
+/// #     fn dim(&self) -> usize { 2 }
+/// #     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+/// #         *r = [0.3, 0.9, 1.7, 2.6].map(|t: f64| x[0] * (-x[1] * t).exp() - 3.0 * (-0.7 * t).exp()).to_vec();
+/// #         Ok(())
+/// #     }
+/// #     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut nalgebra::DMatrix<f64>) -> Result<(), EvalError> {
+/// #         let e = [0.3, 0.9, 1.7, 2.6].map(|t: f64| (t, (-x[1] * t).exp()));
+/// #         *j = nalgebra::DMatrix::from_fn(4, 2, |i, k| if k == 0 { e[i].1 } else { -x[0] * e[i].0 * e[i].1 });
+/// #         self.residuals(x, r)
+/// #     }
+/// # }
+/// use ff_least_squares::{Scale, Settings, minimise};
+///
+/// // Both ways of measuring a step lead to the same minimum.
+/// let settings = |scale| Settings { scale, ..Settings::default() };
+/// let [columns, unit] = [Scale::Columns, Scale::Unit].map(|s| minimise(&mut Decay, &[2.0, 0.5], &settings(s)).unwrap().x);
+/// assert!((columns[0] - unit[0]).abs() < 1e-8 && (columns[1] - unit[1]).abs() < 1e-8);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// By the largest column norms so far (More): independent of the units of the unknowns.
@@ -60,6 +116,31 @@ pub enum Scale {
 }
 
 /// When to stop. The defaults suit whitened residuals.
+///
+/// ```
+/// # use ff_least_squares::{EvalError, Problem};
+/// # /// `y = 3 exp(-0.7 t)` at four times, fitted by `x0 exp(-x1 t)`.
+/// # struct Decay;
+/// # impl Problem for Decay {
+/// #     fn dim(&self) -> usize { 2 }
+/// #     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+/// #         *r = [0.3, 0.9, 1.7, 2.6].map(|t: f64| x[0] * (-x[1] * t).exp() - 3.0 * (-0.7 * t).exp()).to_vec();
+/// #         Ok(())
+/// #     }
+/// #     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut nalgebra::DMatrix<f64>) -> Result<(), EvalError> {
+/// #         let e = [0.3, 0.9, 1.7, 2.6].map(|t: f64| (t, (-x[1] * t).exp()));
+/// #         *j = nalgebra::DMatrix::from_fn(4, 2, |i, k| if k == 0 { e[i].1 } else { -x[0] * e[i].0 * e[i].1 });
+/// #         self.residuals(x, r)
+/// #     }
+/// # }
+/// use ff_least_squares::{Settings, Status, minimise};
+///
+/// // The rate is 0.7; a bound below it is met, and the status says which unknown stopped there.
+/// let settings = Settings { bounds: vec![(0.0, 9.0), (0.1, 0.6)], ..Settings::default() };
+/// let solution = minimise(&mut Decay, &[2.0, 0.5], &settings)?;
+/// assert!(matches!(solution.status, Status::AtBound { ref at, .. } if *at == [1]), "{:?}", solution.status);
+/// # Ok::<(), ff_least_squares::LmError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Converged when an undamped Gauss-Newton step promises a relative reduction of the cost below this.
@@ -108,6 +189,30 @@ impl Default for Settings {
 }
 
 /// Which test was met.
+///
+/// ```
+/// # use ff_least_squares::{EvalError, Problem};
+/// # /// `y = 3 exp(-0.7 t)` at four times, fitted by `x0 exp(-x1 t)`.
+/// # struct Decay;
+/// # impl Problem for Decay {
+/// #     fn dim(&self) -> usize { 2 }
+/// #     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+/// #         *r = [0.3, 0.9, 1.7, 2.6].map(|t: f64| x[0] * (-x[1] * t).exp() - 3.0 * (-0.7 * t).exp()).to_vec();
+/// #         Ok(())
+/// #     }
+/// #     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut nalgebra::DMatrix<f64>) -> Result<(), EvalError> {
+/// #         let e = [0.3, 0.9, 1.7, 2.6].map(|t: f64| (t, (-x[1] * t).exp()));
+/// #         *j = nalgebra::DMatrix::from_fn(4, 2, |i, k| if k == 0 { e[i].1 } else { -x[0] * e[i].0 * e[i].1 });
+/// #         self.residuals(x, r)
+/// #     }
+/// # }
+/// use ff_least_squares::{Criterion, Settings, Status, minimise};
+///
+/// let settings = Settings { cost_floor: 1e-3, ..Settings::default() };
+/// let solution = minimise(&mut Decay, &[2.0, 0.5], &settings)?;
+/// assert_eq!(solution.status, Status::Converged { by: Criterion::Cost });
+/// # Ok::<(), ff_least_squares::LmError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
@@ -130,6 +235,30 @@ const UNRESOLVED: f64 = 1e-12;
 const NEAR: f64 = 0.1;
 
 /// How a fit ended.
+///
+/// ```
+/// # use ff_least_squares::{EvalError, Problem};
+/// # /// `y = 3 exp(-0.7 t)` at four times, fitted by `x0 exp(-x1 t)`.
+/// # struct Decay;
+/// # impl Problem for Decay {
+/// #     fn dim(&self) -> usize { 2 }
+/// #     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+/// #         *r = [0.3, 0.9, 1.7, 2.6].map(|t: f64| x[0] * (-x[1] * t).exp() - 3.0 * (-0.7 * t).exp()).to_vec();
+/// #         Ok(())
+/// #     }
+/// #     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut nalgebra::DMatrix<f64>) -> Result<(), EvalError> {
+/// #         let e = [0.3, 0.9, 1.7, 2.6].map(|t: f64| (t, (-x[1] * t).exp()));
+/// #         *j = nalgebra::DMatrix::from_fn(4, 2, |i, k| if k == 0 { e[i].1 } else { -x[0] * e[i].0 * e[i].1 });
+/// #         self.residuals(x, r)
+/// #     }
+/// # }
+/// use ff_least_squares::{Settings, Status, minimise};
+///
+/// let settings = Settings { max_iterations: 1, ..Settings::default() };
+/// let solution = minimise(&mut Decay, &[0.3, 4.0], &settings)?;
+/// assert_eq!(solution.status, Status::IterationLimit); // the point is not an estimate
+/// # Ok::<(), ff_least_squares::LmError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
 pub enum Status {
@@ -164,6 +293,30 @@ impl Status {
 }
 
 /// One trial step.
+///
+/// ```
+/// # use ff_least_squares::{EvalError, Problem};
+/// # /// `y = 3 exp(-0.7 t)` at four times, fitted by `x0 exp(-x1 t)`.
+/// # struct Decay;
+/// # impl Problem for Decay {
+/// #     fn dim(&self) -> usize { 2 }
+/// #     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+/// #         *r = [0.3, 0.9, 1.7, 2.6].map(|t: f64| x[0] * (-x[1] * t).exp() - 3.0 * (-0.7 * t).exp()).to_vec();
+/// #         Ok(())
+/// #     }
+/// #     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut nalgebra::DMatrix<f64>) -> Result<(), EvalError> {
+/// #         let e = [0.3, 0.9, 1.7, 2.6].map(|t: f64| (t, (-x[1] * t).exp()));
+/// #         *j = nalgebra::DMatrix::from_fn(4, 2, |i, k| if k == 0 { e[i].1 } else { -x[0] * e[i].0 * e[i].1 });
+/// #         self.residuals(x, r)
+/// #     }
+/// # }
+/// use ff_least_squares::{Settings, minimise};
+///
+/// let solution = minimise(&mut Decay, &[0.9, 2.0], &Settings::default())?;
+/// let accepted: Vec<f64> = solution.history.iter().filter(|step| step.accepted).map(|step| step.cost).collect();
+/// assert!(accepted.windows(2).all(|costs| costs[1] < costs[0])); // each step reduces the cost
+/// # Ok::<(), ff_least_squares::LmError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Iterate {
     /// Linearisation it belongs to, from 0.
@@ -183,6 +336,30 @@ pub struct Iterate {
 }
 
 /// The result of [`minimise`].
+///
+/// ```
+/// # use ff_least_squares::{EvalError, Problem};
+/// # /// `y = 3 exp(-0.7 t)` at four times, fitted by `x0 exp(-x1 t)`.
+/// # struct Decay;
+/// # impl Problem for Decay {
+/// #     fn dim(&self) -> usize { 2 }
+/// #     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+/// #         *r = [0.3, 0.9, 1.7, 2.6].map(|t: f64| x[0] * (-x[1] * t).exp() - 3.0 * (-0.7 * t).exp()).to_vec();
+/// #         Ok(())
+/// #     }
+/// #     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut nalgebra::DMatrix<f64>) -> Result<(), EvalError> {
+/// #         let e = [0.3, 0.9, 1.7, 2.6].map(|t: f64| (t, (-x[1] * t).exp()));
+/// #         *j = nalgebra::DMatrix::from_fn(4, 2, |i, k| if k == 0 { e[i].1 } else { -x[0] * e[i].0 * e[i].1 });
+/// #         self.residuals(x, r)
+/// #     }
+/// # }
+/// use ff_least_squares::{Settings, determine, minimise};
+///
+/// let solution = minimise(&mut Decay, &[2.0, 0.5], &Settings::default())?;
+/// let deviation = determine(&solution.jacobian, &[3.0, 0.7], 1e-10)?.deviation;
+/// assert!((solution.x[1] - 0.7).abs() < 1e-9 && deviation.iter().all(Option::is_some));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Solution {
     /// Best point.
@@ -206,6 +383,28 @@ pub struct Solution {
 }
 
 /// Why there is no result.
+///
+/// ```
+/// # use ff_least_squares::{EvalError, Problem};
+/// # /// `y = 3 exp(-0.7 t)` at four times, fitted by `x0 exp(-x1 t)`.
+/// # struct Decay;
+/// # impl Problem for Decay {
+/// #     fn dim(&self) -> usize { 2 }
+/// #     fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+/// #         *r = [0.3, 0.9, 1.7, 2.6].map(|t: f64| x[0] * (-x[1] * t).exp() - 3.0 * (-0.7 * t).exp()).to_vec();
+/// #         Ok(())
+/// #     }
+/// #     fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut nalgebra::DMatrix<f64>) -> Result<(), EvalError> {
+/// #         let e = [0.3, 0.9, 1.7, 2.6].map(|t: f64| (t, (-x[1] * t).exp()));
+/// #         *j = nalgebra::DMatrix::from_fn(4, 2, |i, k| if k == 0 { e[i].1 } else { -x[0] * e[i].0 * e[i].1 });
+/// #         self.residuals(x, r)
+/// #     }
+/// # }
+/// use ff_least_squares::{LmError, Settings, minimise};
+///
+/// let refused = minimise(&mut Decay, &[2.0, f64::NAN], &Settings::default()).unwrap_err();
+/// assert!(matches!(refused, LmError::Setup(_)) && refused.exit_code() == 11);
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum LmError {
     /// Non-finite residuals or derivatives, at the start or ten trial points in a row (bad-inputs row D31).

@@ -23,6 +23,17 @@ const ROWS: usize = 12;
 const NOTHING: f64 = 1e-280;
 
 /// The triangle of all rows of one kind, unweighted: what is left of `A x = b` for them.
+///
+/// ```
+/// use ff_least_squares::Triangle;
+/// use nalgebra::DMatrix;
+///
+/// // Torques of one joint, which depends on unknowns 1 and 4 of the fit; the last column is the measured torque.
+/// let r = DMatrix::from_row_slice(3, 3, &[2.0, 0.5, 7.0, 0.0, 3.0, 12.0, 0.0, 0.0, 0.1]);
+/// let elbow = Triangle { name: "torque elbow".into(), columns: vec![1, 4], r, rows: 500 };
+/// let x = [9.0, 2.5, 9.0, 9.0, 4.0]; // 2 * 2.5 + 0.5 * 4 = 7, 3 * 4 = 12: the fit of these rows
+/// assert!((elbow.cost(&x) - 0.01).abs() < 1e-12);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Triangle {
     /// What the rows are, such as `torque arm_j3`.
@@ -56,6 +67,21 @@ impl Triangle {
 }
 
 /// The triangle of all kinds together, each divided by the standard deviation of its rows.
+///
+/// ```
+/// use ff_least_squares::{Triangle, merge};
+/// use nalgebra::DMatrix;
+///
+/// // Two joints measured one unknown each, with different noise: both know the last.
+/// let part = |name: &str, columns: Vec<usize>, r: [f64; 9]| Triangle { name: name.into(), columns, r: DMatrix::from_row_slice(3, 3, &r), rows: 40 };
+/// let shoulder = part("torque shoulder", vec![0, 2], [2.0, 0.5, 5.0, 0.0, 3.0, 6.0, 0.0, 0.0, 0.4]);
+/// let elbow = part("torque elbow", vec![1, 2], [1.5, -0.4, 2.2, 0.0, 1.2, 2.4, 0.0, 0.0, 0.3]);
+/// let all = merge(3, &[shoulder, elbow], &[0.4, 0.3])?;
+/// let x = all.r.solve_upper_triangular(&all.d).unwrap();
+/// assert!((x[2] - 2.0).abs() < 1e-12 && (x[0] - 2.0).abs() < 1e-12 && (x[1] - 2.0).abs() < 1e-12);
+/// assert_eq!(all.rows, 80);
+/// # Ok::<(), ff_linalg::LinalgError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Merged {
     /// Upper triangle of the whitened `A`, n x n.
@@ -99,6 +125,22 @@ pub fn merge(n: usize, parts: &[Triangle], sigma: &[f64]) -> Result<Merged, Lina
 }
 
 /// Folds plain rows into a triangle, for those who make them one block at a time. Memory: five triangles.
+///
+/// ```
+/// use ff_least_squares::TallQr;
+/// use nalgebra::DMatrix;
+///
+/// // [A b] in blocks, as a record is read: y = 2 + 0.5 t.
+/// let mut tall = TallQr::new(3);
+/// for block in 0..20 {
+///     let t = |i: usize| 0.1 * (50 * block + i) as f64;
+///     tall.push(&DMatrix::from_fn(50, 3, |i, k| [1.0, t(i), 2.0 + 0.5 * t(i)][k]))?;
+/// }
+/// let (r, rows) = tall.finish()?;
+/// assert_eq!(rows, 1000);
+/// assert!((r[(1, 2)] / r[(1, 1)] - 0.5).abs() < 1e-12); // the slope, by back substitution
+/// # Ok::<(), ff_linalg::LinalgError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct TallQr {
     /// The triangle in the first `width` rows, then rows that wait.
@@ -167,6 +209,21 @@ pub fn qr_r(a: &DMatrix<f64>) -> Result<DMatrix<f64>, LinalgError> {
 }
 
 /// A tall matrix that is at hand, perhaps with one more column and a factor on every row.
+///
+/// ```
+/// use ff_least_squares::{Tall, triangle_of};
+/// use nalgebra::DMatrix;
+///
+/// let a = DMatrix::from_fn(900, 2, |i, k| ((0.1 + k as f64) * i as f64).cos());
+/// let b: Vec<f64> = (0..900).map(|i| 3.0 * a[(i, 0)] - 0.5 * a[(i, 1)]).collect();
+/// let weights: Vec<f64> = (0..900).map(|i| if i % 9 == 0 { 0.0 } else { 1.4 }).collect();
+/// let r = triangle_of(&Tall::new(&a).weighted(&weights))?;
+/// let weighted = DMatrix::from_fn(900, 2, |i, k| a[(i, k)] * weights[i]);
+/// assert!((r.tr_mul(&r) - weighted.tr_mul(&weighted)).norm() < 1e-9);
+/// // With the right-hand side as one more column nothing is left of the last row: b is in the span of a.
+/// assert!(triangle_of(&Tall::new(&a).with(&b))?[(2, 2)].abs() < 1e-10);
+/// # Ok::<(), ff_linalg::LinalgError>(())
+/// ```
 #[derive(Clone, Copy)]
 pub struct Tall<'a> {
     matrix: &'a DMatrix<f64>,
@@ -252,6 +309,22 @@ fn part<L: LaneScalar>(x: &[f64], full: bool) -> L {
 }
 
 /// Rows of one kind, a stream per lane.
+///
+/// ```
+/// use ff_least_squares::Stream;
+///
+/// // Rows [a | b] of a line through the origin, b = 2.5 a.
+/// let mut stream = Stream::<f64>::new(1);
+/// for a in [0.3, -1.2, 0.7, 2.0] {
+///     stream.put(0, a);
+///     stream.put(1, 2.5 * a);
+///     stream.end_row();
+/// }
+/// stream.flush();
+/// let r = stream.finish()?;
+/// assert!((r[(0, 1)] / r[(0, 0)] - 2.5).abs() < 1e-14);
+/// # Ok::<(), ff_linalg::LinalgError>(())
+/// ```
 pub struct Stream<L> {
     /// Columns and right-hand side.
     width: usize,

@@ -5,6 +5,17 @@ use faer::{MatRef, Side};
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// Why a factorisation was refused or failed.
+///
+/// ```
+/// use ff_linalg::{LinalgError, least_squares};
+/// use nalgebra::{DMatrix, DVector};
+///
+/// // The second column is the third times -2: the data cannot separate the two.
+/// let a = DMatrix::from_row_slice(4, 3, &[0.3, -4.0, 2.0, 0.7, 6.0, -3.0, -0.4, 2.4, -1.2, 1.1, 0.8, -0.4]);
+/// let refused = least_squares(&a, &DVector::from_row_slice(&[0.2, 0.9, -0.5, 1.3]));
+/// let Err(LinalgError::RankDeficient { rank, dependent, .. }) = refused else { panic!("{refused:?}") };
+/// assert_eq!((rank, dependent), (2, vec![2]));
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LinalgError {
     /// An element is NaN or infinite.
@@ -145,6 +156,15 @@ pub fn least_squares(a: &DMatrix<f64>, b: &DVector<f64>) -> Result<DVector<f64>>
 }
 
 /// `A P = Q R` with columns taken in order of largest remaining norm (LAPACK `geqp3`).
+///
+/// ```
+/// use nalgebra::DMatrix;
+///
+/// let a = DMatrix::from_row_slice(3, 2, &[0.3, 4.0, -0.2, 3.0, 0.5, 12.0]);
+/// let qr = ff_linalg::col_piv_qr(&a)?;
+/// assert_eq!((qr.order, qr.r[(0, 0)].abs()), (vec![1, 0], 13.0)); // the longest column comes first
+/// # Ok::<(), ff_linalg::LinalgError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColPivQr {
     /// Upper triangular factor, min(m,n) x n; `|R_ii|` does not increase.
@@ -174,6 +194,17 @@ pub fn col_piv_qr(a: &DMatrix<f64>) -> Result<ColPivQr> {
 }
 
 /// Thin singular value decomposition `A = U diag(s) V^T`, `k = min(m, n)`.
+///
+/// ```
+/// use nalgebra::DMatrix;
+///
+/// // Two parameters of which the data know one combination only: 3 p0 + 4 p1.
+/// let a = DMatrix::from_row_slice(3, 2, &[3.0, 4.0, -6.0, -8.0, 1.5, 2.0]);
+/// let d = ff_linalg::svd(&a)?;
+/// assert_eq!(d.rank(1e-12), 1);
+/// assert!((d.v.column(1).dot(&nalgebra::DVector::from_row_slice(&[3.0, 4.0]))).abs() < 1e-14);
+/// # Ok::<(), ff_linalg::LinalgError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Svd {
     /// Left vectors, m x k.
@@ -234,6 +265,15 @@ pub fn symmetric_eigen(a: &DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>)>
 }
 
 /// Eigenvalues and right eigenvectors (columns) of a general real matrix.
+///
+/// ```
+/// use nalgebra::DMatrix;
+///
+/// // An oscillator of 3 rad/s with damping: x'' = -9 x - 1.2 x'.
+/// let (values, _) = ff_linalg::general_eigen(&DMatrix::from_row_slice(2, 2, &[0.0, 1.0, -9.0, -1.2]))?;
+/// assert!((values[0].norm() - 3.0).abs() < 1e-14 && (values[0].re + 0.6).abs() < 1e-14);
+/// # Ok::<(), ff_linalg::LinalgError>(())
+/// ```
 pub type ComplexEigen = (Vec<Complex<f64>>, DMatrix<Complex<f64>>);
 
 /// Eigenvalues of a general real matrix and its right eigenvectors (columns, not normalised).
@@ -252,6 +292,21 @@ pub fn general_eigen(a: &DMatrix<f64>) -> Result<ComplexEigen> {
 
 /// What is left of the unknowns of a matrix of some rank: columns `kept` (in the order of what each adds), and the others as their
 /// combinations, `A_left = A_kept C`.
+///
+/// ```
+/// use nalgebra::DMatrix;
+///
+/// // The third unknown acts as 2 times the first and -3 times the second.
+/// let a = DMatrix::from_fn(5, 3, |i, j| {
+///     let (x, y) = ((0.7 * i as f64).sin(), 0.4 + (1.1 * i as f64).cos());
+///     [x, y, 2.0 * x - 3.0 * y][j]
+/// });
+/// let e = ff_linalg::eliminate(&a, 2)?;
+/// let column = |j: usize| a.column(j).into_owned();
+/// let rebuilt = column(e.kept[0]) * e.c[(0, 0)] + column(e.kept[1]) * e.c[(1, 0)];
+/// assert!((rebuilt - column(e.left[0])).norm() < 1e-13);
+/// # Ok::<(), ff_linalg::LinalgError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Elimination {
     /// Columns that stay, by index.

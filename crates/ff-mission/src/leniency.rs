@@ -20,6 +20,15 @@ pub const ALLOWABLE: [&str; 9] = [
 ];
 
 /// The settings behind `--allow CODE` and `--strict`.
+///
+/// ```
+/// use ff_mission::Leniency;
+///
+/// let leniency = Leniency { allow: vec!["triangle".into(), "mass-less".into()], strict: false };
+/// assert!(leniency.allows("Urdf::Triangle"));
+/// // The second is not the name of an error that can be let through.
+/// assert_eq!(leniency.check().0[0].object.as_deref(), Some("mass-less"));
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Leniency {
     /// Codes of errors to report as warnings: `triangle`, `Triangle` or `Urdf::Triangle`.

@@ -9,6 +9,16 @@ use core::ops::Range;
 use nalgebra::DMatrix;
 
 /// Weights of the torque and gyro channels, N x n and N x 3, each 0 to 1.
+///
+/// ```
+/// use ff_records::Mask;
+///
+/// // Samples 31 to 35 of a 20 Hz record were lost and have been interpolated.
+/// let stamps: Vec<f64> = (0..200).filter(|i| !(31..36).contains(i)).map(|i| 0.05 * f64::from(i)).collect();
+/// let mask = Mask::of_gaps(&stamps, 0.05, 200, 3);
+/// assert_eq!(mask.tau.column(2).iter().filter(|&&w| w == 0.0).count(), 5);
+/// assert!((mask.lost() - 5.0 / 200.0).abs() < 1e-12);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
     /// Of the joint torques.

@@ -9,6 +9,19 @@ use ff_model::{Area, Problem, Problems};
 use nalgebra::DMatrix;
 
 /// N uniform samples. Rows are samples, columns are channels.
+///
+/// ```
+/// use ff_records::{Record, RecordBuilder};
+/// use nalgebra::DMatrix;
+///
+/// # let wave = |channels, k: f64| DMatrix::from_fn(400, channels, |i, j| (k * i as f64 + 0.7 * j as f64).sin());
+/// # let builder = RecordBuilder::new(["shoulder", "elbow"]).uniform(12.0, 100.0).q(wave(2, 0.010)).tau(wave(2, 0.023));
+/// # let (record, _) = builder.gyro(wave(3, 0.017)).build()?;
+/// let swing: Record = record.window(1.0, 2.5)?; // s after its first sample
+/// assert_eq!((swing.joint_names().len(), swing.rate_hz()), (2, 100.0));
+/// assert_eq!(swing.tau()[(0, 1)], record.tau()[(100, 1)]);
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, PartialEq)]
 pub struct Record {
     pub(crate) t0: f64,

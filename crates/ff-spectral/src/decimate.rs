@@ -11,6 +11,19 @@ use nalgebra::{Complex, DMatrix};
 const ATTENUATION: f64 = 70.0;
 
 /// A planned decimation.
+///
+/// ```
+/// use ff_spectral::Decimator;
+/// use nalgebra::DMatrix;
+///
+/// // A record at 200 Hz whose modes lie below 2 Hz: every twentieth sample is enough.
+/// let decimator = Decimator::new(200.0, 2.0);
+/// assert_eq!(decimator.factor(), 20);
+/// let tone = DMatrix::from_fn(8000, 1, |i, _| (std::f64::consts::TAU * 0.7 * i as f64 / 200.0).sin());
+/// let thin = decimator.run(&tone);
+/// let first = tone[(decimator.margin(), 0)];
+/// assert!((thin[(0, 0)] - first).abs() < 1e-3 && thin.nrows() == decimator.len(8000));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decimator {
     taps: Vec<f64>,

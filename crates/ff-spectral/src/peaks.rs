@@ -61,6 +61,26 @@ impl PeakError {
 }
 
 /// One peak.
+///
+/// ```
+/// # // Two decaying modes of one channel, 60 s at 10 Hz, with a little noise from a fixed sequence.
+/// # let mode = |t: f64, f: f64, zeta: f64, phase: f64| {
+/// #     let w = std::f64::consts::TAU * f;
+/// #     (-zeta * w * t).exp() * (w * (1.0 - zeta * zeta).sqrt() * t + phase).cos()
+/// # };
+/// # let y = nalgebra::DMatrix::from_fn(600, 1, |i, _| {
+/// #     let t = 0.1 * i as f64;
+/// #     let noise: f64 = (0..12u64).map(|k| ((i as u64 * 12 + k + 1) * 2654435761 % 4294967296) as f64 / 4294967296.0).sum::<f64>() - 6.0;
+/// #     0.05 * mode(t, 0.21, 0.006, 0.4) + 0.02 * mode(t, 0.47, 0.004, -0.9) + 1e-4 * noise
+/// # });
+/// use ff_spectral::{Welch, find_peaks};
+///
+/// let psd = Welch::new(600, 10.0)?.run(y.as_slice())?;
+/// let peaks = find_peaks(&psd, 0.1, 1.0, None)?.peaks;
+/// let loudest = peaks.iter().max_by(|a, b| a.density.total_cmp(&b.density)).unwrap();
+/// assert!(loudest.interval.0 < 0.21 && 0.21 < loudest.interval.1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Peak {
     /// Interpolated frequency (Hz).
@@ -89,6 +109,26 @@ pub struct UnresolvedPeaks {
 }
 
 /// Peaks of a band.
+///
+/// ```
+/// # // Two decaying modes of one channel, 60 s at 10 Hz, with a little noise from a fixed sequence.
+/// # let mode = |t: f64, f: f64, zeta: f64, phase: f64| {
+/// #     let w = std::f64::consts::TAU * f;
+/// #     (-zeta * w * t).exp() * (w * (1.0 - zeta * zeta).sqrt() * t + phase).cos()
+/// # };
+/// # let y = nalgebra::DMatrix::from_fn(600, 1, |i, _| {
+/// #     let t = 0.1 * i as f64;
+/// #     let noise: f64 = (0..12u64).map(|k| ((i as u64 * 12 + k + 1) * 2654435761 % 4294967296) as f64 / 4294967296.0).sum::<f64>() - 6.0;
+/// #     0.05 * mode(t, 0.21, 0.006, 0.4) + 0.02 * mode(t, 0.47, 0.004, -0.9) + 1e-4 * noise
+/// # });
+/// use ff_spectral::{Peaks, Welch, find_peaks};
+///
+/// let psd = Welch::new(600, 10.0)?.run(y.as_slice())?;
+/// let found: Peaks = find_peaks(&psd, 0.1, 1.0, None)?;
+/// assert!(found.peaks.iter().all(|p| p.density >= found.limit * found.floor));
+/// assert_eq!(found.df, 10.0 / 600.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Peaks {
     /// Peaks by frequency.

@@ -84,6 +84,27 @@ impl PsdError {
 }
 
 /// A one-sided spectral density on a uniform grid from 0 to Nyquist.
+///
+/// ```
+/// # // Two decaying modes of one channel, 60 s at 10 Hz, with a little noise from a fixed sequence.
+/// # let mode = |t: f64, f: f64, zeta: f64, phase: f64| {
+/// #     let w = std::f64::consts::TAU * f;
+/// #     (-zeta * w * t).exp() * (w * (1.0 - zeta * zeta).sqrt() * t + phase).cos()
+/// # };
+/// # let y = nalgebra::DMatrix::from_fn(600, 1, |i, _| {
+/// #     let t = 0.1 * i as f64;
+/// #     let noise: f64 = (0..12u64).map(|k| ((i as u64 * 12 + k + 1) * 2654435761 % 4294967296) as f64 / 4294967296.0).sum::<f64>() - 6.0;
+/// #     0.05 * mode(t, 0.21, 0.006, 0.4) + 0.02 * mode(t, 0.47, 0.004, -0.9) + 1e-4 * noise
+/// # });
+/// use ff_spectral::{Psd, Welch};
+///
+/// // The density integrates to the variance.
+/// let psd: Psd = Welch::new(600, 10.0)?.run(y.as_slice())?;
+/// let power: f64 = psd.density.iter().sum::<f64>() * psd.df;
+/// let variance = y.as_slice().iter().map(|v| v * v).sum::<f64>() / y.len() as f64;
+/// assert!((power / variance - 1.0).abs() < 0.2);
+/// # Ok::<(), ff_spectral::psd::PsdError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Psd {
     /// Frequencies (Hz), `j df`.
@@ -105,6 +126,17 @@ pub struct Psd {
 
 /// Welch's method for one segment length. Owns every buffer, so that the transform, which refuses a
 /// buffer of another length, never meets one (bad-inputs row D38).
+///
+/// ```
+/// use ff_spectral::Welch;
+///
+/// let tone: Vec<f64> = (0..2000).map(|i| (std::f64::consts::TAU * 0.68 * f64::from(i) / 20.0).sin()).collect();
+/// let mut welch = Welch::new(500, 20.0)?; // segments of 25 s
+/// let psd = welch.run(&tone)?;
+/// let top = psd.density.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap().0;
+/// assert!((psd.frequency[top] - 0.68).abs() <= psd.df / 2.0 && psd.segments == 7);
+/// # Ok::<(), ff_spectral::psd::PsdError>(())
+/// ```
 pub struct Welch {
     rate_hz: f64,
     window: Vec<f64>,

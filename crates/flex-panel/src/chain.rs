@@ -51,6 +51,20 @@ impl Hinge {
 /// `k[i]` (N m/rad), then `d[i]` (N m s/rad), then the couplings `k[i,j]` and `d[i,j]`, `i < j`, of
 /// [`PanelChain::with_coupling`]. Coordinates: `hinge[i]` (rad), range -pi to pi; the model has
 /// no singularity, the range bounds what a panel can do.
+///
+/// ```
+/// # use ff_model::nalgebra::{Matrix3, Vector3};
+/// # let inertia_com = Matrix3::new(15.0, 0.7, -0.4, 0.7, 11.0, 0.5, -0.4, 0.5, 16.0);
+/// # let (hinge, axis) = (Vector3::new(0.1, 0.3, -0.2), Vector3::new(1.0, 0.1, -0.2));
+/// # let segment = flex_panel::Segment::new(33.0, Vector3::new(0.06, 1.07, -0.04), &inertia_com, hinge, axis).with_spring(200.0, 2.0);
+/// use flex_panel::PanelChain;
+///
+/// let wing = PanelChain::new(vec![segment.clone(), segment.with_spring(140.0, 1.3)])?;
+/// let decl = ff_model::Appendage::decl(&wing);
+/// assert_eq!((decl.coords.len(), decl.params.len()), (2, 2 * 10 + 2 + 2));
+/// assert_eq!((decl.params[21].name.as_str(), decl.params[21].nominal), ("k[1]", 140.0));
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct PanelChain {
     decl: Decl,
@@ -255,6 +269,21 @@ impl TreeTwin for PanelChain {
 ff_model::shared!(PanelChain);
 
 /// Collects segments from the host outwards; see [`PanelChain::builder`].
+///
+/// ```
+/// # use ff_model::nalgebra::{Matrix3, Vector3};
+/// # let inertia_com = Matrix3::new(15.0, 0.7, -0.4, 0.7, 11.0, 0.5, -0.4, 0.5, 16.0);
+/// # let (hinge, axis) = (Vector3::new(0.1, 0.3, -0.2), Vector3::new(1.0, 0.1, -0.2));
+/// # let segment = flex_panel::Segment::new(33.0, Vector3::new(0.06, 1.07, -0.04), &inertia_com, hinge, axis).with_spring(200.0, 2.0);
+/// use flex_panel::PanelChain;
+///
+/// let wing = PanelChain::builder().segment(segment.clone()).segment(segment.clone().with_rest(0.15)).build()?;
+/// assert_eq!(ff_model::Appendage::decl(&wing).coords[1].name, "hinge[1]");
+/// // Springs that drive instead of restoring are refused.
+/// let refused = PanelChain::builder().segment(segment.with_spring(-3.0, 2.0)).build().unwrap_err();
+/// assert!(refused.has("Config::NotPassive"));
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct PanelBuilder {
     segments: Vec<Segment>,

@@ -10,6 +10,18 @@ use nalgebra::{Matrix3, Vector3};
 ///
 /// Hinge position and axis are geometry, assumed known; the ten inertial parameters, stiffness and damping
 /// are the nominal values of the parameters an estimator may change.
+///
+/// ```
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+/// use flex_panel::Segment;
+///
+/// let inertia_com = Matrix3::new(15.0, 0.7, -0.4, 0.7, 11.0, 0.5, -0.4, 0.5, 16.0);
+/// let (hinge, axis) = (Vector3::new(0.1, 0.3, -0.2), Vector3::new(1.0, 0.1, -0.2));
+/// let segment = Segment::new(33.0, Vector3::new(0.06, 1.07, -0.04), &inertia_com, hinge, axis).with_spring(200.0, 2.0);
+/// assert_eq!((segment.inertia.mass, segment.stiffness, segment.damping), (33.0, 200.0, 2.0));
+/// // About the hinge, not the centre of mass.
+/// assert!(segment.inertia.rot[(0, 0)] > 15.0 + 33.0 * 1.07 * 1.07);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
     /// Ten inertial parameters about the hinge, in the segment frame (kg, kg m, kg m^2).

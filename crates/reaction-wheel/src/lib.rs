@@ -60,6 +60,18 @@ inertia_transverse_kgm2 = 0.06
 viscous_nms_per_rad = 2e-3";
 
 /// Nominal values of a wheel.
+///
+/// ```
+/// use ff_model::nalgebra::Vector3;
+/// use reaction_wheel::{ROUNDING, ReactionWheel, Wheel};
+///
+/// let axis = Vector3::new(0.2, 1.0, 0.9);
+/// let wheel = Wheel { axis, mass: 8.5, spin: 0.11, transverse: 0.06, viscous: 2e-3, dry: 4e-3, rounding: ROUNDING };
+/// assert_eq!(ReactionWheel::new(&wheel)?.nominal(), [8.5, 0.11, 0.06, 2e-3, 4e-3]);
+/// // A rotor flatter than a disc does not exist.
+/// assert!(ReactionWheel::new(&Wheel { transverse: 0.05, ..wheel }).unwrap_err().has("Config::Inertia"));
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wheel {
     /// Spin axis in the mount frame; any length but zero.
@@ -83,6 +95,19 @@ pub struct Wheel {
 ///
 /// Parameters, all positive: `mass` (kg), `i_spin`, `i_transverse` (kg m^2), `d` (N m s/rad), `c` (N m). One coordinate,
 /// `spin` (rad), unbounded.
+///
+/// ```
+/// use ff_model::nalgebra::Vector3;
+/// use reaction_wheel::{ROUNDING, ReactionWheel, Wheel, axial_momentum};
+///
+/// let axis = Vector3::new(0.6, 0.0, 0.8);
+/// let wheel = Wheel { axis, mass: 8.5, spin: 0.11, transverse: 0.06, viscous: 2e-3, dry: 4e-3, rounding: ROUNDING };
+/// let wheel = ReactionWheel::new(&wheel)?;
+/// // 0.11 kg m^2 at 300 rad/s on a host that turns by 0.5 rad/s about the axis.
+/// let momentum = axial_momentum(&wheel, &wheel.nominal(), &Vector3::new(0.3, 0.7, 0.4), 300.0);
+/// assert!((momentum - 0.11 * 300.5).abs() < 1e-12);
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct ReactionWheel {
     decl: Decl,

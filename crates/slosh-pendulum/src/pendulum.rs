@@ -26,6 +26,16 @@ const D: usize = 4;
 /// Motion of the base alone does not determine all of them: in weightlessness and at small angles
 /// `(l, k, d) -> (s l, s^2 k, s^2 d)` with the fulcrum moved so that the mass rests where it did leaves the wrench
 /// on the host as it was. See [`crate::formulas::SpringMass`].
+///
+/// ```
+/// use slosh_pendulum::SloshPendulum;
+///
+/// let fuel = SloshPendulum::new(100.0, 0.8, [20.0, 23.0], [5.0, 4.0])?;
+/// assert_eq!(fuel.nominal(), [100.0, 0.8, 20.0, 23.0, 5.0, 4.0]);
+/// let refused = SloshPendulum::new(100.0, -0.8, [20.0, 23.0], [5.0, -4.0]).unwrap_err();
+/// assert!(refused.has("Config::Param") && refused.has("Config::NotPassive")); // both at once
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct SloshPendulum {
     decl: Decl,

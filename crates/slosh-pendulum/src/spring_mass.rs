@@ -24,6 +24,18 @@ pub const SPRING_MASS_KIND: &str = "slosh_spring_mass";
 /// Coordinates `shift[i]` (m). With `k / l^2`, `d / l^2` it is the small-angle equal of a pendulum of arm `l`
 /// ([`crate::formulas::SpringMass`]), and mass, rest position, stiffness and damping are exactly what motion of the base
 /// can tell of one: unlike those of a pendulum all its parameters are identifiable.
+///
+/// ```
+/// use ff_model::nalgebra::Vector3;
+/// use slosh_pendulum::SloshSpringMass;
+///
+/// // Springs along two axes of the tank.
+/// let fuel = SloshSpringMass::new(70.0, Vector3::new(0.1, -0.2, -0.7), &[31.0, 27.0], &[3.1, 2.4], 0.4)?;
+/// let coords = &ff_model::Appendage::decl(&fuel).coords;
+/// assert_eq!((coords.len(), coords[1].unit), (2, "m"));
+/// assert_eq!(fuel.nominal()[4..6], [31.0, 27.0]);
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct SloshSpringMass {
     decl: Decl,

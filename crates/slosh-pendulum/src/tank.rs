@@ -19,6 +19,19 @@ use nalgebra::{Matrix3, Vector3};
 pub const TANK_KIND: &str = "slosh_tank";
 
 /// One sloshing mass of a tank, mount frame.
+///
+/// ```
+/// use ff_model::nalgebra::Vector3;
+/// use slosh_pendulum::{SloshPart, SloshTank};
+///
+/// let fulcrum = Vector3::new(0.1, -0.2, 0.6);
+/// let swinging = SloshPart::Pendulum { mass: 80.0, length: 0.7, fulcrum, k: [19.0, 22.0], d: [4.0, 3.0] };
+/// let rest = Vector3::new(0.1, -0.2, 0.9);
+/// let sliding = SloshPart::SpringMass { mass: 12.0, rest, k: vec![30.0, 27.0, 45.0], d: vec![3.1, 2.4, 4.2], travel: 0.4 };
+/// let tank = SloshTank::new(None, &[swinging, sliding])?;
+/// assert_eq!(ff_model::Appendage::decl(&tank).coords.len(), 2 + 3);
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum SloshPart {
     /// As [`crate::pendulum::SloshPendulum`], with its fulcrum at `fulcrum`; hangs along `-z`.
@@ -69,6 +82,18 @@ impl SloshPart {
 ///
 /// Its mass is one parameter, `fixed.mass`: where it is and how it is spread are geometry. Data cannot tell it from the
 /// host body anyway (the paper's eq. (18)): only their sum can be estimated.
+///
+/// ```
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+/// use slosh_pendulum::{FixedFuel, SloshPart, SloshTank};
+///
+/// let fixed = FixedFuel { mass: 210.0, com: Vector3::new(0.1, -0.2, 0.3), inertia_com: Matrix3::zeros() }; // liquid: no inertia
+/// # let rest = Vector3::new(0.1, -0.2, 0.9);
+/// # let sliding = SloshPart::SpringMass { mass: 12.0, rest, k: vec![30.0, 27.0], d: vec![3.1, 2.4], travel: 0.4 };
+/// let tank = SloshTank::new(Some(fixed), &[sliding])?;
+/// assert_eq!((ff_model::Appendage::decl(&tank).params[0].name.as_str(), tank.nominal()[0]), ("fixed.mass", 210.0));
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct FixedFuel {
     /// Mass (kg).
@@ -83,6 +108,23 @@ pub struct FixedFuel {
 ///
 /// Parameters, in order: `fixed.mass` (kg) if there is fixed fuel, then for each mass those of its sort, named
 /// `mode[i].mass`, `mode[i].length`, `mode[i].k[0]`, ... Coordinates `mode[i].swing[0]` (rad) or `mode[i].shift[0]` (m).
+///
+/// ```
+/// use ff_model::nalgebra::Vector3;
+/// use slosh_pendulum::{SloshPart, SloshTank};
+///
+/// let mode = |mass, k: f64, d: f64| SloshPart::SpringMass {
+///     mass,
+///     rest: Vector3::new(0.1, -0.2, 0.7),
+///     k: vec![k, 1.1 * k],
+///     d: vec![d, 0.9 * d],
+///     travel: 0.4,
+/// };
+/// let tank = SloshTank::new(None, &[mode(64.0, 31.0, 0.8), mode(9.0, 11.0, 0.2)])?;
+/// let names: Vec<&str> = ff_model::Appendage::decl(&tank).coords.iter().map(|c| c.name.as_str()).collect();
+/// assert_eq!(names, ["mode[0].shift[0]", "mode[0].shift[1]", "mode[1].shift[0]", "mode[1].shift[1]"]);
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct SloshTank {
     decl: Decl,

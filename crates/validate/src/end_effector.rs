@@ -11,6 +11,20 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 /// Path of a frame in the world, one pose per sample.
+///
+/// ```
+/// use ff_dynamics::SimOptions;
+/// use ff_model::Params;
+/// use validate::{FramePath, frame_path};
+/// # let robot = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+/// # let motion = ff_testkit::motion::Wave(robot.nj()); // every joint its own two sines
+///
+/// let options = SimOptions { duration_s: 2.0, step_s: 0.01, sample_s: 0.5 };
+/// let path: FramePath = frame_path(&robot, &Params::nominal(&robot), &motion, "tool", &options)?;
+/// assert_eq!(path.pos.len(), 5);
+/// assert!((path.pos[4] - path.pos[0]).norm() > 0.05); // m
+/// # Ok::<(), validate::PathErrorKind>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct FramePath {
     /// Positions (m).
@@ -20,6 +34,19 @@ pub struct FramePath {
 }
 
 /// Differences of two paths over all samples.
+///
+/// ```
+/// use ff_model::nalgebra::{Vector3, Vector4};
+/// use validate::{FramePath, PathError, compare};
+///
+/// let path = |shift: f64| FramePath {
+///     pos: vec![Vector3::new(0.7, 0.2, -0.4), Vector3::new(0.8 + shift, 0.3, -0.5)],
+///     att: vec![Vector4::new(0.8, 0.6, 0.0, 0.0), Vector4::new(0.8, 0.0, 0.6, 0.0)],
+/// };
+/// let error: PathError = compare(&path(0.0), &path(0.02))?;
+/// assert!((error.max_pos_m - 0.02).abs() < 1e-15 && (error.mean_pos_m - 0.01).abs() < 1e-15);
+/// # Ok::<(), validate::PathErrorKind>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PathError {
     /// Mean distance of the positions (m).
@@ -38,6 +65,18 @@ pub struct PathError {
 }
 
 /// Why a path could not be computed.
+///
+/// ```
+/// use ff_dynamics::SimOptions;
+/// use ff_model::Params;
+/// use validate::{PathErrorKind, frame_path};
+/// # let robot = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+/// # let motion = ff_testkit::motion::Wave(robot.nj());
+///
+/// let options = SimOptions { duration_s: 2.0, step_s: 0.01, sample_s: 0.5 };
+/// let refused = frame_path(&robot, &Params::nominal(&robot), &motion, "gripper", &options);
+/// assert_eq!(refused, Err(PathErrorKind::NoFrame("gripper".into())));
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PathErrorKind {
     /// The simulation stopped.

@@ -101,6 +101,27 @@ pub struct Snapshot<'a> {
 ///
 /// Each channel has one row per sample of the trajectory, row `channel * samples + sample`: the excess of the channel
 /// there, relative to [`Channel::scale`].
+///
+/// ```
+/// use excitation::Constraint;
+/// use excitation::constraint::{HeldSystem, JointTorque};
+/// use ff_model::Params;
+/// use std::sync::Arc;
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = vec![JointLimits { lower: -2.5, upper: 2.7, velocity: 0.17, acceleration: 0.15, jerk: None }; 7];
+/// # let (start, end, duration) = (vec![0.3, -0.5, 0.2, 0.7, -0.1, 0.4, 0.6], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 4, limits, refine: 1 })?;
+/// # let x = random_plan(&plan, 1, 0, 0.9)?;
+///
+/// // At most 12 N m at any joint, appendages included: rows of a trajectory, negative where the limit is kept.
+/// let robot = ff_testkit::tree::system();
+/// let system = Arc::new(HeldSystem::new(&robot, &Params::nominal(&robot))?);
+/// let torque = JointTorque::new(&system, &plan.spec().start, &[12.0; 7])?;
+/// let mut rows = vec![0.0; torque.channels().len() * torque.samples(&plan)];
+/// torque.evaluate(&plan, &x, &mut rows, None);
+/// assert!(rows.iter().all(|g| (-1.0..0.0).contains(g)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Constraint: Send + Sync {
     /// What is limited.
     fn channels(&self) -> &[Channel];

@@ -27,6 +27,19 @@ pub struct RelativeQuantity {
 }
 
 /// What is made small.
+///
+/// ```
+/// use excitation::Criterion;
+/// use nalgebra::DMatrix;
+///
+/// // Two parameters; twice the information on both makes every variance half.
+/// let information = DMatrix::from_row_slice(2, 2, &[40.0, 6.0, 6.0, 9.0]);
+/// let value = |c: &Criterion, scale: f64| c.value_slope(&(scale * &information), 2).unwrap().0;
+/// for criterion in [Criterion::D, Criterion::A, Criterion::E { power: 8.0 }] {
+///     assert!(value(&criterion, 2.0) < value(&criterion, 1.0));
+/// }
+/// assert!((value(&Criterion::Condition { power: 8.0 }, 2.0) - value(&Criterion::Condition { power: 8.0 }, 1.0)).abs() < 1e-9);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Criterion {
     /// Volume of the confidence ellipsoid: indifferent to the choice of units.

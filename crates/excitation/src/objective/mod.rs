@@ -25,6 +25,27 @@ use ff_dynamics::motion::bspline::LOCAL;
 use nalgebra::DMatrix;
 
 /// A smooth function of the variables `x` of a plan, to be made small.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// use excitation::Cost;
+///
+/// /// Control points near zero: a lazy motion.
+/// struct Lazy;
+/// impl Cost for Lazy {
+///     fn value_gradient(&self, _: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+///         grad.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * x);
+///         x.iter().map(|x| x * x).sum()
+///     }
+/// }
+/// let mut grad = vec![0.0; plan.variables()];
+/// let x = random_plan(&plan, 1, 0, 0.9)?;
+/// assert!(Lazy.value_gradient(&plan, &x, &mut grad) > 0.0 && grad[3] == 2.0 * x[3]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Cost: Send + Sync {
     /// Value at `x`; writes the gradient (length [`SplinePlan::variables`]) into `grad`. May return a
     /// non-finite value where the cost is not defined (no motion at all, for example); the gradient is
@@ -36,6 +57,28 @@ pub trait Cost: Send + Sync {
 }
 
 /// Weighted sum of costs.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// use excitation::{Cost, CostSum};
+/// # struct Lazy;
+/// # impl Cost for Lazy {
+/// #     fn value_gradient(&self, _: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+/// #         grad.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * x);
+/// #         x.iter().map(|x| x * x).sum()
+/// #     }
+/// # }
+///
+/// let sum = CostSum(vec![(0.25, Box::new(Lazy)), (3.0, Box::new(Lazy))]);
+/// let (mut one, mut all) = (vec![0.0; plan.variables()], vec![0.0; plan.variables()]);
+/// let x = random_plan(&plan, 1, 0, 0.9)?;
+/// let (value, total) = (Lazy.value_gradient(&plan, &x, &mut one), sum.value_gradient(&plan, &x, &mut all));
+/// assert!((total - 3.25 * value).abs() < 1e-12 && (all[2] - 3.25 * one[2]).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Default)]
 pub struct CostSum(
     /// Weights and terms.

@@ -15,6 +15,15 @@ use thiserror::Error;
 pub const ROUNDING: f64 = 1e-12;
 
 /// What one joint may do.
+///
+/// ```
+/// use excitation::JointLimits;
+///
+/// let joint = ff_model::tree::JointLimits { lower: -1.9, upper: 2.1, velocity: 0.5, effort: 30.0 };
+/// let limits = JointLimits { jerk: Some(0.8), ..JointLimits::from_model(&joint, 0.15) };
+/// assert_eq!((limits.upper, limits.acceleration), (2.1, 0.15));
+/// assert!(JointLimits { lower: 2.2, ..limits }.check(4).is_err()); // names joint 4
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimits {
     /// Lowest position (rad or m); may be `-inf`.

@@ -76,6 +76,21 @@ pub enum Extent {
 }
 
 /// What one joint does.
+///
+/// ```
+/// use excitation::JointCommand;
+/// use excitation::plan::{Extent, Shape};
+/// use excitation::{Manoeuvre, ManoeuvreSpec};
+///
+/// let shoulder = JointCommand { joint: 0, shape: Shape::Single, extent: Extent::Angle(-0.25), velocity: 0.17, acceleration: 0.3 };
+/// let spec = ManoeuvreSpec { start: vec![0.3, -0.7], commands: vec![shoulder], ramp: 0.1, lead: 2.0, hold: 40.0, grid: None };
+/// let manoeuvre = Manoeuvre::new(&spec)?;
+///
+/// let Extent::Angle(asked) = shoulder.extent else { unreachable!() };
+/// let done = manoeuvre.moves()[0];
+/// assert!((done.angle - asked).abs() < 1e-12 && done.velocity <= shoulder.velocity);
+/// # Ok::<(), excitation::plan::ManoeuvreError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointCommand {
     /// Joint index, from 0.
@@ -91,6 +106,22 @@ pub struct JointCommand {
 }
 
 /// A manoeuvre to build.
+///
+/// ```
+/// use excitation::JointCommand;
+/// use excitation::plan::{Extent, Shape};
+/// use excitation::{Manoeuvre, ManoeuvreSpec};
+///
+/// let shoulder = JointCommand { joint: 0, shape: Shape::Single, extent: Extent::Angle(-0.25), velocity: 0.17, acceleration: 0.3 };
+/// let spec = ManoeuvreSpec { start: vec![0.3, -0.7], commands: vec![shoulder], ramp: 0.1, lead: 2.0, hold: 40.0, grid: None };
+/// let manoeuvre = Manoeuvre::new(&spec)?;
+///
+/// // Break times fall on the samples of a 100 Hz record.
+/// let on_grid = Manoeuvre::new(&ManoeuvreSpec { grid: Some(0.01), ..spec })?;
+/// let end = on_grid.moves()[0].end;
+/// assert!((end * 100.0 - (end * 100.0).round()).abs() < 1e-9);
+/// # Ok::<(), excitation::plan::ManoeuvreError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ManoeuvreSpec {
     /// Configuration at the start, one entry per joint (rad or m). Joints without command hold it.
@@ -139,6 +170,24 @@ struct Piece {
 }
 
 /// Fast joint moves with continuous acceleration, then a hold. Implements [`JointMotion`].
+///
+/// ```
+/// use excitation::JointCommand;
+/// use excitation::plan::{Extent, Shape};
+/// use ff_dynamics::motion::JointMotion;
+/// use excitation::{Manoeuvre, ManoeuvreSpec};
+///
+/// let shoulder = JointCommand { joint: 0, shape: Shape::Single, extent: Extent::Angle(-0.25), velocity: 0.17, acceleration: 0.3 };
+/// let spec = ManoeuvreSpec { start: vec![0.3, -0.7], commands: vec![shoulder], ramp: 0.1, lead: 2.0, hold: 40.0, grid: None };
+/// let manoeuvre = Manoeuvre::new(&spec)?;
+///
+/// let (quiet, end) = manoeuvre.ringing(); // the joints hold, the appendages ring
+/// assert!((manoeuvre.duration() - end).abs() < 1e-12 && (end - quiet - 40.0).abs() < 1e-9);
+/// let (mut q, mut qd, mut qdd) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+/// manoeuvre.eval(end, &mut q, &mut qd, &mut qdd);
+/// assert!((q[0] - (0.3 - 0.25)).abs() < 1e-12 && qd == [0.0, 0.0]);
+/// # Ok::<(), excitation::plan::ManoeuvreError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Manoeuvre {
     start: Vec<f64>,

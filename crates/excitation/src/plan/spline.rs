@@ -14,6 +14,19 @@ use nalgebra::DMatrix;
 pub const REPEAT: usize = 3;
 
 /// Where a plan ends.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+///
+/// // An end that is given leaves fewer decision variables: one per joint.
+/// let spec = PlanSpec { end: End::Fixed(vec![-0.1, 0.5]), ..plan.spec().clone() };
+/// let fixed = SplinePlan::new(spec)?;
+/// assert_eq!(plan.variables() - fixed.variables(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum End {
     /// At a given configuration (rad or m).
@@ -23,6 +36,20 @@ pub enum End {
 }
 
 /// How long a plan takes.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+///
+/// let spec = PlanSpec { duration: Duration::Free { min: 20.0, max: 45.0 }, ..plan.spec().clone() };
+/// let free = SplinePlan::new(spec)?;
+/// let x = random_plan(&free, 1, 0, 0.9)?;
+/// assert_eq!((free.duration_index(), plan.duration_index()), (Some(free.variables() - 1), None));
+/// assert!((20.0..=45.0).contains(&free.duration(&x)) && free.longest() == 45.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Duration {
     /// Given (s).
@@ -37,6 +64,25 @@ pub enum Duration {
 }
 
 /// What to plan.
+///
+/// ```
+/// use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan};
+///
+/// let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// let spec = PlanSpec {
+///     start: vec![0.3, -0.2],
+///     end: End::Free,
+///     duration: Duration::Fixed(30.0),
+///     degree: 5,
+///     free: 8,
+///     limits: vec![limits; 2],
+///     refine: 1,
+/// };
+/// assert_eq!(SplinePlan::new(spec.clone())?.variables(), 2 * (8 + 1));
+/// // A start outside its limits is refused at once.
+/// assert!(SplinePlan::new(PlanSpec { start: vec![0.3, -1.6], ..spec }).is_err());
+/// # Ok::<(), excitation::plan::PlanError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanSpec {
     /// Start configuration, one entry per joint (rad or m).
@@ -71,6 +117,22 @@ pub(crate) struct Row {
 
 /// Free control points (joint by joint, in order of time, then a free end point) and, last, a free
 /// duration: the decision variables `x` of an excitation trajectory, with their linear limits.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// use excitation::check_for_all_time;
+/// use ff_dynamics::motion::JointMotion;
+///
+/// let x = random_plan(&plan, 1, 0, 0.9)?;
+/// assert!(plan.violated(&x).is_none());
+/// let motion = plan.motion(&x)?;
+/// assert_eq!((motion.dof(), motion.duration()), (2, 30.0));
+/// assert!(check_for_all_time(&motion, &plan.spec().limits, 1)?.holds);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplinePlan {
     spec: PlanSpec,

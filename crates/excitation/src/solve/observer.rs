@@ -5,6 +5,34 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// Where a search stands.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// # use excitation::solve::Problem;
+/// # use excitation::*;
+/// # /// Control points near zero: a lazy motion.
+/// # struct Lazy;
+/// # impl Cost for Lazy {
+/// #     fn value_gradient(&self, _: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+/// #         grad.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * x);
+/// #         x.iter().map(|x| x * x).sum()
+/// #     }
+/// # }
+/// # let problem = Problem::new(&Lazy, &plan);
+/// use std::sync::Mutex;
+///
+/// let costs = Mutex::new(Vec::new());
+/// let watch = |p: &Progress| {
+///     costs.lock().unwrap().push(p.cost);
+///     p.iteration < 4 // enough for a look
+/// };
+/// let found = search(&problem, None, &SearchOptions::default(), &Observer { progress: Some(&watch), ..Observer::default() })?;
+/// assert!(costs.lock().unwrap().len() >= 4 && found.best.iterations <= 5);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
     /// Which start, from 0.
@@ -18,6 +46,31 @@ pub struct Progress {
 }
 
 /// Optional callbacks and limits of a search; all fields may stay empty.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// # use excitation::solve::Problem;
+/// # use excitation::*;
+/// # /// Control points near zero: a lazy motion.
+/// # struct Lazy;
+/// # impl Cost for Lazy {
+/// #     fn value_gradient(&self, _: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+/// #         grad.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * x);
+/// #         x.iter().map(|x| x * x).sum()
+/// #     }
+/// # }
+/// # let problem = Problem::new(&Lazy, &plan);
+/// use std::sync::atomic::AtomicBool;
+///
+/// // A signal handler would set this; the search then ends with the best plan it has, or says that there is none.
+/// let stop = AtomicBool::new(true);
+/// let ended = search(&problem, None, &SearchOptions::default(), &Observer { stop: Some(&stop), ..Observer::default() });
+/// assert!(ended.map_or(true, |found| found.best.iterations == 0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Default)]
 pub struct Observer<'a> {
     /// Set to true from anywhere (a signal handler, another thread) to end the search.

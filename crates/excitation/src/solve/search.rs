@@ -39,6 +39,31 @@ const RESTORING: usize = 60;
 const FRACTION: f64 = 0.5;
 
 /// Settings of [`search`].
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// # use excitation::solve::Problem;
+/// # use excitation::*;
+/// # /// Control points near zero: a lazy motion.
+/// # struct Lazy;
+/// # impl Cost for Lazy {
+/// #     fn value_gradient(&self, _: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+/// #         grad.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * x);
+/// #         x.iter().map(|x| x * x).sum()
+/// #     }
+/// # }
+/// # let problem = Problem::new(&Lazy, &plan);
+///
+/// // The result does not depend on the number of threads.
+/// let options = SearchOptions { seed: 7, starts: 3, ..SearchOptions::default() };
+/// let one = search(&problem, None, &options, &Observer::default())?;
+/// let two = search(&problem, None, &SearchOptions { threads: 2, ..options }, &Observer::default())?;
+/// assert_eq!((one.all.len(), one.best.x), (3, two.best.x));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SearchOptions {
     /// Seed of all randomness.
@@ -60,6 +85,29 @@ impl Default for SearchOptions {
 }
 
 /// The best plan, how it was found, and proof that it keeps everything.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// # use excitation::solve::Problem;
+/// # use excitation::*;
+/// # /// Control points near zero: a lazy motion.
+/// # struct Lazy;
+/// # impl Cost for Lazy {
+/// #     fn value_gradient(&self, _: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+/// #         grad.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * x);
+/// #         x.iter().map(|x| x * x).sum()
+/// #     }
+/// # }
+/// # let problem = Problem::new(&Lazy, &plan);
+///
+/// let found: Found = search(&problem, None, &SearchOptions::default(), &Observer::default())?;
+/// assert!(found.verdict.holds); // proved for all time
+/// assert!(found.all.iter().flatten().all(|other| other.cost >= found.best.cost));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Found {
     /// The plan: variables, cost, why the search stopped.
@@ -76,6 +124,30 @@ pub struct Found {
 /// Finds a plan that makes the cost of `problem` small and keeps its joint limits and constraints, or says which of them
 /// contradict each other. `system` is what the plan is verified on; it may be absent only without
 /// constraints. Allocates; starts `options.threads` threads.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// # use excitation::solve::Problem;
+/// # use excitation::*;
+/// # /// Control points near zero: a lazy motion.
+/// # struct Lazy;
+/// # impl Cost for Lazy {
+/// #     fn value_gradient(&self, _: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+/// #         grad.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * x);
+/// #         x.iter().map(|x| x * x).sum()
+/// #     }
+/// # }
+/// # let problem = Problem::new(&Lazy, &plan);
+///
+/// let found = search(&problem, None, &SearchOptions::default(), &Observer::default())?;
+/// // Both joints begin away from zero; the best plan brings them there and stays.
+/// let end = plan.motion(&found.best.x)?.control().column(8).norm();
+/// assert!(found.best.cost < 0.3 * found.best.start_cost && end < 0.1, "{end}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// [`PlanError`]: `Conflict` names what cannot be kept together, `Interrupted` when there is no plan yet, `Unverified`

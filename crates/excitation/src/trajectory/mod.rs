@@ -41,6 +41,19 @@ pub fn named_joints(model: &Model) -> Vec<NamedJoint> {
 }
 
 /// A motion that a file can hold exactly.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// use excitation::Trajectory;
+///
+/// let x = random_plan(&plan, 1, 0, 0.9)?;
+/// let trajectory = Trajectory::Spline(plan.motion(&x)?);
+/// assert_eq!((trajectory.motion().dof(), trajectory.motion().duration()), (2, 30.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Trajectory {
     /// A B-spline: degree, knots, control points.
@@ -73,6 +86,22 @@ pub struct Origin {
 }
 
 /// A trajectory with the names of its joints: what a JSON file holds.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// use excitation::trajectory::{NamedJoint, Origin};
+/// use excitation::{Trajectory, TrajectoryFile};
+///
+/// let joints = ["shoulder", "elbow"].map(|name| NamedJoint { name: name.into(), unit: "rad" }).to_vec();
+/// let trajectory = Trajectory::Spline(plan.motion(&random_plan(&plan, 1, 0, 0.9)?)?);
+/// let file = TrajectoryFile { joints, origin: Origin::default(), trajectory };
+/// // Every number comes back to the last bit.
+/// assert_eq!(TrajectoryFile::from_json(&file.to_json())?, file);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrajectoryFile {
     /// Joints, in the order of the control points.

@@ -20,6 +20,18 @@ use nalgebra::{DMatrix, DVector, Vector6};
 use std::f64::consts::TAU;
 
 /// What may move besides the passive coordinates.
+///
+/// ```
+/// use ff_dynamics::{Boundary, modes};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+///
+/// let (params, q, eta) = (Params::nominal(&robot), [0.3, -0.5, 0.2, 0.7, -0.1, 0.4, 0.6], vec![0.0; robot.np()]);
+/// let lowest = |boundary| modes(&robot, &params, &q, &eta, boundary).map(|m| m[0].frequency_hz);
+/// // A base that may recoil raises the frequencies.
+/// assert!(lowest(Boundary::JointsHeld)? > lowest(Boundary::BaseHeld)?);
+/// # Ok::<(), ff_dynamics::analysis::ModesError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Boundary {
     /// Base and joints held: cantilever modes.
@@ -31,6 +43,19 @@ pub enum Boundary {
 }
 
 /// One mode.
+///
+/// ```
+/// use ff_dynamics::{Boundary, Mode, modes};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+///
+/// let (params, q, eta) = (Params::nominal(&robot), [0.3, -0.5, 0.2, 0.7, -0.1, 0.4, 0.6], vec![0.0; robot.np()]);
+/// let found: Vec<Mode> = modes(&robot, &params, &q, &eta, Boundary::JointsHeld)?;
+/// let first = &found[0];
+/// assert!((first.damped_hz / first.frequency_hz - (1.0 - first.damping_ratio.powi(2)).sqrt()).abs() < 1e-3);
+/// assert_eq!((found.len(), first.passive.len()), (robot.np(), robot.np()));
+/// # Ok::<(), ff_dynamics::analysis::ModesError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mode {
     /// Undamped natural frequency of the linearised system, `|lambda| / 2 pi` (Hz).

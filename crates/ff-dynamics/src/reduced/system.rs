@@ -47,6 +47,23 @@ pub enum ReducedError {
 }
 
 /// Samples of the reduced system.
+///
+/// ```
+/// # use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+/// # let motion = ff_testkit::motion::Wave(robot.nj()); // every joint its own two sines
+/// # let params = Params::nominal(&robot);
+/// # let sampling = ff_dynamics::Sampling { samples: 51, sample_s: 0.02, substeps: 2 };
+/// # let table = ff_dynamics::Prescribed::new(&robot, &params, &motion, &sampling, &[]);
+/// # let rest = vec![0.0; 6 + 2 * robot.np()];
+/// use ff_dynamics::{Response, simulate_reduced};
+///
+/// let response: Response = simulate_reduced(&robot, &params, &table, &rest)?;
+/// assert_eq!((response.tau.shape(), response.eta.shape()), ((51, robot.nj()), (51, robot.np())));
+/// let gyro = response.twist.columns(3, 3).row(50).norm(); // rad/s
+/// assert!(gyro > 1e-4 && gyro < 0.2, "{gyro}");
+/// # Ok::<(), ff_dynamics::reduced::ReducedError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response<T: Scalar = f64> {
     /// Joint torques (N m), `N x n`.

@@ -74,6 +74,17 @@ impl Accelerometer {
 }
 
 /// The sensors of a robot: joint torque (after the gear), joint encoder, base gyro.
+///
+/// ```
+/// use ff_dynamics::SensorSuite;
+/// use ff_dynamics::sim::Channel;
+///
+/// let gyro = Channel { noise_std: 1.5e-4, bias: 2e-5, quantum: 1e-5 };
+/// let torque = Channel { noise_std: 0.1, ..Channel::default() };
+/// let sensors = SensorSuite { torque, encoder: Channel::encoder(20), gyro };
+/// assert!((sensors.encoder.quantum * f64::from(1 << 20) - std::f64::consts::TAU).abs() < 1e-12);
+/// assert!(sensors.gyro.sigma() > 1.5e-4); // noise and quantisation
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SensorSuite {
     /// Joint torque (N m).
@@ -85,6 +96,23 @@ pub struct SensorSuite {
 }
 
 /// Sensor readings, `N x channels`.
+///
+/// ```
+/// use ff_dynamics::sim::Channel;
+/// use ff_dynamics::{Drive, Readings, SensorSuite, SimOptions, State, measure, simulate};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+/// # let motion = ff_testkit::motion::Wave(robot.nj()); // every joint its own two sines
+///
+/// let options = SimOptions { duration_s: 4.0, step_s: 0.01, sample_s: 0.01 };
+/// let trace = simulate(&robot, &Params::nominal(&robot), &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// let torque = Channel { noise_std: 0.1, ..Channel::default() };
+/// let sensors = SensorSuite { torque, encoder: Channel::encoder(20), gyro: Channel::default() };
+/// let read: Readings = measure(&trace, &sensors, 7);
+/// let noise = (&read.tau - &trace.tau).norm() / (read.tau.len() as f64).sqrt();
+/// assert!((noise - 0.1).abs() < 0.005 && read.gyro == trace.gyro());
+/// # Ok::<(), ff_dynamics::SimError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Readings {
     /// Time between samples (s).

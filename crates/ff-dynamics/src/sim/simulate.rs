@@ -16,6 +16,25 @@ use ff_model::spatial::vec3::V3;
 use ff_model::{CoordDecl, Model, Params};
 
 /// What moves the joints.
+///
+/// ```
+/// use ff_dynamics::{Drive, SimOptions, State, simulate};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+///
+/// // Joint torques as a law of time and state: dampers, which take out energy.
+/// let damping = |_t: f64, state: &State<f64>, tau: &mut [f64]| {
+///     tau.iter_mut().zip(state.qd()).for_each(|(tau, rate)| *tau = -0.3 * rate);
+/// };
+/// let mut start = State::zero(&robot);
+/// start.qd_mut()[2] = 0.2;
+/// let options = SimOptions { duration_s: 2.0, step_s: 0.01, sample_s: 0.5 };
+/// let params = Params::nominal(&robot);
+/// let trace = simulate(&robot, &params, &start, &Drive::Torque(&damping), &options)?;
+/// let [before, after] = [0, 4].map(|i| trace.budget(&robot, &params, i).kinetic);
+/// assert!(after < before && (trace.work[4] - (after - before)).abs() < 1e-6);
+/// # Ok::<(), ff_dynamics::SimError>(())
+/// ```
 pub enum Drive<'a> {
     /// A position-controlled arm: the joints follow this motion exactly.
     Prescribed(&'a dyn JointMotion),
@@ -27,6 +46,18 @@ pub enum Drive<'a> {
 pub type TorqueLaw<'a> = dyn Fn(f64, &State<f64>, &mut [f64]) + 'a;
 
 /// Step and sampling of a simulation.
+///
+/// ```
+/// use ff_dynamics::{Drive, SimOptions, State, simulate};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+/// # let motion = ff_testkit::motion::Wave(robot.nj()); // every joint its own two sines
+///
+/// let options = SimOptions { duration_s: 1.0, step_s: 0.005, sample_s: 0.25 };
+/// let trace = simulate(&robot, &Params::nominal(&robot), &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// assert_eq!(trace.times(), [0.0, 0.25, 0.5, 0.75, 1.0]);
+/// # Ok::<(), ff_dynamics::SimError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimOptions {
     /// Length of the simulation (s).
@@ -55,6 +86,21 @@ impl SimOptions {
 }
 
 /// Why a simulation stopped.
+///
+/// ```
+/// use ff_dynamics::{Drive, SimError, SimOptions, State, simulate};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+/// # let motion = ff_testkit::motion::Wave(robot.nj()); // every joint its own two sines
+///
+/// // A wing bent far beyond what its hinge can do.
+/// let mut start = State::zero(&robot);
+/// start.eta[0] = 3.5;
+/// let options = SimOptions { duration_s: 1.0, step_s: 0.005, sample_s: 0.25 };
+/// let stopped: SimError =
+///     simulate(&robot, &Params::nominal(&robot), &start, &Drive::Prescribed(&motion), &options).unwrap_err();
+/// assert!(stopped.to_string().contains(&robot.passive_coords()[0].0), "{stopped}");
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SimError {
     /// Steps or lengths make no sense.
@@ -163,6 +209,24 @@ pub(crate) fn check_drive(model: &Model, drive: &Drive<'_>, inputs: &[&dyn Exter
 ///
 /// With [`Drive::Prescribed`] the joint part of `start` is overwritten by the motion. Fixed-step
 /// [`Rkmk4`]; allocates the trace and buffers once.
+///
+/// ```
+/// use ff_dynamics::{Drive, SimOptions, State, simulate};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+/// # let motion = ff_testkit::motion::Wave(robot.nj()); // every joint its own two sines
+///
+/// let params = Params::nominal(&robot);
+/// let options = SimOptions { duration_s: 1.0, step_s: 0.002, sample_s: 0.5 };
+/// let trace = simulate(&robot, &params, &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// // Nothing acts from outside: the momentum at the end is that of the start, and the joints' work is the energy gained
+/// // and dissipated.
+/// let [first, last] = [0, 2].map(|i| trace.budget(&robot, &params, i));
+/// assert!((last.momentum.lin - first.momentum.lin).norm() < 1e-8 * last.mass);
+/// let balance = trace.work[2] - (last.energy() - first.energy()) - trace.dissipated[2];
+/// assert!(balance.abs() < 1e-6 * last.energy());
+/// # Ok::<(), ff_dynamics::SimError>(())
+/// ```
 ///
 /// # Errors
 /// [`SimError`]; the trace up to there is dropped.

@@ -8,6 +8,21 @@ use ff_model::{Model, Params};
 use nalgebra::DMatrix;
 
 /// Samples of a simulation: one row per sample, one column per channel.
+///
+/// ```
+/// use ff_dynamics::{Drive, SimOptions, State, Trace, simulate};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+/// # let motion = ff_testkit::motion::Wave(robot.nj()); // every joint its own two sines
+///
+/// let options = SimOptions { duration_s: 1.0, step_s: 0.005, sample_s: 0.1 };
+/// let trace: Trace =
+///     simulate(&robot, &Params::nominal(&robot), &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// assert_eq!((trace.len(), trace.eta.ncols()), (11, robot.np()));
+/// assert_eq!(trace.gyro().column(2), trace.twist.column(5)); // rad/s about z of the base
+/// assert_eq!(trace.state(&robot, 10).q, trace.last.q);
+/// # Ok::<(), ff_dynamics::SimError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Trace {
     /// Time between samples (s); the first sample is at the start.

@@ -59,6 +59,21 @@ fn skew<T: ModelScalar>(v: &Vector3<T>) -> Matrix3<T> {
 ///
 /// More than half of it is zero whatever the motion: what a joint closer to the tip has to do with a body, a panel with another one.
 /// That is written once, here.
+///
+/// ```
+/// use ff_dynamics::{Regressor, State, Work, regressor, rnea};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+/// # let state = ff_testkit::tree::random_state(&robot, &mut ff_testkit::random::rng(3), 0.1);
+///
+/// // Generalised forces are linear in the inertial parameters: tau = Y phi.
+/// let (params, a) = (Params::nominal(&robot), vec![0.3; robot.nv()]);
+/// let (mut work, mut y, mut tau) = (Work::new(&robot), Regressor::new(&robot), vec![0.0; robot.nv()]);
+/// regressor(&robot, &params, &state, &a, &mut work, &mut y);
+/// rnea(&robot, &params, &state, &a, &mut work, &mut tau);
+/// let phi = ff_model::nalgebra::DVector::from_column_slice(params.values());
+/// assert!((&*y * phi - ff_model::nalgebra::DVector::from_vec(tau)).norm() < 1e-9);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Regressor<T> {
     y: DMatrix<T>,

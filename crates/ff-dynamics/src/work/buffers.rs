@@ -15,6 +15,21 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 /// Every buffer the algorithms need for one model; nothing allocates after [`Work::new`].
 ///
 /// One `Work` serves one thread. Fields are private to the crate; results are returned by the algorithms.
+///
+/// ```
+/// use ff_dynamics::{State, Work, forward_dynamics, rnea};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+/// # let state = ff_testkit::tree::random_state(&robot, &mut ff_testkit::random::rng(3), 0.1);
+///
+/// // One set of buffers for every algorithm; nothing is allocated after this.
+/// let (params, mut work) = (Params::nominal(&robot), Work::new(&robot));
+/// let (torque, mut a, mut back) = (vec![0.7; robot.nv()], vec![0.0; robot.nv()], vec![0.0; robot.nv()]);
+/// forward_dynamics(&robot, &params, &state, &torque, &mut work, &mut a)?;
+/// rnea(&robot, &params, &state, &a, &mut work, &mut back);
+/// assert!(back.iter().zip(&torque).all(|(b, t)| (b - t).abs() < 1e-8));
+/// # Ok::<(), ff_dynamics::tree::SingularInertia>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Work<T: ModelScalar> {
     /// Fixed part of the joint placements, lifted to `T`.

@@ -101,6 +101,8 @@ const ROOT: &[Key] = &[
     key("appendage", Holds::Appendages(APPENDAGE), "what hangs on the robot: panels, fuel, wheels"),
     key("input", Holds::TablesOf(INPUTS), "what acts in ffid simulate"),
     key("sensors", Holds::Table(SENSORS), "rate and noise of the sensors"),
+    key("format", Holds::WholeWithin { from: 1, to: FORMAT, unit: "" }, "version of the format of this file")
+        .or_whole(1),
     key("limits", Holds::Table(LIMITS), "what planned motion must keep to"),
     key("estimate", Holds::Table(ESTIMATE), "what is identified, and from which start"),
     key("excite", Holds::Table(EXCITE), "the manoeuvre that is planned"),
@@ -109,6 +111,31 @@ const ROOT: &[Key] = &[
 ];
 
 /// A mission file as read.
+///
+/// ```
+/// use ff_mission::{LoadOptions, Mission};
+/// use ff_model::Registry;
+/// # let urdf = r#"<robot name="probe">
+/// #   <link name="hull"><inertial><mass value="50"/><inertia ixx="9" iyy="8" izz="7" ixy="0.1" ixz="0.2" iyz="0.3"/></inertial></link>
+/// #   <link name="arm"><inertial><mass value="4"/><inertia ixx="0.3" iyy="0.2" izz="0.3" ixy="0.01" ixz="0.02" iyz="0.03"/></inertial></link>
+/// #   <joint name="shoulder" type="continuous"><parent link="hull"/><child link="arm"/><axis xyz="0.6 0 0.8"/></joint>
+/// # </robot>"#;
+///
+/// let mission = r#"
+/// [robot]
+/// urdf = "probe.urdf"
+/// base = "floating"
+/// [estimate]
+/// parameters = ["base.*"]
+/// [parameters]
+/// "base.mass" = 51.5
+/// "#;
+///
+/// let loaded = Mission::from_str(mission, urdf, &Registry::new(), &LoadOptions::default())?;
+/// assert_eq!(loaded.mission.estimate.parameters, ["base.*"]);
+/// assert_eq!(loaded.mission.parameters["base.mass"], 51.5);
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mission {
     /// `[robot]`.
@@ -136,6 +163,32 @@ pub struct Mission {
 }
 
 /// A mission and the model it describes.
+///
+/// ```
+/// use ff_mission::{LoadOptions, Mission};
+/// use ff_model::Registry;
+/// # let urdf = r#"<robot name="probe">
+/// #   <link name="hull"><inertial><mass value="50"/><inertia ixx="9" iyy="8" izz="7" ixy="0.1" ixz="0.2" iyz="0.3"/></inertial></link>
+/// #   <link name="arm"><inertial><mass value="4"/><inertia ixx="0.3" iyy="0.2" izz="0.3" ixy="0.01" ixz="0.02" iyz="0.03"/></inertial></link>
+/// #   <joint name="shoulder" type="continuous"><parent link="hull"/><child link="arm"/><axis xyz="0.6 0 0.8"/></joint>
+/// # </robot>"#;
+///
+/// let mission = r#"
+/// [robot]
+/// urdf = "probe.urdf"
+/// base = "floating"
+/// [estimate]
+/// parameters = ["base.*"]
+/// [parameters]
+/// "base.mass" = 51.5
+/// "#;
+///
+/// let loaded = Mission::from_str(mission, urdf, &Registry::new(), &LoadOptions::default())?;
+/// assert_eq!((loaded.model.nv(), loaded.model.total_mass()), (7, 51.5 + 4.0));
+/// assert_eq!(loaded.estimated.len(), 10); // base.mass to base.i_zz
+/// assert!(loaded.warnings.0.is_empty());
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The file.
@@ -153,6 +206,35 @@ pub struct Loaded {
 }
 
 /// How to load a mission.
+///
+/// ```
+/// use ff_mission::{LoadOptions, Mission};
+/// use ff_model::Registry;
+/// # let urdf = r#"<robot name="probe">
+/// #   <link name="hull"><inertial><mass value="50"/><inertia ixx="9" iyy="8" izz="7" ixy="0.1" ixz="0.2" iyz="0.3"/></inertial></link>
+/// #   <link name="arm"><inertial><mass value="4"/><inertia ixx="0.3" iyy="0.2" izz="0.3" ixy="0.01" ixz="0.02" iyz="0.03"/></inertial></link>
+/// #   <joint name="shoulder" type="continuous"><parent link="hull"/><child link="arm"/><axis xyz="0.6 0 0.8"/></joint>
+/// # </robot>"#;
+///
+/// let mission = r#"
+/// [robot]
+/// urdf = "probe.urdf"
+/// base = "floating"
+/// [estimate]
+/// parameters = ["base.*"]
+/// [parameters]
+/// "base.mass" = 51.5
+/// "#;
+/// use ff_mission::Leniency;
+///
+/// // Moments of inertia that no body has: an error, unless its code is allowed.
+/// let (thin, mission) = (urdf.replace("ixx=\"9\"", "ixx=\"19\""), mission.replace("\"base.mass\" = 51.5", ""));
+/// let allow = LoadOptions { leniency: Leniency { allow: vec!["triangle".into()], strict: false } };
+/// assert!(Mission::from_str(&mission, &thin, &Registry::new(), &LoadOptions::default()).unwrap_err().has("Urdf::Triangle"));
+/// let warnings = Mission::from_str(&mission, &thin, &Registry::new(), &allow)?.warnings;
+/// assert!(warnings.has("Urdf::Triangle"));
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoadOptions {
     /// Named errors to allow, and whether warnings refuse.
@@ -247,6 +329,13 @@ fn read(
     imported: &mut Problems,
 ) -> Option<Loaded> {
     let robot_table = root.table("robot");
+/// False for a file in a newer format, which is reported: nothing else in it can be judged.
+fn is_readable(root: &Table<'_, '_>) -> bool {
+    let Some(format) = root.newer_than("format", FORMAT) else { return true };
+    root.fail("format", Problem::newer_format(Area::Config, "Config::Version", format, FORMAT));
+    false
+}
+
     let robot = robot_table.as_ref().and_then(Robot::read);
     let clients: Vec<(Table<'_, '_>, Option<Client>)> = root
         .tables("client")

@@ -9,6 +9,14 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// How bad a problem is.
+///
+/// ```
+/// use ff_model::Area;
+/// use ff_model::diagnostics::{Problem, Severity};
+///
+/// let p = Problem::warning(Area::Data, "Data::Gap", "12 samples lost");
+/// assert_eq!((p.severity, p.area.exit_code()), (Severity::Warning, 12));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -19,6 +27,14 @@ pub enum Severity {
 }
 
 /// Which kind of input a problem is in; decides the exit code.
+///
+/// ```
+/// use ff_model::{Area, Problem, Problems};
+///
+/// let refused = Problems(vec![Problem::error(Area::Model, "Urdf::Cycle", "links a and b carry each other")]);
+/// assert_eq!(refused.exit_code(), Area::Model.exit_code());
+/// assert_eq!([Area::Config, Area::Data, Area::Io].map(Area::exit_code), [11, 12, 20]);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Area {
@@ -105,6 +121,19 @@ impl fmt::Display for Violation {
 }
 
 /// One thing that is wrong: what, where, value, limit, unit, and one next step.
+///
+/// ```
+/// use ff_model::diagnostics::Limit;
+/// use ff_model::{Area, Problem};
+///
+/// let p = Problem::out_of_range(Area::Config, "Config::OutOfRange", -0.7, Limit::Above(0.0), "Hz")
+///     .in_file("probe.toml")
+///     .at_line(7)
+///     .on("sensors.rate_hz")
+///     .hint("give the rate at which the gyro is read");
+/// assert_eq!(p.violation.as_ref().map(|v| (v.value, v.limit)), Some((-0.7, Limit::Above(0.0))));
+/// assert!(p.to_string().starts_with("probe.toml:7"), "{p}");
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Problem {
     /// Stable name of the kind of problem, such as `Urdf::Cycle` or `Config::UnknownKey`.
@@ -230,6 +259,16 @@ impl fmt::Display for Problem {
 }
 
 /// All problems of an input that was refused. Holds at least one error.
+///
+/// ```
+/// use ff_model::{Area, Problem, Problems};
+///
+/// let mut found = Problems::default();
+/// found.push(Problem::warning(Area::Model, "Urdf::NoInertial", "link 'tool' has no mass"));
+/// assert!(!found.has_errors());
+/// found.push(Problem::error(Area::Data, "Data::Gap", "12 samples lost"));
+/// assert_eq!((found.exit_code(), found.has("Data::Gap")), (12, true));
+/// ```
 #[derive(Clone, Debug, PartialEq, Default, Serialize)]
 pub struct Problems(pub Vec<Problem>);
 

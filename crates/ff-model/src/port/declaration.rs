@@ -10,6 +10,13 @@ pub const MAX_PARAMS: usize = 256;
 pub(crate) const MAX_PORT: usize = 6 + MAX_COORDS;
 
 /// One generalised coordinate of an appendage.
+///
+/// ```
+/// use ff_model::CoordDecl;
+///
+/// let hinge = CoordDecl::new("hinge[1]", "rad", (-0.6, 0.8)); // a simulation stops outside
+/// assert_eq!((hinge.name.as_str(), hinge.range.1), ("hinge[1]", 0.8));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoordDecl {
     /// Name within the appendage, such as `hinge[0]`.
@@ -28,6 +35,17 @@ impl CoordDecl {
 }
 
 /// What a parameter is, so that an estimator can keep it physical.
+///
+/// ```
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+/// use ff_model::{Inertia, ParamDecl, ParamGroup};
+///
+/// let tip = Inertia::from_com(3.2, &Vector3::new(0.4, -0.1, 0.2), &Matrix3::from_diagonal_element(0.3));
+/// let mut params = ParamDecl::inertial("tip", &tip);
+/// params.push(ParamDecl::positive("k[0]", "N m/rad", 17.0));
+/// assert_eq!(params[3].group, ParamGroup::Inertial("tip".into()));
+/// assert_eq!((params[10].group.clone(), params[10].bounds.0), (ParamGroup::Positive, 0.0));
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ParamGroup {
     /// One of ten consecutive inertial parameters of the named body, in the order of
@@ -42,6 +60,13 @@ pub enum ParamGroup {
 }
 
 /// One parameter of a model.
+///
+/// ```
+/// use ff_model::{ParamDecl, ParamGroup};
+///
+/// let rest = ParamDecl { bounds: (-0.4, 0.4), group: ParamGroup::Free, ..ParamDecl::positive("rest[0]", "rad", 0.15) };
+/// assert_eq!((rest.unit, rest.nominal, rest.bounds), ("rad", 0.15, (-0.4, 0.4)));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParamDecl {
     /// Name within its owner, such as `k[0]`.
@@ -78,6 +103,14 @@ impl ParamDecl {
 }
 
 /// What an appendage declares of itself.
+///
+/// ```
+/// use ff_model::{CoordDecl, Decl, ParamDecl};
+///
+/// let spring = ["k[0]", "k[1]"].map(|name| ParamDecl::positive(name, "N m/rad", 23.0));
+/// let decl = Decl::new("mast", [CoordDecl::new("bend", "rad", (-0.2, 0.2))], spring);
+/// assert_eq!((decl.coords.len(), decl.params[1].name.as_str(), decl.galilean), (1, "k[1]", true));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decl {
     /// The `kind` of mission files.

@@ -17,6 +17,29 @@ use crate::scalar::traits::{PlainScalar, Scalar};
 ///
 /// Arguments: `p` the parameters, `s` the motion, `acc` the accelerations, in the order of the declaration and in mount
 /// axes; wrench rows come first, about the mount origin. SI units. No method may allocate.
+///
+/// ```
+/// use ff_model::nalgebra::Vector3;
+/// use ff_model::port::Derived;
+/// use ff_model::{Appendage, CoordDecl, Decl, Motion, ParamDecl, PortDynamics, PortMatrix, PortState, Scalar};
+/// # struct Slider(Decl);
+/// # impl Appendage for Slider {
+/// #     fn decl(&self) -> &Decl { &self.0 }
+/// #     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+/// #         let [x, y, z] = [0.7, -0.2, 0.4].map(T::from_f64);
+/// #         m.add_point(p[0], &Vector3::new(x + eta[0], y, z), &[Vector3::x()]);
+/// #     }
+/// # }
+///
+/// // A mass that slides along x; the equations of motion follow from its energies.
+/// let decl = Decl::new("slider", [CoordDecl::new("x", "m", (-0.3, 0.3))], [ParamDecl::positive("m", "kg", 2.5)]);
+/// let slider = Derived::new(Slider(decl));
+/// let host = Motion::new(Vector3::new(0.2, 0.3, -0.1), Vector3::new(0.0, 0.0, 0.8)); // the host turns about z
+/// let mut bias = [0.0; 7];
+/// slider.bias(&[2.5], &PortState { host, eta: &[0.1], nu: &[0.0] }, &mut bias);
+/// // Along the slide: centrifugal -m w^2 (0.7 + 0.1), and -m w v_y of the body-fixed twist.
+/// assert!((bias[6] + 2.5 * (0.8 * 0.8 * 0.8 + 0.8 * 0.3)).abs() < 1e-12);
+/// ```
 pub trait PortDynamics: Appendage {
     /// Whether [`Appendage::inertia`] writes every number of `m`, which need not arrive zeroed then. For speed alone.
     const WRITES_ALL: bool = false;

@@ -12,6 +12,35 @@ use crate::scalar::traits::Scalar;
 /// [`Derived`](super::Derived) makes everything else of it; [`derived!`](crate::derived) registers that once for a kind, which then is
 /// mounted as it is: `model.mount("mast", 0, pose, boom)`. A kind whose equations of motion are written by hand for speed
 /// implements [`PortDynamics`](super::PortDynamics) as well and says [`shared!`](crate::shared).
+///
+/// ```
+/// use ff_model::nalgebra::Vector3;
+/// use ff_model::{Appendage, CoordDecl, Decl, ParamDecl, PortMatrix, Scalar};
+///
+/// /// A tip mass that slides along x on a spring: p = [m, k, d].
+/// struct Slider(Decl);
+///
+/// impl Appendage for Slider {
+///     fn decl(&self) -> &Decl {
+///         &self.0
+///     }
+///     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
+///         let [x, y, z] = [0.7, -0.2, 0.4].map(T::from_f64);
+///         m.add_point(p[0], &Vector3::new(x + eta[0], y, z), &[Vector3::x()]);
+///     }
+///     fn potential<T: Scalar>(&self, p: &[T], eta: &[T]) -> T {
+///         p[1].scale(0.5) * eta[0] * eta[0]
+///     }
+///     fn rayleigh<T: Scalar>(&self, p: &[T], nu: &[T]) -> T {
+///         p[2].scale(0.5) * nu[0] * nu[0]
+///     }
+/// }
+///
+/// let params = [("m", "kg", 2.5), ("k", "N/m", 40.0), ("d", "N s/m", 0.3)].map(|(n, unit, x)| ParamDecl::positive(n, unit, x));
+/// let slider = Slider(Decl::new("slider", [CoordDecl::new("x", "m", (-0.3, 0.3))], params));
+/// assert!((slider.potential(&[2.5, 40.0, 0.3], &[0.1]) - 0.2_f64).abs() < 1e-15); // J
+/// // `ff_model::derived!(Slider);` lets `Model::mount` take it.
+/// ```
 pub trait Appendage: Send + Sync + 'static {
     /// Coordinates and parameters.
     fn decl(&self) -> &Decl;

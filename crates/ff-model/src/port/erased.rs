@@ -152,6 +152,21 @@ impl<A: PortDynamics> WidePorts for A {}
 /// An appendage behind a trait object, at every number type of the project.
 ///
 /// Implemented for every [`PortDynamics`], so for `Derived<A>` of every [`Appendage`]; nobody implements it by hand.
+///
+/// ```
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+/// use ff_model::payload::Payload;
+/// use ff_model::{DynAppendage, Inertia, SharedAppendage};
+///
+/// /// Nominal mass of whatever hangs there (kg), if it is a parameter.
+/// fn mass(appendage: &dyn DynAppendage) -> Option<f64> {
+///     appendage.declaration().params.iter().find(|p| p.name.ends_with("mass")).map(|p| p.nominal)
+/// }
+/// let block = Inertia::from_com(3.2, &Vector3::new(0.4, -0.1, 0.2), &Matrix3::from_diagonal_element(0.3));
+/// let payload: SharedAppendage = Payload::new(&block)?.into();
+/// assert_eq!(mass(&*payload), Some(3.2));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait DynAppendage:
     PortModel<f64>
     + PortModel<D1>

@@ -28,6 +28,20 @@ pub const fn port_len(n: usize) -> usize {
 /// [`Appendage::inertia`](super::Appendage::inertia) for why it is one), the coupling columns `[F; N]`, the lower triangle of `E`. A matrix
 /// that is not symmetric, or has another host block, cannot be written; and for two coordinates there are 25 numbers to write and to
 /// read in place of 64, which is a tenth of the time of inverse dynamics in lanes.
+///
+/// ```
+/// use ff_model::PortMatrix;
+/// use ff_model::nalgebra::Vector3;
+/// use ff_model::port::port_len;
+///
+/// // A point mass of 2.5 kg that slides along its one coordinate.
+/// let mut buffer = vec![0.0; port_len(1)];
+/// let mut m = PortMatrix::new(1, &mut buffer);
+/// m.add_point(2.5, &Vector3::new(0.3, -0.2, 0.4), &[Vector3::new(0.6, 0.0, 0.8)]);
+/// let m = m.view().dense();
+/// assert_eq!((m[(0, 0)], m[(2, 6)]), (2.5, 2.0)); // its mass; force on the host along z per unit acceleration
+/// assert!((m[(6, 6)] - 2.5_f64).abs() < 1e-15);
+/// ```
 #[derive(Debug)]
 pub struct PortMatrix<'a, T> {
     n: usize,

@@ -6,6 +6,18 @@ use super::wrapper::Derived;
 use std::sync::Arc;
 
 /// An appendage as models and registries hold it: the type is hidden, copies share one value.
+///
+/// ```
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+/// use ff_model::payload::Payload;
+/// use ff_model::{Inertia, SharedAppendage};
+///
+/// let block = Inertia::from_com(3.2, &Vector3::new(0.4, -0.1, 0.2), &Matrix3::from_diagonal_element(0.3));
+/// let payload: SharedAppendage = Payload::new(&block)?.into();
+/// let twice = payload.clone(); // the same appendage, for two mounts
+/// assert_eq!((twice.declaration().kind, twice.declaration().params.len()), ("payload", 10));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub type SharedAppendage = Arc<dyn DynAppendage>;
 
 impl<A: Appendage> From<Derived<A>> for SharedAppendage {

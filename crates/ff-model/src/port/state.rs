@@ -5,6 +5,15 @@ use crate::spatial::motion::Motion;
 use crate::spatial::vec3::{Moving, V3};
 
 /// Motion of an appendage: host twist in the mount frame, own coordinates and rates.
+///
+/// ```
+/// use ff_model::nalgebra::Vector3;
+/// use ff_model::{Motion, PortState};
+///
+/// let host = Motion::new(Vector3::new(0.2, 0.3, -0.1), Vector3::new(0.05, -0.4, 0.8));
+/// let state = PortState { host, eta: &[0.1], nu: &[-0.7] };
+/// assert_eq!(state.host.ang.z * state.nu[0], -0.8 * 0.7);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PortState<'a, T: Scalar> {
     /// Host twist at the mount origin, in mount axes.
@@ -29,6 +38,22 @@ impl<T: Scalar> PortState<'_, T> {
 }
 
 /// Accelerations at a port.
+///
+/// ```
+/// use ff_model::nalgebra::Vector3;
+/// use ff_model::port::add_inertial;
+/// use ff_model::port::port_len;
+/// use ff_model::{Motion, PortAccel, PortMatrix};
+///
+/// // M [A; nu'] of a point mass of 2.5 kg on a slide along x.
+/// let mut buffer = vec![0.0; port_len(1)];
+/// let mut m = PortMatrix::new(1, &mut buffer);
+/// m.add_point(2.5, &Vector3::new(0.3, -0.2, 0.4), &[Vector3::x()]);
+/// let acc = PortAccel { host: Motion::new(Vector3::new(0.6, 0.1, -0.3), Vector3::zeros()), nu: &[0.2] };
+/// let mut r = [0.0; 7];
+/// add_inertial(&m, &acc, &mut r);
+/// assert!((r[0] - 2.5 * (0.6 + 0.2)).abs() < 1e-15 && (r[6] - r[0]).abs() < 1e-15);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PortAccel<'a, T: Scalar> {
     /// Host acceleration at the mount origin, in mount axes: the componentwise derivative of [`PortState::host`].
@@ -38,4 +63,14 @@ pub struct PortAccel<'a, T: Scalar> {
 }
 
 /// A `6+n` vector over (host twist, own rates): wrench first, then own rows.
+///
+/// ```
+/// use ff_model::PortVector;
+///
+/// // The torque on the host and on the own coordinate that balance a bias.
+/// fn balance(h: &PortVector<f64>) -> (f64, f64) {
+///     (-h[5], -h[6])
+/// }
+/// assert_eq!(balance(&[0.3, -0.1, 0.2, 0.5, 0.4, -0.9, 0.7]), (0.9, -0.7));
+/// ```
 pub type PortVector<T> = [T];

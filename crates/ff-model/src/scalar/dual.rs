@@ -11,6 +11,15 @@ use ff_lanes::{Enter, Kernel};
 use num_traits::{One, Zero};
 
 /// A value with `N` directional derivatives.
+///
+/// ```
+/// use ff_model::Dual;
+///
+/// // d(x^2 y) at x = 3, y = 2.
+/// let (x, y) = (Dual::<f64, 2>::variable(3.0, 0), Dual::variable(2.0, 1));
+/// let f = x * x * y;
+/// assert_eq!((f.re, f.eps), (18.0, [12.0, 9.0]));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dual<T, const N: usize> {
     /// The value.

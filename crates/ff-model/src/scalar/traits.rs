@@ -11,6 +11,18 @@ use num_traits::{One, Zero};
 ///
 /// Every operation is branch-free in the value, so that a dual number or a vector of lanes may stand in
 /// for an `f64`. No method allocates.
+///
+/// ```
+/// use ff_model::{Dual, Scalar};
+///
+/// /// Potential energy of a pendulum (J): mass 3 kg, length `l` (m), angle (rad).
+/// fn energy<T: Scalar>(l: T, angle: T) -> T {
+///     l.scale(3.0 * 9.81) * (T::one() - angle.sin_cos().1)
+/// }
+/// // The same code gives the torque: the derivative with respect to the angle.
+/// let torque = energy(Dual::constant(0.7), Dual::<f64, 1>::variable(0.4, 0)).eps[0];
+/// assert!((torque - 3.0 * 9.81 * 0.7 * 0.4_f64.sin()).abs() < 1e-14);
+/// ```
 pub trait Scalar:
     nalgebra::Scalar
     + Copy

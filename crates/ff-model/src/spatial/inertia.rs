@@ -18,6 +18,19 @@ pub const INERTIAL_UNITS: [&str; 10] =
 const SYM: [(usize, usize); 6] = [(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)];
 
 /// Inertia of a rigid body about the origin of its frame.
+///
+/// ```
+/// use ff_model::Inertia;
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+///
+/// let about_com = Matrix3::new(9.0, 0.3, -0.2, 0.3, 8.0, 0.4, -0.2, 0.4, 7.0);
+/// let hull = Inertia::from_com(50.0, &Vector3::new(0.2, -0.1, 0.3), &about_com);
+/// assert_eq!(hull.to_params()[..4], [50.0, 10.0, -5.0, 15.0]);
+/// assert!(hull.check().is_ok());
+/// // No body has a principal moment of inertia above the sum of the other two.
+/// let impossible = Matrix3::from_diagonal(&Vector3::new(9.0, 1.2, 1.4));
+/// assert!(Inertia::from_com(50.0, &Vector3::new(0.2, -0.1, 0.3), &impossible).check().is_err());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inertia<T: Scalar> {
     /// Mass (kg).

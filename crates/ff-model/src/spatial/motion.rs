@@ -16,6 +16,16 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 ///
 /// As an acceleration it is the componentwise time derivative of the body twist; the classical
 /// acceleration of the origin is `lin + ang_velocity x lin_velocity`.
+///
+/// ```
+/// use ff_model::nalgebra::Vector3;
+/// use ff_model::{Force, Motion};
+///
+/// // Power of a wrench on a moving body (W).
+/// let twist = Motion::new(Vector3::new(0.1, -0.3, 0.2), Vector3::new(0.4, 0.5, -0.6));
+/// let wrench = Force::new(Vector3::new(3.0, 1.0, -2.0), Vector3::new(0.7, 2.0, 1.5));
+/// assert!((twist.dot(&wrench) - (0.3 - 0.3 - 0.4 + 0.28 + 1.0 - 0.9_f64)).abs() < 1e-15);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion<T: Scalar> {
     /// Linear part, of the frame origin.
@@ -25,6 +35,16 @@ pub struct Motion<T: Scalar> {
 }
 
 /// A force vector: wrench (N, N m) or momentum (kg m/s, kg m^2/s).
+///
+/// ```
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+/// use ff_model::{Force, Xform};
+///
+/// // A pull of 3 N along y at a point 0.5 m along x and 0.2 m along z is a moment about the origin as well.
+/// let at = Xform::new(Matrix3::identity(), Vector3::new(0.5, 0.0, 0.2));
+/// let wrench = at.force_to_parent(&Force::new(Vector3::new(0.0, 3.0, 0.0), Vector3::zeros()));
+/// assert!((wrench.ang - Vector3::new(-0.6, 0.0, 1.5)).norm() < 1e-15);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Force<T: Scalar> {
     /// Linear part.
@@ -145,6 +165,18 @@ impl<T: Scalar> Motion<T> {
 }
 
 /// Pose of a child frame in its parent: `p_parent = rot p_child + pos` (pos in m).
+///
+/// ```
+/// use ff_model::Xform;
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+///
+/// // A quarter turn about z, and a shift.
+/// let quarter = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+/// let hand = Xform::<f64>::new(quarter, Vector3::new(0.75, -0.25, 0.5));
+/// let tip = hand.point(&Vector3::new(0.5, 0.125, 0.25));
+/// assert_eq!(tip, Vector3::new(0.625, 0.25, 0.75));
+/// assert_eq!(hand.inverse().point(&tip), Vector3::new(0.5, 0.125, 0.25));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Xform<T: Scalar> {
     /// Rotation from child to parent coordinates.

@@ -84,6 +84,18 @@ impl<T: Scalar> Displacement<T> {
 }
 
 /// Values of all kinematic parameters of a [`Model`], in the order of [`Model::kinematic_params`]; all zero unless given.
+///
+/// ```
+/// use ff_model::Kinematics;
+/// # let arm = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+///
+/// // The first joint stands 2 mrad beside its mark.
+/// let mut values = vec![0.0; arm.n_kinematic_params()];
+/// let offset = format!("{}.offset", arm.joint_names()[0]);
+/// values[arm.kinematic_index(&offset).unwrap()] = 2e-3;
+/// let built = Kinematics::from_values(&arm, values);
+/// assert_eq!((built.joint(0).offset, built.joint(1).offset), (2e-3, 0.0));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kinematics<T: Scalar> {
     values: Vec<T>,

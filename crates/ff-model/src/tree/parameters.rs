@@ -8,6 +8,17 @@ use crate::tree::model::Model;
 ///
 /// The model holds structure and nominal values; algorithms read the values from here, so that several
 /// parameter sets, or parameters that carry derivatives, can be run through one immutable model.
+///
+/// ```
+/// use ff_model::Params;
+/// # let arm = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+///
+/// let mut params = Params::<f64>::nominal(&arm);
+/// let set = params.set_matching(&arm, "*.mass", 4.25)?; // all bodies, the base too
+/// assert_eq!((set, params.body(2).mass), (arm.n_bodies(), 4.25));
+/// assert_eq!(params.get(&arm, "base.mass")?, 4.25);
+/// # Ok::<(), ff_model::tree::SelectionError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params<T: Scalar> {
     values: Vec<T>,

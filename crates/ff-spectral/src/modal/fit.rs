@@ -71,6 +71,25 @@ impl ModalError {
 }
 
 /// What to look for.
+///
+/// ```
+/// # // Two decaying modes of one channel, 60 s at 10 Hz, with a little noise from a fixed sequence.
+/// # let mode = |t: f64, f: f64, zeta: f64, phase: f64| {
+/// #     let w = std::f64::consts::TAU * f;
+/// #     (-zeta * w * t).exp() * (w * (1.0 - zeta * zeta).sqrt() * t + phase).cos()
+/// # };
+/// # let y = nalgebra::DMatrix::from_fn(600, 1, |i, _| {
+/// #     let t = 0.1 * i as f64;
+/// #     let noise: f64 = (0..12u64).map(|k| ((i as u64 * 12 + k + 1) * 2654435761 % 4294967296) as f64 / 4294967296.0).sum::<f64>() - 6.0;
+/// #     0.05 * mode(t, 0.21, 0.006, 0.4) + 0.02 * mode(t, 0.47, 0.004, -0.9) + 1e-4 * noise
+/// # });
+/// use ff_spectral::{ModalSettings, fit_modes};
+///
+/// // A user who knows that there are two modes: four poles and one offset.
+/// let settings = ModalSettings { order: Some(5), ..ModalSettings::up_to(1.0) };
+/// assert_eq!(fit_modes(&y, &[1e-4], 10.0, &settings)?.order, 5);
+/// # Ok::<(), ff_spectral::modal::ModalError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModalSettings {
     /// Highest frequency of interest (Hz).
@@ -153,6 +172,26 @@ pub struct Unresolved {
 }
 
 /// The result of [`fit_modes`].
+///
+/// ```
+/// # // Two decaying modes of one channel, 60 s at 10 Hz, with a little noise from a fixed sequence.
+/// # let mode = |t: f64, f: f64, zeta: f64, phase: f64| {
+/// #     let w = std::f64::consts::TAU * f;
+/// #     (-zeta * w * t).exp() * (w * (1.0 - zeta * zeta).sqrt() * t + phase).cos()
+/// # };
+/// # let y = nalgebra::DMatrix::from_fn(600, 1, |i, _| {
+/// #     let t = 0.1 * i as f64;
+/// #     let noise: f64 = (0..12u64).map(|k| ((i as u64 * 12 + k + 1) * 2654435761 % 4294967296) as f64 / 4294967296.0).sum::<f64>() - 6.0;
+/// #     0.05 * mode(t, 0.21, 0.006, 0.4) + 0.02 * mode(t, 0.47, 0.004, -0.9) + 1e-4 * noise
+/// # });
+/// use ff_spectral::{ModalFit, ModalSettings, fit_modes};
+///
+/// let fit: ModalFit = fit_modes(&y, &[1e-4], 10.0, &ModalSettings::up_to(1.0))?;
+/// let found: Vec<f64> = fit.modes.iter().map(|m| (m.frequency * 1e3).round()).collect();
+/// assert_eq!(found, [210.0, 470.0]); // mHz
+/// assert!(fit.unresolved.is_empty() && fit.noise_ratio < 1.5);
+/// # Ok::<(), ff_spectral::modal::ModalError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ModalFit {
     /// Modes by frequency.
@@ -179,6 +218,26 @@ pub struct ModalFit {
 /// deviations `sigma`. Static offsets (biases) are fitted as well. Allocates. A minute
 /// of ten channels at 100 Hz takes 30 ms for `f_max` = 1 Hz and 0.2 s for 2 Hz; the time grows with the cube of
 /// `seconds * f_max`, to seconds at 100 s and 4 Hz.
+///
+/// ```
+/// # // Two decaying modes of one channel, 60 s at 10 Hz, with a little noise from a fixed sequence.
+/// # let mode = |t: f64, f: f64, zeta: f64, phase: f64| {
+/// #     let w = std::f64::consts::TAU * f;
+/// #     (-zeta * w * t).exp() * (w * (1.0 - zeta * zeta).sqrt() * t + phase).cos()
+/// # };
+/// # let y = nalgebra::DMatrix::from_fn(600, 1, |i, _| {
+/// #     let t = 0.1 * i as f64;
+/// #     let noise: f64 = (0..12u64).map(|k| ((i as u64 * 12 + k + 1) * 2654435761 % 4294967296) as f64 / 4294967296.0).sum::<f64>() - 6.0;
+/// #     0.05 * mode(t, 0.21, 0.006, 0.4) + 0.02 * mode(t, 0.47, 0.004, -0.9) + 1e-4 * noise
+/// # });
+/// use ff_spectral::{ModalSettings, fit_modes};
+///
+/// let fit = fit_modes(&y, &[1e-4], 10.0, &ModalSettings::up_to(1.0))?;
+/// let slow = &fit.modes[0];
+/// assert!((slow.frequency - 0.21).abs() < 4.0 * slow.frequency_deviation);
+/// assert!((slow.damping - 0.006).abs() < 4.0 * slow.damping_deviation);
+/// # Ok::<(), ff_spectral::modal::ModalError>(())
+/// ```
 ///
 /// # Errors
 /// [`ModalError`].

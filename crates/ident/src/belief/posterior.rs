@@ -62,6 +62,19 @@ pub enum SequenceError {
 }
 
 /// A Gaussian over named parameters.
+///
+/// ```
+/// use ident::Posterior;
+/// use nalgebra::DMatrix;
+///
+/// let covariance = DMatrix::from_row_slice(2, 2, &[0.04, 0.018, 0.018, 0.09]);
+/// let names = vec!["base.mass".into(), "base.h_x".into()];
+/// let posterior = Posterior::from_covariance(names, vec!["kg".into(), "kg m".into()], vec![612.5, -3.2], &covariance)?;
+/// // As JSON, for the next identification.
+/// let back: Posterior = serde_json::from_str(&serde_json::to_string(&posterior)?)?;
+/// assert_eq!(back, posterior);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Posterior {

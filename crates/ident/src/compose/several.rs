@@ -146,6 +146,43 @@ impl Shared {
 }
 
 /// Estimators of several records as one.
+///
+/// ```
+/// # use ff_dynamics::{Drive, SimOptions, State, motion::FnMotion, simulate};
+/// # use ff_model::nalgebra::{Matrix3, Vector3};
+/// # use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Params, Xform, tree::JointLimits};
+/// # let hull = Inertia::from_com(60.0, &Vector3::new(0.2, 0.1, 0.3), &Matrix3::from_diagonal(&Vector3::new(15.0, 14.0, 13.0)));
+/// # let mut robot = Model::new("probe", "hull", hull, BaseKind::Floating);
+/// # let (kind, placement) = (JointKind::Revolute, Xform::new(Matrix3::identity(), Vector3::new(0.5, 0.1, 0.4)));
+/// # let (axis, limits) = (Vector3::new(0.1, -0.2, 0.9), JointLimits::default());
+/// # let link = Inertia::from_com(8.6, &Vector3::new(0.1, 0.21, -0.1), &Matrix3::from_diagonal(&Vector3::new(0.4, 0.05, 0.37)));
+/// # robot.add_body(0, "arm", Joint { name: "shoulder".into(), kind, axis, placement, limits }, link);
+/// # let truth = Params::<f64>::nominal(&robot);
+/// # let motion = FnMotion::new(1, 10.0, |t, q, qd, qdd| {
+/// #     let (sin, cos) = (0.9 * t).sin_cos();
+/// #     (q[0], qd[0], qdd[0]) = (0.7 * (1.0 - cos), 0.63 * sin, 0.567 * cos);
+/// # })?;
+/// # let options = SimOptions { duration_s: 10.0, step_s: 0.01, sample_s: 0.01 };
+/// # let trace = simulate(&robot, &truth, &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// # let record = ff_records::RecordBuilder::new(["shoulder"]).uniform(0.0, 100.0).q(trace.q.clone()).tau(trace.tau.clone());
+/// # let (record, _) = record.gyro(trace.gyro()).build()?;
+/// # let (decls, mass) = (robot.param_decls(), robot.parameter_indices("base.mass")?);
+/// # let mut start = truth.values().to_vec();
+/// # start[mass[0]] = 72.0;
+/// use ident::compose::Shared;
+/// use ident::{Estimator, Noise, Rda, Request, Several, estimate};
+///
+/// // Two records of the same robot, here twice the same: every variance is half.
+/// let noise = Noise { torque: 0.01, gyro: 1e-5 };
+/// let part = || Rda::new(&robot, &record, &noise).map(|rda| Box::new(rda) as Box<dyn Estimator>);
+/// let shared = Shared::new::<&str>(&[("first", decls.as_slice()), ("second", decls.as_slice())], &[])?;
+/// let (mut both, mut one) = (Several::new(&shared, vec![part()?, part()?]), part()?);
+/// let std = |fit: ident::estimate::Estimate| fit.parameters[0].std.unwrap();
+/// let two = std(estimate(&Request::new(&shared.decls, &mass, &start), &mut both)?);
+/// let single = std(estimate(&Request::new(&decls, &mass, &start), &mut one)?);
+/// assert!((single / two - 2.0_f64.sqrt()).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Several<'a> {
     shared: &'a Shared,
     parts: Vec<Box<dyn Estimator + 'a>>,

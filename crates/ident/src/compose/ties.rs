@@ -19,6 +19,32 @@ use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
 /// A differentiable map from unknowns of its own to parameters of the model.
+///
+/// ```
+/// use ff_least_squares::EvalError;
+/// use ff_model::ParamDecl;
+/// use ident::Tie;
+/// use nalgebra::DMatrix;
+///
+/// /// Mass and length of a slosh pendulum (parameters 20 and 21) as functions of the fill height.
+/// struct Fill([ParamDecl; 1]);
+/// impl Tie for Fill {
+///     fn unknowns(&self) -> &[ParamDecl] { &self.0 }
+///     fn parameters(&self) -> &[usize] { &[20, 21] }
+///     fn evaluate(&self, u: &[f64], p: &mut [f64]) -> Result<(), EvalError> {
+///         (p[0], p[1]) = (640.0 * u[0], 0.9 - 0.5 * u[0]);
+///         if p[1] > 0.0 { Ok(()) } else { Err(EvalError::Rejected("the tank is full".into())) }
+///     }
+///     fn derivative(&self, _: &[f64], d: &mut DMatrix<f64>) -> Result<(), EvalError> {
+///         d.copy_from_slice(&[640.0, -0.5]);
+///         Ok(())
+///     }
+/// }
+/// let (fill, mut p) = (Fill([ParamDecl::positive("fuel.fill", "m", 0.25)]), [0.0; 2]);
+/// fill.evaluate(&[0.25], &mut p)?;
+/// assert_eq!(p, [160.0, 0.775]);
+/// # Ok::<(), EvalError>(())
+/// ```
 pub trait Tie: Send + Sync {
     /// Its unknowns: names, units, start values, whether they must stay positive.
     fn unknowns(&self) -> &[ParamDecl];
@@ -365,6 +391,43 @@ impl TieMap {
 }
 
 /// An estimator over the shorter vector.
+///
+/// ```
+/// # use ff_dynamics::{Drive, SimOptions, State, motion::FnMotion, simulate};
+/// # use ff_model::nalgebra::{Matrix3, Vector3};
+/// # use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Params, Xform, tree::JointLimits};
+/// # let hull = Inertia::from_com(60.0, &Vector3::new(0.2, 0.1, 0.3), &Matrix3::from_diagonal(&Vector3::new(15.0, 14.0, 13.0)));
+/// # let mut robot = Model::new("probe", "hull", hull, BaseKind::Floating);
+/// # let (kind, placement) = (JointKind::Revolute, Xform::new(Matrix3::identity(), Vector3::new(0.5, 0.1, 0.4)));
+/// # let (axis, limits) = (Vector3::new(0.1, -0.2, 0.9), JointLimits::default());
+/// # let link = Inertia::from_com(8.6, &Vector3::new(0.1, 0.21, -0.1), &Matrix3::from_diagonal(&Vector3::new(0.4, 0.05, 0.37)));
+/// # robot.add_body(0, "arm", Joint { name: "shoulder".into(), kind, axis, placement, limits }, link);
+/// # let truth = Params::<f64>::nominal(&robot);
+/// # let motion = FnMotion::new(1, 10.0, |t, q, qd, qdd| {
+/// #     let (sin, cos) = (0.9 * t).sin_cos();
+/// #     (q[0], qd[0], qdd[0]) = (0.7 * (1.0 - cos), 0.63 * sin, 0.567 * cos);
+/// # })?;
+/// # let options = SimOptions { duration_s: 10.0, step_s: 0.01, sample_s: 0.01 };
+/// # let trace = simulate(&robot, &truth, &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// # let record = ff_records::RecordBuilder::new(["shoulder"]).uniform(0.0, 100.0).q(trace.q.clone()).tau(trace.tau.clone());
+/// # let (record, _) = record.gyro(trace.gyro()).build()?;
+/// # let (decls, mass) = (robot.param_decls(), robot.parameter_indices("base.mass")?);
+/// # let mut start = truth.values().to_vec();
+/// # start[mass[0]] = 72.0;
+/// use ident::compose::{Affine, TieMap};
+/// use ident::{Noise, Rda, Request, Tied, estimate};
+///
+/// // Masses of hull and arm change by one common factor.
+/// let scale = Affine::factors(&decls, truth.values(), "density", &[("base.mass", 60.0), ("arm.mass", 8.6)])?;
+/// let map = TieMap::new(&decls, truth.values(), vec![Box::new(scale)])?;
+/// let mut tied = Tied::new(Rda::new(&robot, &record, &Noise { torque: 0.01, gyro: 1e-5 })?, map);
+/// let (short, mut from) = (tied.map().decls().to_vec(), tied.map().start());
+/// let density = from.len() - 1;
+/// from[density] = 1.1;
+/// let fit = estimate(&Request::new(&short, &[density], &from), &mut tied)?;
+/// assert!((fit.values[density] - 1.0).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Tied<E> {
     /// The estimator over the full one.
     pub inner: E,

@@ -28,6 +28,31 @@ pub struct Coarse<'a> {
 }
 
 /// A way of predicting a record. Residuals are whitened: divided by the standard deviation of the sensor.
+///
+/// ```
+/// use ff_least_squares::EvalError;
+/// use ff_model::ParamDecl;
+/// use ident::{Estimator, Request, estimate};
+/// use nalgebra::DMatrix;
+///
+/// /// A stiffness from a static test: deflections under three torques, read to 1 mrad.
+/// struct Static([(f64, f64); 3]);
+/// impl Estimator for Static {
+///     fn rows(&self) -> usize { 3 }
+///     fn residuals(&mut self, p: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+///         r.iter_mut().zip(self.0).for_each(|(r, (torque, angle))| *r = (torque / p[0] - angle) / 1e-3);
+///         Ok(())
+///     }
+///     fn jacobian(&mut self, p: &[f64], e: &[f64], _: &[usize], r: &mut [f64], j: &mut DMatrix<f64>) -> Result<(), EvalError> {
+///         (0..3).for_each(|i| j[(i, 0)] = -self.0[i].0 / p[0].powi(2) / 1e-3);
+///         self.residuals(p, e, r)
+///     }
+/// }
+/// let k = [ParamDecl::positive("hinge.k", "N m/rad", 150.0)];
+/// let fit = estimate(&Request::new(&k, &[0], &[150.0]), &mut Static([(5.0, 0.025), (9.0, 0.0449), (14.0, 0.0701)]))?;
+/// assert!((fit.values[0] - 200.0).abs() < 1.0);
+/// # Ok::<(), ident::EstimateError>(())
+/// ```
 pub trait Estimator {
     /// Number of residuals, the same for every call.
     fn rows(&self) -> usize;
@@ -97,6 +122,38 @@ pointer!(Box<E>);
 pointer!(&mut E);
 
 /// What to estimate, from where, with what prior knowledge.
+///
+/// ```
+/// # use ff_dynamics::{Drive, SimOptions, State, motion::FnMotion, simulate};
+/// # use ff_model::nalgebra::{Matrix3, Vector3};
+/// # use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Params, Xform, tree::JointLimits};
+/// # let hull = Inertia::from_com(60.0, &Vector3::new(0.2, 0.1, 0.3), &Matrix3::from_diagonal(&Vector3::new(15.0, 14.0, 13.0)));
+/// # let mut robot = Model::new("probe", "hull", hull, BaseKind::Floating);
+/// # let (kind, placement) = (JointKind::Revolute, Xform::new(Matrix3::identity(), Vector3::new(0.5, 0.1, 0.4)));
+/// # let (axis, limits) = (Vector3::new(0.1, -0.2, 0.9), JointLimits::default());
+/// # let link = Inertia::from_com(8.6, &Vector3::new(0.1, 0.21, -0.1), &Matrix3::from_diagonal(&Vector3::new(0.4, 0.05, 0.37)));
+/// # robot.add_body(0, "arm", Joint { name: "shoulder".into(), kind, axis, placement, limits }, link);
+/// # let truth = Params::<f64>::nominal(&robot);
+/// # let motion = FnMotion::new(1, 10.0, |t, q, qd, qdd| {
+/// #     let (sin, cos) = (0.9 * t).sin_cos();
+/// #     (q[0], qd[0], qdd[0]) = (0.7 * (1.0 - cos), 0.63 * sin, 0.567 * cos);
+/// # })?;
+/// # let options = SimOptions { duration_s: 10.0, step_s: 0.01, sample_s: 0.01 };
+/// # let trace = simulate(&robot, &truth, &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// # let record = ff_records::RecordBuilder::new(["shoulder"]).uniform(0.0, 100.0).q(trace.q.clone()).tau(trace.tau.clone());
+/// # let (record, _) = record.gyro(trace.gyro()).build()?;
+/// # let (decls, mass) = (robot.param_decls(), robot.parameter_indices("base.mass")?);
+/// # let mut start = truth.values().to_vec();
+/// # start[mass[0]] = 72.0;
+/// use ident::{Loss, Noise, Rda, Request, estimate};
+///
+/// // Mass and arm inertia, 30 % prior width, outliers weighted down.
+/// let selected = robot.parameter_indices("base.mass")?;
+/// let request = Request { prior_width: Some(0.3), loss: Loss::HUBER, ..Request::new(&decls, &selected, &start) };
+/// let mut rda = Rda::new(&robot, &record, &Noise { torque: 0.01, gyro: 1e-5 })?;
+/// assert!((estimate(&request, &mut rda)?.values[0] - 60.0).abs() < 0.05);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Request<'a> {
     /// Declarations of all parameters of the model.

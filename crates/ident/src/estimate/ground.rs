@@ -43,6 +43,15 @@ pub enum NearRest {
 }
 
 /// Which friction the joints have.
+///
+/// ```
+/// use ident::Friction;
+/// use ident::estimate::NearRest;
+///
+/// // Dry friction and a torque offset, samples slower than 20 mrad/s left out.
+/// let friction = Friction { viscous: false, near_rest: NearRest::LeaveOut(0.02), ..Friction::ALL };
+/// assert!(friction.coulomb && !friction.viscous && friction != Friction::NONE);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction {
     /// Torque in proportion to the rate.
@@ -63,6 +72,37 @@ impl Friction {
 }
 
 /// The estimator.
+///
+/// ```
+/// # use ff_dynamics::{Drive, SimOptions, State, motion::FnMotion, simulate};
+/// # use ff_model::nalgebra::{Matrix3, Vector3};
+/// # use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Params, Xform, tree::JointLimits};
+/// # let hull = Inertia::from_com(60.0, &Vector3::new(0.2, 0.1, 0.3), &Matrix3::from_diagonal(&Vector3::new(15.0, 14.0, 13.0)));
+/// # let mut robot = Model::new("probe", "hull", hull, BaseKind::Floating);
+/// # let (kind, placement) = (JointKind::Revolute, Xform::new(Matrix3::identity(), Vector3::new(0.5, 0.1, 0.4)));
+/// # let (axis, limits) = (Vector3::new(0.1, -0.2, 0.9), JointLimits::default());
+/// # let link = Inertia::from_com(8.6, &Vector3::new(0.1, 0.21, -0.1), &Matrix3::from_diagonal(&Vector3::new(0.4, 0.05, 0.37)));
+/// # robot.add_body(0, "arm", Joint { name: "shoulder".into(), kind, axis, placement, limits }, link);
+/// # let truth = Params::<f64>::nominal(&robot);
+/// # let motion = FnMotion::new(1, 10.0, |t, q, qd, qdd| {
+/// #     let (sin, cos) = (0.9 * t).sin_cos();
+/// #     (q[0], qd[0], qdd[0]) = (0.7 * (1.0 - cos), 0.63 * sin, 0.567 * cos);
+/// # })?;
+/// # let options = SimOptions { duration_s: 10.0, step_s: 0.01, sample_s: 0.01 };
+/// # let trace = simulate(&robot, &truth, &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// # let record = ff_records::RecordBuilder::new(["shoulder"]).uniform(0.0, 100.0).q(trace.q.clone()).tau(trace.tau.clone());
+/// # let (record, _) = record.gyro(trace.gyro()).build()?;
+/// # let (decls, mass) = (robot.param_decls(), robot.parameter_indices("base.mass")?);
+/// # let mut start = truth.values().to_vec();
+/// # start[mass[0]] = 72.0;
+/// use ident::{Friction, Ground};
+///
+/// // In orbit the base moves: refused, with the estimators for that.
+/// assert!(Ground::new(&robot, Friction::ALL).is_err());
+/// let bench = robot.clone().with_base_kind(BaseKind::Fixed);
+/// assert!(Ground::new(&bench, Friction::ALL).is_ok());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Ground<'a> {
     model: &'a Model,
@@ -73,6 +113,43 @@ pub struct Ground<'a> {
 }
 
 /// Its result.
+///
+/// ```
+/// # use ff_dynamics::{Drive, SimOptions, State, motion::FnMotion, simulate};
+/// # use ff_model::nalgebra::{Matrix3, Vector3};
+/// # use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Params, Xform, tree::JointLimits};
+/// # let hull = Inertia::from_com(60.0, &Vector3::new(0.2, 0.1, 0.3), &Matrix3::from_diagonal(&Vector3::new(15.0, 14.0, 13.0)));
+/// # let mut robot = Model::new("probe", "hull", hull, BaseKind::Floating);
+/// # let (kind, placement) = (JointKind::Revolute, Xform::new(Matrix3::identity(), Vector3::new(0.5, 0.1, 0.4)));
+/// # let (axis, limits) = (Vector3::new(0.1, -0.2, 0.9), JointLimits::default());
+/// # let link = Inertia::from_com(8.6, &Vector3::new(0.1, 0.21, -0.1), &Matrix3::from_diagonal(&Vector3::new(0.4, 0.05, 0.37)));
+/// # robot.add_body(0, "arm", Joint { name: "shoulder".into(), kind, axis, placement, limits }, link);
+/// # let truth = Params::<f64>::nominal(&robot);
+/// # let motion = FnMotion::new(1, 10.0, |t, q, qd, qdd| {
+/// #     let (sin, cos) = (0.9 * t).sin_cos();
+/// #     (q[0], qd[0], qdd[0]) = (0.7 * (1.0 - cos), 0.63 * sin, 0.567 * cos);
+/// # })?;
+/// # let options = SimOptions { duration_s: 10.0, step_s: 0.01, sample_s: 0.01 };
+/// # let trace = simulate(&robot, &truth, &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// # let record = ff_records::RecordBuilder::new(["shoulder"]).uniform(0.0, 100.0).q(trace.q.clone()).tau(trace.tau.clone());
+/// # let (record, _) = record.gyro(trace.gyro()).build()?;
+/// # let (decls, mass) = (robot.param_decls(), robot.parameter_indices("base.mass")?);
+/// # let mut start = truth.values().to_vec();
+/// # start[mass[0]] = 72.0;
+/// use ff_records::RecordBuilder;
+/// use ident::{Friction, Ground, GroundEstimate};
+///
+/// // The arm on a bench, from a record of its torques in simulation; its base does not move.
+/// # let bench = robot.clone().with_base_kind(BaseKind::Fixed);
+/// # let trace = simulate(&bench, &truth, &State::zero(&bench), &Drive::Prescribed(&motion), &options)?;
+/// let record = RecordBuilder::new(["shoulder"]).uniform(0.0, 100.0).q(trace.q.clone()).tau(trace.tau.clone());
+/// let (record, _) = record.fixed_base().build()?;
+/// let friction = Friction { viscous: true, ..Friction::NONE };
+/// let arm = bench.parameter_indices("arm.mass")?;
+/// let found: GroundEstimate = Ground::new(&bench, friction)?.estimate(&[&record], &arm, truth.values())?;
+/// assert!(found.friction[0][0].abs() < 1e-3); // the simulation has none (N m s/rad)
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct GroundEstimate {
     /// Parameters, `extra` holding `friction.<joint>.viscous`, `.coulomb` and `.offset` as far as they were asked for.

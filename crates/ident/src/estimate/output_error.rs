@@ -26,6 +26,15 @@ const LEAST_SAMPLES: usize = 200;
 const THINNEST: usize = 10;
 
 /// What the estimator assumes and what else it may adjust.
+///
+/// ```
+/// use ident::{Noise, Options};
+///
+/// // Sensors with biases, and a robot that need not be at rest when the record begins.
+/// let noise = Noise { torque: 0.1, gyro: 1.5e-4 };
+/// let options = Options { gyro_bias: true, torque_bias: true, initial_state: true, ..Options::new(noise) };
+/// assert_eq!((options.substeps, options.noise), (2, noise));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Noise that whitens the residuals.
@@ -64,6 +73,38 @@ impl Options {
 }
 
 /// The estimator for systems with passive coordinates.
+///
+/// ```
+/// # use ff_dynamics::{Drive, SimOptions, State, motion::FnMotion, simulate};
+/// # use ff_model::nalgebra::{Matrix3, Vector3};
+/// # use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Params, Xform, tree::JointLimits};
+/// # let hull = Inertia::from_com(60.0, &Vector3::new(0.2, 0.1, 0.3), &Matrix3::from_diagonal(&Vector3::new(15.0, 14.0, 13.0)));
+/// # let mut robot = Model::new("probe", "hull", hull, BaseKind::Floating);
+/// # let (kind, placement) = (JointKind::Revolute, Xform::new(Matrix3::identity(), Vector3::new(0.5, 0.1, 0.4)));
+/// # let (axis, limits) = (Vector3::new(0.1, -0.2, 0.9), JointLimits::default());
+/// # let link = Inertia::from_com(8.6, &Vector3::new(0.1, 0.21, -0.1), &Matrix3::from_diagonal(&Vector3::new(0.4, 0.05, 0.37)));
+/// # robot.add_body(0, "arm", Joint { name: "shoulder".into(), kind, axis, placement, limits }, link);
+/// # let truth = Params::<f64>::nominal(&robot);
+/// # let motion = FnMotion::new(1, 10.0, |t, q, qd, qdd| {
+/// #     let (sin, cos) = (0.9 * t).sin_cos();
+/// #     (q[0], qd[0], qdd[0]) = (0.7 * (1.0 - cos), 0.63 * sin, 0.567 * cos);
+/// # })?;
+/// # let options = SimOptions { duration_s: 10.0, step_s: 0.01, sample_s: 0.01 };
+/// # let trace = simulate(&robot, &truth, &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// # let record = ff_records::RecordBuilder::new(["shoulder"]).uniform(0.0, 100.0).q(trace.q.clone()).tau(trace.tau.clone());
+/// # let (record, _) = record.gyro(trace.gyro()).build()?;
+/// # let (decls, mass) = (robot.param_decls(), robot.parameter_indices("base.mass")?);
+/// # let mut start = truth.values().to_vec();
+/// # start[mass[0]] = 72.0;
+/// use ident::{Estimator, Noise, Options, OutputError, Request, estimate};
+///
+/// let noise = Noise { torque: 0.01, gyro: 1e-5 };
+/// let mut fit = OutputError::new(&robot, &record, &Options { gyro_bias: true, ..Options::new(noise) })?;
+/// assert_eq!(fit.nuisance().len(), 3);
+/// let e = estimate(&Request::new(&decls, &mass, &start), &mut fit)?;
+/// assert!((e.values[0] - 60.0).abs() < 0.05 && e.nuisance.iter().all(|bias| bias.value.abs() < 1e-6));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct OutputError<'a> {
     model: &'a Model,
     record: Cow<'a, Record>,

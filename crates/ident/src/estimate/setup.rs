@@ -1,6 +1,14 @@
 //! Noise of the sensors, and why an estimator cannot be set up.
 
 /// Standard deviations that whiten the residuals.
+///
+/// ```
+/// use ident::Noise;
+///
+/// // Whitened residuals: 0.25 N m beside a sensor of 0.1 N m.
+/// let noise = Noise { torque: 0.1, gyro: 1.5e-4 };
+/// assert_eq!(0.25 / noise.torque, 2.5);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Noise {
     /// Joint torque (N m).
@@ -10,6 +18,35 @@ pub struct Noise {
 }
 
 /// Why an estimator cannot be set up.
+///
+/// ```
+/// # use ff_dynamics::{Drive, SimOptions, State, motion::FnMotion, simulate};
+/// # use ff_model::nalgebra::{Matrix3, Vector3};
+/// # use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Params, Xform, tree::JointLimits};
+/// # let hull = Inertia::from_com(60.0, &Vector3::new(0.2, 0.1, 0.3), &Matrix3::from_diagonal(&Vector3::new(15.0, 14.0, 13.0)));
+/// # let mut robot = Model::new("probe", "hull", hull, BaseKind::Floating);
+/// # let (kind, placement) = (JointKind::Revolute, Xform::new(Matrix3::identity(), Vector3::new(0.5, 0.1, 0.4)));
+/// # let (axis, limits) = (Vector3::new(0.1, -0.2, 0.9), JointLimits::default());
+/// # let link = Inertia::from_com(8.6, &Vector3::new(0.1, 0.21, -0.1), &Matrix3::from_diagonal(&Vector3::new(0.4, 0.05, 0.37)));
+/// # robot.add_body(0, "arm", Joint { name: "shoulder".into(), kind, axis, placement, limits }, link);
+/// # let truth = Params::<f64>::nominal(&robot);
+/// # let motion = FnMotion::new(1, 10.0, |t, q, qd, qdd| {
+/// #     let (sin, cos) = (0.9 * t).sin_cos();
+/// #     (q[0], qd[0], qdd[0]) = (0.7 * (1.0 - cos), 0.63 * sin, 0.567 * cos);
+/// # })?;
+/// # let options = SimOptions { duration_s: 10.0, step_s: 0.01, sample_s: 0.01 };
+/// # let trace = simulate(&robot, &truth, &State::zero(&robot), &Drive::Prescribed(&motion), &options)?;
+/// # let record = ff_records::RecordBuilder::new(["shoulder"]).uniform(0.0, 100.0).q(trace.q.clone()).tau(trace.tau.clone());
+/// # let (record, _) = record.gyro(trace.gyro()).build()?;
+/// # let (decls, mass) = (robot.param_decls(), robot.parameter_indices("base.mass")?);
+/// # let mut start = truth.values().to_vec();
+/// # start[mass[0]] = 72.0;
+/// use ident::{Noise, Rda, SetupError};
+///
+/// let refused = Rda::new(&robot, &record, &Noise { torque: 0.01, gyro: -1e-5 }).err();
+/// assert!(matches!(refused, Some(SetupError::Noise { value, .. }) if value == -1e-5));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
     /// The joint motion could not be fitted.

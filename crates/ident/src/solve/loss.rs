@@ -16,6 +16,15 @@
 //! covariance `kappa (J^T J)^-1` with `kappa = mean(psi^2) / mean(psi')^2` (P. Huber, *Robust Statistics*, 1981, eq. (7.6.2)).
 
 /// What a whitened residual costs.
+///
+/// ```
+/// use ident::Loss;
+///
+/// // An outlier of ten standard deviations.
+/// assert_eq!(Loss::Squares.rho(10.0), 100.0);
+/// assert!(Loss::HUBER.rho(10.0) < 26.0 && Loss::STUDENT.rho(10.0) < 17.0);
+/// assert_eq!(Loss::HUBER.rho(0.8), Loss::Squares.rho(0.8));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Loss {

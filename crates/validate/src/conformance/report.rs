@@ -55,6 +55,16 @@ impl Check {
 }
 
 /// All checks of one appendage.
+///
+/// ```
+/// use slosh_pendulum::SloshPendulum;
+/// use validate::{ConformanceReport, check_appendage};
+///
+/// let report: ConformanceReport = check_appendage(&SloshPendulum::new(100.0, 0.8, [20.0, 23.0], [5.0, 4.0])?);
+/// assert!(report.passed(), "{report}");
+/// assert!(report.checks.len() > 5 && report.kind == "slosh_pendulum");
+/// # Ok::<(), ff_model::Problems>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ConformanceReport {
     /// The appendage's kind.

@@ -28,6 +28,29 @@ impl std::fmt::Display for Status {
 }
 
 /// Settings of `minimise`.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// # use excitation::solve::Problem;
+/// # use excitation::*;
+/// # /// Control points near zero: a lazy motion.
+/// # struct Lazy;
+/// # impl Cost for Lazy {
+/// #     fn value_gradient(&self, _: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+/// #         grad.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * x);
+/// #         x.iter().map(|x| x * x).sum()
+/// #     }
+/// # }
+/// # let problem = Problem::new(&Lazy, &plan);
+///
+/// let options = SearchOptions { sqp: SqpOptions { iterations: 3, tolerance: 1e-9 }, starts: 1, ..SearchOptions::default() };
+/// let found = search(&problem, None, &options, &Observer::default())?;
+/// assert!(found.best.iterations <= 3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SqpOptions {
     /// Greatest number of iterations.
@@ -43,6 +66,28 @@ impl Default for SqpOptions {
 }
 
 /// A feasible trajectory and how it was found.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = JointLimits { lower: -1.5, upper: 1.7, velocity: 0.17, acceleration: 0.15, jerk: None };
+/// # let (start, end, duration) = (vec![0.3, -0.2], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 8, limits: vec![limits; 2], refine: 1 })?;
+/// # use excitation::solve::Problem;
+/// # use excitation::*;
+/// # /// Control points near zero: a lazy motion.
+/// # struct Lazy;
+/// # impl Cost for Lazy {
+/// #     fn value_gradient(&self, _: &SplinePlan, x: &[f64], grad: &mut [f64]) -> f64 {
+/// #         grad.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * x);
+/// #         x.iter().map(|x| x * x).sum()
+/// #     }
+/// # }
+/// # let problem = Problem::new(&Lazy, &plan);
+///
+/// let best: Outcome = search(&problem, None, &SearchOptions::default(), &Observer::default())?.best;
+/// assert!(best.cost < best.start_cost && plan.violated(&best.x).is_none());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// Variables of the best iterate; feasible.

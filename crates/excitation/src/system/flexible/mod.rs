@@ -101,6 +101,22 @@ pub enum FlexibleError {
 }
 
 /// Fisher information of a flexible free-floating system at given parameter values.
+///
+/// ```
+/// use excitation::system::flexible::{Estimated, FlexibleRequest, Nuisance};
+/// use excitation::{FlexibleInformation, SensorNoise};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::system();
+///
+/// // The stiffness of the wings, gyro bias unknown.
+/// let named = robot.parameter_indices("*.k[0]")?.into_iter().map(|index| Estimated { index, prior: None }).collect();
+/// let noise = SensorNoise { torque: 0.1, gyro: Some(1.5e-4), rate: 100.0 };
+/// let nuisance = Nuisance { gyro_bias: Some(1e-4), torque_bias: None, accel_bias: None, deflection: None, rate: None };
+/// let request = FlexibleRequest { named, others: Vec::new(), noise, accelerometer: None, nuisance, step: 0.02 };
+/// let information = FlexibleInformation::new(&robot, &Params::nominal(&robot), &request)?;
+/// assert_eq!(information.named(), 4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct FlexibleInformation {
     system: System,

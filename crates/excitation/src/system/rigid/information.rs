@@ -29,6 +29,17 @@ use ff_model::{Force, Inertia, Model, Motion, Params};
 use nalgebra::{DMatrix, Vector3};
 
 /// Standard deviations and rate of the sensors.
+///
+/// ```
+/// use excitation::{RigidInformation, SensorNoise};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+///
+/// // A sensor without noise would make every parameter certain: refused.
+/// let noise = SensorNoise { torque: 0.0, gyro: Some(1.5e-4), rate: 100.0 };
+/// assert!(RigidInformation::new(&robot, &Params::nominal(&robot), &[0, 1], noise).is_err());
+/// assert!(RigidInformation::new(&robot, &Params::nominal(&robot), &[0, 1], SensorNoise { torque: 0.1, ..noise }).is_ok());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorNoise {
     /// Of one torque sample (N m).
@@ -55,6 +66,28 @@ impl SensorNoise {
 
 /// Rows of torque (one per joint) and gyro (three) over chosen parameters of the base body, each divided by
 /// the standard deviation of the sensor and multiplied by the size of the parameter.
+///
+/// ```
+/// # use excitation::{Duration, End, JointLimits, PlanSpec, SplinePlan, random_plan};
+/// # let limits = vec![JointLimits { lower: -2.5, upper: 2.7, velocity: 0.17, acceleration: 0.15, jerk: None }; 7];
+/// # let (start, end, duration) = (vec![0.3, -0.5, 0.2, 0.7, -0.1, 0.4, 0.6], End::Free, Duration::Fixed(30.0));
+/// # let plan = SplinePlan::new(PlanSpec { start, end, duration, degree: 5, free: 4, limits, refine: 1 })?;
+/// # let x = random_plan(&plan, 1, 0, 0.9)?;
+/// use excitation::objective::Information;
+/// use excitation::{Cost, RigidInformation, SensorNoise};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+///
+/// // -log det of what a trajectory tells of mass and first moment of the base: smaller with better sensors.
+/// let cost = |torque| {
+///     let noise = SensorNoise { torque, gyro: None, rate: 100.0 };
+///     let source = RigidInformation::new(&robot, &Params::nominal(&robot), &[0, 1, 2, 3], noise).unwrap();
+///     let information = Information { source, samples: 61, rate: 100.0, delta: 1e-4 };
+///     information.value_gradient(&plan, &x, &mut vec![0.0; plan.variables()])
+/// };
+/// assert!(cost(0.05) < cost(0.1));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct RigidInformation {
     robot: RigidBase,

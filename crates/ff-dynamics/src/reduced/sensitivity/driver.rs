@@ -28,6 +28,25 @@ use nalgebra::DMatrix;
 
 /// Derivatives of what is measured; row `i * n + j` is channel `j` of `n` at sample `i`, one column per entry of
 /// [`Wanted`] (parameters, kinematic parameters, initial state).
+///
+/// ```
+/// # use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+/// # let motion = ff_testkit::motion::Wave(robot.nj()); // every joint its own two sines
+/// # let params = Params::nominal(&robot);
+/// # let sampling = ff_dynamics::Sampling { samples: 51, sample_s: 0.02, substeps: 2 };
+/// # let table = ff_dynamics::Prescribed::new(&robot, &params, &motion, &sampling, &[]);
+/// # let rest = vec![0.0; 6 + 2 * robot.np()];
+/// use ff_dynamics::{Sensitivities, Wanted, sensitivities};
+///
+/// // What a percent of stiffness changes in the gyro, at every sample.
+/// let wanted = Wanted { params: robot.parameter_indices("*.k[0]")?, ..Wanted::default() };
+/// let (response, s): (_, Sensitivities) = sensitivities(&robot, &params, &table, &rest, &wanted)?;
+/// assert_eq!(s.gyro.shape(), (3 * table.samples(), wanted.len()));
+/// let shift = 0.01 * params.values()[wanted.params[0]] * s.gyro.column(0);
+/// assert!(shift.amax() > 0.0 && shift.amax() < response.twist.columns(3, 3).amax());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensitivities {
     /// d tau, `(N n) x P` (N m per unit).
@@ -44,6 +63,28 @@ pub struct Sensitivities {
 /// Integrates the reduced system and its sensitivities from `z0`; see [`crate::reduced::system::simulate_reduced`].
 ///
 /// The response is bit for bit that of [`crate::reduced::system::simulate_reduced`]. Allocates results and buffers once.
+///
+/// ```
+/// # use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+/// # let motion = ff_testkit::motion::Wave(robot.nj()); // every joint its own two sines
+/// # let params = Params::nominal(&robot);
+/// # let sampling = ff_dynamics::Sampling { samples: 51, sample_s: 0.02, substeps: 2 };
+/// # let table = ff_dynamics::Prescribed::new(&robot, &params, &motion, &sampling, &[]);
+/// # let rest = vec![0.0; 6 + 2 * robot.np()];
+/// use ff_dynamics::{Wanted, sensitivities, simulate_reduced};
+///
+/// // The mass of the base: exact derivatives against a difference.
+/// let wanted = Wanted { params: robot.parameter_indices("base.mass")?, ..Wanted::default() };
+/// let (response, s) = sensitivities(&robot, &params, &table, &rest, &wanted)?;
+/// let mut heavier = params.clone();
+/// heavier.set_matching(&robot, "base.mass", params.get(&robot, "base.mass")? + 0.01)?;
+/// let moved = simulate_reduced(&robot, &heavier, &table, &rest)?;
+/// let (i, j) = (table.samples() - 1, 2); // torque of the third joint in the last sample
+/// let slope = (moved.tau[(i, j)] - response.tau[(i, j)]) / 0.01;
+/// assert!((slope / s.tau[(i * robot.nj() + j, 0)] - 1.0).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// [`ReducedError`].

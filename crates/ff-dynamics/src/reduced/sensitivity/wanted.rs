@@ -3,6 +3,16 @@
 use ff_model::Model;
 
 /// What to differentiate, and with respect to what. Columns are those of `params`, `kinematics`, `initial`, in this order.
+///
+/// ```
+/// use ff_dynamics::Wanted;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+///
+/// // Stiffnesses, and the base rate at the start: 3, 4 and 5 of [V 6 | eta m | nu m].
+/// let wanted = Wanted { params: robot.parameter_indices("*.k[*]")?, initial: vec![3, 4, 5], ..Wanted::default() };
+/// assert_eq!(wanted.len(), 5 + 2 + 3);
+/// # Ok::<(), ff_model::tree::SelectionError>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
     /// Indices into the parameter vector (base body, tracked links, appendages).

@@ -7,6 +7,18 @@ use ff_model::scalar::{LaneScalar, ModelScalar};
 use ff_model::{Model, Xform};
 
 /// Tables of one prescribed motion: nodes at half integration steps, joint rows at samples.
+///
+/// ```
+/// use ff_dynamics::{Prescribed, Sampling};
+/// use ff_model::Params;
+/// # let robot = ff_testkit::tree::system(); // arm, two wings and a boom on springs, fuel
+/// # let motion = ff_testkit::motion::Wave(robot.nj()); // every joint its own two sines
+///
+/// // 2 s at 50 Hz, two integration steps per sample.
+/// let sampling = Sampling { samples: 101, sample_s: 0.02, substeps: 2 };
+/// let table = Prescribed::new(&robot, &Params::nominal(&robot), &motion, &sampling, &[]);
+/// assert_eq!((table.samples(), table.sample_s(), table.step()), (101, 0.02, 0.01));
+/// ```
 #[derive(Clone, Debug)]
 pub struct Prescribed {
     /// Integration step (s); nodes lie at half steps.

@@ -9,6 +9,14 @@ use nalgebra::Vector3;
 use std::fmt;
 
 /// How a body moves against its parent.
+///
+/// ```
+/// use ff_model::JointKind;
+/// # let arm = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+///
+/// let turning = arm.bodies().iter().filter(|b| b.joint.kind != JointKind::Prismatic).count();
+/// assert_eq!(turning, arm.nj());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
     /// Rotation about the axis, with limits.
@@ -40,6 +48,24 @@ impl Default for JointLimits {
 }
 
 /// The one-degree-of-freedom joint that carries a body.
+///
+/// ```
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+/// use ff_model::tree::JointLimits;
+/// use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Xform};
+///
+/// let elbow = Joint {
+///     name: "elbow".into(),
+///     kind: JointKind::Revolute,
+///     axis: Vector3::new(0.2, -0.3, 2.0), // any length: `add_body` normalises it
+///     placement: Xform::new(Matrix3::identity(), Vector3::new(0.4, 0.1, -0.2)),
+///     limits: JointLimits { lower: -1.9, upper: 2.1, velocity: 0.5, effort: 30.0 },
+/// };
+/// # let body = Inertia::from_com(5.0, &Vector3::new(0.2, -0.1, 0.3), &Matrix3::from_diagonal_element(0.4));
+/// let mut model = Model::new("probe", "hull", body, BaseKind::Floating);
+/// model.add_body(0, "forearm", elbow, body);
+/// assert!((model.bodies()[0].joint.axis.norm() - 1.0).abs() < 1e-15);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
     /// Name in the URDF.
@@ -55,6 +81,19 @@ pub struct Joint {
 }
 
 /// A moving rigid body. Links on fixed joints are merged into it and remain as [`Frame`]s.
+///
+/// ```
+/// # let arm = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+/// // Names from a body to the base.
+/// let mut at = arm.body("arm_l3").unwrap();
+/// let mut names = Vec::new();
+/// while at > 0 {
+///     let body = &arm.bodies()[at - 1];
+///     names.push(body.name.as_str());
+///     at = body.parent;
+/// }
+/// assert_eq!(names, ["arm_l3", "arm_l2", "arm_l1"]);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
     /// Name of the URDF link that moves.
@@ -68,6 +107,17 @@ pub struct Body {
 }
 
 /// A named frame fixed to a body.
+///
+/// ```
+/// use ff_model::Xform;
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+/// # let mut arm = ff_testkit::tree::peers_arm(ff_model::BaseKind::Floating);
+///
+/// let grasp = Xform::new(Matrix3::identity(), Vector3::new(0.1, -0.05, 0.2));
+/// arm.add_frame("grasp", arm.nj(), grasp);
+/// let found = arm.frame("grasp").map(|f| (f.body, f.placement));
+/// assert_eq!(found, Some((arm.nj(), grasp)));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Name (every URDF link has one).
@@ -121,6 +171,15 @@ impl fmt::Debug for Mounted {
 }
 
 /// Whether the base moves.
+///
+/// ```
+/// use ff_model::BaseKind;
+/// # let arm = ff_testkit::tree::peers_arm(BaseKind::Floating);
+///
+/// // The same arm bolted to a bench: six degrees of freedom less.
+/// let bench = arm.clone().with_base_kind(BaseKind::Fixed);
+/// assert_eq!((arm.nv() - bench.nv(), bench.nb()), (6, 0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BaseKind {
     /// Bolted to the world: no base degrees of freedom.
@@ -134,6 +193,19 @@ pub enum BaseKind {
 /// Body 0 is the base; body `i >= 1` hangs on arm joint `i - 1`, and parents come before children. The
 /// generalised velocity is `[base 6 | joints n | passive m]` ([`Model::nv`] long; no base part when the
 /// base is fixed). The parameter vector is `[10 per body | parameters of each appendage in order]`.
+///
+/// ```
+/// use ff_model::nalgebra::{Matrix3, Vector3};
+/// use ff_model::payload::Payload;
+/// use ff_model::{BaseKind, Inertia, Model, Xform};
+///
+/// let block = |mass| Inertia::from_com(mass, &Vector3::new(0.1, -0.2, 0.3), &Matrix3::from_diagonal_element(0.7));
+/// let mut probe = Model::new("probe", "hull", block(50.0), BaseKind::Floating);
+/// let at = Xform::new(Matrix3::identity(), Vector3::new(0.4, 0.9, -0.3));
+/// probe.mount("camera", 0, at, Payload::new(&block(3.5))?)?;
+/// assert_eq!((probe.nv(), probe.n_params(), probe.total_mass()), (6, 20, 53.5));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Model {
     pub(super) name: String,
