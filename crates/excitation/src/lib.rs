@@ -18,16 +18,15 @@ pub mod solve;
 pub mod system;
 pub mod trajectory;
 
-pub use constraint::{Constraint, Signal};
+pub use constraint::Constraint;
 pub use objective::{Cost, CostSum, Criterion};
 pub use plan::{
     Duration, End, JointCommand, JointLimits, Manoeuvre, ManoeuvreSpec, PlanSpec, SplinePlan, check_for_all_time,
-    check_manoeuvre, feasible_start, random_plan,
+    check_manoeuvre, random_plan,
 };
 pub use planning::{plan_fisher, plan_information, plan_quiet};
-pub use solve::{Conflict, Found, Observer, Outcome, Progress, SearchOptions, SqpOptions, Verdict, search, verify};
+pub use solve::{Found, Observer, Outcome, Progress, SearchOptions, SqpOptions, search};
 pub use system::flexible::FlexibleInformation;
-pub use system::prediction::Prediction;
 pub use system::rigid::{RigidInformation, SensorNoise};
 pub use trajectory::{Trajectory, TrajectoryFile};
 

@@ -6,6 +6,7 @@ use excitation::objective::{
     BaseMotion, Disturbance, DrivenMode, Form, Information, Modal, ModalResponse, Quiet, ResponseTarget, Robust, Target,
 };
 use excitation::plan::PlanError;
+use excitation::plan::feasible_start;
 use excitation::solve::minimise;
 use excitation::*;
 use ff_dynamics::motion::JointMotion;

@@ -2,6 +2,7 @@
 
 use crate::common::{numbers, paper};
 use excitation::objective::{BaseResponse, Form, Modal, Target};
+use excitation::plan::feasible_start;
 use excitation::system::rigid::RigidBase;
 use excitation::system::{driven_modes, flexible_band, modal_targets};
 use excitation::*;

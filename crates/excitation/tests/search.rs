@@ -10,6 +10,7 @@ use excitation::plan::PlanError;
 use excitation::solve::Problem;
 use excitation::solve::Status;
 use excitation::solve::{Basis, ConstraintMargin};
+use excitation::solve::{Conflict, verify};
 use excitation::system::rigid::RigidBase;
 use excitation::*;
 use ff_mission::Loaded;

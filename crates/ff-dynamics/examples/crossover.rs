@@ -3,8 +3,9 @@
 //! Times `by_mass_matrix` against `aba` on chains, by turns, least of many repetitions, and checks that they agree.
 
 use ff_dynamics::tree::SingularInertia;
+use ff_dynamics::tree::aba;
 use ff_dynamics::tree::by_mass_matrix;
-use ff_dynamics::{State, Work, aba};
+use ff_dynamics::{State, Work};
 use ff_model::nalgebra::{Matrix3, Vector3};
 use ff_model::spatial::so3::rot_of_rpy;
 use ff_model::tree::JointLimits;

@@ -23,17 +23,13 @@ pub mod state;
 pub mod tree;
 pub mod work;
 
-pub use analysis::{Boundary, Budget, Mode, budget, modes};
+pub use analysis::{Boundary, Mode, modes};
 pub use reduced::sensitivity::{Sensitivities, Wanted, sensitivities};
-pub use reduced::{
-    ArmTable, Prescribed, Response, Sampling, reduced_torques, simulate_reduced, simulate_reduced_batch,
-};
-pub use sim::inputs::ExternalInput;
-pub use sim::{Attitude, Drive, Readings, SensorSuite, SimError, SimOptions, Trace, measure, simulate, simulate_with};
+pub use reduced::{Prescribed, Response, Sampling, reduced_torques, simulate_reduced};
+pub use sim::{Drive, Readings, SensorSuite, SimError, SimOptions, Trace, measure, simulate};
 pub use state::State;
 pub use tree::{
-    MassBlocks, Regressor, aba, bias, forward_dynamics, frame_jacobian, frame_pose, hybrid_dynamics, mass_matrix,
-    regressor, rnea,
+    Regressor, bias, forward_dynamics, frame_jacobian, frame_pose, hybrid_dynamics, mass_matrix, regressor, rnea,
 };
 pub use work::Work;
 

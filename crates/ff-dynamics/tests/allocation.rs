@@ -3,7 +3,10 @@
 
 use crate::common::*;
 use allocation_counter::measure;
+use ff_dynamics::analysis::budget;
 use ff_dynamics::motion::JointMotion;
+use ff_dynamics::sim::inputs::ExternalInput;
+use ff_dynamics::sim::simulate_with;
 use ff_dynamics::sim::{QUADRATURES, Rkmk4};
 use ff_dynamics::tree::mass_matrix_lower;
 use ff_dynamics::*;

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
 use crate::common::*;
+use ff_dynamics::analysis::budget;
 use ff_dynamics::analysis::{Centroidal, CentroidalRate};
 use ff_dynamics::*;
 use ff_model::spatial::so3::{exp_so3, quat_mul, quat_normalize, quat_to_rot};

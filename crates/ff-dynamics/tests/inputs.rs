@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
 use crate::common::*;
+use ff_dynamics::sim::inputs::ExternalInput;
 use ff_dynamics::sim::inputs::{AppliedWrench, Axes, GravityGradient, PassiveForce, Pulse, Signal, Thruster};
+use ff_dynamics::sim::simulate_with;
 use ff_dynamics::*;
 use ff_model::spatial::so3::{exp_so3, quat_to_rot};
 use ff_model::*;

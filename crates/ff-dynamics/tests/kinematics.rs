@@ -8,6 +8,7 @@
 use crate::common::*;
 use crate::record::{SAMPLING, att, general, start, state_of};
 use ff_dynamics::reduced::ArmModel;
+use ff_dynamics::reduced::ArmTable;
 use ff_dynamics::reduced::{OwnTable, ReducedError, simulate_reduced_over, simulate_reduced_own_tables};
 use ff_dynamics::sim::Accelerometer;
 use ff_dynamics::*;

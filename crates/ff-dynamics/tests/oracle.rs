@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
 
 use crate::common::*;
+use ff_dynamics::analysis::budget;
 use ff_dynamics::tree::mass_matrix_lower;
 use ff_dynamics::*;
 use ff_model::*;

@@ -7,6 +7,7 @@
 use crate::common::*;
 use ff_dynamics::reduced::ReducedError;
 use ff_dynamics::reduced::sensitivity::sensitivities_with;
+use ff_dynamics::reduced::simulate_reduced_batch;
 use ff_dynamics::sim::Accelerometer;
 use ff_dynamics::*;
 use ff_model::scalar::lanes::Isa;

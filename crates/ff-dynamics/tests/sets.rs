@@ -3,6 +3,7 @@
 use crate::common::*;
 use ff_dynamics::*;
 use ff_model::payload::Payload;
+use ff_model::port::Place;
 use ff_model::*;
 use nalgebra::DMatrix;
 use slosh_pendulum::SloshPendulum;

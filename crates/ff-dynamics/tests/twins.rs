@@ -1,6 +1,8 @@
 //! Appendages through their ports against the same bodies as ordinary tree links, on 1,000 random systems.
 
 use crate::common::*;
+use ff_dynamics::analysis::budget;
+use ff_dynamics::tree::aba;
 use ff_dynamics::*;
 use ff_model::scalar::D1;
 use ff_model::*;

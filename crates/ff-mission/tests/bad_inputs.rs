@@ -221,7 +221,7 @@ fn m39_nominal_values_outside_their_bounds_are_named_at_their_table() {
         let k = t["k_nm_per_rad"].as_float().unwrap();
         let coords = [CoordDecl::new("x", "rad", (-1.0, 1.0))];
         let p = ParamDecl { bounds: (1.0, 9.0), ..ParamDecl::positive("k_nm_per_rad", "N m/rad", k) };
-        Ok(ff_model::Derived::new(Odd(Decl::new("odd", coords, [p]))).into())
+        Ok(ff_model::port::Derived::new(Odd(Decl::new("odd", coords, [p]))).into())
     });
     let toml = "[robot]\nurdf = 'x'\n\n[[appendage]]\nkind = 'odd'\nname = 'a'\nhost = 'base'\nk_nm_per_rad = 0.5\n";
     let p = Mission::from_str(toml, &text("paper/robot.urdf"), &r, &LoadOptions::default()).unwrap_err();

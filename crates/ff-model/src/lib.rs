@@ -27,16 +27,13 @@ pub mod tree;
 
 pub use diagnostics::{Area, Problem, Problems, Severity};
 pub use port::{
-    Appendage, AppendageSet, CoordDecl, Decl, Derived, DynAppendage, ParamDecl, ParamGroup, Place, PortAccel,
-    PortDynamics, PortMatrix, PortState, PortVector, SharedAppendage, TreeTwin, TwinBody,
+    Appendage, CoordDecl, Decl, DynAppendage, ParamDecl, ParamGroup, PortAccel, PortDynamics, PortMatrix, PortState,
+    PortVector, SharedAppendage,
 };
 pub use registry::Registry;
 pub use scalar::{Dual, Scalar};
 pub use spatial::{Force, Inertia, Motion, Xform};
-pub use tree::{
-    BaseKind, Body, Displacement, DisplacementKind, Frame, Joint, JointKind, KinematicParam, Kinematics, Model, Params,
-    Placed,
-};
+pub use tree::{BaseKind, Body, Joint, JointKind, Kinematics, Model, Params};
 
 /// Vectors and matrices of the public signatures, so that an appendage crate needs no second dependency.
 pub use nalgebra;

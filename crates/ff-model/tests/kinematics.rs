@@ -3,6 +3,7 @@
 use ff_model::payload::Payload;
 use ff_model::spatial::so3::{exp_so3, quat_to_rot, rot_of_rpy};
 use ff_model::tree::JointLimits;
+use ff_model::tree::{DisplacementKind, KinematicParam};
 use ff_model::*;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;

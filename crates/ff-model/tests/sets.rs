@@ -1,11 +1,12 @@
 //! Sets of appendages: tuples of every size, boxed ones, and what is refused.
 
 use ff_model::payload::Payload;
+use ff_model::port::{AppendageSet, Derived, Place, TreeTwin, TwinBody};
 use ff_model::scalar::ModelScalar;
 use ff_model::tree::JointLimits;
 use ff_model::{
-    Appendage, AppendageSet, BaseKind, CoordDecl, Decl, Derived, DynAppendage, Inertia, Joint, JointKind, Model,
-    Motion, ParamDecl, Place, PortMatrix, PortState, Scalar, SharedAppendage, TreeTwin, TwinBody, Xform,
+    Appendage, BaseKind, CoordDecl, Decl, DynAppendage, Inertia, Joint, JointKind, Model, Motion, ParamDecl,
+    PortMatrix, PortState, Scalar, SharedAppendage, Xform,
 };
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;

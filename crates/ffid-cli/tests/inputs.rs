@@ -3,8 +3,10 @@
 use crate::common;
 use crate::common::{ffid, fixture};
 use crate::identify::trajectory;
+use ff_dynamics::sim::inputs::ExternalInput;
 use ff_dynamics::sim::inputs::GravityGradient;
-use ff_dynamics::{Drive, ExternalInput, SimOptions, State, Trace, simulate_with};
+use ff_dynamics::sim::simulate_with;
+use ff_dynamics::{Drive, SimOptions, State, Trace};
 use ff_mission::Leniency;
 use ff_model::{Params, Problems};
 use ff_testkit::motion::Swing;

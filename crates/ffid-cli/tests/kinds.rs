@@ -1,8 +1,9 @@
 //! One mission with every kind of appendage this workspace brings.
 
 use crate::common::fixture;
+use ff_dynamics::analysis::budget;
 use ff_dynamics::{
-    Boundary, Drive, Regressor, SimOptions, State, Work, bias, budget, forward_dynamics, hybrid_dynamics, mass_matrix,
+    Boundary, Drive, Regressor, SimOptions, State, Work, bias, forward_dynamics, hybrid_dynamics, mass_matrix,
     regressor, rnea, simulate,
 };
 use ff_least_squares::Settings;

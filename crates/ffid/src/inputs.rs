@@ -1,10 +1,12 @@
 //! What acts on the robot in `ffid simulate`: the `[[input]]` tables of a mission as inputs of a simulation, and in words.
 
+use ff_dynamics::Trace;
+use ff_dynamics::sim::inputs::ExternalInput;
 use ff_dynamics::sim::inputs::InputError;
 use ff_dynamics::sim::inputs::{AppliedWrench, Axes, GravityGradient, PassiveForce, Pulse, Signal, Thruster};
-use ff_dynamics::{ExternalInput, Trace};
 use ff_mission::mission::{Course, Effort, InputSpec, WrenchAxes};
-use ff_model::{Area, Force, Frame, Model, Problem, Problems};
+use ff_model::tree::Frame;
+use ff_model::{Area, Force, Model, Problem, Problems};
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::fmt;
@@ -24,7 +26,7 @@ pub enum Declared {
 }
 
 impl Declared {
-    /// For [`ff_dynamics::simulate_with`].
+    /// For [`ff_dynamics::sim::simulate_with`].
     pub fn as_input(&self) -> &dyn ExternalInput {
         match self {
             Self::Thruster(i) => i,

@@ -4,9 +4,9 @@ use crate::modes::held;
 use crate::workflow::preflight::{start_pose, step};
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::sim::Channel;
-use ff_dynamics::{
-    Drive, ExternalInput, Readings, SensorSuite, SimError, SimOptions, State, Trace, measure, simulate_with,
-};
+use ff_dynamics::sim::inputs::ExternalInput;
+use ff_dynamics::sim::simulate_with;
+use ff_dynamics::{Drive, Readings, SensorSuite, SimError, SimOptions, State, Trace, measure};
 use ff_mission::mission::Sensors;
 use ff_model::{BaseKind, Model, Params};
 use ff_records::file::{CsvWriter, joints_of};

@@ -8,9 +8,10 @@ use ff_model::CoordDecl;
 use ff_model::diagnostics::Limit;
 use ff_model::port::MAX_COORDS;
 use ff_model::port::MAX_PARAMS;
+use ff_model::port::{TreeTwin, TwinBody};
 use ff_model::spatial::Axis;
 use ff_model::spatial::vec3::{Pose, Turn, V3};
-use ff_model::{Area, Decl, Inertia, ParamDecl, Problem, Problems, Scalar, TreeTwin, TwinBody, Xform};
+use ff_model::{Area, Decl, Inertia, ParamDecl, Problem, Problems, Scalar, Xform};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::PI;
 

@@ -5,9 +5,10 @@
 
 use crate::chain::{MAX_SEGMENTS, PanelChain};
 use crate::tangent::jacobian;
+use ff_model::port::TreeTwin;
 use ff_model::scalar::PlainScalar;
 use ff_model::spatial::vec3::{M3, Moving, Pose, Ten, Turn, V3, turn};
-use ff_model::{Appendage, Decl, Motion, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Scalar, TreeTwin};
+use ff_model::{Appendage, Decl, Motion, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Scalar};
 
 /// Runs `$f` with a compile-time capacity of at least the number of segments, so that the usual short panels do not
 /// clear stack buffers for sixteen, and with what the hinges turn about as a constant of [`turn`]: poses then stay in

@@ -17,7 +17,7 @@
 //!
 //! * [`Segment`]: one rigid segment with its hinge; [`PanelChain`]: the appendage.
 //! * [`from_toml`]: the factory of mission files; [`register`]: the entries in a registry, kind [`KIND`].
-//! * [`PanelChain::twin_bodies`]: the same chain as ordinary tree links ([`ff_model::TwinBody`]), a free oracle for
+//! * [`PanelChain::twin_bodies`]: the same chain as ordinary tree links ([`ff_model::port::TwinBody`]), a free oracle for
 //!   tests.
 
 mod chain;

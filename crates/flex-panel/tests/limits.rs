@@ -36,7 +36,7 @@ fn the_twin_follows_the_parameters() {
     assert_eq!(got.len(), want.len());
     for (g, w) in got.into_iter().zip(want) {
         assert!((g.axis - w.axis).amax() < 1e-15, "{} {}", g.axis, w.axis);
-        assert_eq!(ff_model::TwinBody { axis: w.axis, ..g }, w);
+        assert_eq!(ff_model::port::TwinBody { axis: w.axis, ..g }, w);
     }
     // A tree joint knows only its own spring.
     let (k, d) = c.stiffness_damping();

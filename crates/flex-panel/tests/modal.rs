@@ -2,8 +2,9 @@
 use crate::common::ports::shared;
 use crate::common::{relative_error, rng, segment, symmetric, vector};
 use ff_dynamics::{State, Work, forward_dynamics};
+use ff_model::port::TwinBody;
 use ff_model::port::{PortModel, derived_bias};
-use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortState, TwinBody, Xform};
+use ff_model::{BaseKind, Inertia, Model, Motion, Params, PortState, Xform};
 use ff_testkit::assert_within;
 use flex_panel::modal::{DIRECTIONS, ModalAppendage, Mode, linearise};
 use flex_panel::{PanelChain, Segment};

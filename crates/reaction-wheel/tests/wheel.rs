@@ -1,7 +1,8 @@
 //! The wheel: laws, gyroscopic torque, motor, friction, its tree twin, and what is said when a table is wrong.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
-use ff_dynamics::{State, Work, bias, budget, forward_dynamics, mass_matrix};
+use ff_dynamics::analysis::budget;
+use ff_dynamics::{State, Work, bias, forward_dynamics, mass_matrix};
 use ff_model::diagnostics::Limit;
 use ff_model::port::{PortModel, derived_bias};
 use ff_model::tree::JointLimits;

@@ -32,7 +32,7 @@
 //!
 //! * [`SloshPendulum`]: the appendage; [`formulas`]: frequency, damping ratio, equivalences.
 //! * [`from_toml`]: the factory of mission files; [`register`]: the entries of all kinds in a registry.
-//! * [`SloshPendulum::twin_bodies`]: the same pendulum as ordinary tree links ([`ff_model::TwinBody`]), a free oracle
+//! * [`SloshPendulum::twin_bodies`]: the same pendulum as ordinary tree links ([`ff_model::port::TwinBody`]), a free oracle
 //!   for tests.
 
 mod check;

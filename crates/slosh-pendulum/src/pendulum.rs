@@ -6,10 +6,11 @@ use crate::slot::Slot;
 use crate::swing::{SWING_LIMITS, Swing};
 use ff_model::CoordDecl;
 use ff_model::keys::{check_damping, check_positive, check_stiffness};
+use ff_model::port::{TreeTwin, TwinBody};
 use ff_model::scalar::PlainScalar;
 use ff_model::{
     Appendage, Decl, Inertia, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problems, Scalar,
-    TreeTwin, TwinBody, Xform,
+    Xform,
 };
 use nalgebra::Vector3;
 

@@ -7,8 +7,9 @@
 
 use crate::conformance::{Source, bias_against_derived};
 use crate::extrapolation::{Extrapolation, Stopped};
+use ff_dynamics::analysis::{Budget, budget};
 use ff_dynamics::tree::SingularInertia;
-use ff_dynamics::{Boundary, Budget, State, Work, budget, forward_dynamics, modes};
+use ff_dynamics::{Boundary, State, Work, forward_dynamics, modes};
 use ff_model::scalar::ModelScalar;
 use ff_model::spatial::so3::{exp_so3, quat_mul, quat_to_rot};
 use ff_model::tree::JointLimits;

@@ -134,7 +134,8 @@ fn shipped_kinds_pass_with_their_factories() {
 mod factories {
     //! Factories with a mistake each.
     use ff_model::keys;
-    use ff_model::{Appendage, Decl, Derived, DynAppendage, PortMatrix, Problems, Scalar};
+    use ff_model::port::Derived;
+    use ff_model::{Appendage, Decl, DynAppendage, PortMatrix, Problems, Scalar};
     use slosh_pendulum::SloshPendulum;
     use std::sync::Arc;
 

@@ -5,7 +5,7 @@ use super::held::{HeldPartials, HeldSystem, HeldWork};
 use super::signal::Signal;
 use super::{Channel, ConstraintError, Snapshot, check_limit};
 use ff_dynamics::{State, Work, frame_jacobian};
-use ff_model::Frame;
+use ff_model::tree::Frame;
 use nalgebra::{DMatrix, Vector3};
 use std::sync::Arc;
 

@@ -20,7 +20,8 @@ use crate::objective::disturbance::DrivenMode;
 use crate::objective::spectrum::Target;
 use crate::system::rigid::SensorNoise;
 use ff_dynamics::analysis::ModesError;
-use ff_dynamics::{Boundary, MassBlocks, Mode, State, Work, mass_matrix, modes};
+use ff_dynamics::tree::MassBlocks;
+use ff_dynamics::{Boundary, Mode, State, Work, mass_matrix, modes};
 use ff_model::{Model, Params};
 use nalgebra::{DMatrix, DVector};
 

@@ -4,7 +4,8 @@ use crate::state::State;
 use crate::work::buffers::Work;
 use ff_model::scalar::ModelScalar;
 use ff_model::spatial::so3::quat_to_rot;
-use ff_model::{Frame, Model, Motion, Xform};
+use ff_model::tree::Frame;
+use ff_model::{Model, Motion, Xform};
 use nalgebra::DMatrix;
 
 /// Pose of a frame in the world. Does not allocate.

@@ -9,7 +9,7 @@
 //! 4. `second`: urdf-rs reads the same text and must agree.
 //!
 //! Links on fixed joints are merged into the body they are fixed to; every link stays as a
-//! [`ff_model::Frame`]. Body order is joint order in the file, parents before children. What is skipped:
+//! [`ff_model::tree::Frame`]. Body order is joint order in the file, parents before children. What is skipped:
 //! `visual`, `collision` (which [`collision`] reads on demand), `material`, `transmission`, `gazebo`, `ros2_control`. What is refused: `mimic`,
 //! `planar`, `floating` and `spherical` joints, `quat_xyzw`, xacro.
 pub(crate) mod build;

@@ -2,9 +2,9 @@
 // Every test file is its own crate and uses a part of this; helpers may unwrap like the tests they serve.
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
 
+use ff_model::port::Derived;
 use ff_model::{
-    Appendage, Area, CoordDecl, Decl, Derived, DynAppendage, Inertia, ParamDecl, PortMatrix, Problem, Problems,
-    Registry, Scalar,
+    Appendage, Area, CoordDecl, Decl, DynAppendage, Inertia, ParamDecl, PortMatrix, Problem, Problems, Registry, Scalar,
 };
 use nalgebra::Vector3;
 use std::sync::Arc;

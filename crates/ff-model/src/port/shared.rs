@@ -27,10 +27,10 @@ impl<A: Appendage> From<Derived<A>> for SharedAppendage {
 }
 
 /// Writes `From<Kind> for SharedAppendage` for a kind of [`Appendage`](crate::Appendage) whose dynamics follow from its
-/// energies ([`Derived`](crate::Derived)), so that [`Model::mount`](crate::Model::mount) takes the kind as it is. Stands
+/// energies ([`Derived`](crate::port::Derived)), so that [`Model::mount`](crate::Model::mount) takes the kind as it is. Stands
 /// once in the crate of the kind, whose dynamics are compiled there for every number type.
 ///
-/// `derived!(Kind: TreeTwin)` is for a kind that implements [`TreeTwin`](crate::TreeTwin), too.
+/// `derived!(Kind: TreeTwin)` is for a kind that implements [`TreeTwin`](crate::port::TreeTwin), too.
 #[macro_export]
 macro_rules! derived {
     ($kind:ty) => {
@@ -44,7 +44,7 @@ macro_rules! derived {
             // Inlined, it would be compiled where it is called.
             #[inline(never)]
             fn from(appendage: $kind) -> Self {
-                $crate::Derived::$new(appendage).into()
+                $crate::port::Derived::$new(appendage).into()
             }
         }
     };

@@ -8,7 +8,7 @@ use crate::port::shared::SharedAppendage;
 use crate::spatial::motion::Xform;
 
 impl Model {
-    /// Mounts an appendage: a kind (see [`derived!`](crate::derived)), [`Derived`](crate::Derived) of one, or a handle that
+    /// Mounts an appendage: a kind (see [`derived!`](crate::derived)), [`Derived`](crate::port::Derived) of one, or a handle that
     /// a registry built. Allocates.
     ///
     /// # Errors
@@ -37,7 +37,8 @@ impl Model {
     ///
     /// ```
     /// use ff_model::payload::Payload;
-    /// use ff_model::{BaseKind, DynAppendage, Inertia, Model, Place, Xform};
+    /// use ff_model::{BaseKind, DynAppendage, Inertia, Model, Xform};
+    /// use ff_model::port::Place;
     /// use nalgebra::{Matrix3, Vector3};
     ///
     /// let block = |mass| Inertia::from_com(mass, &Vector3::new(0.1, -0.2, 0.3), &Matrix3::identity());

@@ -6,9 +6,10 @@ use super::measure::{Worst, amax, bias, relative};
 use super::report::Check;
 use super::sample::Sample;
 use ff_dynamics::{State, Work, mass_matrix};
+use ff_model::port::TwinBody;
 use ff_model::scalar::ModelScalar;
 use ff_model::tree::JointLimits;
-use ff_model::{BaseKind, DynAppendage, Inertia, Joint, JointKind, Model, Params, TwinBody};
+use ff_model::{BaseKind, DynAppendage, Inertia, Joint, JointKind, Model, Params};
 use nalgebra::DMatrix;
 
 /// See [`law::TWIN`]. The twin hangs from a massless body that moves as the host does, so that its mass matrix is `M`

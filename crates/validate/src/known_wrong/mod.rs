@@ -7,7 +7,8 @@ mod paddle;
 
 use crate::conformance::law;
 use arm::{Arm, ArmMistake};
-use ff_model::{Derived, DynAppendage};
+use ff_model::DynAppendage;
+use ff_model::port::Derived;
 use paddle::{Paddle, PaddleMistake};
 
 /// An appendage with a mistake.

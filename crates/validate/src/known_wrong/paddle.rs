@@ -1,7 +1,8 @@
 //! A rigid body on one sprung hinge at the mount, with ten inertial parameters, with and without a mistake.
 
 use ff_model::CoordDecl;
-use ff_model::{Appendage, Decl, Inertia, ParamDecl, PortMatrix, Scalar, TreeTwin, TwinBody, Xform};
+use ff_model::port::{TreeTwin, TwinBody};
+use ff_model::{Appendage, Decl, Inertia, ParamDecl, PortMatrix, Scalar, Xform};
 use nalgebra::{Matrix3, Vector3};
 
 const K: usize = 10;

@@ -52,7 +52,7 @@ impl<T: Scalar> ArmModel<T> {
         };
         Self { sweep: Sweep::new(model, params), sites: sites.iter().map(pose).collect() }
     }
-    /// With the joints displaced. Mounts are sites: displace those with [`ff_model::Displacement::apply`]. Allocates.
+    /// With the joints displaced. Mounts are sites: displace those with [`ff_model::tree::Displacement::apply`]. Allocates.
     ///
     /// # Panics
     /// If `by` belongs to another model.

@@ -10,7 +10,8 @@ use crate::motion::joint::JointMotion;
 use ff_lanes::WIDEST;
 use ff_model::scalar::DIRECTIONS;
 use ff_model::scalar::{Grad, LaneScalar};
-use ff_model::{Kinematics, Model, Params, Placed, Xform};
+use ff_model::tree::Placed;
+use ff_model::{Kinematics, Model, Params, Xform};
 
 /// Derivatives of the tables, one per kinematic parameter.
 #[derive(Clone, Debug, Default)]

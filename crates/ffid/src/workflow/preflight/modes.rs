@@ -18,7 +18,8 @@
 
 use super::{PreflightError, Question};
 use ff_dynamics::analysis::ModesError;
-use ff_dynamics::{MassBlocks, Mode, SimError, State, Trace, Work, hybrid_dynamics, mass_matrix};
+use ff_dynamics::tree::MassBlocks;
+use ff_dynamics::{Mode, SimError, State, Trace, Work, hybrid_dynamics, mass_matrix};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
