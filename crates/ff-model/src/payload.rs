@@ -15,7 +15,7 @@ use crate::port::state::{PortAccel, PortState, PortVector};
 use crate::registry::Registry;
 use crate::scalar::traits::{PlainScalar, Scalar};
 use crate::spatial::inertia::{Inertia, InertiaError};
-use crate::spatial::vec3::{Moving, Ten, V3};
+use crate::spatial::vec3::{Moving, PackedInertia, V3};
 use nalgebra::Vector3;
 
 /// The `kind` of mission files for this appendage.
@@ -81,7 +81,7 @@ impl Appendage for Payload {
     }
     #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
-        m.set_host(&Ten::from_params(p));
+        m.set_host(&PackedInertia::from_params(p));
     }
 }
 
@@ -89,7 +89,7 @@ impl PortDynamics for Payload {
     const WRITES_ALL: bool = true;
     #[inline(always)]
     fn bias<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, h: &mut PortVector<T>) {
-        press(&Ten::from_params(p), &s.moving(None), h);
+        press(&PackedInertia::from_params(p), &s.moving(None), h);
     }
     /// Newton's and Euler's equations of one body.
     #[inline(always)]
@@ -101,11 +101,11 @@ impl PortDynamics for Payload {
         _: &mut PortMatrix<'_, T>,
         r: &mut PortVector<T>,
     ) {
-        press(&Ten::from_params(p), &s.moving(Some(acc)), r);
+        press(&PackedInertia::from_params(p), &s.moving(Some(acc)), r);
     }
     #[inline(always)]
     fn jacobian<T: PlainScalar>(&self, p: &[T], s: &PortState<'_, T>, _: &PortAccel<'_, T>, j: &mut [T]) {
-        let columns = Ten::from_params(p).wrench_by_spin(&V3::from(&s.host.ang), &V3::from(&s.host.lin));
+        let columns = PackedInertia::from_params(p).wrench_by_spin(&V3::from(&s.host.ang), &V3::from(&s.host.lin));
         write(&columns, j);
     }
     #[inline(always)]
@@ -115,7 +115,7 @@ impl PortDynamics for Payload {
 }
 
 #[inline(always)]
-fn press<T: Scalar>(body: &Ten<T>, m: &Moving<T>, r: &mut [T]) {
+fn press<T: Scalar>(body: &PackedInertia<T>, m: &Moving<T>, r: &mut [T]) {
     let (f, n) = body.wrench(&m.w, &m.al, &m.a, &m.field);
     f.write_to(r);
     n.write_to(&mut r[3..]);

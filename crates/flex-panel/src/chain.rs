@@ -10,7 +10,7 @@ use ff_model::port::MAX_COORDS;
 use ff_model::port::MAX_PARAMS;
 use ff_model::port::{TreeTwin, TwinBody};
 use ff_model::spatial::Axis;
-use ff_model::spatial::vec3::{Pose, Turn, V3};
+use ff_model::spatial::vec3::{Pose, RotationKind, V3};
 use ff_model::{Area, Decl, Inertia, ParamDecl, Problem, Problems, Scalar, Xform};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::PI;
@@ -70,8 +70,8 @@ impl Hinge {
 pub struct PanelChain {
     decl: Decl,
     pub(crate) hinges: Vec<Hinge>,
-    /// What all hinges turn about, in either direction; [`Turn::General`] if they differ.
-    pub(crate) about: Turn,
+    /// What all hinges turn about, in either direction; [`RotationKind::General`] if they differ.
+    pub(crate) about: RotationKind,
     pub(crate) k_pairs: Coupling,
     pub(crate) d_pairs: Coupling,
 }
@@ -118,7 +118,7 @@ impl PanelChain {
         let about = hinges[0].axis.about();
         Ok(Self {
             decl: Decl::new(KIND, coords, params),
-            about: if hinges.iter().all(|h| h.axis.about() == about) { about } else { Turn::General },
+            about: if hinges.iter().all(|h| h.axis.about() == about) { about } else { RotationKind::General },
             hinges,
             k_pairs: Coupling::default(),
             d_pairs: Coupling::default(),

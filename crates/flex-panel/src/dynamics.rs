@@ -7,7 +7,7 @@ use crate::chain::{MAX_SEGMENTS, PanelChain};
 use crate::tangent::jacobian;
 use ff_model::port::TreeTwin;
 use ff_model::scalar::PlainScalar;
-use ff_model::spatial::vec3::{M3, Moving, Pose, Ten, Turn, V3, turn};
+use ff_model::spatial::vec3::{M3, Moving, PackedInertia, Pose, RotationKind, V3, turn};
 use ff_model::{Appendage, Decl, Motion, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Scalar};
 
 /// Runs `$f` with a compile-time capacity of at least the number of segments, so that the usual short panels do not
@@ -34,23 +34,23 @@ macro_rules! specialised {
     };
 }
 
-/// As [`ff_model::by_turn`] for hinges, which all turn.
+/// As [`ff_model::dispatch_rotation`] for hinges, which all turn.
 macro_rules! by_axis {
     ($about:expr, $k:ident => $e:expr) => {
         match $about {
-            Turn::X => {
+            RotationKind::X => {
                 const $k: u8 = turn::X;
                 $e
             }
-            Turn::Y => {
+            RotationKind::Y => {
                 const $k: u8 = turn::Y;
                 $e
             }
-            Turn::Z => {
+            RotationKind::Z => {
                 const $k: u8 = turn::Z;
                 $e
             }
-            Turn::None | Turn::General => {
+            RotationKind::None | RotationKind::General => {
                 const $k: u8 = turn::ANY;
                 $e
             }
@@ -226,9 +226,9 @@ fn composite_at<T: Scalar, const N: usize, const K: u8>(
 ) {
     let n = if N <= 3 { N } else { c.count() };
     let mut m = m.expect(n);
-    let mut ic = [Ten::<T>::zero(); N];
+    let mut ic = [PackedInertia::<T>::zero(); N];
     for i in 0..n {
-        ic[i] = Ten::from_params(&p[c.inertial_offset(i)..]);
+        ic[i] = PackedInertia::from_params(&p[c.inertial_offset(i)..]);
     }
     for i in (1..n).rev() {
         let outer = pose[i].body_up::<K>(&ic[i]);
@@ -273,7 +273,7 @@ fn newton_euler<T: Scalar, const N: usize, const K: u8>(
         (w, al) = (u.add::<T, K>(carried, s.nu[i]), u.add::<T, K>(al, acc.nu[i]));
         a = x.down::<K>(&at_hinge);
         field = M3::field(&w, &al);
-        force[i] = Ten::from_params(&p[c.inertial_offset(i)..]).wrench(&w, &al, &a, &field);
+        force[i] = PackedInertia::from_params(&p[c.inertial_offset(i)..]).wrench(&w, &al, &a, &field);
     }
     let (mut f, mut g) = (V3::<T>::zero(), V3::<T>::zero());
     for i in (0..n).rev() {

@@ -31,7 +31,7 @@
 //! three covectors that are carried inwards and meet the triples there.
 
 use crate::chain::PanelChain;
-use ff_model::spatial::vec3::{M3, Pose, Ten, V3};
+use ff_model::spatial::vec3::{M3, PackedInertia, Pose, V3};
 use ff_model::{PortAccel, PortState, Scalar};
 
 /// A segment as the outward pass leaves it, in its own frame.
@@ -52,7 +52,7 @@ struct Carried<T> {
 /// What hangs on a hinge.
 #[derive(Clone, Copy)]
 struct Whole<T> {
-    body: Ten<T>,
+    body: PackedInertia<T>,
     q: V3<T>,
     n: M3<T>,
     force: (V3<T>, V3<T>),
@@ -60,7 +60,7 @@ struct Whole<T> {
 
 impl<T: Scalar> Whole<T> {
     #[inline(always)]
-    fn of(body: Ten<T>, at: &Carried<T>) -> Self {
+    fn of(body: PackedInertia<T>, at: &Carried<T>) -> Self {
         // N = [w]x J with J = tr(I)/2 - I.
         let (w, i) = (&at.w, &body.i);
         let half = (i.xx + i.yy + i.zz).scale(0.5);
@@ -106,7 +106,7 @@ impl<T: Scalar> Whole<T> {
     /// Column of the coordinate.
     #[inline(always)]
     fn by_coordinate(&self, at: &Carried<T>) -> (V3<T>, V3<T>) {
-        let (Ten { m, h, i }, x2) = (&self.body, at.x.scaled(T::from_f64(2.0)));
+        let (PackedInertia { m, h, i }, x2) = (&self.body, at.x.scaled(T::from_f64(2.0)));
         let f = at.b.cross_add(h, &x2.cross_add(&self.q, &at.g.scaled(*m)));
         let n = i.mul_add(&at.b, &h.cross_add(&at.g, &x2.scaled(self.trace()))) - self.n.mul(&x2);
         (at.u.cross_add(&self.force.0, &f), at.u.cross_add(&self.force.1, &n))
@@ -122,7 +122,7 @@ impl<T: Scalar> Whole<T> {
     /// Columns of the angular velocity of the mount, where `self` is the whole chain about the mount.
     #[inline(always)]
     fn by_spin(&self, w: &V3<T>, v: &V3<T>) -> [(V3<T>, V3<T>); 3] {
-        let (Ten { m, h, i }, two) = (&self.body, T::from_f64(2.0));
+        let (PackedInertia { m, h, i }, two) = (&self.body, T::from_f64(2.0));
         let (c, wh) = (self.q.scale_add(two, &v.scaled(*m)), w.dot(h));
         let d = self.trace().mul_add(two, h.dot(v));
         let o = T::zero();
@@ -157,7 +157,7 @@ pub(crate) fn jacobian<T: Scalar, const N: usize, const K: u8>(
     let mut whole: Option<Whole<T>> = None;
     for i in (0..n).rev() {
         let (own, hinge) = (&at[i], &hinges[i]);
-        let body = Ten::from_params(&p[c.inertial_offset(i)..]);
+        let body = PackedInertia::from_params(&p[c.inertial_offset(i)..]);
         let mut here = Whole::of(body, own);
         if let Some(outer) = &whole {
             here.add(outer);
@@ -240,7 +240,7 @@ fn outwards<T: Scalar, const N: usize, const K: u8>(
         let u = axis.add::<T, K>(V3::zero(), one);
         (w, al) = (axis.add::<T, K>(w, nu), axis.add::<T, K>(x.scale_add(nu, &al), acc.nu[i]));
         field = M3::field(&w, &al);
-        let force = Ten::from_params(&p[c.inertial_offset(i)..]).wrench(&w, &al, &a, &field);
+        let force = PackedInertia::from_params(&p[c.inertial_offset(i)..]).wrench(&w, &al, &a, &field);
         at[i] = Carried { pose, u, x, b, g, v, w, force };
     }
     at

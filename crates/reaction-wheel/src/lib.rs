@@ -27,7 +27,7 @@ use ff_model::keys;
 use ff_model::keys::{check_damping, check_positive};
 use ff_model::scalar::PlainScalar;
 use ff_model::spatial::small::dot;
-use ff_model::spatial::vec3::{S3, Ten, V3};
+use ff_model::spatial::vec3::{PackedInertia, S3, V3};
 use ff_model::{
     Appendage, Area, Decl, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problem, Problems,
     Scalar, SharedAppendage,
@@ -259,7 +259,7 @@ impl Appendage for ReactionWheel {
         let b = a.scaled(more);
         let (xx, yy, zz) = (b.x.mul_add(a.x, t), b.y.mul_add(a.y, t), b.z.mul_add(a.z, t));
         let i = S3 { xx, xy: b.x * a.y, yy, xz: b.x * a.z, yz: b.y * a.z, zz };
-        m.set_host(&Ten { m: p[MASS], h: V3::zero(), i });
+        m.set_host(&PackedInertia { m: p[MASS], h: V3::zero(), i });
         m.set_coupling(0, &V3::zero(), &a.scaled(p[SPIN]));
         m.set_sym(6, 6, p[SPIN]);
     }

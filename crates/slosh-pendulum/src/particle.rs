@@ -10,7 +10,7 @@ use crate::slot::Slot;
 use crate::spring::Shift;
 use crate::swing::{SWING_LIMITS, Swing};
 use ff_model::CoordDecl;
-use ff_model::spatial::vec3::{Ten, V3};
+use ff_model::spatial::vec3::{PackedInertia, V3};
 use ff_model::{ParamDecl, ParamGroup, PortAccel, PortMatrix, PortState, Scalar};
 use nalgebra::Vector3;
 
@@ -140,7 +140,7 @@ impl Particle {
 
     /// Writes own rows and columns of `M` and returns what belongs to the host block.
     #[inline(always)]
-    pub(crate) fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) -> Ten<T> {
+    pub(crate) fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) -> PackedInertia<T> {
         on_path!(self, p, eta, x => point::inertia(&x, &self.slot, p, m))
     }
 
@@ -164,7 +164,7 @@ impl Particle {
         s: &PortState<'_, T>,
         m: &mut PortMatrix<'_, T>,
         h: &mut [T],
-    ) -> (Ten<T>, Wrench<T>) {
+    ) -> (PackedInertia<T>, Wrench<T>) {
         on_path!(self, p, s.eta, x => {
             (point::inertia(&x, &self.slot, p, m), point::residual(&x, &self.slot, p, s, None, h))
         })

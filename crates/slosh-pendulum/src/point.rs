@@ -10,7 +10,7 @@
 //! The velocity of the mount enters through its acceleration in an inertial frame, `A + w x v`, alone.
 
 use crate::slot::Slot;
-use ff_model::spatial::vec3::{M3, S3, Ten, V3, array};
+use ff_model::spatial::vec3::{M3, PackedInertia, S3, V3, array};
 use ff_model::{PortAccel, PortMatrix, PortState, Scalar};
 
 /// Motion of the mount, and own rates and accelerations of one mass.
@@ -121,11 +121,11 @@ pub(crate) fn press_each<T: Scalar>(wrenches: &[Wrench<T>], dim: usize, j: &mut 
 
 /// A point mass as ten inertial parameters about the mount.
 #[inline(always)]
-pub(crate) fn point<T: Scalar>(m: T, r: &V3<T>) -> Ten<T> {
+pub(crate) fn point<T: Scalar>(m: T, r: &V3<T>) -> PackedInertia<T> {
     let h = r.scaled(m);
     let (xx, yy, zz) = (h.x * r.x, h.y * r.y, h.z * r.z);
     let i = S3 { xx: yy + zz, xy: -(h.x * r.y), yy: xx + zz, xz: -(h.x * r.z), yz: -(h.y * r.z), zz: xx + yy };
-    Ten { m, h, i }
+    PackedInertia { m, h, i }
 }
 
 /// Writes the own rows and columns of `M` and returns what belongs to the host block.
@@ -135,7 +135,7 @@ pub(crate) fn inertia<T: Scalar, const N: usize, const P: usize>(
     slot: &Slot,
     p: &[T],
     m: &mut PortMatrix<'_, T>,
-) -> Ten<T> {
+) -> PackedInertia<T> {
     let mass = p[slot.p0];
     let (pull, own) = x.coupling(mass);
     for (k, (f, n)) in pull.iter().enumerate() {

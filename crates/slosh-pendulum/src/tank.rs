@@ -8,7 +8,7 @@ use ff_model::diagnostics::Limit;
 use ff_model::port::MAX_COORDS;
 use ff_model::scalar::PlainScalar;
 use ff_model::spatial::InertiaError;
-use ff_model::spatial::vec3::{M3, S3, Ten, V3};
+use ff_model::spatial::vec3::{M3, PackedInertia, S3, V3};
 use ff_model::{
     Appendage, Area, Decl, Inertia, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Problem,
     Problems, Scalar,
@@ -181,24 +181,24 @@ impl SloshTank {
     }
     /// Fixed fuel about the mount: `p[0]` times one kilogram of it.
     #[inline(always)]
-    fn fixed<T: Scalar>(&self, p: &[T]) -> Option<Ten<T>> {
+    fn fixed<T: Scalar>(&self, p: &[T]) -> Option<PackedInertia<T>> {
         let f = self.kilogram::<T>()?;
         let (h, i, m) = (f.h.scaled(p[0]), f.i, p[0]);
         let i = S3 { xx: i.xx * m, xy: i.xy * m, yy: i.yy * m, xz: i.xz * m, yz: i.yz * m, zz: i.zz * m };
-        Some(Ten { m, h, i })
+        Some(PackedInertia { m, h, i })
     }
     /// One kilogram of fixed fuel about the mount.
     #[inline(always)]
-    fn kilogram<T: Scalar>(&self) -> Option<Ten<T>> {
+    fn kilogram<T: Scalar>(&self) -> Option<PackedInertia<T>> {
         let f = self.fixed.as_ref()?;
         let (h, r) = (&f.h.data.0[0], &f.rot.data.0);
         let t = T::from_f64;
         let i = S3 { xx: t(r[0][0]), xy: t(r[1][0]), yy: t(r[1][1]), xz: t(r[2][0]), yz: t(r[2][1]), zz: t(r[2][2]) };
-        Some(Ten { m: T::one(), h: V3::new(t(h[0]), t(h[1]), t(h[2])), i })
+        Some(PackedInertia { m: T::one(), h: V3::new(t(h[0]), t(h[1]), t(h[2])), i })
     }
     /// `V x* (M V) + M A` of fixed fuel.
     #[inline(always)]
-    fn still<T: Scalar>(body: &Ten<T>, s: &PortState<'_, T>, acc: Option<&PortAccel<'_, T>>) -> Wrench<T> {
+    fn still<T: Scalar>(body: &PackedInertia<T>, s: &PortState<'_, T>, acc: Option<&PortAccel<'_, T>>) -> Wrench<T> {
         let w = V3::from(&s.host.ang);
         let (lin, al) = acc.map_or((V3::zero(), V3::zero()), |a| (V3::from(&a.host.lin), V3::from(&a.host.ang)));
         body.wrench(&w, &al, &w.cross_add(&V3::from(&s.host.lin), &lin), &M3::field(&w, &al))
@@ -233,7 +233,7 @@ impl Appendage for SloshTank {
     }
     #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], eta: &[T], m: &mut PortMatrix<'_, T>) {
-        let mut host = self.fixed(p).unwrap_or_else(Ten::zero);
+        let mut host = self.fixed(p).unwrap_or_else(PackedInertia::zero);
         for mass in &self.masses {
             host.add(&mass.inertia(p, eta, m));
         }
@@ -263,7 +263,7 @@ impl PortDynamics for SloshTank {
     /// Both from one place of every mass.
     #[inline(always)]
     fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
-        let mut host = self.fixed(p).unwrap_or_else(Ten::zero);
+        let mut host = self.fixed(p).unwrap_or_else(PackedInertia::zero);
         let (mut f, mut n) = match &self.fixed {
             Some(_) => Self::still(&host, s, None),
             None => (V3::zero(), V3::zero()),

@@ -21,7 +21,7 @@ use core::ops::Range;
 use ff_lanes::Kernel;
 use ff_model::scalar::lanes::{LaneTask, dispatch_one, splat};
 use ff_model::scalar::{LaneScalar, ModelScalar};
-use ff_model::spatial::vec3::{M3, Ten, V3};
+use ff_model::spatial::vec3::{M3, PackedInertia, V3};
 use ff_model::{BaseKind, Model, Motion, Params, PortMatrix, PortState, Scalar};
 use nalgebra::DMatrix;
 
@@ -131,7 +131,7 @@ impl<'a, T: ModelScalar, S: ArmSource<T>> Reduced<'a, T, S> {
         let u = &mut u[..6 + m];
         let arm: Arm<T> = self.source.arm(node);
         let (v, w) = (V3::from_slice(z), V3::from_slice(&z[3..]));
-        let (mut c, mut f, mut n) = at_zero_acceleration(&Ten::from(self.params.body(0)), &arm, &w);
+        let (mut c, mut f, mut n) = at_zero_acceleration(&PackedInertia::from(self.params.body(0)), &arm, &w);
         let still = V3::zero();
         let field = M3::field(&w, &still);
         for (k, (ap, p)) in model.appendages().iter().zip(&mut self.ports).enumerate() {
@@ -237,7 +237,11 @@ impl<T: ModelScalar> Reduced<'_, T> {
 
 /// Base body and arm together, and the wrench they ask for at angular velocity `w` without acceleration.
 #[inline(always)]
-pub(crate) fn at_zero_acceleration<T: ModelScalar>(base: &Ten<T>, arm: &Arm<T>, w: &V3<T>) -> (Ten<T>, V3<T>, V3<T>) {
+pub(crate) fn at_zero_acceleration<T: ModelScalar>(
+    base: &PackedInertia<T>,
+    arm: &Arm<T>,
+    w: &V3<T>,
+) -> (PackedInertia<T>, V3<T>, V3<T>) {
     let mut c = arm.ten;
     c.add(base);
     let f = w.cross_add(&w.cross_add(&c.h, &arm.dh2), &arm.ddh);
@@ -247,10 +251,10 @@ pub(crate) fn at_zero_acceleration<T: ModelScalar>(base: &Ten<T>, arm: &Arm<T>, 
 
 /// The host block of a port as a body in base coordinates.
 #[inline(always)]
-pub(crate) fn hung<T: ModelScalar>(frame: &Frame<T>, p: &PortWork<T>) -> Ten<T> {
-    use ff_model::spatial::vec3::{Turn, turn};
+pub(crate) fn hung<T: ModelScalar>(frame: &Frame<T>, p: &PortWork<T>) -> PackedInertia<T> {
+    use ff_model::spatial::vec3::{RotationKind, turn};
     match frame.pose.turn {
-        Turn::None => frame.pose.body_up::<{ turn::NONE }>(&p.mass().host()),
+        RotationKind::None => frame.pose.body_up::<{ turn::NONE }>(&p.mass().host()),
         _ => frame.pose.body_up::<{ turn::ANY }>(&p.mass().host()),
     }
 }

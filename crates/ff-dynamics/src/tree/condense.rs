@@ -20,7 +20,7 @@ use core::convert::identity;
 use ff_model::Model;
 use ff_model::port::PortView;
 use ff_model::scalar::ModelScalar;
-use ff_model::spatial::vec3::{Ten, V3};
+use ff_model::spatial::vec3::{PackedInertia, V3};
 use ff_model::tree::Mounted;
 
 /// Classical acceleration of the base origin and angular acceleration. Reads `m`, `r` and `g` of the ports, writes
@@ -31,7 +31,7 @@ use ff_model::tree::Mounted;
 #[inline(always)]
 pub(crate) fn base_acceleration<T: ModelScalar>(
     ports: &mut [PortWork<T>],
-    c: &Ten<T>,
+    c: &PackedInertia<T>,
     f: &V3<T>,
     n: &V3<T>,
 ) -> Result<(V3<T>, V3<T>), Option<usize>> {
@@ -51,7 +51,7 @@ pub(crate) fn base_acceleration<T: ModelScalar>(
 
 /// The 6 x 6 inertia of a rigid body, linear part first.
 #[inline(always)]
-fn rigid<T: ModelScalar>(c: &Ten<T>) -> [[T; 6]; 6] {
+fn rigid<T: ModelScalar>(c: &PackedInertia<T>) -> [[T; 6]; 6] {
     let z = T::zero();
     let (h, i) = (&c.h, &c.i);
     [
@@ -114,7 +114,7 @@ impl<T: ModelScalar> Inverse<T> {
     /// From the composite inertia; reads `m` and `g` of the ports, overwrites the rest of what elimination leaves in them. False
     /// where a pivot is not positive; the inverse is then meaningless.
     #[inline(always)]
-    pub(crate) fn set(&mut self, ports: &mut [PortWork<T>], c: &Ten<T>) -> bool {
+    pub(crate) fn set(&mut self, ports: &mut [PortWork<T>], c: &PackedInertia<T>) -> bool {
         let (mut s, mut b, mut ok) = (rigid(c), [T::zero(); 6], true);
         let m = self.gain.len() / 6;
         for (p, own) in ports.iter_mut().zip(&mut self.ports) {

@@ -6,9 +6,9 @@ use crate::work::buffers::Work;
 use crate::work::link::Link;
 use crate::work::port_work::PortWork;
 use ff_lanes::Kernel;
-use ff_model::by_turn;
+use ff_model::dispatch_rotation;
 use ff_model::scalar::ModelScalar;
-use ff_model::spatial::vec3::{Ten, V3};
+use ff_model::spatial::vec3::{PackedInertia, V3};
 use ff_model::{Force, Inertia, Model, Motion, Params};
 use nalgebra::{DMatrix, DMatrixView, Dyn};
 
@@ -85,7 +85,7 @@ pub(crate) fn columns<T: ModelScalar, const FULL: bool>(model: &Model, work: &mu
     let h = &mut h[..nv * nv];
     let links = &work.links[..];
     if nb == 6 {
-        let Ten { m, h: c, i } = links[0].ic;
+        let PackedInertia { m, h: c, i } = links[0].ic;
         let z = T::zero();
         let rows = [
             [m, z, z, z, c.z, -c.y],
@@ -103,7 +103,7 @@ pub(crate) fn columns<T: ModelScalar, const FULL: bool>(model: &Model, work: &mu
     for i in 1..links.len() {
         let own = nb + i - 1;
         let mut to = Entries::<T, FULL> { h: &mut *h, nv, own };
-        let (x, (f, n)) = by_turn!(T, links[i].pose.turn, K => {
+        let (x, (f, n)) = dispatch_rotation!(T, links[i].pose.turn, K => {
             let (f, n) = links[i].axis_momentum::<K>();
             (links[i].joint_force::<K>(&f, &n), links[i].pose.wrench_up::<K>(&f, &n))
         });
@@ -167,7 +167,8 @@ pub(crate) fn carry<T: ModelScalar, C: Column<T> + ?Sized>(
     while i > 0 {
         let l = &links[i];
         let x;
-        (x, (f, n)) = by_turn!(T, l.pose.turn, K => (l.joint_force::<K>(&f, &n), l.pose.wrench_up::<K>(&f, &n)));
+        (x, (f, n)) =
+            dispatch_rotation!(T, l.pose.turn, K => (l.joint_force::<K>(&f, &n), l.pose.wrench_up::<K>(&f, &n)));
         to.put(nb + i - 1, x);
         i = l.parent;
     }

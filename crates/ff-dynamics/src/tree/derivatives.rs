@@ -26,9 +26,9 @@ use crate::work::link::Link;
 use crate::work::node::{Node, Screw};
 use crate::work::port_work::PortWork;
 use ff_lanes::Kernel;
-use ff_model::by_turn;
+use ff_model::dispatch_rotation;
 use ff_model::scalar::LaneScalar;
-use ff_model::spatial::vec3::{M3, Pose, Ten, Turn, V3, turn};
+use ff_model::spatial::vec3::{M3, PackedInertia, Pose, RotationKind, V3, turn};
 use ff_model::{Model, Params, PortMatrix, Scalar};
 use nalgebra::DMatrix;
 
@@ -76,7 +76,7 @@ fn unit<T: Scalar>(k: usize) -> V3<T> {
 /// `R R_pose` by columns.
 #[inline(always)]
 pub(crate) fn turned_by<T: Scalar>(r: &M3<T>, x: &Pose<T>) -> M3<T> {
-    by_turn!(T, x.turn, K => turned::<T, K>(r, x))
+    dispatch_rotation!(T, x.turn, K => turned::<T, K>(r, x))
 }
 
 #[inline(always)]
@@ -310,7 +310,7 @@ impl<T: Scalar> Out<'_, T> {
     /// Base rows of base columns.
     #[inline(always)]
     fn base(&mut self, x: &Node<T>, g: &Ground<T>) {
-        let Ten { m, h, i } = &x.ic;
+        let PackedInertia { m, h, i } = &x.ic;
         for k in 0..3 {
             let e = unit::<T>(k);
             let (carried, turned) = (g.w.cross(&e), e.cross(&g.v));
@@ -354,7 +354,7 @@ fn outwards<T: LaneScalar>(qd: &[T], qdd: &[T], links: &[Link<T>], nodes: &mut [
         let (l, x) = (&links[i], &mut outer[0]);
         let parent = &inner[l.parent];
         x.pose.p = parent.pose.r.mul_add(&l.pose.p, &parent.pose.p);
-        x.pose.r = by_turn!(T, l.pose.turn, K => turned::<T, K>(&parent.pose.r, &l.pose));
+        x.pose.r = dispatch_rotation!(T, l.pose.turn, K => turned::<T, K>(&parent.pose.r, &l.pose));
         let (sv, sw) = l.screw();
         let z = x.pose.r.mul(&sw);
         x.s = (x.pose.p.cross_add(&z, &x.pose.r.mul(&sv)), z);
@@ -373,7 +373,7 @@ fn outwards<T: LaneScalar>(qd: &[T], qdd: &[T], links: &[Link<T>], nodes: &mut [
 #[inline(always)]
 fn bodies<T: LaneScalar>(params: &Params<T>, nodes: &mut [Node<T>], external: Option<&[ff_model::Force<T>]>) {
     for (b, x) in nodes.iter_mut().enumerate() {
-        x.ic = x.pose.body_up::<{ turn::ANY }>(&Ten::from(params.body(b)));
+        x.ic = x.pose.body_up::<{ turn::ANY }>(&PackedInertia::from(params.body(b)));
         let i = &x.ic.i;
         let (p, l) = x.ic.momentum(&x.u, &x.w);
         let (f, n) = x.ic.momentum(&x.al, &x.aw);
@@ -400,7 +400,7 @@ fn bodies<T: LaneScalar>(params: &Params<T>, nodes: &mut [Node<T>], external: Op
 fn mounted<T: LaneScalar>(port: &PortWork<T>, host: &Pose<T>) -> Pose<T> {
     let mut x = *host;
     x.p = host.r.mul_add(&port.pose.p, &host.p);
-    if port.pose.turn != Turn::None {
+    if port.pose.turn != RotationKind::None {
         x.r = turned::<T, { turn::ANY }>(&host.r, &port.pose);
     }
     x

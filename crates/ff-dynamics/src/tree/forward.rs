@@ -14,7 +14,7 @@ use crate::tree::crba;
 use crate::tree::links as tree;
 use crate::work::buffers::Work;
 use ff_lanes::Kernel;
-use ff_model::by_turn;
+use ff_model::dispatch_rotation;
 use ff_model::scalar::ModelScalar;
 use ff_model::spatial::vec3::V3;
 use ff_model::{Model, Params};
@@ -265,7 +265,7 @@ impl<T: ModelScalar> Kernel for Hybrid<'_, T> {
         for i in 1..links.len() {
             let (inner, outer) = links.split_at_mut(i);
             let l = &mut outer[0];
-            tau[i - 1] += by_turn!(T, l.pose.turn, K => l.lean::<K>(&inner[l.parent]));
+            tau[i - 1] += dispatch_rotation!(T, l.pose.turn, K => l.lean::<K>(&inner[l.parent]));
         }
         for (ap, p) in model.appendages().iter().zip(&work.ports).filter(|(ap, _)| ap.host > 0) {
             let (mut f, mut n) = (V3::zero(), V3::zero());

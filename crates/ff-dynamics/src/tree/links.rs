@@ -10,10 +10,10 @@
 use crate::state::State;
 use crate::work::link::{Link, lift};
 use crate::work::port_work::PortWork;
-use ff_model::by_turn;
+use ff_model::dispatch_rotation;
 use ff_model::scalar::ModelScalar;
 use ff_model::spatial::so3::quat_to_rot;
-use ff_model::spatial::vec3::{M3, Ten, Turn, V3, turn};
+use ff_model::spatial::vec3::{M3, PackedInertia, RotationKind, V3, turn};
 use ff_model::tree::Mounted;
 use ff_model::{Model, Motion, Params, PortAccel, PortMatrix, PortState};
 
@@ -104,7 +104,7 @@ pub(crate) fn advance<T: ModelScalar>(links: &mut [Link<T>], qd: &[T], qdd: &[T]
     for i in 1..links.len() {
         let (inner, outer) = links.split_at_mut(i);
         let l = &mut outer[0];
-        by_turn!(T, l.pose.turn, K => l.advance::<K>(&inner[l.parent], qd[i - 1], qdd[i - 1]));
+        dispatch_rotation!(T, l.pose.turn, K => l.advance::<K>(&inner[l.parent], qd[i - 1], qdd[i - 1]));
     }
 }
 
@@ -121,7 +121,7 @@ pub(crate) fn carry_velocities<T: ModelScalar>(model: &Model, state: &State<T>, 
         let l = &mut outer[0];
         let p = &inner[l.parent];
         let carried = p.w.cross_add(&l.pose.p, &p.v);
-        l.v = by_turn!(T, l.pose.turn, K => l.pose.down::<K>(&carried));
+        l.v = dispatch_rotation!(T, l.pose.turn, K => l.pose.down::<K>(&carried));
         if l.prismatic {
             l.v = l.axis.add::<T, { turn::ANY }>(l.v, state.qd()[i - 1]);
         }
@@ -132,7 +132,7 @@ pub(crate) fn carry_velocities<T: ModelScalar>(model: &Model, state: &State<T>, 
 #[inline(always)]
 fn mount_twist<T: ModelScalar>(port: &PortWork<T>, host: &Link<T>, w: &V3<T>, a: &V3<T>) -> (V3<T>, V3<T>) {
     let v = host.w.cross_add(&port.pose.p, &host.v);
-    let v = if !T::DERIVATIVES && port.pose.turn == Turn::None { v } else { port.pose.r.tr_mul(&v) };
+    let v = if !T::DERIVATIVES && port.pose.turn == RotationKind::None { v } else { port.pose.r.tr_mul(&v) };
     (v, *a - w.cross(&v))
 }
 
@@ -150,15 +150,15 @@ pub(crate) fn drive<T: ModelScalar>(
     if size_of::<T>() < 8 * size_of::<f64>() {
         advance(links, qd, qdd);
         for (i, l) in links.iter_mut().enumerate() {
-            l.exert(&Ten::from(params.body(i)));
+            l.exert(&PackedInertia::from(params.body(i)));
         }
     } else {
-        links[0].exert(&Ten::from(params.body(0)));
+        links[0].exert(&PackedInertia::from(params.body(0)));
         for i in 1..links.len() {
             let (inner, outer) = links.split_at_mut(i);
             let l = &mut outer[0];
-            let body = Ten::from(params.body(i));
-            by_turn!(T, l.pose.turn, K => {
+            let body = PackedInertia::from(params.body(i));
+            dispatch_rotation!(T, l.pose.turn, K => {
                 l.advance::<K>(&inner[l.parent], qd[i - 1], qdd[i - 1]);
                 l.exert(&body);
             });
@@ -177,8 +177,7 @@ pub(crate) fn gather<T: ModelScalar>(links: &mut [Link<T>], tau: &mut [T]) {
         let (inner, outer) = links.split_at_mut(i);
         let l = &outer[0];
         let (f, n);
-        (tau[i - 1], (f, n)) =
-            by_turn!(T, l.pose.turn, K => (l.joint_force::<K>(&l.f, &l.n), l.pose.wrench_up::<K>(&l.f, &l.n)));
+        (tau[i - 1], (f, n)) = dispatch_rotation!(T, l.pose.turn, K => (l.joint_force::<K>(&l.f, &l.n), l.pose.wrench_up::<K>(&l.f, &l.n)));
         inner[l.parent].f += f;
         inner[l.parent].n += n;
     }
@@ -188,14 +187,14 @@ pub(crate) fn gather<T: ModelScalar>(links: &mut [Link<T>], tau: &mut [T]) {
 #[inline(always)]
 pub(crate) fn compose<T: ModelScalar>(model: &Model, params: &Params<T>, links: &mut [Link<T>], ports: &[PortWork<T>]) {
     for i in (0..links.len()).rev() {
-        let mut c = Ten::from(params.body(i));
+        let mut c = PackedInertia::from(params.body(i));
         for (_, p) in model.appendages().iter().zip(ports).filter(|(a, _)| a.host == i) {
             c.add(&p.hung());
         }
         let mut j = links[i].child;
         while j > 0 {
             let l = &links[j];
-            by_turn!(T, l.pose.turn, K => c.add(&l.pose.body_up::<K>(&l.ic)));
+            dispatch_rotation!(T, l.pose.turn, K => c.add(&l.pose.body_up::<K>(&l.ic)));
             j = l.sibling;
         }
         links[i].ic = c;
@@ -206,7 +205,7 @@ pub(crate) fn compose<T: ModelScalar>(model: &Model, params: &Params<T>, links: 
 #[inline(always)]
 pub(crate) fn at_mount<T: ModelScalar>(port: &PortWork<T>, host: &Link<T>) -> (V3<T>, V3<T>, V3<T>) {
     let (x, a) = (&port.pose, host.field.mul_add(&port.pose.p, &host.a));
-    if !T::DERIVATIVES && x.turn == Turn::None {
+    if !T::DERIVATIVES && x.turn == RotationKind::None {
         (host.w, host.al, a)
     } else {
         (x.r.tr_mul(&host.w), x.r.tr_mul(&host.al), x.r.tr_mul(&a))
@@ -240,5 +239,5 @@ pub(crate) fn port_terms<T: ModelScalar>(
 /// One step of a wrench towards the base: from body `i` to its parent.
 #[inline(always)]
 pub(crate) fn inwards<T: ModelScalar>(l: &Link<T>, f: &V3<T>, n: &V3<T>) -> (V3<T>, V3<T>) {
-    by_turn!(T, l.pose.turn, K => l.pose.wrench_up::<K>(f, n))
+    dispatch_rotation!(T, l.pose.turn, K => l.pose.wrench_up::<K>(f, n))
 }

@@ -4,7 +4,7 @@ use crate::state::State;
 use crate::tree::links as tree;
 use crate::work::buffers::Work;
 use ff_lanes::Kernel;
-use ff_model::by_turn;
+use ff_model::dispatch_rotation;
 use ff_model::scalar::{LaneScalar, ModelScalar};
 use ff_model::spatial::vec3::V3;
 use ff_model::tree::Mounted;
@@ -172,7 +172,7 @@ impl<T: LaneScalar> Kernel for Filling<'_, T> {
                 let (inner, own) = screws.split_at_mut(b * per);
                 let from = &inner[links[b].parent * per..][..per];
                 let (own, l) = (&mut own[..per], &links[b]);
-                by_turn!(T, l.pose.turn, K => {
+                dispatch_rotation!(T, l.pose.turn, K => {
                     if nb == 6 {
                         for k in 0..3 {
                             own[k].0 = l.pose.down::<K>(&from[k].0);

@@ -1,7 +1,7 @@
 //! A body with the joint that carries it, as the fast passes hold it.
 
 use ff_model::spatial::Axis;
-use ff_model::spatial::vec3::{M3, Moving, Pose, Ten, Turn, V3, turn};
+use ff_model::spatial::vec3::{M3, Moving, PackedInertia, Pose, RotationKind, V3, turn};
 use ff_model::{Body, JointKind, Model, Scalar};
 use nalgebra::{Matrix3, Vector3};
 
@@ -28,7 +28,7 @@ pub(crate) struct Link<T: Scalar> {
     pub(crate) f: V3<T>,
     pub(crate) n: V3<T>,
     /// Composite inertia.
-    pub(crate) ic: Ten<T>,
+    pub(crate) ic: PackedInertia<T>,
 }
 
 pub(crate) fn lift<T: Scalar>(v: &[f64; 3]) -> V3<T> {
@@ -52,7 +52,7 @@ impl<T: Scalar> Link<T> {
             field: M3::zero(),
             f: V3::zero(),
             n: V3::zero(),
-            ic: Ten::zero(),
+            ic: PackedInertia::zero(),
         }
     }
     pub(crate) fn new(body: &Body) -> Self {
@@ -64,9 +64,9 @@ impl<T: Scalar> Link<T> {
         l.axis = Axis::new(&j.axis, &r);
         let straight = r == Matrix3::identity();
         l.pose.turn = match (l.prismatic, straight) {
-            (true, true) => Turn::None,
+            (true, true) => RotationKind::None,
             (false, true) => l.axis.about(),
-            _ => Turn::General,
+            _ => RotationKind::General,
         };
         l.pose.turn = l.pose.turn.of::<T>();
         l.pose.p = lift(&l.origin);
@@ -79,9 +79,9 @@ impl<T: Scalar> Link<T> {
     pub(crate) fn place(&mut self, q: T) {
         if self.prismatic {
             let along = self.axis.add::<T, { turn::ANY }>(V3::zero(), q);
-            let along = if self.pose.turn == Turn::None { along } else { self.pose.r.mul(&along) };
+            let along = if self.pose.turn == RotationKind::None { along } else { self.pose.r.mul(&along) };
             self.pose.p = lift::<T>(&self.origin) + along;
-        } else if T::DERIVATIVES || self.pose.turn == Turn::General {
+        } else if T::DERIVATIVES || self.pose.turn == RotationKind::General {
             self.axis.turn::<T, { turn::ANY }>(q, &mut self.pose);
         } else {
             self.axis.turn::<T, { turn::X }>(q, &mut self.pose);
@@ -89,7 +89,7 @@ impl<T: Scalar> Link<T> {
     }
     /// Displaces the placement of the joint: `R = E R0`, `p = p0 + shift`, before any [`Link::place_displaced`].
     pub(crate) fn displace(&mut self, turn: &M3<T>, shift: &V3<T>) {
-        self.pose.turn = Turn::General;
+        self.pose.turn = RotationKind::General;
         self.pose.r = M3([turn.mul(&self.pose.r.0[0]), turn.mul(&self.pose.r.0[1]), turn.mul(&self.pose.r.0[2])]);
         self.pose.p += *shift;
     }
@@ -115,9 +115,9 @@ impl<T: Scalar> Link<T> {
     pub(crate) fn force_of(&self, f: &V3<T>, n: &V3<T>) -> T {
         match self.pose.turn {
             _ if T::DERIVATIVES => self.joint_force::<{ turn::ANY }>(f, n),
-            Turn::X => self.joint_force::<{ turn::X }>(f, n),
-            Turn::Y => self.joint_force::<{ turn::Y }>(f, n),
-            Turn::Z => self.joint_force::<{ turn::Z }>(f, n),
+            RotationKind::X => self.joint_force::<{ turn::X }>(f, n),
+            RotationKind::Y => self.joint_force::<{ turn::Y }>(f, n),
+            RotationKind::Z => self.joint_force::<{ turn::Z }>(f, n),
             _ => self.joint_force::<{ turn::ANY }>(f, n),
         }
     }
@@ -132,7 +132,7 @@ impl<T: Scalar> Link<T> {
     }
     /// Sets the wrench to what the motion of a body takes.
     #[inline(always)]
-    pub(crate) fn exert(&mut self, body: &Ten<T>) {
+    pub(crate) fn exert(&mut self, body: &PackedInertia<T>) {
         (self.f, self.n) = body.wrench(&self.w, &self.al, &self.a, &self.field);
     }
     /// How the body moves.

@@ -1,7 +1,7 @@
 //! A body and its joint in base axes, for the derivatives.
 
 use ff_model::Scalar;
-use ff_model::spatial::vec3::{M3, Pose, Ten, Turn, V3};
+use ff_model::spatial::vec3::{M3, PackedInertia, Pose, RotationKind, V3};
 
 /// A body and its joint in base axes.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +18,7 @@ pub(crate) struct Node<T: Scalar> {
     pub(crate) psi: Screw<T>,
     pub(crate) psi2: Screw<T>,
     /// Composite inertia, linear momentum, `D`, and wrench.
-    pub(crate) ic: Ten<T>,
+    pub(crate) ic: PackedInertia<T>,
     pub(crate) p: V3<T>,
     pub(crate) d: M3<T>,
     pub(crate) f: V3<T>,
@@ -32,7 +32,7 @@ impl<T: Scalar> Node<T> {
     pub(crate) fn zero() -> Self {
         let z = V3::zero();
         let mut pose = Pose::identity();
-        pose.turn = Turn::General;
+        pose.turn = RotationKind::General;
         Self {
             pose,
             u: z,
@@ -42,7 +42,7 @@ impl<T: Scalar> Node<T> {
             s: (z, z),
             psi: (z, z),
             psi2: (z, z),
-            ic: Ten::zero(),
+            ic: PackedInertia::zero(),
             p: z,
             d: M3::zero(),
             f: z,

@@ -3,7 +3,7 @@
 use crate::work::link::Link;
 use ff_model::port::{PortView, port_len};
 use ff_model::scalar::ModelScalar;
-use ff_model::spatial::vec3::{Pose, Ten, Turn, V3, turn};
+use ff_model::spatial::vec3::{PackedInertia, Pose, RotationKind, V3, turn};
 use ff_model::{Force, Motion, Xform};
 
 /// Buffers of one appendage port.
@@ -79,15 +79,15 @@ impl<T: ModelScalar> PortWork<T> {
     #[inline(always)]
     pub(crate) fn up(&self, f: &V3<T>, n: &V3<T>) -> (V3<T>, V3<T>) {
         match self.pose.turn {
-            Turn::None if !T::DERIVATIVES => self.pose.wrench_up::<{ turn::NONE }>(f, n),
+            RotationKind::None if !T::DERIVATIVES => self.pose.wrench_up::<{ turn::NONE }>(f, n),
             _ => self.pose.wrench_up::<{ turn::ANY }>(f, n),
         }
     }
     /// The host block as a body in the host frame.
     #[inline(always)]
-    pub(crate) fn hung(&self) -> Ten<T> {
+    pub(crate) fn hung(&self) -> PackedInertia<T> {
         match self.pose.turn {
-            Turn::None if !T::DERIVATIVES => self.pose.body_up::<{ turn::NONE }>(&self.mass().host()),
+            RotationKind::None if !T::DERIVATIVES => self.pose.body_up::<{ turn::NONE }>(&self.mass().host()),
             _ => self.pose.body_up::<{ turn::ANY }>(&self.mass().host()),
         }
     }

@@ -3,7 +3,7 @@
 use super::state::PortAccel;
 use crate::scalar::traits::Scalar;
 use crate::spatial::inertia::Inertia;
-use crate::spatial::vec3::{S3, Ten, V3};
+use crate::spatial::vec3::{PackedInertia, S3, V3};
 use nalgebra::{DMatrix, Vector3};
 
 /// Where the coupling columns begin, and numbers in each.
@@ -99,7 +99,7 @@ impl<'a, T: Scalar> PortMatrix<'a, T> {
     }
     /// Sets the host block to a body's spatial inertia.
     #[inline(always)]
-    pub fn set_host(&mut self, b: &Ten<T>) {
+    pub fn set_host(&mut self, b: &PackedInertia<T>) {
         let (h, i) = (b.h, b.i);
         self.a[..COUPLING].copy_from_slice(&[b.m, h.x, h.y, h.z, i.xx, i.xy, i.yy, i.xz, i.yz, i.zz]);
     }
@@ -107,7 +107,7 @@ impl<'a, T: Scalar> PortMatrix<'a, T> {
     #[inline(always)]
     pub fn add_host(&mut self, b: &Inertia<T>) {
         let mut sum = self.view().host();
-        sum.add(&Ten::from(b));
+        sum.add(&PackedInertia::from(b));
         self.set_host(&sum);
     }
     /// Sets the coupling column of own coordinate `k`: force and moment on the host per unit own acceleration.
@@ -169,8 +169,8 @@ impl<'a, T: Scalar> PortView<'a, T> {
     }
     /// The host block as a rigid body in the mount frame: what it costs to move the appendage with its own rates zero.
     #[inline(always)]
-    pub fn host(&self) -> Ten<T> {
-        Ten::from_params(self.a)
+    pub fn host(&self) -> PackedInertia<T> {
+        PackedInertia::from_params(self.a)
     }
     /// Coupling column of own coordinate `k`: force and moment on the host per unit own acceleration, mount frame.
     ///
@@ -198,7 +198,7 @@ impl<'a, T: Scalar> PortView<'a, T> {
         if row >= 6 {
             return self.a[place(self.n, row, column)];
         }
-        let Ten { m, h, i: S3 { xx, xy, yy, xz, yz, zz } } = self.host();
+        let PackedInertia { m, h, i: S3 { xx, xy, yy, xz, yz, zz } } = self.host();
         match (row, column) {
             (0..3, _) if row == column => m,
             (3, 1) => -h.z,
@@ -289,7 +289,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_and_multiplied() {
-        let b = Ten {
+        let b = PackedInertia {
             m: 3.1,
             h: V3::new(0.4, -1.2, 0.7),
             i: S3 { xx: 5.1, xy: 0.3, yy: 6.2, xz: -0.8, yz: 0.45, zz: 7.3 },
@@ -308,7 +308,7 @@ mod tests {
         assert_eq!(dense, dense.transpose());
         let body = Inertia::from_elements(|i, j| dense[(i, j)]);
         assert_eq!(dense.fixed_view::<6, 6>(0, 0), body.to_matrix());
-        assert_eq!(Ten::from(&body), b);
+        assert_eq!(PackedInertia::from(&body), b);
         assert_eq!((dense[(0, 6)], dense[(5, 6)], dense[(7, 4)], dense[(7, 6)]), (0.11, 0.16, 0.5, 0.33));
         assert_eq!((m.view().own(0, 1), m.view().coupling(1).1.z), (0.33, 0.5625));
         let y = [0.3, -0.9, 1.4, 0.6, 0.8, -0.5, 1.1, -0.7];

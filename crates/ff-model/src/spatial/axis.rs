@@ -1,7 +1,7 @@
 //! A constant joint axis that knows when it lies along a coordinate axis.
 
 use crate::scalar::traits::Scalar;
-use crate::spatial::vec3::{M3, Pose, Turn, V3, turn};
+use crate::spatial::vec3::{M3, Pose, RotationKind, V3, turn};
 use nalgebra::{Matrix3, Vector3};
 
 /// A unit axis fixed in both frames of a joint.
@@ -10,8 +10,8 @@ use nalgebra::{Matrix3, Vector3};
 /// constant `K` of the methods is that of [`Axis::about`], or [`turn::ANY`], which holds for every axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// Which coordinate axis, or [`Turn::General`].
-    about: Turn,
+    /// Which coordinate axis, or [`RotationKind::General`].
+    about: RotationKind,
     /// Its direction.
     sign: f64,
     u: [f64; 3],
@@ -37,14 +37,14 @@ impl Axis {
             }
         };
         let signs = [along(Vector3::x()), along(Vector3::y()), along(Vector3::z())];
-        let axis = [Turn::X, Turn::Y, Turn::Z].into_iter().zip(signs).find(|(_, s)| *s != 0.0);
-        let (about, sign) = axis.unwrap_or((Turn::General, 1.0));
+        let axis = [RotationKind::X, RotationKind::Y, RotationKind::Z].into_iter().zip(signs).find(|(_, s)| *s != 0.0);
+        let (about, sign) = axis.unwrap_or((RotationKind::General, 1.0));
         let uu = u * u.transpose();
         let k = [placement * uu, placement * (Matrix3::identity() - uu), placement * u.cross_matrix()];
         Self { about, sign, u: (*u).into(), k }
     }
-    /// Which coordinate axis, or [`Turn::General`].
-    pub fn about(&self) -> Turn {
+    /// Which coordinate axis, or [`RotationKind::General`].
+    pub fn about(&self) -> RotationKind {
         self.about
     }
     /// Sets the rotation of `pose` to the turn by `q` (rad); `K` is [`Axis::about`] without a constant rotation,
@@ -115,7 +115,7 @@ impl Axis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::by_turn;
+    use crate::dispatch_rotation;
     use crate::spatial::so3::{exp_so3, quat_to_rot};
     use crate::spatial::vec3::S3;
     use approx::assert_relative_eq;
@@ -132,20 +132,21 @@ mod tests {
                 let a = Axis::new(&u, &placement);
                 let near =
                     |x: V3<f64>, y: Vector3<f64>| assert_relative_eq!(Vector3::from(x), y, epsilon = scaled(1e-15));
-                near(by_turn!(f64, a.about(), K => a.add::<f64, K>(V3::from(&v), q)), v + u * q);
+                near(dispatch_rotation!(f64, a.about(), K => a.add::<f64, K>(V3::from(&v), q)), v + u * q);
                 near(a.add::<f64, { turn::ANY }>(V3::from(&v), q), v + u * q);
-                let crossed = by_turn!(f64, a.about(), K => a.cross_add::<f64, K>(&V3::from(&v), q, V3::from(&c)));
+                let crossed =
+                    dispatch_rotation!(f64, a.about(), K => a.cross_add::<f64, K>(&V3::from(&v), q, V3::from(&c)));
                 near(crossed, c + v.cross(&(u * q)));
-                let along = by_turn!(f64, a.about(), K => a.along::<f64, K>(&V3::from(&v)));
+                let along = dispatch_rotation!(f64, a.about(), K => a.along::<f64, K>(&V3::from(&v)));
                 assert_relative_eq!(along, u.dot(&v), epsilon = scaled(1e-15));
-                let (f, n) = by_turn!(f64, a.about(), K => a.momentum::<f64, K>(&V3::from(&v), &i));
+                let (f, n) = dispatch_rotation!(f64, a.about(), K => a.momentum::<f64, K>(&V3::from(&v), &i));
                 near(f, u.cross(&v));
                 near(n, full * u);
                 let mut pose = Pose::identity();
-                pose.turn = if placement == skew { Turn::General } else { a.about() };
-                by_turn!(f64, pose.turn, K => a.turn::<f64, K>(q, &mut pose));
+                pose.turn = if placement == skew { RotationKind::General } else { a.about() };
+                dispatch_rotation!(f64, pose.turn, K => a.turn::<f64, K>(q, &mut pose));
                 near(
-                    by_turn!(f64, pose.turn, K => pose.up::<K>(&V3::from(&c))),
+                    dispatch_rotation!(f64, pose.turn, K => pose.up::<K>(&V3::from(&c))),
                     placement * quat_to_rot(&exp_so3(&(u * q))) * c,
                 );
             }

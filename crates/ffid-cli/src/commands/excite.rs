@@ -9,7 +9,7 @@ use ff_mission::mission::{Excite, GOALS, Goal};
 use ff_model::{Area, Problem, Problems};
 use ffid::exit::Exit;
 use ffid::open::{Opened, open};
-use ffid::workflow::excite::{Demands, Planned, Progress, Watch, demands, plan, start};
+use ffid::workflow::excite::{Demands, Observer, Planned, Progress, demands, plan, start};
 use ffid::workflow::preflight::{Preflight, Sensing, joint_limits, prove};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -223,7 +223,7 @@ fn search(
         let (stage, start, cost) = (p.stage, p.start + 1, best.1);
         bar.set_message(format!("{stage}, start {start}, iteration {}, best cost {cost:.4}", p.iteration));
     };
-    let watch = Watch { stop: Some(&stop), progress: Some(&show) };
+    let watch = Observer { stop: Some(&stop), progress: Some(&show) };
     let found = plan(opened, settings, &mission.limits, demands, &Sensing::of(&mission.sensors), &watch);
     if let Some(b) = bar {
         b.finish_and_clear();

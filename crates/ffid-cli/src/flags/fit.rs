@@ -5,7 +5,7 @@ use crate::results::Output;
 use ff_mission::Mission;
 use ff_model::{Area, Problem, Problems};
 use ffid::exit::Exit;
-use ffid::workflow::identify::{EXPLAINED, IdentifyError, Method, Settings, Watch};
+use ffid::workflow::identify::{EXPLAINED, IdentifyError, Method, Observer, Settings};
 use ffid::workflow::preflight::Sensing;
 use ident::EstimateError;
 use ident::Noise;
@@ -99,7 +99,7 @@ impl FitFlags {
 /// Runs a fit that shows how far it is on a terminal, and ends at Ctrl-C.
 pub(crate) fn watched<V>(
     output: &Output,
-    work: impl FnOnce(&Watch<'_>) -> Result<V, IdentifyError>,
+    work: impl FnOnce(&Observer<'_>) -> Result<V, IdentifyError>,
 ) -> Result<V, (Exit, Problems)> {
     let stop = interrupt::flag(output.own_process)?;
     let bar = output.progress().then(|| {
@@ -114,7 +114,7 @@ pub(crate) fn watched<V>(
             bar.set_message(format!("linearisation {n}, chi-squared per residual {chi2:.6}"));
         }
     };
-    let found = work(&Watch { stop: Some(&stop), progress: Some(&tell) });
+    let found = work(&Observer { stop: Some(&stop), progress: Some(&tell) });
     if let Some(b) = &bar {
         b.finish_and_clear();
     }

@@ -36,7 +36,7 @@ use ff_model::diagnostics::Limit;
 use ff_model::keys::check_damping;
 use ff_model::port::MAX_COORDS;
 use ff_model::scalar::PlainScalar;
-use ff_model::spatial::vec3::{Moving, Ten, V3};
+use ff_model::spatial::vec3::{Moving, PackedInertia, V3};
 use ff_model::{
     Appendage, Area, Decl, Inertia, ParamDecl, ParamGroup, PortAccel, PortDynamics, PortMatrix, PortState, PortVector,
     Problem, Problems, Scalar,
@@ -233,7 +233,7 @@ impl Appendage for ModalAppendage {
     /// `[[M, P], [P^T, m]]`, independent of `eta`.
     #[inline(always)]
     fn inertia<T: Scalar>(&self, p: &[T], _eta: &[T], m: &mut PortMatrix<'_, T>) {
-        m.set_host(&Ten::from_params(p));
+        m.set_host(&PackedInertia::from_params(p));
         for j in 0..self.modes {
             let (f, g) = self.part(p, j);
             m.set_coupling(j, &f, &g);
@@ -302,7 +302,7 @@ impl PortDynamics for ModalAppendage {
             1 => V3::new(x.z, o, -x.x),
             _ => V3::new(-x.y, x.x, o),
         };
-        for (k, (sf, sn)) in Ten::from_params(p).wrench_by_spin(&w, &v).into_iter().enumerate() {
+        for (k, (sf, sn)) in PackedInertia::from_params(p).wrench_by_spin(&w, &v).into_iter().enumerate() {
             (sf + about(k, &f)).write_to(&mut j[k * dim..]);
             (sn + about(k, &g)).write_to(&mut j[k * dim + 3..]);
         }
@@ -370,7 +370,7 @@ impl ModalAppendage {
     /// `M A + V x* (M V + q)`.
     #[inline(always)]
     fn rigid<T: Scalar>(&self, p: &[T], m: &Moving<T>, q: &(V3<T>, V3<T>), s: &PortState<'_, T>) -> (V3<T>, V3<T>) {
-        let (f, n) = Ten::from_params(p).wrench(&m.w, &m.al, &m.a, &m.field);
+        let (f, n) = PackedInertia::from_params(p).wrench(&m.w, &m.al, &m.a, &m.field);
         // Not Galilean invariant, as the model is not: v enters by itself.
         (m.w.cross_add(&q.0, &f), V3::from(&s.host.lin).cross_add(&q.0, &m.w.cross_add(&q.1, &n)))
     }

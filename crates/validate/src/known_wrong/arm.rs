@@ -7,7 +7,7 @@ use ff_model::CoordDecl;
 use ff_model::port::add_inertial;
 use ff_model::port::{derived_jacobian, derived_power, derived_regressor};
 use ff_model::scalar::PlainScalar;
-use ff_model::spatial::vec3::{Ten, V3};
+use ff_model::spatial::vec3::{PackedInertia, V3};
 use ff_model::{
     Appendage, Decl, Inertia, Motion, ParamDecl, PortAccel, PortDynamics, PortMatrix, PortState, PortVector, Scalar,
 };
@@ -189,7 +189,7 @@ impl PortDynamics for Arm {
 
     fn terms<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, m: &mut PortMatrix<'_, T>, h: &mut PortVector<T>) {
         if self.is(Wrong::NotCleared) {
-            m.set_host(&Ten::zero());
+            m.set_host(&PackedInertia::zero());
         } else {
             m.clear();
         }

@@ -11,7 +11,7 @@ use super::system::{Global, Outputs, Point, System, add, unit_wrench, v3};
 use ff_dynamics::reduced::{Arm, Frame, JointRow, TorqueForm};
 use ff_model::Scalar;
 use ff_model::scalar::Grad;
-use ff_model::spatial::vec3::{M3, Ten, V3};
+use ff_model::spatial::vec3::{M3, PackedInertia, V3};
 use nalgebra::{DMatrix, DVector};
 
 /// Numbers of the arm and of a frame, and where the screw stands in a joint's row.
@@ -78,7 +78,7 @@ impl System {
             let mut e = [0.0; 10];
             e[*k] = 1.0;
             let c = rho.column(*column);
-            let (f, t) = Ten::from_params(&e).momentum(&v3(c.as_slice(), 0), &v3(c.as_slice(), 3));
+            let (f, t) = PackedInertia::from_params(&e).momentum(&v3(c.as_slice(), 0), &v3(c.as_slice(), 3));
             add(g0.as_mut_slice(), 0, &f);
             add(g0.as_mut_slice(), 3, &t);
         }
@@ -298,7 +298,7 @@ impl System {
             let c = |v: &V3<f64>| V3::new(Grad::constant(v.x), Grad::constant(v.y), Grad::constant(v.z));
             let (w, arm) = (V3::from_slice(y), Arm::from_slice(&y[3..]));
             let mut t = arm.ten;
-            t.add(&Ten::from_params(&self.base.map(Grad::constant)));
+            t.add(&PackedInertia::from_params(&self.base.map(Grad::constant)));
             let mut sum = Grad::constant(0.0);
             let mut weigh = |x: &[f64], f: &V3<Grad>, n: &V3<Grad>| {
                 sum += f.dot(&c(&v3(x, 0))) + n.dot(&c(&v3(x, 3)));

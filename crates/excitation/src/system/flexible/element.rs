@@ -10,7 +10,7 @@
 use ff_dynamics::reduced::Frame;
 use ff_model::port::{PortView, port_len};
 use ff_model::scalar::{D1, D2, LaneScalar, ModelScalar};
-use ff_model::spatial::vec3::{M3, Ten, V3};
+use ff_model::spatial::vec3::{M3, PackedInertia, V3};
 use ff_model::tree::Mounted;
 use ff_model::{Model, Motion, Params, PortAccel, PortMatrix, PortState};
 use nalgebra::DMatrix;
@@ -134,7 +134,7 @@ impl Element {
                 T::port(&*m.appendage).residual(p, &s, &acc, &mut PortMatrix::over(self.n, scratch), r);
             }
             Kind::Link => {
-                let (f, n) = Ten::from_params(p).wrench(&w, &al, &a, &M3::field(&w, &al));
+                let (f, n) = PackedInertia::from_params(p).wrench(&w, &al, &a, &M3::field(&w, &al));
                 f.write_to(r);
                 n.write_to(&mut r[3..]);
             }
@@ -159,7 +159,7 @@ impl Element {
         let mut m = PortMatrix::new(self.n, buffer);
         match &self.kind {
             Kind::Port(port) => T::port(&*port.appendage).inertia(p, eta, &mut m),
-            Kind::Link => m.set_host(&Ten::from_params(p)),
+            Kind::Link => m.set_host(&PackedInertia::from_params(p)),
         }
         PortView::new(self.n, buffer)
     }

@@ -12,7 +12,7 @@ use ff_dynamics::reduced::{Arm, ArmModel, Frame, JointRow};
 use ff_dynamics::sim::Accelerometer;
 use ff_model::Scalar;
 use ff_model::scalar::Grad;
-use ff_model::spatial::vec3::{M3, Ten, V3};
+use ff_model::spatial::vec3::{M3, PackedInertia, V3};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// The system, and which columns are carried.
@@ -130,7 +130,7 @@ impl System {
         let n = 6 + self.m;
         let arm = Arm::from_slice(numbers);
         let mut rigid = arm.ten;
-        rigid.add(&Ten::from_params(&self.base));
+        rigid.add(&PackedInertia::from_params(&self.base));
         let zs = z.as_slice();
         let b = self.base_of(zs, None);
         let mut mass = DMatrix::zeros(n, n);
@@ -324,5 +324,5 @@ pub(super) enum Global {
 pub(super) fn unit_wrench<T: Scalar>(k: usize, b: &Base<T>) -> (V3<T>, V3<T>) {
     let mut e = [T::zero(); 10];
     e[k] = T::one();
-    Ten::from_params(&e).wrench(&b.w, &b.al, &b.a, &M3::field(&b.w, &b.al))
+    PackedInertia::from_params(&e).wrench(&b.w, &b.al, &b.a, &M3::field(&b.w, &b.al))
 }

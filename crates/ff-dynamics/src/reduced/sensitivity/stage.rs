@@ -9,7 +9,7 @@ use crate::reduced::system::{at_zero_acceleration, hung};
 use crate::reduced::table::Prescribed;
 use crate::tree::condense::{Inverse, OwnRows};
 use ff_model::scalar::{LaneScalar, ModelScalar};
-use ff_model::spatial::vec3::{Moving, Ten, V3};
+use ff_model::spatial::vec3::{Moving, PackedInertia, V3};
 use ff_model::{Model, Params};
 
 /// All derivatives at one point per lane.
@@ -63,7 +63,7 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
         rz[..n * nz].fill(L::zero());
         parts.place(|column| table.frames_at(column, nodes));
         let at = At::new(z, u);
-        let base = Ten::from(parts.params.body(0));
+        let base = PackedInertia::from(parts.params.body(0));
         let arm = table.arms::<L>(nodes);
         let (mut c, _, _) = at_zero_acceleration(&base, &arm, &at.w);
         // d/dw of w x (w x h + 2 h.) and of w x J w + C w.

@@ -3,7 +3,7 @@
 use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW};
 use super::sweep::Sweep;
 use ff_model::scalar::Grad;
-use ff_model::spatial::vec3::{M3, Pose, Turn, V3};
+use ff_model::spatial::vec3::{M3, Pose, RotationKind, V3};
 use ff_model::{Kinematics, Model, Params, Scalar, Xform};
 
 /// The links of an arm and frames on them, over any scalar: numbers, dual numbers (derivatives with respect to joint
@@ -47,7 +47,7 @@ impl<T: Scalar> ArmModel<T> {
         let pose = |(host, x): &(usize, Xform<T>)| {
             assert!(*host < model.n_bodies(), "body {host} does not exist");
             let mut pose = Pose::identity();
-            (pose.turn, pose.r, pose.p) = (Turn::General, M3::from(&x.rot), V3::from(&x.pos));
+            (pose.turn, pose.r, pose.p) = (RotationKind::General, M3::from(&x.rot), V3::from(&x.pos));
             (*host, pose)
         };
         Self { sweep: Sweep::new(model, params), sites: sites.iter().map(pose).collect() }

@@ -6,7 +6,7 @@ use super::prescribed::{Prescribed, Site};
 use super::sampling::Sampling;
 use super::source::ArmSource;
 use crate::motion::joint::JointMotion;
-use ff_model::spatial::vec3::{M3, Pose, Turn, V3};
+use ff_model::spatial::vec3::{M3, Pose, RotationKind, V3};
 use ff_model::{Kinematics, Model, Params, Scalar, Xform};
 
 /// What [`Prescribed`] holds, over any scalar: links' parameters, placements of joints and mounts, or both may carry
@@ -42,7 +42,7 @@ impl<T: Scalar> ArmTable<T> {
             mounts.map(|(k, a)| (a.host, kinematics.mount(k).apply(&a.mount))).collect();
         let rest = |(_, x): &(usize, Xform<T>)| {
             let mut pose = Pose::identity();
-            (pose.turn, pose.r, pose.p) = (Turn::General, M3::from(&x.rot), V3::from(&x.pos));
+            (pose.turn, pose.r, pose.p) = (RotationKind::General, M3::from(&x.rot), V3::from(&x.pos));
             Frame::at_rest(pose)
         };
         let at_rest = sites.iter().map(rest).collect();

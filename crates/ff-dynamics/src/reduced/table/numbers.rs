@@ -3,7 +3,7 @@
 //! Equations and symbols are those of [`crate::reduced::table`]. Everything is in base axes, about the base origin.
 
 use ff_model::scalar::LaneScalar;
-use ff_model::spatial::vec3::{M3, Pose, S3, Ten, Turn, V3, turn};
+use ff_model::spatial::vec3::{M3, PackedInertia, Pose, RotationKind, S3, V3, turn};
 use ff_model::{Scalar, Xform};
 
 /// Numbers of an [`Arm`] and of a [`Frame`].
@@ -15,7 +15,7 @@ pub(crate) const FRAME: usize = 24;
 #[derive(Clone, Copy, Debug)]
 pub struct Arm<T> {
     /// Mass `m` (kg), first moment `h` (kg m), inertia `J` (kg m^2).
-    pub ten: Ten<T>,
+    pub ten: PackedInertia<T>,
     /// `2 h.` (kg m/s).
     pub dh2: V3<T>,
     /// `h..` (kg m/s^2).
@@ -46,7 +46,11 @@ impl<T: Scalar> Arm<T> {
         }
         let (x, v) = (|i: usize| all[i], |i: usize| V3::from_slice(&all[i..i + 3]));
         Self {
-            ten: Ten { m: x(0), h: v(1), i: S3 { xx: x(4), xy: x(5), yy: x(6), xz: x(7), yz: x(8), zz: x(9) } },
+            ten: PackedInertia {
+                m: x(0),
+                h: v(1),
+                i: S3 { xx: x(4), xy: x(5), yy: x(6), xz: x(7), yz: x(8), zz: x(9) },
+            },
             dh2: v(10),
             ddh: v(13),
             c: M3([v(16), v(19), v(22)]),
@@ -120,7 +124,7 @@ impl<T: Scalar> Frame<T> {
         }
         let v = |i: usize| V3::from_slice(&all[i..i + 3]);
         let mut pose = Pose::identity();
-        (pose.turn, pose.r, pose.p) = (Turn::General, M3([v(0), v(3), v(6)]), v(9));
+        (pose.turn, pose.r, pose.p) = (RotationKind::General, M3([v(0), v(3), v(6)]), v(9));
         Self { pose, moving: true, dp: v(12), ddp: v(15), w: v(18), dw: v(21) }
     }
     #[inline(always)]
@@ -135,12 +139,12 @@ impl<T: Scalar> Frame<T> {
     /// A vector of the base in the frame.
     #[inline(always)]
     pub(crate) fn down(&self, v: &V3<T>) -> V3<T> {
-        if self.pose.turn == Turn::None { *v } else { self.pose.down::<{ turn::ANY }>(v) }
+        if self.pose.turn == RotationKind::None { *v } else { self.pose.down::<{ turn::ANY }>(v) }
     }
     /// A wrench of the frame in the base.
     #[inline(always)]
     pub(crate) fn up(&self, f: &V3<T>, n: &V3<T>) -> (V3<T>, V3<T>) {
-        if self.pose.turn == Turn::None {
+        if self.pose.turn == RotationKind::None {
             self.pose.wrench_up::<{ turn::NONE }>(f, n)
         } else {
             self.pose.wrench_up::<{ turn::ANY }>(f, n)

@@ -3,7 +3,7 @@
 use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW};
 use super::prescribed::{Prescribed, Site};
 use ff_model::scalar::{LaneScalar, ModelScalar};
-use ff_model::spatial::vec3::{M3, Pose, Turn, V3};
+use ff_model::spatial::vec3::{M3, Pose, RotationKind, V3};
 
 /// Numbers of the arm over `T`.
 pub(crate) trait ArmSource<T> {
@@ -83,7 +83,7 @@ impl<L: LaneScalar> ArmSource<L> for OnePerLane<'_> {
         }
         let v = |i: usize| V3::new(L::load(&lanes[i]), L::load(&lanes[i + 1]), L::load(&lanes[i + 2]));
         let mut pose = Pose::identity();
-        (pose.turn, pose.r, pose.p) = (Turn::General, M3([v(0), v(3), v(6)]), v(9));
+        (pose.turn, pose.r, pose.p) = (RotationKind::General, M3([v(0), v(3), v(6)]), v(9));
         Frame::at_rest(pose)
     }
     #[inline(always)]

@@ -8,7 +8,7 @@
 use super::numbers::{Arm, Frame, ROW};
 use crate::work::link::{Link, links};
 use ff_model::spatial::so3::{exp_so3, quat_to_rot};
-use ff_model::spatial::vec3::{M3, Pose, S3, Ten, Turn, V3, turn};
+use ff_model::spatial::vec3::{M3, PackedInertia, Pose, RotationKind, S3, V3, turn};
 use ff_model::{Kinematics, Model, Params, Scalar};
 
 /// The links of an arm with their buffers.
@@ -35,7 +35,7 @@ impl<T: Scalar> Sweep<T> {
     pub(crate) fn new(model: &Model, params: &Params<T>) -> Self {
         let nj = model.nj();
         Self {
-            bodies: (0..=nj).map(|i| Body::new(&Ten::from(params.body(i)))).collect(),
+            bodies: (0..=nj).map(|i| Body::new(&PackedInertia::from(params.body(i)))).collect(),
             links: links(model),
             moved: vec![Moved::at_rest(); nj + 1],
             sums: vec![Sums::zero(); nj + 1],
@@ -137,7 +137,7 @@ struct Body<T> {
 }
 
 impl<T: Scalar> Body<T> {
-    fn new(b: &Ten<T>) -> Self {
+    fn new(b: &PackedInertia<T>) -> Self {
         let half = (b.i.xx + b.i.yy + b.i.zz).scale(0.5);
         Self {
             m: b.m,
@@ -197,7 +197,7 @@ impl<T: Scalar> Moved<T> {
         let hr = self.r.mul(&b.h);
         let turned = {
             let mut x = Pose::identity();
-            (x.turn, x.r) = (Turn::General, self.r);
+            (x.turn, x.r) = (RotationKind::General, self.r);
             x.up_sym::<{ turn::ANY }>(&b.rr)
         };
         let dhr = self.w.cross(&hr);
@@ -238,8 +238,8 @@ impl<T: Scalar> Moved<T> {
     fn frame(&self, mount: &Pose<T>) -> Frame<T> {
         let d = self.r.mul(&mount.p);
         let mut pose = Pose::identity();
-        pose.turn = Turn::General;
-        pose.r = if mount.turn == Turn::None {
+        pose.turn = RotationKind::General;
+        pose.r = if mount.turn == RotationKind::None {
             self.r
         } else {
             M3([self.r.mul(&mount.r.0[0]), self.r.mul(&mount.r.0[1]), self.r.mul(&mount.r.0[2])])
@@ -293,7 +293,7 @@ impl<T: Scalar> Sums<T> {
         let (tr, twice) = (k[0].x + k[1].y + k[2].z, |v: V3<T>| v.scaled(two));
         let i = S3 { xx: s.yy + s.zz, xy: -s.xy, yy: s.xx + s.zz, xz: -s.xz, yz: -s.yz, zz: s.xx + s.yy };
         Arm {
-            ten: Ten { m: self.m, h: self.h, i },
+            ten: PackedInertia { m: self.m, h: self.h, i },
             dh2: twice(self.dh),
             ddh: self.ddh,
             // Column j of 2 (tr K 1 - K^T) is made of row j of K.

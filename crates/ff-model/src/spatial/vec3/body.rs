@@ -6,7 +6,7 @@ use crate::spatial::inertia::Inertia;
 
 /// A rigid body's ten inertial parameters about its frame origin, as the inner loops hold them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ten<T> {
+pub struct PackedInertia<T> {
     /// Mass (kg).
     pub m: T,
     /// First moment (kg m).
@@ -15,7 +15,7 @@ pub struct Ten<T> {
     pub i: S3<T>,
 }
 
-impl<T: Scalar> Ten<T> {
+impl<T: Scalar> PackedInertia<T> {
     /// No mass.
     #[inline(always)]
     pub fn zero() -> Self {
@@ -51,7 +51,7 @@ impl<T: Scalar> Ten<T> {
         let n = w.cross_add(&self.i.mul(w), &self.i.mul_add(al, &self.h.cross(a)));
         (f, n)
     }
-    /// Derivatives of [`Ten::wrench`] with respect to each component `w_i` of the angular velocity, where the origin
+    /// Derivatives of [`PackedInertia::wrench`] with respect to each component `w_i` of the angular velocity, where the origin
     /// has the acceleration `a = A + w x v` with `A` and `v` fixed (componentwise accelerations of a twist):
     /// `f_i = m e_i x v + w h_i - 2 h w_i + e_i (w.h)`, `n_i = e_i x I w + w x I e_i + h x (e_i x v)`.
     #[inline(always)]
@@ -75,7 +75,7 @@ impl<T: Scalar> Ten<T> {
     }
 }
 
-impl<T: Scalar> From<&Inertia<T>> for Ten<T> {
+impl<T: Scalar> From<&Inertia<T>> for PackedInertia<T> {
     #[inline(always)]
     fn from(b: &Inertia<T>) -> Self {
         let r = &b.rot.data.0;

@@ -5,7 +5,7 @@
 //! algorithms compute in these. Nothing allocates.
 pub(crate) mod body;
 
-pub use body::{Moving, Ten};
+pub use body::{Moving, PackedInertia};
 
 use crate::scalar::traits::Scalar;
 use core::ops::{Add, AddAssign, Neg, Sub, SubAssign};
@@ -263,7 +263,7 @@ impl<T: Scalar> S3<T> {
 
 /// What a rotation is known to be, so that it is not multiplied out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Turn {
+pub enum RotationKind {
     /// The identity.
     None,
     /// About x.
@@ -276,7 +276,7 @@ pub enum Turn {
     General,
 }
 
-impl Turn {
+impl RotationKind {
     /// What a rotation is handled as over the scalar `T`.
     #[inline(always)]
     pub fn of<T: Scalar>(self) -> Self {
@@ -284,8 +284,8 @@ impl Turn {
     }
 }
 
-/// [`Turn`] as a constant of the compiler, so that a step of an algorithm asks once what its rotation is
-/// (`by_turn!`): asking in every operation multiplies the code paths through a step.
+/// [`RotationKind`] as a constant of the compiler, so that a step of an algorithm asks once what its rotation is
+/// (`dispatch_rotation!`): asking in every operation multiplies the code paths through a step.
 pub mod turn {
     /// The identity.
     pub const NONE: u8 = 0;
@@ -299,34 +299,34 @@ pub mod turn {
     pub const ANY: u8 = 4;
 }
 
-/// Evaluates an expression with the constant `$k` standing for a [`vec3::Turn`](crate::spatial::vec3::Turn) known at run
-/// time: `by_turn!(T, pose.turn, K => pose.up::<K>(&v))` for a scalar `T`. For numbers with derivatives every
-/// rotation is [`Turn::General`](crate::spatial::vec3::Turn::General), see [`Turn::of`](crate::spatial::vec3::Turn::of).
+/// Evaluates an expression with the constant `$k` standing for a [`vec3::RotationKind`](crate::spatial::vec3::RotationKind) known at run
+/// time: `dispatch_rotation!(T, pose.turn, K => pose.up::<K>(&v))` for a scalar `T`. For numbers with derivatives every
+/// rotation is [`RotationKind::General`](crate::spatial::vec3::RotationKind::General), see [`RotationKind::of`](crate::spatial::vec3::RotationKind::of).
 #[macro_export]
-macro_rules! by_turn {
+macro_rules! dispatch_rotation {
     ($t:ty, $turn:expr, $k:ident => $e:expr) => {
         if <$t as $crate::Scalar>::DERIVATIVES {
             const $k: u8 = $crate::spatial::vec3::turn::ANY;
             $e
         } else {
             match $turn {
-                $crate::spatial::vec3::Turn::None => {
+                $crate::spatial::vec3::RotationKind::None => {
                     const $k: u8 = $crate::spatial::vec3::turn::NONE;
                     $e
                 }
-                $crate::spatial::vec3::Turn::X => {
+                $crate::spatial::vec3::RotationKind::X => {
                     const $k: u8 = $crate::spatial::vec3::turn::X;
                     $e
                 }
-                $crate::spatial::vec3::Turn::Y => {
+                $crate::spatial::vec3::RotationKind::Y => {
                     const $k: u8 = $crate::spatial::vec3::turn::Y;
                     $e
                 }
-                $crate::spatial::vec3::Turn::Z => {
+                $crate::spatial::vec3::RotationKind::Z => {
                     const $k: u8 = $crate::spatial::vec3::turn::Z;
                     $e
                 }
-                $crate::spatial::vec3::Turn::General => {
+                $crate::spatial::vec3::RotationKind::General => {
                     const $k: u8 = $crate::spatial::vec3::turn::ANY;
                     $e
                 }
@@ -351,12 +351,12 @@ fn turned<T: Scalar>(c: T, s: T, first: T, mixed: T, second: T) -> (T, T, T) {
 #[derive(Clone, Copy, Debug)]
 pub struct Pose<T> {
     /// What `R` is.
-    pub turn: Turn,
+    pub turn: RotationKind,
     /// Cosine of the angle, for a turn about a coordinate axis.
     pub c: T,
     /// Sine of the angle, for a turn about a coordinate axis.
     pub s: T,
-    /// `R` where it is [`Turn::General`]; not read otherwise.
+    /// `R` where it is [`RotationKind::General`]; not read otherwise.
     pub r: M3<T>,
     /// Origin of the child in the parent (m).
     pub p: V3<T>,
@@ -366,11 +366,11 @@ impl<T: Scalar> Pose<T> {
     /// The identity.
     #[inline(always)]
     pub fn identity() -> Self {
-        Self { turn: Turn::None, c: T::one(), s: T::zero(), r: M3::zero(), p: V3::zero() }
+        Self { turn: RotationKind::None, c: T::one(), s: T::zero(), r: M3::zero(), p: V3::zero() }
     }
     /// A constant pose; recognises the identity rotation.
     pub fn constant(x: &crate::spatial::motion::Xform<f64>) -> Self {
-        let turn = if x.rot == Matrix3::identity() { Turn::None } else { Turn::General };
+        let turn = if x.rot == Matrix3::identity() { RotationKind::None } else { RotationKind::General };
         let turn = turn.of::<T>();
         let x = x.lift::<T>();
         Self { turn, c: T::one(), s: T::zero(), r: M3::from(&x.rot), p: V3::from(&x.pos) }
@@ -451,7 +451,7 @@ impl<T: Scalar> Pose<T> {
     /// The body `b` of the child seen from the parent: `h' = R h + m p`,
     /// `I' = R I R^T + ((h_R + h').p) 1 - h' p^T - p h_R^T` with `h_R = R h`.
     #[inline(always)]
-    pub fn body_up<const K: u8>(&self, b: &Ten<T>) -> Ten<T> {
+    pub fn body_up<const K: u8>(&self, b: &PackedInertia<T>) -> PackedInertia<T> {
         let hr = self.up::<K>(&b.h);
         let p = &self.p;
         let h = p.scale_add(b.m, &hr);
@@ -466,7 +466,7 @@ impl<T: Scalar> Pose<T> {
             xz: nmul_add(h.x, p.z, nmul_add(p.x, hr.z, i.xz)),
             yz: nmul_add(h.y, p.z, nmul_add(p.y, hr.z, i.yz)),
         };
-        Ten { m: b.m, h, i }
+        PackedInertia { m: b.m, h, i }
     }
     /// The same pose as rotation matrix and origin.
     pub fn to_xform(&self) -> crate::spatial::motion::Xform<T> {
@@ -477,7 +477,7 @@ impl<T: Scalar> Pose<T> {
                 1 => v.y = T::one(),
                 _ => v.z = T::one(),
             }
-            Vector3::from(crate::by_turn!(T, self.turn, K => self.up::<K>(&v)))
+            Vector3::from(crate::dispatch_rotation!(T, self.turn, K => self.up::<K>(&v)))
         };
         crate::spatial::motion::Xform::new(Matrix3::from_columns(&[e(0), e(1), e(2)]), self.p.into())
     }
@@ -508,9 +508,9 @@ mod tests {
         };
         let any = Xform::new(quat_to_rot(&exp_so3(&Vector3::new(-0.4, 1.2, 0.6))), p);
         vec![
-            about(Turn::X, Vector3::x()),
-            about(Turn::Y, Vector3::y()),
-            about(Turn::Z, Vector3::z()),
+            about(RotationKind::X, Vector3::x()),
+            about(RotationKind::Y, Vector3::y()),
+            about(RotationKind::Z, Vector3::z()),
             (Pose::constant(&any), any),
             (Pose::constant(&Xform::new(Matrix3::identity(), p)), Xform::new(Matrix3::identity(), p)),
         ]
@@ -521,14 +521,16 @@ mod tests {
         let (u, n) = (Vector3::new(0.7, -0.2, 1.3), Vector3::new(-1.1, 0.5, 0.9));
         for (q, x) in poses() {
             let near = |a: V3<f64>, b: Vector3<f64>| assert_relative_eq!(Vector3::from(a), b, epsilon = 1e-14);
-            near(by_turn!(f64, q.turn, K => q.up::<K>(&V3::from(&u))), x.rot * u);
-            near(by_turn!(f64, q.turn, K => q.down::<K>(&V3::from(&u))), x.rot.transpose() * u);
+            near(dispatch_rotation!(f64, q.turn, K => q.up::<K>(&V3::from(&u))), x.rot * u);
+            near(dispatch_rotation!(f64, q.turn, K => q.down::<K>(&V3::from(&u))), x.rot.transpose() * u);
             let w = x.force_to_parent(&crate::spatial::motion::Force::new(u, n));
-            let (f, m) = by_turn!(f64, q.turn, K => q.wrench_up::<K>(&V3::from(&u), &V3::from(&n)));
+            let (f, m) = dispatch_rotation!(f64, q.turn, K => q.wrench_up::<K>(&V3::from(&u), &V3::from(&n)));
             near(f, w.lin);
             near(m, w.ang);
-            let (a, b) =
-                (by_turn!(f64, q.turn, K => q.body_up::<K>(&Ten::from(&body()))), Ten::from(&body().to_parent(&x)));
+            let (a, b) = (
+                dispatch_rotation!(f64, q.turn, K => q.body_up::<K>(&PackedInertia::from(&body()))),
+                PackedInertia::from(&body().to_parent(&x)),
+            );
             for (a, b) in [
                 (a.m, b.m),
                 (a.h.x, b.h.x),
@@ -552,7 +554,7 @@ mod tests {
     fn wrench_has_the_columns_and_derivatives_it_says() {
         let v3 = |x: f64, y: f64, z: f64| V3::new(x, y, z);
         let (v, w, a, al) = (v3(0.3, -1.1, 0.8), v3(0.5, 0.2, -0.9), v3(-0.6, 0.4, 1.2), v3(1.1, -0.3, 0.7));
-        let b = Ten::from(&body());
+        let b = PackedInertia::from(&body());
         let at = |w: &V3<f64>| b.wrench(w, &al, &w.cross_add(&v, &a), &M3::field(w, &al));
         let (f, n) = at(&w);
         let near = |x: V3<f64>, y: V3<f64>, e: f64| {
@@ -582,11 +584,11 @@ mod tests {
         let plain = body().mul_motion(&acc) + tw.cross_force(&body().mul_motion(&tw));
         let (w3, al3) = (V3::from(&w), V3::from(&al));
         let field = M3::field(&w3, &al3);
-        let (f, n) = Ten::from(&body()).wrench(&w3, &al3, &V3::from(&(a + w.cross(&v))), &field);
+        let (f, n) = PackedInertia::from(&body()).wrench(&w3, &al3, &V3::from(&(a + w.cross(&v))), &field);
         assert_relative_eq!(Vector3::from(f), plain.lin, epsilon = 1e-14);
         assert_relative_eq!(Vector3::from(n), plain.ang, epsilon = 1e-14);
         let p = body().mul_motion(&tw);
-        let (l, h) = Ten::from_params(&body().to_params()).momentum(&V3::from(&v), &w3);
+        let (l, h) = PackedInertia::from_params(&body().to_params()).momentum(&V3::from(&v), &w3);
         assert_relative_eq!(Vector3::from(l), p.lin, epsilon = 1e-14);
         assert_relative_eq!(Vector3::from(h), p.ang, epsilon = 1e-14);
     }

@@ -8,7 +8,7 @@ pub mod goal;
 pub(crate) mod search;
 
 pub use demands::{Demands, demands};
-pub use search::{Progress, Search, Watch};
+pub use search::{Observer, Progress, Search};
 
 use crate::exit::Exit;
 use crate::open::Opened;
@@ -89,7 +89,7 @@ pub fn plan(
     limits: &Limits,
     demands: &Demands,
     sensing: &Sensing,
-    watch: &Watch<'_>,
+    watch: &Observer<'_>,
 ) -> Result<Planned, ExciteError> {
     let start = start(opened, settings);
     let (trajectory, found) = if settings.goal == Goal::Paper {
@@ -143,7 +143,7 @@ fn spline(
     demands: &Demands,
     sensing: &Sensing,
     start: &[f64],
-    watch: &Watch<'_>,
+    watch: &Observer<'_>,
 ) -> Result<(Trajectory, Found), ExciteError> {
     let model = &opened.model;
     let of_joints = joint_limits(model, limits);

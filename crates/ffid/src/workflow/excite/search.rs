@@ -25,14 +25,14 @@ pub struct Progress {
 
 /// Who looks on, and can end the search. Both may stay empty.
 #[derive(Clone, Copy, Default)]
-pub struct Watch<'a> {
+pub struct Observer<'a> {
     /// Set to true from anywhere to end the search with the best plan so far.
     pub stop: Option<&'a AtomicBool>,
     /// Called before every iteration, from the thread that runs it.
     pub progress: Option<&'a (dyn Fn(&Progress) + Sync)>,
 }
 
-impl Watch<'_> {
+impl Observer<'_> {
     fn stopped(&self) -> bool {
         self.stop.is_some_and(|s| s.load(Ordering::Relaxed))
     }
@@ -79,7 +79,7 @@ pub(super) fn run(
     plan: &SplinePlan,
     under: Under<'_>,
     settings: &Excite,
-    watch: &Watch<'_>,
+    watch: &Observer<'_>,
 ) -> Result<Best, PlanError> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let sqp = SqpOptions { iterations: settings.iterations as usize, ..SqpOptions::default() };
@@ -124,12 +124,12 @@ pub(super) fn run(
     Ok(best(refined, searches, watch))
 }
 
-fn best(found: Found, searches: Vec<Search>, watch: &Watch<'_>) -> Best {
+fn best(found: Found, searches: Vec<Search>, watch: &Observer<'_>) -> Best {
     Best { x: found.best.x, cost: found.best.cost, searches, interrupted: watch.stopped(), rounds: found.rounds }
 }
 
 /// Runs a search that reports to `watch`.
-fn watched<R>(watch: &Watch<'_>, stage: &'static str, run: impl FnOnce(&excitation::solve::Observer<'_>) -> R) -> R {
+fn watched<R>(watch: &Observer<'_>, stage: &'static str, run: impl FnOnce(&excitation::solve::Observer<'_>) -> R) -> R {
     let report = |p: &excitation::Progress| {
         if let Some(f) = watch.progress {
             f(&Progress { stage, start: p.start, iteration: p.iteration, cost: p.cost });

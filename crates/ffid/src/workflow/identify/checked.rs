@@ -8,6 +8,7 @@ use super::error::IdentifyError;
 use super::held_out::nuisance;
 use super::identified::Identified;
 use super::labelled_record::LabelledRecord;
+use super::observed_estimator::Observer;
 use super::options::FitOptions;
 use super::record_estimator::RecordEstimator;
 use super::result::fit::Method;
@@ -16,7 +17,6 @@ use super::result::provenance::Provenance;
 use super::run::identify;
 use super::settings::Settings;
 use super::text;
-use super::watched::Watch;
 use crate::open::Opened;
 use ff_model::{Area, Problem, Problems};
 use ident::checks::{ClockPolicy, MomentumChange, RecordChecks, momentum_change};
@@ -43,7 +43,7 @@ pub fn identify_checked(
     checks: RecordChecks,
     axes: AxesCheck<'_>,
     provenance: &Provenance,
-    watch: &Watch<'_>,
+    watch: &Observer<'_>,
 ) -> Result<(Identified, Settings, Problems), IdentifyError> {
     let fit =
         |records: &[LabelledRecord], s: &Settings| identify(opened, records, s, options, provenance.clone(), watch);
@@ -123,7 +123,7 @@ fn momentum(
     found: &Identified,
     labelled: &LabelledRecord,
     s: &Settings,
-    watch: &Watch<'_>,
+    watch: &Observer<'_>,
 ) -> Result<Option<MomentumChange>, IdentifyError> {
     let (model, record) = (&opened.model, &labelled.record);
     let s = Settings { method: Some(Method::OutputError), ..s.clone() };

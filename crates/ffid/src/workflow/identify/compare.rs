@@ -6,13 +6,13 @@ use super::findings::{CandidateLine, ComparisonTable};
 use super::held_out::predict_held_out;
 use super::identified::Identified;
 use super::labelled_record::LabelledRecord;
+use super::observed_estimator::Observer;
 use super::options::FitOptions;
 use super::result::fit::Method;
 use super::result::provenance::Provenance;
 use super::run::identify;
 use super::settings::Settings;
 use super::signals::Signals;
-use super::watched::Watch;
 use crate::open::Opened;
 use ff_records::Record;
 use ident::checks::ModelVariant;
@@ -42,7 +42,7 @@ pub fn compare_variants(
     data: &Comparison<'_>,
     variants: &[ModelVariant],
     provenance: &Provenance,
-    watch: &Watch<'_>,
+    watch: &Observer<'_>,
 ) -> Result<ComparisonTable, IdentifyError> {
     let model = &data.opened.model;
     let variants = ModelVariant::distinct(model, variants);
@@ -81,7 +81,7 @@ fn one(
     variant: ModelVariant,
     s: &Settings,
     provenance: &Provenance,
-    watch: &Watch<'_>,
+    watch: &Observer<'_>,
 ) -> Result<Candidate, IdentifyError> {
     let whole = &data.opened.model;
     let model = variant.of(whole).map_err(IdentifyError::Refused)?;

@@ -30,14 +30,14 @@ pub struct RecordFit {
 /// Combinations on which the record is silent, told apart (`ident::belief::identifiability`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Silent {
+pub struct UnobservedDirections {
     /// No record of this robot can tell these; they move nothing.
     pub structural: Vec<Combination>,
     /// Another motion, or more sensors, might tell these.
     pub unexcited: Vec<Combination>,
 }
 
-impl Silent {
+impl UnobservedDirections {
     pub(super) fn of(s: &Silence) -> Self {
         let list = |d: &[ident::belief::Direction]| d.iter().map(Combination::of).collect();
         Self { structural: list(&s.structural), unexcited: list(&s.unexcited) }
@@ -51,13 +51,13 @@ pub struct ReducedSet {
     /// Parameters held at their values, because others stand for them.
     pub held: Vec<String>,
     /// What was estimated, and for what it stands.
-    pub combinations: Vec<Stands>,
+    pub combinations: Vec<DeterminedCombination>,
 }
 
 /// A parameter that is estimated for itself and for others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Stands {
+pub struct DeterminedCombination {
     /// The one among the unknowns.
     pub name: String,
     /// Those held, with what each unit of them adds to it.
@@ -69,7 +69,7 @@ pub struct Stands {
 impl ReducedSet {
     /// Parameters alone: biases and initial state are never held. `held` are the names held.
     pub(super) fn of(r: &Reduced, held: Vec<String>) -> Self {
-        let stands = r.combinations.iter().filter(|c| !c.terms.is_empty()).map(|c| Stands {
+        let stands = r.combinations.iter().filter(|c| !c.terms.is_empty()).map(|c| DeterminedCombination {
             name: c.name.clone(),
             terms: c.terms.clone(),
             text: c.to_string(),

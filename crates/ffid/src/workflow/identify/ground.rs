@@ -2,7 +2,7 @@
 //! ([`Ground`]), made physical by projection ([`ident::solve::project`](mod@ident::solve::project)).
 
 use super::error::{IdentifyError, config};
-use super::findings::{ReducedSet, Stands};
+use super::findings::{DeterminedCombination, ReducedSet};
 use super::identified::Identified;
 use super::known;
 use super::labelled_record::LabelledRecord;
@@ -158,7 +158,7 @@ pub(super) fn explain(
 }
 
 fn reduced(fit: &LinearEstimate) -> ReducedSet {
-    let one = |b: &ident::solve::BaseParameter| Stands {
+    let one = |b: &ident::solve::BaseParameter| DeterminedCombination {
         name: b.terms.first().map_or_else(String::new, |t| t.0.clone()),
         terms: b.terms.iter().skip(1).cloned().collect(),
         text: format!("{b} = {} +- {} {}", text::num(b.value), text::num(b.std), b.unit),

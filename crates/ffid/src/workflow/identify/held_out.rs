@@ -4,12 +4,12 @@
 use super::error::IdentifyError;
 use super::ground;
 use super::ground::Arm;
+use super::observed_estimator::{ObservedEstimator, Observer};
 use super::record_estimator::RecordEstimator;
 use super::result::held_out::HeldOut;
 use super::settings::Settings;
 use super::signals::Signals;
 use super::text;
-use super::watched::{Watch, Watched};
 use ff_model::Model;
 use ff_records::Record;
 use ident::Estimator;
@@ -45,11 +45,11 @@ pub(super) fn nuisance(
     estimator: &mut dyn Estimator,
     values: &[f64],
     s: &Settings,
-    watch: &Watch<'_>,
+    watch: &Observer<'_>,
 ) -> Result<NuisanceFit, IdentifyError> {
     // The linearisations of a judgement are not those of the fit.
-    let silent = Watch { progress: None, ..*watch };
-    let mut watched = Watched::new(estimator, &silent);
+    let silent = Observer { progress: None, ..*watch };
+    let mut watched = ObservedEstimator::new(estimator, &silent);
     let found = fit_nuisance(&mut watched, values, s.max_iterations);
     if watched.stopped() {
         return Err(IdentifyError::Interrupted);
@@ -72,7 +72,7 @@ pub fn predict_held_out(
     record: &Record,
     s: &Settings,
     source: impl Into<String>,
-    watch: &Watch<'_>,
+    watch: &Observer<'_>,
 ) -> Result<(HeldOut, Signals), IdentifyError> {
     record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
     if let Some(arm) = arm {

@@ -1,7 +1,7 @@
 //! Identifiability of a result: structural and unexcited directions, intervals from the likelihood, whiteness.
 
 use super::error::{IdentifyError, config};
-use super::findings::{ProfileLine, ReducedSet, Silent, Whiteness};
+use super::findings::{ProfileLine, ReducedSet, UnobservedDirections, Whiteness};
 use super::labelled_record::{LabelledRecord, channel_name};
 use super::options::FitOptions;
 use super::result::channel::ModeLine;
@@ -32,13 +32,13 @@ pub(super) fn silent(
     values: &[f64],
     unknowns: &Unknowns,
     full: &Uncertainty,
-) -> Result<Option<Silent>, IdentifyError> {
+) -> Result<Option<UnobservedDirections>, IdentifyError> {
     if full.null.is_empty() || unknowns.has_ties() {
         return Ok(None);
     }
     let params = Params::from_values(model, values.to_vec());
     let structure = structural(model, &params, &unknowns.selected).map_err(linalg)?;
-    Ok(Some(Silent::of(&silence(full, &structure).map_err(linalg)?)))
+    Ok(Some(UnobservedDirections::of(&silence(full, &structure).map_err(linalg)?)))
 }
 
 /// Columns of the parameters that the data determine, and what is then held.

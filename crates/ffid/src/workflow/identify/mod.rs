@@ -25,6 +25,7 @@ pub(crate) mod identified;
 pub(crate) mod known;
 pub(crate) mod labelled_record;
 pub mod model_files;
+pub(crate) mod observed_estimator;
 pub(crate) mod options;
 pub(crate) mod record_estimator;
 pub(crate) mod report;
@@ -35,20 +36,20 @@ pub(crate) mod signals;
 pub(crate) mod text;
 pub(crate) mod ties;
 pub(crate) mod unknowns;
-pub(crate) mod watched;
 
 pub use checked::{AxesCheck, identify_checked};
 pub use compare::{Comparison, compare_variants};
 pub use error::IdentifyError;
 pub use findings::{
-    CandidateLine, ClockLine, ComparisonTable, DecayMode, DecayModes, Minima, ProfileLine, RecordFit, ReducedSet,
-    Silent, Stands, UnseenMode, Whiteness,
+    CandidateLine, ClockLine, ComparisonTable, DecayMode, DecayModes, DeterminedCombination, Minima, ProfileLine,
+    RecordFit, ReducedSet, UnobservedDirections, UnseenMode, Whiteness,
 };
 pub use ground::{Arm, LOW_PASS};
 pub use held_out::predict_held_out;
 pub use ident::checks::{ClockPolicy, ModelVariant, RecordChecks};
 pub use identified::Identified;
 pub use labelled_record::LabelledRecord;
+pub use observed_estimator::Observer;
 pub use options::FitOptions;
 pub use record_estimator::RecordEstimator;
 pub use result::{
@@ -60,4 +61,3 @@ pub use settings::{EXPLAINED, Settings, method};
 pub use signals::Signals;
 pub use text::{num, verdict};
 pub use ties::TieSpec;
-pub use watched::Watch;

@@ -6,6 +6,7 @@ use super::ground;
 use super::identified::Identified;
 use super::known;
 use super::labelled_record::LabelledRecord;
+use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::record_estimator::RecordEstimator;
 use super::report::{Fitted, Report};
@@ -15,7 +16,6 @@ use super::settings::{Settings, check, method};
 use super::signals::Signals;
 use super::text;
 use super::unknowns::Unknowns;
-use super::watched::{Watch, Watched};
 use crate::open::Opened;
 use ff_least_squares::Settings as Solver;
 use ff_model::{Area, Problem, Problems};
@@ -41,7 +41,7 @@ pub fn identify(
     settings: &Settings,
     options: &FitOptions,
     provenance: Provenance,
-    watch: &Watch<'_>,
+    watch: &Observer<'_>,
 ) -> Result<Identified, IdentifyError> {
     let model = &opened.model;
     check(opened, settings).map_err(IdentifyError::Refused)?;
@@ -81,7 +81,7 @@ pub fn identify(
         },
         ..Request::new(&unknowns.decls, &unknowns.selected, &unknowns.start)
     };
-    let mut watched = Watched::new(&mut *whole, watch);
+    let mut watched = ObservedEstimator::new(&mut *whole, watch);
     let fitted = solve(&request, &unknowns, settings, options, &mut watched);
     let fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
     let values = unknowns.expand(&fitted.estimate.values)?;
@@ -108,7 +108,7 @@ fn solve(
     unknowns: &Unknowns,
     s: &Settings,
     options: &FitOptions,
-    estimator: &mut Watched<'_>,
+    estimator: &mut ObservedEstimator<'_>,
 ) -> Result<Fitted, IdentifyError> {
     let (first, minima) = if options.more_starts == 0 {
         (estimate(request, estimator)?, None)

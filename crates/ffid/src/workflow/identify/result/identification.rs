@@ -6,7 +6,7 @@ use super::held_out::HeldOut;
 use super::parameter::{Combination, Correlation, Covariance, Parameter, Value};
 use super::provenance::{Provenance, Warning};
 use crate::workflow::identify::findings::{
-    ClockLine, ComparisonTable, DecayModes, Minima, ProfileLine, RecordFit, ReducedSet, Silent, Whiteness,
+    ClockLine, ComparisonTable, DecayModes, Minima, ProfileLine, RecordFit, ReducedSet, UnobservedDirections, Whiteness,
 };
 use ident::Posterior;
 use serde::{Deserialize, Serialize};
@@ -56,7 +56,7 @@ pub struct IdentificationResult {
     pub priors_cover: bool,
     /// The combinations on which the record is silent, told apart: by structure, or because it excites too little.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub silent: Option<Silent>,
+    pub silent: Option<UnobservedDirections>,
     /// What was estimated in place of what was asked for, because the record is silent on the rest.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub reduced: Option<ReducedSet>,

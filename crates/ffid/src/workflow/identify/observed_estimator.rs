@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Progress and interruption from outside.
 #[derive(Clone, Copy, Default)]
-pub struct Watch<'a> {
+pub struct Observer<'a> {
     /// Set to end the fit.
     pub stop: Option<&'a AtomicBool>,
     /// Called with the number of the linearisation and chi-squared per residual.
@@ -19,9 +19,9 @@ pub struct Watch<'a> {
 }
 
 /// An estimator that reports its progress and ends on request, over the decimated record too.
-pub(super) struct Watched<'a> {
+pub(super) struct ObservedEstimator<'a> {
     inner: Box<dyn Estimator + 'a>,
-    watch: &'a Watch<'a>,
+    watch: &'a Observer<'a>,
     state: Rc<SharedState>,
 }
 
@@ -35,15 +35,15 @@ struct SharedState {
 }
 
 impl SharedState {
-    fn report(&self, watch: &Watch<'_>, r: &[f64]) {
+    fn report(&self, watch: &Observer<'_>, r: &[f64]) {
         if let Some(tell) = watch.progress {
             tell(self.linearisations.get(), r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64);
         }
     }
 }
 
-impl<'a> Watched<'a> {
-    pub(super) fn new(inner: impl Estimator + 'a, watch: &'a Watch<'a>) -> Self {
+impl<'a> ObservedEstimator<'a> {
+    pub(super) fn new(inner: impl Estimator + 'a, watch: &'a Observer<'a>) -> Self {
         Self { inner: Box::new(inner), watch, state: Rc::default() }
     }
     /// Whether it was ended from outside.
@@ -59,7 +59,7 @@ impl<'a> Watched<'a> {
     }
 }
 
-impl Estimator for Watched<'_> {
+impl Estimator for ObservedEstimator<'_> {
     fn rows(&self) -> usize {
         self.inner.rows()
     }
@@ -68,7 +68,7 @@ impl Estimator for Watched<'_> {
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         let thin = self.inner.coarse(full)?;
-        let watched = Watched { inner: thin.estimator, watch: self.watch, state: Rc::clone(&self.state) };
+        let watched = ObservedEstimator { inner: thin.estimator, watch: self.watch, state: Rc::clone(&self.state) };
         Some(Coarse { estimator: Box::new(watched), ..thin })
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
