@@ -10,7 +10,7 @@ use ff_mission::{LoadOptions, Mission};
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, CoordDecl, Decl, ParamDecl, PortMatrix, Problem, Problems, Registry, Scalar, Severity};
 use ff_testkit::fixtures::{fixture, text};
-use ff_testkit::problem::{assert_violation, problem_of};
+use ff_testkit::problem::{assert_violation, problem_of, refused};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
@@ -312,4 +312,20 @@ fn allowing_unknown_elements_hides_nothing_else() {
     // However many are allowed, the one error among them is not lost.
     let many = good.replace("<tank/>", &"<tank/>".repeat(2_000)).replace("xyz=\"0.9 0 1.2\"", "xyz=\"0.9 x 0 1.2\"");
     assert!(urdf::from_str(&many, &options).unwrap_err().has("Urdf::BadNumber"));
+}
+
+/// A mission of a newer format is refused as such, and nothing else in it is judged; one without a format is of the first.
+#[test]
+fn a_newer_format_is_refused_and_the_first_may_be_left_out() {
+    let (mission, urdf) = (text("paper/flex.toml"), text("paper/robot.urdf"));
+    let load = |text: &str| Mission::from_str(text, &urdf, &registry(), &LoadOptions::default());
+    let plain = load(&mission).unwrap();
+    assert_eq!(load(&format!("format = 1\n{mission}")).unwrap().mission, plain.mission);
+    let newer = load(&format!("# later\nformat = 7\nkey_of_later = 3\n{mission}")).unwrap_err();
+    let p = refused(&newer, "Config::Version", "format");
+    assert_violation(p, 7.0, Limit::AtMost(ff_mission::mission::FORMAT as f64), "");
+    assert_eq!((p.line, p.column, newer.exit_code()), (Some(2), Some(10), 11));
+    let p = load(&format!("format = 0\n{mission}")).unwrap_err();
+    assert_violation(refused(&p, "Config::OutOfRange", "format"), 0.0, Limit::Within(1.0, 1.0), "");
+    refused(&load(&format!("format = \"1\"\n{mission}")).unwrap_err(), "Config::Type", "format");
 }

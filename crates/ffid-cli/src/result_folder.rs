@@ -2,10 +2,10 @@
 
 use crate::output::Input;
 use ff_model::{Area, Problem, Problems};
-use ffid::files::complete;
+use ffid::files::{complete, format};
 use ffid::open::{Opened, open};
-use ffid::workflow::identify::IdentificationResult;
 use ffid::workflow::identify::model_files::TOML;
+use ffid::workflow::identify::{FORMAT, IdentificationResult, VERSION};
 use std::path::{Path, PathBuf};
 
 /// A result with the robot it describes.
@@ -28,6 +28,7 @@ pub(crate) fn result(folder: &Path) -> Result<IdentificationResult, Problems> {
         let p = Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}")).in_file(&path);
         Problems(vec![p.hint("check the permissions")])
     })?;
+    format::check(&bytes, FORMAT, VERSION).map_err(|p| p.in_file(&path))?;
     IdentificationResult::from_json(&bytes)
         .map_err(|e| one(&path, "Data::Syntax", e, "identify again with this version"))
 }

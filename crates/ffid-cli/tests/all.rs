@@ -8,6 +8,7 @@ mod common;
 mod convert;
 mod doubts;
 mod excite;
+mod formats;
 mod identify;
 mod in_process;
 mod init;

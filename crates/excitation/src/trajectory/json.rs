@@ -4,8 +4,8 @@ use super::{FORMAT, NamedJoint, Origin, Trajectory, TrajectoryFile, VERSION, bad
 use crate::plan::manoeuvre::{Extent, JointCommand, Manoeuvre, ManoeuvreSpec, Shape};
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::motion::bspline::{BSplineMotion, Knots};
-use ff_model::diagnostics::{clip, nearest};
-use ff_model::{Problem, Problems};
+use ff_model::diagnostics::{Limit, clip, nearest};
+use ff_model::{Area, Problem, Problems};
 use nalgebra::DMatrix;
 use serde_json::{Map, Value, json};
 
@@ -201,9 +201,13 @@ fn file(root: &Value, bad: &mut Problems) -> Option<TrajectoryFile> {
         return None;
     }
     let version = o.whole("version", bad)?;
-    if version != VERSION {
-        let what = format!("version {version}, this program reads version {VERSION}");
-        bad.push(data("Data::Version", what).on("version").hint("write the trajectory again with this program"));
+    if version > VERSION {
+        bad.push(Problem::newer_format(Area::Data, "Data::Version", version, VERSION).on("version"));
+        return None;
+    }
+    if version == 0 {
+        let p = Problem::out_of_range(Area::Data, "Data::Version", 0.0, Limit::AtLeast(1.0), "").on("version");
+        bad.push(p.hint("write the trajectory again with `ffid excite`"));
         return None;
     }
     let origin = o.get("origin", bad).and_then(|v| origin(v, bad));
@@ -225,8 +229,9 @@ fn origin(v: &Value, bad: &mut Problems) -> Option<Origin> {
 
 fn joints(all: &[Value], bad: &mut Problems) -> Option<Vec<NamedJoint>> {
     if all.is_empty() || all.len() > MAX_JOINTS {
-        let what = format!("{} joints, limit 1 to {MAX_JOINTS}", all.len());
-        bad.push(data("Data::WrongLength", what).on("joints").hint("name every joint once"));
+        let (count, limit) = (all.len() as f64, Limit::Within(1.0, MAX_JOINTS as f64));
+        let p = Problem::out_of_range(Area::Data, "Data::WrongLength", count, limit, "joints");
+        bad.push(p.on("joints").hint("name every joint once"));
         return None;
     }
     let mut out: Vec<NamedJoint> = Vec::with_capacity(all.len());

@@ -180,6 +180,7 @@ fn match_joints(file: &[NamedJoint], model: &[NamedJoint]) -> Result<Vec<usize>,
             extra.first().and_then(|e| nearest(e, missing.iter().copied()).map(|n| format!("is {e} meant to be {n}?")));
         bad.push(
             data("Data::NameMismatch", what)
+                .on("joints")
                 .hint(near.unwrap_or_else(|| "use the trajectory with its own robot".into())),
         );
         return Err(bad);
@@ -198,9 +199,11 @@ fn data(code: &'static str, message: impl Into<String>) -> Problem {
 }
 
 fn bad_spline(e: &dyn std::fmt::Display) -> Problems {
-    Problems(vec![data("Data::BadSpline", e.to_string()).hint("write the file again with `ffid excite`")])
+    Problems(vec![data("Data::BadSpline", e.to_string()).on("motion").hint("write the file again with `ffid excite`")])
 }
 
 fn bad_manoeuvre(e: &dyn std::fmt::Display) -> Problems {
-    Problems(vec![data("Data::BadManoeuvre", e.to_string()).hint("write the file again with `ffid excite`")])
+    Problems(vec![
+        data("Data::BadManoeuvre", e.to_string()).on("motion").hint("write the file again with `ffid excite`"),
+    ])
 }

@@ -1,6 +1,8 @@
 //! Mission files: one TOML file that names the robot, what hangs on it, its sensors, and what to estimate.
 //!
 //! ```toml
+//! format = 1                  # version of the format, FORMAT; 1 unless given
+//!
 //! [robot]                     # Robot
 //! urdf = "robot.urdf"
 //! end_effector = "tool"
@@ -94,15 +96,18 @@ use toml::de::DeTable;
 /// Largest mission file read (bytes).
 pub const MAX_BYTES: usize = 1 << 20;
 
+/// Format of mission files that this version knows, as their key `format` gives it: all from 1 to this are read.
+pub const FORMAT: u64 = 1;
+
 /// Keys of a mission file. Those of a section are declared beside what it is read to.
 const ROOT: &[Key] = &[
+    key("format", Holds::WholeWithin { from: 1, to: FORMAT, unit: "" }, "version of the format of this file")
+        .or_whole(1),
     must("robot", Holds::Table(ROBOT), "which robot, which base, gravity"),
     key("client", Holds::Tables(CLIENT), "what the end effector holds"),
     key("appendage", Holds::Appendages(APPENDAGE), "what hangs on the robot: panels, fuel, wheels"),
     key("input", Holds::TablesOf(INPUTS), "what acts in ffid simulate"),
     key("sensors", Holds::Table(SENSORS), "rate and noise of the sensors"),
-    key("format", Holds::WholeWithin { from: 1, to: FORMAT, unit: "" }, "version of the format of this file")
-        .or_whole(1),
     key("limits", Holds::Table(LIMITS), "what planned motion must keep to"),
     key("estimate", Holds::Table(ESTIMATE), "what is identified, and from which start"),
     key("excite", Holds::Table(EXCITE), "the manoeuvre that is planned"),
@@ -298,11 +303,16 @@ fn load(
         for (k, v) in doc.get_ref() {
             cx.finite(k.get_ref(), v);
         }
-        let mut imported = Problems::default();
-        let kinds = Kinds { registry, folder };
-        let loaded = read(&Table::root(&cx, &doc, ROOT), &kinds, options, import, &mut imported);
-        out.extend(imported);
-        loaded
+        let root = Table::root(&cx, &doc, ROOT);
+        if is_readable(&root) {
+            let mut imported = Problems::default();
+            let kinds = Kinds { registry, folder };
+            let loaded = read(&root, &kinds, options, import, &mut imported);
+            out.extend(imported);
+            loaded
+        } else {
+            None
+        }
     } else {
         syntax.iter().take(100).for_each(|e| cx.push(syntax_problem(text, e)));
         None
@@ -319,6 +329,13 @@ fn load(
     Ok(loaded)
 }
 
+/// False for a file in a newer format, which is reported: nothing else in it can be judged.
+fn is_readable(root: &Table<'_, '_>) -> bool {
+    let Some(format) = root.newer_than("format", FORMAT) else { return true };
+    root.fail("format", Problem::newer_format(Area::Config, "Config::Version", format, FORMAT));
+    false
+}
+
 /// Reads all sections, imports the robot, mounts the appendages; goes on as far as there is something to
 /// check.
 fn read(
@@ -328,14 +345,8 @@ fn read(
     import: impl FnOnce(&Robot, &UrdfOptions) -> Result<(Model, Problems), Problems>,
     imported: &mut Problems,
 ) -> Option<Loaded> {
+    root.whole("format");
     let robot_table = root.table("robot");
-/// False for a file in a newer format, which is reported: nothing else in it can be judged.
-fn is_readable(root: &Table<'_, '_>) -> bool {
-    let Some(format) = root.newer_than("format", FORMAT) else { return true };
-    root.fail("format", Problem::newer_format(Area::Config, "Config::Version", format, FORMAT));
-    false
-}
-
     let robot = robot_table.as_ref().and_then(Robot::read);
     let clients: Vec<(Table<'_, '_>, Option<Client>)> = root
         .tables("client")

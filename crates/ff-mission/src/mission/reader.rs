@@ -266,6 +266,13 @@ impl<'d, 't> Table<'d, 't> {
             _ => Some(x),
         }
     }
+    /// The whole number of a key, if it is above `limit`; reports nothing.
+    pub(super) fn newer_than(&self, key: &str, limit: u64) -> Option<u64> {
+        match self.table.get(key)?.get_ref() {
+            DeValue::Integer(i) => u64::from_str_radix(i.as_str(), i.radix()).ok().filter(|x| *x > limit),
+            _ => None,
+        }
+    }
     /// An array of whole numbers.
     pub(super) fn wholes(&self, key: &'static str) -> Option<Vec<u64>> {
         self.each(key, |h| h == Holds::Wholes, "an array of whole numbers", |path, v| self.whole_of(path, v))

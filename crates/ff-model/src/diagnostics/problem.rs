@@ -187,6 +187,12 @@ impl Problem {
         let message = violation.to_string();
         Self { violation: Some(violation), ..Self::error(area, code, message) }
     }
+    /// An error: a file of a format that is newer than the newest which this program knows.
+    pub fn newer_format(area: Area, code: &'static str, found: u64, newest: u64) -> Self {
+        Self::error(area, code, format!("format version {found}, this program reads versions up to {newest}"))
+            .violating(found as f64, Limit::AtMost(newest as f64), "")
+            .hint("use a newer version of this program, or write the file in an older format")
+    }
     /// A warning.
     pub fn warning(area: Area, code: &'static str, message: impl Into<String>) -> Self {
         Self { severity: Severity::Warning, ..Self::error(area, code, message) }

@@ -3,4 +3,5 @@ pub mod atomic;
 pub mod complete;
 pub mod csv_out;
 pub mod folder;
+pub mod format;
 pub mod json;

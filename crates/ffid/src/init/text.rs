@@ -1,6 +1,7 @@
 //! The text of a first mission file.
 
 use super::guess::{Guess, Panel, shown};
+use ff_mission::mission::FORMAT;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fmt::Write;
@@ -80,6 +81,8 @@ fn write(out: &mut String, g: &Guess, urdf: &str, known: &Known) -> fmt::Result 
         out,
         "# does not tell is commented out, with its unit; fill it in and remove the `#`. Then `ffid check`."
     )?;
+    writeln!(out)?;
+    line(out, &format!("format = {FORMAT}"), "version of the format of this file")?;
     writeln!(out, "\n[robot]")?;
     line(out, &format!("urdf = {}", quoted(urdf)), "relative to this file")?;
     line(out, &format!("base_link = {}", quoted(&g.base)), "guess: the root of the tree")?;

@@ -72,7 +72,7 @@ fn full(schema: &Value, pick: usize) -> Value {
         },
         Some("string") => json!("text"),
         Some("number") => json!(0.25),
-        Some("integer") => json!(3),
+        Some("integer") => json!(schema["maximum"].as_u64().map_or(3, |most| most.min(3))),
         Some("boolean") => json!(true),
         _ => schema["const"].clone(),
     }
