@@ -83,7 +83,8 @@ impl Case {
     pub(crate) fn result(&self, folder: &str) -> IdentificationResult {
         IdentificationResult::from_json(&fs::read(self.path(folder).join("result.json")).unwrap()).unwrap()
     }
-    /// The error of a refusal, as text and as JSON.
+    /// The error of a refusal, as text and as JSON: code, exit code, a next step, and the names, flags and numbers that it
+    /// must give. Its sentences are not looked at.
     pub(crate) fn refused(&self, args: &[&str], exit: i32, code: &str, says: &[&str]) {
         let (found, out, err) = self.run(args);
         assert_eq!(found, exit, "{out}\n{err}");
@@ -91,7 +92,11 @@ impl Case {
         let (again, out, _) = self.run(&[args, &["--json"]].concat());
         let v: Value = serde_json::from_str(&out).unwrap();
         assert_eq!((again, v["exit_code"].as_i64()), (exit, Some(i64::from(exit))));
-        let found = v["problems"].as_array().unwrap().iter().any(|p| p["code"] == code && common::says(p, &err, says));
+        let found = v["problems"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|p| p["code"] == code && p["hint"].is_string() && common::says(p, &err, says));
         assert!(found, "{says:?} in {err}\n{v}");
     }
     /// Nothing of an unfinished run is left.
@@ -284,13 +289,13 @@ fn d27_what_the_record_cannot_tell_is_named_and_priors_cover_it() {
         .replace("\"base.*\", \"panel_*.k[*]\", \"panel_*.d[*]\"", "\"base.*\", \"panel_*\"");
     c.write("free.toml", &mission);
     let args = ["identify", "free.toml", "--record", "rec.csv", "--force"];
-    c.refused(&args, 13, "Fit::Unidentifiable", &["silent on", "panel_left"]);
+    c.refused(&args, 13, "Fit::Unidentifiable", &["panel_left"]);
     let r = c.result("free-identified");
     assert!(!r.null_directions.is_empty() && !r.priors_cover && r.rank < r.singular_values.len());
     // With priors everything has a deviation, and what the data do not tell is a warning.
     let (code, out, err) = c.run(&[&args[..], &["--prior", "0.3", "--out", "p"]].concat());
     assert_eq!(code, 0, "{out}\n{err}");
-    assert!(err.contains("warning[Fit::Unidentifiable]") && err.contains("its prior holds it"), "{err}");
+    assert!(err.contains("warning[Fit::Unidentifiable]"), "{err}");
     let r = c.result("p");
     assert!(r.priors_cover && r.parameters.iter().all(|p| p.std.is_some()));
 }
@@ -410,10 +415,10 @@ fn a_model_that_lacks_something_is_told_apart() {
         &["identify", "m.toml", "--record", "rec.csv", "--max-iterations", "1", "--out", "few", "--force"],
         14,
         "Fit::NoSolution",
-        &["ran out of iterations"],
+        &[],
     );
     assert!(c.path("few/result.json").exists() && !c.path("few/identified.toml").exists());
-    c.refused(&["predict", "few", "--trajectory", "b.csv", "--out", "p.csv"], 12, "Data::NoSolution", &["ran out"]);
+    c.refused(&["predict", "few", "--trajectory", "b.csv", "--out", "p.csv"], 12, "Data::NoSolution", &[]);
     c.refused(
         &["identify", "m.toml", "--record", "rec.csv", "--method", "rda"],
         11,
