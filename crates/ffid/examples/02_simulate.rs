@@ -12,14 +12,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let params = Params::<f64>::nominal(model);
     let joint = model.joint("joint2").ok_or("no joint2")?;
 
-    // joint2 leaves its pose by 0.6 rad and comes back, at the frequency of a bending mode of the panels.
+    // joint2 leaves its pose by 0.6 rad and comes back, twice in 17.7 s. Its second harmonic is near the mode in which base and
+    // panels turn (0.229 Hz), and it starts and stops without a jump of the acceleration.
     let rate = std::f64::consts::TAU * 0.113;
     let motion = FnMotion::new(model.nj(), 2.0 / 0.113, |t, q, qd, qdd| {
         q.copy_from_slice(&hold);
         qd.fill(0.0);
         qdd.fill(0.0);
-        let (sin, cos) = (rate * t).sin_cos();
-        (q[joint], qd[joint], qdd[joint]) = (q[joint] - 0.3 * (1.0 - cos), -0.3 * rate * sin, -0.3 * rate * rate * cos);
+        let (s, c) = (rate * t).sin_cos();
+        q[joint] -= 0.3 * (1.0 - c - 0.5 * s * s);
+        qd[joint] = -0.3 * rate * s * (1.0 - c);
+        qdd[joint] = -0.3 * rate * rate * (c - 1.0 + 2.0 * s * s);
     })?;
     let options = SimOptions { duration_s: 40.0, step_s: 5e-3, sample_s: 0.05 };
     let mut start = State::zero(model);
@@ -35,6 +38,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let momentum = |i: usize| trace.budget(model, &params, i).momentum.lin.norm();
     let largest = (0..trace.len()).map(momentum).fold(0.0, f64::max);
-    println!("linear momentum, 0 exactly {largest:10.1e} kg m/s");
+    println!("linear momentum, at most   {largest:10.1e} kg m/s (0 but for errors of integration)");
     Ok(())
 }

@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     );
     println!("limits hold for all time: {}", plan.limits.holds);
     for p in &plan.predictions {
-        println!("  {:12} {:9.3} +- {:9.3e} {}", p.name, p.value, p.planned, p.unit);
+        println!("  {:14} {:9.3} +- {:9.5} {}", p.name, p.value, p.planned, p.unit);
     }
     Ok(())
 }
