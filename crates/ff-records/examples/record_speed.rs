@@ -2,8 +2,8 @@
 //! by block as `ffid convert` does. Speeds are of decoded samples, eight bytes each, and of the file.
 //!
 //! ```sh
-//! cargo run --release -p ident --features parquet,mcap --example record_speed -- 200               # MB of samples
-//! cargo run --release -p ident --features parquet,mcap --example record_speed -- 2100 csv blocks   # a file of 5 GB
+//! cargo run --release -p ff-records --features parquet,mcap --example record_speed -- 200               # MB of samples
+//! cargo run --release -p ff-records --features parquet,mcap --example record_speed -- 2100 csv blocks   # a file of 5 GB
 //! ```
 //!
 //! After the size come formats (`csv`, every digit; `csv6`, six places; `parquet`; `mcap`; all unless named), and `blocks` for blocks

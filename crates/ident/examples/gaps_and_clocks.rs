@@ -1,4 +1,4 @@
-//! A record with lost samples, a clipped sensor and a late gyro: `cargo run --release -p ident --example gaps_and_clocks`.
+//! A record with lost samples, a clipped sensor and a late gyro: `cargo run --release -p ff-ident --example gaps_and_clocks`.
 //!
 //! Time stamps show what was lost; the builder fills gaps so that samples stay evenly spaced, and a mask takes the filled ones out of
 //! the sums. The clocks of torques and gyro are compared with that of the encoders by what a rough model predicts, and put

@@ -1,5 +1,5 @@
 //! The integration tests as one program: as many programs would compile the same generic dynamics again and again.
-//! `cargo test -p ident --test all coarse` runs those of `coarse.rs`.
+//! `cargo test -p ff-ident --test all coarse` runs those of `coarse.rs`.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 mod common;
