@@ -451,7 +451,7 @@ impl<E: Estimator> Tied<E> {
         self.checked = false;
         self
     }
-    /// The map: its declarations are those to select from, and to give to [`crate::estimate::estimator::Request`].
+    /// The map: its declarations are those to select from, and to give to [`crate::estimate::request::Request`].
     pub fn map(&self) -> &TieMap {
         &self.map
     }

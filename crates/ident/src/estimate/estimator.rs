@@ -1,7 +1,7 @@
 //! One interface for every way of comparing a record with a model.
 //!
 //! An estimator predicts what the sensors should have read for given parameters, with exact derivatives.
-//! [`crate::estimate`] is the fit that they share.
+//! [`crate::estimate()`] is the fit that they share.
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::row_stream::{RowBlock, RowStream, Whole};
@@ -88,7 +88,7 @@ pub trait Estimator {
         self.jacobian(full, extra, selected, &mut all.residuals, &mut all.jacobian)?;
         Ok(vec![Box::new(Whole(Some(all)))])
     }
-    /// The same over so much less data that it takes a fraction of the time, if there is enough of it: [`crate::estimate`] takes the way
+    /// The same over so much less data that it takes a fraction of the time, if there is enough of it: [`crate::estimate()`] takes the way
     /// there and does the last steps with all of it. `full` is about where it will be used. `None` unless overridden.
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         let _ = full;

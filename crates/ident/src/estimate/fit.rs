@@ -1,4 +1,4 @@
-//! The least-squares problem behind [`crate::estimate`]: data, priors and references in unconstrained coordinates.
+//! The least-squares problem behind [`crate::estimate()`]: data, priors and references in unconstrained coordinates.
 
 use crate::belief::prior::Priors;
 use crate::estimate::estimator::Estimator;

@@ -90,7 +90,7 @@ pub struct Request<'a> {
     pub anchor: Option<f64>,
     /// What a residual costs. Priors and anchors are squares whatever is asked for here.
     pub loss: Loss,
-    /// Take the way to the answer over less data, where the estimator offers that ([`Estimator::coarse`]). The answer and its
+    /// Take the way to the answer over less data, where the estimator offers that ([`Estimator::coarse`](crate::Estimator::coarse)). The answer and its
     /// deviations are those of all data either way.
     pub coarse: bool,
     /// What is kept of a linearisation.
