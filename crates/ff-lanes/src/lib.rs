@@ -10,9 +10,6 @@
 //! | `Avx2x4` | 4 | AVX2 and FMA (x86-64-v3) |
 //! | `Avx2x1` | 1 | the same: one state, fused |
 //! | [`Portable4`] | 4 | whatever the program was built for |
-//! | `f64` | 1 | the same |
-//!
-//! Without the vectors of the first two rows a program computes with [`PortableLanes`].
 //!
 //! An instruction set applies to a *function*, and is not inherited by the functions it calls unless they are
 //! inlined. Code over lanes therefore runs inside [`Enter::enter`], as a [`Kernel`] whose `run`, and
@@ -30,19 +27,6 @@ mod trig;
 mod x86;
 
 pub use portable::Portable4;
-
-/// Vectors of a machine with none of the instruction sets of [`Isa`]: [`Portable4`], but plain numbers on x86-64. Processors of
-/// that architecture have had AVX2 since 2013, and code for a further vector type is compiled by every program
-/// (`docs/decisions/0016-ci-tiers.md`). `RUSTFLAGS="--cfg ff_portable4"` selects [`Portable4`] there, too: for tests of what other
-/// architectures run.
-#[cfg(any(not(target_arch = "x86_64"), ff_portable4))]
-pub type PortableLanes = Portable4;
-/// Vectors of a machine with none of the instruction sets of [`Isa`]: plain numbers on x86-64, [`Portable4`] elsewhere. Processors of
-/// this architecture have had AVX2 since 2013, and code for a further vector type is compiled by every program
-/// (`docs/decisions/0016-ci-tiers.md`). `RUSTFLAGS="--cfg ff_portable4"` selects [`Portable4`] here, too: for tests of what other
-/// architectures run.
-#[cfg(not(any(not(target_arch = "x86_64"), ff_portable4)))]
-pub type PortableLanes = f64;
 pub use trig::sin_cos;
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
@@ -241,13 +225,9 @@ impl Isa {
         }
         Self::Portable
     }
-    /// Lanes of the vector type of this set; those of [`PortableLanes`] for [`Isa::Portable`].
+    /// Lanes of the vector type of this set.
     pub fn lanes(self) -> usize {
-        match self {
-            Self::Portable => PortableLanes::N,
-            Self::V3 => 4,
-            Self::V4 => 8,
-        }
+        if self == Self::V4 { 8 } else { 4 }
     }
 }
 

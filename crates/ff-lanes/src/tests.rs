@@ -110,8 +110,7 @@ fn lanes_are_set_one_by_one() {
     let mut v = Portable4::splat(0.4);
     v.set_lane(2, -1.7);
     assert_eq!((v.lane(1), v.lane(2)), (0.4, -1.7));
-    assert_eq!((Isa::V3.lanes(), Isa::V4.lanes()), (4, 8));
-    assert_eq!(PortableLanes::splat(0.7).lane(Isa::Portable.lanes() - 1), 0.7);
+    assert_eq!(Isa::V4.lanes(), 8);
     assert!(Isa::detect() >= Isa::Portable);
 }
 

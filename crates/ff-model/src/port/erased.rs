@@ -12,9 +12,7 @@ use super::state::{PortAccel, PortState, PortVector};
 use super::twin::TreeTwin;
 use crate::scalar::dual::{D1, D2, Grad};
 use crate::scalar::traits::{PlainScalar, Scalar};
-use ff_lanes::Kernel;
-#[cfg(any(not(target_arch = "x86_64"), ff_portable4))]
-use ff_lanes::Portable4;
+use ff_lanes::{Kernel, Portable4};
 use nalgebra::DMatrix;
 
 /// An appendage at one number type: [`Appendage`] and [`PortDynamics`] as an object-safe trait.
@@ -151,14 +149,6 @@ pub trait WidePorts:
 pub trait WidePorts {}
 impl<A: PortDynamics> WidePorts for A {}
 
-/// Appendages at [`PortableLanes`](ff_lanes::PortableLanes) where these are not plain numbers.
-#[cfg(any(not(target_arch = "x86_64"), ff_portable4))]
-pub trait PortablePorts: PortModel<Portable4> + PortTangent<Portable4> {}
-/// Appendages at [`PortableLanes`](ff_lanes::PortableLanes) where these are not plain numbers, as they are here.
-#[cfg(not(any(not(target_arch = "x86_64"), ff_portable4)))]
-pub trait PortablePorts {}
-impl<A: PortDynamics> PortablePorts for A {}
-
 /// An appendage behind a trait object, at every number type of the project.
 ///
 /// Implemented for every [`PortDynamics`], so for `Derived<A>` of every [`Appendage`]; nobody implements it by hand.
@@ -182,9 +172,10 @@ pub trait DynAppendage:
     + PortModel<D1>
     + PortModel<Grad>
     + PortModel<D2>
+    + PortModel<Portable4>
     + PortTangent<f64>
+    + PortTangent<Portable4>
     + WidePorts
-    + PortablePorts
     + Send
     + Sync
 {
@@ -222,9 +213,7 @@ macro_rules! model_scalars {
         }
     )*};
 }
-model_scalars!(f64, D1, Grad, D2);
-#[cfg(any(not(target_arch = "x86_64"), ff_portable4))]
-model_scalars!(Portable4);
+model_scalars!(f64, D1, Grad, D2, Portable4);
 #[cfg(target_arch = "x86_64")]
 model_scalars!(ff_lanes::Avx2x1, ff_lanes::Avx2x4, ff_lanes::Avx512x8);
 
@@ -247,9 +236,7 @@ macro_rules! lane_models {
         }
     )*};
 }
-lane_models!(f64: f64);
-#[cfg(any(not(target_arch = "x86_64"), ff_portable4))]
-lane_models!(Portable4: f64);
+lane_models!(f64: f64, Portable4: f64);
 #[cfg(target_arch = "x86_64")]
 lane_models!(
     ff_lanes::Avx2x1: ff_lanes::Avx2x1,

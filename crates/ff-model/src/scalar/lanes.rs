@@ -2,7 +2,7 @@
 
 pub use crate::port::erased::LaneScalar;
 use ff_lanes::Kernel;
-pub use ff_lanes::{Isa, Lanes, Portable4, PortableLanes};
+pub use ff_lanes::{Isa, Lanes, Portable4};
 
 /// A computation over lanes of a width that is chosen at run time.
 ///
@@ -36,7 +36,7 @@ pub fn dispatch<K: LaneTask>(isa: Isa, task: K) -> K::Output {
         Isa::Portable => {}
     }
     let _ = isa;
-    enter::<K, PortableLanes>(task)
+    enter::<K, Portable4>(task)
 }
 
 /// Runs `task` with one lane, in code for AVX2 and FMA where the machine has them: what a single state gains from

@@ -5,7 +5,7 @@ use super::measure::Worst;
 use super::report::Check;
 use super::sample::{Sample, lift};
 use ff_model::port::port_len;
-use ff_model::scalar::lanes::{Isa, LaneTask, dispatch};
+use ff_model::scalar::lanes::Portable4;
 use ff_model::scalar::{D1, D2, Grad};
 use ff_model::scalar::{LaneScalar, ModelScalar};
 use ff_model::{DynAppendage, Motion, PortAccel, PortMatrix, PortState};
@@ -24,28 +24,11 @@ pub(super) fn allocation(a: &dyn DynAppendage, samples: &[Sample], meter: Alloca
         over::<D1>("D1", a, s, meter, &mut worst);
         over::<Grad>("Grad", a, s, meter, &mut worst);
         over::<D2>("D2", a, s, meter, &mut worst);
+        over::<Portable4>("lanes", a, s, meter, &mut worst);
         tangent::<f64>("f64", a, s, meter, &mut worst);
+        tangent::<Portable4>("lanes", a, s, meter, &mut worst);
     }
-    dispatch(Isa::detect(), Lanes { a, samples, meter, worst: &mut worst });
     worst.check(law::NO_ALLOCATION, 0.0)
-}
-
-/// Over the widest lanes of the machine.
-struct Lanes<'a> {
-    a: &'a dyn DynAppendage,
-    samples: &'a [Sample],
-    meter: AllocationMeter,
-    worst: &'a mut Worst,
-}
-
-impl LaneTask for Lanes<'_> {
-    type Output = ();
-    fn run<L: LaneScalar>(self) {
-        for s in self.samples {
-            over::<L>("lanes", self.a, s, self.meter, self.worst);
-            tangent::<L>("lanes", self.a, s, self.meter, self.worst);
-        }
-    }
 }
 
 fn over<T: ModelScalar>(name: &str, a: &dyn DynAppendage, s: &Sample, meter: AllocationMeter, worst: &mut Worst) {
