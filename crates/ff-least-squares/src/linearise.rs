@@ -61,7 +61,8 @@ pub type Tried<T> = Result<Result<T, String>, LmError>;
 /// let mut problem = Dense::new(&mut decay);
 /// let (triangle, c) = problem.linearise(&[2.0, 0.5], &mut r)?.map_err(|reason| reason.to_string())?;
 /// problem.accept();
-/// assert!((problem.transposed(&r) - triangle.tr_mul(&c)).norm() < 1e-12);
+/// let product = problem.transposed(&r)?.map_err(|reason| reason.to_string())?;
+/// assert!((product - triangle.tr_mul(&c)).norm() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait Linearise {
