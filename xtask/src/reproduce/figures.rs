@@ -48,7 +48,7 @@ pub(super) fn write(
     };
     let mut fig = Figure::new(format!("{what}: power spectral densities"));
     let panels = [
-        ("A) answer of torques and gyro, each in units of its noise", "PSD (1/Hz)", &s.answer, "answer"),
+        ("A) response of torques and gyro, each in units of its noise", "PSD (1/Hz)", &s.answer, "answer"),
         ("B) joint accelerations of the manoeuvre", "PSD (rad^2/s^4/Hz)", &s.manoeuvre, "manoeuvre"),
         (
             "C) joint accelerations of the identification trajectory",
