@@ -253,7 +253,7 @@ impl Record {
     /// Every channel through `f`, which takes samples to samples; clock and names as they are.
     /// [`Record::window`] of a record whose groups have times of their own: from sample `a` of the grid to before sample `b`, or what
     /// joint motion there is between them, where it has times of its own.
-    pub(crate) fn cut(&self, a: usize, b: usize) -> Result<Self, Problems> {
+    fn cut(&self, a: usize, b: usize) -> Result<Self, Problems> {
         // A hair, for times that were computed.
         let hair = 1e-6 * self.dt;
         let inside = |times: &[f64], from: f64, to: f64| {

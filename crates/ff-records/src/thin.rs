@@ -10,7 +10,8 @@ use nalgebra::DMatrix;
 
 impl Record {
     /// Every `every`-th sample, from the first. No filter: frequencies above half the new rate fold back, so thin no further
-    /// than ten samples per period of the fastest mode of interest. Of channels with sample times of their own, every `every`-th, too.
+    /// than ten samples per period of the fastest mode of interest. Of channels with sample times of their own, every `every`-th,
+    /// too, and the last of the joint motion; the last of their readings may lie less than an interval behind the last instant of the grid.
     /// Allocates.
     ///
     /// # Errors
@@ -21,19 +22,26 @@ impl Record {
             let m = format!("every {every}th of {} samples leaves {left}, at least 2 are needed", self.samples());
             return Err(Problems(vec![Problem::error(Area::Data, "Data::Window", m).hint("thin less")]));
         }
-        let pick = |m: &DMatrix<f64>| m.select_rows(&(0..m.nrows()).step_by(every).collect::<Vec<_>>());
-        let mut out = Self { dt: self.dt * every as f64, ..self.mapped(pick) };
+        let rows = |n: usize| (0..n).step_by(every).collect::<Vec<_>>();
+        let mut out =
+            Self { dt: self.dt * every as f64, ..self.mapped(|m: &DMatrix<f64>| m.select_rows(&rows(m.nrows()))) };
         for group in ChannelGroup::ALL {
             if let Some(times) = self.times(group) {
                 out.bases.set(group, times.iter().copied().step_by(every).collect());
             }
         }
-        if self.is_uniform() {
-            return Ok(out);
+        if let Some(times) = self.times(ChannelGroup::Motion) {
+            // The motion reaches to the end of the grid: its last sample stays.
+            let mut kept = rows(times.len());
+            if kept.last() != Some(&(times.len() - 1)) {
+                kept.push(times.len() - 1);
+            }
+            let of = |m: &DMatrix<f64>| m.select_rows(&kept);
+            (out.q, out.qd, out.qdd) = (of(&self.q), self.qd.as_ref().map(of), self.qdd.as_ref().map(of));
+            out.bases.set(ChannelGroup::Motion, kept.iter().map(|&i| times[i]).collect());
+            out.grid = Some(left);
         }
-        out.grid = self.times(ChannelGroup::Motion).map(|_| left);
-        // Readings behind the last instant that is left are left out, too.
-        out.cut(0, left)
+        Ok(out)
     }
 }
 

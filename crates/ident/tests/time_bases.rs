@@ -218,6 +218,29 @@ fn derivatives_with_times_delays_and_biases_are_those_of_the_residuals() {
 }
 
 #[test]
+fn the_look_at_less_data_has_rows_of_all_data() {
+    let l = paper("slosh.toml");
+    let (_, fine) = fine(&l);
+    // The last readings lie behind the last instant of the thinner grid, and the motion reaches to its end.
+    let record = stamped(&l, &fine, 99.7, &stamps(10, 0.3, 9), &stamps(20, 0.2, 8), &stamps(30, 0.25, 5));
+    let oe = OutputError::new(&l.model, &record, &Options { substeps: 1, ..Options::new(NOISE) });
+    let mut oe = oe.unwrap();
+    let decls = l.model.param_decls();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    let selected = select(&decls, &["base.*", "tank.mass", "tank.k[*]"]).unwrap();
+    let values = ident::parameters::offset_start(&decls, &truth, &selected, 0.1, 3);
+    let mut all = vec![0.0; oe.rows()];
+    oe.residuals(&values, &[], &mut all).unwrap();
+    let mut thin = oe.coarse(&values).unwrap();
+    assert_eq!(thin.rows.len(), thin.estimator.rows());
+    let mut some = vec![0.0; thin.rows.len()];
+    thin.estimator.residuals(&values, &[], &mut some).unwrap();
+    let picked = DVector::from_iterator(some.len(), thin.rows.iter().map(|&i| all[i]));
+    let apart = (&picked - DVector::from_vec(some)).norm();
+    assert!(2 * picked.len() <= all.len() && apart < 0.1 * picked.norm(), "{apart:e} of {:e}", picked.norm());
+}
+
+#[test]
 fn noisy_positions_with_jitter_and_losses_are_fitted_at_their_times() {
     let l = paper("slosh.toml");
     let (motion, fine) = fine(&l);

@@ -25,9 +25,10 @@ impl<E: Estimator> Masked<E> {
         let roots: Vec<f64> = [rows(&mask.tau), rows(&mask.gyro)].concat().iter().map(|w| w.max(0.0).sqrt()).collect();
         (roots.len() == inner.rows()).then_some(Self { inner, roots })
     }
-    fn weigh(&self, r: &mut [f64]) {
-        r.iter_mut().zip(&self.roots).for_each(|(r, w)| *r *= w);
-    }
+}
+
+fn weigh<'a>(rows: impl IntoIterator<Item = &'a mut f64>, roots: &[f64]) {
+    rows.into_iter().zip(roots).for_each(|(x, w)| *x *= w);
 }
 
 impl<E: Estimator> Estimator for Masked<E> {
@@ -44,7 +45,7 @@ impl<E: Estimator> Estimator for Masked<E> {
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         self.inner.residuals(full, extra, r)?;
-        self.weigh(r);
+        weigh(r, &self.roots);
         Ok(())
     }
     fn jacobian(
@@ -56,10 +57,8 @@ impl<E: Estimator> Estimator for Masked<E> {
         j: &mut DMatrix<f64>,
     ) -> Result<(), EvalError> {
         self.inner.jacobian(full, extra, selected, r, j)?;
-        self.weigh(r);
-        for mut c in j.column_iter_mut() {
-            c.iter_mut().zip(&self.roots).for_each(|(x, w)| *x *= w);
-        }
+        weigh(r, &self.roots);
+        j.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &self.roots));
         Ok(())
     }
     fn streams<'s>(
@@ -86,10 +85,8 @@ impl RowStream for Weighed<'_> {
             return Ok(false);
         }
         let roots: Vec<f64> = block.rows.iter().flat_map(|r| &self.roots[r.clone()]).copied().collect();
-        block.residuals.iter_mut().zip(&roots).for_each(|(r, w)| *r *= w);
-        for mut c in block.jacobian.column_iter_mut() {
-            c.iter_mut().zip(&roots).for_each(|(x, w)| *x *= w);
-        }
+        weigh(&mut block.residuals, &roots);
+        block.jacobian.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &roots));
         Ok(true)
     }
 }

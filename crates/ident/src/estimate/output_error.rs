@@ -85,8 +85,7 @@ impl<'a> OutputError<'a> {
         let initial = if options.initial_state { (3..6 + 2 * model.np()).collect() } else { Vec::new() };
         let tables = Tables::new(model, record, options.substeps.max(1), Some(&options.noise), !options.initial_state)?;
         let kinematics = placements(model, &options.kinematics)?;
-        let rows = OutputRows::new(model, Cow::Borrowed(record), options.clone(), initial);
-        let rows = OutputRows { kinematics, ..rows };
+        let rows = OutputRows::new(model, Cow::Borrowed(record), options.clone(), (kinematics, initial));
         if record.samples() < 6 && !rows.interleaved() {
             return Err(SetupError::JointMotion("interpolation of readings needs six samples of the grid".into()));
         }
@@ -137,8 +136,7 @@ impl Estimator for OutputError<'_> {
         let every = self.stride(full).filter(|&every| every > 1)?;
         let record = Cow::Owned(self.rows.record.thinned(every).ok()?);
         let OutputRows { model, options, kinematics, initial, .. } = &self.rows;
-        let rows = OutputRows::new(model, record, options.clone(), initial.clone());
-        let rows = OutputRows { kinematics: kinematics.clone(), ..rows };
+        let rows = OutputRows::new(model, record, options.clone(), (kinematics.clone(), initial.clone()));
         let thin = OutputError { rows, tables: self.tables.thinned(every), thinned: self.thinned + 1 };
         Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every) })
     }

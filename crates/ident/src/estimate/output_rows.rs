@@ -69,7 +69,6 @@ impl Window {
 }
 
 /// Record and model side by side.
-#[derive(Clone)]
 pub(crate) struct OutputRows<'a> {
     pub(crate) model: &'a Model,
     pub(crate) record: Cow<'a, Record>,
@@ -82,10 +81,15 @@ pub(crate) struct OutputRows<'a> {
 }
 
 impl<'a> OutputRows<'a> {
-    /// Without placements among the unknowns.
-    pub(crate) fn new(model: &'a Model, record: Cow<'a, Record>, options: Options, initial: Vec<usize>) -> Self {
+    /// With the indices of kinematic parameters and initial states among the unknowns.
+    pub(crate) fn new(
+        model: &'a Model,
+        record: Cow<'a, Record>,
+        options: Options,
+        (kinematics, initial): (Vec<usize>, Vec<usize>),
+    ) -> Self {
         let times = GROUPS.map(|g| record.times(g).map(Arc::from));
-        Self { model, record, options, times, kinematics: Vec::new(), initial }
+        Self { model, record, options, times, kinematics, initial }
     }
     /// Channels of torques and of the gyro.
     pub(crate) fn channels(&self) -> [usize; 2] {

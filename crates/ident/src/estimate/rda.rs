@@ -7,8 +7,7 @@
 use crate::estimate::delay::OutputOperator;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::row_stream::{RowBlock, RowStream};
-use crate::estimate::setup::check_noise;
-use crate::estimate::setup::{Noise, SetupError};
+use crate::estimate::setup::{Noise, SetupError, check_noise};
 use crate::motion::tables::{KEPT, Table, Tables};
 use core::ops::Range;
 use ff_dynamics::Wanted;
