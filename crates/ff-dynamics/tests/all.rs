@@ -8,6 +8,7 @@ mod allocation;
 mod centroidal;
 mod conservation;
 mod derivatives;
+mod disturbances;
 mod ensemble;
 mod inputs;
 mod kinematics;

@@ -31,6 +31,7 @@ fn everything(m: &Model) -> Wanted {
         initial: vec![4],
         accel: true,
         attitude: true,
+        ..Wanted::default()
     }
 }
 

@@ -9,6 +9,7 @@
 //! | [`compose`] | several records, ties between parameters, continuation from rough starts, multiple starts |
 //! | [`belief`] | priors, posteriors, covariance, identifiability, likelihood profiles |
 //! | [`modal`] | measured modes against the modes of the model; stiffness and damping from modes |
+//! | [`uncertain`] | what may be wrong beside the parameters, and what would explain a record |
 //! | [`checks`] | clocks, axes, momentum, free decay, whiteness of residuals, comparison of models |
 
 pub mod belief;
@@ -19,6 +20,7 @@ pub mod modal;
 pub mod motion;
 pub mod parameters;
 pub mod solve;
+pub mod uncertain;
 
 pub use belief::{Posterior, Priors, Uncertainty};
 pub use compose::{Several, Tie, Tied};

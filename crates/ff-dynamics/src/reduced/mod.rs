@@ -10,5 +10,8 @@ pub(crate) mod torques;
 pub use batch::{OwnTable, simulate_reduced_batch, simulate_reduced_own_tables};
 pub use over::simulate_reduced_over;
 pub use system::{ReducedError, Response, STAGE, WEIGHT, simulate_reduced, simulate_reduced_span};
-pub use table::{Arm, ArmModel, ArmTable, Frame, JointRow, Prescribed, Sampling, TableKey, TorqueForm};
+pub use table::{
+    Arm, ArmModel, ArmTable, BaseWrench, Disturbance, Disturbances, Frame, JointRow, Prescribed, Sampling, TableKey,
+    TorqueForm,
+};
 pub use torques::{reduced_torques, reduced_torques_span};

@@ -18,10 +18,10 @@
 //! 55(3), 1987).
 
 use crate::estimate::setup::{Noise, SetupError};
-use crate::motion::tables::Tables;
+use crate::motion::tables::{Displaced, Tables};
 use ff_dynamics::{Wanted, sensitivities};
 use ff_linalg as linalg;
-use ff_model::{Kinematics, Model, Params};
+use ff_model::{Model, Params};
 use ff_records::Record;
 use ff_records::clock::{ClockEstimate, Clocks, interpolate};
 use nalgebra::{DMatrix, DVector};
@@ -84,7 +84,7 @@ pub fn estimate_clocks(
     z0.extend(model.rest_position(params));
     z0.resize(6 + 2 * model.np(), 0.0);
     let wanted = Wanted { params: uncertain.iter().map(|u| u.0).collect(), ..Wanted::default() };
-    let table = tables.get(model, params, &Kinematics::fixed(model), &wanted);
+    let table = tables.get(model, params, &Displaced::none(model), &wanted);
     let (y, d) =
         sensitivities(model, params, table, &z0, &wanted).map_err(|e| ClockError::Prediction(e.to_string()))?;
     let (n, nj, dt) = (record.samples(), model.nj(), record.dt());

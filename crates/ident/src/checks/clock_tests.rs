@@ -105,7 +105,7 @@ fn late_record() -> (ff_mission::Loaded, Record) {
     let p = Params::nominal(m);
     let mut tables = Tables::new(m, &fine, 1, None, false).unwrap();
     let y =
-        simulate_reduced(m, &p, tables.get(m, &p, &ff_model::Kinematics::fixed(m), &Default::default()), &[0.0; 14])
+        simulate_reduced(m, &p, tables.get(m, &p, &crate::motion::tables::Displaced::none(m), &Default::default()), &[0.0; 14])
             .unwrap();
     let (mut rng, normal) = (ChaCha8Rng::seed_from_u64(8), Normal::new(0.0, 1.0).unwrap());
     let thin = |x: &DMatrix<f64>| DMatrix::from_fn(2000, x.ncols(), |i, j| x[(10 * i, j)]);

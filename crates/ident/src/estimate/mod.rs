@@ -18,6 +18,7 @@ pub(crate) mod rda;
 pub mod report;
 pub(crate) mod request;
 pub(crate) mod row_stream;
+pub(crate) mod sensor_errors;
 pub(crate) mod setup;
 
 pub use complete::{Complete, CompleteOptions};

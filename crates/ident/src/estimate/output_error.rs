@@ -12,9 +12,11 @@ use crate::estimate::output_rows::{OutputRows, Window};
 use crate::estimate::output_spans::{SPAN, SpanRows, Spans, failed};
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use crate::estimate::setup::{SetupError, check_noise};
-use crate::motion::tables::{KEPT, Table, Tables};
+use crate::motion::tables::{Displaced, KEPT, Table, Tables};
+use crate::uncertain::source::ErrorSource;
+use ff_dynamics::motion::HermiteTable;
 use ff_dynamics::reduced::sensitivity::Carried;
-use ff_dynamics::reduced::simulate_reduced_span;
+use ff_dynamics::reduced::{Disturbance, simulate_reduced_span};
 use ff_dynamics::{Boundary, Wanted, modes, sensitivities, simulate_reduced};
 use ff_least_squares::EvalError;
 use ff_model::diagnostics::{clip, nearest};
@@ -22,6 +24,7 @@ use ff_model::{Model, Params};
 use ff_records::Record;
 use nalgebra::DMatrix;
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Samples per period of the fastest mode that are left for a first pass, and for a pass before that.
 const PER_PERIOD: [f64; 2] = [10.0, 5.0];
@@ -81,13 +84,41 @@ impl<'a> OutputError<'a> {
     /// [`SetupError`].
     pub fn new(model: &'a Model, record: &'a Record, options: &Options) -> Result<Self, SetupError> {
         check_noise(&options.noise)?;
+        let tables = Tables::new(model, record, options.substeps.max(1), Some(&options.noise), !options.initial_state)?;
+        Self::with_tables(model, record, options, tables)
+    }
+    /// Of the same record and motion with other options; noise and steps stay. `deflected_at` of them is best where a fit has ended.
+    ///
+    /// # Errors
+    /// [`SetupError`].
+    pub fn with_options(&self, options: &Options) -> Result<OutputError<'_>, SetupError> {
+        let OutputRows { model, record, options: own, .. } = &self.rows;
+        let options = Options { noise: own.noise, substeps: own.substeps, ..options.clone() };
+        OutputError::with_tables(model, record, &options, self.tables.shared())
+    }
+    fn with_tables(
+        model: &'a Model,
+        record: &'a Record,
+        options: &Options,
+        mut tables: Tables,
+    ) -> Result<Self, SetupError> {
         // A uniform velocity changes nothing that is measured, so it is not among the unknowns.
         let initial = if options.initial_state { (3..6 + 2 * model.np()).collect() } else { Vec::new() };
-        let tables = Tables::new(model, record, options.substeps.max(1), Some(&options.noise), !options.initial_state)?;
         let kinematics = placements(model, &options.kinematics)?;
-        let rows = OutputRows::new(model, Cow::Borrowed(record), options.clone(), (kinematics, initial));
-        if record.samples() < 6 && !rows.interleaved() {
+        if options.errors.iter().any(|e| !e.exists(model.nj())) {
+            return Err(SetupError::NoSuchError(model.nj()));
+        }
+        let motion = tables.motion();
+        let mut rows = OutputRows::new(model, Cow::Borrowed(record), options.clone(), (kinematics, initial), motion);
+        if record.samples() < 6 && !(rows.interleaved() && options.errors.is_empty()) {
             return Err(SetupError::JointMotion("interpolation of readings needs six samples of the grid".into()));
+        }
+        tables.disturbances.clear();
+        tables.disturbances = disturbances(&rows, &mut tables, options.deflected_at.as_deref())?;
+        if let Some(noise) = &tables.noise {
+            let draws = noise.draws(record, options.motion_noise)?;
+            rows.draws = draws.len();
+            tables.disturbances.extend(draws.into_iter().map(Disturbance::Motion));
         }
         Ok(Self { rows, tables, thinned: 0 })
     }
@@ -106,6 +137,83 @@ impl<'a> OutputError<'a> {
         let enough = record.samples() / LEAST_SAMPLES;
         if every.is_finite() { Some((every as usize).min(enough).min(THINNEST)) } else { None }
     }
+}
+
+/// What disturbs the motion, in the order of the rows' list.
+fn disturbances(
+    rows: &OutputRows<'_>,
+    tables: &mut Tables,
+    at: Option<&[f64]>,
+) -> Result<Vec<Disturbance>, SetupError> {
+    let mut torques = None;
+    let mut out = Vec::new();
+    for source in &rows.disturbing {
+        out.push(match *source {
+            ErrorSource::Compliance(j) => {
+                let tau = match &torques {
+                    Some(tau) => tau,
+                    None => torques.insert(predicted_torques(rows, tables, at)?),
+                };
+                Disturbance::Motion(Arc::new(deflection(tau, j, rows.record.dt())?))
+            }
+            ErrorSource::Force(i) => along(i),
+            ErrorSource::Moment(i) => along(3 + i),
+            _ => continue,
+        });
+    }
+    Ok(out)
+}
+
+/// A unit wrench along one of its six components.
+fn along(component: usize) -> Disturbance {
+    let mut wrench = [0.0; 6];
+    wrench[component] = 1.0;
+    Disturbance::Wrench(Arc::new(move |_| wrench))
+}
+
+/// Joint torques on the grid without any error, from rest (N m, samples x joints).
+fn predicted_torques(
+    rows: &OutputRows<'_>,
+    tables: &mut Tables,
+    at: Option<&[f64]>,
+) -> Result<DMatrix<f64>, SetupError> {
+    let model = rows.model;
+    let params = match at {
+        Some(values) => Params::from_values(model, values.to_vec()),
+        None => Params::nominal(model),
+    };
+    let mut z = vec![0.0; 6];
+    z.extend(model.rest_position(&params));
+    z.resize(6 + 2 * model.np(), 0.0);
+    let samples = rows.record.samples();
+    let mut tau = DMatrix::zeros(samples, model.nj());
+    let (none, wanted) = (Displaced::none(model), Wanted::default());
+    for first in (0..samples).step_by(SPAN) {
+        let span = first..(first + SPAN).min(samples);
+        let Table { table, samples } = tables.span(model, &params, &none, &wanted, span.clone());
+        let y = simulate_reduced_span(model, &params, &table, samples, &mut z);
+        let y = y.map_err(|e| SetupError::JointMotion(format!("torques cannot be predicted: {e}")))?;
+        tau.rows_mut(span.start, span.len()).copy_from(&y.tau);
+    }
+    Ok(tau)
+}
+
+/// The change of the joint motion per unit of the compliance of joint `j`: the link stays behind the encoder by the torque.
+fn deflection(tau: &DMatrix<f64>, j: usize, dt: f64) -> Result<HermiteTable, SetupError> {
+    let (samples, n) = tau.shape();
+    let last = samples as isize - 1;
+    let at = |i: isize| -tau[(i.clamp(0, last) as usize, j)];
+    // Differences of fourth order; a reading beyond an end is that at the end.
+    let first = |i: isize| (at(i - 2) - 8.0 * at(i - 1) + 8.0 * at(i + 1) - at(i + 2)) / (12.0 * dt);
+    let second =
+        |i: isize| (-at(i - 2) + 16.0 * at(i - 1) - 30.0 * at(i) + 16.0 * at(i + 1) - at(i + 2)) / (12.0 * dt * dt);
+    let column = |of: &dyn Fn(isize) -> f64| {
+        let mut out = vec![0.0; samples * n];
+        (0..samples).for_each(|i| out[i * n + j] = of(i as isize));
+        out
+    };
+    HermiteTable::new(n, dt, &column(&at), &column(&first), &column(&second))
+        .map_err(|e| SetupError::JointMotion(e.to_string()))
 }
 
 /// Indices of kinematic parameters by name.
@@ -136,7 +244,9 @@ impl Estimator for OutputError<'_> {
         let every = self.stride(full).filter(|&every| every > 1)?;
         let record = Cow::Owned(self.rows.record.thinned(every).ok()?);
         let OutputRows { model, options, kinematics, initial, .. } = &self.rows;
-        let rows = OutputRows::new(model, record, options.clone(), (kinematics.clone(), initial.clone()));
+        let motion = self.tables.motion();
+        let rows = OutputRows::new(model, record, options.clone(), (kinematics.clone(), initial.clone()), motion);
+        let rows = OutputRows { draws: self.rows.draws, ..rows };
         let thin = OutputError { rows, tables: self.tables.thinned(every), thinned: self.thinned + 1 };
         Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every) })
     }
@@ -175,7 +285,7 @@ impl Estimator for OutputError<'_> {
         r: &mut [f64],
         j: &mut DMatrix<f64>,
     ) -> Result<(), EvalError> {
-        if self.rows.record.samples() > KEPT {
+        if self.tables.by_spans(&self.rows.wanted(selected)) {
             let mut block = RowBlock::default();
             for mut stream in self.streams(full, extra, selected)? {
                 while stream.next(&mut block)? {
@@ -196,7 +306,7 @@ impl Estimator for OutputError<'_> {
         let (y, d) = sensitivities(rows.model, &params, table, &z0, &wanted).map_err(failed)?;
         let (window, all) = (Window::new(0, y, Some(d)), rows.readings());
         rows.residuals(&window, &by, extra, &all, r);
-        rows.jacobian(&window, &by, selected.len(), &all, j);
+        rows.jacobian(&window, (&by, extra), selected.len(), &all, j);
         Ok(())
     }
     fn streams<'s>(

@@ -1,6 +1,7 @@
 //! What output error assumes, and what it may adjust besides parameters.
 
 use crate::estimate::setup::Noise;
+use crate::uncertain::source::ErrorSource;
 
 /// What the estimator assumes and what else it may adjust.
 ///
@@ -31,6 +32,14 @@ pub struct Options {
     /// Placements of joints and mounts to estimate, by name ([`ff_model::Model::kinematic_params`]: `joint3.offset`,
     /// `joint3.placement.x`, `wing.mount.rx`); all others stay where the model has them.
     pub kinematics: Vec<String>,
+    /// Errors of sensors, joints and surroundings to estimate; all others are none.
+    pub errors: Vec<ErrorSource>,
+    /// Draws of the noise of the positions, as the fit of the joint motion lets it through: unknowns `motion.noise[k]` that are not
+    /// estimated, whose columns say what that noise does to the residuals. None where the motion was not fitted.
+    pub motion_noise: usize,
+    /// Parameters at which the torques are predicted that deflect compliant joints; those of the model unless given. Their change
+    /// with the parameters that are estimated is not followed.
+    pub deflected_at: Option<Vec<f64>>,
 }
 
 impl Options {
@@ -45,6 +54,9 @@ impl Options {
             torque_delay: false,
             gyro_delay: false,
             kinematics: Vec::new(),
+            errors: Vec::new(),
+            motion_noise: 0,
+            deflected_at: None,
         }
     }
 }

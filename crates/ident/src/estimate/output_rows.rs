@@ -7,7 +7,11 @@ use crate::belief::covariance::Unknown;
 use crate::estimate::delay::OutputOperator;
 use crate::estimate::output_options::Options;
 use crate::estimate::row_stream::RowBlock;
+use crate::estimate::sensor_errors::SensorErrors;
+use crate::motion::tables::Displaced;
+use crate::uncertain::source::{ActsOn, ErrorSource};
 use core::ops::Range;
+use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Response, Sensitivities, Wanted};
 use ff_least_squares::EvalError;
 use ff_model::{Kinematics, Model, Params};
@@ -75,21 +79,30 @@ pub(crate) struct OutputRows<'a> {
     pub(crate) options: Options,
     /// Sample times of torques and gyro, where they are not sampled on the grid.
     pub(crate) times: [Option<Arc<[f64]>>; 2],
+    /// Errors of the sensors that are estimated, and what disturbs the motion.
+    pub(crate) errors: SensorErrors,
+    pub(crate) disturbing: Vec<ErrorSource>,
+    /// Draws of the motion's noise, which disturb it behind those.
+    pub(crate) draws: usize,
     /// Kinematic parameters and initial-state components that are estimated.
     pub(crate) kinematics: Vec<usize>,
     pub(crate) initial: Vec<usize>,
 }
 
 impl<'a> OutputRows<'a> {
-    /// With the indices of kinematic parameters and initial states among the unknowns.
+    /// With the indices of kinematic parameters and initial states among the unknowns. `motion` is that of the joints.
     pub(crate) fn new(
         model: &'a Model,
         record: Cow<'a, Record>,
         options: Options,
         (kinematics, initial): (Vec<usize>, Vec<usize>),
+        motion: &dyn JointMotion,
     ) -> Self {
         let times = GROUPS.map(|g| record.times(g).map(Arc::from));
-        Self { model, record, options, times, kinematics, initial }
+        let of_motion = |e: &ErrorSource| e.acts_on() == ActsOn::Motion;
+        let (disturbing, of_sensors) = options.errors.iter().partition(|e| of_motion(e));
+        let errors = SensorErrors::new(of_sensors, &record, motion);
+        Self { model, record, options, times, errors, disturbing, draws: 0, kinematics, initial }
     }
     /// Channels of torques and of the gyro.
     pub(crate) fn channels(&self) -> [usize; 2] {
@@ -151,7 +164,23 @@ impl<'a> OutputRows<'a> {
     }
     /// Nuisance unknowns before placements and the initial state.
     pub(crate) fn biases(&self) -> usize {
+        self.errors_at() + self.errors.of.len()
+    }
+    /// Nuisance unknowns before the errors of the sensors.
+    fn errors_at(&self) -> usize {
         self.delays_at() + usize::from(self.options.torque_delay) + usize::from(self.options.gyro_delay)
+    }
+    /// Sizes of the errors of the sensors among the nuisance unknowns.
+    fn errors_of<'e>(&self, extra: &'e [f64]) -> &'e [f64] {
+        &extra[self.errors_at()..self.biases()]
+    }
+    /// Nuisance unknowns before the initial state.
+    fn initial_at(&self) -> usize {
+        self.biases() + self.kinematics.len() + self.disturbing.len() + self.draws
+    }
+    /// Sizes of what disturbs the motion, among the nuisance unknowns.
+    pub(crate) fn disturbed<'e>(&self, extra: &'e [f64]) -> &'e [f64] {
+        &extra[self.initial_at() - self.disturbing.len() - self.draws..self.initial_at()]
     }
     /// Nuisance unknowns before the delays.
     fn delays_at(&self) -> usize {
@@ -177,10 +206,18 @@ impl<'a> OutputRows<'a> {
                 add(name.to_owned(), "s", self.record.dt());
             }
         }
+        let joints = self.model.joint_names();
+        let noise = &self.options.noise;
+        let error = |e: &ErrorSource, add: &mut dyn FnMut(String, &str, f64)| {
+            add(e.name(&joints), e.unit(), e.size(noise.torque, noise.gyro, self.record.seconds()));
+        };
+        self.errors.of.iter().for_each(|e| error(e, &mut add));
         let declared = if self.kinematics.is_empty() { Vec::new() } else { self.model.kinematic_params() };
         for &i in &self.kinematics {
             add(declared[i].name.clone(), declared[i].unit, 1e-2);
         }
+        self.disturbing.iter().for_each(|e| error(e, &mut add));
+        (0..self.draws).for_each(|k| add(format!("motion.noise[{k}]"), "1", 1.0));
         let coords = self.model.passive_coords();
         for &i in &self.initial {
             match i {
@@ -196,23 +233,25 @@ impl<'a> OutputRows<'a> {
         let mut z = vec![0.0; 6];
         z.extend(self.model.rest_position(params));
         z.resize(6 + 2 * self.model.np(), 0.0);
-        for (&i, x) in self.initial.iter().zip(&extra[self.biases() + self.kinematics.len()..]) {
+        for (&i, x) in self.initial.iter().zip(&extra[self.initial_at()..]) {
             z[i] += x;
         }
         z
     }
-    /// Where joints and mounts are.
-    pub(crate) fn placed(&self, extra: &[f64]) -> Kinematics<f64> {
+    /// Where joints and mounts are, and what disturbs the motion.
+    pub(crate) fn placed(&self, extra: &[f64]) -> Displaced {
         let mut values = vec![0.0; self.model.n_kinematic_params()];
         for (&i, &x) in self.kinematics.iter().zip(&extra[self.biases()..]) {
             values[i] = x;
         }
-        Kinematics::from_values(self.model, values)
+        let kinematics = Kinematics::from_values(self.model, values);
+        Displaced { kinematics, sizes: self.disturbed(extra).to_vec() }
     }
     /// What is differentiated with respect to.
     pub(crate) fn wanted(&self, selected: &[usize]) -> Wanted {
         let (kinematics, initial) = (self.kinematics.clone(), self.initial.clone());
-        Wanted { params: selected.to_vec(), kinematics, initial, ..Wanted::default() }
+        let disturbances = (0..self.disturbing.len() + self.draws).collect();
+        Wanted { params: selected.to_vec(), kinematics, disturbances, initial, ..Wanted::default() }
     }
     /// How readings are taken, with the delays that are estimated.
     pub(crate) fn operators(&self, extra: &[f64]) -> Result<Operators, EvalError> {
@@ -220,8 +259,9 @@ impl<'a> OutputRows<'a> {
         let (samples, dt) = (self.record.samples(), self.record.dt());
         let mut take = |wanted: bool, group: usize| {
             let d = if wanted { next.next().copied() } else { None };
-            let times = self.times[group].clone();
-            if d.is_none() && times.is_none() {
+            let skewed = self.errors.skewed(self.errors_of(extra), group);
+            let times = skewed.or_else(|| self.times[group].clone());
+            if d.is_none() && times.is_none() && !self.errors.skews(group) {
                 return Ok(None);
             }
             let d = d.unwrap_or(0.0);
@@ -240,7 +280,10 @@ impl<'a> OutputRows<'a> {
         let inverse = self.inverse();
         for group in 0..2 {
             let (readings, measured) = (of[group].clone(), self.measured()[group]);
-            let taken = by[group].as_ref().map(|o| o.of(&w.values[group], w.first, readings.clone()));
+            let taken = self.error_free(w, by, group, &readings).map(|mut taken| {
+                self.errors.observe(self.errors_of(extra), group, readings.clone(), &mut taken);
+                taken
+            });
             let (first, stride) = self.place(of, group);
             for c in 0..self.channels()[group] {
                 let predicted = match &taken {
@@ -260,19 +303,49 @@ impl<'a> OutputRows<'a> {
             }
         }
     }
+    /// What error-free sensors would read, readings x channels; `None` where that is the prediction and is read as it is.
+    fn error_free(
+        &self,
+        w: &Window,
+        by: &Operators,
+        group: usize,
+        readings: &Range<usize>,
+    ) -> Option<DMatrix<f64>> {
+        match &by[group] {
+            Some(o) => Some(o.of(&w.values[group], w.first, readings.clone())),
+            None if self.errors.of.is_empty() => None,
+            None => {
+                let from = readings.start - w.first;
+                Some(w.values[group].rows(from, readings.len()).into_owned())
+            }
+        }
+    }
     /// One over the standard deviations.
     fn inverse(&self) -> [f64; 2] {
         [1.0 / self.options.noise.torque, 1.0 / self.options.noise.gyro]
     }
     /// Derivatives of the rows of the readings `of`: columns of `selected` parameters come first, then nuisance.
-    pub(crate) fn jacobian(&self, w: &Window, by: &Operators, selected: usize, of: &Readings, j: &mut DMatrix<f64>) {
+    pub(crate) fn jacobian(
+        &self,
+        w: &Window,
+        (by, extra): (&Operators, &[f64]),
+        selected: usize,
+        of: &Readings,
+        j: &mut DMatrix<f64>,
+    ) {
         let (rows, biases, channels) = (j.nrows(), self.biases(), self.channels());
         j.columns_mut(selected, j.ncols() - selected).fill(0.0);
         let inverse = self.inverse();
-        let taken: [Cow<'_, DMatrix<f64>>; 2] = core::array::from_fn(|g| match &by[g] {
+        let errors = self.errors_of(extra);
+        let mut taken: [Cow<'_, DMatrix<f64>>; 2] = core::array::from_fn(|g| match &by[g] {
             Some(o) => Cow::Owned(o.of_rows(&w.derivatives[g], channels[g], w.first, of[g].clone())),
             None => Cow::Borrowed(&w.derivatives[g]),
         });
+        if errors.iter().any(|&e| e != 0.0) {
+            for (g, d) in taken.iter_mut().enumerate() {
+                self.errors.observe_rows(errors, g, channels[g], d.to_mut());
+            }
+        }
         // Where the first row of the readings is in a column.
         let from = |g: usize| if by[g].is_some() { 0 } else { (of[g].start - w.first) * channels[g] };
         // Without joints there are no columns of torques.
@@ -313,9 +386,27 @@ impl<'a> OutputRows<'a> {
         }
         for (group, wanted) in [self.options.torque_delay, self.options.gyro_delay].into_iter().enumerate() {
             if let Some(o) = by[group].as_ref().filter(|_| wanted) {
-                let slope = o.slope(&w.values[group], w.first, of[group].clone());
+                let mut slope = o.slope(&w.values[group], w.first, of[group].clone());
+                self.errors.turn(errors, group, &mut slope);
                 (0..channels[group]).for_each(|k| each(group, k, col, &|i| slope[(i, k)]));
                 col += 1;
+            }
+        }
+        if self.errors.of.is_empty() {
+            return;
+        }
+        for group in 0..2 {
+            let Some(values) = self.error_free(w, by, group, &of[group]) else { continue };
+            let slope = by[group].as_ref().filter(|_| self.errors.skews(group));
+            let slope = slope.map(|o| o.slope(&w.values[group], w.first, of[group].clone()));
+            let (first, stride) = self.place(of, group);
+            for (k, source) in self.errors.of.iter().enumerate() {
+                if source.acts_on() == ActsOn::Readings(group) {
+                    let readings = (group, of[group].clone());
+                    self.errors.column(k, errors, readings, &values, slope.as_ref(), |row, channel, value| {
+                        j[(first + row * stride + channel, col + k)] = value * inverse[group];
+                    });
+                }
             }
         }
     }
@@ -331,6 +422,6 @@ impl<'a> OutputRows<'a> {
     ) {
         to.resize(&self.rows(of), selected + extra.len());
         self.residuals(w, by, extra, of, &mut to.residuals);
-        self.jacobian(w, by, selected, of, &mut to.jacobian);
+        self.jacobian(w, (by, extra), selected, of, &mut to.jacobian);
     }
 }

@@ -5,12 +5,12 @@
 
 use crate::estimate::output_rows::{Operators, OutputRows, Readings, Window};
 use crate::estimate::row_stream::{RowBlock, RowStream};
-use crate::motion::tables::{Table, Tables};
+use crate::motion::tables::{Displaced, Table, Tables};
 use ff_dynamics::Wanted;
 use ff_dynamics::reduced::ReducedError;
 use ff_dynamics::reduced::sensitivity::{Carried, sensitivities_span};
 use ff_least_squares::EvalError;
-use ff_model::{Kinematics, Params};
+use ff_model::Params;
 
 /// Samples of a span: a few megabytes of rows, and little beside them to set up.
 pub(crate) const SPAN: usize = 512;
@@ -20,7 +20,7 @@ pub(crate) struct Spans<'s, 'a> {
     rows: &'s OutputRows<'a>,
     tables: &'s mut Tables,
     params: Params<f64>,
-    placed: Kinematics<f64>,
+    placed: Displaced,
     wanted: Wanted,
     by: Operators,
     /// Samples of a span.
@@ -39,7 +39,7 @@ impl<'s, 'a> Spans<'s, 'a> {
     pub(crate) fn new(
         rows: &'s OutputRows<'a>,
         tables: &'s mut Tables,
-        (params, placed): (Params<f64>, Kinematics<f64>),
+        (params, placed): (Params<f64>, Displaced),
         wanted: Wanted,
         by: Operators,
         length: usize,

@@ -8,12 +8,12 @@ use crate::estimate::delay::OutputOperator;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use crate::estimate::setup::{Noise, SetupError, check_noise};
-use crate::motion::tables::{KEPT, Table, Tables};
+use crate::motion::tables::{Displaced, KEPT, Table, Tables};
 use core::ops::Range;
 use ff_dynamics::Wanted;
 use ff_dynamics::reduced::reduced_torques_span;
 use ff_least_squares::EvalError;
-use ff_model::{Kinematics, Model, Params};
+use ff_model::{Model, Params};
 use ff_records::time_base::on_grid;
 use ff_records::{ChannelGroup, Record};
 use nalgebra::DMatrix;
@@ -114,7 +114,7 @@ impl<'a> Rda<'a> {
             all => Cow::Owned(all.rows(grid.start, grid.len()).into_owned()),
         };
         let Table { table, samples } =
-            self.tables.span(model, &params, &Kinematics::fixed(model), &wanted, grid.clone());
+            self.tables.span(model, &params, &Displaced::none(model), &wanted, grid.clone());
         let made = reduced_torques_span(model, &params, &table, samples, &rates, &wanted);
         let (mut tau, mut d) = made.map_err(|e| EvalError::Rejected(e.to_string()))?;
         if let Some(by) = &self.by {

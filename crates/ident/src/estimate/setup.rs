@@ -79,6 +79,9 @@ pub enum SetupError {
     /// The same kinematic parameter under two names, or twice.
     #[error("'{0}' is asked for twice; the rotation of a joint's placement about its own axis is its offset")]
     PlacementTwice(String),
+    /// An error of a joint that the robot does not have, or of a fourth axis.
+    #[error("an error to estimate belongs to none of the {0} joints and three axes; see ErrorSource::all")]
+    NoSuchError(usize),
     /// A standard deviation that is not positive and finite.
     #[error("noise of the {channel} is {value}; it must be positive and finite")]
     Noise {

@@ -2,13 +2,17 @@
 
 use crate::estimate::setup::SetupError;
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
-use crate::motion::spline_fit::{JointSamples, choose_knots, fit_motion_from_rest, noise_of};
+use crate::motion::spline_fit::{JointSamples, choose_knots, fit_motion, fit_motion_from_rest, noise_of};
 use crate::motion::stamped_motion::StampedHermite;
 use ff_dynamics::motion::{HermiteTable, JointMotion};
 use ff_model::Model;
 use ff_records::Record;
 use ff_records::time_base::ChannelGroup;
 use nalgebra::DMatrix;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use std::sync::Arc;
 
 /// The joint motion of a record.
 ///
@@ -19,35 +23,63 @@ use nalgebra::DMatrix;
 /// # Errors
 /// [`SetupError`].
 pub fn joint_motion(model: &Model, record: &Record) -> Result<Box<dyn JointMotion>, SetupError> {
-    motion_of(model, record, || None, false)
+    Ok(motion_of(model, record, || None, false)?.0)
 }
 
 /// [`joint_motion`] with what accelerations are worth, asked for only where knots are chosen by it; `None`: every joint alike.
-/// `from_rest` as in [`motion_at_stake`].
+/// `from_rest` as in [`motion_at_stake`]. With the noise that a fitted motion may hold.
 pub(crate) fn motion_of(
     model: &Model,
     record: &Record,
     stake: impl FnOnce() -> Option<Stake>,
     from_rest: bool,
-) -> Result<Box<dyn JointMotion>, SetupError> {
+) -> Result<(Box<dyn JointMotion>, Option<MotionNoise>), SetupError> {
     let n = record.joints();
     if n != model.nj() {
         return Err(SetupError::Joints { got: n, want: model.nj() });
     }
     if let (Some(times), Some(qd), Some(qdd)) = (record.times(ChannelGroup::Motion), record.qd(), record.qdd()) {
-        return Ok(Box::new(StampedHermite::new(times, record.q(), qd, qdd)));
+        return Ok((Box::new(StampedHermite::new(times, record.q(), qd, qdd)), None));
     }
     if let Some(table) = logged(record)? {
-        return Ok(Box::new(table));
+        return Ok((Box::new(table), None));
     }
     if let Some(short) = short(record)? {
-        return Ok(short);
+        return Ok((short, None));
     }
     let fit = match stake() {
         Some(stake) => motion_at_stake(record, &stake, from_rest)?,
         None => spectral_motion(record)?,
     };
-    Ok(Box::new(fit.fit.motion))
+    let noise = MotionNoise { spacing: fit.fit.spacing, positions: fit.noise.clone() };
+    Ok((Box::new(fit.fit.motion), Some(noise)))
+}
+
+/// Noise that a spline through noisy positions holds.
+#[derive(Clone, Debug)]
+pub(crate) struct MotionNoise {
+    /// Of the knots (s).
+    spacing: f64,
+    /// Standard deviations of the positions (rad or m).
+    positions: Vec<f64>,
+}
+
+impl MotionNoise {
+    /// Splines with the same knots through noise alone, at the sample times of the positions: what a fitted motion is off by, without
+    /// what recorded rates add. Draws are those of a seed that belongs to their number. Allocates.
+    pub(crate) fn draws(&self, record: &Record, count: usize) -> Result<Vec<Arc<dyn JointMotion>>, SetupError> {
+        let (times, n) = (times(record), self.positions.len());
+        let one = |k: usize| {
+            let mut rng = ChaCha8Rng::seed_from_u64(k as u64);
+            let sigma = self.positions.iter().cycle();
+            let q: Vec<f64> =
+                sigma.take(n * times.len()).map(|s| s * Distribution::<f64>::sample(&StandardNormal, &mut rng)).collect();
+            let samples = JointSamples { dof: n, times: &times, q: &q, qd: None, rate_weight: 0.0 };
+            let fit = fit_motion(&samples, self.spacing).map_err(|e| SetupError::JointMotion(e.to_string()))?;
+            Ok(Arc::new(fit.motion) as Arc<dyn JointMotion>)
+        };
+        (0..count).map(one).collect()
+    }
 }
 
 /// The motion of a record that has rates and accelerations.

@@ -1,11 +1,11 @@
 //! The prescribed motion of a record, tabulated once and kept as long as nothing changes that the table depends on.
 
 use crate::estimate::setup::{Noise, SetupError};
-use crate::motion::joint_motion::motion_of;
+use crate::motion::joint_motion::{MotionNoise, motion_of};
 use crate::motion::torque_sensitivity as knot_stake;
 use core::ops::Range;
 use ff_dynamics::motion::JointMotion;
-use ff_dynamics::reduced::TableKey;
+use ff_dynamics::reduced::{Disturbance, Disturbances, TableKey};
 use ff_dynamics::{Prescribed, Sampling, Wanted};
 use ff_model::{Kinematics, Model, Params};
 use ff_records::Record;
@@ -16,6 +16,24 @@ use std::sync::Arc;
 /// whenever it is gone through.
 pub(crate) const KEPT: usize = 1 << 16;
 
+/// Kinematic parameters and disturbances up to which a table is kept with its derivatives, each of which is as large as the table.
+const KEPT_SLOPES: usize = 12;
+
+/// What is not where or as large as the model says: joints and mounts, and what disturbs the motion.
+#[derive(Clone, Debug)]
+pub(crate) struct Displaced {
+    pub(crate) kinematics: Kinematics<f64>,
+    /// Of [`Tables::disturbances`].
+    pub(crate) sizes: Vec<f64>,
+}
+
+impl Displaced {
+    /// Nothing.
+    pub(crate) fn none(model: &Model) -> Self {
+        Self { kinematics: Kinematics::fixed(model), sizes: Vec::new() }
+    }
+}
+
 /// A table, and which of its samples are meant.
 pub(crate) struct Table<'a> {
     pub(crate) table: Cow<'a, Prescribed>,
@@ -25,7 +43,11 @@ pub(crate) struct Table<'a> {
 /// Joint motion of a record with its tables.
 pub(crate) struct Tables {
     motion: Arc<dyn JointMotion>,
+    /// What the motion is off by, where it was fitted.
+    pub(crate) noise: Option<MotionNoise>,
     sampling: Sampling,
+    /// What may disturb the motion; sizes are given with the displacements.
+    pub(crate) disturbances: Vec<Disturbance>,
     kept: Option<Kept>,
 }
 
@@ -45,15 +67,20 @@ impl Tables {
         from_rest: bool,
     ) -> Result<Self, SetupError> {
         let stake = || knot_stake::stake(model, record, noise?.torque);
-        let motion = motion_of(model, record, stake, from_rest)?;
+        let (motion, noise) = motion_of(model, record, stake, from_rest)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
-        Ok(Self { motion: motion.into(), sampling, kept: None })
+        Ok(Self { motion: motion.into(), noise, sampling, disturbances: Vec::new(), kept: None })
+    }
+    /// The same motion and disturbances, without a table.
+    pub(crate) fn shared(&self) -> Self {
+        let (motion, noise) = (Arc::clone(&self.motion), self.noise.clone());
+        Self { motion, noise, sampling: self.sampling, disturbances: self.disturbances.clone(), kept: None }
     }
     /// Of the record with every `every`-th sample: the same motion, one step per sample.
     pub(crate) fn thinned(&self, every: usize) -> Self {
         let Sampling { samples, sample_s, .. } = self.sampling;
         let sampling = Sampling { samples: samples.div_ceil(every), sample_s: sample_s * every as f64, substeps: 1 };
-        Self { motion: Arc::clone(&self.motion), sampling, kept: None }
+        Self { sampling, kept: None, ..self.shared() }
     }
     /// The table of samples `span` for these parameters and displacements, with what the derivatives `wanted` need and one sample more
     /// unless they are the last: kept, or made for them.
@@ -61,17 +88,16 @@ impl Tables {
         &mut self,
         model: &Model,
         params: &Params<f64>,
-        kinematics: &Kinematics<f64>,
+        displaced: &Displaced,
         wanted: &Wanted,
         span: Range<usize>,
     ) -> Table<'_> {
         let samples = self.sampling.samples;
-        if samples <= KEPT {
-            return Table { table: Cow::Borrowed(self.get(model, params, kinematics, wanted)), samples: span };
+        if !self.by_spans(wanted) {
+            return Table { table: Cow::Borrowed(self.get(model, params, displaced, wanted)), samples: span };
         }
         let own = span.start..(span.end + 1).min(samples);
-        let (motion, sampling) = (&self.motion, &self.sampling);
-        let table = Prescribed::span_with_kinematics(model, params, kinematics, motion, sampling, own, wanted);
+        let table = self.make(model, params, displaced, wanted, own);
         Table { table: Cow::Owned(table), samples: 0..span.len() }
     }
     /// The table for these parameters and displacements of joints and mounts, with what the derivatives `wanted` need. Base
@@ -81,18 +107,38 @@ impl Tables {
         &mut self,
         model: &Model,
         params: &Params<f64>,
-        kinematics: &Kinematics<f64>,
+        displaced: &Displaced,
         wanted: &Wanted,
     ) -> &Prescribed {
-        let (motion, sampling) = (&self.motion, &self.sampling);
-        let key = TableKey::new(model, params, kinematics, sampling, wanted);
+        let key = TableKey::new(model, params, &displaced.kinematics, &self.sampling, wanted).disturbed(&displaced.sizes);
         if !self.kept.as_ref().is_some_and(|k| k.key.serves(&key)) {
             self.kept = None;
         }
-        let make = || {
-            let table = Prescribed::with_kinematics(model, params, kinematics, motion, sampling, wanted);
-            Kept { key, table }
+        let kept = match self.kept.take() {
+            Some(kept) => kept,
+            None => Kept { key, table: self.make(model, params, displaced, wanted, 0..self.sampling.samples) },
         };
-        &self.kept.get_or_insert_with(make).table
+        &self.kept.insert(kept).table
+    }
+    fn make(
+        &self,
+        model: &Model,
+        params: &Params<f64>,
+        displaced: &Displaced,
+        wanted: &Wanted,
+        span: Range<usize>,
+    ) -> Prescribed {
+        let Displaced { kinematics, sizes } = displaced;
+        let disturbances = Disturbances::new(self.disturbances.clone(), sizes.clone());
+        let by = (kinematics, &disturbances);
+        Prescribed::disturbed(model, params, by, &*self.motion, &self.sampling, span, wanted)
+    }
+    /// The motion, as it is read.
+    pub(crate) fn motion(&self) -> &dyn JointMotion {
+        &*self.motion
+    }
+    /// Whether tables are made span by span.
+    pub(crate) fn by_spans(&self, wanted: &Wanted) -> bool {
+        self.sampling.samples > KEPT || wanted.kinematics.len() + wanted.disturbances.len() > KEPT_SLOPES
     }
 }

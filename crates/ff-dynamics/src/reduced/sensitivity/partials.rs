@@ -21,17 +21,17 @@ pub(crate) struct Columns {
     pub(crate) base: Vec<(usize, usize)>,
     pub(crate) links: Vec<LinkColumns>,
     pub(crate) ports: Vec<Vec<(usize, usize)>>,
-    /// Kinematic parameters that the arm depends on: which of the table's, column.
+    /// Kinematic parameters and disturbances that the arm depends on: which of the table's slopes, column.
     pub(crate) arm: Vec<(usize, usize)>,
     /// By port, those that its frame depends on: which of the table's, which of its frames, column.
     pub(crate) placements: Vec<Vec<(usize, usize, usize)>>,
 }
 
 impl Columns {
-    /// Columns of the parameters and the kinematic parameters of `wanted`, in that order.
+    /// Columns of the parameters, the kinematic parameters and the disturbances of `wanted`, in that order.
     ///
     /// # Panics
-    /// If a link or a kinematic parameter is not tracked by the table.
+    /// If a link, a kinematic parameter or a disturbance is not tracked by the table.
     pub(crate) fn new(model: &Model, table: &Prescribed, wanted: &Wanted) -> Self {
         let (ports, bodies) = (model.appendages(), 10 * model.n_bodies());
         let (count, first_kinematic) = (wanted.forced(), wanted.params.len());
@@ -57,9 +57,17 @@ impl Columns {
         }
         c.links.retain(|l| !l.wanted.is_empty());
         c.placements = vec![Vec::new(); ports.len()];
-        for (col, &k) in (wanted.params.len()..).zip(&wanted.kinematics) {
-            let slope = table.slopes.of.iter().position(|&of| of == k);
-            assert!(slope.is_some(), "kinematic parameter {k} is not tracked by the prescribed motion");
+        let tracked = |of: &[usize], k: usize, what: &str| {
+            let at = of.iter().position(|&of| of == k);
+            assert!(at.is_some(), "{what} {k} is not tracked by the prescribed motion");
+            at
+        };
+        let slopes = &table.slopes;
+        let kinematics = wanted.kinematics.iter().map(|&k| tracked(&slopes.of, k, "kinematic parameter"));
+        let behind = |i: usize| i + slopes.of.len();
+        let disturbances = wanted.disturbances.iter();
+        let disturbances = disturbances.map(|&k| tracked(&slopes.disturbances, k, "disturbance").map(behind));
+        for (col, slope) in (wanted.params.len()..).zip(kinematics.chain(disturbances)) {
             let Some(i) = slope else { continue };
             let slope = &table.slopes.all[i];
             if slope.has_arm() {
@@ -74,7 +82,7 @@ impl Columns {
 }
 
 impl Columns {
-    /// Columns of kinematic parameters.
+    /// Columns of kinematic parameters and disturbances.
     pub(crate) fn kinematic(&self) -> core::ops::Range<usize> {
         self.first_kinematic..self.count
     }

@@ -2,7 +2,7 @@
 
 use ff_model::Model;
 
-/// What to differentiate, and with respect to what. Columns are those of `params`, `kinematics`, `initial`, in this order.
+/// What to differentiate, and with respect to what. Columns are those of `params`, `kinematics`, `disturbances`, `initial`, in this order.
 ///
 /// ```
 /// use ff_dynamics::Wanted;
@@ -20,6 +20,8 @@ pub struct Wanted {
     /// Indices into the kinematic parameters ([`Model::kinematic_params`]); the table must have been made for them
     /// ([`crate::Prescribed::with_kinematics`]).
     pub kinematics: Vec<usize>,
+    /// Indices into the disturbances of the table ([`crate::Prescribed::disturbed`]): derivatives with respect to their sizes.
+    pub disturbances: Vec<usize>,
     /// Indices into the initial state `z0 = [V 6 | eta m | nu m]`.
     pub initial: Vec<usize>,
     /// The acceleration of the base, too (`Sensitivities::accel`).
@@ -33,9 +35,9 @@ impl Wanted {
     pub fn len(&self) -> usize {
         self.forced() + self.initial.len()
     }
-    /// Number of columns of parameters, inertial and kinematic; those of the initial state follow them.
+    /// Number of columns of parameters, inertial and kinematic, and of disturbances; those of the initial state follow them.
     pub fn forced(&self) -> usize {
-        self.params.len() + self.kinematics.len()
+        self.params.len() + self.kinematics.len() + self.disturbances.len()
     }
     /// True without columns.
     pub fn is_empty(&self) -> bool {

@@ -3,6 +3,7 @@
 //! From the base outwards every link gets its pose and its rates relative to the base, from the tips inwards the moments
 //! of what it carries are summed; the sums of all links are the arm's 28 numbers, those of a subtree its joint's row.
 
+use super::disturbance::{Disturbances, Disturbed};
 use super::numbers::{ARM, FORM, FRAME, ROW};
 use super::prescribed::{Prescribed, Site};
 use super::sampling::Sampling;
@@ -85,9 +86,31 @@ impl Prescribed {
         span: Range<usize>,
         wanted: &Wanted,
     ) -> Self {
-        let mut t =
-            Self::span(&model.displaced(kinematics), params, motion, sampling, span.clone(), &wanted.links(model));
-        t.slopes = Slopes::new(sampling, span, model, params, kinematics, motion, &wanted.kinematics);
+        Self::disturbed(model, params, (kinematics, &Disturbances::default()), motion, sampling, span, wanted)
+    }
+
+    /// [`Prescribed::span_with_kinematics`] of a motion that is disturbed, with the derivatives with respect to the sizes of the
+    /// disturbances that are `wanted`. A wrench on the base is no part of the power of the joints.
+    ///
+    /// # Panics
+    /// As [`Prescribed::span_with_kinematics`], and if a wanted disturbance does not exist or has another number of joints.
+    pub fn disturbed(
+        model: &Model,
+        params: &Params<f64>,
+        (kinematics, disturbances): (&Kinematics<f64>, &Disturbances),
+        motion: &dyn JointMotion,
+        sampling: &Sampling,
+        span: Range<usize>,
+        wanted: &Wanted,
+    ) -> Self {
+        let motion = Disturbed { motion, by: disturbances };
+        let links = wanted.links(model);
+        let mut t = Self::span(&model.displaced(kinematics), params, &motion, sampling, span.clone(), &links);
+        let first = t.first_node();
+        disturbances.push(&mut t.arm, |node| sampling.time_of(first + node));
+        let place = (sampling, span);
+        t.slopes = Slopes::new(place.clone(), model, params, kinematics, &motion, &wanted.kinematics);
+        t.slopes.disturb(place, model, params, kinematics, &motion, &wanted.disturbances);
         t
     }
 }

@@ -18,6 +18,7 @@ pub struct TableKey {
     numbers: Vec<f64>,
     links: Vec<usize>,
     kinematics: Vec<usize>,
+    disturbances: Vec<usize>,
 }
 
 impl TableKey {
@@ -45,7 +46,12 @@ impl TableKey {
         }
         numbers.extend(kinematics.values());
         let (links, kinematics) = (wanted.links(model), wanted.kinematics.clone());
-        Self { sampling: *sampling, tree, numbers, links, kinematics }
+        Self { sampling: *sampling, tree, numbers, links, kinematics, disturbances: wanted.disturbances.clone() }
+    }
+    /// For a table of [`crate::reduced::table::Prescribed::disturbed`] by disturbances of these sizes; which they are, a cache knows.
+    pub fn disturbed(mut self, sizes: &[f64]) -> Self {
+        self.numbers.extend(sizes);
+        self
     }
     /// Whether a table with this key does where one with the key `wanted` is needed: the same numbers, and at least the same
     /// derivatives.
@@ -56,5 +62,6 @@ impl TableKey {
             && self.numbers == wanted.numbers
             && within(&wanted.links, &self.links)
             && within(&wanted.kinematics, &self.kinematics)
+            && within(&wanted.disturbances, &self.disturbances)
     }
 }

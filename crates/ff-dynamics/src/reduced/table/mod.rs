@@ -28,6 +28,7 @@
 //! every lane.
 pub(crate) mod arm_model;
 pub(crate) mod arm_table;
+pub(crate) mod disturbance;
 pub(crate) mod fill;
 pub(crate) mod key;
 pub(crate) mod numbers;
@@ -39,6 +40,7 @@ pub(crate) mod sweep;
 
 pub use arm_model::ArmModel;
 pub use arm_table::ArmTable;
+pub use disturbance::{BaseWrench, Disturbance, Disturbances};
 pub(crate) use fill::Filler;
 pub use key::TableKey;
 pub(crate) use numbers::products;

@@ -1,9 +1,12 @@
-//! Derivatives of the tables with respect to kinematic parameters, by forward dual numbers through [`ArmModel`].
+//! Derivatives of the tables with respect to kinematic parameters and sizes of disturbances, by forward dual numbers through
+//! [`ArmModel`].
 //!
 //! A parameter of a joint changes the arm, the frames on what the joint carries, and the rows of joints; one of a mount
-//! changes the frame of that mount alone, the same at all times where the host is the base.
+//! changes the frame of that mount alone, the same at all times where the host is the base. A disturbance of the motion changes arm,
+//! rows and all frames that move; a wrench on the base is a part of two numbers of the arm.
 
 use super::arm_model::ArmModel;
+use super::disturbance::{Disturbance, Disturbed, push};
 use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW, lanes};
 use super::sampling::Sampling;
 use crate::motion::joint::JointMotion;
@@ -14,16 +17,18 @@ use ff_model::scalar::{Grad, LaneScalar};
 use ff_model::tree::Placed;
 use ff_model::{Kinematics, Model, Params, Xform};
 
-/// Derivatives of the tables, one per kinematic parameter.
+/// Derivatives of the tables, one per kinematic parameter, then one per disturbance.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Slopes {
     /// Indices of the kinematic parameters.
     pub(crate) of: Vec<usize>,
+    /// Indices of the disturbances.
+    pub(crate) disturbances: Vec<usize>,
     /// In the same order.
     pub(crate) all: Vec<Slope>,
 }
 
-/// Derivatives of the tables with respect to one kinematic parameter.
+/// Derivatives of the tables with respect to one kinematic parameter or disturbance.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Slope {
     nj: usize,
@@ -50,8 +55,7 @@ impl Slopes {
     /// # Panics
     /// If a parameter does not exist or the motion has another number of joints.
     pub(crate) fn new(
-        sampling: &Sampling,
-        span: Range<usize>,
+        (sampling, span): (&Sampling, Range<usize>),
         model: &Model,
         params: &Params<f64>,
         kinematics: &Kinematics<f64>,
@@ -77,7 +81,8 @@ impl Slopes {
             let frames = frames.collect();
             Slope { nj, arm: room(ARM * nodes), rows: room(ROW * nj * sampling.samples), frames }
         };
-        let mut out = Self { of: of.to_vec(), all: of.iter().map(empty).collect() };
+        let all = of.iter().map(empty).collect();
+        let mut out = Self { of: of.to_vec(), disturbances: Vec::new(), all };
         let params = params.lift::<Grad>(model);
         let mut joints = vec![0.0; 3 * nj];
         let (mut x, mut numbers) = (vec![Grad::constant(0.0); 3 * nj], Vec::new());
@@ -97,23 +102,86 @@ impl Slopes {
                 let rows = node % per_sample == 0;
                 arm.numbers([&x[..nj], &x[nj..2 * nj], &x[2 * nj..]], rows, &mut numbers);
                 for (k, slope) in slopes.iter_mut().enumerate() {
-                    let take = |to: &mut [f64], from: usize| {
-                        to.iter_mut().zip(&numbers[from..]).for_each(|(t, x)| *t = x.eps[k]);
-                    };
-                    if !slope.arm.is_empty() {
-                        take(&mut slope.arm[ARM * node..ARM * (node + 1)], 0);
-                        if rows {
-                            let first = ROW * nj * (node / per_sample);
-                            take(&mut slope.rows[first..first + ROW * nj], arm.row_at(0));
-                        }
-                    }
-                    for f in slope.frames.iter_mut().filter(|f| !f.at_rest || node == 0) {
-                        take(&mut f.numbers[FRAME * node..FRAME * (node + 1)], arm.frame_at(f.port));
-                    }
+                    slope.take(k, &arm, &numbers, (node, per_sample));
                 }
             }
         }
         out
+    }
+
+    /// With respect to the sizes of the disturbances `of` as well, behind the others.
+    ///
+    /// # Panics
+    /// If a disturbance does not exist or has another number of joints.
+    pub(crate) fn disturb(
+        &mut self,
+        (sampling, span): (&Sampling, Range<usize>),
+        model: &Model,
+        params: &Params<f64>,
+        kinematics: &Kinematics<f64>,
+        motion: &Disturbed<'_>,
+        of: &[usize],
+    ) {
+        let all = motion.by.all();
+        assert!(of.iter().all(|&i| i < all.len()), "disturbances: there are {}", all.len());
+        let first = span.start * sampling.nodes_per_sample();
+        let sampling = &Sampling { samples: span.len(), ..*sampling };
+        let (nj, nodes, per_sample) = (model.nj(), sampling.nodes(), sampling.nodes_per_sample());
+        let empty = |&i: &usize| {
+            let hosts = model.appendages().iter().enumerate().filter(|(_, a)| a.host > 0);
+            let numbers = || vec![0.0; FRAME * nodes];
+            let frames = hosts.map(|(port, _)| FrameSlope { port, numbers: numbers(), at_rest: false });
+            let moves = matches!(all[i], Disturbance::Motion(_));
+            let frames = if moves { frames.collect() } else { Vec::new() };
+            Slope { nj, arm: vec![0.0; ARM * nodes], rows: vec![0.0; ROW * nj * sampling.samples], frames }
+        };
+        let behind = self.all.len();
+        self.disturbances.extend_from_slice(of);
+        self.all.extend(of.iter().map(empty));
+        let mut motions = Vec::new();
+        for (slope, &i) in self.all[behind..].iter_mut().zip(of) {
+            match &all[i] {
+                Disturbance::Motion(m) => {
+                    assert_eq!(m.dof(), nj, "joints of a disturbance");
+                    motions.push((m, slope));
+                }
+                Disturbance::Wrench(w) => {
+                    for (node, numbers) in slope.arm.chunks_exact_mut(ARM).enumerate() {
+                        push(numbers, &w(sampling.time_of(first + node)), 1.0);
+                    }
+                }
+            }
+        }
+        if motions.is_empty() {
+            return;
+        }
+        let (params, values) = (params.lift::<Grad>(model), kinematics.values());
+        let kinematics = Kinematics::from_values(model, values.iter().map(|&x| Grad::constant(x)).collect());
+        let site = |(k, a): (usize, &ff_model::tree::Mounted)| (a.host, kinematics.mount(k).apply(&a.mount));
+        let sites: Vec<(usize, Xform<Grad>)> = model.appendages().iter().enumerate().map(site).collect();
+        let mut arm = ArmModel::new(model, &params, &sites).displaced(&kinematics);
+        let (mut joints, mut change) = (vec![0.0; 3 * nj], vec![0.0; 3 * nj]);
+        let (mut x, mut numbers) = (vec![Grad::constant(0.0); 3 * nj], Vec::new());
+        let eval = |motion: &dyn JointMotion, t: f64, to: &mut [f64]| {
+            let (q, rest) = to.split_at_mut(nj);
+            let (qd, qdd) = rest.split_at_mut(nj);
+            motion.eval(t, q, qd, qdd);
+        };
+        for motions in motions.chunks_mut(DIRECTIONS) {
+            for node in 0..nodes {
+                let t = sampling.time_of(first + node);
+                eval(motion, t, &mut joints);
+                x.iter_mut().zip(&joints).for_each(|(x, &j)| *x = Grad::constant(j));
+                for (k, (m, _)) in motions.iter().enumerate() {
+                    eval(m, t, &mut change);
+                    x.iter_mut().zip(&change).for_each(|(x, &d)| x.eps[k] = d);
+                }
+                arm.numbers([&x[..nj], &x[nj..2 * nj], &x[2 * nj..]], node % per_sample == 0, &mut numbers);
+                for (k, (_, slope)) in motions.iter_mut().enumerate() {
+                    slope.take(k, &arm, &numbers, (node, per_sample));
+                }
+            }
+        }
     }
 }
 
@@ -126,6 +194,23 @@ fn carries(model: &Model, j: usize, mut body: usize) -> bool {
 }
 
 impl Slope {
+    /// Derivatives along direction `k` of the numbers of an arm at a node; rows of joints at samples only.
+    fn take(&mut self, k: usize, arm: &ArmModel<Grad>, numbers: &[Grad], (node, per_sample): (usize, usize)) {
+        let take = |to: &mut [f64], from: usize| {
+            to.iter_mut().zip(&numbers[from..]).for_each(|(t, x)| *t = x.eps[k]);
+        };
+        let nj = self.nj;
+        if !self.arm.is_empty() {
+            take(&mut self.arm[ARM * node..ARM * (node + 1)], 0);
+            if node % per_sample == 0 {
+                let first = ROW * nj * (node / per_sample);
+                take(&mut self.rows[first..first + ROW * nj], arm.row_at(0));
+            }
+        }
+        for f in self.frames.iter_mut().filter(|f| !f.at_rest || node == 0) {
+            take(&mut f.numbers[FRAME * node..FRAME * (node + 1)], arm.frame_at(f.port));
+        }
+    }
     /// Whether arm and rows depend on the parameter.
     pub(crate) fn has_arm(&self) -> bool {
         !self.arm.is_empty()

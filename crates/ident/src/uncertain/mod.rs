@@ -1,0 +1,11 @@
+//! What may be wrong beside the parameters, and what of it would explain a record.
+
+pub(crate) mod hypotheses;
+pub(crate) mod ranking;
+pub(crate) mod score;
+pub(crate) mod source;
+
+pub use hypotheses::{Component, Hypothesis, hypotheses, with_every_column};
+pub use ranking::{ALIKE, LEVEL, Layout, MATTERS, Named, Ranking};
+pub use score::{Combination, EndOfFit, Score, Scores};
+pub use source::ErrorSource;

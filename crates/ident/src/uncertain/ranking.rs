@@ -1,0 +1,124 @@
+//! Which errors would explain a record, in order.
+
+use crate::uncertain::hypotheses::Hypothesis;
+use crate::uncertain::score::{Combination, Score, Scores};
+
+/// How often the tests of all errors together see one where there is none. The tests for coloured residuals
+/// ([`crate::checks::whiteness::LEVEL`]) have as much.
+pub const LEVEL: f64 = 0.005;
+/// Correlation of two errors' effects above which the data cannot choose between them.
+pub const ALIKE: f64 = 0.95;
+/// Part of a standard deviation that an error must move an estimate by to count against the model.
+pub const MATTERS: f64 = 0.5;
+/// Errors that are looked for beside one another.
+const TOGETHER: usize = 3;
+
+/// An error that the record speaks for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Named {
+    /// Which of the hypotheses.
+    pub hypothesis: usize,
+    /// Its test, behind those named before it that count together with it ([`Named::beside`]).
+    pub score: Score,
+    /// Whether it is one of several that explain the record together: then the score is what it adds to those before it.
+    pub beside: bool,
+    /// Others whose effect is nearly the same (correlation above [`ALIKE`]).
+    pub alike: Vec<usize>,
+}
+
+/// The outcome of all tests.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ranking {
+    /// Errors that the data could tell from the fit's unknowns.
+    pub tested: usize,
+    /// Those that are larger than chance allows at [`LEVEL`] over all tests: first those that explain the record together, then
+    /// the others by how much of it they explain alone.
+    pub named: Vec<Named>,
+}
+
+impl Ranking {
+    /// Whether one of the errors moves an estimate by more than [`MATTERS`] of its deviation.
+    pub fn matters(&self) -> bool {
+        self.named.iter().any(|n| n.score.moves.1 > MATTERS)
+    }
+}
+
+/// An error that can be tested.
+struct Testable {
+    hypothesis: usize,
+    components: Vec<usize>,
+}
+
+/// The errors with columns among `names` (parameters, then nuisance unknowns): indices of the hypotheses, their components in one list,
+/// and where each begins there. Columns of the `base` are those of the fit.
+pub struct Layout {
+    of: Vec<Testable>,
+    /// Columns of all components, for [`Scores::new`].
+    pub components: Vec<Combination>,
+}
+
+impl Layout {
+    /// Of the hypotheses whose columns there are. One that has columns of the `base` alone has been estimated; those that lie within
+    /// the base are dropped from what they share with it.
+    pub fn new(all: &[Hypothesis], names: &[String], labels: &[String], base: &[usize]) -> Self {
+        let (mut of, mut components) = (Vec::new(), Vec::new());
+        for (hypothesis, h) in all.iter().enumerate() {
+            let Some(columns) = h.columns(names, labels) else { continue };
+            let free: Vec<Combination> =
+                columns.into_iter().filter(|c| c.iter().any(|(i, _)| !base.contains(i))).collect();
+            if free.is_empty() || free.len() < h.components.len() {
+                continue;
+            }
+            let first = components.len();
+            components.extend(free);
+            of.push(Testable { hypothesis, components: (first..components.len()).collect() });
+        }
+        Self { of, components }
+    }
+    /// Tests all, and ranks what is found; `rows` are residuals.
+    pub fn rank(&self, scores: &Scores, rows: usize) -> Ranking {
+        let penalty = (rows.max(2) as f64).ln();
+        let worth = |s: &Score| s.drop - penalty * s.freedom as f64;
+        let alone: Vec<Option<Score>> = self.of.iter().map(|t| scores.test(&t.components, &[])).collect();
+        let tested = alone.iter().flatten().count();
+        let limit = LEVEL / tested.max(1) as f64;
+        let mut named: Vec<Named> = Vec::new();
+        let mut given: Vec<usize> = Vec::new();
+        while named.len() < TOGETHER {
+            let behind = self.of.iter().enumerate().filter_map(|(k, t)| {
+                let score = if given.is_empty() { alone[k].clone() } else { scores.test(&t.components, &given) };
+                score.filter(|s| s.p < limit).map(|s| (k, s))
+            });
+            let best = behind.max_by(|a, b| worth(&a.1).total_cmp(&worth(&b.1)));
+            let Some((k, score)) = best else { break };
+            let beside = !named.is_empty();
+            let alike = self.alike(scores, &alone, k);
+            given.extend(&self.of[k].components);
+            named.push(Named { hypothesis: k, score, beside, alike });
+        }
+        let mut rest: Vec<Named> = (0..self.of.len())
+            .filter(|k| named.iter().all(|n| n.hypothesis != *k))
+            .filter_map(|k| {
+                let score = alone[k].clone().filter(|s| s.p < limit)?;
+                Some(Named { hypothesis: k, score, beside: false, alike: self.alike(scores, &alone, k) })
+            })
+            .collect();
+        rest.sort_by(|a, b| worth(&b.score).total_cmp(&worth(&a.score)));
+        named.extend(rest);
+        for n in &mut named {
+            n.hypothesis = self.of[n.hypothesis].hypothesis;
+            n.alike.iter_mut().for_each(|k| *k = self.of[*k].hypothesis);
+        }
+        Ranking { tested, named }
+    }
+    fn alike(&self, scores: &Scores, alone: &[Option<Score>], k: usize) -> Vec<usize> {
+        let Some(own) = &alone[k] else { return Vec::new() };
+        let others = alone.iter().enumerate().filter(|(i, _)| *i != k);
+        let like = others.filter(|(i, s)| {
+            s.as_ref().is_some_and(|s| {
+                scores.correlation((&self.of[k].components, own), (&self.of[*i].components, s)).abs() > ALIKE
+            })
+        });
+        like.map(|(i, _)| i).collect()
+    }
+}

@@ -1,0 +1,261 @@
+//! What would explain a record? Score tests of errors that a fit has not estimated.
+//!
+//! At the end of a fit with whitened residuals r and columns B of its unknowns, an error with columns C changes the residuals by
+//! `C e`. With P what projects off the columns of B, and `S = C^T P C`, `s = C^T P r`,
+//!
+//! ```text
+//! e = -S^-1 s,   cov e = S^-1,   drop of chi-squared = s^T S^-1 s
+//! ```
+//!
+//! which is chi-squared with as many degrees of freedom as C has columns if nothing is wrong (C. R. Rao, *Proc. Camb. Phil. Soc.* 44, 1948,
+//! 50), without another fit: the unknowns of the fit move by `-B^+ C e`. B is folded into a triangle by Householder's reflections; of C
+//! only products with B, r and itself are kept, so that memory does not grow with the rows.
+//!
+//! Noise of the encoders comes into the prediction through the joint motion and is in r besides the noise of the sensors. Given draws
+//! n_m of what it does to the residuals, `cov s = S + mean (C^T P n_m)(C^T P n_m)^T` takes the place of S in the test.
+
+use crate::estimate::estimator::Estimator;
+use crate::estimate::row_stream::RowBlock;
+use ff_least_squares::{EvalError, Tall, triangle_of};
+use ff_linalg::LinalgError;
+use ff_spectral::chi_square::chi_square_survival;
+use nalgebra::{DMatrix, DVector};
+
+/// Part of the norm of a column that must be left behind the projection; below, the fit's unknowns can do what the error does.
+const LEFT: f64 = 1e-5;
+/// Smallest eigenvalue of normalised `S`, relative to the largest, of errors that can be told apart.
+const APART: f64 = 1e-8;
+/// Relative width of what holds unknowns that the data do not tell, in their sizes.
+const HOLD: f64 = 1e6;
+
+/// A linear combination of columns: index of the column and weight.
+pub type Combination = Vec<(usize, f64)>;
+
+/// Where a fit ended, and what its estimator differentiates by.
+pub struct EndOfFit<'a> {
+    /// All parameters.
+    pub full: &'a [f64],
+    /// Nuisance unknowns of the estimator.
+    pub extra: &'a [f64],
+    /// Parameters that have columns: those of the fit and those of errors.
+    pub selected: &'a [usize],
+    /// Columns (of `selected`, then nuisance) that the fit has estimated, with their sizes.
+    pub base: &'a [(usize, f64)],
+    /// Rows of priors over the columns of the base, and their residuals.
+    pub priors: (DMatrix<f64>, Vec<f64>),
+}
+
+/// Products of the columns of errors behind the projection.
+#[derive(Clone, Debug)]
+pub struct Scores {
+    /// `S` over all components of all errors, and `S` before the projection (diagonal).
+    s: DMatrix<f64>,
+    size: Vec<f64>,
+    /// `s`.
+    slope: DVector<f64>,
+    /// What noise of the motion adds to the covariance of `s`.
+    noise: DMatrix<f64>,
+    /// `R^-1 R^-T B^T C`: how the unknowns of the fit follow a unit of each component; their deviations.
+    follow: DMatrix<f64>,
+    deviation: Vec<f64>,
+    /// What draws of the motion's noise do to the residuals, rows x draws.
+    drawn: DMatrix<f64>,
+    /// Squared residuals behind the projection, and rows less unknowns.
+    chi2: f64,
+    freedom: usize,
+}
+
+/// The test of one error.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Score {
+    /// By how much chi-squared falls with it.
+    pub drop: f64,
+    /// Degrees of freedom.
+    pub freedom: usize,
+    /// How often such a drop would be met were nothing wrong, noise of the motion included.
+    pub p: f64,
+    /// Its components.
+    pub estimate: Vec<f64>,
+    /// Their standard deviations.
+    pub std: Vec<f64>,
+    /// Of the unknowns of the fit, the one that moves most with it, and by how many of its deviations.
+    pub moves: (usize, f64),
+}
+
+fn fatal(e: LinalgError) -> EvalError {
+    EvalError::Fatal(Box::new(e))
+}
+
+impl Scores {
+    /// Goes through the rows of `estimator` once. `components` are the columns of the errors, in any order; `draws` those
+    /// columns that hold what draws of the motion's noise do to the residuals. Allocates the square of the number of components, and
+    /// the rows of the draws.
+    ///
+    /// # Errors
+    /// [`EvalError`] of the estimator, or of a factorisation of columns that are not finite.
+    pub fn new<E: Estimator + ?Sized>(
+        estimator: &mut E,
+        at: &EndOfFit<'_>,
+        components: &[Combination],
+        draws: &[usize],
+    ) -> Result<Self, EvalError> {
+        let (n, c, m) = (at.base.len(), components.len(), draws.len());
+        let (mut triangle, mut cross) = (DMatrix::zeros(0, n + 1), DMatrix::zeros(n, c + m));
+        let (mut own, mut rows) = (DMatrix::zeros(c, c + m + 1), 0);
+        let mut drawn_rows = DMatrix::zeros(estimator.rows(), m);
+        let mut block = RowBlock::default();
+        for mut stream in estimator.streams(at.full, at.extra, at.selected)? {
+            while stream.next(&mut block)? {
+                let count = block.count();
+                rows += count;
+                let mut base = DMatrix::zeros(count, n + 1);
+                for (to, &(from, _)) in at.base.iter().enumerate() {
+                    base.set_column(to, &block.jacobian.column(from));
+                }
+                base.column_mut(n).copy_from_slice(&block.residuals);
+                let mut wide = DMatrix::zeros(count, c + m + 1);
+                for (to, combination) in components.iter().enumerate() {
+                    for &(from, weight) in combination {
+                        wide.column_mut(to).axpy(weight, &block.jacobian.column(from), 1.0);
+                    }
+                }
+                for (k, &from) in draws.iter().enumerate() {
+                    wide.set_column(c + k, &block.jacobian.column(from));
+                    for (place, from) in block.places() {
+                        let len = place.len();
+                        drawn_rows.view_mut((place.start, k), (len, 1)).copy_from(&wide.view((from, c + k), (len, 1)));
+                    }
+                }
+                wide.column_mut(c + m).copy_from_slice(&block.residuals);
+                cross.gemm_tr(1.0, &base.columns(0, n), &wide.columns(0, c + m), 1.0);
+                own.gemm_tr(1.0, &wide.columns(0, c), &wide, 1.0);
+                let part = triangle_of(&Tall::new(&base)).map_err(fatal)?;
+                triangle = ff_linalg::qr_r(&stack(&triangle, &part)).map_err(fatal)?;
+            }
+        }
+        let (rows_known, known) = &at.priors;
+        let mut tail = DMatrix::zeros(n + known.len(), n + 1);
+        for (k, &(_, size)) in at.base.iter().enumerate() {
+            tail[(k, k)] = 1.0 / (HOLD * size);
+        }
+        tail.view_mut((n, 0), rows_known.shape()).copy_from(rows_known);
+        tail.view_mut((n, n), (known.len(), 1)).copy_from_slice(known);
+        let triangle = ff_linalg::qr_r(&stack(&triangle, &tail)).map_err(fatal)?;
+        let r = triangle.view((0, 0), (n, n)).into_owned();
+        let rest = triangle.column(n);
+        let singular = || EvalError::Rejected("unknowns of the fit have no columns".into());
+        let v = r.tr_solve_upper_triangular(&cross).ok_or_else(singular)?;
+        let follow = r.solve_upper_triangular(&v.columns(0, c)).ok_or_else(singular)?;
+        let inverse = r.solve_upper_triangular(&DMatrix::identity(n, n)).ok_or_else(singular)?;
+        let deviation = inverse.row_iter().map(|row| row.norm()).collect();
+        let (vc, vm) = (v.columns(0, c), v.columns(c, m));
+        let s = own.columns(0, c) - vc.tr_mul(&vc);
+        let size = (0..c).map(|i| own[(i, i)]).collect();
+        let slope = own.column(c + m) - vc.tr_mul(&rest.rows(0, n));
+        let drawn = own.columns(c, m) - vc.tr_mul(&vm);
+        let noise = if m == 0 { DMatrix::zeros(c, c) } else { &drawn * drawn.transpose() / m as f64 };
+        let chi2 = rest.rows(n, rest.len() - n).norm_squared();
+        let freedom = (rows + known.len()).saturating_sub(n);
+        Ok(Self { s, size, slope, noise, follow, deviation, drawn: drawn_rows, chi2, freedom })
+    }
+    /// Chi-squared that is left behind the projection, over the degrees of freedom.
+    pub fn chi2_per_dof(&self) -> f64 {
+        self.chi2 / self.freedom.max(1) as f64
+    }
+    /// What draws of the motion's noise do to the residuals: one column per draw.
+    pub fn drawn(&self) -> &DMatrix<f64> {
+        &self.drawn
+    }
+    /// Chi-squared and degrees of freedom behind the projection.
+    pub fn chi2(&self) -> (f64, usize) {
+        (self.chi2, self.freedom)
+    }
+    /// The test of the error with these components, behind others that are taken for granted; `None` where the data cannot tell it
+    /// from the unknowns of the fit, or from those. Allocates.
+    pub fn test(&self, of: &[usize], given: &[usize]) -> Option<Score> {
+        if of.iter().any(|i| given.contains(i)) {
+            return None;
+        }
+        let all: Vec<usize> = given.iter().chain(of).copied().collect();
+        let scale: Vec<f64> = all.iter().map(|&i| self.size[i].sqrt()).collect();
+        if scale.iter().any(|&x| !(x > 0.0 && x.is_finite())) {
+            return None;
+        }
+        let pick = |m: &DMatrix<f64>| {
+            DMatrix::from_fn(all.len(), all.len(), |a, b| m[(all[a], all[b])] / (scale[a] * scale[b]))
+        };
+        let (mut s, mut noise) = (pick(&self.s), pick(&self.noise));
+        let mut slope = DVector::from_fn(all.len(), |a, _| self.slope[all[a]] / scale[a]);
+        let g = given.len();
+        if g > 0 {
+            let solve = usable(&s.view((0, 0), (g, g)).into_owned())?;
+            let across = s.view((0, g), (g, of.len())).into_owned();
+            let weights = &solve * &across;
+            let rest = s.view((g, g), (of.len(), of.len())).into_owned();
+            // What is left of the errors behind the given ones: C_of - C_given W.
+            let mut turn = DMatrix::zeros(of.len(), all.len());
+            turn.columns_mut(0, g).copy_from(&-weights.transpose());
+            turn.columns_mut(g, of.len()).fill_with_identity();
+            slope = &turn * slope;
+            noise = &turn * noise * turn.transpose();
+            s = rest - across.tr_mul(&weights);
+        }
+        if (0..of.len()).any(|i| s[(i, i)] < LEFT * LEFT) {
+            return None;
+        }
+        let inverse = usable(&s)?;
+        let with_noise = usable(&(&s + &noise))?;
+        let e = -(&inverse * &slope);
+        let tested = (slope.transpose() * &with_noise * &slope)[0];
+        let covariance = &inverse * (&s + &noise) * &inverse;
+        let scale = &scale[g..];
+        let estimate: Vec<f64> = e.iter().zip(scale).map(|(e, s)| e / s).collect();
+        let std = (0..of.len()).map(|i| covariance[(i, i)].max(0.0).sqrt() / scale[i]).collect();
+        let mut moves = (0, 0.0);
+        for (k, deviation) in self.deviation.iter().enumerate() {
+            let by: f64 = of.iter().zip(&estimate).map(|(&i, e)| self.follow[(k, i)] * e).sum();
+            if by.abs() / deviation > moves.1 {
+                moves = (k, by.abs() / deviation);
+            }
+        }
+        let drop = (slope.transpose() * &inverse * &slope)[0];
+        Some(Score { drop, freedom: of.len(), p: chi_square_survival(tested, of.len() as f64), estimate, std, moves })
+    }
+    /// Correlation of what two errors do to the residuals behind the projection, each in the direction that was estimated: one where
+    /// the data cannot tell them apart.
+    pub fn correlation(&self, (a, x): (&[usize], &Score), (b, y): (&[usize], &Score)) -> f64 {
+        let product = |a: &[usize], x: &[f64], b: &[usize], y: &[f64]| -> f64 {
+            let row = |i: usize| b.iter().zip(y).map(|(&j, y)| self.s[(i, j)] * y).sum::<f64>();
+            a.iter().zip(x).map(|(&i, x)| x * row(i)).sum()
+        };
+        let (x, y) = (&x.estimate[..], &y.estimate[..]);
+        product(a, x, b, y) / (product(a, x, a, x) * product(b, y, b, y)).sqrt()
+    }
+}
+
+/// The rows of two matrices, one below the other.
+fn stack(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut out = DMatrix::zeros(a.nrows() + b.nrows(), b.ncols());
+    out.rows_mut(0, a.nrows()).copy_from(a);
+    out.rows_mut(a.nrows(), b.nrows()).copy_from(b);
+    out
+}
+
+/// The inverse of a symmetric matrix whose eigenvalues can be told from zero.
+fn usable(s: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    if s.iter().any(|x| !x.is_finite()) {
+        return None;
+    }
+    let d: Vec<f64> = (0..s.nrows()).map(|i| s[(i, i)].sqrt()).collect();
+    if d.iter().any(|&x| !(x > 0.0)) {
+        return None;
+    }
+    let unit = DMatrix::from_fn(s.nrows(), s.nrows(), |i, j| s[(i, j)] / (d[i] * d[j]));
+    let e = unit.symmetric_eigen();
+    let (least, most) = (e.eigenvalues.min(), e.eigenvalues.max());
+    if !(least > APART * most) {
+        return None;
+    }
+    let inverse = &e.eigenvectors * DMatrix::from_diagonal(&e.eigenvalues.map(|x| 1.0 / x)) * e.eigenvectors.transpose();
+    Some(DMatrix::from_fn(s.nrows(), s.nrows(), |i, j| inverse[(i, j)] / (d[i] * d[j])))
+}

@@ -1,0 +1,153 @@
+//! What may be wrong beside the parameters: errors of sensors, of joints and of what pushes the base.
+
+/// Coordinate axes.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// An error of the world or of its sensors, of a size that can be estimated; none has size zero.
+///
+/// With the predicted torque `tau_j` and base rate `w`, time `t` since the middle of the record, and rates `qd_j`, the sensors read
+///
+/// ```text
+/// tau_j    (1 + gain + gain_j) tau_j(t - skew t) + drift_j t + v_j qd_j + c_j sign(qd_j)
+/// gyro     diag(1 + scale + scale_i) exp([rotation x]) w(t - skew t) + drift t
+/// ```
+///
+/// and the robot moves by `q_j - compliance_j tau_j` where the encoder reads `q_j`, under a constant wrench on its base. Placements
+/// of joints and mounts (encoder offsets, lengths of links, mounts) are [`ff_model::Model::kinematic_params`], biases and delays
+/// options of [`crate::OutputError`], masses and stiffnesses parameters of the model.
+///
+/// ```
+/// use ident::uncertain::ErrorSource;
+///
+/// let source = ErrorSource::TorqueGain(Some(1));
+/// assert_eq!(source.name(&["shoulder".into(), "elbow".into()]), "torque.gain.elbow");
+/// assert_eq!((source.unit(), ErrorSource::GyroRotation(2).unit()), ("1", "rad"));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ErrorSource {
+    /// Relative gain of all torque sensors, or of that of one joint.
+    TorqueGain(Option<usize>),
+    /// Slope of the bias of a torque sensor (N m/s).
+    TorqueDrift(usize),
+    /// Viscous friction between the gear and the torque sensor's side of a joint (N m s/rad).
+    ViscousFriction(usize),
+    /// Coulomb friction there (N m).
+    CoulombFriction(usize),
+    /// How slowly the clock of the torques runs against that of the encoders, relative.
+    TorqueSkew,
+    /// Relative scale of the gyro, or of one of its axes.
+    GyroScale(Option<usize>),
+    /// Rotation vector from base axes to those of the gyro, one component (rad).
+    GyroRotation(usize),
+    /// Slope of the bias of a gyro axis (rad/s^2).
+    GyroDrift(usize),
+    /// How slowly the clock of the gyro runs, relative.
+    GyroSkew,
+    /// Compliance between an encoder on the motor's side and the link (rad/(N m)).
+    Compliance(usize),
+    /// Constant force on the base at its origin along one of its axes (N).
+    Force(usize),
+    /// Constant moment on the base about one of its axes (N m).
+    Moment(usize),
+}
+
+/// What an error acts on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ActsOn {
+    /// The readings of torques (0) or of the gyro (1).
+    Readings(usize),
+    /// The motion.
+    Motion,
+}
+
+impl ErrorSource {
+    /// Every error there is, for so many joints.
+    pub fn all(joints: usize) -> Vec<Self> {
+        let each = |of: fn(usize) -> Self, n: usize| (0..n).map(of);
+        let mut out = vec![Self::TorqueGain(None), Self::GyroScale(None), Self::TorqueSkew, Self::GyroSkew];
+        out.extend(each(|j| Self::TorqueGain(Some(j)), joints));
+        out.extend(each(Self::TorqueDrift, joints));
+        out.extend(each(Self::ViscousFriction, joints));
+        out.extend(each(Self::CoulombFriction, joints));
+        out.extend(each(Self::Compliance, joints));
+        out.extend(each(|i| Self::GyroScale(Some(i)), 3));
+        out.extend(each(Self::GyroRotation, 3));
+        out.extend(each(Self::GyroDrift, 3));
+        out.extend(each(Self::Force, 3));
+        out.extend(each(Self::Moment, 3));
+        out
+    }
+    /// Its name, `torque.gain.elbow`, given those of the joints.
+    ///
+    /// # Panics
+    /// If the joint does not exist.
+    pub fn name(&self, joints: &[String]) -> String {
+        match *self {
+            Self::TorqueGain(None) => "torque.gain".into(),
+            Self::TorqueGain(Some(j)) => format!("torque.gain.{}", joints[j]),
+            Self::TorqueDrift(j) => format!("torque.drift.{}", joints[j]),
+            Self::ViscousFriction(j) => format!("friction.viscous.{}", joints[j]),
+            Self::CoulombFriction(j) => format!("friction.coulomb.{}", joints[j]),
+            Self::TorqueSkew => "torque.skew".into(),
+            Self::GyroScale(None) => "gyro.scale".into(),
+            Self::GyroScale(Some(i)) => format!("gyro.scale.{}", AXES[i]),
+            Self::GyroRotation(i) => format!("gyro.rotation.{}", AXES[i]),
+            Self::GyroDrift(i) => format!("gyro.drift.{}", AXES[i]),
+            Self::GyroSkew => "gyro.skew".into(),
+            Self::Compliance(j) => format!("compliance.{}", joints[j]),
+            Self::Force(i) => format!("wrench.f{}", AXES[i]),
+            Self::Moment(i) => format!("wrench.n{}", AXES[i]),
+        }
+    }
+    /// Its SI unit; of turning joints, for those of a joint.
+    pub fn unit(&self) -> &'static str {
+        match self {
+            Self::TorqueGain(_) | Self::GyroScale(_) | Self::TorqueSkew | Self::GyroSkew => "1",
+            Self::TorqueDrift(_) => "N m/s",
+            Self::ViscousFriction(_) => "N m s/rad",
+            Self::CoulombFriction(_) | Self::Moment(_) => "N m",
+            Self::GyroRotation(_) => "rad",
+            Self::GyroDrift(_) => "rad/s^2",
+            Self::Compliance(_) => "rad/(N m)",
+            Self::Force(_) => "N",
+        }
+    }
+    /// A size that would be relevant, with sensors of this noise (N m, rad/s) and a record of so many seconds.
+    pub(crate) fn size(&self, torque: f64, gyro: f64, seconds: f64) -> f64 {
+        match self {
+            Self::TorqueGain(_) | Self::GyroScale(_) | Self::GyroRotation(_) => 1e-2,
+            Self::TorqueSkew | Self::GyroSkew => 1e-3,
+            Self::TorqueDrift(_) => torque / seconds,
+            Self::GyroDrift(_) => gyro / seconds,
+            Self::ViscousFriction(_) | Self::CoulombFriction(_) | Self::Moment(_) | Self::Force(_) => torque,
+            Self::Compliance(_) => 1e-4,
+        }
+    }
+    /// Whether a robot of so many joints has it.
+    pub(crate) fn exists(&self, joints: usize) -> bool {
+        match *self {
+            Self::TorqueGain(None) | Self::GyroScale(None) | Self::TorqueSkew | Self::GyroSkew => true,
+            Self::TorqueGain(Some(j))
+            | Self::TorqueDrift(j)
+            | Self::ViscousFriction(j)
+            | Self::CoulombFriction(j)
+            | Self::Compliance(j) => j < joints,
+            Self::GyroScale(Some(i))
+            | Self::GyroRotation(i)
+            | Self::GyroDrift(i)
+            | Self::Force(i)
+            | Self::Moment(i) => i < 3,
+        }
+    }
+    pub(crate) fn acts_on(&self) -> ActsOn {
+        match self {
+            Self::TorqueGain(_)
+            | Self::TorqueDrift(_)
+            | Self::ViscousFriction(_)
+            | Self::CoulombFriction(_)
+            | Self::TorqueSkew => ActsOn::Readings(0),
+            Self::GyroScale(_) | Self::GyroRotation(_) | Self::GyroDrift(_) | Self::GyroSkew => ActsOn::Readings(1),
+            Self::Compliance(_) | Self::Force(_) | Self::Moment(_) => ActsOn::Motion,
+        }
+    }
+}
