@@ -27,6 +27,10 @@ pub enum Exit {
     Numerical = 14,
     /// A reproduction lies outside its tolerance.
     Tolerance = 15,
+    /// The record contradicts the model: values stand, but not their deviations.
+    Contradicted = 16,
+    /// The record could not be used to test the model.
+    NotTested = 17,
     /// Input or output failed: not found, no permission, disk full.
     Io = 20,
     /// Another run holds the lock.
@@ -38,7 +42,7 @@ pub enum Exit {
 }
 
 /// Every exit code with its meaning.
-pub const TABLE: [(Exit, &str); 12] = [
+pub const TABLE: [(Exit, &str); 14] = [
     (Exit::Done, "done"),
     (Exit::Usage, "wrong command line"),
     (Exit::Model, "model invalid"),
@@ -47,6 +51,8 @@ pub const TABLE: [(Exit, &str); 12] = [
     (Exit::IllPosed, "ill-posed: not identifiable"),
     (Exit::Numerical, "numerical failure"),
     (Exit::Tolerance, "reproduction outside its tolerance"),
+    (Exit::Contradicted, "the record contradicts the model"),
+    (Exit::NotTested, "the model was not tested by the record"),
     (Exit::Io, "reading or writing failed"),
     (Exit::Locked, "locked by another run"),
     (Exit::Incompatible, "checkpoint of another version, model or data"),
@@ -169,7 +175,7 @@ mod tests {
     #[test]
     fn the_table_is_the_documented_one() {
         let codes: Vec<u8> = TABLE.iter().map(|(e, _)| e.code()).collect();
-        assert_eq!(codes, [0, 2, 10, 11, 12, 13, 14, 15, 20, 21, 22, 130]);
+        assert_eq!(codes, [0, 2, 10, 11, 12, 13, 14, 15, 16, 17, 20, 21, 22, 130]);
     }
 
     #[test]

@@ -8,7 +8,8 @@ use ffid::workflow::identify::EXPLAINED;
 use ffid::workflow::identify::Signals;
 use ffid::workflow::identify::num;
 use ffid::workflow::identify::{CandidateLine, ClockLine, DecayMode, DecayModes, ProfileLine, Whiteness};
-use ffid::workflow::identify::{Channel, HeldOut, IdentificationResult, Parameter, ParameterVerdict};
+use ffid::workflow::identify::{Channel, HeldOut, IdentificationResult, Method, NamedError, Parameter};
+use ffid::workflow::identify::{ParameterVerdict, State};
 
 /// Figures of a result with their file stems. `held` are the signals of data that were held out.
 pub fn all_figures(r: &IdentificationResult, all: &[Signals], held: Option<&Signals>) -> Vec<(String, Figure)> {
@@ -58,6 +59,7 @@ pub fn page(r: &IdentificationResult, figures: &[(String, Figure)]) -> Result<St
         parameters.push(Block::Details("Biases and initial state, estimated beside them".into(), vec![beside]));
     }
     page.section("Parameters", parameters);
+    page.section("What would explain the record", named(r).into_iter().collect());
     let drawn = |stems: &[&str]| -> Result<Vec<Block>, Failure> {
         let of = |s: &str| stems.iter().any(|w| s == *w || s.strip_prefix(w).is_some_and(|l| l.starts_with('-')));
         figures.iter().filter(|(s, _)| of(s)).map(|(_, f)| Block::figure(f)).collect()
@@ -106,7 +108,11 @@ pub fn validation(robot: &str, h: &HeldOut, figures: &[(&'static str, Figure)]) 
 
 fn level(r: &IdentificationResult) -> Level {
     let all = r.parameters.iter().all(|p| p.verdict == ParameterVerdict::Estimated);
-    let explained = r.chi2_per_dof <= EXPLAINED && r.held_out.as_ref().is_none_or(|h| h.explained);
+    let explained = match r.evidence {
+        Some(_) => r.state() == State::Explained || r.method == Method::Ground,
+        None => r.chi2_per_dof <= EXPLAINED,
+    };
+    let explained = explained && r.held_out.as_ref().is_none_or(|h| h.explained);
     match (r.exit() == ffid::exit::Exit::Done, all && explained) {
         (false, _) => Level::Bad,
         (true, true) => Level::Good,
@@ -239,6 +245,23 @@ fn decay(d: &DecayModes) -> Block {
     );
     let head = ["measured (Hz)", "damping (%)", "model (Hz)", "damping (%)", "MAC", ""].map(String::from).to_vec();
     Block::Table(Table { caption, head, rows })
+}
+
+/// Errors that the record speaks for.
+fn named(r: &IdentificationResult) -> Option<Block> {
+    let e = r.evidence.as_ref()?;
+    let row = |n: &NamedError| {
+        vec![
+            Cell::words(n.name.clone()),
+            Cell::words(format!("{}{}", if n.beside { "and beside it " } else { "" }, n.text)),
+            Cell::number(num(n.drop)),
+            Cell::words(format!("{} by {:.1}", n.moves, n.moves_by)),
+            Cell::words(n.alike.join(", ")),
+        ]
+    };
+    let caption = format!("Of {} errors that were tried; estimate it with --adopt and its name", e.tried);
+    let head = ["error", "size", "chi-squared falls by", "moves (deviations)", "cannot be told from"];
+    table_of(&caption, &head, e.named.iter().map(row).collect())
 }
 
 fn clocks(r: &IdentificationResult) -> Option<Block> {

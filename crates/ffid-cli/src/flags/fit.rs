@@ -91,6 +91,7 @@ impl FitFlags {
             seed: 0,
             max_iterations: self.max_iterations as usize,
             limit: self.max_chi2,
+            adopt: Vec::new(),
             low_pass_hz: None,
         }
     }

@@ -12,6 +12,7 @@ pub(super) const ROOT: &[Key] = &[
     must("robot", Text, "name of the robot"),
     must("method", OneOf(&["rda", "output_error", "ground"]), "how the record was predicted"),
     must("verdict", Texts, "what was found, and what was not; the most important first"),
+    key("evidence", Table(EVIDENCE), "what the record says of the model as a whole"),
     must("status", Either(STATUS), "how the fit ended"),
     must("iterations", Whole, "linearisations used"),
     must("chi2_per_dof", Number, "sum of squared whitened residuals over the degrees of freedom"),
@@ -53,6 +54,35 @@ const STATUS: &[&[Key]] = &[
         must("status", OneOf(&["stalled"]), "no step helps: not a solution"),
         must("promised", Number, "relative reduction still promised"),
     ],
+];
+
+const EVIDENCE: &[Key] = &[
+    must("state", OneOf(&["explained", "contradicted", "not-tested"]), "what it comes to"),
+    must("reason", Text, "why, in one line"),
+    must("false_alarms", Number, "how often a right model would be contradicted by all tests together"),
+    must("tried", Whole, "errors that were tried"),
+    key("motion_noise", Number, "part of the squared residuals that is noise of the encoders"),
+    key("named", Tables(NAMED), "errors that the record speaks for: those that explain it together, then others alone"),
+];
+
+const NAMED: &[Key] = &[
+    must("name", Text, "its name, as --adopt takes it"),
+    must("text", Text, "in words, with its size"),
+    must("size", Tables(SIZE), "its components"),
+    must("drop", Number, "by how much chi-squared falls with it"),
+    must("freedom", Whole, "number of components"),
+    must("p", Number, "how often such a drop would be met were nothing wrong"),
+    must("moves", Text, "the estimate that moves most with it"),
+    must("moves_by", Number, "by how many of its standard deviations"),
+    must("beside", Flag, "whether it adds to those before it"),
+    key("alike", Texts, "errors whose effect on this record is nearly the same"),
+];
+
+const SIZE: &[Key] = &[
+    must("name", Text, "what tells it from the others"),
+    must("unit", Text, "SI unit; 1 is relative"),
+    must("value", Number, "its size"),
+    must("std", Number, "standard deviation"),
 ];
 
 const PARAMETER: &[Key] = &[
@@ -132,7 +162,8 @@ const WHITENESS: &[Key] = &[
     must("normal_p", Number, "how often normal noise would look at least as skewed or heavy-tailed (Jarque, Bera)"),
     must("first_correlation", Number, "first autocorrelation"),
     must("largest", Number, "largest residual in standard deviations"),
-    must("white", Flag, "white at a level of 1 % over all channels"),
+    must("white", Flag, "white at a level of 0.5 % over all channels"),
+    key("peak_hz", Number, "where the power of residuals that are not white is largest (Hz)"),
     must("stands_out_hz", Numbers, "natural frequencies of the model at which the residuals stand out (Hz)"),
 ];
 

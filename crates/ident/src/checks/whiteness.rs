@@ -37,6 +37,8 @@ pub struct ChannelCheck {
     pub normal_p: f64,
     /// Largest `|r|`, in standard deviations.
     pub largest: f64,
+    /// Where the power of the residuals is largest (Hz), averaged over a few lines.
+    pub peak_hz: f64,
     /// What stands out at the modes.
     pub modes: Vec<ModePower>,
 }
@@ -81,7 +83,7 @@ pub enum CheckError {
 }
 
 /// Level at which the residuals of all channels together count as coloured.
-pub const LEVEL: f64 = 0.01;
+pub const LEVEL: f64 = 0.005;
 
 /// Whitened residuals of one channel of a record.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,6 +94,9 @@ pub struct ChannelResiduals {
     pub residuals: Vec<f64>,
     /// Samples per second (Hz).
     pub rate_hz: f64,
+    /// Draws of noise that the residuals have besides white noise of one, each as long as they: that of the encoders, which comes into
+    /// the prediction.
+    pub besides: Vec<Vec<f64>>,
 }
 
 /// Judges all channels of a fit at a joint level of [`LEVEL`] (Bonferroni: `LEVEL / channels` for each), with the natural
@@ -99,7 +104,7 @@ pub struct ChannelResiduals {
 /// out, but count in the number of channels. Allocates.
 pub fn check_all(channels: &[ChannelResiduals], modes_hz: &[f64]) -> Vec<(ChannelCheck, bool)> {
     let alpha = LEVEL / channels.len().max(1) as f64;
-    let one = |c: &ChannelResiduals| check(&c.channel, &c.residuals, c.rate_hz, modes_hz).ok();
+    let one = |c: &ChannelResiduals| check_beside(c, modes_hz).ok();
     channels
         .iter()
         .filter_map(one)
@@ -115,6 +120,17 @@ pub fn check_all(channels: &[ChannelResiduals], modes_hz: &[f64]) -> Vec<(Channe
 /// # Errors
 /// [`CheckError`]; at least 64 residuals are needed.
 pub fn check(channel: &str, r: &[f64], rate_hz: f64, modes_hz: &[f64]) -> Result<ChannelCheck, CheckError> {
+    let (channel, residuals) = (channel.to_owned(), r.to_vec());
+    check_beside(&ChannelResiduals { channel, residuals, rate_hz, besides: Vec::new() }, modes_hz)
+}
+
+/// [`check`] of residuals with other noise in them: their periodogram is divided by `1 + E(f)`, the expectation that follows from the
+/// draws, before it is judged; correlations are then those of that spectrum.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_beside(c: &ChannelResiduals, modes_hz: &[f64]) -> Result<ChannelCheck, CheckError> {
+    let (channel, r, rate_hz) = (&c.channel[..], &c.residuals[..], c.rate_hz);
     let n = r.len();
     if n < 64 {
         return Err(CheckError::TooShort { channel: channel.to_owned(), have: n, need: 64 });
@@ -134,9 +150,20 @@ pub fn check(channel: &str, r: &[f64], rate_hz: f64, modes_hz: &[f64]) -> Result
         let sum: f64 = r.iter().zip(&r[lag..]).map(|(a, b)| (a - mean) * (b - mean)).sum();
         if constant { 0.0 } else { sum / (count * variance) }
     };
+    let mut whole = periodogram(r, mean)?;
+    let besides = expected(&c.besides, n)?;
+    if let Some(besides) = &besides {
+        whole.iter_mut().zip(besides).for_each(|(p, e)| *p /= 1.0 + e);
+    }
+    let total: f64 = whole.iter().sum();
+    let of_spectrum = |lag: usize| {
+        let turn = core::f64::consts::TAU * lag as f64 / count;
+        let sum: f64 = whole.iter().enumerate().map(|(k, p)| p * (turn * (k + 1) as f64).cos()).sum();
+        if total > 0.0 { sum / total } else { 0.0 }
+    };
+    let correlation = |lag: usize| if besides.is_some() { of_spectrum(lag) } else { correlation(lag) };
     let ljung_box: f64 =
         (1..=LAGS).map(|k| correlation(k).powi(2) / (count - k as f64)).sum::<f64>() * count * (count + 2.0);
-    let whole = periodogram(r, mean)?;
     Ok(ChannelCheck {
         channel: channel.to_owned(),
         mean_square: r.iter().map(|x| x * x).sum::<f64>() / count,
@@ -145,6 +172,7 @@ pub fn check(channel: &str, r: &[f64], rate_hz: f64, modes_hz: &[f64]) -> Result
         portmanteau_p: chi_square_survival(ljung_box, LAGS as f64),
         normal_p: (-jarque_bera / 2.0).exp(),
         largest: r.iter().fold(0.0, |m: f64, x| m.max(x.abs())),
+        peak_hz: peak(&whole) * rate_hz / count,
         modes: powers(&whole, rate_hz / n as f64, modes_hz),
     })
 }
@@ -167,6 +195,38 @@ fn periodogram(r: &[f64], mean: f64) -> Result<Vec<f64>, CheckError> {
         *y = x - mean;
     }
     Ok(transform.run()?[1..r.len().div_ceil(2)].iter().map(|c| c.norm_sqr()).collect())
+}
+
+/// Lines over which an expected spectrum is averaged at least, and their part of all.
+const SMOOTH: (usize, usize) = (4, 200);
+
+/// The expectation of the periodogram of noise, over that of white noise of one, from draws of it; `None` without draws.
+fn expected(draws: &[Vec<f64>], n: usize) -> Result<Option<Vec<f64>>, CheckError> {
+    let mut sum = vec![0.0; n.div_ceil(2).saturating_sub(1)];
+    for draw in draws.iter().filter(|d| d.len() == n) {
+        let mean = draw.iter().sum::<f64>() / n as f64;
+        sum.iter_mut().zip(periodogram(draw, mean)?).for_each(|(s, p)| *s += p / (n * draws.len()) as f64);
+    }
+    let half = SMOOTH.0.max(sum.len() / SMOOTH.1);
+    Ok((!draws.is_empty()).then(|| smoothed(&sum, half)))
+}
+
+/// Mean over `half` lines to either side.
+fn smoothed(x: &[f64], half: usize) -> Vec<f64> {
+    let mut sums = vec![0.0];
+    x.iter().for_each(|v| sums.push(sums[sums.len() - 1] + v));
+    let mean = |i: usize| {
+        let (from, to) = (i.saturating_sub(half), (i + half + 1).min(x.len()));
+        (sums[to] - sums[from]) / (to - from) as f64
+    };
+    (0..x.len()).map(mean).collect()
+}
+
+/// Where the power is largest, in lines of the transform.
+fn peak(power: &[f64]) -> f64 {
+    let smooth = smoothed(power, 2);
+    let best = (0..smooth.len()).max_by(|&a, &b| smooth[a].total_cmp(&smooth[b]));
+    best.map_or(0.0, |k| (k + 1) as f64)
 }
 
 /// `p` of Bartlett's test.

@@ -85,20 +85,20 @@ impl<'a> OutputError<'a> {
     pub fn new(model: &'a Model, record: &'a Record, options: &Options) -> Result<Self, SetupError> {
         check_noise(&options.noise)?;
         let tables = Tables::new(model, record, options.substeps.max(1), Some(&options.noise), !options.initial_state)?;
-        Self::with_tables(model, record, options, tables)
+        Self::with_tables(model, Cow::Borrowed(record), options, tables)
     }
     /// Of the same record and motion with other options; noise and steps stay. `deflected_at` of them is best where a fit has ended.
     ///
     /// # Errors
     /// [`SetupError`].
-    pub fn with_options(&self, options: &Options) -> Result<OutputError<'_>, SetupError> {
+    pub fn with_options(&self, options: &Options) -> Result<Self, SetupError> {
         let OutputRows { model, record, options: own, .. } = &self.rows;
         let options = Options { noise: own.noise, substeps: own.substeps, ..options.clone() };
-        OutputError::with_tables(model, record, &options, self.tables.shared())
+        Self::with_tables(model, record.clone(), &options, self.tables.shared())
     }
     fn with_tables(
         model: &'a Model,
-        record: &'a Record,
+        record: Cow<'a, Record>,
         options: &Options,
         mut tables: Tables,
     ) -> Result<Self, SetupError> {
@@ -108,15 +108,15 @@ impl<'a> OutputError<'a> {
         if options.errors.iter().any(|e| !e.exists(model.nj())) {
             return Err(SetupError::NoSuchError(model.nj()));
         }
-        let motion = tables.motion();
-        let mut rows = OutputRows::new(model, Cow::Borrowed(record), options.clone(), (kinematics, initial), motion);
-        if record.samples() < 6 && !(rows.interleaved() && options.errors.is_empty()) {
+        let (motion, samples) = (tables.motion(), record.samples());
+        let mut rows = OutputRows::new(model, record, options.clone(), (kinematics, initial), motion);
+        if samples < 6 && !(rows.interleaved() && options.errors.is_empty()) {
             return Err(SetupError::JointMotion("interpolation of readings needs six samples of the grid".into()));
         }
         tables.disturbances.clear();
         tables.disturbances = disturbances(&rows, &mut tables, options.deflected_at.as_deref())?;
         if let Some(noise) = &tables.noise {
-            let draws = noise.draws(record, options.motion_noise)?;
+            let draws = noise.draws(&rows.record, options.motion_noise)?;
             rows.draws = draws.len();
             tables.disturbances.extend(draws.into_iter().map(Disturbance::Motion));
         }

@@ -39,8 +39,8 @@ pub struct EndOfFit<'a> {
     pub extra: &'a [f64],
     /// Parameters that have columns: those of the fit and those of errors.
     pub selected: &'a [usize],
-    /// Columns (of `selected`, then nuisance) that the fit has estimated, with their sizes.
-    pub base: &'a [(usize, f64)],
+    /// Unknowns that the fit has estimated, as columns (of `selected`, then nuisance), with their sizes.
+    pub base: &'a [(Combination, f64)],
     /// Rows of priors over the columns of the base, and their residuals.
     pub priors: (DMatrix<f64>, Vec<f64>),
 }
@@ -109,16 +109,15 @@ impl Scores {
                 let count = block.count();
                 rows += count;
                 let mut base = DMatrix::zeros(count, n + 1);
-                for (to, &(from, _)) in at.base.iter().enumerate() {
-                    base.set_column(to, &block.jacobian.column(from));
-                }
+                let gather = |all: &Combination, to: &mut DMatrix<f64>, column: usize| {
+                    for &(from, weight) in all {
+                        to.column_mut(column).axpy(weight, &block.jacobian.column(from), 1.0);
+                    }
+                };
+                at.base.iter().enumerate().for_each(|(to, (all, _))| gather(all, &mut base, to));
                 base.column_mut(n).copy_from_slice(&block.residuals);
                 let mut wide = DMatrix::zeros(count, c + m + 1);
-                for (to, combination) in components.iter().enumerate() {
-                    for &(from, weight) in combination {
-                        wide.column_mut(to).axpy(weight, &block.jacobian.column(from), 1.0);
-                    }
-                }
+                components.iter().enumerate().for_each(|(to, all)| gather(all, &mut wide, to));
                 for (k, &from) in draws.iter().enumerate() {
                     wide.set_column(c + k, &block.jacobian.column(from));
                     for (place, from) in block.places() {
@@ -135,7 +134,7 @@ impl Scores {
         }
         let (rows_known, known) = &at.priors;
         let mut tail = DMatrix::zeros(n + known.len(), n + 1);
-        for (k, &(_, size)) in at.base.iter().enumerate() {
+        for (k, (_, size)) in at.base.iter().enumerate() {
             tail[(k, k)] = 1.0 / (HOLD * size);
         }
         tail.view_mut((n, 0), rows_known.shape()).copy_from(rows_known);

@@ -25,12 +25,13 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid identify m.toml --record new.csv --prior-from m-identified
   ffid identify m.toml --record rec.csv --compare           rigid, flexible, sloshing or both?
   ffid identify arm.toml --record log.csv --reduce --held-out 0.33   an arm on the ground, friction included
+  ffid identify m.toml --record rec.csv --adopt gyro-misalignment   estimate what would explain the record, too
   ffid identify m.toml --record rec.csv --ties ties.toml    one stiffness for all hinges, one filling level
 
 A record has columns time[s], q.<joint>[rad], tau.<joint>[N m], gyro.x[rad/s], gyro.y[..], gyro.z[..]; dq., ddq., acc. and
 att. are optional, units are converted (docs/records.md). The folder holds report.html, result.json, identified.toml,
 identified.urdf, residuals.csv and .parquet, report.txt, figures and manifest.toml (docs/results.md). Parameters that the record cannot
-tell end with exit code 13 and are named; a fit that found no solution ends with 14.";
+tell end with exit code 13 and are named; a fit that found no solution ends with 14, a model that the record contradicts with 16.";
 
 /// Arguments of `ffid identify`.
 #[derive(clap::Args)]
@@ -76,6 +77,10 @@ pub(crate) struct Args {
     /// Fit models with and without panels and fuel as well, and say which to use; the last 30 % judge unless --held-out does.
     #[arg(long, value_name = "MODEL", value_enum, value_delimiter = ',', num_args = 0.., default_missing_value = "rigid,flexible,slosh,both")]
     pub(crate) compare: Vec<Candidate>,
+    /// Estimate these errors beside the parameters, by the names that the list of what would explain a record gives (`*` for any):
+    /// gyro-misalignment, torque-gain, encoder-offset.joint3, mass.wing.
+    #[arg(long, value_name = "ERROR", value_delimiter = ',')]
+    pub(crate) adopt: Vec<String>,
     /// What becomes of clocks of torques and gyro that disagree with that of the encoders.
     #[arg(long, value_enum, default_value_t = Clocks::Correct)]
     pub(crate) clocks: Clocks,

@@ -2,7 +2,7 @@
 
 use super::args::Args;
 use ff_model::{Area, Problem, Problems};
-use ffid::workflow::identify::{Combination, IdentificationResult};
+use ffid::workflow::identify::{Combination, IdentificationResult, State};
 
 /// What a result finds fault with. A solution that is not one, and what nothing can tell, are errors.
 pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
@@ -37,10 +37,17 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
         let hint = format!("{}; start nearer, or excite more", m.taken());
         add(Problem::warning(Area::Data, "Fit::MultipleMinima", what), &hint);
     }
-    if r.chi2_per_dof > args.fit.limit() {
-        let what = format!("chi-squared per degree of freedom {:.3}, limit {}", r.chi2_per_dof, args.fit.limit());
-        let p = Problem::warning(Area::Data, "Fit::Misfit", what);
-        add(p, "look at the spectra of the residuals: something moves that the model does not have");
+    if let Some(e) = r.evidence.as_ref().filter(|e| e.state == State::Contradicted) {
+        let chi2 = format!("chi-squared per degree of freedom {:.3}, limit {}", r.chi2_per_dof, args.fit.limit());
+        let p = Problem::warning(Area::Data, "Fit::Misfit", format!("{}; {chi2}", e.reason));
+        let hint = match e.named.first() {
+            Some(n) => format!("measure that, or estimate it: --adopt {}", n.name),
+            None => {
+                "look at the spectra of the residuals: something moves that the model does not have, or the noise is another"
+                    .to_owned()
+            }
+        };
+        add(p, &hint);
     }
     if let Some(h) = r.held_out.as_ref().filter(|h| !h.explained) {
         let what = format!("held-out data: chi-squared per degree of freedom {:.3}, limit {}", h.chi2_per_dof, h.limit);

@@ -84,7 +84,7 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
             let variants: Vec<ModelVariant> = args.compare.iter().map(|&c| c.into()).collect();
             found.result.comparison = Some(compare_variants(&data, &variants, &provenance, watch)?);
         }
-        found.result.verdict = verdict(&found.result, s.limit);
+        found.result.verdict = verdict(&found.result);
         Ok((found, signals, warnings))
     })
 }
@@ -112,6 +112,7 @@ fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
     all.extend(s.low_pass_hz.map(|hz| (LOW_PASS, hz.to_string())));
     all.extend((args.starts > 1).then(|| ("starts", args.starts.to_string())));
     all.extend((!args.profile.is_empty()).then(|| ("profile", args.profile.join(", "))));
+    all.extend((!args.adopt.is_empty()).then(|| ("adopt", args.adopt.join(", "))));
     all.extend(args.prior_from.iter().map(|p| ("prior_from", p.display().to_string())));
     all.extend(args.ties.iter().map(|p| ("ties", p.display().to_string())));
     let variants: Vec<&str> = args.compare.iter().map(|&k| ModelVariant::from(k).name()).collect();

@@ -7,7 +7,7 @@ use ff_model::{Area, Problem, Problems};
 use ff_records::Record;
 use ffid::files::folder::{Entry, Folder};
 use ffid::open::{Opened, open};
-use ffid::workflow::identify::{FitOptions, InputFile, LabelledRecord, Settings};
+use ffid::workflow::identify::{FitOptions, InputFile, LabelledRecord, Method, Settings, method};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -50,6 +50,11 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusa
     settings.start_offset = if args.no_start_offset { 0.0 } else { mission.estimate.start_offset };
     settings.seed = args.seed;
     settings.low_pass_hz = args.reading.low_pass();
+    settings.adopt.clone_from(&args.adopt);
+    if !args.adopt.is_empty() && method(&opened.model, settings.method) == Method::Rda {
+        // Torques predicted from the gyro know none of its errors.
+        settings.method = Some(Method::OutputError);
+    }
     let target = args.out.clone().unwrap_or_else(|| {
         let stem = input.file.file_stem().unwrap_or_default().to_string_lossy();
         PathBuf::from(format!("{stem}-identified"))

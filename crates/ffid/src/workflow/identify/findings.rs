@@ -155,8 +155,11 @@ pub struct Whiteness {
     pub first_correlation: f64,
     /// Largest residual in standard deviations.
     pub largest: f64,
-    /// White at a level of 1 % over all channels.
+    /// White at the level of [`ident::checks::whiteness::LEVEL`] over all channels.
     pub white: bool,
+    /// Where the power of residuals that are not white is largest (Hz).
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub peak_hz: Option<f64>,
     /// Natural frequencies of the model (Hz) at which the residuals stand out.
     pub stands_out_hz: Vec<f64>,
 }
@@ -173,6 +176,7 @@ impl Whiteness {
             first_correlation: c.first_correlation,
             largest: c.largest,
             white,
+            peak_hz: (!white).then_some(c.peak_hz),
             stands_out_hz: c.modes.iter().filter(|m| m.stands_out).map(|m| m.frequency_hz).collect(),
         }
     }

@@ -212,12 +212,12 @@ fn report(
         covariance: Covariance::of(u),
         posterior: Some(posterior),
         // What a filter leaves of white noise is not white.
-        whiteness: if s.low_pass_hz.is_some() { Vec::new() } else { known::whiteness(records, signals, &[]) },
+        whiteness: if s.low_pass_hz.is_some() { Vec::new() } else { known::whiteness(records, signals, &[], &[]) },
         channels: signals[0].channels(),
         records: records_of(records, signals),
         warnings: Warning::all(&opened.warnings),
         ..IdentificationResult::empty(model.name(), Method::Ground, provenance)
     };
-    result.verdict = text::verdict(&result, s.limit);
+    result.verdict = text::verdict(&result);
     Ok(result)
 }

@@ -17,6 +17,7 @@ use ident::belief::{reduce_parameters, silence, structural};
 use ident::checks::whiteness::{ChannelResiduals, check_all};
 use ident::estimate::Estimate;
 use ident::parameters::matches;
+use nalgebra::DMatrix;
 
 /// How far a profile looks, in standard deviations.
 const REACH: f64 = 5.0;
@@ -85,7 +86,13 @@ pub(super) fn profiles(
 }
 
 /// Residuals of every channel against white noise. Channels too short to be judged are left out.
-pub(super) fn whiteness(records: &[LabelledRecord], signals: &[Signals], modes: &[ModeLine]) -> Vec<Whiteness> {
+/// `drawn` are draws of the encoders' noise in the residuals of every record, rows sample by sample, where it counts.
+pub(super) fn whiteness(
+    records: &[LabelledRecord],
+    signals: &[Signals],
+    modes: &[ModeLine],
+    drawn: &[DMatrix<f64>],
+) -> Vec<Whiteness> {
     let hz: Vec<f64> = modes.iter().map(|m| m.frequency_hz).collect();
     let mut channels = Vec::new();
     for (k, (labelled, s)) in records.iter().zip(signals).enumerate() {
@@ -94,8 +101,19 @@ pub(super) fn whiteness(records: &[LabelledRecord], signals: &[Signals], modes: 
                 channel: channel_name(records, k, name).into_owned(),
                 residuals: s.residual(j).iter().map(|r| r / s.sigma[j]).collect(),
                 rate_hz: labelled.record.rate_hz(),
+                besides: drawn.get(k).map_or_else(Vec::new, |d| of_channel(d, j, s.names.len(), s.time.len())),
             });
         }
     }
     check_all(&channels, &hz).iter().map(|(c, white)| Whiteness::of(c, *white)).collect()
+}
+
+/// Draws of one channel out of those of all; the gyro is not among the channels of the rigid method.
+fn of_channel(drawn: &DMatrix<f64>, channel: usize, channels: usize, samples: usize) -> Vec<Vec<f64>> {
+    let all = drawn.nrows() / samples.max(1);
+    if channels > all {
+        return Vec::new();
+    }
+    let of = |k: usize| (0..samples).map(|i| drawn[(i * all + channel, k)]).collect();
+    (0..drawn.ncols()).map(of).collect()
 }

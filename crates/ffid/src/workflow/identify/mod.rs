@@ -12,12 +12,15 @@
 //! result, findings        what `result.json` holds
 //! text                    the same in words
 //! ```
+pub(crate) mod adoption;
 pub mod axes;
 pub(crate) mod checked;
 pub(crate) mod clocks;
 pub(crate) mod compare;
 pub(crate) mod decay;
 pub(crate) mod error;
+pub(crate) mod evidence;
+pub(crate) mod explain;
 pub(crate) mod findings;
 pub(crate) mod ground;
 pub(crate) mod held_out;
@@ -40,6 +43,7 @@ pub(crate) mod unknowns;
 pub use checked::{AxesCheck, identify_checked};
 pub use compare::{Comparison, compare_variants};
 pub use error::IdentifyError;
+pub use evidence::{ErrorSize, Evidence, NamedError, State};
 pub use findings::{
     CandidateLine, ClockLine, ComparisonTable, DecayMode, DecayModes, DeterminedCombination, Minima, ProfileLine,
     RecordFit, ReducedSet, UnobservedDirections, UnseenMode, Whiteness,

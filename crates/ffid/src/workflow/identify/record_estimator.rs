@@ -1,5 +1,6 @@
 //! The estimator that predicts one record.
 
+use super::adoption::Adopted;
 use super::error::{IdentifyError, config};
 use super::result::fit::Method;
 use super::settings::{Settings, method};
@@ -14,6 +15,9 @@ use ident::{Noise, Options, OutputError, Rda};
 /// The estimator of a record, chosen by the method.
 pub struct RecordEstimator<'a> {
     estimator: Box<dyn Estimator + 'a>,
+    record: (&'a Model, &'a Record),
+    /// Output error with the same motion, where that is the method.
+    twin: Option<OutputError<'a>>,
     method: Method,
     noise: Noise,
 }
@@ -25,6 +29,7 @@ impl<'a> RecordEstimator<'a> {
     /// [`IdentifyError::Refused`].
     pub fn new(model: &'a Model, record: &'a Record, s: &Settings) -> Result<Self, IdentifyError> {
         let method = method(model, s.method);
+        let mut twin = None;
         let estimator: Box<dyn Estimator + 'a> = match method {
             Method::Ground => {
                 let what = "the ground calibration predicts no free-floating robot";
@@ -39,10 +44,14 @@ impl<'a> RecordEstimator<'a> {
                     initial_state: s.initial_state,
                     ..Options::new(s.noise)
                 };
-                Box::new(OutputError::new(model, record, &options).map_err(setup)?)
+                let adopted = Adopted::new(model, &[], &s.adopt).map_err(IdentifyError::Refused)?;
+                let options = adopted.widen(options);
+                let fit = OutputError::new(model, record, &options).map_err(setup)?;
+                twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
+                Box::new(fit)
             }
         };
-        Ok(Self { estimator, method, noise: s.noise })
+        Ok(Self { estimator, record: (model, record), twin, method, noise: s.noise })
     }
     /// The estimator.
     pub fn estimator(&mut self) -> &mut (dyn Estimator + 'a) {
@@ -52,11 +61,36 @@ impl<'a> RecordEstimator<'a> {
     pub fn into_estimator(self) -> Box<dyn Estimator + 'a> {
         self.estimator
     }
+    /// The estimator, and what makes others of the same record.
+    pub(super) fn split(self) -> (Box<dyn Estimator + 'a>, Twin<'a>) {
+        let Self { estimator, record, twin, noise, .. } = self;
+        (estimator, Twin { record, of: twin, noise })
+    }
     /// Standard deviation of every channel of a sample, in the order of the residuals.
     pub fn sigmas(&self, model: &Model) -> Vec<f64> {
         match self.method {
             Method::OutputError => sigmas(model, &self.noise),
             _ => vec![self.noise.torque; model.nj()],
+        }
+    }
+}
+
+/// What predicts a record with other unknowns than those of a fit.
+pub(super) struct Twin<'a> {
+    record: (&'a Model, &'a Record),
+    of: Option<OutputError<'a>>,
+    noise: Noise,
+}
+
+impl<'a> Twin<'a> {
+    /// Output error of the same record with other options; for the rigid method, whose torques are predicted from the gyro, made anew.
+    pub(super) fn with(&self, options: &Options) -> Result<OutputError<'a>, SetupError> {
+        match &self.of {
+            Some(of) => of.with_options(options),
+            None => {
+                let (model, record) = self.record;
+                OutputError::new(model, record, &Options { noise: self.noise, ..options.clone() })
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The result of a fit: numbers into the lines of `result.json`.
 
 use super::error::IdentifyError;
+use super::explain;
 use super::findings::{Minima, RecordFit, ReducedSet};
 use super::known;
 use super::labelled_record::LabelledRecord;
@@ -46,6 +47,8 @@ pub(super) struct Report<'a> {
     pub(super) signals: &'a [Signals],
     /// All parameters of the model.
     pub(super) values: &'a [f64],
+    /// Tests of errors.
+    pub(super) tests: Option<&'a explain::Tests>,
 }
 
 impl Report<'_> {
@@ -69,6 +72,9 @@ impl Report<'_> {
         }
         let posterior = Posterior::of(e).map_err(|e| IdentifyError::Model(e.to_string()))?;
         let modes = mode_lines(self.opened, &start, self.values);
+        let heard = self.tests.filter(|t| t.motion_noise > 0.0).map_or(&[][..], |t| &t.drawn);
+        let whiteness = known::whiteness(self.records, self.signals, &modes, heard);
+        let evidence = explain::evidence(self.tests, e, &whiteness, &parameters, self.settings.limit);
         let first = &self.records[0].record;
         Ok(IdentificationResult {
             status: Ended::of(&e.status, &names),
@@ -95,7 +101,8 @@ impl Report<'_> {
             correlations: Correlation::strong(&e.uncertainty),
             covariance: Covariance::of(&e.uncertainty),
             posterior: Some(posterior),
-            whiteness: known::whiteness(self.records, self.signals, &modes),
+            evidence: Some(evidence),
+            whiteness,
             modes,
             channels: self.signals[0].channels(),
             records: records_of(self.records, self.signals),

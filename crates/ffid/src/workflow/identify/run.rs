@@ -1,6 +1,8 @@
 //! One identification: unknowns, fit, reduction, identifiability, profiles, result.
 
+use super::adoption::Adopted;
 use super::error::{IdentifyError, config};
+use super::explain::{self, Ended};
 use super::findings::Minima;
 use super::ground;
 use super::identified::Identified;
@@ -8,7 +10,7 @@ use super::known;
 use super::labelled_record::LabelledRecord;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
-use super::record_estimator::RecordEstimator;
+use super::record_estimator::{RecordEstimator, Twin};
 use super::report::{Fitted, Report};
 use super::result::fit::Method;
 use super::result::provenance::Provenance;
@@ -56,7 +58,12 @@ pub fn identify(
         ground::check(settings, options).map_err(IdentifyError::Refused)?;
         return ground::identify(opened, records, settings, options, provenance);
     }
-    let unknowns = Unknowns::new(model, &opened.estimated, settings, options)?;
+    let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
+    let mut estimated = opened.estimated.clone();
+    estimated.extend(&adopted.parameters);
+    let with_ties = FitOptions { ties: [&options.ties[..], &adopted.ties].concat(), ..options.clone() };
+    let options = &with_ties;
+    let unknowns = Unknowns::new(model, &estimated, settings, options)?;
     let mut fits =
         records.iter().map(|t| RecordEstimator::new(model, &t.record, settings)).collect::<Result<Vec<_>, _>>()?;
     let sigma = fits.first().map(|f| f.sigmas(model)).unwrap_or_default();
@@ -66,7 +73,8 @@ pub fn identify(
     let none: [&str; 0] = [];
     let shared = Shared::new(&labelled, &none)
         .map_err(|e| IdentifyError::Refused(config("Config::Records", e.to_string(), "name each record once")))?;
-    let mut parts: Vec<Box<dyn Estimator + '_>> = fits.into_iter().map(RecordEstimator::into_estimator).collect();
+    let (mut parts, twins): (Vec<Box<dyn Estimator + '_>>, Vec<Twin<'_>>) =
+        fits.into_iter().map(RecordEstimator::split).unzip();
     let whole = if parts.len() == 1 { parts.remove(0) } else { Box::new(Several::new(&shared, parts)) };
     let mut whole = unknowns.tied(whole);
     let priors = unknowns.priors(&unknowns.selected)?;
@@ -94,11 +102,16 @@ pub fn identify(
         signals.push(Signals::of(model, &t.record, &fitted.estimate.residuals[at..at + n], &sigma));
         at += n;
     }
-    let report = Report { opened, records, settings, options, unknowns: &unknowns, signals: &signals, values: &values };
+    let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
+    let end = Ended { model, shared: &shared, labels: &labels, unknowns: &unknowns, fitted: &fitted, values: &values };
+    let tests = if fitted.estimate.status.is_converged() { explain::tests(&end, &twins, settings)? } else { None };
+    let tests = tests.as_ref();
+    let unknowns = &unknowns;
+    let report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
     let mut result = report.result(&fitted, provenance)?;
     result.silent = silent;
     result.profiles = profiles;
-    result.verdict = text::verdict(&result, settings.limit);
+    result.verdict = text::verdict(&result);
     Ok(Identified { result, signals, values, selected: unknowns.touched.clone() })
 }
 

@@ -27,6 +27,8 @@ pub struct Settings {
     pub max_iterations: usize,
     /// Largest chi-squared per degree of freedom at which a model counts as explaining a record.
     pub limit: f64,
+    /// Errors that are estimated beside the parameters, by name or pattern ([`ident::uncertain::hypotheses`]).
+    pub adopt: Vec<String>,
     /// Cutoff of the low pass of the ground calibration (Hz); none of the other methods has one.
     pub low_pass_hz: Option<f64>,
 }

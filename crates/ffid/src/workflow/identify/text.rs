@@ -1,5 +1,6 @@
 //! A result in words, for the terminal and `report.txt`.
 
+use super::evidence::{NamedError, State};
 use super::findings::Whiteness;
 use super::result::channel::Channel;
 use super::result::fit::{Ended, Method};
@@ -8,6 +9,8 @@ use super::result::identification::IdentificationResult;
 use super::result::parameter::{Parameter, ParameterVerdict};
 use std::fmt;
 
+/// Errors that are listed.
+const LISTED: usize = 6;
 /// Chi-squared per degree of freedom below which the noise figures are too large to be those of the record.
 const QUIET: f64 = 0.5;
 
@@ -25,7 +28,7 @@ pub fn num(x: f64) -> String {
 }
 
 /// The verdict in sentences, the most important first.
-pub fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
+pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     let mut out = Vec::new();
     let n = r.parameters.len();
     let names = |t: ParameterVerdict| -> Vec<&str> {
@@ -84,24 +87,33 @@ pub fn verdict(r: &IdentificationResult, limit: f64) -> Vec<String> {
     let rms = r.chi2_per_dof.sqrt();
     out.push(if r.method == Method::Ground {
         format!("The arm and its friction predict the torques {}.", shares(&r.channels))
-    } else if r.chi2_per_dof > limit {
-        format!(
-            "The model does NOT explain the record: residuals are {rms:.2} times the noise of the sensors (limit {:.2}). \
-             Standard deviations are too small by about that factor; something moves that the model does not have, or \
-             the noise figures are wrong.",
-            limit.sqrt()
-        )
-    } else if r.chi2_per_dof < QUIET {
-        format!(
+    } else {
+        tested(r, rms)
+    });
+    if r.method != Method::Ground && r.chi2_per_dof < QUIET {
+        out.push(format!(
             "Residuals are {rms:.3} times the noise that was given: the sensors are quieter than that, and the standard \
              deviations are too large."
-        )
-    } else {
-        format!("The model explains the record: residuals are {rms:.3} times the noise of the sensors.")
-    });
+        ));
+    }
     out.extend(whiteness(&r.whiteness));
     out.extend(r.comparison.iter().map(|c| format!("Models compared by {}: {}.", c.judged_by, c.reason)));
     out
+}
+
+/// What the record says of the model as a whole.
+fn tested(r: &IdentificationResult, rms: f64) -> String {
+    let reason = r.evidence.as_ref().map_or("", |e| &e.reason);
+    match r.state() {
+        State::Contradicted => format!(
+            "The model does NOT explain the record: {reason}. Residuals are {rms:.3} times the noise of the sensors; the \
+             standard deviations below hold for a model that is right, which this one is not."
+        ),
+        State::Explained => {
+            format!("The model explains the record: residuals are {rms:.3} times the noise of the sensors; {reason}.")
+        }
+        State::NotTested => format!("The model was not tested: {reason}."),
+    }
 }
 
 /// Residuals as parts of the signals, for an arm whose sensors have no figure of their own.
@@ -135,6 +147,18 @@ fn whiteness(all: &[Whiteness]) -> Option<String> {
     Some(format!(
         "The residuals of {k} of {n} channels are coloured, so that something is left in them: {names}{modes}."
     ))
+}
+
+/// An error that the record speaks for, in two lines.
+fn error(f: &mut fmt::Formatter<'_>, n: &NamedError) -> fmt::Result {
+    let beside = if n.beside { "and beside it " } else { "" };
+    writeln!(f, "  {}: {beside}{}", n.name, n.text)?;
+    let alike = match &n.alike[..] {
+        [] => String::new(),
+        all => format!("; this record cannot tell it from {}", ff_model::diagnostics::list(all.iter().map(String::as_str), 4)),
+    };
+    let (drop, by) = (num(n.drop), n.moves_by);
+    writeln!(f, "    chi-squared falls by {drop}, {} moves by {by:.1} deviations{alike}", n.moves)
 }
 
 fn row(f: &mut fmt::Formatter<'_>, p: &Parameter, w: usize) -> fmt::Result {
@@ -191,6 +215,13 @@ impl fmt::Display for IdentificationResult {
         if !self.nuisance.is_empty() {
             writeln!(f, "\nbeside them ({})", self.nuisance.len())?;
             self.nuisance.iter().try_for_each(|p| row(f, p, w))?;
+        }
+        if let Some(e) = self.evidence.as_ref().filter(|e| !e.named.is_empty()) {
+            writeln!(f, "\nwhat would explain the record, of {} errors that were tried", e.tried)?;
+            e.named.iter().take(LISTED).try_for_each(|n| error(f, n))?;
+            if let Some(more) = e.named.len().checked_sub(LISTED).filter(|&k| k > 0) {
+                writeln!(f, "  and {more} more that explain less (result.json)")?;
+            }
         }
         let total = self.singular_values.len();
         writeln!(f, "\nidentifiability: {} of {total} unknowns determined by the data alone", self.rank)?;

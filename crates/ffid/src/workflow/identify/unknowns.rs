@@ -12,6 +12,7 @@ use ident::Tied;
 use ident::belief::SequenceError;
 use ident::belief::Sigma;
 use ident::compose::TieMap;
+use ident::uncertain::Combination;
 use ident::parameters::offset_start;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -87,6 +88,13 @@ impl Unknowns {
             None => Ok(values.to_vec()),
             Some(m) => m.expand(values).map_err(|e| IdentifyError::Model(e.to_string())),
         }
+    }
+    /// Selected unknowns as combinations of the model's parameters, at these values of the unknowns.
+    pub(super) fn columns(&self, selected: &[usize], values: &[f64]) -> Result<Vec<Combination>, IdentifyError> {
+        let Some(map) = &self.map else { return Ok(selected.iter().map(|&i| vec![(i, 1.0)]).collect()) };
+        let d = map.jacobian(values, selected).map_err(|e| IdentifyError::Model(e.to_string()))?;
+        let of = |column: usize| (0..d.nrows()).map(|i| (i, d[(i, column)])).filter(|c| c.1 != 0.0).collect();
+        Ok((0..selected.len()).map(of).collect())
     }
     /// Puts the ties before an estimator of the whole model.
     pub(super) fn tied<'a>(&self, inner: Box<dyn Estimator + 'a>) -> Box<dyn Estimator + 'a> {

@@ -5,6 +5,7 @@ use super::fit::{Ended, Method};
 use super::held_out::HeldOut;
 use super::parameter::{Combination, Correlation, Covariance, Parameter, Value};
 use super::provenance::{Provenance, Warning};
+use crate::workflow::identify::evidence::{Evidence, State};
 use crate::workflow::identify::findings::{
     ClockLine, ComparisonTable, DecayModes, Minima, ProfileLine, RecordFit, ReducedSet, UnobservedDirections, Whiteness,
 };
@@ -30,6 +31,9 @@ pub struct IdentificationResult {
     pub method: Method,
     /// In words: what was found, and what was not.
     pub verdict: Vec<String>,
+    /// What the record says of the model as a whole; absent in results of older versions.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub evidence: Option<Evidence>,
     /// How the fit ended.
     pub status: Ended,
     /// Linearisations used.
@@ -110,6 +114,7 @@ impl IdentificationResult {
             robot: robot.to_owned(),
             method,
             verdict: Vec::new(),
+            evidence: None,
             status: Ended::Converged,
             iterations: 0,
             chi2_per_dof: 0.0,
@@ -141,8 +146,13 @@ impl IdentificationResult {
             provenance,
         }
     }
+    /// What the record says of the model as a whole.
+    pub fn state(&self) -> State {
+        self.evidence.as_ref().map(|e| e.state).unwrap_or_default()
+    }
     /// The code a command ends with that has found this: 13 for combinations that neither data nor priors tell (whatever
-    /// the solver then made of them, unless the set that can be told was asked for), 14 for no solution, else 0.
+    /// the solver then made of them, unless the set that can be told was asked for), 14 for no solution, 16 for a model that the
+    /// record contradicts, 17 for one that was not tested, else 0. On the ground there is no noise figure to test against: 0.
     pub fn exit(&self) -> crate::exit::Exit {
         use crate::exit::Exit;
         if !self.null_directions.is_empty() && !self.priors_cover && self.reduced.is_none() {
@@ -150,7 +160,11 @@ impl IdentificationResult {
         } else if !self.status.is_solution() {
             Exit::Numerical
         } else {
-            Exit::Done
+            match self.state() {
+                State::Contradicted => Exit::Contradicted,
+                State::NotTested if self.method != Method::Ground && self.evidence.is_some() => Exit::NotTested,
+                _ => Exit::Done,
+            }
         }
     }
     /// As JSON text.

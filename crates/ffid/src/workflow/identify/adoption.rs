@@ -1,0 +1,91 @@
+//! Errors that a fit estimates beside what the mission asks for: `--adopt`.
+
+use super::error::config;
+use super::ties::TieSpec;
+use ff_model::diagnostics::nearest;
+use ff_model::{Model, Problems};
+use ident::Options;
+use ident::parameters::matches;
+use ident::uncertain::{ErrorSource, Hypothesis, hypotheses};
+
+/// What is estimated in addition.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Adopted {
+    errors: Vec<ErrorSource>,
+    kinematics: Vec<String>,
+    gyro_bias: bool,
+    torque_bias: bool,
+    torque_delay: bool,
+    gyro_delay: bool,
+    initial_state: bool,
+    /// Parameters of the model that were held, by index, and bodies whose ten numbers change in proportion.
+    pub(super) parameters: Vec<usize>,
+    pub(super) ties: Vec<TieSpec>,
+}
+
+impl Adopted {
+    /// Of the errors that patterns name, for a model of which `estimated` are estimated anyway.
+    pub(super) fn new(model: &Model, estimated: &[usize], patterns: &[String]) -> Result<Self, Problems> {
+        let mut out = Self::default();
+        if patterns.is_empty() {
+            return Ok(out);
+        }
+        let nominal: Vec<f64> = model.param_decls().iter().map(|d| d.nominal).collect();
+        let all = hypotheses(model, estimated, &nominal);
+        for pattern in patterns {
+            let found: Vec<&Hypothesis> = all.iter().filter(|h| matches(pattern, &h.name)).collect();
+            if found.is_empty() {
+                let near = nearest(pattern, all.iter().map(|h| h.name.as_str()));
+                let hint = near.map_or_else(
+                    || "take a name from the list that `ffid identify` prints".to_owned(),
+                    |n| format!("did you mean {n}?"),
+                );
+                let what = format!("--adopt {pattern}: no such error of this robot, or it is estimated already");
+                return Err(config("Config::UnknownError", what, &hint));
+            }
+            found.into_iter().for_each(|h| out.take(model, h));
+        }
+        Ok(out)
+    }
+    fn take(&mut self, model: &Model, h: &Hypothesis) {
+        let (decls, joints) = (model.param_decls(), model.joint_names());
+        let sources = ErrorSource::all(model.nj());
+        for c in &h.components {
+            let [(name, _)] = &c.of[..] else {
+                let slope = c.of.iter().cloned().collect();
+                self.ties.push(TieSpec { name: h.name.clone(), slope, start: Some(0.0), ..TieSpec::default() });
+                continue;
+            };
+            if let Some(i) = decls.iter().position(|d| d.name == *name) {
+                self.parameters.push(i);
+            } else if let Some(source) = sources.iter().find(|s| s.name(&joints) == *name) {
+                if !self.errors.contains(source) {
+                    self.errors.push(*source);
+                }
+            } else if model.kinematic_index(name).is_some() {
+                self.kinematics.push(name.clone());
+            } else {
+                match name.as_str() {
+                    "torque.delay" => self.torque_delay = true,
+                    "gyro.delay" => self.gyro_delay = true,
+                    n if n.starts_with("gyro.bias") => self.gyro_bias = true,
+                    n if n.starts_with("torque.bias") => self.torque_bias = true,
+                    _ => self.initial_state = true,
+                }
+            }
+        }
+    }
+    /// Puts what belongs to records into the options of their estimators.
+    pub(super) fn widen(&self, o: Options) -> Options {
+        Options {
+            gyro_bias: o.gyro_bias || self.gyro_bias,
+            torque_bias: o.torque_bias || self.torque_bias,
+            initial_state: o.initial_state || self.initial_state,
+            torque_delay: o.torque_delay || self.torque_delay,
+            gyro_delay: o.gyro_delay || self.gyro_delay,
+            kinematics: self.kinematics.clone(),
+            errors: self.errors.clone(),
+            ..o
+        }
+    }
+}

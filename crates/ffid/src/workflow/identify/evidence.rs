@@ -1,0 +1,95 @@
+//! Whether a record speaks for the model or against it, and what would explain it, as part of the result.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// What the record says of the model as a whole.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum State {
+    /// Nothing in the record speaks against it.
+    Explained,
+    /// Something does, and more than chance would.
+    Contradicted,
+    /// Nothing was tested.
+    #[default]
+    NotTested,
+}
+
+impl State {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Explained => "explained",
+            Self::Contradicted => "contradicted",
+            Self::NotTested => "not tested",
+        }
+    }
+}
+
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.words())
+    }
+}
+
+/// The evidence for and against the model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Evidence {
+    /// What it comes to.
+    pub state: State,
+    /// Why, in one line.
+    pub reason: String,
+    /// How often a right model would be contradicted by all tests together.
+    pub false_alarms: f64,
+    /// Errors that were tried.
+    pub tried: usize,
+    /// Part of the squared residuals that is noise of the encoders, by simulation.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub motion_noise: Option<f64>,
+    /// Errors that the record speaks for: first those that explain it together, then others that would explain part of it alone.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub named: Vec<NamedError>,
+}
+
+/// An error that the record speaks for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedError {
+    /// Its name, as `--adopt` takes it.
+    pub name: String,
+    /// In words, with its size.
+    pub text: String,
+    /// Its components.
+    pub size: Vec<ErrorSize>,
+    /// By how much chi-squared falls with it.
+    pub drop: f64,
+    /// Number of components.
+    pub freedom: usize,
+    /// How often such a drop would be met were nothing wrong.
+    pub p: f64,
+    /// The estimate that moves most with it.
+    pub moves: String,
+    /// By how many of its standard deviations.
+    pub moves_by: f64,
+    /// Whether it adds to those before it; else it is taken by itself.
+    pub beside: bool,
+    /// Errors whose effect on this record is nearly the same.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub alike: Vec<String>,
+}
+
+/// A component of an error.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorSize {
+    /// What tells it from the others; empty where there is one.
+    pub name: String,
+    /// SI unit; `1` is relative.
+    pub unit: String,
+    /// Its size.
+    pub value: f64,
+    /// Standard deviation.
+    pub std: f64,
+}
