@@ -189,6 +189,7 @@ fn differences(what: &str, plan: &SplinePlan, x: &[f64], value: impl Fn(&[f64], 
 }
 
 #[test]
+#[ignore = "full tier: 8 s"]
 fn panels() {
     let model = paper("flex.toml").model;
     let named = indices(&model, |n| n.starts_with("base.") || n.contains(".k["));
@@ -208,6 +209,7 @@ fn fuel_and_links() {
 
 /// Appendages on links, one of them not Galilean, with parameters of payload, modes and fuel.
 #[test]
+#[ignore = "full tier: 8 s"]
 fn every_kind() {
     let mut registry = ff_model::Registry::new();
     ff_model::payload::register(&mut registry);

@@ -23,6 +23,7 @@ fn flexible(step: f64) -> FlexibleRequest {
 }
 
 #[test]
+#[ignore = "full tier: 4 s"]
 fn refined_on_the_real_system() {
     let loaded = paper("flex.toml");
     let params = Params::nominal(&loaded.model);

@@ -44,6 +44,7 @@ fn truth(model: &Model, p: &Planned, noise: &SensorNoise) -> (f64, DVector<f64>)
 }
 
 #[test]
+#[ignore = "full tier: 6 s"]
 fn quiet_for_the_modes() {
     let loaded = paper("flex.toml");
     let (model, params) = (&loaded.model, Params::nominal(&loaded.model));
@@ -87,6 +88,7 @@ fn the_disturbance_is_foreseen() {
 }
 
 #[test]
+#[ignore = "full tier: 7 s"]
 fn quiet_in_a_band() {
     let loaded = paper("flex.toml");
     let (model, params) = (&loaded.model, Params::nominal(&loaded.model));

@@ -183,6 +183,7 @@ fn clearance_is_held() {
 }
 
 #[test]
+#[ignore = "full tier: 4 s"]
 fn deflection_and_slosh_are_held() {
     for (file, limit) in [("flex.toml", 0.004), ("slosh.toml", 0.05)] {
         let (loaded, system) = system(file);
@@ -228,6 +229,7 @@ fn a_way_too_long_for_the_speed_limit_is_named_with_the_time_it_needs() {
 }
 
 #[test]
+#[ignore = "full tier: 7 s"]
 fn demands_that_conflict_are_named() {
     let (loaded, system) = system("slosh.toml");
     let q = hold(&loaded);

@@ -10,8 +10,7 @@ use ff_dynamics::sim::simulate_with;
 use ff_dynamics::sim::{QUADRATURES, Rkmk4};
 use ff_dynamics::tree::mass_matrix_lower;
 use ff_dynamics::*;
-use ff_model::scalar::{D1, ModelScalar};
-use ff_model::scalar::{D2, Grad};
+use ff_model::scalar::{D1, D2, ModelScalar};
 use ff_model::*;
 use nalgebra::DMatrix;
 
@@ -48,9 +47,9 @@ fn the_counter_counts() {
 #[test]
 fn algorithms_do_not_allocate() {
     let m = system();
-    for (number, all) in
-        [("f64", counts::<f64>(&m)), ("D1", counts::<D1>(&m)), ("Grad", counts::<Grad>(&m)), ("D2", counts::<D2>(&m))]
-    {
+    // Not over `Grad`: the algorithms are the same over duals of any width, and eight derivatives take a fifth of the time that this
+    // program compiles. `validate` counts the allocations of appendages over them.
+    for (number, all) in [("f64", counts::<f64>(&m)), ("D1", counts::<D1>(&m)), ("D2", counts::<D2>(&m))] {
         assert!(all.iter().all(|(_, n)| *n == 0), "over {number}: {all:?}");
     }
 }

@@ -550,7 +550,3 @@ fn degrees(q: &DMatrix<f64>, qd: &DMatrix<f64>, dt: f64, times: Option<&[f64]>, 
         }
     }
 }
-
-#[cfg(test)]
-#[path = "builder_tests.rs"]
-mod tests;

@@ -92,6 +92,7 @@ fn d16_a_clock_that_runs_fast_is_put_right_with_a_warning() {
 }
 
 #[test]
+#[ignore = "full tier: 4 s"]
 fn d29_momentum_that_is_not_conserved_is_refused_unless_declared() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -178,6 +179,7 @@ fn d23_modes_of_the_free_decay_are_matched_to_those_of_the_model() {
 }
 
 #[test]
+#[ignore = "full tier: 6 s"]
 fn d25_modes_that_do_not_rise_above_the_noise() {
     let c = slosh();
     // Hardly any motion before the hold: nothing rings above the noise.
@@ -190,6 +192,7 @@ fn d25_modes_that_do_not_rise_above_the_noise() {
 /// A record that is sampled too slowly for the modes of the model tells none of them; one whose sensors let through what is near
 /// half the rate may show it as a mode.
 #[test]
+#[ignore = "full tier: 3 s"]
 fn d24_samples_too_slow_for_the_modes_and_signals_that_were_not_filtered() {
     let c = flex();
     // Hinges that swing at 4.8 Hz, ten samples a second.

@@ -80,6 +80,7 @@ fn bits(m: &dyn JointMotion) -> Vec<u64> {
 }
 
 #[test]
+#[ignore = "full tier: 8 s"]
 fn every_goal_gives_a_folder_that_is_whole_and_reads_back() {
     let c = Case::new("flex.toml", SMALL);
     let model = open(&c.path("m.toml"), Default::default()).unwrap().model;
@@ -117,6 +118,7 @@ fn every_goal_gives_a_folder_that_is_whole_and_reads_back() {
 }
 
 #[test]
+#[ignore = "full tier: 6 s"]
 fn equal_seeds_give_equal_bytes_and_others_do_not() {
     let c = Case::new("slosh.toml", SMALL);
     for (out, seed) in [("a", "5"), ("b", "5"), ("c", "6")] {
@@ -355,6 +357,7 @@ fn a_given_trajectory_beyond_the_limits_ends_with_13() {
 
 /// Limits of the whole system are kept by the plan, appendages swinging; those that contradict each other are named.
 #[test]
+#[ignore = "full tier: 12 s"]
 fn limits_of_the_whole_system_are_kept_or_their_conflict_is_named() {
     let limits = "velocity_rad_per_s = 0.17\ntorque_nm = 2.0\nbase_attitude_rad = 0.004\nbase_rate_rad_per_s = 0.01\n\
         end_effector_speed_m_per_s = 0.2\npassive_rad = 0.01\npointing = [{ name = \"antenna\", axis = [0.1, 0.2, 1.0], \
@@ -388,6 +391,7 @@ fn limits_of_the_whole_system_are_kept_or_their_conflict_is_named() {
 /// R03: the first signal ends the search with the best plan so far, written and judged.
 #[cfg(unix)]
 #[test]
+#[ignore = "full tier: 9 s"]
 fn r03_interruption_keeps_the_best_plan() {
     let more = "[excite]\nduration_s = 60.0\ncontrol_points = 16\nstarts = 5000\n";
     let c = Case::new("flex.toml", more);

@@ -270,6 +270,7 @@ fn a_rigid_robot_from_exact_data() {
 }
 
 #[test]
+#[ignore = "full tier: 5 s"]
 fn d27_what_the_record_cannot_tell_is_named_and_priors_cover_it() {
     let c = flex();
     // A joint about one axis only: most of the base is not excited.
@@ -465,6 +466,7 @@ fn m39_values_of_parameters() {
 /// leaves nothing (R03).
 #[cfg(unix)]
 #[test]
+#[ignore = "full tier: 9 s"]
 fn r03_r04_killed_and_interrupted_runs() {
     let c = flex();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "3"]);

@@ -1,8 +1,6 @@
 //! The example of newcomers: a spacecraft of another shape, measured in MuJoCo, from `ffid init` to a validated model.
 
-#[path = "../../ffid/src/schema/check.rs"]
-mod schema;
-
+use crate::json_schema;
 use assert_cmd::Command;
 use ffid::workflow::identify::IdentificationResult;
 use serde_json::Value;
@@ -45,7 +43,7 @@ fn five_commands_lead_to_the_truth_of_mujoco() {
     let out = Command::cargo_bin("ffid").unwrap().args(["schema", "result"]).output().unwrap();
     let expected: Value = serde_json::from_slice(&out.stdout).unwrap();
     let written: Value = serde_json::from_slice(&fs::read(dir.path().join("result/result.json")).unwrap()).unwrap();
-    schema::check(&expected, &written, "").unwrap();
+    json_schema::check(&expected, &written, "").unwrap();
     assert!((0.9..1.15).contains(&result.chi2_per_dof), "{}", result.chi2_per_dof);
     let truth: Value = serde_json::from_slice(&fs::read(folder().join("truth.json")).unwrap()).unwrap();
     let truth = truth["values"].as_object().unwrap();

@@ -4,17 +4,35 @@
 
 mod common;
 
+mod clock;
 mod coarse;
+mod compare;
 mod complete;
+mod continuation;
+mod covariance;
+mod free_decay;
 mod ground;
+mod identifiability;
+mod initial_guess;
 mod joint_motion;
+mod knot_spectrum;
+mod masked;
+mod modal_estimate;
+mod modal_model;
 mod modal_paper;
 mod motion_fit;
+mod multi_start;
 mod nist_strd;
 mod output_error;
+mod posterior;
+mod profile;
 mod project;
 mod record_checks;
 mod recovery;
 mod row_streams;
+mod several_records;
+mod tie_map;
 mod ties;
 mod time_bases;
+mod transform;
+mod zero_phase;

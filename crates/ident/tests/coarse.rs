@@ -1,5 +1,6 @@
 //! The look at less data that a fit takes first.
 
+use crate::common::estimate;
 use crate::common::*;
 use ff_least_squares::Settings;
 use ff_model::Params;

@@ -1,5 +1,6 @@
 //! Joint motion through encoders of 20 bits: accelerations against known ones, and what is estimated with them.
 
+use crate::common::estimate;
 use crate::common::*;
 use excitation::plan::{Extent, Shape};
 use excitation::{JointCommand, Manoeuvre, ManoeuvreSpec};
@@ -65,6 +66,7 @@ fn error(fit: &SpectralFit, truth: &dyn JointMotion) -> f64 {
 }
 
 #[test]
+#[ignore = "full tier: 8 s"]
 fn accelerations_of_a_plan_are_known_to_less_than_torques_can_tell() {
     let l = paper("slosh.toml");
     let motion = planned(&l, 40.0, 27);

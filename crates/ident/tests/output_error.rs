@@ -1,5 +1,6 @@
 //! What a record has besides parameters: biases, delays, initial states, outliers; and several records at once.
 
+use crate::common::estimate;
 use crate::common::*;
 use ff_mission::Loaded;
 use ff_model::Params;

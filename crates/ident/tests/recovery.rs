@@ -1,5 +1,6 @@
 //! Noise-free data, starting 25 % off: every identifiable combination comes back.
 
+use crate::common::estimate;
 use crate::common::*;
 use ff_least_squares::Settings;
 use ff_model::Params;

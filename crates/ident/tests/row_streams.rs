@@ -1,5 +1,6 @@
 //! Rows block by block: the same rows, the same answer, memory that does not grow, the same bits on any number of threads.
 
+use crate::common::estimate;
 use crate::common::*;
 use allocation_counter::measure;
 use ff_dynamics::motion::JointMotion;
@@ -198,6 +199,7 @@ fn peak(l: &Loaded, record: &Record, selected: &[usize]) -> u64 {
 }
 
 #[test]
+#[ignore = "full tier: 4 s"]
 fn memory_of_a_linearisation_does_not_grow_with_the_record() {
     let l = paper("slosh.toml");
     let decls = l.model.param_decls();

@@ -1,5 +1,6 @@
 //! Ties in whole fits: one stiffness for all hinges, and the fuel of a tank from what has been consumed.
 
+use crate::common::estimate;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::sim::Channel;
 use ff_dynamics::{Drive, SensorSuite, SimOptions, State, measure, simulate};

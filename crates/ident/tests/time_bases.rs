@@ -1,5 +1,6 @@
 //! Records whose channels have sample times of their own, against uniform ones.
 
+use crate::common::estimate;
 use crate::common::*;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::{Drive, SimOptions, State, Trace, simulate};

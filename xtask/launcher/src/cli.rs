@@ -6,7 +6,7 @@ use crate::{api, ci, fixtures, suite};
 
 /// Commands of this program, with what they do.
 const OWN: [(&str, &str); 4] = [
-    ("test", "Run every test of the workspace, doc tests included [--no-nextest] [ARGUMENTS OF THE RUNNER]"),
+    ("test", "Run the tests, doc tests included; --full also the slow ones [--no-nextest] [ARGUMENTS OF THE RUNNER]"),
     ("ci", "Run .ci/run: format, clippy, documentation, tests, quick reproduction; with --full also .ci/full"),
     ("fixtures", "Write fixtures/SHA256SUMS, or verify it with --check"),
     ("api", "Write the public names of every crate to docs/api, or compare with --check"),

@@ -34,14 +34,9 @@ pub(crate) mod options;
 pub(crate) mod parquet_in;
 #[cfg(feature = "parquet")]
 pub(crate) mod parquet_out;
-#[cfg(test)]
-#[cfg(feature = "parquet")]
-pub(crate) mod parquet_tests;
 pub(crate) mod read;
 pub(crate) mod samples;
 pub(crate) mod source;
-#[cfg(test)]
-pub(crate) mod tests;
 pub mod units;
 pub(crate) mod write;
 
@@ -79,7 +74,3 @@ fn data(code: &'static str, message: impl Into<String>) -> Problem {
 pub fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
     columns::split(cell)
 }
-
-#[cfg(test)]
-#[cfg(feature = "mcap")]
-mod mcap_tests;

@@ -103,6 +103,7 @@ fn noise_alone_and_bad_input_are_refused() {
 }
 
 #[test]
+#[ignore = "full tier: 8 s"]
 fn over_200_realisations_the_stated_deviations_are_the_scatter() {
     let n = 200;
     let clean = fit_modes(&decay(&PAPER, 60.0, 0.0, 1), &sigma(), 100.0, &ModalSettings::up_to(1.0)).unwrap();

@@ -1,12 +1,8 @@
 //! JSON schemas: of the files that people write, so that editors complete and check them, and of what programs read.
 //!
 //! That of mission files is printed from the keys that their reader reads by ([`ff_mission::mission::schema`]); that of results
-//! is declared in the same way and held to their reader by a test.
-#[cfg(test)]
-pub(crate) mod check;
+//! is declared in the same way and held to their reader by a test of `ffid-cli`.
 pub(crate) mod result;
-#[cfg(test)]
-pub(crate) mod tests;
 
 use ff_mission::mission::schema;
 use ff_model::Registry;

@@ -413,7 +413,3 @@ impl Posterior {
         self.marginal_of(&names.iter().map(place).collect::<Result<Vec<_>, _>>()?)
     }
 }
-
-#[cfg(test)]
-#[path = "posterior_tests.rs"]
-mod tests;

@@ -279,7 +279,3 @@ pub fn estimate_clock(
         )))
     }
 }
-
-#[cfg(test)]
-#[path = "clock_tests.rs"]
-mod tests;

@@ -540,7 +540,3 @@ impl TieMap {
         Ok(TiedColumns { wanted, made, extras })
     }
 }
-
-#[cfg(test)]
-#[path = "ties_tests.rs"]
-mod tests;

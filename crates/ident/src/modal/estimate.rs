@@ -444,7 +444,3 @@ pub fn convert_modes(
     });
     Ok(out.collect())
 }
-
-#[cfg(test)]
-#[path = "estimate_tests.rs"]
-mod tests;

@@ -445,7 +445,3 @@ fn diagonalise(mut a: DMatrix<Complex<f64>>) -> DMatrix<Complex<f64>> {
     }
     x
 }
-
-#[cfg(test)]
-#[path = "model_tests.rs"]
-pub(crate) mod tests;

@@ -481,7 +481,3 @@ pub fn log_cholesky(name: &str, body: &Inertia<f64>) -> Result<[f64; 10], Transf
     }
     Ok([0.5 * m.ln(), a[(0, 0)].ln(), a[(1, 1)].ln(), a[(2, 2)].ln(), a[(0, 1)], a[(1, 2)], a[(0, 2)], t.x, t.y, t.z])
 }
-
-#[cfg(test)]
-#[path = "transform_tests.rs"]
-mod tests;

@@ -8,6 +8,7 @@ use ff_mission::Loaded;
 use ff_model::Params;
 use ff_records::{Record, RecordBuilder};
 pub(crate) use ff_testkit::fixtures::paper;
+use ident::estimate::{Estimate, EstimateError, Estimator, Request};
 
 pub(crate) fn run(l: &Loaded, motion: &dyn JointMotion, seconds: f64) -> Trace {
     let o = SimOptions { duration_s: seconds, step_s: 1e-3, sample_s: 0.01 };
@@ -53,4 +54,9 @@ pub(crate) fn planned(l: &Loaded, seconds: f64, free: usize) -> BSplineMotion {
         options: Default::default(),
     };
     plan_information(&l.model, &Params::nominal(&l.model), &(0..10).collect::<Vec<_>>(), &request).unwrap().motion
+}
+
+/// [`ident::estimate()`] compiled once for all estimators of these tests.
+pub(crate) fn estimate(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estimate, EstimateError> {
+    ident::estimate(request, estimator)
 }

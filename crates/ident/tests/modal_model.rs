@@ -1,8 +1,13 @@
-use crate::modal::model::*;
+//! Modes of the model as the sensors see them, and how they depend on the parameters.
+
+use ff_dynamics::Boundary;
 use ff_dynamics::modes;
 use ff_mission::{LoadOptions, Loaded, Mission};
+use ff_model::Params;
 use ff_model::Registry;
 use ff_testkit::assert_within;
+use ident::modal::*;
+use nalgebra::{Complex, DVector};
 
 pub(crate) fn load(name: &str) -> Loaded {
     let mut r = Registry::new();

@@ -1,8 +1,16 @@
-use crate::checks::clock::*;
-use crate::modal::model::tests::load;
-use ff_dynamics::simulate_reduced;
+//! Clocks that do not agree: offset and skew of the torque or gyro channels against the joint encoders.
+
+use crate::modal_model::load;
+use ff_dynamics::{Prescribed, Sampling, simulate_reduced};
+use ff_model::Params;
+use ff_records::Record;
 use ff_records::RecordBuilder;
 use ff_records::clock::correct_clocks;
+use ff_records::clock::{ClockEstimate, Clocks};
+use ident::checks::*;
+use ident::estimate::Noise;
+use ident::motion::joint_motion;
+use nalgebra::DMatrix;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -103,10 +111,9 @@ fn late_record() -> (ff_mission::Loaded, Record) {
     let (q, qd, qdd) = (motion(0), motion(1), motion(2));
     let fine = build(1000.0, q.clone(), qd.clone(), qdd.clone(), DMatrix::zeros(20_100, 7), DMatrix::zeros(20_100, 3));
     let p = Params::nominal(m);
-    let mut tables = Tables::new(m, &fine, 1, None, false).unwrap();
-    let y =
-        simulate_reduced(m, &p, tables.get(m, &p, &crate::motion::tables::Displaced::none(m), &Default::default()), &[0.0; 14])
-            .unwrap();
+    let driven = joint_motion(m, &fine).unwrap();
+    let sampling = Sampling { samples: fine.samples(), sample_s: fine.dt(), substeps: 1 };
+    let y = simulate_reduced(m, &p, &Prescribed::new(m, &p, &*driven, &sampling, &[]), &[0.0; 14]).unwrap();
     let (mut rng, normal) = (ChaCha8Rng::seed_from_u64(8), Normal::new(0.0, 1.0).unwrap());
     let thin = |x: &DMatrix<f64>| DMatrix::from_fn(2000, x.ncols(), |i, j| x[(10 * i, j)]);
     let mut late = |x: DMatrix<f64>, by: usize, s: f64| {

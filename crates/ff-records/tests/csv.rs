@@ -1,4 +1,6 @@
-use crate::file::*;
+//! Records as CSV: what is written is read, and what is wrong is named.
+
+use ff_records::file::*;
 use ff_testkit::assert_within;
 use nalgebra::DMatrix;
 

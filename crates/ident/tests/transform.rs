@@ -1,6 +1,11 @@
-use crate::parameters::transform::*;
+//! Physical parameters and the unconstrained coordinates in which they are estimated.
+
 use approx::assert_relative_eq;
+use ff_model::Inertia;
+use ff_model::{ParamDecl, ParamGroup};
 use ff_testkit::scaled;
+use ident::parameters::*;
+use nalgebra::{DMatrix, Matrix3, Vector3};
 
 fn decls() -> (Vec<ParamDecl>, Vec<f64>) {
     let i = Matrix3::new(1.9, 0.13, -0.21, 0.13, 2.3, 0.32, -0.21, 0.32, 2.7);

@@ -1,6 +1,11 @@
-use crate::builder::*;
+//! Columns become a record, or are refused with every reason at once.
+
 use approx::assert_relative_eq;
+use ff_model::Severity;
+use ff_records::ChannelGroup;
+use ff_records::builder::*;
 use ff_testkit::scaled;
+use nalgebra::DMatrix;
 
 const N: usize = 400;
 

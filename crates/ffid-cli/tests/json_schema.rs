@@ -1,4 +1,4 @@
-//! A value against a schema, for tests.
+//! A value against a JSON schema.
 
 use serde_json::Value;
 

@@ -1,6 +1,6 @@
 //! Parquet: files of another writer (pyarrow, `fixtures/records/make.py`), our own, and damaged ones.
 
-use crate::file::*;
+use ff_records::file::*;
 use std::path::PathBuf;
 
 const N: usize = 300;
@@ -16,7 +16,7 @@ fn joints() -> Vec<JointColumn> {
 fn value(i: usize, k: usize) -> f64 {
     (0.05 * i as f64 + 0.7 * k as f64).sin() / (1.0 + 0.3 * k as f64) + 0.01 * k as f64
 }
-fn near(r: &crate::record::Record, first: usize, tolerance: f64) {
+fn near(r: &ff_records::record::Record, first: usize, tolerance: f64) {
     for i in 0..r.samples() {
         let all = [r.q()[(i, 0)], r.q()[(i, 1)], r.tau()[(i, 0)], r.tau()[(i, 1)], r.gyro()[(i, 0)], r.gyro()[(i, 2)]];
         for (x, k) in all.into_iter().zip([0, 1, 2, 3, 4, 6]) {

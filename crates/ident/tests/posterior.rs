@@ -1,6 +1,10 @@
-use crate::belief::posterior::*;
+//! One identification after another: what the first has learnt is what the next knows beforehand.
+
 use approx::assert_relative_eq;
+use ff_model::ParamDecl;
 use ff_testkit::scaled;
+use ident::belief::*;
+use nalgebra::{DMatrix, DVector};
 
 fn covariance() -> DMatrix<f64> {
     let a = DMatrix::from_fn(4, 4, |i, j| {
@@ -139,7 +143,7 @@ struct Linear {
     y: Vec<f64>,
 }
 
-impl crate::estimate::estimator::Estimator for Linear {
+impl ident::estimate::Estimator for Linear {
     fn rows(&self) -> usize {
         self.y.len()
     }
@@ -165,9 +169,9 @@ impl crate::estimate::estimator::Estimator for Linear {
 
 #[test]
 fn one_record_after_the_other_is_both_at_once() {
-    use crate::belief::prior::{Priors, Sigma};
-    use crate::estimate;
-    use crate::estimate::request::Request;
+    use crate::common::estimate;
+    use ident::belief::{Priors, Sigma};
+    use ident::estimate::Request;
     let decls: Vec<ParamDecl> = [("tank.mass", "kg"), ("k", "N m/rad"), ("d", "N m s/rad")]
         .map(|(n, u)| ParamDecl::positive(n, u, 3.0))
         .to_vec();

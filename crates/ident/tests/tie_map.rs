@@ -1,6 +1,13 @@
-use crate::compose::ties::*;
+//! Parameters that are functions of fewer unknowns: one stiffness for all hinges, one filling level for all of the fuel.
+
+use ff_least_squares::EvalError;
 use ff_model::Inertia;
+use ff_model::ParamDecl;
 use ff_testkit::assert_within;
+use ident::belief::Unknown;
+use ident::compose::*;
+use ident::estimate::Estimator;
+use nalgebra::DMatrix;
 use nalgebra::Vector3;
 
 fn decls() -> Vec<ParamDecl> {

@@ -1,9 +1,15 @@
-use crate::modal::estimate::*;
-use crate::modal::matching::{Stray, Unseen};
-use crate::modal::model::tests::load;
-use crate::parameters::select;
+//! Stiffness, damping (and whatever else is chosen) from measured frequencies and damping ratios.
+
+use crate::modal_model::load;
+use ff_dynamics::Boundary;
+use ff_model::{Model, Params};
+use ff_spectral::ModalFit;
 use ff_spectral::era::{Stabilisation, Tolerance};
+use ff_spectral::modal::Mode;
 use ff_testkit::assert_within;
+use ident::modal::*;
+use ident::parameters::select;
+use nalgebra::Complex;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};

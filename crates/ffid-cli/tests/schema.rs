@@ -1,9 +1,11 @@
-use super::check::check;
-use crate::schema::*;
-use crate::workflow::identify::IdentificationResult;
+//! JSON schemas against the readers of `ffid`. They are here because its own test program would compile the reader of results again.
+
+use crate::json_schema::check;
 use ff_mission::{LoadOptions, Mission};
-use ff_model::{Problems, toml};
-use serde_json::{Map, json};
+use ff_model::{Problems, Registry, toml};
+use ffid::schema::*;
+use ffid::workflow::identify::IdentificationResult;
+use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;
@@ -19,7 +21,7 @@ fn load(path: &std::path::Path) -> Option<Value> {
 
 #[test]
 fn every_mission_that_loads_is_valid_and_the_wrong_ones_are_not() {
-    let schema = mission(&crate::default_registry());
+    let schema = mission(&ffid::default_registry());
     let mut seen = 0;
     for folder in ["fixtures/paper", "fixtures/modal", "fixtures/kinds"] {
         for file in fs::read_dir(root(folder)).unwrap().map(|e| e.unwrap().path()) {
@@ -101,7 +103,7 @@ fn problems(mission: &Value, registry: &Registry) -> Problems {
 /// mission with every key of the schema meets neither, and a further key is unknown in every table.
 #[test]
 fn the_schema_of_missions_is_what_the_reader_reads() {
-    let registry = crate::default_registry();
+    let registry = ffid::default_registry();
     let schema = mission(&registry);
     for pick in 0..4 {
         let mut whole = full(&schema, pick);

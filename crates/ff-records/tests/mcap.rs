@@ -1,6 +1,6 @@
 //! ROS 2 bags of another writer (`mcap-ros2-support`, `fixtures/records/make.py`), and damaged ones.
 
-use crate::file::*;
+use ff_records::file::*;
 use ff_testkit::assert_within;
 use std::path::PathBuf;
 

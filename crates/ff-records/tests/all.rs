@@ -1,0 +1,10 @@
+//! The integration tests as one program; as unit tests they would compile the crate a second time.
+//! `cargo test -p ff-records --test all csv` runs those of `csv.rs`.
+#![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
+
+mod builder;
+mod csv;
+#[cfg(feature = "mcap")]
+mod mcap;
+#[cfg(feature = "parquet")]
+mod parquet;
