@@ -81,7 +81,13 @@ fn sizes_of_disturbances_have_the_columns_of_central_differences() {
     let m = general();
     let (p, z0, at) = (Params::<f64>::nominal(&m), start(&m), [0.02, 0.6, -0.4]);
     // Placements before them, an initial state behind.
-    let wanted = Wanted { params: vec![3], kinematics: vec![1, 8], disturbances: vec![2, 0, 1], initial: vec![4], ..Wanted::default() };
+    let wanted = Wanted {
+        params: vec![3],
+        kinematics: vec![1, 8],
+        disturbances: vec![2, 0, 1],
+        initial: vec![4],
+        ..Wanted::default()
+    };
     let (r, s) = sensitivities(&m, &p, &table(&m, &at, &wanted), &z0, &wanted).unwrap();
     assert_eq!(r, response(&m, &at));
     for (c, &k) in wanted.disturbances.iter().enumerate() {

@@ -61,6 +61,7 @@ const EVIDENCE: &[Key] = &[
     must("reason", Text, "why, in one line"),
     must("false_alarms", Number, "how often a right model would be contradicted by all tests together"),
     must("tried", Whole, "errors that were tried"),
+    key("explained", Number, "part of chi-squared above its expectation that the errors named together account for"),
     key("motion_noise", Number, "part of the squared residuals that is noise of the encoders"),
     key("named", Tables(NAMED), "errors that the record speaks for: those that explain it together, then others alone"),
 ];

@@ -30,6 +30,9 @@ use std::sync::Arc;
 const PER_PERIOD: [f64; 2] = [10.0, 5.0];
 /// Samples that a first pass needs at least.
 const LEAST_SAMPLES: usize = 200;
+/// Samples per period of the fastest mode, and longest interval (s), of a survey.
+const SURVEYED: f64 = 20.0;
+const COARSEST: f64 = 0.1;
 /// Beyond, a first pass would no longer be what takes the time.
 const THINNEST: usize = 10;
 
@@ -85,22 +88,52 @@ impl<'a> OutputError<'a> {
     pub fn new(model: &'a Model, record: &'a Record, options: &Options) -> Result<Self, SetupError> {
         check_noise(&options.noise)?;
         let tables = Tables::new(model, record, options.substeps.max(1), Some(&options.noise), !options.initial_state)?;
-        Self::with_tables(model, Cow::Borrowed(record), options, tables)
+        Self::with_tables(model, Cow::Borrowed(record), options, tables, 1)
     }
-    /// Of the same record and motion with other options; noise and steps stay. `deflected_at` of them is best where a fit has ended.
+    /// Of the same record and motion with other options; noise and steps stay.
     ///
     /// # Errors
     /// [`SetupError`].
     pub fn with_options(&self, options: &Options) -> Result<Self, SetupError> {
         let OutputRows { model, record, options: own, .. } = &self.rows;
         let options = Options { noise: own.noise, substeps: own.substeps, ..options.clone() };
-        Self::with_tables(model, record.clone(), &options, self.tables.shared())
+        Self::with_tables(model, record.clone(), &options, self.tables.shared(), 1)
+    }
+    /// [`OutputError::with_options`] for columns that need not be exact: simulated on a grid with twenty samples per period of the fastest
+    /// mode at `full`, but no more than a tenth of a second apart, and interpolated at the readings. A component at a tenth of the grid's
+    /// rate is then off by 3e-4 of itself (`docs/theory/output-operator.md`), one at a fifth by 2 %.
+    ///
+    /// # Errors
+    /// [`SetupError`].
+    pub fn survey(&self, options: &Options, full: &[f64]) -> Result<Self, SetupError> {
+        let OutputRows { model, record, options: own, .. } = &self.rows;
+        let fastest = self.fastest(full).unwrap_or(0.0);
+        let step = if fastest > 0.0 { COARSEST.min(1.0 / (SURVEYED * fastest)) } else { COARSEST };
+        let every = ((step / record.dt()) as usize).min(record.samples() / LEAST_SAMPLES).max(1);
+        let (substeps, tables) =
+            if every > 1 { (1, self.tables.thinned(every)) } else { (own.substeps, self.tables.shared()) };
+        let options = Options { noise: own.noise, substeps, ..options.clone() };
+        Self::with_tables(model, record.clone(), &options, tables, every)
+    }
+    /// Whether rows are listed sample by sample, torques before gyro; else those of all torque samples come first.
+    pub fn is_interleaved(&self) -> bool {
+        self.rows.interleaved()
+    }
+    /// The fastest mode (Hz) at these parameters, at the first sample.
+    fn fastest(&self, full: &[f64]) -> Option<f64> {
+        let OutputRows { model, record, .. } = &self.rows;
+        let params = Params::from_values(model, full.to_vec());
+        let q: Vec<f64> = record.q().row(0).iter().copied().collect();
+        let eta = model.rest_position(&params);
+        let modes = modes(model, &params, &q, &eta, Boundary::JointsHeld).ok()?;
+        Some(modes.iter().map(|m| m.frequency_hz).fold(0.0, f64::max))
     }
     fn with_tables(
         model: &'a Model,
         record: Cow<'a, Record>,
         options: &Options,
         mut tables: Tables,
+        every: usize,
     ) -> Result<Self, SetupError> {
         // A uniform velocity changes nothing that is measured, so it is not among the unknowns.
         let initial = if options.initial_state { (3..6 + 2 * model.np()).collect() } else { Vec::new() };
@@ -110,6 +143,9 @@ impl<'a> OutputError<'a> {
         }
         let (motion, samples) = (tables.motion(), record.samples());
         let mut rows = OutputRows::new(model, record, options.clone(), (kinematics, initial), motion);
+        if every > 1 {
+            rows = rows.on_coarse_grid(every);
+        }
         if samples < 6 && !(rows.interleaved() && options.errors.is_empty()) {
             return Err(SetupError::JointMotion("interpolation of readings needs six samples of the grid".into()));
         }
@@ -126,12 +162,7 @@ impl<'a> OutputError<'a> {
     /// as long are off by less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %.
     fn stride(&self, full: &[f64]) -> Option<usize> {
         let per_period = PER_PERIOD.get(self.thinned)?;
-        let OutputRows { model, record, .. } = &self.rows;
-        let params = Params::from_values(model, full.to_vec());
-        let q: Vec<f64> = record.q().row(0).iter().copied().collect();
-        let eta = model.rest_position(&params);
-        let modes = modes(model, &params, &q, &eta, Boundary::JointsHeld).ok()?;
-        let fastest = modes.iter().map(|m| m.frequency_hz).fold(0.0, f64::max);
+        let (record, fastest) = (&self.rows.record, self.fastest(full)?);
         let every = 1.0 / (per_period * fastest * record.dt());
         // NaN where there is no mode.
         let enough = record.samples() / LEAST_SAMPLES;
@@ -154,7 +185,7 @@ fn disturbances(
                     Some(tau) => tau,
                     None => torques.insert(predicted_torques(rows, tables, at)?),
                 };
-                Disturbance::Motion(Arc::new(deflection(tau, j, rows.record.dt())?))
+                Disturbance::Motion(Arc::new(deflection(tau, j, rows.grid.1)?))
             }
             ErrorSource::Force(i) => along(i),
             ErrorSource::Moment(i) => along(3 + i),
@@ -185,7 +216,7 @@ fn predicted_torques(
     let mut z = vec![0.0; 6];
     z.extend(model.rest_position(&params));
     z.resize(6 + 2 * model.np(), 0.0);
-    let samples = rows.record.samples();
+    let samples = rows.grid.0;
     let mut tau = DMatrix::zeros(samples, model.nj());
     let (none, wanted) = (Displaced::none(model), Wanted::default());
     for first in (0..samples).step_by(SPAN) {
@@ -254,7 +285,7 @@ impl Estimator for OutputError<'_> {
         let (rows, tables) = (&self.rows, &mut self.tables);
         let params = Params::from_values(rows.model, full.to_vec());
         let (mut z, by) = (rows.start(&params, extra), rows.operators(extra)?);
-        let samples = rows.record.samples();
+        let samples = rows.grid.0;
         if samples <= KEPT {
             let table = tables.get(rows.model, &params, &rows.placed(extra), &Wanted::default());
             let y = simulate_reduced(rows.model, &params, table, &z).map_err(failed)?;

@@ -77,6 +77,8 @@ pub(crate) struct OutputRows<'a> {
     pub(crate) model: &'a Model,
     pub(crate) record: Cow<'a, Record>,
     pub(crate) options: Options,
+    /// Samples and interval (s) of the grid that is simulated.
+    pub(crate) grid: (usize, f64),
     /// Sample times of torques and gyro, where they are not sampled on the grid.
     pub(crate) times: [Option<Arc<[f64]>>; 2],
     /// Errors of the sensors that are estimated, and what disturbs the motion.
@@ -102,7 +104,17 @@ impl<'a> OutputRows<'a> {
         let of_motion = |e: &ErrorSource| e.acts_on() == ActsOn::Motion;
         let (disturbing, of_sensors) = options.errors.iter().partition(|e| of_motion(e));
         let errors = SensorErrors::new(of_sensors, &record, motion);
-        Self { model, record, options, times, errors, disturbing, draws: 0, kinematics, initial }
+        let grid = (record.samples(), record.dt());
+        Self { model, record, options, grid, times, errors, disturbing, draws: 0, kinematics, initial }
+    }
+    /// Simulated on every `every`-th sample alone, and interpolated at all readings.
+    pub(crate) fn on_coarse_grid(mut self, every: usize) -> Self {
+        let (samples, dt) = self.grid;
+        for (times, measured) in self.times.iter_mut().zip([self.record.tau().nrows(), self.record.gyro().nrows()]) {
+            times.get_or_insert_with(|| (0..measured).map(|i| i as f64 * dt).collect());
+        }
+        self.grid = (samples.div_ceil(every), dt * every as f64);
+        self
     }
     /// Channels of torques and of the gyro.
     pub(crate) fn channels(&self) -> [usize; 2] {
@@ -256,7 +268,7 @@ impl<'a> OutputRows<'a> {
     /// How readings are taken, with the delays that are estimated.
     pub(crate) fn operators(&self, extra: &[f64]) -> Result<Operators, EvalError> {
         let mut next = extra[self.delays_at()..].iter();
-        let (samples, dt) = (self.record.samples(), self.record.dt());
+        let (samples, dt) = self.grid;
         let mut take = |wanted: bool, group: usize| {
             let d = if wanted { next.next().copied() } else { None };
             let skewed = self.errors.skewed(self.errors_of(extra), group);
@@ -304,13 +316,7 @@ impl<'a> OutputRows<'a> {
         }
     }
     /// What error-free sensors would read, readings x channels; `None` where that is the prediction and is read as it is.
-    fn error_free(
-        &self,
-        w: &Window,
-        by: &Operators,
-        group: usize,
-        readings: &Range<usize>,
-    ) -> Option<DMatrix<f64>> {
+    fn error_free(&self, w: &Window, by: &Operators, group: usize, readings: &Range<usize>) -> Option<DMatrix<f64>> {
         match &by[group] {
             Some(o) => Some(o.of(&w.values[group], w.first, readings.clone())),
             None if self.errors.of.is_empty() => None,

@@ -54,7 +54,7 @@ impl<'s, 'a> Spans<'s, 'a> {
         &mut self,
         mut make: impl FnMut(&Params<f64>, &Wanted, &Table<'_>, usize) -> Result<Window, EvalError>,
     ) -> Result<Option<(Window, Readings)>, EvalError> {
-        let all = self.rows.record.samples();
+        let all = self.rows.grid.0;
         while self.next < all {
             let span = self.next..(self.next + self.length).min(all);
             let table = self.tables.span(self.rows.model, &self.params, &self.placed, &self.wanted, span.clone());

@@ -72,8 +72,10 @@ impl MotionNoise {
         let one = |k: usize| {
             let mut rng = ChaCha8Rng::seed_from_u64(k as u64);
             let sigma = self.positions.iter().cycle();
-            let q: Vec<f64> =
-                sigma.take(n * times.len()).map(|s| s * Distribution::<f64>::sample(&StandardNormal, &mut rng)).collect();
+            let q: Vec<f64> = sigma
+                .take(n * times.len())
+                .map(|s| s * Distribution::<f64>::sample(&StandardNormal, &mut rng))
+                .collect();
             let samples = JointSamples { dof: n, times: &times, q: &q, qd: None, rate_weight: 0.0 };
             let fit = fit_motion(&samples, self.spacing).map_err(|e| SetupError::JointMotion(e.to_string()))?;
             Ok(Arc::new(fit.motion) as Arc<dyn JointMotion>)

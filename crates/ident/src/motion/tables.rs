@@ -110,7 +110,8 @@ impl Tables {
         displaced: &Displaced,
         wanted: &Wanted,
     ) -> &Prescribed {
-        let key = TableKey::new(model, params, &displaced.kinematics, &self.sampling, wanted).disturbed(&displaced.sizes);
+        let key =
+            TableKey::new(model, params, &displaced.kinematics, &self.sampling, wanted).disturbed(&displaced.sizes);
         if !self.kept.as_ref().is_some_and(|k| k.key.serves(&key)) {
             self.kept = None;
         }

@@ -42,7 +42,10 @@ impl Hypothesis {
     pub fn columns(&self, names: &[String], labels: &[String]) -> Option<Vec<Combination>> {
         let find = |wanted: &str| -> Vec<usize> {
             let is = |n: &String| {
-                n == wanted || labels.iter().any(|l| n.strip_prefix(l.as_str()).is_some_and(|r| r.strip_prefix('.') == Some(wanted)))
+                n == wanted
+                    || labels
+                        .iter()
+                        .any(|l| n.strip_prefix(l.as_str()).is_some_and(|r| r.strip_prefix('.') == Some(wanted)))
             };
             (0..names.len()).filter(|&i| is(&names[i])).collect()
         };
@@ -141,8 +144,12 @@ fn placements(model: &Model) -> Vec<Hypothesis> {
             (DisplacementKind::Rotation, false) => {
                 (2, format!("joint-axis.{owner}"), format!("an axis of {owner} that is turned"))
             }
-            (DisplacementKind::Shift, true) => (1, format!("mount-position.{owner}"), format!("{owner} mounted elsewhere")),
-            (DisplacementKind::Rotation, true) => (2, format!("mount-rotation.{owner}"), format!("{owner} mounted turned")),
+            (DisplacementKind::Shift, true) => {
+                (1, format!("mount-position.{owner}"), format!("{owner} mounted elsewhere"))
+            }
+            (DisplacementKind::Rotation, true) => {
+                (2, format!("mount-rotation.{owner}"), format!("{owner} mounted turned"))
+            }
         };
         let group = groups.entry((k, is_mount, kind)).or_insert_with(|| Hypothesis::new(name, words, Vec::new()));
         let label = p.name.rsplit('.').next().unwrap_or_default().to_owned();
@@ -191,13 +198,21 @@ fn parameters(decls: &[ParamDecl], selected: &[usize], values: &[f64]) -> Vec<Hy
             owners.entry(owner.to_owned()).or_default().extend(all.iter().cloned());
         }
         let scaled = vec![Component { name: String::new(), unit: "1".into(), of: all }];
-        out.push(Hypothesis::new(format!("mass.{prefix}"), format!("a relative error of the mass of {prefix}"), scaled));
+        out.push(Hypothesis::new(
+            format!("mass.{prefix}"),
+            format!("a relative error of the mass of {prefix}"),
+            scaled,
+        ));
         let numbers = |range: core::ops::Range<usize>, unit: &str| -> Vec<Component> {
             let name = |i: usize| decls[of[i]].name.rsplit(['.', '_']).next().unwrap_or_default().to_owned();
             range.map(|i| component(&name(i), decls[of[i]].name.clone(), unit)).collect()
         };
         let moments = numbers(1..4, "kg m");
-        out.push(Hypothesis::new(format!("centre-of-mass.{prefix}"), format!("another centre of mass of {prefix}"), moments));
+        out.push(Hypothesis::new(
+            format!("centre-of-mass.{prefix}"),
+            format!("another centre of mass of {prefix}"),
+            moments,
+        ));
         let inertia = numbers(4..10, "kg m^2");
         out.push(Hypothesis::new(format!("inertia.{prefix}"), format!("another inertia of {prefix}"), inertia));
     }

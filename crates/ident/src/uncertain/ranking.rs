@@ -11,7 +11,11 @@ pub const ALIKE: f64 = 0.95;
 /// Part of a standard deviation that an error must move an estimate by to count against the model.
 pub const MATTERS: f64 = 0.5;
 /// Errors that are looked for beside one another.
-const TOGETHER: usize = 3;
+const TOGETHER: usize = 6;
+/// By how much more the best may explain than another for the data to choose between them.
+const CLOSE: f64 = 12.0;
+/// Deviations of chi-squared that it must lie above its expectation by for a part of that to have a meaning.
+const EXCESS: f64 = 4.0;
 
 /// An error that the record speaks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,12 +38,18 @@ pub struct Ranking {
     /// Those that are larger than chance allows at [`LEVEL`] over all tests: first those that explain the record together, then
     /// the others by how much of it they explain alone.
     pub named: Vec<Named>,
+    /// Part of chi-squared above its expectation that those which explain the record together account for; `None` where it is not
+    /// above it by more than chance.
+    pub explained: Option<f64>,
 }
 
 impl Ranking {
-    /// Whether one of the errors moves an estimate by more than [`MATTERS`] of its deviation.
+    /// Whether one of the errors moves an estimate by more than [`MATTERS`] of its deviation: one of those that explain the record
+    /// together, or one that explains as much as the best.
     pub fn matters(&self) -> bool {
-        self.named.iter().any(|n| n.score.moves.1 > MATTERS)
+        let best = self.named.first().map_or(0.0, |n| n.score.drop);
+        let counts = |(k, n): (usize, &Named)| k == 0 || n.beside || n.score.drop > best - CLOSE;
+        self.named.iter().enumerate().any(|(k, n)| counts((k, n)) && n.score.moves.1 > MATTERS)
     }
 }
 
@@ -96,6 +106,10 @@ impl Layout {
             given.extend(&self.of[k].components);
             named.push(Named { hypothesis: k, score, beside, alike });
         }
+        let (chi2, freedom) = scores.chi2();
+        let (excess, chance) = (chi2 - freedom as f64, (2.0 * freedom as f64).sqrt());
+        let together: f64 = named.iter().map(|n| n.score.drop).sum();
+        let explained = (excess > EXCESS * chance).then(|| (together / excess).min(1.0));
         let mut rest: Vec<Named> = (0..self.of.len())
             .filter(|k| named.iter().all(|n| n.hypothesis != *k))
             .filter_map(|k| {
@@ -109,7 +123,7 @@ impl Layout {
             n.hypothesis = self.of[n.hypothesis].hypothesis;
             n.alike.iter_mut().for_each(|k| *k = self.of[*k].hypothesis);
         }
-        Ranking { tested, named }
+        Ranking { tested, named, explained }
     }
     fn alike(&self, scores: &Scores, alone: &[Option<Score>], k: usize) -> Vec<usize> {
         let Some(own) = &alone[k] else { return Vec::new() };

@@ -41,6 +41,8 @@ pub struct EndOfFit<'a> {
     pub selected: &'a [usize],
     /// Unknowns that the fit has estimated, as columns (of `selected`, then nuisance), with their sizes.
     pub base: &'a [(Combination, f64)],
+    /// Whitened residuals of the fit, in the order of the rows; those that the estimator itself gives unless given.
+    pub residuals: Option<&'a [f64]>,
     /// Rows of priors over the columns of the base, and their residuals.
     pub priors: (DMatrix<f64>, Vec<f64>),
 }
@@ -106,6 +108,13 @@ impl Scores {
         let mut block = RowBlock::default();
         for mut stream in estimator.streams(at.full, at.extra, at.selected)? {
             while stream.next(&mut block)? {
+                if let Some(of_fit) = at.residuals {
+                    let places: Vec<_> = block.places().collect();
+                    for (place, from) in places {
+                        let count = place.len();
+                        block.residuals[from..from + count].copy_from_slice(&of_fit[place]);
+                    }
+                }
                 let count = block.count();
                 rows += count;
                 let mut base = DMatrix::zeros(count, n + 1);
@@ -126,8 +135,9 @@ impl Scores {
                     }
                 }
                 wide.column_mut(c + m).copy_from_slice(&block.residuals);
-                cross.gemm_tr(1.0, &base.columns(0, n), &wide.columns(0, c + m), 1.0);
-                own.gemm_tr(1.0, &wide.columns(0, c), &wide, 1.0);
+                // Products of transposed copies are blocked, those with transposes in place are not.
+                cross.gemm(1.0, &base.columns(0, n).transpose(), &wide.columns(0, c + m), 1.0);
+                own.gemm(1.0, &wide.columns(0, c).transpose(), &wide, 1.0);
                 let part = triangle_of(&Tall::new(&base)).map_err(fatal)?;
                 triangle = ff_linalg::qr_r(&stack(&triangle, &part)).map_err(fatal)?;
             }
@@ -255,6 +265,7 @@ fn usable(s: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     if !(least > APART * most) {
         return None;
     }
-    let inverse = &e.eigenvectors * DMatrix::from_diagonal(&e.eigenvalues.map(|x| 1.0 / x)) * e.eigenvectors.transpose();
+    let inverse =
+        &e.eigenvectors * DMatrix::from_diagonal(&e.eigenvalues.map(|x| 1.0 / x)) * e.eigenvectors.transpose();
     Some(DMatrix::from_fn(s.nrows(), s.nrows(), |i, j| inverse[(i, j)] / (d[i] * d[j])))
 }

@@ -23,6 +23,8 @@ use ident::checks::{ClockPolicy, MomentumChange, RecordChecks, momentum_change};
 
 /// Part of chi-squared that a fit with an initial state must leave at most to be preferred.
 const BETTER: f64 = 0.2;
+/// Part of what is left over below which the errors that were tried explain nothing.
+const UNEXPLAINED: f64 = 0.5;
 /// Initial values below this many standard deviations are not named.
 const SURE: f64 = 3.0;
 
@@ -56,7 +58,12 @@ pub fn identify_checked(
     if found.result.chi2_per_dof > s.limit {
         axes(records, &s)?;
     }
-    if found.result.chi2_per_dof > s.limit && !s.initial_state && found.result.method == Method::OutputError {
+    let moving_may_be = speaks_for(&found, &["start-in-motion"]);
+    if found.result.chi2_per_dof > s.limit
+        && !s.initial_state
+        && moving_may_be
+        && found.result.method == Method::OutputError
+    {
         let moving = Settings { initial_state: true, ..s.clone() };
         let again = fit(records, &moving)?;
         if again.result.chi2_per_dof < BETTER * found.result.chi2_per_dof {
@@ -66,12 +73,14 @@ pub fn identify_checked(
     }
     let mut clocks = Vec::new();
     // A start in the middle of a motion is not predicted by the comparison of clocks.
-    if checks.clocks != ClockPolicy::Trust && !s.initial_state {
+    // Nor is a clock put right where another error explains more.
+    let may_be = checks.clocks == ClockPolicy::Require || speaks_for(&found, &CLOCKS);
+    if checks.clocks != ClockPolicy::Trust && !s.initial_state && may_be {
         let (again, lines, warnings) = set_clocks(&opened.model, records, &s, checks.clocks, found, &fit)?;
         (found, clocks) = (again, lines);
         problems.extend(warnings);
     }
-    if found.result.chi2_per_dof > s.limit {
+    if found.result.chi2_per_dof > s.limit && speaks_for(&found, &["external-torque", "external-force"]) {
         for labelled in records.iter() {
             let Some(change) = momentum(opened, &found, labelled, &s, watch)? else { continue };
             let p = not_conserved(&change, labelled, checks.external_torque);
@@ -93,6 +102,18 @@ pub fn identify_checked(
         }
     }
     Ok((found, s, problems))
+}
+
+/// Errors of clocks ([`ident::uncertain::hypotheses`]).
+const CLOCKS: [&str; 4] = ["torque-clock", "gyro-clock", "torque-clock-rate", "gyro-clock-rate"];
+
+/// Whether the tests of errors leave it open that the error is one of these: one of them explains most, or cannot be told from what
+/// does, or nothing explains most of what is left over.
+fn speaks_for(found: &Identified, errors: &[&str]) -> bool {
+    let Some(e) = &found.result.evidence else { return true };
+    let Some(best) = e.named.first() else { return true };
+    let is = |name: &str| errors.contains(&name);
+    is(&best.name) || best.alike.iter().any(|n| is(n)) || e.explained.is_some_and(|part| part < UNEXPLAINED)
 }
 
 /// Row D30.

@@ -14,7 +14,7 @@ use ident::checks::whiteness;
 use ident::compose::Shared;
 use ident::estimate::Estimate;
 use ident::uncertain::{self, EndOfFit, Hypothesis, Layout, MATTERS, Named, Scores, hypotheses};
-use ident::{Estimator, Options, OutputError, Several, SetupError};
+use ident::{Estimator, Options, OutputError, SetupError, Several};
 use nalgebra::DMatrix;
 
 /// Draws of the encoders' noise.
@@ -26,8 +26,9 @@ const QUIET: f64 = 1e-4;
 pub(super) struct Tests {
     pub(super) tested: usize,
     pub(super) named: Vec<NamedError>,
-    /// Whether one of them moves an estimate.
+    /// Whether one of them moves an estimate, and the part of what is left over that they account for.
     pub(super) matters: bool,
+    pub(super) explained: Option<f64>,
     /// Squared residuals that noise of the encoders adds, relative, and what draws of it add to the residuals of each record.
     pub(super) motion_noise: f64,
     pub(super) drawn: Vec<DMatrix<f64>>,
@@ -47,26 +48,31 @@ pub(super) struct Ended<'a> {
 /// An estimator with the columns of everything that is tried.
 fn wide<'m>(of: &Twin<'m>, model: &Model, s: &Settings, values: &[f64]) -> Result<OutputError<'m>, SetupError> {
     let plain = Options { deflected_at: Some(values.to_vec()), motion_noise: DRAWS, ..Options::new(s.noise) };
-    of.with(&uncertain::with_every_column(model, &plain))
+    of.survey(&uncertain::with_every_column(model, &plain), values)
 }
 
 /// Tests every error at the end of a fit. `None` where the model cannot be evaluated with them.
-pub(super) fn tests(
-    end: &Ended<'_>,
-    twins: &[Twin<'_>],
-    s: &Settings,
-) -> Result<Option<Tests>, IdentifyError> {
+pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result<Option<Tests>, IdentifyError> {
     let (model, e) = (end.model, &end.fitted.estimate);
     if twins.is_empty() {
         return Ok(None);
     }
     let mut parts: Vec<Box<dyn Estimator + '_>> = Vec::new();
-    let mut rows = Vec::new();
+    let (mut rows, mut orders, mut residuals) = (Vec::new(), Vec::new(), Vec::new());
+    let channels = model.nj() + 3;
     for twin in twins {
         let Ok(part) = wide(twin, model, s, end.values) else { return Ok(None) };
+        let order = order(part.rows(), channels, part.is_interleaved());
+        // Those of the rigid method are not residuals of these rows.
+        if e.residuals.len() >= residuals.len() + order.len() {
+            let first = residuals.len();
+            residuals.extend(order.iter().map(|i| e.residuals[first + i]));
+        }
         rows.push(part.rows());
+        orders.push(order);
         parts.push(Box::new(part));
     }
+    let residuals = (residuals.len() == e.residuals.len()).then_some(&residuals[..]);
     let several = parts.len() > 1;
     let mut all: Box<dyn Estimator + '_> =
         if several { Box::new(Several::new(end.shared, parts)) } else { parts.remove(0) };
@@ -85,7 +91,9 @@ pub(super) fn tests(
         base_names.push(end.unknowns.decls[i].name.clone());
     }
     for (k, u) in nuisance.iter().enumerate() {
-        if value_of(&u.name).is_some() {
+        // What output error estimates and the rigid method does not.
+        let bias = residuals.is_none() && s.biases && u.name.contains(".bias.");
+        if value_of(&u.name).is_some() || bias {
             base.push((vec![(decls.len() + k, 1.0)], u.size));
             base_names.push(u.name.clone());
         }
@@ -99,26 +107,47 @@ pub(super) fn tests(
     let at: Vec<f64> = end.fitted.selected.iter().map(|&i| e.values[i]).collect();
     priors.push_residuals(&at, &mut of_priors);
     // Of ties, the parameters that they determine.
-    let estimated: Vec<usize> = base.iter().flat_map(|(c, _)| c.iter().map(|c| c.0)).filter(|&i| i < decls.len()).collect();
+    let estimated: Vec<usize> =
+        base.iter().flat_map(|(c, _)| c.iter().map(|c| c.0)).filter(|&i| i < decls.len()).collect();
     let tried = hypotheses(model, &estimated, end.values);
     let labels = if several { end.labels } else { &[] };
     let held: Vec<usize> = base.iter().flat_map(|(c, _)| c.iter().map(|c| c.0)).collect();
     let layout = Layout::new(&tried, &names, labels, &held);
-    let place =
-        EndOfFit { full: end.values, extra: &extra, selected: &selected, base: &base, priors: (known, of_priors) };
+    let place = EndOfFit {
+        full: end.values,
+        extra: &extra,
+        selected: &selected,
+        base: &base,
+        residuals,
+        priors: (known, of_priors),
+    };
     // The model may not move there at all: then nothing is tested.
     let Ok(scores) = Scores::new(&mut *all, &place, &layout.components, &draws) else { return Ok(None) };
     let ranking = layout.rank(&scores, rows.iter().sum());
     let name_of = |column: usize| base_names[column].as_str();
     let named = ranking.named.iter().map(|n| named(n, &tried, &name_of)).collect();
     let (mut drawn, mut first) = (Vec::new(), 0);
-    for n in rows {
-        drawn.push(sum_of_records(scores.drawn(), first, n, if several { twins.len() } else { 1 }));
+    for (n, order) in rows.iter().zip(&orders) {
+        let of_rows = sum_of_records(scores.drawn(), first, *n, if several { twins.len() } else { 1 });
+        let mut by_sample = DMatrix::zeros(*n, of_rows.ncols());
+        order.iter().enumerate().for_each(|(row, &at)| by_sample.set_row(at, &of_rows.row(row)));
+        drawn.push(by_sample);
         first += n;
     }
     let squares: f64 = drawn.iter().map(|d: &DMatrix<f64>| d.norm_squared()).sum();
     let motion_noise = squares / (DRAWS * e.residuals.len().max(1)) as f64;
-    Ok(Some(Tests { tested: ranking.tested, matters: ranking.matters(), named, motion_noise, drawn }))
+    let (matters, explained) = (ranking.matters(), ranking.explained);
+    Ok(Some(Tests { tested: ranking.tested, matters, explained, named, motion_noise, drawn }))
+}
+
+/// For every row of an estimator its place among rows that are listed sample by sample: torques, then three axes of the gyro.
+fn order(rows: usize, channels: usize, interleaved: bool) -> Vec<usize> {
+    if interleaved {
+        return (0..rows).collect();
+    }
+    let (samples, joints) = (rows / channels, channels - 3);
+    let torques = (0..samples).flat_map(|i| (0..joints).map(move |c| i * channels + c));
+    torques.chain((0..samples).flat_map(|i| (joints..channels).map(move |c| i * channels + c))).collect()
 }
 
 /// Draws of one record: those of the others have no rows here, so that the sum over records is its own.
@@ -135,9 +164,8 @@ fn sum_of_records(drawn: &DMatrix<f64>, first: usize, rows: usize, records: usiz
 fn named<'n>(n: &Named, tried: &[Hypothesis], name_of: &dyn Fn(usize) -> &'n str) -> NamedError {
     let h = &tried[n.hypothesis];
     let parts = h.components.iter().zip(n.score.estimate.iter().zip(&n.score.std));
-    let size: Vec<ErrorSize> = parts
-        .map(|(c, (&value, &std))| ErrorSize { name: c.name.clone(), unit: c.unit.clone(), value, std })
-        .collect();
+    let size: Vec<ErrorSize> =
+        parts.map(|(c, (&value, &std))| ErrorSize { name: c.name.clone(), unit: c.unit.clone(), value, std }).collect();
     NamedError {
         name: h.name.clone(),
         text: in_words(&h.words, &size),
@@ -190,6 +218,42 @@ pub(super) fn in_words(words: &str, size: &[ErrorSize]) -> String {
     format!("{words} ({})", parts.join(", "))
 }
 
+/// Part of what is left over that an error must account for to be said to explain it.
+const MOST: f64 = 0.8;
+
+/// Why the record contradicts the model, in one line.
+fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: f64) -> String {
+    let least = |w: &Whiteness| w.white_p.min(w.portmanteau_p);
+    let worst =
+        coloured.iter().min_by(|a, b| least(a).total_cmp(&least(b)).then(b.mean_square.total_cmp(&a.mean_square)));
+    let seen = match worst {
+        Some(w) => {
+            let at = w.peak_hz.map(|f| format!(" near {f:.3} Hz")).unwrap_or_default();
+            format!("the residuals of {} are coloured{at}", w.channel)
+        }
+        None if chi2_per_dof > limit => {
+            format!("residuals are {:.2} times the noise of the sensors", chi2_per_dof.sqrt())
+        }
+        None => "what is left in the residuals follows an error of another kind".to_owned(),
+    };
+    let Some(best) = found.named.first() else {
+        return format!("{seen}, and none of the {} errors that were tried would explain it", found.tried);
+    };
+    let together: Vec<&str> =
+        found.named.iter().enumerate().filter(|(k, n)| *k == 0 || n.beside).map(|(_, n)| &n.text[..]).take(3).collect();
+    let (drop, by) = (num(best.drop), best.moves_by);
+    let moved = format!("chi-squared falls by {drop}, {} moves by {by:.1} deviations", best.moves);
+    match found.explained.filter(|&part| part < MOST) {
+        Some(part) => format!(
+            "{seen}; of the {} errors that were tried none explains it: the best, {}, accounts for {:.0} % of what is left over",
+            found.tried,
+            together.join(" beside "),
+            100.0 * part
+        ),
+        None => format!("{seen}; {} would explain it ({moved})", together.join(" beside ")),
+    }
+}
+
 /// What it comes to, given the fit's own figures.
 pub(super) fn evidence(
     tests: Option<&Tests>,
@@ -214,31 +278,14 @@ pub(super) fn evidence(
         return out;
     }
     let coloured: Vec<&Whiteness> = whiteness.iter().filter(|w| !w.white).collect();
+    out.explained = tests.and_then(|t| t.explained);
     let best = out.named.first();
     let matters = tests.is_some_and(|t| t.matters);
-    if matters || e.chi2_per_dof > limit || !coloured.is_empty() {
+    // What is coloured may be an error that is named and moves nothing.
+    let harmless = best.is_some() && !matters && out.explained.is_none_or(|part| part > MOST);
+    if matters || e.chi2_per_dof > limit || !(coloured.is_empty() || harmless) {
         out.state = State::Contradicted;
-        let worst = coloured.iter().min_by(|a, b| a.white_p.min(a.portmanteau_p).total_cmp(&b.white_p.min(b.portmanteau_p)));
-        let seen = match worst {
-            Some(w) => {
-                let at = w.peak_hz.map(|f| format!(" near {f:.3} Hz")).unwrap_or_default();
-                format!("the residuals of {} are coloured{at}", w.channel)
-            }
-            None if e.chi2_per_dof > limit => {
-                format!("residuals are {:.2} times the noise of the sensors", e.chi2_per_dof.sqrt())
-            }
-            None => "an error of another kind fits what is left in the residuals".to_owned(),
-        };
-        out.reason = match best {
-            Some(b) => format!(
-                "{seen}; {} would explain it (chi-squared falls by {}, {} moves by {:.1} deviations)",
-                b.text,
-                num(b.drop),
-                b.moves,
-                b.moves_by
-            ),
-            None => format!("{seen}, and none of the {} errors that were tried would explain it", out.tried),
-        };
+        out.reason = against(&out, &coloured, e.chi2_per_dof, limit);
         return out;
     }
     out.state = State::Explained;

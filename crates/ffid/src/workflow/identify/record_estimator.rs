@@ -83,12 +83,14 @@ pub(super) struct Twin<'a> {
 }
 
 impl<'a> Twin<'a> {
-    /// Output error of the same record with other options; for the rigid method, whose torques are predicted from the gyro, made anew.
-    pub(super) fn with(&self, options: &Options) -> Result<OutputError<'a>, SetupError> {
+    /// Output error of the same record with other options, for columns that need not be exact ([`OutputError::survey`]); for the rigid
+    /// method, whose torques are predicted from the gyro, made anew.
+    pub(super) fn survey(&self, options: &Options, full: &[f64]) -> Result<OutputError<'a>, SetupError> {
         match &self.of {
-            Some(of) => of.with_options(options),
+            Some(of) => of.survey(options, full),
             None => {
                 let (model, record) = self.record;
+                // Its residuals are those of this estimator, so that they have to be exact.
                 OutputError::new(model, record, &Options { noise: self.noise, ..options.clone() })
             }
         }

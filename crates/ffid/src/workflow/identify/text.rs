@@ -155,7 +155,10 @@ fn error(f: &mut fmt::Formatter<'_>, n: &NamedError) -> fmt::Result {
     writeln!(f, "  {}: {beside}{}", n.name, n.text)?;
     let alike = match &n.alike[..] {
         [] => String::new(),
-        all => format!("; this record cannot tell it from {}", ff_model::diagnostics::list(all.iter().map(String::as_str), 4)),
+        all => format!(
+            "; this record cannot tell it from {}",
+            ff_model::diagnostics::list(all.iter().map(String::as_str), 4)
+        ),
     };
     let (drop, by) = (num(n.drop), n.moves_by);
     writeln!(f, "    chi-squared falls by {drop}, {} moves by {by:.1} deviations{alike}", n.moves)

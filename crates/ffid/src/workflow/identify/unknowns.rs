@@ -12,8 +12,8 @@ use ident::Tied;
 use ident::belief::SequenceError;
 use ident::belief::Sigma;
 use ident::compose::TieMap;
-use ident::uncertain::Combination;
 use ident::parameters::offset_start;
+use ident::uncertain::Combination;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
