@@ -7,6 +7,7 @@ mod check;
 mod common;
 mod convert;
 mod doubts;
+mod evidence;
 mod exact_world;
 mod excite;
 mod formats;

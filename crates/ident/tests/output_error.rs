@@ -19,7 +19,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-const NOISE: Noise = Noise { torque: 0.1, gyro: 1.5e-4 };
+pub(crate) const NOISE: Noise = Noise { torque: 0.1, gyro: 1.5e-4 };
 const SECONDS: f64 = 30.0;
 const GYRO_BIAS: [f64; 3] = [4e-4, -3e-4, 7e-4];
 
@@ -64,10 +64,15 @@ fn everything() -> Options {
     }
 }
 
+/// Six seconds of the slosh case, without noise.
+pub(crate) fn short_record(l: &Loaded) -> Record {
+    spoiled(l, 0.0, 0).window(3.0, 9.0).unwrap()
+}
+
 #[test]
 fn derivatives_are_those_of_the_residuals() {
     let l = paper("slosh.toml");
-    let record = spoiled(&l, 0.0, 0).window(3.0, 9.0).unwrap();
+    let record = short_record(&l);
     let mut oe = OutputError::new(&l.model, &record, &everything()).unwrap();
     let selected = select(&l.model.param_decls(), &["base.mass", "base.i_xy", "tank.*"]).unwrap();
     let unknowns = oe.nuisance();
@@ -120,7 +125,11 @@ fn columns_are_derivatives(l: &Loaded, oe: &mut OutputError<'_>, selected: &[usi
             None => {
                 let u = &unknowns[c - selected.len()];
                 // Readings are linear in a wrench, and hardly change with one of the size of the torques' noise.
-                let step = if u.name.starts_with("wrench") { 30.0 } else { 1e-3 };
+                let step = match u.name.split('.').next() {
+                    Some("wrench") => 30.0,
+                    Some("compliance") => 0.1,
+                    _ => 1e-3,
+                };
                 (truth.len() + c - selected.len(), step * u.size)
             }
         };

@@ -80,7 +80,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         let what = format!("chi-squared per degree of freedom {:.3}, limit {}", held.chi2_per_dof, held.limit);
         let p = Problem::error(Area::Data, "Fit::NotExplained", what).in_file(&args.record);
         problems.push(p.hint("another robot, other fuel, or something moves that the model does not have"));
-        exit = Exit::IllPosed;
+        exit = Exit::Contradicted;
     }
     if let Some(p) = results::changed(&inputs, &files) {
         exit = Exit::Data;

@@ -164,6 +164,12 @@ const WHITENESS: &[Key] = &[
     must("first_correlation", Number, "first autocorrelation"),
     must("largest", Number, "largest residual in standard deviations"),
     must("white", Flag, "white at a level of 0.5 % over all channels"),
+    key(
+        "excess_p",
+        Number,
+        "how often white noise no larger than assumed would show as much power in a part of the spectrum",
+    ),
+    key("excess", Flag, "whether that speaks against the model, at a level of 0.5 % over all channels"),
     key("peak_hz", Number, "where the power of residuals that are not white is largest (Hz)"),
     must("stands_out_hz", Numbers, "natural frequencies of the model at which the residuals stand out (Hz)"),
 ];

@@ -7,6 +7,9 @@
 //!   *Biometrika* 56, 1969): `D = max |C_k - k/m|` of the m frequencies below Nyquist, and
 //!   `p = 2 sum_(j>=1) (-1)^(j-1) exp(-2 j^2 m D^2)` of Kolmogorov; and the portmanteau of G. Ljung and G. Box (*Biometrika*
 //!   65, 1978) over 20 lags, `Q = N (N+2) sum_k rho_k^2 / (N-k)`, chi-squared with 20 degrees of freedom.
+//! * **Excess**: the same cumulated periodogram against that of white noise no larger than assumed, from either end:
+//!   `D+ = max (C_k / (m max(mean, 1)) - k/m)` of periodogram ordinates over N, `p = 2 exp(-2 m D+^2)` (N. Smirnov's one-sided limit,
+//!   for two ends).
 //! * **Normality**: C. Jarque and A. Bera (*Economics Letters* 6, 1980), `N/6 (S^2 + (K-3)^2/4)`, chi-squared with two.
 //! * **Modes**: the power of the residuals within a resolution of each natural frequency against their median power: a mode that
 //!   the model describes badly stands out there.
@@ -37,6 +40,9 @@ pub struct ChannelCheck {
     pub normal_p: f64,
     /// Largest `|r|`, in standard deviations.
     pub largest: f64,
+    /// How often white noise no larger than assumed would show as much power in the lower or in the upper part of the spectrum: of
+    /// colours those that speak against a model. A sensor that is quieter than assumed, or a channel that was smoothed, shows none.
+    pub excess_p: f64,
     /// Where the power of the residuals is largest (Hz), averaged over a few lines.
     pub peak_hz: f64,
     /// What stands out at the modes.
@@ -172,6 +178,7 @@ pub fn check_beside(c: &ChannelResiduals, modes_hz: &[f64]) -> Result<ChannelChe
         portmanteau_p: chi_square_survival(ljung_box, LAGS as f64),
         normal_p: (-jarque_bera / 2.0).exp(),
         largest: r.iter().fold(0.0, |m: f64, x| m.max(x.abs())),
+        excess_p: excess(&whole, count),
         peak_hz: peak(&whole) * rate_hz / count,
         modes: powers(&whole, rate_hz / n as f64, modes_hz),
     })
@@ -246,6 +253,22 @@ fn bartlett(power: &[f64]) -> f64 {
     kolmogorov(worst * m.sqrt())
 }
 
+/// `p` of the test for power in a part of the spectrum, of `n` samples.
+fn excess(power: &[f64], n: f64) -> f64 {
+    let m = power.len() as f64;
+    let scale = (power.iter().sum::<f64>() / (m * n)).max(1.0);
+    let largest = |all: &mut dyn Iterator<Item = &f64>| {
+        let (mut sum, mut worst) = (0.0, 0.0f64);
+        for (k, p) in all.enumerate() {
+            sum += p / n;
+            worst = worst.max((sum / scale - (k + 1) as f64) / m);
+        }
+        worst
+    };
+    let d = largest(&mut power.iter()).max(largest(&mut power.iter().rev()));
+    (2.0 * (-2.0 * m * d * d).exp()).min(1.0)
+}
+
 /// Survival function of Kolmogorov's distribution.
 fn kolmogorov(x: f64) -> f64 {
     if x < 0.2 {
@@ -292,12 +315,13 @@ mod tests {
 
     #[test]
     fn white_normal_noise_passes_as_often_as_the_level_says() {
-        let (mut white, mut portmanteau, mut normal, mut modes) = (0, 0, 0, 0);
+        let (mut white, mut portmanteau, mut normal, mut modes, mut excess) = (0, 0, 0, 0, 0);
         for seed in 0..400 {
             let c = check("tau", &noise(1500, seed), 100.0, &[0.23, 7.1]).unwrap();
             white += usize::from(c.white_p < 0.05);
             portmanteau += usize::from(c.portmanteau_p < 0.05);
             normal += usize::from(c.normal_p < 0.05);
+            excess += usize::from(c.excess_p < 0.05);
             modes += c.modes.iter().filter(|m| m.stands_out).count();
             assert!(c.has_size(1.1), "{c:?}");
         }
@@ -305,6 +329,8 @@ mod tests {
         assert!((7..=33).contains(&white), "{white}");
         assert!((7..=33).contains(&portmanteau), "{portmanteau}");
         assert!((7..=33).contains(&normal), "{normal}");
+        // Conservative: half of the records are quieter than assumed.
+        assert!((2..=30).contains(&excess), "{excess}");
         assert!(modes <= 5, "{modes}");
     }
 
@@ -318,6 +344,11 @@ mod tests {
         assert_within!(check("tau", &skewed, 100.0, &[]).unwrap().normal_p, 1e-6);
         let rings: Vec<f64> = white.iter().enumerate().map(|(i, x)| x + 0.3 * (1.45 * 0.01 * i as f64).sin()).collect();
         let c = check("tau", &rings, 100.0, &[1.45 / std::f64::consts::TAU, 5.3]).unwrap();
+        // Coloured at the size that was assumed, but not at twice that.
+        assert!(check("tau", &coloured, 100.0, &[]).unwrap().excess_p < 1e-4);
+        let quiet: Vec<f64> = coloured.iter().map(|x| 0.5 * x).collect();
+        let c2 = check("tau", &quiet, 100.0, &[]).unwrap();
+        assert!(c2.excess_p == 1.0 && !c2.is_white(0.01), "{c2:?}");
         // Too little for the tests over all frequencies, but plain at the mode.
         assert!(c.modes[0].stands_out && !c.modes[1].stands_out && c.is_white(0.01), "{c:?}");
         let loud: Vec<f64> = white.iter().map(|x| 1.4 * x).collect();

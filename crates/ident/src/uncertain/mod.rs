@@ -7,5 +7,5 @@ pub(crate) mod source;
 
 pub use hypotheses::{Component, Hypothesis, hypotheses, with_every_column};
 pub use ranking::{ALIKE, LEVEL, Layout, MATTERS, Named, Ranking};
-pub use score::{Combination, EndOfFit, Score, Scores};
+pub use score::{Combination, Direction, EndOfFit, Score, Scores};
 pub use source::ErrorSource;

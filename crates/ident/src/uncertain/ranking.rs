@@ -1,7 +1,8 @@
 //! Which errors would explain a record, in order.
 
 use crate::uncertain::hypotheses::Hypothesis;
-use crate::uncertain::score::{Combination, Score, Scores};
+use crate::uncertain::score::{Combination, Direction, Score, Scores};
+use core::ops::Range;
 
 /// How often the tests of all errors together see one where there is none. The tests for coloured residuals
 /// ([`crate::checks::whiteness::LEVEL`]) have as much.
@@ -64,7 +65,7 @@ struct Testable {
 pub struct Layout {
     of: Vec<Testable>,
     /// Columns of all components, for [`Scores::new`].
-    pub components: Vec<Combination>,
+    pub components: Vec<Direction>,
 }
 
 impl Layout {
@@ -80,10 +81,16 @@ impl Layout {
                 continue;
             }
             let first = components.len();
-            components.extend(free);
+            components.extend(free.into_iter().map(Direction::from));
             of.push(Testable { hypothesis, components: (first..components.len()).collect() });
         }
         Self { of, components }
+    }
+    /// With another hypothesis: that the unknowns `base` of the fit have other values in the record with these rows than in the others.
+    pub fn differing(&mut self, hypothesis: usize, base: &[Combination], rows: &Range<usize>) {
+        let first = self.components.len();
+        self.components.extend(base.iter().map(|c| Direction { columns: c.clone(), rows: Some(rows.clone()) }));
+        self.of.push(Testable { hypothesis, components: (first..self.components.len()).collect() });
     }
     /// Tests all, and ranks what is found; `rows` are residuals.
     pub fn rank(&self, scores: &Scores, rows: usize) -> Ranking {

@@ -16,6 +16,7 @@
 
 use crate::estimate::estimator::Estimator;
 use crate::estimate::row_stream::RowBlock;
+use core::ops::Range;
 use ff_least_squares::{EvalError, Tall, triangle_of};
 use ff_linalg::LinalgError;
 use ff_spectral::chi_square::chi_square_survival;
@@ -30,6 +31,21 @@ const HOLD: f64 = 1e6;
 
 /// A linear combination of columns: index of the column and weight.
 pub type Combination = Vec<(usize, f64)>;
+
+/// The column of a component of an error.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Direction {
+    /// What it is made of.
+    pub columns: Combination,
+    /// The rows that it has alone, those of one record; all unless given.
+    pub rows: Option<Range<usize>>,
+}
+
+impl From<Combination> for Direction {
+    fn from(columns: Combination) -> Self {
+        Self { columns, rows: None }
+    }
+}
 
 /// Where a fit ended, and what its estimator differentiates by.
 pub struct EndOfFit<'a> {
@@ -98,7 +114,7 @@ impl Scores {
     pub fn new<E: Estimator + ?Sized>(
         estimator: &mut E,
         at: &EndOfFit<'_>,
-        components: &[Combination],
+        components: &[Direction],
         draws: &[usize],
     ) -> Result<Self, EvalError> {
         let (n, c, m) = (at.base.len(), components.len(), draws.len());
@@ -126,7 +142,13 @@ impl Scores {
                 at.base.iter().enumerate().for_each(|(to, (all, _))| gather(all, &mut base, to));
                 base.column_mut(n).copy_from_slice(&block.residuals);
                 let mut wide = DMatrix::zeros(count, c + m + 1);
-                components.iter().enumerate().for_each(|(to, all)| gather(all, &mut wide, to));
+                // A block has rows of one record.
+                let first = block.rows.first().map_or(0, |r| r.start);
+                for (to, d) in components.iter().enumerate() {
+                    if d.rows.as_ref().is_none_or(|r| r.contains(&first)) {
+                        gather(&d.columns, &mut wide, to);
+                    }
+                }
                 for (k, &from) in draws.iter().enumerate() {
                     wide.set_column(c + k, &block.jacobian.column(from));
                     for (place, from) in block.places() {

@@ -96,7 +96,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusa
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let again = records.iter().filter(|t| t.label == stem || t.label.starts_with(&format!("{stem}-"))).count();
         let label = if again == 0 { stem } else { format!("{stem}-{}", again + 1) };
-        records.push(LabelledRecord { label, record: l.record });
+        records.push(LabelledRecord { label, record: l.record, resampled: (false, false) });
     }
     let last = records.len() - 1;
     let held = match (fraction, held_out.as_deref()) {

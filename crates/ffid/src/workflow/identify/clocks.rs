@@ -32,7 +32,10 @@ pub(super) fn set_clocks(
             break;
         }
         for (k, corrected) in changed {
-            records[k].record = corrected;
+            let old = &mut records[k];
+            old.resampled.0 |= corrected.tau() != old.record.tau();
+            old.resampled.1 |= corrected.gyro() != old.record.gyro();
+            old.record = corrected;
         }
         found = fit(records, s)?;
     }

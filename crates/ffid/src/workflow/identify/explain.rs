@@ -13,7 +13,7 @@ use ff_model::Model;
 use ident::checks::whiteness;
 use ident::compose::Shared;
 use ident::estimate::Estimate;
-use ident::uncertain::{self, EndOfFit, Hypothesis, Layout, MATTERS, Named, Scores, hypotheses};
+use ident::uncertain::{self, Component, EndOfFit, Hypothesis, Layout, MATTERS, Named, Scores, hypotheses};
 use ident::{Estimator, Options, OutputError, SetupError, Several};
 use nalgebra::DMatrix;
 
@@ -109,10 +109,25 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     // Of ties, the parameters that they determine.
     let estimated: Vec<usize> =
         base.iter().flat_map(|(c, _)| c.iter().map(|c| c.0)).filter(|&i| i < decls.len()).collect();
-    let tried = hypotheses(model, &estimated, end.values);
+    let mut tried = hypotheses(model, &estimated, end.values);
     let labels = if several { end.labels } else { &[] };
     let held: Vec<usize> = base.iter().flat_map(|(c, _)| c.iter().map(|c| c.0)).collect();
-    let layout = Layout::new(&tried, &names, labels, &held);
+    let mut layout = Layout::new(&tried, &names, labels, &held);
+    // Each record but the first against all the others: what it alone would say of the parameters.
+    let of_parameters: Vec<usize> = (0..end.fitted.selected.len()).collect();
+    let parameters: Vec<_> = of_parameters.iter().map(|&k| base[k].0.clone()).collect();
+    let mut first = 0;
+    for (label, n) in labels.iter().zip(&rows) {
+        if first > 0 {
+            layout.differing(tried.len(), &parameters, &(first..first + n));
+            let unit = |k: &usize| end.unknowns.decls[end.fitted.selected[*k]].unit.to_owned();
+            let one = |k: &usize| Component { name: base_names[*k].clone(), unit: unit(k), of: Vec::new() };
+            let components = of_parameters.iter().map(one).collect();
+            let words = format!("parameters that are others in record {label}");
+            tried.push(Hypothesis { name: format!("other-robot.{label}"), words, components });
+        }
+        first += n;
+    }
     let place = EndOfFit {
         full: end.values,
         extra: &extra,
@@ -223,13 +238,13 @@ const MOST: f64 = 0.8;
 
 /// Why the record contradicts the model, in one line.
 fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: f64) -> String {
-    let least = |w: &Whiteness| w.white_p.min(w.portmanteau_p);
+    let least = |w: &Whiteness| w.excess_p;
     let worst =
         coloured.iter().min_by(|a, b| least(a).total_cmp(&least(b)).then(b.mean_square.total_cmp(&a.mean_square)));
     let seen = match worst {
         Some(w) => {
             let at = w.peak_hz.map(|f| format!(" near {f:.3} Hz")).unwrap_or_default();
-            format!("the residuals of {} are coloured{at}", w.channel)
+            format!("the residuals of {} stand out of the noise{at}", w.channel)
         }
         None if chi2_per_dof > limit => {
             format!("residuals are {:.2} times the noise of the sensors", chi2_per_dof.sqrt())
@@ -277,7 +292,7 @@ pub(super) fn evidence(
         out.reason = "the record is too short for tests of its residuals".into();
         return out;
     }
-    let coloured: Vec<&Whiteness> = whiteness.iter().filter(|w| !w.white).collect();
+    let coloured: Vec<&Whiteness> = whiteness.iter().filter(|w| w.excess).collect();
     out.explained = tests.and_then(|t| t.explained);
     let best = out.named.first();
     let matters = tests.is_some_and(|t| t.matters);
@@ -291,8 +306,8 @@ pub(super) fn evidence(
     out.state = State::Explained;
     out.reason = match best {
         Some(b) => format!("{} is seen, but moves no estimate by more than {MATTERS} deviations", b.text),
-        None if tests.is_some() => format!("the residuals are white, and none of {} errors is seen in them", out.tried),
-        None => "the residuals are white; other errors could not be tried".to_owned(),
+        None if tests.is_some() => format!("nothing stands out of the noise, and none of {} errors is seen", out.tried),
+        None => "nothing stands out of the noise; other errors could not be tried".to_owned(),
     };
     out
 }

@@ -157,6 +157,12 @@ pub struct Whiteness {
     pub largest: f64,
     /// White at the level of [`ident::checks::whiteness::LEVEL`] over all channels.
     pub white: bool,
+    /// How often white noise no larger than assumed would show as much power in a part of the spectrum.
+    #[serde(default = "one")]
+    pub excess_p: f64,
+    /// That is less often than the level of all channels: it speaks against the model.
+    #[serde(default)]
+    pub excess: bool,
     /// Where the power of residuals that are not white is largest (Hz).
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub peak_hz: Option<f64>,
@@ -164,9 +170,14 @@ pub struct Whiteness {
     pub stands_out_hz: Vec<f64>,
 }
 
+/// Of results that were written before there was such a test.
+fn one() -> f64 {
+    1.0
+}
+
 impl Whiteness {
     /// One channel, `white` at the joint level of all.
-    pub(super) fn of(c: &ChannelCheck, white: bool) -> Self {
+    pub(super) fn of(c: &ChannelCheck, white: bool, excess: bool) -> Self {
         Self {
             channel: c.channel.clone(),
             mean_square: c.mean_square,
@@ -176,6 +187,8 @@ impl Whiteness {
             first_correlation: c.first_correlation,
             largest: c.largest,
             white,
+            excess_p: c.excess_p,
+            excess,
             peak_hz: (!white).then_some(c.peak_hz),
             stands_out_hz: c.modes.iter().filter(|m| m.stands_out).map(|m| m.frequency_hz).collect(),
         }

@@ -121,7 +121,7 @@ pub(super) fn identify(
     for r in records {
         let (predicted, record) = predict(model, &ground, &r.record, &found.fit.values, &arm)?;
         signals.push(predicted);
-        seen.push(LabelledRecord { label: r.label.clone(), record });
+        seen.push(LabelledRecord { label: r.label.clone(), record, resampled: r.resampled });
     }
     let provenance = Provenance { record: record_line(&records[0].record), ..provenance };
     let result = report(opened, &seen, s, options, (&unknowns, &found, &bounded), &signals, provenance)?;

@@ -14,7 +14,7 @@ use ident::Request;
 use ident::Uncertainty;
 use ident::belief::profile;
 use ident::belief::{reduce_parameters, silence, structural};
-use ident::checks::whiteness::{ChannelResiduals, check_all};
+use ident::checks::whiteness::{ChannelResiduals, LEVEL, check_all};
 use ident::estimate::Estimate;
 use ident::parameters::matches;
 use nalgebra::DMatrix;
@@ -85,7 +85,7 @@ pub(super) fn profiles(
     columns.into_iter().map(one).collect()
 }
 
-/// Residuals of every channel against white noise. Channels too short to be judged are left out.
+/// Residuals of every channel against white noise. Channels too short to be judged are left out, and those that were interpolated.
 /// `drawn` are draws of the encoders' noise in the residuals of every record, rows sample by sample, where it counts.
 pub(super) fn whiteness(
     records: &[LabelledRecord],
@@ -97,6 +97,11 @@ pub(super) fn whiteness(
     let mut channels = Vec::new();
     for (k, (labelled, s)) in records.iter().zip(signals).enumerate() {
         for (j, name) in s.names.iter().enumerate() {
+            let (torques, gyro) = labelled.resampled;
+            let smoothed = if name.starts_with("tau.") { torques } else { gyro };
+            if smoothed {
+                continue;
+            }
             channels.push(ChannelResiduals {
                 channel: channel_name(records, k, name).into_owned(),
                 residuals: s.residual(j).iter().map(|r| r / s.sigma[j]).collect(),
@@ -105,7 +110,8 @@ pub(super) fn whiteness(
             });
         }
     }
-    check_all(&channels, &hz).iter().map(|(c, white)| Whiteness::of(c, *white)).collect()
+    let level = LEVEL / channels.len().max(1) as f64;
+    check_all(&channels, &hz).iter().map(|(c, white)| Whiteness::of(c, *white, c.excess_p < level)).collect()
 }
 
 /// Draws of one channel out of those of all; the gyro is not among the channels of the rigid method.

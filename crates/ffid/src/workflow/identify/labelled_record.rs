@@ -10,6 +10,8 @@ pub struct LabelledRecord {
     pub label: String,
     /// The samples.
     pub record: Record,
+    /// Torques, gyro: put on another clock by interpolation, which smooths their noise.
+    pub resampled: (bool, bool),
 }
 
 /// The name of a channel where there are several records.

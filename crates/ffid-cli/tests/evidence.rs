@@ -1,0 +1,181 @@
+//! The verdict on worlds with an error that the mission does not know, from records that MuJoCo simulated (`fixtures/verdict`): what is
+//! named, with which size, and which exit code it ends with.
+
+use crate::common::{ffid, fixture};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+/// Noise of torques (N m), gyro (rad/s) and encoders (rad), as `start.toml` has them.
+const NOISE: [f64; 3] = [0.06, 1e-4, 1e-5];
+
+/// Writes mission, robot and a record with noise into `dir`; `spoil` changes names and values of a sample before the noise, and `edit` the
+/// mission.
+fn world(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64]), edit: impl Fn(String) -> String) {
+    let here = fixture("verdict");
+    fs::copy(here.join("robot.urdf"), dir.join("robot.urdf")).unwrap();
+    let mission = edit(fs::read_to_string(here.join("start.toml")).unwrap());
+    fs::write(dir.join("m.toml"), mission).unwrap();
+    let clean = dir.join("clean.csv");
+    let m1 = here.join("m1.parquet");
+    let (code, _, err) = ffid(dir, &["convert", m1.to_str().unwrap(), clean.to_str().unwrap()]);
+    assert_eq!(code, 0, "{err}");
+    let text = fs::read_to_string(&clean).unwrap();
+    let (head, rows) = text.split_once('\n').unwrap();
+    let names: Vec<String> = head.split(',').map(str::to_owned).collect();
+    // Rates and accelerations are those of the simulation; a robot has none.
+    let kept: Vec<usize> = (0..names.len()).filter(|&i| !names[i].starts_with('d')).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut out = kept.iter().map(|&i| names[i].as_str()).collect::<Vec<_>>().join(",") + "\n";
+    for row in rows.lines() {
+        let mut x: Vec<f64> = row.split(',').map(|v| v.parse().unwrap()).collect();
+        spoil(&names, &mut x);
+        let noisy = kept.iter().map(|&i| {
+            let sigma = match names[i].as_bytes() {
+                [b't', b'a', ..] => NOISE[0],
+                [b'g', ..] => NOISE[1],
+                [b'q', ..] => NOISE[2],
+                _ => 0.0,
+            };
+            let n: f64 = StandardNormal.sample(&mut rng);
+            format!("{}", x[i] + sigma * n)
+        });
+        out += &(noisy.collect::<Vec<_>>().join(",") + "\n");
+    }
+    fs::write(dir.join("rec.csv"), out).unwrap();
+}
+
+/// Exit code and result of `ffid identify` with these flags.
+fn identify(dir: &Path, flags: &[&str]) -> (i32, Value) {
+    let mut args = vec!["identify", "m.toml", "--record", "rec.csv", "--out", "found", "--force", "--json"];
+    args.extend(flags);
+    let (code, out, err) = ffid(dir, &args);
+    let all: Value = serde_json::from_str(&out).unwrap_or_else(|e| panic!("{e}\n{out}\n{err}"));
+    (code, all["result"].clone())
+}
+
+fn value(r: &Value, list: &str, name: &str) -> (f64, f64) {
+    let all = r[list].as_array().unwrap();
+    let p = all.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("{name} in {list}"));
+    (p["value"].as_f64().unwrap(), p["std"].as_f64().unwrap())
+}
+
+/// True values of some estimated parameters, from `truth.toml`'s robot.
+fn distances(r: &Value, truth: &Value) -> Vec<f64> {
+    let all = r["parameters"].as_array().unwrap();
+    let one = |p: &Value| {
+        let name = p["name"].as_str().unwrap();
+        let (found, std) = value(r, "parameters", name);
+        let model = truth["model"].as_array().unwrap();
+        let true_value = model.iter().find(|t| t["name"] == name).unwrap()["nominal"].as_f64().unwrap();
+        (found - true_value).abs() / std
+    };
+    all.iter().map(one).collect()
+}
+
+/// The parameters of `truth.toml`, as `ffid check` lists them.
+fn truth(dir: &Path) -> Value {
+    let mission = fixture("verdict").join("truth.toml");
+    let (code, out, err) = ffid(dir, &["check", mission.to_str().unwrap(), "--json"]);
+    assert_eq!(code, 0, "{err}");
+    let all: Value = serde_json::from_str(&out).unwrap();
+    serde_json::json!({ "model": all["model"]["parameters"].clone() })
+}
+
+fn is_gyro(names: &[String]) -> usize {
+    names.iter().position(|n| n.starts_with("gyro.x")).unwrap()
+}
+
+#[test]
+fn a_right_model_explains_its_record() {
+    let dir = tempfile::tempdir().unwrap();
+    world(dir.path(), 4, |_, _| {}, |m| m);
+    let (code, r) = identify(dir.path(), &[]);
+    assert_eq!((code, r["evidence"]["state"].as_str()), (0, Some("explained")), "{}", r["evidence"]);
+    assert!(r["evidence"]["tried"].as_u64().unwrap() > 60 && r["evidence"]["named"].is_null());
+}
+
+#[test]
+fn a_turned_gyro_is_named_with_its_angle_and_adopted() {
+    let dir = tempfile::tempdir().unwrap();
+    // 1 degree about (0.6, -0.48, 0.64), to first order in the angle and a little beyond.
+    let (angle, axis) = (0.01745, [0.6, -0.48, 0.64]);
+    let turn = |names: &[String], x: &mut [f64]| {
+        let g = is_gyro(names);
+        let w = nalgebra::Vector3::new(x[g], x[g + 1], x[g + 2]);
+        let turned = nalgebra::Rotation3::from_scaled_axis(nalgebra::Vector3::from(axis) * angle) * w;
+        x[g..g + 3].copy_from_slice(turned.as_slice());
+    };
+    world(dir.path(), 5, turn, |m| m);
+    let (code, r) = identify(dir.path(), &[]);
+    let e = &r["evidence"];
+    assert_eq!((code, e["state"].as_str()), (16, Some("contradicted")), "{e}");
+    assert_eq!(e["named"][0]["name"], "gyro-misalignment", "{e}");
+    assert!(r["clocks"].as_array().is_none_or(|c| c.iter().all(|c| c["corrected"] == false)), "no clock is wrong");
+    let (code, r) = identify(dir.path(), &["--adopt", "gyro-misalignment"]);
+    assert_eq!((code, r["evidence"]["state"].as_str()), (0, Some("explained")), "{}", r["evidence"]);
+    for (k, name) in ["x", "y", "z"].iter().enumerate() {
+        let (found, std) = value(&r, "nuisance", &format!("gyro.rotation.{name}"));
+        assert!((found - angle * axis[k]).abs() < 4.0 * std && std < 2e-4, "{name}: {found} +- {std}");
+    }
+    let off = distances(&r, &truth(dir.path()));
+    assert!(off.iter().all(|d| *d < 4.5), "{off:?}");
+}
+
+#[test]
+fn an_encoder_that_is_off_is_no_clock() {
+    let dir = tempfile::tempdir().unwrap();
+    let off = |names: &[String], x: &mut [f64]| {
+        let j = names.iter().position(|n| n.starts_with("q.elbow")).unwrap();
+        x[j] += 0.01;
+    };
+    world(dir.path(), 6, off, |m| m);
+    let (code, r) = identify(dir.path(), &[]);
+    let e = &r["evidence"];
+    let best = &e["named"][0];
+    let alike = |name: &str| best["alike"].as_array().is_some_and(|a| a.iter().any(|n| n == name));
+    assert!(code == 16 && (best["name"] == "encoder-offset.elbow" || alike("encoder-offset.elbow")), "{code} {e}");
+    assert!(r["clocks"].as_array().is_none_or(|c| c.iter().all(|c| c["corrected"] == false)), "{}", r["clocks"]);
+}
+
+#[test]
+fn a_drift_that_moves_nothing_is_named_and_does_not_contradict() {
+    let dir = tempfile::tempdir().unwrap();
+    let drift = |names: &[String], x: &mut [f64]| {
+        let j = names.iter().position(|n| n.starts_with("tau.wrist")).unwrap();
+        x[j] += 0.002 * (x[0] - 30.0);
+    };
+    world(dir.path(), 7, drift, |m| m);
+    let (code, r) = identify(dir.path(), &[]);
+    let e = &r["evidence"];
+    assert_eq!((code, e["state"].as_str()), (0, Some("explained")), "{e}");
+    let named = &e["named"][0];
+    assert_eq!(named["name"], "torque-drift.wrist");
+    let (found, std) = (named["size"][0]["value"].as_f64().unwrap(), named["size"][0]["std"].as_f64().unwrap());
+    assert!((found - 0.002).abs() < 4.0 * std && named["moves_by"].as_f64().unwrap() < 0.5, "{named}");
+}
+
+#[test]
+fn a_tank_mounted_elsewhere_is_named_and_an_unknown_error_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let elsewhere = |m: String| {
+        assert!(m.contains("[0.13, -0.34, 0.71]"));
+        m.replace("[0.13, -0.34, 0.71]", "[0.13, -0.31, 0.71]")
+    };
+    world(dir.path(), 8, |_, _| {}, elsewhere);
+    let (code, r) = identify(dir.path(), &[]);
+    assert_eq!(code, 16);
+    let first: Vec<&str> =
+        r["evidence"]["named"].as_array().unwrap().iter().take(2).filter_map(|n| n["name"].as_str()).collect();
+    assert!(first.contains(&"mount-position.tank"), "{first:?}");
+    let (code, out, _) = ffid(
+        dir.path(),
+        &["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--json", "--adopt", "gyro-misalignmnet"],
+    );
+    let all: Value = serde_json::from_str(&out).unwrap();
+    let problem = all["problems"].as_array().unwrap().iter().find(|p| p["code"] == "Config::UnknownError").unwrap();
+    assert_eq!((code, problem["hint"].as_str()), (11, Some("did you mean gyro-misalignment?")));
+}

@@ -1,0 +1,203 @@
+//! Score tests of errors that a fit has not estimated: against fits that estimate them, and by how often they see what is not there.
+
+use ff_least_squares::EvalError;
+use ff_model::ParamDecl;
+use ff_testkit::assert_within;
+use ident::belief::Unknown;
+use ident::uncertain::{Direction, EndOfFit, Layout, Scores, hypotheses};
+use ident::{Estimator, Request, estimate};
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+/// Residuals `A p + N e - y`: three parameters, and nuisance unknowns of which a fit may or may not know all.
+struct Linear {
+    a: DMatrix<f64>,
+    n: DMatrix<f64>,
+    y: DVector<f64>,
+}
+
+const ROWS: usize = 240;
+
+impl Linear {
+    fn new(seed: u64, truth: [f64; 3], errors: &[f64]) -> Self {
+        let wave = |i: usize, k: usize| ((0.013 + 0.021 * k as f64) * i as f64 + 0.7 * k as f64).sin();
+        let a = DMatrix::from_fn(ROWS, 3, |i, k| wave(i, k) + 0.3 * wave(i, k + 5));
+        // The errors resemble the parameters, and the last two one another.
+        let n = DMatrix::from_fn(ROWS, 4, |i, k| match k {
+            3 => wave(i, 7) + 0.01 * wave(i, 9) + 0.4 * wave(i, 0),
+            2 => wave(i, 7) + 0.4 * wave(i, 0),
+            k => wave(i, k + 8) + 0.6 * wave(i, k),
+        });
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let noise = DVector::from_fn(ROWS, |_, _| StandardNormal.sample(&mut rng));
+        let y = &a * DVector::from_row_slice(&truth) + &n * DVector::from_row_slice(errors) + noise;
+        Self { a, n, y }
+    }
+    fn knowing(mut self, errors: &[usize]) -> Self {
+        self.n = self.n.select_columns(errors);
+        self
+    }
+}
+
+impl Estimator for Linear {
+    fn rows(&self) -> usize {
+        ROWS
+    }
+    fn nuisance(&self) -> Vec<Unknown> {
+        (0..self.n.ncols()).map(|k| Unknown { name: format!("error{k}"), unit: "1".into(), size: 0.7 }).collect()
+    }
+    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        let x = &self.a * DVector::from_row_slice(full) + &self.n * DVector::from_row_slice(extra) - &self.y;
+        r.copy_from_slice(x.as_slice());
+        Ok(())
+    }
+    fn jacobian(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        selected.iter().enumerate().for_each(|(c, &i)| j.set_column(c, &self.a.column(i)));
+        j.columns_mut(selected.len(), self.n.ncols()).copy_from(&self.n);
+        self.residuals(full, extra, r)
+    }
+}
+
+fn decls() -> Vec<ParamDecl> {
+    ["p", "q", "r"].iter().map(|n| ParamDecl::positive(*n, "kg", 2.0)).collect()
+}
+
+/// The fit that knows these errors: estimate, values of the errors with deviations, chi-squared.
+fn fit(world: Linear, errors: &[usize]) -> (Vec<f64>, Vec<(f64, f64)>, f64) {
+    let mut world = world.knowing(errors);
+    let decls = decls();
+    let e = estimate(&Request::new(&decls, &[0, 1, 2], &[2.0, 2.0, 2.0]), &mut world as &mut dyn Estimator).unwrap();
+    let found = e.nuisance.iter().map(|n| (n.value, n.std.unwrap())).collect();
+    (e.values, found, e.residuals.iter().map(|r| r * r).sum())
+}
+
+fn scores(seed: u64, truth: [f64; 3], errors: &[f64]) -> (Scores, f64) {
+    let make = || Linear::new(seed, truth, errors);
+    let (values, _, chi2) = fit(make(), &[]);
+    let base: Vec<_> = (0..3).map(|i| (vec![(i, 1.0)], 2.0)).collect();
+    let components: Vec<Direction> = (3..7).map(|i| vec![(i, 1.0)].into()).collect();
+    let at = EndOfFit {
+        full: &values,
+        extra: &[0.0; 4],
+        selected: &[0, 1, 2],
+        base: &base,
+        residuals: None,
+        priors: (DMatrix::zeros(0, 3), Vec::new()),
+    };
+    (Scores::new(&mut make(), &at, &components, &[]).unwrap(), chi2)
+}
+
+#[test]
+fn sizes_drops_and_moves_are_those_of_fits_that_know_the_errors() {
+    let (truth, errors) = ([1.7, 3.1, 2.4], [0.8, 0.0, -0.5, 0.0]);
+    let (tests, chi2) = scores(3, truth, &errors);
+    let make = || Linear::new(3, truth, &errors);
+    let without = fit(make(), &[]).0;
+    for of in [&[0][..], &[1], &[0, 1], &[0, 2], &[3, 1]] {
+        let score = tests.test(of, &[]).unwrap();
+        let (values, found, left) = fit(make(), of);
+        assert_within!((score.drop - (chi2 - left)).abs(), 1e-6 * chi2, "{of:?}: {}", score.drop);
+        for (k, (value, std)) in found.iter().enumerate() {
+            assert_within!((score.estimate[k] - value).abs(), 1e-6 * std);
+            assert_within!((score.std[k] - std).abs(), 1e-6 * std);
+        }
+        // The estimate that moves most, in deviations of the fit that does not know the errors.
+        let base = fit_deviations(make());
+        let moved: Vec<f64> = (0..3).map(|i| (values[i] - without[i]).abs() / base[i]).collect();
+        let most = moved.iter().copied().fold(0.0, f64::max);
+        assert_within!((score.moves.1 - most).abs(), 1e-5 * most.max(1.0), "{:?} {moved:?}", score.moves);
+    }
+    // What the second adds to the first is what is left to the fit that knows both.
+    let (first, both) = (fit(make(), &[0]).2, fit(make(), &[0, 2]).2);
+    let added = tests.test(&[2], &[0]).unwrap();
+    assert_within!((added.drop - (first - both)).abs(), 1e-6 * chi2);
+    assert!(tests.test(&[0], &[0]).is_none());
+    // The last two errors are nearly one.
+    let (a, b) = (tests.test(&[2], &[]).unwrap(), tests.test(&[3], &[]).unwrap());
+    assert!(tests.correlation((&[2], &a), (&[3], &b)).abs() > 0.99);
+    let c = tests.test(&[0], &[]).unwrap();
+    assert!(tests.correlation((&[2], &a), (&[0], &c)).abs() < 0.9);
+}
+
+fn fit_deviations(world: Linear) -> Vec<f64> {
+    let inverse = (world.a.transpose() * &world.a).try_inverse().unwrap();
+    (0..3).map(|i| inverse[(i, i)].sqrt()).collect()
+}
+
+#[test]
+fn nothing_is_seen_where_nothing_is_wrong_as_often_as_the_level_says() {
+    let mut below = [0usize; 2];
+    for seed in 0..400 {
+        let (tests, _) = scores(100 + seed, [1.7, 3.1, 2.4], &[0.0; 4]);
+        below[0] += usize::from(tests.test(&[0], &[]).unwrap().p < 0.05);
+        below[1] += usize::from(tests.test(&[0, 1, 2], &[]).unwrap().p < 0.05);
+    }
+    // 20 expected of 400, deviation 4.4.
+    assert!(below.iter().all(|n| (7..=33).contains(n)), "{below:?}");
+}
+
+#[test]
+fn an_error_within_the_unknowns_is_not_tested() {
+    let make = || Linear::new(5, [1.7, 3.1, 2.4], &[0.0; 4]);
+    let values = fit(make(), &[]).0;
+    let base: Vec<_> = (0..3).map(|i| (vec![(i, 1.0)], 2.0)).collect();
+    let at = EndOfFit {
+        full: &values,
+        extra: &[0.0; 4],
+        selected: &[0, 1, 2],
+        base: &base,
+        residuals: None,
+        priors: (DMatrix::zeros(0, 3), Vec::new()),
+    };
+    // A common scale of all parameters.
+    let scale: Vec<(usize, f64)> = values.iter().copied().enumerate().collect();
+    let tests = Scores::new(&mut make(), &at, &[scale.into(), vec![(3, 1.0)].into()], &[]).unwrap();
+    assert!(tests.test(&[0], &[]).is_none() && tests.test(&[1], &[]).is_some());
+}
+
+#[test]
+fn noise_of_the_motion_widens_what_chance_allows() {
+    let make = || Linear::new(6, [1.7, 3.1, 2.4], &[0.9, 0.0, 0.0, 0.0]);
+    let values = fit(make(), &[]).0;
+    let base: Vec<_> = (0..3).map(|i| (vec![(i, 1.0)], 2.0)).collect();
+    let at = EndOfFit {
+        full: &values,
+        extra: &[0.0; 4],
+        selected: &[0, 1, 2],
+        base: &base,
+        residuals: None,
+        priors: (DMatrix::zeros(0, 3), Vec::new()),
+    };
+    let of = |draws: &[usize]| Scores::new(&mut make(), &at, &[vec![(3, 1.0)].into()], draws).unwrap();
+    let (quiet, noisy) = (of(&[]).test(&[0], &[]).unwrap(), of(&[3, 6]));
+    let tested = noisy.test(&[0], &[]).unwrap();
+    assert!(quiet.p < 1e-6 && tested.p > 0.1 && tested.std[0] > 3.0 * quiet.std[0], "{quiet:?} {tested:?}");
+    assert_eq!((noisy.drawn().shape(), quiet.drop), ((ROWS, 2), tested.drop));
+}
+
+#[test]
+fn every_hypothesis_of_a_robot_has_its_columns() {
+    let l = crate::common::paper("slosh.toml");
+    let decls = l.model.param_decls();
+    let selected = ident::parameters::select(&decls, &["base.*", "tank.*"]).unwrap();
+    let values: Vec<f64> = decls.iter().map(|d| d.nominal).collect();
+    let all = hypotheses(&l.model, &selected, &values);
+    let mut names: Vec<String> = decls.iter().map(|d| d.name.clone()).collect();
+    let options = ident::uncertain::with_every_column(&l.model, &ident::Options::new(crate::output_error::NOISE));
+    let record = crate::output_error::short_record(&l);
+    names.extend(ident::OutputError::new(&l.model, &record, &options).unwrap().nuisance().into_iter().map(|u| u.name));
+    for h in &all {
+        assert!(h.columns(&names, &[]).is_some(), "{}", h.name);
+    }
+    let layout = Layout::new(&all, &names, &[], &selected);
+    assert!(layout.components.len() > 100 && all.iter().any(|h| h.name == "mass.link3" || h.name.starts_with("mass.")));
+}
