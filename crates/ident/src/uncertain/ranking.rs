@@ -34,6 +34,8 @@ pub struct Ranking {
     /// Those that are larger than chance allows at [`LEVEL`] over all tests: first those that explain the record together, then
     /// the others by how much of it they explain alone.
     pub named: Vec<Named>,
+    /// All that were tested, whatever came of it, each by itself.
+    pub alone: Vec<Named>,
 }
 
 impl Ranking {
@@ -105,11 +107,16 @@ impl Layout {
             .collect();
         rest.sort_by(|a, b| worth(&b.score).total_cmp(&worth(&a.score)));
         named.extend(rest);
-        for n in &mut named {
+        let by_itself = |(k, score): (usize, &Option<Score>)| {
+            let score = score.clone()?;
+            Some(Named { hypothesis: k, score, beside: false, alike: self.alike(scores, &alone, k) })
+        };
+        let mut every: Vec<Named> = alone.iter().enumerate().filter_map(by_itself).collect();
+        for n in named.iter_mut().chain(&mut every) {
             n.hypothesis = self.of[n.hypothesis].hypothesis;
             n.alike.iter_mut().for_each(|k| *k = self.of[*k].hypothesis);
         }
-        Ranking { tested, named }
+        Ranking { tested, named, alone: every }
     }
     fn alike(&self, scores: &Scores, alone: &[Option<Score>], k: usize) -> Vec<usize> {
         let Some(own) = &alone[k] else { return Vec::new() };

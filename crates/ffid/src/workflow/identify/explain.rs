@@ -26,6 +26,8 @@ const QUIET: f64 = 1e-4;
 pub(super) struct Tests {
     pub(super) tested: usize,
     pub(super) named: Vec<NamedError>,
+    /// All, each by itself.
+    pub(super) alone: Vec<NamedError>,
     /// Whether one of them moves an estimate.
     pub(super) matters: bool,
     /// Squared residuals that noise of the encoders adds, relative, and what draws of it add to the residuals of each record.
@@ -110,7 +112,8 @@ pub(super) fn tests(
     let Ok(scores) = Scores::new(&mut *all, &place, &layout.components, &draws) else { return Ok(None) };
     let ranking = layout.rank(&scores, rows.iter().sum());
     let name_of = |column: usize| base_names[column].as_str();
-    let named = ranking.named.iter().map(|n| named(n, &tried, &name_of)).collect();
+    let lines = |all: &[Named]| all.iter().map(|n| named(n, &tried, &name_of)).collect();
+    let (matters, alone, named) = (ranking.matters(), lines(&ranking.alone), lines(&ranking.named));
     let (mut drawn, mut first) = (Vec::new(), 0);
     for n in rows {
         drawn.push(sum_of_records(scores.drawn(), first, n, if several { twins.len() } else { 1 }));
@@ -118,7 +121,7 @@ pub(super) fn tests(
     }
     let squares: f64 = drawn.iter().map(|d: &DMatrix<f64>| d.norm_squared()).sum();
     let motion_noise = squares / (DRAWS * e.residuals.len().max(1)) as f64;
-    Ok(Some(Tests { tested: ranking.tested, matters: ranking.matters(), named, motion_noise, drawn }))
+    Ok(Some(Tests { tested: ranking.tested, matters, named, alone, motion_noise, drawn }))
 }
 
 /// Draws of one record: those of the others have no rows here, so that the sum over records is its own.
