@@ -67,3 +67,18 @@ fn noise_free_data_give_the_truth_back() {
     assert_eq!(json["figures"]["slosh.recovered"], 2.0);
     assert!(json["figures"].get("flexible.recovered").is_none());
 }
+
+/// Few worlds of `verdict`, and what its figures are called.
+#[test]
+#[ignore = "full tier: a minute"]
+fn exact_worlds_are_explained_and_wrong_ones_contradicted() {
+    let (json, text) = study(&["verdict", "--quick"]);
+    let figure = |name: &str| json["figures"][name].as_f64().unwrap_or_else(|| panic!("{name}\n{text}"));
+    assert_eq!((figure("exact.worlds"), figure("exact.contradicted")), (12.0, 0.0));
+    assert_eq!(figure("all.900.worlds"), 32.0);
+    for kind in ["gyro-turn", "torque-gain", "link-mass"] {
+        assert_eq!(figure(&format!("{kind}.900.contradicted")), 100.0, "{text}");
+        assert!(json["figures"].get(format!("{kind}.36.contradicted")).is_none());
+    }
+    assert!(text.contains("part long: skipped"), "{text}");
+}

@@ -11,6 +11,7 @@ pub mod nist;
 mod quintic;
 pub mod starts;
 pub mod trials;
+pub mod verdict;
 
 use crate::table::{Table, sig};
 use ffid::exit::Failure;
@@ -44,6 +45,8 @@ enum Which {
     Nist(Options),
     /// Fits of 100 random truths within 70 % of the prior, from the start that their modes give
     Starts(Options),
+    /// Worlds of MuJoCo, exact and with errors: is a wrong model contradicted, and no right one?
+    Verdict(verdict::Args),
 }
 
 /// What every study takes.
@@ -267,6 +270,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Which::Degeneracies(options) => Ok(degeneracies::run(options)?.finish(options)?),
         Which::Nist(options) => Ok(nist::run(options)?.finish(options)?),
         Which::Starts(options) => Ok(starts::run(options)?.finish(options)?),
+        Which::Verdict(args) => Ok(verdict::run(args)?.finish(&args.options)?),
     }
 }
 

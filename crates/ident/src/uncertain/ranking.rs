@@ -42,6 +42,8 @@ pub struct Ranking {
     /// Part of chi-squared above its expectation that those which explain the record together account for; `None` where it is not
     /// above it by more than chance.
     pub explained: Option<f64>,
+    /// All that were tested, whatever came of it, each by itself.
+    pub alone: Vec<Named>,
 }
 
 impl Ranking {
@@ -126,11 +128,16 @@ impl Layout {
             .collect();
         rest.sort_by(|a, b| worth(&b.score).total_cmp(&worth(&a.score)));
         named.extend(rest);
-        for n in &mut named {
+        let by_itself = |(k, score): (usize, &Option<Score>)| {
+            let score = score.clone()?;
+            Some(Named { hypothesis: k, score, beside: false, alike: self.alike(scores, &alone, k) })
+        };
+        let mut every: Vec<Named> = alone.iter().enumerate().filter_map(by_itself).collect();
+        for n in named.iter_mut().chain(&mut every) {
             n.hypothesis = self.of[n.hypothesis].hypothesis;
             n.alike.iter_mut().for_each(|k| *k = self.of[*k].hypothesis);
         }
-        Ranking { tested, named, explained }
+        Ranking { tested, named, explained, alone: every }
     }
     fn alike(&self, scores: &Scores, alone: &[Option<Score>], k: usize) -> Vec<usize> {
         let Some(own) = &alone[k] else { return Vec::new() };

@@ -26,6 +26,8 @@ const QUIET: f64 = 1e-4;
 pub(super) struct Tests {
     pub(super) tested: usize,
     pub(super) named: Vec<NamedError>,
+    /// All, each by itself.
+    pub(super) alone: Vec<NamedError>,
     /// Whether one of them moves an estimate, and the part of what is left over that they account for.
     pub(super) matters: bool,
     pub(super) explained: Option<f64>,
@@ -140,7 +142,8 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let Ok(scores) = Scores::new(&mut *all, &place, &layout.components, &draws) else { return Ok(None) };
     let ranking = layout.rank(&scores, rows.iter().sum());
     let name_of = |column: usize| base_names[column].as_str();
-    let named = ranking.named.iter().map(|n| named(n, &tried, &name_of)).collect();
+    let lines = |all: &[Named]| all.iter().map(|n| named(n, &tried, &name_of)).collect();
+    let (matters, alone, named) = (ranking.matters(), lines(&ranking.alone), lines(&ranking.named));
     let (mut drawn, mut first) = (Vec::new(), 0);
     for (n, order) in rows.iter().zip(&orders) {
         let of_rows = sum_of_records(scores.drawn(), first, *n, if several { twins.len() } else { 1 });
@@ -151,8 +154,8 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     }
     let squares: f64 = drawn.iter().map(|d: &DMatrix<f64>| d.norm_squared()).sum();
     let motion_noise = squares / (DRAWS * e.residuals.len().max(1)) as f64;
-    let (matters, explained) = (ranking.matters(), ranking.explained);
-    Ok(Some(Tests { tested: ranking.tested, matters, explained, named, motion_noise, drawn }))
+    let explained = ranking.explained;
+    Ok(Some(Tests { tested: ranking.tested, matters, explained, named, alone, motion_noise, drawn }))
 }
 
 /// For every row of an estimator its place among rows that are listed sample by sample: torques, then three axes of the gyro.

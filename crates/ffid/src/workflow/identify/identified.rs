@@ -1,5 +1,6 @@
 //! An identification with what figures and files need.
 
+use super::evidence::NamedError;
 use super::result::identification::IdentificationResult;
 use super::signals::Signals;
 
@@ -14,4 +15,6 @@ pub struct Identified {
     pub values: Vec<f64>,
     /// Indices of the parameters that were estimated, for themselves or by a tie.
     pub selected: Vec<usize>,
+    /// Every error that was tested, each by itself, whether the record speaks for it or not.
+    pub tried: Vec<NamedError>,
 }

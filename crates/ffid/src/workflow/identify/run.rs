@@ -112,7 +112,8 @@ pub fn identify(
     result.silent = silent;
     result.profiles = profiles;
     result.verdict = text::verdict(&result);
-    Ok(Identified { result, signals, values, selected: unknowns.touched.clone() })
+    let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
+    Ok(Identified { result, signals, values, selected: unknowns.touched.clone(), tried })
 }
 
 /// Fits; from several starts, and again with fewer unknowns, when asked to.
