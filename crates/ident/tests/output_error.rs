@@ -126,7 +126,7 @@ fn columns_are_derivatives(l: &Loaded, oe: &mut OutputError<'_>, selected: &[usi
                 let u = &unknowns[c - selected.len()];
                 // Readings are linear in a wrench, and hardly change with one of the size of the torques' noise.
                 let step = match u.name.split('.').next() {
-                    Some("wrench") => 30.0,
+                    Some("wrench") => 1.0,
                     Some("compliance") => 0.1,
                     _ => 1e-3,
                 };

@@ -32,11 +32,9 @@ pub(super) fn set_clocks(
             break;
         }
         for (k, corrected) in changed {
-            let old = &mut records[k];
-            old.resampled.0 |= corrected.tau() != old.record.tau();
-            old.resampled.1 |= corrected.gyro() != old.record.gyro();
-            old.record = corrected;
+            records[k].record = corrected;
         }
+        correction.found().iter().for_each(|c| records[c.record].resampled = c.corrected);
         found = fit(records, s)?;
     }
     let mut problems = Problems::default();

@@ -241,7 +241,7 @@ const MOST: f64 = 0.8;
 
 /// Why the record contradicts the model, in one line.
 fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: f64) -> String {
-    let least = |w: &Whiteness| w.excess_p;
+    let least = |w: &Whiteness| w.excess_p.unwrap_or(1.0);
     let worst =
         coloured.iter().min_by(|a, b| least(a).total_cmp(&least(b)).then(b.mean_square.total_cmp(&a.mean_square)));
     let seen = match worst {
@@ -291,11 +291,11 @@ pub(super) fn evidence(
         out.reason = "the fit did not end at a solution".into();
         return out;
     }
-    if parameters.is_empty() || whiteness.is_empty() {
+    if parameters.is_empty() || (whiteness.is_empty() && tests.is_none()) {
         out.reason = "the record is too short for tests of its residuals".into();
         return out;
     }
-    let coloured: Vec<&Whiteness> = whiteness.iter().filter(|w| w.excess).collect();
+    let coloured: Vec<&Whiteness> = whiteness.iter().filter(|w| w.excess == Some(true)).collect();
     out.explained = tests.and_then(|t| t.explained);
     let best = out.named.first();
     let matters = tests.is_some_and(|t| t.matters);

@@ -157,22 +157,18 @@ pub struct Whiteness {
     pub largest: f64,
     /// White at the level of [`ident::checks::whiteness::LEVEL`] over all channels.
     pub white: bool,
-    /// How often white noise no larger than assumed would show as much power in a part of the spectrum.
-    #[serde(default = "one")]
-    pub excess_p: f64,
+    /// How often white noise no larger than assumed would show as much power in a part of the spectrum;
+    /// absent in results of older versions.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub excess_p: Option<f64>,
     /// That is less often than the level of all channels: it speaks against the model.
-    #[serde(default)]
-    pub excess: bool,
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub excess: Option<bool>,
     /// Where the power of residuals that are not white is largest (Hz).
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub peak_hz: Option<f64>,
     /// Natural frequencies of the model (Hz) at which the residuals stand out.
     pub stands_out_hz: Vec<f64>,
-}
-
-/// Of results that were written before there was such a test.
-fn one() -> f64 {
-    1.0
 }
 
 impl Whiteness {
@@ -187,8 +183,8 @@ impl Whiteness {
             first_correlation: c.first_correlation,
             largest: c.largest,
             white,
-            excess_p: c.excess_p,
-            excess,
+            excess_p: Some(c.excess_p),
+            excess: Some(excess),
             peak_hz: (!white).then_some(c.peak_hz),
             stands_out_hz: c.modes.iter().filter(|m| m.stands_out).map(|m| m.frequency_hz).collect(),
         }
