@@ -309,6 +309,11 @@ fn faulty(setup: &Setup, squared: u32, trials: &Trials, options: &Options, study
     let least = if squared < 900 { 95.0 } else { 100.0 };
     study.figure(format!("all.{squared}.worlds"), "", all.len() as f64);
     study.judged(options.quick, format!("all.{squared}.contradicted"), "%", contradicted, (Op::AtLeast, least));
+    // What moves no estimate is named, but does not count against the model.
+    let moves =
+        |j: &&Judged| j.causes.iter().any(|c| setup.reference(j.record, c.0).is_ok_and(|r| r.moves(squared) > 0));
+    let moving = share(all.iter().filter(moves).map(|j| j.outcome.contradicted()));
+    study.figure(format!("all.{squared}.contradicted_of_moving"), "%", moving);
     let named = share(all.iter().flat_map(|j| j.causes.iter().map(|c| j.outcome.names(&c.1))));
     study.judged(options.quick, format!("all.{squared}.named"), "%", named, (Op::AtLeast, NAMED));
     let other = |j: &Judged| !j.outcome.contradicted() && j.outcome.exit != Exit::Done.code();
