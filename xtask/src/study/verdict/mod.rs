@@ -6,7 +6,7 @@
 //!
 //! * `exact`: nothing is wrong, one minute; how often the model is contradicted all the same. `bits`: encoders of 16 bits in place of
 //!   white noise. `long`: the record of `--long`, an hour (left out without it: 35 MB that `fixtures/verdict/generate.py` makes).
-//! * `36`, `900`: one error of each of the kinds of `faults`, in turn, or two of them (`pairs`), each so large that the square of
+//! * `size-36`, `size-900`: one error of each of the kinds of `faults`, in turn, or two of them (`pairs`), each so large that the square of
 //!   it over its deviation with all else free is that number. The deviations are those of the sensors' noise; what noise of the
 //!   encoders adds comes on top.
 //!
@@ -216,7 +216,7 @@ pub fn run(args: &Args) -> anyhow::Result<Study> {
         }
     }
     let sizes: Vec<u32> =
-        SIZES.into_iter().filter(|s| !options.quick || *s == 900).filter(|s| options.wants(&s.to_string())).collect();
+        SIZES.into_iter().filter(|s| !options.quick || *s == 900).filter(|s| options.wants(&part(*s))).collect();
     if !sizes.is_empty() {
         setup.prepare(&trials)?;
     }
@@ -253,6 +253,11 @@ fn share(all: impl Iterator<Item = bool>) -> f64 {
     100.0 * yes / count
 }
 
+/// The part of worlds with errors of this size; a number alone would be a case for `--only`.
+fn part(squared: u32) -> String {
+    format!("size-{squared}")
+}
+
 /// A world with errors: the outcome, and the kinds with their records.
 struct Judged {
     outcome: Outcome,
@@ -272,7 +277,7 @@ fn faulty(setup: &Setup, squared: u32, trials: &Trials, options: &Options, study
         Ok(Judged { outcome, causes, record })
     };
     let mut all = Vec::new();
-    for (number, o) in (0..).zip(trials.run(&squared.to_string(), 0..singles, one)?) {
+    for (number, o) in (0..).zip(trials.run(&part(squared), 0..singles, one)?) {
         all.push(judged(number, o, vec![(number % kinds) as usize], setup.place_of(number / kinds))?);
     }
     let mut pairs = Vec::new();
@@ -304,6 +309,11 @@ fn faulty(setup: &Setup, squared: u32, trials: &Trials, options: &Options, study
     let least = if squared < 900 { 95.0 } else { 100.0 };
     study.figure(format!("all.{squared}.worlds"), "", all.len() as f64);
     study.judged(options.quick, format!("all.{squared}.contradicted"), "%", contradicted, (Op::AtLeast, least));
+    // What moves no estimate is named, but does not count against the model.
+    let moves =
+        |j: &&Judged| j.causes.iter().any(|c| setup.reference(j.record, c.0).is_ok_and(|r| r.moves(squared) > 0));
+    let moving = share(all.iter().filter(moves).map(|j| j.outcome.contradicted()));
+    study.figure(format!("all.{squared}.contradicted_of_moving"), "%", moving);
     let named = share(all.iter().flat_map(|j| j.causes.iter().map(|c| j.outcome.names(&c.1))));
     study.judged(options.quick, format!("all.{squared}.named"), "%", named, (Op::AtLeast, NAMED));
     let other = |j: &Judged| !j.outcome.contradicted() && j.outcome.exit != Exit::Done.code();
