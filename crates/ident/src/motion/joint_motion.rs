@@ -51,7 +51,10 @@ pub(crate) fn motion_of(
         Some(stake) => motion_at_stake(record, &stake, from_rest)?,
         None => spectral_motion(record)?,
     };
-    let noise = MotionNoise { spacing: fit.fit.spacing, positions: fit.noise.clone() };
+    let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    fit.fit.motion.eval(0.0, &mut q, &mut qd, &mut qdd);
+    let from_rest = qd.iter().all(|x| x.abs() < STILL);
+    let noise = MotionNoise { spacing: fit.fit.spacing, positions: fit.noise.clone(), from_rest };
     Ok((Box::new(fit.fit.motion), Some(noise)))
 }
 
@@ -62,7 +65,12 @@ pub(crate) struct MotionNoise {
     spacing: f64,
     /// Standard deviations of the positions (rad or m).
     positions: Vec<f64>,
+    /// The motion was held at rest at the first sample: a spline that is free there begins with a rate of noise that lasts all the record.
+    from_rest: bool,
 }
+
+/// Rate (rad/s or m/s) below which a motion was held at rest; rounding leaves it.
+const STILL: f64 = 1e-12;
 
 impl MotionNoise {
     /// Splines with the same knots through noise alone, at the sample times of the positions: what a fitted motion is off by, without
@@ -77,7 +85,8 @@ impl MotionNoise {
                 .map(|s| s * Distribution::<f64>::sample(&StandardNormal, &mut rng))
                 .collect();
             let samples = JointSamples { dof: n, times: &times, q: &q, qd: None, rate_weight: 0.0 };
-            let fit = fit_motion(&samples, self.spacing).map_err(|e| SetupError::JointMotion(e.to_string()))?;
+            let fit = if self.from_rest { fit_motion_from_rest } else { fit_motion };
+            let fit = fit(&samples, self.spacing).map_err(|e| SetupError::JointMotion(e.to_string()))?;
             Ok(Arc::new(fit.motion) as Arc<dyn JointMotion>)
         };
         (0..count).map(one).collect()

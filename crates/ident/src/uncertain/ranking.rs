@@ -94,10 +94,9 @@ impl Layout {
         self.components.extend(base.iter().map(|c| Direction { columns: c.clone(), rows: Some(rows.clone()) }));
         self.of.push(Testable { hypothesis, components: (first..self.components.len()).collect() });
     }
-    /// Tests all, and ranks what is found; `rows` are residuals.
-    pub fn rank(&self, scores: &Scores, rows: usize) -> Ranking {
-        let penalty = (rows.max(2) as f64).ln();
-        let worth = |s: &Score| s.drop - penalty * s.freedom as f64;
+    /// Tests all, and ranks what is found.
+    pub fn rank(&self, scores: &Scores) -> Ranking {
+        let worth = |s: &Score| s.evidence;
         let alone: Vec<Option<Score>> = self.of.iter().map(|t| scores.test(&t.components, &[])).collect();
         let tested = alone.iter().flatten().count();
         let limit = LEVEL / tested.max(1) as f64;

@@ -92,6 +92,9 @@ pub struct Score {
     pub freedom: usize,
     /// How often such a drop would be met were nothing wrong, noise of the motion included.
     pub p: f64,
+    /// `-ln p` of the drop alone, without noise of the motion, also where p is too small for a number: what errors are ranked by. A few
+    /// draws of noise tell how likely a drop is, but not which of two large ones is larger.
+    pub evidence: f64,
     /// Its components.
     pub estimate: Vec<f64>,
     /// Their standard deviations.
@@ -250,7 +253,9 @@ impl Scores {
             }
         }
         let drop = (slope.transpose() * &inverse * &slope)[0];
-        Some(Score { drop, freedom: of.len(), p: chi_square_survival(tested, of.len() as f64), estimate, std, moves })
+        let p = chi_square_survival(tested, of.len() as f64);
+        let evidence = evidence(drop, of.len());
+        Some(Score { drop, freedom: of.len(), p, evidence, estimate, std, moves })
     }
     /// Correlation of what two errors do to the residuals behind the projection, each in the direction that was estimated: one where
     /// the data cannot tell them apart.
@@ -262,6 +267,21 @@ impl Scores {
         let (x, y) = (&x.estimate[..], &y.estimate[..]);
         product(a, x, b, y) / (product(a, x, a, x) * product(b, y, b, y)).sqrt()
     }
+}
+
+/// `-ln p` of chi-squared x with k degrees of freedom; beyond what p can hold `x/2 - (k/2 - 1) ln(x/2) + ln Gamma(k/2)`.
+fn evidence(x: f64, k: usize) -> f64 {
+    let p = chi_square_survival(x, k as f64);
+    if p > 1e-280 {
+        return -p.ln();
+    }
+    let half = 0.5 * k as f64;
+    let (mut a, mut ln_gamma) = if k.is_multiple_of(2) { (1.0, 0.0) } else { (0.5, 0.5 * core::f64::consts::PI.ln()) };
+    while a < half {
+        ln_gamma += f64::ln(a);
+        a += 1.0;
+    }
+    0.5 * x - (half - 1.0) * (0.5 * x).ln() + ln_gamma
 }
 
 /// The rows of two matrices, one below the other.
@@ -278,13 +298,13 @@ fn usable(s: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         return None;
     }
     let d: Vec<f64> = (0..s.nrows()).map(|i| s[(i, i)].sqrt()).collect();
-    if d.iter().any(|&x| !(x > 0.0)) {
+    if d.iter().any(|&x| x <= 0.0 || x.is_nan()) {
         return None;
     }
     let unit = DMatrix::from_fn(s.nrows(), s.nrows(), |i, j| s[(i, j)] / (d[i] * d[j]));
     let e = unit.symmetric_eigen();
     let (least, most) = (e.eigenvalues.min(), e.eigenvalues.max());
-    if !(least > APART * most) {
+    if least <= APART * most || least.is_nan() {
         return None;
     }
     let inverse =

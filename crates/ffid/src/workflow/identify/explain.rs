@@ -140,7 +140,7 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     };
     // The model may not move there at all: then nothing is tested.
     let Ok(scores) = Scores::new(&mut *all, &place, &layout.components, &draws) else { return Ok(None) };
-    let ranking = layout.rank(&scores, rows.iter().sum());
+    let ranking = layout.rank(&scores);
     let name_of = |column: usize| base_names[column].as_str();
     let lines = |all: &[Named]| all.iter().map(|n| named(n, &tried, &name_of)).collect();
     let (matters, alone, named) = (ranking.matters(), lines(&ranking.alone), lines(&ranking.named));
