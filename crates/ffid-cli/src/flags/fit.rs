@@ -8,7 +8,7 @@ use ffid::exit::Exit;
 use ffid::workflow::identify::{EXPLAINED, IdentifyError, Method, Observer, Settings};
 use ffid::workflow::preflight::Sensing;
 use ident::EstimateError;
-use ident::Noise;
+use ident::{Loss, Noise};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Duration;
 
@@ -92,6 +92,7 @@ impl FitFlags {
             max_iterations: self.max_iterations as usize,
             limit: self.max_chi2,
             low_pass_hz: None,
+            loss: Loss::Squares,
         }
     }
 }

@@ -27,6 +27,8 @@ use std::borrow::Cow;
 const PER_PERIOD: [f64; 2] = [10.0, 5.0];
 /// Samples that a first pass needs at least.
 const LEAST_SAMPLES: usize = 200;
+/// Samples that the beginning of a record needs at least.
+const BEGINNING: usize = 12;
 /// Beyond, a first pass would no longer be what takes the time.
 const THINNEST: usize = 10;
 
@@ -139,6 +141,18 @@ impl Estimator for OutputError<'_> {
         let rows = OutputRows::new(model, record, options.clone(), (kinematics.clone(), initial.clone()));
         let thin = OutputError { rows, tables: self.tables.thinned(every), thinned: self.thinned + 1 };
         Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every) })
+    }
+    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+        let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
+        let samples = (share * record.samples() as f64) as usize;
+        if !record.is_uniform() || samples < BEGINNING || samples >= record.samples() {
+            return None;
+        }
+        let first = Cow::Owned(record.rows(0..samples));
+        let rows = OutputRows::new(model, first, options.clone(), (kinematics.clone(), initial.clone()));
+        let count = rows.count();
+        let begun = OutputError { rows, tables: self.tables.beginning(samples), thinned: self.thinned };
+        Some(Coarse { estimator: Box::new(begun), rows: (0..count).collect() })
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         let (rows, tables) = (&self.rows, &mut self.tables);

@@ -31,6 +31,41 @@ pub fn random_start(decls: &[ParamDecl], values: &[f64], selected: &[usize], wid
     moved(decls, values, selected, move || width * rng.random_range(-1.0..1.0))
 }
 
+/// Starts far from known values: positive parameters are multiplied by factors from 1/5 to 5, whole bodies (all ten parameters) by one
+/// factor from 1/2 to 2 each, evenly drawn in their logarithms. Other parameters stay. Allocates.
+///
+/// # Panics
+/// If lengths differ.
+pub fn wide_start(decls: &[ParamDecl], values: &[f64], selected: &[usize], seed: u64) -> Vec<f64> {
+    assert_eq!(decls.len(), values.len(), "one value per parameter");
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut factor = move |most: f64| most.powf(rng.random_range(-1.0..1.0));
+    let mut out = values.to_vec();
+    let mut k = 0;
+    while k < selected.len() {
+        let i = selected[k];
+        if whole_body(decls, selected, k) {
+            let by = factor(2.0);
+            out[i..i + 10].iter_mut().for_each(|p| *p *= by);
+            k += 10;
+            continue;
+        }
+        if decls[i].group == ParamGroup::Positive {
+            out[i] *= factor(5.0);
+        }
+        k += 1;
+    }
+    out
+}
+
+/// Whether the ten parameters of a body are selected from place `k` on.
+fn whole_body(decls: &[ParamDecl], selected: &[usize], k: usize) -> bool {
+    let i = selected[k];
+    matches!(decls[i].group, ParamGroup::Inertial(_))
+        && selected.get(k + 9) == Some(&(i + 9))
+        && decls[i + 9].group == decls[i].group
+}
+
 /// Moves every quantity by the relative amount that `toss` gives.
 fn moved(decls: &[ParamDecl], values: &[f64], selected: &[usize], mut toss: impl FnMut() -> f64) -> Vec<f64> {
     assert_eq!(decls.len(), values.len(), "one value per parameter");
@@ -38,10 +73,7 @@ fn moved(decls: &[ParamDecl], values: &[f64], selected: &[usize], mut toss: impl
     let mut k = 0;
     while k < selected.len() {
         let i = selected[k];
-        let whole = matches!(decls[i].group, ParamGroup::Inertial(_))
-            && selected.get(k + 9) == Some(&(i + 9))
-            && decls[i + 9].group == decls[i].group;
-        if !whole {
+        if !whole_body(decls, selected, k) {
             out[i] = values[i] * (1.0 + toss());
             k += 1;
             continue;
@@ -72,6 +104,26 @@ fn moved(decls: &[ParamDecl], values: &[f64], selected: &[usize], mut toss: impl
 mod tests {
     use super::*;
     use ff_testkit::assert_within;
+
+    #[test]
+    fn a_wide_start_is_physical_and_within_its_factors() {
+        let i = Matrix3::new(15.0, 0.4, -0.3, 0.4, 11.0, 0.2, -0.3, 0.2, 14.0);
+        let b = Inertia::from_com(33.0, &Vector3::new(0.02, 1.07, 0.0), &i);
+        let mut decls = ParamDecl::inertial("panel", &b);
+        decls.push(ParamDecl::positive("k[0]", "N m/rad", 200.0));
+        let values: Vec<f64> = decls.iter().map(|d| d.nominal).collect();
+        let factors: Vec<(f64, f64)> = (0..40)
+            .map(|seed| {
+                let out = wide_start(&decls, &values, &(0..11).collect::<Vec<_>>(), seed);
+                assert_eq!(Inertia::from_params(&out).check(), Ok(()));
+                (out[0] / 33.0, out[10] / 200.0)
+            })
+            .collect();
+        assert!(factors.iter().all(|(m, k)| (0.5..2.0).contains(m) && (0.2..5.0).contains(k)), "{factors:?}");
+        assert!(factors.iter().any(|f| f.1 > 2.5) && factors.iter().any(|f| f.1 < 0.4), "{factors:?}");
+        // A part of a body is not moved: nothing would keep it physical.
+        assert_eq!(wide_start(&decls, &values, &[0], 3), values);
+    }
 
     #[test]
     fn a_moved_body_is_still_a_body_and_every_parameter_moved() {

@@ -49,6 +49,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusa
     settings.prior = args.prior.or(mission.estimate.prior_relative_std).filter(|_| !args.no_prior);
     settings.start_offset = if args.no_start_offset { 0.0 } else { mission.estimate.start_offset };
     settings.seed = args.seed;
+    settings.loss = args.loss.into();
     settings.low_pass_hz = args.reading.low_pass();
     let target = args.out.clone().unwrap_or_else(|| {
         let stem = input.file.file_stem().unwrap_or_default().to_string_lossy();
