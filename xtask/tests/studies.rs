@@ -62,6 +62,15 @@ fn built_degeneracies_are_named() {
 }
 
 #[test]
+fn fits_from_far_missions_are_counted() {
+    let (json, text) = study(&["convergence", "--quick", "--only", "rigid", "--only", "slosh"]);
+    assert_eq!(json["figures"]["rigid.at_best_minimum"], 1.0, "{text}");
+    let figure = |name: &str| json["figures"][name].as_f64().unwrap();
+    assert!(figure("slosh.chi2_best") > 0.0 && figure("slosh.seconds_median") <= figure("slosh.seconds_max"), "{text}");
+    assert!(json["figures"].get("flexible.at_best_minimum").is_none());
+}
+
+#[test]
 fn noise_free_data_give_the_truth_back() {
     let (json, _) = study(&["recovery", "--quick", "--only", "rigid", "--only", "slosh"]);
     assert_eq!(json["figures"]["slosh.recovered"], 2.0);

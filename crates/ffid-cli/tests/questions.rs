@@ -2,6 +2,8 @@
 
 use crate::doubts::ringing;
 use crate::identify::{flex, near_the_truth, slosh};
+use ff_mission::Leniency;
+use ffid::open::open;
 use std::fs;
 
 #[test]
@@ -60,6 +62,81 @@ fn d27_the_set_that_can_be_told_is_estimated_when_asked_for() {
     assert!(set.combinations.iter().any(|s| s.terms.iter().any(|t| set.held.contains(&t.0))), "{set:?}");
     assert!(set.held.iter().all(|h| r.parameters.iter().all(|p| p.name != *h)));
     assert!(r.chi2_per_dof < 1e-3, "{}", r.chi2_per_dof);
+}
+
+/// What `--reduce` holds stands where the mission has it, and is listed with its value: the mass of a wing that only combinations with
+/// the base tell is not one that the fit drifted to.
+#[test]
+fn what_is_held_stands_where_the_mission_has_it() {
+    let c = flex();
+    let all = "parameters = [\"base.*\", \"panel_*.k[*]\", \"panel_*.d[*]\", \"panel_*.seg[*].mass\", \"panel_*.seg[*].h_y\"]";
+    let from = "parameters = [\"base.*\", \"panel_*.k[*]\", \"panel_*.d[*]\"]\nprior_relative_std = 0.3";
+    let mission = c.read("m.toml").replace(from, all);
+    assert_ne!(mission, c.read("m.toml"));
+    c.write("all.toml", &mission);
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
+    let (code, out, err) = c.run(&["identify", "all.toml", "--record", "rec.csv", "--out", "res", "--reduce"]);
+    assert_eq!(code, 0, "{out}\n{err}");
+    let r = c.result("res");
+    let set = r.reduced.as_ref().unwrap();
+    let nominal = open(&c.path("all.toml"), Leniency::default()).unwrap().model.param_decls();
+    assert!(!set.values.is_empty() && set.values.len() == set.held.len(), "{set:?}");
+    for held in &set.values {
+        let want = nominal.iter().find(|d| d.name == held.name).unwrap().nominal;
+        let model = r.model.iter().find(|v| v.name == held.name).unwrap().value;
+        assert_eq!((held.value, model), (want, want), "{}", held.name);
+        assert!(out.contains(&format!("{} at ", held.name)), "{out}");
+    }
+    // The held values are true here, so that the others are what they stand for, and true as well.
+    near_the_truth(&c, "res", 4.5);
+}
+
+/// A prior of 3 % on a base mass that is 20 % off: the verdict names it, with both values and deviations.
+#[test]
+fn a_prior_in_conflict_with_the_record_is_named() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
+    let off = c.read("m.toml").replace("\"base.mass\" = 571.0", "\"base.mass\" = 720.0");
+    c.write("off.toml", &off);
+    let out = c.good(&["identify", "off.toml", "--record", "rec.csv", "--out", "res", "--prior", "0.03"]);
+    let r = c.result("res");
+    let conflict = r.prior_conflicts.iter().find(|p| p.name == "base.mass").unwrap_or_else(|| panic!("{out}"));
+    assert_eq!((conflict.prior_mean, conflict.prior_std), (720.0, 0.03 * 720.0));
+    assert!((conflict.data_value - 600.0).abs() < 5.0 * conflict.data_std, "{conflict:?}");
+    assert!(r.verdict.iter().any(|v| v.contains("in conflict with the record")), "{:?}", r.verdict);
+    // Priors that are right are not.
+    c.good(&["identify", "truth.toml", "--record", "rec.csv", "--out", "right", "--prior", "0.03"]);
+    assert_eq!(c.result("right").prior_conflicts, []);
+}
+
+/// Torque samples that are wrong by 30 times their noise: squares follow them, Huber's loss does not.
+#[test]
+fn a_robust_loss_is_a_flag() {
+    let c = slosh();
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
+    let record = c.read("rec.csv");
+    let header: Vec<&str> = record.lines().next().unwrap().split(',').collect();
+    let column = header.iter().position(|h| h.starts_with("tau.joint2")).unwrap();
+    let wrong = |(k, line): (usize, &str)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if k > 0 && k % 23 == 0 {
+            cells[column] = (cells[column].parse::<f64>().unwrap() + 3.0).to_string();
+        }
+        cells.join(",")
+    };
+    let spoilt: Vec<String> = record.lines().enumerate().map(wrong).collect();
+    c.write("spoilt.csv", &(spoilt.join("\n") + "\n"));
+    let miss = |out: &str, more: &[&str]| {
+        let args = ["identify", "m.toml", "--record", "spoilt.csv", "--clocks", "trust", "--out", out];
+        let (code, text, err) = c.run(&[&args[..], more].concat());
+        assert_eq!(code, 0, "{text}\n{err}");
+        let r = c.result(out);
+        let bias = r.nuisance.iter().find(|p| p.name == "torque.bias.joint2").unwrap().value;
+        (bias.abs(), r.provenance.settings.get("loss").cloned())
+    };
+    let (squares, huber) = (miss("squares", &[]), miss("huber", &["--loss", "huber"]));
+    assert!(squares.0 > 0.1 && huber.0 < 0.2 * squares.0, "{squares:?} {huber:?}");
+    assert!(squares.1.is_none() && huber.1.is_some_and(|l| l.contains("huber")));
 }
 
 #[test]
@@ -166,23 +243,23 @@ fn d33_starts_that_agree_are_counted() {
     assert_eq!((m.starts, m.converged, m.objectives.len()), (3, 3, 1));
 }
 
-/// A long decay that is hardly damped has a minimum for every cycle that a wrong frequency gains or loses: starts that end in
-/// different ones are a warning with their costs, and the lowest is taken.
+/// A long decay that is hardly damped has a minimum for every cycle that a wrong frequency gains or loses. The beginning of the record,
+/// where no cycle has slipped yet, leads every start to the lowest; straight over the whole record four starts ended in four minima.
 #[test]
 #[ignore = "full tier: 3 s"]
-fn d33_starts_that_disagree_are_a_warning() {
+fn d33_starts_that_would_slip_cycles_agree() {
     let c = slosh();
     let truth = ringing(&c.read("truth.toml"));
     c.write("ring.toml", &truth);
     c.write("far.toml", &format!("{truth}\n[parameters]\n\"tank.k[0]\" = 24.5\n\"tank.k[1]\" = 16.5\n"));
     c.simulate("ring.toml", "b.csv", "ring.csv", &["--seed", "6", "--hold", "60"]);
     let args = ["identify", "far.toml", "--record", "ring.csv", "--starts", "4", "--no-biases", "--clocks", "trust"];
-    let (code, out, err) = c.run(&[&args[..], &["--out", "res"]].concat());
-    assert_eq!(code, 0, "{out}\n{err}");
-    assert!(err.contains("warning[Fit::MultipleMinima]"), "{err}");
+    let out = c.good(&[&args[..], &["--out", "res"]].concat());
+    assert!(out.contains("starts: 4 of 4 converged"), "{out}");
     let r = c.result("res");
     let m = r.minima.unwrap();
-    assert!(m.objectives.len() > 1 && m.objectives.windows(2).all(|w| w[0] < w[1]), "{m:?}");
+    assert_eq!(m.objectives.len(), 1, "{m:?}");
+    assert!((r.chi2_per_dof - 1.0).abs() < 0.05 && r.nuisance.is_empty(), "{}", r.chi2_per_dof);
     let taken = r.chi2_per_dof * (r.residuals - r.parameters.len()) as f64;
     assert!((taken / m.objectives[0] - 1.0).abs() < 1e-3, "{taken} of {m:?}");
 }

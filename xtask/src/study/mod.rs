@@ -35,6 +35,8 @@ enum Which {
     Excitation(Options),
     /// Noise-free data from 100 starts 20 % off: rigid, flexible, slosh, both, with a payload
     Recovery(Options),
+    /// Fits from missions up to five times off in every stiffness, damping, slosh mass and length, and in the base mass
+    Convergence(Options),
     /// 1000 noisy records: do the 95 % intervals hold the truth?
     Coverage(Options),
     /// Panels and fuel at once, with biases and a delay unknown
@@ -265,6 +267,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     match &args.which {
         Which::Excitation(options) => Ok(excitation::run(options)?.finish(options)?),
         Which::Recovery(options) => Ok(identification::recovery::run(options)?.finish(options)?),
+        Which::Convergence(options) => Ok(identification::convergence::run(options)?.finish(options)?),
         Which::Coverage(options) => Ok(identification::coverage::run(options)?.finish(options)?),
         Which::Combined(options) => Ok(identification::combined::run(options)?.finish(options)?),
         Which::Degeneracies(options) => Ok(degeneracies::run(options)?.finish(options)?),

@@ -329,7 +329,8 @@ fn identifiability(r: &IdentificationResult) -> Vec<Block> {
         said.extend(lines("not excited by this one", &s.unexcited));
     }
     if let Some(s) = &r.reduced {
-        said.push(format!("held where they are: {}", s.held.join(", ")));
+        let held: Vec<String> = s.values.iter().map(|v| format!("{} at {} {}", v.name, num(v.value), v.unit)).collect();
+        said.push(format!("held at the mission's values: {}", held.join(", ")));
         said.extend(s.combinations.iter().map(|c| format!("estimated for itself and for others: {}", c.text)));
     }
     said.extend(lines("known worse than its own size", &r.weak_directions));

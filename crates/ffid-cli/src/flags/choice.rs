@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 use ffid::workflow::identify::{ClockPolicy, ModelVariant};
+use ident::Loss;
 
 /// Values of `--compare`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -23,6 +24,28 @@ impl From<Candidate> for ModelVariant {
             Candidate::Flexible => Self::Flexible,
             Candidate::Slosh => Self::Slosh,
             Candidate::Both => Self::Both,
+        }
+    }
+}
+
+/// Values of `--loss`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LossFlag {
+    /// Least squares: for Gaussian noise.
+    #[default]
+    Squares,
+    /// Linear beyond 1.345 standard deviations: a few wrong samples move little.
+    Huber,
+    /// Student's distribution with 4 degrees of freedom: wrong samples count next to nothing.
+    Student,
+}
+
+impl From<LossFlag> for Loss {
+    fn from(l: LossFlag) -> Self {
+        match l {
+            LossFlag::Squares => Self::Squares,
+            LossFlag::Huber => Self::HUBER,
+            LossFlag::Student => Self::STUDENT,
         }
     }
 }

@@ -8,7 +8,7 @@ use ffid::exit::Exit;
 use ffid::workflow::identify::{EXPLAINED, IdentifyError, Method, Observer, Settings};
 use ffid::workflow::preflight::Sensing;
 use ident::EstimateError;
-use ident::Noise;
+use ident::{Loss, Noise};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Duration;
 
@@ -93,6 +93,7 @@ impl FitFlags {
             limit: self.max_chi2,
             adopt: Vec::new(),
             low_pass_hz: None,
+            loss: Loss::Squares,
         }
     }
 }

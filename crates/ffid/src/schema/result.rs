@@ -27,6 +27,8 @@ pub(super) const ROOT: &[Key] = &[
     must("priors_cover", Flag, "whether priors hold every null direction"),
     key("silent", Table(SILENT), "null directions, told apart"),
     key("reduced", Table(REDUCED), "what was estimated in place of what was asked for"),
+    key("prior_conflicts", Tables(CONFLICT), "priors that the data contradict, the worst first"),
+    key("bodies", Tables(BODY), "bodies of which something was estimated, about their centres of mass"),
     key("profiles", Tables(PROFILE), "intervals from the likelihood itself"),
     key("minima", Table(MINIMA), "where other starts led"),
     must("correlations", Tables(CORRELATION), "pairs with a correlation of 0.95 or more"),
@@ -46,6 +48,10 @@ pub(super) const ROOT: &[Key] = &[
 
 const STATUS: &[&[Key]] = &[
     &[must("status", OneOf(&["converged", "iteration_limit"]), "at a minimum, or out of iterations")],
+    &[
+        must("status", OneOf(&["flat"]), "at a minimum that is flat along one combination"),
+        must("along", Text, "that combination"),
+    ],
     &[
         must("status", OneOf(&["at_bound"]), "at a minimum of a bounded problem"),
         must("at", Texts, "parameters that want to leave their bounds"),
@@ -114,6 +120,7 @@ const SILENT: &[Key] = &[
 
 const REDUCED: &[Key] = &[
     must("held", Texts, "parameters held, because others stand for them"),
+    must("values", Tables(VALUE), "the same with their values, those of the mission"),
     must("combinations", Tables(STANDS), "what was estimated, and for what it stands"),
 ];
 
@@ -121,6 +128,39 @@ const STANDS: &[Key] = &[
     must("name", Text, "the one among the unknowns"),
     must("terms", Terms, "those held, with what each unit of them adds to it"),
     must("text", Text, "in words"),
+];
+
+const CONFLICT: &[Key] = &[
+    must("name", Text, "full name of the parameter"),
+    must("unit", Text, "SI unit"),
+    must("prior_mean", Number, "mean of the prior"),
+    must("prior_std", Number, "its standard deviation"),
+    must("data_value", Number, "what the record says without this prior"),
+    must("data_std", Number, "the standard deviation of that"),
+    must("deviations", Number, "standard deviations of the difference that they are apart"),
+];
+
+const BODY: &[Key] = &[
+    must("name", Text, "name of the body"),
+    must("quantities", Tables(QUANTITY), "mass, centre of mass, inertia about it"),
+    must("principal", Tables(AXIS), "principal axes, smallest moment first"),
+];
+
+const QUANTITY: &[Key] = &[
+    must("name", Text, "mass, com_x to com_z, inertia_com_xx to inertia_com_zz"),
+    must("unit", Text, "SI unit"),
+    must("start", Number, "value at the start of the fit"),
+    must("value", Number, "value"),
+    key("std", Number, "standard deviation; absent where it is not determined"),
+    key("change_percent", Number, "change against the start (%)"),
+];
+
+const AXIS: &[Key] = &[
+    must("moment_kgm2", Number, "moment (kg m^2)"),
+    key("moment_std_kgm2", Number, "its standard deviation (kg m^2)"),
+    key("change_percent", Number, "change of the moment against the start (%)"),
+    must("axis", Vector(3), "unit vector in the frame of the body"),
+    key("axis_std_rad", Number, "standard deviation of its direction (rad); absent where another moment is as large"),
 ];
 
 const PROFILE: &[Key] = &[

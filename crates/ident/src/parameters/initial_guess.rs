@@ -31,6 +31,41 @@ pub fn random_start(decls: &[ParamDecl], values: &[f64], selected: &[usize], wid
     moved(decls, values, selected, move || width * rng.random_range(-1.0..1.0))
 }
 
+/// Starts far from known values: positive parameters are multiplied by factors from 1/5 to 5, whole bodies (all ten parameters) by one
+/// factor from 1/2 to 2 each, evenly drawn in their logarithms. Other parameters stay. Allocates.
+///
+/// # Panics
+/// If lengths differ.
+pub fn wide_start(decls: &[ParamDecl], values: &[f64], selected: &[usize], seed: u64) -> Vec<f64> {
+    assert_eq!(decls.len(), values.len(), "one value per parameter");
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut factor = move |most: f64| most.powf(rng.random_range(-1.0..1.0));
+    let mut out = values.to_vec();
+    let mut k = 0;
+    while k < selected.len() {
+        let i = selected[k];
+        if whole_body(decls, selected, k) {
+            let by = factor(2.0);
+            out[i..i + 10].iter_mut().for_each(|p| *p *= by);
+            k += 10;
+            continue;
+        }
+        if decls[i].group == ParamGroup::Positive {
+            out[i] *= factor(5.0);
+        }
+        k += 1;
+    }
+    out
+}
+
+/// Whether the ten parameters of a body are selected from place `k` on.
+fn whole_body(decls: &[ParamDecl], selected: &[usize], k: usize) -> bool {
+    let i = selected[k];
+    matches!(decls[i].group, ParamGroup::Inertial(_))
+        && selected.get(k + 9) == Some(&(i + 9))
+        && decls[i + 9].group == decls[i].group
+}
+
 /// Moves every quantity by the relative amount that `toss` gives.
 fn moved(decls: &[ParamDecl], values: &[f64], selected: &[usize], mut toss: impl FnMut() -> f64) -> Vec<f64> {
     assert_eq!(decls.len(), values.len(), "one value per parameter");
@@ -38,10 +73,7 @@ fn moved(decls: &[ParamDecl], values: &[f64], selected: &[usize], mut toss: impl
     let mut k = 0;
     while k < selected.len() {
         let i = selected[k];
-        let whole = matches!(decls[i].group, ParamGroup::Inertial(_))
-            && selected.get(k + 9) == Some(&(i + 9))
-            && decls[i + 9].group == decls[i].group;
-        if !whole {
+        if !whole_body(decls, selected, k) {
             out[i] = values[i] * (1.0 + toss());
             k += 1;
             continue;

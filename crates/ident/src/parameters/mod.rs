@@ -6,6 +6,6 @@ pub(crate) mod scale;
 pub(crate) mod transform;
 
 pub use ff_model::tree::{SelectionError, matches, select};
-pub use initial_guess::{offset_start, random_start};
+pub use initial_guess::{offset_start, random_start, wide_start};
 pub use scale::sizes;
 pub use transform::{Transform, TransformError, inertia_of, log_cholesky};

@@ -1,6 +1,7 @@
-//! Studies of what is identified: `recovery`, `coverage`, `combined`.
+//! Studies of what is identified: `recovery`, `convergence`, `coverage`, `combined`.
 mod case;
 pub mod combined;
+pub mod convergence;
 pub mod coverage;
 pub mod recovery;
 mod shaken;

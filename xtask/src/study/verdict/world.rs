@@ -62,6 +62,7 @@ impl World {
         let of = Sensing::of(sensors);
         // As `ffid identify` without flags.
         let settings = Settings {
+            loss: ident::Loss::Squares,
             method: None,
             noise: Noise { torque: of.torque_nm, gyro: of.gyro_rad_per_s },
             biases: true,

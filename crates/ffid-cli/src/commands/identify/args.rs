@@ -1,6 +1,6 @@
 //! Arguments of `ffid identify`.
 
-use crate::flags::choice::{Candidate, Clocks};
+use crate::flags::choice::{Candidate, Clocks, LossFlag};
 use crate::flags::fit::{FitFlags, MethodFlag, positive};
 use crate::flags::record::RecordFlags;
 use crate::output::Input;
@@ -21,6 +21,7 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid identify m.toml --record exact.csv --torque-noise 0.1 --gyro-noise 1e-4
   ffid identify m.toml --records a.csv b.csv c.csv          one robot, biases of each record
   ffid identify m.toml --record rec.csv --reduce            where the record is silent, what it can tell
+  ffid identify m.toml --record rec.csv --loss huber        a few samples are wrong
   ffid identify m.toml --record rec.csv --profile 'tank.*'  intervals from the likelihood itself
   ffid identify m.toml --record new.csv --prior-from m-identified
   ffid identify m.toml --record rec.csv --compare           rigid, flexible, sloshing or both?
@@ -65,7 +66,10 @@ pub(crate) struct Args {
     /// Parameters that are functions of fewer unknowns: a file of [[tie]] tables (docs/results.md).
     #[arg(long, value_name = "FILE")]
     pub(crate) ties: Option<PathBuf>,
-    /// Where the record is silent, estimate the parameters that it can tell, and hold the others where they are.
+    /// What a residual costs: squares, or less than that for samples that are far off.
+    #[arg(long, value_enum, default_value_t = LossFlag::Squares)]
+    pub(crate) loss: LossFlag,
+    /// Where the record is silent, estimate the parameters that it can tell, and hold the others where the mission has them.
     #[arg(long)]
     pub(crate) reduce: bool,
     /// Profile the likelihood of these parameters (names, `*` for any): intervals that assume no parabola. Many fits.

@@ -11,6 +11,7 @@ use ffid::workflow::identify::{
     RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, identify_checked, method, predict_held_out,
     verdict,
 };
+use ident::Loss;
 use std::collections::BTreeMap;
 
 /// The fit, and the judgement of what was held out.
@@ -108,6 +109,7 @@ fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
         ("start_offset", s.start_offset.to_string()),
         ("max_chi2", s.limit.to_string()),
     ];
+    all.extend((s.loss != Loss::Squares).then(|| ("loss", format!("{:?}", s.loss).to_lowercase())));
     all.extend(args.reduce.then(|| ("reduce", "yes".to_owned())));
     all.extend(s.low_pass_hz.map(|hz| (LOW_PASS, hz.to_string())));
     all.extend((args.starts > 1).then(|| ("starts", args.starts.to_string())));

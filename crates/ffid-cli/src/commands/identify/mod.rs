@@ -67,7 +67,8 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         problems.push(p);
     }
     let leniency = input.leniency();
-    let wrote = write(&folder, args, &opened, &found, held.as_ref(), &leniency).and_then(|()| {
+    let wrote = write(&folder, args, &opened, &mut found, held.as_ref(), &leniency).and_then(|warnings| {
+        problems.extend(warnings);
         let r = &found.result;
         let settings: Vec<(&str, String)> =
             r.provenance.settings.iter().map(|(k, v)| (k.as_str(), v.clone())).collect();

@@ -49,6 +49,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusa
     settings.prior = args.prior.or(mission.estimate.prior_relative_std).filter(|_| !args.no_prior);
     settings.start_offset = if args.no_start_offset { 0.0 } else { mission.estimate.start_offset };
     settings.seed = args.seed;
+    settings.loss = args.loss.into();
     settings.low_pass_hz = args.reading.low_pass();
     settings.adopt.clone_from(&args.adopt);
     if !args.adopt.is_empty() && method(&opened.model, settings.method) == Method::Rda {

@@ -3,22 +3,30 @@
 use super::args::Args;
 use crate::results;
 use ff_mission::Leniency;
+use ff_model::Problems;
 use ff_report::identify::{all_figures, page};
 use ffid::exit::Failure;
 use ffid::files::folder::Folder;
 use ffid::open::Opened;
-use ffid::workflow::identify::{Identified, Signals, model_files};
+use ffid::workflow::identify::{Identified, Signals, Warning, model_files};
 use std::path::Path;
 
-/// Writes everything but the manifest.
+/// Writes everything but the manifest. What is wrong with the files of the robot is added to the warnings of the result, and returned.
 pub(crate) fn write(
     folder: &Folder,
     args: &Args,
     opened: &Opened,
-    found: &Identified,
+    found: &mut Identified,
     held: Option<&Signals>,
     leniency: &Leniency,
-) -> Result<(), Failure> {
+) -> Result<Problems, Failure> {
+    let (mut files, mut problems) = (Vec::new(), Problems::default());
+    // Values that are no solution are not made into a robot.
+    if let (Some(mission), true) = (&opened.mission, found.result.status.is_solution()) {
+        let file: &Path = &args.input.file;
+        (files, problems) = model_files::write(file, mission, &opened.model, &found.values, &found.selected, leniency)?;
+        found.result.warnings.extend(Warning::all(&problems));
+    }
     let r = &found.result;
     folder.write("result.json", &r.to_json()?)?;
     folder.write("report.txt", r.to_string().as_bytes())?;
@@ -36,13 +44,8 @@ pub(crate) fn write(
     let figures = all_figures(r, &found.signals, held);
     results::draw(folder, &figures, args.output.png)?;
     folder.write("report.html", page(r, &figures)?.as_bytes())?;
-    // Values that are no solution are not made into a robot.
-    if let (Some(mission), true) = (&opened.mission, r.status.is_solution()) {
-        let file: &Path = &args.input.file;
-        let files = model_files::write(file, mission, &opened.model, &found.values, &found.selected, leniency)?;
-        for (name, bytes) in files {
-            folder.write(&name, &bytes)?;
-        }
+    for (name, bytes) in files {
+        folder.write(&name, &bytes)?;
     }
-    Ok(())
+    Ok(problems)
 }

@@ -7,7 +7,7 @@ use ident::compose::equal_cost;
 use serde::{Deserialize, Serialize};
 
 use super::result::channel::Channel;
-use super::result::parameter::Combination;
+use super::result::parameter::{Combination, Parameter, Value};
 
 /// One record of several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,8 +50,61 @@ impl UnobservedDirections {
 pub struct ReducedSet {
     /// Parameters held at their values, because others stand for them.
     pub held: Vec<String>,
+    /// The same with their values: those of the mission.
+    pub values: Vec<Value>,
     /// What was estimated, and for what it stands.
     pub combinations: Vec<DeterminedCombination>,
+}
+
+/// A prior that the data contradict.
+///
+/// The estimate without the prior follows from the two with it: with the value `v +- s` that data and all priors give and the prior
+/// `m +- p`, `1/d^2 = 1/s^2 - 1/p^2` and `u = d^2 (v/s^2 - m/p^2)` are deviation and value without it, exact for a linear model. In conflict are
+/// those with `|u - m| > LIMIT sqrt(d^2 + p^2)`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PriorConflict {
+    /// Full name of the parameter.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// Mean of the prior.
+    pub prior_mean: f64,
+    /// Its standard deviation.
+    pub prior_std: f64,
+    /// What the record says without this prior.
+    pub data_value: f64,
+    /// The standard deviation of that.
+    pub data_std: f64,
+    /// How many standard deviations of the difference they are apart.
+    pub deviations: f64,
+}
+
+impl PriorConflict {
+    /// Standard deviations of the difference from which prior and data are in conflict: 6 of 100,000 by chance.
+    pub const LIMIT: f64 = 4.0;
+    /// For a parameter with an independent prior; none where they agree, and where the data add next to nothing.
+    pub(super) fn of(p: &Parameter) -> Option<Self> {
+        let (prior_mean, prior_std, std) = (p.prior_mean?, p.prior_std?, p.std?);
+        let (all, before) = (std.powi(-2), prior_std.powi(-2));
+        let data = all - before;
+        if data <= 1e-6 * all {
+            return None;
+        }
+        let data_value = (all * p.value - before * prior_mean) / data;
+        let data_std = data.sqrt().recip();
+        let deviations = (data_value - prior_mean).abs() / data_std.hypot(prior_std);
+        let (name, unit) = (p.name.clone(), p.unit.clone());
+        (deviations > Self::LIMIT).then_some(Self {
+            name,
+            unit,
+            prior_mean,
+            prior_std,
+            data_value,
+            data_std,
+            deviations,
+        })
+    }
 }
 
 /// A parameter that is estimated for itself and for others.
@@ -74,7 +127,7 @@ impl ReducedSet {
             terms: c.terms.clone(),
             text: c.to_string(),
         });
-        Self { held, combinations: stands.collect() }
+        Self { held, values: Vec::new(), combinations: stands.collect() }
     }
 }
 

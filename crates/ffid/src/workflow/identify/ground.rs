@@ -20,6 +20,7 @@ use crate::open::Opened;
 use ff_least_squares::{Criterion, Status};
 use ff_model::{Area, Model, Problem, Problems};
 use ff_records::Record;
+use ident::Loss;
 use ident::Posterior;
 use ident::Priors;
 use ident::SetupError;
@@ -91,6 +92,11 @@ pub(super) fn check(s: &Settings, options: &FitOptions) -> Result<(), Problems> 
         (options.posterior.is_some(), "an earlier identification as prior", "give all records at once with --records"),
         (!options.ties.is_empty(), "ties", "estimate the parameters for themselves"),
         (!options.profile.is_empty(), "profiles", "its cost is a parabola: the intervals are exact"),
+        (
+            s.loss != Loss::Squares,
+            "robust loss",
+            "give --loss squares, and leave samples that are wrong out of the record",
+        ),
         (options.more_starts > 0, "other starts", "it is linear: every start leads to the same answer"),
     ];
     match wrong.iter().find(|w| w.0) {
@@ -163,7 +169,7 @@ fn reduced(fit: &LinearEstimate) -> ReducedSet {
         terms: b.terms.iter().skip(1).cloned().collect(),
         text: format!("{b} = {} +- {} {}", text::num(b.value), text::num(b.std), b.unit),
     };
-    ReducedSet { held: Vec::new(), combinations: fit.base.iter().map(one).collect() }
+    ReducedSet { held: Vec::new(), values: Vec::new(), combinations: fit.base.iter().map(one).collect() }
 }
 
 fn report(

@@ -5,12 +5,14 @@ use super::findings::{ProfileLine, ReducedSet, UnobservedDirections, Whiteness};
 use super::labelled_record::{LabelledRecord, channel_name};
 use super::options::FitOptions;
 use super::result::channel::ModeLine;
+use super::result::parameter::Value;
 use super::signals::Signals;
 use super::unknowns::Unknowns;
 use ff_linalg::LinalgError;
 use ff_model::{Model, Params};
 use ident::Estimator;
 use ident::Request;
+use ident::Transform;
 use ident::Uncertainty;
 use ident::belief::profile;
 use ident::belief::{reduce_parameters, silence, structural};
@@ -53,6 +55,34 @@ pub(super) fn reduced(full: &Uncertainty, selected: &[usize]) -> Result<(Vec<usi
         return Err(IdentifyError::Refused(config("Fit::Unidentifiable", what, "excite the robot, or give priors")));
     }
     Ok((kept, ReducedSet::of(&set, held)))
+}
+
+/// Start of the fit that holds what the data do not tell: the held parameters as the mission has them, listed with their values, and
+/// the others moved by what the held ones moved from `values`, where the first fit ended (`docs/theory`: raising a held one by `dx` and
+/// lowering the kept ones by `C dx` changes no prediction).
+pub(super) fn held_at_mission(unknowns: &Unknowns, set: &ReducedSet, values: &[f64]) -> (Vec<f64>, Vec<Value>) {
+    let index = |name: &str| unknowns.decls.iter().position(|d| d.name == name);
+    let mut start = values.to_vec();
+    let mut held = Vec::new();
+    for i in set.held.iter().filter_map(|name| index(name)) {
+        start[i] = unknowns.nominal[i];
+        let d = &unknowns.decls[i];
+        held.push(Value { name: d.name.clone(), unit: d.unit.to_owned(), value: start[i] });
+    }
+    let mut moved = start.clone();
+    for c in &set.combinations {
+        let Some(k) = index(&c.name) else { continue };
+        for (name, by) in &c.terms {
+            if let Some(i) = index(name) {
+                moved[k] += by * (values[i] - unknowns.nominal[i]);
+            }
+        }
+    }
+    // Held values far from the truth may ask for a body or a spring that cannot exist: the fit then starts from the mission.
+    let selected = |i: usize| unknowns.selected.contains(&i) && !held.iter().any(|h| h.name == unknowns.decls[i].name);
+    let some: Vec<usize> = (0..start.len()).filter(|&i| selected(i)).collect();
+    let physical = |v: &[f64]| Transform::affine(&unknowns.decls, &some, v).is_ok_and(|t| t.inconsistent(v).is_none());
+    if physical(&moved) { (moved, held) } else { (unknowns.nominal.clone(), held) }
 }
 
 /// Profiles of the parameters that the options name.

@@ -45,8 +45,8 @@ pub use compare::{Comparison, compare_variants};
 pub use error::IdentifyError;
 pub use evidence::{ErrorSize, Evidence, NamedError, State};
 pub use findings::{
-    CandidateLine, ClockLine, ComparisonTable, DecayMode, DecayModes, DeterminedCombination, Minima, ProfileLine,
-    RecordFit, ReducedSet, UnobservedDirections, UnseenMode, Whiteness,
+    CandidateLine, ClockLine, ComparisonTable, DecayMode, DecayModes, DeterminedCombination, Minima, PriorConflict,
+    ProfileLine, RecordFit, ReducedSet, UnobservedDirections, UnseenMode, Whiteness,
 };
 pub use ground::{Arm, LOW_PASS};
 pub use held_out::predict_held_out;
@@ -57,8 +57,9 @@ pub use observed_estimator::Observer;
 pub use options::FitOptions;
 pub use record_estimator::RecordEstimator;
 pub use result::{
-    Channel, Combination, Correlation, Covariance, Ended, FORMAT, HeldOut, IdentificationResult, InputFile, Method,
-    ModeLine, Parameter, ParameterVerdict, Provenance, RecordLine, STRONG, VERSION, Value, Warning,
+    BodyLine, BodyQuantity, Channel, Combination, Correlation, Covariance, Ended, FORMAT, HeldOut,
+    IdentificationResult, InputFile, Method, ModeLine, Parameter, ParameterVerdict, PrincipalAxis, Provenance,
+    RecordLine, STRONG, VERSION, Value, Warning,
 };
 pub use run::identify;
 pub use settings::{EXPLAINED, Settings, method};

@@ -13,6 +13,7 @@ use ff_model::diagnostics::text_file;
 use ff_model::toml;
 use ff_model::toml::Spanned;
 use ff_model::toml::de::{DeTable, DeValue};
+use ff_model::{Area, Problem, Problems};
 use ff_model::{Inertia, Model};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -29,11 +30,14 @@ pub const URDF: &str = "identified.urdf";
 /// Files of an identified robot: name and content.
 pub type Files = Vec<(String, Vec<u8>)>;
 
-/// Everything that a reload of the identified mission needs, the mission file first.
+/// Everything that a reload of the identified mission needs, the mission file first, and warnings: a fit is not lost because its
+/// files do not reload as they should.
+///
+/// * `Fit::Reload`: the mission reloads to other bits, or does not reload (a body that breaks the triangle inequality of its moments),
+///   or the URDF could not be edited and stays as it was.
 ///
 /// # Errors
-/// [`Failure::Numerical`] when the files do not reload to the same parameters, bit for bit: nothing is written then.
-/// [`Failure::Io`] for a file that cannot be read.
+/// [`Failure::Io`] for a file that cannot be read, [`Failure::Numerical`] when the mission file cannot be edited at all.
 pub fn write(
     mission_file: &Path,
     mission: &Mission,
@@ -41,14 +45,24 @@ pub fn write(
     values: &[f64],
     selected: &[usize],
     leniency: &Leniency,
-) -> Result<Files, Failure> {
+) -> Result<(Files, Problems), Failure> {
     let text = read(mission_file)?;
     let folder = mission_file.parent().unwrap_or(Path::new(""));
     let urdf = read(&folder.join(&mission.robot.urdf))?;
-    let urdf = self::urdf(&urdf, model, values, selected).map_err(Failure::Numerical)?;
+    let mut problems = Problems::default();
+    let urdf = match self::urdf(&urdf, model, values, selected) {
+        Ok(edited) => edited,
+        Err(why) => {
+            problems.push(warning(format!("{URDF} keeps the bodies of the mission: {why}")));
+            urdf
+        }
+    };
     let decls = model.param_decls();
     let mut given = mission.parameters.clone();
-    given.extend(selected.iter().map(|&i| (decls[i].name.clone(), values[i])));
+    // All ten numbers of a body: the URDF gives those that were not estimated up to rounding only.
+    let body = |i: usize| (i < 10 * model.n_bodies()).then_some(10 * (i / 10)..10 * (i / 10) + 10);
+    let written = selected.iter().flat_map(|&i| body(i).unwrap_or(i..i + 1));
+    given.extend(written.map(|i| (decls[i].name.clone(), values[i])));
     let mut extra: Files = Vec::new();
     let mut copies: BTreeMap<String, String> = BTreeMap::new();
     for path in named_files(&text) {
@@ -64,18 +78,34 @@ pub fn write(
         copies.insert(path, name);
     }
     // The user's own text where it can be edited; else the same tables printed anew.
-    let mut why = String::new();
+    let mut first: Option<(String, String)> = None;
+    let mut good = None;
     for edited in [edit(&text, &given, &copies), printed(&text, &given, &copies)].into_iter().flatten() {
         match reloads(&edited, &urdf, &extra, values, leniency) {
             Ok(()) => {
-                let mut files = vec![(TOML.to_owned(), edited.into_bytes()), (URDF.to_owned(), urdf.into_bytes())];
-                files.append(&mut extra);
-                return Ok(files);
+                good = Some(edited);
+                break;
             }
-            Err(e) => why = e,
+            Err(why) => first = first.or(Some((edited, why))),
         }
     }
-    Err(Failure::Numerical(format!("the identified mission does not reload to the estimates: {why}")))
+    let edited = match (good, first) {
+        (Some(edited), _) => edited,
+        (None, Some((edited, why))) => {
+            problems.push(warning(format!("{TOML} does not reload to the estimates bit for bit: {why}")));
+            edited
+        }
+        (None, None) => return Err(Failure::Numerical("the mission file cannot be edited".to_owned())),
+    };
+    let mut files = vec![(TOML.to_owned(), edited.into_bytes()), (URDF.to_owned(), urdf.into_bytes())];
+    files.append(&mut extra);
+    Ok((files, problems))
+}
+
+/// What is wrong with the files of an identified robot.
+fn warning(what: String) -> Problem {
+    Problem::warning(Area::Data, "Fit::Reload", what)
+        .hint("take the estimates from result.json, which holds them exactly")
 }
 
 fn read(path: &Path) -> Result<String, Failure> {

@@ -2,10 +2,11 @@
 
 use super::error::IdentifyError;
 use super::explain;
-use super::findings::{Minima, RecordFit, ReducedSet};
+use super::findings::{Minima, PriorConflict, RecordFit, ReducedSet};
 use super::known;
 use super::labelled_record::LabelledRecord;
 use super::options::FitOptions;
+use super::result::body::BodyLine;
 use super::result::channel::ModeLine;
 use super::result::fit::Ended;
 use super::result::identification::IdentificationResult;
@@ -70,6 +71,11 @@ impl Report<'_> {
             let known = known_before(p).map_err(|e| IdentifyError::Model(e.to_string()))?;
             parameters.iter_mut().for_each(|line| before(line, known.get(&line.name)));
         }
+        // Rows of an earlier identification are not independent, so that the formula does not hold with them.
+        let independent = self.options.posterior.is_none();
+        let mut prior_conflicts: Vec<PriorConflict> =
+            parameters.iter().filter(|_| independent).filter_map(PriorConflict::of).collect();
+        prior_conflicts.sort_by(|a, b| b.deviations.total_cmp(&a.deviations));
         let posterior = Posterior::of(e).map_err(|e| IdentifyError::Model(e.to_string()))?;
         let modes = mode_lines(self.opened, &start, self.values);
         let heard = self.tests.filter(|t| t.motion_noise > 0.0).map_or(&[][..], |t| &t.drawn);
@@ -77,10 +83,12 @@ impl Report<'_> {
         let evidence = explain::evidence(self.tests, e, &whiteness, &parameters, self.settings.limit);
         let first = &self.records[0].record;
         Ok(IdentificationResult {
-            status: Ended::of(&e.status, &names),
+            status: Ended::of(&e.status, &names, flattest(&e.data_only)),
             iterations: e.iterations,
             chi2_per_dof: e.chi2_per_dof,
             residuals: e.residuals.len(),
+            bodies: BodyLine::all(&unknowns.decls, (&unknowns.start, &e.values), &f.selected, &e.uncertainty),
+            prior_conflicts,
             parameters,
             nuisance: (n..fit.estimates.len()).map(line).collect(),
             model: Value::all(model, self.values),
@@ -114,6 +122,11 @@ impl Report<'_> {
             )
         })
     }
+}
+
+/// The combination that data alone know least, in words.
+fn flattest(u: &Uncertainty) -> Option<String> {
+    u.null.first().or(u.weak.first()).map(ToString::to_string)
 }
 
 /// Every record, when there are several.

@@ -20,16 +20,19 @@ use super::text;
 use super::unknowns::Unknowns;
 use crate::open::Opened;
 use ff_least_squares::Settings as Solver;
-use ff_model::{Area, Problem, Problems};
+use ff_model::{Area, ParamGroup, Problem, Problems};
 use ident::Estimator;
 use ident::Several;
 use ident::compose::Shared;
 use ident::compose::best_of;
-use ident::parameters::random_start;
-use ident::{Request, estimate};
+use ident::estimate::Estimate;
+use ident::parameters::{random_start, wide_start};
+use ident::{Loss, Request, estimate};
 
 /// Pull that holds what neither data nor priors tell near where it is, relative.
 const ANCHOR: f64 = 10.0;
+/// Promised reduction of chi-squared below which a fit is at its end: a thirtieth of a standard deviation is left to go.
+const GAIN: f64 = 1e-3;
 /// Relative width of the draws of other starts.
 const SPREAD: f64 = 0.3;
 
@@ -80,10 +83,12 @@ pub fn identify(
     let priors = unknowns.priors(&unknowns.selected)?;
     let request = Request {
         anchor: priors.is_empty().then_some(ANCHOR),
+        loss: settings.loss,
         priors,
         settings: Solver {
             max_iterations: settings.max_iterations,
             decrement_tolerance: 1e-10,
+            gain_tolerance: GAIN,
             cost_floor: 1e-13,
             ..Solver::default()
         },
@@ -125,7 +130,8 @@ fn solve(
     estimator: &mut ObservedEstimator<'_>,
 ) -> Result<Fitted, IdentifyError> {
     let (first, minima) = if options.more_starts == 0 {
-        (estimate(request, estimator)?, None)
+        let first = estimate(request, estimator)?;
+        (elsewhere(request, first, s, estimator), None)
     } else {
         let draw = |k: usize| {
             random_start(request.decls, request.start, request.selected, SPREAD, s.seed.wrapping_add(1 + k as u64))
@@ -143,11 +149,11 @@ fn solve(
     let full = first.data_only.clone();
     let mut out = Fitted { selected: request.selected.to_vec(), full, estimate: first, minima, reduced: None };
     if options.reduce && !out.full.null.is_empty() {
-        let (kept, set) = known::reduced(&out.full, request.selected)?;
+        let (kept, mut set) = known::reduced(&out.full, request.selected)?;
         let selected: Vec<usize> = kept.iter().map(|&k| request.selected[k]).collect();
         let priors = unknowns.priors(&selected)?;
-        // From where the first fit went: what is held then stays there.
-        let start = out.estimate.values.clone();
+        let (start, held) = known::held_at_mission(unknowns, &set, &out.estimate.values);
+        set.values = held;
         let again = Request { selected: &selected, start: &start, priors, ..request.clone() };
         out.estimate = estimate(&again, estimator)?;
         for (p, &i) in out.estimate.parameters.iter_mut().zip(&selected) {
@@ -157,4 +163,55 @@ fn solve(
         out.reduced = Some(set);
     }
     Ok(out)
+}
+
+/// Chi-squared per degree of freedom from which a fit is taken to have ended in the wrong valley: residuals of twice the noise.
+const FAR: f64 = 4.0;
+/// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
+const VANISHED: f64 = 0.01;
+/// Other starts that are then tried over the thinned record.
+const OTHERS: u64 = 6;
+/// Promised relative reduction at which such a try has shown where it leads.
+const SHOWN: f64 = 1e-4;
+
+/// The fit, or a better one from another start when it does not explain the record, or a positive parameter has vanished in it: starts drawn around the first are fitted to the
+/// thinned record until one of them explains that; the best goes on over the whole. What fails on the way is no error: the fit stays.
+fn elsewhere(request: &Request<'_>, first: Estimate, s: &Settings, estimator: &mut ObservedEstimator<'_>) -> Estimate {
+    // Under a robust loss, what is left may be outliers.
+    let vanished = |&i: &usize| {
+        let d = &request.decls[i];
+        d.group == ParamGroup::Positive && first.values[i] < VANISHED * request.start[i]
+    };
+    let lost = first.chi2_per_dof > FAR || request.selected.iter().any(vanished);
+    if !lost || request.loss != Loss::Squares {
+        return first;
+    }
+    let mut best: Option<(f64, Vec<f64>)> = None;
+    {
+        let Some(mut thin) = estimator.coarse(request.start) else { return first };
+        let settings = Solver { decrement_tolerance: SHOWN, ..request.settings.clone() };
+        for k in 0..OTHERS {
+            let start = wide_start(request.decls, request.start, request.selected, s.seed.wrapping_add(1 + k));
+            let tried = Request { start: &start, settings: settings.clone(), ..request.clone() };
+            let Ok(e) = estimate(&tried, &mut *thin.estimator) else { continue };
+            let explains = e.chi2_per_dof < s.limit;
+            if best.as_ref().is_none_or(|b| e.objective < b.0) {
+                best = Some((e.objective, e.values));
+            }
+            if explains {
+                break;
+            }
+        }
+    }
+    let Some((_, start)) = best else { return first };
+    match estimate(&Request { start: &start, centre: Some(request.start), ..request.clone() }, estimator) {
+        Ok(mut e) if e.objective < first.objective => {
+            e.iterations += first.iterations;
+            for (p, &i) in e.parameters.iter_mut().zip(request.selected) {
+                p.start = request.start[i];
+            }
+            e
+        }
+        _ => first,
+    }
 }

@@ -4,7 +4,7 @@ use super::error::config;
 use super::result::fit::Method;
 use crate::open::Opened;
 use ff_model::{Area, BaseKind, Model, Problem, Problems};
-use ident::Noise;
+use ident::{Loss, Noise};
 
 /// Settings beside mission and record.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +29,8 @@ pub struct Settings {
     pub limit: f64,
     /// Errors that are estimated beside the parameters, by name or pattern ([`ident::uncertain::hypotheses`]).
     pub adopt: Vec<String>,
+    /// What a residual costs.
+    pub loss: Loss,
     /// Cutoff of the low pass of the ground calibration (Hz); none of the other methods has one.
     pub low_pass_hz: Option<f64>,
 }

@@ -1,7 +1,8 @@
 //! A result in words, for the terminal and `report.txt`.
 
 use super::evidence::{NamedError, State};
-use super::findings::Whiteness;
+use super::findings::{PriorConflict, Whiteness};
+use super::result::body::BodyLine;
 use super::result::channel::Channel;
 use super::result::fit::{Ended, Method};
 use super::result::held_out::HeldOut;
@@ -45,7 +46,9 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     if !r.null_directions.is_empty() {
         let k = r.null_directions.len();
         let held = match (&r.reduced, r.priors_cover) {
-            (Some(_), _) => "and the parameters that it can tell were estimated instead",
+            (Some(_), _) => {
+                "and the parameters that it can tell were estimated instead, with others held at the mission's values"
+            }
             (None, true) => "held by the priors",
             (None, false) => "left where the fit started",
         };
@@ -84,6 +87,12 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
             out.push(format!("{} {words}: {}.", all.len(), ff_model::diagnostics::list(all.iter().copied(), 12)));
         }
     }
+    if let Ended::Flat { along } = &r.status {
+        out.push(format!(
+            "The fit has a flat direction: going on along it gains nothing that the noise would not. It is {along}."
+        ));
+    }
+    out.extend(conflicts(&r.prior_conflicts));
     let rms = r.chi2_per_dof.sqrt();
     out.push(if r.method == Method::Ground {
         format!("The arm and its friction predict the torques {}.", shares(&r.channels))
@@ -114,6 +123,25 @@ fn tested(r: &IdentificationResult, rms: f64) -> String {
         }
         State::NotTested => format!("The model was not tested: {reason}."),
     }
+}
+
+/// Priors that the record contradicts, the worst first.
+fn conflicts(all: &[PriorConflict]) -> Option<String> {
+    let worst = all.first()?;
+    let rest = ff_model::diagnostics::list(all.iter().skip(1).map(|c| c.name.as_str()), 6);
+    let others = if rest.is_empty() { String::new() } else { format!("; so are those of {rest}") };
+    Some(format!(
+        "The prior of {} is in conflict with the record: {} +- {} {u} was given, the record alone says {} +- {} {u}, {:.1} standard \
+         deviations apart (limit {}){others}. Correct the mission's value, or leave the prior out with --no-prior.",
+        worst.name,
+        num(worst.prior_mean),
+        num(worst.prior_std),
+        num(worst.data_value),
+        num(worst.data_std),
+        worst.deviations,
+        PriorConflict::LIMIT,
+        u = worst.unit,
+    ))
 }
 
 /// Residuals as parts of the signals, for an arm whose sensors have no figure of their own.
@@ -170,10 +198,31 @@ fn row(f: &mut fmt::Formatter<'_>, p: &Parameter, w: usize) -> fmt::Result {
         (Some(s), Some((lo, hi))) => write!(f, " +- {:>10}  [{}, {}]", num(s), num(lo), num(hi))?,
         _ => write!(f, " cannot be told")?,
     }
+    if p.start != 0.0 && p.value != p.start {
+        write!(f, "  {:+.2} %", 100.0 * (p.value - p.start) / p.start.abs())?;
+    }
     if p.verdict != ParameterVerdict::Estimated && p.std.is_some() {
         write!(f, "  {}", p.verdict.words())?;
     }
     writeln!(f)
+}
+
+/// A body as mass, centre of mass, inertia about it and principal axes.
+fn body(f: &mut fmt::Formatter<'_>, b: &BodyLine) -> fmt::Result {
+    let std = |s: Option<f64>| s.map_or_else(|| "not identifiable".to_owned(), |s| format!("+- {:>10}", num(s)));
+    let change = |c: Option<f64>| c.map_or_else(String::new, |c| format!("  {c:+.2} %"));
+    writeln!(f, "\nbody {}: about its centre of mass, in the axes of its frame", b.name)?;
+    for q in &b.quantities {
+        writeln!(f, "  {:15} {:>13} {:8} {}{}", q.name, num(q.value), q.unit, std(q.std), change(q.change_percent))?;
+    }
+    for a in &b.principal {
+        let [x, y, z] = a.axis;
+        let turn = a.axis_std_rad.map_or_else(String::new, |s| format!(" +- {:.3} deg", s.to_degrees()));
+        let (value, deviation) = (num(a.moment_kgm2), std(a.moment_std_kgm2));
+        let change = change(a.change_percent);
+        writeln!(f, "  principal axis  {value:>13} kg m^2   {deviation}{change}  [{x:.4}, {y:.4}, {z:.4}]{turn}")?;
+    }
+    Ok(())
 }
 
 impl fmt::Display for HeldOut {
@@ -213,12 +262,17 @@ impl fmt::Display for IdentificationResult {
         writeln!(f, "identification of {} from {:.3} s at {:.4} Hz ({how})", self.robot, rec.seconds, rec.rate_hz)?;
         self.verdict.iter().try_for_each(|v| writeln!(f, "  {v}"))?;
         let w = self.parameters.iter().chain(&self.nuisance).map(|p| p.name.chars().count()).max().unwrap_or(8);
-        writeln!(f, "\nparameters ({}), standard deviation, 95 % interval", self.parameters.len())?;
+        writeln!(
+            f,
+            "\nparameters ({}), standard deviation, 95 % interval, change against the start",
+            self.parameters.len()
+        )?;
         self.parameters.iter().try_for_each(|p| row(f, p, w))?;
         if !self.nuisance.is_empty() {
             writeln!(f, "\nbeside them ({})", self.nuisance.len())?;
             self.nuisance.iter().try_for_each(|p| row(f, p, w))?;
         }
+        self.bodies.iter().try_for_each(|b| body(f, b))?;
         if let Some(e) = self.evidence.as_ref().filter(|e| !e.named.is_empty()) {
             writeln!(f, "\nwhat would explain the record, of {} errors that were tried", e.tried)?;
             e.named.iter().take(LISTED).try_for_each(|n| error(f, n))?;
@@ -240,7 +294,9 @@ impl fmt::Display for IdentificationResult {
             }
         }
         if let Some(r) = &self.reduced {
-            writeln!(f, "  held: {}", ff_model::diagnostics::list(r.held.iter().map(String::as_str), 40))?;
+            let held: Vec<String> =
+                r.values.iter().map(|v| format!("{} at {} {}", v.name, num(v.value), v.unit)).collect();
+            writeln!(f, "  held: {}", ff_model::diagnostics::list(held.iter().map(String::as_str), 40))?;
             r.combinations.iter().try_for_each(|c| writeln!(f, "  estimated: {}", c.text))?;
         }
         for c in self.correlations.iter().take(12) {

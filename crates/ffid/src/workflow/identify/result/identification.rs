@@ -1,5 +1,6 @@
 //! A whole identification: `result.json`. Every number reads back exactly.
 
+use super::body::BodyLine;
 use super::channel::{Channel, ModeLine};
 use super::fit::{Ended, Method};
 use super::held_out::HeldOut;
@@ -7,7 +8,8 @@ use super::parameter::{Combination, Correlation, Covariance, Parameter, Value};
 use super::provenance::{Provenance, Warning};
 use crate::workflow::identify::evidence::{Evidence, State};
 use crate::workflow::identify::findings::{
-    ClockLine, ComparisonTable, DecayModes, Minima, ProfileLine, RecordFit, ReducedSet, UnobservedDirections, Whiteness,
+    ClockLine, ComparisonTable, DecayModes, Minima, PriorConflict, ProfileLine, RecordFit, ReducedSet,
+    UnobservedDirections, Whiteness,
 };
 use ident::Posterior;
 use serde::{Deserialize, Serialize};
@@ -64,6 +66,12 @@ pub struct IdentificationResult {
     /// What was estimated in place of what was asked for, because the record is silent on the rest.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub reduced: Option<ReducedSet>,
+    /// Priors that the data contradict, the worst first.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub prior_conflicts: Vec<PriorConflict>,
+    /// Mass, centre of mass, inertia about it and principal axes of every body of which something was estimated.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub bodies: Vec<BodyLine>,
     /// Intervals from the likelihood itself.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub profiles: Vec<ProfileLine>,
@@ -129,6 +137,8 @@ impl IdentificationResult {
             priors_cover: false,
             silent: None,
             reduced: None,
+            prior_conflicts: Vec::new(),
+            bodies: Vec::new(),
             profiles: Vec::new(),
             minima: None,
             correlations: Vec::new(),

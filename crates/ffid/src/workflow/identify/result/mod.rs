@@ -1,5 +1,6 @@
 //! What an identification hands to people and programs: `result.json`.
 
+pub(crate) mod body;
 pub(crate) mod channel;
 pub(crate) mod fit;
 pub(crate) mod held_out;
@@ -7,6 +8,7 @@ pub(crate) mod identification;
 pub(crate) mod parameter;
 pub(crate) mod provenance;
 
+pub use body::{BodyLine, BodyQuantity, PrincipalAxis};
 pub use channel::{Channel, ModeLine};
 pub use fit::{Ended, Method};
 pub use held_out::HeldOut;

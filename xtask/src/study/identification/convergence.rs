@@ -1,0 +1,182 @@
+//! `cargo xtask study convergence`: does a fit end at the answer, from whatever the mission says?
+//!
+//! Five systems (rigid, flexible, sloshing, both, with an unknown payload), each with a noisy record of the motion that tells most of the
+//! base, identified by `ffid identify`'s own call with its default options. The mission's values are wrong: the base as a whole
+//! (mass, first moment and inertia by one factor), every stiffness, damping, mass and length of an appendage by a factor of its own, each
+//! from 1/5 to 5, evenly in its logarithm. A trial ends at the best known minimum when its chi-squared is at most 1 above the lowest that any
+//! trial of its system, or the fit from the truth, has reached: along any one parameter, less than a standard deviation away. An exit code fits
+//! when it is 0 at that minimum and 14 where there is none; 13 (not identifiable) fits nowhere, as the truth is identifiable.
+//! Parts for `--only`: the systems.
+
+use super::case::{COMBINED, Case, FLEXIBLE, Kind, PAYLOAD, RIGID, SLOSH};
+use crate::study::trials::{Number, Trial, Trials};
+use crate::study::{Op, Options, Study};
+use ff_dynamics::measure;
+use ff_model::{ParamGroup, Problems};
+use ff_records::Record;
+use ffid::exit::Exit;
+use ffid::open::Opened;
+use ffid::workflow::identify::{
+    EXPLAINED, FitOptions, LabelledRecord, Observer, Provenance, RecordLine, Settings, identify,
+};
+use ident::Loss;
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+/// Record (s), its sampling, and that of the quick study.
+const RECORD_S: f64 = 40.0;
+const SAMPLE_S: f64 = 0.01;
+const QUICK_SAMPLE_S: f64 = 0.05;
+/// Largest factor on what the mission says.
+const FACTOR: f64 = 5.0;
+/// Chi-squared above the lowest known up to which an end is that minimum.
+const SAME: f64 = 1.0;
+/// Starts per system.
+const STARTS: u64 = 200;
+const QUICK_STARTS: u64 = 2;
+
+/// What came of one start.
+#[derive(Clone, Serialize, Deserialize)]
+struct End {
+    /// Sum of squared residuals; none without a result.
+    chi2: Option<Number>,
+    exit: u8,
+    iterations: usize,
+    seconds: f64,
+    text: String,
+}
+
+/// Runs the study.
+///
+/// # Errors
+/// Of the missions, plans and simulations. Fits that fail are counted, not errors.
+pub fn run(options: &Options) -> anyhow::Result<Study> {
+    let mut study = Study::new("convergence", options.seed);
+    let trials = Trials::open("convergence", 1, options)?;
+    let starts = if options.quick { QUICK_STARTS } else { STARTS };
+    for kind in [RIGID, FLEXIBLE, SLOSH, COMBINED, PAYLOAD] {
+        if options.wants(kind.name) {
+            system(kind, starts, options, &trials, &mut study)?;
+        }
+    }
+    trials.note().into_iter().for_each(|n| study.note(n));
+    study
+        .note(format!("{starts} starts per system, values of the mission from 1/{FACTOR} to {FACTOR} times the truth"));
+    Ok(study)
+}
+
+fn system(kind: Kind, starts: u64, options: &Options, trials: &Trials, study: &mut Study) -> anyhow::Result<()> {
+    let case = Case::new(kind, RECORD_S, false, options.seed)?;
+    let sample_s = if options.quick { QUICK_SAMPLE_S } else { SAMPLE_S };
+    let trace = case.simulate(sample_s)?;
+    let read = measure(&trace, &case.sensors, options.seed);
+    let record = case.record(sample_s).q(trace.q.clone()).qd(trace.qd.clone()).qdd(trace.qdd.clone());
+    let record = record.tau(read.tau).gyro(read.gyro).build()?.0;
+    // Trial 0 starts at the truth: what the others are measured by.
+    let all: Vec<End> = trials.run(case.name, 0..=starts, |t| one(&case, &record, t))?;
+    let best = all.iter().filter_map(|e| e.chi2.as_ref()).map(|c| c.0).fold(f64::INFINITY, f64::min);
+    let ends = all.get(1..).unwrap_or_default();
+    let there = |e: &End| e.chi2.as_ref().is_some_and(|c| c.0 <= best + SAME);
+    let fits = |e: &End| if there(e) { e.exit == Exit::Done.code() } else { e.exit == Exit::Numerical.code() };
+    let mut seconds: Vec<f64> = ends.iter().map(|e| e.seconds).collect();
+    seconds.sort_by(f64::total_cmp);
+    let share = |n: usize| n as f64 / ends.len().max(1) as f64;
+    let name = |what: &str| format!("{}.{what}", case.name);
+    study.figure(name("unknowns"), "", case.selected.len() as f64);
+    study.figure(name("chi2_best"), "", best);
+    let iterations = ends.iter().map(|e| e.iterations).sum::<usize>();
+    study.figure(name("linearisations_mean"), "", share(iterations));
+    let reached = share(ends.iter().filter(|e| there(e)).count());
+    study.judged(options.quick, name("at_best_minimum"), "", reached, (Op::AtLeast, 0.99));
+    let median = seconds.get(seconds.len() / 2).copied().unwrap_or(f64::NAN);
+    study.judged(options.quick, name("seconds_median"), "s", median, (Op::AtMost, 3.0));
+    let worst = seconds.last().copied().unwrap_or(f64::NAN);
+    study.judged(options.quick, name("seconds_max"), "s", worst, (Op::AtMost, 30.0));
+    let wrong = ends.iter().filter(|e| !fits(e)).count();
+    study.judged(options.quick, name("exit_codes_wrong"), "", wrong as f64, (Op::AtMost, 0.0));
+    for e in ends.iter().filter(|e| !there(e) || !fits(e)) {
+        study.note(e.text.clone());
+    }
+    Ok(())
+}
+
+/// A mission whose values are off by up to [`FACTOR`]; the truth for trial 0.
+fn start(case: &Case, trial: &Trial) -> Vec<(usize, f64)> {
+    let mut rng = trial.rng();
+    let mut factor = || FACTOR.powf(rng.random_range(-1.0..1.0));
+    let of_base = factor();
+    let truth = case.truth.values();
+    if trial.number == 0 {
+        return Vec::new();
+    }
+    let one = |&i: &usize| match &case.decls[i].group {
+        ParamGroup::Inertial(_) if i < 10 => Some((i, truth[i] * of_base)),
+        ParamGroup::Positive => Some((i, truth[i] * factor())),
+        _ => None,
+    };
+    case.selected.iter().filter_map(one).collect()
+}
+
+fn one(case: &Case, record: &Record, trial: Trial) -> anyhow::Result<End> {
+    let mut model = case.model.clone();
+    model.set_nominal(&start(case, &trial)).map_err(|p| anyhow::anyhow!("{p}"))?;
+    let opened = Opened {
+        model,
+        mission: None,
+        estimated: case.selected.clone(),
+        excited: Vec::new(),
+        end_effector: None,
+        inputs: Vec::new(),
+        warnings: Problems::default(),
+    };
+    // The defaults of the command.
+    let settings = Settings {
+        adopt: Vec::new(),
+        method: None,
+        noise: case.noise,
+        biases: true,
+        initial_state: false,
+        prior: None,
+        start_offset: 0.0,
+        seed: 0,
+        max_iterations: 100,
+        limit: EXPLAINED,
+        loss: Loss::Squares,
+        low_pass_hz: None,
+    };
+    let provenance = Provenance {
+        program: "cargo xtask study convergence".to_owned(),
+        inputs: Vec::new(),
+        record: RecordLine { samples: 0, rate_hz: 0.0, seconds: 0.0, t0: 0.0, rates: true },
+        noise_torque_nm: case.noise.torque,
+        noise_gyro_rad_per_s: case.noise.gyro,
+        settings: BTreeMap::new(),
+    };
+    let records = [LabelledRecord { label: "record".to_owned(), record: record.clone(), resampled: (false, false) }];
+    let begun = Instant::now();
+    let found = identify(&opened, &records, &settings, &FitOptions::default(), provenance, &Observer::default());
+    let seconds = begun.elapsed().as_secs_f64();
+    let name = format!("{} start {}", case.name, trial.number);
+    let end = match found {
+        Ok(found) => {
+            let r = &found.result;
+            let chi2 = r.chi2_per_dof * (r.residuals - r.rank.min(r.residuals)).max(1) as f64;
+            let text = format!(
+                "{name}: {}, chi2/dof {:.4}, {} linearisations, {seconds:.1} s, exit code {}",
+                r.status,
+                r.chi2_per_dof,
+                r.iterations,
+                r.exit().code()
+            );
+            End { chi2: Some(Number(chi2)), exit: r.exit().code(), iterations: r.iterations, seconds, text }
+        }
+        Err(e) => {
+            let text = format!("{name}: {e}, {seconds:.1} s");
+            End { chi2: None, exit: Exit::Numerical.code(), iterations: 0, seconds, text }
+        }
+    };
+    eprintln!("{}", end.text);
+    Ok(end)
+}
