@@ -129,7 +129,8 @@ fn a_robust_loss_is_a_flag() {
     let miss = |out: &str, more: &[&str]| {
         let args = ["identify", "m.toml", "--record", "spoilt.csv", "--clocks", "trust", "--out", out];
         let (code, text, err) = c.run(&[&args[..], more].concat());
-        assert_eq!(code, 0, "{text}\n{err}");
+        // Outliers contradict white noise of the size that was given.
+        assert!([0, 16].contains(&code), "{code} {text}\n{err}");
         let r = c.result(out);
         let bias = r.nuisance.iter().find(|p| p.name == "torque.bias.joint2").unwrap().value;
         (bias.abs(), r.provenance.settings.get("loss").cloned())

@@ -14,10 +14,7 @@ use crate::estimate::outcome::{Estimate, EstimateError, Estimated, RANK_TOLERANC
 use crate::estimate::request::Request;
 use crate::parameters::scale;
 use crate::parameters::transform::{Transform, TransformError};
-use ff_least_squares::{
-    Criterion, EvalError, Linearise, LmError, Scale, Settings, Solution, Status, minimise_linearised,
-};
-use ff_model::{ParamDecl, ParamGroup};
+use ff_least_squares::{Criterion, EvalError, Linearise, LmError, Scale, Settings, Status, minimise_linearised};
 use nalgebra::DMatrix;
 
 /// Longest step in affine coordinates. Coordinates are taken anew around every estimate, so that a step below 1
@@ -25,20 +22,6 @@ use nalgebra::DMatrix;
 const RADIUS: f64 = 0.5;
 /// Relative move below which it has no more to give.
 const ANCHOR_MOVED: f64 = 1e-10;
-/// Steps of full length in a row that gain next to nothing, after which a fit is at the end of a flat direction or at the edge of
-/// what is physical. What is next to nothing: so many times [`Settings::gain_tolerance`].
-const FLAT_STEPS: usize = 3;
-/// See [`FLAT_STEPS`].
-const FLAT_GAIN: f64 = 10.0;
-/// Relative physical change of such a step below which a body presses against the edge: steps are measured by what is left of it.
-const EDGE_MOVED: f64 = 0.05;
-/// Part of a positive parameter that a step leaves of it at least.
-const LEAST_PART: f64 = 0.1;
-/// Factor on the start of a positive parameter that a pass over less data keeps it within. Where oscillations have slipped, a spring or
-/// a damper that vanishes, or stiffens a thousandfold, explains more than one that is near the truth, and steps do not lead back.
-const RANGE: f64 = 30.0;
-/// Part of its start below which a positive parameter is at its bound, zero.
-const EDGE_VALUE: f64 = 1e-3;
 
 /// Fits the selected parameters of `request` with `estimator`. Allocates the Jacobian and its factors, or the triangle alone
 /// ([`Request::jacobian`]).
@@ -136,8 +119,7 @@ struct Place {
 }
 
 /// Minimises from `place` on, with the coordinates taken anew at every step, and leaves it at the end. `references` are those of priors;
-/// an anchor is added and taken out again, and has no more to give when a step moves less than `still`: infinite for a pass over less
-/// data, which keeps positive parameters within [`RANGE`] of their start.
+/// an anchor is added and taken out again, and has no more to give when a step moves less than `still`.
 fn settle<E: Estimator + ?Sized>(
     request: &Request<'_>,
     estimator: &mut E,
@@ -161,11 +143,10 @@ fn settle<E: Estimator + ?Sized>(
         ..request.settings.clone()
     };
     let mut last = None;
-    let mut flat_steps = 0;
     let end = loop {
         // Coordinates around the present estimate: linear in the bodies, scaled by them.
         let transform = match (Transform::affine(request.decls, request.selected, &place.full), last.take()) {
-            (Ok(t), _) => t.scaled_at_least(request.start),
+            (Ok(t), _) => t,
             // The fit has pressed a body against the boundary of what is physical: that is the answer.
             (Err(TransformError::Boundary { .. }), Some(t)) => {
                 break (t, Status::AtBound { at: Vec::new(), by: Criterion::Step });
@@ -177,8 +158,6 @@ fn settle<E: Estimator + ?Sized>(
             references.push(Reference::new(request.decls, request.selected, &place.full, w)?);
         }
         let mut x = transform.coordinates(&place.full)?;
-        let range = if still.is_finite() { f64::INFINITY } else { RANGE };
-        settings.bounds = positive_bounds(&transform, &x, &transform.coordinates(request.start)?, range, sizes.len());
         x.extend_from_slice(&place.nuisance);
         let full = place.full.clone();
         let mut fit = Fit::new(request, &mut *estimator, &transform, references, sizes, (&x, &full), evaluated);
@@ -192,15 +171,7 @@ fn settle<E: Estimator + ?Sized>(
         let moved = solution.x.iter().zip(&x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < still);
         let over = place.iterations >= limit;
-        let emptied = emptied(request, &place.full);
-        flat_steps = if gains_nothing(&solution, &settings, !emptied.is_empty()) { flat_steps + 1 } else { 0 };
-        if flat_steps == FLAT_STEPS && !settled {
-            let status = flat_end(request, &full, &place.full, emptied);
-            break (transform, status);
-        }
-        // At the bounds of a pass over less data: nothing that may still move wants to.
-        let held = solution.iterations == 0 && matches!(solution.status, Status::AtBound { .. });
-        if settled || over || held || matches!(solution.status, Status::Stalled { .. }) {
+        if settled || over || matches!(solution.status, Status::Stalled { .. }) {
             break (transform, solution.status);
         }
         last = Some(transform);
@@ -209,62 +180,9 @@ fn settle<E: Estimator + ?Sized>(
     Ok(end)
 }
 
-/// Bounds of a step from `x`: positive parameters fall to no less than [`LEAST_PART`] of what they are, so that no step leaves them behind
-/// zero, and stay within a factor `range` of the `start`.
-fn positive_bounds(transform: &Transform, x: &[f64], start: &[f64], range: f64, nuisance: usize) -> Vec<(f64, f64)> {
-    let free = (f64::NEG_INFINITY, f64::INFINITY);
-    let one = |((d, x), start): ((&ParamDecl, &f64), &f64)| match d.group {
-        ParamGroup::Positive => ((LEAST_PART * x).max(start / range).min(*x), (start * range).max(*x)),
-        _ => free,
-    };
-    let parameters = transform.decls().iter().zip(x).zip(start).map(one);
-    parameters.chain(std::iter::repeat_n(free, nuisance)).collect()
-}
-
-/// Positive parameters that are at zero against their start, by their place among those selected.
-fn emptied(request: &Request<'_>, at: &[f64]) -> Vec<usize> {
-    let zero = |&i: &usize| request.decls[i].group == ParamGroup::Positive && at[i] < EDGE_VALUE * request.start[i];
-    request.selected.iter().enumerate().filter(|(_, i)| zero(i)).map(|(k, _)| k).collect()
-}
-
-/// Whether the last step was as long as steps may be, or at the bound of a parameter (`bound`), and gained next to nothing all the same.
-fn gains_nothing(solution: &Solution, settings: &Settings, bound: bool) -> bool {
-    let Some(step) = solution.history.last() else { return false };
-    let noise = (2.0 * solution.cost / solution.residuals.len().max(1) as f64).min(1.0);
-    let least = FLAT_GAIN * settings.gain_tolerance * noise;
-    let full = step.lambda > 0.0 && step.radius >= RADIUS;
-    step.accepted && (full || bound) && 2.0 * (step.cost - solution.cost).abs() < least
-}
-
-/// How a fit has ended whose full steps gain nothing, the last of them between these values: at the edge of what is physical, with the
-/// parameters `emptied` at zero, or along a flat direction.
-fn flat_end(request: &Request<'_>, before: &[f64], after: &[f64], emptied: Vec<usize>) -> Status {
-    let sizes = scale::sizes(request.decls, after);
-    let moved = |i: usize| (after[i] - before[i]).abs() > EDGE_MOVED * sizes[i];
-    let others = request.selected.iter().enumerate().filter(|(k, _)| !emptied.contains(k));
-    if emptied.is_empty() && others.map(|(_, &i)| i).any(moved) {
-        return Status::Converged { by: Criterion::Flat };
-    }
-    Status::AtBound { at: emptied, by: Criterion::Flat }
-}
-
 /// Relative reduction of the cost below which a pass over less data has done its part: a hundred times that of the pass it is for,
 /// within these bounds.
 const APPROACHED: (f64, f64) = (1e-4, 1e-2);
-/// Promised reduction of chi-squared below which it has, too.
-const APPROACHED_GAIN: f64 = 0.03;
-
-/// Linearisations after which a first pass that has not ended is taken to be lost in a valley, and is led there over growing parts of
-/// the record. Passes that find their way take fewer.
-const LOST: usize = 12;
-/// Mean squared residual from which its end does not explain the data, and it is led as well.
-const UNEXPLAINED: f64 = 4.0;
-/// Parts of the record it is led over.
-const PARTS: [f64; 4] = [0.0625, 0.125, 0.25, 0.5];
-/// Linearisations of each of them.
-const PART_STEPS: usize = 15;
-/// Relative width that what a part of the record leaves open is held to around its start.
-const PART_WIDTH: f64 = 1.0;
 
 /// Takes the start to where less data say that the answer is, if there is such a look at them and all data agree that it is better there.
 /// What goes wrong on the way is no error: the start stays as it was.
@@ -276,116 +194,35 @@ fn approach<E: Estimator + ?Sized>(
     place: &mut Place,
 ) {
     let Some(mut thin) = estimator.coarse(&place.full) else { return };
-    let statistics = if request.settings.gain_tolerance > 0.0 { APPROACHED_GAIN } else { 0.0 };
     let settings = Settings {
         decrement_tolerance: (100.0 * request.settings.decrement_tolerance).clamp(APPROACHED.0, APPROACHED.1),
-        gain_tolerance: request.settings.gain_tolerance.max(statistics),
         max_iterations: request.settings.max_iterations / 2,
         ..request.settings.clone()
     };
     let lax = Request { settings, ..request.clone() };
     let mut there = place.clone();
-    let coarsest = thin.estimator.coarse(&place.full).is_none();
-    let thinner: &mut dyn Estimator = &mut *thin.estimator;
-    if coarsest {
-        lead(&lax, thinner, sizes, references, &mut there);
-    } else {
-        approach(&lax, thinner, sizes, references, &mut there);
-    }
-    let end = pass(&lax, thinner, sizes, references, &mut there);
+    approach(&lax, &mut *thin.estimator, sizes, references, &mut there);
+    let threads = request.jacobian.threads(thin.estimator.rows(), request.selected.len() + sizes.len());
+    let mut evaluated = Evaluated::new(threads);
+    let end = settle(&lax, &mut *thin.estimator, sizes, references, &mut there, &mut evaluated, f64::INFINITY);
     drop(thin);
     place.iterations = there.iterations;
-    // Where the pass got to counts, even where it did not get to its end: all data decide.
-    if end.is_some() {
-        *place = better(request, estimator, sizes, references, [place.clone(), there]);
-    }
-}
-
-/// One pass over less data from `place`; none when it fails.
-fn pass(
-    request: &Request<'_>,
-    estimator: &mut dyn Estimator,
-    sizes: &[f64],
-    references: &mut Vec<Reference>,
-    place: &mut Place,
-) -> Option<Status> {
-    let threads = request.jacobian.threads(estimator.rows(), request.selected.len() + sizes.len());
-    let mut evaluated = Evaluated::new(threads);
-    let end = settle(request, estimator, sizes, references, place, &mut evaluated, f64::INFINITY);
-    end.ok().map(|(_, status)| status)
-}
-
-/// A first pass over `estimator` from `place`. When it has not ended after [`LOST`] linearisations, or at what does not explain the data
-/// ([`UNEXPLAINED`]), oscillations predicted and measured have slipped by periods: parts of the record that grow from its beginning lead there from the same start, and the better end counts.
-fn lead(
-    request: &Request<'_>,
-    estimator: &mut dyn Estimator,
-    sizes: &[f64],
-    references: &mut Vec<Reference>,
-    place: &mut Place,
-) {
-    let of = |max_iterations: usize| {
-        let settings = Settings { max_iterations, ..request.settings.clone() };
-        Request { settings, ..request.clone() }
-    };
-    let mut direct = place.clone();
-    let end = pass(&of(LOST.min(request.settings.max_iterations)), estimator, sizes, references, &mut direct);
-    let ended = end.is_some_and(|s| s != Status::IterationLimit);
-    let left = cost(request, estimator, sizes, references, &direct).unwrap_or(f64::INFINITY);
-    let explains = left < UNEXPLAINED * estimator.rows() as f64;
-    if ended && explains || request.settings.max_iterations <= LOST {
-        *place = direct;
+    if !end.is_ok_and(|(_, status)| status.is_converged()) {
         return;
     }
-    let mut led = Place { iterations: direct.iterations, ..place.clone() };
-    for share in PARTS {
-        let Some(mut begun) = estimator.beginning(share) else { continue };
-        let kept = references.len();
-        references.extend(Reference::new(request.decls, request.selected, &led.full, PART_WIDTH).ok());
-        let short = Request { anchor: None, ..of(PART_STEPS.min(request.settings.max_iterations)) };
-        let mut on = led.clone();
-        let end = pass(&short, &mut *begun.estimator, sizes, references, &mut on);
-        references.truncate(kept);
-        led.iterations = on.iterations;
-        if end.is_some() {
-            led = on;
-        }
+    let mut cost = |at: &Place| -> Option<f64> {
+        let transform = Transform::affine(request.decls, request.selected, &at.full).ok()?;
+        let mut x = transform.coordinates(&at.full).ok()?;
+        x.extend_from_slice(&at.nuisance);
+        let (mut new, origin) = (Evaluated::new(None), (&x[..], &at.full[..]));
+        let mut fit = Fit::new(request, &mut *estimator, &transform, references, sizes, origin, &mut new);
+        let mut r = Vec::new();
+        let tried = fit.residuals(&x, &mut r).ok()?;
+        tried.ok().map(|()| r.iter().map(|r| r * r).sum())
+    };
+    if let (Some(before), Some(after)) = (cost(place), cost(&there))
+        && after < before
+    {
+        *place = there;
     }
-    let end = pass(&of(LOST.min(request.settings.max_iterations)), estimator, sizes, references, &mut led);
-    direct.iterations = led.iterations;
-    *place = if end.is_some() { better(request, estimator, sizes, references, [direct, led]) } else { direct };
-}
-
-/// That of two places where all data of the estimator say that the cost is lower; the first where they do not say.
-fn better<E: Estimator + ?Sized>(
-    request: &Request<'_>,
-    estimator: &mut E,
-    sizes: &[f64],
-    references: &[Reference],
-    [here, there]: [Place; 2],
-) -> Place {
-    let before = cost(request, estimator, sizes, references, &here);
-    match (before, cost(request, estimator, sizes, references, &there)) {
-        (Some(before), Some(after)) if after >= before => here,
-        (_, Some(_)) => there,
-        (_, None) => here,
-    }
-}
-
-/// Sum of squared residuals at a place, those of priors and references included; none where it cannot be evaluated.
-fn cost<E: Estimator + ?Sized>(
-    request: &Request<'_>,
-    estimator: &mut E,
-    sizes: &[f64],
-    references: &[Reference],
-    at: &Place,
-) -> Option<f64> {
-    let transform = Transform::affine(request.decls, request.selected, &at.full).ok()?;
-    let mut x = transform.coordinates(&at.full).ok()?;
-    x.extend_from_slice(&at.nuisance);
-    let (mut new, origin) = (Evaluated::new(None), (&x[..], &at.full[..]));
-    let mut fit = Fit::new(request, estimator, &transform, references, sizes, origin, &mut new);
-    let mut r = Vec::new();
-    let tried = fit.residuals(&x, &mut r).ok()?;
-    tried.ok().map(|()| r.iter().map(|r| r * r).sum())
 }

@@ -9,6 +9,7 @@ use super::result::parameter::Parameter;
 use super::settings::Settings;
 use super::text::num;
 use super::unknowns::Unknowns;
+use ff_least_squares::Status;
 use ff_model::Model;
 use ident::checks::whiteness;
 use ident::compose::Shared;
@@ -68,7 +69,8 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
         // Those of the rigid method are not residuals of these rows.
         if e.residuals.len() >= residuals.len() + order.len() {
             let first = residuals.len();
-            residuals.extend(order.iter().map(|i| e.residuals[first + i]));
+            let counts = |r: f64| s.loss.rho(r).sqrt().copysign(r);
+            residuals.extend(order.iter().map(|i| counts(e.residuals[first + i])));
         }
         rows.push(part.rows());
         orders.push(order);
@@ -236,6 +238,11 @@ pub(super) fn in_words(words: &str, size: &[ErrorSize]) -> String {
     format!("{words} ({})", parts.join(", "))
 }
 
+/// Whether a fit has ended at a minimum, bounded or not.
+pub(super) fn is_solution(e: &Estimate) -> bool {
+    matches!(e.status, Status::Converged { .. } | Status::AtBound { .. })
+}
+
 /// Part of what is left over that an error must account for to be said to explain it.
 const MOST: f64 = 0.8;
 
@@ -278,8 +285,12 @@ pub(super) fn evidence(
     e: &Estimate,
     whiteness: &[Whiteness],
     parameters: &[Parameter],
-    limit: f64,
+    s: &Settings,
 ) -> Evidence {
+    // Outliers count as the loss counts them.
+    let freedom = e.residuals.len() as f64 / e.residuals.iter().map(|r| r * r).sum::<f64>().max(f64::MIN_POSITIVE);
+    let robust = e.residuals.iter().map(|&r| s.loss.rho(r)).sum::<f64>() / e.residuals.len().max(1) as f64;
+    let (chi2, limit) = (e.chi2_per_dof * freedom * robust, s.limit);
     let mut out = Evidence {
         false_alarms: uncertain::LEVEL + whiteness::LEVEL,
         tried: tests.map_or(0, |t| t.tested),
@@ -287,7 +298,7 @@ pub(super) fn evidence(
         named: tests.map(|t| t.named.clone()).unwrap_or_default(),
         ..Evidence::default()
     };
-    if !e.status.is_converged() {
+    if !is_solution(e) {
         out.reason = "the fit did not end at a solution".into();
         return out;
     }
@@ -301,9 +312,9 @@ pub(super) fn evidence(
     let matters = tests.is_some_and(|t| t.matters);
     // What is coloured may be an error that is named and moves nothing.
     let harmless = best.is_some() && !matters && out.explained.is_none_or(|part| part > MOST);
-    if matters || e.chi2_per_dof > limit || !(coloured.is_empty() || harmless) {
+    if matters || chi2 > limit || !(coloured.is_empty() || harmless) {
         out.state = State::Contradicted;
-        out.reason = against(&out, &coloured, e.chi2_per_dof, limit);
+        out.reason = against(&out, &coloured, chi2, limit);
         return out;
     }
     out.state = State::Explained;

@@ -80,10 +80,10 @@ impl Report<'_> {
         let modes = mode_lines(self.opened, &start, self.values);
         let heard = self.tests.filter(|t| t.motion_noise > 0.0).map_or(&[][..], |t| &t.drawn);
         let whiteness = known::whiteness(self.records, self.signals, &modes, heard);
-        let evidence = explain::evidence(self.tests, e, &whiteness, &parameters, self.settings.limit);
+        let evidence = explain::evidence(self.tests, e, &whiteness, &parameters, self.settings);
         let first = &self.records[0].record;
         Ok(IdentificationResult {
-            status: Ended::of(&e.status, &names, flattest(&e.data_only)),
+            status: Ended::of(&e.status, &names),
             iterations: e.iterations,
             chi2_per_dof: e.chi2_per_dof,
             residuals: e.residuals.len(),
@@ -122,11 +122,6 @@ impl Report<'_> {
             )
         })
     }
-}
-
-/// The combination that data alone know least, in words.
-fn flattest(u: &Uncertainty) -> Option<String> {
-    u.null.first().or(u.weak.first()).map(ToString::to_string)
 }
 
 /// Every record, when there are several.

@@ -31,8 +31,6 @@ use ident::{Loss, Request, estimate};
 
 /// Pull that holds what neither data nor priors tell near where it is, relative.
 const ANCHOR: f64 = 10.0;
-/// Promised reduction of chi-squared below which a fit is at its end: a thirtieth of a standard deviation is left to go.
-const GAIN: f64 = 1e-3;
 /// Relative width of the draws of other starts.
 const SPREAD: f64 = 0.3;
 
@@ -88,7 +86,6 @@ pub fn identify(
         settings: Solver {
             max_iterations: settings.max_iterations,
             decrement_tolerance: 1e-10,
-            gain_tolerance: GAIN,
             cost_floor: 1e-13,
             ..Solver::default()
         },
@@ -109,7 +106,7 @@ pub fn identify(
     }
     let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
     let end = Ended { model, shared: &shared, labels: &labels, unknowns: &unknowns, fitted: &fitted, values: &values };
-    let tests = if fitted.estimate.status.is_converged() { explain::tests(&end, &twins, settings)? } else { None };
+    let tests = if explain::is_solution(&fitted.estimate) { explain::tests(&end, &twins, settings)? } else { None };
     let tests = tests.as_ref();
     let unknowns = &unknowns;
     let report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
@@ -174,8 +171,9 @@ const OTHERS: u64 = 6;
 /// Promised relative reduction at which such a try has shown where it leads.
 const SHOWN: f64 = 1e-4;
 
-/// The fit, or a better one from another start when it does not explain the record, or a positive parameter has vanished in it: starts drawn around the first are fitted to the
-/// thinned record until one of them explains that; the best goes on over the whole. What fails on the way is no error: the fit stays.
+/// The fit, or a better one from another start when it does not explain the record, or a positive parameter has vanished in it: starts
+/// drawn around the first are fitted to the thinned record until one of them explains that; the best goes on over the whole. What fails
+/// on the way is no error: the fit stays.
 fn elsewhere(request: &Request<'_>, first: Estimate, s: &Settings, estimator: &mut ObservedEstimator<'_>) -> Estimate {
     // Under a robust loss, what is left may be outliers.
     let vanished = |&i: &usize| {
