@@ -244,23 +244,23 @@ fn d33_starts_that_agree_are_counted() {
     assert_eq!((m.starts, m.converged, m.objectives.len()), (3, 3, 1));
 }
 
-/// A long decay that is hardly damped has a minimum for every cycle that a wrong frequency gains or loses. The beginning of the record,
-/// where no cycle has slipped yet, leads every start to the lowest; straight over the whole record four starts ended in four minima.
+/// A long decay that is hardly damped has a minimum for every cycle that a wrong frequency gains or loses: starts that end in
+/// different ones are a warning with their costs, and the lowest is taken.
 #[test]
 #[ignore = "full tier: 3 s"]
-fn d33_starts_that_would_slip_cycles_agree() {
+fn d33_starts_that_disagree_are_a_warning() {
     let c = slosh();
     let truth = ringing(&c.read("truth.toml"));
     c.write("ring.toml", &truth);
     c.write("far.toml", &format!("{truth}\n[parameters]\n\"tank.k[0]\" = 24.5\n\"tank.k[1]\" = 16.5\n"));
     c.simulate("ring.toml", "b.csv", "ring.csv", &["--seed", "6", "--hold", "60"]);
     let args = ["identify", "far.toml", "--record", "ring.csv", "--starts", "4", "--no-biases", "--clocks", "trust"];
-    let out = c.good(&[&args[..], &["--out", "res"]].concat());
-    assert!(out.contains("starts: 4 of 4 converged"), "{out}");
+    let (code, out, err) = c.run(&[&args[..], &["--out", "res"]].concat());
+    assert_eq!(code, 0, "{out}\n{err}");
+    assert!(err.contains("warning[Fit::MultipleMinima]"), "{err}");
     let r = c.result("res");
     let m = r.minima.unwrap();
-    assert_eq!(m.objectives.len(), 1, "{m:?}");
-    assert!((r.chi2_per_dof - 1.0).abs() < 0.05 && r.nuisance.is_empty(), "{}", r.chi2_per_dof);
+    assert!(m.objectives.len() > 1 && m.objectives.windows(2).all(|w| w[0] < w[1]), "{m:?}");
     let taken = r.chi2_per_dof * (r.residuals - r.parameters.len()) as f64;
     assert!((taken / m.objectives[0] - 1.0).abs() < 1e-3, "{taken} of {m:?}");
 }
