@@ -146,6 +146,10 @@ pub struct Settings {
     /// Converged when an undamped Gauss-Newton step promises a relative reduction of the cost below this.
     /// With N residuals the parameters are then within about `sqrt(tol N)` of their standard deviations.
     pub decrement_tolerance: f64,
+    /// Converged when an undamped Gauss-Newton step promises to reduce `|r|^2` by less than this, times `|r|^2` per residual where that
+    /// is below one (residuals smaller than the noise they were divided by). The unknowns are then within about the square root of it
+    /// of their standard deviations: 1e-4 is a hundredth of a deviation. 0 leaves the end to the other tests.
+    pub gain_tolerance: f64,
     /// Converged when an accepted, undamped step is shorter than this relative to the point (scaled norms).
     pub step_tolerance: f64,
     /// Converged when the cost falls below this (problems with zero residual).
@@ -162,7 +166,8 @@ pub struct Settings {
     /// acceleration), found with one more evaluation. Pays where a Jacobian costs much more than residuals.
     pub acceleration: bool,
     /// After an undamped step that kept its promise, go on with the same linearisation (the chord method) for as long as it
-    /// does. Pays where a Jacobian costs much more than residuals; what is called converged is so by a linearisation of its own.
+    /// does; bring one that did not keep its promise to a fifth to where its parabola is lowest. Pays where a Jacobian costs
+    /// much more than residuals; what is called converged is so by a linearisation of its own.
     pub chord: bool,
     /// Lower and upper bound of each unknown; empty for none. Infinite entries are free.
     pub bounds: Vec<(f64, f64)>,
@@ -174,6 +179,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             decrement_tolerance: 1e-12,
+            gain_tolerance: 0.0,
             step_tolerance: 1e-10,
             cost_floor: 0.0,
             max_iterations: 100,
@@ -222,6 +228,11 @@ pub enum Criterion {
     Step,
     /// The cost reached its floor.
     Cost,
+    /// What is left to gain is small against the statistics ([`Settings::gain_tolerance`]).
+    Statistics,
+    /// Steps of full length gain next to nothing although an undamped one promises more: a direction along which the cost is flat,
+    /// on which the data say nothing. Its unknowns are where the fit left them.
+    Flat,
     /// The promised reduction is below the rounding of the cost and no longer shrinks: tighter tolerances
     /// than the arithmetic can meet were asked for.
     Rounding,
@@ -233,6 +244,11 @@ const UNRESOLVED: f64 = 1e-12;
 
 /// Length of an undamped step ([`Scale::Unit`]) below which its second order is left to chords.
 const NEAR: f64 = 0.1;
+
+/// Gains of undamped steps whose length is right.
+const KEPT: (f64, f64) = (0.8, 1.2);
+/// Largest factor on the length of others.
+const FARTHEST: f64 = 5.0;
 
 /// How a fit ended.
 ///
@@ -510,6 +526,8 @@ pub fn minimise_linearised(problem: &mut dyn Linearise, start: &[f64], set: &Set
             Some(Criterion::Cost)
         } else if decrement <= set.decrement_tolerance {
             Some(Criterion::Decrement)
+        } else if 2.0 * lin.promised() <= set.gain_tolerance * (2.0 * cost / r.len() as f64).min(1.0) {
+            Some(Criterion::Statistics)
         } else if small_step {
             Some(Criterion::Step)
         } else if flat_from.is_some_and(|before| decrement > 0.9 * before) {
@@ -566,6 +584,10 @@ pub fn minimise_linearised(problem: &mut dyn Linearise, start: &[f64], set: &Set
             let accept = tried.is_ok() && (gain > 1e-4 || flat);
             let mut triangle = None;
             if accept {
+                if set.chord && lambda == 0.0 && decrement > UNRESOLVED && !(KEPT.0..KEPT.1).contains(&gain) {
+                    let room = Room { x: &x, d: &d, lower: &lower, upper: &upper, radius: set.max_radius };
+                    evaluations += along(problem, &room, gain, (&mut trial, &mut r_trial))?;
+                }
                 if set.chord && lambda == 0.0 && gain > 0.25 {
                     let room = Room { x: &x, d: &d, lower: &lower, upper: &upper, radius: set.max_radius };
                     evaluations += chord(problem, &lin, &room, set, &mut trial, &mut r_trial)?;
@@ -619,6 +641,30 @@ struct Room<'a> {
     lower: &'a [f64],
     upper: &'a [f64],
     radius: f64,
+}
+
+/// Takes an undamped step that did not keep its promise to where the parabola through both its ends is lowest: `1 / (2 - gain)` times its
+/// length, at most [`FARTHEST`] times, if the residuals there are smaller. Where the residuals are curved against what they leave,
+/// Gauss-Newton steps are wrong by the factor `gain - 1` each, and converge as slowly. Returns the number of evaluations.
+fn along<P: Linearise + ?Sized>(
+    problem: &mut P,
+    room: &Room<'_>,
+    gain: f64,
+    (trial, r_trial): (&mut Vec<f64>, &mut Vec<f64>),
+) -> Result<usize, LmError> {
+    let times = if gain < 2.0 { (1.0 / (2.0 - gain)).min(FARTHEST) } else { FARTHEST };
+    let far = |k: usize| (room.x[k] + times * (trial[k] - room.x[k])).clamp(room.lower[k], room.upper[k]);
+    let next: Vec<f64> = (0..trial.len()).map(far).collect();
+    let way: Vec<f64> = next.iter().zip(room.x).map(|(a, b)| a - b).collect();
+    if scaled_norm(&way, room.d) > room.radius {
+        return Ok(0);
+    }
+    let mut r_next = Vec::with_capacity(r_trial.len());
+    if problem.residuals(&next, &mut r_next)?.is_ok() && reduction(r_trial, &r_next) > 0.0 {
+        *trial = next;
+        core::mem::swap(r_trial, &mut r_next);
+    }
+    Ok(1)
 }
 
 /// Goes on from `trial` by steps of the linearisation at hand, as long as each finds less than a quarter left of what the one before

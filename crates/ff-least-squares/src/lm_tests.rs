@@ -160,3 +160,77 @@ fn the_normal_equations_and_the_triangle_agree_and_ill_conditioning_takes_the_tr
 fn linalg_reference(j: &DMatrix<f64>, r: &[f64]) -> DVector<f64> {
     ff_linalg::least_squares(j, &DVector::from_column_slice(r)).unwrap()
 }
+
+/// `exp(-x t)` against data that no rate explains: residuals stay, and their curvature slows Gauss-Newton steps down.
+struct Misfit {
+    jacobians: usize,
+}
+
+impl Misfit {
+    /// Times and data: a decay with an offset that the model does not have.
+    fn data(i: usize) -> (f64, f64) {
+        let t = 0.15 * (i + 1) as f64;
+        (t, (-1.1 * t).exp() + if i.is_multiple_of(2) { 0.9 } else { -0.2 })
+    }
+}
+
+impl Problem for Misfit {
+    fn dim(&self) -> usize {
+        1
+    }
+    fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+        *r = (0..30).map(|i| (-x[0] * Self::data(i).0).exp() - Self::data(i).1).collect();
+        Ok(())
+    }
+    fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut DMatrix<f64>) -> Result<(), EvalError> {
+        self.jacobians += 1;
+        *j = DMatrix::from_fn(30, 1, |i, _| -Self::data(i).0 * (-x[0] * Self::data(i).0).exp());
+        self.residuals(x, r)
+    }
+}
+
+/// `r = (x, 1 - 0.4 x^2)`: the second residual stays, and takes 0.8 of the curvature that the Jacobian shows. Gauss-Newton steps leave
+/// four fifths of the way each.
+struct Bent {
+    jacobians: usize,
+}
+
+impl Problem for Bent {
+    fn dim(&self) -> usize {
+        1
+    }
+    fn residuals(&mut self, x: &[f64], r: &mut Vec<f64>) -> Result<(), EvalError> {
+        *r = vec![x[0], 1.0 - 0.4 * x[0] * x[0]];
+        Ok(())
+    }
+    fn jacobian(&mut self, x: &[f64], r: &mut Vec<f64>, j: &mut DMatrix<f64>) -> Result<(), EvalError> {
+        self.jacobians += 1;
+        *j = DMatrix::from_column_slice(2, 1, &[1.0, -0.8 * x[0]]);
+        self.residuals(x, r)
+    }
+}
+
+#[test]
+fn a_step_that_did_not_keep_its_promise_is_brought_to_the_lowest_of_its_parabola() {
+    let run = |chord: bool| {
+        let mut p = Bent { jacobians: 0 };
+        let s = minimise(&mut p, &[0.5], &Settings { chord, scale: Scale::Unit, ..Settings::default() }).unwrap();
+        assert!(s.status.is_converged() && s.x[0].abs() < 1e-5, "{:?} at {:?}", s.status, s.x);
+        p.jacobians
+    };
+    let (plain, along) = (run(false), run(true));
+    assert!(plain > 30 && along <= 8, "{plain} and {along} linearisations");
+}
+
+#[test]
+fn what_is_small_against_the_noise_is_not_gained() {
+    let run = |gain_tolerance: f64| {
+        minimise(&mut Misfit { jacobians: 0 }, &[0.9], &Settings { gain_tolerance, ..Settings::default() }).unwrap()
+    };
+    let (tight, lax) = (run(0.0), run(1e-2));
+    assert!(matches!(lax.status, Status::Converged { by: Criterion::Statistics }), "{:?}", lax.status);
+    assert!(lax.iterations < tight.iterations, "{} {}", lax.iterations, tight.iterations);
+    // A tenth of a deviation is left at most, in units of the residuals.
+    let deviation = 1.0 / tight.jacobian.column(0).norm() * (2.0 * tight.cost / 30.0).sqrt().min(1.0);
+    assert!((lax.x[0] - tight.x[0]).abs() < 0.5 * deviation, "{} {}", lax.x[0], tight.x[0]);
+}

@@ -556,3 +556,17 @@ fn a_start_forty_percent_off_ends_at_the_answer() {
     let r = near_the_truth(&c, "res", 4.5);
     assert!((r.chi2_per_dof - 1.0).abs() < 0.03, "{}", r.chi2_per_dof);
 }
+
+/// Panels of which all is unknown, with a prior: second moments that the record does not tell press against what is physical. That is an
+/// end, not a want of iterations (exit code 14 after 174 linearisations).
+#[test]
+fn a_fit_that_presses_against_the_edge_of_what_is_physical_ends() {
+    let wrong =
+        "\"base.mass\" = 780.0\n\"panel_left.k[0]\" = 120.0\n\"panel_right.k[1]\" = 120.0\n\"panel_left.d[0]\" = 1.2";
+    let c = Case::new("flex.toml", "parameters = [\"base.*\", \"panel_*\"]\nprior_relative_std = 0.3", wrong);
+    c.write("a.csv", &trajectory(60.0, 0.2));
+    c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
+    c.good(&["identify", "m.toml", "--record", "rec.csv", "--out", "res"]);
+    let r = c.result("res");
+    assert!(r.status.is_solution() && r.chi2_per_dof < 1.03, "{:?} {}", r.status, r.chi2_per_dof);
+}

@@ -49,6 +49,10 @@ pub(super) const ROOT: &[Key] = &[
 const STATUS: &[&[Key]] = &[
     &[must("status", OneOf(&["converged", "iteration_limit"]), "at a minimum, or out of iterations")],
     &[
+        must("status", OneOf(&["flat"]), "at a minimum that is flat along one combination"),
+        must("along", Text, "that combination"),
+    ],
+    &[
         must("status", OneOf(&["at_bound"]), "at a minimum of a bounded problem"),
         must("at", Texts, "parameters that want to leave their bounds"),
     ],

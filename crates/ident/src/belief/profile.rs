@@ -9,7 +9,7 @@
 //! The parameter is held by a prior a ten-thousandth of its deviation wide, so that the body it belongs to stays a body.
 
 use crate::belief::prior::PriorRow;
-use crate::estimate::estimation::estimate;
+use crate::estimate::estimation::attempt;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::outcome::{Estimate, EstimateError};
 use crate::estimate::request::Request;
@@ -111,7 +111,7 @@ fn held<E: Estimator + ?Sized>(
     let own = request.priors.rows().iter().find(|r| r.column == column).copied();
     let pin = PriorRow { column, mean: value, sigma: HELD * sigma };
     let fixed = Request { priors: request.priors.with(pin), start: from, ..request.clone() };
-    match estimate(&fixed, estimator) {
+    match attempt(&fixed, estimator) {
         Ok(e) => {
             let got = e.parameters[column].value;
             // The pin does not belong to the cost, the prior that it replaced does.

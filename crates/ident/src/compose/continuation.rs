@@ -9,7 +9,7 @@
 //! `chi^2`, where one or two would decide. So ends are also compared with each other: the lowest counts once several starts have
 //! led to it ([`Accept::agree`]), or when there is no start left.
 
-use crate::estimate::estimation::estimate;
+use crate::estimate::estimation::attempt;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::outcome::{Estimate, EstimateError};
 use crate::estimate::request::Request;
@@ -210,7 +210,7 @@ fn through(pass: &mut Pass<'_, '_>, start: &[f64]) -> Result<(Estimate, usize, V
     };
     let halfway =
         |e: &Estimate, from: &[f64]| -> Vec<f64> { e.values.iter().zip(from).map(|(a, b)| 0.5 * (a + b)).collect() };
-    let mut best = estimate(&Request { start, ..pass.request.clone() }, pass.estimator)?;
+    let mut best = attempt(&Request { start, ..pass.request.clone() }, pass.estimator)?;
     let (mut steps, mut from) = (best.iterations, start.to_vec());
     for _ in 0..RETURNS {
         if !at_edge(&best) {
@@ -218,7 +218,7 @@ fn through(pass: &mut Pass<'_, '_>, start: &[f64]) -> Result<(Estimate, usize, V
         }
         from = halfway(&best, &from);
         // A return that fails, or leads nowhere, leaves what was found before.
-        let Ok(e) = estimate(&Request { start: &from, ..pass.request.clone() }, pass.estimator) else { break };
+        let Ok(e) = attempt(&Request { start: &from, ..pass.request.clone() }, pass.estimator) else { break };
         steps += e.iterations;
         let gained = e.chi2_per_dof < 0.999 * best.chi2_per_dof;
         if e.chi2_per_dof < best.chi2_per_dof {
@@ -232,9 +232,9 @@ fn through(pass: &mut Pass<'_, '_>, start: &[f64]) -> Result<(Estimate, usize, V
     if at_edge(&best) {
         let loose = unbounded(decls);
         let free = Request { decls: &loose, start: &best.values, ..pass.request.clone() };
-        if let Ok(way) = estimate(&free, pass.estimator) {
+        if let Ok(way) = attempt(&free, pass.estimator) {
             steps += way.iterations;
-            if let Ok(e) = estimate(&Request { start: &way.values, ..pass.request.clone() }, pass.estimator) {
+            if let Ok(e) = attempt(&Request { start: &way.values, ..pass.request.clone() }, pass.estimator) {
                 steps += e.iterations;
                 if e.chi2_per_dof < best.chi2_per_dof {
                     best = e;

@@ -40,6 +40,11 @@ impl<E: Estimator> Estimator for Masked<E> {
         let roots = thin.rows.iter().map(|&i| self.roots[i]).collect();
         Some(Coarse { estimator: Box::new(Masked { inner: thin.estimator, roots }), ..thin })
     }
+    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+        let begun = self.inner.beginning(share)?;
+        let roots = begun.rows.iter().map(|&i| self.roots[i]).collect();
+        Some(Coarse { estimator: Box::new(Masked { inner: begun.estimator, roots }), ..begun })
+    }
     fn nuisance(&self) -> Vec<Unknown> {
         self.inner.nuisance()
     }

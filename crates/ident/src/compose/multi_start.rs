@@ -3,7 +3,7 @@
 //! One start may end in a local minimum without a sign of it. Several that agree are no proof, but several that disagree are
 //! a warning (bad-inputs row D33): the lowest is taken, and the others are listed with their costs.
 
-use crate::estimate::estimation::estimate;
+use crate::estimate::estimation::attempt;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::outcome::{Estimate, EstimateError};
 use crate::estimate::request::Request;
@@ -52,7 +52,7 @@ pub fn best_of<E: Estimator + ?Sized>(
     let (mut found, mut endings, mut first_error) = (Vec::<Estimate>::new(), Vec::new(), None);
     for (k, start) in starts.iter().enumerate() {
         let mut ending = Ending { start: k, objective: None, converged: false, error: None };
-        match estimate(&Request { start, ..request.clone() }, estimator) {
+        match attempt(&Request { start, ..request.clone() }, estimator) {
             Ok(e) => {
                 (ending.objective, ending.converged) = (Some(e.objective), e.status.is_converged());
                 found.push(e);

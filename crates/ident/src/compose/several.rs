@@ -220,6 +220,16 @@ impl Estimator for Several<'_> {
         }
         Some(Coarse { estimator: Box::new(Several { shared: self.shared, parts }), rows })
     }
+    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+        let (mut first, mut rows, mut parts) = (0, Vec::new(), Vec::new());
+        for part in &self.parts {
+            let begun = part.beginning(share)?;
+            rows.extend(begun.rows.iter().map(|i| first + i));
+            first += part.rows();
+            parts.push(begun.estimator);
+        }
+        Some(Coarse { estimator: Box::new(Several { shared: self.shared, parts }), rows })
+    }
     fn nuisance(&self) -> Vec<Unknown> {
         let mut out = Vec::new();
         for (part, label) in self.parts.iter().zip(&self.shared.labels) {

@@ -473,6 +473,11 @@ impl<E: Estimator> Estimator for Tied<E> {
         let tied = Tied { checked: self.checked, ..Tied::new(thin.estimator, Arc::clone(&self.map)) };
         Some(Coarse { estimator: Box::new(tied), ..thin })
     }
+    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+        let begun = self.inner.beginning(share)?;
+        let tied = Tied { checked: self.checked, ..Tied::new(begun.estimator, Arc::clone(&self.map)) };
+        Some(Coarse { estimator: Box::new(tied), ..begun })
+    }
     fn nuisance(&self) -> Vec<Unknown> {
         self.inner.nuisance()
     }

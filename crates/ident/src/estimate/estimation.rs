@@ -8,28 +8,34 @@
 //! physical, the same fit of the flexible case creeps along curved valleys (`docs/decisions/0004-coordinates.md`).
 
 use crate::belief::covariance::{Unknown, analyse};
+use crate::estimate::approach::approach;
+use crate::estimate::descent::{Place, settle};
 use crate::estimate::estimator::Estimator;
-use crate::estimate::fit::{Evaluated, Fit, Reference};
+use crate::estimate::fit::{Evaluated, Reference};
 use crate::estimate::outcome::{Estimate, EstimateError, Estimated, RANK_TOLERANCE};
 use crate::estimate::request::Request;
 use crate::parameters::scale;
-use crate::parameters::transform::{Transform, TransformError};
-use ff_least_squares::{Criterion, EvalError, Linearise, LmError, Scale, Settings, Status, minimise_linearised};
+use ff_least_squares::{EvalError, LmError};
 use nalgebra::DMatrix;
 
-/// Longest step in affine coordinates. Coordinates are taken anew around every estimate, so that a step below 1
-/// always leads to physical values, and a body close to the boundary is approached, never crossed.
-const RADIUS: f64 = 0.5;
-/// Relative move below which it has no more to give.
+/// Relative move below which an anchor has no more to give.
 const ANCHOR_MOVED: f64 = 1e-10;
 
 /// Fits the selected parameters of `request` with `estimator`. Allocates the Jacobian and its factors, or the triangle alone
 /// ([`Request::jacobian`]).
 ///
 /// # Errors
-/// [`EstimateError`]. A fit that stalls or meets its iteration limit is returned with that
-/// [`Estimate::status`], not as an error.
+/// [`EstimateError`]; a fit that stalls or meets its iteration limit is [`EstimateError::Unfinished`], with where it got to.
 pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) -> Result<Estimate, EstimateError> {
+    attempt(request, estimator)?.ended()
+}
+
+/// As [`estimate()`], but a fit that has not ended is returned as far as it got. Its values are no estimates: look at
+/// [`Estimate::status`] first.
+///
+/// # Errors
+/// [`EstimateError`], never [`EstimateError::Unfinished`].
+pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) -> Result<Estimate, EstimateError> {
     if !request.loss.is_valid() {
         return Err(EstimateError::Loss(request.loss));
     }
@@ -108,121 +114,4 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
         iterations,
         residuals,
     })
-}
-
-/// Where a fit is: all parameters, nuisance unknowns over their sizes, and the linearisations it took.
-#[derive(Clone)]
-struct Place {
-    full: Vec<f64>,
-    nuisance: Vec<f64>,
-    iterations: usize,
-}
-
-/// Minimises from `place` on, with the coordinates taken anew at every step, and leaves it at the end. `references` are those of priors;
-/// an anchor is added and taken out again, and has no more to give when a step moves less than `still`.
-fn settle<E: Estimator + ?Sized>(
-    request: &Request<'_>,
-    estimator: &mut E,
-    sizes: &[f64],
-    references: &mut Vec<Reference>,
-    place: &mut Place,
-    evaluated: &mut Evaluated,
-    still: f64,
-) -> Result<(Transform, Status), EstimateError> {
-    let (n, priors_kept) = (request.selected.len(), references.len());
-    // The limit is that of a pass: cheap linearisations of thinner records do not use up those of all data.
-    let limit = place.iterations + request.settings.max_iterations;
-    let mut settings = Settings {
-        scale: Scale::Unit,
-        initial_radius: RADIUS,
-        max_radius: RADIUS,
-        max_iterations: 1,
-        acceleration: true,
-        // A chord is for those who have the rows at hand: without them it costs as much as a linearisation.
-        chord: !evaluated.folds(),
-        ..request.settings.clone()
-    };
-    let mut last = None;
-    let end = loop {
-        // Coordinates around the present estimate: linear in the bodies, scaled by them.
-        let transform = match (Transform::affine(request.decls, request.selected, &place.full), last.take()) {
-            (Ok(t), _) => t,
-            // The fit has pressed a body against the boundary of what is physical: that is the answer.
-            (Err(TransformError::Boundary { .. }), Some(t)) => {
-                break (t, Status::AtBound { at: Vec::new(), by: Criterion::Step });
-            }
-            (Err(e), _) => return Err(e.into()),
-        };
-        references.truncate(priors_kept);
-        if let Some(w) = request.anchor {
-            references.push(Reference::new(request.decls, request.selected, &place.full, w)?);
-        }
-        let mut x = transform.coordinates(&place.full)?;
-        x.extend_from_slice(&place.nuisance);
-        let full = place.full.clone();
-        let mut fit = Fit::new(request, &mut *estimator, &transform, references, sizes, (&x, &full), evaluated);
-        let solution = minimise_linearised(&mut fit, &x, &settings)?;
-        place.iterations += solution.iterations;
-        settings.initial_radius = solution.radius.min(RADIUS);
-        place.nuisance.copy_from_slice(&solution.x[n..]);
-        if solution.x[..n] != x[..n] {
-            transform.apply(&solution.x[..n], &mut place.full);
-        }
-        let moved = solution.x.iter().zip(&x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < still);
-        let over = place.iterations >= limit;
-        if settled || over || matches!(solution.status, Status::Stalled { .. }) {
-            break (transform, solution.status);
-        }
-        last = Some(transform);
-    };
-    references.truncate(priors_kept);
-    Ok(end)
-}
-
-/// Relative reduction of the cost below which a pass over less data has done its part: a hundred times that of the pass it is for,
-/// within these bounds.
-const APPROACHED: (f64, f64) = (1e-4, 1e-2);
-
-/// Takes the start to where less data say that the answer is, if there is such a look at them and all data agree that it is better there.
-/// What goes wrong on the way is no error: the start stays as it was.
-fn approach<E: Estimator + ?Sized>(
-    request: &Request<'_>,
-    estimator: &mut E,
-    sizes: &[f64],
-    references: &mut Vec<Reference>,
-    place: &mut Place,
-) {
-    let Some(mut thin) = estimator.coarse(&place.full) else { return };
-    let settings = Settings {
-        decrement_tolerance: (100.0 * request.settings.decrement_tolerance).clamp(APPROACHED.0, APPROACHED.1),
-        max_iterations: request.settings.max_iterations / 2,
-        ..request.settings.clone()
-    };
-    let lax = Request { settings, ..request.clone() };
-    let mut there = place.clone();
-    approach(&lax, &mut *thin.estimator, sizes, references, &mut there);
-    let threads = request.jacobian.threads(thin.estimator.rows(), request.selected.len() + sizes.len());
-    let mut evaluated = Evaluated::new(threads);
-    let end = settle(&lax, &mut *thin.estimator, sizes, references, &mut there, &mut evaluated, f64::INFINITY);
-    drop(thin);
-    place.iterations = there.iterations;
-    if !end.is_ok_and(|(_, status)| status.is_converged()) {
-        return;
-    }
-    let mut cost = |at: &Place| -> Option<f64> {
-        let transform = Transform::affine(request.decls, request.selected, &at.full).ok()?;
-        let mut x = transform.coordinates(&at.full).ok()?;
-        x.extend_from_slice(&at.nuisance);
-        let (mut new, origin) = (Evaluated::new(None), (&x[..], &at.full[..]));
-        let mut fit = Fit::new(request, &mut *estimator, &transform, references, sizes, origin, &mut new);
-        let mut r = Vec::new();
-        let tried = fit.residuals(&x, &mut r).ok()?;
-        tried.ok().map(|()| r.iter().map(|r| r * r).sum())
-    };
-    if let (Some(before), Some(after)) = (cost(place), cost(&there))
-        && after < before
-    {
-        *place = there;
-    }
 }

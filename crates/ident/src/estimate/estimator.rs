@@ -94,6 +94,12 @@ pub trait Estimator {
         let _ = full;
         None
     }
+    /// The same over the first `share` (0 to 1) of every record, if that is enough of it: where oscillations predicted and measured have
+    /// not yet slipped by a period, [`crate::estimate()`] finds the way that it does not find over the whole. `None` unless overridden.
+    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+        let _ = share;
+        None
+    }
 }
 
 /// What points to an estimator is one.
@@ -129,6 +135,9 @@ macro_rules! pointer {
             }
             fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
                 (**self).coarse(full)
+            }
+            fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+                (**self).beginning(share)
             }
         }
     };

@@ -1,7 +1,9 @@
 //! The fit, and the predictions of a record behind it.
 
+mod approach;
 pub(crate) mod complete;
 pub(crate) mod delay;
+mod descent;
 pub(crate) mod estimation;
 pub(crate) mod estimator;
 pub(crate) mod fit;
@@ -22,7 +24,7 @@ pub(crate) mod sensor_errors;
 pub(crate) mod setup;
 
 pub use complete::{Complete, CompleteOptions};
-pub use estimation::estimate;
+pub use estimation::{attempt, estimate};
 pub use estimator::{Coarse, Estimator};
 pub use ground::{Friction, Ground, GroundEstimate, NearRest, smoothed};
 pub use nuisance::{NuisanceError, NuisanceFit, fit_nuisance};

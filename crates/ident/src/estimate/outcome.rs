@@ -80,6 +80,20 @@ pub struct Estimate {
     pub residuals: Vec<f64>,
 }
 
+impl Estimate {
+    /// Whether the fit has ended at a minimum, bounded or not.
+    pub fn is_solution(&self) -> bool {
+        matches!(self.status, Status::Converged { .. } | Status::AtBound { .. })
+    }
+    /// Itself, if the fit has ended.
+    ///
+    /// # Errors
+    /// [`EstimateError::Unfinished`].
+    pub fn ended(self) -> Result<Self, EstimateError> {
+        if self.is_solution() { Ok(self) } else { Err(EstimateError::Unfinished(Box::new(self))) }
+    }
+}
+
 /// Why there is no estimate.
 ///
 /// ```
@@ -125,6 +139,12 @@ pub enum EstimateError {
     /// There is no start.
     #[error("no start was given; give at least one")]
     NoStart,
+    /// The fit stalled or met its iteration limit. Where it got to is no estimate; to go on from there, start there.
+    #[error("the fit has not ended at a minimum ({}) after {} linearisations, chi-squared per degree of freedom {:.4}; \
+        start nearer, or allow more iterations",
+        if matches!(.0.status, Status::IterationLimit) { "iteration limit" } else { "no step reduces the cost" },
+        .0.iterations, .0.chi2_per_dof)]
+    Unfinished(Box<Estimate>),
     /// The minimisation failed.
     #[error(transparent)]
     Minimise(#[from] LmError),

@@ -33,6 +33,8 @@ const LEAST_SAMPLES: usize = 200;
 /// Samples per period of the fastest mode, and longest interval (s), of a survey.
 const SURVEYED: f64 = 20.0;
 const COARSEST: f64 = 0.1;
+/// Samples that the beginning of a record needs at least.
+const BEGINNING: usize = 12;
 /// Beyond, a first pass would no longer be what takes the time.
 const THINNEST: usize = 10;
 
@@ -280,6 +282,20 @@ impl Estimator for OutputError<'_> {
         let rows = OutputRows { draws: self.rows.draws, ..rows };
         let thin = OutputError { rows, tables: self.tables.thinned(every), thinned: self.thinned + 1 };
         Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every) })
+    }
+    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+        let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
+        let samples = (share * record.samples() as f64) as usize;
+        if !record.is_uniform() || samples < BEGINNING || samples >= record.samples() {
+            return None;
+        }
+        let first = Cow::Owned(record.rows(0..samples));
+        let motion = self.tables.motion();
+        let rows = OutputRows::new(model, first, options.clone(), (kinematics.clone(), initial.clone()), motion);
+        let rows = OutputRows { draws: self.rows.draws, ..rows };
+        let count = rows.count();
+        let begun = OutputError { rows, tables: self.tables.beginning(samples), thinned: self.thinned };
+        Some(Coarse { estimator: Box::new(begun), rows: (0..count).collect() })
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         let (rows, tables) = (&self.rows, &mut self.tables);

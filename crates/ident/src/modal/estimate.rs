@@ -23,7 +23,7 @@
 //! springs and dampers, `det(l^2 H_p + l D + K) = 0` and `det(l^2 (H_p - H_bp^T H_b^-1 H_bp) + l D + K) = 0`.
 
 use crate::belief::covariance::Uncertainty;
-use crate::estimate::estimation::estimate;
+use crate::estimate::estimation::attempt;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::outcome::{Estimate, EstimateError};
 use crate::estimate::request::Request;
@@ -171,7 +171,7 @@ pub fn estimate_modal(request: &ModalRequest<'_>, fit: &ModalFit) -> Result<Moda
         let settled = key(&next) == key(&matching);
         matching = next;
         if settled || rounds == ROUNDS {
-            return Ok(ModalEstimate { estimate: found, matching, rounds });
+            return Ok(ModalEstimate { estimate: found.ended()?, matching, rounds });
         }
     }
 }
@@ -207,10 +207,10 @@ fn fit_pairs(
         prior_width: request.prior_width,
         // Fewer modes than parameters leave directions open: they stay where they are.
         anchor: if request.prior_width.is_none() { Some(10.0) } else { None },
-        settings: Settings { max_iterations: 100, cost_floor: 1e-14, ..Settings::default() },
+        settings: Settings { max_iterations: 400, cost_floor: 1e-14, gain_tolerance: 1e-6, ..Settings::default() },
         ..Request::new(request.decls, request.selected, request.start)
     };
-    Ok(estimate(&fit, &mut modes)?)
+    Ok(attempt(&fit, &mut modes)?)
 }
 
 /// Weight of each channel, and the measured shape times it.

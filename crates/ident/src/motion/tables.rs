@@ -82,6 +82,11 @@ impl Tables {
         let sampling = Sampling { samples: samples.div_ceil(every), sample_s: sample_s * every as f64, substeps: 1 };
         Self { sampling, kept: None, ..self.shared() }
     }
+    /// Of the first `samples` of the record: the same motion and steps.
+    pub(crate) fn beginning(&self, samples: usize) -> Self {
+        let sampling = Sampling { samples, ..self.sampling };
+        Self { sampling, ..self.shared() }
+    }
     /// The table of samples `span` for these parameters and displacements, with what the derivatives `wanted` need and one sample more
     /// unless they are the last: kept, or made for them.
     pub(crate) fn span(

@@ -9,7 +9,6 @@ use super::result::parameter::Parameter;
 use super::settings::Settings;
 use super::text::num;
 use super::unknowns::Unknowns;
-use ff_least_squares::Status;
 use ff_model::Model;
 use ident::checks::whiteness;
 use ident::compose::Shared;
@@ -238,11 +237,6 @@ pub(super) fn in_words(words: &str, size: &[ErrorSize]) -> String {
     format!("{words} ({})", parts.join(", "))
 }
 
-/// Whether a fit has ended at a minimum, bounded or not.
-pub(super) fn is_solution(e: &Estimate) -> bool {
-    matches!(e.status, Status::Converged { .. } | Status::AtBound { .. })
-}
-
 /// Part of what is left over that an error must account for to be said to explain it.
 const MOST: f64 = 0.8;
 
@@ -298,7 +292,7 @@ pub(super) fn evidence(
         named: tests.map(|t| t.named.clone()).unwrap_or_default(),
         ..Evidence::default()
     };
-    if !is_solution(e) {
+    if !e.is_solution() {
         out.reason = "the fit did not end at a solution".into();
         return out;
     }

@@ -71,6 +71,11 @@ impl Estimator for ObservedEstimator<'_> {
         let watched = ObservedEstimator { inner: thin.estimator, watch: self.watch, state: Rc::clone(&self.state) };
         Some(Coarse { estimator: Box::new(watched), ..thin })
     }
+    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+        let begun = self.inner.beginning(share)?;
+        let watched = ObservedEstimator { inner: begun.estimator, watch: self.watch, state: Rc::clone(&self.state) };
+        Some(Coarse { estimator: Box::new(watched), ..begun })
+    }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         self.go_on()?;
         self.inner.residuals(full, extra, r)?;

@@ -83,7 +83,7 @@ impl Report<'_> {
         let evidence = explain::evidence(self.tests, e, &whiteness, &parameters, self.settings);
         let first = &self.records[0].record;
         Ok(IdentificationResult {
-            status: Ended::of(&e.status, &names),
+            status: Ended::of(&e.status, &names, flattest(&e.data_only)),
             iterations: e.iterations,
             chi2_per_dof: e.chi2_per_dof,
             residuals: e.residuals.len(),
@@ -122,6 +122,11 @@ impl Report<'_> {
             )
         })
     }
+}
+
+/// The combination that data alone know least, in words.
+fn flattest(u: &Uncertainty) -> Option<String> {
+    u.null.first().or(u.weak.first()).map(ToString::to_string)
 }
 
 /// Every record, when there are several.

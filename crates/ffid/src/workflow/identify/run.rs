@@ -1,6 +1,7 @@
 //! One identification: unknowns, fit, reduction, identifiability, profiles, result.
 
 use super::adoption::Adopted;
+use super::elsewhere::{Subject, elsewhere};
 use super::error::{IdentifyError, config};
 use super::explain::{self, Ended};
 use super::findings::Minima;
@@ -20,17 +21,19 @@ use super::text;
 use super::unknowns::Unknowns;
 use crate::open::Opened;
 use ff_least_squares::Settings as Solver;
-use ff_model::{Area, ParamGroup, Problem, Problems};
+use ff_model::{Area, Problem, Problems};
 use ident::Estimator;
+use ident::Request;
 use ident::Several;
 use ident::compose::Shared;
 use ident::compose::best_of;
-use ident::estimate::Estimate;
-use ident::parameters::{random_start, wide_start};
-use ident::{Loss, Request, estimate};
+use ident::estimate::attempt;
+use ident::parameters::random_start;
 
 /// Pull that holds what neither data nor priors tell near where it is, relative.
 const ANCHOR: f64 = 10.0;
+/// Promised reduction of chi-squared below which a fit is at its end: a thirtieth of a standard deviation is left to go.
+const GAIN: f64 = 1e-3;
 /// Relative width of the draws of other starts.
 const SPREAD: f64 = 0.3;
 
@@ -86,13 +89,15 @@ pub fn identify(
         settings: Solver {
             max_iterations: settings.max_iterations,
             decrement_tolerance: 1e-10,
+            gain_tolerance: GAIN,
             cost_floor: 1e-13,
             ..Solver::default()
         },
         ..Request::new(&unknowns.decls, &unknowns.selected, &unknowns.start)
     };
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
-    let fitted = solve(&request, &unknowns, settings, options, &mut watched);
+    let subject = Subject { model, records, unknowns: &unknowns, settings, sigma: &sigma };
+    let fitted = solve(&request, &subject, options, &mut watched);
     let fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
     let values = unknowns.expand(&fitted.estimate.values)?;
     let silent = known::silent(model, &values, &unknowns, &fitted.full)?;
@@ -106,7 +111,7 @@ pub fn identify(
     }
     let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
     let end = Ended { model, shared: &shared, labels: &labels, unknowns: &unknowns, fitted: &fitted, values: &values };
-    let tests = if explain::is_solution(&fitted.estimate) { explain::tests(&end, &twins, settings)? } else { None };
+    let tests = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
     let tests = tests.as_ref();
     let unknowns = &unknowns;
     let report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
@@ -121,14 +126,14 @@ pub fn identify(
 /// Fits; from several starts, and again with fewer unknowns, when asked to.
 fn solve(
     request: &Request<'_>,
-    unknowns: &Unknowns,
-    s: &Settings,
+    of: &Subject<'_>,
     options: &FitOptions,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Result<Fitted, IdentifyError> {
+    let (unknowns, s) = (of.unknowns, of.settings);
     let (first, minima) = if options.more_starts == 0 {
-        let first = estimate(request, estimator)?;
-        (elsewhere(request, first, s, estimator), None)
+        let first = attempt(request, estimator)?;
+        (elsewhere(request, first, of, estimator), None)
     } else {
         let draw = |k: usize| {
             random_start(request.decls, request.start, request.selected, SPREAD, s.seed.wrapping_add(1 + k as u64))
@@ -152,7 +157,7 @@ fn solve(
         let (start, held) = known::held_at_mission(unknowns, &set, &out.estimate.values);
         set.values = held;
         let again = Request { selected: &selected, start: &start, priors, ..request.clone() };
-        out.estimate = estimate(&again, estimator)?;
+        out.estimate = attempt(&again, estimator)?;
         for (p, &i) in out.estimate.parameters.iter_mut().zip(&selected) {
             p.start = request.start[i];
         }
@@ -160,56 +165,4 @@ fn solve(
         out.reduced = Some(set);
     }
     Ok(out)
-}
-
-/// Chi-squared per degree of freedom from which a fit is taken to have ended in the wrong valley: residuals of twice the noise.
-const FAR: f64 = 4.0;
-/// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
-const VANISHED: f64 = 0.01;
-/// Other starts that are then tried over the thinned record.
-const OTHERS: u64 = 6;
-/// Promised relative reduction at which such a try has shown where it leads.
-const SHOWN: f64 = 1e-4;
-
-/// The fit, or a better one from another start when it does not explain the record, or a positive parameter has vanished in it: starts
-/// drawn around the first are fitted to the thinned record until one of them explains that; the best goes on over the whole. What fails
-/// on the way is no error: the fit stays.
-fn elsewhere(request: &Request<'_>, first: Estimate, s: &Settings, estimator: &mut ObservedEstimator<'_>) -> Estimate {
-    // Under a robust loss, what is left may be outliers.
-    let vanished = |&i: &usize| {
-        let d = &request.decls[i];
-        d.group == ParamGroup::Positive && first.values[i] < VANISHED * request.start[i]
-    };
-    let lost = first.chi2_per_dof > FAR || request.selected.iter().any(vanished);
-    if !lost || request.loss != Loss::Squares {
-        return first;
-    }
-    let mut best: Option<(f64, Vec<f64>)> = None;
-    {
-        let Some(mut thin) = estimator.coarse(request.start) else { return first };
-        let settings = Solver { decrement_tolerance: SHOWN, ..request.settings.clone() };
-        for k in 0..OTHERS {
-            let start = wide_start(request.decls, request.start, request.selected, s.seed.wrapping_add(1 + k));
-            let tried = Request { start: &start, settings: settings.clone(), ..request.clone() };
-            let Ok(e) = estimate(&tried, &mut *thin.estimator) else { continue };
-            let explains = e.chi2_per_dof < s.limit;
-            if best.as_ref().is_none_or(|b| e.objective < b.0) {
-                best = Some((e.objective, e.values));
-            }
-            if explains {
-                break;
-            }
-        }
-    }
-    let Some((_, start)) = best else { return first };
-    match estimate(&Request { start: &start, centre: Some(request.start), ..request.clone() }, estimator) {
-        Ok(mut e) if e.objective < first.objective => {
-            e.iterations += first.iterations;
-            for (p, &i) in e.parameters.iter_mut().zip(request.selected) {
-                p.start = request.start[i];
-            }
-            e
-        }
-        _ => first,
-    }
 }

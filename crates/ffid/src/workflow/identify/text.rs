@@ -87,6 +87,11 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
             out.push(format!("{} {words}: {}.", all.len(), ff_model::diagnostics::list(all.iter().copied(), 12)));
         }
     }
+    if let Ended::Flat { along } = &r.status {
+        out.push(format!(
+            "The fit has a flat direction: going on along it gains nothing that the noise would not. It is {along}."
+        ));
+    }
     out.extend(conflicts(&r.prior_conflicts));
     let rms = r.chi2_per_dof.sqrt();
     out.push(if r.method == Method::Ground {

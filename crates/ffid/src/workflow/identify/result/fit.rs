@@ -1,6 +1,6 @@
 //! Method and end of a fit in a result.
 
-use ff_least_squares::Status;
+use ff_least_squares::{Criterion, Status};
 use serde::{Deserialize, Serialize};
 
 /// How a record is predicted.
@@ -21,6 +21,12 @@ pub enum Method {
 pub enum Ended {
     /// At a minimum.
     Converged,
+    /// At a minimum that is flat: going on along the named combination gains nothing that the noise would not. The other parameters are
+    /// estimates.
+    Flat {
+        /// The combination that the data know least, in the names of the parameters.
+        along: String,
+    },
     /// At a minimum of a bounded problem; the named parameters want to leave their bounds.
     AtBound {
         /// Their names; empty when a body is at the boundary of what is physical.
@@ -36,8 +42,10 @@ pub enum Ended {
 }
 
 impl Ended {
-    pub(in crate::workflow::identify) fn of(s: &Status, names: &[String]) -> Self {
+    /// `flattest` is the combination that the data know least.
+    pub(in crate::workflow::identify) fn of(s: &Status, names: &[String], flattest: Option<String>) -> Self {
         match s {
+            Status::Converged { by: Criterion::Flat } => Self::Flat { along: flattest.unwrap_or_default() },
             Status::Converged { .. } => Self::Converged,
             Status::AtBound { at, .. } => {
                 Self::AtBound { at: at.iter().filter_map(|&i| names.get(i).cloned()).collect() }
@@ -48,7 +56,7 @@ impl Ended {
     }
     /// True for a minimum, bounded or not.
     pub fn is_solution(&self) -> bool {
-        matches!(self, Self::Converged | Self::AtBound { .. })
+        matches!(self, Self::Converged | Self::Flat { .. } | Self::AtBound { .. })
     }
 }
 
@@ -56,6 +64,7 @@ impl std::fmt::Display for Ended {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Converged => f.write_str("converged"),
+            Self::Flat { along } => write!(f, "converged, with a flat direction: {along}"),
             Self::AtBound { at } if at.is_empty() => f.write_str("a body reached the boundary of what is physical"),
             Self::AtBound { at } => write!(f, "converged with {} at a bound", at.join(", ")),
             Self::Stalled { promised } => write!(f, "stalled (a reduction of {promised:.1e} still promised)"),

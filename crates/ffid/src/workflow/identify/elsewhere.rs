@@ -1,0 +1,194 @@
+//! Other starts for a fit that ended in the wrong valley.
+//!
+//! A record of oscillations has minima beside the right one: a spring whose mode lies between two lines of the spectrum is drawn to the
+//! wrong one, and the line it should have explained is left over in the residuals. So the first other starts are those that put a mode of
+//! the model where the residuals have their power, and only then come random ones.
+
+use super::labelled_record::LabelledRecord;
+use super::observed_estimator::ObservedEstimator;
+use super::settings::Settings;
+use super::signals::Signals;
+use super::unknowns::Unknowns;
+use ff_dynamics::analysis::{Boundary, modes};
+use ff_least_squares::Settings as Solver;
+use ff_model::{Model, ParamGroup, Params};
+use ident::checks::whiteness;
+use ident::estimate::{Estimate, attempt};
+use ident::parameters::wide_start;
+use ident::{Estimator, Loss, Request};
+
+/// Deviations of chi-squared per degree of freedom (`sqrt(2 / dof)`) above one at which a fit is taken to have ended in the wrong valley:
+/// chance does not, what errors of the model leave may.
+const FAR: f64 = 10.0;
+/// Chi-squared per degree of freedom from which random starts are tried as well: residuals of twice the noise.
+const WIDE: f64 = 4.0;
+/// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
+const VANISHED: f64 = 0.01;
+/// Starts drawn at random.
+const RANDOM: u64 = 6;
+/// Starts at lines of the residuals, at most.
+const AIMED: usize = 10;
+/// Lines of the residuals that are aimed at.
+const LINES: usize = 3;
+/// `p` of Smirnov below which the power of a channel counts.
+const POWER: f64 = 1e-4;
+/// Frequencies closer than this ratio are one.
+const ONE_LINE: f64 = 1.12;
+/// Factors on a stiffness that are tried.
+const FACTORS: (f64, f64) = (1.0 / 30.0, 30.0);
+/// Change of a stiffness that shows which mode it belongs to.
+const NUDGE: f64 = 1.05;
+/// Promised relative reduction at which a try has shown where it leads.
+const SHOWN: f64 = 1e-4;
+/// Linearisations of a pass after which it leads nowhere.
+const MOST: usize = 20;
+
+/// What a fit was of.
+pub(super) struct Subject<'a> {
+    pub(super) model: &'a Model,
+    pub(super) records: &'a [LabelledRecord],
+    pub(super) unknowns: &'a Unknowns,
+    pub(super) settings: &'a Settings,
+    /// Standard deviation of every channel of a sample.
+    pub(super) sigma: &'a [f64],
+}
+
+/// The fit, or a better one from another start when it does not explain the record, or a positive parameter has vanished in it: starts
+/// that put a mode where power is left over, then random ones, are fitted to the thinned record until one of them explains that; the best
+/// goes on over the whole. What fails on the way is no error: the fit stays.
+pub(super) fn elsewhere(
+    request: &Request<'_>,
+    first: Estimate,
+    of: &Subject<'_>,
+    estimator: &mut ObservedEstimator<'_>,
+) -> Estimate {
+    // Under a robust loss, what is left may be outliers.
+    if request.loss != Loss::Squares || explains(&first) && !vanished(request, &first) {
+        return first;
+    }
+    let Some(start) = best_start(request, &first, of, estimator) else { return first };
+    match attempt(&Request { start: &start, centre: Some(request.start), ..request.clone() }, estimator) {
+        Ok(mut e) if e.objective < first.objective => {
+            e.iterations += first.iterations;
+            for (p, &i) in e.parameters.iter_mut().zip(request.selected) {
+                p.start = request.start[i];
+            }
+            e
+        }
+        _ => first,
+    }
+}
+
+/// Whether a positive parameter is gone.
+fn vanished(request: &Request<'_>, e: &Estimate) -> bool {
+    let gone = |&i: &usize| request.decls[i].group == ParamGroup::Positive && e.values[i] < VANISHED * request.start[i];
+    request.selected.iter().any(gone)
+}
+
+fn explains(e: &Estimate) -> bool {
+    e.chi2_per_dof < 1.0 + FAR * (2.0 / e.residuals.len().max(1) as f64).sqrt()
+}
+
+/// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended.
+fn best_start(
+    request: &Request<'_>,
+    first: &Estimate,
+    of: &Subject<'_>,
+    estimator: &mut ObservedEstimator<'_>,
+) -> Option<Vec<f64>> {
+    let mut starts = aimed(request, first, of);
+    if first.chi2_per_dof > WIDE || vanished(request, first) {
+        let seed = |k: u64| of.settings.seed.wrapping_add(1 + k);
+        starts.extend((0..RANDOM).map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
+    }
+    let thin = estimator.coarse(request.start)?;
+    let mut thin = thin.estimator;
+    let max_iterations = MOST.min(request.settings.max_iterations);
+    let settings = Solver { decrement_tolerance: SHOWN, max_iterations, ..request.settings.clone() };
+    let mut lead = |start: &[f64]| {
+        let tried = Request { start, centre: Some(request.start), settings: settings.clone(), ..request.clone() };
+        attempt(&tried, &mut *thin)
+    };
+    // What the thinned record makes of the end itself is the first, and what the others are measured by.
+    let mut best = (f64::INFINITY, None);
+    for start in std::iter::once(first.values.clone()).chain(starts) {
+        let Ok(e) = lead(&start) else { continue };
+        let done = explains(&e);
+        if e.objective < best.0 {
+            best = (e.objective, Some(e.values));
+        }
+        if done {
+            break;
+        }
+    }
+    best.1
+}
+
+/// Starts from the end of a fit with one stiffness changed, so that its mode comes to a line of the residuals: the strongest line
+/// first, and of the springs the one that the record tells least.
+fn aimed(request: &Request<'_>, first: &Estimate, of: &Subject<'_>) -> Vec<Vec<f64>> {
+    let lines = lines(first, of);
+    let Some(here) = (if lines.is_empty() { None } else { frequencies(of, &first.values) }) else {
+        return Vec::new();
+    };
+    let mut found: Vec<(usize, f64, Vec<f64>)> = Vec::new();
+    for (&i, p) in request.selected.iter().zip(&first.parameters) {
+        if !matches!(request.decls[i].unit, "N m/rad" | "N/m") {
+            continue;
+        }
+        let mut nudged = first.values.clone();
+        nudged[i] *= NUDGE;
+        let Some(there) = frequencies(of, &nudged) else { continue };
+        let gain = |k: usize| (there[k] / here[k]).ln();
+        let Some(own) = (0..here.len().min(there.len())).max_by(|&a, &b| gain(a).total_cmp(&gain(b))) else { continue };
+        let told = p.std.map_or(0.0, |std| (p.value / std).abs());
+        for (rank, line) in lines.iter().enumerate() {
+            let by = (line / here[own]).powi(2);
+            if by.ln().abs() > ONE_LINE.ln() && (FACTORS.0..FACTORS.1).contains(&by) {
+                let mut start = first.values.clone();
+                start[i] *= by;
+                found.push((rank, told, start));
+            }
+        }
+    }
+    found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    found.into_iter().take(AIMED).map(|(_, _, start)| start).collect()
+}
+
+/// Where the residuals have the most power above the noise (Hz), the strongest first.
+fn lines(first: &Estimate, of: &Subject<'_>) -> Vec<f64> {
+    let mut found = Vec::new();
+    let mut at = 0;
+    for t in of.records {
+        let rows = t.record.samples() * of.sigma.len();
+        let Some(part) = first.residuals.get(at..at + rows) else { break };
+        at += rows;
+        let signals = Signals::of(of.model, &t.record, part, of.sigma);
+        for (k, sigma) in of.sigma.iter().enumerate() {
+            let whitened: Vec<f64> = signals.residual(k).iter().map(|r| r / sigma).collect();
+            if let Ok(c) = whiteness::check(&signals.names[k], &whitened, t.record.rate_hz(), &[])
+                && c.excess_p < POWER
+            {
+                found.push((c.mean_square, c.peak_hz));
+            }
+        }
+    }
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut out: Vec<f64> = Vec::new();
+    for (_, hz) in found {
+        if hz > 0.0 && out.iter().all(|o| (hz / o).ln().abs() > ONE_LINE.ln()) {
+            out.push(hz);
+        }
+    }
+    out.truncate(LINES);
+    out
+}
+
+/// Natural frequencies (Hz), ascending, at the first pose of the first record.
+fn frequencies(of: &Subject<'_>, values: &[f64]) -> Option<Vec<f64>> {
+    let params = Params::from_values(of.model, of.unknowns.expand(values).ok()?);
+    let q: Vec<f64> = of.records.first()?.record.q().row(0).iter().copied().collect();
+    let rest = of.model.rest_position(&params);
+    let found = modes(of.model, &params, &q, &rest, Boundary::JointsHeld).ok()?;
+    Some(found.iter().map(|m| m.frequency_hz).collect())
+}

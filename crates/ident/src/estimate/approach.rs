@@ -1,0 +1,151 @@
+//! The way to the answer over less data: a thinned record, and parts of it that grow from its beginning.
+
+use crate::estimate::descent::{Place, settle};
+use crate::estimate::estimator::Estimator;
+use crate::estimate::fit::{Evaluated, Fit, Reference};
+use crate::estimate::request::Request;
+use crate::parameters::transform::Transform;
+use ff_least_squares::{Linearise, Settings, Status};
+
+/// Relative reduction of the cost below which a pass over less data has done its part: a hundred times that of the pass it is for,
+/// within these bounds.
+const APPROACHED: (f64, f64) = (1e-4, 1e-2);
+/// Promised reduction of chi-squared below which it has, too.
+const APPROACHED_GAIN: f64 = 0.03;
+
+/// Linearisations after which a first pass that has not ended is taken to be lost in a valley, and is led there over growing parts of
+/// the record. Passes that find their way take fewer.
+const LOST: usize = 12;
+/// Mean squared residual from which its end does not explain the data, and it is led as well.
+const UNEXPLAINED: f64 = 4.0;
+/// Parts of the record it is led over.
+const PARTS: [f64; 4] = [0.0625, 0.125, 0.25, 0.5];
+/// Linearisations of each of them.
+const PART_STEPS: usize = 15;
+/// Relative width that what a part of the record leaves open is held to around its start.
+const PART_WIDTH: f64 = 1.0;
+
+/// Takes the start to where less data say that the answer is, if there is such a look at them and all data agree that it is better there.
+/// What goes wrong on the way is no error: the start stays as it was.
+pub(super) fn approach<E: Estimator + ?Sized>(
+    request: &Request<'_>,
+    estimator: &mut E,
+    sizes: &[f64],
+    references: &mut Vec<Reference>,
+    place: &mut Place,
+) {
+    let Some(mut thin) = estimator.coarse(&place.full) else { return };
+    let statistics = if request.settings.gain_tolerance > 0.0 { APPROACHED_GAIN } else { 0.0 };
+    let settings = Settings {
+        decrement_tolerance: (100.0 * request.settings.decrement_tolerance).clamp(APPROACHED.0, APPROACHED.1),
+        gain_tolerance: request.settings.gain_tolerance.max(statistics),
+        max_iterations: request.settings.max_iterations / 2,
+        ..request.settings.clone()
+    };
+    let lax = Request { settings, ..request.clone() };
+    let mut there = place.clone();
+    let coarsest = thin.estimator.coarse(&place.full).is_none();
+    let thinner: &mut dyn Estimator = &mut *thin.estimator;
+    if coarsest {
+        lead(&lax, thinner, sizes, references, &mut there);
+    } else {
+        approach(&lax, thinner, sizes, references, &mut there);
+    }
+    let end = pass(&lax, thinner, sizes, references, &mut there);
+    drop(thin);
+    place.iterations = there.iterations;
+    // Where the pass got to counts, even where it did not get to its end: all data decide.
+    if end.is_some() {
+        *place = better(request, estimator, sizes, references, [place.clone(), there]);
+    }
+}
+
+/// One pass over less data from `place`; none when it fails.
+fn pass(
+    request: &Request<'_>,
+    estimator: &mut dyn Estimator,
+    sizes: &[f64],
+    references: &mut Vec<Reference>,
+    place: &mut Place,
+) -> Option<Status> {
+    let threads = request.jacobian.threads(estimator.rows(), request.selected.len() + sizes.len());
+    let mut evaluated = Evaluated::new(threads);
+    let end = settle(request, estimator, sizes, references, place, &mut evaluated, f64::INFINITY);
+    end.ok().map(|(_, status)| status)
+}
+
+/// A first pass over `estimator` from `place`. When it has not ended after [`LOST`] linearisations, or at what does not explain the data
+/// ([`UNEXPLAINED`]), oscillations predicted and measured have slipped by periods: parts of the record that grow from its beginning lead
+/// there from the same start, and the better end counts.
+fn lead(
+    request: &Request<'_>,
+    estimator: &mut dyn Estimator,
+    sizes: &[f64],
+    references: &mut Vec<Reference>,
+    place: &mut Place,
+) {
+    let of = |max_iterations: usize| {
+        let settings = Settings { max_iterations, ..request.settings.clone() };
+        Request { settings, ..request.clone() }
+    };
+    let mut direct = place.clone();
+    let end = pass(&of(LOST.min(request.settings.max_iterations)), estimator, sizes, references, &mut direct);
+    let ended = end.is_some_and(|s| s != Status::IterationLimit);
+    let left = cost(request, estimator, sizes, references, &direct).unwrap_or(f64::INFINITY);
+    let explains = left < UNEXPLAINED * estimator.rows() as f64;
+    if ended && explains || request.settings.max_iterations <= LOST {
+        *place = direct;
+        return;
+    }
+    let mut led = Place { iterations: direct.iterations, ..place.clone() };
+    for share in PARTS {
+        let Some(mut begun) = estimator.beginning(share) else { continue };
+        let kept = references.len();
+        references.extend(Reference::new(request.decls, request.selected, &led.full, PART_WIDTH).ok());
+        let short = Request { anchor: None, ..of(PART_STEPS.min(request.settings.max_iterations)) };
+        let mut on = led.clone();
+        let end = pass(&short, &mut *begun.estimator, sizes, references, &mut on);
+        references.truncate(kept);
+        led.iterations = on.iterations;
+        if end.is_some() {
+            led = on;
+        }
+    }
+    let end = pass(&of(LOST.min(request.settings.max_iterations)), estimator, sizes, references, &mut led);
+    direct.iterations = led.iterations;
+    *place = if end.is_some() { better(request, estimator, sizes, references, [direct, led]) } else { direct };
+}
+
+/// That of two places where all data of the estimator say that the cost is lower; the first where they do not say.
+fn better<E: Estimator + ?Sized>(
+    request: &Request<'_>,
+    estimator: &mut E,
+    sizes: &[f64],
+    references: &[Reference],
+    [here, there]: [Place; 2],
+) -> Place {
+    let before = cost(request, estimator, sizes, references, &here);
+    match (before, cost(request, estimator, sizes, references, &there)) {
+        (Some(before), Some(after)) if after >= before => here,
+        (_, Some(_)) => there,
+        (_, None) => here,
+    }
+}
+
+/// Sum of squared residuals at a place, those of priors and references included; none where it cannot be evaluated.
+fn cost<E: Estimator + ?Sized>(
+    request: &Request<'_>,
+    estimator: &mut E,
+    sizes: &[f64],
+    references: &[Reference],
+    at: &Place,
+) -> Option<f64> {
+    let transform = Transform::affine(request.decls, request.selected, &at.full).ok()?;
+    let mut x = transform.coordinates(&at.full).ok()?;
+    x.extend_from_slice(&at.nuisance);
+    let (mut new, origin) = (Evaluated::new(None), (&x[..], &at.full[..]));
+    let mut fit = Fit::new(request, estimator, &transform, references, sizes, origin, &mut new);
+    let mut r = Vec::new();
+    let tried = fit.residuals(&x, &mut r).ok()?;
+    tried.ok().map(|()| r.iter().map(|r| r * r).sum())
+}

@@ -1,0 +1,149 @@
+//! The way down: linearisations with coordinates taken anew at each, until one of the ends is reached.
+
+use crate::estimate::estimator::Estimator;
+use crate::estimate::fit::{Evaluated, Fit, Reference};
+use crate::estimate::outcome::EstimateError;
+use crate::estimate::request::Request;
+use crate::parameters::scale;
+use crate::parameters::transform::{Transform, TransformError};
+use ff_least_squares::{Criterion, Scale, Settings, Solution, Status, minimise_linearised};
+use ff_model::{ParamDecl, ParamGroup};
+
+/// Longest step in affine coordinates. Coordinates are taken anew around every estimate, so that a step below 1
+/// always leads to physical values, and a body close to the boundary is approached, never crossed.
+const RADIUS: f64 = 0.5;
+/// Steps of full length in a row that gain next to nothing, after which a fit is at the end of a flat direction or at the edge of
+/// what is physical. What is next to nothing: so many times [`Settings::gain_tolerance`].
+const FLAT_STEPS: usize = 3;
+/// See [`FLAT_STEPS`].
+const FLAT_GAIN: f64 = 10.0;
+/// Relative physical change of such a step below which a body presses against the edge: steps are measured by what is left of it.
+const EDGE_MOVED: f64 = 0.05;
+/// Part of a positive parameter that a step leaves of it at least.
+const LEAST_PART: f64 = 0.1;
+/// Factor on the start of a positive parameter that a pass over less data keeps it within. Where oscillations have slipped, a spring or
+/// a damper that vanishes, or stiffens a thousandfold, explains more than one that is near the truth, and steps do not lead back.
+const RANGE: f64 = 30.0;
+/// Part of its start below which a positive parameter is at its bound, zero.
+const EDGE_VALUE: f64 = 1e-3;
+
+/// Where a fit is: all parameters, nuisance unknowns over their sizes, and the linearisations it took.
+#[derive(Clone)]
+pub(super) struct Place {
+    pub(super) full: Vec<f64>,
+    pub(super) nuisance: Vec<f64>,
+    pub(super) iterations: usize,
+}
+
+/// Minimises from `place` on, with the coordinates taken anew at every step, and leaves it at the end. `references` are those of priors;
+/// an anchor is added and taken out again, and has no more to give when a step moves less than `still`: infinite for a pass over less
+/// data, which keeps positive parameters within [`RANGE`] of their start.
+pub(super) fn settle<E: Estimator + ?Sized>(
+    request: &Request<'_>,
+    estimator: &mut E,
+    sizes: &[f64],
+    references: &mut Vec<Reference>,
+    place: &mut Place,
+    evaluated: &mut Evaluated,
+    still: f64,
+) -> Result<(Transform, Status), EstimateError> {
+    let (n, priors_kept) = (request.selected.len(), references.len());
+    // The limit is that of a pass: cheap linearisations of thinner records do not use up those of all data.
+    let limit = place.iterations + request.settings.max_iterations;
+    let mut settings = Settings {
+        scale: Scale::Unit,
+        initial_radius: RADIUS,
+        max_radius: RADIUS,
+        max_iterations: 1,
+        acceleration: true,
+        // A chord is for those who have the rows at hand: without them it costs as much as a linearisation.
+        chord: !evaluated.folds(),
+        ..request.settings.clone()
+    };
+    let mut last = None;
+    let mut flat_steps = 0;
+    let end = loop {
+        // Coordinates around the present estimate: linear in the bodies, scaled by them.
+        let transform = match (Transform::affine(request.decls, request.selected, &place.full), last.take()) {
+            (Ok(t), _) => t.scaled_at_least(request.start),
+            // The fit has pressed a body against the boundary of what is physical: that is the answer.
+            (Err(TransformError::Boundary { .. }), Some(t)) => {
+                break (t, Status::AtBound { at: Vec::new(), by: Criterion::Step });
+            }
+            (Err(e), _) => return Err(e.into()),
+        };
+        references.truncate(priors_kept);
+        if let Some(w) = request.anchor {
+            references.push(Reference::new(request.decls, request.selected, &place.full, w)?);
+        }
+        let mut x = transform.coordinates(&place.full)?;
+        let range = if still.is_finite() { f64::INFINITY } else { RANGE };
+        settings.bounds = positive_bounds(&transform, &x, &transform.coordinates(request.start)?, range, sizes.len());
+        x.extend_from_slice(&place.nuisance);
+        let full = place.full.clone();
+        let mut fit = Fit::new(request, &mut *estimator, &transform, references, sizes, (&x, &full), evaluated);
+        let solution = minimise_linearised(&mut fit, &x, &settings)?;
+        place.iterations += solution.iterations;
+        settings.initial_radius = solution.radius.min(RADIUS);
+        place.nuisance.copy_from_slice(&solution.x[n..]);
+        if solution.x[..n] != x[..n] {
+            transform.apply(&solution.x[..n], &mut place.full);
+        }
+        let moved = solution.x.iter().zip(&x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < still);
+        let over = place.iterations >= limit;
+        let emptied = emptied(request, &place.full);
+        flat_steps = if gains_nothing(&solution, &settings, !emptied.is_empty()) { flat_steps + 1 } else { 0 };
+        if flat_steps == FLAT_STEPS && !settled {
+            let status = flat_end(request, &full, &place.full, emptied);
+            break (transform, status);
+        }
+        // At the bounds of a pass over less data: nothing that may still move wants to.
+        let held = solution.iterations == 0 && matches!(solution.status, Status::AtBound { .. });
+        if settled || over || held || matches!(solution.status, Status::Stalled { .. }) {
+            break (transform, solution.status);
+        }
+        last = Some(transform);
+    };
+    references.truncate(priors_kept);
+    Ok(end)
+}
+
+/// Bounds of a step from `x`: positive parameters fall to no less than [`LEAST_PART`] of what they are, so that no step leaves them behind
+/// zero, and stay within a factor `range` of the `start`.
+fn positive_bounds(transform: &Transform, x: &[f64], start: &[f64], range: f64, nuisance: usize) -> Vec<(f64, f64)> {
+    let free = (f64::NEG_INFINITY, f64::INFINITY);
+    let one = |((d, x), start): ((&ParamDecl, &f64), &f64)| match d.group {
+        ParamGroup::Positive => ((LEAST_PART * x).max(start / range).min(*x), (start * range).max(*x)),
+        _ => free,
+    };
+    let parameters = transform.decls().iter().zip(x).zip(start).map(one);
+    parameters.chain(std::iter::repeat_n(free, nuisance)).collect()
+}
+
+/// Positive parameters that are at zero against their start, by their place among those selected.
+fn emptied(request: &Request<'_>, at: &[f64]) -> Vec<usize> {
+    let zero = |&i: &usize| request.decls[i].group == ParamGroup::Positive && at[i] < EDGE_VALUE * request.start[i];
+    request.selected.iter().enumerate().filter(|(_, i)| zero(i)).map(|(k, _)| k).collect()
+}
+
+/// Whether the last step was as long as steps may be, or at the bound of a parameter (`bound`), and gained next to nothing all the same.
+fn gains_nothing(solution: &Solution, settings: &Settings, bound: bool) -> bool {
+    let Some(step) = solution.history.last() else { return false };
+    let noise = (2.0 * solution.cost / solution.residuals.len().max(1) as f64).min(1.0);
+    let least = FLAT_GAIN * settings.gain_tolerance * noise;
+    let full = step.lambda > 0.0 && step.radius >= RADIUS;
+    step.accepted && (full || bound) && 2.0 * (step.cost - solution.cost).abs() < least
+}
+
+/// How a fit has ended whose full steps gain nothing, the last of them between these values: at the edge of what is physical, with the
+/// parameters `emptied` at zero, or along a flat direction.
+fn flat_end(request: &Request<'_>, before: &[f64], after: &[f64], emptied: Vec<usize>) -> Status {
+    let sizes = scale::sizes(request.decls, after);
+    let moved = |i: usize| (after[i] - before[i]).abs() > EDGE_MOVED * sizes[i];
+    let others = request.selected.iter().enumerate().filter(|(k, _)| !emptied.contains(k));
+    if emptied.is_empty() && others.map(|(_, &i)| i).any(moved) {
+        return Status::Converged { by: Criterion::Flat };
+    }
+    Status::AtBound { at: emptied, by: Criterion::Flat }
+}
