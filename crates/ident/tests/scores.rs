@@ -91,6 +91,7 @@ fn end<'a>(values: &'a [f64], base: &'a [(Vec<(usize, f64)>, f64)]) -> EndOfFit<
         extra: &[0.0; 4],
         selected: &[0, 1, 2],
         base,
+        asked: &[0, 1, 2],
         residuals: None,
         priors: (DMatrix::zeros(0, 3), Vec::new()),
     }

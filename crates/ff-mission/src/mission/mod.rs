@@ -60,6 +60,7 @@ pub(crate) mod robot;
 pub mod schema;
 pub(crate) mod select;
 pub(crate) mod settings;
+pub(crate) mod uncertain;
 pub(crate) mod values;
 
 pub use appendage::{AppendageSpec, Mount};
@@ -69,6 +70,7 @@ pub use input::{Course, Effort, InputSpec, PulseSpec, SampleSpec, Thrust, Wrench
 pub use limits::{KeepOut, Limits, PointingLimit};
 pub use robot::{Rigid, RigidBody, Robot};
 pub use settings::{Encoder, Estimate, Gyro, Reproduce, Sensors, Torque};
+pub use uncertain::{Uncertain, named_by};
 
 use crate::leniency::Leniency;
 use crate::lines::LineIndex;
@@ -92,6 +94,7 @@ use settings::{ESTIMATE, REPRODUCE, SENSORS};
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::de::DeTable;
+use uncertain::UNCERTAIN;
 
 /// Largest mission file read (bytes).
 pub const MAX_BYTES: usize = 1 << 20;
@@ -108,6 +111,7 @@ const ROOT: &[Key] = &[
     key("appendage", Holds::Appendages(APPENDAGE), "what hangs on the robot: panels, fuel, wheels"),
     key("input", Holds::TablesOf(INPUTS), "what acts in ffid simulate"),
     key("sensors", Holds::Table(SENSORS), "rate and noise of the sensors"),
+    key("uncertain", Holds::Tables(UNCERTAIN), "what is not known exactly: masses, placements, parameters"),
     key("limits", Holds::Table(LIMITS), "what planned motion must keep to"),
     key("estimate", Holds::Table(ESTIMATE), "what is identified, and from which start"),
     key("excite", Holds::Table(EXCITE), "the manoeuvre that is planned"),
@@ -153,6 +157,8 @@ pub struct Mission {
     pub inputs: Vec<InputSpec>,
     /// `[sensors]`.
     pub sensors: Sensors,
+    /// `[[uncertain]]`, in order: what is not known exactly.
+    pub uncertain: Vec<Uncertain>,
     /// `[limits]`.
     pub limits: Limits,
     /// `[estimate]`.
@@ -366,6 +372,14 @@ fn read(
         })
         .collect();
     let sensors = root.table("sensors").map(|t| Sensors::read(&t)).unwrap_or_default();
+    let uncertain: Vec<(Table<'_, '_>, Uncertain)> = root
+        .tables("uncertain")
+        .into_iter()
+        .map(|t| {
+            let u = Uncertain::read(&t);
+            (t, u)
+        })
+        .collect();
     let limits = root.table("limits").map(|t| Limits::read(&t)).unwrap_or_default();
     let estimate_table = root.table("estimate");
     let estimate = estimate_table.as_ref().map(Estimate::read).unwrap_or_default();
@@ -423,6 +437,10 @@ fn read(
         i.check(&frames, &model, complete, t);
     }
     let inputs = inputs.into_iter().filter_map(|(_, i)| i).collect();
+    if complete {
+        uncertain.iter().for_each(|(t, u)| u.check(&model, t));
+    }
+    let uncertain = uncertain.into_iter().map(|(_, u)| u).collect();
     let mut estimated = Vec::new();
     // With an appendage missing, patterns for its parameters would be reported as well.
     if let (Some(t), true) = (&estimate_table, complete) {
@@ -439,8 +457,19 @@ fn read(
         check_reproduce(r, &model, t);
     }
     let clients = clients.into_iter().filter_map(|(_, c)| c).collect();
-    let mission =
-        Mission { robot, clients, appendages, inputs, sensors, limits, estimate, excite, reproduce, parameters };
+    let mission = Mission {
+        robot,
+        clients,
+        appendages,
+        inputs,
+        sensors,
+        uncertain,
+        limits,
+        estimate,
+        excite,
+        reproduce,
+        parameters,
+    };
     Some(Loaded { mission, model, estimated, excited, end_effector, warnings: Problems::default() })
 }
 

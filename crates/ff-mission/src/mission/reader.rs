@@ -266,6 +266,17 @@ impl<'d, 't> Table<'d, 't> {
             _ => Some(x),
         }
     }
+    /// True or false.
+    pub(super) fn flag(&self, key: &'static str) -> Option<bool> {
+        let (_, v) = self.get(key, |h| h == Holds::Flag)?;
+        match v.get_ref() {
+            DeValue::Boolean(b) => Some(*b),
+            other => {
+                self.mismatch(v.span(), &self.name_of(key), other, "true or false");
+                None
+            }
+        }
+    }
     /// The whole number of a key, if it is above `limit`; reports nothing.
     pub(super) fn newer_than(&self, key: &str, limit: u64) -> Option<u64> {
         match self.table.get(key)?.get_ref() {

@@ -27,6 +27,10 @@ pub struct Torque {
     pub bias_nm: f64,
     /// `lsb_nm`: quantisation step (N m); 0 for none.
     pub lsb_nm: f64,
+    /// `gain_relative_std`: standard deviation of the gain of each sensor; exact unless given.
+    pub gain_relative_std: Option<f64>,
+    /// `gain_common_relative_std`: of the gain of all of them together; exact unless given.
+    pub gain_common_relative_std: Option<f64>,
 }
 
 /// Section `[sensors.gyro]`; all keys default to zero.
@@ -38,6 +42,10 @@ pub struct Gyro {
     pub bias_rad_per_s: f64,
     /// `lsb_rad_per_s`: quantisation step (rad/s); 0 for none.
     pub lsb_rad_per_s: f64,
+    /// `scale_relative_std`: standard deviation of the scale of each axis; exact unless given.
+    pub scale_relative_std: Option<f64>,
+    /// `misalignment_std_rad`: of its rotation against the base, about every axis (rad); exact unless given.
+    pub misalignment_std_rad: Option<f64>,
 }
 
 /// Section `[sensors.encoder]`; numbers default to zero.
@@ -49,6 +57,8 @@ pub struct Encoder {
     pub bias_rad: f64,
     /// `bits`: steps per turn are `2^bits`, 1 to 52; no quantisation unless given.
     pub bits: Option<u32>,
+    /// `offset_std_rad`: standard deviation of the zero of each joint (rad); exact unless given.
+    pub offset_std_rad: Option<f64>,
 }
 
 /// Keys of `[sensors]`.
@@ -63,12 +73,16 @@ const TORQUE: &[Key] = &[
     key("noise_std_nm", Holds::NotNegative, "standard deviation of white noise (N m)").or(0.0),
     key("bias_nm", Holds::Number, "constant offset (N m)").or(0.0),
     key("lsb_nm", Holds::NotNegative, "quantisation step (N m); 0 for none").or(0.0),
+    key("gain_relative_std", Holds::Positive, "standard deviation of the gain of each sensor; exact unless given"),
+    key("gain_common_relative_std", Holds::Positive, "of the gain of all of them together; exact unless given"),
 ];
 
 const GYRO: &[Key] = &[
     key("noise_std_rad_per_s", Holds::NotNegative, "standard deviation of white noise (rad/s)").or(0.0),
     key("bias_rad_per_s", Holds::Number, "constant offset (rad/s)").or(0.0),
     key("lsb_rad_per_s", Holds::NotNegative, "quantisation step (rad/s); 0 for none").or(0.0),
+    key("scale_relative_std", Holds::Positive, "standard deviation of the scale of each axis; exact unless given"),
+    key("misalignment_std_rad", Holds::Positive, "of its rotation about every axis (rad); exact unless given"),
 ];
 
 // Beyond 52 bits a step is below the resolution of the numbers themselves.
@@ -77,6 +91,7 @@ const ENCODER: &[Key] = &[
     key("noise_std_rad", Holds::NotNegative, "standard deviation of white noise (rad)").or(0.0),
     key("bias_rad", Holds::Number, "constant offset (rad)").or(0.0),
     key("bits", BITS, "steps per turn are 2^bits, 1 to 52; no quantisation unless given"),
+    key("offset_std_rad", Holds::Positive, "standard deviation of the zero of each joint (rad); exact unless given"),
 ];
 
 impl Default for Sensors {
@@ -97,18 +112,23 @@ impl Sensors {
             s.torque.noise_std_nm = t.number("noise_std_nm").unwrap_or_default();
             s.torque.bias_nm = t.number("bias_nm").unwrap_or_default();
             s.torque.lsb_nm = t.number("lsb_nm").unwrap_or_default();
+            s.torque.gain_relative_std = t.number("gain_relative_std");
+            s.torque.gain_common_relative_std = t.number("gain_common_relative_std");
             t.finish();
         }
         if let Some(t) = t.table("gyro") {
             s.gyro.noise_std_rad_per_s = t.number("noise_std_rad_per_s").unwrap_or_default();
             s.gyro.bias_rad_per_s = t.number("bias_rad_per_s").unwrap_or_default();
             s.gyro.lsb_rad_per_s = t.number("lsb_rad_per_s").unwrap_or_default();
+            s.gyro.scale_relative_std = t.number("scale_relative_std");
+            s.gyro.misalignment_std_rad = t.number("misalignment_std_rad");
             t.finish();
         }
         if let Some(t) = t.table("encoder") {
             s.encoder.noise_std_rad = t.number("noise_std_rad").unwrap_or_default();
             s.encoder.bias_rad = t.number("bias_rad").unwrap_or_default();
             s.encoder.bits = t.whole("bits").and_then(|b| u32::try_from(b).ok());
+            s.encoder.offset_std_rad = t.number("offset_std_rad");
             t.finish();
         }
         t.finish();

@@ -13,7 +13,7 @@ use ffid::files::folder::Folder;
 use ffid::files::json;
 use ffid::workflow::identify::Arm;
 use ffid::workflow::identify::HeldOut;
-use ffid::workflow::identify::{Settings, Signals, axes, predict_held_out};
+use ffid::workflow::identify::{Settings, Signals, axes, held_errors, predict_held_out};
 use ident::Noise;
 use serde::Serialize;
 use std::fmt::Display;
@@ -129,7 +129,8 @@ fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     let asked = args.fit.settings(mission);
     let given = args.fit.noise();
     let noise = Noise { torque: given.0.unwrap_or(p.noise_torque_nm), gyro: given.1.unwrap_or(p.noise_gyro_rad_per_s) };
-    let s = Settings { method: Some(found.result.method), noise, ..asked };
+    let held = held_errors(&found.result.uncertain);
+    let s = Settings { method: Some(found.result.method), noise, held_errors: held, ..asked };
     let values: Vec<f64> = found.result.model.iter().map(|v| v.value).collect();
     let (held, signals) = watched(&args.output, |watch| {
         let found = predict_held_out(

@@ -92,6 +92,7 @@ impl FitFlags {
             max_iterations: self.max_iterations as usize,
             limit: self.max_chi2,
             adopt: Vec::new(),
+            held_errors: Vec::new(),
             low_pass_hz: None,
             loss: Loss::Squares,
         }

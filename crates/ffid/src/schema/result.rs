@@ -28,6 +28,9 @@ pub(super) const ROOT: &[Key] = &[
     key("silent", Table(SILENT), "null directions, told apart"),
     key("reduced", Table(REDUCED), "what was estimated in place of what was asked for"),
     key("prior_conflicts", Tables(CONFLICT), "priors that the data contradict, the worst first"),
+    key("uncertain", Tables(UNCERTAIN), "what the mission is not sure of, before and after"),
+    key("budget", Tables(BUDGET), "where the variance of every parameter comes from"),
+    key("taken_as_exact", Tables(HARM), "what small errors of what is taken as exact would do"),
     key("bodies", Tables(BODY), "bodies of which something was estimated, about their centres of mass"),
     key("profiles", Tables(PROFILE), "intervals from the likelihood itself"),
     key("minima", Table(MINIMA), "where other starts led"),
@@ -138,6 +141,54 @@ const CONFLICT: &[Key] = &[
     must("data_value", Number, "what the record says without this prior"),
     must("data_std", Number, "the standard deviation of that"),
     must("deviations", Number, "standard deviations of the difference that they are apart"),
+];
+
+const KINDS: &[&str] = &[
+    "masses",
+    "centres_of_mass",
+    "inertias",
+    "parameters",
+    "mounts",
+    "joints",
+    "torque_gains",
+    "gyro_scale",
+    "gyro_alignment",
+    "encoder_offsets",
+];
+
+const UNCERTAIN: &[Key] = &[
+    must("name", Text, "its name"),
+    must("unit", Text, "SI unit"),
+    must("kind", OneOf(KINDS), "what kind of thing it is"),
+    must("prior_mean", Number, "what the mission says"),
+    must("prior_std", Number, "and its standard deviation"),
+    must("value", Number, "what mission and record say together"),
+    key("std", Number, "its standard deviation; absent where it is not determined"),
+];
+
+const BUDGET: &[Key] = &[
+    must("name", Text, "parameter"),
+    must("unit", Text, "SI unit"),
+    must("std", Number, "its standard deviation"),
+    must("noise", Number, "part of the variance that is due to the noise of the sensors"),
+    must("errors", Tables(SHARE), "part that is due to each kind of error, the largest first"),
+    key("better", Table(BETTER), "what would help most"),
+];
+
+const SHARE: &[Key] =
+    &[must("kind", OneOf(KINDS), "kind of error"), must("share", Number, "part of the variance, 0 to 1")];
+
+const BETTER: &[Key] = &[
+    must("kind", OneOf(KINDS), "what would be known better"),
+    must("factor", Number, "by which factor"),
+    must("std", Number, "standard deviation of the parameter then"),
+];
+
+const HARM: &[Key] = &[
+    must("name", Text, "the error"),
+    must("size", Text, "its size"),
+    must("moves", Text, "the parameter that would be wrong by most of its deviations"),
+    must("moves_by", Number, "by how many"),
 ];
 
 const BODY: &[Key] = &[

@@ -1,11 +1,13 @@
 //! What is known of parameters: priors, posteriors, covariance, what no record could tell.
 
+pub(crate) mod budget;
 pub(crate) mod covariance;
 pub(crate) mod identifiability;
 pub(crate) mod posterior;
 pub(crate) mod prior;
 pub(crate) mod profile;
 
+pub use budget::{PriorGroup, prior_shares, tightened};
 pub use covariance::{Direction, Uncertainty, Unknown, analyse, physical_jacobian};
 pub use identifiability::{Combination, Reduced, Silence, reduce, reduce_parameters, silence, structural};
 pub use posterior::{Posterior, PosteriorRows, SequenceError, change};

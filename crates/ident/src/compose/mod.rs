@@ -4,6 +4,7 @@ pub(crate) mod continuation;
 pub(crate) mod masked;
 pub(crate) mod multi_start;
 pub(crate) mod several;
+pub(crate) mod shared_errors;
 pub(crate) mod tied_rows;
 pub(crate) mod ties;
 
@@ -11,4 +12,5 @@ pub use continuation::{Accept, Pass, Staged, Trial, estimate_staged};
 pub use masked::Masked;
 pub use multi_start::{Best, Ending, best_of, equal_cost};
 pub use several::{Several, Shared, SharedError};
+pub use shared_errors::SharedErrors;
 pub use ties::{Affine, Tie, TieError, TieMap, Tied};

@@ -537,7 +537,10 @@ impl TieMap {
             for (made, &s) in made.iter_mut().zip(selected).filter(|(_, s)| **s >= p.at && **s < p.at + d.ncols()) {
                 if let Made::Tied(parts) = made {
                     for (row, &i) in p.tie.parameters().iter().enumerate() {
-                        parts.push((from(i)?, d[(row, s - p.at)]));
+                        let slope = d[(row, s - p.at)];
+                        if slope != 0.0 {
+                            parts.push((from(i)?, slope));
+                        }
                     }
                 }
             }

@@ -8,6 +8,7 @@
 //! physical, the same fit of the flexible case creeps along curved valleys (`docs/decisions/0004-coordinates.md`).
 
 use crate::belief::covariance::{Unknown, analyse};
+use crate::belief::prior::PriorRow;
 use crate::estimate::approach::approach;
 use crate::estimate::descent::{Place, settle};
 use crate::estimate::estimator::Estimator;
@@ -70,7 +71,9 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
     let sizes = scale::sizes(request.decls, &values);
     let mut unknowns = Unknown::of_parameters(request.decls, selected, &sizes);
     unknowns.extend(extra.iter().cloned());
-    let data_only = analyse(&data, &unknowns, RANK_TOLERANCE)?;
+    let given: Vec<PriorRow> =
+        request.priors.rows().iter().filter(|row| request.marginal.contains(&selected[row.column])).copied().collect();
+    let data_only = analyse(&with_rows(&data, &given), &unknowns, RANK_TOLERANCE)?;
     let uncertainty = if request.priors.is_empty() && references.is_empty() {
         data_only.clone()
     } else {
@@ -94,7 +97,10 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
     }
     let objective =
         residuals.iter().map(|&r| request.loss.rho(r)).sum::<f64>() + known.iter().map(|r| r * r).sum::<f64>();
-    let dof = rows.saturating_sub(data_only.rank).max(1);
+    // What a prior holds is not fitted to the data: of n unknowns with priors, `n - tr(P S^-1)` are.
+    let held: f64 =
+        given.iter().filter_map(|row| Some((uncertainty.deviation[row.column]? / row.sigma).powi(2).min(1.0))).sum();
+    let dof = (rows as f64 - (data_only.rank as f64 - held)).max(1.0);
     let listed = |k: usize, start: f64, value: f64| Estimated {
         name: unknowns[k].name.clone(),
         unit: unknowns[k].unit.clone(),
@@ -107,11 +113,19 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
         nuisance: values_extra.iter().enumerate().map(|(k, &v)| listed(n + k, 0.0, v)).collect(),
         values,
         status,
-        chi2_per_dof: chi2 / dof as f64,
+        chi2_per_dof: chi2 / dof,
         objective,
         data_only,
         uncertainty,
         iterations,
         residuals,
     })
+}
+
+/// A triangle with rows of priors below it.
+fn with_rows(data: &DMatrix<f64>, given: &[PriorRow]) -> DMatrix<f64> {
+    let from = data.nrows();
+    let mut out = data.clone().resize_vertically(from + given.len(), 0.0);
+    given.iter().enumerate().for_each(|(k, row)| out[(from + k, row.column)] = 1.0 / row.sigma);
+    out
 }

@@ -81,6 +81,10 @@ pub struct Request<'a> {
     pub centre: Option<&'a [f64]>,
     /// Prior knowledge of selected parameters.
     pub priors: Priors,
+    /// Which of the selected parameters are not asked for, by index: what the mission is not sure of beside what it wants to know. Their
+    /// priors ([`crate::belief::PriorRow`]) count as measurements when it is decided what the data can tell, and they take no degree of
+    /// freedom that their priors have already.
+    pub marginal: Vec<usize>,
     /// Prior knowledge of everything selected at once: relative standard deviation around the start (0.3 is
     /// 30 %), bodies measured in the affine-invariant metric. `None` for none.
     pub prior_width: Option<f64>,
@@ -108,6 +112,7 @@ impl<'a> Request<'a> {
             start,
             centre: None,
             priors: Priors::default(),
+            marginal: Vec::new(),
             prior_width: None,
             anchor: None,
             loss: Loss::Squares,

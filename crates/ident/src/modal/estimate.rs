@@ -125,7 +125,8 @@ impl<'a> ModalRequest<'a> {
 /// The result of [`estimate_modal`].
 #[derive(Clone, Debug)]
 pub struct ModalEstimate {
-    /// Values with covariance, rank and null directions.
+    /// Values with covariance, rank and null directions. Few modes leave valleys along which a fit creeps: look at its
+    /// [`Estimate::status`] before its values.
     pub estimate: Estimate,
     /// Which mode is which, by the estimated model.
     pub matching: ModeMatch,
@@ -171,7 +172,7 @@ pub fn estimate_modal(request: &ModalRequest<'_>, fit: &ModalFit) -> Result<Moda
         let settled = key(&next) == key(&matching);
         matching = next;
         if settled || rounds == ROUNDS {
-            return Ok(ModalEstimate { estimate: found.ended()?, matching, rounds });
+            return Ok(ModalEstimate { estimate: found, matching, rounds });
         }
     }
 }
@@ -207,7 +208,7 @@ fn fit_pairs(
         prior_width: request.prior_width,
         // Fewer modes than parameters leave directions open: they stay where they are.
         anchor: if request.prior_width.is_none() { Some(10.0) } else { None },
-        settings: Settings { max_iterations: 400, cost_floor: 1e-14, gain_tolerance: 1e-6, ..Settings::default() },
+        settings: Settings { max_iterations: 100, cost_floor: 1e-14, gain_tolerance: 1e-6, ..Settings::default() },
         ..Request::new(request.decls, request.selected, request.start)
     };
     Ok(attempt(&fit, &mut modes)?)

@@ -7,6 +7,14 @@
 
 use ff_model::{ParamDecl, ParamGroup};
 
+/// The size of a parameter that belongs to no body: its value; of a free one that is zero unless something is wrong, half the range of
+/// its declaration.
+pub(crate) fn of_one(d: &ParamDecl, value: f64) -> f64 {
+    let half = 0.5 * (d.bounds.1 - d.bounds.0);
+    let size = if d.group == ParamGroup::Free && d.nominal == 0.0 && half.is_finite() { half } else { value.abs() };
+    if size.is_finite() && size > 0.0 { size } else { 1.0 }
+}
+
 /// The size of every parameter of a model, in its own SI unit, at the given values. Always positive and
 /// finite; 1 where nothing better is known. Allocates.
 ///
@@ -28,7 +36,7 @@ pub fn sizes(decls: &[ParamDecl], values: &[f64]) -> Vec<f64> {
             out.extend([m * l; 3]);
             out.extend([m * l * l; 6]);
         } else {
-            out.push(usable(values[i].abs()));
+            out.push(of_one(&decls[i], values[i]));
         }
     }
     out

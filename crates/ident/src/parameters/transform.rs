@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | a whole inertial body | ten log-Cholesky numbers | every point is a body that can exist |
 //! | positive | `x = ln p` | never negative; a step is a relative change |
-//! | free | `x = p / |p_start|` (`p` when that is 0) | scale only |
+//! | free | `x = p / s`, `s` its size ([`sizes`](crate::parameters::sizes)) | scale only |
 //!
 //! Log-Cholesky (C. Rucker, P. Wensing, *Smooth parameterization of rigid-body inertia*, IEEE RA-L 7(2), 2022):
 //! the pseudo-inertia `[[S, h], [h^T, m]]` is `U U^T` with
@@ -21,6 +21,7 @@
 //! built in: its mass is treated as positive, the others as free, and [`Transform::partial_bodies`] names it.
 
 use crate::parameters::affine::Affine;
+use crate::parameters::scale;
 use ff_model::Inertia;
 use ff_model::Scalar;
 use ff_model::{Dual, ParamDecl, ParamGroup};
@@ -173,8 +174,7 @@ impl Transform {
                     if mass || *group == ParamGroup::Positive {
                         blocks.push(Block::Log { at });
                     } else {
-                        let scale = start[selected[at]].abs();
-                        blocks.push(Block::Scaled { at, scale: if scale > 0.0 { scale } else { 1.0 } });
+                        blocks.push(Block::Scaled { at, scale: scale::of_one(d, start[selected[at]]) });
                     }
                     1
                 }

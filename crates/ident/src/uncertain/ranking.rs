@@ -94,6 +94,10 @@ impl Layout {
         self.components.extend(base.iter().map(|c| Direction { columns: c.clone(), rows: Some(rows.clone()) }));
         self.of.push(Testable { hypothesis, components: (first..self.components.len()).collect() });
     }
+    /// Components of one of the hypotheses, if it has columns.
+    pub fn components_of(&self, hypothesis: usize) -> Option<&[usize]> {
+        self.of.iter().find(|t| t.hypothesis == hypothesis).map(|t| &t.components[..])
+    }
     /// Tests all, and ranks what is found.
     pub fn rank(&self, scores: &Scores) -> Ranking {
         let worth = |s: &Score| s.evidence;

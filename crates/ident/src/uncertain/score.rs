@@ -57,6 +57,8 @@ pub struct EndOfFit<'a> {
     pub selected: &'a [usize],
     /// Unknowns that the fit has estimated, as columns (of `selected`, then nuisance), with their sizes.
     pub base: &'a [(Combination, f64)],
+    /// Which of them are asked for: how far an error moves the others counts nothing.
+    pub asked: &'a [usize],
     /// Whitened residuals of the fit, in the order of the rows; those that the estimator itself gives unless given.
     pub residuals: Option<&'a [f64]>,
     /// Rows of priors over the columns of the base, and their residuals.
@@ -76,6 +78,7 @@ pub struct Scores {
     /// `R^-1 R^-T B^T C`: how the unknowns of the fit follow a unit of each component; their deviations.
     follow: DMatrix<f64>,
     deviation: Vec<f64>,
+    asked: Vec<usize>,
     /// What draws of the motion's noise do to the residuals, rows x draws.
     drawn: DMatrix<f64>,
     /// Squared residuals behind the projection, and rows less unknowns.
@@ -99,7 +102,7 @@ pub struct Score {
     pub estimate: Vec<f64>,
     /// Their standard deviations.
     pub std: Vec<f64>,
-    /// Of the unknowns of the fit, the one that moves most with it, and by how many of its deviations.
+    /// Of the unknowns that are asked for, the one that moves most with it, and by how many of its deviations.
     pub moves: (usize, f64),
 }
 
@@ -190,7 +193,8 @@ impl Scores {
         let noise = if m == 0 { DMatrix::zeros(c, c) } else { &drawn * drawn.transpose() / m as f64 };
         let chi2 = rest.rows(n, rest.len() - n).norm_squared();
         let freedom = (rows + known.len()).saturating_sub(n);
-        Ok(Self { s, size, slope, noise, follow, deviation, drawn: drawn_rows, chi2, freedom })
+        let asked = at.asked.to_vec();
+        Ok(Self { s, size, slope, noise, follow, deviation, asked, drawn: drawn_rows, chi2, freedom })
     }
     /// Chi-squared that is left behind the projection, over the degrees of freedom.
     pub fn chi2_per_dof(&self) -> f64 {
@@ -246,7 +250,8 @@ impl Scores {
         let estimate: Vec<f64> = e.iter().zip(scale).map(|(e, s)| e / s).collect();
         let std = (0..of.len()).map(|i| covariance[(i, i)].max(0.0).sqrt() / scale[i]).collect();
         let mut moves = (0, 0.0);
-        for (k, deviation) in self.deviation.iter().enumerate() {
+        for &k in &self.asked {
+            let deviation = self.deviation[k];
             let by: f64 = of.iter().zip(&estimate).map(|(&i, e)| self.follow[(k, i)] * e).sum();
             if by.abs() / deviation > moves.1 {
                 moves = (k, by.abs() / deviation);
@@ -256,6 +261,12 @@ impl Scores {
         let p = chi_square_survival(tested, of.len() as f64);
         let evidence = evidence(drop, of.len());
         Some(Score { drop, freedom: of.len(), p, evidence, estimate, std, moves })
+    }
+    /// By how many deviations an error of these components, of this size each, would move the unknown that is asked for and moves most if
+    /// the fit took it for none, and which that is; `None` where none is asked for.
+    pub fn shift(&self, of: &[usize], size: &[f64]) -> Option<(usize, f64)> {
+        let by = |k: usize| of.iter().zip(size).map(|(&i, x)| (self.follow[(k, i)] * x).powi(2)).sum::<f64>().sqrt();
+        self.asked.iter().map(|&k| (k, by(k) / self.deviation[k])).max_by(|a, b| a.1.total_cmp(&b.1))
     }
     /// Correlation of what two errors do to the residuals behind the projection, each in the direction that was estimated: one where
     /// the data cannot tell them apart.

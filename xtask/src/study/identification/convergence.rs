@@ -144,6 +144,7 @@ fn one(case: &Case, record: &Record, trial: Trial) -> anyhow::Result<End> {
         max_iterations: 100,
         limit: EXPLAINED,
         loss: Loss::Squares,
+        held_errors: Vec::new(),
         low_pass_hz: None,
     };
     let provenance = Provenance {

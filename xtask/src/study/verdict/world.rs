@@ -73,6 +73,7 @@ impl World {
             max_iterations: 100,
             limit: EXPLAINED,
             adopt: Vec::new(),
+            held_errors: Vec::new(),
             low_pass_hz: None,
         };
         Ok(Self { encoder_rad: sensors.encoder.noise_std_rad, truth, start, settings })

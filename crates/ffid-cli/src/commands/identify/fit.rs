@@ -8,7 +8,7 @@ use crate::results::Refusal;
 use ff_model::{Params, Problems};
 use ffid::workflow::identify::{
     Arm, Comparison, Identified, IdentifyError, InputFile, LOW_PASS, LabelledRecord, Method, ModelVariant, Provenance,
-    RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, identify_checked, method, predict_held_out,
+    RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, held_errors, identify_checked, method, predict_held_out,
     verdict,
 };
 use ident::Loss;
@@ -49,7 +49,7 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
         };
         let (mut found, s, warnings) =
             identify_checked(opened, records, s, options, checks, &axes, &provenance, watch)?;
-        let s = &s;
+        let s = &Settings { held_errors: held_errors(&found.result.uncertain), ..s };
         let arm = Arm::of(&found.result, &model.joint_names());
         let mut signals = None;
         let judged = match held {

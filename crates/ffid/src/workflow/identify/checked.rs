@@ -74,7 +74,9 @@ pub fn identify_checked(
     let mut clocks = Vec::new();
     // A start in the middle of a motion is not predicted by the comparison of clocks.
     // Nor is a clock put right where another error explains more.
-    let may_be = checks.clocks == ClockPolicy::Require || speaks_for(&found, &CLOCKS);
+    // With errors of sensors among the unknowns, which the comparison of clocks does not know, clocks are among the errors that are tested.
+    let errors = found.result.uncertain.iter().any(|u| u.kind.is_shared());
+    let may_be = checks.clocks == ClockPolicy::Require || !errors && speaks_for(&found, &CLOCKS);
     if checks.clocks != ClockPolicy::Trust && !s.initial_state && may_be {
         let (again, lines, warnings) = set_clocks(&opened.model, records, &s, checks.clocks, found, &fit)?;
         (found, clocks) = (again, lines);

@@ -56,6 +56,20 @@ pub struct Evidence {
     pub named: Vec<NamedError>,
 }
 
+/// What a small error of something that is taken as exact would do to the estimates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Harm {
+    /// The error, as `--adopt` takes it.
+    pub name: String,
+    /// Its size, in words: `1 %`, `1 mm`, `1 mrad`.
+    pub size: String,
+    /// The parameter that would be wrong by most of its deviations.
+    pub moves: String,
+    /// By how many.
+    pub moves_by: f64,
+}
+
 /// An error that the record speaks for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

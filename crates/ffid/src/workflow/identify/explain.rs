@@ -1,7 +1,7 @@
 //! Tests of the model after a fit: what is left in the residuals, and which error would explain it ([`ident::uncertain`]).
 
 use super::error::IdentifyError;
-use super::evidence::{ErrorSize, Evidence, NamedError, State};
+use super::evidence::{ErrorSize, Evidence, Harm, NamedError, State};
 use super::findings::Whiteness;
 use super::record_estimator::Twin;
 use super::report::Fitted;
@@ -9,11 +9,13 @@ use super::result::parameter::Parameter;
 use super::settings::Settings;
 use super::text::num;
 use super::unknowns::Unknowns;
-use ff_model::Model;
+use ff_model::{Model, ParamDecl};
 use ident::checks::whiteness;
 use ident::compose::Shared;
 use ident::estimate::Estimate;
-use ident::uncertain::{self, Component, EndOfFit, Hypothesis, Layout, MATTERS, Named, Scores, hypotheses};
+use ident::uncertain::{
+    self, Combination, Component, EndOfFit, Hypothesis, Layout, MATTERS, Named, Scores, hypotheses,
+};
 use ident::{Estimator, Options, OutputError, SetupError, Several};
 use nalgebra::DMatrix;
 
@@ -21,6 +23,9 @@ use nalgebra::DMatrix;
 const DRAWS: usize = 6;
 /// Part of the squared residuals below which noise of the encoders is not worth whitening.
 const QUIET: f64 = 1e-4;
+
+/// Errors that are listed as the most harmful.
+const HARMFUL: usize = 10;
 
 /// What the tests of errors found.
 pub(super) struct Tests {
@@ -34,6 +39,8 @@ pub(super) struct Tests {
     /// Squared residuals that noise of the encoders adds, relative, and what draws of it add to the residuals of each record.
     pub(super) motion_noise: f64,
     pub(super) drawn: Vec<DMatrix<f64>>,
+    /// What small errors of what is taken as exact would do; empty where the mission says what is not.
+    pub(super) harm: Vec<Harm>,
 }
 
 /// What the fit is, and the estimators of its records with every column.
@@ -85,11 +92,34 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let names: Vec<String> =
         decls.iter().map(|d| d.name.clone()).chain(nuisance.iter().map(|u| u.name.clone())).collect();
     let value_of = |name: &str| e.nuisance.iter().find(|u| u.name == name).map(|u| u.value);
-    let extra: Vec<f64> = nuisance.iter().map(|u| value_of(&u.name).unwrap_or(0.0)).collect();
+    let labels_of = if several { end.labels } else { &[] };
+    let is_called = |u: &str, name: &str| {
+        u == name
+            || labels_of.iter().any(|l| u.strip_prefix(l.as_str()).and_then(|r| r.strip_prefix('.')) == Some(name))
+    };
+    let beside = |name: &str| -> Combination {
+        let own = nuisance.iter().enumerate().filter(|(_, u)| is_called(&u.name, name));
+        own.map(|(k, _)| (decls.len() + k, 1.0)).collect()
+    };
+    let shared: Vec<(&str, f64)> = end.unknowns.marginal.iter().map(|(i, u)| (u.name.as_str(), e.values[*i])).collect();
+    let shared_value = |name: &str| shared.iter().find(|(n, _)| is_called(name, n)).map(|s| s.1);
+    let of = |name: &str| value_of(name).or_else(|| shared_value(name));
+    let extra: Vec<f64> = nuisance.iter().map(|u| of(&u.name).unwrap_or(0.0)).collect();
     let sizes = ident::parameters::sizes(&decls, end.values);
     let (mut base, mut base_names) = (Vec::new(), Vec::new());
     for (column, &i) in end.unknowns.columns(&end.fitted.selected, &e.values)?.into_iter().zip(&end.fitted.selected) {
-        let largest = column.iter().map(|&(p, by)| sizes[p] / by.abs()).fold(f64::INFINITY, f64::min);
+        // An error that records share is a column of every one of them.
+        let column = match column[..] {
+            [(shared, _)] if shared >= decls.len() => beside(&end.unknowns.decls[i].name),
+            _ => column,
+        };
+        if column.is_empty() {
+            return Ok(None);
+        }
+        let largest = column
+            .iter()
+            .map(|&(p, by)| sizes.get(p).map_or_else(|| nuisance[p - decls.len()].size, |s| s / by.abs()))
+            .fold(f64::INFINITY, f64::min);
         base.push((column, largest));
         base_names.push(end.unknowns.decls[i].name.clone());
     }
@@ -110,17 +140,22 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let at: Vec<f64> = end.fitted.selected.iter().map(|&i| e.values[i]).collect();
     priors.push_residuals(&at, &mut of_priors);
     // Of ties, the parameters that they determine.
-    let estimated: Vec<usize> =
-        base.iter().flat_map(|(c, _)| c.iter().map(|c| c.0)).filter(|&i| i < decls.len()).collect();
+    let mut estimated = Vec::new();
+    for ((c, _), &i) in base.iter().zip(&end.fitted.selected) {
+        // Of a body of which one error is estimated, the others may be wrong as well.
+        if end.unknowns.is_asked(i) || c.len() == 1 {
+            estimated.extend(c.iter().map(|c| c.0).filter(|&i| i < decls.len()));
+        }
+    }
     let mut tried = hypotheses(model, &estimated, end.values);
-    let labels = if several { end.labels } else { &[] };
     let held: Vec<usize> = base.iter().flat_map(|(c, _)| c.iter().map(|c| c.0)).collect();
-    let mut layout = Layout::new(&tried, &names, labels, &held);
+    let mut layout = Layout::new(&tried, &names, labels_of, &held);
     // Each record but the first against all the others: what it alone would say of the parameters.
-    let of_parameters: Vec<usize> = (0..end.fitted.selected.len()).collect();
+    let asked = |k: &usize| end.unknowns.is_asked(end.fitted.selected[*k]);
+    let of_parameters: Vec<usize> = (0..end.fitted.selected.len()).filter(asked).collect();
     let parameters: Vec<_> = of_parameters.iter().map(|&k| base[k].0.clone()).collect();
     let mut first = 0;
-    for (label, n) in labels.iter().zip(&rows) {
+    for (label, n) in labels_of.iter().zip(&rows) {
         if first > 0 {
             layout.differing(tried.len(), &parameters, &(first..first + n));
             let unit = |k: &usize| end.unknowns.decls[end.fitted.selected[*k]].unit.to_owned();
@@ -136,6 +171,7 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
         extra: &extra,
         selected: &selected,
         base: &base,
+        asked: &of_parameters,
         residuals,
         priors: (known, of_priors),
     };
@@ -156,7 +192,48 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let squares: f64 = drawn.iter().map(|d: &DMatrix<f64>| d.norm_squared()).sum();
     let motion_noise = squares / (DRAWS * e.residuals.len().max(1)) as f64;
     let explained = ranking.explained;
-    Ok(Some(Tests { tested: ranking.tested, matters, explained, named, alone, motion_noise, drawn }))
+    let harm = if end.unknowns.marginal.is_empty() {
+        harm(&scores, &layout, &tried, end.values, &decls, &name_of)
+    } else {
+        Vec::new()
+    };
+    Ok(Some(Tests { tested: ranking.tested, matters, explained, named, alone, motion_noise, drawn, harm }))
+}
+
+/// What errors of 1 %, 1 mm and 1 mrad of what is taken as exact would move, the most harmful first.
+fn harm<'n>(
+    scores: &Scores,
+    layout: &Layout,
+    tried: &[Hypothesis],
+    values: &[f64],
+    decls: &[ParamDecl],
+    name_of: &dyn Fn(usize) -> &'n str,
+) -> Vec<Harm> {
+    let mut out: Vec<Harm> = Vec::new();
+    for (k, h) in tried.iter().enumerate() {
+        let Some(components) = layout.components_of(k) else { continue };
+        let (kind, subject) = h.name.split_once('.').unwrap_or((&h.name, ""));
+        let (size, words) = match kind {
+            "torque-gain" | "gyro-scale" | "mass" => (0.01, "1 %"),
+            "gyro-misalignment" | "encoder-offset" | "joint-axis" | "mount-rotation" => (1e-3, "1 mrad"),
+            "joint-position" | "mount-position" => (1e-3, "1 mm"),
+            "centre-of-mass" => {
+                let mass = format!("{subject}.mass");
+                let Some(i) = decls.iter().position(|d| d.name == mass) else { continue };
+                (1e-3 * values[i], "1 mm")
+            }
+            _ => continue,
+        };
+        if let Some((moved, by)) = scores.shift(components, &vec![size; components.len()])
+            && by.is_finite()
+        {
+            let (name, size) = (h.name.clone(), words.to_owned());
+            out.push(Harm { name, size, moves: name_of(moved).to_owned(), moves_by: by });
+        }
+    }
+    out.sort_by(|a, b| b.moves_by.total_cmp(&a.moves_by));
+    out.truncate(HARMFUL);
+    out
 }
 
 /// For every row of an estimator its place among rows that are listed sample by sample: torques, then three axes of the gyro.

@@ -15,6 +15,7 @@ use super::result::provenance::{Provenance, Warning};
 use super::settings::Settings;
 use super::signals::Signals;
 use super::text;
+use super::uncertain::UncertainItems;
 use super::unknowns::Unknowns;
 use crate::open::Opened;
 use ff_least_squares::{Criterion, Status};
@@ -114,7 +115,7 @@ pub(super) fn identify(
     provenance: Provenance,
 ) -> Result<Identified, IdentifyError> {
     let model = &opened.model;
-    let unknowns = Unknowns::new(model, &opened.estimated, s, options)?;
+    let unknowns = Unknowns::new(model, &opened.estimated, s, options, &UncertainItems::default())?;
     let (decls, selected, start) = (&unknowns.decls, &unknowns.selected, &unknowns.start);
     let ground = calibration(model, s.low_pass_hz)?;
     let samples: Vec<&Record> = records.iter().map(|r| &r.record).collect();

@@ -10,9 +10,11 @@ use super::result::held_out::HeldOut;
 use super::settings::Settings;
 use super::signals::Signals;
 use super::text;
+use super::uncertain::UncertainItems;
 use ff_model::Model;
 use ff_records::Record;
 use ident::Estimator;
+use ident::compose::SharedErrors;
 use ident::estimate::{NuisanceFit, fit_nuisance};
 
 /// The prediction of an arm on the ground: nothing is fitted; noise is what the calibration left.
@@ -78,9 +80,12 @@ pub fn predict_held_out(
     if let Some(arm) = arm {
         return on_the_ground(model, values, arm, record, s, source.into());
     }
-    let mut fit = RecordEstimator::new(model, record, s)?;
+    let names: Vec<String> = s.held_errors.iter().map(|e| e.0.clone()).collect();
+    let fit = RecordEstimator::beside(model, record, s, &UncertainItems::held(model, &names))?;
     let sigma = fit.sigmas(model);
-    let found = nuisance(fit.estimator(), values, s, watch)?;
+    let mut estimator = SharedErrors::new(fit.into_estimator(), values.len(), &names, &[]);
+    let all: Vec<f64> = values.iter().copied().chain(s.held_errors.iter().map(|e| e.1)).collect();
+    let found = nuisance(&mut estimator, &all, s, watch)?;
     let signals = Signals::of(model, record, &found.residuals, &sigma);
     let chi2_per_dof = found.chi2_per_dof();
     let mut held = HeldOut::of(source.into(), record, &signals, chi2_per_dof, s.limit);

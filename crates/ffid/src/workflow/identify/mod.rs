@@ -39,12 +39,13 @@ pub(crate) mod settings;
 pub(crate) mod signals;
 pub(crate) mod text;
 pub(crate) mod ties;
-pub(crate) mod unknowns;
+pub(crate) mod uncertain;
+mod unknowns;
 
 pub use checked::{AxesCheck, identify_checked};
 pub use compare::{Comparison, compare_variants};
 pub use error::IdentifyError;
-pub use evidence::{ErrorSize, Evidence, NamedError, State};
+pub use evidence::{ErrorSize, Evidence, Harm, NamedError, State};
 pub use findings::{
     CandidateLine, ClockLine, ComparisonTable, DecayMode, DecayModes, DeterminedCombination, Minima, PriorConflict,
     ProfileLine, RecordFit, ReducedSet, UnobservedDirections, UnseenMode, Whiteness,
@@ -58,12 +59,13 @@ pub use observed_estimator::Observer;
 pub use options::FitOptions;
 pub use record_estimator::RecordEstimator;
 pub use result::{
-    BodyLine, BodyQuantity, Channel, Combination, Correlation, Covariance, Ended, FORMAT, HeldOut,
+    Better, BodyLine, BodyQuantity, BudgetLine, BudgetShare, Channel, Combination, Correlation, Covariance, Ended, FORMAT, HeldOut,
     IdentificationResult, InputFile, Method, ModeLine, Parameter, ParameterVerdict, PrincipalAxis, Provenance,
-    RecordLine, STRONG, VERSION, Value, Warning,
+    RecordLine, STRONG, UncertainLine, VERSION, Value, Warning, held_errors,
 };
 pub use run::identify;
 pub use settings::{EXPLAINED, Settings, method};
 pub use signals::Signals;
 pub use text::{num, verdict};
 pub use ties::TieSpec;
+pub use uncertain::UncertainKind;

@@ -4,6 +4,7 @@ use super::adoption::Adopted;
 use super::error::{IdentifyError, config};
 use super::result::fit::Method;
 use super::settings::{Settings, method};
+use super::uncertain::UncertainItems;
 use crate::modes::held;
 use crate::workflow::preflight::step;
 use ff_model::{Area, Model, Params, Problem, Problems};
@@ -28,6 +29,15 @@ impl<'a> RecordEstimator<'a> {
     /// # Errors
     /// [`IdentifyError::Refused`].
     pub fn new(model: &'a Model, record: &'a Record, s: &Settings) -> Result<Self, IdentifyError> {
+        Self::beside(model, record, s, &UncertainItems::default())
+    }
+    /// With the errors of sensors and placements that the mission is not sure of among its unknowns.
+    pub(super) fn beside(
+        model: &'a Model,
+        record: &'a Record,
+        s: &Settings,
+        uncertain: &UncertainItems,
+    ) -> Result<Self, IdentifyError> {
         let method = method(model, s.method);
         let mut twin = None;
         let estimator: Box<dyn Estimator + 'a> = match method {
@@ -45,7 +55,8 @@ impl<'a> RecordEstimator<'a> {
                     ..Options::new(s.noise)
                 };
                 let adopted = Adopted::new(model, &[], &s.adopt).map_err(IdentifyError::Refused)?;
-                let options = adopted.widen(options);
+                let mut options = adopted.widen(options);
+                uncertain.widen(&mut options);
                 let fit = OutputError::new(model, record, &options).map_err(setup)?;
                 twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
                 Box::new(fit)

@@ -12,6 +12,7 @@ use super::result::fit::Ended;
 use super::result::identification::IdentificationResult;
 use super::result::parameter::{Combination, Correlation, Covariance, Parameter, ParameterVerdict, Value};
 use super::result::provenance::{Provenance, RecordLine, Warning};
+use super::result::uncertain;
 use super::settings::{Settings, method};
 use super::signals::Signals;
 use super::unknowns::{Unknowns, known_before};
@@ -62,11 +63,12 @@ impl Report<'_> {
         from.extend(e.nuisance.iter().map(|p| p.start));
         to.extend(e.nuisance.iter().map(|p| p.value));
         let priors = unknowns.priors(&f.selected)?;
+        let (uncertain, budget) = uncertain::lines(unknowns, &f.selected, &e.values, &e.uncertainty);
         let fit = FitReport::new(e.status.clone(), (cost, e.residuals.len()), (&from, &to), &priors, &e.uncertainty);
         let names: Vec<String> = fit.estimates.iter().map(|l| l.name.clone()).collect();
         let line = |k: usize| Parameter::of(&fit.estimates[k], f.selected.get(k).map(|&i| unknowns.nominal[i]));
         let n = f.selected.len();
-        let mut parameters: Vec<Parameter> = (0..n).map(line).collect();
+        let mut parameters: Vec<Parameter> = (0..n).filter(|&k| unknowns.is_asked(f.selected[k])).map(line).collect();
         if let Some(p) = &self.options.posterior {
             let known = known_before(p).map_err(|e| IdentifyError::Model(e.to_string()))?;
             parameters.iter_mut().for_each(|line| before(line, known.get(&line.name)));
@@ -89,6 +91,9 @@ impl Report<'_> {
             residuals: e.residuals.len(),
             bodies: BodyLine::all(&unknowns.decls, (&unknowns.start, &e.values), &f.selected, &e.uncertainty),
             prior_conflicts,
+            uncertain,
+            budget,
+            taken_as_exact: self.tests.map_or_else(Vec::new, |t| t.harm.clone()),
             parameters,
             nuisance: (n..fit.estimates.len()).map(line).collect(),
             model: Value::all(model, self.values),

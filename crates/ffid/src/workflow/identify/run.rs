@@ -18,15 +18,16 @@ use super::result::provenance::Provenance;
 use super::settings::{Settings, check, method};
 use super::signals::Signals;
 use super::text;
+use super::uncertain::UncertainItems;
 use super::unknowns::Unknowns;
 use crate::open::Opened;
 use ff_least_squares::Settings as Solver;
-use ff_model::{Area, Problem, Problems};
+use ff_model::{Area, Model, Problem, Problems};
 use ident::Estimator;
 use ident::Request;
 use ident::Several;
-use ident::compose::Shared;
 use ident::compose::best_of;
+use ident::compose::{Shared, SharedErrors};
 use ident::estimate::attempt;
 use ident::parameters::random_start;
 
@@ -34,6 +35,8 @@ use ident::parameters::random_start;
 const ANCHOR: f64 = 10.0;
 /// Promised reduction of chi-squared below which a fit is at its end: a thirtieth of a standard deviation is left to go.
 const GAIN: f64 = 1e-3;
+/// Promised relative reduction at which a fit that only leads to another is near enough.
+const NEAR: f64 = 1e-4;
 /// Relative width of the draws of other starts.
 const SPREAD: f64 = 0.3;
 
@@ -62,38 +65,42 @@ pub fn identify(
         ground::check(settings, options).map_err(IdentifyError::Refused)?;
         return ground::identify(opened, records, settings, options, provenance);
     }
+    let uncertain = UncertainItems::of(opened);
+    // The rigid method knows no errors of sensors and placements.
+    let needs = !uncertain.shared.is_empty() && settings.method.is_none();
+    let settings =
+        &Settings { method: if needs { Some(Method::OutputError) } else { settings.method }, ..settings.clone() };
     let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
     let mut estimated = opened.estimated.clone();
     estimated.extend(&adopted.parameters);
     let with_ties = FitOptions { ties: [&options.ties[..], &adopted.ties].concat(), ..options.clone() };
     let options = &with_ties;
-    let unknowns = Unknowns::new(model, &estimated, settings, options)?;
-    let mut fits =
-        records.iter().map(|t| RecordEstimator::new(model, &t.record, settings)).collect::<Result<Vec<_>, _>>()?;
-    let sigma = fits.first().map(|f| f.sigmas(model)).unwrap_or_default();
-    let rows: Vec<usize> = fits.iter_mut().map(|f| f.estimator().rows()).collect();
+    let unknowns = Unknowns::new(model, &estimated, settings, options, &uncertain)?;
     let decls = model.param_decls();
     let labelled: Vec<(&str, &[_])> = records.iter().map(|t| (t.label.as_str(), decls.as_slice())).collect();
     let none: [&str; 0] = [];
     let shared = Shared::new(&labelled, &none)
         .map_err(|e| IdentifyError::Refused(config("Config::Records", e.to_string(), "name each record once")))?;
-    let (mut parts, twins): (Vec<Box<dyn Estimator + '_>>, Vec<Twin<'_>>) =
-        fits.into_iter().map(RecordEstimator::split).unzip();
-    let whole = if parts.len() == 1 { parts.remove(0) } else { Box::new(Several::new(&shared, parts)) };
-    let mut whole = unknowns.tied(whole);
+    let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
+    let fit = Assembly { model, records, settings, shared: &shared, labels: &labels, unknowns: &unknowns };
+    let Assembled { mut whole, twins, sigma, rows } = fit.assemble(&uncertain, &uncertain.shared_names())?;
+    let solver = Solver {
+        max_iterations: settings.max_iterations,
+        decrement_tolerance: 1e-10,
+        gain_tolerance: GAIN,
+        cost_floor: 1e-13,
+        ..Solver::default()
+    };
+    let start = fit.first_start(&uncertain, &solver, watch)?;
     let priors = unknowns.priors(&unknowns.selected)?;
     let request = Request {
-        anchor: priors.is_empty().then_some(ANCHOR),
+        anchor: (!unknowns.has_priors()).then_some(ANCHOR),
+        marginal: unknowns.marginal.iter().map(|m| m.0).collect(),
         loss: settings.loss,
         priors,
-        settings: Solver {
-            max_iterations: settings.max_iterations,
-            decrement_tolerance: 1e-10,
-            gain_tolerance: GAIN,
-            cost_floor: 1e-13,
-            ..Solver::default()
-        },
-        ..Request::new(&unknowns.decls, &unknowns.selected, &unknowns.start)
+        settings: solver,
+        centre: Some(&unknowns.start),
+        ..Request::new(&unknowns.decls, &unknowns.selected, &start)
     };
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
     let subject = Subject { model, records, unknowns: &unknowns, settings, sigma: &sigma };
@@ -109,7 +116,6 @@ pub fn identify(
         signals.push(Signals::of(model, &t.record, &fitted.estimate.residuals[at..at + n], &sigma));
         at += n;
     }
-    let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
     let end = Ended { model, shared: &shared, labels: &labels, unknowns: &unknowns, fitted: &fitted, values: &values };
     let tests = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
     let tests = tests.as_ref();
@@ -121,6 +127,72 @@ pub fn identify(
     result.verdict = text::verdict(&result);
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
     Ok(Identified { result, signals, values, selected: unknowns.touched.clone(), tried })
+}
+
+/// What the estimators of a fit are made of.
+struct Assembly<'a> {
+    model: &'a Model,
+    records: &'a [LabelledRecord],
+    settings: &'a Settings,
+    shared: &'a Shared,
+    labels: &'a [String],
+    unknowns: &'a Unknowns,
+}
+
+/// Estimator of all records over the unknowns of a fit.
+struct Assembled<'a> {
+    whole: Box<dyn Estimator + 'a>,
+    twins: Vec<Twin<'a>>,
+    /// Standard deviation of every channel of a sample, and residuals of each record.
+    sigma: Vec<f64>,
+    rows: Vec<usize>,
+}
+
+impl<'a> Assembly<'a> {
+    /// With columns of these errors of sensors and placements; `names` are all that stand behind the parameters of the model.
+    fn assemble(&self, uncertain: &UncertainItems, names: &[String]) -> Result<Assembled<'a>, IdentifyError> {
+        let of = |t: &'a LabelledRecord| RecordEstimator::beside(self.model, &t.record, self.settings, uncertain);
+        let mut fits = self.records.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        let sigma = fits.first().map(|f| f.sigmas(self.model)).unwrap_or_default();
+        let rows: Vec<usize> = fits.iter_mut().map(|f| f.estimator().rows()).collect();
+        let (mut parts, twins): (Vec<Box<dyn Estimator + '_>>, Vec<Twin<'_>>) =
+            fits.into_iter().map(RecordEstimator::split).unzip();
+        let mut whole = if parts.len() == 1 { parts.remove(0) } else { Box::new(Several::new(self.shared, parts)) };
+        if !names.is_empty() {
+            let of_model = self.model.param_decls().len();
+            whole = Box::new(SharedErrors::new(whole, of_model, names, self.labels));
+        }
+        Ok(Assembled { whole: self.unknowns.tied(whole), twins, sigma, rows })
+    }
+    /// Where the fit starts: where one leads that takes as exact what the mission is not sure of, which needs none of its columns and
+    /// comes near the answer.
+    fn first_start(
+        &self,
+        uncertain: &UncertainItems,
+        solver: &Solver,
+        watch: &Observer<'_>,
+    ) -> Result<Vec<f64>, IdentifyError> {
+        let unknowns = self.unknowns;
+        if unknowns.marginal.is_empty() {
+            return Ok(unknowns.start.clone());
+        }
+        let asked: Vec<usize> = unknowns.selected.iter().copied().filter(|&i| unknowns.is_asked(i)).collect();
+        let mut bare = self.assemble(&UncertainItems::default(), &uncertain.shared_names())?.whole;
+        let mut watched = ObservedEstimator::new(&mut *bare, watch);
+        let request = Request {
+            anchor: (!unknowns.has_priors()).then_some(ANCHOR),
+            loss: self.settings.loss,
+            priors: unknowns.priors(&asked)?,
+            settings: Solver { decrement_tolerance: NEAR, ..solver.clone() },
+            ..Request::new(&unknowns.decls, &asked, &unknowns.start)
+        };
+        let found = attempt(&request, &mut watched);
+        if watched.stopped() {
+            return Err(IdentifyError::Interrupted);
+        }
+        // What goes wrong here may go right with more unknowns.
+        Ok(found.map_or_else(|_| unknowns.start.clone(), |e| e.values))
+    }
 }
 
 /// Fits; from several starts, and again with fewer unknowns, when asked to.

@@ -29,6 +29,8 @@ pub struct Settings {
     pub limit: f64,
     /// Errors that are estimated beside the parameters, by name or pattern ([`ident::uncertain::hypotheses`]).
     pub adopt: Vec<String>,
+    /// Errors of sensors and placements as an identification found them (`result.uncertain`), held in predictions of other data.
+    pub held_errors: Vec<(String, f64)>,
     /// What a residual costs.
     pub loss: Loss,
     /// Cutoff of the low pass of the ground calibration (Hz); none of the other methods has one.

@@ -8,8 +8,11 @@ use super::result::fit::{Ended, Method};
 use super::result::held_out::HeldOut;
 use super::result::identification::IdentificationResult;
 use super::result::parameter::{Parameter, ParameterVerdict};
+use super::result::uncertain::{BudgetLine, UncertainLine};
 use std::fmt;
 
+/// Deviations that an error may move an estimate by without a word.
+const HARMLESS: f64 = 0.1;
 /// Errors that are listed.
 const LISTED: usize = 6;
 /// Chi-squared per degree of freedom below which the noise figures are too large to be those of the record.
@@ -28,6 +31,46 @@ pub fn num(x: f64) -> String {
     }
 }
 
+/// What is taken as exact, or which part of the uncertainty is due to what is not.
+fn exactness(r: &IdentificationResult) -> Vec<String> {
+    if !r.uncertain.is_empty() {
+        let mut out = vec![format!(
+            "They are known whatever {} other quantities are that the mission is not sure of; their deviations allow for these.",
+            r.uncertain.len()
+        )];
+        let gain = |b: &&BudgetLine| b.better.as_ref().map_or(1.0, |x| x.std / b.std);
+        if let Some((b, better)) =
+            r.budget.iter().min_by(|a, b| gain(a).total_cmp(&gain(b))).and_then(|b| Some((b, b.better.as_ref()?)))
+        {
+            out.push(format!(
+                "What would help most: {} known {:.0} times better would bring the deviation of {} from {} to {} {}.",
+                better.kind.words(),
+                better.factor,
+                b.name,
+                num(b.std),
+                num(better.std),
+                b.unit
+            ));
+        }
+        return out;
+    }
+    let harmful: Vec<String> = r
+        .taken_as_exact
+        .iter()
+        .filter(|h| h.moves_by > HARMLESS)
+        .take(3)
+        .map(|h| format!("{} of {} moves {} by {:.1} deviations", h.size, h.name, h.moves, h.moves_by))
+        .collect();
+    if harmful.is_empty() {
+        return Vec::new();
+    }
+    vec![format!(
+        "Everything that is not estimated is taken as exact, sensors and placements included: {}. [[uncertain]] and [sensors] in the \
+         mission say how far it may be off.",
+        harmful.join("; ")
+    )]
+}
+
 /// The verdict in sentences, the most important first.
 pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     let mut out = Vec::new();
@@ -43,6 +86,7 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     } else {
         out.push(format!("{told} of {n} parameters are determined by the record."));
     }
+    out.extend(exactness(r));
     if !r.null_directions.is_empty() {
         let k = r.null_directions.len();
         let held = match (&r.reduced, r.priors_cover) {
@@ -273,6 +317,8 @@ impl fmt::Display for IdentificationResult {
             self.nuisance.iter().try_for_each(|p| row(f, p, w))?;
         }
         self.bodies.iter().try_for_each(|b| body(f, b))?;
+        budget(f, &self.budget, w)?;
+        uncertain(f, &self.uncertain)?;
         if let Some(e) = self.evidence.as_ref().filter(|e| !e.named.is_empty()) {
             writeln!(f, "\nwhat would explain the record, of {} errors that were tried", e.tried)?;
             e.named.iter().take(LISTED).try_for_each(|n| error(f, n))?;
@@ -411,3 +457,63 @@ impl fmt::Display for IdentificationResult {
         Ok(())
     }
 }
+
+/// Where the variance of every parameter comes from.
+fn budget(f: &mut fmt::Formatter<'_>, all: &[BudgetLine], w: usize) -> fmt::Result {
+    if all.is_empty() {
+        return Ok(());
+    }
+    writeln!(f, "\nwhere the variance comes from (%)")?;
+    for b in all {
+        write!(f, "  {:w$} noise {:>5.1}", b.name, 100.0 * b.noise)?;
+        for e in b.errors.iter().filter(|e| e.share > SEEN).take(4) {
+            write!(f, ", {} {:.1}", e.kind.words(), 100.0 * e.share)?;
+        }
+        match &b.better {
+            Some(x) => writeln!(
+                f,
+                "; {} {:.0} times better: +- {} becomes {} {}",
+                x.kind.words(),
+                x.factor,
+                num(b.std),
+                num(x.std),
+                b.unit
+            )?,
+            None => writeln!(f)?,
+        }
+    }
+    Ok(())
+}
+
+/// What was not known exactly, and is known better now.
+fn uncertain(f: &mut fmt::Formatter<'_>, all: &[UncertainLine]) -> fmt::Result {
+    if all.is_empty() {
+        return Ok(());
+    }
+    let learnt = |u: &&UncertainLine| u.std.is_some_and(|s| s < LEARNT * u.prior_std);
+    let known: Vec<&UncertainLine> = all.iter().filter(learnt).collect();
+    writeln!(f, "\nwhat the mission is not sure of ({}), and the record tells better ({})", all.len(), known.len())?;
+    for u in known.iter().take(MOST_UNCERTAIN) {
+        let std = u.std.map_or_else(String::new, |s| format!(" +- {}", num(s)));
+        writeln!(
+            f,
+            "  {:24} {}{std} {} (mission {} +- {})",
+            u.name,
+            num(u.value),
+            u.unit,
+            num(u.prior_mean),
+            num(u.prior_std)
+        )?;
+    }
+    match known.len().checked_sub(MOST_UNCERTAIN).filter(|&k| k > 0) {
+        Some(more) => writeln!(f, "  and {more} more (result.json)"),
+        None => Ok(()),
+    }
+}
+
+/// Part of a variance from which it is listed.
+const SEEN: f64 = 0.005;
+/// Part of a prior deviation below which a record has told something.
+const LEARNT: f64 = 0.8;
+/// Uncertain quantities that are listed.
+const MOST_UNCERTAIN: usize = 20;

@@ -102,11 +102,17 @@ impl TieSpec {
     }
 }
 
-/// The map from unknowns to parameters; `None` without ties.
-pub(super) fn tie_map(decls: &[ParamDecl], values: &[f64], ties: &[TieSpec]) -> Result<Option<Arc<TieMap>>, TieError> {
-    if ties.is_empty() {
+/// The map from unknowns to parameters, of ties as given and of `others`; `None` without any.
+pub(super) fn tie_map(
+    decls: &[ParamDecl],
+    values: &[f64],
+    ties: &[TieSpec],
+    others: Vec<Box<dyn Tie>>,
+) -> Result<Option<Arc<TieMap>>, TieError> {
+    if ties.is_empty() && others.is_empty() {
         return Ok(None);
     }
-    let made = ties.iter().map(|t| t.make(decls, values)).collect::<Result<Vec<_>, _>>()?;
+    let mut made = ties.iter().map(|t| t.make(decls, values)).collect::<Result<Vec<_>, _>>()?;
+    made.extend(others);
     TieMap::new(decls, values, made).map(|m| Some(Arc::new(m)))
 }

@@ -4,11 +4,13 @@ use super::error::{IdentifyError, config};
 use super::options::FitOptions;
 use super::settings::Settings;
 use super::ties::tie_map;
+use super::uncertain::{UncertainItems, UncertainUnknown};
 use ff_model::{Model, ParamDecl};
 use ident::Estimator;
 use ident::Posterior;
 use ident::Priors;
 use ident::Tied;
+use ident::belief::PriorRow;
 use ident::belief::SequenceError;
 use ident::belief::Sigma;
 use ident::compose::TieMap;
@@ -27,8 +29,14 @@ pub(super) struct Unknowns {
     pub(super) nominal: Vec<f64>,
     /// Where the fit starts.
     pub(super) start: Vec<f64>,
+    /// Those among them that are not asked for, by index, each with what the mission says of it.
+    pub(super) marginal: Vec<(usize, UncertainUnknown)>,
     /// Parameters of the model that may change, ascending.
     pub(super) touched: Vec<usize>,
+    /// Parameters of the model; behind them come the errors that records share.
+    of_model: usize,
+    /// Estimated parameters of which the mission knows something: index, mean, deviation.
+    known: Vec<(usize, f64, f64)>,
     map: Option<Arc<TieMap>>,
     width: Option<f64>,
     posterior: Option<Posterior>,
@@ -40,19 +48,25 @@ impl Unknowns {
         estimated: &[usize],
         s: &Settings,
         options: &FitOptions,
+        uncertain: &UncertainItems,
     ) -> Result<Self, IdentifyError> {
         let refused = |code, e: String, hint: &str| IdentifyError::Refused(config(code, e, hint));
-        let all = model.param_decls();
+        let mut all = model.param_decls();
+        let of_model = all.len();
+        all.extend(uncertain.shared.iter().cloned());
         let values: Vec<f64> = all.iter().map(|d| d.nominal).collect();
-        let map = tie_map(&all, &values, &options.ties)
+        let map = tie_map(&all, &values, &options.ties, uncertain.ties(&values)?)
             .map_err(|e| refused("Config::Ties", e.to_string(), "see the names that `ffid check` lists"))?;
         let mut touched = estimated.to_vec();
+        touched.extend(&uncertain.parameters);
+        let mut wanted = touched.clone();
+        wanted.extend(of_model..all.len());
         let (decls, nominal, mut selected) = match &map {
-            None => (all, values, estimated.to_vec()),
+            None => (all, values, wanted),
             Some(m) => {
                 let free = m.free();
                 touched.extend((0..all.len()).filter(|i| free.binary_search(i).is_err()));
-                let kept = estimated.iter().filter_map(|i| free.binary_search(i).ok());
+                let kept = wanted.iter().filter_map(|i| free.binary_search(i).ok());
                 let selected = kept.chain(free.len()..m.decls().len()).collect();
                 (m.decls().to_vec(), m.start(), selected)
             }
@@ -60,13 +74,24 @@ impl Unknowns {
         selected.sort_unstable();
         touched.sort_unstable();
         touched.dedup();
+        let stands_for = |&i: &usize| {
+            let of = uncertain.unknowns.iter().find(|u| u.name == decls[i].name)?;
+            Some((i, of.clone()))
+        };
+        let marginal: Vec<(usize, UncertainUnknown)> = selected.iter().filter_map(stands_for).collect();
+        let at = |i: usize| match &map {
+            None => Some(i),
+            Some(m) => m.free().binary_search(&i).ok(),
+        };
+        let known = uncertain.priors.iter().filter_map(|&(i, mean, std)| Some((at(i)?, mean, std))).collect();
         let start = if s.start_offset == 0.0 {
             nominal.clone()
         } else {
-            offset_start(&decls, &nominal, &selected, s.start_offset, s.seed)
+            let asked: Vec<usize> = selected.iter().copied().filter(|i| marginal.iter().all(|m| m.0 != *i)).collect();
+            offset_start(&decls, &nominal, &asked, s.start_offset, s.seed)
         };
         let (width, posterior) = (s.prior, options.posterior.clone());
-        Ok(Self { decls, selected, nominal, start, touched, map, width, posterior })
+        Ok(Self { decls, selected, nominal, start, marginal, touched, of_model, known, map, width, posterior })
     }
     /// What is known beforehand of these.
     pub(super) fn priors(&self, selected: &[usize]) -> Result<Priors, IdentifyError> {
@@ -76,6 +101,14 @@ impl Unknowns {
                 .map_err(|e| refused(e.to_string(), "give a width such as 0.3"))?,
             None => Priors::default(),
         };
+        // What an earlier identification knows of them has these rows in it.
+        let earlier = |i: usize| self.posterior.as_ref().is_some_and(|p| p.names.contains(&self.decls[i].name));
+        let declared = self.known.iter().copied().chain(self.marginal.iter().map(|(i, u)| (*i, u.mean, u.std)));
+        for (i, mean, sigma) in declared.filter(|d| !earlier(d.0)) {
+            if let Some(column) = selected.iter().position(|&s| s == i) {
+                priors = priors.with(PriorRow { column, mean, sigma });
+            }
+        }
         if let Some(p) = &self.posterior {
             let rows = p.rows_for(&self.decls, selected);
             priors = priors.and(rows.map_err(|e| refused(e.to_string(), "identify the same robot, or leave it out"))?);
@@ -85,9 +118,21 @@ impl Unknowns {
     /// All parameters of the model.
     pub(super) fn expand(&self, values: &[f64]) -> Result<Vec<f64>, IdentifyError> {
         match &self.map {
-            None => Ok(values.to_vec()),
-            Some(m) => m.expand(values).map_err(|e| IdentifyError::Model(e.to_string())),
+            None => Ok(values[..self.of_model].to_vec()),
+            Some(m) => {
+                let mut all = m.expand(values).map_err(|e| IdentifyError::Model(e.to_string()))?;
+                all.truncate(self.of_model);
+                Ok(all)
+            }
         }
+    }
+    /// Whether an unknown is asked for, and not one of those the mission is not sure of.
+    pub(super) fn is_asked(&self, i: usize) -> bool {
+        self.marginal.iter().all(|m| m.0 != i)
+    }
+    /// Whether something is known beforehand of what is asked for.
+    pub(super) fn has_priors(&self) -> bool {
+        self.width.is_some() || self.posterior.is_some() || !self.known.is_empty()
     }
     /// Selected unknowns as combinations of the model's parameters, at these values of the unknowns.
     pub(super) fn columns(&self, selected: &[usize], values: &[f64]) -> Result<Vec<Combination>, IdentifyError> {
@@ -100,6 +145,8 @@ impl Unknowns {
     pub(super) fn tied<'a>(&self, inner: Box<dyn Estimator + 'a>) -> Box<dyn Estimator + 'a> {
         match &self.map {
             None => inner,
+            // Errors of a slender body may lead through numbers that no body has.
+            Some(m) if !self.marginal.is_empty() => Box::new(Tied::new(inner, Arc::clone(m)).unchecked()),
             Some(m) => Box::new(Tied::new(inner, Arc::clone(m))),
         }
     }

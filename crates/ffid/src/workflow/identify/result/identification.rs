@@ -6,7 +6,8 @@ use super::fit::{Ended, Method};
 use super::held_out::HeldOut;
 use super::parameter::{Combination, Correlation, Covariance, Parameter, Value};
 use super::provenance::{Provenance, Warning};
-use crate::workflow::identify::evidence::{Evidence, State};
+use super::uncertain::{BudgetLine, UncertainLine};
+use crate::workflow::identify::evidence::{Evidence, Harm, State};
 use crate::workflow::identify::findings::{
     ClockLine, ComparisonTable, DecayModes, Minima, PriorConflict, ProfileLine, RecordFit, ReducedSet,
     UnobservedDirections, Whiteness,
@@ -72,6 +73,15 @@ pub struct IdentificationResult {
     /// Mass, centre of mass, inertia about it and principal axes of every body of which something was estimated.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub bodies: Vec<BodyLine>,
+    /// What the mission is not sure of, before and after; the parameters are known whatever it is.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub uncertain: Vec<UncertainLine>,
+    /// Where the variance of every parameter comes from, where something is uncertain.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub budget: Vec<BudgetLine>,
+    /// Where nothing is: what small errors of what is taken as exact would do, the most harmful first.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub taken_as_exact: Vec<Harm>,
     /// Intervals from the likelihood itself.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub profiles: Vec<ProfileLine>,
@@ -138,6 +148,9 @@ impl IdentificationResult {
             silent: None,
             reduced: None,
             prior_conflicts: Vec::new(),
+            uncertain: Vec::new(),
+            budget: Vec::new(),
+            taken_as_exact: Vec::new(),
             bodies: Vec::new(),
             profiles: Vec::new(),
             minima: None,

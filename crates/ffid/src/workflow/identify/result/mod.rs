@@ -7,6 +7,7 @@ pub(crate) mod held_out;
 pub(crate) mod identification;
 pub(crate) mod parameter;
 pub(crate) mod provenance;
+pub(crate) mod uncertain;
 
 pub use body::{BodyLine, BodyQuantity, PrincipalAxis};
 pub use channel::{Channel, ModeLine};
@@ -14,4 +15,5 @@ pub use fit::{Ended, Method};
 pub use held_out::HeldOut;
 pub use identification::{FORMAT, IdentificationResult, VERSION};
 pub use parameter::{Combination, Correlation, Covariance, Parameter, ParameterVerdict, STRONG, Value};
+pub use uncertain::{Better, BudgetLine, BudgetShare, UncertainLine, held_errors};
 pub use provenance::{InputFile, Provenance, RecordLine, Warning};

@@ -1,0 +1,312 @@
+//! What the mission is not sure of ([`ff_mission::mission::Uncertain`], `[sensors]`): unknowns with priors, estimated beside what is
+//! asked for and marginalised.
+//!
+//! Errors of sensors and placements are parameters that all records share ([`ident::compose::SharedErrors`]). The ten numbers of an
+//! uncertain body follow from its errors: with mass m, centre of mass c and inertia I_c about it, all of the mission,
+//!
+//! ```text
+//! mass       the ten numbers in proportion (m, m c, I about the origin)
+//! com_j      d(m c) = m e_j,   dI = m (2 c_j E - e_j c^T - c e_j^T)
+//! inertia    dI = e_j e_k^T + e_k e_j^T (e_j e_j^T on the diagonal)
+//! ```
+
+use super::error::{IdentifyError, config};
+use crate::open::Opened;
+use ff_mission::mission::{Mission, named_by};
+use ff_model::tree::{DisplacementKind, Placed};
+use ff_model::{Inertia, Model, ParamDecl, ParamGroup};
+use ident::compose::Affine;
+use ident::uncertain::ErrorSource;
+use ident::{Options, Tie};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Deviations that the range of a declaration spans to either side.
+const RANGE: f64 = 5.0;
+const PAIRS: [(usize, usize, &str); 6] =
+    [(0, 0, "xx"), (0, 1, "xy"), (1, 1, "yy"), (0, 2, "xz"), (1, 2, "yz"), (2, 2, "zz")];
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// What kind of thing is uncertain: errors of one kind are weighed, measured or calibrated by the same means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum UncertainKind {
+    /// Masses of bodies.
+    Masses,
+    /// Their centres of mass.
+    CentresOfMass,
+    /// Their inertia.
+    Inertias,
+    /// Parameters of appendages.
+    Parameters,
+    /// Places and directions of mounts.
+    Mounts,
+    /// Places and axes of joints.
+    Joints,
+    /// Gains of torque sensors.
+    TorqueGains,
+    /// Scale of the gyro.
+    GyroScale,
+    /// Rotation of the gyro against the base.
+    GyroAlignment,
+    /// Zeros of the encoders.
+    EncoderOffsets,
+}
+
+impl UncertainKind {
+    /// Whether it belongs to sensors or placements, and not to the parameters of the model.
+    pub fn is_shared(self) -> bool {
+        !matches!(self, Self::Masses | Self::CentresOfMass | Self::Inertias | Self::Parameters)
+    }
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Masses => "masses",
+            Self::CentresOfMass => "centres of mass",
+            Self::Inertias => "inertias",
+            Self::Parameters => "parameters held",
+            Self::Mounts => "mounts",
+            Self::Joints => "joint placements",
+            Self::TorqueGains => "torque gains",
+            Self::GyroScale => "gyro scale",
+            Self::GyroAlignment => "gyro alignment",
+            Self::EncoderOffsets => "encoder zeros",
+        }
+    }
+}
+
+/// An unknown that stands for something the mission is not sure of.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::workflow::identify) struct UncertainUnknown {
+    /// Its name: `error.l2.mass`, `tank.length`, `wing.mount.rx`, `torque.gain.j3`, `gyro.rotation.x`.
+    pub(super) name: String,
+    /// SI unit.
+    pub(super) unit: &'static str,
+    /// What the mission says: mean, and standard deviation.
+    pub(super) mean: f64,
+    /// See [`UncertainUnknown::mean`].
+    pub(super) std: f64,
+    /// What kind of thing it is.
+    pub(super) kind: UncertainKind,
+}
+
+/// Everything that a mission is not sure of.
+#[derive(Clone, Debug, Default)]
+pub(in crate::workflow::identify) struct UncertainItems {
+    /// Its unknowns, in the order: parameters of the model, errors that records share, errors of bodies.
+    pub(super) unknowns: Vec<UncertainUnknown>,
+    /// Parameters of the model among them.
+    pub(super) parameters: Vec<usize>,
+    /// Estimated parameters of which something is known beforehand, with mean and deviation.
+    pub(super) priors: Vec<(usize, f64, f64)>,
+    pub(super) errors: Vec<ErrorSource>,
+    pub(super) kinematics: Vec<String>,
+    /// Errors that records share, as parameters behind those of the model.
+    pub(super) shared: Vec<ParamDecl>,
+    bodies: Vec<BodyErrors>,
+}
+
+/// The ten numbers of some bodies as functions of errors.
+#[derive(Clone, Debug)]
+struct BodyErrors {
+    unknowns: Vec<ParamDecl>,
+    /// First of the ten numbers of each body, and what each error changes of them.
+    first: Vec<usize>,
+    slopes: Vec<Vec<(usize, [f64; 10])>>,
+}
+
+fn decl(name: String, unit: &'static str, std: f64) -> ParamDecl {
+    ParamDecl { name, unit, nominal: 0.0, bounds: (-RANGE * std, RANGE * std), group: ParamGroup::Free }
+}
+
+impl UncertainItems {
+    /// Errors of sensors and placements with these names, to be held.
+    pub(super) fn held(model: &Model, names: &[String]) -> Self {
+        let (joints, mut out) = (model.joint_names(), Self::default());
+        for source in ErrorSource::all(model.nj()) {
+            if names.contains(&source.name(&joints)) {
+                out.errors.push(source);
+            }
+        }
+        let placed = names.iter().filter(|n| model.kinematic_index(n).is_some());
+        out.kinematics = placed.cloned().collect();
+        out
+    }
+    /// Of a mission; nothing where there is none.
+    pub(in crate::workflow::identify) fn of(opened: &Opened) -> Self {
+        let mut out = Self::default();
+        let Some(mission) = &opened.mission else { return out };
+        let decls = opened.model.param_decls();
+        out.parameters(mission, &decls, &opened.estimated);
+        out.sensors(mission, &opened.model);
+        out.placements(mission, &opened.model);
+        out.bodies(mission, &decls, &opened.estimated);
+        out
+    }
+    fn parameters(&mut self, mission: &Mission, decls: &[ParamDecl], estimated: &[usize]) {
+        for u in &mission.uncertain {
+            for (i, d) in decls.iter().enumerate().filter(|(_, d)| named_by(&u.parameters, &d.name)) {
+                let known = self.parameters.contains(&i) || self.priors.iter().any(|p| p.0 == i);
+                let std = u.std.or(u.relative_std.map(|r| r * d.nominal.abs())).filter(|s| *s > 0.0);
+                let Some(std) = std.filter(|_| !known) else { continue };
+                if estimated.contains(&i) {
+                    self.priors.push((i, d.nominal, std));
+                    continue;
+                }
+                self.parameters.push(i);
+                let kind = UncertainKind::Parameters;
+                self.unknowns.push(UncertainUnknown { name: d.name.clone(), unit: d.unit, mean: d.nominal, std, kind });
+            }
+        }
+    }
+    fn share(&mut self, name: String, unit: &'static str, std: f64, kind: UncertainKind) {
+        if self.shared.iter().any(|d| d.name == name) {
+            return;
+        }
+        self.shared.push(decl(name.clone(), unit, std));
+        self.unknowns.push(UncertainUnknown { name, unit, mean: 0.0, std, kind });
+    }
+    fn sensors(&mut self, mission: &Mission, model: &Model) {
+        let (s, joints) = (&mission.sensors, model.joint_names());
+        let mut of = |source: ErrorSource, std: Option<f64>, kind: UncertainKind| {
+            let Some(std) = std else { return };
+            self.errors.push(source);
+            self.share(source.name(&joints), source.unit(), std, kind);
+        };
+        of(ErrorSource::TorqueGain(None), s.torque.gain_common_relative_std, UncertainKind::TorqueGains);
+        for j in 0..model.nj() {
+            of(ErrorSource::TorqueGain(Some(j)), s.torque.gain_relative_std, UncertainKind::TorqueGains);
+        }
+        for i in 0..3 {
+            of(ErrorSource::GyroScale(Some(i)), s.gyro.scale_relative_std, UncertainKind::GyroScale);
+        }
+        for i in 0..3 {
+            of(ErrorSource::GyroRotation(i), s.gyro.misalignment_std_rad, UncertainKind::GyroAlignment);
+        }
+    }
+    fn placements(&mut self, mission: &Mission, model: &Model) {
+        let (joints, mounts) = (model.joint_names(), model.appendages());
+        for p in model.kinematic_params() {
+            let (owner, kind) = match p.of {
+                Placed::Joint(j) => (&joints[j], UncertainKind::Joints),
+                Placed::Mount(k) => (&mounts[k].name, UncertainKind::Mounts),
+            };
+            let (std, kind) = match p.kind {
+                DisplacementKind::Offset => (mission.sensors.encoder.offset_std_rad, UncertainKind::EncoderOffsets),
+                of => {
+                    let named = mission.uncertain.iter().filter(|u| named_by(&u.mounts, owner));
+                    let std = |u: &ff_mission::mission::Uncertain| match of {
+                        DisplacementKind::Shift => u.position_std_m,
+                        _ => u.angle_std_rad,
+                    };
+                    (named.filter_map(std).next_back(), kind)
+                }
+            };
+            if let Some(std) = std {
+                self.kinematics.push(p.name.clone());
+                self.share(p.name.clone(), p.unit, std, kind);
+            }
+        }
+    }
+    /// Bodies of which nothing is estimated. A later table replaces what an earlier one says of a body.
+    fn bodies(&mut self, mission: &Mission, decls: &[ParamDecl], estimated: &[usize]) {
+        let whole = |i: usize| {
+            matches!(decls[i].group, ParamGroup::Inertial(_))
+                && decls[i].unit == "kg"
+                && i + 10 <= decls.len()
+                && (i..i + 10).all(|k| !estimated.contains(&k))
+                && decls[i].nominal > 0.0
+        };
+        let mut taken: Vec<usize> = Vec::new();
+        for u in mission.uncertain.iter().rev() {
+            let named = |i: &usize| decls[*i].name.strip_suffix(".mass").is_some_and(|n| named_by(&u.bodies, n));
+            let of: Vec<usize> = (0..decls.len()).filter(|&i| whole(i) && !taken.contains(&i)).filter(named).collect();
+            taken.extend(&of);
+            let mut e = BodyErrors { unknowns: Vec::new(), first: of.clone(), slopes: Vec::new() };
+            let mut kinds = Vec::new();
+            let mut put = |name: String, unit: &'static str, std: f64, kind, slopes| {
+                e.unknowns.push(decl(name, unit, std));
+                e.slopes.push(slopes);
+                kinds.push((std, kind));
+            };
+            let ten = |i: usize| -> [f64; 10] { core::array::from_fn(|k| decls[i + k].nominal) };
+            if let (true, Some(std)) = (u.common && !of.is_empty(), u.mass_relative_std) {
+                let all = of.iter().enumerate().map(|(b, &i)| (b, ten(i))).collect();
+                let name = format!("error.{}.mass", u.bodies.join("+"));
+                put(name, "1", std, UncertainKind::Masses, all);
+            }
+            for (b, &i) in of.iter().enumerate() {
+                let name = decls[i].name.trim_end_matches(".mass");
+                let body = Inertia::from_params(&ten(i));
+                let (m, c, about) = (body.mass, body.com().unwrap_or_default(), body.about_com());
+                if let (false, Some(std)) = (u.common, u.mass_relative_std) {
+                    let slope = ten(i).map(|p| p / m);
+                    put(format!("error.{name}.mass"), "kg", std * m, UncertainKind::Masses, vec![(b, slope)]);
+                }
+                for j in (0..3).filter(|_| u.com_std_m.is_some()) {
+                    let (e_j, mut slope) = (Vector3::ith(j, 1.0), [0.0; 10]);
+                    slope[1 + j] = m;
+                    let turn = m * (2.0 * c[j] * Matrix3::identity() - e_j * c.transpose() - c * e_j.transpose());
+                    PAIRS.iter().enumerate().for_each(|(k, &(a, b, _))| slope[4 + k] = turn[(a, b)]);
+                    let name = format!("error.{name}.com_{}", AXES[j]);
+                    put(name, "m", u.com_std_m.unwrap_or_default(), UncertainKind::CentresOfMass, vec![(b, slope)]);
+                }
+                for (k, &(p, q, pair)) in PAIRS.iter().enumerate().filter(|_| u.inertia_relative_std.is_some()) {
+                    let mut slope = [0.0; 10];
+                    slope[4 + k] = 1.0;
+                    let std = u.inertia_relative_std.unwrap_or_default() * (about[(p, p)] * about[(q, q)]).sqrt();
+                    if std > 0.0 {
+                        let name = format!("error.{name}.i_{pair}");
+                        put(name, "kg m^2", std, UncertainKind::Inertias, vec![(b, slope)]);
+                    }
+                }
+            }
+            let lines = e.unknowns.iter().zip(kinds).map(|(d, (std, kind))| UncertainUnknown {
+                name: d.name.clone(),
+                unit: d.unit,
+                mean: 0.0,
+                std,
+                kind,
+            });
+            self.unknowns.extend(lines);
+            if !e.unknowns.is_empty() {
+                self.bodies.push(e);
+            }
+        }
+    }
+    /// The ten numbers of uncertain bodies as ties.
+    pub(super) fn ties(&self, values: &[f64]) -> Result<Vec<Box<dyn Tie>>, IdentifyError> {
+        let one = |e: &BodyErrors| -> Result<Box<dyn Tie>, IdentifyError> {
+            let parameters: Vec<usize> = e.first.iter().flat_map(|&i| i..i + 10).collect();
+            let offset = DVector::from_iterator(parameters.len(), parameters.iter().map(|&i| values[i]));
+            let mut matrix = DMatrix::zeros(parameters.len(), e.unknowns.len());
+            for (column, slopes) in e.slopes.iter().enumerate() {
+                for (b, slope) in slopes {
+                    slope.iter().enumerate().for_each(|(k, x)| matrix[(10 * b + k, column)] = *x);
+                }
+            }
+            let tie = Affine::new(e.unknowns.clone(), parameters, offset, matrix);
+            let refused =
+                |e: ident::compose::TieError| config("Config::Uncertain", e.to_string(), "name each body once");
+            Ok(Box::new(tie.map_err(|e| IdentifyError::Refused(refused(e)))?))
+        };
+        self.bodies.iter().map(one).collect()
+    }
+    /// Puts the errors that records share into the options of their estimators.
+    pub(super) fn widen(&self, o: &mut Options) {
+        for e in &self.errors {
+            if !o.errors.contains(e) {
+                o.errors.push(*e);
+            }
+        }
+        for name in &self.kinematics {
+            if !o.kinematics.contains(name) {
+                o.kinematics.push(name.clone());
+            }
+        }
+    }
+    /// Names of the errors that records share.
+    pub(super) fn shared_names(&self) -> Vec<String> {
+        self.shared.iter().map(|d| d.name.clone()).collect()
+    }
+}

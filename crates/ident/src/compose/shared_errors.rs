@@ -1,0 +1,159 @@
+//! Errors that all records have in common, as parameters.
+//!
+//! A gain of a torque sensor or the place of a mount is a nuisance unknown of every estimator that knows it. Left there, each record
+//! would have one of its own, with a prior of its own, and five records would average away what one sensor does to all of them.
+//! [`SharedErrors`] makes one parameter of such unknowns: appended to those of the model, selected, given a prior and kept in a posterior
+//! like any other. Its column is the sum of theirs.
+
+use crate::belief::covariance::Unknown;
+use crate::compose::tied_rows::{Made, TiedColumns, TiedRows};
+use crate::estimate::estimator::{Coarse, Estimator};
+use crate::estimate::row_stream::{RowBlock, RowStream};
+use ff_least_squares::EvalError;
+use nalgebra::DMatrix;
+use std::sync::Arc;
+
+/// An estimator whose parameter vector goes on, behind that of the model, with errors that its records share.
+///
+/// ```
+/// use ff_least_squares::EvalError;
+/// use ident::belief::Unknown;
+/// use ident::compose::SharedErrors;
+/// use ident::Estimator;
+/// use nalgebra::DMatrix;
+///
+/// /// Two records that read `(1 + gain) p`, each with a gain and a bias of its own.
+/// struct Two;
+/// impl Estimator for Two {
+///     fn rows(&self) -> usize { 2 }
+///     fn nuisance(&self) -> Vec<Unknown> {
+///         ["a.gain", "a.bias", "b.gain", "b.bias"].map(|n| Unknown { name: n.into(), unit: "1".into(), size: 0.01 }).to_vec()
+///     }
+///     fn residuals(&mut self, p: &[f64], e: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+///         r.copy_from_slice(&[(1.0 + e[0]) * p[0] + e[1] - 3.0, (1.0 + e[2]) * p[0] + e[3] - 3.1]);
+///         Ok(())
+///     }
+///     fn jacobian(&mut self, p: &[f64], e: &[f64], _: &[usize], r: &mut [f64], j: &mut DMatrix<f64>) -> Result<(), EvalError> {
+///         j.copy_from(&DMatrix::from_row_slice(2, 5, &[1.0 + e[0], p[0], 1.0, 0.0, 0.0, 1.0 + e[2], 0.0, 0.0, p[0], 1.0]));
+///         self.residuals(p, e, r)
+///     }
+/// }
+/// let mut shared = SharedErrors::new(Box::new(Two), 1, &["gain".to_owned()], &["a".to_owned(), "b".to_owned()]);
+/// assert_eq!(shared.nuisance().iter().map(|u| u.name.as_str()).collect::<Vec<_>>(), ["a.bias", "b.bias"]);
+/// let (mut r, mut j) = ([0.0; 2], DMatrix::zeros(2, 3));
+/// shared.jacobian(&[2.5, 0.2], &[0.1, 0.3], &[1], &mut r, &mut j)?;
+/// assert_eq!(j.column(0).as_slice(), [2.5, 2.5]);
+/// # Ok::<(), EvalError>(())
+/// ```
+pub struct SharedErrors<'a> {
+    inner: Box<dyn Estimator + 'a>,
+    /// Parameters of the model.
+    parameters: usize,
+    /// Nuisance unknowns that each shared error stands for, and those that are left, by their place among those of the inner one.
+    of: Vec<Vec<usize>>,
+    kept: Vec<usize>,
+}
+
+impl<'a> SharedErrors<'a> {
+    /// The nuisance unknowns of `inner` called `names`, with the labels of records before them where there are several, become parameters
+    /// behind the first `parameters`. A name that none has is a parameter without effect. Allocates.
+    pub fn new(inner: Box<dyn Estimator + 'a>, parameters: usize, names: &[String], labels: &[String]) -> Self {
+        let all = inner.nuisance();
+        let own = |unknown: &str| {
+            let is = |name: &String| {
+                let labelled =
+                    |l: &String| unknown.strip_prefix(l.as_str()).and_then(|r| r.strip_prefix('.')) == Some(name);
+                unknown == name || labels.iter().any(labelled)
+            };
+            names.iter().position(is)
+        };
+        let (mut of, mut kept) = (vec![Vec::new(); names.len()], Vec::new());
+        for (k, u) in all.iter().enumerate() {
+            match own(&u.name) {
+                Some(i) => of[i].push(k),
+                None => kept.push(k),
+            }
+        }
+        Self { inner, parameters, of, kept }
+    }
+    fn around<'b>(&self, inner: Box<dyn Estimator + 'b>) -> SharedErrors<'b> {
+        SharedErrors { inner, parameters: self.parameters, of: self.of.clone(), kept: self.kept.clone() }
+    }
+    /// Nuisance values of the inner estimator.
+    fn inner_extra(&self, full: &[f64], extra: &[f64]) -> Vec<f64> {
+        let count = self.kept.len() + self.of.iter().map(Vec::len).sum::<usize>();
+        let mut out = vec![0.0; count];
+        self.kept.iter().zip(extra).for_each(|(&k, x)| out[k] = *x);
+        for (all, x) in self.of.iter().zip(&full[self.parameters..]) {
+            all.iter().for_each(|&k| out[k] = *x);
+        }
+        out
+    }
+    fn columns(&self, selected: &[usize]) -> TiedColumns {
+        let wanted: Vec<usize> = selected.iter().copied().filter(|&i| i < self.parameters).collect();
+        let first = wanted.len();
+        let mut made: Vec<Made> = Vec::with_capacity(selected.len() + self.kept.len());
+        let mut next = 0;
+        for &i in selected {
+            if i < self.parameters {
+                made.push(Made::Free(next));
+                next += 1;
+            } else {
+                made.push(Made::Tied(self.of[i - self.parameters].iter().map(|k| (first + k, 1.0)).collect()));
+            }
+        }
+        made.extend(self.kept.iter().map(|k| Made::Free(first + k)));
+        TiedColumns { wanted, made, extras: 0 }
+    }
+}
+
+impl Estimator for SharedErrors<'_> {
+    fn rows(&self) -> usize {
+        self.inner.rows()
+    }
+    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        let thin = self.inner.coarse(&full[..self.parameters])?;
+        Some(Coarse { estimator: Box::new(self.around(thin.estimator)), ..thin })
+    }
+    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+        let begun = self.inner.beginning(share)?;
+        Some(Coarse { estimator: Box::new(self.around(begun.estimator)), ..begun })
+    }
+    fn nuisance(&self) -> Vec<Unknown> {
+        let all = self.inner.nuisance();
+        self.kept.iter().map(|&k| all[k].clone()).collect()
+    }
+    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        let extra = self.inner_extra(full, extra);
+        self.inner.residuals(&full[..self.parameters], &extra, r)
+    }
+    fn jacobian(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        let extra = self.inner_extra(full, extra);
+        let columns = self.columns(selected);
+        let mut all = DMatrix::zeros(r.len(), columns.wanted.len() + extra.len());
+        self.inner.jacobian(&full[..self.parameters], &extra, &columns.wanted, r, &mut all)?;
+        columns.gather(&all, j);
+        Ok(())
+    }
+    fn streams<'s>(
+        &'s mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        let extra = self.inner_extra(full, extra);
+        let columns = Arc::new(self.columns(selected));
+        let inner = self.inner.streams(&full[..self.parameters], &extra, &columns.wanted)?;
+        let shared = |inner| -> Box<dyn RowStream + 's> {
+            Box::new(TiedRows { inner, columns: Arc::clone(&columns), buffer: RowBlock::default() })
+        };
+        Ok(inner.into_iter().map(shared).collect())
+    }
+}
