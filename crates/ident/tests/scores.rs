@@ -80,19 +80,28 @@ fn fit(world: Linear, errors: &[usize]) -> (Vec<f64>, Vec<(f64, f64)>, f64) {
     (e.values, found, e.residuals.iter().map(|r| r * r).sum())
 }
 
+fn base() -> Vec<(Vec<(usize, f64)>, f64)> {
+    (0..3).map(|i| (vec![(i, 1.0)], 2.0)).collect()
+}
+
+/// The end of a fit that knows none of the errors.
+fn end<'a>(values: &'a [f64], base: &'a [(Vec<(usize, f64)>, f64)]) -> EndOfFit<'a> {
+    EndOfFit {
+        full: values,
+        extra: &[0.0; 4],
+        selected: &[0, 1, 2],
+        base,
+        residuals: None,
+        priors: (DMatrix::zeros(0, 3), Vec::new()),
+    }
+}
+
 fn scores(seed: u64, truth: [f64; 3], errors: &[f64]) -> (Scores, f64) {
     let make = || Linear::new(seed, truth, errors);
     let (values, _, chi2) = fit(make(), &[]);
-    let base: Vec<_> = (0..3).map(|i| (vec![(i, 1.0)], 2.0)).collect();
     let components: Vec<Direction> = (3..7).map(|i| vec![(i, 1.0)].into()).collect();
-    let at = EndOfFit {
-        full: &values,
-        extra: &[0.0; 4],
-        selected: &[0, 1, 2],
-        base: &base,
-        residuals: None,
-        priors: (DMatrix::zeros(0, 3), Vec::new()),
-    };
+    let base = base();
+    let at = end(&values, &base);
     (Scores::new(&mut make(), &at, &components, &[]).unwrap(), chi2)
 }
 
@@ -149,15 +158,8 @@ fn nothing_is_seen_where_nothing_is_wrong_as_often_as_the_level_says() {
 fn an_error_within_the_unknowns_is_not_tested() {
     let make = || Linear::new(5, [1.7, 3.1, 2.4], &[0.0; 4]);
     let values = fit(make(), &[]).0;
-    let base: Vec<_> = (0..3).map(|i| (vec![(i, 1.0)], 2.0)).collect();
-    let at = EndOfFit {
-        full: &values,
-        extra: &[0.0; 4],
-        selected: &[0, 1, 2],
-        base: &base,
-        residuals: None,
-        priors: (DMatrix::zeros(0, 3), Vec::new()),
-    };
+    let base = base();
+    let at = end(&values, &base);
     // A common scale of all parameters.
     let scale: Vec<(usize, f64)> = values.iter().copied().enumerate().collect();
     let tests = Scores::new(&mut make(), &at, &[scale.into(), vec![(3, 1.0)].into()], &[]).unwrap();
@@ -168,15 +170,8 @@ fn an_error_within_the_unknowns_is_not_tested() {
 fn noise_of_the_motion_widens_what_chance_allows() {
     let make = || Linear::new(6, [1.7, 3.1, 2.4], &[0.9, 0.0, 0.0, 0.0]);
     let values = fit(make(), &[]).0;
-    let base: Vec<_> = (0..3).map(|i| (vec![(i, 1.0)], 2.0)).collect();
-    let at = EndOfFit {
-        full: &values,
-        extra: &[0.0; 4],
-        selected: &[0, 1, 2],
-        base: &base,
-        residuals: None,
-        priors: (DMatrix::zeros(0, 3), Vec::new()),
-    };
+    let base = base();
+    let at = end(&values, &base);
     let of = |draws: &[usize]| Scores::new(&mut make(), &at, &[vec![(3, 1.0)].into()], draws).unwrap();
     let (quiet, noisy) = (of(&[]).test(&[0], &[]).unwrap(), of(&[3, 6]));
     let tested = noisy.test(&[0], &[]).unwrap();

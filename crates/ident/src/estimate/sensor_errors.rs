@@ -29,6 +29,34 @@ struct Effect {
     turn: Option<(Matrix3<f64>, Matrix3<f64>)>,
 }
 
+impl Effect {
+    fn is_plain(&self) -> bool {
+        self.turn.is_none() && self.gain.iter().all(|&g| g == 1.0)
+    }
+    fn turned(&self, x: Vector3<f64>) -> Vector3<f64> {
+        self.turn.as_ref().map_or(x, |(r, _)| r * x)
+    }
+    /// The channels of one reading, or of its derivative, turned and scaled in place.
+    fn apply(&self, x: &mut [f64]) {
+        if self.turn.is_some() {
+            let w = self.turned(Vector3::new(x[0], x[1], x[2]));
+            x.copy_from_slice(w.as_slice());
+        }
+        x.iter_mut().zip(&self.gain).for_each(|(x, g)| *x *= g);
+    }
+    fn apply_rows(&self, values: &mut DMatrix<f64>) {
+        if self.is_plain() {
+            return;
+        }
+        let mut reading = vec![0.0; values.ncols()];
+        for mut row in values.row_iter_mut() {
+            reading.iter_mut().zip(&row).for_each(|(x, &v)| *x = v);
+            self.apply(&mut reading);
+            row.copy_from_slice(&reading);
+        }
+    }
+}
+
 impl SensorErrors {
     pub(crate) fn new(of: Vec<ErrorSource>, record: &Record, motion: &dyn JointMotion) -> Self {
         let middle = 0.5 * record.seconds();
@@ -95,45 +123,25 @@ impl SensorErrors {
     }
     /// Readings of the sensors `readings` of a group, from what error-free ones would read (readings x channels), in place.
     pub(crate) fn observe(&self, e: &[f64], group: usize, readings: Range<usize>, values: &mut DMatrix<f64>) {
-        let effect = self.effect(e, group, values.ncols());
-        if let Some((r, _)) = &effect.turn {
-            for mut row in values.row_iter_mut() {
-                let w = r * Vector3::new(row[0], row[1], row[2]);
-                (0..3).for_each(|c| row[c] = w[c]);
-            }
-        }
-        for (c, gain) in effect.gain.iter().enumerate() {
+        self.effect(e, group, values.ncols()).apply_rows(values);
+        for c in 0..values.ncols() {
             for (k, i) in readings.clone().enumerate() {
-                values[(k, c)] = gain * values[(k, c)] + self.added(e, group, i, c);
+                values[(k, c)] += self.added(e, group, i, c);
             }
         }
     }
     /// Gains and rotation alone, of derivatives of what error-free sensors would read (readings x channels), in place.
     pub(crate) fn turn(&self, e: &[f64], group: usize, slope: &mut DMatrix<f64>) {
-        let effect = self.effect(e, group, slope.ncols());
-        for mut row in slope.row_iter_mut() {
-            if let Some((r, _)) = &effect.turn {
-                let w = r * Vector3::new(row[0], row[1], row[2]);
-                (0..3).for_each(|c| row[c] = w[c]);
-            }
-            row.iter_mut().zip(&effect.gain).for_each(|(x, g)| *x *= g);
-        }
+        self.effect(e, group, slope.ncols()).apply_rows(slope);
     }
     /// Derivatives of the readings from those of what error-free sensors would read (row `channels * k + c`), in place.
     pub(crate) fn observe_rows(&self, e: &[f64], group: usize, channels: usize, rows: &mut DMatrix<f64>) {
         let effect = self.effect(e, group, channels);
-        let plain = effect.turn.is_none() && effect.gain.iter().all(|&g| g == 1.0);
-        if plain {
+        if effect.is_plain() {
             return;
         }
         for mut column in rows.column_iter_mut() {
-            for x in column.as_mut_slice().chunks_exact_mut(channels) {
-                if let Some((r, _)) = &effect.turn {
-                    let w = r * Vector3::new(x[0], x[1], x[2]);
-                    x.copy_from_slice(w.as_slice());
-                }
-                x.iter_mut().zip(&effect.gain).for_each(|(x, g)| *x *= g);
-            }
+            column.as_mut_slice().chunks_exact_mut(channels).for_each(|x| effect.apply(x));
         }
     }
     /// Derivatives of the readings of a group with respect to the size of error `k`, given to `put(reading, channel, value)` where
@@ -149,7 +157,6 @@ impl SensorErrors {
     ) {
         let (source, channels) = (self.of[k], values.ncols());
         let effect = self.effect(e, group, channels);
-        let turned = |x: Vector3<f64>| effect.turn.as_ref().map_or(x, |(r, _)| r * x);
         let gyro = |m: &DMatrix<f64>, row: usize| Vector3::new(m[(row, 0)], m[(row, 1)], m[(row, 2)]);
         for (row, i) in readings.enumerate() {
             match source {
@@ -158,7 +165,7 @@ impl SensorErrors {
                     None => (0..channels).for_each(|c| put(row, c, values[(row, c)])),
                 },
                 ErrorSource::GyroScale(of) => {
-                    let w = turned(gyro(values, row));
+                    let w = effect.turned(gyro(values, row));
                     match of {
                         Some(c) => put(row, c, w[c]),
                         None => (0..3).for_each(|c| put(row, c, w[c])),
@@ -168,25 +175,23 @@ impl SensorErrors {
                     // d (R w) = -R [w x] J_r d(rotation).
                     let along = Vector3::ith(axis, 1.0);
                     let along = effect.turn.as_ref().map_or(along, |(_, j)| j * along);
-                    let d = turned(along.cross(&gyro(values, row)));
+                    let d = effect.turned(along.cross(&gyro(values, row)));
                     (0..3).for_each(|c| put(row, c, effect.gain[c] * d[c]));
                 }
                 ErrorSource::TorqueSkew | ErrorSource::GyroSkew => {
                     let Some(slope) = slope else { continue };
                     let t = self.times[group][i];
                     if group == 1 {
-                        let d = turned(gyro(slope, row));
+                        let d = effect.turned(gyro(slope, row));
                         (0..3).for_each(|c| put(row, c, effect.gain[c] * t * d[c]));
                     } else {
                         (0..channels).for_each(|c| put(row, c, effect.gain[c] * t * slope[(row, c)]));
                     }
                 }
-                ErrorSource::TorqueDrift(c) | ErrorSource::GyroDrift(c) => {
-                    put(row, c, self.offset(&source, group, i, c));
-                }
-                ErrorSource::ViscousFriction(c) | ErrorSource::CoulombFriction(c) => {
-                    put(row, c, self.offset(&source, group, i, c));
-                }
+                ErrorSource::TorqueDrift(c)
+                | ErrorSource::GyroDrift(c)
+                | ErrorSource::ViscousFriction(c)
+                | ErrorSource::CoulombFriction(c) => put(row, c, self.offset(&source, group, i, c)),
                 ErrorSource::Compliance(_) | ErrorSource::Force(_) | ErrorSource::Moment(_) => {}
             }
         }

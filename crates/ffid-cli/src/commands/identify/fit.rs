@@ -6,6 +6,7 @@ use crate::flags::choice::Clocks;
 use crate::flags::fit::watched;
 use crate::results::Refusal;
 use ff_model::{Params, Problems};
+use ffid::workflow::doctor::before_fit;
 use ffid::workflow::identify::{
     Arm, Comparison, Identified, IdentifyError, InputFile, LOW_PASS, LabelledRecord, Method, ModelVariant, Provenance,
     RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, identify_checked, method, predict_held_out,
@@ -47,8 +48,15 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
             }
             Ok(())
         };
-        let (mut found, s, warnings) =
+        // What makes a fit useless is found in a fraction of its time.
+        let mut before = before_fit(opened, records, s)?;
+        args.input.leniency().settle(&mut before);
+        if before.has_errors() {
+            return Err(IdentifyError::Refused(before));
+        }
+        let (mut found, s, mut warnings) =
             identify_checked(opened, records, s, options, checks, &axes, &provenance, watch)?;
+        warnings.0.splice(0..0, before.0);
         let s = &s;
         let arm = Arm::of(&found.result, &model.joint_names());
         let mut signals = None;

@@ -1,0 +1,191 @@
+//! What is wrong with a record before anything is fitted: units, axes, signs, rest, excitation, noise, gaps, clocks, modes.
+//!
+//! One simulation of the mission's values along the recorded joint motion says what torques and gyro should have read. A wrong unit, sign or
+//! axis is far from that by a factor, a sign or a permutation; a mission whose masses are wrong threefold or whose stiffness is wrong
+//! fivefold is not.
+//!
+//! ```text
+//! diagnose            everything; for `ffid doctor`
+//!   excitation        which joints move; nothing moves
+//!   noise             differences of neighbours against [sensors]; steps of the readings
+//!   rest              rates of joints and base at the first samples
+//!   prediction        torques and gyro at the values of the mission
+//!   mismatch          factor, sign, permutation of outputs; hypotheses: the same for joint positions, each simulated
+//!   clocks, modes     ident::checks
+//! before_fit          what would make a fit useless, in a fraction of its time; for `ffid identify`
+//! ```
+mod clocks;
+mod diagnosis;
+mod excitation;
+mod gaps;
+mod hypotheses;
+mod mismatch;
+mod modes;
+mod noise;
+mod prediction;
+mod prior;
+mod rest;
+mod text;
+
+pub use diagnosis::{Diagnosis, Finding, Judgement, Topic};
+
+use super::identify::{IdentifyError, LabelledRecord, Method, Settings, method};
+use crate::open::Opened;
+use ff_mission::mission::Sensors;
+use ff_model::{Area, Model, Problem, Problems};
+use ff_records::Record;
+use ident::Noise;
+use noise::Level;
+use prediction::Prediction;
+
+/// One record, and what every part asks of it.
+struct Case<'a> {
+    model: &'a Model,
+    record: &'a Record,
+    label: &'a str,
+    /// By output error, at rest at the first sample, without biases; noise above zero.
+    settings: Settings,
+    sensors: Sensors,
+    /// Parameters to estimate.
+    estimated: &'a [usize],
+    level: Level,
+}
+
+impl<'a> Case<'a> {
+    fn new(opened: &'a Opened, labelled: &'a LabelledRecord, s: &Settings) -> Result<Self, IdentifyError> {
+        let (model, record) = (&opened.model, &labelled.record);
+        record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
+        record.check_uniform("the diagnosis of a record").map_err(|e| {
+            let p = Problem::error(Area::Data, "Data::TimeBase", e.to_string()).on(&labelled.label);
+            IdentifyError::Refused(Problems(vec![p.hint("bring it to one clock, such as with ff_records' resampled")]))
+        })?;
+        let level = Level::of(record);
+        // A mission of perfect sensors does not say what a reading weighs; the record does.
+        let or = |given: f64, measured: &[f64]| {
+            let most = measured.iter().copied().fold(1e-12, f64::max);
+            if given > 0.0 && given.is_finite() { given } else { most }
+        };
+        let noise = Noise { torque: or(s.noise.torque, &level.torque), gyro: or(s.noise.gyro, &level.gyro) };
+        let settings = Settings {
+            method: Some(Method::OutputError),
+            noise,
+            biases: false,
+            initial_state: false,
+            adopt: Vec::new(),
+            ..s.clone()
+        };
+        let sensors = opened.mission.as_ref().map(|m| m.sensors.clone()).unwrap_or_default();
+        Ok(Self { model, record, label: &labelled.label, settings, sensors, estimated: &opened.estimated, level })
+    }
+    /// Standard deviations of torques and gyro, in the order of [`Record::responses`].
+    fn sigma(&self) -> Vec<f64> {
+        let mut out = vec![self.settings.noise.torque; self.record.joints()];
+        out.extend([self.settings.noise.gyro; 3]);
+        out
+    }
+    fn finding(&self, topic: Topic, judgement: Judgement, text: impl Into<String>) -> Finding {
+        Finding {
+            record: self.label.to_owned(),
+            topic,
+            channel: None,
+            judgement,
+            measured: None,
+            expected: None,
+            unit: String::new(),
+            text: text.into(),
+            problem: None,
+        }
+    }
+}
+
+/// Whether torques and gyro follow from a simulation: not on a base that is bolted down, whose joints have friction.
+fn is_predicted(model: &Model, s: &Settings) -> bool {
+    method(model, s.method) != Method::Ground
+}
+
+/// Judges records by the values of the mission. `warnings` are those of reading, a list for each record. Allocates.
+///
+/// # Errors
+/// [`IdentifyError::Refused`] for records of another robot, or on several clocks. What is wrong with a record is no error here:
+/// [`Diagnosis::problems`].
+pub fn diagnose(
+    opened: &Opened,
+    records: &[LabelledRecord],
+    warnings: &[Problems],
+    settings: &Settings,
+) -> Result<Diagnosis, IdentifyError> {
+    let mut findings = Vec::new();
+    for (k, labelled) in records.iter().enumerate() {
+        let case = Case::new(opened, labelled, settings)?;
+        findings.push(gaps::finding(&case, warnings.get(k)));
+        let moves = excitation::findings(&case);
+        let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
+        findings.extend(moves);
+        if still {
+            findings.extend(noise::findings(&case, &Scales::default()));
+            continue;
+        }
+        if !is_predicted(&opened.model, settings) {
+            findings.extend(noise::findings(&case, &Scales::default()));
+            continue;
+        }
+        let predicted = Prediction::new(&case, case.record);
+        let found = hypotheses::findings(&case, predicted.as_ref().ok(), true);
+        findings.extend(noise::findings(&case, &found.scales));
+        findings.extend(rest::findings(&case, predicted.as_ref().ok(), found.starts_in_motion));
+        let clean = !found.findings.iter().any(|f| f.judgement != Judgement::Good);
+        findings.extend(found.findings);
+        match predicted {
+            // What is predicted wrongly tells nothing of clocks, modes and values.
+            Ok(p) if clean => {
+                findings.extend(clocks::findings(&case, &p));
+                findings.extend(modes::findings(&case, opened)?);
+                findings.push(prior::finding(&case, &p));
+            }
+            Ok(_) => {}
+            Err(e) if clean => findings.push(prediction::failed(&case, &e)),
+            Err(_) => {}
+        }
+    }
+    Ok(Diagnosis::new(opened.model.name(), findings))
+}
+
+/// Factors by which torques and gyro of a record are off.
+#[derive(Clone, Copy, Debug)]
+struct Scales {
+    torque: f64,
+    gyro: f64,
+}
+
+impl Default for Scales {
+    fn default() -> Self {
+        Self { torque: 1.0, gyro: 1.0 }
+    }
+}
+
+/// Problems of records that would make a fit useless: nothing moves, a unit, a sign or axes are wrong. One simulation for each record,
+/// and one or two more where its outputs are far from the prediction. Records of a base that is bolted down are judged by their motion alone.
+/// Allocates.
+///
+/// # Errors
+/// [`IdentifyError::IllPosed`] when nothing moves in any record.
+pub fn before_fit(opened: &Opened, records: &[LabelledRecord], settings: &Settings) -> Result<Problems, IdentifyError> {
+    let mut problems = Problems::default();
+    let mut moving = false;
+    for labelled in records {
+        let case = Case::new(opened, labelled, settings)?;
+        let moves = excitation::findings(&case);
+        let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
+        moving |= !still;
+        let mut findings = moves;
+        if !still && is_predicted(&opened.model, settings) {
+            let predicted = Prediction::new(&case, case.record);
+            findings.extend(hypotheses::findings(&case, predicted.as_ref().ok(), false).findings);
+        }
+        problems.0.extend(findings.into_iter().filter(|f| f.judgement == Judgement::Wrong).filter_map(|f| f.problem));
+    }
+    if !moving && !records.is_empty() {
+        return Err(IdentifyError::IllPosed(problems));
+    }
+    Ok(problems)
+}

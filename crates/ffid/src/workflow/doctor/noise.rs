@@ -1,0 +1,241 @@
+//! White noise of every channel without a model, and the steps of its readings.
+//!
+//! Differences of order k of neighbours have the variance `C(2k, k) sigma^2` for white noise, while a smooth signal of angular frequency w
+//! keeps `(w h)^k` of its amplitude, so that order six is an upper bound of the noise that motion hardly touches. Noise that is correlated
+//! in time loses more at higher orders: whether there is less than stated is judged by order three.
+
+use super::diagnosis::{Finding, Judgement, Topic};
+use super::{Case, Scales};
+use ff_model::{Area, JointKind, Problem};
+use ff_records::Record;
+use nalgebra::{DMatrix, DVectorView};
+
+/// Ratio of measured to stated noise that is suspicious, and its inverse.
+const OFF: f64 = 3.0;
+/// Ratio of the estimates of orders four and six above which a signal, not noise, is what they measure.
+const LEAKS: f64 = 1.5;
+/// Distinct readings of a channel above which it has no steps that matter.
+const MOST_LEVELS: usize = 50_000;
+/// Deviation of a difference of readings from a multiple of the step, in steps.
+const ON_GRID: f64 = 0.02;
+
+/// Noise and steps of the channels of a record: upper bounds of the standard deviations, and steps (0 where there are none).
+pub(super) struct Level {
+    pub(super) position: Vec<f64>,
+    pub(super) position_step: Vec<f64>,
+    pub(super) torque: Vec<f64>,
+    pub(super) torque_step: Vec<f64>,
+    pub(super) gyro: Vec<f64>,
+    pub(super) gyro_step: Vec<f64>,
+}
+
+impl Level {
+    pub(super) fn of(r: &Record) -> Self {
+        let sixth = |m: &DMatrix<f64>| m.column_iter().map(|c| by_differences(c.as_view(), 6)).collect();
+        let steps = |m: &DMatrix<f64>| m.column_iter().map(|c| step(c.as_view())).collect();
+        Self {
+            position: sixth(r.q()),
+            position_step: steps(r.q()),
+            torque: sixth(r.tau()),
+            torque_step: steps(r.tau()),
+            gyro: sixth(r.gyro()),
+            gyro_step: steps(r.gyro()),
+        }
+    }
+}
+
+/// Standard deviation of white noise, from differences of order `order` (at most 6); 0 for a channel that is too short.
+fn by_differences(x: DVectorView<'_, f64>, order: usize) -> f64 {
+    let mut weights = vec![1.0];
+    for _ in 0..order {
+        let mut next = vec![0.0; weights.len() + 1];
+        for (a, w) in weights.iter().enumerate() {
+            next[a] += w;
+            next[a + 1] -= w;
+        }
+        weights = next;
+    }
+    let variance: f64 = weights.iter().map(|w| w * w).sum();
+    let rows = x.len().saturating_sub(order);
+    if rows == 0 {
+        return 0.0;
+    }
+    let one = |i: usize| weights.iter().enumerate().map(|(a, w)| w * x[i + a]).sum::<f64>().powi(2);
+    ((0..rows).map(one).sum::<f64>() / rows as f64 / variance).sqrt()
+}
+
+/// The step of the readings: the least difference of sorted values, where all are multiples of it; else 0.
+fn step(x: DVectorView<'_, f64>) -> f64 {
+    let mut all: Vec<f64> = x.iter().copied().collect();
+    all.sort_unstable_by(f64::total_cmp);
+    all.dedup();
+    if all.len() < 3 || all.len() > MOST_LEVELS {
+        return 0.0;
+    }
+    let gaps = || all.windows(2).map(|w| w[1] - w[0]);
+    let least = gaps().fold(f64::INFINITY, f64::min);
+    let range = all[all.len() - 1] - all[0];
+    // Below, digits of the numbers themselves.
+    if least <= 1e-13 * range.max(all[0].abs()) {
+        return 0.0;
+    }
+    // Means of the multiples: a step known to a few digits only.
+    let (mut sum, mut count) = (0.0, 0.0);
+    for gap in gaps() {
+        let k = (gap / least).round();
+        if k > 1e3 || (gap / least - k).abs() > ON_GRID * k {
+            return 0.0;
+        }
+        (sum, count) = (sum + gap, count + k);
+    }
+    sum / count
+}
+
+/// A kind of sensor: its channels, what the mission says of it, and the factor by which its unit is off.
+struct Sensor<'a> {
+    data: &'a DMatrix<f64>,
+    names: Vec<String>,
+    units: Vec<&'static str>,
+    /// `[section] key` of its noise.
+    key: &'static str,
+    noise: f64,
+    quantum: f64,
+    quantum_key: &'static str,
+    scale: f64,
+    steps: &'a [f64],
+}
+
+pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
+    let (r, s) = (case.record, &case.sensors);
+    let slides: Vec<bool> = case.model.bodies().iter().map(|b| b.joint.kind == JointKind::Prismatic).collect();
+    let of_joint = |turns, slide| slides.iter().map(|&yes| if yes { slide } else { turns }).collect();
+    let named = |head: &str| r.joint_names().iter().map(|j| format!("{head}.{j}")).collect();
+    let mut all = vec![
+        Sensor {
+            data: r.q(),
+            names: named("q"),
+            units: of_joint("rad", "m"),
+            key: "[sensors.encoder] noise_std_rad",
+            noise: s.encoder.noise_std_rad,
+            quantum: s.encoder.bits.map_or(0.0, |b| ff_dynamics::sim::Channel::encoder(b).quantum),
+            quantum_key: "[sensors.encoder] bits",
+            scale: 1.0,
+            steps: &case.level.position_step,
+        },
+        Sensor {
+            data: r.tau(),
+            names: named("tau"),
+            units: of_joint("N m", "N"),
+            key: "[sensors.torque] noise_std_nm",
+            noise: s.torque.noise_std_nm,
+            quantum: s.torque.lsb_nm,
+            quantum_key: "[sensors.torque] lsb_nm",
+            scale: scales.torque,
+            steps: &case.level.torque_step,
+        },
+    ];
+    if !r.is_fixed_base() {
+        all.push(Sensor {
+            data: r.gyro(),
+            names: ["x", "y", "z"].map(|a| format!("gyro.{a}")).to_vec(),
+            units: vec!["rad/s"; 3],
+            key: "[sensors.gyro] noise_std_rad_per_s",
+            noise: s.gyro.noise_std_rad_per_s,
+            quantum: s.gyro.lsb_rad_per_s,
+            quantum_key: "[sensors.gyro] lsb_rad_per_s",
+            scale: scales.gyro,
+            steps: &case.level.gyro_step,
+        });
+    }
+    all.iter().flat_map(|sensor| of_sensor(case, sensor)).collect()
+}
+
+fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
+    let expected = s.noise.hypot(s.quantum / 12f64.sqrt());
+    let mut out = Vec::new();
+    let (mut low, mut high) = (f64::INFINITY, 0.0f64);
+    for (k, name) in s.names.iter().enumerate() {
+        let x = s.data.column(k);
+        let [three, four, six] = [3, 4, 6].map(|o| by_differences(x.as_view(), o) / s.scale);
+        let (unit, step) = (s.units[k], s.steps[k] / s.scale);
+        (low, high) = (low.min(six), high.max(six));
+        let raise = |text: String, measured: f64, hint: String| {
+            let p = Problem::warning(Area::Data, "Data::NoiseFigure", text.clone()).on(name).hint(hint);
+            case.finding(Topic::Noise, Judgement::Suspicious, text)
+                .on(name)
+                .figures(measured, expected, unit)
+                .raising(p)
+        };
+        // Steps that the figures of the mission do not cover.
+        if step / 12f64.sqrt() > OFF * expected && expected > 0.0 {
+            let text = format!(
+                "is read in steps of {step:.3e} {unit}, whose error is {:.3e}; the mission has {expected:.3e}",
+                step / 12f64.sqrt()
+            );
+            out.push(raise(text, step / 12f64.sqrt(), format!("give the step as {}", s.quantum_key)));
+            continue;
+        }
+        if expected == 0.0 {
+            continue;
+        }
+        let ratio = six / expected;
+        if ratio > OFF && four < LEAKS * six {
+            let text = format!("noise {six:.3e} {unit}, {ratio:.1} times the {expected:.3e} of the mission");
+            out.push(raise(text, six, format!("set {} = {six:.2e}, or look at the sensor", s.key)));
+            continue;
+        }
+        // Steps of a channel at rest hide its noise.
+        let coarse = s.quantum.max(step) > 2.0 * s.noise;
+        if !coarse && three < expected / OFF {
+            let text = format!(
+                "noise {three:.3e} {unit} at most, {:.3} times the {expected:.3e} of the mission",
+                three / expected
+            );
+            out.push(raise(text, three, format!("set {} = {three:.2e}, unless the reading was smoothed", s.key)));
+        }
+    }
+    if out.is_empty() {
+        let unit = s.units.first().copied().unwrap_or("");
+        let kind = s.names.first().and_then(|n| n.split('.').next()).unwrap_or("");
+        let text = if expected > 0.0 {
+            format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, the mission has {expected:.2e}")
+        } else {
+            format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, the mission gives none ({})", s.key)
+        };
+        out.push(case.finding(Topic::Noise, Judgement::Good, text).on(kind).figures(high, expected, unit));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DVector;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    fn noisy(sigma: f64, smooth: impl Fn(f64) -> f64) -> DVector<f64> {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        DVector::from_fn(2000, |i, _| {
+            smooth(i as f64 * 0.02) + sigma * Distribution::<f64>::sample(&StandardNormal, &mut rng)
+        })
+    }
+
+    #[test]
+    fn noise_is_told_from_a_smooth_signal_a_hundred_times_as_large() {
+        let x = noisy(0.01, |t| (2.0 * t).sin() + 0.3 * t);
+        for order in [3, 4, 6] {
+            let found = by_differences(x.as_view(), order);
+            assert!((found / 0.01 - 1.0).abs() < 0.08, "order {order}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_step_is_found_where_readings_have_one() {
+        let x = noisy(0.01, |t| (2.0 * t).sin());
+        assert_eq!(step(x.as_view()), 0.0);
+        let read = x.map(|v| (v / 0.0037).round() * 0.0037);
+        assert!((step(read.as_view()) / 0.0037 - 1.0).abs() < 1e-6, "{}", step(read.as_view()));
+    }
+}

@@ -1,0 +1,30 @@
+//! The values of the mission against the record.
+
+use super::Case;
+use super::diagnosis::{Finding, Judgement, Topic};
+use super::prediction::Prediction;
+
+/// Chi-squared per degree of freedom of the mission's values; what it is, and no judgement: that the values are wrong is why there is a fit.
+pub(super) fn finding(case: &Case<'_>, p: &Prediction) -> Finding {
+    let samples = case.record.samples();
+    let mut squares = 0.0;
+    let mut worst = (0.0, String::new());
+    let names = case.record.response_names();
+    for (k, name) in names.iter().enumerate() {
+        let left: f64 = (p.predicted.column(k) - p.measured.column(k)).norm_squared() / p.sigma[k].powi(2);
+        squares += left;
+        let over = (left / samples as f64).sqrt();
+        if over > worst.0 {
+            worst = (over, name.clone());
+        }
+    }
+    let chi2 = squares / (p.residuals.len() - names.len()).max(1) as f64;
+    let text = format!(
+        "with the values of the mission chi-squared per degree of freedom is {chi2:.4}, worst in {} ({:.2} times the noise); {} parameters are \
+         to be estimated",
+        worst.1,
+        worst.0,
+        case.estimated.len()
+    );
+    case.finding(Topic::Prior, Judgement::Good, text).figures(chi2, 1.0, "")
+}
