@@ -1,10 +1,10 @@
-//! Clocks of torques and gyro against that of the encoders (rows D15 and D16), at the values of the mission.
+//! Clocks of torques and gyro against that of the encoders (rows D15 and D16), at the values of a quick fit.
 //!
-//! What is to be estimated is uncertain, and bends the offset; so it has to be clear, and to explain what the values do not.
+//! What is to be estimated is uncertain, and bends the offset; so it has to be clear.
 
 use super::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
-use super::prediction::Prediction;
+use super::quick_fit::QuickFit;
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, Params, Problem};
 use ff_records::clock::ClockEstimate;
@@ -12,16 +12,16 @@ use ident::checks::estimate_clocks;
 use ident::parameters::sizes;
 
 /// Uncertainty of the values, relative to their size.
-const UNCERTAIN: f64 = 0.2;
+const UNCERTAIN: f64 = 0.1;
 /// Samples, and standard deviations, that an offset or drift must exceed.
 const SAMPLES: f64 = 1.0;
 const SURE: f64 = 6.0;
 /// Largest offset looked for (s), and as a part of the record.
 const LATEST: (f64, f64) = (0.25, 0.03);
 
-pub(super) fn findings(case: &Case<'_>, _predicted: &Prediction) -> Vec<Finding> {
+pub(super) fn findings(case: &Case<'_>, fit: &QuickFit) -> Vec<Finding> {
     let (model, r) = (case.model, case.record);
-    let params = Params::nominal(model);
+    let params = Params::from_values(model, fit.values.clone());
     let all = sizes(&model.param_decls(), params.values());
     let uncertain: Vec<(usize, f64)> = case.estimated.iter().map(|&i| (i, UNCERTAIN * all[i])).collect();
     let latest = LATEST.0.min(LATEST.1 * r.seconds());

@@ -1,29 +1,32 @@
 //! What would bring a record to its prediction: errors of its outputs, and errors of its joint positions, each of which is simulated.
 //!
-//! A hypothesis on positions is taken where the mean distance of the outputs (see `mismatch`) falls to a part of what it was. Each comes
-//! with what it leaves for the outputs to explain: a joint whose axis is reversed has another sign in its position and in its torque.
+//! Every hypothesis is a record put right. They are ranked by the mean distance of torques and gyro from what the values of the mission
+//! predict (see `mismatch`), which takes one simulation; the first few are fitted quickly, and the best of these is taken if it leaves a
+//! quarter of the chi-squared above its expectation that the record leaves as it is.
 
 use super::diagnosis::{Finding, Judgement, Topic};
-use super::mismatch::{DEGREES, Explained, Output, explain};
-use super::prediction::{Prediction, coarse};
+use super::mismatch::{DEGREES, Explained, Output, distance_with, explain, put_right};
+use super::prediction::Prediction;
+use super::quick_fit::{QuickFit, quick_fit, thinned};
 use super::{Case, Scales};
-use crate::workflow::identify::{RecordEstimator, Settings, axes};
+use crate::workflow::identify::axes;
 use ff_model::diagnostics::Limit;
-use ff_model::{Area, JointKind, Params, Problem};
+use ff_model::{Area, JointKind, Problem};
 use ff_records::Record;
-use ident::estimate::fit_nuisance;
+use ident::checks::AxisMismatch;
 use nalgebra::DMatrix;
 
-/// Mean distance, and largest of a channel, below which nothing is looked for.
+/// Mean distance below which nothing is looked for before a fit.
 const EXPLAINED: f64 = 0.3;
-const EXPLAINED_WORST: f64 = 0.7;
-/// Part of the mean distance that a hypothesis must leave at most, and the most that it may leave.
+/// Part of the mean distance that an error taken before a fit must leave at most, and the most that it may leave.
 const BETTER: f64 = 0.4;
 const LEFT: f64 = 0.35;
-/// Advantage of simpler hypotheses over others, in the same ratio.
-const SIMPLER: f64 = 0.7;
-/// Linearisations for an initial state.
-const ITERATIONS: usize = 8;
+/// Part of chi-squared above its expectation that an error may leave.
+const UNEXPLAINED: f64 = 0.25;
+/// Factor by which the distance of a hypothesis grows with each error it consists of.
+const SIMPLER: f64 = 1.3;
+/// Hypotheses that are fitted.
+const FITTED: usize = 6;
 
 /// What may be wrong with joint positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,81 +81,194 @@ impl Positions {
 pub(super) struct Hypotheses {
     pub(super) findings: Vec<Finding>,
     pub(super) scales: Scales,
-    /// With an initial state estimated, outputs are near their prediction, and nothing else explains them.
+    /// With base rate and passive state at the first sample estimated, the record is explained, and by nothing else.
     pub(super) starts_in_motion: bool,
+    /// Of the record as it is.
+    pub(super) fit: Option<QuickFit>,
 }
 
-/// What explains the outputs of a record; `predicted` is absent where the record as it is cannot be simulated. `thorough`: each joint is
-/// tried as well.
-pub(super) fn findings(case: &Case<'_>, predicted: Option<&Prediction>, thorough: bool) -> Hypotheses {
+/// By how much a measure falls with an error put right.
+struct Grounds {
+    measure: &'static str,
+    before: f64,
+    after: f64,
+}
+
+impl Grounds {
+    fn words(&self) -> String {
+        let Self { measure, before, after } = self;
+        if before.is_finite() {
+            format!("with that put right {measure} falls from {before:.4} to {after:.4}")
+        } else {
+            format!("with that put right {measure} is {after:.4}; as it is, the record cannot be predicted")
+        }
+    }
+}
+
+/// Kinds of joint: true where it turns.
+fn turns(case: &Case<'_>) -> Vec<bool> {
+    case.model.bodies().iter().map(|b| b.joint.kind != JointKind::Prismatic).collect()
+}
+
+/// What makes a fit useless, by the values of the mission alone; `predicted` is absent where the record as it is cannot be simulated.
+pub(super) fn before_fit(case: &Case<'_>, predicted: Option<&Prediction>) -> Vec<Finding> {
     let own = predicted.map(|p| explain(case.record, p));
-    let before = own.as_ref().map_or(2.0, |e| e.before);
+    let left = own.as_ref().map_or(2.0, |e| e.after);
     let mut best = (Positions::AsRecorded, own);
-    let mut starts_in_motion = false;
-    let left = |e: &Option<Explained>| e.as_ref().map_or(2.0, |e| e.after);
-    let unexplained = best.1.as_ref().is_none_or(|e| e.after > EXPLAINED || e.worst > EXPLAINED_WORST);
-    if unexplained {
-        let turns: Vec<bool> = case.model.bodies().iter().map(|b| b.joint.kind != JointKind::Prismatic).collect();
-        if let Some(thin) = coarse(case.record) {
-            let mut tried: Vec<(f64, Positions, Explained)> = Vec::new();
-            let moving = if thorough { from_motion(case, &thin) } else { None };
-            for h in Positions::all(&turns, thorough) {
-                let record = h.put_right(&thin, &turns);
-                let Ok(p) = Prediction::new(case, &record) else { continue };
-                let e = explain(&record, &p);
-                // Errors of the outputs beside one of the positions count against it.
-                let cost = SIMPLER.powi(-i32::from(h.is_single())) * SIMPLER.powi(-(e.outputs.len().min(4) as i32));
-                tried.push((e.after * cost, h, e));
-            }
-            let as_is = left(&best.1);
-            let bound = as_is * SIMPLER.powi(-(best.1.as_ref().map_or(0, |e| e.outputs.len().min(4)) as i32));
-            if let Some((cost, h, e)) = tried.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
-                && e.after < LEFT
-                && cost < BETTER * bound
-                && moving.is_none_or(|m| cost < m)
-            {
+    if left > EXPLAINED
+        && let Some(thin) = thinned(case.record)
+    {
+        let turns = turns(case);
+        for h in Positions::all(&turns, false) {
+            let record = h.put_right(&thin, &turns);
+            let Ok(p) = Prediction::new(case, &record) else { continue };
+            let e = explain(&record, &p);
+            if e.after < LEFT && e.after < BETTER * best.1.as_ref().map_or(2.0, |b| b.after) {
                 best = (h, Some(e));
-            } else if let Some(m) = moving
-                && m < BETTER * as_is
-                && m < LEFT
-            {
-                starts_in_motion = true;
             }
         }
     }
-    let (positions, explained) = best;
-    // What is left unexplained explains nothing.
-    let explained =
-        explained.filter(|e| !starts_in_motion && (e.outputs.is_empty() || e.after < BETTER.max(0.6 * e.before)));
-    let mut findings = Vec::new();
-    findings.extend(of_positions(case, positions, before, explained.as_ref()));
-    let mut scales = Scales::default();
-    for o in explained.iter().flat_map(|e| &e.outputs) {
-        findings.push(of_output(case, o));
+    let (positions, Some(e)) = best else { return Vec::new() };
+    let before = predicted.map_or(f64::INFINITY, |p| explain(case.record, p).before);
+    let why =
+        Grounds { measure: "the mean distance of torques and gyro from their prediction", before, after: e.after };
+    let mut out: Vec<Finding> = of_positions(case, positions, &why).into_iter().collect();
+    // What leaves most of the distance explains nothing.
+    if e.after < BETTER || e.after < 0.5 * e.before {
+        out.extend(e.outputs.iter().map(|o| of_output(case, o, &why)));
     }
-    if let Some(e) = &explained {
-        scales = e.scales;
-    }
-    if findings.is_empty() {
-        let text = match &explained {
-            Some(e) if e.after <= EXPLAINED => "torques and gyro are as the mission predicts, in unit, axis and sign",
-            _ if starts_in_motion => "torques and gyro are as predicted from a start in motion, in unit, axis and sign",
-            Some(_) => "no unit, axis or sign would bring torques and gyro nearer to their prediction",
-            None => "torques and gyro are not told apart from noise by the prediction",
-        };
-        findings.push(case.finding(Topic::Units, Judgement::Good, text).figures(before, 0.0, ""));
-    }
-    Hypotheses { findings, scales, starts_in_motion }
+    out
 }
 
-/// Mean distance with base rate and passive state at the first sample estimated.
-fn from_motion(case: &Case<'_>, record: &Record) -> Option<f64> {
-    let s = Settings { initial_state: true, biases: true, ..case.settings.clone() };
-    let mut fit = RecordEstimator::new(case.model, record, &s).ok()?;
-    let nominal = Params::nominal(case.model);
-    let found = fit_nuisance(fit.estimator(), nominal.values(), ITERATIONS).ok()?;
-    let p = Prediction::of(case, record, found.residuals);
-    Some(explain(record, &p).before)
+/// A hypothesis: positions, then outputs.
+struct Hypothesis {
+    positions: Positions,
+    outputs: Vec<Output>,
+    /// Mean distance that it leaves, times what its errors cost.
+    cost: f64,
+}
+
+/// Everything that may be wrong with positions and outputs, cheapest first.
+fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
+    let (turns, n) = (turns(case), thin.joints());
+    let mut out = Vec::new();
+    let mut all = vec![Positions::AsRecorded];
+    all.extend(Positions::all(&turns, true));
+    let reversed = |joint| Output::Axis(AxisMismatch::Torque { joint, correlation: -1.0 });
+    let swapped = |i, j| Output::Swapped { joints: (i, j) };
+    for positions in all {
+        let record = positions.put_right(thin, &turns);
+        let Ok(p) = Prediction::new(case, &record) else { continue };
+        let Explained { outputs, .. } = explain(&record, &p);
+        let mut variants = vec![Vec::new()];
+        if !outputs.is_empty() {
+            variants.push(outputs);
+        }
+        match positions {
+            Positions::AsRecorded => {
+                variants.extend((0..n).map(|j| vec![reversed(j)]));
+                variants.push((0..n).map(reversed).collect());
+                variants.extend((0..n).flat_map(|i| (i + 1..n).map(move |j| vec![swapped(i, j)])));
+            }
+            // The names of a joint, or the sense of its axis, are wrong in all its columns.
+            Positions::Reversed(j) => variants.push(vec![reversed(j)]),
+            Positions::Swapped(i, j) => variants.push(vec![swapped(i, j)]),
+            Positions::Factor(_) | Positions::OneFactor(..) => {}
+        }
+        for outputs in variants {
+            // One error where all columns of a joint, or all torques, are wrong in the same way.
+            let errors = match outputs.len() {
+                0 => 0,
+                _ if positions.is_single() => 0,
+                k if k == n => 1,
+                k => k as i32,
+            } + i32::from(positions != Positions::AsRecorded);
+            if errors > 0 {
+                let cost = distance_with(&record, &p, &outputs) * SIMPLER.powi(errors);
+                out.push(Hypothesis { positions, outputs, cost });
+            }
+        }
+    }
+    out.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    out
+}
+
+/// Units, axes and signs of a record.
+pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
+    let mut found = Hypotheses { findings: Vec::new(), scales: Scales::none(case), starts_in_motion: false, fit: None };
+    let Some(thin) = thinned(case.record) else { return found };
+    found.fit = quick_fit(case, &thin, false);
+    let before = found.fit.as_ref().map_or(f64::INFINITY, |f| f.chi2_per_dof);
+    let limit = case.settings.limit;
+    let good = |text: String| case.finding(Topic::Units, Judgement::Good, text).figures(before, 1.0, "");
+    if before <= limit {
+        let text = format!(
+            "torques and gyro are as predicted in unit, axis and sign: a quick fit leaves chi-squared per degree of freedom {before:.3}"
+        );
+        found.findings.push(good(text));
+        return found;
+    }
+    let turns = turns(case);
+    let mut best: Option<(f64, Hypothesis)> = None;
+    for h in ranked(case, &thin).into_iter().take(FITTED) {
+        let record = put_right(&h.positions.put_right(&thin, &turns), &h.outputs);
+        let Some(fit) = quick_fit(case, &record, false) else { continue };
+        if best.as_ref().is_none_or(|b| fit.chi2_per_dof < b.0) {
+            best = Some((fit.chi2_per_dof, h));
+        }
+    }
+    let explains = |after: f64| after - 1.0 < UNEXPLAINED * (before - 1.0);
+    let moving = quick_fit(case, &thin, true).map_or(f64::INFINITY, |f| f.chi2_per_dof);
+    match best {
+        Some((after, h)) if explains(after) && after < moving => {
+            let measure = "chi-squared per degree of freedom of a quick fit";
+            let why = Grounds { measure, before, after };
+            found.scales = Scales::of(case, h.positions, &h.outputs);
+            found.findings.extend(of_positions(case, h.positions, &why));
+            found.findings.extend(h.outputs.iter().map(|o| of_output(case, o, &why)));
+        }
+        _ => {
+            found.starts_in_motion = explains(moving);
+            let text = if found.starts_in_motion {
+                format!(
+                    "a quick fit with base and appendages moving at the first sample leaves chi-squared per degree of freedom {moving:.3}, {before:.3} from rest"
+                )
+            } else {
+                format!(
+                    "no unit, axis or sign explains what a quick fit leaves: chi-squared per degree of freedom {before:.3}, limit {limit:.3}"
+                )
+            };
+            found.findings.push(good(text));
+        }
+    }
+    found
+}
+
+impl Scales {
+    /// All units are right.
+    pub(super) fn none(case: &Case<'_>) -> Self {
+        let n = case.record.joints();
+        Self { position: vec![1.0; n], torque: vec![1.0; n], gyro: 1.0 }
+    }
+    fn of(case: &Case<'_>, positions: Positions, outputs: &[Output]) -> Self {
+        let mut out = Self::none(case);
+        match positions {
+            Positions::Factor(f) => {
+                turns(case).iter().zip(&mut out.position).filter(|(turns, _)| **turns).for_each(|(_, s)| *s = f);
+            }
+            Positions::OneFactor(j, f) => out.position[j] = f,
+            Positions::AsRecorded | Positions::Reversed(_) | Positions::Swapped(..) => {}
+        }
+        for o in outputs {
+            match o {
+                Output::TorqueUnit { factor, .. } => out.torque.iter_mut().for_each(|s| *s *= factor),
+                Output::OneTorqueUnit { joint, factor, .. } => out.torque[*joint] *= factor,
+                Output::GyroUnit { factor, .. } => out.gyro = *factor,
+                Output::Axis(_) | Output::Swapped { .. } => {}
+            }
+        }
+        out
+    }
 }
 
 fn wrong(case: &Case<'_>, topic: Topic, p: Problem, text: String) -> Finding {
@@ -166,12 +282,9 @@ fn times(f: f64) -> String {
     if f >= 1.0 { format!("{f:.4} times too large") } else { format!("{:.4} times too small", 1.0 / f) }
 }
 
-fn of_positions(case: &Case<'_>, h: Positions, before: f64, e: Option<&Explained>) -> Option<Finding> {
+fn of_positions(case: &Case<'_>, h: Positions, why: &Grounds) -> Option<Finding> {
     let names = case.record.joint_names();
-    let after = e.map_or(0.0, |e| e.after);
-    let why = format!(
-        "the mean distance of torques and gyro from their prediction falls from {before:.3} to {after:.3} with that put right"
-    );
+    let why = why.words();
     let unit = |f: f64, on: String, what: &str| {
         let (is, write) = if f > 1.0 { ("in degrees", "[deg]") } else { ("in radians, labelled as degrees", "[rad]") };
         let text = format!("{what} {is} (factor {f:.4}); {why}");
@@ -204,7 +317,7 @@ fn of_positions(case: &Case<'_>, h: Positions, before: f64, e: Option<&Explained
     })
 }
 
-fn of_output(case: &Case<'_>, o: &Output) -> Finding {
+fn of_output(case: &Case<'_>, o: &Output, why: &Grounds) -> Finding {
     let names = case.record.joint_names();
     let unit = |code, on: String, factor: f64, measured: f64, what: String, hint: String| {
         let p = Problem::error(Area::Data, code, what.clone())
@@ -256,26 +369,25 @@ fn of_output(case: &Case<'_>, o: &Output) -> Finding {
             )
         }
         Output::Axis(m) => {
-            let p = axes::problem(m, case.record);
-            let (topic, text) = match m {
-                ident::checks::AxisMismatch::Torque { .. } => (Topic::Signs, p.message.clone()),
-                ident::checks::AxisMismatch::Gyro { .. } => (Topic::Axes, p.message.clone()),
+            let mut p = axes::problem(m, case.record);
+            let (topic, measured) = match m {
+                AxisMismatch::Torque { correlation, .. } => (Topic::Signs, *correlation),
+                AxisMismatch::Gyro { improvement, .. } => (Topic::Axes, *improvement),
             };
-            let f = wrong(case, topic, p, text);
-            match m {
-                ident::checks::AxisMismatch::Torque { correlation, .. } => f.figures(*correlation, 1.0, ""),
-                ident::checks::AxisMismatch::Gyro { improvement, .. } => f.figures(*improvement, 1.0, ""),
+            // A sign that was tried, and not seen in a correlation.
+            if measured == -1.0 {
+                p.message = "the sign is reversed".to_owned();
             }
+            p.message = format!("{}; {}", p.message, why.words());
+            let text = p.message.clone();
+            wrong(case, topic, p, text).figures(measured, 1.0, "")
         }
-        Output::Swapped { joints: (i, j), before, after } => {
-            let text = format!(
-                "the columns of {} and {} are swapped: each is nearer to the prediction of the other (distance {after:.3}, as recorded {before:.3})",
-                names[*i], names[*j]
-            );
+        Output::Swapped { joints: (i, j) } => {
+            let text = format!("the torques of {} and {} are swapped; {}", names[*i], names[*j], why.words());
             let p = Problem::error(Area::Data, "Data::AxisMismatch", text.clone())
                 .on(format!("tau.{}", names[*i]))
                 .hint("exchange the names of the two columns");
-            wrong(case, Topic::Axes, p, text).figures(*before, *after, "")
+            wrong(case, Topic::Axes, p, text)
         }
     }
 }

@@ -4,7 +4,6 @@
 //! agree, 1 where they have nothing in common or one is far smaller, 2 where the sign is reversed. Twice the amplitude is 0.2 away, three
 //! times the amplitude 0.4.
 
-use super::Scales;
 use super::prediction::Prediction;
 use ff_records::Record;
 use ident::checks::{AxisMismatch, axis_mismatches};
@@ -12,6 +11,8 @@ use nalgebra::{DMatrix, DVectorView};
 
 /// Root mean square of a signal over its noise above which it is judged.
 const LOUD: f64 = 5.0;
+/// The same, above which it counts in a distance.
+const HEARD: f64 = 1.5;
 /// How far a factor may be from that of a unit, as a ratio: masses that are wrong threefold.
 const NEAR: f64 = 3.0;
 /// Correlation that a channel needs for its factor to count.
@@ -40,20 +41,17 @@ pub(super) enum Output {
     GyroUnit { factor: f64, measured: f64 },
     /// Sign of a torque, or axes of the gyro.
     Axis(AxisMismatch),
-    /// The columns of two torques are swapped: distance of the two before and after.
-    Swapped { joints: (usize, usize), before: f64, after: f64 },
+    /// The columns of two torques are swapped.
+    Swapped { joints: (usize, usize) },
 }
 
 /// Outputs explained as well as units, signs and columns allow.
 #[derive(Clone, Debug)]
 pub(super) struct Explained {
     pub(super) outputs: Vec<Output>,
-    pub(super) scales: Scales,
     /// Mean distance over the loud channels as recorded, and with all of that put right; 0 when no channel is loud.
     pub(super) before: f64,
     pub(super) after: f64,
-    /// The largest distance of a loud channel as recorded.
-    pub(super) worst: f64,
 }
 
 /// `|m - p|^2 / (|m|^2 + |p|^2)`.
@@ -87,12 +85,10 @@ pub(super) fn explain(record: &Record, of: &Prediction) -> Explained {
         (0..nj + 3).map(|k| m.column(k).norm().max(p.column(k).norm()) > LOUD * of.sigma[k] * root).collect();
     let mean = |m: &DMatrix<f64>, p: &DMatrix<f64>| {
         let of: Vec<f64> = (0..nj + 3).filter(|&k| loud[k]).map(|k| distance(m.column(k), p.column(k))).collect();
-        let worst = of.iter().copied().fold(0.0, f64::max);
-        (if of.is_empty() { 0.0 } else { of.iter().sum::<f64>() / of.len() as f64 }, worst)
+        of.iter().sum::<f64>() / of.len().max(1) as f64
     };
-    let (before, worst) = mean(&m, p);
+    let before = mean(&m, p);
     let mut outputs = Vec::new();
-    let mut scales = Scales::default();
     let ratio = |m: &DMatrix<f64>, k: usize| m.column(k).norm() / p.column(k).norm();
     // Torques, all and one by one.
     let judged: Vec<usize> = (0..nj).filter(|&k| loud[k] && p.column(k).norm() > 0.0).collect();
@@ -104,7 +100,6 @@ pub(super) fn explain(record: &Record, of: &Prediction) -> Explained {
     {
         outputs.push(Output::TorqueUnit { factor, measured });
         m.columns_mut(0, nj).scale_mut(1.0 / factor);
-        scales.torque = factor;
     }
     for &joint in &judged {
         let measured = ratio(&m, joint);
@@ -131,7 +126,6 @@ pub(super) fn explain(record: &Record, of: &Prediction) -> Explained {
         if after < 1.0 - ALIKE {
             outputs.push(Output::GyroUnit { factor, measured });
             m = scaled;
-            scales.gyro = factor;
         }
     }
     swaps(&mut m, p, &judged, &mut outputs);
@@ -141,8 +135,41 @@ pub(super) fn explain(record: &Record, of: &Prediction) -> Explained {
         undo(&a, &known, &mut m, nj);
         outputs.push(Output::Axis(a));
     }
-    let (after, _) = mean(&m, p);
-    Explained { outputs, scales, before, after, worst }
+    let after = mean(&m, p);
+    Explained { outputs, before, after }
+}
+
+/// Mean distance of the outputs of `record` with these errors put right, over the channels that can be heard at all.
+pub(super) fn distance_with(record: &Record, of: &Prediction, outputs: &[Output]) -> f64 {
+    let (nj, root) = (record.joints(), (record.samples() as f64).sqrt());
+    let mut m = of.measured.clone();
+    let heard: Vec<usize> = (0..nj + 3)
+        .filter(|&k| m.column(k).norm().max(of.predicted.column(k).norm()) > HEARD * of.sigma[k] * root)
+        .collect();
+    outputs.iter().for_each(|o| apply(o, &mut m, nj));
+    let sum: f64 = heard.iter().map(|&k| distance(m.column(k), of.predicted.column(k))).sum();
+    sum / heard.len().max(1) as f64
+}
+
+/// `record` with these errors of its outputs put right. Allocates.
+pub(super) fn put_right(record: &Record, outputs: &[Output]) -> Record {
+    let (mut m, nj) = (record.responses(), record.joints());
+    outputs.iter().for_each(|o| apply(o, &mut m, nj));
+    record.clone().with_tau(m.columns(0, nj).into_owned()).with_gyro(m.columns(nj, 3).into_owned())
+}
+
+/// Puts an error right in torques and gyro, N x (n + 3).
+fn apply(o: &Output, m: &mut DMatrix<f64>, nj: usize) {
+    match o {
+        Output::TorqueUnit { factor, .. } => m.columns_mut(0, nj).scale_mut(1.0 / factor),
+        Output::OneTorqueUnit { joint, factor, .. } => m.column_mut(*joint).scale_mut(1.0 / factor),
+        Output::GyroUnit { factor, .. } => m.columns_mut(nj, 3).scale_mut(1.0 / factor),
+        Output::Swapped { joints: (i, j), .. } => m.swap_columns(*i, *j),
+        Output::Axis(a) => {
+            let known = m.clone();
+            undo(a, &known, m, nj);
+        }
+    }
 }
 
 /// Signs of torques, and axes of the gyro, of outputs `m`.
@@ -176,8 +203,8 @@ fn swaps(m: &mut DMatrix<f64>, p: &DMatrix<f64>, judged: &[usize], outputs: &mut
         for &j in &judged[at + 1..] {
             let of = |a: usize, b: usize| distance(m.column(a), p.column(b));
             let (before, after) = (of(i, i) + of(j, j), of(i, j) + of(j, i));
-            if before > FAR && after < SWAPPED * before {
-                outputs.push(Output::Swapped { joints: (i, j), before, after });
+            if before > FAR && after < (SWAPPED * before).min(FAR) {
+                outputs.push(Output::Swapped { joints: (i, j) });
                 m.swap_columns(i, j);
             }
         }

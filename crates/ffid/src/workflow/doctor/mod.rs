@@ -10,7 +10,8 @@
 //!   noise             differences of neighbours against [sensors]; steps of the readings
 //!   rest              rates of joints and base at the first samples
 //!   prediction        torques and gyro at the values of the mission
-//!   mismatch          factor, sign, permutation of outputs; hypotheses: the same for joint positions, each simulated
+//!   quick_fit         a few steps over the thinned record: how near the mission can come to it
+//!   hypotheses        where it cannot: factors, signs, columns of outputs (mismatch) and of joint positions, each put right
 //!   clocks, modes     ident::checks
 //! before_fit          what would make a fit useless, in a fraction of its time; for `ffid identify`
 //! ```
@@ -24,6 +25,7 @@ mod modes;
 mod noise;
 mod prediction;
 mod prior;
+mod quick_fit;
 mod rest;
 mod text;
 
@@ -121,46 +123,39 @@ pub fn diagnose(
         let moves = excitation::findings(&case);
         let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
         findings.extend(moves);
-        if still {
-            findings.extend(noise::findings(&case, &Scales::default()));
+        if still || !is_predicted(&opened.model, settings) {
+            findings.extend(noise::findings(&case, &Scales::none(&case)));
             continue;
         }
-        if !is_predicted(&opened.model, settings) {
-            findings.extend(noise::findings(&case, &Scales::default()));
-            continue;
-        }
+        let found = hypotheses::findings(&case);
         let predicted = Prediction::new(&case, case.record);
-        let found = hypotheses::findings(&case, predicted.as_ref().ok(), true);
         findings.extend(noise::findings(&case, &found.scales));
         findings.extend(rest::findings(&case, predicted.as_ref().ok(), found.starts_in_motion));
-        let clean = !found.findings.iter().any(|f| f.judgement != Judgement::Good);
+        let right = !found.findings.iter().any(|f| f.judgement != Judgement::Good);
         findings.extend(found.findings);
-        match predicted {
-            // What is predicted wrongly tells nothing of clocks, modes and values.
-            Ok(p) if clean => {
-                findings.extend(clocks::findings(&case, &p));
+        // What is predicted wrongly tells nothing of clocks, modes and values.
+        if !right {
+            continue;
+        }
+        match (predicted, &found.fit) {
+            (Ok(p), Some(fit)) => {
+                findings.extend(clocks::findings(&case, fit));
                 findings.extend(modes::findings(&case, opened)?);
-                findings.push(prior::finding(&case, &p));
+                findings.push(prior::finding(&case, &p, fit));
             }
-            Ok(_) => {}
-            Err(e) if clean => findings.push(prediction::failed(&case, &e)),
-            Err(_) => {}
+            (Err(e), _) => findings.push(prediction::failed(&case, &e.to_string())),
+            (_, None) => findings.push(prediction::failed(&case, "a quick fit failed")),
         }
     }
     Ok(Diagnosis::new(opened.model.name(), findings))
 }
 
-/// Factors by which torques and gyro of a record are off.
-#[derive(Clone, Copy, Debug)]
+/// Factors by which the channels of a record are too large.
+#[derive(Clone, Debug)]
 struct Scales {
-    torque: f64,
+    position: Vec<f64>,
+    torque: Vec<f64>,
     gyro: f64,
-}
-
-impl Default for Scales {
-    fn default() -> Self {
-        Self { torque: 1.0, gyro: 1.0 }
-    }
 }
 
 /// Problems of records that would make a fit useless: nothing moves, a unit, a sign or axes are wrong. One simulation for each record,
@@ -180,7 +175,7 @@ pub fn before_fit(opened: &Opened, records: &[LabelledRecord], settings: &Settin
         let mut findings = moves;
         if !still && is_predicted(&opened.model, settings) {
             let predicted = Prediction::new(&case, case.record);
-            findings.extend(hypotheses::findings(&case, predicted.as_ref().ok(), false).findings);
+            findings.extend(hypotheses::before_fit(&case, predicted.as_ref().ok()));
         }
         problems.0.extend(findings.into_iter().filter(|f| f.judgement == Judgement::Wrong).filter_map(|f| f.problem));
     }

@@ -91,7 +91,7 @@ fn step(x: DVectorView<'_, f64>) -> f64 {
     sum / count
 }
 
-/// A kind of sensor: its channels, what the mission says of it, and the factor by which its unit is off.
+/// A kind of sensor: its channels, and what the mission says of it.
 struct Sensor<'a> {
     data: &'a DMatrix<f64>,
     names: Vec<String>,
@@ -101,7 +101,8 @@ struct Sensor<'a> {
     noise: f64,
     quantum: f64,
     quantum_key: &'static str,
-    scale: f64,
+    /// Factor by which each channel is off.
+    scales: Vec<f64>,
     steps: &'a [f64],
 }
 
@@ -119,7 +120,7 @@ pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
             noise: s.encoder.noise_std_rad,
             quantum: s.encoder.bits.map_or(0.0, |b| ff_dynamics::sim::Channel::encoder(b).quantum),
             quantum_key: "[sensors.encoder] bits",
-            scale: 1.0,
+            scales: scales.position.clone(),
             steps: &case.level.position_step,
         },
         Sensor {
@@ -130,7 +131,7 @@ pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
             noise: s.torque.noise_std_nm,
             quantum: s.torque.lsb_nm,
             quantum_key: "[sensors.torque] lsb_nm",
-            scale: scales.torque,
+            scales: scales.torque.clone(),
             steps: &case.level.torque_step,
         },
     ];
@@ -143,7 +144,7 @@ pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
             noise: s.gyro.noise_std_rad_per_s,
             quantum: s.gyro.lsb_rad_per_s,
             quantum_key: "[sensors.gyro] lsb_rad_per_s",
-            scale: scales.gyro,
+            scales: vec![scales.gyro; 3],
             steps: &case.level.gyro_step,
         });
     }
@@ -156,8 +157,8 @@ fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
     let (mut low, mut high) = (f64::INFINITY, 0.0f64);
     for (k, name) in s.names.iter().enumerate() {
         let x = s.data.column(k);
-        let [three, four, six] = [3, 4, 6].map(|o| by_differences(x.as_view(), o) / s.scale);
-        let (unit, step) = (s.units[k], s.steps[k] / s.scale);
+        let [three, four, six] = [3, 4, 6].map(|o| by_differences(x.as_view(), o) / s.scales[k]);
+        let (unit, step) = (s.units[k], s.steps[k] / s.scales[k]);
         (low, high) = (low.min(six), high.max(six));
         let raise = |text: String, measured: f64, hint: String| {
             let p = Problem::warning(Area::Data, "Data::NoiseFigure", text.clone()).on(name).hint(hint);

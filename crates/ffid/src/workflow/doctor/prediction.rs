@@ -7,9 +7,6 @@ use ff_model::{Area, Params, Problem};
 use ff_records::Record;
 use nalgebra::DMatrix;
 
-/// Samples that hypotheses are simulated on, at least.
-const COARSE: usize = 600;
-
 /// Torques and gyro of a record beside their prediction.
 pub(super) struct Prediction {
     /// Whitened residuals `(predicted - measured) / sigma`, sample after sample.
@@ -44,12 +41,6 @@ impl Prediction {
     }
 }
 
-/// A record with so few samples that many simulations of it take little time.
-pub(super) fn coarse(record: &Record) -> Option<Record> {
-    let every = (record.samples() / COARSE).min((0.1 / record.dt()) as usize).max(1);
-    record.thinned(every).ok()
-}
-
 fn centred(mut m: DMatrix<f64>) -> DMatrix<f64> {
     for mut c in m.column_iter_mut() {
         let mean = c.mean();
@@ -59,7 +50,7 @@ fn centred(mut m: DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// The finding that a record cannot be predicted at all.
-pub(super) fn failed(case: &Case<'_>, e: &IdentifyError) -> Finding {
+pub(super) fn failed(case: &Case<'_>, e: &str) -> Finding {
     let text = format!("torques and gyro cannot be predicted at the values of the mission: {e}");
     let p = Problem::warning(Area::Data, "Data::NotPredicted", text.clone()).on(case.label);
     let p = p.hint("check the units of the joint positions, and the mission with ffid check");

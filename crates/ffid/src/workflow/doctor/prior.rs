@@ -3,9 +3,10 @@
 use super::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::prediction::Prediction;
+use super::quick_fit::QuickFit;
 
 /// Chi-squared per degree of freedom of the mission's values; what it is, and no judgement: that the values are wrong is why there is a fit.
-pub(super) fn finding(case: &Case<'_>, p: &Prediction) -> Finding {
+pub(super) fn finding(case: &Case<'_>, p: &Prediction, fit: &QuickFit) -> Finding {
     let samples = case.record.samples();
     let mut squares = 0.0;
     let mut worst = (0.0, String::new());
@@ -19,12 +20,20 @@ pub(super) fn finding(case: &Case<'_>, p: &Prediction) -> Finding {
         }
     }
     let chi2 = squares / (p.residuals.len() - names.len()).max(1) as f64;
+    let moved = |e: &ident::Estimated| (e.value - e.start).abs() / e.start.abs();
+    let farthest = fit
+        .parameters
+        .iter()
+        .filter(|e| e.start != 0.0)
+        .max_by(|a, b| moved(a).total_cmp(&moved(b)))
+        .map_or_else(String::new, |e| format!("; {} moves most, by {:.1} %", e.name, 100.0 * moved(e)));
     let text = format!(
-        "with the values of the mission chi-squared per degree of freedom is {chi2:.4}, worst in {} ({:.2} times the noise); {} parameters are \
-         to be estimated",
+        "with the values of the mission chi-squared per degree of freedom is {chi2:.4} (worst in {}, {:.2} times the noise); a quick fit of {} \
+         parameters leaves {:.3}{farthest}",
         worst.1,
         worst.0,
-        case.estimated.len()
+        fit.parameters.len(),
+        fit.chi2_per_dof
     );
     case.finding(Topic::Prior, Judgement::Good, text).figures(chi2, 1.0, "")
 }
