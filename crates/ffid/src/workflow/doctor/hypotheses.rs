@@ -2,7 +2,7 @@
 //!
 //! Every hypothesis is a record put right. They are ranked by the mean distance of torques and gyro from what the values of the mission
 //! predict (see `mismatch`), which takes one simulation; the first few are fitted quickly, and the best of these is taken if it leaves a
-//! quarter of the chi-squared above its expectation that the record leaves as it is.
+//! quarter of the misfit that the record leaves as it is.
 
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::mismatch::{DEGREES, Explained, Output, distance_with, explain, put_right};
@@ -21,12 +21,14 @@ const EXPLAINED: f64 = 0.3;
 /// Part of the mean distance that an error taken before a fit must leave at most, and the most that it may leave.
 const BETTER: f64 = 0.4;
 const LEFT: f64 = 0.35;
-/// Part of chi-squared above its expectation that an error may leave.
+/// Misfit of a quick fit that follows a record.
+const FOLLOWS: f64 = 2.0;
+/// Part of the misfit that an error may leave.
 const UNEXPLAINED: f64 = 0.25;
 /// Factor by which the distance of a hypothesis grows with each error it consists of.
 const SIMPLER: f64 = 1.3;
 /// Hypotheses that are fitted.
-const FITTED: usize = 6;
+const FITTED: usize = 4;
 
 /// What may be wrong with joint positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,12 +118,12 @@ pub(super) fn before_fit(case: &Case<'_>, predicted: Option<&Prediction>) -> Vec
     let left = own.as_ref().map_or(2.0, |e| e.after);
     let mut best = (Positions::AsRecorded, own);
     if left > EXPLAINED
-        && let Some(thin) = thinned(case.record)
+        && let Some(thin) = thinned(case, case.record)
     {
         let turns = turns(case);
         for h in Positions::all(&turns, false) {
             let record = h.put_right(&thin, &turns);
-            let Ok(p) = Prediction::new(case, &record) else { continue };
+            let Some(p) = Prediction::coarse(case, &record) else { continue };
             let e = explain(&record, &p);
             if e.after < LEFT && e.after < BETTER * best.1.as_ref().map_or(2.0, |b| b.after) {
                 best = (h, Some(e));
@@ -144,7 +146,8 @@ pub(super) fn before_fit(case: &Case<'_>, predicted: Option<&Prediction>) -> Vec
 struct Hypothesis {
     positions: Positions,
     outputs: Vec<Output>,
-    /// Mean distance that it leaves, times what its errors cost.
+    /// Mean distance that it leaves, and the same times what its errors cost.
+    distance: f64,
     cost: f64,
 }
 
@@ -158,7 +161,7 @@ fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
     let swapped = |i, j| Output::Swapped { joints: (i, j) };
     for positions in all {
         let record = positions.put_right(thin, &turns);
-        let Ok(p) = Prediction::new(case, &record) else { continue };
+        let Some(p) = Prediction::coarse(case, &record) else { continue };
         let Explained { outputs, .. } = explain(&record, &p);
         let mut variants = vec![Vec::new()];
         if !outputs.is_empty() {
@@ -184,8 +187,8 @@ fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
                 k => k as i32,
             } + i32::from(positions != Positions::AsRecorded);
             if errors > 0 {
-                let cost = distance_with(&record, &p, &outputs) * SIMPLER.powi(errors);
-                out.push(Hypothesis { positions, outputs, cost });
+                let distance = distance_with(&record, &p, &outputs);
+                out.push(Hypothesis { positions, outputs, distance, cost: distance * SIMPLER.powi(errors) });
             }
         }
     }
@@ -196,47 +199,51 @@ fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
 /// Units, axes and signs of a record.
 pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
     let mut found = Hypotheses { findings: Vec::new(), scales: Scales::none(case), starts_in_motion: false, fit: None };
-    let Some(thin) = thinned(case.record) else { return found };
+    let Some(thin) = thinned(case, case.record) else { return found };
     found.fit = quick_fit(case, &thin, false);
-    let before = found.fit.as_ref().map_or(f64::INFINITY, |f| f.chi2_per_dof);
-    let limit = case.settings.limit;
+    let before = found.fit.as_ref().map_or(f64::INFINITY, |f| f.misfit);
+    let limit = FOLLOWS;
     let good = |text: String| case.finding(Topic::Units, Judgement::Good, text).figures(before, 1.0, "");
     if before <= limit {
         let text = format!(
-            "torques and gyro are as predicted in unit, axis and sign: a quick fit leaves chi-squared per degree of freedom {before:.3}"
+            "torques and gyro are as predicted in unit, axis and sign: a quick fit follows them, misfit {before:.3}, limit {limit}"
         );
         found.findings.push(good(text));
         return found;
     }
     let turns = turns(case);
     let mut best: Option<(f64, Hypothesis)> = None;
-    for h in ranked(case, &thin).into_iter().take(FITTED) {
+    let all = ranked(case, &thin);
+    for h in all.into_iter().take(FITTED) {
         let record = put_right(&h.positions.put_right(&thin, &turns), &h.outputs);
         let Some(fit) = quick_fit(case, &record, false) else { continue };
-        if best.as_ref().is_none_or(|b| fit.chi2_per_dof < b.0) {
-            best = Some((fit.chi2_per_dof, h));
+        if best.as_ref().is_none_or(|b| fit.misfit < b.0) {
+            best = Some((fit.misfit, h));
         }
     }
-    let explains = |after: f64| after - 1.0 < UNEXPLAINED * (before - 1.0);
-    let moving = quick_fit(case, &thin, true).map_or(f64::INFINITY, |f| f.chi2_per_dof);
+    // By the values of the mission, of which a fit may stray into a wrong valley.
+    let as_it_is = Prediction::coarse(case, &thin).map_or(2.0, |p| distance_with(&thin, &p, &[]));
+    let explains = |after: f64| after < UNEXPLAINED * before;
+    let is_taken = |after: f64, h: &Hypothesis| {
+        (explains(after) && h.distance < as_it_is) || (after < before && h.distance < BETTER * as_it_is)
+    };
+    let moving = quick_fit(case, &thin, true).map_or(f64::INFINITY, |f| f.misfit);
     match best {
-        Some((after, h)) if explains(after) && after < moving => {
-            let measure = "chi-squared per degree of freedom of a quick fit";
+        Some((after, h)) if is_taken(after, &h) && after < moving => {
+            let measure = "the misfit of a quick fit";
             let why = Grounds { measure, before, after };
             found.scales = Scales::of(case, h.positions, &h.outputs);
             found.findings.extend(of_positions(case, h.positions, &why));
             found.findings.extend(h.outputs.iter().map(|o| of_output(case, o, &why)));
         }
         _ => {
-            found.starts_in_motion = explains(moving);
+            found.starts_in_motion = explains(moving) && moving < limit;
             let text = if found.starts_in_motion {
                 format!(
-                    "a quick fit with base and appendages moving at the first sample leaves chi-squared per degree of freedom {moving:.3}, {before:.3} from rest"
+                    "a quick fit with base and appendages moving at the first sample leaves the misfit {moving:.3}, one from rest {before:.3}"
                 )
             } else {
-                format!(
-                    "no unit, axis or sign explains what a quick fit leaves: chi-squared per degree of freedom {before:.3}, limit {limit:.3}"
-                )
+                format!("no unit, axis or sign explains what a quick fit leaves, misfit {before:.3}, limit {limit}")
             };
             found.findings.push(good(text));
         }

@@ -21,7 +21,7 @@ const ALIKE: f64 = 0.6;
 const ALIKE_ALONE: f64 = 0.8;
 /// Sum of the distances of two torques above which it is asked whether their columns are swapped, and part that swapping must leave.
 const FAR: f64 = 0.5;
-const SWAPPED: f64 = 0.3;
+const SWAPPED: f64 = 0.4;
 
 /// Torques: milli and kilo.
 const TORQUE: [f64; 2] = [1e3, 1e-3];

@@ -32,9 +32,10 @@ mod text;
 pub use diagnosis::{Diagnosis, Finding, Judgement, Topic};
 
 use super::identify::{IdentifyError, LabelledRecord, Method, Settings, method};
+use crate::modes::held;
 use crate::open::Opened;
 use ff_mission::mission::Sensors;
-use ff_model::{Area, Model, Problem, Problems};
+use ff_model::{Area, Model, Params, Problem, Problems};
 use ff_records::Record;
 use ident::Noise;
 use noise::Level;
@@ -51,6 +52,8 @@ struct Case<'a> {
     /// Parameters to estimate.
     estimated: &'a [usize],
     level: Level,
+    /// What the integration has to follow at the first sample (Hz); 0 for a rigid robot.
+    fastest_hz: f64,
 }
 
 impl<'a> Case<'a> {
@@ -77,7 +80,9 @@ impl<'a> Case<'a> {
             ..s.clone()
         };
         let sensors = opened.mission.as_ref().map(|m| m.sensors.clone()).unwrap_or_default();
-        Ok(Self { model, record, label: &labelled.label, settings, sensors, estimated: &opened.estimated, level })
+        let label = &labelled.label;
+        let fastest_hz = fastest(model, record);
+        Ok(Self { model, record, label, settings, sensors, estimated: &opened.estimated, level, fastest_hz })
     }
     /// Standard deviations of torques and gyro, in the order of [`Record::responses`].
     fn sigma(&self) -> Vec<f64> {
@@ -98,6 +103,14 @@ impl<'a> Case<'a> {
             problem: None,
         }
     }
+}
+
+/// The highest frequency (Hz) of the modes at the first sample, or the rate of decay of an overdamped one as such.
+fn fastest(model: &Model, record: &Record) -> f64 {
+    let params = Params::nominal(model);
+    let q: Vec<f64> = record.q().row(0).iter().copied().collect();
+    let modes = held(model, &params, &q, &model.rest_position(&params));
+    modes.iter().map(|m| m.frequency_hz * (2.0 * m.damping_ratio).max(1.0)).fold(0.0, f64::max)
 }
 
 /// Whether torques and gyro follow from a simulation: not on a base that is bolted down, whose joints have friction.

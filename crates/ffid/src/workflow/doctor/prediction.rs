@@ -2,9 +2,11 @@
 
 use super::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
+use super::quick_fit::output_error;
 use crate::workflow::identify::{IdentifyError, RecordEstimator};
 use ff_model::{Area, Params, Problem};
 use ff_records::Record;
+use ident::Estimator;
 use nalgebra::DMatrix;
 
 /// Torques and gyro of a record beside their prediction.
@@ -31,6 +33,13 @@ impl Prediction {
             return Err(IdentifyError::Model("the prediction is not finite".to_owned()));
         }
         Ok(Self::of(case, record, residuals))
+    }
+    /// The same with long steps; `None` where the record cannot be predicted.
+    pub(super) fn coarse(case: &Case<'_>, record: &Record) -> Option<Self> {
+        let mut e = output_error(case, record, case.settings.noise, (false, false))?;
+        let mut residuals = vec![0.0; e.rows()];
+        e.residuals(Params::nominal(case.model).values(), &[], &mut residuals).ok()?;
+        residuals.iter().all(|r| r.is_finite()).then(|| Self::of(case, record, residuals))
     }
     /// From whitened residuals.
     pub(super) fn of(case: &Case<'_>, record: &Record, residuals: Vec<f64>) -> Self {

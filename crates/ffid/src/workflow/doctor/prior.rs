@@ -29,11 +29,11 @@ pub(super) fn finding(case: &Case<'_>, p: &Prediction, fit: &QuickFit) -> Findin
         .map_or_else(String::new, |e| format!("; {} moves most, by {:.1} %", e.name, 100.0 * moved(e)));
     let text = format!(
         "with the values of the mission chi-squared per degree of freedom is {chi2:.4} (worst in {}, {:.2} times the noise); a quick fit of {} \
-         parameters leaves {:.3}{farthest}",
+         parameters leaves the misfit {:.3}{farthest}",
         worst.1,
         worst.0,
         fit.parameters.len(),
-        fit.chi2_per_dof
+        fit.misfit
     );
     case.finding(Topic::Prior, Judgement::Good, text).figures(chi2, 1.0, "")
 }
