@@ -212,15 +212,14 @@ fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
 mod tests {
     use super::*;
     use nalgebra::DVector;
-    use rand::SeedableRng;
-    use rand_chacha::ChaCha8Rng;
-    use rand_distr::{Distribution, StandardNormal};
 
+    /// Uniform noise of standard deviation `sigma` on a signal.
     fn noisy(sigma: f64, smooth: impl Fn(f64) -> f64) -> DVector<f64> {
-        let mut rng = ChaCha8Rng::seed_from_u64(3);
-        DVector::from_fn(2000, |i, _| {
-            smooth(i as f64 * 0.02) + sigma * Distribution::<f64>::sample(&StandardNormal, &mut rng)
-        })
+        let uniform = |k: usize| {
+            let a = (k as f64 * 12.9898 + 4.1).sin() * 43758.5453;
+            (2.0 * (a - a.floor()) - 1.0) * 3f64.sqrt()
+        };
+        DVector::from_fn(2000, |i, _| smooth(i as f64 * 0.02) + sigma * uniform(i))
     }
 
     #[test]
