@@ -211,6 +211,16 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
         found.findings.push(good(text));
         return found;
     }
+    let explains = |after: f64| after < UNEXPLAINED * before;
+    // First what costs one fit.
+    let moving = quick_fit(case, &thin, true).map_or(f64::INFINITY, |f| f.misfit);
+    if explains(moving) && moving < limit {
+        found.starts_in_motion = true;
+        found.findings.push(good(format!(
+            "a quick fit with base and appendages moving at the first sample leaves the misfit {moving:.3}, one from rest {before:.3}"
+        )));
+        return found;
+    }
     let turns = turns(case);
     let mut best: Option<(f64, Hypothesis)> = None;
     let all = ranked(case, &thin);
@@ -223,11 +233,9 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
     }
     // By the values of the mission, of which a fit may stray into a wrong valley.
     let as_it_is = Prediction::coarse(case, &thin).map_or(2.0, |p| distance_with(&thin, &p, &[]));
-    let explains = |after: f64| after < UNEXPLAINED * before;
     let is_taken = |after: f64, h: &Hypothesis| {
         (explains(after) && h.distance < as_it_is) || (after < before && h.distance < BETTER * as_it_is)
     };
-    let moving = quick_fit(case, &thin, true).map_or(f64::INFINITY, |f| f.misfit);
     match best {
         Some((after, h)) if is_taken(after, &h) && after < moving => {
             let measure = "the misfit of a quick fit";
@@ -237,14 +245,8 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
             found.findings.extend(h.outputs.iter().map(|o| of_output(case, o, &why)));
         }
         _ => {
-            found.starts_in_motion = explains(moving) && moving < limit;
-            let text = if found.starts_in_motion {
-                format!(
-                    "a quick fit with base and appendages moving at the first sample leaves the misfit {moving:.3}, one from rest {before:.3}"
-                )
-            } else {
-                format!("no unit, axis or sign explains what a quick fit leaves, misfit {before:.3}, limit {limit}")
-            };
+            let text =
+                format!("no unit, axis or sign explains what a quick fit leaves, misfit {before:.3}, limit {limit}");
             found.findings.push(good(text));
         }
     }

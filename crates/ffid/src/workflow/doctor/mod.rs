@@ -153,7 +153,10 @@ pub fn diagnose(
         match (predicted, &found.fit) {
             (Ok(p), Some(fit)) => {
                 findings.extend(clocks::findings(&case, fit));
-                findings.extend(modes::findings(&case, opened)?);
+                // Noise that is larger than stated looks like what was aliased.
+                let noisy = findings.iter().any(|f| f.topic == Topic::Noise && f.judgement != Judgement::Good);
+                let aliased = |f: &Finding| f.problem.as_ref().is_some_and(|p| p.code == "Data::Aliasing");
+                findings.extend(modes::findings(&case, opened)?.into_iter().filter(|f| !(noisy && aliased(f))));
                 findings.push(prior::finding(&case, &p, fit));
             }
             (Err(e), _) => findings.push(prediction::failed(&case, &e.to_string())),
@@ -172,7 +175,7 @@ struct Scales {
 }
 
 /// Problems of records that would make a fit useless: nothing moves, a unit, a sign or axes are wrong. One simulation for each record,
-/// and one or two more where its outputs are far from the prediction. Records of a base that is bolted down are judged by their motion alone.
+/// and two more where its outputs are far from the prediction. Records of a base that is bolted down are judged by their motion alone.
 /// Allocates.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! The values of the mission against the record.
+//! The values of the mission against the record, and where a quick fit takes them.
 
 use super::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
