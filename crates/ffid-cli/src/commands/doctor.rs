@@ -31,7 +31,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     input: Input,
     /// The records: CSV, Parquet or MCAP (a ROS 2 bag).
-    #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
+    #[arg(long, value_name = "FILE", num_args = 1.., required = true, alias = "records")]
     record: Vec<PathBuf>,
     /// Print problems only.
     #[arg(long)]

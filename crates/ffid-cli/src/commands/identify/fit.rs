@@ -49,7 +49,14 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
             Ok(())
         };
         // What makes a fit useless is found in a fraction of its time.
-        let mut before = before_fit(opened, records, s)?;
+        let mut before = Problems::default();
+        for (labelled, path) in records.iter().zip(args.paths()) {
+            let found = before_fit(opened, labelled, s).map_err(|e| match e {
+                IdentifyError::IllPosed(p) => IdentifyError::IllPosed(p.in_file(path.clone())),
+                other => other,
+            })?;
+            before.extend(found.in_file(path));
+        }
         args.input.leniency().settle(&mut before);
         if before.has_errors() {
             return Err(IdentifyError::Refused(before));

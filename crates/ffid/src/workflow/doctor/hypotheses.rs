@@ -7,7 +7,7 @@
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::mismatch::{DEGREES, Explained, Output, distance_with, explain, put_right};
 use super::prediction::Prediction;
-use super::quick_fit::{QuickFit, quick_fit, thinned};
+use super::quick_fit::{FOLLOWS, QuickFit, quick_fit, thinned};
 use super::{Case, Scales};
 use crate::workflow::identify::axes;
 use ff_model::diagnostics::Limit;
@@ -21,8 +21,8 @@ const EXPLAINED: f64 = 0.3;
 /// Part of the mean distance that an error taken before a fit must leave at most, and the most that it may leave.
 const BETTER: f64 = 0.4;
 const LEFT: f64 = 0.35;
-/// Misfit of a quick fit that follows a record.
-const FOLLOWS: f64 = 2.0;
+/// Samples below which a record has no shape to go by.
+const FEWEST: usize = 100;
 /// Part of the misfit that an error may leave.
 const UNEXPLAINED: f64 = 0.25;
 /// Factor by which the distance of a hypothesis grows with each error it consists of.
@@ -117,6 +117,9 @@ pub(super) fn before_fit(case: &Case<'_>, predicted: Option<&Prediction>) -> Vec
     let own = predicted.map(|p| explain(case.record, p));
     let left = own.as_ref().map_or(2.0, |e| e.after);
     let mut best = (Positions::AsRecorded, own);
+    if case.record.samples() < FEWEST {
+        return Vec::new();
+    }
     if left > EXPLAINED
         && let Some(thin) = thinned(case, case.record)
     {
@@ -200,7 +203,7 @@ fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
 pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
     let mut found = Hypotheses { findings: Vec::new(), scales: Scales::none(case), starts_in_motion: false, fit: None };
     let Some(thin) = thinned(case, case.record) else { return found };
-    found.fit = quick_fit(case, &thin, false);
+    found.fit = quick_fit(case, &thin, &found.scales, false);
     let before = found.fit.as_ref().map_or(f64::INFINITY, |f| f.misfit);
     let limit = FOLLOWS;
     let good = |text: String| case.finding(Topic::Units, Judgement::Good, text).figures(before, 1.0, "");
@@ -211,9 +214,15 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
         found.findings.push(good(text));
         return found;
     }
+    if case.record.samples() < FEWEST {
+        let text =
+            format!("{} samples, at least {FEWEST} are needed to tell unit, axis and sign", case.record.samples());
+        found.findings.push(good(text));
+        return found;
+    }
     let explains = |after: f64| after < UNEXPLAINED * before;
     // First what costs one fit.
-    let moving = quick_fit(case, &thin, true).map_or(f64::INFINITY, |f| f.misfit);
+    let moving = quick_fit(case, &thin, &found.scales, true).map_or(f64::INFINITY, |f| f.misfit);
     if explains(moving) && moving < limit {
         found.starts_in_motion = true;
         found.findings.push(good(format!(
@@ -223,10 +232,9 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
     }
     let turns = turns(case);
     let mut best: Option<(f64, Hypothesis)> = None;
-    let all = ranked(case, &thin);
-    for h in all.into_iter().take(FITTED) {
+    for h in ranked(case, &thin).into_iter().take(FITTED) {
         let record = put_right(&h.positions.put_right(&thin, &turns), &h.outputs);
-        let Some(fit) = quick_fit(case, &record, false) else { continue };
+        let Some(fit) = quick_fit(case, &record, &Scales::of(case, h.positions, &h.outputs), false) else { continue };
         if best.as_ref().is_none_or(|b| fit.misfit < b.0) {
             best = Some((fit.misfit, h));
         }
@@ -234,7 +242,8 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
     // By the values of the mission, of which a fit may stray into a wrong valley.
     let as_it_is = Prediction::coarse(case, &thin).map_or(2.0, |p| distance_with(&thin, &p, &[]));
     let is_taken = |after: f64, h: &Hypothesis| {
-        (explains(after) && h.distance < as_it_is) || (after < before && h.distance < BETTER * as_it_is)
+        (explains(after) && h.distance < as_it_is)
+            || (after < before && h.distance < LEFT && h.distance < BETTER * as_it_is)
     };
     match best {
         Some((after, h)) if is_taken(after, &h) && after < moving => {

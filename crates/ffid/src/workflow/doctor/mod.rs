@@ -174,29 +174,23 @@ struct Scales {
     gyro: f64,
 }
 
-/// Problems of records that would make a fit useless: nothing moves, a unit, a sign or axes are wrong. One simulation for each record,
-/// and two more where its outputs are far from the prediction. Records of a base that is bolted down are judged by their motion alone.
-/// Allocates.
+/// Problems of a record that would make a fit useless: nothing moves, a unit, a sign or axes are wrong. One simulation, and two more where
+/// its outputs are far from the prediction. A record of a base that is bolted down is judged by its motion alone. Allocates.
 ///
 /// # Errors
-/// [`IdentifyError::IllPosed`] when nothing moves in any record.
-pub fn before_fit(opened: &Opened, records: &[LabelledRecord], settings: &Settings) -> Result<Problems, IdentifyError> {
-    let mut problems = Problems::default();
-    let mut moving = false;
-    for labelled in records {
-        let case = Case::new(opened, labelled, settings)?;
-        let moves = excitation::findings(&case);
-        let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
-        moving |= !still;
-        let mut findings = moves;
-        if !still && is_predicted(&opened.model, settings) {
-            let predicted = Prediction::new(&case, case.record);
-            findings.extend(hypotheses::before_fit(&case, predicted.as_ref().ok()));
-        }
-        problems.0.extend(findings.into_iter().filter(|f| f.judgement == Judgement::Wrong).filter_map(|f| f.problem));
+/// [`IdentifyError::IllPosed`] when nothing moves; [`IdentifyError::Refused`] for the record of another robot, or on several clocks.
+pub fn before_fit(opened: &Opened, labelled: &LabelledRecord, settings: &Settings) -> Result<Problems, IdentifyError> {
+    let case = Case::new(opened, labelled, settings)?;
+    let wrong = |findings: Vec<Finding>| {
+        Problems(findings.into_iter().filter(|f| f.judgement == Judgement::Wrong).filter_map(|f| f.problem).collect())
+    };
+    let still = wrong(excitation::findings(&case));
+    if still.has_errors() {
+        return Err(IdentifyError::IllPosed(still));
     }
-    if !moving && !records.is_empty() {
-        return Err(IdentifyError::IllPosed(problems));
+    if !is_predicted(&opened.model, settings) {
+        return Ok(still);
     }
-    Ok(problems)
+    let predicted = Prediction::new(&case, case.record);
+    Ok(wrong(hypotheses::before_fit(&case, predicted.as_ref().ok())))
 }

@@ -47,6 +47,12 @@ fn of_decay(case: &Case<'_>, d: &DecayModes) -> Vec<Finding> {
         let nearest = known.iter().copied().min_by(|a, b| (a / hz).ln().abs().total_cmp(&(b / hz).ln().abs()));
         let sure = m.damping_ratio < DAMPED && m.frequency_std_hz < SURE * hz;
         let by_products = m.note.starts_with("a product");
+        if by_products {
+            out.push(
+                case.finding(Topic::Modes, Judgement::Good, format!("{hz:.4} Hz: {}", m.note)).figures(hz, 0.0, "Hz"),
+            );
+            continue;
+        }
         match nearest.filter(|n| (n / hz).ln().abs() < NEAR.ln()) {
             Some(n) => {
                 let of = m.model_hz.unwrap_or(n);
@@ -54,7 +60,7 @@ fn of_decay(case: &Case<'_>, d: &DecayModes) -> Vec<Finding> {
                 let text = format!("{hz:.4} Hz seen, the mission has {of:.4} Hz");
                 out.push(case.finding(Topic::Modes, Judgement::Good, text).figures(hz, of, "Hz"));
             }
-            None if sure && !by_products => {
+            None if sure => {
                 let text = format!(
                     "{hz:.4} +- {:.4} Hz rings while the joints stand still, and no mode of the mission is within a factor of {NEAR} of it",
                     m.frequency_std_hz

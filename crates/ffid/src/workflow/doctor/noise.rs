@@ -6,12 +6,16 @@
 
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::{Case, Scales};
+use crate::workflow::identify::num;
+use ff_model::diagnostics::Limit;
 use ff_model::{Area, JointKind, Problem};
 use ff_records::Record;
 use nalgebra::{DMatrix, DVectorView};
 
 /// Ratio of measured to stated noise that is suspicious, and its inverse.
 const OFF: f64 = 3.0;
+/// Samples below which noise is not judged.
+const FEWEST: usize = 50;
 /// Ratio of the estimates of orders four and six above which a signal, not noise, is what they measure.
 const LEAKS: f64 = 1.5;
 /// Distinct readings of a channel above which it has no steps that matter.
@@ -151,61 +155,93 @@ pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
     all.iter().flat_map(|sensor| of_sensor(case, sensor)).collect()
 }
 
-fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
-    let expected = s.noise.hypot(s.quantum / 12f64.sqrt());
-    let mut out = Vec::new();
-    let (mut low, mut high) = (f64::INFINITY, 0.0f64);
-    for (k, name) in s.names.iter().enumerate() {
+/// How the noise of a channel differs from what the mission says.
+#[derive(Clone, Copy, PartialEq)]
+enum Differs {
+    More,
+    Less,
+    Coarser,
+}
+
+/// Which channel differs, how, and by which figure.
+fn differing(s: &Sensor<'_>, expected: f64) -> Vec<(usize, Differs, f64)> {
+    if expected == 0.0 || s.data.nrows() < FEWEST {
+        return Vec::new();
+    }
+    let one = |k: usize| {
         let x = s.data.column(k);
         let [three, four, six] = [3, 4, 6].map(|o| by_differences(x.as_view(), o) / s.scales[k]);
-        let (unit, step) = (s.units[k], s.steps[k] / s.scales[k]);
-        (low, high) = (low.min(six), high.max(six));
-        let raise = |text: String, measured: f64, hint: String| {
-            let p = Problem::warning(Area::Data, "Data::NoiseFigure", text.clone()).on(name).hint(hint);
-            case.finding(Topic::Noise, Judgement::Suspicious, text)
-                .on(name)
-                .figures(measured, expected, unit)
-                .raising(p)
-        };
-        // Steps that the figures of the mission do not cover.
-        if step / 12f64.sqrt() > OFF * expected && expected > 0.0 {
-            let text = format!(
-                "is read in steps of {step:.3e} {unit}, whose error is {:.3e}; the mission has {expected:.3e}",
-                step / 12f64.sqrt()
-            );
-            out.push(raise(text, step / 12f64.sqrt(), format!("give the step as {}", s.quantum_key)));
-            continue;
-        }
-        if expected == 0.0 {
-            continue;
-        }
-        let ratio = six / expected;
-        if ratio > OFF && four < LEAKS * six {
-            let text = format!("noise {six:.3e} {unit}, {ratio:.1} times the {expected:.3e} of the mission");
-            out.push(raise(text, six, format!("set {} = {six:.2e}, or look at the sensor", s.key)));
-            continue;
-        }
+        let step = s.steps[k] / s.scales[k];
+        let of_step = step / 12f64.sqrt();
         // Steps of a channel at rest hide its noise.
-        let coarse = s.quantum.max(step) > 2.0 * s.noise;
-        if !coarse && three < expected / OFF {
-            let text = format!(
-                "noise {three:.3e} {unit} at most, {:.3} times the {expected:.3e} of the mission",
-                three / expected
-            );
-            out.push(raise(text, three, format!("set {} = {three:.2e}, unless the reading was smoothed", s.key)));
+        let hidden = s.quantum.max(step) > 2.0 * s.noise;
+        if of_step > OFF * expected {
+            Some((k, Differs::Coarser, of_step))
+        } else if six > OFF * expected && four < LEAKS * six {
+            Some((k, Differs::More, six))
+        } else if !hidden && three < expected / OFF {
+            Some((k, Differs::Less, three))
+        } else {
+            None
         }
-    }
-    if out.is_empty() {
-        let unit = s.units.first().copied().unwrap_or("");
-        let kind = s.names.first().and_then(|n| n.split('.').next()).unwrap_or("");
+    };
+    (0..s.names.len()).filter_map(one).collect()
+}
+
+fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
+    let expected = s.noise.hypot(s.quantum / 12f64.sqrt());
+    let kind = s.names.first().and_then(|n| n.split('.').next()).unwrap_or("");
+    let unit = s.units.first().copied().unwrap_or("");
+    let found = differing(s, expected);
+    if found.is_empty() {
+        let all = (0..s.names.len()).map(|k| by_differences(s.data.column(k).as_view(), 6) / s.scales[k]);
+        let (low, high) = all.fold((f64::INFINITY, 0.0f64), |(a, b), x| (a.min(x), b.max(x)));
         let text = if expected > 0.0 {
             format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, the mission has {expected:.2e}")
         } else {
             format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, the mission gives none ({})", s.key)
         };
-        out.push(case.finding(Topic::Noise, Judgement::Good, text).on(kind).figures(high, expected, unit));
+        return vec![case.finding(Topic::Noise, Judgement::Good, text).on(kind).figures(high, expected, unit)];
     }
-    out
+    // The mission has one figure for all channels of a sensor.
+    let together = found.len() > 1 && found.len() == s.names.len() && found.iter().all(|f| f.1 == found[0].1);
+    if together {
+        let mut all: Vec<f64> = found.iter().map(|f| f.2).collect();
+        all.sort_unstable_by(f64::total_cmp);
+        return vec![raised(case, s, (kind, unit), (found[0].1, all[all.len() / 2]), expected)];
+    }
+    found.iter().map(|&(k, how, figure)| raised(case, s, (&s.names[k], s.units[k]), (how, figure), expected)).collect()
+}
+
+/// The finding on a channel, or on all of a sensor.
+fn raised(
+    case: &Case<'_>,
+    s: &Sensor<'_>,
+    (on, unit): (&str, &str),
+    (how, figure): (Differs, f64),
+    expected: f64,
+) -> Finding {
+    let ratio = num(figure / expected);
+    let of = format!("{ratio} times the {expected:.3e} {unit} of the mission");
+    let (text, hint) = match how {
+        Differs::More => {
+            (format!("noise {figure:.3e} {unit}, {of}"), format!("set {} = {figure:.2e}, or look at the sensor", s.key))
+        }
+        Differs::Less => (
+            format!("noise {figure:.3e} {unit} at most, {of}"),
+            format!("set {} = {figure:.2e}, unless the readings were smoothed", s.key),
+        ),
+        Differs::Coarser => (
+            format!("readings in steps of {:.3e} {unit}, noise {figure:.3e} {unit}, {of}", figure * 12f64.sqrt()),
+            format!("give the step as {}", s.quantum_key),
+        ),
+    };
+    let limit = Limit::Within(expected / OFF, expected * OFF);
+    let p = Problem::warning(Area::Data, "Data::NoiseFigure", text.clone())
+        .on(on)
+        .violating(figure, limit, unit.to_owned())
+        .hint(hint);
+    case.finding(Topic::Noise, Judgement::Suspicious, text).on(on).figures(figure, expected, unit).raising(p)
 }
 
 #[cfg(test)]

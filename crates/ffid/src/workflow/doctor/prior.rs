@@ -3,7 +3,7 @@
 use super::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::prediction::Prediction;
-use super::quick_fit::QuickFit;
+use super::quick_fit::{FOLLOWS, QuickFit};
 
 /// Chi-squared per degree of freedom of the mission's values; what it is, and no judgement: that the values are wrong is why there is a fit.
 pub(super) fn finding(case: &Case<'_>, p: &Prediction, fit: &QuickFit) -> Finding {
@@ -27,9 +27,14 @@ pub(super) fn finding(case: &Case<'_>, p: &Prediction, fit: &QuickFit) -> Findin
         .filter(|e| e.start != 0.0)
         .max_by(|a, b| moved(a).total_cmp(&moved(b)))
         .map_or_else(String::new, |e| format!("; {} moves most, by {:.1} %", e.name, 100.0 * moved(e)));
+    let far = if fit.misfit > FOLLOWS {
+        ", so that it does not follow the record: the mission is far off, or lacks something that moves"
+    } else {
+        ""
+    };
     let text = format!(
         "with the values of the mission chi-squared per degree of freedom is {chi2:.4} (worst in {}, {:.2} times the noise); a quick fit of {} \
-         parameters leaves the misfit {:.3}{farthest}",
+         parameters leaves the misfit {:.3}{far}{farthest}",
         worst.1,
         worst.0,
         fit.parameters.len(),

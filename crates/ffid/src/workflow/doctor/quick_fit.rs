@@ -4,7 +4,7 @@
 //! values, adapted, bring out. What is asked for is the shape of the signals, to a twentieth: with the noise of the sensors a gyro that sees
 //! five hundred times its noise would let a fit creep along narrow valleys.
 
-use super::Case;
+use super::{Case, Scales};
 use ff_least_squares::Settings as Solver;
 use ff_model::Params;
 use ff_records::Record;
@@ -23,6 +23,9 @@ const WIDTH: f64 = 0.3;
 /// Linearisations, and promised relative reduction at which it ends before.
 const ITERATIONS: usize = 30;
 const SHOWN: f64 = 0.01;
+
+/// Misfit of a quick fit that follows a record.
+pub(super) const FOLLOWS: f64 = 2.0;
 
 /// What a quick fit comes to.
 pub(super) struct QuickFit {
@@ -59,15 +62,21 @@ fn amplitude(m: &DMatrix<f64>) -> f64 {
     all[all.len() / 2]
 }
 
-/// A twentieth of the signals of a record, or the noise of its sensors.
-fn tolerance(case: &Case<'_>, record: &Record) -> Noise {
+/// A twentieth of the signals of a record, or the noise of its sensors, stated or measured, where that is more; `scales` are the factors by
+/// which the channels were too large before they were put right.
+fn tolerance(case: &Case<'_>, record: &Record, scales: &Scales) -> Noise {
     let Noise { torque, gyro } = case.settings.noise;
-    Noise { torque: torque.max(PART * amplitude(record.tau())), gyro: gyro.max(PART * amplitude(record.gyro())) }
+    let of_torque = case.level.torque.iter().zip(&scales.torque).map(|(noise, scale)| noise / scale).fold(torque, f64::max);
+    let of_gyro = case.level.gyro.iter().map(|noise| noise / scales.gyro).fold(gyro, f64::max);
+    Noise {
+        torque: of_torque.max(PART * amplitude(record.tau())),
+        gyro: of_gyro.max(PART * amplitude(record.gyro())),
+    }
 }
 
 /// Adapts what is estimated, and biases; with the state at the first sample when `initial_state`. `None` where the record cannot be predicted.
-pub(super) fn quick_fit(case: &Case<'_>, record: &Record, initial_state: bool) -> Option<QuickFit> {
-    let mut fit = output_error(case, record, tolerance(case, record), (true, initial_state))?;
+pub(super) fn quick_fit(case: &Case<'_>, record: &Record, scales: &Scales, initial_state: bool) -> Option<QuickFit> {
+    let mut fit = output_error(case, record, tolerance(case, record, scales), (true, initial_state))?;
     let (decls, nominal) = (case.model.param_decls(), Params::nominal(case.model));
     let request = Request {
         prior_width: (!case.estimated.is_empty()).then_some(WIDTH),
