@@ -66,12 +66,10 @@ fn amplitude(m: &DMatrix<f64>) -> f64 {
 /// which the channels were too large before they were put right.
 fn tolerance(case: &Case<'_>, record: &Record, scales: &Scales) -> Noise {
     let Noise { torque, gyro } = case.settings.noise;
-    let of_torque = case.level.torque.iter().zip(&scales.torque).map(|(noise, scale)| noise / scale).fold(torque, f64::max);
+    let of_torque =
+        case.level.torque.iter().zip(&scales.torque).map(|(noise, scale)| noise / scale).fold(torque, f64::max);
     let of_gyro = case.level.gyro.iter().map(|noise| noise / scales.gyro).fold(gyro, f64::max);
-    Noise {
-        torque: of_torque.max(PART * amplitude(record.tau())),
-        gyro: of_gyro.max(PART * amplitude(record.gyro())),
-    }
+    Noise { torque: of_torque.max(PART * amplitude(record.tau())), gyro: of_gyro.max(PART * amplitude(record.gyro())) }
 }
 
 /// Adapts what is estimated, and biases; with the state at the first sample when `initial_state`. `None` where the record cannot be predicted.
