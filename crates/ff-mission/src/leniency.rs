@@ -7,12 +7,14 @@ use ff_model::{Area, Problem, Problems, Severity};
 /// better.
 ///
 /// Everything else (a cycle, an unknown link, a number that is not one) leaves nothing to work with.
-pub const ALLOWABLE: [&str; 9] = [
+pub const ALLOWABLE: [&str; 11] = [
+    "Data::AxisMismatch",
     "Data::LooksLikeDegrees",
     "Data::MaybeTruncated",
     "Data::Saturated",
     "Data::Stuck",
     "Data::TooShort",
+    "Data::UnitMismatch",
     "Urdf::InertiaNotPsd",
     "Urdf::Triangle",
     "Urdf::UnknownAttribute",
@@ -59,7 +61,7 @@ impl Leniency {
             let p = Problem::error(Area::Config, "Config::NotAllowable", "no error of this name can be allowed").on(a);
             out.push(match nearest(a, names) {
                 Some(n) => p.hint(format!("did you mean {n}?")),
-                None => p.hint(format!("those that can: {}", list(names, 9))),
+                None => p.hint(format!("those that can: {}", list(names, ALLOWABLE.len()))),
             });
         }
         out

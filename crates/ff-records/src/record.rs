@@ -240,6 +240,16 @@ impl Record {
         self.gyro = like(&self.gyro, gyro);
         self
     }
+    /// The same record with other joint positions, N x n (rad or m), without rates and accelerations.
+    ///
+    /// # Panics
+    /// If the shape differs or a number is not finite.
+    #[must_use]
+    pub fn with_positions(mut self, q: DMatrix<f64>) -> Self {
+        (self.qd, self.qdd) = (None, None);
+        self.q = like(&self.q, q);
+        self
+    }
     /// The same record with another joint motion: positions, rates and accelerations, N x n each.
     ///
     /// # Panics

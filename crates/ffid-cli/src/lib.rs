@@ -27,6 +27,9 @@ enum Command {
     Init(commands::init::Args),
     /// Check a mission file and the robot it names, or a URDF alone; print the model and every problem.
     Check(output::Input),
+    /// Judge a record before anything is fitted: units, axes, signs, rest, excitation, noise, gaps, clocks, modes.
+    #[command(after_help = commands::doctor::EXAMPLES)]
+    Doctor(commands::doctor::Args),
     /// Convert a record between CSV and Parquet, or from a ROS 2 bag (MCAP).
     #[command(after_help = commands::convert::EXAMPLES)]
     Convert(commands::convert::Args),
@@ -118,6 +121,7 @@ fn execute(cli: Cli, mut out: &mut dyn Write, mut err: &mut dyn Write) -> Exit {
     let result = match cli.command {
         Command::Init(args) => commands::init::run(&args, &mut out, &mut err),
         Command::Check(input) => commands::check::run(&input, &mut out, &mut err),
+        Command::Doctor(args) => commands::doctor::run(&args, &mut out, &mut err),
         Command::Convert(args) => commands::convert::run(&args, &mut out, &mut err),
         Command::Schema(args) => commands::schema::run(&args, &mut out),
         Command::Excite(args) => commands::excite::run(&args, &mut out, &mut err),

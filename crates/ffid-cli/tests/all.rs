@@ -6,6 +6,7 @@ mod any_bytes;
 mod check;
 mod common;
 mod convert;
+mod doctor;
 mod doubts;
 mod evidence;
 mod exact_world;

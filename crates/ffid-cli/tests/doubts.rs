@@ -6,7 +6,7 @@ use crate::identify::{flex, near_the_truth, slosh};
 use ffid::workflow::identify::IdentificationResult;
 
 /// Changes the cells of a record: time, name of the column, old value -> new value.
-fn edit(text: &str, change: impl Fn(f64, &str, f64) -> f64) -> String {
+pub(crate) fn edit(text: &str, change: impl Fn(f64, &str, f64) -> f64) -> String {
     let mut lines = text.lines();
     let head: Vec<&str> = lines.next().unwrap().split(',').collect();
     let mut out = head.join(",") + "\n";
@@ -43,7 +43,7 @@ pub(crate) fn ringing(mission: &str) -> String {
 }
 
 /// A trajectory with hardly any motion.
-fn calm(trajectory: &str) -> String {
+pub(crate) fn calm(trajectory: &str) -> String {
     let one = |(i, line): (usize, &str)| {
         let small = |(k, x): (usize, &str)| match x.parse::<f64>() {
             Ok(v) if i > 0 && k > 0 => (0.3 + 1e-4 * v).to_string(),

@@ -14,7 +14,7 @@ const NOISE: [f64; 3] = [0.06, 1e-4, 1e-5];
 
 /// Writes mission, robot and a record with noise into `dir`; `spoil` changes names and values of a sample before the noise, and `edit` the
 /// mission.
-fn world(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64]), edit: impl Fn(String) -> String) {
+pub(crate) fn world(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64]), edit: impl Fn(String) -> String) {
     let here = fixture("verdict");
     fs::copy(here.join("robot.urdf"), dir.join("robot.urdf")).unwrap();
     let mission = edit(fs::read_to_string(here.join("start.toml")).unwrap());

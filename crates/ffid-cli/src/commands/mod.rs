@@ -2,6 +2,7 @@
 
 pub(crate) mod check;
 pub(crate) mod convert;
+pub(crate) mod doctor;
 pub(crate) mod excite;
 pub(crate) mod identify;
 pub(crate) mod init;

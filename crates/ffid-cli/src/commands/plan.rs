@@ -16,8 +16,11 @@ use std::fmt::Display;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Speed and acceleration at an end, relative to the largest, below which the joints count as resting.
-const AT_REST: f64 = 1e-6;
+/// Speed at an end, relative to the largest, below which a joint counts as resting: a spline through samples of a motion from rest is
+/// loose there.
+const AT_REST: f64 = 1e-3;
+/// The same in rad/s or m/s, for motions that hardly are: rounding leaves a spline through one pose a rate.
+const STILL: f64 = 1e-9;
 
 /// Examples for `--help`.
 pub(crate) const EXAMPLES: &str = "Examples:
@@ -98,7 +101,8 @@ fn ends(motion: &dyn JointMotion, names: &[String], path: &Path) -> Problems {
     let mut out = Problems::default();
     for (word, t) in [("starts", 0.0), ("ends", duration)] {
         let qd = at(t);
-        let moving: Vec<&str> = (0..n).filter(|&j| qd[j].abs() > AT_REST * most).map(|j| names[j].as_str()).collect();
+        let moving: Vec<&str> =
+            (0..n).filter(|&j| qd[j].abs() > (AT_REST * most).max(STILL)).map(|j| names[j].as_str()).collect();
         if !moving.is_empty() {
             let what = format!(
                 "the trajectory {word} with {} moving; the verdict takes base and appendages at rest before",

@@ -1,5 +1,6 @@
-//! What users ask for: plan a manoeuvre, judge it, identify a record.
+//! What users ask for: judge a record, plan a manoeuvre, judge it, identify a record.
 
+pub mod doctor;
 pub mod excite;
 pub mod identify;
 pub mod preflight;

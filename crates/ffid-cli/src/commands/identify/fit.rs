@@ -6,10 +6,11 @@ use crate::flags::choice::Clocks;
 use crate::flags::fit::watched;
 use crate::results::Refusal;
 use ff_model::{Params, Problems};
+use ffid::workflow::doctor::before_fit;
 use ffid::workflow::identify::{
     Arm, Comparison, Identified, IdentifyError, InputFile, LOW_PASS, LabelledRecord, Method, ModelVariant, Provenance,
-    RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, held_errors, identify_checked, method, predict_held_out,
-    verdict,
+    RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, held_errors, identify_checked, method,
+    predict_held_out, verdict,
 };
 use ident::Loss;
 use std::collections::BTreeMap;
@@ -47,8 +48,22 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
             }
             Ok(())
         };
-        let (mut found, s, warnings) =
+        // What makes a fit useless is found in a fraction of its time.
+        let mut before = Problems::default();
+        for (labelled, path) in records.iter().zip(args.paths()) {
+            let found = before_fit(opened, labelled, s).map_err(|e| match e {
+                IdentifyError::IllPosed(p) => IdentifyError::IllPosed(p.in_file(path.clone())),
+                other => other,
+            })?;
+            before.extend(found.in_file(path));
+        }
+        args.input.leniency().settle(&mut before);
+        if before.has_errors() {
+            return Err(IdentifyError::Refused(before));
+        }
+        let (mut found, s, mut warnings) =
             identify_checked(opened, records, s, options, checks, &axes, &provenance, watch)?;
+        warnings.0.splice(0..0, before.0);
         let s = &Settings { held_errors: held_errors(&found.result.uncertain), ..s };
         let arm = Arm::of(&found.result, &model.joint_names());
         let mut signals = None;

@@ -24,7 +24,8 @@ pub fn mismatch(model: &Model, values: &[f64], record: &Record, s: &Settings) ->
     Ok(Problems(axis_mismatches(record, &r, &sigma).iter().map(|m| problem(m, record)).collect()))
 }
 
-fn problem(m: &AxisMismatch, record: &Record) -> Problem {
+/// A mismatch as an error.
+pub(crate) fn problem(m: &AxisMismatch, record: &Record) -> Problem {
     match *m {
         AxisMismatch::Torque { joint, correlation } => {
             let what =

@@ -15,7 +15,7 @@ use ident::modal::Stray;
 
 /// Modes of a free decay, or why there are none.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum DecayOutcome {
+pub(crate) enum DecayOutcome {
     /// Modes.
     Found(Box<DecayModes>, Problems),
     /// None, and why: problems of area data, whose first code is that of `bad-inputs.md` (rows D23 to D25).
@@ -27,7 +27,7 @@ fn none(code: &'static str, what: String, hint: &str) -> DecayOutcome {
 }
 
 /// Looks for the modes of the free decay in a record and matches them to those of the model at `values`. Allocates.
-pub(super) fn decay_modes(
+pub(crate) fn decay_modes(
     model: &Model,
     values: &[f64],
     labelled: &LabelledRecord,

@@ -59,9 +59,9 @@ pub use observed_estimator::Observer;
 pub use options::FitOptions;
 pub use record_estimator::RecordEstimator;
 pub use result::{
-    Better, BodyLine, BodyQuantity, BudgetLine, BudgetShare, Channel, Combination, Correlation, Covariance, Ended, FORMAT, HeldOut,
-    IdentificationResult, InputFile, Method, ModeLine, Parameter, ParameterVerdict, PrincipalAxis, Provenance,
-    RecordLine, STRONG, UncertainLine, VERSION, Value, Warning, held_errors,
+    Better, BodyLine, BodyQuantity, BudgetLine, BudgetShare, Channel, Combination, Correlation, Covariance, Ended,
+    FORMAT, HeldOut, IdentificationResult, InputFile, Method, ModeLine, Parameter, ParameterVerdict, PrincipalAxis,
+    Provenance, RecordLine, STRONG, UncertainLine, VERSION, Value, Warning, held_errors,
 };
 pub use run::identify;
 pub use settings::{EXPLAINED, Settings, method};

@@ -15,5 +15,5 @@ pub use fit::{Ended, Method};
 pub use held_out::HeldOut;
 pub use identification::{FORMAT, IdentificationResult, VERSION};
 pub use parameter::{Combination, Correlation, Covariance, Parameter, ParameterVerdict, STRONG, Value};
-pub use uncertain::{Better, BudgetLine, BudgetShare, UncertainLine, held_errors};
 pub use provenance::{InputFile, Provenance, RecordLine, Warning};
+pub use uncertain::{Better, BudgetLine, BudgetShare, UncertainLine, held_errors};

@@ -1,0 +1,89 @@
+//! Whether anything moves.
+//!
+//! The travel of a joint is the range of its means over up to 64 blocks of samples, which noise of one sample hardly moves; the same is
+//! asked of torques and gyro.
+
+use super::Case;
+use super::diagnosis::{Finding, Judgement, Topic};
+use ff_model::diagnostics::{Limit, list};
+use ff_model::{Area, JointKind, Problem};
+use nalgebra::DVectorView;
+
+pub(super) const NOTHING_MOVES: &str = "Data::NothingMoves";
+/// Blocks that means are taken over.
+const BLOCKS: usize = 64;
+/// Travel below so many standard deviations of a block mean is noise: the range of 64 normal numbers is 4.7, seldom above 6.5.
+const NOISE: f64 = 7.0;
+/// Steps of an encoder that a joint at rest flickers over.
+const STEPS: f64 = 1.5;
+/// Travel below this (rad or m) is none.
+const LEAST: f64 = 1e-9;
+/// Outputs whose range stays below so many deviations of a block mean are silent. Wider than for joints: sensors drift.
+const SILENT: f64 = 10.0;
+
+/// Range of the means over blocks, and samples of the shortest block.
+fn travel(x: DVectorView<'_, f64>) -> (f64, usize) {
+    let n = x.len();
+    let blocks = BLOCKS.min(n / 4).max(1);
+    let (mut lo, mut hi, mut shortest) = (f64::INFINITY, f64::NEG_INFINITY, n);
+    for b in 0..blocks {
+        let (from, to) = (b * n / blocks, (b + 1) * n / blocks);
+        let mean = x.rows(from, to - from).mean();
+        (lo, hi, shortest) = (lo.min(mean), hi.max(mean), shortest.min(to - from));
+    }
+    (hi - lo, shortest.max(1))
+}
+
+pub(super) fn findings(case: &Case<'_>) -> Vec<Finding> {
+    let (record, level) = (case.record, &case.level);
+    let mut moving = Vec::new();
+    let mut still = Vec::new();
+    let (mut least, mut most, mut bound) = (f64::INFINITY, 0.0f64, 0.0f64);
+    for (j, name) in record.joint_names().iter().enumerate() {
+        let (range, shortest) = travel(record.q().column(j).as_view());
+        let own = NOISE * level.position[j] / (shortest as f64).sqrt();
+        let own = own.max(STEPS * level.position_step[j]).max(LEAST);
+        bound = bound.max(own);
+        if range > own {
+            moving.push(name.as_str());
+            (least, most) = (least.min(range), most.max(range));
+        } else {
+            still.push(name.as_str());
+            most = most.max(range);
+        }
+    }
+    let slides = case.model.bodies().iter().all(|b| b.joint.kind == JointKind::Prismatic);
+    let unit = if slides { "m" } else { "rad" };
+    if !moving.is_empty() {
+        let mut text =
+            format!("{} of {} joints move, by {least:.3} to {most:.3} {unit}", moving.len(), record.joints());
+        if !still.is_empty() {
+            text += &format!("; {} do not", list(still.iter().copied(), 8));
+        }
+        return vec![case.finding(Topic::Excitation, Judgement::Good, text).figures(most, bound, unit)];
+    }
+    let silent = |m: &nalgebra::DMatrix<f64>, noise: &[f64], step: &[f64]| {
+        m.column_iter().enumerate().all(|(k, c)| {
+            let (range, shortest) = travel(c.as_view());
+            range <= (SILENT * noise[k] / (shortest as f64).sqrt()).max(STEPS * step[k]).max(LEAST)
+        })
+    };
+    let quiet = silent(record.tau(), &level.torque, &level.torque_step)
+        && (record.is_fixed_base() || silent(record.gyro(), &level.gyro, &level.gyro_step));
+    let measure = format!(
+        "no joint moves: the largest travel is {most:.2e} {unit}, limit {bound:.2e} {unit} by the noise of the encoders"
+    );
+    let make = |p: Problem| {
+        p.on(case.label)
+            .violating(most, Limit::Above(bound), unit)
+            .hint("record while the joints move: plan a motion with ffid excite")
+    };
+    if quiet {
+        let text = format!("{measure}; torques and gyro read noise alone");
+        let p = make(Problem::error(Area::Data, NOTHING_MOVES, text.clone()));
+        return vec![case.finding(Topic::Excitation, Judgement::Wrong, text).figures(most, bound, unit).raising(p)];
+    }
+    let text = format!("{measure}; torques or gyro change all the same");
+    let p = make(Problem::warning(Area::Data, "Data::JointsStill", text.clone()));
+    vec![case.finding(Topic::Excitation, Judgement::Suspicious, text).figures(most, bound, unit).raising(p)]
+}

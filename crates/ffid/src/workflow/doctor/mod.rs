@@ -1,0 +1,196 @@
+//! What is wrong with a record before anything is fitted: units, axes, signs, rest, excitation, noise, gaps, clocks, modes.
+//!
+//! One simulation of the mission's values along the recorded joint motion says what torques and gyro should have read. A wrong unit, sign or
+//! axis is far from that by a factor, a sign or a permutation; a mission whose masses are wrong threefold or whose stiffness is wrong
+//! fivefold is not.
+//!
+//! ```text
+//! diagnose            everything; for `ffid doctor`
+//!   excitation        which joints move; nothing moves
+//!   noise             differences of neighbours against [sensors]; steps of the readings
+//!   rest              rates of joints and base at the first samples
+//!   prediction        torques and gyro at the values of the mission
+//!   quick_fit         a few steps over the thinned record: how near the mission can come to it
+//!   hypotheses        where it cannot: factors, signs, columns of outputs (mismatch) and of joint positions, each put right
+//!   clocks, modes     ident::checks
+//! before_fit          what would make a fit useless, in a fraction of its time; for `ffid identify`
+//! ```
+mod clocks;
+mod diagnosis;
+mod excitation;
+mod gaps;
+mod hypotheses;
+mod mismatch;
+mod modes;
+mod noise;
+mod prediction;
+mod prior;
+mod quick_fit;
+mod rest;
+mod text;
+
+pub use diagnosis::{Diagnosis, Finding, Judgement, Topic};
+
+use super::identify::{IdentifyError, LabelledRecord, Method, Settings, method};
+use crate::modes::held;
+use crate::open::Opened;
+use ff_mission::mission::Sensors;
+use ff_model::{Area, Model, Params, Problem, Problems};
+use ff_records::Record;
+use ident::Noise;
+use noise::Level;
+use prediction::Prediction;
+
+/// One record, and what every part asks of it.
+struct Case<'a> {
+    model: &'a Model,
+    record: &'a Record,
+    label: &'a str,
+    /// By output error, at rest at the first sample, without biases; noise above zero.
+    settings: Settings,
+    sensors: Sensors,
+    /// Parameters to estimate.
+    estimated: &'a [usize],
+    level: Level,
+    /// What the integration has to follow at the first sample (Hz); 0 for a rigid robot.
+    fastest_hz: f64,
+}
+
+impl<'a> Case<'a> {
+    fn new(opened: &'a Opened, labelled: &'a LabelledRecord, s: &Settings) -> Result<Self, IdentifyError> {
+        let (model, record) = (&opened.model, &labelled.record);
+        record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
+        record.check_uniform("the diagnosis of a record").map_err(|e| {
+            let p = Problem::error(Area::Data, "Data::TimeBase", e.to_string()).on(&labelled.label);
+            IdentifyError::Refused(Problems(vec![p.hint("bring it to one clock, such as with ff_records' resampled")]))
+        })?;
+        let level = Level::of(record);
+        // A mission of perfect sensors does not say what a reading weighs; the record does.
+        let or = |given: f64, measured: &[f64]| {
+            let most = measured.iter().copied().fold(1e-12, f64::max);
+            if given > 0.0 && given.is_finite() { given } else { most }
+        };
+        let noise = Noise { torque: or(s.noise.torque, &level.torque), gyro: or(s.noise.gyro, &level.gyro) };
+        let settings = Settings {
+            method: Some(Method::OutputError),
+            noise,
+            biases: false,
+            initial_state: false,
+            adopt: Vec::new(),
+            ..s.clone()
+        };
+        let sensors = opened.mission.as_ref().map(|m| m.sensors.clone()).unwrap_or_default();
+        let label = &labelled.label;
+        let fastest_hz = fastest(model, record);
+        Ok(Self { model, record, label, settings, sensors, estimated: &opened.estimated, level, fastest_hz })
+    }
+    /// Standard deviations of torques and gyro, in the order of [`Record::responses`].
+    fn sigma(&self) -> Vec<f64> {
+        let mut out = vec![self.settings.noise.torque; self.record.joints()];
+        out.extend([self.settings.noise.gyro; 3]);
+        out
+    }
+    fn finding(&self, topic: Topic, judgement: Judgement, text: impl Into<String>) -> Finding {
+        Finding {
+            record: self.label.to_owned(),
+            topic,
+            channel: None,
+            judgement,
+            measured: None,
+            expected: None,
+            unit: String::new(),
+            text: text.into(),
+            problem: None,
+        }
+    }
+}
+
+/// The highest frequency (Hz) of the modes at the first sample, or the rate of decay of an overdamped one as such.
+fn fastest(model: &Model, record: &Record) -> f64 {
+    let params = Params::nominal(model);
+    let q: Vec<f64> = record.q().row(0).iter().copied().collect();
+    let modes = held(model, &params, &q, &model.rest_position(&params));
+    modes.iter().map(|m| m.frequency_hz * (2.0 * m.damping_ratio).max(1.0)).fold(0.0, f64::max)
+}
+
+/// Whether torques and gyro follow from a simulation: not on a base that is bolted down, whose joints have friction.
+fn is_predicted(model: &Model, s: &Settings) -> bool {
+    method(model, s.method) != Method::Ground
+}
+
+/// Judges records by the values of the mission. `warnings` are those of reading, a list for each record. Allocates.
+///
+/// # Errors
+/// [`IdentifyError::Refused`] for records of another robot, or on several clocks. What is wrong with a record is no error here:
+/// [`Diagnosis::problems`].
+pub fn diagnose(
+    opened: &Opened,
+    records: &[LabelledRecord],
+    warnings: &[Problems],
+    settings: &Settings,
+) -> Result<Diagnosis, IdentifyError> {
+    let mut findings = Vec::new();
+    for (k, labelled) in records.iter().enumerate() {
+        let case = Case::new(opened, labelled, settings)?;
+        findings.push(gaps::finding(&case, warnings.get(k)));
+        let moves = excitation::findings(&case);
+        let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
+        findings.extend(moves);
+        if still || !is_predicted(&opened.model, settings) {
+            findings.extend(noise::findings(&case, &Scales::none(&case)));
+            continue;
+        }
+        let found = hypotheses::findings(&case);
+        let predicted = Prediction::new(&case, case.record);
+        findings.extend(noise::findings(&case, &found.scales));
+        findings.extend(rest::findings(&case, predicted.as_ref().ok(), found.starts_in_motion));
+        let right = !found.findings.iter().any(|f| f.judgement != Judgement::Good);
+        findings.extend(found.findings);
+        // What is predicted wrongly tells nothing of clocks, modes and values.
+        if !right {
+            continue;
+        }
+        match (predicted, &found.fit) {
+            (Ok(p), Some(fit)) => {
+                findings.extend(clocks::findings(&case, fit));
+                // Noise that is larger than stated looks like what was aliased.
+                let noisy = findings.iter().any(|f| f.topic == Topic::Noise && f.judgement != Judgement::Good);
+                let aliased = |f: &Finding| f.problem.as_ref().is_some_and(|p| p.code == "Data::Aliasing");
+                findings.extend(modes::findings(&case, opened)?.into_iter().filter(|f| !(noisy && aliased(f))));
+                findings.push(prior::finding(&case, &p, fit));
+            }
+            (Err(e), _) => findings.push(prediction::failed(&case, &e.to_string())),
+            (_, None) => findings.push(prediction::failed(&case, "a quick fit failed")),
+        }
+    }
+    Ok(Diagnosis::new(opened.model.name(), findings))
+}
+
+/// Factors by which the channels of a record are too large.
+#[derive(Clone, Debug)]
+struct Scales {
+    position: Vec<f64>,
+    torque: Vec<f64>,
+    gyro: f64,
+}
+
+/// Problems of a record that would make a fit useless: nothing moves, a unit, a sign or axes are wrong. One simulation, and two more where
+/// its outputs are far from the prediction. A record of a base that is bolted down is judged by its motion alone. Allocates.
+///
+/// # Errors
+/// [`IdentifyError::IllPosed`] when nothing moves; [`IdentifyError::Refused`] for the record of another robot, or on several clocks.
+pub fn before_fit(opened: &Opened, labelled: &LabelledRecord, settings: &Settings) -> Result<Problems, IdentifyError> {
+    let case = Case::new(opened, labelled, settings)?;
+    let wrong = |findings: Vec<Finding>| {
+        Problems(findings.into_iter().filter(|f| f.judgement == Judgement::Wrong).filter_map(|f| f.problem).collect())
+    };
+    let still = wrong(excitation::findings(&case));
+    if still.has_errors() {
+        return Err(IdentifyError::IllPosed(still));
+    }
+    if !is_predicted(&opened.model, settings) {
+        return Ok(still);
+    }
+    let predicted = Prediction::new(&case, case.record);
+    Ok(wrong(hypotheses::before_fit(&case, predicted.as_ref().ok())))
+}

@@ -1,0 +1,277 @@
+//! White noise of every channel without a model, and the steps of its readings.
+//!
+//! Differences of order k of neighbours have the variance `C(2k, k) sigma^2` for white noise, while a smooth signal of angular frequency w
+//! keeps `(w h)^k` of its amplitude, so that order six is an upper bound of the noise that motion hardly touches. Noise that is correlated
+//! in time loses more at higher orders: whether there is less than stated is judged by order three.
+
+use super::diagnosis::{Finding, Judgement, Topic};
+use super::{Case, Scales};
+use crate::workflow::identify::num;
+use ff_model::diagnostics::Limit;
+use ff_model::{Area, JointKind, Problem};
+use ff_records::Record;
+use nalgebra::{DMatrix, DVectorView};
+
+/// Ratio of measured to stated noise that is suspicious, and its inverse.
+const OFF: f64 = 3.0;
+/// Samples below which noise is not judged.
+const FEWEST: usize = 50;
+/// Ratio of the estimates of orders four and six above which a signal, not noise, is what they measure.
+const LEAKS: f64 = 1.5;
+/// Distinct readings of a channel above which it has no steps that matter.
+const MOST_LEVELS: usize = 50_000;
+/// Deviation of a difference of readings from a multiple of the step, in steps.
+const ON_GRID: f64 = 0.02;
+
+/// Noise and steps of the channels of a record: upper bounds of the standard deviations, and steps (0 where there are none).
+pub(super) struct Level {
+    pub(super) position: Vec<f64>,
+    pub(super) position_step: Vec<f64>,
+    pub(super) torque: Vec<f64>,
+    pub(super) torque_step: Vec<f64>,
+    pub(super) gyro: Vec<f64>,
+    pub(super) gyro_step: Vec<f64>,
+}
+
+impl Level {
+    pub(super) fn of(r: &Record) -> Self {
+        let sixth = |m: &DMatrix<f64>| m.column_iter().map(|c| by_differences(c.as_view(), 6)).collect();
+        let steps = |m: &DMatrix<f64>| m.column_iter().map(|c| step(c.as_view())).collect();
+        Self {
+            position: sixth(r.q()),
+            position_step: steps(r.q()),
+            torque: sixth(r.tau()),
+            torque_step: steps(r.tau()),
+            gyro: sixth(r.gyro()),
+            gyro_step: steps(r.gyro()),
+        }
+    }
+}
+
+/// Standard deviation of white noise, from differences of order `order` (at most 6); 0 for a channel that is too short.
+fn by_differences(x: DVectorView<'_, f64>, order: usize) -> f64 {
+    let mut weights = vec![1.0];
+    for _ in 0..order {
+        let mut next = vec![0.0; weights.len() + 1];
+        for (a, w) in weights.iter().enumerate() {
+            next[a] += w;
+            next[a + 1] -= w;
+        }
+        weights = next;
+    }
+    let variance: f64 = weights.iter().map(|w| w * w).sum();
+    let rows = x.len().saturating_sub(order);
+    if rows == 0 {
+        return 0.0;
+    }
+    let one = |i: usize| weights.iter().enumerate().map(|(a, w)| w * x[i + a]).sum::<f64>().powi(2);
+    ((0..rows).map(one).sum::<f64>() / rows as f64 / variance).sqrt()
+}
+
+/// The step of the readings: the least difference of sorted values, where all are multiples of it; else 0.
+fn step(x: DVectorView<'_, f64>) -> f64 {
+    let mut all: Vec<f64> = x.iter().copied().collect();
+    all.sort_unstable_by(f64::total_cmp);
+    all.dedup();
+    if all.len() < 3 || all.len() > MOST_LEVELS {
+        return 0.0;
+    }
+    let gaps = || all.windows(2).map(|w| w[1] - w[0]);
+    let least = gaps().fold(f64::INFINITY, f64::min);
+    let range = all[all.len() - 1] - all[0];
+    // Below, digits of the numbers themselves.
+    if least <= 1e-13 * range.max(all[0].abs()) {
+        return 0.0;
+    }
+    // Means of the multiples: a step known to a few digits only.
+    let (mut sum, mut count) = (0.0, 0.0);
+    for gap in gaps() {
+        let k = (gap / least).round();
+        if k > 1e3 || (gap / least - k).abs() > ON_GRID * k {
+            return 0.0;
+        }
+        (sum, count) = (sum + gap, count + k);
+    }
+    sum / count
+}
+
+/// A kind of sensor: its channels, and what the mission says of it.
+struct Sensor<'a> {
+    data: &'a DMatrix<f64>,
+    names: Vec<String>,
+    units: Vec<&'static str>,
+    /// `[section] key` of its noise.
+    key: &'static str,
+    noise: f64,
+    quantum: f64,
+    quantum_key: &'static str,
+    /// Factor by which each channel is off.
+    scales: Vec<f64>,
+    steps: &'a [f64],
+}
+
+pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
+    let (r, s) = (case.record, &case.sensors);
+    let slides: Vec<bool> = case.model.bodies().iter().map(|b| b.joint.kind == JointKind::Prismatic).collect();
+    let of_joint = |turns, slide| slides.iter().map(|&yes| if yes { slide } else { turns }).collect();
+    let named = |head: &str| r.joint_names().iter().map(|j| format!("{head}.{j}")).collect();
+    let mut all = vec![
+        Sensor {
+            data: r.q(),
+            names: named("q"),
+            units: of_joint("rad", "m"),
+            key: "[sensors.encoder] noise_std_rad",
+            noise: s.encoder.noise_std_rad,
+            quantum: s.encoder.bits.map_or(0.0, |b| ff_dynamics::sim::Channel::encoder(b).quantum),
+            quantum_key: "[sensors.encoder] bits",
+            scales: scales.position.clone(),
+            steps: &case.level.position_step,
+        },
+        Sensor {
+            data: r.tau(),
+            names: named("tau"),
+            units: of_joint("N m", "N"),
+            key: "[sensors.torque] noise_std_nm",
+            noise: s.torque.noise_std_nm,
+            quantum: s.torque.lsb_nm,
+            quantum_key: "[sensors.torque] lsb_nm",
+            scales: scales.torque.clone(),
+            steps: &case.level.torque_step,
+        },
+    ];
+    if !r.is_fixed_base() {
+        all.push(Sensor {
+            data: r.gyro(),
+            names: ["x", "y", "z"].map(|a| format!("gyro.{a}")).to_vec(),
+            units: vec!["rad/s"; 3],
+            key: "[sensors.gyro] noise_std_rad_per_s",
+            noise: s.gyro.noise_std_rad_per_s,
+            quantum: s.gyro.lsb_rad_per_s,
+            quantum_key: "[sensors.gyro] lsb_rad_per_s",
+            scales: vec![scales.gyro; 3],
+            steps: &case.level.gyro_step,
+        });
+    }
+    all.iter().flat_map(|sensor| of_sensor(case, sensor)).collect()
+}
+
+/// How the noise of a channel differs from what the mission says.
+#[derive(Clone, Copy, PartialEq)]
+enum Differs {
+    More,
+    Less,
+    Coarser,
+}
+
+/// Which channel differs, how, and by which figure.
+fn differing(s: &Sensor<'_>, expected: f64) -> Vec<(usize, Differs, f64)> {
+    if expected == 0.0 || s.data.nrows() < FEWEST {
+        return Vec::new();
+    }
+    let one = |k: usize| {
+        let x = s.data.column(k);
+        let [three, four, six] = [3, 4, 6].map(|o| by_differences(x.as_view(), o) / s.scales[k]);
+        let step = s.steps[k] / s.scales[k];
+        let of_step = step / 12f64.sqrt();
+        // Steps of a channel at rest hide its noise.
+        let hidden = s.quantum.max(step) > 2.0 * s.noise;
+        if of_step > OFF * expected {
+            Some((k, Differs::Coarser, of_step))
+        } else if six > OFF * expected && four < LEAKS * six {
+            Some((k, Differs::More, six))
+        } else if !hidden && three < expected / OFF {
+            Some((k, Differs::Less, three))
+        } else {
+            None
+        }
+    };
+    (0..s.names.len()).filter_map(one).collect()
+}
+
+fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
+    let expected = s.noise.hypot(s.quantum / 12f64.sqrt());
+    let kind = s.names.first().and_then(|n| n.split('.').next()).unwrap_or("");
+    let unit = s.units.first().copied().unwrap_or("");
+    let found = differing(s, expected);
+    if found.is_empty() {
+        let all = (0..s.names.len()).map(|k| by_differences(s.data.column(k).as_view(), 6) / s.scales[k]);
+        let (low, high) = all.fold((f64::INFINITY, 0.0f64), |(a, b), x| (a.min(x), b.max(x)));
+        let text = if expected > 0.0 {
+            format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, the mission has {expected:.2e}")
+        } else {
+            format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, the mission gives none ({})", s.key)
+        };
+        return vec![case.finding(Topic::Noise, Judgement::Good, text).on(kind).figures(high, expected, unit)];
+    }
+    // The mission has one figure for all channels of a sensor.
+    let together = found.len() > 1 && found.len() == s.names.len() && found.iter().all(|f| f.1 == found[0].1);
+    if together {
+        let mut all: Vec<f64> = found.iter().map(|f| f.2).collect();
+        all.sort_unstable_by(f64::total_cmp);
+        return vec![raised(case, s, (kind, unit), (found[0].1, all[all.len() / 2]), expected)];
+    }
+    found.iter().map(|&(k, how, figure)| raised(case, s, (&s.names[k], s.units[k]), (how, figure), expected)).collect()
+}
+
+/// The finding on a channel, or on all of a sensor.
+fn raised(
+    case: &Case<'_>,
+    s: &Sensor<'_>,
+    (on, unit): (&str, &str),
+    (how, figure): (Differs, f64),
+    expected: f64,
+) -> Finding {
+    let ratio = num(figure / expected);
+    let of = format!("{ratio} times the {expected:.3e} {unit} of the mission");
+    let (text, hint) = match how {
+        Differs::More => {
+            (format!("noise {figure:.3e} {unit}, {of}"), format!("set {} = {figure:.2e}, or look at the sensor", s.key))
+        }
+        Differs::Less => (
+            format!("noise {figure:.3e} {unit} at most, {of}"),
+            format!("set {} = {figure:.2e}, unless the readings were smoothed", s.key),
+        ),
+        Differs::Coarser => (
+            format!("readings in steps of {:.3e} {unit}, noise {figure:.3e} {unit}, {of}", figure * 12f64.sqrt()),
+            format!("give the step as {}", s.quantum_key),
+        ),
+    };
+    let limit = Limit::Within(expected / OFF, expected * OFF);
+    let p = Problem::warning(Area::Data, "Data::NoiseFigure", text.clone())
+        .on(on)
+        .violating(figure, limit, unit.to_owned())
+        .hint(hint);
+    case.finding(Topic::Noise, Judgement::Suspicious, text).on(on).figures(figure, expected, unit).raising(p)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DVector;
+
+    /// Uniform noise of standard deviation `sigma` on a signal.
+    fn noisy(sigma: f64, smooth: impl Fn(f64) -> f64) -> DVector<f64> {
+        let uniform = |k: usize| {
+            let a = (k as f64 * 12.9898 + 4.1).sin() * 43758.5453;
+            (2.0 * (a - a.floor()) - 1.0) * 3f64.sqrt()
+        };
+        DVector::from_fn(2000, |i, _| smooth(i as f64 * 0.02) + sigma * uniform(i))
+    }
+
+    #[test]
+    fn noise_is_told_from_a_smooth_signal_a_hundred_times_as_large() {
+        let x = noisy(0.01, |t| (2.0 * t).sin() + 0.3 * t);
+        for order in [3, 4, 6] {
+            let found = by_differences(x.as_view(), order);
+            assert!((found / 0.01 - 1.0).abs() < 0.08, "order {order}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_step_is_found_where_readings_have_one() {
+        let x = noisy(0.01, |t| (2.0 * t).sin());
+        assert_eq!(step(x.as_view()), 0.0);
+        let read = x.map(|v| (v / 0.0037).round() * 0.0037);
+        assert!((step(read.as_view()) / 0.0037 - 1.0).abs() < 1e-6, "{}", step(read.as_view()));
+    }
+}

@@ -1,0 +1,91 @@
+//! A fit of few steps over a thinned record, under a prior about the values of the mission: how near those can come to the record.
+//!
+//! A design office has masses a tenth wrong, inertias and springs a quarter. That hides a reversed sign of a light joint, which the same
+//! values, adapted, bring out. What is asked for is the shape of the signals, to a twentieth: with the noise of the sensors a gyro that sees
+//! five hundred times its noise would let a fit creep along narrow valleys.
+
+use super::{Case, Scales};
+use ff_least_squares::Settings as Solver;
+use ff_model::Params;
+use ff_records::Record;
+use ident::{Estimated, Noise, Options, OutputError, Request, estimate};
+use nalgebra::DMatrix;
+
+/// Samples of the thinned record, at least, and its longest interval (s).
+const SAMPLES: usize = 400;
+const INTERVAL: f64 = 0.15;
+/// Steps of the integration per period of the fastest mode.
+const STEPS: f64 = 7.0;
+/// Part of a signal that it is fitted to, at best.
+const PART: f64 = 0.05;
+/// Relative standard deviation of the prior.
+const WIDTH: f64 = 0.3;
+/// Linearisations, and promised relative reduction at which it ends before.
+const ITERATIONS: usize = 30;
+const SHOWN: f64 = 0.01;
+
+/// Misfit of a quick fit that follows a record.
+pub(super) const FOLLOWS: f64 = 2.0;
+
+/// What a quick fit comes to.
+pub(super) struct QuickFit {
+    /// Mean of the squared residuals over those of a twentieth of the signals, or of the noise where that is more.
+    pub(super) misfit: f64,
+    /// Full parameter vector.
+    pub(super) values: Vec<f64>,
+    pub(super) parameters: Vec<Estimated>,
+}
+
+/// A record with so few samples that many fits of it take little time, seven or more for each period of the fastest mode.
+pub(super) fn thinned(case: &Case<'_>, record: &Record) -> Option<Record> {
+    let longest = INTERVAL.min(1.0 / (STEPS * case.fastest_hz.max(1e-3)));
+    let every = (record.samples() / SAMPLES).min((longest / record.dt()) as usize).max(1);
+    record.thinned(every).ok()
+}
+
+/// The prediction of torques and gyro with these standard deviations.
+pub(super) fn output_error<'a>(
+    case: &Case<'a>,
+    record: &'a Record,
+    noise: Noise,
+    (biases, initial_state): (bool, bool),
+) -> Option<OutputError<'a>> {
+    let substeps = (STEPS * case.fastest_hz * record.dt()).ceil().max(1.0) as usize;
+    let options = Options { substeps, gyro_bias: biases, torque_bias: biases, initial_state, ..Options::new(noise) };
+    OutputError::new(case.model, record, &options).ok()
+}
+
+/// Root mean square of the columns about their means: the middle one.
+fn amplitude(m: &DMatrix<f64>) -> f64 {
+    let mut all: Vec<f64> = m.column_iter().map(|c| c.variance().sqrt()).collect();
+    all.sort_unstable_by(f64::total_cmp);
+    all[all.len() / 2]
+}
+
+/// A twentieth of the signals of a record, or the noise of its sensors, stated or measured, where that is more; `scales` are the factors by
+/// which the channels were too large before they were put right.
+fn tolerance(case: &Case<'_>, record: &Record, scales: &Scales) -> Noise {
+    let Noise { torque, gyro } = case.settings.noise;
+    let of_torque =
+        case.level.torque.iter().zip(&scales.torque).map(|(noise, scale)| noise / scale).fold(torque, f64::max);
+    let of_gyro = case.level.gyro.iter().map(|noise| noise / scales.gyro).fold(gyro, f64::max);
+    Noise { torque: of_torque.max(PART * amplitude(record.tau())), gyro: of_gyro.max(PART * amplitude(record.gyro())) }
+}
+
+/// Adapts what is estimated, and biases; with the state at the first sample when `initial_state`. `None` where the record cannot be predicted.
+pub(super) fn quick_fit(case: &Case<'_>, record: &Record, scales: &Scales, initial_state: bool) -> Option<QuickFit> {
+    let mut fit = output_error(case, record, tolerance(case, record, scales), (true, initial_state))?;
+    let (decls, nominal) = (case.model.param_decls(), Params::nominal(case.model));
+    let request = Request {
+        prior_width: (!case.estimated.is_empty()).then_some(WIDTH),
+        coarse: false,
+        settings: Solver { max_iterations: ITERATIONS, decrement_tolerance: SHOWN, ..Solver::default() },
+        ..Request::new(&decls, case.estimated, nominal.values())
+    };
+    let found = estimate(&request, &mut fit).ok()?;
+    found.chi2_per_dof.is_finite().then_some(QuickFit {
+        misfit: found.chi2_per_dof,
+        values: found.values,
+        parameters: found.parameters,
+    })
+}

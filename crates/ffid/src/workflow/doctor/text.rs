@@ -1,0 +1,47 @@
+//! A diagnosis in words: one line for each finding, grouped by topic; the last line says whether to go on.
+
+use super::diagnosis::{Diagnosis, Judgement, Topic};
+use std::fmt;
+
+impl fmt::Display for Diagnosis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let records = {
+            let mut all: Vec<&str> = self.findings.iter().map(|x| x.record.as_str()).collect();
+            all.dedup();
+            all
+        };
+        for record in &records {
+            writeln!(f, "{} with record {record}", self.robot)?;
+            let mut last: Option<Topic> = None;
+            for x in self.findings.iter().filter(|x| x.record == *record) {
+                let topic = if last == Some(x.topic) { "" } else { x.topic.name() };
+                last = Some(x.topic);
+                let channel = match &x.channel {
+                    Some(c) if !x.text.starts_with(&format!("{c}:")) => format!("{c}: "),
+                    _ => String::new(),
+                };
+                writeln!(f, "  {topic:<10} {:<10} {channel}{}", x.judgement.name(), x.text)?;
+            }
+            writeln!(f)?;
+        }
+        let count = |j: Judgement| self.findings.iter().filter(|x| x.judgement == j).count();
+        let (wrong, suspicious) = (count(Judgement::Wrong), count(Judgement::Suspicious));
+        let hint = |j: Judgement| {
+            let first = self.findings.iter().find(|x| x.judgement == j && x.problem.is_some());
+            first.and_then(|x| x.problem.as_ref()?.hint.clone()).unwrap_or_default()
+        };
+        match self.judgement {
+            Judgement::Good => writeln!(f, "go on: nothing speaks against this record; next, ffid identify"),
+            Judgement::Suspicious => {
+                writeln!(f, "go on with care: {suspicious} suspicious; first, {}", hint(Judgement::Suspicious))
+            }
+            Judgement::Wrong => {
+                writeln!(
+                    f,
+                    "do not fit this record: {wrong} wrong, {suspicious} suspicious; first, {}",
+                    hint(Judgement::Wrong)
+                )
+            }
+        }
+    }
+}
