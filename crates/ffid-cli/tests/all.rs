@@ -23,3 +23,4 @@ mod preflight;
 mod questions;
 mod schema;
 mod three_segment;
+mod uncertain;

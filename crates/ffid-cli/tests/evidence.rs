@@ -49,7 +49,7 @@ pub(crate) fn world(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64])
 }
 
 /// Exit code and result of `ffid identify` with these flags.
-fn identify(dir: &Path, flags: &[&str]) -> (i32, Value) {
+pub(crate) fn identify(dir: &Path, flags: &[&str]) -> (i32, Value) {
     let mut args = vec!["identify", "m.toml", "--record", "rec.csv", "--out", "found", "--force", "--json"];
     args.extend(flags);
     let (code, out, err) = ffid(dir, &args);
@@ -57,14 +57,14 @@ fn identify(dir: &Path, flags: &[&str]) -> (i32, Value) {
     (code, all["result"].clone())
 }
 
-fn value(r: &Value, list: &str, name: &str) -> (f64, f64) {
+pub(crate) fn value(r: &Value, list: &str, name: &str) -> (f64, f64) {
     let all = r[list].as_array().unwrap();
     let p = all.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("{name} in {list}"));
     (p["value"].as_f64().unwrap(), p["std"].as_f64().unwrap())
 }
 
 /// True values of some estimated parameters, from `truth.toml`'s robot.
-fn distances(r: &Value, truth: &Value) -> Vec<f64> {
+pub(crate) fn distances(r: &Value, truth: &Value) -> Vec<f64> {
     let all = r["parameters"].as_array().unwrap();
     let one = |p: &Value| {
         let name = p["name"].as_str().unwrap();
@@ -77,7 +77,7 @@ fn distances(r: &Value, truth: &Value) -> Vec<f64> {
 }
 
 /// The parameters of `truth.toml`, as `ffid check` lists them.
-fn truth(dir: &Path) -> Value {
+pub(crate) fn truth(dir: &Path) -> Value {
     let mission = fixture("verdict").join("truth.toml");
     let (code, out, err) = ffid(dir, &["check", mission.to_str().unwrap(), "--json"]);
     assert_eq!(code, 0, "{err}");
@@ -85,7 +85,7 @@ fn truth(dir: &Path) -> Value {
     serde_json::json!({ "model": all["model"]["parameters"].clone() })
 }
 
-fn is_gyro(names: &[String]) -> usize {
+pub(crate) fn is_gyro(names: &[String]) -> usize {
     names.iter().position(|n| n.starts_with("gyro.x")).unwrap()
 }
 

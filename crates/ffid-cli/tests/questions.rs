@@ -256,7 +256,8 @@ fn d33_starts_that_disagree_are_a_warning() {
     c.simulate("ring.toml", "b.csv", "ring.csv", &["--seed", "6", "--hold", "60"]);
     let args = ["identify", "far.toml", "--record", "ring.csv", "--starts", "4", "--no-biases", "--clocks", "trust"];
     let (code, out, err) = c.run(&[&args[..], &["--out", "res"]].concat());
-    assert_eq!(code, 0, "{out}\n{err}");
+    // The lowest of them need not explain the record.
+    assert!([0, 16].contains(&code), "{code} {out}\n{err}");
     assert!(err.contains("warning[Fit::MultipleMinima]"), "{err}");
     let r = c.result("res");
     let m = r.minima.unwrap();

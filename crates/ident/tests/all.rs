@@ -31,7 +31,9 @@ mod record_checks;
 mod recovery;
 mod row_streams;
 mod scores;
+
 mod several_records;
+mod shared_errors;
 mod tie_map;
 mod ties;
 mod time_bases;

@@ -9,6 +9,7 @@ use ffid::inputs::Lines;
 use ffid::modes::ModeTable;
 use ffid::open::{MAX_DENSE, open};
 use ffid::summary::Summary;
+use ffid::workflow::identify::DeclaredUncertain;
 use serde::Serialize;
 use std::fmt::Display;
 use std::io::Write;
@@ -19,6 +20,8 @@ struct Results<'a> {
     model: Option<&'a Summary>,
     /// Absent when there is nothing passive.
     modes: Option<&'a ModeTable>,
+    /// What the mission is not sure of; absent where it is sure of everything.
+    uncertain: Option<&'a DeclaredUncertain>,
     /// Absent for a URDF alone.
     mission: Option<&'a Mission>,
 }
@@ -43,9 +46,19 @@ pub(crate) fn run(input: &Input, out: &mut impl Write, err: &mut impl Write) -> 
             ),
         }
     }
-    let results = Results { model: Some(&summary), modes: modes.as_ref(), mission: opened.mission.as_ref() };
+    let uncertain = DeclaredUncertain::of(&opened);
+    let results = Results {
+        model: Some(&summary),
+        modes: modes.as_ref(),
+        uncertain: uncertain.as_ref(),
+        mission: opened.mission.as_ref(),
+    };
     let inputs = opened.mission.as_ref().filter(|m| !m.inputs.is_empty()).map(|m| Lines(&m.inputs));
-    let text: [Option<&dyn Display>; 3] =
-        [Some(&summary), inputs.as_ref().map(|i| i as _), modes.as_ref().map(|m| m as _)];
+    let text: [Option<&dyn Display>; 4] = [
+        Some(&summary),
+        uncertain.as_ref().map(|u| u as _),
+        inputs.as_ref().map(|i| i as _),
+        modes.as_ref().map(|m| m as _),
+    ];
     input.print(Exit::of(&problems), &problems, results, &text, out, err)
 }

@@ -205,14 +205,41 @@ fn sensors(out: &mut String, known: &Known) -> fmt::Result {
     if known.fixed {
         return Ok(());
     }
+    line(out, "gain_relative_std = 0.01", "standard deviation of the gain of each sensor")?;
+    line(out, "gain_common_relative_std = 0.01", "and of that of all of them together")?;
+    let mut number = |head: &str, key: &str, x: Option<f64>, example: f64, of: &str| {
+        out.push_str(head);
+        match x {
+            Some(x) => line(out, &format!("{key} = {x:?}"), of),
+            None => line(out, &format!("# {key} = {example:?}"), &format!("{of}; not in the URDF")),
+        }
+    };
     let of = format!("{white} (rad/s); `ffid identify` needs it");
     number("\n[sensors.gyro]\n", "noise_std_rad_per_s", known.gyro_noise, 1.5e-4, &of)?;
-    number("\n[sensors.encoder]\n", "bits", None, 20.0, "steps per turn are 2^bits (a whole number)").map(|()| {
-        // The one whole number among the examples.
-        if let Some(i) = out.rfind("bits = 20.0") {
-            out.replace_range(i..i + 11, "bits = 20  ");
-        }
-    })
+    line(out, "scale_relative_std = 0.003", "standard deviation of the scale of each axis")?;
+    line(out, "misalignment_std_rad = 0.01", "of its rotation against the base link, about every axis (rad)")?;
+    out.push_str("\n[sensors.encoder]\n");
+    line(out, "# bits = 20", "steps per turn are 2^bits (a whole number); not in the URDF")?;
+    line(out, "offset_std_rad = 0.002", "standard deviation of the zero of each joint (rad)")?;
+    uncertain(out)
+}
+
+/// What no drawing is right about to the last digit; where the values come from is in docs/uncertain.md.
+fn uncertain(out: &mut String) -> fmt::Result {
+    writeln!(
+        out,
+        "\n# What is not known exactly, as one standard deviation: every deviation of an estimate allows for it. Typical of parts"
+    )?;
+    writeln!(out, "# that were designed and weighed; put in what your reports say (docs/uncertain.md).")?;
+    writeln!(out, "[[uncertain]]")?;
+    line(out, "bodies = [\"*\"]", "all that are not estimated")?;
+    line(out, "mass_relative_std = 0.02", "of the mass")?;
+    line(out, "com_std_m = 0.005", "of every coordinate of the centre of mass (m)")?;
+    line(out, "inertia_relative_std = 0.05", "of the inertia about it")?;
+    writeln!(out, "\n[[uncertain]]")?;
+    line(out, "mounts = [\"*\"]", "appendages and joints: where they are mounted")?;
+    line(out, "position_std_m = 0.003", "of every coordinate of their place (m)")?;
+    line(out, "angle_std_rad = 0.002", "of their rotation about every axis (rad)")
 }
 
 /// A key with its comment.

@@ -68,4 +68,4 @@ pub use settings::{EXPLAINED, Settings, method};
 pub use signals::Signals;
 pub use text::{num, verdict};
 pub use ties::TieSpec;
-pub use uncertain::UncertainKind;
+pub use uncertain::{DeclaredUncertain, DeclaredUnknown, UncertainKind};

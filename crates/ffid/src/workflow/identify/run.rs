@@ -36,7 +36,11 @@ const ANCHOR: f64 = 10.0;
 /// Promised reduction of chi-squared below which a fit is at its end: a thirtieth of a standard deviation is left to go.
 const GAIN: f64 = 1e-3;
 /// Promised relative reduction at which a fit that only leads to another is near enough.
-const NEAR: f64 = 1e-4;
+const NEAR: f64 = 1e-3;
+/// Relative width that such a fit is held to about the mission, and linearisations of each of its passes.
+const LOOSE: f64 = 0.5;
+/// See [`LOOSE`].
+const FEW: usize = 12;
 /// Relative width of the draws of other starts.
 const SPREAD: f64 = 0.3;
 
@@ -183,7 +187,13 @@ impl<'a> Assembly<'a> {
             anchor: (!unknowns.has_priors()).then_some(ANCHOR),
             loss: self.settings.loss,
             priors: unknowns.priors(&asked)?,
-            settings: Solver { decrement_tolerance: NEAR, ..solver.clone() },
+            // What is wrong elsewhere must not lead it astray.
+            prior_width: Some(LOOSE),
+            settings: Solver {
+                decrement_tolerance: NEAR,
+                max_iterations: FEW.min(solver.max_iterations),
+                ..solver.clone()
+            },
             ..Request::new(&unknowns.decls, &asked, &unknowns.start)
         };
         let found = attempt(&request, &mut watched);

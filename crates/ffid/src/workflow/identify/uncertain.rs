@@ -90,6 +90,58 @@ pub(in crate::workflow::identify) struct UncertainUnknown {
     pub(super) kind: UncertainKind,
 }
 
+/// What a mission is not sure of, one line per unknown: for `ffid check`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct DeclaredUncertain {
+    /// The unknowns that are estimated beside what is asked for.
+    pub unknowns: Vec<DeclaredUnknown>,
+}
+
+/// A line of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DeclaredUnknown {
+    /// Its name.
+    pub name: String,
+    /// SI unit.
+    pub unit: &'static str,
+    /// What kind of thing it is.
+    pub kind: UncertainKind,
+    /// What the mission says: mean, and standard deviation.
+    pub mean: f64,
+    /// See [`DeclaredUnknown::mean`].
+    pub std: f64,
+}
+
+impl DeclaredUncertain {
+    /// Of a mission; `None` where it is sure of everything.
+    pub fn of(opened: &Opened) -> Option<Self> {
+        let line = |u: UncertainUnknown| DeclaredUnknown {
+            name: u.name,
+            unit: u.unit,
+            kind: u.kind,
+            mean: u.mean,
+            std: u.std,
+        };
+        let unknowns: Vec<DeclaredUnknown> = UncertainItems::of(opened).unknowns.into_iter().map(line).collect();
+        (!unknowns.is_empty()).then_some(Self { unknowns })
+    }
+}
+
+impl std::fmt::Display for DeclaredUncertain {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        writeln!(f, "\nnot known exactly ({}), allowed for by `ffid identify`", self.unknowns.len())?;
+        let mut kinds: Vec<UncertainKind> = self.unknowns.iter().map(|u| u.kind).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        for kind in kinds {
+            let of: Vec<&str> = self.unknowns.iter().filter(|u| u.kind == kind).map(|u| u.name.as_str()).collect();
+            let some = ff_model::diagnostics::list(of.iter().copied(), 6);
+            writeln!(f, "  {:16} {:>3}  {some}", kind.words(), of.len())?;
+        }
+        Ok(())
+    }
+}
+
 /// Everything that a mission is not sure of.
 #[derive(Clone, Debug, Default)]
 pub(in crate::workflow::identify) struct UncertainItems {
