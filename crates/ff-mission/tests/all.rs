@@ -8,4 +8,5 @@ mod bad_inputs;
 mod collision;
 mod no_panic;
 mod paper;
+mod urdf_assumed;
 mod urdf_tree;

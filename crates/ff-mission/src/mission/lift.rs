@@ -131,7 +131,9 @@ pub(super) fn without(model: &Model, lifted: &[usize]) -> (Model, Vec<Option<usi
     for (k, b) in model.bodies().iter().enumerate() {
         // The children of a lifted body are lifted, too (`chain`), so the parent of one that stays has its index.
         let parent = index[b.parent].filter(|_| !lifted.contains(&(k + 1)));
-        index.push(parent.map(|p| new.add_body(p, b.name.as_str(), b.joint.clone(), b.inertia)));
+        let body = parent.map(|p| new.add_body(p, b.name.as_str(), b.joint.clone(), b.inertia));
+        body.into_iter().for_each(|body| new.set_friction(body, b.friction));
+        index.push(body);
     }
     for f in model.frames() {
         if let Some(body) = index[f.body].filter(|_| new.frame(&f.name).is_none()) {

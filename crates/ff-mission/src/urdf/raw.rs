@@ -1,5 +1,6 @@
 //! A URDF as read, before it is known to make sense: names, numbers and the lines they stand on.
 
+use ff_model::tree::JointFriction;
 use nalgebra::{Matrix3, Vector3};
 
 /// A pose as URDF writes it.
@@ -45,6 +46,8 @@ pub(super) struct RawLink {
     pub(super) line: usize,
     /// `None` without an `<inertial>` element, and its line otherwise.
     pub(super) inertial: Option<(RawInertial, usize)>,
+    /// It has a `<visual>` or a `<collision>`: more than a frame.
+    pub(super) shape: bool,
     /// Something of the link could not be read, so its numbers say nothing.
     pub(super) unsure: bool,
 }
@@ -57,6 +60,17 @@ pub(super) struct RawLimit {
     pub(super) upper: Option<f64>,
     pub(super) velocity: Option<f64>,
     pub(super) effort: Option<f64>,
+}
+
+/// A `<mimic>`: `q = multiplier q(joint) + offset`.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct RawMimic {
+    pub(super) line: usize,
+    /// The joint that is followed.
+    pub(super) joint: String,
+    pub(super) multiplier: f64,
+    /// Position when the followed joint is at zero (rad or m).
+    pub(super) offset: f64,
 }
 
 /// A `<joint>`.
@@ -75,6 +89,9 @@ pub(super) struct RawJoint {
     /// Axis as written (x when absent) and its line.
     pub(super) axis: ([f64; 3], usize),
     pub(super) limit: Option<RawLimit>,
+    /// `<dynamics>`: zero where absent.
+    pub(super) friction: JointFriction,
+    pub(super) mimic: Option<RawMimic>,
 }
 
 impl RawJoint {

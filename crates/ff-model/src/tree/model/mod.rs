@@ -47,6 +47,18 @@ impl Default for JointLimits {
     }
 }
 
+/// Friction of a joint as its description gives it: `tau = viscous dq + coulomb sign(dq)`; zero where it is silent.
+///
+/// It describes the drive side of a joint. The dynamics leave it out: torques are those behind the gear, where it does not show.
+/// A joint that is lifted into an appendage takes the viscous part as the damping of its hinge.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointFriction {
+    /// Viscous coefficient (N m s/rad or N s/m).
+    pub viscous: f64,
+    /// Coulomb torque or force (N m or N).
+    pub coulomb: f64,
+}
+
 /// The one-degree-of-freedom joint that carries a body.
 ///
 /// ```
@@ -104,6 +116,8 @@ pub struct Body {
     pub joint: Joint,
     /// Inertia about the body frame, merged links included.
     pub inertia: Inertia<f64>,
+    /// Friction of its joint; zero unless [`Model::set_friction`] gave it.
+    pub friction: JointFriction,
 }
 
 /// A named frame fixed to a body.
@@ -264,11 +278,19 @@ impl Model {
         assert!(self.appendages.is_empty(), "bodies must be added before appendages");
         let name = name.into();
         joint.axis /= joint.axis.norm();
-        self.bodies.push(Body { name: name.clone(), parent, joint, inertia });
+        self.bodies.push(Body { name: name.clone(), parent, joint, inertia, friction: JointFriction::default() });
         let index = self.bodies.len();
         self.frames.push(Frame { name, body: index, placement: Xform::identity() });
         self.params += 10;
         index
+    }
+    /// Gives the joint that carries body `body` its friction.
+    ///
+    /// # Panics
+    /// If the body does not exist or is the base.
+    pub fn set_friction(&mut self, body: usize, friction: JointFriction) {
+        assert!((1..self.n_bodies()).contains(&body), "no joint carries body {body}");
+        self.bodies[body - 1].friction = friction;
     }
     /// Adds a named frame fixed to a body.
     ///
