@@ -2,6 +2,7 @@
 
 use crate::common::registry;
 use approx::assert_relative_eq;
+use ff_mission::mission::EstimateMethod;
 use ff_mission::urdf::{UrdfOptions, from_str};
 use ff_mission::{LoadOptions, Loaded, Mission};
 use ff_model::diagnostics::Limit;
@@ -160,6 +161,10 @@ fn a_follower_of_nothing_or_of_itself_is_refused() {
     let body = gripper(heavy());
     refused(&body.replace("joint='left'", "joint='lefft'"), "Urdf::UnknownJoint", "joint right");
     refused(&body.replace("joint='left'", "joint='right'"), "Urdf::MimicCycle", "joint right");
+    // The joint of another file: what follows it moves by itself.
+    let (m, w) = accepted(&body.replace("joint='left'", "joint='robot2/gripper'"));
+    warned(&w, "Urdf::UnknownJoint", "joint right");
+    assert_eq!(m.joint_names(), ["shoulder", "left", "right"]);
 }
 
 /// A locked robot is the robot with its joints at these positions: every link where the joints put it, every mass with it.
@@ -363,6 +368,17 @@ fn of_two_links_without_parent_a_frame_is_left_out() {
 }
 
 #[test]
+fn the_method_of_estimation_is_a_key_of_the_mission() {
+    let body = link("hull", 9.0) + &link("arm", 1.0) + &joint("j", "revolute", "hull", "arm", "");
+    let method = |line: &str| mission("", &format!("[estimate]\n{line}\n"), &body);
+    assert_eq!(method("").unwrap().mission.estimate.method, None);
+    let found = method("method = 'output_error'").unwrap().mission.estimate.method;
+    assert_eq!(found, Some(EstimateMethod::OutputError));
+    let p = method("method = 'output-error'").unwrap_err();
+    assert_eq!(problem_of(&p, "Config::BadChoice").line, Some(5), "{p}");
+}
+
+#[test]
 fn friction_is_taken_over() {
     let body = link("hull", 9.0)
         + &link("arm", 1.0)
@@ -371,6 +387,15 @@ fn friction_is_taken_over() {
     assert!(w.0.is_empty(), "{w}");
     let f = m.bodies()[0].friction;
     assert_eq!((f.viscous, f.coulomb), (0.3, 1.7));
+    // Of a hinge that is lifted it is the damping, unless the mission gives another.
+    let lift = "[[appendage]]\nkind = 'flex_panel'\nname = 'wing'\nlift = ['j']\nstiffness_nm_per_rad = [2.0]\n";
+    let damping = |text: &str| {
+        let m = mission("", text, &body).unwrap().model;
+        m.param_decls().into_iter().find(|p| p.name == "wing.d[0]").unwrap().nominal
+    };
+    assert_eq!(damping(lift), 0.3);
+    assert_eq!(damping(&format!("{lift}damping_nms_per_rad = [0.7]\n")), 0.7);
+    assert!(mission("", lift, &body.replace("damping='0.3'", "")).unwrap_err().has("Config::MissingKey"));
 }
 
 #[test]

@@ -12,7 +12,9 @@ use nalgebra::{Matrix3, Vector3};
 use toml::Value;
 
 /// Settings with one number per joint that go to the segments.
-const PER_JOINT: [&str; 3] = ["stiffness_nm_per_rad", "damping_nms_per_rad", "rest_rad"];
+const PER_JOINT: [&str; 3] = ["stiffness_nm_per_rad", DAMPING, "rest_rad"];
+/// The one of these that a URDF may give: `<dynamics damping>` of the joint.
+const DAMPING: &str = "damping_nms_per_rad";
 
 /// Indices of the bodies carried by the named joints, from the host outwards; `None` where a problem is recorded.
 pub(super) fn chain(model: &Model, joints: &[String], t: &Table<'_, '_>) -> Option<Vec<usize>> {
@@ -102,6 +104,11 @@ pub(super) fn table(model: &Model, bodies: &[usize], settings: &toml::Table, t: 
         s.insert("hinge_m".into(), array(hinge.as_slice()));
         s.insert("hinge_axis".into(), array((turn * body.joint.axis).as_slice()));
         segments.push(s);
+    }
+    // What the URDF says of the drive of a hinge that nothing drives is the damping of the hinge.
+    let viscous: Vec<f64> = bodies.iter().map(|&b| model.bodies()[b - 1].friction.viscous).collect();
+    if !rest.contains_key(DAMPING) && viscous.iter().all(|d| *d > 0.0) {
+        rest.insert(DAMPING.into(), Value::Array(viscous.into_iter().map(Value::Float).collect()));
     }
     let mut good = true;
     for key in PER_JOINT {

@@ -68,7 +68,7 @@ pub use excite::{Excite, ExciteDuration, ExciteEnd, GOALS, Goal, Optimality};
 pub use input::{Course, Effort, InputSpec, PulseSpec, SampleSpec, Thrust, Wrench, WrenchAxes};
 pub use limits::{KeepOut, Limits, PointingLimit};
 pub use robot::{Rigid, RigidBody, Robot};
-pub use settings::{Encoder, Estimate, Gyro, Reproduce, Sensors, Torque};
+pub use settings::{Encoder, Estimate, EstimateMethod, Gyro, Reproduce, Sensors, Torque};
 
 use crate::leniency::Leniency;
 use crate::lines::LineIndex;

@@ -9,7 +9,7 @@
 use super::UrdfOptions;
 use super::graph::Tree;
 use super::raw::{RawJoint, RawRobot};
-use ff_model::diagnostics::{Limit, clip, list, nearest};
+use ff_model::diagnostics::{Limit, clip, list, misspelling, nearest};
 use ff_model::spatial::so3::{exp_so3, quat_to_rot};
 use ff_model::tree::matches;
 use ff_model::{Area, Inertia, Problem, Problems, Xform};
@@ -152,6 +152,19 @@ fn mimics(
                 Some(&next) => {
                     (offset, ratio) = (offset + ratio * m.offset, ratio * m.multiplier);
                     at = next;
+                }
+                // Nobody's misspelling: a joint of another file, such as one whose names got a prefix. This one moves by itself.
+                None if misspelling(&m.joint, r.joints.iter().map(|j| j.name.as_str())).is_none() => {
+                    if at == k {
+                        let what =
+                            format!("follows '{}', which does not exist; taken to move by itself", clip(&m.joint));
+                        let p = Problem::warning(Area::Model, "Urdf::UnknownJoint", what).at_line(m.line);
+                        out.push(
+                            p.on(format!("joint {}", r.joints[at].name))
+                                .hint("name the joint that it follows, or lock it"),
+                        );
+                    }
+                    break None;
                 }
                 None => {
                     let p = fail("Urdf::UnknownJoint", format!("follows '{}', which does not exist", clip(&m.joint)));

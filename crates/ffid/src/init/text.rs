@@ -99,6 +99,14 @@ fn write(out: &mut String, g: &Guess, urdf: &str, known: &Known) -> fmt::Result 
     if !g.arm.is_empty() {
         writeln!(out, "# The arm (guess): {}.", names(&g.arm))?;
     }
+    if !g.lock.is_empty() {
+        let list: Vec<String> = g.lock.iter().map(|j| quoted(j)).collect();
+        writeln!(
+            out,
+            "# Held where they are (guess), so not in the record: hands, wheels, joints that carry nothing."
+        )?;
+        writeln!(out, "lock = [{}]", list.join(", "))?;
+    }
     if !g.others.is_empty() {
         writeln!(out, "# Driven as well (guess): {}.", names(&g.others))?;
     }
@@ -123,7 +131,7 @@ fn write(out: &mut String, g: &Guess, urdf: &str, known: &Known) -> fmt::Result 
     sensors(out, known)?;
     writeln!(out, "\n[limits]                              # for `ffid excite`, beside the limits of the URDF")?;
     writeln!(out, "# velocity_rad_per_s = 0.17")?;
-    writeln!(out, "# acceleration_rad_per_s2 = 0.15")?;
+    line(out, &format!("acceleration_rad_per_s2 = {:?}", g.acceleration), "guess: raise it for larger torques")?;
     writeln!(out, "# torque_nm = 100.0")?;
     writeln!(out, "\n[estimate]                            # names or patterns; `ffid check` lists all parameters")?;
     let mut patterns: Vec<String> =
@@ -136,6 +144,13 @@ fn write(out: &mut String, g: &Guess, urdf: &str, known: &Known) -> fmt::Result 
     }
     let list: Vec<String> = patterns.iter().map(|p| quoted(p)).collect();
     writeln!(out, "parameters = [{}]", list.join(", "))?;
+    if !known.fixed {
+        line(
+            out,
+            "method = \"output_error\"",
+            "explains torques and gyro; \"rda\" is linear and explains torques alone",
+        )?;
+    }
     line(out, "# prior_relative_std = 0.3", "if you vouch for the values above to this relative error")
 }
 
