@@ -12,6 +12,7 @@
 pub mod leniency;
 mod lines;
 pub mod mission;
+mod mjcf;
 pub mod urdf;
 
 pub use leniency::Leniency;

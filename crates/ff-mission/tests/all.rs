@@ -6,6 +6,7 @@ mod common;
 
 mod bad_inputs;
 mod collision;
+mod mjcf;
 mod no_panic;
 mod paper;
 mod urdf_assumed;

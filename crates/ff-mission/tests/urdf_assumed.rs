@@ -385,7 +385,7 @@ fn friction_is_taken_over() {
         + &joint("j", "revolute", "hull", "arm", "<dynamics damping='0.3' friction='1.7'/>");
     let (m, w) = accepted(&body);
     assert!(w.0.is_empty(), "{w}");
-    let f = m.bodies()[0].friction;
+    let f = m.bodies()[0].impedance;
     assert_eq!((f.viscous, f.coulomb), (0.3, 1.7));
     // Of a hinge that is lifted it is the damping, unless the mission gives another.
     let lift = "[[appendage]]\nkind = 'flex_panel'\nname = 'wing'\nlift = ['j']\nstiffness_nm_per_rad = [2.0]\n";

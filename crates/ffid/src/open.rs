@@ -54,14 +54,14 @@ pub fn nominal_pose(model: &Model) -> Vec<f64> {
     model.bodies().iter().map(|b| 0.0_f64.max(b.joint.limits.lower).min(b.joint.limits.upper)).collect()
 }
 
-/// Opens a mission file with every kind of appendage of this workspace, or a URDF (`.urdf`) alone.
+/// Opens a mission file with every kind of appendage of this workspace, or a robot (`.urdf`, or `.xml` of MuJoCo) alone.
 ///
 /// # Errors
 /// Every problem of the files; `Model::NearSingular` when the mass matrix is (near) singular at the nominal or
 /// the hold pose, appendages at rest.
 pub fn open(file: &Path, leniency: Leniency) -> Result<Opened, Problems> {
     let name = file.to_string_lossy().to_lowercase();
-    let mut opened = if name.ends_with(".urdf") || name.ends_with(".xacro") {
+    let mut opened = if [".urdf", ".xacro", ".xml", ".mjcf"].iter().any(|end| name.ends_with(end)) {
         let unknown = leniency.check();
         if unknown.has_errors() {
             return Err(unknown);

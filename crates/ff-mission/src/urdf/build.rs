@@ -10,7 +10,7 @@ use ff_model::Xform;
 use ff_model::diagnostics::Limit;
 use ff_model::diagnostics::{list, nearest};
 use ff_model::spatial::InertiaError;
-use ff_model::spatial::so3::rot_of_rpy;
+use ff_model::spatial::so3::{quat_to_rot, rot_of_rpy};
 use ff_model::tree::JointLimits;
 use ff_model::{Area, Problem, Problems, Severity};
 use ff_model::{BaseKind, Joint, JointKind, Model};
@@ -253,7 +253,7 @@ fn assemble(
         if let Some((j, parent)) = g.joint {
             let joint = joint(&r.joints[j], *placement);
             let body = m.add_body(parent, r.links[g.link].name.as_str(), joint, g.inertia);
-            m.set_friction(body, r.joints[j].friction);
+            m.set_impedance(body, r.joints[j].impedance);
         }
     }
     for (k, l) in r.links.iter().enumerate() {
@@ -284,7 +284,8 @@ fn joint(j: &RawJoint, placement: Xform<f64>) -> Joint {
 }
 
 pub(super) fn xform(p: &RawPose) -> Xform<f64> {
-    Xform::new(rot_of_rpy(&Vector3::from(p.rpy)), Vector3::from(p.xyz))
+    let rot = p.quat.map_or_else(|| rot_of_rpy(&Vector3::from(p.rpy)), |q| quat_to_rot(&q.into()));
+    Xform::new(rot, Vector3::from(p.xyz))
 }
 
 /// Inertia of a link about its own frame.

@@ -162,7 +162,10 @@ fn import(text: &str, options: &UrdfOptions, out: &mut Problems) -> Option<Model
         out.extend(p);
         return None;
     }
-    let whole = strict::read(text, &options.leniency, out)?;
+    let (whole, mjcf) = match strict::foreign(text, |root, lines| crate::mjcf::read(root, lines, out)) {
+        Some(robot) => (robot, true),
+        None => (strict::read(text, &options.leniency, out)?, false),
+    };
     if whole.links.is_empty() {
         return None;
     }
@@ -182,7 +185,9 @@ fn import(text: &str, options: &UrdfOptions, out: &mut Problems) -> Option<Model
         out.extend(found);
         return None;
     }
-    second::agree(text, &raw, out);
+    if !mjcf {
+        second::agree(text, &raw, out);
+    }
     if blocked(out, options) {
         return None;
     }

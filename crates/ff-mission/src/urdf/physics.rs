@@ -204,7 +204,19 @@ fn joint(j: &RawJoint, moves: bool, settled: bool, out: &mut Problems) {
         axis(j, &name, out);
         if !settled {
             limits(j, &name, out);
+            spring(j, name, out);
         }
+    }
+}
+
+/// A joint on a spring that is left a driven one.
+fn spring(j: &RawJoint, name: String, out: &mut Problems) {
+    let k = j.impedance.stiffness;
+    if k > 0.0 {
+        let unit = if j.kind == "prismatic" { "N/m" } else { "N m/rad" };
+        let what = format!("stiffness {k} {unit} has no part in the motion of a joint that is driven");
+        let p = warn("Urdf::Spring", what).at_line(j.line).on(name);
+        out.push(p.hint("lift the joint into an appendage, which takes spring and damper over"));
     }
 }
 

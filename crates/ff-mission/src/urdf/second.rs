@@ -100,5 +100,5 @@ fn decisive(text: &str, r: &RawRobot) -> String {
 }
 
 fn pose(p: &urdf_rs::Pose) -> RawPose {
-    RawPose { xyz: *p.xyz, rpy: *p.rpy }
+    RawPose { xyz: *p.xyz, rpy: *p.rpy, quat: None }
 }

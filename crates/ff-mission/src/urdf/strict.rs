@@ -11,7 +11,7 @@ use super::schema::Element;
 use crate::leniency::Leniency;
 use crate::lines::LineIndex;
 use ff_model::diagnostics::{clip, list, misspelling};
-use ff_model::tree::JointFriction;
+use ff_model::tree::JointImpedance;
 use ff_model::{Area, Problem, Problems};
 use roxmltree::{Attribute, Document, Node, ParsingOptions};
 
@@ -20,6 +20,13 @@ const MAX_NODES: u32 = 2_000_000;
 
 /// Most problems listed; a file that is not a URDF at all would otherwise list every tag.
 const MAX_PROBLEMS: usize = 500;
+
+/// What `read` makes of a file of MuJoCo; `None` for any other.
+pub(super) fn foreign<R>(text: &str, read: impl FnOnce(Node<'_, '_>, LineIndex<'_>) -> R) -> Option<R> {
+    let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
+    let doc = Document::parse_with_options(text, options).ok()?;
+    doc.root_element().has_tag_name("mujoco").then(|| read(doc.root_element(), LineIndex::new(text)))
+}
 
 /// Reads a file; what cannot be read is left at zero or absent and has its problem recorded.
 pub(super) fn read(text: &str, leniency: &Leniency, out: &mut Problems) -> Option<RawRobot> {
@@ -277,15 +284,15 @@ impl Reader<'_, '_> {
             None => ([1.0, 0.0, 0.0], line),
         };
         let limit = child(n, "limit").map(|l| self.limit(l, &object, version));
-        let mut friction = JointFriction::default();
+        let mut impedance = JointImpedance::default();
         for e in [&schema::DYNAMICS, &schema::CALIBRATION, &schema::SAFETY] {
             if let Some(c) = child(n, e.name) {
                 self.check(c, e, &object);
                 for a in c.attributes().filter(|a| e.attributes.contains(&a.name())) {
                     let x: Option<[f64; 1]> = self.numbers(a, &object);
                     match (a.name(), x) {
-                        ("damping", Some([x])) => friction.viscous = x,
-                        ("friction", Some([x])) => friction.coulomb = x,
+                        ("damping", Some([x])) => impedance.viscous = x,
+                        ("friction", Some([x])) => impedance.coulomb = x,
                         _ => {}
                     }
                 }
@@ -294,7 +301,7 @@ impl Reader<'_, '_> {
         let mimic = child(n, "mimic").and_then(|m| self.mimic(m, &object));
         let origin_line = child(n, "origin").map_or(line, |o| self.line(o));
         let origin = self.pose(n, &object);
-        RawJoint { name, line, kind, origin, origin_line, parent, child: child_link, axis, limit, friction, mimic }
+        RawJoint { name, line, kind, origin, origin_line, parent, child: child_link, axis, limit, impedance, mimic }
     }
 
     fn mimic(&mut self, n: Node<'_, '_>, object: &str) -> Option<RawMimic> {
@@ -324,7 +331,7 @@ impl Reader<'_, '_> {
         let Some(o) = child(n, "origin") else { return RawPose::default() };
         self.check(o, &schema::ORIGIN, object);
         let mut get = |name| o.attribute_node(name).and_then(|a| self.numbers(a, object)).unwrap_or_default();
-        RawPose { xyz: get("xyz"), rpy: get("rpy") }
+        RawPose { xyz: get("xyz"), rpy: get("rpy"), quat: None }
     }
 
     /// An attribute that must be there and hold something.
