@@ -9,5 +9,6 @@ mod collision;
 mod mjcf;
 mod no_panic;
 mod paper;
+mod sdf;
 mod urdf_assumed;
 mod urdf_tree;

@@ -155,6 +155,23 @@ fn hands_wings_and_masts_are_told_from_the_arm() {
     assert!(names(&c["mission"]["estimate"]["parameters"]).contains(&"tank.*"));
 }
 
+/// A model of MuJoCo tells springs and dampers: its wings are lifted at once.
+#[test]
+fn springs_of_a_mujoco_model_need_no_flag() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = fixture("../docs/examples/three-segment/robot.xml");
+    let (g, c) = init(&dir, model.to_str().unwrap(), &[]);
+    assert_eq!(names(&g["arm"]), ["arm_1", "arm_2", "arm_3", "arm_4", "arm_5", "arm_6"]);
+    assert_eq!(g["panels"][0]["joints"], serde_json::json!(["wing_1", "wing_2", "wing_3"]));
+    assert_eq!(names(&g["lifted"]), [g["panels"][0]["name"].as_str().unwrap()]);
+    let settings = &c["mission"]["appendages"][0]["settings"];
+    assert_eq!(settings["stiffness_nm_per_rad"], serde_json::json!([310.0, 190.0, 120.0]));
+    assert_eq!(settings["damping_nms_per_rad"], serde_json::json!([2.6, 1.7, 1.1]));
+    // The tank's two hinges are no panel; that their springs are left out is said.
+    let codes: Vec<&str> = c["problems"].as_array().unwrap().iter().map(|p| p["code"].as_str().unwrap()).collect();
+    assert_eq!(codes, ["Urdf::Spring"]);
+}
+
 #[test]
 fn an_arm_on_the_ground_feels_gravity() {
     let dir = tempfile::tempdir().unwrap();

@@ -162,7 +162,7 @@ fn import(text: &str, options: &UrdfOptions, out: &mut Problems) -> Option<Model
         out.extend(p);
         return None;
     }
-    let (whole, mjcf) = match strict::foreign(text, |root, lines| crate::mjcf::read(root, lines, out)) {
+    let (whole, foreign) = match strict::foreign(text, out) {
         Some(robot) => (robot, true),
         None => (strict::read(text, &options.leniency, out)?, false),
     };
@@ -185,7 +185,7 @@ fn import(text: &str, options: &UrdfOptions, out: &mut Problems) -> Option<Model
         out.extend(found);
         return None;
     }
-    if !mjcf {
+    if !foreign {
         second::agree(text, &raw, out);
     }
     if blocked(out, options) {

@@ -21,11 +21,16 @@ const MAX_NODES: u32 = 2_000_000;
 /// Most problems listed; a file that is not a URDF at all would otherwise list every tag.
 const MAX_PROBLEMS: usize = 500;
 
-/// What `read` makes of a file of MuJoCo; `None` for any other.
-pub(super) fn foreign<R>(text: &str, read: impl FnOnce(Node<'_, '_>, LineIndex<'_>) -> R) -> Option<R> {
+/// The links and joints of a file in another format, told by its root element; `None` for a URDF and for what is no XML.
+pub(super) fn foreign(text: &str, out: &mut Problems) -> Option<RawRobot> {
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     let doc = Document::parse_with_options(text, options).ok()?;
-    doc.root_element().has_tag_name("mujoco").then(|| read(doc.root_element(), LineIndex::new(text)))
+    let root = doc.root_element();
+    match root.tag_name().name() {
+        "mujoco" => Some(crate::mjcf::read(root, LineIndex::new(text), out)),
+        "sdf" => Some(crate::sdf::read(root, LineIndex::new(text), out)),
+        _ => None,
+    }
 }
 
 /// Reads a file; what cannot be read is left at zero or absent and has its problem recorded.

@@ -1,5 +1,6 @@
 //! Which joints of a tree are the arm, and which are hinges of panels.
 
+use ff_model::tree::JointImpedance;
 use ff_model::{Body, JointKind, Model};
 use serde::Serialize;
 
@@ -50,6 +51,10 @@ pub struct Panel {
     pub why: String,
     /// False when only its shortness speaks for a panel.
     pub evident: bool,
+    /// Stiffness of its hinges (N m/rad), where the description of the robot gives that of each.
+    pub stiffness: Option<Vec<f64>>,
+    /// Damping of its hinges (N m s/rad), where the description gives that of each.
+    pub damping: Option<Vec<f64>>,
 }
 
 impl Guess {
@@ -73,7 +78,12 @@ impl Guess {
             let why = why.unwrap_or_else(|| "a short chain on the base that is not the arm".to_owned());
             let joints = chain.iter().map(|&b| tree.joint(b).to_owned()).collect();
             let name = free_name(model, model.body_name(chain[0]), &panels);
-            panels.push(Panel { name, joints, why, evident });
+            let given = |of: fn(&JointImpedance) -> f64| {
+                let all = chain.iter().map(|&b| of(&tree.body(b).impedance));
+                all.map(|x| (x > 0.0).then_some(x)).collect::<Option<Vec<f64>>>()
+            };
+            let (stiffness, damping) = (given(|i| i.stiffness), given(|i| i.viscous));
+            panels.push(Panel { name, joints, why, evident, stiffness, damping });
         }
         let name = |b: &usize| tree.joint(*b).to_owned();
         let panel = |b: &usize| panels.iter().any(|p| p.joints.iter().any(|j| j == tree.joint(*b)));
@@ -150,6 +160,9 @@ impl<'m> Tree<'m> {
     /// Why a joint looks as if nothing drove it.
     fn passive(&self, b: usize) -> Option<String> {
         let body = self.body(b);
+        if body.impedance.stiffness > 0.0 {
+            return Some(format!("{} is on a spring", shown(&body.joint.name)));
+        }
         if body.joint.limits.effort == 0.0 {
             return Some(format!("the effort limit of {} is 0", shown(&body.joint.name)));
         }

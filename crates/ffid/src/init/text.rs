@@ -54,11 +54,13 @@ impl Known {
     fn hinges(&self, p: &Panel, all: Option<f64>, of: &BTreeMap<String, f64>) -> Option<Vec<f64>> {
         p.joints.iter().map(|j| of.get(j).copied().or(all.filter(|_| p.evident))).collect()
     }
-    /// Stiffness and damping of every hinge of a panel; `None` unless all are known. Such a panel is active in the mission,
+    /// Stiffness and damping of every hinge of a panel, as told or else as the description of the robot gives them; `None` unless
+    /// all are known. Such a panel is active in the mission,
     /// the others are commented out and their hinges remain joints. Allocates.
     pub fn springs(&self, p: &Panel) -> Option<(Vec<f64>, Vec<f64>)> {
         let (k, d) = (&self.stiffness_of, &self.damping_of);
-        Some((self.hinges(p, self.stiffness, k)?, self.hinges(p, self.damping, d)?))
+        let stiffness = self.hinges(p, self.stiffness, k).or_else(|| p.stiffness.clone())?;
+        Some((stiffness, self.hinges(p, self.damping, d).or_else(|| p.damping.clone())?))
     }
 }
 
