@@ -15,7 +15,7 @@ const URDF: &str = "<robot name='r'>
 </robot>";
 
 /// The same, with the poses of links against what is at hand, and the rod against a frame.
-const SDF: &str = "<sdf version='1.9'><model name='r'>
+pub(crate) const SDF: &str = "<sdf version='1.9'><model name='r'>
   <link name='hull'><inertial><pose>0.1 0.2 0.3 0.1 0 0.2</pose><mass>50</mass><inertia><ixx>3</ixx><ixy>0.1</ixy><ixz>0.2</ixz><iyy>4</iyy><iyz>0.3</iyz><izz>5</izz></inertia></inertial></link>
   <frame name='seat' attached_to='arm'><pose>0.8 0 0 0 0 0</pose></frame>
   <link name='arm'><pose relative_to='hull'>0.5 0.1 0.2 0.3 -0.2 0.7</pose>

@@ -9,6 +9,9 @@ pub(super) struct Classes<'a> {
     of: HashMap<&'a str, HashMap<(&'a str, &'a str), &'a str>>,
 }
 
+/// Most classes of a file.
+const MAX_CLASSES: usize = 1000;
+
 /// The class of what has none.
 const MAIN: &str = "main";
 
@@ -22,6 +25,9 @@ impl<'a> Classes<'a> {
         out
     }
     fn class(&mut self, n: Node<'a, '_>, outer: &'a str) {
+        if self.too_many() {
+            return;
+        }
         let name = n.attribute("class").unwrap_or(MAIN);
         let mut values = self.of.get(outer).cloned().unwrap_or_default();
         let own = self.of.get(name).cloned().unwrap_or_default();
@@ -33,6 +39,10 @@ impl<'a> Classes<'a> {
         for inner in n.children().filter(|c| c.has_tag_name("default")) {
             self.class(inner, name);
         }
+    }
+    /// True when there are more classes than any model has: each holds what its outer class gives.
+    pub(super) fn too_many(&self) -> bool {
+        self.of.len() > MAX_CLASSES
     }
     /// True for a class that exists.
     pub(super) fn has(&self, class: &str) -> bool {

@@ -13,6 +13,11 @@ pub(super) struct Angles {
 
 /// A rotation in the notation of the attribute that gave it; `None` where the numbers are no rotation.
 pub(super) fn rotation(notation: &str, x: &[f64], angles: &Angles) -> Option<UnitQuaternion<f64>> {
+    // The square of a huge component is infinite.
+    turned(notation, x, angles).filter(|r| r.coords.iter().all(|c| c.is_finite()))
+}
+
+fn turned(notation: &str, x: &[f64], angles: &Angles) -> Option<UnitQuaternion<f64>> {
     let vector = |k: usize| Vector3::new(x[k], x[k + 1], x[k + 2]);
     match notation {
         "quat" => UnitQuaternion::try_new(Quaternion::new(x[0], x[1], x[2], x[3]), 1e-9),

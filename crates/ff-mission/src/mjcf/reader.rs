@@ -5,11 +5,13 @@ use super::geometry;
 use super::orientation::{Angles, along, rotation};
 use crate::lines::LineIndex;
 use crate::urdf::raw::{RawInertial, RawJoint, RawLimit, RawLink, RawMimic, RawPose, RawRobot};
+use crate::urdf::strict::MAX_PROBLEMS;
 use ff_model::diagnostics::{clip, list, misspelling, nearest};
 use ff_model::tree::JointImpedance;
 use ff_model::{Area, Inertia, Problem, Problems, Xform};
 use nalgebra::{UnitQuaternion, Vector3};
 use roxmltree::Node;
+use std::collections::HashMap;
 
 /// Link that stands for the world.
 const WORLD: &str = "world";
@@ -41,8 +43,9 @@ const DENSITY: f64 = 1000.0;
 /// The links and joints of a file; what cannot be read is left out and has its problem recorded.
 pub(crate) fn read(root: Node<'_, '_>, lines: LineIndex<'_>, out: &mut Problems) -> RawRobot {
     let child = |name: &'static str| root.children().filter(move |n| n.has_tag_name(name));
-    let compiler = |name: &str| child("compiler").filter_map(|c| c.attribute(name)).last();
+    let compiler = |name: &str| child("compiler").filter_map(|c| c.attribute(name)).next_back();
     let sequence: Vec<char> = compiler("eulerseq").unwrap_or("xyz").chars().collect();
+    let sequence_length = sequence.len();
     let unit = if compiler("angle") == Some("radian") { 1.0 } else { std::f64::consts::PI / 180.0 };
     let mut r = Reader {
         classes: Classes::read(root),
@@ -55,6 +58,18 @@ pub(crate) fn read(root: Node<'_, '_>, lines: LineIndex<'_>, out: &mut Problems)
         out,
         robot: RawRobot { name: root.attribute("model").unwrap_or("mujoco").to_owned(), ..RawRobot::default() },
     };
+    if r.angles.sequence.iter().any(|c| !"xyzXYZ".contains(*c)) || sequence_length != 3 {
+        r.fail(
+            root,
+            "compiler",
+            "Mjcf::BadNumber",
+            "eulerseq is no sequence of three axes".into(),
+            "give eulerseq=\"xyz\"",
+        );
+    }
+    if r.classes.too_many() {
+        r.fail(root, "default", "Mjcf::Unsupported", "too many classes".into(), SAVE);
+    }
     for c in child("compiler") {
         if let Some([from, to]) = r.own_numbers(c, "inertiagrouprange") {
             r.groups = (from, to);
@@ -73,8 +88,9 @@ pub(crate) fn read(root: Node<'_, '_>, lines: LineIndex<'_>, out: &mut Problems)
     for world in child("worldbody") {
         r.contents(world, WORLD, None, Vector3::zeros());
     }
+    let index = r.robot.joints.iter().enumerate().map(|(k, j)| (j.name.clone(), k)).collect();
     for n in child("equality").flat_map(|e| e.children()).filter(Node::is_element) {
-        r.equality(n);
+        r.equality(n, &index);
     }
     r.report_armature();
     r.robot
@@ -102,6 +118,9 @@ impl<'a> Reader<'a, '_, '_> {
         self.lines.at(n.range().start).0
     }
     fn fail(&mut self, n: Node<'_, '_>, object: &str, code: &'static str, what: String, hint: &str) {
+        if self.out.0.len() >= MAX_PROBLEMS {
+            return;
+        }
         let (line, column) = self.lines.at(n.range().start);
         self.out.push(Problem::error(Area::Model, code, what).at(line, column).on(clip(object)).hint(hint));
     }
@@ -398,7 +417,7 @@ impl<'a> Reader<'a, '_, '_> {
     }
 
     /// A coupling of two joints is a `<mimic>`; loops are refused.
-    fn equality(&mut self, n: Node<'a, '_>) {
+    fn equality(&mut self, n: Node<'a, '_>, index: &HashMap<String, usize>) {
         if n.attribute("active") == Some("false") {
             return;
         }
@@ -416,16 +435,17 @@ impl<'a> Reader<'a, '_, '_> {
                     return;
                 }
                 let line = self.line(n);
-                let names: Vec<String> = self.robot.joints.iter().map(|j| j.name.clone()).collect();
-                match self.robot.joints.iter_mut().find(|j| j.name == joint) {
-                    Some(j) => {
+                match index.get(joint) {
+                    Some(&k) => {
                         let (multiplier, offset) = (of(1), of(0));
-                        j.mimic = Some(RawMimic { line, joint: master.to_owned(), multiplier, offset });
+                        self.robot.joints[k].mimic =
+                            Some(RawMimic { line, joint: master.to_owned(), multiplier, offset });
                     }
                     None => {
-                        let hint = match nearest(joint, names.iter().map(String::as_str)) {
+                        let names = || index.keys().map(String::as_str).take(1000);
+                        let hint = match nearest(joint, names()) {
                             Some(k) => format!("did you mean {k}?"),
-                            None => format!("joints: {}", list(names.iter().map(String::as_str), 8)),
+                            None => format!("joints: {}", list(names(), 8)),
                         };
                         let what = format!("names joint '{}', which does not exist", clip(joint));
                         self.fail(n, &object, "Mjcf::UnknownJoint", what, &hint);

@@ -2,6 +2,7 @@
 
 use crate::lines::LineIndex;
 use crate::urdf::raw::{RawInertial, RawJoint, RawLimit, RawLink, RawMimic, RawPose, RawRobot};
+use crate::urdf::strict::MAX_PROBLEMS;
 use ff_model::diagnostics::{clip, list, nearest};
 use ff_model::tree::JointImpedance;
 use ff_model::{Area, Problem, Problems};
@@ -11,6 +12,8 @@ use std::collections::HashMap;
 
 /// Numbers beyond this stand for "no limit" in SDF.
 const UNLIMITED: f64 = 1e16;
+/// Most frames from a pose to that of the model.
+const MAX_FRAMES: usize = 300;
 /// The frame of the model.
 const MODEL: &str = "__model__";
 
@@ -60,14 +63,18 @@ impl<'a, 'i> Reader<'a, 'i, '_, '_> {
         self.lines.at(n.range().start).0
     }
     fn fail(&mut self, n: Node<'_, '_>, object: &str, code: &'static str, what: String, hint: &str) {
+        if self.out.0.len() >= MAX_PROBLEMS {
+            return;
+        }
         let (line, column) = self.lines.at(n.range().start);
         self.out.push(Problem::error(Area::Model, code, what).at(line, column).on(clip(object)).hint(hint));
     }
     /// Exactly `N` finite numbers of an element's text.
     fn numbers<const N: usize>(&mut self, n: Node<'_, '_>, object: &str) -> Option<[f64; N]> {
         let text = n.text().unwrap_or_default();
-        let all: Option<Vec<f64>> =
-            text.split_whitespace().map(|t| t.parse().ok().filter(|x: &f64| !x.is_nan())).collect();
+        // Limits may be infinite, nothing else.
+        let good = |x: &f64| x.is_finite() || (!x.is_nan() && n.parent().is_some_and(|p| p.has_tag_name("limit")));
+        let all: Option<Vec<f64>> = text.split_whitespace().map(|t| t.parse().ok().filter(good)).collect();
         let found = all.and_then(|v| <[f64; N]>::try_from(v).ok());
         if found.is_none() {
             let what = format!("<{}> '{}' is not {N} number(s)", n.tag_name().name(), clip(text.trim()));
@@ -105,9 +112,10 @@ impl<'a, 'i> Reader<'a, 'i, '_, '_> {
             moved.entry(name.clone()).or_insert(own);
             r.links.push(RawLink { line: self.line(n), name, inertial, shape, unsure });
         }
+        let mut world = moved.contains_key("world");
         for n in named("joint") {
             let joint = self.joint(n, &moved);
-            if joint.parent.0 == "world" && !r.links.iter().any(|l| l.name == "world") {
+            if joint.parent.0 == "world" && !std::mem::replace(&mut world, true) {
                 r.links.push(RawLink { name: "world".to_owned(), line: joint.line, ..RawLink::default() });
             }
             r.joints.push(joint);
@@ -134,7 +142,7 @@ impl<'a, 'i> Reader<'a, 'i, '_, '_> {
     }
     fn named(&mut self, name: Option<&'a str>, n: Node<'a, 'i>, of: &str, depth: usize) -> Isometry3<f64> {
         let Some(name) = name.filter(|t| *t != MODEL && *t != "world") else { return Isometry3::identity() };
-        if depth > self.frames.len() {
+        if depth > self.frames.len().min(MAX_FRAMES) {
             let what = format!("its pose is relative to '{}', and that to it", clip(name));
             self.fail(n, of, "Sdf::PoseCycle", what, "give one of the poses relative to the model");
             return Isometry3::identity();
@@ -142,7 +150,7 @@ impl<'a, 'i> Reader<'a, 'i, '_, '_> {
         match self.frames.get(name).copied() {
             Some(found) => self.frame(name, found, depth + 1),
             None => {
-                let hint = match nearest(name, self.frames.keys().copied()) {
+                let hint = match nearest(name, self.frames.keys().copied().take(1000)) {
                     Some(k) => format!("did you mean {k}?"),
                     None => format!("frames: {}", list(self.frames.keys().copied(), 8)),
                 };
@@ -155,7 +163,11 @@ impl<'a, 'i> Reader<'a, 'i, '_, '_> {
     fn pose(&mut self, n: Node<'_, '_>, object: &str) -> Isometry3<f64> {
         if n.attribute("rotation_format") == Some("quat_xyzw") {
             let Some([x, y, z, a, b, c, w]) = self.numbers(n, object) else { return Isometry3::identity() };
-            let q = UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, a, b, c));
+            let q = UnitQuaternion::try_new(nalgebra::Quaternion::new(w, a, b, c), 1e-9);
+            let Some(q) = q.filter(|q| q.coords.iter().all(|c| c.is_finite())) else {
+                self.fail(n, object, "Sdf::BadNumber", "is no rotation".into(), "give a unit quaternion, scalar last");
+                return Isometry3::identity();
+            };
             return Isometry3::from_parts(Translation3::new(x, y, z), q);
         }
         let Some([x, y, z, roll, pitch, yaw]) = self.numbers(n, object) else { return Isometry3::identity() };

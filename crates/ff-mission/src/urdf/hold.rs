@@ -16,6 +16,9 @@ use ff_model::{Area, Inertia, Problem, Problems, Xform};
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
+/// Joints whose names are compared with one that does not exist.
+const MOST_COMPARED: usize = 1000;
+
 /// An inertia about the joint axis of this share of the trace is what rounding leaves of zero.
 const NOTHING: f64 = 1e-12;
 
@@ -132,6 +135,10 @@ fn mimics(
     let followers: Vec<usize> = (0..r.joints.len()).filter(|&k| r.joints[k].mimic.is_some()).collect();
     // The joint at the head of every chain of followers, with the ratio and offset against it.
     let mut heads: Vec<(usize, usize, f64, f64)> = Vec::new();
+    // Comparing every wrong name with every joint would take minutes on a large broken file: the same name is compared once.
+    let mut compared: HashMap<&str, Option<&str>> = HashMap::new();
+    let names = || r.joints.iter().map(|j| j.name.as_str());
+    let mut near = |wrong| *compared.entry(wrong).or_insert_with(|| misspelling(wrong, names().take(MOST_COMPARED)));
     for &k in followers.iter().filter(|&&k| r.joints[k].moves()) {
         let (mut at, mut ratio, mut offset, mut steps) = (k, 1.0, 0.0, 0);
         let head = loop {
@@ -154,7 +161,7 @@ fn mimics(
                     at = next;
                 }
                 // Nobody's misspelling: a joint of another file, such as one whose names got a prefix. This one moves by itself.
-                None if misspelling(&m.joint, r.joints.iter().map(|j| j.name.as_str())).is_none() => {
+                None if near(&m.joint).is_none() => {
                     if at == k {
                         let what =
                             format!("follows '{}', which does not exist; taken to move by itself", clip(&m.joint));
@@ -170,8 +177,7 @@ fn mimics(
                     let p = fail("Urdf::UnknownJoint", format!("follows '{}', which does not exist", clip(&m.joint)));
                     // Said once, at the joint that names it.
                     if at == k {
-                        let names = || r.joints.iter().map(|j| j.name.as_str());
-                        out.push(match nearest(&m.joint, names()) {
+                        out.push(match near(&m.joint) {
                             Some(n) => p.hint(format!("did you mean {n}?")),
                             None => p.hint(format!("joints: {}", list(names(), 8))),
                         });

@@ -32,7 +32,8 @@ pub(crate) mod summary;
 
 use crate::leniency::Leniency;
 use ff_model::Inertia;
-use ff_model::{Area, Problems, Severity};
+use ff_model::diagnostics::Limit;
+use ff_model::{Area, Problem, Problems, Severity};
 use ff_model::{BaseKind, Model};
 use hold::Held;
 use std::collections::BTreeMap;
@@ -167,6 +168,14 @@ fn import(text: &str, options: &UrdfOptions, out: &mut Problems) -> Option<Model
         None => (strict::read(text, &options.leniency, out)?, false),
     };
     if whole.links.is_empty() {
+        return None;
+    }
+    // Formats that call their links otherwise pass the count of the bytes.
+    if whole.links.len() > options.max_links {
+        let (n, limit) = (whole.links.len(), options.max_links);
+        let p = Problem::error(Area::Model, "Urdf::TooLarge", format!("{n} links, limit {limit} links"));
+        let p = p.violating(n as f64, Limit::AtMost(limit as f64), "links");
+        out.push(p.hint("raise the limit if the robot is really that large"));
         return None;
     }
     let raw = part::used(&whole, options, out)?;

@@ -18,8 +18,11 @@ use roxmltree::{Attribute, Document, Node, ParsingOptions};
 /// Most XML nodes of a file; 10,000 full links have about 400,000.
 const MAX_NODES: u32 = 2_000_000;
 
+/// Most kinds of elements and attributes that are skipped by name.
+const MAX_SKIPPED: usize = 100;
+
 /// Most problems listed; a file that is not a URDF at all would otherwise list every tag.
-const MAX_PROBLEMS: usize = 500;
+pub(crate) const MAX_PROBLEMS: usize = 500;
 
 /// The links and joints of a file in another format, told by its root element; `None` for a URDF and for what is no XML.
 pub(super) fn foreign(text: &str, out: &mut Problems) -> Option<RawRobot> {
@@ -182,8 +185,11 @@ impl Reader<'_, '_> {
     }
 
     fn skip(&mut self, what: String, offset: usize, object: &str) {
+        let kinds = self.skipped.len();
         match self.skipped.iter_mut().find(|s| s.0 == what) {
             Some(s) => s.1 += 1,
+            // A file of any kind may hold a million names; a few tell what it is.
+            None if kinds >= MAX_SKIPPED => {}
             None => self.skipped.push((what, 1, offset, object.to_owned())),
         }
     }
