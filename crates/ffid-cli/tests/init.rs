@@ -167,9 +167,9 @@ fn springs_of_a_mujoco_model_need_no_flag() {
     let settings = &c["mission"]["appendages"][0]["settings"];
     assert_eq!(settings["stiffness_nm_per_rad"], serde_json::json!([310.0, 190.0, 120.0]));
     assert_eq!(settings["damping_nms_per_rad"], serde_json::json!([2.6, 1.7, 1.1]));
-    // The tank's two hinges are no panel; that their springs are left out is said.
+    // The two hinges of the tank are no panel, and its fuel is a point: both are said.
     let codes: Vec<&str> = c["problems"].as_array().unwrap().iter().map(|p| p["code"].as_str().unwrap()).collect();
-    assert_eq!(codes, ["Urdf::Spring"]);
+    assert_eq!(codes, ["Urdf::Spring", "Urdf::ImplausibleScale"]);
 }
 
 #[test]
