@@ -158,7 +158,7 @@ fn work(args: &Args) -> Result<(Started, Problems), Refusal> {
         leniency: args.input.leniency(),
         ..UrdfOptions::default()
     };
-    let (model, mut problems) = urdf::from_file(file, &options).map_err(refused)?;
+    let (model, _) = urdf::from_file(file, &options).map_err(refused)?;
     let urdf_text = text_file(file, urdf::MAX_BYTES).map_err(refused)?;
     let held =
         urdf::moving_joints(&urdf_text).into_iter().filter(|j| model.bodies().iter().all(|b| b.joint.name != *j));
@@ -169,9 +169,9 @@ fn work(args: &Args) -> Result<(Started, Problems), Refusal> {
     let load = LoadOptions { leniency: args.input.leniency() };
     let loaded = Mission::from_str(&text, &urdf_text, &ffid::default_registry(), &load);
     let warnings = loaded.map_err(refused)?.warnings;
-    // Of the URDF what the mission does not settle: what it locks is no assumption any more.
-    problems.0.retain(|p| p.area != Area::Model || warnings.0.iter().any(|w| w.code == p.code));
-    problems.extend(Problems(warnings.0.into_iter().filter(|w| w.area != Area::Model).collect()));
+    // Those of the mission, not of the robot alone: what it lifts or locks is no assumption any more.
+    let of_robot = |w: Problem| if w.area == Area::Model && w.file.is_none() { w.in_file(file) } else { w };
+    let problems = Problems(warnings.0.into_iter().map(of_robot).collect());
     atomic::write(&args.out, text.as_bytes()).map_err(io)?;
     let lifted = guess.panels.iter().filter(|p| known.springs(p).is_some()).map(|p| p.name.clone()).collect();
     Ok((Started { mission: args.out.clone(), guess, lifted }, problems))
