@@ -1,7 +1,7 @@
 //! The command line: parse, dispatch, map the outcome to an exit code.
 
 use crate::exit;
-use crate::{bench, conformance, reproduce, study};
+use crate::{bench, conformance, corpus, reproduce, study};
 use clap::{Parser, Subcommand};
 use ffid::exit::Exit;
 use std::process::ExitCode;
@@ -19,6 +19,8 @@ struct Cli {
 enum Command {
     /// Hold every kind of appendage to the laws of mechanics, and check that wrong ones are caught
     Conformance(conformance::Args),
+    /// Try URDFs of others, from PyPI: how many ffid check accepts, what it refuses and why
+    Corpus(corpus::Args),
     /// Run the paper's study end to end: tables, figures, series, summary.json
     Reproduce(reproduce::Args),
     /// Run a seeded study and hold its figures to their limits
@@ -33,6 +35,7 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let outcome = match &cli.command {
         Command::Conformance(args) => conformance::run(args),
+        Command::Corpus(args) => corpus::run(args),
         Command::Reproduce(args) => reproduce::run(args),
         Command::Study(args) => study::run(args),
         Command::Bench(args) => bench::run(args),

@@ -5,6 +5,7 @@
 mod architecture;
 mod cli;
 mod conformance;
+mod corpus;
 mod docs;
 mod errata;
 mod quotes;

@@ -12,6 +12,8 @@
 pub mod leniency;
 mod lines;
 pub mod mission;
+mod mjcf;
+mod sdf;
 pub mod urdf;
 
 pub use leniency::Leniency;

@@ -6,6 +6,9 @@ mod common;
 
 mod bad_inputs;
 mod collision;
+mod mjcf;
 mod no_panic;
 mod paper;
+mod sdf;
+mod urdf_assumed;
 mod urdf_tree;

@@ -305,14 +305,15 @@ fn what_cannot_be_allowed_is_said() {
 fn allowing_unknown_elements_hides_nothing_else() {
     let leniency = Leniency { allow: vec!["unknown-element".into()], strict: false };
     let options = UrdfOptions { leniency, ..UrdfOptions::default() };
-    let good = text("paper/robot.urdf").replace("<link name=\"link3\">", "<link name=\"link3\"><tank/>");
+    let good = text("paper/robot.urdf").replace("<link name=\"link3\">", "<link name=\"link3\"><inertail/>");
     let (m, w) = urdf::from_str(&good, &options).unwrap();
     assert_eq!((m.n_bodies(), w.0.len(), w.0[0].code), (8, 1, "Urdf::UnknownElement"));
     // The inertia of the link with the unknown element is still checked.
-    let p = urdf::from_str(&good.replace("ixx=\"0.4\"", "ixx=\"9.4\""), &options).unwrap_err();
-    assert_eq!(p.0.iter().filter(|p| p.code == "Urdf::Triangle").count(), 7, "{p}");
+    let p = urdf::from_str(&good.replace("ixx=\"0.4\"", "ixx=\"-9.4\""), &options).unwrap_err();
+    assert_eq!(p.0.iter().filter(|p| p.code == "Urdf::InertiaNotPsd").count(), 7, "{p}");
     // However many are allowed, the one error among them is not lost.
-    let many = good.replace("<tank/>", &"<tank/>".repeat(2_000)).replace("xyz=\"0.9 0 1.2\"", "xyz=\"0.9 x 0 1.2\"");
+    let many =
+        good.replace("<inertail/>", &"<inertail/>".repeat(2_000)).replace("xyz=\"0.9 0 1.2\"", "xyz=\"0.9 x 0 1.2\"");
     assert!(urdf::from_str(&many, &options).unwrap_err().has("Urdf::BadNumber"));
 }
 

@@ -28,6 +28,12 @@ proptest! {
     }
 
     #[test]
+    fn mutated_mjcf_and_sdf(e in edits(), mjcf in any::<bool>()) {
+        let good = if mjcf { include_str!("../../../docs/examples/three-segment/robot.xml") } else { crate::sdf::SDF };
+        sane(urdf::from_bytes(&mutate(good.as_bytes(), &e), &UrdfOptions::default()));
+    }
+
+    #[test]
     fn mutated_mission(e in edits(), which in 0..3usize) {
         let good = text(["paper/flex.toml", "paper/slosh.toml", "bad/several.toml"][which]);
         let toml = String::from_utf8_lossy(&mutate(good.as_bytes(), &e)).into_owned();

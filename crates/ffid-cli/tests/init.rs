@@ -139,12 +139,13 @@ fn hands_wings_and_masts_are_told_from_the_arm() {
     assert!(panels[0]["why"].as_str().unwrap().contains("effort limit"), "{panels:?}");
     // A single driven joint may be a panel or not: said, but never lifted by numbers for all.
     assert_eq!((names(&panels[1]["joints"]), &panels[1]["evident"]), (vec!["mast"], &Value::Bool(false)));
-    assert_eq!(names(&g["others"]), ["finger1", "finger2"]);
+    assert!(names(&g["others"]).is_empty());
+    assert_eq!((names(&g["lock"]), &c["mission"]["robot"]["lock"]), (vec!["finger1", "finger2"], &g["lock"]));
     assert_eq!(c["mission"]["robot"]["urdf"], "../r.urdf");
     let (g, c) = init(&dir, "r.urdf", &["--stiffness", "90", "--damping", "0.4"]);
     assert_eq!(names(&g["lifted"]), [panels[0]["name"].as_str().unwrap()]);
     let dof: Vec<u64> = c["model"]["dof"].as_array().unwrap().iter().map(|d| d.as_u64().unwrap()).collect();
-    assert_eq!(dof, [6, 9, 3]);
+    assert_eq!(dof, [6, 7, 3]);
     // Fuel, where it hangs, and what of it is estimated.
     let (_, c) = init(&dir, "r.urdf", &["--tank", "64,0.5,12,2.5", "--tank-at", "-0.2,0.1,0.3"]);
     let tank = &c["mission"]["appendages"][0];
@@ -152,6 +153,23 @@ fn hands_wings_and_masts_are_told_from_the_arm() {
     assert_eq!(tank["mount"]["xyz_m"], serde_json::json!([-0.2, 0.1, 0.3]));
     assert_eq!(tank["settings"]["length_m"], 0.5);
     assert!(names(&c["mission"]["estimate"]["parameters"]).contains(&"tank.*"));
+}
+
+/// A model of MuJoCo tells springs and dampers: its wings are lifted at once.
+#[test]
+fn springs_of_a_mujoco_model_need_no_flag() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = fixture("../docs/examples/three-segment/robot.xml");
+    let (g, c) = init(&dir, model.to_str().unwrap(), &[]);
+    assert_eq!(names(&g["arm"]), ["arm_1", "arm_2", "arm_3", "arm_4", "arm_5", "arm_6"]);
+    assert_eq!(g["panels"][0]["joints"], serde_json::json!(["wing_1", "wing_2", "wing_3"]));
+    assert_eq!(names(&g["lifted"]), [g["panels"][0]["name"].as_str().unwrap()]);
+    let settings = &c["mission"]["appendages"][0]["settings"];
+    assert_eq!(settings["stiffness_nm_per_rad"], serde_json::json!([310.0, 190.0, 120.0]));
+    assert_eq!(settings["damping_nms_per_rad"], serde_json::json!([2.6, 1.7, 1.1]));
+    // The two hinges of the tank are no panel, and its fuel is a point: both are said.
+    let codes: Vec<&str> = c["problems"].as_array().unwrap().iter().map(|p| p["code"].as_str().unwrap()).collect();
+    assert_eq!(codes, ["Urdf::Spring", "Urdf::ImplausibleScale"]);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use ff_mission::Leniency;
 use ff_mission::urdf;
 use ff_mission::urdf::UrdfOptions;
 use ff_mission::{LoadOptions, Mission};
-use ff_model::{Area, Model, Params, Problem, Problems};
+use ff_model::{Area, BaseKind, Model, Params, Problem, Problems, Severity};
 use nalgebra::DMatrix;
 use std::path::Path;
 
@@ -54,20 +54,19 @@ pub fn nominal_pose(model: &Model) -> Vec<f64> {
     model.bodies().iter().map(|b| 0.0_f64.max(b.joint.limits.lower).min(b.joint.limits.upper)).collect()
 }
 
-/// Opens a mission file with every kind of appendage of this workspace, or a URDF (`.urdf`) alone.
+/// Opens a mission file with every kind of appendage of this workspace, or a robot (`.urdf`, `.xml` of MuJoCo, `.sdf`) alone.
 ///
 /// # Errors
 /// Every problem of the files; `Model::NearSingular` when the mass matrix is (near) singular at the nominal or
 /// the hold pose, appendages at rest.
 pub fn open(file: &Path, leniency: Leniency) -> Result<Opened, Problems> {
     let name = file.to_string_lossy().to_lowercase();
-    let mut opened = if name.ends_with(".urdf") || name.ends_with(".xacro") {
+    let mut opened = if [".urdf", ".xacro", ".xml", ".mjcf", ".sdf"].iter().any(|end| name.ends_with(end)) {
         let unknown = leniency.check();
         if unknown.has_errors() {
             return Err(unknown);
         }
-        let options = UrdfOptions { leniency: leniency.clone(), ..UrdfOptions::default() };
-        let (model, warnings) = urdf::from_file(file, &options)?;
+        let (model, warnings) = alone(file, &leniency)?;
         let (estimated, excited, inputs) = (Vec::new(), Vec::new(), Vec::new());
         Opened { model, mission: None, estimated, excited, end_effector: None, inputs, warnings }
     } else {
@@ -97,6 +96,29 @@ pub fn open(file: &Path, leniency: Leniency) -> Result<Opened, Problems> {
     let (mut opened, warnings) = problems.finish(Some(opened))?;
     opened.warnings = warnings;
     Ok(opened)
+}
+
+/// A robot without a mission, which says whether it floats: it does, unless its base has no mass to float with, such as a link that
+/// stands for the world.
+fn alone(file: &Path, leniency: &Leniency) -> Result<(Model, Problems), Problems> {
+    let read = |base_kind| {
+        let options = UrdfOptions { base_kind, leniency: leniency.clone(), ..UrdfOptions::default() };
+        urdf::from_file(file, &options)
+    };
+    let floating = read(BaseKind::Floating);
+    let Err(p) = &floating else { return floating };
+    let mut errors = p.0.iter().filter(|p| p.severity == Severity::Error).peekable();
+    let Some(first) = errors.peek().copied().cloned() else { return floating };
+    // Of a base alone: links that move and have no mass are no errors.
+    if leniency.strict || !errors.all(|p| matches!(p.code, "Urdf::NoInertial" | "Urdf::MasslessBase")) {
+        return floating;
+    }
+    let Ok((model, mut warnings)) = read(BaseKind::Fixed) else { return floating };
+    let what = "has no mass to float with: taken as bolted to the ground";
+    let at =
+        Problem::warning(Area::Model, "Urdf::FixedBase", what).hint("set base = \"fixed\" in [robot] of a mission");
+    warnings.push(Problem { file: first.file, line: first.line, object: first.object, ..at });
+    Ok((model, warnings))
 }
 
 /// Why accelerations at joint positions `q` cannot be trusted (M40), if so. Allocates.

@@ -30,7 +30,8 @@ pub struct AppendageSpec {
     pub mount: Mount,
     /// `lift`: joints of the URDF, from the host outwards, that are the hinges of this appendage; they leave the tree.
     /// Their links become its `segments`; `stiffness_nm_per_rad`, `damping_nms_per_rad` and `rest_rad` are then lists with
-    /// one number per joint (or matrices, where the kind has these). Empty unless given.
+    /// one number per joint (or matrices, where the kind has these). What is not given is what the description of the robot says
+    /// (`<dynamics damping>` of a URDF), where every lifted joint has one. Empty unless given.
     pub lift: Vec<String>,
     /// All other keys of the table, read by the kind.
     pub settings: toml::Table,

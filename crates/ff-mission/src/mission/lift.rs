@@ -7,12 +7,16 @@
 use super::reader::{Table, error};
 use ff_model::Xform;
 use ff_model::diagnostics::{clip, list, nearest};
+use ff_model::tree::JointImpedance;
 use ff_model::{JointKind, Model};
 use nalgebra::{Matrix3, Vector3};
 use toml::Value;
 
 /// Settings with one number per joint that go to the segments.
-const PER_JOINT: [&str; 3] = ["stiffness_nm_per_rad", "damping_nms_per_rad", "rest_rad"];
+const PER_JOINT: [&str; 3] = [STIFFNESS, DAMPING, REST];
+const STIFFNESS: &str = "stiffness_nm_per_rad";
+const DAMPING: &str = "damping_nms_per_rad";
+const REST: &str = "rest_rad";
 
 /// Indices of the bodies carried by the named joints, from the host outwards; `None` where a problem is recorded.
 pub(super) fn chain(model: &Model, joints: &[String], t: &Table<'_, '_>) -> Option<Vec<usize>> {
@@ -103,6 +107,20 @@ pub(super) fn table(model: &Model, bodies: &[usize], settings: &toml::Table, t: 
         s.insert("hinge_axis".into(), array((turn * body.joint.axis).as_slice()));
         segments.push(s);
     }
+    // Springs and dampers that the description gives are those of the hinges, where the mission is silent and all hinges have one.
+    let given = |of: fn(&JointImpedance) -> f64| -> Option<Vec<f64>> {
+        let all = bodies.iter().map(|&b| of(&model.bodies()[b - 1].impedance));
+        all.map(|x| (x > 0.0).then_some(x)).collect()
+    };
+    let springs = given(|i| i.stiffness);
+    // A rest position belongs to its spring.
+    let rests = springs.is_some() && !rest.contains_key(STIFFNESS) && !rest.contains_key(REST);
+    let at = bodies.iter().map(|&b| model.bodies()[b - 1].impedance.rest).collect();
+    for (key, values) in [(STIFFNESS, springs), (DAMPING, given(|i| i.viscous)), (REST, rests.then_some(at))] {
+        if let Some(values) = values.filter(|_| !rest.contains_key(key)) {
+            rest.insert(key.into(), Value::Array(values.into_iter().map(Value::Float).collect()));
+        }
+    }
     let mut good = true;
     for key in PER_JOINT {
         // A matrix of couplings stays where it is.
@@ -131,7 +149,9 @@ pub(super) fn without(model: &Model, lifted: &[usize]) -> (Model, Vec<Option<usi
     for (k, b) in model.bodies().iter().enumerate() {
         // The children of a lifted body are lifted, too (`chain`), so the parent of one that stays has its index.
         let parent = index[b.parent].filter(|_| !lifted.contains(&(k + 1)));
-        index.push(parent.map(|p| new.add_body(p, b.name.as_str(), b.joint.clone(), b.inertia)));
+        let body = parent.map(|p| new.add_body(p, b.name.as_str(), b.joint.clone(), b.inertia));
+        body.into_iter().for_each(|body| new.set_impedance(body, b.impedance));
+        index.push(body);
     }
     for f in model.frames() {
         if let Some(body) = index[f.body].filter(|_| new.frame(&f.name).is_none()) {

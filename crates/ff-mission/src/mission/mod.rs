@@ -69,7 +69,7 @@ pub use excite::{Excite, ExciteDuration, ExciteEnd, GOALS, Goal, Optimality};
 pub use input::{Course, Effort, InputSpec, PulseSpec, SampleSpec, Thrust, Wrench, WrenchAxes};
 pub use limits::{KeepOut, Limits, PointingLimit};
 pub use robot::{Rigid, RigidBody, Robot};
-pub use settings::{Encoder, Estimate, Gyro, Reproduce, Sensors, Torque};
+pub use settings::{Encoder, Estimate, EstimateMethod, Gyro, Reproduce, Sensors, Torque};
 pub use uncertain::{Uncertain, named_by};
 
 use crate::leniency::Leniency;
@@ -83,7 +83,7 @@ use excite::EXCITE;
 use ff_model::Model;
 use ff_model::Registry;
 use ff_model::diagnostics::{Limit, clip, list, nearest};
-use ff_model::{Area, Problem, Problems};
+use ff_model::{Area, Problem, Problems, Severity};
 use input::INPUTS;
 use limits::LIMITS;
 use nalgebra::Vector3;
@@ -274,7 +274,7 @@ impl Mission {
             let name = robot.urdf.to_string_lossy();
             // A URL-like path is for the URDF reader to refuse, not to be joined to a folder.
             let file = if name.contains("://") { robot.urdf.clone() } else { folder.join(&robot.urdf) };
-            urdf::from_file(&file, o)
+            urdf::read_file(&file, o)
         })
     }
 
@@ -288,7 +288,7 @@ impl Mission {
         registry: &Registry,
         options: &LoadOptions,
     ) -> Result<Loaded, Problems> {
-        load(text, None, registry, options, |_, o| urdf::from_str(urdf_text, o))
+        load(text, None, registry, options, |_, o| urdf::read_str(urdf_text, o))
     }
 }
 
@@ -330,6 +330,7 @@ fn load(
     }
     out.extend(own);
     options.leniency.settle(&mut out);
+    urdf::summary::summarise(&mut out);
     let (mut loaded, warnings) = out.finish(loaded)?;
     loaded.warnings = warnings;
     Ok(loaded)
@@ -396,6 +397,10 @@ fn read(
         base_link: robot.base_link.clone(),
         base_kind: robot.base,
         base_inertial: robot.base_inertial.as_ref().map(RigidBody::inertia),
+        subtree: robot.subtree.clone(),
+        lock: robot.lock.clone(),
+        lock_at: robot.lock_at.clone(),
+        lifted: drafts.iter().flat_map(|d| d.lift.iter().flatten().cloned()).collect(),
         leniency: options.leniency.clone(),
         ..UrdfOptions::default()
     };
@@ -405,9 +410,12 @@ fn read(
             model
         }
         Err(problems) => {
-            // The importer knows the base link only as an option; here it has a key and a line.
+            // The importer knows these only as options; here they have a key and a line.
             for p in problems.0 {
-                if p.area == Area::Config { robot_table.fail("base_link", p) } else { imported.push(p) }
+                match p.area {
+                    Area::Config => robot_table.fail(robot.key_of(&p), p),
+                    _ => imported.push(p),
+                }
             }
             return None;
         }
@@ -445,6 +453,7 @@ fn read(
     // With an appendage missing, patterns for its parameters would be reported as well.
     if let (Some(t), true) = (&estimate_table, complete) {
         estimated = select::indices(&estimate.parameters, &model, t);
+        doubtful(&model, &estimated, imported);
     }
     let mut excited = estimated.clone();
     if let Some(t) = &excite_table {
@@ -471,6 +480,24 @@ fn read(
         parameters,
     };
     Some(Loaded { mission, model, estimated, excited, end_effector, warnings: Problems::default() })
+}
+
+/// What is estimated starts from a body that can be: inertias that were let through because nothing follows from them are errors
+/// there.
+fn doubtful(model: &Model, estimated: &[usize], imported: &mut Problems) {
+    let bodies = (0..model.n_bodies()).filter(|b| estimated.iter().any(|i| (10 * b..10 * b + 10).contains(i)));
+    for b in bodies.filter(|&b| model.inertia(b).check().is_err()) {
+        let of_body = |p: &Problem| {
+            let link = p.object.as_deref().and_then(|o| o.strip_prefix("link "));
+            link.and_then(|l| model.frame(l)).is_some_and(|f| f.body == b)
+        };
+        let codes = ["Urdf::Triangle", "Urdf::InertiaNotPsd"];
+        for p in imported.0.iter_mut().filter(|p| codes.contains(&p.code) && of_body(p)) {
+            p.severity = Severity::Error;
+            let what = p.message.split(urdf::build::TAKEN).next().unwrap_or_default();
+            p.message = format!("{what}, and body {} is to be estimated from it", model.body_name(b));
+        }
+    }
 }
 
 /// Makes the appendages that are lifted out of the tree, and the tree without them.

@@ -4,10 +4,12 @@ use super::declared::{Holds, Key, key, must};
 use super::reader::{Table, error};
 use ff_model::BaseKind;
 use ff_model::Inertia;
+use ff_model::Problem;
 use ff_model::diagnostics::Limit;
 use ff_model::spatial::InertiaError;
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Section `[robot]`.
@@ -17,6 +19,13 @@ pub struct Robot {
     pub urdf: PathBuf,
     /// `base_link`: link whose frame is the base frame; the root of the URDF unless given.
     pub base_link: Option<String>,
+    /// `subtree`: only this link of the URDF and what hangs on it; the whole file unless given.
+    pub subtree: Option<String>,
+    /// `lock`: names or patterns (`*` for any text) of joints that are held at zero, or at the limit next to it; they leave the
+    /// model, and what they carry becomes part of the body that they hang on.
+    pub lock: Vec<String>,
+    /// `[robot.lock_at]`: joints that are held elsewhere, by name (rad or m).
+    pub lock_at: BTreeMap<String, f64>,
     /// `end_effector`: frame (any link of the URDF) whose motion is reported.
     pub end_effector: Option<String>,
     /// `base`: `"floating"` (default) or `"fixed"`.
@@ -71,6 +80,9 @@ pub(crate) const BODY: [Key; 3] = [
 pub(crate) const ROBOT: &[Key] = &[
     must("urdf", Holds::Text, "path of the URDF, relative to the mission file"),
     key("base_link", Holds::Text, "link whose frame is the base frame; the root unless given"),
+    key("subtree", Holds::Text, "only this link and what hangs on it; the whole file unless given"),
+    key("lock", Holds::Texts, "joints that are held at zero, or at the limit next to it: names or patterns"),
+    key("lock_at", Holds::Named, "joints that are held elsewhere, by name (rad or m)"),
     key("end_effector", Holds::Text, "link whose motion is reported"),
     key("base", Holds::OneOf(&["floating", "fixed"]), "").or_word("floating"),
     key("gravity_m_per_s2", Holds::Vector(3), "gravity in world axes (m/s^2); zero unless given"),
@@ -137,6 +149,16 @@ fn six(t: &Table<'_, '_>, key: &'static str) -> Option<[f64; 6]> {
 }
 
 impl Robot {
+    /// The key that a problem of the import is about.
+    pub(super) fn key_of(&self, p: &Problem) -> &'static str {
+        match p.code {
+            "Config::UnknownLink" if self.subtree.is_some() && p.object == self.subtree => "subtree",
+            "Config::UnknownJoint" | "Config::OutOfRange" => {
+                if self.lock_at.keys().any(|k| p.object.as_ref() == Some(k)) { "lock_at" } else { "lock" }
+            }
+            _ => "base_link",
+        }
+    }
     /// Reads the section; `None` without a usable `urdf`.
     pub(super) fn read(t: &Table<'_, '_>) -> Option<Self> {
         let urdf = t.string("urdf");
@@ -162,6 +184,9 @@ impl Robot {
         });
         let out = Self {
             base_link: t.string("base_link"),
+            subtree: t.string("subtree"),
+            lock: t.strings("lock").unwrap_or_default(),
+            lock_at: t.table("lock_at").as_ref().map(super::values::read).unwrap_or_default(),
             end_effector: t.string("end_effector"),
             base,
             gravity_m_per_s2: t.vector("gravity_m_per_s2").unwrap_or_default(),

@@ -1,8 +1,9 @@
 //! `[sensors]`, `[estimate]`, `[reproduce]`: the sections that do not change the model.
 
-use super::declared::{Holds, Key, key, must};
+use super::declared::{Holds, Key, key, must, words};
 use super::reader;
-use super::reader::Table;
+use super::reader::{Table, error};
+use ff_model::diagnostics::clip;
 use serde::Serialize;
 
 /// Section `[sensors]`; without it, perfect sensors at 100 Hz.
@@ -136,6 +137,20 @@ impl Sensors {
     }
 }
 
+/// How a record of a robot that floats is predicted: key `method` of `[estimate]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EstimateMethod {
+    /// Rigid robot, the base acceleration eliminated: linear in the parameters. Torques alone are explained.
+    Rda,
+    /// Base and appendages are simulated: torques and gyro are explained.
+    OutputError,
+}
+
+const METHODS: [(&str, EstimateMethod); 2] =
+    [("rda", EstimateMethod::Rda), ("output_error", EstimateMethod::OutputError)];
+const METHOD_WORDS: [&str; 2] = words(&METHODS);
+
 /// Section `[estimate]`: what is to be identified, and from which start.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
@@ -147,6 +162,8 @@ pub struct Estimate {
     /// `prior_relative_std`: relative standard deviation of a prior on the nominal values; no prior unless
     /// given.
     pub prior_relative_std: Option<f64>,
+    /// `method`: `"rda"` or `"output_error"`; by the model unless given (`rda` where nothing is passive).
+    pub method: Option<EstimateMethod>,
 }
 
 /// Keys of `[estimate]`.
@@ -154,6 +171,7 @@ pub(crate) const ESTIMATE: &[Key] = &[
     key("parameters", Holds::Texts, "names or patterns with *, such as base.* or panel_left.k[*]"),
     key("start_offset", Holds::Offset, "relative offset of the start, for studies; above -1").or(0.0),
     key("prior_relative_std", Holds::Positive, "relative standard deviation of a prior on the nominal values"),
+    key("method", Holds::OneOf(&METHOD_WORDS), "how a record is predicted; by the model unless given"),
 ];
 
 impl Estimate {
@@ -162,6 +180,14 @@ impl Estimate {
             parameters: t.strings("parameters").unwrap_or_default(),
             start_offset: t.number("start_offset").unwrap_or_default(),
             prior_relative_std: t.number("prior_relative_std"),
+            method: t.string("method").and_then(|word| {
+                let found = METHODS.iter().find(|(name, _)| *name == word).map(|(_, method)| *method);
+                if found.is_none() {
+                    let what = format!("unknown method '{}'; known: {}", clip(&word), METHOD_WORDS.join(", "));
+                    t.fail("method", error("Config::BadChoice", what).hint("use method = \"output_error\""));
+                }
+                found
+            }),
         };
         t.finish();
         out

@@ -2,14 +2,17 @@
 
 use super::UrdfOptions;
 use super::graph::Tree;
+use super::hold::Held;
+use super::physics::Doubt;
 use super::raw::{RawInertial, RawJoint, RawPose, RawRobot};
 use ff_model::Inertia;
 use ff_model::Xform;
 use ff_model::diagnostics::Limit;
 use ff_model::diagnostics::{list, nearest};
-use ff_model::spatial::so3::rot_of_rpy;
+use ff_model::spatial::InertiaError;
+use ff_model::spatial::so3::{quat_to_rot, rot_of_rpy};
 use ff_model::tree::JointLimits;
-use ff_model::{Area, Problem, Problems};
+use ff_model::{Area, Problem, Problems, Severity};
 use ff_model::{BaseKind, Joint, JointKind, Model};
 use nalgebra::Vector3;
 
@@ -23,28 +26,33 @@ struct Group {
     /// Joint that carries it and parent body; `None` for the base.
     joint: Option<(usize, usize)>,
     inertia: Inertia<f64>,
-    has_child: bool,
     /// Distance of the body frame from the base along the chain (m).
     reach: f64,
 }
 
 /// Builds the model; `None` when the base or a body cannot move as asked (problems say why).
-pub(super) fn model(r: &RawRobot, tree: &Tree, options: &UrdfOptions, out: &mut Problems) -> Option<Model> {
-    let base = base_link(r, tree, options, out)?;
+pub(super) fn model(
+    r: &RawRobot,
+    tree: &Tree,
+    held: &Held,
+    doubts: Vec<Doubt>,
+    options: &UrdfOptions,
+    out: &mut Problems,
+) -> Option<Model> {
+    let base = base_link(r, tree, held, options, out)?;
     // Pose of every link in its body; the base body takes the frame of the base link.
     let mut at: Vec<(usize, Xform<f64>)> = vec![(0, Xform::identity()); r.links.len()];
-    at[tree.root] = (0, pose_in_root(r, tree, base).inverse());
-    let mut groups = vec![Group { link: base, joint: None, inertia: Inertia::zero(), has_child: false, reach: 0.0 }];
+    at[tree.root] = (0, pose_in_root(r, tree, held, base).inverse());
+    let mut groups = vec![Group { link: base, joint: None, inertia: Inertia::zero(), reach: 0.0 }];
     let mut placements: Vec<Xform<f64>> = Vec::new();
     for &j in &tree.order {
         let (body, parent_pose) = at[tree.parent[j]];
-        let pose = parent_pose * xform(&r.joints[j].origin);
+        let pose = parent_pose * held.pose(r, j);
         let child = tree.child[j];
-        if r.joints[j].moves() {
-            groups[body].has_child = true;
+        if held.moves(r, j) {
             let reach = groups[body].reach + pose.pos.norm();
             let joint = Some((j, body));
-            groups.push(Group { link: child, joint, inertia: Inertia::zero(), has_child: false, reach });
+            groups.push(Group { link: child, joint, inertia: Inertia::zero(), reach });
             placements.push(pose);
             at[child] = (groups.len() - 1, Xform::identity());
         } else {
@@ -79,15 +87,17 @@ pub(super) fn model(r: &RawRobot, tree: &Tree, options: &UrdfOptions, out: &mut 
         );
     }
     masses(r, &groups, &at, options, out);
+    densities(r, &groups, &at, &doubts, out);
+    doubtful(r, &groups, &at, doubts, options, out);
     names(r, &groups, out);
-    if out.has_errors() {
+    if out.0.iter().any(|p| p.severity == Severity::Error && !options.leniency.allows(p.code)) {
         return None;
     }
     Some(assemble(r, &groups, &placements, &at, options))
 }
 
 /// The link that carries the base frame: the root, or one fixed to it.
-fn base_link(r: &RawRobot, tree: &Tree, options: &UrdfOptions, out: &mut Problems) -> Option<usize> {
+fn base_link(r: &RawRobot, tree: &Tree, held: &Held, options: &UrdfOptions, out: &mut Problems) -> Option<usize> {
     let Some(name) = &options.base_link else { return Some(tree.root) };
     let Some(k) = r.links.iter().position(|l| l.name == *name) else {
         let p = Problem::error(Area::Config, "Config::UnknownLink", "the base link does not exist").on(name);
@@ -99,7 +109,7 @@ fn base_link(r: &RawRobot, tree: &Tree, options: &UrdfOptions, out: &mut Problem
     };
     let mut up = k;
     while let Some(j) = tree.carrier[up] {
-        if r.joints[j].moves() {
+        if held.moves(r, j) {
             out.push(
                 Problem::error(
                     Area::Config,
@@ -120,71 +130,97 @@ fn base_link(r: &RawRobot, tree: &Tree, options: &UrdfOptions, out: &mut Problem
 }
 
 /// Pose of a link that is fixed to the root, in the root.
-fn pose_in_root(r: &RawRobot, tree: &Tree, link: usize) -> Xform<f64> {
+fn pose_in_root(r: &RawRobot, tree: &Tree, held: &Held, link: usize) -> Xform<f64> {
     let (mut x, mut up) = (Xform::identity(), link);
     while let Some(j) = tree.carrier[up] {
-        x = xform(&r.joints[j].origin) * x;
+        x = held.pose(r, j) * x;
         up = tree.parent[j];
     }
     x
 }
 
-/// Bodies that move need mass: their own, or that of bodies further out.
+/// Links without mass: a shape without mass may have been forgotten, a base that floats needs some. Joints that carry none have been
+/// held before.
 fn masses(r: &RawRobot, groups: &[Group], at: &[(usize, Xform<f64>)], options: &UrdfOptions, out: &mut Problems) {
+    let floating = options.base_kind == BaseKind::Floating;
     for (k, l) in r.links.iter().enumerate() {
         let g = &groups[at[k].0];
         let overridden = k == groups[0].link && options.base_inertial.is_some();
         if l.inertial.is_some() || overridden {
             continue;
         }
-        let moves = g.joint.is_some() || options.base_kind == BaseKind::Floating;
-        let p = if moves && g.inertia.is_zero() && g.link == k {
-            Problem::error(Area::Model, "Urdf::NoInertial", "moves but has no <inertial>, so no mass")
-                .hint("add <inertial>; a link meant to be massless between two joints has mass and inertia 0")
+        let carries = g.link == k && (g.joint.is_some() || floating);
+        let problem = if carries && g.joint.is_none() && g.inertia.is_zero() {
+            Problem::error(Area::Model, "Urdf::NoInertial", "is a base that floats but has no <inertial>, so no mass")
+                .hint("add <inertial>, give base_inertial in [robot], or set base = \"fixed\"")
+        } else if carries && g.inertia.is_zero() {
+            Problem::warning(Area::Model, "Urdf::NoInertial", "moves but has no <inertial>; taken as massless")
+                .hint("add <inertial>, with mass and inertia 0 if it only joins two joints")
+        } else if l.shape {
+            Problem::warning(Area::Model, "Urdf::NoInertial", "has a shape but no <inertial>; taken as massless")
+                .hint("add <inertial>, with mass and inertia 0 if another link has its mass")
         } else {
-            Problem::warning(Area::Model, "Urdf::NoInertial", "has no <inertial>; taken as massless")
-                .hint("add <inertial>, with mass and inertia 0 if it is only a frame")
+            continue;
         };
-        out.push(p.at_line(l.line).on(format!("link {}", l.name)));
+        out.push(problem.at_line(l.line).on(format!("link {}", l.name)));
     }
-    for g in groups {
-        let l = &r.links[g.link];
-        let line = l.inertial.as_ref().map_or(l.line, |x| x.1);
-        // Without any <inertial> the message above has said it.
-        let silent = l.inertial.is_none() && g.inertia.is_zero();
-        match g.joint {
-            None if options.base_kind == BaseKind::Floating && g.inertia.mass <= 0.0 && !silent => out.push(
-                Problem::error(Area::Model, "Urdf::MasslessBase", format!("mass {} kg, limit > 0 kg", g.inertia.mass))
-                    .violating(g.inertia.mass, Limit::Above(0.0), "kg")
-                    .at_line(line)
-                    .on(format!("link {}", l.name))
-                    .hint("a floating base needs mass; give it, or set base = \"fixed\""),
-            ),
-            Some((j, _)) if !g.has_child && !silent => {
-                let joint = &r.joints[j];
-                let a = Vector3::from(joint.axis.0);
-                let a = a / a.norm().max(f64::MIN_POSITIVE);
-                let (what, unit, x) = match joint.kind.as_str() {
-                    "prismatic" => ("mass", "kg", g.inertia.mass),
-                    // Without an axis, which is reported elsewhere, any inertia will do.
-                    _ if a == Vector3::zeros() => ("inertia", "kg m^2", g.inertia.rot.trace()),
-                    _ => ("inertia about its joint axis", "kg m^2", a.dot(&(g.inertia.rot * a))),
-                };
-                if x <= 0.0 {
-                    out.push(
-                        Problem::error(
-                            Area::Model,
-                            "Urdf::MasslessLeaf",
-                            format!("{what} {x} {unit}, limit > 0 {unit}"),
-                        )
-                        .violating(x, Limit::Above(0.0), unit)
-                        .at_line(line)
-                        .on(format!("link {}", l.name))
-                        .hint(format!("nothing resists joint {}: give mass and inertia, or make it fixed", joint.name)),
-                    );
-                }
+    let (base, link) = (&groups[0].inertia, &r.links[groups[0].link]);
+    // Without any <inertial> the message above has said it.
+    if floating && base.mass <= 0.0 && !(link.inertial.is_none() && base.is_zero()) {
+        out.push(
+            Problem::error(Area::Model, "Urdf::MasslessBase", format!("mass {} kg, limit > 0 kg", base.mass))
+                .violating(base.mass, Limit::Above(0.0), "kg")
+                .at_line(link.inertial.as_ref().map_or(link.line, |x| x.1))
+                .on(format!("link {}", link.name))
+                .hint("a floating base needs mass; give it, or set base = \"fixed\""),
+        );
+    }
+}
+
+/// What is assumed of an inertia that no body has.
+pub(crate) const TAKEN: &str = "; taken as given";
+
+/// Inertias that no body has: an error where the motion would follow from them, which is a body that moves and whose moments, with all
+/// that is fixed to it, have a negative one; else a warning that they are taken as they are.
+fn doubtful(
+    r: &RawRobot,
+    groups: &[Group],
+    at: &[(usize, Xform<f64>)],
+    doubts: Vec<Doubt>,
+    options: &UrdfOptions,
+    out: &mut Problems,
+) {
+    for Doubt { link, mut problem } in doubts {
+        let (body, g) = (at[link].0, &groups[at[link].0]);
+        if link == groups[0].link && options.base_inertial.is_some() {
+            continue;
+        }
+        let name = &r.links[g.link].name;
+        let what = match g.inertia.check() {
+            Ok(()) => Some(format!("{TAKEN}, body {name} as a whole can be")),
+            Err(InertiaError::Triangle { .. }) => Some(TAKEN.to_owned()),
+            Err(_) if body == 0 && options.base_kind == BaseKind::Fixed => {
+                Some(format!("{TAKEN}, the base does not move"))
             }
-            _ => {}
+            Err(_) => None,
+        };
+        if let Some(what) = what {
+            problem.severity = Severity::Warning;
+            problem.message += &what;
+        }
+        out.push(problem);
+    }
+}
+
+/// A link with this share of the mass of its body decides how it moves.
+const CONSIDERABLE: f64 = 0.05;
+
+/// Densities of links that matter.
+fn densities(r: &RawRobot, groups: &[Group], at: &[(usize, Xform<f64>)], doubts: &[Doubt], out: &mut Problems) {
+    for (k, l) in r.links.iter().enumerate() {
+        let share = l.inertial.as_ref().map_or(0.0, |(i, _)| i.mass / groups[at[k].0].inertia.mass);
+        if share >= CONSIDERABLE && !doubts.iter().any(|d| d.link == k) {
+            super::physics::density(l, out);
         }
     }
 }
@@ -216,7 +252,8 @@ fn assemble(
     for (g, placement) in groups[1..].iter().zip(placements) {
         if let Some((j, parent)) = g.joint {
             let joint = joint(&r.joints[j], *placement);
-            m.add_body(parent, r.links[g.link].name.as_str(), joint, g.inertia);
+            let body = m.add_body(parent, r.links[g.link].name.as_str(), joint, g.inertia);
+            m.set_impedance(body, r.joints[j].impedance);
         }
     }
     for (k, l) in r.links.iter().enumerate() {
@@ -236,7 +273,7 @@ fn joint(j: &RawJoint, placement: Xform<f64>) -> Joint {
     };
     let mut limits = JointLimits::default();
     if let Some(l) = j.limit {
-        limits.velocity = l.velocity.unwrap_or(limits.velocity);
+        limits.velocity = l.velocity.filter(|v| *v > 0.0).unwrap_or(limits.velocity);
         limits.effort = l.effort.unwrap_or(limits.effort);
         if kind != JointKind::Continuous && (l.lower.is_some() || l.upper.is_some()) {
             limits.lower = l.lower.unwrap_or(0.0);
@@ -246,12 +283,13 @@ fn joint(j: &RawJoint, placement: Xform<f64>) -> Joint {
     Joint { name: j.name.clone(), kind, axis: Vector3::from(j.axis.0).normalize(), placement, limits }
 }
 
-fn xform(p: &RawPose) -> Xform<f64> {
-    Xform::new(rot_of_rpy(&Vector3::from(p.rpy)), Vector3::from(p.xyz))
+pub(super) fn xform(p: &RawPose) -> Xform<f64> {
+    let rot = p.quat.map_or_else(|| rot_of_rpy(&Vector3::from(p.rpy)), |q| quat_to_rot(&q.into()));
+    Xform::new(rot, Vector3::from(p.xyz))
 }
 
 /// Inertia of a link about its own frame.
-fn inertia(i: &RawInertial) -> Inertia<f64> {
+pub(super) fn inertia(i: &RawInertial) -> Inertia<f64> {
     let in_own_frame = Inertia::from_com(i.mass, &Vector3::zeros(), &i.matrix());
     in_own_frame.to_parent(&xform(&i.origin))
 }

@@ -4,28 +4,39 @@
 //! collected before the file is refused:
 //!
 //! 1. `prescan`: size, UTF-8, nesting, DTD, xacro: on the bytes, before any XML parser;
-//! 2. `strict`: every element and attribute known, every token a finite number, with line and column;
-//! 3. `graph` and `physics`: one tree; inertias that some body could have; axes, limits, units;
+//! 2. `strict`: no name misspelt, every token a finite number, with line and column;
+//! 3. `part`, `graph`, `hold`, `physics`: which links, one tree, which joints move; inertias that some body could have; axes, limits,
+//!    units;
 //! 4. `second`: urdf-rs reads the same text and must agree.
 //!
-//! Links on fixed joints are merged into the body they are fixed to; every link stays as a
+//! What is wrong is an error where the answer would follow from it, and a warning with what was assumed elsewhere; warnings of one kind
+//! are one warning (`docs/urdf.md`).
+//!
+//! Links on fixed joints, and on joints that are held, are merged into the body they are fixed to; every link stays as a
 //! [`ff_model::tree::Frame`]. Body order is joint order in the file, parents before children. What is skipped:
-//! `visual`, `collision` (which [`collision`] reads on demand), `material`, `transmission`, `gazebo`, `ros2_control`. What is refused: `mimic`,
-//! `planar`, `floating` and `spherical` joints, `quat_xyzw`, xacro.
+//! `visual`, `collision` (which [`collision`] reads on demand), `material`, `transmission`, `gazebo`, `ros2_control`, and elements
+//! and attributes that are not part of URDF. What is refused: `planar`, `floating` and `spherical` joints that carry mass,
+//! `quat_xyzw`, xacro.
 pub(crate) mod build;
 pub mod collision;
 pub(crate) mod graph;
+pub(crate) mod hold;
+pub(crate) mod part;
 pub(crate) mod physics;
 pub(crate) mod prescan;
 pub(crate) mod raw;
 pub(crate) mod schema;
 pub(crate) mod second;
 pub(crate) mod strict;
+pub(crate) mod summary;
 
 use crate::leniency::Leniency;
 use ff_model::Inertia;
-use ff_model::{Area, Problems, Severity};
+use ff_model::diagnostics::Limit;
+use ff_model::{Area, Problem, Problems, Severity};
 use ff_model::{BaseKind, Model};
+use hold::Held;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Largest file read (bytes).
@@ -44,6 +55,14 @@ pub struct UrdfOptions {
     pub base_kind: BaseKind,
     /// Replaces the `<inertial>` of the base link; about the base link frame.
     pub base_inertial: Option<Inertia<f64>>,
+    /// Only this link and what hangs on it; the whole file unless given.
+    pub subtree: Option<String>,
+    /// Names or patterns (`*` for any text) of joints that are held at zero, or at the limit next to it.
+    pub lock: Vec<String>,
+    /// Joints that are held, by name, and where (rad or m).
+    pub lock_at: BTreeMap<String, f64>,
+    /// Joints that the mission makes hinges of appendages: their limits and drives do not matter.
+    pub lifted: Vec<String>,
     /// Most links.
     pub max_links: usize,
     /// Named errors to allow, and whether warnings refuse.
@@ -56,23 +75,57 @@ impl Default for UrdfOptions {
             base_link: None,
             base_kind: BaseKind::Floating,
             base_inertial: None,
+            subtree: None,
+            lock: Vec::new(),
+            lock_at: BTreeMap::new(),
+            lifted: Vec::new(),
             max_links: MAX_LINKS,
             leniency: Leniency::default(),
         }
     }
 }
 
-/// Imports a URDF file. Returns the model and the warnings.
+/// Imports a URDF file. Returns the model and the warnings, one for each kind.
 ///
 /// # Errors
-/// All problems of the file (area `Model`, or `Io` when it cannot be read), each with file and line.
+/// All problems of the file (area `Model`, or `Io` when it cannot be read), each with file and line; of area `Config` when a link or
+/// joint that the options name does not exist.
 pub fn from_file(path: &Path, options: &UrdfOptions) -> Result<(Model, Problems), Problems> {
+    summary::summarised(read_file(path, options))
+}
+
+/// Imports a URDF from the bytes of a file. Returns the model and the warnings, one for each kind.
+///
+/// # Errors
+/// All problems, each with its line.
+pub fn from_bytes(bytes: &[u8], options: &UrdfOptions) -> Result<(Model, Problems), Problems> {
+    summary::summarised(read_bytes(bytes, options))
+}
+
+/// Imports a URDF from a string. Returns the model and the warnings, one for each kind.
+///
+/// # Errors
+/// All problems, each with its line.
+pub fn from_str(text: &str, options: &UrdfOptions) -> Result<(Model, Problems), Problems> {
+    summary::summarised(read_str(text, options))
+}
+
+/// Names of the joints of a URDF that are not fixed, in the order of the file; empty for a text that is no URDF. Those that a
+/// [`Model`] does not have are held. Allocates.
+pub fn moving_joints(text: &str) -> Vec<String> {
+    let whole = prescan::decode(text.as_bytes()).ok().filter(|t| prescan::scan(t, MAX_LINKS).is_ok());
+    let raw = whole.and_then(|t| strict::read(t, &Leniency::default(), &mut Problems::default()));
+    raw.into_iter().flat_map(|r| r.joints).filter(raw::RawJoint::moves).map(|j| j.name).collect()
+}
+
+/// [`from_file`] with every warning by itself.
+pub(crate) fn read_file(path: &Path, options: &UrdfOptions) -> Result<(Model, Problems), Problems> {
     let name = path.to_string_lossy();
     if name.starts_with("package://") || name.starts_with("model://") || name.ends_with(".xacro") {
         return Err(Problems(vec![prescan::xacro("a path that only ROS resolves").in_file(path)]));
     }
     let bytes = ff_model::diagnostics::read_bytes(path, MAX_BYTES, Area::Model, "Urdf::TooLarge")?;
-    let mut result = from_bytes(&bytes, options);
+    let mut result = read_bytes(&bytes, options);
     let problems = match &mut result {
         Ok((_, p)) | Err(p) => p,
     };
@@ -82,22 +135,15 @@ pub fn from_file(path: &Path, options: &UrdfOptions) -> Result<(Model, Problems)
     result
 }
 
-/// Imports a URDF from the bytes of a file. Returns the model and the warnings.
-///
-/// # Errors
-/// All problems, each with its line.
-pub fn from_bytes(bytes: &[u8], options: &UrdfOptions) -> Result<(Model, Problems), Problems> {
+fn read_bytes(bytes: &[u8], options: &UrdfOptions) -> Result<(Model, Problems), Problems> {
     match prescan::decode(bytes) {
-        Ok(text) => from_str(text, options),
+        Ok(text) => read_str(text, options),
         Err(p) => Err(p),
     }
 }
 
-/// Imports a URDF from a string. Returns the model and the warnings.
-///
-/// # Errors
-/// All problems, each with its line.
-pub fn from_str(text: &str, options: &UrdfOptions) -> Result<(Model, Problems), Problems> {
+/// [`from_str`] with every warning by itself.
+pub(crate) fn read_str(text: &str, options: &UrdfOptions) -> Result<(Model, Problems), Problems> {
     let mut out = Problems::default();
     let model = import(text, options, &mut out);
     options.leniency.settle(&mut out);
@@ -117,27 +163,44 @@ fn import(text: &str, options: &UrdfOptions, out: &mut Problems) -> Option<Model
         out.extend(p);
         return None;
     }
-    let mut raw = strict::read(text, &options.leniency, out)?;
-    if raw.links.is_empty() {
+    let (whole, foreign) = match strict::foreign(text, out) {
+        Some(robot) => (robot, true),
+        None => (strict::read(text, &options.leniency, out)?, false),
+    };
+    if whole.links.is_empty() {
         return None;
     }
-    physics::check(&raw, out);
+    // Formats that call their links otherwise pass the count of the bytes.
+    if whole.links.len() > options.max_links {
+        let (n, limit) = (whole.links.len(), options.max_links);
+        let p = Problem::error(Area::Model, "Urdf::TooLarge", format!("{n} links, limit {limit} links"));
+        let p = p.violating(n as f64, Limit::AtMost(limit as f64), "links");
+        out.push(p.hint("raise the limit if the robot is really that large"));
+        return None;
+    }
+    let raw = part::used(&whole, options, out)?;
+    let doubts = physics::links(&raw, out);
     let tree = graph::tree(&raw, out);
+    let held = tree.as_ref().map_or_else(|| Held::none(&raw), |t| hold::settle(&raw, t, options, out));
+    physics::joints(&raw, |k| held.moves(&raw, k), |name| options.lifted.iter().any(|l| l == name), out);
     let mut found = Problems::default();
     if blocked(out, options) {
         // Bodies without mass can be told from the tree even when other things are wrong, unless the wrong
         // thing is the mass itself.
-        if let Some(t) = tree.filter(|_| raw.links.iter().all(|l| !l.unsure)) {
-            build::model(&raw, &t, options, &mut found);
-            out.extend(found);
+        match tree.filter(|_| raw.links.iter().all(|l| !l.unsure)) {
+            Some(t) => _ = build::model(&raw, &t, &held, doubts, options, &mut found),
+            None => found.0.extend(doubts.into_iter().map(|d| d.problem)),
         }
+        out.extend(found);
         return None;
     }
-    second::adopt(text, &mut raw, out);
+    if !foreign {
+        second::agree(text, &raw, out);
+    }
     if blocked(out, options) {
         return None;
     }
-    let model = build::model(&raw, &tree?, options, &mut found);
+    let model = build::model(&raw, &tree?, &held, doubts, options, &mut found);
     out.extend(found);
     model
 }

@@ -10,6 +10,12 @@ use std::f64::consts::TAU;
 
 /// Joint types the importer turns into bodies or merges.
 const TYPES: [&str; 4] = ["revolute", "continuous", "prismatic", "fixed"];
+/// Joint types that exist in URDF and are no single degree of freedom.
+const OTHER_TYPES: [&str; 3] = ["floating", "planar", "spherical"];
+/// Limits of joints that turn several times are within this (rad); in degrees they are beyond it.
+const SEVERAL_TURNS: f64 = 3.2 * TAU;
+/// Numbers beyond this stand for "no limit" (rad).
+const UNLIMITED: f64 = 1e3;
 /// How far an axis may be from unit length before it is worth a warning.
 const AXIS_TOLERANCE: f64 = 1e-6;
 
@@ -20,62 +26,82 @@ fn warn(code: &'static str, message: impl Into<String>) -> Problem {
     Problem::warning(Area::Model, code, message)
 }
 
-/// Every check of one link and one joint on its own.
-pub(super) fn check(r: &RawRobot, out: &mut Problems) {
-    for l in r.links.iter().filter(|l| !l.unsure) {
+/// A link whose inertia no body has: whether that matters depends on the body that it becomes part of.
+#[derive(Debug)]
+pub(super) struct Doubt {
+    /// Index of the link.
+    pub(super) link: usize,
+    /// The problem, as the error that it is if it matters.
+    pub(super) problem: Problem,
+}
+
+/// Every check of a link on its own. Returns the links with an inertia that no body has; a negative mass is never right.
+pub(super) fn links(r: &RawRobot, out: &mut Problems) -> Vec<Doubt> {
+    let mut doubts = Vec::new();
+    for (k, l) in r.links.iter().enumerate().filter(|(_, l)| !l.unsure) {
         if let Some((i, line)) = &l.inertial {
-            inertial(l, i, *line, out);
+            degrees(&i.origin.rpy, TAU + 1e-3, &format!("link {}", l.name), *line, out);
+            match inertial(l, i, *line) {
+                Some(problem) if problem.code != "Urdf::NotFinite" && i.mass >= 0.0 => {
+                    doubts.push(Doubt { link: k, problem });
+                }
+                Some(problem) => out.push(problem),
+                None => {}
+            }
         }
     }
-    for j in &r.joints {
-        joint(j, out);
+    doubts
+}
+
+/// Every check of a joint on its own; of one that does not move only where it stands. `settled`: the limits of this joint do not matter.
+pub(super) fn joints(r: &RawRobot, moves: impl Fn(usize) -> bool, settled: impl Fn(&str) -> bool, out: &mut Problems) {
+    for (k, j) in r.joints.iter().enumerate() {
+        joint(j, moves(k), settled(&j.name), out);
     }
 }
 
-fn inertial(l: &RawLink, i: &RawInertial, line: usize, out: &mut Problems) {
-    let name = format!("link {}", l.name);
-    degrees(&i.origin.rpy, &name, line, out);
+fn inertial(l: &RawLink, i: &RawInertial, line: usize) -> Option<Problem> {
     // A link without any mass is legal between joints (the cross of a universal joint) and as a pure frame.
     if i.is_zero() {
-        return;
+        return None;
     }
     // About the centre of mass, where URDF gives it: shifting to the link origin would round.
     let body = Inertia::from_com(i.mass, &Vector3::zeros(), &i.matrix());
+    // Programs that write moments as differences leave some -1e-20: nothing against a micrometre of the mass.
+    let rounding = 1e-9 * (i.matrix().trace().abs() + i.mass * (i.com().norm_squared() + 1e-6));
     let problem = match body.check() {
-        Ok(()) => None,
+        Ok(()) => return None,
         Err(InertiaError::NotFinite { name: n }) => {
-            Some(err("Urdf::NotFinite", format!("{n} is not finite")).hint("give finite numbers"))
+            err("Urdf::NotFinite", format!("{n} is not finite")).hint("give finite numbers")
         }
-        Err(InertiaError::NonPositiveMass { value }) => Some(
+        Err(InertiaError::NonPositiveMass { value }) => {
             err("Urdf::NonPositiveMass", format!("mass {value} kg, limit > 0 kg"))
                 .violating(value, Limit::Above(0.0), "kg")
-                .hint("give the mass in kg; a massless link has mass and inertia 0"),
-        ),
-        Err(InertiaError::NotPsd { moments }) => Some(
-            err(
-                "Urdf::InertiaNotPsd",
-                format!("principal moments {} kg m^2 about the centre of mass, limit >= 0 kg m^2", show(&moments)),
-            )
-            .violating(moments.iter().copied().fold(f64::INFINITY, f64::min), Limit::AtLeast(0.0), "kg m^2")
-            .hint(cause(i)),
-        ),
-        Err(InertiaError::Triangle { moments, violation }) => Some(
-            err(
-                "Urdf::Triangle",
-                format!(
-                    "principal moments {} kg m^2: the largest exceeds the sum of the others by {violation:.6} kg m^2, limit 0 kg m^2",
-                    show(&moments)
-                ),
-            )
-            .violating(violation, Limit::AtMost(0.0), "kg m^2")
-            .hint("no mass distribution has these; check the units and axes, or allow 'triangle'"),
-        ),
+                .hint("give the mass in kg; a massless link has mass and inertia 0")
+        }
+        Err(InertiaError::NotPsd { moments } | InertiaError::Triangle { moments, .. })
+            if moments[0] >= -rounding && moments[2] - moments[0] - moments[1] <= rounding =>
+        {
+            return None;
+        }
+        Err(InertiaError::NotPsd { moments }) => err(
+            "Urdf::InertiaNotPsd",
+            format!("principal moments {} kg m^2 about the centre of mass, limit >= 0 kg m^2", show(&moments)),
+        )
+        .violating(moments.iter().copied().fold(f64::INFINITY, f64::min), Limit::AtLeast(0.0), "kg m^2")
+        .hint(cause(i)),
+        Err(InertiaError::Triangle { moments, violation }) => err(
+            "Urdf::Triangle",
+            format!(
+                "principal moments {} kg m^2: the largest exceeds the sum of the others by {} kg m^2, limit 0 kg m^2",
+                show(&moments),
+                six_digits(violation)
+            ),
+        )
+        .violating(violation, Limit::AtMost(0.0), "kg m^2")
+        .hint("no mass distribution has these; check the units and axes, or allow 'triangle'"),
     };
-    if let Some(p) = problem {
-        out.push(p.at_line(line).on(name));
-        return;
-    }
-    density(&name, i, line, out);
+    Some(problem.at_line(line).on(format!("link {}", l.name)))
 }
 
 /// The likeliest reason for negative moments.
@@ -92,11 +118,17 @@ fn cause(i: &RawInertial) -> String {
 }
 
 fn show(m: &[f64; 3]) -> String {
-    format!("{:.6}, {:.6}, {:.6}", m[0], m[1], m[2])
+    m.map(six_digits).join(", ")
+}
+
+/// Six decimals where these tell the number, and otherwise four digits of it.
+fn six_digits(x: f64) -> String {
+    if x == 0.0 || x.abs() >= 1e-3 { format!("{x:.6}") } else { format!("{x:.3e}") }
 }
 
 /// Density of the box with the same mass and moments; only for bodies that are not plates, rods or points.
-fn density(name: &str, i: &RawInertial, line: usize, out: &mut Problems) {
+pub(super) fn density(l: &RawLink, out: &mut Problems) {
+    let Some((i, line)) = l.inertial.as_ref().filter(|(i, _)| i.mass > 0.0) else { return };
     let mut e: [f64; 3] = i.matrix().symmetric_eigenvalues().into();
     e.sort_by(f64::total_cmp);
     let sum = e[0] + e[1] + e[2];
@@ -111,18 +143,18 @@ fn density(name: &str, i: &RawInertial, line: usize, out: &mut Problems) {
                 "Urdf::ImplausibleScale",
                 format!("mass and inertia make a box of {max:.3} m with density {rho:.3e} kg/m^3, expected 1 to 30000 kg/m^3"),
             )
-            .at_line(line)
-            .on(name)
+            .at_line(*line)
+            .on(format!("link {}", l.name))
             .hint("URDF is in kg, m and kg m^2; check for mm or g"),
         );
     }
 }
 
-/// Angles beyond a full turn are usually degrees.
-fn degrees(angles: &[f64], object: &str, line: usize, out: &mut Problems) {
+/// Angles beyond `limit` that are usually degrees (rad).
+fn degrees(angles: &[f64], limit: f64, object: &str, line: usize, out: &mut Problems) {
     // One message per element, for the largest.
     let largest = angles.iter().max_by(|a, b| a.abs().total_cmp(&b.abs()));
-    if let Some(a) = largest.filter(|a| a.abs() > TAU + 1e-3) {
+    if let Some(a) = largest.filter(|a| a.abs() > limit && a.abs() <= UNLIMITED) {
         out.push(
             warn("Urdf::LooksLikeDegrees", format!("angle {a} rad, more than a turn ({TAU:.4} rad)"))
                 .at_line(line)
@@ -132,21 +164,27 @@ fn degrees(angles: &[f64], object: &str, line: usize, out: &mut Problems) {
     }
 }
 
-fn joint(j: &RawJoint, out: &mut Problems) {
+/// True for a joint type of URDF that is no single degree of freedom.
+pub(super) fn is_other_kind(kind: &str) -> bool {
+    OTHER_TYPES.contains(&kind)
+}
+
+fn joint(j: &RawJoint, moves: bool, settled: bool, out: &mut Problems) {
     let name = format!("joint {}", j.name);
-    degrees(&j.origin.rpy, &name, j.origin_line, out);
+    degrees(&j.origin.rpy, TAU + 1e-3, &name, j.origin_line, out);
     match j.kind.as_str() {
         // Absent: reported by the strict pass.
         "" => return,
         k if TYPES.contains(&k) => {}
-        k @ ("floating" | "planar" | "spherical") => {
-            let hint = match k {
-                "floating" => "the base floats by itself: remove the joint and its parent link",
-                _ => "build it from revolute and prismatic joints with massless links between",
-            };
-            out.push(
-                err("Urdf::Unsupported", format!("type '{k}' is not supported")).at_line(j.line).on(name).hint(hint),
-            );
+        k if is_other_kind(k) => {
+            if moves {
+                let hint = match k {
+                    "floating" => "the base floats by itself; hold the joint by lock = [\"...\"] in [robot]",
+                    _ => "hold it by lock = [\"...\"] in [robot], or build it from revolute and prismatic joints",
+                };
+                let what = format!("type '{k}' is not supported, and the joint carries mass");
+                out.push(err("Urdf::Unsupported", what).at_line(j.line).on(name).hint(hint));
+            }
             return;
         }
         k => {
@@ -162,9 +200,23 @@ fn joint(j: &RawJoint, out: &mut Problems) {
             return;
         }
     }
-    if j.moves() {
+    if moves {
         axis(j, &name, out);
-        limits(j, &name, out);
+        if !settled {
+            limits(j, &name, out);
+            spring(j, name, out);
+        }
+    }
+}
+
+/// A joint on a spring that is left a driven one.
+fn spring(j: &RawJoint, name: String, out: &mut Problems) {
+    let k = j.impedance.stiffness;
+    if k > 0.0 {
+        let unit = if j.kind == "prismatic" { "N/m" } else { "N m/rad" };
+        let what = format!("stiffness {k} {unit} has no part in the motion of a joint that is driven");
+        let p = warn("Urdf::Spring", what).at_line(j.line).on(name);
+        out.push(p.hint("lift the joint into an appendage, which takes spring and damper over"));
     }
 }
 
@@ -203,13 +255,26 @@ fn limits(j: &RawJoint, name: &str, out: &mut Problems) {
         return;
     };
     let bad = |message: String, hint: &str| err("Urdf::BadLimits", message).at_line(l.line).on(name).hint(hint);
-    if let Some(v) = l.velocity.filter(|v| *v <= 0.0) {
+    let undriven = l.effort == Some(0.0);
+    if let Some(v) = l.velocity.filter(|v| *v == 0.0 && !undriven) {
+        let what = format!("velocity limit {v} {speed}, limit > 0 {speed}; taken as unlimited");
+        let p = warn("Urdf::BadLimits", what).violating(v, Limit::Above(0.0), speed);
+        out.push(p.at_line(l.line).on(name).hint("give the greatest speed, or velocity_rad_per_s in [limits]"));
+    }
+    if let Some(v) = l.velocity.filter(|v| *v < 0.0) {
         let p = bad(format!("velocity limit {v} {speed}, limit > 0 {speed}"), "give the greatest speed of the joint");
         out.push(p.violating(v, Limit::Above(0.0), speed));
     }
     if let Some(e) = l.effort.filter(|e| *e < 0.0) {
         let p = bad(format!("effort limit {e} {force}, limit >= 0 {force}"), "give the greatest torque or force");
         out.push(p.violating(e, Limit::AtLeast(0.0), force));
+    }
+    if undriven {
+        // Exporters of CAD programs write zeros where nobody gave a limit.
+        let speed = if l.velocity == Some(0.0) { ", and so is the velocity limit, which is taken as none" } else { "" };
+        let what = format!("effort limit 0 {force}: the joint cannot be driven{speed}");
+        let p = warn("Urdf::NoEffort", what).at_line(l.line).on(name);
+        out.push(p.hint("give the greatest torque or force; lift the joint if it swings on a spring"));
     }
     if j.kind == "continuous" {
         return;
@@ -239,14 +304,6 @@ fn limits(j: &RawJoint, name: &str, out: &mut Problems) {
         }
     }
     if revolute {
-        degrees(&[l.lower.unwrap_or(0.0), l.upper.unwrap_or(0.0)], name, l.line, out);
-    }
-    if l.effort == Some(0.0) {
-        out.push(
-            warn("Urdf::NoEffort", format!("effort limit 0 {force}: the joint cannot be driven"))
-                .at_line(l.line)
-                .on(name)
-                .hint("give the greatest torque or force"),
-        );
+        degrees(&[l.lower.unwrap_or(0.0), l.upper.unwrap_or(0.0)], SEVERAL_TURNS, name, l.line, out);
     }
 }

@@ -40,9 +40,19 @@ pub(super) const AXIS: Element = leaf("axis", &["xyz"]);
 pub(super) const LIMIT: Element =
     leaf("limit", &["lower", "upper", "velocity", "effort", "acceleration", "deceleration", "jerk"]);
 pub(super) const DYNAMICS: Element = leaf("dynamics", &["damping", "friction"]);
+pub(super) const MIMIC: Element = leaf("mimic", &["joint", "multiplier", "offset"]);
 pub(super) const CALIBRATION: Element = leaf("calibration", &["rising", "falling"]);
 pub(super) const SAFETY: Element =
     leaf("safety_controller", &["soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"]);
+
+/// Elements that carry mass or build the tree: a file that has them where they are not read means something else than is read.
+const DECISIVE: [&str; 12] =
+    ["inertial", "origin", "mass", "inertia", "link", "joint", "parent", "child", "axis", "limit", "dynamics", "mimic"];
+
+/// True for a known element whose place decides what the file means.
+pub(super) fn is_decisive(name: &str) -> bool {
+    DECISIVE.contains(&name)
+}
 
 /// Where a known element belongs, for one that stands in the wrong place.
 pub(super) fn home_of(name: &str) -> Option<&'static str> {

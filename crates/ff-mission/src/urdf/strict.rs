@@ -1,23 +1,40 @@
-//! The strict reading: every element and attribute must be known, every token a number, every line kept.
+//! The strict reading: no name misspelt, every token a number, every line kept.
 //!
 //! urdf-rs drops unknown elements and non-numeric tokens, so that a misspelt `<inertial>` is a massless link
-//! and `xyz="0,5 1 2 3"` is `[1, 2, 3]`. This pass refuses both and remembers where everything stands.
+//! and `xyz="0,5 1 2 3"` is `[1, 2, 3]`. This pass refuses both and remembers where everything stands. Elements and attributes that
+//! some other program added, and that no known name is a misspelling of, are skipped with one warning for the file.
 
 use super::prescan::xacro;
-use super::raw::{RawInertial, RawJoint, RawLimit, RawLink, RawPose, RawRobot};
+use super::raw::{RawInertial, RawJoint, RawLimit, RawLink, RawMimic, RawPose, RawRobot};
 use super::schema;
 use super::schema::Element;
 use crate::leniency::Leniency;
 use crate::lines::LineIndex;
-use ff_model::diagnostics::{clip, list, nearest};
+use ff_model::diagnostics::{clip, list, misspelling};
+use ff_model::tree::JointImpedance;
 use ff_model::{Area, Problem, Problems};
 use roxmltree::{Attribute, Document, Node, ParsingOptions};
 
 /// Most XML nodes of a file; 10,000 full links have about 400,000.
 const MAX_NODES: u32 = 2_000_000;
 
+/// Most kinds of elements and attributes that are skipped by name.
+const MAX_SKIPPED: usize = 100;
+
 /// Most problems listed; a file that is not a URDF at all would otherwise list every tag.
-const MAX_PROBLEMS: usize = 500;
+pub(crate) const MAX_PROBLEMS: usize = 500;
+
+/// The links and joints of a file in another format, told by its root element; `None` for a URDF and for what is no XML.
+pub(super) fn foreign(text: &str, out: &mut Problems) -> Option<RawRobot> {
+    let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
+    let doc = Document::parse_with_options(text, options).ok()?;
+    let root = doc.root_element();
+    match root.tag_name().name() {
+        "mujoco" => Some(crate::mjcf::read(root, LineIndex::new(text), out)),
+        "sdf" => Some(crate::sdf::read(root, LineIndex::new(text), out)),
+        _ => None,
+    }
+}
 
 /// Reads a file; what cannot be read is left at zero or absent and has its problem recorded.
 pub(super) fn read(text: &str, leniency: &Leniency, out: &mut Problems) -> Option<RawRobot> {
@@ -29,8 +46,10 @@ pub(super) fn read(text: &str, leniency: &Leniency, out: &mut Problems) -> Optio
             return None;
         }
     };
-    let mut r = Reader { lines: LineIndex::new(text), leniency, refused: 0, out };
-    Some(r.robot(doc.root_element()))
+    let mut r = Reader { lines: LineIndex::new(text), leniency, refused: 0, skipped: Vec::new(), out };
+    let robot = r.robot(doc.root_element());
+    r.report_skipped();
+    Some(robot)
 }
 
 /// A parse error of the XML itself.
@@ -70,6 +89,8 @@ struct Reader<'t, 'p> {
     leniency: &'p Leniency,
     /// Errors so far that the user has not allowed.
     refused: usize,
+    /// What no known name is a misspelling of: description, times, offset of the first, object.
+    skipped: Vec<(String, usize, usize, String)>,
     out: &'p mut Problems,
 }
 
@@ -108,12 +129,16 @@ impl Reader<'_, '_> {
                     "give the rotation as rpy=\"roll pitch yaw\" in rad".into(),
                 );
             } else if !e.attributes.contains(&a.name()) {
-                let hint = match nearest(a.name(), e.attributes.iter().copied()) {
-                    Some(k) => format!("did you mean {k}?"),
-                    None => format!("known: {}", list(e.attributes.iter().copied(), 12)),
-                };
-                let what = format!("unknown attribute '{}' of <{}>", clip(a.name()), e.name);
-                self.err(a.range().start, object, "Urdf::UnknownAttribute", what, hint);
+                let what = format!("attribute '{}' of <{}>", clip(a.name()), e.name);
+                // A known attribute that is there as well is not what this one was meant to be.
+                let absent = e.attributes.iter().copied().filter(|k| !n.has_attribute(*k));
+                match misspelling(a.name(), absent) {
+                    Some(k) => {
+                        let hint = format!("did you mean {k}?");
+                        self.err(a.range().start, object, "Urdf::UnknownAttribute", format!("unknown {what}"), hint);
+                    }
+                    None => self.skip(what, a.range().start, object),
+                }
             }
         }
         let mut seen: Vec<&str> = Vec::new();
@@ -131,16 +156,57 @@ impl Reader<'_, '_> {
                 }
                 seen.push(name);
             } else if !e.many.contains(&name) {
-                let known = || e.single.iter().chain(e.many).copied();
-                let hint = match (schema::home_of(name), nearest(name, known())) {
-                    (_, Some(k)) => format!("did you mean <{k}>?"),
-                    (Some(home), None) => format!("<{name}> belongs in <{home}>"),
-                    (None, None) => format!("known here: {}", list(known(), 12)),
-                };
-                let what = format!("unknown element <{}> in <{}>", clip(name), e.name);
-                self.err(c.range().start, object, "Urdf::UnknownElement", what, hint);
+                self.unknown_element(c, e, object);
             }
         }
+    }
+
+    /// An element that is not read here: an error if it is a misspelling, or if mass or structure would be lost with it.
+    fn unknown_element(&mut self, c: Node<'_, '_>, e: &Element, object: &str) {
+        let name = c.tag_name().name();
+        let known = || e.single.iter().chain(e.many).copied();
+        let hint = match (misspelling(name, known()), schema::home_of(name)) {
+            (Some(k), _) => Some(format!("did you mean <{k}>?")),
+            (None, Some(home)) if schema::is_decisive(name) && !is_identity(c) => {
+                Some(format!("<{name}> belongs in <{home}>"))
+            }
+            (None, None) if c.descendants().any(|d| ["inertial", "mass"].contains(&d.tag_name().name())) => {
+                Some(format!("mass inside it would be lost; known here: {}", list(known(), 12)))
+            }
+            _ => None,
+        };
+        let what = format!("<{}> in <{}>", clip(name), e.name);
+        match hint {
+            Some(hint) => {
+                self.err(c.range().start, object, "Urdf::UnknownElement", format!("unknown element {what}"), hint);
+            }
+            None => self.skip(what, c.range().start, object),
+        }
+    }
+
+    fn skip(&mut self, what: String, offset: usize, object: &str) {
+        let kinds = self.skipped.len();
+        match self.skipped.iter_mut().find(|s| s.0 == what) {
+            Some(s) => s.1 += 1,
+            // A file of any kind may hold a million names; a few tell what it is.
+            None if kinds >= MAX_SKIPPED => {}
+            None => self.skipped.push((what, 1, offset, object.to_owned())),
+        }
+    }
+
+    /// One warning for all that was skipped.
+    fn report_skipped(&mut self) {
+        self.skipped.sort_by_key(|s| s.2);
+        let Some((_, _, offset, object)) = self.skipped.first() else { return };
+        let (line, column) = self.lines.at(*offset);
+        let kinds: Vec<String> = self.skipped.iter().map(|(what, n, ..)| format!("{what} ({n})")).collect();
+        let message = format!("not part of URDF and skipped: {}", list(kinds.iter().map(String::as_str), 8));
+        self.out.push(
+            Problem::warning(Area::Model, "Urdf::Skipped", message)
+                .at(line, column)
+                .on(clip(object))
+                .hint("nothing to do, unless one of them is to say something about mass or motion"),
+        );
     }
 
     fn robot(&mut self, n: Node<'_, '_>) -> RawRobot {
@@ -182,7 +248,8 @@ impl Reader<'_, '_> {
         let object = format!("link {name}");
         self.check(n, &schema::LINK, &object);
         let inertial = child(n, "inertial").map(|c| (self.inertial(c, &object), self.line(c)));
-        RawLink { line: self.line(n), name, inertial, unsure: self.refused > before }
+        let shape = ["visual", "collision"].iter().any(|e| child(n, e).is_some());
+        RawLink { line: self.line(n), name, inertial, shape, unsure: self.refused > before }
     }
 
     fn inertial(&mut self, n: Node<'_, '_>, object: &str) -> RawInertial {
@@ -228,31 +295,32 @@ impl Reader<'_, '_> {
             None => ([1.0, 0.0, 0.0], line),
         };
         let limit = child(n, "limit").map(|l| self.limit(l, &object, version));
+        let mut impedance = JointImpedance::default();
         for e in [&schema::DYNAMICS, &schema::CALIBRATION, &schema::SAFETY] {
             if let Some(c) = child(n, e.name) {
                 self.check(c, e, &object);
                 for a in c.attributes().filter(|a| e.attributes.contains(&a.name())) {
                     let x: Option<[f64; 1]> = self.numbers(a, &object);
-                    if e.name == "dynamics" && x.is_some_and(|[x]| x != 0.0) {
-                        let (line, column) = self.lines.at(a.range().start);
-                        let what = format!("joint {} {} is not modelled", a.name(), clip(a.value()));
-                        self.out.push(
-                            Problem::warning(Area::Model, "Urdf::Ignored", what)
-                                .at(line, column)
-                                .on(object.as_str())
-                                .hint("torques are taken to be measured after the gear, where friction does not show"),
-                        );
+                    match (a.name(), x) {
+                        ("damping", Some([x])) => impedance.viscous = x,
+                        ("friction", Some([x])) => impedance.coulomb = x,
+                        _ => {}
                     }
                 }
             }
         }
-        if let Some(m) = child(n, "mimic") {
-            let hint = "drive the joint itself, or make it fixed".to_owned();
-            self.err(m.range().start, &object, "Urdf::Unsupported", "<mimic> is not supported".into(), hint);
-        }
+        let mimic = child(n, "mimic").and_then(|m| self.mimic(m, &object));
         let origin_line = child(n, "origin").map_or(line, |o| self.line(o));
         let origin = self.pose(n, &object);
-        RawJoint { name, line, kind, origin, origin_line, parent, child: child_link, axis, limit }
+        RawJoint { name, line, kind, origin, origin_line, parent, child: child_link, axis, limit, impedance, mimic }
+    }
+
+    fn mimic(&mut self, n: Node<'_, '_>, object: &str) -> Option<RawMimic> {
+        self.check(n, &schema::MIMIC, object);
+        let joint = self.required(n, "joint", object)?.value().to_owned();
+        let mut get = |name| n.attribute_node(name).and_then(|a| self.numbers(a, object)).map(|[x]| x);
+        let (multiplier, offset) = (get("multiplier").unwrap_or(1.0), get("offset").unwrap_or(0.0));
+        Some(RawMimic { line: self.line(n), joint, multiplier, offset })
     }
 
     fn limit(&mut self, n: Node<'_, '_>, object: &str, version: Option<&str>) -> RawLimit {
@@ -274,7 +342,7 @@ impl Reader<'_, '_> {
         let Some(o) = child(n, "origin") else { return RawPose::default() };
         self.check(o, &schema::ORIGIN, object);
         let mut get = |name| o.attribute_node(name).and_then(|a| self.numbers(a, object)).unwrap_or_default();
-        RawPose { xyz: get("xyz"), rpy: get("rpy") }
+        RawPose { xyz: get("xyz"), rpy: get("rpy"), quat: None }
     }
 
     /// An attribute that must be there and hold something.
@@ -340,6 +408,12 @@ impl Reader<'_, '_> {
 /// The first child element of a name.
 fn child<'a, 'i>(n: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     n.children().find(|c| c.is_element() && c.tag_name().name() == name)
+}
+
+/// True for an `<origin>` that moves nothing.
+fn is_identity(n: Node<'_, '_>) -> bool {
+    let zero = |t: &str| t.split_whitespace().all(|x| x.parse::<f64>().is_ok_and(|x| x == 0.0));
+    n.tag_name().name() == "origin" && ["xyz", "rpy"].iter().all(|a| n.attribute(*a).is_none_or(zero))
 }
 
 /// True for what xacro would compute.

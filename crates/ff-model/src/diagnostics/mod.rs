@@ -6,4 +6,4 @@ pub(crate) mod text;
 
 pub use problem::{Area, Limit, Problem, Problems, Severity, Violation};
 pub use read::{read_bytes, text_file};
-pub use text::{clip, list, nearest};
+pub use text::{clip, list, misspelling, nearest};

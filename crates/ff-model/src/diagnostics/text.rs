@@ -16,6 +16,14 @@ pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Opti
         .map(|(k, _)| k)
 }
 
+/// The known name that `word` is a slip of the pen of: one letter in four of the longer of both, at least one, changed, added, left
+/// out or swapped. Closer than what [`nearest`] suggests. Without feature `suggestions` one that differs in case alone.
+pub fn misspelling<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
+    let near = nearest(word, known)?;
+    let longer = word.chars().count().max(near.chars().count());
+    (distance(&word.to_lowercase(), &near.to_lowercase()) <= (longer / 4).max(1)).then_some(near)
+}
+
 /// Letters to change, add, leave out or swap.
 #[cfg(feature = "suggestions")]
 fn distance(a: &str, b: &str) -> usize {
@@ -49,6 +57,16 @@ mod tests {
         assert_eq!(nearest("inertail", ["visual", "inertial"]), Some("inertial"));
         assert_eq!(nearest("Base", ["base"]), Some("base"));
         assert_eq!(nearest("zebra", ["visual", "inertial"]), None);
+    }
+
+    #[cfg(feature = "suggestions")]
+    #[test]
+    fn a_longer_name_that_holds_a_known_one_is_no_misspelling() {
+        let limit = ["lower", "upper", "velocity", "effort"];
+        assert_eq!(misspelling("velcoity", limit), Some("velocity"));
+        assert_eq!(misspelling("efort", limit), Some("effort"));
+        assert_eq!((nearest("gear_velocity", limit), misspelling("gear_velocity", limit)), (Some("velocity"), None));
+        assert_eq!(misspelling("K", ["damping", "friction"]), None);
     }
 
     #[test]

@@ -11,7 +11,7 @@ pub(crate) mod selection;
 pub(crate) mod solid;
 
 pub use kinematics::{Displacement, DisplacementKind, KinematicParam, Kinematics, Placed};
-pub use model::{BaseKind, Body, Frame, Joint, JointKind, JointLimits, Model, Mounted};
+pub use model::{BaseKind, Body, Frame, Joint, JointImpedance, JointKind, JointLimits, Model, Mounted};
 pub use parameters::Params;
 pub use rest::rest;
 pub use selection::{SelectionError, matches, select, sift};

@@ -6,7 +6,7 @@ use crate::results::{Refusal, refused};
 use ff_mission::urdf;
 use ff_mission::urdf::UrdfOptions;
 use ff_mission::{LoadOptions, Mission};
-use ff_model::diagnostics::text_file;
+use ff_model::diagnostics::{list, text_file};
 use ff_model::{Area, BaseKind, Problem, Problems};
 use ffid::exit::Failure;
 use ffid::files::atomic;
@@ -27,7 +27,7 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid init arm.urdf --fixed -o ground.toml                 an arm on the ground, under gravity
 
 Guessed are the base (root of the tree), the arm (longest chain of driven joints), its end, and panels (other chains of hinges
-on the base: effort limit 0, or called panel, wing, boom, ...). What a URDF cannot tell is commented out with its unit, so the
+on the base: effort limit 0, or called panel, wing, boom, ...). Fingers and wheels are held (lock). What a URDF cannot tell is commented out with its unit, so the
 file passes `ffid check` at once. A panel without stiffness and damping is commented out: its hinges then count as driven.";
 
 /// A number, for all hinges or for one: `200` or `wing_1=200`.
@@ -131,6 +131,9 @@ impl Display for Started {
             };
             writeln!(f, "  panel {} of {} ({}): {state}", p.name, p.joints.join(", "), p.why)?;
         }
+        if !g.lock.is_empty() {
+            writeln!(f, "  held where they are, not in the record: {}", list(g.lock.iter().map(String::as_str), 12))?;
+        }
         if !g.others.is_empty() {
             writeln!(f, "  other joints, left as they are: {}", g.others.join(", "))?;
         }
@@ -155,17 +158,20 @@ fn work(args: &Args) -> Result<(Started, Problems), Refusal> {
         leniency: args.input.leniency(),
         ..UrdfOptions::default()
     };
-    let (model, mut problems) = urdf::from_file(file, &options).map_err(refused)?;
-    let guess = Guess::of(&model);
+    let (model, _) = urdf::from_file(file, &options).map_err(refused)?;
+    let urdf_text = text_file(file, urdf::MAX_BYTES).map_err(refused)?;
+    let held =
+        urdf::moving_joints(&urdf_text).into_iter().filter(|j| model.bodies().iter().all(|b| b.joint.name != *j));
+    let guess = Guess::of(&model).holding(held);
     let known = known(args, &guess).map_err(refused)?;
     let text = mission(&guess, &seen_from(&args.out, file), &known);
     // The promise that the file loads is kept before it is written.
-    let urdf_text = text_file(file, urdf::MAX_BYTES).map_err(refused)?;
     let load = LoadOptions { leniency: args.input.leniency() };
     let loaded = Mission::from_str(&text, &urdf_text, &ffid::default_registry(), &load);
     let warnings = loaded.map_err(refused)?.warnings;
-    let new = warnings.0.into_iter().filter(|w| w.area != Area::Model);
-    problems.extend(Problems(new.collect()));
+    // Those of the mission, not of the robot alone: what it lifts or locks is no assumption any more.
+    let of_robot = |w: Problem| if w.area == Area::Model && w.file.is_none() { w.in_file(file) } else { w };
+    let problems = Problems(warnings.0.into_iter().map(of_robot).collect());
     atomic::write(&args.out, text.as_bytes()).map_err(io)?;
     let lifted = guess.panels.iter().filter(|p| known.springs(p).is_some()).map(|p| p.name.clone()).collect();
     Ok((Started { mission: args.out.clone(), guess, lifted }, problems))

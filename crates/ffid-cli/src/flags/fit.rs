@@ -3,6 +3,7 @@
 use crate::interrupt;
 use crate::results::Output;
 use ff_mission::Mission;
+use ff_mission::mission::EstimateMethod;
 use ff_model::{Area, Problem, Problems};
 use ffid::exit::Exit;
 use ffid::workflow::identify::{EXPLAINED, IdentifyError, Method, Observer, Settings};
@@ -15,7 +16,8 @@ use std::time::Duration;
 /// How the record is predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum MethodFlag {
-    /// By the model: ground on a fixed base, rda without passive coordinates, else output-error.
+    /// By estimate.method of the mission, or else by the model: ground on a fixed base, rda without passive coordinates, else
+    /// output-error.
     Auto,
     /// Rigid system, base acceleration eliminated.
     Rda,
@@ -75,11 +77,14 @@ impl FitFlags {
     pub(crate) fn noise(&self) -> (Option<f64>, Option<f64>) {
         (self.torque_noise, self.gyro_noise)
     }
-    /// The settings for a mission; prior, start and method are the caller's.
+    /// The settings for a mission; prior and start are the caller's.
     pub(crate) fn settings(&self, mission: &Mission) -> Settings {
         let s = Sensing::of(&mission.sensors);
         Settings {
-            method: None,
+            method: mission.estimate.method.map(|m| match m {
+                EstimateMethod::Rda => Method::Rda,
+                EstimateMethod::OutputError => Method::OutputError,
+            }),
             noise: Noise {
                 torque: self.torque_noise.unwrap_or(s.torque_nm),
                 gyro: self.gyro_noise.unwrap_or(s.gyro_rad_per_s),

@@ -1,10 +1,17 @@
 //! Which joints of a tree are the arm, and which are hinges of panels.
 
+use ff_model::tree::JointImpedance;
 use ff_model::{Body, JointKind, Model};
 use serde::Serialize;
 
 /// Parts of names of what swings rather than being driven.
 const SWINGING: [&str; 9] = ["panel", "solar", "wing", "array", "flex", "boom", "antenna", "hinge", "sail"];
+
+/// Parts of names of hands, which an arm carries.
+const GRASPING: [&str; 7] = ["finger", "thumb", "gripper", "hand_", "knuckle", "jaw", "palm"];
+
+/// Parts of names of what rolls.
+const ROLLING: [&str; 3] = ["wheel", "caster", "castor"];
 
 /// Longest chain on the base that is taken for a panel without any evidence (joints): arms have more.
 const SHORT: usize = 3;
@@ -25,8 +32,12 @@ pub struct Guess {
     pub end_effector: Option<String>,
     /// Chains that hang on the base and look like panels.
     pub panels: Vec<Panel>,
+    /// Joints that the mission holds: fingers, wheels, what hangs on the end of the arm; and what the import holds anyway.
+    pub lock: Vec<String>,
     /// All other joints.
     pub others: Vec<String>,
+    /// Acceleration limit to begin with (rad/s^2 or m/s^2): half a second to the speed limit of the slowest joint, at most 0.5.
+    pub acceleration: f64,
 }
 
 /// A chain of hinges on the base.
@@ -40,6 +51,10 @@ pub struct Panel {
     pub why: String,
     /// False when only its shortness speaks for a panel.
     pub evident: bool,
+    /// Stiffness of its hinges (N m/rad), where the description of the robot gives that of each.
+    pub stiffness: Option<Vec<f64>>,
+    /// Damping of its hinges (N m s/rad), where the description gives that of each.
+    pub damping: Option<Vec<f64>>,
 }
 
 impl Guess {
@@ -49,11 +64,12 @@ impl Guess {
         let arm = tree.arm();
         let end_effector = arm.last().map(|&b| {
             // Of the frames that are fixed to the last body, the one farthest along the file: flange before tool.
-            let last = model.frames().iter().rfind(|f| f.body == b);
+            let of_hand = |name: &str| contains(name, &GRASPING) && name != model.body_name(b);
+            let last = model.frames().iter().rfind(|f| f.body == b && !of_hand(&f.name));
             last.map_or_else(|| model.body_name(b).to_owned(), |f| f.name.clone())
         });
         let mut panels: Vec<Panel> = Vec::new();
-        for chain in tree.chains().filter(|c| !c.iter().any(|b| arm.contains(b))) {
+        for chain in tree.chains().filter(|c| !c.iter().any(|b| arm.contains(b) || tree.named(*b, &ROLLING))) {
             let why = tree.evidence(&chain);
             if !tree.liftable(&chain) || (why.is_none() && chain.len() > SHORT) {
                 continue;
@@ -62,22 +78,39 @@ impl Guess {
             let why = why.unwrap_or_else(|| "a short chain on the base that is not the arm".to_owned());
             let joints = chain.iter().map(|&b| tree.joint(b).to_owned()).collect();
             let name = free_name(model, model.body_name(chain[0]), &panels);
-            panels.push(Panel { name, joints, why, evident });
+            let given = |of: fn(&JointImpedance) -> f64| {
+                let all = chain.iter().map(|&b| of(&tree.body(b).impedance));
+                all.map(|x| (x > 0.0).then_some(x)).collect::<Option<Vec<f64>>>()
+            };
+            let (stiffness, damping) = (given(|i| i.stiffness), given(|i| i.viscous));
+            panels.push(Panel { name, joints, why, evident, stiffness, damping });
         }
         let name = |b: &usize| tree.joint(*b).to_owned();
-        let taken = |j: &String| panels.iter().any(|p| p.joints.contains(j));
+        let panel = |b: &usize| panels.iter().any(|p| p.joints.iter().any(|j| j == tree.joint(*b)));
+        let rest: Vec<usize> = (1..model.n_bodies()).filter(|b| !arm.contains(b) && !panel(b)).collect();
+        let carried = |b: usize| arm.last().is_some_and(|tip| tree.path(b).contains(tip));
+        let (lock, others): (Vec<usize>, Vec<usize>) =
+            rest.into_iter().partition(|&b| carried(b) || tree.named(b, &GRASPING) || tree.named(b, &ROLLING));
+        let speeds = arm.iter().chain(&others).map(|&b| tree.body(b).joint.limits.velocity);
+        let slowest = speeds.filter(|v| *v > 0.0).fold(f64::INFINITY, f64::min);
         Self {
             base: model.body_name(0).to_owned(),
             arm: arm.iter().map(name).collect(),
             arm_links: arm.iter().map(|&b| model.body_name(b).to_owned()).collect(),
             end_effector,
-            others: (1..model.n_bodies())
-                .filter(|b| !arm.contains(b))
-                .map(|b| name(&b))
-                .filter(|j| !taken(j))
-                .collect(),
+            lock: lock.iter().map(name).collect(),
+            others: others.iter().map(name).collect(),
+            // Two digits: a guess.
+            acceleration: (100.0 * (2.0 * slowest).min(0.5)).ceil() / 100.0,
             panels,
         }
+    }
+    /// The same with joints that the import holds (of [`moving_joints`](ff_mission::urdf::moving_joints) those that the model lacks):
+    /// named in the mission, they are no assumption of the reader any more.
+    #[must_use]
+    pub fn holding(mut self, held: impl IntoIterator<Item = String>) -> Self {
+        self.lock.splice(0..0, held);
+        self
     }
 }
 
@@ -120,14 +153,20 @@ impl<'m> Tree<'m> {
         out.reverse();
         out
     }
+    /// True for a joint that has, or whose link has, one of the words in its name.
+    fn named(&self, b: usize, words: &[&str]) -> bool {
+        contains(&self.body(b).joint.name, words) || contains(&self.body(b).name, words)
+    }
     /// Why a joint looks as if nothing drove it.
     fn passive(&self, b: usize) -> Option<String> {
         let body = self.body(b);
+        if body.impedance.stiffness > 0.0 {
+            return Some(format!("{} is on a spring", shown(&body.joint.name)));
+        }
         if body.joint.limits.effort == 0.0 {
             return Some(format!("the effort limit of {} is 0", shown(&body.joint.name)));
         }
-        let named = |name: &str| SWINGING.iter().any(|w| name.to_lowercase().contains(w));
-        let name = [&body.joint.name, &body.name].into_iter().find(|n| named(n))?;
+        let name = [&body.joint.name, &body.name].into_iter().find(|n| contains(n, &SWINGING))?;
         Some(format!("the name of {}", shown(name)))
     }
     /// The longest chain of driven joints; of equally long ones the one that reaches farthest.
@@ -135,7 +174,7 @@ impl<'m> Tree<'m> {
         let mut best: (usize, f64, Vec<usize>) = (0, 0.0, Vec::new());
         for tip in (1..self.model.n_bodies()).filter(|&b| self.children[b].is_empty()) {
             let mut path = self.path(tip);
-            if let Some(i) = path.iter().position(|&b| self.passive(b).is_some()) {
+            if let Some(i) = path.iter().position(|&b| self.passive(b).is_some() || self.named(b, &GRASPING)) {
                 path.truncate(i);
             }
             let reach: f64 = path.iter().map(|&b| self.body(b).joint.placement.pos.norm()).sum();
@@ -173,6 +212,11 @@ impl<'m> Tree<'m> {
     fn liftable(&self, chain: &[usize]) -> bool {
         chain.iter().map(|&b| self.body(b)).all(|b| b.joint.kind != JointKind::Prismatic && b.inertia.com().is_some())
     }
+}
+
+fn contains(name: &str, words: &[&str]) -> bool {
+    let name = name.to_lowercase();
+    words.iter().any(|w| name.contains(w))
 }
 
 /// A name on one line, whatever characters it holds.

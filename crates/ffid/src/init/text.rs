@@ -54,11 +54,13 @@ impl Known {
     fn hinges(&self, p: &Panel, all: Option<f64>, of: &BTreeMap<String, f64>) -> Option<Vec<f64>> {
         p.joints.iter().map(|j| of.get(j).copied().or(all.filter(|_| p.evident))).collect()
     }
-    /// Stiffness and damping of every hinge of a panel; `None` unless all are known. Such a panel is active in the mission,
+    /// Stiffness and damping of every hinge of a panel, as told or else as the description of the robot gives them; `None` unless
+    /// all are known. Such a panel is active in the mission,
     /// the others are commented out and their hinges remain joints. Allocates.
     pub fn springs(&self, p: &Panel) -> Option<(Vec<f64>, Vec<f64>)> {
         let (k, d) = (&self.stiffness_of, &self.damping_of);
-        Some((self.hinges(p, self.stiffness, k)?, self.hinges(p, self.damping, d)?))
+        let stiffness = self.hinges(p, self.stiffness, k).or_else(|| p.stiffness.clone())?;
+        Some((stiffness, self.hinges(p, self.damping, d).or_else(|| p.damping.clone())?))
     }
 }
 
@@ -99,6 +101,14 @@ fn write(out: &mut String, g: &Guess, urdf: &str, known: &Known) -> fmt::Result 
     if !g.arm.is_empty() {
         writeln!(out, "# The arm (guess): {}.", names(&g.arm))?;
     }
+    if !g.lock.is_empty() {
+        let list: Vec<String> = g.lock.iter().map(|j| quoted(j)).collect();
+        writeln!(
+            out,
+            "# Held where they are (guess), so not in the record: hands, wheels, joints that carry nothing."
+        )?;
+        writeln!(out, "lock = [{}]", list.join(", "))?;
+    }
     if !g.others.is_empty() {
         writeln!(out, "# Driven as well (guess): {}.", names(&g.others))?;
     }
@@ -123,7 +133,7 @@ fn write(out: &mut String, g: &Guess, urdf: &str, known: &Known) -> fmt::Result 
     sensors(out, known)?;
     writeln!(out, "\n[limits]                              # for `ffid excite`, beside the limits of the URDF")?;
     writeln!(out, "# velocity_rad_per_s = 0.17")?;
-    writeln!(out, "# acceleration_rad_per_s2 = 0.15")?;
+    line(out, &format!("acceleration_rad_per_s2 = {:?}", g.acceleration), "guess: raise it for larger torques")?;
     writeln!(out, "# torque_nm = 100.0")?;
     writeln!(out, "\n[estimate]                            # names or patterns; `ffid check` lists all parameters")?;
     let mut patterns: Vec<String> =
@@ -136,6 +146,13 @@ fn write(out: &mut String, g: &Guess, urdf: &str, known: &Known) -> fmt::Result 
     }
     let list: Vec<String> = patterns.iter().map(|p| quoted(p)).collect();
     writeln!(out, "parameters = [{}]", list.join(", "))?;
+    if !known.fixed {
+        line(
+            out,
+            "method = \"output_error\"",
+            "explains torques and gyro; \"rda\" is linear and explains torques alone",
+        )?;
+    }
     line(out, "# prior_relative_std = 0.3", "if you vouch for the values above to this relative error")
 }
 

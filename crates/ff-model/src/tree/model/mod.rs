@@ -47,6 +47,23 @@ impl Default for JointLimits {
     }
 }
 
+/// Spring, damper and dry friction of a joint as its description gives them; zero where it is silent:
+/// `tau = stiffness (q - rest) + viscous dq + coulomb sign(dq)`.
+///
+/// They describe the drive side of a joint. The dynamics leave them out: torques are those behind the gear, where they do not show.
+/// A joint that is lifted into an appendage takes spring and damper as those of its hinge.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointImpedance {
+    /// Stiffness (N m/rad or N/m).
+    pub stiffness: f64,
+    /// Position at which the spring is slack (rad or m).
+    pub rest: f64,
+    /// Viscous coefficient (N m s/rad or N s/m).
+    pub viscous: f64,
+    /// Coulomb torque or force (N m or N).
+    pub coulomb: f64,
+}
+
 /// The one-degree-of-freedom joint that carries a body.
 ///
 /// ```
@@ -104,6 +121,8 @@ pub struct Body {
     pub joint: Joint,
     /// Inertia about the body frame, merged links included.
     pub inertia: Inertia<f64>,
+    /// Spring, damper and friction of its joint; zero unless [`Model::set_impedance`] gave them.
+    pub impedance: JointImpedance,
 }
 
 /// A named frame fixed to a body.
@@ -264,11 +283,19 @@ impl Model {
         assert!(self.appendages.is_empty(), "bodies must be added before appendages");
         let name = name.into();
         joint.axis /= joint.axis.norm();
-        self.bodies.push(Body { name: name.clone(), parent, joint, inertia });
+        self.bodies.push(Body { name: name.clone(), parent, joint, inertia, impedance: JointImpedance::default() });
         let index = self.bodies.len();
         self.frames.push(Frame { name, body: index, placement: Xform::identity() });
         self.params += 10;
         index
+    }
+    /// Gives the joint that carries body `body` its spring, damper and friction.
+    ///
+    /// # Panics
+    /// If the body does not exist or is the base.
+    pub fn set_impedance(&mut self, body: usize, impedance: JointImpedance) {
+        assert!((1..self.n_bodies()).contains(&body), "no joint carries body {body}");
+        self.bodies[body - 1].impedance = impedance;
     }
     /// Adds a named frame fixed to a body.
     ///

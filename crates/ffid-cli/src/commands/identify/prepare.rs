@@ -45,7 +45,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusa
     let opened = open(&input.file, input.leniency()).map_err(refused)?;
     let mission = results::undisturbed(&opened, &input.file).map_err(refused)?;
     let mut settings = args.fit.settings(mission);
-    settings.method = args.method.method();
+    settings.method = args.method.method().or(settings.method);
     settings.prior = args.prior.or(mission.estimate.prior_relative_std).filter(|_| !args.no_prior);
     settings.start_offset = if args.no_start_offset { 0.0 } else { mission.estimate.start_offset };
     settings.seed = args.seed;
