@@ -11,7 +11,7 @@ fn unsure(mission: String) -> String {
     };
     let m = put(mission, "noise_std_nm", "gain_relative_std = 0.01\ngain_common_relative_std = 0.01");
     let m = put(m, "noise_std_rad_per_s", "scale_relative_std = 0.003\nmisalignment_std_rad = 0.01");
-    m + "\n[[uncertain]]\nparameters = [\"tank.length\"]\nrelative_std = 0.1\n"
+    m + "\n[[uncertain]]\nbodies = [\"*\"]\nmass_relative_std = 0.02\n\n[[uncertain]]\nparameters = [\"tank.length\"]\nrelative_std = 0.1\n"
 }
 
 /// A gyro turned by 13 mrad with a scale of each axis, torque sensors with gains: all within what [`unsure`] says.
@@ -47,10 +47,7 @@ fn errors_of_sensors_within_what_the_mission_says_leave_estimates_honest() {
         assert!((noise + of - 1.0).abs() < 1e-6 && noise > 0.0, "{b}");
     }
     let mass = budget.iter().find(|b| b["name"] == "base.mass").unwrap();
-    assert!(
-        mass["errors"][0]["kind"] == "torque_gains" && mass["errors"][0]["share"].as_f64().unwrap() > 0.5,
-        "{mass}"
-    );
+    assert!(mass["errors"][0]["kind"] == "masses" && mass["errors"][0]["share"].as_f64().unwrap() > 0.3, "{mass}");
     let better = &mass["better"];
     assert!(better["std"].as_f64().unwrap() < 0.8 * mass["std"].as_f64().unwrap(), "{mass}");
 }
@@ -70,6 +67,7 @@ fn what_is_taken_as_exact_is_said() {
 
 /// What is off by far more than the mission says is named, as without.
 #[test]
+#[ignore = "full tier: 5 s"]
 fn an_error_beyond_what_the_mission_says_contradicts() {
     let dir = tempfile::tempdir().unwrap();
     let late = |names: &[String], x: &mut [f64]| {

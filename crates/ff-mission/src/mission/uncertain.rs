@@ -114,7 +114,8 @@ impl Uncertain {
             ("mounts", &self.mounts, mounts, "appendage or joint"),
         ] {
             for (k, pattern) in patterns.iter().enumerate() {
-                if names.iter().any(|n| fits(pattern, n)) {
+                // All of them may be none.
+                if pattern == "*" || names.iter().any(|n| fits(pattern, n)) {
                     continue;
                 }
                 let p = error("Config::NoSuchParameter", format!("'{}' fits no {what}", clip(pattern)));

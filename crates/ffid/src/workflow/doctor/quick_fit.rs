@@ -8,7 +8,8 @@ use super::{Case, Scales};
 use ff_least_squares::Settings as Solver;
 use ff_model::Params;
 use ff_records::Record;
-use ident::{Estimated, Noise, Options, OutputError, Request, estimate};
+use ident::estimate::attempt;
+use ident::{Estimated, Noise, Options, OutputError, Request};
 use nalgebra::DMatrix;
 
 /// Samples of the thinned record, at least, and its longest interval (s).
@@ -82,7 +83,7 @@ pub(super) fn quick_fit(case: &Case<'_>, record: &Record, scales: &Scales, initi
         settings: Solver { max_iterations: ITERATIONS, decrement_tolerance: SHOWN, ..Solver::default() },
         ..Request::new(&decls, case.estimated, nominal.values())
     };
-    let found = estimate(&request, &mut fit).ok()?;
+    let found = attempt(&request, &mut fit).ok()?;
     found.chi2_per_dof.is_finite().then_some(QuickFit {
         misfit: found.chi2_per_dof,
         values: found.values,
