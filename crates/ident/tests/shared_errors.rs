@@ -55,7 +55,7 @@ fn deviations(records: usize) -> ((f64, f64), f64) {
     let priors = Priors::default().with(PriorRow { column: gain, mean: 0.0, sigma: GAIN });
     // The truth itself: what counts is what the record tells there.
     let settings = Settings { max_iterations: 0, ..Settings::default() };
-    let marginal = vec![selected[gain]];
+    let marginal = vec![(selected[gain], GAIN)];
     let request = Request { priors, marginal, settings, coarse: false, ..Request::new(&short, &selected, &from) };
     let e = attempt(&request, &mut tied).unwrap();
     assert!(e.data_only.full_rank(), "the prior of the gain counts as a measurement: {:?}", e.data_only.null);

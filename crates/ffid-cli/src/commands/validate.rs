@@ -26,7 +26,7 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid validate m-identified --record other.csv --out verdict
 
 Parameters stay as they were estimated; biases (and, when asked for, the initial state) belong to the record and are fitted.
-A model that does not explain the record ends with exit code 13.";
+A model that does not explain the record ends with exit code 16.";
 
 /// Arguments of `ffid validate`.
 #[derive(clap::Args)]

@@ -40,9 +40,9 @@ use std::sync::Arc;
 /// }
 /// let mut shared = SharedErrors::new(Box::new(Two), 1, &["gain".to_owned()], &["a".to_owned(), "b".to_owned()]);
 /// assert_eq!(shared.nuisance().iter().map(|u| u.name.as_str()).collect::<Vec<_>>(), ["a.bias", "b.bias"]);
-/// let (mut r, mut j) = ([0.0; 2], DMatrix::zeros(2, 3));
-/// shared.jacobian(&[2.5, 0.2], &[0.1, 0.3], &[1], &mut r, &mut j)?;
-/// assert_eq!(j.column(0).as_slice(), [2.5, 2.5]);
+/// let (mut r, mut j) = ([0.0; 2], DMatrix::zeros(2, 4));
+/// shared.jacobian(&[2.5, 0.2], &[0.1, 0.3], &[0, 1], &mut r, &mut j)?;
+/// assert_eq!(j.column(1).as_slice(), [2.5, 2.5]);
 /// # Ok::<(), EvalError>(())
 /// ```
 pub struct SharedErrors<'a> {

@@ -71,8 +71,11 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
     let sizes = scale::sizes(request.decls, &values);
     let mut unknowns = Unknown::of_parameters(request.decls, selected, &sizes);
     unknowns.extend(extra.iter().cloned());
-    let given: Vec<PriorRow> =
-        request.priors.rows().iter().filter(|row| request.marginal.contains(&selected[row.column])).copied().collect();
+    let row = |&(i, sigma): &(usize, f64)| {
+        let column = selected.iter().position(|&s| s == i)?;
+        Some(PriorRow { column, mean: 0.0, sigma })
+    };
+    let given: Vec<PriorRow> = request.marginal.iter().filter_map(row).collect();
     let data_only = analyse(&with_rows(&data, &given), &unknowns, RANK_TOLERANCE)?;
     let uncertainty = if request.priors.is_empty() && references.is_empty() {
         data_only.clone()

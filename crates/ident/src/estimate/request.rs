@@ -81,10 +81,10 @@ pub struct Request<'a> {
     pub centre: Option<&'a [f64]>,
     /// Prior knowledge of selected parameters.
     pub priors: Priors,
-    /// Which of the selected parameters are not asked for, by index: what the mission is not sure of beside what it wants to know. Their
-    /// priors ([`crate::belief::PriorRow`]) count as measurements when it is decided what the data can tell, and they take no degree of
-    /// freedom that their priors have already.
-    pub marginal: Vec<usize>,
+    /// Which of the selected parameters are not asked for, by index, with what is known of each without any record, as a standard
+    /// deviation. That counts as a measurement when it is decided what the data can tell, and takes a degree of freedom the less. It is
+    /// no prior: that is among [`Request::priors`], alone or with what earlier records have told.
+    pub marginal: Vec<(usize, f64)>,
     /// Prior knowledge of everything selected at once: relative standard deviation around the start (0.3 is
     /// 30 %), bodies measured in the affine-invariant metric. `None` for none.
     pub prior_width: Option<f64>,

@@ -63,7 +63,11 @@ impl Report<'_> {
         from.extend(e.nuisance.iter().map(|p| p.start));
         to.extend(e.nuisance.iter().map(|p| p.value));
         let priors = unknowns.priors(&f.selected)?;
-        let (uncertain, budget) = uncertain::lines(unknowns, &f.selected, &e.values, &e.uncertainty);
+        let (uncertain, mut budget) = uncertain::lines(unknowns, &f.selected, &e.values, &e.uncertainty);
+        if self.options.posterior.is_some() {
+            // What earlier records have told of the errors is not independent of one another, and the variance does not split.
+            budget.clear();
+        }
         let fit = FitReport::new(e.status.clone(), (cost, e.residuals.len()), (&from, &to), &priors, &e.uncertainty);
         let names: Vec<String> = fit.estimates.iter().map(|l| l.name.clone()).collect();
         let line = |k: usize| Parameter::of(&fit.estimates[k], f.selected.get(k).map(|&i| unknowns.nominal[i]));

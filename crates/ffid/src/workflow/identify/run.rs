@@ -40,7 +40,7 @@ const NEAR: f64 = 1e-3;
 /// Relative width that such a fit is held to about the mission, and linearisations of each of its passes.
 const LOOSE: f64 = 0.5;
 /// See [`LOOSE`].
-const FEW: usize = 12;
+const FEW: usize = 4;
 /// Relative width of the draws of other starts.
 const SPREAD: f64 = 0.3;
 
@@ -99,7 +99,7 @@ pub fn identify(
     let priors = unknowns.priors(&unknowns.selected)?;
     let request = Request {
         anchor: (!unknowns.has_priors()).then_some(ANCHOR),
-        marginal: unknowns.marginal.iter().map(|m| m.0).collect(),
+        marginal: unknowns.marginal.iter().map(|m| (m.0, m.1.std)).collect(),
         loss: settings.loss,
         priors,
         settings: solver,
