@@ -16,7 +16,8 @@ use ff_least_squares::Settings;
 use ff_model::{Model, Params};
 use ff_records::{Record, RecordBuilder};
 use ident::compose::{Affine, TieMap};
-use ident::{Noise, Options, OutputError, Request, estimate};
+use ident::estimate::attempt;
+use ident::{Noise, Options, OutputError, Request};
 use ident::{Tie, Tied};
 use serde::Serialize;
 use std::time::Instant;
@@ -156,7 +157,7 @@ fn fifteen(model: &Model, record: &Record, start: f64) -> anyhow::Result<Outcome
     let oe = OutputError::new(model, record, &Options { substeps: 1, ..Options::new(NOISE) })?;
     // The peers do not keep panels physical on the way either.
     let request = Request { settings: settings(Task::Peers), ..Request::new(&short, &selected, &values) };
-    let e = estimate(&request, &mut Tied::new(oe, map).unchecked())?;
+    let e = attempt(&request, &mut Tied::new(oe, map).unchecked())?;
     let seconds = from.elapsed().as_secs_f64();
     let errors = e.parameters.iter().zip(&truth).zip(SCALE).map(|((p, t), s)| ((p.value - t) / s).abs());
     Ok(Outcome {
@@ -177,7 +178,7 @@ fn all(model: &Model, record: &Record, offset: f64) -> anyhow::Result<Outcome> {
     let mut oe = OutputError::new(model, record, &Options { substeps: 1, ..Options::new(NOISE) })?;
     let request =
         Request { prior_width: Some(0.3), settings: settings(Task::All), ..Request::new(&decls, &selected, &start) };
-    let e = estimate(&request, &mut oe)?;
+    let e = attempt(&request, &mut oe)?;
     let seconds = from.elapsed().as_secs_f64();
     // The truth must cost more than the answer, and no more than chance explains: twice the difference is chi-squared with one
     // degree of freedom per unknown. (Errors along single directions of the linearisation say little: the set of parameters
@@ -190,7 +191,7 @@ fn all(model: &Model, record: &Record, offset: f64) -> anyhow::Result<Outcome> {
         settings: lax,
         ..Request::new(&decls, &selected, &truth)
     };
-    let excess = estimate(&there, &mut oe)?.objective - e.objective;
+    let excess = attempt(&there, &mut oe)?.objective - e.objective;
     let n = selected.len() as f64;
     ensure!(excess > 0.0, "the truth costs {:.1e} less than the answer", -excess);
     ensure!(

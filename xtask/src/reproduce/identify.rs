@@ -7,9 +7,10 @@ use ff_model::{Model, Params};
 use ff_records::{Record, RecordBuilder};
 use ffid::exit::Failure;
 use ident::estimate::Estimate;
+use ident::estimate::attempt;
 use ident::parameters::offset_start;
 use ident::parameters::select;
-use ident::{Options, OutputError, Rda, Request, estimate};
+use ident::{Options, OutputError, Rda, Request};
 use serde::Serialize;
 
 /// Which sensors a record was taken with: none but the truth, or those of the mission with a seed.
@@ -77,7 +78,7 @@ pub(super) fn rigid(
     let start = offset_start(&decls, truth.values(), &selected, x.loaded.mission.estimate.start_offset, x.seed);
     let mut rda = Rda::new(m, record, &x.noise)?;
     let request = Request { settings: settings(), ..Request::new(&decls, &selected, &start) };
-    let e = estimate(&request, &mut rda)?;
+    let e = attempt(&request, &mut rda)?;
     let report = report(x, "rigid", noise, &e, truth);
     Ok((Params::from_values(m, e.values), report))
 }
@@ -98,7 +99,7 @@ pub(super) fn extended(x: &Experiment, record: &Record, noise: Noise) -> anyhow:
         settings: settings(),
         ..Request::new(&decls, &selected, &start)
     };
-    let e = estimate(&request, &mut output_error)?;
+    let e = attempt(&request, &mut output_error)?;
     if !e.status.is_converged() && noise.is_some() {
         return Err(Failure::Numerical(format!("{}: extended identification ended with {:?}", x.name, e.status)).into());
     }

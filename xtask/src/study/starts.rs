@@ -34,11 +34,12 @@ use ff_spectral::{ModalSettings, fit_modes};
 use ffid::sense::from_rest;
 use ident;
 use ident::compose::{Accept, Pass, estimate_staged};
+use ident::estimate::attempt;
 use ident::modal::HeldPose;
 use ident::modal::{ModalRequest, estimate_modal};
 use ident::parameters::random_start;
 use ident::parameters::select;
-use ident::{Estimator, Noise, OutputError, Request, estimate};
+use ident::{Estimator, Noise, OutputError, Request};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -275,7 +276,7 @@ fn one(x: &Setup, trial: Trial, part: Part) -> anyhow::Result<Outcome> {
         ..Request::new(&x.decls, &x.selected, &x.prior)
     };
     let (e, matched, trials) = if part == Part::Prior {
-        (estimate(&request, &mut output_error)?, 0, Vec::new())
+        (attempt(&request, &mut output_error)?, 0, Vec::new())
     } else {
         let (starts, matched) = x.starts(&record, seed)?;
         let thin = record.thinned(THIN)?;

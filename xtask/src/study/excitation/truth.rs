@@ -9,7 +9,8 @@ use ff_dynamics::{Boundary, Mode, Prescribed, Response, Sampling, Wanted, modes,
 use ff_least_squares::Settings;
 use ff_model::{Inertia, Model, Params};
 use ff_records::RecordBuilder;
-use ident::{Noise, Rda, Request, estimate};
+use ident::estimate::attempt;
+use ident::{Noise, Rda, Request};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::f64::consts::TAU;
 
@@ -86,7 +87,7 @@ pub(super) fn rigid_bias(
         settings: Settings { max_iterations: 100, ..Settings::default() },
         ..Request::new(&decls, &selected, truth.values())
     };
-    let e = estimate(&request, &mut rda)?;
+    let e = attempt(&request, &mut rda)?;
     Ok(Bias { fit: errors(&Inertia::from_params(&e.values[..10]), truth.body(0))?, linear })
 }
 

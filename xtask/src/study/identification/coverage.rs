@@ -12,8 +12,9 @@ use crate::study::{Op, Options, Study};
 use ff_dynamics::sim::Channel;
 use ff_dynamics::{SensorSuite, Trace, measure};
 use ident::estimate::Estimate;
+use ident::estimate::attempt;
 use ident::parameters::offset_start;
-use ident::{OutputError, Request, estimate};
+use ident::{OutputError, Request};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -113,7 +114,7 @@ fn one(case: &Case, trace: &Trace, trial: Trial) -> anyhow::Result<Fitted> {
     let start = offset_start(&case.decls, case.truth.values(), &case.selected, 0.1, seed);
     let request = Request { settings: settings(), ..Request::new(&case.decls, &case.selected, &start) };
     let o = ident::Options { substeps: 1, ..ident::Options::new(case.noise) };
-    let e: Estimate = estimate(&request, &mut OutputError::new(&case.model, &record, &o)?)?;
+    let e: Estimate = attempt(&request, &mut OutputError::new(&case.model, &record, &o)?)?;
     Ok(Fitted {
         chi2_per_dof: Number(e.chi2_per_dof),
         converged: e.status.is_converged(),

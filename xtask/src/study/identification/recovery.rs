@@ -12,8 +12,9 @@ use crate::study::trials::{Number, Trial, Trials};
 use crate::study::{Op, Options, Study};
 use ff_records::Record;
 use ident::estimate::Estimate;
+use ident::estimate::attempt;
 use ident::parameters::offset_start;
-use ident::{Rda, Request, estimate};
+use ident::{Rda, Request};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -82,7 +83,7 @@ fn one(case: &Case, record: &Record, trial: Trial) -> anyhow::Result<Recovery> {
         ..Request::new(&case.decls, &case.selected, &start)
     };
     let e: Estimate = if case.model.np() == 0 {
-        estimate(&request, &mut Rda::new(&case.model, record, &case.noise)?)?
+        attempt(&request, &mut Rda::new(&case.model, record, &case.noise)?)?
     } else {
         let o = ident::Options { substeps: 1, ..ffid::ident::Options::new(case.noise) };
         fit(case, record, &o, &request)?
