@@ -15,6 +15,7 @@ pub mod mission;
 mod mjcf;
 mod sdf;
 pub mod urdf;
+mod xml;
 
 pub use leniency::Leniency;
 pub use mission::{LoadOptions, Loaded, Mission};

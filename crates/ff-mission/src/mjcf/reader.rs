@@ -5,7 +5,7 @@ use super::geometry;
 use super::orientation::{Angles, along, rotation};
 use crate::lines::LineIndex;
 use crate::urdf::raw::{RawInertial, RawJoint, RawLimit, RawLink, RawMimic, RawPose, RawRobot};
-use crate::urdf::strict::MAX_PROBLEMS;
+use crate::xml;
 use ff_model::diagnostics::{clip, list, misspelling, nearest};
 use ff_model::tree::JointImpedance;
 use ff_model::{Area, Inertia, Problem, Problems, Xform};
@@ -115,14 +115,10 @@ struct Reader<'a, 't, 'p> {
 
 impl<'a> Reader<'a, '_, '_> {
     fn line(&self, n: Node<'_, '_>) -> usize {
-        self.lines.at(n.range().start).0
+        xml::line(&self.lines, n)
     }
     fn fail(&mut self, n: Node<'_, '_>, object: &str, code: &'static str, what: String, hint: &str) {
-        if self.out.0.len() >= MAX_PROBLEMS {
-            return;
-        }
-        let (line, column) = self.lines.at(n.range().start);
-        self.out.push(Problem::error(Area::Model, code, what).at(line, column).on(clip(object)).hint(hint));
+        xml::fail((&self.lines, &mut *self.out), n, object, code, what, hint);
     }
     /// Any number of finite numbers of a text.
     fn parse(&mut self, n: Node<'_, '_>, name: &str, text: &str) -> Option<Vec<f64>> {

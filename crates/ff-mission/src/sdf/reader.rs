@@ -2,7 +2,7 @@
 
 use crate::lines::LineIndex;
 use crate::urdf::raw::{RawInertial, RawJoint, RawLimit, RawLink, RawMimic, RawPose, RawRobot};
-use crate::urdf::strict::MAX_PROBLEMS;
+use crate::xml;
 use ff_model::diagnostics::{clip, list, nearest};
 use ff_model::tree::JointImpedance;
 use ff_model::{Area, Problem, Problems};
@@ -60,14 +60,10 @@ fn text<'a>(n: Node<'a, '_>, name: &str) -> Option<&'a str> {
 
 impl<'a, 'i> Reader<'a, 'i, '_, '_> {
     fn line(&self, n: Node<'_, '_>) -> usize {
-        self.lines.at(n.range().start).0
+        xml::line(&self.lines, n)
     }
     fn fail(&mut self, n: Node<'_, '_>, object: &str, code: &'static str, what: String, hint: &str) {
-        if self.out.0.len() >= MAX_PROBLEMS {
-            return;
-        }
-        let (line, column) = self.lines.at(n.range().start);
-        self.out.push(Problem::error(Area::Model, code, what).at(line, column).on(clip(object)).hint(hint));
+        xml::fail((&self.lines, &mut *self.out), n, object, code, what, hint);
     }
     /// Exactly `N` finite numbers of an element's text.
     fn numbers<const N: usize>(&mut self, n: Node<'_, '_>, object: &str) -> Option<[f64; N]> {

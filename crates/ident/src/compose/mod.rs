@@ -11,6 +11,6 @@ pub(crate) mod ties;
 pub use continuation::{Accept, Pass, Staged, Trial, estimate_staged};
 pub use masked::Masked;
 pub use multi_start::{Best, Ending, best_of, equal_cost};
-pub use several::{Several, Shared, SharedError};
+pub use several::{Several, Shared, SharedError, is_called};
 pub use shared_errors::SharedErrors;
 pub use ties::{Affine, Tie, TieError, TieMap, Tied};

@@ -14,6 +14,19 @@ use ff_model::tree::{SelectionError, select, sift};
 use ff_model::{ParamDecl, ParamGroup};
 use nalgebra::DMatrix;
 
+/// Whether a nuisance unknown of one record, or of several with their labels before its name, is the one called `name`.
+///
+/// ```
+/// use ident::compose::is_called;
+///
+/// let labels = ["before".to_owned(), "after".to_owned()];
+/// assert!(is_called("after.gyro.bias.x", "gyro.bias.x", &labels) && is_called("gyro.bias.x", "gyro.bias.x", &[]));
+/// ```
+pub fn is_called(unknown: &str, name: &str, labels: &[String]) -> bool {
+    let labelled = |l: &String| unknown.strip_prefix(l.as_str()).and_then(|r| r.strip_prefix('.')) == Some(name);
+    unknown == name || labels.iter().any(labelled)
+}
+
 /// The parameters of several models as one list.
 #[derive(Clone, Debug)]
 pub struct Shared {

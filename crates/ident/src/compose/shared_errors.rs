@@ -6,6 +6,7 @@
 //! like any other. Its column is the sum of theirs.
 
 use crate::belief::covariance::Unknown;
+use crate::compose::several::is_called;
 use crate::compose::tied_rows::{Made, TiedColumns, TiedRows};
 use crate::estimate::estimator::{Coarse, Estimator};
 use crate::estimate::row_stream::{RowBlock, RowStream};
@@ -59,14 +60,7 @@ impl<'a> SharedErrors<'a> {
     /// behind the first `parameters`. A name that none has is a parameter without effect. Allocates.
     pub fn new(inner: Box<dyn Estimator + 'a>, parameters: usize, names: &[String], labels: &[String]) -> Self {
         let all = inner.nuisance();
-        let own = |unknown: &str| {
-            let is = |name: &String| {
-                let labelled =
-                    |l: &String| unknown.strip_prefix(l.as_str()).and_then(|r| r.strip_prefix('.')) == Some(name);
-                unknown == name || labels.iter().any(labelled)
-            };
-            names.iter().position(is)
-        };
+        let own = |unknown: &str| names.iter().position(|name| is_called(unknown, name, labels));
         let (mut of, mut kept) = (vec![Vec::new(); names.len()], Vec::new());
         for (k, u) in all.iter().enumerate() {
             match own(&u.name) {

@@ -1,5 +1,6 @@
 //! The errors that are tried: which columns belong together, what they are called and how they are told.
 
+use crate::compose::several::is_called;
 use crate::estimate::output_options::Options;
 use crate::uncertain::score::Combination;
 use crate::uncertain::source::ErrorSource;
@@ -41,13 +42,7 @@ impl Hypothesis {
     /// their labels before the name); `None` where a column is missing.
     pub fn columns(&self, names: &[String], labels: &[String]) -> Option<Vec<Combination>> {
         let find = |wanted: &str| -> Vec<usize> {
-            let is = |n: &String| {
-                n == wanted
-                    || labels
-                        .iter()
-                        .any(|l| n.strip_prefix(l.as_str()).is_some_and(|r| r.strip_prefix('.') == Some(wanted)))
-            };
-            (0..names.len()).filter(|&i| is(&names[i])).collect()
+            (0..names.len()).filter(|&i| is_called(&names[i], wanted, labels)).collect()
         };
         let each = |c: &Component| {
             let mut out = Vec::new();

@@ -11,7 +11,7 @@ use super::text::num;
 use super::unknowns::Unknowns;
 use ff_model::{Model, ParamDecl};
 use ident::checks::whiteness;
-use ident::compose::Shared;
+use ident::compose::{Shared, is_called};
 use ident::estimate::Estimate;
 use ident::uncertain::{
     self, Combination, Component, EndOfFit, Hypothesis, Layout, MATTERS, Named, Scores, hypotheses,
@@ -93,16 +93,12 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
         decls.iter().map(|d| d.name.clone()).chain(nuisance.iter().map(|u| u.name.clone())).collect();
     let value_of = |name: &str| e.nuisance.iter().find(|u| u.name == name).map(|u| u.value);
     let labels_of = if several { end.labels } else { &[] };
-    let is_called = |u: &str, name: &str| {
-        u == name
-            || labels_of.iter().any(|l| u.strip_prefix(l.as_str()).and_then(|r| r.strip_prefix('.')) == Some(name))
-    };
     let beside = |name: &str| -> Combination {
-        let own = nuisance.iter().enumerate().filter(|(_, u)| is_called(&u.name, name));
+        let own = nuisance.iter().enumerate().filter(|(_, u)| is_called(&u.name, name, labels_of));
         own.map(|(k, _)| (decls.len() + k, 1.0)).collect()
     };
     let shared: Vec<(&str, f64)> = end.unknowns.marginal.iter().map(|(i, u)| (u.name.as_str(), e.values[*i])).collect();
-    let shared_value = |name: &str| shared.iter().find(|(n, _)| is_called(name, n)).map(|s| s.1);
+    let shared_value = |name: &str| shared.iter().find(|(n, _)| is_called(name, n, labels_of)).map(|s| s.1);
     let of = |name: &str| value_of(name).or_else(|| shared_value(name));
     let extra: Vec<f64> = nuisance.iter().map(|u| of(&u.name).unwrap_or(0.0)).collect();
     let sizes = ident::parameters::sizes(&decls, end.values);

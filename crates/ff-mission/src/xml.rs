@@ -1,0 +1,28 @@
+//! Problems of elements of an XML file, at their lines.
+
+use crate::lines::LineIndex;
+use crate::urdf::strict::MAX_PROBLEMS;
+use ff_model::diagnostics::clip;
+use ff_model::{Area, Problem, Problems};
+use roxmltree::Node;
+
+/// Line of an element, from 1.
+pub(crate) fn line(lines: &LineIndex<'_>, n: Node<'_, '_>) -> usize {
+    lines.at(n.range().start).0
+}
+
+/// Reports an error at an element, unless there are [`MAX_PROBLEMS`] already.
+pub(crate) fn fail(
+    (lines, out): (&LineIndex<'_>, &mut Problems),
+    n: Node<'_, '_>,
+    object: &str,
+    code: &'static str,
+    what: String,
+    hint: &str,
+) {
+    if out.0.len() >= MAX_PROBLEMS {
+        return;
+    }
+    let (line, column) = lines.at(n.range().start);
+    out.push(Problem::error(Area::Model, code, what).at(line, column).on(clip(object)).hint(hint));
+}
