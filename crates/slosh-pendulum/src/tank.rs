@@ -206,7 +206,11 @@ impl SloshTank {
     /// Residual, or bias without accelerations.
     #[inline(always)]
     fn push<T: Scalar>(&self, p: &[T], s: &PortState<'_, T>, acc: Option<&PortAccel<'_, T>>, r: &mut [T]) {
-        let (mut f, mut n) = self.fixed(p).map_or((V3::zero(), V3::zero()), |b| Self::still(&b, s, acc));
+        // No closure: it would not be compiled for the instructions of its caller.
+        let (mut f, mut n) = (V3::zero(), V3::zero());
+        if let Some(b) = self.fixed(p) {
+            (f, n) = Self::still(&b, s, acc);
+        }
         for mass in &self.masses {
             let (mf, mn) = mass.residual(p, s, acc, r);
             (f, n) = (f + mf, n + mn);

@@ -31,6 +31,7 @@ pub(crate) struct Link<T: Scalar> {
     pub(crate) ic: PackedInertia<T>,
 }
 
+#[inline(always)]
 pub(crate) fn lift<T: Scalar>(v: &[f64; 3]) -> V3<T> {
     V3::new(T::from_f64(v[0]), T::from_f64(v[1]), T::from_f64(v[2]))
 }

@@ -13,9 +13,6 @@ const APPROACHED: (f64, f64) = (1e-4, 1e-2);
 /// Promised reduction of chi-squared below which it has, too.
 const APPROACHED_GAIN: f64 = 0.03;
 
-/// Linearisations of a pass over less data where some parameters are marginalised.
-const NEAR_STEPS: usize = 2;
-
 /// Linearisations after which a first pass that has not ended is taken to be lost in a valley, and is led there over growing parts of
 /// the record. Passes that find their way take fewer.
 const LOST: usize = 12;
@@ -39,21 +36,17 @@ pub(super) fn approach<E: Estimator + ?Sized>(
 ) {
     let Some(mut thin) = estimator.coarse(&place.full) else { return };
     let statistics = if request.settings.gain_tolerance > 0.0 { APPROACHED_GAIN } else { 0.0 };
-    // Errors that are marginalised start near the answer, and their columns are dear.
-    let near = !request.marginal.is_empty();
-    let limit =
-        if near { NEAR_STEPS.min(request.settings.max_iterations) } else { request.settings.max_iterations / 2 };
     let settings = Settings {
         decrement_tolerance: (100.0 * request.settings.decrement_tolerance).clamp(APPROACHED.0, APPROACHED.1),
         gain_tolerance: request.settings.gain_tolerance.max(statistics),
-        max_iterations: limit,
+        max_iterations: request.settings.max_iterations / 2,
         ..request.settings.clone()
     };
     let lax = Request { settings, ..request.clone() };
     let mut there = place.clone();
     let coarsest = thin.estimator.coarse(&place.full).is_none();
     let thinner: &mut dyn Estimator = &mut *thin.estimator;
-    if coarsest && !near {
+    if coarsest {
         lead(&lax, thinner, sizes, references, &mut there);
     } else {
         approach(&lax, thinner, sizes, references, &mut there);

@@ -340,7 +340,6 @@ impl<T: LaneScalar> Moved<'_, T> {
     fn column(&self, d: &Frame<T>, own: &mut [T]) -> (V3<T>, V3<T>) {
         let Self { port, frame, at, w, v, first } = self;
         let (two, zero) = (T::from_f64(2.0), V3::zero());
-        let turned = |x: &V3<T>, dx: &V3<T>| d.pose.r.tr_mul(x) + frame.down(dx);
         let mut a = at.field.mul_add(&frame.pose.p, &at.a);
         let (mut w_at, mut al_at) = (at.w, at.al);
         if frame.moving {
@@ -349,12 +348,12 @@ impl<T: LaneScalar> Moved<'_, T> {
             w_at += frame.w;
         }
         let da = at.field.mul_add(&d.pose.p, &(d.ddp + at.w.cross(&d.dp).scaled(two)));
-        let (mut lin, al) = (turned(&a, &da), turned(&al_at, &at.w.cross_add(&d.w, &d.dw)));
-        let dw = turned(&w_at, &d.w);
+        let (mut lin, al) = (turned(d, frame, &a, &da), turned(d, frame, &al_at, &at.w.cross_add(&d.w, &d.dw)));
+        let dw = turned(d, frame, &w_at, &d.w);
         let mut dv = zero;
         if *first > 0 {
             let v_at = at.w.cross_add(&frame.pose.p, &at.v) + frame.dp;
-            dv = turned(&v_at, &at.w.cross_add(&d.pose.p, &d.dp));
+            dv = turned(d, frame, &v_at, &at.w.cross_add(&d.pose.p, &d.dp));
             lin -= dw.cross(v) + w.cross(&dv);
         }
         port.along(*first, &dw, &dv, &lin, &al, own);
@@ -365,6 +364,12 @@ impl<T: LaneScalar> Moved<'_, T> {
         n += d.pose.r.mul(&rn) + d.pose.p.cross(&force) + frame.pose.p.cross(&df);
         (f, n)
     }
+}
+
+/// `dR^T x + R^T dx`.
+#[inline(always)]
+fn turned<T: LaneScalar>(d: &Frame<T>, frame: &Frame<T>, x: &V3<T>, dx: &V3<T>) -> V3<T> {
+    d.pose.r.tr_mul(x) + frame.down(dx)
 }
 
 /// Number of state columns.

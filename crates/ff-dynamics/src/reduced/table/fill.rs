@@ -247,7 +247,12 @@ impl<L: LaneScalar> Kernel for Filling<'_, L> {
 
 /// Writes the lanes of `x` one after another, each where `at` says.
 #[inline(always)]
-fn scatter<L: LaneScalar, const N: usize>(x: &[L; N], nodes: &[usize], at: impl Fn(usize) -> usize, to: &mut [f64]) {
+pub(super) fn scatter<L: LaneScalar, const N: usize>(
+    x: &[L; N],
+    nodes: &[usize],
+    at: impl Fn(usize) -> usize,
+    to: &mut [f64],
+) {
     // As many numbers as there are lanes at a time, so that those of a node are written together.
     let whole = N - N % L::N;
     for (k, group) in x[..whole].chunks_exact(L::N).enumerate() {

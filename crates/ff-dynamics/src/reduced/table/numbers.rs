@@ -2,6 +2,7 @@
 //!
 //! Equations and symbols are those of [`crate::reduced::table`]. Everything is in base axes, about the base origin.
 
+use ff_lanes::WIDEST;
 use ff_model::scalar::LaneScalar;
 use ff_model::spatial::vec3::{M3, PackedInertia, Pose, RotationKind, S3, V3, turn};
 use ff_model::{Scalar, Xform};
@@ -258,12 +259,21 @@ impl<T: Scalar> JointRow<T> {
     }
 }
 
-/// One number per lane.
+/// The `N` numbers of each of these places in a table of `N` numbers each, one place per lane.
 #[inline(always)]
-pub(crate) fn lanes<L: LaneScalar>(nodes: &[usize], x: impl Fn(usize) -> f64) -> L {
-    let mut a = [0.0; 8];
-    for (a, &n) in a.iter_mut().zip(&nodes[..L::N]) {
-        *a = x(n);
+pub(crate) fn columns<L: LaneScalar, const N: usize>(table: &[f64], nodes: &[usize]) -> [L; N] {
+    // Not a closure: it has to be compiled into its caller, for the instructions of that one.
+    let mut out = [L::zero(); N];
+    let mut of: [&[f64]; WIDEST] = [&[]; WIDEST];
+    for (of, &n) in of.iter_mut().zip(&nodes[..L::N]) {
+        *of = &table[n * N..][..N];
     }
-    L::load(&a)
+    for (i, x) in out.iter_mut().enumerate() {
+        let mut lane = [0.0; WIDEST];
+        for (lane, of) in lane.iter_mut().zip(&of[..L::N]) {
+            *lane = of[i];
+        }
+        *x = L::load(&lane);
+    }
+    out
 }

@@ -1,8 +1,9 @@
 //! The table of a prescribed motion: numbers of the arm at half integration steps, rows of joints at samples.
 
-use super::numbers::{ARM, Arm, FORM, FRAME, Frame, JointRow, ROW, TorqueForm, lanes};
+use super::numbers::{ARM, Arm, FORM, FRAME, Frame, JointRow, ROW, TorqueForm, columns};
 use super::sampling::Sampling;
 use super::slopes::Slopes;
+use ff_lanes::WIDEST;
 use ff_model::scalar::{LaneScalar, ModelScalar};
 use ff_model::{Model, Xform};
 
@@ -147,7 +148,8 @@ impl Prescribed {
     /// The arm at several nodes, one per lane.
     #[inline(always)]
     pub(crate) fn arms<L: LaneScalar>(&self, nodes: &[usize]) -> Arm<L> {
-        Arm::read(|i| lanes(nodes, |n| self.arm[n * ARM + i]))
+        let all: [L; ARM] = columns(&self.arm, nodes);
+        Arm::read(|i| all[i])
     }
     /// A frame that moves, at a node.
     #[inline(always)]
@@ -158,7 +160,10 @@ impl Prescribed {
     /// A frame that moves, at several nodes, one per lane.
     #[inline(always)]
     pub(crate) fn frames_at<L: LaneScalar>(&self, column: usize, nodes: &[usize]) -> Frame<L> {
-        Frame::read(|i| lanes(nodes, |n| self.frames[(n * self.moving + column) * FRAME + i]))
+        let mut places = [0; WIDEST];
+        places.iter_mut().zip(&nodes[..L::N]).for_each(|(p, n)| *p = n * self.moving + column);
+        let all: [L; FRAME] = columns(&self.frames, &places);
+        Frame::read(|i| all[i])
     }
     /// The row of joint `j` at a sample.
     #[inline(always)]

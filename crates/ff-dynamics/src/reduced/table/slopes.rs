@@ -1,5 +1,5 @@
-//! Derivatives of the tables with respect to kinematic parameters and sizes of disturbances, by forward dual numbers through
-//! [`ArmModel`].
+//! Derivatives of the tables with respect to kinematic parameters, in closed form (`sweep/displacement.rs`), and to sizes of disturbances
+//! of the motion, by forward dual numbers through [`ArmModel`].
 //!
 //! A parameter of a joint changes the arm, the frames on what the joint carries, and the rows of joints; one of a mount
 //! changes the frame of that mount alone, the same at all times where the host is the base. A disturbance of the motion changes arm,
@@ -7,15 +7,20 @@
 
 use super::arm_model::ArmModel;
 use super::disturbance::{Disturbance, Disturbed, push};
-use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW, lanes};
+use super::fill::scatter;
+use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW, columns};
 use super::sampling::Sampling;
+use super::sweep::{Sweep, Twist, placement};
 use crate::motion::joint::JointMotion;
 use core::ops::Range;
 use ff_lanes::WIDEST;
 use ff_model::scalar::DIRECTIONS;
-use ff_model::scalar::{Grad, LaneScalar};
+use ff_model::scalar::lanes::{Isa, LaneTask, dispatch};
+use ff_model::scalar::{D1, Grad, LaneScalar};
+use ff_model::spatial::vec3::{M3, Pose, V3};
 use ff_model::tree::Placed;
 use ff_model::{Kinematics, Model, Params, Xform};
+use nalgebra::Vector3;
 
 /// Derivatives of the tables, one per kinematic parameter, then one per disturbance.
 #[derive(Clone, Debug, Default)]
@@ -83,28 +88,11 @@ impl Slopes {
         };
         let all = of.iter().map(empty).collect();
         let mut out = Self { of: of.to_vec(), disturbances: Vec::new(), all };
-        let params = params.lift::<Grad>(model);
-        let mut joints = vec![0.0; 3 * nj];
-        let (mut x, mut numbers) = (vec![Grad::constant(0.0); 3 * nj], Vec::new());
-        for (of, slopes) in of.chunks(DIRECTIONS).zip(out.all.chunks_mut(DIRECTIONS)) {
-            let mut values: Vec<Grad> = kinematics.values().iter().map(|&x| Grad::constant(x)).collect();
-            of.iter().enumerate().for_each(|(k, &i)| values[i].eps[k] = 1.0);
-            let kinematics = Kinematics::from_values(model, values);
-            let site = |(k, a): (usize, &ff_model::tree::Mounted)| (a.host, kinematics.mount(k).apply(&a.mount));
-            let sites: Vec<(usize, Xform<Grad>)> = model.appendages().iter().enumerate().map(site).collect();
-            let mut arm = ArmModel::new(model, &params, &sites).displaced(&kinematics);
-            for node in 0..nodes {
-                let (q, rest) = joints.split_at_mut(nj);
-                let (qd, qdd) = rest.split_at_mut(nj);
-                motion.eval(sampling.time_of(first + node), q, qd, qdd);
-                x.iter_mut().zip(&joints).for_each(|(x, &j)| *x = Grad::constant(j));
-                let per_sample = sampling.nodes_per_sample();
-                let rows = node % per_sample == 0;
-                arm.numbers([&x[..nj], &x[nj..2 * nj], &x[2 * nj..]], rows, &mut numbers);
-                for (k, slope) in slopes.iter_mut().enumerate() {
-                    slope.take(k, &arm, &numbers, (node, per_sample));
-                }
-            }
+        if !of.is_empty() {
+            let twists: Vec<Twist> = of.iter().map(|&i| twist(model, kinematics, &decls[i].of, i)).collect();
+            let displaced = model.displaced(kinematics);
+            let slopes = out.all.iter_mut().zip(&twists).zip(of.iter().map(|&i| decls[i].of)).collect();
+            dispatch(Isa::detect(), Displace { model: &displaced, params, motion, sampling, first, slopes });
         }
         out
     }
@@ -185,6 +173,106 @@ impl Slopes {
     }
 }
 
+/// What hangs on a joint or mount moves by this twist per unit of its kinematic parameter `i`, at the displacements `kinematics`: the rate of
+/// the displaced pose times its inverse. A joint's position turns or slides what it carries behind its placement and changes nothing in it.
+fn twist(model: &Model, kinematics: &Kinematics<f64>, of: &Placed, i: usize) -> Twist {
+    let values = kinematics.values().iter().enumerate();
+    let values = values.map(|(k, &x)| D1::new(x, if k == i { 1.0 } else { 0.0 })).collect();
+    let kinematics = Kinematics::from_values(model, values);
+    let (body, pose) = match *of {
+        Placed::Joint(j) => (model.bodies()[j].parent, placement(model, &kinematics, j)),
+        Placed::Mount(k) => {
+            let mounted = &model.appendages()[k];
+            let x: Xform<D1> = kinematics.mount(k).apply(&mounted.mount);
+            (mounted.host, (M3::from(&x.rot), V3::from(&x.pos)))
+        }
+    };
+    let at = |x: &V3<D1>| Vector3::new(x.x.re, x.y.re, x.z.re);
+    let rate = |x: &V3<D1>| Vector3::new(x.x.eps[0], x.y.eps[0], x.z.eps[0]);
+    // Columns c of a rotation have the rates a x c, and the sum of c x (a x c) over three of them is 2 a.
+    let angular: Vector3<f64> = pose.0.0.iter().map(|c| at(c).cross(&rate(c))).sum::<Vector3<f64>>() * 0.5;
+    let linear = rate(&pose.1) - angular.cross(&at(&pose.1));
+    Twist { body, angular: angular.into(), linear: linear.into() }
+}
+
+/// Derivatives of the tables with respect to displacements, several instants at a time, one per lane.
+struct Displace<'a, 's> {
+    /// The displaced one.
+    model: &'a Model,
+    params: &'a Params<f64>,
+    motion: &'a dyn JointMotion,
+    sampling: &'a Sampling,
+    /// First node of the table among those of the motion.
+    first: usize,
+    slopes: Vec<((&'s mut Slope, &'a Twist), Placed)>,
+}
+
+impl LaneTask for Displace<'_, '_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) {
+        let Self { model, params, motion, sampling, first, mut slopes } = self;
+        let (nj, nodes, per_sample) = (model.nj(), sampling.nodes(), sampling.nodes_per_sample());
+        let mut sweep = Sweep::<L>::new(model, &params.lift(model));
+        let mounts: Vec<Pose<L>> = model.appendages().iter().map(|a| Pose::constant(&a.mount)).collect();
+        let mut joint = vec![0.0; 3 * nj];
+        let mut given = vec![[0.0; WIDEST]; 3 * nj];
+        let mut x = vec![L::zero(); 3 * nj];
+        // Nodes of samples, which have rows, then the nodes between them.
+        for (rows, all) in [(true, sampling.samples), (false, nodes - sampling.samples)] {
+            for from in (0..all).step_by(L::N) {
+                let count = L::N.min(all - from);
+                let mut group = [0; WIDEST];
+                for (lane, node) in group.iter_mut().enumerate().take(L::N) {
+                    // A group that is not full repeats its last node.
+                    let i = from + lane.min(count - 1);
+                    *node = if rows {
+                        i * per_sample
+                    } else {
+                        i / (per_sample - 1) * per_sample + 1 + i % (per_sample - 1)
+                    };
+                    if lane < count {
+                        let (q, rest) = joint.split_at_mut(nj);
+                        let (qd, qdd) = rest.split_at_mut(nj);
+                        motion.eval(sampling.time_of(first + *node), q, qd, qdd);
+                    }
+                    given.iter_mut().zip(&joint).for_each(|(g, &x)| g[lane] = x);
+                }
+                x.iter_mut().zip(&given).for_each(|(x, g)| *x = L::load(g));
+                let group = &group[..count];
+                sweep.outwards(&x[..nj], &x[nj..2 * nj], &x[2 * nj..]);
+                (1..=nj).rev().for_each(|i| sweep.inwards(i));
+                for ((slope, twist), of) in &mut slopes {
+                    let by = sweep.displacement(twist);
+                    if let Placed::Joint(j) = *of {
+                        let change = sweep.sums_slope(j + 1, &by);
+                        scatter(&change.arm().numbers(), group, |n| n * ARM, &mut slope.arm);
+                        for i in (1..=nj).filter(|_| rows) {
+                            let row = if sweep.carries(j + 1, i) {
+                                sweep.row_slope_within(i, &by)
+                            } else if sweep.carries(i, j + 1) {
+                                sweep.row_slope_below(i, &change)
+                            } else {
+                                continue;
+                            };
+                            scatter(&row, group, |n| (n / per_sample * nj + i - 1) * ROW, &mut slope.rows);
+                        }
+                    }
+                    for f in &mut slope.frames {
+                        let host = model.appendages()[f.port].host;
+                        let frame = sweep.frame_slope(host, &mounts[f.port], &by);
+                        if !f.at_rest {
+                            scatter(&frame.numbers(), group, |n| n * FRAME, &mut f.numbers);
+                        } else if rows && from == 0 {
+                            scatter(&frame.numbers(), &group[..1], |_| 0, &mut f.numbers);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// Whether joint `j` lies between a body and the base.
 fn carries(model: &Model, j: usize, mut body: usize) -> bool {
     while body > j + 1 {
@@ -218,7 +306,8 @@ impl Slope {
     /// Of the arm at nodes, one per lane.
     #[inline(always)]
     pub(crate) fn arm<L: LaneScalar>(&self, nodes: &[usize]) -> Arm<L> {
-        Arm::read(|i| lanes(nodes, |n| self.arm[n * ARM + i]))
+        let all: [L; ARM] = columns(&self.arm, nodes);
+        Arm::read(|i| all[i])
     }
     /// Of the row of joint `j` at a sample.
     pub(crate) fn row(&self, sample: usize, j: usize) -> JointRow<f64> {
@@ -234,6 +323,7 @@ impl FrameSlope {
         if !self.at_rest {
             here[..L::N].copy_from_slice(&nodes[..L::N]);
         }
-        Frame::read(|i| lanes(&here, |n| self.numbers[n * FRAME + i]))
+        let all: [L; FRAME] = columns(&self.numbers, &here);
+        Frame::read(|i| all[i])
     }
 }

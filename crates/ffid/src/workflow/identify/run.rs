@@ -35,12 +35,6 @@ use ident::parameters::random_start;
 const ANCHOR: f64 = 10.0;
 /// Promised reduction of chi-squared below which a fit is at its end: a thirtieth of a standard deviation is left to go.
 const GAIN: f64 = 1e-3;
-/// Promised relative reduction at which a fit that only leads to another is near enough.
-const NEAR: f64 = 1e-3;
-/// Relative width that such a fit is held to about the mission, and linearisations of each of its passes.
-const LOOSE: f64 = 0.5;
-/// See [`LOOSE`].
-const FEW: usize = 4;
 /// Relative width of the draws of other starts.
 const SPREAD: f64 = 0.3;
 
@@ -87,7 +81,7 @@ pub fn identify(
         .map_err(|e| IdentifyError::Refused(config("Config::Records", e.to_string(), "name each record once")))?;
     let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
     let fit = Assembly { model, records, settings, shared: &shared, labels: &labels, unknowns: &unknowns };
-    let Assembled { mut whole, twins, sigma, rows } = fit.assemble(&uncertain, &uncertain.shared_names())?;
+    let Assembled { mut whole, twins, sigma, rows } = fit.assemble(&uncertain)?;
     let solver = Solver {
         max_iterations: settings.max_iterations,
         decrement_tolerance: 1e-10,
@@ -95,7 +89,6 @@ pub fn identify(
         cost_floor: 1e-13,
         ..Solver::default()
     };
-    let start = fit.first_start(&uncertain, &solver, watch)?;
     let priors = unknowns.priors(&unknowns.selected)?;
     let request = Request {
         anchor: (!unknowns.has_priors()).then_some(ANCHOR),
@@ -104,7 +97,7 @@ pub fn identify(
         priors,
         settings: solver,
         centre: Some(&unknowns.start),
-        ..Request::new(&unknowns.decls, &unknowns.selected, &start)
+        ..Request::new(&unknowns.decls, &unknowns.selected, &unknowns.start)
     };
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
     let subject = Subject { model, records, unknowns: &unknowns, settings, sigma: &sigma };
@@ -153,8 +146,8 @@ struct Assembled<'a> {
 }
 
 impl<'a> Assembly<'a> {
-    /// With columns of these errors of sensors and placements; `names` are all that stand behind the parameters of the model.
-    fn assemble(&self, uncertain: &UncertainItems, names: &[String]) -> Result<Assembled<'a>, IdentifyError> {
+    /// With columns of these errors of sensors and placements.
+    fn assemble(&self, uncertain: &UncertainItems) -> Result<Assembled<'a>, IdentifyError> {
         let of = |t: &'a LabelledRecord| RecordEstimator::beside(self.model, &t.record, self.settings, uncertain);
         let mut fits = self.records.iter().map(of).collect::<Result<Vec<_>, _>>()?;
         let sigma = fits.first().map(|f| f.sigmas(self.model)).unwrap_or_default();
@@ -162,46 +155,12 @@ impl<'a> Assembly<'a> {
         let (mut parts, twins): (Vec<Box<dyn Estimator + '_>>, Vec<Twin<'_>>) =
             fits.into_iter().map(RecordEstimator::split).unzip();
         let mut whole = if parts.len() == 1 { parts.remove(0) } else { Box::new(Several::new(self.shared, parts)) };
+        let names = uncertain.shared_names();
         if !names.is_empty() {
             let of_model = self.model.param_decls().len();
-            whole = Box::new(SharedErrors::new(whole, of_model, names, self.labels));
+            whole = Box::new(SharedErrors::new(whole, of_model, &names, self.labels));
         }
         Ok(Assembled { whole: self.unknowns.tied(whole), twins, sigma, rows })
-    }
-    /// Where the fit starts: where one leads that takes as exact what the mission is not sure of, which needs none of its columns and
-    /// comes near the answer.
-    fn first_start(
-        &self,
-        uncertain: &UncertainItems,
-        solver: &Solver,
-        watch: &Observer<'_>,
-    ) -> Result<Vec<f64>, IdentifyError> {
-        let unknowns = self.unknowns;
-        if unknowns.marginal.is_empty() {
-            return Ok(unknowns.start.clone());
-        }
-        let asked: Vec<usize> = unknowns.selected.iter().copied().filter(|&i| unknowns.is_asked(i)).collect();
-        let mut bare = self.assemble(&UncertainItems::default(), &uncertain.shared_names())?.whole;
-        let mut watched = ObservedEstimator::new(&mut *bare, watch);
-        let request = Request {
-            anchor: (!unknowns.has_priors()).then_some(ANCHOR),
-            loss: self.settings.loss,
-            priors: unknowns.priors(&asked)?,
-            // What is wrong elsewhere must not lead it astray.
-            prior_width: Some(LOOSE),
-            settings: Solver {
-                decrement_tolerance: NEAR,
-                max_iterations: FEW.min(solver.max_iterations),
-                ..solver.clone()
-            },
-            ..Request::new(&unknowns.decls, &asked, &unknowns.start)
-        };
-        let found = attempt(&request, &mut watched);
-        if watched.stopped() {
-            return Err(IdentifyError::Interrupted);
-        }
-        // What goes wrong here may go right with more unknowns.
-        Ok(found.map_or_else(|_| unknowns.start.clone(), |e| e.values))
     }
 }
 

@@ -5,8 +5,11 @@
 //! (`fill.rs`); [`ArmModel`](crate::reduced::table::ArmModel) evaluates it over any scalar, one set of links per lane or with
 //! derivatives.
 
+mod displacement;
+
 use super::numbers::{Arm, Frame, ROW};
 use crate::work::link::{Link, links};
+pub(crate) use displacement::Twist;
 use ff_model::spatial::so3::{exp_so3, quat_to_rot};
 use ff_model::spatial::vec3::{M3, PackedInertia, Pose, RotationKind, S3, V3, turn};
 use ff_model::{Kinematics, Model, Params, Scalar};
@@ -87,11 +90,16 @@ impl<T: Scalar> Sweep<T> {
     /// Numbers of the row of the joint that carries body `i`, once all that it carries has been added.
     #[inline(always)]
     pub(crate) fn row(&self, i: usize) -> [T; ROW] {
+        let (s, u) = self.screw(i);
+        self.sums[i].row(&s, &u)
+    }
+    /// Screw about the base origin of the joint that carries body `i`: velocity there, and angular velocity.
+    #[inline(always)]
+    fn screw(&self, i: usize) -> (V3<T>, V3<T>) {
         let (v, w) = self.links[i].screw();
         let m = &self.moved[i];
         let u = m.r.mul(&w);
-        let s = m.p.cross_add(&u, &m.r.mul(&v));
-        self.sums[i].row(&s, &u)
+        (m.p.cross_add(&u, &m.r.mul(&v)), u)
     }
     /// All links together, once everything has been added to the base.
     #[inline(always)]
@@ -103,6 +111,16 @@ impl<T: Scalar> Sweep<T> {
     pub(crate) fn frame(&self, host: usize, mount: &Pose<T>) -> Frame<T> {
         self.moved[host].frame(mount)
     }
+}
+
+/// Rotation and position in the parent of what joint `j` carries at position zero, with the joint displaced.
+pub(crate) fn placement<T: Scalar>(model: &Model, by: &Kinematics<T>, j: usize) -> (M3<T>, V3<T>) {
+    let (mut l, d) = (Link::new(&model.bodies()[j]), by.joint(j));
+    let turn = M3::from(&quat_to_rot(&exp_so3(&d.rotation)));
+    let shift = V3::from(&d.shift);
+    l.displace(&turn, &shift);
+    l.place_displaced(d.offset, &turn, &shift);
+    (l.pose.r, l.pose.p)
 }
 
 /// A body that moves relative to the base.
@@ -118,7 +136,7 @@ struct Moved<T> {
 
 /// The sums of [`crate::reduced::table`], with `int r r^T` in place of `J`.
 #[derive(Clone, Copy, Debug)]
-struct Sums<T> {
+pub(crate) struct Sums<T> {
     m: T,
     h: V3<T>,
     dh: V3<T>,
@@ -287,7 +305,7 @@ impl<T: Scalar> Sums<T> {
         v.scaled(self.rr.xx + self.rr.yy + self.rr.zz) - self.rr.mul(v)
     }
     #[inline(always)]
-    fn arm(&self) -> Arm<T> {
+    pub(crate) fn arm(&self) -> Arm<T> {
         let (s, k) = (&self.rr, &self.k.0);
         let two = T::from_f64(2.0);
         let (tr, twice) = (k[0].x + k[1].y + k[2].z, |v: V3<T>| v.scaled(two));
