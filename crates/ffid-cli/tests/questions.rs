@@ -3,7 +3,9 @@
 use crate::doubts::ringing;
 use crate::identify::{flex, near_the_truth, slosh};
 use ff_mission::Leniency;
+use ffid::files::folder::Entry;
 use ffid::open::open;
+use ffid::workflow::identify::IdentificationResult;
 use std::fs;
 
 #[test]
@@ -168,13 +170,35 @@ fn what_one_identification_has_learnt_the_next_one_knows() {
     c.good(&["identify", "m.toml", "--record", "r2.csv", "--prior-from", "first", "--out", "second"]);
     c.good(&["identify", "m.toml", "--records", "r1.csv", "r2.csv", "--out", "both"]);
     let (first, second, both) = (c.result("first"), near_the_truth(&c, "second", 4.5), c.result("both"));
-    for ((a, b), f) in second.parameters.iter().zip(&both.parameters).zip(&first.parameters) {
-        // In sequence as at once, as far as the model is linear between the two.
-        assert!((a.value - b.value).abs() < 0.1 * b.std.unwrap(), "{}: {} and {}", a.name, a.value, b.value);
-        assert!((a.std.unwrap() / b.std.unwrap() - 1.0).abs() < 0.02, "{}", a.name);
-        assert!((a.prior_mean.unwrap() / f.value - 1.0).abs() < 1e-9, "{}", a.name);
-        assert!((a.prior_std.unwrap() / f.std.unwrap() - 1.0).abs() < 1e-6, "{}", a.name);
-    }
+    // In sequence as at once: the records of the first are fitted again.
+    let alike = |a: &IdentificationResult, b: &IdentificationResult, of_value: f64, of_std: f64| {
+        for ((a, b), f) in a.parameters.iter().zip(&b.parameters).zip(&first.parameters) {
+            assert!((a.value - b.value).abs() < of_value * b.std.unwrap(), "{}: {} and {}", a.name, a.value, b.value);
+            assert!((a.std.unwrap() / b.std.unwrap() - 1.0).abs() < of_std, "{}", a.name);
+            assert!((a.prior_mean.unwrap() / f.value - 1.0).abs() < 1e-9, "{}", a.name);
+            assert!((a.prior_std.unwrap() / f.std.unwrap() - 1.0).abs() < 1e-6, "{}", a.name);
+        }
+    };
+    alike(&second, &both, 0.02, 1e-4);
+    let kept: Vec<_> = second.kept_records.iter().map(|k| (k.label.as_str(), k.file.as_str())).collect();
+    assert_eq!(kept, [("r2", "record-1.parquet"), ("r1", "record-2.parquet")]);
+    // A third one knows what the first has fitted.
+    let again = ["identify", "m.toml", "--record", "r1.csv", "--prior-from", "second", "--out", "x"];
+    c.refused(&again, 12, "Data::SameData", &["r1.csv"]);
+    // A result without records leaves its parabola, and says so: as far as the model is linear between the two.
+    let result = c.path("first/result.json");
+    let before = Entry::of(result.as_ref(), "").unwrap();
+    let mut bare: serde_json::Value = serde_json::from_str(&c.read("first/result.json")).unwrap();
+    bare.as_object_mut().unwrap().remove("kept_records");
+    c.write("first/result.json", &bare.to_string());
+    let after = Entry::of(result.as_ref(), "").unwrap();
+    let size = |e: &Entry| format!("bytes = {}", e.bytes);
+    let manifest = c.read("first/manifest.toml").replace(&before.sha256, &after.sha256);
+    c.write("first/manifest.toml", &manifest.replace(&size(&before), &size(&after)));
+    let args = ["identify", "m.toml", "--record", "r2.csv", "--prior-from", "first", "--out", "third"];
+    let (code, _, said) = c.run(&args);
+    assert!(code == 0 && said.contains("warning[Data::NoRecords]"), "{code} {said}");
+    alike(&c.result("third"), &both, 0.1, 0.02);
     // The same record must not count twice; a folder that was touched is refused.
     let again = ["identify", "m.toml", "--record", "r1.csv", "--prior-from", "first", "--out", "x"];
     c.refused(&again, 12, "Data::SameData", &["r1.csv", "--records"]);

@@ -43,6 +43,7 @@ pub(super) const ROOT: &[Key] = &[
     key("clocks", Tables(CLOCK), "clocks of the channels against that of the encoders"),
     key("comparison", Table(COMPARISON), "models against each other"),
     key("records", Tables(RECORD_FIT), "every record, when there are several"),
+    key("kept_records", Tables(KEPT_RECORD), "the records as files of the folder, for a later identification"),
     must("channels", Tables(CHANNEL), "every channel over the first record"),
     key("held_out", Table(HELD_OUT), "the same on data that were not used"),
     must("warnings", Tables(WARNING), "what was let through"),
@@ -330,6 +331,13 @@ const RECORD_FIT: &[Key] = &[
     must("seconds", Number, "length (s)"),
     must("mean_square", Number, "mean square of its whitened residuals"),
     must("channels", Tables(CHANNEL), "every channel"),
+];
+
+const KEPT_RECORD: &[Key] = &[
+    must("label", Text, "its name"),
+    must("file", Text, "its file in the folder"),
+    must("resampled_torques", Flag, "its torques were put on another clock by interpolation"),
+    must("resampled_gyro", Flag, "its gyro was"),
 ];
 
 const CHANNEL: &[Key] = &[

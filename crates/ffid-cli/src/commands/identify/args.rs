@@ -6,8 +6,8 @@ use crate::flags::record::RecordFlags;
 use crate::output::Input;
 use crate::result_folder;
 use crate::results::Output;
-use ff_model::{Area, Problem, Problems};
-use ffid::workflow::identify::{FitOptions, InputFile, TieSpec};
+use ff_model::{Area, Model, Problem, Problems};
+use ffid::workflow::identify::{FitOptions, InputFile, LabelledRecord, TieSpec, read_kept};
 use std::path::PathBuf;
 
 /// Longest file of ties (bytes).
@@ -60,7 +60,8 @@ pub(crate) struct Args {
     /// The data alone, whatever the mission says.
     #[arg(long)]
     pub(crate) no_prior: bool,
-    /// Take what an earlier identification has learnt as prior: the folder that it wrote.
+    /// Go on from an earlier identification, the folder that it wrote: its records are fitted as well, so that the order of records
+    /// plays no part; where it keeps none, what it has learnt is the prior.
     #[arg(long, value_name = "DIR")]
     pub(crate) prior_from: Option<PathBuf>,
     /// Parameters that are functions of fewer unknowns: a file of [[tie]] tables (docs/results.md).
@@ -113,24 +114,47 @@ impl Args {
     pub(crate) fn paths(&self) -> Vec<PathBuf> {
         self.record.iter().chain(&self.records).cloned().collect()
     }
-    /// Options of the fit, and the files of an earlier identification.
-    pub(crate) fn options(&self) -> Result<(FitOptions, Vec<InputFile>), Problems> {
+    /// Options of the fit, and what an earlier identification leaves.
+    pub(crate) fn options(&self, model: &Model) -> Result<(FitOptions, Earlier), Problems> {
         let mut options =
             FitOptions { reduce: self.reduce, more_starts: self.starts as usize - 1, ..FitOptions::default() };
         if let Some(path) = &self.ties {
             let text = ff_model::diagnostics::text_file(path, MAX_TIES)?;
             options.ties = TieSpec::read(&text).map_err(|p| p.in_file(path))?;
         }
-        let mut earlier = Vec::new();
-        if let Some(folder) = &self.prior_from {
-            let result = result_folder::result(folder)?;
-            earlier = result.provenance.inputs;
-            options.posterior = Some(result.posterior.ok_or_else(|| {
-                let what = "the result holds no posterior";
-                let p = Problem::error(Area::Data, "Data::NoPosterior", what).in_file(folder.join("result.json"));
+        let mut earlier = Earlier::default();
+        let Some(folder) = &self.prior_from else { return Ok((options, earlier)) };
+        let result = result_folder::result(folder)?;
+        earlier.inputs = result.provenance.inputs;
+        let file = folder.join("result.json");
+        if result.kept_records.is_empty() {
+            let posterior = result.posterior.ok_or_else(|| {
+                let p = Problem::error(Area::Data, "Data::NoPosterior", "the result holds no posterior").in_file(&file);
                 Problems(vec![p.hint("identify again with this version")])
-            })?);
+            })?;
+            let what = "it keeps no records, so that what it has learnt counts as a parabola around its estimates, which is wrong where \
+                        they were weak and later records lead elsewhere";
+            let p = Problem::warning(Area::Data, "Data::NoRecords", what).in_file(&file);
+            earlier.warnings.push(p.hint("give all records at once with --records"));
+            options.posterior = Some(posterior);
+            return Ok((options, earlier));
         }
+        // What was let through then is let through.
+        let allow: Vec<String> = result.warnings.iter().map(|w| w.code.clone()).collect();
+        earlier.records = read_kept(folder, &result.kept_records, model, &allow)?;
+        earlier.files = result.kept_records.iter().map(|k| folder.join(&k.file)).collect();
+        options.learnt = result.posterior;
         Ok((options, earlier))
     }
+}
+
+/// What an earlier identification leaves to a later one.
+#[derive(Default)]
+pub(crate) struct Earlier {
+    /// Files that it has read.
+    pub(crate) inputs: Vec<InputFile>,
+    /// Records that it keeps, and where.
+    pub(crate) records: Vec<LabelledRecord>,
+    pub(crate) files: Vec<PathBuf>,
+    pub(crate) warnings: Problems,
 }

@@ -18,13 +18,15 @@ use std::collections::BTreeMap;
 /// The fit, and the judgement of what was held out.
 pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Signals>, Problems), Refusal> {
     let settings_words = words(args, r);
-    let Ready { opened, settings: s, options, records, held, inputs, .. } = r;
+    let Ready { opened, settings: s, options, records, sources, earlier, held, inputs, .. } = r;
     let model = &opened.model;
     let provenance = Provenance {
         program: concat!("ffid ", env!("CARGO_PKG_VERSION")).to_owned(),
         inputs: inputs
             .iter()
             .map(|e| InputFile { file: e.file.clone(), bytes: e.bytes, sha256: e.sha256.clone() })
+            // So that an identification that goes on from this one knows all that has been fitted.
+            .chain(earlier.iter().filter(|e| inputs.iter().all(|i| i.sha256 != e.sha256)).cloned())
             .collect(),
         record: RecordLine { samples: 0, rate_hz: 0.0, seconds: 0.0, t0: 0.0, rates: false },
         noise_torque_nm: s.noise.torque,
@@ -40,7 +42,7 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
         // An axis mismatch explains a misfit, and is looked for only then.
         let axes = |records: &[LabelledRecord], s: &Settings| -> Result<(), IdentifyError> {
             let nominal = Params::nominal(model);
-            for (labelled, path) in records.iter().zip(args.paths()) {
+            for (labelled, path) in records.iter().zip(&*sources) {
                 let turned = axes::mismatch(model, nominal.values(), &labelled.record, s)?;
                 if turned.has_errors() {
                     return Err(IdentifyError::Refused(turned.in_file(path)));
@@ -50,7 +52,7 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
         };
         // What makes a fit useless is found in a fraction of its time.
         let mut before = Problems::default();
-        for (labelled, path) in records.iter().zip(args.paths()) {
+        for (labelled, path) in records.iter().zip(&*sources) {
             let found = before_fit(opened, labelled, s).map_err(|e| match e {
                 IdentifyError::IllPosed(p) => IdentifyError::IllPosed(p.in_file(path.clone())),
                 other => other,

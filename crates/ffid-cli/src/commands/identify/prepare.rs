@@ -30,7 +30,12 @@ pub(crate) struct Ready {
     pub(crate) opened: Opened,
     pub(crate) settings: Settings,
     pub(crate) options: FitOptions,
+    /// Those of an earlier identification last.
     pub(crate) records: Vec<LabelledRecord>,
+    /// Where they come from.
+    pub(crate) sources: Vec<PathBuf>,
+    /// Files that an earlier identification has read.
+    pub(crate) earlier: Vec<InputFile>,
     pub(crate) held: Held,
     pub(crate) problems: Problems,
     pub(crate) files: Vec<PathBuf>,
@@ -84,19 +89,20 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusa
     for path in &paths {
         loaded.push(args.reading.read(path, &opened.model, need, settings.low_pass_hz, input).map_err(refused)?);
     }
-    let (mut options, earlier) = args.options().map_err(refused)?;
+    let (mut options, earlier) = args.options(&opened.model).map_err(refused)?;
     files.extend(args.ties.iter().cloned());
     files.extend(args.prior_from.iter().map(|f| f.join("result.json")));
+    files.extend(earlier.files.iter().cloned());
     let inputs = results::inputs(&files).map_err(io)?;
-    same_data(&inputs[2..], paths.len(), fraction.is_none() && held_out.is_some(), &earlier).map_err(refused)?;
+    same_data(&inputs[2..], paths.len(), fraction.is_none() && held_out.is_some(), &earlier.inputs).map_err(refused)?;
     let folder = results::begin(&target, &args.output, err).map_err(io)?;
     let mut problems = opened.warnings.clone();
+    problems.extend(earlier.warnings);
     let mut records: Vec<LabelledRecord> = Vec::new();
     for (path, l) in paths.iter().zip(loaded) {
         problems.extend(l.warnings);
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let again = records.iter().filter(|t| t.label == stem || t.label.starts_with(&format!("{stem}-"))).count();
-        let label = if again == 0 { stem } else { format!("{stem}-{}", again + 1) };
+        let label = unlike(&records, stem);
         records.push(LabelledRecord { label, record: l.record, resampled: (false, false) });
     }
     let last = records.len() - 1;
@@ -126,8 +132,32 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusa
         }
         (None, None) => Held::None,
     };
+    for of in earlier.records {
+        let label = unlike(&records, of.label.clone());
+        records.push(LabelledRecord { label, ..of });
+    }
+    let sources = paths.into_iter().chain(earlier.files).collect();
     options.profile.clone_from(&args.profile);
-    Ok(Ready { opened, settings, options, records, held, problems, files, inputs, folder, target })
+    Ok(Ready {
+        opened,
+        settings,
+        options,
+        records,
+        sources,
+        earlier: earlier.inputs,
+        held,
+        problems,
+        files,
+        inputs,
+        folder,
+        target,
+    })
+}
+
+/// This label, or one that no record has.
+fn unlike(records: &[LabelledRecord], label: String) -> String {
+    let again = records.iter().filter(|t| t.label == label || t.label.starts_with(&format!("{label}-"))).count();
+    if again == 0 { label } else { format!("{label}-{}", again + 1) }
 }
 
 /// Row D39: data that were given twice. `files` are `records` records, then the one held out, if `held` is.
@@ -147,7 +177,8 @@ fn same_data(files: &[Entry], records: usize, held: bool, earlier: &[InputFile])
             return refuse(file, first.file.clone(), hint);
         }
         if let Some(old) = earlier.iter().find(|f| f.sha256 == file.sha256) {
-            let hint = "its prior knows them already; fit both at once with --records, or leave --prior-from out";
+            let hint =
+                "it has been fitted there already: leave it out, or leave --prior-from out and give all with --records";
             return refuse(file, format!("{} of the earlier identification", old.file), hint);
         }
     }

@@ -8,14 +8,14 @@ use ff_report::identify::{all_figures, page};
 use ffid::exit::Failure;
 use ffid::files::folder::Folder;
 use ffid::open::Opened;
-use ffid::workflow::identify::{Identified, Signals, Warning, model_files};
+use ffid::workflow::identify::{Identified, LabelledRecord, Signals, Warning, keep, model_files};
 use std::path::Path;
 
 /// Writes everything but the manifest. What is wrong with the files of the robot is added to the warnings of the result, and returned.
 pub(crate) fn write(
     folder: &Folder,
     args: &Args,
-    opened: &Opened,
+    (opened, records): (&Opened, &[LabelledRecord]),
     found: &mut Identified,
     held: Option<&Signals>,
     leniency: &Leniency,
@@ -26,6 +26,10 @@ pub(crate) fn write(
         let file: &Path = &args.input.file;
         (files, problems) = model_files::write(file, mission, &opened.model, &found.values, &found.selected, leniency)?;
         found.result.warnings.extend(Warning::all(&problems));
+    }
+    // A filtered motion is no record: it would be filtered again.
+    if args.reading.low_pass().is_none() {
+        found.result.kept_records = keep(folder, &opened.model, records)?;
     }
     let r = &found.result;
     folder.write("result.json", &r.to_json()?)?;

@@ -90,7 +90,11 @@ pub(super) fn linear(e: LinearError) -> IdentifyError {
 pub(super) fn check(s: &Settings, options: &FitOptions) -> Result<(), Problems> {
     let wrong = [
         (s.prior.is_some(), "priors", "give --no-prior, and drop prior_relative_std from [estimate]"),
-        (options.posterior.is_some(), "an earlier identification as prior", "give all records at once with --records"),
+        (
+            options.posterior.is_some(),
+            "an earlier identification without its records",
+            "give all records at once with --records",
+        ),
         (!options.ties.is_empty(), "ties", "estimate the parameters for themselves"),
         (!options.profile.is_empty(), "profiles", "its cost is a parabola: the intervals are exact"),
         (

@@ -12,8 +12,10 @@ pub struct FitOptions {
     pub profile: Vec<String>,
     /// Fits from random starts, beside the one from the start.
     pub more_starts: usize,
-    /// What an earlier identification has learnt.
+    /// What an earlier identification has learnt, as prior: for one whose records are not at hand.
     pub posterior: Option<Posterior>,
+    /// What an earlier identification has learnt whose records are among those that are fitted: listed beside the estimates.
+    pub learnt: Option<Posterior>,
     /// Parameters that are functions of fewer unknowns.
     pub ties: Vec<TieSpec>,
 }

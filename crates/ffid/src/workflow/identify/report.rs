@@ -73,12 +73,13 @@ impl Report<'_> {
         let line = |k: usize| Parameter::of(&fit.estimates[k], f.selected.get(k).map(|&i| unknowns.nominal[i]));
         let n = f.selected.len();
         let mut parameters: Vec<Parameter> = (0..n).filter(|&k| unknowns.is_asked(f.selected[k])).map(line).collect();
-        if let Some(p) = &self.options.posterior {
+        let earlier = self.options.posterior.as_ref().or(self.options.learnt.as_ref());
+        if let Some(p) = earlier {
             let known = known_before(p).map_err(|e| IdentifyError::Model(e.to_string()))?;
             parameters.iter_mut().for_each(|line| before(line, known.get(&line.name)));
         }
         // Rows of an earlier identification are not independent, so that the formula does not hold with them.
-        let independent = self.options.posterior.is_none();
+        let independent = earlier.is_none();
         let mut prior_conflicts: Vec<PriorConflict> =
             parameters.iter().filter(|_| independent).filter_map(PriorConflict::of).collect();
         prior_conflicts.sort_by(|a, b| b.deviations.total_cmp(&a.deviations));

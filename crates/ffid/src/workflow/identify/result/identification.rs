@@ -12,6 +12,7 @@ use crate::workflow::identify::findings::{
     ClockLine, ComparisonTable, DecayModes, Minima, PriorConflict, ProfileLine, RecordFit, ReducedSet,
     UnobservedDirections, Whiteness,
 };
+use crate::workflow::identify::kept_records::KeptRecord;
 use ident::Posterior;
 use serde::{Deserialize, Serialize};
 
@@ -112,6 +113,9 @@ pub struct IdentificationResult {
     /// Every record, when there are several.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub records: Vec<RecordFit>,
+    /// The records themselves, as files of the folder, for a later identification.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub kept_records: Vec<KeptRecord>,
     /// Every channel over the (first) record.
     pub channels: Vec<Channel>,
     /// The same on data that were not used.
@@ -157,6 +161,7 @@ impl IdentificationResult {
             correlations: Vec::new(),
             covariance: Covariance { names: Vec::new(), rows: Vec::new() },
             posterior: None,
+            kept_records: Vec::new(),
             whiteness: Vec::new(),
             modes: Vec::new(),
             decay: Vec::new(),
