@@ -4,11 +4,13 @@
 //! study is `{"study", "seed", "figures": {name: number}, "limits": {name: [op, number]}, "pass"}`; when a limit fails
 //! the exit code is 15, with everything printed and written before. A study consists of [`trials`], which are kept as they are done.
 
+pub mod budget;
 pub mod degeneracies;
 pub mod excitation;
 pub mod identification;
 pub mod nist;
 mod quintic;
+pub mod sequence;
 pub mod starts;
 pub mod trials;
 pub mod verdict;
@@ -47,6 +49,10 @@ enum Which {
     Nist(Options),
     /// Fits of 100 random truths within 70 % of the prior, from the start that their modes give
     Starts(Options),
+    /// Worlds in which everything that a mission is not sure of is drawn: do the 95 % intervals hold the truth?
+    Budget(Options),
+    /// Five records one after another, in ten orders: is the end that of the joint fit?
+    Sequence(Options),
     /// Worlds of MuJoCo, exact and with errors: is a wrong model contradicted, and no right one?
     Verdict(verdict::Args),
 }
@@ -273,6 +279,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Which::Degeneracies(options) => Ok(degeneracies::run(options)?.finish(options)?),
         Which::Nist(options) => Ok(nist::run(options)?.finish(options)?),
         Which::Starts(options) => Ok(starts::run(options)?.finish(options)?),
+        Which::Budget(options) => Ok(budget::run(options)?.finish(options)?),
+        Which::Sequence(options) => Ok(sequence::run(options)?.finish(options)?),
         Which::Verdict(args) => Ok(verdict::run(args)?.finish(&args.options)?),
     }
 }

@@ -16,7 +16,7 @@
 //! error moves the estimates, which no residual shows.
 
 mod faults;
-mod world;
+pub(super) mod world;
 
 use super::trials::{Number, Trial, Trials};
 use super::{Op, Options, Study};
@@ -193,7 +193,7 @@ pub fn run(args: &Args) -> anyhow::Result<Study> {
     let options = &args.options;
     let mut study = Study::new("verdict", options.seed);
     let trials = Trials::open("verdict", 1, options)?;
-    let world = World::new()?;
+    let world = World::new("start.toml")?;
     let clean = RECORDS.iter().map(|name| world.clean(name)).collect::<anyhow::Result<Vec<_>>>()?;
     let setup = Setup { world, clean, quick: options.quick, references: OnceLock::new() };
     let count = |whole: u64, quick: u64| if options.quick { quick } else { whole };

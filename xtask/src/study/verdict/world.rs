@@ -21,22 +21,22 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The records of one minute.
-pub(super) const RECORDS: [&str; 3] = ["m1", "m2", "m3"];
+pub(in crate::study) const RECORDS: [&str; 3] = ["m1", "m2", "m3"];
 
 /// What sensors read; rows are samples.
 #[derive(Clone)]
-pub(super) struct Readings {
-    pub(super) rate_hz: f64,
-    pub(super) q: DMatrix<f64>,
+pub(in crate::study) struct Readings {
+    pub(in crate::study) rate_hz: f64,
+    pub(in crate::study) q: DMatrix<f64>,
     /// Of the joints, for friction; not given to the fit.
-    pub(super) qd: DMatrix<f64>,
-    pub(super) tau: DMatrix<f64>,
-    pub(super) gyro: DMatrix<f64>,
+    pub(in crate::study) qd: DMatrix<f64>,
+    pub(in crate::study) tau: DMatrix<f64>,
+    pub(in crate::study) gyro: DMatrix<f64>,
 }
 
 /// How positions are read.
 #[derive(Clone, Copy)]
-pub(super) enum Encoder {
+pub(in crate::study) enum Encoder {
     /// With the white noise that the mission states.
     Noisy,
     /// In steps of a turn over two to this.
@@ -44,19 +44,20 @@ pub(super) enum Encoder {
 }
 
 /// Missions, and records without noise.
-pub(super) struct World {
+pub(in crate::study) struct World {
     /// What the records obey.
-    pub(super) truth: Opened,
+    pub(in crate::study) truth: Opened,
     /// The same with other first values of what is estimated.
-    pub(super) start: Opened,
+    pub(in crate::study) start: Opened,
     encoder_rad: f64,
     settings: Settings,
 }
 
 impl World {
-    pub(super) fn new() -> anyhow::Result<Self> {
+    /// With the mission `start` of `fixtures/verdict`.
+    pub(in crate::study) fn new(start: &str) -> anyhow::Result<Self> {
         let folder = workspace::root()?.join("fixtures/verdict");
-        let [truth, start] = ["truth.toml", "start.toml"].map(|name| open(&folder.join(name), Leniency::default()));
+        let [truth, start] = ["truth.toml", start].map(|name| open(&folder.join(name), Leniency::default()));
         let (truth, start) = (truth?, start?);
         let sensors = &start.mission.as_ref().context("no mission")?.sensors;
         let of = Sensing::of(sensors);
@@ -79,17 +80,17 @@ impl World {
         Ok(Self { encoder_rad: sensors.encoder.noise_std_rad, truth, start, settings })
     }
     /// One of [`RECORDS`], without noise.
-    pub(super) fn clean(&self, record: &str) -> anyhow::Result<Readings> {
+    pub(in crate::study) fn clean(&self, record: &str) -> anyhow::Result<Readings> {
         self.read(&workspace::root()?.join(format!("fixtures/verdict/{record}.parquet")))
     }
     /// A record without noise.
-    pub(super) fn read(&self, path: &Path) -> anyhow::Result<Readings> {
+    pub(in crate::study) fn read(&self, path: &Path) -> anyhow::Result<Readings> {
         let r = read(path, &joints_of(&self.truth.model), &ReadOptions::default())?.record;
         let qd = r.qd().with_context(|| format!("{}: no rates", path.display()))?.clone();
         Ok(Readings { rate_hz: r.rate_hz(), q: r.q().clone(), qd, tau: r.tau().clone(), gyro: r.gyro().clone() })
     }
     /// Adds the noise of the sensors.
-    pub(super) fn noise(&self, r: &mut Readings, encoder: Encoder, rng: &mut ChaCha8Rng) {
+    pub(in crate::study) fn noise(&self, r: &mut Readings, encoder: Encoder, rng: &mut ChaCha8Rng) {
         let add = |m: &mut DMatrix<f64>, sigma: f64, rng: &mut ChaCha8Rng| {
             m.iter_mut().for_each(|x| *x += sigma * Distribution::<f64>::sample(&StandardNormal, rng));
         };
@@ -123,9 +124,19 @@ impl World {
         }
     }
     /// What `ffid identify` makes of readings.
-    pub(super) fn identify(&self, opened: &Opened, r: &Readings) -> Result<Identified, IdentifyError> {
-        let record = self.record(r, &[]).map_err(IdentifyError::Refused)?;
-        let mut records = [LabelledRecord { label: "rec".to_owned(), record, resampled: (false, false) }];
+    pub(in crate::study) fn identify(&self, opened: &Opened, r: &Readings) -> Result<Identified, IdentifyError> {
+        self.identify_all(opened, &mut [self.labelled("rec", r).map_err(IdentifyError::Refused)?])
+    }
+    /// A record as the fit takes it.
+    pub(in crate::study) fn labelled(&self, label: &str, r: &Readings) -> Result<LabelledRecord, Problems> {
+        Ok(LabelledRecord { label: label.to_owned(), record: self.record(r, &[])?, resampled: (false, false) })
+    }
+    /// What `ffid identify` makes of several records, corrected clocks put into them.
+    pub(in crate::study) fn identify_all(
+        &self,
+        opened: &Opened,
+        records: &mut [LabelledRecord],
+    ) -> Result<Identified, IdentifyError> {
         let axes = |records: &[LabelledRecord], s: &Settings| -> Result<(), IdentifyError> {
             let nominal = Params::nominal(&opened.model);
             for labelled in records {
@@ -137,11 +148,11 @@ impl World {
             Ok(())
         };
         let (options, checks, watch) = (FitOptions::default(), RecordChecks::default(), Observer::default());
-        identify_checked(opened, &mut records, &self.settings, &options, checks, &axes, &self.provenance(), &watch)
+        identify_checked(opened, records, &self.settings, &options, checks, &axes, &self.provenance(), &watch)
             .map(|(found, _, _)| found)
     }
     /// One fit, without checks of the record: for readings without noise, whose residuals are those of an error alone.
-    pub(super) fn fit(&self, opened: &Opened, r: &Readings) -> Result<Identified, IdentifyError> {
+    pub(in crate::study) fn fit(&self, opened: &Opened, r: &Readings) -> Result<Identified, IdentifyError> {
         let record = self.record(r, &["Data::Stuck"]).map_err(IdentifyError::Refused)?;
         let records = [LabelledRecord { label: "rec".to_owned(), record, resampled: (false, false) }];
         identify(opened, &records, &self.settings, &FitOptions::default(), self.provenance(), &Observer::default())
