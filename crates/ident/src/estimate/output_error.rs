@@ -224,7 +224,7 @@ fn predicted_torques(
     for first in (0..samples).step_by(SPAN) {
         let span = first..(first + SPAN).min(samples);
         let Table { table, samples } = tables.span(model, &params, &none, &wanted, span.clone());
-        let y = simulate_reduced_span(model, &params, &table, samples, &mut z);
+        let y = simulate_reduced_span(model, &params, table, samples, &mut z);
         let y = y.map_err(|e| SetupError::JointMotion(format!("torques cannot be predicted: {e}")))?;
         tau.rows_mut(span.start, span.len()).copy_from(&y.tau);
     }

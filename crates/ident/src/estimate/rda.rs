@@ -114,7 +114,7 @@ impl<'a> Rda<'a> {
             all => Cow::Owned(all.rows(grid.start, grid.len()).into_owned()),
         };
         let Table { table, samples } = self.tables.span(model, &params, &Displaced::none(model), &wanted, grid.clone());
-        let made = reduced_torques_span(model, &params, &table, samples, &rates, &wanted);
+        let made = reduced_torques_span(model, &params, table, samples, &rates, &wanted);
         let (mut tau, mut d) = made.map_err(|e| EvalError::Rejected(e.to_string()))?;
         if let Some(by) = &self.by {
             tau = by.of(&tau, grid.start, readings.clone());

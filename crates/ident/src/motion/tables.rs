@@ -9,7 +9,6 @@ use ff_dynamics::reduced::{Disturbance, Disturbances, TableKey};
 use ff_dynamics::{Prescribed, Sampling, Wanted};
 use ff_model::{Kinematics, Model, Params};
 use ff_records::Record;
-use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Samples of a record up to which its table is made once and kept (some 2 kB for each); that of a longer one is made span by span,
@@ -36,7 +35,7 @@ impl Displaced {
 
 /// A table, and which of its samples are meant.
 pub(crate) struct Table<'a> {
-    pub(crate) table: Cow<'a, Prescribed>,
+    pub(crate) table: &'a Prescribed,
     pub(crate) samples: Range<usize>,
 }
 
@@ -49,6 +48,8 @@ pub(crate) struct Tables {
     /// What may disturb the motion; sizes are given with the displacements.
     pub(crate) disturbances: Vec<Disturbance>,
     kept: Option<Kept>,
+    /// That of the span at hand, whose memory the next one takes.
+    passing: Option<Prescribed>,
 }
 
 struct Kept {
@@ -69,12 +70,19 @@ impl Tables {
         let stake = || knot_stake::stake(model, record, noise?.torque);
         let (motion, noise) = motion_of(model, record, stake, from_rest)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
-        Ok(Self { motion: motion.into(), noise, sampling, disturbances: Vec::new(), kept: None })
+        Ok(Self { motion: motion.into(), noise, sampling, disturbances: Vec::new(), kept: None, passing: None })
     }
     /// The same motion and disturbances, without a table.
     pub(crate) fn shared(&self) -> Self {
         let (motion, noise) = (Arc::clone(&self.motion), self.noise.clone());
-        Self { motion, noise, sampling: self.sampling, disturbances: self.disturbances.clone(), kept: None }
+        Self {
+            motion,
+            noise,
+            sampling: self.sampling,
+            disturbances: self.disturbances.clone(),
+            kept: None,
+            passing: None,
+        }
     }
     /// Of the record with every `every`-th sample: the same motion, one step per sample.
     pub(crate) fn thinned(&self, every: usize) -> Self {
@@ -99,11 +107,12 @@ impl Tables {
     ) -> Table<'_> {
         let samples = self.sampling.samples;
         if !self.by_spans(wanted) {
-            return Table { table: Cow::Borrowed(self.get(model, params, displaced, wanted)), samples: span };
+            return Table { table: self.get(model, params, displaced, wanted), samples: span };
         }
         let own = span.start..(span.end + 1).min(samples);
-        let table = self.make(model, params, displaced, wanted, own);
-        Table { table: Cow::Owned(table), samples: 0..span.len() }
+        let before = self.passing.take();
+        let table = self.make(before, model, params, displaced, wanted, own);
+        Table { table: self.passing.insert(table), samples: 0..span.len() }
     }
     /// The table for these parameters and displacements of joints and mounts, with what the derivatives `wanted` need. Base
     /// and appendages play no part in it, so it is made anew only when its [`TableKey`] says so: a link's parameter, a
@@ -122,12 +131,14 @@ impl Tables {
         }
         let kept = match self.kept.take() {
             Some(kept) => kept,
-            None => Kept { key, table: self.make(model, params, displaced, wanted, 0..self.sampling.samples) },
+            None => Kept { key, table: self.make(None, model, params, displaced, wanted, 0..self.sampling.samples) },
         };
         &self.kept.insert(kept).table
     }
+    /// In the memory of the one `before`, if any.
     fn make(
         &self,
+        before: Option<Prescribed>,
         model: &Model,
         params: &Params<f64>,
         displaced: &Displaced,
@@ -137,7 +148,11 @@ impl Tables {
         let Displaced { kinematics, sizes } = displaced;
         let disturbances = Disturbances::new(self.disturbances.clone(), sizes.clone());
         let by = (kinematics, &disturbances);
-        Prescribed::disturbed(model, params, by, &*self.motion, &self.sampling, span, wanted)
+        let (motion, sampling) = (&*self.motion, &self.sampling);
+        match before {
+            Some(table) => table.followed_by(model, params, by, motion, sampling, span, wanted),
+            None => Prescribed::disturbed(model, params, by, motion, sampling, span, wanted),
+        }
     }
     /// The motion, as it is read.
     pub(crate) fn motion(&self) -> &dyn JointMotion {

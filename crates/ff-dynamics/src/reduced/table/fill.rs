@@ -5,6 +5,7 @@
 
 use super::disturbance::{Disturbances, Disturbed};
 use super::numbers::{ARM, FORM, FRAME, ROW};
+use super::pool::Pool;
 use super::prescribed::{Prescribed, Site};
 use super::sampling::Sampling;
 use super::slopes::Slopes;
@@ -49,8 +50,21 @@ impl Prescribed {
         span: Range<usize>,
         links: &[usize],
     ) -> Self {
+        Self::span_in(&mut Pool::default(), model, params, motion, sampling, span, links)
+    }
+
+    /// [`Prescribed::span`] in memory that is at hand.
+    fn span_in(
+        pool: &mut Pool,
+        model: &Model,
+        params: &Params<f64>,
+        motion: &dyn JointMotion,
+        sampling: &Sampling,
+        span: Range<usize>,
+        links: &[usize],
+    ) -> Self {
         assert!(span.end <= sampling.samples, "samples of a span");
-        let mut t = Self::empty(model, &Sampling { samples: span.len(), ..*sampling }, links);
+        let mut t = Self::empty_in(pool, model, &Sampling { samples: span.len(), ..*sampling }, links);
         t.first = span.start;
         dispatch(Isa::detect(), Fill { table: &mut t, model, params, motion });
         t
@@ -97,6 +111,38 @@ impl Prescribed {
     pub fn disturbed(
         model: &Model,
         params: &Params<f64>,
+        by: (&Kinematics<f64>, &Disturbances),
+        motion: &dyn JointMotion,
+        sampling: &Sampling,
+        span: Range<usize>,
+        wanted: &Wanted,
+    ) -> Self {
+        Self::disturbed_in(Pool::default(), model, params, by, motion, sampling, span, wanted)
+    }
+
+    /// [`Prescribed::disturbed`] in the memory of this table, which need not be of the same record. Allocates where that is too small.
+    ///
+    /// # Panics
+    /// As [`Prescribed::disturbed`].
+    #[must_use]
+    pub fn followed_by(
+        self,
+        model: &Model,
+        params: &Params<f64>,
+        by: (&Kinematics<f64>, &Disturbances),
+        motion: &dyn JointMotion,
+        sampling: &Sampling,
+        span: Range<usize>,
+        wanted: &Wanted,
+    ) -> Self {
+        Self::disturbed_in(self.into_pool(), model, params, by, motion, sampling, span, wanted)
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn disturbed_in(
+        mut pool: Pool,
+        model: &Model,
+        params: &Params<f64>,
         (kinematics, disturbances): (&Kinematics<f64>, &Disturbances),
         motion: &dyn JointMotion,
         sampling: &Sampling,
@@ -105,11 +151,12 @@ impl Prescribed {
     ) -> Self {
         let motion = Disturbed { motion, by: disturbances };
         let links = wanted.links(model);
-        let mut t = Self::span(&model.displaced(kinematics), params, &motion, sampling, span.clone(), &links);
+        let placed = model.displaced(kinematics);
+        let mut t = Self::span_in(&mut pool, &placed, params, &motion, sampling, span.clone(), &links);
         let first = t.first_node();
         disturbances.push(&mut t.arm, |node| sampling.time_of(first + node));
         let place = (sampling, span);
-        t.slopes = Slopes::new(place.clone(), model, params, kinematics, &motion, &wanted.kinematics);
+        t.slopes = Slopes::new(&mut pool, place.clone(), model, params, kinematics, &motion, &wanted.kinematics);
         t.slopes.disturb(place, model, params, kinematics, &motion, &wanted.disturbances);
         t
     }

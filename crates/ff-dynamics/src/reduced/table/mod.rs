@@ -32,6 +32,7 @@ pub(crate) mod disturbance;
 pub(crate) mod fill;
 pub(crate) mod key;
 pub(crate) mod numbers;
+mod pool;
 pub(crate) mod prescribed;
 pub(crate) mod sampling;
 pub(crate) mod slopes;

@@ -1,6 +1,7 @@
 //! The table of a prescribed motion: numbers of the arm at half integration steps, rows of joints at samples.
 
 use super::numbers::{ARM, Arm, FORM, FRAME, Frame, JointRow, ROW, TorqueForm, columns};
+use super::pool::Pool;
 use super::sampling::Sampling;
 use super::slopes::Slopes;
 use ff_lanes::WIDEST;
@@ -63,13 +64,23 @@ pub(crate) enum Site {
 impl Prescribed {
     /// Tables of the right size, to be filled.
     pub(crate) fn empty(model: &Model, sampling: &Sampling, links: &[usize]) -> Self {
+        Self::empty_in(&mut Pool::default(), model, sampling, links)
+    }
+    /// [`Prescribed::empty`] in memory that is at hand.
+    pub(crate) fn empty_in(pool: &mut Pool, model: &Model, sampling: &Sampling, links: &[usize]) -> Self {
         let mut t = Self::layout(model, sampling, links);
         let nodes = sampling.nodes();
-        t.arm = vec![0.0; nodes * ARM];
-        t.frames = vec![0.0; nodes * t.moving * FRAME];
-        t.rows = vec![0.0; t.samples * t.nj * ROW];
-        t.joints = vec![0.0; t.samples * 3 * t.nj];
+        t.arm = pool.zeros(nodes * ARM);
+        t.frames = pool.zeros(nodes * t.moving * FRAME);
+        t.rows = pool.zeros(t.samples * t.nj * ROW);
+        t.joints = pool.zeros(t.samples * 3 * t.nj);
         t
+    }
+    /// Its memory, in the order in which a table like it takes it.
+    pub(crate) fn into_pool(self) -> Pool {
+        let mut pool = Pool::default();
+        pool.put([self.arm, self.frames, self.rows, self.joints].into_iter().chain(self.slopes.into_vectors()));
+        pool
     }
 
     /// Steps, samples and sites, without tables.

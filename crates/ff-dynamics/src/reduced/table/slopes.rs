@@ -9,6 +9,7 @@ use super::arm_model::ArmModel;
 use super::disturbance::{Disturbance, Disturbed, push};
 use super::fill::scatter;
 use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW, columns};
+use super::pool::Pool;
 use super::sampling::Sampling;
 use super::sweep::{Sweep, Twist, placement};
 use crate::motion::joint::JointMotion;
@@ -60,6 +61,7 @@ impl Slopes {
     /// # Panics
     /// If a parameter does not exist or the motion has another number of joints.
     pub(crate) fn new(
+        pool: &mut Pool,
         (sampling, span): (&Sampling, Range<usize>),
         model: &Model,
         params: &Params<f64>,
@@ -78,13 +80,14 @@ impl Slopes {
         let empty = |&i: &usize| {
             let by = decls[i].of;
             let joint = matches!(by, Placed::Joint(_));
-            let room = |n: usize| vec![0.0; if joint { n } else { 0 }];
+            let (arm, rows) = if joint { (ARM * nodes, ROW * nj * sampling.samples) } else { (0, 0) };
+            let (arm, rows) = (pool.zeros(arm), pool.zeros(rows));
             let frames = (0..model.appendages().len()).filter(|&port| moves(by, port)).map(|port| {
                 let at_rest = model.appendages()[port].host == 0;
-                FrameSlope { port, numbers: vec![0.0; FRAME * if at_rest { 1 } else { nodes }], at_rest }
+                FrameSlope { port, numbers: pool.zeros(FRAME * if at_rest { 1 } else { nodes }), at_rest }
             });
             let frames = frames.collect();
-            Slope { nj, arm: room(ARM * nodes), rows: room(ROW * nj * sampling.samples), frames }
+            Slope { nj, arm, rows, frames }
         };
         let all = of.iter().map(empty).collect();
         let mut out = Self { of: of.to_vec(), disturbances: Vec::new(), all };
@@ -95,6 +98,12 @@ impl Slopes {
             dispatch(Isa::detect(), Displace { model: &displaced, params, motion, sampling, first, slopes });
         }
         out
+    }
+
+    /// Their memory, in the order in which [`Slopes::new`] takes it.
+    pub(crate) fn into_vectors(self) -> impl DoubleEndedIterator<Item = Vec<f64>> {
+        let of = |s: Slope| [s.arm, s.rows].into_iter().chain(s.frames.into_iter().map(|f| f.numbers));
+        self.all.into_iter().flat_map(of)
     }
 
     /// With respect to the sizes of the disturbances `of` as well, behind the others.
