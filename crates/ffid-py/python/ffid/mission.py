@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import tempfile
+import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from . import _ffid
 from ._options import ArrayLike, Path, words
@@ -84,8 +86,8 @@ class Mission:
         def hinges(x: float | Mapping[str, float] | None) -> list[str] | float | None:
             return [f"{joint}={value}" for joint, value in x.items()] if isinstance(x, Mapping) else x
 
-        keep = tempfile.TemporaryDirectory(prefix="ffid-") if out is None else None
-        file = FilePath(keep.name) / "mission.toml" if keep else FilePath(os.fspath(out or ""))
+        keep = _TemporaryFolder() if out is None else None
+        file = keep.path / "mission.toml" if keep else FilePath(os.fspath(out or ""))
         options = words(
             out=file,
             fixed=fixed,
@@ -193,12 +195,20 @@ class Mission:
             raise ValueError(f"hold is {hold} s, limit >= 0 s")
         core = motion_of(self, trajectory, q)
         arrays = self._core.simulate(core, hold, None if noise_free else seed, None)
-        known = {k: arrays[k] for k in ("t", "q", "qd", "qdd", "tau", "gyro", "att") if k in arrays}
+        known: dict[str, Any] = {k: arrays[k] for k in ("t", "q", "qd", "qdd", "tau", "gyro", "att") if k in arrays}
         return Record.from_arrays(self, **known, name=name)
 
     def __repr__(self) -> str:
         m = self.model
         return f"Mission({m.name!r}, joints={len(m.joints)}, parameters={len(self.parameters)})"
+
+
+class _TemporaryFolder:
+    """A folder that lasts as long as what refers to it."""
+
+    def __init__(self) -> None:
+        self.path = FilePath(tempfile.mkdtemp(prefix="ffid-"))
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
 
 def _failure(exit_code: int, text: str, complaint: str) -> Exception:

@@ -214,6 +214,16 @@ class Record:
         """Joint accelerations ``(N, n)``, where they were recorded."""
         return self._core.channel("qdd")
 
+    @property
+    def acc(self) -> Array | None:
+        """Base specific force in base axes ``(N, 3)`` (m/s^2), where it was recorded."""
+        return self._core.channel("acc")
+
+    @property
+    def att(self) -> Array | None:
+        """Base attitude ``w x y z`` ``(N, 4)``, where it was recorded."""
+        return self._core.channel("att")
+
     def __len__(self) -> int:
         return self.samples
 

@@ -6,7 +6,6 @@ import html
 import json
 import os
 import shutil
-import weakref
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal, Union
@@ -47,13 +46,19 @@ class Result:
     exit_code: int
 
     def __init__(
-        self, raw: dict[str, Any], problems: tuple[Problem, ...], exit_code: int, core: _ffid.Identification | None, folder: FilePath | None
+        self,
+        raw: dict[str, Any],
+        problems: tuple[Problem, ...],
+        exit_code: int,
+        core: _ffid.Identification | None,
+        folder: FilePath | None,
     ) -> None:
         self.raw = raw
         self.problems = problems
         self.exit_code = exit_code
         self._core = core
         self._folder = folder
+        self._keep: object = None
 
     @classmethod
     def load(cls, folder: Path) -> Result:
@@ -136,7 +141,7 @@ class Result:
     def mission(self) -> Mission:
         """The mission with the estimates in place."""
         if self._core is not None:
-            return Mission(self._core.mission())
+            return Mission(self._core.mission(), self._keep)
         return Mission.load(self._at("identified.toml"))
 
     def signals(self, record: int = 0) -> dict[str, Any]:
@@ -375,11 +380,6 @@ def identify(
     known |= {str(p) for p in problems_of(mission._core.warnings())}
     warn(json.dumps([raw for raw, p in zip(json.loads(text), problems) if str(p) not in known]))
     result = Result(json.loads(core.json()), problems, core.exit, core, None)
-    if mission._keep is not None:
-        # Saving reads the mission file, which must last as long as the result.
-        weakref.finalize(result, _hold, mission._keep)
+    # Saving reads the mission file, which must last as long as the result.
+    result._keep = mission._keep
     return result
-
-
-def _hold(_: object) -> None:
-    """Keeps its argument until it is called."""
