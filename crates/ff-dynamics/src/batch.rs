@@ -100,7 +100,7 @@ pub struct BatchError {
     pub source: SingularInertia,
 }
 
-/// Computes `algorithm` for every row, as many rows at a time as the machine has lanes; `out` is `rows x`
+/// Computes `algorithm` for every row, as many rows at a time as the machine has lanes (momentum and frames one by one); `out` is `rows x`
 /// [`Algorithm::result_width`], row by row.
 ///
 /// Results equal those of the algorithm row by row but for rounding (lanes use fused multiply-adds). Allocates buffers for one group
@@ -124,7 +124,12 @@ pub fn batch(
     assert_eq!(motions.v.len(), n * v, "velocities");
     assert_eq!(motions.given.len(), n * algorithm.given_width(model), "accelerations or forces");
     assert_eq!(out.len(), n * algorithm.result_width(model), "results");
-    dispatch(Isa::detect(), Batch { algorithm, model, params, motions, out })
+    let task = Batch { algorithm, model, params, motions, out };
+    match algorithm {
+        // Not compiled for lanes, where each of their operations would be a call.
+        Algorithm::Momentum | Algorithm::FramePose(_) | Algorithm::FrameJacobian(_) => task.run::<f64>(),
+        _ => dispatch(Isa::detect(), task),
+    }
 }
 
 struct Batch<'a> {

@@ -7,6 +7,21 @@ from typing import Any, final
 import numpy as np
 import numpy.typing as npt
 
+__all__ = [
+    "__version__",
+    "Identification",
+    "Mission",
+    "Motion",
+    "Record",
+    "command",
+    "identify",
+    "load_result",
+    "main",
+    "options_table",
+    "plan_excitation",
+    "validate",
+]
+
 __version__: str
 _Path = str | PathLike[str]
 _Array = npt.NDArray[np.float64]
