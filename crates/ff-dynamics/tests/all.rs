@@ -5,6 +5,7 @@
 mod common;
 
 mod allocation;
+mod batch;
 mod centroidal;
 mod conservation;
 mod derivatives;

@@ -6,6 +6,7 @@ mod interrupt;
 mod output;
 mod result_folder;
 mod results;
+pub mod session;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use ffid::exit::Exit;
@@ -15,13 +16,13 @@ use std::process::ExitCode;
 /// In-orbit identification of free-floating robots.
 #[derive(Parser)]
 #[command(name = "ffid", version, about, after_help = ffid::exit::help())]
-struct Cli {
+pub(crate) struct Cli {
     #[command(subcommand)]
-    command: Command,
+    pub(crate) command: Command,
 }
 
 #[derive(Subcommand)]
-enum Command {
+pub(crate) enum Command {
     /// Write a first mission file for a URDF: base, arm and panels guessed, the rest commented out with its unit.
     #[command(after_help = commands::init::EXAMPLES)]
     Init(commands::init::Args),
@@ -83,10 +84,20 @@ impl Command {
 /// Runs the command line of this process. Wrong usage ends the process with exit code 2 and help with 0, as the table of
 /// exit codes wants.
 pub fn main() -> ExitCode {
-    let mut cli = Cli::parse();
+    main_from(std::env::args_os()).into()
+}
+
+/// [`main`] with other arguments than those of the process, the first of which is the name of the program: for a process that an
+/// interpreter started.
+pub fn main_from<I, A>(args: I) -> Exit
+where
+    I: IntoIterator<Item = A>,
+    A: Into<std::ffi::OsString> + Clone,
+{
+    let mut cli = Cli::parse_from(args);
     cli.command.in_own_process();
     // The standard error is not locked: a progress bar writes to it from a thread of its own.
-    execute(cli, &mut std::io::stdout().lock(), &mut std::io::stderr()).into()
+    execute(cli, &mut std::io::stdout().lock(), &mut std::io::stderr())
 }
 
 /// Runs the command `ffid` with `args`, the first of which is the name of the program, and returns its exit code. Output goes to

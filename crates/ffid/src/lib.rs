@@ -23,6 +23,7 @@ pub mod init;
 pub mod inputs;
 pub mod modes;
 pub mod open;
+mod regressor_triangle;
 pub mod schema;
 pub mod selfcheck;
 pub mod sense;
@@ -39,6 +40,7 @@ pub use ff_spectral as spectral;
 pub use flex_panel;
 pub use ident;
 pub use reaction_wheel;
+pub use regressor_triangle::regressor_triangle;
 pub use slosh_pendulum;
 pub use validate;
 

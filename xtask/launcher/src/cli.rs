@@ -2,13 +2,17 @@
 
 use crate::failure::Failure;
 use crate::tasks::{self, TASKS};
-use crate::{api, ci, fixtures, suite};
+use crate::{api, ci, fixtures, python, suite};
 
 /// Commands of this program, with what they do.
-const OWN: [(&str, &str); 4] = [
+const OWN: [(&str, &str); 5] = [
     ("test", "Run the tests, doc tests included; --full also the slow ones [--no-nextest] [ARGUMENTS OF THE RUNNER]"),
     ("ci", "Run .ci/run: format, clippy, documentation, tests, quick reproduction; with --full also .ci/full"),
     ("fixtures", "Write fixtures/SHA256SUMS, or verify it with --check"),
+    (
+        "python",
+        "Build the wheel and run its tests, types and notebooks, or its measurements: test | bench [--json F] | wheel",
+    ),
     ("api", "Write the public names of every crate to docs/api, or compare with --check"),
 ];
 
@@ -31,6 +35,8 @@ pub fn run(args: &[String]) -> Result<(), Failure> {
             print!("{}", help());
             Ok(())
         }
+        // pytest has arguments of its own.
+        "python" => python::run(rest),
         "ci" => ci::run(flag(command, rest, "--full")?),
         "fixtures" => fixtures::run(flag(command, rest, "--check")?),
         "api" => api::run(flag(command, rest, "--check")?),

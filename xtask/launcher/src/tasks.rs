@@ -29,6 +29,7 @@ pub fn run(args: &[String]) -> Result<(), Failure> {
     process::pass(&mut command, format!("cargo xtask {}", args.join(" ")))
 }
 
-fn target(root: &Path) -> PathBuf {
+/// Where Cargo builds.
+pub(crate) fn target(root: &Path) -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from)
 }

@@ -29,7 +29,7 @@ written (docs/doctor.md). `ffid identify` refuses what is wrong before it fits."
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
-    input: Input,
+    pub(crate) input: Input,
     /// The records: CSV, Parquet or MCAP (a ROS 2 bag).
     #[arg(long, value_name = "FILE", num_args = 1.., required = true, alias = "records")]
     record: Vec<PathBuf>,
@@ -39,7 +39,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     fit: FitFlags,
     #[command(flatten)]
-    reading: RecordFlags,
+    pub(crate) reading: RecordFlags,
 }
 
 /// Results in JSON; absent when there are none.

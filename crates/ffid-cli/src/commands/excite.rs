@@ -194,7 +194,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
 }
 
 /// The section with what the command line overrides.
-fn settings(args: &Args, mission: &Mission) -> Excite {
+pub(crate) fn settings(args: &Args, mission: &Mission) -> Excite {
     let mut s = mission.excite.clone();
     s.goal = args.goal.unwrap_or(s.goal);
     s.seed = args.seed.unwrap_or(s.seed);

@@ -64,28 +64,43 @@ pub(crate) struct Given {
 pub(crate) fn load(path: &Path, opened: &Opened) -> Result<Given, Problems> {
     let model = &opened.model;
     let csv = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
-    let data = |code, what: String, hint: &str| {
-        Problems(vec![Problem::error(Area::Data, code, what).in_file(path).hint(hint)])
-    };
-    let mut given = if csv {
+    if csv {
         let (samples, warnings) = Samples::load(path, model)?;
-        let motion = motion_of(&samples)
-            .map_err(|e| data("Data::Unusable", e, "sample the trajectory more finely and evenly"))?;
-        Given { motion, proven: None, warnings }
+        of_samples(&samples, warnings, opened, path)
     } else {
-        let file = TrajectoryFile::load(path, model)?;
-        let limits = opened.mission.as_ref().map(|m| &m.limits).cloned().unwrap_or_default();
-        let proven = prove(&file.trajectory, &joint_limits(model, &limits)).map_err(|e| {
-            data("Data::Unusable", e.to_string(), "limit fewer derivatives, or use a smoother trajectory")
-        })?;
-        let motion: Box<dyn JointMotion> = match file.trajectory {
-            excitation::Trajectory::Spline(m) => Box::new(m),
-            excitation::Trajectory::Manoeuvre(_, m) => Box::new(m),
-        };
-        Given { motion, proven: Some(proven), warnings: Problems::default() }
+        of_trajectory(TrajectoryFile::load(path, model)?, opened, path)
+    }
+}
+
+/// A problem of the trajectory in the file `path`.
+fn unusable(path: &Path, what: String, hint: &str) -> Problems {
+    Problems(vec![Problem::error(Area::Data, "Data::Unusable", what).in_file(path).hint(hint)])
+}
+
+/// The motion through samples; `path` is what problems name.
+pub(crate) fn of_samples(
+    samples: &Samples,
+    mut warnings: Problems,
+    opened: &Opened,
+    path: &Path,
+) -> Result<Given, Problems> {
+    let motion = motion_of(samples).map_err(|e| unusable(path, e, "sample the trajectory more finely and evenly"))?;
+    warnings.extend(ends(motion.as_ref(), &opened.model.joint_names(), path));
+    Ok(Given { motion, proven: None, warnings })
+}
+
+/// The motion of a trajectory of this robot, whose limits are proven for all time; `path` is what problems name.
+pub(crate) fn of_trajectory(file: TrajectoryFile, opened: &Opened, path: &Path) -> Result<Given, Problems> {
+    let model = &opened.model;
+    let limits = opened.mission.as_ref().map(|m| &m.limits).cloned().unwrap_or_default();
+    let proven = prove(&file.trajectory, &joint_limits(model, &limits))
+        .map_err(|e| unusable(path, e.to_string(), "limit fewer derivatives, or use a smoother trajectory"))?;
+    let motion: Box<dyn JointMotion> = match file.trajectory {
+        excitation::Trajectory::Spline(m) => Box::new(m),
+        excitation::Trajectory::Manoeuvre(_, m) => Box::new(m),
     };
-    given.warnings.extend(ends(given.motion.as_ref(), &model.joint_names(), path));
-    Ok(given)
+    let warnings = ends(motion.as_ref(), &model.joint_names(), path);
+    Ok(Given { motion, proven: Some(proven), warnings })
 }
 
 /// The verdict starts from rest; a motion that does not is judged all the same, with a warning.

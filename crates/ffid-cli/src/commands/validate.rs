@@ -6,19 +6,21 @@ use crate::output::{Input, Outcome};
 use crate::result_folder;
 use crate::results;
 use crate::results::{Output, Refusal, io, refused};
-use ff_model::{Area, Problem, Problems};
+use ff_mission::Mission;
+use ff_model::{Area, Model, Problem, Problems};
+use ff_records::Record;
 use ff_report::identify::{figures, validation};
 use ffid::exit::{Exit, Failure};
-use ffid::files::folder::Folder;
+use ffid::files::folder::{Entry, Folder};
 use ffid::files::json;
-use ffid::workflow::identify::Arm;
-use ffid::workflow::identify::HeldOut;
-use ffid::workflow::identify::{Settings, Signals, axes, held_errors, predict_held_out};
+use ffid::workflow::identify::{
+    Arm, HeldOut, IdentificationResult, IdentifyError, Observer, Settings, Signals, axes, held_errors, predict_held_out,
+};
 use ident::Noise;
 use serde::Serialize;
 use std::fmt::Display;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Examples for `--help`.
 pub(crate) const EXAMPLES: &str = "Examples:
@@ -32,7 +34,7 @@ A model that does not explain the record ends with exit code 16.";
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
-    input: Input,
+    pub(crate) input: Input,
     /// A record that was not used to identify (.csv).
     #[arg(long, value_name = "FILE")]
     record: PathBuf,
@@ -40,9 +42,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    fit: FitFlags,
+    pub(crate) fit: FitFlags,
     #[command(flatten)]
-    reading: RecordFlags,
+    pub(crate) reading: RecordFlags,
     #[command(flatten)]
     pub(crate) output: Output,
 }
@@ -63,7 +65,7 @@ struct Found {
     modes: Vec<ffid::workflow::identify::ModeLine>,
     problems: Problems,
     files: Vec<PathBuf>,
-    inputs: Vec<ffid::files::folder::Entry>,
+    inputs: Vec<Entry>,
     folder: Option<Folder>,
 }
 
@@ -112,49 +114,64 @@ fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     let mission = results::undisturbed(&found.opened, &found.mission_file).map_err(refused)?;
     let model = &found.opened.model;
     // The noise of a calibration is that behind its filter.
-    let low_pass = args.reading.low_pass();
-    let arm =
-        Arm::of(&found.result, &model.joint_names()).map(|a| Arm { low_pass_hz: low_pass.or(a.low_pass_hz), ..a });
-    let low_pass = arm.as_ref().map_or(low_pass, |a| a.low_pass_hz);
+    let arm = arm_of(args, &found.result, model);
+    let low_pass = arm.as_ref().map_or(args.reading.low_pass(), |a| a.low_pass_hz);
     let loaded = args.reading.read(&args.record, model, 8, low_pass, input).map_err(refused)?;
     let files = vec![found.mission_file.clone(), args.record.clone()];
     let inputs = results::inputs(&files).map_err(io)?;
-    if let Some(same) = found.result.provenance.inputs.iter().find(|i| i.sha256 == inputs[1].sha256) {
-        let what = format!("the same data as {} of the identification (SHA-256 {})", same.file, same.sha256);
-        let p = Problem::error(Area::Data, "Data::SameData", what).in_file(&args.record);
-        return Err(refused(Problems(vec![p.hint("judge the model by a record that it has not seen")])));
-    }
+    unseen(&found.result, &inputs[1], &args.record).map_err(refused)?;
     let folder = args.out.as_ref().map(|o| results::begin(o, &args.output, err)).transpose().map_err(io)?;
-    let p = &found.result.provenance;
-    let asked = args.fit.settings(mission);
-    let given = args.fit.noise();
-    let noise = Noise { torque: given.0.unwrap_or(p.noise_torque_nm), gyro: given.1.unwrap_or(p.noise_gyro_rad_per_s) };
-    let held = held_errors(&found.result.uncertain);
-    let s = Settings { method: Some(found.result.method), noise, held_errors: held, ..asked };
-    let values: Vec<f64> = found.result.model.iter().map(|v| v.value).collect();
+    let source = args.record.display().to_string();
     let (held, signals) = watched(&args.output, |watch| {
-        let found = predict_held_out(
-            model,
-            &values,
-            arm.as_ref(),
-            &loaded.record,
-            &s,
-            args.record.display().to_string(),
-            watch,
-        )?;
-        if !found.0.explained && arm.is_none() {
-            let turned = axes::mismatch(model, &values, &loaded.record, &s)?;
-            if turned.has_errors() {
-                return Err(ffid::workflow::identify::IdentifyError::Refused(turned));
-            }
-        }
-        Ok(found)
+        predict(args, &found.result, &found.opened.model, mission, arm.as_ref(), (&loaded.record, source), watch)
     })?;
     let mut problems = found.opened.warnings.clone();
     problems.extend(loaded.warnings);
     input.leniency().settle(&mut problems);
     let (robot, modes) = (found.result.robot, found.result.modes);
     Ok(Found { robot, held, signals, modes, problems, files, inputs, folder })
+}
+
+/// Refuses data that were used to identify.
+pub(crate) fn unseen(result: &IdentificationResult, source: &Entry, path: &Path) -> Result<(), Problems> {
+    let Some(same) = result.provenance.inputs.iter().find(|i| i.sha256 == source.sha256) else { return Ok(()) };
+    let what = format!("the same data as {} of the identification (SHA-256 {})", same.file, same.sha256);
+    let p = Problem::error(Area::Data, "Data::SameData", what).in_file(path);
+    Err(Problems(vec![p.hint("judge the model by a record that it has not seen")]))
+}
+
+/// Predicts a record, which is from `record.1`, with the parameters of a result; axes that are turned are refused.
+pub(crate) fn predict(
+    args: &Args,
+    result: &IdentificationResult,
+    model: &Model,
+    mission: &Mission,
+    arm: Option<&Arm>,
+    record: (&Record, String),
+    watch: &Observer<'_>,
+) -> Result<(HeldOut, Signals), IdentifyError> {
+    let p = &result.provenance;
+    let asked = args.fit.settings(mission);
+    let given = args.fit.noise();
+    let noise = Noise { torque: given.0.unwrap_or(p.noise_torque_nm), gyro: given.1.unwrap_or(p.noise_gyro_rad_per_s) };
+    let held_errors = held_errors(&result.uncertain);
+    let s = Settings { method: Some(result.method), noise, held_errors, ..asked };
+    let values: Vec<f64> = result.model.iter().map(|v| v.value).collect();
+    let (record, source) = record;
+    let found = predict_held_out(model, &values, arm, record, &s, source, watch)?;
+    if !found.0.explained && arm.is_none() {
+        let turned = axes::mismatch(model, &values, record, &s)?;
+        if turned.has_errors() {
+            return Err(IdentifyError::Refused(turned));
+        }
+    }
+    Ok(found)
+}
+
+/// Friction and noise of a calibration on the ground, behind the low pass that the flags or else the calibration name.
+pub(crate) fn arm_of(args: &Args, result: &IdentificationResult, model: &Model) -> Option<Arm> {
+    let low_pass = args.reading.low_pass();
+    Arm::of(result, &model.joint_names()).map(|a| Arm { low_pass_hz: low_pass.or(a.low_pass_hz), ..a })
 }
 
 fn write(

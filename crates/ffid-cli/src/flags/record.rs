@@ -97,7 +97,7 @@ impl RecordFlags {
 }
 
 /// A record on the ground with filtered motion; its torques are filtered with the equations.
-fn filtered(r: &Record, hz: f64) -> Result<Record, Problems> {
+pub(crate) fn filtered(r: &Record, hz: f64) -> Result<Record, Problems> {
     let refused = |what: String, hint: &str| {
         Problems(vec![Problem::error(Area::Config, "Config::LowPass", what).on("--low-pass").hint(hint)])
     };
@@ -110,7 +110,7 @@ fn filtered(r: &Record, hz: f64) -> Result<Record, Problems> {
 }
 
 /// Rows D09, D10 and D28: motion and torques beyond what the robot can do.
-fn plausible(record: &Record, model: &Model, path: &Path, out: &mut Problems) {
+pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut Problems) {
     let mut warn = |code, object: String, what: String, hint: &str| {
         out.push(Problem::warning(Area::Data, code, what).in_file(path).on(object).hint(hint));
     };

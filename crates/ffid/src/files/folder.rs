@@ -20,6 +20,10 @@ pub const MANIFEST: &str = "manifest.toml";
 /// What stands between the name of a folder and the process that builds it.
 const PARTIAL: &str = ".partial-";
 
+fn hexadecimal(hash: &[u8]) -> String {
+    hash.iter().fold(String::new(), |s, b| format!("{s}{b:02x}"))
+}
+
 /// A file of the manifest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Entry {
@@ -49,8 +53,20 @@ impl Entry {
             hash.update(&buffer[..n]);
             bytes += n as u64;
         }
-        let sha256 = hash.finalize().iter().fold(String::new(), |s, b| format!("{s}{b:02x}"));
+        let sha256 = hexadecimal(&hash.finalize());
         Ok(Self { file: name.into(), bytes, sha256 })
+    }
+    /// Hashes numbers in memory (little-endian, one slice after another), called `name` in the manifest. Allocates.
+    pub fn of_numbers(slices: &[&[f64]], name: impl Into<String>) -> Self {
+        let (mut hash, mut bytes) = (Sha256::new(), 0);
+        let mut buffer = Vec::with_capacity(8 << 10);
+        for part in slices.iter().flat_map(|s| s.chunks(1 << 10)) {
+            buffer.clear();
+            part.iter().for_each(|x| buffer.extend(x.to_le_bytes()));
+            hash.update(&buffer);
+            bytes += buffer.len() as u64;
+        }
+        Self { file: name.into(), bytes, sha256: hexadecimal(&hash.finalize()) }
     }
 }
 

@@ -8,15 +8,23 @@ use crate::results::Refusal;
 use ff_model::{Params, Problems};
 use ffid::workflow::doctor::before_fit;
 use ffid::workflow::identify::{
-    Arm, Comparison, Identified, IdentifyError, InputFile, LOW_PASS, LabelledRecord, Method, ModelVariant, Provenance,
-    RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, held_errors, identify_checked, method,
-    predict_held_out, verdict,
+    Arm, Comparison, Identified, IdentifyError, InputFile, LOW_PASS, LabelledRecord, Method, ModelVariant, Observer,
+    Provenance, RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, held_errors, identify_checked,
+    method, predict_held_out, verdict,
 };
 use ident::Loss;
 use std::collections::BTreeMap;
 
+/// [`fit_observed`], with progress on a terminal.
+pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<Fitted, Refusal> {
+    watched(&args.output, |watch| fit_observed(args, r, watch))
+}
+
+/// The parameters, the signals of what was held out, and warnings.
+pub(crate) type Fitted = (Identified, Option<Signals>, Problems);
+
 /// The fit, and the judgement of what was held out.
-pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Signals>, Problems), Refusal> {
+pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> Result<Fitted, IdentifyError> {
     let settings_words = words(args, r);
     let Ready { opened, settings: s, options, records, sources, earlier, held, inputs, .. } = r;
     let model = &opened.model;
@@ -33,78 +41,67 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
         noise_gyro_rad_per_s: s.noise.gyro,
         settings: settings_words,
     };
-    watched(&args.output, |watch| {
-        let checks = RecordChecks {
-            clocks: args.clocks.into(),
-            external_torque: args.external_torque,
-            require_modes: args.modes,
-        };
-        // An axis mismatch explains a misfit, and is looked for only then.
-        let axes = |records: &[LabelledRecord], s: &Settings| -> Result<(), IdentifyError> {
-            let nominal = Params::nominal(model);
-            for (labelled, path) in records.iter().zip(&*sources) {
-                let turned = axes::mismatch(model, nominal.values(), &labelled.record, s)?;
-                if turned.has_errors() {
-                    return Err(IdentifyError::Refused(turned.in_file(path)));
-                }
-            }
-            Ok(())
-        };
-        // What makes a fit useless is found in a fraction of its time.
-        let mut before = Problems::default();
+    let checks =
+        RecordChecks { clocks: args.clocks.into(), external_torque: args.external_torque, require_modes: args.modes };
+    // An axis mismatch explains a misfit, and is looked for only then.
+    let axes = |records: &[LabelledRecord], s: &Settings| -> Result<(), IdentifyError> {
+        let nominal = Params::nominal(model);
         for (labelled, path) in records.iter().zip(&*sources) {
-            let found = before_fit(opened, labelled, s).map_err(|e| match e {
-                IdentifyError::IllPosed(p) => IdentifyError::IllPosed(p.in_file(path.clone())),
-                other => other,
-            })?;
-            before.extend(found.in_file(path));
-        }
-        args.input.leniency().settle(&mut before);
-        if before.has_errors() {
-            return Err(IdentifyError::Refused(before));
-        }
-        let (mut found, s, mut warnings) =
-            identify_checked(opened, records, s, options, checks, &axes, &provenance, watch)?;
-        warnings.0.splice(0..0, before.0);
-        let s = &Settings { held_errors: held_errors(&found.result.uncertain), ..s };
-        let arm = Arm::of(&found.result, &model.joint_names());
-        let mut signals = None;
-        let judged = match held {
-            Held::None => None,
-            // A part of a record begins in the middle of a motion.
-            Held::Part { record, words } => {
-                let s = Settings { initial_state: true, ..s.clone() };
-                Some(predict_held_out(model, &found.values, arm.as_ref(), record, &s, words.clone(), watch)?)
+            let turned = axes::mismatch(model, nominal.values(), &labelled.record, s)?;
+            if turned.has_errors() {
+                return Err(IdentifyError::Refused(turned.in_file(path)));
             }
-            Held::File { record, path } => Some(predict_held_out(
-                model,
-                &found.values,
-                arm.as_ref(),
-                record,
-                s,
-                path.display().to_string(),
-                watch,
-            )?),
+        }
+        Ok(())
+    };
+    // What makes a fit useless is found in a fraction of its time.
+    let mut before = Problems::default();
+    for (labelled, path) in records.iter().zip(&*sources) {
+        let found = before_fit(opened, labelled, s).map_err(|e| match e {
+            IdentifyError::IllPosed(p) => IdentifyError::IllPosed(p.in_file(path.clone())),
+            other => other,
+        })?;
+        before.extend(found.in_file(path));
+    }
+    args.input.leniency().settle(&mut before);
+    if before.has_errors() {
+        return Err(IdentifyError::Refused(before));
+    }
+    let (mut found, s, mut warnings) =
+        identify_checked(opened, records, s, options, checks, &axes, &provenance, watch)?;
+    warnings.0.splice(0..0, before.0);
+    let s = &Settings { held_errors: held_errors(&found.result.uncertain), ..s };
+    let arm = Arm::of(&found.result, &model.joint_names());
+    let mut signals = None;
+    let judged = match held {
+        Held::None => None,
+        // A part of a record begins in the middle of a motion.
+        Held::Part { record, words } => {
+            let s = Settings { initial_state: true, ..s.clone() };
+            Some(predict_held_out(model, &found.values, arm.as_ref(), record, &s, words.clone(), watch)?)
+        }
+        Held::File { record, path } => {
+            Some(predict_held_out(model, &found.values, arm.as_ref(), record, s, path.display().to_string(), watch)?)
+        }
+    };
+    if let Some((held, of)) = judged {
+        found.result.held_out = Some(held);
+        signals = Some(of);
+    }
+    if !args.compare.is_empty() {
+        let (record, source, moving) = match held {
+            Held::Part { record, words } => (&*record, words.clone(), true),
+            Held::File { record, path } => (&*record, path.display().to_string(), false),
+            // Not reached: comparing holds something out.
+            Held::None => return Ok((found, signals, warnings)),
         };
-        if let Some((held, of)) = judged {
-            found.result.held_out = Some(held);
-            signals = Some(of);
-        }
-        if !args.compare.is_empty() {
-            let (record, source, moving) = match held {
-                Held::Part { record, words } => (&*record, words.clone(), true),
-                Held::File { record, path } => (&*record, path.display().to_string(), false),
-                // Not reached: comparing holds something out.
-                Held::None => return Ok((found, signals, warnings)),
-            };
-            let data =
-                Comparison { opened, records: records.as_slice(), held: record, source: &source, moving, settings: s };
-            let variants: Vec<ModelVariant> = args.compare.iter().map(|&c| c.into()).collect();
-            found.result.comparison = Some(compare_variants(&data, &variants, &provenance, watch)?);
-        }
-        found.result.verdict = verdict(&found.result);
-        Ok((found, signals, warnings))
-    })
+        let data =
+            Comparison { opened, records: records.as_slice(), held: record, source: &source, moving, settings: s };
+        let variants: Vec<ModelVariant> = args.compare.iter().map(|&c| c.into()).collect();
+        found.result.comparison = Some(compare_variants(&data, &variants, &provenance, watch)?);
+    }
+    found.result.verdict = verdict(&found.result);
+    Ok((found, signals, warnings))
 }
 
 /// Settings by name, for result and manifest.

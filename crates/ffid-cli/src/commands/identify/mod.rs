@@ -1,20 +1,21 @@
 //! `ffid identify`: from a mission and a record to parameters, a report, and files of the identified robot.
 
 mod args;
-mod faults;
-mod fit;
-mod prepare;
-mod write;
+pub(crate) mod faults;
+pub(crate) mod fit;
+pub(crate) mod prepare;
+pub(crate) mod write;
 
 pub(crate) use args::{Args, EXAMPLES};
 
 use crate::output::Outcome;
 use crate::results;
 use faults::faults;
+use ff_model::Problems;
 use ffid::exit::Exit;
 use ffid::workflow::identify::{IdentificationResult, Warning};
 use fit::fit;
-use prepare::{Ready, prepare};
+use prepare::{Destination, Ready, prepare};
 use serde::Serialize;
 use std::fmt;
 use std::fmt::Display;
@@ -39,10 +40,24 @@ impl Display for Written<'_> {
     }
 }
 
+/// Adds what the result itself finds fault with to the problems of reading and fitting, and all of them to the result; the code to end with.
+pub(crate) fn conclude(args: &Args, result: &mut IdentificationResult, problems: &mut Problems) -> Exit {
+    let leniency = args.input.leniency();
+    leniency.settle(problems);
+    let mut faults = faults(result, args);
+    let mut exit = results::exit_of(problems, &mut faults, &leniency);
+    if result.exit() != Exit::Done {
+        exit = result.exit();
+    }
+    problems.extend(faults);
+    result.warnings = Warning::all(problems);
+    exit
+}
+
 /// Identifies, writes and prints.
 pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Outcome {
     let input = &args.input;
-    let mut ready = match prepare(args, err) {
+    let (mut ready, destination) = match prepare(args, err) {
         Ok(r) => r,
         Err((exit, p)) => return input.print(exit, &p, Results::default(), &[], out, err),
     };
@@ -51,17 +66,11 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         Ok(f) => f,
         Err((exit, p)) => return input.print(exit, &p.in_file(&input.file), Results::default(), &[], out, err),
     };
-    let Ready { opened, records, problems, files, inputs, folder, target, .. } = ready;
+    let Ready { opened, records, problems, inputs, .. } = ready;
+    let Destination { files, folder, target } = destination;
     let mut problems = problems;
     problems.extend(warnings);
-    input.leniency().settle(&mut problems);
-    let mut faults = faults(&found.result, args);
-    let mut exit = results::exit_of(&problems, &mut faults, &input.leniency());
-    if found.result.exit() != Exit::Done {
-        exit = found.result.exit();
-    }
-    problems.extend(faults);
-    found.result.warnings = Warning::all(&problems);
+    let mut exit = conclude(args, &mut found.result, &mut problems);
     if let Some(p) = results::changed(&inputs, &files) {
         exit = Exit::Data;
         problems.push(p);

@@ -1,0 +1,98 @@
+//! `ffid excite`, `ffid plan` and `ffid validate` on what is in memory.
+
+use super::Refused;
+use super::motion::Motion;
+use super::options::{another, parse};
+use super::record::Given;
+use crate::Command;
+use crate::commands::{excite, validate as command};
+use crate::flags::fit::failed;
+use crate::flags::record::filtered;
+use crate::results;
+use ff_model::{Area, Problem, Problems};
+use ffid::exit::Exit;
+use ffid::open::Opened;
+use ffid::workflow::excite::{Demands, Observer as Search, Planned, demands, plan, start};
+use ffid::workflow::identify::{HeldOut, IdentificationResult, Observer, Signals};
+use ffid::workflow::preflight::{Preflight, Sensing, joint_limits, prove, start_pose};
+use std::path::Path;
+use std::sync::atomic::Ordering;
+
+/// A plan, and what it will tell.
+pub struct Planning {
+    /// The plan.
+    pub planned: Planned,
+    /// The verdict on it.
+    pub verdict: Preflight,
+    /// What the verdict finds fault with.
+    pub faults: Problems,
+}
+
+/// Plans a manoeuvre with the options of `ffid excite` (`--goal`, `--seed`, `--starts`); stopped from outside, it is the best so far.
+///
+/// # Errors
+/// [`Refused`].
+pub fn plan_excitation(
+    file: &Path,
+    opened: &Opened,
+    options: &[String],
+    watch: &Search<'_>,
+) -> Result<Planning, Refused> {
+    let words = [&[file.to_string_lossy().into_owned()], options].concat();
+    let Command::Excite(args) = parse("excite", &words)? else { return Err(another("excite")) };
+    let mission = results::undisturbed(opened, file)?;
+    let settings = excite::settings(&args, mission);
+    let demands = demands(opened, &mission.limits, &start(opened, &settings), file).map_err(|p| p.in_file(file))?;
+    let found = plan(opened, &settings, &mission.limits, &demands, &Sensing::of(&mission.sensors), watch);
+    let planned = found.map_err(|e| {
+        let stopped = watch.stop.is_some_and(|s| s.load(Ordering::SeqCst));
+        Refused { exit: if stopped { Exit::Interrupted } else { e.exit }, problems: Problems::from(e).in_file(file) }
+    })?;
+    let proven = prove(&planned.file.trajectory, &joint_limits(&opened.model, &mission.limits)).map_err(|e| {
+        let p = Problem::error(Area::Config, "Plan::NoVerdict", e.to_string()).in_file(file).hint("check [limits]");
+        Refused { exit: Exit::Numerical, problems: Problems(vec![p]) }
+    })?;
+    let motion = planned.file.trajectory.motion();
+    let verdict = results::verdict(opened, mission, motion, Some(&proven), &demands)?;
+    let faults = results::faults(&verdict);
+    Ok(Planning { planned, verdict, faults })
+}
+
+/// The verdict of `ffid plan` on a motion, and what it finds fault with.
+///
+/// # Errors
+/// [`Refused`].
+pub fn preflight(file: &Path, opened: &Opened, motion: &Motion) -> Result<(Preflight, Problems), Refused> {
+    let mission = results::undisturbed(opened, file)?;
+    let demands: Demands = demands(opened, &mission.limits, &start_pose(motion.motion.as_ref()), file)?;
+    let verdict = results::verdict(opened, mission, motion.motion.as_ref(), motion.proven.as_ref(), &demands)?;
+    let faults = results::faults(&verdict);
+    Ok((verdict, faults))
+}
+
+/// The verdict of `ffid validate` on a record that was not fitted, with its options; `opened` is the identified robot, `file` its mission.
+///
+/// # Errors
+/// [`Refused`]; `Data::SameData` for a record of the identification.
+pub fn validate(
+    file: &Path,
+    opened: &Opened,
+    result: &IdentificationResult,
+    given: &Given,
+    options: &[String],
+    watch: &Observer<'_>,
+) -> Result<(HeldOut, Signals), Refused> {
+    let mut words = vec![file.to_string_lossy().into_owned(), format!("--record={}", given.path.display())];
+    words.extend(options.iter().cloned());
+    let Command::Validate(args) = parse("validate", &words)? else { return Err(another("validate")) };
+    let mission = results::undisturbed(opened, file)?;
+    command::unseen(result, &given.source, &given.path)?;
+    let arm = command::arm_of(&args, result, &opened.model);
+    let record = match arm.as_ref().map_or(args.reading.low_pass(), |a| a.low_pass_hz) {
+        Some(hz) => filtered(&given.record, hz).map_err(|p| p.in_file(&given.path))?,
+        None => given.record.clone(),
+    };
+    let source = given.path.display().to_string();
+    let found = command::predict(&args, result, &opened.model, mission, arm.as_ref(), (&record, source), watch);
+    Ok(found.map_err(failed)?)
+}

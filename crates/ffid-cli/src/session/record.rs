@@ -1,0 +1,60 @@
+//! Records: read from a file, or made of what is in memory.
+
+use super::Refused;
+use super::options::{another, parse};
+use crate::Command;
+use crate::flags::record::plausible;
+use crate::results;
+use crate::results::io;
+use ff_mission::Leniency;
+use ff_model::{Model, Problems};
+use ff_records::Record;
+use ffid::files::folder::Entry;
+use std::path::{Path, PathBuf};
+
+/// A record, where it is from, and what was put up with when it was made.
+#[derive(Clone, Debug)]
+pub struct Given {
+    /// Its file, or what else it is called; the stem is the label of its biases and initial state.
+    pub path: PathBuf,
+    /// The samples.
+    pub record: Record,
+    /// Warnings of reading.
+    pub warnings: Problems,
+    /// Name, size and hash of the data.
+    pub source: Entry,
+}
+
+/// Reads a record of the robot with options of `ffid doctor` (`--resample`, `--gaps drop`, `--allow stuck` ...).
+///
+/// # Errors
+/// [`Refused`] with every problem of the file.
+pub fn read_record(model: &Model, path: &Path, options: &[String]) -> Result<Given, Refused> {
+    let name = path.to_string_lossy().into_owned();
+    let words = [&["mission".to_owned(), "--record".to_owned(), name.clone()], options].concat();
+    let Command::Doctor(args) = parse("doctor", &words)? else { return Err(another("doctor")) };
+    let loaded = args.reading.read(path, model, 8, None, &args.input)?;
+    let source = results::inputs(&[path.to_owned()]).map_err(io)?.swap_remove(0);
+    Ok(Given { path: path.to_owned(), record: loaded.record, warnings: loaded.warnings, source })
+}
+
+/// A record that was built in memory, with the warnings that a file of its content would give: motion and torques beyond what the robot
+/// can do.
+///
+/// # Errors
+/// [`Refused`] where `leniency` is strict and there are warnings.
+pub fn given(
+    model: &Model,
+    name: &Path,
+    record: Record,
+    mut warnings: Problems,
+    source: Entry,
+    leniency: &Leniency,
+) -> Result<Given, Refused> {
+    plausible(&record, model, name, &mut warnings);
+    leniency.settle(&mut warnings);
+    if warnings.has_errors() {
+        return Err(warnings.into());
+    }
+    Ok(Given { path: name.to_owned(), record, warnings, source })
+}

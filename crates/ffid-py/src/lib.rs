@@ -1,0 +1,35 @@
+//! The module `ffid._ffid`: numbers and texts in and out of the library. Classes, docstrings and defaults that users see are Python, in
+//! `python/ffid`.
+// `deny`, not `forbid`: the code that pyo3's macros write allows itself to be unsafe (docs/decisions/0020-python.md).
+#![deny(unsafe_code)]
+
+mod arrays;
+mod batch;
+mod errors;
+mod identify;
+mod mission;
+mod motion;
+mod record;
+mod watch;
+
+use pyo3::prelude::*;
+
+/// The compiled part of the package ffid.
+#[pymodule]
+mod _ffid {
+    use super::*;
+
+    #[pymodule_export]
+    use crate::identify::{Identification, identify, load_result, validate};
+    #[pymodule_export]
+    use crate::mission::{Mission, command, main, options_table};
+    #[pymodule_export]
+    use crate::motion::{Motion, plan_excitation};
+    #[pymodule_export]
+    use crate::record::Record;
+
+    #[pymodule_init]
+    fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {
+        m.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,156 @@
+"""The dynamics over arrays against Pinocchio, to 1e-11 of the largest number."""
+
+from __future__ import annotations
+
+import sysconfig
+from pathlib import Path
+from typing import Any
+
+import ffid
+import numpy as np
+import pytest
+
+pin = pytest.importorskip("pinocchio")
+pytestmark = pytest.mark.filterwarnings("ignore::ffid.FfidWarning")
+
+TOLERANCE = 1e-11
+ROWS = 37
+
+
+def robots() -> dict[str, tuple[Path, str]]:
+    fixtures = Path(__file__).resolve().parents[3] / "fixtures"
+    found = {
+        f"{n}-{base}": (fixtures / "peers-model" / f"{n}.urdf", base) for n in ("flex",) for base in ("floating", "fixed")
+    }
+    # Where the wheel of example-robot-data puts them; the same robots are in its other layouts by name.
+    root = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
+    for name, file in (("panda", "panda.urdf"), ("ur5", "ur5_robot.urdf"), ("kinova", "kinova.urdf")):
+        for path in sorted(root.rglob(file))[:1]:
+            found |= {f"{name}-{base}": (path, base) for base in ("floating", "fixed")}
+    return found
+
+
+class Pair:
+    """A robot in both, and the same motions in the order of each."""
+
+    def __init__(self, path: Path, base: str) -> None:
+        floats = base == "floating"
+        gravity = (0.3, -0.2, -9.81)
+        self.ours = ffid.Model.from_urdf(path, base=base, gravity=gravity)  # type: ignore[arg-type]
+        self.model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer()) if floats else pin.buildModelFromUrdf(str(path))
+        self.model.gravity.linear = np.array(gravity)
+        # What ours holds where it is (joints that mimic others), Pinocchio is told to hold as well.
+        held = [self.model.getJointId(n) for n in self.model.names if n not in ("universe", "root_joint", *self.ours.joints)]
+        self.model = pin.buildReducedModel(self.model, held, pin.neutral(self.model))
+        self.names = [n for n in self.model.names if n not in ("universe", "root_joint")]
+        assert set(self.names) == set(self.ours.joints)
+        self.data = self.model.createData()
+        r = np.random.default_rng(7)
+        b = 6 if floats else 0
+        n = len(self.names)
+        self.columns = [b + self.ours.joints.index(j) for j in self.names]
+        self.order = np.array([*range(b), *self.columns])
+        self.q = np.zeros((ROWS, self.ours.nq))
+        if floats:
+            self.q[:, :3] = r.normal(size=(ROWS, 3))
+            att = r.normal(size=(ROWS, 4))
+            self.q[:, 3:7] = att / np.linalg.norm(att, axis=1)[:, None]
+        self.q[:, -n:] = r.uniform(-1.2, 1.2, size=(ROWS, n))
+        self.v, self.a = r.normal(size=(2, ROWS, self.ours.nv))
+        theirs = np.zeros((ROWS, self.model.nq))
+        if floats:
+            theirs[:, :3], theirs[:, 3:6], theirs[:, 6] = self.q[:, :3], self.q[:, 4:7], self.q[:, 3]
+        for name, column in zip(self.names, self.columns):
+            joint, q = self.model.joints[self.model.getJointId(name)], self.q[:, -n + column - b]
+            # A joint without limits is the cosine and sine of its angle in Pinocchio.
+            theirs[:, joint.idx_q] = q if joint.nq == 1 else np.cos(q)
+            if joint.nq == 2:
+                theirs[:, joint.idx_q + 1] = np.sin(q)
+        self.theirs = (theirs, self.v[:, self.order], self.a[:, self.order])
+
+
+@pytest.fixture(params=sorted(robots()))
+def pair(request: Any) -> Pair:
+    return Pair(*robots()[request.param])
+
+
+def same(ours: Any, theirs: Any) -> None:
+    theirs = np.asarray(theirs)
+    assert ours.shape == theirs.shape
+    assert np.abs(ours - theirs).max() <= TOLERANCE * max(np.abs(theirs).max(), 1e-9)
+
+
+def test_forces_accelerations_and_inertia(pair: Pair) -> None:
+    m, d, o = pair.model, pair.data, pair.order
+    rows = list(zip(*pair.theirs))
+    tau = np.array([pin.rnea(m, d, *row) for row in rows])
+    same(pair.ours.rnea(pair.q, pair.v, pair.a)[:, o], tau)
+    h = np.array([(lambda x: np.triu(x) + np.triu(x, 1).T)(pin.crba(m, d, q)) for q, _, _ in rows])
+    same(pair.ours.mass_matrix(pair.q)[:, o][:, :, o], h)
+    back = pair.ours.forward_dynamics(pair.q, pair.v, pair.ours.rnea(pair.q, pair.v, pair.a))
+    assert np.abs(back - pair.a).max() < 1e-8
+    dq, dv, da = pair.ours.derivatives(pair.q, pair.v, pair.a)
+    theirs = [tuple(np.array(x) for x in pin.computeRNEADerivatives(m, d, *row)) for row in rows]
+    same(dv[:, o][:, :, o], [x[1] for x in theirs])
+    same(da[:, o][:, :, o], h)
+
+
+def test_the_regressor_and_its_triangle(pair: Pair) -> None:
+    m, d, o = pair.model, pair.data, pair.order
+    rows = list(zip(*pair.theirs))
+    y = pair.ours.regressor(pair.q, pair.v, pair.a)
+    tau = pair.ours.rnea(pair.q, pair.v, pair.a)
+    same(y @ pair.ours.parameter_values, tau)
+    their_y = np.array([np.array(pin.computeJointTorqueRegressor(m, d, *row)) for row in rows])
+    # Theirs has no columns of the base of a robot that is bolted down, and the bodies in the order of its joints.
+    bodies = [0] if pair.ours.floating else []
+    bodies += [1 + pair.ours.joints.index(j) for j in pair.names]
+    columns = [10 * b + k for b in bodies for k in range(10)]
+    same(y[:, o][:, :, columns], their_y)
+    r = pair.ours.regressor_qr(pair.q, pair.v, pair.a)
+    flat = y.reshape(-1, y.shape[2])
+    assert np.abs(r.T @ r - flat.T @ flat).max() <= 1e-10 * np.abs(flat.T @ flat).max()
+    wide = pair.ours.regressor_qr(pair.q, pair.v, pair.a, tau)
+    # Exact forces leave nothing.
+    assert abs(wide[-1, -1]) <= 1e-8 * np.linalg.norm(tau)
+
+
+def test_frames_and_momentum(pair: Pair) -> None:
+    m, d = pair.model, pair.data
+    common = [f for f in pair.ours.frames if m.existFrame(f)][-2:]
+    qs, vs, _ = pair.theirs
+    for name in common:
+        k = m.getFrameId(name)
+        poses, jacobians = [], []
+        for q in qs:
+            pin.framesForwardKinematics(m, d, q)
+            poses.append(d.oMf[k].homogeneous.copy())
+            jacobians.append(pin.computeFrameJacobian(m, d, q, k, pin.LOCAL).copy())
+        same(pair.ours.frame(name, pair.q), poses)
+        same(pair.ours.frame_jacobian(name, pair.q)[:, :, pair.order], jacobians)
+    found = pair.ours.momentum(pair.q, pair.v)
+    kinetic = np.array([pin.computeKineticEnergy(m, d, q, v) for q, v in zip(qs, vs)])
+    same(found.kinetic, kinetic)
+    if pair.ours.floating:
+        linear = [pin.computeCentroidalMomentum(m, d, q, v).linear.copy() for q, v in zip(qs, vs)]
+        same(found.linear, linear)
+
+
+def test_threads_and_rows_do_not_matter(pair: Pair) -> None:
+    many = [np.tile(x, (40, 1)) for x in (pair.q, pair.v, pair.a)]
+    one = pair.ours.rnea(*many, threads=1)
+    assert np.array_equal(one, pair.ours.rnea(*many, threads=5))
+    same(one[:ROWS], np.vstack([pair.ours.rnea(*(x[i : i + 1] for x in many)) for i in range(ROWS)]))
+
+
+def test_parameters_by_name_and_by_array(pair: Pair) -> None:
+    name = pair.ours.parameter_names[-10]
+    values = pair.ours.parameter_values
+    values[-10] += 2.5
+    changed = pair.ours.rnea(pair.q, pair.v, pair.a, parameters={name: values[-10]})
+    assert np.array_equal(changed, pair.ours.rnea(pair.q, pair.v, pair.a, parameters=values))
+    plain = pair.ours.rnea(pair.q, pair.v, pair.a)
+    y = pair.ours.regressor(pair.q, pair.v, pair.a)
+    same(changed - plain, 2.5 * y[:, :, -10])
+    with pytest.raises(KeyError):
+        pair.ours.rnea(pair.q, pair.v, pair.a, parameters={"no.such": 1.0})
