@@ -15,14 +15,46 @@ const NOISE: [f64; 3] = [0.06, 1e-4, 1e-5];
 /// Writes mission, robot and a record with noise into `dir`; `spoil` changes names and values of a sample before the noise, and `edit` the
 /// mission.
 pub(crate) fn world(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64]), edit: impl Fn(String) -> String) {
+    let (clean, m1) = (dir.join("clean.csv"), fixture("verdict").join("m1.parquet"));
+    let (code, _, err) = ffid(dir, &["convert", m1.to_str().unwrap(), clean.to_str().unwrap()]);
+    assert_eq!(code, 0, "{err}");
+    noisy(dir, seed, spoil, edit);
+}
+
+/// [`world`] of a robot that carries something which the mission does not have, by our own simulation of the same motion.
+fn world_with(dir: &Path, seed: u64, appendage: &str) {
+    world(dir, seed, |_, _| {}, |m| m);
+    let text = fs::read_to_string(dir.join("clean.csv")).unwrap();
+    let columns = text.lines().next().unwrap().split(',').position(|c| c.starts_with("tau.")).unwrap();
+    let motion = |l: &str| l.split(',').take(columns).collect::<Vec<_>>().join(",");
+    let lines: Vec<String> = text.lines().map(motion).collect();
+    fs::write(dir.join("motion.csv"), lines.join("\n").replace(",ddq.", ",qdd.").replace(",dq.", ",qd.") + "\n")
+        .unwrap();
+    let truth = fs::read_to_string(fixture("verdict").join("truth.toml")).unwrap();
+    fs::write(dir.join("truth.toml"), truth.replace("\n[sensors]\n", &format!("\n{appendage}\n[sensors]\n"))).unwrap();
+    let args = [
+        "simulate",
+        "truth.toml",
+        "--trajectory",
+        "motion.csv",
+        "--out",
+        "clean.csv",
+        "--noise-free",
+        "--quiet",
+        "--force",
+    ];
+    let (code, out, err) = ffid(dir, &args);
+    assert_eq!(code, 0, "{out}\n{err}");
+    noisy(dir, seed, |_, _| {}, |m| m);
+}
+
+/// Mission, robot and record from `clean.csv`.
+fn noisy(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64]), edit: impl Fn(String) -> String) {
     let here = fixture("verdict");
     fs::copy(here.join("robot.urdf"), dir.join("robot.urdf")).unwrap();
     let mission = edit(fs::read_to_string(here.join("start.toml")).unwrap());
     fs::write(dir.join("m.toml"), mission).unwrap();
     let clean = dir.join("clean.csv");
-    let m1 = here.join("m1.parquet");
-    let (code, _, err) = ffid(dir, &["convert", m1.to_str().unwrap(), clean.to_str().unwrap()]);
-    assert_eq!(code, 0, "{err}");
     let text = fs::read_to_string(&clean).unwrap();
     let (head, rows) = text.split_once('\n').unwrap();
     let names: Vec<String> = head.split(',').map(str::to_owned).collect();
@@ -178,4 +210,73 @@ fn a_tank_mounted_elsewhere_is_named_and_an_unknown_error_refused() {
     let all: Value = serde_json::from_str(&out).unwrap();
     let problem = all["problems"].as_array().unwrap().iter().find(|p| p["code"] == "Config::UnknownError").unwrap();
     assert_eq!((code, problem["hint"].as_str()), (11, Some("did you mean gyro-misalignment?")));
+}
+
+/// What is named first, and its sizes by name.
+fn first(r: &Value) -> (String, impl Fn(&str) -> (f64, f64)) {
+    let named = r["evidence"]["named"][0].clone();
+    let name = named["name"].as_str().unwrap_or_default().to_owned();
+    let size = move |which: &str| {
+        let all = named["size"].as_array().unwrap();
+        let one = all.iter().find(|s| s["name"] == which).unwrap_or_else(|| panic!("{which} in {named}"));
+        (one["value"].as_f64().unwrap(), one["std"].as_f64().unwrap())
+    };
+    (name, size)
+}
+
+#[test]
+fn an_antenna_that_the_mission_lacks_is_named_with_its_frequency_and_not_adopted() {
+    let dir = tempfile::tempdir().unwrap();
+    // 0.45 Hz with the base held, 0.5 % of critical damping.
+    let antenna = r#"
+[[appendage]]
+kind = "flex_panel"
+name = "antenna"
+host = "base"
+mount = { xyz_m = [0.81, -0.39, 0.17], rpy_rad = [0.19, 0.42, -0.23] }
+segments = [
+    { mass_kg = 1.0, com_m = [0.43, -0.05, 0.07], inertia_com_kgm2 = [0.021, 0.004, -0.003, 0.067, 0.005, 0.059], hinge_axis = [0.21, 0.93, -0.3], hinge_m = [0.02, -0.03, 0.01], stiffness_nm_per_rad = 2.0785, damping_nms_per_rad = 0.0073513 },
+]
+"#;
+    world_with(dir.path(), 21, antenna);
+    let (code, r) = identify(dir.path(), &[]);
+    let (name, size) = first(&r);
+    assert_eq!((code, name.as_str()), (16, "extra-mode"), "{}", r["evidence"]);
+    let ((hz, of_hz), (ratio, of_ratio)) = (size("frequency"), size("damping_ratio"));
+    // Free of the base it is a little faster.
+    assert!((0.45..0.46).contains(&hz) && of_hz < 1e-3, "{hz} +- {of_hz}");
+    assert!((ratio - 0.005).abs() < 4.0 * of_ratio && of_ratio < 3e-3, "{ratio} +- {of_ratio}");
+    let (mass, inertia) = (size("effective_mass"), size("effective_inertia"));
+    assert!(mass.0 > 0.0 && inertia.0 > 5.0 * inertia.1, "{mass:?} {inertia:?}");
+    let e = &r["evidence"];
+    assert!(e["explained"].as_f64().unwrap() > 0.9 && e["reason"].as_str().unwrap().contains("0.45"), "{e}");
+    let (code, out, _) = ffid(
+        dir.path(),
+        &["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--json", "--adopt", "extra-mode"],
+    );
+    let all: Value = serde_json::from_str(&out).unwrap();
+    assert!(code == 11 && all["problems"].as_array().unwrap().iter().any(|p| p["code"] == "Config::NotAdoptable"));
+}
+
+#[test]
+fn a_second_tank_is_named_with_its_frequency() {
+    let dir = tempfile::tempdir().unwrap();
+    // 0.33 and 0.37 Hz with the base held, 4 %.
+    let tank = r#"
+[[appendage]]
+kind = "slosh_pendulum"
+name = "second_tank"
+host = "base"
+mount = { xyz_m = [0.41, 0.27, 0.35], rpy_rad = [-0.29, 0.33, 0.21] }
+mass_kg = 3.0
+length_m = 0.29
+stiffness_nm_per_rad = [1.0847, 1.3636]
+damping_nms_per_rad = [0.041852, 0.046925]
+"#;
+    world_with(dir.path(), 22, tank);
+    let (code, r) = identify(dir.path(), &[]);
+    let (name, size) = first(&r);
+    assert_eq!((code, name.as_str()), (16, "extra-mode"), "{}", r["evidence"]);
+    let ((hz, _), (ratio, _)) = (size("frequency"), size("damping_ratio"));
+    assert!((0.325..0.375).contains(&hz) && (0.02..0.08).contains(&ratio), "{hz} {ratio}");
 }

@@ -13,6 +13,7 @@ use crate::estimate::output_spans::{SPAN, SpanRows, Spans, failed};
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use crate::estimate::setup::{SetupError, check_noise};
 use crate::motion::tables::{Displaced, KEPT, Table, Tables};
+use crate::uncertain::oscillator::{self, Oscillator};
 use crate::uncertain::source::ErrorSource;
 use ff_dynamics::motion::HermiteTable;
 use ff_dynamics::reduced::sensitivity::Carried;
@@ -109,7 +110,8 @@ impl<'a> OutputError<'a> {
     /// [`SetupError`].
     pub fn survey(&self, options: &Options, full: &[f64]) -> Result<Self, SetupError> {
         let OutputRows { model, record, options: own, .. } = &self.rows;
-        let fastest = self.fastest(full).unwrap_or(0.0);
+        let beside = options.oscillators.iter().map(|o| o.frequency_hz);
+        let fastest = beside.fold(self.fastest(full).unwrap_or(0.0), f64::max);
         let step = if fastest > 0.0 { COARSEST.min(1.0 / (SURVEYED * fastest)) } else { COARSEST };
         let every = ((step / record.dt()) as usize).min(record.samples() / LEAST_SAMPLES).max(1);
         let (substeps, tables) =
@@ -140,7 +142,11 @@ impl<'a> OutputError<'a> {
         // A uniform velocity changes nothing that is measured, so it is not among the unknowns.
         let initial = if options.initial_state { (3..6 + 2 * model.np()).collect() } else { Vec::new() };
         let kinematics = placements(model, &options.kinematics)?;
-        if options.errors.iter().any(|e| !e.exists(model.nj())) {
+        if let Some(o) = options.oscillators.iter().find(|o| !o.is_valid()) {
+            let Oscillator { frequency_hz, damping_ratio, .. } = *o;
+            return Err(SetupError::Oscillator { frequency_hz, damping_ratio });
+        }
+        if options.errors.iter().any(|e| !e.exists(model.nj(), options.oscillators.len())) {
             return Err(SetupError::NoSuchError(model.nj()));
         }
         let (motion, samples) = (tables.motion(), record.samples());
@@ -178,19 +184,25 @@ fn disturbances(
     tables: &mut Tables,
     at: Option<&[f64]>,
 ) -> Result<Vec<Disturbance>, SetupError> {
-    let mut torques = None;
+    let mut predicted = None;
+    let mut responses: Vec<Option<[DMatrix<f64>; 3]>> = vec![None; rows.options.oscillators.len()];
     let mut out = Vec::new();
+    let dt = rows.grid.1;
     for source in &rows.disturbing {
-        out.push(match *source {
-            ErrorSource::Compliance(j) => {
-                let tau = match &torques {
-                    Some(tau) => tau,
-                    None => torques.insert(predicted_torques(rows, tables, at)?),
-                };
-                Disturbance::Motion(Arc::new(deflection(tau, j, rows.grid.1)?))
+        let needs = matches!(source, ErrorSource::Compliance(_) | ErrorSource::Oscillator(..));
+        if needs && predicted.is_none() {
+            predicted = Some(Predicted::new(rows, tables, at)?);
+        }
+        out.push(match (*source, &predicted) {
+            (ErrorSource::Compliance(j), Some(p)) => Disturbance::Motion(Arc::new(deflection(&p.torques, j, dt)?)),
+            (ErrorSource::Oscillator(k, column), Some(p)) => {
+                let of = &rows.options.oscillators[k];
+                let response = responses[k].get_or_insert_with(|| of.response(&p.accelerations, dt));
+                let wrenches = oscillator::wrenches(of, column, response);
+                Disturbance::Wrench(Arc::new(move |t| oscillator::at(&wrenches, dt, t)))
             }
-            ErrorSource::Force(i) => along(i),
-            ErrorSource::Moment(i) => along(3 + i),
+            (ErrorSource::Force(i), _) => along(i),
+            (ErrorSource::Moment(i), _) => along(3 + i),
             _ => continue,
         });
     }
@@ -204,31 +216,43 @@ fn along(component: usize) -> Disturbance {
     Disturbance::Wrench(Arc::new(move |_| wrench))
 }
 
-/// Joint torques on the grid without any error, from rest (N m, samples x joints).
-fn predicted_torques(
-    rows: &OutputRows<'_>,
-    tables: &mut Tables,
-    at: Option<&[f64]>,
-) -> Result<DMatrix<f64>, SetupError> {
-    let model = rows.model;
-    let params = match at {
-        Some(values) => Params::from_values(model, values.to_vec()),
-        None => Params::nominal(model),
-    };
-    let mut z = vec![0.0; 6];
-    z.extend(model.rest_position(&params));
-    z.resize(6 + 2 * model.np(), 0.0);
-    let samples = rows.grid.0;
-    let mut tau = DMatrix::zeros(samples, model.nj());
-    let (none, wanted) = (Displaced::none(model), Wanted::default());
-    for first in (0..samples).step_by(SPAN) {
-        let span = first..(first + SPAN).min(samples);
-        let Table { table, samples } = tables.span(model, &params, &none, &wanted, span.clone());
-        let y = simulate_reduced_span(model, &params, table, samples, &mut z);
-        let y = y.map_err(|e| SetupError::JointMotion(format!("torques cannot be predicted: {e}")))?;
-        tau.rows_mut(span.start, span.len()).copy_from(&y.tau);
+/// What the model does on the grid without any error, from rest.
+struct Predicted {
+    /// Joint torques (N m, samples x joints).
+    torques: DMatrix<f64>,
+    /// Acceleration of the base's origin and angular acceleration in base axes (m/s^2, rad/s^2, samples x 6).
+    accelerations: DMatrix<f64>,
+}
+
+impl Predicted {
+    fn new(rows: &OutputRows<'_>, tables: &mut Tables, at: Option<&[f64]>) -> Result<Self, SetupError> {
+        let model = rows.model;
+        let params = match at {
+            Some(values) => Params::from_values(model, values.to_vec()),
+            None => Params::nominal(model),
+        };
+        let mut z = vec![0.0; 6];
+        z.extend(model.rest_position(&params));
+        z.resize(6 + 2 * model.np(), 0.0);
+        let samples = rows.grid.0;
+        let (mut torques, mut accelerations) = (DMatrix::zeros(samples, model.nj()), DMatrix::zeros(samples, 6));
+        let (none, wanted) = (Displaced::none(model), Wanted::default());
+        for first in (0..samples).step_by(SPAN) {
+            let span = first..(first + SPAN).min(samples);
+            let Table { table, samples } = tables.span(model, &params, &none, &wanted, span.clone());
+            let y = simulate_reduced_span(model, &params, table, samples, &mut z);
+            let y = y.map_err(|e| SetupError::JointMotion(format!("the motion cannot be predicted: {e}")))?;
+            torques.rows_mut(span.start, span.len()).copy_from(&y.tau);
+            for (i, to) in span.enumerate() {
+                let (velocity, rate) = (y.twist.fixed_view::<1, 3>(i, 0), y.twist.fixed_view::<1, 3>(i, 3));
+                let mut a = y.accel.row(i).into_owned();
+                let turning = rate.transpose().cross(&velocity.transpose());
+                (0..3).for_each(|k| a[k] += turning[k]);
+                accelerations.row_mut(to).copy_from(&a);
+            }
+        }
+        Ok(Self { torques, accelerations })
     }
-    Ok(tau)
 }
 
 /// The change of the joint motion per unit of the compliance of joint `j`: the link stays behind the encoder by the torque.

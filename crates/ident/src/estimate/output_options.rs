@@ -1,6 +1,7 @@
 //! What output error assumes, and what it may adjust besides parameters.
 
 use crate::estimate::setup::Noise;
+use crate::uncertain::oscillator::Oscillator;
 use crate::uncertain::source::ErrorSource;
 
 /// What the estimator assumes and what else it may adjust.
@@ -37,8 +38,10 @@ pub struct Options {
     /// Draws of the noise of the positions, as the fit of the joint motion lets it through: unknowns `motion.noise[k]` that are not
     /// estimated, whose columns say what that noise does to the residuals. None where the motion was not fitted.
     pub motion_noise: usize,
-    /// Parameters at which the torques are predicted that deflect compliant joints; those of the model unless given. Their change
-    /// with the parameters that are estimated is not followed.
+    /// Oscillators that the model does not have and [`ErrorSource::Oscillator`] refers to.
+    pub oscillators: Vec<Oscillator>,
+    /// Parameters at which the torques are predicted that deflect compliant joints, and the motion of the base that drives oscillators;
+    /// those of the model unless given. Their change with the parameters that are estimated is not followed.
     pub deflected_at: Option<Vec<f64>>,
 }
 
@@ -56,6 +59,7 @@ impl Options {
             kinematics: Vec::new(),
             errors: Vec::new(),
             motion_noise: 0,
+            oscillators: Vec::new(),
             deflected_at: None,
         }
     }

@@ -192,7 +192,10 @@ impl SensorErrors {
                 | ErrorSource::GyroDrift(c)
                 | ErrorSource::ViscousFriction(c)
                 | ErrorSource::CoulombFriction(c) => put(row, c, self.offset(&source, group, i, c)),
-                ErrorSource::Compliance(_) | ErrorSource::Force(_) | ErrorSource::Moment(_) => {}
+                ErrorSource::Compliance(_)
+                | ErrorSource::Force(_)
+                | ErrorSource::Moment(_)
+                | ErrorSource::Oscillator(..) => {}
             }
         }
     }

@@ -82,6 +82,16 @@ pub enum SetupError {
     /// An error of a joint that the robot does not have, or of a fourth axis.
     #[error("an error to estimate belongs to none of the {0} joints and three axes; see ErrorSource::all")]
     NoSuchError(usize),
+    /// An oscillator that does not oscillate.
+    #[error(
+        "an oscillator of {frequency_hz} Hz with damping ratio {damping_ratio}; give a positive frequency and a ratio below one"
+    )]
+    Oscillator {
+        /// Frequency (Hz).
+        frequency_hz: f64,
+        /// Damping ratio.
+        damping_ratio: f64,
+    },
     /// A standard deviation that is not positive and finite.
     #[error("noise of the {channel} is {value}; it must be positive and finite")]
     Noise {

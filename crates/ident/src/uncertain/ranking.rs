@@ -1,7 +1,7 @@
 //! Which errors would explain a record, in order.
 
 use crate::uncertain::hypotheses::Hypothesis;
-use crate::uncertain::score::{Combination, Direction, Score, Scores};
+use crate::uncertain::score::{Combination, Direction, Score, Scores, Searched};
 use core::ops::Range;
 
 /// How often the tests of all errors together see one where there is none. The tests for coloured residuals
@@ -60,6 +60,13 @@ impl Ranking {
 struct Testable {
     hypothesis: usize,
     components: Vec<usize>,
+    searched: Searched,
+}
+
+impl Testable {
+    fn test(&self, scores: &Scores, given: &[usize]) -> Option<Score> {
+        scores.test_searched(&self.components, given, self.searched)
+    }
 }
 
 /// The errors with columns among `names` (parameters, then nuisance unknowns): indices of the hypotheses, their components in one list,
@@ -84,15 +91,21 @@ impl Layout {
             }
             let first = components.len();
             components.extend(free.into_iter().map(Direction::from));
-            of.push(Testable { hypothesis, components: (first..components.len()).collect() });
+            let searched = Searched::default();
+            of.push(Testable { hypothesis, components: (first..components.len()).collect(), searched });
         }
         Self { of, components }
     }
     /// With another hypothesis: that the unknowns `base` of the fit have other values in the record with these rows than in the others.
     pub fn differing(&mut self, hypothesis: usize, base: &[Combination], rows: &Range<usize>) {
+        let of_record = |c: &Combination| Direction { rows: Some(rows.clone()), ..c.clone().into() };
+        self.push(hypothesis, base.iter().map(of_record), Searched::default());
+    }
+    /// With another hypothesis whose columns were looked for.
+    pub fn push(&mut self, hypothesis: usize, components: impl Iterator<Item = Direction>, searched: Searched) {
         let first = self.components.len();
-        self.components.extend(base.iter().map(|c| Direction { columns: c.clone(), rows: Some(rows.clone()) }));
-        self.of.push(Testable { hypothesis, components: (first..self.components.len()).collect() });
+        self.components.extend(components);
+        self.of.push(Testable { hypothesis, components: (first..self.components.len()).collect(), searched });
     }
     /// Components of one of the hypotheses, if it has columns.
     pub fn components_of(&self, hypothesis: usize) -> Option<&[usize]> {
@@ -101,14 +114,14 @@ impl Layout {
     /// Tests all, and ranks what is found.
     pub fn rank(&self, scores: &Scores) -> Ranking {
         let worth = |s: &Score| s.evidence;
-        let alone: Vec<Option<Score>> = self.of.iter().map(|t| scores.test(&t.components, &[])).collect();
+        let alone: Vec<Option<Score>> = self.of.iter().map(|t| t.test(scores, &[])).collect();
         let tested = alone.iter().flatten().count();
         let limit = LEVEL / tested.max(1) as f64;
         let mut named: Vec<Named> = Vec::new();
         let mut given: Vec<usize> = Vec::new();
         while named.len() < TOGETHER {
             let behind = self.of.iter().enumerate().filter_map(|(k, t)| {
-                let score = if given.is_empty() { alone[k].clone() } else { scores.test(&t.components, &given) };
+                let score = if given.is_empty() { alone[k].clone() } else { t.test(scores, &given) };
                 score.filter(|s| s.p < limit).map(|s| (k, s))
             });
             let best = behind.max_by(|a, b| worth(&a.1).total_cmp(&worth(&b.1)));

@@ -39,11 +39,13 @@ pub struct Direction {
     pub columns: Combination,
     /// The rows that it has alone, those of one record; all unless given.
     pub rows: Option<Range<usize>>,
+    /// Standard deviation of what is known of its size without the record, about none; infinite unless given.
+    pub width: f64,
 }
 
 impl From<Combination> for Direction {
     fn from(columns: Combination) -> Self {
-        Self { columns, rows: None }
+        Self { columns, rows: None, width: f64::INFINITY }
     }
 }
 
@@ -84,6 +86,21 @@ pub struct Scores {
     /// Squared residuals behind the projection, and rows less unknowns.
     chi2: f64,
     freedom: usize,
+}
+
+/// What looking for an error costs in significance: the best of many is larger by chance than one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Searched {
+    /// Numbers that were adjusted beside the components.
+    pub freedom: usize,
+    /// Places that were tried, as independent ones (Bonferroni).
+    pub places: f64,
+}
+
+impl Default for Searched {
+    fn default() -> Self {
+        Self { freedom: 0, places: 1.0 }
+    }
 }
 
 /// The test of one error.
@@ -170,6 +187,9 @@ impl Scores {
                 triangle = ff_linalg::qr_r(&stack(&triangle, &part)).map_err(fatal)?;
             }
         }
+        for (k, d) in components.iter().enumerate() {
+            own[(k, k)] += d.width.powi(-2);
+        }
         let (rows_known, known) = &at.priors;
         let mut tail = DMatrix::zeros(n + known.len(), n + 1);
         for (k, (_, size)) in at.base.iter().enumerate() {
@@ -211,6 +231,10 @@ impl Scores {
     /// The test of the error with these components, behind others that are taken for granted; `None` where the data cannot tell it
     /// from the unknowns of the fit, or from those. Allocates.
     pub fn test(&self, of: &[usize], given: &[usize]) -> Option<Score> {
+        self.test_searched(of, given, Searched::default())
+    }
+    /// [`Scores::test`] of components that were looked for: `p` is that of as many more degrees of freedom, times the number of places.
+    pub fn test_searched(&self, of: &[usize], given: &[usize], searched: Searched) -> Option<Score> {
         if of.iter().any(|i| given.contains(i)) {
             return None;
         }
@@ -258,15 +282,21 @@ impl Scores {
             }
         }
         let drop = (slope.transpose() * &inverse * &slope)[0];
-        let p = chi_square_survival(tested, of.len() as f64);
-        let evidence = evidence(drop, of.len());
-        Some(Score { drop, freedom: of.len(), p, evidence, estimate, std, moves })
+        let freedom = of.len() + searched.freedom;
+        let p = (chi_square_survival(tested, freedom as f64) * searched.places).min(1.0);
+        let evidence = evidence(drop, freedom) - searched.places.ln();
+        Some(Score { drop, freedom, p, evidence, estimate, std, moves })
     }
     /// By how many deviations an error of these components, of this size each, would move the unknown that is asked for and moves most if
     /// the fit took it for none, and which that is; `None` where none is asked for.
     pub fn shift(&self, of: &[usize], size: &[f64]) -> Option<(usize, f64)> {
         let by = |k: usize| of.iter().zip(size).map(|(&i, x)| (self.follow[(k, i)] * x).powi(2)).sum::<f64>().sqrt();
         self.asked.iter().map(|&k| (k, by(k) / self.deviation[k])).max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+    /// How these components hang together behind the projection: their covariance when they alone are estimated, noise of the motion
+    /// left out; `None` where they cannot be told apart.
+    pub fn covariance(&self, of: &[usize]) -> Option<DMatrix<f64>> {
+        usable(&DMatrix::from_fn(of.len(), of.len(), |a, b| self.s[(of[a], of[b])]))
     }
     /// Correlation of what two errors do to the residuals behind the projection, each in the direction that was estimated: one where
     /// the data cannot tell them apart.
@@ -281,7 +311,7 @@ impl Scores {
 }
 
 /// `-ln p` of chi-squared x with k degrees of freedom; beyond what p can hold `x/2 - (k/2 - 1) ln(x/2) + ln Gamma(k/2)`.
-fn evidence(x: f64, k: usize) -> f64 {
+pub fn evidence(x: f64, k: usize) -> f64 {
     let p = chi_square_survival(x, k as f64);
     if p > 1e-280 {
         return -p.ln();

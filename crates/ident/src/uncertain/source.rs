@@ -1,5 +1,7 @@
 //! What may be wrong beside the parameters: errors of sensors, of joints and of what pushes the base.
 
+use crate::uncertain::oscillator::OscillatorColumn;
+
 /// Coordinate axes.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -49,6 +51,8 @@ pub enum ErrorSource {
     Force(usize),
     /// Constant moment on the base about one of its axes (N m).
     Moment(usize),
+    /// Of one of [`crate::Options::oscillators`], by index.
+    Oscillator(usize, OscillatorColumn),
 }
 
 /// What an error acts on.
@@ -61,7 +65,7 @@ pub(crate) enum ActsOn {
 }
 
 impl ErrorSource {
-    /// Every error there is, for so many joints.
+    /// Every error there is, for so many joints, but oscillators, which belong to none.
     pub fn all(joints: usize) -> Vec<Self> {
         let each = |of: fn(usize) -> Self, n: usize| (0..n).map(of);
         let mut out = vec![Self::TorqueGain(None), Self::GyroScale(None), Self::TorqueSkew, Self::GyroSkew];
@@ -97,6 +101,7 @@ impl ErrorSource {
             Self::Compliance(j) => format!("compliance.{}", joints[j]),
             Self::Force(i) => format!("wrench.f{}", AXES[i]),
             Self::Moment(i) => format!("wrench.n{}", AXES[i]),
+            Self::Oscillator(k, column) => format!("oscillator[{k}].{}", column.name()),
         }
     }
     /// Its SI unit; of turning joints, for those of a joint.
@@ -110,6 +115,7 @@ impl ErrorSource {
             Self::GyroDrift(_) => "rad/s^2",
             Self::Compliance(_) => "rad/(N m)",
             Self::Force(_) => "N",
+            Self::Oscillator(_, column) => column.unit(),
         }
     }
     /// A size that would be relevant, with sensors of this noise (N m, rad/s) and a record of so many seconds.
@@ -121,10 +127,12 @@ impl ErrorSource {
             Self::GyroDrift(_) => gyro / seconds,
             Self::ViscousFriction(_) | Self::CoulombFriction(_) | Self::Moment(_) | Self::Force(_) => torque,
             Self::Compliance(_) => 1e-4,
+            Self::Oscillator(_, OscillatorColumn::Inertia(_)) => 1.0,
+            Self::Oscillator(..) => 1e-2,
         }
     }
-    /// Whether a robot of so many joints has it.
-    pub(crate) fn exists(&self, joints: usize) -> bool {
+    /// Whether a robot of so many joints, with so many oscillators, has it.
+    pub(crate) fn exists(&self, joints: usize, oscillators: usize) -> bool {
         match *self {
             Self::TorqueGain(None) | Self::GyroScale(None) | Self::TorqueSkew | Self::GyroSkew => true,
             Self::TorqueGain(Some(j))
@@ -137,6 +145,7 @@ impl ErrorSource {
             | Self::GyroDrift(i)
             | Self::Force(i)
             | Self::Moment(i) => i < 3,
+            Self::Oscillator(k, column) => k < oscillators && column.exists(),
         }
     }
     pub(crate) fn acts_on(&self) -> ActsOn {
@@ -147,7 +156,7 @@ impl ErrorSource {
             | Self::CoulombFriction(_)
             | Self::TorqueSkew => ActsOn::Readings(0),
             Self::GyroScale(_) | Self::GyroRotation(_) | Self::GyroDrift(_) | Self::GyroSkew => ActsOn::Readings(1),
-            Self::Compliance(_) | Self::Force(_) | Self::Moment(_) => ActsOn::Motion,
+            Self::Compliance(_) | Self::Force(_) | Self::Moment(_) | Self::Oscillator(..) => ActsOn::Motion,
         }
     }
 }

@@ -42,6 +42,9 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
         let p = Problem::warning(Area::Data, "Fit::Misfit", format!("{}; {chi2}", e.reason));
         let hint = match e.named.first() {
             Some(n) if n.name.starts_with("other-robot") => "identify the records apart, and compare what they say".to_owned(),
+            Some(n) if n.name == "extra-mode" => {
+                "add an [[appendage]] of that frequency to the mission (flex_panel, slosh_pendulum), and estimate it".to_owned()
+            }
             Some(n) => format!("measure that, or estimate it: --adopt {}", n.name),
             None => {
                 "look at the spectra of the residuals: something moves that the model does not have, or the noise is another"

@@ -1,6 +1,7 @@
 //! Errors that a fit estimates beside what the mission asks for: `--adopt`.
 
 use super::error::config;
+use super::extra_mode;
 use super::ties::TieSpec;
 use ff_model::diagnostics::nearest;
 use ff_model::{Model, Problems};
@@ -34,6 +35,11 @@ impl Adopted {
         let all = hypotheses(model, estimated, &nominal);
         for pattern in patterns {
             let found: Vec<&Hypothesis> = all.iter().filter(|h| matches(pattern, &h.name)).collect();
+            if pattern == extra_mode::NAME {
+                let what = format!("--adopt {pattern}: a mode is no single number, and what carries it is not known");
+                let hint = "add an [[appendage]] of its frequency to the mission (flex_panel, slosh_pendulum), and estimate it";
+                return Err(config("Config::NotAdoptable", what, hint));
+            }
             if found.is_empty() {
                 let near = nearest(pattern, all.iter().map(|h| h.name.as_str()));
                 let hint = near.map_or_else(

@@ -2,25 +2,24 @@
 
 use super::error::IdentifyError;
 use super::evidence::{ErrorSize, Evidence, Harm, NamedError, State};
+use super::extra_mode;
 use super::findings::Whiteness;
+use super::labelled_record::LabelledRecord;
 use super::record_estimator::Twin;
 use super::report::Fitted;
 use super::result::parameter::Parameter;
 use super::settings::Settings;
+use super::signals::Signals;
+use super::survey::{Columns, DRAWS, Survey};
 use super::text::num;
 use super::unknowns::Unknowns;
 use ff_model::{Model, ParamDecl};
 use ident::checks::whiteness;
-use ident::compose::{Shared, is_called};
+use ident::compose::Shared;
 use ident::estimate::Estimate;
-use ident::uncertain::{
-    self, Combination, Component, EndOfFit, Hypothesis, Layout, MATTERS, Named, Scores, hypotheses,
-};
-use ident::{Estimator, Options, OutputError, SetupError, Several};
+use ident::uncertain::{self, Hypothesis, Layout, MATTERS, Named, Scores};
 use nalgebra::DMatrix;
 
-/// Draws of the encoders' noise.
-const DRAWS: usize = 6;
 /// Part of the squared residuals below which noise of the encoders is not worth whitening.
 const QUIET: f64 = 1e-4;
 
@@ -52,148 +51,48 @@ pub(super) struct Ended<'a> {
     pub(super) fitted: &'a Fitted,
     /// All parameters of the model.
     pub(super) values: &'a [f64],
-}
-
-/// An estimator with the columns of everything that is tried.
-fn wide<'m>(of: &Twin<'m>, model: &Model, s: &Settings, values: &[f64]) -> Result<OutputError<'m>, SetupError> {
-    let plain = Options { deflected_at: Some(values.to_vec()), motion_noise: DRAWS, ..Options::new(s.noise) };
-    of.survey(&uncertain::with_every_column(model, &plain), values)
+    pub(super) records: &'a [LabelledRecord],
+    pub(super) signals: &'a [Signals],
 }
 
 /// Tests every error at the end of a fit. `None` where the model cannot be evaluated with them.
 pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result<Option<Tests>, IdentifyError> {
-    let (model, e) = (end.model, &end.fitted.estimate);
-    if twins.is_empty() {
-        return Ok(None);
+    let Some(mut survey) = Survey::new(end, twins, s, &Columns::Every(None))? else { return Ok(None) };
+    let mut ranking = survey.layout.rank(&survey.scores);
+    let mut extra = None;
+    if extra_mode::may_be(end, &survey, &ranking)
+        && let Some(found) = extra_mode::search(end, twins, s)?
+        && ranking.named.iter().all(|n| n.score.evidence < found.evidence())
+        && let Some(with) = Survey::new(end, twins, s, &Columns::Every(Some(&found)))?
+    {
+        (ranking, survey) = (with.layout.rank(&with.scores), with);
+        extra = Some(found);
     }
-    let mut parts: Vec<Box<dyn Estimator + '_>> = Vec::new();
-    let (mut rows, mut orders, mut residuals) = (Vec::new(), Vec::new(), Vec::new());
-    let channels = model.nj() + 3;
-    for twin in twins {
-        let Ok(part) = wide(twin, model, s, end.values) else { return Ok(None) };
-        let order = order(part.rows(), channels, part.is_interleaved());
-        // Those of the rigid method are not residuals of these rows.
-        if e.residuals.len() >= residuals.len() + order.len() {
-            let first = residuals.len();
-            let counts = |r: f64| s.loss.rho(r).sqrt().copysign(r);
-            residuals.extend(order.iter().map(|i| counts(e.residuals[first + i])));
-        }
-        rows.push(part.rows());
-        orders.push(order);
-        parts.push(Box::new(part));
-    }
-    let residuals = (residuals.len() == e.residuals.len()).then_some(&residuals[..]);
-    let several = parts.len() > 1;
-    let mut all: Box<dyn Estimator + '_> =
-        if several { Box::new(Several::new(end.shared, parts)) } else { parts.remove(0) };
-    let decls = model.param_decls();
-    let selected: Vec<usize> = (0..decls.len()).collect();
-    let nuisance = all.nuisance();
-    let names: Vec<String> =
-        decls.iter().map(|d| d.name.clone()).chain(nuisance.iter().map(|u| u.name.clone())).collect();
-    let value_of = |name: &str| e.nuisance.iter().find(|u| u.name == name).map(|u| u.value);
-    let labels_of = if several { end.labels } else { &[] };
-    let beside = |name: &str| -> Combination {
-        let own = nuisance.iter().enumerate().filter(|(_, u)| is_called(&u.name, name, labels_of));
-        own.map(|(k, _)| (decls.len() + k, 1.0)).collect()
-    };
-    let shared: Vec<(&str, f64)> = end.unknowns.marginal.iter().map(|(i, u)| (u.name.as_str(), e.values[*i])).collect();
-    let shared_value = |name: &str| shared.iter().find(|(n, _)| is_called(name, n, labels_of)).map(|s| s.1);
-    let of = |name: &str| value_of(name).or_else(|| shared_value(name));
-    let extra: Vec<f64> = nuisance.iter().map(|u| of(&u.name).unwrap_or(0.0)).collect();
-    let sizes = ident::parameters::sizes(&decls, end.values);
-    let (mut base, mut base_names) = (Vec::new(), Vec::new());
-    for (column, &i) in end.unknowns.columns(&end.fitted.selected, &e.values)?.into_iter().zip(&end.fitted.selected) {
-        // An error that records share is a column of every one of them.
-        let column = match column[..] {
-            [(shared, _)] if shared >= decls.len() => beside(&end.unknowns.decls[i].name),
-            _ => column,
+    let Survey { scores, layout, tried, names, drawn, .. } = &survey;
+    let name_of = |column: usize| names[column].as_str();
+    let lines = |all: &[Named]| -> Vec<NamedError> {
+        let one = |n: &Named| {
+            let mut line = named(n, tried, &name_of);
+            if let Some(found) = extra.as_ref().filter(|_| n.hypothesis == survey.oscillator) {
+                found.describe(&mut line);
+            }
+            line
         };
-        if column.is_empty() {
-            return Ok(None);
-        }
-        let largest = column
-            .iter()
-            .map(|&(p, by)| sizes.get(p).map_or_else(|| nuisance[p - decls.len()].size, |s| s / by.abs()))
-            .fold(f64::INFINITY, f64::min);
-        base.push((column, largest));
-        base_names.push(end.unknowns.decls[i].name.clone());
-    }
-    for (k, u) in nuisance.iter().enumerate() {
-        // What output error estimates and the rigid method does not.
-        let bias = residuals.is_none() && s.biases && u.name.contains(".bias.");
-        if value_of(&u.name).is_some() || bias {
-            base.push((vec![(decls.len() + k, 1.0)], u.size));
-            base_names.push(u.name.clone());
-        }
-    }
-    let draws: Vec<usize> =
-        (0..names.len()).filter(|&i| i >= decls.len() && names[i].contains("motion.noise[")).collect();
-    let priors = end.unknowns.priors(&end.fitted.selected)?;
-    let mut known = DMatrix::zeros(priors.len(), base.len());
-    priors.fill_jacobian(&mut known, 0);
-    let mut of_priors = Vec::new();
-    let at: Vec<f64> = end.fitted.selected.iter().map(|&i| e.values[i]).collect();
-    priors.push_residuals(&at, &mut of_priors);
-    // Of ties, the parameters that they determine.
-    let mut estimated = Vec::new();
-    for ((c, _), &i) in base.iter().zip(&end.fitted.selected) {
-        // Of a body of which one error is estimated, the others may be wrong as well.
-        if end.unknowns.is_asked(i) || c.len() == 1 {
-            estimated.extend(c.iter().map(|c| c.0).filter(|&i| i < decls.len()));
-        }
-    }
-    let mut tried = hypotheses(model, &estimated, end.values);
-    let held: Vec<usize> = base.iter().flat_map(|(c, _)| c.iter().map(|c| c.0)).collect();
-    let mut layout = Layout::new(&tried, &names, labels_of, &held);
-    // Each record but the first against all the others: what it alone would say of the parameters.
-    let asked = |k: &usize| end.unknowns.is_asked(end.fitted.selected[*k]);
-    let of_parameters: Vec<usize> = (0..end.fitted.selected.len()).filter(asked).collect();
-    let parameters: Vec<_> = of_parameters.iter().map(|&k| base[k].0.clone()).collect();
-    let mut first = 0;
-    for (label, n) in labels_of.iter().zip(&rows) {
-        if first > 0 {
-            layout.differing(tried.len(), &parameters, &(first..first + n));
-            let unit = |k: &usize| end.unknowns.decls[end.fitted.selected[*k]].unit.to_owned();
-            let one = |k: &usize| Component { name: base_names[*k].clone(), unit: unit(k), of: Vec::new() };
-            let components = of_parameters.iter().map(one).collect();
-            let words = format!("parameters that are others in record {label}");
-            tried.push(Hypothesis { name: format!("other-robot.{label}"), words, components });
-        }
-        first += n;
-    }
-    let place = EndOfFit {
-        full: end.values,
-        extra: &extra,
-        selected: &selected,
-        base: &base,
-        asked: &of_parameters,
-        residuals,
-        priors: (known, of_priors),
+        all.iter().map(one).collect()
     };
-    // The model may not move there at all: then nothing is tested.
-    let Ok(scores) = Scores::new(&mut *all, &place, &layout.components, &draws) else { return Ok(None) };
-    let ranking = layout.rank(&scores);
-    let name_of = |column: usize| base_names[column].as_str();
-    let lines = |all: &[Named]| all.iter().map(|n| named(n, &tried, &name_of)).collect();
     let (matters, alone, named) = (ranking.matters(), lines(&ranking.alone), lines(&ranking.named));
-    let (mut drawn, mut first) = (Vec::new(), 0);
-    for (n, order) in rows.iter().zip(&orders) {
-        let of_rows = sum_of_records(scores.drawn(), first, *n, if several { twins.len() } else { 1 });
-        let mut by_sample = DMatrix::zeros(*n, of_rows.ncols());
-        order.iter().enumerate().for_each(|(row, &at)| by_sample.set_row(at, &of_rows.row(row)));
-        drawn.push(by_sample);
-        first += n;
-    }
     let squares: f64 = drawn.iter().map(|d: &DMatrix<f64>| d.norm_squared()).sum();
-    let motion_noise = squares / (DRAWS * e.residuals.len().max(1)) as f64;
+    let motion_noise = squares / (DRAWS * end.fitted.estimate.residuals.len().max(1)) as f64;
     let explained = ranking.explained;
+    let decls = end.model.param_decls();
     let harm = if end.unknowns.marginal.is_empty() {
-        harm(&scores, &layout, &tried, end.values, &decls, &name_of)
+        harm(scores, layout, tried, end.values, &decls, &name_of)
     } else {
         Vec::new()
     };
-    Ok(Some(Tests { tested: ranking.tested, matters, explained, named, alone, motion_noise, drawn, harm }))
+    let tested = ranking.tested;
+    let drawn = survey.drawn;
+    Ok(Some(Tests { tested, matters, explained, named, alone, motion_noise, drawn, harm }))
 }
 
 /// What errors of 1 %, 1 mm and 1 mrad of what is taken as exact would move, the most harmful first.
@@ -229,27 +128,6 @@ fn harm<'n>(
     }
     out.sort_by(|a, b| b.moves_by.total_cmp(&a.moves_by));
     out.truncate(HARMFUL);
-    out
-}
-
-/// For every row of an estimator its place among rows that are listed sample by sample: torques, then three axes of the gyro.
-fn order(rows: usize, channels: usize, interleaved: bool) -> Vec<usize> {
-    if interleaved {
-        return (0..rows).collect();
-    }
-    let (samples, joints) = (rows / channels, channels - 3);
-    let torques = (0..samples).flat_map(|i| (0..joints).map(move |c| i * channels + c));
-    torques.chain((0..samples).flat_map(|i| (joints..channels).map(move |c| i * channels + c))).collect()
-}
-
-/// Draws of one record: those of the others have no rows here, so that the sum over records is its own.
-fn sum_of_records(drawn: &DMatrix<f64>, first: usize, rows: usize, records: usize) -> DMatrix<f64> {
-    let draws = drawn.ncols() / records.max(1);
-    let mut out = DMatrix::zeros(rows, draws);
-    for k in 0..drawn.ncols() {
-        let mut column = out.column_mut(k % draws.max(1));
-        column += drawn.view((first, k), (rows, 1)).column(0);
-    }
     out
 }
 

@@ -113,7 +113,16 @@ pub fn identify(
         signals.push(Signals::of(model, &t.record, &fitted.estimate.residuals[at..at + n], &sigma));
         at += n;
     }
-    let end = Ended { model, shared: &shared, labels: &labels, unknowns: &unknowns, fitted: &fitted, values: &values };
+    let end = Ended {
+        model,
+        shared: &shared,
+        labels: &labels,
+        unknowns: &unknowns,
+        fitted: &fitted,
+        values: &values,
+        records,
+        signals: &signals,
+    };
     let tests = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
     let tests = tests.as_ref();
     let unknowns = &unknowns;
