@@ -47,6 +47,8 @@ enum Which {
     Nist(Options),
     /// Fits of 100 random truths within 70 % of the prior, from the start that their modes give
     Starts(Options),
+    /// Draws from the posterior: ranks of truths drawn from the prior, R-hat and effective sizes in time
+    Posterior(Options),
     /// Worlds of MuJoCo, exact and with errors: is a wrong model contradicted, and no right one?
     Verdict(verdict::Args),
 }
@@ -273,6 +275,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Which::Degeneracies(options) => Ok(degeneracies::run(options)?.finish(options)?),
         Which::Nist(options) => Ok(nist::run(options)?.finish(options)?),
         Which::Starts(options) => Ok(starts::run(options)?.finish(options)?),
+        Which::Posterior(options) => Ok(identification::posterior::run(options)?.finish(options)?),
         Which::Verdict(args) => Ok(verdict::run(args)?.finish(&args.options)?),
     }
 }
