@@ -8,6 +8,7 @@
 //! | [`solve`] | linear least squares over a record, physical projection, loss functions |
 //! | [`compose`] | several records, ties between parameters, continuation from rough starts, multiple starts |
 //! | [`belief`] | priors, posteriors, covariance, identifiability, likelihood profiles |
+//! | [`sample`] | draws from the posterior, and whether they can be trusted |
 //! | [`modal`] | measured modes against the modes of the model; stiffness and damping from modes |
 //! | [`uncertain`] | what may be wrong beside the parameters, and what would explain a record |
 //! | [`checks`] | clocks, axes, momentum, free decay, whiteness of residuals, comparison of models |
@@ -19,6 +20,7 @@ pub mod estimate;
 pub mod modal;
 pub mod motion;
 pub mod parameters;
+pub mod sample;
 pub mod solve;
 pub mod uncertain;
 

@@ -30,6 +30,7 @@ mod project;
 mod record_checks;
 mod recovery;
 mod row_streams;
+mod sampling;
 mod scores;
 
 mod several_records;

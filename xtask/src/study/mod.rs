@@ -53,6 +53,8 @@ enum Which {
     Budget(Options),
     /// Five records one after another, in ten orders: is the end that of the joint fit?
     Sequence(Options),
+    /// Draws from the posterior: ranks of truths drawn from the prior, R-hat and effective sizes in time
+    Posterior(Options),
     /// Worlds of MuJoCo, exact and with errors: is a wrong model contradicted, and no right one?
     Verdict(verdict::Args),
 }
@@ -281,6 +283,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Which::Starts(options) => Ok(starts::run(options)?.finish(options)?),
         Which::Budget(options) => Ok(budget::run(options)?.finish(options)?),
         Which::Sequence(options) => Ok(sequence::run(options)?.finish(options)?),
+        Which::Posterior(options) => Ok(identification::posterior::run(options)?.finish(options)?),
         Which::Verdict(args) => Ok(verdict::run(args)?.finish(&args.options)?),
     }
 }

@@ -43,7 +43,7 @@ pub(crate) mod write;
 pub use blocks::{BLOCK, Block, Blocks, Stamps};
 pub use options::{Loaded, ReadOptions};
 #[cfg(feature = "parquet")]
-pub use parquet_out::ParquetWriter;
+pub use parquet_out::{ParquetWriter, TableColumn, write_table};
 pub use read::{read, read_from};
 pub use source::{Format, open};
 pub use write::{CsvRows, CsvWriter};

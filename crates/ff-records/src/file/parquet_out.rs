@@ -110,3 +110,53 @@ impl<W: Write + Send> ParquetWriter<W> {
         self.file.into_inner().map_err(io::Error::other)
     }
 }
+/// A column of [`write_table`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum TableColumn {
+    /// Whole numbers.
+    Whole(Vec<i64>),
+    /// Numbers, with their SI unit (`1` for pure numbers).
+    Real(Vec<f64>, String),
+}
+
+/// Writes a table of named columns of equal length; units go to the metadata of the file as `unit.<name>`.
+///
+/// # Errors
+/// Those of `out`; [`io::ErrorKind::InvalidData`] for columns of unequal length.
+pub fn write_table<W: Write + Send>(out: W, columns: &[(String, TableColumn)]) -> io::Result<W> {
+    let rows = |c: &TableColumn| match c {
+        TableColumn::Whole(v) => v.len(),
+        TableColumn::Real(v, _) => v.len(),
+    };
+    if columns.iter().any(|(_, c)| rows(c) != rows(&columns[0].1)) {
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "columns of unequal length"));
+    }
+    let field = |(name, c): &(String, TableColumn)| {
+        let physical = if matches!(c, TableColumn::Whole(_)) { Physical::INT64 } else { Physical::DOUBLE };
+        Type::primitive_type_builder(name, physical).with_repetition(Repetition::REQUIRED).build().map(Arc::new)
+    };
+    let fields = columns.iter().map(field).collect::<Result<Vec<_>, _>>().map_err(io::Error::other)?;
+    let schema = Type::group_type_builder("table").with_fields(fields).build().map_err(io::Error::other)?;
+    let unit = |(name, c): &(String, TableColumn)| match c {
+        TableColumn::Whole(_) => None,
+        TableColumn::Real(_, unit) => Some(KeyValue::new(format!("unit.{name}"), unit.clone())),
+    };
+    let properties = WriterProperties::builder()
+        .set_compression(Compression::SNAPPY)
+        .set_created_by(concat!("ffid ", env!("CARGO_PKG_VERSION")).to_owned())
+        .set_key_value_metadata(Some(columns.iter().filter_map(unit).collect()))
+        .build();
+    let mut file = SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties)).map_err(io::Error::other)?;
+    let mut group = file.next_row_group().map_err(io::Error::other)?;
+    for (_, c) in columns {
+        let Some(mut to) = group.next_column().map_err(io::Error::other)? else { break };
+        match c {
+            TableColumn::Whole(v) => to.typed::<Int64Type>().write_batch(v, None, None),
+            TableColumn::Real(v, _) => to.typed::<DoubleType>().write_batch(v, None, None),
+        }
+        .map_err(io::Error::other)?;
+        to.close().map_err(io::Error::other)?;
+    }
+    group.close().map_err(io::Error::other)?;
+    file.into_inner().map_err(io::Error::other)
+}

@@ -1,6 +1,7 @@
 //! The report of a result: data to a page.
 
 use super::figures;
+use super::sampled;
 use crate::page::{Block, Cell, Level, Page, Table, interval};
 use crate::plot::Figure;
 use ffid::exit::Failure;
@@ -81,6 +82,9 @@ pub fn page(r: &IdentificationResult, figures: &[(String, Figure)]) -> Result<St
     residuals.extend(r.decay.iter().map(decay));
     residuals.extend(clocks(r));
     page.section("Residuals and their spectra", residuals);
+    let mut draws = sampled::blocks(r);
+    draws.extend(drawn(&["corner"])?);
+    page.section("Draws from the posterior", draws);
     page.section("Models compared", comparison(r));
     if let Some(h) = &r.held_out {
         let mut blocks = held(h);

@@ -49,12 +49,17 @@ pub(super) fn figure(f: &Figure) -> std::result::Result<String, Box<dyn std::err
     let header = if f.title.is_empty() { 14.0 } else { 46.0 };
     let panels: f64 = f.panels.iter().map(|p| total(&heights(p)) + p.height).sum();
     let footer = if caption.is_empty() { 6.0 } else { 14.0 + 16.0 * caption.len() as f64 };
-    let size = (WIDTH, (header + panels + footer).ceil());
+    let corner = f.corner.as_ref().map_or(0.0, |c| c.height(WIDTH));
+    let size = (WIDTH, (header + corner + panels + footer).ceil());
     let mut svg = String::new();
     let mut c = Canvas::new(&mut svg, size);
     c.fill((0.0, 0.0), size, WHITE)?;
     c.text(&f.title, (WIDTH / 2.0, 24.0), Text::new(17.0).bold().anchor(HPos::Center))?;
     let mut top = header;
+    if let Some(corner) = &f.corner {
+        corner.draw(&mut c, top, WIDTH)?;
+        top += corner.height(WIDTH);
+    }
     for p in &f.panels {
         panel(&mut c, p, top)?;
         top += total(&heights(p)) + p.height;

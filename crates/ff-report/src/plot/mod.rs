@@ -13,6 +13,7 @@
 //! # Ok::<(), ffid::exit::Failure>(())
 //! ```
 pub(crate) mod canvas;
+pub(crate) mod corner;
 pub(crate) mod draw;
 pub(crate) mod layout;
 pub(crate) mod polyline;
@@ -20,6 +21,8 @@ pub(crate) mod raster;
 pub(crate) mod scale;
 #[cfg(test)]
 pub(crate) mod tests;
+
+pub use corner::Corner;
 
 use ffid::exit::Failure;
 use ffid::files::atomic;
@@ -33,6 +36,8 @@ pub const WIDTH: f64 = 960.0;
 pub struct Figure {
     /// Title above everything.
     pub title: String,
+    /// Draws of several quantities in pairs, above the panels.
+    pub corner: Option<Corner>,
     /// Panels from top to bottom.
     pub panels: Vec<Panel>,
     /// Text below everything, wrapped to the width; empty for none.
@@ -161,6 +166,12 @@ impl Figure {
     }
 
     fn check(&self) -> Result<(), Failure> {
+        for (name, values) in self.corner.iter().flat_map(|c| c.names.iter().zip(&c.draws)) {
+            if let Some(i) = values.iter().position(|v| !v.is_finite()) {
+                let place = format!("figure '{}', draws of '{name}': sample {i}", self.title);
+                return Err(Failure::NotFinite { place, value: values[i].to_string() });
+            }
+        }
         for s in self.panels.iter().flat_map(|p| &p.series) {
             let place = format!("figure '{}', series '{}'", self.title, s.label);
             if s.xs.len() != s.ys.len() {

@@ -33,6 +33,7 @@ pub(super) const ROOT: &[Key] = &[
     key("taken_as_exact", Tables(HARM), "what small errors of what is taken as exact would do"),
     key("bodies", Tables(BODY), "bodies of which something was estimated, about their centres of mass"),
     key("profiles", Tables(PROFILE), "intervals from the likelihood itself"),
+    key("sampled", Table(SAMPLED), "what draws from the posterior say"),
     key("minima", Table(MINIMA), "where other starts led"),
     must("correlations", Tables(CORRELATION), "pairs with a correlation of 0.95 or more"),
     must("covariance", Table(COVARIANCE), "covariance of parameters and nuisance, priors included"),
@@ -223,6 +224,42 @@ const PROFILE: &[Key] = &[
     key("lower95", Number, "lower end; absent where the data put no bound as far as was looked"),
     key("upper95", Number, "upper end"),
     must("points", Pairs, "values, and twice the negative log posterior above its minimum there"),
+];
+
+const SAMPLED: &[Key] = &[
+    must(
+        "state",
+        OneOf(&["converged", "not-converged", "interrupted", "not-drawn"]),
+        "whether its intervals can be trusted",
+    ),
+    must("reason", Text, "why, in one line"),
+    must("sampler", Text, "how it was drawn"),
+    must("chains", Whole, "number of chains"),
+    must("draws", Whole, "draws of each of them"),
+    must("warm_up", Whole, "draws before them that tuned the steps"),
+    must("seed", Whole, "seed of all randomness"),
+    must("evaluations", Whole, "evaluations of residuals and their derivatives"),
+    must("divergences", Whole, "trajectories that met the edge of what is physical, or lost their energy"),
+    key("r_hat", Number, "the largest R-hat"),
+    key("ess_bulk", Number, "the least effective sample size of the bulk"),
+    key("ess_tail", Number, "the least effective sample size of the tails"),
+    key("file", Text, "the file of all draws"),
+    must("parameters", Tables(SAMPLED_LINE), "the parameters asked for"),
+    must("beside", Tables(SAMPLED_LINE), "what was drawn beside them"),
+];
+
+const SAMPLED_LINE: &[Key] = &[
+    must("name", Text, "full name"),
+    must("unit", Text, "SI unit"),
+    key("r_hat", Number, "rank-normalised split R-hat"),
+    key("ess_bulk", Number, "effective sample size of the bulk"),
+    key("ess_tail", Number, "effective sample size of the tails"),
+    key("mean", Number, "mean of the draws; absent, as all below, where chains have not converged"),
+    key("std", Number, "their standard deviation"),
+    key("median", Number, "their median"),
+    key("interval95", Vector(2), "their 2.5 % and 97.5 % quantiles"),
+    key("hdi95", Vector(2), "the shortest interval that holds 95 % of them"),
+    key("differs", Number, "largest distance of an end of interval95 from that of the fit, in its standard deviations"),
 ];
 
 const MINIMA: &[Key] = &[

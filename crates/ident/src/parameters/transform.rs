@@ -195,8 +195,25 @@ impl Transform {
     /// # Errors
     /// Any [`TransformError`].
     pub fn affine(decls: &[ParamDecl], selected: &[usize], start: &[f64]) -> Result<Self, TransformError> {
+        Self::mixed(decls, selected, start, |_, _| true)
+    }
+    /// As [`Transform::affine`] for those blocks that `straight` names by their first coordinate and their length, as
+    /// [`Transform::new`] for the others.
+    pub(crate) fn mixed(
+        decls: &[ParamDecl],
+        selected: &[usize],
+        start: &[f64],
+        straight: impl Fn(usize, usize) -> bool,
+    ) -> Result<Self, TransformError> {
         let mut t = Self::new(decls, selected, start)?;
         for b in &mut t.blocks {
+            let own = match b {
+                Block::Body { at, .. } | Block::Affine { at, .. } => (*at, 10),
+                Block::Log { at } | Block::Scaled { at, .. } => (*at, 1),
+            };
+            if !straight(own.0, own.1) {
+                continue;
+            }
             if let Block::Body { at, name } = b {
                 let i = selected[*at];
                 if let Some(map) = Affine::around(&Inertia::from_params(&start[i..i + 10])) {
@@ -354,6 +371,20 @@ impl Transform {
                 }
             }
         });
+        out
+    }
+    /// Gradient of `ln |det (d physical / d x)|`, which is linear in x: 1 for a logarithm, `20 a + 2 d1 + 3 d2 + 4 d3` for log-Cholesky
+    /// numbers (`P = U U^T` has the determinant `2^4 prod_k U_kk^k`, and U over x that of `e^(10 a + d1 + d2 + d3)`), 0 for coordinates
+    /// that are linear in the parameters. Allocates.
+    pub fn log_volume_slope(&self) -> Vec<f64> {
+        let mut out = vec![0.0; self.dim()];
+        for b in &self.blocks {
+            match b {
+                Block::Body { at, .. } => out[*at..at + 4].copy_from_slice(&[20.0, 2.0, 3.0, 4.0]),
+                Block::Log { at } => out[*at] = 1.0,
+                Block::Affine { .. } | Block::Scaled { .. } => {}
+            }
+        }
         out
     }
     /// Turns derivatives with respect to the selected physical parameters (columns of `j`, m x dim) into

@@ -105,8 +105,12 @@ impl Case {
     }
     /// The true system along the motion, from rest, sampled every `sample_s`.
     pub(super) fn simulate(&self, sample_s: f64) -> anyhow::Result<Trace> {
+        self.simulate_of(&self.truth, sample_s)
+    }
+    /// The same system with other parameters.
+    pub(super) fn simulate_of(&self, params: &Params<f64>, sample_s: f64) -> anyhow::Result<Trace> {
         let o = SimOptions { duration_s: self.motion.duration(), step_s: STEP_S, sample_s };
-        Ok(from_rest(&self.model, &self.truth, &*self.motion, &o)?)
+        Ok(from_rest(&self.model, params, &*self.motion, &o)?)
     }
     /// A door for records of this robot at `dt`.
     pub(super) fn record(&self, dt: f64) -> RecordBuilder {

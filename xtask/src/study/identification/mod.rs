@@ -1,8 +1,9 @@
-//! Studies of what is identified: `recovery`, `convergence`, `coverage`, `combined`.
+//! Studies of what is identified: `recovery`, `convergence`, `coverage`, `combined`, `posterior`.
 mod case;
 pub mod combined;
 pub mod convergence;
 pub mod coverage;
+pub mod posterior;
 pub mod recovery;
 mod shaken;
 

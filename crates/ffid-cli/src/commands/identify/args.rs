@@ -8,6 +8,7 @@ use crate::result_folder;
 use crate::results::Output;
 use ff_model::{Area, Model, Problem, Problems};
 use ffid::workflow::identify::{FitOptions, InputFile, LabelledRecord, TieSpec, read_kept};
+use ident::sample::ChainSettings;
 use std::path::PathBuf;
 
 /// Longest file of ties (bytes).
@@ -23,6 +24,7 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid identify m.toml --record rec.csv --reduce            where the record is silent, what it can tell
   ffid identify m.toml --record rec.csv --loss huber        a few samples are wrong
   ffid identify m.toml --record rec.csv --profile 'tank.*'  intervals from the likelihood itself
+  ffid identify m.toml --record rec.csv --sample            draws from the posterior, a corner plot
   ffid identify m.toml --record new.csv --prior-from m-identified
   ffid identify m.toml --record rec.csv --compare           rigid, flexible, sloshing or both?
   ffid identify arm.toml --record log.csv --reduce --held-out 0.33   an arm on the ground, friction included
@@ -31,7 +33,7 @@ pub(crate) const EXAMPLES: &str = "Examples:
 
 A record has columns time[s], q.<joint>[rad], tau.<joint>[N m], gyro.x[rad/s], gyro.y[..], gyro.z[..]; dq., ddq., acc. and
 att. are optional, units are converted (docs/records.md). The folder holds report.html, result.json, identified.toml,
-identified.urdf, residuals.csv and .parquet, report.txt, figures and manifest.toml (docs/results.md). Parameters that the record cannot
+identified.urdf, residuals.csv and .parquet, draws.parquet, report.txt, figures and manifest.toml (docs/results.md). Parameters that the record cannot
 tell end with exit code 13 and are named; a fit that found no solution ends with 14, a model that the record contradicts with 16.";
 
 /// Arguments of `ffid identify`.
@@ -76,6 +78,10 @@ pub(crate) struct Args {
     /// Profile the likelihood of these parameters (names, `*` for any): intervals that assume no parabola. Many fits.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub(crate) profile: Vec<String>,
+    /// Draw from the posterior, this many draws of each of four chains: intervals that assume no parabola, for all parameters at once.
+    /// Ctrl-C ends it with what there is.
+    #[arg(long, value_name = "DRAWS", num_args = 0..=1, default_missing_value = "400", value_parser = clap::value_parser!(u32).range(20..=100_000))]
+    pub(crate) sample: Option<u32>,
     /// Fit from this many starts, drawn around the first, and say whether they agree.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) starts: u32,
@@ -98,7 +104,7 @@ pub(crate) struct Args {
     /// Start at the values of the mission: leave out estimate.start_offset, which is for studies.
     #[arg(long)]
     pub(crate) no_start_offset: bool,
-    /// Seed of the directions of estimate.start_offset, and of other starts.
+    /// Seed of the directions of estimate.start_offset, of other starts, and of draws.
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
     #[command(flatten)]
@@ -110,6 +116,11 @@ pub(crate) struct Args {
 }
 
 impl Args {
+    /// How the posterior is drawn, if it is asked for.
+    pub(crate) fn sampling(&self) -> Option<ChainSettings> {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        self.sample.map(|n| ChainSettings { draws: n as usize, threads, seed: self.seed, ..ChainSettings::default() })
+    }
     /// The records that are fitted.
     pub(crate) fn paths(&self) -> Vec<PathBuf> {
         self.record.iter().chain(&self.records).cloned().collect()

@@ -2,7 +2,7 @@
 
 use super::args::Args;
 use ff_model::{Area, Problem, Problems};
-use ffid::workflow::identify::{Combination, IdentificationResult, State};
+use ffid::workflow::identify::{Combination, IdentificationResult, SampledState, State};
 
 /// What a result finds fault with. A solution that is not one, and what nothing can tell, are errors.
 pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
@@ -36,6 +36,14 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
         let what = format!("{} starts led to {} minima, of cost {}", m.starts, costs.len(), costs.join(", "));
         let hint = format!("{}; start nearer, or excite more", m.taken());
         add(Problem::warning(Area::Data, "Fit::MultipleMinima", what), &hint);
+    }
+    if let Some(d) = r.sampled.as_ref().filter(|d| d.state != SampledState::Converged) {
+        let hint = match d.state {
+            SampledState::NotDrawn => "give --reduce or a prior, or leave --sample out",
+            _ => "draw more: --sample with a larger number",
+        };
+        let what = format!("the posterior has no intervals from draws: {}", d.reason);
+        add(Problem::warning(Area::Data, "Fit::NotSampled", what), hint);
     }
     if let Some(e) = r.evidence.as_ref().filter(|e| e.state == State::Contradicted) {
         let chi2 = format!("chi-squared per degree of freedom {:.3}, limit {}", r.chi2_per_dof, args.fit.limit());

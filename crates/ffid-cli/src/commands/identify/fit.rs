@@ -10,7 +10,7 @@ use ffid::workflow::doctor::before_fit;
 use ffid::workflow::identify::{
     Arm, Comparison, Identified, IdentifyError, InputFile, LOW_PASS, LabelledRecord, Method, ModelVariant, Observer,
     Provenance, RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, held_errors, identify_checked,
-    method, predict_held_out, verdict,
+    method, predict_held_out, sample_posterior, verdict,
 };
 use ident::Loss;
 use std::collections::BTreeMap;
@@ -70,6 +70,7 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
     let (mut found, s, mut warnings) =
         identify_checked(opened, records, s, options, checks, &axes, &provenance, watch)?;
     warnings.0.splice(0..0, before.0);
+    let last = s.clone();
     let s = &Settings { held_errors: held_errors(&found.result.uncertain), ..s };
     let arm = Arm::of(&found.result, &model.joint_names());
     let mut signals = None;
@@ -100,6 +101,10 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
         let variants: Vec<ModelVariant> = args.compare.iter().map(|&c| c.into()).collect();
         found.result.comparison = Some(compare_variants(&data, &variants, &provenance, watch)?);
     }
+    // Last, because an interruption keeps what has been drawn.
+    if let Some(chains) = args.sampling() {
+        sample_posterior(opened, records, &last, options, &chains, &mut found, watch)?;
+    }
     found.result.verdict = verdict(&found.result);
     Ok((found, signals, warnings))
 }
@@ -128,6 +133,7 @@ fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
     all.extend(s.low_pass_hz.map(|hz| (LOW_PASS, hz.to_string())));
     all.extend((args.starts > 1).then(|| ("starts", args.starts.to_string())));
     all.extend((!args.profile.is_empty()).then(|| ("profile", args.profile.join(", "))));
+    all.extend(args.sample.map(|n| ("sample", n.to_string())));
     all.extend((!args.adopt.is_empty()).then(|| ("adopt", args.adopt.join(", "))));
     all.extend(args.prior_from.iter().map(|p| ("prior_from", p.display().to_string())));
     all.extend(args.ties.iter().map(|p| ("ties", p.display().to_string())));

@@ -4,11 +4,11 @@ use super::args::Args;
 use crate::results;
 use ff_mission::Leniency;
 use ff_model::Problems;
-use ff_report::identify::{all_figures, page};
+use ff_report::identify::{all_figures, corner_figure, page};
 use ffid::exit::Failure;
 use ffid::files::folder::Folder;
 use ffid::open::Opened;
-use ffid::workflow::identify::{Identified, LabelledRecord, Signals, Warning, keep, model_files};
+use ffid::workflow::identify::{Identified, LabelledRecord, Sampled, Signals, Warning, draws, keep, model_files};
 use std::path::Path;
 
 /// Writes everything but the manifest. What is wrong with the files of the robot is added to the warnings of the result, and returned.
@@ -45,7 +45,11 @@ pub(crate) fn write(
     if let Some(h) = held {
         h.write(&folder.path().join("held-out.csv"))?;
     }
-    let figures = all_figures(r, &found.signals, held);
+    let mut figures = all_figures(r, &found.signals, held);
+    if let Some(d) = &found.draws {
+        draws::write_parquet(d, &folder.path().join(Sampled::FILE))?;
+        figures.extend(corner_figure(r, d));
+    }
     results::draw(folder, &figures, args.output.png)?;
     folder.write("report.html", page(r, &figures)?.as_bytes())?;
     for (name, bytes) in files {

@@ -136,7 +136,15 @@ pub(super) fn identify(
     }
     let provenance = Provenance { record: record_line(&records[0].record), ..provenance };
     let result = report(opened, &seen, s, options, (&unknowns, &found, &bounded), &signals, provenance)?;
-    Ok(Identified { result, signals, values: found.fit.values, selected: unknowns.touched.clone(), tried: Vec::new() })
+    Ok(Identified {
+        result,
+        signals,
+        values: found.fit.values,
+        selected: unknowns.touched.clone(),
+        tried: Vec::new(),
+        draws: None,
+        fitted: None,
+    })
 }
 
 /// Torques that parameters and friction predict, and the record as the estimator sees it.

@@ -1,8 +1,10 @@
 //! An identification with what figures and files need.
 
 use super::evidence::NamedError;
+use super::report::Fitted;
 use super::result::identification::IdentificationResult;
 use super::signals::Signals;
+use ident::sample::Draws;
 
 /// A result with what figures and files need beside it.
 #[derive(Clone, Debug)]
@@ -17,4 +19,8 @@ pub struct Identified {
     pub selected: Vec<usize>,
     /// Every error that was tested, each by itself, whether the record speaks for it or not.
     pub tried: Vec<NamedError>,
+    /// Draws from the posterior ([`super::sample_posterior`]).
+    pub draws: Option<Draws>,
+    /// Where the fit has ended; none on the ground.
+    pub(super) fitted: Option<Fitted>,
 }

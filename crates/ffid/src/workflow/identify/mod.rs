@@ -7,6 +7,7 @@
 //!   known                 reduction, structural and unexcited directions, profiles of the likelihood, whiteness
 //!   Report                estimates and findings into an IdentificationResult
 //! checked::identify_checked   fits and record checks in turn (ident::checks): axes, start at rest, clocks, momentum, free decay
+//! sample_posterior        draws from the posterior around the last fit
 //! predict_held_out        prediction of data that were not fitted
 //! compare_variants        rigid, flexible, sloshing or both
 //! result, findings        what `result.json` holds
@@ -18,6 +19,7 @@ pub(crate) mod checked;
 pub(crate) mod clocks;
 pub(crate) mod compare;
 pub(crate) mod decay;
+pub mod draws;
 mod elsewhere;
 mod error;
 pub(crate) mod evidence;
@@ -37,6 +39,7 @@ pub(crate) mod record_estimator;
 pub(crate) mod report;
 pub(crate) mod result;
 pub(crate) mod run;
+pub(crate) mod sampled;
 pub(crate) mod settings;
 pub(crate) mod signals;
 mod survey;
@@ -65,9 +68,11 @@ pub use record_estimator::RecordEstimator;
 pub use result::{
     Better, BodyLine, BodyQuantity, BudgetLine, BudgetShare, Channel, Combination, Correlation, Covariance, Ended,
     FORMAT, HeldOut, IdentificationResult, InputFile, Method, ModeLine, Parameter, ParameterVerdict, PrincipalAxis,
-    Provenance, RecordLine, STRONG, UncertainLine, VERSION, Value, Warning, held_errors,
+    Provenance, RecordLine, STRONG, Sampled, SampledLine, SampledState, UncertainLine, VERSION, Value, Warning,
+    held_errors,
 };
 pub use run::identify;
+pub use sampled::sample_posterior;
 pub use settings::{EXPLAINED, Settings, method};
 pub use signals::Signals;
 pub use text::{num, verdict};

@@ -26,6 +26,7 @@ use ident::estimate::Estimate;
 use ident::estimate::report::FitReport;
 
 /// A fit with what led to it.
+#[derive(Clone, Debug)]
 pub(super) struct Fitted {
     /// The last fit.
     pub(super) estimate: Estimate,

@@ -63,49 +63,18 @@ pub fn identify(
         ground::check(settings, options).map_err(IdentifyError::Refused)?;
         return ground::identify(opened, records, settings, options, provenance);
     }
-    let uncertain = UncertainItems::of(opened);
-    // The rigid method knows no errors of sensors and placements.
-    let needs = !uncertain.shared.is_empty() && settings.method.is_none();
-    let settings =
-        &Settings { method: if needs { Some(Method::OutputError) } else { settings.method }, ..settings.clone() };
-    let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
-    let mut estimated = opened.estimated.clone();
-    estimated.extend(&adopted.parameters);
-    let with_ties = FitOptions { ties: [&options.ties[..], &adopted.ties].concat(), ..options.clone() };
-    let options = &with_ties;
-    let unknowns = Unknowns::new(model, &estimated, settings, options, &uncertain)?;
-    let decls = model.param_decls();
-    let labelled: Vec<(&str, &[_])> = records.iter().map(|t| (t.label.as_str(), decls.as_slice())).collect();
-    let none: [&str; 0] = [];
-    let shared = Shared::new(&labelled, &none)
-        .map_err(|e| IdentifyError::Refused(config("Config::Records", e.to_string(), "name each record once")))?;
-    let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
-    let fit = Assembly { model, records, settings, shared: &shared, labels: &labels, unknowns: &unknowns };
-    let Assembled { mut whole, twins, sigma, rows } = fit.assemble(&uncertain)?;
-    let solver = Solver {
-        max_iterations: settings.max_iterations,
-        decrement_tolerance: 1e-10,
-        gain_tolerance: GAIN,
-        cost_floor: 1e-13,
-        ..Solver::default()
-    };
-    let priors = unknowns.priors(&unknowns.selected)?;
-    let request = Request {
-        anchor: (!unknowns.has_priors()).then_some(ANCHOR),
-        marginal: unknowns.marginal.iter().map(|m| (m.0, m.1.std)).collect(),
-        loss: settings.loss,
-        priors,
-        settings: solver,
-        centre: Some(&unknowns.start),
-        ..Request::new(&unknowns.decls, &unknowns.selected, &unknowns.start)
-    };
+    let setup = Setup::new(opened, records, settings, options)?;
+    let Setup { settings, options, unknowns, shared, labels, uncertain } = &setup;
+    let fit = setup.assembly(model, records);
+    let Assembled { mut whole, twins, sigma, rows } = fit.assemble(uncertain)?;
+    let request = setup.request()?;
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
-    let subject = Subject { model, records, unknowns: &unknowns, settings, sigma: &sigma };
+    let subject = Subject { model, records, unknowns, settings, sigma: &sigma };
     let fitted = solve(&request, &subject, options, &mut watched);
     let fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
     let values = unknowns.expand(&fitted.estimate.values)?;
-    let silent = known::silent(model, &values, &unknowns, &fitted.full)?;
-    let profiles = known::profiles(&request, &unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
+    let silent = known::silent(model, &values, unknowns, &fitted.full)?;
+    let profiles = known::profiles(&request, unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
     let profiles = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { profiles? };
     let mut signals = Vec::new();
     let mut at = 0;
@@ -113,26 +82,87 @@ pub fn identify(
         signals.push(Signals::of(model, &t.record, &fitted.estimate.residuals[at..at + n], &sigma));
         at += n;
     }
-    let end = Ended {
-        model,
-        shared: &shared,
-        labels: &labels,
-        unknowns: &unknowns,
-        fitted: &fitted,
-        values: &values,
-        records,
-        signals: &signals,
-    };
+    let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
     let tests = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
     let tests = tests.as_ref();
-    let unknowns = &unknowns;
     let report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
     let mut result = report.result(&fitted, provenance)?;
     result.silent = silent;
     result.profiles = profiles;
     result.verdict = text::verdict(&result);
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
-    Ok(Identified { result, signals, values, selected: unknowns.touched.clone(), tried })
+    let selected = unknowns.touched.clone();
+    Ok(Identified { result, signals, values, selected, tried, draws: None, fitted: Some(fitted) })
+}
+
+/// What a fit is made of, before any record is predicted.
+pub(super) struct Setup {
+    pub(super) settings: Settings,
+    pub(super) options: FitOptions,
+    pub(super) unknowns: Unknowns,
+    shared: Shared,
+    labels: Vec<String>,
+    pub(super) uncertain: UncertainItems,
+}
+
+impl Setup {
+    pub(super) fn new(
+        opened: &Opened,
+        records: &[LabelledRecord],
+        settings: &Settings,
+        options: &FitOptions,
+    ) -> Result<Self, IdentifyError> {
+        let model = &opened.model;
+        let uncertain = UncertainItems::of(opened);
+        // The rigid method knows no errors of sensors and placements.
+        let needs = !uncertain.shared.is_empty() && settings.method.is_none();
+        let settings =
+            Settings { method: if needs { Some(Method::OutputError) } else { settings.method }, ..settings.clone() };
+        let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
+        let mut estimated = opened.estimated.clone();
+        estimated.extend(&adopted.parameters);
+        let options = FitOptions { ties: [&options.ties[..], &adopted.ties].concat(), ..options.clone() };
+        let unknowns = Unknowns::new(model, &estimated, &settings, &options, &uncertain)?;
+        let decls = model.param_decls();
+        let labelled: Vec<(&str, &[_])> = records.iter().map(|t| (t.label.as_str(), decls.as_slice())).collect();
+        let none: [&str; 0] = [];
+        let shared = Shared::new(&labelled, &none)
+            .map_err(|e| IdentifyError::Refused(config("Config::Records", e.to_string(), "name each record once")))?;
+        let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
+        Ok(Self { settings, options, unknowns, shared, labels, uncertain })
+    }
+    /// Of all unknowns, from the start.
+    pub(super) fn request(&self) -> Result<Request<'_>, IdentifyError> {
+        let unknowns = &self.unknowns;
+        let solver = Solver {
+            max_iterations: self.settings.max_iterations,
+            decrement_tolerance: 1e-10,
+            gain_tolerance: GAIN,
+            cost_floor: 1e-13,
+            ..Solver::default()
+        };
+        Ok(Request {
+            anchor: (!unknowns.has_priors()).then_some(ANCHOR),
+            marginal: unknowns.marginal.iter().map(|m| (m.0, m.1.std)).collect(),
+            loss: self.settings.loss,
+            priors: unknowns.priors(&unknowns.selected)?,
+            settings: solver,
+            centre: Some(&unknowns.start),
+            ..Request::new(&unknowns.decls, &unknowns.selected, &unknowns.start)
+        })
+    }
+    fn assembly<'a>(&'a self, model: &'a Model, records: &'a [LabelledRecord]) -> Assembly<'a> {
+        let Self { settings, unknowns, shared, labels, .. } = self;
+        Assembly { model, records, settings, shared, labels, unknowns }
+    }
+    /// The estimator of all records.
+    pub(super) fn estimator<'a>(
+        &'a self,
+        model: &'a Model,
+        records: &'a [LabelledRecord],
+    ) -> Result<Box<dyn Estimator + 'a>, IdentifyError> {
+        Ok(self.assembly(model, records).assemble(&self.uncertain)?.whole)
+    }
 }
 
 /// What the estimators of a fit are made of.

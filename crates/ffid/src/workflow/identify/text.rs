@@ -8,6 +8,7 @@ use super::result::fit::{Ended, Method};
 use super::result::held_out::HeldOut;
 use super::result::identification::IdentificationResult;
 use super::result::parameter::{Parameter, ParameterVerdict};
+use super::result::sampled::{Sampled, SampledState};
 use super::result::uncertain::{BudgetLine, UncertainLine};
 use std::fmt;
 
@@ -150,8 +151,39 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
         ));
     }
     out.extend(whiteness(&r.whiteness));
+    out.extend(r.sampled.as_ref().map(sampled));
     out.extend(r.comparison.iter().map(|c| format!("Models compared by {}: {}.", c.judged_by, c.reason)));
     out
+}
+
+/// Whether draws agree with the intervals of the fit.
+fn sampled(s: &Sampled) -> String {
+    match s.state {
+        SampledState::Converged => {}
+        SampledState::NotDrawn => return format!("Nothing was drawn from the posterior: {}.", s.reason),
+        _ => return format!("The draws from the posterior have NOT converged, and give no intervals: {}.", s.reason),
+    }
+    let far = s.differing();
+    let limit = Sampled::DIFFERS;
+    match far.first() {
+        None => format!(
+            "Intervals of the fit are those of draws from the posterior, to within {limit} standard deviations ({}).",
+            s.reason
+        ),
+        Some(worst) => format!(
+            "The posterior is not the parabola of the fit: intervals of {} of {} parameters differ by more than {limit} standard \
+             deviations from those of draws, which are the ones to use: {} by {:.1}{}.",
+            far.len(),
+            s.parameters.len(),
+            worst.name,
+            worst.differs.unwrap_or_default(),
+            if far.len() > 1 {
+                format!("; {}", ff_model::diagnostics::list(far[1..].iter().map(|l| l.name.as_str()), 6))
+            } else {
+                String::new()
+            }
+        ),
+    }
 }
 
 /// What the record says of the model as a whole.
@@ -357,6 +389,7 @@ impl fmt::Display for IdentificationResult {
                 writeln!(f, "  {:w$} [{}, {}] {}{gauss}", p.name, end(p.lower95), end(p.upper95), p.unit)?;
             }
         }
+        self.sampled.iter().try_for_each(|s| draws(f, s, w))?;
         if let Some(m) = &self.minima {
             let all: Vec<String> = m.objectives.iter().map(|o| format!("{o:.6e}")).collect();
             writeln!(f, "\nstarts: {} of {} converged, minima at {}", m.converged, m.starts, all.join(", "))?;
@@ -456,6 +489,36 @@ impl fmt::Display for IdentificationResult {
         }
         Ok(())
     }
+}
+
+/// What draws from the posterior say.
+fn draws(f: &mut fmt::Formatter<'_>, s: &Sampled, w: usize) -> fmt::Result {
+    writeln!(
+        f,
+        "\ndraws from the posterior ({} chains of {}, {} evaluations): {}",
+        s.chains, s.draws, s.evaluations, s.reason
+    )?;
+    if s.divergences > 0 {
+        writeln!(f, "  {} trajectories met the edge of what is physical, or lost their energy", s.divergences)?;
+    }
+    for l in &s.parameters {
+        let Some(((a, b), median)) = l.interval95.zip(l.median) else { continue };
+        let (hdi, differs) = (l.hdi95.unwrap_or_default(), l.differs.unwrap_or_default());
+        let apart =
+            if differs > Sampled::DIFFERS { format!("  {differs:.1} deviations from the fit") } else { String::new() };
+        writeln!(
+            f,
+            "  {:w$} {:>13} [{}, {}], highest density [{}, {}] {}{apart}",
+            l.name,
+            num(median),
+            num(a),
+            num(b),
+            num(hdi.0),
+            num(hdi.1),
+            l.unit
+        )?;
+    }
+    Ok(())
 }
 
 /// Where the variance of every parameter comes from.

@@ -6,6 +6,7 @@ use super::fit::{Ended, Method};
 use super::held_out::HeldOut;
 use super::parameter::{Combination, Correlation, Covariance, Parameter, Value};
 use super::provenance::{Provenance, Warning};
+use super::sampled::Sampled;
 use super::uncertain::{BudgetLine, UncertainLine};
 use crate::workflow::identify::evidence::{Evidence, Harm, State};
 use crate::workflow::identify::findings::{
@@ -86,6 +87,9 @@ pub struct IdentificationResult {
     /// Intervals from the likelihood itself.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub profiles: Vec<ProfileLine>,
+    /// What draws from the posterior say.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub sampled: Option<Sampled>,
     /// Where other starts led.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub minima: Option<Minima>,
@@ -157,6 +161,7 @@ impl IdentificationResult {
             taken_as_exact: Vec::new(),
             bodies: Vec::new(),
             profiles: Vec::new(),
+            sampled: None,
             minima: None,
             correlations: Vec::new(),
             covariance: Covariance { names: Vec::new(), rows: Vec::new() },

@@ -1,0 +1,202 @@
+//! The posterior of a fit as a density, in coordinates in which the fit says that it is standard normal.
+//!
+//! ```text
+//! x = x_0 + W z,    W = P^-1 diag(s) V diag(1 / sigma)
+//! ln p(z) = -1/2 (sum rho(r) + |priors|^2) + ln |det dp/dx|
+//! ```
+//!
+//! with the singular values `sigma` and directions `V` of the whitened sensitivities at the fit over parameters scaled by their sizes
+//! `s` ([`crate::belief::Uncertainty`]), and `P = dp/dx` there. Columns of W are the directions of the fit, each a standard deviation
+//! long. The density is one over the physical parameters, where they are physical: what is estimated has its priors and nothing
+//! else, and the determinant is that of the coordinates. The gradient is exact: `W^T (P^T (J^T r) + slope)`.
+
+use super::chains::{LogDensity, SampleError};
+use crate::belief::prior::Priors;
+use crate::estimate::estimator::Estimator;
+use crate::estimate::fit::Reference;
+use crate::estimate::outcome::Estimate;
+use crate::estimate::request::Request;
+use crate::estimate::row_stream::RowBlock;
+use crate::parameters::transform::Transform;
+use crate::solve::loss::Loss;
+use ff_least_squares::EvalError;
+use nalgebra::{DMatrix, DVector};
+use std::error::Error;
+
+/// Largest standard deviation, relative to the body or to the value, up to which parameters are drawn in coordinates that are linear in
+/// them: the edge of what is physical is then five deviations away.
+const STRAIGHT: f64 = 0.2;
+
+/// Coordinates whitened by a fit.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    transform: Transform,
+    /// Where the fit has ended, over `[transform | nuisance / size]`.
+    centre: DVector<f64>,
+    /// Standard deviations along the directions of the fit, in columns.
+    root: DMatrix<f64>,
+    sizes: Vec<f64>,
+    /// All parameters at the fit.
+    full: Vec<f64>,
+    /// Gradient of the logarithm of the determinant.
+    slope: DVector<f64>,
+}
+
+impl Frame {
+    /// Around the end of a fit.
+    ///
+    /// # Errors
+    /// [`SampleError::Improper`] where something is determined by neither data nor priors, [`SampleError::NotAtMinimum`] for fits that
+    /// have not ended, or that have ended at the edge of what is physical.
+    pub fn new(request: &Request<'_>, at: &Estimate) -> Result<Self, SampleError> {
+        if !at.status.is_converged() {
+            return Err(SampleError::NotAtMinimum(format!("{:?}", at.status)));
+        }
+        let u = &at.uncertainty;
+        if !u.full_rank() {
+            return Err(SampleError::Improper(u.null.first().map_or_else(String::new, ToString::to_string)));
+        }
+        let edge = |e: crate::parameters::transform::TransformError| SampleError::NotAtMinimum(e.to_string());
+        let (n, all) = (request.selected.len(), u.unknowns.len());
+        // Deviations in linear coordinates tell which parameters are near the edge of what is physical.
+        let straight = Transform::affine(request.decls, request.selected, &at.values).map_err(edge)?;
+        let covariance = u.covariance.view((0, 0), (n, n)).into_owned();
+        let inverse = |t: &Transform| -> Result<(Vec<f64>, DMatrix<f64>), SampleError> {
+            let x = t.coordinates(&at.values).map_err(edge)?;
+            let p = t.jacobian(&x).try_inverse();
+            Ok((x, p.ok_or_else(|| SampleError::NotAtMinimum("a parameter is zero".into()))?))
+        };
+        let (_, p) = inverse(&straight)?;
+        let spread = &p * covariance * p.transpose();
+        let narrow = |first: usize, count: usize| {
+            let block = spread.view((first, first), (count, count)).into_owned();
+            block.symmetric_eigenvalues().max().max(0.0).sqrt() < STRAIGHT
+        };
+        let transform = Transform::mixed(request.decls, request.selected, &at.values, narrow).map_err(edge)?;
+        let (mut centre, p) = inverse(&transform)?;
+        let sizes: Vec<f64> = u.unknowns[n..].iter().map(|k| k.size).collect();
+        centre.extend(at.nuisance.iter().zip(&sizes).map(|(v, s)| v.value / s));
+        let mut root =
+            DMatrix::from_fn(all, all, |i, k| u.unknowns[i].size * u.directions[(i, k)] / u.singular_values[k]);
+        let top = &p * root.rows(0, n);
+        root.rows_mut(0, n).copy_from(&top);
+        for (k, s) in sizes.iter().enumerate() {
+            root.row_mut(n + k).unscale_mut(*s);
+        }
+        let mut slope = DVector::zeros(all);
+        slope.rows_mut(0, n).copy_from_slice(&transform.log_volume_slope());
+        Ok(Self { transform, centre: DVector::from_vec(centre), root, sizes, full: at.values.clone(), slope })
+    }
+    /// Number of coordinates.
+    pub fn dim(&self) -> usize {
+        self.centre.len()
+    }
+    /// Coordinates before whitening, all parameters, nuisance values.
+    fn at(&self, z: &[f64]) -> (DVector<f64>, Vec<f64>, Vec<f64>) {
+        let x = &self.centre + &self.root * DVector::from_column_slice(z);
+        let n = self.transform.dim();
+        let mut full = self.full.clone();
+        self.transform.apply(&x.as_slice()[..n], &mut full);
+        let extra = x.as_slice()[n..].iter().zip(&self.sizes).map(|(x, s)| x * s).collect();
+        (x, full, extra)
+    }
+    /// The selected parameters, then the nuisance unknowns, in their units. Allocates.
+    ///
+    /// # Panics
+    /// If `z` has another length.
+    pub fn physical(&self, z: &[f64]) -> Vec<f64> {
+        let (_, full, extra) = self.at(z);
+        self.transform.selected().iter().map(|&i| full[i]).chain(extra).collect()
+    }
+}
+
+/// The posterior of what an estimator predicts.
+pub struct PosteriorDensity<'a, E: Estimator + ?Sized> {
+    estimator: Box<E>,
+    frame: &'a Frame,
+    loss: Loss,
+    priors: &'a Priors,
+    /// Derivatives of the rows of priors, which are linear.
+    known: DMatrix<f64>,
+    reference: Option<Reference>,
+    block: RowBlock,
+}
+
+impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
+    /// Of a request, around its fit.
+    ///
+    /// # Errors
+    /// [`SampleError::NotAtMinimum`] for a prior width whose centre has no coordinates.
+    pub fn new(request: &'a Request<'_>, frame: &'a Frame, estimator: Box<E>) -> Result<Self, SampleError> {
+        let mut known = DMatrix::zeros(request.priors.len(), request.selected.len());
+        request.priors.fill_jacobian(&mut known, 0);
+        let reference = match request.prior_width {
+            Some(w) => {
+                let centre = request.centre.unwrap_or(request.start);
+                let made = Reference::new(request.decls, request.selected, centre, w);
+                Some(made.map_err(|e| SampleError::NotAtMinimum(e.to_string()))?)
+            }
+            None => None,
+        };
+        let (loss, priors) = (request.loss, &request.priors);
+        Ok(Self { estimator, frame, loss, priors, known, reference, block: RowBlock::default() })
+    }
+    /// Adds what the data say at a point: half the loss, and its gradient over parameters and nuisance values.
+    fn data(&mut self, full: &[f64], extra: &[f64], gradient: &mut DVector<f64>) -> Result<f64, EvalError> {
+        let Self { estimator, frame, loss, block, .. } = self;
+        let mut sum = 0.0;
+        for mut stream in estimator.streams(full, extra, frame.transform.selected())? {
+            while stream.next(block)? {
+                let mut weighted = DVector::zeros(block.count());
+                for (w, &r) in weighted.iter_mut().zip(&block.residuals) {
+                    let (root, slope) = loss.root(r);
+                    sum += 0.5 * root * root;
+                    *w = root * slope;
+                }
+                gradient.gemv_tr(1.0, &block.jacobian, &weighted, 1.0);
+            }
+        }
+        Ok(sum)
+    }
+    fn evaluate(&mut self, z: &[f64], gradient: &mut [f64]) -> Result<f64, EvalError> {
+        let frame = self.frame;
+        let n = frame.transform.dim();
+        let (x, full, extra) = frame.at(z);
+        if let Some(name) = frame.transform.inconsistent(&full) {
+            return Err(EvalError::Rejected(format!("{name} is not physical here")));
+        }
+        let mut g = DVector::zeros(frame.dim());
+        let mut half = self.data(&full, &extra, &mut g)?;
+        let values: Vec<f64> = frame.transform.selected().iter().map(|&i| full[i]).collect();
+        let mut rows = Vec::with_capacity(self.priors.len());
+        self.priors.push_residuals(&values, &mut rows);
+        let mut physical = g.rows(0, n).into_owned();
+        physical.gemv_tr(1.0, &self.known, &DVector::from_column_slice(&rows), 1.0);
+        half += 0.5 * rows.iter().map(|r| r * r).sum::<f64>();
+        if let Some(reference) = &self.reference {
+            let r = DVector::from_vec(reference.residuals(&full)?);
+            physical.gemv_tr(1.0, &reference.jacobian(&full)?, &r, 1.0);
+            half += 0.5 * r.norm_squared();
+        }
+        let chained = frame.transform.jacobian(&x.as_slice()[..n]).tr_mul(&physical);
+        g.rows_mut(0, n).copy_from(&chained);
+        g.rows_mut(n, frame.sizes.len()).iter_mut().zip(&frame.sizes).for_each(|(g, s)| *g *= s);
+        let volume = frame.slope.dot(&(&x - &frame.centre));
+        let out = frame.root.tr_mul(&(&frame.slope - g));
+        gradient.copy_from_slice(out.as_slice());
+        Ok(volume - half)
+    }
+}
+
+impl<E: Estimator + ?Sized> LogDensity for PosteriorDensity<'_, E> {
+    fn dim(&self) -> usize {
+        self.frame.dim()
+    }
+    fn log_density(&mut self, z: &[f64], gradient: &mut [f64]) -> Result<Option<f64>, Box<dyn Error + Send + Sync>> {
+        match self.evaluate(z, gradient) {
+            Ok(v) => Ok(Some(v)),
+            Err(EvalError::Rejected(_)) => Ok(None),
+            Err(EvalError::Fatal(e)) => Err(e),
+        }
+    }
+}

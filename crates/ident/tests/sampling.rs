@@ -1,0 +1,230 @@
+//! Draws from posteriors that are known by other means.
+
+use crate::common::estimate;
+use ff_least_squares::EvalError;
+use ff_model::{ParamDecl, ParamGroup};
+use ident::belief::{LIMIT95, PriorRow, Priors, Unknown, profile};
+use ident::estimate::{Estimate, Estimator, Request};
+use ident::sample::{ChainSettings, Draws, ESS_LEAST, Frame, LogDensity, PosteriorDensity, R_HAT_MOST, SampleError};
+use ident::sample::{hdi, quantile, sample};
+use nalgebra::DMatrix;
+use std::sync::atomic::AtomicBool;
+
+const SETTINGS: ChainSettings = ChainSettings { chains: 4, warm_up: 200, draws: 1000, threads: 2, seed: 7 };
+
+fn free(name: &str) -> ParamDecl {
+    let inf = f64::INFINITY;
+    ParamDecl { bounds: (-inf, inf), group: ParamGroup::Free, ..ParamDecl::positive(name, "m", 1.0) }
+}
+
+/// Residuals as a function of parameters and nuisance unknowns, with derivatives by columns.
+type Rows = fn(&[f64], &[f64]) -> Vec<(f64, Vec<f64>)>;
+
+#[derive(Clone)]
+struct Formula {
+    rows: Rows,
+    count: usize,
+    nuisance: usize,
+}
+
+impl Estimator for Formula {
+    fn rows(&self) -> usize {
+        self.count
+    }
+    fn nuisance(&self) -> Vec<Unknown> {
+        (0..self.nuisance).map(|k| Unknown { name: format!("bias.{k}"), unit: "m".into(), size: 0.3 }).collect()
+    }
+    fn residuals(&mut self, p: &[f64], e: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        r.iter_mut().zip((self.rows)(p, e)).for_each(|(r, row)| *r = row.0);
+        Ok(())
+    }
+    fn jacobian(
+        &mut self,
+        p: &[f64],
+        e: &[f64],
+        _: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        for (i, (value, slopes)) in (self.rows)(p, e).into_iter().enumerate() {
+            r[i] = value;
+            slopes.into_iter().enumerate().for_each(|(k, s)| j[(i, k)] = s);
+        }
+        Ok(())
+    }
+}
+
+fn drawn(request: &Request<'_>, of: &Formula, settings: &ChainSettings) -> (Estimate, Draws) {
+    let at = estimate(request, &mut of.clone()).unwrap();
+    let draws = sample(request, &at, || Ok(Box::new(of.clone())), settings, None).unwrap();
+    (at, draws)
+}
+
+fn converged(d: &Draws) {
+    for k in 0..d.names.len() {
+        let of = d.diagnosis(k);
+        assert!(of.r_hat < R_HAT_MOST && of.ess_bulk.min(of.ess_tail) > ESS_LEAST, "{}: {of:?}", d.names[k]);
+    }
+}
+
+/// Mean and variance of all draws.
+fn moments(d: &Draws, k: usize) -> (f64, f64) {
+    let all = d.of(k).concat();
+    let mean = all.iter().sum::<f64>() / all.len() as f64;
+    (mean, all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (all.len() - 1) as f64)
+}
+
+/// A line read at five places with one bias that a reading tells, strongly correlated, and a prior on the slope: all is Gaussian.
+#[test]
+fn draws_of_a_linear_problem_have_its_covariance() {
+    let rows: Rows = |p, e| {
+        let at = |i: usize| 10.0 + i as f64;
+        let mut all: Vec<(f64, Vec<f64>)> = (0..5)
+            .map(|i| ((p[0] + p[1] * at(i) + e[0] - 3.0 * i as f64) / 0.2, vec![5.0, 5.0 * at(i), 5.0]))
+            .collect();
+        all.push((e[0] / 0.5, vec![0.0, 0.0, 2.0]));
+        all
+    };
+    let of = Formula { rows, count: 6, nuisance: 1 };
+    let decls = [free("a"), free("b")];
+    let priors = Priors::default().with(PriorRow { column: 1, mean: 2.9, sigma: 0.05 });
+    let request = Request { priors, ..Request::new(&decls, &[0, 1], &[0.0, 0.0]) };
+    let (at, draws) = drawn(&request, &of, &SETTINGS);
+    converged(&draws);
+    // By hand: (J^T J + prior)^-1.
+    let mut j = DMatrix::zeros(7, 3);
+    for (i, (_, slopes)) in rows(&[0.0; 2], &[0.0]).into_iter().enumerate() {
+        slopes.into_iter().enumerate().for_each(|(k, s)| j[(i, k)] = s);
+    }
+    j[(6, 1)] = 1.0 / 0.05;
+    let exact = (j.transpose() * &j).try_inverse().unwrap();
+    for k in 0..3 {
+        let (mean, variance) = moments(&draws, k);
+        let value = if k < 2 { at.parameters[k].value } else { at.nuisance[0].value };
+        assert!((mean - value).abs() < 0.1 * exact[(k, k)].sqrt(), "{k}: {mean} {value}");
+        assert!((variance / exact[(k, k)] - 1.0).abs() < 0.12, "{k}: {variance} {}", exact[(k, k)]);
+        let sorted = draws.sorted(k);
+        let width = quantile(&sorted, 0.975) - quantile(&sorted, 0.025);
+        assert!((width / (2.0 * 1.959_964 * exact[(k, k)].sqrt()) - 1.0).abs() < 0.06);
+    }
+    // The same draws on one thread, others for another seed.
+    let alone = drawn(&request, &of, &ChainSettings { threads: 1, ..SETTINGS }).1;
+    assert_eq!(alone, draws);
+    assert!(drawn(&request, &of, &ChainSettings { seed: 8, ..SETTINGS }).1 != draws);
+}
+
+/// `x ~ N(0, 1)`, `y | x ~ N(x^2, 0.5^2)`: the mean of y is 1, its variance 2.25, where the fit says 0 and 0.25.
+#[test]
+fn draws_of_a_bent_ridge_have_its_marginals() {
+    let rows: Rows = |p, _| vec![(p[0], vec![1.0, 0.0]), ((p[1] - p[0] * p[0]) / 0.5, vec![-4.0 * p[0], 2.0])];
+    let of = Formula { rows, count: 2, nuisance: 0 };
+    let decls = [free("x"), free("y")];
+    let request = Request::new(&decls, &[0, 1], &[0.1, 0.1]);
+    let (at, draws) = drawn(&request, &of, &ChainSettings { draws: 4000, ..SETTINGS });
+    converged(&draws);
+    assert!((at.parameters[1].std.unwrap() - 0.5).abs() < 1e-3);
+    let ((mx, vx), (my, vy)) = (moments(&draws, 0), moments(&draws, 1));
+    assert!(mx.abs() < 0.08 && (vx - 1.0).abs() < 0.1, "{mx} {vx}");
+    assert!((my - 1.0).abs() < 0.12 && (vy - 2.25).abs() < 0.5, "{my} {vy}");
+    // Quantiles of y by numerical integration over x.
+    let sorted = draws.sorted(1);
+    let normal = |x: f64| (-0.5 * x * x).exp() / core::f64::consts::TAU.sqrt();
+    for p in [0.05, 0.5, 0.95] {
+        let q = quantile(&sorted, p);
+        // P(y < q) = int phi(x) Phi((q - x^2) / 0.5) dx, the inner one as a sum as well.
+        let h = 0.01;
+        let mut below = 0.0;
+        for i in -600..600 {
+            let x = (f64::from(i) + 0.5) * h;
+            let to = (q - x * x) / 0.5;
+            let steps = 400;
+            let inner: f64 = if to < -8.0 {
+                0.0
+            } else {
+                let w = (to.min(8.0) + 8.0) / f64::from(steps);
+                (0..steps).map(|k| normal(-8.0 + (f64::from(k) + 0.5) * w) * w).sum()
+            };
+            below += normal(x) * inner * h;
+        }
+        assert!((below - p).abs() < 0.02, "{p}: {below}");
+    }
+}
+
+/// The decay of `tests/profile.rs`, positive parameters, wide enough to be drawn as logarithms: quantiles against the profile.
+#[test]
+fn intervals_of_draws_are_those_of_the_profile() {
+    let rows: Rows = |p, _| {
+        let time = |i: usize| 0.4 * i as f64;
+        let read = |i: usize| 9.0 * (-0.7 * time(i)).exp() + 0.8 * (2.9 * i as f64).sin();
+        let row = |i: usize| {
+            let e = (-p[1] * time(i)).exp();
+            (p[0] * e - read(i), vec![e, -p[0] * time(i) * e])
+        };
+        (0..12).map(row).collect()
+    };
+    let of = Formula { rows, count: 12, nuisance: 0 };
+    let decls = [ParamDecl::positive("a", "N m", 9.0), ParamDecl::positive("b", "1/s", 0.7)];
+    let request = Request::new(&decls, &[0, 1], &[5.0, 1.3]);
+    let (at, draws) = drawn(&request, &of, &ChainSettings { draws: 2000, ..SETTINGS });
+    converged(&draws);
+    assert!(draws.sorted(1)[0] > 0.0);
+    let found = profile(&request, &at, 1, 6.0, &mut of.clone()).unwrap();
+    let (low, high) = (found.interval95.0.unwrap(), found.interval95.1.unwrap());
+    let (a, b) = hdi(&draws.sorted(1), 0.95);
+    let std = at.parameters[1].std.unwrap();
+    // A profile is a maximum over the others, draws are a mean over them: the same but for a part of the deviation.
+    assert!((a - low).abs() < 0.3 * std && (b - high).abs() < 0.3 * std, "{a} {b} against {low} {high}, {LIMIT95}");
+}
+
+/// Differences of the density, in every kind of coordinates.
+#[test]
+fn the_gradient_is_that_of_the_density() {
+    let rows: Rows = |p, e| {
+        let f = p[0] * p[1] + e[0];
+        let d = (f - 2.0, vec![p[1], p[0], 1.0]);
+        vec![
+            d,
+            (p[1] - 1.2, vec![0.0, 1.0, 0.0]),
+            (3.0 * (p[0] - p[1] * p[1]) - e[0], vec![3.0, -6.0 * p[1], -1.0]),
+            (e[0], vec![0.0, 0.0, 1.0]),
+        ]
+    };
+    let of = Formula { rows, count: 4, nuisance: 1 };
+    let decls = [ParamDecl::positive("k", "N m", 1.0), free("b")];
+    let priors = Priors::default().with(PriorRow { column: 0, mean: 1.0, sigma: 0.7 });
+    for loss in [ident::Loss::Squares, ident::Loss::STUDENT] {
+        let request = Request { priors: priors.clone(), loss, ..Request::new(&decls, &[0, 1], &[1.0, 1.0]) };
+        let at = estimate(&request, &mut of.clone()).unwrap();
+        let frame = Frame::new(&request, &at).unwrap();
+        let mut density = PosteriorDensity::new(&request, &frame, Box::new(of.clone())).unwrap();
+        let z = [0.3, -0.4, 0.2];
+        let (mut g, mut none) = ([0.0; 3], [0.0; 3]);
+        density.log_density(&z, &mut g).unwrap().unwrap();
+        for k in 0..3 {
+            let mut at = |d: f64| {
+                let mut z = z;
+                z[k] += d;
+                density.log_density(&z, &mut none).unwrap().unwrap()
+            };
+            let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
+            assert!((slope - g[k]).abs() < 1e-6 * (1.0 + slope.abs()), "{k}: {slope} {}", g[k]);
+        }
+    }
+}
+
+#[test]
+fn what_nothing_determines_is_not_drawn_and_a_stop_keeps_what_there_is() {
+    let rows: Rows = |p, _| vec![(p[0] + p[1] - 1.0, vec![1.0, 1.0]), (2.0 * (p[0] + p[1]), vec![2.0, 2.0])];
+    let of = Formula { rows, count: 2, nuisance: 0 };
+    let decls = [free("a"), free("b")];
+    let request = Request { anchor: Some(10.0), ..Request::new(&decls, &[0, 1], &[1.0, 1.0]) };
+    let at = estimate(&request, &mut of.clone()).unwrap();
+    let none = sample(&request, &at, || Ok(Box::new(of.clone())), &SETTINGS, None);
+    assert!(matches!(&none, Err(SampleError::Improper(d)) if d.contains('a') && d.contains('b')), "{none:?}");
+    let priors = Priors::default().with(PriorRow { column: 0, mean: 0.0, sigma: 1.0 });
+    let request = Request { priors, ..Request::new(&decls, &[0, 1], &[1.0, 1.0]) };
+    let at = estimate(&request, &mut of.clone()).unwrap();
+    let stopped = AtomicBool::new(true);
+    let d = sample(&request, &at, || Ok(Box::new(of.clone())), &SETTINGS, Some(&stopped)).unwrap();
+    assert!(d.is_empty() && d.chains.len() == 4);
+}
