@@ -32,8 +32,15 @@ figcaption{color:var(--soft);font-size:.9rem}\
 pre{background:var(--card);padding:.7rem 1rem;overflow-x:auto;font-size:.85rem;border-radius:.3rem}\
 details{margin:.6rem 0}summary{cursor:pointer;color:var(--est)}\
 footer{margin-top:2.5rem;color:var(--soft);font-size:.85rem;border-top:1px solid var(--line);padding-top:.6rem}\
-@media (max-width:40rem){body{padding:.6rem .8rem 2rem;font-size:15px}h1{font-size:1.3rem}}\
+.plots{display:none}.live>.plots{display:block}.live>svg{display:none}\
+@media (max-width:40rem){body{padding:.6rem .8rem 2rem;font-size:15px}h1{font-size:1.3rem}\
+td,th{white-space:normal}\
+.cards,.cards caption,.cards tbody,.cards tr,.cards th,.cards td{display:block}.cards thead{display:none}\
+.cards tr{border-bottom:2px solid var(--line);padding:.4rem 0}.cards tbody th{font-weight:700;border:0}\
+.cards td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.1rem .6rem;text-align:right}\
+.cards td:empty{display:none}.cards td::before{content:attr(data-label);color:var(--soft);text-align:left}\
+figure svg{min-width:34rem}}\
 @media print{:root{--ink:#000;--soft:#333;--line:#bbb;--back:#fff;--card:#fff}body{max-width:none;font-size:10pt;padding:0}\
 nav{display:none}h2{break-after:avoid}tr,.verdict{break-inside:avoid}figure,.wide{overflow:visible}\
-figure svg{min-width:0;filter:none}details>*{display:block}table{font-size:7.5pt}td svg{width:5rem}}\
+figure svg{min-width:0;filter:none}.live>svg{display:block}.live>.plots{display:none}details>*{display:block}table{font-size:7.5pt}td svg{width:5rem}}\
 ";

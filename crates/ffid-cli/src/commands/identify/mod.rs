@@ -35,7 +35,7 @@ struct Written<'a>(&'a PathBuf);
 
 impl Display for Written<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "written to {}: report.html, result.json, identified.toml", self.0.display())
+        writeln!(f, "written to {}: report.html, replay.html, result.json, identified.toml", self.0.display())
     }
 }
 
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         Ok(f) => f,
         Err((exit, p)) => return input.print(exit, &p.in_file(&input.file), Results::default(), &[], out, err),
     };
-    let Ready { opened, problems, files, inputs, folder, target, .. } = ready;
+    let Ready { opened, records, problems, files, inputs, folder, target, .. } = ready;
     let mut problems = problems;
     problems.extend(warnings);
     input.leniency().settle(&mut problems);
@@ -67,7 +67,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         problems.push(p);
     }
     let leniency = input.leniency();
-    let wrote = write(&folder, args, &opened, &mut found, held.as_ref(), &leniency).and_then(|warnings| {
+    let wrote = write(&folder, args, &opened, &mut found, &records, held.as_ref(), &leniency).and_then(|warnings| {
         problems.extend(warnings);
         let r = &found.result;
         let settings: Vec<(&str, String)> =

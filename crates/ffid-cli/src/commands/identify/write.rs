@@ -1,6 +1,7 @@
 //! Files of an identification.
 
 use super::args::Args;
+use crate::replay;
 use crate::results;
 use ff_mission::Leniency;
 use ff_model::Problems;
@@ -8,7 +9,7 @@ use ff_report::identify::{all_figures, page};
 use ffid::exit::Failure;
 use ffid::files::folder::Folder;
 use ffid::open::Opened;
-use ffid::workflow::identify::{Identified, Signals, Warning, model_files};
+use ffid::workflow::identify::{Identified, LabelledRecord, Signals, Warning, model_files};
 use std::path::Path;
 
 /// Writes everything but the manifest. What is wrong with the files of the robot is added to the warnings of the result, and returned.
@@ -17,6 +18,7 @@ pub(crate) fn write(
     args: &Args,
     opened: &Opened,
     found: &mut Identified,
+    records: &[LabelledRecord],
     held: Option<&Signals>,
     leniency: &Leniency,
 ) -> Result<Problems, Failure> {
@@ -27,6 +29,14 @@ pub(crate) fn write(
         (files, problems) = model_files::write(file, mission, &opened.model, &found.values, &found.selected, leniency)?;
         found.result.warnings.extend(Warning::all(&problems));
     }
+    // What is no solution does not move.
+    let solved = found.result.status.is_solution();
+    let replayed = match records.first().filter(|_| solved) {
+        Some(first) => replay::identified(opened, &args.input.file, found, &first.record),
+        None => (None, Problems::default()),
+    };
+    found.result.warnings.extend(Warning::all(&replayed.1));
+    problems.extend(replayed.1.clone());
     let r = &found.result;
     folder.write("result.json", &r.to_json()?)?;
     folder.write("report.txt", r.to_string().as_bytes())?;
@@ -43,7 +53,11 @@ pub(crate) fn write(
     }
     let figures = all_figures(r, &found.signals, held);
     results::draw(folder, &figures, args.output.png)?;
-    folder.write("report.html", page(r, &figures)?.as_bytes())?;
+    if let (Some(html), _) = &replayed {
+        folder.write(replay::FILE, html.as_bytes())?;
+    }
+    let link = replayed.0.as_ref().map(|_| replay::FILE);
+    folder.write("report.html", page(r, &figures, link)?.as_bytes())?;
     for (name, bytes) in files {
         folder.write(&name, &bytes)?;
     }
