@@ -46,14 +46,17 @@
       if (!map.has(key)) map.set(key, make());
       return map.get(key);
     }
-    lit(colour, alpha) {
-      return this.once(this.programs, `${colour} ${alpha}`, () => new Program(this.gl, {
-        ...LIT, transparent: alpha < 1, cullFace: false, depthWrite: alpha === 1,
+    /** `through`: seen through everything, as the centre of mass inside a body. */
+    lit(colour, alpha, through = false) {
+      return this.once(this.programs, `${colour} ${alpha} ${through}`, () => new Program(this.gl, {
+        ...LIT, transparent: alpha < 1 || through, cullFace: false, depthWrite: alpha === 1, depthTest: !through,
         uniforms: { colour: { value: new Vec3(...rgb(colour)) }, alpha: { value: alpha } },
       }));
     }
-    flat() {
-      return this.once(this.programs, "flat", () => new Program(this.gl, { ...FLAT, cullFace: false, uniforms: { alpha: { value: 1 } } }));
+    flat(through = false) {
+      return this.once(this.programs, `flat ${through}`, () => new Program(this.gl, {
+        ...FLAT, cullFace: false, transparent: through, depthTest: !through, uniforms: { alpha: { value: 1 } },
+      }));
     }
     /** A shape about its origin, as a node whose scale is its size. */
     shape(drawn, meshes, program) {
@@ -101,15 +104,15 @@
       return new Geometry(this.gl, { position: { size: 3, data: position }, normal: { size: 3, data: normal } });
     }
     /** Lines through points, in one colour or one for each point. */
-    lines(points, tint, mode) {
+    lines(points, tint, mode, through = false) {
       const geometry = new Geometry(this.gl, { position: { size: 3, data: points }, tint: { size: 3, data: tint } });
-      return new Mesh(this.gl, { geometry, program: this.flat(), mode, frustumCulled: false });
+      return new Mesh(this.gl, { geometry, program: this.flat(through), mode, frustumCulled: false });
     }
     /** Axes x, y, z in vermilion, green and blue. */
     axes(size) {
       const points = new Float32Array([0, 0, 0, size, 0, 0, 0, 0, 0, 0, size, 0, 0, 0, 0, 0, 0, size]);
       const tint = new Float32Array(["#d55e00", "#009e73", "#0072b2"].flatMap((c) => [...rgb(c), ...rgb(c)]));
-      return this.lines(points, tint, this.gl.LINES);
+      return this.lines(points, tint, this.gl.LINES, true);
     }
     /** A line along a path. */
     path(points, colour) {

@@ -41,9 +41,9 @@
         }
       }
       // Centre of mass: in the world.
-      const marker = new Mesh(artist.gl, { geometry: artist.geometry({ form: "sphere" }), program: artist.lit(COLOURS.com, 1) });
+      const marker = new Mesh(artist.gl, { geometry: artist.geometry({ form: "sphere" }), program: artist.lit(COLOURS.com, 1, true) });
       marker.setParent(this.root);
-      const cloud = new Mesh(artist.gl, { geometry: artist.geometry({ form: "sphere" }), program: artist.lit(COLOURS.com, 0.3) });
+      const cloud = new Mesh(artist.gl, { geometry: artist.geometry({ form: "sphere" }), program: artist.lit(COLOURS.com, 0.3, true) });
       cloud.setParent(this.root);
       this.com = { marker, cloud };
       if (this.motion) {

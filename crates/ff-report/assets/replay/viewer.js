@@ -140,10 +140,11 @@
     }
     /** Places the camera. */
     look(from) {
-      const d = 2.9 * this.size;
+      const d = 2.1 * this.size;
+      const [x, y, z] = this.data.scenes[0].com_m;
       const places = { corner: [0.62, 0.42, 0.66], front: [1, 0.02, 0], side: [0, 0.02, 1], top: [0.001, 1, 0] };
-      this.camera.position.set(...places[from].map((x) => x * d));
-      this.orbit.target.set(0, 0.1 * this.size, 0);
+      this.orbit.target.set(x, z, -y);
+      this.camera.position.set(...places[from].map((u, i) => u * d + [x, z, -y][i]));
       this.orbit.forcePosition();
       this.dirty = true;
     }

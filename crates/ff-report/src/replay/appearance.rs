@@ -11,6 +11,9 @@ use std::path::{Path, PathBuf};
 /// Most triangles in a page.
 const TRIANGLES: usize = 40_000;
 
+/// Most links named in a note.
+const NAMED: usize = 4;
+
 /// Surfaces of the bodies of a model. Empty for a robot that has none: then boxes from inertia are drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Appearance {
@@ -46,7 +49,10 @@ impl Appearance {
             }
         }
         if !failed.is_empty() {
-            let all = ff_model::diagnostics::list(failed.iter().map(String::as_str), 4);
+            let more = failed.len().saturating_sub(NAMED);
+            failed.truncate(NAMED);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let all = failed.join(", ") + &more;
             reader.out.notes.push(format!("Drawn as boxes of the same mass and inertia, without their meshes: {all}."));
         }
         let (given, kept) = reader.out.meshes.iter().fold((0, 0), |(g, k), m| (g + m.given, k + m.kept));
@@ -84,13 +90,14 @@ impl Reader<'_> {
             .collect()
     }
     fn mesh(&mut self, file: &str) -> Result<usize, String> {
-        let path = find(self.path, file).ok_or_else(|| format!("{file} is not found"))?;
+        let name = file.rsplit('/').next().unwrap_or(file);
+        let path = find(self.path, file).ok_or_else(|| format!("{name} is not found"))?;
         if let Some(&index) = self.read.get(&path) {
             return Ok(index);
         }
-        let mesh = Mesh::read(&path).map_err(|e| format!("{file}: {e}"))?;
+        let mesh = Mesh::read(&path).map_err(|e| format!("{name}: {e}"))?;
         if self.triangles + mesh.kept > TRIANGLES {
-            return Err(format!("{file}: {} triangles, limit {TRIANGLES} in all", self.triangles + mesh.kept));
+            return Err(format!("{name}: {} triangles, limit {TRIANGLES} in all", self.triangles + mesh.kept));
         }
         self.triangles += mesh.kept;
         self.out.meshes.push(mesh);
