@@ -2,7 +2,7 @@
 
 use super::figures;
 use crate::page::{Block, Cell, Level, Page, Table, interval, points};
-use crate::plot::Figure;
+use crate::plot::{Figure, typeset};
 use ffid::exit::Failure;
 use ffid::workflow::identify::EXPLAINED;
 use ffid::workflow::identify::Signals;
@@ -136,7 +136,7 @@ fn table(caption: &str, all: &[Parameter]) -> Table {
         vec![
             Cell::words(p.name.clone()),
             Cell::number(num(p.value)),
-            Cell::words(p.unit.clone()),
+            Cell::words(typeset(&p.unit)),
             Cell::number(p.std.map_or_else(|| "cannot be told".into(), num)),
             Cell::number(p.interval95.map_or_else(String::new, |(a, b)| format!("{} .. {}", num(a), num(b)))),
             Cell::number(num(p.start)),

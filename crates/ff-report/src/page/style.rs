@@ -12,7 +12,7 @@ body{margin:0 auto;max-width:76rem;padding:1rem 1.25rem 3rem;background:var(--ba
 font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif;overflow-wrap:break-word}\
 h1{font-size:1.6rem;line-height:1.25;margin:.5rem 0 1rem}\
 h2{font-size:1.2rem;margin:2.2rem 0 .6rem;padding-top:.6rem;border-top:1px solid var(--line)}\
-nav{font-size:.9rem;margin:1rem 0}nav a{margin-right:1rem;color:var(--est)}\
+a{color:var(--est)}nav{font-size:.9rem;margin:1rem 0}nav a{margin-right:1rem}\
 .verdict{border-left:.35rem solid;background:var(--card);padding:.7rem 1rem;border-radius:.3rem}\
 .verdict p{margin:.35rem 0}.verdict p:first-child{font-weight:600;font-size:1.08rem}\
 .good{color:var(--good)}.fair{color:var(--fair)}.bad{color:var(--bad)}\

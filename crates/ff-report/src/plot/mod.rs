@@ -22,6 +22,8 @@ pub(crate) mod scale;
 #[cfg(test)]
 pub(crate) mod tests;
 
+pub(crate) use scale::typeset;
+
 use ffid::exit::Failure;
 use ffid::files::atomic;
 use std::path::{Path, PathBuf};

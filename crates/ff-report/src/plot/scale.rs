@@ -124,7 +124,7 @@ pub(super) fn superscript(n: i32) -> String {
 }
 
 /// A label with its exponents raised: `rad/s^2` as `rad/s²`.
-pub(super) fn typeset(label: &str) -> String {
+pub(crate) fn typeset(label: &str) -> String {
     let mut parts = label.split('^');
     let mut out = parts.next().unwrap_or_default().to_owned();
     for part in parts {

@@ -39,8 +39,8 @@ pub fn page(v: &Preflight, plan: Option<&str>, figures: &[(&'static str, Figure)
     }
     page.section("Who sees the modes", modes);
     page.section("Trajectory", drawn("trajectory")?);
-    page.section("What the robot does", drawn("answer")?);
-    let rest = figures.iter().filter(|(s, _)| !matches!(*s, "trajectory" | "answer"));
+    page.section("What the robot does", drawn("response")?);
+    let rest = figures.iter().filter(|(s, _)| !matches!(*s, "trajectory" | "response"));
     page.section("Excitation", rest.map(|(_, f)| Block::figure(f, points)).collect::<Result<_, _>>()?);
     page.section("Limits", limits(&v.limits));
     let mut whole = Vec::new();

@@ -112,8 +112,14 @@ fn sway(
             ([shift.x, shift.y, shift.z], [turn.x, turn.y, turn.z])
         })
         .unzip();
-    let role = if a.dim() > 0 { Role::Fuel } else { Role::Inertia };
-    let mut body = equivalent(&whole, role)?;
+    let shifts = shift.iter().flatten().any(|x| x.abs() > 1e-9);
+    let mut body = equivalent(&whole, Role::Inertia)?;
+    // What is extended and shifts is a structure; points and rotors are not.
+    body.role = match (a.dim(), &body.form) {
+        (0, _) => Role::Inertia,
+        (_, Form::Box { .. }) if shifts => Role::Panel,
+        _ => Role::Fuel,
+    };
     let place = Pose::from(&Xform::new(Matrix3::identity(), com));
     body.place.p = [0.0; 3];
     Some(Node {

@@ -29,7 +29,7 @@ data-control=\"ellipsoid-value\" hidden=\"hidden\">×1</output>
 <button type=\"button\" data-view=\"side\">side</button> <button type=\"button\" data-view=\"top\">top</button></span>
 <span>grid <output data-control=\"grid\">1 m</output></span></div>
 <div class=\"bar key\"><span><i style=\"background:#7d8b99\"></i>links</span><span><i style=\"background:#0072b2\"></i>flexible structure</span>\
-<span><i style=\"background:#e69f00\"></i>fuel, wheels</span><span><i style=\"background:#cc79a7\"></i>joint sensors</span>\
+<span><i style=\"background:#e69f00\"></i>fuel, rotors</span><span><i style=\"background:#cc79a7\"></i>joint sensors</span>\
 <span><i style=\"background:#d55e00\"></i>centre of mass</span><span><i style=\"background:#009e73\"></i>trail</span></div>
 ";
 
@@ -90,8 +90,8 @@ fn modes(scenes: &[Scene]) -> Vec<Block> {
 
 fn about(r: &Replay) -> Vec<String> {
     let mut out = vec![
-        "A body without a surface of its own is drawn as the box of even density that has its mass, centre of mass and inertia; a point mass as a \
-         ball of water of that mass. A panel is as long as from hinge to hinge."
+        "A body without a surface of its own is drawn as the box of even density that has its mass, centre of mass and inertia (products of inertia below 2 % do not \
+         turn it); a point mass as a ball of water of that mass. A panel is as long as from hinge to hinge."
             .to_owned(),
         "Deflections are multiplied about the relaxed springs; the base moves as it did.".to_owned(),
     ];

@@ -15,6 +15,10 @@ use std::f64::consts::PI;
 
 /// Density that gives the size of a ball for a point mass: that of water (kg/m^3).
 const WATER: f64 = 1000.0;
+/// Products of inertia below this share of the trace do not turn a box.
+const ALIGNED: f64 = 0.02;
+/// Modes below this share of the highest frequency are motions without a spring, such as the spin of a wheel.
+const SPRINGLESS: f64 = 1e-6;
 /// Thinnest edge of a box relative to its longest.
 const THINNEST: f64 = 0.02;
 /// Diameter of the rods between joints relative to their length, and its greatest value (m).
@@ -35,7 +39,7 @@ pub struct Scene {
     pub pose: Vec<f64>,
     /// Passive coordinates at which the springs are relaxed (rad or m).
     pub rest: Vec<f64>,
-    /// Natural modes by ascending frequency, joints held at `pose`.
+    /// Natural modes by ascending frequency, joints held at `pose`; motions without a spring are left out.
     pub modes: Vec<ModeShape>,
     /// Total mass (kg).
     pub mass_kg: f64,
@@ -231,6 +235,9 @@ impl Scene {
         // Modes that cannot be computed are not drawn; `ffid check` and the report name the reason.
         let small = model.np() > 0 && model.nv() <= MAX_DENSE;
         let found = small.then(|| modes(model, params, s.pose, &rest, Boundary::JointsHeld).ok()).flatten();
+        let found = found.unwrap_or_default();
+        let highest = found.iter().map(|m| m.frequency_hz).fold(0.0, f64::max);
+        let rings = |m: &ff_dynamics::Mode| m.frequency_hz > SPRINGLESS * highest;
         let shape = |m: ff_dynamics::Mode| ModeShape {
             frequency_hz: m.frequency_hz,
             damping_ratio: m.damping_ratio,
@@ -243,7 +250,7 @@ impl Scene {
             joints: model.joint_names(),
             coordinates: model.passive_coords().into_iter().map(|(name, _)| name).collect(),
             pose: s.pose.to_vec(),
-            modes: found.unwrap_or_default().into_iter().map(shape).collect(),
+            modes: found.into_iter().filter(rings).map(shape).collect(),
             mass_kg: mass::total(s, s.pose, &rest),
             com_m: com.into(),
             com_covariance_m2: covariance,
@@ -298,11 +305,17 @@ fn bodies(s: &Subject<'_>) -> Vec<Node> {
 }
 
 /// Box of even density with the mass, centre of mass and inertia of a body: edges `a^2 = 6 (I_b + I_c - I_a) / m` along the
-/// principal axes (K. Meriam, *Dynamics*, table of solids); a ball of water for a point mass; `None` without mass.
+/// principal axes (K. Meriam, *Dynamics*, table of solids), or along the axes of the body where its products of inertia are small; a ball of
+/// water for a point mass; `None` without mass.
 pub(super) fn equivalent(inertia: &Inertia<f64>, role: Role) -> Option<Drawn> {
     let com = inertia.com().filter(|_| inertia.mass > 0.0)?;
-    let eigen = inertia.about_com().symmetric_eigen();
-    let i = eigen.eigenvalues;
+    let about = inertia.about_com();
+    let products = Vector3::new(about[(0, 1)], about[(0, 2)], about[(1, 2)]);
+    // Principal axes of nearly equal moments point anywhere: two estimates of one body would look turned against each other.
+    let aligned = products.amax() < ALIGNED * about.trace();
+    let eigen = about.symmetric_eigen();
+    let (i, mut axes) =
+        if aligned { (about.diagonal(), Matrix3::identity()) } else { (eigen.eigenvalues, eigen.eigenvectors) };
     let edge = |a: usize| (6.0 * (i.sum() - 2.0 * i[a]) / inertia.mass).max(0.0).sqrt();
     let size = [edge(0), edge(1), edge(2)];
     let longest = size.iter().fold(0.0, |a: f64, b| a.max(*b));
@@ -311,7 +324,6 @@ pub(super) fn equivalent(inertia: &Inertia<f64>, role: Role) -> Option<Drawn> {
         let form = Form::Sphere { radius };
         return Some(Drawn { role, place: Pose::from(&Xform::new(Matrix3::identity(), com)), form });
     }
-    let mut axes = eigen.eigenvectors;
     if axes.determinant() < 0.0 {
         axes.column_mut(2).neg_mut();
     }

@@ -66,7 +66,7 @@ fn what_is_drawn_has_the_centre_of_mass_of_the_model() {
         let (mut mass, mut sum) = (0.0, Vector3::zeros());
         for (n, x) in scene.nodes.iter().zip(&at) {
             let Some(m) = n.mass_kg else { continue };
-            let centre = n.shapes.iter().find(|s| matches!(s.role, Role::Inertia | Role::Fuel)).unwrap();
+            let centre = n.shapes.iter().find(|s| matches!(s.role, Role::Inertia | Role::Fuel)).or(n.shapes.first()).unwrap();
             mass += m;
             sum += m * x.point(&Vector3::from(centre.place.p));
         }
