@@ -1,7 +1,7 @@
 //! The command line: parse, dispatch, map the outcome to an exit code.
 
 use crate::exit;
-use crate::{bench, conformance, corpus, reproduce, study};
+use crate::{bench, conformance, corpus, pages, reproduce, study};
 use clap::{Parser, Subcommand};
 use ffid::exit::Exit;
 use std::process::ExitCode;
@@ -21,6 +21,8 @@ enum Command {
     Conformance(conformance::Args),
     /// Try URDFs of others, from PyPI: how many ffid check accepts, what it refuses and why
     Corpus(corpus::Args),
+    /// Write every kind of page, and with --check open each in headless Chromium and try what it does
+    Pages(pages::Args),
     /// Run the paper's study end to end: tables, figures, series, summary.json
     Reproduce(reproduce::Args),
     /// Run a seeded study and hold its figures to their limits
@@ -36,6 +38,7 @@ pub fn main() -> ExitCode {
     let outcome = match &cli.command {
         Command::Conformance(args) => conformance::run(args),
         Command::Corpus(args) => corpus::run(args),
+        Command::Pages(args) => pages::run(args),
         Command::Reproduce(args) => reproduce::run(args),
         Command::Study(args) => study::run(args),
         Command::Bench(args) => bench::run(args),

@@ -1,7 +1,7 @@
 //! Project tasks that need the libraries of the project: `cargo xtask <command>`, started by `xtask-launcher`.
 //!
 //! A library with a thin binary, so that figures, tables and writers are documented and tested like the
-//! rest. One file per command ([`conformance`], [`corpus`], [`reproduce`], [`study`], [`mod@bench`]); what commands share sits
+//! rest. One file per command ([`conformance`], [`corpus`], [`pages`], [`reproduce`], [`study`], [`mod@bench`]); what commands share sits
 //! beside them: exit codes ([`exit`]),
 //! text tables ([`table`]). Figures and writers come from `ffid` ([`ff_report::plot`], [`ffid::files`]).
 
@@ -10,6 +10,7 @@ pub mod cli;
 pub mod conformance;
 pub mod corpus;
 pub mod exit;
+pub mod pages;
 pub mod process;
 pub mod reproduce;
 pub mod study;

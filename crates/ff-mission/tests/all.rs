@@ -12,3 +12,4 @@ mod paper;
 mod sdf;
 mod urdf_assumed;
 mod urdf_tree;
+mod visual;

@@ -111,7 +111,8 @@ pub struct Psd {
     pub frequency: Vec<f64>,
     /// Density ((unit of the signal)^2 / Hz; for a weighted sum 1 / Hz).
     pub density: Vec<f64>,
-    /// Spacing of the grid = `rate / segment` (Hz). No frequency read off is known better than +- df/2.
+    /// Spacing of the grid (Hz): `rate / segment`, or less after [`Welch::padded`]. No frequency read off is known better than
+    /// `rate / (2 segment)` either way.
     pub df: f64,
     /// Samples per segment.
     pub segment: usize,
@@ -143,6 +144,8 @@ pub struct Welch {
     /// `1 / (fs sum(w^2))`.
     scale: f64,
     transform: RealFft,
+    /// Samples of the transform: a segment and the zeros after it.
+    length: usize,
 }
 
 impl core::fmt::Debug for Welch {
@@ -164,7 +167,16 @@ impl Welch {
         let step = core::f64::consts::TAU / segment as f64;
         let window: Vec<f64> = (0..segment).map(|i| 0.5 - 0.5 * (step * i as f64).cos()).collect();
         let scale = 1.0 / (rate_hz * window.iter().map(|w| w * w).sum::<f64>());
-        Ok(Self { rate_hz, window, scale, transform: RealFft::new(segment) })
+        Ok(Self { rate_hz, window, scale, transform: RealFft::new(segment), length: segment })
+    }
+
+    /// The same windows followed by zeros, `times` as long in all: the density between the lines of the unpadded grid, for drawing the
+    /// spectrum of a short record. It resolves nothing that was not resolved before. Allocates.
+    #[must_use]
+    pub fn padded(mut self, times: usize) -> Self {
+        self.length = self.window.len() * times.max(1);
+        self.transform = RealFft::new(self.length);
+        self
     }
 
     /// The spectrum of one channel. Samples after the last whole segment are not used (as scipy does not).
@@ -186,9 +198,12 @@ impl Welch {
         for k in 0..segments {
             let part = &x[k * hop..k * hop + l];
             let mean = part.iter().sum::<f64>() / l as f64;
-            for (y, (v, w)) in self.transform.input().iter_mut().zip(part.iter().zip(&self.window)) {
+            let (filled, zeros) = self.transform.input().split_at_mut(l);
+            for (y, (v, w)) in filled.iter_mut().zip(part.iter().zip(&self.window)) {
                 *y = (v - mean) * w;
             }
+            // The transform leaves its input changed.
+            zeros.fill(0.0);
             for (d, z) in density.iter_mut().zip(self.transform.run()?) {
                 *d += z.norm_sqr();
             }
@@ -196,12 +211,12 @@ impl Welch {
         let last = density.len() - 1;
         for (j, d) in density.iter_mut().enumerate() {
             // Negative frequencies are folded onto positive ones; 0 and (for even L) Nyquist have no twin.
-            let fold = if j == 0 || (j == last && l.is_multiple_of(2)) { 1.0 } else { 2.0 };
+            let fold = if j == 0 || (j == last && self.length.is_multiple_of(2)) { 1.0 } else { 2.0 };
             *d *= fold * self.scale / segments as f64;
         }
-        let df = self.rate_hz / l as f64;
+        let df = self.rate_hz / self.length as f64;
         let average = crate::psd_confidence::effective_averages(&self.window, hop, segments);
-        let single = |j: usize| j == 0 || (j == last && l.is_multiple_of(2));
+        let single = |j: usize| j == 0 || (j == last && self.length.is_multiple_of(2));
         let freedom = (0..density.len()).map(|j| if single(j) { average } else { 2.0 * average }).collect();
         let frequency = (0..density.len()).map(|j| j as f64 * df).collect();
         Ok(Psd { frequency, density, df, segment: l, segments, freedom, rate_hz: self.rate_hz })

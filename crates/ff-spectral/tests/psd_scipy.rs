@@ -27,3 +27,21 @@ fn agrees_with_scipy_for_even_odd_and_whole_record_segments() {
     println!("worst relative difference {worst:.2e}");
     assert_within!(worst, 1e-12, "{worst:.3e}");
 }
+
+/// Zeros after the window put lines between those that were there, and leave these and the power as they are.
+#[test]
+fn padding_adds_lines_between_the_lines() {
+    for n in [120, 121] {
+        let x: Vec<f64> = (0..n).map(|i| (0.31 * f64::from(i)).sin() + 0.01 * f64::from(i * i % 7)).collect();
+        let plain = Welch::new(60, 10.0).unwrap().run(&x).unwrap();
+        let padded = Welch::new(60, 10.0).unwrap().padded(8).run(&x).unwrap();
+        assert_eq!((padded.segments, padded.segment, padded.df * 8.0), (plain.segments, plain.segment, plain.df));
+        let top = plain.density.iter().copied().fold(0.0, f64::max);
+        for (j, d) in plain.density.iter().enumerate() {
+            assert_within!((padded.density[8 * j] - d).abs(), 1e-12 * top);
+            assert_within!((padded.frequency[8 * j] - plain.frequency[j]).abs(), 1e-12);
+        }
+        let power = |p: &ff_spectral::Psd| p.density.iter().sum::<f64>() * p.df;
+        assert_within!((power(&padded) / power(&plain) - 1.0).abs(), 1e-12);
+    }
+}

@@ -4,6 +4,7 @@ mod commands;
 mod flags;
 mod interrupt;
 mod output;
+mod replay;
 mod result_folder;
 mod results;
 pub mod session;
@@ -56,6 +57,9 @@ pub(crate) enum Command {
     /// Simulate a trajectory and write the record that the mission's sensors would read.
     #[command(after_help = commands::simulate::EXAMPLES)]
     Simulate(commands::simulate::Args),
+    /// Draw the robot in 3-D, with its modes and, if there is one, a motion: one page that needs no network.
+    #[command(after_help = commands::show::EXAMPLES)]
+    Show(commands::show::Args),
     /// Hold the simulation of this robot to the laws of mechanics: momentum, energy, dissipation, order of the integrator.
     Selfcheck(commands::selfcheck::Args),
     /// Print completions for a shell, to be put where it looks for them.
@@ -141,6 +145,7 @@ fn execute(cli: Cli, mut out: &mut dyn Write, mut err: &mut dyn Write) -> Exit {
         Command::Validate(args) => commands::validate::run(&args, &mut out, &mut err),
         Command::Predict(args) => commands::predict::run(&args, &mut out, &mut err),
         Command::Simulate(args) => commands::simulate::run(&args, &mut out, &mut err),
+        Command::Show(args) => commands::show::run(&args, &mut out, &mut err),
         Command::Selfcheck(args) => commands::selfcheck::run(&args, &mut out, &mut err),
         Command::Completions { shell } => {
             let mut script = Vec::new();

@@ -22,5 +22,6 @@ mod outputs;
 mod preflight;
 mod questions;
 mod schema;
+mod show;
 mod three_segment;
 mod uncertain;

@@ -102,7 +102,7 @@ fn every_goal_gives_a_folder_that_is_whole_and_reads_back() {
         let manifest: toml::Table = toml::from_str(&fs::read_to_string(out.join("manifest.toml")).unwrap()).unwrap();
         let listed: Vec<&str> =
             manifest["file"].as_array().unwrap().iter().map(|f| f["file"].as_str().unwrap()).collect();
-        let figures = ["answer.svg", "deviations.svg", "spectrum.svg", "trajectory.svg"];
+        let figures = ["deviations.svg", "response.svg", "spectrum.svg", "trajectory.svg"];
         for name in
             figures.iter().chain(&["report.html", "report.txt", "trajectory.csv", "trajectory.json", "verdict.json"])
         {

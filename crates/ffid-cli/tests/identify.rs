@@ -160,12 +160,27 @@ fn slosh_from_a_mission_to_a_validated_model() {
     let alone = open(&c.path("res/identified.urdf"), Leniency::default()).unwrap();
     assert!((alone.model.inertia(0).mass - r.parameters[0].value).abs() < 1e-12 * 600.0);
     for name in
-        ["report.html", "report.txt", "residuals.csv", "held-out.csv", "signals.svg", "spectra.svg", "manifest.toml"]
+        ["report.html", "report.txt", "residuals.csv", "held-out.csv", "signals.svg", "spectra.svg", "manifest.toml", "replay.html"]
     {
         assert!(c.path("res").join(name).exists(), "{name}");
     }
     let html = c.read("res/report.html");
-    assert!(html.contains("<svg") && !html.contains("<script") && !html.contains("src="));
+    assert!(html.contains("<svg") && html.contains("default-src 'none'") && !html.contains(" src=\""));
+    assert!(html.contains("<a href=\"replay.html\">") && html.contains("<figure class=\"plot\">"));
+    // The identified robot beside that of the mission, on the motion of the record.
+    let replay = c.read("res/replay.html");
+    let data = replay.split("<script type=\"application/json\">").nth(1).unwrap().split("</script>").next().unwrap();
+    let data: serde_json::Value = serde_json::from_str(data).unwrap();
+    let scenes = data["scenes"].as_array().unwrap();
+    assert_eq!((&scenes[0]["label"], &scenes[1]["label"]), (&"identified".into(), &"mission".into()));
+    let base = |k: usize| scenes[k]["nodes"][0]["mass_kg"].as_f64().unwrap();
+    assert_eq!((base(0), base(1)), (r.parameters[0].value, 571.0));
+    let seconds = |k: usize| {
+        let m = &scenes[k]["motion"];
+        m["step_s"].as_f64().unwrap() * (m["frames"].as_f64().unwrap() - 1.0)
+    };
+    assert!((seconds(0) - r.provenance.record.seconds).abs() < 0.1 && seconds(0) == seconds(1), "{}", seconds(0));
+    assert!(scenes[0]["motion"]["ellipsoids"]["at"].as_array().unwrap().len() > 10);
     for piece in ["All 14 parameters", "Provenance", "mode 1", "tau.joint3", &r.provenance.inputs[2].sha256] {
         assert!(html.contains(piece), "{piece}");
     }

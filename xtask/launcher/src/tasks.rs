@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Commands of package `xtask`, with what they do.
-pub const TASKS: [(&str, &str); 5] = [
+pub const TASKS: [(&str, &str); 6] = [
     ("reproduce", "Run the paper's study end to end: tables, figures, series, summary.json"),
     ("study", "Run a seeded study and hold its figures to their limits"),
     ("conformance", "Hold every kind of appendage to the laws of mechanics, and check that wrong ones are caught"),
     ("corpus", "Try URDFs of others, from PyPI: how many ffid check accepts, what it refuses and why"),
+    ("pages", "Write every kind of page, and with --check open each in headless Chromium and try what it does"),
     ("bench", "Time the dynamics, beside Pinocchio and MuJoCo with --peers"),
 ];
 

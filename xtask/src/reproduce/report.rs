@@ -23,7 +23,7 @@ pub(super) fn page(s: &Summary, panels: &[Figure], fuel: &[Figure]) -> Result<St
     }
     page.verdict(if outside.is_empty() { Level::Good } else { Level::Bad }, &verdict);
     let [two, three, frequencies] = printed::tables(s);
-    let figures = |all: &[Figure]| all.iter().map(Block::figure).collect::<Result<Vec<_>, _>>();
+    let figures = |all: &[Figure]| all.iter().map(|f| Block::figure(f, 2000)).collect::<Result<Vec<_>, _>>();
     let mut blocks = two.blocks();
     blocks.extend(figures(panels)?);
     page.section("Flexible panels", blocks);

@@ -14,8 +14,8 @@ const F_MAX: f64 = 1.5;
 
 /// Spectra behind Figs. 5 and 7.
 pub(super) struct Spectra {
-    /// Answer after the manoeuvre: torques and gyro summed, each in units of its noise.
-    pub(super) answer: Psd,
+    /// Response after the manoeuvre: torques and gyro summed, each in units of its noise.
+    pub(super) response: Psd,
     /// Joint accelerations of the manoeuvre, the identification and the quiet trajectory.
     pub(super) manoeuvre: Psd,
     pub(super) identification: Psd,
@@ -40,8 +40,8 @@ impl Spectra {
             y
         };
         let y = join(&x.ringing.tau, &x.ringing.gyro());
-        let answer = spectrum(&y, &sigma, n, rate)?;
-        let peaks = find_peaks(&answer, 0.09, F_MAX, None)
+        let response = spectrum(&y, &sigma, n, rate, 1)?;
+        let peaks = find_peaks(&response, 0.09, F_MAX, None)
             .map(|p| p.peaks.iter().map(|p| (p.frequency, p.interval)).collect())
             .unwrap_or_default();
         let set = ModalSettings::up_to(F_MAX);
@@ -49,9 +49,9 @@ impl Spectra {
         let noisy = measure(&x.ringing, &x.sensors, x.seed.wrapping_add(3));
         let fit_noisy = fit_modes(&join(&noisy.tau, &noisy.gyro), &sigma, rate, &set).ok();
         let unit = vec![1.0; nj];
-        let of = |m: &DMatrix<f64>| spectrum(m, &unit, m.nrows(), rate);
+        let of = |m: &DMatrix<f64>| spectrum(m, &unit, m.nrows(), rate, PADDED);
         Ok(Self {
-            answer,
+            response,
             manoeuvre: of(&x.ringing.qdd.rows(0, first.min(x.ringing.len())).into_owned())?,
             identification: of(&x.trace.qdd)?,
             quiet: of(&x.rigid_trace.qdd)?,
@@ -68,9 +68,12 @@ fn split(fit: &ModalFit) -> (Vec<&Mode>, Vec<f64>) {
     (modes.iter().map(|&i| &fit.modes[i]).collect(), tones.iter().map(|&i| fit.modes[i].frequency).collect())
 }
 
-/// One window over the whole signal, so that the resolution is the best there is; zero-padded short signals are not.
-fn spectrum(y: &DMatrix<f64>, sigma: &[f64], segment: usize, rate: f64) -> anyhow::Result<Psd> {
-    let mut welch = Welch::new(segment, rate)?;
+/// Zeros after a trajectory, in its lengths: the manoeuvre of 5 s has eight lines below 1.5 Hz without.
+const PADDED: usize = 8;
+
+/// One window over the whole signal, so that the resolution is the best there is.
+fn spectrum(y: &DMatrix<f64>, sigma: &[f64], segment: usize, rate: f64, padded: usize) -> anyhow::Result<Psd> {
+    let mut welch = Welch::new(segment, rate)?.padded(padded);
     let each = (0..y.ncols()).map(|c| welch.run(y.column(c).as_slice())).collect::<Result<Vec<_>, _>>()?;
     Ok(Psd::weighted_sum(&each, sigma)?)
 }

@@ -67,10 +67,10 @@ pub fn from_urdf(text: &str, model: &Model) -> Result<(Vec<Solid>, Problems), Pr
     out.finish(Some(solids))
 }
 
-type Bad<'a, 'i> = (Node<'a, 'i>, &'static str, String, &'static str);
+pub(super) type Bad<'a, 'i> = (Node<'a, 'i>, &'static str, String, &'static str);
 
 /// The numbers of an attribute; all finite.
-fn numbers<'a, 'i, const N: usize>(n: Node<'a, 'i>, key: &str) -> Result<[f64; N], Bad<'a, 'i>> {
+pub(super) fn numbers<'a, 'i, const N: usize>(n: Node<'a, 'i>, key: &str) -> Result<[f64; N], Bad<'a, 'i>> {
     let text = n.attribute(key).unwrap_or_default();
     let read: Option<Vec<f64>> =
         text.split_whitespace().map(|t| t.parse().ok().filter(|x: &f64| x.is_finite())).collect();
@@ -92,13 +92,13 @@ fn sizes<'a, 'i, const N: usize>(n: Node<'a, 'i>, key: &str) -> Result<[f64; N],
     }
 }
 
-fn placement<'a, 'i>(e: &Node<'a, 'i>) -> Result<Xform<f64>, Bad<'a, 'i>> {
+pub(super) fn placement<'a, 'i>(e: &Node<'a, 'i>) -> Result<Xform<f64>, Bad<'a, 'i>> {
     let Some(o) = e.children().find(|n| n.has_tag_name("origin")) else { return Ok(Xform::identity()) };
     let vector = |key| if o.has_attribute(key) { numbers::<3>(o, key) } else { Ok([0.0; 3]) };
     Ok(Xform::new(rot_of_rpy(&Vector3::from(vector("rpy")?)), Vector3::from(vector("xyz")?)))
 }
 
-fn geometry<'a, 'i>(e: &Node<'a, 'i>) -> Result<Shape, Bad<'a, 'i>> {
+pub(super) fn geometry<'a, 'i>(e: &Node<'a, 'i>) -> Result<Shape, Bad<'a, 'i>> {
     const HINT: &str = "use <box>, <sphere>, <cylinder> or <capsule>";
     let shape = e
         .children()

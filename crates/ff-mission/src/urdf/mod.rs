@@ -14,7 +14,7 @@
 //!
 //! Links on fixed joints, and on joints that are held, are merged into the body they are fixed to; every link stays as a
 //! [`ff_model::tree::Frame`]. Body order is joint order in the file, parents before children. What is skipped:
-//! `visual`, `collision` (which [`collision`] reads on demand), `material`, `transmission`, `gazebo`, `ros2_control`, and elements
+//! `visual`, `collision` (which [`visual`] and [`collision`] read on demand), `material`, `transmission`, `gazebo`, `ros2_control`, and elements
 //! and attributes that are not part of URDF. What is refused: `planar`, `floating` and `spherical` joints that carry mass,
 //! `quat_xyzw`, xacro.
 pub(crate) mod build;
@@ -29,6 +29,7 @@ pub(crate) mod schema;
 pub(crate) mod second;
 pub(crate) mod strict;
 pub(crate) mod summary;
+pub mod visual;
 
 use crate::leniency::Leniency;
 use ff_model::Inertia;

@@ -7,6 +7,8 @@ use ffid::workflow::identify::Signals;
 
 /// Most channels in one figure.
 const CHANNELS: usize = 10;
+/// Zeros after a window, in its lengths: lines closer than the resolution, so that a short record gives a curve.
+const PADDED: usize = 4;
 /// Spectra are shown up to this many times the highest mode, if that is less than half the sampling rate.
 const ABOVE: f64 = 4.0;
 
@@ -42,7 +44,7 @@ pub fn spectra(s: &Signals, modes: &[ModeLine], title: &str) -> Option<Figure> {
     let n = s.time.len();
     let rate = if n > 1 { (n - 1) as f64 / s.time[n - 1] } else { return None };
     // Half the record: three windows to average over.
-    let mut welch = Welch::new((n / 2).max(8), rate).ok()?;
+    let mut welch = Welch::new((n / 2).max(8), rate).ok()?.padded(PADDED);
     let top = modes.last().map_or(0.5 * rate, |m| ABOVE * m.frequency_hz).min(0.5 * rate);
     let mut fig = Figure::new(title.to_owned());
     let mut any = false;

@@ -2,8 +2,8 @@
 
 use super::figures;
 use super::sampled;
-use crate::page::{Block, Cell, Level, Page, Table, interval};
-use crate::plot::Figure;
+use crate::page::{Block, Cell, Level, Page, Table, interval, points};
+use crate::plot::{Figure, typeset};
 use ffid::exit::Failure;
 use ffid::workflow::identify::EXPLAINED;
 use ffid::workflow::identify::Signals;
@@ -39,15 +39,18 @@ pub fn all_figures(r: &IdentificationResult, all: &[Signals], held: Option<&Sign
     out
 }
 
-/// The report of an identification.
+/// The report of an identification; `replay` is the file beside it that shows the robot in motion, if there is one.
 ///
 /// # Errors
 /// Those of [`Figure::to_svg`].
-pub fn page(r: &IdentificationResult, figures: &[(String, Figure)]) -> Result<String, Failure> {
+pub fn page(r: &IdentificationResult, figures: &[(String, Figure)], replay: Option<&str>) -> Result<String, Failure> {
     let mut page = Page::new(format!("Identification of {}", r.robot));
     let mut sentences = r.verdict.clone();
     sentences.extend(r.held_out.iter().map(|h| format!("Held out ({}): {}", h.source, h.verdict)));
     page.verdict(level(r), &sentences);
+    if let Some(file) = replay {
+        page.lead(Block::Link { file: file.to_owned(), text: "See the robot move: 3-D replay".to_owned() });
+    }
     let mut parameters = vec![
         Block::text(
             "Estimates with standard deviations and 95 % intervals. In the drawing: wide and pale the prior, thin the \
@@ -61,9 +64,10 @@ pub fn page(r: &IdentificationResult, figures: &[(String, Figure)]) -> Result<St
     }
     page.section("Parameters", parameters);
     page.section("What would explain the record", named(r).into_iter().collect());
+    let points = points(figures.iter().map(|(_, f)| f));
     let drawn = |stems: &[&str]| -> Result<Vec<Block>, Failure> {
         let of = |s: &str| stems.iter().any(|w| s == *w || s.strip_prefix(w).is_some_and(|l| l.starts_with('-')));
-        figures.iter().filter(|(s, _)| of(s)).map(|(_, f)| Block::figure(f)).collect()
+        figures.iter().filter(|(s, _)| of(s)).map(|(_, f)| Block::figure(f, points)).collect()
     };
     let mut signals = vec![];
     if r.records.is_empty() {
@@ -105,7 +109,8 @@ pub fn validation(robot: &str, h: &HeldOut, figures: &[(&'static str, Figure)]) 
     let mut page = Page::new(format!("Validation of {robot}"));
     page.verdict(if h.explained { Level::Good } else { Level::Bad }, std::slice::from_ref(&h.verdict));
     page.section("Record", held(h));
-    let all: Result<Vec<Block>, Failure> = figures.iter().map(|(_, f)| Block::figure(f)).collect();
+    let points = points(figures.iter().map(|(_, f)| f));
+    let all: Result<Vec<Block>, Failure> = figures.iter().map(|(_, f)| Block::figure(f, points)).collect();
     page.section("Measured against predicted", all?);
     Ok(page.render())
 }
@@ -135,7 +140,7 @@ fn table(caption: &str, all: &[Parameter]) -> Table {
         vec![
             Cell::words(p.name.clone()),
             Cell::number(num(p.value)),
-            Cell::words(p.unit.clone()),
+            Cell::words(typeset(&p.unit)),
             Cell::number(p.std.map_or_else(|| "cannot be told".into(), num)),
             Cell::number(p.interval95.map_or_else(String::new, |(a, b)| format!("{} .. {}", num(a), num(b)))),
             Cell::number(num(p.start)),

@@ -1,7 +1,8 @@
-//! Reports as one HTML file: opens offline, needs no script, readable on a phone, in the dark and on paper.
+//! Reports as one HTML file: opens offline, readable on a phone, in the dark and on paper.
 //!
-//! A [`Page`] is data: a title, a verdict, sections of [`Block`]s. Everything that is text goes through [`escape`]; figures
-//! are SVG of [`crate::plot`], set into the page.
+//! A [`Page`] is data: a title, a verdict, sections of [`Block`]s. Everything that is text goes through [`escape`]. Figures are SVG of
+//! [`crate::plot`], set into the page; with scripts they become plots to zoom and to read values from, on paper they stay. Scripts are in the
+//! file, only where something needs them, and its content security policy forbids every request.
 //!
 //! ```
 //! use ff_report::page::{Block, Level, Page};
@@ -13,6 +14,7 @@
 //! assert!(html.contains("Identification of &lt;probe&gt;") && html.contains("Values &amp; intervals."));
 //! assert!(!html.contains("<script"));
 //! ```
+pub(crate) mod assets;
 pub(crate) mod bars;
 pub(crate) mod render;
 pub(crate) mod style;
@@ -41,6 +43,8 @@ pub enum Level {
 pub struct Page {
     title: String,
     verdict: Option<(Level, Vec<String>)>,
+    lead: Vec<Block>,
+    source: String,
     sections: Vec<(String, Vec<Block>)>,
 }
 
@@ -59,7 +63,18 @@ pub enum Block {
         svg: String,
         /// What it shows, for those who cannot see it.
         caption: String,
+        /// The same as JSON for the scripts of the page ([`crate::plot::Figure::to_json`]).
+        data: String,
     },
+    /// A link to a file beside the page.
+    Link {
+        /// Name of the file.
+        file: String,
+        /// What it is.
+        text: String,
+    },
+    /// The view of a replay: HTML, trusted: made by [`crate::replay`].
+    Replay(String),
     /// Preformatted text.
     Code(String),
     /// Blocks behind a line that opens them.
@@ -106,25 +121,48 @@ impl Block {
     pub fn text(s: impl Into<String>) -> Self {
         Self::Text(s.into())
     }
-    /// A figure, drawn.
+    /// A figure, drawn; with scripts each curve has about `points` points.
     ///
     /// # Errors
     /// Those of [`Figure::to_svg`].
-    pub fn figure(f: &Figure) -> Result<Self, Failure> {
+    pub fn figure(f: &Figure, points: usize) -> Result<Self, Failure> {
         // The writer of SVG escapes what is markup, but lets control characters through, which no XML may hold.
         let hidden = |c: char| c.is_control() && !c.is_ascii_whitespace();
-        Ok(Self::Figure { svg: f.to_svg()?.replace(hidden, "\u{fffd}"), caption: f.title.clone() })
+        Ok(Self::Figure { svg: f.to_svg()?.replace(hidden, "\u{fffd}"), caption: f.title.clone(), data: f.to_json(points) })
     }
+}
+
+/// Numbers that all curves of a page may take together, as scripts read them: 2 MB, at 4 bytes each in base64.
+const NUMBERS: usize = 400_000;
+
+/// Points for each curve of these figures, so that a page with all of them stays below 5 MB however long the records are.
+pub fn points<'a>(figures: impl IntoIterator<Item = &'a Figure>) -> usize {
+    let curves: usize = figures.into_iter().flat_map(|f| &f.panels).map(|p| p.series.len() + 1).sum();
+    (NUMBERS / curves.max(1)).clamp(200, 4000)
+}
+
+/// JSON as it may stand in a `<script>` element: no `<`, which could end it.
+pub(crate) fn script_json(json: &str) -> String {
+    json.replace('<', "\\u003c")
 }
 
 impl Page {
     /// A page without sections.
     pub fn new(title: impl Into<String>) -> Self {
-        Self { title: title.into(), verdict: None, sections: Vec::new() }
+        let source = "All numbers are in result.json, exactly.".to_owned();
+        Self { title: title.into(), verdict: None, lead: Vec::new(), source, sections: Vec::new() }
     }
     /// Sets what comes first: the verdict in sentences, the most important in front.
     pub fn verdict(&mut self, level: Level, sentences: &[String]) {
         self.verdict = Some((level, sentences.to_vec()));
+    }
+    /// Adds a block before the sections.
+    pub(crate) fn lead(&mut self, block: Block) {
+        self.lead.push(block);
+    }
+    /// Sets what the foot of the page says of its numbers.
+    pub(crate) fn source(&mut self, text: &str) {
+        text.clone_into(&mut self.source);
     }
     /// Adds a section; one without blocks is left out.
     pub fn section(&mut self, title: impl Into<String>, blocks: Vec<Block>) {

@@ -1,7 +1,8 @@
 //! Data to HTML.
 
+use super::assets::{Needs, POLICY};
 use super::style::CSS;
-use super::{Block, Cell, Level, Page, Table};
+use super::{Block, Cell, Level, Page, Table, script_json};
 use std::fmt::Write;
 
 /// Text as it may stand in an element or in an attribute in double quotes. Control characters, which HTML forbids, become
@@ -33,10 +34,13 @@ fn class(level: Level) -> &'static str {
 
 pub(super) fn page(p: &Page) -> String {
     let title = escape(&p.title);
+    let needs = Needs::of(p.lead.iter().chain(p.sections.iter().flat_map(|s| &s.1)));
+    let styles = needs.styles().concat();
     let mut out = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n<title>{title}</title>\n\
-         <style>{CSS}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n"
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"/>\n<title>{title}</title>\n\
+         <style>{CSS}{styles}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n"
     );
     // Writing to a text cannot fail, here and below.
     if let Some((level, sentences)) = &p.verdict {
@@ -46,6 +50,7 @@ pub(super) fn page(p: &Page) -> String {
         }
         out.push_str("</div>\n");
     }
+    p.lead.iter().for_each(|b| block(&mut out, b));
     if p.sections.len() > 2 {
         out.push_str("<nav>");
         for (i, (name, _)) in p.sections.iter().enumerate() {
@@ -60,9 +65,14 @@ pub(super) fn page(p: &Page) -> String {
     }
     let _ = write!(
         out,
-        "</main>\n<footer>Written by ffid {}. All numbers are in result.json, exactly.</footer>\n</body>\n</html>\n",
-        env!("CARGO_PKG_VERSION")
+        "</main>\n<footer>Written by ffid {}. {}</footer>\n",
+        env!("CARGO_PKG_VERSION"),
+        escape(&p.source)
     );
+    for script in needs.scripts() {
+        let _ = writeln!(out, "<script>{script}</script>");
+    }
+    out.push_str("</body>\n</html>\n");
     out
 }
 
@@ -75,9 +85,16 @@ fn block(out: &mut String, b: &Block) {
             out.push_str("</ul>\n");
         }
         Block::Code(s) => _ = writeln!(out, "<pre>{}</pre>", escape(s)),
-        Block::Figure { svg, caption } => {
-            _ = writeln!(out, "<figure>{svg}<figcaption>{}</figcaption></figure>", escape(caption));
+        Block::Figure { svg, caption, data } => {
+            _ = writeln!(
+                out,
+                "<figure class=\"plot\">{svg}<figcaption>{}</figcaption><script type=\"application/json\">{}</script></figure>",
+                escape(caption),
+                script_json(data)
+            );
         }
+        Block::Link { file, text } => _ = writeln!(out, "<p><a href=\"{}\">{}</a></p>", escape(file), escape(text)),
+        Block::Replay(html) => _ = writeln!(out, "<div class=\"replay\">{html}</div>"),
         Block::Details(summary, blocks) => {
             let _ = writeln!(out, "<details><summary>{}</summary>", escape(summary));
             blocks.iter().for_each(|b| block(out, b));
@@ -88,7 +105,9 @@ fn block(out: &mut String, b: &Block) {
 }
 
 fn table(out: &mut String, t: &Table) {
-    out.push_str("<div class=\"wide\"><table>");
+    // A table that is too wide for a phone becomes a card for each row there.
+    let cards = if t.head.len() > 3 { " class=\"cards\"" } else { "" };
+    let _ = write!(out, "<div class=\"wide\"><table{cards}>");
     if !t.caption.is_empty() {
         let _ = write!(out, "<caption>{}</caption>", escape(&t.caption));
     }
@@ -102,7 +121,8 @@ fn table(out: &mut String, t: &Table) {
         out.push_str("<tr>");
         for (i, c) in row.iter().enumerate() {
             let tag = if i == 0 { "th" } else { "td" };
-            let scope = if i == 0 { " scope=\"row\"" } else { "" };
+            let label = t.head.get(i).map_or("", String::as_str);
+            let scope = if i == 0 { " scope=\"row\"".to_owned() } else { format!(" data-label=\"{}\"", escape(label)) };
             let _ = match c {
                 Cell::Words(s) => write!(out, "<{tag}{scope}>{}</{tag}>", escape(s)),
                 Cell::Number(s) => write!(out, "<{tag}{scope} class=\"n\">{}</{tag}>", escape(s)),

@@ -12,7 +12,7 @@ body{margin:0 auto;max-width:76rem;padding:1rem 1.25rem 3rem;background:var(--ba
 font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif;overflow-wrap:break-word}\
 h1{font-size:1.6rem;line-height:1.25;margin:.5rem 0 1rem}\
 h2{font-size:1.2rem;margin:2.2rem 0 .6rem;padding-top:.6rem;border-top:1px solid var(--line)}\
-nav{font-size:.9rem;margin:1rem 0}nav a{margin-right:1rem;color:var(--est)}\
+a{color:var(--est)}nav{font-size:.9rem;margin:1rem 0}nav a{margin-right:1rem}\
 .verdict{border-left:.35rem solid;background:var(--card);padding:.7rem 1rem;border-radius:.3rem}\
 .verdict p{margin:.35rem 0}.verdict p:first-child{font-weight:600;font-size:1.08rem}\
 .good{color:var(--good)}.fair{color:var(--fair)}.bad{color:var(--bad)}\
@@ -32,8 +32,15 @@ figcaption{color:var(--soft);font-size:.9rem}\
 pre{background:var(--card);padding:.7rem 1rem;overflow-x:auto;font-size:.85rem;border-radius:.3rem}\
 details{margin:.6rem 0}summary{cursor:pointer;color:var(--est)}\
 footer{margin-top:2.5rem;color:var(--soft);font-size:.85rem;border-top:1px solid var(--line);padding-top:.6rem}\
-@media (max-width:40rem){body{padding:.6rem .8rem 2rem;font-size:15px}h1{font-size:1.3rem}}\
+.plots{display:none}.live>.plots{display:block}.live>svg{display:none}\
+@media (max-width:40rem){body{padding:.6rem .8rem 2rem;font-size:15px}h1{font-size:1.3rem}\
+td,th{white-space:normal}\
+.cards,.cards caption,.cards tbody,.cards tr,.cards th,.cards td{display:block}.cards thead{display:none}\
+.cards tr{border-bottom:2px solid var(--line);padding:.4rem 0}.cards tbody th{font-weight:700;border:0}\
+.cards td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.1rem .6rem;text-align:right}\
+.cards td:empty{display:none}.cards td::before{content:attr(data-label);color:var(--soft);text-align:left}\
+figure svg{min-width:34rem}}\
 @media print{:root{--ink:#000;--soft:#333;--line:#bbb;--back:#fff;--card:#fff}body{max-width:none;font-size:10pt;padding:0}\
 nav{display:none}h2{break-after:avoid}tr,.verdict{break-inside:avoid}figure,.wide{overflow:visible}\
-figure svg{min-width:0;filter:none}details>*{display:block}table{font-size:7.5pt}td svg{width:5rem}}\
+figure svg{min-width:0;filter:none}.live>svg{display:block}.live>.plots{display:none}details>*{display:block}table{font-size:7.5pt}td svg{width:5rem}}\
 ";

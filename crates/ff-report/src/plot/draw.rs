@@ -4,8 +4,8 @@ use super::canvas;
 use super::canvas::{Canvas, Result, Text};
 use super::layout::{flow, stagger, text_width, wrap};
 use super::polyline::{Frame, dashes, visible};
-use super::scale::{Axis, extent, superscript};
-use super::{Figure, LOG_DECADES, Panel, VLine, WIDTH};
+use super::scale::{Axis, extent, superscript, typeset};
+use super::{Figure, LOG_DECADES, Panel, Series, VLine, WIDTH};
 use plotters::prelude::RGBColor;
 use plotters::style::text_anchor::HPos;
 
@@ -30,11 +30,13 @@ const WHITE: RGBColor = RGBColor(255, 255, 255);
 const LEFT: f64 = 84.0;
 const RIGHT: f64 = WIDTH - 24.0;
 const ROW: f64 = 18.0;
+/// A curve below this share of the largest of its panel is zero.
+const ZERO: f64 = 1e-9;
 const FONT: f64 = 12.5;
 const SMALL: f64 = 11.5;
 
 /// A legend entry: label, series it belongs to (`None` for a band), row and left edge.
-type Entry<'a> = (&'a str, Option<usize>, (usize, f64));
+type Entry = (String, Option<usize>, (usize, f64));
 
 /// Height of what surrounds the data area of a panel.
 struct Heights {
@@ -92,6 +94,12 @@ fn x_axis(p: &Panel) -> Axis {
 }
 
 fn y_axis(p: &Panel, px: (f64, f64)) -> Axis {
+    let range = y_range(p);
+    if p.log_y { Axis::log(range.unwrap_or((0.1, 1.0)), px) } else { Axis::linear(range.unwrap_or((0.0, 1.0)), px) }
+}
+
+/// Range of y: the one that is set or that of the data inside the range of x, with a margin. `None` without data.
+pub(super) fn y_range(p: &Panel) -> Option<(f64, f64)> {
     let shown = p.x_range.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
     let inside = |x: f64| x >= shown.0 && x <= shown.1;
     let values = p.series.iter().flat_map(|s| s.xs.iter().zip(&s.ys)).filter(|(x, _)| inside(**x)).map(|(_, y)| *y);
@@ -102,24 +110,42 @@ fn y_axis(p: &Panel, px: (f64, f64)) -> Axis {
             let floor = lo.log10().floor().max(top - LOG_DECADES);
             (10f64.powf(floor), 10f64.powf(top))
         });
-        return Axis::log(p.y_range.or(data).unwrap_or((0.1, 1.0)), px);
+        return p.y_range.or(data);
     }
     let data = extent(values).map(|(lo, hi)| (lo - 0.06 * (hi - lo), hi + 0.06 * (hi - lo)));
-    Axis::linear(p.y_range.or(data).unwrap_or((0.0, 1.0)), px)
+    p.y_range.or(data)
+}
+
+/// Place of series `i` in the palette.
+pub(super) fn colour_index(s: &Series, i: usize) -> usize {
+    s.colour.unwrap_or(i)
+}
+
+/// Whether a curve is flat at zero on the scale of its panel.
+fn is_zero(p: &Panel, s: &Series) -> bool {
+    let size = |s: &Series| s.ys.iter().fold(0.0, |a: f64, y| a.max(y.abs()));
+    let largest = p.series.iter().map(size).fold(0.0, f64::max);
+    !p.log_y && p.series.len() > 1 && !s.ys.is_empty() && size(s) <= ZERO * largest
+}
+
+/// Label of a curve in the legend. One that is zero cannot be found by its colour under the others, so that it is named.
+pub(super) fn shown_label(p: &Panel, i: usize) -> String {
+    let s = &p.series[i];
+    if !s.label.is_empty() && is_zero(p, s) { format!("{} (zero)", s.label) } else { s.label.clone() }
 }
 
 /// Colour and dashing of series `i`.
 fn look(p: &Panel, i: usize) -> (RGBColor, bool) {
     let s = &p.series[i];
-    let k = s.colour.unwrap_or(i);
+    let k = colour_index(s, i);
     (PALETTE[k % PALETTE.len()], s.dashed != (k / PALETTE.len() % 2 == 1))
 }
 
 /// Entries of the legend with their places: series first, then bands; what has no label has no entry.
-fn legend(p: &Panel) -> (Vec<Entry<'_>>, usize) {
-    let series = p.series.iter().enumerate().map(|(i, s)| (s.label.as_str(), Some(i)));
-    let bands = p.bands.iter().map(|b| (b.label.as_str(), None));
-    let named: Vec<(&str, Option<usize>)> = series.chain(bands).filter(|(l, _)| !l.is_empty()).collect();
+fn legend(p: &Panel) -> (Vec<Entry>, usize) {
+    let series = (0..p.series.len()).map(|i| (shown_label(p, i), Some(i)));
+    let bands = p.bands.iter().map(|b| (b.label.clone(), None));
+    let named: Vec<(String, Option<usize>)> = series.chain(bands).filter(|(l, _)| !l.is_empty()).collect();
     let widths: Vec<f64> = named.iter().map(|(l, _)| 30.0 + text_width(l, FONT)).collect();
     let (at, rows) = flow(&widths, 18.0, LEFT, RIGHT);
     (named.into_iter().zip(at).map(|((l, i), at)| (l, i, at)).collect(), rows)
@@ -134,6 +160,8 @@ fn marks<'a>(p: &'a Panel, x: &Axis) -> (Vec<Mark<'a>>, usize) {
     let lines: Vec<(&VLine, f64)> = p.vlines.iter().filter_map(inside).collect();
     let items: Vec<(f64, f64)> = lines.iter().map(|(v, px)| (*px, text_width(&v.label, SMALL))).collect();
     let (at, rows) = stagger(&items, 10.0, LEFT, RIGHT);
+    // Lines without a name need no row for it.
+    let rows = if lines.iter().all(|(v, _)| v.label.is_empty()) { 0 } else { rows };
     (lines.into_iter().zip(at).map(|((v, px), at)| (v, px, at)).collect(), rows)
 }
 
@@ -155,8 +183,10 @@ fn panel(c: &mut Canvas<'_>, p: &Panel, top: f64) -> Result<()> {
     }
     axes(c, p, &x, &y, &frame)?;
     draw_marks(c, p, &x, &frame)?;
-    for (i, s) in p.series.iter().enumerate() {
-        let (colour, dashed) = look(p, i);
+    // Curves that are zero first: later ones are drawn over them.
+    let (zero, others): (Vec<usize>, Vec<usize>) = (0..p.series.len()).partition(|&i| is_zero(p, &p.series[i]));
+    for i in zero.into_iter().chain(others) {
+        let (s, (colour, dashed)) = (&p.series[i], look(p, i));
         let points = s.xs.iter().zip(&s.ys).map(|(&u, &v)| Some((x.px(u)?, y.px(v)?)));
         for run in visible(points, &frame) {
             if dashed {
@@ -196,6 +226,7 @@ fn axes(c: &mut Canvas<'_>, p: &Panel, x: &Axis, y: &Axis, f: &Frame) -> Result<
 
 /// `rate (rad/s)` and -4 make `rate (10⁻⁴ rad/s)`.
 fn with_power(label: &str, exp: i32) -> String {
+    let label = &typeset(label);
     let power = format!("10{}", superscript(exp));
     match label.rfind(" (") {
         _ if exp == 0 => label.to_owned(),
@@ -216,7 +247,7 @@ fn draw_legend(c: &mut Canvas<'_>, p: &Panel, top: f64) -> Result<()> {
         } else {
             c.fill((left, mid - 5.0), (left + 22.0, mid + 5.0), SHADE)?;
         }
-        c.text(label, (left + 28.0, mid), Text::new(FONT))?;
+        c.text(&label, (left + 28.0, mid), Text::new(FONT))?;
     }
     Ok(())
 }
@@ -231,9 +262,11 @@ fn draw_marks(c: &mut Canvas<'_>, p: &Panel, x: &Axis, f: &Frame) -> Result<()> 
             c.path(&d, colour(v), 1.2)?;
         }
         // A leader from the label down to its line.
-        c.line((*px, label_y(*row) + 6.0), (*px, f.top), colour(v), 0.6)?;
+        if !v.label.is_empty() {
+            c.line((*px, label_y(*row) + 6.0), (*px, f.top), colour(v), 0.6)?;
+        }
     }
-    for (v, _, (row, middle)) in lines {
+    for (v, _, (row, middle)) in lines.into_iter().filter(|l| !l.0.label.is_empty()) {
         // White behind the text hides the leaders of labels in higher rows.
         let (half, mid) = (0.5 * text_width(&v.label, SMALL) + 2.0, label_y(row));
         c.fill((middle - half, mid - 6.5), (middle + half, mid + 6.5), WHITE)?;

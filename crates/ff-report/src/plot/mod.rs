@@ -15,6 +15,7 @@
 pub(crate) mod canvas;
 pub(crate) mod corner;
 pub(crate) mod draw;
+mod json;
 pub(crate) mod layout;
 pub(crate) mod polyline;
 pub(crate) mod raster;
@@ -23,6 +24,7 @@ pub(crate) mod scale;
 pub(crate) mod tests;
 
 pub use corner::Corner;
+pub(crate) use scale::typeset;
 
 use ffid::exit::Failure;
 use ffid::files::atomic;
@@ -136,6 +138,11 @@ impl Figure {
     pub fn to_svg(&self) -> Result<String, Failure> {
         self.check()?;
         draw::figure(self).map_err(|e| Failure::Numerical(format!("figure '{}': {e}", self.title)))
+    }
+    /// The figure as JSON for the scripts of a page: panels with their curves, each thinned to about `points` points that keep least and
+    /// greatest values. Allocates.
+    pub fn to_json(&self, points: usize) -> String {
+        json::figure(self, points)
     }
     /// Writes `stem.svg` and `stem.png`, each whole or not at all, and returns their paths.
     ///

@@ -123,6 +123,25 @@ pub(super) fn superscript(n: i32) -> String {
         .collect()
 }
 
+/// A label with its exponents raised: `rad/s^2` as `rad/s²`.
+pub(crate) fn typeset(label: &str) -> String {
+    let mut parts = label.split('^');
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let digits = part.len() - part.trim_start_matches(|c: char| c == '-' || c.is_ascii_digit()).len();
+        match part[..digits].parse() {
+            Ok(n) => out.push_str(&superscript(n)),
+            // No number: as it was.
+            Err(_) => {
+                out.push('^');
+                out.push_str(&part[..digits]);
+            }
+        }
+        out.push_str(&part[digits..]);
+    }
+    out
+}
+
 /// A typographic minus sign.
 fn minus(s: &str) -> String {
     s.replace('-', "−")
@@ -147,6 +166,13 @@ mod tests {
         assert_eq!((labels(&t), e), (vec!["−1", "0", "1", "2"], 0));
         let (t, e) = Axis::linear((0.0, 0.6), (0.0, 300.0)).ticks(80.0);
         assert_eq!((labels(&t), e), (vec!["0.0", "0.2", "0.4", "0.6"], 0));
+    }
+
+    #[test]
+    fn exponents_are_raised_and_other_carets_kept() {
+        assert_eq!(typeset("PSD ((N m)^2/Hz)"), "PSD ((N m)²/Hz)");
+        assert_eq!(typeset("rad^2/s^4 m^-12"), "rad²/s⁴ m⁻¹²");
+        assert_eq!(typeset("a^b ^"), "a^b ^");
     }
 
     #[test]

@@ -22,11 +22,11 @@ fn panel(m: &DMatrix<f64>, names: &[String], t: &[f64], label: &str) -> Panel {
     p
 }
 
-/// The figures of a verdict with their file stems: `trajectory`, `answer`, `spectrum`, `deviations`. Allocates.
+/// The figures of a verdict with their file stems: `trajectory`, `response`, `spectrum`, `deviations`. Allocates.
 pub fn figures(v: &Preflight) -> Vec<(&'static str, Figure)> {
     vec![
         ("trajectory", trajectory(v)),
-        ("answer", response(v)),
+        ("response", response(v)),
         ("spectrum", spectrum(v)),
         ("deviations", deviations(v)),
     ]

@@ -1,6 +1,6 @@
 //! The verdict on a trajectory as a page: `report.html` of `ffid plan` and `ffid excite`.
 
-use crate::page::{Block, Cell, Level, Page, Table};
+use crate::page::{Block, Cell, Level, Page, Table, points};
 use crate::plot::Figure;
 use ffid::exit::Failure;
 use ffid::workflow::identify::num;
@@ -14,8 +14,9 @@ pub fn page(v: &Preflight, plan: Option<&str>, figures: &[(&'static str, Figure)
     let mut page = Page::new(format!("Trajectory for {}", v.robot));
     let (level, sentences) = verdict(v);
     page.verdict(level, &sentences);
+    let points = points(figures.iter().map(|(_, f)| f));
     let drawn = |stem: &str| -> Result<Vec<Block>, Failure> {
-        figures.iter().filter(|(s, _)| *s == stem).map(|(_, f)| Block::figure(f)).collect()
+        figures.iter().filter(|(s, _)| *s == stem).map(|(_, f)| Block::figure(f, points)).collect()
     };
     let mut parameters = vec![Block::text(
         "Standard deviations that a record of this trajectory will leave, at the values of the mission, biases and initial state \
@@ -38,9 +39,9 @@ pub fn page(v: &Preflight, plan: Option<&str>, figures: &[(&'static str, Figure)
     }
     page.section("Who sees the modes", modes);
     page.section("Trajectory", drawn("trajectory")?);
-    page.section("What the robot does", drawn("answer")?);
-    let rest = figures.iter().filter(|(s, _)| !matches!(*s, "trajectory" | "answer"));
-    page.section("Excitation", rest.map(|(_, f)| Block::figure(f)).collect::<Result<_, _>>()?);
+    page.section("What the robot does", drawn("response")?);
+    let rest = figures.iter().filter(|(s, _)| !matches!(*s, "trajectory" | "response"));
+    page.section("Excitation", rest.map(|(_, f)| Block::figure(f, points)).collect::<Result<_, _>>()?);
     page.section("Limits", limits(&v.limits));
     let mut whole = Vec::new();
     whole.extend(plan.map(|p| Block::Code(p.to_owned())));

@@ -11,5 +11,6 @@ pub(crate) mod plan;
 pub(crate) mod predict;
 pub(crate) mod schema;
 pub(crate) mod selfcheck;
+pub(crate) mod show;
 pub(crate) mod simulate;
 pub(crate) mod validate;

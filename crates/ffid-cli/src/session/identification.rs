@@ -156,7 +156,7 @@ impl Identification {
     /// [`Failure::NotFinite`] with the place of a number that is not finite.
     pub fn report(&self) -> Result<String, Failure> {
         let figures = all_figures(&self.found.result, &self.found.signals, self.held.as_ref());
-        page(&self.found.result, &figures)
+        page(&self.found.result, &figures, None)
     }
 }
 

@@ -36,7 +36,7 @@ struct Written<'a>(&'a PathBuf);
 
 impl Display for Written<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "written to {}: report.html, result.json, identified.toml", self.0.display())
+        writeln!(f, "written to {}: report.html, replay.html, result.json, identified.toml", self.0.display())
     }
 }
 

@@ -1,6 +1,7 @@
 //! Files of an identification.
 
 use super::args::Args;
+use crate::replay;
 use crate::results;
 use ff_mission::Leniency;
 use ff_model::Problems;
@@ -31,6 +32,14 @@ pub(crate) fn write(
     if args.reading.low_pass().is_none() {
         found.result.kept_records = keep(folder, &opened.model, records)?;
     }
+    // What is no solution does not move.
+    let solved = found.result.status.is_solution();
+    let replayed = match records.first().filter(|_| solved) {
+        Some(first) => replay::identified(opened, &args.input.file, found, &first.record),
+        None => (None, Problems::default()),
+    };
+    found.result.warnings.extend(Warning::all(&replayed.1));
+    problems.extend(replayed.1.clone());
     let r = &found.result;
     folder.write("result.json", &r.to_json()?)?;
     folder.write("report.txt", r.to_string().as_bytes())?;
@@ -51,7 +60,11 @@ pub(crate) fn write(
         figures.extend(corner_figure(r, d));
     }
     results::draw(folder, &figures, args.output.png)?;
-    folder.write("report.html", page(r, &figures)?.as_bytes())?;
+    if let (Some(html), _) = &replayed {
+        folder.write(replay::FILE, html.as_bytes())?;
+    }
+    let link = replayed.0.as_ref().map(|_| replay::FILE);
+    folder.write("report.html", page(r, &figures, link)?.as_bytes())?;
     for (name, bytes) in files {
         folder.write(&name, &bytes)?;
     }

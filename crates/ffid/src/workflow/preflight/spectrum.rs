@@ -50,9 +50,12 @@ pub struct Spectrum {
     pub base: [Psd; 2],
 }
 
+/// Zeros after a motion in the spectra for figures, in its lengths: a short manoeuvre has few lines below the modes.
+const PADDED: usize = 8;
+
 /// Density summed over the columns, one window over the whole record.
-fn density(m: &DMatrix<f64>, rate: f64) -> Result<Psd, PsdError> {
-    let mut welch = Welch::new(m.nrows(), rate)?;
+fn density(m: &DMatrix<f64>, rate: f64, padded: usize) -> Result<Psd, PsdError> {
+    let mut welch = Welch::new(m.nrows(), rate)?.padded(padded);
     let each = m.column_iter().map(|c| welch.run(c.as_slice())).collect::<Result<Vec<_>, _>>()?;
     Psd::weighted_sum(&each, &vec![1.0; m.ncols()])
 }
@@ -65,9 +68,12 @@ fn at(p: &Psd, f: f64) -> f64 {
 pub(super) fn of(q: &Question<'_>, modes: &[Mode], t: &Trace, start: &[f64]) -> Result<Spectrum, PreflightError> {
     let rate = q.sensing.rate_hz;
     let fail = |e: PsdError| PreflightError::Sensitivities(format!("spectrum: {e}"));
-    let joints = density(&t.qdd, rate).map_err(fail)?;
-    let linear = density(&t.accel.columns(0, 3).into_owned(), rate).map_err(fail)?;
-    let angular = density(&t.accel.columns(3, 3).into_owned(), rate).map_err(fail)?;
+    let joints = density(&t.qdd, rate, 1).map_err(fail)?;
+    let (linear, angular) = (t.accel.columns(0, 3).into_owned(), t.accel.columns(3, 3).into_owned());
+    let drawn = |m: &DMatrix<f64>| density(m, rate, PADDED).map_err(fail);
+    let figures = (drawn(&t.qdd)?, [drawn(&angular)?, drawn(&linear)?]);
+    let linear = density(&linear, rate, 1).map_err(fail)?;
+    let angular = density(&angular, rate, 1).map_err(fail)?;
     let targets = modal_targets(q.model, q.params, start)?;
     let left = |frequency: f64, weights: &[f64]| {
         let (mut re, mut im) = (0.0, 0.0);
@@ -101,7 +107,7 @@ pub(super) fn of(q: &Question<'_>, modes: &[Mode], t: &Trace, start: &[f64]) -> 
         in_band: band_hz.map_or(0.0, |(a, b)| power(&|f| f >= a && f <= b)),
         total: power(&|_| true),
         band_hz,
-        joints,
-        base: [angular, linear],
+        joints: figures.0,
+        base: figures.1,
     })
 }

@@ -1,0 +1,157 @@
+//! Triangles of a mesh file, thinned and packed.
+
+use super::packed::shorts;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
+use std::path::Path;
+
+/// Largest file read (bytes).
+const MAX_BYTES: u64 = 64 << 20;
+/// Most triangles of one mesh; more are thinned.
+const TRIANGLES: usize = 3000;
+/// Steps along an edge of the box about a mesh.
+const STEPS: f64 = 65_535.0;
+/// Bytes of a binary STL before its triangles, and of each triangle.
+const STL: (u64, u64) = (84, 50);
+
+/// A mesh as the page reads it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Mesh {
+    /// Lowest corner of the box about it, in its own unit.
+    low: [f64; 3],
+    /// Edges of that box.
+    size: [f64; 3],
+    /// Corners of the triangles, three numbers each: little-endian whole numbers of 16 bits in base64, 65535 per edge of the box.
+    data: String,
+    /// Triangles of the file.
+    #[serde(skip)]
+    pub(super) given: usize,
+    /// Triangles kept.
+    #[serde(skip)]
+    pub(super) kept: usize,
+}
+
+type Triangle = [[f64; 3]; 3];
+
+impl Mesh {
+    /// Reads an STL, binary or text.
+    ///
+    /// # Errors
+    /// Why it cannot be read.
+    pub(super) fn read(path: &Path) -> Result<Self, String> {
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if extension != "stl" {
+            return Err(format!("meshes of kind '{extension}' are not read, only STL"));
+        }
+        let mut file = File::open(path).map_err(|e| e.to_string())?;
+        let bytes = file.metadata().map_err(|e| e.to_string())?.len();
+        if bytes > MAX_BYTES {
+            return Err(format!("{bytes} bytes, limit {MAX_BYTES}"));
+        }
+        // A count that the file does not hold would be allocated before it is missed.
+        let mut head = [0; STL.0 as usize];
+        let whole = file.read_exact(&mut head).is_ok();
+        let count = u64::from(u32::from_le_bytes([head[80], head[81], head[82], head[83]]));
+        if !head.starts_with(b"solid") && !(whole && bytes >= STL.0 + STL.1 * count) {
+            return Err("the file ends before its last triangle".to_owned());
+        }
+        file.rewind().map_err(|e| e.to_string())?;
+        let mesh = stl_io::read_stl(&mut BufReader::new(file)).map_err(|e| e.to_string())?;
+        let corner = |i: usize| {
+            let v = mesh.vertices[i];
+            [f64::from(v[0]), f64::from(v[1]), f64::from(v[2])]
+        };
+        Self::of(mesh.faces.iter().map(|f| f.vertices.map(corner)).collect())
+    }
+
+    fn of(triangles: Vec<Triangle>) -> Result<Self, String> {
+        let corners = || triangles.iter().flatten();
+        if corners().flatten().any(|x| !x.is_finite()) {
+            return Err("a corner is not finite".to_owned());
+        }
+        let bound = |k: usize, start: f64, f: fn(f64, f64) -> f64| corners().map(|c| c[k]).fold(start, f);
+        let low: [f64; 3] = std::array::from_fn(|k| bound(k, f64::INFINITY, f64::min));
+        let size: [f64; 3] = std::array::from_fn(|k| bound(k, f64::NEG_INFINITY, f64::max) - low[k]);
+        if triangles.is_empty() || size.iter().all(|x| *x <= 0.0) {
+            return Err("there are no triangles in it".to_owned());
+        }
+        let given = triangles.len();
+        let kept = thin(triangles, &low, &size);
+        let step = |x: f64, k: usize| if size[k] > 0.0 { ((x - low[k]) / size[k] * STEPS).round() as u16 } else { 0 };
+        let numbers = kept.iter().flatten().flat_map(|c| (0..3).map(|k| step(c[k], k)));
+        Ok(Self { low, size, data: shorts(numbers), given, kept: kept.len() })
+    }
+}
+
+/// Merges corners that share a cell of an ever coarser grid until there are at most [`TRIANGLES`] (Rossignac and Borrel 1993, vertex
+/// clustering).
+fn thin(triangles: Vec<Triangle>, low: &[f64; 3], size: &[f64; 3]) -> Vec<Triangle> {
+    let longest = size.iter().fold(0.0, |a: f64, b| a.max(*b));
+    let mut cells = 128.0;
+    let mut out = triangles.clone();
+    while out.len() > TRIANGLES && cells >= 4.0 {
+        let cell = |c: &[f64; 3]| -> [u32; 3] { std::array::from_fn(|k| ((c[k] - low[k]) / longest * cells) as u32) };
+        let mut means: BTreeMap<[u32; 3], ([f64; 3], f64)> = BTreeMap::new();
+        for c in triangles.iter().flatten() {
+            let (sum, n) = means.entry(cell(c)).or_default();
+            (0..3).for_each(|k| sum[k] += c[k]);
+            *n += 1.0;
+        }
+        let mean = |c: &[f64; 3]| means.get(&cell(c)).map_or(*c, |(sum, n)| sum.map(|x| x / n));
+        let flat = |t: &&Triangle| cell(&t[0]) != cell(&t[1]) && cell(&t[1]) != cell(&t[2]) && cell(&t[2]) != cell(&t[0]);
+        out = triangles.iter().filter(flat).map(|t| t.map(|c| mean(&c))).collect();
+        cells *= 0.75;
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet of `n x n` squares over 2 m x 1 m.
+    fn sheet(n: usize) -> Vec<Triangle> {
+        let at = |i: usize, j: usize| [2.0 * i as f64 / n as f64, j as f64 / n as f64, -0.5];
+        let square = |i, j| [[at(i, j), at(i + 1, j), at(i, j + 1)], [at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]];
+        (0..n).flat_map(|i| (0..n).flat_map(move |j| square(i, j))).collect()
+    }
+
+    fn binary(triangles: &[Triangle], count: u32) -> Vec<u8> {
+        let mut out = vec![b' '; 80];
+        out.extend(count.to_le_bytes());
+        for t in triangles {
+            out.extend([0.0f32, 0.0, 1.0].iter().chain(t.iter().flatten().map(|x| *x as f32).collect::<Vec<_>>().iter()).flat_map(|x| x.to_le_bytes()));
+            out.extend([0, 0]);
+        }
+        out
+    }
+
+    #[test]
+    fn a_binary_stl_is_read_and_a_fine_one_thinned() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("sheet.STL");
+        std::fs::write(&path, binary(&sheet(3), 18)).unwrap();
+        let m = Mesh::read(&path).unwrap();
+        assert_eq!((m.given, m.kept, m.low, m.size), (18, 18, [0.0, 0.0, -0.5], [2.0, 1.0, 0.0]));
+        let m = Mesh::of(sheet(100)).unwrap();
+        assert!(m.given == 20_000 && m.kept <= TRIANGLES && m.kept > 500, "{}", m.kept);
+        // 18 bytes a triangle, 4 characters for 3 bytes.
+        assert_eq!(m.data.len(), m.kept * 24);
+    }
+
+    #[test]
+    fn what_is_no_mesh_says_why() {
+        let dir = tempfile::tempdir().unwrap();
+        let why = |name: &str, bytes: &[u8]| {
+            let path = dir.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            Mesh::read(&path).unwrap_err()
+        };
+        assert!(why("short.stl", &binary(&sheet(1), u32::MAX)).contains("ends before"));
+        assert!(why("empty.stl", &binary(&[], 0)).contains("no triangles"));
+        assert!(why("robot.dae", b"<COLLADA/>").contains("'dae'"));
+        assert!(why("nan.stl", &binary(&[[[f64::NAN; 3]; 3]], 1)).contains("not finite"));
+    }
+}

@@ -1,0 +1,114 @@
+//! Replays: `ffid show`, and `replay.html` of `ffid identify`.
+
+use ff_dynamics::Trace;
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::sim::inputs::ExternalInput;
+use ff_model::{Area, Params, Problem, Problems};
+use ff_records::Record;
+use ff_report::replay::{Appearance, Knowledge, Replay, Scene, Subject};
+use ffid::open::Opened;
+use ffid::sense::fly;
+use ffid::workflow::identify::Identified;
+use nalgebra::DMatrix;
+use std::path::{Path, PathBuf};
+
+/// Name of the replay in the folder of an identification.
+pub(crate) const FILE: &str = "replay.html";
+/// Longest part of a record that is replayed (s).
+const LONGEST_S: f64 = 120.0;
+
+/// What the URDF of a file says that links look like. What cannot be read is a warning: a robot is drawn all the same.
+pub(crate) fn appearance(opened: &Opened, file: &Path, problems: &mut Problems) -> Appearance {
+    let urdf = match &opened.mission {
+        Some(m) => file.parent().unwrap_or(Path::new("")).join(&m.robot.urdf),
+        None => PathBuf::from(file),
+    };
+    // MuJoCo's and SDF's robots are drawn by their inertia.
+    if !urdf.extension().is_some_and(|e| e.eq_ignore_ascii_case("urdf")) {
+        return Appearance::default();
+    }
+    Appearance::of_urdf(&urdf, &opened.model).unwrap_or_else(|found| {
+        for mut p in found.0 {
+            p.severity = ff_model::Severity::Warning;
+            problems.push(p);
+        }
+        Appearance::default()
+    })
+}
+
+/// The motion of a robot from rest, base at the world's origin.
+pub(crate) fn flown(
+    opened: &Opened,
+    params: &Params<f64>,
+    motion: &dyn JointMotion,
+    inputs: &[&dyn ExternalInput],
+    rate_hz: f64,
+    hold_s: f64,
+) -> Result<Trace, Problem> {
+    fly(&opened.model, params, motion, inputs, rate_hz, hold_s).map_err(|e| {
+        let p = Problem::error(Area::Model, "Sim::Failed", e.to_string()).on(opened.model.name());
+        p.hint("excite less, or check the parameters")
+    })
+}
+
+/// The replay of an identification: the identified robot, and the mission's, on the joint motion of the record. Problems are warnings:
+/// the result does not hang on its picture.
+pub(crate) fn identified(opened: &Opened, file: &Path, found: &Identified, record: &Record) -> (Option<String>, Problems) {
+    let mut problems = Problems::default();
+    let page = draw(opened, file, found, record, &mut problems);
+    let html = page.map_err(|mut p| {
+        p.severity = ff_model::Severity::Warning;
+        problems.push(p);
+    });
+    (html.ok(), problems)
+}
+
+fn draw(
+    opened: &Opened,
+    file: &Path,
+    found: &Identified,
+    record: &Record,
+    problems: &mut Problems,
+) -> Result<String, Problem> {
+    let (model, result) = (&opened.model, &found.result);
+    let refused = |what: String| {
+        Problem::error(Area::Data, "Replay::NotDrawn", what).in_file(FILE).hint("draw the robot by `ffid show`")
+    };
+    let first = |p: Problems| refused(p.0.first().map_or_else(String::new, |p| p.message.clone()));
+    let part = if record.seconds() > LONGEST_S { record.window(0.0, LONGEST_S).map_err(first)? } else { record.clone() };
+    let motion = ident::motion::joint_motion(model, &part).map_err(|e| refused(e.to_string()))?;
+    let (after, before) = (Params::from_values(model, found.values.clone()), Params::nominal(model));
+    let traces = [&after, &before].map(|p| flown(opened, p, &*motion, &[], part.rate_hz(), 0.0));
+    let [after_trace, before_trace] = traces;
+    let (after_trace, before_trace) = (after_trace?, before_trace?);
+    // Where something was not told, its deviation has no bound, and neither has an ellipsoid.
+    let told = result.parameters.iter().all(|p| p.std.is_some());
+    let known = told.then(|| Knowledge::of(model, &result.covariance.names, &result.covariance.rows)).flatten();
+    let priors: Vec<(String, f64)> =
+        result.parameters.iter().filter_map(|p| Some((p.name.clone(), p.prior_std?.powi(2)))).collect();
+    let names: Vec<String> = priors.iter().map(|p| p.0.clone()).collect();
+    let rows = DMatrix::from_diagonal(&priors.iter().map(|p| p.1).collect::<Vec<_>>().into());
+    let rows: Vec<Vec<f64>> = rows.row_iter().map(|r| r.iter().copied().collect()).collect();
+    let prior = (priors.len() == result.parameters.len()).then(|| Knowledge::of(model, &names, &rows)).flatten();
+    let appearance = appearance(opened, file, problems);
+    let pose: Vec<f64> = part.q().row(0).iter().copied().collect();
+    let scene = |label, params, trace, known| {
+        Scene::new(&Subject { label, model, params, pose: &pose, trace: Some(trace), known, appearance: &appearance })
+    };
+    let scenes = vec![
+        scene("identified", &after, &after_trace, known.as_ref()),
+        scene("mission", &before, &before_trace, prior.as_ref()),
+    ];
+    let mut replay = Replay::new(format!("Replay of {}", result.robot), scenes, appearance);
+    replay.notes.push(
+        "Both robots make the joint motion of the record, simulated from rest; without noise, biases or what acted from outside."
+            .to_owned(),
+    );
+    if part.seconds() < record.seconds() {
+        replay.notes.push(format!("The first {LONGEST_S} s of {:.1} s are shown.", record.seconds()));
+    }
+    if !told {
+        replay.notes.push("Some parameters are not identifiable: the centre of mass has no covariance.".to_owned());
+    }
+    replay.render().map_err(|e| refused(e.to_string()))
+}
