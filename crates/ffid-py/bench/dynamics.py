@@ -101,7 +101,8 @@ def main() -> int:
         ratio = min(times[1]) / one
         row = {"name": name, "rows": rows, "ffid_s": one, "pinocchio_s": min(times[1]), "faster": ratio, "limit": LIMITS[name]}
         results.append(row | {"holds": ratio >= LIMITS[name]})
-        print(f"{name:14} {1e6 * one / rows:9.3f} us {1e6 * row['pinocchio_s'] / rows:9.3f} us of Pinocchio   {ratio:6.1f} times (limit {LIMITS[name]:g})")
+        each, theirs_each = 1e6 * one / rows, 1e6 * min(times[1]) / rows
+        print(f"{name:14} {each:9.3f} us {theirs_each:9.3f} us of Pinocchio   {ratio:6.1f} times (limit {LIMITS[name]:g})")
     if given.json:
         about = {"cores": os.cpu_count(), "pinocchio": pin.__version__, "numpy": np.__version__, "ffid": ffid.__version__}
         given.json.write_text(json.dumps({"about": about, "results": results}, indent=2) + "\n")

@@ -81,7 +81,8 @@ impl Identification {
             let mut opened = i.opened.clone();
             let values: Vec<(usize, f64)> = i.found.selected.iter().map(|&k| (k, i.found.values[k])).collect();
             opened.model.set_nominal(&values).map_err(|p| problems(&p, Exit::Numerical.code()))?;
-            Ok(Mission::new(self.file.clone(), opened, self.leniency.clone()))
+            let changed = i.found.selected.clone();
+            Ok(Mission { changed, ..Mission::new(self.file.clone(), opened, self.leniency.clone()) })
         })
     }
 }
@@ -119,10 +120,11 @@ pub(crate) fn identify(
     Ok(Identification { inner, file: m.file.clone(), leniency: m.leniency.clone() })
 }
 
-/// `result.json` of a folder that is complete and untouched.
+/// `result.json` of a folder that is complete and untouched, and the code that its identification ended with.
 #[pyfunction]
-pub(crate) fn load_result(folder: PathBuf) -> PyResult<String> {
-    json(&or_refused(guarded(|| session::load_result(&folder))?)?)
+pub(crate) fn load_result(folder: PathBuf) -> PyResult<(String, u8)> {
+    let result = or_refused(guarded(|| session::load_result(&folder))?)?;
+    Ok((json(&result)?, result.exit().code()))
 }
 
 /// The verdict of `ffid validate` on a record (JSON), in words, and its signals. `result` is the text of a `result.json`.

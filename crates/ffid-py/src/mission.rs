@@ -26,12 +26,14 @@ pub(crate) struct Mission {
     pub(crate) opened: Opened,
     pub(crate) leniency: Leniency,
     pub(crate) params: Params<f64>,
+    /// Parameters whose values are not those of the file.
+    pub(crate) changed: Vec<usize>,
 }
 
 impl Mission {
     pub(crate) fn new(file: PathBuf, opened: Opened, leniency: Leniency) -> Self {
         let params = Params::nominal(&opened.model);
-        Self { file, opened, leniency, params }
+        Self { file, opened, leniency, params, changed: Vec::new() }
     }
     /// Sensors, limits and what is to be estimated; a robot alone has none.
     pub(crate) fn section(&self) -> PyResult<&ffid::mission::Mission> {
@@ -72,6 +74,11 @@ impl Mission {
     #[getter]
     fn file(&self) -> PathBuf {
         self.file.clone()
+    }
+    /// Whether values are not those of the file.
+    #[getter]
+    fn is_changed(&self) -> bool {
+        !self.changed.is_empty()
     }
     /// Name, joints, frames, degrees of freedom, widths, poses as JSON.
     fn about(&self) -> PyResult<String> {
@@ -135,7 +142,7 @@ impl Mission {
             mission,
             m,
             self.params.values(),
-            &[],
+            &self.changed,
             &self.leniency,
         );
         let (files, _) = made.map_err(|e| internal(&e.to_string()))?;

@@ -60,7 +60,7 @@ def test_the_estimates_are_the_truth(result: ffid.Result, fixtures: Path) -> Non
     assert result.explains is True and result.exit_code == 0
 
 
-def test_a_result_says_what_it_found(result: ffid.Result) -> None:
+def test_a_result_says_what_it_found(result: ffid.Result, tmp_path: Path) -> None:
     table = result.parameters
     assert list(table["name"]) == list(result.values)
     assert table["std"].gt(0).all()
@@ -73,6 +73,11 @@ def test_a_result_says_what_it_found(result: ffid.Result) -> None:
     modes = [m["frequency_hz"] for m in result.modes]
     assert modes == sorted(modes) and len(modes) == 4
     assert result.mission.modes()[0]["frequency_hz"] == pytest.approx(modes[0])
+    identified = result.mission
+    assert "tank.mass" in tomllib.loads(identified.to_toml())["parameters"]
+    again = ffid.Mission.load(identified.save(tmp_path))
+    values = {p["name"]: p["value"] for p in again.parameters}
+    assert {name: values[name] for name in result.values} == result.values
     signals = result.signals()
     assert signals["measured"].shape == (len(signals["t"]), len(signals["names"]))
 
@@ -86,7 +91,8 @@ def test_a_result_is_saved_loaded_and_used(
         result.save(folder)
     assert e.value.code == "Io::Exists"
     loaded = ffid.Result.load(folder)
-    assert loaded.raw == result.raw and loaded.values == result.values
+    assert loaded.raw == result.raw and loaded.values == result.values and loaded.exit_code == result.exit_code
+    assert [p.code for p in loaded.problems] == [w["code"] for w in result.raw["warnings"]]
     assert str(loaded) == str(result) and loaded.report() == (folder / "report.html").read_text()
     for model in (result, loaded):
         judged = model.validate(fixtures / "verdict" / "m2.parquet")

@@ -115,7 +115,10 @@ class Mission:
         return FilePath(self._core.file)
 
     def to_toml(self) -> str:
-        """The text of the mission file. It names the robot by a path relative to :attr:`file`; :meth:`save` copies both."""
+        """The text of the mission file, with the estimates of an identification. It names the robot by a path relative to :attr:`file`, or to
+        the folder of :meth:`save`, which copies both."""
+        if self._core.is_changed:
+            return self._core.files()[0][1].decode("utf-8")
         return self.file.read_text(encoding="utf-8")
 
     def save(self, folder: Path) -> FilePath:

@@ -32,6 +32,12 @@ def _rows(rows: list[dict[str, Any]]) -> Any:
     return pandas.DataFrame(rows)
 
 
+def _estimate(p: dict[str, Any]) -> dict[str, Any]:
+    """A row of parameters in the order in which it is read; what the record cannot tell is none."""
+    columns = ("name", "value", "std", "unit", "start", "interval95", "prior_mean", "prior_std", "verdict")
+    return {c: p.get(c) for c in columns}
+
+
 class Result:
     """What was identified.
 
@@ -63,19 +69,17 @@ class Result:
     @classmethod
     def load(cls, folder: Path) -> Result:
         """Reads the folder that :meth:`save` or ``ffid identify`` wrote; it must be complete and untouched."""
-        raw = json.loads(_ffid.load_result(folder))
-        problems = tuple(
-            Problem(w["code"], w.get("severity", "warning"), w.get("area", "data"), w.get("message", w.get("text", "")))
-            for w in raw["warnings"]
-            if "code" in w
-        )
-        return cls(raw, problems, 0, None, FilePath(os.fspath(folder)))
+        text, exit_code = _ffid.load_result(folder)
+        raw = json.loads(text)
+        # Results hold what was put up with as code and text.
+        problems = tuple(Problem(w["code"], "warning", "data", w["message"]) for w in raw["warnings"])
+        return cls(raw, problems, exit_code, None, FilePath(os.fspath(folder)))
 
     @property
     def parameters(self) -> Any:
-        """The parameters asked for, one per row: name, unit, start, value, std, interval95, verdict. A data frame where pandas is installed,
-        else a list of rows."""
-        return _rows([{"std": None, "interval95": None, **p} for p in self.raw["parameters"]])
+        """The parameters asked for, one per row: name, value, std, unit, start, interval95, prior_mean, prior_std, verdict. A data frame where
+        pandas is installed, else a list of rows."""
+        return _rows([_estimate(p) for p in self.raw["parameters"]])
 
     @property
     def values(self) -> dict[str, float]:
@@ -90,7 +94,7 @@ class Result:
     @property
     def nuisance(self) -> Any:
         """Biases and initial state, as :attr:`parameters`."""
-        return _rows([{"std": None, "interval95": None, **p} for p in self.raw["nuisance"]])
+        return _rows([_estimate(p) for p in self.raw["nuisance"]])
 
     @property
     def covariance(self) -> Array:
