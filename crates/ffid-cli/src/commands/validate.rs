@@ -116,7 +116,7 @@ fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     let arm =
         Arm::of(&found.result, &model.joint_names()).map(|a| Arm { low_pass_hz: low_pass.or(a.low_pass_hz), ..a });
     let low_pass = arm.as_ref().map_or(low_pass, |a| a.low_pass_hz);
-    let loaded = args.reading.read(&args.record, model, 8, low_pass, input).map_err(refused)?;
+    let loaded = args.reading.read_one(&args.record, model, low_pass, input)?;
     let files = vec![found.mission_file.clone(), args.record.clone()];
     let inputs = results::inputs(&files).map_err(io)?;
     if let Some(same) = found.result.provenance.inputs.iter().find(|i| i.sha256 == inputs[1].sha256) {

@@ -125,7 +125,8 @@ impl World {
     /// What `ffid identify` makes of readings.
     pub(super) fn identify(&self, opened: &Opened, r: &Readings) -> Result<Identified, IdentifyError> {
         let record = self.record(r, &[]).map_err(IdentifyError::Refused)?;
-        let mut records = [LabelledRecord { label: "rec".to_owned(), record, resampled: (false, false) }];
+        let mut records =
+            [LabelledRecord { label: "rec".to_owned(), record, resampled: (false, false), continues: false }];
         let axes = |records: &[LabelledRecord], s: &Settings| -> Result<(), IdentifyError> {
             let nominal = Params::nominal(&opened.model);
             for labelled in records {
@@ -143,7 +144,7 @@ impl World {
     /// One fit, without checks of the record: for readings without noise, whose residuals are those of an error alone.
     pub(super) fn fit(&self, opened: &Opened, r: &Readings) -> Result<Identified, IdentifyError> {
         let record = self.record(r, &["Data::Stuck"]).map_err(IdentifyError::Refused)?;
-        let records = [LabelledRecord { label: "rec".to_owned(), record, resampled: (false, false) }];
+        let records = [LabelledRecord { label: "rec".to_owned(), record, resampled: (false, false), continues: false }];
         identify(opened, &records, &self.settings, &FitOptions::default(), self.provenance(), &Observer::default())
     }
 }

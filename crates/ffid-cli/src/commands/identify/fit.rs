@@ -14,6 +14,7 @@ use ffid::workflow::identify::{
 };
 use ident::Loss;
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 /// The fit, and the judgement of what was held out.
 pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Signals>, Problems), Refusal> {
@@ -40,7 +41,8 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
         // An axis mismatch explains a misfit, and is looked for only then.
         let axes = |records: &[LabelledRecord], s: &Settings| -> Result<(), IdentifyError> {
             let nominal = Params::nominal(model);
-            for (labelled, path) in records.iter().zip(args.paths()) {
+            for labelled in records.iter().filter(|r| !r.continues) {
+                let path = file_of(labelled, &args.paths());
                 let turned = axes::mismatch(model, nominal.values(), &labelled.record, s)?;
                 if turned.has_errors() {
                     return Err(IdentifyError::Refused(turned.in_file(path)));
@@ -50,7 +52,8 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
         };
         // What makes a fit useless is found in a fraction of its time.
         let mut before = Problems::default();
-        for (labelled, path) in records.iter().zip(args.paths()) {
+        for labelled in records.iter() {
+            let path = file_of(labelled, &args.paths());
             let found = before_fit(opened, labelled, s).map_err(|e| match e {
                 IdentifyError::IllPosed(p) => IdentifyError::IllPosed(p.in_file(path.clone())),
                 other => other,
@@ -105,6 +108,13 @@ pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<(Identified, Option<Sign
     })
 }
 
+/// The file that a record, or a part of it, was read from: labels begin with its stem.
+fn file_of(labelled: &LabelledRecord, paths: &[PathBuf]) -> PathBuf {
+    let stem = |p: &PathBuf| p.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let of = paths.iter().filter(|p| labelled.label.starts_with(&stem(p))).max_by_key(|p| stem(p).len());
+    of.or(paths.first()).cloned().unwrap_or_default()
+}
+
 /// Settings by name, for result and manifest.
 fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
     let s = &r.settings;
@@ -125,7 +135,7 @@ fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
         ("max_chi2", s.limit.to_string()),
     ];
     all.extend((s.loss != Loss::Squares).then(|| ("loss", format!("{:?}", s.loss).to_lowercase())));
-    all.extend(args.reduce.then(|| ("reduce", "yes".to_owned())));
+    all.extend(r.options.reduce.then(|| ("reduce", "yes".to_owned())));
     all.extend(s.low_pass_hz.map(|hz| (LOW_PASS, hz.to_string())));
     all.extend((args.starts > 1).then(|| ("starts", args.starts.to_string())));
     all.extend((!args.profile.is_empty()).then(|| ("profile", args.profile.join(", "))));

@@ -1,13 +1,17 @@
 //! Mission, records, options and output folder of `ffid identify`, read before anything is computed.
 
 use super::args::Args;
+use crate::flags::fit::failed;
+use crate::flags::record::filtered;
 use crate::results;
 use crate::results::{Refusal, io, refused};
-use ff_model::{Area, Problem, Problems};
+use ff_model::{Area, Params, Problem, Problems};
 use ff_records::Record;
 use ffid::files::folder::{Entry, Folder};
 use ffid::open::{Opened, open};
-use ffid::workflow::identify::{FitOptions, InputFile, LabelledRecord, Method, Settings, method};
+use ffid::workflow::identify::{
+    FitOptions, InputFile, LabelledRecord, Method, Settings, choose_low_pass, method, on_even_clock, segments,
+};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -82,7 +86,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusa
     // Before the folder, so that a wrong path is said first.
     let mut loaded = Vec::new();
     for path in &paths {
-        loaded.push(args.reading.read(path, &opened.model, need, settings.low_pass_hz, input).map_err(refused)?);
+        loaded.push(args.reading.read(path, &opened.model, need, None, input).map_err(refused)?);
     }
     let (mut options, earlier) = args.options().map_err(refused)?;
     files.extend(args.ties.iter().cloned());
@@ -91,22 +95,21 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusa
     same_data(&inputs[2..], paths.len(), fraction.is_none() && held_out.is_some(), &earlier).map_err(refused)?;
     let folder = results::begin(&target, &args.output, err).map_err(io)?;
     let mut problems = opened.warnings.clone();
-    let mut records: Vec<LabelledRecord> = Vec::new();
+    let (mut whole, mut labels): (Vec<Record>, Vec<String>) = (Vec::new(), Vec::new());
     for (path, l) in paths.iter().zip(loaded) {
         problems.extend(l.warnings);
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let again = records.iter().filter(|t| t.label == stem || t.label.starts_with(&format!("{stem}-"))).count();
-        let label = if again == 0 { stem } else { format!("{stem}-{}", again + 1) };
-        records.push(LabelledRecord { label, record: l.record, resampled: (false, false) });
+        let again = labels.iter().filter(|t| **t == stem || t.starts_with(&format!("{stem}-"))).count();
+        labels.push(if again == 0 { stem } else { format!("{stem}-{}", again + 1) });
+        whole.push(l.record);
     }
-    let last = records.len() - 1;
-    let held = match (fraction, held_out.as_deref()) {
+    let last = whole.len() - 1;
+    let mut held = match (fraction, held_out.as_deref()) {
         (Some(f), _) => {
-            let whole = records[last].record.clone();
-            let seconds = whole.seconds();
-            let cut = (1.0 - f) * seconds;
-            let first = whole.window(0.0, cut).map_err(refused)?;
-            let end = whole.window(cut, f64::INFINITY).map_err(refused)?;
+            let all = whole[last].clone();
+            let cut = (1.0 - f) * all.seconds();
+            let first = all.window(0.0, cut).map_err(refused)?;
+            let end = all.window(cut, f64::INFINITY).map_err(refused)?;
             if first.samples() < need || end.samples() < 8 {
                 let what = format!("{} samples to fit and {} to judge by", first.samples(), end.samples());
                 let p = Problem::error(Area::Data, "Data::TooShort", format!("{what}, at least {need} and 8 needed"));
@@ -115,19 +118,82 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<Ready, Refusa
                 ])));
             }
             let words = format!("the last {:.1} % of {}", 100.0 * f, paths[last].display());
-            records[last].record = first;
+            whole[last] = first;
+            let end = one_part("held-out", end, &mut problems)?;
             Held::Part { record: end, words }
         }
         (None, Some(path)) => {
             let path = PathBuf::from(path);
-            let other = args.reading.read(&path, &opened.model, 8, settings.low_pass_hz, input).map_err(refused)?;
+            let other = args.reading.read_one(&path, &opened.model, None, input)?;
             problems.extend(other.warnings);
             Held::File { record: other.record, path }
         }
         (None, None) => Held::None,
     };
+    let mut records: Vec<LabelledRecord> = Vec::new();
+    for ((record, label), path) in whole.iter().zip(&labels).zip(&paths) {
+        let found = segments(label, record).map_err(failed)?;
+        problems.extend(found.warnings.clone().in_file(path));
+        records.extend(found.labelled(label));
+    }
+    if method(&opened.model, settings.method) == Method::Ground {
+        on_the_ground(&opened, &mut settings, &mut records, &mut held, &mut problems)?;
+        // What no motion of an arm whose base is fixed tells is not the fault of a record.
+        options.reduce = true;
+    }
     options.profile.clone_from(&args.profile);
     Ok(Ready { opened, settings, options, records, held, problems, files, inputs, folder, target })
+}
+
+/// The longest part of data that judge.
+fn one_part(label: &str, record: Record, problems: &mut Problems) -> Result<Record, Refusal> {
+    let found = segments(label, &record).map_err(failed)?;
+    problems.extend(found.warnings);
+    let longest = found.parts.into_iter().max_by(|a, b| a.seconds().total_cmp(&b.seconds()));
+    Ok(longest.unwrap_or(record))
+}
+
+/// Brings the records of an arm on the ground to an even clock and through the low pass, which is chosen from the longest of them unless given.
+fn on_the_ground(
+    opened: &Opened,
+    settings: &mut Settings,
+    records: &mut [LabelledRecord],
+    held: &mut Held,
+    problems: &mut Problems,
+) -> Result<(), Refusal> {
+    for r in records.iter_mut() {
+        let (even, warned) = on_even_clock(&r.label, &r.record).map_err(failed)?;
+        r.record = even;
+        problems.extend(warned);
+    }
+    let longest = records.iter().max_by(|a, b| a.record.seconds().total_cmp(&b.record.seconds()));
+    let nominal = Params::nominal(&opened.model);
+    if let (None, Some(r)) = (settings.low_pass_hz, longest)
+        && let Some(found) = choose_low_pass(&opened.model, &r.record, &opened.estimated, nominal.values())
+    {
+        let what = format!(
+            "positions and torques pass a low pass of {:.4} Hz: fitted to one half of the log, it misses {:.2} % of the torques of the other, a low \
+             pass of {:.4} Hz {:.2} % (both compared behind {:.3} Hz)",
+            found.hz,
+            100.0 * found.missed.0,
+            0.1 * r.record.rate_hz(),
+            100.0 * found.missed.1,
+            found.compared_hz
+        );
+        let p = Problem::warning(Area::Data, "Data::Bandwidth", what).on(&r.label);
+        problems.push(p.hint("give --low-pass to choose another"));
+        settings.low_pass_hz = Some(found.hz);
+    }
+    let Some(hz) = settings.low_pass_hz else { return Ok(()) };
+    for r in records.iter_mut() {
+        r.record = filtered(&r.record, hz).map_err(refused)?;
+    }
+    if let Held::Part { record, .. } | Held::File { record, .. } = held {
+        let (even, warned) = on_even_clock("held-out", record).map_err(failed)?;
+        problems.extend(warned);
+        *record = filtered(&even, hz).map_err(refused)?;
+    }
+    Ok(())
 }
 
 /// Row D39: data that were given twice. `files` are `records` records, then the one held out, if `held` is.

@@ -6,6 +6,7 @@ use super::findings::Whiteness;
 use super::record_estimator::Twin;
 use super::report::Fitted;
 use super::result::parameter::Parameter;
+use super::row_layout::RowLayout;
 use super::settings::Settings;
 use super::text::num;
 use super::unknowns::Unknowns;
@@ -71,7 +72,9 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let channels = model.nj() + 3;
     for twin in twins {
         let Ok(part) = wide(twin, model, s, end.values) else { return Ok(None) };
-        let order = order(part.rows(), channels, part.is_interleaved());
+        // Rows of the fit are listed sample by sample, or group after group where these are, too.
+        let by_sample = part.is_interleaved() || !RowLayout::of(twin.record(), channels).is_interleaved();
+        let order = order(part.rows(), channels, by_sample);
         // Those of the rigid method are not residuals of these rows.
         if e.residuals.len() >= residuals.len() + order.len() {
             let first = residuals.len();
@@ -232,7 +235,8 @@ fn harm<'n>(
     out
 }
 
-/// For every row of an estimator its place among rows that are listed sample by sample: torques, then three axes of the gyro.
+/// For every row of an estimator its place among rows that are listed sample by sample: torques, then three axes of the gyro; its own
+/// place where they are listed alike.
 fn order(rows: usize, channels: usize, interleaved: bool) -> Vec<usize> {
     if interleaved {
         return (0..rows).collect();

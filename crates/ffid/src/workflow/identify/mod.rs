@@ -14,6 +14,7 @@
 //! ```
 pub(crate) mod adoption;
 pub mod axes;
+pub(crate) mod bandwidth;
 pub(crate) mod checked;
 pub(crate) mod clocks;
 pub(crate) mod compare;
@@ -34,7 +35,9 @@ pub(crate) mod options;
 pub(crate) mod record_estimator;
 pub(crate) mod report;
 pub(crate) mod result;
+mod row_layout;
 pub(crate) mod run;
+pub(crate) mod segments;
 pub(crate) mod settings;
 pub(crate) mod signals;
 pub(crate) mod text;
@@ -42,6 +45,7 @@ pub(crate) mod ties;
 pub(crate) mod uncertain;
 mod unknowns;
 
+pub use bandwidth::{Bandwidth, choose_low_pass};
 pub use checked::{AxesCheck, identify_checked};
 pub use compare::{Comparison, compare_variants};
 pub use error::IdentifyError;
@@ -64,6 +68,7 @@ pub use result::{
     Provenance, RecordLine, STRONG, UncertainLine, VERSION, Value, Warning, held_errors,
 };
 pub use run::identify;
+pub use segments::{Segments, on_even_clock, segments};
 pub use settings::{EXPLAINED, Settings, method};
 pub use signals::Signals;
 pub use text::{num, verdict};
