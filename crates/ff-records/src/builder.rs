@@ -6,6 +6,7 @@
 use crate::checks as record_checks;
 use crate::record::Record;
 use crate::runs::longest;
+use crate::stamps;
 use crate::time_base::{ChannelGroup, TimeBases};
 use crate::time_checks;
 use crate::time_checks::Grid;
@@ -60,6 +61,8 @@ pub struct RecordBuilder {
     fixed_base: bool,
     need: usize,
     resample: bool,
+    keep_spikes: bool,
+    long_gaps: bool,
     allow: Vec<String>,
 }
 
@@ -81,6 +84,8 @@ impl RecordBuilder {
             fixed_base: false,
             need: 2,
             resample: false,
+            keep_spikes: false,
+            long_gaps: false,
             allow: Vec::new(),
         }
     }
@@ -90,7 +95,9 @@ impl RecordBuilder {
         self.clock = Some(Clock::Uniform { t0, dt: 1.0 / rate_hz });
         self
     }
-    /// A time stamp per sample (s); must be uniform to a tenth of an interval unless [`Self::resample`].
+    /// A time stamp per sample (s). Where they are not even to a tenth of an interval, because samples were lost or came late, every
+    /// group gets them as times of its own ([`Self::times`]), which warnings `Data::Gap` and `Data::Jitter` say with numbers; unless the
+    /// joint positions follow an even clock better, so that the stamps are noisy themselves, or [`Self::resample`] asks for the former.
     #[must_use]
     pub fn stamps(mut self, t: Vec<f64>) -> Self {
         self.clock = Some(Clock::Stamps(t));
@@ -176,6 +183,20 @@ impl RecordBuilder {
         self.resample = yes;
         self
     }
+    /// Keeps single samples that jump out and back, which are otherwise left out where they are at most 1 % of a channel (row D19); they
+    /// are reported all the same.
+    #[must_use]
+    pub fn keep_spikes(mut self, yes: bool) -> Self {
+        self.keep_spikes = yes;
+        self
+    }
+    /// Lets gaps of the joint motion through that are too long to interpolate, with a warning: for those who cut the record there
+    /// ([`Record::split`]).
+    #[must_use]
+    pub fn long_gaps(mut self, yes: bool) -> Self {
+        self.long_gaps = yes;
+        self
+    }
     /// Turns errors with this code (such as `Data::Stuck`) into warnings; they are still reported.
     #[must_use]
     pub fn allow(mut self, code: impl Into<String>) -> Self {
@@ -223,7 +244,30 @@ impl RecordBuilder {
         } else {
             self.gyro
         };
-        let clock = match (&times[ChannelGroup::Motion as usize], self.clock) {
+        let given = match self.clock {
+            Some(Clock::Stamps(t)) if !self.resample => {
+                let judged = stamps::judge(t, self.q.as_ref(), bad);
+                if let stamps::Judged::Own(t) = &judged {
+                    let has = [true, true, true, self.acc.is_some(), self.att.is_some()];
+                    for group in
+                        ChannelGroup::ALL.into_iter().filter(|g| *g != ChannelGroup::Motion && has[*g as usize])
+                    {
+                        times[group as usize].get_or_insert_with(|| t.clone());
+                    }
+                }
+                Some(match judged {
+                    stamps::Judged::Own(t) => Clock::Motion(t),
+                    stamps::Judged::Even { t0, dt } => Clock::Uniform { t0, dt },
+                    stamps::Judged::Checked(t) => Clock::Stamps(t),
+                })
+            }
+            other => other,
+        };
+        if let Some(Clock::Motion(t)) = &given {
+            times[ChannelGroup::Motion as usize] = Some(t.clone());
+        }
+        let clock = match (&times[ChannelGroup::Motion as usize], given) {
+            (Some(_), Some(Clock::Motion(t))) => Some(Clock::Motion(t)),
             (Some(_), Some(_)) => {
                 let what = "a clock was given, and times of the joint motion beside it".into();
                 bad.push(
@@ -283,7 +327,12 @@ impl RecordBuilder {
             }
         }
         let sound: Vec<bool> = ChannelGroup::ALL
-            .map(|g| times[g as usize].as_ref().is_none_or(|t| time_checks::alone(g, t, self.need, bad)))
+            .map(|g| {
+                let Some(t) = &times[g as usize] else { return true };
+                // Times that are those of the joint motion are judged with them.
+                let again = g != ChannelGroup::Motion && times[ChannelGroup::Motion as usize].as_ref() == Some(t);
+                again || time_checks::alone(g, t, self.need, self.long_gaps, bad)
+            })
             .to_vec();
         let (t0, dt, stamps) = match &clock {
             // Its times are not sound, which has been said.
@@ -330,6 +379,31 @@ impl RecordBuilder {
                 }
             }
         }
+        let mut spiked: [Vec<usize>; 5] = Default::default();
+        for (name, m, _) in columns.iter().filter(|c| matches!(c.0, "q" | "tau" | "gyro") && !(still && c.0 == "gyro"))
+        {
+            for (j, c) in m.column_iter().enumerate() {
+                let axis = if *name == "gyro" { ["x", "y", "z"][j] } else { &self.joint_names[j] };
+                let keep = self.keep_spikes || stamps.is_some();
+                let found =
+                    record_checks::spikes(&format!("{name}.{axis}"), c.as_slice(), &|i| time(name, i), keep, bad);
+                spiked[group_of(name) as usize].extend(found);
+            }
+        }
+        let mut own_motion = bases.of(ChannelGroup::Motion).is_some();
+        for (group, out) in ChannelGroup::ALL.into_iter().zip(&mut spiked).filter(|(_, out)| !out.is_empty()) {
+            out.sort_unstable();
+            out.dedup();
+            let rows = columns.iter().find(|c| group_of(c.0) == group).map_or(0, |c| c.1.nrows());
+            let kept: Vec<usize> = (0..rows).filter(|i| out.binary_search(i).is_err()).collect();
+            let own: Vec<f64> = match bases.of(group) {
+                Some(t) => kept.iter().map(|&i| t[i]).collect(),
+                None => kept.iter().map(|&i| i as f64 * dt).collect(),
+            };
+            bases.set(group, own);
+            columns.iter_mut().filter(|c| group_of(c.0) == group).for_each(|c| c.1 = c.1.select_rows(&kept));
+            own_motion |= group == ChannelGroup::Motion;
+        }
         if let Some(t) = stamps {
             for (name, m, _) in columns.iter_mut().filter(|c| times[group_of(c.0) as usize].is_none()) {
                 *m = interpolate(m, &t, dt);
@@ -361,7 +435,7 @@ impl RecordBuilder {
             acc: take("acc"),
             att: take("att"),
             fixed_base: self.fixed_base,
-            grid: bases.of(ChannelGroup::Motion).map(|_| grid.samples),
+            grid: own_motion.then_some(grid.samples),
             bases,
         })
     }

@@ -1,5 +1,6 @@
 //! What a single channel shows by itself: a sensor at the end of its range, readings that jump out and back.
 
+use crate::resample::usual_interval;
 use crate::runs::{repeats, runs};
 use core::ops::Range;
 use ff_model::{Area, Problem, Problems};
@@ -12,17 +13,19 @@ const SATURATED: f64 = 0.01;
 const SPIKE: f64 = 8.0;
 /// Most differences that a median is taken of: a long record need not be sorted whole.
 const SAMPLED: usize = 20_000;
+/// Longest interval, in usual ones, across which readings are compared with their neighbours.
+const WIDEST: f64 = 2.5;
+/// Largest part of a channel that is left out as spikes.
+const FEW: f64 = 0.01;
 /// How far the neighbours of a spike may be from minus half of it.
 const SHAPE: f64 = 0.35;
 
 /// Rows D17 and D19. `time` of a sample (s) is what messages name.
 pub(crate) fn channel(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, bad: &mut Problems) {
     // Statistics of a few samples say nothing.
-    if x.len() < 50 {
-        return;
+    if x.len() >= 50 {
+        saturated(name, x, time, bad);
     }
-    saturated(name, x, time, bad);
-    spikes(name, x, time, bad);
 }
 
 /// Median of what an iterator gives, or of every k-th of it for a long channel; zero without numbers.
@@ -44,8 +47,10 @@ fn saturated(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, bad: &mut Probl
         return;
     }
     let (lo, hi) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
-    let plateaus: Vec<Range<usize>> =
-        runs(x).filter(|r| r.len() >= PLATEAU && (x[r.start] == lo || x[r.start] == hi)).collect();
+    // A motor that is switched off reads exactly zero: no sensor ends there, unless all its readings do.
+    let off = |v: f64| v == 0.0 && name.starts_with("tau.");
+    let at_end = |v: f64| (v == lo || v == hi) && !off(v);
+    let plateaus: Vec<Range<usize>> = runs(x).filter(|r| r.len() >= PLATEAU && at_end(x[r.start])).collect();
     if plateaus.is_empty() {
         return;
     }
@@ -83,38 +88,57 @@ fn saturated(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, bad: &mut Probl
     bad.push(make(Area::Data, "Data::Saturated", what).on(name).hint(hint));
 }
 
-/// A single sample that leaves its neighbours and comes back: its second differences are `s, -2 s, s`.
-fn spikes(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, bad: &mut Problems) {
-    let second = |i: usize| x[i] - 2.0 * x[i + 1] + x[i + 2];
+/// Single samples that leave their neighbours and come back: second differences are `s, -2 s, s`. Returns those to be left out: all of
+/// them where they are few, none where they are so many that the channel may be like that. The warning says which. With `keep`, none.
+pub(crate) fn spikes(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, keep: bool, bad: &mut Problems) -> Vec<usize> {
+    if x.len() < 50 {
+        return Vec::new();
+    }
+    // From the straight line between the neighbours, at whatever times they were read; across gaps nothing is judged.
+    let t: Vec<f64> = (0..x.len()).map(time).collect();
+    let usual = usual_interval(&t);
+    let second = |i: usize| {
+        let (before, behind) = (t[i + 1] - t[i], t[i + 2] - t[i + 1]);
+        if before.max(behind) > WIDEST * usual {
+            return 0.0;
+        }
+        2.0 * ((x[i] * behind + x[i + 2] * before) / (before + behind) - x[i + 1])
+    };
     let all = x.len() - 2;
     let limit = SPIKE * median(all, |i| second(i).abs(), |_| true);
     // Nothing to compare with where most samples lie on straight lines.
     if limit <= 0.0 {
-        return;
+        return Vec::new();
     }
     let near = |a: f64, b: f64| (a + 0.5 * b).abs() <= SHAPE * 0.5 * b.abs();
-    let (mut count, mut first) = (0, 0);
+    let mut found = Vec::new();
     for i in 1..all - 1 {
         let s = second(i);
         if s.abs() > 2.0 * limit && near(second(i - 1), s) && near(second(i + 1), s) {
-            if count == 0 {
-                first = i;
-            }
-            count += 1;
+            found.push(i + 1);
         }
     }
-    if count == 0 {
-        return;
-    }
+    let Some(&first) = found.first() else { return found };
+    let few = found.len() as f64 <= FEW * x.len() as f64;
+    let done = if keep || !few { "nothing was left out" } else { "they are left out" };
     let what = format!(
-        "{} single samples jump by more than {SPIKE} times what is usual (limit {:.3e}), the first at {:.3} s: {}",
-        count,
+        "{} single samples ({:.3} %, limit {:.0} % to leave them out) jump by more than {SPIKE} times what is usual (limit {:.3e}), the first at \
+         {:.3} s: {}; {done}",
+        found.len(),
+        100.0 * found.len() as f64 / x.len() as f64,
+        100.0 * FEW,
         limit,
-        time(first + 1),
-        x[first + 1]
+        time(first),
+        x[first]
     );
     let p = Problem::warning(Area::Data, "Data::Spikes", what).on(name);
-    bad.push(p.hint("nothing was removed; look at the recorder, or use a robust loss"));
+    let hint = if few {
+        "look at the recorder; --keep-spikes fits them"
+    } else {
+        "look at the recorder, or give --loss huber"
+    };
+    bad.push(p.hint(hint));
+    if keep || !few { Vec::new() } else { found }
 }
 
 #[cfg(test)]
@@ -127,8 +151,32 @@ mod tests {
     }
     fn found(x: &[f64]) -> Problems {
         let mut bad = Problems::default();
-        channel("tau.a", x, &|i| i as f64 * 0.01, &mut bad);
+        let time = |i: usize| i as f64 * 0.01;
+        channel("tau.a", x, &time, &mut bad);
+        spikes("tau.a", x, &time, false, &mut bad);
         bad
+    }
+
+    #[test]
+    fn a_motor_that_is_off_is_not_saturated() {
+        let on: Vec<f64> = (0..1000).map(|k| 3.0 + (0.021 * k as f64).sin() + 0.02 * noise(k)).collect();
+        let half: Vec<f64> = on.iter().enumerate().map(|(k, x)| if (k / 100) % 2 == 0 { 0.0 } else { *x }).collect();
+        assert!(found(&half).0.is_empty(), "{}", found(&half));
+        // The same at another value is the end of the range.
+        let held: Vec<f64> = half.iter().map(|x| x + 0.5).collect();
+        assert!(found(&held).has("Data::Saturated"), "{}", found(&held));
+    }
+
+    #[test]
+    fn few_spikes_are_left_out_and_many_are_not() {
+        let wave: Vec<f64> = (0..2000).map(|k| 3.0 * (0.021 * k as f64 + 0.3).sin() + 0.02 * noise(k)).collect();
+        let with = |every: usize| {
+            let one = |(k, x): (usize, &f64)| x + if k % every == 7 { 1.3 } else { 0.0 };
+            wave.iter().enumerate().map(one).collect::<Vec<f64>>()
+        };
+        let out = |x: &[f64], keep| spikes("tau.a", x, &|i| i as f64, keep, &mut Problems::default());
+        assert_eq!(out(&with(500), false), [7, 507, 1007, 1507]);
+        assert!(out(&with(500), true).is_empty() && out(&with(40), false).is_empty() && out(&wave, false).is_empty());
     }
 
     #[test]

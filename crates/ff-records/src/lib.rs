@@ -19,6 +19,8 @@ pub mod mask;
 pub mod record;
 mod resample;
 mod runs;
+mod split;
+mod stamps;
 mod thin;
 pub mod time_base;
 mod time_checks;

@@ -46,6 +46,10 @@ pub struct Record {
     pub(crate) grid: Option<usize>,
 }
 
+/// Values of a group at its times (s) brought to instants that are an interval (s) apart, so many of them.
+pub(crate) type ToGrid<'f> =
+    dyn Fn(ChannelGroup, &[f64], &DMatrix<f64>, f64, usize) -> Result<DMatrix<f64>, TimeBaseError> + 'f;
+
 impl core::fmt::Debug for Record {
     /// The head of the record; the samples would fill pages.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
@@ -99,9 +103,13 @@ impl Record {
     /// [`TimeBaseError`] naming the channels: fewer than six samples, more than four usual intervals without one, or the clock
     /// goes on where they were not sampled.
     pub fn resampled(&self) -> Result<Self, TimeBaseError> {
+        self.on_clock(&on_grid)
+    }
+    /// All channels on the uniform clock, each group by `grid` from its times and values, interval and samples.
+    pub(crate) fn on_clock(&self, grid: &ToGrid<'_>) -> Result<Self, TimeBaseError> {
         let n = self.samples();
         let one = |group, m: &DMatrix<f64>| match self.times(group) {
-            Some(times) => on_grid(group, times, m, self.dt, n),
+            Some(times) => grid(group, times, m, self.dt, n),
             None => Ok(m.clone()),
         };
         let some = |group, m: &Option<DMatrix<f64>>| m.as_ref().map(|m| one(group, m)).transpose();
@@ -264,12 +272,15 @@ impl Record {
     /// [`Record::window`] of a record whose groups have times of their own: from sample `a` of the grid to before sample `b`, or what
     /// joint motion there is between them, where it has times of its own.
     fn cut(&self, a: usize, b: usize) -> Result<Self, Problems> {
+        self.between(self.time(a), self.time(b - 1), a..b)
+    }
+    /// What is sampled from `start` to `end` (s); of channels on the grid, its samples `grid`.
+    pub(crate) fn between(&self, mut start: f64, mut end: f64, grid: Range<usize>) -> Result<Self, Problems> {
         // A hair, for times that were computed.
         let hair = 1e-6 * self.dt;
         let inside = |times: &[f64], from: f64, to: f64| {
             times.partition_point(|t| *t < from - hair)..times.partition_point(|t| *t <= to + hair)
         };
-        let (mut start, mut end) = (self.time(a), self.time(b - 1));
         if let Some(times) = self.times(ChannelGroup::Motion) {
             let rows = inside(times, start, end);
             if rows.len() < 2 {
@@ -286,7 +297,7 @@ impl Record {
             |group: ChannelGroup, of: &[Option<&DMatrix<f64>>]| -> Result<Vec<Option<DMatrix<f64>>>, Problems> {
                 let rows: Range<usize> = match self.times(group) {
                     Some(times) => inside(times, start, end),
-                    None => a..b,
+                    None => grid.clone(),
                 };
                 if rows.len() < 2 && of[0].is_some() {
                     return Err(self.too_few(group, rows.len()));

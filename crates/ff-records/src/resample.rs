@@ -89,6 +89,25 @@ pub fn on_grid(
     if let Some(w) = times.windows(2).find(|w| w[1] - w[0] > WIDEST_GAP * usual) {
         return Err(TimeBaseError::Gap { group, from: w[0], to: w[1], usual });
     }
+    bridged(group, times, values, dt, samples)
+}
+
+/// [`on_grid`] without a limit to gaps, across which values lie on a straight line.
+///
+/// # Errors
+/// [`TimeBaseError`].
+pub(crate) fn bridged(
+    group: ChannelGroup,
+    times: &[f64],
+    values: &DMatrix<f64>,
+    dt: f64,
+    samples: usize,
+) -> Result<DMatrix<f64>, TimeBaseError> {
+    let got = times.len();
+    if got < N {
+        return Err(TimeBaseError::TooFew { group, got });
+    }
+    let usual = usual_interval(times);
     let (from, to, end) = (times[0], times[got - 1], (samples - 1) as f64 * dt);
     // A hair more than an interval, for jitter.
     if from > 1.5 * usual || to < end - 1.5 * usual {
@@ -103,6 +122,15 @@ pub fn on_grid(
         }
         // Three samples on each side; at the ends the nearest six.
         let first = next.saturating_sub(N / 2).min(got - N);
+        let wide = |w: &[f64]| w[1] - w[0] > WIDEST_GAP * usual;
+        if times[first..first + N].windows(2).any(wide) {
+            let b = next.clamp(1, got - 1);
+            let s = ((t - times[b - 1]) / (times[b] - times[b - 1])).clamp(0.0, 1.0);
+            for c in 0..values.ncols() {
+                out[(i, c)] = values[(b - 1, c)] + s * (values[(b, c)] - values[(b - 1, c)]);
+            }
+            continue;
+        }
         let w = weights(&times[first..first + N], t);
         for c in 0..values.ncols() {
             out[(i, c)] = (0..N).map(|k| w[k] * values[(first + k, c)]).sum();

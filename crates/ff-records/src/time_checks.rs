@@ -46,7 +46,7 @@ impl Grid {
 }
 
 /// Checks times by themselves: finite, strictly increasing, enough, in seconds; names gaps. False where there is no use in going on.
-pub(crate) fn alone(group: ChannelGroup, times: &[f64], need: usize, bad: &mut Problems) -> bool {
+pub(crate) fn alone(group: ChannelGroup, times: &[f64], need: usize, long_gaps: bool, bad: &mut Problems) -> bool {
     let motion = group == ChannelGroup::Motion;
     if let Some(i) = times.iter().position(|t| !t.is_finite()) {
         let p = problem(group, "Data::NotFinite", format!("sample {i} is at {} s", times[i]));
@@ -94,8 +94,12 @@ pub(crate) fn alone(group: ChannelGroup, times: &[f64], need: usize, bad: &mut P
         if unknown {
             what.push_str(&format!("; limit {WIDEST_GAP} intervals"));
         }
-        let hint = if unknown { "cut the record at the gap" } else { "nothing to do: the samples that are left count" };
-        let make = if unknown { Problem::error } else { Problem::warning };
+        let hint = match (unknown, long_gaps) {
+            (true, false) => "cut the record at the gap",
+            (true, true) => "gaps over which the motion cannot be told cut the record into parts",
+            _ => "nothing to do: the samples that are left count",
+        };
+        let make = if unknown && !long_gaps { Problem::error } else { Problem::warning };
         bad.push(make(Area::Data, "Data::Gap", what).on(format!("{} times", group.name())).hint(hint));
     }
     true

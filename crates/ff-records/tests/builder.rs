@@ -83,17 +83,29 @@ fn clocks_are_uniform_or_refused() {
     assert_eq!(code_of(good().stamps(clean.iter().map(|t| t * 1e3).collect())), "Data::TimeScale");
     assert_eq!(code_of(good().stamps(clean[1..].to_vec())), "Data::Shape");
     let jitter: Vec<f64> = clean.iter().enumerate().map(|(i, t)| t + 0.003 * (1.3 * i as f64).sin()).collect();
-    assert_eq!(code_of(good().stamps(jitter.clone())), "Data::Jitter");
     let wave_at = |t: &[f64]| DMatrix::from_fn(N, 2, |i, j| (2.0 * (t[i] - t[0]) + 0.7 * j as f64).sin());
+    // Without leave to resample, samples count at their own times.
+    let (r, w) = good().stamps(jitter.clone()).q(wave_at(&jitter)).build().unwrap();
+    assert!(w.has("Data::Jitter") && !w.has("Data::Resampled"), "{w}");
+    let times = r.times(ChannelGroup::Torque).unwrap();
+    assert!(times.len() == N && (times[200] - (jitter[200] - jitter[0])).abs() < 1e-12);
     let (r, w) = good().stamps(jitter.clone()).q(wave_at(&jitter)).resample(true).build().unwrap();
     assert!(w.has("Data::Resampled"));
     assert_relative_eq!(r.q()[(200, 1)], (2.0 * r.time(200) + 0.7).sin(), epsilon = scaled(5e-4));
     let gap: Vec<f64> = clean.iter().enumerate().map(|(i, t)| t + if i >= 100 { 0.02 } else { 0.0 }).collect();
-    assert_eq!(code_of(good().stamps(gap.clone())), "Data::Gap");
+    let (r, w) = good().stamps(gap.clone()).build().unwrap();
+    assert!(w.has("Data::Gap") && !r.is_uniform() && r.tau().nrows() == N, "{w}");
     let (r, w) = good().stamps(gap).resample(true).build().unwrap();
     assert_eq!((r.samples(), w.has("Data::Gap")), (N + 2, true));
     let hole: Vec<f64> = clean.iter().enumerate().map(|(i, t)| t + if i >= 100 { 0.2 } else { 0.0 }).collect();
-    assert_eq!(code_of(good().stamps(hole).resample(true)), "Data::Gap");
+    assert_eq!(code_of(good().stamps(hole.clone()).resample(true)), "Data::Gap");
+    // The motion cannot be interpolated across it: refused, or cut there.
+    assert_eq!(code_of(good().stamps(hole.clone())), "Data::Gap");
+    let (r, w) = good().stamps(hole).long_gaps(true).build().unwrap();
+    let parts = r.split(0.1);
+    assert!(w.has("Data::Gap") && r.has_wide_gaps() && parts.len() == 2, "{w}");
+    assert_eq!(parts.iter().map(|p| p.q().nrows()).sum::<usize>(), N);
+    assert!((parts[1].t0() - parts[0].t0() - 1.2).abs() < 1e-9 && !parts[1].has_wide_gaps());
 }
 
 #[test]

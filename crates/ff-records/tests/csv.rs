@@ -1,5 +1,6 @@
 //! Records as CSV: what is written is read, and what is wrong is named.
 
+use ff_records::ChannelGroup;
 use ff_records::file::*;
 use ff_testkit::assert_within;
 use nalgebra::DMatrix;
@@ -161,8 +162,8 @@ fn d03_cells_that_are_not_finite_have_line_and_column_and_can_make_a_gap() {
     let options = ReadOptions { drop_gaps: true, resample: true, ..ReadOptions::default() };
     let l = load(&with(&text, 20, 3, "nan"), &options).unwrap();
     assert!(l.warnings.has("Data::Dropped") && l.warnings.has("Data::Gap") && l.record.samples() == N);
-    let p = load(&with(&text, 20, 3, "nan"), &ReadOptions { drop_gaps: true, ..ReadOptions::default() }).unwrap_err();
-    assert!(p.has("Data::Gap"), "{p}");
+    let l = load(&with(&text, 20, 3, "nan"), &ReadOptions { drop_gaps: true, ..ReadOptions::default() }).unwrap();
+    assert!(l.warnings.has("Data::Gap") && l.record.tau().nrows() == N - 1, "{}", l.warnings);
 }
 
 #[test]
@@ -269,17 +270,43 @@ fn d12_times_in_another_unit_and_epochs_that_lose_digits() {
 }
 
 #[test]
-fn d13_d14_gaps_and_jitter_need_leave_to_resample() {
+fn d13_d14_samples_count_at_their_times_unless_resampled() {
     let (text, _) = good();
     let gap: Vec<&str> = text.lines().enumerate().filter(|(i, _)| *i != 100).map(|(_, l)| l).collect();
     let gap = gap.join("\n") + "\n";
-    assert!(refused(&gap).has("Data::Gap"));
+    let l = load(&gap, &ReadOptions::default()).unwrap();
+    assert!(l.warnings.has("Data::Gap") && !l.record.is_uniform() && l.record.q().nrows() == N - 1);
     let options = ReadOptions { resample: true, ..ReadOptions::default() };
     let l = load(&gap, &options).unwrap();
     assert!(l.warnings.has("Data::Gap") && l.record.samples() == N);
     let t = with(&text, 100, 0, "8.2322");
-    assert!(refused(&t).has("Data::Jitter"));
+    let l = load(&t, &ReadOptions::default()).unwrap();
+    assert!(!l.record.is_uniform() && l.record.q().nrows() == N, "{}", l.warnings);
     assert!(load(&t, &options).unwrap().warnings.has("Data::Resampled"));
+}
+
+#[test]
+fn empty_cells_are_channels_at_a_rate_of_their_own() {
+    let (text, _) = good();
+    // Behind the time: two columns each of q, dq, ddq and tau.
+    let without = |l: &str| -> String {
+        let cells = l.split(',').enumerate().map(|(k, c)| if (7..9).contains(&k) { "" } else { c });
+        cells.collect::<Vec<_>>().join(",")
+    };
+    let lines = text.lines().enumerate();
+    let half: Vec<String> =
+        lines.map(|(i, l)| if i > 0 && i % 2 == 0 { without(l) } else { l.to_owned() }).collect();
+    let l = load(&(half.join("\n") + "\n"), &ReadOptions::default()).unwrap();
+    let whole = load(&text, &ReadOptions::default()).unwrap().record;
+    let times = l.record.times(ChannelGroup::Torque).unwrap();
+    assert_eq!((times.len(), l.record.tau().nrows(), l.record.q().nrows()), (N.div_ceil(2), N.div_ceil(2), N));
+    assert!(l.record.times(ChannelGroup::Motion).is_none() && l.warnings.has("Data::SampledApart"), "{}", l.warnings);
+    assert!((times[7] - whole.time(14)).abs() < 1e-9);
+    assert_eq!(l.record.tau().row(7), whole.tau().row(14));
+    // Part of a group is a cell that is missing.
+    let cut = half[21].rfind(',').unwrap();
+    let p = refused(&(half[..21].join("\n") + "\n" + &half[21][..=cut] + "\n" + &half[22..].join("\n") + "\n"));
+    assert_eq!((p.0[0].code, p.0[0].line), ("Data::NotFinite", Some(22)), "{p}");
 }
 
 #[test]

@@ -18,6 +18,7 @@ mod init;
 mod inputs;
 mod json_schema;
 mod kinds;
+mod logs;
 mod outputs;
 mod preflight;
 mod questions;

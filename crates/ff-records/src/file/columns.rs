@@ -3,6 +3,7 @@
 use super::units;
 use super::units::{Dimension, Unit};
 use super::{JointColumn, data};
+use crate::time_base::ChannelGroup;
 use ff_model::diagnostics::{clip, list, nearest};
 use ff_model::{Problem, Problems};
 
@@ -49,6 +50,16 @@ impl Group {
     }
     fn required(self) -> bool {
         matches!(self, Self::Q | Self::Tau | Self::Gyro)
+    }
+    /// Channels that are sampled together.
+    pub(super) fn sampled_with(self) -> ChannelGroup {
+        match self {
+            Self::Q | Self::Dq | Self::Ddq => ChannelGroup::Motion,
+            Self::Tau => ChannelGroup::Torque,
+            Self::Gyro => ChannelGroup::Gyro,
+            Self::Acc => ChannelGroup::Accelerometer,
+            Self::Att => ChannelGroup::Attitude,
+        }
     }
     /// What a channel of this group measures; joints that slide measure lengths.
     pub(super) fn dimension(self, slides: bool) -> Dimension {

@@ -19,6 +19,10 @@ pub struct ReadOptions {
     pub drop_repeated: bool,
     /// Interpolate jittered or missing samples ([`RecordBuilder::resample`]).
     pub resample: bool,
+    /// Keep single samples that jump out and back ([`RecordBuilder::keep_spikes`]).
+    pub keep_spikes: bool,
+    /// Let long gaps of the joint motion through, to cut the record there ([`RecordBuilder::long_gaps`]).
+    pub long_gaps: bool,
     /// Fewest samples ([`RecordBuilder::need_samples`]).
     pub need_samples: usize,
     /// The base is bolted down: the gyro is not required ([`RecordBuilder::fixed_base`]).
@@ -41,6 +45,8 @@ impl Default for ReadOptions {
             drop_gaps: false,
             drop_repeated: false,
             resample: false,
+            keep_spikes: false,
+            long_gaps: false,
             need_samples: 2,
             fixed_base: false,
             allow: Vec::new(),
@@ -53,7 +59,7 @@ impl Default for ReadOptions {
 /// A record with what is to be said about it.
 #[derive(Clone, Debug)]
 pub struct Loaded {
-    /// The samples, on a uniform clock.
+    /// The samples.
     pub record: Record,
     /// What was let through.
     pub warnings: Problems,
@@ -79,7 +85,13 @@ pub(super) fn finish(
     };
     let builder = if options.fixed_base { builder.fixed_base() } else { builder };
     let builder = options.allow.iter().fold(builder, |b, a| b.allow(a));
-    match builder.need_samples(options.need_samples).resample(options.resample).build() {
+    match builder
+        .need_samples(options.need_samples)
+        .resample(options.resample)
+        .keep_spikes(options.keep_spikes)
+        .long_gaps(options.long_gaps)
+        .build()
+    {
         Ok((mut record, warnings)) => {
             record.t0 += t0;
             bad.extend(warnings);

@@ -44,6 +44,9 @@ pub fn read_from(input: impl BufRead, joints: &[JointColumn], options: &ReadOpti
     finish(parsed, bad, options, lines.bytes)
 }
 
+/// What is said of an empty cell.
+const EMPTY: &str = "an empty cell";
+
 fn head(
     lines: &mut Lines<impl BufRead>,
     joints: &[JointColumn],
@@ -78,10 +81,13 @@ fn body(
         }
         match fill(&lines.line, lines.number, targets, &mut row, &mut all.clock) {
             Ok(time) => all.push(lines.number, time, &row, bad),
-            Err(problems) if options.drop_gaps && problems.0.iter().all(|p| p.code == "Data::NotFinite") => {
+            Err((time, problems)) if problems.0.iter().all(|p| p.message == EMPTY) && all.unsampled(&row) => {
+                all.push(lines.number, time, &row, bad);
+            }
+            Err((_, problems)) if options.drop_gaps && problems.0.iter().all(|p| p.code == "Data::NotFinite") => {
                 all.drop_row(lines.number);
             }
-            Err(problems) => {
+            Err((_, problems)) => {
                 let stop = problems.has("Data::RowLength");
                 problems.0.into_iter().for_each(|p| all.bad_cell(p, bad));
                 if stop {
@@ -94,8 +100,11 @@ fn body(
     all.finish(joints, Some(lines.number), bad)
 }
 
-/// Reads the cells of a line into `row`; the time comes back by itself.
-fn fill(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: &mut Clock) -> Result<f64, Problems> {
+/// The time of a row whose cells are all numbers, or that of another and what is wrong with its cells.
+type Row = Result<f64, (f64, Problems)>;
+
+/// Reads the cells of a line into `row`, NaN where a cell is empty; the time comes back by itself.
+fn fill(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: &mut Clock) -> Row {
     let mut problems = Problems::default();
     let mut time = 0.0;
     let mut k = 0;
@@ -120,19 +129,19 @@ fn fill(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: 
     if (k != targets.len() || !problems.0.is_empty()) && line.contains(&b'"') {
         return quoted(line, number, targets, row, clock);
     }
-    length(k, targets.len(), number, line)?;
-    if problems.0.is_empty() { Ok(time) } else { Err(problems) }
+    length(k, targets.len(), number, line).map_err(|p| (time, p))?;
+    if problems.0.is_empty() { Ok(time) } else { Err((time, problems)) }
 }
 
 /// The same with quotes, which only few programs put around numbers.
-fn quoted(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: &mut Clock) -> Result<f64, Problems> {
+fn quoted(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: &mut Clock) -> Row {
     let record = cells(line).unwrap_or_default();
-    length(record.len(), targets.len(), number, line)?;
+    length(record.len(), targets.len(), number, line).map_err(|p| (0.0, p))?;
     let (mut time, mut problems) = (0.0, Problems::default());
     for (k, (cell, target)) in record.iter().zip(targets).enumerate() {
         one(cell, target, (number, 1), row.get_mut(k), clock, &mut time, &mut problems);
     }
-    if problems.0.is_empty() { Ok(time) } else { Err(problems) }
+    if problems.0.is_empty() { Ok(time) } else { Err((time, problems)) }
 }
 
 fn length(got: usize, want: usize, number: usize, line: &[u8]) -> Result<(), Problems> {
@@ -172,8 +181,11 @@ fn one(
             }
             return;
         }
-        // What a missing value looks like in the files of many programs.
-        None if cell.trim_ascii().is_empty() => data("Data::NotFinite", "an empty cell".to_owned()),
+        None if cell.trim_ascii().is_empty() => {
+            // Of a channel that was not sampled then, if the rest of the row bears it out.
+            _ = to.filter(|_| matches!(target, Target::Channel(..))).map(|t| *t = f64::NAN);
+            data("Data::NotFinite", EMPTY.to_owned())
+        }
         Some(_) => data("Data::NotFinite", format!("'{}' is not finite", shown())),
         None => data("Data::BadNumber", format!("'{}' is not a number", shown())),
     };

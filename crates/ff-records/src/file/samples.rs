@@ -3,6 +3,7 @@
 use super::columns::{GROUPS, Group, Target};
 use super::{JointColumn, ReadOptions, data, number};
 use crate::builder::RecordBuilder;
+use crate::time_base::ChannelGroup;
 use ff_model::{Area, Problem, Problems};
 use nalgebra::DMatrix;
 
@@ -106,6 +107,16 @@ impl<'a> Samples<'a> {
         self.count.dropped += 1;
         self.count.first_dropped.get_or_insert(number);
     }
+    /// Whether the cells without a number in a row are all those of groups that were not sampled then: another group was.
+    pub(super) fn unsampled(&self, row: &[f64]) -> bool {
+        let cells = || row.iter().zip(self.targets).filter(|(_, t)| matches!(t, Target::Channel(..)));
+        let whole = |group| {
+            let of = || cells().filter(|(_, t)| matches!(t, Target::Channel(g, ..) if g.sampled_with() == group));
+            let empty = of().filter(|(x, _)| x.is_nan()).count();
+            empty == 0 || empty == of().count()
+        };
+        ChannelGroup::ALL.into_iter().all(whole) && cells().any(|(x, _)| x.is_finite())
+    }
     /// A cell that cannot be used.
     pub(super) fn bad_cell(&mut self, p: Problem, bad: &mut Problems) {
         self.count.bad_cells += 1;
@@ -177,7 +188,11 @@ impl<'a> Samples<'a> {
         }
         self.clock.resolution(bad);
         let Clock { stamps, origin, .. } = self.clock;
-        Some((builder(self.columns, self.targets, joints, stamps), origin))
+        let mut columns = self.columns;
+        let (stamps, times) = sampled(&mut columns, self.targets, stamps, bad)?;
+        let builder = builder(columns, self.targets, joints, stamps);
+        let builder = times.into_iter().fold(builder, |b, (group, t)| b.times(group, t));
+        Some((builder, origin))
     }
     fn report(&self, bad: &mut Problems) {
         let c = &self.count;
@@ -203,11 +218,61 @@ pub(super) fn too_many(what: String) -> Problem {
     data("Data::TooLarge", what).hint("cut the record, or raise --max-rows")
 }
 
+/// Sample times of the groups that were not sampled in every row, whose columns keep the rows they were; and the times of the joint motion.
+/// What lies outside the joint motion is left out, and said.
+#[allow(clippy::type_complexity, reason = "times of the motion, and of each group that has others")]
+fn sampled(
+    columns: &mut [Vec<f64>],
+    targets: &[Target],
+    stamps: Vec<f64>,
+    bad: &mut Problems,
+) -> Option<(Vec<f64>, Vec<(ChannelGroup, Vec<f64>)>)> {
+    let of = |group: ChannelGroup| {
+        let is = move |t: &Target| matches!(t, Target::Channel(g, ..) if g.sampled_with() == group);
+        targets.iter().enumerate().filter(move |(_, t)| is(t)).map(|(c, _)| c)
+    };
+    let whole = |c: usize, columns: &[Vec<f64>]| columns[c].iter().fold(true, |all, x| all & !x.is_nan());
+    if (0..columns.len()).all(|c| whole(c, columns)) {
+        return Some((stamps, Vec::new()));
+    }
+    let mut rows: Vec<(ChannelGroup, Vec<usize>)> = Vec::new();
+    for group in ChannelGroup::ALL {
+        let Some(first) = of(group).next() else { continue };
+        rows.push((group, (0..stamps.len()).filter(|&i| !columns[first][i].is_nan()).collect()));
+    }
+    let motion = rows.iter().find(|r| r.0 == ChannelGroup::Motion).map(|r| r.1.clone()).unwrap_or_default();
+    let (Some(&from), Some(&to)) = (motion.first(), motion.last()) else {
+        bad.push(data("Data::NoSamples", "no row has joint positions").hint("check that recording had started"));
+        return None;
+    };
+    let mut out = Vec::new();
+    for (group, mut of_group) in rows {
+        let all = of_group.len();
+        of_group.retain(|i| (from..=to).contains(i));
+        let what = format!(
+            "{all} samples in {} rows: it counts at its own times; {} of them before or behind the joint motion were left out",
+            stamps.len(),
+            all - of_group.len()
+        );
+        if all < stamps.len() {
+            bad.push(Problem::warning(Area::Data, "Data::SampledApart", what).on(group.name()).hint("nothing to do"));
+        }
+        for c in of(group) {
+            columns[c] = of_group.iter().map(|&i| columns[c][i]).collect();
+        }
+        if group != ChannelGroup::Motion && of_group != motion {
+            out.push((group, of_group.iter().map(|&i| stamps[i]).collect()));
+        }
+    }
+    Some((motion.iter().map(|&i| stamps[i]).collect(), out))
+}
+
 fn builder(mut columns: Vec<Vec<f64>>, targets: &[Target], joints: &[JointColumn], stamps: Vec<f64>) -> RecordBuilder {
-    let rows = stamps.len();
     let mut b = RecordBuilder::new(joints.iter().map(|j| j.name.clone())).stamps(stamps);
     for g in GROUPS {
         let width = g.channels(joints).len();
+        let of_group = |t: &Target| matches!(t, Target::Channel(g2, ..) if *g2 == g);
+        let rows = targets.iter().position(of_group).map_or(0, |c| columns[c].len());
         let mut all = Vec::new();
         for k in 0..width {
             let found = targets.iter().position(|t| matches!(t, Target::Channel(g2, k2, _) if (*g2, *k2) == (g, k)));
@@ -220,7 +285,7 @@ fn builder(mut columns: Vec<Vec<f64>>, targets: &[Target], joints: &[JointColumn
                 all.append(&mut std::mem::take(&mut columns[c]));
             }
         }
-        if all.len() != rows * width || width == 0 {
+        if all.is_empty() || all.len() != rows * width || width == 0 {
             continue;
         }
         let m = DMatrix::from_vec(rows, width, all);

@@ -19,8 +19,9 @@ pub fn signals(s: &Signals, title: &str) -> Figure {
         let mut p = Panel::new("time (s)", s.units[k]).titled(s.names[k].as_str());
         p.height = 150.0;
         let label = |l: &str| if k == 0 { l.to_owned() } else { String::new() };
-        p.series.push(Series::new(label("measured"), &s.time, s.measured.column(k).as_slice()).colour(5));
-        p.series.push(Series::new(label("predicted"), &s.time, s.predicted.column(k).as_slice()).colour(1));
+        let [time, measured, predicted] = s.curve(k);
+        p.series.push(Series::new(label("measured"), &time, &measured).colour(5));
+        p.series.push(Series::new(label("predicted"), &time, &predicted).colour(1));
         fig = fig.panel(p);
     }
     left_out(fig, s)
@@ -30,8 +31,9 @@ pub fn signals(s: &Signals, title: &str) -> Figure {
 pub fn residuals(s: &Signals, title: &str) -> Figure {
     let mut fig = Figure::new(title.to_owned());
     for k in 0..s.names.len().min(CHANNELS) {
-        let scaled: Vec<f64> = s.residual(k).iter().map(|r| r / s.sigma[k]).collect();
-        let mut p = Panel::new("time (s)", "times the noise").titled(s.names[k].as_str()).curve("", &s.time, &scaled);
+        let [time, measured, predicted] = s.curve(k);
+        let scaled: Vec<f64> = measured.iter().zip(&predicted).map(|(m, p)| (m - p) / s.sigma[k]).collect();
+        let mut p = Panel::new("time (s)", "times the noise").titled(s.names[k].as_str()).curve("", &time, &scaled);
         p.height = 120.0;
         fig = fig.panel(p);
     }
@@ -41,15 +43,21 @@ pub fn residuals(s: &Signals, title: &str) -> Figure {
 /// Spectra of signal and residual of torques and gyro, with the modes of the identified model. `None` for a record too
 /// short for a spectrum.
 pub fn spectra(s: &Signals, modes: &[ModeLine], title: &str) -> Option<Figure> {
-    let n = s.time.len();
-    let rate = if n > 1 { (n - 1) as f64 / s.time[n - 1] } else { return None };
+    // Channels at rates of their own are left out of a common axis.
+    let n = (0..s.names.len()).map(|k| s.curve(k)[0].len()).min().unwrap_or(0);
+    if 10 * n < 9 * s.time.len() {
+        return None;
+    }
+    let rate = if n > 1 { (n - 1) as f64 / s.time[s.time.len() - 1] } else { return None };
     // Half the record: three windows to average over.
     let mut welch = Welch::new((n / 2).max(8), rate).ok()?.padded(PADDED);
     let top = modes.last().map_or(0.5 * rate, |m| ABOVE * m.frequency_hz).min(0.5 * rate);
     let mut fig = Figure::new(title.to_owned());
     let mut any = false;
     for k in 0..s.names.len().min(CHANNELS) {
-        let (Ok(signal), Ok(residual)) = (welch.run(s.measured.column(k).as_slice()), welch.run(&s.residual(k))) else {
+        let [_, measured, predicted] = s.curve(k);
+        let residual: Vec<f64> = measured.iter().zip(&predicted).map(|(m, p)| m - p).collect();
+        let (Ok(signal), Ok(residual)) = (welch.run(&measured), welch.run(&residual)) else {
             continue;
         };
         let cut = |p: &ff_spectral::Psd| -> (Vec<f64>, Vec<f64>) {

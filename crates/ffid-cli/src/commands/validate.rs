@@ -116,7 +116,7 @@ fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     // The noise of a calibration is that behind its filter.
     let arm = arm_of(args, &found.result, model);
     let low_pass = arm.as_ref().map_or(args.reading.low_pass(), |a| a.low_pass_hz);
-    let loaded = args.reading.read(&args.record, model, 8, low_pass, input).map_err(refused)?;
+    let loaded = args.reading.read_one(&args.record, model, low_pass, input)?;
     let files = vec![found.mission_file.clone(), args.record.clone()];
     let inputs = results::inputs(&files).map_err(io)?;
     unseen(&found.result, &inputs[1], &args.record).map_err(refused)?;

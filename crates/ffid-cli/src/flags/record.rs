@@ -1,11 +1,14 @@
 //! What `simulate`, `identify`, `validate` and `predict` share: reading a record, and asking whether it can be true.
 
+use crate::flags::fit::failed;
 use crate::output::Input;
+use crate::results::{Refusal, refused};
 use clap::ValueEnum;
 use ff_mission::leniency::ALLOWABLE;
 use ff_model::{Area, Model, Problem, Problems};
 use ff_records::Record;
 use ff_records::file::{Loaded, ReadOptions, joints_of, read};
+use ffid::workflow::identify::{on_even_clock, segments};
 use ident::estimate::smoothed;
 use ident::solve::LinearError;
 use std::path::Path;
@@ -25,9 +28,12 @@ pub(crate) enum Gaps {
 /// How a record is read.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct RecordFlags {
-    /// Interpolate jittered samples and gaps of up to 1 % of the record.
+    /// Interpolate jittered samples and gaps of up to 1 % of the record. Without it, samples count at their own times.
     #[arg(long)]
     resample: bool,
+    /// Keep single samples that jump out and back, which are otherwise left out and counted.
+    #[arg(long)]
+    keep_spikes: bool,
     /// Rows with NaN, infinite or empty cells.
     #[arg(long, value_enum, default_value_t = Gaps::Refuse)]
     gaps: Gaps,
@@ -41,8 +47,8 @@ pub(crate) struct RecordFlags {
     #[arg(long, value_name = "TOPIC")]
     topic: Vec<String>,
     /// Leave out what is above this frequency (Hz): positions, torques and equations pass the same filter, which shifts nothing in
-    /// time. For logs of an arm on the ground, whose accelerations come from noisy positions. `validate` takes that of the
-    /// identification unless given.
+    /// time. For logs of an arm on the ground, whose accelerations come from noisy positions; there it is chosen from the log unless
+    /// given. `validate` takes that of the identification unless given.
     #[arg(long, value_name = "HZ", value_parser = crate::flags::fit::positive)]
     low_pass: Option<f64>,
     /// Most rows of a record.
@@ -72,6 +78,8 @@ impl RecordFlags {
             drop_repeated: self.drop_repeated,
             fixed_base: model.base_kind() == ff_model::BaseKind::Fixed,
             resample: self.resample,
+            keep_spikes: self.keep_spikes,
+            long_gaps: true,
             need_samples: need,
             allow: ALLOWABLE.iter().filter(|c| leniency.allows(c)).map(|c| (*c).to_owned()).collect(),
             topics: self.topic.clone(),
@@ -87,6 +95,32 @@ impl RecordFlags {
         loaded.warnings = warnings;
         if let Some(hz) = low_pass {
             loaded.record = filtered(&loaded.record, hz).map_err(|p| p.in_file(path))?;
+        }
+        Ok(loaded)
+    }
+    /// Reads what a model is judged by: the longest part of the record, if it has gaps; on the ground on an even clock.
+    pub(crate) fn read_one(
+        &self,
+        path: &Path,
+        model: &Model,
+        low_pass: Option<f64>,
+        input: &Input,
+    ) -> Result<Loaded, Refusal> {
+        let mut loaded = self.read(path, model, 8, None, input).map_err(refused)?;
+        let label = path.display().to_string();
+        let found = segments(&label, &loaded.record).map_err(failed)?;
+        loaded.warnings.extend(found.warnings);
+        let longest = |a: &Record, b: &Record| a.seconds().total_cmp(&b.seconds());
+        if let Some(part) = found.parts.into_iter().max_by(longest) {
+            loaded.record = part;
+        }
+        if loaded.record.is_fixed_base() {
+            let (even, warned) = on_even_clock(&label, &loaded.record).map_err(failed)?;
+            loaded.record = even;
+            loaded.warnings.extend(warned);
+        }
+        if let Some(hz) = low_pass {
+            loaded.record = filtered(&loaded.record, hz).map_err(|p| refused(p.in_file(path)))?;
         }
         Ok(loaded)
     }

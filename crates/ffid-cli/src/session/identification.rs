@@ -6,12 +6,11 @@ use super::record::Given;
 use crate::Command;
 use crate::commands::identify::fit::fit_observed;
 use crate::commands::identify::prepare::{
-    Held, HoldOut, Ready, cut, fewest_samples, go_on, label, same_data, settings,
+    Data, Held, HoldOut, Ready, cut, fewest_samples, go_on, label, same_data, settings,
 };
 use crate::commands::identify::write::write;
 use crate::commands::identify::{Args, conclude};
 use crate::flags::fit::failed;
-use crate::flags::record::filtered;
 use crate::result_folder;
 use crate::results;
 use crate::results::io;
@@ -60,15 +59,15 @@ pub fn identify(
     words.extend(options.iter().cloned());
     let Command::Identify(args) = parse("identify", &words)? else { return Err(another("identify")) };
     let mission = results::undisturbed(opened, file)?;
-    let settings = settings(&args, opened, mission);
+    let mut settings = settings(&args, opened, mission);
     let need = fewest_samples(opened);
     let mut problems = opened.warnings.clone();
     let mut labelled: Vec<LabelledRecord> = Vec::new();
     for given in records {
         problems.extend(given.warnings.clone());
-        let record = passed(given, need, settings.low_pass_hz)?;
+        let record = long_enough(given, need)?;
         let label = label(&given.path, &labelled);
-        labelled.push(LabelledRecord { label, record, resampled: (false, false) });
+        labelled.push(LabelledRecord { label, record, resampled: (false, false), continues: false });
     }
     let (mut fit_options, earlier) = args.options(&opened.model)?;
     problems.extend(earlier.warnings);
@@ -81,10 +80,10 @@ pub fn identify(
     let sources = records.iter().chain(held_out).map(|g| g.source.clone());
     inputs.splice(named..named, sources);
     same_data(&inputs[named..], records.len(), held_out.is_some(), &earlier.inputs)?;
-    let held = match (HoldOut::of(&args)?, held_out) {
+    let mut held = match (HoldOut::of(&args)?, held_out) {
         (_, Some(given)) => {
             problems.extend(given.warnings.clone());
-            Held::File { record: passed(given, 8, settings.low_pass_hz)?, path: given.path.clone() }
+            Held::File { record: long_enough(given, 8)?, path: given.path.clone() }
         }
         (HoldOut::Nothing, None) => Held::None,
         (HoldOut::Part(f), None) => {
@@ -97,13 +96,18 @@ pub fn identify(
         }
     };
     fit_options.profile.clone_from(&args.profile);
-    go_on(&mut labelled, earlier.records);
-    let sources = records.iter().map(|g| g.path.clone()).chain(earlier.files).collect();
+    let refused = |(exit, problems): (Exit, Problems)| Refused { exit, problems: problems.in_file(file) };
+    let mut data = Data { records: labelled, sources: records.iter().map(|g| g.path.clone()).collect(), problems };
+    data.divide(&mut held).map_err(refused)?;
+    go_on(&mut data.records, earlier.records);
+    data.sources.extend(earlier.files);
+    data.on_the_ground(opened, &mut settings, &mut fit_options, &mut held).map_err(refused)?;
+    let Data { records, sources, problems } = data;
     let mut ready = Ready {
         opened: opened.clone(),
         settings,
         options: fit_options,
-        records: labelled,
+        records,
         sources,
         earlier: earlier.inputs,
         held,
@@ -120,17 +124,14 @@ pub fn identify(
     Ok(Identification { opened, records, found, held, problems, exit, args, inputs })
 }
 
-/// A record that is long enough, behind the low pass (Hz) if there is one.
-fn passed(given: &Given, need: usize, low_pass_hz: Option<f64>) -> Result<Record, Problems> {
+/// A record that is long enough.
+fn long_enough(given: &Given, need: usize) -> Result<Record, Problems> {
     let n = given.record.samples();
     if n < need {
         let p = Problem::error(Area::Data, "Data::TooShort", format!("{n} samples, at least {need} needed"));
         return Err(Problems(vec![p.in_file(&given.path).hint("record longer, or estimate less")]));
     }
-    match low_pass_hz {
-        Some(hz) => filtered(&given.record, hz).map_err(|p| p.in_file(&given.path)),
-        None => Ok(given.record.clone()),
-    }
+    Ok(given.record.clone())
 }
 
 impl Identification {

@@ -26,12 +26,12 @@ impl<'a> Column<'a> {
     }
 }
 
-/// Writes columns of equal length, atomically.
+/// Writes columns of equal length, atomically. NaN is what was not read then, an empty cell.
 ///
 /// Numbers are printed with Rust's shortest form, which reads back to the same bits.
 ///
 /// # Errors
-/// [`Failure::Length`] for unequal columns, [`Failure::NotFinite`] naming column and row, [`Failure::Io`].
+/// [`Failure::Length`] for unequal columns, [`Failure::NotFinite`] naming column and row of an infinite number, [`Failure::Io`].
 pub fn write(path: &Path, columns: &[Column<'_>]) -> Result<(), Failure> {
     let rows = columns.first().map_or(0, |c| c.values.len());
     for c in columns {
@@ -39,7 +39,7 @@ pub fn write(path: &Path, columns: &[Column<'_>]) -> Result<(), Failure> {
             let place = format!("{}: columns {} and {}", path.display(), columns[0].header(), c.header());
             return Err(Failure::Length { place, left: rows, right: c.values.len() });
         }
-        if let Some(row) = c.values.iter().position(|v| !v.is_finite()) {
+        if let Some(row) = c.values.iter().position(|v| v.is_infinite()) {
             let place = format!("{}: column {}, row {}", path.display(), c.header(), row + 1);
             return Err(Failure::NotFinite { place, value: c.values[row].to_string() });
         }
@@ -59,6 +59,9 @@ fn render(columns: &[Column<'_>], rows: usize) -> Result<Vec<u8>, Box<dyn std::e
 
 /// Shortest text that reads back exactly, in exponent form where that is shorter.
 fn number(v: f64) -> String {
+    if v.is_nan() {
+        return String::new();
+    }
     let (plain, exp) = (format!("{v}"), format!("{v:e}"));
     if exp.len() < plain.len() { exp } else { plain }
 }

@@ -155,7 +155,12 @@ fn one(case: &Case, record: &Record, trial: Trial) -> anyhow::Result<End> {
         noise_gyro_rad_per_s: case.noise.gyro,
         settings: BTreeMap::new(),
     };
-    let records = [LabelledRecord { label: "record".to_owned(), record: record.clone(), resampled: (false, false) }];
+    let records = [LabelledRecord {
+        label: "record".to_owned(),
+        record: record.clone(),
+        resampled: (false, false),
+        continues: false,
+    }];
     let begun = Instant::now();
     let found = identify(&opened, &records, &settings, &FitOptions::default(), provenance, &Observer::default());
     let seconds = begun.elapsed().as_secs_f64();

@@ -129,7 +129,7 @@ impl World {
     }
     /// A record as the fit takes it.
     pub(in crate::study) fn labelled(&self, label: &str, r: &Readings) -> Result<LabelledRecord, Problems> {
-        Ok(LabelledRecord { label: label.to_owned(), record: self.record(r, &[])?, resampled: (false, false) })
+        Ok(LabelledRecord { label: label.to_owned(), record: self.record(r, &[])?, resampled: (false, false), continues: false })
     }
     /// What `ffid identify` makes of several records, corrected clocks put into them.
     pub(in crate::study) fn identify_all(
@@ -154,7 +154,7 @@ impl World {
     /// One fit, without checks of the record: for readings without noise, whose residuals are those of an error alone.
     pub(in crate::study) fn fit(&self, opened: &Opened, r: &Readings) -> Result<Identified, IdentifyError> {
         let record = self.record(r, &["Data::Stuck"]).map_err(IdentifyError::Refused)?;
-        let records = [LabelledRecord { label: "rec".to_owned(), record, resampled: (false, false) }];
+        let records = [LabelledRecord { label: "rec".to_owned(), record, resampled: (false, false), continues: false }];
         identify(opened, &records, &self.settings, &FitOptions::default(), self.provenance(), &Observer::default())
     }
 }

@@ -1,8 +1,12 @@
 //! Errors and warnings that follow from an identification.
 
 use super::args::Args;
+use ff_model::diagnostics::list;
 use ff_model::{Area, Problem, Problems};
-use ffid::workflow::identify::{Combination, IdentificationResult, SampledState, State};
+use ffid::workflow::identify::{Combination, IdentificationResult, Method, SampledState, State};
+
+/// Most combinations named in one line.
+const LISTED: usize = 3;
 
 /// What a result finds fault with. A solution that is not one, and what nothing can tell, are errors.
 pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
@@ -13,15 +17,28 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
         let p = Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}", r.status));
         add(p, "start nearer, give priors, or raise --max-iterations");
     }
-    let silent: Vec<(&Combination, &str)> = match &r.silent {
-        None => r.null_directions.iter().map(|d| (d, "")).collect(),
-        Some(s) => {
-            let structural = s.structural.iter().map(|d| (d, ", as any record of this robot is"));
-            structural.chain(s.unexcited.iter().map(|d| (d, ", which another motion might tell"))).collect()
-        }
+    let silent: Vec<(&[Combination], &str)> = match &r.silent {
+        None => vec![(&r.null_directions, "")],
+        Some(s) => vec![
+            (
+                &s.structural,
+                if r.method == Method::Ground {
+                    ", as any log of this arm with its base fixed is"
+                } else {
+                    ", as any record of this robot is"
+                },
+            ),
+            (&s.unexcited, ", which another motion might tell"),
+        ],
     };
-    for (d, why) in silent {
-        let what = format!("the record is silent on {}{why}", d.text);
+    for (all, why) in silent.into_iter().filter(|s| !s.0.is_empty()) {
+        let what = match all {
+            [one] => format!("the record is silent on {}{why}", one.text),
+            _ => {
+                let named = list(all.iter().map(|d| d.text.as_str()), LISTED);
+                format!("the record is silent on {} combinations of parameters{why}: {named}", all.len())
+            }
+        };
         let (make, hint): (fn(_, _, String) -> Problem, _) = if r.reduced.is_some() {
             (|a, c, m| Problem::warning(a, c, m), "what it can tell was estimated, and the rest held; see the report")
         } else if r.priors_cover {

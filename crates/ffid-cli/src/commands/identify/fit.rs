@@ -46,7 +46,7 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
     // An axis mismatch explains a misfit, and is looked for only then.
     let axes = |records: &[LabelledRecord], s: &Settings| -> Result<(), IdentifyError> {
         let nominal = Params::nominal(model);
-        for (labelled, path) in records.iter().zip(&*sources) {
+        for (labelled, path) in records.iter().zip(&*sources).filter(|(r, _)| !r.continues) {
             let turned = axes::mismatch(model, nominal.values(), &labelled.record, s)?;
             if turned.has_errors() {
                 return Err(IdentifyError::Refused(turned.in_file(path)));
@@ -129,7 +129,7 @@ fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
         ("max_chi2", s.limit.to_string()),
     ];
     all.extend((s.loss != Loss::Squares).then(|| ("loss", format!("{:?}", s.loss).to_lowercase())));
-    all.extend(args.reduce.then(|| ("reduce", "yes".to_owned())));
+    all.extend(r.options.reduce.then(|| ("reduce", "yes".to_owned())));
     all.extend(s.low_pass_hz.map(|hz| (LOW_PASS, hz.to_string())));
     all.extend((args.starts > 1).then(|| ("starts", args.starts.to_string())));
     all.extend((!args.profile.is_empty()).then(|| ("profile", args.profile.join(", "))));

@@ -1,14 +1,18 @@
 //! Mission, records, options and output folder of `ffid identify`, read before anything is computed.
 
 use super::args::Args;
+use crate::flags::fit::failed;
+use crate::flags::record::filtered;
 use crate::results;
 use crate::results::{Refusal, io, refused};
 use ff_mission::Mission;
-use ff_model::{Area, Problem, Problems};
+use ff_model::{Area, Params, Problem, Problems};
 use ff_records::Record;
 use ffid::files::folder::{Entry, Folder};
 use ffid::open::{Opened, open};
-use ffid::workflow::identify::{FitOptions, InputFile, LabelledRecord, Method, Settings, method};
+use ffid::workflow::identify::{
+    FitOptions, InputFile, LabelledRecord, Method, Settings, choose_low_pass, method, on_even_clock, segments,
+};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -133,7 +137,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
     let input = &args.input;
     let opened = open(&input.file, input.leniency()).map_err(refused)?;
     let mission = results::undisturbed(&opened, &input.file).map_err(refused)?;
-    let settings = settings(args, &opened, mission);
+    let mut settings = settings(args, &opened, mission);
     let target = args.out.clone().unwrap_or_else(|| {
         let stem = input.file.file_stem().unwrap_or_default().to_string_lossy();
         PathBuf::from(format!("{stem}-identified"))
@@ -149,7 +153,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
     // Before the folder, so that a wrong path is said first.
     let mut loaded = Vec::new();
     for path in &paths {
-        loaded.push(args.reading.read(path, &opened.model, need, settings.low_pass_hz, input).map_err(refused)?);
+        loaded.push(args.reading.read(path, &opened.model, need, None, input).map_err(refused)?);
     }
     let (mut options, earlier) = args.options(&opened.model).map_err(refused)?;
     files.extend(args.ties.iter().cloned());
@@ -164,26 +168,108 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
     for (path, l) in paths.iter().zip(loaded) {
         problems.extend(l.warnings);
         let label = label(path, &records);
-        records.push(LabelledRecord { label, record: l.record, resampled: (false, false) });
+        records.push(LabelledRecord { label, record: l.record, resampled: (false, false), continues: false });
     }
-    let held = match hold_out {
+    let mut held = match hold_out {
         HoldOut::Nothing => Held::None,
         HoldOut::Part(f) => {
             let name = paths[paths.len() - 1].display().to_string();
             cut(&mut records, f, need, &name).map_err(refused)?
         }
         HoldOut::File(path) => {
-            let other = args.reading.read(&path, &opened.model, 8, settings.low_pass_hz, input).map_err(refused)?;
+            let other = args.reading.read_one(&path, &opened.model, None, input)?;
             problems.extend(other.warnings);
             Held::File { record: other.record, path }
         }
     };
-    go_on(&mut records, earlier.records);
-    let sources = paths.into_iter().chain(earlier.files).collect();
+    let mut data = Data { records, sources: paths, problems };
+    data.divide(&mut held)?;
+    go_on(&mut data.records, earlier.records);
+    data.sources.extend(earlier.files);
+    data.on_the_ground(&opened, &mut settings, &mut options, &mut held)?;
     options.profile.clone_from(&args.profile);
+    let Data { records, sources, problems } = data;
     let ready =
         Ready { opened, settings, options, records, sources, earlier: earlier.inputs, held, problems, inputs };
     Ok((ready, Destination { files, folder, target }))
+}
+
+/// Records on their way to the fit, where they come from, and what was found on the way.
+pub(crate) struct Data {
+    pub(crate) records: Vec<LabelledRecord>,
+    pub(crate) sources: Vec<PathBuf>,
+    pub(crate) problems: Problems,
+}
+
+impl Data {
+    /// Cuts every record where its motion cannot be told, and what judges to its longest part.
+    pub(crate) fn divide(&mut self, held: &mut Held) -> Result<(), Refusal> {
+        let (mut records, mut sources) = (Vec::new(), Vec::new());
+        for (of, path) in self.records.drain(..).zip(self.sources.drain(..)) {
+            let found = segments(&of.label, &of.record).map_err(failed)?;
+            self.problems.extend(found.warnings.clone().in_file(&path));
+            let parts: Vec<LabelledRecord> = found.labelled(&of.label).into_iter().collect();
+            sources.extend(std::iter::repeat_n(path, parts.len()));
+            records.extend(parts);
+        }
+        (self.records, self.sources) = (records, sources);
+        if let Held::Part { record, .. } | Held::File { record, .. } = held {
+            let found = segments("held-out", record).map_err(failed)?;
+            self.problems.extend(found.warnings);
+            let longest = found.parts.into_iter().max_by(|a, b| a.seconds().total_cmp(&b.seconds()));
+            *record = longest.unwrap_or_else(|| record.clone());
+        }
+        Ok(())
+    }
+    /// Brings the records of an arm on the ground to an even clock and through the low pass, which is chosen from the longest of them unless
+    /// given.
+    pub(crate) fn on_the_ground(
+        &mut self,
+        opened: &Opened,
+        settings: &mut Settings,
+        options: &mut FitOptions,
+        held: &mut Held,
+    ) -> Result<(), Refusal> {
+        if method(&opened.model, settings.method) != Method::Ground {
+            return Ok(());
+        }
+        // What no motion of an arm whose base is fixed tells is not the fault of a record.
+        options.reduce = true;
+        let Self { records, problems, .. } = self;
+        for r in records.iter_mut() {
+            let (even, warned) = on_even_clock(&r.label, &r.record).map_err(failed)?;
+            r.record = even;
+            problems.extend(warned);
+        }
+        let longest = records.iter().max_by(|a, b| a.record.seconds().total_cmp(&b.record.seconds()));
+        let nominal = Params::nominal(&opened.model);
+        if let (None, Some(r)) = (settings.low_pass_hz, longest)
+            && let Some(found) = choose_low_pass(&opened.model, &r.record, &opened.estimated, nominal.values())
+        {
+            let what = format!(
+                "positions and torques pass a low pass of {:.4} Hz: fitted to one half of the log, it misses {:.2} % of the torques of the other, a low \
+                 pass of {:.4} Hz {:.2} % (both compared behind {:.3} Hz)",
+                found.hz,
+                100.0 * found.missed.0,
+                0.1 * r.record.rate_hz(),
+                100.0 * found.missed.1,
+                found.compared_hz
+            );
+            let p = Problem::warning(Area::Data, "Data::Bandwidth", what).on(&r.label);
+            problems.push(p.hint("give --low-pass to choose another"));
+            settings.low_pass_hz = Some(found.hz);
+        }
+        let Some(hz) = settings.low_pass_hz else { return Ok(()) };
+        for r in records.iter_mut() {
+            r.record = filtered(&r.record, hz).map_err(refused)?;
+        }
+        if let Held::Part { record, .. } | Held::File { record, .. } = held {
+            let (even, warned) = on_even_clock("held-out", record).map_err(failed)?;
+            problems.extend(warned);
+            *record = filtered(&even, hz).map_err(refused)?;
+        }
+        Ok(())
+    }
 }
 
 /// Row D39: data that were given twice. `files` are `records` records, then the one held out, if `held` is.

@@ -9,7 +9,7 @@ use ff_report::identify::{all_figures, corner_figure, page};
 use ffid::exit::Failure;
 use ffid::files::folder::Folder;
 use ffid::open::Opened;
-use ffid::workflow::identify::{Identified, LabelledRecord, Sampled, Signals, Warning, draws, keep, model_files};
+use ffid::workflow::identify::{Identified, LOW_PASS, LabelledRecord, Sampled, Signals, Warning, draws, keep, model_files};
 use std::path::Path;
 
 /// Writes everything but the manifest. What is wrong with the files of the robot is added to the warnings of the result, and returned.
@@ -29,7 +29,7 @@ pub(crate) fn write(
         found.result.warnings.extend(Warning::all(&problems));
     }
     // A filtered motion is no record: it would be filtered again.
-    if args.reading.low_pass().is_none() {
+    if !found.result.provenance.settings.contains_key(LOW_PASS) {
         found.result.kept_records = keep(folder, &opened.model, records)?;
     }
     // What is no solution does not move.

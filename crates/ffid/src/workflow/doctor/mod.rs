@@ -40,6 +40,7 @@ use ff_records::Record;
 use ident::Noise;
 use noise::Level;
 use prediction::Prediction;
+use std::borrow::Cow;
 
 /// One record, and what every part asks of it.
 struct Case<'a> {
@@ -57,13 +58,14 @@ struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
-    fn new(opened: &'a Opened, labelled: &'a LabelledRecord, s: &Settings) -> Result<Self, IdentifyError> {
-        let (model, record) = (&opened.model, &labelled.record);
+    fn new(
+        opened: &'a Opened,
+        labelled: &'a LabelledRecord,
+        record: &'a Record,
+        s: &Settings,
+    ) -> Result<Self, IdentifyError> {
+        let (model, record) = (&opened.model, record);
         record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
-        record.check_uniform("the diagnosis of a record").map_err(|e| {
-            let p = Problem::error(Area::Data, "Data::TimeBase", e.to_string()).on(&labelled.label);
-            IdentifyError::Refused(Problems(vec![p.hint("bring it to one clock, such as with ff_records' resampled")]))
-        })?;
         let level = Level::of(record);
         // A mission of perfect sensors does not say what a reading weighs; the record does.
         let or = |given: f64, measured: &[f64]| {
@@ -105,6 +107,17 @@ impl<'a> Case<'a> {
     }
 }
 
+/// The record as it is judged: on one clock, for factors, signs and axes, which interpolation leaves.
+fn on_one_clock(labelled: &LabelledRecord) -> Result<Cow<'_, Record>, IdentifyError> {
+    if labelled.record.is_uniform() {
+        return Ok(Cow::Borrowed(&labelled.record));
+    }
+    labelled.record.bridged().map(Cow::Owned).map_err(|e| {
+        let p = Problem::error(Area::Data, "Data::TimeBase", e.to_string()).on(&labelled.label);
+        IdentifyError::Refused(Problems(vec![p.hint("cut the record to what all channels cover")]))
+    })
+}
+
 /// The highest frequency (Hz) of the modes at the first sample, or the rate of decay of an overdamped one as such.
 fn fastest(model: &Model, record: &Record) -> f64 {
     let params = Params::nominal(model);
@@ -131,7 +144,8 @@ pub fn diagnose(
 ) -> Result<Diagnosis, IdentifyError> {
     let mut findings = Vec::new();
     for (k, labelled) in records.iter().enumerate() {
-        let case = Case::new(opened, labelled, settings)?;
+        let even = on_one_clock(labelled)?;
+        let case = Case::new(opened, labelled, &even, settings)?;
         findings.push(gaps::finding(&case, warnings.get(k)));
         let moves = excitation::findings(&case);
         let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
@@ -180,7 +194,12 @@ struct Scales {
 /// # Errors
 /// [`IdentifyError::IllPosed`] when nothing moves; [`IdentifyError::Refused`] for the record of another robot, or on several clocks.
 pub fn before_fit(opened: &Opened, labelled: &LabelledRecord, settings: &Settings) -> Result<Problems, IdentifyError> {
-    let case = Case::new(opened, labelled, settings)?;
+    // Units, signs and axes are those of the part that the record begins with.
+    if labelled.continues {
+        return Ok(Problems::default());
+    }
+    let even = on_one_clock(labelled)?;
+    let case = Case::new(opened, labelled, &even, settings)?;
     let wrong = |findings: Vec<Finding>| {
         Problems(findings.into_iter().filter(|f| f.judgement == Judgement::Wrong).filter_map(|f| f.problem).collect())
     };

@@ -16,8 +16,12 @@ const SURE: f64 = 0.05;
 
 pub(super) fn findings(case: &Case<'_>, opened: &Opened) -> Result<Vec<Finding>, IdentifyError> {
     let nominal = Params::nominal(&opened.model);
-    let labelled =
-        LabelledRecord { label: case.label.to_owned(), record: case.record.clone(), resampled: (false, false) };
+    let labelled = LabelledRecord {
+        label: case.label.to_owned(),
+        record: case.record.clone(),
+        resampled: (false, false),
+        continues: false,
+    };
     Ok(match decay_modes(&opened.model, nominal.values(), &labelled, &case.settings)? {
         DecayOutcome::None(why) => {
             let text = why.0.first().map_or_else(String::new, |p| p.message.clone());

@@ -1,7 +1,7 @@
 //! Axis mismatch (row D21) as problems: is a sensor turned, or its sign reversed? [`ident::checks::axis_mismatches`].
 
 use super::error::IdentifyError;
-use super::record_estimator::RecordEstimator;
+use super::record_estimator::{RecordEstimator, setup};
 use super::settings::Settings;
 use ff_model::{Area, Model, Problem, Problems};
 use ff_records::Record;
@@ -15,6 +15,9 @@ const XYZ: [&str; 3] = ["x", "y", "z"];
 /// # Errors
 /// [`IdentifyError`] when the model cannot be evaluated.
 pub fn mismatch(model: &Model, values: &[f64], record: &Record, s: &Settings) -> Result<Problems, IdentifyError> {
+    // Axes and signs are told from magnitudes.
+    let even = record.bridged().map_err(ident::SetupError::from).map_err(setup)?;
+    let record = &even;
     let mut fit = RecordEstimator::new(model, record, s)?;
     let sigma = fit.sigmas(model);
     let e = fit.estimator();

@@ -10,7 +10,7 @@ use super::identified::Identified;
 use super::labelled_record::LabelledRecord;
 use super::observed_estimator::Observer;
 use super::options::FitOptions;
-use super::record_estimator::RecordEstimator;
+use super::record_estimator::{RecordEstimator, setup};
 use super::result::fit::Method;
 use super::result::parameter::Parameter;
 use super::result::provenance::Provenance;
@@ -77,6 +77,9 @@ pub fn identify_checked(
     // With errors of sensors among the unknowns, which the comparison of clocks does not know, clocks are among the errors that are tested.
     let errors = found.result.uncertain.iter().any(|u| u.kind.is_shared());
     let may_be = checks.clocks == ClockPolicy::Require || !errors && speaks_for(&found, &CLOCKS);
+    // Nor are clocks compared where channels count at times of their own: errors of clocks are among those that are tested.
+    let even = records.iter().all(|r| r.record.is_uniform() && !r.continues);
+    let may_be = may_be && (even || checks.clocks == ClockPolicy::Require);
     if checks.clocks != ClockPolicy::Trust && !s.initial_state && may_be {
         let (again, lines, warnings) = set_clocks(&opened.model, records, &s, checks.clocks, found, &fit)?;
         (found, clocks) = (again, lines);
@@ -148,8 +151,13 @@ fn momentum(
     s: &Settings,
     watch: &Observer<'_>,
 ) -> Result<Option<MomentumChange>, IdentifyError> {
-    let (model, record) = (&opened.model, &labelled.record);
-    let s = Settings { method: Some(Method::OutputError), ..s.clone() };
+    let even = labelled.record.bridged().map_err(ident::SetupError::from).map_err(setup)?;
+    let (model, record) = (&opened.model, &even);
+    let s = Settings {
+        method: Some(Method::OutputError),
+        initial_state: s.initial_state || labelled.continues,
+        ..s.clone()
+    };
     let mut fit = RecordEstimator::new(model, record, &s)?;
     let beside = nuisance(fit.estimator(), &found.values, &s, watch)?;
     let at = (found.values.as_slice(), found.selected.as_slice());

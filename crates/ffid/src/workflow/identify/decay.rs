@@ -36,7 +36,8 @@ pub(crate) fn decay_modes(
     if model.nv() > MAX_DENSE {
         return refusal(FreeDecayError::NoPassiveCoordinates);
     }
-    let record = &labelled.record;
+    let Ok(even) = labelled.record.bridged() else { return refusal(FreeDecayError::NoPassiveCoordinates) };
+    let record = &even;
     let found = match free_decay(model, values, record, &sigmas(model, &s.noise)) {
         Ok(found) => found,
         Err(e) => return refusal(e),

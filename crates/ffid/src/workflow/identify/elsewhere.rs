@@ -6,6 +6,7 @@
 
 use super::labelled_record::LabelledRecord;
 use super::observed_estimator::ObservedEstimator;
+use super::row_layout::RowLayout;
 use super::settings::Settings;
 use super::signals::Signals;
 use super::unknowns::Unknowns;
@@ -160,13 +161,14 @@ fn lines(first: &Estimate, of: &Subject<'_>) -> Vec<f64> {
     let mut found = Vec::new();
     let mut at = 0;
     for t in of.records {
-        let rows = t.record.samples() * of.sigma.len();
+        let rows = RowLayout::of(&t.record, of.sigma.len()).rows();
         let Some(part) = first.residuals.get(at..at + rows) else { break };
         at += rows;
         let signals = Signals::of(of.model, &t.record, part, of.sigma);
         for (k, sigma) in of.sigma.iter().enumerate() {
-            let whitened: Vec<f64> = signals.residual(k).iter().map(|r| r / sigma).collect();
-            if let Ok(c) = whiteness::check(&signals.names[k], &whitened, t.record.rate_hz(), &[])
+            let (read, rate) = signals.readings(k);
+            let whitened: Vec<f64> = read.iter().map(|r| r / sigma).collect();
+            if let Ok(c) = whiteness::check(&signals.names[k], &whitened, rate, &[])
                 && c.excess_p < POWER
             {
                 found.push((c.mean_square, c.peak_hz));

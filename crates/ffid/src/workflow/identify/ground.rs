@@ -1,6 +1,7 @@
 //! The arm on the ground: a fixed base with gravity, positions and torques, joint friction. Linear least squares
 //! ([`Ground`]), made physical by projection ([`ident::solve::project`](mod@ident::solve::project)).
 
+use super::bandwidth::correlated_samples;
 use super::error::{IdentifyError, config};
 use super::findings::{DeterminedCombination, ReducedSet};
 use super::identified::Identified;
@@ -26,7 +27,7 @@ use ident::Posterior;
 use ident::Priors;
 use ident::SetupError;
 use ident::estimate::report::FitReport;
-use ident::solve::{LinearError, LinearEstimate};
+use ident::solve::{LinearError, LinearEstimate, Weights};
 use ident::{Friction, Ground, GroundEstimate};
 
 /// Joint friction and noise, as an identification found them.
@@ -124,15 +125,31 @@ pub(super) fn identify(
     let ground = calibration(model, s.low_pass_hz)?;
     let samples: Vec<&Record> = records.iter().map(|r| &r.record).collect();
     let mut found = ground.estimate(&samples, selected, start).map_err(linear)?;
+    let sigma: Vec<f64> = found.fit.kinds.iter().map(|k| k.sigma).collect();
+    // What is left is not white: behind a filter, with friction that is not what the formula says, with joints that bend. Residuals of so
+    // many samples count as one.
+    let joints = model.nj();
+    let mut counted = vec![(0.0, 0.0); joints];
+    for r in records {
+        let (_, residual) = ground.predict(&r.record, &found.fit.values, &found.friction).map_err(linear)?;
+        for (c, column) in counted.iter_mut().zip(residual.column_iter()) {
+            let n = column.len() as f64;
+            *c = (c.0 + n * correlated_samples(column.as_slice()), c.1 + n);
+        }
+    }
+    let correlated: Vec<f64> = counted.iter().map(|c| c.0 / c.1.max(1.0)).collect();
+    let effective: Vec<f64> = sigma.iter().zip(&correlated).map(|(s, t)| s * t.sqrt()).collect();
+    let chi2_per_dof = found.fit.chi2_per_dof;
+    found = ground.clone().weights(Weights::Given(effective)).estimate(&samples, selected, start).map_err(linear)?;
+    found.fit.chi2_per_dof = chi2_per_dof;
     // Numbers that no body has are moved to the nearest that some body has.
     let bounded = found.make_physical(decls, selected, start).map_err(|e| IdentifyError::Model(e.to_string()))?;
-    let sigma: Vec<f64> = found.fit.kinds.iter().map(|k| k.sigma).collect();
     let arm = Arm { friction: found.friction.clone(), sigma, low_pass_hz: s.low_pass_hz };
     let (mut signals, mut seen) = (Vec::new(), Vec::new());
     for r in records {
         let (predicted, record) = predict(model, &ground, &r.record, &found.fit.values, &arm)?;
         signals.push(predicted);
-        seen.push(LabelledRecord { label: r.label.clone(), record, resampled: r.resampled });
+        seen.push(LabelledRecord { label: r.label.clone(), record, resampled: r.resampled, continues: r.continues });
     }
     let provenance = Provenance { record: record_line(&records[0].record), ..provenance };
     let result = report(opened, &seen, s, options, (&unknowns, &found, &bounded), &signals, provenance)?;
@@ -172,7 +189,7 @@ pub(super) fn explain(
 ) -> Result<(Signals, usize), IdentifyError> {
     let ground = calibration(model, arm.low_pass_hz)?;
     let (signals, _) = predict(model, &ground, record, values, arm)?;
-    let used = (0..signals.names.len()).flat_map(|k| signals.residual(k)).filter(|r| *r != 0.0).count();
+    let used = (0..signals.names.len()).flat_map(|k| signals.readings(k).0).filter(|r| *r != 0.0).count();
     Ok((signals, used))
 }
 

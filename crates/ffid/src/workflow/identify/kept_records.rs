@@ -31,6 +31,9 @@ pub struct KeptRecord {
     pub resampled_torques: bool,
     /// Whether its gyro was.
     pub resampled_gyro: bool,
+    /// Whether it is the part behind a gap, which begins in the middle of a motion.
+    #[serde(default)]
+    pub continues: bool,
 }
 
 /// Writes the records of a fit into its folder; none of them when they are longer than [`MOST_SAMPLES`] or have several clocks.
@@ -47,7 +50,8 @@ pub fn keep(folder: &Folder, model: &Model, records: &[LabelledRecord]) -> Resul
         let file = format!("record-{}.parquet", k + 1);
         write(&folder.path().join(&file), model, &labelled.record)?;
         let (resampled_torques, resampled_gyro) = labelled.resampled;
-        kept.push(KeptRecord { label: labelled.label.clone(), file, resampled_torques, resampled_gyro });
+        let label = labelled.label.clone();
+        kept.push(KeptRecord { label, file, resampled_torques, resampled_gyro, continues: labelled.continues });
     }
     Ok(kept)
 }
@@ -100,7 +104,8 @@ pub fn read_kept(
     };
     let one = |k: &KeptRecord| {
         let record = read(&folder.join(&k.file), &joints_of(model), &options)?.record;
-        Ok(LabelledRecord { label: k.label.clone(), record, resampled: (k.resampled_torques, k.resampled_gyro) })
+        let resampled = (k.resampled_torques, k.resampled_gyro);
+        Ok(LabelledRecord { label: k.label.clone(), record, resampled, continues: k.continues })
     };
     kept.iter().map(one).collect()
 }

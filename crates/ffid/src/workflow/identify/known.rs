@@ -6,10 +6,12 @@ use super::labelled_record::{LabelledRecord, channel_name};
 use super::options::FitOptions;
 use super::result::channel::ModeLine;
 use super::result::parameter::Value;
+use super::row_layout::RowLayout;
 use super::signals::Signals;
 use super::unknowns::Unknowns;
 use ff_linalg::LinalgError;
 use ff_model::{Model, Params};
+use ff_records::Record;
 use ident::Estimator;
 use ident::Request;
 use ident::Transform;
@@ -132,11 +134,13 @@ pub(super) fn whiteness(
             if smoothed {
                 continue;
             }
+            // Samples that were lost leave those that are there one behind the other: white noise stays white.
+            let (read, rate) = s.readings(j);
             channels.push(ChannelResiduals {
                 channel: channel_name(records, k, name).into_owned(),
-                residuals: s.residual(j).iter().map(|r| r / s.sigma[j]).collect(),
-                rate_hz: labelled.record.rate_hz(),
-                besides: drawn.get(k).map_or_else(Vec::new, |d| of_channel(d, j, s.names.len(), s.time.len())),
+                residuals: read.iter().map(|r| r / s.sigma[j]).collect(),
+                rate_hz: rate,
+                besides: drawn.get(k).map_or_else(Vec::new, |d| of_channel(d, j, &labelled.record)),
             });
         }
     }
@@ -144,12 +148,13 @@ pub(super) fn whiteness(
     check_all(&channels, &hz).iter().map(|(c, white)| Whiteness::of(c, *white, c.excess_p < level)).collect()
 }
 
-/// Draws of one channel out of those of all; the gyro is not among the channels of the rigid method.
-fn of_channel(drawn: &DMatrix<f64>, channel: usize, channels: usize, samples: usize) -> Vec<Vec<f64>> {
-    let all = drawn.nrows() / samples.max(1);
-    if channels > all {
+/// Draws of one channel out of those of all, in the order of the rows.
+fn of_channel(drawn: &DMatrix<f64>, channel: usize, record: &Record) -> Vec<Vec<f64>> {
+    let layout = RowLayout::of(record, record.joints() + 3);
+    // The rigid method has no draws of its own rows.
+    if drawn.nrows() != layout.rows() {
         return Vec::new();
     }
-    let of = |k: usize| (0..samples).map(|i| drawn[(i * all + channel, k)]).collect();
+    let of = |k: usize| (0..layout.samples(channel)).map(|i| drawn[(layout.row(channel, i), k)]).collect();
     (0..drawn.ncols()).map(of).collect()
 }

@@ -12,6 +12,8 @@ pub struct LabelledRecord {
     pub record: Record,
     /// Torques, gyro: put on another clock by interpolation, which smooths their noise.
     pub resampled: (bool, bool),
+    /// The part behind a gap of a longer record: it begins in the middle of a motion, so that its initial state is estimated.
+    pub continues: bool,
 }
 
 /// The name of a channel where there are several records.

@@ -15,6 +15,7 @@
 //! ```
 pub(crate) mod adoption;
 pub mod axes;
+pub(crate) mod bandwidth;
 pub(crate) mod checked;
 pub(crate) mod clocks;
 pub(crate) mod compare;
@@ -38,8 +39,10 @@ pub(crate) mod options;
 pub(crate) mod record_estimator;
 pub(crate) mod report;
 pub(crate) mod result;
+mod row_layout;
 pub(crate) mod run;
 pub(crate) mod sampled;
+pub(crate) mod segments;
 pub(crate) mod settings;
 pub(crate) mod signals;
 mod survey;
@@ -48,6 +51,7 @@ pub(crate) mod ties;
 pub(crate) mod uncertain;
 mod unknowns;
 
+pub use bandwidth::{Bandwidth, choose_low_pass};
 pub use checked::{AxesCheck, identify_checked};
 pub use compare::{Comparison, compare_variants};
 pub use error::IdentifyError;
@@ -73,6 +77,7 @@ pub use result::{
 };
 pub use run::identify;
 pub use sampled::sample_posterior;
+pub use segments::{Segments, on_even_clock, segments};
 pub use settings::{EXPLAINED, Settings, method};
 pub use signals::Signals;
 pub use text::{num, verdict};

@@ -94,6 +94,10 @@ pub(super) struct Twin<'a> {
 }
 
 impl<'a> Twin<'a> {
+    /// The record.
+    pub(super) fn record(&self) -> &'a Record {
+        self.record.1
+    }
     /// Output error of the same record with other options, for columns that need not be exact ([`OutputError::survey`]); for the rigid
     /// method, whose torques are predicted from the gyro, made anew.
     pub(super) fn survey(&self, options: &Options, full: &[f64]) -> Result<OutputError<'a>, SetupError> {

@@ -54,12 +54,14 @@ pub fn identify(
     check(opened, settings).map_err(IdentifyError::Refused)?;
     for t in records {
         t.record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
-        t.record.check_uniform("identification with all checks").map_err(|e| {
-            let p = Problem::error(Area::Data, "Data::TimeBase", e.to_string());
-            IdentifyError::Refused(Problems(vec![p.hint("bring it to one clock, or fit it with ident::OutputError")]))
-        })?;
     }
     if method(model, settings.method) == Method::Ground {
+        for t in records {
+            t.record.check_uniform("a calibration on the ground").map_err(|e| {
+                let p = Problem::error(Area::Data, "Data::TimeBase", e.to_string()).on(&t.label);
+                IdentifyError::Refused(Problems(vec![p.hint("bring it to one clock with on_even_clock")]))
+            })?;
+        }
         ground::check(settings, options).map_err(IdentifyError::Refused)?;
         return ground::identify(opened, records, settings, options, provenance);
     }
@@ -187,7 +189,11 @@ struct Assembled<'a> {
 impl<'a> Assembly<'a> {
     /// With columns of these errors of sensors and placements.
     fn assemble(&self, uncertain: &UncertainItems) -> Result<Assembled<'a>, IdentifyError> {
-        let of = |t: &'a LabelledRecord| RecordEstimator::beside(self.model, &t.record, self.settings, uncertain);
+        let moving = Settings { initial_state: true, ..self.settings.clone() };
+        let of = |t: &'a LabelledRecord| {
+            let settings = if t.continues { &moving } else { self.settings };
+            RecordEstimator::beside(self.model, &t.record, settings, uncertain)
+        };
         let mut fits = self.records.iter().map(of).collect::<Result<Vec<_>, _>>()?;
         let sigma = fits.first().map(|f| f.sigmas(self.model)).unwrap_or_default();
         let rows: Vec<usize> = fits.iter_mut().map(|f| f.estimator().rows()).collect();

@@ -1,13 +1,14 @@
 //! Measured and predicted channels side by side.
 
 use super::result::channel::Channel;
+use super::row_layout::RowLayout;
 use crate::exit::Failure;
 use crate::files::atomic;
 use crate::files::csv_out;
 use crate::files::csv_out::Column;
 use ff_model::{JointKind, Model};
-use ff_records::Record;
 use ff_records::file::{Block, ParquetWriter, Stamps};
+use ff_records::{ChannelGroup, Record};
 use nalgebra::DMatrix;
 use std::path::Path;
 
@@ -22,44 +23,83 @@ pub struct Signals {
     pub units: Vec<&'static str>,
     /// Standard deviations of the sensors.
     pub sigma: Vec<f64>,
-    /// N x channels.
+    /// N x channels; NaN at times at which the channel was not read.
     pub measured: DMatrix<f64>,
     /// N x channels, biases included.
     pub predicted: DMatrix<f64>,
 }
 
 impl Signals {
-    /// From whitened residuals `(predicted - measured) / sigma`, sample after sample.
+    /// From whitened residuals `(predicted - measured) / sigma`, in the order of the rows of the estimator.
     ///
     /// # Panics
-    /// If there is not one residual per sample and channel.
+    /// If there is not one residual per reading of the channels.
     pub fn of(model: &Model, record: &Record, residuals: &[f64], sigma: &[f64]) -> Self {
-        let (n, k) = (record.samples(), sigma.len());
-        assert_eq!(residuals.len(), n * k, "one residual per sample and channel");
-        let measured = record.responses().columns(0, k).into_owned();
-        let predicted = DMatrix::from_fn(n, k, |i, j| measured[(i, j)] + sigma[j] * residuals[i * k + j]);
+        let (k, joints) = (sigma.len(), record.joints());
+        let layout = RowLayout::of(record, k);
+        assert_eq!(residuals.len(), layout.rows(), "one residual per reading");
+        let times = |group: ChannelGroup, rows: usize| -> Vec<f64> {
+            record.times(group).map_or_else(|| (0..rows).map(|i| record.time(i)).collect(), <[f64]>::to_vec)
+        };
+        let torque = times(ChannelGroup::Torque, record.tau().nrows());
+        let gyro = if k > joints { times(ChannelGroup::Gyro, record.gyro().nrows()) } else { torque.clone() };
+        let mut time = torque.clone();
+        if gyro != torque {
+            time.extend(&gyro);
+            time.sort_unstable_by(f64::total_cmp);
+            time.dedup();
+        }
+        let blank = || DMatrix::from_element(time.len(), k, f64::NAN);
+        let (mut measured, mut predicted) = (blank(), blank());
+        for c in 0..k {
+            let (values, column, own) =
+                if c < joints { (record.tau(), c, &torque) } else { (record.gyro(), c - joints, &gyro) };
+            let mut at = 0;
+            for (i, t) in own.iter().enumerate() {
+                at += time[at..].partition_point(|x| x < t);
+                measured[(at, c)] = values[(i, column)];
+                predicted[(at, c)] = values[(i, column)] + sigma[c] * residuals[layout.row(c, i)];
+            }
+        }
         let torque = |b: &ff_model::Body| if b.joint.kind == JointKind::Prismatic { "N" } else { "N m" };
         let mut units: Vec<&'static str> = model.bodies().iter().map(torque).collect();
         units.resize(k, "rad/s");
         let mut names = record.response_names();
         names.truncate(k);
-        Self {
-            time: (0..n).map(|i| i as f64 / record.rate_hz()).collect(),
-            names,
-            units,
-            sigma: sigma.to_vec(),
-            measured,
-            predicted,
-        }
+        Self { time, names, units, sigma: sigma.to_vec(), measured, predicted }
     }
-    /// Residual `measured - predicted` of a channel. Allocates.
+    /// Residuals of the readings of a channel, and their rate (Hz). Allocates.
+    pub fn readings(&self, k: usize) -> (Vec<f64>, f64) {
+        let all = self.residual(k);
+        let read: Vec<usize> = (0..all.len()).filter(|&i| !all[i].is_nan()).collect();
+        let span = match (read.first(), read.last()) {
+            (Some(&a), Some(&b)) => self.time[b] - self.time[a],
+            _ => 0.0,
+        };
+        let rate = if span > 0.0 { (read.len() - 1) as f64 / span } else { 0.0 };
+        (read.iter().map(|&i| all[i]).collect(), rate)
+    }
+    /// Time, measured and predicted values of a channel where it was read. Allocates.
+    pub fn curve(&self, k: usize) -> [Vec<f64>; 3] {
+        let read = (0..self.time.len()).filter(|&i| !self.measured[(i, k)].is_nan());
+        let mut out: [Vec<f64>; 3] = Default::default();
+        for i in read {
+            out[0].push(self.time[i]);
+            out[1].push(self.measured[(i, k)]);
+            out[2].push(self.predicted[(i, k)]);
+        }
+        out
+    }
+    /// Residual `measured - predicted` of a channel, NaN at times at which it was not read. Allocates.
     pub fn residual(&self, k: usize) -> Vec<f64> {
         self.measured.column(k).iter().zip(self.predicted.column(k).iter()).map(|(m, p)| m - p).collect()
     }
     /// Every channel in a line.
     pub fn channels(&self) -> Vec<Channel> {
-        let rms =
-            |x: &mut dyn Iterator<Item = f64>| (x.map(|v| v * v).sum::<f64>() / self.time.len().max(1) as f64).sqrt();
+        let rms = |x: &mut dyn Iterator<Item = f64>| {
+            let (sum, count) = x.filter(|v| !v.is_nan()).fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
+            (sum / count.max(1) as f64).sqrt()
+        };
         (0..self.names.len())
             .map(|k| {
                 let residual_rms = rms(&mut self.residual(k).into_iter());

@@ -4,6 +4,7 @@ use super::error::IdentifyError;
 use super::explain::Ended;
 use super::extra_mode::{self, ExtraMode};
 use super::record_estimator::Twin;
+use super::row_layout::RowLayout;
 use super::settings::Settings;
 use ff_model::Model;
 use ident::compose::is_called;
@@ -112,7 +113,9 @@ impl Survey {
         let channels = model.nj() + 3;
         for twin in twins {
             let Ok(part) = wide(twin, end, s, columns, &own) else { return Ok(None) };
-            let order = order(part.rows(), channels, part.is_interleaved());
+            // Rows of the fit are listed sample by sample, or group after group where these are, too.
+            let by_sample = part.is_interleaved() || !RowLayout::of(twin.record(), channels).is_interleaved();
+            let order = order(part.rows(), channels, by_sample);
             // Those of the rigid method are not residuals of these rows.
             if e.residuals.len() >= residuals.len() + order.len() {
                 let first = residuals.len();

@@ -185,7 +185,8 @@ impl IdentificationResult {
     }
     /// The code a command ends with that has found this: 13 for combinations that neither data nor priors tell (whatever
     /// the solver then made of them, unless the set that can be told was asked for), 14 for no solution, 16 for a model that the
-    /// record contradicts, 17 for one that was not tested, else 0. On the ground there is no noise figure to test against: 0.
+    /// record or held-out data contradict, 17 for one that was not tested, else 0. On the ground there is no noise figure to test against:
+    /// 0, unless held-out data are missed by more than what the fit left.
     pub fn exit(&self) -> crate::exit::Exit {
         use crate::exit::Exit;
         if !self.null_directions.is_empty() && !self.priors_cover && self.reduced.is_none() {
@@ -194,6 +195,7 @@ impl IdentificationResult {
             Exit::Numerical
         } else {
             match self.state() {
+                _ if self.held_out.as_ref().is_some_and(|h| !h.explained) => Exit::Contradicted,
                 State::Contradicted => Exit::Contradicted,
                 State::NotTested if self.method != Method::Ground && self.evidence.is_some() => Exit::NotTested,
                 _ => Exit::Done,
