@@ -63,6 +63,9 @@ pub(crate) struct Args {
     /// Take what an earlier identification has learnt as prior: the folder that it wrote.
     #[arg(long, value_name = "DIR")]
     pub(crate) prior_from: Option<PathBuf>,
+    /// Hold what the mission is not sure of at its values and widen the deviations by it (consider covariance), instead of estimating it.
+    #[arg(long)]
+    pub(crate) consider: bool,
     /// Parameters that are functions of fewer unknowns: a file of [[tie]] tables (docs/results.md).
     #[arg(long, value_name = "FILE")]
     pub(crate) ties: Option<PathBuf>,
@@ -115,8 +118,12 @@ impl Args {
     }
     /// Options of the fit, and the files of an earlier identification.
     pub(crate) fn options(&self) -> Result<(FitOptions, Vec<InputFile>), Problems> {
-        let mut options =
-            FitOptions { reduce: self.reduce, more_starts: self.starts as usize - 1, ..FitOptions::default() };
+        let mut options = FitOptions {
+            reduce: self.reduce,
+            more_starts: self.starts as usize - 1,
+            consider: self.consider,
+            ..FitOptions::default()
+        };
         if let Some(path) = &self.ties {
             let text = ff_model::diagnostics::text_file(path, MAX_TIES)?;
             options.ties = TieSpec::read(&text).map_err(|p| p.in_file(path))?;

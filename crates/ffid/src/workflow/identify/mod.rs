@@ -17,6 +17,7 @@ pub mod axes;
 pub(crate) mod checked;
 pub(crate) mod clocks;
 pub(crate) mod compare;
+mod consider;
 pub(crate) mod decay;
 mod elsewhere;
 mod error;
@@ -58,6 +59,7 @@ pub use labelled_record::LabelledRecord;
 pub use observed_estimator::Observer;
 pub use options::FitOptions;
 pub use record_estimator::RecordEstimator;
+pub(in crate::workflow) use result::uncertain::budget as variance_budget;
 pub use result::{
     Better, BodyLine, BodyQuantity, BudgetLine, BudgetShare, Channel, Combination, Correlation, Covariance, Ended,
     FORMAT, HeldOut, IdentificationResult, InputFile, Method, ModeLine, Parameter, ParameterVerdict, PrincipalAxis,
@@ -66,6 +68,8 @@ pub use result::{
 pub use run::identify;
 pub use settings::{EXPLAINED, Settings, method};
 pub use signals::Signals;
-pub use text::{num, verdict};
+pub(in crate::workflow) use text::budget;
+pub use text::{harmful, next_step, num, verdict};
 pub use ties::TieSpec;
-pub use uncertain::{DeclaredUncertain, DeclaredUnknown, UncertainKind};
+pub(in crate::workflow) use uncertain::UncertainUnknown;
+pub use uncertain::{DeclaredUncertain, DeclaredUnknown, UncertainItems, UncertainKind};

@@ -14,6 +14,8 @@ pub struct FitOptions {
     pub more_starts: usize,
     /// What an earlier identification has learnt.
     pub posterior: Option<Posterior>,
+    /// Hold what the mission is not sure of at its values, and widen the deviations by it, instead of estimating it beside.
+    pub consider: bool,
     /// Parameters that are functions of fewer unknowns.
     pub ties: Vec<TieSpec>,
 }

@@ -1,6 +1,7 @@
 //! One identification: unknowns, fit, reduction, identifiability, profiles, result.
 
 use super::adoption::Adopted;
+use super::consider;
 use super::elsewhere::{Subject, elsewhere};
 use super::error::{IdentifyError, config};
 use super::explain::{self, Ended};
@@ -24,6 +25,7 @@ use crate::open::Opened;
 use ff_least_squares::Settings as Solver;
 use ff_model::{Area, Model, Problem, Problems};
 use ident::Estimator;
+use ident::Loss;
 use ident::Request;
 use ident::Several;
 use ident::compose::best_of;
@@ -63,9 +65,19 @@ pub fn identify(
         ground::check(settings, options).map_err(IdentifyError::Refused)?;
         return ground::identify(opened, records, settings, options, provenance);
     }
-    let uncertain = UncertainItems::of(opened);
+    let every = UncertainItems::of(opened);
+    if options.consider {
+        consider_alone(&every, settings, options).map_err(IdentifyError::Refused)?;
+    }
+    let how = if every.shared.is_empty() {
+        method(model, settings.method)
+    } else {
+        settings.method.unwrap_or(Method::OutputError)
+    };
+    let (every, not_allowed_for) = if how == Method::Rda { every.of_parameters_alone() } else { (every, Vec::new()) };
+    let uncertain = if options.consider { every.held_at_mission() } else { every.clone() };
     // The rigid method knows no errors of sensors and placements.
-    let needs = !uncertain.shared.is_empty() && settings.method.is_none();
+    let needs = !every.shared.is_empty() && settings.method.is_none();
     let settings =
         &Settings { method: if needs { Some(Method::OutputError) } else { settings.method }, ..settings.clone() };
     let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
@@ -102,18 +114,29 @@ pub fn identify(
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
     let subject = Subject { model, records, unknowns: &unknowns, settings, sigma: &sigma };
     let fitted = solve(&request, &subject, options, &mut watched);
-    let fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
+    let mut fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
     let values = unknowns.expand(&fitted.estimate.values)?;
     let silent = known::silent(model, &values, &unknowns, &fitted.full)?;
     let profiles = known::profiles(&request, &unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
     let profiles = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { profiles? };
+    let with_errors = Unknowns::new(model, &estimated, settings, options, &every)?;
+    let joint = if options.consider && fitted.estimate.is_solution() {
+        let mut beside = Assembly { unknowns: &with_errors, ..fit }.assemble(&every)?.whole;
+        Some(consider::widen(&mut *beside, &with_errors, &unknowns, &mut fitted)?)
+    } else {
+        None
+    };
     let mut signals = Vec::new();
     let mut at = 0;
     for (t, n) in records.iter().zip(&rows) {
         signals.push(Signals::of(model, &t.record, &fitted.estimate.residuals[at..at + n], &sigma));
         at += n;
     }
-    let end = Ended { model, shared: &shared, labels: &labels, unknowns: &unknowns, fitted: &fitted, values: &values };
+    let mut end =
+        Ended { model, shared: &shared, labels: &labels, unknowns: &unknowns, fitted: &fitted, values: &values };
+    if let Some(j) = &joint {
+        (end.unknowns, end.fitted, end.values) = (&with_errors, &j.fitted, &j.values);
+    }
     let tests = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
     let tests = tests.as_ref();
     let unknowns = &unknowns;
@@ -121,12 +144,47 @@ pub fn identify(
     let mut result = report.result(&fitted, provenance)?;
     result.silent = silent;
     result.profiles = profiles;
+    result.not_allowed_for = not_allowed_for;
+    if let Some(j) = joint {
+        (result.uncertain, result.budget) = (j.lines, j.budget);
+        // Its errors are those of the next identification too: taken as independent they would count as noise.
+        result.posterior = None;
+    }
     result.verdict = text::verdict(&result);
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
     Ok(Identified { result, signals, values, selected: unknowns.touched.clone(), tried })
 }
 
+/// Refuses what considered errors do not go with.
+fn consider_alone(uncertain: &UncertainItems, s: &Settings, o: &FitOptions) -> Result<(), Problems> {
+    let refused = |what: &str, place: &str, hint: &str| {
+        let p = Problem::error(Area::Config, "Config::Consider", what).on(place).hint(hint);
+        Err(Problems(vec![p]))
+    };
+    let exact = "the mission is sure of everything, and nothing can be considered";
+    if uncertain.count() == 0 {
+        return refused(
+            exact,
+            "--consider",
+            "say in [[uncertain]] and [sensors] what is not known exactly, or leave it out",
+        );
+    }
+    let alone = "considered errors widen the covariance of a least-squares fit of all parameters alone";
+    for (place, given) in [
+        ("--profile", !o.profile.is_empty()),
+        ("--reduce", o.reduce),
+        ("--prior-from", o.posterior.is_some()),
+        ("--loss", s.loss != Loss::Squares),
+    ] {
+        if given {
+            return refused(alone, place, "leave it out, or leave --consider out and estimate the errors");
+        }
+    }
+    Ok(())
+}
+
 /// What the estimators of a fit are made of.
+#[derive(Clone, Copy)]
 struct Assembly<'a> {
     model: &'a Model,
     records: &'a [LabelledRecord],
@@ -174,7 +232,9 @@ fn solve(
     let (unknowns, s) = (of.unknowns, of.settings);
     let (first, minima) = if options.more_starts == 0 {
         let first = attempt(request, estimator)?;
-        (elsewhere(request, first, of, estimator), None)
+        // What considered errors leave in the residuals is no other valley.
+        let found = if options.consider { first } else { elsewhere(request, first, of, estimator) };
+        (found, None)
     } else {
         let draw = |k: usize| {
             random_start(request.decls, request.start, request.selected, SPREAD, s.seed.wrapping_add(1 + k as u64))
