@@ -14,6 +14,7 @@ use ffid::files::folder::{About, Entry, Folder};
 use ffid::files::json;
 use ffid::open::Opened;
 use ffid::workflow::excite::Demands;
+use ffid::workflow::identify::UncertainItems;
 use ffid::workflow::preflight::{Determination, Preflight, PreflightError, Question, Seen, Sensing, judge};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -95,6 +96,8 @@ pub(crate) fn verdict(
     demands: &Demands,
 ) -> Result<Preflight, (Exit, Problems)> {
     let constraints = demands.list();
+    let uncertain = UncertainItems::beside(opened, &opened.excited);
+    let small = UncertainItems::small(opened, &opened.excited);
     let question = Question {
         model: &opened.model,
         params: &Params::nominal(&opened.model),
@@ -106,6 +109,8 @@ pub(crate) fn verdict(
         limits: &mission.limits,
         constraints: &constraints,
         end_effector: opened.end_effector,
+        uncertain: Some(&uncertain),
+        small: (!small.is_empty()).then_some(&small),
     };
     judge(&question).map_err(|e| {
         let (exit, hint) = match &e {

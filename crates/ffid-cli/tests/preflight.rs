@@ -42,6 +42,8 @@ fn ask(o: &Opened, motion: &dyn JointMotion, patterns: &[&str], rate_hz: f64) ->
         limits: &mission.limits,
         constraints: &[],
         end_effector: o.end_effector,
+        uncertain: None,
+        small: None,
     })
     .unwrap()
 }
@@ -236,6 +238,8 @@ fn margins_for_all_time_enclose_those_of_samples() {
         limits: &mission.limits,
         constraints: &[],
         end_effector: None,
+        uncertain: None,
+        small: None,
     })
     .unwrap();
     assert!(sampled.limits_hold && all_time.limits_hold && all_time.limits.len() == 28);

@@ -76,6 +76,20 @@ impl Criterion {
         let over = -(e * slope * e.transpose());
         (value.is_finite() && over.iter().all(|x| x.is_finite())).then_some((value, over))
     }
+    /// Value at the covariance of the scaled named parameters, everything else marginalised; `None` where it is not positive definite, or
+    /// shapes or powers make no sense. Allocates.
+    ///
+    /// ```
+    /// use excitation::Criterion;
+    /// use nalgebra::DMatrix;
+    ///
+    /// let covariance = DMatrix::from_row_slice(2, 2, &[0.04, 0.0, 0.0, 0.25]);
+    /// assert!((Criterion::D.value(&covariance).unwrap() - 0.01_f64.ln()).abs() < 1e-12);
+    /// assert_eq!(Criterion::D.value(&-covariance), None);
+    /// ```
+    pub fn value(&self, covariance: &DMatrix<f64>) -> Option<f64> {
+        self.of_covariance(covariance).map(|v| v.0).filter(|v| v.is_finite())
+    }
     fn of_covariance(&self, c: &DMatrix<f64>) -> Option<(f64, DMatrix<f64>)> {
         let n = c.nrows();
         match self {

@@ -3,8 +3,11 @@
 use crate::page::{Block, Cell, Level, Page, Table, points};
 use crate::plot::Figure;
 use ffid::exit::Failure;
-use ffid::workflow::identify::num;
+use ffid::workflow::identify::{BudgetLine, harmful, next_step, num};
 use ffid::workflow::preflight::{Determination, LimitMargin, ModeVisibility, Predicted, Preflight, Proof, Seen};
+
+/// Part of a variance from which it is listed.
+const SEEN: f64 = 0.005;
 
 /// The page. `plan` is how the trajectory was found, in words; none for one that was given.
 ///
@@ -31,6 +34,12 @@ pub fn page(v: &Preflight, plan: Option<&str>, figures: &[(&'static str, Figure)
     said.extend(silent("known worse than its own size", &v.weak_directions));
     if !said.is_empty() {
         parameters.push(Block::List(said));
+    }
+    if !v.budget.is_empty() {
+        parameters.push(Block::text(
+            "Where the variance will come from (%): noise of the sensors, and what the mission is not sure of.",
+        ));
+        parameters.push(Block::Table(budget(&v.budget)));
     }
     page.section("What it will tell", parameters);
     let mut modes = Vec::new();
@@ -63,6 +72,7 @@ fn verdict(v: &Preflight) -> (Level, Vec<String>) {
     if !v.null_directions.is_empty() {
         out.push(format!("The record will be silent on {} combinations.", v.null_directions.len()));
     }
+    out.extend(next_step(&v.budget).into_iter().chain(harmful(&v.taken_as_exact)));
     let blind = v.modes.iter().filter(|m| m.torque.seen == Seen::Not && m.gyro.seen == Seen::Not).count();
     if blind > 0 {
         out.push(format!("No sensor will see {blind} of {} modes.", v.modes.len()));
@@ -74,6 +84,26 @@ fn verdict(v: &Preflight) -> (Level, Vec<String>) {
         (true, false) => Level::Fair,
     };
     (level, out)
+}
+
+fn budget(all: &[BudgetLine]) -> Table {
+    let percent = |share: f64| format!("{:.1}", 100.0 * share);
+    let row = |b: &BudgetLine| {
+        let errors = b.errors.iter().filter(|e| e.share > SEEN);
+        let errors: Vec<String> = errors.map(|e| format!("{} {}", e.kind.words(), percent(e.share))).collect();
+        let better = b.better.as_ref().map_or_else(String::new, |x| {
+            format!("{} {:.0} times better: {} {}", x.kind.words(), x.factor, num(x.std), b.unit)
+        });
+        vec![
+            Cell::words(b.name.clone()),
+            Cell::number(num(b.std)),
+            Cell::number(percent(b.noise)),
+            Cell::words(errors.join(", ")),
+            Cell::words(better),
+        ]
+    };
+    let head = ["name", "std", "noise", "errors", "std with the next step"].map(String::from).to_vec();
+    Table { caption: "Error budget".into(), head, rows: all.iter().map(row).collect() }
 }
 
 fn table(caption: &str, all: &[&Predicted]) -> Table {

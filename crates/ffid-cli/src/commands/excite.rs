@@ -82,6 +82,14 @@ impl Display for Report<'_> {
             write!(f, ": cost {c:.4} ({})", p.cost_means)?;
         }
         writeln!(f)?;
+        if let Some(w) = &p.in_world {
+            writeln!(
+                f,
+                "  with {} quantities that the mission is not sure of: cost {:.4}; the best of {} plans by that, {:.4} by the plan that \
+                 would be taken were they exact",
+                w.uncertain, w.cost, w.compared, w.cost_of_exact_choice
+            )?;
+        }
         for (i, s) in p.searches.iter().enumerate() {
             write!(f, "  {} {}: {}", s.stage, i + 1, s.status)?;
             match s.cost {

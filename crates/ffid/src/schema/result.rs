@@ -30,6 +30,7 @@ pub(super) const ROOT: &[Key] = &[
     key("prior_conflicts", Tables(CONFLICT), "priors that the data contradict, the worst first"),
     key("uncertain", Tables(UNCERTAIN), "what the mission is not sure of, before and after"),
     key("budget", Tables(BUDGET), "where the variance of every parameter comes from"),
+    key("not_allowed_for", Texts, "what the mission is not sure of and the method takes as exact"),
     key("taken_as_exact", Tables(HARM), "what small errors of what is taken as exact would do"),
     key("bodies", Tables(BODY), "bodies of which something was estimated, about their centres of mass"),
     key("profiles", Tables(PROFILE), "intervals from the likelihood itself"),

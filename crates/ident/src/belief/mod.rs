@@ -1,6 +1,7 @@
 //! What is known of parameters: priors, posteriors, covariance, what no record could tell.
 
 pub(crate) mod budget;
+pub(crate) mod consider;
 pub(crate) mod covariance;
 pub(crate) mod identifiability;
 pub(crate) mod posterior;
@@ -8,6 +9,7 @@ pub(crate) mod prior;
 pub(crate) mod profile;
 
 pub use budget::{PriorGroup, prior_shares, tightened};
+pub use consider::{Considered, consider};
 pub use covariance::{Direction, Uncertainty, Unknown, analyse, physical_jacobian};
 pub use identifiability::{Combination, Reduced, Silence, reduce, reduce_parameters, silence, structural};
 pub use posterior::{Posterior, PosteriorRows, SequenceError, change};

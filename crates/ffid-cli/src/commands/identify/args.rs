@@ -66,6 +66,9 @@ pub(crate) struct Args {
     /// plays no part; where it keeps none, what it has learnt is the prior.
     #[arg(long, value_name = "DIR")]
     pub(crate) prior_from: Option<PathBuf>,
+    /// Hold what the mission is not sure of at its values and widen the deviations by it (consider covariance), instead of estimating it.
+    #[arg(long, conflicts_with = "sample")]
+    pub(crate) consider: bool,
     /// Parameters that are functions of fewer unknowns: a file of [[tie]] tables (docs/results.md).
     #[arg(long, value_name = "FILE")]
     pub(crate) ties: Option<PathBuf>,
@@ -127,8 +130,12 @@ impl Args {
     }
     /// Options of the fit, and what an earlier identification leaves.
     pub(crate) fn options(&self, model: &Model) -> Result<(FitOptions, Earlier), Problems> {
-        let mut options =
-            FitOptions { reduce: self.reduce, more_starts: self.starts as usize - 1, ..FitOptions::default() };
+        let mut options = FitOptions {
+            reduce: self.reduce,
+            more_starts: self.starts as usize - 1,
+            consider: self.consider,
+            ..FitOptions::default()
+        };
         if let Some(path) = &self.ties {
             let text = ff_model::diagnostics::text_file(path, MAX_TIES)?;
             options.ties = TieSpec::read(&text).map_err(|p| p.in_file(path))?;

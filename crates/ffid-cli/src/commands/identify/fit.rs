@@ -131,6 +131,7 @@ fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
     all.extend((s.loss != Loss::Squares).then(|| ("loss", format!("{:?}", s.loss).to_lowercase())));
     all.extend(r.options.reduce.then(|| ("reduce", "yes".to_owned())));
     all.extend(s.low_pass_hz.map(|hz| (LOW_PASS, hz.to_string())));
+    all.extend(args.consider.then(|| ("uncertain", "considered".to_owned())));
     all.extend((args.starts > 1).then(|| ("starts", args.starts.to_string())));
     all.extend((!args.profile.is_empty()).then(|| ("profile", args.profile.join(", "))));
     all.extend(args.sample.map(|n| ("sample", n.to_string())));

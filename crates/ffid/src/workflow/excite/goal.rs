@@ -62,6 +62,8 @@ pub struct GoalCost {
     pub means: &'static str,
     /// What was taken otherwise than asked.
     pub notes: Vec<String>,
+    /// What the cost makes of the covariance of the selected parameters, with the size of each of them, where that is what it is.
+    pub criterion: Option<(Criterion, Vec<f64>)>,
     /// A cheap problem whose plans are good starts, when there is one.
     pub warm: Option<Box<dyn Cost>>,
 }
@@ -146,14 +148,16 @@ pub fn cost(asked: &Asked<'_>, plan: &SplinePlan) -> Result<GoalCost, ExciteErro
             let warm = asked.base_information(plan, &mut Vec::new())?;
             let information = asked.flexible()?;
             let (criterion, means) = asked.criterion(&information);
+            let sizes = information.sizes()[..information.named()].to_vec();
+            let of_covariance = Some((criterion.clone(), sizes));
             let cost = Box::new(FisherCost { information, criterion });
-            Ok(GoalCost { cost, means, notes, warm: Some(Box::new(warm)) })
+            Ok(GoalCost { cost, means, notes, criterion: of_covariance, warm: Some(Box::new(warm)) })
         }
         Goal::Condition => {
             let information = asked.base_information(plan, &mut notes)?;
             let cost = Box::new(RigidCriterion { information, criterion: Criterion::Condition { power: POWER } });
             let means = "log of the condition number of the regressor of the base parameters";
-            Ok(GoalCost { cost, means, notes, warm: None })
+            Ok(GoalCost { cost, means, notes, criterion: None, warm: None })
         }
         Goal::Quiet => {
             let hint = "quiet plans need appendages on the base; choose goal = \"information\"";
@@ -176,7 +180,7 @@ pub fn cost(asked: &Asked<'_>, plan: &SplinePlan) -> Result<GoalCost, ExciteErro
             let terms: Vec<(f64, Box<dyn Cost>)> = vec![(1.0, Box::new(information)), (1.0, Box::new(disturbance))];
             let means =
                 "-log det of the information, plus emphasis times ln(1 + chi^2) of the modes' effect on the sensors";
-            Ok(GoalCost { cost: Box::new(CostSum(terms)), means, notes, warm: None })
+            Ok(GoalCost { cost: Box::new(CostSum(terms)), means, notes, criterion: None, warm: None })
         }
         Goal::Modal => {
             let hint = "modal plans need appendages on a free base; choose goal = \"information\"";
@@ -201,7 +205,7 @@ pub fn cost(asked: &Asked<'_>, plan: &SplinePlan) -> Result<GoalCost, ExciteErro
             let targets = driven.into_iter().map(target).collect();
             let cost = Box::new(ModalResponse { response, targets, fan: FAN, robust: Robust::Worst { power: 4.0 } });
             let means = "-log of the least squared rate amplitude within the frequency error, summed over the modes";
-            Ok(GoalCost { cost, means, notes, warm: None })
+            Ok(GoalCost { cost, means, notes, criterion: None, warm: None })
         }
         Goal::Paper => Err(asked.wrong("this goal is not optimised", "choose another goal")),
     }

@@ -6,12 +6,15 @@
 pub mod demands;
 pub mod goal;
 pub(crate) mod search;
+pub(crate) mod world;
 
 pub use demands::{Demands, demands};
 pub use search::{Observer, Progress, Search};
+pub use world::InWorld;
 
 use crate::exit::Exit;
 use crate::open::Opened;
+use crate::workflow::identify::UncertainItems;
 use crate::workflow::preflight::{Sensing, joint_limits};
 use excitation::plan::PlanError;
 use excitation::plan::{Extent, Shape};
@@ -23,6 +26,7 @@ use ff_dynamics::{Boundary, modes};
 use ff_mission::mission::{Excite, ExciteDuration, ExciteEnd, Goal, Limits};
 use ff_model::{Area, Model, Params, Problem, Problems};
 use serde::Serialize;
+use world::World;
 
 /// Ramp time of the acceleration in the paper's manoeuvre (s), and rest before it (s).
 const RAMP: f64 = 0.1;
@@ -68,6 +72,10 @@ pub struct Planned {
     pub cost: Option<f64>,
     /// What the cost is.
     pub cost_means: &'static str,
+    /// The choice between plans with what the mission is not sure of; absent where it is sure of everything, or the goal is no criterion of
+    /// the covariance.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_world: Option<InWorld>,
     /// Every search, in order of the starts.
     pub searches: Vec<Search>,
     /// True when the search was stopped before its end; the plan is the best until then.
@@ -106,9 +114,9 @@ pub fn plan(
     };
     let duration_s = trajectory.motion().duration();
     let file = TrajectoryFile { joints: named_joints(&opened.model), origin, trajectory };
-    let (cost, cost_means, searches, interrupted, notes) = match found {
-        Some(f) => (Some(f.cost), f.means, f.searches, f.interrupted, f.notes),
-        None => (None, "none: the paper's manoeuvre is not optimised", Vec::new(), false, Vec::new()),
+    let (cost, cost_means, in_world, searches, interrupted, notes) = match found {
+        Some(f) => (Some(f.cost), f.means, f.in_world, f.searches, f.interrupted, f.notes),
+        None => (None, "none: the paper's manoeuvre is not optimised", None, Vec::new(), false, Vec::new()),
     };
     Ok(Planned {
         goal: settings.goal.name(),
@@ -116,6 +124,7 @@ pub fn plan(
         duration_s,
         cost,
         cost_means,
+        in_world,
         searches,
         interrupted,
         notes,
@@ -131,6 +140,7 @@ pub fn start(opened: &Opened, settings: &Excite) -> Vec<f64> {
 struct Found {
     cost: f64,
     means: &'static str,
+    in_world: Option<InWorld>,
     searches: Vec<Search>,
     interrupted: bool,
     notes: Vec<String>,
@@ -181,7 +191,11 @@ fn spline(
     let mut goal = goal::cost(&asked, &plan)?;
     let constraints = demands.list();
     let under = search::Under { model, system: demands.system.as_deref(), constraints: &constraints };
-    let found = search::run(&goal, &plan, under, settings, watch).map_err(|e| refused(&e, model))?;
+    let world = World::of(opened, limits, *sensing, settings.weak_relative_std, &goal);
+    let found = search::run(&goal, &plan, under, settings, world.as_ref(), watch).map_err(|e| refused(&e, model))?;
+    if world.is_none() && goal.criterion.is_none() && !UncertainItems::beside(opened, &opened.excited).is_empty() {
+        goal.notes.push("this goal takes as exact what the mission is not sure of; the verdict allows for it".into());
+    }
     if found.rounds > 0 {
         let n = found.rounds;
         goal.notes.push(format!("limits of the whole system were corrected by the full simulation {n} times"));
@@ -190,6 +204,7 @@ fn spline(
     let found = Found {
         cost: found.cost,
         means: goal.means,
+        in_world: found.in_world,
         searches: found.searches,
         interrupted: found.interrupted,
         notes: goal.notes,

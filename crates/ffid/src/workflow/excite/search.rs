@@ -1,6 +1,7 @@
 //! The search: cheap problems from many starts, the flexible system's information from the best of them.
 
 use super::goal::GoalCost;
+use super::world::{InWorld, World};
 use excitation::constraint::HeldSystem;
 use excitation::plan::PlanError;
 use excitation::solve::search_from;
@@ -61,6 +62,8 @@ pub(super) struct Best {
     pub(super) interrupted: bool,
     /// How often constraints were corrected by the full simulation.
     pub(super) rounds: usize,
+    /// How it compares with other plans where not everything is exact.
+    pub(super) in_world: Option<InWorld>,
 }
 
 /// What the search keeps to beside the limits of the joints.
@@ -79,6 +82,7 @@ pub(super) fn run(
     plan: &SplinePlan,
     under: Under<'_>,
     settings: &Excite,
+    world: Option<&World<'_>>,
     watch: &Observer<'_>,
 ) -> Result<Best, PlanError> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -114,6 +118,10 @@ pub(super) fn run(
         let cost = goal.value(plan, &found.best.x);
         return Ok(Best { cost, ..best(found, searches, watch) });
     }
+    if let Some(w) = world {
+        rated = rated.into_iter().map(|(_, o)| (w.cost(plan, &o.x), o)).collect();
+        rated.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
     let from: Vec<Vec<f64>> = rated.iter().take(REFINED).map(|r| r.1.x.clone()).collect();
     if from.is_empty() {
         return Err(PlanError::Cost(f64::NAN));
@@ -121,11 +129,38 @@ pub(super) fn run(
     let refined =
         watched(watch, "refinement", |w| search_from(&problem(goal.cost.as_ref()), under.system, &from, &options, w))?;
     list(&mut searches, "refinement", &refined);
-    Ok(best(refined, searches, watch))
+    let Some(world) = world else { return Ok(best(refined, searches, watch)) };
+    // The refinement takes everything else as exact: what it started from may be better where it is not.
+    let exact_choice = refined.best.clone();
+    let others = refined.all.iter().flatten().map(|o| &o.x).chain(&from).filter(|x| **x != exact_choice.x);
+    let mut ranked: Vec<(f64, Vec<f64>)> = others.map(|x| (world.cost(plan, x), x.clone())).collect();
+    let compared = 1 + ranked.len();
+    let cost_of_exact_choice = world.cost(plan, &exact_choice.x);
+    ranked.retain(|r| r.0 < cost_of_exact_choice);
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut out = best(refined, searches, watch);
+    let mut cost = cost_of_exact_choice;
+    // As it is, verified by the full simulation; the next one where that refuses it.
+    let as_it_is = SearchOptions { sqp: SqpOptions { iterations: 0, ..sqp }, ..options };
+    for (_, x) in ranked {
+        let problem = problem(goal.cost.as_ref());
+        if let Ok(kept) = search_from(&problem, under.system, &[x], &as_it_is, &Default::default()) {
+            let now = world.cost(plan, &kept.best.x);
+            if now < cost {
+                cost = now;
+                out = Best { x: kept.best.x, cost: kept.best.cost, rounds: kept.rounds, ..out };
+                break;
+            }
+        }
+    }
+    let (uncertain, cost_if_exact) = (world.uncertain(), out.cost);
+    out.in_world = Some(InWorld { uncertain, compared, cost, cost_of_exact_choice, cost_if_exact });
+    Ok(out)
 }
 
 fn best(found: Found, searches: Vec<Search>, watch: &Observer<'_>) -> Best {
-    Best { x: found.best.x, cost: found.best.cost, searches, interrupted: watch.stopped(), rounds: found.rounds }
+    let (interrupted, rounds) = (watch.stopped(), found.rounds);
+    Best { x: found.best.x, cost: found.best.cost, searches, interrupted, rounds, in_world: None }
 }
 
 /// Runs a search that reports to `watch`.

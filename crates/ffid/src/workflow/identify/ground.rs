@@ -91,6 +91,7 @@ pub(super) fn linear(e: LinearError) -> IdentifyError {
 pub(super) fn check(s: &Settings, options: &FitOptions) -> Result<(), Problems> {
     let wrong = [
         (s.prior.is_some(), "priors", "give --no-prior, and drop prior_relative_std from [estimate]"),
+        (options.consider, "considered errors", "leave --consider out: the verdict says what is taken as exact"),
         (
             options.posterior.is_some(),
             "an earlier identification without its records",
@@ -252,6 +253,7 @@ fn report(
         channels: signals[0].channels(),
         records: records_of(records, signals),
         warnings: Warning::all(&opened.warnings),
+        not_allowed_for: UncertainItems::of(opened).names(),
         ..IdentificationResult::empty(model.name(), Method::Ground, provenance)
     };
     result.verdict = text::verdict(&result);

@@ -19,6 +19,7 @@ pub(crate) mod bandwidth;
 pub(crate) mod checked;
 pub(crate) mod clocks;
 pub(crate) mod compare;
+mod consider;
 pub(crate) mod decay;
 pub mod draws;
 mod elsewhere;
@@ -69,6 +70,7 @@ pub use labelled_record::LabelledRecord;
 pub use observed_estimator::Observer;
 pub use options::FitOptions;
 pub use record_estimator::RecordEstimator;
+pub(in crate::workflow) use result::uncertain::budget as variance_budget;
 pub use result::{
     Better, BodyLine, BodyQuantity, BudgetLine, BudgetShare, Channel, Combination, Correlation, Covariance, Ended,
     FORMAT, HeldOut, IdentificationResult, InputFile, Method, ModeLine, Parameter, ParameterVerdict, PrincipalAxis,
@@ -80,6 +82,8 @@ pub use sampled::sample_posterior;
 pub use segments::{Segments, on_even_clock, segments};
 pub use settings::{EXPLAINED, Settings, method};
 pub use signals::Signals;
-pub use text::{num, verdict};
+pub(in crate::workflow) use text::budget;
+pub use text::{harmful, next_step, num, verdict};
 pub use ties::TieSpec;
-pub use uncertain::{DeclaredUncertain, DeclaredUnknown, UncertainKind};
+pub(in crate::workflow) use uncertain::UncertainUnknown;
+pub use uncertain::{DeclaredUncertain, DeclaredUnknown, UncertainItems, UncertainKind};

@@ -16,6 +16,8 @@ pub struct FitOptions {
     pub posterior: Option<Posterior>,
     /// What an earlier identification has learnt whose records are among those that are fitted: listed beside the estimates.
     pub learnt: Option<Posterior>,
+    /// Hold what the mission is not sure of at its values, and widen the deviations by it, instead of estimating it beside.
+    pub consider: bool,
     /// Parameters that are functions of fewer unknowns.
     pub ties: Vec<TieSpec>,
 }

@@ -1,6 +1,7 @@
 //! One identification: unknowns, fit, reduction, identifiability, profiles, result.
 
 use super::adoption::Adopted;
+use super::consider;
 use super::elsewhere::{Subject, elsewhere};
 use super::error::{IdentifyError, config};
 use super::explain::{self, Ended};
@@ -24,6 +25,7 @@ use crate::open::Opened;
 use ff_least_squares::Settings as Solver;
 use ff_model::{Area, Model, Problem, Problems};
 use ident::Estimator;
+use ident::Loss;
 use ident::Request;
 use ident::Several;
 use ident::compose::best_of;
@@ -66,31 +68,48 @@ pub fn identify(
         return ground::identify(opened, records, settings, options, provenance);
     }
     let setup = Setup::new(opened, records, settings, options)?;
-    let Setup { settings, options, unknowns, shared, labels, uncertain } = &setup;
+    let Setup { settings, options, unknowns, shared, labels, uncertain, every, .. } = &setup;
     let fit = setup.assembly(model, records);
     let Assembled { mut whole, twins, sigma, rows } = fit.assemble(uncertain)?;
     let request = setup.request()?;
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
     let subject = Subject { model, records, unknowns, settings, sigma: &sigma };
     let fitted = solve(&request, &subject, options, &mut watched);
-    let fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
+    let mut fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
     let values = unknowns.expand(&fitted.estimate.values)?;
     let silent = known::silent(model, &values, unknowns, &fitted.full)?;
     let profiles = known::profiles(&request, unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
     let profiles = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { profiles? };
+    let with_errors = Unknowns::new(model, &setup.estimated, settings, options, every)?;
+    let joint = if options.consider && fitted.estimate.is_solution() {
+        let mut beside = Assembly { unknowns: &with_errors, ..fit }.assemble(every)?.whole;
+        Some(consider::widen(&mut *beside, &with_errors, unknowns, &mut fitted)?)
+    } else {
+        None
+    };
     let mut signals = Vec::new();
     let mut at = 0;
     for (t, n) in records.iter().zip(&rows) {
         signals.push(Signals::of(model, &t.record, &fitted.estimate.residuals[at..at + n], &sigma));
         at += n;
     }
-    let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
+    let mut end =
+        Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
+    if let Some(j) = &joint {
+        (end.unknowns, end.fitted, end.values) = (&with_errors, &j.fitted, &j.values);
+    }
     let tests = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
     let tests = tests.as_ref();
     let report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
     let mut result = report.result(&fitted, provenance)?;
     result.silent = silent;
     result.profiles = profiles;
+    result.not_allowed_for.clone_from(&setup.not_allowed_for);
+    if let Some(j) = joint {
+        (result.uncertain, result.budget) = (j.lines, j.budget);
+        // Its errors are those of the next identification too: taken as independent they would count as noise.
+        result.posterior = None;
+    }
     result.verdict = text::verdict(&result);
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
     let selected = unknowns.touched.clone();
@@ -105,6 +124,11 @@ pub(super) struct Setup {
     shared: Shared,
     labels: Vec<String>,
     pub(super) uncertain: UncertainItems,
+    /// With those that are held at the values of the mission.
+    every: UncertainItems,
+    /// What the mission is not sure of and the method knows nothing of.
+    not_allowed_for: Vec<String>,
+    estimated: Vec<usize>,
 }
 
 impl Setup {
@@ -115,9 +139,16 @@ impl Setup {
         options: &FitOptions,
     ) -> Result<Self, IdentifyError> {
         let model = &opened.model;
-        let uncertain = UncertainItems::of(opened);
+        let every = UncertainItems::of(opened);
+        if options.consider {
+            consider_alone(&every, settings, options).map_err(IdentifyError::Refused)?;
+        }
         // The rigid method knows no errors of sensors and placements.
-        let needs = !uncertain.shared.is_empty() && settings.method.is_none();
+        let needs = !every.shared.is_empty() && settings.method.is_none();
+        let how = if needs { Method::OutputError } else { method(model, settings.method) };
+        let (every, not_allowed_for) =
+            if how == Method::Rda { every.of_parameters_alone() } else { (every, Vec::new()) };
+        let uncertain = if options.consider { every.held_at_mission() } else { every.clone() };
         let settings =
             Settings { method: if needs { Some(Method::OutputError) } else { settings.method }, ..settings.clone() };
         let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
@@ -131,7 +162,7 @@ impl Setup {
         let shared = Shared::new(&labelled, &none)
             .map_err(|e| IdentifyError::Refused(config("Config::Records", e.to_string(), "name each record once")))?;
         let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
-        Ok(Self { settings, options, unknowns, shared, labels, uncertain })
+        Ok(Self { settings, options, unknowns, shared, labels, uncertain, every, not_allowed_for, estimated })
     }
     /// Of all unknowns, from the start.
     pub(super) fn request(&self) -> Result<Request<'_>, IdentifyError> {
@@ -167,7 +198,36 @@ impl Setup {
     }
 }
 
+/// Refuses what considered errors do not go with.
+fn consider_alone(uncertain: &UncertainItems, s: &Settings, o: &FitOptions) -> Result<(), Problems> {
+    let refused = |what: &str, place: &str, hint: &str| {
+        let p = Problem::error(Area::Config, "Config::Consider", what).on(place).hint(hint);
+        Err(Problems(vec![p]))
+    };
+    let exact = "the mission is sure of everything, and nothing can be considered";
+    if uncertain.count() == 0 {
+        return refused(
+            exact,
+            "--consider",
+            "say in [[uncertain]] and [sensors] what is not known exactly, or leave it out",
+        );
+    }
+    let alone = "considered errors widen the covariance of a least-squares fit of all parameters alone";
+    for (place, given) in [
+        ("--profile", !o.profile.is_empty()),
+        ("--reduce", o.reduce),
+        ("--prior-from", o.posterior.is_some()),
+        ("--loss", s.loss != Loss::Squares),
+    ] {
+        if given {
+            return refused(alone, place, "leave it out, or leave --consider out and estimate the errors");
+        }
+    }
+    Ok(())
+}
+
 /// What the estimators of a fit are made of.
+#[derive(Clone, Copy)]
 struct Assembly<'a> {
     model: &'a Model,
     records: &'a [LabelledRecord],
@@ -219,7 +279,9 @@ fn solve(
     let (unknowns, s) = (of.unknowns, of.settings);
     let (first, minima) = if options.more_starts == 0 {
         let first = attempt(request, estimator)?;
-        (elsewhere(request, first, of, estimator), None)
+        // What considered errors leave in the residuals is no other valley.
+        let found = if options.consider { first } else { elsewhere(request, first, of, estimator) };
+        (found, None)
     } else {
         let draw = |k: usize| {
             random_start(request.decls, request.start, request.selected, SPREAD, s.seed.wrapping_add(1 + k as u64))

@@ -1,6 +1,6 @@
 //! A result in words, for the terminal and `report.txt`.
 
-use super::evidence::{NamedError, State};
+use super::evidence::{Harm, NamedError, State};
 use super::findings::{PriorConflict, Whiteness};
 use super::result::body::BodyLine;
 use super::result::channel::Channel;
@@ -34,42 +34,32 @@ pub fn num(x: f64) -> String {
 
 /// What is taken as exact, or which part of the uncertainty is due to what is not.
 fn exactness(r: &IdentificationResult) -> Vec<String> {
+    let mut said = Vec::new();
+    if !r.not_allowed_for.is_empty() {
+        let how = match r.method {
+            Method::Ground => "the calibration on the ground allows for no errors but friction and noise",
+            _ => "the rigid method has no columns of sensors and placements; --method output-error has",
+        };
+        said.push(format!(
+            "{} quantities that the mission is not sure of were taken as exact, and the deviations do NOT allow for them ({}): {how}.",
+            r.not_allowed_for.len(),
+            ff_model::diagnostics::list(r.not_allowed_for.iter().map(String::as_str), 4)
+        ));
+    }
+    said.extend(allowed_for(r));
+    said
+}
+
+fn allowed_for(r: &IdentificationResult) -> Vec<String> {
     if !r.uncertain.is_empty() {
         let mut out = vec![format!(
             "They are known whatever {} other quantities are that the mission is not sure of; their deviations allow for these.",
             r.uncertain.len()
         )];
-        let gain = |b: &&BudgetLine| b.better.as_ref().map_or(1.0, |x| x.std / b.std);
-        if let Some((b, better)) =
-            r.budget.iter().min_by(|a, b| gain(a).total_cmp(&gain(b))).and_then(|b| Some((b, b.better.as_ref()?)))
-        {
-            out.push(format!(
-                "What would help most: {} known {:.0} times better would bring the deviation of {} from {} to {} {}.",
-                better.kind.words(),
-                better.factor,
-                b.name,
-                num(b.std),
-                num(better.std),
-                b.unit
-            ));
-        }
+        out.extend(next_step(&r.budget));
         return out;
     }
-    let harmful: Vec<String> = r
-        .taken_as_exact
-        .iter()
-        .filter(|h| h.moves_by > HARMLESS)
-        .take(3)
-        .map(|h| format!("{} of {} moves {} by {:.1} deviations", h.size, h.name, h.moves, h.moves_by))
-        .collect();
-    if harmful.is_empty() {
-        return Vec::new();
-    }
-    vec![format!(
-        "Everything that is not estimated is taken as exact, sensors and placements included: {}. [[uncertain]] and [sensors] in the \
-         mission say how far it may be off.",
-        harmful.join("; ")
-    )]
+    harmful(&r.taken_as_exact).into_iter().collect()
 }
 
 /// The verdict in sentences, the most important first.
@@ -521,8 +511,42 @@ fn draws(f: &mut fmt::Formatter<'_>, s: &Sampled, w: usize) -> fmt::Result {
     Ok(())
 }
 
+/// What is taken as exact, and what the most harmful small errors of it would move.
+pub fn harmful(all: &[Harm]) -> Option<String> {
+    let worst: Vec<String> = all
+        .iter()
+        .filter(|h| h.moves_by > HARMLESS)
+        .take(3)
+        .map(|h| format!("{} of {} moves {} by {:.1} deviations", h.size, h.name, h.moves, h.moves_by))
+        .collect();
+    if worst.is_empty() {
+        return None;
+    }
+    Some(format!(
+        "Everything that is not estimated is taken as exact, sensors and placements included: {}. [[uncertain]] and [sensors] in the \
+         mission say how far it may be off.",
+        worst.join("; ")
+    ))
+}
+
+/// What would help most: the error that, known better, makes one of the deviations smaller by the largest factor.
+pub fn next_step(budget: &[BudgetLine]) -> Option<String> {
+    let gain = |b: &&BudgetLine| b.better.as_ref().map_or(1.0, |x| x.std / b.std);
+    let b = budget.iter().min_by(|a, b| gain(a).total_cmp(&gain(b)))?;
+    let better = b.better.as_ref()?;
+    Some(format!(
+        "What would help most: {} known {:.0} times better would bring the deviation of {} from {} to {} {}.",
+        better.kind.words(),
+        better.factor,
+        b.name,
+        num(b.std),
+        num(better.std),
+        b.unit
+    ))
+}
+
 /// Where the variance of every parameter comes from.
-fn budget(f: &mut fmt::Formatter<'_>, all: &[BudgetLine], w: usize) -> fmt::Result {
+pub(crate) fn budget(f: &mut fmt::Formatter<'_>, all: &[BudgetLine], w: usize) -> fmt::Result {
     if all.is_empty() {
         return Ok(());
     }

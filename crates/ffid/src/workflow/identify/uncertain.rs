@@ -12,9 +12,9 @@
 
 use super::error::{IdentifyError, config};
 use crate::open::Opened;
-use ff_mission::mission::{Mission, named_by};
+use ff_mission::mission::{EstimateMethod, Mission, named_by};
 use ff_model::tree::{DisplacementKind, Placed};
-use ff_model::{Inertia, Model, ParamDecl, ParamGroup};
+use ff_model::{BaseKind, Inertia, Model, ParamDecl, ParamGroup};
 use ident::compose::Affine;
 use ident::uncertain::ErrorSource;
 use ident::{Options, Tie};
@@ -58,6 +58,15 @@ impl UncertainKind {
     pub fn is_shared(self) -> bool {
         !matches!(self, Self::Masses | Self::CentresOfMass | Self::Inertias | Self::Parameters)
     }
+    /// The size of a small error of this kind, in words: what [`UncertainItems::small`] has as deviations.
+    pub(in crate::workflow) fn small(self) -> &'static str {
+        match self {
+            Self::Masses | Self::Inertias | Self::Parameters | Self::TorqueGains | Self::GyroScale => "1 %",
+            Self::CentresOfMass => "1 mm",
+            Self::Mounts | Self::Joints => "1 mm (1 mrad)",
+            Self::GyroAlignment | Self::EncoderOffsets => "1 mrad",
+        }
+    }
     /// In words.
     pub fn words(self) -> &'static str {
         match self {
@@ -77,17 +86,17 @@ impl UncertainKind {
 
 /// An unknown that stands for something the mission is not sure of.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::workflow::identify) struct UncertainUnknown {
+pub(in crate::workflow) struct UncertainUnknown {
     /// Its name: `error.l2.mass`, `tank.length`, `wing.mount.rx`, `torque.gain.j3`, `gyro.rotation.x`.
-    pub(super) name: String,
+    pub(in crate::workflow) name: String,
     /// SI unit.
-    pub(super) unit: &'static str,
+    pub(in crate::workflow) unit: &'static str,
     /// What the mission says: mean, and standard deviation.
-    pub(super) mean: f64,
+    pub(in crate::workflow) mean: f64,
     /// See [`UncertainUnknown::mean`].
-    pub(super) std: f64,
+    pub(in crate::workflow) std: f64,
     /// What kind of thing it is.
-    pub(super) kind: UncertainKind,
+    pub(in crate::workflow) kind: UncertainKind,
 }
 
 /// What a mission is not sure of, one line per unknown: for `ffid check`.
@@ -95,6 +104,8 @@ pub(in crate::workflow::identify) struct UncertainUnknown {
 pub struct DeclaredUncertain {
     /// The unknowns that are estimated beside what is asked for.
     pub unknowns: Vec<DeclaredUnknown>,
+    /// Those among them that the method of the mission takes as exact: all on the ground, sensors and placements with the rigid one.
+    pub not_allowed_for: Vec<String>,
 }
 
 /// A line of it.
@@ -123,13 +134,21 @@ impl DeclaredUncertain {
             std: u.std,
         };
         let unknowns: Vec<DeclaredUnknown> = UncertainItems::of(opened).unknowns.into_iter().map(line).collect();
-        (!unknowns.is_empty()).then_some(Self { unknowns })
+        let rigid = opened.mission.as_ref().is_some_and(|m| m.estimate.method == Some(EstimateMethod::Rda));
+        let ground = opened.model.base_kind() == BaseKind::Fixed;
+        let exact = |u: &&DeclaredUnknown| ground || rigid && u.kind.is_shared();
+        let not_allowed_for = unknowns.iter().filter(exact).map(|u| u.name.clone()).collect();
+        (!unknowns.is_empty()).then_some(Self { unknowns, not_allowed_for })
     }
 }
 
 impl std::fmt::Display for DeclaredUncertain {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "\nnot known exactly ({}), allowed for by `ffid identify`", self.unknowns.len())?;
+        let (all, exact) = (self.unknowns.len(), self.not_allowed_for.len());
+        match exact {
+            0 => writeln!(f, "\nnot known exactly ({all}), allowed for by `ffid identify`")?,
+            n => writeln!(f, "\nnot known exactly ({all}); the method of this mission takes {n} of them as exact")?,
+        }
         let mut kinds: Vec<UncertainKind> = self.unknowns.iter().map(|u| u.kind).collect();
         kinds.sort_unstable();
         kinds.dedup();
@@ -144,17 +163,17 @@ impl std::fmt::Display for DeclaredUncertain {
 
 /// Everything that a mission is not sure of.
 #[derive(Clone, Debug, Default)]
-pub(in crate::workflow::identify) struct UncertainItems {
+pub struct UncertainItems {
     /// Its unknowns, in the order: parameters of the model, errors that records share, errors of bodies.
-    pub(super) unknowns: Vec<UncertainUnknown>,
+    pub(in crate::workflow) unknowns: Vec<UncertainUnknown>,
     /// Parameters of the model among them.
     pub(super) parameters: Vec<usize>,
     /// Estimated parameters of which something is known beforehand, with mean and deviation.
-    pub(super) priors: Vec<(usize, f64, f64)>,
+    pub(in crate::workflow) priors: Vec<(usize, f64, f64)>,
     pub(super) errors: Vec<ErrorSource>,
     pub(super) kinematics: Vec<String>,
     /// Errors that records share, as parameters behind those of the model.
-    pub(super) shared: Vec<ParamDecl>,
+    pub(in crate::workflow) shared: Vec<ParamDecl>,
     bodies: Vec<BodyErrors>,
 }
 
@@ -186,14 +205,71 @@ impl UncertainItems {
     }
     /// Of a mission; nothing where there is none.
     pub(in crate::workflow::identify) fn of(opened: &Opened) -> Self {
+        Self::beside(opened, &opened.estimated)
+    }
+    /// Of a mission where these parameters are estimated; nothing where there is no mission, or it is sure of everything. Allocates.
+    pub fn beside(opened: &Opened, estimated: &[usize]) -> Self {
+        opened.mission.as_ref().map_or_else(Self::default, |m| Self::of_mission(m, &opened.model, estimated))
+    }
+    /// Errors of 1 %, 1 mm or 1 mrad in everything that a mission holds fixed beside these parameters: masses and centres of mass, gains
+    /// of sensors, placements; nothing where the mission says itself what it is not sure of. Allocates.
+    pub fn small(opened: &Opened, estimated: &[usize]) -> Self {
+        let Some(mission) = opened.mission.as_ref().filter(|_| Self::beside(opened, estimated).is_empty()) else {
+            return Self::default();
+        };
+        let mut m = mission.clone();
+        let all = || vec!["*".to_owned()];
+        m.uncertain = vec![ff_mission::mission::Uncertain {
+            bodies: all(),
+            mass_relative_std: Some(0.01),
+            com_std_m: Some(1e-3),
+            mounts: all(),
+            position_std_m: Some(1e-3),
+            angle_std_rad: Some(1e-3),
+            ..Default::default()
+        }];
+        let s = &mut m.sensors;
+        (s.torque.gain_relative_std, s.torque.gain_common_relative_std) = (Some(0.01), Some(0.01));
+        (s.gyro.scale_relative_std, s.gyro.misalignment_std_rad) = (Some(0.01), Some(1e-3));
+        s.encoder.offset_std_rad = Some(1e-3);
+        Self::of_mission(&m, &opened.model, estimated)
+    }
+    /// Of the sections of a mission for a model of it. Allocates.
+    pub(in crate::workflow) fn of_mission(mission: &Mission, model: &Model, estimated: &[usize]) -> Self {
         let mut out = Self::default();
-        let Some(mission) = &opened.mission else { return out };
-        let decls = opened.model.param_decls();
-        out.parameters(mission, &decls, &opened.estimated);
-        out.sensors(mission, &opened.model);
-        out.placements(mission, &opened.model);
-        out.bodies(mission, &decls, &opened.estimated);
+        let decls = model.param_decls();
+        out.parameters(mission, &decls, estimated);
+        out.sensors(mission, model);
+        out.placements(mission, model);
+        out.bodies(mission, &decls, estimated);
         out
+    }
+    /// Whether everything that is not estimated is taken as exact.
+    pub fn is_empty(&self) -> bool {
+        self.unknowns.is_empty() && self.priors.is_empty()
+    }
+    /// What is known beforehand of estimated parameters, alone: nothing else is estimated beside them.
+    pub(super) fn held_at_mission(&self) -> Self {
+        Self { priors: self.priors.clone(), ..Self::default() }
+    }
+    /// Without errors of sensors and placements, and the names of those: for a method that has no columns of them.
+    pub(super) fn of_parameters_alone(self) -> (Self, Vec<String>) {
+        let names = self.shared_names();
+        let unknowns = self.unknowns.into_iter().filter(|u| !u.kind.is_shared()).collect();
+        let Self { parameters, priors, bodies, .. } = self;
+        (Self { unknowns, parameters, priors, bodies, ..Self::default() }, names)
+    }
+    /// Names of its unknowns.
+    pub(super) fn names(&self) -> Vec<String> {
+        self.unknowns.iter().map(|u| u.name.clone()).collect()
+    }
+    /// Number of its unknowns.
+    pub fn count(&self) -> usize {
+        self.unknowns.len()
+    }
+    /// Parameters of the model that its unknowns change.
+    pub(in crate::workflow) fn touched(&self) -> usize {
+        self.parameters.len() + self.bodies.iter().map(|b| 10 * b.first.len()).sum::<usize>()
     }
     fn parameters(&mut self, mission: &Mission, decls: &[ParamDecl], estimated: &[usize]) {
         for u in &mission.uncertain {
@@ -327,7 +403,7 @@ impl UncertainItems {
         }
     }
     /// The ten numbers of uncertain bodies as ties.
-    pub(super) fn ties(&self, values: &[f64]) -> Result<Vec<Box<dyn Tie>>, IdentifyError> {
+    pub(in crate::workflow) fn ties(&self, values: &[f64]) -> Result<Vec<Box<dyn Tie>>, IdentifyError> {
         let one = |e: &BodyErrors| -> Result<Box<dyn Tie>, IdentifyError> {
             let parameters: Vec<usize> = e.first.iter().flat_map(|&i| i..i + 10).collect();
             let offset = DVector::from_iterator(parameters.len(), parameters.iter().map(|&i| values[i]));
@@ -345,7 +421,7 @@ impl UncertainItems {
         self.bodies.iter().map(one).collect()
     }
     /// Puts the errors that records share into the options of their estimators.
-    pub(super) fn widen(&self, o: &mut Options) {
+    pub(in crate::workflow) fn widen(&self, o: &mut Options) {
         for e in &self.errors {
             if !o.errors.contains(e) {
                 o.errors.push(*e);
@@ -358,7 +434,7 @@ impl UncertainItems {
         }
     }
     /// Names of the errors that records share.
-    pub(super) fn shared_names(&self) -> Vec<String> {
+    pub(in crate::workflow) fn shared_names(&self) -> Vec<String> {
         self.shared.iter().map(|d| d.name.clone()).collect()
     }
 }

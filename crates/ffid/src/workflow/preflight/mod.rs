@@ -12,8 +12,8 @@
 //! | are the limits kept? | [`LimitMargin`] |
 //! | what if the model were rigid? | [`RigidBias`]: the first Gauss-Newton step of a rigid identification ([`ident::Rda`]), from the true rigid parameters, on the flexible system's torques |
 //!
-//! Standard deviations are those of white noise of the stated size with everything else right: joint positions are
-//! taken as exact, parameters that are not asked for as known. The verdict needs both planning data and the estimator,
+//! Standard deviations are those of white noise of the stated size, beside what the mission is not sure of ([`Question::uncertain`]),
+//! with everything else right: joint positions are taken as exact, other parameters that are not asked for as known. The verdict needs both planning data and the estimator,
 //! which are crates of one layer; that is why it lives here.
 pub(crate) mod bias;
 pub(crate) mod excursion;
@@ -22,14 +22,16 @@ pub(crate) mod modes;
 pub(crate) mod parameters;
 pub(crate) mod spectrum;
 pub(crate) mod text;
+pub(crate) mod world;
 
 pub use bias::{BiasedParameter, RigidBias};
 pub use excursion::{Excursion, Peak, angle, displacement};
 pub use limits::{LimitMargin, Proof, joint_limits, prove};
 pub use modes::{ModeVisibility, Reading, SENSED, Seen};
-pub use parameters::{Determination, Predicted};
+pub use parameters::{Determination, Predicted, PredictedError};
 pub use spectrum::{ModePower, Spectrum};
 
+use crate::workflow::identify::{BudgetLine, Harm, UncertainItems};
 use excitation::Constraint;
 use excitation::plan::LimitReport;
 use ff_dynamics::analysis::ModesError;
@@ -45,12 +47,16 @@ use ident::Noise;
 use ident::SetupError;
 use ident::Uncertainty;
 use ident::belief::Direction;
+use nalgebra::DMatrix;
 use serde::Serialize;
 
 /// Error of the simulation, relative to the amplitude of every mode.
 const SIMULATION_ERROR: f64 = 1e-6;
 /// Most numbers of the Jacobian (rows times columns): beyond it only every k-th sample is taken, and counts k times.
 const MOST_NUMBERS: usize = 40_000_000;
+
+/// Small errors that are listed.
+const HARMFUL: usize = 10;
 
 /// What the sensors do, as far as a fit is concerned.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -98,6 +104,11 @@ pub struct Question<'a> {
     pub constraints: &'a [&'a dyn Constraint],
     /// Index of the frame of the end effector, if there is one.
     pub end_effector: Option<usize>,
+    /// What the mission is not sure of beside the selected parameters ([`UncertainItems::beside`]): marginalised with its priors, as
+    /// the fit will do. Nothing, if not given.
+    pub uncertain: Option<&'a UncertainItems>,
+    /// Small errors ([`UncertainItems::small`]) of what is taken as exact, to be told what they would move.
+    pub small: Option<&'a UncertainItems>,
 }
 
 /// Why there is no verdict.
@@ -150,6 +161,9 @@ pub enum PreflightError {
     /// The estimator was refused.
     #[error(transparent)]
     Setup(#[from] SetupError),
+    /// What the mission is not sure of makes no unknowns.
+    #[error("what the mission is not sure of: {0}")]
+    Uncertain(String),
     /// The estimator failed.
     #[error("sensitivities: {0}")]
     Sensitivities(String),
@@ -183,7 +197,16 @@ pub struct Preflight {
     pub derived: Vec<Predicted>,
     /// Biases and initial state, estimated beside.
     pub nuisance: Vec<Predicted>,
-    /// Unknowns: parameters and nuisance.
+    /// What the mission is not sure of, estimated beside with its priors.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub uncertain: Vec<PredictedError>,
+    /// Where the variance of every parameter will come from, as `ffid identify` will state it; empty where the mission is sure of everything.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub budget: Vec<BudgetLine>,
+    /// The most harmful of the small errors in what is taken as exact.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub taken_as_exact: Vec<Harm>,
+    /// Unknowns: parameters, nuisance, and what the mission is not sure of.
     pub unknowns: usize,
     /// Directions that the record determines.
     pub rank: usize,
@@ -228,19 +251,11 @@ pub struct Preflight {
 /// If `params` belongs to another model, or an index of `selected` does not exist.
 pub fn judge(q: &Question<'_>) -> Result<Preflight, PreflightError> {
     check(q)?;
-    let (model, params) = (q.model, q.params);
-    let start = start_pose(q.motion);
-    let rest = model.rest_position(params);
-    let modes = ff_dynamics::modes(model, params, &start, &rest, Boundary::JointsHeld)?;
-    let sample_s = 1.0 / q.sensing.rate_hz;
-    let step_s = step(&modes, q.motion.duration(), sample_s);
-    let mut from = State::zero(model);
-    from.q.copy_from_slice(&start);
-    from.eta.copy_from_slice(&rest);
-    let options = SimOptions { duration_s: q.motion.duration(), step_s, sample_s };
-    let trace = simulate(model, params, &from, &Drive::Prescribed(q.motion), &options)?;
-    let substeps = (sample_s / step_s).ceil().max(1.0) as usize;
+    let model = q.model;
+    let Simulated { start, rest, modes, trace, substeps } = simulated(q)?;
     let seen = parameters::predict(q, &trace, substeps)?;
+    let mut taken_as_exact = world::taken_as_exact(q, &trace, substeps)?;
+    taken_as_exact.truncate(HARMFUL);
     let excursion = excursion::of(q, &trace);
     let mut limits = limits::of_joints(q, &trace);
     limits.extend(limits::of_system(q, &trace));
@@ -255,10 +270,13 @@ pub fn judge(q: &Question<'_>) -> Result<Preflight, PreflightError> {
         condition: seen.uncertainty.condition,
         weak_above: q.weak,
         null_directions: seen.uncertainty.null.clone(),
-        weak_directions: weak_directions(&seen.uncertainty, q.selected.len()),
+        weak_directions: weak_directions(&seen.known, q.selected.len()),
         parameters: seen.parameters,
         derived: seen.derived,
         nuisance: seen.nuisance,
+        uncertain: seen.uncertain,
+        budget: seen.budget,
+        taken_as_exact,
         modes: modes::visibility(q, &modes, &trace, &rest)?,
         spectrum: spectrum::of(q, &modes, &trace, &start)?,
         rigid_bias: if model.np() > 0 { Some(bias::of(q, &trace)?) } else { None },
@@ -269,6 +287,52 @@ pub fn judge(q: &Question<'_>) -> Result<Preflight, PreflightError> {
         passive: model.passive_coords().into_iter().map(|(n, _)| n).collect(),
         trace,
     })
+}
+
+/// A trajectory simulated from rest.
+struct Simulated {
+    start: Vec<f64>,
+    rest: Vec<f64>,
+    modes: Vec<Mode>,
+    trace: Trace,
+    /// Integration steps per sample.
+    substeps: usize,
+}
+
+fn simulated(q: &Question<'_>) -> Result<Simulated, PreflightError> {
+    let (model, params) = (q.model, q.params);
+    let start = start_pose(q.motion);
+    let rest = model.rest_position(params);
+    let modes = ff_dynamics::modes(model, params, &start, &rest, Boundary::JointsHeld)?;
+    let sample_s = 1.0 / q.sensing.rate_hz;
+    let step_s = step(&modes, q.motion.duration(), sample_s);
+    let mut from = State::zero(model);
+    from.q.copy_from_slice(&start);
+    from.eta.copy_from_slice(&rest);
+    let options = SimOptions { duration_s: q.motion.duration(), step_s, sample_s };
+    let trace = simulate(model, params, &from, &Drive::Prescribed(q.motion), &options)?;
+    let substeps = (sample_s / step_s).ceil().max(1.0) as usize;
+    Ok(Simulated { start, rest, modes, trace, substeps })
+}
+
+/// Covariance that a record of the trajectory leaves of the selected parameters, biases, initial state and what the mission is not sure of
+/// marginalised, from about 1500 of its samples with the information of all; `None` where it does not determine all of them. What is
+/// known beforehand of the selected ones themselves is left out. Simulates once; allocates.
+///
+/// # Errors
+/// [`PreflightError`].
+///
+/// # Panics
+/// As [`judge`].
+pub fn marginal_covariance(q: &Question<'_>) -> Result<Option<DMatrix<f64>>, PreflightError> {
+    check(q)?;
+    let Simulated { trace, substeps, .. } = simulated(q)?;
+    let exact = UncertainItems::default();
+    let told = world::columns(q, &trace, substeps, q.uncertain.unwrap_or(&exact), Some(world::SURVEYED))?;
+    let (u, _) = told.uncertainty(&[])?;
+    let n = q.selected.len();
+    let all = u.deviation[..n].iter().all(Option::is_some);
+    Ok(all.then(|| u.covariance.view((0, 0), (n, n)).into_owned()))
 }
 
 /// Weak directions in which a parameter has the greatest part: an unknown bias alone worries nobody.
@@ -321,7 +385,7 @@ pub fn step(modes: &[Mode], duration: f64, sample: f64) -> f64 {
 /// The record of a trace as perfect sensors read it, every `every`-th sample.
 pub(crate) fn record(q: &Question<'_>, t: &Trace, every: usize) -> Result<Record, PreflightError> {
     let rows: Vec<usize> = (0..t.len()).step_by(every).collect();
-    let thin = |m: &nalgebra::DMatrix<f64>| m.select_rows(&rows);
+    let thin = |m: &DMatrix<f64>| m.select_rows(&rows);
     let builder = RecordBuilder::new(q.model.joint_names()).uniform(0.0, 1.0 / (t.dt * every as f64));
     let builder = builder.q(thin(&t.q)).qd(thin(&t.qd)).qdd(thin(&t.qdd)).tau(thin(&t.tau)).gyro(thin(&t.gyro()));
     // A joint that holds, and a robot that turns faster than usual, are no faults of a simulated record.

@@ -209,6 +209,8 @@ mod tests {
             limits: &limits,
             constraints: &[],
             end_effector: None,
+            uncertain: None,
+            small: None,
         };
         for (k, mode) in modes.iter().enumerate() {
             let amplitude = 2e-3;

@@ -1,16 +1,12 @@
 //! Predicted standard deviations, from the Jacobian of the fit that will be made.
 
-use super::{MOST_NUMBERS, PreflightError, Question, noise, record};
+use super::world::columns;
+use super::{PreflightError, Question};
+use crate::workflow::identify::{BudgetLine, UncertainItems, UncertainKind, UncertainUnknown, variance_budget};
 use excitation::system::prediction::{DERIVED, about_com};
 use ff_dynamics::Trace;
-use ff_model::{Dual, Model};
-use ident::Estimator;
+use ff_model::{Dual, Model, ParamDecl};
 use ident::Uncertainty;
-use ident::belief::{Unknown, analyse};
-use ident::estimate::RANK_TOLERANCE;
-use ident::parameters::sizes;
-use ident::{Options, OutputError};
-use nalgebra::DMatrix;
 use serde::Serialize;
 
 /// How well a record will determine a parameter.
@@ -50,48 +46,62 @@ pub(super) struct Seen {
     pub(super) parameters: Vec<Predicted>,
     pub(super) derived: Vec<Predicted>,
     pub(super) nuisance: Vec<Predicted>,
+    pub(super) uncertain: Vec<PredictedError>,
+    pub(super) budget: Vec<BudgetLine>,
+    /// What the record tells, priors of the errors as measurements.
     pub(super) uncertainty: Uncertainty,
+    /// Together with what is known beforehand of what is requested.
+    pub(super) known: Uncertainty,
+}
+
+/// Something that the mission is not sure of, before and after the record.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PredictedError {
+    /// Its name.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// What kind of thing it is.
+    pub kind: UncertainKind,
+    /// Standard deviation that the mission gives.
+    pub prior_std: f64,
+    /// Standard deviation after the record; none where it is not determined.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub std: Option<f64>,
 }
 
 pub(super) fn predict(q: &Question<'_>, trace: &Trace, substeps: usize) -> Result<Seen, PreflightError> {
     let (model, n) = (q.model, q.selected.len());
-    let columns = n + 6 + model.nj() + 2 * model.np();
-    let every = (trace.len() * (model.nj() + 3) * columns).div_ceil(MOST_NUMBERS).max(1);
-    let record = record(q, trace, every)?;
-    let options = Options {
-        substeps: substeps * every,
-        gyro_bias: true,
-        torque_bias: true,
-        initial_state: true,
-        ..Options::new(noise(&q.sensing))
-    };
-    let mut fit = OutputError::new(model, &record, &options)?;
-    let beside = fit.nuisance();
-    let mut r = vec![0.0; fit.rows()];
-    let mut j = DMatrix::zeros(fit.rows(), n + beside.len());
-    let zeros = vec![0.0; beside.len()];
-    fit.jacobian(q.params.values(), &zeros, q.selected, &mut r, &mut j)?;
-    // A sample that stands for `every` of them carries that many times the information.
-    j.scale_mut((every as f64).sqrt());
-    let decls = model.param_decls();
-    let sizes = sizes(&decls, q.params.values());
-    let mut unknowns: Vec<Unknown> = q
-        .selected
-        .iter()
-        .map(|&i| Unknown { name: decls[i].name.clone(), unit: decls[i].unit.to_owned(), size: sizes[i] })
-        .collect();
-    unknowns.extend(beside);
-    let u = analyse(&j, &unknowns, RANK_TOLERANCE)?;
+    let exact = UncertainItems::default();
+    let items = q.uncertain.unwrap_or(&exact);
+    let told = columns(q, trace, substeps, items, None)?;
+    let column = |p: &(usize, f64, f64)| Some((q.selected.iter().position(|&i| i == p.0)?, p.2));
+    let before: Vec<(usize, f64)> = items.priors.iter().filter_map(column).collect();
+    let (uncertainty, u) = told.uncertainty(&before)?;
     let one = |k: usize, value: f64| {
         let (unknown, std) = (&u.unknowns[k], u.deviation[k]);
         predicted(unknown.name.clone(), unknown.unit.clone(), value, std, unknown.size, q.weak)
     };
+    let decls = model.param_decls();
+    let asked: Vec<(usize, &ParamDecl)> = q.selected.iter().enumerate().map(|(k, &i)| (k, &decls[i])).collect();
+    let errors: Vec<(usize, UncertainKind, f64)> = told.errors.iter().map(|(c, e)| (*c, e.kind, e.std)).collect();
+    let error = |(c, e): &(usize, UncertainUnknown)| PredictedError {
+        name: e.name.clone(),
+        unit: e.unit.to_owned(),
+        kind: e.kind,
+        prior_std: e.std,
+        std: u.deviation[*c],
+    };
+    let nuisance = n..u.unknowns.len() - errors.len();
     Ok(Seen {
-        every,
+        every: told.every,
         parameters: q.selected.iter().enumerate().map(|(k, &i)| one(k, q.params.values()[i])).collect(),
         derived: derived(model, q, &u),
-        nuisance: (n..unknowns.len()).map(|k| one(k, 0.0)).collect(),
-        uncertainty: u,
+        nuisance: nuisance.map(|k| one(k, 0.0)).collect(),
+        uncertain: told.errors.iter().map(error).collect(),
+        budget: variance_budget(&asked, &errors, &u),
+        uncertainty,
+        known: u,
     })
 }
 

@@ -1,6 +1,7 @@
 //! The verdict in words.
 
 use super::{Determination, LimitMargin, ModeVisibility, Predicted, Preflight, Proof, Seen, modes::Reading};
+use crate::workflow::identify::{budget, harmful, next_step};
 use std::fmt;
 
 /// Limits listed: the closest ones.
@@ -11,7 +12,10 @@ impl fmt::Display for Preflight {
         writeln!(f, "verdict on {:.4} s at {} Hz for {}", self.duration_s, self.sensing.rate_hz, self.robot)?;
         let s = &self.sensing;
         writeln!(f, "noise of one sample: torque {} N m, gyro {} rad/s", num(s.torque_nm), num(s.gyro_rad_per_s))?;
+        exactness(f, self)?;
         parameters(f, self)?;
+        let names = self.parameters.iter().map(|p| p.name.chars().count());
+        budget(f, &self.budget, names.max().unwrap_or(8))?;
         if !self.modes.is_empty() {
             writeln!(f, "\nmodes at the start pose, and who sees them")?;
             writeln!(
@@ -40,6 +44,15 @@ fn num(x: f64) -> String {
     } else {
         format!("{x:.3e}")
     }
+}
+
+/// What the deviations allow for, and what they do not.
+fn exactness(f: &mut fmt::Formatter<'_>, p: &Preflight) -> fmt::Result {
+    if !p.uncertain.is_empty() {
+        let n = p.uncertain.len();
+        writeln!(f, "deviations allow for {n} quantities that the mission is not sure of")?;
+    }
+    next_step(&p.budget).into_iter().chain(harmful(&p.taken_as_exact)).try_for_each(|line| writeln!(f, "{line}"))
 }
 
 fn parameters(f: &mut fmt::Formatter<'_>, p: &Preflight) -> fmt::Result {

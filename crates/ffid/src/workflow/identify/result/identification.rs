@@ -81,6 +81,9 @@ pub struct IdentificationResult {
     /// Where the variance of every parameter comes from, where something is uncertain.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub budget: Vec<BudgetLine>,
+    /// What the mission is not sure of and the method does not allow for: it was taken as exact.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub not_allowed_for: Vec<String>,
     /// Where nothing is: what small errors of what is taken as exact would do, the most harmful first.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub taken_as_exact: Vec<Harm>,
@@ -158,6 +161,7 @@ impl IdentificationResult {
             prior_conflicts: Vec::new(),
             uncertain: Vec::new(),
             budget: Vec::new(),
+            not_allowed_for: Vec::new(),
             taken_as_exact: Vec::new(),
             bodies: Vec::new(),
             profiles: Vec::new(),

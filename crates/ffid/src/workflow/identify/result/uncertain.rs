@@ -2,9 +2,12 @@
 
 use crate::workflow::identify::uncertain::{UncertainKind, UncertainUnknown};
 use crate::workflow::identify::unknowns::Unknowns;
+use ff_model::ParamDecl;
 use ident::Uncertainty;
 use ident::belief::{PriorGroup, prior_shares, tightened};
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Factor by which a group of errors would be known better in what is proposed.
 const BETTER: f64 = 1.0 / 3.0;
@@ -97,34 +100,81 @@ pub(in crate::workflow::identify) fn lines(
         value,
         std: u.deviation[c],
     };
+    let asked = selected.iter().enumerate().filter(|(_, i)| unknowns.is_asked(**i));
+    let asked: Vec<(usize, &ParamDecl)> = asked.map(|(k, &i)| (k, &unknowns.decls[i])).collect();
+    let errors: Vec<(usize, UncertainKind, f64)> = of.iter().map(|(c, what, _)| (*c, what.kind, what.std)).collect();
+    (of.iter().map(line).collect(), budget(&asked, &errors, u))
+}
+
+/// Where the variance of what is asked for comes from: columns of the covariance, of the errors with their kind and the deviation of
+/// their prior. Empty where there is none.
+pub(in crate::workflow) fn budget(
+    asked: &[(usize, &ParamDecl)],
+    errors: &[(usize, UncertainKind, f64)],
+    u: &Uncertainty,
+) -> Vec<BudgetLine> {
     let mut groups: Vec<(UncertainKind, PriorGroup)> = Vec::new();
-    for (c, what, _) in &of {
-        match groups.iter_mut().find(|g| g.0 == what.kind) {
-            Some(g) => g.1.push((*c, what.std)),
-            None => groups.push((what.kind, vec![(*c, what.std)])),
+    for &(c, kind, std) in errors {
+        match groups.iter_mut().find(|g| g.0 == kind) {
+            Some(g) => g.1.push((c, std)),
+            None => groups.push((kind, vec![(c, std)])),
         }
     }
     let priors: Vec<PriorGroup> = groups.iter().map(|g| g.1.clone()).collect();
-    let mut budget = Vec::new();
-    for (k, &i) in selected.iter().enumerate().filter(|(_, i)| !groups.is_empty() && unknowns.is_asked(**i)) {
+    let mut out = Vec::new();
+    for &(k, decl) in asked.iter().filter(|_| !groups.is_empty()) {
         let Some(std) = u.deviation[k] else { continue };
         let shares = prior_shares(&u.covariance, k, &priors);
         let mut errors: Vec<BudgetShare> =
             groups.iter().zip(&shares).map(|(g, &share)| BudgetShare { kind: g.0, share }).collect();
         errors.sort_by(|a, b| b.share.total_cmp(&a.share));
-        let then = |k_group: usize| tightened(&u.covariance, k, &priors[k_group], BETTER);
+        let then = |group: usize| tightened(&u.covariance, k, &priors[group], BETTER);
         let better = (0..groups.len())
             .filter(|&g| shares[g] > WORTH)
             .map(|g| Better { kind: groups[g].0, factor: 1.0 / BETTER, std: then(g) })
             .min_by(|a, b| a.std.total_cmp(&b.std));
-        budget.push(BudgetLine {
-            name: unknowns.decls[i].name.clone(),
-            unit: unknowns.decls[i].unit.to_owned(),
+        out.push(BudgetLine {
+            name: decl.name.clone(),
+            unit: decl.unit.to_owned(),
             std,
             noise: (1.0 - shares.iter().sum::<f64>()).max(0.0),
             errors,
             better,
         });
     }
-    (of.iter().map(line).collect(), budget)
+    out
+}
+
+/// Where the variance of what is asked for comes from when errors were considered: their kinds with the deviation of each, and the
+/// change of the estimate per unit of them.
+pub(in crate::workflow) fn considered_budget(
+    asked: &[(usize, &ParamDecl)],
+    errors: &[(UncertainKind, f64)],
+    u: &Uncertainty,
+    sensitivity: &DMatrix<f64>,
+) -> Vec<BudgetLine> {
+    let mut out = Vec::new();
+    for &(k, decl) in asked {
+        let Some(std) = u.deviation[k] else { continue };
+        let mut of_kind: BTreeMap<UncertainKind, f64> = BTreeMap::new();
+        for (c, &(kind, prior)) in errors.iter().enumerate() {
+            *of_kind.entry(kind).or_default() += (sensitivity[(k, c)] * prior / std).powi(2);
+        }
+        let mut shares: Vec<BudgetShare> =
+            of_kind.into_iter().map(|(kind, share)| BudgetShare { kind, share }).collect();
+        shares.sort_by(|a, b| b.share.total_cmp(&a.share));
+        let then = |share: f64| std * (1.0 - (1.0 - BETTER * BETTER) * share).max(0.0).sqrt();
+        let better = shares.first().filter(|s| s.share > WORTH);
+        let better = better.map(|s| Better { kind: s.kind, factor: 1.0 / BETTER, std: then(s.share) });
+        let noise = (1.0 - shares.iter().map(|s| s.share).sum::<f64>()).max(0.0);
+        out.push(BudgetLine {
+            name: decl.name.clone(),
+            unit: decl.unit.to_owned(),
+            std,
+            noise,
+            errors: shares,
+            better,
+        });
+    }
+    out
 }
