@@ -1,5 +1,7 @@
 //! Tables of motions give what the algorithms give motion by motion.
 
+#![allow(clippy::unwrap_used)] // helpers of a test may unwrap like the test
+
 use crate::common::*;
 use ff_dynamics::analysis::budget;
 use ff_dynamics::batch::{Algorithm, Motions, batch, position_width};

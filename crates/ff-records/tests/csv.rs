@@ -294,8 +294,7 @@ fn empty_cells_are_channels_at_a_rate_of_their_own() {
         cells.collect::<Vec<_>>().join(",")
     };
     let lines = text.lines().enumerate();
-    let half: Vec<String> =
-        lines.map(|(i, l)| if i > 0 && i % 2 == 0 { without(l) } else { l.to_owned() }).collect();
+    let half: Vec<String> = lines.map(|(i, l)| if i > 0 && i % 2 == 0 { without(l) } else { l.to_owned() }).collect();
     let l = load(&(half.join("\n") + "\n"), &ReadOptions::default()).unwrap();
     let whole = load(&text, &ReadOptions::default()).unwrap().record;
     let times = l.record.times(ChannelGroup::Torque).unwrap();

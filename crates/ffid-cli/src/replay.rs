@@ -44,21 +44,28 @@ pub(crate) fn flown(
     inputs: &[&dyn ExternalInput],
     rate_hz: f64,
     hold_s: f64,
-) -> Result<Trace, Problem> {
+) -> Result<Trace, Problems> {
     fly(&opened.model, params, motion, inputs, rate_hz, hold_s).map_err(|e| {
         let p = Problem::error(Area::Model, "Sim::Failed", e.to_string()).on(opened.model.name());
-        p.hint("excite less, or check the parameters")
+        Problems(vec![p.hint("excite less, or check the parameters")])
     })
 }
 
 /// The replay of an identification: the identified robot, and the mission's, on the joint motion of the record. Problems are warnings:
 /// the result does not hang on its picture.
-pub(crate) fn identified(opened: &Opened, file: &Path, found: &Identified, record: &Record) -> (Option<String>, Problems) {
+pub(crate) fn identified(
+    opened: &Opened,
+    file: &Path,
+    found: &Identified,
+    record: &Record,
+) -> (Option<String>, Problems) {
     let mut problems = Problems::default();
     let page = draw(opened, file, found, record, &mut problems);
-    let html = page.map_err(|mut p| {
-        p.severity = ff_model::Severity::Warning;
-        problems.push(p);
+    let html = page.map_err(|refused| {
+        for mut p in refused.0 {
+            p.severity = ff_model::Severity::Warning;
+            problems.push(p);
+        }
     });
     (html.ok(), problems)
 }
@@ -69,13 +76,15 @@ fn draw(
     found: &Identified,
     record: &Record,
     problems: &mut Problems,
-) -> Result<String, Problem> {
+) -> Result<String, Problems> {
     let (model, result) = (&opened.model, &found.result);
     let refused = |what: String| {
-        Problem::error(Area::Data, "Replay::NotDrawn", what).in_file(FILE).hint("draw the robot by `ffid show`")
+        let p = Problem::error(Area::Data, "Replay::NotDrawn", what).in_file(FILE);
+        Problems(vec![p.hint("draw the robot by `ffid show`")])
     };
     let first = |p: Problems| refused(p.0.first().map_or_else(String::new, |p| p.message.clone()));
-    let part = if record.seconds() > LONGEST_S { record.window(0.0, LONGEST_S).map_err(first)? } else { record.clone() };
+    let part =
+        if record.seconds() > LONGEST_S { record.window(0.0, LONGEST_S).map_err(first)? } else { record.clone() };
     let motion = ident::motion::joint_motion(model, &part).map_err(|e| refused(e.to_string()))?;
     let (after, before) = (Params::from_values(model, found.values.clone()), Params::nominal(model));
     let traces = [&after, &before].map(|p| flown(opened, p, &*motion, &[], part.rate_hz(), 0.0));

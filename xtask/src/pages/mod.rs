@@ -47,7 +47,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     // Before the pages, which take longer.
     let program = match (args.check, browser::find()) {
         (true, None) => {
-            let e = std::io::Error::new(std::io::ErrorKind::NotFound, "install Debian's chromium, or name one in $CHROMIUM");
+            let e = std::io::Error::new(
+                std::io::ErrorKind::NotFound,
+                "install Debian's chromium, or name one in $CHROMIUM",
+            );
             return Err(Failure::io("find", Path::new("chromium"), e).into());
         }
         (_, found) => found,
@@ -122,7 +125,7 @@ fn write(root: &Path, out: &Path) -> anyhow::Result<Vec<PathBuf>> {
 
 /// A motion of all joints from the hold pose of the paper and back, 30 s.
 fn nod() -> String {
-    const HOLD: [f64; 7] = [1.570_796_326_794_896_6, 1.4, 0.0, -2.6, 0.0, 2.4, 0.0];
+    const HOLD: [f64; 7] = [core::f64::consts::FRAC_PI_2, 1.4, 0.0, -2.6, 0.0, 2.4, 0.0];
     const SECONDS: f64 = 30.0;
     let mut out = "time[s]".to_owned();
     (1..=7).for_each(|j| out.push_str(&format!(",q.joint{j}[rad]")));

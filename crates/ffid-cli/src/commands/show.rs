@@ -112,7 +112,7 @@ fn work(args: &Args) -> Result<(Summary, Problems), Refusal> {
                 problems.extend(given.warnings);
                 let inputs: Vec<_> = opened.inputs.iter().map(Declared::as_input).collect();
                 let trace = flown(opened, &params, given.motion.as_ref(), &inputs, rate(opened), args.hold);
-                Some(trace.map_err(|p| (ffid::exit::Exit::Numerical, Problems(vec![p.in_file(*file)])))?)
+                Some(trace.map_err(|p| (ffid::exit::Exit::Numerical, p.in_file(*file)))?)
             }
             None => None,
         };

@@ -144,7 +144,8 @@ impl Identification {
         let to = Folder::begin(&target, replace).map_err(io)?;
         self.args.output.png = png;
         let leniency = self.args.input.leniency();
-        let wrote = write(&to, &self.args, (&self.opened, &self.records), &mut self.found, self.held.as_ref(), &leniency);
+        let wrote =
+            write(&to, &self.args, (&self.opened, &self.records), &mut self.found, self.held.as_ref(), &leniency);
         let settings = &self.found.result.provenance.settings;
         let settings: Vec<(&str, String)> = settings.iter().map(|(k, v)| (k.as_str(), v.clone())).collect();
         let about = results::about("identify", self.args.seed, &settings, self.inputs.clone());

@@ -150,7 +150,7 @@ impl Tables {
         let by = (kinematics, &disturbances);
         let (motion, sampling) = (&*self.motion, &self.sampling);
         match before {
-            Some(table) => table.followed_by(model, params, by, motion, sampling, span, wanted),
+            Some(table) => table.followed_by(model, params, by, motion, (sampling, span), wanted),
             None => Prescribed::disturbed(model, params, by, motion, sampling, span, wanted),
         }
     }

@@ -90,10 +90,13 @@ const ACCEPTANCE: f64 = 0.8;
 /// are then exact, and distances from the mean never change. A quarter of a turn forgets where it began.
 const STEP_MOST: f64 = core::f64::consts::FRAC_PI_2;
 
+/// Places that were evaluated since the last draw, with their log densities.
+type Seen = Rc<RefCell<Vec<(Vec<f64>, f64)>>>;
+
 /// What is evaluated, and what has been since the last draw.
 struct Evaluated<'a, D: LogDensity + ?Sized> {
     density: &'a mut D,
-    seen: Rc<RefCell<Vec<(Vec<f64>, f64)>>>,
+    seen: Seen,
 }
 
 /// Why an evaluation failed, as the sampler wants it.

@@ -129,7 +129,12 @@ impl World {
     }
     /// A record as the fit takes it.
     pub(in crate::study) fn labelled(&self, label: &str, r: &Readings) -> Result<LabelledRecord, Problems> {
-        Ok(LabelledRecord { label: label.to_owned(), record: self.record(r, &[])?, resampled: (false, false), continues: false })
+        Ok(LabelledRecord {
+            label: label.to_owned(),
+            record: self.record(r, &[])?,
+            resampled: (false, false),
+            continues: false,
+        })
     }
     /// What `ffid identify` makes of several records, corrected clocks put into them.
     pub(in crate::study) fn identify_all(

@@ -117,7 +117,7 @@ impl Prescribed {
         span: Range<usize>,
         wanted: &Wanted,
     ) -> Self {
-        Self::disturbed_in(Pool::default(), model, params, by, motion, sampling, span, wanted)
+        Self::disturbed_in(Pool::default(), model, params, by, motion, (sampling, span), wanted)
     }
 
     /// [`Prescribed::disturbed`] in the memory of this table, which need not be of the same record. Allocates where that is too small.
@@ -131,22 +131,19 @@ impl Prescribed {
         params: &Params<f64>,
         by: (&Kinematics<f64>, &Disturbances),
         motion: &dyn JointMotion,
-        sampling: &Sampling,
-        span: Range<usize>,
+        (sampling, span): (&Sampling, Range<usize>),
         wanted: &Wanted,
     ) -> Self {
-        Self::disturbed_in(self.into_pool(), model, params, by, motion, sampling, span, wanted)
+        Self::disturbed_in(self.into_pool(), model, params, by, motion, (sampling, span), wanted)
     }
 
-    #[allow(clippy::too_many_arguments)]
     fn disturbed_in(
         mut pool: Pool,
         model: &Model,
         params: &Params<f64>,
         (kinematics, disturbances): (&Kinematics<f64>, &Disturbances),
         motion: &dyn JointMotion,
-        sampling: &Sampling,
-        span: Range<usize>,
+        (sampling, span): (&Sampling, Range<usize>),
         wanted: &Wanted,
     ) -> Self {
         let motion = Disturbed { motion, by: disturbances };

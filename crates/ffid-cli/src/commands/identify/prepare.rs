@@ -189,8 +189,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
     data.on_the_ground(&opened, &mut settings, &mut options, &mut held)?;
     options.profile.clone_from(&args.profile);
     let Data { records, sources, problems } = data;
-    let ready =
-        Ready { opened, settings, options, records, sources, earlier: earlier.inputs, held, problems, inputs };
+    let ready = Ready { opened, settings, options, records, sources, earlier: earlier.inputs, held, problems, inputs };
     Ok((ready, Destination { files, folder, target }))
 }
 

@@ -9,7 +9,9 @@ use ff_report::identify::{all_figures, corner_figure, page};
 use ffid::exit::Failure;
 use ffid::files::folder::Folder;
 use ffid::open::Opened;
-use ffid::workflow::identify::{Identified, LOW_PASS, LabelledRecord, Sampled, Signals, Warning, draws, keep, model_files};
+use ffid::workflow::identify::{
+    Identified, LOW_PASS, LabelledRecord, Sampled, Signals, Warning, draws, keep, model_files,
+};
 use std::path::Path;
 
 /// Writes everything but the manifest. What is wrong with the files of the robot is added to the warnings of the result, and returned.
