@@ -22,6 +22,8 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
 }
 
+// One is made for a run.
+#[allow(clippy::large_enum_variant)]
 #[derive(Subcommand)]
 pub(crate) enum Command {
     /// Write a first mission file for a URDF: base, arm and panels guessed, the rest commented out with its unit.

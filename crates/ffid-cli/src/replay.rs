@@ -3,7 +3,7 @@
 use ff_dynamics::Trace;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::sim::inputs::ExternalInput;
-use ff_model::{Area, Params, Problem, Problems};
+use ff_model::{Area, Params, Problem, Problems, Severity};
 use ff_records::Record;
 use ff_report::replay::{Appearance, Knowledge, Replay, Scene, Subject};
 use ffid::open::Opened;
@@ -28,12 +28,14 @@ pub(crate) fn appearance(opened: &Opened, file: &Path, problems: &mut Problems) 
         return Appearance::default();
     }
     Appearance::of_urdf(&urdf, &opened.model).unwrap_or_else(|found| {
-        for mut p in found.0 {
-            p.severity = ff_model::Severity::Warning;
-            problems.push(p);
-        }
+        soften(found, problems);
         Appearance::default()
     })
+}
+
+/// Adds errors of a picture as warnings.
+fn soften(found: Problems, problems: &mut Problems) {
+    problems.extend(Problems(found.0.into_iter().map(|p| Problem { severity: Severity::Warning, ..p }).collect()));
 }
 
 /// The motion of a robot from rest, base at the world's origin.
@@ -61,12 +63,7 @@ pub(crate) fn identified(
 ) -> (Option<String>, Problems) {
     let mut problems = Problems::default();
     let page = draw(opened, file, found, record, &mut problems);
-    let html = page.map_err(|refused| {
-        for mut p in refused.0 {
-            p.severity = ff_model::Severity::Warning;
-            problems.push(p);
-        }
-    });
+    let html = page.map_err(|found| soften(found, &mut problems));
     (html.ok(), problems)
 }
 
@@ -82,9 +79,7 @@ fn draw(
         let p = Problem::error(Area::Data, "Replay::NotDrawn", what).in_file(FILE);
         Problems(vec![p.hint("draw the robot by `ffid show`")])
     };
-    let first = |p: Problems| refused(p.0.first().map_or_else(String::new, |p| p.message.clone()));
-    let part =
-        if record.seconds() > LONGEST_S { record.window(0.0, LONGEST_S).map_err(first)? } else { record.clone() };
+    let part = if record.seconds() > LONGEST_S { record.window(0.0, LONGEST_S)? } else { record.clone() };
     let motion = ident::motion::joint_motion(model, &part).map_err(|e| refused(e.to_string()))?;
     let (after, before) = (Params::from_values(model, found.values.clone()), Params::nominal(model));
     let traces = [&after, &before].map(|p| flown(opened, p, &*motion, &[], part.rate_hz(), 0.0));

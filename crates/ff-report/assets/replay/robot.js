@@ -34,7 +34,9 @@
           const box = s.role === "inertia";
           const alpha = box && !bare ? alphas.clear : alphas.solid;
           const colour = ghost && s.role !== "joint" ? COLOURS.second : COLOURS[s.role] || COLOURS.link;
-          const drawn = artist.shape(s, meshes, artist.lit(colour, alpha));
+          // Joints are inside of links, and are seen through them.
+          const through = s.role === "joint";
+          const drawn = artist.shape(s, meshes, artist.lit(colour, through ? 0.7 * alpha : alpha, through));
           drawn.setParent(move);
           const role = box && bare ? "link" : s.role;
           (this.byRole[role] ||= []).push(drawn);

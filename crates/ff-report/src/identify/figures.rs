@@ -93,3 +93,36 @@ fn left_out(fig: Figure, s: &Signals) -> Figure {
     let text = format!("{} {more} more channels are in residuals.csv.", fig.caption);
     fig.caption(text.trim().to_owned())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::page::{Block, Page, points};
+    use nalgebra::DMatrix;
+
+    /// An hour of ten channels at 100 Hz, a fifth of it held out: noise is what thins worst.
+    #[test]
+    fn a_report_of_an_hour_stays_below_five_megabytes() {
+        const N: usize = 360_000;
+        let noise = |i: usize, k: usize| (((i * 7919 + k * 104_729) % 10_007) as f64 / 10_007.0 - 0.5) * 0.3;
+        let clean = |i: usize, k: usize| (i as f64 * 1e-3 * (k + 1) as f64).sin();
+        let of = |n: usize| Signals {
+            time: (0..n).map(|i| i as f64 * 0.01).collect(),
+            names: (0..10).map(|k| format!("tau.joint{k}")).collect(),
+            units: vec!["N m"; 10],
+            sigma: vec![0.1; 10],
+            measured: DMatrix::from_fn(n, 10, |i, k| clean(i, k) + noise(i, k)),
+            predicted: DMatrix::from_fn(n, 10, clean),
+        };
+        let (fitted, held) = (of(N * 4 / 5), of(N / 5));
+        let modes = [ModeLine { frequency_hz: 0.7, damping_ratio: 0.01, start_hz: 0.6 }];
+        let mut all = vec![signals(&fitted, "signals"), residuals(&fitted, "residuals")];
+        all.extend(spectra(&fitted, &modes, "spectra"));
+        all.extend([signals(&held, "held out"), residuals(&held, "its residuals")]);
+        let mut page = Page::new("An hour");
+        let n = points(&all);
+        page.section("Figures", all.iter().map(|f| Block::figure(f, n).unwrap()).collect());
+        let bytes = page.render().len();
+        assert!(all.len() == 5 && bytes < 5_000_000, "{bytes} bytes");
+    }
+}

@@ -267,6 +267,8 @@ impl Scene {
 /// Nodes of the rigid bodies.
 fn bodies(s: &Subject<'_>) -> Vec<Node> {
     let (model, params) = (s.model, s.params);
+    let lengths = model.bodies().iter().map(|b| b.joint.placement.pos.norm());
+    let link = lengths.sum::<f64>() / model.nj().max(1) as f64;
     let mut nodes: Vec<Node> = (0..model.n_bodies())
         .map(|i| {
             let inertia = params.body(i);
@@ -294,7 +296,7 @@ fn bodies(s: &Subject<'_>) -> Vec<Node> {
                     JointKind::Prismatic => Moves::Slide { axis, by: i - 1 },
                     JointKind::Revolute | JointKind::Continuous => Moves::Turn { axis, by: i - 1 },
                 });
-                node.shapes.push(sensor(&b.joint.axis, size(inertia)));
+                node.shapes.push(sensor(&b.joint.axis, link));
             }
             node
         })
@@ -356,13 +358,13 @@ pub(super) fn rod(end: &Vector3<f64>) -> Option<Drawn> {
     })
 }
 
-/// The axis of a joint as a short cylinder.
-fn sensor(axis: &Vector3<f64>, size: f64) -> Drawn {
-    let radius = (0.12 * size).clamp(0.02, 0.12);
+/// The axis of a joint as a short cylinder; `link` is the mean distance from joint to joint (m).
+fn sensor(axis: &Vector3<f64>, link: f64) -> Drawn {
+    let radius = (0.12 * link).clamp(0.01, 0.12);
     Drawn {
         role: Role::Joint,
         place: Pose::from(&Xform::new(along_z(axis), Vector3::zeros())),
-        form: Form::Cylinder { radius, length: 1.6 * radius },
+        form: Form::Cylinder { radius, length: 3.0 * radius },
     }
 }
 

@@ -6,7 +6,7 @@ use crate::replay::{appearance, flown};
 use crate::results::{Refusal, io_hint, refused};
 use ff_model::{Area, Params, Problem, Problems};
 use ff_report::replay::{Replay, Scene, Subject};
-use ffid::exit::Failure;
+use ffid::exit::{Exit, Failure};
 use ffid::files::atomic;
 use ffid::inputs::Declared;
 use ffid::open::{Opened, open};
@@ -112,7 +112,7 @@ fn work(args: &Args) -> Result<(Summary, Problems), Refusal> {
                 problems.extend(given.warnings);
                 let inputs: Vec<_> = opened.inputs.iter().map(Declared::as_input).collect();
                 let trace = flown(opened, &params, given.motion.as_ref(), &inputs, rate(opened), args.hold);
-                Some(trace.map_err(|p| (ffid::exit::Exit::Numerical, p.in_file(*file)))?)
+                Some(trace.map_err(|p| (Exit::Numerical, p.in_file(*file)))?)
             }
             None => None,
         };
