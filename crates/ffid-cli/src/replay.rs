@@ -55,7 +55,12 @@ pub(crate) fn flown(
 
 /// The replay of an identification: the identified robot, and the mission's, on the joint motion of the record. Problems are warnings:
 /// the result does not hang on its picture.
-pub(crate) fn identified(opened: &Opened, file: &Path, found: &Identified, record: &Record) -> (Option<String>, Problems) {
+pub(crate) fn identified(
+    opened: &Opened,
+    file: &Path,
+    found: &Identified,
+    record: &Record,
+) -> (Option<String>, Problems) {
     let mut problems = Problems::default();
     let page = draw(opened, file, found, record, &mut problems);
     let html = page.map_err(|found| soften(found, &mut problems));

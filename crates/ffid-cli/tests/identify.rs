@@ -159,9 +159,16 @@ fn slosh_from_a_mission_to_a_validated_model() {
     }
     let alone = open(&c.path("res/identified.urdf"), Leniency::default()).unwrap();
     assert!((alone.model.inertia(0).mass - r.parameters[0].value).abs() < 1e-12 * 600.0);
-    for name in
-        ["report.html", "report.txt", "residuals.csv", "held-out.csv", "signals.svg", "spectra.svg", "manifest.toml", "replay.html"]
-    {
+    for name in [
+        "report.html",
+        "report.txt",
+        "residuals.csv",
+        "held-out.csv",
+        "signals.svg",
+        "spectra.svg",
+        "manifest.toml",
+        "replay.html",
+    ] {
         assert!(c.path("res").join(name).exists(), "{name}");
     }
     let html = c.read("res/report.html");

@@ -34,12 +34,14 @@ fn a_mission_is_drawn_with_its_modes_and_a_motion() {
     let row = |i: u32| {
         let t = f64::from(i) * 0.02;
         let s = 0.5 - 0.5 * (std::f64::consts::PI * t / 4.0).cos();
-        format!("{t},{}\n", joints.clone().map(|j| format!("{}", 0.2 * s + 0.1 * f64::from(j))).collect::<Vec<_>>().join(","))
+        format!(
+            "{t},{}\n",
+            joints.clone().map(|j| format!("{}", 0.2 * s + 0.1 * f64::from(j))).collect::<Vec<_>>().join(",")
+        )
     };
     let csv = format!("time[s]{head}\n{}", (0..=200).map(row).collect::<String>());
     fs::write(dir.path().join("t.csv"), csv).unwrap();
-    let args =
-        ["show", &mission, "--trajectory", "t.csv", "--hold", "1", "--beside", &mission, "--out", "two.html"];
+    let args = ["show", &mission, "--trajectory", "t.csv", "--hold", "1", "--beside", &mission, "--out", "two.html"];
     let (code, out, _) = ffid(dir.path(), &args);
     assert_eq!(code, 0, "{out}");
     assert!(out.starts_with("two.html: combined and combined (other), 6 modes, 5.00 s of motion"), "{out}");

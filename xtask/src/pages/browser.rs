@@ -61,7 +61,8 @@ impl Browser {
             .stderr(Stdio::null())
             .spawn()
             .with_context(|| format!("start {}", program.display()))?;
-        let (to, from) = (child.stdin.take().context("no pipe to it")?, child.stdout.take().context("no pipe from it")?);
+        let (to, from) =
+            (child.stdin.take().context("no pipe to it")?, child.stdout.take().context("no pipe from it")?);
         let (send, receive) = channel();
         std::thread::spawn(move || {
             for message in BufReader::new(from).split(0) {
@@ -134,7 +135,9 @@ impl Browser {
         let said = |e: &Value| -> Option<String> {
             let p = &e["params"];
             match e["method"].as_str()? {
-                "Runtime.exceptionThrown" => Some(format!("exception: {}", p["exceptionDetails"]["exception"]["description"])),
+                "Runtime.exceptionThrown" => {
+                    Some(format!("exception: {}", p["exceptionDetails"]["exception"]["description"]))
+                }
                 "Runtime.consoleAPICalled" if matches!(p["type"].as_str(), Some("error" | "warning")) => {
                     Some(format!("console: {}", p["args"]))
                 }

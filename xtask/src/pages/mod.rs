@@ -47,7 +47,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     // Before the pages, which take longer.
     let program = match (args.check, browser::find()) {
         (true, None) => {
-            let e = std::io::Error::new(std::io::ErrorKind::NotFound, "install Debian's chromium, or name one in $CHROMIUM");
+            let e = std::io::Error::new(
+                std::io::ErrorKind::NotFound,
+                "install Debian's chromium, or name one in $CHROMIUM",
+            );
             return Err(Failure::io("find", Path::new("chromium"), e).into());
         }
         (_, found) => found,

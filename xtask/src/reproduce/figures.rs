@@ -78,7 +78,12 @@ pub(super) fn write(
         let mut p = Panel::log_y("frequency (Hz)", unit).titled(title).curve("", &fx, &fy).x_range(0.0, top);
         if name == "answer" {
             for hz in f.combination_tones_hz.iter().filter(|hz| **hz < top) {
-                p.vlines.push(VLine { x: *hz, label: format!("{hz:.3} sum or difference"), colour: Some(3), solid: false });
+                p.vlines.push(VLine {
+                    x: *hz,
+                    label: format!("{hz:.3} sum or difference"),
+                    colour: Some(3),
+                    solid: false,
+                });
             }
         } else {
             p = p.y_range(1e-5 * high, high);

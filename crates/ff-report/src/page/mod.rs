@@ -128,7 +128,11 @@ impl Block {
     pub fn figure(f: &Figure, points: usize) -> Result<Self, Failure> {
         // The writer of SVG escapes what is markup, but lets control characters through, which no XML may hold.
         let hidden = |c: char| c.is_control() && !c.is_ascii_whitespace();
-        Ok(Self::Figure { svg: f.to_svg()?.replace(hidden, "\u{fffd}"), caption: f.title.clone(), data: f.to_json(points) })
+        Ok(Self::Figure {
+            svg: f.to_svg()?.replace(hidden, "\u{fffd}"),
+            caption: f.title.clone(),
+            data: f.to_json(points),
+        })
     }
 }
 

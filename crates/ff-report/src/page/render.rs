@@ -63,12 +63,8 @@ pub(super) fn page(p: &Page) -> String {
         blocks.iter().for_each(|b| block(&mut out, b));
         out.push_str("</section>\n");
     }
-    let _ = write!(
-        out,
-        "</main>\n<footer>Written by ffid {}. {}</footer>\n",
-        env!("CARGO_PKG_VERSION"),
-        escape(&p.source)
-    );
+    let _ =
+        write!(out, "</main>\n<footer>Written by ffid {}. {}</footer>\n", env!("CARGO_PKG_VERSION"), escape(&p.source));
     for script in needs.scripts() {
         let _ = writeln!(out, "<script>{script}</script>");
     }

@@ -27,9 +27,7 @@ fn panel(p: &Panel, points: usize) -> Value {
         let ys: Vec<String> = ys.into_iter().map(|y| singles(y.into_iter())).collect();
         json!({ "x": singles(x.into_iter()), "ys": ys, "series": members })
     };
-    let curve = |(i, s): (usize, &Series)| {
-        json!({ "label": shown_label(p, i), "colour": colour_index(s, i), "dashed": s.dashed })
-    };
+    let curve = |(i, s): (usize, &Series)| json!({ "label": shown_label(p, i), "colour": colour_index(s, i), "dashed": s.dashed });
     json!({
         "title": p.title,
         "x": typeset(&p.x_label),

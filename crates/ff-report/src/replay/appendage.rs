@@ -87,15 +87,7 @@ fn plate(inertia: &Inertia<f64>, axis: &Vector3<f64>, hinge: Option<Vector3<f64>
 
 /// One mass that shifts and turns with the momentum of the appendage: per unit rate `m dc = M_be` (linear rows) and, about the centre of
 /// mass, `I w = M_be` (angular rows). Exact for a mass on springs and for a rotor. `None` without mass.
-fn sway(
-    mount: usize,
-    name: &str,
-    model: &Model,
-    p: &[f64],
-    k: usize,
-    first: usize,
-    rest: &[f64],
-) -> Option<Node> {
+fn sway(mount: usize, name: &str, model: &Model, p: &[f64], k: usize, first: usize, rest: &[f64]) -> Option<Node> {
     let a = &model.appendages()[k];
     let own = &rest[a.coord_offset..a.coord_offset + a.dim()];
     let m = f64::port(&*a.appendage).dense_inertia(p, own);

@@ -4,8 +4,8 @@ use super::motion::Motion;
 use super::scene::Subject;
 use ff_dynamics::analysis::Centroidal;
 use ff_dynamics::{State, Trace};
-use ff_model::{Model, Params};
 use ff_model::scalar::D1;
+use ff_model::{Model, Params};
 use nalgebra::{DMatrix, Vector3};
 use serde::Serialize;
 
@@ -114,4 +114,3 @@ pub(super) fn path(model: &Model, params: &Params<f64>, trace: &Trace, rows: &[u
         })
         .collect()
 }
-

@@ -100,7 +100,8 @@ fn thin(triangles: Vec<Triangle>, low: &[f64; 3], size: &[f64; 3]) -> Vec<Triang
             *n += 1.0;
         }
         let mean = |c: &[f64; 3]| means.get(&cell(c)).map_or(*c, |(sum, n)| sum.map(|x| x / n));
-        let flat = |t: &&Triangle| cell(&t[0]) != cell(&t[1]) && cell(&t[1]) != cell(&t[2]) && cell(&t[2]) != cell(&t[0]);
+        let flat =
+            |t: &&Triangle| cell(&t[0]) != cell(&t[1]) && cell(&t[1]) != cell(&t[2]) && cell(&t[2]) != cell(&t[0]);
         out = triangles.iter().filter(flat).map(|t| t.map(|c| mean(&c))).collect();
         cells *= 0.75;
     }
@@ -122,7 +123,12 @@ mod tests {
         let mut out = vec![b' '; 80];
         out.extend(count.to_le_bytes());
         for t in triangles {
-            out.extend([0.0f32, 0.0, 1.0].iter().chain(t.iter().flatten().map(|x| *x as f32).collect::<Vec<_>>().iter()).flat_map(|x| x.to_le_bytes()));
+            out.extend(
+                [0.0f32, 0.0, 1.0]
+                    .iter()
+                    .chain(t.iter().flatten().map(|x| *x as f32).collect::<Vec<_>>().iter())
+                    .flat_map(|x| x.to_le_bytes()),
+            );
             out.extend([0, 0]);
         }
         out

@@ -96,9 +96,11 @@ fn about(r: &Replay) -> Vec<String> {
         "Deflections are multiplied about the relaxed springs; the base moves as it did.".to_owned(),
     ];
     if r.scenes.iter().any(|s| s.com_covariance_m2.is_some()) {
-        out.push("The ellipsoid about the centre of mass holds one (ten, a hundred) standard deviations along its axes.".to_owned());
+        out.push(
+            "The ellipsoid about the centre of mass holds one (ten, a hundred) standard deviations along its axes."
+                .to_owned(),
+        );
     }
     out.extend(r.notes.iter().cloned());
     out
 }
-

@@ -1,9 +1,9 @@
 //! What a replay says of a robot, held against the dynamics.
 
 use super::*;
+use ff_dynamics::State;
 use ff_dynamics::analysis::Centroidal;
 use ff_dynamics::motion::{Hold, JointMotion};
-use ff_dynamics::State;
 use ff_model::spatial::so3::{exp_so3, quat_to_rot};
 use ff_model::{Params, Xform};
 use nalgebra::{DMatrix, Vector3, Vector4};
@@ -29,13 +29,14 @@ fn poses(scene: &Scene, x: &[f64]) -> Vec<Xform<f64>> {
             Some(Moves::Turn { axis, by }) => {
                 Xform::new(quat_to_rot(&exp_so3(&(Vector3::from(*axis) * x[*by]))), Vector3::zeros())
             }
-            Some(Moves::Slide { axis, by }) => {
-                Xform::new(nalgebra::Matrix3::identity(), Vector3::from(*axis) * x[*by])
-            }
+            Some(Moves::Slide { axis, by }) => Xform::new(nalgebra::Matrix3::identity(), Vector3::from(*axis) * x[*by]),
             Some(Moves::Sway { first, shift, turn }) => {
                 let rest = |c: usize| scene.rest[first + c - scene.joints.len()];
                 let sum = |rows: &[[f64; 3]]| {
-                    rows.iter().enumerate().map(|(c, r)| Vector3::from(*r) * (x[first + c] - rest(c))).sum::<Vector3<f64>>()
+                    rows.iter()
+                        .enumerate()
+                        .map(|(c, r)| Vector3::from(*r) * (x[first + c] - rest(c)))
+                        .sum::<Vector3<f64>>()
                 };
                 Xform::new(quat_to_rot(&exp_so3(&sum(turn))), sum(shift))
             }
@@ -70,7 +71,8 @@ fn what_is_drawn_has_the_centre_of_mass_of_the_model() {
         let (mut mass, mut sum) = (0.0, Vector3::zeros());
         for (n, x) in scene.nodes.iter().zip(&at) {
             let Some(m) = n.mass_kg else { continue };
-            let centre = n.shapes.iter().find(|s| matches!(s.role, Role::Inertia | Role::Fuel)).or(n.shapes.first()).unwrap();
+            let centre =
+                n.shapes.iter().find(|s| matches!(s.role, Role::Inertia | Role::Fuel)).or(n.shapes.first()).unwrap();
             mass += m;
             sum += m * x.point(&Vector3::from(centre.place.p));
         }
@@ -90,7 +92,8 @@ fn a_box_has_the_inertia_of_its_body() {
     let Form::Box { size: [a, b, c] } = d.form else { panic!("{:?}", d.form) };
     let [x, y, z, w] = d.place.r;
     let r = quat_to_rot(&Vector4::new(w, x, y, z));
-    let own = nalgebra::Matrix3::from_diagonal(&Vector3::new(b * b + c * c, a * a + c * c, a * a + b * b)) * (7.0 / 12.0);
+    let own =
+        nalgebra::Matrix3::from_diagonal(&Vector3::new(b * b + c * c, a * a + c * c, a * a + b * b)) * (7.0 / 12.0);
     assert!((r * own * r.transpose() - i).norm() < 1e-12);
     assert_eq!(d.place.p, [0.1, -0.3, 0.2]);
 }
@@ -141,7 +144,11 @@ fn a_page_holds_the_motion_and_asks_nobody() {
     let scene = Scene::new(&Subject { trace: Some(&trace), known: Some(&known), ..subject(&o, &p, &pose, &a) });
     assert_eq!(scene.modes.len(), o.model.np());
     let html = Replay::new("<probe>", vec![scene], a).render().unwrap();
-    assert!(html.contains("&lt;probe&gt;") && html.contains("default-src 'none'") && !html.contains("http-equiv=\"refresh\""));
+    assert!(
+        html.contains("&lt;probe&gt;")
+            && html.contains("default-src 'none'")
+            && !html.contains("http-equiv=\"refresh\"")
+    );
     assert!(!html.contains(" src=\"") && !html.contains("<img") && html.len() < 300_000, "{} bytes", html.len());
     let json = html.split("<script type=\"application/json\">").nth(1).unwrap().split("</script>").next().unwrap();
     let v: Value = serde_json::from_str(json).unwrap();
@@ -171,10 +178,14 @@ fn meshes_are_read_where_they_can_be_and_named_where_not() {
         )
     };
     let mesh = |tag: &str, file: &str| {
-        format!("<{tag}><origin xyz=\"0.1 0 0\"/><geometry><mesh filename=\"{file}\" scale=\"0.5 1 1\"/></geometry></{tag}>")
+        format!(
+            "<{tag}><origin xyz=\"0.1 0 0\"/><geometry><mesh filename=\"{file}\" scale=\"0.5 1 1\"/></geometry></{tag}>"
+        )
     };
     let turn = |n: u32, parent: &str, child: &str| {
-        format!("<joint name=\"j{n}\" type=\"continuous\"><parent link=\"{parent}\"/><child link=\"{child}\"/><axis xyz=\"0 0 1\"/></joint>")
+        format!(
+            "<joint name=\"j{n}\" type=\"continuous\"><parent link=\"{parent}\"/><child link=\"{child}\"/><axis xyz=\"0 0 1\"/></joint>"
+        )
     };
     let text = format!(
         "<robot name=\"r\">{}{}{}{}{}</robot>",
