@@ -69,3 +69,18 @@ fn formulas_are_closed() {
         }
     }
 }
+
+/// Scripts of others are those that `vendor.sh` fetched: nobody has edited them here.
+#[test]
+fn vendored_scripts_are_what_was_fetched() {
+    use sha2::{Digest, Sha256};
+    let folder = xtask::workspace::root().unwrap().join("crates/ff-report/assets/vendor");
+    let sums = fs::read_to_string(folder.join("SHA256SUMS")).unwrap();
+    assert_eq!(sums.lines().count(), 4);
+    for line in sums.lines() {
+        let (sum, name) = line.split_once("  ").unwrap();
+        let own: String =
+            Sha256::digest(fs::read(folder.join(name)).unwrap()).iter().map(|b| format!("{b:02x}")).collect();
+        assert_eq!(own, sum, "{name}; run vendor.sh again");
+    }
+}

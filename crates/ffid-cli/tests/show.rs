@@ -63,7 +63,7 @@ fn what_exists_is_kept_and_bad_values_are_named() {
     };
     refused(&["--out", "p.html"], 20, "Io::Exists");
     assert_eq!(fs::read_to_string(dir.path().join("p.html")).unwrap(), "mine");
-    refused(&["--trajectory", "none.csv", "--hold", "-1"], 11, "Config::OutOfRange");
+    refused(&["--trajectory", "none.csv", "--hold=-1"], 11, "Config::OutOfRange");
     let (code, out, _) = ffid(dir.path(), &["show", &mission, "--out", "p.html", "--force"]);
     assert_eq!(code, 0, "{out}");
     // Every kind of appendage has something to draw.

@@ -77,3 +77,29 @@ fn what_lies_outside_or_has_no_name_takes_no_room() {
     };
     assert_eq!(height(base), height(more));
 }
+
+/// A curve that is zero would hide what crosses it: it is drawn before the others, and its name says why it cannot be seen.
+#[test]
+fn a_curve_that_is_zero_is_under_the_others_and_named() {
+    let x = [0.0, 1.0, 2.0];
+    let p = Panel::new("x (m)", "y (m)").curve("moves", &x, &[0.0, 1.0, 0.5]).curve("still", &x, &[0.0, 1e-12, 0.0]);
+    let svg = Figure::new("").panel(p.clone()).to_svg().unwrap();
+    assert!(svg.contains("still (zero)") && !svg.contains("moves (zero)"));
+    // The last stroke in a colour is its curve; those before are the legend.
+    let last = |colour: &str| svg.rfind(colour).unwrap();
+    assert!(last("#D55E00") < last("#0072B2"), "{svg}");
+    // One curve alone is what it is, and a logarithm has no zero.
+    let alone = Panel::new("x (m)", "y (m)").curve("still", &x, &[0.0; 3]);
+    assert!(!Figure::new("").panel(alone).to_svg().unwrap().contains("(zero)"));
+}
+
+#[test]
+fn marks_without_a_name_leave_no_stub_and_take_no_row() {
+    let base = Panel::new("x (m)", "y (m)").curve("a", &[0.0, 1.0], &[0.0, 1.0]);
+    let svg = |p: Panel| Figure::new("").panel(p).to_svg().unwrap();
+    let height = |s: &str| s.split("height=\"").nth(1).unwrap().split('"').next().unwrap().to_owned();
+    let (plain, marked) = (svg(base.clone()), svg(base.clone().vline(0.5, "")));
+    assert_eq!(height(&plain), height(&marked));
+    assert_ne!(plain, marked);
+    assert_ne!(height(&plain), height(&svg(base.vline(0.5, "half"))));
+}

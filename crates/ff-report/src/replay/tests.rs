@@ -59,8 +59,12 @@ fn what_is_drawn_has_the_centre_of_mass_of_the_model() {
         for (k, q) in state.q.iter_mut().enumerate() {
             *q = 0.3 * (k as f64 + 1.0).sin();
         }
-        for (k, e) in state.eta.iter_mut().enumerate() {
-            *e = scene.rest[k] + bend * (2.0 * k as f64 + 0.7).cos();
+        state.eta.copy_from_slice(&scene.rest);
+        // An inertia linearised by hand keeps its first moment while its momentum moves: nothing to compare.
+        for a in o.model.appendages().iter().filter(|a| a.decl().galilean) {
+            for k in a.coord_offset..a.coord_offset + a.dim() {
+                state.eta[k] += bend * (2.0 * k as f64 + 0.7).cos();
+            }
         }
         let x: Vec<f64> = state.q.iter().chain(&state.eta).copied().collect();
         let at = poses(&scene, &x);
@@ -145,7 +149,7 @@ fn a_page_holds_the_motion_and_asks_nobody() {
             && html.contains("default-src 'none'")
             && !html.contains("http-equiv=\"refresh\"")
     );
-    assert!(!html.contains("src=") && html.len() < 300_000, "{} bytes", html.len());
+    assert!(!html.contains(" src=\"") && !html.contains("<img") && html.len() < 300_000, "{} bytes", html.len());
     let json = html.split("<script type=\"application/json\">").nth(1).unwrap().split("</script>").next().unwrap();
     let v: Value = serde_json::from_str(json).unwrap();
     let m = &v["scenes"][0]["motion"];
