@@ -21,6 +21,7 @@ mod kinds;
 mod outputs;
 mod preflight;
 mod questions;
+mod sampling;
 mod schema;
 mod three_segment;
 mod uncertain;
