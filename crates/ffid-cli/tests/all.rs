@@ -22,6 +22,7 @@ mod logs;
 mod outputs;
 mod preflight;
 mod questions;
+mod sampling;
 mod schema;
 mod show;
 mod three_segment;

@@ -1,16 +1,25 @@
 //! Draws from posteriors that are known by other means.
 
-use crate::common::estimate;
+use crate::common::{estimate, paper, planned};
+use ff_dynamics::{Drive, SimOptions, State, simulate};
 use ff_least_squares::EvalError;
-use ff_model::{ParamDecl, ParamGroup};
+use ff_model::{ParamDecl, ParamGroup, Params};
+use ff_records::RecordBuilder;
 use ident::belief::{LIMIT95, PriorRow, Priors, Unknown, profile};
+use ident::compose::Shared;
 use ident::estimate::{Estimate, Estimator, Request};
+use ident::parameters::select;
 use ident::sample::{ChainSettings, Draws, ESS_LEAST, Frame, LogDensity, PosteriorDensity, R_HAT_MOST, SampleError};
-use ident::sample::{hdi, quantile, sample};
+use ident::sample::{Diagnosis, Trajectories, ess_bulk, ess_tail, hdi, quantile, r_hat, sample};
+use ident::{Noise, Options, OutputError, Several};
 use nalgebra::DMatrix;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use std::sync::atomic::AtomicBool;
 
-const SETTINGS: ChainSettings = ChainSettings { chains: 4, warm_up: 200, draws: 1000, threads: 2, seed: 7 };
+const SETTINGS: ChainSettings =
+    ChainSettings { chains: 4, warm_up: 200, draws: 1000, trajectories: Trajectories::Short, threads: 2, seed: 7 };
 
 fn free(name: &str) -> ParamDecl {
     let inf = f64::INFINITY;
@@ -88,7 +97,7 @@ fn draws_of_a_linear_problem_have_its_covariance() {
     let of = Formula { rows, count: 6, nuisance: 1 };
     let decls = [free("a"), free("b")];
     let priors = Priors::default().with(PriorRow { column: 1, mean: 2.9, sigma: 0.05 });
-    let request = Request { priors, ..Request::new(&decls, &[0, 1], &[0.0, 0.0]) };
+    let request = Request { priors, ..Request::new(&decls, &[0, 1], &[-29.0, 2.9]) };
     let (at, draws) = drawn(&request, &of, &SETTINGS);
     converged(&draws);
     // By hand: (J^T J + prior)^-1.
@@ -113,30 +122,35 @@ fn draws_of_a_linear_problem_have_its_covariance() {
     assert!(drawn(&request, &of, &ChainSettings { seed: 8, ..SETTINGS }).1 != draws);
 }
 
-/// `x ~ N(0, 1)`, `y | x ~ N(x^2, 0.5^2)`: the mean of y is 1, its variance 2.25, where the fit says 0 and 0.25.
+/// `x ~ N(5, 1)`, `y | x ~ N(20 + (x - 5)^2 / 2, 1)`: the mean of y is 20.5, its variance 1.5, where the fit says 20 and 1.
 #[test]
 fn draws_of_a_bent_ridge_have_its_marginals() {
-    let rows: Rows = |p, _| vec![(p[0], vec![1.0, 0.0]), ((p[1] - p[0] * p[0]) / 0.5, vec![-4.0 * p[0], 2.0])];
+    let rows: Rows = |p, _| {
+        let x = p[0] - 5.0;
+        vec![(x, vec![1.0, 0.0]), (p[1] - 20.0 - 0.5 * x * x, vec![-x, 1.0])]
+    };
     let of = Formula { rows, count: 2, nuisance: 0 };
     let decls = [free("x"), free("y")];
-    let request = Request::new(&decls, &[0, 1], &[0.1, 0.1]);
-    let (at, draws) = drawn(&request, &of, &ChainSettings { draws: 4000, ..SETTINGS });
+    let request = Request::new(&decls, &[0, 1], &[5.1, 20.1]);
+    let (at, draws) =
+        drawn(&request, &of, &ChainSettings { draws: 4000, trajectories: Trajectories::Long, ..SETTINGS });
     converged(&draws);
-    assert!((at.parameters[1].std.unwrap() - 0.5).abs() < 1e-3);
+    assert!((at.parameters[1].std.unwrap() - 1.0).abs() < 1e-3);
+    assert_eq!(draws.trajectories, Trajectories::Long);
     let ((mx, vx), (my, vy)) = (moments(&draws, 0), moments(&draws, 1));
-    assert!(mx.abs() < 0.08 && (vx - 1.0).abs() < 0.1, "{mx} {vx}");
-    assert!((my - 1.0).abs() < 0.12 && (vy - 2.25).abs() < 0.5, "{my} {vy}");
+    assert!((mx - 5.0).abs() < 0.08 && (vx - 1.0).abs() < 0.1, "{mx} {vx}");
+    assert!((my - 20.5).abs() < 0.1 && (vy - 1.5).abs() < 0.25, "{my} {vy}");
     // Quantiles of y by numerical integration over x.
     let sorted = draws.sorted(1);
     let normal = |x: f64| (-0.5 * x * x).exp() / core::f64::consts::TAU.sqrt();
     for p in [0.05, 0.5, 0.95] {
         let q = quantile(&sorted, p);
-        // P(y < q) = int phi(x) Phi((q - x^2) / 0.5) dx, the inner one as a sum as well.
+        // P(y < q) = int phi(x) Phi(q - 20 - x^2 / 2) dx, the inner one as a sum as well.
         let h = 0.01;
         let mut below = 0.0;
         for i in -600..600 {
             let x = (f64::from(i) + 0.5) * h;
-            let to = (q - x * x) / 0.5;
+            let to = q - 20.0 - 0.5 * x * x;
             let steps = 400;
             let inner: f64 = if to < -8.0 {
                 0.0
@@ -174,6 +188,55 @@ fn intervals_of_draws_are_those_of_the_profile() {
     let std = at.parameters[1].std.unwrap();
     // A profile is a maximum over the others, draws are a mean over them: the same but for a part of the deviation.
     assert!((a - low).abs() < 0.3 * std && (b - high).abs() < 0.3 * std, "{a} {b} against {low} {high}, {LIMIT95}");
+}
+
+/// Twenty seconds of the paper's tank, noisy: intervals of fuel mass and pendulum length against their profiles, from two records as well.
+#[test]
+#[ignore = "full tier: 20 s"]
+fn draws_of_a_simulated_record_agree_with_its_profiles() {
+    let l = paper("slosh.toml");
+    let motion = planned(&l, 20.0, 10);
+    let o = SimOptions { duration_s: 20.0, step_s: 1e-3, sample_s: 0.1 };
+    let p = Params::nominal(&l.model);
+    let t = simulate(&l.model, &p, &State::zero(&l.model), &Drive::Prescribed(&motion), &o).unwrap();
+    let noise = Noise { torque: 0.1, gyro: 1.5e-4 };
+    let record = |seed: u64| {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut noisy =
+            |m: &DMatrix<f64>, s: f64| m.map(|x| x + s * Distribution::<f64>::sample(&StandardNormal, &mut rng));
+        let (tau, gyro) = (noisy(&t.tau, noise.torque), noisy(&t.gyro(), noise.gyro));
+        let b = RecordBuilder::new(l.model.joint_names()).uniform(0.0, 10.0).allow("Data::Stuck");
+        b.q(t.q.clone()).qd(t.qd.clone()).qdd(t.qdd.clone()).tau(tau).gyro(gyro).build().unwrap().0
+    };
+    let (one, two) = (record(1), record(2));
+    let decls = l.model.param_decls();
+    let selected = select(&decls, &["tank.mass", "tank.length", "tank.k[*]", "tank.d[*]"]).unwrap();
+    let options = Options { substeps: 2, ..Options::new(noise) };
+    let request = Request::new(&decls, &selected, p.values());
+    let settings = ChainSettings { draws: 500, ..SETTINGS };
+    let shared = Shared::new(&[("one", &decls[..]), ("two", &decls[..])], &[""; 0]).unwrap();
+    let make = || -> Box<dyn Estimator> { Box::new(OutputError::new(&l.model, &one, &options).unwrap()) };
+    let both = || -> Box<dyn Estimator> {
+        let second = OutputError::new(&l.model, &two, &options).unwrap();
+        Box::new(Several::new(&shared, vec![make(), Box::new(second)]))
+    };
+    let single = estimate(&request, &mut *make()).unwrap();
+    let joint = estimate(&request, &mut *both()).unwrap();
+    let draws = sample(&request, &single, || Ok(make()), &settings, None).unwrap();
+    let of_both = sample(&request, &joint, || Ok(both()), &settings, None).unwrap();
+    converged(&draws);
+    converged(&of_both);
+    assert!(draws.names.len() > selected.len() && of_both.names.len() > draws.names.len(), "{:?}", of_both.names);
+    for name in ["tank.mass", "tank.length"] {
+        let k = draws.names.iter().position(|n| n == name).unwrap();
+        let found = profile(&request, &single, k, 6.0, &mut *make()).unwrap();
+        let std = single.parameters[k].std.unwrap();
+        let (a, b) = hdi(&draws.sorted(k), 0.95);
+        let (low, high) = (found.interval95.0.unwrap(), found.interval95.1.unwrap());
+        assert!((a - low).abs() < 0.4 * std && (b - high).abs() < 0.4 * std, "{name}: {a} {b}, {low} {high}, {std}");
+        let (two, one) = (moments(&of_both, k).1, moments(&draws, k).1);
+        assert!((two / one - 0.5).abs() < 0.15, "{name}: {two} {one}");
+    }
 }
 
 /// Differences of the density, in every kind of coordinates.
@@ -227,4 +290,49 @@ fn what_nothing_determines_is_not_drawn_and_a_stop_keeps_what_there_is() {
     let stopped = AtomicBool::new(true);
     let d = sample(&request, &at, || Ok(Box::new(of.clone())), &SETTINGS, Some(&stopped)).unwrap();
     assert!(d.is_empty() && d.chains.len() == 4);
+}
+
+/// Chains that anyone can make again: `x[c][t] = 0.8 x[c][t-1] + u - 0.5`, u from a congruential generator, to a power, chains apart.
+fn chains(count: u64, n: usize, apart: f64, power: i32) -> Vec<Vec<f64>> {
+    let mut state: u64 = 12345;
+    let mut uniform = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let chain = |c: u64| {
+        let mut x: f64 = 0.0;
+        let mut draw = || {
+            x = 0.8 * x + uniform() - 0.5;
+            x.powi(power) + apart * c as f64
+        };
+        (0..n).map(|_| draw()).collect()
+    };
+    (0..count).map(chain).collect()
+}
+
+/// What ArviZ 0.23.4 (Python 3.11, `az.rhat`, `az.ess` of kinds bulk and tail) makes of the same chains.
+#[test]
+fn the_values_are_those_of_arviz() {
+    for (of, want) in [
+        (chains(4, 250, 0.0, 1), [1.081_568_803_195_356_3, 57.275_868_381_471_724, 133.963_431_148_591_07]),
+        (chains(4, 250, 0.3, 1), [1.421_623_737_134_151_4, 8.957_151_145_548_155, 37.997_534_351_291_826]),
+        (chains(4, 251, 0.0, 3), [1.088_877_267_441_111_4, 48.620_178_497_538_18, 137.837_144_661_157_96]),
+        (chains(2, 100, 0.0, 2), [1.039_848_652_107_092_6, 94.851_613_641_838_41, 99.243_224_414_580_42]),
+    ] {
+        let d = Diagnosis::of(&of);
+        for (got, want) in [d.r_hat, d.ess_bulk, d.ess_tail].iter().zip(want) {
+            assert!((got / want - 1.0).abs() < 1e-7, "{got} {want}");
+        }
+    }
+    let one = chains(1, 60, 0.0, 1);
+    assert!((ess_bulk(&one) / 10.081_190_436_490_015 - 1.0).abs() < 1e-7);
+    assert!((ess_tail(&one) / 21.631_029_338_637_497 - 1.0).abs() < 1e-7);
+}
+
+#[test]
+fn chains_that_are_too_short_or_broken_have_no_figures() {
+    assert!(r_hat(&chains(4, 7, 0.0, 1)).is_nan() && ess_bulk(&[]).is_nan());
+    let mut broken = chains(2, 50, 0.0, 1);
+    broken[1][3] = f64::NAN;
+    assert!(Diagnosis::of(&broken).ess_tail.is_nan());
 }

@@ -69,6 +69,19 @@ fn jacobian_matches_differences_and_chain_matches_the_product() {
 }
 
 #[test]
+fn the_logarithm_of_the_determinant_is_linear() {
+    let (d, v) = decls();
+    let t = Transform::new(&d, &(0..12).collect::<Vec<_>>(), &v).unwrap();
+    let x = t.coordinates(&v).unwrap();
+    let y: Vec<f64> = x.iter().enumerate().map(|(k, x)| x + 0.4 * (k as f64 * 1.7 + 0.2).sin()).collect();
+    let of = |x: &[f64]| t.jacobian(x).determinant().abs().ln();
+    let slope: f64 = t.log_volume_slope().iter().zip(y.iter().zip(&x)).map(|(s, (y, x))| s * (y - x)).sum();
+    assert_relative_eq!(of(&y) - of(&x), slope, epsilon = scaled(1e-10), max_relative = scaled(1e-10));
+    let straight = Transform::affine(&d, &(0..12).collect::<Vec<_>>(), &v).unwrap();
+    assert_eq!(straight.log_volume_slope(), [0.0; 12]);
+}
+
+#[test]
 fn bodies_on_the_boundary_are_named_with_their_shape() {
     let c = Vector3::new(0.4, -0.2, 0.9);
     for (moments, shape) in

@@ -1,7 +1,7 @@
 //! The corner plot of draws from the posterior.
 
 use crate::plot::{Corner, Figure};
-use ffid::workflow::identify::IdentificationResult;
+use ffid::workflow::identify::{IdentificationResult, SampledState};
 use ident::sample::Draws;
 
 /// Most quantities in it.
@@ -29,8 +29,9 @@ pub fn corner_figure(r: &IdentificationResult, d: &Draws) -> Option<(String, Fig
         centre: shown.iter().filter_map(value).collect(),
         covariance: at.iter().map(|&i| at.iter().map(|&j| all.rows[i][j]).collect()).collect(),
     };
+    let which = if s.state == SampledState::Converged { "that differ most from the fit" } else { "that come first" };
     let caption = format!(
-        "Blue: {} draws of the {} of {} parameters that differ most from the fit. Orange: the normal distribution of the fit, and the \
+        "Blue: {} draws of the {} of {} parameters {which}. Orange: the normal distribution of the fit, and the \
          ellipses that hold 95 % of it.",
         d.len() * d.chains.len(),
         shown.len(),

@@ -41,12 +41,11 @@ impl Corner {
     pub(super) fn height(&self, width: f64) -> f64 {
         self.names.len() as f64 * (self.side(width) + GAP) + FOOT
     }
-    /// From the least to the greatest draw, or four deviations of the fit where they are narrower than one.
+    /// From the least to the greatest draw, and as far as the ellipse of the fit.
     fn range(&self, k: usize) -> (f64, f64) {
-        let (lo, hi) =
-            self.draws[k].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
-        let std = self.covariance[k][k].max(0.0).sqrt();
-        if hi > lo { (lo, hi) } else { (self.centre[k] - 4.0 * std, self.centre[k] + 4.0 * std) }
+        let reach = 1.05 * RADIUS95 * self.covariance[k][k].max(0.0).sqrt();
+        let of_fit = (self.centre[k] - reach, self.centre[k] + reach);
+        self.draws[k].iter().fold(of_fit, |(a, b), x| (a.min(*x), b.max(*x)))
     }
     fn bin(x: f64, (lo, hi): (f64, f64)) -> usize {
         (((x - lo) / (hi - lo) * BINS as f64) as usize).min(BINS - 1)

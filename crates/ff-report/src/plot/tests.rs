@@ -103,3 +103,26 @@ fn marks_without_a_name_leave_no_stub_and_take_no_row() {
     assert_ne!(plain, marked);
     assert_ne!(height(&plain), height(&svg(base.vline(0.5, "half"))));
 }
+
+#[test]
+fn a_corner_plot_has_every_pair_and_refuses_draws_that_are_not_finite() {
+    let draws: Vec<Vec<f64>> =
+        (0..3).map(|k| (0..200).map(|i| (f64::from(i * (k + 3)) * 0.7).sin()).collect()).collect();
+    let corner = Corner {
+        names: ["tank.mass (kg)", "tank.length (m)", "a<b (1)"].map(String::from).to_vec(),
+        draws,
+        centre: vec![0.0; 3],
+        covariance: vec![vec![0.5, 0.1, 0.0], vec![0.1, 0.5, 0.0], vec![0.0, 0.0, 0.5]],
+    };
+    let of = |corner: Corner| Figure { corner: Some(corner), ..Figure::new("draws") };
+    let svg = of(corner.clone()).to_svg().unwrap();
+    assert!(roxmltree::Document::parse(&svg).is_ok());
+    for name in ["tank.mass (kg)", "tank.length (m)", "a&lt;b (1)"] {
+        assert!(svg.contains(name), "{name}");
+    }
+    // Three histograms with a normal curve each, three pairs with an ellipse each.
+    assert!(svg.matches("<polyline").count() >= 9, "{}", svg.matches("<polyline").count());
+    let mut broken = corner;
+    broken.draws[1][7] = f64::NAN;
+    assert!(matches!(of(broken).to_svg(), Err(ffid::exit::Failure::NotFinite { .. })));
+}

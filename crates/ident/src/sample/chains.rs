@@ -2,7 +2,8 @@
 //!
 //! The sampler is that of nuts-rs (M. Hoffman, A. Gelman, *The No-U-Turn Sampler*, JMLR 15, 2014; multinomial choice of M.
 //! Betancourt, arXiv 1701.02434). Densities here are close to standard normal, because their coordinates are whitened by a
-//! fit: its steps are those that are exact for a standard normal density, so that a few of them make an independent draw.
+//! fit. [`Trajectories::Short`] are for those that are as the fit says: one step, exact for a standard normal density, makes an
+//! independent draw. [`Trajectories::Long`] are for the others.
 
 use nuts_rs::{CpuLogpFunc, CpuMath, CpuMathError, DiagNutsSettings, HasDims, KineticEnergyKind, LogpError, Settings};
 use rand::SeedableRng;
@@ -26,6 +27,16 @@ pub trait LogDensity {
     fn log_density(&mut self, z: &[f64], gradient: &mut [f64]) -> Result<Option<f64>, Box<dyn Error + Send + Sync>>;
 }
 
+/// How far a trajectory goes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trajectories {
+    /// One step of a quarter of a turn at most, exact for a standard normal density: one evaluation for a draw.
+    #[default]
+    Short,
+    /// Until it turns, in leapfrog steps.
+    Long,
+}
+
 /// How chains are run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChainSettings {
@@ -35,6 +46,8 @@ pub struct ChainSettings {
     pub warm_up: usize,
     /// Draws that are kept, of each chain.
     pub draws: usize,
+    /// How far a trajectory goes.
+    pub trajectories: Trajectories,
     /// Most threads. The draws are the same for any number of them.
     pub threads: usize,
     /// Seed; every chain has random numbers of its own from it.
@@ -43,7 +56,7 @@ pub struct ChainSettings {
 
 impl Default for ChainSettings {
     fn default() -> Self {
-        Self { chains: 4, warm_up: 150, draws: 400, threads: 1, seed: 0 }
+        Self { chains: 4, warm_up: 150, draws: 400, trajectories: Trajectories::Short, threads: 1, seed: 0 }
     }
 }
 
@@ -79,7 +92,7 @@ pub enum SampleError {
     Sampler(String),
 }
 
-/// Longest trajectory: `2^DEPTH - 1` evaluations.
+/// Longest trajectory of those that are long: `2^DEPTH - 1` evaluations.
 const DEPTH: u64 = 6;
 /// Parts of a standard normal draw at which a chain begins: the first that lies where the density is not absurdly small.
 const BEGIN: [f64; 5] = [1.0, 0.7, 0.5, 0.25, 0.0];
@@ -197,11 +210,15 @@ fn run_chain<D: LogDensity + ?Sized>(
     let mut rng = ChaCha8Rng::seed_from_u64(s.seed);
     rng.set_stream(number as u64);
     let begin = begin(density, &mut rng, &mut out.evaluations)?;
+    let (maxdepth, trajectory_kind) = match s.trajectories {
+        Trajectories::Short => (1, KineticEnergyKind::ExactNormal),
+        Trajectories::Long => (DEPTH, KineticEnergyKind::Euclidean),
+    };
     let mut settings = DiagNutsSettings {
         num_tune: s.warm_up as u64,
         num_draws: s.draws as u64,
-        maxdepth: DEPTH,
-        trajectory_kind: KineticEnergyKind::ExactNormal,
+        maxdepth,
+        trajectory_kind,
         ..DiagNutsSettings::default()
     };
     settings.adapt_options.step_size_settings.target_accept = ACCEPTANCE;

@@ -16,7 +16,7 @@ mod diagnostics;
 mod intervals;
 mod posterior;
 
-pub use chains::{Chain, ChainSettings, LogDensity, SampleError, run_chains};
+pub use chains::{Chain, ChainSettings, LogDensity, SampleError, Trajectories, run_chains};
 pub use density::{Frame, PosteriorDensity};
 pub use diagnostics::{Diagnosis, ess_bulk, ess_tail, r_hat};
 pub use intervals::{hdi, quantile};

@@ -1,12 +1,12 @@
 //! Draws of the parameters of a fit.
 
-use super::chains::{Chain, ChainSettings, SampleError, run_chains};
+use super::chains::{Chain, ChainSettings, SampleError, Trajectories, run_chains};
 use super::density::{Frame, PosteriorDensity};
 use super::diagnostics::Diagnosis;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::outcome::Estimate;
 use crate::estimate::request::Request;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Largest R-hat of chains that have converged.
 pub const R_HAT_MOST: f64 = 1.01;
@@ -29,8 +29,10 @@ pub struct Draws {
     pub log_density: Vec<Vec<f64>>,
     /// Trajectories that met the edge of what is physical, or lost their energy.
     pub divergences: usize,
-    /// Evaluations of residuals with their derivatives, warm-up included.
+    /// Evaluations of residuals with their derivatives, warm-up included, and trials that did not converge.
     pub evaluations: usize,
+    /// The trajectories that led there.
+    pub trajectories: Trajectories,
 }
 
 impl Draws {
@@ -52,6 +54,11 @@ impl Draws {
         all.sort_by(f64::total_cmp);
         all
     }
+    /// Whether R-hat and effective sizes of every quantity are within [`R_HAT_MOST`] and [`ESS_LEAST`].
+    pub fn converged(&self) -> bool {
+        let good = |d: Diagnosis| d.r_hat < R_HAT_MOST && d.ess_bulk.min(d.ess_tail) >= ESS_LEAST;
+        !self.is_empty() && (0..self.names.len()).all(|k| good(self.diagnosis(k)))
+    }
     /// What the chains say of one quantity.
     pub fn diagnosis(&self, k: usize) -> Diagnosis {
         Diagnosis::of(&self.of(k))
@@ -59,7 +66,8 @@ impl Draws {
 }
 
 /// Draws from the posterior of `request` around its fit `at`. `make` gives an estimator of the same data for every chain; `stop` ends the
-/// chains with what they have.
+/// chains with what they have. Where short trajectories are asked for and do not converge, twice as many long ones
+/// follow, and theirs are the draws.
 ///
 /// # Errors
 /// [`SampleError`].
@@ -71,16 +79,32 @@ pub fn sample<E: Estimator + ?Sized>(
     stop: Option<&AtomicBool>,
 ) -> Result<Draws, SampleError> {
     let frame = Frame::new(request, at)?;
-    let chains = run_chains(|| PosteriorDensity::new(request, &frame, make()?), settings, stop)?;
-    let physical = |c: &Chain| c.draws.iter().map(|z| frame.physical(z)).collect();
     let all = || at.parameters.iter().chain(&at.nuisance);
-    Ok(Draws {
-        names: all().map(|p| p.name.clone()).collect(),
-        units: all().map(|p| p.unit.clone()).collect(),
-        parameters: at.parameters.len(),
-        chains: chains.iter().map(physical).collect(),
-        log_density: chains.iter().map(|c| c.log_density.clone()).collect(),
-        divergences: chains.iter().map(|c| c.divergences).sum(),
-        evaluations: chains.iter().map(|c| c.evaluations).sum(),
-    })
+    let run = |settings: &ChainSettings| -> Result<Draws, SampleError> {
+        let chains = run_chains(|| PosteriorDensity::new(request, &frame, make()?), settings, stop)?;
+        let physical = |c: &Chain| c.draws.iter().map(|z| frame.physical(z)).collect();
+        Ok(Draws {
+            names: all().map(|p| p.name.clone()).collect(),
+            units: all().map(|p| p.unit.clone()).collect(),
+            parameters: at.parameters.len(),
+            chains: chains.iter().map(physical).collect(),
+            log_density: chains.iter().map(|c| c.log_density.clone()).collect(),
+            divergences: chains.iter().map(|c| c.divergences).sum(),
+            evaluations: chains.iter().map(|c| c.evaluations).sum(),
+            trajectories: settings.trajectories,
+        })
+    };
+    let first = run(settings)?;
+    let stopped = || stop.is_some_and(|s| s.load(Ordering::SeqCst));
+    if settings.trajectories == Trajectories::Long || stopped() || first.converged() {
+        return Ok(first);
+    }
+    // Long ones draw the other side of the mean in turn: distances from it take twice as many draws to be known as well.
+    let more = 2 * settings.draws;
+    let mut second = run(&ChainSettings { trajectories: Trajectories::Long, draws: more, ..*settings })?;
+    if second.is_empty() {
+        return Ok(first);
+    }
+    second.evaluations += first.evaluations;
+    Ok(second)
 }

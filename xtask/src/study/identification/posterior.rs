@@ -20,7 +20,7 @@ use ff_records::Record;
 use ff_spectral::chi_square::chi_square_quantile;
 use ident::belief::Sigma;
 use ident::estimate::{Estimate, attempt};
-use ident::sample::{ChainSettings, Draws, hdi, sample};
+use ident::sample::{ChainSettings, Draws, Trajectories, hdi, sample};
 use ident::{OutputError, Priors, Request, Transform};
 use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, StandardNormal};
@@ -38,7 +38,8 @@ const AMONG: usize = 99;
 /// Bins of the histograms of ranks.
 const BINS: usize = 10;
 /// Chains of a trial.
-const CHAINS: ChainSettings = ChainSettings { chains: 2, warm_up: 150, draws: 250, threads: 1, seed: 0 };
+const CHAINS: ChainSettings =
+    ChainSettings { chains: 2, warm_up: 150, draws: 400, trajectories: Trajectories::Short, threads: 1, seed: 0 };
 
 /// What came of one truth.
 #[derive(Serialize, Deserialize)]

@@ -16,8 +16,8 @@ use ident::{Estimator, Request};
 /// into `found`; where there is nothing to draw from, the reason is. Interrupted, the draws there are are kept.
 ///
 /// # Errors
-/// [`IdentifyError::Refused`] for the calibration on the ground, which has no posterior of this kind; [`IdentifyError::Model`] for a model
-/// that could not be evaluated.
+/// [`IdentifyError::Refused`] for the calibration on the ground, which has no posterior of this kind, and for settings that are not those
+/// of the fit.
 pub fn sample_posterior(
     opened: &Opened,
     records: &[LabelledRecord],
@@ -47,10 +47,8 @@ pub fn sample_posterior(
             found.result.sampled = Some(Sampled::of(&draws, chains, &of_fit, asked));
             found.draws = (!draws.is_empty()).then_some(draws);
         }
-        Err(e @ (SampleError::Improper(_) | SampleError::NotAtMinimum(_))) => {
-            found.result.sampled = Some(Sampled::none(e.to_string(), chains));
-        }
-        Err(e) => return Err(IdentifyError::Model(e.to_string())),
+        // The fit stands whatever becomes of the draws.
+        Err(e) => found.result.sampled = Some(Sampled::none(e.to_string(), chains)),
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Draws from the posterior in a result.
 
-use ident::sample::{ChainSettings, Draws, ESS_LEAST, R_HAT_MOST, hdi, quantile};
+use ident::sample::{ChainSettings, Draws, ESS_LEAST, R_HAT_MOST, Trajectories, hdi, quantile};
 use serde::{Deserialize, Serialize};
 
 /// What became of the draws.
@@ -100,8 +100,7 @@ impl Sampled {
     /// Distance of the ends of intervals, in standard deviations of the fit, from which it is said that the fit's are not those of the
     /// posterior: four times the error of a 2.5 % quantile from 400 independent draws.
     pub const DIFFERS: f64 = 0.5;
-    const SAMPLER: &str =
-        "No-U-Turn sampler (nuts-rs 0.19), coordinates whitened by the fit, steps exact for a normal density";
+    const SAMPLER: &str = "No-U-Turn sampler (nuts-rs 0.19), coordinates whitened by the fit";
 
     /// Where there is nothing to draw from.
     pub(in crate::workflow::identify) fn none(reason: String, s: &ChainSettings) -> Self {
@@ -194,6 +193,10 @@ impl Sampled {
         Self {
             state,
             reason,
+            sampler: match d.trajectories {
+                Trajectories::Short => format!("{}, trajectories of one step", Self::SAMPLER),
+                Trajectories::Long => format!("{}, trajectories until they turn", Self::SAMPLER),
+            },
             chains: d.chains.len(),
             draws: d.len(),
             evaluations: d.evaluations,
