@@ -12,8 +12,10 @@ use ffid::exit::{Exit, Failure};
 use ffid::files::folder::Folder;
 use ffid::files::json;
 use ffid::workflow::identify::Arm;
-use ffid::workflow::identify::HeldOut;
-use ffid::workflow::identify::{Settings, Signals, axes, held_errors, predict_held_out};
+use ffid::workflow::identify::{HeldOut, State};
+use ffid::workflow::identify::{
+    Known, Settings, Signals, adopted_sensor_errors, axes, held_errors, judge_held_out, of_model,
+};
 use ident::Noise;
 use serde::Serialize;
 use std::fmt::Display;
@@ -77,7 +79,11 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     let Found { robot, held, signals, modes, mut problems, files, inputs, folder } = found;
     let mut exit = Exit::of(&problems);
     if !held.explained {
-        let what = format!("chi-squared per degree of freedom {:.3}, limit {}", held.chi2_per_dof, held.limit);
+        let chi2 = format!("chi-squared per degree of freedom {:.3}, limit {}", held.chi2_per_dof, held.limit);
+        let what = match held.evidence.as_ref().filter(|e| e.state == State::Contradicted) {
+            Some(e) => format!("{}; {chi2}", e.reason),
+            None => chi2,
+        };
         let p = Problem::error(Area::Data, "Fit::NotExplained", what).in_file(&args.record);
         problems.push(p.hint("another robot, other fuel, or something moves that the model does not have"));
         exit = Exit::Contradicted;
@@ -129,20 +135,19 @@ fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     let asked = args.fit.settings(mission);
     let given = args.fit.noise();
     let noise = Noise { torque: given.0.unwrap_or(p.noise_torque_nm), gyro: given.1.unwrap_or(p.noise_gyro_rad_per_s) };
-    let held = held_errors(&found.result.uncertain);
-    let s = Settings { method: Some(found.result.method), noise, held_errors: held, ..asked };
+    let held = held_errors(&found.result);
+    // Masses that were adopted are in the model by now.
+    let adopted: Vec<String> =
+        p.settings.get("adopt").map_or_else(Vec::new, |a| a.split(", ").map(str::to_owned).collect());
+    let adopt = adopted_sensor_errors(model, &adopted);
+    let s = Settings { method: Some(found.result.method), noise, held_errors: held, adopt, ..asked };
     let values: Vec<f64> = found.result.model.iter().map(|v| v.value).collect();
     let (held, signals) = watched(&args.output, |watch| {
-        let found = predict_held_out(
-            model,
-            &values,
-            arm.as_ref(),
-            &loaded.record,
-            &s,
-            args.record.display().to_string(),
-            watch,
-        )?;
-        if !found.0.explained && arm.is_none() {
+        let posterior = found.result.posterior.as_ref().and_then(|p| of_model(p, model));
+        let known = Known { opened: &found.opened, posterior: posterior.as_ref(), ties: &[] };
+        let found =
+            judge_held_out(known, &values, arm.as_ref(), &loaded.record, &s, args.record.display().to_string(), watch)?;
+        if found.0.chi2_per_dof > s.limit && arm.is_none() {
             let turned = axes::mismatch(model, &values, &loaded.record, &s)?;
             if turned.has_errors() {
                 return Err(ffid::workflow::identify::IdentifyError::Refused(turned));

@@ -8,6 +8,7 @@
 //!   Report                estimates and findings into an IdentificationResult
 //! checked::identify_checked   fits and record checks in turn (ident::checks): axes, start at rest, clocks, momentum, free decay
 //! predict_held_out        prediction of data that were not fitted
+//! judge_held_out          the same, judged by the tests of a fit
 //! compare_variants        rigid, flexible, sloshing or both
 //! result, findings        what `result.json` holds
 //! text                    the same in words
@@ -44,6 +45,7 @@ pub(crate) mod ties;
 pub(crate) mod uncertain;
 mod unknowns;
 
+pub use adoption::adopted_sensor_errors;
 pub use checked::{AxesCheck, identify_checked};
 pub use compare::{Comparison, compare_variants};
 pub use error::IdentifyError;
@@ -53,7 +55,7 @@ pub use findings::{
     ProfileLine, RecordFit, ReducedSet, UnobservedDirections, UnseenMode, Whiteness,
 };
 pub use ground::{Arm, LOW_PASS};
-pub use held_out::predict_held_out;
+pub use held_out::{Known, judge_held_out, of_model, predict_held_out};
 pub use ident::checks::{ClockPolicy, ModelVariant, RecordChecks};
 pub use identified::Identified;
 pub use labelled_record::LabelledRecord;
