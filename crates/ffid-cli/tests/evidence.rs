@@ -21,8 +21,13 @@ pub(crate) fn world(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64])
     noisy(dir, seed, spoil, edit);
 }
 
-/// [`world`] of a robot that carries something which the mission does not have, by our own simulation of the same motion.
+/// [`world`] of a robot that carries something which the mission does not have.
 fn world_with(dir: &Path, seed: u64, appendage: &str) {
+    simulated(dir, seed, |truth| truth.replace("\n[sensors]\n", &format!("\n{appendage}\n[sensors]\n")));
+}
+
+/// [`world`] of another robot, by our own simulation of the same motion.
+fn simulated(dir: &Path, seed: u64, change: impl Fn(&str) -> String) {
     world(dir, seed, |_, _| {}, |m| m);
     let text = fs::read_to_string(dir.join("clean.csv")).unwrap();
     let columns = text.lines().next().unwrap().split(',').position(|c| c.starts_with("tau.")).unwrap();
@@ -31,7 +36,8 @@ fn world_with(dir: &Path, seed: u64, appendage: &str) {
     fs::write(dir.join("motion.csv"), lines.join("\n").replace(",ddq.", ",qdd.").replace(",dq.", ",qd.") + "\n")
         .unwrap();
     let truth = fs::read_to_string(fixture("verdict").join("truth.toml")).unwrap();
-    fs::write(dir.join("truth.toml"), truth.replace("\n[sensors]\n", &format!("\n{appendage}\n[sensors]\n"))).unwrap();
+    assert!(change(&truth) != truth);
+    fs::write(dir.join("truth.toml"), change(&truth)).unwrap();
     let args = [
         "simulate",
         "truth.toml",
@@ -279,4 +285,74 @@ damping_nms_per_rad = [0.041852, 0.046925]
     assert_eq!((code, name.as_str()), (16, "extra-mode"), "{}", r["evidence"]);
     let ((hz, _), (ratio, _)) = (size("frequency"), size("damping_ratio"));
     assert!((0.325..0.375).contains(&hz) && (0.02..0.08).contains(&ratio), "{hz} {ratio}");
+}
+
+#[test]
+fn held_out_data_are_judged_by_the_same_evidence() {
+    let dir = tempfile::tempdir().unwrap();
+    let judged = |name: &str| {
+        let (code, out, err) = ffid(dir.path(), &["validate", "known", "--record", "rec.csv", "--json"]);
+        let all: Value = serde_json::from_str(&out).unwrap_or_else(|e| panic!("{name}: {e}\n{out}\n{err}"));
+        let v = all["verdict"].clone();
+        assert_eq!(v["explained"], code == 0, "{name}: {v}");
+        // Chi-squared alone would let all of them pass.
+        assert!(v["chi2_per_dof"].as_f64().unwrap() < 2.0, "{name}: {v}");
+        (code, v["evidence"].clone())
+    };
+    world(dir.path(), 31, |_, _| {}, |m| m);
+    assert_eq!(identify(dir.path(), &[]).0, 0);
+    fs::rename(dir.path().join("found"), dir.path().join("known")).unwrap();
+    world(dir.path(), 32, |_, _| {}, |m| m);
+    let (code, e) = judged("the same robot");
+    assert_eq!((code, e["state"].as_str()), (0, Some("explained")), "{e}");
+    world(dir.path(), 33, gain_of_two_percent, |m| m);
+    let (code, e) = judged("a gain");
+    assert_eq!((code, e["named"][0]["name"].as_str()), (16, Some("torque-gain.elbow")), "{e}");
+    simulated(dir.path(), 34, |truth| truth.replace("mass_kg = 46.5", "mass_kg = 47.2"));
+    let (code, e) = judged("more fuel");
+    assert_eq!((code, e["named"][0]["name"].as_str()), (16, Some("other-robot")), "{e}");
+}
+
+#[test]
+fn an_adopted_error_of_the_robot_is_one_for_all_records() {
+    let dir = tempfile::tempdir().unwrap();
+    let gain = gain_of_two_percent;
+    world(dir.path(), 41, gain, |m| m);
+    let (code, alone) = identify(dir.path(), &["--adopt", "torque-gain.elbow"]);
+    assert_eq!((code, alone["evidence"]["state"].as_str()), (0, Some("explained")), "{}", alone["evidence"]);
+    let (_, of_one) = value(&alone, "nuisance", "torque.gain.elbow");
+    // Another record of the same sensors.
+    fs::rename(dir.path().join("rec.csv"), dir.path().join("first.csv")).unwrap();
+    world(dir.path(), 42, gain, |m| m);
+    let args = [
+        "identify",
+        "m.toml",
+        "--records",
+        "first.csv",
+        "rec.csv",
+        "--adopt",
+        "torque-gain.elbow",
+        "--out",
+        "two",
+        "--json",
+    ];
+    let (code, out, err) = ffid(dir.path(), &args);
+    let r = serde_json::from_str::<Value>(&out).unwrap_or_else(|e| panic!("{e}\n{out}\n{err}"))["result"].clone();
+    assert_eq!((code, r["evidence"]["state"].as_str()), (0, Some("explained")), "{}", r["evidence"]);
+    let (found, std) = value(&r, "parameters", "torque.gain.elbow");
+    assert!(
+        (found - 0.02).abs() < 4.0 * std && (std / of_one - 0.5f64.sqrt()).abs() < 0.1,
+        "{found} +- {std}, {of_one}"
+    );
+    let names = r["nuisance"].as_array().unwrap();
+    assert!(names.iter().all(|n| !n["name"].as_str().unwrap().contains("torque.gain")), "{names:?}");
+    // It is held where the same sensors read another record.
+    world(dir.path(), 43, gain, |m| m);
+    let (code, out, err) = ffid(dir.path(), &["validate", "two", "--record", "rec.csv"]);
+    assert_eq!(code, 0, "{out}\n{err}");
+}
+
+fn gain_of_two_percent(names: &[String], x: &mut [f64]) {
+    let j = names.iter().position(|n| n.starts_with("tau.elbow")).unwrap();
+    x[j] *= 1.02;
 }

@@ -129,7 +129,12 @@ fn level(r: &IdentificationResult) -> Level {
     }
 }
 
+/// Column of the standard deviations.
+const STD: usize = 3;
+
 fn table(caption: &str, all: &[Parameter]) -> Table {
+    // A column of its own where residuals are coloured.
+    let coloured = all.iter().any(|p| p.std_coloured.is_some());
     let rows = all.iter().map(|p| {
         let prior = p.prior_mean.zip(p.prior_std);
         let level = match p.verdict {
@@ -137,7 +142,7 @@ fn table(caption: &str, all: &[Parameter]) -> Table {
             ParameterVerdict::Weak | ParameterVerdict::PriorOnly => Level::Fair,
             ParameterVerdict::AtBound | ParameterVerdict::NotIdentifiable => Level::Bad,
         };
-        vec![
+        let mut row = vec![
             Cell::words(p.name.clone()),
             Cell::number(num(p.value)),
             Cell::words(typeset(&p.unit)),
@@ -147,10 +152,18 @@ fn table(caption: &str, all: &[Parameter]) -> Table {
             Cell::number(prior.map_or_else(|| "none".into(), |(m, s)| format!("{} ± {}", num(m), num(s)))),
             interval(p.value, p.interval95, prior.map(|(m, s)| (m - 1.96 * s, m + 1.96 * s)), p.start),
             Cell::Mark(level, p.verdict.words().into()),
-        ]
+        ];
+        if coloured {
+            row.insert(STD + 1, Cell::number(p.std_coloured.map_or_else(String::new, num)));
+        }
+        row
     });
     let head = ["name", "value", "unit", "std", "95 % interval", "start", "prior", "", "verdict"];
-    Table { caption: caption.into(), head: head.map(String::from).to_vec(), rows: rows.collect() }
+    let mut head = head.map(String::from).to_vec();
+    if coloured {
+        head.insert(STD + 1, "std, coloured noise".into());
+    }
+    Table { caption: caption.into(), head, rows: rows.collect() }
 }
 
 fn channels(caption: &str, all: &[Channel]) -> Table {

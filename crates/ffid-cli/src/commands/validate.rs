@@ -14,7 +14,8 @@ use ffid::exit::{Exit, Failure};
 use ffid::files::folder::{Entry, Folder};
 use ffid::files::json;
 use ffid::workflow::identify::{
-    Arm, HeldOut, IdentificationResult, IdentifyError, Observer, Settings, Signals, axes, held_errors, predict_held_out,
+    Arm, HeldOut, IdentificationResult, IdentifyError, Known, Observer, Settings, Signals, State, adopted_sensor_errors,
+    axes, held_errors, judge_held_out, of_model,
 };
 use ident::Noise;
 use serde::Serialize;
@@ -79,7 +80,11 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     let Found { robot, held, signals, modes, mut problems, files, inputs, folder } = found;
     let mut exit = Exit::of(&problems);
     if !held.explained {
-        let what = format!("chi-squared per degree of freedom {:.3}, limit {}", held.chi2_per_dof, held.limit);
+        let chi2 = format!("chi-squared per degree of freedom {:.3}, limit {}", held.chi2_per_dof, held.limit);
+        let what = match held.evidence.as_ref().filter(|e| e.state == State::Contradicted) {
+            Some(e) => format!("{}; {chi2}", e.reason),
+            None => chi2,
+        };
         let p = Problem::error(Area::Data, "Fit::NotExplained", what).in_file(&args.record);
         problems.push(p.hint("another robot, other fuel, or something moves that the model does not have"));
         exit = Exit::Contradicted;
@@ -123,7 +128,7 @@ fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     let folder = args.out.as_ref().map(|o| results::begin(o, &args.output, err)).transpose().map_err(io)?;
     let source = args.record.display().to_string();
     let (held, signals) = watched(&args.output, |watch| {
-        predict(args, &found.result, &found.opened.model, mission, arm.as_ref(), (&loaded.record, source), watch)
+        predict(args, &found.result, &found.opened, mission, arm.as_ref(), (&loaded.record, source), watch)
     })?;
     let mut problems = found.opened.warnings.clone();
     problems.extend(loaded.warnings);
@@ -144,7 +149,7 @@ pub(crate) fn unseen(result: &IdentificationResult, source: &Entry, path: &Path)
 pub(crate) fn predict(
     args: &Args,
     result: &IdentificationResult,
-    model: &Model,
+    opened: &Opened,
     mission: &Mission,
     arm: Option<&Arm>,
     record: (&Record, String),
@@ -154,12 +159,19 @@ pub(crate) fn predict(
     let asked = args.fit.settings(mission);
     let given = args.fit.noise();
     let noise = Noise { torque: given.0.unwrap_or(p.noise_torque_nm), gyro: given.1.unwrap_or(p.noise_gyro_rad_per_s) };
-    let held_errors = held_errors(&result.uncertain);
-    let s = Settings { method: Some(result.method), noise, held_errors, ..asked };
+    let held_errors = held_errors(result);
+    let model = &opened.model;
+    // Masses that were adopted are in the model by now.
+    let adopted: Vec<String> =
+        p.settings.get("adopt").map_or_else(Vec::new, |a| a.split(", ").map(str::to_owned).collect());
+    let adopt = adopted_sensor_errors(model, &adopted);
+    let s = Settings { method: Some(result.method), noise, held_errors, adopt, ..asked };
     let values: Vec<f64> = result.model.iter().map(|v| v.value).collect();
     let (record, source) = record;
-    let found = predict_held_out(model, &values, arm, record, &s, source, watch)?;
-    if !found.0.explained && arm.is_none() {
+    let posterior = result.posterior.as_ref().and_then(|p| of_model(p, model));
+    let known = Known { opened, posterior: posterior.as_ref(), ties: &[] };
+    let found = judge_held_out(known, &values, arm, record, &s, source, watch)?;
+    if found.0.chi2_per_dof > s.limit && arm.is_none() {
         let turned = axes::mismatch(model, &values, record, &s)?;
         if turned.has_errors() {
             return Err(IdentifyError::Refused(turned));

@@ -93,6 +93,6 @@ pub fn validate(
         None => given.record.clone(),
     };
     let source = given.path.display().to_string();
-    let found = command::predict(&args, result, &opened.model, mission, arm.as_ref(), (&record, source), watch);
+    let found = command::predict(&args, result, opened, mission, arm.as_ref(), (&record, source), watch);
     Ok(found.map_err(failed)?)
 }

@@ -104,6 +104,11 @@ const PARAMETER: &[Key] = &[
     must("start", Number, "where the fit started"),
     must("value", Number, "estimate"),
     key("std", Number, "standard deviation; absent where data and priors cannot tell"),
+    key(
+        "std_coloured",
+        Number,
+        "the same, allowing for random noise of the colour that the residuals have; absent where they are white",
+    ),
     key("interval95", Vector(2), "95 % interval"),
     key("prior_mean", Number, "mean of its prior"),
     key("prior_std", Number, "standard deviation of its prior"),
@@ -393,7 +398,8 @@ const HELD_OUT: &[Key] = &[
     must("seconds", Number, "length (s)"),
     must("chi2_per_dof", Number, "as that of the fit, with the parameters as they are"),
     must("limit", Number, "largest value at which the model counts as explaining them"),
-    must("explained", Flag, "whether it does"),
+    must("explained", Flag, "whether it does: chi-squared is within the limit, and no test speaks against the model"),
+    key("evidence", Table(EVIDENCE), "what the tests of a fit say of these data, with what was known before them"),
     must("channels", Tables(CHANNEL), "every channel"),
     must("verdict", Text, "in words"),
 ];

@@ -3,6 +3,7 @@
 pub(crate) mod budget;
 pub(crate) mod consider;
 pub(crate) mod covariance;
+pub(crate) mod hac;
 pub(crate) mod identifiability;
 pub(crate) mod posterior;
 pub(crate) mod prior;
@@ -11,6 +12,7 @@ pub(crate) mod profile;
 pub use budget::{PriorGroup, prior_shares, tightened};
 pub use consider::{Considered, consider};
 pub use covariance::{Direction, Uncertainty, Unknown, analyse, physical_jacobian};
+pub use hac::{ChannelRows, coloured_covariance};
 pub use identifiability::{Combination, Reduced, Silence, reduce, reduce_parameters, silence, structural};
 pub use posterior::{Posterior, PosteriorRows, SequenceError, change};
 pub use prior::{PriorError, PriorRow, Priors, Sigma};

@@ -118,8 +118,26 @@ impl ErrorSource {
             Self::Oscillator(_, column) => column.unit(),
         }
     }
+    /// Whether it belongs to the robot and is the same in all its records; drifts, clocks, wrenches and oscillations belong to one.
+    pub fn is_of_robot(&self) -> bool {
+        match self {
+            Self::TorqueGain(_)
+            | Self::ViscousFriction(_)
+            | Self::CoulombFriction(_)
+            | Self::GyroScale(_)
+            | Self::GyroRotation(_)
+            | Self::Compliance(_) => true,
+            Self::TorqueDrift(_)
+            | Self::TorqueSkew
+            | Self::GyroDrift(_)
+            | Self::GyroSkew
+            | Self::Force(_)
+            | Self::Moment(_)
+            | Self::Oscillator(..) => false,
+        }
+    }
     /// A size that would be relevant, with sensors of this noise (N m, rad/s) and a record of so many seconds.
-    pub(crate) fn size(&self, torque: f64, gyro: f64, seconds: f64) -> f64 {
+    pub fn size(&self, torque: f64, gyro: f64, seconds: f64) -> f64 {
         match self {
             Self::TorqueGain(_) | Self::GyroScale(_) | Self::GyroRotation(_) => 1e-2,
             Self::TorqueSkew | Self::GyroSkew => 1e-3,

@@ -79,7 +79,10 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
         add(p, &hint);
     }
     if let Some(h) = r.held_out.as_ref().filter(|h| !h.explained) {
-        let what = format!("held-out data: chi-squared per degree of freedom {:.3}, limit {}", h.chi2_per_dof, h.limit);
+        let what = format!(
+            "held-out data: {} (chi-squared per degree of freedom {:.3}, limit {})",
+            h.verdict, h.chi2_per_dof, h.limit
+        );
         add(Problem::warning(Area::Data, "Fit::HeldOut", what), "the model does not predict what it has not seen");
     }
     out

@@ -6,11 +6,12 @@ use crate::flags::choice::Clocks;
 use crate::flags::fit::watched;
 use crate::results::Refusal;
 use ff_model::{Params, Problems};
+use ff_records::Record;
 use ffid::workflow::doctor::before_fit;
 use ffid::workflow::identify::{
-    Arm, Comparison, Identified, IdentifyError, InputFile, LOW_PASS, LabelledRecord, Method, ModelVariant, Observer,
-    Provenance, RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, held_errors, identify_checked,
-    method, predict_held_out, sample_posterior, verdict,
+    Arm, Comparison, Identified, IdentifyError, InputFile, Known, LOW_PASS, LabelledRecord, Method, ModelVariant,
+    Observer, Provenance, RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, held_errors,
+    identify_checked, judge_held_out, method, sample_posterior, verdict,
 };
 use ident::Loss;
 use std::collections::BTreeMap;
@@ -71,19 +72,21 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
         identify_checked(opened, records, s, options, checks, &axes, &provenance, watch)?;
     warnings.0.splice(0..0, before.0);
     let last = s.clone();
-    let s = &Settings { held_errors: held_errors(&found.result.uncertain), ..s };
+    let s = &Settings { held_errors: held_errors(&found.result), ..s };
     let arm = Arm::of(&found.result, &model.joint_names());
     let mut signals = None;
+    let posterior = found.result.posterior.as_ref();
+    let known = Known { opened, posterior, ties: &options.ties };
+    let judge = |record: &Record, s: &Settings, source: String| {
+        judge_held_out(known, &found.values, arm.as_ref(), record, s, source, watch)
+    };
     let judged = match held {
         Held::None => None,
         // A part of a record begins in the middle of a motion.
         Held::Part { record, words } => {
-            let s = Settings { initial_state: true, ..s.clone() };
-            Some(predict_held_out(model, &found.values, arm.as_ref(), record, &s, words.clone(), watch)?)
+            Some(judge(record, &Settings { initial_state: true, ..s.clone() }, words.clone())?)
         }
-        Held::File { record, path } => {
-            Some(predict_held_out(model, &found.values, arm.as_ref(), record, s, path.display().to_string(), watch)?)
-        }
+        Held::File { record, path } => Some(judge(record, s, path.display().to_string())?),
     };
     if let Some((held, of)) = judged {
         found.result.held_out = Some(held);

@@ -3,11 +3,15 @@
 use super::error::config;
 use super::extra_mode;
 use super::ties::TieSpec;
+use super::uncertain::UncertainItems;
 use ff_model::diagnostics::nearest;
 use ff_model::{Model, Problems};
-use ident::Options;
 use ident::parameters::matches;
 use ident::uncertain::{ErrorSource, Hypothesis, hypotheses};
+use ident::{Noise, Options};
+
+/// Size of an error of a placement (m, rad).
+const PLACEMENT: f64 = 1e-2;
 
 /// What is estimated in addition.
 #[derive(Clone, Debug, Default)]
@@ -81,6 +85,17 @@ impl Adopted {
             }
         }
     }
+    /// Makes one unknown of an error of the robot that all records share: gains, scales, alignment, friction, compliance and placements.
+    /// Biases, drifts, clocks and what pushes the base belong to each record.
+    pub(super) fn share(&self, model: &Model, noise: &Noise, uncertain: &mut UncertainItems) {
+        let joints = model.joint_names();
+        for e in self.errors.iter().filter(|e| e.is_of_robot()) {
+            uncertain.adopt(e.name(&joints), e.unit(), e.size(noise.torque, noise.gyro, 1.0));
+        }
+        for p in model.kinematic_params().into_iter().filter(|p| self.kinematics.contains(&p.name)) {
+            uncertain.adopt(p.name, p.unit, PLACEMENT);
+        }
+    }
     /// Puts what belongs to records into the options of their estimators.
     pub(super) fn widen(&self, o: Options) -> Options {
         Options {
@@ -94,4 +109,12 @@ impl Adopted {
             ..o
         }
     }
+}
+
+/// Of the patterns of `--adopt` those that name errors of sensors and placements alone, which are unknowns of every record; the others
+/// are parameters of the model. Allocates.
+pub fn adopted_sensor_errors(model: &Model, patterns: &[String]) -> Vec<String> {
+    let alone = |p: &String| Adopted::new(model, &[], core::slice::from_ref(p));
+    let is = |a: Adopted| a.parameters.is_empty() && a.ties.is_empty();
+    patterns.iter().filter(|p| alone(p).is_ok_and(is)).cloned().collect()
 }

@@ -62,6 +62,7 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let mut extra = None;
     if extra_mode::may_be(end, &survey, &ranking)
         && let Some(found) = extra_mode::search(end, twins, s)?
+        && found.evidence() > -(uncertain::LEVEL / (1 + ranking.tested) as f64).ln()
         && ranking.named.iter().all(|n| n.score.evidence < found.evidence())
         && let Some(with) = Survey::new(end, twins, s, &Columns::Every(Some(&found)))?
     {

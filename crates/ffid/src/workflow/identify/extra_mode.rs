@@ -32,6 +32,8 @@ const RANGE: (f64, f64) = (1e-4, 0.4);
 const PERIODS: f64 = 2.0;
 /// See [`PERIODS`].
 const SAMPLES: f64 = 5.0;
+/// Lines to either side that are the surroundings of one.
+const AROUND: usize = 20;
 /// By how much, of chi-squared and of its fall, two coordinates must explain more than one.
 const SECOND: (f64, f64) = (22.0, 0.05);
 /// Part of the fall of chi-squared that an effective inertia which can exist must keep.
@@ -47,6 +49,8 @@ pub(super) struct ExtraMode {
     /// The effective inertia that can exist, and by how much chi-squared falls with it.
     shape: Shape,
     drop: f64,
+    /// Power of the residuals around the line, over that of noise: a line has to stand out of a colour, too.
+    level: f64,
 }
 
 impl ExtraMode {
@@ -65,7 +69,7 @@ impl ExtraMode {
     }
     /// What the record says for it, as of other errors ([`ident::uncertain::Score::evidence`]).
     pub(super) fn evidence(&self) -> f64 {
-        evidence(self.drop, self.freedom()) - self.places.ln()
+        evidence(self.drop / self.level, self.freedom()) - self.places.ln()
     }
     /// Puts its numbers in place of the elements of its inertia.
     pub(super) fn describe(&self, line: &mut NamedError) {
@@ -142,7 +146,7 @@ pub(super) fn may_be(end: &Ended<'_>, survey: &Survey, ranking: &Ranking) -> boo
 }
 
 /// Frequencies (Hz) where the residuals of all channels together have the most power, the strongest first, and the number of lines.
-fn lines(end: &Ended<'_>) -> (Vec<f64>, usize) {
+fn lines(end: &Ended<'_>) -> (Vec<f64>, Spectrum) {
     let seconds = end.records.iter().map(|r| r.record.seconds()).fold(0.0, f64::max);
     let rate = end.records.iter().map(|r| r.record.rate_hz()).fold(f64::INFINITY, f64::min);
     let (first, last) = (PERIODS.ceil() as usize, (rate / SAMPLES * seconds) as usize);
@@ -164,12 +168,39 @@ fn lines(end: &Ended<'_>) -> (Vec<f64>, usize) {
     let mut peaks: Vec<usize> = (first.max(1)..=last).filter(|&i| highest(i)).collect();
     peaks.sort_by(|&a, &b| power[b].total_cmp(&power[a]));
     peaks.truncate(LINES);
-    (peaks.into_iter().map(|i| i as f64 / seconds).collect(), (last + 1).saturating_sub(first))
+    let channels = end.records.iter().zip(end.signals).map(|(_, s)| s.sigma.len()).sum();
+    let spectrum = Spectrum { power, seconds, channels, first, last };
+    (peaks.into_iter().map(|i| i as f64 / seconds).collect(), spectrum)
+}
+
+/// Power of the residuals of all channels together, one for each under noise of the assumed size.
+struct Spectrum {
+    power: Vec<f64>,
+    seconds: f64,
+    channels: usize,
+    first: usize,
+    last: usize,
+}
+
+impl Spectrum {
+    /// Lines that a mode may be at.
+    fn places(&self) -> usize {
+        (self.last + 1).saturating_sub(self.first)
+    }
+    /// Median around a frequency (Hz) over that of noise of the assumed size, at least one.
+    fn level(&self, hz: f64) -> f64 {
+        let at = (hz * self.seconds).round() as usize;
+        let mut around: Vec<f64> = (at.saturating_sub(AROUND).max(1)..(at + AROUND + 1).min(self.power.len()))
+            .map(|i| self.power[i])
+            .collect();
+        around.sort_by(f64::total_cmp);
+        around.get(around.len() / 2).map_or(1.0, |p| (p / self.channels.max(1) as f64).max(1.0))
+    }
 }
 
 /// The best oscillator there is, if it has an effective inertia that can exist.
 pub(super) fn search(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result<Option<ExtraMode>, IdentifyError> {
-    let (hz, places) = lines(end);
+    let (hz, spectrum) = lines(end);
     let at =
         |&frequency_hz: &f64| DAMPING.map(|damping_ratio| Oscillator { frequency_hz, damping_ratio, inertia: None });
     let tried: Vec<Oscillator> = hz.iter().flat_map(at).collect();
@@ -201,9 +232,10 @@ pub(super) fn search(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Resul
         let of_inertia = covariance.view((0, 0), (ELEMENTS, ELEMENTS)).into_owned();
         let Some(shape) = shape(&inertia, &of_inertia, length, drop) else { break };
         let std = [score.std[ELEMENTS], score.std[ELEMENTS + 1]];
-        let places = (places * DAMPING.len()) as f64;
+        let places = (spectrum.places() * DAMPING.len()) as f64;
+        let level = spectrum.level(here.frequency_hz);
         let drop = score.drop - shape.misfit;
-        found = Some(ExtraMode { oscillator: here.clone(), std, places, shape, drop });
+        found = Some(ExtraMode { oscillator: here.clone(), std, places, shape, drop, level });
         if ended {
             break;
         }

@@ -2,18 +2,26 @@
 //! the record and not to the robot, are fitted.
 
 use super::error::IdentifyError;
+use super::evidence::{Evidence, State};
 use super::ground;
 use super::ground::Arm;
+use super::labelled_record::LabelledRecord;
 use super::observed_estimator::{ObservedEstimator, Observer};
+use super::options::FitOptions;
 use super::record_estimator::RecordEstimator;
 use super::result::held_out::HeldOut;
+use super::result::provenance::Provenance;
+use super::run::identify;
 use super::settings::Settings;
 use super::signals::Signals;
 use super::text;
+use super::ties::TieSpec;
 use super::uncertain::UncertainItems;
+use crate::open::Opened;
 use ff_model::Model;
 use ff_records::Record;
 use ident::Estimator;
+use ident::Posterior;
 use ident::compose::SharedErrors;
 use ident::estimate::{NuisanceFit, fit_nuisance};
 
@@ -89,17 +97,82 @@ pub fn predict_held_out(
     let signals = Signals::of(model, record, &found.residuals, &sigma);
     let chi2_per_dof = found.chi2_per_dof();
     let mut held = HeldOut::of(source.into(), record, &signals, chi2_per_dof, s.limit);
-    let rms = chi2_per_dof.sqrt();
-    held.verdict = if held.explained {
-        format!("The model predicts these data: residuals are {rms:.3} times the noise of the sensors.")
-    } else {
-        let worst = held.channels.iter().max_by(|a, b| a.over_noise.total_cmp(&b.over_noise));
-        let worst = worst.map(|c| format!("; worst in {}, {:.2} times its noise", c.name, c.over_noise));
-        format!(
-            "The model does NOT explain these data: residuals are {rms:.3} times the noise, limit {:.3}{}.",
-            s.limit.sqrt(),
-            worst.unwrap_or_default()
-        )
+    held.verdict = in_words(&held);
+    Ok((held, signals))
+}
+
+/// What it comes to.
+fn in_words(held: &HeldOut) -> String {
+    let rms = held.chi2_per_dof.sqrt();
+    let tested = |e: &Evidence| match e.state {
+        State::Explained => format!("; {}", e.reason),
+        State::NotTested => format!("; tests were not made: {}", e.reason),
+        State::Contradicted => String::new(),
     };
+    if held.explained {
+        let tested = held.evidence.as_ref().map(tested).unwrap_or_default();
+        return format!(
+            "The model predicts these data: residuals are {rms:.3} times the noise of the sensors{tested}."
+        );
+    }
+    let worst = held.channels.iter().max_by(|a, b| a.over_noise.total_cmp(&b.over_noise));
+    let worst =
+        worst.map(|c| format!("; worst in {}, {:.2} times its noise", c.name, c.over_noise)).unwrap_or_default();
+    let against = held.evidence.as_ref().filter(|e| e.state == State::Contradicted);
+    let against = against.map(|e| format!(" {}.", e.reason)).unwrap_or_default();
+    format!(
+        "The model does NOT explain these data:{against} Residuals are {rms:.3} times the noise, limit {:.3}{worst}.",
+        held.limit.sqrt()
+    )
+}
+
+/// What is known of a robot before a record of it is judged.
+#[derive(Clone, Copy)]
+pub struct Known<'a> {
+    /// The mission.
+    pub opened: &'a Opened,
+    /// What other records have told of its parameters; nothing but chi-squared is judged without.
+    pub posterior: Option<&'a Posterior>,
+    /// Ties of that identification.
+    pub ties: &'a [TieSpec],
+}
+
+/// Of what is known, the part about parameters of the model: errors of bodies and ties are numbers beside it, about a mission that an
+/// identified one has replaced. `None` where nothing is left. Allocates.
+pub fn of_model(posterior: &Posterior, model: &Model) -> Option<Posterior> {
+    let decls = model.param_decls();
+    let names: Vec<&str> =
+        posterior.names.iter().map(String::as_str).filter(|n| decls.iter().any(|d| d.name == *n)).collect();
+    posterior.marginal(&names).ok().filter(|p| !p.names.is_empty())
+}
+
+/// [`predict_held_out`], judged by the tests of a fit ([`super::identify`]): what other records have told is the prior of the
+/// parameters, so that these data can contradict it, and errors of the world are tried.
+///
+/// # Errors
+/// As [`predict_held_out`].
+pub fn judge_held_out(
+    known: Known<'_>,
+    values: &[f64],
+    arm: Option<&Arm>,
+    record: &Record,
+    s: &Settings,
+    source: impl Into<String>,
+    watch: &Observer<'_>,
+) -> Result<(HeldOut, Signals), IdentifyError> {
+    let (held, signals) = predict_held_out(&known.opened.model, values, arm, record, s, source, watch)?;
+    let Some(posterior) = known.posterior.filter(|_| arm.is_none()) else { return Ok((held, signals)) };
+    let label = String::from("record");
+    let one = [LabelledRecord { label, record: record.clone(), resampled: (false, false) }];
+    let own = Settings { prior: None, start_offset: 0.0, ..s.clone() };
+    let options = FitOptions { posterior: Some(posterior.clone()), ties: known.ties.to_vec(), ..FitOptions::default() };
+    let silent = Observer { progress: None, ..*watch };
+    let evidence = match identify(known.opened, &one, &own, &options, Provenance::default(), &silent) {
+        Ok(found) => found.result.evidence.unwrap_or_default(),
+        Err(IdentifyError::Interrupted) => return Err(IdentifyError::Interrupted),
+        Err(e) => Evidence { reason: e.to_string(), ..Evidence::default() },
+    };
+    let mut held = held.judged_by(evidence);
+    held.verdict = in_words(&held);
     Ok((held, signals))
 }

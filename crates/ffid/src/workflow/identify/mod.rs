@@ -9,6 +9,7 @@
 //! checked::identify_checked   fits and record checks in turn (ident::checks): axes, start at rest, clocks, momentum, free decay
 //! sample_posterior        draws from the posterior around the last fit
 //! predict_held_out        prediction of data that were not fitted
+//! judge_held_out          the same, judged by the tests of a fit
 //! compare_variants        rigid, flexible, sloshing or both
 //! result, findings        what `result.json` holds
 //! text                    the same in words
@@ -52,6 +53,7 @@ pub(crate) mod ties;
 pub(crate) mod uncertain;
 mod unknowns;
 
+pub use adoption::adopted_sensor_errors;
 pub use bandwidth::{Bandwidth, choose_low_pass};
 pub use checked::{AxesCheck, identify_checked};
 pub use compare::{Comparison, compare_variants};
@@ -62,7 +64,7 @@ pub use findings::{
     ProfileLine, RecordFit, ReducedSet, UnobservedDirections, UnseenMode, Whiteness,
 };
 pub use ground::{Arm, LOW_PASS};
-pub use held_out::predict_held_out;
+pub use held_out::{Known, judge_held_out, of_model, predict_held_out};
 pub use ident::checks::{ClockPolicy, ModelVariant, RecordChecks};
 pub use identified::Identified;
 pub use kept_records::{KeptRecord, MOST_SAMPLES, keep, read_kept};

@@ -28,10 +28,12 @@ use ident::Estimator;
 use ident::Loss;
 use ident::Request;
 use ident::Several;
+use ident::belief::{ChannelRows, coloured_covariance};
 use ident::compose::best_of;
 use ident::compose::{Shared, SharedErrors};
 use ident::estimate::attempt;
 use ident::parameters::random_start;
+use nalgebra::DMatrix;
 
 /// Pull that holds what neither data nor priors tell near where it is, relative.
 const ANCHOR: f64 = 10.0;
@@ -100,8 +102,13 @@ pub fn identify(
     }
     let tests = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
     let tests = tests.as_ref();
+    let coloured = coloured_deviations(&end, &rows, sigma.len(), settings, &mut watched);
+    let coloured = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { coloured };
     let report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
     let mut result = report.result(&fitted, provenance)?;
+    for p in result.parameters.iter_mut().chain(&mut result.nuisance).filter(|p| p.std.is_some()) {
+        p.std_coloured = coloured.iter().find(|(name, _)| *name == p.name).map(|c| c.1);
+    }
     result.silent = silent;
     result.profiles = profiles;
     result.not_allowed_for.clone_from(&setup.not_allowed_for);
@@ -139,7 +146,11 @@ impl Setup {
         options: &FitOptions,
     ) -> Result<Self, IdentifyError> {
         let model = &opened.model;
-        let every = UncertainItems::of(opened);
+        let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
+        let mut every = UncertainItems::of(opened);
+        if records.len() > 1 {
+            adopted.share(model, &settings.noise, &mut every);
+        }
         if options.consider {
             consider_alone(&every, settings, options).map_err(IdentifyError::Refused)?;
         }
@@ -151,7 +162,6 @@ impl Setup {
         let uncertain = if options.consider { every.held_at_mission() } else { every.clone() };
         let settings =
             Settings { method: if needs { Some(Method::OutputError) } else { settings.method }, ..settings.clone() };
-        let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
         let mut estimated = opened.estimated.clone();
         estimated.extend(&adopted.parameters);
         let options = FitOptions { ties: [&options.ties[..], &adopted.ties].concat(), ..options.clone() };
@@ -224,6 +234,41 @@ fn consider_alone(uncertain: &UncertainItems, s: &Settings, o: &FitOptions) -> R
         }
     }
     Ok(())
+}
+
+/// Standard deviations of the unknowns under random noise of the colour that the residuals have, by name; none where they are white, or
+/// outliers are weighted down. What cannot be linearised there has none either.
+fn coloured_deviations(
+    end: &Ended<'_>,
+    rows: &[usize],
+    channels: usize,
+    s: &Settings,
+    estimator: &mut ObservedEstimator<'_>,
+) -> Vec<(String, f64)> {
+    let e = &end.fitted.estimate;
+    // Samples of a channel stand at even distances among the rows.
+    if !end.records.iter().all(|r| r.record.is_uniform()) {
+        return Vec::new();
+    }
+    let white = known::whiteness(end.records, end.signals, &[], &[]).iter().all(|w| w.white);
+    if white || s.loss != Loss::Squares || !e.is_solution() {
+        return Vec::new();
+    }
+    let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
+    let unknowns = end.fitted.selected.len() + extra.len();
+    let (mut r, mut j) = (vec![0.0; e.residuals.len()], DMatrix::zeros(e.residuals.len(), unknowns));
+    if estimator.jacobian(&e.values, &extra, &end.fitted.selected, &mut r, &mut j).is_err() {
+        return Vec::new();
+    }
+    let mut of = Vec::new();
+    let mut first = 0;
+    for n in rows {
+        of.extend((first..first + channels).map(|c| ChannelRows { rows: c..first + n, every: channels }));
+        first += n;
+    }
+    let c = coloured_covariance(&e.uncertainty.covariance, &j, &r, &of);
+    let names = e.uncertainty.unknowns.iter().map(|u| u.name.clone());
+    names.zip(c.diagonal().iter().map(|v| v.max(0.0).sqrt())).filter(|(_, s)| s.is_finite()).collect()
 }
 
 /// What the estimators of a fit are made of.

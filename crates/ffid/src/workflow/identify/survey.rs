@@ -18,6 +18,9 @@ use nalgebra::DMatrix;
 /// Draws of the encoders' noise.
 pub(super) const DRAWS: usize = 6;
 
+/// Deviations of what was known before that a parameter may be off by where a record does not tell it.
+const WIDE: f64 = 30.0;
+
 /// Whose columns there are beside those of the fit's unknowns.
 pub(super) enum Columns<'a> {
     /// All errors, and an oscillator that was found.
@@ -104,7 +107,7 @@ impl Survey {
         let labels_of = if several { end.labels } else { &[] };
         let own = |name: &str| {
             let of_fit = e.nuisance.iter().map(|u| u.name.as_str());
-            let of_records = end.unknowns.marginal.iter().map(|(_, u)| u.name.as_str());
+            let of_records = end.unknowns.decls.iter().map(|d| d.name.as_str());
             of_fit.chain(of_records).any(|u| is_called(u, name, labels_of))
                 || s.biases && (name.starts_with("gyro.bias.") || name.starts_with("torque.bias."))
         };
@@ -138,8 +141,9 @@ impl Survey {
             let own = nuisance.iter().enumerate().filter(|(_, u)| is_called(&u.name, name, labels_of));
             own.map(|(k, _)| (decls.len() + k, 1.0)).collect()
         };
-        let marginal = &end.unknowns.marginal;
-        let shared: Vec<(&str, f64)> = marginal.iter().map(|(i, u)| (u.name.as_str(), e.values[*i])).collect();
+        // Errors that records share, whether the mission is not sure of them or they were adopted.
+        let shared: Vec<(&str, f64)> =
+            end.unknowns.decls.iter().map(|d| d.name.as_str()).zip(e.values.iter().copied()).collect();
         let shared_value = |name: &str| shared.iter().find(|(n, _)| is_called(name, n, labels_of)).map(|s| s.1);
         let of = |name: &str| value_of(name).or_else(|| shared_value(name));
         let extra: Vec<f64> = nuisance.iter().map(|u| of(&u.name).unwrap_or(0.0)).collect();
@@ -189,7 +193,9 @@ impl Survey {
         let held: Vec<usize> = base.iter().flat_map(|(c, _)| c.iter().map(|c| c.0)).collect();
         let mut layout = Layout::new(&tried, &names, labels_of, &held);
         // Each record but the first against all the others: what it alone would say of the parameters.
-        let asked = |k: &usize| end.unknowns.is_asked(end.fitted.selected[*k]);
+        // Errors that were adopted are no parameters of the robot.
+        let of_model = |k: &usize| base[*k].0.iter().all(|c| c.0 < decls.len());
+        let asked = |k: &usize| end.unknowns.is_asked(end.fitted.selected[*k]) && of_model(k);
         let of_parameters: Vec<usize> = (0..end.fitted.selected.len()).filter(asked).collect();
         let parameters: Vec<_> = of_parameters.iter().map(|&k| base[k].0.clone()).collect();
         let mut first = 0;
@@ -203,6 +209,20 @@ impl Survey {
                 tried.push(Hypothesis { name: format!("other-robot.{label}"), words, components });
             }
             first += n;
+        }
+        if every {
+            // What this record alone would say of what earlier ones have told.
+            let before = end.unknowns.known_before()?;
+            if !before.is_empty() {
+                let of = |k: &usize| before.get(&base_names[*k]).map_or(f64::INFINITY, |(_, std)| WIDE * std);
+                let direction = |k: &usize| Direction { width: of(k), ..base[*k].0.clone().into() };
+                layout.push(tried.len(), of_parameters.iter().map(direction), uncertain::Searched::default());
+                let unit = |k: &usize| end.unknowns.decls[end.fitted.selected[*k]].unit.to_owned();
+                let one = |k: &usize| Component { name: base_names[*k].clone(), unit: unit(k), of: Vec::new() };
+                let components = of_parameters.iter().map(one).collect();
+                let words = "parameters that are others than those identified before".to_owned();
+                tried.push(Hypothesis { name: "other-robot".into(), words, components });
+            }
         }
         let oscillator = tried.len();
         let widths = extra_mode::widths(model, end.values);

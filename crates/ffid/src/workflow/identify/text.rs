@@ -264,6 +264,9 @@ fn row(f: &mut fmt::Formatter<'_>, p: &Parameter, w: usize) -> fmt::Result {
         (Some(s), Some((lo, hi))) => write!(f, " +- {:>10}  [{}, {}]", num(s), num(lo), num(hi))?,
         _ => write!(f, " cannot be told")?,
     }
+    if let Some(s) = p.std_coloured {
+        write!(f, "  coloured +- {}", num(s))?;
+    }
     if p.start != 0.0 && p.value != p.start {
         write!(f, "  {:+.2} %", 100.0 * (p.value - p.start) / p.start.abs())?;
     }
@@ -334,6 +337,12 @@ impl fmt::Display for IdentificationResult {
             self.parameters.len()
         )?;
         self.parameters.iter().try_for_each(|p| row(f, p, w))?;
+        if self.parameters.iter().any(|p| p.std_coloured.is_some()) {
+            writeln!(
+                f,
+                "  (coloured: standard deviation under random noise of the colour that the residuals have, were the model right)"
+            )?;
+        }
         if !self.nuisance.is_empty() {
             writeln!(f, "\nbeside them ({})", self.nuisance.len())?;
             self.nuisance.iter().try_for_each(|p| row(f, p, w))?;

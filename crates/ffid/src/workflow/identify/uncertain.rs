@@ -294,6 +294,12 @@ impl UncertainItems {
         self.shared.push(decl(name.clone(), unit, std));
         self.unknowns.push(UncertainUnknown { name, unit, mean: 0.0, std, kind });
     }
+    /// An error of this size that is to be estimated, of which nothing is known.
+    pub(super) fn adopt(&mut self, name: String, unit: &'static str, size: f64) {
+        if self.shared.iter().all(|d| d.name != name) {
+            self.shared.push(decl(name, unit, size / RANGE));
+        }
+    }
     fn sensors(&mut self, mission: &Mission, model: &Model) {
         let (s, joints) = (&mission.sensors, model.joint_names());
         let mut of = |source: ErrorSource, std: Option<f64>, kind: UncertainKind| {

@@ -134,6 +134,11 @@ impl Unknowns {
     pub(super) fn has_priors(&self) -> bool {
         self.width.is_some() || self.posterior.is_some() || !self.known.is_empty()
     }
+    /// What earlier records have told of every parameter: mean and standard deviation, by name.
+    pub(super) fn known_before(&self) -> Result<BTreeMap<String, (f64, f64)>, IdentifyError> {
+        let Some(p) = &self.posterior else { return Ok(BTreeMap::new()) };
+        known_before(p).map_err(|e| IdentifyError::Model(e.to_string()))
+    }
     /// Selected unknowns as combinations of the model's parameters, at these values of the unknowns.
     pub(super) fn columns(&self, selected: &[usize], values: &[f64]) -> Result<Vec<Combination>, IdentifyError> {
         let Some(map) = &self.map else { return Ok(selected.iter().map(|&i| vec![(i, 1.0)]).collect()) };

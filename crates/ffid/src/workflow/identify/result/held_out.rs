@@ -1,6 +1,7 @@
 //! Held-out data in a result.
 
 use super::channel::Channel;
+use crate::workflow::identify::evidence::{Evidence, State};
 use crate::workflow::identify::signals::Signals;
 use ff_records::Record;
 use serde::{Deserialize, Serialize};
@@ -19,8 +20,12 @@ pub struct HeldOut {
     pub chi2_per_dof: f64,
     /// Largest value at which the model counts as explaining them.
     pub limit: f64,
-    /// Whether it does.
+    /// Whether it does: chi-squared is within the limit, and no test speaks against the model.
     pub explained: bool,
+    /// What the tests of a fit say of these data, what was known before them being the prior of the parameters; absent on the
+    /// ground, in results of older versions, and where nothing was identified before.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub evidence: Option<Evidence>,
     /// Every channel.
     pub channels: Vec<Channel>,
     /// In words.
@@ -43,8 +48,15 @@ impl HeldOut {
             chi2_per_dof,
             limit,
             explained: chi2_per_dof <= limit,
+            evidence: None,
             channels: signals.channels(),
             verdict: String::new(),
         }
+    }
+    /// With what the tests of a fit to these data say. The one place that decides whether data that were not fitted are explained.
+    pub(in crate::workflow::identify) fn judged_by(mut self, evidence: Evidence) -> Self {
+        self.explained = self.chi2_per_dof <= self.limit && evidence.state != State::Contradicted;
+        self.evidence = Some(evidence);
+        self
     }
 }

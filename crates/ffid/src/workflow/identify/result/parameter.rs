@@ -24,6 +24,10 @@ pub struct Parameter {
     /// Standard deviation; absent where data and priors cannot tell.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub std: Option<f64>,
+    /// Standard deviation that allows for random noise of the colour which the residuals have ([`ident::belief::coloured_covariance`]);
+    /// absent where they are white. It holds for a right model alone, as the other does.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub std_coloured: Option<f64>,
     /// 95 % interval.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub interval95: Option<(f64, f64)>,
@@ -45,6 +49,7 @@ impl Parameter {
             start: l.start,
             value: l.value,
             std: l.deviation,
+            std_coloured: None,
             interval95: l.interval95,
             prior_mean: prior_mean.filter(|_| l.prior_sigma.is_some()),
             prior_std: l.prior_sigma,

@@ -1,5 +1,6 @@
 //! What was not known exactly, and which part of the uncertainty of the estimates is due to it.
 
+use super::identification::IdentificationResult;
 use crate::workflow::identify::uncertain::{UncertainKind, UncertainUnknown};
 use crate::workflow::identify::unknowns::Unknowns;
 use ff_model::ParamDecl;
@@ -35,9 +36,13 @@ pub struct UncertainLine {
     pub std: Option<f64>,
 }
 
-/// Errors of sensors and placements among them, as [`crate::workflow::identify::Settings::held_errors`] takes them.
-pub fn held_errors(lines: &[UncertainLine]) -> Vec<(String, f64)> {
-    lines.iter().filter(|u| u.kind.is_shared()).map(|u| (u.name.clone(), u.value)).collect()
+/// Errors of sensors and placements that an identification found and all records share, as
+/// [`crate::workflow::identify::Settings::held_errors`] takes them: those of the mission, and those that were adopted.
+pub fn held_errors(r: &IdentificationResult) -> Vec<(String, f64)> {
+    let declared = r.uncertain.iter().filter(|u| u.kind.is_shared()).map(|u| (u.name.clone(), u.value));
+    let of_model = |name: &str| r.model.iter().any(|v| v.name == name);
+    let adopted = r.parameters.iter().filter(|p| !of_model(&p.name)).map(|p| (p.name.clone(), p.value));
+    declared.chain(adopted).collect()
 }
 
 /// Where the variance of an estimate comes from. The parts add up to one.
