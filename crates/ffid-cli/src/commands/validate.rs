@@ -13,9 +13,10 @@ use ff_report::identify::{figures, validation};
 use ffid::exit::{Exit, Failure};
 use ffid::files::folder::{Entry, Folder};
 use ffid::files::json;
+use ffid::open::Opened;
 use ffid::workflow::identify::{
-    Arm, HeldOut, IdentificationResult, IdentifyError, Known, Observer, Settings, Signals, State, adopted_sensor_errors,
-    axes, held_errors, judge_held_out, of_model,
+    Arm, HeldOut, IdentificationResult, IdentifyError, Known, Observer, Settings, Signals, State,
+    adopted_sensor_errors, axes, held_errors, judge_held_out, of_model,
 };
 use ident::Noise;
 use serde::Serialize;

@@ -163,7 +163,7 @@ pub fn judge_held_out(
     let (held, signals) = predict_held_out(&known.opened.model, values, arm, record, s, source, watch)?;
     let Some(posterior) = known.posterior.filter(|_| arm.is_none()) else { return Ok((held, signals)) };
     let label = String::from("record");
-    let one = [LabelledRecord { label, record: record.clone(), resampled: (false, false) }];
+    let one = [LabelledRecord { label, record: record.clone(), resampled: (false, false), continues: false }];
     let own = Settings { prior: None, start_offset: 0.0, ..s.clone() };
     let options = FitOptions { posterior: Some(posterior.clone()), ties: known.ties.to_vec(), ..FitOptions::default() };
     let silent = Observer { progress: None, ..*watch };
