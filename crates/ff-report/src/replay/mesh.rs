@@ -54,7 +54,9 @@ impl Mesh {
         let mut head = [0; STL.0 as usize];
         let whole = file.read_exact(&mut head).is_ok();
         let count = u64::from(u32::from_le_bytes([head[80], head[81], head[82], head[83]]));
-        if !(head.starts_with(b"solid") || whole && bytes >= STL.0 + STL.1 * count) {
+        let text = head.starts_with(b"solid");
+        let complete = whole && bytes >= STL.0 + STL.1 * count;
+        if !text && !complete {
             return Err("the file ends before its last triangle".to_owned());
         }
         file.rewind().map_err(|e| e.to_string())?;
