@@ -16,7 +16,7 @@ const NOISE: [f64; 3] = [0.06, 1e-4, 1e-5];
 /// mission.
 pub(crate) fn world(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64]), edit: impl Fn(String) -> String) {
     let (clean, m1) = (dir.join("clean.csv"), fixture("verdict").join("m1.parquet"));
-    let (code, _, err) = ffid(dir, &["convert", m1.to_str().unwrap(), clean.to_str().unwrap()]);
+    let (code, _, err) = ffid(dir, &["convert", m1.to_str().unwrap(), clean.to_str().unwrap(), "--force"]);
     assert_eq!(code, 0, "{err}");
     noisy(dir, seed, spoil, edit);
 }

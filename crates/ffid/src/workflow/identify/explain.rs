@@ -62,7 +62,7 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let mut extra = None;
     if extra_mode::may_be(end, &survey, &ranking)
         && let Some(found) = extra_mode::search(end, twins, s)?
-        && found.evidence() > -(uncertain::LEVEL / (1 + ranking.tested) as f64).ln()
+        && found.stands_out(uncertain::LEVEL / (1 + ranking.tested) as f64)
         && ranking.named.iter().all(|n| n.score.evidence < found.evidence())
         && let Some(with) = Survey::new(end, twins, s, &Columns::Every(Some(&found)))?
     {

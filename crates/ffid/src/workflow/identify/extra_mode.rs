@@ -69,7 +69,11 @@ impl ExtraMode {
     }
     /// What the record says for it, as of other errors ([`ident::uncertain::Score::evidence`]).
     pub(super) fn evidence(&self) -> f64 {
-        evidence(self.drop / self.level, self.freedom()) - self.places.ln()
+        evidence(self.drop, self.freedom()) - self.places.ln()
+    }
+    /// Whether it stands out of the residuals around its line, which may have a colour, more than chance allows at this level.
+    pub(super) fn stands_out(&self, level: f64) -> bool {
+        evidence(self.drop / self.level, self.freedom()) - self.places.ln() > -level.ln()
     }
     /// Puts its numbers in place of the elements of its inertia.
     pub(super) fn describe(&self, line: &mut NamedError) {
