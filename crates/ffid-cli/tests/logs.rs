@@ -2,7 +2,7 @@
 
 use crate::common::{ffid, fixture};
 use ffid::workflow::identify::{IdentificationResult, State};
-use rand::{Rng, SeedableRng};
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::fmt::Write;
@@ -30,9 +30,9 @@ impl World {
         assert_eq!(code, 0, "{err}");
         let mut file = csv::Reader::from_path(&csv).unwrap();
         let head: Vec<String> = file.headers().unwrap().iter().map(str::to_owned).collect();
-        let taken: Vec<usize> =
-            (0..head.len()).filter(|&i| NOISE.iter().any(|n| head[i].starts_with(n.0))).collect();
-        let all: Vec<Vec<f64>> = file.records().map(|r| r.unwrap().iter().map(|x| x.parse().unwrap()).collect()).collect();
+        let taken: Vec<usize> = (0..head.len()).filter(|&i| NOISE.iter().any(|n| head[i].starts_with(n.0))).collect();
+        let all: Vec<Vec<f64>> =
+            file.records().map(|r| r.unwrap().iter().map(|x| x.parse().unwrap()).collect()).collect();
         let rows = all.iter().map(|r| taken.iter().map(|&i| r[i]).collect()).collect();
         let names = taken.iter().map(|&i| head[i].clone()).collect();
         let dt = all[1][0] - all[0][0];
@@ -79,7 +79,8 @@ impl World {
     }
     /// Identifies with no flag; the result and what was said.
     fn identify(&self, file: &str) -> (IdentificationResult, String) {
-        let (code, out, err) = ffid(self.path(), &["identify", "start.toml", "--record", file, "--out", "res", "--force"]);
+        let (code, out, err) =
+            ffid(self.path(), &["identify", "start.toml", "--record", file, "--out", "res", "--force"]);
         assert_eq!(code, 0, "{file}\n{out}\n{err}");
         (IdentificationResult::from_json(&fs::read(self.path().join("res/result.json")).unwrap()).unwrap(), err)
     }
@@ -156,7 +157,11 @@ fn thinned_jittered_with_a_gap_and_torques_at_half_the_rate() {
     within_intervals(&r);
     // The part behind the gap has an initial state of its own, the first begins at rest.
     let initial = |part: &str| r.nuisance.iter().any(|p| p.name.starts_with(part) && p.name.contains("initial"));
-    assert!(initial("log-part2.") && !initial("log.initial"), "{:?}", r.nuisance.iter().map(|p| &p.name).collect::<Vec<_>>());
+    assert!(
+        initial("log-part2.") && !initial("log.initial"),
+        "{:?}",
+        r.nuisance.iter().map(|p| &p.name).collect::<Vec<_>>()
+    );
 }
 
 #[test]
@@ -164,9 +169,8 @@ fn thinned_jittered_with_a_gap_and_torques_at_half_the_rate() {
 fn noisy_stamps_of_an_even_clock_are_not_times() {
     let mut w = World::new(3);
     let all = (w.end() / w.dt).round() as usize;
-    let times: Vec<(f64, f64)> = (0..=all)
-        .map(|i| (w.dt * i as f64, w.dt * (i as f64 + w.rng.random_range(-0.45..0.45))))
-        .collect();
+    let times: Vec<(f64, f64)> =
+        (0..=all).map(|i| (w.dt * i as f64, w.dt * (i as f64 + w.rng.random_range(-0.45..0.45)))).collect();
     w.log("stamps.csv", &times, |_, _| false);
     let (r, said) = w.identify("stamps.csv");
     assert!(said.contains("the stamps are noisy"), "{said}");
