@@ -105,7 +105,8 @@ pub(crate) fn spikes(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, keep: b
         2.0 * ((x[i] * behind + x[i + 2] * before) / (before + behind) - x[i + 1])
     };
     let all = x.len() - 2;
-    let limit = SPIKE * median(all, |i| second(i).abs(), |_| true);
+    // A motor that is off for a while reads zero, which is no noise.
+    let limit = SPIKE * median(all, |i| second(i).abs(), |s| s > 0.0);
     // Nothing to compare with where most samples lie on straight lines.
     if limit <= 0.0 {
         return Vec::new();

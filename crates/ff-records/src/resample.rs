@@ -89,10 +89,15 @@ pub fn on_grid(
     if let Some(w) = times.windows(2).find(|w| w[1] - w[0] > WIDEST_GAP * usual) {
         return Err(TimeBaseError::Gap { group, from: w[0], to: w[1], usual });
     }
+    let (from, to, end) = (times[0], times[got - 1], (samples - 1) as f64 * dt);
+    // A hair more than an interval, for jitter.
+    if from > 1.5 * usual || to < end - 1.5 * usual {
+        return Err(TimeBaseError::Outside { group, from, to, end });
+    }
     bridged(group, times, values, dt, samples)
 }
 
-/// [`on_grid`] without a limit to gaps, across which values lie on a straight line.
+/// [`on_grid`] without a limit to gaps, across which values lie on a straight line; before the first and behind the last sample they are held.
 ///
 /// # Errors
 /// [`TimeBaseError`].
@@ -108,11 +113,6 @@ pub(crate) fn bridged(
         return Err(TimeBaseError::TooFew { group, got });
     }
     let usual = usual_interval(times);
-    let (from, to, end) = (times[0], times[got - 1], (samples - 1) as f64 * dt);
-    // A hair more than an interval, for jitter.
-    if from > 1.5 * usual || to < end - 1.5 * usual {
-        return Err(TimeBaseError::Outside { group, from, to, end });
-    }
     let mut out = DMatrix::zeros(samples, values.ncols());
     let mut next = 0;
     for i in 0..samples {
@@ -123,7 +123,8 @@ pub(crate) fn bridged(
         // Three samples on each side; at the ends the nearest six.
         let first = next.saturating_sub(N / 2).min(got - N);
         let wide = |w: &[f64]| w[1] - w[0] > WIDEST_GAP * usual;
-        if times[first..first + N].windows(2).any(wide) {
+        let outside = t < times[0] - 1.5 * usual || t > times[got - 1] + 1.5 * usual;
+        if outside || times[first..first + N].windows(2).any(wide) {
             let b = next.clamp(1, got - 1);
             let s = ((t - times[b - 1]) / (times[b] - times[b - 1])).clamp(0.0, 1.0);
             for c in 0..values.ncols() {

@@ -47,11 +47,11 @@ impl Record {
         out.bases.set(ChannelGroup::Torque, kept.iter().map(|&i| times[i]).collect());
         out
     }
-    /// [`Record::resampled`], and on a straight line across gaps that it refuses. For what compares magnitudes, or takes away what is
+    /// [`Record::resampled`], and on a straight line across gaps that it refuses, held where the clock goes on without samples. For what compares magnitudes, or takes away what is
     /// faster than the gaps are long. Allocates.
     ///
     /// # Errors
-    /// [`TimeBaseError`] naming the channels: fewer than six samples, or the clock goes on where they were not sampled.
+    /// [`TimeBaseError`] naming the channels: fewer than six samples.
     pub fn bridged(&self) -> Result<Self, TimeBaseError> {
         self.on_clock(&bridged)
     }

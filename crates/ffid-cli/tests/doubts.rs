@@ -353,15 +353,16 @@ fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
     assert_eq!(code, 0, "{out}\n{err}");
     let low = c.result("low");
     assert!(low.held_out.as_ref().unwrap().explained && low.provenance.settings["low_pass_hz"] == "8");
-    as_well_as(&low, "low/held-out.csv", "low_pass_held_out_rms_nm", 1.02);
+    // Parts are filtered one by one, so that 61 samples fewer are judged than by SciPy.
+    as_well_as(&low, "low/held-out.csv", "low_pass_held_out_rms_nm", 1.05);
     for (a, b) in low.nuisance.iter().zip(&r.nuisance) {
         if let (Some(s), Some(t)) = (a.std, b.std) {
             assert!((a.value - b.value).abs() < 6.0 * (s + t) + 0.1, "{}: {} and {}", a.name, a.value, b.value);
         }
     }
-    // All samples but those at the ends of the log and of both its parts, and the same filter when it is judged again.
+    // All samples but those at the ends of both parts, twice: of positions, then of torques; and the same filter when it is judged again.
     let used = |file: &str| c.read(file).lines().count() - 1;
-    assert_eq!((used("low/residuals.csv"), used("low/held-out.csv")), (1929 - 2 * 61, 3000 - 2 * 61 - 1929 - 2 * 61));
+    assert_eq!((used("low/residuals.csv"), used("low/held-out.csv")), (2010 - 4 * 61, 990 - 4 * 61));
     let (code, out, err) = c.run(&["validate", "low", "--record", log]);
     assert_eq!(code, 0, "{out}\n{err}");
     // On a floating base there is none, and none that is too high or too slow for a record.

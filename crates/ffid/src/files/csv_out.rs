@@ -26,20 +26,32 @@ impl<'a> Column<'a> {
     }
 }
 
-/// Writes columns of equal length, atomically. NaN is what was not read then, an empty cell.
+/// Writes columns of equal length, atomically.
 ///
 /// Numbers are printed with Rust's shortest form, which reads back to the same bits.
 ///
 /// # Errors
-/// [`Failure::Length`] for unequal columns, [`Failure::NotFinite`] naming column and row of an infinite number, [`Failure::Io`].
+/// [`Failure::Length`] for unequal columns, [`Failure::NotFinite`] naming column and row, [`Failure::Io`].
 pub fn write(path: &Path, columns: &[Column<'_>]) -> Result<(), Failure> {
+    checked(path, columns, f64::is_finite)
+}
+
+/// [`write()`] of readings that some rows do not have: NaN is an empty cell.
+///
+/// # Errors
+/// As [`write()`], for infinite numbers.
+pub fn write_with_gaps(path: &Path, columns: &[Column<'_>]) -> Result<(), Failure> {
+    checked(path, columns, |x| !x.is_infinite())
+}
+
+fn checked(path: &Path, columns: &[Column<'_>], good: fn(f64) -> bool) -> Result<(), Failure> {
     let rows = columns.first().map_or(0, |c| c.values.len());
     for c in columns {
         if c.values.len() != rows {
             let place = format!("{}: columns {} and {}", path.display(), columns[0].header(), c.header());
             return Err(Failure::Length { place, left: rows, right: c.values.len() });
         }
-        if let Some(row) = c.values.iter().position(|v| v.is_infinite()) {
+        if let Some(row) = c.values.iter().position(|&v| !good(v)) {
             let place = format!("{}: column {}, row {}", path.display(), c.header(), row + 1);
             return Err(Failure::NotFinite { place, value: c.values[row].to_string() });
         }

@@ -250,7 +250,7 @@ impl Data {
                  pass of {:.4} Hz {:.2} % (both compared behind {:.3} Hz)",
                 found.hz,
                 100.0 * found.missed.0,
-                0.1 * r.record.rate_hz(),
+                found.widest_hz,
                 100.0 * found.missed.1,
                 found.compared_hz
             );

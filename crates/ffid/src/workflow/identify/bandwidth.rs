@@ -2,7 +2,7 @@
 //!
 //! Accelerations that come from positions are noise above some frequency, and noise in the equations biases a linear fit towards zero; a
 //! low pass that is too narrow takes the motion itself away. Both are seen in the torques of a part of the log that was not fitted. Candidates
-//! are a tenth of the sampling rate and halves of it. Each is fitted to one half of the log and scored on the other, and the other way round,
+//! are a twelfth of the sampling rate and halves of it. Each is fitted to one half of the log and scored on the other, and the other way round,
 //! by torques and equations behind one and the same filter: four times the frequency below which 99 % of the power of the joint rates is.
 
 use ff_model::Model;
@@ -13,6 +13,8 @@ use ident::{Friction, Ground};
 
 /// Most candidates: each is half of the one before.
 const CANDIDATES: usize = 8;
+/// The widest candidate is the sampling rate over this. A filter takes a tenth at most, and other parts of a log have slightly other rates.
+const WIDEST: f64 = 12.0;
 /// Part of the power of the joint rates that the motion is.
 const POWER: f64 = 0.99;
 /// The filter behind which candidates are compared, times the frequency up to which that power is.
@@ -25,6 +27,8 @@ const ALIKE: f64 = 0.01;
 pub struct Bandwidth {
     /// Cutoff (Hz).
     pub hz: f64,
+    /// The widest candidate (Hz).
+    pub widest_hz: f64,
     /// Filter that candidates were compared behind (Hz).
     pub compared_hz: f64,
     /// Torques of the half that was not fitted: residual over signal, root mean square, with the chosen low pass and with the widest.
@@ -40,7 +44,7 @@ pub fn choose_low_pass(model: &Model, record: &Record, selected: &[usize], start
     }
     let half = 0.5 * record.seconds();
     let halves = [record.window(0.0, half).ok()?, record.window(half, f64::INFINITY).ok()?];
-    let widest = 0.1 * record.rate_hz();
+    let widest = record.rate_hz() / WIDEST;
     let compared_hz = (BAND * moving_below(record)?).min(widest);
     let fit = |of: &Record, hz: f64| {
         let seen = smoothed(of, hz).ok()?;
@@ -69,7 +73,7 @@ pub fn choose_low_pass(model: &Model, record: &Record, selected: &[usize], start
         (0..CANDIDATES).map(|k| widest * 0.5f64.powi(k as i32)).filter_map(|hz| Some((hz, score(hz)?))).collect();
     let best = scored.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
     let &(hz, chosen) = scored.iter().find(|s| s.1 <= (1.0 + ALIKE) * best)?;
-    Some(Bandwidth { hz, compared_hz, missed: (chosen.sqrt(), scored[0].1.sqrt()) })
+    Some(Bandwidth { hz, widest_hz: widest, compared_hz, missed: (chosen.sqrt(), scored[0].1.sqrt()) })
 }
 
 /// The frequency (Hz) below which [`POWER`] of the rates of all joints is; `None` for a record too short for a spectrum, or at rest.

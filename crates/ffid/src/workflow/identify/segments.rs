@@ -56,6 +56,10 @@ pub fn segments(label: &str, record: &Record) -> Result<Segments, IdentifyError>
     let parts: Vec<Record> = parts
         .into_iter()
         .map(|r| {
+            // A low pass leaves the ends out by itself.
+            if r.is_fixed_base() {
+                return r;
+            }
             let last = r.time(r.samples() - 1);
             let from = if r.t0() > begin + 0.5 * r.dt() { EDGE * spacing } else { 0.0 };
             let to = if r.t0() + last < end { last - EDGE * spacing } else { last };

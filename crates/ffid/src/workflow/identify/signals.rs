@@ -137,7 +137,7 @@ impl Signals {
     /// Writes time, and measured, predicted and residual of every channel.
     ///
     /// # Errors
-    /// Those of [`csv_out::write`].
+    /// Those of [`csv_out::write_with_gaps`].
     pub fn write(&self, path: &Path) -> Result<(), Failure> {
         let residuals: Vec<Vec<f64>> = (0..self.names.len()).map(|k| self.residual(k)).collect();
         let mut columns = vec![Column::new("time", "s", &self.time)];
@@ -147,7 +147,7 @@ impl Signals {
             columns.push(Column::new(format!("{name}.predicted"), self.units[k], p));
             columns.push(Column::new(format!("{name}.residual"), self.units[k], &residuals[k]));
         }
-        csv_out::write(path, &columns)
+        csv_out::write_with_gaps(path, &columns)
     }
 }
 
