@@ -13,12 +13,16 @@ use clap::ValueEnum;
 use ff_dynamics::sim::Channel;
 use ff_dynamics::{Drive, SensorSuite, SimOptions, State, measure, simulate};
 use ff_least_squares::Settings;
-use ff_model::{Model, Params};
+use ff_model::tree::{DisplacementKind, KinematicParam, Placed};
+use ff_model::{Model, ParamDecl, ParamGroup, Params};
 use ff_records::{Record, RecordBuilder};
-use ident::compose::{Affine, TieMap};
-use ident::estimate::attempt;
-use ident::{Noise, Options, OutputError, Request};
+use ident::belief::PriorRow;
+use ident::compose::{Affine, SharedErrors, TieMap};
+use ident::estimate::{Estimate, attempt};
+use ident::uncertain::ErrorSource;
+use ident::{Estimator, Noise, Options, OutputError, Priors, Request};
 use ident::{Tie, Tied};
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -45,6 +49,8 @@ enum Task {
     Peers,
     /// All 58 parameters of base and panels under a prior of 30 %, 60 s with noise.
     All,
+    /// The same beside 40 errors of sensors, link masses and placements with priors of their own.
+    Uncertain,
 }
 
 #[derive(Serialize)]
@@ -76,16 +82,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let record = record(&model, if peers { 30.0 } else { 60.0 }, !peers)?;
     let mut outcomes = Vec::new();
     for _ in 0..args.reps {
-        outcomes.push(if peers { fifteen(&model, &record, args.start)? } else { all(&model, &record, args.offset)? });
+        outcomes.push(match args.task {
+            Task::Peers => fifteen(&model, &record, args.start)?,
+            Task::All => all(&model, &record, args.offset)?,
+            Task::Uncertain => uncertain(&model, &record, args.offset)?,
+        });
     }
     outcomes.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
     let middle = &outcomes[outcomes.len() / 2];
     let line = Line {
         peer: "ffid",
-        task: if peers {
-            "output-error id flex 15 params 30s@100Hz"
-        } else {
-            "output-error id flex 58 params 60s@100Hz"
+        task: match args.task {
+            Task::Peers => "output-error id flex 15 params 30s@100Hz",
+            Task::All => "output-error id flex 58 params 60s@100Hz",
+            Task::Uncertain => "output-error id flex 58 params beside 40 errors 60s@100Hz",
         },
         reps: outcomes.len(),
         median_s: middle.seconds,
@@ -180,25 +190,93 @@ fn all(model: &Model, record: &Record, offset: f64) -> anyhow::Result<Outcome> {
         Request { prior_width: Some(0.3), settings: settings(Task::All), ..Request::new(&decls, &selected, &start) };
     let e = attempt(&request, &mut oe)?;
     let seconds = from.elapsed().as_secs_f64();
+    against_truth(&request, &mut oe, &e, &truth, seconds)
+}
+
+/// Deviations of gains, scales (relative), rotations, zeros (rad), masses (relative) and places (m).
+const GAIN: f64 = 0.01;
+const GYRO: f64 = 0.003;
+const ANGLE: f64 = 0.002;
+const MASS: f64 = 0.02;
+const PLACE: f64 = 0.003;
+
+/// Errors of sensors (14), zeros of the encoders and masses of the links (7 each), and of where two panels are mounted (12).
+fn uncertain(model: &Model, record: &Record, offset: f64) -> anyhow::Result<Outcome> {
+    let mut decls = model.param_decls();
+    let (of_model, joints, bodies) = (decls.len(), model.joint_names(), model.n_bodies());
+    let mut errors = vec![ErrorSource::TorqueGain(None)];
+    errors.extend((0..joints.len()).map(|j| ErrorSource::TorqueGain(Some(j))));
+    errors.extend((0..3).map(|i| ErrorSource::GyroScale(Some(i))));
+    errors.extend((0..3).map(ErrorSource::GyroRotation));
+    let placed = model.kinematic_params();
+    let zeros = placed.iter().filter(|p| p.kind == DisplacementKind::Offset);
+    let mounts = placed.iter().filter(|p| matches!(p.of, Placed::Mount(_))).take(12);
+    let kinematics: Vec<&KinematicParam> = zeros.chain(mounts).collect();
+    let std_of = |e: &ErrorSource| if matches!(e, ErrorSource::TorqueGain(_)) { GAIN } else { GYRO };
+    let mut shared: Vec<(String, &'static str, f64)> =
+        errors.iter().map(|e| (e.name(&joints), e.unit(), std_of(e))).collect();
+    let std_of = |p: &KinematicParam| if p.kind == DisplacementKind::Shift { PLACE } else { ANGLE };
+    shared.extend(kinematics.iter().map(|p| (p.name.clone(), p.unit, std_of(p))));
+    let free = |name: String, unit: &'static str, std: f64| {
+        let bounds = (-5.0 * std, 5.0 * std);
+        ParamDecl { name, unit, nominal: 0.0, bounds, group: ParamGroup::Free }
+    };
+    decls.extend(shared.iter().map(|(name, unit, std)| free(name.clone(), unit, *std)));
+    let values: Vec<f64> = decls.iter().map(|d| d.nominal).collect();
+    // Ten numbers of every link in proportion to its mass.
+    let links: Vec<usize> = (10..10 * bodies).collect();
+    let matrix = DMatrix::from_fn(links.len(), bodies - 1, |r, c| if r / 10 == c { values[links[r]] } else { 0.0 });
+    let masses = (1..bodies).map(|b| free(format!("error.{}", model.body_name(b)), "1", MASS)).collect();
+    let at = DVector::from_iterator(links.len(), links.iter().map(|&i| values[i]));
+    let map = TieMap::new(&decls, &values, vec![Box::new(Affine::new(masses, links, at, matrix)?)])?;
+    let (short, truth) = (map.decls().to_vec(), map.start());
+    let asked: Vec<usize> = (0..10).chain(10..of_model - 10 * (bodies - 1)).collect();
+    let selected: Vec<usize> = (0..short.len()).collect();
+    ensure!(selected.len() == asked.len() + 40, "{} unknowns beside {}", selected.len() - asked.len(), asked.len());
+    let start = ident::parameters::offset_start(&short, &truth, &asked, offset, 1);
+    let marginal: Vec<(usize, f64)> = (asked.len()..short.len()).map(|i| (i, short[i].bounds.1 / 5.0)).collect();
+    let row = |p: Priors, &(column, sigma): &(usize, f64)| p.with(PriorRow { column, mean: 0.0, sigma });
+    let priors = marginal.iter().fold(Priors::default(), row);
+    let from = Instant::now();
+    let names = kinematics.iter().map(|p| p.name.clone()).collect();
+    let options = Options { substeps: 1, errors, kinematics: names, ..Options::new(NOISE) };
+    let names: Vec<String> = shared.into_iter().map(|s| s.0).collect();
+    let inner = SharedErrors::new(Box::new(OutputError::new(model, record, &options)?), of_model, &names, &[]);
+    let mut tied = Tied::new(inner, map).unchecked();
+    let request = Request {
+        prior_width: Some(0.3),
+        priors,
+        marginal,
+        settings: settings(Task::Uncertain),
+        ..Request::new(&short, &selected, &start)
+    };
+    let e = attempt(&request, &mut tied)?;
+    let seconds = from.elapsed().as_secs_f64();
+    against_truth(&request, &mut tied, &e, &truth, seconds)
+}
+
+/// Whether the answer is as near to the truth as chance lets it be.
+fn against_truth<E: Estimator>(
+    asked: &Request<'_>,
+    estimator: &mut E,
+    e: &Estimate,
+    truth: &[f64],
+    seconds: f64,
+) -> anyhow::Result<Outcome> {
+    let selected = asked.selected;
     // The truth must cost more than the answer, and no more than chance explains: twice the difference is chi-squared with one
     // degree of freedom per unknown. (Errors along single directions of the linearisation say little: the set of parameters
     // that explain the data is curved.)
     let lax = Settings { decrement_tolerance: f64::INFINITY, ..Settings::default() };
-    let there = Request {
-        prior_width: Some(0.3),
-        centre: Some(&start),
-        coarse: false,
-        settings: lax,
-        ..Request::new(&decls, &selected, &truth)
-    };
-    let excess = attempt(&there, &mut oe)?.objective - e.objective;
+    let there = Request { start: truth, centre: Some(asked.start), coarse: false, settings: lax, ..asked.clone() };
+    let excess = attempt(&there, estimator)?.objective - e.objective;
     let n = selected.len() as f64;
     ensure!(excess > 0.0, "the truth costs {:.1e} less than the answer", -excess);
     ensure!(
         excess < n + 6.0 * (2.0 * n).sqrt(),
         "the truth costs {excess:.1} more than the answer, {n} would be chance"
     );
-    let off = e.parameters.iter().zip(&selected).map(|(p, &i)| p.std.map(|s| ((p.value - truth[i]) / s).abs()));
+    let off = e.parameters.iter().zip(selected).map(|(p, &i)| p.std.map(|s| ((p.value - truth[i]) / s).abs()));
     let error = off.flatten().fold(0.0, f64::max);
     Ok(Outcome {
         seconds,

@@ -117,6 +117,33 @@ fn every_goal_gives_a_folder_that_is_whole_and_reads_back() {
     assert!(c.names().iter().all(|n| !n.contains("partial") && !n.contains("lock")), "{:?}", c.names());
 }
 
+/// The plan that is taken is the best of several with what the mission is not sure of, which costs.
+#[test]
+#[ignore = "full tier: 8 s"]
+fn plans_are_compared_with_what_the_mission_is_not_sure_of() {
+    const UNSURE: &str = "\n[[uncertain]]\nbodies = [\"*\"]\nmass_relative_std = 0.02\ncom_std_m = 0.003\n\n\
+        [[uncertain]]\nmounts = [\"*\"]\nposition_std_m = 0.003\nangle_std_rad = 0.002\n";
+    let gains = ("noise_std_nm = 0.1 ", "gain_relative_std = 0.01\nnoise_std_nm = 0.1 ");
+    let c = Case::edited("flex.toml", &format!("{SMALL}{UNSURE}"), gains.0, gains.1);
+    let (code, v) = c.json(&["excite", "m.toml", "--out", "d"]);
+    assert_eq!(code, 0, "{}", v["problems"]);
+    let (plan, verdict) = (&v["plan"], &v["verdict"]);
+    let of = |key: &str| plan["in_world"][key].as_f64().unwrap_or_else(|| panic!("{key}: {plan}"));
+    assert!(of("cost") <= of("cost_of_exact_choice") && of("compared") >= 2.0, "{plan}");
+    // Eighteen variances are larger by more than a tenth each.
+    assert!(of("cost") > of("cost_if_exact") + 1.8, "{plan}");
+    assert_eq!(of("uncertain") as usize, verdict["uncertain"].as_array().unwrap().len());
+    assert_eq!(verdict["budget"].as_array().unwrap().len(), verdict["parameters"].as_array().unwrap().len());
+    // A goal without a covariance says that it does not know them.
+    let (code, v) = c.json(&["excite", "m.toml", "--goal", "condition", "--out", "e"]);
+    assert!(code == 0 && v["plan"]["in_world"].is_null());
+    assert!(
+        v["plan"]["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("not sure of")),
+        "{}",
+        v["plan"]
+    );
+}
+
 #[test]
 #[ignore = "full tier: 6 s"]
 fn equal_seeds_give_equal_bytes_and_others_do_not() {

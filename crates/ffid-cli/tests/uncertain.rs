@@ -1,7 +1,10 @@
 //! What the mission is not sure of: estimates are honest whatever it is, and the budget says what they owe to it.
 
+use crate::common::{ffid, fixture};
 use crate::evidence::{distances, identify, is_gyro, truth, value, world};
 use serde_json::Value;
+use std::fs;
+use std::path::Path;
 
 /// Sections that say how far sensors may be off.
 fn unsure(mission: String) -> String {
@@ -52,6 +55,83 @@ fn errors_of_sensors_within_what_the_mission_says_leave_estimates_honest() {
     assert!(better["std"].as_f64().unwrap() < 0.8 * mass["std"].as_f64().unwrap(), "{mass}");
 }
 
+/// The joint motion of `clean.csv` as a trajectory file.
+fn trajectory(dir: &Path) {
+    let text = fs::read_to_string(dir.join("clean.csv")).unwrap();
+    let names: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let kept: Vec<usize> =
+        (0..names.len()).filter(|&i| ["time", "q.", "dq.", "ddq."].iter().any(|p| names[i].starts_with(p))).collect();
+    let line = |l: &str| {
+        let all: Vec<&str> = l.split(',').collect();
+        kept.iter().map(|&i| all[i]).collect::<Vec<_>>().join(",")
+    };
+    let out: Vec<String> = text.lines().map(line).collect();
+    let head = out[0].replace("ddq.", "qdd.").replace("dq.", "qd.");
+    fs::write(dir.join("t.csv"), format!("{head}\n{}\n", out[1..].join("\n"))).unwrap();
+}
+
+/// Results of `ffid plan` for the motion of the record.
+fn planned(dir: &Path) -> Value {
+    trajectory(dir);
+    let (code, out, err) = ffid(dir, &["plan", "m.toml", "--trajectory", "t.csv", "--json"]);
+    assert_eq!(code, 0, "{out}{err}");
+    serde_json::from_str::<Value>(&out).unwrap()["verdict"].clone()
+}
+
+/// The mission that the records obey, whose deviations are those at the answer.
+fn true_mission(_: String) -> String {
+    fs::read_to_string(fixture("verdict").join("truth.toml")).unwrap()
+}
+
+#[test]
+fn the_verdict_on_a_plan_states_the_deviations_and_the_budget_of_its_record() {
+    let dir = tempfile::tempdir().unwrap();
+    let mounts = "\n[[uncertain]]\nmounts = [\"*\"]\nposition_std_m = 0.003\nangle_std_rad = 0.002\n";
+    world(dir.path(), 11, |_, _| {}, |m| unsure(true_mission(m)) + mounts);
+    let plan = planned(dir.path());
+    let (code, r) = identify(dir.path(), &["--initial-state"]);
+    assert_eq!(code, 0, "{}", r["verdict"]);
+    let list = |v: &Value, key: &str| v[key].as_array().unwrap().clone();
+    let (before, after) = (list(&plan, "parameters"), list(&r, "parameters"));
+    assert_eq!(before.len(), after.len());
+    for (p, q) in before.iter().zip(&after) {
+        let ratio = p["std"].as_f64().unwrap() / q["std"].as_f64().unwrap();
+        assert!(p["name"] == q["name"] && (ratio - 1.0).abs() < 0.03, "{ratio}: {p} {q}");
+    }
+    assert_eq!(list(&plan, "uncertain").len(), list(&r, "uncertain").len());
+    for (p, q) in list(&plan, "budget").iter().zip(&list(&r, "budget")) {
+        assert!(p["name"] == q["name"] && (p["noise"].as_f64().unwrap() - q["noise"].as_f64().unwrap()).abs() < 0.03);
+        assert_eq!(p["better"]["kind"], q["better"]["kind"], "{p} {q}");
+    }
+    // The same plan were everything exact: what the errors cost.
+    let dir = tempfile::tempdir().unwrap();
+    world(dir.path(), 11, |_, _| {}, true_mission);
+    let exact = planned(dir.path());
+    assert!(exact["budget"].is_null() && exact["uncertain"].is_null());
+    let mass = |v: &Value| v["parameters"][0]["std"].as_f64().unwrap();
+    assert!(mass(&plan) > 5.0 * mass(&exact), "{} {}", mass(&plan), mass(&exact));
+}
+
+#[test]
+fn a_plan_says_what_is_taken_as_exact_as_its_record_does() {
+    let dir = tempfile::tempdir().unwrap();
+    world(dir.path(), 12, |_, _| {}, true_mission);
+    let (plan, (_, r)) = (planned(dir.path()), identify(dir.path(), &["--initial-state"]));
+    let (before, after) = (plan["taken_as_exact"].as_array().unwrap(), r["taken_as_exact"].as_array().unwrap());
+    let by = |h: &Value| h["moves_by"].as_f64().unwrap();
+    let of = |all: &[Value], name: &str, moves: &str| {
+        by(all.iter().find(|h| h["name"] == name && h["moves"] == moves).unwrap_or_else(|| panic!("{name} in {all:?}")))
+    };
+    // One of a kind: errors that go by other names are of several components.
+    let ratio = of(before, "gyro.scale.z", "base.i_zz") / of(after, "gyro-scale.z", "base.i_zz");
+    assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+    assert!(before.windows(2).all(|w| by(&w[0]) >= by(&w[1])), "{before:?}");
+    let (code, out, _) = ffid(dir.path(), &["plan", "m.toml", "--trajectory", "t.csv"]);
+    let said =
+        out.lines().take(3).any(|l| l.contains("taken as exact") && l.contains(before[0]["name"].as_str().unwrap()));
+    assert!(code == 0 && said, "{out}");
+}
+
 #[test]
 fn what_is_taken_as_exact_is_said() {
     let dir = tempfile::tempdir().unwrap();
@@ -81,4 +161,63 @@ fn an_error_beyond_what_the_mission_says_contradicts() {
     let best = &e["named"][0];
     let alike = |name: &str| best["alike"].as_array().is_some_and(|a| a.iter().any(|n| n == name));
     assert!(best["name"] == "encoder-offset.elbow" || alike("encoder-offset.elbow"), "{}", e["reason"]);
+}
+
+/// Estimates with everything else at the mission's values, and deviations that say how far that may lead.
+#[test]
+fn considered_errors_widen_the_deviations_and_are_no_contradiction() {
+    let dir = tempfile::tempdir().unwrap();
+    world(dir.path(), 13, spoil, unsure);
+    let (code, joint) = identify(dir.path(), &[]);
+    assert_eq!(code, 0, "{}", joint["verdict"]);
+    let (code, r) = identify(dir.path(), &["--consider"]);
+    assert_eq!((code, r["evidence"]["state"].as_str()), (0, Some("explained")), "{}", r["evidence"]["reason"]);
+    let off = distances(&r, &truth(dir.path()));
+    assert!(off.iter().all(|d| *d < 4.0), "{off:?}");
+    // Errors that are not estimated cost more than those that are, and a turned gyro far more.
+    let std = |r: &Value, k: usize| r["parameters"][k]["std"].as_f64().unwrap();
+    let n = r["parameters"].as_array().unwrap().len();
+    let ratio: Vec<f64> = (0..n).map(|k| std(&r, k) / std(&joint, k)).collect();
+    assert!(ratio.iter().all(|x| *x > 0.97) && ratio.iter().any(|x| *x > 3.0), "{ratio:?}");
+    for b in r["budget"].as_array().unwrap() {
+        let of: f64 = b["errors"].as_array().unwrap().iter().map(|e| e["share"].as_f64().unwrap()).sum();
+        assert!((b["noise"].as_f64().unwrap() + of - 1.0).abs() < 1e-6, "{b}");
+    }
+    for u in r["uncertain"].as_array().unwrap() {
+        assert_eq!((&u["value"], &u["std"]), (&u["prior_mean"], &u["prior_std"]), "held at the mission's value");
+    }
+    assert!(r["posterior"].is_null() && r["provenance"]["settings"]["uncertain"] == "considered");
+    let args =
+        ["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--consider", "--profile", "base.mass", "--json"];
+    let (code, out, _) = ffid(dir.path(), &args);
+    let p = &serde_json::from_str::<Value>(&out).unwrap()["problems"][0];
+    assert_eq!(
+        (code, p["code"].as_str(), p["object"].as_str()),
+        (11, Some("Config::Consider"), Some("--profile")),
+        "{p}"
+    );
+}
+
+/// A method without the columns says so, in the list of the mission and in the verdict.
+#[test]
+fn what_a_method_does_not_allow_for_is_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = fs::read_to_string(fixture("ground/arm.toml")).unwrap();
+    let unsure = "\n[[uncertain]]\nmounts = [\"arm_j2\"]\nposition_std_m = 0.002\n\n[sensors.torque]\ngain_relative_std = 0.01\n";
+    fs::write(dir.path().join("arm.toml"), text.replace("../peers-model/", "") + unsure).unwrap();
+    fs::copy(fixture("peers-model/arm_fixed.urdf"), dir.path().join("arm_fixed.urdf")).unwrap();
+    let (code, out, err) = ffid(dir.path(), &["check", "arm.toml", "--json"]);
+    assert_eq!(code, 0, "{out}{err}");
+    let declared = serde_json::from_str::<Value>(&out).unwrap()["uncertain"].clone();
+    assert_eq!(declared["unknowns"].as_array().unwrap().len(), 10);
+    assert_eq!(declared["not_allowed_for"].as_array().unwrap().len(), 10, "{declared}");
+    let log = fixture("ground/log.csv");
+    let log = log.to_str().unwrap();
+    let args = ["identify", "arm.toml", "--record", log, "--reduce", "--out", "res", "--json"];
+    let (code, out, err) = ffid(dir.path(), &args);
+    assert_eq!(code, 0, "{err}");
+    let r = serde_json::from_str::<Value>(&out).unwrap()["result"].clone();
+    assert_eq!(r["not_allowed_for"], declared["not_allowed_for"]);
+    let says = |v: &Value| v.as_str().is_some_and(|s| s.contains("do NOT allow for") && s.contains("torque.gain"));
+    assert!(r["verdict"].as_array().unwrap().iter().take(3).any(says), "{}", r["verdict"]);
 }

@@ -178,6 +178,7 @@ fn fits(tasks: &Tasks) -> Table {
         ]);
     }
     t.note("identify15: the problem of pin_id.cpp, 30 s at 100 Hz. identify58: base and panels under a prior, 60 s.");
+    t.note("identify58_uncertain: the same beside 40 errors of sensors, link masses and placements.");
     t.note("least_squares: 10,000 free-flying instants, 130000 x 80, 59 base parameters.");
     t
 }

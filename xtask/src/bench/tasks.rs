@@ -44,7 +44,7 @@ pub struct Sensitivity {
 /// A whole identification or regression (s).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// `identify15`, `identify58` or `least_squares`.
+    /// `identify15`, `identify58`, `identify58_uncertain` or `least_squares`.
     pub name: &'static str,
     /// For which processor we were compiled.
     pub target: Target,
@@ -126,9 +126,10 @@ pub fn measure(p: &Programs<'_>, effort: Effort, only: &str) -> Result<Tasks, Fa
 }
 
 /// Identifications and regressions with the arguments of `ff-bench`.
-const FITS: [(&str, &[&str]); 3] = [
+const FITS: [(&str, &[&str]); 4] = [
     ("identify15", &["identify", "--task", "peers"]),
     ("identify58", &["identify", "--task", "all"]),
+    ("identify58_uncertain", &["identify", "--task", "uncertain"]),
     ("least_squares", &["linear"]),
 ];
 /// What NumPy's line says of its task and configuration.

@@ -85,7 +85,7 @@ pub fn identify(
     let with_errors = Unknowns::new(model, &setup.estimated, settings, options, every)?;
     let joint = if options.consider && fitted.estimate.is_solution() {
         let mut beside = Assembly { unknowns: &with_errors, ..fit }.assemble(every)?.whole;
-        Some(consider::widen(&mut *beside, &with_errors, unknowns, &mut fitted)?)
+        Some(consider::widen(&mut *beside, &with_errors, unknowns, &mut fitted, request.settings.clone())?)
     } else {
         None
     };
