@@ -22,7 +22,11 @@ struct Tables {
 
 fn tables(m: &Model, seed: u64) -> Tables {
     let mut r = rng(seed);
-    let states: Vec<State<f64>> = (0..ROWS).map(|_| random_state(m, &mut r, 0.5)).collect();
+    let mut states: Vec<State<f64>> = (0..ROWS).map(|_| random_state(m, &mut r, 0.5)).collect();
+    if m.base_kind() == BaseKind::Fixed {
+        // A base that is bolted down stands where the world does, and has no place in a table.
+        states.iter_mut().for_each(|s| (s.pos, s.att) = (State::zero(m).pos, State::zero(m).att));
+    }
     let mut q = Vec::new();
     for s in &states {
         if m.base_kind() == BaseKind::Floating {

@@ -9,6 +9,8 @@ use ff_model::{Area, Problem, Problems};
 const PLATEAU: usize = 3;
 /// Largest part of a record on plateaus.
 const SATURATED: f64 = 0.01;
+/// Part of the largest value of a channel below which a change is rounding.
+const ROUNDED: f64 = 1e-11;
 /// Second differences beyond this many times their median are looked at as spikes (row D19).
 const SPIKE: f64 = 8.0;
 /// Most differences that a median is taken of: a long record need not be sorted whole.
@@ -106,11 +108,14 @@ pub(crate) fn spikes(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, keep: b
     };
     let all = x.len() - 2;
     // A motor that is off for a while reads zero, which is no noise.
-    let limit = SPIKE * median(all, |i| second(i).abs(), |s| s > 0.0);
+    let usual = median(all, |i| second(i).abs(), |s| s > 0.0);
     // Nothing to compare with where most samples lie on straight lines.
-    if limit <= 0.0 {
+    if usual <= 0.0 {
         return Vec::new();
     }
+    // Nor is a rounded digit of a signal that stands still a spike.
+    let largest = x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let limit = SPIKE * usual.max(ROUNDED * largest);
     let near = |a: f64, b: f64| (a + 0.5 * b).abs() <= SHAPE * 0.5 * b.abs();
     let mut found = Vec::new();
     for i in 1..all - 1 {

@@ -31,6 +31,7 @@ class Record:
         resample: bool = False,
         gaps: Literal["refuse", "drop"] = "refuse",
         drop_repeated: bool = False,
+        keep_spikes: bool = False,
         ignore: Sequence[str] = (),
         topic: Sequence[str] = (),
         max_rows: int | None = None,
@@ -46,6 +47,7 @@ class Record:
             resample: Whether to interpolate jittered samples and gaps of up to 1 % of the record.
             gaps: What to do with rows that have NaN, infinite or empty cells.
             drop_repeated: Whether to leave out rows that repeat the one before.
+            keep_spikes: Whether samples far off their neighbours are fitted, which are left out and counted otherwise.
             ignore: Columns to leave out.
             topic: Topics of an MCAP file to read.
             max_rows: Most rows.
@@ -57,6 +59,7 @@ class Record:
             resample=resample,
             gaps=gaps,
             drop_repeated=drop_repeated,
+            keep_spikes=keep_spikes,
             ignore=list(ignore),
             topic=list(topic),
             max_rows=max_rows,

@@ -273,6 +273,8 @@ def identify(
     prior: float | None = None,
     no_prior: bool = False,
     prior_from: Path | None = None,
+    consider: bool = False,
+    sample: int | None = None,
     ties: Path | None = None,
     loss: Literal["squares", "huber", "student"] = "squares",
     reduce: bool = False,
@@ -307,7 +309,9 @@ def identify(
         method: How records are predicted.
         prior: Relative standard deviation of a prior on every parameter, in place of ``estimate.prior_relative_std``.
         no_prior: The data alone, whatever the mission says.
-        prior_from: Folder of an earlier result, whose knowledge is the prior.
+        prior_from: Folder of an earlier result to go on from: its records are fitted as well.
+        consider: Hold what the mission is not sure of, and widen the deviations by it, in place of estimating it.
+        sample: Draws of each chain from the posterior, after the fit.
         ties: File of ``[[tie]]`` tables: parameters that are functions of fewer unknowns.
         loss: What a residual costs: squares, or less for samples that are far off.
         reduce: Where the record is silent, estimate what it can tell and hold the rest.
@@ -353,6 +357,8 @@ def identify(
         prior=prior,
         no_prior=no_prior,
         prior_from=prior_from,
+        consider=consider,
+        sample=sample,
         ties=ties,
         loss=loss,
         reduce=reduce,

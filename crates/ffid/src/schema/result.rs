@@ -381,7 +381,7 @@ const KEPT_RECORD: &[Key] = &[
     must("file", Text, "its file in the folder"),
     must("resampled_torques", Flag, "its torques were put on another clock by interpolation"),
     must("resampled_gyro", Flag, "its gyro was"),
-    must("continues", Flag, "it is the part behind a gap"),
+    key("continues", Flag, "it is the part behind a gap"),
 ];
 
 const CHANNEL: &[Key] = &[

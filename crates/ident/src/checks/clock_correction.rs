@@ -114,6 +114,11 @@ impl ClockCorrection {
                 Err(ClockError::NotEstimable { group, why }) if first && require => {
                     return Err(ClockCorrectionError::NotEstimable { record: k, group, why });
                 }
+                // Channels at times of their own are not compared.
+                Err(e) if first && require && !record.is_uniform() => {
+                    let (group, why) = ("clocks", e.to_string());
+                    return Err(ClockCorrectionError::NotEstimable { record: k, group, why });
+                }
                 // Not determined, a record too short to compare, or a start too far off to predict: the fit reports on those.
                 Err(_) => continue,
             };

@@ -230,6 +230,11 @@ impl Data {
         held: &mut Held,
     ) -> Result<(), Refusal> {
         if method(&opened.model, settings.method) != Method::Ground {
+            if let Some(hz) = settings.low_pass_hz {
+                for r in &mut self.records {
+                    r.record = filtered(&r.record, hz).map_err(refused)?;
+                }
+            }
             return Ok(());
         }
         // What no motion of an arm whose base is fixed tells is not the fault of a record.

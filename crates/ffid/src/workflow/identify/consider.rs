@@ -1,49 +1,72 @@
 //! `--consider`: what the mission is not sure of is held at its values, and widens the deviations ([`ident::belief::consider`]).
 //!
-//! The estimates are those of a fit that takes everything else as exact. Residuals are tested off the considered columns: at the end of a
-//! fit that goes on from there with the errors among its unknowns, so that what errors within what the mission says explain of them is
-//! left out. One step is not enough for that: where a gyro is turned, the estimates are too far off for the first linearisation.
+//! Two fits: one with the errors among its unknowns, as without the flag, at whose end residuals are tested, so that what errors within
+//! what the mission says explain of them is left out; and one from there with the errors held, whose estimates are stated.
+//! (One linear step from the second to the first is not enough: where a gyro is turned, it is too long.)
 
 use super::error::IdentifyError;
 use super::report::Fitted;
 use super::result::uncertain::{BudgetLine, UncertainLine, considered_budget};
 use super::uncertain::UncertainKind;
 use super::unknowns::Unknowns;
-use ff_least_squares::{Settings as Solver, Tall, triangle_of};
+use ff_least_squares::{Tall, triangle_of};
 use ident::belief::consider;
 use ident::estimate::attempt;
 use ident::{Estimator, Request};
 use nalgebra::DMatrix;
 
-/// What comes of a fit with considered errors.
-pub(super) struct Joint {
-    /// The fit with the errors among the unknowns, at whose end residuals are tested.
+/// A fit with the errors held.
+pub(super) struct Considered {
+    /// With deviations that allow for the errors, and the residuals of the fit with the errors among the unknowns.
     pub(super) fitted: Fitted,
-    /// All parameters of the model there.
+    /// All parameters of the model.
     pub(super) values: Vec<f64>,
     pub(super) lines: Vec<UncertainLine>,
     pub(super) budget: Vec<BudgetLine>,
 }
 
-/// Widens the deviations of a fit over the unknowns `own` by the errors among `joint`, which `whole` has columns of, and takes out of
-/// its residuals what these explain, by a fit with `settings`.
-pub(super) fn widen(
-    whole: &mut dyn Estimator,
-    joint: &Unknowns,
-    own: &Unknowns,
-    fitted: &mut Fitted,
-    settings: Solver,
-) -> Result<Joint, IdentifyError> {
+/// The unknowns of a fit, and its estimator.
+pub(super) struct Side<'a> {
+    pub(super) unknowns: &'a Unknowns,
+    pub(super) estimator: &'a mut dyn Estimator,
+}
+
+/// Goes on from the end `told` of a fit of `joint` with the unknowns of `own`, which has the errors at the mission's values, and widens the
+/// deviations by them. `request` is that of the first fit.
+pub(super) fn hold(
+    joint: Side<'_>,
+    own: Side<'_>,
+    told: &Fitted,
+    request: &Request<'_>,
+) -> Result<Considered, IdentifyError> {
     let model = |e: String| IdentifyError::Model(e);
-    let e = &mut fitted.estimate;
+    let (Side { unknowns: joint, estimator: whole }, Side { unknowns: own, estimator: bare }) = (joint, own);
     let place = |name: &str| joint.decls.iter().position(|d| d.name == name);
+    let mut start = own.start.clone();
+    for &i in &own.selected {
+        if let Some(k) = place(&own.decls[i].name) {
+            start[i] = told.estimate.values[k];
+        }
+    }
+    let priors = own.priors(&own.selected)?;
+    let held = Request {
+        anchor: request.anchor,
+        loss: request.loss,
+        priors,
+        settings: request.settings.clone(),
+        centre: Some(&own.start),
+        coarse: false,
+        ..Request::new(&own.decls, &own.selected, &start)
+    };
+    let mut e = attempt(&held, bare)?;
+    let full = e.data_only.clone();
     let mut values = joint.start.clone();
     for (d, value) in own.decls.iter().zip(&e.values) {
         if let Some(k) = place(&d.name) {
             values[k] = *value;
         }
     }
-    let asked = fitted.selected.iter().map(|&i| {
+    let asked = own.selected.iter().map(|&i| {
         let name = &own.decls[i].name;
         place(name).ok_or_else(|| model(format!("{name} is estimated and considered")))
     });
@@ -61,16 +84,7 @@ pub(super) fn widen(
     let stds: Vec<f64> = joint.marginal.iter().map(|m| m.1.std).collect();
     let exact = e.uncertainty.covariance.clone();
     let wide = consider(&exact, &a.select_columns(&estimated), &a.select_columns(&errors), &stds);
-    let request = Request {
-        marginal: joint.marginal.iter().map(|m| (m.0, m.1.std)).collect(),
-        priors: joint.priors(&joint.selected)?,
-        settings,
-        centre: Some(&joint.start),
-        ..Request::new(&joint.decls, &joint.selected, &values)
-    };
-    let told = attempt(&request, whole)?;
-    let of_model = joint.expand(&told.values)?;
-    (e.residuals, e.chi2_per_dof) = (told.residuals.clone(), told.chi2_per_dof);
+    (e.residuals, e.chi2_per_dof) = (told.estimate.residuals.clone(), told.estimate.chi2_per_dof);
     // What is stated.
     for (k, std) in e.uncertainty.deviation.iter_mut().enumerate() {
         *std = std.map(|_| wide.covariance[(k, k)].sqrt());
@@ -89,14 +103,14 @@ pub(super) fn widen(
     };
     let lines = joint.marginal.iter().map(line).collect();
     let kinds: Vec<(UncertainKind, f64)> = joint.marginal.iter().map(|(_, u)| (u.kind, u.std)).collect();
-    let columns = fitted.selected.iter().enumerate().map(|(k, &i)| (k, &own.decls[i]));
+    let columns = own.selected.iter().enumerate().map(|(k, &i)| (k, &own.decls[i]));
     let budget = considered_budget(&columns.collect::<Vec<_>>(), &kinds, &e.uncertainty, &wide.sensitivity);
-    let fitted = Fitted {
-        estimate: told,
-        selected: joint.selected.clone(),
-        full: fitted.full.clone(),
-        minima: None,
-        reduced: None,
-    };
-    Ok(Joint { fitted, values: of_model, lines, budget })
+    let values = own.expand(&e.values)?;
+    // Values of the mission, where the fit starts.
+    for (p, &i) in e.parameters.iter_mut().zip(&own.selected) {
+        p.start = own.start[i];
+    }
+    let fitted =
+        Fitted { estimate: e, selected: own.selected.clone(), full, minima: told.minima.clone(), reduced: None };
+    Ok(Considered { fitted, values, lines, budget })
 }

@@ -1,7 +1,7 @@
 //! One identification: unknowns, fit, reduction, identifiability, profiles, result.
 
 use super::adoption::Adopted;
-use super::consider;
+use super::consider::{self, Side};
 use super::elsewhere::{Subject, elsewhere};
 use super::error::{IdentifyError, config};
 use super::explain::{self, Ended};
@@ -70,22 +70,24 @@ pub fn identify(
         return ground::identify(opened, records, settings, options, provenance);
     }
     let setup = Setup::new(opened, records, settings, options)?;
-    let Setup { settings, options, unknowns, shared, labels, uncertain, every, .. } = &setup;
+    let Setup { settings, options, unknowns, shared, labels, uncertain, .. } = &setup;
     let fit = setup.assembly(model, records);
     let Assembled { mut whole, twins, sigma, rows } = fit.assemble(uncertain)?;
     let request = setup.request()?;
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
     let subject = Subject { model, records, unknowns, settings, sigma: &sigma };
     let fitted = solve(&request, &subject, options, &mut watched);
-    let mut fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
+    let fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
     let values = unknowns.expand(&fitted.estimate.values)?;
     let silent = known::silent(model, &values, unknowns, &fitted.full)?;
     let profiles = known::profiles(&request, unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
     let profiles = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { profiles? };
-    let with_errors = Unknowns::new(model, &setup.estimated, settings, options, every)?;
-    let joint = if options.consider && fitted.estimate.is_solution() {
-        let mut beside = Assembly { unknowns: &with_errors, ..fit }.assemble(every)?.whole;
-        Some(consider::widen(&mut *beside, &with_errors, unknowns, &mut fitted, request.settings.clone())?)
+    let own = Unknowns::new(model, &setup.estimated, settings, options, &uncertain.held_at_mission())?;
+    let considered = if options.consider && fitted.estimate.is_solution() {
+        let alone = Assembly { unknowns: &own, ..fit };
+        let mut bare = alone.assemble(&UncertainItems::default())?.whole;
+        let joint = Side { unknowns, estimator: &mut watched };
+        Some(consider::hold(joint, Side { unknowns: &own, estimator: &mut *bare }, &fitted, &request)?)
     } else {
         None
     };
@@ -95,31 +97,32 @@ pub fn identify(
         signals.push(Signals::of(model, &t.record, &fitted.estimate.residuals[at..at + n], &sigma));
         at += n;
     }
-    let mut end =
-        Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
-    if let Some(j) = &joint {
-        (end.unknowns, end.fitted, end.values) = (&with_errors, &j.fitted, &j.values);
-    }
+    let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
     let tests = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
     let tests = tests.as_ref();
     let coloured = coloured_deviations(&end, &rows, sigma.len(), settings, &mut watched);
     let coloured = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { coloured };
-    let report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
-    let mut result = report.result(&fitted, provenance)?;
+    let mut report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
+    let mut stated = &fitted;
+    if let Some(c) = &considered {
+        (report.unknowns, report.values, stated) = (&own, &c.values, &c.fitted);
+    }
+    let mut result = report.result(stated, provenance)?;
     for p in result.parameters.iter_mut().chain(&mut result.nuisance).filter(|p| p.std.is_some()) {
         p.std_coloured = coloured.iter().find(|(name, _)| *name == p.name).map(|c| c.1);
     }
     result.silent = silent;
     result.profiles = profiles;
     result.not_allowed_for.clone_from(&setup.not_allowed_for);
-    if let Some(j) = joint {
-        (result.uncertain, result.budget) = (j.lines, j.budget);
+    if let Some(c) = &considered {
+        (result.uncertain, result.budget) = (c.lines.clone(), c.budget.clone());
         // Its errors are those of the next identification too: taken as independent they would count as noise.
         result.posterior = None;
     }
     result.verdict = text::verdict(&result);
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
-    let selected = unknowns.touched.clone();
+    let selected = if considered.is_some() { own.touched.clone() } else { unknowns.touched.clone() };
+    let values = considered.map_or(values, |c| c.values);
     Ok(Identified { result, signals, values, selected, tried, draws: None, fitted: Some(fitted) })
 }
 
@@ -131,8 +134,6 @@ pub(super) struct Setup {
     shared: Shared,
     labels: Vec<String>,
     pub(super) uncertain: UncertainItems,
-    /// With those that are held at the values of the mission.
-    every: UncertainItems,
     /// What the mission is not sure of and the method knows nothing of.
     not_allowed_for: Vec<String>,
     estimated: Vec<usize>,
@@ -157,9 +158,8 @@ impl Setup {
         // The rigid method knows no errors of sensors and placements.
         let needs = !every.shared.is_empty() && settings.method.is_none();
         let how = if needs { Method::OutputError } else { method(model, settings.method) };
-        let (every, not_allowed_for) =
+        let (uncertain, not_allowed_for) =
             if how == Method::Rda { every.of_parameters_alone() } else { (every, Vec::new()) };
-        let uncertain = if options.consider { every.held_at_mission() } else { every.clone() };
         let settings =
             Settings { method: if needs { Some(Method::OutputError) } else { settings.method }, ..settings.clone() };
         let mut estimated = opened.estimated.clone();
@@ -172,7 +172,7 @@ impl Setup {
         let shared = Shared::new(&labelled, &none)
             .map_err(|e| IdentifyError::Refused(config("Config::Records", e.to_string(), "name each record once")))?;
         let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
-        Ok(Self { settings, options, unknowns, shared, labels, uncertain, every, not_allowed_for, estimated })
+        Ok(Self { settings, options, unknowns, shared, labels, uncertain, not_allowed_for, estimated })
     }
     /// Of all unknowns, from the start.
     pub(super) fn request(&self) -> Result<Request<'_>, IdentifyError> {
@@ -324,9 +324,7 @@ fn solve(
     let (unknowns, s) = (of.unknowns, of.settings);
     let (first, minima) = if options.more_starts == 0 {
         let first = attempt(request, estimator)?;
-        // What considered errors leave in the residuals is no other valley.
-        let found = if options.consider { first } else { elsewhere(request, first, of, estimator) };
-        (found, None)
+        (elsewhere(request, first, of, estimator), None)
     } else {
         let draw = |k: usize| {
             random_start(request.decls, request.start, request.selected, SPREAD, s.seed.wrapping_add(1 + k as u64))
