@@ -86,7 +86,8 @@ pub fn on_grid(
         return Err(TimeBaseError::TooFew { group, got });
     }
     let usual = usual_interval(times);
-    if let Some(w) = times.windows(2).find(|w| w[1] - w[0] > WIDEST_GAP * usual) {
+    // A tenth more: the median interval of a part is not quite that of the record it was cut from.
+    if let Some(w) = times.windows(2).find(|w| w[1] - w[0] > 1.1 * WIDEST_GAP * usual) {
         return Err(TimeBaseError::Gap { group, from: w[0], to: w[1], usual });
     }
     let (from, to, end) = (times[0], times[got - 1], (samples - 1) as f64 * dt);

@@ -86,7 +86,7 @@ pub(crate) fn alone(group: ChannelGroup, times: &[f64], need: usize, long_gaps: 
             first
         };
         let mut what = format!(
-            "{} s without samples after {} s ({} gaps, {lost} samples lost, the longest {longest} s, usual interval {usual} s)",
+            "{:.6} s without samples after {:.6} s ({} gaps, {lost} samples lost, the longest {longest:.6} s, usual interval {usual:.6} s)",
             times[from] - times[from - 1],
             times[from - 1],
             gaps.len()
