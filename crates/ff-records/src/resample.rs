@@ -81,13 +81,28 @@ pub fn on_grid(
     dt: f64,
     samples: usize,
 ) -> Result<DMatrix<f64>, TimeBaseError> {
+    on_grid_across(WIDEST_GAP, group, times, values, dt, samples)
+}
+
+/// [`on_grid`] with gaps of up to so many usual intervals, across which the polynomials lead as well. Allocates.
+///
+/// # Errors
+/// As [`on_grid`].
+pub fn on_grid_across(
+    widest: f64,
+    group: ChannelGroup,
+    times: &[f64],
+    values: &DMatrix<f64>,
+    dt: f64,
+    samples: usize,
+) -> Result<DMatrix<f64>, TimeBaseError> {
     let got = times.len();
     if got < N {
         return Err(TimeBaseError::TooFew { group, got });
     }
     let usual = usual_interval(times);
     // A tenth more: the median interval of a part is not quite that of the record it was cut from.
-    if let Some(w) = times.windows(2).find(|w| w[1] - w[0] > 1.1 * WIDEST_GAP * usual) {
+    if let Some(w) = times.windows(2).find(|w| w[1] - w[0] > 1.1 * widest * usual) {
         return Err(TimeBaseError::Gap { group, from: w[0], to: w[1], usual });
     }
     let (from, to, end) = (times[0], times[got - 1], (samples - 1) as f64 * dt);
@@ -95,7 +110,7 @@ pub fn on_grid(
     if from > 1.5 * usual || to < end - 1.5 * usual {
         return Err(TimeBaseError::Outside { group, from, to, end });
     }
-    bridged(group, times, values, dt, samples)
+    bridge(1.1 * widest, group, times, values, dt, samples)
 }
 
 /// [`on_grid`] without a limit to gaps, across which values lie on a straight line; before the first and behind the last sample they are held.
@@ -103,6 +118,18 @@ pub fn on_grid(
 /// # Errors
 /// [`TimeBaseError`].
 pub(crate) fn bridged(
+    group: ChannelGroup,
+    times: &[f64],
+    values: &DMatrix<f64>,
+    dt: f64,
+    samples: usize,
+) -> Result<DMatrix<f64>, TimeBaseError> {
+    bridge(WIDEST_GAP, group, times, values, dt, samples)
+}
+
+/// By polynomials through six samples, and on straight lines where two of them are further apart than so many usual intervals.
+fn bridge(
+    widest: f64,
     group: ChannelGroup,
     times: &[f64],
     values: &DMatrix<f64>,
@@ -123,7 +150,7 @@ pub(crate) fn bridged(
         }
         // Three samples on each side; at the ends the nearest six.
         let first = next.saturating_sub(N / 2).min(got - N);
-        let wide = |w: &[f64]| w[1] - w[0] > WIDEST_GAP * usual;
+        let wide = |w: &[f64]| w[1] - w[0] > widest * usual;
         let outside = t < times[0] - 1.5 * usual || t > times[got - 1] + 1.5 * usual;
         if outside || times[first..first + N].windows(2).any(wide) {
             let b = next.clamp(1, got - 1);

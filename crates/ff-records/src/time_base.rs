@@ -4,7 +4,7 @@
 //! times of its own: at another rate, with jitter, with samples that were lost. The grid is what a model is integrated on; predictions
 //! are brought from it to sample times by an interpolation (`docs/theory/output-operator.md`).
 
-pub use crate::resample::{TimeBaseError, on_grid};
+pub use crate::resample::{TimeBaseError, on_grid, on_grid_across};
 use std::sync::Arc;
 
 /// Channels that are sampled together.

@@ -6,8 +6,8 @@ use crate::results::{Refusal, refused};
 use clap::ValueEnum;
 use ff_mission::leniency::ALLOWABLE;
 use ff_model::{Area, Model, Problem, Problems};
-use ff_records::Record;
 use ff_records::file::{Loaded, ReadOptions, joints_of, read};
+use ff_records::{ChannelGroup, Record};
 use ffid::workflow::identify::{on_even_clock, segments};
 use ident::estimate::smoothed;
 use ident::solve::LinearError;
@@ -148,6 +148,8 @@ pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut P
     let mut warn = |code, object: String, what: String, hint: &str| {
         out.push(Problem::warning(Area::Data, code, what).in_file(path).on(object).hint(hint));
     };
+    // Of a record that lost samples, what was read in between took longer.
+    let times = record.times(ChannelGroup::Motion);
     for (j, b) in model.bodies().iter().enumerate() {
         let (name, limits) = (&b.joint.name, &b.joint.limits);
         let q = record.q().column(j);
@@ -158,8 +160,8 @@ pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut P
         }
         // Over ten samples, so that quantisation does not look like speed.
         let span = 10.min(q.len() - 1).max(1);
-        let speed =
-            (span..q.len()).map(|i| (q[i] - q[i - span]).abs()).fold(0.0, f64::max) / (span as f64 * record.dt());
+        let seconds = |i: usize| times.map_or(span as f64 * record.dt(), |t| t[i] - t[i - span]);
+        let speed = (span..q.len()).map(|i| (q[i] - q[i - span]).abs() / seconds(i)).fold(0.0, f64::max);
         if speed > TOO_FAST * limits.velocity {
             let what = format!(
                 "moves at {speed:.4} per s, limit {} per s (ratio {:.1})",

@@ -13,7 +13,7 @@
 use crate::motion::knot_risk::{Candidate, acceleration_variance, best, biases, quantum};
 use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_motion, is_even, noise_of};
 use ff_records::ChannelGroup;
-use ff_records::time_base::{TimeBaseError, on_grid};
+use ff_records::time_base::{TimeBaseError, on_grid_across};
 use ff_spectral::Welch;
 use ff_spectral::psd::PsdError;
 use nalgebra::DMatrix;
@@ -183,13 +183,16 @@ pub fn fit_at_stake(
     Ok(SpectralFit { fit, bands, floors, noise, rate_weight: rho, dt, reason })
 }
 
+/// Longest gap that the spectrum is told across, in usual intervals. Records are cut where a gap is longer than the spacing of the knots.
+const WIDEST: f64 = 16.0;
+
 /// Positions at `0, dt, 2 dt, ...`, sample after sample; `None` where they are there already.
 fn evenly(samples: &JointSamples<'_>, dt: f64) -> Result<Option<Vec<f64>>, TimeBaseError> {
     if is_even(samples.times).is_ok() {
         return Ok(None);
     }
     let q = DMatrix::from_row_slice(samples.times.len(), samples.dof, samples.q);
-    let even = on_grid(ChannelGroup::Motion, samples.times, &q, dt, samples.times.len())?;
+    let even = on_grid_across(WIDEST, ChannelGroup::Motion, samples.times, &q, dt, samples.times.len())?;
     Ok(Some(even.transpose().as_slice().to_vec()))
 }
 
