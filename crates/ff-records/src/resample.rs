@@ -96,21 +96,16 @@ pub fn on_grid_across(
     dt: f64,
     samples: usize,
 ) -> Result<DMatrix<f64>, TimeBaseError> {
-    let got = times.len();
-    if got < N {
-        return Err(TimeBaseError::TooFew { group, got });
-    }
-    let usual = usual_interval(times);
-    // A tenth more: the median interval of a part is not quite that of the record it was cut from.
-    if let Some(w) = times.windows(2).find(|w| w[1] - w[0] > 1.1 * widest * usual) {
+    let usual = enough(group, times)?;
+    if let Some(w) = times.windows(2).find(|w| w[1] - w[0] > widest * usual) {
         return Err(TimeBaseError::Gap { group, from: w[0], to: w[1], usual });
     }
-    let (from, to, end) = (times[0], times[got - 1], (samples - 1) as f64 * dt);
+    let (from, to, end) = (times[0], times[times.len() - 1], (samples - 1) as f64 * dt);
     // A hair more than an interval, for jitter.
     if from > 1.5 * usual || to < end - 1.5 * usual {
         return Err(TimeBaseError::Outside { group, from, to, end });
     }
-    bridge(1.1 * widest, group, times, values, dt, samples)
+    Ok(bridge((widest, usual), times, values, dt, samples))
 }
 
 /// [`on_grid`] without a limit to gaps, across which values lie on a straight line; before the first and behind the last sample they are held.
@@ -124,23 +119,19 @@ pub(crate) fn bridged(
     dt: f64,
     samples: usize,
 ) -> Result<DMatrix<f64>, TimeBaseError> {
-    bridge(WIDEST_GAP, group, times, values, dt, samples)
+    let usual = enough(group, times)?;
+    Ok(bridge((WIDEST_GAP, usual), times, values, dt, samples))
 }
 
-/// By polynomials through six samples, and on straight lines where two of them are further apart than so many usual intervals.
-fn bridge(
-    widest: f64,
-    group: ChannelGroup,
-    times: &[f64],
-    values: &DMatrix<f64>,
-    dt: f64,
-    samples: usize,
-) -> Result<DMatrix<f64>, TimeBaseError> {
+/// Median interval of at least as many times as a polynomial goes through.
+fn enough(group: ChannelGroup, times: &[f64]) -> Result<f64, TimeBaseError> {
     let got = times.len();
-    if got < N {
-        return Err(TimeBaseError::TooFew { group, got });
-    }
-    let usual = usual_interval(times);
+    if got < N { Err(TimeBaseError::TooFew { group, got }) } else { Ok(usual_interval(times)) }
+}
+
+/// By polynomials through six samples, and on straight lines where two of them are further apart than `widest` times the `usual` interval.
+fn bridge((widest, usual): (f64, f64), times: &[f64], values: &DMatrix<f64>, dt: f64, samples: usize) -> DMatrix<f64> {
+    let got = times.len();
     let mut out = DMatrix::zeros(samples, values.ncols());
     let mut next = 0;
     for i in 0..samples {
@@ -165,7 +156,7 @@ fn bridge(
             out[(i, c)] = (0..N).map(|k| w[k] * values[(first + k, c)]).sum();
         }
     }
-    Ok(out)
+    out
 }
 
 /// Lagrange's weights of the samples at `times` for the value at `t`.

@@ -48,6 +48,12 @@ impl CsvWriter<'_> {
         }
         out
     }
+    /// Its columns as a block of [`CsvWriter::header`], the time in its stamps. Allocates.
+    pub fn block(&self) -> Block {
+        let columns = std::iter::once(Vec::new());
+        let values = self.groups().flat_map(|(_, m)| m.column_iter()).map(|c| c.iter().copied().collect());
+        Block { stamps: Stamps::Real(self.time.to_vec()), columns: columns.chain(values).collect() }
+    }
     /// Writes the file; the reader gives the same numbers back, bit for bit.
     ///
     /// # Errors

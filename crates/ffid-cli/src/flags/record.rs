@@ -109,9 +109,8 @@ impl RecordFlags {
         let mut loaded = self.read(path, model, 8, None, input).map_err(refused)?;
         let label = path.display().to_string();
         let found = segments(&label, &loaded.record).map_err(failed)?;
-        loaded.warnings.extend(found.warnings);
-        let longest = |a: &Record, b: &Record| a.seconds().total_cmp(&b.seconds());
-        if let Some(part) = found.parts.into_iter().max_by(longest) {
+        loaded.warnings.extend(found.warnings.clone());
+        if let Some(part) = found.longest() {
             loaded.record = part;
         }
         if loaded.record.is_fixed_base() {

@@ -5,7 +5,7 @@ use crate::study::verdict::world::Readings;
 use anyhow::{Context, bail};
 use ff_model::{Inertia, Kinematics, Model};
 use ffid::workflow::identify::{DeclaredUnknown, UncertainKind};
-use nalgebra::{DMatrix, Rotation3, Vector3};
+use nalgebra::{Rotation3, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::collections::BTreeMap;
@@ -56,8 +56,7 @@ pub(super) fn apply(
             }
         }
     }
-    let turned = Rotation3::from_scaled_axis(turn);
-    to.gyro = &to.gyro * DMatrix::from_fn(3, 3, |i, j| turned[(j, i)]);
+    to.turn_gyro(&Rotation3::from_scaled_axis(turn));
     for (body, errors) in bodies {
         reweigh(body, &errors, model, rng)?;
     }

@@ -82,7 +82,7 @@ impl Kind {
         match self.fault {
             Fault::GyroTurn => {
                 let turned = Rotation3::from_axis_angle(&Unit::new_normalize(axis), size);
-                to.gyro = &to.gyro * DMatrix::from_fn(3, 3, |i, j| turned[(j, i)]);
+                to.turn_gyro(&turned);
             }
             Fault::GyroScale => to.gyro *= 1.0 + size,
             Fault::TorqueGain(None) => to.tau *= 1.0 + size,

@@ -13,7 +13,7 @@ use ffid::workflow::identify::{
 };
 use ffid::workflow::preflight::Sensing;
 use ident::Noise;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Rotation3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -32,6 +32,13 @@ pub(in crate::study) struct Readings {
     pub(in crate::study) qd: DMatrix<f64>,
     pub(in crate::study) tau: DMatrix<f64>,
     pub(in crate::study) gyro: DMatrix<f64>,
+}
+
+impl Readings {
+    /// The gyro is mounted with this rotation.
+    pub(in crate::study) fn turn_gyro(&mut self, by: &Rotation3<f64>) {
+        self.gyro = &self.gyro * DMatrix::from_fn(3, 3, |i, j| by[(j, i)]);
+    }
 }
 
 /// How positions are read.

@@ -13,7 +13,7 @@ use super::sweep::Sweep;
 use crate::motion::joint::JointMotion;
 use crate::reduced::sensitivity::wanted::Wanted;
 use core::ops::Range;
-use ff_lanes::Kernel;
+use ff_lanes::{Kernel, WIDEST};
 use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch};
 use ff_model::spatial::vec3::Pose;
@@ -179,23 +179,67 @@ impl LaneTask for Fill<'_> {
 /// What fills tables, with its buffers.
 pub(crate) struct Filler<L: LaneScalar> {
     sweep: Sweep<L>,
+    instants: Instants<L>,
+}
+
+/// The joints at several nodes, one per lane.
+pub(super) struct Instants<L> {
     /// `q`, `qd` and `qdd`.
-    moving: [Vec<L>; 3],
+    pub(super) moving: [Vec<L>; 3],
     /// `[q | qd | qdd]` at one instant, and by lane.
     joint: Vec<f64>,
-    given: Vec<[f64; 8]>,
+    given: Vec<[f64; WIDEST]>,
+}
+
+impl<L: LaneScalar> Instants<L> {
+    /// Of so many joints. Allocates.
+    pub(super) fn new(nj: usize) -> Self {
+        Self {
+            moving: core::array::from_fn(|_| vec![L::zero(); nj]),
+            joint: vec![0.0; 3 * nj],
+            given: vec![[0.0; WIDEST]; 3 * nj],
+        }
+    }
+    /// Reads the motion at the first of the nodes `of`, which are counted among those of samples (`rows`) or those between them, of `per` nodes a
+    /// sample; `time` says when a node is. Returns the nodes, and how many they are: a group that is not full repeats its last one. `sample` is
+    /// told the joints at samples, with their index. Does not allocate.
+    #[inline(always)]
+    pub(super) fn read(
+        &mut self,
+        motion: &dyn JointMotion,
+        (rows, per): (bool, usize),
+        of: Range<usize>,
+        time: impl Fn(usize) -> f64,
+        mut sample: impl FnMut(usize, &[f64]),
+    ) -> ([usize; WIDEST], usize) {
+        let Self { moving, joint, given } = self;
+        let (count, nj) = (L::N.min(of.len()), joint.len() / 3);
+        let mut nodes = [0; WIDEST];
+        for (lane, node) in nodes.iter_mut().enumerate().take(L::N) {
+            let i = of.start + lane.min(count - 1);
+            *node = if rows { i * per } else { i / (per - 1) * per + 1 + i % (per - 1) };
+            if lane < count {
+                let (q, rest) = joint.split_at_mut(nj);
+                let (qd, qdd) = rest.split_at_mut(nj);
+                motion.eval(time(*node), q, qd, qdd);
+                if rows {
+                    sample(i, joint);
+                }
+            }
+            given.iter_mut().zip(&*joint).for_each(|(g, &x)| g[lane] = x);
+        }
+        let [q, qd, qdd] = moving;
+        let all = q.iter_mut().chain(qd).chain(qdd);
+        all.zip(&*given).for_each(|(x, g)| *x = L::load(g));
+        (nodes, count)
+    }
 }
 
 impl<L: LaneScalar> Filler<L> {
     /// For the arm parameters in `params`.
     pub(crate) fn new(model: &Model, params: &Params<f64>) -> Self {
         let nj = model.nj();
-        Self {
-            sweep: Sweep::new(model, &params.lift(model)),
-            moving: core::array::from_fn(|_| vec![L::zero(); nj]),
-            joint: vec![0.0; 3 * nj],
-            given: vec![[0.0; 8]; 3 * nj],
-        }
+        Self { sweep: Sweep::new(model, &params.lift(model)), instants: Instants::new(nj) }
     }
 
     /// Fills `table` for a record that begins at time `start` (s) of the motion. Does not allocate.
@@ -221,7 +265,7 @@ impl<L: LaneScalar> Kernel for Filling<'_, L> {
     #[inline(always)]
     fn run(self) {
         let Self { filler, table, motion, start } = self;
-        let Filler { sweep, moving, joint, given } = filler;
+        let Filler { sweep, instants } = filler;
         let nj = sweep.joints();
         // Nodes of samples, which want joint rows, then the nodes between them.
         let per = 2 * table.substeps;
@@ -237,25 +281,10 @@ impl<L: LaneScalar> Kernel for Filling<'_, L> {
                 (first, rows) = (0, false);
                 continue;
             }
-            let count = L::N.min(total - first);
-            // A group that is not full repeats its last node.
-            let mut nodes = [0; 8];
-            for (lane, node) in nodes.iter_mut().enumerate().take(L::N) {
-                let i = first + lane.min(count - 1);
-                *node = if rows { i * per } else { i / (per - 1) * per + 1 + i % (per - 1) };
-                let (p, rest) = joint.split_at_mut(nj);
-                let (v, a) = rest.split_at_mut(nj);
-                if lane < count {
-                    motion.eval(start + 0.5 * table.step * (from + *node) as f64, p, v, a);
-                    if rows {
-                        table.joints[3 * nj * i..3 * nj * (i + 1)].copy_from_slice(joint);
-                    }
-                }
-                given.iter_mut().zip(&*joint).for_each(|(g, &x)| g[lane] = x);
-            }
-            let [q, qd, qdd] = moving;
-            let all = q.iter_mut().chain(&mut *qd).chain(&mut *qdd);
-            all.zip(&*given).for_each(|(x, g)| *x = L::load(g));
+            let time = |node: usize| start + 0.5 * table.step * (from + node) as f64;
+            let keep = |i: usize, joint: &[f64]| table.joints[3 * nj * i..3 * nj * (i + 1)].copy_from_slice(joint);
+            let (nodes, count) = instants.read(motion, (rows, per), first..total, time, keep);
+            let [q, qd, qdd] = &instants.moving;
             sweep.outwards(q, qd, qdd);
             let with_power = !table.power.is_empty();
             let mut power = [L::zero(); FORM];

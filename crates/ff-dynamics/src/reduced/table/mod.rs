@@ -23,7 +23,7 @@
 //! w^T Q w = s.(w x (w x h)) + u.(w x J w).
 //! ```
 //!
-//! These equations stand once, over any scalar (`sweep.rs`). Tables of records are filled for several instants at a
+//! These equations stand once, over any scalar (`sweep`). Tables of records are filled for several instants at a
 //! time, one per lane (`fill.rs`); [`ArmModel`] evaluates one instant, with derivatives or with other links in
 //! every lane.
 pub(crate) mod arm_model;

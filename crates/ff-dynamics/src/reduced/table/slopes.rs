@@ -7,7 +7,7 @@
 
 use super::arm_model::ArmModel;
 use super::disturbance::{Disturbance, Disturbed, push};
-use super::fill::scatter;
+use super::fill::{Instants, scatter};
 use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW, columns};
 use super::pool::Pool;
 use super::sampling::Sampling;
@@ -224,32 +224,14 @@ impl LaneTask for Displace<'_, '_> {
         let (nj, nodes, per_sample) = (model.nj(), sampling.nodes(), sampling.nodes_per_sample());
         let mut sweep = Sweep::<L>::new(model, &params.lift(model));
         let mounts: Vec<Pose<L>> = model.appendages().iter().map(|a| Pose::constant(&a.mount)).collect();
-        let mut joint = vec![0.0; 3 * nj];
-        let mut given = vec![[0.0; WIDEST]; 3 * nj];
-        let mut x = vec![L::zero(); 3 * nj];
-        // Nodes of samples, which have rows, then the nodes between them.
+        let mut instants = Instants::<L>::new(nj);
+        let time = |node: usize| sampling.time_of(first + node);
         for (rows, all) in [(true, sampling.samples), (false, nodes - sampling.samples)] {
             for from in (0..all).step_by(L::N) {
-                let count = L::N.min(all - from);
-                let mut group = [0; WIDEST];
-                for (lane, node) in group.iter_mut().enumerate().take(L::N) {
-                    // A group that is not full repeats its last node.
-                    let i = from + lane.min(count - 1);
-                    *node = if rows {
-                        i * per_sample
-                    } else {
-                        i / (per_sample - 1) * per_sample + 1 + i % (per_sample - 1)
-                    };
-                    if lane < count {
-                        let (q, rest) = joint.split_at_mut(nj);
-                        let (qd, qdd) = rest.split_at_mut(nj);
-                        motion.eval(sampling.time_of(first + *node), q, qd, qdd);
-                    }
-                    given.iter_mut().zip(&joint).for_each(|(g, &x)| g[lane] = x);
-                }
-                x.iter_mut().zip(&given).for_each(|(x, g)| *x = L::load(g));
+                let (group, count) = instants.read(motion, (rows, per_sample), from..all, time, |_, _| {});
                 let group = &group[..count];
-                sweep.outwards(&x[..nj], &x[nj..2 * nj], &x[2 * nj..]);
+                let [q, qd, qdd] = &instants.moving;
+                sweep.outwards(q, qd, qdd);
                 (1..=nj).rev().for_each(|i| sweep.inwards(i));
                 for ((slope, twist), of) in &mut slopes {
                     let by = sweep.displacement(twist);
@@ -257,9 +239,9 @@ impl LaneTask for Displace<'_, '_> {
                         let change = sweep.sums_slope(j + 1, &by);
                         scatter(&change.arm().numbers(), group, |n| n * ARM, &mut slope.arm);
                         for i in (1..=nj).filter(|_| rows) {
-                            let row = if sweep.carries(j + 1, i) {
+                            let row = if carries(model, j, i) {
                                 sweep.row_slope_within(i, &by)
-                            } else if sweep.carries(i, j + 1) {
+                            } else if carries(model, i - 1, j + 1) {
                                 sweep.row_slope_below(i, &change)
                             } else {
                                 continue;
@@ -291,20 +273,18 @@ fn carries(model: &Model, j: usize, mut body: usize) -> bool {
 }
 
 impl Slope {
-    /// Derivatives along direction `k` of the numbers of an arm at a node; rows of joints at samples only.
+    /// Derivatives along direction `k` of the numbers of a disturbed arm at a node; rows of joints at samples only.
     fn take(&mut self, k: usize, arm: &ArmModel<Grad>, numbers: &[Grad], (node, per_sample): (usize, usize)) {
         let take = |to: &mut [f64], from: usize| {
             to.iter_mut().zip(&numbers[from..]).for_each(|(t, x)| *t = x.eps[k]);
         };
         let nj = self.nj;
-        if !self.arm.is_empty() {
-            take(&mut self.arm[ARM * node..ARM * (node + 1)], 0);
-            if node % per_sample == 0 {
-                let first = ROW * nj * (node / per_sample);
-                take(&mut self.rows[first..first + ROW * nj], arm.row_at(0));
-            }
+        take(&mut self.arm[ARM * node..ARM * (node + 1)], 0);
+        if node % per_sample == 0 {
+            let first = ROW * nj * (node / per_sample);
+            take(&mut self.rows[first..first + ROW * nj], arm.row_at(0));
         }
-        for f in self.frames.iter_mut().filter(|f| !f.at_rest || node == 0) {
+        for f in &mut self.frames {
             take(&mut f.numbers[FRAME * node..FRAME * (node + 1)], arm.frame_at(f.port));
         }
     }

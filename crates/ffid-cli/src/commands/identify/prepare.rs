@@ -207,16 +207,17 @@ impl Data {
         for (of, path) in self.records.drain(..).zip(self.sources.drain(..)) {
             let found = segments(&of.label, &of.record).map_err(failed)?;
             self.problems.extend(found.warnings.clone().in_file(&path));
-            let parts: Vec<LabelledRecord> = found.labelled(&of.label).into_iter().collect();
+            let parts = found.labelled(&of.label);
             sources.extend(std::iter::repeat_n(path, parts.len()));
             records.extend(parts);
         }
         (self.records, self.sources) = (records, sources);
         if let Held::Part { record, .. } | Held::File { record, .. } = held {
             let found = segments("held-out", record).map_err(failed)?;
-            self.problems.extend(found.warnings);
-            let longest = found.parts.into_iter().max_by(|a, b| a.seconds().total_cmp(&b.seconds()));
-            *record = longest.unwrap_or_else(|| record.clone());
+            self.problems.extend(found.warnings.clone());
+            if let Some(part) = found.longest() {
+                *record = part;
+            }
         }
         Ok(())
     }

@@ -10,8 +10,7 @@ use crate::files::atomic;
 use crate::files::folder::Folder;
 use ff_model::{BaseKind, Model, Problems};
 use ff_records::Record;
-use ff_records::file::{Block, CsvWriter, ParquetWriter, ReadOptions, Stamps, joints_of, read};
-use nalgebra::DMatrix;
+use ff_records::file::{CsvWriter, ParquetWriter, ReadOptions, joints_of, read};
 use serde::{Deserialize, Serialize};
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -60,29 +59,20 @@ pub fn keep(folder: &Folder, model: &Model, records: &[LabelledRecord]) -> Resul
 fn write(path: &Path, model: &Model, r: &Record) -> Result<(), Failure> {
     let joints = joints_of(model);
     let time: Vec<f64> = (0..r.samples()).map(|i| r.time(i)).collect();
-    let gyro = (!r.is_fixed_base()).then(|| r.gyro());
-    let groups = CsvWriter {
+    let columns = CsvWriter {
         joints: &joints,
         time: &time,
         q: r.q(),
         dq: r.qd(),
         ddq: r.qdd(),
         tau: r.tau(),
-        gyro,
+        gyro: (!r.is_fixed_base()).then(|| r.gyro()),
         acc: r.acc(),
         att: r.att(),
     };
-    let names = groups.header();
-    let all = [Some(r.q()), r.qd(), r.qdd(), Some(r.tau()), gyro, r.acc(), r.att()];
-    let columns = all.into_iter().flatten().flat_map(DMatrix::column_iter);
-    let mut block = Block::new(names.len());
-    for (to, from) in block.columns[1..].iter_mut().zip(columns) {
-        to.extend(from.iter());
-    }
-    block.stamps = Stamps::Real(time);
     atomic::stream(path, |f| {
-        let mut w = ParquetWriter::new(BufWriter::new(f), &names, false)?;
-        w.write(&block)?;
+        let mut w = ParquetWriter::new(BufWriter::new(f), &columns.header(), false)?;
+        w.write(&columns.block())?;
         w.finish()?.flush()
     })
 }

@@ -82,14 +82,16 @@ pub fn identify(
     let silent = known::silent(model, &values, unknowns, &fitted.full)?;
     let profiles = known::profiles(&request, unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
     let profiles = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { profiles? };
-    let own = Unknowns::new(model, &setup.estimated, settings, options, &uncertain.held_at_mission())?;
-    let considered = if options.consider && fitted.estimate.is_solution() {
-        let alone = Assembly { unknowns: &own, ..fit };
-        let mut bare = alone.assemble(&UncertainItems::default())?.whole;
-        let joint = Side { unknowns, estimator: &mut watched };
-        Some(consider::hold(joint, Side { unknowns: &own, estimator: &mut *bare }, &fitted, &request)?)
-    } else {
-        None
+    let alone = || Unknowns::new(model, &setup.estimated, settings, options, &uncertain.held_at_mission());
+    let own = if options.consider && fitted.estimate.is_solution() { Some(alone()?) } else { None };
+    let considered = match &own {
+        Some(own) => {
+            let mut bare = Assembly { unknowns: own, ..fit }.assemble(&UncertainItems::default())?.whole;
+            let joint = Side { unknowns, estimator: &mut watched };
+            let own = Side { unknowns: own, estimator: &mut *bare };
+            Some(consider::hold(joint, own, &fitted, &request)?)
+        }
+        None => None,
     };
     let mut signals = Vec::new();
     let mut at = 0;
@@ -104,8 +106,8 @@ pub fn identify(
     let coloured = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { coloured };
     let mut report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
     let mut stated = &fitted;
-    if let Some(c) = &considered {
-        (report.unknowns, report.values, stated) = (&own, &c.values, &c.fitted);
+    if let (Some(own), Some(c)) = (&own, &considered) {
+        (report.unknowns, report.values, stated) = (own, &c.values, &c.fitted);
     }
     let mut result = report.result(stated, provenance)?;
     for p in result.parameters.iter_mut().chain(&mut result.nuisance).filter(|p| p.std.is_some()) {
@@ -121,7 +123,7 @@ pub fn identify(
     }
     result.verdict = text::verdict(&result);
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
-    let selected = if considered.is_some() { own.touched.clone() } else { unknowns.touched.clone() };
+    let selected = own.as_ref().unwrap_or(unknowns).touched.clone();
     let values = considered.map_or(values, |c| c.values);
     Ok(Identified { result, signals, values, selected, tried, draws: None, fitted: Some(fitted) })
 }

@@ -84,6 +84,11 @@ pub fn segments(label: &str, record: &Record) -> Result<Segments, IdentifyError>
 }
 
 impl Segments {
+    /// The longest part, for what can judge by one alone; none where there is none.
+    #[must_use]
+    pub fn longest(self) -> Option<Record> {
+        self.parts.into_iter().max_by(|a, b| a.seconds().total_cmp(&b.seconds()))
+    }
     /// As records of one fit: the first begins as the whole did, the others in the middle of a motion.
     #[must_use]
     pub fn labelled(self, label: &str) -> Vec<LabelledRecord> {

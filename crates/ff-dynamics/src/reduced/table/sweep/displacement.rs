@@ -102,13 +102,6 @@ impl<T: Scalar> Sweep<T> {
             dw: dth.cross_add(&at.w, &th.cross_add(&at.dw, ddth)),
         }
     }
-    /// Whether body `i` is body `of` or carried by it.
-    pub(crate) fn carries(&self, of: usize, mut i: usize) -> bool {
-        while i > of {
-            i = self.links[i].parent;
-        }
-        i == of
-    }
 }
 
 impl<T: Scalar> Sums<T> {

@@ -33,6 +33,13 @@ struct Displaced<T> {
     offset: T,
 }
 
+impl<T: Scalar> Displaced<T> {
+    fn of(by: &Kinematics<T>, j: usize) -> Self {
+        let d = by.joint(j);
+        Self { turn: M3::from(&quat_to_rot(&exp_so3(&d.rotation))), shift: V3::from(&d.shift), offset: d.offset }
+    }
+}
+
 impl<T: Scalar> Sweep<T> {
     /// For the links' parameters in `params`. Allocates.
     pub(crate) fn new(model: &Model, params: &Params<T>) -> Self {
@@ -48,9 +55,7 @@ impl<T: Scalar> Sweep<T> {
     /// With displaced joints.
     pub(crate) fn displaced(mut self, by: &Kinematics<T>) -> Self {
         for (j, l) in self.links[1..].iter_mut().enumerate() {
-            let d = by.joint(j);
-            let turn = M3::from(&quat_to_rot(&exp_so3(&d.rotation)));
-            let d = Displaced { turn, shift: V3::from(&d.shift), offset: d.offset };
+            let d = Displaced::of(by, j);
             l.displace(&d.turn, &d.shift);
             self.displaced.push(d);
         }
@@ -115,11 +120,9 @@ impl<T: Scalar> Sweep<T> {
 
 /// Rotation and position in the parent of what joint `j` carries at position zero, with the joint displaced.
 pub(crate) fn placement<T: Scalar>(model: &Model, by: &Kinematics<T>, j: usize) -> (M3<T>, V3<T>) {
-    let (mut l, d) = (Link::new(&model.bodies()[j]), by.joint(j));
-    let turn = M3::from(&quat_to_rot(&exp_so3(&d.rotation)));
-    let shift = V3::from(&d.shift);
-    l.displace(&turn, &shift);
-    l.place_displaced(d.offset, &turn, &shift);
+    let (mut l, d) = (Link::new(&model.bodies()[j]), Displaced::of(by, j));
+    l.displace(&d.turn, &d.shift);
+    l.place_displaced(d.offset, &d.turn, &d.shift);
     (l.pose.r, l.pose.p)
 }
 
