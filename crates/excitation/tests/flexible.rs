@@ -198,6 +198,7 @@ fn panels() {
 }
 
 #[test]
+#[ignore = "full tier: 6 s"]
 fn fuel_and_links() {
     let model = paper("slosh.toml").model;
     let names: Vec<String> = model.param_decls().iter().map(|d| d.name.clone()).collect();

@@ -127,6 +127,7 @@ fn base_attitude_is_held() {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn pointing_is_held() {
     let (loaded, system) = system("flex.toml");
     let plan = plan(&hold(&loaded), End::Free, Duration::Fixed(20.0), 6);
@@ -318,6 +319,7 @@ fn interruption_keeps_the_best_feasible_plan_and_threads_do_not_matter() {
 
 /// Eq. (9): seven joints, ten control points each, free duration, the paper's limits.
 #[test]
+#[ignore = "full tier: 3 s"]
 fn seven_joints_ten_points_free_duration() {
     let (loaded, system) = system("flex.toml");
     let q = hold(&loaded);

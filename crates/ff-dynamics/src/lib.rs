@@ -11,11 +11,12 @@
 //! | [`motion`] | joint motions, B-splines |
 //! | [`sim`] | a motion over time, several at once in lanes, sensors, external inputs |
 //! | [`analysis`] | modes, momentum and energy, centroidal quantities, conditioning, integration step |
-//! | [`batch`] | the algorithms of `tree` for many motions at once, in lanes |
+//! | `batch` | the algorithms of `tree` for many motions at once, in lanes (feature `batch`) |
 //! | [`state`], [`work`] | state of the system; buffers |
 //! | [`linalg`] | factorisations of small matrices in place |
 
 pub mod analysis;
+#[cfg(feature = "batch")]
 pub mod batch;
 pub mod linalg;
 pub mod motion;

@@ -5,6 +5,7 @@
 mod common;
 
 mod allocation;
+#[cfg(feature = "batch")]
 mod batch;
 mod centroidal;
 mod conservation;

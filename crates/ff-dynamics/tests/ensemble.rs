@@ -4,7 +4,6 @@ use crate::common::*;
 use ff_dynamics::sim::simulate_ensemble_with;
 use ff_dynamics::sim::{Keep, Run, simulate_ensemble};
 use ff_dynamics::*;
-use ff_model::scalar::lanes::Isa;
 use ff_model::*;
 
 /// Eleven runs that differ in everything that may differ: on eight lanes one group and a rest of three.
@@ -76,7 +75,8 @@ fn an_error_says_which_runs_and_why() {
     let o = SimOptions { duration_s: 0.5, step_s: 0.01, sample_s: 0.01 };
     let go = |params: &[Params<f64>], starts: &[State<f64>], o: &SimOptions, joints: usize| {
         let all: Vec<Run<'_>> = params.iter().zip(starts).map(|(params, start)| Run { params, start }).collect();
-        simulate_ensemble_with(Isa::Portable, &m, &all, &Wave(joints), o, Keep::default()).unwrap_err()
+        let four = instruction_sets()[0];
+        simulate_ensemble_with(four, &m, &all, &Wave(joints), o, Keep::default()).unwrap_err()
     };
     let bad = SimOptions { step_s: f64::NAN, ..o };
     assert!(matches!(go(&params, &starts, &bad, m.nj()).source, SimError::Options { what: "integration step", .. }));

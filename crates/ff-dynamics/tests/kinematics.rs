@@ -13,7 +13,7 @@ use ff_dynamics::reduced::{OwnTable, ReducedError, simulate_reduced_over, simula
 use ff_dynamics::sim::Accelerometer;
 use ff_dynamics::*;
 use ff_model::scalar::D1;
-use ff_model::scalar::lanes::{Lanes, Portable4};
+use ff_model::scalar::lanes::{Four, Lanes};
 use ff_model::spatial::so3::{log_so3, quat_conj, quat_mul};
 use ff_model::*;
 use nalgebra::{DMatrix, Vector3};
@@ -250,11 +250,11 @@ fn an_arm_in_lanes_is_one_arm_per_lane() {
             (p, values(&m).iter().map(|x| x * (1.7 - l as f64)).collect())
         })
         .unzip();
-    let pack = |of: &[Vec<f64>]| -> Vec<Portable4> {
-        (0..of[0].len()).map(|i| Portable4::load(&[of[0][i], of[1][i], of[2][i], of[3][i]])).collect()
+    let pack = |of: &[Vec<f64>]| -> Vec<Four> {
+        (0..of[0].len()).map(|i| Four::load(&[of[0][i], of[1][i], of[2][i], of[3][i]])).collect()
     };
     let joints: Vec<f64> = (0..3 * m.nj()).map(|i| (0.9 * i as f64 + 0.2).sin()).collect();
-    let thirds = |x: &[Portable4]| -> Vec<Portable4> {
+    let thirds = |x: &[Four]| -> Vec<Four> {
         let k = Kinematics::from_values(&m, pack(&at));
         let sites: Vec<_> =
             m.appendages().iter().enumerate().map(|(i, a)| (a.host, k.mount(i).apply(&a.mount))).collect();
@@ -263,7 +263,7 @@ fn an_arm_in_lanes_is_one_arm_per_lane() {
         arm.numbers([&x[..n], &x[n..2 * n], &x[2 * n..]], true, &mut out);
         out
     };
-    let together = thirds(&joints.iter().map(|&x| Portable4::splat(x)).collect::<Vec<_>>());
+    let together = thirds(&joints.iter().map(|&x| Four::splat(x)).collect::<Vec<_>>());
     for l in 0..4 {
         let k = Kinematics::from_values(&m, at[l].clone());
         let sites: Vec<_> =

@@ -212,11 +212,11 @@ pub enum Isa {
 }
 
 impl Isa {
-    /// The widest this machine has. The answer is cached; does not allocate.
+    /// The widest that this machine has and this build has code for. The answer is cached; does not allocate.
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
-            if x86::has_v4() {
+            if cfg!(not(ff_isa = "v3")) && x86::has_v4() {
                 return Self::V4;
             }
             if x86::has_v3() {
@@ -224,6 +224,11 @@ impl Isa {
             }
         }
         Self::Portable
+    }
+    /// Whether this machine has it and this build has code for it. A build with `--cfg ff_isa="v3"` has code for AVX2 alone, which
+    /// saves a third of what is compiled and is how the first tier of continuous integration is built.
+    pub fn is_available(self) -> bool {
+        if cfg!(all(target_arch = "x86_64", ff_isa = "v3")) { self == Self::V3 } else { self <= Self::detect() }
     }
     /// Lanes of the vector type of this set.
     pub fn lanes(self) -> usize {
@@ -241,9 +246,10 @@ pub fn widest<K: Kernel>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     {
         match Isa::detect() {
+            #[cfg(not(ff_isa = "v3"))]
             Isa::V4 => return Avx512x8::enter(kernel),
             Isa::V3 => return Avx2x4::enter(kernel),
-            Isa::Portable => {}
+            _ => {}
         }
     }
     kernel.run()

@@ -1,11 +1,10 @@
 use super::*;
 
-/// True on a machine with these instructions; else the test is printed as skipped on them, or fails where
+/// True on a machine with these instructions, in a build with code for them; else the test is printed as skipped on them, or fails where
 /// `FF_REQUIRE_ISA` (`v3` or `v4`) requires them. `ff_testkit::isa` does the same for the crates above this one.
 #[track_caller]
 fn enabled(isa: Isa) -> bool {
-    let widest = Isa::detect();
-    if isa <= widest {
+    if isa.is_available() {
         return true;
     }
     let required = match std::env::var("FF_REQUIRE_ISA").as_deref() {
@@ -13,9 +12,9 @@ fn enabled(isa: Isa) -> bool {
         Ok("v4") => Isa::V4,
         _ => Isa::Portable,
     };
-    assert!(isa > required, "this machine lacks {isa:?}, which FF_REQUIRE_ISA requires");
+    assert!(isa > required, "{isa:?}, which FF_REQUIRE_ISA requires, is not available");
     let test = std::thread::current().name().unwrap_or("a test").to_owned();
-    eprintln!("SKIPPED {test} on {isa:?}: this machine has {widest:?} at most ({})", core::panic::Location::caller());
+    eprintln!("SKIPPED {test} on {isa:?}: not available here ({})", core::panic::Location::caller());
     false
 }
 

@@ -7,15 +7,18 @@
 mod covariance;
 mod linearise;
 mod lm;
+mod problem;
+mod settings;
+mod solution;
 mod step;
 mod tall_qr;
 
 pub use covariance::{Determined, TOUCH, determine};
 pub use linearise::{Dense, Linearise, NOT_FINITE, Reduced, Tried, finite, reduced, rounding};
-pub use lm::{
-    Criterion, EvalError, Iterate, LmError, Problem, Scale, Settings, Solution, Status, jacobian_error, minimise,
-    minimise_linearised,
-};
+pub use lm::{jacobian_error, minimise, minimise_linearised};
+pub use problem::{EvalError, LmError, Problem};
+pub use settings::{Scale, Settings};
+pub use solution::{Criterion, Iterate, Solution, Status};
 pub use step::reduce;
 pub use tall_qr::{Merged, Stream, Tall, TallQr, Triangle, merge, qr_r, triangle_of};
 

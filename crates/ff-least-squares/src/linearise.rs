@@ -3,7 +3,7 @@
 //! A Jacobian of 1e5 rows is made once, reduced once, and otherwise only multiplied: every copy of it costs as much as
 //! a simulation. [`Linearise`] therefore leaves it where it is made. [`Dense`] puts it before any [`Problem`].
 
-use crate::lm::{EvalError, LmError, Problem};
+use crate::problem::{EvalError, LmError, Problem};
 use crate::step::{Linear, reduce};
 use ff_linalg::LinalgError;
 use nalgebra::{DMatrix, DVector};

@@ -1,4 +1,5 @@
 use super::*;
+use crate::problem::EvalError;
 use approx::assert_relative_eq;
 use ff_testkit::{assert_within, scaled};
 use nalgebra::DVector;

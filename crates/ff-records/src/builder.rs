@@ -10,6 +10,7 @@ use crate::stamps;
 use crate::time_base::{ChannelGroup, TimeBases};
 use crate::time_checks;
 use crate::time_checks::Grid;
+use ff_model::diagnostics::Limit;
 use ff_model::{Area, Problem, Problems, Severity};
 use nalgebra::DMatrix;
 
@@ -291,8 +292,9 @@ impl RecordBuilder {
             return None;
         }
         if rows < self.need {
-            let m = format!("{rows} samples, at least {} needed", self.need);
-            bad.push(error("Data::TooShort", m).hint("record longer, or estimate fewer parameters"));
+            let short = Limit::AtLeast(self.need as f64);
+            let p = Problem::out_of_range(Area::Data, "Data::TooShort", rows as f64, short, "samples");
+            bad.push(p.hint("record longer, or estimate fewer parameters"));
         }
         let mut columns = vec![("q", q, n), ("tau", tau, n), ("gyro", gyro, 3)];
         for (name, m, width) in [("qd", self.qd, n), ("qdd", self.qdd, n), ("acc", self.acc, 3), ("att", self.att, 4)] {

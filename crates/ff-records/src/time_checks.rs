@@ -2,6 +2,7 @@
 
 use crate::resample::{WIDEST_GAP, usual_interval};
 use crate::time_base::ChannelGroup;
+use ff_model::diagnostics::Limit;
 use ff_model::{Area, Problem, Problems};
 
 /// Most problems of one kind listed one by one.
@@ -64,8 +65,9 @@ pub(crate) fn alone(group: ChannelGroup, times: &[f64], need: usize, long_gaps: 
     }
     let least = if motion { need.max(LEAST_MOTION) } else { need };
     if times.len() < least {
-        let what = format!("{} samples, at least {least} needed", times.len());
-        bad.push(problem(group, "Data::TooShort", what).hint("record longer, or leave the channel out"));
+        let (n, limit) = (times.len() as f64, Limit::AtLeast(least as f64));
+        let p = Problem::out_of_range(Area::Data, "Data::TooShort", n, limit, "samples");
+        bad.push(p.on(format!("{} times", group.name())).hint("record longer, or leave the channel out"));
         return false;
     }
     let usual = usual_interval(times);

@@ -4,6 +4,7 @@ use approx::assert_relative_eq;
 use ff_model::Severity;
 use ff_records::ChannelGroup;
 use ff_records::builder::*;
+use ff_testkit::problem::problem_of;
 use ff_testkit::scaled;
 use nalgebra::DMatrix;
 
@@ -34,8 +35,11 @@ fn a_good_record_passes_and_is_cut_by_time() {
     assert!(r.window(f64::NAN, 1.0).is_err() && r.window(2.0, 1.0).is_err());
     assert_eq!((r.responses().ncols(), &r.response_names()[1][..]), (5, "tau.b"));
     assert!(r.check_joints(&["a".into(), "b".into()]).is_ok());
-    assert!(r.check_joints(&["a".into(), "c".into()]).unwrap_err().to_string().contains("missing [\"c\"]"));
-    assert!(r.check_joints(&["b".into(), "a".into()]).unwrap_err().to_string().contains("another order"));
+    for (other, named) in [(["a", "c"], "c"), (["b", "a"], "b")] {
+        let p = r.check_joints(&other.map(String::from)).unwrap_err();
+        let p = problem_of(&p, "Data::NameMismatch");
+        assert!(p.message.contains(&format!("{named:?}")) && p.hint.is_some(), "{p}");
+    }
 }
 
 #[test]

@@ -55,6 +55,7 @@ pub(crate) fn calm(trajectory: &str) -> String {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn d15_a_channel_that_is_late_is_put_right_with_a_warning() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -121,6 +122,7 @@ fn d29_momentum_that_drifts_steadily_is_refused_as_well() {
 
 /// Clocks that the record does not tell are taken as they are, unless they are required.
 #[test]
+#[ignore = "full tier: 2 s"]
 fn d15_clocks_that_are_required_must_be_told() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -141,6 +143,7 @@ fn d15_clocks_that_are_required_must_be_told() {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn d30_a_record_that_does_not_begin_at_rest_is_told_by_its_misfit() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -233,6 +236,7 @@ fn d26_modes_closer_than_the_resolution_are_named() {
 }
 
 #[test]
+#[ignore = "full tier: 5 s"]
 fn models_are_compared_by_what_they_predict() {
     let c = flex();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "3"]);

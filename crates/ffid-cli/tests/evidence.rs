@@ -180,6 +180,7 @@ fn an_encoder_that_is_off_is_no_clock() {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn a_drift_that_moves_nothing_is_named_and_does_not_contradict() {
     let dir = tempfile::tempdir().unwrap();
     let drift = |names: &[String], x: &mut [f64]| {
@@ -197,6 +198,7 @@ fn a_drift_that_moves_nothing_is_named_and_does_not_contradict() {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn a_tank_mounted_elsewhere_is_named_and_an_unknown_error_refused() {
     let dir = tempfile::tempdir().unwrap();
     let elsewhere = |m: String| {
@@ -231,6 +233,7 @@ fn first(r: &Value) -> (String, impl Fn(&str) -> (f64, f64)) {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn an_antenna_that_the_mission_lacks_is_named_with_its_frequency_and_not_adopted() {
     let dir = tempfile::tempdir().unwrap();
     // 0.45 Hz with the base held, 0.5 % of critical damping.
@@ -265,6 +268,7 @@ segments = [
 }
 
 #[test]
+#[ignore = "full tier: 5 s"]
 fn a_second_tank_is_named_with_its_frequency() {
     let dir = tempfile::tempdir().unwrap();
     // 0.33 and 0.37 Hz with the base held, 4 %.
@@ -288,6 +292,7 @@ damping_nms_per_rad = [0.041852, 0.046925]
 }
 
 #[test]
+#[ignore = "full tier: 10 s"]
 fn held_out_data_are_judged_by_the_same_evidence() {
     let dir = tempfile::tempdir().unwrap();
     let judged = |name: &str| {
@@ -314,6 +319,7 @@ fn held_out_data_are_judged_by_the_same_evidence() {
 }
 
 #[test]
+#[ignore = "full tier: 5 s"]
 fn an_adopted_error_of_the_robot_is_one_for_all_records() {
     let dir = tempfile::tempdir().unwrap();
     let gain = gain_of_two_percent;

@@ -346,7 +346,7 @@ fn d01_to_d12_and_d34_d37_defects_of_records() {
     let first = |n: usize| good.lines().take(n).fold(String::new(), |s, l| s + l + "\n");
     refuse("", "Data::NoSamples", &["bad.csv:1"], &[]); // D01
     refuse(&header, "Data::NoSamples", &["no samples"], &[]);
-    refuse(&first(12), "Data::TooShort", &["at least 28"], &[]); // D02
+    refuse(&first(12), "Data::TooShort", &["11 samples", ">= 28 samples"], &[]); // D02
     refuse(&cell(30, 9, "nan"), "Data::NotFinite", &["bad.csv:30:", "tau, channel 2"], &[]); // D03
     refuse(&cell(30, 9, "1e400"), "Data::NotFinite", &["--gaps drop"], &[]);
     refuse(&good.replacen(",0", "", 1), "Data::RowLength", &["bad.csv:"], &[]); // D04
@@ -582,6 +582,7 @@ fn a_start_forty_percent_off_ends_at_the_answer() {
 /// Panels of which all is unknown, with a prior: second moments that the record does not tell press against what is physical. That is an
 /// end, not a want of iterations (exit code 14 after 174 linearisations).
 #[test]
+#[ignore = "full tier: 3 s"]
 fn a_fit_that_presses_against_the_edge_of_what_is_physical_ends() {
     let wrong =
         "\"base.mass\" = 780.0\n\"panel_left.k[0]\" = 120.0\n\"panel_right.k[1]\" = 120.0\n\"panel_left.d[0]\" = 1.2";

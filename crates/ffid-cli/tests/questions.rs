@@ -113,6 +113,7 @@ fn a_prior_in_conflict_with_the_record_is_named() {
 
 /// Torque samples that are wrong by 30 times their noise: squares follow them, Huber's loss does not.
 #[test]
+#[ignore = "full tier: 7 s"]
 fn a_robust_loss_is_a_flag() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -162,6 +163,7 @@ fn a_profile_of_a_parameter_agrees_with_its_interval_where_the_cost_is_a_parabol
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn what_one_identification_has_learnt_the_next_one_knows() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "r1.csv", &["--seed", "4"]);

@@ -84,6 +84,7 @@ fn true_mission(_: String) -> String {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn the_verdict_on_a_plan_states_the_deviations_and_the_budget_of_its_record() {
     let dir = tempfile::tempdir().unwrap();
     let mounts = "\n[[uncertain]]\nmounts = [\"*\"]\nposition_std_m = 0.003\nangle_std_rad = 0.002\n";
@@ -165,6 +166,7 @@ fn an_error_beyond_what_the_mission_says_contradicts() {
 
 /// Estimates with everything else at the mission's values, and deviations that say how far that may lead.
 #[test]
+#[ignore = "full tier: 5 s"]
 fn considered_errors_widen_the_deviations_and_are_no_contradiction() {
     let dir = tempfile::tempdir().unwrap();
     world(dir.path(), 13, spoil, unsure);

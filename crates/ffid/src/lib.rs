@@ -23,6 +23,7 @@ pub mod init;
 pub mod inputs;
 pub mod modes;
 pub mod open;
+#[cfg(feature = "batch")]
 mod regressor_triangle;
 pub mod schema;
 pub mod selfcheck;
@@ -40,6 +41,7 @@ pub use ff_spectral as spectral;
 pub use flex_panel;
 pub use ident;
 pub use reaction_wheel;
+#[cfg(feature = "batch")]
 pub use regressor_triangle::regressor_triangle;
 pub use slosh_pendulum;
 pub use validate;

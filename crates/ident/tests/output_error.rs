@@ -174,6 +174,7 @@ fn biases_delays_and_initial_state_come_back_with_the_parameters() {
 }
 
 #[test]
+#[ignore = "full tier: 6 s"]
 fn a_robust_loss_is_not_moved_by_outliers() {
     let l = paper("slosh.toml");
     let clean = spoiled(&l, 1.0, 3);

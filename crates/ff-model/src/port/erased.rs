@@ -11,8 +11,9 @@ use super::matrix::{PortMatrix, add_inertial, port_len};
 use super::state::{PortAccel, PortState, PortVector};
 use super::twin::TreeTwin;
 use crate::scalar::dual::{D1, D2, Grad};
+use crate::scalar::lanes::Four;
 use crate::scalar::traits::{PlainScalar, Scalar};
-use ff_lanes::{Kernel, Portable4};
+use ff_lanes::Kernel;
 use nalgebra::DMatrix;
 
 /// An appendage at one number type: [`Appendage`] and [`PortDynamics`] as an object-safe trait.
@@ -134,7 +135,10 @@ impl<A: PortDynamics, T: PlainScalar> PortTangent<T> for A {
 }
 
 /// Appendages at the widest number types of the machine's architecture.
-#[cfg(target_arch = "x86_64")]
+#[cfg(all(target_arch = "x86_64", ff_isa = "v3"))]
+pub trait WidePorts: PortModel<ff_lanes::Avx2x1> + PortTangent<ff_lanes::Avx2x1> {}
+/// Appendages at the widest number types of the machine's architecture.
+#[cfg(all(target_arch = "x86_64", not(ff_isa = "v3")))]
 pub trait WidePorts:
     PortModel<ff_lanes::Avx2x1>
     + PortTangent<ff_lanes::Avx2x1>
@@ -172,9 +176,9 @@ pub trait DynAppendage:
     + PortModel<D1>
     + PortModel<Grad>
     + PortModel<D2>
-    + PortModel<Portable4>
+    + PortModel<Four>
     + PortTangent<f64>
-    + PortTangent<Portable4>
+    + PortTangent<Four>
     + WidePorts
     + Send
     + Sync
@@ -213,9 +217,11 @@ macro_rules! model_scalars {
         }
     )*};
 }
-model_scalars!(f64, D1, Grad, D2, Portable4);
+model_scalars!(f64, D1, Grad, D2, Four);
 #[cfg(target_arch = "x86_64")]
-model_scalars!(ff_lanes::Avx2x1, ff_lanes::Avx2x4, ff_lanes::Avx512x8);
+model_scalars!(ff_lanes::Avx2x1);
+#[cfg(all(target_arch = "x86_64", not(ff_isa = "v3")))]
+model_scalars!(ff_lanes::Avx2x4, ff_lanes::Avx512x8);
 
 /// A number, or a vector of lanes, that can pass through a boxed appendage and have the port equations
 /// differentiated at it.
@@ -236,10 +242,11 @@ macro_rules! lane_models {
         }
     )*};
 }
-lane_models!(f64: f64, Portable4: f64);
+#[cfg(not(all(target_arch = "x86_64", ff_isa = "v3")))]
+lane_models!(f64: f64, Four: f64);
+#[cfg(all(target_arch = "x86_64", ff_isa = "v3"))]
+lane_models!(f64: f64, Four: ff_lanes::Avx2x1);
 #[cfg(target_arch = "x86_64")]
-lane_models!(
-    ff_lanes::Avx2x1: ff_lanes::Avx2x1,
-    ff_lanes::Avx2x4: ff_lanes::Avx2x1,
-    ff_lanes::Avx512x8: ff_lanes::Avx2x1,
-);
+lane_models!(ff_lanes::Avx2x1: ff_lanes::Avx2x1);
+#[cfg(all(target_arch = "x86_64", not(ff_isa = "v3")))]
+lane_models!(ff_lanes::Avx2x4: ff_lanes::Avx2x1, ff_lanes::Avx512x8: ff_lanes::Avx2x1);

@@ -2,7 +2,15 @@
 
 pub use crate::port::erased::LaneScalar;
 use ff_lanes::Kernel;
-pub use ff_lanes::{Isa, Lanes, Portable4};
+pub use ff_lanes::{Isa, Lanes};
+
+/// The narrowest lanes that this build has code for: portable ones, or those of AVX2 in a build for AVX2 alone
+/// ([`Isa::is_available`]).
+#[cfg(not(all(target_arch = "x86_64", ff_isa = "v3")))]
+pub type Four = ff_lanes::Portable4;
+/// The narrowest lanes that this build has code for: those of AVX2.
+#[cfg(all(target_arch = "x86_64", ff_isa = "v3"))]
+pub type Four = ff_lanes::Avx2x4;
 
 /// A computation over lanes of a width that is chosen at run time.
 ///
@@ -27,16 +35,16 @@ impl<K: LaneTask, L: LaneScalar> Kernel for With<K, L> {
 /// Runs `task` with the lanes of `isa`; [`Isa::detect`] names the widest the machine has.
 ///
 /// # Panics
-/// If the machine does not have `isa`.
+/// If `isa` is not [available](Isa::is_available).
 pub fn dispatch<K: LaneTask>(isa: Isa, task: K) -> K::Output {
-    #[cfg(target_arch = "x86_64")]
+    assert!(isa.is_available(), "{isa:?}: this machine does not have it, or this build has no code for it");
+    #[cfg(all(target_arch = "x86_64", not(ff_isa = "v3")))]
     match isa {
         Isa::V4 => return enter::<K, ff_lanes::Avx512x8>(task),
         Isa::V3 => return enter::<K, ff_lanes::Avx2x4>(task),
         Isa::Portable => {}
     }
-    let _ = isa;
-    enter::<K, Portable4>(task)
+    enter::<K, Four>(task)
 }
 
 /// Runs `task` with one lane, in code for AVX2 and FMA where the machine has them: what a single state gains from

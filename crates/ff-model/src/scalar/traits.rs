@@ -3,7 +3,7 @@
 //! One source serves plain numbers, forward duals (exact derivatives) and SIMD lanes (`ff-lanes`).
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
-use ff_lanes::{Enter, Lanes, Portable4};
+use ff_lanes::{Enter, Lanes};
 use nalgebra::{ClosedAddAssign, ClosedDivAssign, ClosedMulAssign, ClosedSubAssign};
 use num_traits::{One, Zero};
 
@@ -149,7 +149,7 @@ macro_rules! lane_scalars {
         }
     )*};
 }
-lane_scalars!(Portable4);
+lane_scalars!(ff_lanes::Portable4);
 #[cfg(target_arch = "x86_64")]
 lane_scalars!(ff_lanes::Avx2x1, ff_lanes::Avx2x4, ff_lanes::Avx512x8);
 

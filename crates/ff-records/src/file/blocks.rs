@@ -128,7 +128,7 @@ fn rows(
     source.want(&wanted);
     // Row D34: before memory is taken.
     if let Some(n) = source.declared_rows().filter(|n| *n > options.max_rows as u64) {
-        bad.push(too_many(format!("{n} rows, limit {}", options.max_rows)));
+        bad.push(too_many(usize::try_from(n).unwrap_or(usize::MAX), options.max_rows));
         return None;
     }
     let mut all = Growing {

@@ -158,7 +158,8 @@ pub(super) fn targets(
         let name = split(cell).0;
         let again = |c: &String| place(split(c).0, joints).is_some_and(|p| place(name, joints) == Some(p));
         if head[..i].iter().any(again) {
-            fail(data("Data::Columns", format!("column '{}' is there twice", clip(name))).hint("keep one of the two"));
+            let p = data("Data::Columns", format!("column '{}' is there twice", clip(name))).on(clip(name));
+            fail(p.hint("keep one of the two"));
         }
     }
     let named = |g: Group, k: usize| {
@@ -218,7 +219,8 @@ pub(super) fn targets(
 
 /// Place of the column of the time, or what to say where there is none.
 pub(super) fn time_column(names: &[String]) -> Result<usize, Box<Problem>> {
-    let missing = || data("Data::Columns", "there is no column time[s]").hint("give the time of every sample");
+    let missing =
+        || data("Data::Columns", "there is no column time[s]").on("time").hint("give the time of every sample");
     names.iter().position(|n| split(n).0 == "time").ok_or_else(|| Box::new(missing()))
 }
 

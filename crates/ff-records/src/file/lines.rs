@@ -1,6 +1,6 @@
 //! Lines of a file, their cells, and the line of names.
 
-use super::data;
+use super::{data, over};
 use ff_model::{Area, Problem, Problems};
 use std::io::{BufRead, Read};
 
@@ -10,7 +10,7 @@ pub(super) const BUFFER: usize = 1 << 20;
 const MAX_LINE: u64 = 1 << 20;
 
 pub(super) fn too_long(bytes: u64, limit: u64) -> Problem {
-    data("Data::TooLarge", format!("{bytes} bytes, limit {limit} bytes")).hint("cut the record, or raise --max-bytes")
+    over(bytes as f64, limit as f64, "bytes").hint("cut the record, or raise --max-bytes")
 }
 
 /// Lines of a file, each in the same buffer.
@@ -49,8 +49,8 @@ impl<R: BufRead> Lines<R> {
         if self.ended {
             self.line.pop();
         } else if n as u64 == MAX_LINE {
-            let what = format!("a line of more than {MAX_LINE} bytes");
-            return Err(Box::new(data("Data::TooLarge", what).at_line(self.number).hint("is this a CSV file?")));
+            let p = over(n as f64, MAX_LINE as f64 - 1.0, "bytes in a line");
+            return Err(Box::new(p.at_line(self.number).hint("is this a CSV file?")));
         }
         if self.bytes > self.limit {
             return Err(Box::new(too_long(self.bytes, self.limit).at_line(self.number)));

@@ -48,6 +48,7 @@ pub use read::{read, read_from};
 pub use source::{Format, open};
 pub use write::{CsvRows, CsvWriter};
 
+use ff_model::diagnostics::Limit;
 use ff_model::{Area, JointKind, Model, Problem};
 
 /// A joint as a record names it.
@@ -68,6 +69,11 @@ pub fn joints_of(model: &Model) -> Vec<JointColumn> {
 
 fn data(code: &'static str, message: impl Into<String>) -> Problem {
     Problem::error(Area::Data, code, message)
+}
+
+/// Row D34: more of something than its limit.
+fn over(value: f64, limit: f64, unit: &'static str) -> Problem {
+    Problem::out_of_range(Area::Data, "Data::TooLarge", value, Limit::AtMost(limit), unit)
 }
 
 /// Name and unit of a column `name[unit]`.

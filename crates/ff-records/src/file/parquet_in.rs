@@ -3,6 +3,7 @@
 
 use super::blocks::{BLOCK, Block, Blocks, Stamps, unreadable};
 use super::columns::{split, time_column};
+use super::over;
 use bytes::Bytes;
 use ff_model::Problems;
 use ff_model::diagnostics::clip;
@@ -92,8 +93,8 @@ impl ParquetBlocks {
         let meta = reader.metadata().file_metadata();
         let columns = meta.schema_descr().columns();
         if columns.len() > MAX_COLUMNS {
-            let what = format!("{} columns, limit {MAX_COLUMNS}", columns.len());
-            return Err(unreadable("Data::TooLarge", what, "is this a record?"));
+            let p = over(columns.len() as f64, MAX_COLUMNS as f64, "columns");
+            return Err(Problems(vec![p.hint("is this a record?")]));
         }
         let units = meta.key_value_metadata();
         let unit_of = |name: &str| {

@@ -1,7 +1,7 @@
 //! The samples of a file as they grow, with the checks of every row: the same for text and for blocks.
 
 use super::columns::{GROUPS, Group, Target};
-use super::{JointColumn, ReadOptions, data, number};
+use super::{JointColumn, ReadOptions, data, number, over};
 use crate::builder::RecordBuilder;
 use crate::time_base::ChannelGroup;
 use ff_model::{Area, Problem, Problems};
@@ -100,7 +100,8 @@ impl<'a> Samples<'a> {
     /// Row D34: what is wrong with so many rows more.
     pub(super) fn too_many(&self, more: usize) -> Option<Problem> {
         let limit = self.options.max_rows;
-        (self.clock.stamps.len() + more > limit).then(|| too_many(format!("more than {limit} rows")))
+        let rows = self.clock.stamps.len() + more;
+        (rows > limit).then(|| too_many(rows, limit))
     }
     /// A row with cells that are not finite, which is left out.
     pub(super) fn drop_row(&mut self, number: usize) {
@@ -214,8 +215,8 @@ impl<'a> Samples<'a> {
 }
 
 /// Row D34, of rows: before memory is taken.
-pub(super) fn too_many(what: String) -> Problem {
-    data("Data::TooLarge", what).hint("cut the record, or raise --max-rows")
+pub(super) fn too_many(rows: usize, limit: usize) -> Problem {
+    over(rows as f64, limit as f64, "rows").hint("cut the record, or raise --max-rows")
 }
 
 /// Sample times of the groups that were not sampled in every row, whose columns keep the rows they were; and the times of the joint motion.

@@ -102,6 +102,7 @@ mod tests {
 
     /// An hour of ten channels at 100 Hz, a fifth of it held out: noise is what thins worst.
     #[test]
+    #[ignore = "full tier: 2 s"]
     fn a_report_of_an_hour_stays_below_five_megabytes() {
         const N: usize = 360_000;
         let noise = |i: usize, k: usize| (((i * 7919 + k * 104_729) % 10_007) as f64 / 10_007.0 - 0.5) * 0.3;

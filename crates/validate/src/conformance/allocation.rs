@@ -5,7 +5,7 @@ use super::measure::Worst;
 use super::report::Check;
 use super::sample::{Sample, lift};
 use ff_model::port::port_len;
-use ff_model::scalar::lanes::Portable4;
+use ff_model::scalar::lanes::Four;
 use ff_model::scalar::{D1, D2, Grad};
 use ff_model::scalar::{LaneScalar, ModelScalar};
 use ff_model::{DynAppendage, Motion, PortAccel, PortMatrix, PortState};
@@ -24,9 +24,9 @@ pub(super) fn allocation(a: &dyn DynAppendage, samples: &[Sample], meter: Alloca
         over::<D1>("D1", a, s, meter, &mut worst);
         over::<Grad>("Grad", a, s, meter, &mut worst);
         over::<D2>("D2", a, s, meter, &mut worst);
-        over::<Portable4>("lanes", a, s, meter, &mut worst);
+        over::<Four>("lanes", a, s, meter, &mut worst);
         tangent::<f64>("f64", a, s, meter, &mut worst);
-        tangent::<Portable4>("lanes", a, s, meter, &mut worst);
+        tangent::<Four>("lanes", a, s, meter, &mut worst);
     }
     worst.check(law::NO_ALLOCATION, 0.0)
 }

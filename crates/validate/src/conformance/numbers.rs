@@ -89,19 +89,20 @@ pub(super) fn number_types(a: &dyn DynAppendage, samples: &[Sample]) -> Check {
         }
     }
     let rest = samples[0].all_at(a.declaration(), 1e-9);
-    for isa in [Isa::Portable, Isa::V3, Isa::V4].into_iter().filter(|&isa| isa <= Isa::detect()) {
+    for isa in [Isa::Portable, Isa::V3, Isa::V4].into_iter().filter(|isa| isa.is_available()) {
         dispatch(isa, Lanes { a, samples, rest: &rest, worst: &mut worst });
     }
     worst.check(law::NUMBER_TYPES, 1e-12)
 }
 
-/// Why [`number_types`] leaves out instruction sets on this machine.
+/// Why [`number_types`] leaves out instruction sets here.
 pub(super) fn lacking() -> impl Iterator<Item = &'static str> {
     let sets = [
-        (Isa::V3, "not over the lanes of AVX2 (x86-64-v3), which this machine lacks"),
-        (Isa::V4, "not over the lanes of AVX-512 (x86-64-v4), which this machine lacks"),
+        (Isa::Portable, "not over portable lanes, which this build has no code for"),
+        (Isa::V3, "not over the lanes of AVX2 (x86-64-v3), which this machine or build lacks"),
+        (Isa::V4, "not over the lanes of AVX-512 (x86-64-v4), which this machine or build lacks"),
     ];
-    sets.into_iter().filter(|(isa, _)| *isa > Isa::detect()).map(|(_, why)| why)
+    sets.into_iter().filter(|(isa, _)| !isa.is_available()).map(|(_, why)| why)
 }
 
 /// Every method over lanes, one sample in each, against plain numbers.

@@ -30,6 +30,7 @@ pub(crate) mod arm_model;
 pub(crate) mod arm_table;
 pub(crate) mod disturbance;
 pub(crate) mod fill;
+mod instants;
 pub(crate) mod key;
 pub(crate) mod numbers;
 mod pool;

@@ -7,7 +7,7 @@
 
 use super::arm_model::ArmModel;
 use super::disturbance::{Disturbance, Disturbed, push};
-use super::fill::{Instants, scatter};
+use super::instants::{Instants, scatter};
 use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW, columns};
 use super::pool::Pool;
 use super::sampling::Sampling;
