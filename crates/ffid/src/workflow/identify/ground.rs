@@ -16,7 +16,7 @@ use super::result::provenance::{Provenance, Warning};
 use super::settings::Settings;
 use super::signals::Signals;
 use super::text;
-use super::uncertain::UncertainItems;
+use super::uncertain::{DeclaredUncertain, UncertainItems};
 use super::unknowns::Unknowns;
 use crate::open::Opened;
 use ff_least_squares::{Criterion, Status};
@@ -150,7 +150,7 @@ pub(super) fn identify(
     for r in records {
         let (predicted, record) = predict(model, &ground, &r.record, &found.fit.values, &arm)?;
         signals.push(predicted);
-        seen.push(LabelledRecord { label: r.label.clone(), record, resampled: r.resampled, continues: r.continues });
+        seen.push(LabelledRecord { record, ..r.clone() });
     }
     let provenance = Provenance { record: record_line(&records[0].record), ..provenance };
     let result = report(opened, &seen, s, options, (&unknowns, &found, &bounded), &signals, provenance)?;
@@ -253,7 +253,7 @@ fn report(
         channels: signals[0].channels(),
         records: records_of(records, signals),
         warnings: Warning::all(&opened.warnings),
-        not_allowed_for: UncertainItems::of(opened).names(),
+        not_allowed_for: DeclaredUncertain::of(opened).map_or_else(Vec::new, |d| d.not_allowed_for),
         ..IdentificationResult::empty(model.name(), Method::Ground, provenance)
     };
     result.verdict = text::verdict(&result);

@@ -38,6 +38,7 @@ pub(crate) mod labelled_record;
 pub mod model_files;
 pub(crate) mod observed_estimator;
 pub(crate) mod options;
+mod over_time;
 pub(crate) mod record_estimator;
 pub(crate) mod report;
 pub(crate) mod result;
@@ -71,6 +72,7 @@ pub use kept_records::{KeptRecord, MOST_SAMPLES, keep, read_kept};
 pub use labelled_record::LabelledRecord;
 pub use observed_estimator::Observer;
 pub use options::FitOptions;
+pub use over_time::{Course, CoursePoint};
 pub use record_estimator::RecordEstimator;
 pub(in crate::workflow) use result::uncertain::budget as variance_budget;
 pub use result::{

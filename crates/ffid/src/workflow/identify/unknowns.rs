@@ -40,6 +40,8 @@ pub(super) struct Unknowns {
     map: Option<Arc<TieMap>>,
     width: Option<f64>,
     posterior: Option<Posterior>,
+    /// By the name of a step from record to record: what it adds to the changes of parameters in records.
+    pub(super) combined: BTreeMap<String, Vec<(String, f64)>>,
 }
 
 impl Unknowns {
@@ -91,7 +93,8 @@ impl Unknowns {
             offset_start(&decls, &nominal, &asked, s.start_offset, s.seed)
         };
         let (width, posterior) = (s.prior, options.posterior.clone());
-        Ok(Self { decls, selected, nominal, start, marginal, touched, of_model, known, map, width, posterior })
+        let combined = uncertain.over_time.combined.clone();
+        Ok(Self { decls, selected, nominal, start, marginal, touched, of_model, known, map, width, posterior, combined })
     }
     /// What is known beforehand of these.
     pub(super) fn priors(&self, selected: &[usize]) -> Result<Priors, IdentifyError> {
