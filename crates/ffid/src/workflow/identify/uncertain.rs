@@ -282,10 +282,6 @@ impl UncertainItems {
         let known = |d: &ParamDecl| self.unknowns.iter().any(|u| u.name == d.name && u.kind.is_of_parameters());
         !self.shared.iter().all(known)
     }
-    /// Names of its unknowns.
-    pub(super) fn names(&self) -> Vec<String> {
-        self.unknowns.iter().map(|u| u.name.clone()).collect()
-    }
     /// Number of its unknowns.
     pub fn count(&self) -> usize {
         self.unknowns.len()
