@@ -4,6 +4,7 @@
 use super::bandwidth::correlated_samples;
 use super::error::{IdentifyError, config};
 use super::findings::{DeterminedCombination, ReducedSet};
+use super::ground_uncertain::Calibration;
 use super::identified::Identified;
 use super::known;
 use super::labelled_record::LabelledRecord;
@@ -141,8 +142,11 @@ pub(super) fn identify(
     let correlated: Vec<f64> = counted.iter().map(|c| c.0 / c.1.max(1.0)).collect();
     let effective: Vec<f64> = sigma.iter().zip(&correlated).map(|(s, t)| s * t.sqrt()).collect();
     let chi2_per_dof = found.fit.chi2_per_dof;
-    found = ground.clone().weights(Weights::Given(effective)).estimate(&samples, selected, start).map_err(linear)?;
+    let weighted = |model| Ok(calibration(model, s.low_pass_hz)?.weights(Weights::Given(effective.clone())));
+    found = weighted(model)?.estimate(&samples, selected, start).map_err(linear)?;
     found.fit.chi2_per_dof = chi2_per_dof;
+    let calibrated = Calibration { model, of: &weighted, records: &samples, selected, start };
+    let considered = calibrated.consider(&UncertainItems::of(opened), &mut found)?;
     // Numbers that no body has are moved to the nearest that some body has.
     let bounded = found.make_physical(decls, selected, start).map_err(|e| IdentifyError::Model(e.to_string()))?;
     let arm = Arm { friction: found.friction.clone(), sigma, low_pass_hz: s.low_pass_hz };
@@ -153,7 +157,13 @@ pub(super) fn identify(
         seen.push(LabelledRecord { record, ..r.clone() });
     }
     let provenance = Provenance { record: record_line(&records[0].record), ..provenance };
-    let result = report(opened, &seen, s, options, (&unknowns, &found, &bounded), &signals, provenance)?;
+    let mut result = report(opened, &seen, s, options, (&unknowns, &found, &bounded), &signals, provenance)?;
+    if !considered.lines.is_empty() {
+        (result.uncertain, result.budget) = (considered.lines, considered.budget);
+        // Its errors are those of the next identification too: taken as independent they would count as noise.
+        result.posterior = None;
+        result.verdict = text::verdict(&result);
+    }
     Ok(Identified {
         result,
         signals,

@@ -30,6 +30,7 @@ pub(crate) mod explain;
 mod extra_mode;
 pub(crate) mod findings;
 pub(crate) mod ground;
+mod ground_uncertain;
 pub(crate) mod held_out;
 pub(crate) mod identified;
 mod kept_records;

@@ -37,7 +37,7 @@ fn exactness(r: &IdentificationResult) -> Vec<String> {
     let mut said = Vec::new();
     if !r.not_allowed_for.is_empty() {
         let how = match r.method {
-            Method::Ground => "the calibration on the ground allows for no errors but friction and noise",
+            Method::Ground => "the calibration on the ground takes robot and biases as the same at all times",
             _ => "the rigid method has no columns of sensors and placements; --method output-error has",
         };
         said.push(format!(

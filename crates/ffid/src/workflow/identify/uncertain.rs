@@ -116,7 +116,8 @@ pub(in crate::workflow) struct UncertainUnknown {
 pub struct DeclaredUncertain {
     /// The unknowns that are estimated beside what is asked for.
     pub unknowns: Vec<DeclaredUnknown>,
-    /// Those among them that the method of the mission takes as exact: all on the ground, sensors and placements with the rigid one.
+    /// Those among them that the method of the mission takes as exact: what moves slowly on the ground, sensors, placements and walks of
+    /// biases with the rigid one.
     pub not_allowed_for: Vec<String>,
 }
 
@@ -150,7 +151,8 @@ impl DeclaredUncertain {
             UncertainItems::of(opened).unknowns.into_iter().chain(moving).map(line).collect();
         let rigid = opened.mission.as_ref().is_some_and(|m| m.estimate.method == Some(EstimateMethod::Rda));
         let ground = opened.model.base_kind() == BaseKind::Fixed;
-        let exact = |u: &&DeclaredUnknown| ground || rigid && !u.kind.is_of_parameters();
+        let moves = |k: UncertainKind| matches!(k, UncertainKind::Changes | UncertainKind::BiasWalks);
+        let exact = |u: &&DeclaredUnknown| ground && moves(u.kind) || rigid && !u.kind.is_of_parameters();
         let not_allowed_for = unknowns.iter().filter(exact).map(|u| u.name.clone()).collect();
         (!unknowns.is_empty()).then_some(Self { unknowns, not_allowed_for })
     }
