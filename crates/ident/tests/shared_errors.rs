@@ -89,7 +89,7 @@ fn a_common_gain_scales_the_base_by_as_much_whatever_the_number_of_records() {
     for (records, in_sequence) in [(1, false), (5, false), (5, true)] {
         let ((mass, gain), share) = deviations(records, in_sequence);
         // Nothing but its prior tells the gain, once, and the mass follows it.
-        assert_within!((gain / GAIN - 1.0).abs(), 0.01, "{records} records: {gain}");
+        assert_within!((gain / GAIN - 1.0).abs(), 0.01, "{records} records, {in_sequence}: {gain}");
         assert_within!((mass / gain - 1.0).abs(), 0.01, "{records} records: {mass} {gain}");
         assert!(share > 0.98, "{share}");
     }

@@ -25,7 +25,7 @@ pub fn over_time_figure(r: &IdentificationResult) -> Option<(String, Figure)> {
 
 fn panel(c: &Course, first: bool) -> Panel {
     let at: Vec<f64> = c.points.iter().map(|p| p.at).collect();
-    let of = |by: f64| -> Vec<f64> { c.points.iter().map(|p| p.value + by * p.std.unwrap_or(f64::NAN)).collect() };
+    let of = |by: f64| -> Vec<f64> { c.points.iter().map(|p| p.value + by * p.std.unwrap_or(0.0)).collect() };
     let (axis, title) = match &c.record {
         Some(record) => ("time (s)", format!("{} of {record}", c.name)),
         None => ("record", c.name.clone()),

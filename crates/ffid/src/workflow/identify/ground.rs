@@ -28,7 +28,7 @@ use ident::Posterior;
 use ident::Priors;
 use ident::SetupError;
 use ident::estimate::report::FitReport;
-use ident::solve::{LinearError, LinearEstimate, Weights};
+use ident::solve::{LinearError, LinearEstimate};
 use ident::{Friction, Ground, GroundEstimate};
 
 /// Joint friction and noise, as an identification found them.
@@ -66,7 +66,7 @@ impl Arm {
 }
 
 /// The estimator.
-fn calibration(model: &Model, low_pass_hz: Option<f64>) -> Result<Ground<'_>, IdentifyError> {
+pub(super) fn calibration(model: &Model, low_pass_hz: Option<f64>) -> Result<Ground<'_>, IdentifyError> {
     let ground = Ground::new(model, Friction::ALL).map_err(linear)?;
     Ok(match low_pass_hz {
         Some(hz) => ground.low_pass(hz),
@@ -142,10 +142,10 @@ pub(super) fn identify(
     let correlated: Vec<f64> = counted.iter().map(|c| c.0 / c.1.max(1.0)).collect();
     let effective: Vec<f64> = sigma.iter().zip(&correlated).map(|(s, t)| s * t.sqrt()).collect();
     let chi2_per_dof = found.fit.chi2_per_dof;
-    let weighted = |model| Ok(calibration(model, s.low_pass_hz)?.weights(Weights::Given(effective.clone())));
-    found = weighted(model)?.estimate(&samples, selected, start).map_err(linear)?;
+    let (low_pass_hz, sigma_of) = (s.low_pass_hz, &effective[..]);
+    let calibrated = Calibration { model, low_pass_hz, sigma: sigma_of, records: &samples, selected, start };
+    found = calibrated.run(model, &samples, start)?;
     found.fit.chi2_per_dof = chi2_per_dof;
-    let calibrated = Calibration { model, of: &weighted, records: &samples, selected, start };
     let considered = calibrated.consider(&UncertainItems::of(opened), &mut found)?;
     // Numbers that no body has are moved to the nearest that some body has.
     let bounded = found.make_physical(decls, selected, start).map_err(|e| IdentifyError::Model(e.to_string()))?;

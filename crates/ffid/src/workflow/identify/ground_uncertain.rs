@@ -12,20 +12,22 @@
 //! divided by their gain, joints and their zeros displaced, links that are not estimated heavier.
 
 use super::error::IdentifyError;
-use super::ground::linear;
+use super::ground::{calibration, linear};
 use super::result::uncertain::{BudgetLine, UncertainLine, considered_budget};
 use super::uncertain::{UncertainItems, UncertainKind, UncertainUnknown};
 use ff_model::{Kinematics, Model, ParamDecl};
 use ff_records::Record;
 use ident::compose::TieMap;
-use ident::{Ground, GroundEstimate};
+use ident::GroundEstimate;
+use ident::solve::Weights;
 use nalgebra::DMatrix;
 
 /// A calibration: how, of what, from where.
 pub(super) struct Calibration<'a> {
     pub(super) model: &'a Model,
-    /// The estimator of a model.
-    pub(super) of: &'a dyn for<'m> Fn(&'m Model) -> Result<Ground<'m>, IdentifyError>,
+    pub(super) low_pass_hz: Option<f64>,
+    /// Standard deviation of every joint's residual (N m), what is correlated allowed for.
+    pub(super) sigma: &'a [f64],
     pub(super) records: &'a [&'a Record],
     pub(super) selected: &'a [usize],
     pub(super) start: &'a [f64],
@@ -39,8 +41,16 @@ pub(super) struct Considered {
 }
 
 impl Calibration<'_> {
-    fn run(&self, model: &Model, records: &[&Record], start: &[f64]) -> Result<GroundEstimate, IdentifyError> {
-        (self.of)(model)?.estimate(records, self.selected, start).map_err(linear)
+    /// Of this model, from these records and values.
+    pub(super) fn run(
+        &self,
+        model: &Model,
+        records: &[&Record],
+        start: &[f64],
+    ) -> Result<GroundEstimate, IdentifyError> {
+        let weights = Weights::Given(self.sigma.to_vec());
+        let ground = calibration(model, self.low_pass_hz)?.weights(weights);
+        ground.estimate(records, self.selected, start).map_err(linear)
     }
     /// The estimate in a world in which `u` is off by one deviation.
     fn off(&self, u: &UncertainUnknown, map: &TieMap) -> Result<GroundEstimate, IdentifyError> {

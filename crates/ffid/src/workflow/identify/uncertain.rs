@@ -322,9 +322,10 @@ impl UncertainItems {
         if self.shared.iter().any(|d| d.name == name) {
             return;
         }
+        // Its size is that of the deviation, whatever the mean: the nominal value stays zero, and fits begin at the mean.
         let around = decl(name.clone(), unit, std);
         let bounds = (mean + around.bounds.0, mean + around.bounds.1);
-        self.shared.push(ParamDecl { nominal: mean, bounds, ..around });
+        self.shared.push(ParamDecl { bounds, ..around });
         self.unknowns.push(UncertainUnknown { name, unit, mean, std, kind });
     }
     /// An error of this size that is to be estimated, of which nothing is known.

@@ -56,7 +56,10 @@ impl Unknowns {
         let mut all = model.param_decls();
         let of_model = all.len();
         all.extend(uncertain.shared.iter().cloned());
-        let values: Vec<f64> = all.iter().map(|d| d.nominal).collect();
+        // Errors that records share begin at their means.
+        let mean = |d: &ParamDecl| uncertain.unknowns.iter().find(|u| u.name == d.name).map_or(d.nominal, |u| u.mean);
+        let values: Vec<f64> =
+            all.iter().enumerate().map(|(i, d)| if i < of_model { d.nominal } else { mean(d) }).collect();
         let map = tie_map(&all, &values, &options.ties, uncertain.ties(&values)?)
             .map_err(|e| refused("Config::Ties", e.to_string(), "see the names that `ffid check` lists"))?;
         let mut touched = estimated.to_vec();
