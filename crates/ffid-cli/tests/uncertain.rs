@@ -200,26 +200,119 @@ fn considered_errors_widen_the_deviations_and_are_no_contradiction() {
     );
 }
 
-/// A method without the columns says so, in the list of the mission and in the verdict.
+/// On the ground errors are considered: estimates stay, deviations allow for them. What it has no means for is said.
 #[test]
-fn what_a_method_does_not_allow_for_is_said() {
+fn the_ground_considers_what_is_not_known_and_says_what_it_takes_as_exact() {
     let dir = tempfile::tempdir().unwrap();
-    let text = fs::read_to_string(fixture("ground/arm.toml")).unwrap();
-    let unsure = "\n[[uncertain]]\nmounts = [\"arm_j2\"]\nposition_std_m = 0.002\n\n[sensors.torque]\ngain_relative_std = 0.01\n";
-    fs::write(dir.path().join("arm.toml"), text.replace("../peers-model/", "") + unsure).unwrap();
+    let text = fs::read_to_string(fixture("ground/arm.toml")).unwrap().replace("../peers-model/", "");
+    let unsure = "\n[[uncertain]]\nmounts = [\"arm_j2\"]\nposition_std_m = 0.002\n\n[[changes]]\nparameters = [\"arm_l*.mass\"]\nstep_std = 0.1\n\n[sensors.torque]\ngain_common_relative_std = 0.01\n";
+    fs::write(dir.path().join("exact.toml"), &text).unwrap();
+    fs::write(dir.path().join("arm.toml"), text + unsure).unwrap();
     fs::copy(fixture("peers-model/arm_fixed.urdf"), dir.path().join("arm_fixed.urdf")).unwrap();
     let (code, out, err) = ffid(dir.path(), &["check", "arm.toml", "--json"]);
     assert_eq!(code, 0, "{out}{err}");
     let declared = serde_json::from_str::<Value>(&out).unwrap()["uncertain"].clone();
-    assert_eq!(declared["unknowns"].as_array().unwrap().len(), 10);
-    assert_eq!(declared["not_allowed_for"].as_array().unwrap().len(), 10, "{declared}");
+    let exact = declared["not_allowed_for"].as_array().unwrap();
+    assert_eq!(declared["unknowns"].as_array().unwrap().len(), 4 + exact.len());
+    assert!(!exact.is_empty() && exact.iter().all(|n| n.as_str().unwrap().starts_with("step.")), "{declared}");
     let log = fixture("ground/log.csv");
-    let log = log.to_str().unwrap();
-    let args = ["identify", "arm.toml", "--record", log, "--reduce", "--out", "res", "--json"];
-    let (code, out, err) = ffid(dir.path(), &args);
-    assert_eq!(code, 0, "{err}");
-    let r = serde_json::from_str::<Value>(&out).unwrap()["result"].clone();
+    let identified = |mission: &str| {
+        let args = ["identify", mission, "--record", log.to_str().unwrap(), "--reduce", "--out", "res", "--force", "--json"];
+        let (code, out, err) = ffid(dir.path(), &args);
+        assert_eq!(code, 0, "{err}");
+        serde_json::from_str::<Value>(&out).unwrap()["result"].clone()
+    };
+    let (r, sure) = (identified("arm.toml"), identified("exact.toml"));
     assert_eq!(r["not_allowed_for"], declared["not_allowed_for"]);
-    let says = |v: &Value| v.as_str().is_some_and(|s| s.contains("do NOT allow for") && s.contains("torque.gain"));
+    let says = |v: &Value| v.as_str().is_some_and(|s| s.contains("do NOT allow for") && s.contains("step."));
     assert!(r["verdict"].as_array().unwrap().iter().take(3).any(says), "{}", r["verdict"]);
+    assert_eq!((r["uncertain"].as_array().unwrap().len(), &r["posterior"]), (4, &Value::Null));
+    // A gain of all joints scales their friction; where a joint is hardly matters to it.
+    let (v, std) = value(&r, "nuisance", "friction.arm_j2.coulomb");
+    let (same, alone) = value(&sure, "nuisance", "friction.arm_j2.coulomb");
+    assert_eq!(v, same);
+    let from_gain = (std * std - alone * alone).sqrt() * 1.01 / (0.01 * v.abs());
+    assert!((0.999..1.1).contains(&from_gain), "{from_gain}: {v} {std} {alone}");
+    let budget = r["budget"].as_array().unwrap();
+    assert!(!budget.is_empty());
+    for b in budget {
+        let of: f64 = b["errors"].as_array().unwrap().iter().map(|e| e["share"].as_f64().unwrap()).sum();
+        assert!((b["noise"].as_f64().unwrap() + of - 1.0).abs() < 1e-6, "{b}");
+    }
+}
+
+/// A robot whose fuel is burnt between records, and whose gyro walks: a mission's life, record by record.
+#[test]
+fn fuel_that_is_burnt_between_records_and_a_gyro_that_walks_are_followed() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    world(d, 21, |_, _| {}, |m| {
+        let walk = "bias_walk_rad_per_s_per_sqrt_s = 1e-5\nnoise_std_rad_per_s";
+        m.replace("noise_std_rad_per_s", walk)
+            + "\n[[changes]]\nparameters = [\"tank.mass\"]\nstep_std = 1.5\nstep_mean = -1.0\n"
+    });
+    // The first 20 s of the motion, three times, with less fuel each time.
+    let text = fs::read_to_string(d.join("clean.csv")).unwrap();
+    let columns = text.lines().next().unwrap().split(',').position(|c| c.starts_with("tau.")).unwrap();
+    let motion = |l: &str| l.split(',').take(columns).collect::<Vec<_>>().join(",");
+    let lines: Vec<String> = text.lines().take(1001).map(motion).collect();
+    fs::write(d.join("motion.csv"), lines.join("\n").replace(",ddq.", ",qdd.").replace(",dq.", ",qd.") + "\n").unwrap();
+    let truth = fs::read_to_string(fixture("verdict").join("truth.toml")).unwrap();
+    let fuel = [46.5, 44.8, 43.9];
+    for (k, mass) in fuel.iter().enumerate() {
+        fs::write(d.join("t.toml"), truth.replace("mass_kg = 46.5", &format!("mass_kg = {mass}"))).unwrap();
+        let (out, seed) = (format!("r{k}.csv"), format!("{}", 31 + k));
+        let args = ["simulate", "t.toml", "--trajectory", "motion.csv", "--out", &out, "--seed", &seed, "--quiet"];
+        let (code, out, err) = ffid(d, &args);
+        assert_eq!(code, 0, "{out}{err}");
+    }
+    // The gyro of the second record walks: a step of its bias in the middle of what it may.
+    let r1 = fs::read_to_string(d.join("r1.csv")).unwrap();
+    let gyro = r1.lines().next().unwrap().split(',').position(|c| c.starts_with("gyro.y")).unwrap();
+    let walked = |(i, l): (usize, &str)| {
+        let mut x: Vec<String> = l.split(',').map(str::to_owned).collect();
+        if i > 0 {
+            let by = 6e-5 * (i as f64 / 1000.0 * std::f64::consts::PI).sin();
+            x[gyro] = format!("{}", x[gyro].parse::<f64>().unwrap() + by);
+        }
+        x.join(",")
+    };
+    fs::write(d.join("r1.csv"), r1.lines().enumerate().map(walked).collect::<Vec<_>>().join("\n") + "\n").unwrap();
+    let run = |args: &[&str]| {
+        let (code, out, err) = ffid(d, &[&["identify", "m.toml", "--json", "--quiet", "--force"], args].concat());
+        let r = serde_json::from_str::<Value>(&out).unwrap()["result"].clone();
+        assert_eq!((code, r["evidence"]["state"].as_str()), (0, Some("explained")), "{err} {}", r["verdict"]);
+        r
+    };
+    let course = |r: &Value, name: &str, record: Option<&str>| -> Vec<(f64, f64, f64)> {
+        let all = r["over_time"].as_array().unwrap();
+        let of = all.iter().find(|c| c["name"] == name && c["record"].as_str() == record);
+        let points = of.unwrap_or_else(|| panic!("{name} {record:?} in {all:?}"))["points"].as_array().unwrap();
+        let number = |p: &Value, key: &str| p[key].as_f64().unwrap();
+        points.iter().map(|p| (number(p, "at"), number(p, "value"), number(p, "std"))).collect()
+    };
+    let joint = run(&["--records", "r0.csv", "r1.csv", "r2.csv", "--out", "joint"]);
+    let masses = course(&joint, "tank.mass", None);
+    assert_eq!(masses.len(), 3);
+    for ((_, value, std), true_mass) in masses.iter().zip(fuel) {
+        assert!((value - true_mass).abs() < 4.0 * std && *std < 1.2, "{masses:?}");
+    }
+    // The last is what the robot has now.
+    let (now, std) = value(&joint, "parameters", "tank.mass");
+    assert!((now - masses[2].1).abs() < 1e-12 && (std - masses[2].2).abs() < 1e-9 * std);
+    let bias = course(&joint, "gyro.bias.y", Some("r1"));
+    assert_eq!((bias[0].0, bias.len() > 3), (0.0, true), "{bias:?}");
+    for (t, value, std) in &bias {
+        // Simulated sensors have no bias of their own.
+        let by = 6e-5 * (t / 20.0 * std::f64::consts::PI).sin();
+        assert!((value - by).abs() < 4.0 * std, "{bias:?}");
+    }
+    // One folder for the whole life of the mission: record by record the same answer.
+    run(&["--record", "r0.csv", "--out", "life"]);
+    run(&["--record", "r1.csv", "--prior-from", "life", "--out", "life"]);
+    let life = run(&["--record", "r2.csv", "--prior-from", "life", "--out", "life"]);
+    for (a, b) in course(&life, "tank.mass", None).iter().zip(&masses) {
+        assert!((a.1 - b.1).abs() < 0.02 * b.2 && (a.2 / b.2 - 1.0).abs() < 0.01, "{a:?} {b:?}");
+    }
+    assert!(d.join("life/over-time.svg").exists() && fs::read_to_string(d.join("life/report.txt")).unwrap().contains("tank.mass (kg), record by record"));
 }

@@ -12,7 +12,7 @@ use ident::compose::Shared;
 use ident::estimate::Estimate;
 use ident::parameters::offset_start;
 use ident::parameters::select;
-use ident::uncertain::ErrorSource;
+use ident::uncertain::{ErrorSource, WalkPart};
 use ident::*;
 use nalgebra::DMatrix;
 use rand::SeedableRng;
@@ -90,7 +90,10 @@ fn errors_of_sensors_joints_and_surroundings_have_columns_that_are_derivatives()
     let record = spoiled(&l, 0.0, 0).window(3.0, 9.0).unwrap();
     let kinematics = vec!["joint2.offset".to_owned(), "tank.mount.ry".to_owned()];
     // Delays beside skews, so that readings are interpolated; more placements and disturbances than a table keeps.
-    let options = Options { errors: ErrorSource::all(l.model.nj()), kinematics, ..everything() };
+    let mut errors = ErrorSource::all(l.model.nj());
+    errors.push(ErrorSource::TorqueWalk(2, WalkPart { index: 1, every_ms: 2300 }));
+    errors.push(ErrorSource::GyroWalk(1, WalkPart { index: 0, every_ms: 4100 }));
+    let options = Options { errors, kinematics, ..everything() };
     let mut oe = OutputError::new(&l.model, &record, &options).unwrap();
     let names: Vec<String> = oe.nuisance().into_iter().map(|u| u.name).collect();
     for name in ["torque.gain", "gyro.rotation.y", "friction.coulomb.joint7", "compliance.joint3", "wrench.nz"] {

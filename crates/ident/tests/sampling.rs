@@ -211,7 +211,7 @@ fn draws_of_a_simulated_record_agree_with_its_profiles() {
     let (one, two) = (record(1), record(2));
     let decls = l.model.param_decls();
     let selected = select(&decls, &["tank.mass", "tank.length", "tank.k[*]", "tank.d[*]"]).unwrap();
-    let options = Options { substeps: 2, ..Options::new(noise) };
+    let options = Options { substeps: 2, gyro_bias: true, ..Options::new(noise) };
     let request = Request::new(&decls, &selected, p.values());
     let settings = ChainSettings { draws: 500, ..SETTINGS };
     let shared = Shared::new(&[("one", &decls[..]), ("two", &decls[..])], &[""; 0]).unwrap();

@@ -1,6 +1,6 @@
 //! A function as joint motion.
 
-use crate::motion::joint::{JointMotion, MotionError, at_rest, check_time};
+use crate::motion::joint::{JointMotion, MotionError, at_rest, check_time, is_outside};
 
 /// Joint motion from a function `f(t, q, qd, qdd)` that writes positions (rad or m), rates (rad/s or m/s) and accelerations
 /// (rad/s^2 or m/s^2) of all joints at time `t` (s).
@@ -84,7 +84,7 @@ impl<F: Fn(f64, &mut [f64], &mut [f64], &mut [f64]) + Send + Sync> JointMotion f
     fn eval(&self, t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
         let n = self.joints;
         (self.f)(t.clamp(0.0, self.duration), &mut q[..n], &mut qd[..n], &mut qdd[..n]);
-        if t < 0.0 || t > self.duration {
+        if is_outside(t, self.duration) {
             at_rest(n, qd, qdd);
         }
     }

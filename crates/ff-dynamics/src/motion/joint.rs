@@ -107,6 +107,15 @@ macro_rules! forward_motion {
 }
 forward_motion!(Box<M>, Arc<M>, &M);
 
+/// Part of the duration that a time may be beyond an end by rounding: `k * dt` of the last sample need not be the duration, and is at
+/// the end of the motion, not behind it.
+const ROUNDED: f64 = 1e-12;
+
+/// Whether a time lies outside `[0, duration]`, by more than rounding.
+pub(crate) fn is_outside(t: f64, duration: f64) -> bool {
+    t < -ROUNDED * duration || t > duration + ROUNDED * duration
+}
+
 /// Zeroes the first `n` rates and accelerations: what holds outside `[0, duration]`.
 pub(crate) fn at_rest(n: usize, qd: &mut [f64], qdd: &mut [f64]) {
     qd[..n].fill(0.0);
@@ -229,7 +238,7 @@ impl JointMotion for Sequence {
         // Rounding in the sum of durations must not carry the local time past the end of its part.
         let local = (inside - self.starts[k]).min(self.parts[k].duration());
         self.parts[k].eval(local, q, qd, qdd);
-        if t < 0.0 || t > self.duration {
+        if is_outside(t, self.duration) {
             at_rest(self.dof(), qd, qdd);
         }
     }

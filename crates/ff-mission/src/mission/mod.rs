@@ -49,6 +49,7 @@
 //! Every key carries its unit and is documented on the field of the struct it fills. Unknown keys, NaN and
 //! infinity are errors; all problems are listed with file, line and column. Reasons go into comments.
 pub(crate) mod appendage;
+pub(crate) mod changes;
 pub(crate) mod client;
 pub(crate) mod declared;
 pub(crate) mod excite;
@@ -64,6 +65,7 @@ pub(crate) mod uncertain;
 pub(crate) mod values;
 
 pub use appendage::{AppendageSpec, Mount};
+pub use changes::Changes;
 pub use client::Client;
 pub use excite::{Excite, ExciteDuration, ExciteEnd, GOALS, Goal, Optimality};
 pub use input::{Course, Effort, InputSpec, PulseSpec, SampleSpec, Thrust, Wrench, WrenchAxes};
@@ -77,6 +79,7 @@ use crate::lines::LineIndex;
 use crate::urdf;
 use crate::urdf::UrdfOptions;
 use appendage::{APPENDAGE, Draft, Kinds};
+use changes::CHANGES;
 use client::CLIENT;
 use declared::{Holds, Key, key, must};
 use excite::EXCITE;
@@ -112,6 +115,7 @@ const ROOT: &[Key] = &[
     key("input", Holds::TablesOf(INPUTS), "what acts in ffid simulate"),
     key("sensors", Holds::Table(SENSORS), "rate and noise of the sensors"),
     key("uncertain", Holds::Tables(UNCERTAIN), "what is not known exactly: masses, placements, parameters"),
+    key("changes", Holds::Tables(CHANGES), "what changes from one record to the next: fuel that is burnt"),
     key("limits", Holds::Table(LIMITS), "what planned motion must keep to"),
     key("estimate", Holds::Table(ESTIMATE), "what is identified, and from which start"),
     key("excite", Holds::Table(EXCITE), "the manoeuvre that is planned"),
@@ -159,6 +163,8 @@ pub struct Mission {
     pub sensors: Sensors,
     /// `[[uncertain]]`, in order: what is not known exactly.
     pub uncertain: Vec<Uncertain>,
+    /// `[[changes]]`, in order: what changes from one record to the next.
+    pub changes: Vec<Changes>,
     /// `[limits]`.
     pub limits: Limits,
     /// `[estimate]`.
@@ -381,6 +387,14 @@ fn read(
             (t, u)
         })
         .collect();
+    let changes: Vec<(Table<'_, '_>, Changes)> = root
+        .tables("changes")
+        .into_iter()
+        .map(|t| {
+            let c = Changes::read(&t);
+            (t, c)
+        })
+        .collect();
     let limits = root.table("limits").map(|t| Limits::read(&t)).unwrap_or_default();
     let estimate_table = root.table("estimate");
     let estimate = estimate_table.as_ref().map(Estimate::read).unwrap_or_default();
@@ -447,8 +461,10 @@ fn read(
     let inputs = inputs.into_iter().filter_map(|(_, i)| i).collect();
     if complete {
         uncertain.iter().for_each(|(t, u)| u.check(&model, t));
+        changes.iter().for_each(|(t, c)| c.check(&model, t));
     }
     let uncertain = uncertain.into_iter().map(|(_, u)| u).collect();
+    let changes = changes.into_iter().map(|(_, c)| c).collect();
     let mut estimated = Vec::new();
     // With an appendage missing, patterns for its parameters would be reported as well.
     if let (Some(t), true) = (&estimate_table, complete) {
@@ -473,6 +489,7 @@ fn read(
         inputs,
         sensors,
         uncertain,
+        changes,
         limits,
         estimate,
         excite,

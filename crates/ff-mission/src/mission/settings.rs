@@ -32,6 +32,9 @@ pub struct Torque {
     pub gain_relative_std: Option<f64>,
     /// `gain_common_relative_std`: of the gain of all of them together; exact unless given.
     pub gain_common_relative_std: Option<f64>,
+    /// `bias_walk_nm_per_sqrt_s`: standard deviation of what the bias of each sensor has walked after a second, growing with the root of
+    /// the time (N m/sqrt(s)); constant unless given.
+    pub bias_walk_nm_per_sqrt_s: Option<f64>,
 }
 
 /// Section `[sensors.gyro]`; all keys default to zero.
@@ -47,6 +50,9 @@ pub struct Gyro {
     pub scale_relative_std: Option<f64>,
     /// `misalignment_std_rad`: of its rotation against the base, about every axis (rad); exact unless given.
     pub misalignment_std_rad: Option<f64>,
+    /// `bias_walk_rad_per_s_per_sqrt_s`: standard deviation of what the bias of each axis has walked after a second, growing with the root of
+    /// the time (rad/s/sqrt(s)), known as rate random walk; constant unless given.
+    pub bias_walk_rad_per_s_per_sqrt_s: Option<f64>,
 }
 
 /// Section `[sensors.encoder]`; numbers default to zero.
@@ -76,6 +82,11 @@ const TORQUE: &[Key] = &[
     key("lsb_nm", Holds::NotNegative, "quantisation step (N m); 0 for none").or(0.0),
     key("gain_relative_std", Holds::Positive, "standard deviation of the gain of each sensor; exact unless given"),
     key("gain_common_relative_std", Holds::Positive, "of the gain of all of them together; exact unless given"),
+    key(
+        "bias_walk_nm_per_sqrt_s",
+        Holds::Positive,
+        "random walk of the bias of each sensor: standard deviation after a second (N m/sqrt(s)); constant unless given",
+    ),
 ];
 
 const GYRO: &[Key] = &[
@@ -84,6 +95,11 @@ const GYRO: &[Key] = &[
     key("lsb_rad_per_s", Holds::NotNegative, "quantisation step (rad/s); 0 for none").or(0.0),
     key("scale_relative_std", Holds::Positive, "standard deviation of the scale of each axis; exact unless given"),
     key("misalignment_std_rad", Holds::Positive, "of its rotation about every axis (rad); exact unless given"),
+    key(
+        "bias_walk_rad_per_s_per_sqrt_s",
+        Holds::Positive,
+        "random walk of the bias of each axis: standard deviation after a second (rad/s/sqrt(s)); constant unless given",
+    ),
 ];
 
 // Beyond 52 bits a step is below the resolution of the numbers themselves.
@@ -115,6 +131,7 @@ impl Sensors {
             s.torque.lsb_nm = t.number("lsb_nm").unwrap_or_default();
             s.torque.gain_relative_std = t.number("gain_relative_std");
             s.torque.gain_common_relative_std = t.number("gain_common_relative_std");
+            s.torque.bias_walk_nm_per_sqrt_s = t.number("bias_walk_nm_per_sqrt_s");
             t.finish();
         }
         if let Some(t) = t.table("gyro") {
@@ -123,6 +140,7 @@ impl Sensors {
             s.gyro.lsb_rad_per_s = t.number("lsb_rad_per_s").unwrap_or_default();
             s.gyro.scale_relative_std = t.number("scale_relative_std");
             s.gyro.misalignment_std_rad = t.number("misalignment_std_rad");
+            s.gyro.bias_walk_rad_per_s_per_sqrt_s = t.number("bias_walk_rad_per_s_per_sqrt_s");
             t.finish();
         }
         if let Some(t) = t.table("encoder") {

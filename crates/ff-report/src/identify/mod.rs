@@ -2,8 +2,10 @@
 
 mod corner;
 pub mod figures;
+mod over_time;
 mod page;
 mod sampled;
 
 pub use corner::corner_figure;
+pub use over_time::over_time_figure;
 pub use page::{all_figures, page, validation};

@@ -1,6 +1,7 @@
 //! The report of a result: data to a page.
 
 use super::figures;
+use super::over_time::over_time_figure;
 use super::sampled;
 use crate::page::{Block, Cell, Level, Page, Table, interval, points};
 use crate::plot::{Figure, typeset};
@@ -31,6 +32,7 @@ pub fn all_figures(r: &IdentificationResult, all: &[Signals], held: Option<&Sign
         let spectra = figures::spectra(s, &r.modes, &of("spectra of signals and residuals"));
         out.extend(spectra.map(|f| (stem("spectra"), f)));
     }
+    out.extend(over_time_figure(r));
     let of = |what: &str| format!("{}: {what}", r.robot);
     if let Some(h) = held {
         out.push(("held-out".into(), figures::signals(h, &of("data that were held out"))));
@@ -63,12 +65,14 @@ pub fn page(r: &IdentificationResult, figures: &[(String, Figure)], replay: Opti
         parameters.push(Block::Details("Biases and initial state, estimated beside them".into(), vec![beside]));
     }
     page.section("Parameters", parameters);
-    page.section("What would explain the record", named(r).into_iter().collect());
     let points = points(figures.iter().map(|(_, f)| f));
     let drawn = |stems: &[&str]| -> Result<Vec<Block>, Failure> {
         let of = |s: &str| stems.iter().any(|w| s == *w || s.strip_prefix(w).is_some_and(|l| l.starts_with('-')));
         figures.iter().filter(|(s, _)| of(s)).map(|(_, f)| Block::figure(f, points)).collect()
     };
+    let over_time = drawn(&["over-time"])?;
+    page.section("What changes", over_time);
+    page.section("What would explain the record", named(r).into_iter().collect());
     let mut signals = vec![];
     if r.records.is_empty() {
         signals.push(Block::Table(channels("Root mean squares over the record", &r.channels)));

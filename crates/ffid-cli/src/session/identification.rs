@@ -67,7 +67,7 @@ pub fn identify(
         problems.extend(given.warnings.clone());
         let record = long_enough(given, need)?;
         let label = label(&given.path, &labelled);
-        labelled.push(LabelledRecord { label, record, resampled: (false, false), continues: false });
+        labelled.push(LabelledRecord { label, record, resampled: (false, false), continues: false, ago: 0 });
     }
     let (mut fit_options, earlier) = args.options(&opened.model)?;
     problems.extend(earlier.warnings);

@@ -29,6 +29,7 @@ pub(super) const ROOT: &[Key] = &[
     key("reduced", Table(REDUCED), "what was estimated in place of what was asked for"),
     key("prior_conflicts", Tables(CONFLICT), "priors that the data contradict, the worst first"),
     key("uncertain", Tables(UNCERTAIN), "what the mission is not sure of, before and after"),
+    key("over_time", Tables(COURSE), "what changes: parameters from record to record, biases that walk within one"),
     key("budget", Tables(BUDGET), "where the variance of every parameter comes from"),
     key("not_allowed_for", Texts, "what the mission is not sure of and the method takes as exact"),
     key("taken_as_exact", Tables(HARM), "what small errors of what is taken as exact would do"),
@@ -162,6 +163,8 @@ const KINDS: &[&str] = &[
     "gyro_scale",
     "gyro_alignment",
     "encoder_offsets",
+    "changes",
+    "bias_walks",
 ];
 
 const UNCERTAIN: &[Key] = &[
@@ -171,6 +174,20 @@ const UNCERTAIN: &[Key] = &[
     must("prior_mean", Number, "what the mission says"),
     must("prior_std", Number, "and its standard deviation"),
     must("value", Number, "what mission and record say together"),
+    key("std", Number, "its standard deviation; absent where it is not determined"),
+];
+
+const COURSE: &[Key] = &[
+    must("name", Text, "a parameter, or the bias of a channel"),
+    must("unit", Text, "SI unit"),
+    key("record", Text, "the record within which a bias walks; absent for what changes from record to record"),
+    must("points", Tables(COURSE_POINT), "in the order of time"),
+];
+
+const COURSE_POINT: &[Key] = &[
+    must("at", Number, "seconds since the first sample of the record, or the number of the record from 1"),
+    key("record", Text, "the record"),
+    must("value", Number, "there"),
     key("std", Number, "its standard deviation; absent where it is not determined"),
 ];
 
@@ -382,6 +399,7 @@ const KEPT_RECORD: &[Key] = &[
     must("resampled_torques", Flag, "its torques were put on another clock by interpolation"),
     must("resampled_gyro", Flag, "its gyro was"),
     key("continues", Flag, "it is the part behind a gap"),
+    key("ago", Whole, "identifications before that one it was fitted first"),
 ];
 
 const CHANNEL: &[Key] = &[

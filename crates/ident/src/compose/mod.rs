@@ -1,5 +1,6 @@
 //! Several records, parameters tied to each other, rough starts, many starts.
 
+pub(crate) mod changed;
 pub(crate) mod continuation;
 pub(crate) mod masked;
 pub(crate) mod multi_start;
@@ -8,6 +9,7 @@ pub(crate) mod shared_errors;
 pub(crate) mod tied_rows;
 pub(crate) mod ties;
 
+pub use changed::Changed;
 pub use continuation::{Accept, Pass, Staged, Trial, estimate_staged};
 pub use masked::Masked;
 pub use multi_start::{Best, Ending, best_of, equal_cost};

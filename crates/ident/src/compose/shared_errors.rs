@@ -4,6 +4,8 @@
 //! would have one of its own, with a prior of its own, and five records would average away what one sensor does to all of them.
 //! [`SharedErrors`] makes one parameter of such unknowns: appended to those of the model, selected, given a prior and kept in a posterior
 //! like any other. Its column is the sum of theirs.
+//!
+//! An error may be a part of several of them instead ([`SharedErrors::combine`]): a step of a random walk from record to record.
 
 use crate::belief::covariance::Unknown;
 use crate::compose::several::is_called;
@@ -50,8 +52,9 @@ pub struct SharedErrors<'a> {
     inner: Box<dyn Estimator + 'a>,
     /// Parameters of the model.
     parameters: usize,
-    /// Nuisance unknowns that each shared error stands for, and those that are left, by their place among those of the inner one.
-    of: Vec<Vec<usize>>,
+    /// Nuisance unknowns that each shared error stands for, each with its value per unit of the error, and those that are left, by their
+    /// place among those of the inner one.
+    of: Vec<Vec<(usize, f64)>>,
     kept: Vec<usize>,
 }
 
@@ -64,22 +67,39 @@ impl<'a> SharedErrors<'a> {
         let (mut of, mut kept) = (vec![Vec::new(); names.len()], Vec::new());
         for (k, u) in all.iter().enumerate() {
             match own(&u.name) {
-                Some(i) => of[i].push(k),
+                Some(i) => of[i].push((k, 1.0)),
                 None => kept.push(k),
             }
         }
         Self { inner, parameters, of, kept }
+    }
+    /// With nuisance unknowns of the inner estimator, called by their full names, that are made of errors: error `i` (its place in the list
+    /// of [`SharedErrors::new`]) adds so much per unit to each of `made`. Several errors may have a part in one: the change of a
+    /// parameter in a record is the sum of its steps from record to record. Names that none has are left out. Allocates.
+    ///
+    /// # Panics
+    /// If there is no such error.
+    #[must_use]
+    pub fn combine(mut self, i: usize, made: &[(String, f64)]) -> Self {
+        let all = self.inner.nuisance();
+        for (name, by) in made {
+            if let Some(k) = all.iter().position(|u| u.name == *name) {
+                self.of[i].push((k, *by));
+                self.kept.retain(|kept| *kept != k);
+            }
+        }
+        self
     }
     fn around<'b>(&self, inner: Box<dyn Estimator + 'b>) -> SharedErrors<'b> {
         SharedErrors { inner, parameters: self.parameters, of: self.of.clone(), kept: self.kept.clone() }
     }
     /// Nuisance values of the inner estimator.
     fn inner_extra(&self, full: &[f64], extra: &[f64]) -> Vec<f64> {
-        let count = self.kept.len() + self.of.iter().map(Vec::len).sum::<usize>();
-        let mut out = vec![0.0; count];
+        let made = self.of.iter().flatten().map(|o| o.0).chain(self.kept.iter().copied());
+        let mut out = vec![0.0; made.max().map_or(0, |last| last + 1)];
         self.kept.iter().zip(extra).for_each(|(&k, x)| out[k] = *x);
         for (all, x) in self.of.iter().zip(&full[self.parameters..]) {
-            all.iter().for_each(|&k| out[k] = *x);
+            all.iter().for_each(|&(k, by)| out[k] += by * x);
         }
         out
     }
@@ -93,7 +113,7 @@ impl<'a> SharedErrors<'a> {
                 made.push(Made::Free(next));
                 next += 1;
             } else {
-                made.push(Made::Tied(self.of[i - self.parameters].iter().map(|k| (first + k, 1.0)).collect()));
+                made.push(Made::Tied(self.of[i - self.parameters].iter().map(|&(k, by)| (first + k, by)).collect()));
             }
         }
         made.extend(self.kept.iter().map(|k| Made::Free(first + k)));

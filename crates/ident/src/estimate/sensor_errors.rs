@@ -113,6 +113,9 @@ impl SensorErrors {
     fn offset(&self, source: &ErrorSource, group: usize, i: usize, channel: usize) -> f64 {
         match (group, *source) {
             (0, ErrorSource::TorqueDrift(c)) | (1, ErrorSource::GyroDrift(c)) if c == channel => self.times[group][i],
+            (0, ErrorSource::TorqueWalk(c, part)) | (1, ErrorSource::GyroWalk(c, part)) if c == channel => {
+                part.ramp(self.times[group][i] + self.middle)
+            }
             (0, ErrorSource::ViscousFriction(j)) if j == channel => self.rates[(i, j)],
             (0, ErrorSource::CoulombFriction(j)) if j == channel => {
                 let (rate, slow) = (self.rates[(i, j)], SLOW * self.fastest[j]);
@@ -189,7 +192,9 @@ impl SensorErrors {
                     }
                 }
                 ErrorSource::TorqueDrift(c)
+                | ErrorSource::TorqueWalk(c, _)
                 | ErrorSource::GyroDrift(c)
+                | ErrorSource::GyroWalk(c, _)
                 | ErrorSource::ViscousFriction(c)
                 | ErrorSource::CoulombFriction(c) => put(row, c, self.offset(&source, group, i, c)),
                 ErrorSource::Compliance(_)

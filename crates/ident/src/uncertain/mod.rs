@@ -10,4 +10,4 @@ pub use hypotheses::{Component, Hypothesis, hypotheses, with_every_column};
 pub use oscillator::{ELEMENTS, Oscillator, OscillatorColumn, Shape, effective_inertia, elements};
 pub use ranking::{ALIKE, LEVEL, Layout, MATTERS, Named, Ranking};
 pub use score::{Combination, Direction, EndOfFit, Score, Scores, Searched, evidence};
-pub use source::ErrorSource;
+pub use source::{ErrorSource, WalkPart};

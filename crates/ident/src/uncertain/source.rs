@@ -10,8 +10,8 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// With the predicted torque `tau_j` and base rate `w`, time `t` since the middle of the record, and rates `qd_j`, the sensors read
 ///
 /// ```text
-/// tau_j    (1 + gain + gain_j) tau_j(t - skew t) + drift_j t + v_j qd_j + c_j sign(qd_j)
-/// gyro     diag(1 + scale + scale_i) exp([rotation x]) w(t - skew t) + drift t
+/// tau_j    (1 + gain + gain_j) tau_j(t - skew t) + drift_j t + sum_k walk_jk ramp_k + v_j qd_j + c_j sign(qd_j)
+/// gyro     diag(1 + scale + scale_i) exp([rotation x]) w(t - skew t) + drift t + sum_k walk_k ramp_k
 /// ```
 ///
 /// and the robot moves by `q_j - compliance_j tau_j` where the encoder reads `q_j`, under a constant wrench on its base. Placements
@@ -31,6 +31,8 @@ pub enum ErrorSource {
     TorqueGain(Option<usize>),
     /// Slope of the bias of a torque sensor (N m/s).
     TorqueDrift(usize),
+    /// Change of the bias of a torque sensor during one part of the record (N m).
+    TorqueWalk(usize, WalkPart),
     /// Viscous friction between the gear and the torque sensor's side of a joint (N m s/rad).
     ViscousFriction(usize),
     /// Coulomb friction there (N m).
@@ -43,6 +45,8 @@ pub enum ErrorSource {
     GyroRotation(usize),
     /// Slope of the bias of a gyro axis (rad/s^2).
     GyroDrift(usize),
+    /// Change of the bias of a gyro axis during one part of the record (rad/s).
+    GyroWalk(usize, WalkPart),
     /// How slowly the clock of the gyro runs, relative.
     GyroSkew,
     /// Compliance between an encoder on the motor's side and the link (rad/(N m)).
@@ -55,6 +59,27 @@ pub enum ErrorSource {
     Oscillator(usize, OscillatorColumn),
 }
 
+/// A part of a record during which a bias goes over from one value to another, linearly in time: before it nothing of the change is
+/// there, behind it all.
+///
+/// A bias that walks at random, by a standard deviation of `s` in a unit of time, changes during parts of length T by independent amounts of
+/// standard deviation `s sqrt(T)`; between the ends of a part it is off the straight line by `s sqrt(T / 6)` (root mean square: the
+/// variance `s^2 t (T - t) / T` of a Brownian bridge, averaged).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct WalkPart {
+    /// Which part, from 0.
+    pub index: u32,
+    /// Length of every part (ms).
+    pub every_ms: u32,
+}
+
+impl WalkPart {
+    /// How much of the change is there `t` seconds after the first sample.
+    pub fn ramp(self, t: f64) -> f64 {
+        (1e3 * t / f64::from(self.every_ms.max(1)) - f64::from(self.index)).clamp(0.0, 1.0)
+    }
+}
+
 /// What an error acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ActsOn {
@@ -65,7 +90,7 @@ pub(crate) enum ActsOn {
 }
 
 impl ErrorSource {
-    /// Every error there is, for so many joints, but oscillators, which belong to none.
+    /// Every error there is, for so many joints, but oscillators and walks of biases, of which there are as many as one likes.
     pub fn all(joints: usize) -> Vec<Self> {
         let each = |of: fn(usize) -> Self, n: usize| (0..n).map(of);
         let mut out = vec![Self::TorqueGain(None), Self::GyroScale(None), Self::TorqueSkew, Self::GyroSkew];
@@ -90,6 +115,7 @@ impl ErrorSource {
             Self::TorqueGain(None) => "torque.gain".into(),
             Self::TorqueGain(Some(j)) => format!("torque.gain.{}", joints[j]),
             Self::TorqueDrift(j) => format!("torque.drift.{}", joints[j]),
+            Self::TorqueWalk(j, part) => format!("torque.walk.{}[{}]", joints[j], part.index),
             Self::ViscousFriction(j) => format!("friction.viscous.{}", joints[j]),
             Self::CoulombFriction(j) => format!("friction.coulomb.{}", joints[j]),
             Self::TorqueSkew => "torque.skew".into(),
@@ -97,6 +123,7 @@ impl ErrorSource {
             Self::GyroScale(Some(i)) => format!("gyro.scale.{}", AXES[i]),
             Self::GyroRotation(i) => format!("gyro.rotation.{}", AXES[i]),
             Self::GyroDrift(i) => format!("gyro.drift.{}", AXES[i]),
+            Self::GyroWalk(i, part) => format!("gyro.walk.{}[{}]", AXES[i], part.index),
             Self::GyroSkew => "gyro.skew".into(),
             Self::Compliance(j) => format!("compliance.{}", joints[j]),
             Self::Force(i) => format!("wrench.f{}", AXES[i]),
@@ -110,15 +137,16 @@ impl ErrorSource {
             Self::TorqueGain(_) | Self::GyroScale(_) | Self::TorqueSkew | Self::GyroSkew => "1",
             Self::TorqueDrift(_) => "N m/s",
             Self::ViscousFriction(_) => "N m s/rad",
-            Self::CoulombFriction(_) | Self::Moment(_) => "N m",
+            Self::CoulombFriction(_) | Self::Moment(_) | Self::TorqueWalk(..) => "N m",
             Self::GyroRotation(_) => "rad",
             Self::GyroDrift(_) => "rad/s^2",
+            Self::GyroWalk(..) => "rad/s",
             Self::Compliance(_) => "rad/(N m)",
             Self::Force(_) => "N",
             Self::Oscillator(_, column) => column.unit(),
         }
     }
-    /// Whether it belongs to the robot and is the same in all its records; drifts, clocks, wrenches and oscillations belong to one.
+    /// Whether it belongs to the robot and is the same in all its records; drifts and walks, clocks, wrenches and oscillations belong to one.
     pub fn is_of_robot(&self) -> bool {
         match self {
             Self::TorqueGain(_)
@@ -128,8 +156,10 @@ impl ErrorSource {
             | Self::GyroRotation(_)
             | Self::Compliance(_) => true,
             Self::TorqueDrift(_)
+            | Self::TorqueWalk(..)
             | Self::TorqueSkew
             | Self::GyroDrift(_)
+            | Self::GyroWalk(..)
             | Self::GyroSkew
             | Self::Force(_)
             | Self::Moment(_)
@@ -143,7 +173,12 @@ impl ErrorSource {
             Self::TorqueSkew | Self::GyroSkew => 1e-3,
             Self::TorqueDrift(_) => torque / seconds,
             Self::GyroDrift(_) => gyro / seconds,
-            Self::ViscousFriction(_) | Self::CoulombFriction(_) | Self::Moment(_) | Self::Force(_) => torque,
+            Self::ViscousFriction(_)
+            | Self::CoulombFriction(_)
+            | Self::TorqueWalk(..)
+            | Self::Moment(_)
+            | Self::Force(_) => torque,
+            Self::GyroWalk(..) => gyro,
             Self::Compliance(_) => 1e-4,
             Self::Oscillator(_, OscillatorColumn::Inertia(_)) => 1.0,
             Self::Oscillator(..) => 1e-2,
@@ -155,12 +190,14 @@ impl ErrorSource {
             Self::TorqueGain(None) | Self::GyroScale(None) | Self::TorqueSkew | Self::GyroSkew => true,
             Self::TorqueGain(Some(j))
             | Self::TorqueDrift(j)
+            | Self::TorqueWalk(j, _)
             | Self::ViscousFriction(j)
             | Self::CoulombFriction(j)
             | Self::Compliance(j) => j < joints,
             Self::GyroScale(Some(i))
             | Self::GyroRotation(i)
             | Self::GyroDrift(i)
+            | Self::GyroWalk(i, _)
             | Self::Force(i)
             | Self::Moment(i) => i < 3,
             Self::Oscillator(k, column) => k < oscillators && column.exists(),
@@ -170,10 +207,15 @@ impl ErrorSource {
         match self {
             Self::TorqueGain(_)
             | Self::TorqueDrift(_)
+            | Self::TorqueWalk(..)
             | Self::ViscousFriction(_)
             | Self::CoulombFriction(_)
             | Self::TorqueSkew => ActsOn::Readings(0),
-            Self::GyroScale(_) | Self::GyroRotation(_) | Self::GyroDrift(_) | Self::GyroSkew => ActsOn::Readings(1),
+            Self::GyroScale(_)
+            | Self::GyroRotation(_)
+            | Self::GyroDrift(_)
+            | Self::GyroWalk(..)
+            | Self::GyroSkew => ActsOn::Readings(1),
             Self::Compliance(_) | Self::Force(_) | Self::Moment(_) | Self::Oscillator(..) => ActsOn::Motion,
         }
     }

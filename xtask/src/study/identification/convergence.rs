@@ -160,6 +160,7 @@ fn one(case: &Case, record: &Record, trial: Trial) -> anyhow::Result<End> {
         record: record.clone(),
         resampled: (false, false),
         continues: false,
+        ago: 0,
     }];
     let begun = Instant::now();
     let found = identify(&opened, &records, &settings, &FitOptions::default(), provenance, &Observer::default());

@@ -1,7 +1,7 @@
 //! Joint motion as a B-spline.
 
 use super::{BSplineError, Knots};
-use crate::motion::joint::{JointMotion, at_rest};
+use crate::motion::joint::{JointMotion, at_rest, is_outside};
 use nalgebra::DMatrix;
 
 /// `n` joints moving along `q(t) = sum_i N_{i,p}(t) P_i` (P&T eq. 3.1).
@@ -108,7 +108,7 @@ impl JointMotion for BSplineMotion {
     fn eval(&self, t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
         let (first, [b0, b1, b2]) = self.knots.local::<3>(t);
         self.combine(first, &b0, q);
-        if t < 0.0 || t > self.duration() {
+        if is_outside(t, self.duration()) {
             at_rest(self.dof(), qd, qdd);
         } else {
             self.combine_rates(first, &b1, qd);

@@ -161,6 +161,18 @@ fn outside_the_motion_rests_at_its_ends() {
     assert!(qd[0] != 0.0);
 }
 
+/// The last sample of a record of 870 at 50 Hz, by its number and the interval, is behind the end by a rounding error.
+#[test]
+fn the_last_sample_of_a_record_is_in_its_motion() {
+    let last = 869.0 * 0.02;
+    assert!(last > 17.38);
+    let m = BSplineMotion::new(Knots::uniform(5, 9, 17.38).unwrap(), wave(0.2, 2, 9)).unwrap();
+    let ([mut q, mut qd, mut qdd], [mut q1, mut qd1, mut qdd1]) = ([[1.0; 2]; 3], [[0.0; 2]; 3]);
+    m.eval(last, &mut q, &mut qd, &mut qdd);
+    m.eval(17.38, &mut q1, &mut qd1, &mut qdd1);
+    assert!((q, qd, qdd) == (q1, qd1, qdd1) && qd[0] != 0.0 && qdd[1] != 0.0);
+}
+
 #[test]
 fn bad_arguments_are_named() {
     assert_eq!(Knots::uniform(8, 20, 1.0), Err(BSplineError::Degree(8)));

@@ -57,7 +57,8 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
     };
     // What makes a fit useless is found in a fraction of its time.
     let mut before = Problems::default();
-    for (labelled, path) in records.iter().zip(&*sources) {
+    // Records of an earlier identification have been judged there.
+    for (labelled, path) in records.iter().zip(&*sources).filter(|(r, _)| r.ago == 0) {
         let found = before_fit(opened, labelled, s).map_err(|e| match e {
             IdentifyError::IllPosed(p) => IdentifyError::IllPosed(p.in_file(path.clone())),
             other => other,

@@ -168,7 +168,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
     for (path, l) in paths.iter().zip(loaded) {
         problems.extend(l.warnings);
         let label = label(path, &records);
-        records.push(LabelledRecord { label, record: l.record, resampled: (false, false), continues: false });
+        records.push(LabelledRecord { label, record: l.record, resampled: (false, false), continues: false, ago: 0 });
     }
     let mut held = match hold_out {
         HoldOut::Nothing => Held::None,

@@ -21,6 +21,7 @@ pub(super) fn findings(case: &Case<'_>, opened: &Opened) -> Result<Vec<Finding>,
         record: case.record.clone(),
         resampled: (false, false),
         continues: false,
+        ago: 0,
     };
     Ok(match decay_modes(&opened.model, nominal.values(), &labelled, &case.settings)? {
         DecayOutcome::None(why) => {

@@ -4,6 +4,7 @@
 use super::bandwidth::correlated_samples;
 use super::error::{IdentifyError, config};
 use super::findings::{DeterminedCombination, ReducedSet};
+use super::ground_uncertain::Calibration;
 use super::identified::Identified;
 use super::known;
 use super::labelled_record::LabelledRecord;
@@ -16,7 +17,7 @@ use super::result::provenance::{Provenance, Warning};
 use super::settings::Settings;
 use super::signals::Signals;
 use super::text;
-use super::uncertain::UncertainItems;
+use super::uncertain::{DeclaredUncertain, UncertainItems};
 use super::unknowns::Unknowns;
 use crate::open::Opened;
 use ff_least_squares::{Criterion, Status};
@@ -27,7 +28,7 @@ use ident::Posterior;
 use ident::Priors;
 use ident::SetupError;
 use ident::estimate::report::FitReport;
-use ident::solve::{LinearError, LinearEstimate, Weights};
+use ident::solve::{LinearError, LinearEstimate};
 use ident::{Friction, Ground, GroundEstimate};
 
 /// Joint friction and noise, as an identification found them.
@@ -65,7 +66,7 @@ impl Arm {
 }
 
 /// The estimator.
-fn calibration(model: &Model, low_pass_hz: Option<f64>) -> Result<Ground<'_>, IdentifyError> {
+pub(super) fn calibration(model: &Model, low_pass_hz: Option<f64>) -> Result<Ground<'_>, IdentifyError> {
     let ground = Ground::new(model, Friction::ALL).map_err(linear)?;
     Ok(match low_pass_hz {
         Some(hz) => ground.low_pass(hz),
@@ -141,8 +142,11 @@ pub(super) fn identify(
     let correlated: Vec<f64> = counted.iter().map(|c| c.0 / c.1.max(1.0)).collect();
     let effective: Vec<f64> = sigma.iter().zip(&correlated).map(|(s, t)| s * t.sqrt()).collect();
     let chi2_per_dof = found.fit.chi2_per_dof;
-    found = ground.clone().weights(Weights::Given(effective)).estimate(&samples, selected, start).map_err(linear)?;
+    let (low_pass_hz, sigma_of) = (s.low_pass_hz, &effective[..]);
+    let calibrated = Calibration { model, low_pass_hz, sigma: sigma_of, records: &samples, selected, start };
+    found = calibrated.run(model, &samples, start)?;
     found.fit.chi2_per_dof = chi2_per_dof;
+    let considered = calibrated.consider(&UncertainItems::of(opened), &mut found)?;
     // Numbers that no body has are moved to the nearest that some body has.
     let bounded = found.make_physical(decls, selected, start).map_err(|e| IdentifyError::Model(e.to_string()))?;
     let arm = Arm { friction: found.friction.clone(), sigma, low_pass_hz: s.low_pass_hz };
@@ -150,10 +154,16 @@ pub(super) fn identify(
     for r in records {
         let (predicted, record) = predict(model, &ground, &r.record, &found.fit.values, &arm)?;
         signals.push(predicted);
-        seen.push(LabelledRecord { label: r.label.clone(), record, resampled: r.resampled, continues: r.continues });
+        seen.push(LabelledRecord { record, ..r.clone() });
     }
     let provenance = Provenance { record: record_line(&records[0].record), ..provenance };
-    let result = report(opened, &seen, s, options, (&unknowns, &found, &bounded), &signals, provenance)?;
+    let mut result = report(opened, &seen, s, options, (&unknowns, &found, &bounded), &signals, provenance)?;
+    if !considered.lines.is_empty() {
+        (result.uncertain, result.budget) = (considered.lines, considered.budget);
+        // Its errors are those of the next identification too: taken as independent they would count as noise.
+        result.posterior = None;
+        result.verdict = text::verdict(&result);
+    }
     Ok(Identified {
         result,
         signals,
@@ -253,7 +263,7 @@ fn report(
         channels: signals[0].channels(),
         records: records_of(records, signals),
         warnings: Warning::all(&opened.warnings),
-        not_allowed_for: UncertainItems::of(opened).names(),
+        not_allowed_for: DeclaredUncertain::of(opened).map_or_else(Vec::new, |d| d.not_allowed_for),
         ..IdentificationResult::empty(model.name(), Method::Ground, provenance)
     };
     result.verdict = text::verdict(&result);

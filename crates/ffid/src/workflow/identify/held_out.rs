@@ -89,7 +89,7 @@ pub fn predict_held_out(
         return on_the_ground(model, values, arm, record, s, source.into());
     }
     let names: Vec<String> = s.held_errors.iter().map(|e| e.0.clone()).collect();
-    let fit = RecordEstimator::beside(model, record, s, &UncertainItems::held(model, &names))?;
+    let fit = RecordEstimator::beside(model, record, s, &UncertainItems::held(model, &names), &[])?;
     let sigma = fit.sigmas(model);
     let mut estimator = SharedErrors::new(fit.into_estimator(), values.len(), &names, &[]);
     let all: Vec<f64> = values.iter().copied().chain(s.held_errors.iter().map(|e| e.1)).collect();
@@ -163,7 +163,7 @@ pub fn judge_held_out(
     let (held, signals) = predict_held_out(&known.opened.model, values, arm, record, s, source, watch)?;
     let Some(posterior) = known.posterior.filter(|_| arm.is_none()) else { return Ok((held, signals)) };
     let label = String::from("record");
-    let one = [LabelledRecord { label, record: record.clone(), resampled: (false, false), continues: false }];
+    let one = [LabelledRecord { label, record: record.clone(), resampled: (false, false), continues: false, ago: 0 }];
     let own = Settings { prior: None, start_offset: 0.0, ..s.clone() };
     let options = FitOptions { posterior: Some(posterior.clone()), ties: known.ties.to_vec(), ..FitOptions::default() };
     let silent = Observer { progress: None, ..*watch };

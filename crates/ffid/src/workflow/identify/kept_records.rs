@@ -33,6 +33,9 @@ pub struct KeptRecord {
     /// Whether it is the part behind a gap, which begins in the middle of a motion.
     #[serde(default)]
     pub continues: bool,
+    /// Identifications before that one it was fitted first.
+    #[serde(default)]
+    pub ago: usize,
 }
 
 /// Writes the records of a fit into its folder; none of them when they are longer than [`MOST_SAMPLES`] or have several clocks.
@@ -50,7 +53,8 @@ pub fn keep(folder: &Folder, model: &Model, records: &[LabelledRecord]) -> Resul
         write(&folder.path().join(&file), model, &labelled.record)?;
         let (resampled_torques, resampled_gyro) = labelled.resampled;
         let label = labelled.label.clone();
-        kept.push(KeptRecord { label, file, resampled_torques, resampled_gyro, continues: labelled.continues });
+        let LabelledRecord { continues, ago, .. } = *labelled;
+        kept.push(KeptRecord { label, file, resampled_torques, resampled_gyro, continues, ago });
     }
     Ok(kept)
 }
@@ -90,12 +94,14 @@ pub fn read_kept(
     let options = ReadOptions {
         fixed_base: model.base_kind() == BaseKind::Fixed,
         allow: allow.to_vec(),
+        // Those that were left out are not in the file; those in it were fitted.
+        keep_spikes: true,
         ..ReadOptions::default()
     };
     let one = |k: &KeptRecord| {
         let record = read(&folder.join(&k.file), &joints_of(model), &options)?.record;
         let resampled = (k.resampled_torques, k.resampled_gyro);
-        Ok(LabelledRecord { label: k.label.clone(), record, resampled, continues: k.continues })
+        Ok(LabelledRecord { label: k.label.clone(), record, resampled, continues: k.continues, ago: k.ago + 1 })
     };
     kept.iter().map(one).collect()
 }

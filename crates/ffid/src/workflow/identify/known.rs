@@ -42,7 +42,9 @@ pub(super) fn silent(
         return Ok(None);
     }
     let params = Params::from_values(model, values.to_vec());
-    let structure = structural(model, &params, &unknowns.selected).map_err(linalg)?;
+    // Errors that records share come behind the parameters of the model, and the equations of motion do not know them.
+    let of_model: Vec<usize> = unknowns.selected.iter().copied().filter(|&i| i < params.values().len()).collect();
+    let structure = structural(model, &params, &of_model).map_err(linalg)?;
     Ok(Some(UnobservedDirections::of(&silence(full, &structure).map_err(linalg)?)))
 }
 

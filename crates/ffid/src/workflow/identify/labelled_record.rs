@@ -14,6 +14,8 @@ pub struct LabelledRecord {
     pub resampled: (bool, bool),
     /// The part behind a gap of a longer record: it begins in the middle of a motion, so that its initial state is estimated.
     pub continues: bool,
+    /// Identifications ago that it was fitted first: 0 for a record at hand.
+    pub ago: usize,
 }
 
 /// The name of a channel where there are several records.

@@ -11,6 +11,7 @@ use ff_model::{Area, Model, Params, Problem, Problems};
 use ff_records::Record;
 use ident::Estimator;
 use ident::SetupError;
+use ident::uncertain::ErrorSource;
 use ident::{Noise, Options, OutputError, Rda};
 
 /// The estimator of a record, chosen by the method.
@@ -21,6 +22,8 @@ pub struct RecordEstimator<'a> {
     twin: Option<OutputError<'a>>,
     method: Method,
     noise: Noise,
+    /// Errors that this record alone has.
+    own: Vec<ErrorSource>,
 }
 
 impl<'a> RecordEstimator<'a> {
@@ -29,14 +32,15 @@ impl<'a> RecordEstimator<'a> {
     /// # Errors
     /// [`IdentifyError::Refused`].
     pub fn new(model: &'a Model, record: &'a Record, s: &Settings) -> Result<Self, IdentifyError> {
-        Self::beside(model, record, s, &UncertainItems::default())
+        Self::beside(model, record, s, &UncertainItems::default(), &[])
     }
-    /// With the errors of sensors and placements that the mission is not sure of among its unknowns.
+    /// With the errors of sensors and placements that the mission is not sure of among its unknowns, and errors of this record.
     pub(super) fn beside(
         model: &'a Model,
         record: &'a Record,
         s: &Settings,
         uncertain: &UncertainItems,
+        own: &[ErrorSource],
     ) -> Result<Self, IdentifyError> {
         let method = method(model, s.method);
         let mut twin = None;
@@ -57,12 +61,13 @@ impl<'a> RecordEstimator<'a> {
                 let adopted = Adopted::new(model, &[], &s.adopt).map_err(IdentifyError::Refused)?;
                 let mut options = adopted.widen(options);
                 uncertain.widen(&mut options);
+                options.errors.extend_from_slice(own);
                 let fit = OutputError::new(model, record, &options).map_err(setup)?;
                 twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
                 Box::new(fit)
             }
         };
-        Ok(Self { estimator, record: (model, record), twin, method, noise: s.noise })
+        Ok(Self { estimator, record: (model, record), twin, method, noise: s.noise, own: own.to_vec() })
     }
     /// The estimator.
     pub fn estimator(&mut self) -> &mut (dyn Estimator + 'a) {
@@ -74,8 +79,8 @@ impl<'a> RecordEstimator<'a> {
     }
     /// The estimator, and what makes others of the same record.
     pub(super) fn split(self) -> (Box<dyn Estimator + 'a>, Twin<'a>) {
-        let Self { estimator, record, twin, noise, .. } = self;
-        (estimator, Twin { record, of: twin, noise })
+        let Self { estimator, record, twin, noise, own, .. } = self;
+        (estimator, Twin { record, of: twin, noise, own, changes: Vec::new() })
     }
     /// Standard deviation of every channel of a sample, in the order of the residuals.
     pub fn sigmas(&self, model: &Model) -> Vec<f64> {
@@ -91,6 +96,10 @@ pub(super) struct Twin<'a> {
     record: (&'a Model, &'a Record),
     of: Option<OutputError<'a>>,
     noise: Noise,
+    /// Errors that this record alone has.
+    pub(super) own: Vec<ErrorSource>,
+    /// Parameters that are others in it than in the last record, with the sizes of their steps.
+    pub(super) changes: Vec<(usize, f64)>,
 }
 
 impl<'a> Twin<'a> {

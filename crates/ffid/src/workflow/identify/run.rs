@@ -12,6 +12,7 @@ use super::known;
 use super::labelled_record::LabelledRecord;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
+use super::over_time::{Course, OverTime, later};
 use super::record_estimator::{RecordEstimator, Twin};
 use super::report::{Fitted, Report};
 use super::result::fit::Method;
@@ -116,6 +117,9 @@ pub fn identify(
     result.silent = silent;
     result.profiles = profiles;
     result.not_allowed_for.clone_from(&setup.not_allowed_for);
+    if considered.is_none() {
+        result.over_time = Course::all(&uncertain.over_time, model, records, unknowns, (&fitted, &values))?;
+    }
     if let Some(c) = &considered {
         (result.uncertain, result.budget) = (c.lines.clone(), c.budget.clone());
         // Its errors are those of the next identification too: taken as independent they would count as noise.
@@ -150,7 +154,8 @@ impl Setup {
     ) -> Result<Self, IdentifyError> {
         let model = &opened.model;
         let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
-        let mut every = UncertainItems::of(opened);
+        let of_mission = UncertainItems::of(opened);
+        let mut every = of_mission.in_records(opened.mission.as_ref(), model, records, settings)?;
         if records.len() > 1 {
             adopted.share(model, &settings.noise, &mut every);
         }
@@ -158,7 +163,7 @@ impl Setup {
             consider_alone(&every, settings, options).map_err(IdentifyError::Refused)?;
         }
         // The rigid method knows no errors of sensors and placements.
-        let needs = !every.shared.is_empty() && settings.method.is_none();
+        let needs = every.needs_output_error() && settings.method.is_none();
         let how = if needs { Method::OutputError } else { method(model, settings.method) };
         let (uncertain, not_allowed_for) =
             if how == Method::Rda { every.of_parameters_alone() } else { (every, Vec::new()) };
@@ -166,7 +171,11 @@ impl Setup {
             Settings { method: if needs { Some(Method::OutputError) } else { settings.method }, ..settings.clone() };
         let mut estimated = opened.estimated.clone();
         estimated.extend(&adopted.parameters);
-        let options = FitOptions { ties: [&options.ties[..], &adopted.ties].concat(), ..options.clone() };
+        let mut options = FitOptions { ties: [&options.ties[..], &adopted.ties].concat(), ..options.clone() };
+        // What may have changed since is known less well.
+        if let (Some(p), Some(mission)) = (&options.posterior, &opened.mission) {
+            options.posterior = Some(later(p, mission, model)?);
+        }
         let unknowns = Unknowns::new(model, &estimated, &settings, &options, &uncertain)?;
         let decls = model.param_decls();
         let labelled: Vec<(&str, &[_])> = records.iter().map(|t| (t.label.as_str(), decls.as_slice())).collect();
@@ -297,20 +306,35 @@ impl<'a> Assembly<'a> {
     /// With columns of these errors of sensors and placements.
     fn assemble(&self, uncertain: &UncertainItems) -> Result<Assembled<'a>, IdentifyError> {
         let moving = Settings { initial_state: true, ..self.settings.clone() };
-        let of = |t: &'a LabelledRecord| {
+        let over = &uncertain.over_time;
+        let of = |(k, t): (usize, &'a LabelledRecord)| {
             let settings = if t.continues { &moving } else { self.settings };
-            RecordEstimator::beside(self.model, &t.record, settings, uncertain)
+            RecordEstimator::beside(self.model, &t.record, settings, uncertain, over.walks_of(k))
         };
-        let mut fits = self.records.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        let mut fits = self.records.iter().enumerate().map(of).collect::<Result<Vec<_>, _>>()?;
         let sigma = fits.first().map(|f| f.sigmas(self.model)).unwrap_or_default();
         let rows: Vec<usize> = fits.iter_mut().map(|f| f.estimator().rows()).collect();
-        let (mut parts, twins): (Vec<Box<dyn Estimator + '_>>, Vec<Twin<'_>>) =
+        let (mut parts, mut twins): (Vec<Box<dyn Estimator + '_>>, Vec<Twin<'_>>) =
             fits.into_iter().map(RecordEstimator::split).unzip();
+        let decls = self.model.param_decls();
+        for (k, twin) in twins.iter_mut().enumerate() {
+            twin.changes = over.changes_of(k).to_vec();
+        }
+        parts = parts
+            .into_iter()
+            .zip(&twins)
+            .map(|(part, twin)| OverTime::changed(part, &decls, &twin.changes))
+            .collect();
         let mut whole = if parts.len() == 1 { parts.remove(0) } else { Box::new(Several::new(self.shared, parts)) };
         let names = uncertain.shared_names();
         if !names.is_empty() {
-            let of_model = self.model.param_decls().len();
-            whole = Box::new(SharedErrors::new(whole, of_model, &names, self.labels));
+            let mut shared = SharedErrors::new(whole, decls.len(), &names, self.labels);
+            for (i, name) in names.iter().enumerate() {
+                if let Some(made) = over.combined.get(name) {
+                    shared = shared.combine(i, made);
+                }
+            }
+            whole = Box::new(shared);
         }
         Ok(Assembled { whole: self.unknowns.tied(whole), twins, sigma, rows })
     }

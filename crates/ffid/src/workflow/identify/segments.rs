@@ -94,7 +94,7 @@ impl Segments {
     pub fn labelled(self, label: &str) -> Vec<LabelledRecord> {
         let one = |(k, record): (usize, Record)| {
             let label = if k == 0 { label.to_owned() } else { format!("{label}-part{}", k + 1) };
-            LabelledRecord { label, record, resampled: (false, false), continues: k > 0 }
+            LabelledRecord { label, record, resampled: (false, false), continues: k > 0, ago: 0 }
         };
         self.parts.into_iter().enumerate().map(one).collect()
     }

@@ -3,6 +3,7 @@
 use super::error::IdentifyError;
 use super::explain::Ended;
 use super::extra_mode::{self, ExtraMode};
+use super::over_time::OverTime;
 use super::record_estimator::Twin;
 use super::row_layout::RowLayout;
 use super::settings::Settings;
@@ -65,6 +66,7 @@ fn wide<'m>(
         options.errors.extend(columns_of(o).map(|c| ErrorSource::Oscillator(k, c)));
     }
     options.oscillators = oscillators;
+    options.errors.extend_from_slice(&of.own);
     of.survey(&options, end.values)
 }
 
@@ -104,6 +106,7 @@ impl Survey {
             return Ok(None);
         }
         let several = twins.len() > 1;
+        let decls = model.param_decls();
         let labels_of = if several { end.labels } else { &[] };
         let own = |name: &str| {
             let of_fit = e.nuisance.iter().map(|u| u.name.as_str());
@@ -127,12 +130,11 @@ impl Survey {
             }
             rows.push(part.rows());
             orders.push(order);
-            parts.push(Box::new(part));
+            parts.push(OverTime::changed(Box::new(part), &decls, &twin.changes));
         }
         let residuals = (residuals.len() == e.residuals.len()).then_some(&residuals[..]);
         let mut all: Box<dyn Estimator + '_> =
             if several { Box::new(Several::new(end.shared, parts)) } else { parts.remove(0) };
-        let decls = model.param_decls();
         let nuisance = all.nuisance();
         let names: Vec<String> =
             decls.iter().map(|d| d.name.clone()).chain(nuisance.iter().map(|u| u.name.clone())).collect();
@@ -141,11 +143,26 @@ impl Survey {
             let own = nuisance.iter().enumerate().filter(|(_, u)| is_called(&u.name, name, labels_of));
             own.map(|(k, _)| (decls.len() + k, 1.0)).collect()
         };
+        let places = |made: &[(String, f64)]| -> Combination {
+            let one = |(name, by): &(String, f64)| {
+                let k = nuisance.iter().position(|u| u.name == *name)?;
+                Some((decls.len() + k, *by))
+            };
+            made.iter().filter_map(one).collect()
+        };
         // Errors that records share, whether the mission is not sure of them or they were adopted.
         let shared: Vec<(&str, f64)> =
             end.unknowns.decls.iter().map(|d| d.name.as_str()).zip(e.values.iter().copied()).collect();
         let shared_value = |name: &str| shared.iter().find(|(n, _)| is_called(name, n, labels_of)).map(|s| s.1);
-        let of = |name: &str| value_of(name).or_else(|| shared_value(name));
+        // Changes of parameters in a record are made of steps from record to record.
+        let steps = |name: &str| {
+            let made = end.unknowns.combined.iter().filter_map(|(step, made)| {
+                let by: f64 = made.iter().filter(|m| m.0 == name).map(|m| m.1).sum();
+                Some(by * shared.iter().find(|(n, _)| n == step)?.1)
+            });
+            made.sum::<f64>()
+        };
+        let of = |name: &str| value_of(name).or_else(|| shared_value(name)).or_else(|| Some(steps(name)));
         let extra: Vec<f64> = nuisance.iter().map(|u| of(&u.name).unwrap_or(0.0)).collect();
         let sizes = ident::parameters::sizes(&decls, end.values);
         let (mut base, mut base_names) = (Vec::new(), Vec::new());
@@ -153,7 +170,10 @@ impl Survey {
         {
             // An error that records share is a column of every one of them.
             let column = match column[..] {
-                [(shared, _)] if shared >= decls.len() => beside(&end.unknowns.decls[i].name),
+                [(shared, _)] if shared >= decls.len() => match end.unknowns.combined.get(&end.unknowns.decls[i].name) {
+                    Some(made) => places(made),
+                    None => beside(&end.unknowns.decls[i].name),
+                },
                 _ => column,
             };
             if column.is_empty() {

@@ -37,7 +37,7 @@ fn exactness(r: &IdentificationResult) -> Vec<String> {
     let mut said = Vec::new();
     if !r.not_allowed_for.is_empty() {
         let how = match r.method {
-            Method::Ground => "the calibration on the ground allows for no errors but friction and noise",
+            Method::Ground => "the calibration on the ground takes robot and biases as the same at all times",
             _ => "the rigid method has no columns of sensors and placements; --method output-error has",
         };
         said.push(format!(
@@ -350,6 +350,10 @@ impl fmt::Display for IdentificationResult {
         self.bodies.iter().try_for_each(|b| body(f, b))?;
         budget(f, &self.budget, w)?;
         uncertain(f, &self.uncertain)?;
+        if !self.over_time.is_empty() {
+            writeln!(f, "\nwhat changes")?;
+            self.over_time.iter().try_for_each(|c| write!(f, "{c}"))?;
+        }
         if let Some(e) = self.evidence.as_ref().filter(|e| !e.named.is_empty()) {
             writeln!(f, "\nwhat would explain the record, of {} errors that were tried", e.tried)?;
             e.named.iter().take(LISTED).try_for_each(|n| error(f, n))?;

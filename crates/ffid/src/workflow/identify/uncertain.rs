@@ -11,6 +11,7 @@
 //! ```
 
 use super::error::{IdentifyError, config};
+use super::over_time::{OverTime, declared};
 use crate::open::Opened;
 use ff_mission::mission::{EstimateMethod, Mission, named_by};
 use ff_model::tree::{DisplacementKind, Placed};
@@ -51,12 +52,20 @@ pub enum UncertainKind {
     GyroAlignment,
     /// Zeros of the encoders.
     EncoderOffsets,
+    /// Changes of parameters from record to record.
+    Changes,
+    /// Biases that walk within a record.
+    BiasWalks,
 }
 
 impl UncertainKind {
     /// Whether it belongs to sensors or placements, and not to the parameters of the model.
     pub fn is_shared(self) -> bool {
-        !matches!(self, Self::Masses | Self::CentresOfMass | Self::Inertias | Self::Parameters)
+        !matches!(self, Self::Masses | Self::CentresOfMass | Self::Inertias | Self::Parameters | Self::Changes | Self::BiasWalks)
+    }
+    /// Whether the rigid method has columns of it.
+    fn is_of_parameters(self) -> bool {
+        !self.is_shared() && self != Self::BiasWalks
     }
     /// The size of a small error of this kind, in words: what [`UncertainItems::small`] has as deviations.
     pub(in crate::workflow) fn small(self) -> &'static str {
@@ -65,6 +74,7 @@ impl UncertainKind {
             Self::CentresOfMass => "1 mm",
             Self::Mounts | Self::Joints => "1 mm (1 mrad)",
             Self::GyroAlignment | Self::EncoderOffsets => "1 mrad",
+            Self::Changes | Self::BiasWalks => "one deviation",
         }
     }
     /// In words.
@@ -80,6 +90,8 @@ impl UncertainKind {
             Self::GyroScale => "gyro scale",
             Self::GyroAlignment => "gyro alignment",
             Self::EncoderOffsets => "encoder zeros",
+            Self::Changes => "changes between records",
+            Self::BiasWalks => "walks of biases",
         }
     }
 }
@@ -104,7 +116,8 @@ pub(in crate::workflow) struct UncertainUnknown {
 pub struct DeclaredUncertain {
     /// The unknowns that are estimated beside what is asked for.
     pub unknowns: Vec<DeclaredUnknown>,
-    /// Those among them that the method of the mission takes as exact: all on the ground, sensors and placements with the rigid one.
+    /// Those among them that the method of the mission takes as exact: what moves slowly on the ground, sensors, placements and walks of
+    /// biases with the rigid one.
     pub not_allowed_for: Vec<String>,
 }
 
@@ -133,10 +146,13 @@ impl DeclaredUncertain {
             mean: u.mean,
             std: u.std,
         };
-        let unknowns: Vec<DeclaredUnknown> = UncertainItems::of(opened).unknowns.into_iter().map(line).collect();
+        let moving = opened.mission.iter().flat_map(|m| declared(m, &opened.model));
+        let unknowns: Vec<DeclaredUnknown> =
+            UncertainItems::of(opened).unknowns.into_iter().chain(moving).map(line).collect();
         let rigid = opened.mission.as_ref().is_some_and(|m| m.estimate.method == Some(EstimateMethod::Rda));
         let ground = opened.model.base_kind() == BaseKind::Fixed;
-        let exact = |u: &&DeclaredUnknown| ground || rigid && u.kind.is_shared();
+        let moves = |k: UncertainKind| matches!(k, UncertainKind::Changes | UncertainKind::BiasWalks);
+        let exact = |u: &&DeclaredUnknown| ground && moves(u.kind) || rigid && !u.kind.is_of_parameters();
         let not_allowed_for = unknowns.iter().filter(exact).map(|u| u.name.clone()).collect();
         (!unknowns.is_empty()).then_some(Self { unknowns, not_allowed_for })
     }
@@ -155,7 +171,7 @@ impl std::fmt::Display for DeclaredUncertain {
         for kind in kinds {
             let of: Vec<&str> = self.unknowns.iter().filter(|u| u.kind == kind).map(|u| u.name.as_str()).collect();
             let some = ff_model::diagnostics::list(of.iter().copied(), 6);
-            writeln!(f, "  {:16} {:>3}  {some}", kind.words(), of.len())?;
+            writeln!(f, "  {:23} {:>3}  {some}", kind.words(), of.len())?;
         }
         Ok(())
     }
@@ -175,6 +191,8 @@ pub struct UncertainItems {
     /// Errors that records share, as parameters behind those of the model.
     pub(in crate::workflow) shared: Vec<ParamDecl>,
     bodies: Vec<BodyErrors>,
+    /// What records bring.
+    pub(super) over_time: OverTime,
 }
 
 /// The ten numbers of some bodies as functions of errors.
@@ -254,14 +272,17 @@ impl UncertainItems {
     }
     /// Without errors of sensors and placements, and the names of those: for a method that has no columns of them.
     pub(super) fn of_parameters_alone(self) -> (Self, Vec<String>) {
-        let names = self.shared_names();
-        let unknowns = self.unknowns.into_iter().filter(|u| !u.kind.is_shared()).collect();
-        let Self { parameters, priors, bodies, .. } = self;
-        (Self { unknowns, parameters, priors, bodies, ..Self::default() }, names)
+        let (unknowns, left): (Vec<_>, Vec<_>) = self.unknowns.into_iter().partition(|u| u.kind.is_of_parameters());
+        let names: Vec<String> = left.into_iter().map(|u| u.name).collect();
+        let Self { parameters, priors, bodies, mut shared, mut over_time, .. } = self;
+        shared.retain(|d| !names.contains(&d.name));
+        over_time.no_walks();
+        (Self { unknowns, parameters, priors, bodies, shared, over_time, ..Self::default() }, names)
     }
-    /// Names of its unknowns.
-    pub(super) fn names(&self) -> Vec<String> {
-        self.unknowns.iter().map(|u| u.name.clone()).collect()
+    /// Whether there are errors that the rigid method has no columns of.
+    pub(super) fn needs_output_error(&self) -> bool {
+        let known = |d: &ParamDecl| self.unknowns.iter().any(|u| u.name == d.name && u.kind.is_of_parameters());
+        !self.shared.iter().all(known)
     }
     /// Number of its unknowns.
     pub fn count(&self) -> usize {
@@ -288,11 +309,24 @@ impl UncertainItems {
         }
     }
     fn share(&mut self, name: String, unit: &'static str, std: f64, kind: UncertainKind) {
+        self.share_about(name, unit, (0.0, std), kind);
+    }
+    /// A parameter behind those of the model with this mean and standard deviation.
+    pub(super) fn share_about(
+        &mut self,
+        name: String,
+        unit: &'static str,
+        (mean, std): (f64, f64),
+        kind: UncertainKind,
+    ) {
         if self.shared.iter().any(|d| d.name == name) {
             return;
         }
-        self.shared.push(decl(name.clone(), unit, std));
-        self.unknowns.push(UncertainUnknown { name, unit, mean: 0.0, std, kind });
+        // Its size is that of the deviation, whatever the mean: the nominal value stays zero, and fits begin at the mean.
+        let around = decl(name.clone(), unit, std);
+        let bounds = (mean + around.bounds.0, mean + around.bounds.1);
+        self.shared.push(ParamDecl { bounds, ..around });
+        self.unknowns.push(UncertainUnknown { name, unit, mean, std, kind });
     }
     /// An error of this size that is to be estimated, of which nothing is known.
     pub(super) fn adopt(&mut self, name: String, unit: &'static str, size: f64) {

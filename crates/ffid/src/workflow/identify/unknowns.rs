@@ -40,6 +40,8 @@ pub(super) struct Unknowns {
     map: Option<Arc<TieMap>>,
     width: Option<f64>,
     posterior: Option<Posterior>,
+    /// By the name of a step from record to record: what it adds to the changes of parameters in records.
+    pub(super) combined: BTreeMap<String, Vec<(String, f64)>>,
 }
 
 impl Unknowns {
@@ -54,7 +56,10 @@ impl Unknowns {
         let mut all = model.param_decls();
         let of_model = all.len();
         all.extend(uncertain.shared.iter().cloned());
-        let values: Vec<f64> = all.iter().map(|d| d.nominal).collect();
+        // Errors that records share begin at their means.
+        let mean = |d: &ParamDecl| uncertain.unknowns.iter().find(|u| u.name == d.name).map_or(d.nominal, |u| u.mean);
+        let values: Vec<f64> =
+            all.iter().enumerate().map(|(i, d)| if i < of_model { d.nominal } else { mean(d) }).collect();
         let map = tie_map(&all, &values, &options.ties, uncertain.ties(&values)?)
             .map_err(|e| refused("Config::Ties", e.to_string(), "see the names that `ffid check` lists"))?;
         let mut touched = estimated.to_vec();
@@ -91,7 +96,8 @@ impl Unknowns {
             offset_start(&decls, &nominal, &asked, s.start_offset, s.seed)
         };
         let (width, posterior) = (s.prior, options.posterior.clone());
-        Ok(Self { decls, selected, nominal, start, marginal, touched, of_model, known, map, width, posterior })
+        let combined = uncertain.over_time.combined.clone();
+        Ok(Self { decls, selected, nominal, start, marginal, touched, of_model, known, map, width, posterior, combined })
     }
     /// What is known beforehand of these.
     pub(super) fn priors(&self, selected: &[usize]) -> Result<Priors, IdentifyError> {

@@ -14,6 +14,7 @@ use crate::workflow::identify::findings::{
     UnobservedDirections, Whiteness,
 };
 use crate::workflow::identify::kept_records::KeptRecord;
+use crate::workflow::identify::over_time::Course;
 use ident::Posterior;
 use serde::{Deserialize, Serialize};
 
@@ -78,6 +79,9 @@ pub struct IdentificationResult {
     /// What the mission is not sure of, before and after; the parameters are known whatever it is.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub uncertain: Vec<UncertainLine>,
+    /// What changes: parameters from record to record, biases that walk within one.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub over_time: Vec<Course>,
     /// Where the variance of every parameter comes from, where something is uncertain.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub budget: Vec<BudgetLine>,
@@ -160,6 +164,7 @@ impl IdentificationResult {
             reduced: None,
             prior_conflicts: Vec::new(),
             uncertain: Vec::new(),
+            over_time: Vec::new(),
             budget: Vec::new(),
             not_allowed_for: Vec::new(),
             taken_as_exact: Vec::new(),
