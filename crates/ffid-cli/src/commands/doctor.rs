@@ -30,7 +30,7 @@ written (docs/doctor.md). `ffid identify` refuses what is wrong before it fits."
 pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) input: Input,
-    /// The records: CSV, Parquet or MCAP (a ROS 2 bag).
+    /// The records: CSV, Parquet, or a bag of ROS 1 or ROS 2 (MCAP).
     #[arg(long, value_name = "FILE", num_args = 1.., required = true, alias = "records")]
     record: Vec<PathBuf>,
     /// Print problems only.

@@ -9,7 +9,6 @@ pub(crate) mod estimator;
 pub(crate) mod fit;
 pub(crate) mod fold;
 pub(crate) mod ground;
-mod ground_physical;
 pub(crate) mod nuisance;
 pub(crate) mod outcome;
 pub(crate) mod output_error;
@@ -26,7 +25,9 @@ pub(crate) mod setup;
 pub use complete::{Complete, CompleteOptions};
 pub use estimation::{attempt, estimate};
 pub use estimator::{Coarse, Estimator};
-pub use ground::{Friction, Ground, GroundEstimate, NearRest, smoothed};
+pub use ground::{
+    Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest, TermChoice, smoothed,
+};
 pub use nuisance::{NuisanceError, NuisanceFit, fit_nuisance};
 pub use outcome::{Estimate, EstimateError, Estimated, RANK_TOLERANCE};
 pub use output_error::OutputError;

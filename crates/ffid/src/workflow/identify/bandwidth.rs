@@ -8,7 +8,7 @@
 use ff_model::Model;
 use ff_records::Record;
 use ff_spectral::Welch;
-use ident::estimate::smoothed;
+use ident::estimate::{JointTorques, smoothed};
 use ident::{Friction, Ground};
 
 /// Most candidates: each is half of the one before.
@@ -49,12 +49,12 @@ pub fn choose_low_pass(model: &Model, record: &Record, selected: &[usize], start
     let fit = |of: &Record, hz: f64| {
         let seen = smoothed(of, hz).ok()?;
         let found = Ground::new(model, Friction::ALL).ok()?.low_pass(hz).estimate(&[&seen], selected, start).ok()?;
-        Some((found.fit.values, found.friction))
+        Some((found.fit.values, found.joints))
     };
-    let judge = |of: &Record, values: &[f64], friction: &[[f64; 3]]| {
+    let judge = |of: &Record, values: &[f64], joints: &JointTorques| {
         let seen = smoothed(of, compared_hz).ok()?;
         let (predicted, residual) =
-            Ground::new(model, Friction::ALL).ok()?.low_pass(compared_hz).predict(&seen, values, friction).ok()?;
+            Ground::new(model, Friction::ALL).ok()?.low_pass(compared_hz).predict(&seen, values, joints).ok()?;
         let measured = predicted + &residual;
         // Every joint alike.
         let one =
@@ -64,8 +64,8 @@ pub fn choose_low_pass(model: &Model, record: &Record, selected: &[usize], start
     let score = |hz: f64| {
         let mut sum = 0.0;
         for (fitted, judged) in [(0, 1), (1, 0)] {
-            let (values, friction) = fit(&halves[fitted], hz)?;
-            sum += 0.5 * judge(&halves[judged], &values, &friction)?;
+            let (values, joints) = fit(&halves[fitted], hz)?;
+            sum += 0.5 * judge(&halves[judged], &values, &joints)?;
         }
         sum.is_finite().then_some(sum)
     };
