@@ -430,7 +430,9 @@ fn currents_wheels_and_wrenches_are_read_with_their_units() {
     let c = r.window(0.1, 0.4).unwrap().carried().unwrap().clone();
     let (frame, columns) = c.wrenches().remove(0);
     assert_eq!((frame.as_str(), c.units[0], c.values.nrows()), ("tool", "rad/s", 30));
-    assert!((c.values[(0, 0)] - std::f64::consts::PI).abs() < 1e-12 && (c.values[(3, columns[5])] - 0.25).abs() < 1e-12);
+    assert!(
+        (c.values[(0, 0)] - std::f64::consts::PI).abs() < 1e-12 && (c.values[(3, columns[5])] - 0.25).abs() < 1e-12
+    );
     // A torque or a current of every joint, and all of a wrench.
     let p = read_from(text.replace("current.b[mA]", "wheel.y[rpm]").as_bytes(), &two, &options).unwrap_err();
     assert!(p.has("Data::Columns") && p.to_string().contains("tau.b"), "{p}");
@@ -440,7 +442,9 @@ fn currents_wheels_and_wrenches_are_read_with_their_units() {
 
 #[test]
 fn archives_are_named() {
-    for (bytes, what) in [(&b"\x1f\x8b\x08\0abc"[..], "gunzip"), (b"SQLite format 3\0", "MCAP"), (b"PK\x03\x04rest", "unpack")] {
+    for (bytes, what) in
+        [(&b"\x1f\x8b\x08\0abc"[..], "gunzip"), (b"SQLite format 3\0", "MCAP"), (b"PK\x03\x04rest", "unpack")]
+    {
         let f = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(f.path(), bytes).unwrap();
         let p = read(f.path(), &[], &ReadOptions::default()).unwrap_err();

@@ -93,7 +93,8 @@ fn without_noise_links_and_friction_come_back() {
         let worst = worst_base(&e.fit, &m, &truth);
         let terms = [JointTerm::Viscous, JointTerm::Coulomb, JointTerm::Offset];
         let off = |j: usize, k: usize| (e.joints.coefficient(j, terms[k]) - friction[j][k]).abs();
-        let worst_friction = (0..m.nj()).flat_map(|j| (0..3).map(move |k| (j, k))).map(|(j, k)| off(j, k)).fold(0.0, f64::max);
+        let worst_friction =
+            (0..m.nj()).flat_map(|j| (0..3).map(move |k| (j, k))).map(|(j, k)| off(j, k)).fold(0.0, f64::max);
         println!(
             "{}: rank {} of {}, worst {worst:.1e}, friction {worst_friction:.1e}, used {:.3?}",
             m.name(),

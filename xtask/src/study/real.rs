@@ -22,6 +22,7 @@ const WITHIN: f64 = 1.05;
 /// Arguments of `study real`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
+    /// Those of every study
     #[command(flatten)]
     pub options: Options,
     /// Folder with the logs; target/real/double_pendulum unless given
@@ -51,8 +52,14 @@ const CASES: [(Case, &str); 8] = [
     (Case { name: "C-00", train: "trajectory_00.csv", held_out: "trajectory_02.csv" }, DESIGN_C),
     (Case { name: "C-02", train: "trajectory_02.csv", held_out: "trajectory_01.csv" }, DESIGN_C),
     (Case { name: "C-12", train: "trajectory_12.csv", held_out: "trajectory_13.csv" }, DESIGN_C),
-    (Case { name: "C1-143601", train: "20230629-143601/trajectory.csv", held_out: "20230629-143339/trajectory.csv" }, DESIGN_C1),
-    (Case { name: "C1-154220", train: "20230629-154220/trajectory.csv", held_out: "20230629-154548/trajectory.csv" }, DESIGN_C1),
+    (
+        Case { name: "C1-143601", train: "20230629-143601/trajectory.csv", held_out: "20230629-143339/trajectory.csv" },
+        DESIGN_C1,
+    ),
+    (
+        Case { name: "C1-154220", train: "20230629-154220/trajectory.csv", held_out: "20230629-154548/trajectory.csv" },
+        DESIGN_C1,
+    ),
 ];
 
 /// What `least_squares.py` prints.
@@ -197,6 +204,10 @@ mod tests {
         let study = run(&args).unwrap();
         assert!(!study.pass() && study.get("measured") == Some(0.0));
         let table = study.table().to_string();
-        assert!(table.contains("C-00 is not measured") && table.contains("trajectory_02.csv") || table.contains("trajectory_00.csv"), "{table}");
+        assert!(
+            table.contains("C-00 is not measured") && table.contains("trajectory_02.csv")
+                || table.contains("trajectory_00.csv"),
+            "{table}"
+        );
     }
 }

@@ -184,7 +184,8 @@ pub(super) fn targets(
         let name = split(cell).0;
         let again = |c: &String| {
             let other = split(c).0;
-            place(other, joints).is_some_and(|p| place(name, joints) == Some(p)) || other == name && carried(name).is_some()
+            place(other, joints).is_some_and(|p| place(name, joints) == Some(p))
+                || other == name && carried(name).is_some()
         };
         if head[..i].iter().any(again) {
             fail(data("Data::Columns", format!("column '{}' is there twice", clip(name))).hint("keep one of the two"));
@@ -211,6 +212,12 @@ pub(super) fn targets(
         let near = strangers.iter().find_map(|s| Some((s, nearest(s, absent.iter().copied().chain(all()))?)));
         let hint = match near {
             Some((s, n)) => format!("is {} meant to be {n}?", clip(s)),
+            None if absent.is_empty() => {
+                let prefixed =
+                    |s: &&&str| head.iter().map(|c| split(c).0).find(|n| n.split_once('.').is_some_and(|p| p.1 == **s));
+                let column = strangers.iter().find_map(|s| prefixed(&s)).unwrap_or_default();
+                format!("leave them out with --ignore, such as --ignore '{}', if they stood still", clip(column))
+            }
             None => format!("use the record of this robot; its joints: {}", list(all(), LISTED)),
         };
         fail(data("Data::NameMismatch", what).hint(hint));
@@ -267,11 +274,14 @@ pub(super) fn time_column(names: &[String]) -> Result<usize, Box<Problem>> {
     names.iter().position(|n| split(n).0 == "time").ok_or_else(|| Box::new(missing()))
 }
 
-/// Name and unit of a header cell.
+/// Name and unit of a header cell, `name[unit]` or `name (unit)`.
 pub(super) fn split(cell: &str) -> (&str, Option<&str>) {
-    match cell.trim().strip_suffix(']').and_then(|c| c.rsplit_once('[')) {
+    let cell = cell.trim();
+    let brackets = cell.strip_suffix(']').and_then(|c| c.rsplit_once('['));
+    // `q.elbow (rad)`, as spreadsheets and plotting programs write it.
+    match brackets.or_else(|| cell.strip_suffix(')').and_then(|c| c.rsplit_once(" ("))) {
         Some((name, unit)) => (name.trim(), Some(unit)),
-        None => (cell.trim(), None),
+        None => (cell, None),
     }
 }
 

@@ -338,9 +338,8 @@ fn builder(
     }
     for g in GROUPS.into_iter().filter(|g| *g != Group::Current) {
         let width = g.channels(joints).len();
-        let of_group = |t: &Target| {
-            matches!(t, Target::Channel(g2, ..) if *g2 == g || g == Group::Tau && *g2 == Group::Current)
-        };
+        let of_group =
+            |t: &Target| matches!(t, Target::Channel(g2, ..) if *g2 == g || g == Group::Tau && *g2 == Group::Current);
         let rows = targets.iter().position(of_group).map_or(0, |c| columns[c].len());
         let mut all = Vec::new();
         for k in 0..width {

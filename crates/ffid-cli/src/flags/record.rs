@@ -16,6 +16,8 @@ use std::path::Path;
 
 /// Speeds beyond this many times the limit of a joint are not believed.
 const TOO_FAST: f64 = 3.0;
+/// Beyond this many times, and beyond the range of the joint as well, the unit is another.
+const IMPOSSIBLE: f64 = 15.0;
 
 /// What to do with rows that have no number in a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -172,7 +174,8 @@ pub(crate) fn not_used(record: &Record, model: &Model, path: &Path, out: &mut Pr
     if !ground && !record.has_torques() {
         let joints = model.joint_names();
         let of = joints.iter().zip(record.currents()).filter(|(_, c)| **c).map(|(j, _)| j.as_str());
-        let what = format!("currents in place of torques, of {}: their gains are estimated on the ground alone", list(of, 6));
+        let what =
+            format!("currents in place of torques, of {}: their gains are estimated on the ground alone", list(of, 6));
         let hint = "calibrate the gains on the ground, and write columns tau.<joint>";
         out.push(Problem::error(Area::Data, "Data::Currents", what).in_file(path).hint(hint));
     }
@@ -211,7 +214,14 @@ pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut P
         let span = 10.min(q.len() - 1).max(1);
         let seconds = |i: usize| times.map_or(span as f64 * record.dt(), |t| t[i] - t[i - span]);
         let speed = (span..q.len()).map(|i| (q[i] - q[i - span]).abs() / seconds(i)).fold(0.0, f64::max);
-        if speed > TOO_FAST * limits.velocity {
+        if speed > IMPOSSIBLE * limits.velocity && (hi - lo) > limits.upper - limits.lower {
+            let what = format!(
+                "moves at {speed:.4} per s and from {lo:.4} to {hi:.4}, limits {} per s and {} .. {}",
+                limits.velocity, limits.lower, limits.upper
+            );
+            let p = Problem::error(Area::Data, "Data::LooksLikeDegrees", what).in_file(path).on(format!("q.{name}"));
+            out.push(p.hint("if the column is in degrees, write q.<joint>[deg]; to go on, --allow looks-like-degrees"));
+        } else if speed > TOO_FAST * limits.velocity {
             let what = format!(
                 "moves at {speed:.4} per s, limit {} per s (ratio {:.1})",
                 limits.velocity,

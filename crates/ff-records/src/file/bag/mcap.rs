@@ -7,8 +7,8 @@
 use super::container::{Channel, Container, DAMAGED, LIMIT, MAX_CHANNELS, Message, io, too_large, truncated};
 use crate::file::blocks::unreadable;
 use crate::file::lines::BUFFER;
-use ff_model::diagnostics::clip;
 use ff_model::Problems;
+use ff_model::diagnostics::clip;
 use mcap::McapError;
 use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};

@@ -38,7 +38,10 @@ fn refused(what: impl Into<String>) -> Refused {
 }
 
 fn backward(stamp: i64) -> Refused {
-    Refused { what: format!("a stamp of {stamp} ns that does not go forward"), hint: "--stamps receive takes the times of recording" }
+    Refused {
+        what: format!("a stamp of {stamp} ns that does not go forward"),
+        hint: "--stamps receive takes the times of recording",
+    }
 }
 
 /// What became of joint states.

@@ -85,9 +85,7 @@ pub(super) fn kind_of(c: &Channel) -> Result<Option<(Kind, Decoder)>, ()> {
         };
         return Ok(Some((kind, Decoder::Ros1(layout))));
     }
-    let is = |pkg: &str, name: &str| {
-        c.schema == format!("{pkg}/msg/{name}") || c.schema == format!("{pkg}/{name}")
-    };
+    let is = |pkg: &str, name: &str| c.schema == format!("{pkg}/msg/{name}") || c.schema == format!("{pkg}/{name}");
     let kind = if is("sensor_msgs", "JointState") {
         Kind::Joints
     } else if is("sensor_msgs", "Imu") {
@@ -170,12 +168,7 @@ impl Imu {
             }
         })?;
         known[0] &= att != [0.0; 4];
-        Some(Self {
-            stamp,
-            att: known[0].then_some(att),
-            gyro: known[1].then_some(gyro),
-            acc: known[2].then_some(acc),
-        })
+        Some(Self { stamp, att: known[0].then_some(att), gyro: known[1].then_some(gyro), acc: known[2].then_some(acc) })
     }
 }
 

@@ -58,11 +58,8 @@ impl<C: Container> BagBlocks<C> {
         let own = |n: &String| joints.iter().any(|j| j.name == *n);
         // Fingers and wheels that the mission holds; where a joint of the robot is missing, all names are of use.
         let complete = !joints.is_empty() && joints.iter().all(|j| first.names.contains(&j.name));
-        let (kept, strangers) = if complete {
-            first.names.iter().cloned().partition(own)
-        } else {
-            (first.names.clone(), Vec::new())
-        };
+        let (kept, strangers) =
+            if complete { first.names.iter().cloned().partition(own) } else { (first.names.clone(), Vec::new()) };
         let slides = |n: &String| joints.iter().any(|j| j.name == *n && j.slides) || options.slides.contains(n);
         let mut names = vec!["time[ns]".to_owned()];
         let groups = [
@@ -108,15 +105,7 @@ impl<C: Container> BagBlocks<C> {
         };
         let merge = Merge::new(kept, &first, sides);
         let code = bag.code();
-        let messages = Messages {
-            joints: found.joints,
-            sides: topics,
-            merge,
-            state: first,
-            received,
-            strangers,
-            code,
-        };
+        let messages = Messages { joints: found.joints, sides: topics, merge, state: first, received, strangers, code };
         Ok(Self { bag, names, messages, ended: false, truncated: None })
     }
 }
@@ -133,7 +122,8 @@ impl Messages {
         let at = |stamp: i64| if received { m.log_time } else { stamp };
         if m.channel == self.joints.channel.id {
             let (joints, s) = (&self.joints, &mut self.state);
-            s.read_again(&joints.decoder, &m.data).ok_or_else(|| wrong("a JointState that is cut short", DAMAGED, joints))?;
+            s.read_again(&joints.decoder, &m.data)
+                .ok_or_else(|| wrong("a JointState that is cut short", DAMAGED, joints))?;
             return self.merge.joints(at(s.stamp), s).map_err(|r| wrong(&r.what, r.hint, joints));
         }
         let Some(k) = self.sides.iter().position(|t| t.channel.id == m.channel) else { return Ok(()) };

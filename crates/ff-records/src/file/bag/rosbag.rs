@@ -4,8 +4,8 @@
 //! A bag is read from front to back without its index, so that one whose recorder was killed (`.bag.active`) is read as well. No
 //! length is believed that the file does not back.
 
-use super::definition::stamp;
 use super::container::{Channel, Container, LIMIT, MAX_CHANNELS, Message, io, too_large, truncated};
+use super::definition::stamp;
 use crate::file::blocks::unreadable;
 use crate::file::lines::BUFFER;
 use ff_model::Problems;
@@ -214,8 +214,7 @@ impl Rosbag {
         let found = match kind {
             op::MESSAGE => {
                 let topic = h.u32("conn").zip(h.time("time"));
-                let (channel, log_time) =
-                    topic.ok_or_else(|| damaged("a message without topic or time", self.at))?;
+                let (channel, log_time) = topic.ok_or_else(|| damaged("a message without topic or time", self.at))?;
                 Some(Found { channel, log_time, place: Some((c, d)) })
             }
             op::CONNECTION => {

@@ -42,11 +42,7 @@ struct Seen {
 ///
 /// # Errors
 /// `Data::Topics` with the list of topics; those of the container.
-pub(super) fn look(
-    bag: &mut impl Container,
-    joints: &[JointColumn],
-    options: &ReadOptions,
-) -> Result<Found, Problems> {
+pub(super) fn look(bag: &mut impl Container, joints: &[JointColumn], options: &ReadOptions) -> Result<Found, Problems> {
     let seen = seen(bag, joints, options)?;
     let whole = |s: &JointState| joints.is_empty() || joints.iter().all(|c| s.names.contains(&c.name));
     let (topic, state) = choose(seen.joints, Kind::Joints, options, &seen.listed, whole)?;

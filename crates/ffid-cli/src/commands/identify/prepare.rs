@@ -179,8 +179,13 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
         options.absent.push(Absent { payload: payload.clone(), record: records[k].label.clone() });
     }
     if !options.absent.is_empty() && opened.model.base_kind() != BaseKind::Fixed {
-        let p = Problem::error(Area::Config, "Config::Method", "a payload that is mounted in some records alone is for an arm on the ground");
-        let hint = "give base = \"fixed\" in [robot]; in orbit identify each record, the second with --prior-from the first";
+        let p = Problem::error(
+            Area::Config,
+            "Config::Method",
+            "a payload that is mounted in some records alone is for an arm on the ground",
+        );
+        let hint =
+            "give base = \"fixed\" in [robot]; in orbit identify each record, the second with --prior-from the first";
         return Err(refused(Problems(vec![p.on("--without").hint(hint)])));
     }
     let mut held = match hold_out {

@@ -27,8 +27,8 @@ use ident::Posterior;
 use ident::Priors;
 use ident::SetupError;
 use ident::estimate::report::FitReport;
-use ident::solve::{LinearError, LinearEstimate, Weights};
 use ident::estimate::{JointTerm, JointTorques};
+use ident::solve::{LinearError, LinearEstimate, Weights};
 use ident::{Friction, Ground, GroundEstimate};
 
 /// Joint friction, gains and noise, as an identification found them.

@@ -15,7 +15,9 @@ pub struct Absent {
 impl Absent {
     /// Whether it is said of a record with this label, or of the record that it is a part of.
     pub fn says(&self, label: &str) -> bool {
-        label.strip_prefix(&*self.record).is_some_and(|rest| rest.is_empty() || rest.starts_with(['-', ' ', '#', '.', '/']))
+        label
+            .strip_prefix(&*self.record)
+            .is_some_and(|rest| rest.is_empty() || rest.starts_with(['-', ' ', '#', '.', '/']))
     }
 }
 

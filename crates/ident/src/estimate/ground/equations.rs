@@ -170,9 +170,7 @@ pub(super) fn groups(ground: &Ground<'_>, records: &[&Record]) -> Result<Vec<Gro
         let (q, qd, qdd) = (stack(&|p| p.q.clone()), stack(&|p| p.qd.clone()), stack(&|p| p.qdd.clone()));
         let measured = stack(&|p| p.measured.clone());
         let some = parts.iter().any(|p| p.external.is_some());
-        let external = some.then(|| {
-            stack(&|p| p.external.clone().unwrap_or_else(|| DMatrix::zeros(p.q.nrows(), nj)))
-        });
+        let external = some.then(|| stack(&|p| p.external.clone().unwrap_or_else(|| DMatrix::zeros(p.q.nrows(), nj))));
         let (mut filters, mut counts, mut first) = (Vec::new(), Vec::with_capacity(n), 0);
         for p in &parts {
             counts.extend((0..p.q.nrows()).map(|i| p.rows.contains(&i)));

@@ -258,7 +258,11 @@ impl<'a> Ground<'a> {
             return Err(LinearError::Shape("no record is given".into()));
         }
         if !(self.terms.is_empty() || self.terms.len() == self.model.nj()) {
-            return Err(LinearError::Shape(format!("terms of {} joints, needed {}", self.terms.len(), self.model.nj())));
+            return Err(LinearError::Shape(format!(
+                "terms of {} joints, needed {}",
+                self.terms.len(),
+                self.model.nj()
+            )));
         }
         equations::groups(self, records)
     }

@@ -23,14 +23,20 @@ impl GroundEstimate {
         // Where friction falls from rest, or differs by direction, its parts may be negative while it dissipates.
         let beside = |name: &str| {
             let joint = name.rsplit_once('.').map_or(name, |n| n.0);
-            let other = |n: &str| n.strip_prefix(joint).is_some_and(|t| [".stribeck", ".asymmetry", ".quadratic", ".load"].iter().any(|o| t.starts_with(o)));
+            let other = |n: &str| {
+                n.strip_prefix(joint).is_some_and(|t| {
+                    [".stribeck", ".asymmetry", ".quadratic", ".load"].iter().any(|o| t.starts_with(o))
+                })
+            };
             self.fit.extra.iter().any(|e| other(&e.name))
         };
         let alone: Vec<String> = self
             .fit
             .extra
             .iter()
-            .filter(|e| DISSIPATIVE.iter().any(|t| e.name.ends_with(t)) && (e.name.ends_with(".inertia") || !beside(&e.name)))
+            .filter(|e| {
+                DISSIPATIVE.iter().any(|t| e.name.ends_with(t)) && (e.name.ends_with(".inertia") || !beside(&e.name))
+            })
             .map(|e| e.name.clone())
             .collect();
         let dissipates = |name: &str| alone.iter().any(|a| a == name);

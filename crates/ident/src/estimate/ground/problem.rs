@@ -89,7 +89,14 @@ impl<'a> Problem<'a> {
             _ => torque,
         };
         let slides = body.kind == JointKind::Prismatic;
-        (Unknown { name: term.name(&body.name), unit: term.unit(slides).into(), size }, 0.0)
+        // What the robot's file says of it, where the data say nothing.
+        let file = self.ground.model.bodies()[j].impedance;
+        let start = match term {
+            JointTerm::Viscous => file.viscous,
+            JointTerm::Coulomb => file.coulomb,
+            _ => 0.0,
+        };
+        (Unknown { name: term.name(&body.name), unit: term.unit(slides).into(), size }, start)
     }
     /// Solves, from the gains (N m/A) given or from those that explain the joints best before.
     pub(super) fn solve(
@@ -107,7 +114,9 @@ impl<'a> Problem<'a> {
             None => {
                 let none = vec![None; nj];
                 let s = Substitution { layout: &self.layout, selected: m, at: &at, gains: &none };
-                (0..nj).map(|j| if self.currents[j] { Some(1.0 / s.start(j, &triangles[j]).unwrap_or(1.0)) } else { None }).collect()
+                (0..nj)
+                    .map(|j| if self.currents[j] { Some(1.0 / s.start(j, &triangles[j]).unwrap_or(1.0)) } else { None })
+                    .collect()
             }
         };
         let mut rounds = 0;
@@ -125,8 +134,7 @@ impl<'a> Problem<'a> {
                 extra.push((Unknown { name: format!("drive.{}.gain", joint.name), unit: unit.into(), size }, k));
             }
             let priors = &self.ground.priors;
-            let task =
-                Task { decls: &self.decls, selected: self.selected, start: self.start, extra, weights, priors };
+            let task = Task { decls: &self.decls, selected: self.selected, start: self.start, extra, weights, priors };
             let fit = linear::solve(&task, &equations)?;
             let found = fit.extra[self.layout.terms.len()..].iter().map(|e| e.value);
             let (mut next, mut change) = (k.clone(), 0.0f64);

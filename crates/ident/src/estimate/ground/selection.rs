@@ -1,7 +1,7 @@
 //! Which terms the joints have, chosen by data that were not fitted.
 //!
 //! The samples are cut into blocks. Each block is predicted by a fit of the others, with and without a term; a term is taken where it
-//! lowers the error of its joint by [`GAIN`] of its square and in most blocks, the one that lowers it most first. Held-out blocks judge
+//! lowers the squared error of its joint by the part [`GAIN`] and by more than [`BORNE_OUT`] standard errors over the blocks, the one that lowers it most first. Held-out blocks judge
 //! what residuals do not: those of friction, elasticity and filters are coloured, so that criteria that count samples as independent take
 //! every term. While terms are tried, the bodies stay as the fit of the other blocks has them and the friction of the joint is fitted
 //! anew; all terms that were taken are judged again with the bodies fitted beside them.
@@ -21,13 +21,13 @@ const BLOCKS: usize = 6;
 /// Fewest samples of a block.
 const SHORTEST: usize = 50;
 /// Part of the squared error of a joint that a term has to take away.
-const GAIN: f64 = 0.02;
-/// Part of the blocks that it has to do so in.
-const MOST: f64 = 0.6;
+const GAIN: f64 = 0.1;
+/// Mean over standard error of what it takes away of the blocks, at least: no single block may speak for it.
+const BORNE_OUT: f64 = 2.5;
 /// Most terms of a joint beside viscous and Coulomb friction and offset.
 const TERMS: usize = 3;
 /// Rates of the Stribeck effect that are tried, in parts of the fastest rate of the joint.
-const STRIBECK: [f64; 4] = [0.01, 0.03, 0.1, 0.3];
+const STRIBECK: [f64; 3] = [0.01, 0.03, 0.1];
 
 /// A term that was taken.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,7 +76,8 @@ impl Ground<'_> {
         let mut candidates = Vec::new();
         for j in 0..nj {
             let fastest = groups.iter().map(|g| g.fastest(j)).fold(0.0, f64::max);
-            let mut tried = vec![JointTerm::ReflectedInertia, JointTerm::Asymmetry, JointTerm::Quadratic, JointTerm::Load];
+            let mut tried =
+                vec![JointTerm::ReflectedInertia, JointTerm::Asymmetry, JointTerm::Quadratic, JointTerm::Load];
             tried.extend(STRIBECK.map(|part| JointTerm::Stribeck { rate: rounded(part * fastest) }));
             for term in tried.into_iter().filter(|_| fastest > 0.0) {
                 candidates.push(Candidate { column: terms.len(), joint: j, term });
@@ -114,13 +115,22 @@ impl Ground<'_> {
             let of: Vec<&Candidate> = taken.iter().filter(|c| c.joint == j).collect();
             let (before, after) = (folds.errors(j, &bodies), folds.errors(j, &with));
             let ratio = after.iter().sum::<f64>() / before.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-            if !of.is_empty() && ratio < 1.0 - GAIN {
+            if !of.is_empty() && borne_out(&before, &after) {
                 out.0[j] = of.iter().map(|c| c.term).collect();
                 out.1.extend(of.iter().map(|c| TermChoice { joint: j, term: c.term, ratio }));
             }
         }
         Ok(out)
     }
+}
+
+/// Whether the squared errors of the blocks fall by enough, and in so many of them that it is no chance.
+fn borne_out(before: &[f64], after: &[f64]) -> bool {
+    let n = before.len() as f64;
+    let less: Vec<f64> = before.iter().zip(after).map(|(b, a)| b - a).collect();
+    let mean = less.iter().sum::<f64>() / n;
+    let variance = less.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    n * mean > GAIN * before.iter().sum::<f64>() && mean > BORNE_OUT * (variance / n).sqrt()
 }
 
 /// Two significant digits, so that names and results stay readable.
@@ -178,7 +188,7 @@ impl Folds<'_> {
         let m = self.problem.selected.len();
         let own: Vec<usize> = (0..self.own).filter(|&c| self.problem.layout.terms[c].0 == j).collect();
         let mut taken: Vec<Candidate> = Vec::new();
-        let mut best = self.refitted(j, &own, m, bodies)?;
+        let mut best = self.refitted(j, &own, m, bodies)?.0;
         while taken.len() < TERMS {
             let mut found: Option<(Candidate, Vec<f64>)> = None;
             for c in all {
@@ -189,16 +199,18 @@ impl Folds<'_> {
                 }
                 let columns: Vec<usize> =
                     own.iter().copied().chain(taken.iter().map(|t| t.column)).chain([c.column]).collect();
-                let errors = self.refitted(j, &columns, m, bodies)?;
+                let (errors, least) = self.refitted(j, &columns, m, bodies)?;
+                // Neither an inertia nor friction in proportion to a load is negative.
+                if matches!(c.term, JointTerm::ReflectedInertia | JointTerm::Load) && least < 0.0 {
+                    continue;
+                }
                 let sum = |e: &[f64]| e.iter().sum::<f64>();
                 if found.as_ref().is_none_or(|f| sum(&errors) < sum(&f.1)) {
                     found = Some((*c, errors));
                 }
             }
             let Some((c, errors)) = found else { break };
-            let fewer = errors.iter().zip(&best).filter(|(a, b)| a < b).count() as f64;
-            let (before, after) = (best.iter().sum::<f64>(), errors.iter().sum::<f64>());
-            if !(after < (1.0 - GAIN) * before && fewer >= MOST * errors.len() as f64) {
+            if !borne_out(&best, &errors) {
                 break;
             }
             taken.push(c);
@@ -206,9 +218,16 @@ impl Folds<'_> {
         }
         Ok(taken)
     }
-    /// Squared errors of a joint in every block, its terms `columns` fitted to the others with the bodies as they are.
-    fn refitted(&self, j: usize, columns: &[usize], m: usize, bodies: &[Vec<f64>]) -> Result<Vec<f64>, LinearError> {
-        let mut out = Vec::with_capacity(self.blocks.len());
+    /// Squared errors of a joint in every block, its terms `columns` fitted to the others with the bodies as they are; and the least
+    /// coefficient of the last term.
+    fn refitted(
+        &self,
+        j: usize,
+        columns: &[usize],
+        m: usize,
+        bodies: &[Vec<f64>],
+    ) -> Result<(Vec<f64>, f64), LinearError> {
+        let (mut out, mut least) = (Vec::with_capacity(self.blocks.len()), f64::INFINITY);
         for (left_out, x) in bodies.iter().enumerate() {
             // What is left of the joint with the bodies as they are, and the columns of its terms.
             let rows = |t: &Triangle| {
@@ -236,8 +255,9 @@ impl Folds<'_> {
             // Columns that say the same leave the error as it is.
             let found = linalg::least_squares(&a, &b);
             let (of, rest) = rows(&self.blocks[left_out][j]);
+            least = least.min(found.as_ref().map_or(f64::INFINITY, |x| x[x.len() - 1]));
             out.push(found.map_or(f64::INFINITY, |x| (rest - of * x).norm_squared()));
         }
-        Ok(out)
+        Ok((out, least))
     }
 }
