@@ -67,7 +67,7 @@ pub fn csv(data: &[u8]) {
     }
 }
 
-/// A record as Parquet or as a ROS 2 bag, told by its first bytes.
+/// A record as Parquet or as a bag of ROS 1 or ROS 2, told by its first bytes.
 pub fn binary(data: &[u8]) {
     if data.len() < LARGEST {
         let mut file = tempfile::NamedTempFile::new().unwrap_or_else(|e| panic!("{e}"));

@@ -3,6 +3,7 @@
 //! All problems are collected and returned together (`Area::Data`, exit code 12); rows refer to
 //! `bad-inputs.md`. Nothing is repaired in silence: resampling has to be asked for, and is reported.
 
+use crate::carried::Carried;
 use crate::checks as record_checks;
 use crate::record::Record;
 use crate::runs::longest;
@@ -57,7 +58,9 @@ pub struct RecordBuilder {
     gyro: Option<DMatrix<f64>>,
     acc: Option<DMatrix<f64>>,
     att: Option<DMatrix<f64>>,
-    times: [Option<Vec<f64>>; 5],
+    currents: Vec<bool>,
+    carried: Option<Carried>,
+    times: [Option<Vec<f64>>; 6],
     grid_hz: Option<f64>,
     fixed_base: bool,
     need: usize,
@@ -80,6 +83,8 @@ impl RecordBuilder {
             gyro: None,
             acc: None,
             att: None,
+            currents: Vec::new(),
+            carried: None,
             times: Default::default(),
             grid_hz: None,
             fixed_base: false,
@@ -171,6 +176,18 @@ impl RecordBuilder {
         self.att = Some(m);
         self
     }
+    /// Joints whose column of [`Self::tau`] is the current of their motor (A), one flag per joint; all are torques unless given.
+    #[must_use]
+    pub fn currents(mut self, of: Vec<bool>) -> Self {
+        self.currents = of;
+        self
+    }
+    /// What the record carries beside.
+    #[must_use]
+    pub fn carried(mut self, c: Carried) -> Self {
+        self.carried = Some(c);
+        self
+    }
     /// Fewest samples accepted; twice the number of parameters to be estimated is the least that makes
     /// sense (row D02). Two unless set.
     #[must_use]
@@ -249,7 +266,7 @@ impl RecordBuilder {
             Some(Clock::Stamps(t)) if !self.resample => {
                 let judged = stamps::judge(t, self.q.as_ref(), bad);
                 if let stamps::Judged::Own(t) = &judged {
-                    let has = [true, true, true, self.acc.is_some(), self.att.is_some()];
+                    let has = [true, true, true, self.acc.is_some(), self.att.is_some(), self.carried.is_some()];
                     for group in
                         ChannelGroup::ALL.into_iter().filter(|g| *g != ChannelGroup::Motion && has[*g as usize])
                     {
@@ -299,6 +316,14 @@ impl RecordBuilder {
         let mut columns = vec![("q", q, n), ("tau", tau, n), ("gyro", gyro, 3)];
         for (name, m, width) in [("qd", self.qd, n), ("qdd", self.qdd, n), ("acc", self.acc, 3), ("att", self.att, 4)] {
             columns.extend(m.map(|m| (name, m, width)));
+        }
+        if !(self.currents.is_empty() || self.currents.len() == n) {
+            bad.push(error("Data::Shape", format!("{} flags of currents for {n} joints", self.currents.len())));
+        }
+        let (mut carried_names, mut carried_units) = (Vec::new(), Vec::new());
+        if let Some(c) = self.carried {
+            columns.push(("carried", c.values, c.names.len()));
+            (carried_names, carried_units) = (c.names, c.units);
         }
         let mut whole = true;
         let own = matches!(clock, Clock::Motion(_));
@@ -372,7 +397,7 @@ impl RecordBuilder {
         if let Some((_, att, _)) = columns.iter_mut().find(|c| c.0 == "att") {
             unwrap_attitude(att, bad);
         }
-        for (name, m, _) in columns.iter().filter(|c| !(still && c.0 == "gyro")) {
+        for (name, m, _) in columns.iter().filter(|c| !(still && c.0 == "gyro" || c.0 == "carried")) {
             stuck(name, m, &self.joint_names, &|i| time(name, i), bad);
             if matches!(*name, "tau" | "gyro" | "acc") {
                 for (j, c) in m.column_iter().enumerate() {
@@ -381,7 +406,7 @@ impl RecordBuilder {
                 }
             }
         }
-        let mut spiked: [Vec<usize>; 5] = Default::default();
+        let mut spiked: [Vec<usize>; 6] = Default::default();
         for (name, m, _) in columns.iter().filter(|c| matches!(c.0, "q" | "tau" | "gyro") && !(still && c.0 == "gyro"))
         {
             for (j, c) in m.column_iter().enumerate() {
@@ -436,6 +461,8 @@ impl RecordBuilder {
             gyro: take("gyro")?,
             acc: take("acc"),
             att: take("att"),
+            carried: take("carried").map(|values| Carried { names: carried_names, units: carried_units, values }),
+            currents: if self.currents.contains(&true) { self.currents } else { Vec::new() },
             fixed_base: self.fixed_base,
             grid: own_motion.then_some(grid.samples),
             bases,
@@ -542,6 +569,7 @@ fn group_of(name: &str) -> ChannelGroup {
         "gyro" => ChannelGroup::Gyro,
         "acc" => ChannelGroup::Accelerometer,
         "att" => ChannelGroup::Attitude,
+        "carried" => ChannelGroup::Carried,
         _ => ChannelGroup::Motion,
     }
 }

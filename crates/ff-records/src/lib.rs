@@ -9,9 +9,10 @@
 //! | [`clock`] | lags of the channels, and a record resampled onto one clock |
 //! | [`mask`] | which samples count |
 //! | [`time_base`] | groups of channels with sample times of their own |
-//! | [`file`](mod@file) | CSV with units, Parquet and ROS 2 bags (features `parquet`, `mcap`) |
+//! | [`file`](mod@file) | CSV with units, Parquet and bags of ROS (features `parquet`, `mcap`, `rosbag`) |
 
 pub mod builder;
+mod carried;
 mod checks;
 pub mod clock;
 pub mod file;
@@ -26,6 +27,7 @@ pub mod time_base;
 mod time_checks;
 
 pub use builder::RecordBuilder;
+pub use carried::{Carried, WRENCH};
 pub use mask::Mask;
 pub use record::Record;
 pub use time_base::ChannelGroup;

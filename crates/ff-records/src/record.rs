@@ -8,6 +8,7 @@
 //! number being finite and every length being right. Matrices are N x channels, so that one channel is one
 //! contiguous column.
 
+use crate::carried::Carried;
 use crate::resample::{TimeBaseError, on_grid};
 use crate::time_base::{ChannelGroup, TimeBases};
 use core::ops::Range;
@@ -40,6 +41,8 @@ pub struct Record {
     pub(crate) gyro: DMatrix<f64>,
     pub(crate) acc: Option<DMatrix<f64>>,
     pub(crate) att: Option<DMatrix<f64>>,
+    pub(crate) currents: Vec<bool>,
+    pub(crate) carried: Option<Carried>,
     pub(crate) fixed_base: bool,
     pub(crate) bases: TimeBases,
     /// Samples of the grid, where they are not those of the joint motion.
@@ -128,6 +131,11 @@ impl Record {
             gyro: one(ChannelGroup::Gyro, &self.gyro)?,
             acc: some(ChannelGroup::Accelerometer, &self.acc)?,
             att,
+            carried: match &self.carried {
+                Some(c) => Some(c.with(one(ChannelGroup::Carried, &c.values)?)),
+                None => None,
+            },
+            currents: self.currents.clone(),
             bases: TimeBases::default(),
             grid: None,
             joint_names: self.joint_names.clone(),
@@ -162,7 +170,7 @@ impl Record {
     pub fn qdd(&self) -> Option<&DMatrix<f64>> {
         self.qdd.as_ref()
     }
-    /// Joint torques after the gear, N x n (N m or N).
+    /// Joint torques after the gear, N x n (N m or N); currents of the motors (A) of the joints in [`Record::currents`].
     pub fn tau(&self) -> &DMatrix<f64> {
         &self.tau
     }
@@ -177,6 +185,18 @@ impl Record {
     /// Base attitude as unit quaternions `[w, x, y, z]`, N x 4, sign-continuous, when recorded.
     pub fn att(&self) -> Option<&DMatrix<f64>> {
         self.att.as_ref()
+    }
+    /// Joints whose motor current (A) stands in [`Record::tau`] in place of a torque, `true` for each; empty where there is none.
+    pub fn currents(&self) -> &[bool] {
+        &self.currents
+    }
+    /// Whether the torque of every joint was measured, and no current in place of it.
+    pub fn has_torques(&self) -> bool {
+        !self.currents.contains(&true)
+    }
+    /// What the record carries beside: wrenches, wheels, thrusters.
+    pub fn carried(&self) -> Option<&Carried> {
+        self.carried.as_ref()
     }
     /// True when the base was bolted to the ground; [`Record::gyro`] is then zero unless it was recorded.
     pub fn is_fixed_base(&self) -> bool {
@@ -194,9 +214,11 @@ impl Record {
         out.columns_mut(n, 3).copy_from(&self.gyro);
         out
     }
-    /// Names of the columns of [`Record::responses`]: `tau.<joint>`, then `gyro.x`, `gyro.y`, `gyro.z`. Allocates.
+    /// Names of the columns of [`Record::responses`]: `tau.<joint>` (`current.<joint>` of a joint in [`Record::currents`]), then `gyro.x`, `gyro.y`, `gyro.z`. Allocates.
     pub fn response_names(&self) -> Vec<String> {
-        let tau = self.joint_names.iter().map(|j| format!("tau.{j}"));
+        let current = |k: usize| self.currents.get(k).copied().unwrap_or(false);
+        let of = |(k, j): (usize, &String)| format!("{}.{j}", if current(k) { "current" } else { "tau" });
+        let tau = self.joint_names.iter().enumerate().map(of);
         tau.chain(["gyro.x", "gyro.y", "gyro.z"].map(String::from)).collect()
     }
     /// Samples with `from <= time < to`, times in seconds since the first sample of this record. Allocates.
@@ -314,6 +336,8 @@ impl Record {
         let gyro = single(ChannelGroup::Gyro, Some(&self.gyro))?;
         let acc = single(ChannelGroup::Accelerometer, self.acc.as_ref())?;
         let att = single(ChannelGroup::Attitude, self.att.as_ref())?;
+        let carried = single(ChannelGroup::Carried, self.carried.as_ref().map(|c| &c.values))?;
+        let carried = self.carried.as_ref().zip(carried).map(|(c, values)| c.with(values));
         Ok(Self {
             t0: self.t0 + start,
             dt,
@@ -325,6 +349,8 @@ impl Record {
             gyro: gyro.unwrap_or_default(),
             acc,
             att,
+            currents: self.currents.clone(),
+            carried,
             fixed_base: self.fixed_base,
             bases,
             grid: stamped.then_some(intervals as usize + 1),
@@ -349,6 +375,8 @@ impl Record {
             gyro: f(&self.gyro),
             acc: of(&self.acc),
             att: of(&self.att),
+            currents: self.currents.clone(),
+            carried: self.carried.as_ref().map(|c| c.with(f(&c.values))),
             fixed_base: self.fixed_base,
             bases: self.bases.clone(),
             grid: self.grid,

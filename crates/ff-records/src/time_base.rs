@@ -20,11 +20,14 @@ pub enum ChannelGroup {
     Accelerometer,
     /// Base attitude.
     Attitude,
+    /// What a record carries beside ([`Carried`](crate::Carried)).
+    Carried,
 }
 
 impl ChannelGroup {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Motion, Self::Torque, Self::Gyro, Self::Accelerometer, Self::Attitude];
+    pub const ALL: [Self; 6] =
+        [Self::Motion, Self::Torque, Self::Gyro, Self::Accelerometer, Self::Attitude, Self::Carried];
 
     /// What messages call it.
     pub fn name(self) -> &'static str {
@@ -34,6 +37,7 @@ impl ChannelGroup {
             Self::Gyro => "gyro",
             Self::Accelerometer => "accelerometer",
             Self::Attitude => "attitude",
+            Self::Carried => "other channels",
         }
     }
 }
@@ -41,7 +45,7 @@ impl ChannelGroup {
 /// Times since the first sample of the grid (s), ascending, of the groups that are not sampled on it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct TimeBases {
-    times: [Option<Arc<[f64]>>; 5],
+    times: [Option<Arc<[f64]>>; 6],
 }
 
 impl TimeBases {

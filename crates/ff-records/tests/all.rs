@@ -8,3 +8,5 @@ mod csv;
 mod mcap;
 #[cfg(feature = "parquet")]
 mod parquet;
+#[cfg(feature = "rosbag")]
+mod rosbag;

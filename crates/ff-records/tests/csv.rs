@@ -385,3 +385,79 @@ fn a_base_that_is_bolted_down_needs_no_gyro() {
     let p = read_from(short.as_bytes(), &joints, &ReadOptions::default()).unwrap_err();
     assert!(p.0[0].message.contains("gyro.x, gyro.y, gyro.z"), "{p}");
 }
+
+#[test]
+fn encoders_that_begin_anew_after_a_turn_are_unwrapped() {
+    let one = [JointColumn { name: "a".into(), slides: false }];
+    let mut text = String::from("time[s],q.a[deg],tau.a[N m]\n");
+    let angle = |i: usize| 700.0 * (0.02 * i as f64).sin();
+    for i in 0..400 {
+        let wrapped = angle(i).rem_euclid(360.0);
+        text.push_str(&format!("{},{wrapped},{}\n", 0.01 * i as f64, (0.3 * i as f64).sin()));
+    }
+    let options = ReadOptions { fixed_base: true, ..ReadOptions::default() };
+    let l = read_from(text.as_bytes(), &one, &options).unwrap();
+    assert!(l.warnings.has("Data::Wrapped"), "{}", l.warnings);
+    let worst = (0..400).map(|i| (l.record.q()[(i, 0)] - angle(i).to_radians()).abs()).fold(0.0, f64::max);
+    assert!(worst < 1e-9, "{worst:e}");
+    // A joint that slides may move by six metres.
+    let slides = [JointColumn { name: "a".into(), slides: true }];
+    let text = "time[s],q.a[m],tau.a[N]\n0,0.5,1\n0.1,6.9,2\n0.2,7.1,1.5\n0.3,7,1\n";
+    let l = read_from(text.as_bytes(), &slides, &options).unwrap();
+    assert!(!l.warnings.has("Data::Wrapped") && l.record.q()[(1, 0)] == 6.9, "{}", l.warnings);
+}
+
+#[test]
+fn currents_wheels_and_wrenches_are_read_with_their_units() {
+    let two = ["a", "b"].map(|n| JointColumn { name: n.into(), slides: false });
+    let head = "time[s],q.a[rad],q.b[rad],tau.a[N m],current.b[mA],wheel.x[rpm],wrench.tool.fx[N],wrench.tool.fy[N],wrench.tool.fz[N],\
+                wrench.tool.tx[N m],wrench.tool.ty[N m],wrench.tool.tz[mN m]\n";
+    let mut text = head.to_owned();
+    for i in 0..50 {
+        let s = |k: f64| (0.3 * i as f64 + k).sin();
+        text.push_str(&format!(
+            "{},{},{},{},{},{},{},{},{},{},{},{}\n",
+            0.01 * i as f64,
+            s(0.1),
+            s(0.2),
+            s(0.3),
+            1500.0 * s(0.4),
+            30.0,
+            s(0.5),
+            s(0.6),
+            s(0.7),
+            s(0.8),
+            s(0.9),
+            250.0
+        ));
+    }
+    let options = ReadOptions { fixed_base: true, ..ReadOptions::default() };
+    let l = read_from(text.as_bytes(), &two, &options).unwrap();
+    let r = &l.record;
+    assert_eq!((r.currents(), r.has_torques()), (&[false, true][..], false));
+    assert!((r.tau()[(7, 1)] - 1.5 * (0.3f64 * 7.0 + 0.4).sin()).abs() < 1e-12);
+    assert_eq!(r.response_names()[..2], ["tau.a".to_owned(), "current.b".to_owned()]);
+    let c = r.window(0.1, 0.4).unwrap().carried().unwrap().clone();
+    let (frame, columns) = c.wrenches().remove(0);
+    assert_eq!((frame.as_str(), c.units[0], c.values.nrows()), ("tool", "rad/s", 30));
+    assert!(
+        (c.values[(0, 0)] - std::f64::consts::PI).abs() < 1e-12 && (c.values[(3, columns[5])] - 0.25).abs() < 1e-12
+    );
+    // A torque or a current of every joint, and all of a wrench.
+    let p = read_from(text.replace("current.b[mA]", "wheel.y[rpm]").as_bytes(), &two, &options).unwrap_err();
+    assert!(p.has("Data::Columns") && p.to_string().contains("tau.b"), "{p}");
+    let p = read_from(text.replace("wrench.tool.tz[mN m]", "wheel.y[rpm]").as_bytes(), &two, &options).unwrap_err();
+    assert!(p.to_string().contains("wrench.tool.tz"), "{p}");
+}
+
+#[test]
+fn archives_are_named() {
+    for (bytes, what) in
+        [(&b"\x1f\x8b\x08\0abc"[..], "gunzip"), (b"SQLite format 3\0", "MCAP"), (b"PK\x03\x04rest", "unpack")]
+    {
+        let f = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(f.path(), bytes).unwrap();
+        let p = read(f.path(), &[], &ReadOptions::default()).unwrap_err();
+        assert!(p.has("Data::Format") && p.to_string().contains(what), "{p}");
+    }
+}

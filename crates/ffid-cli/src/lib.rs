@@ -34,7 +34,7 @@ pub(crate) enum Command {
     /// Judge a record before anything is fitted: units, axes, signs, rest, excitation, noise, gaps, clocks, modes.
     #[command(after_help = commands::doctor::EXAMPLES)]
     Doctor(commands::doctor::Args),
-    /// Convert a record between CSV and Parquet, or from a ROS 2 bag (MCAP).
+    /// Convert a record between CSV and Parquet, or from a bag of ROS 1 or ROS 2.
     #[command(after_help = commands::convert::EXAMPLES)]
     Convert(commands::convert::Args),
     /// Print the JSON schema of a file, for editors that complete and check what is written.

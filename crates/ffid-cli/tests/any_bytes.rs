@@ -35,7 +35,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
     let kind = |p: &PathBuf| match (target, p.extension().and_then(|e| e.to_str())) {
         ("urdf", e) => e == Some("urdf"),
         ("mission", e) => e == Some("toml"),
-        ("binary", e) => matches!(e, Some("parquet" | "mcap")),
+        ("binary", e) => matches!(e, Some("parquet" | "mcap" | "bag")),
         _ => true,
     };
     let mut files: Vec<PathBuf> = folders

@@ -13,7 +13,7 @@ TABLE = json.loads(_ffid.options_table())
 
 # What a program in memory has no use for: printing, and files in place of objects.
 NEVER = {"json", "quiet"}
-READING = {"resample", "gaps", "drop-repeated", "ignore", "topic", "max-rows", "max-bytes"}
+READING = {"resample", "gaps", "drop-repeated", "ignore", "topic", "stamps", "max-rows", "max-bytes"}
 
 # The functions that stand for a command together, options without a keyword, and keywords that are objects in place of options.
 COMMANDS = {
@@ -26,7 +26,8 @@ COMMANDS = {
     "plan": ([ffid.preflight, ffid.Mission.load], {"out", "force", "png"}, {"mission", "q", "path"}),
     "identify": (
         [ffid.identify, ffid.Record.read, ffid.Result.save],
-        {"record", "out"},
+        # Records in memory have no files to be named by.
+        {"record", "out", "without"},
         {"mission", "progress", "path", "folder"},
     ),
     "validate": (

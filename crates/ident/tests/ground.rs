@@ -9,7 +9,7 @@ use ff_testkit::assert_within;
 use ff_testkit::motion::Sines;
 use ff_testkit::random::{rng, symmetric, uniform};
 use ff_testkit::tree::branched_arm;
-use ident::estimate::NearRest;
+use ident::estimate::{JointTerm, NearRest};
 use ident::parameters::offset_start;
 use ident::solve::LinearError;
 use ident::*;
@@ -91,8 +91,10 @@ fn without_noise_links_and_friction_come_back() {
         let ground = Ground::new(&m, Friction::ALL).unwrap();
         let e = ground.estimate(&[&r], &selected, &start).unwrap();
         let worst = worst_base(&e.fit, &m, &truth);
-        let worst_friction = e.friction.iter().zip(&friction).flat_map(|(a, b)| (0..3).map(|k| (a[k] - b[k]).abs()));
-        let worst_friction = worst_friction.fold(0.0, f64::max);
+        let terms = [JointTerm::Viscous, JointTerm::Coulomb, JointTerm::Offset];
+        let off = |j: usize, k: usize| (e.joints.coefficient(j, terms[k]) - friction[j][k]).abs();
+        let worst_friction =
+            (0..m.nj()).flat_map(|j| (0..3).map(move |k| (j, k))).map(|(j, k)| off(j, k)).fold(0.0, f64::max);
         println!(
             "{}: rank {} of {}, worst {worst:.1e}, friction {worst_friction:.1e}, used {:.3?}",
             m.name(),
@@ -153,7 +155,7 @@ fn samples_near_rest_are_treated_as_stated() {
     };
     let (narrow, wide) = (at(NearRest::LeaveOut(0.01)), at(NearRest::LeaveOut(0.2)));
     assert!(wide.used.iter().zip(&narrow.used).all(|(w, n)| w < n), "{:?}", wide.used);
-    assert_within!((wide.friction[2][1] - friction[2][1]).abs(), 1e-7);
+    assert_within!((wide.joints.coefficient(2, JointTerm::Coulomb) - friction[2][1]).abs(), 1e-7);
     // A smooth sign where the truth jumps leaves a residual.
     let smooth = at(NearRest::Smooth(0.05));
     assert!(smooth.used == vec![1.0; 7] && smooth.fit.kinds[2].rms > 1e3 * narrow.fit.kinds[2].rms);
@@ -166,4 +168,142 @@ fn samples_near_rest_are_treated_as_stated() {
     // Two records are one of twice the length.
     let two = g.estimate(&[&r, &r], &[11, 12, 13], &truth).unwrap();
     assert!((two.fit.values[11] - truth[11]).abs() < 1e-7 && two.fit.kinds[0].rows == 2 * narrow.fit.kinds[0].rows);
+}
+
+/// Friction as gears have it, by name of what `choose_terms` may find.
+fn geared(w: f64, acc: f64, load: f64, j: usize) -> f64 {
+    let s = if w == 0.0 { 0.0 } else { w.signum() };
+    match j {
+        1 => 0.9 * w + 0.8 * s + 1.5 * (-w.abs() / 0.12).exp() * s,
+        2 => 1.1 * w + 0.5 * s + 0.9 * w.abs(),
+        3 => 0.6 * w + 0.3 * s + 0.12 * load.abs() * s,
+        4 => 0.7 * w + 0.6 * s + 0.35 * acc,
+        _ => 0.8 * w + 0.7 * s,
+    }
+}
+
+/// A log of the arm with a body of parameters `tool` in its hand (zero for none), currents by `gains`.
+fn geared_log(m: &Model, values: &[f64], gains: Option<&[f64]>, motion: &Sines, noise: f64, seed: u64) -> Record {
+    let n = (motion.duration() / 0.01).round() as usize;
+    let nj = m.nj();
+    let z = DMatrix::zeros(n, nj);
+    let (mut q, mut qd, mut qdd, mut tau) = (z.clone(), z.clone(), z.clone(), z);
+    let (params, mut work, mut state) = (Params::from_values(m, values.to_vec()), Work::new(m), State::zero(m));
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let (mut acc, mut row) = (vec![0.0; nj], vec![0.0; nj]);
+    for i in 0..n {
+        let State { q: x, v, .. } = &mut state;
+        motion.eval(i as f64 * 0.01, x, v, &mut acc);
+        rnea(m, &params, &state, &acc, &mut work, &mut row);
+        for j in 0..nj {
+            let e: f64 = StandardNormal.sample(&mut rng);
+            (q[(i, j)], qd[(i, j)], qdd[(i, j)]) = (state.q[j], state.v[j], acc[j]);
+            let torque = row[j] + geared(state.v[j], acc[j], row[j], j) + noise * e;
+            tau[(i, j)] = torque / gains.map_or(1.0, |k| k[j]);
+        }
+    }
+    let b = RecordBuilder::new(m.joint_names()).uniform(0.0, 100.0).q(q).tau(tau).fixed_base().qd(qd).qdd(qdd);
+    if gains.is_some() { b.currents(vec![true; nj]) } else { b }.build().unwrap().0
+}
+
+#[test]
+fn terms_that_other_parts_of_the_log_bear_out_are_taken_and_no_others() {
+    let m = arm();
+    let decls = m.param_decls();
+    let truth = Params::<f64>::nominal(&m).values().to_vec();
+    let selected: Vec<usize> = (10..decls.len()).collect();
+    let log = geared_log(&m, &truth, None, &Sines::new(23, 7, 40.0, 1.2), 0.05, 3);
+    let ground = Ground::new(&m, Friction::ALL).unwrap();
+    let (terms, why) = ground.choose_terms(&[&log], &selected, &truth).unwrap();
+    println!("{why:?}");
+    assert!(terms[1].iter().any(|t| matches!(t, JointTerm::Stribeck { .. })), "{terms:?}");
+    assert!(terms[2].contains(&JointTerm::Asymmetry) && terms[3].contains(&JointTerm::Load), "{terms:?}");
+    assert!(terms[4].contains(&JointTerm::ReflectedInertia), "{terms:?}");
+    // Where friction is viscous and Coulomb there is nothing to find.
+    assert!([0, 5, 6].iter().all(|&j| terms[j].is_empty()), "{terms:?}");
+    let with = ground.clone().terms(terms).estimate(&[&log], &selected, &truth).unwrap();
+    let without = ground.estimate(&[&log], &selected, &truth).unwrap();
+    let other = geared_log(&m, &truth, None, &Sines::new(79, 7, 15.0, 1.0), 0.05, 4);
+    let (a, b) = (ground.held_out(&other, &with).unwrap(), ground.held_out(&other, &without).unwrap());
+    println!("held out {a:.3?} instead of {b:.3?}");
+    assert!((1..5).all(|j| a[j] < 0.75 * b[j]) && a.iter().all(|r| *r < 0.12), "{a:?} {b:?}");
+    assert!((with.joints.coefficient(3, JointTerm::Load) - 0.12).abs() < 0.01);
+}
+
+#[test]
+fn a_payload_comes_from_two_logs_with_currents_of_unknown_gains() {
+    let hand = ff_model::payload::Payload::new(&ff_model::Inertia::from_com(
+        2.8,
+        &Vector3::new(0.03, -0.02, 0.11),
+        &nalgebra::Matrix3::from_diagonal(&Vector3::new(0.012, 0.010, 0.008)),
+    ))
+    .unwrap();
+    let mut m = arm();
+    let last = m.nj();
+    m.mount("tool", last, ff_model::Xform::identity(), hand).unwrap();
+    let decls = m.param_decls();
+    let truth = Params::<f64>::nominal(&m).values().to_vec();
+    let tool = m.parameter_indices("tool.*").unwrap();
+    let mut empty = truth.clone();
+    tool.iter().for_each(|&p| empty[p] = 0.0);
+    let gains = [41.0, 55.0, -30.0, 28.0, 12.0, 9.5, 7.7];
+    let a = geared_log(&m, &empty, Some(&gains), &Sines::new(24, 7, 30.0, 1.1), 0.1, 5);
+    let b = geared_log(&m, &truth, Some(&gains), &Sines::new(25, 7, 30.0, 1.1), 0.1, 6);
+    let mut start = truth.clone();
+    // Another tool in the mission, the arm as it is.
+    tool.iter().for_each(|&p| start[p] *= 0.4);
+    let ground = Ground::new(&m, Friction::ALL).unwrap().absent(vec![tool.clone(), vec![]]);
+    let (terms, _) = ground.choose_terms(&[&a, &b], &tool, &start).unwrap();
+    let e = ground.terms(terms).estimate(&[&a, &b], &tool, &start).unwrap();
+    for (k, p) in e.fit.parameters.iter().zip(&tool) {
+        println!("{} {:.5} +- {:.5?} of {:.5}", k.name, k.value, k.std, truth[*p]);
+    }
+    println!("gains {:.3?}", e.joints.gains);
+    let at = |k: usize| e.fit.values[tool[k]];
+    assert!((at(0) / 2.8 - 1.0).abs() < 0.03);
+    let com = Vector3::new(at(1), at(2), at(3)) / at(0);
+    assert!((com - Vector3::new(0.03, -0.02, 0.11)).norm() < 0.01, "{com}");
+    for (k, p) in e.fit.parameters.iter().zip(&tool) {
+        assert!((k.value - truth[*p]).abs() < 4.0 * k.std.unwrap() + 1e-9, "{k:?}");
+    }
+    for (k, g) in e.joints.gains.iter().zip(gains) {
+        assert!((k.unwrap() / g - 1.0).abs() < 0.01);
+    }
+    assert_eq!(decls.len(), truth.len());
+}
+
+#[test]
+fn a_known_wrench_is_no_torque_of_the_bodies() {
+    let m = arm();
+    let truth = Params::<f64>::nominal(&m).values().to_vec();
+    let selected: Vec<usize> = (10..truth.len()).collect();
+    let motion = Sines::new(26, 7, 20.0, 1.0);
+    let clean = geared_log(&m, &truth, None, &motion, 0.0, 7);
+    let frame = m.frames().last().unwrap().clone();
+    // What acts in the frame, and what the motors hold against it.
+    let n = clean.samples();
+    let w = DMatrix::from_fn(n, 6, |i, k| 8.0 * (0.021 * i as f64 + k as f64).sin());
+    let mut tau = clean.tau().clone();
+    let (mut work, mut state, mut jacobian) = (Work::new(&m), State::zero(&m), DMatrix::zeros(6, m.nv()));
+    for i in 0..n {
+        (0..7).for_each(|j| state.q[j] = clean.q()[(i, j)]);
+        ff_dynamics::frame_jacobian(&m, &state, &frame, &mut work, &mut jacobian);
+        for j in 0..7 {
+            tau[(i, j)] -= (0..6).map(|r| jacobian[(r, j)] * w[(i, r)]).sum::<f64>();
+        }
+    }
+    let names = ff_records::WRENCH.map(|c| format!("wrench.{}.{c}", frame.name)).to_vec();
+    let carried = ff_records::Carried { names, units: vec!["N", "N", "N", "N m", "N m", "N m"], values: w };
+    let b = RecordBuilder::new(m.joint_names()).uniform(0.0, 100.0).q(clean.q().clone()).tau(tau).fixed_base();
+    let b = b.qd(clean.qd().unwrap().clone()).qdd(clean.qdd().unwrap().clone()).carried(carried);
+    let pushed = b.build().unwrap().0;
+    let ground = Ground::new(&m, Friction::ALL).unwrap();
+    let (x, y) = (ground.estimate(&[&clean], &selected, &truth), ground.estimate(&[&pushed], &selected, &truth));
+    let (x, y) = (x.unwrap(), y.unwrap());
+    for (a, b) in x.fit.base.iter().zip(&y.fit.base) {
+        assert!((a.value - b.value).abs() < 1e-6 * (1.0 + a.value.abs()), "{a} {} {}", a.value, b.value);
+    }
+    let (_, residual) = ground.predict(&pushed, &y.fit.values, &y.joints).unwrap();
+    let (_, bare) = ground.predict(&clean, &x.fit.values, &x.joints).unwrap();
+    assert!((residual.norm() / bare.norm() - 1.0).abs() < 1e-6, "{} {}", residual.norm(), bare.norm());
 }

@@ -10,6 +10,7 @@ pub mod excitation;
 pub mod identification;
 pub mod nist;
 mod quintic;
+pub mod real;
 pub mod sequence;
 pub mod starts;
 pub mod trials;
@@ -55,6 +56,8 @@ enum Which {
     Sequence(Options),
     /// Draws from the posterior: ranks of truths drawn from the prior, R-hat and effective sizes in time
     Posterior(Options),
+    /// Measured logs of arms on the ground: held-out torques against least squares on Pinocchio's regressor
+    Real(real::Args),
     /// Worlds of MuJoCo, exact and with errors: is a wrong model contradicted, and no right one?
     Verdict(verdict::Args),
 }
@@ -284,6 +287,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Which::Budget(options) => Ok(budget::run(options)?.finish(options)?),
         Which::Sequence(options) => Ok(sequence::run(options)?.finish(options)?),
         Which::Posterior(options) => Ok(identification::posterior::run(options)?.finish(options)?),
+        Which::Real(args) => Ok(real::run(args)?.finish(&args.options)?),
         Which::Verdict(args) => Ok(verdict::run(args)?.finish(&args.options)?),
     }
 }

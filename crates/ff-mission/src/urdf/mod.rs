@@ -111,12 +111,16 @@ pub fn from_str(text: &str, options: &UrdfOptions) -> Result<(Model, Problems), 
     summary::summarised(read_str(text, options))
 }
 
-/// Names of the joints of a URDF that are not fixed, in the order of the file; empty for a text that is no URDF. Those that a
+/// Names of the joints of a URDF that turn or slide about one axis, in the order of the file; empty for a text that is no URDF. Those that a
 /// [`Model`] does not have are held. Allocates.
 pub fn moving_joints(text: &str) -> Vec<String> {
     let whole = prescan::decode(text.as_bytes()).ok().filter(|t| prescan::scan(t, MAX_LINKS).is_ok());
     let raw = whole.and_then(|t| strict::read(t, &Leniency::default(), &mut Problems::default()));
-    raw.into_iter().flat_map(|r| r.joints).filter(raw::RawJoint::moves).map(|j| j.name).collect()
+    raw.into_iter()
+        .flat_map(|r| r.joints)
+        .filter(|j| j.moves() && !matches!(&*j.kind, "planar" | "floating"))
+        .map(|j| j.name)
+        .collect()
 }
 
 /// [`from_file`] with every warning by itself.

@@ -32,7 +32,7 @@ impl Stamps {
         self.len() == 0
     }
     /// The buffer of whole stamps, or a new one where they are not whole.
-    #[cfg(any(feature = "parquet", feature = "mcap"))]
+    #[cfg(any(feature = "parquet", feature = "mcap", feature = "rosbag"))]
     pub(super) fn take_whole(&mut self) -> Vec<i64> {
         match std::mem::replace(self, Self::Real(Vec::new())) {
             Self::Whole(v) => v,
@@ -106,7 +106,8 @@ pub(super) fn collect(
     let targets = targets(source.names(), joints, &options.ignore, options.fixed_base, &mut bad);
     // The names of these files stand in no line.
     bad.0.iter_mut().for_each(|p| p.line = None);
-    let parsed = targets.and_then(|t| rows(source, &t, joints, options, &mut bad));
+    let head = source.names().to_vec();
+    let parsed = targets.and_then(|t| rows(source, (&head, &t), joints, options, &mut bad));
     bad.extend(source.notes());
     finish(parsed, bad, options, source.bytes())
 }
@@ -119,7 +120,7 @@ fn in_row(mut p: Problem, row: usize) -> Problem {
 
 fn rows(
     source: &mut dyn Blocks,
-    targets: &[Target],
+    (head, targets): (&[String], &[Target]),
     joints: &[JointColumn],
     options: &ReadOptions,
     bad: &mut Problems,
@@ -134,7 +135,7 @@ fn rows(
     let mut all = Growing {
         targets,
         options,
-        samples: Samples::new(targets, options, in_row),
+        samples: Samples::new((head, targets), options, in_row),
         times: Vec::new(),
         row: vec![0.0; targets.len()],
         seen: 0,
@@ -213,14 +214,14 @@ impl Growing<'_> {
     fn finite(&self, block: &Block) -> bool {
         block.columns.iter().zip(self.targets).all(|(c, t)| {
             // Without a branch per number.
-            !matches!(t, Target::Channel(..)) || c.iter().fold(true, |s, x| s & x.is_finite())
+            t.unit().is_none() || c.iter().fold(true, |s, x| s & x.is_finite())
         })
     }
     /// One row with all its checks.
     fn row(&mut self, block: &Block, i: usize, bad: &mut Problems) {
         let (number, time) = (self.seen + i + 1, self.times[i]);
         for (k, t) in self.targets.iter().enumerate() {
-            if let Target::Channel(_, _, u) = t {
+            if let Some(u) = t.unit() {
                 self.row[k] = u.to_si(block.columns[k][i]);
             }
         }

@@ -3,6 +3,7 @@
 use super::units;
 use super::units::{Dimension, Unit};
 use super::{JointColumn, data};
+use crate::carried::WRENCH;
 use crate::time_base::ChannelGroup;
 use ff_model::diagnostics::{clip, list, nearest};
 use ff_model::{Problem, Problems};
@@ -22,16 +23,17 @@ pub(super) enum Group {
     Gyro,
     Acc,
     Att,
+    Current,
 }
 
 /// All groups, in the order of the channels.
-pub(super) const GROUPS: [Group; 7] =
-    [Group::Q, Group::Dq, Group::Ddq, Group::Tau, Group::Gyro, Group::Acc, Group::Att];
+pub(super) const GROUPS: [Group; 8] =
+    [Group::Q, Group::Dq, Group::Ddq, Group::Tau, Group::Gyro, Group::Acc, Group::Att, Group::Current];
 
 impl Group {
     /// Prefix in names that are written.
     pub(super) fn prefix(self) -> &'static str {
-        ["q", "dq", "ddq", "tau", "gyro", "acc", "att"][self as usize]
+        ["q", "dq", "ddq", "tau", "gyro", "acc", "att", "current"][self as usize]
     }
     /// Every prefix that is read.
     fn of_prefix(prefix: &str) -> Option<Self> {
@@ -55,7 +57,7 @@ impl Group {
     pub(super) fn sampled_with(self) -> ChannelGroup {
         match self {
             Self::Q | Self::Dq | Self::Ddq => ChannelGroup::Motion,
-            Self::Tau => ChannelGroup::Torque,
+            Self::Tau | Self::Current => ChannelGroup::Torque,
             Self::Gyro => ChannelGroup::Gyro,
             Self::Acc => ChannelGroup::Accelerometer,
             Self::Att => ChannelGroup::Attitude,
@@ -73,6 +75,7 @@ impl Group {
             (Self::Tau, false) => Dimension::Torque,
             (Self::Tau, true) => Dimension::Force,
             (Self::Att, _) => Dimension::One,
+            (Self::Current, _) => Dimension::Current,
         }
     }
     /// Names of its channels behind the prefix.
@@ -90,16 +93,34 @@ pub(super) enum Target {
     Time(&'static Unit),
     /// Group, channel in it, unit.
     Channel(Group, usize, &'static Unit),
+    /// A channel that is carried beside, by its number among them.
+    Carried(usize, &'static Unit),
     /// Named by the user as of no interest.
     Ignored,
 }
 
 impl Target {
+    /// Unit of a channel; `None` for the time and what is ignored.
+    pub(super) fn unit(&self) -> Option<&'static Unit> {
+        match self {
+            Self::Channel(_, _, u) | Self::Carried(_, u) => Some(u),
+            Self::Time(_) | Self::Ignored => None,
+        }
+    }
+    /// Channels that are sampled together with this one.
+    pub(super) fn sampled_with(&self) -> Option<ChannelGroup> {
+        match self {
+            Self::Channel(g, ..) => Some(g.sampled_with()),
+            Self::Carried(..) => Some(ChannelGroup::Carried),
+            Self::Time(_) | Self::Ignored => None,
+        }
+    }
     /// Prefix of the column's name.
     pub(super) fn group(&self) -> &'static str {
         match self {
             Self::Time(_) => "time",
             Self::Channel(g, _, _) => g.prefix(),
+            Self::Carried(..) => "carried",
             Self::Ignored => "ignored",
         }
     }
@@ -126,7 +147,11 @@ pub(super) fn targets(
             out.push(Some(Target::Ignored));
             continue;
         }
-        let Some((place, dimension)) = place(name, joints) else {
+        let known = match place(name, joints) {
+            Some((place, d)) => Some((Some(place), d)),
+            None => carried(name).map(|d| (None, d)),
+        };
+        let Some((place, dimension)) = known else {
             match name.split_once('.').map(|(p, j)| (Group::of_prefix(p), j)) {
                 Some((Some(g), joint)) if g.axes().is_none() => strangers.push(joint),
                 _ => extra.push(name),
@@ -143,8 +168,9 @@ pub(super) fn targets(
         };
         match units::find(symbol, dimension) {
             Some(u) => out.push(Some(match place {
-                None => Target::Time(u),
-                Some((g, k)) => Target::Channel(g, k, u),
+                Some(None) => Target::Time(u),
+                Some(Some((g, k))) => Target::Channel(g, k, u),
+                None => Target::Carried(out.iter().filter(|t| matches!(t, Some(Target::Carried(..)))).count(), u),
             })),
             None => {
                 let what = format!("unit [{}] of column '{}' is not known here", clip(symbol), clip(name));
@@ -156,7 +182,11 @@ pub(super) fn targets(
     }
     for (i, cell) in head.iter().enumerate() {
         let name = split(cell).0;
-        let again = |c: &String| place(split(c).0, joints).is_some_and(|p| place(name, joints) == Some(p));
+        let again = |c: &String| {
+            let other = split(c).0;
+            place(other, joints).is_some_and(|p| place(name, joints) == Some(p))
+                || other == name && carried(name).is_some()
+        };
         if head[..i].iter().any(again) {
             let p = data("Data::Columns", format!("column '{}' is there twice", clip(name))).on(clip(name));
             fail(p.hint("keep one of the two"));
@@ -183,6 +213,12 @@ pub(super) fn targets(
         let near = strangers.iter().find_map(|s| Some((s, nearest(s, absent.iter().copied().chain(all()))?)));
         let hint = match near {
             Some((s, n)) => format!("is {} meant to be {n}?", clip(s)),
+            None if absent.is_empty() => {
+                let prefixed =
+                    |s: &&&str| head.iter().map(|c| split(c).0).find(|n| n.split_once('.').is_some_and(|p| p.1 == **s));
+                let column = strangers.iter().find_map(|s| prefixed(&s)).unwrap_or_default();
+                format!("leave them out with --ignore, such as --ignore '{}', if they stood still", clip(column))
+            }
             None => format!("use the record of this robot; its joints: {}", list(all(), LISTED)),
         };
         fail(data("Data::NameMismatch", what).hint(hint));
@@ -190,7 +226,13 @@ pub(super) fn targets(
     let mut missing: Vec<String> = Vec::new();
     for g in GROUPS {
         let names = g.channels(joints);
-        let lost: Vec<&str> = (0..names.len()).filter(|&k| !named(g, k)).map(|k| names[k]).collect();
+        // The torque of a joint, or the current of its motor.
+        let stands = |k: usize| match g {
+            Group::Tau => named(Group::Tau, k) || named(Group::Current, k),
+            Group::Current => true,
+            _ => named(g, k),
+        };
+        let lost: Vec<&str> = (0..names.len()).filter(|&k| !stands(k)).map(|k| names[k]).collect();
         let some = lost.len() < names.len();
         // Joints that are there under a name of another robot have been reported.
         if !lost.is_empty()
@@ -198,6 +240,16 @@ pub(super) fn targets(
             && (strangers.is_empty() || g.axes().is_some())
         {
             missing.extend(lost.iter().map(|n| format!("{}.{n}", g.prefix())));
+        }
+    }
+    // A wrench has six components.
+    for cell in head {
+        let Some((frame, _)) = split(cell).0.strip_prefix("wrench.").and_then(|n| n.rsplit_once('.')) else { continue };
+        for c in WRENCH {
+            let name = format!("wrench.{frame}.{c}");
+            if !head.iter().any(|h| split(h).0 == name) && !missing.contains(&name) {
+                missing.push(name);
+            }
         }
     }
     if !missing.is_empty() || !extra.is_empty() {
@@ -224,12 +276,36 @@ pub(super) fn time_column(names: &[String]) -> Result<usize, Box<Problem>> {
     names.iter().position(|n| split(n).0 == "time").ok_or_else(|| Box::new(missing()))
 }
 
-/// Name and unit of a header cell.
+/// Name and unit of a header cell, `name[unit]` or `name (unit)`.
 pub(super) fn split(cell: &str) -> (&str, Option<&str>) {
-    match cell.trim().strip_suffix(']').and_then(|c| c.rsplit_once('[')) {
+    let cell = cell.trim();
+    let brackets = cell.strip_suffix(']').and_then(|c| c.rsplit_once('['));
+    // `q.elbow (rad)`, as spreadsheets and plotting programs write it.
+    match brackets.or_else(|| cell.strip_suffix(')').and_then(|c| c.rsplit_once(" ("))) {
         Some((name, unit)) => (name.trim(), Some(unit)),
-        None => (cell.trim(), None),
+        None => (cell, None),
     }
+}
+
+/// What a channel measures that is carried beside; `None` for a name that is none.
+fn carried(name: &str) -> Option<Dimension> {
+    let (kind, rest) = name.split_once('.')?;
+    match kind {
+        "wheel" => Some(Dimension::AngularRate),
+        "thruster" => Some(Dimension::Force),
+        "wrench" => {
+            let (_, component) = rest.rsplit_once('.')?;
+            let k = WRENCH.iter().position(|c| *c == component)?;
+            Some(if k < 3 { Dimension::Force } else { Dimension::Torque })
+        }
+        _ => None,
+    }
+}
+
+/// Names and SI units of the channels that are carried beside, in the order of their columns. Allocates.
+pub(super) fn carried_channels(head: &[String], targets: &[Target]) -> (Vec<String>, Vec<&'static str>) {
+    let all = head.iter().zip(targets).filter(|(_, t)| matches!(t, Target::Carried(..)));
+    all.map(|(c, t)| (split(c).0.to_owned(), t.unit().map_or("1", |u| units::si(u.dimension)))).unzip()
 }
 
 /// Group and channel of a name (`None` for the time), with its dimension; `None` for a name that means nothing here.

@@ -1,5 +1,5 @@
-//! Records in files: one `name[unit]` column per channel, one row per sample; as CSV, and with features `parquet` and `mcap` as
-//! Parquet and as ROS 2 bags.
+//! Records in files: one `name[unit]` column per channel, one row per sample; as CSV, and with features `parquet`, `mcap` and `rosbag` as
+//! Parquet, as ROS 2 bags, and as ROS 1 bags.
 //!
 //! ```text
 //! time[s],q.joint1[rad],dq.joint1[rad/s],tau.joint1[N m],gyro.x[rad/s],gyro.y[rad/s],gyro.z[rad/s]
@@ -22,12 +22,12 @@
 //! the samples. [`CsvWriter`] writes every number in its shortest exact form, so that a file is read back bit for bit.
 //!
 //! Rows `D..` are those of `bad-inputs.md`.
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+pub(crate) mod bag;
 pub(crate) mod blocks;
 pub(crate) mod columns;
 pub(crate) mod csv_blocks;
 pub(crate) mod lines;
-#[cfg(feature = "mcap")]
-pub(crate) mod mcap;
 pub(crate) mod number;
 pub(crate) mod options;
 #[cfg(feature = "parquet")]
@@ -41,7 +41,7 @@ pub mod units;
 pub(crate) mod write;
 
 pub use blocks::{BLOCK, Block, Blocks, Stamps};
-pub use options::{Loaded, ReadOptions};
+pub use options::{Loaded, ReadOptions, StampSource};
 #[cfg(feature = "parquet")]
 pub use parquet_out::{ParquetWriter, TableColumn, write_table};
 pub use read::{read, read_from};

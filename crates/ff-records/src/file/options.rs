@@ -4,6 +4,16 @@ use crate::builder::RecordBuilder;
 use crate::record::Record;
 use ff_model::{Problems, Severity};
 
+/// Which of two times a message of a bag counts at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StampSource {
+    /// The stamp in its header, of the sensor; the time of recording where there is none.
+    #[default]
+    Header,
+    /// The time at which the recorder got it.
+    Receive,
+}
+
 /// What is read, and what is put up with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadOptions {
@@ -29,10 +39,12 @@ pub struct ReadOptions {
     pub fixed_base: bool,
     /// Codes of errors to report as warnings, such as `Data::Stuck`.
     pub allow: Vec<String>,
-    /// Topics of an MCAP file to read; the one of each kind that fits unless given.
+    /// Topics of a bag to read; the one of each kind that fits unless given.
     pub topics: Vec<String>,
-    /// Joints of an MCAP file that slide, where no robot tells.
+    /// Joints of a bag that slide, where no robot tells.
     pub slides: Vec<String>,
+    /// When messages of a bag were measured.
+    pub stamps: StampSource,
 }
 
 impl Default for ReadOptions {
@@ -52,6 +64,7 @@ impl Default for ReadOptions {
             allow: Vec::new(),
             topics: Vec::new(),
             slides: Vec::new(),
+            stamps: StampSource::Header,
         }
     }
 }

@@ -40,7 +40,7 @@ pub fn read_from(input: impl BufRead, joints: &[JointColumn], options: &ReadOpti
     let mut bad = Problems::default();
     let mut lines = Lines::new(input, options.max_bytes);
     let parsed = head(&mut lines, joints, options, &mut bad)
-        .and_then(|targets| body(&mut lines, &targets, joints, options, &mut bad));
+        .and_then(|(names, targets)| body(&mut lines, (&names, &targets), joints, options, &mut bad));
     finish(parsed, bad, options, lines.bytes)
 }
 
@@ -52,19 +52,21 @@ fn head(
     joints: &[JointColumn],
     options: &ReadOptions,
     bad: &mut Problems,
-) -> Option<Vec<Target>> {
-    targets(&header(lines, bad)?, joints, &options.ignore, options.fixed_base, bad)
+) -> Option<(Vec<String>, Vec<Target>)> {
+    let names = header(lines, bad)?;
+    let targets = targets(&names, joints, &options.ignore, options.fixed_base, bad)?;
+    Some((names, targets))
 }
 
 /// Everything behind the header: the samples as a builder, and the origin of its clock.
 fn body(
     lines: &mut Lines<impl BufRead>,
-    targets: &[Target],
+    (names, targets): (&[String], &[Target]),
     joints: &[JointColumn],
     options: &ReadOptions,
     bad: &mut Problems,
 ) -> Option<(RecordBuilder, f64)> {
-    let mut all = Samples::new(targets, options, Problem::at_line);
+    let mut all = Samples::new((names, targets), options, Problem::at_line);
     let mut row = vec![0.0; targets.len()];
     loop {
         match lines.sample() {
@@ -114,7 +116,7 @@ fn fill(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: 
         let rest = &line[start..];
         let (value, len) = number::cell(rest);
         match (value, targets.get(k), row.get_mut(k)) {
-            (Some(x), Some(Target::Channel(_, _, u)), Some(to)) => *to = u.to_si(x),
+            (Some(x), Some(Target::Channel(_, _, u) | Target::Carried(_, u)), Some(to)) => *to = u.to_si(x),
             (_, Some(target), to) => {
                 one(&rest[..len], target, (number, start + 1), to, clock, &mut time, &mut problems);
             }
@@ -170,7 +172,7 @@ fn one(
     let (name, x) = match target {
         Target::Ignored => return,
         Target::Time(_) => ("time", clock.read(cell)),
-        Target::Channel(g, _, u) => (g.prefix(), number::parse(cell).map(|x| u.to_si(x))),
+        Target::Channel(_, _, u) | Target::Carried(_, u) => (target.group(), number::parse(cell).map(|x| u.to_si(x))),
     };
     let shown = || clip(&String::from_utf8_lossy(cell));
     let p = match x {
@@ -183,7 +185,7 @@ fn one(
         }
         None if cell.trim_ascii().is_empty() => {
             // Of a channel that was not sampled then, if the rest of the row bears it out.
-            _ = to.filter(|_| matches!(target, Target::Channel(..))).map(|t| *t = f64::NAN);
+            _ = to.filter(|_| target.unit().is_some()).map(|t| *t = f64::NAN);
             data("Data::NotFinite", EMPTY.to_owned())
         }
         Some(_) => data("Data::NotFinite", format!("'{}' is not finite", shown())),
@@ -191,10 +193,13 @@ fn one(
     };
     let hint = match p.code {
         "Data::NotFinite" => NOT_FINITE,
+        _ if matches!(target, Target::Time(_)) && cell.contains(&b':') => {
+            "dates are not read: give seconds since the start as time[s], or whole nanoseconds of an epoch as time[ns]"
+        }
         _ => "write numbers with a decimal point and nothing else",
     };
     let channel = match target {
-        Target::Channel(_, k, _) => format!("{name}, channel {}", k + 1),
+        Target::Channel(_, k, _) | Target::Carried(k, _) => format!("{name}, channel {}", k + 1),
         _ => name.to_owned(),
     };
     problems.push(p.at(place.0, place.1).on(channel).hint(hint));

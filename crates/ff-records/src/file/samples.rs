@@ -1,11 +1,13 @@
 //! The samples of a file as they grow, with the checks of every row: the same for text and for blocks.
 
-use super::columns::{GROUPS, Group, Target};
+use super::columns::{GROUPS, Group, Target, carried_channels};
 use super::{JointColumn, ReadOptions, data, number, over};
 use crate::builder::RecordBuilder;
+use crate::carried::Carried;
 use crate::time_base::ChannelGroup;
 use ff_model::{Area, Problem, Problems};
 use nalgebra::DMatrix;
+use std::f64::consts::TAU;
 
 /// Most problems of one kind listed one by one.
 const LISTED: usize = 5;
@@ -84,6 +86,8 @@ struct Count {
 /// The columns so far.
 pub(super) struct Samples<'a> {
     targets: &'a [Target],
+    /// Names of the columns.
+    head: &'a [String],
     options: &'a ReadOptions,
     /// Says in which row a problem is: lines of a text, rows of a table.
     place: fn(Problem, usize) -> Problem,
@@ -93,9 +97,13 @@ pub(super) struct Samples<'a> {
 }
 
 impl<'a> Samples<'a> {
-    pub(super) fn new(targets: &'a [Target], options: &'a ReadOptions, place: fn(Problem, usize) -> Problem) -> Self {
+    pub(super) fn new(
+        (head, targets): (&'a [String], &'a [Target]),
+        options: &'a ReadOptions,
+        place: fn(Problem, usize) -> Problem,
+    ) -> Self {
         let (clock, columns) = (Clock::new(targets), vec![Vec::new(); targets.len()]);
-        Self { targets, options, place, clock, columns, count: Count::default() }
+        Self { targets, head, options, place, clock, columns, count: Count::default() }
     }
     /// Row D34: what is wrong with so many rows more.
     pub(super) fn too_many(&self, more: usize) -> Option<Problem> {
@@ -110,9 +118,9 @@ impl<'a> Samples<'a> {
     }
     /// Whether the cells without a number in a row are all those of groups that were not sampled then: another group was.
     pub(super) fn unsampled(&self, row: &[f64]) -> bool {
-        let cells = || row.iter().zip(self.targets).filter(|(_, t)| matches!(t, Target::Channel(..)));
+        let cells = || row.iter().zip(self.targets).filter(|(_, t)| t.unit().is_some());
         let whole = |group| {
-            let of = || cells().filter(|(_, t)| matches!(t, Target::Channel(g, ..) if g.sampled_with() == group));
+            let of = || cells().filter(|(_, t)| t.sampled_with() == Some(group));
             let empty = of().filter(|(x, _)| x.is_nan()).count();
             empty == 0 || empty == of().count()
         };
@@ -133,7 +141,7 @@ impl<'a> Samples<'a> {
     /// Takes rows that need no check, a column at a time: in SI already, or by their units.
     pub(super) fn append(&mut self, times: &[f64], columns: &[Vec<f64>]) {
         for (to, (from, t)) in self.columns.iter_mut().zip(columns.iter().zip(self.targets)) {
-            if let Target::Channel(_, _, u) = t {
+            if let Some(u) = t.unit() {
                 if u.mul == 1.0 && u.div == 1.0 {
                     to.extend_from_slice(from);
                 } else {
@@ -148,7 +156,7 @@ impl<'a> Samples<'a> {
         if let Some(&last) = self.clock.stamps.last() {
             let same = || {
                 let mut all = self.columns.iter().zip(row).zip(self.targets);
-                all.all(|((c, x), t)| !matches!(t, Target::Channel(..)) || c.last() == Some(x))
+                all.all(|((c, x), t)| t.unit().is_none() || c.last() == Some(x))
             };
             if self.options.drop_repeated && time == last && same() {
                 self.count.repeated += 1;
@@ -166,7 +174,7 @@ impl<'a> Samples<'a> {
         }
         self.clock.stamps.push(time);
         for ((c, &x), t) in self.columns.iter_mut().zip(row).zip(self.targets) {
-            if matches!(t, Target::Channel(..)) {
+            if t.unit().is_some() {
                 c.push(x);
             }
         }
@@ -191,7 +199,8 @@ impl<'a> Samples<'a> {
         let Clock { stamps, origin, .. } = self.clock;
         let mut columns = self.columns;
         let (stamps, times) = sampled(&mut columns, self.targets, stamps, bad)?;
-        let builder = builder(columns, self.targets, joints, stamps);
+        unwrap_turns(&mut columns, self.targets, joints, bad);
+        let builder = builder(columns, (self.head, self.targets), joints, stamps);
         let builder = times.into_iter().fold(builder, |b, (group, t)| b.times(group, t));
         Some((builder, origin))
     }
@@ -229,7 +238,7 @@ fn sampled(
     bad: &mut Problems,
 ) -> Option<(Vec<f64>, Vec<(ChannelGroup, Vec<f64>)>)> {
     let of = |group: ChannelGroup| {
-        let is = move |t: &Target| matches!(t, Target::Channel(g, ..) if g.sampled_with() == group);
+        let is = move |t: &Target| t.sampled_with() == Some(group);
         targets.iter().enumerate().filter(move |(_, t)| is(t)).map(|(c, _)| c)
     };
     let whole = |c: usize, columns: &[Vec<f64>]| columns[c].iter().fold(true, |all, x| all & !x.is_nan());
@@ -268,16 +277,75 @@ fn sampled(
     Some((motion.iter().map(|&i| stamps[i]).collect(), out))
 }
 
-fn builder(mut columns: Vec<Vec<f64>>, targets: &[Target], joints: &[JointColumn], stamps: Vec<f64>) -> RecordBuilder {
+/// Positions of joints that turn, whose encoders begin anew after a turn: jumps of a whole turn between neighbouring samples are taken out, since
+/// no joint turns by more than half a turn in one sample that is worth reading.
+fn unwrap_turns(columns: &mut [Vec<f64>], targets: &[Target], joints: &[JointColumn], bad: &mut Problems) {
+    const FAR: f64 = 1.0;
+    for (column, target) in columns.iter_mut().zip(targets) {
+        let Target::Channel(Group::Q, k, _) = target else { continue };
+        let Some(joint) = joints.get(*k).filter(|j| !j.slides) else { continue };
+        let (mut turns, mut jumps, mut last) = (0.0, 0_usize, None);
+        for x in column.iter_mut() {
+            if let Some(before) = last {
+                let jump: f64 = *x - before;
+                if (jump.abs() - TAU).abs() < FAR {
+                    turns -= jump.signum();
+                    jumps += 1;
+                }
+            }
+            last = Some(*x);
+            *x += turns * TAU;
+        }
+        if jumps > 0 {
+            let what = format!("{jumps} jumps of a whole turn between neighbouring samples: turns were counted");
+            let p = Problem::warning(Area::Data, "Data::Wrapped", what).on(format!("q.{}", joint.name));
+            bad.push(p.hint("nothing to do, if the encoder begins anew after a turn"));
+        }
+    }
+}
+
+fn builder(
+    mut columns: Vec<Vec<f64>>,
+    (head, targets): (&[String], &[Target]),
+    joints: &[JointColumn],
+    stamps: Vec<f64>,
+) -> RecordBuilder {
     let mut b = RecordBuilder::new(joints.iter().map(|j| j.name.clone())).stamps(stamps);
-    for g in GROUPS {
+    let of = |g: Group, k: usize| {
+        targets.iter().position(|t| matches!(t, Target::Channel(g2, k2, _) if (*g2, *k2) == (g, k)))
+    };
+    // The current of a motor stands in place of a torque that was not measured, and is carried beside one that was.
+    let (mut names, mut units) = carried_channels(head, targets);
+    let mut beside: Vec<usize> = (0..targets.len()).filter(|&c| matches!(targets[c], Target::Carried(..))).collect();
+    let instead: Vec<bool> = (0..joints.len()).map(|k| of(Group::Tau, k).is_none()).collect();
+    for (k, joint) in joints.iter().enumerate() {
+        if let Some(c) = of(Group::Current, k).filter(|_| !instead[k]) {
+            names.push(format!("current.{}", joint.name));
+            units.push("A");
+            beside.push(c);
+        }
+    }
+    if !beside.is_empty() {
+        let rows = columns[beside[0]].len();
+        // Currents beside torques are sampled with these, wrenches and wheels perhaps not.
+        beside.retain(|&c| columns[c].len() == rows);
+        let all: Vec<f64> = beside.iter().flat_map(|&c| std::mem::take(&mut columns[c])).collect();
+        if beside.len() == names.len() {
+            b = b.carried(Carried { values: DMatrix::from_vec(rows, names.len(), all), names, units });
+        }
+    }
+    if instead.contains(&true) {
+        b = b.currents(instead.clone());
+    }
+    for g in GROUPS.into_iter().filter(|g| *g != Group::Current) {
         let width = g.channels(joints).len();
-        let of_group = |t: &Target| matches!(t, Target::Channel(g2, ..) if *g2 == g);
+        let of_group =
+            |t: &Target| matches!(t, Target::Channel(g2, ..) if *g2 == g || g == Group::Tau && *g2 == Group::Current);
         let rows = targets.iter().position(of_group).map_or(0, |c| columns[c].len());
         let mut all = Vec::new();
         for k in 0..width {
-            let found = targets.iter().position(|t| matches!(t, Target::Channel(g2, k2, _) if (*g2, *k2) == (g, k)));
-            let Some(c) = found else { continue };
+            let g = if g == Group::Tau && instead[k] { Group::Current } else { g };
+            let Some(c) = of(g, k) else { continue };
             if width == 1 {
                 all = std::mem::take(&mut columns[c]);
             } else {
@@ -298,6 +366,7 @@ fn builder(mut columns: Vec<Vec<f64>>, targets: &[Target], joints: &[JointColumn
             Group::Gyro => b.gyro(m),
             Group::Acc => b.acc(m),
             Group::Att => b.att(m),
+            Group::Current => b,
         };
     }
     b

@@ -19,6 +19,8 @@ pub enum Format {
     Parquet,
     /// MCAP, as ROS 2 bags are.
     Mcap,
+    /// A bag of ROS 1.
+    Rosbag,
 }
 
 impl Format {
@@ -28,6 +30,8 @@ impl Format {
             Self::Parquet
         } else if first.starts_with(b"\x89MCAP0\r\n") {
             Self::Mcap
+        } else if first.starts_with(b"#ROSBAG ") {
+            Self::Rosbag
         } else {
             Self::Csv
         }
@@ -38,14 +42,32 @@ impl Format {
             Self::Csv => "CSV",
             Self::Parquet => "Parquet",
             Self::Mcap => "MCAP",
+            Self::Rosbag => "ROS 1 bag",
         }
     }
+}
+
+/// Files that are no records, by their first bytes: what they are, and what to do.
+fn foreign(first: &[u8]) -> Option<(&'static str, &'static str)> {
+    const KNOWN: [(&[u8], &str, &str); 10] = [
+        (b"\x1f\x8b", "compressed by gzip", "unpack it with gunzip -k"),
+        (b"BZh", "compressed by bzip2", "unpack it with bunzip2 -k"),
+        (b"\xfd7zXZ", "compressed by xz", "unpack it with unxz -k"),
+        (b"\x28\xb5\x2f\xfd", "compressed by zstd", "unpack it with unzstd"),
+        (b"PK\x03\x04", "a zip archive or a workbook", "unpack it, or save the sheet as CSV"),
+        (b"SQLite format 3", "a ROS 2 bag in SQLite", "convert it to MCAP with ros2 bag convert"),
+        (b"\x89HDF", "HDF5", "write its arrays as CSV or Parquet"),
+        (b"MATLAB 5.0", "a MAT file", "write its arrays as CSV with writetable"),
+        (b"\xff\xfe", "text in UTF-16", "save it as UTF-8"),
+        (b"\xfe\xff", "text in UTF-16", "save it as UTF-8"),
+    ];
+    KNOWN.into_iter().find(|k| first.starts_with(k.0)).map(|k| (k.1, k.2))
 }
 
 /// A file that may be read, at its start, with its format.
 ///
 /// # Errors
-/// `Io::Read`; `Data::TooLarge` by its length, before anything is read.
+/// `Io::Read`; `Data::TooLarge` by its length, before anything is read; `Data::Format` for archives and formats of others.
 pub(super) fn opened(path: &Path, options: &ReadOptions) -> Result<(File, Format), Problems> {
     let io = |e: io::Error| {
         let p = Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"));
@@ -63,8 +85,11 @@ pub(super) fn opened(path: &Path, options: &ReadOptions) -> Result<(File, Format
     if meta.len() > options.max_bytes {
         return Err(Problems(vec![too_long(meta.len(), options.max_bytes)]).in_file(path));
     }
-    let mut first = Vec::with_capacity(8);
-    (&file).take(8).read_to_end(&mut first).map_err(io)?;
+    let mut first = Vec::with_capacity(16);
+    (&file).take(16).read_to_end(&mut first).map_err(io)?;
+    if let Some((what, hint)) = foreign(&first) {
+        return Err(unreadable("Data::Format", what, hint).in_file(path));
+    }
     file.seek(SeekFrom::Start(0)).map_err(io)?;
     Ok((file, Format::of(&first)))
 }
@@ -79,7 +104,10 @@ pub fn open(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Resul
 }
 
 /// The reader of a file at its start.
-#[cfg_attr(not(feature = "mcap"), expect(unused_variables, reason = "sliding joints are asked for by MCAP"))]
+#[cfg_attr(
+    not(any(feature = "mcap", feature = "rosbag")),
+    expect(unused_variables, reason = "sliding joints are asked for by bags")
+)]
 pub(super) fn blocks(
     file: File,
     format: Format,
@@ -91,7 +119,15 @@ pub(super) fn blocks(
         #[cfg(feature = "parquet")]
         Format::Parquet => Ok(Box::new(super::parquet_in::ParquetBlocks::new(file)?)),
         #[cfg(feature = "mcap")]
-        Format::Mcap => Ok(Box::new(super::mcap::McapBlocks::new(file, joints, options)?)),
+        Format::Mcap => {
+            let bag = super::bag::mcap::Mcap::new(file)?;
+            Ok(Box::new(super::bag::BagBlocks::new(bag, joints, options)?))
+        }
+        #[cfg(feature = "rosbag")]
+        Format::Rosbag => {
+            let bag = super::bag::rosbag::Rosbag::new(file)?;
+            Ok(Box::new(super::bag::BagBlocks::new(bag, joints, options)?))
+        }
         #[allow(unreachable_patterns)] // with all features there is nothing left
         other => {
             let what = format!("a {} file, which this build does not read", other.name());

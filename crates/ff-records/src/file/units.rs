@@ -21,6 +21,8 @@ pub enum Dimension {
     Acceleration,
     /// Force (N).
     Force,
+    /// Electric current (A).
+    Current,
     /// A pure number (1).
     One,
 }
@@ -40,7 +42,9 @@ pub struct Unit {
     pub div: f64,
 }
 
-use Dimension::{Acceleration, Angle, AngularAcceleration, AngularRate, Force, Length, One, Speed, Time, Torque};
+use Dimension::{
+    Acceleration, Angle, AngularAcceleration, AngularRate, Current, Force, Length, One, Speed, Time, Torque,
+};
 use std::f64::consts::{PI, TAU};
 
 const fn unit(symbol: &'static str, dimension: Dimension, mul: f64, div: f64) -> Unit {
@@ -92,6 +96,8 @@ pub const UNITS: &[Unit] = &[
     unit("N", Force, 1.0, 1.0),
     unit("mN", Force, 1.0, 1e3),
     unit("kN", Force, 1e3, 1.0),
+    unit("A", Current, 1.0, 1.0),
+    unit("mA", Current, 1.0, 1e3),
     unit("1", One, 1.0, 1.0),
 ];
 

@@ -41,10 +41,10 @@ pub(crate) struct Args {
     /// Leave out a column of this name; may be given several times.
     #[arg(long, value_name = "COLUMN")]
     ignore: Vec<String>,
-    /// A topic of an MCAP file; may be given several times.
+    /// A topic of a bag; may be given several times.
     #[arg(long, value_name = "TOPIC")]
     topic: Vec<String>,
-    /// A joint of an MCAP file that slides: its columns are in m and N.
+    /// A joint of a bag that slides: its columns are in m and N.
     #[arg(long, value_name = "JOINT")]
     slides: Vec<String>,
     /// Longest file read (bytes).

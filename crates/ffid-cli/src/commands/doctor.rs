@@ -30,7 +30,7 @@ written (docs/doctor.md). `ffid identify` refuses what is wrong before it fits."
 pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) input: Input,
-    /// The records: CSV, Parquet or MCAP (a ROS 2 bag).
+    /// The records: CSV, Parquet, or a bag of ROS 1 or ROS 2 (MCAP).
     #[arg(long, value_name = "FILE", num_args = 1.., required = true, alias = "records")]
     record: Vec<PathBuf>,
     /// Print problems only.
@@ -69,7 +69,13 @@ fn judge(args: &Args) -> Result<(Diagnosis, Problems), Refusal> {
     for path in &args.record {
         let loaded = args.reading.read(path, &opened.model, 8, None, input).map_err(refused)?;
         let label = path.display().to_string();
-        records.push(LabelledRecord { label, record: loaded.record, resampled: (false, false), continues: false, ago: 0 });
+        records.push(LabelledRecord {
+            label,
+            record: loaded.record,
+            resampled: (false, false),
+            continues: false,
+            ago: 0,
+        });
         warnings.push(loaded.warnings);
     }
     let diagnosis = diagnose(&opened, &records, &warnings, &settings).map_err(failed)?;

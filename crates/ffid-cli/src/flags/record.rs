@@ -5,8 +5,9 @@ use crate::output::Input;
 use crate::results::{Refusal, refused};
 use clap::ValueEnum;
 use ff_mission::leniency::ALLOWABLE;
-use ff_model::{Area, Model, Problem, Problems};
-use ff_records::file::{Loaded, ReadOptions, joints_of, read};
+use ff_model::diagnostics::list;
+use ff_model::{Area, BaseKind, Model, Problem, Problems};
+use ff_records::file::{Loaded, ReadOptions, StampSource, joints_of, read};
 use ff_records::{ChannelGroup, Record};
 use ffid::workflow::identify::{on_even_clock, segments};
 use ident::estimate::smoothed;
@@ -15,6 +16,8 @@ use std::path::Path;
 
 /// Speeds beyond this many times the limit of a joint are not believed.
 const TOO_FAST: f64 = 3.0;
+/// Beyond this many times, and beyond the range of the joint as well, the unit is another.
+const IMPOSSIBLE: f64 = 15.0;
 
 /// What to do with rows that have no number in a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -23,6 +26,24 @@ pub(crate) enum Gaps {
     Refuse,
     /// Leave the rows out; what is left has a gap.
     Drop,
+}
+
+/// Times of the messages of a bag.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Stamps {
+    /// Those in the headers, of the sensors; the times of recording where there are none.
+    Header,
+    /// The times of recording.
+    Receive,
+}
+
+impl From<Stamps> for StampSource {
+    fn from(s: Stamps) -> Self {
+        match s {
+            Stamps::Header => Self::Header,
+            Stamps::Receive => Self::Receive,
+        }
+    }
 }
 
 /// How a record is read.
@@ -43,9 +64,12 @@ pub(crate) struct RecordFlags {
     /// Leave out a column of this name; may be given several times.
     #[arg(long, value_name = "COLUMN")]
     ignore: Vec<String>,
-    /// A topic of an MCAP file to read; may be given several times.
+    /// A topic of a bag to read; may be given several times.
     #[arg(long, value_name = "TOPIC")]
     topic: Vec<String>,
+    /// Times at which messages of a bag count: the stamps in their headers, or the times of recording.
+    #[arg(long, value_enum, default_value_t = Stamps::Header)]
+    stamps: Stamps,
     /// Leave out what is above this frequency (Hz): positions, torques and equations pass the same filter, which shifts nothing in
     /// time. For logs of an arm on the ground, whose accelerations come from noisy positions; there it is chosen from the log unless
     /// given. `validate` takes that of the identification unless given.
@@ -76,7 +100,7 @@ impl RecordFlags {
             ignore: self.ignore.clone(),
             drop_gaps: self.gaps == Gaps::Drop,
             drop_repeated: self.drop_repeated,
-            fixed_base: model.base_kind() == ff_model::BaseKind::Fixed,
+            fixed_base: model.base_kind() == BaseKind::Fixed,
             resample: self.resample,
             keep_spikes: self.keep_spikes,
             long_gaps: true,
@@ -84,9 +108,11 @@ impl RecordFlags {
             allow: ALLOWABLE.iter().filter(|c| leniency.allows(c)).map(|c| (*c).to_owned()).collect(),
             topics: self.topic.clone(),
             slides: Vec::new(),
+            stamps: self.stamps.into(),
         };
         let mut loaded = read(path, &joints_of(model), &options)?;
         plausible(&loaded.record, model, path, &mut loaded.warnings);
+        not_used(&loaded.record, model, path, &mut loaded.warnings);
         let mut warnings = std::mem::take(&mut loaded.warnings);
         leniency.settle(&mut warnings);
         if warnings.has_errors() {
@@ -142,10 +168,37 @@ pub(crate) fn filtered(r: &Record, hz: f64) -> Result<Record, Problems> {
     smoothed(r, hz).map_err(|e| refused(what(e), "give another frequency, or leave --low-pass out"))
 }
 
+/// Channels that were read and that no model here uses, in one warning; currents in place of torques where gains are not estimated.
+pub(crate) fn not_used(record: &Record, model: &Model, path: &Path, out: &mut Problems) {
+    let ground = model.base_kind() == BaseKind::Fixed;
+    if !ground && !record.has_torques() {
+        let joints = model.joint_names();
+        let of = joints.iter().zip(record.currents()).filter(|(_, c)| **c).map(|(j, _)| j.as_str());
+        let what =
+            format!("currents in place of torques, of {}: their gains are estimated on the ground alone", list(of, 6));
+        let hint = "calibrate the gains on the ground, and write columns tau.<joint>";
+        out.push(Problem::error(Area::Data, "Data::Currents", what).in_file(path).hint(hint));
+    }
+    let Some(carried) = record.carried() else { return };
+    let used: Vec<usize> = carried
+        .wrenches()
+        .into_iter()
+        .filter(|(frame, _)| ground && model.frame(frame).is_some())
+        .flat_map(|(_, columns)| columns)
+        .collect();
+    let rest: Vec<&str> =
+        (0..carried.names.len()).filter(|k| !used.contains(k)).map(|k| carried.names[k].as_str()).collect();
+    if !rest.is_empty() {
+        let what = format!("columns that were read and are not used: {}", list(rest.iter().copied(), 8));
+        let hint = "known wrenches count on the ground, at frames of the robot; what else acts belongs into [[input]] of a simulation";
+        out.push(Problem::warning(Area::Data, "Data::NotUsed", what).in_file(path).hint(hint));
+    }
+}
+
 /// Rows D09, D10 and D28: motion and torques beyond what the robot can do.
 pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut Problems) {
-    let mut warn = |code, object: String, what: String, hint: &str| {
-        out.push(Problem::warning(Area::Data, code, what).in_file(path).on(object).hint(hint));
+    let warning = |code, object: String, what: String, hint: &str| {
+        Problem::warning(Area::Data, code, what).in_file(path).on(object).hint(hint)
     };
     // Of a record that lost samples, what was read in between took longer.
     let times = record.times(ChannelGroup::Motion);
@@ -155,34 +208,46 @@ pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut P
         let (lo, hi) = (q.min(), q.max());
         if lo < limits.lower || hi > limits.upper {
             let what = format!("from {lo:.4} to {hi:.4}, limits {} .. {}", limits.lower, limits.upper);
-            warn("Data::BeyondLimits", format!("q.{name}"), what, "is the position in degrees, or its zero elsewhere?");
+            out.push(warning(
+                "Data::BeyondLimits",
+                format!("q.{name}"),
+                what,
+                "is the position in degrees, or its zero elsewhere?",
+            ));
         }
         // Over ten samples, so that quantisation does not look like speed.
         let span = 10.min(q.len() - 1).max(1);
         let seconds = |i: usize| times.map_or(span as f64 * record.dt(), |t| t[i] - t[i - span]);
         let speed = (span..q.len()).map(|i| (q[i] - q[i - span]).abs() / seconds(i)).fold(0.0, f64::max);
-        if speed > TOO_FAST * limits.velocity {
+        if speed > IMPOSSIBLE * limits.velocity && (hi - lo) > limits.upper - limits.lower {
+            let what = format!(
+                "moves at {speed:.4} per s and from {lo:.4} to {hi:.4}, limits {} per s and {} .. {}",
+                limits.velocity, limits.lower, limits.upper
+            );
+            let p = Problem::error(Area::Data, "Data::LooksLikeDegrees", what).in_file(path).on(format!("q.{name}"));
+            out.push(p.hint("if the column is in degrees, write q.<joint>[deg]; to go on, --allow looks-like-degrees"));
+        } else if speed > TOO_FAST * limits.velocity {
             let what = format!(
                 "moves at {speed:.4} per s, limit {} per s (ratio {:.1})",
                 limits.velocity,
                 speed / limits.velocity
             );
-            warn(
+            out.push(warning(
                 "Data::LooksLikeDegrees",
                 format!("q.{name}"),
                 what,
                 "if the column is in degrees, write q.<joint>[deg]",
-            );
+            ));
         }
         let torque = record.tau().column(j).amax();
-        if torque > limits.effort {
+        if torque > limits.effort && !record.currents().get(j).copied().unwrap_or(false) {
             let what = format!("reaches {torque:.4}, effort limit {}", limits.effort);
-            warn(
+            out.push(warning(
                 "Data::BeyondLimits",
                 format!("tau.{name}"),
                 what,
                 "if the column is in mN m, write tau.<joint>[mN m]",
-            );
+            ));
         }
     }
 }

@@ -34,12 +34,13 @@ class Record:
         keep_spikes: bool = False,
         ignore: Sequence[str] = (),
         topic: Sequence[str] = (),
+        stamps: Literal["header", "receive"] = "header",
         max_rows: int | None = None,
         max_bytes: int | None = None,
         allow: Sequence[str] = (),
         strict: bool = False,
     ) -> Record:
-        """Reads CSV, Parquet or MCAP (a ROS 2 bag).
+        """Reads CSV, Parquet, or a bag of ROS 1 or ROS 2 (MCAP).
 
         Args:
             path: The file.
@@ -49,7 +50,8 @@ class Record:
             drop_repeated: Whether to leave out rows that repeat the one before.
             keep_spikes: Whether samples far off their neighbours are fitted, which are left out and counted otherwise.
             ignore: Columns to leave out.
-            topic: Topics of an MCAP file to read.
+            topic: Topics of a bag to read.
+            stamps: Whether messages of a bag count at the stamps in their headers or at the times of recording.
             max_rows: Most rows.
             max_bytes: Longest file (bytes).
             allow: Errors that are to be warnings, by code, such as ``stuck``.
@@ -62,6 +64,7 @@ class Record:
             keep_spikes=keep_spikes,
             ignore=list(ignore),
             topic=list(topic),
+            stamps=stamps,
             max_rows=max_rows,
             max_bytes=max_bytes,
             allow=list(allow),

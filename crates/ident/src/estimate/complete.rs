@@ -200,11 +200,12 @@ impl Complete {
             measured: self.measured.clone(),
             selected,
             values: start,
+            absent: &[],
             extra: vec![],
             keep: None,
             kinds,
         };
-        let task = Task { decls: &decls, selected, start, extra: vec![], weights: &self.weights };
+        let task = Task { decls: &decls, selected, start, extra: vec![], weights: &self.weights, priors: &[] };
         linear::solve(&task, &equations.triangles()?)
     }
 }

@@ -148,6 +148,8 @@ pub(crate) struct Task<'a> {
     /// Unknowns besides the parameters, with their start.
     pub(crate) extra: Vec<(Unknown, f64)>,
     pub(crate) weights: &'a Weights,
+    /// Unknowns that are known beforehand, by their number: mean and standard deviation.
+    pub(crate) priors: &'a [(usize, f64, f64)],
 }
 
 /// Refuses selections and values that do not belong to the declarations.
@@ -180,7 +182,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// Solves for `selected`, then `extra`. Allocates.
 pub(crate) fn solve(task: &Task<'_>, kinds: &[Triangle]) -> Result<LinearEstimate, LinearError> {
-    let Task { decls, selected, start, extra, weights } = task;
+    let Task { decls, selected, start, extra, weights, priors } = task;
     check_weights(weights, kinds)?;
     let all_sizes = scale::sizes(decls, start);
     let mut unknowns = Unknown::of_parameters(decls, selected, &all_sizes);
@@ -199,7 +201,8 @@ pub(crate) fn solve(task: &Task<'_>, kinds: &[Triangle]) -> Result<LinearEstimat
         // Before anything is known of them, errors are taken in proportion to what the rows hold.
         Weights::FromResiduals(k) => (kinds.iter().map(|t| t.scale(&sizes).max(f64::MIN_POSITIVE)).collect(), *k),
     };
-    let mut equations = merge(n, kinds, &sigma)?;
+    let whole = |sigma: &[f64]| with_priors(merge(n, kinds, sigma)?, priors);
+    let mut equations = whole(&sigma)?;
     let mut solution = pseudo_solve(&equations, &sizes, &x0)?;
     for _ in 0..steps {
         let share = solution.rank as f64 / rows as f64;
@@ -207,7 +210,7 @@ pub(crate) fn solve(task: &Task<'_>, kinds: &[Triangle]) -> Result<LinearEstimat
             let dof = (t.rows as f64 * (1.0 - share)).max(1.0);
             *s = (t.cost(&solution.x) / dof).sqrt().max(*floor).max(f64::MIN_POSITIVE);
         }
-        equations = merge(n, kinds, &sigma)?;
+        equations = whole(&sigma)?;
         solution = pseudo_solve(&equations, &sizes, &x0)?;
     }
     let uncertainty = analyse(&equations.r, &unknowns, RANK_TOLERANCE)?;
@@ -243,6 +246,23 @@ pub(crate) fn solve(task: &Task<'_>, kinds: &[Triangle]) -> Result<LinearEstimat
         uncertainty,
         equations,
     })
+}
+
+/// Equations with a row for everything that is known beforehand.
+fn with_priors(m: Merged, priors: &[(usize, f64, f64)]) -> Result<Merged, LinalgError> {
+    if priors.is_empty() {
+        return Ok(m);
+    }
+    let n = m.r.ncols();
+    let mut all = DMatrix::zeros(n + priors.len() + 1, n + 1);
+    all.view_mut((0, 0), (n, n)).copy_from(&m.r);
+    all.view_mut((0, n), (n, 1)).copy_from(&m.d);
+    for (k, &(column, mean, std)) in priors.iter().enumerate() {
+        (all[(n + k, column)], all[(n + k, n)]) = (1.0 / std, mean / std);
+    }
+    let r = linalg::qr_r(&all)?;
+    let d = r.view((0, n), (n, 1)).column(0).into_owned();
+    Ok(Merged { rest: m.rest + r[(n, n)].powi(2), d, r: r.view((0, 0), (n, n)).into_owned(), rows: m.rows })
 }
 
 struct Solution {

@@ -43,6 +43,8 @@ pub(crate) struct Equations<'a> {
     pub(crate) selected: &'a [usize],
     /// All parameters; the known ones go to the right side.
     pub(crate) values: &'a [f64],
+    /// Indices of parameters that are zero here, whether or not they are unknown: what is not mounted.
+    pub(crate) absent: &'a [usize],
     pub(crate) extra: Vec<Extra>,
     /// Samples left out of the row of a degree of freedom: 0 leaves out, 1 keeps. N x nv, none for all.
     pub(crate) keep: Option<DMatrix<f64>>,
@@ -77,37 +79,42 @@ impl Equations<'_> {
     }
     /// The same of equations that have passed filters, column by column: linear in their unknowns as before. Every kind is one
     /// degree of freedom; each record, given by its samples, is filtered by itself. Neighbours of a filtered signal tell the
-    /// same, so that each row weighs as much as it is worth of an independent one ([`ZeroPhase::noise_gain`]). Allocates the
-    /// rows of one kind.
+    /// same, so that each row weighs as much as it is worth of an independent one ([`ZeroPhase::noise_gain`]). A triangle per kind for each
+    /// of the `blocks` of samples; without filters, of equations as they are. Allocates the rows of one kind.
     ///
     /// # Errors
     /// [`LinalgError::NotFinite`].
     pub(crate) fn filtered_triangles(
         &self,
         filters: &[(Range<usize>, &ZeroPhase)],
-    ) -> Result<Vec<Triangle>, LinalgError> {
-        let one = |kind: &Kind| {
+        blocks: &[Range<usize>],
+    ) -> Result<Vec<Vec<Triangle>>, LinalgError> {
+        let mut out = vec![Vec::with_capacity(self.kinds.len()); blocks.len()];
+        for kind in &self.kinds {
             let c = self.columns(kind);
             let width = c.unknown.len() + c.extra.len() + 1;
             let mut columns = dispatch(Isa::detect(), Tabulate { eq: self, columns: &c, kind });
             let kept = |i: &usize| self.keep.as_ref().is_none_or(|k| kind.dofs.iter().all(|&d| k[(*i, d)] > 0.0));
-            let used: Vec<(usize, f64)> = filters
-                .iter()
-                .flat_map(|(samples, z)| samples.clone().filter(kept).map(|i| (i, z.noise_gain())))
-                .collect();
-            let mut rows = DMatrix::zeros(used.len().max(width), width);
-            for (k, x) in columns.iter_mut().enumerate() {
+            for x in &mut columns {
                 filters.iter().for_each(|(samples, z)| z.run(&mut x[samples.clone()]));
-                used.iter().enumerate().for_each(|(row, &(i, worth))| rows[(row, k)] = worth.sqrt() * x[i]);
             }
-            Ok(Triangle {
-                name: kind.name.clone(),
-                columns: c.unknown.iter().map(|u| u.0).chain(c.extra).collect(),
-                r: linalg::qr_r(&rows)?,
-                rows: used.iter().map(|u| u.1).sum::<f64>().round() as usize,
-            })
-        };
-        self.kinds.iter().map(one).collect()
+            let worth = |i: &usize| filters.iter().find(|f| f.0.contains(i)).map_or(1.0, |f| f.1.noise_gain());
+            let unknowns: Vec<usize> = c.unknown.iter().map(|u| u.0).chain(c.extra).collect();
+            for (block, to) in blocks.iter().zip(&mut out) {
+                let used: Vec<(usize, f64)> = block.clone().filter(kept).map(|i| (i, worth(&i))).collect();
+                let mut rows = DMatrix::zeros(used.len().max(width), width);
+                for (k, x) in columns.iter().enumerate() {
+                    used.iter().enumerate().for_each(|(row, &(i, worth))| rows[(row, k)] = worth.sqrt() * x[i]);
+                }
+                to.push(Triangle {
+                    name: kind.name.clone(),
+                    columns: unknowns.clone(),
+                    r: linalg::qr_r(&rows)?,
+                    rows: used.iter().map(|u| u.1).sum::<f64>().round() as usize,
+                });
+            }
+        }
+        Ok(out)
     }
     /// What the rows of a kind may depend on: a force on the base on masses and first moments, a moment on it on
     /// everything, the torque of a joint on the bodies that it carries.
@@ -136,7 +143,7 @@ impl Equations<'_> {
             |p: usize| kind.dofs.iter().any(|&d| moved(d, body(p)) && (d >= nb.min(3) || p >= own || p % 10 < 4));
         let mut out = Columns::default();
         for p in 0..model.n_params() {
-            if !depends(p) {
+            if !depends(p) || self.absent.contains(&p) {
                 continue;
             }
             match self.selected.binary_search(&p) {

@@ -27,7 +27,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid identify m.toml --record rec.csv --sample            draws from the posterior, a corner plot
   ffid identify m.toml --record new.csv --prior-from m-identified
   ffid identify m.toml --record rec.csv --compare           rigid, flexible, sloshing or both?
-  ffid identify arm.toml --record log.csv --reduce --held-out 0.33   an arm on the ground, friction included
+  ffid identify arm.toml --record log.csv --held-out 0.33   an arm on the ground, friction included
+  ffid identify arm.toml --records empty.csv loaded.csv --without tool=empty.csv   a payload from two logs of one arm
   ffid identify m.toml --record rec.csv --adopt gyro-misalignment   estimate what would explain the record, too
   ffid identify m.toml --record rec.csv --ties ties.toml    one stiffness for all hinges, one filling level
 
@@ -36,17 +37,29 @@ att. are optional, units are converted (docs/records.md). The folder holds repor
 identified.urdf, residuals.csv and .parquet, draws.parquet, report.txt, figures and manifest.toml (docs/results.md). Parameters that the record cannot
 tell end with exit code 13 and are named; a fit that found no solution ends with 14, a model that the record contradicts with 16.";
 
+/// A payload and the record in which it was not mounted.
+fn absent(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((name, file)) if !name.is_empty() && !file.is_empty() => Ok((name.to_owned(), PathBuf::from(file))),
+        _ => Err("write NAME=FILE, such as tool=empty.csv".to_owned()),
+    }
+}
+
 /// Arguments of `ffid identify`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) input: Input,
-    /// The record: CSV, Parquet or MCAP (a ROS 2 bag).
+    /// The record: CSV, Parquet, or a bag of ROS 1 or ROS 2 (MCAP).
     #[arg(long, value_name = "FILE", required_unless_present = "records")]
     pub(crate) record: Option<PathBuf>,
     /// Several records of the robot, instead of --record: parameters are shared, biases and initial state are those of each.
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "record")]
     pub(crate) records: Vec<PathBuf>,
+    /// A payload that was not mounted in one of the records, NAME=FILE; may be given several times. For an arm on the ground: the arm is the
+    /// same in all records, and the payload is told by what changes with it.
+    #[arg(long, value_name = "NAME=FILE", value_parser = absent)]
+    pub(crate) without: Vec<(String, PathBuf)>,
     /// Folder for the results; <mission>-identified in the working directory unless given.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,

@@ -6,12 +6,12 @@ use crate::flags::record::filtered;
 use crate::results;
 use crate::results::{Refusal, io, refused};
 use ff_mission::Mission;
-use ff_model::{Area, Params, Problem, Problems};
+use ff_model::{Area, BaseKind, Params, Problem, Problems};
 use ff_records::Record;
 use ffid::files::folder::{Entry, Folder};
 use ffid::open::{Opened, open};
 use ffid::workflow::identify::{
-    FitOptions, InputFile, LabelledRecord, Method, Settings, choose_low_pass, method, on_even_clock, segments,
+    Absent, FitOptions, InputFile, LabelledRecord, Method, Settings, choose_low_pass, method, on_even_clock, segments,
 };
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -169,6 +169,24 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
         problems.extend(l.warnings);
         let label = label(path, &records);
         records.push(LabelledRecord { label, record: l.record, resampled: (false, false), continues: false, ago: 0 });
+    }
+    for (payload, file) in &args.without {
+        let Some(k) = paths.iter().position(|p| p == file) else {
+            let what = format!("{} is none of the records that are fitted", file.display());
+            let p = Problem::error(Area::Config, "Config::Records", what).on("--without");
+            return Err(refused(Problems(vec![p.hint("name a file of --record or --records")])));
+        };
+        options.absent.push(Absent { payload: payload.clone(), record: records[k].label.clone() });
+    }
+    if !options.absent.is_empty() && opened.model.base_kind() != BaseKind::Fixed {
+        let p = Problem::error(
+            Area::Config,
+            "Config::Method",
+            "a payload that is mounted in some records alone is for an arm on the ground",
+        );
+        let hint =
+            "give base = \"fixed\" in [robot]; in orbit identify each record, the second with --prior-from the first";
+        return Err(refused(Problems(vec![p.on("--without").hint(hint)])));
     }
     let mut held = match hold_out {
         HoldOut::Nothing => Held::None,

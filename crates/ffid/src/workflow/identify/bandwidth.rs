@@ -2,25 +2,27 @@
 //!
 //! Accelerations that come from positions are noise above some frequency, and noise in the equations biases a linear fit towards zero; a
 //! low pass that is too narrow takes the motion itself away. Both are seen in the torques of a part of the log that was not fitted. Candidates
-//! are a twelfth of the sampling rate and halves of it. Each is fitted to one half of the log and scored on the other, and the other way round,
+//! are a twelfth of the sampling rate and fractions of it by the root of two. Each is fitted to one half of the log and scored on the other, and the other way round,
 //! by torques and equations behind one and the same filter: four times the frequency below which 99 % of the power of the joint rates is.
 
 use ff_model::Model;
 use ff_records::Record;
 use ff_spectral::Welch;
-use ident::estimate::smoothed;
+use ident::estimate::{JointTorques, smoothed};
 use ident::{Friction, Ground};
 
-/// Most candidates: each is half of the one before.
-const CANDIDATES: usize = 8;
+/// Most candidates: each is the one before over the root of two.
+const CANDIDATES: usize = 15;
 /// The widest candidate is the sampling rate over this. A filter takes a tenth at most, and other parts of a log have slightly other rates.
 const WIDEST: f64 = 12.0;
 /// Part of the power of the joint rates that the motion is.
 const POWER: f64 = 0.99;
+/// Density of positions that may be noise, times that of the upper half of the spectrum.
+const NOISE: f64 = 10.0;
 /// The filter behind which candidates are compared, times the frequency up to which that power is.
 const BAND: f64 = 4.0;
 /// A wider band is as good when its score is within this part of the best.
-const ALIKE: f64 = 0.01;
+const ALIKE: f64 = 1e-3;
 
 /// What was chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,12 +51,12 @@ pub fn choose_low_pass(model: &Model, record: &Record, selected: &[usize], start
     let fit = |of: &Record, hz: f64| {
         let seen = smoothed(of, hz).ok()?;
         let found = Ground::new(model, Friction::ALL).ok()?.low_pass(hz).estimate(&[&seen], selected, start).ok()?;
-        Some((found.fit.values, found.friction))
+        Some((found.fit.values, found.joints))
     };
-    let judge = |of: &Record, values: &[f64], friction: &[[f64; 3]]| {
+    let judge = |of: &Record, values: &[f64], joints: &JointTorques| {
         let seen = smoothed(of, compared_hz).ok()?;
         let (predicted, residual) =
-            Ground::new(model, Friction::ALL).ok()?.low_pass(compared_hz).predict(&seen, values, friction).ok()?;
+            Ground::new(model, Friction::ALL).ok()?.low_pass(compared_hz).predict(&seen, values, joints).ok()?;
         let measured = predicted + &residual;
         // Every joint alike.
         let one =
@@ -64,13 +66,13 @@ pub fn choose_low_pass(model: &Model, record: &Record, selected: &[usize], start
     let score = |hz: f64| {
         let mut sum = 0.0;
         for (fitted, judged) in [(0, 1), (1, 0)] {
-            let (values, friction) = fit(&halves[fitted], hz)?;
-            sum += 0.5 * judge(&halves[judged], &values, &friction)?;
+            let (values, joints) = fit(&halves[fitted], hz)?;
+            sum += 0.5 * judge(&halves[judged], &values, &joints)?;
         }
         sum.is_finite().then_some(sum)
     };
     let scored: Vec<(f64, f64)> =
-        (0..CANDIDATES).map(|k| widest * 0.5f64.powi(k as i32)).filter_map(|hz| Some((hz, score(hz)?))).collect();
+        (0..CANDIDATES).map(|k| widest * 0.5f64.powf(0.5 * k as f64)).filter_map(|hz| Some((hz, score(hz)?))).collect();
     let best = scored.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
     let &(hz, chosen) = scored.iter().find(|s| s.1 <= (1.0 + ALIKE) * best)?;
     Some(Bandwidth { hz, widest_hz: widest, compared_hz, missed: (chosen.sqrt(), scored[0].1.sqrt()) })
@@ -82,11 +84,19 @@ fn moving_below(record: &Record) -> Option<f64> {
     let mut welch = Welch::new((n / 2).max(8), record.rate_hz()).ok()?;
     let mut power: Vec<f64> = Vec::new();
     let mut df = 0.0;
+    // Noise of the encoder is flat, and would be most of the power of the rates: what the upper half of the spectrum says of it counts as none.
+    let floor = |density: &[f64]| {
+        let mut upper = density[density.len() / 2..].to_vec();
+        upper.sort_unstable_by(f64::total_cmp);
+        NOISE * upper.get(upper.len() / 2).copied().unwrap_or_default()
+    };
     for q in record.q().column_iter() {
         let psd = welch.run(q.as_slice()).ok()?;
         df = psd.df;
         power.resize(psd.density.len(), 0.0);
-        power.iter_mut().zip(psd.frequency.iter().zip(&psd.density)).for_each(|(p, (f, d))| *p += f * f * d);
+        let none = floor(&psd.density);
+        let of = |(f, d): (&f64, &f64)| f * f * (d - none).max(0.0);
+        power.iter_mut().zip(psd.frequency.iter().zip(&psd.density)).for_each(|(p, fd)| *p += of(fd));
     }
     let all: f64 = power.iter().sum();
     if all <= 0.0 {

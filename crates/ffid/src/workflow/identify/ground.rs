@@ -4,7 +4,7 @@
 use super::bandwidth::correlated_samples;
 use super::error::{IdentifyError, config};
 use super::findings::{DeterminedCombination, ReducedSet};
-use super::ground_uncertain::Calibration;
+use super::ground_uncertain::{Calibration, SetUp};
 use super::identified::Identified;
 use super::known;
 use super::labelled_record::LabelledRecord;
@@ -28,15 +28,16 @@ use ident::Posterior;
 use ident::Priors;
 use ident::SetupError;
 use ident::estimate::report::FitReport;
+use ident::estimate::{JointTerm, JointTorques};
 use ident::solve::{LinearError, LinearEstimate};
 use ident::{Friction, Ground, GroundEstimate};
 
-/// Joint friction and noise, as an identification found them.
+/// Joint friction, gains and noise, as an identification found them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arm {
-    /// Viscous and Coulomb friction and offset of every joint (N m s/rad, N m, N m).
-    pub friction: Vec<[f64; 3]>,
-    /// Standard deviation of the residual of every joint (N m).
+    /// Friction, reflected inertia and gains of every joint.
+    pub joints: JointTorques,
+    /// Standard deviation of the residual of every joint (N m; A where its current was measured).
     pub sigma: Vec<f64>,
     /// Cutoff of the low pass that torques and equations went through (Hz), if any.
     pub low_pass_hz: Option<f64>,
@@ -44,7 +45,6 @@ pub struct Arm {
 
 /// Name of the cutoff among the settings of a result.
 pub const LOW_PASS: &str = "low_pass_hz";
-const TERMS: [&str; 3] = ["viscous", "coulomb", "offset"];
 
 impl Arm {
     /// Of a result; none when it is not that of a ground calibration.
@@ -52,13 +52,20 @@ impl Arm {
         if r.method != Method::Ground {
             return None;
         }
-        let value = |joint: &String, term: &str| {
-            let name = format!("friction.{joint}.{term}");
-            r.nuisance.iter().find(|p| p.name == name).map_or(0.0, |p| p.value)
+        let terms = |joint: &String| {
+            let of = |p: &Parameter| Some((JointTerm::of_name(&p.name, joint)?, p.value));
+            r.nuisance.iter().filter_map(of).collect()
+        };
+        let gain = |joint: &String| {
+            let name = format!("drive.{joint}.gain");
+            r.nuisance.iter().find(|p| p.name == name).map(|p| p.value)
         };
         let sigma = r.channels.iter().map(|c| if c.over_noise > 0.0 { c.residual_rms / c.over_noise } else { 1.0 });
         Some(Self {
-            friction: joints.iter().map(|j| TERMS.map(|t| value(j, t))).collect(),
+            joints: JointTorques {
+                terms: joints.iter().map(terms).collect(),
+                gains: joints.iter().map(gain).collect(),
+            },
             sigma: sigma.collect(),
             low_pass_hz: r.provenance.settings.get(LOW_PASS).and_then(|hz| hz.parse().ok()),
         })
@@ -91,7 +98,6 @@ pub(super) fn linear(e: LinearError) -> IdentifyError {
 /// What the ground calibration does not do.
 pub(super) fn check(s: &Settings, options: &FitOptions) -> Result<(), Problems> {
     let wrong = [
-        (s.prior.is_some(), "priors", "give --no-prior, and drop prior_relative_std from [estimate]"),
         (options.consider, "considered errors", "leave --consider out: the verdict says what is taken as exact"),
         (
             options.posterior.is_some(),
@@ -124,16 +130,21 @@ pub(super) fn identify(
     let model = &opened.model;
     let unknowns = Unknowns::new(model, &opened.estimated, s, options, &UncertainItems::default())?;
     let (decls, selected, start) = (&unknowns.decls, &unknowns.selected, &unknowns.start);
-    let ground = calibration(model, s.low_pass_hz)?;
+    let absent = records.iter().map(|r| missing(model, options, &r.label)).collect::<Result<Vec<_>, _>>()?;
+    let prior = priors(&unknowns, s);
+    let mut ground = calibration(model, s.low_pass_hz)?.absent(absent.clone()).priors(prior.clone());
     let samples: Vec<&Record> = records.iter().map(|r| &r.record).collect();
+    let (terms, _) = ground.choose_terms(&samples, selected, start).map_err(linear)?;
+    ground = ground.terms(terms.clone());
     let mut found = ground.estimate(&samples, selected, start).map_err(linear)?;
     let sigma: Vec<f64> = found.fit.kinds.iter().map(|k| k.sigma).collect();
     // What is left is not white: behind a filter, with friction that is not what the formula says, with joints that bend. Residuals of so
     // many samples count as one.
     let joints = model.nj();
     let mut counted = vec![(0.0, 0.0); joints];
-    for r in records {
-        let (_, residual) = ground.predict(&r.record, &found.fit.values, &found.friction).map_err(linear)?;
+    for (r, absent) in records.iter().zip(&absent) {
+        let values = without(&found.fit.values, absent);
+        let (_, residual) = ground.predict(&r.record, &values, &found.joints).map_err(linear)?;
         for (c, column) in counted.iter_mut().zip(residual.column_iter()) {
             let n = column.len() as f64;
             *c = (c.0 + n * correlated_samples(column.as_slice()), c.1 + n);
@@ -142,17 +153,17 @@ pub(super) fn identify(
     let correlated: Vec<f64> = counted.iter().map(|c| c.0 / c.1.max(1.0)).collect();
     let effective: Vec<f64> = sigma.iter().zip(&correlated).map(|(s, t)| s * t.sqrt()).collect();
     let chi2_per_dof = found.fit.chi2_per_dof;
-    let (low_pass_hz, sigma_of) = (s.low_pass_hz, &effective[..]);
-    let calibrated = Calibration { model, low_pass_hz, sigma: sigma_of, records: &samples, selected, start };
+    let set_up = SetUp { low_pass_hz: s.low_pass_hz, absent: &absent, prior: &prior, terms: &terms, sigma: &effective };
+    let calibrated = Calibration { model, set_up, records: &samples, selected, start };
     found = calibrated.run(model, &samples, start)?;
     found.fit.chi2_per_dof = chi2_per_dof;
     let considered = calibrated.consider(&UncertainItems::of(opened), &mut found)?;
     // Numbers that no body has are moved to the nearest that some body has.
     let bounded = found.make_physical(decls, selected, start).map_err(|e| IdentifyError::Model(e.to_string()))?;
-    let arm = Arm { friction: found.friction.clone(), sigma, low_pass_hz: s.low_pass_hz };
+    let arm = Arm { joints: found.joints.clone(), sigma, low_pass_hz: s.low_pass_hz };
     let (mut signals, mut seen) = (Vec::new(), Vec::new());
-    for r in records {
-        let (predicted, record) = predict(model, &ground, &r.record, &found.fit.values, &arm)?;
+    for (r, absent) in records.iter().zip(&absent) {
+        let (predicted, record) = predict(model, &ground, &r.record, &without(&found.fit.values, absent), &arm)?;
         signals.push(predicted);
         seen.push(LabelledRecord { record, ..r.clone() });
     }
@@ -175,6 +186,42 @@ pub(super) fn identify(
     })
 }
 
+/// Parameters of the payloads that were not mounted in a record.
+fn missing(model: &Model, options: &FitOptions, label: &str) -> Result<Vec<usize>, IdentifyError> {
+    let decls = model.param_decls();
+    let mut out = Vec::new();
+    for a in options.absent.iter().filter(|a| a.says(label)) {
+        let own = format!("{}.", a.payload);
+        let of = |p: usize| decls[p].name.starts_with(&own) && p >= 10 * model.n_bodies();
+        let found: Vec<usize> = (0..decls.len()).filter(|p| of(*p)).collect();
+        if found.is_empty() {
+            let names = model.appendages().iter().map(|m| m.name.as_str());
+            let hint = format!("payloads of the mission: {}", ff_model::diagnostics::list(names, 12));
+            let what = format!("there is no payload '{}' that could be absent from {label}", a.payload);
+            return Err(IdentifyError::Refused(config("Config::UnknownPayload", what, &hint)));
+        }
+        out.extend(found);
+    }
+    out.sort_unstable();
+    out.dedup();
+    Ok(out)
+}
+
+/// The values of a robot without what is absent.
+fn without(values: &[f64], absent: &[usize]) -> Vec<f64> {
+    let mut out = values.to_vec();
+    absent.iter().for_each(|&p| out[p] = 0.0);
+    out
+}
+
+/// Priors of the parameters about the values of the mission, as wide as their sizes times the relative deviation.
+fn priors(unknowns: &Unknowns, s: &Settings) -> Vec<(usize, f64, f64)> {
+    let Some(relative) = s.prior else { return Vec::new() };
+    let sizes = ident::parameters::sizes(&unknowns.decls, &unknowns.nominal);
+    let of = |(k, &p): (usize, &usize)| (k, unknowns.nominal[p], relative * sizes[p]);
+    unknowns.selected.iter().enumerate().map(of).collect()
+}
+
 /// Torques that parameters and friction predict, and the record as the estimator sees it.
 fn predict(
     model: &Model,
@@ -183,7 +230,7 @@ fn predict(
     values: &[f64],
     arm: &Arm,
 ) -> Result<(Signals, Record), IdentifyError> {
-    let (_, residual) = ground.predict(record, values, &arm.friction).map_err(linear)?;
+    let (_, residual) = ground.predict(record, values, &arm.joints).map_err(linear)?;
     let (n, nj) = residual.shape();
     // Whitened, predicted less measured, sample after sample; zero close to rest, where friction is not what the formula says.
     let r: Vec<f64> = (0..n * nj).map(|i| -residual[(i / nj, i % nj)] / arm.sigma[i % nj]).collect();

@@ -17,17 +17,29 @@ use super::result::uncertain::{BudgetLine, UncertainLine, considered_budget};
 use super::uncertain::{UncertainItems, UncertainKind, UncertainUnknown};
 use ff_model::{Kinematics, Model, ParamDecl};
 use ff_records::Record;
-use ident::compose::TieMap;
 use ident::GroundEstimate;
+use ident::compose::TieMap;
+use ident::estimate::JointTerm;
 use ident::solve::Weights;
 use nalgebra::DMatrix;
+
+/// How a calibration is set up, whatever the model.
+pub(super) struct SetUp<'a> {
+    pub(super) low_pass_hz: Option<f64>,
+    /// Parameters that are zero in each record.
+    pub(super) absent: &'a [Vec<usize>],
+    /// Place among the selected, mean, standard deviation.
+    pub(super) prior: &'a [(usize, f64, f64)],
+    /// Friction and the like of every joint.
+    pub(super) terms: &'a [Vec<JointTerm>],
+    /// Standard deviation of every joint's residual (N m; A where its current was measured), what is correlated allowed for.
+    pub(super) sigma: &'a [f64],
+}
 
 /// A calibration: how, of what, from where.
 pub(super) struct Calibration<'a> {
     pub(super) model: &'a Model,
-    pub(super) low_pass_hz: Option<f64>,
-    /// Standard deviation of every joint's residual (N m), what is correlated allowed for.
-    pub(super) sigma: &'a [f64],
+    pub(super) set_up: SetUp<'a>,
     pub(super) records: &'a [&'a Record],
     pub(super) selected: &'a [usize],
     pub(super) start: &'a [f64],
@@ -48,8 +60,9 @@ impl Calibration<'_> {
         records: &[&Record],
         start: &[f64],
     ) -> Result<GroundEstimate, IdentifyError> {
-        let weights = Weights::Given(self.sigma.to_vec());
-        let ground = calibration(model, self.low_pass_hz)?.weights(weights);
+        let s = &self.set_up;
+        let ground = calibration(model, s.low_pass_hz)?.absent(s.absent.to_vec()).priors(s.prior.to_vec());
+        let ground = ground.terms(s.terms.to_vec()).weights(Weights::Given(s.sigma.to_vec()));
         ground.estimate(records, self.selected, start).map_err(linear)
     }
     /// The estimate in a world in which `u` is off by one deviation.
@@ -58,7 +71,8 @@ impl Calibration<'_> {
         match u.kind {
             UncertainKind::TorqueGains => {
                 let joints = model.joint_names();
-                let gained = |j: usize| u.name == "torque.gain" || u.name.strip_prefix("torque.gain.") == Some(&joints[j]);
+                let gained =
+                    |j: usize| u.name == "torque.gain" || u.name.strip_prefix("torque.gain.") == Some(&joints[j]);
                 let scaled = |r: &&Record| {
                     let mut tau = r.tau().clone();
                     for j in (0..joints.len()).filter(|&j| gained(j)) {
@@ -94,9 +108,8 @@ impl Calibration<'_> {
         found: &mut GroundEstimate,
     ) -> Result<Considered, IdentifyError> {
         // There is no gyro on the ground.
-        let matters = |u: &&UncertainUnknown| {
-            !matches!(u.kind, UncertainKind::GyroScale | UncertainKind::GyroAlignment)
-        };
+        let matters =
+            |u: &&UncertainUnknown| !matches!(u.kind, UncertainKind::GyroScale | UncertainKind::GyroAlignment);
         let unknowns: Vec<&UncertainUnknown> = items.unknowns.iter().filter(matters).collect();
         if unknowns.is_empty() {
             return Ok(Considered::default());
@@ -104,9 +117,8 @@ impl Calibration<'_> {
         let decls = self.model.param_decls();
         let ties = items.ties(self.start)?;
         let map = TieMap::new(&decls, self.start, ties).map_err(|e| IdentifyError::Model(e.to_string()))?;
-        let values = |e: &GroundEstimate| -> Vec<f64> {
-            e.fit.parameters.iter().chain(&e.fit.extra).map(|p| p.value).collect()
-        };
+        let values =
+            |e: &GroundEstimate| -> Vec<f64> { e.fit.parameters.iter().chain(&e.fit.extra).map(|p| p.value).collect() };
         let (here, n) = (values(found), found.fit.uncertainty.unknowns.len());
         let mut moved = DMatrix::zeros(n, unknowns.len());
         let mut of_base = vec![0.0; found.fit.base.len()];

@@ -132,7 +132,7 @@ pub(super) fn whiteness(
     for (k, (labelled, s)) in records.iter().zip(signals).enumerate() {
         for (j, name) in s.names.iter().enumerate() {
             let (torques, gyro) = labelled.resampled;
-            let smoothed = if name.starts_with("tau.") { torques } else { gyro };
+            let smoothed = if name.starts_with("tau.") || name.starts_with("current.") { torques } else { gyro };
             if smoothed {
                 continue;
             }

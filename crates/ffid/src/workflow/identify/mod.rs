@@ -72,7 +72,7 @@ pub use identified::Identified;
 pub use kept_records::{KeptRecord, MOST_SAMPLES, keep, read_kept};
 pub use labelled_record::LabelledRecord;
 pub use observed_estimator::Observer;
-pub use options::FitOptions;
+pub use options::{Absent, FitOptions};
 pub use over_time::{Course, CoursePoint};
 pub use record_estimator::RecordEstimator;
 pub(in crate::workflow) use result::uncertain::budget as variance_budget;

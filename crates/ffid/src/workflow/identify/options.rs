@@ -3,6 +3,24 @@
 use super::ties::TieSpec;
 use ident::Posterior;
 
+/// A payload that was not mounted in a record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Absent {
+    /// Name of the payload (`[[client]]`, or an appendage of kind `payload`).
+    pub payload: String,
+    /// Label of the record; those of its parts begin with it.
+    pub record: String,
+}
+
+impl Absent {
+    /// Whether it is said of a record with this label, or of the record that it is a part of.
+    pub fn says(&self, label: &str) -> bool {
+        label
+            .strip_prefix(&*self.record)
+            .is_some_and(|rest| rest.is_empty() || rest.starts_with(['-', ' ', '#', '.', '/']))
+    }
+}
+
 /// Options of a fit; the default is one fit of all parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitOptions {
@@ -20,4 +38,6 @@ pub struct FitOptions {
     pub consider: bool,
     /// Parameters that are functions of fewer unknowns.
     pub ties: Vec<TieSpec>,
+    /// Payloads that were not mounted in a record of an arm on the ground.
+    pub absent: Vec<Absent>,
 }

@@ -61,8 +61,12 @@ impl Signals {
                 predicted[(at, c)] = values[(i, column)] + sigma[c] * residuals[layout.row(c, i)];
             }
         }
-        let torque = |b: &ff_model::Body| if b.joint.kind == JointKind::Prismatic { "N" } else { "N m" };
-        let mut units: Vec<&'static str> = model.bodies().iter().map(torque).collect();
+        let torque = |(j, b): (usize, &ff_model::Body)| match (record.currents().get(j), b.joint.kind) {
+            (Some(true), _) => "A",
+            (_, JointKind::Prismatic) => "N",
+            _ => "N m",
+        };
+        let mut units: Vec<&'static str> = model.bodies().iter().enumerate().map(torque).collect();
         units.resize(k, "rad/s");
         let mut names = record.response_names();
         names.truncate(k);

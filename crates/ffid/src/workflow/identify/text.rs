@@ -130,7 +130,7 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     out.extend(conflicts(&r.prior_conflicts));
     let rms = r.chi2_per_dof.sqrt();
     out.push(if r.method == Method::Ground {
-        format!("The arm and its friction predict the torques {}.", shares(&r.channels))
+        format!("The arm and its friction predict the torques {}.{}", shares(&r.channels), beside(r))
     } else {
         tested(r, rms)
     });
@@ -144,6 +144,21 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     out.extend(r.sampled.as_ref().map(sampled));
     out.extend(r.comparison.iter().map(|c| format!("Models compared by {}: {}.", c.judged_by, c.reason)));
     out
+}
+
+/// Terms of the joints beside viscous and Coulomb friction and offset, which parts of the log bore out that were not fitted.
+fn beside(r: &IdentificationResult) -> String {
+    let always = [".viscous", ".coulomb", ".offset", ".gain"];
+    let more: Vec<&str> =
+        r.nuisance.iter().map(|p| p.name.as_str()).filter(|n| !always.iter().any(|a| n.ends_with(a))).collect();
+    if more.is_empty() {
+        return String::new();
+    }
+    format!(
+        " Parts of the record that were not fitted bear out {} more of its joints: {}.",
+        if more.len() == 1 { "one term".to_owned() } else { format!("{} terms", more.len()) },
+        ff_model::diagnostics::list(more.iter().copied(), 8)
+    )
 }
 
 /// Whether draws agree with the intervals of the fit.

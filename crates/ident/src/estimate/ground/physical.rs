@@ -1,11 +1,11 @@
 //! A ground calibration moved to the nearest physical bodies and dissipative friction.
 
-use crate::estimate::ground::GroundEstimate;
+use super::GroundEstimate;
 use crate::solve::project::{ProjectError, ProjectOptions, project};
 use ff_model::ParamDecl;
 
-/// Friction terms that dissipate, and so cannot be negative: ends of their names.
-const DISSIPATIVE: [&str; 2] = ["viscous", "coulomb"];
+/// Friction terms that dissipate, inertia: what cannot be negative, by the ends of their names.
+const DISSIPATIVE: [&str; 4] = [".viscous", ".coulomb", ".inertia", ".load"];
 
 impl GroundEstimate {
     /// Moves estimates that no body or friction has to the nearest physical values, in the metric of the information: directions
@@ -20,7 +20,26 @@ impl GroundEstimate {
         selected: &[usize],
         start: &[f64],
     ) -> Result<Vec<String>, ProjectError> {
-        let dissipates = |name: &str| DISSIPATIVE.iter().any(|t| name.ends_with(t));
+        // Where friction falls from rest, or differs by direction, its parts may be negative while it dissipates.
+        let beside = |name: &str| {
+            let joint = name.rsplit_once('.').map_or(name, |n| n.0);
+            let other = |n: &str| {
+                n.strip_prefix(joint).is_some_and(|t| {
+                    [".stribeck", ".asymmetry", ".quadratic", ".load"].iter().any(|o| t.starts_with(o))
+                })
+            };
+            self.fit.extra.iter().any(|e| other(&e.name))
+        };
+        let alone: Vec<String> = self
+            .fit
+            .extra
+            .iter()
+            .filter(|e| {
+                DISSIPATIVE.iter().any(|t| e.name.ends_with(t)) && (e.name.ends_with(".inertia") || !beside(&e.name))
+            })
+            .map(|e| e.name.clone())
+            .collect();
+        let dissipates = |name: &str| alone.iter().any(|a| a == name);
         let negative = self.fit.extra.iter().any(|e| dissipates(&e.name) && e.value < 0.0);
         if self.fit.unphysical.is_empty() && !negative {
             return Ok(Vec::new());
@@ -34,7 +53,8 @@ impl GroundEstimate {
         for (p, moved) in self.fit.extra.iter_mut().zip(&near.unknowns[m..]) {
             p.value = moved.to;
         }
-        self.friction.iter_mut().flatten().zip(&self.fit.extra).for_each(|(f, e)| *f = e.value);
+        let terms = self.joints.terms.iter_mut().flatten().map(|t| &mut t.1);
+        terms.chain(self.joints.gains.iter_mut().flatten()).zip(&self.fit.extra).for_each(|(x, e)| *x = e.value);
         Ok(near.at_boundary)
     }
 }

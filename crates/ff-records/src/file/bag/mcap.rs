@@ -4,68 +4,34 @@
 //! checksum. Here stands what the crate leaves to its caller: no more bytes are given than the file has, records that are of no
 //! interest and too large to hold are skipped, and a panic on a damaged file becomes an error.
 
+use super::container::{Channel, Container, DAMAGED, LIMIT, MAX_CHANNELS, Message, io, too_large, truncated};
 use crate::file::blocks::unreadable;
 use crate::file::lines::BUFFER;
+use ff_model::Problems;
 use ff_model::diagnostics::clip;
-use ff_model::{Problem, Problems};
 use mcap::McapError;
 use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Largest record and largest chunk, compressed or not (bytes). Recorders write some hundred kB to some MB.
-const LIMIT: usize = 256 << 20;
-/// Most channels and schemas.
-const MAX_CHANNELS: usize = 65_536;
-
-/// A topic.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Channel {
-    pub(crate) id: u16,
-    pub(crate) topic: String,
-    /// How messages are encoded.
-    pub(crate) encoding: String,
-    /// Name of their type.
-    pub(crate) schema: String,
-}
-
-/// A message.
-pub(crate) struct Message<'a> {
-    pub(crate) channel: u16,
-    /// ns.
-    pub(crate) log_time: i64,
-    /// Byte of the file before which it stands: the end of its record or chunk.
-    pub(crate) before: u64,
-    pub(crate) data: Cow<'a, [u8]>,
-}
-
 /// A file being read from front to back.
-pub(crate) struct Container {
+pub(crate) struct Mcap {
     file: BufReader<File>,
     len: u64,
     /// Bytes of the file that the reader was given.
     at: u64,
     reader: LinearReader,
-    schemas: HashMap<u16, String>,
-    channels: HashMap<u16, Channel>,
+    schemas: HashMap<u16, (String, String)>,
+    channels: HashMap<u32, Channel>,
     /// Content of the record at hand.
     record: Vec<u8>,
 }
 
-const DAMAGED: &str = "record the bag again; it may be damaged";
-
 fn damaged(what: impl std::fmt::Display, before: u64) -> Problems {
     unreadable("Data::Mcap", format!("{what} (before byte {before})"), DAMAGED)
-}
-
-fn truncated(len: u64) -> Problems {
-    let what = format!("the file ends at byte {len}, within a record");
-    let hint = "copy the bag again, or --allow maybe-truncated for the complete chunks before";
-    unreadable("Data::MaybeTruncated", what, hint)
 }
 
 fn reader(options: LinearReaderOptions) -> LinearReader {
@@ -74,7 +40,7 @@ fn reader(options: LinearReaderOptions) -> LinearReader {
     LinearReader::new_with_options(options)
 }
 
-impl Container {
+impl Mcap {
     pub(crate) fn new(file: File) -> Result<Self, Problems> {
         let len = file.metadata().map_or(0, |m| m.len());
         if len < mcap::MAGIC.len() as u64 {
@@ -89,39 +55,6 @@ impl Container {
             channels: HashMap::new(),
             record: Vec::new(),
         })
-    }
-    /// Back to the first record.
-    pub(crate) fn rewind(&mut self) -> Result<(), Problems> {
-        self.file.seek(SeekFrom::Start(0)).map_err(|e| io(&e))?;
-        self.at = 0;
-        self.reader = reader(LinearReaderOptions::default());
-        Ok(())
-    }
-    pub(crate) fn bytes(&self) -> u64 {
-        self.at
-    }
-    /// What is known of a channel.
-    pub(crate) fn channel(&self, id: u16) -> Option<&Channel> {
-        self.channels.get(&id)
-    }
-    /// The next message; `None` behind the last.
-    pub(crate) fn next(&mut self) -> Result<Option<Message<'_>>, Problems> {
-        loop {
-            match self.advance()? {
-                None => return Ok(None),
-                Some(op::MESSAGE) => break,
-                Some(kind) => self.describe(kind)?,
-            }
-        }
-        let before = self.at;
-        match mcap::parse_record(op::MESSAGE, &self.record) {
-            Ok(Record::Message { header: MessageHeader { channel_id, log_time, .. }, data }) => {
-                let log_time =
-                    i64::try_from(log_time).map_err(|_| damaged("a message with a time out of range", before))?;
-                Ok(Some(Message { channel: channel_id, log_time, before, data }))
-            }
-            _ => Err(damaged("a message that is cut short", before)),
-        }
     }
     /// Reads up to the next schema, channel or message, and gives its kind; `None` at the end of the data.
     fn advance(&mut self) -> Result<Option<u8>, Problems> {
@@ -180,11 +113,15 @@ impl Container {
             return Err(damaged("too many channels", self.at));
         }
         match mcap::parse_record(kind, &self.record) {
-            Ok(Record::Schema { header, .. }) => _ = self.schemas.insert(header.id, header.name),
+            Ok(Record::Schema { header, data }) => {
+                let definition = String::from_utf8_lossy(&data).into_owned();
+                self.schemas.insert(header.id, (header.name, definition));
+            }
             Ok(Record::Channel(c)) => {
-                let schema = self.schemas.get(&c.schema_id).cloned().unwrap_or_default();
-                let channel = Channel { id: c.id, topic: c.topic, encoding: c.message_encoding, schema };
-                self.channels.insert(c.id, channel);
+                let (schema, definition) = self.schemas.get(&c.schema_id).cloned().unwrap_or_default();
+                let id = u32::from(c.id);
+                let channel = Channel { id, topic: c.topic, encoding: c.message_encoding, schema, definition };
+                self.channels.insert(id, channel);
             }
             _ => return Err(damaged("a schema or channel that is cut short", self.at)),
         }
@@ -192,10 +129,7 @@ impl Container {
     }
     /// What the reader refused, in the terms of the user.
     fn refused(&self, e: &McapError) -> Problems {
-        let too_large = |what: &str, n: u64| {
-            let what = format!("{what} of {n} bytes before byte {}, limit {LIMIT}", self.at);
-            unreadable("Data::TooLarge", what, "record in smaller chunks")
-        };
+        let too_large = |what: &str, n: u64| too_large(what, n, self.at);
         match e {
             McapError::BadMagic => damaged("no MCAP file", self.at),
             McapError::RecordTooLarge { len, .. } => too_large("a record", *len),
@@ -211,7 +145,38 @@ impl Container {
     }
 }
 
-fn io(e: &std::io::Error) -> Problems {
-    let p = Problem::error(ff_model::Area::Io, "Io::Read", format!("cannot be read: {e}"));
-    Problems(vec![p.hint("check the disk")])
+impl Container for Mcap {
+    fn next(&mut self) -> Result<Option<Message<'_>>, Problems> {
+        loop {
+            match self.advance()? {
+                None => return Ok(None),
+                Some(op::MESSAGE) => break,
+                Some(kind) => self.describe(kind)?,
+            }
+        }
+        let before = self.at;
+        match mcap::parse_record(op::MESSAGE, &self.record) {
+            Ok(Record::Message { header: MessageHeader { channel_id, log_time, .. }, data }) => {
+                let log_time =
+                    i64::try_from(log_time).map_err(|_| damaged("a message with a time out of range", before))?;
+                Ok(Some(Message { channel: u32::from(channel_id), log_time, before, data }))
+            }
+            _ => Err(damaged("a message that is cut short", before)),
+        }
+    }
+    fn rewind(&mut self) -> Result<(), Problems> {
+        self.file.seek(SeekFrom::Start(0)).map_err(|e| io(&e))?;
+        self.at = 0;
+        self.reader = reader(LinearReaderOptions::default());
+        Ok(())
+    }
+    fn channel(&self, id: u32) -> Option<&Channel> {
+        self.channels.get(&id)
+    }
+    fn bytes(&self) -> u64 {
+        self.at
+    }
+    fn code(&self) -> &'static str {
+        "Data::Mcap"
+    }
 }

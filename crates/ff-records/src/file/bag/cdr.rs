@@ -1,5 +1,7 @@
-//! The two messages, from CDR (OMG DDSI-RTPS 2.5, section 10; XCDR1 as ROS 2 writes it): little or big endian, numbers
+//! The messages, from CDR (OMG DDSI-RTPS 2.5, section 10; XCDR1 as ROS 2 writes it): little or big endian, numbers
 //! aligned to their size from behind the four bytes of the header.
+
+use super::message::{Imu, JointState, Wrench};
 
 /// Most joints of a message.
 const MAX_JOINTS: usize = 10_000;
@@ -72,48 +74,24 @@ impl<'a> Cdr<'a> {
         out.extend((0..n).map(|k| numbers.get(k)));
         Some(())
     }
-    /// `std_msgs/Header`: the stamp in ns; the name of the frame is skipped.
-    fn header(&mut self) -> Option<i64> {
+    /// `std_msgs/Header`: the stamp in ns, and the name of the frame.
+    fn header(&mut self) -> Option<(i64, &'a [u8])> {
         let (sec, nanosec) = (self.u32()?, self.u32()?);
-        self.string()?;
+        let frame = self.string()?;
         // Seconds are signed.
-        Some(i64::from(sec.cast_signed()) * 1_000_000_000 + i64::from(nanosec))
+        Some((i64::from(sec.cast_signed()) * 1_000_000_000 + i64::from(nanosec), frame))
     }
-}
-
-/// `sensor_msgs/JointState`; empty lists where it has none.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct JointState {
-    /// ns.
-    pub(super) stamp: i64,
-    pub(super) names: Vec<String>,
-    pub(super) position: Vec<f64>,
-    pub(super) velocity: Vec<f64>,
-    pub(super) effort: Vec<f64>,
-    /// Another one whenever the names may have changed.
-    pub(super) version: u64,
-    /// The names as they were in the message, whose bytes the next one mostly repeats.
-    image: Vec<u8>,
-    /// What their bytes mean depends on: where in a word they begin, and the order of bytes.
-    image_of: (usize, bool),
 }
 
 impl JointState {
-    pub(super) fn read(message: &[u8]) -> Option<Self> {
-        let mut out = Self::default();
-        out.read_again(message)?;
-        Some(out)
-    }
     /// Reads into the buffers of a message before. What is left after `None` is of no use.
-    pub(super) fn read_again(&mut self, message: &[u8]) -> Option<()> {
+    pub(super) fn read_cdr(&mut self, message: &[u8]) -> Option<()> {
         let mut c = Cdr::new(message)?;
-        self.stamp = c.header()?;
+        (self.stamp, _) = c.header()?;
         self.read_names(&mut c)?;
-        let n = self.names.len();
         c.sequence(&mut self.position)?;
         c.sequence(&mut self.velocity)?;
-        c.sequence(&mut self.effort)?;
-        [&self.position, &self.velocity, &self.effort].into_iter().all(|v| v.is_empty() || v.len() == n).then_some(())
+        c.sequence(&mut self.effort)
     }
     fn read_names(&mut self, c: &mut Cdr<'_>) -> Option<()> {
         let (begin, same) = (c.at, self.image.len());
@@ -138,21 +116,10 @@ impl JointState {
     }
 }
 
-/// `sensor_msgs/Imu`; `None` for what the sensor says it does not measure (first covariance -1).
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Imu {
-    /// ns.
-    pub(super) stamp: i64,
-    /// Body to world, scalar first.
-    pub(super) att: Option<[f64; 4]>,
-    pub(super) gyro: Option<[f64; 3]>,
-    pub(super) acc: Option<[f64; 3]>,
-}
-
 impl Imu {
-    pub(super) fn read(message: &[u8]) -> Option<Self> {
+    pub(super) fn read_cdr(message: &[u8]) -> Option<Self> {
         let mut c = Cdr::new(message)?;
-        let stamp = c.header()?;
+        let (stamp, _) = c.header()?;
         // Orientation, angular velocity and acceleration, each with nine covariances behind it.
         let all = c.numbers(4 + 9 + 3 + 9 + 3 + 9)?;
         let known = |covariance: usize| all.get(covariance) != -1.0;
@@ -164,5 +131,14 @@ impl Imu {
             gyro: known(16).then(|| all.array(13)),
             acc: known(28).then(|| all.array(25)),
         })
+    }
+}
+
+impl Wrench {
+    pub(super) fn read_cdr(message: &[u8]) -> Option<Self> {
+        let mut c = Cdr::new(message)?;
+        let (stamp, frame) = c.header()?;
+        let frame = String::from_utf8_lossy(frame).into_owned();
+        Some(Self { stamp, frame, numbers: c.numbers(6)?.array(0) })
     }
 }
