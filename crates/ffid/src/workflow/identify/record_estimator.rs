@@ -47,22 +47,28 @@ impl<'a> RecordEstimator<'a> {
             }
             Method::Rda => Box::new(Rda::new(model, record, &s.noise).map_err(setup)?),
             Method::OutputError => {
-                let options = Options {
-                    substeps: substeps(model, record),
-                    gyro_bias: s.biases,
-                    torque_bias: s.biases,
-                    initial_state: s.initial_state,
-                    ..Options::new(s.noise)
-                };
-                let adopted = Adopted::new(model, &[], &s.adopt).map_err(IdentifyError::Refused)?;
-                let mut options = adopted.widen(options);
-                uncertain.widen(&mut options);
+                let options = Options { substeps: substeps(model, record), ..wanted(model, s, uncertain)? };
                 let fit = OutputError::new(model, record, &options).map_err(setup)?;
                 twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
                 Box::new(fit)
             }
         };
         Ok(Self { estimator, record: (model, record), twin, method, noise: s.noise })
+    }
+    /// [`RecordEstimator::beside`] with the motion of another estimator of the same record, and joints deflected by the torques of
+    /// the model at these parameters.
+    pub(super) fn again(
+        twin: &Twin<'a>,
+        s: &Settings,
+        uncertain: &UncertainItems,
+        at: &[f64],
+    ) -> Result<Self, IdentifyError> {
+        let record = twin.record;
+        let Some(of) = &twin.of else { return Self::beside(record.0, record.1, s, uncertain) };
+        let options = Options { deflected_at: Some(at.to_vec()), ..wanted(record.0, s, uncertain)? };
+        let fit = of.with_options(&options).map_err(setup)?;
+        let twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
+        Ok(Self { estimator: Box::new(fit), record, twin, method: Method::OutputError, noise: s.noise })
     }
     /// The estimator.
     pub fn estimator(&mut self) -> &mut (dyn Estimator + 'a) {
@@ -84,6 +90,16 @@ impl<'a> RecordEstimator<'a> {
             _ => vec![self.noise.torque; model.nj()],
         }
     }
+}
+
+/// Options of output error with the unknowns that these settings ask for.
+fn wanted(model: &Model, s: &Settings, uncertain: &UncertainItems) -> Result<Options, IdentifyError> {
+    let (gyro_bias, torque_bias, initial_state) = (s.biases, s.biases, s.initial_state);
+    let options = Options { gyro_bias, torque_bias, initial_state, ..Options::new(s.noise) };
+    let adopted = Adopted::new(model, &[], &s.adopt).map_err(IdentifyError::Refused)?;
+    let mut options = adopted.widen(options);
+    uncertain.widen(&mut options);
+    Ok(options)
 }
 
 /// What predicts a record with other unknowns than those of a fit.
