@@ -73,6 +73,7 @@ const EVIDENCE: &[Key] = &[
     must("reason", Text, "why, in one line"),
     must("false_alarms", Number, "how often a right model would be contradicted by all tests together"),
     must("tried", Whole, "errors that were tried"),
+    key("independent", Number, "independent tests that these are worth"),
     key("explained", Number, "part of chi-squared above its expectation that the errors named together account for"),
     key("motion_noise", Number, "part of the squared residuals that is noise of the encoders"),
     key(

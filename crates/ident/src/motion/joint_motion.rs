@@ -1,8 +1,8 @@
 //! Joint motion of a record as a smooth function of time, with consistent rates and accelerations.
 
 use crate::estimate::setup::SetupError;
-use crate::motion::loose_ends::LooseEnds;
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
+use crate::motion::loose_ends::LooseEnds;
 use crate::motion::spline_fit::{JointSamples, choose_knots, fit_motion, fit_motion_from_rest, noise_of};
 use crate::motion::stamped_motion::StampedHermite;
 use ff_dynamics::motion::{HermiteTable, JointMotion};

@@ -107,7 +107,13 @@ mod tests {
         assert!((of(&alike) - 4.0).abs() < 0.1, "{}", of(&alike));
         // Between the two: correlated by 0.9.
         let near = DMatrix::from_fn(24, 24, |i, j| {
-            if i == j { 1.0 } else if i / 6 == j / 6 && i % 2 == j % 2 { 0.9 } else { 0.0 }
+            if i == j {
+                1.0
+            } else if i / 6 == j / 6 && i % 2 == j % 2 {
+                0.9
+            } else {
+                0.0
+            }
         });
         assert!((5.0..11.0).contains(&of(&near)), "{}", of(&near));
     }

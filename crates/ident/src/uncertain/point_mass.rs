@@ -135,8 +135,7 @@ mod tests {
         };
         let momenta = DMatrix::from_column_slice(6, 2, &[column(e), column(f)].concat());
         let deviation = |i: usize| if i % 6 < 3 { 0.05 } else { 0.004 };
-        let covariance =
-            DMatrix::from_fn(12, 12, |i, j| deviation(i) * deviation(j) * if i == j { 1.0 } else { 0.2 });
+        let covariance = DMatrix::from_fn(12, 12, |i, j| deviation(i) * deviation(j) * if i == j { 1.0 } else { 0.2 });
         let found = PointMass::nearest(&momenta, &covariance).unwrap();
         assert_within!(found.misfit, 1e-9);
         assert_within!((found.mass.0 - mass).abs(), 1e-6);
@@ -144,7 +143,8 @@ mod tests {
         assert!(found.is_fuel(3.0) && found.position.iter().all(|p| p.1 > 1e-4 && p.1 < 0.1), "{found:?}");
         assert_within!(found.axis().unwrap().dot(&e).abs() + found.axis().unwrap().dot(&f).abs(), 1e-6);
         // Along one direction, the part of the place along it is not known and left at zero.
-        let one = PointMass::nearest(&momenta.columns(0, 1).into_owned(), &covariance.view((0, 0), (6, 6)).into_owned());
+        let one =
+            PointMass::nearest(&momenta.columns(0, 1).into_owned(), &covariance.view((0, 0), (6, 6)).into_owned());
         let one = one.unwrap();
         let place = Vector3::from(one.position.map(|p| p.0));
         assert_within!((place - (at - e * at.dot(&e) / e.norm_squared())).norm(), 1e-6);

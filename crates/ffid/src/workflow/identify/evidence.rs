@@ -45,6 +45,9 @@ pub struct Evidence {
     pub false_alarms: f64,
     /// Errors that were tried.
     pub tried: usize,
+    /// Independent tests that these are worth; absent in results of older versions.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub independent: Option<f64>,
     /// Part of chi-squared above its expectation that the errors which explain the record together account for.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub explained: Option<f64>,

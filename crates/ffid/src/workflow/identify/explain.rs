@@ -28,6 +28,7 @@ const HARMFUL: usize = 10;
 /// What the tests of errors found.
 pub(super) struct Tests {
     pub(super) tested: usize,
+    pub(super) independent: f64,
     pub(super) named: Vec<NamedError>,
     /// All, each by itself.
     pub(super) alone: Vec<NamedError>,
@@ -97,11 +98,12 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     } else {
         Vec::new()
     };
-    let tested = ranking.tested;
+    let (tested, independent) = (ranking.tested, ranking.independent);
     let Survey { drawn, tried, .. } = survey;
     let with_first = None;
     Ok(Some(Tests {
         tested,
+        independent,
         matters,
         explained,
         excess,
@@ -268,6 +270,7 @@ pub(super) fn evidence(
     let mut out = Evidence {
         false_alarms: uncertain::LEVEL + whiteness::LEVEL,
         tried: tests.map_or(0, |t| t.tested),
+        independent: tests.map(|t| t.independent),
         motion_noise: tests.map(|t| t.motion_noise).filter(|&x| x > QUIET),
         named: tests.map(|t| t.named.clone()).unwrap_or_default(),
         ..Evidence::default()

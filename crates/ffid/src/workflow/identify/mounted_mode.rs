@@ -146,7 +146,12 @@ impl Found {
         let momenta = DMatrix::from_iterator(DIRECTIONS.len(), modes, parts.iter().map(|p| p.1));
         let n = parts.len();
         let covariance = DMatrix::from_fn(n, n, |a, b| u.covariance[(parts[a].0, parts[b].0)]);
-        Some(Self { hz: all.iter().map(|m| m.0).collect(), damping: all.iter().map(|m| m.1).collect(), momenta, covariance })
+        Some(Self {
+            hz: all.iter().map(|m| m.0).collect(),
+            damping: all.iter().map(|m| m.1).collect(),
+            momenta,
+            covariance,
+        })
     }
     /// Sum of squares of momentum coefficients over forces (0) or moments (3): effective mass and inertia, with standard deviation.
     fn effective(&self, from: usize) -> (f64, f64) {
@@ -213,11 +218,8 @@ impl Found {
         let x = y.cross(&z);
         let at = Vector3::from(p.position.map(|p| p.0)) + ARM * z;
         let rot = Matrix3::from_columns(&[x, y, z]);
-        let rpy = [
-            rot[(2, 1)].atan2(rot[(2, 2)]),
-            (-rot[(2, 0)]).clamp(-1.0, 1.0).asin(),
-            rot[(1, 0)].atan2(rot[(0, 0)]),
-        ];
+        let rpy =
+            [rot[(2, 1)].atan2(rot[(2, 2)]), (-rot[(2, 0)]).clamp(-1.0, 1.0).asin(), rot[(1, 0)].atan2(rot[(0, 0)])];
         let mass = p.mass.0;
         let spring = |j: usize| mass * ARM * ARM * (TAU * self.hz[j].0).powi(2);
         let damper = |j: usize| mass * ARM * ARM * 2.0 * self.damping[j].0 * TAU * self.hz[j].0;

@@ -30,6 +30,8 @@ const LEADING: usize = 3;
 const NEAR: f64 = 0.5;
 /// Linearisations of a fit: it begins next to its end.
 const MOST: usize = 15;
+/// With a mode, whose momenta the search knows roughly where the fit is bent by it.
+const MOST_OF_MODE: usize = 80;
 
 /// A fit that its record contradicts, and what it was made of.
 pub(super) struct Contradicted<'a, 't> {
@@ -91,7 +93,8 @@ impl Contradicted<'_, '_> {
         }
         named.extend(found.iter().skip(1).map(|f| f.line.clone()));
         for n in &tests.named {
-            let alone = if n.beside { tests.alone.iter().find(|a| a.name == n.name && a.p <= n.p.max(1e-6)) } else { Some(n) };
+            let alone =
+                if n.beside { tests.alone.iter().find(|a| a.name == n.name && a.p <= n.p.max(1e-6)) } else { Some(n) };
             if let Some(n) = alone.filter(|n| named.iter().all(|o| o.name != n.name)) {
                 named.push(NamedError { beside: false, ..n.clone() });
             }
@@ -111,6 +114,7 @@ impl Contradicted<'_, '_> {
                 return Ok(None);
             }
             mounted = tests.extra.as_ref().and_then(|m| m.mounted(self.end, self.opened));
+            settings.max_iterations = MOST_OF_MODE;
             if mounted.is_none() {
                 return Ok(None);
             }
@@ -124,7 +128,8 @@ impl Contradicted<'_, '_> {
         let silent = Observer { progress: None, ..*self.watch };
         let mut watched = ObservedEstimator::new(&mut *made.whole, &silent);
         let priors = setup.unknowns.priors(&selected)?;
-        let request = Request { coarse: false, start: &start, selected: &selected, priors, ..setup.request()? };
+        let request =
+            Request { coarse: mounted.is_some(), start: &start, selected: &selected, priors, ..setup.request()? };
         let estimate = attempt(&request, &mut watched);
         if watched.stopped() {
             return Err(IdentifyError::Interrupted);
@@ -167,7 +172,8 @@ impl Contradicted<'_, '_> {
         let ended: BTreeMap<&str, f64> =
             before.decls.iter().map(|d| d.name.as_str()).zip(self.end.fitted.estimate.values.iter().copied()).collect();
         let taken = |name: &str| mounted.and_then(|m| m.taken.get(name)).copied().unwrap_or(0.0);
-        let one = |(d, start): (&ff_model::ParamDecl, &f64)| ended.get(d.name.as_str()).unwrap_or(start) - taken(&d.name);
+        let one =
+            |(d, start): (&ff_model::ParamDecl, &f64)| ended.get(d.name.as_str()).unwrap_or(start) - taken(&d.name);
         let start = unknowns.decls.iter().zip(&unknowns.start).map(one).collect();
         // What was held in place of what the data do not tell stays held.
         let names = |of: &[usize]| -> Vec<&str> { of.iter().map(|&i| before.decls[i].name.as_str()).collect() };

@@ -125,11 +125,11 @@ pub fn identify(
     }
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
     if let Some(tests) = found.as_mut().filter(|_| own.is_none() && result.state() == State::Contradicted) {
-        let end = Contradicted { opened, records, settings: given.0, options: given.1, end: &end, twins: &twins, watch };
+        let end =
+            Contradicted { opened, records, settings: given.0, options: given.1, end: &end, twins: &twins, watch };
         end.refitted(tests)?;
         let estimates = !result.parameters.is_empty();
-        let evidence =
-            explain::evidence(Some(tests), &fitted.estimate, &result.whiteness, estimates, settings);
+        let evidence = explain::evidence(Some(tests), &fitted.estimate, &result.whiteness, estimates, settings);
         result.evidence = Some(evidence);
     }
     result.verdict = text::verdict(&result);
