@@ -31,7 +31,7 @@ const NEAR: f64 = 0.5;
 /// Linearisations of a fit: it begins next to its end.
 const MOST: usize = 15;
 /// With a mode, whose momenta the search knows roughly where the fit is bent by it.
-const MOST_OF_MODE: usize = 80;
+const MOST_OF_MODE: usize = 40;
 
 /// A fit that its record contradicts, and what it was made of.
 pub(super) struct Contradicted<'a, 't> {
@@ -74,10 +74,15 @@ impl Contradicted<'_, '_> {
         for candidate in leading.iter().filter(|n| n.drop >= least && !n.name.starts_with("other-robot")) {
             match self.fit(candidate, tests)? {
                 Some(fit) => found.push(fit),
+                // A mode has been estimated by its search.
+                None if candidate.name == extra_mode::NAME => {}
                 None => lost.push(candidate.name.clone()),
             }
         }
         tests.named.retain(|n| !lost.contains(&n.name));
+        if let Some(first) = tests.named.first_mut() {
+            first.beside = false;
+        }
         found.sort_by(|a, b| worth(&b.line).total_cmp(&worth(&a.line)));
         let Some(best) = found.first() else { return Ok(()) };
         // Something that was not fitted, such as parameters that differ between records, may explain more.
@@ -128,8 +133,7 @@ impl Contradicted<'_, '_> {
         let silent = Observer { progress: None, ..*self.watch };
         let mut watched = ObservedEstimator::new(&mut *made.whole, &silent);
         let priors = setup.unknowns.priors(&selected)?;
-        let request =
-            Request { coarse: mounted.is_some(), start: &start, selected: &selected, priors, ..setup.request()? };
+        let request = Request { coarse: false, start: &start, selected: &selected, priors, ..setup.request()? };
         let estimate = attempt(&request, &mut watched);
         if watched.stopped() {
             return Err(IdentifyError::Interrupted);
