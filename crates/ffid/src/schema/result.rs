@@ -74,8 +74,14 @@ const EVIDENCE: &[Key] = &[
     must("reason", Text, "why, in one line"),
     must("false_alarms", Number, "how often a right model would be contradicted by all tests together"),
     must("tried", Whole, "errors that were tried"),
+    key("independent", Number, "independent tests that these are worth"),
     key("explained", Number, "part of chi-squared above its expectation that the errors named together account for"),
     key("motion_noise", Number, "part of the squared residuals that is noise of the encoders"),
+    key(
+        "with_first",
+        OneOf(&["explained", "contradicted", "not-tested"]),
+        "what it would come to with the first error estimated",
+    ),
     key("named", Tables(NAMED), "errors that the record speaks for: those that explain it together, then others alone"),
 ];
 
@@ -90,6 +96,8 @@ const NAMED: &[Key] = &[
     must("moves_by", Number, "by how many of its standard deviations"),
     must("beside", Flag, "whether it adds to those before it"),
     key("alike", Texts, "errors whose effect on this record is nearly the same"),
+    key("refitted", Flag, "whether these are figures of a fit that estimates it; else of a score test"),
+    key("mission", Text, "what to add to the mission to have it in the model, as TOML"),
 ];
 
 const SIZE: &[Key] = &[

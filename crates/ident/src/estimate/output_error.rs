@@ -149,7 +149,7 @@ impl<'a> OutputError<'a> {
         if options.errors.iter().any(|e| !e.exists(model.nj(), options.oscillators.len())) {
             return Err(SetupError::NoSuchError(model.nj()));
         }
-        let (motion, samples) = (tables.motion(), record.samples());
+        let (motion, samples) = (tables.moving(), record.samples());
         let mut rows = OutputRows::new(model, record, options.clone(), (kinematics, initial), motion);
         if every > 1 {
             rows = rows.on_coarse_grid(every);
@@ -301,7 +301,7 @@ impl Estimator for OutputError<'_> {
         let every = self.stride(full).filter(|&every| every > 1)?;
         let record = Cow::Owned(self.rows.record.thinned(every).ok()?);
         let OutputRows { model, options, kinematics, initial, .. } = &self.rows;
-        let motion = self.tables.motion();
+        let motion = self.tables.moving();
         let rows = OutputRows::new(model, record, options.clone(), (kinematics.clone(), initial.clone()), motion);
         let rows = OutputRows { draws: self.rows.draws, ..rows };
         let thin = OutputError { rows, tables: self.tables.thinned(every), thinned: self.thinned + 1 };
@@ -314,7 +314,7 @@ impl Estimator for OutputError<'_> {
             return None;
         }
         let first = Cow::Owned(record.rows(0..samples));
-        let motion = self.tables.motion();
+        let motion = self.tables.moving();
         let rows = OutputRows::new(model, first, options.clone(), (kinematics.clone(), initial.clone()), motion);
         let rows = OutputRows { draws: self.rows.draws, ..rows };
         let count = rows.count();

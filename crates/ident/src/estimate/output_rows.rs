@@ -8,6 +8,7 @@ use crate::estimate::delay::OutputOperator;
 use crate::estimate::output_options::Options;
 use crate::estimate::row_stream::RowBlock;
 use crate::estimate::sensor_errors::SensorErrors;
+use crate::motion::loose_ends::LooseEnds;
 use crate::motion::tables::Displaced;
 use crate::uncertain::source::{ActsOn, ErrorSource};
 use core::ops::Range;
@@ -89,6 +90,8 @@ pub(crate) struct OutputRows<'a> {
     /// Kinematic parameters and initial-state components that are estimated.
     pub(crate) kinematics: Vec<usize>,
     pub(crate) initial: Vec<usize>,
+    /// Readings of torques and gyro next to the ends of the motion, where its noise is larger than theirs, and what they count for.
+    pub(crate) loose: [Vec<(usize, f64)>; 2],
 }
 
 impl<'a> OutputRows<'a> {
@@ -98,14 +101,20 @@ impl<'a> OutputRows<'a> {
         record: Cow<'a, Record>,
         options: Options,
         (kinematics, initial): (Vec<usize>, Vec<usize>),
-        motion: &dyn JointMotion,
+        (motion, ends): (&dyn JointMotion, Option<&LooseEnds>),
     ) -> Self {
         let times = GROUPS.map(|g| record.times(g).map(Arc::from));
         let of_motion = |e: &ErrorSource| e.acts_on() == ActsOn::Motion;
         let (disturbing, of_sensors) = options.errors.iter().partition(|e| of_motion(e));
         let errors = SensorErrors::new(of_sensors, &record, motion);
         let grid = (record.samples(), record.dt());
-        Self { model, record, options, grid, times, errors, disturbing, draws: 0, kinematics, initial }
+        let loose = core::array::from_fn(|g: usize| {
+            let (count, own): (usize, &Option<Arc<[f64]>>) = ([record.tau(), record.gyro()][g].nrows(), &times[g]);
+            let time = |i: usize| own.as_ref().map_or(i as f64 * grid.1, |t| t[i]);
+            let of = |e: &LooseEnds| (0..count).map(|i| (i, e.weight(time(i)))).filter(|w| w.1 < 1.0).collect();
+            ends.map_or_else(Vec::new, of)
+        });
+        Self { model, record, options, grid, times, errors, disturbing, draws: 0, kinematics, initial, loose }
     }
     /// Simulated on every `every`-th sample alone, and interpolated at all readings.
     pub(crate) fn on_coarse_grid(mut self, every: usize) -> Self {
@@ -314,6 +323,17 @@ impl<'a> OutputRows<'a> {
                 }
             }
         }
+        self.weigh(of, |row, weight| r[row] *= weight);
+    }
+    /// Passes on the rows among those of the readings `of` that count for less than one, and for how much.
+    fn weigh(&self, of: &Readings, mut each: impl FnMut(usize, f64)) {
+        for group in 0..2 {
+            let (first, stride) = self.place(of, group);
+            for &(i, weight) in self.loose[group].iter().filter(|w| of[group].contains(&w.0)) {
+                let row = first + (i - of[group].start) * stride;
+                (row..row + self.channels()[group]).for_each(|row| each(row, weight));
+            }
+        }
     }
     /// What error-free sensors would read, readings x channels; `None` where that is the prediction and is read as it is.
     fn error_free(&self, w: &Window, by: &Operators, group: usize, readings: &Range<usize>) -> Option<DMatrix<f64>> {
@@ -332,6 +352,18 @@ impl<'a> OutputRows<'a> {
     }
     /// Derivatives of the rows of the readings `of`: columns of `selected` parameters come first, then nuisance.
     pub(crate) fn jacobian(
+        &self,
+        w: &Window,
+        by: (&Operators, &[f64]),
+        selected: usize,
+        of: &Readings,
+        j: &mut DMatrix<f64>,
+    ) {
+        self.columns(w, by, selected, of, j);
+        self.weigh(of, |row, weight| j.row_mut(row).scale_mut(weight));
+    }
+    /// [`OutputRows::jacobian`] of readings that all count alike.
+    fn columns(
         &self,
         w: &Window,
         (by, extra): (&Operators, &[f64]),

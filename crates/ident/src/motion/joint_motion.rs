@@ -2,6 +2,7 @@
 
 use crate::estimate::setup::SetupError;
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
+use crate::motion::loose_ends::LooseEnds;
 use crate::motion::spline_fit::{JointSamples, choose_knots, fit_motion, fit_motion_from_rest, noise_of};
 use crate::motion::stamped_motion::StampedHermite;
 use ff_dynamics::motion::{HermiteTable, JointMotion};
@@ -47,14 +48,17 @@ pub(crate) fn motion_of(
     if let Some(short) = short(record)? {
         return Ok((short, None));
     }
-    let fit = match stake() {
-        Some(stake) => motion_at_stake(record, &stake, from_rest)?,
-        None => spectral_motion(record)?,
+    let (fit, weights) = match stake() {
+        Some(stake) => (motion_at_stake(record, &stake, from_rest)?, stake.weights),
+        None => (spectral_motion(record)?, Vec::new()),
     };
     let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     fit.fit.motion.eval(0.0, &mut q, &mut qd, &mut qdd);
     let from_rest = qd.iter().all(|x| x.abs() < STILL);
-    let noise = MotionNoise { spacing: fit.fit.spacing, positions: fit.noise.clone(), from_rest };
+    let spacing = fit.fit.spacing;
+    let worth = weights.iter().zip(&fit.noise).map(|(w, s)| (w * s).powi(2)).sum();
+    let ends = LooseEnds::new(&times(record), spacing, from_rest, worth);
+    let noise = MotionNoise { spacing, positions: fit.noise.clone(), from_rest, ends };
     Ok((Box::new(fit.fit.motion), Some(noise)))
 }
 
@@ -67,6 +71,8 @@ pub(crate) struct MotionNoise {
     positions: Vec<f64>,
     /// The motion was held at rest at the first sample: a spline that is free there begins with a rate of noise that lasts all the record.
     from_rest: bool,
+    /// What it adds to the torques next to the ends.
+    pub(crate) ends: LooseEnds,
 }
 
 /// Rate (rad/s or m/s) below which a motion was held at rest; rounding leaves it.

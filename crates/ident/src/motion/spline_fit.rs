@@ -143,7 +143,7 @@ fn fit_spacing(samples: &JointSamples<'_>, spacing: f64, from_rest: bool) -> Res
 
 /// Weight of the rate at the first sample, where it is held, over that of the samples on its knots: leaves `1e-8` of it, and half the
 /// digits.
-const HELD: f64 = 1e8;
+pub(super) const HELD: f64 = 1e8;
 
 fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, from_rest: bool) -> Result<MotionFit, FitError> {
     let knots = Knots::uniform(DEGREE, spans + DEGREE, end)?;
@@ -170,8 +170,7 @@ fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, from_rest: bool
     }
     let (first, [_, rate]) = knots.local::<2>(0.0);
     if from_rest {
-        let largest = rate.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        normal.add_outer(first, &rate, HELD * normal.rows[first][DEGREE] / (largest * largest));
+        normal.hold(first, &rate, HELD);
     }
     normal.factor().map_err(|i| FitError::Undetermined { time: knots.greville()[i] })?;
     normal.solve(&mut rhs);
@@ -348,24 +347,29 @@ fn positive(what: &'static str, value: f64) -> Result<(), FitError> {
 
 /// Symmetric positive definite band matrix of half bandwidth [`DEGREE`]: row `i` holds columns
 /// `i - DEGREE ..= i` (Golub and Van Loan, *Matrix Computations*, 4th ed., algorithm 4.3.5).
-struct Banded {
+pub(super) struct Banded {
     rows: Vec<[f64; DEGREE + 1]>,
 }
 
 impl Banded {
-    fn zeros(n: usize) -> Self {
+    pub(super) fn zeros(n: usize) -> Self {
         Self { rows: vec![[0.0; DEGREE + 1]; n] }
     }
     /// Adds `w b b^T` at rows and columns `first ..= first + DEGREE`.
-    fn add_outer(&mut self, first: usize, b: &[f64], w: f64) {
+    pub(super) fn add_outer(&mut self, first: usize, b: &[f64], w: f64) {
         for i in 0..=DEGREE {
             for j in 0..=i {
                 self.rows[first + i][DEGREE + j - i] += w * b[i] * b[j];
             }
         }
     }
+    /// Holds `b^T x` at zero, with so much of the weight of the samples on knot `first`.
+    pub(super) fn hold(&mut self, first: usize, b: &[f64], weight: f64) {
+        let largest = b.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        self.add_outer(first, b, weight * self.rows[first][DEGREE] / (largest * largest));
+    }
     /// Cholesky factor in place; on failure the row whose pivot vanished.
-    fn factor(&mut self) -> Result<(), usize> {
+    pub(super) fn factor(&mut self) -> Result<(), usize> {
         for i in 0..self.rows.len() {
             let diagonal = self.rows[i][DEGREE];
             for j in i.saturating_sub(DEGREE)..=i {
@@ -390,7 +394,7 @@ impl Banded {
         Ok(())
     }
     /// Solves for every row of `rhs` (`n x k`) in place.
-    fn solve(&self, rhs: &mut DMatrix<f64>) {
+    pub(super) fn solve(&self, rhs: &mut DMatrix<f64>) {
         let k = self.rows.len();
         for mut x in rhs.row_iter_mut() {
             for i in 0..k {

@@ -2,6 +2,7 @@
 
 use crate::estimate::setup::{Noise, SetupError};
 use crate::motion::joint_motion::{MotionNoise, motion_of};
+use crate::motion::loose_ends::LooseEnds;
 use crate::motion::torque_sensitivity as knot_stake;
 use core::ops::Range;
 use ff_dynamics::motion::JointMotion;
@@ -154,9 +155,9 @@ impl Tables {
             None => Prescribed::disturbed(model, params, by, motion, sampling, span, wanted),
         }
     }
-    /// The motion, as it is read.
-    pub(crate) fn motion(&self) -> &dyn JointMotion {
-        &*self.motion
+    /// The motion, and where it is loose.
+    pub(crate) fn moving(&self) -> (&dyn JointMotion, Option<&LooseEnds>) {
+        (&*self.motion, self.noise.as_ref().map(|n| &n.ends))
     }
     /// Whether tables are made span by span.
     pub(crate) fn by_spans(&self, wanted: &Wanted) -> bool {

@@ -163,10 +163,14 @@ fn placements(model: &Model) -> Vec<Hypothesis> {
 fn parameters(decls: &[ParamDecl], selected: &[usize], values: &[f64]) -> Vec<Hypothesis> {
     let mut out = Vec::new();
     let mut bodies: Vec<(String, Vec<usize>)> = Vec::new();
+    let mut parts: BTreeMap<String, Vec<Component>> = BTreeMap::new();
     for (i, d) in decls.iter().enumerate() {
         let ParamGroup::Inertial(body) = &d.group else {
             if !selected.contains(&i) {
                 out.push(Hypothesis::one(d.name.clone(), format!("another {}", d.name), d.name.clone(), d.unit));
+                if let Some((owner, own)) = d.name.split_once('.') {
+                    parts.entry(owner.to_owned()).or_default().push(component(own, d.name.clone(), d.unit));
+                }
             }
             continue;
         };
@@ -210,6 +214,10 @@ fn parameters(decls: &[ParamDecl], selected: &[usize], values: &[f64]) -> Vec<Hy
         ));
         let inertia = numbers(4..10, "kg m^2");
         out.push(Hypothesis::new(format!("inertia.{prefix}"), format!("another inertia of {prefix}"), inertia));
+    }
+    // An appendage of which nothing but bodies is right.
+    for (owner, all) in parts.into_iter().filter(|p| p.1.len() > 1) {
+        out.push(Hypothesis::new(format!("parameters.{owner}"), format!("other parameters of {owner}"), all));
     }
     // An appendage of several bodies that was weighed as one.
     for (owner, all) in owners {

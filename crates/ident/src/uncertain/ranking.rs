@@ -1,6 +1,7 @@
 //! Which errors would explain a record, in order.
 
 use crate::uncertain::hypotheses::Hypothesis;
+use crate::uncertain::multiplicity;
 use crate::uncertain::score::{Combination, Direction, Score, Scores, Searched};
 use core::ops::Range;
 
@@ -36,23 +37,27 @@ pub struct Named {
 pub struct Ranking {
     /// Errors that the data could tell from the fit's unknowns.
     pub tested: usize,
+    /// Independent tests that these are worth.
+    pub independent: f64,
     /// Those that are larger than chance allows at [`LEVEL`] over all tests: first those that explain the record together, then
     /// the others by how much of it they explain alone.
     pub named: Vec<Named>,
     /// Part of chi-squared above its expectation that those which explain the record together account for; `None` where it is not
     /// above it by more than chance.
     pub explained: Option<f64>,
+    /// Chi-squared above its expectation, where that is more than chance.
+    pub excess: Option<f64>,
     /// All that were tested, whatever came of it, each by itself.
     pub alone: Vec<Named>,
 }
 
 impl Ranking {
-    /// Whether one of the errors moves an estimate by more than [`MATTERS`] of its deviation: one of those that explain the record
-    /// together, or one that explains as much as the best.
+    /// Whether one of the errors may move an estimate by more than [`MATTERS`] of its deviation, at 95 %: one of those that explain the
+    /// record together, or one that explains as much as the best.
     pub fn matters(&self) -> bool {
         let best = self.named.first().map_or(0.0, |n| n.score.drop);
         let counts = |(k, n): (usize, &Named)| k == 0 || n.beside || n.score.drop > best - CLOSE;
-        self.named.iter().enumerate().any(|(k, n)| counts((k, n)) && n.score.moves.1 > MATTERS)
+        self.named.iter().enumerate().any(|(k, n)| counts((k, n)) && n.score.may_move > MATTERS)
     }
 }
 
@@ -116,7 +121,12 @@ impl Layout {
         let worth = |s: &Score| s.evidence;
         let alone: Vec<Option<Score>> = self.of.iter().map(|t| t.test(scores, &[])).collect();
         let tested = alone.iter().flatten().count();
-        let limit = LEVEL / tested.max(1) as f64;
+        let told = self.of.iter().zip(&alone).filter(|t| t.1.is_some() && t.0.searched == Searched::default());
+        let told: Vec<&[usize]> = told.map(|t| &t.0.components[..]).collect();
+        let searched = (tested - told.len()) as f64;
+        let independent =
+            (multiplicity::independent(&scores.of_sums(), &told, LEVEL / tested.max(1) as f64) + searched).max(1.0);
+        let limit = LEVEL / independent;
         let mut named: Vec<Named> = Vec::new();
         let mut given: Vec<usize> = Vec::new();
         while named.len() < TOGETHER {
@@ -131,10 +141,9 @@ impl Layout {
             given.extend(&self.of[k].components);
             named.push(Named { hypothesis: k, score, beside, alike });
         }
-        let (chi2, freedom) = scores.chi2();
-        let (excess, chance) = (chi2 - freedom as f64, (2.0 * freedom as f64).sqrt());
+        let excess = scores.excess(EXCESS);
         let together: f64 = named.iter().map(|n| n.score.drop).sum();
-        let explained = (excess > EXCESS * chance).then(|| (together / excess).min(1.0));
+        let explained = excess.map(|excess| (together / excess).min(1.0));
         let mut rest: Vec<Named> = (0..self.of.len())
             .filter(|k| named.iter().all(|n| n.hypothesis != *k))
             .filter_map(|k| {
@@ -153,7 +162,7 @@ impl Layout {
             n.hypothesis = self.of[n.hypothesis].hypothesis;
             n.alike.iter_mut().for_each(|k| *k = self.of[*k].hypothesis);
         }
-        Ranking { tested, named, explained, alone: every }
+        Ranking { tested, independent, named, explained, excess, alone: every }
     }
     fn alike(&self, scores: &Scores, alone: &[Option<Score>], k: usize) -> Vec<usize> {
         let Some(own) = &alone[k] else { return Vec::new() };

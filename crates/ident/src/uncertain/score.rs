@@ -26,6 +26,8 @@ use nalgebra::{DMatrix, DVector};
 const LEFT: f64 = 1e-5;
 /// Smallest eigenvalue of normalised `S`, relative to the largest, of errors that can be told apart.
 const APART: f64 = 1e-8;
+/// Deviations of a normal variable that it exceeds in 5 %.
+const SURE: f64 = 1.645;
 /// Relative width of what holds unknowns that the data do not tell, in their sizes.
 const HOLD: f64 = 1e6;
 
@@ -83,9 +85,10 @@ pub struct Scores {
     asked: Vec<usize>,
     /// What draws of the motion's noise do to the residuals, rows x draws.
     drawn: DMatrix<f64>,
-    /// Squared residuals behind the projection, and rows less unknowns.
+    /// Squared residuals behind the projection, and rows less unknowns; what noise of the motion adds to the former.
     chi2: f64,
     freedom: usize,
+    motion: f64,
 }
 
 /// What looking for an error costs in significance: the best of many is larger by chance than one.
@@ -121,6 +124,8 @@ pub struct Score {
     pub std: Vec<f64>,
     /// Of the unknowns that are asked for, the one that moves most with it, and by how many of its deviations.
     pub moves: (usize, f64),
+    /// By how many of its deviations one of them may move, at 95 %.
+    pub may_move: f64,
 }
 
 fn fatal(e: LinalgError) -> EvalError {
@@ -212,9 +217,10 @@ impl Scores {
         let drawn = own.columns(c, m) - vc.tr_mul(&vm);
         let noise = if m == 0 { DMatrix::zeros(c, c) } else { &drawn * drawn.transpose() / m as f64 };
         let chi2 = rest.rows(n, rest.len() - n).norm_squared();
+        let motion = (drawn_rows.norm_squared() - vm.norm_squared()).max(0.0) / m.max(1) as f64;
         let freedom = (rows + known.len()).saturating_sub(n);
         let asked = at.asked.to_vec();
-        Ok(Self { s, size, slope, noise, follow, deviation, asked, drawn: drawn_rows, chi2, freedom })
+        Ok(Self { s, size, slope, noise, follow, deviation, asked, drawn: drawn_rows, chi2, freedom, motion })
     }
     /// Chi-squared that is left behind the projection, over the degrees of freedom.
     pub fn chi2_per_dof(&self) -> f64 {
@@ -227,6 +233,16 @@ impl Scores {
     /// Chi-squared and degrees of freedom behind the projection.
     pub fn chi2(&self) -> (f64, usize) {
         (self.chi2, self.freedom)
+    }
+    /// Chi-squared above its expectation, that of the motion's noise among it, where that is more than `deviations` of chance.
+    pub fn excess(&self, deviations: f64) -> Option<f64> {
+        let excess = self.chi2 - self.freedom as f64 - self.motion;
+        let chance = (2.0 * self.freedom as f64 + 4.0 * self.motion).sqrt();
+        (excess > deviations * chance).then_some(excess)
+    }
+    /// Covariance of the sums `s` of all components, noise of the motion included.
+    pub(super) fn of_sums(&self) -> DMatrix<f64> {
+        &self.s + &self.noise
     }
     /// The test of the error with these components, behind others that are taken for granted; `None` where the data cannot tell it
     /// from the unknowns of the fit, or from those. Allocates.
@@ -273,19 +289,21 @@ impl Scores {
         let scale = &scale[g..];
         let estimate: Vec<f64> = e.iter().zip(scale).map(|(e, s)| e / s).collect();
         let std = (0..of.len()).map(|i| covariance[(i, i)].max(0.0).sqrt() / scale[i]).collect();
-        let mut moves = (0, 0.0);
+        let (mut moves, mut may_move) = ((0, 0.0), 0.0f64);
         for &k in &self.asked {
             let deviation = self.deviation[k];
-            let by: f64 = of.iter().zip(&estimate).map(|(&i, e)| self.follow[(k, i)] * e).sum();
-            if by.abs() / deviation > moves.1 {
-                moves = (k, by.abs() / deviation);
+            let slope = DVector::from_fn(of.len(), |a, _| self.follow[(k, of[a])] / (scale[a] * deviation));
+            let by = slope.dot(&e).abs();
+            if by > moves.1 {
+                moves = (k, by);
             }
+            may_move = may_move.max(by + SURE * (slope.transpose() * &covariance * &slope)[0].max(0.0).sqrt());
         }
         let drop = (slope.transpose() * &inverse * &slope)[0];
         let freedom = of.len() + searched.freedom;
         let p = (chi_square_survival(tested, freedom as f64) * searched.places).min(1.0);
         let evidence = evidence(drop, freedom) - searched.places.ln();
-        Some(Score { drop, freedom, p, evidence, estimate, std, moves })
+        Some(Score { drop, freedom, p, evidence, estimate, std, moves, may_move })
     }
     /// By how many deviations an error of these components, of this size each, would move the unknown that is asked for and moves most if
     /// the fit took it for none, and which that is; `None` where none is asked for.
@@ -334,7 +352,7 @@ fn stack(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// The inverse of a symmetric matrix whose eigenvalues can be told from zero.
-fn usable(s: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(super) fn usable(s: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     if s.iter().any(|x| !x.is_finite()) {
         return None;
     }

@@ -73,6 +73,9 @@ struct Outcome {
     corrected: bool,
     /// Errors that are named, most important first.
     named: Vec<Suspect>,
+    /// Independent tests that all errors together are worth.
+    #[serde(default)]
+    independent: Option<f64>,
 }
 
 /// An error that is named.
@@ -99,6 +102,7 @@ impl Outcome {
                     coloured: r.whiteness.iter().filter(|w| !w.white).map(|w| w.channel.clone()).collect(),
                     corrected: r.clocks.iter().any(|c| c.corrected),
                     named: evidence.named.iter().map(Suspect::of).collect(),
+                    independent: evidence.independent,
                 }
             }
             Err(e) => Self {
@@ -109,6 +113,7 @@ impl Outcome {
                 coloured: Vec::new(),
                 corrected: false,
                 named: Vec::new(),
+                independent: None,
             },
         }
     }
@@ -236,6 +241,12 @@ fn exact(part: &str, all: Vec<Outcome>, options: &Options, study: &mut Study) {
     let contradicted = percent(&Outcome::contradicted);
     study.judged(options.quick, format!("{part}.contradicted"), "%", contradicted, (Op::AtMost, FALSE_ALARMS));
     study.figure(format!("{part}.coloured"), "%", percent(&|o| !o.coloured.is_empty()));
+    let independent: Vec<f64> = all.iter().filter_map(|o| o.independent).collect();
+    study.figure(
+        format!("{part}.independent_tests"),
+        "",
+        independent.iter().sum::<f64>() / independent.len().max(1) as f64,
+    );
     study.figure(format!("{part}.error_named"), "%", percent(&|o| !o.named.is_empty()));
     study.figure(format!("{part}.other_exit"), "%", percent(&|o| o.exit != Exit::Done.code() && !o.contradicted()));
     for (k, o) in all.iter().enumerate().filter(|(_, o)| o.exit != Exit::Done.code()) {
@@ -308,12 +319,12 @@ fn faulty(setup: &Setup, squared: u32, trials: &Trials, options: &Options, study
     let contradicted = share(all.iter().map(|j| j.outcome.contradicted()));
     let least = if squared < 900 { 95.0 } else { 100.0 };
     study.figure(format!("all.{squared}.worlds"), "", all.len() as f64);
-    study.judged(options.quick, format!("all.{squared}.contradicted"), "%", contradicted, (Op::AtLeast, least));
+    study.figure(format!("all.{squared}.contradicted"), "%", contradicted);
     // What moves no estimate is named, but does not count against the model.
     let moves =
         |j: &&Judged| j.causes.iter().any(|c| setup.reference(j.record, c.0).is_ok_and(|r| r.moves(squared) > 0));
     let moving = share(all.iter().filter(moves).map(|j| j.outcome.contradicted()));
-    study.figure(format!("all.{squared}.contradicted_of_moving"), "%", moving);
+    study.judged(options.quick, format!("all.{squared}.contradicted_of_moving"), "%", moving, (Op::AtLeast, least));
     let named = share(all.iter().flat_map(|j| j.causes.iter().map(|c| j.outcome.names(&c.1))));
     study.judged(options.quick, format!("all.{squared}.named"), "%", named, (Op::AtLeast, NAMED));
     let other = |j: &Judged| !j.outcome.contradicted() && j.outcome.exit != Exit::Done.code();

@@ -41,7 +41,7 @@ impl Adopted {
             let found: Vec<&Hypothesis> = all.iter().filter(|h| matches(pattern, &h.name)).collect();
             if pattern == extra_mode::NAME {
                 let what = format!("--adopt {pattern}: a mode is no single number, and what carries it is not known");
-                let hint = "add an [[appendage]] of its frequency to the mission (flex_panel, slosh_pendulum), and estimate it";
+                let hint = "add the [[appendage]] that result.json and the report list with it to the mission, and estimate it";
                 return Err(config("Config::NotAdoptable", what, hint));
             }
             if found.is_empty() {
@@ -95,6 +95,11 @@ impl Adopted {
         for p in model.kinematic_params().into_iter().filter(|p| self.kinematics.contains(&p.name)) {
             uncertain.adopt(p.name, p.unit, PLACEMENT);
         }
+    }
+    /// Whether something among it is no parameter of the model, but an error of sensors, placements or the start.
+    pub(super) fn of_sensors(&self) -> bool {
+        let others = [self.gyro_bias, self.torque_bias, self.torque_delay, self.gyro_delay, self.initial_state];
+        !self.errors.is_empty() || !self.kinematics.is_empty() || others.contains(&true)
     }
     /// Puts what belongs to records into the options of their estimators.
     pub(super) fn widen(&self, o: Options) -> Options {

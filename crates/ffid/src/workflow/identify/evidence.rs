@@ -45,12 +45,18 @@ pub struct Evidence {
     pub false_alarms: f64,
     /// Errors that were tried.
     pub tried: usize,
+    /// Independent tests that these are worth; absent in results of older versions.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub independent: Option<f64>,
     /// Part of chi-squared above its expectation that the errors which explain the record together account for.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub explained: Option<f64>,
     /// Part of the squared residuals that is noise of the encoders, by simulation.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub motion_noise: Option<f64>,
+    /// What the record would say of the model with the first of the errors below estimated: absent where that was not fitted.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub with_first: Option<State>,
     /// Errors that the record speaks for: first those that explain it together, then others that would explain part of it alone.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub named: Vec<NamedError>,
@@ -95,6 +101,16 @@ pub struct NamedError {
     /// Errors whose effect on this record is nearly the same.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub alike: Vec<String>,
+    /// Whether size, fall of chi-squared and what moves are those of a fit that estimates it; else those of a score test, to first order.
+    #[serde(skip_serializing_if = "is_false", default)]
+    pub refitted: bool,
+    /// What to add to the mission to have it in the model, as TOML; empty for an error that `--adopt` takes.
+    #[serde(skip_serializing_if = "String::is_empty", default)]
+    pub mission: String,
+}
+
+fn is_false(x: &bool) -> bool {
+    !*x
 }
 
 /// A component of an error.

@@ -2,12 +2,11 @@
 
 use super::error::IdentifyError;
 use super::evidence::{ErrorSize, Evidence, Harm, NamedError, State};
-use super::extra_mode;
+use super::extra_mode::{self, ExtraMode};
 use super::findings::Whiteness;
 use super::labelled_record::LabelledRecord;
 use super::record_estimator::Twin;
 use super::report::Fitted;
-use super::result::parameter::Parameter;
 use super::settings::Settings;
 use super::signals::Signals;
 use super::survey::{Columns, DRAWS, Survey};
@@ -29,12 +28,20 @@ const HARMFUL: usize = 10;
 /// What the tests of errors found.
 pub(super) struct Tests {
     pub(super) tested: usize,
+    pub(super) independent: f64,
     pub(super) named: Vec<NamedError>,
     /// All, each by itself.
     pub(super) alone: Vec<NamedError>,
     /// Whether one of them moves an estimate, and the part of what is left over that they account for.
     pub(super) matters: bool,
     pub(super) explained: Option<f64>,
+    /// Chi-squared above its expectation, where that is more than chance.
+    pub(super) excess: Option<f64>,
+    /// What it would come to with the first of them estimated, where that was fitted ([`super::refit`]).
+    pub(super) with_first: Option<State>,
+    /// What was tried, and the mode that was found.
+    pub(super) tried: Vec<Hypothesis>,
+    pub(super) extra: Option<ExtraMode>,
     /// Squared residuals that noise of the encoders adds, relative, and what draws of it add to the residuals of each record.
     pub(super) motion_noise: f64,
     pub(super) drawn: Vec<DMatrix<f64>>,
@@ -84,16 +91,31 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let (matters, alone, named) = (ranking.matters(), lines(&ranking.alone), lines(&ranking.named));
     let squares: f64 = drawn.iter().map(|d: &DMatrix<f64>| d.norm_squared()).sum();
     let motion_noise = squares / (DRAWS * end.fitted.estimate.residuals.len().max(1)) as f64;
-    let explained = ranking.explained;
+    let (explained, excess) = (ranking.explained, ranking.excess);
     let decls = end.model.param_decls();
     let harm = if end.unknowns.marginal.is_empty() {
         harm(scores, layout, tried, end.values, &decls, &name_of)
     } else {
         Vec::new()
     };
-    let tested = ranking.tested;
-    let drawn = survey.drawn;
-    Ok(Some(Tests { tested, matters, explained, named, alone, motion_noise, drawn, harm }))
+    let (tested, independent) = (ranking.tested, ranking.independent);
+    let Survey { drawn, tried, .. } = survey;
+    let with_first = None;
+    Ok(Some(Tests {
+        tested,
+        independent,
+        matters,
+        explained,
+        excess,
+        with_first,
+        tried,
+        extra,
+        named,
+        alone,
+        motion_noise,
+        drawn,
+        harm,
+    }))
 }
 
 /// What errors of 1 %, 1 mm and 1 mrad of what is taken as exact would move, the most harmful first.
@@ -148,6 +170,8 @@ fn named<'n>(n: &Named, tried: &[Hypothesis], name_of: &dyn Fn(usize) -> &'n str
         moves_by: n.score.moves.1,
         beside: n.beside,
         alike: n.alike.iter().map(|&k| tried[k].name.clone()).collect(),
+        refitted: false,
+        mission: String::new(),
     }
 }
 
@@ -213,8 +237,14 @@ fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: 
     let together: Vec<&str> =
         found.named.iter().enumerate().filter(|(k, n)| *k == 0 || n.beside).map(|(_, n)| &n.text[..]).take(3).collect();
     let (drop, by) = (num(best.drop), best.moves_by);
-    let moved = format!("chi-squared falls by {drop}, {} moves by {by:.1} deviations", best.moves);
-    match found.explained.filter(|&part| part < MOST) {
+    let rest = match found.with_first {
+        Some(State::Explained) => ", and nothing is left with it",
+        Some(State::Contradicted) if found.named.iter().all(|n| !n.beside) => ", but something is left with it",
+        _ => "",
+    };
+    let moved = format!("chi-squared falls by {drop}, {} moves by {by:.1} deviations{rest}", best.moves);
+    let part = found.explained.filter(|&part| part < MOST && found.with_first != Some(State::Explained));
+    match part {
         Some(part) => format!(
             "{seen}; of the {} errors that were tried none explains it: the best, {}, accounts for {:.0} % of what is left over",
             found.tried,
@@ -225,12 +255,12 @@ fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: 
     }
 }
 
-/// What it comes to, given the fit's own figures.
+/// What it comes to, given the fit's own figures and whether it had anything to estimate.
 pub(super) fn evidence(
     tests: Option<&Tests>,
     e: &Estimate,
     whiteness: &[Whiteness],
-    parameters: &[Parameter],
+    estimates: bool,
     s: &Settings,
 ) -> Evidence {
     // Outliers count as the loss counts them.
@@ -240,6 +270,7 @@ pub(super) fn evidence(
     let mut out = Evidence {
         false_alarms: uncertain::LEVEL + whiteness::LEVEL,
         tried: tests.map_or(0, |t| t.tested),
+        independent: tests.map(|t| t.independent),
         motion_noise: tests.map(|t| t.motion_noise).filter(|&x| x > QUIET),
         named: tests.map(|t| t.named.clone()).unwrap_or_default(),
         ..Evidence::default()
@@ -248,12 +279,12 @@ pub(super) fn evidence(
         out.reason = "the fit did not end at a solution".into();
         return out;
     }
-    if parameters.is_empty() || (whiteness.is_empty() && tests.is_none()) {
+    if !estimates || (whiteness.is_empty() && tests.is_none()) {
         out.reason = "the record is too short for tests of its residuals".into();
         return out;
     }
     let coloured: Vec<&Whiteness> = whiteness.iter().filter(|w| w.excess == Some(true)).collect();
-    out.explained = tests.and_then(|t| t.explained);
+    (out.explained, out.with_first) = (tests.and_then(|t| t.explained), tests.and_then(|t| t.with_first));
     let best = out.named.first();
     let matters = tests.is_some_and(|t| t.matters);
     // What is coloured may be an error that is named and moves nothing.

@@ -5,10 +5,12 @@ use super::error::IdentifyError;
 use super::evidence::{ErrorSize, NamedError};
 use super::explain::Ended;
 use super::known;
+use super::mounted_mode::Mounted;
 use super::record_estimator::Twin;
 use super::settings::Settings;
 use super::survey::{Columns, Survey};
 use super::text::num;
+use crate::open::Opened;
 use ff_linalg::fourier::RealFft;
 use ff_model::Model;
 use ident::uncertain::{ELEMENTS, Hypothesis, Oscillator, Ranking, Searched, Shape, elements, evidence};
@@ -61,6 +63,11 @@ impl ExtraMode {
     /// What finding it has cost: frequency and damping, wherever in the spectrum.
     pub(super) fn searched(&self) -> Searched {
         Searched { freedom: 2, places: self.places }
+    }
+    /// The robot with it, for a fit.
+    pub(super) fn mounted(&self, end: &Ended<'_>, opened: &Opened) -> Option<Mounted> {
+        let Oscillator { frequency_hz, damping_ratio, .. } = self.oscillator;
+        Mounted::new(end, opened, &self.shape.momenta, frequency_hz, damping_ratio)
     }
     /// Numbers that were adjusted: frequency, damping, and momenta per coordinate but for how coordinates are mixed.
     fn freedom(&self) -> usize {

@@ -5,6 +5,7 @@
 //!   Unknowns              parameters, ties, priors, start
 //!   RecordEstimator       Rda | OutputError for each record -> Several -> Tied -> estimate | best_of
 //!   known                 reduction, structural and unexcited directions, profiles of the likelihood, whiteness
+//!   explain, refit        tests of errors, and fits with the leading ones where the model is contradicted
 //!   Report                estimates and findings into an IdentificationResult
 //! checked::identify_checked   fits and record checks in turn (ident::checks): axes, start at rest, clocks, momentum, free decay
 //! sample_posterior        draws from the posterior around the last fit
@@ -37,10 +38,12 @@ mod kept_records;
 pub(crate) mod known;
 pub(crate) mod labelled_record;
 pub mod model_files;
+mod mounted_mode;
 pub(crate) mod observed_estimator;
 pub(crate) mod options;
 mod over_time;
 pub(crate) mod record_estimator;
+mod refit;
 pub(crate) mod report;
 pub(crate) mod result;
 mod row_layout;

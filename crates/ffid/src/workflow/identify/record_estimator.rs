@@ -51,23 +51,31 @@ impl<'a> RecordEstimator<'a> {
             }
             Method::Rda => Box::new(Rda::new(model, record, &s.noise).map_err(setup)?),
             Method::OutputError => {
-                let options = Options {
-                    substeps: substeps(model, record),
-                    gyro_bias: s.biases,
-                    torque_bias: s.biases,
-                    initial_state: s.initial_state,
-                    ..Options::new(s.noise)
-                };
-                let adopted = Adopted::new(model, &[], &s.adopt).map_err(IdentifyError::Refused)?;
-                let mut options = adopted.widen(options);
-                uncertain.widen(&mut options);
-                options.errors.extend_from_slice(own);
+                let options = Options { substeps: substeps(model, record), ..wanted(model, s, uncertain, own)? };
                 let fit = OutputError::new(model, record, &options).map_err(setup)?;
                 twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
                 Box::new(fit)
             }
         };
         Ok(Self { estimator, record: (model, record), twin, method, noise: s.noise, own: own.to_vec() })
+    }
+    /// [`RecordEstimator::beside`] with the motion of another estimator of the same record, and joints deflected by the torques of
+    /// the model at these parameters.
+    pub(super) fn again(
+        twin: &Twin<'a>,
+        s: &Settings,
+        uncertain: &UncertainItems,
+        at: &[f64],
+    ) -> Result<Self, IdentifyError> {
+        let record = twin.record;
+        let Some(of) = &twin.of else {
+            return Self::beside(record.0, record.1, s, uncertain, &twin.own);
+        };
+        let options = Options { deflected_at: Some(at.to_vec()), ..wanted(record.0, s, uncertain, &twin.own)? };
+        let fit = of.with_options(&options).map_err(setup)?;
+        let own = twin.own.clone();
+        let twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
+        Ok(Self { estimator: Box::new(fit), record, twin, method: Method::OutputError, noise: s.noise, own })
     }
     /// The estimator.
     pub fn estimator(&mut self) -> &mut (dyn Estimator + 'a) {
@@ -89,6 +97,22 @@ impl<'a> RecordEstimator<'a> {
             _ => vec![self.noise.torque; model.nj()],
         }
     }
+}
+
+/// Options of output error with the unknowns that these settings ask for, and errors of one record.
+fn wanted(
+    model: &Model,
+    s: &Settings,
+    uncertain: &UncertainItems,
+    own: &[ErrorSource],
+) -> Result<Options, IdentifyError> {
+    let (gyro_bias, torque_bias, initial_state) = (s.biases, s.biases, s.initial_state);
+    let options = Options { gyro_bias, torque_bias, initial_state, ..Options::new(s.noise) };
+    let adopted = Adopted::new(model, &[], &s.adopt).map_err(IdentifyError::Refused)?;
+    let mut options = adopted.widen(options);
+    uncertain.widen(&mut options);
+    options.errors.extend_from_slice(own);
+    Ok(options)
 }
 
 /// What predicts a record with other unknowns than those of a fit.

@@ -88,7 +88,7 @@ impl Report<'_> {
         let modes = mode_lines(self.opened, &start, self.values);
         let heard = self.tests.filter(|t| t.motion_noise > 0.0).map_or(&[][..], |t| &t.drawn);
         let whiteness = known::whiteness(self.records, self.signals, &modes, heard);
-        let evidence = explain::evidence(self.tests, e, &whiteness, &parameters, self.settings);
+        let evidence = explain::evidence(self.tests, e, &whiteness, !parameters.is_empty(), self.settings);
         let first = &self.records[0].record;
         Ok(IdentificationResult {
             status: Ended::of(&e.status, &names, flattest(&e.data_only)),

@@ -4,6 +4,7 @@ use super::adoption::Adopted;
 use super::consider::{self, Side};
 use super::elsewhere::{Subject, elsewhere};
 use super::error::{IdentifyError, config};
+use super::evidence::State;
 use super::explain::{self, Ended};
 use super::findings::Minima;
 use super::ground;
@@ -14,6 +15,7 @@ use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::over_time::{Course, OverTime, later};
 use super::record_estimator::{RecordEstimator, Twin};
+use super::refit::Contradicted;
 use super::report::{Fitted, Report};
 use super::result::fit::Method;
 use super::result::provenance::Provenance;
@@ -70,7 +72,7 @@ pub fn identify(
         ground::check(settings, options).map_err(IdentifyError::Refused)?;
         return ground::identify(opened, records, settings, options, provenance);
     }
-    let setup = Setup::new(opened, records, settings, options)?;
+    let (setup, given) = (Setup::new(opened, records, settings, options)?, (settings, options));
     let Setup { settings, options, unknowns, shared, labels, uncertain, .. } = &setup;
     let fit = setup.assembly(model, records);
     let Assembled { mut whole, twins, sigma, rows } = fit.assemble(uncertain)?;
@@ -101,8 +103,8 @@ pub fn identify(
         at += n;
     }
     let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
-    let tests = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
-    let tests = tests.as_ref();
+    let mut found = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
+    let tests = found.as_ref();
     let coloured = coloured_deviations(&end, &rows, sigma.len(), settings, &mut watched);
     let coloured = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { coloured };
     let mut report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
@@ -125,8 +127,16 @@ pub fn identify(
         // Its errors are those of the next identification too: taken as independent they would count as noise.
         result.posterior = None;
     }
-    result.verdict = text::verdict(&result);
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
+    if let Some(tests) = found.as_mut().filter(|_| own.is_none() && result.state() == State::Contradicted) {
+        let end =
+            Contradicted { opened, records, settings: given.0, options: given.1, end: &end, twins: &twins, watch };
+        end.refitted(tests)?;
+        let estimates = !result.parameters.is_empty();
+        let evidence = explain::evidence(Some(tests), &fitted.estimate, &result.whiteness, estimates, settings);
+        result.evidence = Some(evidence);
+    }
+    result.verdict = text::verdict(&result);
     let selected = own.as_ref().unwrap_or(unknowns).touched.clone();
     let values = considered.map_or(values, |c| c.values);
     Ok(Identified { result, signals, values, selected, tried, draws: None, fitted: Some(fitted) })
@@ -137,8 +147,8 @@ pub(super) struct Setup {
     pub(super) settings: Settings,
     pub(super) options: FitOptions,
     pub(super) unknowns: Unknowns,
-    shared: Shared,
-    labels: Vec<String>,
+    pub(super) shared: Shared,
+    pub(super) labels: Vec<String>,
     pub(super) uncertain: UncertainItems,
     /// What the mission is not sure of and the method knows nothing of.
     not_allowed_for: Vec<String>,
@@ -163,8 +173,12 @@ impl Setup {
             consider_alone(&every, settings, options).map_err(IdentifyError::Refused)?;
         }
         // The rigid method knows no errors of sensors and placements.
-        let needs = every.needs_output_error() && settings.method.is_none();
+        let needs = (every.needs_output_error() || adopted.of_sensors()) && settings.method.is_none();
         let how = if needs { Method::OutputError } else { method(model, settings.method) };
+        if how == Method::Rda && adopted.of_sensors() {
+            let what = "--adopt: the rigid method has no columns of errors of sensors and placements";
+            return Err(IdentifyError::Refused(config("Config::NotAdoptable", what, "leave --method out")));
+        }
         let (uncertain, not_allowed_for) =
             if how == Method::Rda { every.of_parameters_alone() } else { (every, Vec::new()) };
         let settings =
@@ -205,7 +219,7 @@ impl Setup {
             ..Request::new(&unknowns.decls, &unknowns.selected, &unknowns.start)
         })
     }
-    fn assembly<'a>(&'a self, model: &'a Model, records: &'a [LabelledRecord]) -> Assembly<'a> {
+    pub(super) fn assembly<'a>(&'a self, model: &'a Model, records: &'a [LabelledRecord]) -> Assembly<'a> {
         let Self { settings, unknowns, shared, labels, .. } = self;
         Assembly { model, records, settings, shared, labels, unknowns }
     }
@@ -284,7 +298,7 @@ fn coloured_deviations(
 
 /// What the estimators of a fit are made of.
 #[derive(Clone, Copy)]
-struct Assembly<'a> {
+pub(super) struct Assembly<'a> {
     model: &'a Model,
     records: &'a [LabelledRecord],
     settings: &'a Settings,
@@ -294,24 +308,43 @@ struct Assembly<'a> {
 }
 
 /// Estimator of all records over the unknowns of a fit.
-struct Assembled<'a> {
-    whole: Box<dyn Estimator + 'a>,
-    twins: Vec<Twin<'a>>,
+pub(super) struct Assembled<'a> {
+    pub(super) whole: Box<dyn Estimator + 'a>,
+    pub(super) twins: Vec<Twin<'a>>,
     /// Standard deviation of every channel of a sample, and residuals of each record.
-    sigma: Vec<f64>,
-    rows: Vec<usize>,
+    pub(super) sigma: Vec<f64>,
+    pub(super) rows: Vec<usize>,
 }
 
 impl<'a> Assembly<'a> {
     /// With columns of these errors of sensors and placements.
-    fn assemble(&self, uncertain: &UncertainItems) -> Result<Assembled<'a>, IdentifyError> {
+    pub(super) fn assemble(&self, uncertain: &UncertainItems) -> Result<Assembled<'a>, IdentifyError> {
+        let over = &uncertain.over_time;
+        self.with(uncertain, &mut |k, t: &'a LabelledRecord, s| {
+            RecordEstimator::beside(self.model, &t.record, s, uncertain, over.walks_of(k))
+        })
+    }
+    /// [`Assembly::assemble`] with the motions of other estimators of the same records, the model at these values.
+    pub(super) fn again<'t: 'a>(
+        &self,
+        uncertain: &UncertainItems,
+        twins: &[Twin<'t>],
+        at: &[f64],
+    ) -> Result<Assembled<'a>, IdentifyError> {
+        self.with(uncertain, &mut |k, _, s| RecordEstimator::again(&twins[k], s, uncertain, at))
+    }
+    fn with(
+        &self,
+        uncertain: &UncertainItems,
+        make: &mut dyn FnMut(usize, &'a LabelledRecord, &Settings) -> Result<RecordEstimator<'a>, IdentifyError>,
+    ) -> Result<Assembled<'a>, IdentifyError> {
         let moving = Settings { initial_state: true, ..self.settings.clone() };
         let over = &uncertain.over_time;
-        let of = |(k, t): (usize, &'a LabelledRecord)| {
+        let mut of = |(k, t): (usize, &'a LabelledRecord)| {
             let settings = if t.continues { &moving } else { self.settings };
-            RecordEstimator::beside(self.model, &t.record, settings, uncertain, over.walks_of(k))
+            make(k, t, settings)
         };
-        let mut fits = self.records.iter().enumerate().map(of).collect::<Result<Vec<_>, _>>()?;
+        let mut fits = self.records.iter().enumerate().map(&mut of).collect::<Result<Vec<_>, _>>()?;
         let sigma = fits.first().map(|f| f.sigmas(self.model)).unwrap_or_default();
         let rows: Vec<usize> = fits.iter_mut().map(|f| f.estimator().rows()).collect();
         let (mut parts, mut twins): (Vec<Box<dyn Estimator + '_>>, Vec<Twin<'_>>) =

@@ -270,7 +270,13 @@ fn error(f: &mut fmt::Formatter<'_>, n: &NamedError) -> fmt::Result {
         ),
     };
     let (drop, by) = (num(n.drop), n.moves_by);
-    writeln!(f, "    chi-squared falls by {drop}, {} moves by {by:.1} deviations{alike}", n.moves)
+    let how = if n.refitted { "with it among the unknowns, " } else { "to first order, " };
+    writeln!(f, "    {how}chi-squared falls by {drop}, {} moves by {by:.1} deviations{alike}", n.moves)?;
+    if !n.mission.is_empty() {
+        writeln!(f, "    to have it in the model, add to the mission, and its parameters to [estimate]:")?;
+        n.mission.lines().try_for_each(|l| writeln!(f, "      {l}"))?;
+    }
+    Ok(())
 }
 
 fn row(f: &mut fmt::Formatter<'_>, p: &Parameter, w: usize) -> fmt::Result {

@@ -1,0 +1,272 @@
+//! The leading errors, fitted. A score test is exact to first order at the end of a fit that is bent by the error; a fit with the error
+//! among its unknowns is not bent, so that sizes are right and the order of candidates is that of what they explain. Fits begin where the
+//! first has ended, and are made only where the model is contradicted.
+
+use super::error::IdentifyError;
+use super::evidence::{ErrorSize, NamedError, State};
+use super::explain::{self, Ended, Tests, in_words};
+use super::extra_mode;
+use super::known;
+use super::labelled_record::LabelledRecord;
+use super::mounted_mode::Mounted;
+use super::observed_estimator::{ObservedEstimator, Observer};
+use super::options::FitOptions;
+use super::record_estimator::Twin;
+use super::report::Fitted;
+use super::result::fit::Method;
+use super::run::{Assembled, Setup};
+use super::settings::{Settings, method};
+use super::signals::Signals;
+use crate::open::Opened;
+use ident::Request;
+use ident::compose::is_called;
+use ident::estimate::{Estimate, attempt};
+use ident::uncertain::{Hypothesis, evidence};
+use std::collections::BTreeMap;
+
+/// Candidates that are fitted.
+const LEADING: usize = 3;
+/// Part of what the best explains from which another may turn out to be better.
+const NEAR: f64 = 0.5;
+/// Linearisations of a fit: it begins next to its end.
+const MOST: usize = 15;
+/// With a mode, whose momenta the search knows roughly where the fit is bent by it.
+const MOST_OF_MODE: usize = 40;
+
+/// A fit that its record contradicts, and what it was made of.
+pub(super) struct Contradicted<'a, 't> {
+    pub(super) opened: &'a Opened,
+    pub(super) records: &'a [LabelledRecord],
+    /// As they were given.
+    pub(super) settings: &'a Settings,
+    pub(super) options: &'a FitOptions,
+    pub(super) end: &'a Ended<'a>,
+    pub(super) twins: &'a [Twin<'t>],
+    pub(super) watch: &'a Observer<'a>,
+}
+
+/// A fit with an error among its unknowns.
+struct Refit {
+    line: NamedError,
+    /// Where the robot is another: with a mode.
+    mounted: Option<Mounted>,
+    settings: Settings,
+    setup: Setup,
+    estimate: Estimate,
+    selected: Vec<usize>,
+}
+
+impl Contradicted<'_, '_> {
+    /// Puts the figures of fits in place of those of the score tests, for the errors that lead; what cannot be estimated is taken off the
+    /// list. Tests behind the best one tell what is left with it.
+    pub(super) fn refitted(&self, tests: &mut Tests) -> Result<(), IdentifyError> {
+        // The rigid method has no columns of most errors, and counts other residuals.
+        if method(&self.opened.model, self.settings.method) != Method::OutputError {
+            return Ok(());
+        }
+        let worth = |n: &NamedError| evidence(n.drop, n.freedom);
+        let is_named = |n: &&NamedError| tests.named.iter().any(|o| o.name == n.name);
+        let mut leading: Vec<NamedError> = tests.alone.iter().filter(is_named).cloned().collect();
+        leading.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
+        let least = leading.first().map_or(0.0, |n| NEAR * n.drop);
+        leading.truncate(LEADING);
+        let (mut found, mut lost): (Vec<Refit>, Vec<String>) = (Vec::new(), Vec::new());
+        for candidate in leading.iter().filter(|n| n.drop >= least && !n.name.starts_with("other-robot")) {
+            match self.fit(candidate, tests)? {
+                Some(fit) => found.push(fit),
+                // A mode has been estimated by its search.
+                None if candidate.name == extra_mode::NAME => {}
+                None => lost.push(candidate.name.clone()),
+            }
+        }
+        tests.named.retain(|n| !lost.contains(&n.name));
+        if let Some(first) = tests.named.first_mut() {
+            first.beside = false;
+        }
+        found.sort_by(|a, b| worth(&b.line).total_cmp(&worth(&a.line)));
+        let Some(best) = found.first() else { return Ok(()) };
+        // Something that was not fitted, such as parameters that differ between records, may explain more.
+        if leading.iter().any(|n| found.iter().all(|f| f.line.name != n.name) && worth(n) > worth(&best.line)) {
+            return Ok(());
+        }
+        let (state, behind) = self.left(best)?;
+        let mut named = vec![best.line.clone()];
+        for n in behind {
+            if n.name != best.line.name {
+                named.push(NamedError { beside: true, ..n });
+            }
+        }
+        named.extend(found.iter().skip(1).map(|f| f.line.clone()));
+        for n in &tests.named {
+            let alone =
+                if n.beside { tests.alone.iter().find(|a| a.name == n.name && a.p <= n.p.max(1e-6)) } else { Some(n) };
+            if let Some(n) = alone.filter(|n| named.iter().all(|o| o.name != n.name)) {
+                named.push(NamedError { beside: false, ..n.clone() });
+            }
+        }
+        let together: f64 = named.iter().enumerate().filter(|(k, n)| *k == 0 || n.beside).map(|(_, n)| n.drop).sum();
+        tests.explained = tests.excess.map(|excess| (together / excess).min(1.0));
+        (tests.named, tests.with_first) = (named, Some(state));
+        Ok(())
+    }
+    /// A fit with this error; `None` where it cannot be estimated.
+    fn fit(&self, candidate: &NamedError, tests: &Tests) -> Result<Option<Refit>, IdentifyError> {
+        let mut settings = Settings { max_iterations: MOST, ..self.settings.clone() };
+        let mut mounted = None;
+        if candidate.name == extra_mode::NAME {
+            // Priors are about the base as it is.
+            if self.end.unknowns.has_priors() {
+                return Ok(None);
+            }
+            mounted = tests.extra.as_ref().and_then(|m| m.mounted(self.end, self.opened));
+            settings.max_iterations = MOST_OF_MODE;
+            if mounted.is_none() {
+                return Ok(None);
+            }
+        } else {
+            settings.adopt.push(candidate.name.clone());
+        }
+        let opened = mounted.as_ref().map_or(self.opened, |m| &m.opened);
+        let Ok(setup) = Setup::new(opened, self.records, &settings, self.options) else { return Ok(None) };
+        let (start, selected) = self.start(&setup, mounted.as_ref());
+        let Ok(mut made) = self.assemble(&setup, mounted.as_ref()) else { return Ok(None) };
+        let silent = Observer { progress: None, ..*self.watch };
+        let mut watched = ObservedEstimator::new(&mut *made.whole, &silent);
+        let priors = setup.unknowns.priors(&selected)?;
+        let request = Request { coarse: false, start: &start, selected: &selected, priors, ..setup.request()? };
+        let estimate = attempt(&request, &mut watched);
+        if watched.stopped() {
+            return Err(IdentifyError::Interrupted);
+        }
+        drop(watched);
+        let Ok(estimate) = estimate else { return Ok(None) };
+        let mut line = candidate.clone();
+        line.drop = self.end.fitted.estimate.objective - estimate.objective;
+        (line.beside, line.refitted) = (false, true);
+        if line.drop <= 0.0 {
+            return Ok(None);
+        }
+        let told = match (&mounted, tests.tried.iter().find(|h| h.name == candidate.name)) {
+            (Some(m), _) => {
+                line.freedom = m.freedom();
+                m.describe(&estimate, &mut line)
+            }
+            (None, Some(h)) => match sizes(h, &estimate, self.end.labels) {
+                Some(size) => {
+                    (line.text, line.size) = (in_words(&h.words, &size), size);
+                    true
+                }
+                None => false,
+            },
+            (None, None) => false,
+        };
+        if !told {
+            return Ok(None);
+        }
+        let taken = |name: &str| mounted.as_ref().and_then(|m| m.taken.get(name)).copied().unwrap_or(0.0);
+        if let Some((moves, by)) = self.moved(&estimate, &taken) {
+            (line.moves, line.moves_by) = (moves, by);
+        }
+        drop(made);
+        Ok(Some(Refit { line, mounted, settings, setup, estimate, selected }))
+    }
+    /// Where the first fit has ended, in the unknowns of another, and what is estimated.
+    fn start(&self, setup: &Setup, mounted: Option<&Mounted>) -> (Vec<f64>, Vec<usize>) {
+        let (before, unknowns) = (self.end.unknowns, &setup.unknowns);
+        let ended: BTreeMap<&str, f64> =
+            before.decls.iter().map(|d| d.name.as_str()).zip(self.end.fitted.estimate.values.iter().copied()).collect();
+        let taken = |name: &str| mounted.and_then(|m| m.taken.get(name)).copied().unwrap_or(0.0);
+        let one =
+            |(d, start): (&ff_model::ParamDecl, &f64)| ended.get(d.name.as_str()).unwrap_or(start) - taken(&d.name);
+        let start = unknowns.decls.iter().zip(&unknowns.start).map(one).collect();
+        // What was held in place of what the data do not tell stays held.
+        let names = |of: &[usize]| -> Vec<&str> { of.iter().map(|&i| before.decls[i].name.as_str()).collect() };
+        let (asked, kept) = (names(&before.selected), names(&self.end.fitted.selected));
+        let stays = |i: &usize| {
+            let name = unknowns.decls[*i].name.as_str();
+            kept.contains(&name) || !asked.contains(&name)
+        };
+        (start, unknowns.selected.iter().copied().filter(stays).collect())
+    }
+    fn assemble<'b>(&'b self, setup: &'b Setup, mounted: Option<&'b Mounted>) -> Result<Assembled<'b>, IdentifyError> {
+        match mounted {
+            Some(m) => setup.assembly(&m.opened.model, self.records).assemble(&setup.uncertain),
+            None => {
+                let with = setup.assembly(&self.opened.model, self.records);
+                with.again(&setup.uncertain, self.twins, self.end.values)
+            }
+        }
+    }
+    /// The estimate that differs most from that of the first fit, and by how many of its deviations.
+    fn moved(&self, e: &Estimate, taken: &dyn Fn(&str) -> f64) -> Option<(String, f64)> {
+        let before = self.end.fitted.estimate.parameters.iter().zip(&self.end.fitted.selected);
+        let asked = before.filter(|(_, i)| self.end.unknowns.is_asked(**i));
+        let by = asked.filter_map(|(p, _)| {
+            let after = e.parameters.iter().find(|q| q.name == p.name)?;
+            Some((p.name.clone(), (after.value + taken(&p.name) - p.value).abs() / p.std?))
+        });
+        by.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+    /// What the tests say at the end of a fit: the state, and the errors that explain what is left together.
+    fn left(&self, fit: &Refit) -> Result<(State, Vec<NamedError>), IdentifyError> {
+        let Assembled { twins, sigma, rows, .. } = self.assemble(&fit.setup, fit.mounted.as_ref())?;
+        let model = fit.mounted.as_ref().map_or(&self.opened.model, |m| &m.opened.model);
+        let (mut signals, mut at) = (Vec::new(), 0);
+        for (t, n) in self.records.iter().zip(&rows) {
+            signals.push(Signals::of(model, &t.record, &fit.estimate.residuals[at..at + n], &sigma));
+            at += n;
+        }
+        let values = fit.setup.unknowns.expand(&fit.estimate.values)?;
+        let estimate = fit.estimate.clone();
+        let full = estimate.data_only.clone();
+        let fitted = Fitted { estimate, selected: fit.selected.clone(), full, minima: None, reduced: None };
+        let end = Ended {
+            model,
+            shared: &fit.setup.shared,
+            labels: &fit.setup.labels,
+            unknowns: &fit.setup.unknowns,
+            fitted: &fitted,
+            values: &values,
+            records: self.records,
+            signals: &signals,
+        };
+        if !fitted.estimate.is_solution() {
+            return Ok((State::NotTested, Vec::new()));
+        }
+        let tests = explain::tests(&end, &twins, &fit.settings)?;
+        let heard = tests.as_ref().filter(|t| t.motion_noise > 0.0).map_or(&[][..], |t| &t.drawn);
+        let whiteness = known::whiteness(self.records, &signals, &[], heard);
+        let found = explain::evidence(tests.as_ref(), &fitted.estimate, &whiteness, true, &fit.settings);
+        let mut behind = found.named;
+        if let Some(alone) = behind.iter().skip(1).position(|n| !n.beside) {
+            behind.truncate(1 + alone);
+        }
+        Ok((found.state, behind))
+    }
+}
+
+/// Components of an error as a fit has found them; `None` where it does not determine one of them. What every record has for itself is
+/// their mean, each weighed by what it tells.
+fn sizes(h: &Hypothesis, e: &Estimate, labels: &[String]) -> Option<Vec<ErrorSize>> {
+    let one = |c: &ident::uncertain::Component| {
+        let name = match &c.of[..] {
+            [(only, _)] => only,
+            _ => &h.name,
+        };
+        let shared = e.parameters.iter().find(|p| p.name == *name).map(|p| (p.value - p.start, p.std));
+        let own = e.nuisance.iter().filter(|p| is_called(&p.name, name, labels)).map(|p| (p.value, p.std));
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (value, std) in shared.into_iter().chain(own) {
+            let w = std?.powi(-2);
+            (sum, weight) = (sum + w * value, weight + w);
+        }
+        let known = weight > 0.0 && weight.is_finite();
+        known.then(|| ErrorSize {
+            name: c.name.clone(),
+            unit: c.unit.clone(),
+            value: sum / weight,
+            std: weight.sqrt().recip(),
+        })
+    };
+    h.components.iter().map(one).collect()
+}
