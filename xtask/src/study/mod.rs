@@ -5,6 +5,7 @@
 //! the exit code is 15, with everything printed and written before. A study consists of [`trials`], which are kept as they are done.
 
 pub mod budget;
+mod cpu;
 pub mod degeneracies;
 pub mod excitation;
 pub mod identification;

@@ -15,6 +15,7 @@
 //! 1e-6 of its size), `noisy` (found means that the fit explains the record better than the truth does, and by no more than chance
 //! does but once in a million: the truth lies in the likelihood region of the answer), `prior` (noise-free, from the prior itself, without the modal step: what the step is worth). A number, such as 1028, is one truth alone.
 
+use super::cpu::CpuTime;
 use super::trials::{Number, Trial, Trials};
 use super::{Op, Options, Study};
 use crate::workspace;
@@ -262,7 +263,7 @@ fn one(x: &Setup, trial: Trial, part: Part) -> anyhow::Result<Outcome> {
     let seed = trial.own_seed();
     let truth = random_start(&x.decls, &x.prior, &x.selected, WIDTH, seed);
     let record = x.record(&x.fly(&truth)?, (part == Part::Noisy).then_some(seed))?;
-    let begun = Instant::now();
+    let begun = CpuTime::begin();
     let whole = ident::Options { substeps: 1, ..ident::Options::new(x.noise) };
     let mut output_error = OutputError::new(x.model(), &record, &whole)?;
     let request = Request {
@@ -295,7 +296,7 @@ fn one(x: &Setup, trial: Trial, part: Part) -> anyhow::Result<Outcome> {
         let s = estimate_staged(&mut passes, &mut last, &starts, accept)?;
         (s.estimate, matched, s.trials)
     };
-    let seconds = begun.elapsed().as_secs_f64();
+    let seconds = begun.seconds();
     let errors: Vec<f64> = x.selected.iter().map(|&i| e.values[i] - truth[i]).collect();
     let (known, worst) = e.data_only.worst_combination(&errors, KNOWN);
     // What the truth itself leaves. The best fit leaves less, by chi squared with one degree of freedom per parameter (Wilks 1938),

@@ -71,6 +71,10 @@ impl Accept {
 /// Ends of the same passes with objectives (`chi^2` and priors) this close are one: half as far from each other as one deviation of
 /// one parameter is from the best.
 const SAME: f64 = 0.5;
+/// Relative reduction that ends no pass before [`SETTLED`] does.
+const UNRELATED: f64 = 1e-9;
+/// What is left to gain of an end that others are compared with: two that have gone on so far differ by less than [`SAME`] where they are one.
+const SETTLED: f64 = 0.1;
 
 /// An end of the coarse passes that explains their data.
 struct End {
@@ -100,7 +104,7 @@ pub fn estimate_staged(
     let mut best: Option<(f64, Vec<f64>)> = None;
     for (k, start) in starts.iter().enumerate() {
         let mut trial = Trial { start: k, iterations: 0, chi2_per_dof: None };
-        let end = descend(coarse, start, &mut trial);
+        let end = descend(coarse, start, accept.agree > 1, &mut trial);
         trials.push(trial);
         let (end, values) = match end {
             Ok(Some(end)) => end,
@@ -139,16 +143,28 @@ pub fn estimate_staged(
     Ok(Staged { estimate, trials, explained })
 }
 
-/// One start through the coarse passes: the last estimate, and where to go on from; nothing when there are no passes.
+/// One start through the coarse passes: the last estimate, and where to go on from; nothing when there are no passes. An end that is to be
+/// `compared` goes on until [`SETTLED`] is left to gain, whatever relative reduction the last pass was asked for: a thousandth of the cost
+/// of thousands of residuals is several of chi-squared.
 fn descend(
     coarse: &mut [Pass<'_, '_>],
     start: &[f64],
+    compared: bool,
     trial: &mut Trial,
 ) -> Result<Option<(Estimate, Vec<f64>)>, EstimateError> {
     let mut end: Option<(Estimate, Vec<f64>)> = None;
-    for pass in coarse.iter_mut() {
+    let last = coarse.len();
+    for (k, pass) in coarse.iter_mut().enumerate() {
         let from = end.as_ref().map_or(start, |e| &e.1);
-        let (estimate, steps, on) = through(pass, from)?;
+        let asked = pass.request.settings.clone();
+        if compared && k + 1 == last {
+            let of = &mut pass.request.settings;
+            of.gain_tolerance = of.gain_tolerance.max(SETTLED);
+            of.decrement_tolerance = of.decrement_tolerance.min(UNRELATED);
+        }
+        let done = through(pass, from);
+        pass.request.settings = asked;
+        let (estimate, steps, on) = done?;
         trial.iterations += steps;
         end = Some((estimate, on));
     }

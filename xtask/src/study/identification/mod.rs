@@ -1,4 +1,5 @@
 //! Studies of what is identified: `recovery`, `convergence`, `coverage`, `combined`, `posterior`.
+mod beam;
 mod case;
 pub mod combined;
 pub mod convergence;
