@@ -9,6 +9,7 @@ pub mod bench;
 pub mod cli;
 pub mod conformance;
 pub mod corpus;
+mod delayed;
 pub mod exit;
 pub mod pages;
 pub mod process;

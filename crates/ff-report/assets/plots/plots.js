@@ -17,9 +17,11 @@
   const columns = (panel) => {
     const clean = (ys) => (panel.log ? ys.map((y) => (y > 0 ? y : null)) : ys);
     const tables = panel.groups.map((g) => [numbers(g.x), ...g.ys.map((y) => clean(numbers(y)))]);
+    for (const r of panel.ranges) tables.push([numbers(r.x), clean(numbers(r.high)), clean(numbers(r.low))]);
     const joined = tables.length > 1 ? uPlot.join(tables) : tables[0] || [[]];
     const order = panel.groups.flatMap((g) => g.series);
-    return [joined[0], ...panel.series.map((_, i) => joined[1 + order.indexOf(i)])];
+    // Ends of the shaded areas come last.
+    return [joined[0], ...panel.series.map((_, i) => joined[1 + order.indexOf(i)]), ...joined.slice(1 + order.length)];
   };
 
   const show = (v) => (v === null || v === undefined ? "\u2014" : Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3) ? v.toExponential(3) : v.toPrecision(5));
@@ -100,7 +102,12 @@
           label: label(i), stroke: colour(s.colour), width: 1.5, dash: s.dashed || s.colour >= 8 ? [7, 4] : undefined, spanGaps: true,
           points: { show: false }, value: (u, v) => show(v),
         })),
+        ...panel.ranges.flatMap(() => ["high", "low"].map((end) => ({ label: end, class: "end", stroke: "transparent", spanGaps: true, points: { show: false } }))),
       ],
+      bands: panel.ranges.map((r, i) => {
+        const high = 1 + panel.series.length + 2 * i;
+        return { series: [high, high + 1], fill: `${colour(r.colour)}33` };
+      }),
       hooks: { drawAxes: [marks(panel)], setScale: [(u, scale) => { if (scale === "x") follow(u, key); }] },
     };
     const data = columns(panel);

@@ -66,6 +66,13 @@ pub enum Block {
         /// The same as JSON for the scripts of the page ([`crate::plot::Figure::to_json`]).
         data: String,
     },
+    /// A drawing without scripts.
+    Drawing {
+        /// SVG, trusted: made by this crate or by its caller from text that went through [`escape`].
+        svg: String,
+        /// What it shows.
+        caption: String,
+    },
     /// A link to a file beside the page.
     Link {
         /// Name of the file.
@@ -128,11 +135,12 @@ impl Block {
     pub fn figure(f: &Figure, points: usize) -> Result<Self, Failure> {
         // The writer of SVG escapes what is markup, but lets control characters through, which no XML may hold.
         let hidden = |c: char| c.is_control() && !c.is_ascii_whitespace();
-        Ok(Self::Figure {
-            svg: f.to_svg()?.replace(hidden, "\u{fffd}"),
-            caption: f.title.clone(),
-            data: f.to_json(points),
-        })
+        let (svg, caption) = (f.to_svg()?.replace(hidden, "\u{fffd}"), f.title.clone());
+        // Only panels have curves to zoom into.
+        if f.panels.is_empty() {
+            return Ok(Self::Drawing { svg, caption });
+        }
+        Ok(Self::Figure { svg, caption, data: f.to_json(points) })
     }
 }
 
@@ -165,7 +173,7 @@ impl Page {
         self.lead.push(block);
     }
     /// Sets what the foot of the page says of its numbers.
-    pub(crate) fn source(&mut self, text: &str) {
+    pub fn source(&mut self, text: &str) {
         text.clone_into(&mut self.source);
     }
     /// Adds a section; one without blocks is left out.

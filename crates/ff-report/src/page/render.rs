@@ -89,6 +89,9 @@ fn block(out: &mut String, b: &Block) {
                 script_json(data)
             );
         }
+        Block::Drawing { svg, caption } => {
+            _ = writeln!(out, "<figure>{svg}<figcaption>{}</figcaption></figure>", escape(caption));
+        }
         Block::Link { file, text } => _ = writeln!(out, "<p><a href=\"{}\">{}</a></p>", escape(file), escape(text)),
         Block::Replay(html) => _ = writeln!(out, "<div class=\"replay\">{html}</div>"),
         Block::Details(summary, blocks) => {

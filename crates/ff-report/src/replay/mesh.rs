@@ -68,6 +68,10 @@ impl Mesh {
         Self::of(mesh.faces.iter().map(|f| f.vertices.map(corner)).collect())
     }
 
+    /// Least corner and size of the box that holds it, in its own units.
+    pub(super) fn bounds(&self) -> ([f64; 3], [f64; 3]) {
+        (self.low, self.size)
+    }
     fn of(triangles: Vec<Triangle>) -> Result<Self, String> {
         let corners = || triangles.iter().flatten();
         if corners().flatten().any(|x| !x.is_finite()) {
