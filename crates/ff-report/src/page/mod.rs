@@ -38,11 +38,32 @@ pub enum Level {
     Bad,
 }
 
+/// What a report opens with: labelled parts in a few words, and everything that there is to say behind them.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Opening {
+    pub(crate) level: Level,
+    pub(crate) parts: Vec<Part>,
+    /// All sentences.
+    pub(crate) full: Vec<String>,
+}
+
+/// A part of an opening.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Part {
+    /// `Answer`, `Trust`.
+    pub(crate) label: &'static str,
+    /// In one phrase, with the colour of a verdict.
+    pub(crate) mark: Option<(Level, &'static str)>,
+    /// The most important first.
+    pub(crate) sentences: Vec<String>,
+}
+
 /// A report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page {
     title: String,
     verdict: Option<(Level, Vec<String>)>,
+    opening: Option<Opening>,
     lead: Vec<Block>,
     source: String,
     sections: Vec<(String, Vec<Block>)>,
@@ -162,11 +183,15 @@ impl Page {
     /// A page without sections.
     pub fn new(title: impl Into<String>) -> Self {
         let source = "All numbers are in result.json, exactly.".to_owned();
-        Self { title: title.into(), verdict: None, lead: Vec::new(), source, sections: Vec::new() }
+        Self { title: title.into(), verdict: None, opening: None, lead: Vec::new(), source, sections: Vec::new() }
     }
     /// Sets what comes first: the verdict in sentences, the most important in front.
     pub fn verdict(&mut self, level: Level, sentences: &[String]) {
         self.verdict = Some((level, sentences.to_vec()));
+    }
+    /// Sets what comes first in labelled parts, in place of a verdict.
+    pub(crate) fn open_with(&mut self, opening: Opening) {
+        self.opening = Some(opening);
     }
     /// Adds a block before the sections.
     pub(crate) fn lead(&mut self, block: Block) {

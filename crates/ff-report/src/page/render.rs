@@ -2,7 +2,7 @@
 
 use super::assets::{Needs, POLICY};
 use super::style::CSS;
-use super::{Block, Cell, Level, Page, Table, script_json};
+use super::{Block, Cell, Level, Opening, Page, Table, script_json};
 use std::fmt::Write;
 
 /// Text as it may stand in an element or in an attribute in double quotes. Control characters, which HTML forbids, become
@@ -50,6 +50,9 @@ pub(super) fn page(p: &Page) -> String {
         }
         out.push_str("</div>\n");
     }
+    if let Some(o) = &p.opening {
+        opening(&mut out, o);
+    }
     p.lead.iter().for_each(|b| block(&mut out, b));
     if p.sections.len() > 2 {
         out.push_str("<nav>");
@@ -70,6 +73,24 @@ pub(super) fn page(p: &Page) -> String {
     }
     out.push_str("</body>\n</html>\n");
     out
+}
+
+fn opening(out: &mut String, o: &Opening) {
+    let _ = write!(out, "<div class=\"verdict opening {}\">", class(o.level));
+    for part in &o.parts {
+        let _ = write!(out, "<div class=\"part\"><h2>{}</h2><div>", escape(part.label));
+        if let Some((level, words)) = &part.mark {
+            let _ = write!(out, "<p class=\"mark {}\">{}</p>", class(*level), escape(words));
+        }
+        part.sentences.iter().for_each(|s| _ = write!(out, "<p>{}</p>", escape(s)));
+        out.push_str("</div></div>");
+    }
+    if !o.full.is_empty() {
+        out.push_str("<details><summary>Everything that was found, in words</summary>");
+        o.full.iter().for_each(|s| _ = write!(out, "<p>{}</p>", escape(s)));
+        out.push_str("</details>");
+    }
+    out.push_str("</div>\n");
 }
 
 fn block(out: &mut String, b: &Block) {

@@ -42,6 +42,7 @@ pub(crate) struct Unknown {
     pub(crate) unit: String,
     pub(crate) truth: f64,
     pub(crate) value: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) std: Option<f64>,
 }
 

@@ -17,7 +17,10 @@ pub(crate) struct ModelFit {
     pub(crate) chi2_per_dof: f64,
     pub(crate) converged: bool,
     /// Mass of the base with what the model has no part of its own for (kg): estimate, its stated deviation, truth.
-    pub(crate) base_mass: (f64, Option<f64>, f64),
+    pub(crate) base_mass_kg: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) base_mass_std_kg: Option<f64>,
+    pub(crate) base_mass_truth_kg: f64,
     /// End effector against the true satellite, along the reference trajectory.
     pub(crate) path: PathError,
 }
@@ -50,7 +53,9 @@ impl Together {
                 unknowns: found.estimate.parameters.len(),
                 chi2_per_dof: found.estimate.chi2_per_dof,
                 converged: found.estimate.is_solution(),
-                base_mass: (found.params.body(0).mass, mass.and_then(|r| r.std), full - own),
+                base_mass_kg: found.params.body(0).mass,
+                base_mass_std_kg: mass.and_then(|r| r.std),
+                base_mass_truth_kg: full - own,
                 path: compare(&path(m, &found.params)?, &truth)?,
             })
         };

@@ -27,7 +27,7 @@ fn yes(ended: bool) -> Cell {
 
 fn together(t: &Together) -> anyhow::Result<Vec<Block>> {
     let row = |m: &ModelFit| {
-        let (found, std, truth) = m.base_mass;
+        let (found, std, truth) = (m.base_mass_kg, m.base_mass_std_kg, m.base_mass_truth_kg);
         vec![
             Cell::words(m.model),
             Cell::number(m.unknowns.to_string()),
