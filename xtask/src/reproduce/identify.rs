@@ -74,13 +74,15 @@ pub(super) struct Found {
     pub(super) estimate: Estimate,
 }
 
-/// The base of a rigid model by the reduced dynamics algorithm, from the mission's offset off, in a direction of seed `start`.
+/// The base of a rigid model by the reduced dynamics algorithm, from the mission's offset off, in a direction of seed `start`; `model` is
+/// what the summary calls it.
 pub(super) fn rigid(
     s: &System,
     record: &Record,
     noise: Noise,
     truth: &Params<f64>,
     start: u64,
+    model: &'static str,
 ) -> anyhow::Result<Found> {
     let m = &s.rigid;
     let decls = m.param_decls();
@@ -89,7 +91,7 @@ pub(super) fn rigid(
     let mut rda = Rda::new(m, record, &s.noise)?;
     let request = Request { settings: settings(), ..Request::new(&decls, &selected, &start) };
     let e = attempt(&request, &mut rda)?;
-    let report = report(s, "rigid", noise, &e, truth);
+    let report = report(s, model, noise, &e, truth);
     Ok(Found { params: Params::from_values(m, e.values.clone()), report, estimate: e })
 }
 
@@ -115,7 +117,7 @@ pub(super) fn extended(s: &System, record: &Record, noise: Noise, start: u64) ->
 }
 
 fn report(s: &System, model: &'static str, noise: Noise, e: &Estimate, truth: &Params<f64>) -> Report {
-    let decls = if model == "rigid" { s.rigid.param_decls() } else { s.model().param_decls() };
+    let decls = if model != "extended" { s.rigid.param_decls() } else { s.model().param_decls() };
     let true_value = |name: &str| decls.iter().position(|d| d.name == name).map_or(0.0, |i| truth.values()[i]);
     let u = &e.data_only;
     let errors: Vec<f64> = e.parameters.iter().map(|p| p.value - true_value(&p.name)).collect();

@@ -1,9 +1,10 @@
 //! The paper's numbers, and what the study prints beside them.
 
 use super::identify::Report;
-use super::open::{Interval, Outcome, gain};
+use super::open::{Outcome, gain};
 use super::score::Columns;
 use super::{Runs, Summary};
+use crate::interval::Interval;
 use crate::table::{Table, sig};
 use std::path::Path;
 use validate::PathError;

@@ -54,10 +54,10 @@ pub(super) fn columns(
     };
     say("reference model");
     let quiet = record(s, flown.rigid, noise, 1)?;
-    let reference = rigid(s, &quiet, noise, &s.rigid_params, start)?;
+    let reference = rigid(s, &quiet, noise, &s.rigid_params, start, "reference")?;
     say("rigid identification");
     let seen = record(s, flown.extended, noise, 2)?;
-    let rigid = rigid(s, &seen, noise, &s.rigid_params, start)?;
+    let rigid = rigid(s, &seen, noise, &s.rigid_params, start, "rigid")?;
     say("identification with passive states");
     let extended = extended(s, &seen, noise, start)?;
     say("end-effector errors");

@@ -111,7 +111,7 @@ fn block(out: &mut String, b: &Block) {
             );
         }
         Block::Drawing { svg, caption } => {
-            _ = writeln!(out, "<figure>{svg}<figcaption>{}</figcaption></figure>", escape(caption));
+            _ = writeln!(out, "<figure class=\"drawing\">{svg}<figcaption>{}</figcaption></figure>", escape(caption));
         }
         Block::Link { file, text } => _ = writeln!(out, "<p><a href=\"{}\">{}</a></p>", escape(file), escape(text)),
         Block::Replay(html) => _ = writeln!(out, "<div class=\"replay\">{html}</div>"),
@@ -123,6 +123,9 @@ fn block(out: &mut String, b: &Block) {
         Block::Table(t) => table(out, t),
     }
 }
+
+/// Characters of words from which a cell is broken into lines.
+const LONG: usize = 36;
 
 fn table(out: &mut String, t: &Table) {
     // A table that is too wide for a phone becomes a card for each row there.
@@ -144,6 +147,9 @@ fn table(out: &mut String, t: &Table) {
             let label = t.head.get(i).map_or("", String::as_str);
             let scope = if i == 0 { " scope=\"row\"".to_owned() } else { format!(" data-label=\"{}\"", escape(label)) };
             let _ = match c {
+                Cell::Words(s) if i > 0 && s.chars().count() > LONG => {
+                    write!(out, "<{tag}{scope} class=\"w\">{}</{tag}>", escape(s))
+                }
                 Cell::Words(s) => write!(out, "<{tag}{scope}>{}</{tag}>", escape(s)),
                 Cell::Number(s) => write!(out, "<{tag}{scope} class=\"n\">{}</{tag}>", escape(s)),
                 Cell::Drawing(svg) => write!(out, "<{tag}{scope}>{svg}</{tag}>"),

@@ -32,6 +32,7 @@ td svg{display:block;width:9rem;height:1.1rem}\
 .prior{stroke:var(--prior)}.est{stroke:var(--est)}.dot{fill:var(--est)}.start{stroke:var(--soft)}\
 figure{margin:1rem 0;overflow-x:auto}\
 figure svg{display:block;width:100%;min-width:38rem;height:auto}\
+figure.drawing svg{max-width:52rem}td.w{white-space:normal;min-width:15rem}\
 figcaption{color:var(--soft);font-size:.9rem}\
 pre{background:var(--card);padding:.7rem 1rem;overflow-x:auto;font-size:.85rem;border-radius:.3rem}\
 details{margin:.6rem 0}summary{cursor:pointer;color:var(--est)}\
@@ -44,7 +45,7 @@ td,th{white-space:normal}\
 .cards tr{border-bottom:2px solid var(--line);padding:.4rem 0}.cards tbody th{font-weight:700;border:0}\
 .cards td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.1rem .6rem;text-align:right}\
 .cards td:empty{display:none}.cards td::before{content:attr(data-label);color:var(--soft);text-align:left}\
-figure svg{min-width:34rem}}\
+figure svg{min-width:34rem}td.w{min-width:0}}\
 @media print{:root{--ink:#000;--soft:#333;--line:#bbb;--back:#fff;--card:#fff}body{max-width:none;font-size:10pt;padding:0}\
 nav{display:none}h2{break-after:avoid}tr,.verdict{break-inside:avoid}figure,.wide{overflow:visible}\
 figure svg{min-width:0;filter:none}.live>svg{display:block}.live>.plots{display:none}details>*{display:block}table{font-size:7.5pt}td svg{width:5rem}}\

@@ -53,7 +53,7 @@ fn isometry(p: &Pose) -> Isometry3<f64> {
 }
 
 /// Poses of all nodes with joints at the pose of the scene and springs relaxed.
-fn placed(s: &Scene) -> Vec<Isometry3<f64>> {
+pub(super) fn placed(s: &Scene) -> Vec<Isometry3<f64>> {
     let mut out: Vec<Isometry3<f64>> = Vec::with_capacity(s.nodes.len());
     for n in &s.nodes {
         let coordinate = |by: usize| s.pose.iter().chain(&s.rest).nth(by).copied().unwrap_or(0.0);
@@ -173,6 +173,20 @@ fn named(s: &Scene) -> Vec<(usize, &str)> {
     s.nodes.iter().enumerate().filter(|(i, n)| *i == 0 || mounted(n)).map(|(i, n)| (i, n.name.as_str())).collect()
 }
 
+/// Where the name of a node is written: at what hangs there, outermost, or at the node itself.
+fn hung(s: &Scene, places: &[Isometry3<f64>], i: usize) -> Vector3<f64> {
+    // The base has arm and appendages; only what is mounted has something of its own to be named by.
+    let mut last = i;
+    for (k, n) in s.nodes.iter().enumerate().skip(i + 1).filter(|_| i > 0) {
+        if n.parent == Some(last) {
+            last = k;
+        }
+    }
+    let shape = s.nodes[last].shapes.first().filter(|_| last > i);
+    let at = shape.map_or(places[last], |d| places[last] * isometry(&d.place));
+    at.translation.vector
+}
+
 /// The first scene of a replay as SVG: orthographic, joints at its pose, springs relaxed; meshes as the boxes that hold them. Allocates.
 pub(super) fn svg(s: &Scene, meshes: &[Mesh]) -> String {
     let all = pieces(s, meshes);
@@ -236,7 +250,7 @@ pub(super) fn svg(s: &Scene, meshes: &[Mesh]) -> String {
     let [right, up, eye] = view();
     let places = placed(s);
     for (i, name) in named(s) {
-        let p = places[i].translation.vector;
+        let p = hung(s, &places, i);
         let (x, y) = at(&Point3::new(right.dot(&p), up.dot(&p), eye.dot(&p)));
         let _ = write!(
             out,

@@ -45,10 +45,15 @@ impl Beyond {
     }
 }
 
-/// A random motion at the limits with a control point every two seconds, which reaches the modes.
+/// Control points per second and joint of the motion: splines reach half as many oscillations in a second, and the highest mode is at 0.68 Hz.
+const POINTS_PER_S: f64 = 1.4;
+/// Part of the length that a quick run has.
+const QUICK: f64 = 0.6;
+
+/// A random motion at the limits that reaches the modes.
 fn lively(s: &System) -> anyhow::Result<BSplineMotion> {
-    let seconds = s.identification_s();
-    s.random(seconds, (0.5 * seconds).round() as usize, SEED)
+    let seconds = s.identification_s() * if s.quick { QUICK } else { 1.0 };
+    s.random(seconds, (POINTS_PER_S * seconds).round() as usize, SEED)
 }
 
 /// The estimate that is furthest from the truth in its stated deviations, and by how many.

@@ -62,7 +62,7 @@ impl Together {
         let without = |kind: &'static str| source.with(s.quick, move |m| drop_kind(m, kind));
         let (panels, fuel) = (without("slosh_pendulum")?, without("flex_panel")?);
         let alone = |s: &System| extended(s, &seen, Some(SEED), SEED);
-        let stiff = rigid(s, &seen, Some(SEED), &s.rigid_params, SEED)?;
+        let stiff = rigid(s, &seen, Some(SEED), &s.rigid_params, SEED, "rigid")?;
         let (p, f) = rayon::join(|| alone(&panels), || alone(&fuel));
         let (p, f, both) = (p?, f?, alone(s)?);
         let models = vec![

@@ -6,14 +6,13 @@
 
 mod choices;
 mod conclusions;
-mod interval;
 
 pub(super) use conclusions::{Conclusion, conclusions};
-pub(super) use interval::Interval;
 
 use super::experiment::{Experiment, turning_hz};
 use super::score::{Columns, Flown, columns};
 use super::system::System;
+use crate::interval::Interval;
 use choices::{Choice, Setting};
 use excitation::planning::Planned;
 use ff_dynamics::Boundary;
@@ -23,7 +22,7 @@ use serde::Serialize;
 use validate::PathError;
 
 /// Trials of the missions as they are.
-const TRIALS: usize = 6;
+const TRIALS: usize = 4;
 
 /// One run of the study.
 #[derive(Clone, Debug, Serialize)]

@@ -2,10 +2,10 @@
 
 use ff_report::page::Block;
 
-/// Opens a drawing of 700 x 360 px with arrow heads in two colours.
-const OPEN: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 700 360\" role=\"img\" font-family=\"DejaVu Sans, Verdana, sans-serif\" \
+/// Opens a drawing of 760 x 360 px with arrow heads in two colours.
+const OPEN: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 760 360\" role=\"img\" font-family=\"DejaVu Sans, Verdana, sans-serif\" \
 font-size=\"15\" fill=\"#222\"><defs><marker id=\"ID\" viewBox=\"0 0 10 10\" refX=\"9\" refY=\"5\" markerWidth=\"8\" markerHeight=\"8\" orient=\"auto-start-reverse\">\
-<path d=\"M0 0L10 5L0 10z\" fill=\"#222\"/></marker></defs><rect width=\"700\" height=\"360\" fill=\"#fff\"/>";
+<path d=\"M0 0L10 5L0 10z\" fill=\"#222\"/></marker></defs><rect width=\"760\" height=\"360\" fill=\"#fff\"/>";
 
 fn open(id: &str, label: &str) -> String {
     OPEN.replace("ID", id).replace("role=", &format!("aria-label=\"{label}\" role="))
@@ -15,7 +15,7 @@ fn open(id: &str, label: &str) -> String {
 pub(super) fn pendulum() -> Block {
     let svg = open("a2", "pendulum equivalent of sloshing fuel")
         + "<rect x=\"200\" y=\"50\" width=\"300\" height=\"280\" rx=\"60\" fill=\"none\" stroke=\"#555\" stroke-width=\"2\"/>\
-<text x=\"512\" y=\"75\">tank, part of the base</text>\
+<text x=\"520\" y=\"90\">tank, part of the base</text>\
 <rect x=\"225\" y=\"268\" width=\"250\" height=\"40\" rx=\"14\" fill=\"#ccc\"/><text x=\"240\" y=\"294\">fixed fuel, part of the base</text>\
 <path d=\"M350 100L426 232\" stroke=\"#0072b2\" stroke-width=\"4\"/><circle cx=\"350\" cy=\"100\" r=\"6\"/><text x=\"234\" y=\"98\">fulcrum r_f</text>\
 <circle cx=\"426\" cy=\"232\" r=\"20\" fill=\"#e69f00\" stroke=\"#222\"/><text x=\"454\" y=\"240\">m_s</text>\
@@ -23,7 +23,7 @@ pub(super) fn pendulum() -> Block {
 <text x=\"362\" y=\"206\">\u{3b1}</text><text x=\"400\" y=\"158\">l_s, without mass</text>\
 <path d=\"M350 100m-26 14a30 30 0 0 0 40 14\" fill=\"none\" stroke=\"#d55e00\" stroke-width=\"3\"/>\
 <text x=\"214\" y=\"134\" fill=\"#b34a00\">k_s, d_s</text>\
-<path d=\"M70 200H150\" stroke=\"#222\" stroke-width=\"2\" marker-end=\"url(#a2)\"/><text x=\"60\" y=\"188\">lateral</text>\
+<path d=\"M70 200H150\" stroke=\"#222\" stroke-width=\"2\" marker-end=\"url(#a2)\"/><text x=\"92\" y=\"222\">lateral</text>\
 <path d=\"M70 200V120\" stroke=\"#222\" stroke-width=\"2\" marker-end=\"url(#a2)\"/><text x=\"40\" y=\"112\">axial</text></svg>";
     let caption = "Fig. 2: fuel as a pendulum on a universal joint, with a spring and a damper about each of two axes. Fuel that does not move counts to the base.";
     Block::Drawing { svg, caption: caption.into() }
