@@ -147,9 +147,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     bar.set_message("what the misprints do");
     let columns = [&flex.runs.noise_free, &slosh.runs.noise_free];
     let errata = Errata::of(panels, fuel, columns, &flex.rigid_residuals)?;
-    let beyond = Beyond::run(&missions, args.quick, &bar)?;
     let trials = args.sweep.unwrap_or(usize::from(!args.quick));
-    let sweep = open::run([panels, fuel], trials, &bar)?;
+    let (beyond, sweep) =
+        rayon::join(|| Beyond::run(&missions, args.quick, &bar), || open::run([panels, fuel], trials, &bar));
+    let (beyond, sweep) = (beyond?, sweep?);
     bar.set_message("figures");
     let panel_figures = flex.figures(&out, ["excitation_panels", "fig4", "fig5"])?;
     let fuel_figures = slosh.figures(&out, ["excitation_fuel", "fig6", "fig7"])?;

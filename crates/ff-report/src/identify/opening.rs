@@ -83,14 +83,14 @@ fn trust(r: &IdentificationResult) -> (Level, &'static str, Vec<String>) {
     let held_fails = r.held_out.as_ref().is_some_and(|h| !h.explained);
     let state = r.evidence.as_ref().map(|_| r.state());
     let (level, heading) = match (r.status.is_solution(), state) {
-        (false, _) => (Level::Bad, "none: the fit has not ended at a solution"),
-        (true, Some(State::Contradicted)) => (Level::Bad, "do not use it: the record contradicts the model"),
-        (true, _) if held_fails => (Level::Bad, "do not use it: data that were not used are not predicted"),
-        (true, Some(State::Explained)) => (Level::Good, "the model explains the record"),
+        (false, _) => (Level::Bad, "None: the fit has not ended at a solution"),
+        (true, Some(State::Contradicted)) => (Level::Bad, "Do not use it: the record contradicts the model"),
+        (true, _) if held_fails => (Level::Bad, "Do not use it: data that were not used are not predicted"),
+        (true, Some(State::Explained)) => (Level::Good, "The model explains the record"),
         (true, Some(State::NotTested) | None) if r.method == Method::Ground => {
-            (Level::Good, "calibrated on the ground")
+            (Level::Good, "Calibrated on the ground")
         }
-        (true, Some(State::NotTested) | None) => (Level::Fair, "not tested"),
+        (true, Some(State::NotTested) | None) => (Level::Fair, "Not tested"),
     };
     if let Some(e) = &r.evidence {
         said.push(format!("Residuals are {:.2} times the noise of the sensors; {}.", r.chi2_per_dof.sqrt(), e.reason));
@@ -119,7 +119,10 @@ fn names(r: &IdentificationResult, of: &[ParameterVerdict]) -> Option<String> {
 fn next(r: &IdentificationResult) -> Vec<String> {
     let mut out = Vec::new();
     if !r.status.is_solution() {
-        return vec!["Give the fit another start (--starts 5), or check the mission with `ffid check` and the record with `ffid doctor`.".to_owned()];
+        return vec![
+            "Give the fit another start (--starts 5), or check the mission (ffid check) and the record (ffid doctor)."
+                .to_owned(),
+        ];
     }
     let contradicted = r.evidence.is_some() && r.state() == State::Contradicted;
     if contradicted {
@@ -134,18 +137,16 @@ fn next(r: &IdentificationResult) -> Vec<String> {
     if let Some(weak) =
         names(r, &[ParameterVerdict::Weak, ParameterVerdict::PriorOnly, ParameterVerdict::NotIdentifiable])
     {
-        out.push(format!(
-            "To learn more about {weak}: plan a motion that excites them with `ffid excite`, and record it."
-        ));
+        out.push(format!("To learn more about {weak}: plan another motion (ffid excite), and record it."));
     }
     if let Some(better) = next_step(&r.budget) {
         out.push(better);
     } else if r.uncertain.is_empty() && r.taken_as_exact.first().is_some_and(|h| h.moves_by >= MATTERS) {
-        out.push("Say in the mission how far sensors and placements may be off: [[uncertain]] and [sensors]; `ffid init` writes both.".to_owned());
+        out.push("Say in the mission how far sensors and placements may be off: [[uncertain]] and [sensors] (ffid init writes both).".to_owned());
     }
     if r.held_out.is_none() && !contradicted {
         out.push(
-            "Try the answer on data that were not used: --held-out 0.3, or `ffid validate` with another record."
+            "Try the answer on data that were not used: --held-out 0.3, or another record with ffid validate."
                 .to_owned(),
         );
     }

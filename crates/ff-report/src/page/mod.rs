@@ -91,7 +91,7 @@ pub enum Block {
     Drawing {
         /// SVG, trusted: made by this crate or by its caller from text that went through [`escape`].
         svg: String,
-        /// What it shows.
+        /// What it shows; empty where the drawing says so itself.
         caption: String,
     },
     /// A link to a file beside the page.
@@ -159,7 +159,8 @@ impl Block {
         let (svg, caption) = (f.to_svg()?.replace(hidden, "\u{fffd}"), f.title.clone());
         // Only panels have curves to zoom into.
         if f.panels.is_empty() {
-            return Ok(Self::Drawing { svg, caption });
+            // It carries its title.
+            return Ok(Self::Drawing { svg, caption: String::new() });
         }
         Ok(Self::Figure { svg, caption, data: f.to_json(points) })
     }

@@ -111,7 +111,12 @@ fn block(out: &mut String, b: &Block) {
             );
         }
         Block::Drawing { svg, caption } => {
-            _ = writeln!(out, "<figure class=\"drawing\">{svg}<figcaption>{}</figcaption></figure>", escape(caption));
+            let said = if caption.is_empty() {
+                String::new()
+            } else {
+                format!("<figcaption>{}</figcaption>", escape(caption))
+            };
+            _ = writeln!(out, "<figure class=\"drawing\">{svg}{said}</figure>");
         }
         Block::Link { file, text } => _ = writeln!(out, "<p><a href=\"{}\">{}</a></p>", escape(file), escape(text)),
         Block::Replay(html) => _ = writeln!(out, "<div class=\"replay\">{html}</div>"),

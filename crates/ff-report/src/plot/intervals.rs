@@ -63,7 +63,7 @@ impl Intervals {
     }
     fn left(&self, width: f64) -> f64 {
         let widest = self.rows.iter().map(|(n, _)| text_width(&typeset(n), SMALL)).fold(60.0, f64::max);
-        (widest + 26.0).min(NAMES * width)
+        (widest + 36.0).min(NAMES * width)
     }
     /// Height of the drawing.
     pub(super) fn height(&self, _width: f64) -> f64 {
@@ -86,7 +86,10 @@ impl Intervals {
         let mut x = left;
         for (name, k) in &self.legend {
             let y = top + 8.0;
-            c.path(&[(x, y), (x + 22.0, y)], PALETTE[k % PALETTE.len()], 4.0)?;
+            let wide = self.rows.iter().flat_map(|r| &r.1).any(|i| i.colour == *k && i.wide);
+            let full = PALETTE[k % PALETTE.len()];
+            let (colour, thick) = if wide { (pale(full), 12.0) } else { (full, 4.0) };
+            c.path(&[(x, y), (x + 22.0, y)], colour, thick)?;
             c.text(name, (x + 28.0, y), Text::new(FONT))?;
             x += 50.0 + text_width(name, FONT);
         }
@@ -104,7 +107,7 @@ impl Intervals {
         }
         for (i, (name, all)) in self.rows.iter().enumerate() {
             let y = head + ROW * (i as f64 + 0.5);
-            let room = left - 30.0;
+            let room = left - 20.0;
             let mut shown = typeset(name);
             while text_width(&shown, SMALL) > room && shown.chars().count() > 4 {
                 shown = shown.chars().take(shown.chars().count() - 2).collect::<String>() + "\u{2026}";

@@ -219,9 +219,10 @@ fn a_drawing_has_every_node_where_the_page_has_it() {
         let (p, pose, a) = (Params::nominal(&o.model), o.pose(), Appearance::default());
         let scene = Scene::new(&subject(&o, &p, &pose, &a));
         let at: Vec<f64> = scene.pose.iter().chain(&scene.rest).copied().collect();
-        let far = drawing::placed(&scene).iter().zip(poses(&scene, &at)).map(|(drawn, page)| {
-            let r = drawn.rotation.to_rotation_matrix();
-            (drawn.translation.vector - page.pos).norm() + (r.matrix() - page.rot).norm()
+        let drawn = drawing::placed(&scene);
+        let far = drawn.iter().zip(poses(&scene, &at)).map(|(own, page)| {
+            let r = own.rotation.to_rotation_matrix();
+            (own.translation.vector - page.pos).norm() + (r.matrix() - page.rot).norm()
         });
         assert!(far.fold(0.0, f64::max) < 1e-12, "{mission}");
         let svg = Replay::new("", vec![scene], a).drawing();
