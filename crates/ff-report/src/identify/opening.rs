@@ -113,7 +113,7 @@ fn trust(r: &IdentificationResult) -> (Level, &'static str, Vec<String>) {
 
 fn names(r: &IdentificationResult, of: &[ParameterVerdict]) -> Option<String> {
     let all: Vec<&str> = r.parameters.iter().filter(|p| of.contains(&p.verdict)).map(|p| p.name.as_str()).collect();
-    (!all.is_empty()).then(|| ff_model::diagnostics::list(all.into_iter(), NAMED))
+    (!all.is_empty()).then(|| ff_model::diagnostics::list(all, NAMED))
 }
 
 fn next(r: &IdentificationResult) -> Vec<String> {

@@ -39,7 +39,7 @@ fn panel(p: &Panel, points: usize) -> Value {
         "groups": groups.iter().map(data).collect::<Vec<_>>(),
         "series": p.series.iter().enumerate().map(curve).collect::<Vec<_>>(),
         "lines": p.vlines.iter().map(|v| json!({ "x": v.x, "label": v.label, "colour": v.colour })).collect::<Vec<_>>(),
-        "ranges": p.ranges.iter().map(|r| range(r)).collect::<Vec<_>>(),
+        "ranges": p.ranges.iter().map(range).collect::<Vec<_>>(),
         "bands": p.bands.iter().map(|b| json!([b.from, b.to])).collect::<Vec<_>>(),
     })
 }

@@ -108,7 +108,7 @@ fn filled(s: &System, dry: &Inertia<f64>, fill: f64, slosh: usize) -> anyhow::Re
     let moving = tank.modes.first().context("a mode of the tank")?.mass;
     let appendage = s.model().appendages().first().context("a tank")?;
     let fixed: Vector3<f64> = appendage.mount.pos;
-    let base = dry.clone() + Inertia::point(fuel - moving, &fixed);
+    let base = *dry + Inertia::point(fuel - moving, &fixed);
     let mut values = s.params.values().to_vec();
     values[..10].copy_from_slice(&base.to_params());
     values[slosh] = moving;
