@@ -25,7 +25,7 @@ a{color:var(--est)}nav{font-size:.9rem;margin:1rem 0}nav a{margin-right:1rem}\
 table{border-collapse:collapse;font-size:.9rem;min-width:100%}\
 caption{text-align:left;color:var(--soft);padding:.2rem 0 .4rem}\
 th,td{padding:.28rem .6rem;border-bottom:1px solid var(--line);text-align:left;vertical-align:middle;white-space:nowrap}\
-thead th{border-bottom:2px solid var(--line);color:var(--soft);font-weight:600}\
+thead th{white-space:normal;vertical-align:bottom;border-bottom:2px solid var(--line);color:var(--soft);font-weight:600}\
 tbody th{font-weight:500}\
 .n{text-align:right;font-variant-numeric:tabular-nums}\
 td svg{display:block;width:9rem;height:1.1rem}\

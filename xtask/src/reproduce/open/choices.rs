@@ -63,7 +63,7 @@ pub(super) fn all() -> Vec<Choice> {
         Choice {
             what: "moment of a panel about its hinge axis",
             case: "flex",
-            settings: vec![Setting::new("11 kg m^2", turn_panels)],
+            settings: vec![Setting::new("11 kg m\u{b2}", turn_panels)],
         },
         posture(
             "flex",
