@@ -215,7 +215,8 @@ fn the_ground_considers_what_is_not_known_and_says_what_it_takes_as_exact() {
     assert!(!exact.is_empty() && exact.iter().all(|n| n.as_str().unwrap().starts_with("step.")), "{declared}");
     let log = fixture("ground/log.csv");
     let identified = |mission: &str| {
-        let args = ["identify", mission, "--record", log.to_str().unwrap(), "--reduce", "--out", "res", "--force", "--json"];
+        let args =
+            ["identify", mission, "--record", log.to_str().unwrap(), "--reduce", "--out", "res", "--force", "--json"];
         let (code, out, err) = ffid(dir.path(), &args);
         assert_eq!(code, 0, "{err}");
         serde_json::from_str::<Value>(&out).unwrap()["result"].clone()
@@ -244,11 +245,16 @@ fn the_ground_considers_what_is_not_known_and_says_what_it_takes_as_exact() {
 fn fuel_that_is_burnt_between_records_and_a_gyro_that_walks_are_followed() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
-    world(d, 21, |_, _| {}, |m| {
-        let walk = "bias_walk_rad_per_s_per_sqrt_s = 1e-5\nnoise_std_rad_per_s";
-        m.replace("noise_std_rad_per_s", walk)
-            + "\n[[changes]]\nparameters = [\"tank.mass\"]\nstep_std = 1.5\nstep_mean = -1.0\n"
-    });
+    world(
+        d,
+        21,
+        |_, _| {},
+        |m| {
+            let walk = "bias_walk_rad_per_s_per_sqrt_s = 1e-5\nnoise_std_rad_per_s";
+            m.replace("noise_std_rad_per_s", walk)
+                + "\n[[changes]]\nparameters = [\"tank.mass\"]\nstep_std = 1.5\nstep_mean = -1.0\n"
+        },
+    );
     // The first 20 s of the motion, three times, with less fuel each time.
     let text = fs::read_to_string(d.join("clean.csv")).unwrap();
     let columns = text.lines().next().unwrap().split(',').position(|c| c.starts_with("tau.")).unwrap();
@@ -312,5 +318,8 @@ fn fuel_that_is_burnt_between_records_and_a_gyro_that_walks_are_followed() {
     for (a, b) in course(&life, "tank.mass", None).iter().zip(&masses) {
         assert!((a.1 - b.1).abs() < 0.02 * b.2 && (a.2 / b.2 - 1.0).abs() < 0.01, "{a:?} {b:?}");
     }
-    assert!(d.join("life/over-time.svg").exists() && fs::read_to_string(d.join("life/report.txt")).unwrap().contains("tank.mass (kg), record by record"));
+    assert!(
+        d.join("life/over-time.svg").exists()
+            && fs::read_to_string(d.join("life/report.txt")).unwrap().contains("tank.mass (kg), record by record")
+    );
 }

@@ -35,11 +35,13 @@ fn deviations(records: usize) -> ((f64, f64), f64) {
     let mut start = values.clone();
     start.push(0.0);
     // The ten numbers of a link change in proportion to its mass.
-    let links = (0..decls.len()).filter(|&i| {
-        matches!(&decls[i].group, ParamGroup::Inertial(body) if body != "base") && decls[i].unit == "kg"
-    });
+    let links = (0..decls.len())
+        .filter(|&i| matches!(&decls[i].group, ParamGroup::Inertial(body) if body != "base") && decls[i].unit == "kg");
     let tie = |i: usize| -> Box<dyn Tie> {
-        let scale = ParamDecl { bounds: (0.0, f64::INFINITY), ..ParamDecl::positive(format!("scale.{}", decls[i].name), "1", 1.0) };
+        let scale = ParamDecl {
+            bounds: (0.0, f64::INFINITY),
+            ..ParamDecl::positive(format!("scale.{}", decls[i].name), "1", 1.0)
+        };
         let matrix = nalgebra::DMatrix::from_fn(10, 1, |r, _| values[i + r]);
         Box::new(Affine::new(vec![scale], (i..i + 10).collect(), nalgebra::DVector::zeros(10), matrix).unwrap())
     };

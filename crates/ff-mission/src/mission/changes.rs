@@ -24,7 +24,11 @@ pub struct Changes {
 /// Keys of `[[changes]]`.
 pub(crate) const CHANGES: &[Key] = &[
     must("parameters", Holds::Texts, "parameters that change from record to record, by name or pattern"),
-    key("step_std", Holds::Positive, "standard deviation of the change from one record to the next, in the unit of each"),
+    key(
+        "step_std",
+        Holds::Positive,
+        "standard deviation of the change from one record to the next, in the unit of each",
+    ),
     key("step_relative_std", Holds::Positive, "the same relative to their values"),
     key("step_mean", Holds::Number, "what the change is expected to be, in the unit of each").or(0.0),
 ];
@@ -40,7 +44,10 @@ impl Changes {
         match (t.has("step_std"), t.has("step_relative_std")) {
             (false, false) => {
                 let p = error("Config::MissingKey", "parameters without step_std or step_relative_std");
-                t.fail("parameters", p.hint("say how far they may move from one record to the next, as one standard deviation"));
+                t.fail(
+                    "parameters",
+                    p.hint("say how far they may move from one record to the next, as one standard deviation"),
+                );
             }
             (true, true) => {
                 let what = "step_std and step_relative_std are two deviations of the same parameters";

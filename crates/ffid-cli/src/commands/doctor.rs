@@ -69,7 +69,13 @@ fn judge(args: &Args) -> Result<(Diagnosis, Problems), Refusal> {
     for path in &args.record {
         let loaded = args.reading.read(path, &opened.model, 8, None, input).map_err(refused)?;
         let label = path.display().to_string();
-        records.push(LabelledRecord { label, record: loaded.record, resampled: (false, false), continues: false, ago: 0 });
+        records.push(LabelledRecord {
+            label,
+            record: loaded.record,
+            resampled: (false, false),
+            continues: false,
+            ago: 0,
+        });
         warnings.push(loaded.warnings);
     }
     let diagnosis = diagnose(&opened, &records, &warnings, &settings).map_err(failed)?;

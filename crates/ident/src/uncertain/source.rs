@@ -211,11 +211,9 @@ impl ErrorSource {
             | Self::ViscousFriction(_)
             | Self::CoulombFriction(_)
             | Self::TorqueSkew => ActsOn::Readings(0),
-            Self::GyroScale(_)
-            | Self::GyroRotation(_)
-            | Self::GyroDrift(_)
-            | Self::GyroWalk(..)
-            | Self::GyroSkew => ActsOn::Readings(1),
+            Self::GyroScale(_) | Self::GyroRotation(_) | Self::GyroDrift(_) | Self::GyroWalk(..) | Self::GyroSkew => {
+                ActsOn::Readings(1)
+            }
             Self::Compliance(_) | Self::Force(_) | Self::Moment(_) | Self::Oscillator(..) => ActsOn::Motion,
         }
     }

@@ -50,7 +50,9 @@ pub(super) fn apply(
                 let at = at.with_context(|| format!("no parameter {}", u.name))?;
                 model.set_nominal(&[(at, decls[at].nominal + e)])?;
             }
-            UncertainKind::Changes | UncertainKind::BiasWalks => bail!("{}: the worlds of this study have one record", u.name),
+            UncertainKind::Changes | UncertainKind::BiasWalks => {
+                bail!("{}: the worlds of this study have one record", u.name)
+            }
             UncertainKind::Masses | UncertainKind::CentresOfMass | UncertainKind::Inertias => {
                 let of = u.name.strip_prefix("error.").and_then(|n| n.rsplit_once('.'));
                 bodies.entry(of.with_context(|| u.name.clone())?.0).or_default().push(u);

@@ -167,7 +167,8 @@ impl World {
     /// One fit, without checks of the record: for readings without noise, whose residuals are those of an error alone.
     pub(in crate::study) fn fit(&self, opened: &Opened, r: &Readings) -> Result<Identified, IdentifyError> {
         let record = self.record(r, &["Data::Stuck"]).map_err(IdentifyError::Refused)?;
-        let records = [LabelledRecord { label: "rec".to_owned(), record, resampled: (false, false), continues: false, ago: 0 }];
+        let records =
+            [LabelledRecord { label: "rec".to_owned(), record, resampled: (false, false), continues: false, ago: 0 }];
         identify(opened, &records, &self.settings, &FitOptions::default(), self.provenance(), &Observer::default())
     }
 }

@@ -17,8 +17,8 @@ use super::result::uncertain::{BudgetLine, UncertainLine, considered_budget};
 use super::uncertain::{UncertainItems, UncertainKind, UncertainUnknown};
 use ff_model::{Kinematics, Model, ParamDecl};
 use ff_records::Record;
-use ident::compose::TieMap;
 use ident::GroundEstimate;
+use ident::compose::TieMap;
 use ident::solve::Weights;
 use nalgebra::DMatrix;
 
@@ -58,7 +58,8 @@ impl Calibration<'_> {
         match u.kind {
             UncertainKind::TorqueGains => {
                 let joints = model.joint_names();
-                let gained = |j: usize| u.name == "torque.gain" || u.name.strip_prefix("torque.gain.") == Some(&joints[j]);
+                let gained =
+                    |j: usize| u.name == "torque.gain" || u.name.strip_prefix("torque.gain.") == Some(&joints[j]);
                 let scaled = |r: &&Record| {
                     let mut tau = r.tau().clone();
                     for j in (0..joints.len()).filter(|&j| gained(j)) {
@@ -94,9 +95,8 @@ impl Calibration<'_> {
         found: &mut GroundEstimate,
     ) -> Result<Considered, IdentifyError> {
         // There is no gyro on the ground.
-        let matters = |u: &&UncertainUnknown| {
-            !matches!(u.kind, UncertainKind::GyroScale | UncertainKind::GyroAlignment)
-        };
+        let matters =
+            |u: &&UncertainUnknown| !matches!(u.kind, UncertainKind::GyroScale | UncertainKind::GyroAlignment);
         let unknowns: Vec<&UncertainUnknown> = items.unknowns.iter().filter(matters).collect();
         if unknowns.is_empty() {
             return Ok(Considered::default());
@@ -104,9 +104,8 @@ impl Calibration<'_> {
         let decls = self.model.param_decls();
         let ties = items.ties(self.start)?;
         let map = TieMap::new(&decls, self.start, ties).map_err(|e| IdentifyError::Model(e.to_string()))?;
-        let values = |e: &GroundEstimate| -> Vec<f64> {
-            e.fit.parameters.iter().chain(&e.fit.extra).map(|p| p.value).collect()
-        };
+        let values =
+            |e: &GroundEstimate| -> Vec<f64> { e.fit.parameters.iter().chain(&e.fit.extra).map(|p| p.value).collect() };
         let (here, n) = (values(found), found.fit.uncertainty.unknowns.len());
         let mut moved = DMatrix::zeros(n, unknowns.len());
         let mut of_base = vec![0.0; found.fit.base.len()];

@@ -251,9 +251,11 @@ impl fmt::Display for Course {
             if skipped > 0 {
                 writeln!(f, "    the first {skipped} are in result.json")?;
             }
-            return self.points.iter().skip(skipped).try_for_each(|p| {
-                writeln!(f, "    {:24} {}", p.record.as_deref().unwrap_or_default(), value(p))
-            });
+            return self
+                .points
+                .iter()
+                .skip(skipped)
+                .try_for_each(|p| writeln!(f, "    {:24} {}", p.record.as_deref().unwrap_or_default(), value(p)));
         };
         let of = |p: &CoursePoint| format!("{} at {} s", value(p), num(p.at));
         let ends: Vec<String> = self.points.first().into_iter().chain(self.points.last()).map(of).collect();
@@ -280,7 +282,8 @@ impl Course {
             let k = e.nuisance.iter().position(|p| p.name == name)?;
             Some((n + k, e.nuisance[k].value))
         };
-        let determined = |w: &DVector<f64>| w.iter().zip(&e.uncertainty.deviation).all(|(w, s)| *w == 0.0 || s.is_some());
+        let determined =
+            |w: &DVector<f64>| w.iter().zip(&e.uncertainty.deviation).all(|(w, s)| *w == 0.0 || s.is_some());
         let deviation = |w: &DVector<f64>| {
             let variance = (w.transpose() * covariance * w)[(0, 0)];
             (determined(w) && variance >= 0.0).then(|| variance.sqrt())
@@ -295,7 +298,12 @@ impl Course {
             let mut value = values[i];
             let mut points = Vec::new();
             for (epoch, label) in over.labels.iter().enumerate().rev() {
-                points.push(CoursePoint { at: (epoch + 1) as f64, record: Some(label.clone()), value, std: deviation(&weights) });
+                points.push(CoursePoint {
+                    at: (epoch + 1) as f64,
+                    record: Some(label.clone()),
+                    value,
+                    std: deviation(&weights),
+                });
                 if let Some((k, step)) = unknown(&format!("{label}.step.{name}")) {
                     value -= step;
                     weights[k] -= 1.0;

@@ -320,11 +320,8 @@ impl<'a> Assembly<'a> {
         for (k, twin) in twins.iter_mut().enumerate() {
             twin.changes = over.changes_of(k).to_vec();
         }
-        parts = parts
-            .into_iter()
-            .zip(&twins)
-            .map(|(part, twin)| OverTime::changed(part, &decls, &twin.changes))
-            .collect();
+        parts =
+            parts.into_iter().zip(&twins).map(|(part, twin)| OverTime::changed(part, &decls, &twin.changes)).collect();
         let mut whole = if parts.len() == 1 { parts.remove(0) } else { Box::new(Several::new(self.shared, parts)) };
         let names = uncertain.shared_names();
         if !names.is_empty() {

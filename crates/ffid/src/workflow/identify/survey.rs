@@ -170,10 +170,12 @@ impl Survey {
         {
             // An error that records share is a column of every one of them.
             let column = match column[..] {
-                [(shared, _)] if shared >= decls.len() => match end.unknowns.combined.get(&end.unknowns.decls[i].name) {
-                    Some(made) => places(made),
-                    None => beside(&end.unknowns.decls[i].name),
-                },
+                [(shared, _)] if shared >= decls.len() => {
+                    match end.unknowns.combined.get(&end.unknowns.decls[i].name) {
+                        Some(made) => places(made),
+                        None => beside(&end.unknowns.decls[i].name),
+                    }
+                }
                 _ => column,
             };
             if column.is_empty() {

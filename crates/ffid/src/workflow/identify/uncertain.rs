@@ -61,7 +61,10 @@ pub enum UncertainKind {
 impl UncertainKind {
     /// Whether it belongs to sensors or placements, and not to the parameters of the model.
     pub fn is_shared(self) -> bool {
-        !matches!(self, Self::Masses | Self::CentresOfMass | Self::Inertias | Self::Parameters | Self::Changes | Self::BiasWalks)
+        !matches!(
+            self,
+            Self::Masses | Self::CentresOfMass | Self::Inertias | Self::Parameters | Self::Changes | Self::BiasWalks
+        )
     }
     /// Whether the rigid method has columns of it.
     fn is_of_parameters(self) -> bool {

@@ -97,7 +97,20 @@ impl Unknowns {
         };
         let (width, posterior) = (s.prior, options.posterior.clone());
         let combined = uncertain.over_time.combined.clone();
-        Ok(Self { decls, selected, nominal, start, marginal, touched, of_model, known, map, width, posterior, combined })
+        Ok(Self {
+            decls,
+            selected,
+            nominal,
+            start,
+            marginal,
+            touched,
+            of_model,
+            known,
+            map,
+            width,
+            posterior,
+            combined,
+        })
     }
     /// What is known beforehand of these.
     pub(super) fn priors(&self, selected: &[usize]) -> Result<Priors, IdentifyError> {
