@@ -81,7 +81,7 @@ impl<'a> Changed<'a> {
         let mut full = full.to_vec();
         for ((i, unknown, positive), by) in self.of.iter().zip(changes) {
             full[*i] += by;
-            if *positive && !(full[*i] > 0.0) {
+            if *positive && (full[*i].is_nan() || full[*i] <= 0.0) {
                 let name = unknown.name.trim_start_matches(CHANGE);
                 return Err(EvalError::Rejected(format!("{name} is not positive here")));
             }
