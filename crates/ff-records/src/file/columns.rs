@@ -230,6 +230,11 @@ pub(super) fn split(cell: &str) -> (&str, Option<&str>) {
     }
 }
 
+/// The SI unit of a column by its name; `None` for a name that means nothing here.
+pub(super) fn si_unit(name: &str, joints: &[JointColumn]) -> Option<&'static str> {
+    place(name.trim(), joints).map(|(_, dimension)| units::si(dimension))
+}
+
 /// Group and channel of a name (`None` for the time), with its dimension; `None` for a name that means nothing here.
 type Place = (Option<(Group, usize)>, Dimension);
 
