@@ -105,3 +105,44 @@ fn tasks_and_tests_share_one_build() {
     let other: Vec<_> = tasks.difference(&tests).collect();
     assert!(other.is_empty(), "switch on in xtask/Cargo.toml what the tests switch on of {other:#?}");
 }
+
+/// The Python package is a workspace of its own, and its wheel is built from a lock file as it stands.
+#[test]
+fn the_lock_file_of_the_python_package_knows_all_dependencies() {
+    let root = xtask::workspace::root().unwrap();
+    let lock = std::fs::read_to_string(root.join("crates/ffid-py/Cargo.lock")).unwrap();
+    let locked: BTreeMap<&str, Vec<&str>> = lock
+        .split("[[package]]")
+        .skip(1)
+        .map(|block| {
+            let mut quoted = block.split('"').skip(1).step_by(2);
+            let name = quoted.next().unwrap();
+            let dependencies = block.split("dependencies = [").nth(1).unwrap_or_default();
+            let names = dependencies.split('"').skip(1).step_by(2).map(|d| d.split(' ').next().unwrap());
+            (name, names.collect())
+        })
+        .collect();
+    let out = Command::new(xtask::process::cargo())
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .current_dir(&root)
+        .output()
+        .unwrap();
+    let all: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let mut missing = Vec::new();
+    for package in all["packages"].as_array().unwrap() {
+        let name = package["name"].as_str().unwrap();
+        let Some(known) = locked.get(name) else { continue };
+        let needed = package["dependencies"].as_array().unwrap().iter();
+        let needed = needed.filter(|d| d["kind"].is_null() && d["optional"] == false);
+        missing.extend(
+            needed
+                .map(|d| d["name"].as_str().unwrap())
+                .filter(|d| !known.contains(d))
+                .map(|d| format!("{name} -> {d}")),
+        );
+    }
+    assert!(
+        locked.contains_key("ffid-cli") && missing.is_empty(),
+        "{missing:?}; run `cargo update --workspace` in crates/ffid-py"
+    );
+}

@@ -47,6 +47,38 @@ fn relative_links_lead_somewhere() {
     assert!(broken.is_empty(), "broken links:\n{}", broken.join("\n"));
 }
 
+/// The anchor of a heading, as GitHub and mdBook make it.
+fn anchor(heading: &str) -> String {
+    let plain = heading.trim().to_lowercase();
+    let kept = plain.chars().filter(|c| c.is_alphanumeric() || matches!(c, '_' | '-' | ' '));
+    kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+}
+
+#[test]
+fn links_into_pages_lead_to_headings() {
+    let root = xtask::workspace::root().unwrap();
+    let mut broken = Vec::new();
+    for page in pages(&root) {
+        let text = fs::read_to_string(&page).unwrap();
+        for target in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            let Some((file, wanted)) = target.split_once('#') else { continue };
+            if file.starts_with("http") || !(file.is_empty() || file.ends_with(".md")) {
+                continue;
+            }
+            let file = if file.is_empty() { page.clone() } else { page.parent().unwrap().join(file) };
+            // What is missing altogether is said elsewhere.
+            let Ok(text) = fs::read_to_string(&file) else { continue };
+            // Every second part is a block of code.
+            let prose = text.split("```").step_by(2).flat_map(str::lines);
+            let mut headings = prose.filter(|l| l.starts_with('#')).map(|l| anchor(l.trim_start_matches('#')));
+            if headings.all(|h| h != wanted) {
+                broken.push(format!("{}: {target}", page.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "no such headings:\n{}", broken.join("\n"));
+}
+
 #[test]
 fn the_book_lists_every_page() {
     let docs = xtask::workspace::root().unwrap().join("docs");

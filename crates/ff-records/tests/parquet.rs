@@ -120,6 +120,21 @@ fn d34_more_rows_than_allowed_are_refused_before_they_are_read() {
 }
 
 #[test]
+fn tables_of_numbers_come_back() {
+    let columns = [
+        ("chain".to_owned(), TableColumn::Whole(vec![0, 1, -3])),
+        ("tank.k[0]".to_owned(), TableColumn::Real(vec![0.1, f64::NAN, 1e-300], "N m/rad".to_owned())),
+    ];
+    let bytes = write_table(Vec::new(), &columns).unwrap();
+    let back = read_table(file(&bytes).path()).unwrap();
+    assert_eq!(back[0], ("chain".to_owned(), vec![0.0, 1.0, -3.0]));
+    assert_eq!(back[1].0, "tank.k[0]");
+    assert!(back[1].1[0] == 0.1 && back[1].1[1].is_nan() && back[1].1[2] == 1e-300);
+    let cut = read_table(file(&bytes[..bytes.len() - 3]).path()).unwrap_err();
+    assert!(cut.has("Data::Parquet") && cut.0[0].file.is_some(), "{cut}");
+}
+
+#[test]
 fn problems_of_names_are_those_of_csv() {
     let mut two = joints();
     two[1].name = "elbo".into();

@@ -1,8 +1,10 @@
-"""Dynamics over 10,000 states beside a loop over Pinocchio's Python bindings, in turn within one run.
+"""Dynamics over 10,000 states beside a loop over Pinocchio's Python bindings and beside the same in Rust; an identification from arrays
+beside the same in Rust; the time of the import. In turn within one run.
 
-Usage: python bench/dynamics.py [--json FILE] [--rows N] [--rounds K]
+Usage: python bench/dynamics.py [--json FILE] [--rows N] [--rounds K] [--fits K] [--rust PROGRAM]
 
-Times are the least of all rounds, in seconds. Every comparison is checked for equal results first. A limit that is broken ends with 15.
+PROGRAM is that of bench/rust; without it nothing is compared with Rust. Times are the least of all rounds, in seconds. Every comparison with
+Pinocchio is checked for equal results first. A limit that is broken ends with 15.
 """
 
 from __future__ import annotations
@@ -10,8 +12,10 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,6 +26,8 @@ import pinocchio as pin
 
 ROOT = Path(__file__).resolve().parents[3]
 LIMITS = {"rnea": 25.0, "mass_matrix": 6.0, "regressor": 2.0, "regressor_qr": 5.0}
+# Most times what Rust takes, and most seconds of the import.
+OVER_RUST, OVER_RUST_IDENTIFY, IMPORT_S = 1.3, 1.05, 0.2
 
 
 def timed(f: Callable[[], Any]) -> float:
@@ -30,12 +36,43 @@ def timed(f: Callable[[], Any]) -> float:
     return time.perf_counter() - begun
 
 
+def in_rust(program: Path, rows: int, fits: int) -> dict[str, float]:
+    """The least times of the same in Rust."""
+    verdict = ROOT / "fixtures" / "verdict"
+    words = [ROOT / "fixtures" / "peers-model" / "flex.urdf", rows, 5, verdict / "start.toml", verdict / "m1.parquet", fits]
+    done = subprocess.run([program, *map(str, words)], capture_output=True, text=True, check=True)
+    times: dict[str, float] = json.loads(done.stdout)
+    return times
+
+
+def fit() -> tuple[Callable[[], Any], float]:
+    """An identification from arrays, and what it took the first time."""
+    folder = ROOT / "fixtures" / "verdict"
+    mission = ffid.Mission.load(folder / "start.toml")
+    record = ffid.Record.read(folder / "m1.parquet", mission)
+    t, q, tau, gyro = record.t, record.q, record.tau, record.gyro
+
+    def identify() -> Any:
+        return ffid.identify(mission, ffid.Record.from_arrays(mission, t=t, q=q, tau=tau, gyro=gyro))
+
+    return identify, timed(identify)
+
+
+def imported() -> float:
+    """Seconds of ``import ffid`` in a new interpreter, NumPy included."""
+    code = "import time; t = time.perf_counter(); import ffid; print(time.perf_counter() - t)"
+    return float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
+
+
 def main() -> int:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--json", type=Path)
     arguments.add_argument("--rows", type=int, default=10_000)
     arguments.add_argument("--rounds", type=int, default=5)
+    arguments.add_argument("--fits", type=int, default=5)
+    arguments.add_argument("--rust", type=Path)
     given = arguments.parse_args()
+    warnings.simplefilter("ignore", ffid.FfidWarning)
     rows = given.rows
     urdf = ROOT / "fixtures" / "peers-model" / "flex.urdf"
     ours = ffid.Model.from_urdf(urdf)
@@ -90,19 +127,43 @@ def main() -> int:
         "regressor": (lambda: ours.regressor(q, v, a, out=y), regressor),
         "regressor_qr": (lambda: ours.regressor_qr(q, v, a), rows_qr),
     }
-    results = []
+    results: list[dict[str, Any]] = []
+    rust: dict[str, float] = {}
+
+    def least_in_rust(fits: int) -> None:
+        for name, seconds in (in_rust(given.rust, rows, fits) if given.rust else {}).items():
+            rust[name] = min(seconds, rust.get(name, seconds))
+
     for name, (mine, peer) in pairs.items():
         times: tuple[list[float], list[float]] = ([], [])
         for _ in range(given.rounds):
             # Several, as one is over in a moment in which other programs may run.
             times[0].extend(timed(mine) for _ in range(5 if name != "regressor_qr" else 1))
             times[1].append(timed(peer))
+        least_in_rust(0)
+        times[0].extend(timed(mine) for _ in range(5))
         one = min(times[0])
         ratio = min(times[1]) / one
         row = {"name": name, "rows": rows, "ffid_s": one, "pinocchio_s": min(times[1]), "faster": ratio, "limit": LIMITS[name]}
         results.append(row | {"holds": ratio >= LIMITS[name]})
         each, theirs_each = 1e6 * one / rows, 1e6 * min(times[1]) / rows
         print(f"{name:14} {each:9.3f} us {theirs_each:9.3f} us of Pinocchio   {ratio:6.1f} times (limit {LIMITS[name]:g})")
+    for name, own in rust.items():
+        mine = next(r["ffid_s"] for r in results if r["name"] == name)
+        results.append({"name": f"{name}, over Rust", "ffid_s": mine, "rust_s": own, "times": mine / own, "limit": OVER_RUST, "holds": mine <= OVER_RUST * own})
+        print(f"{name:14} {1e6 * mine / rows:9.3f} us {1e6 * own / rows:9.3f} us in Rust       {mine / own:6.2f} times (limit {OVER_RUST:g})")
+    if given.rust and given.fits:
+        identify, _ = fit()
+        mine = float("inf")
+        for _ in range(given.fits):
+            least_in_rust(1)
+            mine = min(mine, timed(identify))
+        own = rust["identify"]
+        results.append({"name": "identify, over Rust", "ffid_s": mine, "rust_s": own, "times": mine / own, "limit": OVER_RUST_IDENTIFY, "holds": mine <= OVER_RUST_IDENTIFY * own})
+        print(f"identify       {mine:9.3f} s  {own:9.3f} s in Rust        {mine / own:6.3f} times (limit {OVER_RUST_IDENTIFY:g})")
+    seconds = min(imported() for _ in range(5))
+    results.append({"name": "import", "ffid_s": seconds, "limit": IMPORT_S, "holds": seconds <= IMPORT_S})
+    print(f"import         {seconds:9.3f} s (limit {IMPORT_S:g})")
     if given.json:
         about = {"cores": os.cpu_count(), "pinocchio": pin.__version__, "numpy": np.__version__, "ffid": ffid.__version__}
         given.json.write_text(json.dumps({"about": about, "results": results}, indent=2) + "\n")

@@ -52,6 +52,17 @@ fn check_type(name: &str, given: &Bound<'_, PyUntypedArray>) -> PyResult<()> {
 /// The numbers of an array of a shape; `None` for any number of rows, at least one. Integers, other floats and layouts are converted in a
 /// copy; arrays of float64 in C order are not copied.
 pub(crate) fn numbers<'py>(name: &str, given: &Bound<'py, PyAny>, shape: &[Option<usize>]) -> PyResult<Numbers<'py>> {
+    let numbers = numbers_or_nan(name, given, shape)?;
+    finite(name, &numbers)?;
+    Ok(numbers)
+}
+
+/// [`numbers`] that need not be finite.
+pub(crate) fn numbers_or_nan<'py>(
+    name: &str,
+    given: &Bound<'py, PyAny>,
+    shape: &[Option<usize>],
+) -> PyResult<Numbers<'py>> {
     let py = given.py();
     let numpy = py.import("numpy")?;
     let any = numpy.call_method1("asarray", (given,)).map_err(|e| {
@@ -87,7 +98,13 @@ pub(crate) fn numbers<'py>(name: &str, given: &Bound<'py, PyAny>, shape: &[Optio
         )
     })?;
     let numbers = Numbers { array: held };
-    let x = numbers.as_slice()?;
+    numbers.as_slice()?;
+    Ok(numbers)
+}
+
+/// Refuses numbers that are not finite, with the place of the first.
+fn finite(name: &str, numbers: &Numbers<'_>) -> PyResult<()> {
+    let (x, found) = (numbers.as_slice()?, numbers.shape());
     // Over bits and without a branch, so that the look at all numbers goes in lanes.
     let bad = x.iter().fold(false, |bad, x| bad | (x.to_bits() & EXPONENT == EXPONENT));
     if let Some(i) = x.iter().position(|x| !x.is_finite()).filter(|_| bad) {
@@ -101,7 +118,7 @@ pub(crate) fn numbers<'py>(name: &str, given: &Bound<'py, PyAny>, shape: &[Optio
         let p = problem("Array::NotFinite", name, format!("value {x} at {}, finite numbers needed", words(&at)));
         return Err(array(p.hint("leave out the samples that have none")));
     }
-    Ok(numbers)
+    Ok(())
 }
 
 /// [`numbers`] of what may be absent.

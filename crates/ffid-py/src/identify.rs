@@ -8,11 +8,12 @@ use crate::watch::watched;
 use ffid::exit::Exit;
 use ffid::mission::Leniency;
 use ffid::model::Problems;
-use ffid::workflow::identify::{IdentificationResult, Observer, Signals};
+use ffid::workflow::identify::{IdentificationResult, Interim, Observer, Signals};
 use ffid_cli::session;
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::cell::RefCell;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
@@ -66,6 +67,22 @@ impl Identification {
             s.map(|s| signals(py, s)).transpose()
         })
     }
+    /// Draws from the posterior: names, units, how many are parameters, values `(chains, draws, names)`, logarithms of the density
+    /// `(chains, draws)`, trajectories that diverged.
+    fn draws<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self.with(|i| {
+            let Some(d) = &i.found.draws else { return Ok(None) };
+            let (chains, n, width) = (d.chains.len(), d.len(), d.names.len());
+            let all = PyDict::new(py);
+            all.set_item("names", &d.names)?;
+            all.set_item("units", &d.units)?;
+            all.set_item("parameters", d.parameters)?;
+            all.set_item("values", PyArray1::from_vec(py, d.chains.concat().concat()).reshape([chains, n, width])?)?;
+            all.set_item("lp", PyArray1::from_vec(py, d.log_density.concat()).reshape([chains, n])?)?;
+            all.set_item("divergences", d.divergences)?;
+            Ok(Some(all))
+        })
+    }
     fn save(&self, py: Python<'_>, folder: PathBuf, replace: bool, png: bool) -> PyResult<String> {
         let saved = py.detach(|| guarded(|| self.inner.lock().map(|mut i| i.save(&folder, replace, png)).ok()))?;
         let warnings: Problems = or_refused(saved.ok_or_else(|| internal("a call on this result failed before"))?)?;
@@ -98,6 +115,10 @@ fn signals<'py>(py: Python<'py>, s: &Signals) -> PyResult<Bound<'py, PyDict>> {
     Ok(all)
 }
 
+/// What [`identify`] returns: the identification, what was kept of a fit that was ended (values by name, chi-squared per residual,
+/// linearisations), and what ended it.
+type Ended = (Option<Identification>, Option<(Vec<(String, f64)>, f64, usize)>, Option<PyErr>);
+
 /// Identifies with the options of `ffid identify`.
 #[pyfunction]
 pub(crate) fn identify(
@@ -107,17 +128,30 @@ pub(crate) fn identify(
     held_out: Option<Py<Record>>,
     options: Vec<String>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Identification> {
+) -> PyResult<Ended> {
     let m = mission.get();
-    let found = watched(py, progress, |stop, tell| {
+    let ((found, kept), broken) = watched(py, progress, |stop, tell| {
         let given: Vec<session::Given> = records.iter().map(|r| r.get().given.clone()).collect();
         let held = held_out.as_ref().map(|r| &r.get().given);
         let show = |n: usize, chi2: f64| _ = tell.send(("fit", n, chi2));
-        let watch = Observer { stop: Some(stop), progress: Some(&show) };
-        session::identify(&m.file, &m.opened, &given, held, &options, &watch)
+        let kept = RefCell::new(None);
+        let watch = Observer { stop: Some(stop), progress: Some(&show), kept: Some(&kept) };
+        let found = session::identify(&m.file, &m.opened, &given, held, &options, &watch);
+        (found, kept.into_inner())
     })?;
-    let inner = Mutex::new(or_refused(found)?);
-    Ok(Identification { inner, file: m.file.clone(), leniency: m.leniency.clone() })
+    let of_file = |i| Identification { inner: Mutex::new(i), file: m.file.clone(), leniency: m.leniency.clone() };
+    match (found, broken) {
+        (Ok(found), broken) => Ok((Some(of_file(found)), None, broken)),
+        (Err(_), Some(broken)) => {
+            let decls = m.opened.model.param_decls();
+            let named = |k: Interim| {
+                let values = m.opened.estimated.iter().map(|&i| (decls[i].name.clone(), k.values[i])).collect();
+                (values, k.chi2_per_residual, k.linearisations)
+            };
+            Ok((None, kept.map(named), Some(broken)))
+        }
+        (Err(e), None) => Err(refused(&e)),
+    }
 }
 
 /// `result.json` of a folder that is complete and untouched, and the code that its identification ended with.
@@ -127,7 +161,10 @@ pub(crate) fn load_result(folder: PathBuf) -> PyResult<(String, u8)> {
     Ok((json(&result)?, result.exit().code()))
 }
 
-/// The verdict of `ffid validate` on a record (JSON), in words, and its signals. `result` is the text of a `result.json`.
+/// What [`validate`] returns: verdict (JSON), in words, its signals, problems (JSON), exit code.
+type Validated<'py> = (String, String, Bound<'py, PyDict>, String, u8);
+
+/// The verdict of `ffid validate` on a record. `result` is the text of a `result.json`.
 #[pyfunction]
 pub(crate) fn validate<'py>(
     py: Python<'py>,
@@ -136,14 +173,47 @@ pub(crate) fn validate<'py>(
     record: Py<Record>,
     options: Vec<String>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, String, Bound<'py, PyDict>)> {
+) -> PyResult<Validated<'py>> {
     let result = IdentificationResult::from_json(result.as_bytes()).map_err(|e| internal(&e))?;
     let m = mission.get();
-    let found = watched(py, progress, |stop, tell| {
+    let (found, broken) = watched(py, progress, |stop, tell| {
         let show = |n: usize, chi2: f64| _ = tell.send(("validate", n, chi2));
-        let watch = Observer { stop: Some(stop), progress: Some(&show) };
+        let watch = Observer { stop: Some(stop), progress: Some(&show), kept: None };
         session::validate(&m.file, &m.opened, &result, &record.get().given, &options, &watch)
     })?;
-    let (held, of) = found.map_err(|r| refused(&r))?;
-    Ok((json(&held)?, held.to_string(), signals(py, &of)?))
+    if let Some(e) = broken {
+        return Err(e);
+    }
+    let v = or_refused(found)?;
+    Ok((json(&v.held)?, v.held.to_string(), signals(py, &v.signals)?, json(&v.problems)?, v.exit.code()))
+}
+
+/// What `ffid doctor` finds in records: the diagnosis (JSON), in words, problems (JSON), exit code.
+#[pyfunction]
+pub(crate) fn doctor(
+    py: Python<'_>,
+    mission: Py<Mission>,
+    records: Vec<Py<Record>>,
+    options: Vec<String>,
+) -> PyResult<(String, String, String, u8)> {
+    let m = mission.get();
+    let found = py.detach(|| {
+        guarded(|| {
+            let given: Vec<session::Given> = records.iter().map(|r| r.get().given.clone()).collect();
+            session::doctor(&m.file, &m.opened, &given, &options)
+        })
+    })?;
+    let d = or_refused(found)?;
+    Ok((json(&d.diagnosis)?, d.diagnosis.to_string(), json(&d.problems)?, d.exit.code()))
+}
+
+/// Columns of numbers of a Parquet file by name.
+#[pyfunction]
+pub(crate) fn read_table(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
+    let read = py.detach(|| guarded(|| ffid::records::file::read_table(&path)))?;
+    let all = PyDict::new(py);
+    for (name, column) in read.map_err(|p| problems(&p, p.exit_code()))? {
+        all.set_item(name, PyArray1::from_vec(py, column))?;
+    }
+    Ok(all)
 }

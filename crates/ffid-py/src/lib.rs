@@ -7,6 +7,7 @@ mod arrays;
 mod batch;
 mod errors;
 mod identify;
+mod kinds;
 mod mission;
 mod motion;
 mod record;
@@ -20,7 +21,9 @@ mod _ffid {
     use super::*;
 
     #[pymodule_export]
-    use crate::identify::{Identification, identify, load_result, validate};
+    use crate::identify::{Identification, doctor, identify, load_result, read_table, validate};
+    #[pymodule_export]
+    use crate::kinds::appendage_kinds;
     #[pymodule_export]
     use crate::mission::{Mission, command, main, options_table};
     #[pymodule_export]
@@ -30,6 +33,7 @@ mod _ffid {
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {
+        ffid::add_kinds(crate::kinds::register);
         m.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

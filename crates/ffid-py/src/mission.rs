@@ -1,6 +1,6 @@
 //! Missions: loaded, judged, simulated.
 
-use crate::arrays::table;
+use crate::arrays::array2;
 use crate::batch;
 use crate::errors::{internal, json, problems, refused};
 use crate::motion::Motion;
@@ -10,11 +10,12 @@ use ffid::dynamics::state::dof_names;
 use ffid::inputs::Declared;
 use ffid::mission::Leniency;
 use ffid::mission::urdf::UrdfOptions;
-use ffid::model::{Area, BaseKind, Params, Problem, Problems};
+use ffid::model::{Area, BaseKind, JointKind, Params, Problem, Problems};
 use ffid::modes::ModeTable;
 use ffid::open::{MAX_DENSE, Opened, open};
 use ffid::summary::Summary;
 use ffid_cli::session::{self, Refused};
+use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -75,6 +76,11 @@ impl Mission {
     fn file(&self) -> PathBuf {
         self.file.clone()
     }
+    /// Codes of errors that are let through.
+    #[getter]
+    fn allow(&self) -> Vec<String> {
+        self.leniency.allow.clone()
+    }
     /// Whether values are not those of the file.
     #[getter]
     fn is_changed(&self) -> bool {
@@ -91,6 +97,7 @@ impl Mission {
             "nq": ffid::dynamics::batch::position_width(m), "pose": self.opened.pose(),
             "rest": m.rest_position(&self.params), "rate_hz": sensing.map(|s| s.rate_hz),
             "mission": self.opened.mission.is_some(),
+            "slides": m.bodies().iter().map(|b| b.joint.kind == JointKind::Prismatic).collect::<Vec<_>>(),
         }))
     }
     /// Name, unit, value, bounds and whether it is to be estimated, of every parameter, as JSON.
@@ -132,6 +139,15 @@ impl Mission {
             problems(&Problems(vec![p.hint("check stiffness and inertia of the appendages")]), 14)
         })?;
         Ok((json(&table)?, table.to_string()))
+    }
+    /// The mission with other values of parameters, by index.
+    fn with_values(&self, values: Vec<(usize, f64)>) -> PyResult<Self> {
+        let mut opened = self.opened.clone();
+        opened.model.set_nominal(&values).map_err(|p| problems(&p, Area::Config.exit_code()))?;
+        let mut changed: Vec<usize> = self.changed.iter().copied().chain(values.iter().map(|v| v.0)).collect();
+        changed.sort_unstable();
+        changed.dedup();
+        Ok(Self { changed, ..Self::new(self.file.clone(), opened, self.leniency.clone()) })
     }
     /// The mission with its files, as names and contents.
     fn files(&self) -> PyResult<Vec<(String, Vec<u8>)>> {
@@ -200,8 +216,26 @@ impl Mission {
         threads: usize,
     ) -> PyResult<Bound<'py, PyAny>> {
         let r = batch::triangle(self, q, v, a, tau, threads)?;
-        let (rows, columns) = r.shape();
-        Ok(table(py, r.transpose().as_slice().to_vec(), [rows, columns])?.into_any())
+        Ok(array2(py, &r)?.into_any())
+    }
+    /// Base parameters of the regressor over motions: the parameters that are kept, all as functions of them, the condition number.
+    fn base_parameters<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        a: &Bound<'py, PyAny>,
+        tolerance: f64,
+        threads: usize,
+    ) -> PyResult<(Vec<usize>, Bound<'py, PyArray2<f64>>, f64)> {
+        let r = batch::triangle(self, q, v, a, None, threads)?;
+        let sizes = ffid::ident::parameters::sizes(&self.opened.model.param_decls(), self.params.values());
+        let found = py.detach(|| crate::errors::guarded(|| ffid::base_parameters(&r, &sizes, tolerance)))?;
+        let b = found.map_err(|e| {
+            let p = Problem::error(Area::Data, "Array::NotFinite", e.to_string()).on("regressor");
+            crate::errors::array(p.hint("look for numbers that are too large"))
+        })?;
+        Ok((b.kept, array2(py, &b.matrix)?, b.condition))
     }
 }
 

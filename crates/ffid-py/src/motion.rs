@@ -109,16 +109,19 @@ impl Motion {
     }
 }
 
-/// Plans with the options of `ffid excite`: trajectory, plan, verdict (JSON), verdict in words, faults (JSON).
+/// A plan: trajectory, plan, verdict (JSON), verdict in words, faults (JSON).
+type Planned = (String, String, String, String, String);
+
+/// Plans with the options of `ffid excite`. Ended from outside, the best plan so far, if there is one, and what ended it.
 #[pyfunction]
 pub(crate) fn plan_excitation(
     py: Python<'_>,
     mission: Py<Mission>,
     options: Vec<String>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, String, String, String, String)> {
+) -> PyResult<(Option<Planned>, Option<PyErr>)> {
     let m = mission.get();
-    let found = watched(py, progress, |stop, tell| {
+    let (found, broken) = watched(py, progress, |stop, tell| {
         let tell = Mutex::new(tell);
         let show = |p: &Progress| {
             if let Ok(tell) = tell.lock() {
@@ -128,6 +131,11 @@ pub(crate) fn plan_excitation(
         let watch = Observer { stop: Some(stop), progress: Some(&show) };
         session::plan_excitation(&m.file, &m.opened, &options, &watch)
     })?;
-    let p = or_refused(found)?;
-    Ok((p.planned.file.to_json(), json(&p.planned)?, json(&p.verdict)?, p.verdict.to_string(), json(&p.faults)?))
+    let (p, broken) = match (found, broken) {
+        (Err(_), Some(broken)) => return Ok((None, Some(broken))),
+        (found, broken) => (or_refused(found)?, broken),
+    };
+    let plan =
+        (p.planned.file.to_json(), json(&p.planned)?, json(&p.verdict)?, p.verdict.to_string(), json(&p.faults)?);
+    Ok((Some(plan), broken))
 }

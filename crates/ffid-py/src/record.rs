@@ -1,13 +1,13 @@
 //! Records.
 
-use crate::arrays::{Numbers, array2, matrix, maybe, numbers};
+use crate::arrays::{Numbers, array2, matrix, maybe, numbers, numbers_or_nan};
 use crate::errors::{guarded, problems};
 use crate::mission::{Mission, or_refused};
 use ffid::dynamics::{Readings, SensorSuite, Trace, measure};
 use ffid::files::folder::Entry;
 use ffid::model::{BaseKind, Model};
-use ffid::records::{Record as Samples, RecordBuilder};
-use ffid_cli::session::{Given, given, read_record};
+use ffid::records::{ChannelGroup, Record as Samples, RecordBuilder};
+use ffid_cli::session::{Given, given, read_columns, read_record};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -27,13 +27,34 @@ impl Record {
         let read = py.detach(|| guarded(|| read_record(&mission.opened.model, &path, &options)))?;
         Ok(Self { given: or_refused(read)? })
     }
-    /// From arrays, one row per sample: `t`, `q`, `tau`, and perhaps `gyro`, `qd`, `qdd`, `acc`, `att`.
+    /// From columns by `name[unit]`, each `(N,)`, with options of `ffid doctor`.
+    #[staticmethod]
+    fn from_columns(
+        py: Python<'_>,
+        mission: &Mission,
+        name: PathBuf,
+        columns: &Bound<'_, PyDict>,
+        options: Vec<String>,
+    ) -> PyResult<Self> {
+        let mut all: Vec<(String, Vec<f64>)> = Vec::new();
+        for (column, x) in columns {
+            let column: String = column.extract()?;
+            let rows = all.first().map(|(_, x)| x.len());
+            let x = numbers_or_nan(&column, &x, &[rows])?.as_slice()?.to_vec();
+            all.push((column, x));
+        }
+        let read = py.detach(|| guarded(|| read_columns(&mission.opened.model, &name, &all, &options)))?;
+        Ok(Self { given: or_refused(read)? })
+    }
+    /// From arrays, one row per sample: `t`, `q`, `tau`, and perhaps `gyro`, `qd`, `qdd`, `acc`, `att`; `t_tau`, `t_gyro`, `t_acc` and `t_att`
+    /// for groups that are sampled at times of their own.
     #[staticmethod]
     fn build(
         mission: &Mission,
         name: PathBuf,
         arrays: &Bound<'_, PyDict>,
         resample: bool,
+        keep_spikes: bool,
         allow: Vec<String>,
     ) -> PyResult<Self> {
         let model = &mission.opened.model;
@@ -41,33 +62,52 @@ impl Record {
         let absent = arrays.py().None().into_bound(arrays.py());
         let need = |key: &str| Ok::<_, PyErr>(get(key)?.unwrap_or_else(|| absent.clone()));
         let t = numbers("t", &need("t")?, &[None])?;
-        let n = Some(t.shape()[0]);
-        let n_by = |columns: usize| [n, Some(columns)];
         let mut leniency = mission.leniency.clone();
         leniency.allow.extend(allow.iter().cloned());
         let mut all: Vec<Numbers<'_>> = Vec::new();
-        let joints = model.nj();
-        let mut builder = RecordBuilder::new(model.joint_names()).stamps(t.as_slice()?.to_vec()).resample(resample);
+        let joints = model.joint_names().len();
+        // As files are read.
+        let mut builder = RecordBuilder::new(model.joint_names())
+            .stamps(t.as_slice()?.to_vec())
+            .resample(resample)
+            .keep_spikes(keep_spikes)
+            .long_gaps(true)
+            .need_samples(8);
         for code in ffid::mission::leniency::ALLOWABLE.iter().filter(|c| leniency.allows(c)) {
             builder = builder.allow(*code);
         }
         if model.base_kind() == BaseKind::Fixed {
             builder = builder.fixed_base();
         }
-        let q = numbers("q", &need("q")?, &n_by(joints))?;
-        let tau = numbers("tau", &need("tau")?, &n_by(joints))?;
-        builder = builder.q(matrix(&q)?).tau(matrix(&tau)?);
-        all.extend([t, q, tau]);
+        let n = t.shape()[0];
+        all.push(t);
         type Put = fn(RecordBuilder, nalgebra::DMatrix<f64>) -> RecordBuilder;
-        let optional: [(&str, usize, Put); 5] = [
-            ("gyro", 3, RecordBuilder::gyro),
-            ("qd", joints, RecordBuilder::qd),
-            ("qdd", joints, RecordBuilder::qdd),
-            ("acc", 3, RecordBuilder::acc),
-            ("att", 4, RecordBuilder::att),
+        let channels: [(&str, usize, Option<(&str, ChannelGroup)>, Put); 7] = [
+            ("q", joints, None, RecordBuilder::q),
+            ("qd", joints, None, RecordBuilder::qd),
+            ("qdd", joints, None, RecordBuilder::qdd),
+            ("tau", joints, Some(("t_tau", ChannelGroup::Torque)), RecordBuilder::tau),
+            ("gyro", 3, Some(("t_gyro", ChannelGroup::Gyro)), RecordBuilder::gyro),
+            ("acc", 3, Some(("t_acc", ChannelGroup::Accelerometer)), RecordBuilder::acc),
+            ("att", 4, Some(("t_att", ChannelGroup::Attitude)), RecordBuilder::att),
         ];
-        for (key, columns, put) in optional {
-            if let Some(x) = maybe(key, get(key)?.as_ref(), &n_by(columns))? {
+        for (key, columns, own, put) in channels {
+            let mut rows = n;
+            if let Some((time, group)) = own
+                && let Some(times) = maybe(time, get(time)?.as_ref(), &[None])?
+            {
+                rows = times.shape()[0];
+                builder = builder.times(group, times.as_slice()?.to_vec());
+                all.push(times);
+            }
+            let shape = [Some(rows), Some(columns)];
+            let given = get(key)?;
+            let x = if matches!(key, "q" | "tau") {
+                Some(numbers(key, &need(key)?, &shape)?)
+            } else {
+                maybe(key, given.as_ref(), &shape)?
+            };
+            if let Some(x) = x {
                 builder = put(builder, matrix(&x)?);
                 all.push(x);
             }
@@ -89,14 +129,31 @@ impl Record {
         let r = &self.given.record;
         (r.samples(), r.rate_hz(), r.t0())
     }
+    /// Sample times (s) of a group of channels: `q`, `tau`, `gyro`, `acc` or `att`.
+    fn times<'py>(&self, py: Python<'py>, group: &str) -> Bound<'py, PyArray1<f64>> {
+        let r = &self.given.record;
+        let group = match group {
+            "tau" => ChannelGroup::Torque,
+            "gyro" => ChannelGroup::Gyro,
+            "acc" => ChannelGroup::Accelerometer,
+            "att" => ChannelGroup::Attitude,
+            _ => ChannelGroup::Motion,
+        };
+        let t = match r.times(group) {
+            Some(own) => own.iter().map(|t| r.t0() + t).collect(),
+            None => (0..r.samples()).map(|i| r.t0() + r.time(i)).collect(),
+        };
+        PyArray1::from_vec(py, t)
+    }
+    /// Whether all channels are sampled on one even clock.
+    #[getter]
+    fn is_uniform(&self) -> bool {
+        self.given.record.is_uniform()
+    }
     /// A channel as an array; none where the record does not have it.
     fn channel<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         let r: &Samples = &self.given.record;
         let m = match name {
-            "t" => {
-                let t = (0..r.samples()).map(|i| r.t0() + r.time(i)).collect();
-                return Ok(Some(PyArray1::from_vec(py, t).into_any()));
-            }
             "q" => Some(r.q()),
             "qd" => r.qd(),
             "qdd" => r.qdd(),

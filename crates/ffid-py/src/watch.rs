@@ -16,12 +16,12 @@ const STACK: usize = 8 << 20;
 pub(crate) type Report = (&'static str, usize, f64);
 
 /// Runs `work` on another thread. `progress` is called with every report; an exception in it, or a signal, sets the flag that `work` ends
-/// by, and is raised when it has.
+/// by, and is returned beside what `work` then has.
 pub(crate) fn watched<R: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(&AtomicBool, Sender<Report>) -> R + Send,
-) -> PyResult<R> {
+) -> PyResult<(R, Option<PyErr>)> {
     let stop = AtomicBool::new(false);
     py.detach(|| {
         scope(|s| {
@@ -46,10 +46,7 @@ pub(crate) fn watched<R: Send>(
                 }
             }
             let done = thread.join().map_err(|why| panicked(&*why))?;
-            match broken {
-                Some(e) => Err(e),
-                None => done,
-            }
+            Ok((done?, broken))
         })
     })
 }

@@ -171,3 +171,32 @@ def test_arrays_in_use_by_another_thread_are_not_written(model: ffid.Model) -> N
     assert np.array_equal(y[-5:], model.regressor(q[-5:], v[-5:], a[-5:])) or np.allclose(
         y[-5:], model.regressor(q[-5:], v[-5:], a[-5:]), rtol=1e-12
     )
+
+
+def test_channels_at_times_of_their_own(mission: ffid.Mission, record: ffid.Record) -> None:
+    gyro = record.gyro
+    assert gyro is not None and record.uniform
+    half = ffid.Record.from_arrays(
+        mission, t=record.t, q=record.q, tau=record.tau[::2], t_tau=record.t[::2], gyro=gyro[1:-1], t_gyro=record.t[1:-1]
+    )
+    assert not half.uniform and np.array_equal(half.t, record.t)
+    assert np.allclose(half.times("tau"), record.t[::2], rtol=0, atol=1e-12)
+    assert half.tau.shape == record.tau[::2].shape and np.array_equal(half.tau, record.tau[::2])
+    with pytest.raises(ffid.ArrayError) as e:
+        ffid.Record.from_arrays(mission, t=record.t, q=record.q, tau=record.tau, t_tau=record.t[::2], gyro=gyro)
+    assert (e.value.code, e.value.first.object) == ("Array::Shape", "tau")
+
+
+@pytest.mark.filterwarnings("ignore::ffid.FfidWarning")
+def test_samples_that_were_lost_count_at_their_times(mission: ffid.Mission, record: ffid.Record) -> None:
+    keep = np.ones(len(record.t), dtype=bool)
+    keep[np.random.default_rng(2).choice(np.arange(5, len(keep) - 5), 60, replace=False)] = False
+    gyro = record.gyro
+    assert gyro is not None
+    lost = ffid.Record.from_arrays(mission, t=record.t[keep], q=record.q[keep], tau=record.tau[keep], gyro=gyro[keep])
+    assert np.allclose(lost.t, record.t[keep], rtol=0, atol=1e-9) and lost.q.shape == (keep.sum(), len(mission.joints))
+
+
+def test_threads_below_zero_are_refused(model: ffid.Model) -> None:
+    with pytest.raises(ValueError, match="threads is -1"):
+        model.mass_matrix(model.neutral(), threads=-1)

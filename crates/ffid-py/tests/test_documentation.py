@@ -7,12 +7,15 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import ffid
 import pytest
 
+tomllib = pytest.importorskip("tomllib")
+
 ROOT = Path(__file__).resolve().parents[3]
-PAGES = ["docs/python.md", "README.md"]
+PAGES = {"docs/python.md": [], "README.md": [], "docs/coming-from.md": ["pinocchio", "mujoco"]}
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -26,24 +29,73 @@ def test_notebooks_run(path: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_code_of_the_pages_runs(page: str, tmp_path: Path) -> None:
+    for needed in PAGES[page]:
+        pytest.importorskip(needed)
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
     assert blocks, page
     code = "import warnings\nwarnings.simplefilter('ignore')\nimport matplotlib\nmatplotlib.use('svg')\n" + "\n".join(blocks)
-    code = code.replace('"fixtures/', f'"{ROOT.as_posix()}/fixtures/')
+    for folder in ("fixtures", "docs"):
+        code = code.replace(f'"{folder}/', f'"{ROOT.as_posix()}/{folder}/')
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=300)
 
 
-def test_every_public_name_is_documented() -> None:
-    silent = []
+def public() -> list[tuple[str, Any, Any]]:
+    """Every public name: place, object, the class it is of."""
+    found: list[tuple[str, Any, Any]] = []
     for name in ffid.__all__:
         x = getattr(ffid, name)
         if not callable(x):
             continue
-        members = [(name, x)]
+        found.append((name, x, None))
         if inspect.isclass(x):
-            members += [(f"{name}.{k}", v) for k, v in vars(x).items() if not k.startswith("_")]
-        for place, member in members:
-            documented = isinstance(member, (property, classmethod, staticmethod)) or callable(member)
-            if documented and not inspect.getdoc(member):
-                silent.append(place)
+            found += [(f"{name}.{k}", v, x) for k, v in vars(x).items() if not k.startswith("_")]
+    return found
+
+
+def test_every_public_name_is_documented() -> None:
+    silent = []
+    for place, member, _ in public():
+        documented = isinstance(member, (property, classmethod, staticmethod)) or callable(member)
+        if documented and not inspect.getdoc(member):
+            silent.append(place)
     assert silent == []
+
+
+def test_every_argument_is_documented() -> None:
+    silent = []
+    for place, member, owner in public():
+        f = getattr(member, "__func__", member)
+        if not inspect.isfunction(f):
+            continue
+        text = f"{inspect.getdoc(f)} {inspect.getdoc(owner) if owner else ''}"
+        names = set(inspect.signature(f).parameters) - {"self", "cls"}
+        silent += [f"{place}({n})" for n in sorted(names) if not re.search(rf"\b{n}\b", text)]
+    assert silent == []
+
+
+def test_arrays_have_their_shapes() -> None:
+    """What takes or returns an array says how it is laid out."""
+    silent = []
+    for place, member, owner in public():
+        f = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+        if not inspect.isfunction(f) or "Array" not in str(inspect.signature(f)):
+            continue
+        text = f"{inspect.getdoc(f)} {inspect.getdoc(owner) if owner else ''}"
+        if not re.search(r"``\([^`]*,[^`]*\)``|_names", text):
+            silent.append(place)
+    assert silent == []
+
+
+def test_the_reference_is_that_of_the_sources() -> None:
+    subprocess.run([sys.executable, ROOT / "crates" / "ffid-py" / "docs" / "reference.py", "--check"], check=True)
+
+
+def test_the_book_lists_the_notebooks() -> None:
+    listed = (ROOT / "docs" / "python.md").read_text()
+    for path in (ROOT / "docs" / "notebooks").glob("*.ipynb"):
+        assert f"notebooks/{path.name}" in listed, path.name
+
+
+def test_the_version_is_that_of_the_crates() -> None:
+    version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["version"]
+    assert ffid.__version__ == version

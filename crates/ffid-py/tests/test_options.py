@@ -11,31 +11,42 @@ from ffid import _ffid
 
 TABLE = json.loads(_ffid.options_table())
 
-# What a program in memory has no use for: printing, and files in place of objects.
+# What a program in memory has no use for: printing.
 NEVER = {"json", "quiet"}
-READING = {"resample", "gaps", "drop-repeated", "ignore", "topic", "stamps", "max-rows", "max-bytes"}
 
-# The functions that stand for a command together, options without a keyword, and keywords that are objects in place of options.
-COMMANDS = {
+# The functions that stand for a command together, options without a keyword (files in place of objects), and keywords that are objects in
+# place of options.
+COMMANDS: dict[str, tuple[list[object], set[str], set[str]]] = {
     "check": ([ffid.Mission.load], set(), {"path"}),
     "init": ([ffid.Mission.from_urdf], set(), {"urdf"}),
     "modes": ([ffid.Mission.modes, ffid.Mission.load], set(), {"q", "path"}),
     "simulate": ([ffid.Mission.simulate, ffid.Mission.load], {"out", "force"}, {"q", "name", "path"}),
     "predict": ([ffid.Result.predict, ffid.Mission.load], {"out", "force"}, {"q", "path"}),
-    "excite": ([ffid.plan_excitation], {"out", "force", "png"}, {"mission", "progress"}),
+    "excite": ([ffid.plan_excitation], {"out", "force", "png"}, {"mission", "progress", "cost", "candidates"}),
     "plan": ([ffid.preflight, ffid.Mission.load], {"out", "force", "png"}, {"mission", "q", "path"}),
+    "doctor": ([ffid.doctor, ffid.Record.read], {"record"}, {"mission", "records", "path"}),
     "identify": (
         [ffid.identify, ffid.Record.read, ffid.Result.save],
         # Records in memory have no files to be named by.
         {"record", "out", "without"},
-        {"mission", "progress", "path", "folder"},
+        {"mission", "progress", "path", "folder", "uncertain"},
     ),
     "validate": (
         [ffid.Result.validate, ffid.Record.read],
         {"out", "force", "png"},
         {"progress", "path", "mission"},
     ),
+    "show": ([ffid.Mission.show, ffid.Mission.load], {"out", "force"}, {"path"}),
+    "selfcheck": ([ffid.Mission.selfcheck, ffid.Mission.load], set(), {"path"}),
+    "convert": ([ffid.convert], set(), {"source", "to"}),
 }
+# Words for a shell, and a schema, which has no options.
+BARE = {"completions", "schema"}
+
+
+def test_every_command_has_its_function() -> None:
+    assert {o["command"] for o in TABLE} - set(COMMANDS) - BARE == set()
+    assert callable(ffid.schema)
 
 
 def keywords(functions: list[object]) -> set[str]:
@@ -66,4 +77,4 @@ def test_an_option_that_is_refused_names_itself(mission: ffid.Mission, record: f
     with pytest.raises(ffid.ConfigError) as e:
         ffid.identify(mission, record, starts=0)
     assert (e.value.code, e.value.exit_code) == ("Config::Option", 2)
-    assert "--starts" in str(e.value)
+    assert "'starts <N>'" in str(e.value) and e.value.next_step == "see `ffid identify --help`"

@@ -154,3 +154,45 @@ def test_parameters_by_name_and_by_array(pair: Pair) -> None:
     same(changed - plain, 2.5 * y[:, :, -10])
     with pytest.raises(KeyError):
         pair.ours.rnea(pair.q, pair.v, pair.a, parameters={"no.such": 1.0})
+
+
+def test_base_parameters_tell_all_that_the_forces_tell(pair: Pair) -> None:
+    base = pair.ours.base_parameters()
+    y = pair.ours.regressor(pair.q, pair.v, pair.a)
+    phi = pair.ours.parameter_values
+    # Of another robot than the one they were computed for: the structure counts, not the values.
+    other = phi * np.random.default_rng(5).uniform(0.5, 2.0, size=phi.shape)
+    for values in (phi, other):
+        same(y[:, :, base.kept] @ (base.matrix @ values), pair.ours.rnea(pair.q, pair.v, pair.a, parameters=values))
+    assert base.kept == sorted(base.kept) and np.array_equal(base.matrix[:, base.kept], np.eye(len(base.kept)))
+    flat = y.reshape(-1, y.shape[2]) * np.where(phi == 0.0, 1.0, np.abs(phi))
+    # As many as there are independent columns, and each of them is needed.
+    assert len(base.kept) == np.linalg.matrix_rank(flat, tol=1e-9 * np.linalg.norm(flat, 2)) < len(phi)
+    assert base.condition < 1e6 and base.expressions[0].startswith(pair.ours.parameter_names[base.kept[0]])
+
+
+def test_base_parameters_of_a_motion(pair: Pair) -> None:
+    # Joints that stand still tell less.
+    still_v, still_a = np.zeros_like(pair.v), np.zeros_like(pair.a)
+    b = pair.ours.nv - len(pair.ours.joints)
+    still_v[:, :b], still_a[:, :b] = pair.v[:, :b], pair.a[:, :b]
+    q = np.repeat(pair.q[:1], len(pair.q), axis=0)
+    less = pair.ours.base_parameters(q, still_v, still_a)
+    assert len(less.kept) < len(pair.ours.base_parameters().kept)
+    y = pair.ours.regressor(q, still_v, still_a)
+    same(y[:, :, less.kept] @ (less.matrix @ pair.ours.parameter_values), pair.ours.rnea(q, still_v, still_a))
+
+
+def test_forward_and_hybrid_dynamics_agree_with_inverse(pair: Pair) -> None:
+    h = pair.ours.hybrid_dynamics(pair.q, pair.v, pair.a[:, pair.ours.nv - len(pair.ours.joints) :])
+    tau = pair.ours.rnea(pair.q, pair.v, h.a)
+    n, b = len(pair.ours.joints), pair.ours.nv - len(pair.ours.joints)
+    scale = np.abs(tau).max()
+    assert np.abs(tau[:, b:] - h.tau).max() <= 1e-9 * scale and h.tau.shape == (ROWS, n)
+    # The base is free.
+    assert np.abs(tau[:, :b]).max(initial=0.0) <= 1e-9 * scale
+    m, d = pair.model, pair.data
+    forces = pair.a[:, pair.order]
+    theirs = [pin.aba(m, d, q, v, t) for (q, v, _), t in zip(zip(*pair.theirs), forces)]
+    ours = pair.ours.forward_dynamics(pair.q, pair.v, pair.a)[:, pair.order]
+    assert np.abs(ours - theirs).max() <= 1e-9 * np.abs(theirs).max()

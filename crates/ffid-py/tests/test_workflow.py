@@ -11,7 +11,9 @@ import sys
 import threading
 import time
 import tomllib
+import warnings
 from pathlib import Path
+from typing import Any
 
 import ffid
 import numpy as np
@@ -195,15 +197,27 @@ def test_an_exception_in_progress_ends_the_fit(mission: ffid.Mission, record: ff
     assert len(calls) == 1 and calls[0][0] == "fit"
 
 
-def test_ctrl_c_ends_a_fit(mission: ffid.Mission, record: ffid.Record) -> None:
+def test_ctrl_c_ends_a_fit_and_keeps_what_it_has(mission: ffid.Mission, record: ffid.Record, result: ffid.Result) -> None:
     def interrupt(what: str, n: int, cost: float) -> None:
-        if n == 2:
+        # The first ones are over a thinned record.
+        if n == 40:
             os.kill(os.getpid(), signal.SIGINT)
 
     begun = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt) as e:
         ffid.identify(mission, record, starts=50, progress=interrupt)
-    assert time.monotonic() - begun < 20
+    assert time.monotonic() - begun < 60
+    kept = e.value
+    assert isinstance(kept, ffid.Interrupted) and kept.result is None and kept.mission is not None
+    assert list(kept.values) == list(result.values) and kept.linearisations >= 40
+    assert kept.values["base.mass"] != mission.model.parameter_values[mission.model.parameter_names.index("base.mass")]
+    # A fit goes on from there, to the same end.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        again = ffid.identify(kept.mission, record)
+    for name, value in result.values.items():
+        std = result.std[name]
+        assert std is not None and abs(again.values[name] - value) < 0.1 * std, name
 
 
 def test_fits_in_threads_run_side_by_side(mission: ffid.Mission, record: ffid.Record, result: ffid.Result) -> None:
@@ -223,26 +237,260 @@ def test_fits_in_threads_run_side_by_side(mission: ffid.Mission, record: ffid.Re
     assert ticks > 5
 
 
-def test_records_from_data_frames(mission: ffid.Mission, record: ffid.Record) -> None:
-    pandas, polars = pytest.importorskip("pandas"), pytest.importorskip("polars")
+def columns_of(mission: ffid.Mission, record: ffid.Record) -> dict[str, Any]:
     gyro = record.gyro
     assert gyro is not None
     columns = {"time[s]": record.t}
     columns |= {f"q.{j}[rad]": record.q[:, i] for i, j in enumerate(mission.joints)}
     columns |= {f"tau.{j}": record.tau[:, i] for i, j in enumerate(mission.joints)}
-    columns |= {f"gyro.{c}": gyro[:, i] for i, c in enumerate("xyz")}
+    return columns | {f"gyro.{c}": gyro[:, i] for i, c in enumerate("xyz")}
+
+
+def test_records_from_data_frames(mission: ffid.Mission, record: ffid.Record) -> None:
+    pandas, polars = pytest.importorskip("pandas"), pytest.importorskip("polars")
+    columns = columns_of(mission, record)
+    noted = columns | {"mode": ["a"] * len(record), "temperature": np.full(len(record), 20.0)}
     for made in (
-        ffid.Record.from_pandas(mission, pandas.DataFrame(columns)),
-        ffid.Record.from_polars(mission, polars.DataFrame(columns)),
+        ffid.Record.from_pandas(mission, pandas.DataFrame(noted)),
+        ffid.Record.from_polars(mission, polars.DataFrame(noted)),
     ):
-        assert np.array_equal(made.q, record.q) and np.array_equal(made.gyro, gyro)
-    wrong = dict(columns)
-    wrong["gyro.x[deg/s]"] = wrong.pop("gyro.x")
-    with pytest.raises(ValueError, match="deg/s"):
-        ffid.Record.from_pandas(mission, pandas.DataFrame(wrong))
-    del columns[f"tau.{mission.joints[0]}"]
-    with pytest.raises(ValueError, match=f"tau.{mission.joints[0]}"):
+        assert np.array_equal(made.q, record.q) and np.array_equal(made.gyro, record.gyro)
+    # Other units, a time index, torques at half the rate.
+    other = {k: v for k, v in columns.items() if k != "time[s]"}
+    other["gyro.x[deg/s]"] = np.degrees(other.pop("gyro.x"))
+    frame = pandas.DataFrame(other)
+    frame.index = pandas.Timestamp("2026-03-04T05:06:07.123456789") + pandas.to_timedelta(np.round(1e9 * record.t), unit="ns")
+    frame.loc[frame.index[1::2], [f"tau.{j}" for j in mission.joints]] = np.nan
+    made = ffid.Record.from_pandas(mission, frame)
+    assert made.gyro is not None and np.allclose(made.gyro, record.gyro, rtol=1e-14)
+    assert len(made.times("tau")) == (len(record) + 1) // 2 and np.array_equal(made.tau, record.tau[::2])
+    assert np.allclose(made.t - made.t[0], record.t - record.t[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda c: c.update({"gyro.x[furlong]": c.pop("gyro.x")}), "Data::UnknownUnit"),
+        (lambda c: c.pop("tau.elbow"), "Data::Columns"),
+        (lambda c: c["q.elbow[rad]"].__setitem__(7, np.nan), "Data::NotFinite"),
+        (lambda c: c.update({"tau.elbow": c["tau.elbow"].astype(str)}), "Array::Type"),
+        (lambda c: c.pop("time[s]"), "Data::Columns"),
+    ],
+)
+def test_data_frames_that_are_no_record(mission: ffid.Mission, record: ffid.Record, change: Any, code: str) -> None:
+    polars = pytest.importorskip("polars")
+    columns = {k: v.copy() for k, v in columns_of(mission, record).items()}
+    change(columns)
+    with pytest.raises(ffid.DataError) as e:
         ffid.Record.from_polars(mission, polars.DataFrame(columns))
+    assert code in [p.code for p in e.value.problems], e.value
+    assert e.value.next_step
+
+
+def test_nothing_is_printed(mission: ffid.Mission, record: ffid.Record, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    result = ffid.identify(mission, record, held_out=0.3)
+    result.save(tmp_path / "quiet")
+    ffid.doctor(mission, record)
+    mission.check(), mission.modes(), mission.show(), str(result), result.report()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_doctor_sees_what_is_wrong(mission: ffid.Mission, record: ffid.Record, fixtures: Path) -> None:
+    good = ffid.doctor(mission, [record, fixtures / "verdict" / "m2.parquet"], torque_noise=0.06)
+    assert good.judgement != "wrong" and good.exit_code == 0 and set(good.findings["topic"]) >= {"units", "noise", "clocks"}
+    printed = run("doctor", mission.file, "--record", record.name, "--json")
+    assert ffid.doctor(mission, record).raw == json.loads(printed.stdout)["diagnosis"]
+    tau = record.tau.copy()
+    tau[:, 2] *= -1.0
+    wrong = ffid.Record.from_arrays(mission, t=record.t, q=record.q, tau=tau, gyro=record.gyro, name="turned")
+    found = ffid.doctor(mission, wrong)
+    assert (found.judgement, found.exit_code) == ("wrong", 12)
+    assert [p.code for p in found.problems if p.severity == "error"] == ["Data::AxisMismatch"]
+    assert mission.joints[2] in str(found) and "wrong" in found._repr_html_()
+    with pytest.raises(ffid.DataError) as e:
+        ffid.identify(mission, wrong)
+    assert e.value.code == "Data::AxisMismatch"
+
+
+def test_a_record_with_a_gap_is_judged_as_by_the_command(result: ffid.Result, mission: ffid.Mission, fixtures: Path, tmp_path: Path) -> None:
+    other = ffid.Record.read(fixtures / "verdict" / "m2.parquet", mission)
+    keep = (other.t < 20.0) | (other.t > 23.0)
+    columns = {k: v[keep] for k, v in columns_of(mission, other).items()}
+    header = ",".join(k if "[" in k else f"{k}[{'N m' if k.startswith('tau') else 'rad/s'}]" for k in columns)
+    rows = [",".join(map(repr, row)) for row in np.column_stack(list(columns.values())).tolist()]
+    (tmp_path / "gap.csv").write_text("\n".join([header, *rows, ""]))
+    result.save(tmp_path / "m")
+    judged = result.validate(tmp_path / "gap.csv")
+    by_command = json.loads(run("validate", tmp_path / "m", "--record", tmp_path / "gap.csv", "--json").stdout)["verdict"]
+    assert judged.raw == by_command
+    # The part behind the gap begins in the middle of the motion, which is no contradiction.
+    assert judged.explained and judged.exit_code == 0 and judged.raw["seconds"] < 40.0
+
+
+def test_a_record_of_another_robot_is_not_explained(result: ffid.Result, mission: ffid.Mission, record: ffid.Record) -> None:
+    other = mission.with_values({"tank.mass": 3.0 * result.values["tank.mass"], "wing.k[0]": 0.4 * result.values["wing.k[0]"]})
+    t = np.linspace(0.0, 30.0, 301)
+    q = record.q[0] + 0.3 * np.sin(2 * np.pi * t / 7.5)[:, None] ** 2 * np.linspace(1.0, 2.0, len(mission.joints))
+    judged = result.validate(other.simulate(t, q, hold=10.0, seed=4))
+    assert not judged.explained and judged.exit_code == 16
+    assert judged.problems[-1].code == "Fit::NotExplained"
+
+
+def test_signals_of_a_result_that_was_loaded(mission: ffid.Mission, record: ffid.Record, tmp_path: Path) -> None:
+    result = ffid.identify(mission, record, held_out=0.3)
+    result.save(tmp_path / "r")
+    loaded = ffid.Result.load(tmp_path / "r")
+    for own, again in ((result.signals(), loaded.signals()), (result.held_out_signals(), loaded.held_out_signals())):
+        assert own["names"] == again["names"] and list(own["units"]) == again["units"]
+        for key in ("t", "measured", "predicted", "sigma"):
+            assert np.allclose(own[key], again[key], rtol=1e-14, atol=0), key
+    for r in (result, loaded):
+        with pytest.raises(LookupError):
+            r.signals(1)
+    loaded.save(tmp_path / "copy")
+    assert ffid.Result.load(tmp_path / "copy").raw == loaded.raw
+
+
+def test_values_and_what_is_uncertain_can_be_changed(mission: ffid.Mission, fixtures: Path) -> None:
+    heavy = mission.with_values({"tank.mass": 77.7})
+    assert {p["name"]: p["value"] for p in heavy.parameters}["tank.mass"] == 77.7
+    assert tomllib.loads(heavy.to_toml())["parameters"]["tank.mass"] == 77.7
+    with pytest.raises(KeyError, match=r"tank\.mass"):
+        mission.with_values({"tank.mas": 1.0})
+    tables = [{"parameters": ["tank.length"], "relative_std": 0.1}, {"sensor": "torque", "gain_relative_std": 0.02}]
+    unsure = mission.with_uncertain(tables)
+    said = tomllib.loads(unsure.to_toml())
+    assert said["uncertain"] == tables[:1] and said["sensors"]["torque"]["gain_relative_std"] == 0.02
+    assert unsure.parameters == mission.parameters
+    again = unsure.with_uncertain([])
+    assert "uncertain" not in tomllib.loads(again.to_toml())
+    text = mission.to_toml().replace("rate_hz", "rate_hz = 25.0 #", 1)
+    slow = ffid.Mission.from_toml(text, folder=mission.file.parent)
+    assert slow.joints == mission.joints and tomllib.loads(slow.to_toml())["sensors"]["rate_hz"] == 25.0
+    with pytest.raises(ffid.ConfigError) as e:
+        ffid.Mission.from_toml(text.replace("rate_hz", "rate_hs", 1), folder=mission.file.parent)
+    assert e.value.first.line == 1 + text[: text.index("rate_hz")].count("\n")
+
+
+def test_uncertain_items_are_estimated_considered_or_left_out(mission: ffid.Mission, record: ffid.Record) -> None:
+    tables = [{"mounts": ["tank"], "position_std_m": 0.01}]
+    exact = ffid.identify(mission, record, uncertain="exact")
+    beside = ffid.identify(mission, record, uncertain=tables)
+    held = ffid.identify(mission.with_uncertain(tables), record, uncertain="consider")
+    assert not exact.raw.get("budget") and len(beside.budget) == len(beside.values)
+    for name in exact.values:
+        a, b, c = exact.std[name], beside.std[name], held.std[name]
+        assert a is not None and b is not None and c is not None
+        assert b >= a * (1 - 1e-6) and c >= b * (1 - 1e-3), name
+
+
+def test_draws_are_those_of_the_posterior(mission: ffid.Mission, record: ffid.Record, tmp_path: Path) -> None:
+    gyro = record.gyro
+    assert gyro is not None
+    # A third of the samples: draws take hundreds of evaluations.
+    thin = ffid.Record.from_arrays(mission, t=record.t[::3], q=record.q[::3], tau=record.tau[::3], gyro=gyro[::3], name="thin")
+    result = ffid.identify(mission, thin, sample=60)
+    draws = result.draws
+    assert draws is not None and draws.values.shape[0] == 4 and len(draws.names) == draws.values.shape[2]
+    for name, value in result.values.items():
+        std = result.std[name]
+        assert std is not None and abs(draws[name].mean() - value) < std and 0.5 * std < draws[name].std() < 2 * std, name
+    result.save(tmp_path / "drawn")
+    loaded = ffid.Result.load(tmp_path / "drawn")
+    again = loaded.draws
+    assert again is not None and again.names == draws.names and again.units == draws.units
+    assert np.array_equal(again.values, draws.values) and np.array_equal(again.log_density, draws.log_density)
+    name = "tank.mass"
+    centre, std = draws[name].mean(), draws[name].std()
+    # Two Gaussian densities of one width: half the variance, the mean between.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ffid.FfidWarning)
+        narrow = draws.reweight(lambda p: -0.5 * ((p[name] - centre - std) / std) ** 2)
+    row = narrow.parameters.set_index("name").loc[name]
+    assert row["mean"] == pytest.approx(centre + 0.5 * std, abs=0.2 * std) and row["std"] == pytest.approx(std / 2**0.5, rel=0.25)
+    assert narrow.weights.sum() == pytest.approx(1.0) and narrow.effective < len(draws)
+    flat = draws.reweight(lambda p: 3.0)
+    assert flat.effective == pytest.approx(len(draws)) and flat.pareto_k is None
+    with pytest.warns(ffid.FfidWarning, match="tail of the weights"):
+        assert not draws.reweight(lambda p: -0.5 * ((p[name] - centre - 8 * std) / (0.1 * std)) ** 2).reliable
+    with pytest.raises(ValueError, match="excludes all draws"):
+        draws.reweight(lambda p: float("-inf"))
+    pytest.importorskip("arviz")
+    data = loaded.to_arviz()
+    assert np.array_equal(data["posterior"][name].values, draws[name]) and data["posterior"][name].attrs["units"] == "kg"
+    with pytest.raises(LookupError, match="sample=400"):
+        ffid.identify(mission, thin).to_arviz()
+
+
+def test_motions_of_a_function(mission: ffid.Mission) -> None:
+    n = len(mission.joints)
+    reach = np.linspace(0.2, 0.4, n)
+
+    def f(t: float) -> Any:
+        return mission.model.neutral()[0, 7 : 7 + n] + reach * np.sin(0.4 * t) ** 2
+
+    motion = ffid.Motion.from_function(mission, f, 20.0)
+    t = np.linspace(0.5, 19.5, 77)
+    q, qd, qdd = motion(t)
+    assert motion.duration == pytest.approx(20.0)
+    assert np.abs(q - np.array([f(x) for x in t])).max() < 1e-9
+    assert np.abs(qd - 0.4 * reach * np.sin(0.8 * t)[:, None]).max() < 1e-6
+    assert np.abs(qdd - 0.32 * reach * np.cos(0.8 * t)[:, None]).max() < 1e-4
+    assert len(mission.simulate(motion)) == 1 + 20 * 50
+    with pytest.raises(ValueError, match=rf"\({n},\) is needed"):
+        ffid.Motion.from_function(mission, lambda t: [0.0], 1.0)
+    with pytest.raises(ZeroDivisionError):
+        ffid.Motion.from_function(mission, lambda t: [1 / 0] * n, 1.0)
+    page = mission.show(motion, hold=1.0)
+    assert page.startswith("<!") and "<iframe" in page._repr_html_()
+
+
+def test_a_cost_chooses_among_plans(fixtures: Path) -> None:
+    mission = ffid.Mission.load(fixtures / "paper" / "flex.toml")
+    seen: list[tuple[float, ffid.Plan]] = []
+
+    def longest_reach(plan: ffid.Plan) -> float:
+        seen.append((float(np.ptp(plan(np.linspace(0, plan.duration, 100))[0][:, 0])), plan))
+        return seen[-1][0]
+
+    plan = ffid.plan_excitation(mission, goal="paper", cost=longest_reach, candidates=3)
+    assert len(seen) == 3 and plan is min(seen, key=lambda x: x[0])[1]
+    with pytest.raises(ValueError, match="candidates"):
+        ffid.plan_excitation(mission, goal="paper", candidates=3)
+
+
+def test_files_are_converted_and_described(mission: ffid.Mission, record: ffid.Record, tmp_path: Path) -> None:
+    ffid.convert(record.name, tmp_path / "m1.csv", si=True)
+    assert np.array_equal(ffid.Record.read(tmp_path / "m1.csv", mission).tau, record.tau)
+    with pytest.raises(ffid.OutputError):
+        ffid.convert(record.name, tmp_path / "m1.csv")
+    assert "properties" in ffid.schema("mission") and "properties" in ffid.schema("result")
+    with pytest.raises(ValueError, match="nothing"):
+        ffid.schema("nothing")  # type: ignore[arg-type]
+    assert mission.selfcheck()
+
+
+def test_the_example_of_the_command_line_has_the_same_numbers(tmp_path: Path) -> None:
+    """docs/examples/three-segment, from URDF to result, by command and by Python."""
+    folder = Path(__file__).resolve().parents[3] / "docs" / "examples" / "three-segment"
+    m = tmp_path / "m.toml"
+    how = ["--stiffness", 220, "--damping", 1.5, "--tank", "58,0.55,12,2", "--tank-at=-0.25,0.18,0.35", "--rate-hz", 50]
+    run("init", folder / "robot.urdf", "-o", m, *how, "--torque-noise", 0.05, "--gyro-noise", 1e-4)
+    run("identify", m, "--record", folder / "record.csv", "--held-out", 0.3, "--out", tmp_path / "r", "--quiet")
+    mission = ffid.Mission.from_urdf(
+        folder / "robot.urdf",
+        stiffness=220,
+        damping=1.5,
+        tank=(58, 0.55, 12, 2),
+        tank_at=(-0.25, 0.18, 0.35),
+        rate_hz=50,
+        torque_noise=0.05,
+        gyro_noise=1e-4,
+    )
+    result = ffid.identify(mission, folder / "record.csv", held_out=0.3)
+    expected = json.loads((tmp_path / "r" / "result.json").read_text())
+    for key in ("parameters", "nuisance", "covariance", "modes", "held_out", "evidence"):
+        assert result.raw[key] == expected[key], key
 
 
 def test_the_wheel_brings_the_command() -> None:
@@ -252,11 +500,21 @@ def test_the_wheel_brings_the_command() -> None:
     assert subprocess.run([script, "--version"], capture_output=True, text=True, check=True).stdout.startswith("ffid ")
 
 
+def test_importing_is_quick_and_light() -> None:
+    code = "import sys, time; import numpy; t = time.perf_counter(); import ffid; print(time.perf_counter() - t); print(*sys.modules)"
+    seconds, modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.splitlines()
+    assert not {"pandas", "polars", "matplotlib", "arviz", "scipy"} & set(modules.split())
+    # Beside NumPy; generous, as the machine may be busy.
+    assert float(seconds) < 2.0
+
+
 def test_memory_does_not_grow(mission: ffid.Mission, record: ffid.Record) -> None:
     import resource
 
+    gyro = record.gyro
+    assert gyro is not None
     short = ffid.Record.from_arrays(
-        mission, t=record.t[:300], q=record.q[:300], tau=record.tau[:300], gyro=record.gyro[:300], name="short"  # type: ignore[index]
+        mission, t=record.t[:300], q=record.q[:300], tau=record.tau[:300], gyro=gyro[:300], name="short"
     )
 
     def fits(n: int) -> int:
@@ -264,5 +522,6 @@ def test_memory_does_not_grow(mission: ffid.Mission, record: ffid.Record) -> Non
             ffid.identify(mission, short, max_iterations=1, clocks="trust")
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
+    # FFID_FITS=1000 is the whole of it.
     first = fits(5)
-    assert fits(15) - first < 20_000  # kB
+    assert fits(int(os.environ.get("FFID_FITS", "15"))) - first < 20_000  # kB

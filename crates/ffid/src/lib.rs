@@ -17,6 +17,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod base_parameters;
 pub mod exit;
 pub mod files;
 pub mod init;
@@ -31,6 +32,7 @@ pub mod sense;
 pub mod summary;
 pub mod workflow;
 
+pub use base_parameters::{BaseParameters, base_parameters};
 pub use excitation;
 pub use ff_dynamics as dynamics;
 pub use ff_least_squares as least_squares;
@@ -46,17 +48,32 @@ pub use regressor_triangle::regressor_triangle;
 pub use slosh_pendulum;
 pub use validate;
 
+use std::sync::{PoisonError, RwLock};
+
 /// The kinds of appendage this workspace brings: `flex_panel`, `modal`, `payload`, `reaction_wheel`, `slosh_pendulum`,
 /// `slosh_spring_mass` and `slosh_tank`.
 ///
-/// Add your own with [`model::Registry::register`].
+/// Add your own with [`model::Registry::register`], or for a whole program with [`add_kinds`].
 pub fn default_registry() -> model::Registry {
     let mut r = model::Registry::new();
     model::payload::register(&mut r);
     flex_panel::register(&mut r);
     reaction_wheel::register(&mut r);
     slosh_pendulum::register(&mut r);
+    let more = MORE.read().unwrap_or_else(PoisonError::into_inner).clone();
+    more.iter().for_each(|register| register(&mut r));
     r
+}
+
+/// What registers kinds of appendage.
+pub type Register = fn(&mut model::Registry);
+
+static MORE: RwLock<Vec<Register>> = RwLock::new(Vec::new());
+
+/// Adds kinds of appendage to every [`default_registry`] of this process from now on: for a program that is built of this library and
+/// appendages of its own, such as a Python package.
+pub fn add_kinds(register: Register) {
+    MORE.write().unwrap_or_else(PoisonError::into_inner).push(register);
 }
 
 /// Compiles the example of `README.md`.

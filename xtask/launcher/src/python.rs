@@ -12,18 +12,22 @@ const MATURIN: &str = "maturin>=1.16,<2";
 ///
 /// * `test`: pytest (which runs the notebooks of `docs/notebooks`), the type checker in strict mode, stubs against the module; what follows
 ///   is passed on to pytest;
-/// * `bench`: the measurements; what follows is passed on, such as `--json FILE`;
-/// * `wheel`: nothing more.
+/// * `bench`: the measurements, beside Pinocchio and beside the same in Rust; what follows is passed on, such as `--json FILE`;
+/// * `wheel`: nothing more;
+/// * `docs`: no wheel; writes `docs/python-reference.md` from the sources of the package.
 ///
 /// # Errors
 /// [`Failure::Usage`], or that of the first program that fails.
 pub fn run(args: &[String]) -> Result<(), Failure> {
-    let Some((task, rest)) = args.split_first().filter(|(t, _)| ["test", "bench", "wheel"].contains(&t.as_str()))
-    else {
-        return Err(Failure::Usage("'python' takes test, bench or wheel".into()));
+    let tasks = ["test", "bench", "wheel", "docs"];
+    let Some((task, rest)) = args.split_first().filter(|(t, _)| tasks.contains(&t.as_str())) else {
+        return Err(Failure::Usage("'python' takes test, bench, wheel or docs".into()));
     };
     let root = workspace::root()?;
     let crate_folder = root.join("crates").join("ffid-py");
+    if task == "docs" {
+        return process::run(&crate_folder, &system(), &[OsStr::new("docs/reference.py")]);
+    }
     let python = install(&root, &crate_folder)?;
     let run = |words: &[&str], rest: &[String]| {
         let all: Vec<String> = words.iter().map(|&w| w.to_owned()).chain(rest.iter().cloned()).collect();
@@ -35,7 +39,10 @@ pub fn run(args: &[String]) -> Result<(), Failure> {
             run(&["-m", "mypy.stubtest", "ffid._ffid", "--ignore-disjoint-bases"], &[])?;
             run(&["-m", "pytest", "-q"], rest)
         }
-        "bench" => run(&["bench/dynamics.py"], &from_here(rest)?),
+        "bench" => {
+            let rust = rust_side(&root, &crate_folder)?;
+            run(&["bench/dynamics.py", "--rust", &rust.to_string_lossy()], &from_here(rest)?)
+        }
         _ => Ok(()),
     }
 }
@@ -51,14 +58,26 @@ fn from_here(args: &[String]) -> Result<Vec<String>, Failure> {
     Ok(args.iter().map(absolute).collect())
 }
 
+/// The program that does in Rust what is measured from Python, with the libraries that the wheel was built of.
+fn rust_side(root: &Path, crate_folder: &Path) -> Result<PathBuf, Failure> {
+    let build = tasks::target(root).join("python").join("build");
+    let words = ["build", "--release", "--locked", "--package", "ffid-py-bench", "--target-dir"].map(OsStr::new);
+    process::run(crate_folder, &process::cargo(), &[&words[..], &[build.as_os_str()]].concat())?;
+    Ok(build.join("release").join(format!("ffid-py-bench{}", std::env::consts::EXE_SUFFIX)))
+}
+
+/// The interpreter of the system.
+fn system() -> OsString {
+    std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into())
+}
+
 /// The interpreter of a virtual environment under the target folder in which the wheel of this source is installed.
 fn install(root: &Path, crate_folder: &Path) -> Result<OsString, Failure> {
     let folder = tasks::target(root).join("python");
     let (venv, wheels) = (folder.join("venv"), folder.join("wheels"));
     let python = interpreter(&venv);
     if !python.is_file() {
-        let system = std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into());
-        process::run(root, &system, &[OsStr::new("-m"), OsStr::new("venv"), venv.as_os_str()])?;
+        process::run(root, &system(), &[OsStr::new("-m"), OsStr::new("venv"), venv.as_os_str()])?;
     }
     let python = python.into_os_string();
     let pip = |args: &[&OsStr]| {

@@ -308,6 +308,11 @@ pub(super) fn carried_channels(head: &[String], targets: &[Target]) -> (Vec<Stri
     all.map(|(c, t)| (split(c).0.to_owned(), t.unit().map_or("1", |u| units::si(u.dimension)))).unzip()
 }
 
+/// The SI unit of a column by its name; `None` for a name that means nothing here.
+pub(super) fn si_unit(name: &str, joints: &[JointColumn]) -> Option<&'static str> {
+    place(name.trim(), joints).map(|(_, dimension)| units::si(dimension))
+}
+
 /// Group and channel of a name (`None` for the time), with its dimension; `None` for a name that means nothing here.
 type Place = (Option<(Group, usize)>, Dimension);
 

@@ -37,15 +37,19 @@ pub(crate) mod parquet_out;
 pub(crate) mod read;
 pub(crate) mod samples;
 pub(crate) mod source;
+pub(crate) mod table;
 pub mod units;
 pub(crate) mod write;
 
 pub use blocks::{BLOCK, Block, Blocks, Stamps};
 pub use options::{Loaded, ReadOptions, StampSource};
 #[cfg(feature = "parquet")]
+pub use parquet_in::read_table;
+#[cfg(feature = "parquet")]
 pub use parquet_out::{ParquetWriter, TableColumn, write_table};
 pub use read::{read, read_from};
 pub use source::{Format, open};
+pub use table::read_columns;
 pub use write::{CsvRows, CsvWriter};
 
 use ff_model::diagnostics::Limit;

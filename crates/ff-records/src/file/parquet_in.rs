@@ -5,8 +5,8 @@ use super::blocks::{BLOCK, Block, Blocks, Stamps, unreadable};
 use super::columns::{split, time_column};
 use super::over;
 use bytes::Bytes;
-use ff_model::Problems;
 use ff_model::diagnostics::clip;
+use ff_model::{Area, Problem, Problems};
 use parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type};
 use parquet::column::reader::ColumnReader;
 use parquet::errors::{ParquetError, Result as ParquetResult};
@@ -15,6 +15,7 @@ use parquet::schema::types::ColumnDescriptor;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 
 /// Most columns of a file.
 const MAX_COLUMNS: usize = 10_000;
@@ -88,6 +89,12 @@ struct Buffers {
 
 impl ParquetBlocks {
     pub(super) fn new(file: File) -> Result<Self, Problems> {
+        let table = Self::table(file)?;
+        let time = time_column(&table.names).map_err(|p| Problems(vec![*p]))?;
+        Ok(Self { time, ..table })
+    }
+    /// Of a table without time stamps.
+    fn table(file: File) -> Result<Self, Problems> {
         let len = file.metadata().map_or(0, |m| m.len());
         let reader = guard(|| SerializedFileReader::new(Guarded { file, len }))?;
         let meta = reader.metadata().file_metadata();
@@ -112,8 +119,7 @@ impl ParquetBlocks {
             };
             names.push(full);
         }
-        let time = time_column(&names).map_err(|p| Problems(vec![*p]))?;
-        let wanted = vec![true; names.len()];
+        let (time, wanted) = (usize::MAX, vec![true; names.len()]);
         Ok(Self { reader, names, wanted, time, group: 0, open: Vec::new(), left: 0, buffers: Buffers::default(), len })
     }
     /// Rows of the whole file, by its footer.
@@ -138,6 +144,29 @@ impl ParquetBlocks {
         }
         Ok(true)
     }
+}
+
+/// Reads a table of numbers from a Parquet file, such as [`super::write_table`] writes: columns in order, each with its name. NaN where there
+/// is no number. Allocates.
+///
+/// # Errors
+/// `Io::Read`; `Data::Parquet` and `Data::BadNumber` for what is no such table.
+pub fn read_table(path: &Path) -> Result<Vec<(String, Vec<f64>)>, Problems> {
+    let read = || -> Result<Vec<(String, Vec<f64>)>, Problems> {
+        let file = File::open(path).map_err(|e| {
+            let p = Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"));
+            Problems(vec![p.hint("check the path and its permissions")])
+        })?;
+        let mut source = ParquetBlocks::table(file)?;
+        let mut all = vec![Vec::new(); source.names.len()];
+        let mut block = Block::new(all.len());
+        while source.next(&mut block)? {
+            all.iter_mut().zip(&block.columns).for_each(|(to, from)| to.extend_from_slice(from));
+        }
+        let schema = source.reader.metadata().file_metadata().schema_descr_ptr();
+        Ok(schema.columns().iter().map(|c| c.path().string()).zip(all).collect())
+    };
+    read().map_err(|p| p.in_file(path))
 }
 
 /// The unit that the type of a column says, for time stamps of other programs.

@@ -6,14 +6,15 @@ use crate::output::{Input, Outcome};
 use crate::results;
 use crate::results::{Refusal, refused};
 use ff_model::Problems;
+use ff_records::Record;
 use ffid::exit::Exit;
-use ffid::open::open;
+use ffid::open::{Opened, open};
 use ffid::workflow::doctor::{Diagnosis, diagnose};
 use ffid::workflow::identify::LabelledRecord;
 use serde::Serialize;
 use std::fmt::Display;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Examples for `--help`.
 pub(crate) const EXAMPLES: &str = "Examples:
@@ -63,33 +64,42 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
 fn judge(args: &Args) -> Result<(Diagnosis, Problems), Refusal> {
     let input = &args.input;
     let opened = open(&input.file, input.leniency()).map_err(refused)?;
-    let mission = results::undisturbed(&opened, &input.file).map_err(refused)?;
-    let settings = args.fit.settings(mission);
-    let (mut records, mut warnings) = (Vec::new(), Vec::new());
+    results::undisturbed(&opened, &input.file).map_err(refused)?;
+    let mut records = Vec::new();
     for path in &args.record {
         let loaded = args.reading.read(path, &opened.model, 8, None, input).map_err(refused)?;
-        let label = path.display().to_string();
-        records.push(LabelledRecord {
-            label,
-            record: loaded.record,
-            resampled: (false, false),
-            continues: false,
-            ago: 0,
-        });
-        warnings.push(loaded.warnings);
+        records.push((path.as_path(), loaded.record, loaded.warnings));
     }
-    let diagnosis = diagnose(&opened, &records, &warnings, &settings).map_err(failed)?;
+    judge_records(args, &opened, records)
+}
+
+/// The diagnosis of records that have been read, each with where it is from and the warnings of reading; and all problems.
+pub(crate) fn judge_records(
+    args: &Args,
+    opened: &Opened,
+    given: Vec<(&Path, Record, Problems)>,
+) -> Result<(Diagnosis, Problems), Refusal> {
+    let mission = results::undisturbed(opened, &args.input.file).map_err(refused)?;
+    let settings = args.fit.settings(mission);
+    let (mut records, mut warnings, mut paths) = (Vec::new(), Vec::new(), Vec::new());
+    for (path, record, warned) in given {
+        let label = path.display().to_string();
+        records.push(LabelledRecord { label, record, resampled: (false, false), continues: false, ago: 0 });
+        warnings.push(warned);
+        paths.push(path);
+    }
+    let diagnosis = diagnose(opened, &records, &warnings, &settings).map_err(failed)?;
     let mut problems = opened.warnings.clone();
     warnings.into_iter().for_each(|w| problems.extend(w));
     // One after the other, each with its file.
-    for path in &args.record {
+    for path in paths {
         let label = path.display().to_string();
         let own = diagnosis.findings.iter().filter(|f| f.record == label).filter_map(|f| f.problem.clone());
         let mut own = Problems(own.collect()).in_file(path);
         own.0.iter_mut().filter(|p| p.object.as_deref() == Some(label.as_str())).for_each(|p| p.object = None);
         problems.extend(own);
     }
-    input.leniency().settle(&mut problems);
+    args.input.leniency().settle(&mut problems);
     if matches!(Exit::of(&problems), Exit::Model | Exit::Config) {
         return Err((Exit::of(&problems), problems));
     }

@@ -79,17 +79,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
         Err((exit, p)) => return input.print(exit, &p.in_file(&args.record), Results::default(), &[], out, err),
     };
     let Found { robot, held, signals, modes, mut problems, files, inputs, folder } = found;
-    let mut exit = Exit::of(&problems);
-    if !held.explained {
-        let chi2 = format!("chi-squared per degree of freedom {:.3}, limit {}", held.chi2_per_dof, held.limit);
-        let what = match held.evidence.as_ref().filter(|e| e.state == State::Contradicted) {
-            Some(e) => format!("{}; {chi2}", e.reason),
-            None => chi2,
-        };
-        let p = Problem::error(Area::Data, "Fit::NotExplained", what).in_file(&args.record);
-        problems.push(p.hint("another robot, other fuel, or something moves that the model does not have"));
-        exit = Exit::Contradicted;
-    }
+    let mut exit = conclude(&held, &args.record, &mut problems);
     if let Some(p) = results::changed(&inputs, &files) {
         exit = Exit::Data;
         problems.push(p);
@@ -114,6 +104,22 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
     input.print(exit, &problems, Results { verdict: Some(&held), out: written }, text, out, err)
 }
 
+/// The code of a verdict, and the problem of a model that does not explain the record at `path`.
+pub(crate) fn conclude(held: &HeldOut, path: &Path, problems: &mut Problems) -> Exit {
+    let exit = Exit::of(problems);
+    if held.explained {
+        return exit;
+    }
+    let chi2 = format!("chi-squared per degree of freedom {:.3}, limit {}", held.chi2_per_dof, held.limit);
+    let what = match held.evidence.as_ref().filter(|e| e.state == State::Contradicted) {
+        Some(e) => format!("{}; {chi2}", e.reason),
+        None => chi2,
+    };
+    let p = Problem::error(Area::Data, "Fit::NotExplained", what).in_file(path);
+    problems.push(p.hint("another robot, other fuel, or something moves that the model does not have"));
+    Exit::Contradicted
+}
+
 fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     let input = &args.input;
     let found = result_folder::load(input).map_err(refused)?;
@@ -122,14 +128,14 @@ fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     // The noise of a calibration is that behind its filter.
     let arm = arm_of(args, &found.result, model);
     let low_pass = arm.as_ref().map_or(args.reading.low_pass(), |a| a.low_pass_hz);
-    let loaded = args.reading.read_one(&args.record, model, low_pass, input)?;
+    let (loaded, moving) = args.reading.read_one(&args.record, model, low_pass, input)?;
     let files = vec![found.mission_file.clone(), args.record.clone()];
     let inputs = results::inputs(&files).map_err(io)?;
     unseen(&found.result, &inputs[1], &args.record).map_err(refused)?;
     let folder = args.out.as_ref().map(|o| results::begin(o, &args.output, err)).transpose().map_err(io)?;
     let source = args.record.display().to_string();
     let (held, signals) = watched(&args.output, |watch| {
-        predict(args, &found.result, &found.opened, mission, arm.as_ref(), (&loaded.record, source), watch)
+        predict(args, &found.result, &found.opened, mission, arm.as_ref(), (&loaded.record, source, moving), watch)
     })?;
     let mut problems = found.opened.warnings.clone();
     problems.extend(loaded.warnings);
@@ -146,14 +152,15 @@ pub(crate) fn unseen(result: &IdentificationResult, source: &Entry, path: &Path)
     Err(Problems(vec![p.hint("judge the model by a record that it has not seen")]))
 }
 
-/// Predicts a record, which is from `record.1`, with the parameters of a result; axes that are turned are refused.
+/// Predicts a record with the parameters of a result; axes that are turned are refused. The record comes with where it is from, and whether it
+/// begins in the middle of a motion.
 pub(crate) fn predict(
     args: &Args,
     result: &IdentificationResult,
     opened: &Opened,
     mission: &Mission,
     arm: Option<&Arm>,
-    record: (&Record, String),
+    (record, source, moving): (&Record, String, bool),
     watch: &Observer<'_>,
 ) -> Result<(HeldOut, Signals), IdentifyError> {
     let p = &result.provenance;
@@ -166,9 +173,9 @@ pub(crate) fn predict(
     let adopted: Vec<String> =
         p.settings.get("adopt").map_or_else(Vec::new, |a| a.split(", ").map(str::to_owned).collect());
     let adopt = adopted_sensor_errors(model, &adopted);
-    let s = Settings { method: Some(result.method), noise, held_errors, adopt, ..asked };
+    let initial_state = asked.initial_state || moving;
+    let s = Settings { method: Some(result.method), noise, held_errors, adopt, initial_state, ..asked };
     let values: Vec<f64> = result.model.iter().map(|v| v.value).collect();
-    let (record, source) = record;
     let posterior = result.posterior.as_ref().and_then(|p| of_model(p, model));
     let known = Known { opened, posterior: posterior.as_ref(), ties: &[] };
     let found = judge_held_out(known, &values, arm, record, &s, source, watch)?;

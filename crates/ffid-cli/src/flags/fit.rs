@@ -122,7 +122,7 @@ pub(crate) fn watched<V>(
             bar.set_message(format!("linearisation {n}, chi-squared per residual {chi2:.6}"));
         }
     };
-    let found = work(&Observer { stop: Some(&stop), progress: Some(&tell) });
+    let found = work(&Observer { stop: Some(&stop), progress: Some(&tell), kept: None });
     if let Some(b) = &bar {
         b.finish_and_clear();
     }

@@ -4,6 +4,7 @@ use crate::flags::fit::failed;
 use crate::output::Input;
 use crate::results::{Refusal, refused};
 use clap::ValueEnum;
+use ff_mission::Leniency;
 use ff_mission::leniency::ALLOWABLE;
 use ff_model::diagnostics::list;
 use ff_model::{Area, BaseKind, Model, Problem, Problems};
@@ -93,8 +94,16 @@ impl RecordFlags {
         low_pass: Option<f64>,
         input: &Input,
     ) -> Result<Loaded, Problems> {
-        let leniency = input.leniency();
-        let options = ReadOptions {
+        let options = self.options(model, need, &input.leniency());
+        let mut loaded = believed(read(path, &joints_of(model), &options)?, model, path, &input.leniency())?;
+        if let Some(hz) = low_pass {
+            loaded.record = filtered(&loaded.record, hz).map_err(|p| p.in_file(path))?;
+        }
+        Ok(loaded)
+    }
+    /// How a record of the robot is read.
+    pub(crate) fn options(&self, model: &Model, need: usize, leniency: &Leniency) -> ReadOptions {
+        ReadOptions {
             max_rows: self.max_rows,
             max_bytes: self.max_bytes,
             ignore: self.ignore.clone(),
@@ -109,50 +118,69 @@ impl RecordFlags {
             topics: self.topic.clone(),
             slides: Vec::new(),
             stamps: self.stamps.into(),
-        };
-        let mut loaded = read(path, &joints_of(model), &options)?;
-        plausible(&loaded.record, model, path, &mut loaded.warnings);
-        not_used(&loaded.record, model, path, &mut loaded.warnings);
-        let mut warnings = std::mem::take(&mut loaded.warnings);
-        leniency.settle(&mut warnings);
-        if warnings.has_errors() {
-            return Err(warnings);
         }
-        loaded.warnings = warnings;
-        if let Some(hz) = low_pass {
-            loaded.record = filtered(&loaded.record, hz).map_err(|p| p.in_file(path))?;
-        }
-        Ok(loaded)
     }
-    /// Reads what a model is judged by: the longest part of the record, if it has gaps; on the ground on an even clock.
+    /// Reads what a model is judged by: the longest part of the record, if it has gaps; on the ground on an even clock. Whether it begins
+    /// behind a gap, in the middle of a motion.
     pub(crate) fn read_one(
         &self,
         path: &Path,
         model: &Model,
         low_pass: Option<f64>,
         input: &Input,
-    ) -> Result<Loaded, Refusal> {
+    ) -> Result<(Loaded, bool), Refusal> {
         let mut loaded = self.read(path, model, 8, None, input).map_err(refused)?;
-        let label = path.display().to_string();
-        let found = segments(&label, &loaded.record).map_err(failed)?;
-        loaded.warnings.extend(found.warnings.clone());
-        if let Some(part) = found.longest() {
-            loaded.record = part;
-        }
-        if loaded.record.is_fixed_base() {
-            let (even, warned) = on_even_clock(&label, &loaded.record).map_err(failed)?;
-            loaded.record = even;
-            loaded.warnings.extend(warned);
-        }
-        if let Some(hz) = low_pass {
-            loaded.record = filtered(&loaded.record, hz).map_err(|p| refused(p.in_file(path)))?;
-        }
-        Ok(loaded)
+        let (record, moving) = judged(path, loaded.record, low_pass, &mut loaded.warnings)?;
+        loaded.record = record;
+        Ok((loaded, moving))
     }
     /// Cutoff of the low pass of the ground calibration (Hz).
     pub(crate) fn low_pass(&self) -> Option<f64> {
         self.low_pass
     }
+}
+
+/// What was read, with what is [`plausible`] of it, where `leniency` lets it through.
+pub(crate) fn believed(
+    mut loaded: Loaded,
+    model: &Model,
+    path: &Path,
+    leniency: &Leniency,
+) -> Result<Loaded, Problems> {
+    plausible(&loaded.record, model, path, &mut loaded.warnings);
+    not_used(&loaded.record, model, path, &mut loaded.warnings);
+    leniency.settle(&mut loaded.warnings);
+    if loaded.warnings.has_errors() { Err(loaded.warnings) } else { Ok(loaded) }
+}
+
+/// Whether a part of a record begins later than the record: in the middle of a motion, so that its initial state is not rest.
+pub(crate) fn begins_later(part: &Record, whole: &Record) -> bool {
+    part.t0() > whole.t0() + 0.5 * whole.dt()
+}
+
+/// The part of a record that a model is judged by: the longest, if it has gaps; on the ground on an even clock. Its motion passes the low
+/// pass (Hz), if any. Whether it begins behind a gap, in the middle of a motion.
+pub(crate) fn judged(
+    path: &Path,
+    record: Record,
+    low_pass: Option<f64>,
+    warnings: &mut Problems,
+) -> Result<(Record, bool), Refusal> {
+    let label = path.display().to_string();
+    let found = segments(&label, &record).map_err(failed)?;
+    warnings.extend(found.warnings.clone());
+    let longest = found.longest();
+    let moving = longest.as_ref().is_some_and(|part| begins_later(part, &record));
+    let mut record = longest.unwrap_or(record);
+    if record.is_fixed_base() {
+        let (even, warned) = on_even_clock(&label, &record).map_err(failed)?;
+        record = even;
+        warnings.extend(warned);
+    }
+    if let Some(hz) = low_pass {
+        record = filtered(&record, hz).map_err(|p| refused(p.in_file(path)))?;
+    }
+    Ok((record, moving))
 }
 
 /// A record on the ground with filtered motion; its torques are filtered with the equations.

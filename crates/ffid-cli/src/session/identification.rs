@@ -83,7 +83,7 @@ pub fn identify(
     let mut held = match (HoldOut::of(&args)?, held_out) {
         (_, Some(given)) => {
             problems.extend(given.warnings.clone());
-            Held::File { record: long_enough(given, 8)?, path: given.path.clone() }
+            Held::File { record: long_enough(given, 8)?, path: given.path.clone(), moving: false }
         }
         (HoldOut::Nothing, None) => Held::None,
         (HoldOut::Part(f), None) => {

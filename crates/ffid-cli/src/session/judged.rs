@@ -1,17 +1,19 @@
-//! `ffid excite`, `ffid plan` and `ffid validate` on what is in memory.
+//! `ffid excite`, `ffid plan`, `ffid doctor` and `ffid validate` on what is in memory.
 
 use super::Refused;
 use super::motion::Motion;
 use super::options::{another, parse};
 use super::record::Given;
 use crate::Command;
+use crate::commands::doctor::judge_records;
 use crate::commands::{excite, validate as command};
 use crate::flags::fit::failed;
-use crate::flags::record::filtered;
+use crate::flags::record::judged;
 use crate::results;
 use ff_model::{Area, Problem, Problems};
 use ffid::exit::Exit;
 use ffid::open::Opened;
+use ffid::workflow::doctor::Diagnosis;
 use ffid::workflow::excite::{Demands, Observer as Search, Planned, demands, plan, start};
 use ffid::workflow::identify::{HeldOut, IdentificationResult, Observer, Signals};
 use ffid::workflow::preflight::{Preflight, Sensing, joint_limits, prove, start_pose};
@@ -70,6 +72,18 @@ pub fn preflight(file: &Path, opened: &Opened, motion: &Motion) -> Result<(Prefl
     Ok((verdict, faults))
 }
 
+/// The judgement of a model by a record that was not fitted.
+pub struct Validation {
+    /// The verdict.
+    pub held: HeldOut,
+    /// Measured and predicted signals.
+    pub signals: Signals,
+    /// What was put up with, and what the verdict finds fault with.
+    pub problems: Problems,
+    /// The code that `ffid validate` would end with.
+    pub exit: Exit,
+}
+
 /// The verdict of `ffid validate` on a record that was not fitted, with its options; `opened` is the identified robot, `file` its mission.
 ///
 /// # Errors
@@ -81,18 +95,46 @@ pub fn validate(
     given: &Given,
     options: &[String],
     watch: &Observer<'_>,
-) -> Result<(HeldOut, Signals), Refused> {
+) -> Result<Validation, Refused> {
     let mut words = vec![file.to_string_lossy().into_owned(), format!("--record={}", given.path.display())];
     words.extend(options.iter().cloned());
     let Command::Validate(args) = parse("validate", &words)? else { return Err(another("validate")) };
     let mission = results::undisturbed(opened, file)?;
     command::unseen(result, &given.source, &given.path)?;
     let arm = command::arm_of(&args, result, &opened.model);
-    let record = match arm.as_ref().map_or(args.reading.low_pass(), |a| a.low_pass_hz) {
-        Some(hz) => filtered(&given.record, hz).map_err(|p| p.in_file(&given.path))?,
-        None => given.record.clone(),
-    };
+    let low_pass = arm.as_ref().map_or(args.reading.low_pass(), |a| a.low_pass_hz);
+    let mut problems = opened.warnings.clone();
+    problems.extend(given.warnings.clone());
+    let (record, moving) = judged(&given.path, given.record.clone(), low_pass, &mut problems)?;
     let source = given.path.display().to_string();
-    let found = command::predict(&args, result, opened, mission, arm.as_ref(), (&record, source), watch);
-    Ok(found.map_err(failed)?)
+    let found = command::predict(&args, result, opened, mission, arm.as_ref(), (&record, source, moving), watch);
+    let (held, signals) = found.map_err(failed)?;
+    args.input.leniency().settle(&mut problems);
+    let exit = command::conclude(&held, &given.path, &mut problems);
+    Ok(Validation { held, signals, problems, exit })
+}
+
+/// What `ffid doctor` finds in records, and the code that it would end with.
+pub struct Diagnosed {
+    /// The findings.
+    pub diagnosis: Diagnosis,
+    /// What was put up with, and what the findings give rise to.
+    pub problems: Problems,
+    /// The code that `ffid doctor` would end with.
+    pub exit: Exit,
+}
+
+/// The diagnosis of records in memory, with the options of `ffid doctor`.
+///
+/// # Errors
+/// [`Refused`]; what is wrong with a record is a finding.
+pub fn doctor(file: &Path, opened: &Opened, records: &[Given], options: &[String]) -> Result<Diagnosed, Refused> {
+    let mut words = vec![file.to_string_lossy().into_owned()];
+    words.extend(records.iter().map(|r| format!("--record={}", r.path.display())));
+    words.extend(options.iter().cloned());
+    let Command::Doctor(args) = parse("doctor", &words)? else { return Err(another("doctor")) };
+    let given = records.iter().map(|r| (r.path.as_path(), r.record.clone(), r.warnings.clone())).collect();
+    let (diagnosis, problems) = judge_records(&args, opened, given)?;
+    let exit = Diagnosis::exit(&problems);
+    Ok(Diagnosed { diagnosis, problems, exit })
 }

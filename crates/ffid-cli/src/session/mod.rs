@@ -11,10 +11,10 @@ mod options;
 mod record;
 
 pub use identification::{Identification, identify, load_result};
-pub use judged::{Planning, plan_excitation, preflight, validate};
+pub use judged::{Diagnosed, Planning, Validation, doctor, plan_excitation, preflight, validate};
 pub use motion::Motion;
 pub use options::{CommandOption, options};
-pub use record::{Given, given, read_record};
+pub use record::{Given, given, read_columns, read_record};
 
 use crate::results::Refusal;
 use ff_model::Problems;

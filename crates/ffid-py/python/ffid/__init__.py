@@ -13,6 +13,9 @@ and a statement of what the data cannot tell. Units are SI; arrays have one samp
 from __future__ import annotations
 
 from ._ffid import __version__
+from .command import appendage_kinds, convert, schema
+from .diagnosis import Diagnosis, doctor
+from .draws import Draws, WeightedDraws
 from .errors import (
     ArrayError,
     ConfigError,
@@ -21,39 +24,56 @@ from .errors import (
     FfidWarning,
     IllPosedError,
     InternalError,
+    Interrupted,
     ModelError,
     NumericalError,
     OutputError,
     Problem,
 )
+from .fit import identify
 from .mission import Mission
-from .model import Model
+from .model import BaseParameters, Derivatives, Hybrid, Model, Momentum
 from .motion import Motion, Plan, Preflight, plan_excitation, preflight
+from .page import Page
 from .record import Record
-from .result import Result, Validation, identify
+from .result import Result
+from .validation import Validation
 
 __all__ = [
     "ArrayError",
+    "BaseParameters",
     "ConfigError",
     "DataError",
+    "Derivatives",
+    "Diagnosis",
+    "Draws",
     "FfidError",
     "FfidWarning",
+    "Hybrid",
     "IllPosedError",
     "InternalError",
+    "Interrupted",
     "Mission",
     "Model",
     "ModelError",
+    "Momentum",
     "Motion",
     "NumericalError",
     "OutputError",
+    "Page",
     "Plan",
     "Preflight",
     "Problem",
     "Record",
     "Result",
     "Validation",
+    "WeightedDraws",
     "__version__",
+    "appendage_kinds",
+    "convert",
+    "doctor",
     "identify",
     "plan_excitation",
     "preflight",
+    "schema",
 ]

@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .mission import Mission
+    from .motion import Plan
+    from .result import Result
 
 
 @dataclass(frozen=True)
@@ -59,16 +66,45 @@ class Problem:
             code=raw["code"],
             severity=raw["severity"],
             area=raw["area"],
-            message=raw["message"],
+            message=_as_keywords(raw["message"]),
             file=raw.get("file"),
             line=raw.get("line"),
             column=raw.get("column"),
-            object=raw.get("object"),
+            object=None if raw.get("object") is None else _as_keywords(raw["object"]),
             value=violation.get("value"),
             limit=violation.get("limit"),
             unit=violation.get("unit"),
-            next_step=raw.get("hint"),
+            next_step=None if raw.get("hint") is None else _as_keywords(raw["hint"]),
         )
+
+
+# Flags, options whose value is a word or a number, and options that are arguments of another name.
+_FLAGS = "resample|keep-spikes|drop-repeated|no-prior|no-biases|initial-state|consider|reduce|external-torque|modes|no-start-offset|force|strict"
+_LISTS = "allow|ignore|topic|profile|adopt|compare"
+_OBJECTS = {"out": "folder", "record": "record", "records": "records", "trajectory": "trajectory"}
+
+
+def _as_keywords(text: str) -> str:
+    """Options of the command line in a message as keywords: ``--gaps drop`` is ``gaps="drop"``, ``--resample`` is ``resample=True``. What is in
+    backquotes is a command, and stays."""
+    return "`".join(part if i % 2 else _outside(part) for i, part in enumerate(text.split("`")))
+
+
+def _outside(text: str) -> str:
+
+    def name(option: str) -> str:
+        return _OBJECTS.get(option, option.replace("-", "_"))
+
+    def valued(found: re.Match[str]) -> str:
+        option, value = found.groups()
+        quoted = value if re.fullmatch(r"[-+.0-9e]+", value) else f'"{value}"'
+        return f"{name(option)}={f'[{quoted}]' if option in _LISTS.split('|') else quoted}"
+
+    text = re.sub(rf"--({_FLAGS})(?![-\w])", lambda m: f"{name(m.group(1))}=True", text)
+    text = re.sub(rf"--({_LISTS}) ([a-z][-a-z0-9.*]*[-.*][-a-z0-9.*]*|stuck|triangle)(?![-\w])", valued, text)
+    text = re.sub(r"--(gaps|clocks|method|loss) (drop|refuse|trust|require|correct|rda|output-error|ground|huber|student)\b", valued, text)
+    text = re.sub(r"--(low-pass|held-out|starts|max-iterations|prior|max-rows|max-bytes) ([0-9][.0-9e]*[0-9]|[0-9])", valued, text)
+    return re.sub(r"--([a-z][-a-z]*[a-z])", lambda m: name(m.group(1)), text)
 
 
 class FfidError(Exception):
@@ -161,6 +197,46 @@ class OutputError(FfidError, OSError):
         return "\n".join(str(p) for p in self.problems)
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C ended a computation; what it had is kept. A ``KeyboardInterrupt``: what catches only errors lets it through.
+
+    Attributes:
+        result: The identification, where the fit had ended and what came after it (draws from the posterior) was interrupted.
+        plan: The best plan so far.
+        values: Values of the parameters asked for where the fit was best, by name (SI units). They are no estimates: the fit had not ended,
+            and nothing says how far they are from its end. Empty while a fit goes over a thinned record, as it begins.
+        chi2_per_residual: Sum of squared residuals over the noise, per residual, at these values.
+        linearisations: Linearisations so far.
+        mission: The mission with these values in place, from which a fit can go on.
+    """
+
+    result: Result | None
+    plan: Plan | None
+    values: dict[str, float]
+    chi2_per_residual: float | None
+    linearisations: int
+    mission: Mission | None
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        result: Result | None = None,
+        plan: Plan | None = None,
+        values: dict[str, float] | None = None,
+        chi2_per_residual: float | None = None,
+        linearisations: int = 0,
+        mission: Mission | None = None,
+    ) -> None:
+        super().__init__(what)
+        self.result = result
+        self.plan = plan
+        self.values = values or {}
+        self.chi2_per_residual = chi2_per_residual
+        self.linearisations = linearisations
+        self.mission = mission
+
+
 class InternalError(FfidError, RuntimeError):
     """A bug of ffid; please report it."""
 
@@ -208,10 +284,14 @@ def from_json(text: str, exit_code: int) -> FfidError:
     return kind(problems, exit_code)
 
 
+def warn_of(problems: Iterable[Problem], stacklevel: int = 3) -> None:
+    """Issues a :class:`FfidWarning` for every problem."""
+    for p in problems:
+        warnings.warn(FfidWarning(p), stacklevel=stacklevel)
+
+
 def warn(text: str, stacklevel: int = 3) -> tuple[Problem, ...]:
     """Issues a :class:`FfidWarning` for every warning in the JSON text of problems, which are returned."""
     problems = problems_of(text)
-    for p in problems:
-        if p.severity == "warning":
-            warnings.warn(FfidWarning(p), stacklevel=stacklevel)
+    warn_of((p for p in problems if p.severity == "warning"), stacklevel + 1)
     return problems

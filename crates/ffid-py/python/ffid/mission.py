@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import os
+import re
 import shutil
 import tempfile
 import weakref
@@ -13,8 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 from . import _ffid
 from ._options import ArrayLike, Path, words
-from .errors import from_json, warn
+from .command import run, run_command
+from .errors import warn, warn_of
 from .model import Model
+from .page import Page
 
 if TYPE_CHECKING:
     from .motion import Motion, Plan
@@ -102,12 +106,132 @@ class Mission:
             strict=strict,
             force=force,
         )
-        exit_code, text, complaint = _ffid.command(["init", os.fspath(urdf), *options, "--json"])
-        if exit_code != 0:
-            raise _failure(exit_code, text, complaint)
+        _, problems = run("init", urdf, *options)
+        core = _ffid.Mission.load(file, list(allow), strict)
+        known = warn(core.warnings())
+        warn_of([p for p in problems if p.severity == "warning" and p.message not in {k.message for k in known}])
+        return cls(core, keep)
+
+    @classmethod
+    def from_toml(cls, text: str, *, folder: Path = ".", allow: Sequence[str] = (), strict: bool = False) -> Mission:
+        """Reads a mission from a text, such as :meth:`to_toml` gives, with changes.
+
+        Args:
+            text: The mission.
+            folder: The folder that its paths (``robot.urdf``, keys that end with ``_file``) are relative to.
+            allow: Errors that are to be warnings, by code.
+            strict: Whether warnings are errors.
+        """
+        base = FilePath(os.fspath(folder)).resolve()
+
+        def absolute(found: re.Match[str]) -> str:
+            # In a literal string of TOML nothing is escaped.
+            return f"{found.group(1)}'{(base / found.group(2)).resolve()}'"
+
+        # Problems name lines: none is added or taken.
+        moved = re.sub(r"""(\b(?:urdf|\w+_file)\s*=\s*)["']([^"'\n]*)["']""", absolute, text)
+        keep = _TemporaryFolder()
+        file = keep.path / "mission.toml"
+        file.write_text(moved, encoding="utf-8")
         core = _ffid.Mission.load(file, list(allow), strict)
         warn(core.warnings())
         return cls(core, keep)
+
+    def with_values(self, values: Mapping[str, float]) -> Mission:
+        """The mission with other values of parameters.
+
+        Args:
+            values: Values by name (SI units).
+        """
+        names = [p["name"] for p in self.parameters]
+        pairs = []
+        for name, value in values.items():
+            if name not in names:
+                near = difflib.get_close_matches(name, names, 1)
+                raise KeyError(f"no parameter {name!r}{f'; is {near[0]!r} meant?' if near else ''}")
+            pairs.append((names.index(name), float(value)))
+        return Mission(self._core.with_values(pairs), self._keep)
+
+    def with_uncertain(self, tables: Sequence[Mapping[str, Any]]) -> Mission:
+        """The mission with other statements of what is not known exactly: its ``[[uncertain]]`` tables and the deviations of gains,
+        scales, alignment and zeros in ``[sensors]`` are replaced.
+
+        Args:
+            tables: Tables as in the mission file, such as ``{"bodies": ["l*"], "mass_relative_std": 0.02}``, ``{"parameters":
+                ["tank.length"], "relative_std": 0.1}`` or ``{"mounts": ["wing"], "position_std_m": 0.003}``; keys of sensors in a table with
+                ``sensor``, such as ``{"sensor": "torque", "gain_relative_std": 0.01}``. None at all: everything is taken as exact.
+        """
+        text = self.to_toml()
+        keys = "|".join(_SENSOR_ERRORS)
+        text = re.sub(rf"(?m)^\s*(?:{keys})\s*=.*\n?", "", text)
+        # In inline tables: behind another key, or before one, or alone.
+        text = re.sub(rf",\s*(?:{keys})\s*=\s*[^,}}\n]+?(?=\s*[,}}])", "", text)
+        text = re.sub(rf"(?<=\{{)\s*(?:{keys})\s*=\s*[^,}}\n]+,?", " ", text)
+        # From the header of such a table to that of the next.
+        text = re.sub(r"(?ms)^\s*\[\[uncertain\]\].*?(?=^\s*\[|\Z)", "", text)
+        for table in tables:
+            table = dict(table)
+            sensor = table.pop("sensor", None)
+            body = "".join(f"{key} = {_toml(value)}\n" for key, value in table.items())
+            if sensor is None:
+                text += f"\n[[uncertain]]\n{body}"
+                continue
+            wrong = [k for k in table if k not in _SENSOR_ERRORS]
+            if wrong:
+                raise ValueError(f"{wrong[0]!r} is no error of a sensor; they are {', '.join(_SENSOR_ERRORS)}")
+            text = _with_sensor_keys(text, str(sensor), body)
+        if not self._core.is_changed:
+            made = Mission.from_toml(text, folder=self.file.parent, allow=self._core.allow)
+            # Its robot may stand in a folder that lasts as long as this mission.
+            made._keep = (made._keep, self._keep)
+            return made
+        # Beside the robot with its values.
+        keep = _TemporaryFolder()
+        file = self.save(keep.path)
+        file.write_text(text, encoding="utf-8")
+        core = _ffid.Mission.load(file, self._core.allow, False)
+        warn(core.warnings())
+        return Mission(core, keep)
+
+    def show(
+        self, trajectory: Motion | Plan | Path | None = None, *, hold: float = 0.0, beside: Path | Mission | None = None
+    ) -> Page:
+        """The robot in 3-D with its modes, as a page that needs no network; in a notebook it is shown.
+
+        Args:
+            trajectory: A motion that it plays.
+            hold: Seconds to go on after the end of the motion.
+            beside: Another mission of the same robot, drawn beside it.
+        """
+        from .motion import Motion, Plan
+
+        with tempfile.TemporaryDirectory(prefix="ffid-") as name:
+            folder = FilePath(name)
+
+            def file_of(mission: Mission, where: str) -> FilePath:
+                return mission.save(folder / where) if mission._core.is_changed else mission.file
+
+            options: dict[str, Any] = {"out": folder / "page.html"}
+            if isinstance(trajectory, Plan):
+                trajectory.save(folder / "trajectory.json")
+                options["trajectory"] = folder / "trajectory.json"
+            elif isinstance(trajectory, Motion):
+                options["trajectory"] = folder / "trajectory.csv"
+                options["trajectory"].write_text(trajectory._csv(), encoding="utf-8")
+            elif trajectory is not None:
+                options["trajectory"] = trajectory
+            if hold:
+                options["hold"] = hold
+            if beside is not None:
+                options["beside"] = file_of(beside, "beside") if isinstance(beside, Mission) else beside
+            run_command("show", file_of(self, "own"), **options)
+            return Page(options["out"].read_text(encoding="utf-8"))
+
+    def selfcheck(self) -> dict[str, Any]:
+        """Holds the simulation of this robot to the laws of mechanics: momentum, energy, dissipation, order of the integrator."""
+        with tempfile.TemporaryDirectory(prefix="ffid-") as name:
+            file = self.save(name) if self._core.is_changed else self.file
+            return run_command("selfcheck", file)
 
     @property
     def file(self) -> FilePath:
@@ -122,7 +246,11 @@ class Mission:
         return self.file.read_text(encoding="utf-8")
 
     def save(self, folder: Path) -> FilePath:
-        """Writes the mission with its robot into a folder, and returns the mission file. Files there are replaced."""
+        """Writes the mission with its robot into a folder, and returns the mission file. Files there are replaced.
+
+        Args:
+            folder: The folder, which is made where it is not.
+        """
         target = FilePath(os.fspath(folder))
         target.mkdir(parents=True, exist_ok=True)
         first = target
@@ -197,6 +325,9 @@ class Mission:
         if not (hold >= 0.0 and hold < float("inf")):
             raise ValueError(f"hold is {hold} s, limit >= 0 s")
         core = motion_of(self, trajectory, q)
+        samples = (core.duration + hold) * (self.model._about["rate_hz"] or 0.0)
+        if samples > _MOST_SAMPLES:
+            raise ValueError(f"{samples:.3g} samples, limit {_MOST_SAMPLES:g}; simulate a shorter motion, or a shorter hold ({hold:g} s)")
         arrays = self._core.simulate(core, hold, None if noise_free else seed, None)
         known: dict[str, Any] = {k: arrays[k] for k in ("t", "q", "qd", "qdd", "tau", "gyro", "att") if k in arrays}
         return Record.from_arrays(self, **known, name=name)
@@ -214,11 +345,28 @@ class _TemporaryFolder:
         weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
 
-def _failure(exit_code: int, text: str, complaint: str) -> Exception:
-    """The exception of a command that printed JSON, or wrong usage."""
-    try:
-        problems = json.loads(text)["problems"]
-    except (ValueError, KeyError):
-        what = (complaint.splitlines() or ["no output"])[0].removeprefix("error: ")
-        problems = [{"code": "Config::Option", "severity": "error", "area": "config", "message": what}]
-    return from_json(json.dumps(problems), exit_code)
+# Most samples of a simulation.
+_MOST_SAMPLES = 2e7
+# Keys of [sensors.*] that say how well a sensor is known.
+_SENSOR_ERRORS = ("gain_relative_std", "gain_common_relative_std", "scale_relative_std", "misalignment_std_rad", "offset_std_rad")
+
+
+def _with_sensor_keys(text: str, sensor: str, body: str) -> str:
+    """The text of a mission with more keys of a sensor, whose table is a section, an inline table of ``[sensors]``, or not there."""
+    head = re.search(rf"(?m)^\s*\[sensors\.{re.escape(sensor)}\].*\n", text)
+    if head:
+        return text[: head.end()] + body + text[head.end() :]
+    section = re.search(r"(?ms)^\s*\[sensors\].*?(?=^\s*\[|\Z)", text)
+    inline = section and re.search(rf"(?m)^(\s*{re.escape(sensor)}\s*=\s*\{{)(\s*\}}?)", section.group())
+    if section and inline:
+        at = section.start() + inline.end(1)
+        keys = ", ".join(body.splitlines())
+        return f"{text[:at]} {keys}{'' if '}' in inline.group(2) else ','}{text[at:]}"
+    return f"{text}\n[sensors.{sensor}]\n{body}"
+
+
+def _toml(value: Any) -> str:
+    """A value in TOML; strings and numbers of JSON are the same there."""
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(_toml(v) for v in value)}]"
+    return json.dumps(value)

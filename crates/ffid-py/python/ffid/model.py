@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
@@ -41,6 +42,20 @@ class Momentum(NamedTuple):
     potential: Array
 
 
+class BaseParameters(NamedTuple):
+    """Combinations of parameters that motions tell: ``tau = Y[:, :, kept] @ (matrix @ parameter_values)`` for rigid bodies.
+
+    ``kept`` are the indices of the parameters whose columns are kept ``(r,)``, ``matrix`` has the base parameters as functions of all
+    parameters ``(r, n_params)`` (1 for the one that is kept, SI units), ``condition`` is the condition number of the kept columns, scaled by
+    the sizes of their parameters, and ``expressions`` has each base parameter in words ``(r,)``.
+    """
+
+    kept: list[int]
+    matrix: Array
+    condition: float
+    expressions: list[str]
+
+
 class Model:
     """A robot with its appendages, whose dynamics are computed over arrays.
 
@@ -66,7 +81,15 @@ class Model:
         base: Literal["floating", "fixed"] = "floating",
         gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Model:
-        """Reads a URDF alone. ``gravity`` is in world axes (m/s^2)."""
+        """Reads a robot alone: URDF, MJCF or SDF.
+
+        Args:
+            path: The file.
+            base: Whether the base floats or is bolted to the ground.
+            gravity: In world axes ``(3,)`` (m/s^2).
+        """
+        if base not in ("floating", "fixed"):
+            raise ValueError(f"base is {base!r}, floating or fixed needed")
         core = _ffid.Mission.robot(path, base == "fixed", gravity)
         warn(core.warnings())
         return cls(core)
@@ -119,7 +142,11 @@ class Model:
         return np.array([p["value"] for p in json.loads(self._core.parameters())])
 
     def neutral(self, rows: int = 1) -> Array:
-        """Positions ``(rows, nq)`` at the nominal pose: base at the origin, joints at the mission's pose, appendages at rest."""
+        """Positions ``(rows, nq)`` at the nominal pose: base at the origin, joints at the mission's pose, appendages at rest.
+
+        Args:
+            rows: How many rows, all alike.
+        """
         import numpy as np
 
         base = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0] if self.floating else []
@@ -132,9 +159,70 @@ class Model:
         values, names = self.parameter_values, self.parameter_names
         for name, value in parameters.items():
             if name not in names:
-                raise KeyError(f"no parameter {name!r}; parameter_names lists them")
+                near = difflib.get_close_matches(name, names, 1)
+                raise KeyError(f"no parameter {name!r}; {f'is {near[0]!r} meant? ' if near else ''}parameter_names lists them")
             values[names.index(name)] = value
         return values
+
+    def random_states(self, rows: int, seed: int = 0) -> tuple[Array, Array, Array]:
+        """Random positions ``(rows, nq)``, velocities and accelerations ``(rows, nv)``: attitudes of all directions, joints within 1.5 rad or
+        0.5 m of the nominal pose, normal velocities and accelerations of deviation 1 (SI).
+
+        Args:
+            rows: How many states.
+            seed: Seed of the numbers.
+        """
+        import numpy as np
+
+        r = np.random.default_rng(seed)
+        q = self.neutral(rows)
+        moving = q.shape[1] - (7 if self.floating else 0)
+        if self.floating:
+            q[:, :3] = r.normal(size=(rows, 3))
+            attitude = r.normal(size=(rows, 4))
+            q[:, 3:7] = attitude / np.linalg.norm(attitude, axis=1)[:, None]
+        slides = np.array(self._about["slides"], dtype=bool)
+        reach = np.concatenate([np.where(slides, 0.5, 1.5), np.full(moving - len(slides), 0.3)])
+        q[:, q.shape[1] - moving :] += r.uniform(-1.0, 1.0, size=(rows, moving)) * reach
+        return q, r.normal(size=(rows, self.nv)), r.normal(size=(rows, self.nv))
+
+    def base_parameters(
+        self,
+        q: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
+        *,
+        tolerance: float = 1e-9,
+        threads: int = 0,
+    ) -> BaseParameters:
+        """Base parameters: what no motion, or not these motions, can tell apart is one number (M. Gautier, J. Robotic Systems 8(4), 1991).
+
+        Args:
+            q: Positions ``(N, nq)``; random states unless given, so that what is left is what the structure of the robot hides.
+            v: Velocities ``(N, nv)``; all three are given, or none.
+            a: Accelerations ``(N, nv)``.
+            tolerance: Singular values below this part of the largest are zero.
+            threads: Most threads; 0 for all cores.
+        """
+        if not (0.0 < tolerance < 1.0):
+            raise ValueError(f"tolerance is {tolerance}, limits 0 < tolerance < 1")
+        if q is None and v is None and a is None:
+            q, v, a = self.random_states(4 * len(self.parameter_names) // self.nv + 64)
+        if q is None or v is None or a is None:
+            raise TypeError("give q, v and a, or none of them")
+        kept, matrix, condition = self._core.base_parameters(q, v, a, tolerance, _threads(threads))
+        names = self.parameter_names
+
+        def term(factor: float, name: str) -> str:
+            if factor == 1.0:
+                return f" + {name}"
+            return f" {'-' if factor < 0 else '+'} {abs(factor):.6g} {name}"
+
+        def words(row: Any, own: int) -> str:
+            order = [own, *(k for k in row.nonzero()[0] if k != own)]
+            return "".join(term(float(row[k]), names[k]) for k in order).removeprefix(" + ")
+
+        return BaseParameters(kept, matrix, condition, [words(row, k) for row, k in zip(matrix, kept)])
 
     def _run(
         self,
@@ -152,7 +240,7 @@ class Model:
         if out is not None and shape and out.ndim == len(shape) + 1 and out.shape[1:] == shape and out.flags.c_contiguous:
             # A view: results are written into the array that was given.
             flat = out.reshape(out.shape[0], -1)
-        x = self._core.batch(algorithm, frame, q, v, given, self._values(parameters), flat, threads)
+        x = self._core.batch(algorithm, frame, q, v, given, self._values(parameters), flat, _threads(threads))
         return x.reshape(x.shape[0], *shape) if shape else x
 
     def rnea(
@@ -227,7 +315,7 @@ class Model:
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, tau: ArrayLike | None = None, *, threads: int = 0
     ) -> Array:
         """The triangle ``R`` of ``[Y tau] = Q R`` over all rows, without the rows: ``(n_params, n_params)``, one more with ``tau``."""
-        return self._core.regressor_triangle(q, v, a, tau, threads)
+        return self._core.regressor_triangle(q, v, a, tau, _threads(threads))
 
     def derivatives(
         self,
@@ -257,12 +345,18 @@ class Model:
         return Momentum(x[:, 0:3], x[:, 3:6], x[:, 6:9], x[:, 9:12], x[:, 12], x[:, 13])
 
     def frame(self, name: str, q: ArrayLike, *, out: Array | None = None, threads: int = 0) -> Array:
-        """Pose of a frame in the world as homogeneous transforms, ``(N, 4, 4)`` (m)."""
+        """Pose of the frame called ``name`` in the world as homogeneous transforms, ``(N, 4, 4)`` (m)."""
         return self._run("frame_pose", q, None, None, None, out, threads, name, (4, 4))
 
     def frame_jacobian(self, name: str, q: ArrayLike, *, out: Array | None = None, threads: int = 0) -> Array:
-        """Jacobian of a frame in its own axes, linear rows first, ``(N, 6, nv)``."""
+        """Jacobian of the frame called ``name`` in its own axes, linear rows first, ``(N, 6, nv)``."""
         return self._run("frame_jacobian", q, None, None, None, out, threads, name, (6, self.nv))
 
     def __repr__(self) -> str:
         return f"Model({self.name!r}, joints={len(self.joints)}, nv={self.nv}, {'floating' if self.floating else 'fixed'} base)"
+
+
+def _threads(threads: int) -> int:
+    if threads < 0:
+        raise ValueError(f"threads is {threads}, limit >= 0 (0 for all cores)")
+    return threads

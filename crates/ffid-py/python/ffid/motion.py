@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import html
 import json
 import os
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal, Union
 
 from . import _ffid
 from ._options import Array, ArrayLike, Path, Progress, words
-from .errors import Problem, problems_of, warn
+from .errors import Interrupted, Problem, problems_of, warn
 
 if TYPE_CHECKING:
     from .mission import Mission
@@ -28,7 +30,12 @@ class Motion:
 
     @classmethod
     def load(cls, path: Path, mission: Mission) -> Motion:
-        """Reads ``trajectory.json`` of ``ffid excite``, or ``.csv``."""
+        """Reads ``trajectory.json`` of ``ffid excite``, or ``.csv``.
+
+        Args:
+            path: The file.
+            mission: The robot that moves.
+        """
         return cls(_ffid.Motion.load(mission._core, path), mission)
 
     @classmethod
@@ -41,9 +48,46 @@ class Motion:
         qd: ArrayLike | None = None,
         qdd: ArrayLike | None = None,
     ) -> Motion:
-        """Through samples: times ``(N,)`` (s) from 0, positions ``(N, n)`` (rad or m), and perhaps rates and accelerations. Positions
-        alone are fitted by a spline."""
+        """Through samples in the order of the mission's joints. Positions alone are fitted by a spline.
+
+        Args:
+            mission: The robot that moves.
+            t: Times ``(N,)`` (s), from 0.
+            q: Positions ``(N, n)`` (rad or m).
+            qd: Rates ``(N, n)`` (rad/s or m/s); with ``qdd`` or not at all.
+            qdd: Accelerations ``(N, n)`` (rad/s^2 or m/s^2).
+        """
         return cls(_ffid.Motion.from_samples(mission._core, t, q, qd, qdd), mission)
+
+    @classmethod
+    def from_function(
+        cls, mission: Mission, f: Callable[[float], ArrayLike], duration: float, *, rate_hz: float = 200.0
+    ) -> Motion:
+        """Of a Python function, which is sampled once; a spline goes through the samples.
+
+        Args:
+            mission: The robot that moves.
+            f: Called with a time (s); returns the positions of all joints ``(n,)`` (rad or m). The motion should be smooth: what it does
+                within a sample is lost.
+            duration: How long it lasts (s).
+            rate_hz: How often it is sampled (Hz).
+        """
+        import numpy as np
+
+        if not (0.0 < duration < float("inf")) or not (0.0 < rate_hz < float("inf")):
+            raise ValueError(f"duration {duration} s at {rate_hz} Hz; both must be above 0 and finite")
+        count = duration * rate_hz
+        if count > 1e7:
+            raise ValueError(f"{count:.3g} samples, limit 1e7; sample at a lower rate")
+        t = np.linspace(0.0, duration, max(2, round(count) + 1))
+        n = len(mission.joints)
+        q = np.empty((len(t), n))
+        for i, at in enumerate(t):
+            row = np.asarray(f(float(at)), dtype=np.float64)
+            if row.shape != (n,):
+                raise ValueError(f"the function returns an array of shape {row.shape} at {at:g} s, ({n},) is needed: a position for each joint")
+            q[i] = row
+        return cls.from_arrays(mission, t=t, q=q)
 
     @property
     def duration(self) -> float:
@@ -51,8 +95,25 @@ class Motion:
         return self._core.duration
 
     def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
-        """Positions, rates and accelerations at times ``t`` ``(N,)`` (s), each ``(N, n)``."""
+        """Positions (rad or m), rates and accelerations at times, each ``(N, n)``.
+
+        Args:
+            t: Times ``(N,)`` (s), from 0 to :attr:`duration`.
+        """
         return self._core.sample(self._mission._core, t)
+
+    def _csv(self, rate_hz: float = 100.0) -> str:
+        """The motion as a CSV file that :meth:`load` reads."""
+        import numpy as np
+
+        t = np.linspace(0.0, self.duration, max(2, round(self.duration * rate_hz) + 1))
+        joints, model = self._mission.joints, self._mission.model
+        units = [("m" if slides else "rad") for slides in model._about["slides"]]
+        head = ["time[s]"]
+        for prefix, per in (("q", ""), ("qd", "/s"), ("qdd", "/s^2")):
+            head += [f"{prefix}.{joint}[{unit}{per}]" for joint, unit in zip(joints, units)]
+        rows = np.column_stack([t, *self(t)]).tolist()
+        return "\n".join([",".join(head), *(",".join(map(repr, row)) for row in rows), ""])
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.duration:g} s)"
@@ -85,6 +146,14 @@ class Preflight:
         """Whether all limits are kept."""
         return all(limit["holds"] for limit in self.raw["limits"])
 
+    @property
+    def std(self) -> dict[str, float | None]:
+        """Predicted standard deviation of every parameter, by name (SI units); none where the record will not tell."""
+        return {p["name"]: p.get("std") for p in self.raw["parameters"]}
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self._text)}</pre>"
+
     def __str__(self) -> str:
         return self._text
 
@@ -109,7 +178,11 @@ class Plan(Motion):
         self.trajectory = trajectory
 
     def save(self, path: Path) -> None:
-        """Writes ``trajectory.json``, which reads back exactly."""
+        """Writes ``trajectory.json``, which reads back exactly.
+
+        Args:
+            path: The file; one that exists is replaced.
+        """
         FilePath(os.fspath(path)).write_text(self.trajectory, encoding="utf-8")
 
 
@@ -134,7 +207,9 @@ def plan_excitation(
     goal: Literal["information", "modal", "quiet", "paper", "condition"] | None = None,
     seed: int | None = None,
     starts: int | None = None,
-    allow: tuple[str, ...] = (),
+    cost: Callable[[Plan], float] | None = None,
+    candidates: int | None = None,
+    allow: Sequence[str] = (),
     strict: bool = False,
     progress: Progress | None = None,
 ) -> Plan:
@@ -145,15 +220,71 @@ def plan_excitation(
         goal: What to plan for, in place of ``excite.goal``.
         seed: Seed, in place of ``excite.seed``.
         starts: Local searches from random plans, in place of ``excite.starts``.
+        cost: Called with each of several plans, which are found for the goal with seeds ``seed``, ``seed + 1`` ..: the one of least cost is
+            returned. The search itself follows the goal; the cost chooses among what it finds.
+        candidates: How many plans the cost chooses from, 4 unless given.
         allow: Errors that are to be warnings, by code.
         strict: Whether warnings are errors.
-        progress: Called with stage, iteration and cost.
+        progress: Called with stage, iteration and cost of the search.
+
+    Raises:
+        FfidError: When the mission is refused, or no plan keeps its limits.
+        Interrupted: At Ctrl-C, with the best plan so far.
     """
+    if cost is None:
+        if candidates is not None:
+            raise ValueError("candidates are for a cost that chooses among them; give cost as well")
+        return _search(mission, goal, seed, starts, allow, strict, progress)
+    number = 4 if candidates is None else int(candidates)
+    if number < 1:
+        raise ValueError(f"candidates is {number}, limit >= 1")
+    first = 0 if seed is None else seed
+    best: tuple[float, Plan] | None = None
+    for k in range(number):
+        try:
+            plan = _search(mission, goal, first + k, starts, allow, strict, progress)
+        except Interrupted as e:
+            if best is not None:
+                e.plan = best[1]
+            raise
+        value = float(cost(plan))
+        if value != value:
+            raise ValueError(f"the cost of plan {k} is not a number")
+        if best is None or value < best[0]:
+            best = (value, plan)
+    assert best is not None
+    return best[1]
+
+
+def _search(
+    mission: Mission,
+    goal: str | None,
+    seed: int | None,
+    starts: int | None,
+    allow: Sequence[str],
+    strict: bool,
+    progress: Progress | None,
+) -> Plan:
     options = words(goal=goal, seed=seed, starts=starts, allow=list(allow), strict=strict)
-    trajectory, plan, verdict, text, faults = _ffid.plan_excitation(mission._core, options, progress)
-    return Plan(mission, trajectory, plan, Preflight(verdict, text, faults))
+    found, broken = _ffid.plan_excitation(mission._core, options, progress)
+    plan = None
+    if found is not None:
+        trajectory, how, verdict, text, faults = found
+        plan = Plan(mission, trajectory, how, Preflight(verdict, text, faults))
+    if isinstance(broken, KeyboardInterrupt):
+        raise Interrupted("planning was interrupted; plan holds the best so far", plan=plan) from broken
+    if broken is not None:
+        raise broken
+    assert plan is not None
+    return plan
 
 
 def preflight(mission: Mission, trajectory: Trajectory, q: ArrayLike | None = None) -> Preflight:
-    """Judges a motion before it is flown: a motion, a plan, a file, or times (s) and positions ``(N, n)`` (rad or m)."""
+    """Judges a motion before it is flown: what its record will tell, which limits it keeps.
+
+    Args:
+        mission: The mission.
+        trajectory: A motion, a plan, a file; or times ``(N,)`` (s), with ``q``.
+        q: Joint positions at these times ``(N, n)`` (rad or m).
+    """
     return Preflight(*motion_of(mission, trajectory, q).preflight(mission._core))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
@@ -75,6 +76,18 @@ class Record:
         return cls(core)
 
     @classmethod
+    def from_mcap(cls, path: Path, mission: Mission, *, topic: Sequence[str] = (), **options: Any) -> Record:
+        """Reads a ROS 2 bag in MCAP: ``sensor_msgs/JointState`` and ``sensor_msgs/Imu``.
+
+        Args:
+            path: The file.
+            mission: The robot that it is of.
+            topic: Topics to read, where the file has several of a kind.
+            options: Those of :meth:`read`.
+        """
+        return cls.read(path, mission, topic=topic, **options)
+
+    @classmethod
     def from_arrays(
         cls,
         mission: Mission,
@@ -87,24 +100,35 @@ class Record:
         qdd: ArrayLike | None = None,
         acc: ArrayLike | None = None,
         att: ArrayLike | None = None,
+        t_tau: ArrayLike | None = None,
+        t_gyro: ArrayLike | None = None,
+        t_acc: ArrayLike | None = None,
+        t_att: ArrayLike | None = None,
         name: str = "arrays",
         resample: bool = False,
+        keep_spikes: bool = False,
         allow: Sequence[str] = (),
     ) -> Record:
-        """A record from arrays in the order of the mission's joints.
+        """A record from arrays in the order of the mission's joints. Samples that were lost or came late need no flag: they count at their
+        own times.
 
         Args:
             mission: The robot that it is of.
             t: Sample times ``(N,)`` (s).
             q: Joint positions ``(N, n)`` (rad or m).
-            tau: Joint torques ``(N, n)`` (N m or N).
+            tau: Joint torques ``(N, n)`` (N m or N), of the motor on the joint after the gear.
             gyro: Base angular velocity in base axes ``(N, 3)`` (rad/s); needed unless the base is fixed.
-            qd: Joint rates ``(N, n)``.
-            qdd: Joint accelerations ``(N, n)``.
+            qd: Joint rates ``(N, n)`` (rad/s or m/s).
+            qdd: Joint accelerations ``(N, n)`` (rad/s^2 or m/s^2).
             acc: Base specific force in base axes ``(N, 3)`` (m/s^2).
-            att: Base attitude ``w x y z`` ``(N, 4)``.
+            att: Base attitude ``w x y z`` ``(N, 4)``, body to world.
+            t_tau: Times of ``tau`` ``(M,)`` (s), where it was sampled at times of its own; ``tau`` then is ``(M, n)``.
+            t_gyro: Times of ``gyro``, likewise.
+            t_acc: Times of ``acc``, likewise.
+            t_att: Times of ``att``, likewise.
             name: What it is called; prefix of its biases where there are several records.
             resample: Whether to interpolate jittered samples and gaps of up to 1 % of the record.
+            keep_spikes: Whether samples far off their neighbours are fitted, which are left out and counted otherwise.
             allow: Errors that are to be warnings, by code, such as ``stuck``.
 
         Raises:
@@ -112,63 +136,70 @@ class Record:
             DataError: With everything that is wrong with the samples.
         """
         arrays = {"t": t, "q": q, "tau": tau, "gyro": gyro, "qd": qd, "qdd": qdd, "acc": acc, "att": att}
-        core = _ffid.Record.build(mission._core, name, arrays, resample, list(allow))
+        arrays |= {"t_tau": t_tau, "t_gyro": t_gyro, "t_acc": t_acc, "t_att": t_att}
+        core = _ffid.Record.build(mission._core, name, arrays, resample, keep_spikes, list(allow))
         warn(core.warnings())
         return cls(core)
 
     @classmethod
-    def from_pandas(cls, mission: Mission, frame: Any, **options: Any) -> Record:
-        """A record from a data frame of pandas with the columns of a CSV record in SI units: ``time`` (or a time index), ``q.<joint>``,
-        ``tau.<joint>``, ``gyro.x`` .. ``gyro.z``, and perhaps ``dq.``, ``ddq.``, ``acc.``, ``att.w`` ..; units in brackets are dropped if
-        they are SI. ``options`` are those of :meth:`from_arrays`."""
+    def from_pandas(cls, mission: Mission, frame: Any, *, name: str = "frame", **options: Any) -> Record:
+        """A record from a data frame of pandas with the columns of a CSV record: ``time`` (or the index), ``q.<joint>``, ``tau.<joint>``,
+        ``gyro.x`` .. ``gyro.z``, and perhaps ``dq.``, ``ddq.``, ``acc.``, ``att.w`` ... It is read as a file of these columns would be: a name
+        may end in a unit (``q.elbow[deg]``), SI unless it does; missing cells (NaN) of channels that were sampled more slowly are no samples.
+        Columns of other names are left out; date-times count from the first.
+
+        Args:
+            mission: The robot that it is of.
+            frame: The data frame, a sample per row.
+            name: What it is called; prefix of its biases where there are several records.
+            options: Those of :meth:`read` but ``topic``.
+        """
         columns = {str(c): frame[c].to_numpy() for c in frame.columns}
-        if not any(_plain(c) == "time" for c in columns):
-            index = frame.index
-            columns["time"] = index.total_seconds().to_numpy() if hasattr(index, "total_seconds") else index.to_numpy()
-        return cls._from_columns(mission, columns, **options)
+        if not any(_is_time(c) for c in columns):
+            columns["time"] = frame.index.to_numpy()
+        return cls._from_columns(mission, columns, name, options)
 
     @classmethod
-    def from_polars(cls, mission: Mission, frame: Any, **options: Any) -> Record:
-        """A record from a data frame of polars; columns as for :meth:`from_pandas`."""
-        return cls._from_columns(mission, {c: frame[c].to_numpy() for c in frame.columns}, **options)
+    def from_polars(cls, mission: Mission, frame: Any, *, name: str = "frame", **options: Any) -> Record:
+        """A record from a data frame of polars, which has a column ``time``; otherwise as :meth:`from_pandas`.
+
+        Args:
+            mission: The robot that it is of.
+            frame: The data frame, a sample per row.
+            name: What it is called; prefix of its biases where there are several records.
+            options: Those of :meth:`read` but ``topic``.
+        """
+        return cls._from_columns(mission, {c: frame[c].to_numpy() for c in frame.columns}, name, options)
 
     @classmethod
-    def _from_columns(cls, mission: Mission, columns: Mapping[str, Any], **options: Any) -> Record:
+    def _from_columns(cls, mission: Mission, columns: Mapping[str, Any], name: str, options: Mapping[str, Any]) -> Record:
         import numpy as np
 
-        named = {}
+        named: dict[str, Any] = {}
         for column, values in columns.items():
-            unit = column[column.index("[") + 1 : -1] if column.endswith("]") and "[" in column else None
-            if unit is not None and unit not in _SI:
-                raise ValueError(f"column {column!r}: unit {unit!r}; convert it to SI, or write a CSV file, whose units are converted")
-            named[_plain(column)] = values
-
-        def channel(prefix: str, parts: Sequence[str]) -> Any:
-            found = [f"{prefix}.{p}" for p in parts if f"{prefix}.{p}" in named]
-            if not found:
-                return None
-            lacking = [f"{prefix}.{p}" for p in parts if f"{prefix}.{p}" not in named]
-            if lacking:
-                raise ValueError(f"columns {', '.join(lacking)} are lacking beside {found[0]}")
-            return np.column_stack([named[c] for c in found])
-
-        joints = mission.joints
-        axes = ["x", "y", "z"]
-        q, tau = channel("q", joints), channel("tau", joints)
-        if q is None or tau is None or "time" not in named:
-            raise ValueError("columns time, q.<joint> and tau.<joint> are needed; the joints are " + ", ".join(joints))
-        return cls.from_arrays(
-            mission,
-            t=named["time"],
-            q=q,
-            tau=tau,
-            gyro=channel("gyro", axes),
-            qd=channel("dq", joints),
-            qdd=channel("ddq", joints),
-            acc=channel("acc", axes),
-            att=channel("att", ["w", *axes]),
-            **options,
-        )
+            plain = column.split("[")[0].strip()
+            if _is_time(column):
+                kind = np.asarray(values).dtype.kind
+                if kind == "M":
+                    values = values - values[0]
+                if kind in "mM":
+                    values = values / np.timedelta64(1, "ns") * 1e-9
+                    column = "time[s]"
+                # A time without a unit is in s.
+                named[column.replace(plain, "time", 1)] = values
+            elif plain.split(".")[0] in _PREFIXES and "." in plain:
+                named[column] = values
+        if not named:
+            joints = ", ".join(mission.joints)
+            raise ValueError(f"no columns of a record: give time, q.<joint>, tau.<joint> and gyro.x, gyro.y, gyro.z; the joints are {joints}")
+        read = inspect.signature(cls.read).parameters
+        for key in options:
+            if key not in read or key in ("path", "mission", "topic", "max_bytes"):
+                raise TypeError(f"no option {key!r}; those of Record.read are taken")
+        values = {k: list(v) if isinstance(v, (list, tuple, set)) else v for k, v in options.items()}
+        core = _ffid.Record.from_columns(mission._core, name, named, words(**values))
+        warn(core.warnings(), stacklevel=4)
+        return cls(core)
 
     @property
     def name(self) -> str:
@@ -185,6 +216,11 @@ class Record:
         """Sample rate (Hz)."""
         return self._core.clock()[1]
 
+    @property
+    def uniform(self) -> bool:
+        """Whether all channels were sampled together on one even clock."""
+        return self._core.is_uniform
+
     def _need(self, channel: str) -> Array:
         x = self._core.channel(channel)
         assert x is not None
@@ -192,8 +228,16 @@ class Record:
 
     @property
     def t(self) -> Array:
-        """Sample times ``(N,)`` (s)."""
-        return self._need("t")
+        """Sample times of the joint motion ``(N,)`` (s)."""
+        return self._core.times("q")
+
+    def times(self, channel: Literal["q", "tau", "gyro", "acc", "att"]) -> Array:
+        """Sample times of a channel ``(M,)`` (s): those of :attr:`t`, unless the channel was sampled at times of its own.
+
+        Args:
+            channel: The channel.
+        """
+        return self._core.times(channel)
 
     @property
     def q(self) -> Array:
@@ -238,10 +282,9 @@ class Record:
         return f"Record({self.name!r}, {n} samples at {rate:g} Hz)"
 
 
-_SI = {"s", "rad", "rad/s", "rad/s^2", "m", "m/s", "m/s^2", "N m", "Nm", "N", "1", ""}
+_PREFIXES = {"q", "qd", "dq", "qdd", "ddq", "tau", "gyro", "acc", "att"}
 
 
-def _plain(column: str) -> str:
-    """The name of a column without its unit."""
-    name = column.split("[")[0].strip()
-    return "time" if name == "t" else name
+def _is_time(column: str) -> bool:
+    """Whether a column holds the times of the samples."""
+    return column.split("[")[0].strip() in ("time", "t")

@@ -1,4 +1,4 @@
-"""Identification: from a mission and records to parameters with their uncertainty."""
+"""What was identified: parameters with their uncertainty, and what the data say of the model."""
 
 from __future__ import annotations
 
@@ -8,28 +8,21 @@ import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, Literal, Union
+from typing import TYPE_CHECKING, Any
 
 from . import _ffid
 from ._options import Array, ArrayLike, Path, Progress, words
-from .errors import Problem, problems_of, warn
+from .diagnosis import read_all
+from .draws import Draws
+from .errors import Problem, problems_of, warn, warn_of
 from .mission import Mission
+from .page import Page
 from .record import Record
+from .table import rows
+from .validation import Validation
 
 if TYPE_CHECKING:
-    from .motion import Motion
-
-Records = Union[Record, Path, Sequence[Union[Record, Path]]]
-"""A record or a file, or several of one robot."""
-
-
-def _rows(rows: list[dict[str, Any]]) -> Any:
-    """A data frame where pandas is installed, else the rows."""
-    try:
-        import pandas
-    except ImportError:
-        return rows
-    return pandas.DataFrame(rows)
+    from .motion import Motion, Plan
 
 
 def _estimate(p: dict[str, Any]) -> dict[str, Any]:
@@ -68,7 +61,11 @@ class Result:
 
     @classmethod
     def load(cls, folder: Path) -> Result:
-        """Reads the folder that :meth:`save` or ``ffid identify`` wrote; it must be complete and untouched."""
+        """Reads the folder that :meth:`save` or ``ffid identify`` wrote; it must be complete and untouched.
+
+        Args:
+            folder: The folder.
+        """
         text, exit_code = _ffid.load_result(folder)
         raw = json.loads(text)
         # Results hold what was put up with as code and text.
@@ -79,7 +76,7 @@ class Result:
     def parameters(self) -> Any:
         """The parameters asked for, one per row: name, value, std, unit, start, interval95, prior_mean, prior_std, verdict. A data frame where
         pandas is installed, else a list of rows."""
-        return _rows([_estimate(p) for p in self.raw["parameters"]])
+        return rows([_estimate(p) for p in self.raw["parameters"]])
 
     @property
     def values(self) -> dict[str, float]:
@@ -94,7 +91,7 @@ class Result:
     @property
     def nuisance(self) -> Any:
         """Biases and initial state, as :attr:`parameters`."""
-        return _rows([_estimate(p) for p in self.raw["nuisance"]])
+        return rows([_estimate(p) for p in self.raw["nuisance"]])
 
     @property
     def covariance(self) -> Array:
@@ -111,7 +108,7 @@ class Result:
     @property
     def budget(self) -> Any:
         """Where the variance of every parameter comes from, where the mission is not sure of something."""
-        return _rows(self.raw.get("budget", []))
+        return rows(self.raw.get("budget", []))
 
     @property
     def verdict(self) -> str:
@@ -133,8 +130,8 @@ class Result:
     @property
     def modes(self) -> list[dict[str, Any]]:
         """Modes of the identified model: ``frequency_hz``, ``damping_ratio``, and ``start_hz`` before."""
-        rows: list[dict[str, Any]] = self.raw["modes"]
-        return rows
+        modes: list[dict[str, Any]] = self.raw["modes"]
+        return modes
 
     @property
     def chi2_per_dof(self) -> float:
@@ -149,12 +146,80 @@ class Result:
         return Mission.load(self._at("identified.toml"))
 
     def signals(self, record: int = 0) -> dict[str, Any]:
-        """Measured and predicted signals of a fitted record: ``t`` (s), ``measured`` and ``predicted`` ``(N, channels)``, ``names``,
-        ``units``, ``sigma``. Not of results that were loaded: their folder has ``residuals.csv``."""
-        found = None if self._core is None else self._core.signals(record)
+        """Measured and predicted signals of a fitted record: ``t`` ``(N,)`` (s), ``measured`` and ``predicted`` ``(N, channels)``, ``names``,
+        ``units``, and ``sigma`` ``(channels,)``, the standard deviation of a sample. NaN where a channel was not sampled.
+
+        Args:
+            record: Which of the records, in the order in which they were fitted.
+        """
+        if self._core is not None:
+            found = self._core.signals(record)
+        else:
+            labels = [r["label"] for r in self.raw.get("records", [])]
+            stem = "residuals" if record == 0 else f"residuals-{labels[record]}" if 0 < record < len(labels) else None
+            found = None if stem is None else self._signals_of(self._at(f"{stem}.csv"))
         if found is None:
             raise LookupError(f"no signals of record {record}")
         return found
+
+    def held_out_signals(self) -> dict[str, Any]:
+        """Signals of the data that were held out, as :meth:`signals`."""
+        if self._core is not None:
+            found = self._core.signals(None)
+        else:
+            file = self._at("held-out.csv")
+            found = self._signals_of(file) if file.exists() else None
+        if found is None:
+            raise LookupError("nothing was held out")
+        return found
+
+    def _signals_of(self, file: FilePath) -> dict[str, Any]:
+        """Signals from the file that was written of them."""
+        import numpy as np
+
+        head = file.open(encoding="utf-8").readline().rstrip("\n").split(",")
+        table = np.genfromtxt(file, delimiter=",", skip_header=1, ndmin=2)
+        columns = [h.rsplit("[", 1) for h in head]
+        measured = [i for i, (name, _) in enumerate(columns) if name.endswith(".measured")]
+        noise = {"tau": self.raw["provenance"]["noise_torque_nm"], "gyr": self.raw["provenance"]["noise_gyro_rad_per_s"]}
+        names = [columns[i][0].removesuffix(".measured") for i in measured]
+        return {
+            "t": table[:, 0],
+            "measured": table[:, measured],
+            "predicted": table[:, [i + 1 for i in measured]],
+            "names": names,
+            "units": [columns[i][1].removesuffix("]") for i in measured],
+            "sigma": np.array([noise["gyr" if name.startswith("gyro") else "tau"] for name in names]),
+        }
+
+    @property
+    def draws(self) -> Draws | None:
+        """Draws from the posterior, where ``sample`` asked for them."""
+        import numpy as np
+
+        how = self.raw.get("sampled") or {}
+        attrs = {k: how.get(k) for k in ("state", "sampler", "seed", "warm_up")}
+        if self._core is not None:
+            d = self._core.draws()
+            return None if d is None else Draws(d["names"], d["units"], d["values"], d["lp"], d["divergences"], attrs)
+        if not how.get("file"):
+            return None
+        table = _ffid.read_table(self._at(how["file"]))
+        chain, lp = table.pop("chain"), table.pop("lp")
+        table.pop("draw")
+        chains = int(chain.max()) + 1
+        units = {p["name"]: p["unit"] for p in [*how.get("parameters", []), *how.get("beside", [])]}
+        values = np.stack([x.reshape(chains, -1) for x in table.values()], axis=2)
+        names = list(table)
+        return Draws(names, [units.get(n, "") for n in names], values, lp.reshape(chains, -1), how.get("divergences"), attrs)
+
+    def to_arviz(self) -> Any:
+        """Draws and data as ArviZ has them: those of :meth:`Draws.to_arviz`. Needs ArviZ, and ``identify(..., sample=400)``."""
+        draws = self.draws
+        if draws is None:
+            why = (self.raw.get("sampled") or {}).get("reason")
+            raise LookupError(why or "the posterior was not drawn from; identify with sample=400")
+        return draws.to_arviz()
 
     def save(self, folder: Path, *, force: bool = False, png: bool = False) -> None:
         """Writes the folder of ``ffid identify``: report, result, identified mission and URDF, residuals, figures, manifest.
@@ -170,14 +235,20 @@ class Result:
         warn(self._core.save(folder, force, png))
         self.raw = json.loads(self._core.json())
 
-    def report(self) -> str:
-        """The report as an HTML page, with its figures."""
+    def report(self) -> Page:
+        """The report as an HTML page, with its figures; in a notebook it is shown."""
         if self._core is None:
-            return self._at("report.html").read_text(encoding="utf-8")
-        return self._core.report()
+            return Page(self._at("report.html").read_text(encoding="utf-8"))
+        return Page(self._core.report())
 
-    def predict(self, trajectory: Any, q: ArrayLike | None = None, *, hold: float = 0.0) -> Record:
-        """What the identified robot does on a motion, without noise or bias; arguments are those of :meth:`Mission.simulate`."""
+    def predict(self, trajectory: Motion | Plan | Path | ArrayLike, q: ArrayLike | None = None, *, hold: float = 0.0) -> Record:
+        """What the identified robot does on a motion, without noise or bias.
+
+        Args:
+            trajectory: A motion, a plan, a file; or times ``(N,)`` (s), with ``q``.
+            q: Joint positions at these times ``(N, n)`` (rad or m).
+            hold: Seconds to go on after the end of the motion, joints held.
+        """
         return self.mission.simulate(trajectory, q, hold=hold, noise_free=True, name="predicted")
 
     def validate(
@@ -191,11 +262,28 @@ class Result:
         max_iterations: int | None = None,
         max_chi2: float | None = None,
         low_pass: float | None = None,
+        allow: Sequence[str] = (),
+        strict: bool = False,
         progress: Progress | None = None,
     ) -> Validation:
-        """Judges the model by a record that was not fitted; the keywords are those of :func:`identify`."""
+        """Judges the model by a record that was not fitted. A model that does not explain it is no exception:
+        :attr:`Validation.explained` says it.
+
+        Args:
+            record: The record, or its file.
+            torque_noise: Standard deviation of one torque sample (N m), in place of that of the identification.
+            gyro_noise: Standard deviation of one gyro sample (rad/s), in place of that of the identification.
+            no_biases: Take gyro and torque sensors as free of bias.
+            initial_state: Estimate base rate and appendages at the first sample; at rest unless given.
+            max_iterations: Most linearisations of biases and initial state.
+            max_chi2: Largest chi-squared per degree of freedom that counts as explained.
+            low_pass: Cutoff of the filter of motion, torques and equations (Hz); that of the identification unless given.
+            allow: Errors that are to be warnings, by code.
+            strict: Whether warnings are errors.
+            progress: Called with ``"validate"``, linearisation and chi-squared per residual.
+        """
         mission = self.mission
-        given = record if isinstance(record, Record) else Record.read(record, mission)
+        (given,) = read_all(record, mission, allow=list(allow), strict=strict)
         options = words(
             torque_noise=torque_noise,
             gyro_noise=gyro_noise,
@@ -204,8 +292,13 @@ class Result:
             max_iterations=max_iterations,
             max_chi2=max_chi2,
             low_pass=low_pass,
+            allow=list(allow),
+            strict=strict,
         )
-        return Validation(*_ffid.validate(mission._core, json.dumps(self.raw), given._core, options, progress))
+        verdict = Validation(*_ffid.validate(mission._core, json.dumps(self.raw), given._core, options, progress))
+        known = {str(p) for p in problems_of(given._core.warnings()) + problems_of(mission._core.warnings())}
+        warn_of([p for p in verdict.problems if str(p) not in known and p.severity == "warning"])
+        return verdict
 
     def _at(self, name: str) -> FilePath:
         if self._folder is None:
@@ -232,164 +325,3 @@ class Result:
         )
         words = "<br>".join(html.escape(line) for line in self.raw["verdict"])
         return f"<p>{words}</p><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
-
-
-class Validation:
-    """The judgement of a model by a record that was not fitted.
-
-    Attributes:
-        raw: As ``verdict.json`` has it.
-        signals: As :meth:`Result.signals`.
-    """
-
-    raw: dict[str, Any]
-    signals: dict[str, Any]
-
-    def __init__(self, verdict: str, text: str, signals: dict[str, Any]) -> None:
-        self.raw = json.loads(verdict)
-        self.signals = signals
-        self._text = text
-
-    @property
-    def explained(self) -> bool:
-        """Whether the model explains the record."""
-        return bool(self.raw["explained"])
-
-    @property
-    def chi2_per_dof(self) -> float:
-        """Sum of squared residuals over the noise, per degree of freedom."""
-        return float(self.raw["chi2_per_dof"])
-
-    def __str__(self) -> str:
-        return self._text
-
-
-def identify(
-    mission: Mission,
-    records: Records,
-    *,
-    held_out: float | Record | Path | None = None,
-    method: Literal["auto", "rda", "output-error", "ground"] = "auto",
-    prior: float | None = None,
-    no_prior: bool = False,
-    prior_from: Path | None = None,
-    consider: bool = False,
-    sample: int | None = None,
-    ties: Path | None = None,
-    loss: Literal["squares", "huber", "student"] = "squares",
-    reduce: bool = False,
-    profile: Sequence[str] = (),
-    starts: int = 1,
-    compare: Sequence[Literal["rigid", "flexible", "slosh", "both"]] = (),
-    adopt: Sequence[str] = (),
-    clocks: Literal["correct", "require", "trust"] = "correct",
-    external_torque: bool = False,
-    modes: bool = False,
-    no_start_offset: bool = False,
-    seed: int = 0,
-    torque_noise: float | None = None,
-    gyro_noise: float | None = None,
-    no_biases: bool = False,
-    initial_state: bool = False,
-    max_iterations: int | None = None,
-    max_chi2: float | None = None,
-    low_pass: float | None = None,
-    allow: Sequence[str] = (),
-    strict: bool = False,
-    progress: Progress | None = None,
-) -> Result:
-    """Estimates the parameters of ``[estimate]`` from one or several records. The numbers are those of ``ffid identify``.
-
-    Other Python threads run meanwhile; Ctrl-C ends the fit.
-
-    Args:
-        mission: The mission.
-        records: A record or a file, or several of one robot: parameters are shared, biases and initial state are those of each.
-        held_out: Data that judge the model and are not fitted: a fraction (the end of the last record) or another record.
-        method: How records are predicted.
-        prior: Relative standard deviation of a prior on every parameter, in place of ``estimate.prior_relative_std``.
-        no_prior: The data alone, whatever the mission says.
-        prior_from: Folder of an earlier result to go on from: its records are fitted as well.
-        consider: Hold what the mission is not sure of, and widen the deviations by it, in place of estimating it.
-        sample: Draws of each chain from the posterior, after the fit.
-        ties: File of ``[[tie]]`` tables: parameters that are functions of fewer unknowns.
-        loss: What a residual costs: squares, or less for samples that are far off.
-        reduce: Where the record is silent, estimate what it can tell and hold the rest.
-        profile: Parameters (names, ``*`` for any) whose likelihood is profiled: intervals that assume no parabola.
-        starts: Fit from this many starts and say whether they agree.
-        compare: Models to compare; the last 30 % judge unless ``held_out`` does.
-        adopt: Errors that are estimated beside the parameters, such as ``gyro-misalignment``.
-        clocks: What becomes of clocks of torques and gyro that disagree with that of the encoders.
-        external_torque: External torques acted: do not refuse the record for its momentum.
-        modes: The modes of the free decay must be told.
-        no_start_offset: Leave out ``estimate.start_offset``, which is for studies.
-        seed: Seed of other starts.
-        torque_noise: Standard deviation of one torque sample (N m), in place of the mission's.
-        gyro_noise: Standard deviation of one gyro sample (rad/s), in place of the mission's.
-        no_biases: Take gyro and torque sensors as free of bias.
-        initial_state: Estimate base rate and appendages at the first sample; at rest unless given.
-        max_iterations: Most linearisations.
-        max_chi2: Largest chi-squared per degree of freedom that counts as explained.
-        low_pass: Cutoff of the filter of motion, torques and equations (Hz), for arms on the ground.
-        allow: Errors that are to be warnings, by code.
-        strict: Whether warnings are errors.
-        progress: Called with ``"fit"``, linearisation and chi-squared per residual.
-
-    Raises:
-        FfidError: When mission or records are refused, or the fit fails. A result that nothing can tell, or that the record contradicts,
-            is returned, with :attr:`Result.problems` and a warning for each.
-    """
-
-    def read(x: Record | Path) -> Record:
-        if isinstance(x, Record):
-            return x
-        allowed = list(allow)
-        return Record.read(x, mission, allow=allowed, strict=strict)
-
-    several = [records] if isinstance(records, (Record, str, os.PathLike)) else list(records)
-    if not several:
-        raise ValueError("no records; give one or more")
-    given = [read(r) for r in several]
-    held = None if held_out is None or isinstance(held_out, (int, float)) else read(held_out)
-    options = words(
-        held_out=held_out if held is None else None,
-        method=method,
-        prior=prior,
-        no_prior=no_prior,
-        prior_from=prior_from,
-        consider=consider,
-        sample=sample,
-        ties=ties,
-        loss=loss,
-        reduce=reduce,
-        profile=list(profile),
-        starts=starts,
-        compare=list(compare),
-        adopt=list(adopt),
-        clocks=clocks,
-        external_torque=external_torque,
-        modes=modes,
-        no_start_offset=no_start_offset,
-        seed=seed,
-        torque_noise=torque_noise,
-        gyro_noise=gyro_noise,
-        no_biases=no_biases,
-        initial_state=initial_state,
-        max_iterations=max_iterations,
-        max_chi2=max_chi2,
-        low_pass=low_pass,
-        allow=list(allow),
-        strict=strict,
-    )
-    cores = [r._core for r in given]
-    core = _ffid.identify(mission._core, cores, None if held is None else held._core, options, progress)
-    text = core.problems()
-    problems = problems_of(text)
-    # Those of mission and records were warned of when they were read.
-    known = {str(p) for r in given + ([held] if held else []) for p in problems_of(r._core.warnings())}
-    known |= {str(p) for p in problems_of(mission._core.warnings())}
-    warn(json.dumps([raw for raw, p in zip(json.loads(text), problems) if str(p) not in known]))
-    result = Result(json.loads(core.json()), problems, core.exit, core, None)
-    # Saving reads the mission file, which must last as long as the result.
-    result._keep = mission._keep
-    return result

@@ -9,9 +9,9 @@ use ff_model::{Params, Problems};
 use ff_records::Record;
 use ffid::workflow::doctor::before_fit;
 use ffid::workflow::identify::{
-    Arm, Comparison, Identified, IdentifyError, InputFile, Known, LOW_PASS, LabelledRecord, Method, ModelVariant,
-    Observer, Provenance, RecordChecks, RecordLine, Settings, Signals, axes, compare_variants, held_errors,
-    identify_checked, judge_held_out, method, sample_posterior, verdict,
+    Arm, Comparison, Identified, IdentifyError, InputFile, Interim, Known, LOW_PASS, LabelledRecord, Method,
+    ModelVariant, Observer, Provenance, RecordChecks, RecordLine, Settings, Signals, axes, compare_variants,
+    held_errors, identify_checked, judge_held_out, method, sample_posterior, verdict,
 };
 use ident::Loss;
 use std::collections::BTreeMap;
@@ -72,6 +72,13 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
     let (mut found, s, mut warnings) =
         identify_checked(opened, records, s, options, checks, &axes, &provenance, watch)?;
     warnings.0.splice(0..0, before.0);
+    // What follows does not change it.
+    if let Some(kept) = watch.kept {
+        let r = &found.result;
+        let (values, chi2_per_residual, linearisations) = (found.values.clone(), r.chi2_per_dof, r.iterations);
+        kept.replace(Some(Interim { values, chi2_per_residual, linearisations }));
+    }
+    let aside = &Observer { kept: None, ..*watch };
     let last = s.clone();
     let s = &Settings { held_errors: held_errors(&found.result), ..s };
     let arm = Arm::of(&found.result, &model.joint_names());
@@ -79,7 +86,7 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
     let posterior = found.result.posterior.as_ref();
     let known = Known { opened, posterior, ties: &options.ties };
     let judge = |record: &Record, s: &Settings, source: String| {
-        judge_held_out(known, &found.values, arm.as_ref(), record, s, source, watch)
+        judge_held_out(known, &found.values, arm.as_ref(), record, s, source, aside)
     };
     let judged = match held {
         Held::None => None,
@@ -87,7 +94,10 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
         Held::Part { record, words } => {
             Some(judge(record, &Settings { initial_state: true, ..s.clone() }, words.clone())?)
         }
-        Held::File { record, path } => Some(judge(record, s, path.display().to_string())?),
+        Held::File { record, path, moving } => {
+            let s = Settings { initial_state: s.initial_state || *moving, ..s.clone() };
+            Some(judge(record, &s, path.display().to_string())?)
+        }
     };
     if let Some((held, of)) = judged {
         found.result.held_out = Some(held);
@@ -96,14 +106,14 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
     if !args.compare.is_empty() {
         let (record, source, moving) = match held {
             Held::Part { record, words } => (&*record, words.clone(), true),
-            Held::File { record, path } => (&*record, path.display().to_string(), false),
+            Held::File { record, path, moving } => (&*record, path.display().to_string(), *moving),
             // Not reached: comparing holds something out.
             Held::None => return Ok((found, signals, warnings)),
         };
         let data =
             Comparison { opened, records: records.as_slice(), held: record, source: &source, moving, settings: s };
         let variants: Vec<ModelVariant> = args.compare.iter().map(|&c| c.into()).collect();
-        found.result.comparison = Some(compare_variants(&data, &variants, &provenance, watch)?);
+        found.result.comparison = Some(compare_variants(&data, &variants, &provenance, aside)?);
     }
     // Last, because an interruption keeps what has been drawn.
     if let Some(chains) = args.sampling() {

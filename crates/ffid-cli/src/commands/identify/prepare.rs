@@ -2,7 +2,7 @@
 
 use super::args::Args;
 use crate::flags::fit::failed;
-use crate::flags::record::filtered;
+use crate::flags::record::{begins_later, filtered};
 use crate::results;
 use crate::results::{Refusal, io, refused};
 use ff_mission::Mission;
@@ -27,6 +27,8 @@ pub(crate) enum Held {
     File {
         record: Record,
         path: PathBuf,
+        /// It is the part behind a gap, and begins in the middle of a motion.
+        moving: bool,
     },
 }
 
@@ -195,9 +197,9 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
             cut(&mut records, f, need, &name).map_err(refused)?
         }
         HoldOut::File(path) => {
-            let other = args.reading.read_one(&path, &opened.model, None, input)?;
+            let (other, moving) = args.reading.read_one(&path, &opened.model, None, input)?;
             problems.extend(other.warnings);
-            Held::File { record: other.record, path }
+            Held::File { record: other.record, path, moving }
         }
     };
     let mut data = Data { records, sources: paths, problems };
@@ -234,7 +236,11 @@ impl Data {
             let found = segments("held-out", record).map_err(failed)?;
             self.problems.extend(found.warnings.clone());
             if let Some(part) = found.longest() {
+                let later = begins_later(&part, record);
                 *record = part;
+                if let Held::File { moving, .. } = held {
+                    *moving |= later;
+                }
             }
         }
         Ok(())

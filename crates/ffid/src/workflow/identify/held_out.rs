@@ -58,7 +58,7 @@ pub(super) fn nuisance(
     watch: &Observer<'_>,
 ) -> Result<NuisanceFit, IdentifyError> {
     // The linearisations of a judgement are not those of the fit.
-    let silent = Observer { progress: None, ..*watch };
+    let silent = watch.aside();
     let mut watched = ObservedEstimator::new(estimator, &silent);
     let found = fit_nuisance(&mut watched, values, s.max_iterations);
     if watched.stopped() {
@@ -166,7 +166,7 @@ pub fn judge_held_out(
     let one = [LabelledRecord { label, record: record.clone(), resampled: (false, false), continues: false, ago: 0 }];
     let own = Settings { prior: None, start_offset: 0.0, ..s.clone() };
     let options = FitOptions { posterior: Some(posterior.clone()), ties: known.ties.to_vec(), ..FitOptions::default() };
-    let silent = Observer { progress: None, ..*watch };
+    let silent = watch.aside();
     let evidence = match identify(known.opened, &one, &own, &options, Provenance::default(), &silent) {
         Ok(found) => found.result.evidence.unwrap_or_default(),
         Err(IdentifyError::Interrupted) => return Err(IdentifyError::Interrupted),

@@ -74,7 +74,7 @@ pub use ident::checks::{ClockPolicy, ModelVariant, RecordChecks};
 pub use identified::Identified;
 pub use kept_records::{KeptRecord, MOST_SAMPLES, keep, read_kept};
 pub use labelled_record::LabelledRecord;
-pub use observed_estimator::Observer;
+pub use observed_estimator::{Interim, Observer};
 pub use options::{Absent, FitOptions};
 pub use over_time::{Course, CoursePoint};
 pub use record_estimator::RecordEstimator;

@@ -5,7 +5,7 @@ use ident::Estimator;
 use ident::belief::Unknown;
 use ident::estimate::{Coarse, RowStream};
 use nalgebra::DMatrix;
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -16,6 +16,26 @@ pub struct Observer<'a> {
     pub stop: Option<&'a AtomicBool>,
     /// Called with the number of the linearisation and chi-squared per residual.
     pub progress: Option<&'a dyn Fn(usize, f64)>,
+    /// Where the best point of a fit goes that is ended from outside.
+    pub kept: Option<&'a RefCell<Option<Interim>>>,
+}
+
+impl<'a> Observer<'a> {
+    /// The same, for a fit beside the one that is asked for: it reports nothing and leaves nothing.
+    pub(super) fn aside(&self) -> Observer<'a> {
+        Observer { progress: None, kept: None, ..*self }
+    }
+}
+
+/// The best point of a fit that was ended from outside. It is no estimate: nothing says how far it is from one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interim {
+    /// All parameters of the model.
+    pub values: Vec<f64>,
+    /// Sum of squared residuals over the noise, per residual.
+    pub chi2_per_residual: f64,
+    /// Linearisations so far.
+    pub linearisations: usize,
 }
 
 /// An estimator that reports its progress and ends on request, over the decimated record too.
@@ -23,6 +43,8 @@ pub(super) struct ObservedEstimator<'a> {
     inner: Box<dyn Estimator + 'a>,
     watch: &'a Observer<'a>,
     state: Rc<SharedState>,
+    /// Over all data, not over fewer of them on the way.
+    whole: bool,
 }
 
 /// State shared by an estimator and its coarse ones.
@@ -32,23 +54,59 @@ struct SharedState {
     stopped: Cell<bool>,
     /// The last linearisation was folded, and has not been reported yet.
     folded: Cell<bool>,
+    /// The least chi-squared per residual of all data, and the unknowns there.
+    best: RefCell<Option<(f64, Vec<f64>)>>,
+}
+
+/// Chi-squared per residual.
+fn mean_square(r: &[f64]) -> f64 {
+    r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64
 }
 
 impl SharedState {
     fn report(&self, watch: &Observer<'_>, r: &[f64]) {
         if let Some(tell) = watch.progress {
-            tell(self.linearisations.get(), r.iter().map(|x| x * x).sum::<f64>() / r.len().max(1) as f64);
+            tell(self.linearisations.get(), mean_square(r));
+        }
+    }
+    fn keep(&self, full: &[f64], r: &[f64]) {
+        let now = mean_square(r);
+        let mut best = self.best.borrow_mut();
+        if best.as_ref().is_none_or(|(least, _)| now < *least) {
+            *best = Some((now, full.to_vec()));
         }
     }
 }
 
 impl<'a> ObservedEstimator<'a> {
     pub(super) fn new(inner: impl Estimator + 'a, watch: &'a Observer<'a>) -> Self {
-        Self { inner: Box::new(inner), watch, state: Rc::default() }
+        Self { inner: Box::new(inner), watch, state: Rc::default(), whole: true }
     }
     /// Whether it was ended from outside.
     pub(super) fn stopped(&self) -> bool {
         self.state.stopped.get()
+    }
+    /// Leaves the best point where it is kept, unless a better one is there. `expand` makes all parameters of unknowns.
+    pub(super) fn leave<E>(&self, expand: impl FnOnce(&[f64]) -> Result<Vec<f64>, E>) {
+        let (Some(kept), Some((chi2_per_residual, full))) = (self.watch.kept, &*self.state.best.borrow()) else {
+            return;
+        };
+        let mut kept = kept.borrow_mut();
+        if kept.as_ref().is_some_and(|k| k.chi2_per_residual <= *chi2_per_residual) {
+            return;
+        }
+        if let Ok(values) = expand(full) {
+            let linearisations = self.state.linearisations.get();
+            *kept = Some(Interim { values, chi2_per_residual: *chi2_per_residual, linearisations });
+        }
+    }
+    /// The same over fewer data.
+    fn over_less<'s>(&'s self, inner: Box<dyn Estimator + 's>) -> ObservedEstimator<'s> {
+        ObservedEstimator { inner, watch: self.watch, state: Rc::clone(&self.state), whole: false }
+    }
+    /// Whether the best point is to be kept.
+    fn keeps(&self) -> bool {
+        self.whole && self.watch.kept.is_some()
     }
     fn go_on(&self) -> Result<(), EvalError> {
         if self.watch.stop.is_some_and(|s| s.load(Ordering::SeqCst)) {
@@ -68,17 +126,20 @@ impl Estimator for ObservedEstimator<'_> {
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         let thin = self.inner.coarse(full)?;
-        let watched = ObservedEstimator { inner: thin.estimator, watch: self.watch, state: Rc::clone(&self.state) };
+        let watched = self.over_less(thin.estimator);
         Some(Coarse { estimator: Box::new(watched), ..thin })
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let begun = self.inner.beginning(share)?;
-        let watched = ObservedEstimator { inner: begun.estimator, watch: self.watch, state: Rc::clone(&self.state) };
+        let watched = self.over_less(begun.estimator);
         Some(Coarse { estimator: Box::new(watched), ..begun })
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         self.go_on()?;
         self.inner.residuals(full, extra, r)?;
+        if self.keeps() {
+            self.state.keep(full, r);
+        }
         // Rows that are folded are not seen here; the first residuals after them tell about as much.
         if self.state.folded.replace(false) {
             self.state.report(self.watch, r);
@@ -95,6 +156,9 @@ impl Estimator for ObservedEstimator<'_> {
     ) -> Result<(), EvalError> {
         self.go_on()?;
         self.inner.jacobian(full, extra, selected, r, j)?;
+        if self.keeps() {
+            self.state.keep(full, r);
+        }
         self.state.linearisations.set(self.state.linearisations.get() + 1);
         self.state.report(self.watch, r);
         Ok(())

@@ -80,11 +80,15 @@ pub fn identify(
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
     let subject = Subject { model, records, unknowns, settings, sigma: &sigma };
     let fitted = solve(&request, &subject, options, &mut watched);
-    let fitted = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { fitted? };
+    let ended = |at: &ObservedEstimator<'_>| {
+        at.leave(|unknown| unknowns.expand(unknown));
+        IdentifyError::Interrupted
+    };
+    let fitted = if watched.stopped() { return Err(ended(&watched)) } else { fitted? };
     let values = unknowns.expand(&fitted.estimate.values)?;
     let silent = known::silent(model, &values, unknowns, &fitted.full)?;
     let profiles = known::profiles(&request, unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
-    let profiles = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { profiles? };
+    let profiles = if watched.stopped() { return Err(ended(&watched)) } else { profiles? };
     let alone = || Unknowns::new(model, &setup.estimated, settings, options, &uncertain.held_at_mission());
     let own = if options.consider && fitted.estimate.is_solution() { Some(alone()?) } else { None };
     let considered = match &own {
@@ -110,7 +114,7 @@ pub fn identify(
     };
     let tests = found.as_ref();
     let coloured = coloured_deviations(&end, &rows, sigma.len(), settings, &mut watched);
-    let coloured = if watched.stopped() { return Err(IdentifyError::Interrupted) } else { coloured };
+    let coloured = if watched.stopped() { return Err(ended(&watched)) } else { coloured };
     let mut report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
     let mut stated = &fitted;
     if let (Some(own), Some(c)) = (&own, &considered) {
@@ -131,6 +135,7 @@ pub fn identify(
         // Its errors are those of the next identification too: taken as independent they would count as noise.
         result.posterior = None;
     }
+    watched.leave(|unknown| unknowns.expand(unknown));
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
     if let Some(tests) = found.as_mut().filter(|_| own.is_none() && result.state() == State::Contradicted) {
         let end =

@@ -1,0 +1,165 @@
+"""Identification: from a mission and records to parameters with their uncertainty."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, Union
+
+from . import _ffid
+from ._options import Path, Progress, words
+from .diagnosis import Records, read_all
+from .errors import Interrupted, problems_of, warn_of
+from .mission import Mission
+from .record import Record
+from .result import Result
+
+Uncertain = Union[Literal["estimate", "consider", "exact"], Sequence[Mapping[str, Any]]]
+"""What becomes of what the mission is not sure of, or tables in place of the mission's."""
+
+
+def identify(
+    mission: Mission,
+    records: Records,
+    *,
+    held_out: float | Record | Path | None = None,
+    method: Literal["auto", "rda", "output-error", "ground"] = "auto",
+    prior: float | None = None,
+    no_prior: bool = False,
+    prior_from: Path | None = None,
+    uncertain: Uncertain | None = None,
+    consider: bool = False,
+    sample: int | None = None,
+    ties: Path | None = None,
+    loss: Literal["squares", "huber", "student"] = "squares",
+    reduce: bool = False,
+    profile: Sequence[str] = (),
+    starts: int = 1,
+    compare: Sequence[Literal["rigid", "flexible", "slosh", "both"]] = (),
+    adopt: Sequence[str] = (),
+    clocks: Literal["correct", "require", "trust"] = "correct",
+    external_torque: bool = False,
+    modes: bool = False,
+    no_start_offset: bool = False,
+    seed: int = 0,
+    torque_noise: float | None = None,
+    gyro_noise: float | None = None,
+    no_biases: bool = False,
+    initial_state: bool = False,
+    max_iterations: int | None = None,
+    max_chi2: float | None = None,
+    low_pass: float | None = None,
+    allow: Sequence[str] = (),
+    strict: bool = False,
+    progress: Progress | None = None,
+) -> Result:
+    """Estimates the parameters of ``[estimate]`` from one or several records. The numbers are those of ``ffid identify``.
+
+    Other Python threads run meanwhile; nothing is printed.
+
+    Args:
+        mission: The mission.
+        records: A record or a file, or several of one robot: parameters are shared, biases and initial state are those of each.
+        held_out: Data that judge the model and are not fitted: a fraction (the end of the last record) or another record.
+        method: How records are predicted.
+        prior: Relative standard deviation of a prior on every parameter, in place of ``estimate.prior_relative_std``.
+        no_prior: The data alone, whatever the mission says.
+        prior_from: Folder of an earlier result to go on from: its records are fitted as well.
+        uncertain: What becomes of what the mission is not sure of (``[[uncertain]]``, deviations in ``[sensors]``): ``"estimate"`` it beside
+            the parameters, as the mission says; ``"consider"``, as ``consider``; take all as ``"exact"``; or tables in place of the mission's,
+            as :meth:`Mission.with_uncertain` takes them.
+        consider: Hold what the mission is not sure of, and widen the deviations by it, in place of estimating it.
+        sample: Draws of each chain from the posterior, after the fit.
+        ties: File of ``[[tie]]`` tables: parameters that are functions of fewer unknowns.
+        loss: What a residual costs: squares, or less for samples that are far off.
+        reduce: Where the record is silent, estimate what it can tell and hold the rest.
+        profile: Parameters (names, ``*`` for any) whose likelihood is profiled: intervals that assume no parabola.
+        starts: Fit from this many starts and say whether they agree.
+        compare: Models to compare; the last 30 % judge unless ``held_out`` does.
+        adopt: Errors that are estimated beside the parameters, such as ``gyro-misalignment``.
+        clocks: What becomes of clocks of torques and gyro that disagree with that of the encoders.
+        external_torque: External torques acted: do not refuse the record for its momentum.
+        modes: The modes of the free decay must be told.
+        no_start_offset: Leave out ``estimate.start_offset``, which is for studies.
+        seed: Seed of other starts.
+        torque_noise: Standard deviation of one torque sample (N m), in place of the mission's.
+        gyro_noise: Standard deviation of one gyro sample (rad/s), in place of the mission's.
+        no_biases: Take gyro and torque sensors as free of bias.
+        initial_state: Estimate base rate and appendages at the first sample; at rest unless given.
+        max_iterations: Most linearisations.
+        max_chi2: Largest chi-squared per degree of freedom that counts as explained.
+        low_pass: Cutoff of the filter of motion, torques and equations (Hz), for arms on the ground.
+        allow: Errors that are to be warnings, by code.
+        strict: Whether warnings are errors.
+        progress: Called with ``"fit"``, linearisation and chi-squared per residual.
+
+    Raises:
+        FfidError: When mission or records are refused, or the fit fails. A result that nothing can tell, or that the record contradicts,
+            is returned, with :attr:`Result.problems` and a warning for each.
+        Interrupted: At Ctrl-C, with what the fit had. An exception in ``progress`` ends the fit and is raised as it is.
+    """
+
+    if uncertain is not None:
+        if isinstance(uncertain, str):
+            if uncertain not in ("estimate", "consider", "exact"):
+                raise ValueError(f"uncertain is {uncertain!r}; give estimate, consider, exact or a list of tables")
+            consider = consider or uncertain == "consider"
+        if uncertain == "exact" or not isinstance(uncertain, str):
+            mission = mission.with_uncertain(() if isinstance(uncertain, str) else uncertain)
+    given = read_all(records, mission, allow=list(allow), strict=strict)
+    held = None
+    if held_out is not None and not isinstance(held_out, (int, float)):
+        (held,) = read_all(held_out, mission, allow=list(allow), strict=strict)
+    options = words(
+        held_out=held_out if held is None else None,
+        method=method,
+        prior=prior,
+        no_prior=no_prior,
+        prior_from=prior_from,
+        consider=consider,
+        sample=sample,
+        ties=ties,
+        loss=loss,
+        reduce=reduce,
+        profile=list(profile),
+        starts=starts,
+        compare=list(compare),
+        adopt=list(adopt),
+        clocks=clocks,
+        external_torque=external_torque,
+        modes=modes,
+        no_start_offset=no_start_offset,
+        seed=seed,
+        torque_noise=torque_noise,
+        gyro_noise=gyro_noise,
+        no_biases=no_biases,
+        initial_state=initial_state,
+        max_iterations=max_iterations,
+        max_chi2=max_chi2,
+        low_pass=low_pass,
+        allow=list(allow),
+        strict=strict,
+    )
+    cores = [r._core for r in given]
+    core, kept, broken = _ffid.identify(mission._core, cores, None if held is None else held._core, options, progress)
+    if broken is not None and not isinstance(broken, KeyboardInterrupt):
+        raise broken
+    if core is None:
+        if kept is None:
+            raise Interrupted("the fit was interrupted before it had looked at all data; nothing is kept") from broken
+        values, chi2, count = dict(kept[0]), kept[1], kept[2]
+        what = f"the fit was interrupted after {count} linearisations, at chi-squared {chi2:.6g} per residual; values and mission hold its best point"
+        at = mission.with_values(values)
+        raise Interrupted(what, values=values, chi2_per_residual=chi2, linearisations=count, mission=at) from broken
+    problems = problems_of(core.problems())
+    result = Result(json.loads(core.json()), problems, core.exit, core, None)
+    # Saving reads the mission file, which must last as long as the result.
+    result._keep = mission._keep
+    if broken is not None:
+        what = "interrupted after the fit; result holds it"
+        raise Interrupted(what, result=result, values=result.values, mission=result.mission) from broken
+    # Those of mission and records were warned of when they were read.
+    known = {str(p) for r in given + ([held] if held else []) for p in problems_of(r._core.warnings())}
+    known |= {str(p) for p in problems_of(mission._core.warnings())}
+    warn_of([p for p in problems if p.severity == "warning" and str(p) not in known])
+    return result
