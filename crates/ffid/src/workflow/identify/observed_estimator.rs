@@ -88,7 +88,9 @@ impl<'a> ObservedEstimator<'a> {
     }
     /// Leaves the best point where it is kept, unless a better one is there. `expand` makes all parameters of unknowns.
     pub(super) fn leave<E>(&self, expand: impl FnOnce(&[f64]) -> Result<Vec<f64>, E>) {
-        let (Some(kept), Some((chi2_per_residual, full))) = (self.watch.kept, &*self.state.best.borrow()) else { return };
+        let (Some(kept), Some((chi2_per_residual, full))) = (self.watch.kept, &*self.state.best.borrow()) else {
+            return;
+        };
         let mut kept = kept.borrow_mut();
         if kept.as_ref().is_some_and(|k| k.chi2_per_residual <= *chi2_per_residual) {
             return;
