@@ -3,13 +3,15 @@
 //! A library with a thin binary, so that figures, tables and writers are documented and tested like the
 //! rest. One file per command ([`conformance`], [`corpus`], [`pages`], [`reproduce`], [`study`], [`mod@bench`]); what commands share sits
 //! beside them: exit codes ([`exit`]),
-//! text tables ([`table`]). Figures and writers come from `ffid` ([`ff_report::plot`], [`ffid::files`]).
+//! text tables ([`table`]), repeated trials as a number ([`interval`]). Figures and writers come from `ffid` ([`ff_report::plot`], [`ffid::files`]).
 
 pub mod bench;
 pub mod cli;
 pub mod conformance;
 pub mod corpus;
+mod delayed;
 pub mod exit;
+pub mod interval;
 pub mod pages;
 pub mod process;
 pub mod reproduce;

@@ -1,14 +1,14 @@
 //! Replays: `ffid show`, and `replay.html` of `ffid identify`.
 
-use ff_dynamics::Trace;
 use ff_dynamics::motion::JointMotion;
 use ff_dynamics::sim::inputs::ExternalInput;
-use ff_model::{Area, Params, Problem, Problems, Severity};
+use ff_dynamics::{SimError, State, Trace};
+use ff_model::{Area, Model, Params, Problem, Problems, Severity};
 use ff_records::Record;
 use ff_report::replay::{Appearance, Knowledge, Replay, Scene, Subject};
 use ffid::open::Opened;
-use ffid::sense::fly;
-use ffid::workflow::identify::Identified;
+use ffid::sense::{at_rest, fly, fly_from};
+use ffid::workflow::identify::{Identified, Parameter};
 use nalgebra::DMatrix;
 use std::path::{Path, PathBuf};
 
@@ -47,10 +47,32 @@ pub(crate) fn flown(
     rate_hz: f64,
     hold_s: f64,
 ) -> Result<Trace, Problems> {
-    fly(&opened.model, params, motion, inputs, rate_hz, hold_s).map_err(|e| {
-        let p = Problem::error(Area::Model, "Sim::Failed", e.to_string()).on(opened.model.name());
-        Problems(vec![p.hint("excite less, or check the parameters")])
-    })
+    fly(&opened.model, params, motion, inputs, rate_hz, hold_s).map_err(|e| failed(opened.model.name(), &e))
+}
+
+fn failed(robot: &str, e: &SimError) -> Problems {
+    let p = Problem::error(Area::Model, "Sim::Failed", e.to_string()).on(robot);
+    Problems(vec![p.hint("excite less, or check the parameters")])
+}
+
+/// Names of what an identification finds of the initial state begin with this.
+const INITIAL: &str = "initial.";
+
+/// Where a record begins: at rest with springs relaxed, but for what the identification has found of base rates and passive coordinates.
+/// The base's linear velocity moves no sensor and is none.
+fn begun(model: &Model, params: &Params<f64>, motion: &dyn JointMotion, found: &[Parameter]) -> State<f64> {
+    let mut state = at_rest(model, params, motion);
+    let value = |name: String| found.iter().find(|p| p.name == format!("{INITIAL}{name}")).map_or(0.0, |p| p.value);
+    // A fixed base has no rates.
+    let base = state.v.len() - model.nj() - model.np();
+    for (k, axis) in ["x", "y", "z"].iter().enumerate().filter(|_| base == 6) {
+        state.v[3 + k] += value(format!("rate.{axis}"));
+    }
+    for (i, (name, _)) in model.passive_coords().iter().enumerate() {
+        state.eta[i] += value(name.clone());
+        state.v[base + model.nj() + i] += value(format!("d/dt {name}"));
+    }
+    state
 }
 
 /// The replay of an identification: the identified robot, and the mission's, on the joint motion of the record. Problems are warnings:
@@ -82,7 +104,10 @@ fn draw(
     let part = if record.seconds() > LONGEST_S { record.window(0.0, LONGEST_S)? } else { record.clone() };
     let motion = ident::motion::joint_motion(model, &part).map_err(|e| refused(e.to_string()))?;
     let (after, before) = (Params::from_values(model, found.values.clone()), Params::nominal(model));
-    let traces = [&after, &before].map(|p| flown(opened, p, &*motion, &[], part.rate_hz(), 0.0));
+    let traces = [&after, &before].map(|p| {
+        let from = begun(model, p, &*motion, &result.nuisance);
+        fly_from(model, p, &from, &*motion, &[], part.rate_hz(), 0.0).map_err(|e| failed(model.name(), &e))
+    });
     let [after_trace, before_trace] = traces;
     let (after_trace, before_trace) = (after_trace?, before_trace?);
     // Where something was not told, its deviation has no bound, and neither has an ellipsoid.
@@ -104,10 +129,12 @@ fn draw(
         scene("mission", &before, &before_trace, prior.as_ref()),
     ];
     let mut replay = Replay::new(format!("Replay of {}", result.robot), scenes, appearance);
-    replay.notes.push(
-        "Both robots make the joint motion of the record, simulated from rest; without noise, biases or what acted from outside."
-            .to_owned(),
-    );
+    let moving = result.nuisance.iter().any(|p| p.name.starts_with(INITIAL));
+    let from =
+        if moving { "from the base rates and passive coordinates with which the record begins" } else { "from rest" };
+    replay.notes.push(format!(
+        "Both robots make the joint motion of the record, simulated {from}; without noise, biases or what acted from outside."
+    ));
     if part.seconds() < record.seconds() {
         replay.notes.push(format!("The first {LONGEST_S} s of {:.1} s are shown.", record.seconds()));
     }

@@ -36,13 +36,29 @@ pub fn fly(
     rate_hz: f64,
     hold_s: f64,
 ) -> Result<Trace, SimError> {
+    fly_from(model, params, &at_rest(model, params, motion), motion, inputs, rate_hz, hold_s)
+}
+
+/// [`fly`] from another state than rest: its joints are those of the motion. Allocates.
+///
+/// # Errors
+/// [`SimError`].
+pub fn fly_from(
+    model: &Model,
+    params: &Params<f64>,
+    from: &State<f64>,
+    motion: &dyn JointMotion,
+    inputs: &[&dyn ExternalInput],
+    rate_hz: f64,
+    hold_s: f64,
+) -> Result<Trace, SimError> {
     let start = start_pose(motion);
     let rest = model.rest_position(params);
     let duration_s = motion.duration() + hold_s;
     let sample_s = 1.0 / rate_hz;
     let found = held(model, params, &start, &rest);
     let options = SimOptions { duration_s, step_s: step(&found, duration_s, sample_s), sample_s };
-    simulate_with(model, params, &at_rest(model, params, motion), &Drive::Prescribed(motion), inputs, &options)
+    simulate_with(model, params, from, &Drive::Prescribed(motion), inputs, &options)
 }
 
 /// Simulates a motion from where it begins, base at rest, springs relaxed. Allocates.
@@ -58,8 +74,8 @@ pub fn from_rest(
     simulate_with(model, params, &at_rest(model, params, motion), &Drive::Prescribed(motion), &[], options)
 }
 
-/// Where a motion begins, base at rest, springs relaxed.
-fn at_rest(model: &Model, params: &Params<f64>, motion: &dyn JointMotion) -> State<f64> {
+/// Where a motion begins, base at rest, springs relaxed. Allocates.
+pub fn at_rest(model: &Model, params: &Params<f64>, motion: &dyn JointMotion) -> State<f64> {
     let mut from = State::zero(model);
     from.q.copy_from_slice(&start_pose(motion));
     from.eta.copy_from_slice(&model.rest_position(params));

@@ -74,7 +74,7 @@
     await frame();
     hold(Math.abs(u.scales.x.max - middle) < 1e-6 * Math.abs(before[1] - before[0]), `a plot does not zoom: ${name}`);
     for (const other of plots) {
-      if (other.axes[0].label === u.axes[0].label && other.axes[0].label.startsWith("time")) {
+      if (u.linked && other.linked === u.linked) {
         hold(Math.abs(other.scales.x.max - middle) < 1e-6 * Math.abs(before[1]), `time axes are not linked: ${name}`);
       }
     }

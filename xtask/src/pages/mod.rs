@@ -1,7 +1,7 @@
 //! `cargo xtask pages --check`: every kind of page, opened in headless Chromium on a desk and on a phone, in light and in dark.
 //!
 //! Written anew from the fixtures: `ffid show` without and with a motion and of every kind of appendage, report and replay of an
-//! identification, the verdict on a trajectory; with the report of `cargo xtask reproduce` where there is one. Asked of each: no error or warning of
+//! identification, the verdict on a trajectory, the report of `cargo xtask reproduce` (of a quick run where there is none yet). Asked of each: no error or warning of
 //! the console, no request, nothing wider than the window, readable contrast, plots that zoom and tell values, a 3-D view that is not blank,
 //! plays, and whose controls answer (`check.js`).
 
@@ -60,13 +60,20 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     fs::create_dir_all(&out).map_err(|e| Failure::io("make", &out, e))?;
     let mut pages = write(&root, &out)?;
+    // The report of the whole study where there is one, and else that of a quick one.
     let study = root.join("target/reproduce/report.html");
-    pages.extend(study.is_file().then_some(study));
+    pages.push(if study.is_file() { study } else { quick_study(&out)? });
     println!("{} pages in {}", pages.len(), out.display());
     if let (true, Some(program)) = (args.check, program) {
         check(&mut Browser::start(&program)?, &pages, &out, args.pictures)?;
     }
     Ok(())
+}
+
+fn quick_study(out: &Path) -> anyhow::Result<PathBuf> {
+    let folder = out.join("reproduce");
+    crate::reproduce::run(&crate::reproduce::Args { out: folder.clone(), quick: true, sweep: None })?;
+    Ok(folder.join("report.html"))
 }
 
 fn check(browser: &mut Browser, pages: &[PathBuf], out: &Path, pictures: bool) -> anyhow::Result<()> {

@@ -1,15 +1,15 @@
 //! Records of an experiment, and the models identified from them.
 
-use super::experiment::Experiment;
+use super::system::System;
+use crate::table::sig;
 use ff_dynamics::{Trace, measure};
 use ff_least_squares::Settings;
-use ff_model::{Model, Params};
+use ff_model::Params;
 use ff_records::{Record, RecordBuilder};
 use ffid::exit::Failure;
 use ident::estimate::Estimate;
 use ident::estimate::attempt;
 use ident::parameters::offset_start;
-use ident::parameters::select;
 use ident::{Options, OutputError, Rda, Request};
 use serde::Serialize;
 
@@ -23,6 +23,8 @@ pub(super) struct Report {
     run: &'static str,
     model: &'static str,
     status: String,
+    #[serde(skip)]
+    converged: bool,
     iterations: usize,
     chi2_per_dof: f64,
     rank: usize,
@@ -34,63 +36,73 @@ pub(super) struct Report {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Row {
-    name: String,
-    unit: String,
-    start: f64,
-    value: f64,
-    truth: f64,
+pub(super) struct Row {
+    pub(super) name: String,
+    pub(super) unit: String,
+    pub(super) start: f64,
+    pub(super) value: f64,
+    pub(super) truth: f64,
     /// Left out where the data cannot tell.
     #[serde(skip_serializing_if = "Option::is_none")]
-    std: Option<f64>,
+    pub(super) std: Option<f64>,
 }
 
 /// Relative standard deviation up to which a combination of parameters counts as identifiable.
 const IDENTIFIABLE: f64 = 0.1;
 
 /// The record of a trace: exact with rates and accelerations, or as the sensors read it.
-pub(super) fn record(x: &Experiment, t: &Trace, noise: Noise, seed_offset: u64) -> anyhow::Result<Record> {
-    let b = RecordBuilder::new(x.loaded.model.joint_names()).uniform(0.0, 1.0 / t.dt).allow("Data::Stuck");
+pub(super) fn record(s: &System, t: &Trace, noise: Noise, seed_offset: u64) -> anyhow::Result<Record> {
+    let b = RecordBuilder::new(s.model().joint_names()).uniform(0.0, 1.0 / t.dt).allow("Data::Stuck");
     let b = match noise {
         None => b.q(t.q.clone()).qd(t.qd.clone()).qdd(t.qdd.clone()).tau(t.tau.clone()).gyro(t.gyro()),
         Some(seed) => {
-            let r = measure(t, &x.sensors, seed.wrapping_add(seed_offset));
+            let r = measure(t, &s.sensors, seed.wrapping_add(seed_offset));
             b.q(r.q).tau(r.tau).gyro(r.gyro)
         }
     };
     Ok(b.build()?.0)
 }
 
-fn settings() -> Settings {
+pub(super) fn settings() -> Settings {
     Settings { max_iterations: 60, decrement_tolerance: 1e-9, cost_floor: 1e-13, ..Settings::default() }
 }
 
-/// The base of a rigid model by the reduced dynamics algorithm, from `offset` off.
+/// A fit: the parameters it ends with, what the summary says of it, and the fit itself.
+pub(super) struct Found {
+    pub(super) params: Params<f64>,
+    pub(super) report: Report,
+    pub(super) estimate: Estimate,
+}
+
+/// The base of a rigid model by the reduced dynamics algorithm, from the mission's offset off, in a direction of seed `start`; `model` is
+/// what the summary calls it.
 pub(super) fn rigid(
-    x: &Experiment,
+    s: &System,
     record: &Record,
     noise: Noise,
     truth: &Params<f64>,
-) -> anyhow::Result<(Params<f64>, Report)> {
-    let m = &x.rigid;
+    start: u64,
+    model: &'static str,
+) -> anyhow::Result<Found> {
+    let m = &s.rigid;
     let decls = m.param_decls();
     let selected: Vec<usize> = (0..10).collect();
-    let start = offset_start(&decls, truth.values(), &selected, x.loaded.mission.estimate.start_offset, x.seed);
-    let mut rda = Rda::new(m, record, &x.noise)?;
+    let start = offset_start(&decls, truth.values(), &selected, s.loaded.mission.estimate.start_offset, start);
+    let mut rda = Rda::new(m, record, &s.noise)?;
     let request = Request { settings: settings(), ..Request::new(&decls, &selected, &start) };
     let e = attempt(&request, &mut rda)?;
-    let report = report(x, "rigid", noise, &e, truth);
-    Ok((Params::from_values(m, e.values), report))
+    let report = report(s, model, noise, &e, truth);
+    Ok(Found { params: Params::from_values(m, e.values.clone()), report, estimate: e })
 }
 
-/// Everything the mission asks for, by output error, from the mission's offset off.
-pub(super) fn extended(x: &Experiment, record: &Record, noise: Noise) -> anyhow::Result<(Params<f64>, Report)> {
-    let m: &Model = &x.loaded.model;
+/// Everything the mission asks for, by output error, from the mission's offset off, in a direction of seed `start`.
+pub(super) fn extended(s: &System, record: &Record, noise: Noise, start: u64) -> anyhow::Result<Found> {
+    let m = s.model();
     let decls = m.param_decls();
-    let e = &x.loaded.mission.estimate;
-    let selected = if x.quick { select(&decls, &["base.*", "*.k[*]", "*.d[*]"])? } else { x.loaded.estimated.clone() };
-    let start = offset_start(&decls, x.params.values(), &selected, e.start_offset, x.seed);
-    let options = Options { substeps: 1, ..Options::new(x.noise) };
+    let e = &s.loaded.mission.estimate;
+    let selected = s.estimated(&decls)?;
+    let start = offset_start(&decls, s.params.values(), &selected, e.start_offset, start);
+    let options = Options { substeps: 1, ..Options::new(s.noise) };
     let mut output_error = OutputError::new(m, record, &options)?;
     let request = Request {
         // Perfect data need no prior; what they leave open is held where it is.
@@ -100,24 +112,22 @@ pub(super) fn extended(x: &Experiment, record: &Record, noise: Noise) -> anyhow:
         ..Request::new(&decls, &selected, &start)
     };
     let e = attempt(&request, &mut output_error)?;
-    if !e.status.is_converged() && noise.is_some() {
-        return Err(Failure::Numerical(format!("{}: extended identification ended with {:?}", x.name, e.status)).into());
-    }
-    let report = report(x, "extended", noise, &e, &x.params);
-    Ok((Params::from_values(m, e.values), report))
+    let report = report(s, "extended", noise, &e, &s.params);
+    Ok(Found { params: Params::from_values(m, e.values.clone()), report, estimate: e })
 }
 
-fn report(x: &Experiment, model: &'static str, noise: Noise, e: &Estimate, truth: &Params<f64>) -> Report {
-    let decls = if model == "rigid" { x.rigid.param_decls() } else { x.loaded.model.param_decls() };
+fn report(s: &System, model: &'static str, noise: Noise, e: &Estimate, truth: &Params<f64>) -> Report {
+    let decls = if model != "extended" { s.rigid.param_decls() } else { s.model().param_decls() };
     let true_value = |name: &str| decls.iter().position(|d| d.name == name).map_or(0.0, |i| truth.values()[i]);
     let u = &e.data_only;
     let errors: Vec<f64> = e.parameters.iter().map(|p| p.value - true_value(&p.name)).collect();
     let (identifiable, worst_identifiable) = u.worst_combination(&errors, IDENTIFIABLE);
     Report {
-        case: x.name.clone(),
+        case: s.name.clone(),
         run: if noise.is_some() { "noisy" } else { "noise_free" },
         model,
         status: format!("{:?}", e.status),
+        converged: e.status.is_converged(),
         iterations: e.iterations,
         chi2_per_dof: e.chi2_per_dof,
         rank: u.rank,
@@ -141,24 +151,39 @@ fn report(x: &Experiment, model: &'static str, noise: Noise, e: &Estimate, truth
 
 impl Report {
     pub(super) fn title(&self) -> String {
-        format!("{} {} {}", self.case, self.run, self.model)
+        format!("{}, {}, {}", self.case, self.run.replace('_', "-"), self.model)
     }
-    pub(super) fn line(&self) -> String {
-        format!(
-            "{}: {} of {} directions seen, {} of them to 10 % or better, worst error of these {:.1e}; {} steps, chi2/dof {:.2e}",
-            self.title(),
-            self.rank,
-            self.unknowns,
-            self.identifiable,
-            self.worst_identifiable,
-            self.iterations,
-            self.chi2_per_dof
-        )
+    /// The fit as cells of a table: case, run, model, directions seen, told to a tenth, worst error of these, steps, chi-squared.
+    pub(super) fn cells(&self) -> [String; 8] {
+        [
+            self.case.clone(),
+            self.run.replace('_', "-"),
+            self.model.to_owned(),
+            format!("{} of {}", self.rank, self.unknowns),
+            self.identifiable.to_string(),
+            format!("{:.1e}", self.worst_identifiable),
+            self.iterations.to_string(),
+            sig(self.chi2_per_dof, 3),
+        ]
     }
     pub(super) fn worst(&self) -> f64 {
         self.worst_identifiable
     }
+    pub(super) fn chi2_per_dof(&self) -> f64 {
+        self.chi2_per_dof
+    }
+    /// Itself, if the fit has converged.
+    ///
+    /// # Errors
+    /// [`Failure::Numerical`] naming the fit.
+    pub(super) fn ended(&self) -> anyhow::Result<()> {
+        let said = || Failure::Numerical(format!("{}: the fit ended with {}", self.title(), self.status));
+        if self.converged { Ok(()) } else { Err(said().into()) }
+    }
     pub(super) fn is(&self, run: &str, model: &str) -> bool {
         self.run == run && self.model == model
+    }
+    pub(super) fn rows(&self) -> &[Row] {
+        &self.parameters
     }
 }

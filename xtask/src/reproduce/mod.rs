@@ -11,34 +11,51 @@
 //!    reference trajectory (`score`).
 //!
 //! Everything is done twice: without noise as in the paper, and with the sensors of the mission file.
+//!
+//! Beside that: what the paper's misprints do (`errata`), what the choices that it leaves open do (`open`), and three experiments that it
+//! does not do (`beyond`). `report` puts all of it into one page.
+mod beyond;
 mod checks;
+mod errata;
+mod excitation;
 mod experiment;
 mod figures;
 mod identify;
+mod open;
 mod printed;
 mod report;
 mod score;
 mod spectra;
+mod system;
 
 use crate::workspace;
+use beyond::Beyond;
+use errata::Errata;
 use experiment::Experiment;
 use ffid::exit::Failure;
 use ffid::files::{atomic, json};
 use indicatif::{ProgressBar, ProgressStyle};
-use score::Columns;
+use open::{Conclusion, Sweep};
+use score::{Columns, Fits};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+
+/// The report of the study.
+const REPORT: &str = "report.html";
 
 /// Arguments of `reproduce`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Directory for tables, figures, series and summary.json
+    /// Directory for report.html, summary.json, figures and series
     #[arg(long, value_name = "DIR", default_value = "target/reproduce")]
     pub out: PathBuf,
     /// Shorter trajectories and fewer parameters, for a first look
     #[arg(long)]
     pub quick: bool,
+    /// Trials of every setting that the paper leaves open; 0 for none [default: 1, with --quick 0]
+    #[arg(long, value_name = "N")]
+    pub sweep: Option<usize>,
 }
 
 /// Both runs of one case.
@@ -59,6 +76,10 @@ struct Summary {
     fig5: spectra::Frequencies,
     fig7: spectra::Frequencies,
     identified: Vec<identify::Report>,
+    errata: Vec<errata::Effect>,
+    sweep: Sweep,
+    conclusions: Vec<Conclusion>,
+    beyond: Beyond,
     wall_s: f64,
 }
 
@@ -67,8 +88,40 @@ struct Case {
     runs: Runs,
     frequencies: spectra::Frequencies,
     reports: Vec<identify::Report>,
+    /// Whitened residuals of the noisy rigid fit.
+    rigid_residuals: Vec<f64>,
     experiment: Experiment,
     spectra: spectra::Spectra,
+}
+
+impl Case {
+    fn run(mission: &Path, quick: bool, bar: &ProgressBar) -> anyhow::Result<Self> {
+        let x = Experiment::run(mission, quick, bar)?;
+        let spectra = spectra::Spectra::of(&x)?;
+        let frequencies = spectra::Frequencies::of(&x, &spectra)?;
+        let (free, noisy) = std::thread::scope(|s| {
+            let free = s.spawn(|| score::of(&x, None, bar));
+            let noisy = score::of(&x, Some(x.system.seed()), bar);
+            let join = |_| Failure::Numerical("an identification thread stopped".into());
+            anyhow::Ok((free.join().map_err(join)??, noisy?))
+        })?;
+        let reports = |f: &Fits| [&f.reference, &f.rigid, &f.extended].map(|f| f.report.clone());
+        Ok(Self {
+            runs: Runs { noise_free: free.0, noisy: noisy.0 },
+            frequencies,
+            reports: reports(&free.1).into_iter().chain(reports(&noisy.1)).collect(),
+            rigid_residuals: noisy.1.rigid.estimate.residuals,
+            spectra,
+            experiment: x,
+        })
+    }
+    /// Excitation, response and spectra.
+    fn figures(&self, out: &Path, stems: [&str; 3]) -> anyhow::Result<[ff_report::plot::Figure; 3]> {
+        let excitation = figures::excitation(out, stems[0], &self.experiment)?;
+        let [response, spectra] =
+            figures::write(out, stems[1], stems[2], &self.experiment, &self.spectra, &self.frequencies)?;
+        Ok([excitation, response, spectra])
+    }
 }
 
 /// Runs the study.
@@ -80,23 +133,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let started = Instant::now();
     let out = if args.out.is_absolute() { args.out.clone() } else { std::env::current_dir()?.join(&args.out) };
     std::fs::create_dir_all(&out).map_err(|e| Failure::io("create", &out, e))?;
-    let root = workspace::root()?;
+    let missions = workspace::root()?.join("fixtures/paper");
     let bar = progress();
-    let case = |name: &str| -> anyhow::Result<Case> {
-        let x = Experiment::run(&root.join(format!("fixtures/paper/{name}.toml")), args.quick, &bar)?;
-        let spectra = spectra::Spectra::of(&x)?;
-        let frequencies = spectra::Frequencies::of(&x, &spectra)?;
-        let (runs, reports) = std::thread::scope(|s| {
-            let noise_free = s.spawn(|| score::columns(&x, None, &bar));
-            let noisy = score::columns(&x, Some(x.seed), &bar);
-            let join = |_| Failure::Numerical("an identification thread stopped".into());
-            let (a, mut reports) = noise_free.join().map_err(join)??;
-            let (b, more) = noisy?;
-            reports.extend(more);
-            anyhow::Ok((Runs { noise_free: a, noisy: b }, reports))
-        })?;
-        Ok(Case { runs, frequencies, reports, experiment: x, spectra })
-    };
+    let case = |name: &str| Case::run(&missions.join(format!("{name}.toml")), args.quick, &bar);
     // The cases share nothing; two cores do both in the time of the longer one.
     let (flex, slosh) = std::thread::scope(|s| {
         let slosh = s.spawn(|| case("slosh"));
@@ -104,9 +143,19 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         (flex, slosh.join().unwrap_or_else(|_| Err(Failure::Numerical("the slosh case stopped".into()).into())))
     });
     let (flex, slosh) = (flex?, slosh?);
+    let (panels, fuel) = (&flex.experiment, &slosh.experiment);
+    bar.set_message("what the misprints do");
+    let columns = [&flex.runs.noise_free, &slosh.runs.noise_free];
+    let errata = Errata::of(panels, fuel, columns, &flex.rigid_residuals)?;
+    let trials = args.sweep.unwrap_or(usize::from(!args.quick));
+    let (beyond, sweep) =
+        rayon::join(|| Beyond::run(&missions, args.quick, &bar), || open::run([panels, fuel], trials, &bar));
+    let (beyond, sweep) = (beyond?, sweep?);
     bar.set_message("figures");
-    let panels = figures::write(&out, "fig4", "fig5", &flex.experiment, &flex.spectra, &flex.frequencies)?;
-    let fuel = figures::write(&out, "fig6", "fig7", &slosh.experiment, &slosh.spectra, &slosh.frequencies)?;
+    let panel_figures = flex.figures(&out, ["excitation_panels", "fig4", "fig5"])?;
+    let fuel_figures = slosh.figures(&out, ["excitation_fuel", "fig6", "fig7"])?;
+    errata.forces.write(&out.join("fig3"))?;
+    errata.runaway.write(&out.join("fig4_as_printed"))?;
     bar.finish_and_clear();
     let summary = Summary {
         quick: args.quick,
@@ -115,10 +164,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         fig5: flex.frequencies,
         fig7: slosh.frequencies,
         identified: flex.reports.into_iter().chain(slosh.reports).collect(),
+        errata: errata.effects.clone(),
+        conclusions: if sweep.outcomes.is_empty() { Vec::new() } else { open::conclusions(&sweep) },
+        sweep,
+        beyond,
         wall_s: started.elapsed().as_secs_f64(),
     };
     json::write(&out.join("summary.json"), &summary)?;
-    atomic::write(&out.join("report.html"), report::page(&summary, &panels, &fuel)?.as_bytes())?;
+    let shown =
+        report::Shown { flex: panels, slosh: fuel, panels: &panel_figures, fuel: &fuel_figures, errata: &errata };
+    atomic::write(&out.join(REPORT), report::page(&summary, &shown)?.as_bytes())?;
     printed::all(&summary, &out);
     checks::all(&summary)
 }

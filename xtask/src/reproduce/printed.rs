@@ -1,6 +1,10 @@
-//! What the study prints: both tables beside the paper's, frequencies, and where the files are.
+//! The paper's numbers, and what the study prints beside them.
 
-use super::{Columns, Runs, Summary};
+use super::identify::Report;
+use super::open::{Outcome, gain};
+use super::score::Columns;
+use super::{Runs, Summary};
+use crate::interval::Interval;
 use crate::table::{Table, sig};
 use std::path::Path;
 use validate::PathError;
@@ -11,18 +15,33 @@ pub(super) const PAPER: [[[f64; 2]; 4]; 2] = [
     [[0.0367, 0.0214], [0.1242, 0.0924], [0.2319, 0.1154], [0.4291, 0.3299]],
 ];
 
+/// An error of a path.
+type Pick = fn(&PathError) -> f64;
+
+/// Rows of Tables II and III, the paper's first.
+const ROWS: [(&str, Pick); 6] = [
+    ("mean pos (m)", |e| e.mean_pos_m),
+    ("max pos (m)", |e| e.max_pos_m),
+    ("mean rpy (rad)", |e| e.mean_rpy_rad),
+    ("max rpy (rad)", |e| e.max_rpy_rad),
+    ("mean angle (rad)", |e| e.mean_angle_rad),
+    ("max angle (rad)", |e| e.max_angle_rad),
+];
+
 /// Prints everything to standard output.
 #[allow(clippy::print_stdout)] // printing is the purpose
 pub(super) fn all(s: &Summary, out: &Path) {
     for t in tables(s) {
         println!("{t}");
     }
-    for r in &s.identified {
-        println!("{}", r.line());
+    println!("{}", identifications(&s.identified));
+    for c in &s.conclusions {
+        let (k, n) = c.holds;
+        println!("{}: {} ({k} of {n})", c.said, c.word());
     }
     println!(
-        "\nreport.html, summary.json, figures (PNG, SVG) and series (CSV) in {} after {:.1} s",
-        out.display(),
+        "\n{} after {:.1} s; figures (PNG, SVG), series (CSV), summary.json beside it",
+        out.join(super::REPORT).display(),
         s.wall_s
     );
 }
@@ -43,50 +62,97 @@ pub(super) fn tables(s: &Summary) -> [Table; 3] {
     [two, three, t]
 }
 
+/// Every fit of Tables II and III.
+pub(super) fn identifications(all: &[Report]) -> Table {
+    let head = ["case", "run", "model", "directions seen", "to 10 %", "worst error of these", "steps", "chi2/dof"];
+    let mut t = Table::new("Identifications", &head).left(3);
+    all.iter().for_each(|r| _ = t.row(r.cells()));
+    t.note("To 10 %: combinations of parameters that the record tells to a tenth of their size; errors are relative, against the truth.");
+    t
+}
+
 fn table(title: &str, runs: &Runs, paper: &[[f64; 2]; 4], extended: &str) -> Table {
-    let mut t = Table::new(
-        title,
-        &[
-            "error",
-            "paper Rigid ID",
-            &format!("paper {extended}"),
-            "Rigid ID",
-            extended,
-            "Rigid ID vs truth",
-            &format!("{extended} vs truth"),
-            "gain",
-        ],
-    );
-    type Pick = fn(&PathError) -> f64;
-    let rows: [(&str, Pick); 6] = [
-        ("mean pos (m)", |e| e.mean_pos_m),
-        ("max pos (m)", |e| e.max_pos_m),
-        ("mean rpy (rad)", |e| e.mean_rpy_rad),
-        ("max rpy (rad)", |e| e.max_rpy_rad),
-        ("mean angle (rad)", |e| e.mean_angle_rad),
-        ("max angle (rad)", |e| e.max_angle_rad),
+    let of = format!("{extended}, truth");
+    let head = [
+        "",
+        "error",
+        "paper Rigid ID",
+        &format!("paper {extended}"),
+        "Rigid ID",
+        extended,
+        "Rigid ID, truth",
+        &of,
+        "gain",
     ];
+    let mut t = Table::new(title, &head).left(2);
     let mut block = |run: &str, c: &Columns| {
         if run == "noisy" {
             t.rule();
         }
-        for (i, (name, pick)) in rows.iter().enumerate() {
+        for (i, (name, pick)) in ROWS.iter().enumerate() {
             let printed = |k: usize| paper.get(i).map_or_else(String::new, |r| sig(r[k], 3));
             t.row([
-                format!("{name}, {run}"),
+                if i == 0 { run.to_owned() } else { String::new() },
+                (*name).to_owned(),
                 printed(0),
                 printed(1),
                 sig(pick(&c.rigid_id), 3),
                 sig(pick(&c.extended_id), 3),
                 sig(pick(&c.rigid_id_vs_truth), 3),
                 sig(pick(&c.extended_id_vs_truth), 3),
-                sig(pick(&c.rigid_id_vs_truth) / pick(&c.extended_id_vs_truth), 3),
+                sig(gain(c, *pick), 3),
             ]);
         }
     };
     block("noise-free", &runs.noise_free);
     block("noisy", &runs.noisy);
     t.note("ID columns: against the rigid reference model, as in the paper; a flexible model cannot reach zero there.");
-    t.note("vs truth: against the simulated satellite itself. gain: rigid over extended, against the truth.");
+    t.note("Truth: against the simulated satellite itself. Gain: rigid over extended, against the truth.");
     t
+}
+
+/// Tables II and III over trials: geometric means with their 95 % intervals. `k` is 0 for panels, 1 for fuel.
+pub(super) fn repeated(o: &Outcome, k: usize) -> Table {
+    let extended = ["Flex. ID", "Slosh. ID"][k];
+    let (n, of) = (o.ended().count(), o.trials.len());
+    let title = format!("Over {n} trials, each with trajectories, noise and starts of its own");
+    let head = [
+        "error",
+        "paper Rigid ID",
+        "Rigid ID",
+        &format!("paper {extended}"),
+        extended,
+        "Rigid ID, truth",
+        &format!("{extended}, truth"),
+        "gain",
+    ];
+    let mut t = Table::new(title, &head);
+    let paper = &PAPER[k];
+    for (i, (name, pick)) in ROWS.iter().enumerate() {
+        let printed = |k: usize| paper.get(i).map_or_else(String::new, |r| sig(r[k], 3));
+        let over = |f: &dyn Fn(&Columns) -> f64| o.interval(f).map_or_else(String::new, |x| words(&x));
+        t.row([
+            (*name).to_owned(),
+            printed(0),
+            over(&|c| pick(&c.rigid_id)),
+            printed(1),
+            over(&|c| pick(&c.extended_id)),
+            over(&|c| pick(&c.rigid_id_vs_truth)),
+            over(&|c| pick(&c.extended_id_vs_truth)),
+            over(&|c| gain(c, *pick)),
+        ]);
+    }
+    t.note("Noisy records. Geometric mean and, in brackets, its 95 % interval (Student's t over the logarithms).");
+    if n < of {
+        t.note(format!("{} of {of} extended fits did not converge and are left out.", of - n));
+    }
+    t
+}
+
+/// `0.0123 [0.0101, 0.0150]`.
+pub(super) fn words(x: &Interval) -> String {
+    match x.interval95 {
+        Some((a, b)) => format!("{} [{}, {}]", sig(x.mean, 3), sig(a, 3), sig(b, 3)),
+        None => sig(x.mean, 3),
+    }
 }

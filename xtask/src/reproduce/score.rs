@@ -1,7 +1,10 @@
-//! The four columns of a table: two identified models against reference and truth.
+//! The columns of Tables II and III: two identified models against reference and truth.
 
 use super::experiment::Experiment;
-use super::identify::{Noise, Report, extended, record, rigid};
+use super::identify::{Found, Noise, extended, record, rigid};
+use super::system::System;
+use ff_dynamics::motion::JointMotion;
+use ff_dynamics::{SimOptions, Trace};
 use ff_model::{Model, Params};
 use indicatif::ProgressBar;
 use serde::Serialize;
@@ -18,32 +21,66 @@ pub(super) struct Columns {
     pub(super) rigid_id_vs_truth: PathError,
     /// See above.
     pub(super) extended_id_vs_truth: PathError,
+    /// The true system against the reference model: the least that a perfect extended model can have in the paper's measure.
+    pub(super) floor: PathError,
 }
 
-/// Identifies and compares, without noise or with the sensors of the mission.
-pub(super) fn columns(x: &Experiment, noise: Noise, bar: &ProgressBar) -> anyhow::Result<(Columns, Vec<Report>)> {
-    let say = |what: &str| bar.set_message(format!("{}: {what}", x.name));
+/// What one run is made of: the rigid and the extended record, and along what models are compared.
+pub(super) struct Flown<'a> {
+    pub(super) rigid: &'a Trace,
+    pub(super) extended: &'a Trace,
+    pub(super) reference: &'a dyn JointMotion,
+    pub(super) options: &'a SimOptions,
+}
+
+/// The identifications of one run: reference model, rigid and extended.
+pub(super) struct Fits {
+    pub(super) reference: Found,
+    pub(super) rigid: Found,
+    pub(super) extended: Found,
+}
+
+/// Identifies and compares, without noise or with the sensors of the mission; starts are off in directions of seed `start`.
+pub(super) fn columns(
+    s: &System,
+    flown: &Flown<'_>,
+    noise: Noise,
+    start: u64,
+    bar: &ProgressBar,
+) -> anyhow::Result<(Columns, Fits)> {
+    let say = |what: &str| bar.set_message(format!("{}: {what}", s.name));
     let path = |m: &Model, p: &Params<f64>| -> anyhow::Result<FramePath> {
-        Ok(frame_path(m, p, &x.reference, &x.end_effector, &x.reference_options)?)
+        Ok(frame_path(m, p, flown.reference, &s.end_effector, flown.options)?)
     };
     say("reference model");
-    let quiet = record(x, &x.rigid_trace, noise, 1)?;
-    let (reference, reference_report) = rigid(x, &quiet, noise, &x.rigid_params)?;
+    let quiet = record(s, flown.rigid, noise, 1)?;
+    let reference = rigid(s, &quiet, noise, &s.rigid_params, start, "reference")?;
     say("rigid identification");
-    let seen = record(x, &x.trace, noise, 2)?;
-    let (rigid_id, rigid_report) = rigid(x, &seen, noise, &x.rigid_params)?;
+    let seen = record(s, flown.extended, noise, 2)?;
+    let rigid = rigid(s, &seen, noise, &s.rigid_params, start, "rigid")?;
     say("identification with passive states");
-    let (extended_id, extended_report) = extended(x, &seen, noise)?;
+    let extended = extended(s, &seen, noise, start)?;
     say("end-effector errors");
-    let model = &x.loaded.model;
-    let reference = path(&x.rigid, &reference)?;
-    let truth = path(model, &x.params)?;
-    let (a, b) = (path(&x.rigid, &rigid_id)?, path(model, &extended_id)?);
+    let reference_path = path(&s.rigid, &reference.params)?;
+    let truth = path(s.model(), &s.params)?;
+    let (a, b) = (path(&s.rigid, &rigid.params)?, path(s.model(), &extended.params)?);
     let columns = Columns {
-        rigid_id: compare(&a, &reference)?,
-        extended_id: compare(&b, &reference)?,
+        rigid_id: compare(&a, &reference_path)?,
+        extended_id: compare(&b, &reference_path)?,
         rigid_id_vs_truth: compare(&a, &truth)?,
         extended_id_vs_truth: compare(&b, &truth)?,
+        floor: compare(&truth, &reference_path)?,
     };
-    Ok((columns, vec![reference_report, rigid_report, extended_report]))
+    Ok((columns, Fits { reference, rigid, extended }))
+}
+
+/// [`columns`] of an experiment as it was flown. A noisy fit that does not converge is an error: its limits would mean nothing.
+pub(super) fn of(x: &Experiment, noise: Noise, bar: &ProgressBar) -> anyhow::Result<(Columns, Fits)> {
+    let flown =
+        Flown { rigid: &x.rigid_trace, extended: &x.trace, reference: &x.reference, options: &x.reference_options };
+    let out = columns(&x.system, &flown, noise, x.system.seed(), bar)?;
+    if noise.is_some() {
+        out.1.extended.report.ended()?;
+    }
+    Ok(out)
 }

@@ -30,9 +30,9 @@ impl Spectra {
         let rate = 1.0 / x.ringing.dt;
         let first = (x.ring_from * rate).ceil() as usize;
         let n = x.ringing.len() - first;
-        let nj = x.loaded.model.nj();
+        let nj = x.system.model().nj();
         let sigma: Vec<f64> =
-            std::iter::repeat_n(x.noise.torque, nj).chain(std::iter::repeat_n(x.noise.gyro, 3)).collect();
+            std::iter::repeat_n(x.system.noise.torque, nj).chain(std::iter::repeat_n(x.system.noise.gyro, 3)).collect();
         let join = |tau: &DMatrix<f64>, gyro: &DMatrix<f64>| {
             let mut y = DMatrix::zeros(n, nj + 3);
             y.columns_mut(0, nj).copy_from(&tau.rows(first, n));
@@ -40,13 +40,13 @@ impl Spectra {
             y
         };
         let y = join(&x.ringing.tau, &x.ringing.gyro());
-        let response = spectrum(&y, &sigma, n, rate, 1)?;
-        let peaks = find_peaks(&response, 0.09, F_MAX, None)
+        let response = spectrum(&y, &sigma, n, rate, PADDED)?;
+        let peaks = find_peaks(&spectrum(&y, &sigma, n, rate, 1)?, 0.09, F_MAX, None)
             .map(|p| p.peaks.iter().map(|p| (p.frequency, p.interval)).collect())
             .unwrap_or_default();
         let set = ModalSettings::up_to(F_MAX);
         let fit = fit_modes(&y, &sigma, rate, &set)?;
-        let noisy = measure(&x.ringing, &x.sensors, x.seed.wrapping_add(3));
+        let noisy = measure(&x.ringing, &x.system.sensors, x.system.seed().wrapping_add(3));
         let fit_noisy = fit_modes(&join(&noisy.tau, &noisy.gyro), &sigma, rate, &set).ok();
         let unit = vec![1.0; nj];
         let of = |m: &DMatrix<f64>| spectrum(m, &unit, m.nrows(), rate, PADDED);
@@ -62,13 +62,36 @@ impl Spectra {
     }
 }
 
-/// Modes of a fit, and what is left out as a combination tone ([`ModalFit::combination`]).
-fn split(fit: &ModalFit) -> (Vec<&Mode>, Vec<f64>) {
-    let (tones, modes): (Vec<usize>, Vec<usize>) = (0..fit.modes.len()).partition(|&i| fit.combination(i).is_some());
-    (modes.iter().map(|&i| &fit.modes[i]).collect(), tones.iter().map(|&i| fit.modes[i].frequency).collect())
+/// A weak tone at a sum or difference of two stronger modes.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Tone {
+    /// Its frequency (Hz).
+    pub(super) hz: f64,
+    /// Those of the modes (Hz).
+    pub(super) of_hz: (f64, f64),
 }
 
-/// Zeros after a trajectory, in its lengths: the manoeuvre of 5 s has eight lines below 1.5 Hz without.
+impl Tone {
+    /// `0.458 = 2 x 0.229`.
+    pub(super) fn words(&self) -> String {
+        let (a, b) = self.of_hz;
+        if a == b {
+            return format!("{:.3} = 2 \u{d7} {a:.3}", self.hz);
+        }
+        let sign = if (self.hz - (a + b)).abs() < (self.hz - (a - b).abs()).abs() { "+" } else { "\u{2212}" };
+        format!("{:.3} = {:.3} {sign} {:.3}", self.hz, a.max(b), a.min(b))
+    }
+}
+
+/// Modes of a fit, and what is left out as a combination tone ([`ModalFit::combination`]).
+fn split(fit: &ModalFit) -> (Vec<&Mode>, Vec<Tone>) {
+    let hz = |i: usize| fit.modes[i].frequency;
+    let tone = |i: usize| fit.combination(i).map(|(a, b)| Tone { hz: hz(i), of_hz: (hz(a), hz(b)) });
+    let modes = (0..fit.modes.len()).filter(|&i| tone(i).is_none()).map(|i| &fit.modes[i]).collect();
+    (modes, (0..fit.modes.len()).filter_map(tone).collect())
+}
+
+/// Length with zeros behind, in lengths of the signal: the manoeuvre of 5 s has eight lines below 1.5 Hz without them.
 const PADDED: usize = 8;
 
 /// One window over the whole signal, so that the resolution is the best there is.
@@ -84,7 +107,7 @@ pub(super) struct Frequencies {
     /// From the free decay of the noise-free record.
     pub(super) measured_hz: Vec<f64>,
     /// Weak tones at sums and differences of stronger modes, left out above.
-    pub(super) combination_tones_hz: Vec<f64>,
+    pub(super) combination_tones: Vec<Tone>,
     /// Half-width of what the record resolves, `1/T` (Hz): measured and model agree within it.
     pub(super) resolution_hz: f64,
     /// Damping ratios of the measured modes.
@@ -112,10 +135,10 @@ impl Frequencies {
             w > 0.3 * v
         };
         let noisy = s.fit_noisy.as_ref();
-        let (modes, combination_tones_hz) = split(&s.fit);
+        let (modes, combination_tones) = split(&s.fit);
         Ok(Self {
             measured_hz: modes.iter().map(|m| m.frequency).collect(),
-            combination_tones_hz,
+            combination_tones,
             resolution_hz: s.fit.df,
             measured_damping: modes.iter().map(|m| m.damping).collect(),
             measured_noisy_hz: noisy.map(|f| split(f).0.iter().map(|m| m.frequency).collect()).unwrap_or_default(),
@@ -128,7 +151,7 @@ impl Frequencies {
             model_damping: x.modes.iter().map(|m| m.damping_ratio).collect(),
             model_turning_hz: x.modes.iter().filter(turning).map(|m| m.frequency_hz).collect(),
             cantilever_hz: x.cantilever.iter().map(|m| m.frequency_hz).fold(f64::INFINITY, f64::min),
-            paper_hz: if x.name == "flex" { vec![0.23, 0.68] } else { vec![0.06] },
+            paper_hz: if x.system.name == "flex" { vec![0.23, 0.68] } else { vec![0.06] },
         })
     }
 }

@@ -1,7 +1,9 @@
 //! Figures and page of an identification.
 
+mod charts;
 mod corner;
 pub mod figures;
+mod opening;
 mod page;
 mod sampled;
 

@@ -1,6 +1,8 @@
 //! The report of a result: data to a page.
 
+use super::charts;
 use super::figures;
+use super::opening::opening;
 use super::sampled;
 use crate::page::{Block, Cell, Level, Page, Table, interval, points};
 use crate::plot::{Figure, typeset};
@@ -45,9 +47,7 @@ pub fn all_figures(r: &IdentificationResult, all: &[Signals], held: Option<&Sign
 /// Those of [`Figure::to_svg`].
 pub fn page(r: &IdentificationResult, figures: &[(String, Figure)], replay: Option<&str>) -> Result<String, Failure> {
     let mut page = Page::new(format!("Identification of {}", r.robot));
-    let mut sentences = r.verdict.clone();
-    sentences.extend(r.held_out.iter().map(|h| format!("Held out ({}): {}", h.source, h.verdict)));
-    page.verdict(level(r), &sentences);
+    page.open_with(opening(r, level(r)));
     if let Some(file) = replay {
         page.lead(Block::Link { file: file.to_owned(), text: "See the robot move: 3-D replay".to_owned() });
     }
@@ -62,6 +62,8 @@ pub fn page(r: &IdentificationResult, figures: &[(String, Figure)], replay: Opti
         let beside = Block::Table(table("Biases and initial state", &r.nuisance));
         parameters.push(Block::Details("Biases and initial state, estimated beside them".into(), vec![beside]));
     }
+    parameters.extend(chart(charts::intervals(r))?);
+    parameters.extend(chart(charts::budget(r))?);
     page.section("Parameters", parameters);
     page.section("What would explain the record", named(r).into_iter().collect());
     let points = points(figures.iter().map(|(_, f)| f));
@@ -95,7 +97,10 @@ pub fn page(r: &IdentificationResult, figures: &[(String, Figure)], replay: Opti
         blocks.extend(drawn(&["held-out", "held-out-residuals"])?);
         page.section("Data that were held out", blocks);
     }
-    page.section("What the record can tell", identifiability(r));
+    let mut told = identifiability(r);
+    told.extend(chart(charts::correlations(r))?);
+    told.extend(convergence(r));
+    page.section("What the record can tell", told);
     page.section("Warnings", warnings(r));
     page.section("Provenance", provenance(r));
     Ok(page.render())
@@ -113,6 +118,28 @@ pub fn validation(robot: &str, h: &HeldOut, figures: &[(&'static str, Figure)]) 
     let all: Result<Vec<Block>, Failure> = figures.iter().map(|(_, f)| Block::figure(f, points)).collect();
     page.section("Measured against predicted", all?);
     Ok(page.render())
+}
+
+/// A chart, if there is one.
+fn chart(f: Option<Figure>) -> Result<Option<Block>, Failure> {
+    f.map(|f| Block::figure(&f, 0)).transpose()
+}
+
+/// How the fit went.
+fn convergence(r: &IdentificationResult) -> Option<Block> {
+    let mut rows = vec![
+        ("end of the fit", r.status.to_string()),
+        ("linearisations", r.iterations.to_string()),
+        ("residuals", r.residuals.to_string()),
+        ("chi-squared per degree of freedom", format!("{:.4}", r.chi2_per_dof)),
+    ];
+    if let Some(m) = &r.minima {
+        rows.push(("starts that converged", format!("{} of {}", m.converged, m.starts)));
+        let objectives: Vec<String> = m.objectives.iter().map(|o| num(*o)).collect();
+        rows.push(("minima, by what was minimised", objectives.join(", ")));
+    }
+    let rows = rows.into_iter().map(|(k, v)| vec![Cell::words(k), Cell::words(v)]).collect();
+    table_of("Convergence", &["", ""], rows)
 }
 
 fn level(r: &IdentificationResult) -> Level {
@@ -158,7 +185,7 @@ fn table(caption: &str, all: &[Parameter]) -> Table {
         }
         row
     });
-    let head = ["name", "value", "unit", "std", "95 % interval", "start", "prior", "", "verdict"];
+    let head = ["name", "value", "unit", "std", "95 % interval", "start", "prior", "estimate in its prior", "verdict"];
     let mut head = head.map(String::from).to_vec();
     if coloured {
         head.insert(STD + 1, "std, coloured noise".into());

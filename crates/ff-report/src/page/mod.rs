@@ -38,11 +38,32 @@ pub enum Level {
     Bad,
 }
 
+/// What a report opens with: labelled parts in a few words, and everything that there is to say behind them.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Opening {
+    pub(crate) level: Level,
+    pub(crate) parts: Vec<Part>,
+    /// All sentences.
+    pub(crate) full: Vec<String>,
+}
+
+/// A part of an opening.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Part {
+    /// `Answer`, `Trust`.
+    pub(crate) label: &'static str,
+    /// In one phrase, with the colour of a verdict.
+    pub(crate) mark: Option<(Level, &'static str)>,
+    /// The most important first.
+    pub(crate) sentences: Vec<String>,
+}
+
 /// A report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page {
     title: String,
     verdict: Option<(Level, Vec<String>)>,
+    opening: Option<Opening>,
     lead: Vec<Block>,
     source: String,
     sections: Vec<(String, Vec<Block>)>,
@@ -65,6 +86,13 @@ pub enum Block {
         caption: String,
         /// The same as JSON for the scripts of the page ([`crate::plot::Figure::to_json`]).
         data: String,
+    },
+    /// A drawing without scripts.
+    Drawing {
+        /// SVG, trusted: made by this crate or by its caller from text that went through [`escape`].
+        svg: String,
+        /// What it shows; empty where the drawing says so itself.
+        caption: String,
     },
     /// A link to a file beside the page.
     Link {
@@ -128,11 +156,13 @@ impl Block {
     pub fn figure(f: &Figure, points: usize) -> Result<Self, Failure> {
         // The writer of SVG escapes what is markup, but lets control characters through, which no XML may hold.
         let hidden = |c: char| c.is_control() && !c.is_ascii_whitespace();
-        Ok(Self::Figure {
-            svg: f.to_svg()?.replace(hidden, "\u{fffd}"),
-            caption: f.title.clone(),
-            data: f.to_json(points),
-        })
+        let (svg, caption) = (f.to_svg()?.replace(hidden, "\u{fffd}"), f.title.clone());
+        // Only panels have curves to zoom into.
+        if f.panels.is_empty() {
+            // It carries its title.
+            return Ok(Self::Drawing { svg, caption: String::new() });
+        }
+        Ok(Self::Figure { svg, caption, data: f.to_json(points) })
     }
 }
 
@@ -154,18 +184,22 @@ impl Page {
     /// A page without sections.
     pub fn new(title: impl Into<String>) -> Self {
         let source = "All numbers are in result.json, exactly.".to_owned();
-        Self { title: title.into(), verdict: None, lead: Vec::new(), source, sections: Vec::new() }
+        Self { title: title.into(), verdict: None, opening: None, lead: Vec::new(), source, sections: Vec::new() }
     }
     /// Sets what comes first: the verdict in sentences, the most important in front.
     pub fn verdict(&mut self, level: Level, sentences: &[String]) {
         self.verdict = Some((level, sentences.to_vec()));
+    }
+    /// Sets what comes first in labelled parts, in place of a verdict.
+    pub(crate) fn open_with(&mut self, opening: Opening) {
+        self.opening = Some(opening);
     }
     /// Adds a block before the sections.
     pub(crate) fn lead(&mut self, block: Block) {
         self.lead.push(block);
     }
     /// Sets what the foot of the page says of its numbers.
-    pub(crate) fn source(&mut self, text: &str) {
+    pub fn source(&mut self, text: &str) {
         text.clone_into(&mut self.source);
     }
     /// Adds a section; one without blocks is left out.

@@ -2,7 +2,7 @@
 
 use super::assets::{Needs, POLICY};
 use super::style::CSS;
-use super::{Block, Cell, Level, Page, Table, script_json};
+use super::{Block, Cell, Level, Opening, Page, Table, script_json};
 use std::fmt::Write;
 
 /// Text as it may stand in an element or in an attribute in double quotes. Control characters, which HTML forbids, become
@@ -50,6 +50,9 @@ pub(super) fn page(p: &Page) -> String {
         }
         out.push_str("</div>\n");
     }
+    if let Some(o) = &p.opening {
+        opening(&mut out, o);
+    }
     p.lead.iter().for_each(|b| block(&mut out, b));
     if p.sections.len() > 2 {
         out.push_str("<nav>");
@@ -72,6 +75,24 @@ pub(super) fn page(p: &Page) -> String {
     out
 }
 
+fn opening(out: &mut String, o: &Opening) {
+    let _ = write!(out, "<div class=\"verdict opening {}\">", class(o.level));
+    for part in &o.parts {
+        let _ = write!(out, "<div class=\"part\"><h2>{}</h2><div>", escape(part.label));
+        if let Some((level, words)) = &part.mark {
+            let _ = write!(out, "<p class=\"mark {}\">{}</p>", class(*level), escape(words));
+        }
+        part.sentences.iter().for_each(|s| _ = write!(out, "<p>{}</p>", escape(s)));
+        out.push_str("</div></div>");
+    }
+    if !o.full.is_empty() {
+        out.push_str("<details><summary>Everything that was found, in words</summary>");
+        o.full.iter().for_each(|s| _ = write!(out, "<p>{}</p>", escape(s)));
+        out.push_str("</details>");
+    }
+    out.push_str("</div>\n");
+}
+
 fn block(out: &mut String, b: &Block) {
     match b {
         Block::Text(s) => _ = writeln!(out, "<p>{}</p>", escape(s)),
@@ -89,6 +110,14 @@ fn block(out: &mut String, b: &Block) {
                 script_json(data)
             );
         }
+        Block::Drawing { svg, caption } => {
+            let said = if caption.is_empty() {
+                String::new()
+            } else {
+                format!("<figcaption>{}</figcaption>", escape(caption))
+            };
+            _ = writeln!(out, "<figure class=\"drawing\">{svg}{said}</figure>");
+        }
         Block::Link { file, text } => _ = writeln!(out, "<p><a href=\"{}\">{}</a></p>", escape(file), escape(text)),
         Block::Replay(html) => _ = writeln!(out, "<div class=\"replay\">{html}</div>"),
         Block::Details(summary, blocks) => {
@@ -99,6 +128,9 @@ fn block(out: &mut String, b: &Block) {
         Block::Table(t) => table(out, t),
     }
 }
+
+/// Characters of words from which a cell is broken into lines.
+const LONG: usize = 36;
 
 fn table(out: &mut String, t: &Table) {
     // A table that is too wide for a phone becomes a card for each row there.
@@ -120,6 +152,9 @@ fn table(out: &mut String, t: &Table) {
             let label = t.head.get(i).map_or("", String::as_str);
             let scope = if i == 0 { " scope=\"row\"".to_owned() } else { format!(" data-label=\"{}\"", escape(label)) };
             let _ = match c {
+                Cell::Words(s) if i > 0 && s.chars().count() > LONG => {
+                    write!(out, "<{tag}{scope} class=\"w\">{}</{tag}>", escape(s))
+                }
                 Cell::Words(s) => write!(out, "<{tag}{scope}>{}</{tag}>", escape(s)),
                 Cell::Number(s) => write!(out, "<{tag}{scope} class=\"n\">{}</{tag}>", escape(s)),
                 Cell::Drawing(svg) => write!(out, "<{tag}{scope}>{svg}</{tag}>"),

@@ -81,3 +81,29 @@ fn intervals_share_one_scale_and_need_something_to_draw() {
     assert_eq!(interval(2.0, None, None, 1.0), Cell::Words(String::new()));
     assert_eq!(interval(2.0, Some((2.0, 2.0)), None, 2.0), Cell::Words(String::new()));
 }
+
+/// A report says answer, trust and next step before anything else, and keeps every sentence.
+#[test]
+fn an_opening_comes_first_and_is_escaped() {
+    let mut p = Page::new("opened");
+    let part = |label, mark| Part { label, mark, sentences: vec!["mass <5> kg".into()] };
+    p.open_with(Opening {
+        level: Level::Fair,
+        parts: vec![part("Answer", None), part("Trust", Some((Level::Bad, "none"))), part("Next step", None)],
+        full: vec!["all & everything".into()],
+    });
+    p.section("later", vec![Block::text("x")]);
+    let html = p.render();
+    let at = |s: &str| html.find(s).unwrap_or_else(|| panic!("no {s}"));
+    assert!(
+        at("Answer</h2>") < at("Trust</h2>")
+            && at("Trust</h2>") < at("Next step</h2>")
+            && at("Next step</h2>") < at("later")
+    );
+    assert!(
+        html.contains("mass &lt;5&gt; kg")
+            && html.contains("all &amp; everything")
+            && html.contains("class=\"mark bad\"")
+    );
+    roxmltree::Document::parse(&html.replacen("<!doctype html>", "", 1)).unwrap();
+}

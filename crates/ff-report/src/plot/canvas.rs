@@ -77,6 +77,16 @@ impl<'a> Canvas<'a> {
     pub(super) fn fill(&mut self, a: Point, b: Point, colour: RGBColor) -> Result<()> {
         self.backend.draw_rect(at(a), at(b), &colour.to_rgba(), true)
     }
+    /// A disc of radius `r` (px).
+    pub(super) fn dot(&mut self, p: Point, r: f64, colour: RGBColor) -> Result<()> {
+        let style = ShapeStyle { color: colour.to_rgba(), filled: true, stroke_width: 0 };
+        self.backend.draw_circle(at(p), units(r).unsigned_abs(), &style, true)
+    }
+    /// A filled polygon.
+    pub(super) fn area(&mut self, corners: &[Point], colour: RGBColor) -> Result<()> {
+        let style = ShapeStyle { color: colour.to_rgba(), filled: true, stroke_width: 0 };
+        self.backend.fill_polygon(corners.iter().map(|&p| at(p)), &style)
+    }
     /// Text whose vertical middle is at `p`.
     pub(super) fn text(&mut self, text: &str, p: Point, look: Text) -> Result<()> {
         let font = (FAMILY, look.size * UNITS * PLOTTERS_FONT_FACTOR).into_font();

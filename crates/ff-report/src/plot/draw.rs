@@ -2,15 +2,16 @@
 
 use super::canvas;
 use super::canvas::{Canvas, Result, Text};
+use super::intervals::pale;
 use super::layout::{flow, stagger, text_width, wrap};
 use super::polyline::{Frame, dashes, visible};
 use super::scale::{Axis, extent, superscript, typeset};
-use super::{Figure, LOG_DECADES, Panel, Series, VLine, WIDTH};
+use super::{Figure, LOG_DECADES, Panel, Range, Series, VLine, WIDTH};
 use plotters::prelude::RGBColor;
 use plotters::style::text_anchor::HPos;
 
 /// Okabe and Ito's colours that carry on white, blue first; the ninth series starts again, dashed.
-const PALETTE: [RGBColor; 8] = [
+pub(super) const PALETTE: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -20,20 +21,20 @@ const PALETTE: [RGBColor; 8] = [
     RGBColor(40, 40, 40),
     RGBColor(128, 94, 40),
 ];
-const GRID: RGBColor = RGBColor(226, 226, 226);
-const MINOR: RGBColor = RGBColor(240, 240, 240);
-const AXIS: RGBColor = RGBColor(90, 90, 90);
-const MARK: RGBColor = RGBColor(110, 110, 110);
+pub(super) const GRID: RGBColor = RGBColor(226, 226, 226);
+pub(super) const MINOR: RGBColor = RGBColor(240, 240, 240);
+pub(super) const AXIS: RGBColor = RGBColor(90, 90, 90);
+pub(super) const MARK: RGBColor = RGBColor(110, 110, 110);
 const SHADE: RGBColor = RGBColor(238, 233, 214);
-const WHITE: RGBColor = RGBColor(255, 255, 255);
+pub(super) const WHITE: RGBColor = RGBColor(255, 255, 255);
 
 const LEFT: f64 = 84.0;
 const RIGHT: f64 = WIDTH - 24.0;
 const ROW: f64 = 18.0;
 /// A curve below this share of the largest of its panel is zero.
 const ZERO: f64 = 1e-9;
-const FONT: f64 = 12.5;
-const SMALL: f64 = 11.5;
+pub(super) const FONT: f64 = 12.5;
+pub(super) const SMALL: f64 = 11.5;
 
 /// A legend entry: label, series it belongs to (`None` for a band), row and left edge.
 type Entry = (String, Option<usize>, (usize, f64));
@@ -52,7 +53,9 @@ pub(super) fn figure(f: &Figure) -> std::result::Result<String, Box<dyn std::err
     let panels: f64 = f.panels.iter().map(|p| total(&heights(p)) + p.height).sum();
     let footer = if caption.is_empty() { 6.0 } else { 14.0 + 16.0 * caption.len() as f64 };
     let corner = f.corner.as_ref().map_or(0.0, |c| c.height(WIDTH));
-    let size = (WIDTH, (header + corner + panels + footer).ceil());
+    let intervals = f.intervals.as_ref().map_or(0.0, |i| i.height(WIDTH));
+    let heat = f.heat.as_ref().map_or(0.0, |h| h.height(WIDTH));
+    let size = (WIDTH, (header + corner + intervals + heat + panels + footer).ceil());
     let mut svg = String::new();
     let mut c = Canvas::new(&mut svg, size);
     c.fill((0.0, 0.0), size, WHITE)?;
@@ -61,6 +64,14 @@ pub(super) fn figure(f: &Figure) -> std::result::Result<String, Box<dyn std::err
     if let Some(corner) = &f.corner {
         corner.draw(&mut c, top, WIDTH)?;
         top += corner.height(WIDTH);
+    }
+    if let Some(i) = &f.intervals {
+        i.draw(&mut c, top, WIDTH)?;
+        top += intervals;
+    }
+    if let Some(h) = &f.heat {
+        h.draw(&mut c, top, WIDTH)?;
+        top += heat;
     }
     for p in &f.panels {
         panel(&mut c, p, top)?;
@@ -102,7 +113,9 @@ fn y_axis(p: &Panel, px: (f64, f64)) -> Axis {
 pub(super) fn y_range(p: &Panel) -> Option<(f64, f64)> {
     let shown = p.x_range.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
     let inside = |x: f64| x >= shown.0 && x <= shown.1;
-    let values = p.series.iter().flat_map(|s| s.xs.iter().zip(&s.ys)).filter(|(x, _)| inside(**x)).map(|(_, y)| *y);
+    let curves = p.series.iter().flat_map(|s| s.xs.iter().zip(&s.ys));
+    let ranges = p.ranges.iter().flat_map(|r| r.xs.iter().zip(&r.low).chain(r.xs.iter().zip(&r.high)));
+    let values = curves.chain(ranges).filter(|(x, _)| inside(**x)).map(|(_, y)| *y);
     if p.log_y {
         let data = extent(values.filter(|y| *y > 0.0)).map(|(lo, hi)| {
             // To whole decades, with room above the peaks.
@@ -181,6 +194,9 @@ fn panel(c: &mut Canvas<'_>, p: &Panel, top: f64) -> Result<()> {
             c.fill((clamp(l), frame.top), (clamp(r), frame.bottom), SHADE)?;
         }
     }
+    for r in &p.ranges {
+        area(c, r, &x, &y, &frame)?;
+    }
     axes(c, p, &x, &y, &frame)?;
     draw_marks(c, p, &x, &frame)?;
     // Curves that are zero first: later ones are drawn over them.
@@ -201,6 +217,18 @@ fn panel(c: &mut Canvas<'_>, p: &Panel, top: f64) -> Result<()> {
     // The frame last, over the ends of curves and grid.
     let (l, r, t, b) = (frame.left, frame.right, frame.top, frame.bottom);
     c.path(&[(l, t), (r, t), (r, b), (l, b), (l, t)], AXIS, 1.0)
+}
+
+/// The area between two curves.
+fn area(c: &mut Canvas<'_>, r: &Range, x: &Axis, y: &Axis, f: &Frame) -> Result<()> {
+    let at = |u: &f64, v: &f64| {
+        let inside = |p: (f64, f64)| (p.0.clamp(f.left, f.right), p.1.clamp(f.top, f.bottom));
+        Some(inside((x.px(*u)?, y.px(*v)?)))
+    };
+    let there = r.xs.iter().zip(&r.high).filter_map(|(u, v)| at(u, v));
+    let back = r.xs.iter().zip(&r.low).rev().filter_map(|(u, v)| at(u, v));
+    let corners: Vec<(f64, f64)> = there.chain(back).collect();
+    if corners.len() < 3 { Ok(()) } else { c.area(&corners, pale(PALETTE[r.colour % PALETTE.len()])) }
 }
 
 fn axes(c: &mut Canvas<'_>, p: &Panel, x: &Axis, y: &Axis, f: &Frame) -> Result<()> {

@@ -2,7 +2,7 @@
 
 use super::draw::{colour_index, shown_label, y_range};
 use super::scale::typeset;
-use super::{Figure, Panel, Series};
+use super::{Figure, Panel, Range, Series};
 use crate::replay::singles;
 use serde_json::{Value, json};
 
@@ -38,9 +38,16 @@ fn panel(p: &Panel, points: usize) -> Value {
         "height": p.height,
         "groups": groups.iter().map(data).collect::<Vec<_>>(),
         "series": p.series.iter().enumerate().map(curve).collect::<Vec<_>>(),
-        "lines": p.vlines.iter().map(|v| json!({ "x": v.x, "label": v.label })).collect::<Vec<_>>(),
+        "lines": p.vlines.iter().map(|v| json!({ "x": v.x, "label": v.label, "colour": v.colour })).collect::<Vec<_>>(),
+        "ranges": p.ranges.iter().map(range).collect::<Vec<_>>(),
         "bands": p.bands.iter().map(|b| json!([b.from, b.to])).collect::<Vec<_>>(),
     })
+}
+
+/// Few points, such as one for each record of a sequence: all are kept.
+fn range(r: &Range) -> Value {
+    let packed = |x: &[f64]| singles(x.iter().copied());
+    json!({ "x": packed(&r.xs), "low": packed(&r.low), "high": packed(&r.high), "colour": r.colour })
 }
 
 /// Two samples of every interval of the abscissa: for each curve its least and its greatest value there, in the order in which they

@@ -15,6 +15,8 @@
 pub(crate) mod canvas;
 pub(crate) mod corner;
 pub(crate) mod draw;
+pub(crate) mod heat;
+pub(crate) mod intervals;
 mod json;
 pub(crate) mod layout;
 pub(crate) mod polyline;
@@ -24,6 +26,8 @@ pub(crate) mod scale;
 pub(crate) mod tests;
 
 pub use corner::Corner;
+pub use heat::Heat;
+pub use intervals::{Interval, Intervals};
 pub(crate) use scale::typeset;
 
 use ffid::exit::Failure;
@@ -40,6 +44,10 @@ pub struct Figure {
     pub title: String,
     /// Draws of several quantities in pairs, above the panels.
     pub corner: Option<Corner>,
+    /// Intervals on one scale, above the panels.
+    pub intervals: Option<Intervals>,
+    /// Correlations, above the panels.
+    pub heat: Option<Heat>,
     /// Panels from top to bottom.
     pub panels: Vec<Panel>,
     /// Text below everything, wrapped to the width; empty for none.
@@ -49,7 +57,7 @@ pub struct Figure {
 /// One pair of axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
-    /// Heading of the panel, such as `A) answer of the flexible appendages`; empty for none.
+    /// Heading of the panel, such as `A) response of the flexible appendages`; empty for none.
     pub title: String,
     /// Label with unit, such as `time (s)`.
     pub x_label: String,
@@ -70,6 +78,8 @@ pub struct Panel {
     pub vlines: Vec<VLine>,
     /// Shaded intervals of x.
     pub bands: Vec<Band>,
+    /// Areas between two curves, behind the others.
+    pub ranges: Vec<Range>,
 }
 
 /// Most decades a logarithmic axis shows of its own accord.
@@ -88,6 +98,19 @@ pub struct Series {
     pub dashed: bool,
     /// Place in the palette; that of the series in its panel unless set.
     pub colour: Option<usize>,
+}
+
+/// The area between two curves: an interval at every abscissa.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Range {
+    /// Abscissae, ascending.
+    pub xs: Vec<f64>,
+    /// Lower ends.
+    pub low: Vec<f64>,
+    /// Upper ends.
+    pub high: Vec<f64>,
+    /// Place in the palette; drawn pale.
+    pub colour: usize,
 }
 
 /// A vertical line at `x` with a name.
@@ -123,6 +146,18 @@ impl Figure {
     #[must_use]
     pub fn panel(mut self, panel: Panel) -> Self {
         self.panels.push(panel);
+        self
+    }
+    /// Sets the intervals.
+    #[must_use]
+    pub fn intervals(mut self, intervals: Intervals) -> Self {
+        self.intervals = Some(intervals);
+        self
+    }
+    /// Sets the correlations.
+    #[must_use]
+    pub fn heat(mut self, heat: Heat) -> Self {
+        self.heat = Some(heat);
         self
     }
     /// Sets the caption.
@@ -179,6 +214,27 @@ impl Figure {
                 return Err(Failure::NotFinite { place, value: values[i].to_string() });
             }
         }
+        if let Some((name, x)) = self.intervals.iter().flat_map(Intervals::numbers).find(|(_, x)| !x.is_finite()) {
+            return Err(Failure::NotFinite {
+                place: format!("figure '{}', row '{name}'", self.title),
+                value: x.to_string(),
+            });
+        }
+        for (name, row) in self.heat.iter().flat_map(|h| h.names.iter().zip(&h.rows)) {
+            if let Some(x) = row.iter().find(|x| !x.is_finite()) {
+                let place = format!("figure '{}', correlations of '{name}'", self.title);
+                return Err(Failure::NotFinite { place, value: x.to_string() });
+            }
+        }
+        for r in self.panels.iter().flat_map(|p| &p.ranges) {
+            let place = format!("figure '{}', shaded area", self.title);
+            if r.low.len() != r.xs.len() || r.high.len() != r.xs.len() {
+                return Err(Failure::Length { place, left: r.xs.len(), right: r.low.len().min(r.high.len()) });
+            }
+            if let Some(x) = r.xs.iter().chain(&r.low).chain(&r.high).find(|x| !x.is_finite()) {
+                return Err(Failure::NotFinite { place, value: x.to_string() });
+            }
+        }
         for s in self.panels.iter().flat_map(|p| &p.series) {
             let place = format!("figure '{}', series '{}'", self.title, s.label);
             if s.xs.len() != s.ys.len() {
@@ -209,6 +265,7 @@ impl Panel {
             series: Vec::new(),
             vlines: Vec::new(),
             bands: Vec::new(),
+            ranges: Vec::new(),
         }
     }
     /// Empty axes with a logarithmic ordinate.
@@ -237,6 +294,12 @@ impl Panel {
     #[must_use]
     pub fn band(mut self, from: f64, to: f64, label: impl Into<String>) -> Self {
         self.bands.push(Band { from, to, label: label.into() });
+        self
+    }
+    /// Shades the area between two curves over the same abscissae.
+    #[must_use]
+    pub fn range(mut self, xs: &[f64], low: &[f64], high: &[f64], colour: usize) -> Self {
+        self.ranges.push(Range { xs: xs.to_vec(), low: low.to_vec(), high: high.to_vec(), colour });
         self
     }
     /// Sets the range of x.

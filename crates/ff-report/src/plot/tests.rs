@@ -126,3 +126,30 @@ fn a_corner_plot_has_every_pair_and_refuses_draws_that_are_not_finite() {
     broken.draws[1][7] = f64::NAN;
     assert!(matches!(of(broken).to_svg(), Err(ffid::exit::Failure::NotFinite { .. })));
 }
+
+/// Rows of intervals, correlations, and an area between curves: each is where its numbers are, and a number that is none is named.
+#[test]
+fn charts_are_drawn_and_refuse_what_is_not_finite() {
+    let bar = |low, high| Interval { low, high, at: Some(0.5 * (low + high)), colour: 1, wide: false };
+    let rows = vec![("base.mass".to_owned(), vec![bar(0.2, 0.4)]), ("far away".to_owned(), vec![bar(7.0, 9.0)])];
+    let chart = Intervals { x_label: "deviations".into(), x_range: Some((-1.0, 1.0)), rows, ..Intervals::default() };
+    let svg = Figure::new("intervals").intervals(chart.clone()).to_svg().unwrap();
+    let doc = roxmltree::Document::parse(&svg).unwrap();
+    let count = |tag: &str| doc.descendants().filter(|n| n.tag_name().name() == tag).count();
+    // A dot for the one on the scale, an arrow for the other.
+    assert_eq!(count("circle"), 1);
+    assert!(svg.contains("base.mass") && svg.contains("deviations"));
+    let mut bad = chart;
+    bad.rows[1].1[0].high = f64::NAN;
+    let Err(ffid::exit::Failure::NotFinite { place, .. }) = Figure::new("x").intervals(bad).to_svg() else { panic!() };
+    assert!(place.contains("far away"), "{place}");
+
+    let heat = Heat { names: vec!["k".into(), "d".into()], rows: vec![vec![1.0, -0.87], vec![-0.87, 1.0]] };
+    assert!(Figure::new("heat").heat(heat).to_svg().unwrap().contains("\u{2212}.87"));
+
+    let (x, low, high) = ([1.0, 2.0, 3.0], [0.1, 0.2, 0.1], [0.5, 0.9, 0.7]);
+    let p = Panel::new("record", "fill").curve("truth", &x, &low).range(&x, &low, &high, 2);
+    let drawn = Figure::new("area").panel(p.clone()).to_svg().unwrap();
+    let json: serde_json::Value = serde_json::from_str(&Figure::new("area").panel(p).to_json(100)).unwrap();
+    assert!(drawn.contains("<polygon") && json["panels"][0]["ranges"][0]["colour"] == 2);
+}

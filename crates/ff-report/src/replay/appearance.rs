@@ -24,7 +24,7 @@ pub struct Appearance {
 
 impl Appearance {
     /// From the URDF that `model` was read from: the `<visual>` elements of each link or, where a mesh of them cannot be read, its
-    /// `<collision>` elements. STL meshes are read, relative to the file or in a package (`package://`) in a folder above it. What
+    /// `<collision>` elements. STL and OBJ meshes are read, relative to the file or in a package (`package://`) in a folder above it. What
     /// cannot be read is named in the notes of the page, and the body is drawn as its box.
     ///
     /// # Errors

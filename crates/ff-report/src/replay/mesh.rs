@@ -4,7 +4,7 @@ use super::packed::shorts;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
 
 /// Largest file read (bytes).
@@ -36,19 +36,22 @@ pub(crate) struct Mesh {
 type Triangle = [[f64; 3]; 3];
 
 impl Mesh {
-    /// Reads an STL, binary or text.
+    /// Reads an STL, binary or text, or the triangles and polygons of a Wavefront OBJ; its materials are not looked at.
     ///
     /// # Errors
     /// Why it cannot be read.
     pub(super) fn read(path: &Path) -> Result<Self, String> {
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        if extension != "stl" {
-            return Err(format!("meshes of kind '{extension}' are not read, only STL"));
+        if !["stl", "obj"].contains(&extension.as_str()) {
+            return Err(format!("meshes of kind '{extension}' are not read, only STL and OBJ"));
         }
         let mut file = File::open(path).map_err(|e| e.to_string())?;
         let bytes = file.metadata().map_err(|e| e.to_string())?.len();
         if bytes > MAX_BYTES {
             return Err(format!("{bytes} bytes, limit {MAX_BYTES}"));
+        }
+        if extension == "obj" {
+            return Self::of(wavefront(&mut BufReader::new(file))?);
         }
         // A count that the file does not hold would be allocated before it is missed.
         let mut head = [0; STL.0 as usize];
@@ -68,6 +71,10 @@ impl Mesh {
         Self::of(mesh.faces.iter().map(|f| f.vertices.map(corner)).collect())
     }
 
+    /// Least corner and size of the box that holds it, in its own units.
+    pub(super) fn bounds(&self) -> ([f64; 3], [f64; 3]) {
+        (self.low, self.size)
+    }
     fn of(triangles: Vec<Triangle>) -> Result<Self, String> {
         let corners = || triangles.iter().flatten();
         if corners().flatten().any(|x| !x.is_finite()) {
@@ -85,6 +92,29 @@ impl Mesh {
         let numbers = kept.iter().flatten().flat_map(|c| (0..3).map(|k| step(c[k], k)));
         Ok(Self { low, size, data: shorts(numbers), given, kept: kept.len() })
     }
+}
+
+/// Triangles of all objects of an OBJ, polygons cut into them. Lines and points have none.
+fn wavefront(text: &mut impl BufRead) -> Result<Vec<Triangle>, String> {
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    // Files of materials are not opened: their names would lead anywhere.
+    let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
+    let (models, _) = tobj::load_obj_buf(text, &options, no_materials).map_err(|e| e.to_string())?;
+    let mut out = Vec::new();
+    for mesh in models.iter().map(|m| &m.mesh) {
+        let corner = |i: &u32| -> Option<[f64; 3]> {
+            let at = 3 * usize::try_from(*i).ok()?;
+            let p = mesh.positions.get(at..at + 3)?;
+            Some([f64::from(p[0]), f64::from(p[1]), f64::from(p[2])])
+        };
+        for t in mesh.indices.chunks_exact(3) {
+            let corners: Option<Vec<[f64; 3]>> = t.iter().map(corner).collect();
+            let corners = corners.ok_or("a face names a corner that there is not")?;
+            out.push([corners[0], corners[1], corners[2]]);
+        }
+    }
+    Ok(out)
 }
 
 /// Merges corners that share a cell of an ever coarser grid until there are at most [`TRIANGLES`] (Rossignac and Borrel 1993, vertex
@@ -147,6 +177,19 @@ mod tests {
         assert!(m.given == 20_000 && m.kept <= TRIANGLES && m.kept > 500, "{}", m.kept);
         // 18 bytes a triangle, 4 characters for 3 bytes.
         assert_eq!(m.data.len(), m.kept * 24);
+    }
+
+    #[test]
+    fn polygons_of_an_obj_are_cut_into_triangles() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("roof.obj");
+        let text = "mtllib /etc/hostname.mtl\no roof\nv 0.5 -1 0\nv 2.5 -1 0\nv 2.5 1 0.25\nv 0.5 1 0.25\nv 1.5 0 0.75\nusemtl tin\n\
+                    f 1 2 3 4\nf -5 -4 -1\nl 1 2\n";
+        std::fs::write(&path, text).unwrap();
+        let m = Mesh::read(&path).unwrap();
+        assert_eq!((m.given, m.kept, m.low, m.size), (3, 3, [0.5, -1.0, 0.0], [2.0, 2.0, 0.75]));
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nf 1 2 7\n").unwrap();
+        assert!(Mesh::read(&path).is_err());
     }
 
     #[test]

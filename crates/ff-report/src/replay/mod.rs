@@ -11,10 +11,12 @@
 //! | `appearance`, `mesh` | what a URDF says that links look like |
 //! | `motion` | a simulated motion, thinned and packed |
 //! | `mass` | the centre of mass and its covariance |
+//! | `drawing` | the robot as it stands, for paper |
 //! | `page` | the page |
 
 mod appearance;
 mod appendage;
+mod drawing;
 mod mass;
 mod mesh;
 mod motion;
@@ -59,6 +61,11 @@ impl Replay {
     pub fn new(title: impl Into<String>, scenes: Vec<Scene>, appearance: Appearance) -> Self {
         let Appearance { meshes, notes, .. } = appearance;
         Self { format: FORMAT, version: VERSION, title: title.into(), scenes, meshes, notes }
+    }
+    /// The first robot as it stands, as SVG: joints at its pose, springs relaxed, meshes as the boxes that hold them. Empty without a
+    /// robot. Allocates.
+    pub fn drawing(&self) -> String {
+        self.scenes.first().map(|s| drawing::svg(s, &self.meshes)).unwrap_or_default()
     }
     /// The page. Allocates.
     ///

@@ -40,7 +40,11 @@ pub(super) fn render(r: &Replay) -> Result<String, Failure> {
     let second = r.scenes.get(1).map(|s| format!(", {} half transparent", s.label)).unwrap_or_default();
     let first = r.scenes.first().map_or("", |s| s.label.as_str());
     page.lead(Block::text(format!("In front: {first}{second}.")));
-    page.lead(Block::Replay(format!("{VIEW}<script type=\"application/json\">{}</script>", script_json(&json))));
+    page.lead(Block::Replay(format!(
+        "<figure class=\"still\">{}</figure>{VIEW}<script type=\"application/json\">{}</script>",
+        r.drawing(),
+        script_json(&json)
+    )));
     page.section("Masses", vec![Block::Table(masses(&r.scenes))]);
     page.section("Natural modes, joints held", modes(&r.scenes));
     page.section("About this view", vec![Block::List(about(r))]);

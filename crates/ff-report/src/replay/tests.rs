@@ -210,3 +210,25 @@ fn meshes_are_read_where_they_can_be_and_named_where_not() {
     assert!(forms[2].is_empty());
     assert!(a.notes.iter().any(|n| n.contains("tool (gone.stl is not found)")), "{:?}", a.notes);
 }
+
+/// A drawing on paper shows every node where the page does, and names what is mounted.
+#[test]
+fn a_drawing_has_every_node_where_the_page_has_it() {
+    for mission in ["paper/combined.toml", "kinds/all.toml"] {
+        let o = open(mission);
+        let (p, pose, a) = (Params::nominal(&o.model), o.pose(), Appearance::default());
+        let scene = Scene::new(&subject(&o, &p, &pose, &a));
+        let at: Vec<f64> = scene.pose.iter().chain(&scene.rest).copied().collect();
+        let drawn = drawing::placed(&scene);
+        let far = drawn.iter().zip(poses(&scene, &at)).map(|(own, page)| {
+            let r = own.rotation.to_rotation_matrix();
+            (own.translation.vector - page.pos).norm() + (r.matrix() - page.rot).norm()
+        });
+        assert!(far.fold(0.0, f64::max) < 1e-12, "{mission}");
+        let svg = Replay::new("", vec![scene], a).drawing();
+        let doc = roxmltree::Document::parse(&svg).unwrap();
+        let of = |tag: &str| doc.descendants().filter(|n| n.has_tag_name(("http://www.w3.org/2000/svg", tag))).count();
+        // Three faces of every box that is seen, and names of base and appendages.
+        assert!(of("polygon") > 20 && of("text") == 1 + o.model.appendages().len(), "{mission}");
+    }
+}

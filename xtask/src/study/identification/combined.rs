@@ -7,6 +7,7 @@
 
 use super::case::{COMBINED, Case};
 use super::{fit, settings};
+use crate::delayed::delayed;
 use crate::study::trials::{Number, Trial, Trials};
 use crate::study::{Op, Options, Study};
 use anyhow::Context;
@@ -15,7 +16,7 @@ use ff_model::{Inertia, Params};
 use ident::Request;
 use ident::estimate::Estimate;
 use ident::parameters::offset_start;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -102,17 +103,7 @@ fn one(case: &Case, fine: &Trace, trial: Trial) -> anyhow::Result<Outcome> {
     let gyro_bias: Vec<f64> = (0..3).map(|_| GYRO_BIAS * rng.random_range(-1.0..1.0)).collect();
     // What the sensors sample: torques of 3 ms ago. It was quiet before the start.
     let per = (SAMPLE_S / FINE_S).round() as usize;
-    let samples = (fine.q.nrows() - 1) / per + 1;
-    let rows = |m: &DMatrix<f64>, late: usize| {
-        DMatrix::from_fn(samples, m.ncols(), |i, j| m[((per * i).saturating_sub(late), j)])
-    };
-    let sampled = Trace {
-        dt: SAMPLE_S,
-        q: rows(&fine.q, 0),
-        tau: rows(&fine.tau, DELAY),
-        twist: rows(&fine.twist, 0),
-        ..fine.clone()
-    };
+    let sampled = delayed(fine, per, DELAY);
     let mut r = measure(&sampled, &case.sensors, seed);
     r.tau.column_iter_mut().zip(&torque_bias).for_each(|(mut c, b)| c.add_scalar_mut(*b));
     r.gyro.column_iter_mut().zip(&gyro_bias).for_each(|(mut c, b)| c.add_scalar_mut(*b));

@@ -1,0 +1,124 @@
+//! Charts of a result that have no curves: intervals on one scale, correlations, where the variance comes from.
+
+use crate::plot::{Figure, Heat, Interval, Intervals};
+use ffid::workflow::identify::IdentificationResult;
+
+/// Width of what was known before, where there is no prior: this part of the start.
+const NO_PRIOR: f64 = 0.3;
+/// Ends of the scale of intervals, in widths of what was known before.
+const SCALE: f64 = 3.2;
+/// Most unknowns in a matrix of correlations.
+const CORRELATED: usize = 24;
+
+/// Estimates and priors of all parameters on one scale: distances from what was known before, in its standard deviations. `None` without
+/// any.
+pub(super) fn intervals(r: &IdentificationResult) -> Option<Figure> {
+    let mut without = false;
+    let rows: Vec<(String, Vec<Interval>)> = r
+        .parameters
+        .iter()
+        .filter_map(|p| {
+            let prior = p.prior_mean.zip(p.prior_std).filter(|(_, s)| *s > 0.0);
+            let (centre, width) = prior.unwrap_or((p.start, NO_PRIOR * p.start.abs()));
+            let of = |x: f64| (x - centre) / width;
+            if width <= 0.0 || !of(p.value).is_finite() {
+                return None;
+            }
+            without |= prior.is_none();
+            let mut all = Vec::new();
+            if prior.is_some() {
+                all.push(Interval { low: -1.96, high: 1.96, at: None, colour: 6, wide: true });
+            }
+            let (low, high) = p.interval95.map_or((of(p.value), of(p.value)), |(a, b)| (of(a), of(b)));
+            all.push(Interval { low, high, at: Some(of(p.value)), colour: 0, wide: false });
+            Some((p.name.clone(), all))
+        })
+        .collect();
+    if rows.is_empty() {
+        return None;
+    }
+    let note = if without { " Where there is no prior, 30 % of the start takes its place." } else { "" };
+    let intervals = Intervals {
+        x_label: "distance from what was known before, in its standard deviations".into(),
+        x_range: Some((-SCALE, SCALE)),
+        legend: vec![("prior, 95 %".into(), 6), ("estimate with its 95 % interval".into(), 0)],
+        marks: vec![0.0],
+        rows,
+        ..Intervals::default()
+    };
+    let caption = format!(
+        "A short bar: the record tells much more than was known. Arrows point to what lies off the scale.{note}"
+    );
+    Some(Figure::new("What the record adds to what was known").intervals(intervals).caption(caption))
+}
+
+/// Correlations of the estimates; of the most correlated where there are many. `None` for fewer than two.
+pub(super) fn correlations(r: &IdentificationResult) -> Option<Figure> {
+    let c = &r.covariance;
+    let asked = |name: &String| r.parameters.iter().any(|p| p.name == *name);
+    let spread = |k: usize| c.rows.get(k).and_then(|row| row.get(k)).copied().filter(|v| *v > 0.0 && v.is_finite());
+    let mut shown: Vec<usize> = (0..c.names.len()).filter(|&k| asked(&c.names[k]) && spread(k).is_some()).collect();
+    let of = |i: usize, j: usize| match (spread(i), spread(j)) {
+        (Some(a), Some(b)) => (c.rows[i][j] / (a * b).sqrt()).clamp(-1.0, 1.0),
+        _ => 0.0,
+    };
+    let all = shown.len();
+    if all > CORRELATED {
+        let most = |i: usize| shown.iter().filter(|&&j| j != i).map(|&j| of(i, j).abs()).fold(0.0, f64::max);
+        let mut ranked: Vec<(usize, f64)> = shown.iter().map(|&i| (i, most(i))).collect();
+        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+        shown = ranked.iter().take(CORRELATED).map(|r| r.0).collect();
+        shown.sort_unstable();
+    }
+    if shown.len() < 2 {
+        return None;
+    }
+    let heat = Heat {
+        names: shown.iter().map(|&k| c.names[k].clone()).collect(),
+        rows: shown.iter().map(|&i| shown.iter().map(|&j| of(i, j)).collect()).collect(),
+    };
+    let more =
+        if all > shown.len() { format!(" The {} most correlated of {all}.", shown.len()) } else { String::new() };
+    let caption = format!(
+        "Estimates with a correlation near 1 or -1 can hardly be told apart: the record sees their sum or difference.{more}"
+    );
+    Some(Figure::new("Correlations of the estimates").heat(heat).caption(caption))
+}
+
+/// Parts of the variance of every estimate. `None` where nothing is uncertain.
+pub(super) fn budget(r: &IdentificationResult) -> Option<Figure> {
+    let mut kinds: Vec<&'static str> = Vec::new();
+    for share in r.budget.iter().flat_map(|b| &b.errors).filter(|s| s.share >= 0.01) {
+        if !kinds.contains(&share.kind.words()) {
+            kinds.push(share.kind.words());
+        }
+    }
+    if r.budget.is_empty() || kinds.is_empty() {
+        return None;
+    }
+    let row = |b: &ffid::workflow::identify::BudgetLine| {
+        let mut parts = vec![(0, b.noise)];
+        parts.extend(
+            b.errors.iter().filter_map(|s| Some((1 + kinds.iter().position(|k| *k == s.kind.words())?, s.share))),
+        );
+        let mut from = 0.0;
+        let bars = parts.into_iter().map(|(colour, share)| {
+            let low = 100.0 * from;
+            from += share;
+            Interval { low, high: 100.0 * from, at: None, colour, wide: true }
+        });
+        (b.name.clone(), bars.collect())
+    };
+    let intervals = Intervals {
+        x_label: "part of the variance (%)".into(),
+        x_range: Some((0.0, 100.0)),
+        legend: core::iter::once("noise")
+            .chain(kinds.iter().copied())
+            .enumerate()
+            .map(|(k, n)| (n.to_owned(), k))
+            .collect(),
+        rows: r.budget.iter().map(row).collect(),
+        ..Intervals::default()
+    };
+    Some(Figure::new("Where the variance of each estimate comes from").intervals(intervals))
+}

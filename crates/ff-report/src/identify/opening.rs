@@ -1,0 +1,170 @@
+//! What a report opens with: the answer, how far it can be trusted, and what to do next.
+
+use crate::page::{Level, Opening, Part};
+use crate::plot::typeset;
+use ffid::workflow::identify::{BodyLine, BodyQuantity, IdentificationResult, Method, ParameterVerdict, State};
+use ffid::workflow::identify::{next_step, num};
+
+/// Most parameters that are named in a sentence.
+const NAMED: usize = 4;
+/// Deviations by which a small error of something that is taken as exact has to move an estimate before it is mentioned.
+const MATTERS: f64 = 1.0;
+
+/// The opening of the report of a result; `level` is that of the whole.
+pub(super) fn opening(r: &IdentificationResult, level: Level) -> Opening {
+    let (trust, heading, trusted) = trust(r);
+    Opening {
+        level,
+        parts: vec![
+            Part { label: "Answer", mark: None, sentences: answer(r) },
+            Part { label: "Trust", mark: Some((trust, heading)), sentences: trusted },
+            Part { label: "Next step", mark: None, sentences: next(r) },
+        ],
+        full: said(r),
+    }
+}
+
+/// Everything that the terminal says, in its order.
+fn said(r: &IdentificationResult) -> Vec<String> {
+    let held = r.held_out.iter().map(|h| format!("Held out ({}): {}", h.source, h.verdict));
+    r.verdict.iter().cloned().chain(held).collect()
+}
+
+fn quantity(q: &BodyQuantity) -> String {
+    q.std.map_or_else(|| num(q.value), |s| with_std(q.value, s))
+}
+
+/// A value to the second digit of its deviation: `605.2 ± 7.3`.
+fn with_std(value: f64, std: f64) -> String {
+    if !(std > 0.0 && std.is_finite()) {
+        return num(value);
+    }
+    let digits = (1 - std.log10().floor() as i32).max(0) as usize;
+    if digits > 7 || value.abs() >= 1e7 {
+        return format!("{} \u{b1} {}", num(value), num(std));
+    }
+    format!("{value:.digits$} \u{b1} {std:.digits$}")
+}
+
+fn body(b: &BodyLine) -> String {
+    let of = |name: &str| b.quantities.iter().find(|q| q.name == name);
+    let mass = of("mass").map(|q| format!("mass {} kg", quantity(q)));
+    let com: Vec<String> = ["com_x", "com_y", "com_z"].iter().filter_map(|n| of(n)).map(quantity).collect();
+    let com = (com.len() == 3).then(|| format!("centre of mass ({}) m", com.join(", ")));
+    format!("{}: {}", b.name, mass.into_iter().chain(com).collect::<Vec<_>>().join(", "))
+}
+
+fn answer(r: &IdentificationResult) -> Vec<String> {
+    let mut out: Vec<String> = r.verdict.first().cloned().into_iter().collect();
+    if !r.status.is_solution() {
+        return out;
+    }
+    out.extend(r.bodies.iter().take(2).map(|b| format!("{}.", body(b))));
+    let of_body =
+        |name: &str| r.bodies.iter().any(|b| name.strip_prefix(&b.name).is_some_and(|rest| rest.starts_with('.')));
+    let others: Vec<_> =
+        r.parameters.iter().filter(|p| !of_body(&p.name) && p.verdict == ParameterVerdict::Estimated).collect();
+    let one = |p: &&ffid::workflow::identify::Parameter| {
+        let value = p.std.map_or_else(|| num(p.value), |s| with_std(p.value, s));
+        format!("{} {value} {}", p.name, typeset(&p.unit))
+    };
+    let words: Vec<String> = others.iter().take(NAMED).map(one).collect();
+    if !words.is_empty() {
+        let more = others.len().saturating_sub(NAMED);
+        let more = if more > 0 { format!("; {more} more below") } else { String::new() };
+        out.push(format!("{}{more}.", words.join("; ")));
+    }
+    out
+}
+
+/// Level, heading and reasons.
+fn trust(r: &IdentificationResult) -> (Level, &'static str, Vec<String>) {
+    let mut said = Vec::new();
+    let held_fails = r.held_out.as_ref().is_some_and(|h| !h.explained);
+    let state = r.evidence.as_ref().map(|_| r.state());
+    let (level, heading) = match (r.status.is_solution(), state) {
+        (false, _) => (Level::Bad, "None: the fit has not ended at a solution"),
+        (true, Some(State::Contradicted)) => (Level::Bad, "Do not use it: the record contradicts the model"),
+        (true, _) if held_fails => (Level::Bad, "Do not use it: data that were not used are not predicted"),
+        (true, Some(State::Explained)) => (Level::Good, "The model explains the record"),
+        (true, Some(State::NotTested) | None) if r.method == Method::Ground => {
+            (Level::Good, "Calibrated on the ground")
+        }
+        (true, Some(State::NotTested) | None) => (Level::Fair, "Not tested"),
+    };
+    if let Some(e) = &r.evidence {
+        said.push(format!("Residuals are {:.2} times the noise of the sensors; {}.", r.chi2_per_dof.sqrt(), e.reason));
+    }
+    said.extend(r.held_out.iter().map(|h| format!("Data that were not used ({}): {}", h.source, h.verdict)));
+    if let Some(h) = r.taken_as_exact.first().filter(|h| h.moves_by >= MATTERS) {
+        said.push(format!(
+            "The deviations hold if sensors, links and placements are exactly as the mission says: {} of {} alone would move {} by {:.1} of its deviations.",
+            h.size, h.name, h.moves, h.moves_by
+        ));
+    }
+    if !r.uncertain.is_empty() {
+        said.push(format!(
+            "The deviations allow for {} quantities that the mission is not sure of.",
+            r.uncertain.len()
+        ));
+    }
+    (level, heading, said)
+}
+
+fn names(r: &IdentificationResult, of: &[ParameterVerdict]) -> Option<String> {
+    let all: Vec<&str> = r.parameters.iter().filter(|p| of.contains(&p.verdict)).map(|p| p.name.as_str()).collect();
+    (!all.is_empty()).then(|| ff_model::diagnostics::list(all, NAMED))
+}
+
+fn next(r: &IdentificationResult) -> Vec<String> {
+    let mut out = Vec::new();
+    if !r.status.is_solution() {
+        return vec![
+            "Give the fit another start (--starts 5), or check the mission (ffid check) and the record (ffid doctor)."
+                .to_owned(),
+        ];
+    }
+    let contradicted = r.evidence.is_some() && r.state() == State::Contradicted;
+    if contradicted {
+        out.push(match r.evidence.as_ref().and_then(|e| e.named.first()) {
+            Some(n) => format!("See what explains the record, below. If {} is plausible, estimate it: --adopt {}.", n.text, n.name),
+            None => "Nothing that was tried explains the record: look at residuals and spectra below, then mend the mission.".to_owned(),
+        });
+    }
+    if !r.null_directions.is_empty() && r.reduced.is_none() {
+        out.push("The record is silent on some combinations: estimate only what it can tell (--reduce), or record another motion.".to_owned());
+    }
+    if let Some(weak) =
+        names(r, &[ParameterVerdict::Weak, ParameterVerdict::PriorOnly, ParameterVerdict::NotIdentifiable])
+    {
+        out.push(format!("To learn more about {weak}: plan another motion (ffid excite), and record it."));
+    }
+    if let Some(better) = next_step(&r.budget) {
+        out.push(better);
+    } else if r.uncertain.is_empty() && r.taken_as_exact.first().is_some_and(|h| h.moves_by >= MATTERS) {
+        out.push("Say in the mission how far sensors and placements may be off: [[uncertain]] and [sensors] (ffid init writes both).".to_owned());
+    }
+    if r.held_out.is_none() && !contradicted {
+        out.push(
+            "Try the answer on data that were not used: --held-out 0.3, or another record with ffid validate."
+                .to_owned(),
+        );
+    }
+    if !contradicted && r.held_out.as_ref().is_none_or(|h| h.explained) {
+        out.push("The robot with these values is identified.toml beside this report.".to_owned());
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::with_std;
+
+    #[test]
+    fn values_are_as_fine_as_their_deviations() {
+        assert_eq!(with_std(605.237, 7.2863), "605.2 \u{b1} 7.3");
+        assert_eq!(with_std(-0.001_998_9, 0.001_615), "-0.0020 \u{b1} 0.0016");
+        assert_eq!(with_std(98.287, 25.255), "98 \u{b1} 25");
+        assert_eq!(with_std(3.0, 0.0), "3.0000");
+    }
+}
