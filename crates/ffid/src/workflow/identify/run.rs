@@ -402,7 +402,11 @@ impl Assembly<'_> {
             priors: unknowns.priors(&fitted.selected)?,
             ..request.clone()
         };
-        let found = attempt(&again, &mut watched);
+        let mut found = attempt(&again, &mut watched);
+        if found.is_err() && !watched.stopped() {
+            // The torques alone may have led a body to the edge of what can exist, from which no fit begins.
+            found = attempt(&Request { start: request.start, ..again }, &mut watched);
+        }
         if watched.stopped() {
             return Err(IdentifyError::Interrupted);
         }
