@@ -197,6 +197,7 @@ pub(crate) fn not_used(record: &Record, model: &Model, path: &Path, out: &mut Pr
 
 /// Rows D09, D10 and D28: motion and torques beyond what the robot can do.
 pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut Problems) {
+    let mut impossible = Vec::new();
     let mut warn = |code, object: String, what: String, hint: &str| {
         out.push(Problem::warning(Area::Data, code, what).in_file(path).on(object).hint(hint));
     };
@@ -220,7 +221,9 @@ pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut P
                 limits.velocity, limits.lower, limits.upper
             );
             let p = Problem::error(Area::Data, "Data::LooksLikeDegrees", what).in_file(path).on(format!("q.{name}"));
-            out.push(p.hint("if the column is in degrees, write q.<joint>[deg]; to go on, --allow looks-like-degrees"));
+            impossible.push(
+                p.hint("if the column is in degrees, write q.<joint>[deg]; to go on, --allow looks-like-degrees"),
+            );
         } else if speed > TOO_FAST * limits.velocity {
             let what = format!(
                 "moves at {speed:.4} per s, limit {} per s (ratio {:.1})",
@@ -245,4 +248,5 @@ pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut P
             );
         }
     }
+    out.0.extend(impossible);
 }
