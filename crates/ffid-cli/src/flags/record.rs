@@ -225,8 +225,9 @@ pub(crate) fn not_used(record: &Record, model: &Model, path: &Path, out: &mut Pr
 
 /// Rows D09, D10 and D28: motion and torques beyond what the robot can do.
 pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut Problems) {
-    let warning = |code, object: String, what: String, hint: &str| {
-        Problem::warning(Area::Data, code, what).in_file(path).on(object).hint(hint)
+    let mut impossible = Vec::new();
+    let mut warn = |code, object: String, what: String, hint: &str| {
+        out.push(Problem::warning(Area::Data, code, what).in_file(path).on(object).hint(hint));
     };
     // Of a record that lost samples, what was read in between took longer.
     let times = record.times(ChannelGroup::Motion);
@@ -236,12 +237,7 @@ pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut P
         let (lo, hi) = (q.min(), q.max());
         if lo < limits.lower || hi > limits.upper {
             let what = format!("from {lo:.4} to {hi:.4}, limits {} .. {}", limits.lower, limits.upper);
-            out.push(warning(
-                "Data::BeyondLimits",
-                format!("q.{name}"),
-                what,
-                "is the position in degrees, or its zero elsewhere?",
-            ));
+            warn("Data::BeyondLimits", format!("q.{name}"), what, "is the position in degrees, or its zero elsewhere?");
         }
         // Over ten samples, so that quantisation does not look like speed.
         let span = 10.min(q.len() - 1).max(1);
@@ -253,29 +249,32 @@ pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut P
                 limits.velocity, limits.lower, limits.upper
             );
             let p = Problem::error(Area::Data, "Data::LooksLikeDegrees", what).in_file(path).on(format!("q.{name}"));
-            out.push(p.hint("if the column is in degrees, write q.<joint>[deg]; to go on, --allow looks-like-degrees"));
+            impossible.push(
+                p.hint("if the column is in degrees, write q.<joint>[deg]; to go on, --allow looks-like-degrees"),
+            );
         } else if speed > TOO_FAST * limits.velocity {
             let what = format!(
                 "moves at {speed:.4} per s, limit {} per s (ratio {:.1})",
                 limits.velocity,
                 speed / limits.velocity
             );
-            out.push(warning(
+            warn(
                 "Data::LooksLikeDegrees",
                 format!("q.{name}"),
                 what,
                 "if the column is in degrees, write q.<joint>[deg]",
-            ));
+            );
         }
         let torque = record.tau().column(j).amax();
         if torque > limits.effort && !record.currents().get(j).copied().unwrap_or(false) {
             let what = format!("reaches {torque:.4}, effort limit {}", limits.effort);
-            out.push(warning(
+            warn(
                 "Data::BeyondLimits",
                 format!("tau.{name}"),
                 what,
                 "if the column is in mN m, write tau.<joint>[mN m]",
-            ));
+            );
         }
     }
+    out.0.extend(impossible);
 }
