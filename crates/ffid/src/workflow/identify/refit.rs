@@ -30,8 +30,6 @@ const LEADING: usize = 3;
 const NEAR: f64 = 0.5;
 /// Linearisations of a fit: it begins next to its end.
 const MOST: usize = 15;
-/// With a mode, whose momenta the search knows roughly where the fit is bent by it.
-const MOST_OF_MODE: usize = 40;
 
 /// A fit that its record contradicts, and what it was made of.
 pub(super) struct Contradicted<'a, 't> {
@@ -119,7 +117,6 @@ impl Contradicted<'_, '_> {
                 return Ok(None);
             }
             mounted = tests.extra.as_ref().and_then(|m| m.mounted(self.end, self.opened));
-            settings.max_iterations = MOST_OF_MODE;
             if mounted.is_none() {
                 return Ok(None);
             }
