@@ -107,11 +107,7 @@ pub fn identify(
         at += n;
     }
     let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
-    let mut found = match method(model, settings.method) {
-        _ if !fitted.estimate.is_solution() => None,
-        Method::Rda => fit.tested_by_all_sensors(&request, &end, uncertain, watch)?,
-        _ => explain::tests(&end, &twins, settings)?,
-    };
+    let mut found = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
     let tests = found.as_ref();
     let coloured = coloured_deviations(&end, &rows, sigma.len(), settings, &mut watched);
     let coloured = if watched.stopped() { return Err(ended(&watched)) } else { coloured };
@@ -376,44 +372,6 @@ impl<'a> Assembly<'a> {
             whole = Box::new(shared);
         }
         Ok(Assembled { whole: self.unknowns.tied(whole), twins, sigma, rows })
-    }
-}
-
-impl Assembly<'_> {
-    /// Tests of a fit of the torques alone ([`Method::Rda`]), at the end of a fit by output error that begins where it ended. Errors are
-    /// scored to first order, and on a base that is light against its arm the torques leave parameters thousands of times less certain
-    /// than the gyro: at the end of the rigid method its residuals are not small, and a right model would be contradicted. The initial
-    /// rate is free, since the rigid method needs no rest. `None` where output error does not end.
-    fn tested_by_all_sensors(
-        &self,
-        request: &Request<'_>,
-        end: &Ended<'_>,
-        uncertain: &UncertainItems,
-        watch: &Observer<'_>,
-    ) -> Result<Option<explain::Tests>, IdentifyError> {
-        let settings = Settings { method: Some(Method::OutputError), initial_state: true, ..self.settings.clone() };
-        let Assembled { mut whole, twins, .. } = Assembly { settings: &settings, ..*self }.assemble(uncertain)?;
-        let silent = Observer { progress: None, ..*watch };
-        let mut watched = ObservedEstimator::new(&mut *whole, &silent);
-        let (fitted, unknowns) = (end.fitted, self.unknowns);
-        let again = Request {
-            selected: &fitted.selected,
-            start: &fitted.estimate.values,
-            priors: unknowns.priors(&fitted.selected)?,
-            ..request.clone()
-        };
-        let mut found = attempt(&again, &mut watched);
-        if found.is_err() && !watched.stopped() {
-            // The torques alone may have led a body to the edge of what can exist, from which no fit begins.
-            found = attempt(&Request { start: request.start, ..again }, &mut watched);
-        }
-        if watched.stopped() {
-            return Err(IdentifyError::Interrupted);
-        }
-        let Some(estimate) = found.ok().filter(|e| e.is_solution()) else { return Ok(None) };
-        let values = unknowns.expand(&estimate.values)?;
-        let fitted = Fitted { estimate, ..fitted.clone() };
-        explain::tests(&Ended { fitted: &fitted, values: &values, ..*end }, &twins, &settings)
     }
 }
 
