@@ -302,8 +302,9 @@ fn a_known_wrench_is_no_torque_of_the_bodies() {
     // The same robot: it predicts the same torques, whichever of the parameters stand for a combination.
     let (of_x, _) = ground.predict(&clean, &x.fit.values, &x.joints).unwrap();
     let (of_y, _) = ground.predict(&clean, &y.fit.values, &y.joints).unwrap();
-    assert!((&of_x - &of_y).amax() < 1e-6 * of_x.amax(), "{}", (&of_x - &of_y).amax());
+    // To 1e-5: a direction at the limit of the rank may count in one and not in the other.
+    assert!((&of_x - &of_y).amax() < 1e-5 * of_x.amax(), "{} of {}", (&of_x - &of_y).amax(), of_x.amax());
     let (_, residual) = ground.predict(&pushed, &y.fit.values, &y.joints).unwrap();
     let (_, bare) = ground.predict(&clean, &x.fit.values, &x.joints).unwrap();
-    assert!((residual.norm() / bare.norm() - 1.0).abs() < 1e-6, "{} {}", residual.norm(), bare.norm());
+    assert!((residual.norm() / bare.norm() - 1.0).abs() < 1e-5, "{} {}", residual.norm(), bare.norm());
 }

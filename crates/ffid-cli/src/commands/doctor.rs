@@ -66,8 +66,11 @@ fn judge(args: &Args) -> Result<(Diagnosis, Problems), Refusal> {
     let opened = open(&input.file, input.leniency()).map_err(refused)?;
     results::undisturbed(&opened, &input.file).map_err(refused)?;
     let mut records = Vec::new();
+    // What looks like degrees is judged here, with its factor, and not refused unread.
+    let mut leniency = input.leniency();
+    leniency.allow.push("LooksLikeDegrees".to_owned());
     for path in &args.record {
-        let loaded = args.reading.read(path, &opened.model, 8, None, input).map_err(refused)?;
+        let loaded = args.reading.read_leniently(path, &opened.model, 8, None, &leniency).map_err(refused)?;
         records.push((path.as_path(), loaded.record, loaded.warnings));
     }
     judge_records(args, &opened, records)

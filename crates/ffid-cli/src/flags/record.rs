@@ -94,8 +94,19 @@ impl RecordFlags {
         low_pass: Option<f64>,
         input: &Input,
     ) -> Result<Loaded, Problems> {
-        let options = self.options(model, need, &input.leniency());
-        let mut loaded = believed(read(path, &joints_of(model), &options)?, model, path, &input.leniency())?;
+        self.read_leniently(path, model, need, low_pass, &input.leniency())
+    }
+    /// [`RecordFlags::read`] with other leniency than that of the command line.
+    pub(crate) fn read_leniently(
+        &self,
+        path: &Path,
+        model: &Model,
+        need: usize,
+        low_pass: Option<f64>,
+        leniency: &Leniency,
+    ) -> Result<Loaded, Problems> {
+        let options = self.options(model, need, leniency);
+        let mut loaded = believed(read(path, &joints_of(model), &options)?, model, path, leniency)?;
         if let Some(hz) = low_pass {
             loaded.record = filtered(&loaded.record, hz).map_err(|p| p.in_file(path))?;
         }

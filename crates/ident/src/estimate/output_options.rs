@@ -43,6 +43,9 @@ pub struct Options {
     /// Parameters at which the torques are predicted that deflect compliant joints, and the motion of the base that drives oscillators;
     /// those of the model unless given. Their change with the parameters that are estimated is not followed.
     pub deflected_at: Option<Vec<f64>>,
+    /// Readings next to the ends of a fitted motion, where its noise is larger than theirs, count like all others: residuals are then
+    /// predictions less readings, over the noise of the sensors, everywhere.
+    pub all_alike: bool,
 }
 
 impl Options {
@@ -61,6 +64,7 @@ impl Options {
             motion_noise: 0,
             oscillators: Vec::new(),
             deflected_at: None,
+            all_alike: false,
         }
     }
 }

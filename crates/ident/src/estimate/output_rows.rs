@@ -112,7 +112,7 @@ impl<'a> OutputRows<'a> {
             let (count, own): (usize, &Option<Arc<[f64]>>) = ([record.tau(), record.gyro()][g].nrows(), &times[g]);
             let time = |i: usize| own.as_ref().map_or(i as f64 * grid.1, |t| t[i]);
             let of = |e: &LooseEnds| (0..count).map(|i| (i, e.weight(time(i)))).filter(|w| w.1 < 1.0).collect();
-            ends.map_or_else(Vec::new, of)
+            ends.filter(|_| !options.all_alike).map_or_else(Vec::new, of)
         });
         Self { model, record, options, grid, times, errors, disturbing, draws: 0, kinematics, initial, loose }
     }

@@ -24,7 +24,11 @@ impl Prediction {
     /// From rest, along the joint motion of `record`.
     pub(super) fn new(case: &Case<'_>, record: &Record) -> Result<Self, IdentifyError> {
         let mut fit = RecordEstimator::new(case.model, record, &case.settings)?;
-        let e = fit.estimator();
+        let mut plain = fit.plain()?;
+        let e: &mut dyn Estimator = match &mut plain {
+            Some(of) => of,
+            None => fit.estimator(),
+        };
         let mut residuals = vec![0.0; e.rows()];
         let zeros = vec![0.0; e.nuisance().len()];
         let nominal = Params::nominal(case.model);

@@ -77,6 +77,12 @@ impl<'a> RecordEstimator<'a> {
         let twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
         Ok(Self { estimator: Box::new(fit), record, twin, method: Method::OutputError, noise: s.noise, own })
     }
+    /// Output error of the same record that predicts it alone: no unknowns beside the parameters, every reading counting alike. `None` for
+    /// the rigid method.
+    pub(in crate::workflow) fn plain(&self) -> Result<Option<OutputError<'a>>, IdentifyError> {
+        let options = Options { all_alike: true, ..Options::new(self.noise) };
+        self.twin.as_ref().map(|twin| twin.with_options(&options).map_err(setup)).transpose()
+    }
     /// The estimator.
     pub fn estimator(&mut self) -> &mut (dyn Estimator + 'a) {
         &mut *self.estimator
