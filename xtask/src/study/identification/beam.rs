@@ -72,7 +72,7 @@ fn winged(model: &Model, segments: usize) -> anyhow::Result<Model> {
     let mut out = model.without_appendages();
     for a in model.appendages() {
         let appendage = if a.name == "wing" { wing(segments)?.into() } else { a.appendage.clone() };
-        out.mount(a.name.clone(), a.host, a.mount.clone(), appendage)?;
+        out.mount(a.name.clone(), a.host, a.mount, appendage)?;
     }
     Ok(out)
 }

@@ -118,14 +118,12 @@ impl JointState {
         let mut whole = true;
         layout.read(message, &mut |path, value| match (path, value) {
             ("header.stamp", Value::Time(ns)) => self.stamp = ns,
-            ("name", Value::Texts(bytes)) => {
-                if self.version == 0 || self.image != bytes {
-                    self.image = bytes.to_vec();
-                    self.version += 1;
-                    match value.texts() {
-                        Some(names) => self.names = names,
-                        None => whole = false,
-                    }
+            ("name", Value::Texts(bytes)) if self.version == 0 || self.image != bytes => {
+                self.image = bytes.to_vec();
+                self.version += 1;
+                match value.texts() {
+                    Some(names) => self.names = names,
+                    None => whole = false,
                 }
             }
             ("position", v) => whole &= v.numbers(&mut self.position).is_some(),
