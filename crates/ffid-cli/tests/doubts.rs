@@ -380,6 +380,6 @@ fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
     c.refused(&floating, 11, "Config::LowPass", &["--low-pass"]);
     // Files of the arm; judged again by themselves.
     c.good(&["check", "res/identified.toml"]);
-    let wrong = [&args[..], &["--prior", "0.3"]].concat();
-    c.refused(&wrong, 11, "Config::Method", &["--no-prior"]);
+    let wrong = [&args[..], &["--starts", "3"]].concat();
+    c.refused(&wrong, 11, "Config::Method", &["it is linear"]);
 }
