@@ -19,7 +19,7 @@ pub struct BaseParameters {
 /// Factors below this, in units of the sizes, are rounding of the elimination.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// Base parameters of the triangle `r` ([`crate::regressor_triangle`], without forces). Columns count by the sizes of their parameters
+/// Base parameters of the triangle `r` (`regressor_triangle`, without forces). Columns count by the sizes of their parameters
 /// ([`ident::parameters::sizes`]); singular values below `tolerance` times the largest are zero. Allocates.
 ///
 /// # Errors

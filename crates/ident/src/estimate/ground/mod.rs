@@ -173,7 +173,7 @@ impl<'a> Ground<'a> {
         self.trim_s = seconds;
         self
     }
-    /// Takes away what is above this frequency (Hz) by a filter that shifts nothing ([`ZeroPhase`]): measured torques and every
+    /// Takes away what is above this frequency (Hz) by a filter that shifts nothing ([`ZeroPhase`](crate::motion::ZeroPhase)): measured torques and every
     /// column of the equations pass it alike, friction included, which leaves their solution as it is. Rows at the ends of a record,
     /// where the filter lets more noise through, do not count.
     /// A tenth of the sampling rate at most. Positions are taken as they are: see [`smoothed`].
