@@ -593,3 +593,11 @@ fn a_fit_that_presses_against_the_edge_of_what_is_physical_ends() {
     let r = c.result("res");
     assert!(r.status.is_solution() && r.chi2_per_dof < 1.03, "{:?} {}", r.status, r.chi2_per_dof);
 }
+
+#[test]
+fn a_simulation_longer_than_a_record_may_be_is_refused() {
+    let c = slosh();
+    let long = ["simulate", "truth.toml", "--trajectory", "a.csv", "--out", "x.csv", "--hold", "1e30"];
+    c.refused(&long, 11, "Config::OutOfRange", &["--hold", "samples"]);
+    assert!(!c.path("x.csv").exists());
+}

@@ -5,7 +5,9 @@ use crate::output::{Input, Outcome};
 use crate::results;
 use crate::results::{Refusal, io, refused};
 use ff_mission::Leniency;
+use ff_model::diagnostics::Limit;
 use ff_model::{Area, Params, Problem, Problems};
+use ff_records::file::ReadOptions;
 use ffid::exit::{Exit, Failure};
 use ffid::files::atomic;
 use ffid::files::folder::Entry;
@@ -161,6 +163,13 @@ impl Task<'_> {
             return Err(refused(problems));
         }
         let (model, rate) = (&opened.model, mission.sensors.rate_hz);
+        // No longer than what is read again.
+        let samples = (given.motion.duration() + self.hold) * rate;
+        let most = Limit::AtMost(ReadOptions::default().max_rows as f64);
+        if !most.admits(samples) {
+            let p = Problem::out_of_range(Area::Config, "Config::OutOfRange", samples, most, "samples");
+            return Err(refused(Problems(vec![p.on("--hold").hint("hold for less, or sample at a lower rate")])));
+        }
         let numerical = |code, what: String, hint: &str| {
             (Exit::Numerical, Problems(vec![Problem::error(Area::Config, code, what).in_file(file).hint(hint)]))
         };
