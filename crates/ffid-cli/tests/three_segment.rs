@@ -20,19 +20,39 @@ fn commands() -> Vec<Vec<String>> {
     lines.map(words).collect()
 }
 
-/// Runs commands of the README beside its files, in a folder that is removed afterwards. Returns the folder and what the last one printed.
-fn run(commands: &[Vec<String>]) -> (tempfile::TempDir, String) {
+/// Runs commands of the README beside its files, in a folder that is removed afterwards. Returns the folder and what each printed.
+fn run(commands: &[Vec<String>]) -> (tempfile::TempDir, Vec<String>) {
     let dir = tempfile::tempdir().unwrap();
     for name in ["robot.urdf", "record.csv", "other.csv"] {
         fs::copy(folder().join(name), dir.path().join(name)).unwrap();
     }
-    let mut last = String::new();
+    let mut printed = Vec::new();
     for args in commands {
         let out = Command::cargo_bin("ffid").unwrap().args(args).current_dir(dir.path()).output().unwrap();
-        last = String::from_utf8_lossy(&out.stdout).into_owned();
-        assert_eq!(out.status.code(), Some(0), "{args:?}\n{last}\n{}", String::from_utf8_lossy(&out.stderr));
+        let text = String::from_utf8_lossy(&out.stdout).into_owned();
+        assert_eq!(out.status.code(), Some(0), "{args:?}\n{text}\n{}", String::from_utf8_lossy(&out.stderr));
+        printed.push(text);
     }
-    (dir, last)
+    (dir, printed)
+}
+
+/// What the project's own README quotes of `ffid identify` stands in what it printed, in this order, to a tenth of a deviation.
+fn the_first_page_quotes(printed: &str) {
+    let page = fs::read_to_string(folder().join("../../../README.md")).unwrap();
+    let block = page.split("```text\n").find(|b| b.starts_with("identification of surveyor")).unwrap();
+    let words = |l: &str| l.split_whitespace().map(|w| w.trim_matches(['[', ']', ',']).to_owned()).collect::<Vec<_>>();
+    let same = |a: &str, b: &str| {
+        let (a, b) = (words(a), words(b));
+        a.len() == b.len()
+            && a.iter().zip(&b).all(|(a, b)| match (a.parse::<f64>(), b.parse::<f64>()) {
+                (Ok(x), Ok(y)) => (x - y).abs() <= 0.01 * x.abs().max(y.abs()) || (x - y).abs() <= 0.1,
+                _ => a == b,
+            })
+    };
+    let mut lines = printed.lines();
+    for quoted in block.split("```").next().unwrap().lines().filter(|l| *l != "...") {
+        assert!(lines.any(|l| same(quoted, l)), "README.md quotes\n{quoted}\nbut this is printed:\n{printed}");
+    }
 }
 
 #[test]
@@ -42,6 +62,7 @@ fn three_commands_lead_to_the_modes_of_the_guessed_mission() {
     assert_eq!(named, ["init", "check", "modes", "identify", "validate"]);
     let (_, modes) = run(&commands[..3]);
     // Three hinges and two directions of the fuel.
+    let modes = &modes[2];
     let rows = modes.lines().filter(|l| l.contains(" Hz ") && l.contains('%')).count();
     assert_eq!(rows, 5, "{modes}");
 }
@@ -49,7 +70,8 @@ fn three_commands_lead_to_the_modes_of_the_guessed_mission() {
 #[test]
 #[ignore = "full tier: 26 s"]
 fn five_commands_lead_to_the_truth_of_mujoco() {
-    let (dir, _) = run(&commands());
+    let (dir, printed) = run(&commands());
+    the_first_page_quotes(&printed[3]);
     let page = fs::read_to_string(dir.path().join("result/report.html")).unwrap();
     assert!(page.contains("</html>") && !page.contains("http-equiv=\"refresh\""));
     let columns = fs::read(dir.path().join("result/residuals.parquet")).unwrap();
