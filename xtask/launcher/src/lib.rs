@@ -8,6 +8,7 @@
 pub mod api;
 pub mod ci;
 pub mod cli;
+pub mod environment;
 pub mod failure;
 pub mod fixtures;
 pub mod process;

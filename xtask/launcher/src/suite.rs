@@ -1,7 +1,9 @@
 //! `cargo xtask test`: the tests of the workspace, doc tests included.
 
 use crate::failure::Failure;
-use crate::{process, workspace};
+use crate::{environment, process, workspace};
+use std::path::Path;
+use std::process::Command;
 
 /// Runs the tests and passes on the exit code of the runner.
 ///
@@ -13,27 +15,36 @@ use crate::{process, workspace};
 /// The failure of the runner, or of the doc tests when the rest passes.
 pub fn run(args: &[String]) -> Result<(), Failure> {
     let root = workspace::root()?;
-    let cargo = process::cargo();
     let given = |flag: &str| args.iter().any(|a| a == flag);
     let rest: Vec<String> =
         args.iter().filter(|a| !["--no-nextest", "--full"].contains(&a.as_str())).cloned().collect();
     let nextest = !given("--no-nextest") && process::has_cargo_subcommand("nextest");
     let runner = arguments(nextest, given("--full"), &rest);
     if !nextest && !rest.is_empty() {
-        return process::run(&root, &cargo, &runner);
+        return cargo(&root, &runner);
     }
     let docs = if rest.is_empty() {
         // Doc tests alone would wait for the last library with one core, while test programs could be compiled on the others.
-        process::run(&root, &cargo, &["test", "--workspace", "--tests", "--no-run"])?;
-        process::run(&root, &cargo, &["test", "--workspace", "--doc", "--no-fail-fast"])
+        cargo(&root, &["test", "--workspace", "--tests", "--no-run"])?;
+        cargo(&root, &["test", "--workspace", "--doc", "--no-fail-fast"])
     } else {
         Ok(()) // a filter of nextest means nothing to rustdoc
     };
-    process::run(&root, &cargo, &runner)?;
+    cargo(&root, &runner)?;
     if docs.is_err() {
         eprintln!("doc tests failed (the other tests passed)");
     }
     docs
+}
+
+/// Runs Cargo with the environment of all tests, after printing the command.
+fn cargo<S: AsRef<str>>(root: &Path, args: &[S]) -> Result<(), Failure> {
+    let args: Vec<&str> = args.iter().map(AsRef::as_ref).collect();
+    let command = format!("cargo {}", args.join(" "));
+    eprintln!("+ {command}");
+    let mut prepared = Command::new(process::cargo());
+    environment::set(prepared.args(&args).current_dir(root));
+    process::pass(&mut prepared, command)
 }
 
 /// What cargo is told. Without nextest, arguments of one's own may name doc tests, which `--tests` would leave out.

@@ -1,7 +1,7 @@
 //! Tasks that need the libraries of the project: compiled by package `xtask`, with Cargo's progress in sight.
 
 use crate::failure::Failure;
-use crate::{process, workspace};
+use crate::{environment, process, workspace};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -27,6 +27,7 @@ pub fn run(args: &[String]) -> Result<(), Failure> {
     let manifest = root.join("Cargo.toml");
     let mut command = Command::new(process::cargo());
     command.args(["run", "--package", "xtask", "--manifest-path"]).arg(manifest).arg("--").args(args);
+    environment::set(&mut command);
     process::pass(&mut command, format!("cargo xtask {}", args.join(" ")))
 }
 

@@ -86,10 +86,10 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
 
 /// Every unknown of an estimate, a line each.
 fn notes(case: &Case, e: &Estimate) -> Vec<String> {
-    let nuisance = e.nuisance.iter().map(|p| format!("{:24} {:12.6e} +- {:?}", p.name, p.value, p.std));
+    let deviation = |std: Option<f64>| std.map_or_else(|| "untold".to_owned(), |s| format!("{s:.2e}"));
+    let nuisance = e.nuisance.iter().map(|p| format!("{:28} {:12.5e} +- {}", p.name, p.value, deviation(p.std)));
     let parameters = e.parameters.iter().map(|p| {
-        let truth = case.true_value(&p.name);
-        let std = p.std.map_or_else(|| "untold".to_owned(), |s| format!("{s:.2e}"));
+        let (truth, std) = (case.true_value(&p.name), deviation(p.std));
         format!("{:24} truth {truth:10.4}, found {:10.4} +- {std} {}", p.name, p.value, p.unit)
     });
     nuisance.chain(parameters).collect()
