@@ -9,6 +9,7 @@
 //! | [`replay`] | robots in motion: a 3-D view in one file |
 
 pub mod identify;
+mod packed;
 pub mod page;
 pub mod plot;
 pub mod preflight;

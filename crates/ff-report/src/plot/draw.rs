@@ -2,7 +2,6 @@
 
 use super::canvas;
 use super::canvas::{Canvas, Result, Text};
-use super::intervals::pale;
 use super::layout::{flow, stagger, text_width, wrap};
 use super::polyline::{Frame, dashes, visible};
 use super::scale::{Axis, extent, superscript, typeset};
@@ -27,6 +26,12 @@ pub(super) const AXIS: RGBColor = RGBColor(90, 90, 90);
 pub(super) const MARK: RGBColor = RGBColor(110, 110, 110);
 const SHADE: RGBColor = RGBColor(238, 233, 214);
 pub(super) const WHITE: RGBColor = RGBColor(255, 255, 255);
+
+/// A colour between itself and white.
+pub(super) fn pale(c: RGBColor) -> RGBColor {
+    let mix = |x: u8| (0.3 * f64::from(x) + 0.7 * 255.0) as u8;
+    RGBColor(mix(c.0), mix(c.1), mix(c.2))
+}
 
 const LEFT: f64 = 84.0;
 const RIGHT: f64 = WIDTH - 24.0;

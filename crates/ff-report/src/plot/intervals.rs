@@ -1,10 +1,9 @@
 //! Intervals of many quantities, a row each, on one scale.
 
 use super::canvas::{Canvas, Result, Text};
-use super::draw::{AXIS, FONT, GRID, MARK, MINOR, PALETTE, SMALL};
+use super::draw::{AXIS, FONT, GRID, MARK, MINOR, PALETTE, SMALL, pale};
 use super::layout::text_width;
 use super::scale::{Axis, extent, typeset};
-use plotters::prelude::RGBColor;
 use plotters::style::text_anchor::HPos;
 
 /// Height of a row, of the legend, and of the axis with its label (px).
@@ -46,12 +45,6 @@ pub struct Intervals {
     pub marks: Vec<f64>,
     /// Name of each row, and its intervals, drawn in this order but the wide ones first.
     pub rows: Vec<(String, Vec<Interval>)>,
-}
-
-/// A colour between itself and white.
-pub(super) fn pale(c: RGBColor) -> RGBColor {
-    let mix = |x: u8| (0.3 * f64::from(x) + 0.7 * 255.0) as u8;
-    RGBColor(mix(c.0), mix(c.1), mix(c.2))
 }
 
 impl Intervals {

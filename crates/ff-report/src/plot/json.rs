@@ -3,7 +3,7 @@
 use super::draw::{colour_index, shown_label, y_range};
 use super::scale::typeset;
 use super::{Figure, Panel, Range, Series};
-use crate::replay::singles;
+use crate::packed::singles;
 use serde_json::{Value, json};
 
 /// The figure; every curve has about `points` points, the least and the greatest of each interval among them.

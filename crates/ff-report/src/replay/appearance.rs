@@ -1,8 +1,8 @@
 //! What a URDF says that links look like.
 
-use super::Form;
 use super::mesh::Mesh;
-use super::scene::{Drawn, Pose, Role, form};
+use super::node::{Drawn, Form, Pose, Role};
+use super::shapes::form;
 use ff_mission::urdf::visual::{Look, LookKind, Surface, from_urdf};
 use ff_model::{Model, Problems};
 use std::collections::BTreeMap;

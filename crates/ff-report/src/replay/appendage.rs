@@ -1,6 +1,7 @@
 //! Appendages as nodes: the links of their tree twin, or one mass that moves as their momentum says.
 
-use super::scene::{Drawn, Form, Moves, Node, Pose, Role, ball, equivalent, rod, size};
+use super::node::{Drawn, Form, Moves, Node, Pose, Role};
+use super::shapes::{ball, equivalent, rod, size};
 use ff_model::port::TwinBody;
 use ff_model::scalar::ModelScalar;
 use ff_model::{Inertia, Model, Params, Xform};

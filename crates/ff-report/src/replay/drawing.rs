@@ -1,7 +1,8 @@
 //! A robot as a drawing: for paper, and where there are no scripts.
 
 use super::mesh::Mesh;
-use super::scene::{Form, Moves, Node, Pose, Role, Scene};
+use super::node::{Form, Moves, Node, Pose, Role};
+use super::scene::Scene;
 use crate::page::escape;
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::TAU;

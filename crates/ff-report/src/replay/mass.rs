@@ -1,7 +1,5 @@
 //! The centre of mass of everything, and how well it is known.
 
-use super::motion::Motion;
-use super::scene::Subject;
 use ff_dynamics::analysis::Centroidal;
 use ff_dynamics::{State, Trace};
 use ff_model::scalar::D1;
@@ -47,32 +45,36 @@ pub(super) struct Ellipsoids {
 }
 
 impl Ellipsoids {
-    /// Covariances at some frames of a motion; `None` where nothing is known.
-    pub(super) fn along(s: &Subject<'_>, trace: &Trace, motion: &Motion) -> Option<Self> {
-        let known = s.known?;
-        let frames = motion.frames();
+    /// Covariances at some frames of a motion, whose samples of the trace are `rows`.
+    pub(super) fn along(model: &Model, params: &Params<f64>, known: &Knowledge, trace: &Trace, rows: &[usize]) -> Self {
+        let frames = rows.len();
         let n = frames.min(PLACES);
         let at: Vec<usize> = (0..n).map(|i| if n > 1 { i * (frames - 1) / (n - 1) } else { 0 }).collect();
         let of = |&i: &usize| {
-            let row = motion.sample(i);
-            let state = trace.state(s.model, row);
-            covariance(s.model, s.params, known, &state.q, &state.eta)
+            let state = trace.state(model, rows[i]);
+            covariance(model, params, known, &state.q, &state.eta)
         };
-        Some(Self { covariance_m2: at.iter().map(of).collect(), at })
+        Self { covariance_m2: at.iter().map(of).collect(), at }
     }
 }
 
 /// Centre of mass in the base frame (m), and its covariance if anything is known.
-pub(super) fn at(s: &Subject<'_>, q: &[f64], eta: &[f64]) -> (Vector3<f64>, Option<[f64; 6]>) {
-    let mut c = Centroidal::<f64>::new(s.model);
-    c.evaluate(s.params, &posed(s.model, q, eta));
-    (*c.com(), s.known.map(|k| covariance(s.model, s.params, k, q, eta)))
+pub(super) fn at(
+    model: &Model,
+    params: &Params<f64>,
+    known: Option<&Knowledge>,
+    q: &[f64],
+    eta: &[f64],
+) -> (Vector3<f64>, Option<[f64; 6]>) {
+    let mut c = Centroidal::<f64>::new(model);
+    c.evaluate(params, &posed(model, q, eta));
+    (*c.com(), known.map(|k| covariance(model, params, k, q, eta)))
 }
 
 /// Mass of everything (kg).
-pub(super) fn total(s: &Subject<'_>, q: &[f64], eta: &[f64]) -> f64 {
-    let mut c = Centroidal::<f64>::new(s.model);
-    c.evaluate(s.params, &posed(s.model, q, eta));
+pub(super) fn total(model: &Model, params: &Params<f64>, q: &[f64], eta: &[f64]) -> f64 {
+    let mut c = Centroidal::<f64>::new(model);
+    c.evaluate(params, &posed(model, q, eta));
     c.mass()
 }
 

@@ -1,6 +1,6 @@
 //! Triangles of a mesh file, thinned and packed.
 
-use super::packed::shorts;
+use crate::packed::shorts;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::File;

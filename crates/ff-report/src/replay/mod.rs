@@ -6,7 +6,8 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `scene` | nodes of bodies and appendages, shapes of links from inertia |
+//! | `scene` | a robot: its nodes, modes, motion |
+//! | `node`, `shapes` | a frame and what is drawn on it; shapes of links from inertia |
 //! | `appendage` | panels, fuel and wheels as nodes |
 //! | `appearance`, `mesh` | what a URDF says that links look like |
 //! | `motion` | a simulated motion, thinned and packed |
@@ -20,16 +21,17 @@ mod drawing;
 mod mass;
 mod mesh;
 mod motion;
-mod packed;
+mod node;
 mod page;
 mod scene;
+mod shapes;
 #[cfg(test)]
 mod tests;
 
 pub use appearance::Appearance;
 pub use mass::Knowledge;
-pub(crate) use packed::singles;
-pub use scene::{Drawn, Form, Moves, Node, Pose, Role, Scene, Subject};
+pub use node::{Drawn, Form, Moves, Node, Pose, Role};
+pub use scene::{Scene, Subject};
 
 use ffid::exit::Failure;
 use serde::Serialize;

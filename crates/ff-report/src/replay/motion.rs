@@ -1,7 +1,7 @@
 //! A simulated motion, thinned and packed.
 
-use super::mass::{self, Ellipsoids};
-use super::packed::singles;
+use super::mass::{self, Ellipsoids, Knowledge};
+use crate::packed::singles;
 use ff_dynamics::Trace;
 use ff_model::{Model, Params};
 use serde::Serialize;
@@ -26,14 +26,11 @@ pub struct Motion {
     /// Covariance of the centre of mass; absent where nothing is known of it.
     #[serde(skip_serializing_if = "Option::is_none")]
     ellipsoids: Option<Ellipsoids>,
-    /// Samples of the trace per frame.
-    #[serde(skip)]
-    every: usize,
 }
 
 impl Motion {
     /// Every k-th sample of a trace, so that there are at most 30 in a second and 6000 in all.
-    pub(super) fn new(model: &Model, params: &Params<f64>, trace: &Trace) -> Self {
+    pub(super) fn new(model: &Model, params: &Params<f64>, trace: &Trace, known: Option<&Knowledge>) -> Self {
         let every = ((1.0 / (RATE_HZ * trace.dt)).floor() as usize).max(trace.len().div_ceil(FRAMES)).max(1);
         let rows: Vec<usize> = (0..trace.len()).step_by(every).collect();
         let com = mass::path(model, params, trace, &rows);
@@ -51,20 +48,11 @@ impl Motion {
             frames: rows.len(),
             columns,
             data: singles(all.into_iter()),
-            ellipsoids: None,
-            every,
+            ellipsoids: known.map(|k| Ellipsoids::along(model, params, k, trace, &rows)),
         }
-    }
-    pub(super) fn with(mut self, ellipsoids: Option<Ellipsoids>) -> Self {
-        self.ellipsoids = ellipsoids;
-        self
     }
     /// Number of frames.
     pub fn frames(&self) -> usize {
         self.frames
-    }
-    /// Sample of the trace that frame `i` is.
-    pub(super) fn sample(&self, i: usize) -> usize {
-        i * self.every
     }
 }

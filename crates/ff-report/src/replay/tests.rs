@@ -88,7 +88,7 @@ fn what_is_drawn_has_the_centre_of_mass_of_the_model() {
 fn a_box_has_the_inertia_of_its_body() {
     let i = nalgebra::Matrix3::new(3.1, 0.4, -0.2, 0.4, 2.6, 0.3, -0.2, 0.3, 4.0);
     let body = ff_model::Inertia::from_com(7.0, &Vector3::new(0.1, -0.3, 0.2), &i);
-    let d = scene::equivalent(&body, Role::Inertia).unwrap();
+    let d = shapes::equivalent(&body, Role::Inertia).unwrap();
     let Form::Box { size: [a, b, c] } = d.form else { panic!("{:?}", d.form) };
     let [x, y, z, w] = d.place.r;
     let r = quat_to_rot(&Vector4::new(w, x, y, z));
