@@ -3,7 +3,8 @@
 //! A count shows a regression on a machine whose clock is shared or throttled. Each function runs `N` and `2 N` times;
 //! the difference over `N` is one call, because start-up cancels. Counts are kept in `crates/ff-bench/instructions.json`.
 
-use super::{Args, build};
+use super::build;
+use super::options::Args;
 use crate::table::Table;
 use ffid::exit::Failure;
 use ffid::files::atomic;

@@ -3,11 +3,12 @@
 use super::aggregate::Spread;
 use super::build::Target;
 use super::cell::{Cell, split_lanes};
+use super::limits;
 use super::models::MODELS;
+use super::options::Effort;
 use super::peers;
 use super::programs::Programs;
 use super::run;
-use super::{Effort, limits};
 use ffid::exit::Failure;
 use serde_json::Value;
 use std::collections::BTreeMap;

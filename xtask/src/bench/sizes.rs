@@ -1,7 +1,8 @@
 //! `cargo xtask bench --sizes`: time against the number of bodies, as a figure and as the exponent of growth.
 
+use super::build;
+use super::options::{Args, Effort};
 use super::run::{self, Pin};
-use super::{Args, Effort, build};
 use crate::table::{Table, sig};
 use ff_report::plot::{Figure, Panel, Series};
 use ffid::exit::Failure;

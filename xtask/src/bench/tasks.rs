@@ -1,8 +1,8 @@
 //! Whole tasks: a minute of simulation beside the peers' programs, sensitivities beside the plain simulation.
 
-use super::Effort;
 use super::aggregate::Spread;
 use super::build::Target;
+use super::options::Effort;
 use super::programs::Programs;
 use super::run;
 use ffid::exit::Failure;

@@ -1,7 +1,7 @@
 //! Tolerances of the reproduction; outside one, the exit code is 15.
 
-use super::Summary;
 use super::score::Columns;
+use super::summary::Summary;
 use ffid::exit::Failure;
 
 /// Compares every promised figure with its limit.

@@ -26,6 +26,7 @@ mod printed;
 mod report;
 mod score;
 mod spectra;
+mod summary;
 mod system;
 
 use crate::workspace;
@@ -35,14 +36,10 @@ use experiment::Experiment;
 use ffid::exit::Failure;
 use ffid::files::{atomic, json};
 use indicatif::{ProgressBar, ProgressStyle};
-use open::{Conclusion, Sweep};
-use score::{Columns, Fits};
-use serde::Serialize;
+use score::Fits;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-
-/// The report of the study.
-const REPORT: &str = "report.html";
+use summary::{REPORT, Runs, Summary};
 
 /// Arguments of `reproduce`.
 #[derive(Debug, clap::Args)]
@@ -56,31 +53,6 @@ pub struct Args {
     /// Trials of every setting that the paper leaves open; 0 for none [default: 1, with --quick 0]
     #[arg(long, value_name = "N")]
     pub sweep: Option<usize>,
-}
-
-/// Both runs of one case.
-#[derive(Clone, Copy, Debug, Serialize)]
-struct Runs {
-    /// Perfect sensors, as in the paper.
-    noise_free: Columns,
-    /// The sensors of the mission file.
-    noisy: Columns,
-}
-
-/// `summary.json`.
-#[derive(Clone, Debug, Serialize)]
-struct Summary {
-    quick: bool,
-    table2: Runs,
-    table3: Runs,
-    fig5: spectra::Frequencies,
-    fig7: spectra::Frequencies,
-    identified: Vec<identify::Report>,
-    errata: Vec<errata::Effect>,
-    sweep: Sweep,
-    conclusions: Vec<Conclusion>,
-    beyond: Beyond,
-    wall_s: f64,
 }
 
 /// One finished case.

@@ -3,7 +3,7 @@
 use super::identify::Report;
 use super::open::{Outcome, gain};
 use super::score::Columns;
-use super::{Runs, Summary};
+use super::summary::{REPORT, Runs, Summary};
 use crate::interval::Interval;
 use crate::table::{Table, sig};
 use std::path::Path;
@@ -41,7 +41,7 @@ pub(super) fn all(s: &Summary, out: &Path) {
     }
     println!(
         "\n{} after {:.1} s; figures (PNG, SVG), series (CSV), summary.json beside it",
-        out.join(super::REPORT).display(),
+        out.join(REPORT).display(),
         s.wall_s
     );
 }

@@ -3,8 +3,9 @@
 //! All 27 problems of nonlinear regression from both starts ([`validate::nist`]). Digits are those of the worst parameter,
 //! at most eleven. A false success is a fit that says it has converged with fewer than four digits.
 
+use super::figures::{Op, Study};
+use super::options::Options;
 use super::trials::{Number, Trials};
-use super::{Op, Options, Study};
 use crate::workspace;
 use ff_least_squares::{EvalError, LmError, Problem, Settings, minimise};
 use nalgebra::DMatrix;

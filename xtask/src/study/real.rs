@@ -7,7 +7,8 @@
 //! All are scored on the log that was held out behind the same low pass of 10 Hz. A case whose logs are not there, or for which the
 //! Python packages are missing, is not measured, and then the study does not pass.
 
-use super::{Op, Options, Study};
+use super::figures::{Op, Study};
+use super::options::Options;
 use crate::workspace;
 use anyhow::Context;
 use serde::Deserialize;

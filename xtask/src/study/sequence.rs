@@ -4,9 +4,10 @@
 //! as by `ffid identify --prior-from`: each result keeps its records in a folder, and the next fit reads them from there. Each trial takes them
 //! in an order of its own and compares the last result with that of all five at once.
 
+use super::figures::{Op, Study};
+use super::options::Options;
 use super::trials::{Number, Trial, Trials};
 use super::verdict::world::{Encoder, RECORDS, World};
-use super::{Op, Options, Study};
 use anyhow::Context;
 use ffid::files::folder::{About, Folder};
 use ffid::workflow::identify::{IdentificationResult, LabelledRecord, keep, read_kept};

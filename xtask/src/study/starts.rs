@@ -16,8 +16,9 @@
 //! does but once in a million: the truth lies in the likelihood region of the answer), `prior` (noise-free, from the prior itself, without the modal step: what the step is worth). A number, such as 1028, is one truth alone.
 
 use super::cpu::CpuTime;
+use super::figures::{Op, Study};
+use super::options::Options;
 use super::trials::{Number, Trial, Trials};
-use super::{Op, Options, Study};
 use crate::workspace;
 use anyhow::Context;
 use excitation::plan::{Extent, Shape};

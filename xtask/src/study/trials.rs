@@ -9,7 +9,7 @@
 //! feed is what an interruption left, and is cut off. `build` are the first digits of the SHA-256 of the program: a file that was
 //! begun by another build can be continued, and the table of the study says so.
 
-use super::Options;
+use super::options::Options;
 use crate::workspace;
 use anyhow::Context;
 use ffid::exit::Failure;

@@ -2,6 +2,7 @@
 
 use super::super::beyond::{Beyond, Filling, Level, ModelFit, SensorFit, Sensors, Together, Unknown};
 use super::super::identify::Row;
+use super::shown::POINTS;
 use crate::table::sig;
 use ff_report::page::{Block, Cell, Table, interval};
 use ff_report::plot::{Figure, Interval, Intervals, Panel};
@@ -62,7 +63,7 @@ fn together(t: &Together) -> anyhow::Result<Vec<Block>> {
     let (name, far) = &t.furthest;
     Ok(vec![
         Block::Table(table),
-        Block::figure(&estimates(&t.estimates), super::POINTS)?,
+        Block::figure(&estimates(&t.estimates), POINTS)?,
         Block::text(format!(
             "Of the estimates of the model with both, {name} is furthest from the truth: {} of its stated deviations.",
             sig(*far, 2)
@@ -189,5 +190,5 @@ fn filling(f: &Filling) -> anyhow::Result<Vec<Block>> {
         head: head.map(String::from).to_vec(),
         rows: f.levels.iter().enumerate().map(row).collect(),
     };
-    Ok(vec![Block::figure(&figure, super::POINTS)?, Block::Table(table)])
+    Ok(vec![Block::figure(&figure, POINTS)?, Block::Table(table)])
 }

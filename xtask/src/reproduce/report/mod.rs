@@ -5,26 +5,17 @@ mod beyond;
 mod model;
 mod open;
 mod schematics;
+mod shown;
+
+pub(super) use shown::Shown;
 
 use super::errata::Errata;
-use super::experiment::Experiment;
-use super::{Runs, Summary, checks, excitation, printed};
+use super::summary::{Runs, Summary};
+use super::{checks, excitation, printed};
 use crate::table::sig;
 use ff_report::page::{Block, Cell, Level, Page, Table};
 use ff_report::plot::Figure;
-
-/// Points of a curve in the page.
-const POINTS: usize = 2000;
-
-/// What the report shows that is not in the summary.
-pub(super) struct Shown<'a> {
-    pub(super) flex: &'a Experiment,
-    pub(super) slosh: &'a Experiment,
-    /// Excitation, response and spectra of each case.
-    pub(super) panels: &'a [Figure; 3],
-    pub(super) fuel: &'a [Figure; 3],
-    pub(super) errata: &'a Errata,
-}
+use shown::POINTS;
 
 /// The page.
 ///

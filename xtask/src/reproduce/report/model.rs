@@ -2,8 +2,8 @@
 
 use super::super::experiment::Experiment;
 use super::super::system::{Source, System};
-use super::Shown;
 use super::schematics;
+use super::shown::Shown;
 use crate::table::sig;
 use crate::workspace;
 use ff_model::Inertia;

@@ -2,7 +2,9 @@
 
 use super::super::open::{Conclusion, Outcome, gain};
 use super::super::score::Columns;
-use super::super::{Summary, printed};
+use super::shown::POINTS;
+use crate::reproduce::printed;
+use crate::reproduce::summary::Summary;
 use crate::table::sig;
 use ff_report::page::{Block, Cell, Level, Table};
 use ff_report::plot::{Figure, Interval, Intervals};
@@ -60,7 +62,7 @@ pub(super) fn sweep(s: &Summary) -> anyhow::Result<Vec<Block>> {
     ))];
     for (case, title) in [("flex", "Flexible panels"), ("slosh", "Fuel slosh")] {
         let of: Vec<&Outcome> = all.iter().filter(|o| o.case == case).collect();
-        out.push(Block::figure(&figure(title, &of), super::POINTS)?);
+        out.push(Block::figure(&figure(title, &of), POINTS)?);
         let head = [
             "choice and setting",
             "modes (Hz)",

@@ -11,9 +11,10 @@
 
 mod errors;
 
+use super::figures::{Op, Study};
+use super::options::Options;
 use super::trials::{Number, Trial, Trials};
 use super::verdict::world::{Encoder, RECORDS, Readings, World};
-use super::{Op, Options, Study};
 use anyhow::Context;
 use ff_model::ParamDecl;
 use ffid::exit::Exit;

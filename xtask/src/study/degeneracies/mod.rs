@@ -10,8 +10,9 @@
 mod cases;
 mod robots;
 
+use super::figures::{Op, Study};
+use super::options::Options;
 use super::trials::Trials;
-use super::{Op, Options, Study};
 use ident::Uncertainty;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 
 use super::truth::Swing;
 use super::{CONTROL_POINTS, FREE, RECORD_S, SEARCH_STEP_S, Setup, fisher_request, modal_cost, quiet_cost};
-use crate::study::{Op, Study};
+use crate::study::figures::{Op, Study};
 use anyhow::Context;
 use excitation::objective::{BaseMotion, FisherCost, Form, Optimality};
 use excitation::plan_fisher;

@@ -8,8 +8,9 @@ mod checks;
 mod multisine;
 mod truth;
 
+use super::figures::{Op, Study};
+use super::options::Options;
 use super::trials::{Number, Trial, Trials};
-use super::{Op, Options, Study};
 use crate::workspace;
 use anyhow::Context;
 use excitation::JointLimits;

@@ -8,8 +8,9 @@
 use super::case::{COMBINED, Case};
 use super::{fit, settings};
 use crate::delayed::delayed;
+use crate::study::figures::{Op, Study};
+use crate::study::options::Options;
 use crate::study::trials::{Number, Trial, Trials};
-use crate::study::{Op, Options, Study};
 use anyhow::Context;
 use ff_dynamics::{Boundary, Trace, measure, modes};
 use ff_model::{Inertia, Params};

@@ -11,8 +11,9 @@
 use super::beam::Beam;
 use super::case::{COMBINED, Case, FLEXIBLE, Kind, PAYLOAD, RIGID, SLOSH};
 use crate::study::cpu::CpuTime;
+use crate::study::figures::{Op, Study};
+use crate::study::options::Options;
 use crate::study::trials::{Number, Trial, Trials};
-use crate::study::{Op, Options, Study};
 use ff_dynamics::measure;
 use ff_model::{Model, ParamGroup, Params, Problems};
 use ff_records::Record;

@@ -7,8 +7,9 @@
 
 use super::case::{Case, FLEXIBLE, Kind, SLOSH};
 use super::settings;
+use crate::study::figures::{Op, Study};
+use crate::study::options::Options;
 use crate::study::trials::{Number, Trial, Trials};
-use crate::study::{Op, Options, Study};
 use ff_dynamics::sim::Channel;
 use ff_dynamics::{SensorSuite, Trace, measure};
 use ident::estimate::Estimate;

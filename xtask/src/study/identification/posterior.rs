@@ -11,8 +11,9 @@
 
 use super::case::{COMBINED, Case, SLOSH};
 use super::settings;
+use crate::study::figures::{Op, Study};
+use crate::study::options::Options;
 use crate::study::trials::{Number, Trial, Trials};
-use crate::study::{Op, Options, Study};
 use anyhow::Context;
 use ff_dynamics::measure;
 use ff_model::Params;
@@ -132,7 +133,7 @@ fn calibration(options: &Options, trials: &Trials, study: &mut Study) -> anyhow:
     study.figure("calibration.evaluations_median", "", median(|o| o.evaluations as f64).0);
     study.figure("calibration.divergences", "", drawn.iter().map(|o| o.divergences as f64).sum());
     for (k, o) in all.iter().enumerate() {
-        study.notes.extend(o.refused.iter().map(|why| format!("trial {k}: {why}")));
+        o.refused.iter().for_each(|why| study.note(format!("trial {k}: {why}")));
     }
     Ok(())
 }

@@ -8,8 +8,9 @@
 
 use super::case::{COMBINED, Case, FLEXIBLE, PAYLOAD, RIGID, SLOSH};
 use super::{fit, settings};
+use crate::study::figures::{Op, Study};
+use crate::study::options::Options;
 use crate::study::trials::{Number, Trial, Trials};
-use crate::study::{Op, Options, Study};
 use ff_records::Record;
 use ident::estimate::Estimate;
 use ident::estimate::attempt;

@@ -18,8 +18,9 @@
 mod faults;
 pub(super) mod world;
 
+use super::figures::{Op, Study};
+use super::options::Options;
 use super::trials::{Number, Trial, Trials};
-use super::{Op, Options, Study};
 use crate::table::sig;
 use anyhow::Context;
 use faults::{KINDS, Kind};

@@ -1,6 +1,6 @@
 //! `[limits]` as constraints of the whole system.
 
-use super::ExciteError;
+use super::error::ExciteError;
 use crate::exit::Exit;
 use crate::open::Opened;
 use excitation::Constraint;

@@ -1,6 +1,6 @@
 //! The costs behind the goals of `[excite]`.
 
-use super::ExciteError;
+use super::error::ExciteError;
 use crate::exit::Exit;
 use crate::workflow::preflight::Sensing;
 use excitation::objective::{

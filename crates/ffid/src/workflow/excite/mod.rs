@@ -4,11 +4,13 @@
 //! lets the optimiser of `excitation` search from several starts until it converges or is stopped. The result
 //! is a [`Trajectory`] that a file can hold exactly; what it will tell is [`crate::workflow::preflight`]'s to say.
 pub mod demands;
+mod error;
 pub mod goal;
 pub(crate) mod search;
 pub(crate) mod world;
 
 pub use demands::{Demands, demands};
+pub use error::ExciteError;
 pub use search::{Observer, Progress, Search};
 pub use world::InWorld;
 
@@ -24,39 +26,13 @@ use excitation::{
 };
 use ff_dynamics::{Boundary, modes};
 use ff_mission::mission::{Excite, ExciteDuration, ExciteEnd, Goal, Limits};
-use ff_model::{Area, Model, Params, Problem, Problems};
+use ff_model::{Model, Params};
 use serde::Serialize;
 use world::World;
 
 /// Ramp time of the acceleration in the paper's manoeuvre (s), and rest before it (s).
 const RAMP: f64 = 0.1;
 const LEAD: f64 = 1.0;
-
-/// Why there is no plan: a problem, and the code to end with.
-#[derive(Debug, thiserror::Error)]
-#[error("{problem}")]
-pub struct ExciteError {
-    /// What is wrong.
-    pub problem: Box<Problem>,
-    /// 11 for settings, 13 for demands that contradict each other, 14 for failed computations, 130 when interrupted.
-    pub exit: Exit,
-}
-
-impl ExciteError {
-    fn new(exit: Exit, code: &'static str, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self { problem: Box::new(Problem::error(Area::Config, code, what).hint(hint)), exit }
-    }
-    fn on(mut self, object: impl Into<String>) -> Self {
-        *self.problem = self.problem.on(object);
-        self
-    }
-}
-
-impl From<ExciteError> for Problems {
-    fn from(e: ExciteError) -> Self {
-        Self(vec![*e.problem])
-    }
-}
 
 /// A planned trajectory and how it was found.
 #[derive(Clone, Debug, Serialize)]

@@ -1,6 +1,8 @@
 //! What flexibility does to a rigid identification.
 
-use super::{PreflightError, Question, noise, record};
+use super::error::PreflightError;
+use super::question::Question;
+use super::samples::{noise, record};
 use ff_dynamics::Trace;
 use ff_linalg::least_squares;
 use ff_model::Params;

@@ -1,6 +1,6 @@
 //! What base, joints, end effector and appendages do along the simulated trajectory.
 
-use super::Question;
+use super::question::Question;
 use ff_dynamics::{Trace, Work, frame_jacobian};
 use ff_model::Model;
 use nalgebra::{DMatrix, DVector, Vector3};

@@ -1,6 +1,6 @@
 //! Margins to every limit, and what they rest on.
 
-use super::Question;
+use super::question::Question;
 use excitation::Trajectory;
 use excitation::constraint::Snapshot;
 use excitation::plan::LimitError;

@@ -16,167 +16,38 @@
 //! with everything else right: joint positions are taken as exact, other parameters that are not asked for as known. The verdict needs both planning data and the estimator,
 //! which are crates of one layer; that is why it lives here.
 pub(crate) mod bias;
+mod error;
 pub(crate) mod excursion;
 pub(crate) mod limits;
 pub(crate) mod modes;
 pub(crate) mod parameters;
+mod question;
+mod samples;
 pub(crate) mod spectrum;
 pub(crate) mod text;
 pub(crate) mod world;
 
 pub use bias::{BiasedParameter, RigidBias};
+pub use error::PreflightError;
 pub use excursion::{Excursion, Peak, angle, displacement};
 pub use limits::{LimitMargin, Proof, joint_limits, prove};
 pub use modes::{ModeVisibility, Reading, SENSED, Seen};
 pub use parameters::{Determination, Predicted, PredictedError};
+pub use question::{Question, Sensing};
+pub use samples::step;
 pub use spectrum::{ModePower, Spectrum};
 
 use crate::workflow::identify::{BudgetLine, Harm, UncertainItems};
-use excitation::Constraint;
-use excitation::plan::LimitReport;
-use ff_dynamics::analysis::ModesError;
-use ff_dynamics::analysis::advise_step;
-use ff_dynamics::motion::{HermiteTable, JointMotion, MotionError};
-use ff_dynamics::{Boundary, Drive, Mode, SimError, SimOptions, State, Trace, simulate};
-use ff_least_squares::EvalError;
-use ff_linalg::LinalgError;
-use ff_mission::mission::Sensors;
-use ff_model::{BaseKind, Model, Params, Problems};
-use ff_records::{Record, RecordBuilder};
-use ident::Noise;
-use ident::SetupError;
+use ff_dynamics::motion::{HermiteTable, JointMotion};
+use ff_dynamics::{Boundary, Drive, Mode, SimOptions, State, Trace, simulate};
+use ff_model::BaseKind;
 use ident::Uncertainty;
 use ident::belief::Direction;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-/// Error of the simulation, relative to the amplitude of every mode.
-const SIMULATION_ERROR: f64 = 1e-6;
-/// Most numbers of the Jacobian (rows times columns): beyond it only every k-th sample is taken, and counts k times.
-const MOST_NUMBERS: usize = 40_000_000;
-
 /// Small errors that are listed.
 const HARMFUL: usize = 10;
-
-/// What the sensors do, as far as a fit is concerned.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Sensing {
-    /// Standard deviation of one torque sample, quantisation included (N m).
-    pub torque_nm: f64,
-    /// Standard deviation of one gyro sample, quantisation included (rad/s).
-    pub gyro_rad_per_s: f64,
-    /// Samples per second (Hz).
-    pub rate_hz: f64,
-}
-
-impl Sensing {
-    /// The sensors of a mission: white noise and quantisation (`lsb / sqrt(12)`).
-    pub fn of(s: &Sensors) -> Self {
-        let sigma = |noise: f64, lsb: f64| noise.hypot(lsb / 12f64.sqrt());
-        Self {
-            torque_nm: sigma(s.torque.noise_std_nm, s.torque.lsb_nm),
-            gyro_rad_per_s: sigma(s.gyro.noise_std_rad_per_s, s.gyro.lsb_rad_per_s),
-            rate_hz: s.rate_hz,
-        }
-    }
-}
-
-/// What is to be judged.
-#[derive(Clone, Copy)]
-pub struct Question<'a> {
-    /// The robot.
-    pub model: &'a Model,
-    /// Its parameters, at which everything is predicted.
-    pub params: &'a Params<f64>,
-    /// Indices of the parameters that will be estimated, ascending.
-    pub selected: &'a [usize],
-    /// The joint motion.
-    pub motion: &'a dyn JointMotion,
-    /// The sensors.
-    pub sensing: Sensing,
-    /// Relative standard deviation above which a parameter is called weak.
-    pub weak: f64,
-    /// Margins to the joint limits, when they have been proven for all time.
-    pub proven: Option<&'a LimitReport>,
-    /// Limits of the mission; those of the joints are judged by them.
-    pub limits: &'a ff_mission::mission::Limits,
-    /// Limits of the whole system ([`crate::workflow::excite::demands()`]).
-    pub constraints: &'a [&'a dyn Constraint],
-    /// Index of the frame of the end effector, if there is one.
-    pub end_effector: Option<usize>,
-    /// What the mission is not sure of beside the selected parameters ([`UncertainItems::beside`]): marginalised with its priors, as
-    /// the fit will do. Nothing, if not given.
-    pub uncertain: Option<&'a UncertainItems>,
-    /// Small errors ([`UncertainItems::small`]) of what is taken as exact, to be told what they would move.
-    pub small: Option<&'a UncertainItems>,
-}
-
-/// Why there is no verdict.
-#[derive(Debug, thiserror::Error)]
-pub enum PreflightError {
-    /// The base is fixed or gravity acts: identification knows free-floating systems only.
-    #[error("the verdict needs a free-floating base and zero gravity, as identification does")]
-    NotFreeFloating,
-    /// Sensors without noise predict deviations of zero.
-    #[error("noise of the {channel} is {value}; predictions need a positive number")]
-    Noise {
-        /// Which sensor.
-        channel: &'static str,
-        /// Its standard deviation.
-        value: f64,
-    },
-    /// Nothing is to be estimated.
-    #[error("no parameters are named; nothing can be predicted")]
-    NoParameters,
-    /// The motion has another number of joints.
-    #[error("the motion has {got} joints, the robot {want}")]
-    Joints {
-        /// Of the motion.
-        got: usize,
-        /// Of the robot.
-        want: usize,
-    },
-    /// The motion is not finite, or too short for its sensors.
-    #[error("joint motion: {0}")]
-    Motion(#[from] MotionError),
-    /// Fewer samples than unknowns.
-    #[error("{samples} samples ({duration} s at {rate} Hz) are too few")]
-    TooShort {
-        /// Samples.
-        samples: usize,
-        /// Duration (s).
-        duration: f64,
-        /// Rate (Hz).
-        rate: f64,
-    },
-    /// The trajectory could not be simulated.
-    #[error("simulation of the trajectory: {0}")]
-    Simulation(#[from] SimError),
-    /// The modes could not be computed.
-    #[error("modes at the start: {0}")]
-    Modes(#[from] ModesError),
-    /// The simulated record was refused.
-    #[error("simulated record: {0}")]
-    Record(#[from] Problems),
-    /// The estimator was refused.
-    #[error(transparent)]
-    Setup(#[from] SetupError),
-    /// What the mission is not sure of makes no unknowns.
-    #[error("what the mission is not sure of: {0}")]
-    Uncertain(String),
-    /// The estimator failed.
-    #[error("sensitivities: {0}")]
-    Sensitivities(String),
-    /// A factorisation failed.
-    #[error(transparent)]
-    Linalg(#[from] LinalgError),
-}
-
-impl From<EvalError> for PreflightError {
-    fn from(e: EvalError) -> Self {
-        Self::Sensitivities(e.to_string())
-    }
-}
 
 /// The verdict.
 #[derive(Clone, Debug, Serialize)]
@@ -373,28 +244,6 @@ pub fn start_pose(motion: &dyn JointMotion) -> Vec<f64> {
     let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     motion.eval(0.0, &mut q, &mut qd, &mut qdd);
     q
-}
-
-/// The longest integration step (s) that resolves modes and sampling, a whole fraction of the sample time.
-pub fn step(modes: &[Mode], duration: f64, sample: f64) -> f64 {
-    let advised = advise_step(modes, duration, SIMULATION_ERROR).map_or(sample, |a| a.step_s);
-    let parts = (sample / advised).ceil().clamp(1.0, 1000.0);
-    sample / parts
-}
-
-/// The record of a trace as perfect sensors read it, every `every`-th sample.
-pub(crate) fn record(q: &Question<'_>, t: &Trace, every: usize) -> Result<Record, PreflightError> {
-    let rows: Vec<usize> = (0..t.len()).step_by(every).collect();
-    let thin = |m: &DMatrix<f64>| m.select_rows(&rows);
-    let builder = RecordBuilder::new(q.model.joint_names()).uniform(0.0, 1.0 / (t.dt * every as f64));
-    let builder = builder.q(thin(&t.q)).qd(thin(&t.qd)).qdd(thin(&t.qdd)).tau(thin(&t.tau)).gyro(thin(&t.gyro()));
-    // A joint that holds, and a robot that turns faster than usual, are no faults of a simulated record.
-    let builder = builder.allow("Data::Stuck").allow("Data::LooksLikeDegrees");
-    Ok(builder.build()?.0)
-}
-
-pub(crate) fn noise(s: &Sensing) -> Noise {
-    Noise { torque: s.torque_nm, gyro: s.gyro_rad_per_s }
 }
 
 /// A motion from samples: the quintic through them when rates and accelerations are given, else a least-squares spline

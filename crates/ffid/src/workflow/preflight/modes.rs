@@ -16,7 +16,8 @@
 //! the start pose with amplitude `X`, a mode of `w` rad/s reads at most `|load| w^2 X` and `|rate| w X`, which gives the
 //! amplitude that stands out of the noise.
 
-use super::{PreflightError, Question};
+use super::error::PreflightError;
+use super::question::Question;
 use ff_dynamics::analysis::ModesError;
 use ff_dynamics::tree::MassBlocks;
 use ff_dynamics::{Mode, SimError, State, Trace, Work, hybrid_dynamics, mass_matrix};

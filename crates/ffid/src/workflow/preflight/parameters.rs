@@ -1,7 +1,8 @@
 //! Predicted standard deviations, from the Jacobian of the fit that will be made.
 
+use super::error::PreflightError;
+use super::question::Question;
 use super::world::columns;
-use super::{PreflightError, Question};
 use crate::workflow::identify::{BudgetLine, UncertainItems, UncertainKind, UncertainUnknown, variance_budget};
 use excitation::system::prediction::{DERIVED, about_com};
 use ff_dynamics::Trace;

@@ -1,6 +1,7 @@
 //! What the trajectory excites: joint and base accelerations against the modes.
 
-use super::{PreflightError, Question};
+use super::error::PreflightError;
+use super::question::Question;
 use excitation::system::modal_targets;
 use ff_dynamics::{Mode, Trace};
 use ff_spectral::psd::PsdError;

@@ -12,7 +12,9 @@
 //! `1 / s_c` for every prior, never from `H`. An error of size `e_c` that is not estimated moves the estimate by
 //! `-(J_x^T J_x)^-1 J_x^T J_c e_c`, `x = (p, n)`.
 
-use super::{MOST_NUMBERS, PreflightError, Question, noise, record};
+use super::error::PreflightError;
+use super::question::Question;
+use super::samples::{MOST_NUMBERS, noise, record};
 use crate::workflow::identify::{Harm, UncertainItems, UncertainUnknown};
 use ff_dynamics::Trace;
 use ff_least_squares::{Tall, triangle_of};
