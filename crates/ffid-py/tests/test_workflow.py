@@ -531,14 +531,15 @@ def test_a_payload_is_told_from_logs_with_and_without_it(fixtures: Path, tmp_pat
     """``without`` is ``--without``, of records in memory or files."""
     payload = """
 [[client]]
-name = "tool"
+name = "load"
+host = "arm_l7"
 mass_kg = {mass}
 com_m = [0.03, -0.02, 0.06]
 inertia_com_kgm2 = [0.012, 0.001, -0.002, 0.014, 0.001, 0.011]
 """
-    text = (fixtures / "ground" / "arm.toml").read_text().replace('["arm_l*"]', '["arm_l*", "tool.*"]')
+    text = (fixtures / "ground" / "arm.toml").read_text().replace('["arm_l*"]', '["arm_l*", "load.*"]')
     load = {what: ffid.Mission.from_toml(text + payload.format(mass=m), folder=fixtures / "ground") for what, m in (("guess", 2.0), ("truth", 2.7))}
-    bare = ffid.Mission.from_toml(text.replace(', "tool.*"', ""), folder=fixtures / "ground")
+    bare = ffid.Mission.from_toml(text.replace(', "load.*"', ""), folder=fixtures / "ground")
     n = len(bare.joints)
     t = np.arange(0, 16, 0.004)
     rng = np.random.default_rng(11)
@@ -553,13 +554,13 @@ inertia_com_kgm2 = [0.012, 0.001, -0.002, 0.014, 0.001, 0.011]
         return ffid.Record.from_arrays(mission, t=t, q=q, tau=tau, name=name)
 
     empty, loaded = log(bare, "empty", 5), log(load["truth"], "loaded", 6)
-    result = ffid.identify(load["guess"], [empty, loaded], without={"tool": empty}, truth=load["truth"])
-    assert result.values["tool.mass"] == pytest.approx(2.7, rel=0.02)
+    result = ffid.identify(load["guess"], [empty, loaded], without={"load": empty}, truth=load["truth"])
+    assert result.values["load.body.mass"] == pytest.approx(2.7, rel=0.02)
     assert result.raw["parameters"][0]["truth"] > 0 and "truth" in result.parameters
     wrong = ffid.identify(load["guess"], [empty, loaded])
-    assert abs(wrong.values["tool.mass"] - 2.7) > 0.3, "without= is what tells them"
+    assert abs(wrong.values["load.body.mass"] - 2.7) > 0.3, "without= is what tells them"
     with pytest.raises(ValueError, match="none of those"):
-        ffid.identify(load["guess"], [loaded], without={"tool": empty})
+        ffid.identify(load["guess"], [loaded], without={"load": empty})
     with pytest.raises(ffid.FfidError):
         ffid.identify(load["guess"], [empty, loaded], without={"hand": empty})
 

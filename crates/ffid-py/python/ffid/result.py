@@ -178,7 +178,8 @@ class Result:
         """Signals from the file that was written of them."""
         import numpy as np
 
-        head = file.open(encoding="utf-8").readline().rstrip("\n").split(",")
+        with file.open(encoding="utf-8") as lines:
+            head = lines.readline().rstrip("\n").split(",")
         table = np.genfromtxt(file, delimiter=",", skip_header=1, ndmin=2)
         columns = [h.rsplit("[", 1) for h in head]
         measured = [i for i, (name, _) in enumerate(columns) if name.endswith(".measured")]
