@@ -47,6 +47,22 @@ fn relative_links_lead_somewhere() {
     assert!(broken.is_empty(), "broken links:\n{}", broken.join("\n"));
 }
 
+/// mdBook copies `docs` and nothing above it: a link out of it leads nowhere on a shelf of books.
+#[test]
+fn pages_of_the_book_link_to_what_is_in_it() {
+    let docs = xtask::workspace::root().unwrap().join("docs");
+    for page in pages(docs.parent().unwrap()).iter().filter(|p| p.starts_with(&docs)) {
+        for target in links(&fs::read_to_string(page).unwrap()) {
+            let at = page.parent().unwrap().join(&target);
+            let inside = at.canonicalize().unwrap().starts_with(docs.canonicalize().unwrap());
+            assert!(inside, "{}: {target} is not in the book; name it as code", page.display());
+            // Pages README.md become index.html, but not in links to them.
+            let readme = target.ends_with("/README.md") && !page.ends_with("SUMMARY.md");
+            assert!(!readme, "{}: link to the folder of {target}", page.display());
+        }
+    }
+}
+
 /// The anchor of a heading, as GitHub and mdBook make it.
 fn anchor(heading: &str) -> String {
     let plain = heading.trim().to_lowercase();

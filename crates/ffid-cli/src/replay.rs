@@ -75,6 +75,16 @@ fn begun(model: &Model, params: &Params<f64>, motion: &dyn JointMotion, found: &
     state
 }
 
+/// The mission's robot with what is true of the parameters that were asked for. `None` unless that is known.
+fn truth(model: &Model, mission: &Params<f64>, asked: &[Parameter]) -> Option<Params<f64>> {
+    let decls = model.param_decls();
+    let mut values = mission.values().to_vec();
+    for p in asked {
+        values[decls.iter().position(|d| d.name == p.name)?] = p.truth?;
+    }
+    (!asked.is_empty()).then(|| Params::from_values(model, values))
+}
+
 /// The replay of an identification: the identified robot, and the mission's, on the joint motion of the record. Problems are warnings:
 /// the result does not hang on its picture.
 pub(crate) fn identified(
@@ -124,16 +134,21 @@ fn draw(
     let scene = |label, params, trace, known| {
         Scene::new(&Subject { label, model, params, pose: &pose, trace: Some(trace), known, appearance: &appearance })
     };
-    let scenes = vec![
+    let mut scenes = vec![
         scene("identified", &after, &after_trace, known.as_ref()),
         scene("mission", &before, &before_trace, prior.as_ref()),
     ];
+    if let Some(truth) = truth(model, &before, &result.parameters) {
+        let from = begun(model, &truth, &*motion, &result.nuisance);
+        let trace = fly_from(model, &truth, &from, &*motion, &[], part.rate_hz(), 0.0);
+        scenes.push(scene("truth", &truth, &trace.map_err(|e| failed(model.name(), &e))?, None));
+    }
     let mut replay = Replay::new(format!("Replay of {}", result.robot), scenes, appearance);
     let moving = result.nuisance.iter().any(|p| p.name.starts_with(INITIAL));
     let from =
         if moving { "from the base rates and passive coordinates with which the record begins" } else { "from rest" };
     replay.notes.push(format!(
-        "Both robots make the joint motion of the record, simulated {from}; without noise, biases or what acted from outside."
+        "All robots make the joint motion of the record, simulated {from}; without noise, biases or what acted from outside."
     ));
     if part.seconds() < record.seconds() {
         replay.notes.push(format!("The first {LONGEST_S} s of {:.1} s are shown.", record.seconds()));

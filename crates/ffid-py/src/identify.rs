@@ -119,19 +119,23 @@ fn signals<'py>(py: Python<'py>, s: &Signals) -> PyResult<Bound<'py, PyDict>> {
 /// linearisations), and what ended it.
 type Ended = (Option<Identification>, Option<(Vec<(String, f64)>, f64, usize)>, Option<PyErr>);
 
-/// Identifies with the options of `ffid identify`.
+/// Identifies with the options of `ffid identify`; `without` are payloads and the places of records in which they were not mounted.
 #[pyfunction]
 pub(crate) fn identify(
     py: Python<'_>,
     mission: Py<Mission>,
     records: Vec<Py<Record>>,
     held_out: Option<Py<Record>>,
+    without: Vec<(String, usize)>,
     options: Vec<String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Ended> {
     let m = mission.get();
     let ((found, kept), broken) = watched(py, progress, |stop, tell| {
-        let given: Vec<session::Given> = records.iter().map(|r| r.get().given.clone()).collect();
+        let mut given: Vec<session::Given> = records.iter().map(|r| r.get().given.clone()).collect();
+        for (payload, record) in without {
+            given[record].without.push(payload);
+        }
         let held = held_out.as_ref().map(|r| &r.get().given);
         let show = |n: usize, chi2: f64| _ = tell.send(("fit", n, chi2));
         let kept = RefCell::new(None);

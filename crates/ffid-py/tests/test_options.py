@@ -27,8 +27,7 @@ COMMANDS: dict[str, tuple[list[object], set[str], set[str]]] = {
     "doctor": ([ffid.doctor, ffid.Record.read], {"record"}, {"mission", "records", "path"}),
     "identify": (
         [ffid.identify, ffid.Record.read, ffid.Result.save],
-        # Records in memory have no files to be named by.
-        {"record", "out", "without"},
+        {"record", "out"},
         {"mission", "progress", "path", "folder", "uncertain"},
     ),
     "validate": (
@@ -62,6 +61,22 @@ def test_options_and_keywords_are_the_same(command: str) -> None:
     given = keywords(functions) - objects
     assert options - given == set(), "options without a keyword"
     assert given - options == set(), "keywords without an option"
+
+
+def test_an_option_of_several_functions_is_the_same_in_each() -> None:
+    """Type, default and words of an option are given where a function takes it; they agree wherever it means one thing."""
+    judge = [ffid.identify, ffid.doctor, ffid.Result.validate]
+    shared = {o["option"] for o in TABLE if o["command"] == "doctor"} & {o["option"] for o in TABLE if o["command"] == "validate"}
+    shared = {o.replace("-", "_") for o in shared} & set(inspect.signature(ffid.doctor).parameters)
+    assert len(shared) == 9
+    for name in shared:
+        kinds = {(p.annotation, p.default) for f in judge for p in [inspect.signature(f).parameters[name]]}
+        assert len(kinds) == 1, name
+
+
+def test_one_name_stands_for_a_list_of_one(mission: ffid.Mission) -> None:
+    file = mission.file
+    assert ffid.Mission.load(file, allow="stuck")._core.allow == ["stuck"]
 
 
 def test_choices_of_the_command_line_are_those_of_the_annotations() -> None:

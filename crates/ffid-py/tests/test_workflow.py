@@ -525,3 +525,49 @@ def test_memory_does_not_grow(mission: ffid.Mission, record: ffid.Record) -> Non
     # FFID_FITS=1000 is the whole of it.
     first = fits(5)
     assert fits(int(os.environ.get("FFID_FITS", "15"))) - first < 20_000  # kB
+
+
+def test_a_payload_is_told_from_logs_with_and_without_it(fixtures: Path, tmp_path: Path) -> None:
+    """``without`` is ``--without``, of records in memory or files."""
+    payload = """
+[[client]]
+name = "load"
+host = "arm_l7"
+mass_kg = {mass}
+com_m = [0.03, -0.02, 0.06]
+inertia_com_kgm2 = [0.012, 0.001, -0.002, 0.014, 0.001, 0.011]
+"""
+    text = (fixtures / "ground" / "arm.toml").read_text().replace('["arm_l*"]', '["arm_l*", "load.*"]')
+    load = {what: ffid.Mission.from_toml(text + payload.format(mass=m), folder=fixtures / "ground") for what, m in (("guess", 2.0), ("truth", 2.7))}
+    bare = ffid.Mission.from_toml(text.replace(', "load.*"', ""), folder=fixtures / "ground")
+    n = len(bare.joints)
+    t = np.arange(0, 16, 0.004)
+    rng = np.random.default_rng(11)
+
+    def log(mission: ffid.Mission, name: str, seed: int) -> ffid.Record:
+        phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, (4, n))
+        o = 2 * np.pi * np.array([0.09, 0.17, 0.31, 0.47])[:, None, None]
+        arg = o * t[None, :, None] + phases[:, None, :]
+        size = 0.35
+        q, v, a = size * np.sin(arg).sum(0), size * (o * np.cos(arg)).sum(0), -size * (o**2 * np.sin(arg)).sum(0)
+        tau = mission.model.rnea(q, v, a) + rng.normal(0, 0.02, q.shape)
+        return ffid.Record.from_arrays(mission, t=t, q=q, tau=tau, name=name)
+
+    empty, loaded = log(bare, "empty", 5), log(load["truth"], "loaded", 6)
+    result = ffid.identify(load["guess"], [empty, loaded], without={"load": empty}, truth=load["truth"])
+    assert result.values["load.body.mass"] == pytest.approx(2.7, rel=0.02)
+    assert result.raw["parameters"][0]["truth"] > 0 and "truth" in result.parameters
+    wrong = ffid.identify(load["guess"], [empty, loaded])
+    assert abs(wrong.values["load.body.mass"] - 2.7) > 0.3, "without= is what tells them"
+    with pytest.raises(ValueError, match="none of those"):
+        ffid.identify(load["guess"], [loaded], without={"load": empty})
+    with pytest.raises(ffid.FfidError):
+        ffid.identify(load["guess"], [empty, loaded], without={"hand": empty})
+
+
+def test_the_descent_ends_at_the_estimates(result: ffid.Result, fixtures: Path) -> None:
+    descent = result.raw["descent"]
+    assert len(descent) > 2 and descent[0]["cost"] > descent[-1]["cost"]
+    assert descent[-1]["residuals"] == result.raw["residuals"] == max(s["residuals"] for s in descent)
+    whole = [s["cost"] for s in descent if s["residuals"] == result.raw["residuals"]]
+    assert whole == sorted(whole, reverse=True)

@@ -16,6 +16,21 @@
     }
   }
 
+  // The first screen of a report: its answer, how far to trust it and what to do next, each at least with its first sentence.
+  for (const part of document.querySelectorAll(".opening .part")) {
+    const label = part.querySelector("h2").textContent, first = part.querySelector("p");
+    const low = Math.round((first || part).getBoundingClientRect().bottom + scrollY);
+    hold(first, `nothing stands under ${label}`);
+    hold(low <= innerHeight, `${label} begins below the first screen: its first sentence ends at ${low} px of ${innerHeight}`);
+  }
+  // No text is cut off by its own box, and none of the page stands left of the window.
+  for (const e of document.querySelectorAll("h1, h2, h3, p, li, td, th, caption, figcaption, summary, label, button")) {
+    if (!e.getClientRects().length || e.closest(".wide, figure, .u-off")) continue;
+    const hidden = getComputedStyle(e).overflowX !== "visible" && e.scrollWidth > e.clientWidth + 1;
+    const box = e.getBoundingClientRect();
+    hold(!hidden && box.left > -1 && box.right <= innerWidth + 1, `cut off: ${e.textContent.trim().slice(0, 40)}`);
+  }
+
   // Contrast of text (WCAG 2.1, level AA: 4.5).
   const rgb = (text) => text.match(/[\d.]+/g).map(Number);
   const luminance = ([r, g, b]) => [r, g, b].map((c) => c / 255).map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))

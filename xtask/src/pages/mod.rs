@@ -15,6 +15,7 @@ use ffid::exit::{Exit, Failure};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 const CHECK: &str = include_str!("check.js");
 /// Windows: name, width and height (px), dark.
@@ -86,6 +87,7 @@ fn check(browser: &mut Browser, pages: &[PathBuf], out: &Path, pictures: bool) -
             faults.push(format!("{name}: {bytes} bytes, limit {LARGEST}"));
         }
         for (window, size, dark) in WINDOWS {
+            let begun = Instant::now();
             browser.open(page, size, dark)?;
             let answer = browser.evaluate(CHECK).with_context(|| format!("{name}, {window}"))?;
             let found = answer["problems"].as_array().context("no answer of check.js")?;
@@ -97,6 +99,7 @@ fn check(browser: &mut Browser, pages: &[PathBuf], out: &Path, pictures: bool) -
             }
             let rate = answer["frames_per_second"].as_f64().map_or_else(String::new, |r| format!("{r:.0}"));
             table.row(vec![name.clone(), (bytes / 1000).to_string(), window.to_owned(), own.len().to_string(), rate]);
+            eprintln!("{name}, {window}: {} faults, {:.1} s", own.len(), begun.elapsed().as_secs_f64());
             faults.extend(own.into_iter().map(|f| format!("{name}, {window}: {f}")));
         }
     }

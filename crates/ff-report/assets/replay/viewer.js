@@ -6,16 +6,32 @@
 
   // Amplitude of a mode on the screen: largest rotation (rad) of a hinge, or shift relative to the size of the robot.
   const SWING = 0.15;
+  // Part of the window that the robot fills.
+  const IN_SIGHT = 0.9;
   const BACK = { light: [0.96, 0.97, 0.98], dark: [0.09, 0.11, 0.14] };
+
+  /** Whether this machine draws WebGL by its processor. */
+  function byProcessor() {
+    const gl = document.createElement("canvas").getContext("webgl");
+    if (!gl) return false;
+    let name = gl.getParameter(gl.RENDERER);
+    // Some browsers tell the name only so.
+    const info = name === "WebKit WebGL" && gl.getExtension("WEBGL_debug_renderer_info");
+    if (info) name = gl.getParameter(info.UNMASKED_RENDERER_WEBGL);
+    gl.getExtension("WEBGL_lose_context")?.loseContext();
+    return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+  }
 
   class Viewer {
     constructor(box, data) {
       this.box = box;
       this.data = data;
       this.canvas = box.querySelector("canvas");
-      const renderer = new Renderer({
-        canvas: this.canvas, dpr: Math.min(window.devicePixelRatio || 1, 2), antialias: true, preserveDrawingBuffer: true,
-      });
+      const software = byProcessor(), dpr = Math.min(window.devicePixelRatio || 1, 2);
+      // Pixels of the screen for one of the page. The processor draws smooth edges at half the rate: there, pictures that move do
+      // without, and those that stand still are drawn finer instead.
+      this.fine = { still: software ? Math.max(dpr, 1.5) : dpr, moving: software ? 1 : dpr };
+      const renderer = new Renderer({ canvas: this.canvas, dpr: this.fine.still, antialias: !software, preserveDrawingBuffer: true });
       const gl = renderer.gl;
       if (!gl) throw new Error("no WebGL");
       this.renderer = renderer;
@@ -38,7 +54,9 @@
       this.drawn = 0;
       this.labels = [];
       this.controls();
-      this.look("corner");
+      this.view = "corner";
+      // Where the user has put the camera it stays.
+      for (const turned of ["mousedown", "touchstart", "wheel"]) this.canvas.addEventListener(turned, () => { this.view = null; }, { passive: true });
       new ResizeObserver(() => this.resize()).observe(this.canvas.parentElement);
       this.resize();
       const dark = window.matchMedia("(prefers-color-scheme: dark)");
@@ -79,6 +97,10 @@
       for (const name of ["deflection", "ellipsoid", "beside", "names", "boxes", "sensors", "trail", "com"]) {
         this.control(name)?.addEventListener("input", redraw);
       }
+      this.control("beside").addEventListener("input", () => {
+        this.draw();
+        if (this.view) this.look(this.view);
+      });
       this.box.querySelectorAll("[data-view]").forEach((b) => b.addEventListener("click", () => this.look(b.dataset.view)));
       this.canvas.addEventListener("keydown", (e) => this.key(e));
       if (this.robots.length < 2) this.control("beside").closest("label").hidden = true;
@@ -119,6 +141,7 @@
       const button = this.control("play");
       button.textContent = this.playing ? "Pause" : "Play";
       button.setAttribute("aria-pressed", String(this.playing));
+      this.scale();
     }
     seek(t) {
       this.time = Math.min(Math.max(t, 0), this.duration());
@@ -138,22 +161,54 @@
       e.preventDefault();
       acts[e.key]();
     }
-    /** Places the camera. */
+    /** Places the camera where the whole of the robot is in the window. */
     look(from) {
-      const d = 2.1 * this.size;
-      const [x, y, z] = this.data.scenes[0].com_m;
+      this.view = from;
       const places = { corner: [0.62, 0.42, 0.66], front: [1, 0.02, 0], side: [0, 0.02, 1], top: [0.001, 1, 0] };
-      this.orbit.target.set(x, z, -y);
-      this.camera.position.set(...places[from].map((u, i) => u * d + [x, z, -y][i]));
+      const [x, y, z] = this.data.scenes[0].com_m;
+      const target = new Vec3(x, z, -y), out = new Vec3(...places[from]).normalize();
+      const right = new Vec3(0, 1, 0).cross(out).normalize(), up = out.clone().cross(right);
+      const high = IN_SIGHT * Math.tan((0.5 * this.camera.fov * Math.PI) / 180), wide = high * this.camera.aspect;
+      const far = this.outline().map((p) => {
+        p.sub(target);
+        return p.dot(out) + Math.max(Math.abs(p.dot(right)) / wide, Math.abs(p.dot(up)) / high);
+      });
+      const d = Math.max(0.5 * this.size, ...far);
+      this.orbit.target.copy(target);
+      this.camera.position.copy(target.add(out.scale(d)));
       this.orbit.forcePosition();
+      this.dirty = true;
+    }
+    /** Corners of the boxes around everything that is drawn of the robots, at rest. */
+    outline() {
+      const corners = [];
+      for (const robot of this.robots) {
+        robot.pose(still(robot.scene), { deflection: 1, ellipsoid: 1 });
+        this.world.updateMatrixWorld();
+        robot.root.traverse((node) => {
+          if (!node.geometry || [robot.trail, robot.com.marker, robot.com.cloud].includes(node)) return;
+          if (!node.geometry.bounds || !Number.isFinite(node.geometry.bounds.min.x)) node.geometry.computeBoundingBox();
+          const { min, max } = node.geometry.bounds;
+          for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {
+            corners.push(new Vec3(x, y, z).applyMatrix4(node.worldMatrix));
+          }
+        });
+      }
+      return corners;
+    }
+    /** Gives the picture as many pixels as it is to have. */
+    scale() {
+      const { clientWidth: w, clientHeight: h } = this.canvas.parentElement;
+      this.renderer.dpr = this.playing ? this.fine.moving : this.fine.still;
+      if (w && h) this.renderer.setSize(w, h);
       this.dirty = true;
     }
     resize() {
       const { clientWidth: w, clientHeight: h } = this.canvas.parentElement;
       if (!w || !h) return;
-      this.renderer.setSize(w, h);
-      // A tall screen keeps the width of the robot in sight.
-      this.camera.perspective({ aspect: w / h, fov: w < h ? 52 : 40 });
+      this.scale();
+      this.camera.perspective({ aspect: w / h, fov: 40 });
+      if (this.view) this.look(this.view);
       this.dirty = true;
     }
     state(robot, what) {

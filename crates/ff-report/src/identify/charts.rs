@@ -1,16 +1,18 @@
 //! Charts of a result that have no curves: intervals on one scale, correlations, where the variance comes from.
 
-use crate::plot::{Figure, Heat, Interval, Intervals};
+use crate::plot::{Figure, Heat, Interval, Intervals, Panel};
 use ffid::workflow::identify::IdentificationResult;
 
 /// Width of what was known before, where there is no prior: this part of the start.
 const NO_PRIOR: f64 = 0.3;
 /// Ends of the scale of intervals, in widths of what was known before.
 const SCALE: f64 = 3.2;
+/// Colour of what is true.
+const TRUTH: usize = 1;
 /// Most unknowns in a matrix of correlations.
 const CORRELATED: usize = 24;
 
-/// Estimates and priors of all parameters on one scale: distances from what was known before, in its standard deviations. `None` without
+/// Estimates, priors and, where it is known, the truth of all parameters on one scale: distances from what was known before, in its standard deviations. `None` without
 /// any.
 pub(super) fn intervals(r: &IdentificationResult) -> Option<Figure> {
     let mut without = false;
@@ -31,6 +33,9 @@ pub(super) fn intervals(r: &IdentificationResult) -> Option<Figure> {
             }
             let (low, high) = p.interval95.map_or((of(p.value), of(p.value)), |(a, b)| (of(a), of(b)));
             all.push(Interval { low, high, at: Some(of(p.value)), colour: 0, wide: false });
+            if let Some(truth) = p.truth.map(of).filter(|t| t.is_finite()) {
+                all.push(Interval { low: truth, high: truth, at: Some(truth), colour: TRUTH, wide: false });
+            }
             Some((p.name.clone(), all))
         })
         .collect();
@@ -38,10 +43,12 @@ pub(super) fn intervals(r: &IdentificationResult) -> Option<Figure> {
         return None;
     }
     let note = if without { " Where there is no prior, 30 % of the start takes its place." } else { "" };
+    let mut legend = vec![("prior, 95 %".into(), 6), ("estimate with its 95 % interval".into(), 0)];
+    legend.extend(r.parameters.iter().any(|p| p.truth.is_some()).then(|| ("truth".into(), TRUTH)));
     let intervals = Intervals {
         x_label: "distance from what was known before, in its standard deviations".into(),
         x_range: Some((-SCALE, SCALE)),
-        legend: vec![("prior, 95 %".into(), 6), ("estimate with its 95 % interval".into(), 0)],
+        legend,
         marks: vec![0.0],
         rows,
         ..Intervals::default()
@@ -83,6 +90,26 @@ pub(super) fn correlations(r: &IdentificationResult) -> Option<Figure> {
         "Estimates with a correlation near 1 or -1 can hardly be told apart: the record sees their sum or difference.{more}"
     );
     Some(Figure::new("Correlations of the estimates").heat(heat).caption(caption))
+}
+
+/// What was minimised at every linearisation that led to the estimates. `None` for fewer than two, as of linear fits.
+pub(super) fn descent(r: &IdentificationResult) -> Option<Figure> {
+    let steps = &r.descent;
+    if steps.len() < 2 || steps.iter().any(|s| !(s.cost > 0.0 && s.cost.is_finite())) {
+        return None;
+    }
+    let all = steps.iter().map(|s| s.residuals).max().unwrap_or(0);
+    let numbered = || steps.iter().enumerate().map(|(i, s)| (i as f64, s));
+    let of = |whole: bool| -> (Vec<f64>, Vec<f64>) {
+        numbered().filter(|(_, s)| (s.residuals == all) == whole).map(|(i, s)| (i, s.cost)).unzip()
+    };
+    let ((i, cost), (thin_i, thin_cost)) = (of(true), of(false));
+    let mut panel = Panel::log_y("linearisation", "cost per residual").curve("all data", &i, &cost);
+    if !thin_i.is_empty() {
+        panel = panel.curve("fewer data, on the way", &thin_i, &thin_cost);
+    }
+    let caption = "What the fit minimised (squared residuals over the noise, and priors), per residual: 1 is the noise of the sensors.";
+    Some(Figure::new("How the fit came down").panel(panel).caption(caption))
 }
 
 /// Parts of the variance of every estimate. `None` where nothing is uncertain.

@@ -96,6 +96,13 @@ fn trust(r: &IdentificationResult) -> (Level, &'static str, Vec<String>) {
         said.push(format!("Residuals are {:.2} times the noise of the sensors; {}.", r.chi2_per_dof.sqrt(), e.reason));
     }
     said.extend(r.held_out.iter().map(|h| format!("Data that were not used ({}): {}", h.source, h.verdict)));
+    if let Some((p, off)) = r.farthest_from_truth() {
+        said.push(format!(
+            "The truth is known: the farthest estimate, {}, is {:.1} of its deviations from it.",
+            p.name,
+            off.abs()
+        ));
+    }
     if let Some(h) = r.taken_as_exact.first().filter(|h| h.moves_by >= MATTERS) {
         said.push(format!(
             "The deviations hold if sensors, links and placements are exactly as the mission says: {} of {} alone would move {} by {:.1} of its deviations.",

@@ -104,6 +104,7 @@ pub fn page(r: &IdentificationResult, figures: &[(String, Figure)], replay: Opti
     let mut told = identifiability(r);
     told.extend(chart(charts::correlations(r))?);
     told.extend(convergence(r));
+    told.extend(chart(charts::descent(r))?);
     page.section("What the record can tell", told);
     page.section("Warnings", warnings(r));
     page.section("Provenance", provenance(r));
@@ -162,10 +163,13 @@ fn level(r: &IdentificationResult) -> Level {
 
 /// Column of the standard deviations.
 const STD: usize = 3;
+/// Column of the starts.
+const START: usize = 5;
 
 fn table(caption: &str, all: &[Parameter]) -> Table {
     // A column of its own where residuals are coloured.
     let coloured = all.iter().any(|p| p.std_coloured.is_some());
+    let known = all.iter().any(|p| p.truth.is_some());
     let rows = all.iter().map(|p| {
         let prior = p.prior_mean.zip(p.prior_std);
         let level = match p.verdict {
@@ -184,6 +188,10 @@ fn table(caption: &str, all: &[Parameter]) -> Table {
             interval(p.value, p.interval95, prior.map(|(m, s)| (m - 1.96 * s, m + 1.96 * s)), p.start),
             Cell::Mark(level, p.verdict.words().into()),
         ];
+        if known {
+            let off = p.deviations_off().map_or_else(String::new, |d| format!("{d:+.2}"));
+            row.splice(START..START, [Cell::number(p.truth.map_or_else(String::new, num)), Cell::number(off)]);
+        }
         if coloured {
             row.insert(STD + 1, Cell::number(p.std_coloured.map_or_else(String::new, num)));
         }
@@ -191,6 +199,9 @@ fn table(caption: &str, all: &[Parameter]) -> Table {
     });
     let head = ["name", "value", "unit", "std", "95 % interval", "start", "prior", "estimate in its prior", "verdict"];
     let mut head = head.map(String::from).to_vec();
+    if known {
+        head.splice(START..START, ["truth", "estimate - truth, in std"].map(String::from));
+    }
     if coloured {
         head.insert(STD + 1, "std, coloured noise".into());
     }

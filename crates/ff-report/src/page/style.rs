@@ -39,7 +39,8 @@ details{margin:.6rem 0}summary{cursor:pointer;color:var(--est)}\
 footer{margin-top:2.5rem;color:var(--soft);font-size:.85rem;border-top:1px solid var(--line);padding-top:.6rem}\
 .plots{display:none}.live>.plots{display:block}.live>svg{display:none}\
 @media (max-width:40rem){body{padding:.6rem .8rem 2rem;font-size:15px}h1{font-size:1.3rem}\
-.opening .part{grid-template-columns:1fr;gap:0}.opening h2{margin:0}.opening{padding:.3rem .7rem}\
+.opening .part{grid-template-columns:1fr;gap:0;padding:.25rem 0}.opening h2{margin:0;font-size:.85rem}.opening{padding:.3rem .7rem}\
+.opening .part p{font-size:.87rem;line-height:1.35;margin:.15rem 0}.opening .part p:first-child{font-size:.98rem}\
 td,th{white-space:normal}\
 .cards,.cards caption,.cards tbody,.cards tr,.cards th,.cards td{display:block}.cards thead{display:none}\
 .cards tr{border-bottom:2px solid var(--line);padding:.4rem 0}.cards tbody th{font-weight:700;border:0}\

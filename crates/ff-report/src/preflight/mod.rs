@@ -1,6 +1,7 @@
 //! Figures and page of a verdict on a trajectory.
 
 mod figures;
+mod opening;
 mod page;
 
 pub use figures::figures;

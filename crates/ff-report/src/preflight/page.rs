@@ -1,9 +1,10 @@
 //! The verdict on a trajectory as a page: `report.html` of `ffid plan` and `ffid excite`.
 
+use super::opening::opening;
 use crate::page::{Block, Cell, Level, Page, Table, points};
 use crate::plot::Figure;
 use ffid::exit::Failure;
-use ffid::workflow::identify::{BudgetLine, harmful, next_step, num};
+use ffid::workflow::identify::{BudgetLine, num};
 use ffid::workflow::preflight::{Determination, LimitMargin, ModeVisibility, Predicted, Preflight, Proof, Seen};
 
 /// Part of a variance from which it is listed.
@@ -15,8 +16,7 @@ const SEEN: f64 = 0.005;
 /// Those of [`Figure::to_svg`].
 pub fn page(v: &Preflight, plan: Option<&str>, figures: &[(&'static str, Figure)]) -> Result<String, Failure> {
     let mut page = Page::new(format!("Trajectory for {}", v.robot));
-    let (level, sentences) = verdict(v);
-    page.verdict(level, &sentences);
+    page.open_with(opening(v));
     let points = points(figures.iter().map(|(_, f)| f));
     let drawn = |stem: &str| -> Result<Vec<Block>, Failure> {
         figures.iter().filter(|(s, _)| *s == stem).map(|(_, f)| Block::figure(f, points)).collect()
@@ -57,33 +57,6 @@ pub fn page(v: &Preflight, plan: Option<&str>, figures: &[(&'static str, Figure)
     whole.push(Block::Details("The verdict as text".into(), vec![Block::Code(v.to_string())]));
     page.section("In full", whole);
     Ok(page.render())
-}
-
-fn verdict(v: &Preflight) -> (Level, Vec<String>) {
-    let n = v.parameters.len();
-    let told = v.parameters.iter().filter(|p| p.told == Determination::Well).count();
-    let mut out = vec![format!("{told} of {n} parameters will be determined by {:.2} s of this motion.", v.duration_s)];
-    let weak: Vec<&str> =
-        v.parameters.iter().filter(|p| p.told == Determination::Weakly).map(|p| p.name.as_str()).collect();
-    if !weak.is_empty() {
-        let above = num(100.0 * v.weak_above);
-        out.push(format!("Known worse than to {above} %: {}.", ff_model::diagnostics::list(weak.iter().copied(), 12)));
-    }
-    if !v.null_directions.is_empty() {
-        out.push(format!("The record will be silent on {} combinations.", v.null_directions.len()));
-    }
-    out.extend(next_step(&v.budget).into_iter().chain(harmful(&v.taken_as_exact)));
-    let blind = v.modes.iter().filter(|m| m.torque.seen == Seen::Not && m.gyro.seen == Seen::Not).count();
-    if blind > 0 {
-        out.push(format!("No sensor will see {blind} of {} modes.", v.modes.len()));
-    }
-    out.push(if v.limits_hold { "All limits are kept." } else { "Limits are BROKEN." }.to_owned());
-    let level = match (v.limits_hold, v.null_directions.is_empty() && weak.is_empty() && blind == 0) {
-        (false, _) => Level::Bad,
-        (true, true) => Level::Good,
-        (true, false) => Level::Fair,
-    };
-    (level, out)
 }
 
 fn budget(all: &[BudgetLine]) -> Table {

@@ -37,9 +37,12 @@ pub(super) fn render(r: &Replay) -> Result<String, Failure> {
     let json = serde_json::to_string(r).map_err(|e| Failure::Numerical(format!("replay '{}': {e}", r.title)))?;
     let mut page = Page::new(r.title.clone());
     page.source("Lengths in m, angles in rad. The data are in this file as JSON.");
-    let second = r.scenes.get(1).map(|s| format!(", {} half transparent", s.label)).unwrap_or_default();
     let first = r.scenes.first().map_or("", |s| s.label.as_str());
-    page.lead(Block::text(format!("In front: {first}{second}.")));
+    let others: Vec<&str> = r.scenes.iter().skip(1).map(|s| s.label.as_str()).collect();
+    page.lead(Block::text(match others.is_empty() {
+        false => format!("Solid: {first}. Half transparent: {}.", others.join(", ")),
+        true => format!("Shown: {first}."),
+    }));
     page.lead(Block::Replay(format!(
         "<figure class=\"still\">{}</figure>{VIEW}<script type=\"application/json\">{}</script>",
         r.drawing(),

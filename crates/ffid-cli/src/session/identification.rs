@@ -6,7 +6,7 @@ use super::record::Given;
 use crate::Command;
 use crate::commands::identify::fit::fit_observed;
 use crate::commands::identify::prepare::{
-    Data, Held, HoldOut, Ready, cut, fewest_samples, go_on, label, same_data, settings,
+    Data, Held, HoldOut, Ready, cut, fewest_samples, go_on, label, only_on_the_ground, same_data, settings,
 };
 use crate::commands::identify::write::write;
 use crate::commands::identify::{Args, conclude};
@@ -20,7 +20,7 @@ use ff_report::identify::{all_figures, page};
 use ffid::exit::{Exit, Failure};
 use ffid::files::folder::{Entry, Folder};
 use ffid::open::Opened;
-use ffid::workflow::identify::{IdentificationResult, Identified, LabelledRecord, Observer, Signals};
+use ffid::workflow::identify::{Absent, IdentificationResult, Identified, LabelledRecord, Observer, Signals};
 use std::path::{Path, PathBuf};
 
 /// An identification with what its files need.
@@ -70,6 +70,7 @@ pub fn identify(
         labelled.push(LabelledRecord { label, record, resampled: (false, false), continues: false, ago: 0 });
     }
     let (mut fit_options, earlier) = args.options(&opened.model)?;
+    let truth = args.known_truth(opened)?;
     problems.extend(earlier.warnings);
     let mut files = results::mission_files(file, mission);
     let named = files.len();
@@ -87,14 +88,18 @@ pub fn identify(
         }
         (HoldOut::Nothing, None) => Held::None,
         (HoldOut::Part(f), None) => {
-            let name = records.last().map(|r| r.path.display().to_string()).unwrap_or_default();
-            cut(&mut labelled, f, need, &name)?
+            let path = records.last().map(|r| r.path.as_path()).unwrap_or(Path::new("the record"));
+            cut(&mut labelled, f, need, path)?
         }
         (HoldOut::File(path), None) => {
             let p = Problem::error(Area::Config, "Config::HeldOut", "a fraction or a record is needed, not a path");
             return Err(Problems(vec![p.in_file(path).hint("read it as a record first")]).into());
         }
     };
+    let absent = labelled.iter().zip(records).flat_map(|(l, given)| {
+        given.without.iter().map(|payload| Absent { payload: payload.clone(), record: l.label.clone() })
+    });
+    fit_options.absent = only_on_the_ground(opened, absent.collect())?;
     fit_options.profile.clone_from(&args.profile);
     let refused = |(exit, problems): (Exit, Problems)| Refused { exit, problems: problems.in_file(file) };
     let mut data = Data { records: labelled, sources: records.iter().map(|g| g.path.clone()).collect(), problems };
@@ -111,6 +116,7 @@ pub fn identify(
         sources,
         earlier: earlier.inputs,
         held,
+        truth,
         problems,
         inputs,
     };

@@ -24,6 +24,8 @@ pub struct Given {
     pub warnings: Problems,
     /// Name, size and hash of the data.
     pub source: Entry,
+    /// Payloads of the mission that were not mounted, as `--without` names them.
+    pub without: Vec<String>,
 }
 
 /// Reads a record of the robot with options of `ffid doctor` (`--resample`, `--gaps drop`, `--allow stuck` ...).
@@ -36,7 +38,7 @@ pub fn read_record(model: &Model, path: &Path, options: &[String]) -> Result<Giv
     let Command::Doctor(args) = parse("doctor", &words)? else { return Err(another("doctor")) };
     let loaded = args.reading.read(path, model, 8, None, &args.input)?;
     let source = results::inputs(&[path.to_owned()]).map_err(io)?.swap_remove(0);
-    Ok(Given { path: path.to_owned(), record: loaded.record, warnings: loaded.warnings, source })
+    Ok(Given { path: path.to_owned(), record: loaded.record, warnings: loaded.warnings, source, without: Vec::new() })
 }
 
 /// A record of columns in memory, `(name[unit], numbers)` of equal length, with options of `ffid doctor`: read as a file of them would
@@ -59,7 +61,8 @@ pub fn read_columns(
     loaded.warnings = loaded.warnings.in_file(name);
     let Loaded { record, warnings, .. } = believed(loaded, model, name, &leniency)?;
     let slices: Vec<&[f64]> = columns.iter().map(|(_, x)| x.as_slice()).collect();
-    Ok(Given { path: name.to_owned(), record, warnings, source: Entry::of_numbers(&slices, file) })
+    let source = Entry::of_numbers(&slices, file);
+    Ok(Given { path: name.to_owned(), record, warnings, source, without: Vec::new() })
 }
 
 /// A record that was built in memory, with the warnings that a file of its content would give: motion and torques beyond what the robot
@@ -80,5 +83,5 @@ pub fn given(
     if warnings.has_errors() {
         return Err(warnings.into());
     }
-    Ok(Given { path: name.to_owned(), record, warnings, source })
+    Ok(Given { path: name.to_owned(), record, warnings, source, without: Vec::new() })
 }

@@ -122,7 +122,12 @@ def plan_excitation(
     mission: Mission, options: list[str], progress: _Progress
 ) -> tuple[tuple[str, str, str, str, str] | None, BaseException | None]: ...
 def identify(
-    mission: Mission, records: list[Record], held_out: Record | None, options: list[str], progress: _Progress
+    mission: Mission,
+    records: list[Record],
+    held_out: Record | None,
+    without: list[tuple[str, int]],
+    options: list[str],
+    progress: _Progress,
 ) -> tuple[Identification | None, tuple[list[tuple[str, float]], float, int] | None, BaseException | None]: ...
 def load_result(folder: _Path) -> tuple[str, int]: ...
 def validate(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Union
 
 import numpy as np
@@ -17,6 +18,23 @@ ArrayLike = npt.ArrayLike
 """What NumPy makes an array of."""
 Progress = Callable[[str, int, float], object]
 """Called with what is done, how often (linearisations or iterations) and its cost (chi-squared per residual, or the cost of a plan)."""
+
+
+def several(names: str | Iterable[str]) -> list[str]:
+    """Names of which one alone may stand for itself."""
+    return [names] if isinstance(names, str) else list(names)
+
+
+def words_of(function: Callable[..., object], values: Mapping[str, Any], *, leave: Iterable[str] = ()) -> list[str]:
+    """Keyword arguments of a function as :func:`words`, so that its signature is the one list of them.
+
+    Args:
+        function: The function.
+        values: Its ``locals()``.
+        leave: Keywords that are no options of the command.
+    """
+    named = [p.name for p in inspect.signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
+    return words(**{name: values[name] for name in named if name not in leave})
 
 
 def words(**keywords: Any) -> list[str]:

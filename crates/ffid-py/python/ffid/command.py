@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 from . import _ffid
-from ._options import Path, words
+from ._options import Path, words, words_of
 from .errors import Problem, from_json, problems_of, warn_of
 
 
@@ -66,8 +66,7 @@ def convert(
         strict: Whether warnings are errors.
         force: Whether ``to`` may replace a file.
     """
-    lists = {"ignore": list(ignore), "topic": list(topic), "slides": list(slides), "allow": list(allow)}
-    return run_command("convert", source, to, si=si, max_bytes=max_bytes, strict=strict, force=force, **lists)
+    return run_command("convert", source, to, *words_of(convert, locals()))
 
 
 def schema(of: Literal["mission", "result"]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any, Union
 
 from . import _ffid
-from ._options import Path, words
+from ._options import Path, words_of
 from .errors import Problem, problems_of
 from .mission import Mission
 from .record import Record
@@ -105,16 +105,6 @@ def doctor(
     Raises:
         FfidError: When the mission is refused, or a file is no record.
     """
-    given = read_all(records, mission, allow=list(allow), strict=strict)
-    options = words(
-        torque_noise=torque_noise,
-        gyro_noise=gyro_noise,
-        no_biases=no_biases,
-        initial_state=initial_state,
-        max_iterations=max_iterations,
-        max_chi2=max_chi2,
-        low_pass=low_pass,
-        allow=list(allow),
-        strict=strict,
-    )
+    given = read_all(records, mission, allow=allow, strict=strict)
+    options = words_of(doctor, locals())
     return Diagnosis(*_ffid.doctor(mission._core, [r._core for r in given], options))

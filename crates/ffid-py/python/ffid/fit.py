@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Union
 
 from . import _ffid
-from ._options import Path, Progress, words
+from ._options import Path, Progress, words_of
 from .diagnosis import Records, read_all
 from .errors import Interrupted, problems_of, warn_of
-from .mission import Mission
+from .mission import Mission, TemporaryFolder
 from .record import Record
 from .result import Result
 
 Uncertain = Union[Literal["estimate", "consider", "exact"], Sequence[Mapping[str, Any]]]
 """What becomes of what the mission is not sure of, or tables in place of the mission's."""
+
+# Keywords that are objects in place of options.
+_OBJECTS = ("uncertain", "without", "progress")
 
 
 def identify(
@@ -23,10 +27,12 @@ def identify(
     records: Records,
     *,
     held_out: float | Record | Path | None = None,
+    truth: Path | Mission | None = None,
     method: Literal["auto", "rda", "output-error", "ground"] = "auto",
     prior: float | None = None,
     no_prior: bool = False,
     prior_from: Path | None = None,
+    without: Mapping[str, Records] | None = None,
     uncertain: Uncertain | None = None,
     consider: bool = False,
     sample: int | None = None,
@@ -61,10 +67,14 @@ def identify(
         mission: The mission.
         records: A record or a file, or several of one robot: parameters are shared, biases and initial state are those of each.
         held_out: Data that judge the model and are not fitted: a fraction (the end of the last record) or another record.
+        truth: Mission that simulated records were made with: ``parameters``, report and replay show its values beside the estimates. They
+            are not used.
         method: How records are predicted.
         prior: Relative standard deviation of a prior on every parameter, in place of ``estimate.prior_relative_std``.
         no_prior: The data alone, whatever the mission says.
         prior_from: Folder of an earlier result to go on from: its records are fitted as well.
+        without: Payloads of an arm on the ground with the records, of those that are given, in which they were not mounted, such as
+            ``{"tool": empty}``.
         uncertain: What becomes of what the mission is not sure of (``[[uncertain]]``, deviations in ``[sensors]``): ``"estimate"`` it beside
             the parameters, as the mission says; ``"consider"``, as ``consider``; take all as ``"exact"``; or tables in place of the mission's,
             as :meth:`Mission.with_uncertain` takes them.
@@ -106,42 +116,18 @@ def identify(
             consider = consider or uncertain == "consider"
         if uncertain == "exact" or not isinstance(uncertain, str):
             mission = mission.with_uncertain(() if isinstance(uncertain, str) else uncertain)
-    given = read_all(records, mission, allow=list(allow), strict=strict)
+    given = read_all(records, mission, allow=allow, strict=strict)
     held = None
     if held_out is not None and not isinstance(held_out, (int, float)):
-        (held,) = read_all(held_out, mission, allow=list(allow), strict=strict)
-    options = words(
-        held_out=held_out if held is None else None,
-        method=method,
-        prior=prior,
-        no_prior=no_prior,
-        prior_from=prior_from,
-        consider=consider,
-        sample=sample,
-        ties=ties,
-        loss=loss,
-        reduce=reduce,
-        profile=list(profile),
-        starts=starts,
-        compare=list(compare),
-        adopt=list(adopt),
-        clocks=clocks,
-        external_torque=external_torque,
-        modes=modes,
-        no_start_offset=no_start_offset,
-        seed=seed,
-        torque_noise=torque_noise,
-        gyro_noise=gyro_noise,
-        no_biases=no_biases,
-        initial_state=initial_state,
-        max_iterations=max_iterations,
-        max_chi2=max_chi2,
-        low_pass=low_pass,
-        allow=list(allow),
-        strict=strict,
-    )
+        (held,) = read_all(held_out, mission, allow=allow, strict=strict)
+    # The folder of a mission with changed values lasts until the fit has ended.
+    truth_folder = TemporaryFolder() if isinstance(truth, Mission) and truth._core.is_changed else None
+    if isinstance(truth, Mission):
+        truth = truth.save(truth_folder.path) if truth_folder else truth.file
+    options = words_of(identify, {**locals(), "held_out": held_out if held is None else None}, leave=_OBJECTS)
     cores = [r._core for r in given]
-    core, kept, broken = _ffid.identify(mission._core, cores, None if held is None else held._core, options, progress)
+    absent = _absent(without or {}, records, given)
+    core, kept, broken = _ffid.identify(mission._core, cores, None if held is None else held._core, absent, options, progress)
     if broken is not None and not isinstance(broken, KeyboardInterrupt):
         raise broken
     if core is None:
@@ -163,3 +149,20 @@ def identify(
     known |= {str(p) for p in problems_of(mission._core.warnings())}
     warn_of([p for p in problems if p.severity == "warning" and str(p) not in known])
     return result
+
+
+def _absent(without: Mapping[str, Records], records: Records, given: Sequence[Record]) -> list[tuple[str, int]]:
+    """Payloads with the places of the records in which they were not mounted."""
+    one = (Record, str, os.PathLike)
+    several = [records] if isinstance(records, one) else list(records)
+    found: list[tuple[str, int]] = []
+    for payload, where in without.items():
+        for record in [where] if isinstance(where, one) else where:
+            is_meant = [
+                r is record if isinstance(record, Record) else not isinstance(r, Record) and os.fspath(r) == os.fspath(record)
+                for r in several
+            ]
+            if not any(is_meant):
+                raise ValueError(f"without: the record of {payload!r} without it, {record!r}, is none of those that are given")
+            found.append((payload, is_meant.index(True)))
+    return found

@@ -14,7 +14,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from . import _ffid
-from ._options import ArrayLike, Path, words
+from ._options import ArrayLike, Path, several, words
 from .command import run, run_command
 from .errors import warn, warn_of
 from .model import Model
@@ -47,7 +47,7 @@ class Mission:
         Raises:
             FfidError: With every problem of the files.
         """
-        core = _ffid.Mission.load(path, list(allow), strict)
+        core = _ffid.Mission.load(path, several(allow), strict)
         warn(core.warnings())
         return cls(core)
 
@@ -90,7 +90,7 @@ class Mission:
         def hinges(x: float | Mapping[str, float] | None) -> list[str] | float | None:
             return [f"{joint}={value}" for joint, value in x.items()] if isinstance(x, Mapping) else x
 
-        keep = _TemporaryFolder() if out is None else None
+        keep = TemporaryFolder() if out is None else None
         file = keep.path / "mission.toml" if keep else FilePath(os.fspath(out or ""))
         options = words(
             out=file,
@@ -102,12 +102,12 @@ class Mission:
             gyro_noise=gyro_noise,
             tank=None if tank is None else ",".join(str(x) for x in tank),
             tank_at=None if tank_at is None else ",".join(str(x) for x in tank_at),
-            allow=list(allow),
+            allow=several(allow),
             strict=strict,
             force=force,
         )
         _, problems = run("init", urdf, *options)
-        core = _ffid.Mission.load(file, list(allow), strict)
+        core = _ffid.Mission.load(file, several(allow), strict)
         known = warn(core.warnings())
         warn_of([p for p in problems if p.severity == "warning" and p.message not in {k.message for k in known}])
         return cls(core, keep)
@@ -130,10 +130,10 @@ class Mission:
 
         # Problems name lines: none is added or taken.
         moved = re.sub(r"""(\b(?:urdf|\w+_file)\s*=\s*)["']([^"'\n]*)["']""", absolute, text)
-        keep = _TemporaryFolder()
+        keep = TemporaryFolder()
         file = keep.path / "mission.toml"
         file.write_text(moved, encoding="utf-8")
-        core = _ffid.Mission.load(file, list(allow), strict)
+        core = _ffid.Mission.load(file, several(allow), strict)
         warn(core.warnings())
         return cls(core, keep)
 
@@ -186,7 +186,7 @@ class Mission:
             made._keep = (made._keep, self._keep)
             return made
         # Beside the robot with its values.
-        keep = _TemporaryFolder()
+        keep = TemporaryFolder()
         file = self.save(keep.path)
         file.write_text(text, encoding="utf-8")
         core = _ffid.Mission.load(file, self._core.allow, False)
@@ -337,7 +337,7 @@ class Mission:
         return f"Mission({m.name!r}, joints={len(m.joints)}, parameters={len(self.parameters)})"
 
 
-class _TemporaryFolder:
+class TemporaryFolder:
     """A folder that lasts as long as what refers to it."""
 
     def __init__(self) -> None:

@@ -265,7 +265,7 @@ def _search(
     strict: bool,
     progress: Progress | None,
 ) -> Plan:
-    options = words(goal=goal, seed=seed, starts=starts, allow=list(allow), strict=strict)
+    options = words(goal=goal, seed=seed, starts=starts, allow=allow, strict=strict)
     found, broken = _ffid.plan_excitation(mission._core, options, progress)
     plan = None
     if found is not None:

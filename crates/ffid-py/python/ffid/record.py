@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from . import _ffid
-from ._options import Array, ArrayLike, Path, words
+from ._options import Array, ArrayLike, Path, several, words, words_of
 from .errors import warn
 
 if TYPE_CHECKING:
@@ -58,19 +58,7 @@ class Record:
             allow: Errors that are to be warnings, by code, such as ``stuck``.
             strict: Whether warnings are errors.
         """
-        options = words(
-            resample=resample,
-            gaps=gaps,
-            drop_repeated=drop_repeated,
-            keep_spikes=keep_spikes,
-            ignore=list(ignore),
-            topic=list(topic),
-            stamps=stamps,
-            max_rows=max_rows,
-            max_bytes=max_bytes,
-            allow=list(allow),
-            strict=strict,
-        )
+        options = words_of(cls.read, locals())
         core = _ffid.Record.read(mission._core, path, options)
         warn(core.warnings())
         return cls(core)
@@ -137,7 +125,7 @@ class Record:
         """
         arrays = {"t": t, "q": q, "tau": tau, "gyro": gyro, "qd": qd, "qdd": qdd, "acc": acc, "att": att}
         arrays |= {"t_tau": t_tau, "t_gyro": t_gyro, "t_acc": t_acc, "t_att": t_att}
-        core = _ffid.Record.build(mission._core, name, arrays, resample, keep_spikes, list(allow))
+        core = _ffid.Record.build(mission._core, name, arrays, resample, keep_spikes, several(allow))
         warn(core.warnings())
         return cls(core)
 

@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from . import _ffid
-from ._options import Array, ArrayLike, Path, Progress, words
+from ._options import Array, ArrayLike, Path, Progress, words_of
 from .diagnosis import read_all
 from .draws import Draws
 from .errors import Problem, problems_of, warn, warn_of
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 def _estimate(p: dict[str, Any]) -> dict[str, Any]:
     """A row of parameters in the order in which it is read; what the record cannot tell is none."""
-    columns = ("name", "value", "std", "unit", "start", "interval95", "prior_mean", "prior_std", "verdict")
-    return {c: p.get(c) for c in columns}
+    columns = ["name", "value", "std", "unit", "start", "interval95", "prior_mean", "prior_std", "verdict"]
+    return {c: p.get(c) for c in columns + (["truth"] if "truth" in p else [])}
 
 
 class Result:
@@ -74,7 +74,8 @@ class Result:
 
     @property
     def parameters(self) -> Any:
-        """The parameters asked for, one per row: name, value, std, unit, start, interval95, prior_mean, prior_std, verdict. A data frame where
+        """The parameters asked for, one per row: name, value, std, unit, start, interval95, prior_mean, prior_std, verdict; truth, where it
+        was given. A data frame where
         pandas is installed, else a list of rows."""
         return rows([_estimate(p) for p in self.raw["parameters"]])
 
@@ -177,7 +178,8 @@ class Result:
         """Signals from the file that was written of them."""
         import numpy as np
 
-        head = file.open(encoding="utf-8").readline().rstrip("\n").split(",")
+        with file.open(encoding="utf-8") as lines:
+            head = lines.readline().rstrip("\n").split(",")
         table = np.genfromtxt(file, delimiter=",", skip_header=1, ndmin=2)
         columns = [h.rsplit("[", 1) for h in head]
         measured = [i for i, (name, _) in enumerate(columns) if name.endswith(".measured")]
@@ -283,18 +285,8 @@ class Result:
             progress: Called with ``"validate"``, linearisation and chi-squared per residual.
         """
         mission = self.mission
-        (given,) = read_all(record, mission, allow=list(allow), strict=strict)
-        options = words(
-            torque_noise=torque_noise,
-            gyro_noise=gyro_noise,
-            no_biases=no_biases,
-            initial_state=initial_state,
-            max_iterations=max_iterations,
-            max_chi2=max_chi2,
-            low_pass=low_pass,
-            allow=list(allow),
-            strict=strict,
-        )
+        (given,) = read_all(record, mission, allow=allow, strict=strict)
+        options = words_of(Result.validate, locals(), leave=("progress",))
         verdict = Validation(*_ffid.validate(mission._core, json.dumps(self.raw), given._core, options, progress))
         known = {str(p) for p in problems_of(given._core.warnings()) + problems_of(mission._core.warnings())}
         warn_of([p for p in verdict.problems if str(p) not in known and p.severity == "warning"])

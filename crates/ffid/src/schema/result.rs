@@ -15,6 +15,7 @@ pub(super) const ROOT: &[Key] = &[
     key("evidence", Table(EVIDENCE), "what the record says of the model as a whole"),
     must("status", Either(STATUS), "how the fit ended"),
     must("iterations", Whole, "linearisations used"),
+    key("descent", Tables(DESCENT), "linearisations that led to the estimates, and the estimates themselves"),
     must("chi2_per_dof", Number, "sum of squared whitened residuals over the degrees of freedom"),
     must("residuals", Whole, "number of residuals"),
     must("parameters", Tables(PARAMETER), "the parameters asked for"),
@@ -69,6 +70,11 @@ const STATUS: &[&[Key]] = &[
     ],
 ];
 
+const DESCENT: &[Key] = &[
+    must("cost", Number, "what was minimised, per residual"),
+    must("residuals", Whole, "residuals of this pass: fewer over a thinned record or a part of it"),
+];
+
 const EVIDENCE: &[Key] = &[
     must("state", OneOf(&["explained", "contradicted", "not-tested"]), "what it comes to"),
     must("reason", Text, "why, in one line"),
@@ -121,6 +127,7 @@ const PARAMETER: &[Key] = &[
     key("interval95", Vector(2), "95 % interval"),
     key("prior_mean", Number, "mean of its prior"),
     key("prior_std", Number, "standard deviation of its prior"),
+    key("truth", Number, "what it was when the record was simulated; absent unless the truth was given"),
     must("verdict", OneOf(&["estimated", "weak", "prior_only", "at_bound", "not_identifiable"]), "what the data say"),
 ];
 

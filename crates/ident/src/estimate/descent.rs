@@ -2,7 +2,7 @@
 
 use crate::estimate::estimator::Estimator;
 use crate::estimate::fit::{Evaluated, Fit, Reference};
-use crate::estimate::outcome::EstimateError;
+use crate::estimate::outcome::{EstimateError, Linearisation};
 use crate::estimate::request::Request;
 use crate::parameters::scale;
 use crate::parameters::transform::{Transform, TransformError};
@@ -27,12 +27,13 @@ const RANGE: f64 = 30.0;
 /// Part of its start below which a positive parameter is at its bound, zero.
 const EDGE_VALUE: f64 = 1e-3;
 
-/// Where a fit is: all parameters, nuisance unknowns over their sizes, and the linearisations it took.
+/// Where a fit is: all parameters, nuisance unknowns over their sizes, the linearisations it took, and those that led here.
 #[derive(Clone)]
 pub(super) struct Place {
     pub(super) full: Vec<f64>,
     pub(super) nuisance: Vec<f64>,
     pub(super) iterations: usize,
+    pub(super) descent: Vec<Linearisation>,
 }
 
 /// Minimises from `place` on, with the coordinates taken anew at every step, and leaves it at the end. `references` are those of priors;
@@ -60,6 +61,7 @@ pub(super) fn settle<E: Estimator + ?Sized>(
         chord: !evaluated.folds(),
         ..request.settings.clone()
     };
+    let rows = estimator.rows();
     let mut last = None;
     let mut flat_steps = 0;
     let end = loop {
@@ -84,6 +86,8 @@ pub(super) fn settle<E: Estimator + ?Sized>(
         let mut fit = Fit::new(request, &mut *estimator, &transform, references, sizes, (&x, &full), evaluated);
         let solution = minimise_linearised(&mut fit, &x, &settings)?;
         place.iterations += solution.iterations;
+        let cost = solution.history.first().map_or(solution.cost, |step| step.cost);
+        place.descent.push(Linearisation { objective: 2.0 * cost, residuals: rows });
         settings.initial_radius = solution.radius.min(RADIUS);
         place.nuisance.copy_from_slice(&solution.x[n..]);
         if solution.x[..n] != x[..n] {

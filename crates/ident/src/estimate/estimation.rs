@@ -13,7 +13,7 @@ use crate::estimate::approach::approach;
 use crate::estimate::descent::{Place, settle};
 use crate::estimate::estimator::Estimator;
 use crate::estimate::fit::{Evaluated, Reference};
-use crate::estimate::outcome::{Estimate, EstimateError, Estimated, RANK_TOLERANCE};
+use crate::estimate::outcome::{Estimate, EstimateError, Estimated, Linearisation, RANK_TOLERANCE};
 use crate::estimate::request::Request;
 use crate::parameters::scale;
 use ff_least_squares::{EvalError, LmError};
@@ -48,7 +48,8 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
         None => None,
     };
     let mut references: Vec<Reference> = fixed.into_iter().collect();
-    let mut place = Place { full: request.start.to_vec(), nuisance: vec![0.0; extra.len()], iterations: 0 };
+    let mut place =
+        Place { full: request.start.to_vec(), nuisance: vec![0.0; extra.len()], iterations: 0, descent: Vec::new() };
     if request.coarse {
         approach(request, estimator, &sizes_extra, &mut references, &mut place);
     }
@@ -56,7 +57,7 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
     let mut evaluated = Evaluated::new(threads);
     let (transform, status) =
         settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, ANCHOR_MOVED)?;
-    let Place { full, nuisance, iterations } = place;
+    let Place { full, nuisance, iterations, mut descent } = place;
     let values_extra: Vec<f64> = nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect();
     let rows = estimator.rows();
     let selected = transform.selected();
@@ -100,6 +101,7 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
     }
     let objective =
         residuals.iter().map(|&r| request.loss.rho(r)).sum::<f64>() + known.iter().map(|r| r * r).sum::<f64>();
+    descent.push(Linearisation { objective, residuals: rows });
     // What a prior holds is not fitted to the data: of n unknowns with priors, `n - tr(P S^-1)` are.
     let held: f64 =
         given.iter().filter_map(|row| Some((uncertainty.deviation[row.column]? / row.sigma).powi(2).min(1.0))).sum();
@@ -121,6 +123,7 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
         data_only,
         uncertainty,
         iterations,
+        descent,
         residuals,
     })
 }

@@ -27,7 +27,7 @@ pub use estimation::{attempt, estimate};
 pub use estimator::{Coarse, Estimator};
 pub use ground::{Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest, TermChoice, smoothed};
 pub use nuisance::{NuisanceError, NuisanceFit, fit_nuisance};
-pub use outcome::{Estimate, EstimateError, Estimated, RANK_TOLERANCE};
+pub use outcome::{Estimate, EstimateError, Estimated, Linearisation, RANK_TOLERANCE};
 pub use output_error::OutputError;
 pub use output_options::Options;
 pub use rda::Rda;

@@ -53,6 +53,15 @@ pub struct Estimated {
     pub std: Option<f64>,
 }
 
+/// A linearisation on the way to an estimate.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Linearisation {
+    /// What was minimised there, as [`Estimate::objective`], over the residuals of this pass.
+    pub objective: f64,
+    /// Residuals of the data in this pass: fewer than all of them on a decimated record or a part of it.
+    pub residuals: usize,
+}
+
 /// The result of [`estimate`](fn@crate::estimate::estimate).
 #[derive(Clone, Debug)]
 pub struct Estimate {
@@ -76,6 +85,8 @@ pub struct Estimate {
     pub uncertainty: Uncertainty,
     /// Linearisations used.
     pub iterations: usize,
+    /// Those that led here, in order, and the end itself. What was tried and led nowhere is left out.
+    pub descent: Vec<Linearisation>,
     /// Whitened residuals of the data at the estimate.
     pub residuals: Vec<f64>,
 }

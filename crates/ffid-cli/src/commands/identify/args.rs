@@ -6,7 +6,8 @@ use crate::flags::record::RecordFlags;
 use crate::output::Input;
 use crate::result_folder;
 use crate::results::Output;
-use ff_model::{Area, Model, Problem, Problems};
+use ff_model::{Area, Model, Params, Problem, Problems};
+use ffid::open::{Opened, open};
 use ffid::workflow::identify::{FitOptions, InputFile, LabelledRecord, TieSpec, read_kept};
 use ident::sample::ChainSettings;
 use std::path::PathBuf;
@@ -66,6 +67,10 @@ pub(crate) struct Args {
     /// Data that judge the model and are not fitted: a fraction (the end of the last record) or another record.
     #[arg(long, value_name = "FRACTION|FILE")]
     pub(crate) held_out: Option<String>,
+    /// Mission that a simulated record was made with: report, replay and result.json show its values beside the estimates. They are not
+    /// used.
+    #[arg(long, value_name = "MISSION")]
+    pub(crate) truth: Option<PathBuf>,
     /// How the record is predicted.
     #[arg(long, value_enum, default_value_t = MethodFlag::Auto)]
     pub(crate) method: MethodFlag,
@@ -140,6 +145,23 @@ impl Args {
     /// The records that are fitted.
     pub(crate) fn paths(&self) -> Vec<PathBuf> {
         self.record.iter().chain(&self.records).cloned().collect()
+    }
+    /// What is true of the parameters of a simulated record, by name; nothing unless it was given.
+    pub(crate) fn known_truth(&self, opened: &Opened) -> Result<Vec<(String, f64)>, Problems> {
+        let Some(path) = &self.truth else { return Ok(Vec::new()) };
+        let truth = open(path, self.input.leniency())?;
+        let values = Params::nominal(&truth.model);
+        let decls = truth.model.param_decls().into_iter().map(|d| d.name);
+        let all: Vec<(String, f64)> = decls.zip(values.values().iter().copied()).collect();
+        let asked = opened.model.param_decls();
+        match opened.estimated.iter().map(|&i| &asked[i].name).find(|name| all.iter().all(|(n, _)| n != *name)) {
+            None => Ok(all),
+            Some(name) => {
+                let p =
+                    Problem::error(Area::Config, "Config::Truth", "it has no such parameter").on(name).in_file(path);
+                Err(Problems(vec![p.hint("give the mission that the record was simulated with")]))
+            }
+        }
     }
     /// Options of the fit, and what an earlier identification leaves.
     pub(crate) fn options(&self, model: &Model) -> Result<(FitOptions, Earlier), Problems> {

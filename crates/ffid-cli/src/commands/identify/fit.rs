@@ -27,7 +27,7 @@ pub(crate) type Fitted = (Identified, Option<Signals>, Problems);
 /// The fit, and the judgement of what was held out.
 pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> Result<Fitted, IdentifyError> {
     let settings_words = words(args, r);
-    let Ready { opened, settings: s, options, records, sources, earlier, held, inputs, .. } = r;
+    let Ready { opened, settings: s, options, records, sources, earlier, held, truth, inputs, .. } = r;
     let model = &opened.model;
     let provenance = Provenance {
         program: concat!("ffid ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -119,6 +119,7 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
     if let Some(chains) = args.sampling() {
         sample_posterior(opened, records, &last, options, &chains, &mut found, watch)?;
     }
+    found.result.set_truth(truth);
     found.result.verdict = verdict(&found.result);
     Ok((found, signals, warnings))
 }
@@ -156,6 +157,7 @@ fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
     all.extend((!variants.is_empty()).then(|| ("compare", variants.join(", "))));
     all.extend(args.external_torque.then(|| ("external_torque", "declared".to_owned())));
     all.extend((args.clocks == Clocks::Trust).then(|| ("clocks", "trusted".to_owned())));
+    all.extend(args.truth.iter().map(|p| ("truth", p.display().to_string())));
     all.extend(args.held_out.iter().map(|h| ("held_out", h.clone())));
     all.into_iter().map(|(k, v)| (k.to_owned(), v)).collect()
 }

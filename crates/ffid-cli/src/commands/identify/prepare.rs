@@ -44,6 +44,8 @@ pub(crate) struct Ready {
     /// Files that an earlier identification has read.
     pub(crate) earlier: Vec<InputFile>,
     pub(crate) held: Held,
+    /// What is true of a simulated record, by name of the parameter.
+    pub(crate) truth: Vec<(String, f64)>,
     pub(crate) problems: Problems,
     pub(crate) inputs: Vec<Entry>,
 }
@@ -94,8 +96,8 @@ impl HoldOut {
     }
 }
 
-/// Cuts the fraction `f` off the end of the last record, which was called `name`; both parts must have enough samples.
-pub(crate) fn cut(records: &mut [LabelledRecord], f: f64, need: usize, name: &str) -> Result<Held, Problems> {
+/// Cuts the fraction `f` off the end of the last record, which was read from `path`; both parts must have enough samples.
+pub(crate) fn cut(records: &mut [LabelledRecord], f: f64, need: usize, path: &Path) -> Result<Held, Problems> {
     let last = records.len() - 1;
     let whole = &records[last].record;
     let at = (1.0 - f) * whole.seconds();
@@ -107,6 +109,8 @@ pub(crate) fn cut(records: &mut [LabelledRecord], f: f64, need: usize, name: &st
         return Err(Problems(vec![p.on("--held-out").hint("record longer, or hold out another part")]));
     }
     records[last].record = first;
+    // The manifest has the whole path; in sentences it hides what they say.
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     Ok(Held::Part { record: end, words: format!("the last {:.1} % of {name}", 100.0 * f) })
 }
 
@@ -134,6 +138,18 @@ pub(crate) fn go_on(records: &mut Vec<LabelledRecord>, earlier: Vec<LabelledReco
     }
 }
 
+/// Payloads that were not mounted in some of the records, which only the ground method tells from those that were.
+pub(crate) fn only_on_the_ground(opened: &Opened, absent: Vec<Absent>) -> Result<Vec<Absent>, Problems> {
+    if absent.is_empty() || opened.model.base_kind() == BaseKind::Fixed {
+        return Ok(absent);
+    }
+    let what = "a payload that is mounted in some records alone is for an arm on the ground";
+    let p = Problem::error(Area::Config, "Config::Method", what).on("--without");
+    let hint =
+        "give base = \"fixed\" in [robot]; in orbit identify each record, the second with --prior-from the first";
+    Err(Problems(vec![p.hint(hint)]))
+}
+
 /// Reads everything, and takes the output folder, before anything is computed.
 pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Destination), Refusal> {
     let input = &args.input;
@@ -158,6 +174,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
         loaded.push(args.reading.read(path, &opened.model, need, None, input).map_err(refused)?);
     }
     let (mut options, earlier) = args.options(&opened.model).map_err(refused)?;
+    let truth = args.known_truth(&opened).map_err(refused)?;
     files.extend(args.ties.iter().cloned());
     files.extend(args.prior_from.iter().map(|f| f.join("result.json")));
     files.extend(earlier.files.iter().cloned());
@@ -172,30 +189,19 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
         let label = label(path, &records);
         records.push(LabelledRecord { label, record: l.record, resampled: (false, false), continues: false, ago: 0 });
     }
+    let mut absent = Vec::new();
     for (payload, file) in &args.without {
         let Some(k) = paths.iter().position(|p| p == file) else {
             let what = format!("{} is none of the records that are fitted", file.display());
             let p = Problem::error(Area::Config, "Config::Records", what).on("--without");
             return Err(refused(Problems(vec![p.hint("name a file of --record or --records")])));
         };
-        options.absent.push(Absent { payload: payload.clone(), record: records[k].label.clone() });
+        absent.push(Absent { payload: payload.clone(), record: records[k].label.clone() });
     }
-    if !options.absent.is_empty() && opened.model.base_kind() != BaseKind::Fixed {
-        let p = Problem::error(
-            Area::Config,
-            "Config::Method",
-            "a payload that is mounted in some records alone is for an arm on the ground",
-        );
-        let hint =
-            "give base = \"fixed\" in [robot]; in orbit identify each record, the second with --prior-from the first";
-        return Err(refused(Problems(vec![p.on("--without").hint(hint)])));
-    }
+    options.absent = only_on_the_ground(&opened, absent).map_err(refused)?;
     let mut held = match hold_out {
         HoldOut::Nothing => Held::None,
-        HoldOut::Part(f) => {
-            let name = paths[paths.len() - 1].display().to_string();
-            cut(&mut records, f, need, &name).map_err(refused)?
-        }
+        HoldOut::Part(f) => cut(&mut records, f, need, &paths[paths.len() - 1]).map_err(refused)?,
         HoldOut::File(path) => {
             let (other, moving) = args.reading.read_one(&path, &opened.model, None, input)?;
             problems.extend(other.warnings);
@@ -209,7 +215,8 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
     data.on_the_ground(&opened, &mut settings, &mut options, &mut held)?;
     options.profile.clone_from(&args.profile);
     let Data { records, sources, problems } = data;
-    let ready = Ready { opened, settings, options, records, sources, earlier: earlier.inputs, held, problems, inputs };
+    let earlier = earlier.inputs;
+    let ready = Ready { opened, settings, options, records, sources, earlier, held, truth, problems, inputs };
     Ok((ready, Destination { files, folder, target }))
 }
 

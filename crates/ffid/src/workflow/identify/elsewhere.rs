@@ -71,6 +71,7 @@ pub(super) fn elsewhere(
     match attempt(&Request { start: &start, centre: Some(request.start), ..request.clone() }, estimator) {
         Ok(mut e) if e.objective < first.objective => {
             e.iterations += first.iterations;
+            e.descent.splice(0..0, first.descent);
             for (p, &i) in e.parameters.iter_mut().zip(request.selected) {
                 p.start = request.start[i];
             }

@@ -80,10 +80,10 @@ pub use over_time::{Course, CoursePoint};
 pub use record_estimator::RecordEstimator;
 pub(in crate::workflow) use result::uncertain::budget as variance_budget;
 pub use result::{
-    Better, BodyLine, BodyQuantity, BudgetLine, BudgetShare, Channel, Combination, Correlation, Covariance, Ended,
-    FORMAT, HeldOut, IdentificationResult, InputFile, Method, ModeLine, Parameter, ParameterVerdict, PrincipalAxis,
-    Provenance, RecordLine, STRONG, Sampled, SampledLine, SampledState, UncertainLine, VERSION, Value, Warning,
-    held_errors,
+    Better, BodyLine, BodyQuantity, BudgetLine, BudgetShare, Channel, Combination, Correlation, Covariance,
+    DescentStep, Ended, FORMAT, HeldOut, IdentificationResult, InputFile, Method, ModeLine, Parameter,
+    ParameterVerdict, PrincipalAxis, Provenance, RecordLine, STRONG, Sampled, SampledLine, SampledState, UncertainLine,
+    VERSION, Value, Warning, held_errors,
 };
 pub use run::identify;
 pub use sampled::sample_posterior;

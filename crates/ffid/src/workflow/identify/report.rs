@@ -8,7 +8,7 @@ use super::labelled_record::LabelledRecord;
 use super::options::FitOptions;
 use super::result::body::BodyLine;
 use super::result::channel::ModeLine;
-use super::result::fit::Ended;
+use super::result::fit::{DescentStep, Ended};
 use super::result::identification::IdentificationResult;
 use super::result::parameter::{Combination, Correlation, Covariance, Parameter, ParameterVerdict, Value};
 use super::result::provenance::{Provenance, RecordLine, Warning};
@@ -93,6 +93,7 @@ impl Report<'_> {
         Ok(IdentificationResult {
             status: Ended::of(&e.status, &names, flattest(&e.data_only)),
             iterations: e.iterations,
+            descent: DescentStep::all(&e.descent),
             chi2_per_dof: e.chi2_per_dof,
             residuals: e.residuals.len(),
             bodies: BodyLine::all(&unknowns.decls, (&unknowns.start, &e.values), &f.selected, &e.uncertainty),

@@ -414,6 +414,9 @@ impl fmt::Display for IdentificationResult {
             }
         }
         self.sampled.iter().try_for_each(|s| draws(f, s, w))?;
+        if let Some((p, off)) = self.farthest_from_truth() {
+            writeln!(f, "\ntruth: the farthest estimate, {}, is {:.2} of its deviations from it", p.name, off.abs())?;
+        }
         if let Some(m) = &self.minima {
             let all: Vec<String> = m.objectives.iter().map(|o| format!("{o:.6e}")).collect();
             writeln!(f, "\nstarts: {} of {} converged, minima at {}", m.converged, m.starts, all.join(", "))?;

@@ -41,6 +41,22 @@ pub enum Ended {
     IterationLimit,
 }
 
+/// A linearisation on the way to the estimates.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DescentStep {
+    /// What was minimised there, per residual: losses of residuals and squares of priors; about 1 where model and noise figures are right.
+    pub cost: f64,
+    /// Residuals of this pass: fewer than all of them over a thinned record, or a part of it, on the way.
+    pub residuals: usize,
+}
+
+impl DescentStep {
+    pub(in crate::workflow::identify) fn all(of: &[ident::estimate::Linearisation]) -> Vec<Self> {
+        of.iter().map(|l| Self { cost: l.objective / l.residuals.max(1) as f64, residuals: l.residuals }).collect()
+    }
+}
+
 impl Ended {
     /// `flattest` is the combination that the data know least.
     pub(in crate::workflow::identify) fn of(s: &Status, names: &[String], flattest: Option<String>) -> Self {

@@ -2,7 +2,7 @@
 
 use super::body::BodyLine;
 use super::channel::{Channel, ModeLine};
-use super::fit::{Ended, Method};
+use super::fit::{DescentStep, Ended, Method};
 use super::held_out::HeldOut;
 use super::parameter::{Combination, Correlation, Covariance, Parameter, Value};
 use super::provenance::{Provenance, Warning};
@@ -44,6 +44,9 @@ pub struct IdentificationResult {
     pub status: Ended,
     /// Linearisations used.
     pub iterations: usize,
+    /// Those that led to the estimates, in order, and the estimates themselves; empty for linear fits and in results of older versions.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub descent: Vec<DescentStep>,
     /// Sum of squared whitened residuals over the degrees of freedom; 1 when model and noise figures are right.
     pub chi2_per_dof: f64,
     /// Residuals of the record.
@@ -150,6 +153,7 @@ impl IdentificationResult {
             evidence: None,
             status: Ended::Converged,
             iterations: 0,
+            descent: Vec::new(),
             chi2_per_dof: 0.0,
             residuals: 0,
             parameters: Vec::new(),
@@ -187,6 +191,21 @@ impl IdentificationResult {
             warnings: Vec::new(),
             provenance,
         }
+    }
+    /// Puts what is true of a simulated record beside the estimates. Names of parameters that `truth` lacks are returned; they have none.
+    pub fn set_truth(&mut self, truth: &[(String, f64)]) -> Vec<String> {
+        let mut lacking = Vec::new();
+        for p in &mut self.parameters {
+            p.truth = truth.iter().find(|(name, _)| *name == p.name).map(|t| t.1);
+            lacking.extend(p.truth.is_none().then(|| p.name.clone()));
+        }
+        lacking
+    }
+    /// The parameter whose estimate is farthest from the truth, with the distance in its standard deviations. `None` unless the truth is
+    /// known.
+    pub fn farthest_from_truth(&self) -> Option<(&Parameter, f64)> {
+        let all = self.parameters.iter().filter_map(|p| Some((p, p.deviations_off()?)));
+        all.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
     }
     /// What the record says of the model as a whole.
     pub fn state(&self) -> State {

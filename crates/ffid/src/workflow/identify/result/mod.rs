@@ -12,7 +12,7 @@ pub(crate) mod uncertain;
 
 pub use body::{BodyLine, BodyQuantity, PrincipalAxis};
 pub use channel::{Channel, ModeLine};
-pub use fit::{Ended, Method};
+pub use fit::{DescentStep, Ended, Method};
 pub use held_out::HeldOut;
 pub use identification::{FORMAT, IdentificationResult, VERSION};
 pub use parameter::{Combination, Correlation, Covariance, Parameter, ParameterVerdict, STRONG, Value};

@@ -37,6 +37,9 @@ pub struct Parameter {
     /// Standard deviation of its prior.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub prior_std: Option<f64>,
+    /// What it was when the record was simulated; absent unless the truth was given.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub truth: Option<f64>,
     /// What the data say.
     pub verdict: ParameterVerdict,
 }
@@ -53,8 +56,17 @@ impl Parameter {
             interval95: l.interval95,
             prior_mean: prior_mean.filter(|_| l.prior_sigma.is_some()),
             prior_std: l.prior_sigma,
+            truth: None,
             verdict: ParameterVerdict::of(l.verdict),
         }
+    }
+}
+
+impl Parameter {
+    /// Distance of the estimate from the truth, in standard deviations; `None` unless both are known.
+    pub fn deviations_off(&self) -> Option<f64> {
+        let (truth, std) = self.truth.zip(self.std.filter(|s| *s > 0.0))?;
+        Some((self.value - truth) / std)
     }
 }
 
