@@ -1,6 +1,6 @@
 //! Scripts and styles that a page takes with it. Those of others are in `assets/vendor` with origin, licence and recipe.
 
-use super::Block;
+use super::block::Block;
 
 /// What a browser may do with a page: run what is in it, ask nobody for anything.
 pub(super) const POLICY: &str =

@@ -1,6 +1,6 @@
 //! An interval beside its prior, small enough for a cell of a table.
 
-use super::Cell;
+use super::block::Cell;
 use std::fmt::Write;
 
 /// Width and height of the drawing (px).

@@ -1,8 +1,8 @@
 //! Data to HTML.
 
 use super::assets::{Needs, POLICY};
+use super::block::{Block, Cell, Level, Opening, Page, Table, script_json};
 use super::style::CSS;
-use super::{Block, Cell, Level, Opening, Page, Table, script_json};
 use std::fmt::Write;
 
 /// Text as it may stand in an element or in an attribute in double quotes. Control characters, which HTML forbids, become

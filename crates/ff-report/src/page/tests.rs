@@ -1,5 +1,5 @@
 use crate::page::*;
-use crate::plot::Panel;
+use crate::plot::{Figure, Panel};
 
 /// A page with everything in it, and names that try to break out.
 fn page() -> Page {

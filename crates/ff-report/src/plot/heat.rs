@@ -1,8 +1,8 @@
 //! A matrix of correlations as colours.
 
 use super::canvas::{Canvas, Result, Text};
-use super::draw::{AXIS, SMALL, WHITE};
 use super::layout::text_width;
+use super::style::{AXIS, SMALL, WHITE};
 use plotters::prelude::RGBColor;
 use plotters::style::text_anchor::HPos;
 

@@ -1,9 +1,9 @@
 //! Intervals of many quantities, a row each, on one scale.
 
 use super::canvas::{Canvas, Result, Text};
-use super::draw::{AXIS, FONT, GRID, MARK, MINOR, PALETTE, SMALL, pale};
 use super::layout::text_width;
 use super::scale::{Axis, extent, typeset};
+use super::style::{AXIS, FONT, GRID, MARK, MINOR, PALETTE, SMALL, pale};
 use plotters::style::text_anchor::HPos;
 
 /// Height of a row, of the legend, and of the axis with its label (px).

@@ -1,8 +1,8 @@
 //! A figure as data for the scripts of a page: curves thinned to what a screen shows, as packed numbers.
 
 use super::draw::{colour_index, shown_label, y_range};
+use super::figure::{Figure, Panel, Range, Series};
 use super::scale::typeset;
-use super::{Figure, Panel, Range, Series};
 use crate::packed::singles;
 use serde_json::{Value, json};
 
