@@ -1,10 +1,12 @@
 //! Problems of elements of an XML file, at their lines.
 
 use crate::lines::LineIndex;
-use crate::urdf::strict::MAX_PROBLEMS;
 use ff_model::diagnostics::clip;
 use ff_model::{Area, Problem, Problems};
 use roxmltree::Node;
+
+/// Most problems listed; a file that is not a URDF at all would otherwise list every tag.
+pub(crate) const MAX_PROBLEMS: usize = 500;
 
 /// Line of an element, from 1.
 pub(crate) fn line(lines: &LineIndex<'_>, n: Node<'_, '_>) -> usize {

@@ -1,8 +1,8 @@
 //! From a checked tree of links to bodies: links on fixed joints are merged into the body they are fixed to.
 
-use super::UrdfOptions;
 use super::graph::Tree;
 use super::hold::Held;
+use super::options::UrdfOptions;
 use super::physics::Doubt;
 use super::raw::{RawInertial, RawJoint, RawPose, RawRobot};
 use ff_model::Inertia;

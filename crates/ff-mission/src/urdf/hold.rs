@@ -6,8 +6,8 @@
 //! turn; it is held, and so is the joint that it follows if the one that follows carries mass: with the one moving and the other not,
 //! mass would be where it is not. A user who locks the follower by name says himself that it may be left behind.
 
-use super::UrdfOptions;
 use super::graph::Tree;
+use super::options::UrdfOptions;
 use super::raw::{RawJoint, RawRobot};
 use ff_model::diagnostics::{Limit, clip, list, misspelling, nearest};
 use ff_model::spatial::so3::{exp_so3, quat_to_rot};

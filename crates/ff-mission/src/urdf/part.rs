@@ -1,6 +1,6 @@
 //! Which part of a file becomes the robot: the whole, a named subtree, or what remains without frames that hold nothing.
 
-use super::UrdfOptions;
+use super::options::UrdfOptions;
 use super::raw::RawRobot;
 use ff_model::diagnostics::{list, nearest};
 use ff_model::{Area, BaseKind, Problem, Problems};

@@ -3,7 +3,7 @@
 //! The parser inside urdf-rs recurses once per level and aborts the process at about 20,000 levels; urdf-rs
 //! also runs `rosrun` and `xacro` for files that look like xacro. Neither must ever see such a file.
 
-use super::{MAX_BYTES, MAX_DEPTH};
+use super::options::{MAX_BYTES, MAX_DEPTH};
 use crate::lines::LineIndex;
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, Problem, Problems};

@@ -10,6 +10,7 @@ use super::schema;
 use super::schema::Element;
 use crate::leniency::Leniency;
 use crate::lines::LineIndex;
+use crate::xml::MAX_PROBLEMS;
 use ff_model::diagnostics::{clip, list, misspelling};
 use ff_model::tree::JointImpedance;
 use ff_model::{Area, Problem, Problems};
@@ -20,9 +21,6 @@ const MAX_NODES: u32 = 2_000_000;
 
 /// Most kinds of elements and attributes that are skipped by name.
 const MAX_SKIPPED: usize = 100;
-
-/// Most problems listed; a file that is not a URDF at all would otherwise list every tag.
-pub(crate) const MAX_PROBLEMS: usize = 500;
 
 /// The links and joints of a file in another format, told by its root element; `None` for a URDF and for what is no XML.
 pub(super) fn foreign(text: &str, out: &mut Problems) -> Option<RawRobot> {

@@ -2,7 +2,7 @@
 //!
 //! What is to be estimated is uncertain, and bends the offset; so it has to be clear.
 
-use super::Case;
+use super::case::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::quick_fit::QuickFit;
 use ff_model::diagnostics::Limit;

@@ -5,6 +5,8 @@ use ff_model::diagnostics::Severity;
 use ff_model::{Problem, Problems};
 use serde::Serialize;
 
+pub(super) const NOTHING_MOVES: &str = "Data::NothingMoves";
+
 /// What a finding is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -148,7 +150,7 @@ impl Diagnosis {
     pub fn exit(problems: &Problems) -> Exit {
         let first = problems.0.iter().find(|p| p.severity == Severity::Error);
         match first {
-            Some(p) if p.code == super::excitation::NOTHING_MOVES => Exit::IllPosed,
+            Some(p) if p.code == NOTHING_MOVES => Exit::IllPosed,
             _ => Exit::of(problems),
         }
     }

@@ -3,13 +3,12 @@
 //! The travel of a joint is the range of its means over up to 64 blocks of samples, which noise of one sample hardly moves; the same is
 //! asked of torques and gyro.
 
-use super::Case;
-use super::diagnosis::{Finding, Judgement, Topic};
+use super::case::Case;
+use super::diagnosis::{Finding, Judgement, NOTHING_MOVES, Topic};
 use ff_model::diagnostics::{Limit, list};
 use ff_model::{Area, JointKind, Problem};
 use nalgebra::DVectorView;
 
-pub(super) const NOTHING_MOVES: &str = "Data::NothingMoves";
 /// Blocks that means are taken over.
 const BLOCKS: usize = 64;
 /// Travel below so many standard deviations of a block mean is noise: the range of 64 normal numbers is 4.7, seldom above 6.5.

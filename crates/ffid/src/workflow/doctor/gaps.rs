@@ -1,6 +1,6 @@
 //! Samples that are missing or late, as reading the file found them (rows D13 and D14).
 
-use super::Case;
+use super::case::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
 use ff_model::Problems;
 

@@ -4,11 +4,11 @@
 //! predict (see `mismatch`), which takes one simulation; the first few are fitted quickly, and the best of these is taken if it leaves a
 //! quarter of the misfit that the record leaves as it is.
 
+use super::case::{Case, Scales};
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::mismatch::{DEGREES, Explained, Output, distance_with, explain, put_right};
 use super::prediction::Prediction;
 use super::quick_fit::{FOLLOWS, QuickFit, quick_fit, thinned};
-use super::{Case, Scales};
 use crate::workflow::identify::axes;
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, JointKind, Problem};

@@ -6,6 +6,7 @@
 //!
 //! ```text
 //! diagnose            everything; for `ffid doctor`
+//!   case, level       one record as every part sees it; noise and steps of its channels
 //!   excitation        which joints move; nothing moves
 //!   noise             differences of neighbours against [sensors]; steps of the readings
 //!   rest              rates of joints and base at the first samples
@@ -15,11 +16,13 @@
 //!   clocks, modes     ident::checks
 //! before_fit          what would make a fit useless, in a fraction of its time; for `ffid identify`
 //! ```
+mod case;
 mod clocks;
 mod diagnosis;
 mod excitation;
 mod gaps;
 mod hypotheses;
+mod level;
 mod mismatch;
 mod modes;
 mod noise;
@@ -32,80 +35,12 @@ mod text;
 pub use diagnosis::{Diagnosis, Finding, Judgement, Topic};
 
 use super::identify::{IdentifyError, LabelledRecord, Method, Settings, method};
-use crate::modes::held;
 use crate::open::Opened;
-use ff_mission::mission::Sensors;
-use ff_model::{Area, Model, Params, Problem, Problems};
+use case::{Case, Scales};
+use ff_model::{Area, Model, Problem, Problems};
 use ff_records::Record;
-use ident::Noise;
-use noise::Level;
 use prediction::Prediction;
 use std::borrow::Cow;
-
-/// One record, and what every part asks of it.
-struct Case<'a> {
-    model: &'a Model,
-    record: &'a Record,
-    label: &'a str,
-    /// By output error, at rest at the first sample, without biases; noise above zero.
-    settings: Settings,
-    sensors: Sensors,
-    /// Parameters to estimate.
-    estimated: &'a [usize],
-    level: Level,
-    /// What the integration has to follow at the first sample (Hz); 0 for a rigid robot.
-    fastest_hz: f64,
-}
-
-impl<'a> Case<'a> {
-    fn new(
-        opened: &'a Opened,
-        labelled: &'a LabelledRecord,
-        record: &'a Record,
-        s: &Settings,
-    ) -> Result<Self, IdentifyError> {
-        let (model, record) = (&opened.model, record);
-        record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
-        let level = Level::of(record);
-        // A mission of perfect sensors does not say what a reading weighs; the record does.
-        let or = |given: f64, measured: &[f64]| {
-            let most = measured.iter().copied().fold(1e-12, f64::max);
-            if given > 0.0 && given.is_finite() { given } else { most }
-        };
-        let noise = Noise { torque: or(s.noise.torque, &level.torque), gyro: or(s.noise.gyro, &level.gyro) };
-        let settings = Settings {
-            method: Some(Method::OutputError),
-            noise,
-            biases: false,
-            initial_state: false,
-            adopt: Vec::new(),
-            ..s.clone()
-        };
-        let sensors = opened.mission.as_ref().map(|m| m.sensors.clone()).unwrap_or_default();
-        let label = &labelled.label;
-        let fastest_hz = fastest(model, record);
-        Ok(Self { model, record, label, settings, sensors, estimated: &opened.estimated, level, fastest_hz })
-    }
-    /// Standard deviations of torques and gyro, in the order of [`Record::responses`].
-    fn sigma(&self) -> Vec<f64> {
-        let mut out = vec![self.settings.noise.torque; self.record.joints()];
-        out.extend([self.settings.noise.gyro; 3]);
-        out
-    }
-    fn finding(&self, topic: Topic, judgement: Judgement, text: impl Into<String>) -> Finding {
-        Finding {
-            record: self.label.to_owned(),
-            topic,
-            channel: None,
-            judgement,
-            measured: None,
-            expected: None,
-            unit: String::new(),
-            text: text.into(),
-            problem: None,
-        }
-    }
-}
 
 /// The record as it is judged: on one clock, for factors, signs and axes, which interpolation leaves.
 fn on_one_clock(labelled: &LabelledRecord) -> Result<Cow<'_, Record>, IdentifyError> {
@@ -116,14 +51,6 @@ fn on_one_clock(labelled: &LabelledRecord) -> Result<Cow<'_, Record>, IdentifyEr
         let p = Problem::error(Area::Data, "Data::TimeBase", e.to_string()).on(&labelled.label);
         IdentifyError::Refused(Problems(vec![p.hint("cut the record to what all channels cover")]))
     })
-}
-
-/// The highest frequency (Hz) of the modes at the first sample, or the rate of decay of an overdamped one as such.
-fn fastest(model: &Model, record: &Record) -> f64 {
-    let params = Params::nominal(model);
-    let q: Vec<f64> = record.q().row(0).iter().copied().collect();
-    let modes = held(model, &params, &q, &model.rest_position(&params));
-    modes.iter().map(|m| m.frequency_hz * (2.0 * m.damping_ratio).max(1.0)).fold(0.0, f64::max)
 }
 
 /// Whether torques and gyro follow from a simulation: not on a base that is bolted down, whose joints have friction.
@@ -178,14 +105,6 @@ pub fn diagnose(
         }
     }
     Ok(Diagnosis::new(opened.model.name(), findings))
-}
-
-/// Factors by which the channels of a record are too large.
-#[derive(Clone, Debug)]
-struct Scales {
-    position: Vec<f64>,
-    torque: Vec<f64>,
-    gyro: f64,
 }
 
 /// Problems of a record that would make a fit useless: nothing moves, a unit, a sign or axes are wrong. One simulation, and two more where

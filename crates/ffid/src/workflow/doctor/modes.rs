@@ -1,6 +1,6 @@
 //! Modes of the free decay against those of the mission (rows D23 to D26): seen, missing, unexpected.
 
-use super::Case;
+use super::case::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
 use crate::open::Opened;
 use crate::workflow::identify::decay::{DecayOutcome, decay_modes};

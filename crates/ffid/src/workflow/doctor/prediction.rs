@@ -1,6 +1,6 @@
 //! What torques and gyro should have read at the values of the mission.
 
-use super::Case;
+use super::case::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::quick_fit::output_error;
 use crate::workflow::identify::{IdentifyError, RecordEstimator};

@@ -1,6 +1,6 @@
 //! The values of the mission against the record, and where a quick fit takes them.
 
-use super::Case;
+use super::case::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::prediction::Prediction;
 use super::quick_fit::{FOLLOWS, QuickFit};

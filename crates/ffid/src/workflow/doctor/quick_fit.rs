@@ -4,7 +4,7 @@
 //! values, adapted, bring out. What is asked for is the shape of the signals, to a twentieth: with the noise of the sensors a gyro that sees
 //! five hundred times its noise would let a fit creep along narrow valleys.
 
-use super::{Case, Scales};
+use super::case::{Case, Scales};
 use ff_least_squares::Settings as Solver;
 use ff_model::Params;
 use ff_records::Record;

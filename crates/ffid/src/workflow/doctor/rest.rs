@@ -3,7 +3,7 @@
 //! The rate of a joint at the first sample is that of a cubic through the first quarter of a second: a motion that starts from rest with
 //! whatever acceleration has none. Base and appendages are judged while the joints stand still at the beginning.
 
-use super::Case;
+use super::case::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::prediction::Prediction;
 use ff_model::diagnostics::{Limit, list};

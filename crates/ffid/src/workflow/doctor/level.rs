@@ -1,0 +1,113 @@
+//! Noise and steps of the channels of a record, from the record alone.
+
+use ff_records::Record;
+use nalgebra::{DMatrix, DVectorView};
+
+/// Distinct readings of a channel above which it has no steps that matter.
+const MOST_LEVELS: usize = 50_000;
+/// Deviation of a difference of readings from a multiple of the step, in steps.
+const ON_GRID: f64 = 0.02;
+
+/// Noise and steps of the channels of a record: upper bounds of the standard deviations, and steps (0 where there are none).
+pub(super) struct Level {
+    pub(super) position: Vec<f64>,
+    pub(super) position_step: Vec<f64>,
+    pub(super) torque: Vec<f64>,
+    pub(super) torque_step: Vec<f64>,
+    pub(super) gyro: Vec<f64>,
+    pub(super) gyro_step: Vec<f64>,
+}
+
+impl Level {
+    pub(super) fn of(r: &Record) -> Self {
+        let sixth = |m: &DMatrix<f64>| m.column_iter().map(|c| by_differences(c.as_view(), 6)).collect();
+        let steps = |m: &DMatrix<f64>| m.column_iter().map(|c| step(c.as_view())).collect();
+        Self {
+            position: sixth(r.q()),
+            position_step: steps(r.q()),
+            torque: sixth(r.tau()),
+            torque_step: steps(r.tau()),
+            gyro: sixth(r.gyro()),
+            gyro_step: steps(r.gyro()),
+        }
+    }
+}
+
+/// Standard deviation of white noise, from differences of order `order` (at most 6); 0 for a channel that is too short.
+pub(super) fn by_differences(x: DVectorView<'_, f64>, order: usize) -> f64 {
+    let mut weights = vec![1.0];
+    for _ in 0..order {
+        let mut next = vec![0.0; weights.len() + 1];
+        for (a, w) in weights.iter().enumerate() {
+            next[a] += w;
+            next[a + 1] -= w;
+        }
+        weights = next;
+    }
+    let variance: f64 = weights.iter().map(|w| w * w).sum();
+    let rows = x.len().saturating_sub(order);
+    if rows == 0 {
+        return 0.0;
+    }
+    let one = |i: usize| weights.iter().enumerate().map(|(a, w)| w * x[i + a]).sum::<f64>().powi(2);
+    ((0..rows).map(one).sum::<f64>() / rows as f64 / variance).sqrt()
+}
+
+/// The step of the readings: the least difference of sorted values, where all are multiples of it; else 0.
+fn step(x: DVectorView<'_, f64>) -> f64 {
+    let mut all: Vec<f64> = x.iter().copied().collect();
+    all.sort_unstable_by(f64::total_cmp);
+    all.dedup();
+    if all.len() < 3 || all.len() > MOST_LEVELS {
+        return 0.0;
+    }
+    let gaps = || all.windows(2).map(|w| w[1] - w[0]);
+    let least = gaps().fold(f64::INFINITY, f64::min);
+    let range = all[all.len() - 1] - all[0];
+    // Below, digits of the numbers themselves.
+    if least <= 1e-13 * range.max(all[0].abs()) {
+        return 0.0;
+    }
+    // Means of the multiples: a step known to a few digits only.
+    let (mut sum, mut count) = (0.0, 0.0);
+    for gap in gaps() {
+        let k = (gap / least).round();
+        if k > 1e3 || (gap / least - k).abs() > ON_GRID * k {
+            return 0.0;
+        }
+        (sum, count) = (sum + gap, count + k);
+    }
+    sum / count
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DVector;
+
+    /// Uniform noise of standard deviation `sigma` on a signal.
+    fn noisy(sigma: f64, smooth: impl Fn(f64) -> f64) -> DVector<f64> {
+        let uniform = |k: usize| {
+            let a = (k as f64 * 12.9898 + 4.1).sin() * 43758.5453;
+            (2.0 * (a - a.floor()) - 1.0) * 3f64.sqrt()
+        };
+        DVector::from_fn(2000, |i, _| smooth(i as f64 * 0.02) + sigma * uniform(i))
+    }
+
+    #[test]
+    fn noise_is_told_from_a_smooth_signal_a_hundred_times_as_large() {
+        let x = noisy(0.01, |t| (2.0 * t).sin() + 0.3 * t);
+        for order in [3, 4, 6] {
+            let found = by_differences(x.as_view(), order);
+            assert!((found / 0.01 - 1.0).abs() < 0.08, "order {order}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_step_is_found_where_readings_have_one() {
+        let x = noisy(0.01, |t| (2.0 * t).sin());
+        assert_eq!(step(x.as_view()), 0.0);
+        let read = x.map(|v| (v / 0.0037).round() * 0.0037);
+        assert!((step(read.as_view()) / 0.0037 - 1.0).abs() < 1e-6, "{}", step(read.as_view()));
+    }
+}
