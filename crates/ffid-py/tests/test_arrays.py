@@ -200,3 +200,17 @@ def test_samples_that_were_lost_count_at_their_times(mission: ffid.Mission, reco
 def test_threads_below_zero_are_refused(model: ffid.Model) -> None:
     with pytest.raises(ValueError, match="threads is -1"):
         model.mass_matrix(model.neutral(), threads=-1)
+
+
+def test_what_is_no_mission_and_no_record_says_what_is_needed(mission: ffid.Mission, record: ffid.Record) -> None:
+    for call in (
+        lambda: ffid.identify(str(mission.file), record),  # type: ignore[arg-type]
+        lambda: ffid.doctor(None, record),  # type: ignore[arg-type]
+        lambda: ffid.Record.read("rec.csv", record),  # type: ignore[arg-type]
+        lambda: ffid.plan_excitation("m.toml"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(TypeError, match="a Mission is needed, not .*; Mission.load reads one"):
+            call()
+    for wrong in ({"t": record.t}, record.q, iter([record])):
+        with pytest.raises(TypeError, match="records are a Record, a path, or a list of them, not"):
+            ffid.identify(mission, wrong)  # type: ignore[arg-type]

@@ -28,10 +28,10 @@ def test_notebooks_run(path: Path) -> None:
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     book = nbformat.read(path, as_version=4)
     assert not any(c.get("outputs") for c in book.cells), "notebooks are kept without outputs"
-    # Ten minutes of computing, whatever else the machine does; an hour for one that waits in vain.
+    # Half an hour of computing, whatever else the machine does; two hours for one that waits in vain.
     if resource:
-        book.cells.insert(0, nbformat.v4.new_code_cell("import resource\nresource.setrlimit(resource.RLIMIT_CPU, (600, 600))"))
-    nbclient.NotebookClient(book, timeout=3600, resources={"metadata": {"path": str(path.parent)}}).execute()
+        book.cells.insert(0, nbformat.v4.new_code_cell("import resource\nresource.setrlimit(resource.RLIMIT_CPU, (1800, 1800))"))
+    nbclient.NotebookClient(book, timeout=7200, resources={"metadata": {"path": str(path.parent)}}).execute()
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -104,7 +104,8 @@ pub fn page(r: &IdentificationResult, figures: &[(String, Figure)], replay: Opti
     let mut told = identifiability(r);
     told.extend(chart(charts::correlations(r))?);
     told.extend(convergence(r));
-    told.extend(chart(charts::descent(r))?);
+    // Every linearisation is a point of it.
+    told.extend(charts::descent(r).map(|f| Block::figure(&f, r.descent.len())).transpose()?);
     page.section("What the record can tell", told);
     page.section("Warnings", warnings(r));
     page.section("Provenance", provenance(r));

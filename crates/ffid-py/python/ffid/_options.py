@@ -10,6 +10,8 @@ from typing import Any, Union
 import numpy as np
 import numpy.typing as npt
 
+from . import _ffid
+
 Path = Union[str, "os.PathLike[str]"]
 """A path of a file or folder."""
 Array = npt.NDArray[np.float64]
@@ -18,6 +20,14 @@ ArrayLike = npt.ArrayLike
 """What NumPy makes an array of."""
 Progress = Callable[[str, int, float], object]
 """Called with what is done, how often (linearisations or iterations) and its cost (chi-squared per residual, or the cost of a plan)."""
+
+
+def core_of(mission: Any) -> _ffid.Mission:
+    """The compiled part of a mission, or why there is none."""
+    core = getattr(mission, "_core", None)
+    if not isinstance(core, _ffid.Mission):
+        raise TypeError(f"a Mission is needed, not {type(mission).__name__}; Mission.load reads one from a file")
+    return core
 
 
 def several(names: str | Iterable[str]) -> list[str]:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any, Union
 
 from . import _ffid
-from ._options import Path, words_of
+from ._options import Path, core_of, words_of
 from .errors import Problem, problems_of
 from .mission import Mission
 from .record import Record
@@ -62,6 +62,11 @@ class Diagnosis:
 
 def read_all(records: Records, mission: Mission, **options: Any) -> list[Record]:
     """Records, those that are files read with options of :meth:`Record.read`."""
+    core_of(mission)
+    if not isinstance(records, (Record, str, os.PathLike, list, tuple)):
+        # A data frame or a dictionary would be taken for its column names.
+        what = f"records are a Record, a path, or a list of them, not {type(records).__name__}"
+        raise TypeError(f"{what}; Record.from_arrays and from_pandas make one")
     several = [records] if isinstance(records, (Record, str, os.PathLike)) else list(records)
     if not several:
         raise ValueError("no records; give one or more")

@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal, Union
 
 from . import _ffid
-from ._options import Array, ArrayLike, Path, Progress, words
+from ._options import Array, ArrayLike, Path, Progress, core_of, words
 from .errors import Interrupted, Problem, problems_of, warn
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Motion:
             path: The file.
             mission: The robot that moves.
         """
-        return cls(_ffid.Motion.load(mission._core, path), mission)
+        return cls(_ffid.Motion.load(core_of(mission), path), mission)
 
     @classmethod
     def from_arrays(
@@ -57,7 +57,7 @@ class Motion:
             qd: Rates ``(N, n)`` (rad/s or m/s); with ``qdd`` or not at all.
             qdd: Accelerations ``(N, n)`` (rad/s^2 or m/s^2).
         """
-        return cls(_ffid.Motion.from_samples(mission._core, t, q, qd, qdd), mission)
+        return cls(_ffid.Motion.from_samples(core_of(mission), t, q, qd, qdd), mission)
 
     @classmethod
     def from_function(
@@ -172,7 +172,7 @@ class Plan(Motion):
     trajectory: str
 
     def __init__(self, mission: Mission, trajectory: str, plan: str, verdict: Preflight) -> None:
-        super().__init__(_ffid.Motion.from_json(mission._core, trajectory), mission)
+        super().__init__(_ffid.Motion.from_json(core_of(mission), trajectory), mission)
         self.raw = json.loads(plan)
         self.verdict = verdict
         self.trajectory = trajectory
@@ -266,7 +266,7 @@ def _search(
     progress: Progress | None,
 ) -> Plan:
     options = words(goal=goal, seed=seed, starts=starts, allow=allow, strict=strict)
-    found, broken = _ffid.plan_excitation(mission._core, options, progress)
+    found, broken = _ffid.plan_excitation(core_of(mission), options, progress)
     plan = None
     if found is not None:
         trajectory, how, verdict, text, faults = found
@@ -287,4 +287,4 @@ def preflight(mission: Mission, trajectory: Trajectory, q: ArrayLike | None = No
         trajectory: A motion, a plan, a file; or times ``(N,)`` (s), with ``q``.
         q: Joint positions at these times ``(N, n)`` (rad or m).
     """
-    return Preflight(*motion_of(mission, trajectory, q).preflight(mission._core))
+    return Preflight(*motion_of(mission, trajectory, q).preflight(core_of(mission)))

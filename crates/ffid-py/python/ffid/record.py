@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from . import _ffid
-from ._options import Array, ArrayLike, Path, several, words, words_of
+from ._options import Array, ArrayLike, Path, core_of, several, words, words_of
 from .errors import warn
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class Record:
             strict: Whether warnings are errors.
         """
         options = words_of(cls.read, locals())
-        core = _ffid.Record.read(mission._core, path, options)
+        core = _ffid.Record.read(core_of(mission), path, options)
         warn(core.warnings())
         return cls(core)
 
@@ -125,7 +125,7 @@ class Record:
         """
         arrays = {"t": t, "q": q, "tau": tau, "gyro": gyro, "qd": qd, "qdd": qdd, "acc": acc, "att": att}
         arrays |= {"t_tau": t_tau, "t_gyro": t_gyro, "t_acc": t_acc, "t_att": t_att}
-        core = _ffid.Record.build(mission._core, name, arrays, resample, keep_spikes, several(allow))
+        core = _ffid.Record.build(core_of(mission), name, arrays, resample, keep_spikes, several(allow))
         warn(core.warnings())
         return cls(core)
 
@@ -185,7 +185,7 @@ class Record:
             if key not in read or key in ("path", "mission", "topic", "max_bytes"):
                 raise TypeError(f"no option {key!r}; those of Record.read are taken")
         values = {k: list(v) if isinstance(v, (list, tuple, set)) else v for k, v in options.items()}
-        core = _ffid.Record.from_columns(mission._core, name, named, words(**values))
+        core = _ffid.Record.from_columns(core_of(mission), name, named, words(**values))
         warn(core.warnings(), stacklevel=4)
         return cls(core)
 
