@@ -159,7 +159,9 @@ fn a_profile_of_a_parameter_agrees_with_its_interval_where_the_cost_is_a_parabol
         assert!(p.points.len() > 6 && p.points.iter().all(|x| x.1 > -1e-3), "{p:?}");
     }
     let wrong = ["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--profile", "tank.l[1]"];
-    c.refused(&wrong, 11, "Config::UnknownParameter", &["tank.l[1]"]);
+    c.refused(&wrong, 11, "Config::UnknownParameter", &["tank.l[1]", "did you mean", "base.mass"]);
+    // Before anything is fitted: no line of progress, and no folder.
+    assert!(!c.path("x/result.json").exists());
 }
 
 #[test]

@@ -5,6 +5,7 @@ use crate::flags::record::RecordFlags;
 use crate::output::{Input, Outcome};
 use crate::results;
 use crate::results::{Refusal, refused};
+use ff_mission::Mission;
 use ff_model::Problems;
 use ff_records::Record;
 use ffid::exit::Exit;
@@ -64,7 +65,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write, err: &mut impl Write) -> Ou
 fn judge(args: &Args) -> Result<(Diagnosis, Problems), Refusal> {
     let input = &args.input;
     let opened = open(&input.file, input.leniency()).map_err(refused)?;
-    results::undisturbed(&opened, &input.file).map_err(refused)?;
+    let mission = results::undisturbed(&opened, &input.file).map_err(refused)?;
     let mut records = Vec::new();
     // What looks like degrees is judged here, with its factor, and not refused unread.
     let mut leniency = input.leniency();
@@ -73,16 +74,16 @@ fn judge(args: &Args) -> Result<(Diagnosis, Problems), Refusal> {
         let loaded = args.reading.read_leniently(path, &opened.model, 8, None, &leniency).map_err(refused)?;
         records.push((path.as_path(), loaded.record, loaded.warnings));
     }
-    judge_records(args, &opened, records)
+    judge_records(args, &opened, mission, records)
 }
 
 /// The diagnosis of records that have been read, each with where it is from and the warnings of reading; and all problems.
 pub(crate) fn judge_records(
     args: &Args,
     opened: &Opened,
+    mission: &Mission,
     given: Vec<(&Path, Record, Problems)>,
 ) -> Result<(Diagnosis, Problems), Refusal> {
-    let mission = results::undisturbed(opened, &args.input.file).map_err(refused)?;
     let settings = args.fit.settings(mission);
     let (mut records, mut warnings, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     for (path, record, warned) in given {

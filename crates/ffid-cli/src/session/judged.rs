@@ -134,7 +134,8 @@ pub fn doctor(file: &Path, opened: &Opened, records: &[Given], options: &[String
     words.extend(options.iter().cloned());
     let Command::Doctor(args) = parse("doctor", &words)? else { return Err(another("doctor")) };
     let given = records.iter().map(|r| (r.path.as_path(), r.record.clone(), r.warnings.clone())).collect();
-    let (diagnosis, problems) = judge_records(&args, opened, given)?;
+    let mission = results::undisturbed(opened, file)?;
+    let (diagnosis, problems) = judge_records(&args, opened, mission, given)?;
     let exit = Diagnosis::exit(&problems);
     Ok(Diagnosed { diagnosis, problems, exit })
 }

@@ -5,12 +5,13 @@ use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
 use crate::motion::loose_ends::LooseEnds;
 use crate::motion::spline_fit::{JointSamples, choose_knots, fit_motion, fit_motion_from_rest, noise_of};
 use crate::motion::stamped_motion::StampedHermite;
+use ff_dynamics::motion::bspline::BSplineMotion;
 use ff_dynamics::motion::{HermiteTable, JointMotion};
 use ff_model::Model;
 use ff_records::Record;
 use ff_records::time_base::ChannelGroup;
 use nalgebra::DMatrix;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::sync::Arc;
@@ -58,17 +59,28 @@ pub(crate) fn motion_of(
     let spacing = fit.fit.spacing;
     let worth = weights.iter().zip(&fit.noise).map(|(w, s)| (w * s).powi(2)).sum();
     let ends = LooseEnds::new(&times(record), spacing, from_rest, worth);
-    let noise = MotionNoise { spacing, positions: fit.noise.clone(), from_rest, ends };
+    let noise = MotionNoise {
+        spacing,
+        positions: fit.noise,
+        steps: fit.steps,
+        motion: Arc::new(fit.fit.motion.clone()),
+        from_rest,
+        ends,
+    };
     Ok((Box::new(fit.fit.motion), Some(noise)))
 }
 
 /// Noise that a spline through noisy positions holds.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(crate) struct MotionNoise {
     /// Of the knots (s).
     spacing: f64,
     /// Standard deviations of the positions (rad or m).
     positions: Vec<f64>,
+    /// Steps in which they are read (rad or m); 0 for none.
+    steps: Vec<f64>,
+    /// The motion that was fitted.
+    motion: Arc<BSplineMotion>,
     /// The motion was held at rest at the first sample: a spline that is free there begins with a rate of noise that lasts all the record.
     from_rest: bool,
     /// What it adds to the torques next to the ends.
@@ -80,22 +92,37 @@ const STILL: f64 = 1e-12;
 
 impl MotionNoise {
     /// Splines with the same knots through noise alone, at the sample times of the positions: what a fitted motion is off by, without
-    /// what recorded rates add. Draws are those of a seed that belongs to their number. Allocates.
+    /// what recorded rates add. Positions that are read in steps err by what the steps leave of the motion, shifted by a part of a step:
+    /// where a joint is slow that is a saw, and no white noise. Draws are those of a seed that belongs to their number. Allocates.
     pub(crate) fn draws(&self, record: &Record, count: usize) -> Result<Vec<Arc<dyn JointMotion>>, SetupError> {
         let (times, n) = (times(record), self.positions.len());
         let one = |k: usize| {
             let mut rng = ChaCha8Rng::seed_from_u64(k as u64);
-            let sigma = self.positions.iter().cycle();
-            let q: Vec<f64> = sigma
-                .take(n * times.len())
-                .map(|s| s * Distribution::<f64>::sample(&StandardNormal, &mut rng))
-                .collect();
+            let shift: Vec<f64> = self.steps.iter().map(|step| step * rng.random::<f64>()).collect();
+            let mut q = vec![0.0; n * times.len()];
+            for (t, q) in times.iter().zip(q.chunks_exact_mut(n)) {
+                self.motion.derivative(*t, 0, q);
+                for (j, q) in q.iter_mut().enumerate() {
+                    let noise: f64 = StandardNormal.sample(&mut rng);
+                    *q = self.reading_error(j, *q + shift[j], noise);
+                }
+            }
             let samples = JointSamples { dof: n, times: &times, q: &q, qd: None, rate_weight: 0.0 };
             let fit = if self.from_rest { fit_motion_from_rest } else { fit_motion };
             let fit = fit(&samples, self.spacing).map_err(|e| SetupError::JointMotion(e.to_string()))?;
             Ok(Arc::new(fit.motion) as Arc<dyn JointMotion>)
         };
         (0..count).map(one).collect()
+    }
+    /// Error of a reading of joint `j` at position `q`, for normal `noise` of unit deviation: that of the steps, and noise of what they
+    /// leave of the deviation of the positions.
+    fn reading_error(&self, j: usize, q: f64, noise: f64) -> f64 {
+        let (sigma, step) = (self.positions[j], self.steps[j]);
+        if step == 0.0 {
+            return sigma * noise;
+        }
+        let besides = (sigma * sigma - step * step / 12.0).max(0.0).sqrt() * noise;
+        ((q + besides) / step).round() * step - q
     }
 }
 
@@ -123,7 +150,7 @@ fn short(record: &Record) -> Result<Option<Box<dyn JointMotion>>, SetupError> {
 /// # Errors
 /// [`SetupError::JointMotion`]; at least 64 samples are needed.
 pub fn spectral_motion(record: &Record) -> Result<SpectralFit, SetupError> {
-    motion_at_stake(record, &Stake { weights: vec![1.0; record.joints()], free: 0.0 }, false)
+    motion_at_stake(record, &Stake::alike(record.joints()), false)
 }
 
 /// [`spectral_motion`] with what accelerations are worth.
@@ -177,4 +204,45 @@ fn times(record: &Record) -> Vec<f64> {
 /// Row-major copy: sample after sample.
 fn rows(m: &DMatrix<f64>) -> Vec<f64> {
     m.transpose().as_slice().to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::spline_fit::choose_knots;
+
+    /// Of a joint at rest whose positions are read in steps of 1e-4 rad.
+    fn stepped() -> MotionNoise {
+        let times: Vec<f64> = (0..400).map(|i| 0.01 * f64::from(i)).collect();
+        let step = 1e-4;
+        let q = vec![0.3; times.len()];
+        let s = JointSamples { dof: 1, times: &times, q: &q, qd: None, rate_weight: 0.0 };
+        let fit = choose_knots(&s, Some(&[1e-9])).unwrap();
+        MotionNoise {
+            spacing: 0.1,
+            positions: vec![step / 12f64.sqrt()],
+            steps: vec![step],
+            motion: Arc::new(fit.motion),
+            from_rest: false,
+            ends: LooseEnds::default(),
+        }
+    }
+
+    #[test]
+    fn errors_of_steps_are_those_of_the_motion() {
+        // A joint that rests between two steps errs by a constant of at most half a step.
+        let n = stepped();
+        let errors: Vec<f64> = (0..9).map(|k| n.reading_error(0, 0.3 + 1e-5 * f64::from(k), 1.7)).collect();
+        assert!(errors.iter().all(|e| e.abs() <= 0.5001e-4), "{errors:?}");
+        assert!(errors.windows(2).any(|e| (e[0] - e[1]).abs() > 0.9e-5), "{errors:?}");
+        // A slow one errs by a saw, whose mean square is that of the steps, and neighbours err alike.
+        let saw: Vec<f64> = (0..5000).map(|i| n.reading_error(0, 0.3 + 2e-6 * f64::from(i), 0.0)).collect();
+        let square = |x: &[f64]| x.iter().map(|e| e * e).sum::<f64>() / x.len() as f64;
+        assert!((square(&saw) / (1e-8 / 12.0) - 1.0).abs() < 0.02);
+        let alike = saw.windows(2).map(|e| e[0] * e[1]).sum::<f64>() / saw.len() as f64;
+        assert!(alike > 0.8 * square(&saw), "{alike:e}");
+        // Noise beyond the steps is normal.
+        let wide = MotionNoise { positions: vec![1e-3], ..n };
+        assert!((wide.reading_error(0, 0.3, 2.0) - 2e-3).abs() < 1e-4);
+    }
 }

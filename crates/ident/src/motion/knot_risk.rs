@@ -19,14 +19,18 @@
 //! ```text
 //! B^2(h) = max over h' < h of [ mean |a_h - a_h'|^2 - kappa V(h') ]_+
 //! ```
+//!
+//! Rates weigh beside accelerations where a gyro feels them: their variance is the same integral over `S2` and `h^3`.
 
+use crate::motion::knot_spectrum::Stake;
 use crate::motion::spline_fit::{DEGREE, MotionFit};
 use core::f64::consts::{PI, TAU};
 use ff_dynamics::motion::JointMotion;
 
-/// Variance of the accelerations of a least-squares spline with knots `spacing` (s) apart, for samples every `dt` (s) with white
-/// noise of unit deviation in position, and of `1 / rho` in rate (`rho` in s; 0 for no rates). In 1/s^4. Equation in the page above.
-pub(crate) fn acceleration_variance(spacing: f64, dt: f64, rho: f64) -> f64 {
+/// Variance of derivative number `order` (1: rate, 2: acceleration) of a least-squares spline with knots `spacing` (s) apart, for samples
+/// every `dt` (s) with white noise of unit deviation in position, and of `1 / rho` in rate (`rho` in s; 0 for no rates). In
+/// `1 / s^(2 order)`. Equation in the page above.
+pub(crate) fn variance_of(order: i32, spacing: f64, dt: f64, rho: f64) -> f64 {
     const POINTS: usize = 48;
     const ALIASES: i32 = 4;
     let power = 2 * (DEGREE as i32 + 1);
@@ -37,12 +41,12 @@ pub(crate) fn acceleration_variance(spacing: f64, dt: f64, rho: f64) -> f64 {
             let x = w + TAU * f64::from(l);
             let b = ((0.5 * w).sin() / (0.5 * x)).powi(power);
             low += (1.0 + ratio * x * x) * b;
-            high += x.powi(4) * b;
+            high += x.powi(2 * order) * b;
         }
         high / low
     };
     let mean = (0..POINTS).map(|i| at(PI * (i as f64 + 0.5) / POINTS as f64)).sum::<f64>() / POINTS as f64;
-    mean * dt / spacing.powi(5)
+    mean * dt / spacing.powi(2 * order + 1)
 }
 
 /// Step of a channel whose readings are whole multiples of one, counted from the first; `None` for one that is not quantised.
@@ -59,33 +63,38 @@ pub(crate) fn quantum(x: impl Iterator<Item = f64>) -> Option<f64> {
     (gaps.len() > 8 && slack < 0.1 && gaps.iter().all(whole)).then_some(step)
 }
 
-/// A fit with its accelerations at instants that all fits share.
+/// A fit with what its motion is worth at instants that all fits share.
 pub(crate) struct Candidate {
     pub(crate) fit: MotionFit,
-    acceleration: Vec<f64>,
-    /// Weighted variance of its accelerations.
+    /// Accelerations and then rates, each times its weight, instant after instant.
+    worth: Vec<f64>,
+    /// Weighted variance of both.
     pub(crate) variance: f64,
 }
 
 impl Candidate {
     /// `variance` is the sum over joints, each with its weight squared.
-    pub(crate) fn new(fit: MotionFit, instants: &[f64], variance: f64) -> Self {
+    pub(crate) fn new(fit: MotionFit, instants: &[f64], variance: f64, stake: &Stake) -> Self {
         let n = fit.motion.dof();
-        let (mut q, mut qd) = (vec![0.0; n], vec![0.0; n]);
-        let mut acceleration = vec![0.0; n * instants.len()];
-        for (t, a) in instants.iter().zip(acceleration.chunks_exact_mut(n)) {
-            fit.motion.eval(*t, &mut q, &mut qd, a);
+        let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        let mut worth = Vec::with_capacity(2 * n * instants.len());
+        for t in instants {
+            fit.motion.eval(*t, &mut q, &mut qd, &mut qdd);
+            worth.extend(qdd.iter().zip(&stake.weights).map(|(a, w)| w * a));
+            let rates = qd.iter().zip(stake.rates.iter().chain(std::iter::repeat(&0.0)));
+            worth.extend(rates.map(|(v, w)| w * v));
         }
-        Self { fit, acceleration, variance }
+        Self { fit, worth, variance }
     }
     /// Weighted mean square of the difference to a finer fit, two spans off the ends, where splines are loose.
-    fn difference(&self, finer: &Self, instants: &[f64], weights: &[f64]) -> f64 {
-        let (n, end) = (weights.len(), self.fit.motion.duration());
+    fn difference(&self, finer: &Self, instants: &[f64]) -> f64 {
+        let end = self.fit.motion.duration();
+        let each = self.worth.len() / instants.len().max(1);
         let inside = 2.0 * self.fit.spacing..end - 2.0 * self.fit.spacing;
         let (mut sum, mut count) = (0.0, 0usize);
-        let both = self.acceleration.chunks_exact(n).zip(finer.acceleration.chunks_exact(n));
+        let both = self.worth.chunks_exact(each).zip(finer.worth.chunks_exact(each));
         for (_, (a, b)) in instants.iter().zip(both).filter(|(t, _)| inside.contains(*t)) {
-            sum += a.iter().zip(b).zip(weights).map(|((a, b), w)| (w * (a - b)).powi(2)).sum::<f64>();
+            sum += a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
             count += 1;
         }
         sum / count.max(1) as f64
@@ -96,14 +105,14 @@ impl Candidate {
 const BIAS_COUNTS: f64 = 4.0;
 
 /// `B^2` of every candidate, coarse to fine: see the page above. The finest has none to be compared with.
-pub(crate) fn biases(candidates: &[Candidate], instants: &[f64], weights: &[f64]) -> Vec<f64> {
+pub(crate) fn biases(candidates: &[Candidate], instants: &[f64]) -> Vec<f64> {
     let of = |i: usize| {
         let finer = candidates[i + 1..].iter();
         let excess = finer.map(|f| {
             let points = (f.fit.motion.duration() / f.fit.spacing).max(1.0);
             // Four deviations of a mean of that many squares, and a tenth for noise figures a little too low.
             let kappa = 1.2 + 4.0 * (2.0 / points).sqrt();
-            candidates[i].difference(f, instants, weights) - kappa * f.variance
+            candidates[i].difference(f, instants) - kappa * f.variance
         });
         excess.fold(0.0, f64::max)
     };
@@ -126,8 +135,8 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, Normal};
 
-    /// Variance of the accelerations fitted to noise, away from the ends.
-    fn measured(rates: Option<f64>) -> f64 {
+    /// Variances of the rates and accelerations fitted to noise, away from the ends.
+    fn measured(rates: Option<f64>) -> [f64; 2] {
         const N: usize = 40_000;
         let (mut rng, normal) = (ChaCha8Rng::seed_from_u64(5), Normal::new(0.0, 1.0).unwrap());
         let times: Vec<f64> = (0..N).map(|i| 0.01 * i as f64).collect();
@@ -136,18 +145,23 @@ mod tests {
         let rate_weight = rates.unwrap_or(1.0);
         let s = JointSamples { dof: 1, times: &times, q: &q, qd: rates.map(|_| &qd[..]), rate_weight };
         let fit = fit_motion(&s, 0.16).unwrap();
-        let c = Candidate::new(fit, &times, 0.0);
-        let inner = &c.acceleration[200..N - 200];
-        inner.iter().map(|a| a * a).sum::<f64>() / inner.len() as f64
+        let stake = Stake { weights: vec![1.0], rates: vec![1.0], free: 0.0 };
+        let c = Candidate::new(fit, &times, 0.0, &stake);
+        let inner = &c.worth[400..2 * (N - 200)];
+        let of = |k: usize| inner.iter().skip(k).step_by(2).map(|a| a * a).sum::<f64>() / (inner.len() / 2) as f64;
+        [of(1), of(0)]
     }
 
     #[test]
-    fn noise_in_acceleration_is_as_the_formula_says() {
-        assert_relative_eq!(acceleration_variance(1.0, 1.0, 0.0), 20.5916, max_relative = scaled(1e-4));
-        assert_relative_eq!(measured(None), acceleration_variance(0.16, 0.01, 0.0), max_relative = scaled(0.08));
+    fn noise_in_rates_and_accelerations_is_as_the_formula_says() {
+        assert_relative_eq!(variance_of(2, 1.0, 1.0, 0.0), 20.5916, max_relative = scaled(1e-4));
         let rho = 0.05;
-        assert_relative_eq!(measured(Some(rho)), acceleration_variance(0.16, 0.01, rho), max_relative = scaled(0.08));
-        assert!(acceleration_variance(0.16, 0.01, rho) < 0.8 * acceleration_variance(0.16, 0.01, 0.0));
+        for (rates, ratio) in [(None, 0.0), (Some(rho), rho)] {
+            for (order, measured) in [1, 2].into_iter().zip(measured(rates)) {
+                assert_relative_eq!(measured, variance_of(order, 0.16, 0.01, ratio), max_relative = scaled(0.08));
+            }
+        }
+        assert!(variance_of(2, 0.16, 0.01, rho) < 0.8 * variance_of(2, 0.16, 0.01, 0.0));
     }
 
     #[test]

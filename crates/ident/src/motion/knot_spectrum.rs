@@ -2,15 +2,15 @@
 //!
 //! Knots too far apart bend the motion, knots too close let noise through, whose part in the acceleration grows with
 //! `spacing^-2.5`. Spacings from a sixth of the record down are tried, each `1 / sqrt 2` of the one before, and judged by their
-//! accelerations: by what finer knots change beyond noise, and by the noise they let through (`knot_risk`, equations
-//! in `docs/theory/joint-motion.md`). Where it is known how much noise in acceleration costs nothing, because torques are noisier,
+//! accelerations, and by their rates where a gyro feels these: by what finer knots change beyond noise, and by the noise they let through
+//! (`knot_risk`, equations in `docs/theory/joint-motion.md`). Where it is known how much noise costs nothing, because sensors are noisier,
 //! the finest spacing that lets through no more is taken, or a finer one that the motion needs.
 //!
 //! Above the frequency where the spectrum of the positions meets the floor of its noise there is nothing to follow: a spline of
 //! degree 5 needs some four knots per period there ([`KNOTS_PER_PERIOD`]), and no more. [`crate::motion::spline_fit::choose_knots`] knows no
 //! such end and, told too little noise, follows what there is down to 2.5 samples.
 
-use crate::motion::knot_risk::{Candidate, acceleration_variance, best, biases, quantum};
+use crate::motion::knot_risk::{Candidate, best, biases, quantum, variance_of};
 use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_motion, is_even, noise_of};
 use ff_records::ChannelGroup;
 use ff_records::time_base::{TimeBaseError, on_grid_across};
@@ -58,6 +58,8 @@ pub struct SpectralFit {
     pub floors: Vec<f64>,
     /// Per joint, the standard deviation of the positions (rad or m): given, or estimated.
     pub noise: Vec<f64>,
+    /// Per joint, the step in which its positions are read (rad or m); 0 where they are not.
+    pub steps: Vec<f64>,
     /// Deviation of the positions over that of the rates (s); 0 when rates were not used.
     pub rate_weight: f64,
     /// Sampling interval (s).
@@ -69,17 +71,27 @@ pub struct SpectralFit {
 impl SpectralFit {
     /// Standard deviation of the accelerations of joint `j` (rad/s^2 or m/s^2) away from the ends, for knots `spacing` (s) apart.
     pub fn acceleration_noise(&self, j: usize, spacing: f64) -> f64 {
-        self.noise[j] * acceleration_variance(spacing, self.dt, self.rate_weight).sqrt()
+        self.noise[j] * variance_of(2, spacing, self.dt, self.rate_weight).sqrt()
     }
 }
 
-/// What an acceleration of every joint weighs, and what noise may cost nothing.
+/// What acceleration and rate of every joint weigh, and what noise may cost nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stake {
     /// Per joint, what an error of 1 rad/s^2 (or m/s^2) is worth, such as the torque it makes over the noise of the torque sensors.
     pub weights: Vec<f64>,
-    /// Sum over joints of the squared weights times variances of acceleration that may pass.
+    /// Per joint, what an error of 1 rad/s (or m/s) is worth, such as the rate of the base it makes over the noise of the gyro; empty for
+    /// nothing.
+    pub rates: Vec<f64>,
+    /// Sum over joints of the squared weights times variances of acceleration and rate that may pass.
     pub free: f64,
+}
+
+impl Stake {
+    /// Accelerations of `joints` joints count alike, rates nothing, and no noise is free.
+    pub(crate) fn alike(joints: usize) -> Self {
+        Self { weights: vec![1.0; joints], rates: Vec::new(), free: 0.0 }
+    }
 }
 
 /// Why there is no spectral choice.
@@ -102,7 +114,7 @@ pub enum KnotError {
 /// # Errors
 /// [`KnotError`]; at least 64 samples are needed.
 pub fn fit_by_spectrum(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Result<SpectralFit, KnotError> {
-    fit_at_stake(samples, noise, &Stake { weights: vec![1.0; samples.dof], free: 0.0 })
+    fit_at_stake(samples, noise, &Stake::alike(samples.dof))
 }
 
 /// [`fit_by_spectrum`] with what accelerations are worth. Allocates.
@@ -119,16 +131,17 @@ pub fn fit_at_stake(
     if m < 64 {
         return Err(FitError::Length { what: "samples", got: m, expected: 64 }.into());
     }
-    for (what, got) in [("noise", noise.map_or(n, <[f64]>::len)), ("weights", stake.weights.len())] {
+    let of_rates = if stake.rates.is_empty() { n } else { stake.rates.len() };
+    for (what, got) in [("noise", noise.map_or(n, <[f64]>::len)), ("weights", stake.weights.len()), ("rates", of_rates)]
+    {
         if got != n {
             return Err(FitError::Length { what, got, expected: n }.into());
         }
     }
-    let stepped = |j: usize| {
-        let step = quantum(samples.q.iter().skip(j).step_by(n).copied());
-        // Where a joint rests its readings repeat, and differences see less than the steps.
-        estimated[j].max(step.unwrap_or(0.0) / 12f64.sqrt())
-    };
+    let steps: Vec<f64> =
+        (0..n).map(|j| quantum(samples.q.iter().skip(j).step_by(n).copied()).unwrap_or(0.0)).collect();
+    // Where a joint rests its readings repeat, and differences see less than the steps.
+    let stepped = |j: usize| estimated[j].max(steps[j] / 12f64.sqrt());
     let noise: Vec<f64> = noise.map_or_else(|| (0..n).map(stepped).collect(), <[f64]>::to_vec);
     let end = samples.times[m - 1];
     let dt = end / (m - 1) as f64;
@@ -138,8 +151,9 @@ pub fn fit_at_stake(
     let (bands, floors) = spectrum(&JointSamples { q: even.as_deref().unwrap_or(samples.q), ..*samples }, &noise, dt)?;
     let band = bands.iter().copied().fold(0.0, f64::max);
     let rho = if samples.qd.is_some() { samples.rate_weight } else { 0.0 };
-    let weighted: f64 = noise.iter().zip(&stake.weights).map(|(s, w)| (s * w).powi(2)).sum();
-    let variance = |h: f64| weighted * acceleration_variance(h, dt, rho);
+    let weighted = |w: &[f64]| noise.iter().zip(w).map(|(s, w)| (s * w).powi(2)).sum::<f64>();
+    let (of_accelerations, of_rates) = (weighted(&stake.weights), weighted(&stake.rates));
+    let variance = |h: f64| of_accelerations * variance_of(2, h, dt, rho) + of_rates * variance_of(1, h, dt, rho);
     let finest = SAMPLES_PER_KNOT * dt;
     // Rates stand out of their noise further up than positions do.
     let limited = if rho > 0.0 { finest } else { 1.0 / (KNOTS_PER_PERIOD * band.max(1.0 / end)) };
@@ -157,7 +171,7 @@ pub fn fit_at_stake(
     loop {
         let fit = fit_motion(samples, spacing)?;
         let passes = variance(fit.spacing);
-        candidates.push(Candidate::new(fit, &instants, passes));
+        candidates.push(Candidate::new(fit, &instants, passes, stake));
         if spacing <= densest {
             break;
         }
@@ -169,7 +183,7 @@ pub fn fit_at_stake(
     let follows = |c: &Candidate| c.fit.residual.iter().zip(&floor).all(|(r, f)| r <= f);
     let first = candidates.iter().position(follows).unwrap_or(candidates.len() - 1);
     let mut candidates = candidates.split_off(first);
-    let biases = biases(&candidates, &instants, &stake.weights);
+    let biases = biases(&candidates, &instants);
     let chosen = best(&candidates, &biases, stake.free);
     // The finest has no finer one to be judged by: that the one before it was bent says that it may be as well.
     let last = chosen + 1 == candidates.len() && chosen > 0 && biases[chosen - 1] > 0.0;
@@ -180,7 +194,7 @@ pub fn fit_at_stake(
         _ => KnotReason::AccelerationsSettled,
     };
     let fit = candidates.swap_remove(chosen).fit;
-    Ok(SpectralFit { fit, bands, floors, noise, rate_weight: rho, dt, reason })
+    Ok(SpectralFit { fit, bands, floors, noise, steps, rate_weight: rho, dt, reason })
 }
 
 /// Longest gap that the spectrum is told across, in usual intervals. Records are cut where a gap is longer than the spacing of the knots.

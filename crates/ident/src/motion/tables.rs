@@ -68,7 +68,7 @@ impl Tables {
         noise: Option<&Noise>,
         from_rest: bool,
     ) -> Result<Self, SetupError> {
-        let stake = || knot_stake::stake(model, record, noise?.torque);
+        let stake = || noise.and_then(|n| knot_stake::stake(model, record, [n.torque, n.gyro]));
         let (motion, noise) = motion_of(model, record, stake, from_rest)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
         Ok(Self { motion: motion.into(), noise, sampling, disturbances: Vec::new(), kept: None, passing: None })

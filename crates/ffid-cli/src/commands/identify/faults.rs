@@ -68,7 +68,8 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
         let hint = match e.named.first() {
             Some(n) if n.name.starts_with("other-robot") => "identify the records apart, and compare what they say".to_owned(),
             Some(n) if n.name == "extra-mode" => {
-                "add an [[appendage]] of that frequency to the mission, such as the one in the report, and estimate it".to_owned()
+                let such = if n.mission.is_empty() { "" } else { ", such as the one in the report," };
+                format!("add an [[appendage]] of that frequency to the mission{such} and estimate it")
             }
             Some(n) => format!("measure that, or estimate it: --adopt {}", n.name),
             None => {

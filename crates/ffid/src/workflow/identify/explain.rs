@@ -50,6 +50,7 @@ pub(super) struct Tests {
 }
 
 /// What the fit is, and the estimators of its records with every column.
+#[derive(Clone, Copy)]
 pub(super) struct Ended<'a> {
     pub(super) model: &'a Model,
     pub(super) shared: &'a Shared,

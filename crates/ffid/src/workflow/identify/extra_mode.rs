@@ -55,6 +55,16 @@ pub(super) struct ExtraMode {
     level: f64,
 }
 
+/// Takes the size off a mode whose fit has not ended after so many linearisations: what a fit says that can still move has no deviation.
+/// Frequency and damping are those of the search.
+pub(super) fn without_size(line: &mut NamedError, linearisations: usize) {
+    line.size.retain(|s| s.name.starts_with("frequency") || s.name.starts_with("damping_ratio"));
+    line.mission.clear();
+    let seen = line.text.split(" (").next().unwrap_or_default();
+    line.text =
+        format!("{seen} (mass and place unknown: a fit with it had not ended after {linearisations} linearisations)");
+}
+
 impl ExtraMode {
     /// With the elements of its inertia alone as columns.
     pub(super) fn oscillator(&self) -> Oscillator {
@@ -106,16 +116,14 @@ impl ExtraMode {
             _ => "along two directions, as fuel",
         };
         line.text = format!(
-            "a mode at {} +- {} Hz, damping {} +- {} %, that the mission lacks ({kind}; effective mass {} +- {} kg, inertia about \
-             the base's origin {} +- {} kg m^2)",
+            "a mode at {} +- {} Hz, damping {} +- {} %, that the mission lacks ({kind}; to first order, effective mass {} kg, inertia about \
+             the base's origin {} kg m^2)",
             num(frequency_hz),
             num(of_frequency),
             num(100.0 * damping_ratio),
             num(100.0 * of_damping),
             num(self.shape.mass.0),
-            num(self.shape.mass.1),
             num(self.shape.moment.0),
-            num(self.shape.moment.1),
         );
     }
 }

@@ -89,7 +89,22 @@ pub(super) fn held_at_mission(unknowns: &Unknowns, set: &ReducedSet, values: &[f
     if physical(&moved) { (moved, held) } else { (unknowns.nominal.clone(), held) }
 }
 
-/// Profiles of the parameters that the options name.
+/// Names that a message lists.
+const LISTED: usize = 8;
+
+/// Refuses profiles of what is not estimated, before anything is fitted.
+pub(super) fn profiled(unknowns: &Unknowns, options: &FitOptions) -> Result<(), IdentifyError> {
+    let names: Vec<&str> = unknowns.selected.iter().map(|&i| unknowns.decls[i].name.as_str()).collect();
+    let Some(pattern) = options.profile.iter().find(|p| !names.iter().any(|n| matches(p, n))) else { return Ok(()) };
+    let more = if names.len() > LISTED { ", ..." } else { "" };
+    let known = format!("estimated are {}{more}", names[..names.len().min(LISTED)].join(", "));
+    let near = ff_model::diagnostics::nearest(pattern, names.iter().copied());
+    let hint = near.map_or_else(|| known.clone(), |n| format!("did you mean {n}? {known}"));
+    let what = format!("--profile {pattern}: no such parameter is estimated");
+    Err(IdentifyError::Refused(config("Config::UnknownParameter", what, &hint)))
+}
+
+/// Profiles of the parameters that the options name, where they are estimated.
 pub(super) fn profiles(
     request: &Request<'_>,
     unknowns: &Unknowns,
@@ -98,15 +113,9 @@ pub(super) fn profiles(
     estimator: &mut impl Estimator,
 ) -> Result<Vec<ProfileLine>, IdentifyError> {
     let mut columns: Vec<usize> = Vec::new();
+    // What a reduction has held has none.
     for pattern in &options.profile {
-        let found: Vec<usize> = (0..selected.len()).filter(|&k| matches(pattern, &at.parameters[k].name)).collect();
-        if found.is_empty() {
-            let near = ff_model::diagnostics::nearest(pattern, at.parameters.iter().map(|p| p.name.as_str()));
-            let hint = near.map_or_else(|| "see [estimate]".to_owned(), |n| format!("did you mean {n}?"));
-            let what = format!("--profile {pattern}: no such parameter is estimated");
-            return Err(IdentifyError::Refused(config("Config::UnknownParameter", what, &hint)));
-        }
-        columns.extend(found);
+        columns.extend((0..selected.len()).filter(|&k| matches(pattern, &at.parameters[k].name)));
     }
     columns.sort_unstable();
     columns.dedup();

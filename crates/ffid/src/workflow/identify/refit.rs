@@ -43,6 +43,15 @@ pub(super) struct Contradicted<'a, 't> {
     pub(super) watch: &'a Observer<'a>,
 }
 
+/// What came of fitting an error.
+enum Tried {
+    Fitted(Box<Refit>),
+    /// Its fit can still move: whatever it says of the size has no deviation.
+    NotEnded,
+    /// It cannot be estimated.
+    Impossible,
+}
+
 /// A fit with an error among its unknowns.
 struct Refit {
     line: NamedError,
@@ -70,11 +79,18 @@ impl Contradicted<'_, '_> {
         leading.truncate(LEADING);
         let (mut found, mut lost): (Vec<Refit>, Vec<String>) = (Vec::new(), Vec::new());
         for candidate in leading.iter().filter(|n| n.drop >= least && !n.name.starts_with("other-robot")) {
+            let is_mode = candidate.name == extra_mode::NAME;
             match self.fit(candidate, tests)? {
-                Some(fit) => found.push(fit),
+                Tried::Fitted(fit) => found.push(*fit),
+                Tried::NotEnded => {
+                    if is_mode {
+                        let lines = tests.named.iter_mut().chain(&mut tests.alone);
+                        lines.filter(|n| n.name == extra_mode::NAME).for_each(|n| extra_mode::without_size(n, MOST));
+                    }
+                }
                 // A mode has been estimated by its search.
-                None if candidate.name == extra_mode::NAME => {}
-                None => lost.push(candidate.name.clone()),
+                Tried::Impossible if is_mode => {}
+                Tried::Impossible => lost.push(candidate.name.clone()),
             }
         }
         tests.named.retain(|n| !lost.contains(&n.name));
@@ -107,26 +123,26 @@ impl Contradicted<'_, '_> {
         (tests.named, tests.with_first) = (named, Some(state));
         Ok(())
     }
-    /// A fit with this error; `None` where it cannot be estimated.
-    fn fit(&self, candidate: &NamedError, tests: &Tests) -> Result<Option<Refit>, IdentifyError> {
+    /// A fit with this error.
+    fn fit(&self, candidate: &NamedError, tests: &Tests) -> Result<Tried, IdentifyError> {
         let mut settings = Settings { max_iterations: MOST, ..self.settings.clone() };
         let mut mounted = None;
         if candidate.name == extra_mode::NAME {
             // Priors are about the base as it is.
             if self.end.unknowns.has_priors() {
-                return Ok(None);
+                return Ok(Tried::Impossible);
             }
             mounted = tests.extra.as_ref().and_then(|m| m.mounted(self.end, self.opened));
             if mounted.is_none() {
-                return Ok(None);
+                return Ok(Tried::Impossible);
             }
         } else {
             settings.adopt.push(candidate.name.clone());
         }
         let opened = mounted.as_ref().map_or(self.opened, |m| &m.opened);
-        let Ok(setup) = Setup::new(opened, self.records, &settings, self.options) else { return Ok(None) };
+        let Ok(setup) = Setup::new(opened, self.records, &settings, self.options) else { return Ok(Tried::Impossible) };
         let (start, selected) = self.start(&setup, mounted.as_ref());
-        let Ok(mut made) = self.assemble(&setup, mounted.as_ref()) else { return Ok(None) };
+        let Ok(mut made) = self.assemble(&setup, mounted.as_ref()) else { return Ok(Tried::Impossible) };
         let silent = Observer { progress: None, ..*self.watch };
         let mut watched = ObservedEstimator::new(&mut *made.whole, &silent);
         let priors = setup.unknowns.priors(&selected)?;
@@ -136,12 +152,15 @@ impl Contradicted<'_, '_> {
             return Err(IdentifyError::Interrupted);
         }
         drop(watched);
-        let Ok(estimate) = estimate else { return Ok(None) };
+        let Ok(estimate) = estimate else { return Ok(Tried::Impossible) };
+        if !estimate.is_solution() {
+            return Ok(Tried::NotEnded);
+        }
         let mut line = candidate.clone();
         line.drop = self.end.fitted.estimate.objective - estimate.objective;
         (line.beside, line.refitted) = (false, true);
         if line.drop <= 0.0 {
-            return Ok(None);
+            return Ok(Tried::Impossible);
         }
         let told = match (&mounted, tests.tried.iter().find(|h| h.name == candidate.name)) {
             (Some(m), _) => {
@@ -158,14 +177,14 @@ impl Contradicted<'_, '_> {
             (None, None) => false,
         };
         if !told {
-            return Ok(None);
+            return Ok(Tried::Impossible);
         }
         let taken = |name: &str| mounted.as_ref().and_then(|m| m.taken.get(name)).copied().unwrap_or(0.0);
         if let Some((moves, by)) = self.moved(&estimate, &taken) {
             (line.moves, line.moves_by) = (moves, by);
         }
         drop(made);
-        Ok(Some(Refit { line, mounted, settings, setup, estimate, selected }))
+        Ok(Tried::Fitted(Box::new(Refit { line, mounted, settings, setup, estimate, selected })))
     }
     /// Where the first fit has ended, in the unknowns of another, and what is estimated.
     fn start(&self, setup: &Setup, mounted: Option<&Mounted>) -> (Vec<f64>, Vec<usize>) {

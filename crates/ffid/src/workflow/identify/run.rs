@@ -34,7 +34,7 @@ use ident::Several;
 use ident::belief::{ChannelRows, coloured_covariance};
 use ident::compose::best_of;
 use ident::compose::{Shared, SharedErrors};
-use ident::estimate::attempt;
+use ident::estimate::{Estimate, EstimateError, attempt};
 use ident::parameters::random_start;
 use nalgebra::DMatrix;
 
@@ -74,6 +74,7 @@ pub fn identify(
     }
     let (setup, given) = (Setup::new(opened, records, settings, options)?, (settings, options));
     let Setup { settings, options, unknowns, shared, labels, uncertain, .. } = &setup;
+    known::profiled(unknowns, options)?;
     let fit = setup.assembly(model, records);
     let Assembled { mut whole, twins, sigma, rows } = fit.assemble(uncertain)?;
     let request = setup.request()?;
@@ -107,7 +108,14 @@ pub fn identify(
         at += n;
     }
     let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
-    let mut found = if fitted.estimate.is_solution() { explain::tests(&end, &twins, settings)? } else { None };
+    let mut found = match method(model, settings.method) {
+        _ if !fitted.estimate.is_solution() => None,
+        Method::Rda => match fit.tested_by_all_sensors(&request, &end, uncertain, watch)? {
+            Some(tests) => Some(tests),
+            None => explain::tests(&end, &twins, settings)?,
+        },
+        _ => explain::tests(&end, &twins, settings)?,
+    };
     let tests = found.as_ref();
     let coloured = coloured_deviations(&end, &rows, sigma.len(), settings, &mut watched);
     let coloured = if watched.stopped() { return Err(ended(&watched)) } else { coloured };
@@ -372,6 +380,45 @@ impl<'a> Assembly<'a> {
             whole = Box::new(shared);
         }
         Ok(Assembled { whole: self.unknowns.tied(whole), twins, sigma, rows })
+    }
+}
+
+impl Assembly<'_> {
+    /// Tests of a fit of the torques alone ([`Method::Rda`]), at the end of a fit by output error that begins where it ended. Errors are
+    /// scored to first order, and on a base that is light against its arm the torques leave parameters thousands of times less certain
+    /// than the gyro: at the end of the rigid method its residuals are not small, and a right model would be contradicted. The initial
+    /// rate is free, since the rigid method needs no rest. `None` where output error does not end.
+    fn tested_by_all_sensors(
+        &self,
+        request: &Request<'_>,
+        end: &Ended<'_>,
+        uncertain: &UncertainItems,
+        watch: &Observer<'_>,
+    ) -> Result<Option<explain::Tests>, IdentifyError> {
+        let settings = Settings { method: Some(Method::OutputError), initial_state: true, ..self.settings.clone() };
+        let Assembled { mut whole, twins, .. } = Assembly { settings: &settings, ..*self }.assemble(uncertain)?;
+        let silent = Observer { progress: None, ..*watch };
+        let mut watched = ObservedEstimator::new(&mut *whole, &silent);
+        let (fitted, unknowns) = (end.fitted, self.unknowns);
+        let again = Request {
+            selected: &fitted.selected,
+            start: &fitted.estimate.values,
+            priors: unknowns.priors(&fitted.selected)?,
+            ..request.clone()
+        };
+        let ended = |found: Result<Estimate, EstimateError>| found.ok().filter(Estimate::is_solution);
+        let mut found = ended(attempt(&again, &mut watched));
+        if found.is_none() && !watched.stopped() {
+            // The torques alone may have led a body to the edge of what can exist, from which no fit begins.
+            found = ended(attempt(&Request { start: request.start, ..again }, &mut watched));
+        }
+        if watched.stopped() {
+            return Err(IdentifyError::Interrupted);
+        }
+        let Some(estimate) = found else { return Ok(None) };
+        let values = unknowns.expand(&estimate.values)?;
+        let fitted = Fitted { estimate, ..fitted.clone() };
+        explain::tests(&Ended { fitted: &fitted, values: &values, ..*end }, &twins, &settings)
     }
 }
 
