@@ -71,6 +71,17 @@ fn fits_from_far_missions_are_counted() {
     assert!(json["figures"].get("flexible.at_best_minimum").is_none());
 }
 
+/// Two wings have modes of nearly one frequency: steps of one length in all directions crept along that valley, and ran out of iterations
+/// even from the truth.
+#[test]
+#[ignore = "full tier: 5 s"]
+fn fits_follow_a_curved_valley_to_its_end() {
+    let (json, text) = study(&["convergence", "--quick", "--only", "flexible", "--only", "5", "--only", "9"]);
+    let figure = |name: &str| json["figures"][name].as_f64().unwrap();
+    assert!(figure("flexible.linearisations_mean") < 80.0, "{text}");
+    assert!(!text.contains("ran out of iterations"), "{text}");
+}
+
 #[test]
 fn noise_free_data_give_the_truth_back() {
     let (json, _) = study(&["recovery", "--quick", "--only", "rigid", "--only", "slosh"]);

@@ -19,6 +19,16 @@ const FLAT_STEPS: usize = 3;
 const FLAT_GAIN: f64 = 10.0;
 /// Relative physical change of such a step below which a body presses against the edge: steps are measured by what is left of it.
 const EDGE_MOVED: f64 = 0.05;
+/// Trust radius below which the last part of a fit goes on in the metric of the data, and relative promised reduction up to which it is
+/// the last part. Two modes of nearly one frequency bend a valley within a hundredth of its parameters, and steps that are as short in all
+/// directions creep along it; measured by what each parameter changes in the data, steps follow it.
+const CREEPING: f64 = 0.05;
+/// See [`CREEPING`].
+const LAST_PART: f64 = 1e-2;
+/// First trust radius in the metric of the data: whitened residuals that the parameters, each by itself, would change.
+const DATA_RADIUS: f64 = 10.0;
+/// Gain of a step after which the next may be twice as long.
+const TRUSTED: f64 = 0.75;
 /// Part of a positive parameter that a step leaves of it at least.
 const LEAST_PART: f64 = 0.1;
 /// Factor on the start of a positive parameter that a pass over less data keeps it within. Where oscillations have slipped, a spring or
@@ -88,7 +98,7 @@ pub(super) fn settle<E: Estimator + ?Sized>(
         place.iterations += solution.iterations;
         let cost = solution.history.first().map_or(solution.cost, |step| step.cost);
         place.descent.push(Linearisation { objective: 2.0 * cost, residuals: rows });
-        settings.initial_radius = solution.radius.min(RADIUS);
+        next_radius(&mut settings, &solution);
         place.nuisance.copy_from_slice(&solution.x[n..]);
         if solution.x[..n] != x[..n] {
             transform.apply(&solution.x[..n], &mut place.full);
@@ -111,6 +121,24 @@ pub(super) fn settle<E: Estimator + ?Sized>(
     };
     references.truncate(priors_kept);
     Ok(end)
+}
+
+/// The trust region of the next step: [`Scale::Unit`] up to [`RADIUS`], and the metric of the data from where steps in a last part creep.
+fn next_radius(settings: &mut Settings, solution: &Solution) {
+    let last = solution.history.last();
+    if settings.scale == Scale::Unit {
+        settings.initial_radius = solution.radius.min(RADIUS);
+        if solution.radius < CREEPING && last.is_some_and(|step| step.decrement < LAST_PART) {
+            settings.scale = Scale::Columns;
+            // Relative to the point: without end, so that the largest is the first.
+            (settings.initial_radius, settings.max_radius) = (f64::MAX, DATA_RADIUS);
+        }
+        return;
+    }
+    // Every linearisation has columns, and so a metric, of its own: the largest radius is all that one hands on.
+    let trusted =
+        last.is_some_and(|step| step.accepted && (step.lambda == 0.0 || step.gain.is_some_and(|g| g > TRUSTED)));
+    settings.max_radius = if trusted { 2.0 * settings.max_radius } else { solution.radius };
 }
 
 /// Bounds of a step from `x`: positive parameters fall to no less than [`LEAST_PART`] of what they are, so that no step leaves them behind
@@ -136,7 +164,7 @@ fn gains_nothing(solution: &Solution, settings: &Settings, bound: bool) -> bool 
     let Some(step) = solution.history.last() else { return false };
     let noise = (2.0 * solution.cost / solution.residuals.len().max(1) as f64).min(1.0);
     let least = FLAT_GAIN * settings.gain_tolerance * noise;
-    let full = step.lambda > 0.0 && step.radius >= RADIUS;
+    let full = settings.scale == Scale::Unit && step.lambda > 0.0 && step.radius >= RADIUS;
     step.accepted && (full || bound) && 2.0 * (step.cost - solution.cost).abs() < least
 }
 
