@@ -1,7 +1,6 @@
 //! Errors that a fit estimates beside what the mission asks for: `--adopt`.
 
 use super::error::config;
-use super::extra_mode;
 use super::ties::TieSpec;
 use super::uncertain::UncertainItems;
 use ff_model::diagnostics::nearest;
@@ -9,6 +8,9 @@ use ff_model::{Model, Problems};
 use ident::parameters::matches;
 use ident::uncertain::{ErrorSource, Hypothesis, hypotheses};
 use ident::{Noise, Options};
+
+/// Name of the hypothesis.
+pub(super) const EXTRA_MODE: &str = "extra-mode";
 
 /// Size of an error of a placement (m, rad).
 const PLACEMENT: f64 = 1e-2;
@@ -39,7 +41,7 @@ impl Adopted {
         let all = hypotheses(model, estimated, &nominal);
         for pattern in patterns {
             let found: Vec<&Hypothesis> = all.iter().filter(|h| matches(pattern, &h.name)).collect();
-            if pattern == extra_mode::NAME {
+            if pattern == EXTRA_MODE {
                 let what = format!("--adopt {pattern}: a mode is no single number, and what carries it is not known");
                 let hint = "add the [[appendage]] that result.json and the report list with it to the mission, and estimate it";
                 return Err(config("Config::NotAdoptable", what, hint));

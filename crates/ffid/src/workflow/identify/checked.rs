@@ -8,6 +8,7 @@ use super::error::IdentifyError;
 use super::held_out::nuisance;
 use super::identified::Identified;
 use super::labelled_record::LabelledRecord;
+use super::number::num;
 use super::observed_estimator::Observer;
 use super::options::FitOptions;
 use super::record_estimator::{RecordEstimator, setup};
@@ -16,7 +17,6 @@ use super::result::parameter::Parameter;
 use super::result::provenance::Provenance;
 use super::run::identify;
 use super::settings::Settings;
-use super::text;
 use crate::open::Opened;
 use ff_model::{Area, Problem, Problems};
 use ident::checks::{ClockPolicy, MomentumChange, RecordChecks, momentum_change};
@@ -131,7 +131,7 @@ fn not_at_rest(found: &Identified, before: f64) -> Problem {
         .iter()
         .filter(initial)
         .filter(sure)
-        .map(|p| format!("{} {} {}", p.name, text::num(p.value), p.unit))
+        .map(|p| format!("{} {} {}", p.name, num(p.value), p.unit))
         .collect();
     let what = format!(
         "the record does not begin at rest ({}); chi-squared per degree of freedom {before:.3} with rest, {:.3} with its \

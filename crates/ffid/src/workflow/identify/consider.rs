@@ -5,7 +5,7 @@
 //! (One linear step from the second to the first is not enough: where a gyro is turned, it is too long.)
 
 use super::error::IdentifyError;
-use super::report::Fitted;
+use super::fitted::Fitted;
 use super::result::uncertain::{BudgetLine, UncertainLine, considered_budget};
 use super::uncertain::UncertainKind;
 use super::unknowns::Unknowns;

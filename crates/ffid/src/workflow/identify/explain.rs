@@ -4,17 +4,13 @@ use super::error::IdentifyError;
 use super::evidence::{ErrorSize, Evidence, Harm, NamedError, State};
 use super::extra_mode::{self, ExtraMode};
 use super::findings::Whiteness;
-use super::labelled_record::LabelledRecord;
+use super::fitted::Ended;
+use super::number::num;
 use super::record_estimator::Twin;
-use super::report::Fitted;
 use super::settings::Settings;
-use super::signals::Signals;
 use super::survey::{Columns, DRAWS, Survey};
-use super::text::num;
-use super::unknowns::Unknowns;
-use ff_model::{Model, ParamDecl};
+use ff_model::ParamDecl;
 use ident::checks::whiteness;
-use ident::compose::Shared;
 use ident::estimate::Estimate;
 use ident::uncertain::{self, Hypothesis, Layout, MATTERS, Named, Scores};
 use nalgebra::DMatrix;
@@ -47,20 +43,6 @@ pub(super) struct Tests {
     pub(super) drawn: Vec<DMatrix<f64>>,
     /// What small errors of what is taken as exact would do; empty where the mission says what is not.
     pub(super) harm: Vec<Harm>,
-}
-
-/// What the fit is, and the estimators of its records with every column.
-#[derive(Clone, Copy)]
-pub(super) struct Ended<'a> {
-    pub(super) model: &'a Model,
-    pub(super) shared: &'a Shared,
-    pub(super) labels: &'a [String],
-    pub(super) unknowns: &'a Unknowns,
-    pub(super) fitted: &'a Fitted,
-    /// All parameters of the model.
-    pub(super) values: &'a [f64],
-    pub(super) records: &'a [LabelledRecord],
-    pub(super) signals: &'a [Signals],
 }
 
 /// Tests every error at the end of a fit. `None` where the model cannot be evaluated with them.

@@ -1,23 +1,22 @@
 //! Is it a mode that the mission lacks? Where residuals keep a colour that no error accounts for, an oscillator on the base is looked
 //! for: at lines of their spectrum, then by Gauss-Newton steps in frequency and damping together with all unknowns of the fit.
 
+use super::adoption::EXTRA_MODE;
 use super::error::IdentifyError;
 use super::evidence::{ErrorSize, NamedError};
-use super::explain::Ended;
+use super::fitted::Ended;
 use super::known;
 use super::mounted_mode::Mounted;
+use super::number::num;
 use super::record_estimator::Twin;
 use super::settings::Settings;
 use super::survey::{Columns, Survey};
-use super::text::num;
 use crate::open::Opened;
 use ff_linalg::fourier::RealFft;
 use ff_model::Model;
 use ident::uncertain::{ELEMENTS, Hypothesis, Oscillator, Ranking, Searched, Shape, elements, evidence};
 use nalgebra::DMatrix;
 
-/// Name of the hypothesis.
-pub(super) const NAME: &str = "extra-mode";
 /// Part of what is left over that other errors may account for at most for a mode to be looked for.
 const ACCOUNTED: f64 = 0.97;
 /// Lines of the residuals' spectrum that are tried.
@@ -130,7 +129,7 @@ impl ExtraMode {
 
 /// The hypothesis of it.
 pub(super) fn hypothesis() -> Hypothesis {
-    Hypothesis { name: NAME.into(), words: "a mode that the mission lacks".into(), components: Vec::new() }
+    Hypothesis { name: EXTRA_MODE.into(), words: "a mode that the mission lacks".into(), components: Vec::new() }
 }
 
 /// Mass of the base (kg) and the length (m) that its inertia is that of.

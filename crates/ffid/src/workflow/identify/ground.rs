@@ -8,6 +8,7 @@ use super::ground_uncertain::{Calibration, SetUp};
 use super::identified::Identified;
 use super::known;
 use super::labelled_record::LabelledRecord;
+use super::number::num;
 use super::options::FitOptions;
 use super::report::{record_line, records_of};
 use super::result::fit::{Ended, Method};
@@ -255,7 +256,7 @@ fn reduced(fit: &LinearEstimate) -> ReducedSet {
     let one = |b: &ident::solve::BaseParameter| DeterminedCombination {
         name: b.terms.first().map_or_else(String::new, |t| t.0.clone()),
         terms: b.terms.iter().skip(1).cloned().collect(),
-        text: format!("{b} = {} +- {} {}", text::num(b.value), text::num(b.std), b.unit),
+        text: format!("{b} = {} +- {} {}", num(b.value), num(b.std), b.unit),
     };
     ReducedSet { held: Vec::new(), values: Vec::new(), combinations: fit.base.iter().map(one).collect() }
 }

@@ -1,7 +1,7 @@
 //! An identification with what figures and files need.
 
 use super::evidence::NamedError;
-use super::report::Fitted;
+use super::fitted::Fitted;
 use super::result::identification::IdentificationResult;
 use super::signals::Signals;
 use ident::sample::Draws;

@@ -12,8 +12,8 @@
 //! the base starts without it: together they are the base as it was, whose static mass the mode is part of.
 
 use super::evidence::{ErrorSize, NamedError};
-use super::explain::Ended;
-use super::text::num;
+use super::fitted::Ended;
+use super::number::num;
 use crate::open::Opened;
 use core::f64::consts::TAU;
 use ff_dynamics::{State, Work, mass_matrix};

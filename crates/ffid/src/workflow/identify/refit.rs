@@ -2,17 +2,19 @@
 //! among its unknowns is not bent, so that sizes are right and the order of candidates is that of what they explain. Fits begin where the
 //! first has ended, and are made only where the model is contradicted.
 
+use super::adoption::EXTRA_MODE;
 use super::error::IdentifyError;
 use super::evidence::{ErrorSize, NamedError, State};
-use super::explain::{self, Ended, Tests, in_words};
+use super::explain::{self, Tests, in_words};
 use super::extra_mode;
+use super::fitted::Ended;
+use super::fitted::Fitted;
 use super::known;
 use super::labelled_record::LabelledRecord;
 use super::mounted_mode::Mounted;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::record_estimator::Twin;
-use super::report::Fitted;
 use super::result::fit::Method;
 use super::run::{Assembled, Setup};
 use super::settings::{Settings, method};
@@ -79,13 +81,13 @@ impl Contradicted<'_, '_> {
         leading.truncate(LEADING);
         let (mut found, mut lost): (Vec<Refit>, Vec<String>) = (Vec::new(), Vec::new());
         for candidate in leading.iter().filter(|n| n.drop >= least && !n.name.starts_with("other-robot")) {
-            let is_mode = candidate.name == extra_mode::NAME;
+            let is_mode = candidate.name == EXTRA_MODE;
             match self.fit(candidate, tests)? {
                 Tried::Fitted(fit) => found.push(*fit),
                 Tried::NotEnded => {
                     if is_mode {
                         let lines = tests.named.iter_mut().chain(&mut tests.alone);
-                        lines.filter(|n| n.name == extra_mode::NAME).for_each(|n| extra_mode::without_size(n, MOST));
+                        lines.filter(|n| n.name == EXTRA_MODE).for_each(|n| extra_mode::without_size(n, MOST));
                     }
                 }
                 // A mode has been estimated by its search.
@@ -127,7 +129,7 @@ impl Contradicted<'_, '_> {
     fn fit(&self, candidate: &NamedError, tests: &Tests) -> Result<Tried, IdentifyError> {
         let mut settings = Settings { max_iterations: MOST, ..self.settings.clone() };
         let mut mounted = None;
-        if candidate.name == extra_mode::NAME {
+        if candidate.name == EXTRA_MODE {
             // Priors are about the base as it is.
             if self.end.unknowns.has_priors() {
                 return Ok(Tried::Impossible);

@@ -2,7 +2,8 @@
 
 use super::error::IdentifyError;
 use super::explain;
-use super::findings::{Minima, PriorConflict, RecordFit, ReducedSet};
+use super::findings::{PriorConflict, RecordFit};
+use super::fitted::Fitted;
 use super::known;
 use super::labelled_record::LabelledRecord;
 use super::options::FitOptions;
@@ -22,23 +23,7 @@ use ff_model::Params;
 use ff_records::Record;
 use ident::Posterior;
 use ident::Uncertainty;
-use ident::estimate::Estimate;
 use ident::estimate::report::FitReport;
-
-/// A fit with what led to it.
-#[derive(Clone, Debug)]
-pub(super) struct Fitted {
-    /// The last fit.
-    pub(super) estimate: Estimate,
-    /// What was estimated in the end, by index among the unknowns' declarations.
-    pub(super) selected: Vec<usize>,
-    /// What the data can tell of everything that was asked for.
-    pub(super) full: Uncertainty,
-    /// Minima of several starts.
-    pub(super) minima: Option<Minima>,
-    /// Set of parameters that was estimated in place of all.
-    pub(super) reduced: Option<ReducedSet>,
-}
 
 /// What a result is made of.
 pub(super) struct Report<'a> {

@@ -2,21 +2,24 @@
 
 use super::adoption::Adopted;
 use super::consider::{self, Side};
+use super::course::Course;
 use super::elsewhere::{Subject, elsewhere};
 use super::error::{IdentifyError, config};
 use super::evidence::State;
-use super::explain::{self, Ended};
+use super::explain;
 use super::findings::Minima;
+use super::fitted::Ended;
+use super::fitted::Fitted;
 use super::ground;
 use super::identified::Identified;
 use super::known;
 use super::labelled_record::LabelledRecord;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
-use super::over_time::{Course, OverTime, later};
+use super::over_time::{OverTime, later};
 use super::record_estimator::{RecordEstimator, Twin};
 use super::refit::Contradicted;
-use super::report::{Fitted, Report};
+use super::report::Report;
 use super::result::fit::Method;
 use super::result::provenance::Provenance;
 use super::settings::{Settings, check, method};

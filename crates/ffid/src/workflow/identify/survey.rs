@@ -1,8 +1,8 @@
 //! One pass over the records at the end of a fit, with columns of what the fit did not estimate.
 
 use super::error::IdentifyError;
-use super::explain::Ended;
 use super::extra_mode::{self, ExtraMode};
+use super::fitted::Ended;
 use super::over_time::OverTime;
 use super::record_estimator::Twin;
 use super::row_layout::RowLayout;

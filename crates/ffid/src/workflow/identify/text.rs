@@ -2,6 +2,7 @@
 
 use super::evidence::{Harm, NamedError, State};
 use super::findings::{PriorConflict, Whiteness};
+use super::number::num;
 use super::result::body::BodyLine;
 use super::result::channel::Channel;
 use super::result::fit::{Ended, Method};
@@ -18,19 +19,6 @@ const HARMLESS: f64 = 0.1;
 const LISTED: usize = 6;
 /// Chi-squared per degree of freedom below which the noise figures are too large to be those of the record.
 const QUIET: f64 = 0.5;
-
-/// Four significant digits, in exponent form when very large or small.
-pub fn num(x: f64) -> String {
-    let size = x.abs();
-    if x == 0.0 {
-        "0".into()
-    } else if (1e-3..1e6).contains(&size) {
-        let digits = (4 - size.log10().floor() as i32).max(0) as usize;
-        format!("{x:.digits$}")
-    } else {
-        format!("{x:.4e}")
-    }
-}
 
 /// What is taken as exact, or which part of the uncertainty is due to what is not.
 fn exactness(r: &IdentificationResult) -> Vec<String> {

@@ -8,13 +8,13 @@ use super::parameter::{Combination, Correlation, Covariance, Parameter, Value};
 use super::provenance::{Provenance, Warning};
 use super::sampled::Sampled;
 use super::uncertain::{BudgetLine, UncertainLine};
+use crate::workflow::identify::course::Course;
 use crate::workflow::identify::evidence::{Evidence, Harm, State};
 use crate::workflow::identify::findings::{
     ClockLine, ComparisonTable, DecayModes, Minima, PriorConflict, ProfileLine, RecordFit, ReducedSet,
     UnobservedDirections, Whiteness,
 };
 use crate::workflow::identify::kept_records::KeptRecord;
-use crate::workflow::identify::over_time::Course;
 use ident::Posterior;
 use serde::{Deserialize, Serialize};
 

@@ -1,0 +1,39 @@
+//! A fit that has ended.
+
+use super::findings::{Minima, ReducedSet};
+use super::labelled_record::LabelledRecord;
+use super::signals::Signals;
+use super::unknowns::Unknowns;
+use ff_model::Model;
+use ident::Uncertainty;
+use ident::compose::Shared;
+use ident::estimate::Estimate;
+
+/// A fit with what led to it.
+#[derive(Clone, Debug)]
+pub(super) struct Fitted {
+    /// The last fit.
+    pub(super) estimate: Estimate,
+    /// What was estimated in the end, by index among the unknowns' declarations.
+    pub(super) selected: Vec<usize>,
+    /// What the data can tell of everything that was asked for.
+    pub(super) full: Uncertainty,
+    /// Minima of several starts.
+    pub(super) minima: Option<Minima>,
+    /// Set of parameters that was estimated in place of all.
+    pub(super) reduced: Option<ReducedSet>,
+}
+
+/// What the fit is, and the estimators of its records with every column.
+#[derive(Clone, Copy)]
+pub(super) struct Ended<'a> {
+    pub(super) model: &'a Model,
+    pub(super) shared: &'a Shared,
+    pub(super) labels: &'a [String],
+    pub(super) unknowns: &'a Unknowns,
+    pub(super) fitted: &'a Fitted,
+    /// All parameters of the model.
+    pub(super) values: &'a [f64],
+    pub(super) records: &'a [LabelledRecord],
+    pub(super) signals: &'a [Signals],
+}
