@@ -1,8 +1,9 @@
 //! The equations of motion of records on the ground: motion at the samples, torques or currents, columns of the terms of the joints.
 
+use super::calibration::Ground;
+use super::joint_terms::NearRest;
 use super::joint_terms::{JointTerm, Moving};
 use super::smoothed::{filter, too_short};
-use super::{Ground, NearRest};
 use crate::estimate::complete::{motion_at, trimmed};
 use crate::motion::joint_motion::joint_motion;
 use crate::motion::zero_phase::ZeroPhase;

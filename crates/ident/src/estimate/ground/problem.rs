@@ -1,6 +1,6 @@
 //! The least-squares problem of a calibration: columns, triangles of every joint, and its solution.
 
-use super::Ground;
+use super::calibration::Ground;
 use super::equations::{Group, Layout};
 use super::gains::{Substitution, joined, with_columns};
 use super::joint_terms::{JointTerm, JointTorques};

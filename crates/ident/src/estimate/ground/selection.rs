@@ -6,10 +6,11 @@
 //! every term. While terms are tried, the bodies stay as the fit of the other blocks has them and the friction of the joint is fitted
 //! anew; all terms that were taken are judged again with the bodies fitted beside them.
 
+use super::calibration::Ground;
+use super::currents;
 use super::equations::Group;
 use super::joint_terms::JointTerm;
 use super::problem::Problem;
-use super::{Ground, currents};
 use crate::solve::linear::{LinearError, Weights};
 use ff_least_squares::Triangle;
 use ff_linalg as linalg;
