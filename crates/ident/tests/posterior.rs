@@ -115,7 +115,7 @@ fn rows_of_a_fit_are_those_of_what_is_estimated_in_it() {
     let mut r = vec![1.5];
     rows.push_residuals(&p, &mut r);
     let d = DVector::from_column_slice(&[3e-6, 5.0, -1e-5]);
-    assert_relative_eq!(DVector::from_column_slice(&r[1..]), &w * d, max_relative = 1e-6);
+    assert_relative_eq!(DVector::from_column_slice(&r[1..]), &w * d, max_relative = scaled(1e-6));
     assert!(matches!(posterior().rows_for(&decls, &[1]), Err(SequenceError::Disjoint { .. })));
     let other = [decl("tank.mass", "m")];
     assert!(matches!(posterior().rows_for(&other, &[0]), Err(SequenceError::Unit { .. })));
@@ -325,7 +325,12 @@ fn rows_in_coordinates_of_scale_have_derivatives_everywhere_and_do_not_feel_a_co
             let (mut up, mut down) = (p, p);
             (up[k], down[k]) = (p[k] + h, p[k] - h);
             let d = (at(&up) - at(&down)) / (2.0 * h);
-            assert_relative_eq!(d, j.column(k).into_owned(), max_relative = 1e-5, epsilon = 1e-6 * d.amax());
+            assert_relative_eq!(
+                d,
+                j.column(k).into_owned(),
+                max_relative = scaled(1e-5),
+                epsilon = scaled(1e-6) * d.amax()
+            );
         }
     }
 }
