@@ -102,7 +102,8 @@ fn rows_of_a_fit_are_those_of_what_is_estimated_in_it() {
     let rows = posterior().rows_for(&decls, &[0, 1, 2]).unwrap();
     assert_eq!(rows.len(), 2);
     let mut j = DMatrix::from_element(4, 3, 9.0);
-    rows.fill_jacobian(&mut j, 1);
+    // At the mean the rows are those of the marginal; elsewhere they are derivatives of the residuals.
+    rows.fill_jacobian(&[100.0, 5.0, 600.0], &mut j, 1);
     let w = j.rows(1, 2).into_owned();
     assert_eq!(w.column(1).amax(), 0.0);
     // The information on (tank.mass, base.mass) is that of the marginal.
@@ -110,11 +111,11 @@ fn rows_of_a_fit_are_those_of_what_is_estimated_in_it() {
     let expected = sub(&covariance(), &[3, 0]).try_inverse().unwrap();
     assert_relative_eq!(both.transpose() * &both, expected, max_relative = scaled(1e-9));
     assert!(j.row(0).iter().all(|x| *x == 9.0) && j.row(3).iter().all(|x| *x == 9.0));
-    let p = [103.0, 5.0, 590.0];
+    let p = [100.0 + 3e-6, 5.0, 600.0 - 1e-5];
     let mut r = vec![1.5];
     rows.push_residuals(&p, &mut r);
-    let d = DVector::from_column_slice(&[3.0, 5.0, -10.0]);
-    assert_relative_eq!(DVector::from_column_slice(&r[1..]), &w * d, max_relative = scaled(1e-12));
+    let d = DVector::from_column_slice(&[3e-6, 5.0, -1e-5]);
+    assert_relative_eq!(DVector::from_column_slice(&r[1..]), &w * d, max_relative = scaled(1e-6));
     assert!(matches!(posterior().rows_for(&decls, &[1]), Err(SequenceError::Disjoint { .. })));
     let other = [decl("tank.mass", "m")];
     assert!(matches!(posterior().rows_for(&other, &[0]), Err(SequenceError::Unit { .. })));
@@ -192,4 +193,144 @@ fn one_record_after_the_other_is_both_at_once() {
         assert_relative_eq!(s.std.unwrap(), b.std.unwrap(), max_relative = scaled(1e-8));
     }
     assert!(first.parameters[0].std.unwrap() > 1.2 * both.parameters[0].std.unwrap());
+}
+
+/// Torques `(1 + gain) A p` of unit noise: the same for all `p` times a factor and the gain over it.
+struct Gained {
+    a: DMatrix<f64>,
+    y: Vec<f64>,
+}
+
+impl Gained {
+    /// Of 60 samples with noise of their own, at a gain of 1 %.
+    fn record(number: usize, p: &[f64; 5]) -> Self {
+        let at = |i: usize, k: usize| 0.31 * (k + 1) as f64 * (i + 60 * number) as f64 + 0.7 * number as f64;
+        let a = DMatrix::from_fn(60, 5, |i, k| [40.0, 900.0, 2e3, 8e3, 3e3][k] * (at(i, k).sin() + 0.3));
+        // Uniform over twelve times a variance of one.
+        let noise = |i: usize| ((12.9898 * (i + 1 + 60 * number) as f64).sin() * 43_758.545_3).rem_euclid(1.0) - 0.5;
+        let y = (0..60).map(|i| 1.01 * (0..5).map(|k| a[(i, k)] * p[k]).sum::<f64>() + noise(i) * 12.0_f64.sqrt());
+        let y = y.collect();
+        Self { a, y }
+    }
+}
+
+impl ident::estimate::Estimator for Gained {
+    fn rows(&self) -> usize {
+        self.y.len()
+    }
+    fn residuals(&mut self, full: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), ff_least_squares::EvalError> {
+        for (i, r) in r.iter_mut().enumerate() {
+            *r = (1.0 + full[5]) * (0..5).map(|k| self.a[(i, k)] * full[k]).sum::<f64>() - self.y[i];
+        }
+        Ok(())
+    }
+    fn jacobian(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), ff_least_squares::EvalError> {
+        self.residuals(full, extra, r)?;
+        for (c, &k) in selected.iter().enumerate() {
+            for i in 0..self.y.len() {
+                j[(i, c)] = if k < 5 { (1.0 + full[5]) * self.a[(i, k)] } else { (r[i] + self.y[i]) / (1.0 + full[5]) };
+            }
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn a_gain_that_no_record_determines_stays_as_uncertain_through_five_posteriors() {
+    use ff_model::ParamGroup;
+    use ident::belief::{PriorRow, Priors};
+    use ident::estimate::Request;
+    const GAIN: f64 = 0.013;
+    let truth = [612.0, -37.0, 4.0, 21.0, 1.7];
+    let units = [("base.mass", "kg"), ("base.h_x", "kg m"), ("base.i_xy", "kg m^2"), ("tank.k", "N m/rad")];
+    let mut decls: Vec<ParamDecl> = units.iter().zip(truth).map(|(d, v)| ParamDecl::positive(d.0, d.1, v)).collect();
+    for d in &mut decls[1..3] {
+        (d.group, d.bounds) = (ParamGroup::Free, (f64::NEG_INFINITY, f64::INFINITY));
+    }
+    decls.push(ParamDecl::positive("tank.d", "N m s/rad", truth[4]));
+    let bounds = (-5.0 * GAIN, 5.0 * GAIN);
+    let gain = ParamDecl { bounds, group: ParamGroup::Free, ..ParamDecl::positive("torque.gain", "1", 0.0) };
+    decls.push(gain);
+    let selected = [0, 1, 2, 3, 4, 5];
+    let start = [600.0, -30.0, 3.0, 20.0, 2.0, 0.0];
+    let prior = Priors::default().with(PriorRow { column: 5, mean: 0.0, sigma: GAIN });
+    let mut priors = prior.clone();
+    let mut from = start;
+    for number in 0..5 {
+        let request = Request { priors: priors.clone(), ..Request::new(&decls, &selected, &from) };
+        let e = crate::common::estimate(&request, &mut Gained::record(number, &truth)).unwrap();
+        let std = |k: usize| e.parameters[k].std.unwrap();
+        assert!((std(5) / GAIN - 1.0).abs() < 0.01, "after {} records: {}", number + 1, std(5));
+        let relative = std(0) / e.parameters[0].value;
+        assert!((relative * (1.0 + e.parameters[5].value) / std(5) - 1.0).abs() < 0.01, "{relative} {}", std(5));
+        // What the records do tell: they share one value of the product.
+        let product = (1.0 + e.parameters[5].value) * e.parameters[0].value;
+        assert!((product / (1.01 * truth[0]) - 1.0).abs() < 1e-4, "{product}");
+        assert!(e.parameters[5].value.abs() < 0.1 * GAIN, "no record tells the gain: {}", e.parameters[5].value);
+        priors = Priors::default().and(Posterior::of(&e).unwrap().rows_for(&decls, &selected).unwrap());
+        from.copy_from_slice(&e.values);
+    }
+}
+
+#[test]
+fn rows_in_coordinates_of_scale_have_derivatives_everywhere_and_do_not_feel_a_common_factor() {
+    use ff_model::ParamGroup;
+    let free = |n: &str, unit: &'static str| ParamDecl {
+        group: ParamGroup::Free,
+        bounds: (f64::NEG_INFINITY, f64::INFINITY),
+        ..ParamDecl::positive(n, unit, 1.0)
+    };
+    let decls = [
+        ParamDecl::positive("base.mass", "kg", 1.0),
+        free("base.h_x", "kg m"),
+        ParamDecl::positive("tank.k[0]", "N m/rad", 1.0),
+        free("torque.gain", "1"),
+        free("tank.angle", "rad"),
+    ];
+    let names = decls.iter().map(|d| d.name.clone()).collect::<Vec<_>>();
+    let units = decls.iter().map(|d| d.unit.to_owned()).collect::<Vec<_>>();
+    let mean = vec![600.0, -31.0, 20.0, 0.02, 0.1];
+    let along = [600.0, -31.0, 20.0, -1.02, 0.0];
+    // Rows that cost nothing in the direction of a common factor.
+    let rows = (0..4).map(|i| {
+        let row: Vec<f64> = (0..5).map(|k| ((i * 5 + k * 3 + 1) as f64).sin() * 4e3 / mean[k]).collect();
+        let off = row.iter().zip(along).map(|(w, d)| w * d).sum::<f64>() / along[3];
+        row.iter().enumerate().map(|(k, w)| if k == 3 { w - off } else { *w }).collect()
+    });
+    let sizes = mean.iter().map(|m| m.abs()).collect();
+    let p = Posterior { names, units, sizes, mean: mean.clone(), rows: rows.collect() }.checked().unwrap();
+    let rows = p.rows_for(&decls, &[0, 1, 2, 3, 4]).unwrap();
+    let at = |p: &[f64]| {
+        let mut r = vec![];
+        rows.push_residuals(p, &mut r);
+        DVector::from_vec(r)
+    };
+    for s in [0.5, 1.03, 1.7] {
+        let p: Vec<f64> = (0..5).map(|k| [mean[k] * s, 1.02 / s - 1.0, 0.1][[0, 0, 0, 1, 2][k]]).collect();
+        assert!(at(&p).amax() < 1e-8, "{s}: {}", at(&p));
+    }
+    // Also where a mass is far below its mean, or negative.
+    for p in [[640.0, 12.0, 17.0, -0.1, 0.3], [20.0, 12.0, -3.0, 0.1, 0.3]] {
+        let mut j = DMatrix::from_element(rows.len(), 5, 9.0);
+        rows.fill_jacobian(&p, &mut j, 0);
+        for k in 0..5 {
+            let h = 1e-6 * mean[k].abs();
+            let (mut up, mut down) = (p, p);
+            (up[k], down[k]) = (p[k] + h, p[k] - h);
+            let d = (at(&up) - at(&down)) / (2.0 * h);
+            assert_relative_eq!(
+                d,
+                j.column(k).into_owned(),
+                max_relative = scaled(1e-5),
+                epsilon = scaled(1e-6) * d.amax()
+            );
+        }
+    }
 }

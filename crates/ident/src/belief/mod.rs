@@ -8,6 +8,7 @@ pub(crate) mod identifiability;
 pub(crate) mod posterior;
 pub(crate) mod prior;
 pub(crate) mod profile;
+mod scaling;
 
 pub use budget::{PriorGroup, prior_shares, tightened};
 pub use consider::{Considered, consider};

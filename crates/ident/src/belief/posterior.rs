@@ -4,7 +4,8 @@
 //! and its inverse the covariance. Rows can say that nothing is known of a direction, which a covariance cannot; that is the
 //! rule for panels, of which three inertia transfers per hinge are never seen. As residuals of the next fit ([`PosteriorRows`],
 //! the shape of [`crate::belief::prior::Priors`]) they are what the record before would have added to the cost near its minimum, so that
-//! two records in sequence give what both give at once as far as the model is linear between their estimates.
+//! two records in sequence give what both give at once as far as the model is linear between their estimates, in coordinates in which
+//! factors common to masses, stiffnesses and gains are.
 //!
 //! Parameters that are of no interest are projected out of the rows, `W <- (1 - U U^T) W` with `U` spanning their columns: the
 //! exact marginal, also where they are not determined. Between two identifications something may have changed: [`loosen`]
@@ -15,6 +16,7 @@
 //! [`forget`]: Posterior::forget
 
 use crate::belief::covariance::Uncertainty;
+use crate::belief::scaling::ScaleCoordinates;
 use crate::estimate::outcome::{Estimate, RANK_TOLERANCE};
 use crate::solve::linear::LinearEstimate;
 use ff_linalg as linalg;
@@ -332,17 +334,25 @@ impl Posterior {
             return Err(SequenceError::Disjoint { known: self.names.iter().take(5).cloned().collect() });
         }
         let m = self.marginal_of(&kept)?;
-        Ok(PosteriorRows { columns, w: m.matrix(), mean: m.mean })
+        let own: Vec<&ParamDecl> = columns.iter().map(|&c| &decls[selected[c]]).collect();
+        let mut w = m.matrix();
+        let coordinates = ScaleCoordinates::of_rows(&own, &m.mean, &mut w)?;
+        Ok(PosteriorRows { columns, w, coordinates })
     }
 }
 
-/// A posterior as residual rows `W (p - mean)` of a fit; the interface of [`crate::belief::prior::Priors`].
+/// A posterior as residual rows of a fit; the interface of [`crate::belief::prior::Priors`].
+///
+/// Rows are `W phi(p)` with `phi` tangent to `p - mean` at the mean, in coordinates in which all masses, stiffnesses and dampers
+/// times a factor, and the gains over it, is a straight line (logarithms, and first moments and inertias over masses), where the rows tell that
+/// factor far worse than its parts; else `phi = p - mean`. Rows of records that are
+/// linearised at different points then agree that the factor is not determined, as the records do (`docs/theory/linear-estimators.md`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosteriorRows {
     /// Column of each parameter among the selected ones.
     columns: Vec<usize>,
     w: DMatrix<f64>,
-    mean: Vec<f64>,
+    coordinates: ScaleCoordinates,
 }
 
 impl PosteriorRows {
@@ -359,20 +369,26 @@ impl PosteriorRows {
     /// # Panics
     /// If `p` is shorter than the selection.
     pub fn push_residuals(&self, p: &[f64], r: &mut Vec<f64>) {
-        for i in 0..self.w.nrows() {
-            let terms = self.columns.iter().zip(&self.mean).enumerate();
-            r.push(terms.map(|(k, (&c, m))| self.w[(i, k)] * (p[c] - m)).sum());
-        }
+        let value = |k| self.coordinates.value(k, |k| p[self.columns[k]]);
+        let phi: Vec<f64> = (0..self.columns.len()).map(value).collect();
+        r.extend((0..self.w.nrows()).map(|i| phi.iter().enumerate().map(|(k, x)| self.w[(i, k)] * x).sum::<f64>()));
     }
-    /// Writes the rows into `first ..` of a Jacobian with respect to the selected physical parameters, clearing them
+    /// Writes the derivatives at the selected physical values `p` into rows `first ..` of a Jacobian with respect to these, clearing the rows
     /// first. Does not allocate.
     ///
     /// # Panics
-    /// If `j` has fewer than `first + len()` rows.
-    pub fn fill_jacobian(&self, j: &mut DMatrix<f64>, first: usize) {
+    /// If `p` is shorter than the selection, or `j` has fewer than `first + len()` rows.
+    pub fn fill_jacobian(&self, p: &[f64], j: &mut DMatrix<f64>, first: usize) {
         j.rows_mut(first, self.w.nrows()).fill(0.0);
         for (k, &c) in self.columns.iter().enumerate() {
-            j.view_mut((first, c), (self.w.nrows(), 1)).copy_from(&self.w.column(k));
+            let (own, other) = self.coordinates.slopes(k, |k| p[self.columns[k]]);
+            let mut add = |c: usize, by: f64| {
+                j.view_mut((first, c), (self.w.nrows(), 1)).zip_apply(&self.w.column(k), |x, w| *x += by * w);
+            };
+            add(c, own);
+            if let Some((mass, by)) = other {
+                add(self.columns[mass], by);
+            }
         }
     }
 }

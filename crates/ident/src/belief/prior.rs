@@ -165,7 +165,7 @@ impl Priors {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    /// Appends `(p - p0) / s` for the selected physical values `p`, then `W (p - mean)` of every posterior.
+    /// Appends `(p - p0) / s` for the selected physical values `p`, then the rows of every posterior ([`PosteriorRows`]).
     ///
     /// # Panics
     /// If `p` is shorter than the selection.
@@ -173,19 +173,19 @@ impl Priors {
         r.extend(self.rows.iter().map(|row| (p[row.column] - row.mean) / row.sigma));
         self.posteriors.iter().for_each(|b| b.push_residuals(p, r));
     }
-    /// Writes `1/s`, then every `W`, into rows `first ..` of a Jacobian with respect to the selected physical parameters,
+    /// Writes `1/s`, then the derivatives of the rows of every posterior at the selected physical values `p`, into rows `first ..` of a Jacobian with respect to the selected physical parameters,
     /// clearing them first. Does not allocate.
     ///
     /// # Panics
-    /// If `j` has fewer than `first + len()` rows.
-    pub fn fill_jacobian(&self, j: &mut DMatrix<f64>, first: usize) {
+    /// If `p` is shorter than the selection, or `j` has fewer than `first + len()` rows.
+    pub fn fill_jacobian(&self, p: &[f64], j: &mut DMatrix<f64>, first: usize) {
         j.rows_mut(first, self.rows.len()).fill(0.0);
         for (k, row) in self.rows.iter().enumerate() {
             j[(first + k, row.column)] = 1.0 / row.sigma;
         }
         let mut at = first + self.rows.len();
         for b in &self.posteriors {
-            b.fill_jacobian(j, at);
+            b.fill_jacobian(p, j, at);
             at += b.len();
         }
     }
@@ -205,7 +205,7 @@ mod tests {
         p.push_residuals(&[10.0, 3.1], &mut r);
         assert!((r[1] - 0.5).abs() < 1e-12 && (r[2] - 0.5).abs() < 1e-12 && r.len() == 3);
         let mut j = DMatrix::from_element(3, 2, 9.0);
-        p.fill_jacobian(&mut j, 1);
+        p.fill_jacobian(&[10.0, 3.1], &mut j, 1);
         assert_eq!(j.row(1).iter().copied().collect::<Vec<_>>(), [0.25, 0.0]);
         assert_eq!(j[(2, 1)], 5.0);
         let one = |s: Sigma, n: &'static str| Priors::new(&d, &[0, 2], &[8.0, 9.0, 3.0], &[(n, s)]);

@@ -78,12 +78,13 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
     };
     let given: Vec<PriorRow> = request.marginal.iter().filter_map(row).collect();
     let data_only = analyse(&with_rows(&data, &given), &unknowns, RANK_TOLERANCE)?;
+    let estimated: Vec<f64> = selected.iter().map(|&i| values[i]).collect();
     let uncertainty = if request.priors.is_empty() && references.is_empty() {
         data_only.clone()
     } else {
         let known = request.priors.len() + n * references.len();
         let mut tail = DMatrix::zeros(known, n);
-        request.priors.fill_jacobian(&mut tail, 0);
+        request.priors.fill_jacobian(&estimated, &mut tail, 0);
         for (k, r) in references.iter().enumerate() {
             let rows = r.jacobian(&values).map_err(at_solution)?;
             tail.rows_mut(request.priors.len() + k * n, n).copy_from(&rows);
@@ -95,7 +96,7 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
     };
     let chi2: f64 = residuals.iter().map(|r| r * r).sum();
     let mut known = Vec::new();
-    request.priors.push_residuals(&selected.iter().map(|&i| values[i]).collect::<Vec<_>>(), &mut known);
+    request.priors.push_residuals(&estimated, &mut known);
     for r in &references {
         known.extend(r.residuals(&values).map_err(at_solution)?);
     }

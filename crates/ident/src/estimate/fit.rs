@@ -248,7 +248,8 @@ impl<'a, E: Estimator + ?Sized> Fit<'a, E> {
         let (n, first) = (self.transform.dim(), self.priors.len());
         let chain = self.transform.jacobian(&x[..n]);
         let mut known = DMatrix::zeros(first + n * self.references.len(), n);
-        self.priors.fill_jacobian(&mut known, 0);
+        let values: Vec<f64> = self.transform.selected().iter().map(|&i| self.full[i]).collect();
+        self.priors.fill_jacobian(&values, &mut known, 0);
         for (k, reference) in self.references.iter().enumerate() {
             known.rows_mut(first + k * n, n).copy_from(&reference.jacobian(&self.full)?);
         }

@@ -132,7 +132,7 @@ mod tests {
         let start = [2.0; 5];
         let priors = Priors::new(&decls, &[0, 1, 2, 3, 4], &start, &[("c", Sigma::Relative(0.3))]).unwrap();
         let mut j = j.insert_row(30, 0.0);
-        priors.fill_jacobian(&mut j, 30);
+        priors.fill_jacobian(&start, &mut j, 30);
         let unknowns: Vec<Unknown> =
             names.iter().map(|n| Unknown { name: (*n).into(), unit: "kg".into(), size: 2.0 }).collect();
         let u = analyse(&j, &unknowns, 1e-9).unwrap();

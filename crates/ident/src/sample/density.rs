@@ -116,8 +116,6 @@ pub struct PosteriorDensity<'a, E: Estimator + ?Sized> {
     frame: &'a Frame,
     loss: Loss,
     priors: &'a Priors,
-    /// Derivatives of the rows of priors, which are linear.
-    known: DMatrix<f64>,
     reference: Option<Reference>,
     block: RowBlock,
 }
@@ -128,8 +126,6 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
     /// # Errors
     /// [`SampleError::NotAtMinimum`] for a prior width whose centre has no coordinates.
     pub fn new(request: &'a Request<'_>, frame: &'a Frame, estimator: Box<E>) -> Result<Self, SampleError> {
-        let mut known = DMatrix::zeros(request.priors.len(), request.selected.len());
-        request.priors.fill_jacobian(&mut known, 0);
         let reference = match request.prior_width {
             Some(w) => {
                 let centre = request.centre.unwrap_or(request.start);
@@ -139,7 +135,7 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
             None => None,
         };
         let (loss, priors) = (request.loss, &request.priors);
-        Ok(Self { estimator, frame, loss, priors, known, reference, block: RowBlock::default() })
+        Ok(Self { estimator, frame, loss, priors, reference, block: RowBlock::default() })
     }
     /// Adds what the data say at a point: half the loss, and its gradient over parameters and nuisance values.
     fn data(&mut self, full: &[f64], extra: &[f64], gradient: &mut DVector<f64>) -> Result<f64, EvalError> {
@@ -171,7 +167,9 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         let mut rows = Vec::with_capacity(self.priors.len());
         self.priors.push_residuals(&values, &mut rows);
         let mut physical = g.rows(0, n).into_owned();
-        physical.gemv_tr(1.0, &self.known, &DVector::from_column_slice(&rows), 1.0);
+        let mut known = DMatrix::zeros(rows.len(), n);
+        self.priors.fill_jacobian(&values, &mut known, 0);
+        physical.gemv_tr(1.0, &known, &DVector::from_column_slice(&rows), 1.0);
         half += 0.5 * rows.iter().map(|r| r * r).sum::<f64>();
         if let Some(reference) = &self.reference {
             let r = DVector::from_vec(reference.residuals(&full)?);

@@ -198,10 +198,10 @@ impl Survey {
         }
         let priors = end.unknowns.priors(&end.fitted.selected)?;
         let mut known = DMatrix::zeros(priors.len(), base.len());
-        priors.fill_jacobian(&mut known, 0);
         let mut of_priors = Vec::new();
         let at: Vec<f64> = end.fitted.selected.iter().map(|&i| e.values[i]).collect();
         priors.push_residuals(&at, &mut of_priors);
+        priors.fill_jacobian(&at, &mut known, 0);
         // Of ties, the parameters that they determine.
         let mut estimated = Vec::new();
         for ((c, _), &i) in base.iter().zip(&end.fitted.selected) {
