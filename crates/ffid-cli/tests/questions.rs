@@ -160,7 +160,7 @@ fn a_profile_of_a_parameter_agrees_with_its_interval_where_the_cost_is_a_parabol
     }
     let wrong = ["identify", "m.toml", "--record", "rec.csv", "--out", "x", "--profile", "tank.l[1]"];
     c.refused(&wrong, 11, "Config::UnknownParameter", &["tank.l[1]", "did you mean", "base.mass"]);
-    // Before anything is fitted: no line of progress, and no folder.
+    // Before anything is fitted.
     assert!(!c.path("x/result.json").exists());
 }
 
