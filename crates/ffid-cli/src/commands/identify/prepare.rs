@@ -282,15 +282,19 @@ impl Data {
         if let (None, Some(r)) = (settings.low_pass_hz, longest)
             && let Some(found) = choose_low_pass(&opened.model, &r.record, &opened.estimated, nominal.values())
         {
-            let what = format!(
-                "positions and torques pass a low pass of {:.4} Hz: fitted to one half of the log, it misses {:.2} % of the torques of the other, a low \
-                 pass of {:.4} Hz {:.2} % (both compared behind {:.3} Hz)",
-                found.hz,
-                100.0 * found.missed.0,
-                found.widest_hz,
-                100.0 * found.missed.1,
-                found.compared_hz
-            );
+            let told = match found.missed {
+                Some((chosen, widest)) => format!(
+                    "fitted to one half of the log, it misses {:.2} % of the torques of the other, a low pass of {:.4} Hz {:.2} % (both compared \
+                     behind {:.3} Hz)",
+                    100.0 * chosen,
+                    found.widest_hz,
+                    100.0 * widest,
+                    found.compared_hz
+                ),
+                None => "chosen by the motion alone, since neither half of the log predicts the torques of the other"
+                    .to_owned(),
+            };
+            let what = format!("positions and torques pass a low pass of {:.4} Hz: {told}", found.hz);
             let p = Problem::warning(Area::Data, "Data::Bandwidth", what).on(&r.label);
             problems.push(p.hint("give --low-pass to choose another"));
             settings.low_pass_hz = Some(found.hz);
