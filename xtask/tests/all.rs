@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 mod architecture;
+mod circles;
 mod cli;
 mod conformance;
 mod corpus;

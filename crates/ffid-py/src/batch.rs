@@ -2,9 +2,8 @@
 
 use crate::arrays::{Numbers, numbers, table, writable};
 use crate::errors::{array, guarded, problems};
-use crate::mission::Mission;
 use ffid::dynamics::batch::{Algorithm, BatchError, Motions, batch, position_width};
-use ffid::model::{Area, BaseKind, Params, Problem, Problems};
+use ffid::model::{Area, BaseKind, Model, Params, Problem, Problems};
 use nalgebra::DMatrix;
 use pyo3::prelude::*;
 use std::thread::scope;
@@ -16,9 +15,12 @@ const LANES: usize = 8;
 /// Largest deviation of the norm of an attitude from 1.
 const NORM: f64 = 1e-6;
 
-fn algorithm(name: &str, frame: Option<&str>, mission: &Mission) -> PyResult<Algorithm> {
+/// A model and the parameters of the mission.
+type Robot<'a> = (&'a Model, &'a Params<f64>);
+
+fn algorithm(name: &str, frame: Option<&str>, model: &Model) -> PyResult<Algorithm> {
     let index = || {
-        let (m, frame) = (&mission.opened.model, frame.unwrap_or_default());
+        let (m, frame) = (model, frame.unwrap_or_default());
         m.frames().iter().position(|f| f.name == frame).ok_or_else(|| {
             let names: Vec<&str> = m.frames().iter().map(|f| f.name.as_str()).collect();
             let p = Problem::error(Area::Config, "Config::UnknownFrame", format!("no frame '{frame}'")).on("frame");
@@ -38,9 +40,8 @@ fn algorithm(name: &str, frame: Option<&str>, mission: &Mission) -> PyResult<Alg
     })
 }
 
-/// Positions of `mission`, attitudes of unit norm.
-fn positions<'py>(mission: &Mission, q: &Bound<'py, PyAny>) -> PyResult<Numbers<'py>> {
-    let model = &mission.opened.model;
+/// Positions of a model, attitudes of unit norm.
+fn positions<'py>(model: &Model, q: &Bound<'py, PyAny>) -> PyResult<Numbers<'py>> {
     let width = position_width(model);
     let q = numbers("q", q, &[None, Some(width)])?;
     if model.base_kind() == BaseKind::Floating {
@@ -67,33 +68,32 @@ fn parts(rows: usize, threads: usize) -> usize {
 }
 
 /// Values of the parameters, those of the mission unless given.
-fn parameters(mission: &Mission, given: Option<&Bound<'_, PyAny>>) -> PyResult<Params<f64>> {
-    let Some(given) = given.filter(|g| !g.is_none()) else { return Ok(mission.params.clone()) };
-    let model = &mission.opened.model;
+fn parameters((model, nominal): Robot<'_>, given: Option<&Bound<'_, PyAny>>) -> PyResult<Params<f64>> {
+    let Some(given) = given.filter(|g| !g.is_none()) else { return Ok(nominal.clone()) };
     let values = numbers("parameters", given, &[Some(model.n_params())])?;
     Ok(Params::from_values(model, values.as_slice()?.to_vec()))
 }
 
-fn singular(mission: &Mission, e: &BatchError, first: usize) -> PyErr {
+fn singular(model: &Model, e: &BatchError, first: usize) -> PyErr {
     let what = format!("rows {} to {}: {}", e.first + first, e.last + first, e.source);
-    let p = Problem::error(Area::Model, "Model::Singular", what).on(mission.opened.model.name());
+    let p = Problem::error(Area::Model, "Model::Singular", what).on(model.name());
     problems(&Problems(vec![p.hint("give every moving part mass and inertia")]), 14)
 }
 
 /// An algorithm over rows; arguments are `q`, `v`, what is given, parameters and `out`.
 pub(crate) fn run<'py>(
-    mission: &Mission,
+    robot: Robot<'_>,
     name: &str,
     frame: Option<&str>,
     [q, v, given, params, out]: [Option<&Bound<'py, PyAny>>; 5],
     threads: usize,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let algorithm = algorithm(name, frame, mission)?;
-    let model = &mission.opened.model;
+    let algorithm = algorithm(name, frame, robot.0)?;
+    let model = robot.0;
     let Some(q) = q else { return Err(crate::errors::internal("no positions")) };
     let py = q.py();
     let none = py.None().into_bound(py);
-    let table_q = positions(mission, q)?;
+    let table_q = positions(model, q)?;
     let rows = table_q.shape()[0];
     let of = |name: &str, x: Option<&Bound<'py, PyAny>>, width: usize| -> PyResult<Option<Numbers<'py>>> {
         if width == 0 {
@@ -108,7 +108,7 @@ pub(crate) fn run<'py>(
         _ => "a",
     };
     let given = of(given_name, given, algorithm.given_width(model))?;
-    let params = parameters(mission, params)?;
+    let params = parameters(robot, params)?;
     let width = algorithm.result_width(model);
     let (q, v, given) = (table_q.as_slice()?, slice(v.as_ref())?, slice(given.as_ref())?);
     let compute = |to: &mut [f64]| -> PyResult<()> {
@@ -137,7 +137,7 @@ pub(crate) fn run<'py>(
                 })
             })
         })?;
-        done.map_err(|(e, first)| singular(mission, &e, first))
+        done.map_err(|(e, first)| singular(model, &e, first))
     };
     match out.filter(|o| !o.is_none()) {
         Some(out) => {
@@ -167,15 +167,15 @@ fn slice<'a>(x: Option<&'a Numbers<'_>>) -> PyResult<&'a [f64]> {
 
 /// The triangle of the regressor's rows.
 pub(crate) fn triangle<'py>(
-    mission: &Mission,
+    robot: Robot<'_>,
     q: &Bound<'py, PyAny>,
     v: &Bound<'py, PyAny>,
     a: &Bound<'py, PyAny>,
     tau: Option<&Bound<'py, PyAny>>,
     threads: usize,
 ) -> PyResult<DMatrix<f64>> {
-    let model = &mission.opened.model;
-    let (py, q) = (q.py(), positions(mission, q)?);
+    let (model, nominal) = robot;
+    let (py, q) = (q.py(), positions(model, q)?);
     let rows = q.shape()[0];
     let like_v = [Some(rows), Some(model.nv())];
     let (v, a) = (numbers("v", v, &like_v)?, numbers("a", a, &like_v)?);
@@ -183,7 +183,7 @@ pub(crate) fn triangle<'py>(
     let motions = Motions { rows, q: q.as_slice()?, v: v.as_slice()?, given: a.as_slice()? };
     let tau = tau.as_ref().map(Numbers::as_slice).transpose()?;
     let threads = rows.div_ceil(parts(rows, threads));
-    let done = py.detach(|| guarded(|| ffid::regressor_triangle(model, &mission.params, &motions, tau, threads)))?;
+    let done = py.detach(|| guarded(|| ffid::regressor_triangle(model, nominal, &motions, tau, threads)))?;
     done.map_err(|e| {
         let p = Problem::error(Area::Data, "Array::NotFinite", e.to_string()).on("regressor");
         array(p.hint("look for numbers that are too large"))

@@ -10,6 +10,11 @@ pub(crate) fn refused(r: &Refused) -> PyErr {
     problems(&r.problems, r.exit.code())
 }
 
+/// The error of a session.
+pub(crate) fn or_refused<T>(x: Result<T, Refused>) -> PyResult<T> {
+    x.map_err(|r| refused(&r))
+}
+
 /// The exception of `ffid.errors` for problems.
 pub(crate) fn problems(p: &Problems, exit: u8) -> PyErr {
     let text = match json(p) {

@@ -1,8 +1,8 @@
 //! Identification and what follows from it.
 
 use crate::arrays::{array2, table};
-use crate::errors::{guarded, internal, json, problems, refused};
-use crate::mission::{Mission, or_refused};
+use crate::errors::{guarded, internal, json, or_refused, problems, refused};
+use crate::mission::Mission;
 use crate::record::Record;
 use crate::watch::watched;
 use ffid::exit::Exit;

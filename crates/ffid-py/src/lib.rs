@@ -11,6 +11,7 @@ mod kinds;
 mod mission;
 mod motion;
 mod record;
+mod traced;
 mod watch;
 
 use pyo3::prelude::*;

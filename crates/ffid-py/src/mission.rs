@@ -2,9 +2,9 @@
 
 use crate::arrays::array2;
 use crate::batch;
-use crate::errors::{internal, json, problems, refused};
+use crate::errors::{internal, json, problems};
 use crate::motion::Motion;
-use crate::record::traced;
+use crate::traced::traced;
 use ffid::dynamics::Boundary;
 use ffid::dynamics::state::dof_names;
 use ffid::inputs::Declared;
@@ -14,7 +14,7 @@ use ffid::model::{Area, BaseKind, JointKind, Params, Problem, Problems};
 use ffid::modes::ModeTable;
 use ffid::open::{MAX_DENSE, Opened, open};
 use ffid::summary::Summary;
-use ffid_cli::session::{self, Refused};
+use ffid_cli::session;
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -203,7 +203,7 @@ impl Mission {
         out: Option<&Bound<'py, PyAny>>,
         threads: usize,
     ) -> PyResult<Bound<'py, PyAny>> {
-        batch::run(self, algorithm, frame, [Some(q), v, given, parameters, out], threads)
+        batch::run((&self.opened.model, &self.params), algorithm, frame, [Some(q), v, given, parameters, out], threads)
     }
     /// The triangle of the regressor over all rows, the forces as last column when given.
     fn regressor_triangle<'py>(
@@ -215,7 +215,7 @@ impl Mission {
         tau: Option<&Bound<'py, PyAny>>,
         threads: usize,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let r = batch::triangle(self, q, v, a, tau, threads)?;
+        let r = batch::triangle((&self.opened.model, &self.params), q, v, a, tau, threads)?;
         Ok(array2(py, &r)?.into_any())
     }
     /// Base parameters of the regressor over motions: the parameters that are kept, all as functions of them, the condition number.
@@ -228,7 +228,7 @@ impl Mission {
         tolerance: f64,
         threads: usize,
     ) -> PyResult<(Vec<usize>, Bound<'py, PyArray2<f64>>, f64)> {
-        let r = batch::triangle(self, q, v, a, None, threads)?;
+        let r = batch::triangle((&self.opened.model, &self.params), q, v, a, None, threads)?;
         let sizes = ffid::ident::parameters::sizes(&self.opened.model.param_decls(), self.params.values());
         let found = py.detach(|| crate::errors::guarded(|| ffid::base_parameters(&r, &sizes, tolerance)))?;
         let b = found.map_err(|e| {
@@ -262,9 +262,4 @@ pub(crate) fn main(py: Python<'_>, arguments: Vec<String>) -> PyResult<u8> {
 #[pyfunction]
 pub(crate) fn options_table() -> PyResult<String> {
     json(&session::options())
-}
-
-/// The error of a session.
-pub(crate) fn or_refused<T>(x: Result<T, Refused>) -> PyResult<T> {
-    x.map_err(|r| refused(&r))
 }

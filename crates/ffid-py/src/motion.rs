@@ -1,8 +1,8 @@
 //! Joint motions and their planning.
 
 use crate::arrays::{maybe, numbers, table};
-use crate::errors::{guarded, json};
-use crate::mission::{Mission, or_refused};
+use crate::errors::{guarded, json, or_refused};
+use crate::mission::Mission;
 use crate::watch::watched;
 use ffid::workflow::excite::{Observer, Progress};
 use ffid_cli::session;
