@@ -65,7 +65,7 @@ pub enum Block {
     },
     /// A drawing without scripts.
     Drawing {
-        /// SVG, trusted: made by this crate or by its caller from text that went through [`escape`].
+        /// SVG, trusted: made by this crate or by its caller from text that went through [`escape`](super::escape).
         svg: String,
         /// What it shows; empty where the drawing says so itself.
         caption: String,
@@ -103,7 +103,7 @@ pub enum Cell {
     Words(String),
     /// A number, to the right, its digits aligned.
     Number(String),
-    /// A drawing of [`interval`].
+    /// A drawing of [`interval`](super::interval).
     Drawing(String),
     /// A word with the colour of a verdict.
     Mark(Level, String),
