@@ -92,7 +92,7 @@ impl<'a> Ground<'a> {
     /// Takes away what is above this frequency (Hz) by a filter that shifts nothing ([`ZeroPhase`](crate::motion::ZeroPhase)): measured torques and every
     /// column of the equations pass it alike, friction included, which leaves their solution as it is. Rows at the ends of a record,
     /// where the filter lets more noise through, do not count.
-    /// A tenth of the sampling rate at most. Positions are taken as they are: see [`smoothed`].
+    /// A tenth of the sampling rate at most. Positions are taken as they are: see [`smoothed`](super::smoothed()).
     #[must_use]
     pub fn low_pass(mut self, hz: f64) -> Self {
         self.low_pass_hz = Some(hz);
