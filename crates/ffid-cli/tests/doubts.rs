@@ -110,6 +110,7 @@ fn d29_momentum_that_is_not_conserved_is_refused_unless_declared() {
 
 /// A torque that acts all the time: the base rate drifts, which no bias does.
 #[test]
+#[ignore = "full tier: 4 s"]
 fn d29_momentum_that_drifts_steadily_is_refused_as_well() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -159,6 +160,7 @@ fn d30_a_record_that_does_not_begin_at_rest_is_told_by_its_misfit() {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn d23_modes_of_the_free_decay_are_matched_to_those_of_the_model() {
     let c = flex();
     c.simulate("truth.toml", "b.csv", "rec.csv", &["--seed", "7", "--hold", "40"]);
@@ -281,6 +283,7 @@ fn a_simulated_arm_on_the_ground_has_no_gyro_and_is_identified() {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
     let folder = fixture("");
     let c = slosh();

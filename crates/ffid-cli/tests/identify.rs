@@ -134,6 +134,7 @@ pub(crate) fn near_the_truth(c: &Case, folder: &str, sigmas: f64) -> Identificat
 }
 
 #[test]
+#[ignore = "full tier: 4 s"]
 fn slosh_from_a_mission_to_a_validated_model() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -426,6 +427,7 @@ fn d08_r10_the_same_record_in_other_units_gives_the_same_answer() {
 
 /// Fuel that swings otherwise than the mission says, and is not estimated: the record is not explained, and that is said.
 #[test]
+#[ignore = "full tier: 2 s"]
 fn a_model_that_lacks_something_is_told_apart() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);

@@ -147,6 +147,7 @@ fn fit(l: &Loaded, records: &[Record; 2], jacobian: Jacobian, loss: Loss) -> Est
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn folded_fits_have_the_answer_of_kept_ones_and_the_same_bits_on_any_number_of_threads() {
     let l = paper("slosh.toml");
     let motion = planned(&l, 30.0, 10);

@@ -55,6 +55,7 @@ impl JointMotion for Swing {
 }
 
 #[test]
+#[ignore = "full tier: 4 s"]
 fn stiffness_damping_and_tip_mass_are_identified() {
     let l = load();
     let truth = Params::<f64>::nominal(&l.model);
