@@ -2,6 +2,8 @@
 //! `cargo test -p ff-records --test all csv` runs those of `csv.rs`.
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod bags;
 mod builder;
 mod csv;
 #[cfg(feature = "mcap")]

@@ -1,27 +1,10 @@
 //! ROS 2 bags of another writer (`mcap-ros2-support`, `fixtures/records/make.py`), and damaged ones.
 
+use crate::bags::{T0, file, fixture, joints, value};
 use ff_records::file::*;
 use ff_testkit::assert_within;
-use std::path::PathBuf;
 
 const N: usize = 300;
-const T0: i64 = 1_700_000_000_123_456_789;
-
-fn fixture(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/records").join(name)
-}
-fn joints() -> Vec<JointColumn> {
-    ["elbow", "shoulder"].map(|n| JointColumn { name: n.into(), slides: false }).to_vec()
-}
-fn value(i: usize, k: usize) -> f64 {
-    (0.05 * i as f64 + 0.7 * k as f64).sin() / (1.0 + 0.3 * k as f64) + 0.01 * k as f64
-}
-fn file(bytes: &[u8]) -> tempfile::NamedTempFile {
-    let f = tempfile::NamedTempFile::new().unwrap();
-    std::fs::write(f.path(), bytes).unwrap();
-    f
-}
-
 #[test]
 fn bags_are_read_on_the_clock_of_the_joints() {
     // Base samples at the same instants every second time, or never; their last one is before the last joint state.

@@ -13,10 +13,11 @@ const BROKEN: usize = 4;
 /// The opening of the report of a verdict.
 pub(super) fn opening(v: &Preflight) -> Opening {
     let answer = answer(v);
-    let level = match (v.limits_hold, answer.len() > 1) {
+    let tells_all = answer.len() == 1;
+    let level = match (v.limits_hold, tells_all) {
         (false, _) => Level::Bad,
-        (true, true) => Level::Fair,
-        (true, false) => Level::Good,
+        (true, false) => Level::Fair,
+        (true, true) => Level::Good,
     };
     let (mark, broken) = limits(v);
     Opening {
@@ -24,7 +25,7 @@ pub(super) fn opening(v: &Preflight) -> Opening {
         parts: vec![
             Part { label: "Answer", mark: None, sentences: answer },
             Part { label: "Limits", mark: Some(mark), sentences: broken },
-            Part { label: "Next step", mark: None, sentences: next(v) },
+            Part { label: "Next step", mark: None, sentences: next(v, tells_all) },
         ],
         full: Vec::new(),
     }
@@ -76,9 +77,8 @@ fn limits(v: &Preflight) -> ((Level, &'static str), Vec<String>) {
     ((Level::Bad, "Do not fly it: limits are broken"), said)
 }
 
-fn next(v: &Preflight) -> Vec<String> {
+fn next(v: &Preflight, tells_all: bool) -> Vec<String> {
     let mut out = Vec::new();
-    let tells_all = answer(v).len() == 1;
     out.push(match (v.limits_hold, tells_all) {
         (false, _) => "Let ffid excite plan a motion within the limits, or make this one smaller or slower.".to_owned(),
         (true, false) => "Let ffid excite plan a motion that tells more, or estimate less: [estimate].".to_owned(),

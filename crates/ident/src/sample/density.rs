@@ -116,6 +116,8 @@ pub struct PosteriorDensity<'a, E: Estimator + ?Sized> {
     frame: &'a Frame,
     loss: Loss,
     priors: &'a Priors,
+    /// Derivatives of the rows of priors at the last point, for the room.
+    known: DMatrix<f64>,
     reference: Option<Reference>,
     block: RowBlock,
 }
@@ -135,7 +137,8 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
             None => None,
         };
         let (loss, priors) = (request.loss, &request.priors);
-        Ok(Self { estimator, frame, loss, priors, reference, block: RowBlock::default() })
+        let known = DMatrix::zeros(priors.len(), request.selected.len());
+        Ok(Self { estimator, frame, loss, priors, known, reference, block: RowBlock::default() })
     }
     /// Adds what the data say at a point: half the loss, and its gradient over parameters and nuisance values.
     fn data(&mut self, full: &[f64], extra: &[f64], gradient: &mut DVector<f64>) -> Result<f64, EvalError> {
@@ -167,9 +170,8 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         let mut rows = Vec::with_capacity(self.priors.len());
         self.priors.push_residuals(&values, &mut rows);
         let mut physical = g.rows(0, n).into_owned();
-        let mut known = DMatrix::zeros(rows.len(), n);
-        self.priors.fill_jacobian(&values, &mut known, 0);
-        physical.gemv_tr(1.0, &known, &DVector::from_column_slice(&rows), 1.0);
+        self.priors.fill_jacobian(&values, &mut self.known, 0);
+        physical.gemv_tr(1.0, &self.known, &DVector::from_column_slice(&rows), 1.0);
         half += 0.5 * rows.iter().map(|r| r * r).sum::<f64>();
         if let Some(reference) = &self.reference {
             let r = DVector::from_vec(reference.residuals(&full)?);

@@ -41,7 +41,7 @@ pub(crate) mod known;
 pub(crate) mod labelled_record;
 pub mod model_files;
 mod mounted_mode;
-mod number;
+pub(in crate::workflow) mod number;
 pub(crate) mod observed_estimator;
 pub(crate) mod options;
 mod over_time;

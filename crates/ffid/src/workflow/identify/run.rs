@@ -8,8 +8,7 @@ use super::error::{IdentifyError, config};
 use super::evidence::State;
 use super::explain;
 use super::findings::Minima;
-use super::fitted::Ended;
-use super::fitted::Fitted;
+use super::fitted::{Ended, Fitted};
 use super::ground;
 use super::identified::Identified;
 use super::known;
@@ -111,14 +110,14 @@ pub fn identify(
         at += n;
     }
     let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
-    let mut found = match method(model, settings.method) {
-        _ if !fitted.estimate.is_solution() => None,
-        Method::Rda => match fit.tested_by_all_sensors(&request, &end, uncertain, watch)? {
-            Some(tests) => Some(tests),
-            None => explain::tests(&end, &twins, settings)?,
-        },
-        _ => explain::tests(&end, &twins, settings)?,
-    };
+    let ended_well = fitted.estimate.is_solution();
+    let mut found = None;
+    if ended_well && method(model, settings.method) == Method::Rda {
+        found = fit.tested_by_all_sensors(&request, &end, uncertain, watch)?;
+    }
+    if ended_well && found.is_none() {
+        found = explain::tests(&end, &twins, settings)?;
+    }
     let tests = found.as_ref();
     let coloured = coloured_deviations(&end, &rows, sigma.len(), settings, &mut watched);
     let coloured = if watched.stopped() { return Err(ended(&watched)) } else { coloured };

@@ -1,6 +1,7 @@
 //! The verdict in words.
 
 use super::{Determination, LimitMargin, ModeVisibility, Predicted, Preflight, Proof, Seen, modes::Reading};
+use crate::workflow::identify::number::significant;
 use crate::workflow::identify::{budget, harmful, next_step};
 use std::fmt;
 
@@ -35,15 +36,7 @@ impl fmt::Display for Preflight {
 
 /// Four significant digits, in exponent form when very large or small.
 fn num(x: f64) -> String {
-    let size = x.abs();
-    if x == 0.0 {
-        "0".into()
-    } else if (1e-3..1e5).contains(&size) {
-        let digits = (3 - size.log10().floor() as i32).max(0) as usize;
-        format!("{x:.digits$}")
-    } else {
-        format!("{x:.3e}")
-    }
+    significant(x, 4)
 }
 
 /// What the deviations allow for, and what they do not.

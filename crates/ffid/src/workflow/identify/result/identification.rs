@@ -192,14 +192,11 @@ impl IdentificationResult {
             provenance,
         }
     }
-    /// Puts what is true of a simulated record beside the estimates. Names of parameters that `truth` lacks are returned; they have none.
-    pub fn set_truth(&mut self, truth: &[(String, f64)]) -> Vec<String> {
-        let mut lacking = Vec::new();
+    /// Puts what is true of a simulated record beside the estimates; parameters that `truth` lacks have none.
+    pub fn set_truth(&mut self, truth: &[(String, f64)]) {
         for p in &mut self.parameters {
             p.truth = truth.iter().find(|(name, _)| *name == p.name).map(|t| t.1);
-            lacking.extend(p.truth.is_none().then(|| p.name.clone()));
         }
-        lacking
     }
     /// The parameter whose estimate is farthest from the truth, with the distance in its standard deviations. `None` unless the truth is
     /// known.
