@@ -83,23 +83,28 @@ pub(crate) fn turned_by<T: Scalar>(r: &M3<T>, x: &Pose<T>) -> M3<T> {
 fn turned<T: Scalar, const K: u8>(r: &M3<T>, x: &Pose<T>) -> M3<T> {
     let [a, b, c] = r.0;
     let (co, s) = (x.c, x.s);
-    let mix = |p: V3<T>, q: V3<T>| (q.scale_add(s, &p.scaled(co)), q.scaled(co) - p.scaled(s));
     match K {
         turn::NONE => *r,
         turn::X => {
-            let (b, c) = mix(b, c);
+            let (b, c) = mix(b, c, co, s);
             M3([a, b, c])
         }
         turn::Y => {
-            let (c, a) = mix(c, a);
+            let (c, a) = mix(c, a, co, s);
             M3([a, b, c])
         }
         turn::Z => {
-            let (a, b) = mix(a, b);
+            let (a, b) = mix(a, b, co, s);
             M3([a, b, c])
         }
         _ => M3([r.mul(&x.r.0[0]), r.mul(&x.r.0[1]), r.mul(&x.r.0[2])]),
     }
+}
+
+/// Two columns turned in their plane. A function, for a closure in lanes is not inlined, and each of its operations becomes a call.
+#[inline(always)]
+fn mix<T: Scalar>(p: V3<T>, q: V3<T>, co: T, s: T) -> (V3<T>, V3<T>) {
+    (q.scale_add(s, &p.scaled(co)), q.scaled(co) - p.scaled(s))
 }
 
 /// Derivatives of [`crate::tree::rnea::rnea()`] at the motion `(state, a)`. Does not allocate.
