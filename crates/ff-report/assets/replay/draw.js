@@ -3,10 +3,10 @@
   "use strict";
   const { Box, Cylinder, Geometry, Mesh, Program, Sphere, Transform, Vec3 } = OGL;
 
-  // Okabe and Ito's colours, which the colour-blind tell apart; a second robot is drawn in its own.
+  // Okabe and Ito's colours, which the colour-blind tell apart; further robots are drawn in one colour each.
   const COLOURS = {
     link: "#7d8b99", rod: "#7d8b99", panel: "#0072b2", fuel: "#e69f00", inertia: "#7d8b99", joint: "#cc79a7",
-    com: "#d55e00", trail: "#009e73", second: "#56b4e9",
+    com: "#d55e00", trail: "#009e73",
   };
   const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
 

@@ -11,7 +11,7 @@
   };
 
   class Robot {
-    /** `ghost`: drawn in the colour of the second robot, half transparent. */
+    /** `ghost`: the colour of a further robot, which is half transparent. */
     constructor(artist, scene, meshes, ghost) {
       this.scene = scene;
       this.root = new Transform();
@@ -33,7 +33,7 @@
         for (const s of node.shapes) {
           const box = s.role === "inertia";
           const alpha = box && !bare ? alphas.clear : alphas.solid;
-          const colour = ghost && s.role !== "joint" ? COLOURS.second : COLOURS[s.role] || COLOURS.link;
+          const colour = ghost && s.role !== "joint" ? ghost : COLOURS[s.role] || COLOURS.link;
           // Joints are inside of links, and are seen through them.
           const through = s.role === "joint";
           const drawn = artist.shape(s, meshes, artist.lit(colour, through ? 0.7 * alpha : alpha, through));

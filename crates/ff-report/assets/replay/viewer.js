@@ -39,7 +39,9 @@
       this.world = new Transform();
       // The world has z up, the camera y.
       this.world.rotation.x = -Math.PI / 2;
-      this.robots = data.scenes.map((s, k) => new Robot(this.artist, s, data.meshes, k > 0));
+      // The first is drawn in the colours of its parts, every further one in that of its entry in the key.
+      const ghosts = [undefined, ...[...this.box.querySelectorAll("[data-ghost]")].map((chip) => chip.dataset.ghost)];
+      this.robots = data.scenes.map((s, k) => new Robot(this.artist, s, data.meshes, ghosts[k]));
       this.size = Math.max(...this.robots.map((r) => r.size));
       this.robots.forEach((r) => r.root.setParent(this.world));
       const step = 10 ** Math.floor(Math.log10(this.size));
@@ -57,7 +59,11 @@
       this.view = "corner";
       // Where the user has put the camera it stays.
       for (const turned of ["mousedown", "touchstart", "wheel"]) this.canvas.addEventListener(turned, () => { this.view = null; }, { passive: true });
-      new ResizeObserver(() => this.resize()).observe(this.canvas.parentElement);
+      // A canvas of another size is black until it is drawn, and the next tick comes after this frame has been shown.
+      new ResizeObserver(() => {
+        this.resize();
+        this.draw();
+      }).observe(this.canvas.parentElement);
       this.resize();
       const dark = window.matchMedia("(prefers-color-scheme: dark)");
       const scheme = () => {

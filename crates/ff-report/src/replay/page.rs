@@ -1,7 +1,7 @@
 //! The page of a replay: view, controls, and tables that need neither script nor WebGL.
 
 use super::{Replay, Scene};
-use crate::page::{Block, Cell, Page, Table, script_json};
+use crate::page::{Block, Cell, Page, Table, escape, script_json};
 use ffid::exit::Failure;
 use ffid::workflow::identify::num;
 
@@ -30,8 +30,9 @@ data-control=\"ellipsoid-value\" hidden=\"hidden\">×1</output>
 <span>grid <output data-control=\"grid\">1 m</output></span></div>
 <div class=\"bar key\"><span><i style=\"background:#7d8b99\"></i>links</span><span><i style=\"background:#0072b2\"></i>flexible structure</span>\
 <span><i style=\"background:#e69f00\"></i>fuel, rotors</span><span><i style=\"background:#cc79a7\"></i>joint sensors</span>\
-<span><i style=\"background:#d55e00\"></i>centre of mass</span><span><i style=\"background:#009e73\"></i>trail</span></div>
-";
+<span><i style=\"background:#d55e00\"></i>centre of mass</span><span><i style=\"background:#009e73\"></i>trail</span>";
+/// Colours of the robots beside the first, taken in turn.
+const GHOSTS: [&str; 3] = ["#56b4e9", "#c2a800", "#805e28"];
 
 pub(super) fn render(r: &Replay) -> Result<String, Failure> {
     let json = serde_json::to_string(r).map_err(|e| Failure::Numerical(format!("replay '{}': {e}", r.title)))?;
@@ -44,14 +45,23 @@ pub(super) fn render(r: &Replay) -> Result<String, Failure> {
         true => format!("Shown: {first}."),
     }));
     page.lead(Block::Replay(format!(
-        "<figure class=\"still\">{}</figure>{VIEW}<script type=\"application/json\">{}</script>",
+        "<figure class=\"still\">{}</figure>{VIEW}{}</div><script type=\"application/json\">{}</script>",
         r.drawing(),
+        key(&others),
         script_json(&json)
     )));
     page.section("Masses", vec![Block::Table(masses(&r.scenes))]);
     page.section("Natural modes, joints held", modes(&r.scenes));
     page.section("About this view", vec![Block::List(about(r))]);
     Ok(page.render())
+}
+
+/// Entries of the key for the robots beside the first; the script takes their colours from here.
+fn key(others: &[&str]) -> String {
+    let entry = |(label, colour): (&&str, &&str)| {
+        format!("<span data-ghost=\"{colour}\"><i style=\"background:{colour}\"></i>{}</span>", escape(label))
+    };
+    others.iter().zip(GHOSTS.iter().cycle()).map(entry).collect()
 }
 
 fn masses(scenes: &[Scene]) -> Table {
