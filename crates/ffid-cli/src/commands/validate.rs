@@ -176,7 +176,8 @@ pub(crate) fn predict(
     let initial_state = asked.initial_state || moving;
     let s = Settings { method: Some(result.method), noise, held_errors, adopt, initial_state, ..asked };
     let values: Vec<f64> = result.model.iter().map(|v| v.value).collect();
-    let posterior = result.posterior.as_ref().and_then(|p| of_model(p, model));
+    let learnt = result.posterior.as_ref().filter(|_| result.status.is_solution());
+    let posterior = learnt.and_then(|p| of_model(p, model));
     let known = Known { opened, posterior: posterior.as_ref(), ties: &[] };
     let found = judge_held_out(known, &values, arm, record, &s, source, watch)?;
     if found.0.chi2_per_dof > s.limit && arm.is_none() {

@@ -304,6 +304,18 @@ const MINIMA: &[Key] = &[
     must("starts", Whole, "starts that were tried"),
     must("converged", Whole, "how many of them converged"),
     must("objectives", Numbers, "twice the negative log posterior of every distinct minimum, ascending"),
+    key(
+        "alternatives",
+        Tables(ALTERNATIVE),
+        "parameters that differ between minima of which the record does not choose one",
+    ),
+];
+
+const ALTERNATIVE: &[Key] = &[
+    must("name", Text, "full name"),
+    must("unit", Text, "SI unit"),
+    must("values", Numbers, "its value at every minimum, in their order; the first is the estimate"),
+    must("stds", Numbers, "its standard deviation at each of them alone; deviations of the result cover all"),
 ];
 
 const CORRELATION: &[Key] =

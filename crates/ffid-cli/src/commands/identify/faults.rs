@@ -3,7 +3,7 @@
 use super::args::Args;
 use ff_model::diagnostics::list;
 use ff_model::{Area, Problem, Problems};
-use ffid::workflow::identify::{Combination, IdentificationResult, Method, SampledState, State};
+use ffid::workflow::identify::{Combination, IdentificationResult, Method, Minima, SampledState, State};
 
 /// Most combinations named in one line.
 const LISTED: usize = 3;
@@ -14,8 +14,14 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
     let file = args.paths().swap_remove(0);
     let mut add = |p: Problem, hint: &str| out.push(p.in_file(&file).hint(hint));
     if !r.status.is_solution() {
-        let p = Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}", r.status));
-        add(p, "start nearer, give priors, or raise --max-iterations");
+        let first = r.evidence.as_ref().and_then(|e| e.named.first()).filter(|n| n.refitted);
+        let with = first.map_or_else(String::new, |n| format!("; it ends with {}", n.text));
+        let p = Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}{with}", r.status));
+        let hint = first.map_or_else(
+            || "start nearer, give priors, or raise --max-iterations".to_owned(),
+            |n| format!("measure that, or estimate it: --adopt {}", n.name),
+        );
+        add(p, &hint);
     }
     let silent: Vec<(&[Combination], &str)> = match &r.silent {
         None => vec![(&r.null_directions, "")],
@@ -48,7 +54,10 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
         };
         add(make(Area::Data, "Fit::Unidentifiable", what), hint);
     }
-    if let Some(m) = r.minima.as_ref().filter(|m| m.objectives.len() > 1) {
+    if let Some(said) = r.minima.as_ref().and_then(Minima::undecided) {
+        let p = Problem::warning(Area::Data, "Fit::MultipleMinima", said);
+        add(p, "move these modes more, record longer, or give what is known with --prior");
+    } else if let Some(m) = r.minima.as_ref().filter(|m| m.objectives.len() > 1) {
         let costs: Vec<String> = m.objectives.iter().map(|o| format!("{o:.4e}")).collect();
         let what = format!("{} starts led to {} minima, of cost {}", m.starts, costs.len(), costs.join(", "));
         let hint = format!("{}; start nearer, or excite more", m.taken());

@@ -83,7 +83,8 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
     let s = &Settings { held_errors: held_errors(&found.result), ..s };
     let arm = Arm::of(&found.result, &model.joint_names());
     let mut signals = None;
-    let posterior = found.result.posterior.as_ref();
+    // What a fit that has not ended would have learnt is no knowledge: what it predicts is compared, and no more.
+    let posterior = found.result.posterior.as_ref().filter(|_| found.result.status.is_solution());
     let known = Known { opened, posterior, ties: &options.ties };
     let judge = |record: &Record, s: &Settings, source: String| {
         judge_held_out(known, &found.values, arm.as_ref(), record, s, source, aside)

@@ -87,7 +87,7 @@ fn vanished(request: &Request<'_>, e: &Estimate) -> bool {
     request.selected.iter().any(gone)
 }
 
-fn explains(e: &Estimate) -> bool {
+pub(super) fn explains(e: &Estimate) -> bool {
     e.chi2_per_dof < 1.0 + FAR * (2.0 / e.residuals.len().max(1) as f64).sqrt()
 }
 
@@ -138,11 +138,7 @@ fn aimed(request: &Request<'_>, first: &Estimate, of: &Subject<'_>) -> Vec<Vec<f
         if !matches!(request.decls[i].unit, "N m/rad" | "N/m") {
             continue;
         }
-        let mut nudged = first.values.clone();
-        nudged[i] *= NUDGE;
-        let Some(there) = frequencies(of, &nudged) else { continue };
-        let gain = |k: usize| (there[k] / here[k]).ln();
-        let Some(own) = (0..here.len().min(there.len())).max_by(|&a, &b| gain(a).total_cmp(&gain(b))) else { continue };
+        let Some(own) = own_mode(of, &first.values, &here, i) else { continue };
         let told = p.std.map_or(0.0, |std| (p.value / std).abs());
         for (rank, line) in lines.iter().enumerate() {
             let by = (line / here[own]).powi(2);
@@ -155,6 +151,15 @@ fn aimed(request: &Request<'_>, first: &Estimate, of: &Subject<'_>) -> Vec<Vec<f
     }
     found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     found.into_iter().take(AIMED).map(|(_, _, start)| start).collect()
+}
+
+/// The mode, among those of the frequencies `here`, that a stiffness moves most.
+pub(super) fn own_mode(of: &Subject<'_>, values: &[f64], here: &[f64], i: usize) -> Option<usize> {
+    let mut nudged = values.to_vec();
+    nudged[i] *= NUDGE;
+    let there = frequencies(of, &nudged)?;
+    let gain = |k: usize| (there[k] / here[k]).ln();
+    (0..here.len().min(there.len())).max_by(|&a, &b| gain(a).total_cmp(&gain(b)))
 }
 
 /// Where the residuals have the most power above the noise (Hz), the strongest first.
@@ -188,7 +193,7 @@ fn lines(first: &Estimate, of: &Subject<'_>) -> Vec<f64> {
 }
 
 /// Natural frequencies (Hz), ascending, at the first pose of the first record.
-fn frequencies(of: &Subject<'_>, values: &[f64]) -> Option<Vec<f64>> {
+pub(super) fn frequencies(of: &Subject<'_>, values: &[f64]) -> Option<Vec<f64>> {
     let params = Params::from_values(of.model, of.unknowns.expand(values).ok()?);
     let q: Vec<f64> = of.records.first()?.record.q().row(0).iter().copied().collect();
     let rest = of.model.rest_position(&params);

@@ -45,12 +45,15 @@ pub(super) struct Tests {
     pub(super) harm: Vec<Harm>,
 }
 
-/// Tests every error at the end of a fit. `None` where the model cannot be evaluated with them.
+/// Tests every error at the end of a fit. `None` where the model cannot be evaluated with them. Where the fit has not ended, what they say
+/// are indications: a score is that of a linearisation whose unknowns have not settled.
 pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result<Option<Tests>, IdentifyError> {
+    let settled = end.fitted.estimate.is_solution();
     let Some(mut survey) = Survey::new(end, twins, s, &Columns::Every(None))? else { return Ok(None) };
     let mut ranking = survey.layout.rank(&survey.scores);
     let mut extra = None;
-    if extra_mode::may_be(end, &survey, &ranking)
+    if settled
+        && extra_mode::may_be(end, &survey, &ranking)
         && let Some(found) = extra_mode::search(end, twins, s)?
         && found.stands_out(uncertain::LEVEL / (1 + ranking.tested) as f64)
         && ranking.named.iter().all(|n| n.score.evidence < found.evidence())
@@ -76,7 +79,7 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let motion_noise = squares / (DRAWS * end.fitted.estimate.residuals.len().max(1)) as f64;
     let (explained, excess) = (ranking.explained, ranking.excess);
     let decls = end.model.param_decls();
-    let harm = if end.unknowns.marginal.is_empty() {
+    let harm = if settled && end.unknowns.marginal.is_empty() {
         harm(scores, layout, tried, end.values, &decls, &name_of)
     } else {
         Vec::new()
@@ -238,6 +241,25 @@ fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: 
     }
 }
 
+/// That a fit has not ended, and what it would take.
+fn unsettled(named: &[NamedError]) -> String {
+    let what = "the fit did not end at a solution";
+    match named.first() {
+        Some(n) if n.refitted => {
+            let (drop, any) = (num(n.drop), named.iter().filter(|n| n.refitted).map(|n| &n.text[..]));
+            let any: Vec<&str> = any.collect();
+            let any = any.join(", or ");
+            format!("{what}, but does with one more unknown: {any} would explain it (chi-squared falls by {drop})")
+        }
+        Some(n) => format!(
+            "{what}; where it stopped, {} would lower chi-squared most (by {}), which is an indication and no test",
+            n.text,
+            num(n.drop)
+        ),
+        None => what.to_owned(),
+    }
+}
+
 /// What it comes to, given the fit's own figures and whether it had anything to estimate.
 pub(super) fn evidence(
     tests: Option<&Tests>,
@@ -259,7 +281,7 @@ pub(super) fn evidence(
         ..Evidence::default()
     };
     if !e.is_solution() {
-        out.reason = "the fit did not end at a solution".into();
+        out.reason = unsettled(&out.named);
         return out;
     }
     if !estimates || (whiteness.is_empty() && tests.is_none()) {

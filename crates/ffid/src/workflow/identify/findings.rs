@@ -4,8 +4,10 @@ use ident::belief::Profile;
 use ident::belief::{Reduced, Silence};
 use ident::checks::whiteness::ChannelCheck;
 use ident::compose::equal_cost;
+use ident::estimate::Estimate;
 use serde::{Deserialize, Serialize};
 
+use super::number::num;
 use super::result::channel::Channel;
 use super::result::parameter::{Combination, Parameter, Value};
 
@@ -178,9 +180,69 @@ pub struct Minima {
     pub converged: usize,
     /// Twice the negative log posterior of every distinct minimum, ascending; one when all agree.
     pub objectives: Vec<f64>,
+    /// Parameters that differ between minima of which the record does not choose one; the deviations of the result cover all of them. Empty
+    /// where the lowest was taken for what it is.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub alternatives: Vec<Alternative>,
+}
+
+/// A parameter with another value in each of several minima.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Alternative {
+    /// Full name.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// Its value at every minimum, in the order of their objectives; the first is the estimate.
+    pub values: Vec<f64>,
+    /// Its standard deviation at each of them alone.
+    pub stds: Vec<f64>,
+}
+
+impl Alternative {
+    /// Deviations from which two values of a parameter differ.
+    const DIFFERS: f64 = 1.0;
+    /// Those of the parameters that are `asked` for, the ones that differ most first.
+    pub(super) fn all(best: &Estimate, others: &[Estimate], asked: impl Fn(usize) -> bool) -> Vec<Self> {
+        let one = |k: usize| {
+            let ends = || std::iter::once(best).chain(others).map(|e| &e.parameters[k]);
+            let stds: Vec<f64> = ends().map(|p| p.std).collect::<Option<_>>()?;
+            let values: Vec<f64> = ends().map(|p| p.value).collect();
+            let by = |(v, s): (&f64, &f64)| (v - values[0]).abs() / s.min(stds[0]);
+            let most = values.iter().zip(&stds).map(by).fold(0.0, f64::max);
+            let p = &best.parameters[k];
+            (most > Self::DIFFERS).then(|| (most, Self { name: p.name.clone(), unit: p.unit.clone(), values, stds }))
+        };
+        let mut all: Vec<(f64, Self)> = (0..best.parameters.len()).filter(|&k| asked(k)).filter_map(one).collect();
+        all.sort_by(|a, b| b.0.total_cmp(&a.0));
+        all.into_iter().map(|a| a.1).collect()
+    }
+    /// In words: the values, each with its own deviation.
+    pub fn in_words(&self) -> String {
+        let one = |(v, s): (&f64, &f64)| format!("{} +- {}", num(*v), num(*s));
+        let all: Vec<String> = self.values.iter().zip(&self.stds).map(one).collect();
+        format!("{} is {} {}", self.name, all.join(" or "), self.unit)
+    }
 }
 
 impl Minima {
+    /// Parameters that are listed in words.
+    const LISTED: usize = 3;
+    /// That the record does not choose between several minima, and what differs; `None` where it does.
+    pub fn undecided(&self) -> Option<String> {
+        let first = self.alternatives.get(..self.alternatives.len().min(Self::LISTED)).filter(|a| !a.is_empty())?;
+        let named: Vec<String> = first.iter().map(Alternative::in_words).collect();
+        let more = self.alternatives.len() - first.len();
+        let more = if more > 0 { format!("; and {more} more differ") } else { String::new() };
+        let apart = self.objectives.last().unwrap_or(&0.0) - self.objectives.first().unwrap_or(&0.0);
+        Some(format!(
+            "{} minima explain the record, with chi-squared within {}, and the record does not choose between them: {}{more}",
+            self.objectives.len(),
+            num(apart),
+            named.join("; ")
+        ))
+    }
     /// Which of several minima was taken, in words.
     pub fn taken(&self) -> &'static str {
         match self.objectives.get(..2) {

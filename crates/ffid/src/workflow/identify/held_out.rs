@@ -165,7 +165,13 @@ pub fn judge_held_out(
     let label = String::from("record");
     let one = [LabelledRecord { label, record: record.clone(), resampled: (false, false), continues: false, ago: 0 }];
     let own = Settings { prior: None, start_offset: 0.0, ..s.clone() };
-    let options = FitOptions { posterior: Some(posterior.clone()), ties: known.ties.to_vec(), ..FitOptions::default() };
+    // From what is known: from the mission's values the way is that of the first fit, and may end elsewhere, or not at all.
+    let options = FitOptions {
+        posterior: Some(posterior.clone()),
+        start_at_posterior: true,
+        ties: known.ties.to_vec(),
+        ..FitOptions::default()
+    };
     let silent = watch.aside();
     let evidence = match identify(known.opened, &one, &own, &options, Provenance::default(), &silent) {
         Ok(found) => found.result.evidence.unwrap_or_default(),

@@ -4,6 +4,7 @@
 //! run::identify           one fit
 //!   Unknowns              parameters, ties, priors, start
 //!   RecordEstimator       Rda | OutputError for each record -> Several -> Tied -> estimate | best_of
+//!   elsewhere, valleys    other starts where the fit ended in a wrong valley, minima beside its end
 //!   known                 reduction, structural and unexcited directions, profiles of the likelihood, whiteness
 //!   explain, refit        tests of errors, and fits with the leading ones where the model is contradicted
 //!   Report                estimates and findings into an IdentificationResult
@@ -39,6 +40,7 @@ pub(crate) mod identified;
 mod kept_records;
 pub(crate) mod known;
 pub(crate) mod labelled_record;
+mod mixture;
 pub mod model_files;
 mod mounted_mode;
 pub(in crate::workflow) mod number;
@@ -60,6 +62,7 @@ pub(crate) mod text;
 pub(crate) mod ties;
 pub(crate) mod uncertain;
 mod unknowns;
+mod valleys;
 
 pub use adoption::adopted_sensor_errors;
 pub use bandwidth::{Bandwidth, choose_low_pass};
@@ -69,8 +72,8 @@ pub use course::{Course, CoursePoint};
 pub use error::IdentifyError;
 pub use evidence::{ErrorSize, Evidence, Harm, NamedError, State};
 pub use findings::{
-    CandidateLine, ClockLine, ComparisonTable, DecayMode, DecayModes, DeterminedCombination, Minima, PriorConflict,
-    ProfileLine, RecordFit, ReducedSet, UnobservedDirections, UnseenMode, Whiteness,
+    Alternative, CandidateLine, ClockLine, ComparisonTable, DecayMode, DecayModes, DeterminedCombination, Minima,
+    PriorConflict, ProfileLine, RecordFit, ReducedSet, UnobservedDirections, UnseenMode, Whiteness,
 };
 pub use ground::{Arm, LOW_PASS};
 pub use held_out::{Known, judge_held_out, of_model, predict_held_out};

@@ -32,6 +32,8 @@ pub struct FitOptions {
     pub more_starts: usize,
     /// What an earlier identification has learnt, as prior: for one whose records are not at hand.
     pub posterior: Option<Posterior>,
+    /// Begin at the means of `posterior`, not at the values of the mission.
+    pub start_at_posterior: bool,
     /// What an earlier identification has learnt whose records are among those that are fitted: listed beside the estimates.
     pub learnt: Option<Posterior>,
     /// Hold what the mission is not sure of at its values, and widen the deviations by it, instead of estimating it beside.

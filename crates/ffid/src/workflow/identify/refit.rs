@@ -1,6 +1,7 @@
 //! The leading errors, fitted. A score test is exact to first order at the end of a fit that is bent by the error; a fit with the error
 //! among its unknowns is not bent, so that sizes are right and the order of candidates is that of what they explain. Fits begin where the
-//! first has ended, and are made only where the model is contradicted.
+//! first has ended, and are made only where the model is contradicted. Where the first has not ended, the error that its last linearisation
+//! speaks for most may be what keeps it from ending: fits with one then begin where the first began.
 
 use super::adoption::EXTRA_MODE;
 use super::error::IdentifyError;
@@ -32,7 +33,18 @@ const NEAR: f64 = 0.5;
 /// Linearisations of a fit: it begins next to its end.
 const MOST: usize = 15;
 
-/// A fit that its record contradicts, and what it was made of.
+/// Part of what is left over that an error must account for, where the first fit has not ended, to be worth a fit from the beginning.
+const WORTH: f64 = 0.2;
+/// Such fits, and linearisations of each.
+const ANEW: usize = 4;
+/// See [`ANEW`].
+const MOST_ANEW: usize = 60;
+/// Chi-squared within which the data do not choose between two of them.
+const CLOSE: f64 = 12.0;
+/// Part of the cost of the first that one of them must leave at most.
+const EXPLAINS: f64 = 0.5;
+
+/// A fit that its record contradicts, or that has not ended, and what it was made of.
 pub(super) struct Contradicted<'a, 't> {
     pub(super) opened: &'a Opened,
     pub(super) records: &'a [LabelledRecord],
@@ -124,9 +136,41 @@ impl Contradicted<'_, '_> {
         (tests.named, tests.with_first) = (named, Some(state));
         Ok(())
     }
+    /// For a fit that has not ended: puts in front the error with which it ends and explains most of what is left over, fitted. The others
+    /// stay as indications.
+    pub(super) fn ended_with_one(&self, tests: &mut Tests) -> Result<(), IdentifyError> {
+        let excess = self.end.fitted.estimate.objective - self.end.fitted.estimate.residuals.len() as f64;
+        let is_named = |n: &&NamedError| tests.named.iter().any(|o| o.name == n.name);
+        let mut leading: Vec<NamedError> = tests.alone.iter().filter(is_named).cloned().collect();
+        leading.sort_by(|a, b| b.drop.total_cmp(&a.drop));
+        leading.retain(|n| n.drop > WORTH * excess && !n.name.starts_with("other-robot"));
+        leading.truncate(ANEW);
+        let before = self.end.fitted.estimate.objective;
+        let mut found: Vec<Refit> = Vec::new();
+        for candidate in &leading {
+            match self.fit(candidate, tests)? {
+                Tried::Fitted(fit) if fit.estimate.objective < EXPLAINS * before => found.push(*fit),
+                _ => {}
+            }
+        }
+        found.sort_by(|a, b| a.estimate.objective.total_cmp(&b.estimate.objective));
+        if let Some(least) = found.first().map(|f| f.estimate.objective) {
+            found.retain(|f| f.estimate.objective < least + CLOSE);
+            tests.named = found.into_iter().map(|f| f.line).collect();
+            return Ok(());
+        }
+        // Each by itself: what linearisations that have not settled explain together says nothing.
+        let alone = |n: &NamedError| tests.alone.iter().find(|a| a.name == n.name).cloned();
+        tests.named = tests.named.iter().filter_map(alone).collect();
+        tests.named.sort_by(|a, b| b.drop.total_cmp(&a.drop));
+        tests.named.truncate(LEADING);
+        Ok(())
+    }
     /// A fit with this error.
     fn fit(&self, candidate: &NamedError, tests: &Tests) -> Result<Tried, IdentifyError> {
-        let mut settings = Settings { max_iterations: MOST, ..self.settings.clone() };
+        let settled = self.end.fitted.estimate.is_solution();
+        let most = if settled { MOST } else { MOST_ANEW.min(self.settings.max_iterations) };
+        let mut settings = Settings { max_iterations: most, ..self.settings.clone() };
         let mut mounted = None;
         if candidate.name == EXTRA_MODE {
             // Priors are about the base as it is.
@@ -142,12 +186,13 @@ impl Contradicted<'_, '_> {
         }
         let opened = mounted.as_ref().map_or(self.opened, |m| &m.opened);
         let Ok(setup) = Setup::new(opened, self.records, &settings, self.options) else { return Ok(Tried::Impossible) };
-        let (start, selected) = self.start(&setup, mounted.as_ref());
+        let (ended, selected) = self.start(&setup, mounted.as_ref());
+        let start = if settled { ended } else { setup.unknowns.start.clone() };
         let Ok(mut made) = self.assemble(&setup, mounted.as_ref()) else { return Ok(Tried::Impossible) };
         let silent = Observer { progress: None, ..*self.watch };
         let mut watched = ObservedEstimator::new(&mut *made.whole, &silent);
         let priors = setup.unknowns.priors(&selected)?;
-        let request = Request { coarse: false, start: &start, selected: &selected, priors, ..setup.request()? };
+        let request = Request { coarse: !settled, start: &start, selected: &selected, priors, ..setup.request()? };
         let estimate = attempt(&request, &mut watched);
         if watched.stopped() {
             return Err(IdentifyError::Interrupted);

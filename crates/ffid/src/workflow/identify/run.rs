@@ -26,6 +26,7 @@ use super::signals::Signals;
 use super::text;
 use super::uncertain::UncertainItems;
 use super::unknowns::Unknowns;
+use super::valleys::best_valley;
 use crate::open::Opened;
 use ff_least_squares::Settings as Solver;
 use ff_model::{Area, Model, Problem, Problems};
@@ -115,7 +116,7 @@ pub fn identify(
     if ended_well && method(model, settings.method) == Method::Rda {
         found = fit.tested_by_all_sensors(&request, &end, uncertain, watch)?;
     }
-    if ended_well && found.is_none() {
+    if found.is_none() && (ended_well || method(model, settings.method) == Method::OutputError) {
         found = explain::tests(&end, &twins, settings)?;
     }
     let tests = found.as_ref();
@@ -143,10 +144,12 @@ pub fn identify(
     }
     watched.leave(|unknown| unknowns.expand(unknown));
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
-    if let Some(tests) = found.as_mut().filter(|_| own.is_none() && result.state() == State::Contradicted) {
+    if let Some(tests) =
+        found.as_mut().filter(|_| own.is_none() && (!ended_well || result.state() == State::Contradicted))
+    {
         let end =
             Contradicted { opened, records, settings: given.0, options: given.1, end: &end, twins: &twins, watch };
-        end.refitted(tests)?;
+        if ended_well { end.refitted(tests) } else { end.ended_with_one(tests) }?;
         let estimates = !result.parameters.is_empty();
         let evidence = explain::evidence(Some(tests), &fitted.estimate, &result.whiteness, estimates, settings);
         result.evidence = Some(evidence);
@@ -434,7 +437,7 @@ fn solve(
     let (unknowns, s) = (of.unknowns, of.settings);
     let (first, minima) = if options.more_starts == 0 {
         let first = attempt(request, estimator)?;
-        (elsewhere(request, first, of, estimator), None)
+        best_valley(request, elsewhere(request, first, of, estimator), of, estimator)
     } else {
         let draw = |k: usize| {
             random_start(request.decls, request.start, request.selected, SPREAD, s.seed.wrapping_add(1 + k as u64))
@@ -446,6 +449,7 @@ fn solve(
             starts: starts.len(),
             converged: best.endings.iter().filter(|e| e.converged).count(),
             objectives: best.minima,
+            alternatives: Vec::new(),
         };
         (best.estimate, Some(minima))
     };

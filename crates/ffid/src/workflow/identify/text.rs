@@ -1,7 +1,7 @@
 //! A result in words, for the terminal and `report.txt`.
 
 use super::evidence::{Harm, NamedError, State};
-use super::findings::{PriorConflict, Whiteness};
+use super::findings::{Minima, PriorConflict, Whiteness};
 use super::number::num;
 use super::result::body::BodyLine;
 use super::result::channel::Channel;
@@ -92,7 +92,11 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
             out.push(format!("Another motion, or more sensors, might tell {k} of them: {}.", s.unexcited[0].text));
         }
     }
-    if let Some(m) = r.minima.as_ref().filter(|m| m.objectives.len() > 1) {
+    if let Some(said) = r.minima.as_ref().and_then(Minima::undecided) {
+        out.push(format!(
+            "The parameters are NOT unique: {said}. The lowest is given, and the deviations cover all of them."
+        ));
+    } else if let Some(m) = r.minima.as_ref().filter(|m| m.objectives.len() > 1) {
         out.push(format!(
             "The fit has {} minima: {} starts led to different answers, and {}.",
             m.objectives.len(),

@@ -10,6 +10,7 @@ use ident::Estimator;
 use ident::Posterior;
 use ident::Priors;
 use ident::Tied;
+use ident::Transform;
 use ident::belief::PriorRow;
 use ident::belief::SequenceError;
 use ident::belief::Sigma;
@@ -90,7 +91,8 @@ impl Unknowns {
         };
         let known = uncertain.priors.iter().filter_map(|&(i, mean, std)| Some((at(i)?, mean, std))).collect();
         let start = if s.start_offset == 0.0 {
-            nominal.clone()
+            let earlier = options.posterior.as_ref().filter(|_| options.start_at_posterior);
+            earlier.and_then(|p| at_means(p, &decls, &selected, &nominal)).unwrap_or_else(|| nominal.clone())
         } else {
             let asked: Vec<usize> = selected.iter().copied().filter(|i| marginal.iter().all(|m| m.0 != *i)).collect();
             offset_start(&decls, &nominal, &asked, s.start_offset, s.seed)
@@ -178,6 +180,17 @@ impl Unknowns {
     pub(super) fn has_ties(&self) -> bool {
         self.map.is_some()
     }
+}
+
+/// The values with the means of a posterior in place of those it names; `None` where no such body exists. Allocates.
+fn at_means(p: &Posterior, decls: &[ParamDecl], selected: &[usize], values: &[f64]) -> Option<Vec<f64>> {
+    let mut out = values.to_vec();
+    for &i in selected {
+        if let Some(k) = p.names.iter().position(|n| *n == decls[i].name) {
+            out[i] = p.mean[k];
+        }
+    }
+    Transform::affine(decls, selected, &out).is_ok_and(|t| t.inconsistent(&out).is_none()).then_some(out)
 }
 
 /// Standard deviation that a posterior alone gives each parameter, by name; absent where it does not tell. Allocates.

@@ -1,0 +1,409 @@
+//! Minima beside the one where a fit has ended.
+//!
+//! The line of a weakly moved mode is not wider than `1/T`, T the length of the record, and the noise has a peak in every `1/T`. Where the mode
+//! hardly stands out of the noise, the cost has a minimum at each of several peaks, all within a few units of chi-squared, and the
+//! curvature at one of them says nothing of the others. That is so where a frequency has a deviation of more than about a tenth of
+//! `1/T` (docs/theory/output-error.md). Mirrored hinges that are nearly alike have, besides, a minimum with the two exchanged.
+//!
+//! At the end of a fit such places are looked at by residuals alone, with all other unknowns moved by one linearisation (a chord); those
+//! that come near the cost of the end are fitted. The lowest counts, and where others explain the record as well, deviations cover
+//! them all ([`super::mixture`]).
+
+use super::elsewhere::{Subject, explains, frequencies, own_mode};
+use super::findings::{Alternative, Minima};
+use super::mixture;
+use super::observed_estimator::ObservedEstimator;
+use ff_least_squares::Settings as Solver;
+use ff_model::ParamGroup;
+use ident::estimate::{Estimate, KEPT_BYTES, attempt};
+use ident::{Estimator, Loss, Request, Transform};
+use nalgebra::{DMatrix, DVector};
+
+/// Deviation of a frequency, in widths `1/T` of a line, from which there may be several minima.
+const UNRESOLVED: f64 = 0.1;
+/// Distance of the places that are looked at, in widths of a line.
+const STEP: f64 = 0.7;
+/// How many there are on either side.
+const REACH: i32 = 12;
+/// Chi-squared above the end up to which a place is fitted: looked at by a chord, it is more than at its minimum.
+const NEAR: f64 = 16.0;
+/// Fits of each spring.
+const TRIES: usize = 2;
+/// Chi-squared above the best up to which a minimum counts beside it: exceeded by chance in one of a hundred.
+pub(super) const BESIDE: f64 = 9.2;
+/// Linearisations after which a fit must have come within [`NEAR`] of the best, and most of them.
+const SHOWN: usize = 3;
+const MOST: usize = 12;
+/// Promised reduction of chi-squared at which they are at their end: they are compared with [`BESIDE`].
+const SETTLED: f64 = 0.1;
+/// Linearisations of all of them, a prediction without derivatives counting as [`LOOK`].
+const BUDGET: f64 = 45.0;
+/// See [`BUDGET`].
+const LOOK: f64 = 1.0 / 6.0;
+/// From how many ends places are looked at.
+const ROUNDS: usize = 2;
+/// Deviations within which two ends are one.
+const SAME: f64 = 0.5;
+/// Ratio of two stiffnesses up to which an exchange is tried.
+const ALIKE: f64 = 2.0;
+/// Part of its start below which a positive parameter has vanished: an oscillation without damping follows a peak of the noise.
+const VANISHED: f64 = 0.01;
+/// Most by which springs follow another.
+const FOLLOW: f64 = 3.0;
+/// Ridge of a normal matrix with ones on its diagonal.
+const RIDGE: f64 = 1e-9;
+
+/// The fit, or a lower minimum beside it; with deviations that cover the others where the record does not choose, and a list of them.
+pub(super) fn best_valley(
+    request: &Request<'_>,
+    first: Estimate,
+    of: &Subject<'_>,
+    estimator: &mut ObservedEstimator<'_>,
+) -> (Estimate, Option<Minima>) {
+    let columns = request.selected.len() + first.nuisance.len();
+    let large = first.residuals.len().saturating_mul(8 * columns) > KEPT_BYTES;
+    if request.loss != Loss::Squares || large || !first.is_solution() || !explains(&first) {
+        return (first, None);
+    }
+    let mut search = Search { request, of, ends: vec![first], best: 0, used: 0, looks: 0, tried: 1 };
+    search.run(estimator);
+    search.settle(estimator);
+    search.outcome()
+}
+
+/// A spring that is estimated.
+#[derive(Clone, Debug)]
+struct Spring {
+    /// Among the unknowns, and among those selected.
+    index: usize,
+    column: usize,
+    /// Frequency of the mode that it moves most (Hz).
+    hz: f64,
+    /// Whether that is not resolved.
+    open: bool,
+}
+
+/// A place to look at: all unknowns, and the columns that a chord leaves alone.
+struct Place {
+    at: Vec<f64>,
+    fixed: Vec<usize>,
+}
+
+struct Search<'s> {
+    request: &'s Request<'s>,
+    of: &'s Subject<'s>,
+    /// Minima, the first being that of the fit.
+    ends: Vec<Estimate>,
+    best: usize,
+    /// Linearisations beside those of the first.
+    used: usize,
+    /// Predictions without derivatives.
+    looks: usize,
+    /// Fits, the first included.
+    tried: usize,
+}
+
+impl Search<'_> {
+    fn run(&mut self, estimator: &mut ObservedEstimator<'_>) {
+        for _ in 0..ROUNDS {
+            let from = self.best;
+            let Some((springs, places)) = self.places() else { return };
+            let Some(mut starts) = self.looked_at(&places, estimator) else { return };
+            starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+            for (_, start) in starts {
+                if self.spent() >= BUDGET || estimator.stopped() {
+                    return;
+                }
+                if !self.known(&springs, &start) {
+                    self.follow(&start, estimator);
+                }
+            }
+            if self.best == from {
+                return;
+            }
+        }
+    }
+    fn spent(&self) -> f64 {
+        self.used as f64 + LOOK * self.looks as f64
+    }
+    /// The best of other ends, as near its minimum as the fit itself.
+    fn settle(&mut self, estimator: &mut ObservedEstimator<'_>) {
+        if self.best == 0 {
+            return;
+        }
+        let start = self.ends[self.best].values.clone();
+        let centre = Some(self.request.centre.unwrap_or(self.request.start));
+        let Ok(e) = attempt(&Request { start: &start, centre, coarse: false, ..self.request.clone() }, estimator)
+        else {
+            return;
+        };
+        self.used += e.iterations;
+        if e.is_solution() && e.objective <= self.ends[self.best].objective {
+            self.ends[self.best] = e;
+        }
+    }
+    /// Springs, and the places to look at, those of one spring together; `None` where there are none.
+    fn places(&self) -> Option<(Vec<Spring>, Vec<Vec<Place>>)> {
+        let springs = self.springs()?;
+        let mut places: Vec<Vec<Place>> = springs.iter().filter(|s| s.open).map(|s| self.along(s, &springs)).collect();
+        places.extend(self.exchanges(&springs).into_iter().map(|p| vec![p]));
+        places.retain(|p| !p.is_empty());
+        (!places.is_empty()).then_some((springs, places))
+    }
+    fn springs(&self) -> Option<Vec<Spring>> {
+        let (e, request) = (&self.ends[self.best], self.request);
+        let seconds = self.of.records.iter().map(|r| r.record.seconds()).fold(0.0, f64::max);
+        let is_spring = |i: usize| matches!(request.decls[i].unit, "N m/rad" | "N/m");
+        let columns: Vec<usize> = (0..request.selected.len()).filter(|&k| is_spring(request.selected[k])).collect();
+        let here = if columns.is_empty() { None } else { frequencies(self.of, &e.values) }?;
+        let one = |column: usize| {
+            let index = request.selected[column];
+            let std = e.parameters[column].std?;
+            let hz = here[own_mode(self.of, &e.values, &here, index)?];
+            let open = 0.5 * hz * std / e.values[index].max(f64::MIN_POSITIVE) * seconds > UNRESOLVED;
+            Some(Spring { index, column, hz, open })
+        };
+        Some(columns.into_iter().filter_map(one).collect())
+    }
+    /// Values of one end, with what has vanished at its start.
+    fn whole(&self, e: &Estimate) -> Vec<f64> {
+        let request = self.request;
+        let mut at = e.values.clone();
+        for &i in request.selected {
+            if request.decls[i].group == ParamGroup::Positive && at[i] < VANISHED * request.start[i] {
+                at[i] = request.start[i];
+            }
+        }
+        at
+    }
+    /// Places at which the mode of a spring is some widths of a line away. The other springs follow: compliances of springs in a row add,
+    /// and so follow one another in proportion while a mode that the record tells stays where it is.
+    fn along(&self, s: &Spring, springs: &[Spring]) -> Vec<Place> {
+        let e = &self.ends[self.best];
+        let (c, k) = (&e.uncertainty.covariance, e.values[s.index]);
+        let seconds = self.of.records.iter().map(|r| r.record.seconds()).fold(0.0, f64::max);
+        let whole = self.whole(e);
+        let one = |n: i32| {
+            let hz = s.hz + f64::from(n) * STEP / seconds;
+            if n == 0 || hz < s.hz / FOLLOW || hz > s.hz * FOLLOW {
+                return None;
+            }
+            let mut at = whole.clone();
+            at[s.index] = k * (hz / s.hz).powi(2);
+            let softer = 1.0 / at[s.index] - 1.0 / k;
+            for o in springs.iter().filter(|o| o.index != s.index) {
+                let own = e.values[o.index];
+                let slope = c[(o.column, s.column)] / c[(s.column, s.column)] * (k / own).powi(2);
+                let compliance = 1.0 / own + slope * softer;
+                if compliance > 0.0 {
+                    at[o.index] = (1.0 / compliance).clamp(own / FOLLOW, own * FOLLOW);
+                }
+            }
+            Some(Place { at, fixed: vec![s.column] })
+        };
+        (-REACH..=REACH).filter_map(one).collect()
+    }
+    /// Places with springs of equal name of two appendages exchanged, and what else bears their number; one by one, and all.
+    fn exchanges(&self, springs: &[Spring]) -> Vec<Place> {
+        let (e, request) = (&self.ends[self.best], self.request);
+        let name = |i: usize| request.decls[i].name.split_once('.');
+        let number = |local: &str| local.find('[').map(|at| local[at..].to_owned());
+        let mut out = Vec::new();
+        for (n, a) in springs.iter().enumerate() {
+            for b in &springs[n + 1..] {
+                let (Some((of_a, local)), Some((of_b, other))) = (name(a.index), name(b.index)) else { continue };
+                let (x, y) = (e.values[a.index], e.values[b.index]);
+                let least = [a, b].iter().filter_map(|s| e.parameters[s.column].std).fold(f64::INFINITY, f64::min);
+                let apart = (x - y).abs() > 2.0 * SAME * least;
+                if of_a == of_b || local != other || !apart || !(1.0 / ALIKE..ALIKE).contains(&(x / y)) {
+                    continue;
+                }
+                // One pair alone, then everything of the two.
+                for alone in [true, false] {
+                    let mut at = e.values.clone();
+                    let mut fixed = Vec::new();
+                    for (column, &i) in request.selected.iter().enumerate() {
+                        let Some((owner, own)) = name(i).filter(|_| request.decls[i].group == ParamGroup::Positive)
+                        else {
+                            continue;
+                        };
+                        if owner != of_a || (alone && number(own) != number(local)) {
+                            continue;
+                        }
+                        let twin = request.selected.iter().position(|&j| name(j) == Some((of_b, own)));
+                        if let Some(twin) = twin {
+                            at.swap(i, request.selected[twin]);
+                            fixed.extend([column, twin]);
+                        }
+                    }
+                    out.push(Place { at, fixed });
+                }
+            }
+        }
+        out
+    }
+    /// Starts for fits: of every group the places whose cost is a minimum along it and near that of the best, with that cost.
+    fn looked_at(
+        &mut self,
+        groups: &[Vec<Place>],
+        estimator: &mut ObservedEstimator<'_>,
+    ) -> Option<Vec<(f64, Vec<f64>)>> {
+        self.used += 1;
+        self.looks += groups.iter().map(Vec::len).sum::<usize>();
+        let best = &self.ends[self.best];
+        let chord = Chord::new(self.request, best, estimator)?;
+        let limit = best.objective + NEAR;
+        let mut out = Vec::new();
+        for group in groups {
+            let seen: Vec<(f64, Vec<f64>)> = group
+                .iter()
+                .map(|p| chord.look(self.request, best, p, estimator).unwrap_or((f64::INFINITY, p.at.clone())))
+                .collect();
+            let cost = |k: usize| seen.get(k).map_or(f64::INFINITY, |s| s.0);
+            let lowest = |k: usize| cost(k) <= cost(k + 1) && (k == 0 || cost(k) <= cost(k - 1));
+            let mut found: Vec<(f64, Vec<f64>)> =
+                (0..seen.len()).filter(|&k| cost(k) < limit && lowest(k)).map(|k| seen[k].clone()).collect();
+            found.sort_by(|a, b| a.0.total_cmp(&b.0));
+            found.truncate(TRIES);
+            out.extend(found);
+        }
+        Some(out)
+    }
+    /// Whether a start lies within half the width of a line of an end, in every spring that is open.
+    fn known(&self, springs: &[Spring], start: &[f64]) -> bool {
+        let seconds = self.of.records.iter().map(|r| r.record.seconds()).fold(0.0, f64::max);
+        let near = |e: &Estimate| {
+            let differs = |s: &Spring| {
+                let width = if s.open { 1.0 / (s.hz * seconds) } else { 2.0 * SAME * self.relative(s) };
+                (start[s.index] / e.values[s.index]).ln().abs() > width
+            };
+            !springs.iter().any(differs)
+        };
+        self.ends.iter().any(near)
+    }
+    /// Relative deviation of a spring.
+    fn relative(&self, s: &Spring) -> f64 {
+        let e = &self.ends[self.best];
+        e.parameters[s.column].std.map_or(1.0, |std| std / e.values[s.index].abs().max(f64::MIN_POSITIVE))
+    }
+    /// Fits from a start as long as it comes near the best.
+    fn follow(&mut self, start: &[f64], estimator: &mut ObservedEstimator<'_>) {
+        let mut from = start.to_vec();
+        self.tried += 1;
+        for most in [SHOWN, MOST] {
+            let gain_tolerance = self.request.settings.gain_tolerance.max(SETTLED);
+            let settings = Solver { max_iterations: most, gain_tolerance, ..self.request.settings.clone() };
+            let centre = Some(self.request.centre.unwrap_or(self.request.start));
+            let tried = Request { start: &from, centre, coarse: false, settings, ..self.request.clone() };
+            let Ok(e) = attempt(&tried, estimator) else { return };
+            self.used += e.iterations;
+            if e.is_solution() {
+                self.arrived(e);
+                return;
+            }
+            if e.objective > self.ends[self.best].objective + NEAR {
+                return;
+            }
+            from = e.values;
+        }
+    }
+    fn arrived(&mut self, e: Estimate) {
+        let one = |a: &ident::Estimated, b: &ident::Estimated| match (a.std, b.std) {
+            (Some(s), Some(t)) => (a.value - b.value).abs() <= SAME * s.min(t),
+            _ => true,
+        };
+        let same = |o: &Estimate| o.parameters.iter().zip(&e.parameters).all(|(a, b)| one(a, b));
+        match self.ends.iter().position(same) {
+            Some(k) if e.objective < self.ends[k].objective => self.ends[k] = e,
+            Some(_) => {}
+            None => self.ends.push(e),
+        }
+        let objective = |k: &usize| self.ends[*k].objective;
+        self.best = (0..self.ends.len()).min_by(|a, b| objective(a).total_cmp(&objective(b))).unwrap_or_default();
+    }
+    fn outcome(mut self) -> (Estimate, Option<Minima>) {
+        let (iterations, descent) = (self.ends[0].iterations + self.used, self.ends[0].descent.clone());
+        let mut best = self.ends.swap_remove(self.best);
+        let moved = self.best != 0;
+        self.ends.retain(|e| e.objective < best.objective + BESIDE);
+        self.ends.sort_by(|a, b| a.objective.total_cmp(&b.objective));
+        best.iterations = iterations;
+        if moved {
+            best.descent.splice(0..0, descent);
+        }
+        for (p, &i) in best.parameters.iter_mut().zip(self.request.selected) {
+            p.start = self.request.start[i];
+        }
+        if self.ends.is_empty() {
+            return (best, None);
+        }
+        let asked = |k: usize| self.of.unknowns.is_asked(self.request.selected[k]);
+        let alternatives = Alternative::all(&best, &self.ends, asked);
+        let objectives = std::iter::once(&best).chain(&self.ends).map(|e| e.objective).collect();
+        mixture::cover(&mut best, &self.ends);
+        let minima = Minima { starts: self.tried, converged: 1 + self.ends.len(), objectives, alternatives };
+        (best, Some(minima))
+    }
+}
+
+/// A linearisation at the end of a fit that serves other places: residuals there, with the unknowns that do not make the place moved by it.
+struct Chord {
+    j: DMatrix<f64>,
+    known: DMatrix<f64>,
+    /// Of the columns, scaled to ones on the diagonal, and their norms.
+    normal: DMatrix<f64>,
+    size: Vec<f64>,
+}
+
+impl Chord {
+    fn new(request: &Request<'_>, e: &Estimate, estimator: &mut ObservedEstimator<'_>) -> Option<Self> {
+        let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
+        let (rows, columns) = (estimator.rows(), request.selected.len() + extra.len());
+        let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, columns));
+        estimator.jacobian(&e.values, &extra, request.selected, &mut r, &mut j).ok()?;
+        let mut known = DMatrix::zeros(request.priors.len(), columns);
+        let values: Vec<f64> = request.selected.iter().map(|&i| e.values[i]).collect();
+        request.priors.fill_jacobian(&values, &mut known, 0);
+        let mut normal = j.tr_mul(&j) + known.tr_mul(&known);
+        let size: Vec<f64> = normal.diagonal().iter().map(|d| d.sqrt().max(f64::MIN_POSITIVE)).collect();
+        for a in 0..columns {
+            for b in 0..columns {
+                normal[(a, b)] /= size[a] * size[b];
+            }
+            normal[(a, a)] += RIDGE;
+        }
+        Some(Self { j, known, normal, size })
+    }
+    /// Cost at a place with the other unknowns moved, and where they are then.
+    fn look(
+        &self,
+        request: &Request<'_>,
+        e: &Estimate,
+        place: &Place,
+        estimator: &mut ObservedEstimator<'_>,
+    ) -> Option<(f64, Vec<f64>)> {
+        let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
+        let mut r = vec![0.0; self.j.nrows()];
+        estimator.residuals(&place.at, &extra, &mut r).ok()?;
+        let values: Vec<f64> = request.selected.iter().map(|&i| place.at[i]).collect();
+        let mut known = Vec::new();
+        request.priors.push_residuals(&values, &mut known);
+        let (r, known) = (DVector::from_vec(r), DVector::from_vec(known));
+        let slope = self.j.tr_mul(&r) + self.known.tr_mul(&known);
+        let free: Vec<usize> = (0..self.size.len()).filter(|k| !place.fixed.contains(k)).collect();
+        let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| self.normal[(free[a], free[b])]);
+        let b = DVector::from_fn(free.len(), |a, _| slope[free[a]] / self.size[free[a]]);
+        let step = normal.cholesky()?.solve(&b);
+        let cost = r.norm_squared() + known.norm_squared() - b.dot(&step);
+        let mut at = place.at.clone();
+        for (&k, x) in free.iter().zip(&step).filter(|(k, _)| **k < request.selected.len()) {
+            let i = request.selected[k];
+            let moved = at[i] - x / self.size[k];
+            let least = if request.decls[i].group == ParamGroup::Positive { at[i] / FOLLOW } else { f64::NEG_INFINITY };
+            at[i] = moved.max(least);
+        }
+        let physical =
+            Transform::affine(request.decls, request.selected, &at).is_ok_and(|t| t.inconsistent(&at).is_none());
+        cost.is_finite().then(|| (cost, if physical { at } else { place.at.clone() }))
+    }
+}
