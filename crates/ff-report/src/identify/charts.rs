@@ -125,6 +125,7 @@ pub(super) fn budget(r: &IdentificationResult) -> Option<Figure> {
     }
     let row = |b: &ffid::workflow::identify::BudgetLine| {
         let mut parts = vec![(0, b.noise)];
+        parts.extend((b.minima > 0.0).then_some((1 + kinds.len(), b.minima)));
         parts.extend(
             b.errors.iter().filter_map(|s| Some((1 + kinds.iter().position(|k| *k == s.kind.words())?, s.share))),
         );
@@ -141,6 +142,7 @@ pub(super) fn budget(r: &IdentificationResult) -> Option<Figure> {
         x_range: Some((0.0, 100.0)),
         legend: core::iter::once("noise")
             .chain(kinds.iter().copied())
+            .chain(r.budget.iter().any(|b| b.minima > 0.0).then_some("other minima"))
             .enumerate()
             .map(|(k, n)| (n.to_owned(), k))
             .collect(),

@@ -211,6 +211,11 @@ const BUDGET: &[Key] = &[
     must("unit", Text, "SI unit"),
     must("std", Number, "its standard deviation"),
     must("noise", Number, "part of the variance that is due to the noise of the sensors"),
+    key(
+        "minima",
+        Number,
+        "part that is due to other minima between which the record does not choose; absent where there is one minimum",
+    ),
     must("errors", Tables(SHARE), "part that is due to each kind of error, the largest first"),
     key("better", Table(BETTER), "what would help most"),
 ];

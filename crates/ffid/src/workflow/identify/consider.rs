@@ -110,7 +110,13 @@ pub(super) fn hold(
     for (p, &i) in e.parameters.iter_mut().zip(&own.selected) {
         p.start = own.start[i];
     }
-    let fitted =
-        Fitted { estimate: e, selected: own.selected.clone(), full, minima: told.minima.clone(), reduced: None };
+    let fitted = Fitted {
+        estimate: e,
+        selected: own.selected.clone(),
+        full,
+        minima: told.minima.clone(),
+        alone: None,
+        reduced: None,
+    };
     Ok(Considered { fitted, values, lines, budget })
 }

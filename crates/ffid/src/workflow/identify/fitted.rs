@@ -20,6 +20,8 @@ pub(super) struct Fitted {
     pub(super) full: Uncertainty,
     /// Minima of several starts.
     pub(super) minima: Option<Minima>,
+    /// Covariance about this minimum alone, where that of the estimate covers others as well.
+    pub(super) alone: Option<Uncertainty>,
     /// Set of parameters that was estimated in place of all.
     pub(super) reduced: Option<ReducedSet>,
 }

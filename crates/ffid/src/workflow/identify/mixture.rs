@@ -12,13 +12,14 @@ use nalgebra::{DMatrix, DVector};
 /// Factor by which the volume of a minimum counts at most: damping that vanishes bounds a minimum on one side.
 const VOLUME: f64 = 10.0;
 
-/// Widens the deviations of `best` so that they cover `others`. Nothing happens where they have other unknowns.
-pub(super) fn cover(best: &mut Estimate, others: &[Estimate]) {
+/// Widens the deviations of `best` so that they cover `others`, and gives back what they were; nothing happens where those have other unknowns.
+pub(super) fn cover(best: &mut Estimate, others: &[Estimate]) -> Option<Uncertainty> {
     let at = |e: &Estimate| -> Vec<f64> { e.parameters.iter().chain(&e.nuisance).map(|p| p.value).collect() };
     let n = best.uncertainty.unknowns.len();
     if others.iter().any(|o| o.uncertainty.unknowns.len() != n) {
-        return;
+        return None;
     }
+    let alone = best.uncertainty.clone();
     let (from, volume) = (at(best), log_volume(&best.uncertainty));
     let mut sum = 1.0;
     let mut moment = best.uncertainty.covariance.clone();
@@ -33,6 +34,7 @@ pub(super) fn cover(best: &mut Estimate, others: &[Estimate]) {
     widen(&mut best.uncertainty, moment);
     let all = best.parameters.iter_mut().chain(&mut best.nuisance);
     all.zip(&best.uncertainty.deviation).for_each(|(p, std)| p.std = *std);
+    Some(alone)
 }
 
 /// Logarithm of the root of the determinant of the covariance, where the data determine everything.

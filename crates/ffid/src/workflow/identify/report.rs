@@ -49,7 +49,8 @@ impl Report<'_> {
         from.extend(e.nuisance.iter().map(|p| p.start));
         to.extend(e.nuisance.iter().map(|p| p.value));
         let priors = unknowns.priors(&f.selected)?;
-        let (uncertain, mut budget) = uncertain::lines(unknowns, &f.selected, &e.values, &e.uncertainty);
+        let (uncertain, mut budget) =
+            uncertain::lines(unknowns, &f.selected, &e.values, &e.uncertainty, f.alone.as_ref());
         if self.options.posterior.is_some() {
             // What earlier records have told of the errors is not independent of one another, and the variance does not split.
             budget.clear();

@@ -26,7 +26,7 @@ use super::signals::Signals;
 use super::text;
 use super::uncertain::UncertainItems;
 use super::unknowns::Unknowns;
-use super::valleys::best_valley;
+use super::valleys::{Ending, best_valley};
 use crate::open::Opened;
 use ff_least_squares::Settings as Solver;
 use ff_model::{Area, Model, Problem, Problems};
@@ -435,7 +435,7 @@ fn solve(
     estimator: &mut ObservedEstimator<'_>,
 ) -> Result<Fitted, IdentifyError> {
     let (unknowns, s) = (of.unknowns, of.settings);
-    let (first, minima) = if options.more_starts == 0 {
+    let Ending { estimate: first, minima, alone } = if options.more_starts == 0 {
         let first = attempt(request, estimator)?;
         best_valley(request, elsewhere(request, first, of, estimator), of, estimator)
     } else {
@@ -451,10 +451,10 @@ fn solve(
             objectives: best.minima,
             alternatives: Vec::new(),
         };
-        (best.estimate, Some(minima))
+        Ending { estimate: best.estimate, minima: Some(minima), alone: None }
     };
     let full = first.data_only.clone();
-    let mut out = Fitted { selected: request.selected.to_vec(), full, estimate: first, minima, reduced: None };
+    let mut out = Fitted { selected: request.selected.to_vec(), full, estimate: first, minima, alone, reduced: None };
     if options.reduce && !out.full.null.is_empty() {
         let (kept, mut set) = known::reduced(&out.full, request.selected)?;
         let selected: Vec<usize> = kept.iter().map(|&k| request.selected[k]).collect();
@@ -463,6 +463,7 @@ fn solve(
         set.values = held;
         let again = Request { selected: &selected, start: &start, priors, ..request.clone() };
         out.estimate = attempt(&again, estimator)?;
+        out.alone = None;
         for (p, &i) in out.estimate.parameters.iter_mut().zip(&selected) {
             p.start = request.start[i];
         }

@@ -582,6 +582,9 @@ pub(crate) fn budget(f: &mut fmt::Formatter<'_>, all: &[BudgetLine], w: usize) -
     writeln!(f, "\nwhere the variance comes from (%)")?;
     for b in all {
         write!(f, "  {:w$} noise {:>5.1}", b.name, 100.0 * b.noise)?;
+        if b.minima > SEEN {
+            write!(f, ", other minima {:.1}", 100.0 * b.minima)?;
+        }
         for e in b.errors.iter().filter(|e| e.share > SEEN).take(4) {
             write!(f, ", {} {:.1}", e.kind.words(), 100.0 * e.share)?;
         }

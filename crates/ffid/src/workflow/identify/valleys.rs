@@ -16,7 +16,7 @@ use super::observed_estimator::ObservedEstimator;
 use ff_least_squares::Settings as Solver;
 use ff_model::ParamGroup;
 use ident::estimate::{Estimate, KEPT_BYTES, attempt};
-use ident::{Estimator, Loss, Request, Transform};
+use ident::{Estimator, Loss, Request, Transform, Uncertainty};
 use nalgebra::{DMatrix, DVector};
 
 /// Deviation of a frequency, in widths `1/T` of a line, from which there may be several minima.
@@ -53,17 +53,33 @@ const FOLLOW: f64 = 3.0;
 /// Ridge of a normal matrix with ones on its diagonal.
 const RIDGE: f64 = 1e-9;
 
+/// Where a search for other minima has ended.
+pub(super) struct Ending {
+    /// The lowest minimum, with deviations that cover the others.
+    pub(super) estimate: Estimate,
+    /// All of them; absent where there is one.
+    pub(super) minima: Option<Minima>,
+    /// Covariance about the lowest alone, where there are others.
+    pub(super) alone: Option<Uncertainty>,
+}
+
+impl Ending {
+    fn single(estimate: Estimate) -> Self {
+        Self { estimate, minima: None, alone: None }
+    }
+}
+
 /// The fit, or a lower minimum beside it; with deviations that cover the others where the record does not choose, and a list of them.
 pub(super) fn best_valley(
     request: &Request<'_>,
     first: Estimate,
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
-) -> (Estimate, Option<Minima>) {
+) -> Ending {
     let columns = request.selected.len() + first.nuisance.len();
     let large = first.residuals.len().saturating_mul(8 * columns) > KEPT_BYTES;
     if request.loss != Loss::Squares || large || !first.is_solution() || !explains(&first) {
-        return (first, None);
+        return Ending::single(first);
     }
     let mut search = Search { request, of, ends: vec![first], best: 0, used: 0, looks: 0, tried: 1 };
     search.run(estimator);
@@ -160,17 +176,27 @@ impl Search<'_> {
             let index = request.selected[column];
             let std = e.parameters[column].std?;
             let hz = here[own_mode(self.of, &e.values, &here, index)?];
-            let open = 0.5 * hz * std / e.values[index].max(f64::MIN_POSITIVE) * seconds > UNRESOLVED;
+            // A mode without damping rings through the whole record, which sharpens its line beyond what the record tells.
+            let open =
+                self.gone(e, index) || 0.5 * hz * std / e.values[index].max(f64::MIN_POSITIVE) * seconds > UNRESOLVED;
             Some(Spring { index, column, hz, open })
         };
         Some(columns.into_iter().filter_map(one).collect())
+    }
+    /// Whether a damping, mass or spring of the same appendage as a spring has vanished.
+    fn gone(&self, e: &Estimate, spring: usize) -> bool {
+        let (request, owner) = (self.request, |i: usize| self.request.decls[i].name.split_once('.').map(|n| n.0));
+        request.selected.iter().any(|&i| owner(i) == owner(spring) && self.has_vanished(e, i))
+    }
+    fn has_vanished(&self, e: &Estimate, i: usize) -> bool {
+        self.request.decls[i].group == ParamGroup::Positive && e.values[i] < VANISHED * self.request.start[i]
     }
     /// Values of one end, with what has vanished at its start.
     fn whole(&self, e: &Estimate) -> Vec<f64> {
         let request = self.request;
         let mut at = e.values.clone();
         for &i in request.selected {
-            if request.decls[i].group == ParamGroup::Positive && at[i] < VANISHED * request.start[i] {
+            if self.has_vanished(e, i) {
                 at[i] = request.start[i];
             }
         }
@@ -183,9 +209,10 @@ impl Search<'_> {
         let (c, k) = (&e.uncertainty.covariance, e.values[s.index]);
         let seconds = self.of.records.iter().map(|r| r.record.seconds()).fold(0.0, f64::max);
         let whole = self.whole(e);
+        let gone = self.gone(e, s.index);
         let one = |n: i32| {
             let hz = s.hz + f64::from(n) * STEP / seconds;
-            if n == 0 || hz < s.hz / FOLLOW || hz > s.hz * FOLLOW {
+            if (n == 0 && !gone) || hz < s.hz / FOLLOW || hz > s.hz * FOLLOW {
                 return None;
             }
             let mut at = whole.clone();
@@ -277,7 +304,8 @@ impl Search<'_> {
                 let width = if s.open { 1.0 / (s.hz * seconds) } else { 2.0 * SAME * self.relative(s) };
                 (start[s.index] / e.values[s.index]).ln().abs() > width
             };
-            !springs.iter().any(differs)
+            // Where something has vanished, the same springs with it are another place.
+            !springs.iter().any(|s| differs(s) || self.gone(e, s.index))
         };
         self.ends.iter().any(near)
     }
@@ -321,7 +349,7 @@ impl Search<'_> {
         let objective = |k: &usize| self.ends[*k].objective;
         self.best = (0..self.ends.len()).min_by(|a, b| objective(a).total_cmp(&objective(b))).unwrap_or_default();
     }
-    fn outcome(mut self) -> (Estimate, Option<Minima>) {
+    fn outcome(mut self) -> Ending {
         let (iterations, descent) = (self.ends[0].iterations + self.used, self.ends[0].descent.clone());
         let mut best = self.ends.swap_remove(self.best);
         let moved = self.best != 0;
@@ -335,14 +363,14 @@ impl Search<'_> {
             p.start = self.request.start[i];
         }
         if self.ends.is_empty() {
-            return (best, None);
+            return Ending::single(best);
         }
         let asked = |k: usize| self.of.unknowns.is_asked(self.request.selected[k]);
         let alternatives = Alternative::all(&best, &self.ends, asked);
         let objectives = std::iter::once(&best).chain(&self.ends).map(|e| e.objective).collect();
-        mixture::cover(&mut best, &self.ends);
+        let alone = mixture::cover(&mut best, &self.ends);
         let minima = Minima { starts: self.tried, converged: 1 + self.ends.len(), objectives, alternatives };
-        (best, Some(minima))
+        Ending { estimate: best, minima: Some(minima), alone }
     }
 }
 

@@ -57,6 +57,9 @@ pub struct BudgetLine {
     pub std: f64,
     /// Part of the variance that is due to the noise of the sensors, and to what is not known of the estimated parameters themselves.
     pub noise: f64,
+    /// Part of the variance that is due to other minima between which the record does not choose ([`crate::workflow::identify::Minima`]).
+    #[serde(skip_serializing_if = "is_zero", default)]
+    pub minima: f64,
     /// Part of the variance that is due to each kind of error, the largest first.
     pub errors: Vec<BudgetShare>,
     /// What would help most.
@@ -86,12 +89,14 @@ pub struct Better {
     pub std: f64,
 }
 
-/// The errors of a fit whose unknowns are `selected`, and the budget of what was asked for.
+/// The errors of a fit whose unknowns are `selected`, and the budget of what was asked for. Where the covariance covers several minima, `alone` is that
+/// about the lowest.
 pub(in crate::workflow::identify) fn lines(
     unknowns: &Unknowns,
     selected: &[usize],
     values: &[f64],
     u: &Uncertainty,
+    alone: Option<&Uncertainty>,
 ) -> (Vec<UncertainLine>, Vec<BudgetLine>) {
     let column = |i: usize| selected.iter().position(|&s| s == i);
     let of: Vec<(usize, &UncertainUnknown, f64)> =
@@ -108,7 +113,32 @@ pub(in crate::workflow::identify) fn lines(
     let asked = selected.iter().enumerate().filter(|(_, i)| unknowns.is_asked(**i));
     let asked: Vec<(usize, &ParamDecl)> = asked.map(|(k, &i)| (k, &unknowns.decls[i])).collect();
     let errors: Vec<(usize, UncertainKind, f64)> = of.iter().map(|(c, what, _)| (*c, what.kind, what.std)).collect();
-    (of.iter().map(line).collect(), budget(&asked, &errors, u))
+    let mut budget = budget(&asked, &errors, alone.unwrap_or(u));
+    if alone.is_some() {
+        let std = |name: &str| asked.iter().find(|a| a.1.name == name).and_then(|a| u.deviation[a.0]);
+        budget.iter_mut().for_each(|b| b.cover(std(&b.name).unwrap_or(b.std)));
+    }
+    (of.iter().map(line).collect(), budget)
+}
+
+// The form that serde asks for.
+#[expect(clippy::trivially_copy_pass_by_ref)]
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
+}
+
+impl BudgetLine {
+    /// With a deviation that covers other minima as well: their part is what the others leave.
+    fn cover(&mut self, std: f64) {
+        let part = (self.std / std).powi(2).min(1.0);
+        self.minima = 1.0 - part;
+        self.noise *= part;
+        self.errors.iter_mut().for_each(|e| e.share *= part);
+        if let Some(better) = &mut self.better {
+            better.std = (better.std.powi(2) + std.powi(2) - self.std.powi(2)).max(0.0).sqrt();
+        }
+        self.std = std;
+    }
 }
 
 /// Where the variance of what is asked for comes from: columns of the covariance, of the errors with their kind and the deviation of
@@ -143,6 +173,7 @@ pub(in crate::workflow) fn budget(
             unit: decl.unit.to_owned(),
             std,
             noise: (1.0 - shares.iter().sum::<f64>()).max(0.0),
+            minima: 0.0,
             errors,
             better,
         });
@@ -177,6 +208,7 @@ pub(in crate::workflow) fn considered_budget(
             unit: decl.unit.to_owned(),
             std,
             noise,
+            minima: 0.0,
             errors: shares,
             better,
         });
