@@ -8,6 +8,18 @@ use std::path::{Path, PathBuf};
 /// What builds wheels: the version that `pyproject.toml` asks for.
 const MATURIN: &str = "maturin>=1.16,<2";
 
+/// What is printed before minutes go into a wheel that nobody has asked for.
+const HELP: &str = "\
+The Python package, in a virtual environment under target/python
+
+Usage: cargo xtask python <test|bench|wheel|docs> [ARGUMENTS]
+
+  test    Build and install the wheel; type checker, stubs, pytest with the notebooks. What follows is passed on to pytest
+  bench   The same over Pinocchio's bindings and over Rust; --json FILE
+  wheel   Build and install the wheel
+  docs    Write docs/python-reference.md from the sources
+";
+
 /// Builds the wheel, installs it with its test dependencies from PyPI, and runs what `args` say:
 ///
 /// * `test`: pytest (which runs the notebooks of `docs/notebooks`), the type checker in strict mode, stubs against the module; what follows
@@ -19,6 +31,10 @@ const MATURIN: &str = "maturin>=1.16,<2";
 /// # Errors
 /// [`Failure::Usage`], or that of the first program that fails.
 pub fn run(args: &[String]) -> Result<(), Failure> {
+    if args.iter().any(|a| a == "--help" || a == "-h") {
+        print!("{HELP}");
+        return Ok(());
+    }
     let tasks = ["test", "bench", "wheel", "docs"];
     let Some((task, rest)) = args.split_first().filter(|(t, _)| tasks.contains(&t.as_str())) else {
         return Err(Failure::Usage("'python' takes test, bench, wheel or docs".into()));
