@@ -10,6 +10,7 @@ mod doctor;
 mod doubts;
 mod evidence;
 mod exact_world;
+mod exchange;
 mod excite;
 mod formats;
 mod identify;

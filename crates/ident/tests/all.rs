@@ -10,6 +10,7 @@ mod compare;
 mod complete;
 mod continuation;
 mod covariance;
+mod exchange;
 mod free_decay;
 mod ground;
 mod identifiability;

@@ -67,3 +67,21 @@ fn coordinates_and_physical_parameters_carry_the_same_information() {
     bad[(3, 3)] = f64::NAN;
     assert!(analyse(&bad, &unknowns(4), 1e-9).is_err() && analyse(&j, &unknowns(3), 1e-9).is_err());
 }
+
+#[test]
+fn a_second_place_adds_its_second_moment() {
+    let j = sensitivities();
+    let u = analyse(&j, &unknowns(4), 1e-9).unwrap();
+    let step = [31.0, -0.07, 4.2, 1.3];
+    let d = nalgebra::DVector::from_column_slice(&step);
+    let wide = u.with_second_place(&step, 0.37, 1e-9).unwrap();
+    assert_relative_eq!(wide.covariance, &u.covariance + 0.37 * &d * d.transpose(), max_relative = scaled(1e-9));
+    assert_relative_eq!(wide.deviation[1].unwrap(), wide.covariance[(1, 1)].sqrt(), max_relative = scaled(1e-12));
+    // What is not determined stays so, and a step along it changes nothing else.
+    let mut j = sensitivities();
+    j.column_mut(3).fill(0.0);
+    let u = analyse(&j, &unknowns(4), 1e-9).unwrap();
+    let wide = u.with_second_place(&[0.0, 0.0, 0.0, 2.7], 0.4, 1e-9).unwrap();
+    assert!(wide.rank == 3 && wide.deviation[3].is_none());
+    assert_relative_eq!(wide.deviation[0].unwrap(), u.deviation[0].unwrap(), max_relative = scaled(1e-9));
+}

@@ -176,7 +176,7 @@ fn table(caption: &str, all: &[Parameter]) -> Table {
         let level = match p.verdict {
             ParameterVerdict::Estimated => Level::Good,
             ParameterVerdict::Weak | ParameterVerdict::PriorOnly => Level::Fair,
-            ParameterVerdict::AtBound | ParameterVerdict::NotIdentifiable => Level::Bad,
+            ParameterVerdict::AtBound | ParameterVerdict::NotIdentifiable | ParameterVerdict::NotUnique => Level::Bad,
         };
         let mut row = vec![
             Cell::words(p.name.clone()),

@@ -38,6 +38,7 @@ pub(super) const ROOT: &[Key] = &[
     key("profiles", Tables(PROFILE), "intervals from the likelihood itself"),
     key("sampled", Table(SAMPLED), "what draws from the posterior say"),
     key("minima", Table(MINIMA), "where other starts led"),
+    key("exchanges", Tables(EXCHANGE), "other minima that explain the record as well, with like elements exchanged"),
     must("correlations", Tables(CORRELATION), "pairs with a correlation of 0.95 or more"),
     must("covariance", Table(COVARIANCE), "covariance of parameters and nuisance, priors included"),
     key("posterior", Table(POSTERIOR), "what is known of the parameters: the prior of a later identification"),
@@ -128,7 +129,11 @@ const PARAMETER: &[Key] = &[
     key("prior_mean", Number, "mean of its prior"),
     key("prior_std", Number, "standard deviation of its prior"),
     key("truth", Number, "what it was when the record was simulated; absent unless the truth was given"),
-    must("verdict", OneOf(&["estimated", "weak", "prior_only", "at_bound", "not_identifiable"]), "what the data say"),
+    must(
+        "verdict",
+        OneOf(&["estimated", "weak", "prior_only", "at_bound", "not_identifiable", "not_unique"]),
+        "what the data say",
+    ),
 ];
 
 const VALUE: &[Key] = &[must("name", Text, "full name"), must("unit", Text, "SI unit"), must("value", Number, "value")];
@@ -304,6 +309,24 @@ const MINIMA: &[Key] = &[
     must("starts", Whole, "starts that were tried"),
     must("converged", Whole, "how many of them converged"),
     must("objectives", Numbers, "twice the negative log posterior of every distinct minimum, ascending"),
+];
+
+const EXCHANGE: &[Key] = &[
+    must("exchanged", Texts, "parameters whose values were exchanged"),
+    must("with", Texts, "those with which, in the same order"),
+    must("excess", Number, "by how much twice the negative log posterior is higher there"),
+    must("weight", Number, "its part of the probability"),
+    must("separate", Flag, "whether 95 % intervals about the two leave a gap for some parameter"),
+    must("parameters", Tables(EXCHANGED), "those that differ by more than a deviation, largest first"),
+];
+
+const EXCHANGED: &[Key] = &[
+    must("name", Text, "full name"),
+    must("unit", Text, "SI unit"),
+    must("value", Number, "estimate"),
+    must("std", Number, "its deviation about this minimum alone"),
+    must("other", Number, "the value at the other minimum"),
+    must("other_std", Number, "its deviation there"),
 ];
 
 const CORRELATION: &[Key] =

@@ -178,6 +178,32 @@ impl Uncertainty {
         let g = DVector::from_column_slice(gradient);
         (lost <= TOUCH * scaled.norm()).then(|| g.dot(&(&self.covariance * &g)).max(0.0).sqrt())
     }
+    /// With a second place of the same cost allowed for, `step` away from the first and of the part `weight` of the probability: the second moment
+    /// about the first, `C + weight step step^T`.
+    ///
+    /// With whitened rows R of C (`R^T R = C^-1` where that is determined) and `u = R step` those of the result are R with the part along
+    /// u shorter by `sqrt(1 + weight u^T u)` (Sherman and Morrison). A step along what is not determined changes nothing there. `tolerance` as for
+    /// [`analyse`]. Allocates.
+    ///
+    /// # Errors
+    /// [`LinalgError`] for numbers that are not finite.
+    ///
+    /// # Panics
+    /// If there is not one component of the step per unknown.
+    pub fn with_second_place(&self, step: &[f64], weight: f64, tolerance: f64) -> Result<Self, LinalgError> {
+        let n = self.unknowns.len();
+        assert_eq!(step.len(), n, "one component per unknown");
+        let of = |k: usize, i: usize| self.singular_values[k] * self.directions[(i, k)] / self.unknowns[i].size;
+        let mut rows = DMatrix::from_fn(n, n, |k, i| if k < self.rank { of(k, i) } else { 0.0 });
+        let u = &rows * DVector::from_column_slice(step);
+        let square = u.norm_squared();
+        if square > 0.0 {
+            let shorter = (1.0 - (1.0 + weight * square).sqrt().recip()) / square;
+            let along = rows.tr_mul(&u);
+            rows.ger(-shorter, &u, &along, 1.0);
+        }
+        analyse(&rows, &self.unknowns, tolerance)
+    }
     /// True when every parameter is determined.
     pub fn full_rank(&self) -> bool {
         self.rank == self.unknowns.len()

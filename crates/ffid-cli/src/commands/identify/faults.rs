@@ -54,6 +54,12 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
         let hint = format!("{}; start nearer, or excite more", m.taken());
         add(Problem::warning(Area::Data, "Fit::MultipleMinima", what), &hint);
     }
+    for e in r.exchanges.iter().filter(|e| e.separate) {
+        let apart = e.parameters.iter().filter(|v| v.separate()).map(|v| v.name.as_str());
+        let what = format!("the record does not tell which values are whose: {}", list(apart, 6));
+        let hint = "move the elements unequally, give a prior that tells them apart, or tie them (--ties)";
+        add(Problem::error(Area::Data, "Fit::NotUnique", what), hint);
+    }
     if let Some(d) = r.sampled.as_ref().filter(|d| d.state != SampledState::Converged) {
         let hint = match d.state {
             SampledState::NotDrawn => "give --reduce or a prior, or leave --sample out",

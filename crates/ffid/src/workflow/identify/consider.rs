@@ -90,8 +90,6 @@ pub(super) fn hold(
         *std = std.map(|_| wide.covariance[(k, k)].sqrt());
     }
     e.uncertainty.covariance = wide.covariance;
-    let stds_of = &e.uncertainty.deviation;
-    e.parameters.iter_mut().chain(&mut e.nuisance).zip(stds_of).for_each(|(p, std)| p.std = *std);
     let line = |(i, u): &(usize, super::uncertain::UncertainUnknown)| UncertainLine {
         name: u.name.clone(),
         unit: u.unit.to_owned(),
@@ -105,12 +103,13 @@ pub(super) fn hold(
     let kinds: Vec<(UncertainKind, f64)> = joint.marginal.iter().map(|(_, u)| (u.kind, u.std)).collect();
     let columns = own.selected.iter().enumerate().map(|(k, &i)| (k, &own.decls[i]));
     let budget = considered_budget(&columns.collect::<Vec<_>>(), &kinds, &e.uncertainty, &wide.sensitivity);
+    told.exchanges.hold(&told.estimate, &mut e);
     let values = own.expand(&e.values)?;
     // Values of the mission, where the fit starts.
     for (p, &i) in e.parameters.iter_mut().zip(&own.selected) {
         p.start = own.start[i];
     }
-    let fitted =
-        Fitted { estimate: e, selected: own.selected.clone(), full, minima: told.minima.clone(), reduced: None };
+    let (minima, exchanges) = (told.minima.clone(), told.exchanges.clone());
+    let fitted = Fitted { estimate: e, selected: own.selected.clone(), full, minima, reduced: None, exchanges };
     Ok(Considered { fitted, values, lines, budget })
 }

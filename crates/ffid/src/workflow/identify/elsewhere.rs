@@ -87,7 +87,7 @@ fn vanished(request: &Request<'_>, e: &Estimate) -> bool {
     request.selected.iter().any(gone)
 }
 
-fn explains(e: &Estimate) -> bool {
+pub(super) fn explains(e: &Estimate) -> bool {
     e.chi2_per_dof < 1.0 + FAR * (2.0 / e.residuals.len().max(1) as f64).sqrt()
 }
 

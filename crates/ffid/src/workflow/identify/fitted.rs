@@ -1,5 +1,6 @@
 //! A fit that has ended.
 
+use super::exchange::Exchanges;
 use super::findings::{Minima, ReducedSet};
 use super::labelled_record::LabelledRecord;
 use super::signals::Signals;
@@ -22,6 +23,8 @@ pub(super) struct Fitted {
     pub(super) minima: Option<Minima>,
     /// Set of parameters that was estimated in place of all.
     pub(super) reduced: Option<ReducedSet>,
+    /// Minima with like elements exchanged.
+    pub(super) exchanges: Exchanges,
 }
 
 /// What the fit is, and the estimators of its records with every column.

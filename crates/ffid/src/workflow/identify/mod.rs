@@ -28,6 +28,7 @@ pub mod draws;
 mod elsewhere;
 mod error;
 pub(crate) mod evidence;
+mod exchange;
 pub(crate) mod explain;
 mod extra_mode;
 pub(crate) mod findings;
@@ -68,6 +69,7 @@ pub use compare::{Comparison, compare_variants};
 pub use course::{Course, CoursePoint};
 pub use error::IdentifyError;
 pub use evidence::{ErrorSize, Evidence, Harm, NamedError, State};
+pub use exchange::{ExchangeLine, ExchangedValue};
 pub use findings::{
     CandidateLine, ClockLine, ComparisonTable, DecayMode, DecayModes, DeterminedCombination, Minima, PriorConflict,
     ProfileLine, RecordFit, ReducedSet, UnobservedDirections, UnseenMode, Whiteness,

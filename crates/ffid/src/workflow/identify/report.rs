@@ -49,7 +49,10 @@ impl Report<'_> {
         from.extend(e.nuisance.iter().map(|p| p.start));
         to.extend(e.nuisance.iter().map(|p| p.value));
         let priors = unknowns.priors(&f.selected)?;
-        let (uncertain, mut budget) = uncertain::lines(unknowns, &f.selected, &e.values, &e.uncertainty);
+        // The shares are those about the estimate alone: draws of the errors do not exchange elements.
+        let within = f.exchanges.within(&e.uncertainty);
+        let (_, mut budget) = uncertain::lines(unknowns, &f.selected, &e.values, within);
+        let (uncertain, _) = uncertain::lines(unknowns, &f.selected, &e.values, &e.uncertainty);
         if self.options.posterior.is_some() {
             // What earlier records have told of the errors is not independent of one another, and the variance does not split.
             budget.clear();

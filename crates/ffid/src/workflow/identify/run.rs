@@ -3,9 +3,10 @@
 use super::adoption::Adopted;
 use super::consider::{self, Side};
 use super::course::Course;
-use super::elsewhere::{Subject, elsewhere};
+use super::elsewhere::{Subject, elsewhere, explains};
 use super::error::{IdentifyError, config};
 use super::evidence::State;
+use super::exchange::Exchanges;
 use super::explain;
 use super::findings::Minima;
 use super::fitted::{Ended, Fitted};
@@ -35,6 +36,7 @@ use ident::Request;
 use ident::Several;
 use ident::belief::{ChannelRows, coloured_covariance};
 use ident::compose::best_of;
+use ident::compose::exchanges;
 use ident::compose::{Shared, SharedErrors};
 use ident::estimate::{Estimate, EstimateError, attempt};
 use ident::parameters::random_start;
@@ -130,6 +132,7 @@ pub fn identify(
     for p in result.parameters.iter_mut().chain(&mut result.nuisance).filter(|p| p.std.is_some()) {
         p.std_coloured = coloured.iter().find(|(name, _)| *name == p.name).map(|c| c.1);
     }
+    stated.exchanges.state(&request, &mut result);
     result.silent = silent;
     result.profiles = profiles;
     result.not_allowed_for.clone_from(&setup.not_allowed_for);
@@ -450,7 +453,14 @@ fn solve(
         (best.estimate, Some(minima))
     };
     let full = first.data_only.clone();
-    let mut out = Fitted { selected: request.selected.to_vec(), full, estimate: first, minima, reduced: None };
+    let mut out = Fitted {
+        selected: request.selected.to_vec(),
+        full,
+        estimate: first,
+        minima,
+        reduced: None,
+        exchanges: Default::default(),
+    };
     if options.reduce && !out.full.null.is_empty() {
         let (kept, mut set) = known::reduced(&out.full, request.selected)?;
         let selected: Vec<usize> = kept.iter().map(|&k| request.selected[k]).collect();
@@ -459,11 +469,31 @@ fn solve(
         set.values = held;
         let again = Request { selected: &selected, start: &start, priors, ..request.clone() };
         out.estimate = attempt(&again, estimator)?;
+        exchanged(&again, &mut out, estimator)?;
         for (p, &i) in out.estimate.parameters.iter_mut().zip(&selected) {
             p.start = request.start[i];
         }
         out.selected = selected;
         out.reduced = Some(set);
+    } else {
+        exchanged(request, &mut out, estimator)?;
+        out.full = out.estimate.data_only.clone();
     }
     Ok(out)
+}
+
+/// Takes the lowest of the minima that exchanges of like elements lead to, and allows for the others. A fit that does not explain the record has
+/// deviations that do not hold anyway.
+fn exchanged(
+    request: &Request<'_>,
+    out: &mut Fitted,
+    estimator: &mut ObservedEstimator<'_>,
+) -> Result<(), IdentifyError> {
+    if !explains(&out.estimate) {
+        return Ok(());
+    }
+    let found = exchanges(request, out.estimate.clone(), estimator);
+    out.estimate = found.best;
+    out.exchanges = Exchanges::allow(&mut out.estimate, found.others)?;
+    Ok(())
 }

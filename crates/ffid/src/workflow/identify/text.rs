@@ -1,6 +1,7 @@
 //! A result in words, for the terminal and `report.txt`.
 
 use super::evidence::{Harm, NamedError, State};
+use super::exchange;
 use super::findings::{PriorConflict, Whiteness};
 use super::number::num;
 use super::result::body::BodyLine;
@@ -65,6 +66,7 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     } else {
         out.push(format!("{told} of {n} parameters are determined by the record."));
     }
+    out.extend(exchange::sentences(&r.exchanges));
     out.extend(exactness(r));
     if !r.null_directions.is_empty() {
         let k = r.null_directions.len();

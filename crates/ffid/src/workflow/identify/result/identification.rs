@@ -10,6 +10,7 @@ use super::sampled::Sampled;
 use super::uncertain::{BudgetLine, UncertainLine};
 use crate::workflow::identify::course::Course;
 use crate::workflow::identify::evidence::{Evidence, Harm, State};
+use crate::workflow::identify::exchange::ExchangeLine;
 use crate::workflow::identify::findings::{
     ClockLine, ComparisonTable, DecayModes, Minima, PriorConflict, ProfileLine, RecordFit, ReducedSet,
     UnobservedDirections, Whiteness,
@@ -103,6 +104,9 @@ pub struct IdentificationResult {
     /// Where other starts led.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub minima: Option<Minima>,
+    /// Other minima that explain the record as well, with like elements exchanged.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub exchanges: Vec<ExchangeLine>,
     /// Pairs with a correlation of 0.95 or more.
     pub correlations: Vec<Correlation>,
     /// Covariance of parameters and nuisance, priors included.
@@ -176,6 +180,7 @@ impl IdentificationResult {
             profiles: Vec::new(),
             sampled: None,
             minima: None,
+            exchanges: Vec::new(),
             correlations: Vec::new(),
             covariance: Covariance { names: Vec::new(), rows: Vec::new() },
             posterior: None,
@@ -209,7 +214,8 @@ impl IdentificationResult {
         self.evidence.as_ref().map(|e| e.state).unwrap_or_default()
     }
     /// The code a command ends with that has found this: 13 for combinations that neither data nor priors tell (whatever
-    /// the solver then made of them, unless the set that can be told was asked for), 14 for no solution, 16 for a model that the
+    /// the solver then made of them, unless the set that can be told was asked for) and for values of which the record does not tell to which of two
+    /// elements they belong, 14 for no solution, 16 for a model that the
     /// record or held-out data contradict, 17 for one that was not tested, else 0. On the ground there is no noise figure to test against:
     /// 0, unless held-out data are missed by more than what the fit left.
     pub fn exit(&self) -> crate::exit::Exit {
@@ -222,6 +228,7 @@ impl IdentificationResult {
             match self.state() {
                 _ if self.held_out.as_ref().is_some_and(|h| !h.explained) => Exit::Contradicted,
                 State::Contradicted => Exit::Contradicted,
+                _ if self.exchanges.iter().any(|e| e.separate) => Exit::IllPosed,
                 State::NotTested if self.method != Method::Ground && self.evidence.is_some() => Exit::NotTested,
                 _ => Exit::Done,
             }

@@ -84,6 +84,8 @@ pub enum ParameterVerdict {
     AtBound,
     /// Part of a combination on which the data are silent.
     NotIdentifiable,
+    /// One of two values, at minima that exchange like elements ([`super::identification::IdentificationResult::exchanges`]).
+    NotUnique,
 }
 
 impl ParameterVerdict {
@@ -104,6 +106,7 @@ impl ParameterVerdict {
             Self::PriorOnly => "prior only",
             Self::AtBound => "at a bound",
             Self::NotIdentifiable => "not identifiable",
+            Self::NotUnique => "not unique",
         }
     }
 }
