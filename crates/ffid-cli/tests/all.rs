@@ -5,6 +5,7 @@
 mod any_bytes;
 mod check;
 mod common;
+mod common_gain;
 mod convert;
 mod doctor;
 mod doubts;
@@ -21,6 +22,7 @@ mod json_schema;
 mod kinds;
 mod logs;
 mod outputs;
+mod paper_robot;
 mod preflight;
 mod questions;
 mod sampling;

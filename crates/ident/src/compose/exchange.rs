@@ -19,7 +19,7 @@ use crate::estimate::outcome::{Estimate, Estimated};
 use crate::estimate::request::Request;
 use ff_least_squares::Settings;
 use ff_model::{ParamDecl, ParamGroup};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Excess of twice the negative log posterior from which a mode has less than a hundredth of the weight.
 const LIMIT: f64 = 9.2;
@@ -138,6 +138,7 @@ fn followed<E: Estimator + ?Sized>(request: &Request<'_>, at: &Estimate, estimat
     if swaps.is_empty() {
         return Vec::new();
     }
+    let moved: BTreeSet<usize> = swaps.iter().flatten().flat_map(|s| [s.0, s.1]).collect();
     let swapped = |swap: &Swap| {
         let mut start = at.values.clone();
         for &(a, b) in swap {
@@ -146,7 +147,7 @@ fn followed<E: Estimator + ?Sized>(request: &Request<'_>, at: &Estimate, estimat
         start
     };
     let centre = request.centre.or(Some(request.start));
-    let mut promising: Vec<(f64, Swap, Vec<f64>)> = Vec::new();
+    let mut promising: Vec<(f64, Vec<f64>)> = Vec::new();
     match estimator.coarse(&at.values) {
         Some(thin) => {
             let mut thin = thin.estimator;
@@ -160,9 +161,9 @@ fn followed<E: Estimator + ?Sized>(request: &Request<'_>, at: &Estimate, estimat
             };
             let Some(here) = lead(&at.values, TRIED[1].0) else { return Vec::new() };
             let mut ends = vec![here];
-            for swap in swaps {
+            for swap in &swaps {
                 let mut end = None;
-                let mut start = swapped(&swap);
+                let mut start = swapped(swap);
                 for (most, limit) in TRIED {
                     end = lead(&start, most).filter(|e| e.objective - ends[0].objective < limit);
                     let Some(e) = &end else { break };
@@ -170,19 +171,26 @@ fn followed<E: Estimator + ?Sized>(request: &Request<'_>, at: &Estimate, estimat
                 }
                 // Several exchanges may lead to one place, or back.
                 let Some(e) = end.filter(|e| ends.iter().all(|o| distance(o, e) > SAME)) else { continue };
-                promising.push((e.objective, swap, start));
+                promising.push((e.objective, start));
                 ends.push(e);
             }
         }
-        None => promising.extend(swaps.into_iter().map(|s| (0.0, s.clone(), swapped(&s)))),
+        None => promising.extend(swaps.iter().map(|s| (0.0, swapped(s)))),
     }
     promising.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let off = |values: &[f64], e: &Estimate| -> f64 {
+        let part = |&c: &usize| Some((values[request.selected[c]] - e.parameters[c].value) / e.parameters[c].std?);
+        moved.iter().filter_map(part).map(|d| d * d).sum()
+    };
     let name = |c: usize| request.decls[request.selected[c]].name.clone();
     let mut out = Vec::new();
-    for (_, swap, start) in promising.into_iter().take(MOST.1) {
+    for (_, start) in promising.into_iter().take(MOST.1) {
         let follow = Request { start: &start, centre, coarse: false, ..request.clone() };
         if let Ok(estimate) = attempt(&follow, &mut *estimator) {
-            let pairs = swap.iter().map(|&(a, b)| (name(a), name(b))).collect();
+            // It may have gone on to where another exchange leads.
+            let nearest =
+                swaps.iter().min_by(|a, b| off(&swapped(a), &estimate).total_cmp(&off(&swapped(b), &estimate)));
+            let pairs = nearest.into_iter().flatten().map(|&(a, b)| (name(a), name(b))).collect();
             out.push(Exchange { pairs, estimate, excess: 0.0 });
         }
     }
