@@ -16,7 +16,7 @@ const TRUTH: [f64; 3] = [31.0, 218.0, 187.0];
 impl Mirrored {
     fn of(&self, p: &[f64]) -> [f64; 4] {
         let (m, a, b) = (p[0], p[1], p[2]);
-        [m / 0.3, (a + b) / 2.4, a * b / 310.0, self.told * (a - b)]
+        [m / 0.3, (a + b) / 0.24, a * b / 31.0, self.told * (a - b)]
     }
 }
 
@@ -46,11 +46,11 @@ impl Estimator for Mirrored {
                 0.0,
                 0.0,
                 0.0,
-                1.0 / 2.4,
-                1.0 / 2.4,
+                1.0 / 0.24,
+                1.0 / 0.24,
                 0.0,
-                p[2] / 310.0,
-                p[1] / 310.0,
+                p[2] / 31.0,
+                p[1] / 31.0,
                 0.0,
                 self.told,
                 -self.told,
