@@ -11,6 +11,9 @@ use super::number::num;
 use super::result::channel::Channel;
 use super::result::parameter::{Combination, Parameter, Value};
 
+/// Deviations of a half of a 95 % interval.
+const HALF95: f64 = 1.96;
+
 /// One record of several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -229,6 +232,16 @@ impl Alternative {
 impl Minima {
     /// Parameters that are listed in words.
     const LISTED: usize = 3;
+    /// Objective above the lowest up to which an interval covers a minimum: beyond, it has less than 2.5 % of the probability.
+    const COVERED: f64 = 7.3;
+    /// An interval of 95 % about the estimate of a parameter, made to cover those about the other minima.
+    pub(super) fn covered(&self, name: &str, about: (f64, f64)) -> (f64, f64) {
+        let Some(a) = self.alternatives.iter().find(|a| a.name == name) else { return about };
+        let near = |objective: &&f64| **objective - self.objectives[0] <= Self::COVERED;
+        let count = self.objectives.iter().take_while(near).count();
+        let ends = a.values.iter().zip(&a.stds).take(count);
+        ends.fold(about, |(low, high), (v, s)| (low.min(v - HALF95 * s), high.max(v + HALF95 * s)))
+    }
     /// That the record does not choose between several minima, and what differs; `None` where it does.
     pub fn undecided(&self) -> Option<String> {
         let first = self.alternatives.get(..self.alternatives.len().min(Self::LISTED)).filter(|a| !a.is_empty())?;

@@ -60,6 +60,10 @@ impl Report<'_> {
         let line = |k: usize| Parameter::of(&fit.estimates[k], f.selected.get(k).map(|&i| unknowns.nominal[i]));
         let n = f.selected.len();
         let mut parameters: Vec<Parameter> = (0..n).filter(|&k| unknowns.is_asked(f.selected[k])).map(line).collect();
+        if let Some(m) = &f.minima {
+            let covered = |p: &mut Parameter| p.interval95 = p.interval95.map(|about| m.covered(&p.name, about));
+            parameters.iter_mut().for_each(covered);
+        }
         let earlier = self.options.posterior.as_ref().or(self.options.learnt.as_ref());
         if let Some(p) = earlier {
             let known = known_before(p).map_err(|e| IdentifyError::Model(e.to_string()))?;
