@@ -2,7 +2,7 @@
 //!
 //! The line of a weakly moved mode is not wider than `1/T`, T the length of the record, and the noise has a peak in every `1/T`. Where the mode
 //! hardly stands out of the noise, the cost has a minimum at each of several peaks, all within a few units of chi-squared, and the
-//! curvature at one of them says nothing of the others. That is so where a frequency has a deviation of more than about a tenth of
+//! curvature at one of them says nothing of the others. That is so where a frequency has a deviation of more than about a twentieth of
 //! `1/T` (docs/theory/output-error.md). Mirrored hinges that are nearly alike have, besides, a minimum with the two exchanged.
 //!
 //! At the end of a fit such places are looked at by residuals alone, with all other unknowns moved by one linearisation (a chord); those
@@ -19,8 +19,9 @@ use ident::estimate::{Estimate, KEPT_BYTES, attempt};
 use ident::{Estimator, Loss, Request, Transform, Uncertainty};
 use nalgebra::{DMatrix, DVector};
 
-/// Deviation of a frequency, in widths `1/T` of a line, from which there may be several minima.
-const UNRESOLVED: f64 = 0.1;
+/// Deviation of a frequency, in widths `1/T` of a line, from which there may be several minima. At a peak of the noise, where damping vanishes,
+/// it is less than at the mode itself.
+const UNRESOLVED: f64 = 0.05;
 /// Distance of the places that are looked at, in widths of a line.
 const STEP: f64 = 0.7;
 /// How many there are on either side.

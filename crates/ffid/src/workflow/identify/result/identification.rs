@@ -248,3 +248,26 @@ impl IdentificationResult {
         Ok(r)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exit::Exit;
+
+    /// What the data do not tell where a fit has stopped says nothing of where it would have ended.
+    #[test]
+    fn a_fit_that_has_not_ended_says_so_first() {
+        let mut r = IdentificationResult::empty("robot", Method::OutputError, Provenance::default());
+        r.null_directions = vec![Combination::of(&ident::belief::Direction {
+            singular_value: 0.0,
+            terms: vec![("base.mass".into(), 1.0)],
+            omitted: 0,
+        })];
+        assert_eq!(r.exit(), Exit::IllPosed);
+        r.status = Ended::IterationLimit;
+        assert_eq!(r.exit(), Exit::Numerical);
+        r.status = Ended::Converged;
+        r.priors_cover = true;
+        assert_eq!(r.exit(), Exit::Done);
+    }
+}
