@@ -14,20 +14,20 @@ const GAIN: f64 = 0.013;
 /// What it is.
 const TRUE: f64 = 0.009;
 const STIFFNESS: [f64; 4] = [218.0, 186.0, 193.0, 209.0];
-const MOTIONS: [([f64; 7], f64); 5] = [
-    ([0.31, 0.22, 0.19, 0.15, 0.22, 0.19, 0.29], 0.7),
-    ([0.12, 0.31, 0.29, 0.15, 0.22, 0.20, 0.26], 2.3),
-    ([0.33, 0.34, 0.09, 0.1, 0.31, 0.28, 0.26], 1.1),
-    ([0.14, 0.23, 0.18, 0.24, 0.25, 0.1, 0.09], 3.2),
-    ([0.14, 0.11, 0.19, 0.12, 0.08, 0.19, 0.32], 1.9),
+const MOTIONS: [([f64; 7], [f64; 7]); 5] = [
+    ([0.308, 0.285, 0.194, 0.150, 0.218, 0.189, 0.292], [1.90, 2.99, 3.66, 5.70, 3.17, 1.77, 4.75]),
+    ([0.116, 0.309, 0.286, 0.149, 0.214, 0.201, 0.256], [4.95, 0.59, 0.18, 5.25, 2.72, 4.79, 0.01]),
+    ([0.338, 0.336, 0.095, 0.103, 0.306, 0.279, 0.261], [1.94, 3.81, 3.81, 3.65, 0.99, 2.70, 2.47]),
+    ([0.144, 0.227, 0.180, 0.243, 0.249, 0.098, 0.084], [5.26, 1.63, 1.47, 6.25, 2.95, 5.25, 2.99]),
+    ([0.144, 0.108, 0.187, 0.122, 0.098, 0.188, 0.328], [5.03, 4.81, 1.39, 3.37, 1.74, 1.08, 0.67]),
 ];
 
 /// `m.toml` and records `r0.csv` .. of a robot with quiet sensors.
 fn world(dir: &Path, records: usize) {
     let quiet = |m: String| {
-        m.replace("rate_hz = 100.0", "rate_hz = 10.0")
-            .replace("noise_std_nm = 0.1", &format!("noise_std_nm = 0.002\ngain_common_relative_std = {GAIN}"))
-            .replace("noise_std_rad_per_s = 1.5e-4", "noise_std_rad_per_s = 2e-6")
+        m.replace("rate_hz = 100.0", "rate_hz = 20.0")
+            .replace("noise_std_nm = 0.1", &format!("noise_std_nm = 0.003\ngain_common_relative_std = {GAIN}"))
+            .replace("noise_std_rad_per_s = 1.5e-4", "noise_std_rad_per_s = 3e-6")
             .replace("bits = 20 ", "bits = 26 ")
             .replace("prior_relative_std = 0.3", "")
     };
@@ -36,7 +36,7 @@ fn world(dir: &Path, records: usize) {
     mission(dir, "m.toml", [200.0; 4], |m| quiet(m) + free);
     for (k, (hz, phase)) in MOTIONS.iter().take(records).enumerate() {
         let (motion, record) = (format!("t{k}.csv"), format!("r{k}.csv"));
-        sines(dir, &motion, 50.0 + 4.0 * k as f64, *hz, *phase);
+        sines(dir, &motion, 60.0 + 4.0 * k as f64, *hz, *phase);
         let seed = (k + 3).to_string();
         let simulate = ["simulate", "truth.toml", "--trajectory", &motion, "--out", &record, "--seed", &seed];
         assert_eq!(ffid(dir, &simulate).0, 0);

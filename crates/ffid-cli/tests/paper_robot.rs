@@ -19,8 +19,8 @@ pub(crate) fn mission(dir: &Path, name: &str, stiffness: [f64; 4], edit: impl Fn
     fs::write(dir.join(name), edit(out.replace("start_offset = 0.25", ""))).unwrap();
 }
 
-/// A trajectory file: a sine of every joint about the mission's pose, 0.15 rad, at rest at both ends.
-pub(crate) fn sines(dir: &Path, name: &str, seconds: f64, hz: [f64; 7], phase: f64) {
+/// A trajectory file: a sine of every joint about the mission's pose, up to 0.16 rad, at rest at both ends.
+pub(crate) fn sines(dir: &Path, name: &str, seconds: f64, hz: [f64; 7], phase: [f64; 7]) {
     let hold = [std::f64::consts::FRAC_PI_2, 1.4, 0.0, -2.6, 0.0, 2.4, 0.0];
     let mut out = "time[s]".to_owned();
     (1..=7).for_each(|j| write!(out, ",q.joint{j}[rad]").unwrap());
@@ -29,8 +29,9 @@ pub(crate) fn sines(dir: &Path, name: &str, seconds: f64, hz: [f64; 7], phase: f
         let t = i as f64 * 0.02;
         let part = smooth((t / 4.0).min(1.0)) * smooth(((seconds - t) / 4.0).min(1.0));
         write!(out, "\n{t:.3}").unwrap();
-        for (j, (q, f)) in hold.iter().zip(hz).enumerate() {
-            write!(out, ",{:.9}", q + part * 0.15 * (TAU * f * t + phase * j as f64).sin()).unwrap();
+        for ((q, f), phase) in hold.iter().zip(hz).zip(phase) {
+            let amplitude = 0.16 * (0.2 / f).min(1.0);
+            write!(out, ",{:.9}", q + part * amplitude * (TAU * f * t + phase).sin()).unwrap();
         }
     }
     fs::write(dir.join(name), out + "\n").unwrap();
