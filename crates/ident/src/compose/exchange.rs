@@ -53,7 +53,7 @@ pub struct Exchange {
 pub struct Exchanged {
     /// The lowest minimum.
     pub best: Estimate,
-    /// The others within [`LIMIT`] of it, nearest first by cost.
+    /// The others of at least a hundredth of the weight (an excess of at most 9.2), nearest first by cost.
     pub others: Vec<Exchange>,
 }
 
