@@ -132,7 +132,6 @@ pub fn identify(
     for p in result.parameters.iter_mut().chain(&mut result.nuisance).filter(|p| p.std.is_some()) {
         p.std_coloured = coloured.iter().find(|(name, _)| *name == p.name).map(|c| c.1);
     }
-    stated.exchanges.state(&request, &mut result);
     result.silent = silent;
     result.profiles = profiles;
     result.not_allowed_for.clone_from(&setup.not_allowed_for);
@@ -144,6 +143,7 @@ pub fn identify(
         // Its errors are those of the next identification too: taken as independent they would count as noise.
         result.posterior = None;
     }
+    stated.exchanges.state(&request, &mut result);
     watched.leave(|unknown| unknowns.expand(unknown));
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
     if let Some(tests) = found.as_mut().filter(|_| own.is_none() && result.state() == State::Contradicted) {
