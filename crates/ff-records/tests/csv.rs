@@ -461,3 +461,28 @@ fn archives_are_named() {
         assert!(p.has("Data::Format") && p.to_string().contains(what), "{p}");
     }
 }
+
+/// What other programs write about a table: remarks, names behind a `#` (NumPy), row numbers in a column without a name (pandas).
+#[test]
+fn remarks_and_row_numbers_of_other_programs_are_no_signals() {
+    let (text, _) = good();
+    let plain = load(&text, &ReadOptions::default()).unwrap();
+    let numpy = format!("# {text}");
+    let remarks = format!("# robot 7, arm A\n#\n{text}");
+    for other in [&numpy, &remarks] {
+        let read = load(other, &ReadOptions::default()).unwrap();
+        assert!(read.record == plain.record);
+    }
+    let number = |(k, line): (usize, &str)| if k == 0 { format!(",{line}\n") } else { format!("{},{line}\n", k - 1) };
+    let pandas: String = text.lines().enumerate().map(number).collect();
+    let read = load(&pandas, &ReadOptions::default()).unwrap();
+    assert!(read.record == plain.record);
+    let p = problem_of(&read.warnings, "Data::NotUsed");
+    assert_eq!(p.line, Some(1));
+    // Places count all lines, and a wrong name is found in its own.
+    let wrong = remarks.replacen("q.shoulder[rad]", "q.shoulder", 1);
+    let p = refused(&wrong);
+    assert_eq!(problem_of(&p, "Data::UnitMissing").line, Some(3));
+    let p = refused("# 1.5 2.5\n");
+    assert_eq!(problem_of(&p, "Data::NoSamples").line, Some(1));
+}

@@ -170,6 +170,46 @@ fn samples_near_rest_are_treated_as_stated() {
     assert!((two.fit.values[11] - truth[11]).abs() < 1e-7 && two.fit.kinds[0].rows == 2 * narrow.fit.kinds[0].rows);
 }
 
+/// A joint that stands still has no equations: it leaves no noise to divide by, and its own counts as that of the worst of the others.
+#[test]
+fn a_joint_at_rest_has_no_rows_and_spoils_no_figure() {
+    let m = arm();
+    let truth = Params::<f64>::nominal(&m).values().to_vec();
+    let selected: Vec<usize> = (10..m.n_params()).collect();
+    let r = bench(&m, &truth, &friction(m.nj(), 4), &Sines::new(8, m.nj(), 20.0, 1.3), 0.02, true, 5);
+    let fastest: Vec<f64> = r.qd().unwrap().column_iter().map(|c| c.amax()).collect();
+    let slow = (0..m.nj()).min_by(|a, b| fastest[*a].total_cmp(&fastest[*b])).unwrap();
+    let f = Friction { near_rest: NearRest::LeaveOut(1.001 * fastest[slow]), ..Friction::ALL };
+    let e = Ground::new(&m, f).unwrap().estimate(&[&r], &selected, &truth).unwrap();
+    let largest = e.fit.kinds.iter().map(|k| k.sigma).fold(0.0, f64::max);
+    assert!(e.fit.kinds[slow].rows == 0 && e.fit.kinds[slow].sigma == largest, "{:?}", e.fit.kinds);
+    assert_within!((e.fit.chi2_per_dof - 1.0).abs(), 0.1, "{}", e.fit.chi2_per_dof);
+}
+
+/// Every part of a log without noise is what the others predict, and the parts are the log.
+#[test]
+fn parts_of_a_log_predict_each_other() {
+    let m = arm();
+    let truth = Params::<f64>::nominal(&m).values().to_vec();
+    let selected: Vec<usize> = (10..m.n_params()).collect();
+    let start = offset_start(&m.param_decls(), &truth, &selected, 0.25, 3);
+    let r = bench(&m, &truth, &friction(m.nj(), 9), &Sines::new(21, m.nj(), 24.0, 1.2), 0.0, true, 1);
+    let ground = Ground::new(&m, Friction::ALL).unwrap();
+    let blocks = ground.blocks(&r, &[0.0, 7.3, 15.1, 24.0], (&selected, &start)).unwrap();
+    let fits = blocks.left_out().unwrap();
+    let (missed, torques) = (blocks.missed(&fits), blocks.torques());
+    assert_eq!((missed.len(), torques.len()), (3, 3));
+    for j in 0..m.nj() {
+        // Samples close to rest do not count.
+        let whole = r.tau().column(j).norm_squared();
+        let sum: f64 = torques.iter().map(|t| t[j]).sum();
+        assert!((0.9 * whole..=whole * (1.0 + 1e-9)).contains(&sum), "joint {j}: {sum} of {whole}");
+        for (b, (missed, torques)) in missed.iter().zip(&torques).enumerate() {
+            assert_within!(missed[j] / torques[j], 1e-9, "part {b}, joint {j}");
+        }
+    }
+}
+
 /// Friction as gears have it, by name of what `choose_terms` may find.
 fn geared(w: f64, acc: f64, load: f64, j: usize) -> f64 {
     let s = if w == 0.0 { 0.0 } else { w.signum() };

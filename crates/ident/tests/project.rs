@@ -228,6 +228,11 @@ fn a_linear_estimate_from_poor_data_becomes_a_robot_that_can_exist() {
     let far = (&e.fit.equations.r * to_truth).norm_squared();
     assert!(p.chi2_increase > 0.0 && p.chi2_increase < far + 1e-6, "{} {far}", p.chi2_increase);
     assert!(!p.at_boundary.is_empty() && p.gap < 1e-9 * p.chi2_increase.max(1.0));
+    // A calibration names what ends there where it costs more than one direction of the data leaves open.
+    let mut near = e.clone();
+    let pressed = near.make_physical(&decls, &selected, truth.values()).unwrap();
+    assert_eq!(pressed, if p.chi2_increase > 3.84 { p.at_boundary } else { Vec::new() });
+    assert_eq!(near.fit.values, p.values);
 }
 
 /// Data without noise: a metric of rounding's fineness sees what it sees exactly, and the body is found in what it leaves open.

@@ -16,6 +16,7 @@ mod quintic;
 pub mod real;
 pub mod sequence;
 pub mod starts;
+pub mod thinned;
 pub mod trials;
 pub mod verdict;
 
@@ -56,6 +57,8 @@ enum Which {
     Posterior(Options),
     /// Measured logs of arms on the ground: held-out torques against least squares on Pinocchio's regressor
     Real(real::Args),
+    /// Logs with lost, late and missing samples and torques at half the rate: do the 95 % intervals hold the truth?
+    Thinned(Options),
     /// Worlds of MuJoCo, exact and with errors: is a wrong model contradicted, and no right one?
     Verdict(verdict::Args),
 }
@@ -78,6 +81,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Which::Sequence(options) => Ok(sequence::run(options)?.finish(options)?),
         Which::Posterior(options) => Ok(identification::posterior::run(options)?.finish(options)?),
         Which::Real(args) => Ok(real::run(args)?.finish(&args.options)?),
+        Which::Thinned(options) => Ok(thinned::run(options)?.finish(options)?),
         Which::Verdict(args) => Ok(verdict::run(args)?.finish(&args.options)?),
     }
 }

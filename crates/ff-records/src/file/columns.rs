@@ -6,7 +6,7 @@ use super::{JointColumn, data};
 use crate::carried::WRENCH;
 use crate::time_base::ChannelGroup;
 use ff_model::diagnostics::{clip, list, nearest};
-use ff_model::{Problem, Problems};
+use ff_model::{Area, Problem, Problems};
 
 /// Most names listed in one message.
 const LISTED: usize = 12;
@@ -137,13 +137,20 @@ pub(super) fn targets(
     let mut out: Vec<Option<Target>> = Vec::with_capacity(head.len());
     let (mut extra, mut strangers): (Vec<&str>, Vec<&str>) = (Vec::new(), Vec::new());
     let mut good = true;
+    // The row numbers that pandas writes.
+    let nameless = head.first().is_some_and(|c| c.is_empty());
+    if nameless {
+        let p = Problem::warning(Area::Data, "Data::NotUsed", "the first column has no name: taken as row numbers")
+            .at_line(1);
+        bad.push(p.hint("with pandas, to_csv(..., index=False); name the column if it is a signal"));
+    }
     let mut fail = |p: Problem| {
         good = false;
         bad.push(p.at_line(1));
     };
     for cell in head {
         let (name, symbol) = split(cell);
-        if ignore.iter().any(|i| i == name || i == cell) {
+        if ignore.iter().any(|i| i == name || i == cell) || nameless && out.is_empty() {
             out.push(Some(Target::Ignored));
             continue;
         }

@@ -87,31 +87,42 @@ pub(super) fn cells(line: &[u8]) -> Option<csv::ByteRecord> {
     reader.read_byte_record(&mut record).ok()?.then_some(record)
 }
 
-/// The line of names; `None` where a problem is recorded.
+/// The line of names, behind remarks that begin with `#`; `None` where a problem is recorded.
 pub(super) fn header(lines: &mut Lines<impl BufRead>, bad: &mut Problems) -> Option<Vec<String>> {
-    match lines.next() {
-        Err(p) => {
-            bad.push(*p);
-            return None;
-        }
-        Ok(more) => {
-            if lines.line.starts_with(&[0xef, 0xbb, 0xbf]) {
-                lines.line.drain(..3);
-            }
-            if !more || lines.line.trim_ascii().is_empty() {
-                let what = if more { "there is no line of column names" } else { "the file is empty" };
-                bad.push(data("Data::NoSamples", what).at_line(1).hint("begin with time[s],q.<joint>[rad],..."));
+    loop {
+        match lines.next() {
+            Err(p) => {
+                bad.push(*p);
                 return None;
             }
+            Ok(more) => {
+                if lines.line.starts_with(&[0xef, 0xbb, 0xbf]) {
+                    lines.line.drain(..3);
+                }
+                if !more || lines.line.trim_ascii().is_empty() {
+                    let what = if more { "there is no line of column names" } else { "the file is empty" };
+                    let p = data("Data::NoSamples", what).at_line(lines.number.max(1));
+                    bad.push(p.hint("begin with time[s],q.<joint>[rad],..."));
+                    return None;
+                }
+            }
+        }
+        let Some(remark) = lines.line.strip_prefix(b"#") else { break };
+        // NumPy writes the names themselves behind a '#'.
+        let names = remark.trim_ascii_start().to_vec();
+        if cells(&names).is_some_and(|c| c.len() > 1 && c.iter().any(|cell| cell.trim_ascii().starts_with(b"time"))) {
+            lines.line = names;
+            break;
         }
     }
+    let at = lines.number;
     if let Err(e) = core::str::from_utf8(&lines.line) {
         let what = format!("byte {} is not UTF-8", e.valid_up_to());
-        bad.push(data("Data::NotUtf8", what).at(1, e.valid_up_to() + 1).hint("save the file as UTF-8"));
+        bad.push(data("Data::NotUtf8", what).at(at, e.valid_up_to() + 1).hint("save the file as UTF-8"));
         return None;
     }
     let Some(record) = cells(&lines.line) else {
-        bad.push(data("Data::Syntax", "the line of names is not CSV").at_line(1).hint("mend its quotes"));
+        bad.push(data("Data::Syntax", "the line of names is not CSV").at_line(at).hint("mend its quotes"));
         return None;
     };
     let names: Vec<String> = record.iter().map(|c| String::from_utf8_lossy(c).trim().to_owned()).collect();
@@ -122,7 +133,7 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, bad: &mut Problems) -> Opt
             None => "there is only one column".to_owned(),
         };
         let hint = "separate columns by commas, and write numbers with a decimal point";
-        bad.push(data("Data::Separator", what).at_line(1).hint(hint));
+        bad.push(data("Data::Separator", what).at_line(at).hint(hint));
         return None;
     }
     Some(names)

@@ -54,8 +54,10 @@ fn head(
     bad: &mut Problems,
 ) -> Option<(Vec<String>, Vec<Target>)> {
     let names = header(lines, bad)?;
-    let targets = targets(&names, joints, &options.ignore, options.fixed_base, bad)?;
-    Some((names, targets))
+    let targets = targets(&names, joints, &options.ignore, options.fixed_base, bad);
+    // The names may stand behind remarks.
+    bad.0.iter_mut().filter(|p| p.line == Some(1)).for_each(|p| p.line = Some(lines.number));
+    Some((names, targets?))
 }
 
 /// Everything behind the header: the samples as a builder, and the origin of its clock.

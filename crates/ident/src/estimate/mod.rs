@@ -25,7 +25,7 @@ pub(crate) mod setup;
 pub use complete::{Complete, CompleteOptions};
 pub use estimation::{attempt, estimate};
 pub use estimator::{Coarse, Estimator};
-pub use ground::{Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest, TermChoice, smoothed};
+pub use ground::{Blocks, Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest, TermChoice, smoothed};
 pub use nuisance::{NuisanceError, NuisanceFit, fit_nuisance};
 pub use outcome::{Estimate, EstimateError, Estimated, Linearisation, RANK_TOLERANCE};
 pub use output_error::OutputError;

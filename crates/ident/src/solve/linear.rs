@@ -210,6 +210,9 @@ pub(crate) fn solve(task: &Task<'_>, kinds: &[Triangle]) -> Result<LinearEstimat
             let dof = (t.rows as f64 * (1.0 - share)).max(1.0);
             *s = (t.cost(&solution.x) / dof).sqrt().max(*floor).max(f64::MIN_POSITIVE);
         }
+        // Rows that are not there, those of a joint at rest, say nothing of their noise: taken as the largest of the others, it excuses nothing.
+        let largest = sigma.iter().zip(kinds).filter(|(_, t)| t.rows > 0).map(|(s, _)| *s).fold(0.0, f64::max);
+        sigma.iter_mut().zip(kinds).filter(|(_, t)| t.rows == 0).for_each(|(s, _)| *s = largest);
         equations = whole(&sigma)?;
         solution = pseudo_solve(&equations, &sizes, &x0)?;
     }

@@ -11,7 +11,8 @@ use ff_records::Record;
 use ffid::files::folder::{Entry, Folder};
 use ffid::open::{Opened, open};
 use ffid::workflow::identify::{
-    Absent, FitOptions, InputFile, LabelledRecord, Method, Settings, choose_low_pass, method, on_even_clock, segments,
+    Absent, Bandwidth, FitOptions, InputFile, LabelledRecord, Method, NoBandwidth, Settings, choose_low_pass, method,
+    on_even_clock, segments,
 };
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -279,25 +280,12 @@ impl Data {
         }
         let longest = records.iter().max_by(|a, b| a.record.seconds().total_cmp(&b.record.seconds()));
         let nominal = Params::nominal(&opened.model);
-        if let (None, Some(r)) = (settings.low_pass_hz, longest)
-            && let Some(found) = choose_low_pass(&opened.model, &r.record, &opened.estimated, nominal.values())
-        {
-            let told = match found.missed {
-                Some((chosen, widest)) => format!(
-                    "fitted to one half of the log, it misses {:.2} % of the torques of the other, a low pass of {:.4} Hz {:.2} % (both compared \
-                     behind {:.3} Hz)",
-                    100.0 * chosen,
-                    found.widest_hz,
-                    100.0 * widest,
-                    found.compared_hz
-                ),
-                None => "chosen by the motion alone, since neither half of the log predicts the torques of the other"
-                    .to_owned(),
-            };
-            let what = format!("positions and torques pass a low pass of {:.4} Hz: {told}", found.hz);
-            let p = Problem::warning(Area::Data, "Data::Bandwidth", what).on(&r.label);
-            problems.push(p.hint("give --low-pass to choose another"));
-            settings.low_pass_hz = Some(found.hz);
+        if let (None, Some(r)) = (settings.low_pass_hz, longest) {
+            let found = choose_low_pass(&opened.model, &r.record, &opened.estimated, nominal.values());
+            settings.low_pass_hz = found.ok().map(|b| b.hz);
+            if let Some(p) = bandwidth(found) {
+                problems.push(p.on(&r.label));
+            }
         }
         let Some(hz) = settings.low_pass_hz else { return Ok(()) };
         for r in records.iter_mut() {
@@ -310,6 +298,38 @@ impl Data {
         }
         Ok(())
     }
+}
+
+/// What is said of the low pass that was chosen, or why there is none; nothing of set points, which need none.
+fn bandwidth(found: Result<Bandwidth, NoBandwidth>) -> Option<Problem> {
+    let (what, hint) = match found {
+        Err(NoBandwidth::SetPoints) => return None,
+        Err(why) => (
+            format!("no low pass was chosen: {why}; accelerations are those of a spline through the positions"),
+            "give --low-pass HZ, twice the frequency of the fastest motion",
+        ),
+        Ok(Bandwidth { hz, compared_hz, missed, widest }) => {
+            let compared = |widest: Option<(f64, f64)>| {
+                let (hz, missed) = widest.filter(|w| w.0 > hz)?;
+                Some(format!(", a low pass of {hz:.4} Hz {:.2} %", 100.0 * missed))
+            };
+            let told = missed.map_or_else(
+                || "that of the motion, since no part of the log is predicted by the others".to_owned(),
+                |m| {
+                    let wider = compared(widest).unwrap_or_default();
+                    let m = 100.0 * m;
+                    format!(
+                        "it misses {m:.2} % of the torques of parts that were not fitted{wider} (compared behind {compared_hz:.3} Hz)"
+                    )
+                },
+            );
+            (
+                format!("positions and torques pass a low pass of {hz:.4} Hz: {told}"),
+                "give --low-pass to choose another",
+            )
+        }
+    };
+    Some(Problem::warning(Area::Data, "Data::Bandwidth", what).hint(hint))
 }
 
 /// Row D39: data that were given twice. `files` are `records` records, then the one held out, if `held` is.

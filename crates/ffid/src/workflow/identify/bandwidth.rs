@@ -1,20 +1,22 @@
-//! The low pass of a calibration on the ground, chosen by how well one half of the log predicts the other.
+//! The low pass of a calibration on the ground, chosen by how well parts of the log predict each other.
 //!
 //! Accelerations that come from positions are noise above some frequency, and noise in the equations biases a linear fit towards zero; a
 //! low pass that is too narrow takes the motion itself away. Both are seen in the torques of a part of the log that was not fitted. Candidates
-//! are a twelfth of the sampling rate and fractions of it by the root of two. Each is fitted to one half of the log and scored on the other, and the other way round,
-//! by torques and equations behind one and the same filter: 2.5 times the frequency below which 99 % of the power of the joint rates is.
-//! Noise of the positions is in the equations that judge, too, and the fit that is biased alike wins: behind a wide filter the best
-//! candidate is the filter itself. So the filter is no wider than the motion asks for. Where no candidate predicts the other half better than
-//! torques of zero, that filter is the choice.
+//! are a twelfth of the sampling rate and fractions of it by the root of two. Each of [`BLOCKS`] parts of the log is predicted by a fit of the others behind
+//! the candidate, and scored by torques and equations behind one and the same filter, that of the motion: twice the frequency below which 99 % of the
+//! power of the joint rates is, since centrifugal and Coriolis torques are products of two rates. Noise of the positions is in the equations that judge, too, and the fit that is biased alike wins: behind a wide filter the
+//! best candidate is the filter itself. So the filter is no wider than the motion asks for.
+//!
+//! The filter of the motion is itself a candidate, and the choice where the log says nothing: another is taken only where it predicts better
+//! beyond the scatter over the parts. Of those that are as good as the best within that scatter, the one next to the filter of the motion is taken.
 
 use ff_model::Model;
 use ff_records::Record;
 use ff_spectral::Welch;
-use ident::estimate::{JointTorques, smoothed};
+use ident::estimate::smoothed;
 use ident::{Friction, Ground};
 
-/// Most candidates: each is the one before over the root of two.
+/// Most candidates beside the filter of the motion: each is the one before over the root of two.
 const CANDIDATES: usize = 15;
 /// The widest candidate is the sampling rate over this. A filter takes a tenth at most, and other parts of a log have slightly other rates.
 const WIDEST: f64 = 12.0;
@@ -22,70 +24,109 @@ const WIDEST: f64 = 12.0;
 const POWER: f64 = 0.99;
 /// Density of positions that may be noise, times what nine tenths of the spectrum above the widest candidate stay below.
 const NOISE: f64 = 10.0;
-/// The filter behind which candidates are compared, times the frequency up to which that power is.
-const BAND: f64 = 2.5;
-/// A wider band is as good when its score is within this part of the best.
-const ALIKE: f64 = 1e-3;
+/// The filter of the motion, behind which candidates are compared, over the frequency up to which that power is: torques of rates are products of
+/// two, whose frequencies add.
+const BAND: f64 = 2.0;
+/// Parts of a log that predict each other.
+const BLOCKS: usize = 6;
+/// A score is worse than another by more than this many standard errors of their difference, or as good.
+const STANDARD_ERRORS: f64 = 2.0;
 
 /// What was chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bandwidth {
     /// Cutoff (Hz).
     pub hz: f64,
-    /// The widest candidate (Hz).
-    pub widest_hz: f64,
-    /// Filter that candidates were compared behind (Hz).
+    /// The filter of the motion, behind which candidates were compared (Hz).
     pub compared_hz: f64,
-    /// Torques of the half that was not fitted: residual over signal, root mean square, with the chosen low pass and with the widest. `None`
-    /// where no candidate predicts the other half, and the filter of the comparison was taken.
-    pub missed: Option<(f64, f64)>,
+    /// Torques of parts that were not fitted: residual over signal, root mean square, with the chosen low pass. `None` where no candidate
+    /// predicts them better than torques of zero beyond the scatter, and the filter of the motion was taken.
+    pub missed: Option<f64>,
+    /// The widest candidate (Hz), and what it misses of these torques.
+    pub widest: Option<(f64, f64)>,
 }
 
-/// Chooses the low pass for a log of an arm on the ground, of the `selected` parameters about `start`. `None` where the log is too short to be
-/// halved, or no candidate can be fitted. Allocates.
-pub fn choose_low_pass(model: &Model, record: &Record, selected: &[usize], start: &[f64]) -> Option<Bandwidth> {
-    // What a controller logged of its set points has no noise.
+/// Why no low pass was chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NoBandwidth {
+    /// Rates and accelerations were recorded: they are set points, which have no noise.
+    #[error("the log has rates and accelerations of its own")]
+    SetPoints,
+    /// No spectrum of the positions, or one without motion below the widest candidate.
+    #[error("no motion stands out of the noise of the positions below a twelfth of the sampling rate")]
+    NoMotion,
+    /// The log is too short for the filter of the motion.
+    #[error("the log is too short for a low pass")]
+    TooShort,
+}
+
+/// Chooses the low pass for a log of an arm on the ground, of the `selected` parameters about `start`. Allocates.
+///
+/// # Errors
+/// [`NoBandwidth`].
+pub fn choose_low_pass(
+    model: &Model,
+    record: &Record,
+    selected: &[usize],
+    start: &[f64],
+) -> Result<Bandwidth, NoBandwidth> {
     if record.qd().is_some() && record.qdd().is_some() {
-        return None;
+        return Err(NoBandwidth::SetPoints);
     }
-    let half = 0.5 * record.seconds();
-    let halves = [record.window(0.0, half).ok()?, record.window(half, f64::INFINITY).ok()?];
     let widest = record.rate_hz() / WIDEST;
-    let compared_hz = (BAND * moving_below(record, widest)?).min(widest);
-    let fit = |of: &Record, hz: f64| {
-        let seen = smoothed(of, hz).ok()?;
-        let found = Ground::new(model, Friction::ALL).ok()?.low_pass(hz).estimate(&[&seen], selected, start).ok()?;
-        Some((found.fit.values, found.joints))
-    };
-    let judge = |of: &Record, values: &[f64], joints: &JointTorques| {
-        let seen = smoothed(of, compared_hz).ok()?;
-        let (predicted, residual) =
-            Ground::new(model, Friction::ALL).ok()?.low_pass(compared_hz).predict(&seen, values, joints).ok()?;
-        let measured = predicted + &residual;
-        // Every joint alike.
-        let one =
-            |j: usize| residual.column(j).norm_squared() / measured.column(j).norm_squared().max(f64::MIN_POSITIVE);
-        Some((0..model.nj()).map(one).sum::<f64>() / model.nj().max(1) as f64)
+    let compared_hz = (BAND * moving_below(record, widest).ok_or(NoBandwidth::NoMotion)?).min(widest);
+    let part = record.seconds() / BLOCKS as f64;
+    let edges: Vec<f64> = (0..=BLOCKS).map(|k| record.t0() + k as f64 * part).collect();
+    let behind = |hz: f64| Some((smoothed(record, hz).ok()?, Ground::new(model, Friction::ALL).ok()?.low_pass(hz)));
+    let (seen, ground) = behind(compared_hz).ok_or(NoBandwidth::TooShort)?;
+    let judged = ground.blocks(&seen, &edges, (selected, start)).map_err(|_| NoBandwidth::TooShort)?;
+    let torques = judged.torques();
+    // Every joint alike.
+    let weight =
+        |j: usize| 1.0 / (torques.iter().map(|t| t[j]).sum::<f64>().max(f64::MIN_POSITIVE) * model.nj() as f64);
+    let weights: Vec<f64> = (0..model.nj()).map(weight).collect();
+    let weighted = |of: &[Vec<f64>]| -> Score {
+        Score(of.iter().map(|joints| joints.iter().zip(&weights).map(|(x, w)| x * w).sum()).collect())
     };
     let score = |hz: f64| {
-        let mut sum = 0.0;
-        for (fitted, judged) in [(0, 1), (1, 0)] {
-            let (values, joints) = fit(&halves[fitted], hz)?;
-            sum += 0.5 * judge(&halves[judged], &values, &joints)?;
-        }
-        sum.is_finite().then_some(sum)
+        let (seen, ground) = behind(hz)?;
+        let fits = ground.blocks(&seen, &edges, (selected, start)).ok()?.left_out().ok()?;
+        let of = weighted(&judged.missed(&fits));
+        (fits.len() == torques.len() && of.sum().is_finite()).then_some(of)
     };
-    let scored: Vec<(f64, f64)> =
-        (0..CANDIDATES).map(|k| widest * 0.5f64.powf(0.5 * k as f64)).filter_map(|hz| Some((hz, score(hz)?))).collect();
-    let best = scored.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
-    if best >= 1.0 {
-        // Halves too short for the filter, or of motions that tell nothing of each other.
-        smoothed(record, compared_hz).ok()?;
-        return Some(Bandwidth { hz: compared_hz, widest_hz: widest, compared_hz, missed: None });
+    let mut tried = vec![compared_hz];
+    tried.extend((0..CANDIDATES).map(|k| widest * 0.5f64.powf(0.5 * k as f64)));
+    let scored: Vec<(f64, Score)> = tried.into_iter().filter_map(|hz| Some((hz, score(hz)?))).collect();
+    let best = scored.iter().map(|s| &s.1).min_by(|a, b| a.sum().total_cmp(&b.sum()));
+    let widest = scored.iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(hz, s)| (*hz, s.sum().sqrt()));
+    let away = |hz: f64| (hz / compared_hz).ln().abs();
+    let nearest = best.filter(|best| best.below(&weighted(&torques))).and_then(|best| {
+        let alike = scored.iter().filter(|s| !best.below(&s.1));
+        alike.min_by(|a, b| away(a.0).total_cmp(&away(b.0)))
+    });
+    let (hz, missed) = match nearest {
+        Some((hz, score)) => (*hz, Some(score.sum().sqrt())),
+        // Parts that cannot be fitted, or of motions that tell nothing of each other.
+        None => (compared_hz, None),
+    };
+    Ok(Bandwidth { hz, compared_hz, missed, widest })
+}
+
+/// What is missed of the torques of every part of a log: squares, over those of all parts.
+struct Score(Vec<f64>);
+
+impl Score {
+    fn sum(&self) -> f64 {
+        self.0.iter().sum()
     }
-    let &(hz, chosen) = scored.iter().find(|s| s.1 <= (1.0 + ALIKE) * best)?;
-    let missed = Some((chosen.sqrt(), scored[0].1.sqrt()));
-    Some(Bandwidth { hz, widest_hz: scored[0].0, compared_hz, missed })
+    /// True where it misses less beyond the scatter: by more than [`STANDARD_ERRORS`] of the sum of the differences.
+    fn below(&self, other: &Self) -> bool {
+        let less: Vec<f64> = other.0.iter().zip(&self.0).map(|(a, b)| a - b).collect();
+        let n = less.len() as f64;
+        let mean = less.iter().sum::<f64>() / n;
+        let variance = less.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        mean > STANDARD_ERRORS * (variance / n).sqrt()
+    }
 }
 
 /// The frequency (Hz), `widest` at most, below which [`POWER`] of the rates of all joints is; `None` for a record too short for a spectrum, or
@@ -144,6 +185,17 @@ pub(super) fn correlated_samples(x: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A part that is much worse by itself says nothing: the others have to agree.
+    #[test]
+    fn one_part_of_a_log_does_not_choose() {
+        let of = |x: [f64; 6]| Score(x.to_vec());
+        let best = of([0.02, 0.03, 0.05, 0.04, 0.02, 0.03]);
+        let everywhere = of([0.03, 0.04, 0.065, 0.055, 0.03, 0.045]);
+        let once = of([0.02, 0.03, 0.05, 0.9, 0.02, 0.03]);
+        assert!(best.below(&everywhere) && !best.below(&once) && !everywhere.below(&best));
+        assert!((once.sum() - 1.05).abs() < 1e-12);
+    }
 
     #[test]
     fn correlated_noise_counts_as_fewer_samples() {

@@ -65,7 +65,7 @@ mod unknowns;
 mod valleys;
 
 pub use adoption::adopted_sensor_errors;
-pub use bandwidth::{Bandwidth, choose_low_pass};
+pub use bandwidth::{Bandwidth, NoBandwidth, choose_low_pass};
 pub use checked::{AxesCheck, identify_checked};
 pub use compare::{Comparison, compare_variants};
 pub use course::{Course, CoursePoint};

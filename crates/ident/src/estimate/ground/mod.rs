@@ -18,6 +18,7 @@
 //! noisy for the splines, pass a low-pass filter: positions before they are differentiated ([`smoothed`]), then torques and every
 //! column of the equations alike ([`Ground::low_pass`]). `docs/theory/ground.md`.
 
+mod blocks;
 mod calibration;
 mod equations;
 mod gains;
@@ -27,6 +28,7 @@ mod problem;
 mod selection;
 mod smoothed;
 
+pub use blocks::Blocks;
 pub use calibration::Ground;
 pub use joint_terms::{Friction, JointTerm, JointTorques, NearRest};
 pub use selection::TermChoice;

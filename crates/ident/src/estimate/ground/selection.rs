@@ -43,7 +43,7 @@ pub struct TermChoice {
 
 /// A candidate by its number among the terms of the layout.
 #[derive(Clone, Copy)]
-struct Candidate {
+pub(super) struct Candidate {
     column: usize,
     joint: usize,
     term: JointTerm,
@@ -140,17 +140,17 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// Blocks of samples, each predicted by the others.
-struct Folds<'a> {
-    problem: &'a Problem<'a>,
+pub(super) struct Folds<'a> {
+    pub(super) problem: &'a Problem<'a>,
     /// Triangles of every joint, block by block.
-    blocks: &'a [Vec<Triangle>],
+    pub(super) blocks: &'a [Vec<Triangle>],
     /// Number of the terms that every joint has; candidates come behind them.
-    own: usize,
+    pub(super) own: usize,
 }
 
 impl Folds<'_> {
     /// Unknowns (parameters, then all terms, zero for those that are not among the candidates) as all blocks but one tell them, for each.
-    fn fits(&self, with: &[Candidate]) -> Result<Vec<Vec<f64>>, LinearError> {
+    pub(super) fn fits(&self, with: &[Candidate]) -> Result<Vec<Vec<f64>>, LinearError> {
         let m = self.problem.selected.len();
         let kept: Vec<usize> = (0..self.own).chain(with.iter().map(|c| c.column)).collect();
         let terms: Vec<_> = kept.iter().map(|&c| self.problem.layout.terms[c]).collect();
