@@ -104,7 +104,18 @@ pub(super) fn hold(
     let lines = joint.marginal.iter().map(line).collect();
     let kinds: Vec<(UncertainKind, f64)> = joint.marginal.iter().map(|(_, u)| (u.kind, u.std)).collect();
     let columns = own.selected.iter().enumerate().map(|(k, &i)| (k, &own.decls[i]));
-    let budget = considered_budget(&columns.collect::<Vec<_>>(), &kinds, &e.uncertainty, &wide.sensitivity);
+    let mut budget = considered_budget(&columns.collect::<Vec<_>>(), &kinds, &e.uncertainty, &wide.sensitivity);
+    if let Some(m) = &told.minima {
+        let names: Vec<String> = e.uncertainty.unknowns.iter().map(|u| u.name.clone()).collect();
+        e.uncertainty.covariance += m.moment(&names);
+        let c = &e.uncertainty.covariance;
+        let stds = e.uncertainty.deviation.iter_mut().enumerate();
+        stds.for_each(|(k, std)| *std = std.map(|_| c[(k, k)].sqrt()));
+        let stated = &e.uncertainty.deviation;
+        e.parameters.iter_mut().chain(&mut e.nuisance).zip(stated).for_each(|(p, std)| p.std = *std);
+        let std = |name: &str| e.parameters.iter().find(|p| p.name == name).and_then(|p| p.std);
+        budget.iter_mut().for_each(|b| b.cover(std(&b.name).unwrap_or(b.std)));
+    }
     let values = own.expand(&e.values)?;
     // Values of the mission, where the fit starts.
     for (p, &i) in e.parameters.iter_mut().zip(&own.selected) {

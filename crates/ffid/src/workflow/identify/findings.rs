@@ -5,6 +5,7 @@ use ident::belief::{Reduced, Silence};
 use ident::checks::whiteness::ChannelCheck;
 use ident::compose::equal_cost;
 use ident::estimate::Estimate;
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::number::num;
@@ -234,6 +235,22 @@ impl Minima {
     const LISTED: usize = 3;
     /// Objective above the lowest up to which an interval covers a minimum: beyond, it has less than 2.5 % of the probability.
     const COVERED: f64 = 7.3;
+    /// What the other minima add to a covariance about the lowest, for unknowns of these names: the second moment `sum_i w_i d_i d_i^T` of the
+    /// parameters that differ, with weights `w_i` in proportion to `exp(-c_i/2)` of the objectives.
+    pub(super) fn moment(&self, names: &[String]) -> DMatrix<f64> {
+        let weight: Vec<f64> = self.objectives.iter().map(|c| (0.5 * (self.objectives[0] - c)).exp()).collect();
+        let all: f64 = weight.iter().sum();
+        let mut out = DMatrix::zeros(names.len(), names.len());
+        for (i, w) in weight.iter().enumerate() {
+            let step = |name: &String| {
+                let of = self.alternatives.iter().find(|a| a.name == *name);
+                of.and_then(|a| Some(a.values.get(i)? - a.values[0])).unwrap_or_default()
+            };
+            let d = DVector::from_iterator(names.len(), names.iter().map(step));
+            out.ger(w / all, &d, &d, 1.0);
+        }
+        out
+    }
     /// An interval of 95 % about the estimate of a parameter, made to cover those about the other minima.
     pub(super) fn covered(&self, name: &str, about: (f64, f64)) -> (f64, f64) {
         let Some(a) = self.alternatives.iter().find(|a| a.name == name) else { return about };

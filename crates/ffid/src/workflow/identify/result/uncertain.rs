@@ -129,7 +129,7 @@ fn is_zero(x: &f64) -> bool {
 
 impl BudgetLine {
     /// With a deviation that covers other minima as well: their part is what the others leave.
-    fn cover(&mut self, std: f64) {
+    pub(in crate::workflow::identify) fn cover(&mut self, std: f64) {
         let part = (self.std / std).powi(2).min(1.0);
         self.minima = 1.0 - part;
         self.noise *= part;
