@@ -36,7 +36,7 @@ fn shifted(text: &str, column: &str, at: impl Fn(f64) -> f64) -> String {
 }
 
 /// A mission whose fuel rings for minutes, sampled slowly enough for that, with its stiffness alone to be found.
-pub(crate) fn ringing(mission: &str) -> String {
+fn ringing(mission: &str) -> String {
     let damped = mission.replace("damping_nms_per_rad = [5.0, 5.0]", "damping_nms_per_rad = [0.2, 0.2]");
     let known = damped.replace("\"base.*\", \"tank.k[*]\", \"tank.d[*]\"", "\"tank.k[*]\"");
     known.replace("rate_hz = 50.0", "rate_hz = 20.0")

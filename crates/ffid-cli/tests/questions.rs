@@ -1,6 +1,5 @@
 //! What may be asked of `ffid identify` beside the fit: several records, fewer unknowns, profiles, ties, earlier knowledge.
 
-use crate::doubts::ringing;
 use crate::identify::{flex, near_the_truth, slosh};
 use ff_mission::Leniency;
 use ffid::files::folder::Entry;
@@ -271,26 +270,4 @@ fn d33_starts_that_agree_are_counted() {
     assert!(out.contains("starts: 3 of 3 converged"), "{out}");
     let m = near_the_truth(&c, "res", 4.5).minima.unwrap();
     assert_eq!((m.starts, m.converged, m.objectives.len()), (3, 3, 1));
-}
-
-/// A long decay that is hardly damped has a minimum for every cycle that a wrong frequency gains or loses: starts that end in
-/// different ones are a warning with their costs, and the lowest is taken.
-#[test]
-#[ignore = "full tier: 3 s"]
-fn d33_starts_that_disagree_are_a_warning() {
-    let c = slosh();
-    let truth = ringing(&c.read("truth.toml"));
-    c.write("ring.toml", &truth);
-    c.write("far.toml", &format!("{truth}\n[parameters]\n\"tank.k[0]\" = 24.5\n\"tank.k[1]\" = 16.5\n"));
-    c.simulate("ring.toml", "b.csv", "ring.csv", &["--seed", "6", "--hold", "60"]);
-    let args = ["identify", "far.toml", "--record", "ring.csv", "--starts", "4", "--no-biases", "--clocks", "trust"];
-    let (code, out, err) = c.run(&[&args[..], &["--out", "res"]].concat());
-    // The lowest of them need not explain the record.
-    assert!([0, 16].contains(&code), "{code} {out}\n{err}");
-    assert!(err.contains("warning[Fit::MultipleMinima]"), "{err}");
-    let r = c.result("res");
-    let m = r.minima.unwrap();
-    assert!(m.objectives.len() > 1 && m.objectives.windows(2).all(|w| w[0] < w[1]), "{m:?}");
-    let taken = r.chi2_per_dof * (r.residuals - r.parameters.len()) as f64;
-    assert!((taken / m.objectives[0] - 1.0).abs() < 1e-3, "{taken} of {m:?}");
 }

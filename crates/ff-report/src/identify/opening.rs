@@ -86,6 +86,9 @@ fn trust(r: &IdentificationResult) -> (Level, &'static str, Vec<String>) {
         (false, _) => (Level::Bad, "None: the fit has not ended at a solution"),
         (true, Some(State::Contradicted)) => (Level::Bad, "Do not use it: the record contradicts the model"),
         (true, _) if held_fails => (Level::Bad, "Do not use it: data that were not used are not predicted"),
+        (true, Some(State::Explained)) if r.minima.as_ref().is_some_and(|m| m.undecided().is_some()) => {
+            (Level::Fair, "The model explains the record, with several answers")
+        }
         (true, Some(State::Explained)) => (Level::Good, "The model explains the record"),
         (true, Some(State::NotTested) | None) if r.method == Method::Ground => {
             (Level::Good, "Calibrated on the ground")
@@ -140,6 +143,10 @@ fn next(r: &IdentificationResult) -> Vec<String> {
     }
     if !r.null_directions.is_empty() && r.reduced.is_none() {
         out.push("The record is silent on some combinations: estimate only what it can tell (--reduce), or record another motion.".to_owned());
+    }
+    if let Some(apart) = r.minima.as_ref().filter(|m| m.undecided().is_some()) {
+        let all = ff_model::diagnostics::list(apart.alternatives.iter().map(|a| a.name.as_str()), NAMED);
+        out.push(format!("The record does not choose between several values of {all}: move these modes more, record longer, or give what is known (--prior)."));
     }
     if let Some(weak) =
         names(r, &[ParameterVerdict::Weak, ParameterVerdict::PriorOnly, ParameterVerdict::NotIdentifiable])

@@ -445,13 +445,13 @@ fn solve(
         let starts: Vec<Vec<f64>> =
             std::iter::once(request.start.to_vec()).chain((0..options.more_starts).map(draw)).collect();
         let best = best_of(request, &starts, estimator)?;
-        let minima = Minima {
-            starts: starts.len(),
-            converged: best.endings.iter().filter(|e| e.converged).count(),
-            objectives: best.minima,
-            alternatives: Vec::new(),
+        let converged = best.endings.iter().filter(|e| e.converged).count();
+        let ending = best_valley(request, best.estimate, of, estimator);
+        let minima = match ending.minima {
+            Some(m) => Minima { starts: starts.len() + m.starts - 1, converged: converged + m.converged - 1, ..m },
+            None => Minima { starts: starts.len(), converged, objectives: best.minima, alternatives: Vec::new() },
         };
-        Ending { estimate: best.estimate, minima: Some(minima), alone: None }
+        Ending { minima: Some(minima), ..ending }
     };
     let full = first.data_only.clone();
     let mut out = Fitted { selected: request.selected.to_vec(), full, estimate: first, minima, alone, reduced: None };

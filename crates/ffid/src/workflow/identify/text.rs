@@ -60,10 +60,11 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     let told = names(ParameterVerdict::Estimated).len();
     if !r.status.is_solution() {
         out.push(format!("The fit did NOT end at a solution: it {}. The values below are no estimates.", r.status));
-    } else if told == n {
-        out.push(format!("All {n} parameters are determined by the record."));
     } else {
-        out.push(format!("{told} of {n} parameters are determined by the record."));
+        let all = if told == n { format!("All {n}") } else { format!("{told} of {n}") };
+        let apart = r.minima.as_ref().filter(|m| m.undecided().is_some()).map(|m| m.alternatives.len());
+        let apart = apart.map_or_else(String::new, |k| format!(", {k} of them NOT uniquely"));
+        out.push(format!("{all} parameters are determined by the record{apart}."));
     }
     out.extend(exactness(r));
     if !r.null_directions.is_empty() {
