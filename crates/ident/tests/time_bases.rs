@@ -316,3 +316,27 @@ fn the_rigid_estimator_takes_times_and_linear_ones_say_what_to_do() {
     let apart = (even.tau() - rows(&fine.tau, &(0..even.samples()).map(|i| 20 * i).collect::<Vec<_>>())).amax();
     assert!(apart < 1e-3 * fine.tau.amax(), "{apart:e}");
 }
+
+/// The beginning of a record with sample times of its own is the rows up to there: predictions next to its end are interpolated from one side.
+#[test]
+fn the_beginning_of_a_stamped_record_is_its_first_rows() {
+    let l = paper("slosh.toml");
+    let (_, fine) = fine(&l);
+    let record = stamped(&l, &fine, 100.0, &stamps(10, 0.4, 11), &stamps(20, 0.3, 7), &stamps(10, 0.2, 13));
+    let options = Options { substeps: 2, initial_state: true, ..Options::new(NOISE) };
+    let mut whole = OutputError::new(&l.model, &record, &options).unwrap();
+    let mut full = Params::<f64>::nominal(&l.model).values().to_vec();
+    full[0] *= 1.13;
+    let extra: Vec<f64> = whole.nuisance().iter().enumerate().map(|(k, u)| 0.3 * u.size * (k as f64).cos()).collect();
+    let mut all = vec![0.0; whole.rows()];
+    whole.residuals(&full, &extra, &mut all).unwrap();
+    let mut begun = whole.beginning(0.37).unwrap();
+    let mut some = vec![0.0; begun.estimator.rows()];
+    begun.estimator.residuals(&full, &extra, &mut some).unwrap();
+    let share = some.len() as f64 / all.len() as f64;
+    assert!((share - 0.37).abs() < 0.01 && begun.rows.len() == some.len(), "{share}");
+    let size = (all.iter().map(|x| x * x).sum::<f64>() / all.len() as f64).sqrt();
+    let apart = some.iter().zip(&begun.rows).map(|(x, &i)| (x - all[i]).abs());
+    let far = apart.clone().filter(|a| *a > 1e-9 * size).count();
+    assert!(apart.fold(0.0, f64::max) < 1e-3 * size && far < 60, "{far} of {}", some.len());
+}

@@ -308,18 +308,24 @@ impl Estimator for OutputError<'_> {
         Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every) })
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
-        let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
-        let samples = (share * record.samples() as f64) as usize;
-        if !record.is_uniform() || samples < BEGINNING || samples >= record.samples() {
+        let OutputRows { model, record, options, kinematics, initial, grid, .. } = &self.rows;
+        let samples = (share * grid.0 as f64) as usize;
+        if *grid != (record.samples(), record.dt()) || samples < BEGINNING || samples >= grid.0 {
             return None;
         }
-        let first = Cow::Owned(record.rows(0..samples));
+        // Readings at times of their own are those up to the last sample of the grid that is left.
+        let first = if record.is_uniform() {
+            record.rows(0..samples)
+        } else {
+            record.window(0.0, samples as f64 * grid.1).ok()?
+        };
         let motion = self.tables.moving();
-        let rows = OutputRows::new(model, first, options.clone(), (kinematics.clone(), initial.clone()), motion);
-        let rows = OutputRows { draws: self.rows.draws, ..rows };
-        let count = rows.count();
+        let known = (kinematics.clone(), initial.clone());
+        let mut rows = OutputRows::new(model, Cow::Owned(first), options.clone(), known, motion);
+        (rows.draws, rows.grid) = (self.rows.draws, (samples, grid.1));
+        let of_all = (rows.interleaved() == self.rows.interleaved()).then(|| self.rows.rows(&rows.readings()))?;
         let begun = OutputError { rows, tables: self.tables.beginning(samples), thinned: self.thinned };
-        Some(Coarse { estimator: Box::new(begun), rows: (0..count).collect() })
+        Some(Coarse { estimator: Box::new(begun), rows: of_all.into_iter().flatten().collect() })
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         let (rows, tables) = (&self.rows, &mut self.tables);
