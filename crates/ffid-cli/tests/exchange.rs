@@ -20,14 +20,20 @@ fn world(dir: &Path) {
     assert_eq!(ffid(dir, &simulate).0, 0);
 }
 
-#[test]
-#[ignore = "full tier: 4 s"]
-fn mirrored_wings_that_a_slow_motion_does_not_tell_apart_are_named() {
+/// What `ffid identify` of that prints and finds: exit code, both outputs, the result.
+fn identified(args: &[&str]) -> (i32, String, String, Value) {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     world(dir);
-    let (code, out, err) = ffid(dir, &["identify", "m.toml", "--record", "rec.csv"]);
-    let r: Value = serde_json::from_slice(&fs::read(dir.join("m-identified/result.json")).unwrap()).unwrap();
+    let (code, out, err) = ffid(dir, &[&["identify", "m.toml", "--record", "rec.csv"], args].concat());
+    let r = serde_json::from_slice(&fs::read(dir.join("m-identified/result.json")).unwrap()).unwrap();
+    (code, out, err, r)
+}
+
+#[test]
+#[ignore = "full tier: 4 s"]
+fn mirrored_wings_that_a_slow_motion_does_not_tell_apart_are_named() {
+    let (code, out, err, r) = identified(&[]);
     assert_eq!(r["evidence"]["state"], "explained", "{out}");
     assert_eq!(code, 0, "{out}");
     assert!(err.contains("Fit::MultipleMinima") && err.contains("panel_left.k[1]"), "{err}");
@@ -47,13 +53,9 @@ fn mirrored_wings_that_a_slow_motion_does_not_tell_apart_are_named() {
 #[test]
 #[ignore = "full tier: 10 s"]
 fn d33_starts_that_disagree_are_a_warning() {
-    let dir = tempfile::tempdir().unwrap();
-    let dir = dir.path();
-    world(dir);
-    let (code, out, err) = ffid(dir, &["identify", "m.toml", "--record", "rec.csv", "--starts", "4"]);
+    let (code, out, err, r) = identified(&["--starts", "4"]);
     assert_eq!(code, 0, "{out}\n{err}");
     assert!(err.contains("warning[Fit::MultipleMinima]"), "{err}");
-    let r: Value = serde_json::from_slice(&fs::read(dir.join("m-identified/result.json")).unwrap()).unwrap();
     let objectives: Vec<f64> = r["minima"]["objectives"].as_array().unwrap().iter().filter_map(Value::as_f64).collect();
     assert!(objectives.len() > 1 && objectives.windows(2).all(|w| w[0] < w[1]), "{objectives:?}");
     assert!(r["minima"]["starts"].as_u64().unwrap() >= 4, "{}", r["minima"]);

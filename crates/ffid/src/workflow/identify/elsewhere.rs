@@ -83,8 +83,12 @@ pub(super) fn elsewhere(
 
 /// Whether a positive parameter is gone.
 fn vanished(request: &Request<'_>, e: &Estimate) -> bool {
-    let gone = |&i: &usize| request.decls[i].group == ParamGroup::Positive && e.values[i] < VANISHED * request.start[i];
-    request.selected.iter().any(gone)
+    request.selected.iter().any(|&i| has_vanished(request, e, i))
+}
+
+/// Whether this parameter is one that is positive and gone.
+pub(super) fn has_vanished(request: &Request<'_>, e: &Estimate, i: usize) -> bool {
+    request.decls[i].group == ParamGroup::Positive && e.values[i] < VANISHED * request.start[i]
 }
 
 pub(super) fn explains(e: &Estimate) -> bool {

@@ -9,7 +9,7 @@
 //! that come near the cost of the end are fitted. The lowest counts, and where others explain the record as well, deviations cover
 //! them all ([`super::mixture`]).
 
-use super::elsewhere::{Subject, explains, frequencies, own_mode};
+use super::elsewhere::{Subject, explains, frequencies, has_vanished, own_mode};
 use super::findings::{Alternative, Minima};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
@@ -47,8 +47,6 @@ const ROUNDS: usize = 2;
 const SAME: f64 = 0.5;
 /// Ratio of two stiffnesses up to which an exchange is tried.
 const ALIKE: f64 = 2.0;
-/// Part of its start below which a positive parameter has vanished: an oscillation without damping follows a peak of the noise.
-const VANISHED: f64 = 0.01;
 /// Most by which springs follow another.
 const FOLLOW: f64 = 3.0;
 /// Ridge of a normal matrix with ones on its diagonal.
@@ -187,17 +185,14 @@ impl Search<'_> {
     /// Whether a damping, mass or spring of the same appendage as a spring has vanished.
     fn gone(&self, e: &Estimate, spring: usize) -> bool {
         let (request, owner) = (self.request, |i: usize| self.request.decls[i].name.split_once('.').map(|n| n.0));
-        request.selected.iter().any(|&i| owner(i) == owner(spring) && self.has_vanished(e, i))
-    }
-    fn has_vanished(&self, e: &Estimate, i: usize) -> bool {
-        self.request.decls[i].group == ParamGroup::Positive && e.values[i] < VANISHED * self.request.start[i]
+        request.selected.iter().any(|&i| owner(i) == owner(spring) && has_vanished(request, e, i))
     }
     /// Values of one end, with what has vanished at its start.
     fn whole(&self, e: &Estimate) -> Vec<f64> {
         let request = self.request;
         let mut at = e.values.clone();
         for &i in request.selected {
-            if self.has_vanished(e, i) {
+            if has_vanished(request, e, i) {
                 at[i] = request.start[i];
             }
         }
