@@ -20,6 +20,10 @@
 //! B^2(h) = max over h' < h of [ mean |a_h - a_h'|^2 - kappa V(h') ]_+
 //! ```
 //!
+//! A bias below the noise of all finer knots is not seen so, but it is the same at all samples, and the tests of a fit see it. Where
+//! sensors judge, what coarser knots are seen to bend stands for it: it is taken to fall no faster than that of a smooth motion with fine knots,
+//! whose accelerations a spline of degree p bends by `h^(p-1)`, so that `B^2(h) >= B^2(2^(1/2) h) 2^-(p-1)`.
+//!
 //! Rates weigh beside accelerations where a gyro feels them: their variance is the same integral over `S2` and `h^3`.
 
 use crate::motion::knot_spectrum::Stake;
@@ -101,8 +105,9 @@ impl Candidate {
     }
 }
 
-/// How much more a bias counts than noise of the same size: it does not average out.
-const BIAS_COUNTS: f64 = 4.0;
+/// How much more a bias counts than noise of the same size: it does not average out, and where sensors judge the motion no draw of their noise
+/// tells of it.
+const BIAS_COUNTS: [f64; 2] = [4.0, 16.0];
 
 /// `B^2` of every candidate, coarse to fine: see the page above. The finest has none to be compared with.
 pub(crate) fn biases(candidates: &[Candidate], instants: &[f64]) -> Vec<f64> {
@@ -119,9 +124,22 @@ pub(crate) fn biases(candidates: &[Candidate], instants: &[f64]) -> Vec<f64> {
     (0..candidates.len()).map(of).collect()
 }
 
-/// The candidate with the smallest `4 B^2 + max(V, free)`: noise up to `free` costs nothing, and the finest of equals is taken.
-pub(crate) fn best(candidates: &[Candidate], biases: &[f64], free: f64) -> usize {
-    let cost = |i: usize| BIAS_COUNTS * biases[i] + candidates[i].variance.max(free);
+/// What is seen of the biases, bounded from below by what coarser knots are seen to bend: see the page above.
+fn bounded(candidates: &[Candidate], seen: &[f64]) -> Vec<f64> {
+    let mut all = seen.to_vec();
+    for i in 1..all.len() {
+        let finer = candidates[i].fit.spacing / candidates[i - 1].fit.spacing;
+        all[i] = all[i].max(all[i - 1] * finer.powi(2 * (DEGREE as i32 - 1)));
+    }
+    all
+}
+
+/// The candidate with the smallest `16 B^2 + max(V, free)`: noise up to `free` costs nothing, and the finest of equals is taken. Without noise
+/// that is free no sensor judges, and it is `4 B^2 + V` of the biases that are seen.
+pub(crate) fn best(candidates: &[Candidate], seen: &[f64], free: f64) -> usize {
+    let judged = free > 0.0;
+    let biases = if judged { bounded(candidates, seen) } else { seen.to_vec() };
+    let cost = |i: usize| BIAS_COUNTS[usize::from(judged)] * biases[i] + candidates[i].variance.max(free);
     (0..candidates.len()).fold(0, |best, i| if cost(i) <= cost(best) { i } else { best })
 }
 

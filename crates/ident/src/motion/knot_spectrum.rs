@@ -21,6 +21,8 @@ use nalgebra::DMatrix;
 /// Knots per period of the highest frequency that stands out of the noise. At four, a spline of degree 5 follows a sine to
 /// about 1e-3 of its amplitude in position.
 pub const KNOTS_PER_PERIOD: f64 = 4.0;
+/// Times as many that are candidates where sensors judge the motion: what lies below its noise may still be bent by more than theirs lets pass.
+const FINER: f64 = 2.0;
 /// Samples per knot below which a spline follows every sample.
 const SAMPLES_PER_KNOT: f64 = 2.5;
 /// Instants at which accelerations are compared.
@@ -156,7 +158,8 @@ pub fn fit_at_stake(
     let variance = |h: f64| of_accelerations * variance_of(2, h, dt, rho) + of_rates * variance_of(1, h, dt, rho);
     let finest = SAMPLES_PER_KNOT * dt;
     // Rates stand out of their noise further up than positions do.
-    let limited = if rho > 0.0 { finest } else { 1.0 / (KNOTS_PER_PERIOD * band.max(1.0 / end)) };
+    let finer = if stake.free > 0.0 { FINER } else { 1.0 };
+    let limited = if rho > 0.0 { finest } else { 1.0 / (finer * KNOTS_PER_PERIOD * band.max(1.0 / end)) };
     // V goes with the fifth power, with rates with the third at least.
     let costless = if stake.free > 0.0 {
         (0..200).map(|k| finest * 1.05f64.powi(k)).find(|h| variance(*h) <= stake.free).unwrap_or(f64::INFINITY)
