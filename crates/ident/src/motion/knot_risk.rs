@@ -105,9 +105,8 @@ impl Candidate {
     }
 }
 
-/// How much more a bias counts than noise of the same size: it does not average out, and where sensors judge the motion no draw of their noise
-/// tells of it.
-const BIAS_COUNTS: [f64; 2] = [4.0, 16.0];
+/// How much more a bias counts than noise of the same size: it does not average out.
+const BIAS_COUNTS: f64 = 4.0;
 
 /// `B^2` of every candidate, coarse to fine: see the page above. The finest has none to be compared with.
 pub(crate) fn biases(candidates: &[Candidate], instants: &[f64]) -> Vec<f64> {
@@ -134,13 +133,12 @@ fn bounded(candidates: &[Candidate], seen: &[f64]) -> Vec<f64> {
     all
 }
 
-/// The candidate with the smallest `16 B^2 + max(V, free)`: noise up to `free` costs nothing, and the finest of equals is taken. Without noise
-/// that is free no sensor judges, and it is `4 B^2 + V` of the biases that are seen.
-pub(crate) fn best(candidates: &[Candidate], seen: &[f64], free: f64) -> usize {
-    let judged = free > 0.0;
-    let biases = if judged { bounded(candidates, seen) } else { seen.to_vec() };
-    let cost = |i: usize| BIAS_COUNTS[usize::from(judged)] * biases[i] + candidates[i].variance.max(free);
-    (0..candidates.len()).fold(0, |best, i| if cost(i) <= cost(best) { i } else { best })
+/// The candidate, from number `follow` on, with the smallest `4 B^2 + max(V, free)`: noise up to `free` costs nothing, and the finest of equals
+/// is taken. Without noise that is free no sensor judges, and biases count as far as they are seen.
+pub(crate) fn best(candidates: &[Candidate], seen: &[f64], follow: usize, free: f64) -> usize {
+    let biases = if free > 0.0 { bounded(candidates, seen) } else { seen.to_vec() };
+    let cost = |i: usize| BIAS_COUNTS * biases[i] + candidates[i].variance.max(free);
+    (follow..candidates.len()).fold(follow, |best, i| if cost(i) <= cost(best) { i } else { best })
 }
 
 #[cfg(test)]

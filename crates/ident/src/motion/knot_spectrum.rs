@@ -185,11 +185,23 @@ pub fn fit_at_stake(
     // The finest always is one, as far as rounding goes.
     let follows = |c: &Candidate| c.fit.residual.iter().zip(&floor).all(|(r, f)| r <= f);
     let first = candidates.iter().position(follows).unwrap_or(candidates.len() - 1);
-    let mut candidates = candidates.split_off(first);
+    // The last that does not follow tells how much the first that does may still bend. From there on, noise and bias change by powers of the
+    // spacing so high that the best may lie between two candidates.
+    let coarse = candidates.split_off(first.saturating_sub(1));
+    let mut candidates: Vec<Candidate> = Vec::with_capacity(2 * coarse.len());
+    for c in coarse {
+        if let Some(last) = candidates.last() {
+            let fit = fit_motion(samples, (last.fit.spacing * c.fit.spacing).sqrt())?;
+            let passes = variance(fit.spacing);
+            candidates.push(Candidate::new(fit, &instants, passes, stake));
+        }
+        candidates.push(c);
+    }
+    let follow = candidates.iter().position(follows).unwrap_or(candidates.len() - 1);
     let biases = biases(&candidates, &instants);
-    let chosen = best(&candidates, &biases, stake.free);
+    let chosen = best(&candidates, &biases, follow, stake.free);
     // The finest has no finer one to be judged by: that the one before it was bent says that it may be as well.
-    let last = chosen + 1 == candidates.len() && chosen > 0 && biases[chosen - 1] > 0.0;
+    let last = chosen + 1 == candidates.len() && chosen > follow && biases[chosen - 1] > 0.0;
     let reason = match (biases[chosen] > 0.0, last) {
         (true, _) => KnotReason::NoiseAgainstDetail,
         (false, true) if limited > finest && densest == limited => KnotReason::SpectrumAtFloor { band },

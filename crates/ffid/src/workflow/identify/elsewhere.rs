@@ -36,11 +36,15 @@ const POWER: f64 = 1e-4;
 /// Frequencies closer than this ratio are one.
 const ONE_LINE: f64 = 1.12;
 /// Factors on a stiffness that are tried.
-const FACTORS: (f64, f64) = (1.0 / 30.0, 30.0);
+const FACTORS: (f64, f64) = (1e-3, 1e3);
+/// Ratio beyond the slowest and the fastest mode up to which a line may be that of one of them in the wrong place.
+const BEYOND: f64 = 1.5;
 /// Change of a stiffness that shows which mode it belongs to.
 const NUDGE: f64 = 1.05;
 /// Promised relative reduction at which a try has shown where it leads.
 const SHOWN: f64 = 1e-4;
+/// Fall of half of chi-squared from which another end is not the same once more.
+const LOWER: f64 = 2.0;
 /// Linearisations of a pass after which it leads nowhere.
 const MOST: usize = 20;
 
@@ -54,7 +58,7 @@ pub(super) struct Subject<'a> {
     pub(super) sigma: &'a [f64],
 }
 
-/// The fit, or a better one from another start when it does not explain the record, or a positive parameter has vanished in it: starts
+/// The fit, or a better one from another start when it does not explain the record, leaves a line in the residuals, or a positive parameter has vanished in it: starts
 /// that put a mode where power is left over, then random ones, are fitted to the thinned record until one of them explains that; the best
 /// goes on over the whole. What fails on the way is no error: the fit stays.
 pub(super) fn elsewhere(
@@ -64,10 +68,20 @@ pub(super) fn elsewhere(
     estimator: &mut ObservedEstimator<'_>,
 ) -> Estimate {
     // Under a robust loss, what is left may be outliers.
-    if request.loss != Loss::Squares || explains(&first) && !vanished(request, &first) {
+    if request.loss != Loss::Squares {
         return first;
     }
-    let Some(start) = best_start(request, &first, of, estimator) else { return first };
+    // A line that is left over may be that of a mode in the wrong place, however little it adds to the whole.
+    let mut lines = lines(&first, of);
+    if explains(&first) {
+        let modes = if lines.is_empty() { None } else { frequencies(of, &first.values) }.unwrap_or_default();
+        let (slow, fast) = modes.iter().fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), f| (a.min(*f), b.max(*f)));
+        lines.retain(|hz| (slow / BEYOND..fast * BEYOND).contains(hz));
+    }
+    if explains(&first) && lines.is_empty() && !vanished(request, &first) {
+        return first;
+    }
+    let Some(start) = best_start(request, &first, &lines, of, estimator) else { return first };
     match attempt(&Request { start: &start, centre: Some(request.start), ..request.clone() }, estimator) {
         Ok(mut e) if e.objective < first.objective => {
             e.iterations += first.iterations;
@@ -99,10 +113,11 @@ pub(super) fn explains(e: &Estimate) -> bool {
 fn best_start(
     request: &Request<'_>,
     first: &Estimate,
+    lines: &[f64],
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Option<Vec<f64>> {
-    let mut starts = aimed(request, first, of);
+    let mut starts = aimed(request, first, lines, of);
     if first.chi2_per_dof > WIDE || vanished(request, first) {
         let seed = |k: u64| of.settings.seed.wrapping_add(1 + k);
         starts.extend((0..RANDOM).map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
@@ -115,12 +130,17 @@ fn best_start(
         let tried = Request { start, centre: Some(request.start), settings: settings.clone(), ..request.clone() };
         attempt(&tried, &mut *thin)
     };
-    // What the thinned record makes of the end itself is the first, and what the others are measured by.
-    let mut best = (f64::INFINITY, None);
-    for start in std::iter::once(first.values.clone()).chain(starts) {
+    // What the thinned record makes of the end itself is what the others are measured by. It has fewer readings, so that it may be explained
+    // there: that ends nothing.
+    let mut best = match lead(&first.values) {
+        Ok(e) => (e.objective, Some(e.values)),
+        Err(_) => (f64::INFINITY, None),
+    };
+    for start in starts {
         let Ok(e) = lead(&start) else { continue };
-        let done = explains(&e);
-        if e.objective < best.0 {
+        let lower = e.objective < best.0;
+        let done = e.objective < best.0 - LOWER && explains(&e);
+        if lower {
             best = (e.objective, Some(e.values));
         }
         if done {
@@ -132,8 +152,7 @@ fn best_start(
 
 /// Starts from the end of a fit with one stiffness changed, so that its mode comes to a line of the residuals: the strongest line
 /// first, and of the springs the one that the record tells least.
-fn aimed(request: &Request<'_>, first: &Estimate, of: &Subject<'_>) -> Vec<Vec<f64>> {
-    let lines = lines(first, of);
+fn aimed(request: &Request<'_>, first: &Estimate, lines: &[f64], of: &Subject<'_>) -> Vec<Vec<f64>> {
     let Some(here) = (if lines.is_empty() { None } else { frequencies(of, &first.values) }) else {
         return Vec::new();
     };
