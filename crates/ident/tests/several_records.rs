@@ -7,8 +7,8 @@ use ff_model::{ParamDecl, ParamGroup};
 use ff_testkit::assert_within;
 use ident::belief::Unknown;
 use ident::compose::*;
-use ident::estimate::Estimator;
 use ident::estimate::Request;
+use ident::estimate::{Coarse, Estimator};
 use nalgebra::DMatrix;
 use nalgebra::{Matrix3, Vector3};
 
@@ -101,4 +101,77 @@ fn what_cannot_be_shared_is_named() {
     assert!(matches!(Shared::new::<&str>(&[], &[]), Err(SharedError::NoRecord)));
     assert!(matches!(Shared::new::<&str>(&[("a", &a), ("a", &a)], &[]), Err(SharedError::Label(_))));
     assert!(matches!(Shared::new(&[("a", &a)], &["x"]), Err(SharedError::Selection(_))));
+}
+
+/// A line `k t + state` whose every third reading is a look at it, if that leaves eight, and whose beginnings have three.
+struct Readings(Vec<f64>);
+
+impl Readings {
+    fn some(&self, rows: Vec<usize>) -> Coarse<'_> {
+        let estimator = Box::new(Readings(rows.iter().map(|&i| self.0[i]).collect()));
+        Coarse { estimator, rows }
+    }
+}
+
+impl Estimator for Readings {
+    fn rows(&self) -> usize {
+        self.0.len()
+    }
+    fn nuisance(&self) -> Vec<Unknown> {
+        vec![Unknown { name: "initial.rate.x".into(), unit: "rad/s".into(), size: 1e-2 }]
+    }
+    fn coarse(&self, _: &[f64]) -> Option<Coarse<'_>> {
+        (self.0.len() >= 24).then(|| self.some((0..self.0.len()).step_by(3).collect()))
+    }
+    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+        let rows = (share * self.0.len() as f64) as usize;
+        (rows >= 3).then(|| self.some((0..rows).collect()))
+    }
+    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        r.iter_mut().zip(&self.0).for_each(|(r, t)| *r = (full[0] - 3.0) * t + (extra[0] - 1.7));
+        Ok(())
+    }
+    fn jacobian(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        self.residuals(full, extra, r)?;
+        for (i, t) in self.0.iter().enumerate() {
+            (0..selected.len()).for_each(|c| j[(i, c)] = *t);
+            j[(i, selected.len())] = 1.0;
+        }
+        Ok(())
+    }
+}
+
+/// A part that is too short to be thinned stays whole, and begins with more of it than the others, so that long ones are led all the same.
+#[test]
+fn a_short_part_keeps_no_long_one_from_less_data() {
+    let decls = [ParamDecl::positive("k", "N m/rad", 2.0)];
+    let shared = Shared::new::<&str>(&[("long", &decls), ("short", &decls)], &[]).unwrap();
+    let part = |n: usize| Box::new(Readings((0..n).map(|i| 0.1 * i as f64).collect())) as Box<dyn Estimator>;
+    let both = Several::new(&shared, vec![part(30), part(10)]);
+    let thin = both.coarse(&[2.0]).unwrap();
+    let kept: Vec<usize> = (0..30).step_by(3).chain(30..40).collect();
+    assert_eq!((thin.estimator.rows(), thin.rows), (20, kept));
+    assert!(thin.estimator.coarse(&[2.0]).is_none());
+    // A tenth is three of thirty, and one of ten: there it is four tenths.
+    let begun = both.beginning(0.1).unwrap();
+    assert_eq!((begun.estimator.rows(), begun.rows), (7, vec![0, 1, 2, 30, 31, 32, 33]));
+    assert!(both.beginning(0.05).is_none());
+    assert!(Several::new(&shared, vec![part(10), part(9)]).coarse(&[2.0]).is_none());
+}
+
+/// An initial state 170 of its sizes from rest, in which the record is linear, is no way to creep along.
+#[test]
+fn an_initial_state_far_from_rest_takes_no_more_steps() {
+    let decls = [ParamDecl::positive("k", "N m/rad", 2.0)];
+    let mut fit = Readings((0..20).map(|i| 0.1 * f64::from(i)).collect());
+    let settings = ff_least_squares::Settings { max_iterations: 15, ..Default::default() };
+    let e = estimate(&Request { settings, ..Request::new(&decls, &[0], &[2.0]) }, &mut fit).unwrap();
+    assert!((e.values[0] - 3.0).abs() < 1e-6 && (e.nuisance[0].value - 1.7).abs() < 1e-6, "{:?}", e.nuisance);
 }

@@ -3,7 +3,7 @@
 //! The servicer of `fixtures/verdict`, two flexible wings and a tank of fuel, whose records of one minute MuJoCo has computed. Every trial is a log of
 //! one of them: stamps that are the true times, off the clock by up to half a sample; a tenth of the samples lost at random; one gap of 2 s
 //! anywhere; torques at half the rate of the encoders; noise on all channels. It is written as CSV, read and identified as by `ffid identify` with no
-//! flag. How many of the 95 % intervals hold the truth, pooled over all parameters and logs whose fit has ended, and by what they belong to.
+//! flag. Numbers for `--only` are logs. How many of the 95 % intervals hold the truth, pooled over all parameters and logs whose fit has ended, and by what they belong to.
 
 use super::figures::{Op, Study};
 use super::options::Options;
@@ -60,13 +60,16 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     let trials = Trials::open("thinned", 1, options)?;
     let world = World::new("start.toml")?;
     let clean = RECORDS.iter().map(|name| world.clean(name)).collect::<anyhow::Result<Vec<_>>>()?;
-    let all = trials.run("logs", 0..if options.quick { 3 } else { LOGS }, |t| one(&world, &clean, t))?;
-    figures(&all, options, &mut study);
+    let listed: Vec<u64> = options.only.iter().filter_map(|p| p.parse().ok()).collect();
+    let wanted = |k: &u64| listed.is_empty() || listed.contains(k);
+    let numbers: Vec<u64> = (0..if options.quick { 3 } else { LOGS }).filter(wanted).collect();
+    let all = trials.run("logs", numbers.iter().copied(), |t| one(&world, &clean, t))?;
+    figures(&all, &numbers, options, &mut study);
     trials.note().into_iter().for_each(|n| study.note(n));
     Ok(study)
 }
 
-fn figures(all: &[Outcome], options: &Options, study: &mut Study) {
+fn figures(all: &[Outcome], numbers: &[u64], options: &Options, study: &mut Study) {
     let percent = |yes: usize, of: usize| 100.0 * yes as f64 / of.max(1) as f64;
     // A fit that has not ended says so, and that its numbers are no estimates.
     let ended = |o: &&Outcome| o.refused.is_none() && o.exit != Exit::Numerical.code();
@@ -93,9 +96,9 @@ fn figures(all: &[Outcome], options: &Options, study: &mut Study) {
     study.judged(options.quick, "covered.least", "%", pooled, (Op::AtLeast, COVERED.0));
     study.judged(options.quick, "covered.most", "%", pooled, (Op::AtMost, COVERED.1));
     study.figure("rms_deviations", "", rms);
-    for (k, o) in all.iter().enumerate().filter(|(_, o)| o.exit != Exit::Done.code()) {
+    for (&k, o) in numbers.iter().zip(all).filter(|(_, o)| o.exit != Exit::Done.code()) {
         let why = o.refused.as_deref().unwrap_or("see its verdict");
-        study.note(format!("log {k} ({}): exit {}, {why}", RECORDS[k % RECORDS.len()], o.exit));
+        study.note(format!("log {k} ({}): exit {}, {why}", RECORDS[k as usize % RECORDS.len()], o.exit));
     }
 }
 

@@ -24,6 +24,14 @@ pub struct Unknown {
 }
 
 impl Unknown {
+    /// Whether it is part of the initial state of a record, by its name.
+    pub(crate) fn is_initial(&self) -> bool {
+        self.name.starts_with("initial.") || self.name.contains(".initial.")
+    }
+    /// Whether it is a constant error of a sensor, by its name.
+    pub(crate) fn is_bias(&self) -> bool {
+        self.name.contains("gyro.bias.") || self.name.contains("torque.bias.")
+    }
     /// The parameters of these indices, with the sizes of all ([`crate::parameters::scale::sizes`]). Allocates.
     ///
     /// # Panics

@@ -15,6 +15,9 @@ use ff_model::tree::{SelectionError, select, sift};
 use ff_model::{ParamDecl, ParamGroup};
 use nalgebra::DMatrix;
 
+/// How often the beginning of a part is taken twice as long ([`Estimator::beginning`]) before there is none.
+const LONGER: u32 = 5;
+
 /// Whether a nuisance unknown of one record, or of several with their labels before its name, is the one called `name`.
 ///
 /// ```
@@ -236,31 +239,43 @@ impl<'a> Several<'a> {
         assert_eq!(parts.len(), shared.maps.len(), "one estimator per record");
         Self { shared, parts }
     }
+    /// All parts over less data; those of which there is no such look as `other` makes them. `None` where no part has one, or one has neither.
+    fn over_less<'s>(
+        &'s self,
+        looks: Vec<Option<Coarse<'s>>>,
+        other: impl Fn(&'s (dyn Estimator + 's)) -> Option<Coarse<'s>>,
+    ) -> Option<Coarse<'s>> {
+        if looks.iter().all(Option::is_none) {
+            return None;
+        }
+        let (mut first, mut rows, mut parts) = (0, Vec::new(), Vec::new());
+        for (part, look) in self.parts.iter().zip(looks) {
+            let look = match look {
+                Some(look) => look,
+                None => other(&**part)?,
+            };
+            rows.extend(look.rows.iter().map(|i| first + i));
+            first += part.rows();
+            parts.push(look.estimator);
+        }
+        Some(Coarse { estimator: Box::new(Several { shared: self.shared, parts }), rows })
+    }
 }
 
 impl Estimator for Several<'_> {
     fn rows(&self) -> usize {
         self.parts.iter().map(|p| p.rows()).sum()
     }
+    /// A part that has too little to give away stays whole, so that a short record does not keep long ones from being thinned.
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        let (mut first, mut rows, mut parts) = (0, Vec::new(), Vec::new());
-        for (k, part) in self.parts.iter().enumerate() {
-            let thin = part.coarse(&self.shared.of_record(k, full))?;
-            rows.extend(thin.rows.iter().map(|i| first + i));
-            first += part.rows();
-            parts.push(thin.estimator);
-        }
-        Some(Coarse { estimator: Box::new(Several { shared: self.shared, parts }), rows })
+        let thin = self.parts.iter().enumerate().map(|(k, p)| p.coarse(&self.shared.of_record(k, full))).collect();
+        self.over_less(thin, |part| part.beginning(1.0))
     }
+    /// A part of which so little says nothing begins with more of it.
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
-        let (mut first, mut rows, mut parts) = (0, Vec::new(), Vec::new());
-        for part in &self.parts {
-            let begun = part.beginning(share)?;
-            rows.extend(begun.rows.iter().map(|i| first + i));
-            first += part.rows();
-            parts.push(begun.estimator);
-        }
-        Some(Coarse { estimator: Box::new(Several { shared: self.shared, parts }), rows })
+        let begun = self.parts.iter().map(|p| p.beginning(share)).collect();
+        let longer = move |k: u32| (share * f64::from(1 << k)).min(1.0);
+        self.over_less(begun, move |part| (1..LONGER).find_map(|k| part.beginning(longer(k))))
     }
     fn nuisance(&self) -> Vec<Unknown> {
         let mut out = Vec::new();

@@ -19,6 +19,11 @@ use crate::parameters::scale;
 use ff_least_squares::{EvalError, LmError};
 use nalgebra::DMatrix;
 
+/// How much further than other unknowns an initial state may go in a step, over its size, and biases beside it. Records are (nearly) linear
+/// in them, and behind a gap the state is tens of sizes away from rest, and in a short part biases are known to tens of theirs, as they
+/// look like initial rates. Held to steps as short as those of the bodies, they would be what a fit creeps along, and stiffnesses and
+/// dampers would take their place meanwhile.
+const STATE_REACH: f64 = 100.0;
 /// Relative move below which an anchor has no more to give.
 const ANCHOR_MOVED: f64 = 1e-10;
 
@@ -42,7 +47,9 @@ pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) 
     }
     let extra = estimator.nuisance();
     let n = request.selected.len();
-    let sizes_extra: Vec<f64> = extra.iter().map(|u| u.size).collect();
+    let moving = extra.iter().any(Unknown::is_initial);
+    let reach = |u: &Unknown| if moving && (u.is_initial() || u.is_bias()) { STATE_REACH * u.size } else { u.size };
+    let sizes_extra: Vec<f64> = extra.iter().map(reach).collect();
     let fixed = match request.prior_width {
         Some(w) => Some(Reference::new(request.decls, request.selected, request.centre.unwrap_or(request.start), w)?),
         None => None,

@@ -311,7 +311,7 @@ impl Estimator for OutputError<'_> {
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let OutputRows { model, record, options, kinematics, initial, grid, .. } = &self.rows;
         let samples = (share * grid.0 as f64) as usize;
-        if *grid != (record.samples(), record.dt()) || samples < BEGINNING || samples >= grid.0 {
+        if *grid != (record.samples(), record.dt()) || samples < BEGINNING || samples > grid.0 {
             return None;
         }
         // Readings at times of their own are those up to the last sample of the grid that is left.

@@ -3,7 +3,8 @@
 //! The line of a weakly moved mode is not wider than `1/T`, T the length of the record, and the noise has a peak in every `1/T`. Where the mode
 //! hardly stands out of the noise, the cost has a minimum at each of several peaks, all within a few units of chi-squared, and the
 //! curvature at one of them says nothing of the others. That is so where a frequency has a deviation of more than about a twentieth of
-//! `1/T` (docs/theory/output-error.md). Mirrored hinges that are nearly alike have, besides, a minimum with the two exchanged.
+//! `1/T` (docs/theory/output-error.md). Mirrored hinges that are nearly alike have, besides, a minimum with the two exchanged, or what
+//! goes with them.
 //!
 //! At the end of a fit such places are looked at by residuals alone, with all other unknowns moved by one linearisation (a chord); those
 //! that come near the cost of the end are fitted. The lowest counts, and where others explain the record as well, deviations cover
@@ -28,6 +29,8 @@ const STEP: f64 = 0.7;
 const REACH: i32 = 12;
 /// Chi-squared above the end up to which a place is fitted: looked at by a chord, it is more than at its minimum.
 const NEAR: f64 = 16.0;
+/// Places in a row, each beyond [`NEAR`], from which on none is looked at any further out: the mode stands out of the noise there.
+const OUT: usize = 3;
 /// Fits of each spring.
 const TRIES: usize = 2;
 /// Chi-squared above the best up to which a minimum counts beside it: exceeded by chance in one of a hundred.
@@ -45,6 +48,8 @@ const LOOK: f64 = 1.0 / 6.0;
 const ROUNDS: usize = 2;
 /// Deviations within which two ends are one.
 const SAME: f64 = 0.5;
+/// Ratio of dampers, masses and lengths within which two starts are one.
+const ONE_START: f64 = 2.0;
 /// Ratio of two stiffnesses up to which an exchange is tried.
 const ALIKE: f64 = 2.0;
 /// Most by which springs follow another.
@@ -80,7 +85,8 @@ pub(super) fn best_valley(
     if request.loss != Loss::Squares || large || !first.is_solution() || !explains(&first) {
         return Ending::single(first);
     }
-    let mut search = Search { request, of, ends: vec![first], best: 0, used: 0, looks: 0, tried: 1 };
+    let mut search =
+        Search { request, of, ends: vec![first], best: 0, used: 0, looks: 0, tried: 1, followed: Vec::new() };
     search.run(estimator);
     search.settle(estimator);
     search.outcome()
@@ -98,10 +104,11 @@ struct Spring {
     open: bool,
 }
 
-/// A place to look at: all unknowns, and the columns that a chord leaves alone.
+/// A place to look at: all unknowns, the columns that a chord leaves alone, and how many steps it is from the end along a spring.
 struct Place {
     at: Vec<f64>,
     fixed: Vec<usize>,
+    steps: i32,
 }
 
 struct Search<'s> {
@@ -116,6 +123,8 @@ struct Search<'s> {
     looks: usize,
     /// Fits, the first included.
     tried: usize,
+    /// Where they began, but for the first.
+    followed: Vec<Vec<f64>>,
 }
 
 impl Search<'_> {
@@ -131,6 +140,7 @@ impl Search<'_> {
                 }
                 if !self.known(&springs, &start) {
                     self.follow(&start, estimator);
+                    self.followed.push(start);
                 }
             }
             if self.best == from {
@@ -222,7 +232,7 @@ impl Search<'_> {
                     at[o.index] = (1.0 / compliance).clamp(own / FOLLOW, own * FOLLOW);
                 }
             }
-            Some(Place { at, fixed: vec![s.column] })
+            Some(Place { at, fixed: vec![s.column], steps: n })
         };
         (-REACH..=REACH).filter_map(one).collect()
     }
@@ -231,20 +241,23 @@ impl Search<'_> {
         let (e, request) = (&self.ends[self.best], self.request);
         let name = |i: usize| request.decls[i].name.split_once('.');
         let number = |local: &str| local.find('[').map(|at| local[at..].to_owned());
-        let mut out = Vec::new();
+        let mut out: Vec<Place> = Vec::new();
         for (n, a) in springs.iter().enumerate() {
             for b in &springs[n + 1..] {
                 let (Some((of_a, local)), Some((of_b, other))) = (name(a.index), name(b.index)) else { continue };
                 let (x, y) = (e.values[a.index], e.values[b.index]);
-                let least = [a, b].iter().filter_map(|s| e.parameters[s.column].std).fold(f64::INFINITY, f64::min);
-                let apart = (x - y).abs() > 2.0 * SAME * least;
-                if of_a == of_b || local != other || !apart || !(1.0 / ALIKE..ALIKE).contains(&(x / y)) {
+                if of_a == of_b || local != other || !(1.0 / ALIKE..ALIKE).contains(&(x / y)) {
                     continue;
                 }
+                // Springs may be equal where what goes with them is not: a mode without damping is one more minimum for each of two hinges.
+                let apart = |a: usize, b: usize| {
+                    let least = [a, b].iter().filter_map(|&k| e.parameters[k].std).fold(f64::INFINITY, f64::min);
+                    (e.parameters[a].value - e.parameters[b].value).abs() > 2.0 * SAME * least
+                };
                 // One pair alone, then everything of the two.
                 for alone in [true, false] {
                     let mut at = e.values.clone();
-                    let mut fixed = Vec::new();
+                    let (mut fixed, mut differs) = (Vec::new(), false);
                     for (column, &i) in request.selected.iter().enumerate() {
                         let Some((owner, own)) = name(i).filter(|_| request.decls[i].group == ParamGroup::Positive)
                         else {
@@ -257,9 +270,12 @@ impl Search<'_> {
                         if let Some(twin) = twin {
                             at.swap(i, request.selected[twin]);
                             fixed.extend([column, twin]);
+                            differs |= apart(column, twin);
                         }
                     }
-                    out.push(Place { at, fixed });
+                    if differs && out.iter().all(|o| o.at != at) {
+                        out.push(Place { at, fixed, steps: 0 });
+                    }
                 }
             }
         }
@@ -272,16 +288,29 @@ impl Search<'_> {
         estimator: &mut ObservedEstimator<'_>,
     ) -> Option<Vec<(f64, Vec<f64>)>> {
         self.used += 1;
-        self.looks += groups.iter().map(Vec::len).sum::<usize>();
+        let mut looks = 0;
         let best = &self.ends[self.best];
         let chord = Chord::new(self.request, best, estimator)?;
         let limit = best.objective + NEAR;
         let mut out = Vec::new();
         for group in groups {
-            let seen: Vec<(f64, Vec<f64>)> = group
-                .iter()
-                .map(|p| chord.look(self.request, best, p, estimator).unwrap_or((f64::INFINITY, p.at.clone())))
-                .collect();
+            let mut seen: Vec<(f64, Vec<f64>)> = group.iter().map(|p| (f64::INFINITY, p.at.clone())).collect();
+            let middle = group.partition_point(|p| p.steps < 0);
+            let mut outwards = |places: &mut dyn Iterator<Item = usize>| {
+                let mut beyond = 0;
+                for k in places {
+                    looks += 1;
+                    if let Some(found) = chord.look(self.request, best, &group[k], estimator) {
+                        seen[k] = found;
+                    }
+                    beyond = if seen[k].0 < limit { 0 } else { beyond + 1 };
+                    if beyond == OUT {
+                        return;
+                    }
+                }
+            };
+            outwards(&mut (0..middle).rev());
+            outwards(&mut (middle..group.len()));
             let cost = |k: usize| seen.get(k).map_or(f64::INFINITY, |s| s.0);
             let lowest = |k: usize| cost(k) <= cost(k + 1) && (k == 0 || cost(k) <= cost(k - 1));
             let mut found: Vec<(f64, Vec<f64>)> =
@@ -290,20 +319,27 @@ impl Search<'_> {
             found.truncate(TRIES);
             out.extend(found);
         }
+        self.looks += looks;
         Some(out)
     }
-    /// Whether a start lies within half the width of a line of an end, in every spring that is open.
+    /// Whether a start lies within half the width of a line of an end, in every spring that is open, or so near an earlier start and has
+    /// the same dampers, masses and lengths.
     fn known(&self, springs: &[Spring], start: &[f64]) -> bool {
-        let seconds = self.of.records.iter().map(|r| r.record.seconds()).fold(0.0, f64::max);
-        let near = |e: &Estimate| {
-            let differs = |s: &Spring| {
+        let (seconds, request) = (self.of.records.iter().map(|r| r.record.seconds()).fold(0.0, f64::max), self.request);
+        let springs_near = |values: &[f64]| {
+            springs.iter().all(|s| {
                 let width = if s.open { 1.0 / (s.hz * seconds) } else { 2.0 * SAME * self.relative(s) };
-                (start[s.index] / e.values[s.index]).ln().abs() > width
-            };
-            // Where something has vanished, the same springs with it are another place.
-            !springs.iter().any(|s| differs(s) || self.gone(e, s.index))
+                (start[s.index] / values[s.index]).ln().abs() <= width
+            })
         };
-        self.ends.iter().any(near)
+        // Where something has vanished, the same springs with it are another place.
+        let near = |e: &Estimate| springs_near(&e.values) && !springs.iter().any(|s| self.gone(e, s.index));
+        let positive = |i: &&usize| request.decls[**i].group == ParamGroup::Positive;
+        let alike = |from: &Vec<f64>| {
+            let one = |&i: &usize| (start[i] / from[i]).ln().abs() <= ONE_START.ln();
+            springs_near(from) && request.selected.iter().filter(positive).all(one)
+        };
+        self.ends.iter().any(near) || self.followed.iter().any(alike)
     }
     /// Relative deviation of a spring.
     fn relative(&self, s: &Spring) -> f64 {
