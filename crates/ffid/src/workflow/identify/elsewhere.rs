@@ -20,7 +20,13 @@ use ident::{Estimator, Loss, Request};
 
 /// Deviations of chi-squared per degree of freedom (`sqrt(2 / dof)`) above one at which a fit is taken to have ended in the wrong valley:
 /// chance does not, what errors of the model leave may.
-const FAR: f64 = 10.0;
+const FAR: f64 = 5.0;
+/// The same from which its neighbours are no alternatives ([`super::valleys`]), and for a thinned record, whose steps are not exact.
+const NO_ANSWER: f64 = 10.0;
+/// Factor on the start of a positive parameter beyond which it has strayed.
+const STRAYED: f64 = 10.0;
+/// Chi-squared by which another end must be lower to be another valley, where the first is no answer.
+const LOWER: f64 = 9.2;
 /// Chi-squared per degree of freedom from which random starts are tried as well: residuals of twice the noise.
 const WIDE: f64 = 4.0;
 /// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
@@ -35,7 +41,7 @@ const LINES: usize = 3;
 const POWER: f64 = 1e-4;
 /// Frequencies closer than this ratio are one.
 const ONE_LINE: f64 = 1.12;
-/// Factors on a stiffness that are tried.
+/// Factors on the start of a stiffness that are tried.
 const FACTORS: (f64, f64) = (1.0 / 30.0, 30.0);
 /// Change of a stiffness that shows which mode it belongs to.
 const NUDGE: f64 = 1.05;
@@ -64,12 +70,17 @@ pub(super) fn elsewhere(
     estimator: &mut ObservedEstimator<'_>,
 ) -> Estimate {
     // Under a robust loss, what is left may be outliers.
-    if request.loss != Loss::Squares || explains(&first) && !vanished(request, &first) {
+    let answers = within(&first, FAR);
+    if request.loss != Loss::Squares || answers && !vanished(request, &first) {
         return first;
     }
-    let Some(start) = best_start(request, &first, of, estimator) else { return first };
+    let Some(start) = best_start(request, &first, answers, of, estimator) else { return first };
     match attempt(&Request { start: &start, centre: Some(request.start), ..request.clone() }, estimator) {
-        Ok(mut e) if e.objective < first.objective => {
+        // What has not ended is no answer where there is one, unless it is the better valley.
+        Ok(mut e)
+            if e.objective < first.objective
+                && (e.is_solution() || !first.is_solution() || e.objective < first.objective - LOWER) =>
+        {
             e.iterations += first.iterations;
             e.descent.splice(0..0, first.descent);
             for (p, &i) in e.parameters.iter_mut().zip(request.selected) {
@@ -92,17 +103,35 @@ pub(super) fn has_vanished(request: &Request<'_>, e: &Estimate, i: usize) -> boo
 }
 
 pub(super) fn explains(e: &Estimate) -> bool {
-    e.chi2_per_dof < 1.0 + FAR * (2.0 / e.residuals.len().max(1) as f64).sqrt()
+    within(e, NO_ANSWER)
 }
 
-/// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended.
+/// Whether chi-squared per degree of freedom is within so many of its deviations of one.
+fn within(e: &Estimate, deviations: f64) -> bool {
+    e.chi2_per_dof < 1.0 + deviations * (2.0 / e.residuals.len().max(1) as f64).sqrt()
+}
+
+/// Positive parameters that are far from where the mission has them.
+fn strayed(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
+    let far = |&i: &usize| !(1.0 / STRAYED..STRAYED).contains(&(e.values[i] / request.start[i]));
+    let positive = |i: &usize| request.decls[*i].group == ParamGroup::Positive;
+    request.selected.iter().copied().filter(|i| positive(i) && far(i)).collect()
+}
+
+/// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended. Where that `answers`, it
+/// stays unless the thinned record contradicts it.
 fn best_start(
     request: &Request<'_>,
     first: &Estimate,
+    answers: bool,
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Option<Vec<f64>> {
-    let mut starts = aimed(request, first, of);
+    // What has strayed goes back first.
+    let back = strayed(request, first);
+    let mut starts: Vec<Vec<f64>> = if back.is_empty() { Vec::new() } else { vec![first.values.clone()] };
+    starts.iter_mut().for_each(|s| back.iter().for_each(|&i| s[i] = request.start[i]));
+    starts.extend(aimed(request, first, of));
     if first.chi2_per_dof > WIDE || vanished(request, first) {
         let seed = |k: u64| of.settings.seed.wrapping_add(1 + k);
         starts.extend((0..RANDOM).map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
@@ -117,9 +146,13 @@ fn best_start(
     };
     // What the thinned record makes of the end itself is the first, and what the others are measured by.
     let mut best = (f64::INFINITY, None);
-    for start in std::iter::once(first.values.clone()).chain(starts) {
+    let mut own = f64::INFINITY;
+    for (k, start) in std::iter::once(first.values.clone()).chain(starts).enumerate() {
         let Ok(e) = lead(&start) else { continue };
-        let done = explains(&e);
+        let done = explains(&e) && (answers || k > 0 && e.objective < own - LOWER);
+        if k == 0 {
+            own = e.objective;
+        }
         if e.objective < best.0 {
             best = (e.objective, Some(e.values));
         }
@@ -146,9 +179,9 @@ fn aimed(request: &Request<'_>, first: &Estimate, of: &Subject<'_>) -> Vec<Vec<f
         let told = p.std.map_or(0.0, |std| (p.value / std).abs());
         for (rank, line) in lines.iter().enumerate() {
             let by = (line / here[own]).powi(2);
-            if by.ln().abs() > ONE_LINE.ln() && (FACTORS.0..FACTORS.1).contains(&by) {
-                let mut start = first.values.clone();
-                start[i] *= by;
+            let mut start = first.values.clone();
+            start[i] *= by;
+            if by.ln().abs() > ONE_LINE.ln() && (FACTORS.0..FACTORS.1).contains(&(start[i] / request.start[i])) {
                 found.push((rank, told, start));
             }
         }
