@@ -479,6 +479,17 @@ fn remarks_and_row_numbers_of_other_programs_are_no_signals() {
     assert!(read.record == plain.record);
     let p = problem_of(&read.warnings, "Data::NotUsed");
     assert_eq!(p.line, Some(1));
+    // Read and written again, and with a comma at the end of every line.
+    let again = pandas.replacen(',', "Unnamed: 0,", 1);
+    let commas: String = text.lines().map(|l| format!("{l},\n")).collect();
+    for other in [again, commas] {
+        let read = load(&other, &ReadOptions::default()).unwrap();
+        assert!(read.record == plain.record);
+        assert!(problem_of(&read.warnings, "Data::NotUsed").message.contains("no name") || other.contains(",\n"));
+    }
+    // What others call the time is asked after.
+    let stamp = refused(&text.replacen("time[s]", "Timestamp", 1)).to_string();
+    assert!(stamp.contains("is 'Timestamp' the time?"), "{stamp}");
     // Places count all lines, and a wrong name is found in its own.
     let wrong = remarks.replacen("q.shoulder[rad]", "q.shoulder", 1);
     let p = refused(&wrong);

@@ -51,6 +51,16 @@ fn csv_to_parquet_and_back_keeps_every_bit() {
     assert_eq!(fs::read_to_string(dir.path().join("f.csv")).unwrap(), epoch);
 }
 
+/// pandas' row numbers are read by all commands alike.
+#[test]
+fn columns_without_a_name_are_left_out_with_a_warning() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("p.csv"), ",time[s],q.a[rad]\n0,0.5,-0.25\n1,0.75,0.125\n").unwrap();
+    let v = convert(dir.path(), &["p.csv", "q.csv"]);
+    assert_eq!(v["problems"][0]["code"], "Data::NotUsed");
+    assert_eq!(fs::read_to_string(dir.path().join("q.csv")).unwrap(), "time[s],q.a[rad]\n0.5,-0.25\n0.75,0.125\n");
+}
+
 #[test]
 fn a_bag_becomes_a_record_on_the_clock_of_its_joints() {
     let dir = tempfile::tempdir().unwrap();

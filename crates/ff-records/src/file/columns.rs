@@ -10,6 +10,9 @@ use ff_model::{Area, Problem, Problems};
 
 /// Most names listed in one message.
 const LISTED: usize = 12;
+/// What others call the time, in small letters.
+const TIMES: [&str; 10] =
+    ["time", "t", "timestamp", "time_stamp", "timestamps", "stamp", "datetime", "date", "header.stamp", "seconds"];
 const XYZ: [&str; 3] = ["x", "y", "z"];
 const WXYZ: [&str; 4] = ["w", "x", "y", "z"];
 
@@ -126,6 +129,28 @@ impl Target {
     }
 }
 
+/// Whether a column has no name: the row numbers that pandas writes, which it calls `Unnamed: 0` when it has read and written them again, or what a
+/// comma at the end of every line makes.
+pub(super) fn is_nameless(cell: &str) -> bool {
+    let numbered = |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit());
+    cell.trim().is_empty() || cell.trim().strip_prefix("Unnamed: ").is_some_and(numbered)
+}
+
+/// Says which columns have no name and are left out; `None` where all have one.
+pub(super) fn without_name(head: &[String]) -> Option<Problem> {
+    let at: Vec<usize> = (0..head.len()).filter(|&i| is_nameless(&head[i])).collect();
+    let what = match at[..] {
+        [] => return None,
+        [0] => "the first column has no name: taken as row numbers".to_owned(),
+        _ => {
+            let numbers: Vec<String> = at.iter().map(|i| (i + 1).to_string()).collect();
+            format!("columns without a name are left out: {}", list(numbers.iter().map(String::as_str), 8))
+        }
+    };
+    let p = Problem::warning(Area::Data, "Data::NotUsed", what);
+    Some(p.hint("with pandas, to_csv(..., index=False); name the column if it is a signal"))
+}
+
 /// What every column is (a base that is bolted down needs no gyro); `None` when something is wrong, with the problems recorded at line 1.
 pub(super) fn targets(
     head: &[String],
@@ -137,12 +162,8 @@ pub(super) fn targets(
     let mut out: Vec<Option<Target>> = Vec::with_capacity(head.len());
     let (mut extra, mut strangers): (Vec<&str>, Vec<&str>) = (Vec::new(), Vec::new());
     let mut good = true;
-    // The row numbers that pandas writes.
-    let nameless = head.first().is_some_and(|c| c.is_empty());
-    if nameless {
-        let p = Problem::warning(Area::Data, "Data::NotUsed", "the first column has no name: taken as row numbers")
-            .at_line(1);
-        bad.push(p.hint("with pandas, to_csv(..., index=False); name the column if it is a signal"));
+    if let Some(p) = without_name(head) {
+        bad.push(p.at_line(1));
     }
     let mut fail = |p: Problem| {
         good = false;
@@ -150,7 +171,7 @@ pub(super) fn targets(
     };
     for cell in head {
         let (name, symbol) = split(cell);
-        if ignore.iter().any(|i| i == name || i == cell) || nameless && out.is_empty() {
+        if ignore.iter().any(|i| i == name || i == cell) || is_nameless(cell) {
             out.push(Some(Target::Ignored));
             continue;
         }
@@ -278,8 +299,17 @@ pub(super) fn targets(
 
 /// Place of the column of the time, or what to say where there is none.
 pub(super) fn time_column(names: &[String]) -> Result<usize, Box<Problem>> {
-    let missing =
-        || data("Data::Columns", "there is no column time[s]").on("time").hint("give the time of every sample");
+    let missing = || {
+        let p = data("Data::Columns", "there is no column time[s]").on("time");
+        let called = |n: &&String| TIMES.contains(&split(n).0.to_ascii_lowercase().as_str());
+        match names.iter().find(called) {
+            Some(n) => p.hint(format!(
+                "is '{}' the time? name it time[s], or time[ms], time[ns], and write numbers, not dates",
+                clip(n)
+            )),
+            None => p.hint("give the time of every sample"),
+        }
+    };
     names.iter().position(|n| split(n).0 == "time").ok_or_else(|| Box::new(missing()))
 }
 

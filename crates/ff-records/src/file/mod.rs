@@ -80,6 +80,16 @@ fn over(value: f64, limit: f64, unit: &'static str) -> Problem {
     Problem::out_of_range(Area::Data, "Data::TooLarge", value, Limit::AtMost(limit), unit)
 }
 
+/// Whether a column has no name and is left out: row numbers of pandas (`Unnamed: 0` when written again), or a comma at the end of every line.
+pub fn is_nameless(cell: &str) -> bool {
+    columns::is_nameless(cell)
+}
+
+/// The warning that says which columns are left out for want of a name; `None` where all have one.
+pub fn without_name(names: &[String]) -> Option<Problem> {
+    columns::without_name(names)
+}
+
 /// Name and unit of a column `name[unit]`.
 pub fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
     columns::split(cell)

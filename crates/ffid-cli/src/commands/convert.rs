@@ -7,7 +7,10 @@ use ff_model::diagnostics::{clip, list};
 use ff_model::{Area, Problem, Problems};
 use ff_records::file::units;
 use ff_records::file::units::Unit;
-use ff_records::file::{Block, CsvRows, Format, JointColumn, ParquetWriter, ReadOptions, Stamps, name_and_unit, open};
+use ff_records::file::{
+    Block, CsvRows, Format, JointColumn, ParquetWriter, ReadOptions, Stamps, is_nameless, name_and_unit, open,
+    without_name,
+};
 use ffid::exit::Failure;
 use ffid::files::atomic;
 use ffid::files::folder::Entry;
@@ -127,11 +130,12 @@ fn work(args: &Args) -> Result<(Converted, Problems), Refusal> {
     let (from, mut source) = open(file, &joints, &options).map_err(refused)?;
     let named = |p: Problems| p.in_file(file);
     let columns = columns(source.names(), args).map_err(|p| refused(named(p)))?;
+    let nameless = without_name(source.names()).map(|p| Problems(vec![p.at_line(1)]));
     let mut wanted = vec![false; source.names().len()];
     columns.iter().for_each(|c| wanted[c.from] = true);
     source.want(&wanted);
     let leniency = args.input.leniency();
-    let mut problems = Problems::default();
+    let mut problems = nameless.map(named).unwrap_or_default();
     let mut rows = 0;
     // A problem of the data ends the writing; what was there before stays.
     let mut wrong = None;
@@ -184,7 +188,7 @@ fn columns(names: &[String], args: &Args) -> Result<Vec<Column>, Problems> {
     let (mut out, mut bad) = (Vec::new(), Problems::default());
     for (from, cell) in names.iter().enumerate() {
         let (name, symbol) = name_and_unit(cell);
-        if args.ignore.iter().any(|i| i == name || i == cell) {
+        if args.ignore.iter().any(|i| i == name || i == cell) || is_nameless(cell) {
             continue;
         }
         let fail = |code, what: String, hint: &str| Problem::error(Area::Data, code, what).on(clip(name)).hint(hint);

@@ -56,10 +56,22 @@ pub(super) fn findings(case: &Case<'_>) -> Vec<Finding> {
     if !moving.is_empty() {
         let mut text =
             format!("{} of {} joints move, by {least:.3} to {most:.3} {unit}", moving.len(), record.joints());
-        if !still.is_empty() {
-            text += &format!("; {} do not", list(still.iter().copied(), 8));
+        if still.is_empty() {
+            return vec![case.finding(Topic::Excitation, Judgement::Good, text).figures(most, bound, unit)];
         }
-        return vec![case.finding(Topic::Excitation, Judgement::Good, text).figures(most, bound, unit)];
+        let stand = if still.len() == 1 { "stands" } else { "stand" };
+        let named = list(still.iter().copied(), 8);
+        text += &format!("; {named} {stand} still (travel below {bound:.1e} {unit})");
+        // A robot in space feels its own motion everywhere; the friction of a joint on the ground is told by that joint alone.
+        if !record.is_fixed_base() {
+            return vec![case.finding(Topic::Excitation, Judgement::Good, text).figures(most, bound, unit)];
+        }
+        let what = format!("{text}: what its motion alone tells, its friction among it, cannot be estimated");
+        let p = Problem::warning(Area::Data, "Data::JointsStill", what.clone()).on(case.label);
+        let p = p.hint(format!("move {named} as well, or hold it: [robot] lock"));
+        return vec![
+            case.finding(Topic::Excitation, Judgement::Suspicious, what).figures(most, bound, unit).raising(p),
+        ];
     }
     let silent = |m: &nalgebra::DMatrix<f64>, noise: &[f64], step: &[f64]| {
         m.column_iter().enumerate().all(|(k, c)| {

@@ -20,7 +20,11 @@ use ident::{Estimator, Loss, Request};
 
 /// Deviations of chi-squared per degree of freedom (`sqrt(2 / dof)`) above one at which a fit is taken to have ended in the wrong valley:
 /// chance does not, what errors of the model leave may.
-const FAR: f64 = 10.0;
+const FAR: f64 = 5.0;
+/// The same from which its neighbours are no alternatives ([`super::valleys`]), and for a thinned record, whose steps are not exact.
+const NO_ANSWER: f64 = 10.0;
+/// Factor on the start of a positive parameter beyond which it has strayed.
+const STRAYED: f64 = 10.0;
 /// Chi-squared per degree of freedom from which random starts are tried as well: residuals of twice the noise.
 const WIDE: f64 = 4.0;
 /// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
@@ -35,16 +39,16 @@ const LINES: usize = 3;
 const POWER: f64 = 1e-4;
 /// Frequencies closer than this ratio are one.
 const ONE_LINE: f64 = 1.12;
-/// Factors on a stiffness that are tried.
-const FACTORS: (f64, f64) = (1e-3, 1e3);
+/// Factors on the start of a stiffness that are tried.
+const FACTORS: (f64, f64) = (1.0 / 30.0, 30.0);
 /// Ratio beyond the slowest and the fastest mode up to which a line may be that of one of them in the wrong place.
 const BEYOND: f64 = 1.5;
 /// Change of a stiffness that shows which mode it belongs to.
 const NUDGE: f64 = 1.05;
 /// Promised relative reduction at which a try has shown where it leads.
 const SHOWN: f64 = 1e-4;
-/// Fall of half of chi-squared from which another end is not the same once more.
-const LOWER: f64 = 2.0;
+/// Half of chi-squared by which another end must be lower to be another valley.
+const LOWER: f64 = 9.2;
 /// Linearisations of a pass after which it leads nowhere.
 const MOST: usize = 20;
 
@@ -73,17 +77,23 @@ pub(super) fn elsewhere(
     }
     // A line that is left over may be that of a mode in the wrong place, however little it adds to the whole.
     let mut lines = lines(&first, of);
-    if explains(&first) {
+    let near = within(&first, FAR);
+    if near {
         let modes = if lines.is_empty() { None } else { frequencies(of, &first.values) }.unwrap_or_default();
         let (slow, fast) = modes.iter().fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), f| (a.min(*f), b.max(*f)));
         lines.retain(|hz| (slow / BEYOND..fast * BEYOND).contains(hz));
     }
-    if explains(&first) && lines.is_empty() && !vanished(request, &first) {
+    let answers = near && lines.is_empty();
+    if answers && !vanished(request, &first) {
         return first;
     }
-    let Some(start) = best_start(request, &first, &lines, of, estimator) else { return first };
+    let Some(start) = best_start(request, &first, (&lines, answers), of, estimator) else { return first };
     match attempt(&Request { start: &start, centre: Some(request.start), ..request.clone() }, estimator) {
-        Ok(mut e) if e.objective < first.objective => {
+        // What has not ended is no answer where there is one, unless it is the better valley.
+        Ok(mut e)
+            if e.objective < first.objective
+                && (e.is_solution() || !first.is_solution() || e.objective < first.objective - LOWER) =>
+        {
             e.iterations += first.iterations;
             e.descent.splice(0..0, first.descent);
             for (p, &i) in e.parameters.iter_mut().zip(request.selected) {
@@ -106,18 +116,35 @@ pub(super) fn has_vanished(request: &Request<'_>, e: &Estimate, i: usize) -> boo
 }
 
 pub(super) fn explains(e: &Estimate) -> bool {
-    e.chi2_per_dof < 1.0 + FAR * (2.0 / e.residuals.len().max(1) as f64).sqrt()
+    within(e, NO_ANSWER)
 }
 
-/// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended.
+/// Whether chi-squared per degree of freedom is within so many of its deviations of one.
+fn within(e: &Estimate, deviations: f64) -> bool {
+    e.chi2_per_dof < 1.0 + deviations * (2.0 / e.residuals.len().max(1) as f64).sqrt()
+}
+
+/// Positive parameters that are far from where the mission has them.
+fn strayed(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
+    let far = |&i: &usize| !(1.0 / STRAYED..STRAYED).contains(&(e.values[i] / request.start[i]));
+    let positive = |i: &usize| request.decls[*i].group == ParamGroup::Positive;
+    request.selected.iter().copied().filter(|i| positive(i) && far(i)).collect()
+}
+
+/// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended, which has left `lines`
+/// over. Where it `answers`, it stays unless the thinned record contradicts it.
 fn best_start(
     request: &Request<'_>,
     first: &Estimate,
-    lines: &[f64],
+    (lines, answers): (&[f64], bool),
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Option<Vec<f64>> {
-    let mut starts = aimed(request, first, lines, of);
+    // What has strayed goes back first.
+    let back = strayed(request, first);
+    let mut starts: Vec<Vec<f64>> = if back.is_empty() { Vec::new() } else { vec![first.values.clone()] };
+    starts.iter_mut().for_each(|s| back.iter().for_each(|&i| s[i] = request.start[i]));
+    starts.extend(aimed(request, first, lines, of));
     if first.chi2_per_dof > WIDE || vanished(request, first) {
         let seed = |k: u64| of.settings.seed.wrapping_add(1 + k);
         starts.extend((0..RANDOM).map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
@@ -133,14 +160,15 @@ fn best_start(
     // What the thinned record makes of the end itself is what the others are measured by. It has fewer readings, so that it may be explained
     // there: that ends nothing.
     let mut best = match lead(&first.values) {
+        Ok(e) if answers && explains(&e) => return None,
         Ok(e) => (e.objective, Some(e.values)),
         Err(_) => (f64::INFINITY, None),
     };
+    let own = best.0;
     for start in starts {
         let Ok(e) = lead(&start) else { continue };
-        let lower = e.objective < best.0;
-        let done = e.objective < best.0 - LOWER && explains(&e);
-        if lower {
+        let done = e.objective < own - LOWER && explains(&e);
+        if e.objective < best.0 {
             best = (e.objective, Some(e.values));
         }
         if done {
@@ -165,9 +193,9 @@ fn aimed(request: &Request<'_>, first: &Estimate, lines: &[f64], of: &Subject<'_
         let told = p.std.map_or(0.0, |std| (p.value / std).abs());
         for (rank, line) in lines.iter().enumerate() {
             let by = (line / here[own]).powi(2);
-            if by.ln().abs() > ONE_LINE.ln() && (FACTORS.0..FACTORS.1).contains(&by) {
-                let mut start = first.values.clone();
-                start[i] *= by;
+            let mut start = first.values.clone();
+            start[i] *= by;
+            if by.ln().abs() > ONE_LINE.ln() && (FACTORS.0..FACTORS.1).contains(&(start[i] / request.start[i])) {
                 found.push((rank, told, start));
             }
         }
