@@ -35,6 +35,43 @@ fn everything(m: &Model) -> Wanted {
     }
 }
 
+/// A column of a sum of parameters, whatever they belong to, is the sum of their columns.
+#[test]
+fn sums_of_parameters_have_the_sums_of_their_columns() {
+    let m = general();
+    let (p, z0, kinematics) = (Params::<f64>::nominal(&m), start(&m), Kinematics::from_values(&m, values(&m)));
+    let single = everything(&m);
+    let [base, link, same_link, port, last] = single.params[..] else { panic!("five parameters") };
+    let combined = vec![
+        vec![(link, 0.7), (same_link, -1.3)],
+        vec![(base, 2.0)],
+        vec![(port, 0.4), (last, -0.6), (base, 1.5), (same_link, 0.2)],
+        vec![],
+        vec![(last, 1.1), (last, 0.9)],
+    ];
+    let summed = Wanted { params: vec![port], combined, ..single.clone() };
+    let column = |i: usize| single.params.iter().position(|&p| p == i).unwrap();
+    let run = |w: &Wanted| {
+        let table = Prescribed::with_kinematics(&m, &p, &kinematics, &Wave(m.nj()), &SAMPLING, w);
+        sensitivities(&m, &p, &table, &z0, w).unwrap().1
+    };
+    let (one, all) = (run(&single), run(&summed));
+    let pairs =
+        [(&one.tau, &all.tau), (&one.gyro, &all.gyro), (one.accel.as_ref().unwrap(), all.accel.as_ref().unwrap())];
+    for (one, all) in pairs {
+        assert_eq!(all.ncols(), summed.len());
+        for (c, parts) in summed.combined.iter().enumerate() {
+            let mut want = one.column(0) * 0.0;
+            parts.iter().for_each(|&(i, by)| want += one.column(column(i)) * by);
+            let off = (all.column(1 + c) - &want).amax();
+            assert!(off < 1e-11 * want.amax().max(1e-3), "{c}: {off:.1e} of {:.1e}", want.amax());
+        }
+        let (behind, count) = (single.params.len(), single.len() - single.params.len());
+        let off = (all.columns(summed.inertial(), count) - one.columns(behind, count)).amax();
+        assert!(off < 1e-11 * one.amax(), "{off:.1e}");
+    }
+}
+
 /// Torque, gyro, accelerometer and attitude at every sample, by plain simulation of the displaced model.
 fn record(m: &Model, kinematics: Vec<f64>, z: &[f64], sensor: &Accelerometer) -> (Response, Vec<Vector3<f64>>, Trace) {
     let moved = m.displaced(&Kinematics::from_values(m, kinematics));

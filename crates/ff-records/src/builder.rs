@@ -6,31 +6,14 @@
 use crate::carried::Carried;
 use crate::checks as record_checks;
 use crate::record::Record;
-use crate::runs::longest;
 use crate::stamps;
 use crate::time_base::{ChannelGroup, TimeBases};
 use crate::time_checks;
 use crate::time_checks::Grid;
+use crate::uniform::{Clock, check_clock, grid_rows, interpolate};
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, Problem, Problems, Severity};
 use nalgebra::DMatrix;
-
-/// Largest deviation from the uniform clock, as a fraction of the sampling interval, before samples have to
-/// be resampled (row D14).
-const JITTER: f64 = 0.1;
-/// Most problems of one kind listed one by one.
-const LISTED: usize = 5;
-
-#[derive(Clone, Debug)]
-enum Clock {
-    Uniform {
-        t0: f64,
-        dt: f64,
-    },
-    Stamps(Vec<f64>),
-    /// Times of the joint motion, which are kept.
-    Motion(Vec<f64>),
-}
 
 /// Collects columns, then checks them all. Matrices are N x channels.
 ///
@@ -395,10 +378,10 @@ impl RecordBuilder {
             })
         };
         if let Some((_, att, _)) = columns.iter_mut().find(|c| c.0 == "att") {
-            unwrap_attitude(att, bad);
+            record_checks::unwrap_attitude(att, bad);
         }
         for (name, m, _) in columns.iter().filter(|c| !(still && c.0 == "gyro" || c.0 == "carried")) {
-            stuck(name, m, &self.joint_names, &|i| time(name, i), bad);
+            record_checks::stuck(name, m, &self.joint_names, &|i| time(name, i), bad);
             if matches!(*name, "tau" | "gyro" | "acc") {
                 for (j, c) in m.column_iter().enumerate() {
                     let axis = if *name == "tau" { &self.joint_names[j] } else { ["x", "y", "z"][j] };
@@ -448,7 +431,7 @@ impl RecordBuilder {
         };
         let (q, qd) = (take("q")?, take("qd"));
         if let Some(qd) = &qd {
-            degrees(&q, qd, dt, bases.of(ChannelGroup::Motion).map(|t| &**t), bad);
+            record_checks::degrees(&q, qd, dt, bases.of(ChannelGroup::Motion).map(|t| &**t), bad);
         }
         Some(Record {
             t0,
@@ -473,93 +456,8 @@ impl RecordBuilder {
 fn error(code: &'static str, message: String) -> Problem {
     Problem::error(Area::Data, code, message)
 }
-fn warning(code: &'static str, message: String) -> Problem {
-    Problem::warning(Area::Data, code, message)
-}
 fn a_rows(m: &DMatrix<f64>) -> usize {
     m.nrows().max(1)
-}
-
-/// `(t0, dt, stamps since t0 when samples have to be interpolated)`.
-fn check_clock(clock: Clock, rows: usize, resample: bool, bad: &mut Problems) -> Option<(f64, f64, Option<Vec<f64>>)> {
-    let (t0, dt, stamps) = match clock {
-        Clock::Uniform { t0, dt } => (t0, dt, None),
-        Clock::Stamps(t) | Clock::Motion(t) => {
-            if t.len() != rows {
-                bad.push(error("Data::Shape", format!("{} time stamps for {rows} samples", t.len())).on("time"));
-                return None;
-            }
-            if let Some(row) = t.iter().position(|x| !x.is_finite()) {
-                bad.push(error("Data::NotFinite", format!("row {row} is {}", t[row])).on("time"));
-                return None;
-            }
-            let back: Vec<usize> = (1..rows).filter(|&i| t[i] <= t[i - 1]).collect();
-            for &i in back.iter().take(LISTED) {
-                let m = format!("row {i}: time goes from {} to {} s ({} such rows)", t[i - 1], t[i], back.len());
-                bad.push(error("Data::NonMonotone", m).on("time").hint("sort the rows or drop repeated ones"));
-            }
-            if !back.is_empty() || rows < 2 {
-                return None;
-            }
-            let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-            let mid = steps.len() / 2;
-            (t[0], *steps.select_nth_unstable_by(mid, f64::total_cmp).1, Some(t))
-        }
-    };
-    if !(t0.is_finite() && dt.is_finite() && dt > 0.0) {
-        bad.push(error("Data::TimeScale", format!("first time {t0} s, interval {dt} s")).on("time"));
-        return None;
-    }
-    if !(1e-5..=0.5).contains(&dt) {
-        let m = format!("median interval {dt} s is outside 1e-5 .. 0.5 s");
-        bad.push(
-            error("Data::TimeScale", m).on("time").hint("time must be in seconds, not milliseconds or nanoseconds"),
-        );
-    }
-    if t0.abs() * f64::EPSILON > 1e-6 {
-        let m = format!("times near {t0} s resolve only {:.1e} s", t0.abs() * f64::EPSILON);
-        bad.push(warning("Data::TimeScale", m).on("time").hint("store time relative to the start"));
-    }
-    let Some(t) = stamps else {
-        return Some((t0, dt, None));
-    };
-    let gaps: Vec<usize> = (1..rows).filter(|&i| t[i] - t[i - 1] > 1.5 * dt).collect();
-    let lost: f64 = gaps.iter().map(|&i| ((t[i] - t[i - 1]) / dt - 1.0).round().max(1.0)).sum();
-    let too_many = lost > 0.01 * rows as f64;
-    for &i in gaps.iter().take(LISTED) {
-        let m = format!(
-            "{} s without samples after {} s ({} gaps, {lost} samples lost)",
-            t[i] - t[i - 1],
-            t[i - 1],
-            gaps.len()
-        );
-        let p = if too_many || !resample { error("Data::Gap", m) } else { warning("Data::Gap", m) };
-        bad.push(p.on("time").hint("cut the record at the gap, or allow resampling of up to 1 % lost samples"));
-    }
-    let jitter = if gaps.is_empty() {
-        let mean = (t[rows - 1] - t[0]) / (rows - 1) as f64;
-        t.iter().enumerate().map(|(i, x)| (x - t[0] - i as f64 * mean).abs()).fold(0.0, f64::max) / mean
-    } else {
-        f64::INFINITY
-    };
-    if jitter <= JITTER {
-        return Some((t0, (t[rows - 1] - t[0]) / (rows - 1) as f64, None));
-    }
-    if gaps.is_empty() {
-        let m = format!("samples are up to {jitter:.2} intervals off the uniform clock (limit {JITTER})");
-        let p = if resample { warning("Data::Jitter", m) } else { error("Data::Jitter", m) };
-        bad.push(p.on("time").hint("allow resampling, or record with a steadier clock"));
-    }
-    if resample {
-        bad.push(warning("Data::Resampled", format!("interpolated linearly onto {dt} s")).on("time"));
-        return Some((t0, dt, Some(t.iter().map(|x| x - t0).collect())));
-    }
-    None
-}
-
-/// Samples of the uniform clock up to the last stamp.
-fn grid_rows(t: &[f64], dt: f64) -> usize {
-    (t[t.len() - 1] / dt + 1e-9).floor() as usize + 1
 }
 
 /// The group that a column belongs to.
@@ -571,86 +469,5 @@ fn group_of(name: &str) -> ChannelGroup {
         "att" => ChannelGroup::Attitude,
         "carried" => ChannelGroup::Carried,
         _ => ChannelGroup::Motion,
-    }
-}
-
-/// Linear interpolation of every column from stamps `t` (from 0, ascending) onto `0, dt, 2 dt, ...`.
-fn interpolate(m: &DMatrix<f64>, t: &[f64], dt: f64) -> DMatrix<f64> {
-    let last = t[t.len() - 1];
-    let rows = grid_rows(t, dt);
-    let mut out = DMatrix::zeros(rows, m.ncols());
-    let mut k = 0;
-    for i in 0..rows {
-        let x = (i as f64 * dt).min(last);
-        while k + 2 < t.len() && t[k + 1] < x {
-            k += 1;
-        }
-        let w = (x - t[k]) / (t[k + 1] - t[k]);
-        for j in 0..m.ncols() {
-            out[(i, j)] = (1.0 - w) * m[(k, j)] + w * m[(k + 1, j)];
-        }
-    }
-    out
-}
-
-/// Row D18. A torque or gyro channel that never changes is a dead sensor; one that holds still for a tenth
-/// of the record, or a joint that never moves, may be meant.
-fn stuck(name: &str, m: &DMatrix<f64>, joints: &[String], time: &dyn Fn(usize) -> f64, bad: &mut Problems) {
-    let sensor = matches!(name, "tau" | "gyro");
-    if !(sensor || name == "q") || m.nrows() < 8 {
-        return;
-    }
-    for (j, c) in m.column_iter().enumerate() {
-        let longest = longest(c.as_slice());
-        let (from, best) = (longest.start, longest.len());
-        let axis = if name == "gyro" { ["x", "y", "z"][j] } else { &joints[j] };
-        let (a, b) = (time(from), time(from + best));
-        let message = format!("holds exactly {} from {a:.3} to {b:.3} s of {:.3} s", c[from], time(c.len()));
-        let dead = best == c.len();
-        if dead && sensor {
-            let p = error("Data::Stuck", message).on(format!("{name}.{axis}"));
-            bad.push(p.hint("check the sensor; for noise-free simulation allow Data::Stuck"));
-        } else if dead || (sensor && best >= 50 && best * 10 >= c.len()) {
-            bad.push(warning("Data::Stuck", message).on(format!("{name}.{axis}")));
-        }
-    }
-}
-
-/// Row D22: unit norm to 1e-3, then normalised; q and -q are the same attitude, so signs are made continuous.
-fn unwrap_attitude(att: &mut DMatrix<f64>, bad: &mut Problems) {
-    let mut last = [0.0; 4];
-    for i in 0..att.nrows() {
-        let norm = att.row(i).norm();
-        if (norm - 1.0).abs() > 1e-3 {
-            let m = format!("row {i}: quaternion norm {norm} differs from 1 by more than 1e-3");
-            bad.push(error("Data::Quaternion", m).on("att").hint("order is w, x, y, z"));
-            return;
-        }
-        let dot: f64 = (0..4).map(|k| att[(i, k)] * last[k]).sum();
-        let scale = if dot < 0.0 { -1.0 / norm } else { 1.0 / norm };
-        for k in 0..4 {
-            att[(i, k)] *= scale;
-            last[k] = att[(i, k)];
-        }
-    }
-}
-
-/// Row D09: recorded rates against differences of the positions.
-fn degrees(q: &DMatrix<f64>, qd: &DMatrix<f64>, dt: f64, times: Option<&[f64]>, bad: &mut Problems) {
-    let rows = q.nrows();
-    let (mut a, mut b) = (0.0, 0.0);
-    for (q, qd) in q.column_iter().zip(qd.column_iter()) {
-        for i in 1..rows.saturating_sub(1) {
-            let between = times.map_or(2.0 * dt, |t| t[i + 1] - t[i - 1]);
-            a += ((q[i + 1] - q[i - 1]) / between).powi(2);
-            b += qd[i].powi(2);
-        }
-    }
-    let ratio = (a / b).sqrt();
-    for (r, what) in [(ratio, "positions"), (1.0 / ratio, "rates")] {
-        if (50.0..65.0).contains(&r) {
-            let m = format!("{what} are {r:.1} times too large for the other: one is in degrees");
-            bad.push(error("Data::LooksLikeDegrees", m).on("q, qd").hint("convert to radians"));
-        }
     }
 }

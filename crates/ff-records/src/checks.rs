@@ -1,9 +1,11 @@
-//! What a single channel shows by itself: a sensor at the end of its range, readings that jump out and back.
+//! What channels show by themselves: a sensor at the end of its range or dead, readings that jump out and back, attitudes that are none,
+//! rates that are not those of the positions.
 
 use crate::resample::usual_interval;
-use crate::runs::{repeats, runs};
+use crate::runs::{longest, repeats, runs};
 use core::ops::Range;
 use ff_model::{Area, Problem, Problems};
+use nalgebra::DMatrix;
 
 /// Equal extreme samples in a row that make a plateau (row D17).
 const PLATEAU: usize = 3;
@@ -145,6 +147,68 @@ pub(crate) fn spikes(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, keep: b
     };
     bad.push(p.hint(hint));
     if keep || !few { Vec::new() } else { found }
+}
+
+/// Row D18. A torque or gyro channel that never changes is a dead sensor; one that holds still for a tenth
+/// of the record, or a joint that never moves, may be meant.
+pub(crate) fn stuck(name: &str, m: &DMatrix<f64>, joints: &[String], time: &dyn Fn(usize) -> f64, bad: &mut Problems) {
+    let sensor = matches!(name, "tau" | "gyro");
+    if !(sensor || name == "q") || m.nrows() < 8 {
+        return;
+    }
+    for (j, c) in m.column_iter().enumerate() {
+        let longest = longest(c.as_slice());
+        let (from, best) = (longest.start, longest.len());
+        let axis = if name == "gyro" { ["x", "y", "z"][j] } else { &joints[j] };
+        let (a, b) = (time(from), time(from + best));
+        let message = format!("holds exactly {} from {a:.3} to {b:.3} s of {:.3} s", c[from], time(c.len()));
+        let dead = best == c.len();
+        if dead && sensor {
+            let p = Problem::error(Area::Data, "Data::Stuck", message).on(format!("{name}.{axis}"));
+            bad.push(p.hint("check the sensor; for noise-free simulation allow Data::Stuck"));
+        } else if dead || (sensor && best >= 50 && best * 10 >= c.len()) {
+            bad.push(Problem::warning(Area::Data, "Data::Stuck", message).on(format!("{name}.{axis}")));
+        }
+    }
+}
+
+/// Row D22: unit norm to 1e-3, then normalised; q and -q are the same attitude, so signs are made continuous.
+pub(crate) fn unwrap_attitude(att: &mut DMatrix<f64>, bad: &mut Problems) {
+    let mut last = [0.0; 4];
+    for i in 0..att.nrows() {
+        let norm = att.row(i).norm();
+        if (norm - 1.0).abs() > 1e-3 {
+            let m = format!("row {i}: quaternion norm {norm} differs from 1 by more than 1e-3");
+            bad.push(Problem::error(Area::Data, "Data::Quaternion", m).on("att").hint("order is w, x, y, z"));
+            return;
+        }
+        let dot: f64 = (0..4).map(|k| att[(i, k)] * last[k]).sum();
+        let scale = if dot < 0.0 { -1.0 / norm } else { 1.0 / norm };
+        for k in 0..4 {
+            att[(i, k)] *= scale;
+            last[k] = att[(i, k)];
+        }
+    }
+}
+
+/// Row D09: recorded rates against differences of the positions.
+pub(crate) fn degrees(q: &DMatrix<f64>, qd: &DMatrix<f64>, dt: f64, times: Option<&[f64]>, bad: &mut Problems) {
+    let rows = q.nrows();
+    let (mut a, mut b) = (0.0, 0.0);
+    for (q, qd) in q.column_iter().zip(qd.column_iter()) {
+        for i in 1..rows.saturating_sub(1) {
+            let between = times.map_or(2.0 * dt, |t| t[i + 1] - t[i - 1]);
+            a += ((q[i + 1] - q[i - 1]) / between).powi(2);
+            b += qd[i].powi(2);
+        }
+    }
+    let ratio = (a / b).sqrt();
+    for (r, what) in [(ratio, "positions"), (1.0 / ratio, "rates")] {
+        if (50.0..65.0).contains(&r) {
+            let m = format!("{what} are {r:.1} times too large for the other: one is in degrees");
+            bad.push(Problem::error(Area::Data, "Data::LooksLikeDegrees", m).on("q, qd").hint("convert to radians"));
+        }
+    }
 }
 
 #[cfg(test)]

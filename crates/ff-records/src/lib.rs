@@ -25,6 +25,7 @@ mod stamps;
 mod thin;
 pub mod time_base;
 mod time_checks;
+mod uniform;
 
 pub use builder::RecordBuilder;
 pub use carried::{Carried, WRENCH};

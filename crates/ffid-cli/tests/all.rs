@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 mod any_bytes;
+mod case;
 mod check;
 mod common;
 mod common_gain;

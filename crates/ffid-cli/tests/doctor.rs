@@ -1,10 +1,10 @@
 //! `ffid doctor` through the real binary: every kind of mistake is named with its factor, records without one raise nothing, and what makes
 //! a fit useless stops `ffid identify` before it.
 
+use crate::case::{Case, flex, slosh};
 use crate::common::ffid;
 use crate::doubts::{calm, edit};
 use crate::evidence::world;
-use crate::identify::{Case, flex, slosh};
 use serde_json::Value;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -268,7 +268,7 @@ fn a_hundred_records_without_mistakes_raise_nothing() {
     let mut alarms = Vec::new();
     for seed in 0..20u64 {
         for (name, c) in &cases {
-            c.write("t.csv", &crate::identify::trajectory(20.0 + 4.0 * (seed % 3) as f64, 0.37 * seed as f64));
+            c.write("t.csv", &crate::case::trajectory(20.0 + 4.0 * (seed % 3) as f64, 0.37 * seed as f64));
             let hold = if seed % 2 == 0 { "15" } else { "0" };
             c.simulate("truth.toml", "t.csv", "rec.csv", &["--seed", &seed.to_string(), "--hold", hold]);
             alarms.extend(doctor(c, "rec.csv").bad().into_iter().map(|bad| (*name, seed, bad)));
@@ -295,7 +295,7 @@ fn a_mission_that_is_far_off_is_no_mistake_of_the_record() {
     wings.write("rough.toml", &(wings.read("truth.toml") + "\n[parameters]\n\"base.mass\" = 1500.0\n" + &springs));
     for seed in 0..3u64 {
         for c in [&c, &wings] {
-            c.write("t.csv", &crate::identify::trajectory(24.0, 0.37 * seed as f64));
+            c.write("t.csv", &crate::case::trajectory(24.0, 0.37 * seed as f64));
             c.simulate("truth.toml", "t.csv", "rec.csv", &["--seed", &seed.to_string()]);
             let told = Told::of(&c.path(""), "rough.toml", "rec.csv");
             assert!(told.code == 0 && told.bad().iter().all(|bad| bad.2 != "wrong"), "{:?}", told.bad());

@@ -1,8 +1,8 @@
 //! What may be wrong with a record, or with the model: clocks, rest, momentum, modes, models compared, an arm on the ground.
 //! Rows D15, D16, D23 to D26, D29 and D30 of `bad-inputs.md`.
 
+use crate::case::{flex, near_the_truth, slosh};
 use crate::common::fixture;
-use crate::identify::{flex, near_the_truth, slosh};
 use ffid::workflow::identify::IdentificationResult;
 
 /// Changes the cells of a record: time, name of the column, old value -> new value.

@@ -1,8 +1,8 @@
 //! [`ffid_cli::run`] in this process: the same text and exit code as the binary, nothing on the streams of the process, and as
 //! often as wanted.
 
+use crate::case::{slosh, trajectory};
 use crate::common::{ffid, fixture};
-use crate::identify::{slosh, trajectory};
 use std::fs;
 
 /// The command in this process: exit code, text for the standard output, text for the standard error.

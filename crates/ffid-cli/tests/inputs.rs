@@ -1,8 +1,8 @@
 //! `[[input]]` of a mission: what acts in `ffid simulate`, what is wrong with a table, and which commands take none.
 
+use crate::case::trajectory;
 use crate::common;
 use crate::common::{ffid, fixture};
-use crate::identify::trajectory;
 use ff_dynamics::sim::inputs::ExternalInput;
 use ff_dynamics::sim::inputs::GravityGradient;
 use ff_dynamics::sim::simulate_with;

@@ -1,7 +1,7 @@
 //! What is left of an output when the program is killed, or the disk is full: rows R01 and R04, at length. They take minutes, and
 //! the second has to mount a file system, which takes root: `cargo test --workspace --test all outputs -- --ignored --nocapture`.
 
-use crate::identify::{Case, slosh};
+use crate::case::{Case, slosh};
 use std::fs;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};

@@ -1,6 +1,6 @@
 //! What may be asked of `ffid identify` beside the fit: several records, fewer unknowns, profiles, ties, earlier knowledge.
 
-use crate::identify::{flex, near_the_truth, slosh};
+use crate::case::{flex, near_the_truth, slosh};
 use ff_mission::Leniency;
 use ffid::files::folder::Entry;
 use ffid::open::open;

@@ -1,6 +1,6 @@
 //! `ffid identify --sample`: draws from the posterior, their file, and what the result says of them.
 
-use crate::identify::{Case, trajectory};
+use crate::case::{Case, trajectory};
 use crate::json_schema::check;
 use ffid::workflow::identify::SampledState;
 

@@ -92,7 +92,8 @@ def signature(name: str, node: ast.FunctionDef, bound: bool) -> str:
     pairs = list(zip(positional, defaults))[1 if bound else 0 :]
 
     def one(arg: ast.arg, default: ast.expr | None) -> str:
-        kind = f": {ast.unparse(arg.annotation)}" if arg.annotation else ""
+        # What the modules call `MissionLike` among themselves is a mission to users.
+        kind = f": {ast.unparse(arg.annotation).replace('MissionLike', 'Mission')}" if arg.annotation else ""
         return f"{arg.arg}{kind}" + (f" = {ast.unparse(default)}" if default is not None else "")
 
     words = [one(*p) for p in pairs]

@@ -102,11 +102,15 @@ pub(crate) fn numbers_or_nan<'py>(
     Ok(numbers)
 }
 
+/// Whether no number is infinite or NaN. Over bits and without a branch, so that the look at all numbers goes in lanes.
+pub(crate) fn all_finite(x: &[f64]) -> bool {
+    !x.iter().fold(false, |bad, x| bad | (x.to_bits() & EXPONENT == EXPONENT))
+}
+
 /// Refuses numbers that are not finite, with the place of the first.
-fn finite(name: &str, numbers: &Numbers<'_>) -> PyResult<()> {
+pub(crate) fn finite(name: &str, numbers: &Numbers<'_>) -> PyResult<()> {
     let (x, found) = (numbers.as_slice()?, numbers.shape());
-    // Over bits and without a branch, so that the look at all numbers goes in lanes.
-    let bad = x.iter().fold(false, |bad, x| bad | (x.to_bits() & EXPONENT == EXPONENT));
+    let bad = !all_finite(x);
     if let Some(i) = x.iter().position(|x| !x.is_finite()).filter(|_| bad) {
         let x = x[i];
         let (mut rest, mut at) = (i, Vec::new());

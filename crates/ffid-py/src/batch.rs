@@ -1,6 +1,6 @@
 //! The dynamics over rows, on threads.
 
-use crate::arrays::{Numbers, numbers, table, writable};
+use crate::arrays::{Numbers, all_finite, finite, numbers, numbers_or_nan, table, writable};
 use crate::errors::{array, guarded, problems};
 use ffid::dynamics::batch::{Algorithm, BatchError, Motions, batch, position_width};
 use ffid::model::{Area, BaseKind, Model, Params, Problem, Problems};
@@ -12,6 +12,8 @@ use std::thread::scope;
 const ROWS: usize = 256;
 /// Rows of a part are a multiple of this, so that lanes are full but in the last.
 const LANES: usize = 8;
+/// Rows that are looked at and then computed while they are at hand: a look at all rows first would read them from memory twice.
+const AT_HAND: usize = 1024;
 /// Largest deviation of the norm of an attitude from 1.
 const NORM: f64 = 1e-6;
 
@@ -40,24 +42,66 @@ fn algorithm(name: &str, frame: Option<&str>, model: &Model) -> PyResult<Algorit
     })
 }
 
+/// The norms of the attitudes in rows of positions; none for a fixed base.
+fn norms<'a>(model: &Model, q: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    let floats = model.base_kind() == BaseKind::Floating;
+    let rows = floats.then(|| q.chunks_exact(position_width(model)));
+    rows.into_iter().flatten().map(|row| row[3..7].iter().map(|x| x * x).sum::<f64>().sqrt())
+}
+
+/// Refuses positions that are not finite and attitudes that are not of unit norm, with the place of the first.
+fn check_positions(model: &Model, q: &Numbers<'_>) -> PyResult<()> {
+    finite("q", q)?;
+    let wrong = norms(model, q.as_slice()?).enumerate().find(|(_, norm)| (norm - 1.0).abs() > NORM);
+    wrong.map_or(Ok(()), |(i, norm)| {
+        let what = format!("attitude of norm {norm} in row {i}, columns 3 to 6; limit 1 +- {NORM:e}");
+        let p = Problem::error(Area::Data, "Array::Attitude", what).on("q");
+        Err(array(p.hint("divide it by its norm; the order is w, x, y, z")))
+    })
+}
+
+/// Whether rows can be computed with; [`check_positions`] and [`finite`] say why not.
+fn sound(model: &Model, m: &Motions<'_>) -> bool {
+    let near = |norm: f64| (norm - 1.0).abs() <= NORM;
+    [m.q, m.v, m.given].into_iter().all(all_finite) && norms(model, m.q).fold(true, |all, norm| all & near(norm))
+}
+
 /// Positions of a model, attitudes of unit norm.
 fn positions<'py>(model: &Model, q: &Bound<'py, PyAny>) -> PyResult<Numbers<'py>> {
-    let width = position_width(model);
-    let q = numbers("q", q, &[None, Some(width)])?;
-    if model.base_kind() == BaseKind::Floating {
-        for (i, row) in q.as_slice()?.chunks(width).enumerate() {
-            let norm = row[3..7].iter().map(|x| x * x).sum::<f64>().sqrt();
-            if (norm - 1.0).abs() > NORM {
-                let what = format!("attitude of norm {norm} in row {i}, columns 3 to 6; limit 1 +- {NORM:e}");
-                return Err(array(
-                    Problem::error(Area::Data, "Array::Attitude", what)
-                        .on("q")
-                        .hint("divide it by its norm; the order is w, x, y, z"),
-                ));
-            }
-        }
-    }
+    let q = numbers_or_nan("q", q, &[None, Some(position_width(model))])?;
+    check_positions(model, &q)?;
     Ok(q)
+}
+
+/// Why rows were not computed.
+enum Stop {
+    /// Numbers among them that cannot be computed with.
+    Unsound,
+    /// A mass matrix that is not positive definite, in rows after this one.
+    Singular(BatchError, usize),
+}
+
+/// An algorithm over rows from `first` on, a few at a time; what is wrong with them is looked for before they are computed.
+fn compute_rows(
+    (algorithm, model, params): (Algorithm, &Model, &Params<f64>),
+    all: &Motions<'_>,
+    first: usize,
+    out: &mut [f64],
+) -> Result<(), Stop> {
+    let width = algorithm.result_width(model);
+    for (k, out) in out.chunks_mut(AT_HAND * width).enumerate() {
+        let (first, rows) = (first + k * AT_HAND, out.len() / width);
+        let part = |x: &'_ [f64]| {
+            let w = x.len() / all.rows;
+            first * w..(first + rows) * w
+        };
+        let m = Motions { rows, q: &all.q[part(all.q)], v: &all.v[part(all.v)], given: &all.given[part(all.given)] };
+        if !sound(model, &m) {
+            return Err(Stop::Unsound);
+        }
+        batch(algorithm, model, params, &m, out).map_err(|e| Stop::Singular(e, first))?;
+    }
+    Ok(())
 }
 
 /// Rows of every part.
@@ -80,7 +124,7 @@ fn singular(model: &Model, e: &BatchError, first: usize) -> PyErr {
     problems(&Problems(vec![p.hint("give every moving part mass and inertia")]), 14)
 }
 
-/// An algorithm over rows; arguments are `q`, `v`, what is given, parameters and `out`.
+/// An algorithm over rows; arguments are `q`, `v`, what is given, parameters and `out`. After an error some rows of `out` are written.
 pub(crate) fn run<'py>(
     robot: Robot<'_>,
     name: &str,
@@ -93,37 +137,30 @@ pub(crate) fn run<'py>(
     let Some(q) = q else { return Err(crate::errors::internal("no positions")) };
     let py = q.py();
     let none = py.None().into_bound(py);
-    let table_q = positions(model, q)?;
+    let table_q = numbers_or_nan("q", q, &[None, Some(position_width(model))])?;
     let rows = table_q.shape()[0];
     let of = |name: &str, x: Option<&Bound<'py, PyAny>>, width: usize| -> PyResult<Option<Numbers<'py>>> {
         if width == 0 {
             return Ok(None);
         }
-        numbers(name, x.unwrap_or(&none), &[Some(rows), Some(width)]).map(Some)
+        numbers_or_nan(name, x.unwrap_or(&none), &[Some(rows), Some(width)]).map(Some)
     };
-    let v = of("v", v, if algorithm.needs_velocities() { model.nv() } else { 0 })?;
+    let table_v = of("v", v, if algorithm.needs_velocities() { model.nv() } else { 0 })?;
     let given_name = match algorithm {
         Algorithm::ForwardDynamics => "tau",
         Algorithm::HybridDynamics => "qdd",
         _ => "a",
     };
-    let given = of(given_name, given, algorithm.given_width(model))?;
+    let table_given = of(given_name, given, algorithm.given_width(model))?;
     let params = parameters(robot, params)?;
     let width = algorithm.result_width(model);
-    let (q, v, given) = (table_q.as_slice()?, slice(v.as_ref())?, slice(given.as_ref())?);
+    let motions =
+        Motions { rows, q: table_q.as_slice()?, v: slice(table_v.as_ref())?, given: slice(table_given.as_ref())? };
     let compute = |to: &mut [f64]| -> PyResult<()> {
         let step = parts(rows, threads);
         let done = py.detach(|| {
             guarded(|| {
-                let one = |k: usize, out: &mut [f64]| {
-                    let (first, n) = (k * step, out.len() / width);
-                    let part = |x: &'_ [f64]| -> std::ops::Range<usize> {
-                        let w = x.len() / rows;
-                        first * w..(first + n) * w
-                    };
-                    let m = Motions { rows: n, q: &q[part(q)], v: &v[part(v)], given: &given[part(given)] };
-                    batch(algorithm, model, &params, &m, out).map_err(|e| (e, first))
-                };
+                let one = |k: usize, out: &mut [f64]| compute_rows((algorithm, model, &params), &motions, k * step, out);
                 if step >= rows {
                     return one(0, to);
                 }
@@ -137,7 +174,15 @@ pub(crate) fn run<'py>(
                 })
             })
         })?;
-        done.map_err(|(e, first)| singular(model, &e, first))
+        let Err(stop) = done else { return Ok(()) };
+        // What is wrong with the arrays comes first, wherever it stands in them.
+        check_positions(model, &table_q)?;
+        table_v.as_ref().map_or(Ok(()), |v| finite("v", v))?;
+        table_given.as_ref().map_or(Ok(()), |g| finite(given_name, g))?;
+        Err(match stop {
+            Stop::Singular(e, first) => singular(model, &e, first),
+            Stop::Unsound => crate::errors::internal("rows that are refused for no reason"),
+        })
     };
     match out.filter(|o| !o.is_none()) {
         Some(out) => {

@@ -1,7 +1,9 @@
-"""The notebooks run, and so does the code of the pages; every public name is documented."""
+"""The notebooks run, and so does the code of the pages; every public name is documented; modules import each other in no circle."""
 
 from __future__ import annotations
 
+import ast
+import graphlib
 import inspect
 import re
 import subprocess
@@ -44,6 +46,17 @@ def test_code_of_the_pages_runs(page: str, tmp_path: Path) -> None:
     for folder in ("fixtures", "docs"):
         code = code.replace(f'"{folder}/', f'"{ROOT.as_posix()}/{folder}/')
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=3600)
+
+
+def test_modules_import_each_other_in_no_circle() -> None:
+    folder = Path(ffid.__file__).parent
+    graph: dict[str, set[str]] = {}
+    # Those for the type checker alone and those within functions count as well.
+    for path in folder.glob("*.py"):
+        nodes = [n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.ImportFrom) and n.level == 1]
+        graph[path.stem] = {n.module for n in nodes if n.module} | {a.name for n in nodes if not n.module for a in n.names}
+    assert graph["fit"] >= {"mission", "result"}
+    graphlib.TopologicalSorter(graph).prepare()  # raises CycleError, which names the circle
 
 
 def public() -> list[tuple[str, Any, Any]]:

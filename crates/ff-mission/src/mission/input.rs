@@ -2,9 +2,9 @@
 //!
 //! Only declared here; `ff-dynamics` has what they do. To add a kind: a variant, its reader, a line in [`KINDS`].
 
-use super::Frames;
 use super::declared::{Holds, Key, key, must, words};
 use super::excite::choice;
+use super::frames::Frames;
 use super::limits::direction;
 use super::reader::{Table, error};
 use ff_model::Model;

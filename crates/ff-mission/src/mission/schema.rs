@@ -6,7 +6,7 @@
 
 pub use super::declared::{Holds, Key, Literal, key, must};
 
-use super::ROOT;
+use super::load::ROOT;
 use ff_model::Registry;
 use serde_json::{Map, Value, json};
 

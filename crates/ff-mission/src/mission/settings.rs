@@ -3,7 +3,8 @@
 use super::declared::{Holds, Key, key, must, words};
 use super::reader;
 use super::reader::{Table, error};
-use ff_model::diagnostics::clip;
+use ff_model::Model;
+use ff_model::diagnostics::{Limit, clip, list, nearest};
 use serde::Serialize;
 
 /// Section `[sensors]`; without it, perfect sensors at 100 Hz.
@@ -265,5 +266,32 @@ impl Reproduce {
         };
         t.finish();
         out
+    }
+    /// What of `[reproduce]` can be checked against the robot.
+    pub(super) fn check(&self, model: &Model, t: &Table<'_, '_>) {
+        if !self.hold_rad.is_empty() && self.hold_rad.len() != model.nj() {
+            let what = format!("{} positions for {} joints", self.hold_rad.len(), model.nj());
+            t.fail("hold_rad", error("Config::WrongLength", what).hint("give one position per joint"));
+        } else {
+            for (b, &q) in model.bodies().iter().zip(&self.hold_rad) {
+                let l = &b.joint.limits;
+                if !(l.lower..=l.upper).contains(&q) {
+                    let what = format!("joint {}: {q} rad, limit {} .. {} rad", b.joint.name, l.lower, l.upper);
+                    let p = error("Config::OutOfRange", what).violating(q, Limit::Within(l.lower, l.upper), "rad");
+                    t.fail("hold_rad", p.hint("give a position within the joint limits"));
+                }
+            }
+        }
+        let names = model.joint_names();
+        for j in self.manoeuvre_joints.iter().filter(|j| !names.contains(j)) {
+            let p = error("Config::UnknownJoint", format!("the robot has no moving joint '{}'", clip(j)));
+            t.fail(
+                "manoeuvre_joints",
+                match nearest(j, names.iter().map(String::as_str)) {
+                    Some(n) => p.hint(format!("did you mean {n}?")),
+                    None => p.hint(format!("joints: {}", list(names.iter().map(String::as_str), 12))),
+                },
+            );
+        }
     }
 }

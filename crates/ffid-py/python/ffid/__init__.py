@@ -24,17 +24,18 @@ from .errors import (
     FfidWarning,
     IllPosedError,
     InternalError,
-    Interrupted,
     ModelError,
     NumericalError,
     OutputError,
     Problem,
 )
 from .fit import identify
+from .interrupted import Interrupted
 from .mission import Mission
 from .model import BaseParameters, Derivatives, Hybrid, Model, Momentum
-from .motion import Motion, Plan, Preflight, plan_excitation, preflight
+from .motion import Motion, Plan, Preflight
 from .page import Page
+from .planning import plan_excitation, preflight
 from .record import Record
 from .result import Result
 from .validation import Validation

@@ -10,7 +10,8 @@ from typing import Any, Literal, Union
 from . import _ffid
 from ._options import Path, Progress, words_of
 from .diagnosis import Records, read_all
-from .errors import Interrupted, problems_of, warn_of
+from .errors import problems_of, warn_of
+from .interrupted import Interrupted
 from .mission import Mission, TemporaryFolder
 from .record import Record
 from .result import Result

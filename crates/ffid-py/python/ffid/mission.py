@@ -11,18 +11,16 @@ import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from . import _ffid
 from ._options import ArrayLike, Path, several, words
 from .command import run, run_command
 from .errors import warn, warn_of
 from .model import Model
+from .motion import Motion, Plan, motion_of
 from .page import Page
-
-if TYPE_CHECKING:
-    from .motion import Motion, Plan
-    from .record import Record
+from .record import Record
 
 
 class Mission:
@@ -203,8 +201,6 @@ class Mission:
             hold: Seconds to go on after the end of the motion.
             beside: Another mission of the same robot, drawn beside it.
         """
-        from .motion import Motion, Plan
-
         with tempfile.TemporaryDirectory(prefix="ffid-") as name:
             folder = FilePath(name)
 
@@ -319,9 +315,6 @@ class Mission:
             noise_free: Whether readings are exact, with joint rates, accelerations and attitude.
             name: What the record is called.
         """
-        from .motion import motion_of
-        from .record import Record
-
         if not (hold >= 0.0 and hold < float("inf")):
             raise ValueError(f"hold is {hold} s, limit >= 0 s")
         core = motion_of(self, trajectory, q)

@@ -1,35 +1,33 @@
-"""Joint motions: given, planned, and judged before they are flown."""
+"""Joint motions: given and planned, and what their records will tell."""
 
 from __future__ import annotations
 
 import html
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, Literal, Union
+from typing import Any, Union
 
 from . import _ffid
-from ._options import Array, ArrayLike, Path, Progress, core_of, words
-from .errors import Interrupted, Problem, problems_of, warn
-
-if TYPE_CHECKING:
-    from .mission import Mission
+from ._mission_like import MissionLike
+from ._options import Array, ArrayLike, Path, core_of
+from .errors import Problem, problems_of, warn
 
 
 class Motion:
     """A joint motion of a robot."""
 
     _core: _ffid.Motion
-    _mission: Mission
+    _mission: MissionLike
 
-    def __init__(self, core: _ffid.Motion, mission: Mission) -> None:
+    def __init__(self, core: _ffid.Motion, mission: MissionLike) -> None:
         self._core = core
         self._mission = mission
         warn(core.warnings(), stacklevel=4)
 
     @classmethod
-    def load(cls, path: Path, mission: Mission) -> Motion:
+    def load(cls, path: Path, mission: MissionLike) -> Motion:
         """Reads ``trajectory.json`` of ``ffid excite``, or ``.csv``.
 
         Args:
@@ -41,7 +39,7 @@ class Motion:
     @classmethod
     def from_arrays(
         cls,
-        mission: Mission,
+        mission: MissionLike,
         *,
         t: ArrayLike,
         q: ArrayLike,
@@ -61,7 +59,7 @@ class Motion:
 
     @classmethod
     def from_function(
-        cls, mission: Mission, f: Callable[[float], ArrayLike], duration: float, *, rate_hz: float = 200.0
+        cls, mission: MissionLike, f: Callable[[float], ArrayLike], duration: float, *, rate_hz: float = 200.0
     ) -> Motion:
         """Of a Python function, which is sampled once; a spline goes through the samples.
 
@@ -171,7 +169,7 @@ class Plan(Motion):
     verdict: Preflight
     trajectory: str
 
-    def __init__(self, mission: Mission, trajectory: str, plan: str, verdict: Preflight) -> None:
+    def __init__(self, mission: MissionLike, trajectory: str, plan: str, verdict: Preflight) -> None:
         super().__init__(_ffid.Motion.from_json(core_of(mission), trajectory), mission)
         self.raw = json.loads(plan)
         self.verdict = verdict
@@ -190,7 +188,7 @@ Trajectory = Union[Motion, Path, ArrayLike]
 """A motion, a plan, a file, or times beside positions."""
 
 
-def motion_of(mission: Mission, trajectory: Any, q: ArrayLike | None) -> _ffid.Motion:
+def motion_of(mission: MissionLike, trajectory: Any, q: ArrayLike | None) -> _ffid.Motion:
     """The motion that an argument means."""
     if isinstance(trajectory, Motion):
         return trajectory._core
@@ -199,92 +197,3 @@ def motion_of(mission: Mission, trajectory: Any, q: ArrayLike | None) -> _ffid.M
     if q is None:
         raise TypeError("give a motion, a plan, a file, or times and q")
     return Motion.from_arrays(mission, t=trajectory, q=q)._core
-
-
-def plan_excitation(
-    mission: Mission,
-    *,
-    goal: Literal["information", "modal", "quiet", "paper", "condition"] | None = None,
-    seed: int | None = None,
-    starts: int | None = None,
-    cost: Callable[[Plan], float] | None = None,
-    candidates: int | None = None,
-    allow: Sequence[str] = (),
-    strict: bool = False,
-    progress: Progress | None = None,
-) -> Plan:
-    """Plans the manoeuvre of ``[excite]`` within the limits of the mission.
-
-    Args:
-        mission: The mission.
-        goal: What to plan for, in place of ``excite.goal``.
-        seed: Seed, in place of ``excite.seed``.
-        starts: Local searches from random plans, in place of ``excite.starts``.
-        cost: Called with each of several plans, which are found for the goal with seeds ``seed``, ``seed + 1`` ..: the one of least cost is
-            returned. The search itself follows the goal; the cost chooses among what it finds.
-        candidates: How many plans the cost chooses from, 4 unless given.
-        allow: Errors that are to be warnings, by code.
-        strict: Whether warnings are errors.
-        progress: Called with stage, iteration and cost of the search.
-
-    Raises:
-        FfidError: When the mission is refused, or no plan keeps its limits.
-        Interrupted: At Ctrl-C, with the best plan so far.
-    """
-    if cost is None:
-        if candidates is not None:
-            raise ValueError("candidates are for a cost that chooses among them; give cost as well")
-        return _search(mission, goal, seed, starts, allow, strict, progress)
-    number = 4 if candidates is None else int(candidates)
-    if number < 1:
-        raise ValueError(f"candidates is {number}, limit >= 1")
-    first = 0 if seed is None else seed
-    best: tuple[float, Plan] | None = None
-    for k in range(number):
-        try:
-            plan = _search(mission, goal, first + k, starts, allow, strict, progress)
-        except Interrupted as e:
-            if best is not None:
-                e.plan = best[1]
-            raise
-        value = float(cost(plan))
-        if value != value:
-            raise ValueError(f"the cost of plan {k} is not a number")
-        if best is None or value < best[0]:
-            best = (value, plan)
-    assert best is not None
-    return best[1]
-
-
-def _search(
-    mission: Mission,
-    goal: str | None,
-    seed: int | None,
-    starts: int | None,
-    allow: Sequence[str],
-    strict: bool,
-    progress: Progress | None,
-) -> Plan:
-    options = words(goal=goal, seed=seed, starts=starts, allow=allow, strict=strict)
-    found, broken = _ffid.plan_excitation(core_of(mission), options, progress)
-    plan = None
-    if found is not None:
-        trajectory, how, verdict, text, faults = found
-        plan = Plan(mission, trajectory, how, Preflight(verdict, text, faults))
-    if isinstance(broken, KeyboardInterrupt):
-        raise Interrupted("planning was interrupted; plan holds the best so far", plan=plan) from broken
-    if broken is not None:
-        raise broken
-    assert plan is not None
-    return plan
-
-
-def preflight(mission: Mission, trajectory: Trajectory, q: ArrayLike | None = None) -> Preflight:
-    """Judges a motion before it is flown: what its record will tell, which limits it keeps.
-
-    Args:
-        mission: The mission.
-        trajectory: A motion, a plan, a file; or times ``(N,)`` (s), with ``q``.
-        q: Joint positions at these times ``(N, n)`` (rad or m).
-    """
-    return Preflight(*motion_of(mission, trajectory, q).preflight(core_of(mission)))

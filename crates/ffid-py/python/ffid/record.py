@@ -5,14 +5,12 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from . import _ffid
+from ._mission_like import MissionLike
 from ._options import Array, ArrayLike, Path, core_of, several, words, words_of
 from .errors import warn
-
-if TYPE_CHECKING:
-    from .mission import Mission
 
 
 class Record:
@@ -27,7 +25,7 @@ class Record:
     def read(
         cls,
         path: Path,
-        mission: Mission,
+        mission: MissionLike,
         *,
         resample: bool = False,
         gaps: Literal["refuse", "drop"] = "refuse",
@@ -64,7 +62,7 @@ class Record:
         return cls(core)
 
     @classmethod
-    def from_mcap(cls, path: Path, mission: Mission, *, topic: Sequence[str] = (), **options: Any) -> Record:
+    def from_mcap(cls, path: Path, mission: MissionLike, *, topic: Sequence[str] = (), **options: Any) -> Record:
         """Reads a ROS 2 bag in MCAP: ``sensor_msgs/JointState`` and ``sensor_msgs/Imu``.
 
         Args:
@@ -78,7 +76,7 @@ class Record:
     @classmethod
     def from_arrays(
         cls,
-        mission: Mission,
+        mission: MissionLike,
         *,
         t: ArrayLike,
         q: ArrayLike,
@@ -130,7 +128,7 @@ class Record:
         return cls(core)
 
     @classmethod
-    def from_pandas(cls, mission: Mission, frame: Any, *, name: str = "frame", **options: Any) -> Record:
+    def from_pandas(cls, mission: MissionLike, frame: Any, *, name: str = "frame", **options: Any) -> Record:
         """A record from a data frame of pandas with the columns of a CSV record: ``time`` (or the index), ``q.<joint>``, ``tau.<joint>``,
         ``gyro.x`` .. ``gyro.z``, and perhaps ``dq.``, ``ddq.``, ``acc.``, ``att.w`` ... It is read as a file of these columns would be: a name
         may end in a unit (``q.elbow[deg]``), SI unless it does; missing cells (NaN) of channels that were sampled more slowly are no samples.
@@ -148,7 +146,7 @@ class Record:
         return cls._from_columns(mission, columns, name, options)
 
     @classmethod
-    def from_polars(cls, mission: Mission, frame: Any, *, name: str = "frame", **options: Any) -> Record:
+    def from_polars(cls, mission: MissionLike, frame: Any, *, name: str = "frame", **options: Any) -> Record:
         """A record from a data frame of polars, which has a column ``time``; otherwise as :meth:`from_pandas`.
 
         Args:
@@ -160,7 +158,7 @@ class Record:
         return cls._from_columns(mission, {c: frame[c].to_numpy() for c in frame.columns}, name, options)
 
     @classmethod
-    def _from_columns(cls, mission: Mission, columns: Mapping[str, Any], name: str, options: Mapping[str, Any]) -> Record:
+    def _from_columns(cls, mission: MissionLike, columns: Mapping[str, Any], name: str, options: Mapping[str, Any]) -> Record:
         import numpy as np
 
         named: dict[str, Any] = {}

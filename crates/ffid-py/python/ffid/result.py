@@ -8,7 +8,7 @@ import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from . import _ffid
 from ._options import Array, ArrayLike, Path, Progress, words_of
@@ -16,13 +16,11 @@ from .diagnosis import read_all
 from .draws import Draws
 from .errors import Problem, problems_of, warn, warn_of
 from .mission import Mission
+from .motion import Motion, Plan
 from .page import Page
 from .record import Record
 from .table import rows
 from .validation import Validation
-
-if TYPE_CHECKING:
-    from .motion import Motion, Plan
 
 
 def _estimate(p: dict[str, Any]) -> dict[str, Any]:

@@ -5,13 +5,11 @@
 //! (a random walk) is said where they are put together: [`crate::compose::SharedErrors::combine`].
 
 use crate::belief::covariance::Unknown;
-use crate::compose::tied_rows::{Made, TiedColumns, TiedRows};
-use crate::estimate::estimator::{Coarse, Estimator};
-use crate::estimate::row_stream::{RowBlock, RowStream};
+use crate::compose::substituted::{Substituted, Substitution};
+use crate::estimate::along::Direction;
+use crate::estimate::estimator::Estimator;
 use ff_least_squares::EvalError;
 use ff_model::{ParamDecl, ParamGroup};
-use nalgebra::DMatrix;
-use std::sync::Arc;
 
 /// Before the name of a parameter, that of its change in a record.
 const CHANGE: &str = "change.";
@@ -48,8 +46,11 @@ const CHANGE: &str = "change.";
 /// assert!(later.residuals(&[8.0], &[-9.0], &mut r).is_err());
 /// # Ok::<(), EvalError>(())
 /// ```
-pub struct Changed<'a> {
-    inner: Box<dyn Estimator + 'a>,
+pub type Changed<'a> = Substituted<Box<dyn Estimator + 'a>, Changes>;
+
+/// Parameters that are others in a record by nuisance unknowns of its own: `p_i + e_i` for `p_i`.
+#[derive(Clone, Debug)]
+pub struct Changes {
     /// Parameters that change, each with its name, unit and whether it is positive.
     of: Vec<(usize, Unknown, bool)>,
 }
@@ -66,17 +67,23 @@ impl<'a> Changed<'a> {
             let positive = d.group == ParamGroup::Positive || d.unit == "kg";
             (i, Unknown { name: Self::name(&d.name), unit: d.unit.to_owned(), size }, positive)
         };
-        Self { inner, of: changes.iter().map(one).collect() }
+        Self { inner, by: Changes { of: changes.iter().map(one).collect() } }
     }
     /// Name of the unknown that is the change of a parameter.
     pub fn name(parameter: &str) -> String {
         format!("{CHANGE}{parameter}")
     }
-    fn around<'b>(&self, inner: Box<dyn Estimator + 'b>) -> Changed<'b> {
-        Changed { inner, of: self.of.clone() }
+}
+
+impl Substitution for Changes {
+    fn nuisance(&self, mut inner: Vec<Unknown>) -> Vec<Unknown> {
+        inner.extend(self.of.iter().map(|c| c.1.clone()));
+        inner
     }
-    /// The parameters of this record, and the nuisance values of the inner estimator.
-    fn of_record<'e>(&self, full: &[f64], extra: &'e [f64]) -> Result<(Vec<f64>, &'e [f64]), EvalError> {
+    fn parameters(&self, full: &[f64]) -> Result<Vec<f64>, EvalError> {
+        Ok(full.to_vec())
+    }
+    fn values(&self, full: &[f64], extra: &[f64]) -> Result<(Vec<f64>, Vec<f64>), EvalError> {
         let (own, changes) = extra.split_at(extra.len() - self.of.len());
         let mut full = full.to_vec();
         for ((i, unknown, positive), by) in self.of.iter().zip(changes) {
@@ -86,68 +93,10 @@ impl<'a> Changed<'a> {
                 return Err(EvalError::Rejected(format!("{name} is not positive here")));
             }
         }
-        Ok((full, own))
+        Ok((full, own.to_vec()))
     }
-    fn columns(&self, selected: &[usize], own: usize) -> TiedColumns {
-        let mut wanted: Vec<usize> = selected.iter().copied().chain(self.of.iter().map(|c| c.0)).collect();
-        wanted.sort_unstable();
-        wanted.dedup();
-        let at = |i: usize| Made::Free(wanted.binary_search(&i).unwrap_or_default());
-        let mut made: Vec<Made> = selected.iter().map(|&i| at(i)).collect();
-        made.extend((0..own).map(|k| Made::Free(wanted.len() + k)));
-        made.extend(self.of.iter().map(|c| at(c.0)));
-        TiedColumns { wanted, made, extras: 0 }
-    }
-}
-
-impl Estimator for Changed<'_> {
-    fn rows(&self) -> usize {
-        self.inner.rows()
-    }
-    fn nuisance(&self) -> Vec<Unknown> {
-        let mut all = self.inner.nuisance();
-        all.extend(self.of.iter().map(|c| c.1.clone()));
-        all
-    }
-    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        let thin = self.inner.coarse(full)?;
-        Some(Coarse { estimator: Box::new(self.around(thin.estimator)), ..thin })
-    }
-    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
-        let begun = self.inner.beginning(share)?;
-        Some(Coarse { estimator: Box::new(self.around(begun.estimator)), ..begun })
-    }
-    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-        let (full, own) = self.of_record(full, extra)?;
-        self.inner.residuals(&full, own, r)
-    }
-    fn jacobian(
-        &mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-        r: &mut [f64],
-        j: &mut DMatrix<f64>,
-    ) -> Result<(), EvalError> {
-        let (full, own) = self.of_record(full, extra)?;
-        let columns = self.columns(selected, own.len());
-        let mut all = DMatrix::zeros(r.len(), columns.wanted.len() + own.len());
-        self.inner.jacobian(&full, own, &columns.wanted, r, &mut all)?;
-        columns.gather(&all, j);
-        Ok(())
-    }
-    fn streams<'s>(
-        &'s mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
-        let (full, own) = self.of_record(full, extra)?;
-        let columns = Arc::new(self.columns(selected, own.len()));
-        let inner = self.inner.streams(&full, own, &columns.wanted)?;
-        let changed = |inner| -> Box<dyn RowStream + 's> {
-            Box::new(TiedRows { inner, columns: Arc::clone(&columns), buffer: RowBlock::default() })
-        };
-        Ok(inner.into_iter().map(changed).collect())
+    fn slopes(&self, full: &[f64], extra: &[f64]) -> Result<Vec<Direction>, EvalError> {
+        let own = full.len() + extra.len() - self.of.len();
+        Ok((0..own).chain(self.of.iter().map(|c| c.0)).map(Direction::of).collect())
     }
 }

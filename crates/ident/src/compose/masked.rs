@@ -1,6 +1,7 @@
 //! An estimator with weights on its samples.
 
 use crate::belief::covariance::Unknown;
+use crate::estimate::along::Direction;
 use crate::estimate::estimator::{Coarse, Estimator};
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use ff_least_squares::EvalError;
@@ -61,10 +62,8 @@ impl<E: Estimator> Estimator for Masked<E> {
         r: &mut [f64],
         j: &mut DMatrix<f64>,
     ) -> Result<(), EvalError> {
-        self.inner.jacobian(full, extra, selected, r, j)?;
-        weigh(r, &self.roots);
-        j.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &self.roots));
-        Ok(())
+        let along = Direction::of_columns(selected, full.len(), extra.len());
+        self.jacobian_along(full, extra, &along, r, j)
     }
     fn streams<'s>(
         &'s mut self,
@@ -72,9 +71,31 @@ impl<E: Estimator> Estimator for Masked<E> {
         extra: &[f64],
         selected: &[usize],
     ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        let along = Direction::of_columns(selected, full.len(), extra.len());
+        self.streams_along(full, extra, &along)
+    }
+    fn jacobian_along(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        along: &[Direction],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        self.inner.jacobian_along(full, extra, along, r, j)?;
+        weigh(r, &self.roots);
+        j.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &self.roots));
+        Ok(())
+    }
+    fn streams_along<'s>(
+        &'s mut self,
+        full: &[f64],
+        extra: &[f64],
+        along: &[Direction],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
         let Self { inner, roots } = self;
         let weighed = |inner| -> Box<dyn RowStream + 's> { Box::new(Weighed { inner, roots }) };
-        Ok(inner.streams(full, extra, selected)?.into_iter().map(weighed).collect())
+        Ok(inner.streams_along(full, extra, along)?.into_iter().map(weighed).collect())
     }
 }
 

@@ -6,6 +6,7 @@
 //! residuals are those of all records below one another.
 
 use crate::belief::covariance::Unknown;
+use crate::estimate::along::Direction;
 use crate::estimate::estimator::{Coarse, Estimator};
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use core::ops::Range;
@@ -141,10 +142,28 @@ impl Shared {
         }
         Ok(out)
     }
-    /// Selected parameters of record `k`: index among its own, which ascends, and column, which need not. Allocates.
-    fn columns(&self, k: usize, selected: &[usize]) -> Vec<(usize, usize)> {
-        let column = |all: &usize| selected.iter().position(|s| s == all);
-        self.maps[k].iter().enumerate().filter_map(|(i, all)| column(all).map(|c| (i, c))).collect()
+    /// Directions of record `k`, over its parameters and its nuisance unknowns `own` of all, and which of the columns `along` directions
+    /// over all they are. Directions that the record does not depend on are left out. Allocates.
+    fn along(&self, k: usize, along: &[Direction], own: Range<usize>) -> (Vec<Direction>, Vec<usize>) {
+        let map = &self.maps[k];
+        // A parameter of the list may stand for several of the record.
+        let of_record = |all: usize| -> Vec<usize> {
+            if all < self.decls.len() {
+                return (0..map.len()).filter(|&i| map[i] == all).collect();
+            }
+            let nuisance = all - self.decls.len();
+            if own.contains(&nuisance) { vec![map.len() + nuisance - own.start] } else { Vec::new() }
+        };
+        let mut out = (Vec::new(), Vec::new());
+        for (column, d) in along.iter().enumerate() {
+            let parts: Vec<(usize, f64)> =
+                d.0.iter().flat_map(|&(all, by)| of_record(all).into_iter().map(move |i| (i, by))).collect();
+            if !parts.is_empty() {
+                out.0.push(Direction(parts));
+                out.1.push(column);
+            }
+        }
+        out
     }
     /// The values of record `k` out of those of all. Allocates.
     ///
@@ -283,40 +302,56 @@ impl Estimator for Several<'_> {
         r: &mut [f64],
         j: &mut DMatrix<f64>,
     ) -> Result<(), EvalError> {
-        j.fill(0.0);
-        let (mut row, mut at) = (0, 0);
-        for (k, part) in self.parts.iter_mut().enumerate() {
-            let (rows, count) = (part.rows(), part.nuisance().len());
-            let own = self.shared.of_record(k, full);
-            let columns = self.shared.columns(k, selected);
-            let mine: Vec<usize> = columns.iter().map(|c| c.0).collect();
-            let mut block = DMatrix::zeros(rows, mine.len() + count);
-            part.jacobian(&own, &extra[at..at + count], &mine, &mut r[row..row + rows], &mut block)?;
-            for (b, (_, c)) in columns.iter().enumerate() {
-                j.view_mut((row, *c), (rows, 1)).copy_from(&block.column(b));
-            }
-            let first = selected.len() + at;
-            j.view_mut((row, first), (rows, count)).copy_from(&block.columns(mine.len(), count));
-            (row, at) = (row + rows, at + count);
-        }
-        Ok(())
+        let along = Direction::of_columns(selected, full.len(), extra.len());
+        self.jacobian_along(full, extra, &along, r, j)
     }
-    /// Those of all records, side by side.
     fn streams<'s>(
         &'s mut self,
         full: &[f64],
         extra: &[f64],
         selected: &[usize],
     ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        let along = Direction::of_columns(selected, full.len(), extra.len());
+        self.streams_along(full, extra, &along)
+    }
+    fn jacobian_along(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        along: &[Direction],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        j.fill(0.0);
+        let (mut row, mut at) = (0, 0);
+        for (k, part) in self.parts.iter_mut().enumerate() {
+            let (rows, count) = (part.rows(), part.nuisance().len());
+            let own = self.shared.of_record(k, full);
+            let (mine, to) = self.shared.along(k, along, at..at + count);
+            let mut block = DMatrix::zeros(rows, mine.len());
+            part.jacobian_along(&own, &extra[at..at + count], &mine, &mut r[row..row + rows], &mut block)?;
+            for (from, &to) in to.iter().enumerate() {
+                j.view_mut((row, to), (rows, 1)).copy_from(&block.column(from));
+            }
+            (row, at) = (row + rows, at + count);
+        }
+        Ok(())
+    }
+    /// Those of all records, side by side.
+    fn streams_along<'s>(
+        &'s mut self,
+        full: &[f64],
+        extra: &[f64],
+        along: &[Direction],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
         let (mut out, mut row, mut at) = (Vec::<Box<dyn RowStream + 's>>::new(), 0, 0);
         for (k, part) in self.parts.iter_mut().enumerate() {
             let (rows, count) = (part.rows(), part.nuisance().len());
             let own = self.shared.of_record(k, full);
-            let (mine, mut to): (Vec<usize>, Vec<usize>) = self.shared.columns(k, selected).into_iter().unzip();
-            to.extend(selected.len() + at..selected.len() + at + count);
-            for inner in part.streams(&own, &extra[at..at + count], &mine)? {
+            let (mine, to) = self.shared.along(k, along, at..at + count);
+            for inner in part.streams_along(&own, &extra[at..at + count], &mine)? {
                 let (to, buffer) = (to.clone(), RowBlock::default());
-                out.push(Box::new(OfRecord { inner, row, to, columns: selected.len() + extra.len(), buffer }));
+                out.push(Box::new(OfRecord { inner, row, to, columns: along.len(), buffer }));
             }
             (row, at) = (row + rows, at + count);
         }

@@ -9,12 +9,10 @@
 
 use crate::belief::covariance::Unknown;
 use crate::compose::several::is_called;
-use crate::compose::tied_rows::{Made, TiedColumns, TiedRows};
-use crate::estimate::estimator::{Coarse, Estimator};
-use crate::estimate::row_stream::{RowBlock, RowStream};
+use crate::compose::substituted::{Substituted, Substitution};
+use crate::estimate::along::Direction;
+use crate::estimate::estimator::Estimator;
 use ff_least_squares::EvalError;
-use nalgebra::DMatrix;
-use std::sync::Arc;
 
 /// An estimator whose parameter vector goes on, behind that of the model, with errors that its records share.
 ///
@@ -48,8 +46,11 @@ use std::sync::Arc;
 /// assert_eq!(j.column(1).as_slice(), [2.5, 2.5]);
 /// # Ok::<(), EvalError>(())
 /// ```
-pub struct SharedErrors<'a> {
-    inner: Box<dyn Estimator + 'a>,
+pub type SharedErrors<'a> = Substituted<Box<dyn Estimator + 'a>, CommonErrors>;
+
+/// Nuisance unknowns that are made of parameters behind those of the model.
+#[derive(Clone, Debug)]
+pub struct CommonErrors {
     /// Parameters of the model.
     parameters: usize,
     /// Nuisance unknowns that each shared error stands for, each with its value per unit of the error, and those that are left, by their
@@ -71,7 +72,7 @@ impl<'a> SharedErrors<'a> {
                 None => kept.push(k),
             }
         }
-        Self { inner, parameters, of, kept }
+        Self { inner, by: CommonErrors { parameters, of, kept } }
     }
     /// With nuisance unknowns of the inner estimator, called by their full names, that are made of errors: error `i` (its place in the list
     /// of [`SharedErrors::new`]) adds so much per unit to each of `made`. Several errors may have a part in one: the change of a
@@ -84,90 +85,34 @@ impl<'a> SharedErrors<'a> {
         let all = self.inner.nuisance();
         for (name, by) in made {
             if let Some(k) = all.iter().position(|u| u.name == *name) {
-                self.of[i].push((k, *by));
-                self.kept.retain(|kept| *kept != k);
+                self.by.of[i].push((k, *by));
+                self.by.kept.retain(|kept| *kept != k);
             }
         }
         self
     }
-    fn around<'b>(&self, inner: Box<dyn Estimator + 'b>) -> SharedErrors<'b> {
-        SharedErrors { inner, parameters: self.parameters, of: self.of.clone(), kept: self.kept.clone() }
+}
+
+impl Substitution for CommonErrors {
+    fn nuisance(&self, inner: Vec<Unknown>) -> Vec<Unknown> {
+        self.kept.iter().map(|&k| inner[k].clone()).collect()
     }
-    /// Nuisance values of the inner estimator.
-    fn inner_extra(&self, full: &[f64], extra: &[f64]) -> Vec<f64> {
+    fn parameters(&self, full: &[f64]) -> Result<Vec<f64>, EvalError> {
+        Ok(full[..self.parameters].to_vec())
+    }
+    fn values(&self, full: &[f64], extra: &[f64]) -> Result<(Vec<f64>, Vec<f64>), EvalError> {
         let made = self.of.iter().flatten().map(|o| o.0).chain(self.kept.iter().copied());
         let mut out = vec![0.0; made.max().map_or(0, |last| last + 1)];
         self.kept.iter().zip(extra).for_each(|(&k, x)| out[k] = *x);
         for (all, x) in self.of.iter().zip(&full[self.parameters..]) {
             all.iter().for_each(|&(k, by)| out[k] += by * x);
         }
-        out
+        Ok((full[..self.parameters].to_vec(), out))
     }
-    fn columns(&self, selected: &[usize]) -> TiedColumns {
-        let wanted: Vec<usize> = selected.iter().copied().filter(|&i| i < self.parameters).collect();
-        let first = wanted.len();
-        let mut made: Vec<Made> = Vec::with_capacity(selected.len() + self.kept.len());
-        let mut next = 0;
-        for &i in selected {
-            if i < self.parameters {
-                made.push(Made::Free(next));
-                next += 1;
-            } else {
-                made.push(Made::Tied(self.of[i - self.parameters].iter().map(|&(k, by)| (first + k, by)).collect()));
-            }
-        }
-        made.extend(self.kept.iter().map(|k| Made::Free(first + k)));
-        TiedColumns { wanted, made, extras: 0 }
-    }
-}
-
-impl Estimator for SharedErrors<'_> {
-    fn rows(&self) -> usize {
-        self.inner.rows()
-    }
-    fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        let thin = self.inner.coarse(&full[..self.parameters])?;
-        Some(Coarse { estimator: Box::new(self.around(thin.estimator)), ..thin })
-    }
-    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
-        let begun = self.inner.beginning(share)?;
-        Some(Coarse { estimator: Box::new(self.around(begun.estimator)), ..begun })
-    }
-    fn nuisance(&self) -> Vec<Unknown> {
-        let all = self.inner.nuisance();
-        self.kept.iter().map(|&k| all[k].clone()).collect()
-    }
-    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-        let extra = self.inner_extra(full, extra);
-        self.inner.residuals(&full[..self.parameters], &extra, r)
-    }
-    fn jacobian(
-        &mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-        r: &mut [f64],
-        j: &mut DMatrix<f64>,
-    ) -> Result<(), EvalError> {
-        let extra = self.inner_extra(full, extra);
-        let columns = self.columns(selected);
-        let mut all = DMatrix::zeros(r.len(), columns.wanted.len() + extra.len());
-        self.inner.jacobian(&full[..self.parameters], &extra, &columns.wanted, r, &mut all)?;
-        columns.gather(&all, j);
-        Ok(())
-    }
-    fn streams<'s>(
-        &'s mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
-        let extra = self.inner_extra(full, extra);
-        let columns = Arc::new(self.columns(selected));
-        let inner = self.inner.streams(&full[..self.parameters], &extra, &columns.wanted)?;
-        let shared = |inner| -> Box<dyn RowStream + 's> {
-            Box::new(TiedRows { inner, columns: Arc::clone(&columns), buffer: RowBlock::default() })
-        };
-        Ok(inner.into_iter().map(shared).collect())
+    fn slopes(&self, _full: &[f64], _extra: &[f64]) -> Result<Vec<Direction>, EvalError> {
+        let behind = |&(k, by): &(usize, f64)| (self.parameters + k, by);
+        let errors = self.of.iter().map(|made| Direction(made.iter().map(behind).collect()));
+        let kept = self.kept.iter().map(|k| Direction::of(self.parameters + k));
+        Ok((0..self.parameters).map(Direction::of).chain(errors).chain(kept).collect())
     }
 }

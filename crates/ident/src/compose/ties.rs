@@ -7,10 +7,9 @@
 //!
 //! [`Affine`] covers shared values, values equal up to a factor, and `p = p0 + B u`; other maps implement [`Tie`].
 
-use crate::belief::covariance::Unknown;
-use crate::compose::tied_rows::{Made, TiedColumns, TiedRows};
-use crate::estimate::estimator::{Coarse, Estimator};
-use crate::estimate::row_stream::{RowBlock, RowStream};
+use crate::compose::substituted::{Substituted, Substitution};
+use crate::estimate::along::Direction;
+use crate::estimate::estimator::Estimator;
 use ff_least_squares::EvalError;
 use ff_linalg as linalg;
 use ff_linalg::LinalgError;
@@ -430,121 +429,56 @@ impl TieMap {
 /// assert!((fit.values[density] - 1.0).abs() < 1e-3);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub struct Tied<E> {
-    /// The estimator over the full one.
-    pub inner: E,
+pub type Tied<E> = Substituted<E, Ties>;
+
+/// Parameters that are functions of the shorter vector.
+#[derive(Clone)]
+pub struct Ties {
     map: Arc<TieMap>,
     checked: bool,
-    buffer: DMatrix<f64>,
 }
 
 impl<E: Estimator> Tied<E> {
     /// Puts the map before an estimator.
     pub fn new(inner: E, map: impl Into<Arc<TieMap>>) -> Self {
-        Self { inner, map: map.into(), checked: true, buffer: DMatrix::zeros(0, 0) }
+        Self { inner, by: Ties { map: map.into(), checked: true } }
     }
     /// Lets the fit pass through values that no body has on its way. Where ties leave a body little room (its other numbers
     /// known), the way from a start inside to an answer inside may lead outside, and a fit that is kept in stalls at the
     /// boundary. Ask [`TieMap::inconsistent`] about the answer.
     #[must_use]
     pub fn unchecked(mut self) -> Self {
-        self.checked = false;
+        self.by.checked = false;
         self
     }
     /// The map: its declarations are those to select from, and to give to [`crate::estimate::request::Request`].
     pub fn map(&self) -> &TieMap {
-        &self.map
+        &self.by.map
     }
-    fn full(&self, short: &[f64]) -> Result<Vec<f64>, EvalError> {
+}
+
+impl Substitution for Ties {
+    fn parameters(&self, short: &[f64]) -> Result<Vec<f64>, EvalError> {
         let full = self.map.expand(short)?;
         match self.map.inconsistent(&full).filter(|_| self.checked) {
             Some(name) => Err(EvalError::Rejected(format!("{name} is not physical here"))),
             None => Ok(full),
         }
     }
-}
-
-impl<E: Estimator> Estimator for Tied<E> {
-    fn rows(&self) -> usize {
-        self.inner.rows()
+    fn values(&self, short: &[f64], extra: &[f64]) -> Result<(Vec<f64>, Vec<f64>), EvalError> {
+        Ok((self.parameters(short)?, extra.to_vec()))
     }
-    fn coarse(&self, short: &[f64]) -> Option<Coarse<'_>> {
-        let thin = self.inner.coarse(&self.full(short).ok()?)?;
-        let tied = Tied { checked: self.checked, ..Tied::new(thin.estimator, Arc::clone(&self.map)) };
-        Some(Coarse { estimator: Box::new(tied), ..thin })
-    }
-    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
-        let begun = self.inner.beginning(share)?;
-        let tied = Tied { checked: self.checked, ..Tied::new(begun.estimator, Arc::clone(&self.map)) };
-        Some(Coarse { estimator: Box::new(tied), ..begun })
-    }
-    fn nuisance(&self) -> Vec<Unknown> {
-        self.inner.nuisance()
-    }
-    fn residuals(&mut self, short: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-        let full = self.full(short)?;
-        self.inner.residuals(&full, extra, r)
-    }
-    fn jacobian(
-        &mut self,
-        short: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-        r: &mut [f64],
-        j: &mut DMatrix<f64>,
-    ) -> Result<(), EvalError> {
-        let full = self.full(short)?;
-        let columns = self.map.columns(short, selected, j.ncols() - selected.len())?;
-        self.buffer.resize_mut(r.len(), columns.inner(), 0.0);
-        self.inner.jacobian(&full, extra, &columns.wanted, r, &mut self.buffer)?;
-        columns.gather(&self.buffer, j);
-        Ok(())
-    }
-    fn streams<'s>(
-        &'s mut self,
-        short: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
-        let full = self.full(short)?;
-        let columns = self.map.columns(short, selected, extra.len())?;
-        let inner = self.inner.streams(&full, extra, &columns.wanted)?;
-        let columns = Arc::new(columns);
-        let tied = |inner| -> Box<dyn RowStream + 's> {
-            Box::new(TiedRows { inner, columns: Arc::clone(&columns), buffer: RowBlock::default() })
-        };
-        Ok(inner.into_iter().map(tied).collect())
-    }
-}
-
-impl TieMap {
-    fn columns(&self, short: &[f64], selected: &[usize], extras: usize) -> Result<TiedColumns, EvalError> {
-        let mut wanted: Vec<usize> = selected.iter().filter_map(|&s| self.free.get(s).copied()).collect();
-        let touched = |p: &&Placed| selected.iter().any(|&s| s >= p.at && s < p.at + p.tie.unknowns().len());
-        let ties: Vec<&Placed> = self.ties.iter().filter(touched).collect();
-        ties.iter().for_each(|p| wanted.extend(p.tie.parameters()));
-        wanted.sort_unstable();
-        let from = |i: usize| wanted.binary_search(&i).map_err(|_| EvalError::Rejected("tie without column".into()));
-        let mut made = Vec::with_capacity(selected.len());
-        for &s in selected {
-            made.push(match self.free.get(s) {
-                Some(&i) => Made::Free(from(i)?),
-                None => Made::Tied(Vec::new()),
-            });
-        }
-        for p in ties {
+    fn slopes(&self, short: &[f64], extra: &[f64]) -> Result<Vec<Direction>, EvalError> {
+        let mut out: Vec<Direction> = self.map.free.iter().map(|&i| Direction::of(i)).collect();
+        for p in &self.map.ties {
             let d = p.derivative(short)?;
-            for (made, &s) in made.iter_mut().zip(selected).filter(|(_, s)| **s >= p.at && **s < p.at + d.ncols()) {
-                if let Made::Tied(parts) = made {
-                    for (row, &i) in p.tie.parameters().iter().enumerate() {
-                        let slope = d[(row, s - p.at)];
-                        if slope != 0.0 {
-                            parts.push((from(i)?, slope));
-                        }
-                    }
-                }
+            for column in d.column_iter() {
+                let parts = p.tie.parameters().iter().zip(&column).filter(|(_, slope)| **slope != 0.0);
+                out.push(Direction(parts.map(|(&i, &slope)| (i, slope)).collect()));
             }
         }
-        Ok(TiedColumns { wanted, made, extras })
+        let full = self.map.full.len();
+        out.extend((full..full + extra.len()).map(Direction::of));
+        Ok(out)
     }
 }

@@ -4,6 +4,7 @@
 //! [`crate::estimate()`] is the fit that they share.
 
 use crate::belief::covariance::Unknown;
+use crate::estimate::along::{Direction, Sums};
 use crate::estimate::row_stream::{RowBlock, RowStream, Whole};
 use ff_least_squares::EvalError;
 use nalgebra::DMatrix;
@@ -88,6 +89,38 @@ pub trait Estimator {
         self.jacobian(full, extra, selected, &mut all.residuals, &mut all.jacobian)?;
         Ok(vec![Box::new(Whole(Some(all)))])
     }
+    /// As [`Estimator::jacobian`], with columns along the directions `along`. Unless overridden, sums of columns along single unknowns.
+    ///
+    /// # Errors
+    /// [`EvalError`].
+    fn jacobian_along(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        along: &[Direction],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        let sums = Sums::new(full.len(), along);
+        let mut all = DMatrix::zeros(r.len(), sums.wanted.len() + extra.len());
+        self.jacobian(full, extra, &sums.wanted, r, &mut all)?;
+        sums.gather(&all, j);
+        Ok(())
+    }
+    /// As [`Estimator::streams`], with columns along the directions `along`.
+    ///
+    /// # Errors
+    /// [`EvalError`].
+    fn streams_along<'s>(
+        &'s mut self,
+        full: &[f64],
+        extra: &[f64],
+        along: &[Direction],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        let sums = Sums::new(full.len(), along);
+        let inner = self.streams(full, extra, &sums.wanted)?;
+        Ok(sums.over(inner))
+    }
     /// The same over so much less data that it takes a fraction of the time, if there is enough of it: [`crate::estimate()`] takes the way
     /// there and does the last steps with all of it. `full` is about where it will be used. `None` unless overridden.
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
@@ -132,6 +165,24 @@ macro_rules! pointer {
                 selected: &[usize],
             ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
                 (**self).streams(full, extra, selected)
+            }
+            fn jacobian_along(
+                &mut self,
+                full: &[f64],
+                extra: &[f64],
+                along: &[Direction],
+                r: &mut [f64],
+                j: &mut DMatrix<f64>,
+            ) -> Result<(), EvalError> {
+                (**self).jacobian_along(full, extra, along, r, j)
+            }
+            fn streams_along<'s>(
+                &'s mut self,
+                full: &[f64],
+                extra: &[f64],
+                along: &[Direction],
+            ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+                (**self).streams_along(full, extra, along)
             }
             fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
                 (**self).coarse(full)

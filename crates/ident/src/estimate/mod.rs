@@ -1,5 +1,6 @@
 //! The fit, and the predictions of a record behind it.
 
+pub(crate) mod along;
 mod approach;
 pub(crate) mod complete;
 pub(crate) mod delay;
@@ -22,6 +23,7 @@ pub(crate) mod row_stream;
 pub(crate) mod sensor_errors;
 pub(crate) mod setup;
 
+pub use along::Direction;
 pub use complete::{Complete, CompleteOptions};
 pub use estimation::{attempt, estimate};
 pub use estimator::{Coarse, Estimator};

@@ -6,6 +6,7 @@
 //! The Jacobian comes from the sensitivities integrated beside the states, exact for the discrete solution.
 
 use crate::belief::covariance::Unknown;
+use crate::estimate::along::{Direction, Straight, Sums};
 use crate::estimate::estimator::{Coarse, Estimator};
 use crate::estimate::output_options::Options;
 use crate::estimate::output_rows::{OutputRows, Window};
@@ -362,9 +363,37 @@ impl Estimator for OutputError<'_> {
         r: &mut [f64],
         j: &mut DMatrix<f64>,
     ) -> Result<(), EvalError> {
-        if self.tables.by_spans(&self.rows.wanted(selected)) {
+        let along = Direction::of_columns(selected, full.len(), extra.len());
+        self.jacobian_along(full, extra, &along, r, j)
+    }
+    fn streams<'s>(
+        &'s mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        let along = Direction::of_columns(selected, full.len(), extra.len());
+        self.streams_along(full, extra, &along)
+    }
+    fn jacobian_along(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        along: &[Direction],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        let Some(straight) = Straight::new(full.len(), extra.len(), along) else {
+            let (sums, every) = Sums::every(full.len(), extra.len(), along);
+            let mut all = DMatrix::zeros(r.len(), every.len());
+            self.jacobian_along(full, extra, &every, r, &mut all)?;
+            sums.gather(&all, j);
+            return Ok(());
+        };
+        let wanted = self.rows.wanted(&straight);
+        if self.tables.by_spans(&wanted) {
             let mut block = RowBlock::default();
-            for mut stream in self.streams(full, extra, selected)? {
+            for mut stream in self.streams_along(full, extra, along)? {
                 while stream.next(&mut block)? {
                     for (at, from) in block.places() {
                         let (start, count) = (at.start, at.len());
@@ -378,25 +407,28 @@ impl Estimator for OutputError<'_> {
         let (rows, tables) = (&self.rows, &mut self.tables);
         let params = Params::from_values(rows.model, full.to_vec());
         let (z0, by) = (rows.start(&params, extra), rows.operators(extra)?);
-        let wanted = rows.wanted(selected);
         let table = tables.get(rows.model, &params, &rows.placed(extra), &wanted);
         let (y, d) = sensitivities(rows.model, &params, table, &z0, &wanted).map_err(failed)?;
         let (window, all) = (Window::new(0, y, Some(d)), rows.readings());
         rows.residuals(&window, &by, extra, &all, r);
-        rows.jacobian(&window, (&by, extra), selected.len(), &all, j);
+        rows.jacobian(&window, (&by, extra), &straight, &all, j);
         Ok(())
     }
-    fn streams<'s>(
+    fn streams_along<'s>(
         &'s mut self,
         full: &[f64],
         extra: &[f64],
-        selected: &[usize],
+        along: &[Direction],
     ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+        let Some(straight) = Straight::new(full.len(), extra.len(), along) else {
+            let (sums, every) = Sums::every(full.len(), extra.len(), along);
+            return Ok(sums.over(self.streams_along(full, extra, &every)?));
+        };
         let (rows, tables) = (&self.rows, &mut self.tables);
         let params = Params::from_values(rows.model, full.to_vec());
-        let (z0, by, wanted) = (rows.start(&params, extra), rows.operators(extra)?, rows.wanted(selected));
+        let (z0, by, wanted) = (rows.start(&params, extra), rows.operators(extra)?, rows.wanted(&straight));
         let carried = Carried::start(rows.model, &z0, &wanted);
         let spans = Spans::new(rows, tables, (params, rows.placed(extra)), wanted, by, SPAN);
-        Ok(vec![Box::new(SpanRows { spans, carried, extra: extra.to_vec() })])
+        Ok(vec![Box::new(SpanRows { spans, carried, extra: extra.to_vec(), along: straight })])
     }
 }

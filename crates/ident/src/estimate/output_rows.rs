@@ -4,6 +4,7 @@
 //! of its own, all torque samples come before all gyro samples.
 
 use crate::belief::covariance::Unknown;
+use crate::estimate::along::Straight;
 use crate::estimate::delay::OutputOperator;
 use crate::estimate::output_options::Options;
 use crate::estimate::row_stream::RowBlock;
@@ -269,10 +270,11 @@ impl<'a> OutputRows<'a> {
         Displaced { kinematics, sizes: self.disturbed(extra).to_vec() }
     }
     /// What is differentiated with respect to.
-    pub(crate) fn wanted(&self, selected: &[usize]) -> Wanted {
+    pub(crate) fn wanted(&self, along: &Straight) -> Wanted {
         let (kinematics, initial) = (self.kinematics.clone(), self.initial.clone());
         let disturbances = (0..self.disturbing.len() + self.draws).collect();
-        Wanted { params: selected.to_vec(), kinematics, disturbances, initial, ..Wanted::default() }
+        let (params, combined) = (along.params.clone(), along.combined.clone());
+        Wanted { params, combined, kinematics, disturbances, initial, ..Wanted::default() }
     }
     /// How readings are taken, with the delays that are estimated.
     pub(crate) fn operators(&self, extra: &[f64]) -> Result<Operators, EvalError> {
@@ -350,16 +352,16 @@ impl<'a> OutputRows<'a> {
     fn inverse(&self) -> [f64; 2] {
         [1.0 / self.options.noise.torque, 1.0 / self.options.noise.gyro]
     }
-    /// Derivatives of the rows of the readings `of`: columns of `selected` parameters come first, then nuisance.
+    /// Derivatives of the rows of the readings `of` along directions.
     pub(crate) fn jacobian(
         &self,
         w: &Window,
         by: (&Operators, &[f64]),
-        selected: usize,
+        along: &Straight,
         of: &Readings,
         j: &mut DMatrix<f64>,
     ) {
-        self.columns(w, by, selected, of, j);
+        self.columns(w, by, along, of, j);
         self.weigh(of, |row, weight| j.row_mut(row).scale_mut(weight));
     }
     /// [`OutputRows::jacobian`] of readings that all count alike.
@@ -367,12 +369,13 @@ impl<'a> OutputRows<'a> {
         &self,
         w: &Window,
         (by, extra): (&Operators, &[f64]),
-        selected: usize,
+        along: &Straight,
         of: &Readings,
         j: &mut DMatrix<f64>,
     ) {
         let (rows, biases, channels) = (j.nrows(), self.biases(), self.channels());
-        j.columns_mut(selected, j.ncols() - selected).fill(0.0);
+        let (selected, to) = (along.inertial(), &along.to[..]);
+        to[selected..selected + biases].iter().for_each(|&c| j.column_mut(c).fill(0.0));
         let inverse = self.inverse();
         let errors = self.errors_of(extra);
         let mut taken: [Cow<'_, DMatrix<f64>>; 2] = core::array::from_fn(|g| match &by[g] {
@@ -388,7 +391,7 @@ impl<'a> OutputRows<'a> {
         let from = |g: usize| if by[g].is_some() { 0 } else { (of[g].start - w.first) * channels[g] };
         // Without joints there are no columns of torques.
         for c in 0..taken[1].ncols() {
-            let col = if c < selected { c } else { c + biases };
+            let col = to[if c < selected { c } else { c + biases }];
             let out = &mut j.as_mut_slice()[col * rows..(col + 1) * rows];
             let [tau, gyro] = core::array::from_fn(|g| {
                 let (height, from) = (taken[g].nrows(), from(g));
@@ -411,7 +414,7 @@ impl<'a> OutputRows<'a> {
         let mut each = |group: usize, channel: usize, col: usize, value: &dyn Fn(usize) -> f64| {
             let (first, stride) = self.place(of, group);
             for i in 0..of[group].len() {
-                j[(first + i * stride + channel, col)] = value(i) * inverse[group];
+                j[(first + i * stride + channel, to[col])] = value(i) * inverse[group];
             }
         };
         if self.options.gyro_bias {
@@ -442,7 +445,7 @@ impl<'a> OutputRows<'a> {
                 if source.acts_on() == ActsOn::Readings(group) {
                     let readings = (group, of[group].clone());
                     self.errors.column(k, errors, readings, &values, slope.as_ref(), |row, channel, value| {
-                        j[(first + row * stride + channel, col + k)] = value * inverse[group];
+                        j[(first + row * stride + channel, to[col + k])] = value * inverse[group];
                     });
                 }
             }
@@ -454,12 +457,12 @@ impl<'a> OutputRows<'a> {
         w: &Window,
         by: &Operators,
         extra: &[f64],
-        selected: usize,
+        along: &Straight,
         of: &Readings,
         to: &mut RowBlock,
     ) {
-        to.resize(&self.rows(of), selected + extra.len());
+        to.resize(&self.rows(of), along.to.len());
         self.residuals(w, by, extra, of, &mut to.residuals);
-        self.jacobian(w, (by, extra), selected, of, &mut to.jacobian);
+        self.jacobian(w, (by, extra), along, of, &mut to.jacobian);
     }
 }

@@ -3,6 +3,7 @@
 //! A span is [`SPAN`] samples of the grid. Where readings are interpolated, those are handed out whose six samples of the grid have
 //! come, and the samples that later readings need are kept.
 
+use crate::estimate::along::Straight;
 use crate::estimate::output_rows::{Operators, OutputRows, Readings, Window};
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use crate::motion::tables::{Displaced, Table, Tables};
@@ -113,11 +114,12 @@ pub(crate) struct SpanRows<'s, 'a> {
     pub(crate) spans: Spans<'s, 'a>,
     pub(crate) carried: Carried,
     pub(crate) extra: Vec<f64>,
+    pub(crate) along: Straight,
 }
 
 impl RowStream for SpanRows<'_, '_> {
     fn next(&mut self, block: &mut RowBlock) -> Result<bool, EvalError> {
-        let Self { spans, carried, extra } = self;
+        let Self { spans, carried, extra, along } = self;
         let model = spans.rows.model;
         let next = spans.advance(|params, wanted, table, first| {
             let Table { table, samples } = table;
@@ -125,7 +127,7 @@ impl RowStream for SpanRows<'_, '_> {
             made.map(|(y, d)| Window::new(first, y, Some(d))).map_err(failed)
         })?;
         let Some((window, of)) = next else { return Ok(false) };
-        spans.rows.block(&window, &spans.by, extra, spans.wanted.params.len(), &of, block);
+        spans.rows.block(&window, &spans.by, extra, along, &of, block);
         Ok(true)
     }
 }

@@ -20,6 +20,10 @@
 //! B^2(h) = max over h' < h of [ mean |a_h - a_h'|^2 - kappa V(h') ]_+
 //! ```
 //!
+//! A bias below the noise of all finer knots is not seen so, but it is the same at all samples, and the tests of a fit see it. Where
+//! sensors judge, what coarser knots are seen to bend stands for it: it is taken to fall no faster than that of a smooth motion with fine knots,
+//! whose accelerations a spline of degree p bends by `h^(p-1)`, so that `B^2(h) >= B^2(2^(1/2) h) 2^-(p-1)`.
+//!
 //! Rates weigh beside accelerations where a gyro feels them: their variance is the same integral over `S2` and `h^3`.
 
 use crate::motion::knot_spectrum::Stake;
@@ -119,10 +123,22 @@ pub(crate) fn biases(candidates: &[Candidate], instants: &[f64]) -> Vec<f64> {
     (0..candidates.len()).map(of).collect()
 }
 
-/// The candidate with the smallest `4 B^2 + max(V, free)`: noise up to `free` costs nothing, and the finest of equals is taken.
-pub(crate) fn best(candidates: &[Candidate], biases: &[f64], free: f64) -> usize {
+/// What is seen of the biases, bounded from below by what coarser knots are seen to bend: see the page above.
+fn bounded(candidates: &[Candidate], seen: &[f64]) -> Vec<f64> {
+    let mut all = seen.to_vec();
+    for i in 1..all.len() {
+        let finer = candidates[i].fit.spacing / candidates[i - 1].fit.spacing;
+        all[i] = all[i].max(all[i - 1] * finer.powi(2 * (DEGREE as i32 - 1)));
+    }
+    all
+}
+
+/// The candidate, from number `follow` on, with the smallest `4 B^2 + max(V, free)`: noise up to `free` costs nothing, and the finest of equals
+/// is taken. Without noise that is free no sensor judges, and biases count as far as they are seen.
+pub(crate) fn best(candidates: &[Candidate], seen: &[f64], follow: usize, free: f64) -> usize {
+    let biases = if free > 0.0 { bounded(candidates, seen) } else { seen.to_vec() };
     let cost = |i: usize| BIAS_COUNTS * biases[i] + candidates[i].variance.max(free);
-    (0..candidates.len()).fold(0, |best, i| if cost(i) <= cost(best) { i } else { best })
+    (follow..candidates.len()).fold(follow, |best, i| if cost(i) <= cost(best) { i } else { best })
 }
 
 #[cfg(test)]

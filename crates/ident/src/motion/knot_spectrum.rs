@@ -21,6 +21,8 @@ use nalgebra::DMatrix;
 /// Knots per period of the highest frequency that stands out of the noise. At four, a spline of degree 5 follows a sine to
 /// about 1e-3 of its amplitude in position.
 pub const KNOTS_PER_PERIOD: f64 = 4.0;
+/// Times as many that are candidates where sensors judge the motion: what lies below its noise may still be bent by more than theirs lets pass.
+const FINER: f64 = 2.0;
 /// Samples per knot below which a spline follows every sample.
 const SAMPLES_PER_KNOT: f64 = 2.5;
 /// Instants at which accelerations are compared.
@@ -156,7 +158,8 @@ pub fn fit_at_stake(
     let variance = |h: f64| of_accelerations * variance_of(2, h, dt, rho) + of_rates * variance_of(1, h, dt, rho);
     let finest = SAMPLES_PER_KNOT * dt;
     // Rates stand out of their noise further up than positions do.
-    let limited = if rho > 0.0 { finest } else { 1.0 / (KNOTS_PER_PERIOD * band.max(1.0 / end)) };
+    let finer = if stake.free > 0.0 { FINER } else { 1.0 };
+    let limited = if rho > 0.0 { finest } else { 1.0 / (finer * KNOTS_PER_PERIOD * band.max(1.0 / end)) };
     // V goes with the fifth power, with rates with the third at least.
     let costless = if stake.free > 0.0 {
         (0..200).map(|k| finest * 1.05f64.powi(k)).find(|h| variance(*h) <= stake.free).unwrap_or(f64::INFINITY)
@@ -182,11 +185,23 @@ pub fn fit_at_stake(
     // The finest always is one, as far as rounding goes.
     let follows = |c: &Candidate| c.fit.residual.iter().zip(&floor).all(|(r, f)| r <= f);
     let first = candidates.iter().position(follows).unwrap_or(candidates.len() - 1);
-    let mut candidates = candidates.split_off(first);
+    // The last that does not follow tells how much the first that does may still bend. From there on, noise and bias change by powers of the
+    // spacing so high that the best may lie between two candidates.
+    let coarse = candidates.split_off(first.saturating_sub(1));
+    let mut candidates: Vec<Candidate> = Vec::with_capacity(2 * coarse.len());
+    for c in coarse {
+        if let Some(last) = candidates.last() {
+            let fit = fit_motion(samples, (last.fit.spacing * c.fit.spacing).sqrt())?;
+            let passes = variance(fit.spacing);
+            candidates.push(Candidate::new(fit, &instants, passes, stake));
+        }
+        candidates.push(c);
+    }
+    let follow = candidates.iter().position(follows).unwrap_or(candidates.len() - 1);
     let biases = biases(&candidates, &instants);
-    let chosen = best(&candidates, &biases, stake.free);
+    let chosen = best(&candidates, &biases, follow, stake.free);
     // The finest has no finer one to be judged by: that the one before it was bent says that it may be as well.
-    let last = chosen + 1 == candidates.len() && chosen > 0 && biases[chosen - 1] > 0.0;
+    let last = chosen + 1 == candidates.len() && chosen > follow && biases[chosen - 1] > 0.0;
     let reason = match (biases[chosen] > 0.0, last) {
         (true, _) => KnotReason::NoiseAgainstDetail,
         (false, true) if limited > finest && densest == limited => KnotReason::SpectrumAtFloor { band },

@@ -31,7 +31,7 @@ impl<'a> TorqueRows<'a> {
             wide,
             carried: model.appendages().iter().any(|a| a.host > 0)
                 || !columns.links.is_empty()
-                || !columns.kinematic().is_empty(),
+                || !columns.added().is_empty(),
         }
     }
 
@@ -119,7 +119,7 @@ impl Put<f64> for Felt<'_> {
             let torque = self.table.row::<f64>(self.sample, j).of(&f, &n);
             match column {
                 Column::State(c) => self.by_z[c * self.nj + j] += torque,
-                Column::Param(c) | Column::Kinematic(c) => self.by_p[j * self.wide + c] += torque,
+                Column::Param(c) | Column::Added(c) => self.by_p[j * self.wide + c] += torque,
             }
         }
     }

@@ -17,10 +17,14 @@ use ff_model::{DynAppendage, Model, Motion, Params, PortAccel, PortMatrix, PortS
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Columns {
     pub(crate) count: usize,
-    first_kinematic: usize,
+    /// The first column to which several parts may add.
+    first_added: usize,
     pub(crate) base: Vec<(usize, usize)>,
     pub(crate) links: Vec<LinkColumns>,
     pub(crate) ports: Vec<Vec<(usize, usize)>>,
+    /// Columns that are sums of parameters: factors of the base's ten numbers, and by port own indices with factors.
+    pub(crate) base_combined: Vec<([f64; 10], usize)>,
+    pub(crate) ports_combined: Vec<Vec<(Vec<(usize, f64)>, usize)>>,
     /// Kinematic parameters and disturbances that the arm depends on: which of the table's slopes, column.
     pub(crate) arm: Vec<(usize, usize)>,
     /// By port, those that its frame depends on: which of the table's, which of its frames, column.
@@ -28,34 +32,52 @@ pub(crate) struct Columns {
 }
 
 impl Columns {
-    /// Columns of the parameters, the kinematic parameters and the disturbances of `wanted`, in that order.
+    /// Columns of the parameters, alone and combined, the kinematic parameters and the disturbances of `wanted`, in that order.
     ///
     /// # Panics
     /// If a link, a kinematic parameter or a disturbance is not tracked by the table.
     pub(crate) fn new(model: &Model, table: &Prescribed, wanted: &Wanted) -> Self {
         let (ports, bodies) = (model.appendages(), 10 * model.n_bodies());
-        let (count, first_kinematic) = (wanted.forced(), wanted.params.len());
-        let mut c = Self { count, first_kinematic, ports: vec![Vec::new(); ports.len()], ..Self::default() };
+        let (count, first_added) = (wanted.forced(), wanted.params.len());
+        let mut c = Self { count, first_added, ports: vec![Vec::new(); ports.len()], ..Self::default() };
+        c.ports_combined = vec![Vec::new(); ports.len()];
         c.links = table
             .links
             .iter()
             .enumerate()
-            .map(|(i, &body)| LinkColumns { site: ports.len() + i, body, wanted: Vec::new() })
+            .map(|(i, &body)| LinkColumns { site: ports.len() + i, body, wanted: Vec::new(), combined: Vec::new() })
             .collect();
+        let link_of = |links: &[LinkColumns], p: usize| {
+            let at = links.iter().position(|l| l.body == p / 10);
+            assert!(at.is_some(), "body {} is not tracked by the prescribed motion", p / 10);
+            at.unwrap_or(0)
+        };
+        let port_of = |p: usize| ports.iter().rposition(|a| a.param_offset <= p).unwrap_or(0);
         for (col, &p) in wanted.params.iter().enumerate() {
             if p < 10 {
                 c.base.push((p, col));
             } else if p < bodies {
-                let body = p / 10;
-                let link = c.links.iter_mut().find(|l| l.body == body);
-                assert!(link.is_some(), "body {body} is not tracked by the prescribed motion");
-                link.into_iter().for_each(|l| l.wanted.push((p % 10, col)));
+                let link = link_of(&c.links, p);
+                c.links[link].wanted.push((p % 10, col));
             } else {
-                let port = ports.iter().rposition(|a| a.param_offset <= p).unwrap_or(0);
+                let port = port_of(p);
                 c.ports[port].push((p - ports[port].param_offset, col));
             }
         }
-        c.links.retain(|l| !l.wanted.is_empty());
+        for (col, parts) in (wanted.params.len()..).zip(&wanted.combined) {
+            for &(p, by) in parts {
+                if p < 10 {
+                    last_of(&mut c.base_combined, col)[p] += by;
+                } else if p < bodies {
+                    let link = link_of(&c.links, p);
+                    last_of(&mut c.links[link].combined, col)[p % 10] += by;
+                } else {
+                    let port = port_of(p);
+                    last_of(&mut c.ports_combined[port], col).push((p - ports[port].param_offset, by));
+                }
+            }
+        }
+        c.links.retain(|l| !(l.wanted.is_empty() && l.combined.is_empty()));
         c.placements = vec![Vec::new(); ports.len()];
         let tracked = |of: &[usize], k: usize, what: &str| {
             let at = of.iter().position(|&of| of == k);
@@ -67,7 +89,7 @@ impl Columns {
         let behind = |i: usize| i + slopes.of.len();
         let disturbances = wanted.disturbances.iter();
         let disturbances = disturbances.map(|&k| tracked(&slopes.disturbances, k, "disturbance").map(behind));
-        for (col, slope) in (wanted.params.len()..).zip(kinematics.chain(disturbances)) {
+        for (col, slope) in (wanted.inertial()..).zip(kinematics.chain(disturbances)) {
             let Some(i) = slope else { continue };
             let slope = &table.slopes.all[i];
             if slope.has_arm() {
@@ -82,10 +104,19 @@ impl Columns {
 }
 
 impl Columns {
-    /// Columns of kinematic parameters and disturbances.
-    pub(crate) fn kinematic(&self) -> core::ops::Range<usize> {
-        self.first_kinematic..self.count
+    /// Columns to which several parts may add: those of combined and of kinematic parameters and of disturbances.
+    pub(crate) fn added(&self) -> core::ops::Range<usize> {
+        self.first_added..self.count
     }
+}
+
+/// What is gathered for the column `col`, whose parts come one after another.
+fn last_of<T: Default>(all: &mut Vec<(T, usize)>, col: usize) -> &mut T {
+    if all.last().is_none_or(|(_, last)| *last != col) {
+        all.push((T::default(), col));
+    }
+    let last = all.len() - 1;
+    &mut all[last].0
 }
 
 /// Wanted columns of a tracked link.
@@ -95,6 +126,8 @@ pub(crate) struct LinkColumns {
     site: usize,
     pub(crate) body: usize,
     wanted: Vec<(usize, usize)>,
+    /// Factors of its ten numbers, column.
+    combined: Vec<([f64; 10], usize)>,
 }
 
 /// A column of the derivatives.
@@ -103,8 +136,8 @@ pub(crate) enum Column {
     /// `[w 3 | eta m | nu m]`, then `v 3` where an appendage is not Galilean.
     State(usize),
     Param(usize),
-    /// A kinematic parameter: several parts may add to it.
-    Kinematic(usize),
+    /// One of [`Columns::added`]: several parts may add to it.
+    Added(usize),
 }
 
 /// Where columns go. A trait and not a closure, because closures of some size are not inlined, and code for lanes must
@@ -270,12 +303,22 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
             for (slope, &(_, _, col)) in self.slopes[k].iter().zip(&self.columns.placements[k]) {
                 let column = &mut self.column[..dim];
                 let (f, n) = moved.column(slope, column);
-                to.put(Column::Kinematic(col), f, n, &column[6..]);
+                to.put(Column::Added(col), f, n, &column[6..]);
             }
         }
-        let wanted = &self.columns.ports[k];
-        if !wanted.is_empty() {
+        let (wanted, combined) = (&self.columns.ports[k], &self.columns.ports_combined[k]);
+        if !(wanted.is_empty() && combined.is_empty()) {
             T::tangent(&*ap.appendage).regressor(params, &s, &accel, &mut p.d);
+        }
+        for (parts, col) in combined {
+            let column = &mut self.column[..dim];
+            column.fill(T::zero());
+            for &(own, by) in parts {
+                let by = T::from_f64(by);
+                column.iter_mut().zip(&p.d[own * dim..]).for_each(|(to, d)| *to += by * *d);
+            }
+            let (f, n) = frame.up(&V3::from_slice(column), &V3::from_slice(&column[3..]));
+            to.put(Column::Added(*col), f, n, &column[6..]);
         }
         let states = 3 + 2 * n + first;
         for c in 0..states + wanted.len() {
@@ -299,7 +342,7 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
     /// Columns of the inertial parameters of tracked link `l`.
     #[inline(always)]
     pub(crate) fn link(&self, l: usize, at: &At<T>, to: &mut impl Put<T>) {
-        let LinkColumns { site, wanted, .. } = &self.columns.links[l];
+        let LinkColumns { site, wanted, combined, .. } = &self.columns.links[l];
         let frame = &self.frames[*site];
         let host = frame.carried(&at.w, &at.al, &at.a, &at.field);
         let moving = Moving::new(host.w, host.al, host.a);
@@ -313,6 +356,13 @@ impl<'a, T: LaneScalar> Parts<'a, T> {
         for &(k, col) in wanted {
             let [a, b, c, d, e, f] = &rows;
             to.put(Column::Param(col), V3::new(a[k], b[k], c[k]), V3::new(d[k], e[k], f[k]), &[]);
+        }
+        for (by, col) in combined {
+            let mut sums = [T::zero(); 6];
+            for (sum, row) in sums.iter_mut().zip(&rows) {
+                row.iter().zip(by).for_each(|(x, by)| *sum += *x * T::from_f64(*by));
+            }
+            to.put(Column::Added(*col), V3::from_slice(&sums), V3::from_slice(&sums[3..]), &[]);
         }
     }
 }

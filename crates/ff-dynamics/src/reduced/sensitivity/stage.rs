@@ -44,8 +44,10 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
         for (k, wanted) in columns.ports.iter().enumerate() {
             wanted.iter().for_each(|&(_, col)| own_p[col] = OwnRows::Port(k));
         }
-        for (k, wanted) in columns.placements.iter().enumerate() {
-            for &(_, _, col) in wanted {
+        let placed = |k: usize| columns.placements[k].iter().map(|p| p.2);
+        let combined = |k: usize| columns.ports_combined[k].iter().map(|c| c.1);
+        for k in 0..ports.len() {
+            for col in placed(k).chain(combined(k)) {
                 own_p[col] = if own_p[col] == OwnRows::None { OwnRows::Port(k) } else { OwnRows::All };
             }
         }
@@ -76,18 +78,21 @@ impl<'a, L: LaneScalar> Tangent<'a, L> {
             n_row.write_to(&mut rz[j * n + 3..]);
         }
         let moving = Moving { w: at.w, al: at.al, a: at.a, field: at.field };
-        if !parts.columns.base.is_empty() {
+        let added = parts.columns.added();
+        rp[n * added.start..n * added.end].fill(L::zero());
+        if !(parts.columns.base.is_empty() && parts.columns.base_combined.is_empty()) {
             for r in 0..6 {
                 let (e, o) = (unit::<L>(r % 3), V3::zero());
                 let row = if r < 3 { moving.powers(&e, &o) } else { moving.powers(&o, &e) };
                 for &(k, col) in &parts.columns.base {
                     rp[col * n + r] = row[k];
                 }
+                for (by, col) in &parts.columns.base_combined {
+                    row.iter().zip(by).for_each(|(x, by)| rp[col * n + r] += *x * L::from_f64(*by));
+                }
             }
         }
-        let kinematic = parts.columns.kinematic();
-        rp[n * kinematic.start..n * kinematic.end].fill(L::zero());
-        if !kinematic.is_empty() {
+        if !added.is_empty() {
             parts.place_slopes(nodes);
         }
         for &(slope, col) in &parts.columns.arm {
@@ -161,7 +166,7 @@ impl<T: ModelScalar> Put<T> for Rows<'_, T> {
                 (moment + V3::from_slice(&to[3..])).write_to(&mut to[3..]);
                 to
             }
-            Column::Kinematic(c) => {
+            Column::Added(c) => {
                 let to = &mut self.rp[c * self.n..(c + 1) * self.n];
                 (f + V3::from_slice(to)).write_to(to);
                 (moment + V3::from_slice(&to[3..])).write_to(&mut to[3..]);

@@ -25,8 +25,6 @@ const FAR: f64 = 5.0;
 const NO_ANSWER: f64 = 10.0;
 /// Factor on the start of a positive parameter beyond which it has strayed.
 const STRAYED: f64 = 10.0;
-/// Chi-squared by which another end must be lower to be another valley, where the first is no answer.
-const LOWER: f64 = 9.2;
 /// Chi-squared per degree of freedom from which random starts are tried as well: residuals of twice the noise.
 const WIDE: f64 = 4.0;
 /// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
@@ -41,12 +39,16 @@ const LINES: usize = 3;
 const POWER: f64 = 1e-4;
 /// Frequencies closer than this ratio are one.
 const ONE_LINE: f64 = 1.12;
-/// Factors on the start of a stiffness that are tried.
-const FACTORS: (f64, f64) = (1.0 / 30.0, 30.0);
+/// Factors on a stiffness that are tried.
+const FACTORS: (f64, f64) = (1e-3, 1e3);
+/// Ratio beyond the slowest and the fastest mode up to which a line may be that of one of them in the wrong place.
+const BEYOND: f64 = 1.5;
 /// Change of a stiffness that shows which mode it belongs to.
 const NUDGE: f64 = 1.05;
 /// Promised relative reduction at which a try has shown where it leads.
 const SHOWN: f64 = 1e-4;
+/// Fall of half of chi-squared from which another end is not the same once more.
+const LOWER: f64 = 2.0;
 /// Linearisations of a pass after which it leads nowhere.
 const MOST: usize = 20;
 
@@ -60,7 +62,7 @@ pub(super) struct Subject<'a> {
     pub(super) sigma: &'a [f64],
 }
 
-/// The fit, or a better one from another start when it does not explain the record, or a positive parameter has vanished in it: starts
+/// The fit, or a better one from another start when it does not explain the record, leaves a line in the residuals, or a positive parameter has vanished in it: starts
 /// that put a mode where power is left over, then random ones, are fitted to the thinned record until one of them explains that; the best
 /// goes on over the whole. What fails on the way is no error: the fit stays.
 pub(super) fn elsewhere(
@@ -70,11 +72,21 @@ pub(super) fn elsewhere(
     estimator: &mut ObservedEstimator<'_>,
 ) -> Estimate {
     // Under a robust loss, what is left may be outliers.
-    let answers = within(&first, FAR);
-    if request.loss != Loss::Squares || answers && !vanished(request, &first) {
+    if request.loss != Loss::Squares {
         return first;
     }
-    let Some(start) = best_start(request, &first, answers, of, estimator) else { return first };
+    // A line that is left over may be that of a mode in the wrong place, however little it adds to the whole.
+    let mut lines = lines(&first, of);
+    let answers = within(&first, FAR);
+    if answers {
+        let modes = if lines.is_empty() { None } else { frequencies(of, &first.values) }.unwrap_or_default();
+        let (slow, fast) = modes.iter().fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), f| (a.min(*f), b.max(*f)));
+        lines.retain(|hz| (slow / BEYOND..fast * BEYOND).contains(hz));
+    }
+    if answers && lines.is_empty() && !vanished(request, &first) {
+        return first;
+    }
+    let Some(start) = best_start(request, &first, &lines, of, estimator) else { return first };
     match attempt(&Request { start: &start, centre: Some(request.start), ..request.clone() }, estimator) {
         // What has not ended is no answer where there is one, unless it is the better valley.
         Ok(mut e)
@@ -118,12 +130,11 @@ fn strayed(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
     request.selected.iter().copied().filter(|i| positive(i) && far(i)).collect()
 }
 
-/// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended. Where that `answers`, it
-/// stays unless the thinned record contradicts it.
+/// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended.
 fn best_start(
     request: &Request<'_>,
     first: &Estimate,
-    answers: bool,
+    lines: &[f64],
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Option<Vec<f64>> {
@@ -131,7 +142,7 @@ fn best_start(
     let back = strayed(request, first);
     let mut starts: Vec<Vec<f64>> = if back.is_empty() { Vec::new() } else { vec![first.values.clone()] };
     starts.iter_mut().for_each(|s| back.iter().for_each(|&i| s[i] = request.start[i]));
-    starts.extend(aimed(request, first, of));
+    starts.extend(aimed(request, first, lines, of));
     if first.chi2_per_dof > WIDE || vanished(request, first) {
         let seed = |k: u64| of.settings.seed.wrapping_add(1 + k);
         starts.extend((0..RANDOM).map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
@@ -144,16 +155,18 @@ fn best_start(
         let tried = Request { start, centre: Some(request.start), settings: settings.clone(), ..request.clone() };
         attempt(&tried, &mut *thin)
     };
-    // What the thinned record makes of the end itself is the first, and what the others are measured by.
-    let mut best = (f64::INFINITY, None);
-    let mut own = f64::INFINITY;
-    for (k, start) in std::iter::once(first.values.clone()).chain(starts).enumerate() {
+    // What the thinned record makes of the end itself is what the others are measured by. It has fewer readings, so that it may be explained
+    // there: that ends nothing where the end is no answer, or leaves a line.
+    let mut best = match lead(&first.values) {
+        Ok(e) if within(first, FAR) && lines.is_empty() && explains(&e) => return Some(e.values),
+        Ok(e) => (e.objective, Some(e.values)),
+        Err(_) => (f64::INFINITY, None),
+    };
+    for start in starts {
         let Ok(e) = lead(&start) else { continue };
-        let done = explains(&e) && (answers || k > 0 && e.objective < own - LOWER);
-        if k == 0 {
-            own = e.objective;
-        }
-        if e.objective < best.0 {
+        let lower = e.objective < best.0;
+        let done = e.objective < best.0 - LOWER && explains(&e);
+        if lower {
             best = (e.objective, Some(e.values));
         }
         if done {
@@ -165,8 +178,7 @@ fn best_start(
 
 /// Starts from the end of a fit with one stiffness changed, so that its mode comes to a line of the residuals: the strongest line
 /// first, and of the springs the one that the record tells least.
-fn aimed(request: &Request<'_>, first: &Estimate, of: &Subject<'_>) -> Vec<Vec<f64>> {
-    let lines = lines(first, of);
+fn aimed(request: &Request<'_>, first: &Estimate, lines: &[f64], of: &Subject<'_>) -> Vec<Vec<f64>> {
     let Some(here) = (if lines.is_empty() { None } else { frequencies(of, &first.values) }) else {
         return Vec::new();
     };
@@ -179,9 +191,9 @@ fn aimed(request: &Request<'_>, first: &Estimate, of: &Subject<'_>) -> Vec<Vec<f
         let told = p.std.map_or(0.0, |std| (p.value / std).abs());
         for (rank, line) in lines.iter().enumerate() {
             let by = (line / here[own]).powi(2);
-            let mut start = first.values.clone();
-            start[i] *= by;
-            if by.ln().abs() > ONE_LINE.ln() && (FACTORS.0..FACTORS.1).contains(&(start[i] / request.start[i])) {
+            if by.ln().abs() > ONE_LINE.ln() && (FACTORS.0..FACTORS.1).contains(&by) {
+                let mut start = first.values.clone();
+                start[i] *= by;
                 found.push((rank, told, start));
             }
         }
