@@ -160,7 +160,7 @@ fn best_start(
     // What the thinned record makes of the end itself is what the others are measured by. It has fewer readings, so that it may be explained
     // there: that ends nothing.
     let mut best = match lead(&first.values) {
-        Ok(e) if answers && explains(&e) => return None,
+        Ok(e) if answers && explains(&e) => return Some(e.values),
         Ok(e) => (e.objective, Some(e.values)),
         Err(_) => (f64::INFINITY, None),
     };
