@@ -116,6 +116,17 @@ pub fn gram(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     Ok(back((v.transpose() * v).as_ref()))
 }
 
+/// `A^T v`. Compiled once, for those who are not built to be fast.
+///
+/// # Panics
+/// If `v` has another length than the columns.
+pub fn tr_mul(a: &DMatrix<f64>, v: &[f64]) -> DVector<f64> {
+    assert_eq!(v.len(), a.nrows(), "length of the vector");
+    let rows = a.nrows().max(1);
+    let dot = |c: &[f64]| c.iter().zip(v).map(|(a, v)| a * v).sum::<f64>();
+    DVector::from_iterator(a.ncols(), a.as_slice().chunks_exact(rows).map(dot))
+}
+
 /// Upper triangular `R` (min(m,n) x n) of `A = Q R`, without forming `Q`.
 ///
 /// To reduce a least-squares problem `min |A x - b|`, pass `[A b]`: the last column of `R` is then

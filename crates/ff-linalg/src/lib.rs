@@ -17,7 +17,7 @@ pub mod fourier;
 pub use factor::{
     ColPivQr, ComplexEigen, Elimination, LinalgError, Svd, check_finite, check_finite_slice, col_piv_qr,
     default_rank_tolerance, eliminate, general_eigen, gram, least_squares, qr_r, rank_of, singular_values, svd,
-    symmetric_eigen,
+    symmetric_eigen, tr_mul,
 };
 
 /// Compiles the example of `README.md`.

@@ -267,6 +267,11 @@ const PROFILE: &[Key] = &[
     key("lower95", Number, "lower end; absent where the data put no bound as far as was looked"),
     key("upper95", Number, "upper end"),
     must("points", Pairs, "values, and twice the negative log posterior above its minimum there"),
+    key(
+        "bent",
+        Flag,
+        "whether it was looked for because the cost is no parabola there; the deviation of the parameter allows for it",
+    ),
 ];
 
 const SAMPLED: &[Key] = &[

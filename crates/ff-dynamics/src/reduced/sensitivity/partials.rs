@@ -13,6 +13,9 @@ use ff_model::spatial::vec3::{M3, Moving, Pose, V3};
 use ff_model::tree::Mounted;
 use ff_model::{DynAppendage, Model, Motion, Params, PortAccel, PortMatrix, PortState};
 
+/// Own indices with their factors, column.
+type PortSum = (Vec<(usize, f64)>, usize);
+
 /// Which columns are wanted, sorted by what they belong to: `(own index, column)`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Columns {
@@ -24,7 +27,7 @@ pub(crate) struct Columns {
     pub(crate) ports: Vec<Vec<(usize, usize)>>,
     /// Columns that are sums of parameters: factors of the base's ten numbers, and by port own indices with factors.
     pub(crate) base_combined: Vec<([f64; 10], usize)>,
-    pub(crate) ports_combined: Vec<Vec<(Vec<(usize, f64)>, usize)>>,
+    pub(crate) ports_combined: Vec<Vec<PortSum>>,
     /// Kinematic parameters and disturbances that the arm depends on: which of the table's slopes, column.
     pub(crate) arm: Vec<(usize, usize)>,
     /// By port, those that its frame depends on: which of the table's, which of its frames, column.

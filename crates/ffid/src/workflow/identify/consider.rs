@@ -127,6 +127,7 @@ pub(super) fn hold(
         full,
         minima: told.minima.clone(),
         alone: None,
+        bent: Vec::new(),
         reduced: None,
     };
     Ok(Considered { fitted, values, lines, budget })

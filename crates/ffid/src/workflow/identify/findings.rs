@@ -158,6 +158,9 @@ pub struct ProfileLine {
     pub upper95: Option<f64>,
     /// Values and by how much twice the negative log posterior is above its minimum there.
     pub points: Vec<(f64, f64)>,
+    /// Whether it was looked for because the cost is no parabola there; the deviation of the parameter allows for it.
+    #[serde(skip_serializing_if = "std::ops::Not::not", default)]
+    pub bent: bool,
 }
 
 impl ProfileLine {
@@ -170,6 +173,7 @@ impl ProfileLine {
             lower95: p.interval95.0,
             upper95: p.interval95.1,
             points: p.points.iter().map(|p| (p.value, p.excess)).collect(),
+            bent: false,
         }
     }
 }

@@ -6,6 +6,7 @@ use super::signals::Signals;
 use super::unknowns::Unknowns;
 use ff_model::Model;
 use ident::Uncertainty;
+use ident::belief::Profile;
 use ident::compose::Shared;
 use ident::estimate::Estimate;
 
@@ -22,6 +23,8 @@ pub(super) struct Fitted {
     pub(super) minima: Option<Minima>,
     /// Covariance about this minimum alone, where that of the estimate covers others as well.
     pub(super) alone: Option<Uncertainty>,
+    /// Intervals of parameters along which the valley is no parabola.
+    pub(super) bent: Vec<Profile>,
     /// Set of parameters that was estimated in place of all.
     pub(super) reduced: Option<ReducedSet>,
 }

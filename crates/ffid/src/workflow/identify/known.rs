@@ -2,6 +2,7 @@
 
 use super::error::{IdentifyError, config};
 use super::findings::{ProfileLine, ReducedSet, UnobservedDirections, Whiteness};
+use super::fitted::Fitted;
 use super::labelled_record::{LabelledRecord, channel_name};
 use super::options::FitOptions;
 use super::result::channel::ModeLine;
@@ -126,6 +127,21 @@ pub(super) fn profiles(
         Ok(ProfileLine::of(&profile(&own, at, column, REACH, estimator)?, gaussian))
     };
     columns.into_iter().map(one).collect()
+}
+
+/// Adds the intervals of parameters along which the valley of the fit is no parabola, where they were not asked for.
+pub(super) fn bent(f: &Fitted, profiles: &mut Vec<ProfileLine>) {
+    for p in &f.bent {
+        if let Some(known) = profiles.iter_mut().find(|line| line.name == p.name) {
+            known.bent = true;
+            continue;
+        }
+        let alone = f.alone.as_ref().unwrap_or(&f.estimate.uncertainty);
+        let column = f.estimate.parameters.iter().position(|line| line.name == p.name);
+        let std = column.and_then(|k| alone.deviation[k]);
+        let gaussian = std.map(|s| (p.value - 1.96 * s, p.value + 1.96 * s));
+        profiles.push(ProfileLine { bent: true, ..ProfileLine::of(p, gaussian) });
+    }
 }
 
 /// Residuals of every channel against white noise. Channels too short to be judged are left out, and those that were interpolated.

@@ -44,7 +44,7 @@ fn log_volume(u: &Uncertainty) -> f64 {
 }
 
 /// Puts a covariance in place of another. Where everything is determined, singular values and directions are those of it, too.
-fn widen(u: &mut Uncertainty, covariance: DMatrix<f64>) {
+pub(super) fn widen(u: &mut Uncertainty, covariance: DMatrix<f64>) {
     let n = covariance.nrows();
     let std: Vec<f64> = covariance.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
     if u.full_rank() {

@@ -5,6 +5,7 @@
 //!   Unknowns              parameters, ties, priors, start
 //!   RecordEstimator       Rda | OutputError for each record -> Several -> Tied -> estimate | best_of
 //!   elsewhere, valleys    other starts where the fit ended in a wrong valley, minima beside its end
+//!   bends                 valleys that are no parabola within the deviations
 //!   known                 reduction, structural and unexcited directions, profiles of the likelihood, whiteness
 //!   explain, refit        tests of errors, and fits with the leading ones where the model is contradicted
 //!   Report                estimates and findings into an IdentificationResult
@@ -19,6 +20,7 @@
 pub(crate) mod adoption;
 pub mod axes;
 pub(crate) mod bandwidth;
+mod bends;
 pub(crate) mod checked;
 pub(crate) mod clocks;
 pub(crate) mod compare;

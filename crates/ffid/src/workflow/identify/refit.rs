@@ -281,8 +281,15 @@ impl Contradicted<'_, '_> {
         let values = fit.setup.unknowns.expand(&fit.estimate.values)?;
         let estimate = fit.estimate.clone();
         let full = estimate.data_only.clone();
-        let fitted =
-            Fitted { estimate, selected: fit.selected.clone(), full, minima: None, alone: None, reduced: None };
+        let fitted = Fitted {
+            estimate,
+            selected: fit.selected.clone(),
+            full,
+            minima: None,
+            alone: None,
+            bent: Vec::new(),
+            reduced: None,
+        };
         let end = Ended {
             model,
             shared: &fit.setup.shared,

@@ -1,6 +1,7 @@
 //! One identification: unknowns, fit, reduction, identifiability, profiles, result.
 
 use super::adoption::Adopted;
+use super::bends;
 use super::consider::{self, Side};
 use super::course::Course;
 use super::elsewhere::{Subject, elsewhere};
@@ -92,7 +93,8 @@ pub fn identify(
     let values = unknowns.expand(&fitted.estimate.values)?;
     let silent = known::silent(model, &values, unknowns, &fitted.full)?;
     let profiles = known::profiles(&request, unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
-    let profiles = if watched.stopped() { return Err(ended(&watched)) } else { profiles? };
+    let mut profiles = if watched.stopped() { return Err(ended(&watched)) } else { profiles? };
+    known::bent(&fitted, &mut profiles);
     let alone = || Unknowns::new(model, &setup.estimated, settings, options, &uncertain.held_at_mission());
     let own = if options.consider && fitted.estimate.is_solution() { Some(alone()?) } else { None };
     let considered = match &own {
@@ -435,7 +437,7 @@ fn solve(
     estimator: &mut ObservedEstimator<'_>,
 ) -> Result<Fitted, IdentifyError> {
     let (unknowns, s) = (of.unknowns, of.settings);
-    let Ending { estimate: first, minima, alone } = if options.more_starts == 0 {
+    let mut ending = if options.more_starts == 0 {
         let first = attempt(request, estimator)?;
         best_valley(request, elsewhere(request, first, of, estimator), of, estimator)
     } else {
@@ -453,8 +455,10 @@ fn solve(
         };
         Ending { minima: Some(minima), ..ending }
     };
-    let full = first.data_only.clone();
-    let mut out = Fitted { selected: request.selected.to_vec(), full, estimate: first, minima, alone, reduced: None };
+    let bent = bends::follow(request, &mut ending, |i| unknowns.is_asked(i), estimator);
+    let Ending { estimate, minima, alone } = ending;
+    let (full, selected) = (estimate.data_only.clone(), request.selected.to_vec());
+    let mut out = Fitted { selected, full, estimate, minima, alone, bent, reduced: None };
     if options.reduce && !out.full.null.is_empty() {
         let (kept, mut set) = known::reduced(&out.full, request.selected)?;
         let selected: Vec<usize> = kept.iter().map(|&k| request.selected[k]).collect();
@@ -464,6 +468,7 @@ fn solve(
         let again = Request { selected: &selected, start: &start, priors, ..request.clone() };
         out.estimate = attempt(&again, estimator)?;
         out.alone = None;
+        out.bent.clear();
         for (p, &i) in out.estimate.parameters.iter_mut().zip(&selected) {
             p.start = request.start[i];
         }

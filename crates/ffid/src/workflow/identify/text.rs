@@ -1,7 +1,7 @@
 //! A result in words, for the terminal and `report.txt`.
 
 use super::evidence::{Harm, NamedError, State};
-use super::findings::{Minima, PriorConflict, Whiteness};
+use super::findings::{Minima, PriorConflict, ProfileLine, Whiteness};
 use super::number::num;
 use super::result::body::BodyLine;
 use super::result::channel::Channel;
@@ -19,6 +19,12 @@ const HARMLESS: f64 = 0.1;
 const LISTED: usize = 6;
 /// Chi-squared per degree of freedom below which the noise figures are too large to be those of the record.
 const QUIET: f64 = 0.5;
+
+/// A parameter with its interval from the likelihood.
+fn bent_in_words(p: &ProfileLine) -> String {
+    let end = |x: Option<f64>| x.map_or_else(|| "unbounded".to_owned(), num);
+    format!("{} (95 % within [{}, {}] {})", p.name, end(p.lower95), end(p.upper95), p.unit)
+}
 
 /// What is taken as exact, or which part of the uncertainty is due to what is not.
 fn exactness(r: &IdentificationResult) -> Vec<String> {
@@ -103,6 +109,13 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
             m.objectives.len(),
             m.starts,
             m.taken()
+        ));
+    }
+    let bent: Vec<String> = r.profiles.iter().filter(|p| p.bent).map(bent_in_words).collect();
+    if !bent.is_empty() {
+        out.push(format!(
+            "The cost is no parabola along {}; the deviations allow for that, and so do those of what moves with it.",
+            bent.join(", ")
         ));
     }
     for (t, words) in [

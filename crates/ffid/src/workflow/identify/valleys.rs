@@ -15,6 +15,7 @@ use super::findings::{Alternative, Minima};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
 use ff_least_squares::Settings as Solver;
+use ff_linalg::{gram, tr_mul};
 use ff_model::ParamGroup;
 use ident::estimate::{Estimate, KEPT_BYTES, attempt};
 use ident::{Estimator, Loss, Request, Transform, Uncertainty};
@@ -105,10 +106,10 @@ struct Spring {
 }
 
 /// A place to look at: all unknowns, the columns that a chord leaves alone, and how many steps it is from the end along a spring.
-struct Place {
-    at: Vec<f64>,
-    fixed: Vec<usize>,
-    steps: i32,
+pub(super) struct Place {
+    pub(super) at: Vec<f64>,
+    pub(super) fixed: Vec<usize>,
+    pub(super) steps: i32,
 }
 
 struct Search<'s> {
@@ -407,7 +408,7 @@ impl Search<'_> {
 }
 
 /// A linearisation at the end of a fit that serves other places: residuals there, with the unknowns that do not make the place moved by it.
-struct Chord {
+pub(super) struct Chord {
     j: DMatrix<f64>,
     known: DMatrix<f64>,
     /// Of the columns, scaled to ones on the diagonal, and their norms.
@@ -416,7 +417,7 @@ struct Chord {
 }
 
 impl Chord {
-    fn new(request: &Request<'_>, e: &Estimate, estimator: &mut ObservedEstimator<'_>) -> Option<Self> {
+    pub(super) fn new(request: &Request<'_>, e: &Estimate, estimator: &mut ObservedEstimator<'_>) -> Option<Self> {
         let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
         let (rows, columns) = (estimator.rows(), request.selected.len() + extra.len());
         let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, columns));
@@ -424,7 +425,7 @@ impl Chord {
         let mut known = DMatrix::zeros(request.priors.len(), columns);
         let values: Vec<f64> = request.selected.iter().map(|&i| e.values[i]).collect();
         request.priors.fill_jacobian(&values, &mut known, 0);
-        let mut normal = j.tr_mul(&j) + known.tr_mul(&known);
+        let mut normal = gram(&j).ok()? + known.tr_mul(&known);
         let size: Vec<f64> = normal.diagonal().iter().map(|d| d.sqrt().max(f64::MIN_POSITIVE)).collect();
         for a in 0..columns {
             for b in 0..columns {
@@ -435,7 +436,7 @@ impl Chord {
         Some(Self { j, known, normal, size })
     }
     /// Cost at a place with the other unknowns moved, and where they are then.
-    fn look(
+    pub(super) fn look(
         &self,
         request: &Request<'_>,
         e: &Estimate,
@@ -448,13 +449,13 @@ impl Chord {
         let values: Vec<f64> = request.selected.iter().map(|&i| place.at[i]).collect();
         let mut known = Vec::new();
         request.priors.push_residuals(&values, &mut known);
-        let (r, known) = (DVector::from_vec(r), DVector::from_vec(known));
-        let slope = self.j.tr_mul(&r) + self.known.tr_mul(&known);
+        let squares: f64 = r.iter().chain(&known).map(|r| r * r).sum();
+        let slope = tr_mul(&self.j, &r) + self.known.tr_mul(&DVector::from_vec(known));
         let free: Vec<usize> = (0..self.size.len()).filter(|k| !place.fixed.contains(k)).collect();
         let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| self.normal[(free[a], free[b])]);
         let b = DVector::from_fn(free.len(), |a, _| slope[free[a]] / self.size[free[a]]);
         let step = normal.cholesky()?.solve(&b);
-        let cost = r.norm_squared() + known.norm_squared() - b.dot(&step);
+        let cost = squares - b.dot(&step);
         let mut at = place.at.clone();
         for (&k, x) in free.iter().zip(&step).filter(|(k, _)| **k < request.selected.len()) {
             let i = request.selected[k];

@@ -1,0 +1,351 @@
+//! Valleys that bend within the stated deviations.
+//!
+//! A standard deviation takes the cost for a parabola. Two mirrored wings that are nearly alike, or mass, length and stiffness of fuel, leave
+//! a valley that bends within it: the cost rises by 1.8 where the parabola says 4, and an estimate is four stated deviations off while the
+//! residuals are white. Whether that is so is asked of the posterior itself: at a few draws of it, the cost must have risen by what the
+//! parabola says. Where it has not, every parameter that was asked for is looked at two deviations to either side, the others moved by one
+//! linearisation (a chord); the valley is followed along those that rise too slowly, to where chi-squared has risen by 3.84, the end of
+//! a 95 % interval (the profile, [`ident::belief::profile`]). There the covariance is made to allow for what was found
+//! (docs/theory/output-error.md).
+
+use super::elsewhere::explains;
+use super::mixture::widen;
+use super::observed_estimator::ObservedEstimator;
+use super::valleys::{Chord, Ending, Place};
+use ff_least_squares::Settings as Solver;
+use ff_model::ParamGroup;
+use ident::belief::{LIMIT95, Point, PriorRow, Profile, Uncertainty};
+use ident::estimate::{Estimate, KEPT_BYTES, attempt};
+use ident::{Estimator, Loss, Request};
+use nalgebra::{DMatrix, DVector};
+
+/// Draws of the posterior at which the cost is compared with the parabola: both ways along three directions.
+const DRAWS: usize = 3;
+/// Difference of chi-squared from it, on the average of both ways, from which it is no parabola.
+const ODD: f64 = 1.5;
+/// Rise at two deviations, four of a parabola, below which a valley is followed.
+const SLOW: f64 = 2.5;
+/// Parameters that are followed, the slowest first.
+const FOLLOWED: usize = 3;
+/// Deviations to which they are followed at most.
+const REACH: i32 = 8;
+/// Difference of the rise there from four up to which the first chord says enough.
+const PLAIN: f64 = 1.2;
+/// Chords at a place, and change of the cost at which there is no need for more.
+const CHORDS: usize = 3;
+const STILL: f64 = 0.1;
+/// Width of the prior that holds a parameter while the others are fitted, in deviations, and linearisations of such a fit.
+const HELD: f64 = 1e-3;
+const REFITS: usize = 4;
+/// Part of a variance that an end of an interval adds to it, below which it is left.
+const LEAST: f64 = 0.02;
+
+/// Looks whether the valley of a fit bends, and makes its deviations allow for it; gives the intervals of parameters that were followed.
+pub(super) fn follow(
+    request: &Request<'_>,
+    ending: &mut Ending,
+    is_asked: impl Fn(usize) -> bool,
+    estimator: &mut ObservedEstimator<'_>,
+) -> Vec<Profile> {
+    let e = &ending.estimate;
+    let u = ending.alone.as_ref().unwrap_or(&e.uncertainty);
+    let columns = request.selected.len() + e.nuisance.len();
+    let large = e.residuals.len().saturating_mul(8 * columns) > KEPT_BYTES;
+    let folded = request.loss != Loss::Squares || request.prior_width.is_some() || large;
+    if folded || !e.is_solution() || !explains(e) || !u.full_rank() {
+        return Vec::new();
+    }
+    let bend = Bend { request, e, u };
+    if bend.is_parabola(estimator) {
+        return Vec::new();
+    }
+    let Some(chord) = Chord::new(request, e, estimator) else { return Vec::new() };
+    let mut slow: Vec<(f64, usize)> = Vec::new();
+    for column in (0..request.selected.len()).filter(|&k| is_asked(request.selected[k])) {
+        let rises = [-2.0, 2.0].map(|n| bend.looked_at(&chord, &bend.start(column, n), (column, 4.0), estimator));
+        let least = rises.into_iter().flatten().map(|(rise, _)| rise).fold(f64::INFINITY, f64::min);
+        if least < SLOW {
+            slow.push((least, column));
+        }
+    }
+    slow.sort_by(|a, b| a.0.total_cmp(&b.0));
+    slow.truncate(FOLLOWED);
+    let mut covariance = e.uncertainty.covariance.clone();
+    let mut profiles = Vec::new();
+    for (_, column) in slow {
+        if estimator.stopped() {
+            break;
+        }
+        profiles.push(bend.profile(column, &chord, &mut covariance, estimator));
+    }
+    let before = e.uncertainty.clone();
+    if covariance != before.covariance {
+        let e = &mut ending.estimate;
+        widen(&mut e.uncertainty, covariance);
+        let all = e.parameters.iter_mut().chain(&mut e.nuisance);
+        all.zip(&e.uncertainty.deviation).for_each(|(p, std)| p.std = *std);
+        ending.alone.get_or_insert(before);
+    }
+    profiles
+}
+
+/// What a valley is looked at from.
+struct Bend<'a> {
+    request: &'a Request<'a>,
+    e: &'a Estimate,
+    /// The parabola at its bottom.
+    u: &'a Uncertainty,
+}
+
+impl Bend<'_> {
+    fn std(&self, column: usize) -> f64 {
+        self.u.covariance[(column, column)].max(0.0).sqrt()
+    }
+    /// Whether the cost at draws of the posterior is what the parabola says.
+    fn is_parabola(&self, estimator: &mut ObservedEstimator<'_>) -> bool {
+        let n = self.u.covariance.nrows();
+        let std: Vec<f64> = (0..n).map(|k| self.std(k).max(f64::MIN_POSITIVE)).collect();
+        let unit = DMatrix::from_fn(n, n, |i, j| {
+            self.u.covariance[(i, j)] / (std[i] * std[j]) + if i == j { 1e-12 } else { 0.0 }
+        });
+        let Some(root) = unit.cholesky() else { return true };
+        for k in 0..DRAWS {
+            let z = DVector::from_fn(n, |i, _| normal(k * n + i));
+            let x = root.l() * &z;
+            // What leads out of what can exist is no place for a parabola.
+            let risen = |sign: f64, estimator: &mut ObservedEstimator<'_>| {
+                let step: Vec<f64> = x.iter().zip(&std).map(|(x, s)| sign * x * s).collect();
+                Some(self.cost(&step, estimator)? - self.e.objective - z.norm_squared())
+            };
+            let (Some(one), Some(other)) = (risen(-1.0, estimator), risen(1.0, estimator)) else { return false };
+            // The slopes of what is no bend, such as a damping that is known to a tenth, cancel.
+            if 0.5 * (one + other).abs() > ODD || (one - other).abs() > 4.0 * ODD {
+                return false;
+            }
+        }
+        true
+    }
+    /// Cost at a step of all unknowns from the estimate.
+    fn cost(&self, step: &[f64], estimator: &mut ObservedEstimator<'_>) -> Option<f64> {
+        let (mut at, selected) = (self.e.values.clone(), self.request.selected);
+        for (&i, x) in selected.iter().zip(step) {
+            at[i] += x;
+            if self.request.decls[i].group == ParamGroup::Positive && at[i] <= 0.0 {
+                return None;
+            }
+        }
+        let extra: Vec<f64> = self.e.nuisance.iter().zip(&step[selected.len()..]).map(|(p, x)| p.value + x).collect();
+        let mut r = vec![0.0; estimator.rows()];
+        estimator.residuals(&at, &extra, &mut r).ok()?;
+        let values: Vec<f64> = selected.iter().map(|&i| at[i]).collect();
+        self.request.priors.push_residuals(&values, &mut r);
+        let cost = r.iter().map(|r| r * r).sum::<f64>();
+        cost.is_finite().then_some(cost)
+    }
+    /// The estimate with one parameter so many deviations away, and the others where the parabola has them then.
+    fn start(&self, column: usize, deviations: f64) -> Vec<f64> {
+        self.moved(&self.e.values, column, deviations)
+    }
+    fn moved(&self, from: &[f64], column: usize, deviations: f64) -> Vec<f64> {
+        let mut at = from.to_vec();
+        for (k, &i) in self.request.selected.iter().enumerate() {
+            let x = at[i] + deviations * self.u.covariance[(k, column)] / self.std(column);
+            let positive = self.request.decls[i].group == ParamGroup::Positive;
+            at[i] = if positive { x.max(0.2 * at[i]) } else { x };
+        }
+        at
+    }
+    /// By how much the cost has risen at a place with one parameter held and the others moved by chords, and where they are then. As much as
+    /// a parabola rises need not be known better.
+    fn looked_at(
+        &self,
+        chord: &Chord,
+        at: &[f64],
+        (column, parabola): (usize, f64),
+        estimator: &mut ObservedEstimator<'_>,
+    ) -> Option<(f64, Vec<f64>)> {
+        let mut place = Place { at: at.to_vec(), fixed: vec![column], steps: 0 };
+        let mut before = f64::INFINITY;
+        for _ in 0..CHORDS {
+            let (cost, moved) = chord.look(self.request, self.e, &place, estimator)?;
+            let gained = before - cost;
+            before = before.min(cost);
+            if gained < STILL || (cost - self.e.objective - parabola).abs() < PLAIN {
+                break;
+            }
+            place.at = moved;
+        }
+        Some((before - self.e.objective, place.at))
+    }
+    /// The others fitted again with one parameter held; `None` where that does not come near an end.
+    fn refitted(&self, at: &[f64], column: usize, estimator: &mut ObservedEstimator<'_>) -> Option<(f64, Vec<f64>)> {
+        let (request, value) = (self.request, at[self.request.selected[column]]);
+        let own = request.priors.rows().iter().find(|r| r.column == column).copied();
+        let pin = PriorRow { column, mean: value, sigma: HELD * self.std(column) };
+        let settings = Solver { max_iterations: REFITS, gain_tolerance: STILL, ..request.settings.clone() };
+        let centre = Some(request.centre.unwrap_or(request.start));
+        let priors = request.priors.with(pin);
+        let found =
+            attempt(&Request { priors, start: at, centre, coarse: false, settings, ..request.clone() }, estimator)
+                .ok()?;
+        let got = found.parameters[column].value;
+        let prior = own.map_or(0.0, |r| ((got - r.mean) / r.sigma).powi(2));
+        Some((found.objective - ((got - value) / pin.sigma).powi(2) + prior - self.e.objective, found.values))
+    }
+    /// The profile of one parameter; the covariance is made to allow for its ends.
+    fn profile(
+        &self,
+        column: usize,
+        chord: &Chord,
+        covariance: &mut DMatrix<f64>,
+        estimator: &mut ObservedEstimator<'_>,
+    ) -> Profile {
+        let (p, index, std) = (&self.e.parameters[column], self.request.selected[column], self.std(column));
+        let mut points = vec![Point { value: p.value, excess: 0.0, converged: true }];
+        let mut interval = [None, None];
+        for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
+            let (mut from, mut last) = (self.e.values.clone(), (0.0, 0.0));
+            for n in 1..=REACH {
+                let start = self.moved(&from, column, sign);
+                // A chord says how far up at most; where it says that this is the end, and before the valley has turned too far, a fit does.
+                let looked = self.looked_at(chord, &start, (column, f64::INFINITY), estimator);
+                let (rise, at) = match looked {
+                    Some((rise, at)) if rise < 0.5 * LIMIT95 => (rise, at),
+                    Some((_, at)) => match self.refitted(&at, column, estimator) {
+                        Some(found) => found,
+                        None => break,
+                    },
+                    None => match self.refitted(&start, column, estimator) {
+                        Some(found) => found,
+                        None => break,
+                    },
+                };
+                points.push(Point { value: at[index], excess: rise, converged: true });
+                let (root, limit, here) = (rise.max(0.0).sqrt(), LIMIT95.sqrt(), (at[index] - p.value) / std);
+                let step: Vec<f64> = self.request.selected.iter().map(|&i| at[i] - self.e.values[i]).collect();
+                if root >= limit {
+                    let share = (limit - last.1) / (root - last.1);
+                    let end: f64 = last.0 + share * (here - last.0);
+                    interval[side] = Some(p.value + std * end);
+                    cover(covariance, &step, (here / end).powi(2) * LIMIT95);
+                    break;
+                }
+                if n == REACH {
+                    cover(covariance, &step, rise.max(1.0));
+                }
+                (from, last) = (at, (here, root));
+            }
+        }
+        points.sort_by(|a, b| a.value.total_cmp(&b.value));
+        let (name, unit) = (p.name.clone(), p.unit.clone());
+        Profile { name, unit, value: p.value, points, interval95: (interval[0], interval[1]) }
+    }
+}
+
+/// Makes a covariance allow for a place `d` away, where chi-squared has risen by `rise`: no unknown is there more than the root of that in
+/// deviations away. `C + w w^T`, the diagonal of which is what that needs and no more.
+fn cover(covariance: &mut DMatrix<f64>, d: &[f64], rise: f64) {
+    let mut w = DVector::zeros(covariance.nrows());
+    for (k, x) in d.iter().enumerate() {
+        let (needed, stated) = (x * x / rise, covariance[(k, k)]);
+        if needed > (1.0 + LEAST) * stated {
+            w[k] = (needed - stated).sqrt().copysign(*x);
+        }
+    }
+    covariance.ger(1.0, &w, &w, 1.0);
+}
+
+/// Numbers that are spread as normal ones are, the same each time.
+fn normal(i: usize) -> f64 {
+    let part = |step: f64| ((i + 1) as f64 * step).fract();
+    // Box and Muller, of two irrational steps.
+    (-2.0 * (1.0 - part(0.754_877_666_246_693)).max(1e-9).ln()).sqrt()
+        * (core::f64::consts::TAU * part(0.569_840_290_998_053)).cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::workflow::identify::observed_estimator::Observer;
+    use ff_least_squares::EvalError;
+    use ff_model::ParamDecl;
+
+    #[test]
+    fn a_covariance_allows_for_a_place_by_the_least_that_does() {
+        let mut c = DMatrix::from_row_slice(3, 3, &[4.0, 1.0, 0.0, 1.0, 9.0, 0.0, 0.0, 0.0, 1.0]);
+        let before = c.clone();
+        cover(&mut c, &[3.9, 5.0], LIMIT95);
+        assert_eq!(c, before, "within what is stated");
+        cover(&mut c, &[12.0, -9.0], LIMIT95);
+        let needed = [144.0, 81.0].map(|d| d / LIMIT95);
+        assert!((c[(0, 0)] - needed[0]).abs() < 1e-9 && (c[(1, 1)] - needed[1]).abs() < 1e-9, "{c}");
+        assert!(c[(2, 2)] == 1.0 && c[(0, 1)] < 1.0, "{c}");
+        assert!(c.cholesky().is_some());
+    }
+
+    /// Two unknowns in a bent valley: the cost is `(x / (1 + x/4))^2 + 400 (y - x - 0.3 x^2)^2`.
+    struct Banana;
+    impl Estimator for Banana {
+        fn rows(&self) -> usize {
+            2
+        }
+        fn residuals(&mut self, p: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+            let [x, y] = p[..] else { return Err(EvalError::Rejected("two unknowns".into())) };
+            if x <= -3.5 {
+                return Err(EvalError::Rejected("beyond the pole".into()));
+            }
+            r.copy_from_slice(&[x / (1.0 + 0.25 * x), 20.0 * (y - x - 0.3 * x * x)]);
+            Ok(())
+        }
+        fn jacobian(
+            &mut self,
+            p: &[f64],
+            extra: &[f64],
+            selected: &[usize],
+            r: &mut [f64],
+            j: &mut DMatrix<f64>,
+        ) -> Result<(), EvalError> {
+            for (c, &i) in selected.iter().enumerate() {
+                let of = [[(1.0 + 0.25 * p[0]).powi(-2), 20.0 * (-1.0 - 0.6 * p[0])], [0.0, 20.0]][i];
+                (0..2).for_each(|row| j[(row, c)] = of[row]);
+            }
+            self.residuals(p, extra, r)
+        }
+    }
+
+    #[test]
+    fn deviations_allow_for_a_valley_that_bends() {
+        let free = |name: &str| ParamDecl {
+            name: name.into(),
+            unit: "m",
+            nominal: 0.0,
+            bounds: (f64::NEG_INFINITY, f64::INFINITY),
+            group: ParamGroup::Free,
+        };
+        let decls = [free("x"), free("y")];
+        let settings = Solver { cost_floor: 1e-13, ..Solver::default() };
+        let request = Request { settings, ..Request::new(&decls, &[0, 1], &[0.4, 0.3]) };
+        let estimate = attempt(&request, &mut Banana).unwrap().ended().unwrap();
+        let std = |e: &Estimate| [e.parameters[0].std.unwrap(), e.parameters[1].std.unwrap()];
+        assert!((std(&estimate)[0] - 1.0).abs() < 1e-3 && std(&estimate)[1] < 1.01, "{:?}", std(&estimate));
+        let mut ending = Ending { estimate, minima: None, alone: None };
+        let (mut banana, observer) = (Banana, Observer::default());
+        let mut watched = ObservedEstimator::new(&mut banana, &observer);
+        let profiles = follow(&request, &mut ending, |i| i == 0, &mut watched);
+        let (low, high) = profiles[0].interval95;
+        // r_0 = 1.96 and -1.96; ends lie on straight lines of the root of the rise, between places a deviation apart.
+        let (low, high) = (low.unwrap(), high.unwrap());
+        assert!((high / 3.843 - 1.0).abs() < 0.03 && (low / -1.315 - 1.0).abs() < 0.08, "{low} {high}");
+        let [x, y] = std(&ending.estimate);
+        assert!((x / (3.843 / 1.96) - 1.0).abs() < 0.05, "{x}");
+        assert!(y > (3.843 + 0.3 * 3.843_f64.powi(2)) / 1.96 * 0.95, "{y}");
+        assert!((std(&ending.estimate)[0]).powi(2) > ending.alone.unwrap().covariance[(0, 0)]);
+    }
+
+    #[test]
+    fn draws_are_spread_as_normal_numbers_are() {
+        let all: Vec<f64> = (0..4000).map(normal).collect();
+        let moment = |k: i32| all.iter().map(|x| x.powi(k)).sum::<f64>() / 4000.0;
+        assert!(moment(1).abs() < 0.05 && (moment(2) - 1.0).abs() < 0.1 && (moment(4) - 3.0).abs() < 0.5);
+    }
+}
