@@ -6,7 +6,7 @@ use crate::estimate::outcome::{EstimateError, Linearisation};
 use crate::estimate::request::Request;
 use crate::parameters::scale;
 use crate::parameters::transform::{Transform, TransformError};
-use ff_least_squares::{Criterion, Scale, Settings, Solution, Status, minimise_linearised};
+use ff_least_squares::{Criterion, Iterate, Scale, Settings, Solution, Status, minimise_linearised};
 use ff_model::{ParamDecl, ParamGroup};
 
 /// Longest step in affine coordinates. Coordinates are taken anew around every estimate, so that a step below 1
@@ -17,6 +17,9 @@ const RADIUS: f64 = 0.5;
 const FLAT_STEPS: usize = 3;
 /// See [`FLAT_STEPS`].
 const FLAT_GAIN: f64 = 10.0;
+/// Steps in a row of any length that gain next to nothing, each of them, after which a fit is at the end of a flat direction, too: what they
+/// promise, and do not keep, it never reaches.
+const CREEPS: usize = 20;
 /// Relative physical change of such a step below which a body presses against the edge: steps are measured by what is left of it.
 const EDGE_MOVED: f64 = 0.05;
 /// Trust radius below which the last part of a fit goes on in the metric of the data, and relative promised reduction up to which it is
@@ -73,7 +76,7 @@ pub(super) fn settle<E: Estimator + ?Sized>(
     };
     let rows = estimator.rows();
     let mut last = None;
-    let mut flat_steps = 0;
+    let (mut flat_steps, mut creeps, mut crept_from) = (0, 0, place.full.clone());
     let end = loop {
         // Coordinates around the present estimate: linear in the bodies, scaled by them.
         let transform = match (Transform::affine(request.decls, request.selected, &place.full), last.take()) {
@@ -107,9 +110,16 @@ pub(super) fn settle<E: Estimator + ?Sized>(
         let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < still);
         let over = place.iterations >= limit;
         let emptied = emptied(request, &place.full);
-        flat_steps = if gains_nothing(&solution, &settings, !emptied.is_empty()) { flat_steps + 1 } else { 0 };
-        if flat_steps == FLAT_STEPS && !settled {
-            let status = flat_end(request, &full, &place.full, emptied);
+        if !gains_nothing(&solution, &settings) {
+            (creeps, crept_from) = (0, place.full.clone());
+        } else {
+            creeps += 1;
+        }
+        let flat = creeps > 0 && (is_full(&solution, &settings) || !emptied.is_empty());
+        flat_steps = if flat { flat_steps + 1 } else { 0 };
+        if (flat_steps == FLAT_STEPS || creeps == CREEPS) && !settled {
+            let before = if flat_steps == FLAT_STEPS { &full } else { &crept_from };
+            let status = flat_end(request, before, &place.full, emptied);
             break (transform, status);
         }
         // At the bounds of a pass over less data: nothing that may still move wants to.
@@ -159,16 +169,21 @@ fn emptied(request: &Request<'_>, at: &[f64]) -> Vec<usize> {
     request.selected.iter().enumerate().filter(|(_, i)| zero(i)).map(|(k, _)| k).collect()
 }
 
-/// Whether the last step was as long as steps may be, or at the bound of a parameter (`bound`), and gained next to nothing all the same.
-fn gains_nothing(solution: &Solution, settings: &Settings, bound: bool) -> bool {
+/// Whether the last step was accepted and gained next to nothing.
+fn gains_nothing(solution: &Solution, settings: &Settings) -> bool {
     let Some(step) = solution.history.last() else { return false };
     let noise = (2.0 * solution.cost / solution.residuals.len().max(1) as f64).min(1.0);
     let least = FLAT_GAIN * settings.gain_tolerance * noise;
-    let full = settings.scale == Scale::Unit && step.lambda > 0.0 && step.radius >= RADIUS;
-    step.accepted && (full || bound) && 2.0 * (step.cost - solution.cost).abs() < least
+    step.accepted && 2.0 * (step.cost - solution.cost).abs() < least
 }
 
-/// How a fit has ended whose full steps gain nothing, the last of them between these values: at the edge of what is physical, with the
+/// Whether the last step was as long as steps may be.
+fn is_full(solution: &Solution, settings: &Settings) -> bool {
+    let full = |step: &Iterate| step.lambda > 0.0 && step.radius >= RADIUS;
+    settings.scale == Scale::Unit && solution.history.last().is_some_and(full)
+}
+
+/// How a fit has ended whose steps gain nothing, between these values: at the edge of what is physical, with the
 /// parameters `emptied` at zero, or along a flat direction.
 fn flat_end(request: &Request<'_>, before: &[f64], after: &[f64], emptied: Vec<usize>) -> Status {
     let sizes = scale::sizes(request.decls, after);
