@@ -6,7 +6,7 @@ use crate::estimate::outcome::{EstimateError, Linearisation};
 use crate::estimate::request::Request;
 use crate::parameters::scale;
 use crate::parameters::transform::{Transform, TransformError};
-use ff_least_squares::{Criterion, Iterate, Scale, Settings, Solution, Status, minimise_linearised};
+use ff_least_squares::{Criterion, Iterate, LmError, Scale, Settings, Solution, Status, minimise_linearised};
 use ff_model::{ParamDecl, ParamGroup};
 
 /// Longest step in affine coordinates. Coordinates are taken anew around every estimate, so that a step below 1
@@ -76,6 +76,7 @@ pub(super) fn settle<E: Estimator + ?Sized>(
     };
     let rows = estimator.rows();
     let mut last = None;
+    let mut by_data = true;
     let (mut flat_steps, mut creeps, mut crept_from) = (0, 0, place.full.clone());
     let end = loop {
         // Coordinates around the present estimate: linear in the bodies, scaled by them.
@@ -97,11 +98,22 @@ pub(super) fn settle<E: Estimator + ?Sized>(
         x.extend_from_slice(&place.nuisance);
         let full = place.full.clone();
         let mut fit = Fit::new(request, &mut *estimator, &transform, references, sizes, (&x, &full), evaluated);
-        let solution = minimise_linearised(&mut fit, &x, &settings)?;
+        let solution = match minimise_linearised(&mut fit, &x, &settings) {
+            // Steps in the metric of the data may lead beyond what can exist, however much they are shortened; those in affine coordinates
+            // do not.
+            Err(LmError::NonFiniteResidual { attempts, .. }) if attempts > 1 && settings.scale != Scale::Unit => {
+                place.iterations += 1;
+                by_data = false;
+                (settings.scale, settings.initial_radius, settings.max_radius) = (Scale::Unit, RADIUS, RADIUS);
+                last = Some(transform);
+                continue;
+            }
+            found => found?,
+        };
         place.iterations += solution.iterations;
         let cost = solution.history.first().map_or(solution.cost, |step| step.cost);
         place.descent.push(Linearisation { objective: 2.0 * cost, residuals: rows });
-        next_radius(&mut settings, &solution);
+        next_radius(&mut settings, &solution, by_data);
         place.nuisance.copy_from_slice(&solution.x[n..]);
         if solution.x[..n] != x[..n] {
             transform.apply(&solution.x[..n], &mut place.full);
@@ -133,12 +145,13 @@ pub(super) fn settle<E: Estimator + ?Sized>(
     Ok(end)
 }
 
-/// The trust region of the next step: [`Scale::Unit`] up to [`RADIUS`], and the metric of the data from where steps in a last part creep.
-fn next_radius(settings: &mut Settings, solution: &Solution) {
+/// The trust region of the next step: [`Scale::Unit`] up to [`RADIUS`], and, where it may be (`by_data`), the metric of the data from where
+/// steps in a last part creep.
+fn next_radius(settings: &mut Settings, solution: &Solution, by_data: bool) {
     let last = solution.history.last();
     if settings.scale == Scale::Unit {
         settings.initial_radius = solution.radius.min(RADIUS);
-        if solution.radius < CREEPING && last.is_some_and(|step| step.decrement < LAST_PART) {
+        if by_data && solution.radius < CREEPING && last.is_some_and(|step| step.decrement < LAST_PART) {
             settings.scale = Scale::Columns;
             // Relative to the point: without end, so that the largest is the first.
             (settings.initial_radius, settings.max_radius) = (f64::MAX, DATA_RADIUS);
