@@ -88,7 +88,10 @@
     const data = columns(panel);
     const whole = panel.xRange || (data[0].length > 1 ? [data[0][0], data[0][data[0].length - 1]] : null);
     const linked = panel.x.startsWith("time") && whole ? group(panel.x, whole) : null;
-    const label = (i) => panel.series[i].label || (figure.panels[0].series[i] || {}).label || panel.title || "value";
+    const label = (i) => {
+      const name = panel.series[i].label || (figure.panels[0].series[i] || {}).label || panel.title || "value";
+      return panel.series[i].zero ? `${name} (zero)` : name;
+    };
     const axis = (text) => ({
       label: text, stroke: variable("--soft"), labelSize: 22, size: 56, labelFont: "12px system-ui, sans-serif", font: "11px system-ui, sans-serif",
       grid: { stroke: variable("--line"), width: 0.5 }, ticks: { stroke: variable("--line"), width: 0.5 },

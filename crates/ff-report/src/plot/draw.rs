@@ -117,14 +117,14 @@ pub(super) fn colour_index(s: &Series, i: usize) -> usize {
 }
 
 /// Whether a curve is flat at zero on the scale of its panel.
-fn is_zero(p: &Panel, s: &Series) -> bool {
+pub(super) fn is_zero(p: &Panel, s: &Series) -> bool {
     let size = |s: &Series| s.ys.iter().fold(0.0, |a: f64, y| a.max(y.abs()));
     let largest = p.series.iter().map(size).fold(0.0, f64::max);
     !p.log_y && p.series.len() > 1 && !s.ys.is_empty() && size(s) <= ZERO * largest
 }
 
 /// Label of a curve in the legend. One that is zero cannot be found by its colour under the others, so that it is named.
-pub(super) fn shown_label(p: &Panel, i: usize) -> String {
+fn shown_label(p: &Panel, i: usize) -> String {
     let s = &p.series[i];
     if !s.label.is_empty() && is_zero(p, s) { format!("{} (zero)", s.label) } else { s.label.clone() }
 }

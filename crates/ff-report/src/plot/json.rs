@@ -1,6 +1,6 @@
 //! A figure as data for the scripts of a page: curves thinned to what a screen shows, as packed numbers.
 
-use super::draw::{colour_index, shown_label, y_range};
+use super::draw::{colour_index, is_zero, y_range};
 use super::figure::{Figure, Panel, Range, Series};
 use super::scale::typeset;
 use crate::packed::singles;
@@ -27,7 +27,10 @@ fn panel(p: &Panel, points: usize) -> Value {
         let ys: Vec<String> = ys.into_iter().map(|y| singles(y.into_iter())).collect();
         json!({ "x": singles(x.into_iter()), "ys": ys, "series": members })
     };
-    let curve = |(i, s): (usize, &Series)| json!({ "label": shown_label(p, i), "colour": colour_index(s, i), "dashed": s.dashed });
+    let curve = |(i, s): (usize, &Series)| {
+        // A panel without labels takes those of the first, which must not say what is so there alone.
+        json!({ "label": s.label, "zero": is_zero(p, s), "colour": colour_index(s, i), "dashed": s.dashed })
+    };
     json!({
         "title": p.title,
         "x": typeset(&p.x_label),
@@ -99,6 +102,17 @@ mod tests {
         let at = w.iter().position(|y| *y == 9.0).unwrap();
         assert!((f64::from(x[at]) - 2718.28).abs() < 3.6, "{}", x[at]);
         assert_eq!(v["panels"][0]["y"], "rate (rad/s²)");
+    }
+
+    #[test]
+    fn a_curve_is_called_zero_in_the_panel_where_it_is() {
+        let t = [0.0, 1.0, 2.0];
+        let first = Panel::new("x", "y").curve("still", &t, &[0.0; 3]).curve("moves", &t, &t);
+        let second = Panel::new("x", "y").curve("", &t, &[0.3, 0.2, 0.7]).curve("", &t, &t);
+        let v: Value = serde_json::from_str(&figure(&Figure::new("").panel(first).panel(second), 100)).unwrap();
+        let series = |k: usize| &v["panels"][k]["series"];
+        assert_eq!((&series(0)[0]["label"], &series(0)[0]["zero"]), (&json!("still"), &json!(true)));
+        assert_eq!((&series(1)[0]["label"], &series(1)[0]["zero"]), (&json!(""), &json!(false)));
     }
 
     #[test]
