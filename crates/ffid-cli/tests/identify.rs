@@ -262,7 +262,8 @@ fn d27_what_the_record_cannot_tell_is_named_and_priors_cover_it() {
         .replace("\"base.*\", \"panel_*.k[*]\", \"panel_*.d[*]\"", "\"base.*\", \"panel_*\"");
     c.write("free.toml", &mission);
     let args = ["identify", "free.toml", "--record", "rec.csv", "--force"];
-    c.refused(&args, 13, "Fit::Unidentifiable", &["panel_left"]);
+    // Which of the panels comes first is left to rounding.
+    c.refused(&args, 13, "Fit::Unidentifiable", &["base.mass", "panel_"]);
     let r = c.result("free-identified");
     assert!(!r.null_directions.is_empty() && !r.priors_cover && r.rank < r.singular_values.len());
     // With priors everything has a deviation, and what the data do not tell is a warning.
