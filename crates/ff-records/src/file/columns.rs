@@ -129,15 +129,15 @@ impl Target {
     }
 }
 
-/// Whether a column has no name: the row numbers that pandas writes, which it calls `Unnamed: 0` when it has read and written them again, or what a
+/// Whether a column has no name and is left out: the row numbers that pandas writes, which it calls `Unnamed: 0` when it has read and written them again, or what a
 /// comma at the end of every line makes.
-pub(super) fn is_nameless(cell: &str) -> bool {
+pub fn is_nameless(cell: &str) -> bool {
     let numbered = |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit());
     cell.trim().is_empty() || cell.trim().strip_prefix("Unnamed: ").is_some_and(numbered)
 }
 
-/// Says which columns have no name and are left out; `None` where all have one.
-pub(super) fn without_name(head: &[String]) -> Option<Problem> {
+/// The warning that says which columns are left out for want of a name; `None` where all have one.
+pub fn without_name(head: &[String]) -> Option<Problem> {
     let at: Vec<usize> = (0..head.len()).filter(|&i| is_nameless(&head[i])).collect();
     let what = match at[..] {
         [] => return None,

@@ -42,6 +42,7 @@ pub mod units;
 pub(crate) mod write;
 
 pub use blocks::{BLOCK, Block, Blocks, Stamps};
+pub use columns::{is_nameless, without_name};
 pub use options::{Loaded, ReadOptions, StampSource};
 #[cfg(feature = "parquet")]
 pub use parquet_in::read_table;
@@ -78,16 +79,6 @@ fn data(code: &'static str, message: impl Into<String>) -> Problem {
 /// Row D34: more of something than its limit.
 fn over(value: f64, limit: f64, unit: &'static str) -> Problem {
     Problem::out_of_range(Area::Data, "Data::TooLarge", value, Limit::AtMost(limit), unit)
-}
-
-/// Whether a column has no name and is left out: row numbers of pandas (`Unnamed: 0` when written again), or a comma at the end of every line.
-pub fn is_nameless(cell: &str) -> bool {
-    columns::is_nameless(cell)
-}
-
-/// The warning that says which columns are left out for want of a name; `None` where all have one.
-pub fn without_name(names: &[String]) -> Option<Problem> {
-    columns::without_name(names)
 }
 
 /// Name and unit of a column `name[unit]`.

@@ -2,7 +2,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
-use crate::estimate::estimator::{Coarse, Estimator};
+use crate::estimate::estimator::{Coarse, Estimator, columns_by_directions};
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use ff_least_squares::EvalError;
 use ff_records::Mask;
@@ -54,26 +54,7 @@ impl<E: Estimator> Estimator for Masked<E> {
         weigh(r, &self.roots);
         Ok(())
     }
-    fn jacobian(
-        &mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-        r: &mut [f64],
-        j: &mut DMatrix<f64>,
-    ) -> Result<(), EvalError> {
-        let along = Direction::of_columns(selected, full.len(), extra.len());
-        self.jacobian_along(full, extra, &along, r, j)
-    }
-    fn streams<'s>(
-        &'s mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
-        let along = Direction::of_columns(selected, full.len(), extra.len());
-        self.streams_along(full, extra, &along)
-    }
+    columns_by_directions!();
     fn jacobian_along(
         &mut self,
         full: &[f64],

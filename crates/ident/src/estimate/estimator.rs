@@ -135,6 +135,33 @@ pub trait Estimator {
     }
 }
 
+/// Columns of single unknowns as those along directions, for an estimator that has these: a default of the trait for both would call itself.
+macro_rules! columns_by_directions {
+    () => {
+        fn jacobian(
+            &mut self,
+            full: &[f64],
+            extra: &[f64],
+            selected: &[usize],
+            r: &mut [f64],
+            j: &mut DMatrix<f64>,
+        ) -> Result<(), EvalError> {
+            let along = Direction::of_columns(selected, full.len(), extra.len());
+            self.jacobian_along(full, extra, &along, r, j)
+        }
+        fn streams<'s>(
+            &'s mut self,
+            full: &[f64],
+            extra: &[f64],
+            selected: &[usize],
+        ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
+            let along = Direction::of_columns(selected, full.len(), extra.len());
+            self.streams_along(full, extra, &along)
+        }
+    };
+}
+pub(crate) use columns_by_directions;
+
 /// What points to an estimator is one.
 macro_rules! pointer {
     ($pointer:ty) => {

@@ -7,7 +7,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::{Direction, Straight, Sums};
-use crate::estimate::estimator::{Coarse, Estimator};
+use crate::estimate::estimator::{Coarse, Estimator, columns_by_directions};
 use crate::estimate::output_options::Options;
 use crate::estimate::output_rows::{OutputRows, Window};
 use crate::estimate::output_spans::{SPAN, SpanRows, Spans, failed};
@@ -355,26 +355,7 @@ impl Estimator for OutputError<'_> {
         }
         Ok(())
     }
-    fn jacobian(
-        &mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-        r: &mut [f64],
-        j: &mut DMatrix<f64>,
-    ) -> Result<(), EvalError> {
-        let along = Direction::of_columns(selected, full.len(), extra.len());
-        self.jacobian_along(full, extra, &along, r, j)
-    }
-    fn streams<'s>(
-        &'s mut self,
-        full: &[f64],
-        extra: &[f64],
-        selected: &[usize],
-    ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
-        let along = Direction::of_columns(selected, full.len(), extra.len());
-        self.streams_along(full, extra, &along)
-    }
+    columns_by_directions!();
     fn jacobian_along(
         &mut self,
         full: &[f64],

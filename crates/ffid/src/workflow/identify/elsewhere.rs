@@ -62,9 +62,9 @@ pub(super) struct Subject<'a> {
     pub(super) sigma: &'a [f64],
 }
 
-/// The fit, or a better one from another start when it does not explain the record, leaves a line in the residuals, or a positive parameter has vanished in it: starts
-/// that put a mode where power is left over, then random ones, are fitted to the thinned record until one of them explains that; the best
-/// goes on over the whole. What fails on the way is no error: the fit stays.
+/// The fit, or a better one from another start when it does not explain the record, leaves a line in the residuals, or a positive parameter has
+/// vanished in it: starts that put a mode where power is left over, then random ones, are fitted to the thinned record until one of them
+/// explains that; the best goes on over the whole. What fails on the way is no error: the fit stays.
 pub(super) fn elsewhere(
     request: &Request<'_>,
     first: Estimate,
