@@ -21,7 +21,7 @@ GROUPS = {
     "Missions": ["Mission"],
     "Records": ["Record", "doctor", "Diagnosis", "convert"],
     "Motions": ["Motion", "plan_excitation", "Plan", "preflight", "Preflight"],
-    "Identification": ["identify", "Result", "Validation", "Draws", "WeightedDraws"],
+    "Identification": ["identify", "Result", "Validation", "Draws", "WeightedDraws", "Table"],
     "Dynamics over arrays": ["Model", "BaseParameters", "Derivatives", "Hybrid", "Momentum"],
     "Errors and warnings": [
         "Problem", "FfidError", "ModelError", "ConfigError", "DataError", "ArrayError", "IllPosedError", "NumericalError", "OutputError",

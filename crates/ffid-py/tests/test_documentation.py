@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import doctest
 import graphlib
 import inspect
 import re
@@ -42,10 +43,23 @@ def test_code_of_the_pages_runs(page: str, tmp_path: Path) -> None:
         pytest.importorskip(needed)
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
     assert blocks, page
-    code = "import warnings\nwarnings.simplefilter('ignore')\nimport matplotlib\nmatplotlib.use('svg')\n" + "\n".join(blocks)
+    # Who follows the README has what it installs, which is not pandas.
+    without = "import sys\nsys.modules['pandas'] = None\n" if page == "README.md" else ""
+    code = without + "import warnings\nwarnings.simplefilter('ignore')\nimport matplotlib\nmatplotlib.use('svg')\n" + "\n".join(blocks)
     for folder in ("fixtures", "docs"):
         code = code.replace(f'"{folder}/', f'"{ROOT.as_posix()}/{folder}/')
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=3600)
+
+
+@pytest.mark.skipif("antenna_boom" not in ffid.appendage_kinds(), reason="a wheel without the boom; `.ci/full python` builds one with it")
+@pytest.mark.filterwarnings("ignore")
+def test_an_appendage_of_ones_own_does_what_its_page_prints(monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (ROOT / "docs" / "python-appendages.md").read_text()
+    session = "\n".join(re.findall(r"```text\n(>>>.*?)```", page, re.DOTALL))
+    monkeypatch.chdir(ROOT)
+    test = doctest.DocTestParser().get_doctest(session, {}, "python-appendages.md", None, 0)
+    assert len(test.examples) == 7
+    assert doctest.DocTestRunner().run(test).failed == 0
 
 
 def test_modules_import_each_other_in_no_circle() -> None:

@@ -38,6 +38,7 @@ from .page import Page
 from .planning import plan_excitation, preflight
 from .record import Record
 from .result import Result
+from .table import Table
 from .validation import Validation
 
 __all__ = [
@@ -67,6 +68,7 @@ __all__ = [
     "Problem",
     "Record",
     "Result",
+    "Table",
     "Validation",
     "WeightedDraws",
     "__version__",

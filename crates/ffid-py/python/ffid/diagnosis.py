@@ -46,7 +46,7 @@ class Diagnosis:
     @property
     def findings(self) -> Any:
         """Every finding: record, topic, channel, judgement, measured, expected, unit, text. A data frame where pandas is installed, else a
-        list of rows."""
+        :class:`Table`."""
         columns = ("record", "topic", "channel", "judgement", "measured", "expected", "unit", "text")
         return rows([{c: f.get(c) for c in columns} for f in self.raw["findings"]])
 

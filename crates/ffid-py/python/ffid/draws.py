@@ -142,7 +142,7 @@ class WeightedDraws:
     @property
     def parameters(self) -> Any:
         """Mean, std, median and the interval between the quantiles of 2.5 and 97.5 %, by name (SI units); the interval is none unless
-        :attr:`reliable`. A data frame where pandas is installed, else a list of rows."""
+        :attr:`reliable`. A data frame where pandas is installed, else a :class:`Table`."""
         import numpy as np
 
         flat = self.draws.values.reshape(-1, len(self.draws.names))

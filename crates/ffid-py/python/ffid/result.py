@@ -73,8 +73,7 @@ class Result:
     @property
     def parameters(self) -> Any:
         """The parameters asked for, one per row: name, value, std, unit, start, interval95, prior_mean, prior_std, verdict; truth, where it
-        was given. A data frame where
-        pandas is installed, else a list of rows."""
+        was given. A data frame where pandas is installed, else a :class:`Table`."""
         return rows([_estimate(p) for p in self.raw["parameters"]])
 
     @property
