@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import pickle
 import signal
@@ -195,6 +196,19 @@ def test_an_exception_in_progress_ends_the_fit(mission: ffid.Mission, record: ff
     with pytest.raises(LookupError, match="enough"):
         ffid.identify(mission, record, progress=stop)
     assert len(calls) == 1 and calls[0][0] == "fit"
+
+
+def test_the_log_has_beginning_end_and_every_step(
+    mission: ffid.Mission, record: ffid.Record, result: ffid.Result, caplog: pytest.LogCaptureFixture
+) -> None:
+    seen: list[tuple[str, int, float]] = []
+    with caplog.at_level(logging.DEBUG, logger="ffid"):
+        again = ffid.identify(mission, record, progress=lambda *x: seen.append(x))
+    lines = [(r.levelname, r.getMessage()) for r in caplog.records if r.name == "ffid"]
+    assert lines[0] == ("INFO", f"identify: {mission.file}, {record.name}")
+    assert lines[1:-1] == [("DEBUG", f"{what}: step {n}, {cost:.6g}") for what, n, cost in seen] and len(seen) > 5
+    assert lines[-1] == ("INFO", f"identify: exit code 0; {again.verdict}")
+    assert again.values == result.values
 
 
 def test_ctrl_c_ends_a_fit_and_keeps_what_it_has(mission: ffid.Mission, record: ffid.Record, result: ffid.Result) -> None:

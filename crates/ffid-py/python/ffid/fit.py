@@ -12,6 +12,7 @@ from ._options import Path, Progress, words_of
 from .diagnosis import Records, read_all
 from .errors import problems_of, warn_of
 from .interrupted import Interrupted
+from .log import LOG, logged
 from .mission import Mission, TemporaryFolder
 from .record import Record
 from .result import Result
@@ -126,9 +127,10 @@ def identify(
     if isinstance(truth, Mission):
         truth = truth.save(truth_folder.path) if truth_folder else truth.file
     options = words_of(identify, {**locals(), "held_out": held_out if held is None else None}, leave=_OBJECTS)
+    LOG.info("identify: %s, %s", mission.file, ", ".join(r.name for r in given))
     cores = [r._core for r in given]
     absent = _absent(without or {}, records, given)
-    core, kept, broken = _ffid.identify(mission._core, cores, None if held is None else held._core, absent, options, progress)
+    core, kept, broken = _ffid.identify(mission._core, cores, None if held is None else held._core, absent, options, logged(progress))
     if broken is not None and not isinstance(broken, KeyboardInterrupt):
         raise broken
     if core is None:
@@ -149,6 +151,7 @@ def identify(
     known = {str(p) for r in given + ([held] if held else []) for p in problems_of(r._core.warnings())}
     known |= {str(p) for p in problems_of(mission._core.warnings())}
     warn_of([p for p in problems if p.severity == "warning" and str(p) not in known])
+    LOG.info("identify: exit code %d; %s", result.exit_code, result.verdict)
     return result
 
 

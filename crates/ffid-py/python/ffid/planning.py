@@ -8,6 +8,7 @@ from typing import Literal
 from . import _ffid
 from ._options import ArrayLike, Path, Progress, core_of, words
 from .interrupted import Interrupted
+from .log import logged
 from .mission import Mission
 from .motion import Plan, Preflight, Trajectory, motion_of
 
@@ -77,7 +78,7 @@ def _search(
     progress: Progress | None,
 ) -> Plan:
     options = words(goal=goal, seed=seed, starts=starts, allow=allow, strict=strict)
-    found, broken = _ffid.plan_excitation(core_of(mission), options, progress)
+    found, broken = _ffid.plan_excitation(core_of(mission), options, logged(progress))
     plan = None
     if found is not None:
         trajectory, how, verdict, text, faults = found

@@ -15,6 +15,7 @@ from ._options import Array, ArrayLike, Path, Progress, words_of
 from .diagnosis import read_all
 from .draws import Draws
 from .errors import Problem, problems_of, warn, warn_of
+from .log import logged
 from .mission import Mission
 from .motion import Motion, Plan
 from .page import Page
@@ -284,7 +285,7 @@ class Result:
         mission = self.mission
         (given,) = read_all(record, mission, allow=allow, strict=strict)
         options = words_of(Result.validate, locals(), leave=("progress",))
-        verdict = Validation(*_ffid.validate(mission._core, json.dumps(self.raw), given._core, options, progress))
+        verdict = Validation(*_ffid.validate(mission._core, json.dumps(self.raw), given._core, options, logged(progress)))
         known = {str(p) for p in problems_of(given._core.warnings()) + problems_of(mission._core.warnings())}
         warn_of([p for p in verdict.problems if str(p) not in known and p.severity == "warning"])
         return verdict
