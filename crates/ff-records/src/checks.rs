@@ -21,6 +21,8 @@ const SAMPLED: usize = 20_000;
 const WIDEST: f64 = 2.5;
 /// Largest part of a channel that is left out as spikes.
 const FEW: f64 = 0.01;
+/// Equal readings in a row that are a fault in a channel that hardly ever repeats one.
+const FROZEN: usize = 10;
 /// How far the neighbours of a spike may be from minus half of it.
 const SHAPE: f64 = 0.35;
 
@@ -166,10 +168,23 @@ pub(crate) fn stuck(name: &str, m: &DMatrix<f64>, joints: &[String], time: &dyn 
         if dead && sensor {
             let p = Problem::error(Area::Data, "Data::Stuck", message).on(format!("{name}.{axis}"));
             bad.push(p.hint("check the sensor; for noise-free simulation allow Data::Stuck"));
-        } else if dead || (sensor && best >= 50 && best * 10 >= c.len()) {
-            bad.push(Problem::warning(Area::Data, "Data::Stuck", message).on(format!("{name}.{axis}")));
+        } else if dead || (sensor && (best >= 50 && best * 10 >= c.len() || freezes(c.as_slice(), &longest))) {
+            let p = Problem::warning(Area::Data, "Data::Stuck", message).on(format!("{name}.{axis}"));
+            bad.push(if dead {
+                p
+            } else {
+                p.hint("check sensor and recorder; cut the record where the reading is none")
+            });
         }
     }
+}
+
+/// Whether readings that hardly ever repeat the one before, since they have noise or move, do so all through `run`. From the first sample on
+/// a simulated robot without noise may be at rest.
+fn freezes(x: &[f64], run: &std::ops::Range<usize>) -> bool {
+    let repeats = |x: &[f64]| x.windows(2).filter(|w| w[0] == w[1]).count();
+    let elsewhere = repeats(&x[..run.start]) + repeats(&x[run.end..]);
+    run.len() >= FROZEN && run.start > 0 && elsewhere * 100 <= x.len() - run.len()
 }
 
 /// Row D22: unit norm to 1e-3, then normalised; q and -q are the same attitude, so signs are made continuous.
@@ -235,6 +250,28 @@ mod tests {
         // The same at another value is the end of the range.
         let held: Vec<f64> = half.iter().map(|x| x + 0.5).collect();
         assert!(found(&held).has("Data::Saturated"), "{}", found(&held));
+    }
+
+    #[test]
+    fn d18_a_sensor_that_freezes_for_a_while_is_told_from_one_with_coarse_steps() {
+        let wave: Vec<f64> = (0..2000).map(|k| 3.0 * (0.021 * k as f64 + 0.3).sin() + 0.02 * noise(k)).collect();
+        let told = |x: &[f64]| {
+            let mut bad = Problems::default();
+            let m = DMatrix::from_columns(&[wave.clone().into(), x.to_vec().into(), wave.clone().into()]);
+            stuck("gyro", &m, &[], &|i| i as f64 * 0.01, &mut bad);
+            bad
+        };
+        let held = |from: usize, to: usize| -> Vec<f64> {
+            wave.iter().enumerate().map(|(k, x)| if (from..to).contains(&k) { wave[from] } else { *x }).collect()
+        };
+        let p = told(&held(900, 960));
+        assert!(p.has("Data::Stuck") && !p.has_errors() && p.to_string().contains("gyro.y: holds exactly"), "{p}");
+        assert!(p.to_string().contains("from 9.000 to 9.600 s"), "{p}");
+        assert!(told(&held(1900, 2000)).has("Data::Stuck"));
+        assert!(told(&held(900, 905)).0.is_empty() && told(&wave).0.is_empty());
+        // Steps as large as the noise, and a minute at rest.
+        let coarse: Vec<f64> = held(900, 960).iter().map(|x| (x / 0.1).round() * 0.1).collect();
+        assert!(told(&coarse).0.is_empty(), "{}", told(&coarse));
     }
 
     #[test]

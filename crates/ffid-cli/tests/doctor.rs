@@ -136,11 +136,29 @@ fn swapped_columns_are_named_of_the_gyro_of_torques_and_of_joints() {
     let c = recorded();
     let told = renamed(&c, &[("gyro.x[rad/s]", "gyro.y[rad/s]"), ("gyro.y[rad/s]", "gyro.x[rad/s]")]);
     told.wrong(&[("axes", "gyro")], "Data::AxisMismatch");
+    // One axis alone, which is little of the signal: no sign of a joint comes with it.
+    let told = changed(&c, |name, x| if name.starts_with("gyro.z") { -x } else { x });
+    told.wrong(&[("axes", "gyro")], "Data::AxisMismatch");
     let torques = [("tau.joint2[N m]", "tau.joint4[N m]"), ("tau.joint4[N m]", "tau.joint2[N m]")];
     renamed(&c, &torques).wrong(&[("axes", "tau.joint2")], "Data::AxisMismatch");
     let positions = [("q.joint2[rad]", "q.joint4[rad]"), ("q.joint4[rad]", "q.joint2[rad]")];
     let told = renamed(&c, &[&torques[..], &positions[..]].concat());
     told.wrong(&[("axes", "q.joint2"), ("axes", "tau.joint2")], "Data::AxisMismatch");
+}
+
+/// A joint whose zero is elsewhere is no unit, axis or sign. That nothing explains the record is said, and is no refusal.
+#[test]
+fn a_record_that_nothing_brings_near_is_suspicious() {
+    let told = changed(&recorded(), |name, x| if name.starts_with("q.joint2") { x + 1.9 } else { x });
+    assert_eq!(
+        (told.code, told.bad()),
+        (0, vec![("prior".into(), "".into(), "suspicious".into())]),
+        "{:#?}",
+        told.findings
+    );
+    let p = told.problems.iter().find(|p| p["code"] == "Data::NotFollowed").unwrap();
+    assert!(p["violation"]["value"].as_f64() > p["violation"]["limit"]["at_most"].as_f64(), "{p}");
+    assert!(p["hint"].as_str().unwrap().contains("zeros"), "{p}");
 }
 
 #[test]

@@ -25,7 +25,7 @@ const LEFT: f64 = 0.35;
 const FEWEST: usize = 100;
 /// Part of the misfit that an error may leave.
 const UNEXPLAINED: f64 = 0.25;
-/// Factor by which the distance of a hypothesis grows with each error it consists of.
+/// Factor by which distance and misfit of a hypothesis count more with each mistake that it consists of.
 const SIMPLER: f64 = 1.3;
 /// Hypotheses that are fitted.
 const FITTED: usize = 4;
@@ -72,10 +72,6 @@ impl Positions {
             }
         }
         out
-    }
-    /// Of one joint or two, not of the record as a whole.
-    fn is_single(self) -> bool {
-        !matches!(self, Self::AsRecorded | Self::Factor(_))
     }
 }
 
@@ -149,9 +145,39 @@ pub(super) fn before_fit(case: &Case<'_>, predicted: Option<&Prediction>) -> Vec
 struct Hypothesis {
     positions: Positions,
     outputs: Vec<Output>,
-    /// Mean distance that it leaves, and the same times what its errors cost.
+    /// Mean distance that it leaves, and what a measure of it is multiplied by for the errors it consists of.
     distance: f64,
-    cost: f64,
+    price: f64,
+}
+
+/// Mistakes that a hypothesis consists of: the columns of a joint, or all torques, that are wrong in the same way are one.
+fn mistakes(positions: Positions, outputs: &[Output], joints: usize) -> i32 {
+    let of_torque = |o: &Output| matches!(o, Output::Axis(AxisMismatch::Torque { .. }));
+    let same = match (positions, outputs) {
+        (Positions::Reversed(j), [Output::Axis(AxisMismatch::Torque { joint, .. })]) => *joint == j,
+        (Positions::Swapped(i, j), [Output::Swapped { joints }]) => *joints == (i, j),
+        _ => false,
+    };
+    let of_outputs = match outputs.len() {
+        _ if same => 0,
+        k if k == joints && k > 0 && outputs.iter().all(of_torque) => 1,
+        k => k as i32,
+    };
+    of_outputs + i32::from(positions != Positions::AsRecorded)
+}
+
+/// A gyro whose axes are any but those of the base, in order or sign. What its prediction shares with it may be too little to tell by.
+fn turned_gyros() -> impl Iterator<Item = AxisMismatch> {
+    let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+    orders.into_iter().flat_map(|axes| {
+        let signs = move |bits: u8| std::array::from_fn(|i| if bits >> i & 1 == 1 { -1.0 } else { 1.0 });
+        // The first of the first is the gyro as it should be.
+        (u8::from(axes == [0, 1, 2])..8).map(move |bits| AxisMismatch::Gyro {
+            axes,
+            signs: signs(bits),
+            improvement: 1.0,
+        })
+    })
 }
 
 /// Everything that may be wrong with positions and outputs, cheapest first.
@@ -175,6 +201,7 @@ fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
                 variants.extend((0..n).map(|j| vec![reversed(j)]));
                 variants.push((0..n).map(reversed).collect());
                 variants.extend((0..n).flat_map(|i| (i + 1..n).map(move |j| vec![swapped(i, j)])));
+                variants.extend(turned_gyros().map(|a| vec![Output::Axis(a)]));
             }
             // The names of a joint, or the sense of its axis, are wrong in all its columns.
             Positions::Reversed(j) => variants.push(vec![reversed(j)]),
@@ -182,20 +209,14 @@ fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
             Positions::Factor(_) | Positions::OneFactor(..) => {}
         }
         for outputs in variants {
-            // One error where all columns of a joint, or all torques, are wrong in the same way.
-            let errors = match outputs.len() {
-                0 => 0,
-                _ if positions.is_single() => 0,
-                k if k == n => 1,
-                k => k as i32,
-            } + i32::from(positions != Positions::AsRecorded);
+            let errors = mistakes(positions, &outputs, n);
             if errors > 0 {
                 let distance = distance_with(&record, &p, &outputs);
-                out.push(Hypothesis { positions, outputs, distance, cost: distance * SIMPLER.powi(errors) });
+                out.push(Hypothesis { positions, outputs, distance, price: SIMPLER.powi(errors) });
             }
         }
     }
-    out.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    out.sort_by(|a, b| (a.distance * a.price).total_cmp(&(b.distance * b.price)));
     out
 }
 
@@ -235,15 +256,16 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
     for h in ranked(case, &thin).into_iter().take(FITTED) {
         let record = put_right(&h.positions.put_right(&thin, &turns), &h.outputs);
         let Some(fit) = quick_fit(case, &record, &Scales::of(case, h.positions, &h.outputs), false) else { continue };
-        if best.as_ref().is_none_or(|b| fit.misfit < b.0) {
+        // Of two that explain the record, the one of fewer mistakes.
+        if best.as_ref().is_none_or(|b| fit.misfit * h.price < b.0 * b.1.price) {
             best = Some((fit.misfit, h));
         }
     }
-    // By the values of the mission, of which a fit may stray into a wrong valley.
+    // By the values of the mission, of which a fit may stray into a wrong valley; a single mistake may then be taken from the distance alone.
     let as_it_is = Prediction::coarse(case, &thin).map_or(2.0, |p| distance_with(&thin, &p, &[]));
     let is_taken = |after: f64, h: &Hypothesis| {
         (explains(after) && h.distance < as_it_is)
-            || (after < before && h.distance < LEFT && h.distance < BETTER * as_it_is)
+            || (after < before && h.price <= SIMPLER && h.distance < LEFT && h.distance < BETTER * as_it_is)
     };
     match best {
         Some((after, h)) if is_taken(after, &h) && after < moving => {

@@ -98,7 +98,8 @@ pub fn diagnose(
                 let noisy = findings.iter().any(|f| f.topic == Topic::Noise && f.judgement != Judgement::Good);
                 let aliased = |f: &Finding| f.problem.as_ref().is_some_and(|p| p.code == "Data::Aliasing");
                 findings.extend(modes::findings(&case, opened)?.into_iter().filter(|f| !(noisy && aliased(f))));
-                findings.push(prior::finding(&case, &p, fit));
+                let explained = findings.iter().any(|f| f.record == case.label && f.judgement != Judgement::Good);
+                findings.push(prior::finding(&case, &p, fit, explained));
             }
             (Err(e), _) => findings.push(prediction::failed(&case, &e.to_string())),
             (_, None) => findings.push(prediction::failed(&case, "a quick fit failed")),

@@ -4,9 +4,15 @@ use super::case::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::prediction::Prediction;
 use super::quick_fit::{FOLLOWS, QuickFit};
+use ff_model::diagnostics::Limit;
+use ff_model::{Area, Problem};
+
+/// Misfit above which a quick fit is so far from the record, a tenth of the signals and more, that something is missing or turned.
+const FAR_OFF: f64 = 5.0;
 
 /// Chi-squared per degree of freedom of the mission's values; what it is, and no judgement: that the values are wrong is why there is a fit.
-pub(super) fn finding(case: &Case<'_>, p: &Prediction, fit: &QuickFit) -> Finding {
+/// Suspicious where a quick fit from them does not come near the record, and nothing else that was found is why.
+pub(super) fn finding(case: &Case<'_>, p: &Prediction, fit: &QuickFit, explained: bool) -> Finding {
     let samples = case.record.samples();
     let mut squares = 0.0;
     let mut worst = (0.0, String::new());
@@ -40,5 +46,12 @@ pub(super) fn finding(case: &Case<'_>, p: &Prediction, fit: &QuickFit) -> Findin
         fit.parameters.len(),
         fit.misfit
     );
-    case.finding(Topic::Prior, Judgement::Good, text).figures(chi2, 1.0, "")
+    if fit.misfit <= FAR_OFF || explained {
+        return case.finding(Topic::Prior, Judgement::Good, text).figures(chi2, 1.0, "");
+    }
+    let p = Problem::warning(Area::Data, "Data::NotFollowed", text.clone())
+        .on(worst.1)
+        .violating(fit.misfit, Limit::AtMost(FAR_OFF), "")
+        .hint("compare zeros and axes of the joints with the URDF, and the mission with what moves on the robot; ffid identify names errors that it can fit");
+    case.finding(Topic::Prior, Judgement::Suspicious, text).figures(chi2, 1.0, "").raising(p)
 }

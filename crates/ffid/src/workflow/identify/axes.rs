@@ -40,10 +40,11 @@ pub(crate) fn problem(m: &AxisMismatch, record: &Record) -> Problem {
         AxisMismatch::Gyro { axes, signs, improvement } => {
             let named: Vec<String> =
                 (0..3).map(|i| format!("{}{}", if signs[i] < 0.0 { "-" } else { "+" }, XYZ[axes[i]])).collect();
-            let what = format!(
-                "gyro.x, y, z measure {} of the base: that explains {improvement:.0} times more of the signal",
-                named.join(", ")
-            );
+            let mut what = format!("gyro.x, y, z measure {} of the base", named.join(", "));
+            // An order that was tried, and not seen in the prediction, has none.
+            if improvement > 1.0 {
+                what += &format!(": that explains {improvement:.0} times more of the signal");
+            }
             Problem::error(Area::Data, "Data::AxisMismatch", what)
                 .on("gyro")
                 .hint("rename the columns, or turn their signs; rates are those of the base frame in its own axes")
