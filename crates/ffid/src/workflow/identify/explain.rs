@@ -202,6 +202,19 @@ pub(super) fn in_words(words: &str, size: &[ErrorSize]) -> String {
 /// Part of what is left over that an error must account for to be said to explain it.
 const MOST: f64 = 0.8;
 
+/// Whether an error can be as large as that. What is beyond stands for something else, which no linearisation tells: a gain of several hundred
+/// percent, an angle beyond half a turn, a clock off by a tenth, a mass below zero.
+fn can_be(n: &NamedError) -> bool {
+    let size = n.size.iter().map(|c| c.value * c.value).sum::<f64>().sqrt();
+    match n.name.split('.').next().unwrap_or_default() {
+        "torque-gain" | "gyro-scale" => size <= 2.0,
+        "gyro-misalignment" | "encoder-offset" | "joint-axis" | "mount-rotation" => size <= std::f64::consts::PI,
+        "torque-clock-rate" | "gyro-clock-rate" => size <= 0.1,
+        "mass" => n.size.iter().all(|c| c.unit != "1" || c.value > -1.0),
+        _ => true,
+    }
+}
+
 /// Why the record contradicts the model, in one line.
 fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: f64) -> String {
     let least = |w: &Whiteness| w.excess_p.unwrap_or(1.0);
@@ -220,8 +233,16 @@ fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: 
     let Some(best) = found.named.first() else {
         return format!("{seen}, and none of the {} errors that were tried would explain it", found.tried);
     };
-    let together: Vec<&str> =
-        found.named.iter().enumerate().filter(|(k, n)| *k == 0 || n.beside).map(|(_, n)| &n.text[..]).take(3).collect();
+    let first: Vec<&NamedError> =
+        found.named.iter().enumerate().filter(|(k, n)| *k == 0 || n.beside).map(|(_, n)| n).take(3).collect();
+    let together: Vec<&str> = first.iter().map(|n| &n.text[..]).collect();
+    if !first.iter().all(|n| can_be(n)) {
+        return format!(
+            "{seen}; of the {} errors that were tried none explains it at a size that can be; the best is {}",
+            found.tried,
+            together.join(" beside ")
+        );
+    }
     let (drop, by) = (num(best.drop), best.moves_by);
     let rest = match found.with_first {
         Some(State::Explained) => ", and nothing is left with it",
@@ -306,4 +327,51 @@ pub(super) fn evidence(
         None => "nothing stands out of the noise; other errors could not be tried".to_owned(),
     };
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(name: &str, value: f64, unit: &str) -> NamedError {
+        let size = vec![ErrorSize { name: String::new(), unit: unit.into(), value, std: 1e-3 * value.abs() }];
+        let text = in_words(name, &size);
+        let (name, moves) = (name.to_owned(), "base.mass".to_owned());
+        NamedError {
+            name,
+            text,
+            size,
+            drop: 8100.0,
+            freedom: 1,
+            p: 0.0,
+            moves,
+            moves_by: 40.0,
+            beside: false,
+            alike: Vec::new(),
+            refitted: false,
+            mission: String::new(),
+        }
+    }
+
+    /// Errors of a size that cannot be are those of a linearisation far from what is wrong.
+    #[test]
+    fn what_cannot_be_so_large_explains_nothing() {
+        let told =
+            |named: Vec<NamedError>| against(&Evidence { tried: 85, named, ..Evidence::default() }, &[], 9.0, 2.0);
+        for (name, possible, impossible, unit) in [
+            ("torque-gain.elbow", -0.99, -1366.0, "1"),
+            ("encoder-offset.elbow", 1.57, 13.5, "rad"),
+            ("gyro-clock-rate", 2e-3, -5.9, "1"),
+            ("mass.link", -0.4, -1.3, "1"),
+        ] {
+            let can = told(vec![error(name, possible, unit)]);
+            assert!(can.contains("would explain it (chi-squared falls by 8100"), "{can}");
+            let cannot = told(vec![error(name, impossible, unit)]);
+            assert!(cannot.contains("none explains it at a size that can be") && cannot.contains(name), "{cannot}");
+            assert!(!cannot.contains("would explain"), "{cannot}");
+            // Beside one that can be, too.
+            let beside = NamedError { beside: true, ..error(name, impossible, unit) };
+            assert!(told(vec![error("friction.elbow", 0.2, "N m s/rad"), beside]).contains("that can be"));
+        }
+    }
 }
