@@ -28,7 +28,7 @@ th,td{padding:.28rem .6rem;border-bottom:1px solid var(--line);text-align:left;v
 thead th{white-space:normal;vertical-align:bottom;border-bottom:2px solid var(--line);color:var(--soft);font-weight:600}\
 tbody th{font-weight:500}\
 .n{text-align:right;font-variant-numeric:tabular-nums}\
-td svg{display:block;width:9rem;height:1.1rem}\
+td svg{display:block;width:9rem;height:1.1rem}td .range{display:block;font-size:.85em;color:var(--soft)}.phone{display:none}\
 .prior{stroke:var(--prior)}.est{stroke:var(--est)}.dot{fill:var(--est)}.start{stroke:var(--soft)}\
 figure{margin:1rem 0;overflow-x:auto}\
 figure svg{display:block;width:100%;min-width:38rem;height:auto}\
@@ -46,7 +46,7 @@ td,th{white-space:normal}\
 .cards tr{border-bottom:2px solid var(--line);padding:.4rem 0}.cards tbody th{font-weight:700;border:0}\
 .cards td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.1rem .6rem;text-align:right}\
 .cards td:empty{display:none}.cards td::before{content:attr(data-label);color:var(--soft);text-align:left}\
-figure svg{min-width:34rem}td.w{min-width:0}}\
+figure svg{min-width:34rem}td.w{min-width:0}.desk{display:none}.phone{display:block}.phone svg{min-width:0}}\
 @media print{:root{--ink:#000;--soft:#333;--line:#bbb;--back:#fff;--card:#fff}body{max-width:none;font-size:10pt;padding:0}\
 nav{display:none}h2{break-after:avoid}tr,.verdict{break-inside:avoid}figure,.wide{overflow:visible}\
 figure svg{min-width:0;filter:none}.live>svg{display:block}.live>.plots{display:none}details>*{display:block}table{font-size:7.5pt}td svg{width:5rem}}\
