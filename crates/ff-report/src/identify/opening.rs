@@ -1,5 +1,6 @@
 //! What a report opens with: the answer, how far it can be trusted, and what to do next.
 
+use super::names;
 use crate::page::{Level, Opening, Part};
 use crate::plot::typeset;
 use ffid::workflow::identify::{BodyLine, BodyQuantity, IdentificationResult, Method, ParameterVerdict, State};
@@ -64,9 +65,14 @@ fn answer(r: &IdentificationResult) -> Vec<String> {
         |name: &str| r.bodies.iter().any(|b| name.strip_prefix(&b.name).is_some_and(|rest| rest.starts_with('.')));
     let others: Vec<_> =
         r.parameters.iter().filter(|p| !of_body(&p.name) && p.verdict == ParameterVerdict::Estimated).collect();
+    let mut before = None;
     let one = |p: &&ffid::workflow::identify::Parameter| {
         let value = p.std.map_or_else(|| num(p.value), |s| with_std(p.value, s));
-        format!("{} {value} {}", p.name, typeset(&p.unit))
+        // Said once for all of a kind that follow each other.
+        let kind = names::kind(p);
+        let what = kind.filter(|_| kind != before).map_or_else(String::new, |k| format!("{k} "));
+        before = kind;
+        format!("{what}{} {value} {}", p.name, typeset(&p.unit))
     };
     let words: Vec<String> = others.iter().take(NAMED).map(one).collect();
     if !words.is_empty() {
@@ -121,7 +127,7 @@ fn trust(r: &IdentificationResult) -> (Level, &'static str, Vec<String>) {
     (level, heading, said)
 }
 
-fn names(r: &IdentificationResult, of: &[ParameterVerdict]) -> Option<String> {
+fn named(r: &IdentificationResult, of: &[ParameterVerdict]) -> Option<String> {
     let all: Vec<&str> = r.parameters.iter().filter(|p| of.contains(&p.verdict)).map(|p| p.name.as_str()).collect();
     (!all.is_empty()).then(|| ff_model::diagnostics::list(all, NAMED))
 }
@@ -149,7 +155,7 @@ fn next(r: &IdentificationResult) -> Vec<String> {
         out.push(format!("The record does not choose between several values of {all}: move these modes more, record longer, or give what is known (--prior)."));
     }
     if let Some(weak) =
-        names(r, &[ParameterVerdict::Weak, ParameterVerdict::PriorOnly, ParameterVerdict::NotIdentifiable])
+        named(r, &[ParameterVerdict::Weak, ParameterVerdict::PriorOnly, ParameterVerdict::NotIdentifiable])
     {
         out.push(format!("To learn more about {weak}: plan another motion (ffid excite), and record it."));
     }
