@@ -220,7 +220,7 @@ fn channels(caption: &str, all: &[Channel]) -> Table {
             Cell::words(c.name.clone()),
             Cell::number(num(c.signal_rms)),
             Cell::number(num(c.residual_rms)),
-            Cell::words(c.unit.clone()),
+            Cell::words(typeset(&c.unit)),
             Cell::number(format!("{:.3}", c.over_noise)),
         ]
     };
@@ -323,7 +323,7 @@ fn named(r: &IdentificationResult) -> Option<Block> {
     let row = |n: &NamedError| {
         vec![
             Cell::words(n.name.clone()),
-            Cell::words(format!("{}{}", if n.beside { "and beside it " } else { "" }, n.text)),
+            Cell::words(format!("{}{}", if n.beside { "and beside it " } else { "" }, n.text).replace(" +- ", " ± ")),
             Cell::number(num(n.drop)),
             Cell::words(format!("{} by {:.1}", n.moves, n.moves_by)),
             Cell::words(n.alike.join(", ")),
@@ -374,7 +374,7 @@ fn profiles(r: &IdentificationResult) -> Option<Block> {
         vec![
             Cell::words(p.name.clone()),
             Cell::number(num(p.value)),
-            Cell::words(p.unit.clone()),
+            Cell::words(typeset(&p.unit)),
             Cell::number(format!("{} .. {}", end(p.lower95), end(p.upper95))),
             Cell::number(p.gaussian95.map_or_else(String::new, |(a, b)| format!("{} .. {}", num(a), num(b)))),
         ]

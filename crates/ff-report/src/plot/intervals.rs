@@ -16,7 +16,7 @@ const LINE: f64 = 16.0;
 const NAMES: f64 = 0.45;
 /// Ends of an interval off the scale are cut there with an arrow.
 const ARROW: f64 = 7.0;
-/// Room to the right, and least room for a tick (px).
+/// Room to the right, and for a tick (px).
 const RIGHT: f64 = 24.0;
 const TICKS: f64 = 90.0;
 
@@ -63,6 +63,10 @@ impl Intervals {
         let widest = self.rows.iter().map(|(n, _)| text_width(&typeset(n), SMALL)).fold(60.0, f64::max);
         (widest + 36.0).min(NAMES * width)
     }
+    /// Least room for a tick: there are four where there is little.
+    fn room(&self, width: f64) -> f64 {
+        (0.2 * (width - self.left(width) - RIGHT)).clamp(32.0, TICKS)
+    }
     /// Row and left edge of every entry of the legend, and the height of all.
     fn entries(&self, width: f64) -> (Vec<(usize, f64)>, f64) {
         let widths: Vec<f64> = self.legend.iter().map(|(name, _)| 28.0 + text_width(name, FONT)).collect();
@@ -77,7 +81,7 @@ impl Intervals {
     }
     /// Height of the drawing.
     pub(super) fn height(&self, width: f64) -> f64 {
-        let (_, power) = self.axis((self.left(width), width - RIGHT)).ticks(TICKS);
+        let (_, power) = self.axis((self.left(width), width - RIGHT)).ticks(self.room(width));
         let foot = FOOT + LINE * self.label(power, width).len() as f64;
         self.entries(width).1 + ROW * self.rows.len() as f64 + foot
     }
@@ -104,7 +108,7 @@ impl Intervals {
             c.path(&[(x, y), (x + 22.0, y)], colour, thick)?;
             c.text(name, (x + 28.0, y), Text::new(FONT))?;
         }
-        let (ticks, power) = axis.ticks(TICKS);
+        let (ticks, power) = axis.ticks(self.room(width));
         for t in &ticks {
             let named = !t.label.is_empty();
             c.line((t.at, head), (t.at, bottom), if named { GRID } else { MINOR }, 1.0)?;
