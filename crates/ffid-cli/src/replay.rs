@@ -130,7 +130,8 @@ fn draw(
     let rows: Vec<Vec<f64>> = rows.row_iter().map(|r| r.iter().copied().collect()).collect();
     let prior = (priors.len() == result.parameters.len()).then(|| Knowledge::of(model, &names, &rows)).flatten();
     let appearance = appearance(opened, file, problems);
-    let pose: Vec<f64> = part.q().row(0).iter().copied().collect();
+    // That of the modes in the report, so that both say the same frequencies.
+    let pose = opened.pose();
     let scene = |label, params, trace, known| {
         Scene::new(&Subject { label, model, params, pose: &pose, trace: Some(trace), known, appearance: &appearance })
     };

@@ -389,6 +389,10 @@ fn a_model_that_lacks_something_is_told_apart() {
     let (code, out, err) = c.run(&["identify", "stiff.toml", "--record", "rec.csv", "--out", "res"]);
     assert_eq!(code, 16, "{out}\n{err}");
     assert!(out.contains("does NOT explain the record") && err.contains("warning[Fit::Misfit]"), "{out}\n{err}");
+    // Numbers with deviations would pass for an answer.
+    let html = c.read("res/report.html");
+    let answer = html.split("Answer</h2>").nth(1).unwrap().split("Trust</h2>").next().unwrap();
+    assert!(answer.contains("None that can be used") && !answer.contains('\u{b1}'), "{answer}");
     c.write("far.toml", &c.read("m.toml").replace("\"tank.k[0]\" = 24.5", "\"tank.k[0]\" = 75.0"));
     // Few iterations are no solution: 14, with what there is in the folder and no robot made of it.
     c.refused(

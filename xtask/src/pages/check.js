@@ -80,9 +80,11 @@
     const u = plots[0];
     if (!u || u.series.length < 2) continue;
     const legend = u.root.querySelectorAll(".u-legend .u-series")[1].querySelector("th");
-    legend.click();
-    hold(u.series[1].show === false, `the legend does not hide a curve: ${name}`);
-    legend.click();
+    for (const press of [() => legend.click(), () => legend.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true, cancelable: true }))]) {
+      const shown = u.series[1].show;
+      press();
+      hold(u.series[1].show === !shown, `the legend does not answer: ${name}`);
+    }
     const before = [u.scales.x.min, u.scales.x.max];
     const middle = (before[0] + before[1]) / 2;
     u.setScale("x", { min: before[0], max: middle });
@@ -95,6 +97,24 @@
     }
     u.setScale("x", { min: before[0], max: before[1] });
     await frame();
+    // The same by buttons and keys.
+    const span = () => u.scales.x.max - u.scales.x.min;
+    const all = span();
+    const [more, less] = ["zoom in", "show the whole"].map((t) => figure.querySelector(`.zoom button[aria-label="${t}"]`));
+    more.click();
+    await frame();
+    hold(span() < 0.6 * all, `a button does not zoom: ${name}`);
+    less.click();
+    await frame();
+    hold(Math.abs(span() - all) < 1e-6 * all, `a button does not show the whole: ${name}`);
+    const press = (key) => u.over.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));
+    press("+");
+    await frame();
+    hold(span() < 0.6 * all, `a key does not zoom: ${name}`);
+    press("0");
+    press("ArrowRight");
+    await frame();
+    hold(Math.abs(span() - all) < 1e-6 * all && u.cursor.left >= 0, `keys do not move the cursor: ${name}`);
     u.setCursor({ left: u.over.clientWidth / 2, top: u.over.clientHeight / 2 });
     await frame();
     const shown = [...u.root.querySelectorAll(".u-legend .u-value")].map((e) => e.textContent);

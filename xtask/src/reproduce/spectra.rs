@@ -72,11 +72,15 @@ pub(super) struct Tone {
 }
 
 impl Tone {
-    /// `0.458 = 2 x 0.229`.
+    /// `0.458 = 2 x 0.229`, `0.018 ≈ 0 = 0.106 − 0.106`.
     pub(super) fn words(&self) -> String {
         let (a, b) = self.of_hz;
-        if a == b {
+        if a == b && (self.hz - 2.0 * a).abs() <= self.hz {
             return format!("{:.3} = 2 \u{d7} {a:.3}", self.hz);
+        }
+        if a == b {
+            // The square of a decay has a part that does not ring and decays twice as fast: its line is as near to zero as the record tells.
+            return format!("{:.3} \u{2248} 0 = {a:.3} \u{2212} {a:.3}", self.hz);
         }
         let sign = if (self.hz - (a + b)).abs() < (self.hz - (a - b).abs()).abs() { "+" } else { "\u{2212}" };
         format!("{:.3} = {:.3} {sign} {:.3}", self.hz, a.max(b), a.min(b))
@@ -153,5 +157,19 @@ impl Frequencies {
             cantilever_hz: x.cantilever.iter().map(|m| m.frequency_hz).fold(f64::INFINITY, f64::min),
             paper_hz: if x.system.name == "flex" { vec![0.23, 0.68] } else { vec![0.06] },
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Tone;
+
+    #[test]
+    fn a_tone_is_named_by_the_sum_or_difference_that_it_is() {
+        let words = |hz, a, b| Tone { hz, of_hz: (a, b) }.words();
+        assert_eq!(words(0.458, 0.229, 0.229), "0.458 = 2 \u{d7} 0.229");
+        assert_eq!(words(0.018, 0.106, 0.106), "0.018 \u{2248} 0 = 0.106 \u{2212} 0.106");
+        assert_eq!(words(0.45, 0.229, 0.679), "0.450 = 0.679 \u{2212} 0.229");
+        assert_eq!(words(0.908, 0.229, 0.679), "0.908 = 0.679 + 0.229");
     }
 }

@@ -83,9 +83,61 @@
     ctx.restore();
   };
 
+  const reset = (u) => u.setScale("x", { min: u.whole[0], max: u.whole[1] });
+  /** Shows `share` of what is shown now, about the cursor, or moved by `by` of it. */
+  const zoom = (u, share, by = 0) => {
+    const { min, max } = u.scales.x, span = max - min;
+    const at = u.cursor.left >= 0 ? u.posToVal(u.cursor.left, "x") : (min + max) / 2;
+    const width = Math.min(span * share, u.whole[1] - u.whole[0]);
+    let low = (share === 1 ? min : at - ((at - min) / span) * width) + by * span;
+    low = Math.min(Math.max(low, u.whole[0]), u.whole[1] - width);
+    u.setScale("x", { min: low, max: low + width });
+  };
+  /** What a pointer does, by keys: values, zoom, the whole. */
+  const keys = (u, name) => {
+    u.over.tabIndex = 0;
+    u.over.setAttribute("role", "img");
+    u.over.setAttribute("aria-label", `Plot of ${name}. Left and right move the cursor, plus and minus zoom, 0 shows the whole.`);
+    const step = (by) => {
+      const from = u.cursor.left >= 0 ? u.cursor.left : u.over.clientWidth / 2;
+      u.setCursor({ left: Math.min(Math.max(from + by * 0.02 * u.over.clientWidth, 0), u.over.clientWidth), top: u.over.clientHeight / 2 });
+    };
+    const acts = { ArrowLeft: () => step(-1), ArrowRight: () => step(1), "+": () => zoom(u, 0.5), "=": () => zoom(u, 0.5), "-": () => zoom(u, 2), 0: () => reset(u), Escape: () => reset(u) };
+    u.over.addEventListener("keydown", (e) => {
+      if (!acts[e.key] || e.ctrlKey || e.metaKey || e.altKey) return;
+      e.preventDefault();
+      acts[e.key]();
+    });
+  };
+  /** Buttons that zoom the plots of a figure: for fingers and keys. */
+  const bar = (figure) => {
+    const box = Object.assign(document.createElement("div"), { className: "zoom" });
+    const acts = [["\u2212", "show more", (u) => zoom(u, 2)], ["+", "zoom in", (u) => zoom(u, 0.5)], ["\u25c0", "move left", (u) => zoom(u, 1, -0.25)],
+      ["\u25b6", "move right", (u) => zoom(u, 1, 0.25)], ["whole", "show the whole", reset]];
+    for (const [text, title, act] of acts) {
+      const button = Object.assign(document.createElement("button"), { type: "button", textContent: text, title });
+      button.setAttribute("aria-label", title);
+      button.addEventListener("click", () => {
+        // One plot of each group: the others follow.
+        const done = new Set();
+        for (const u of figure.plots) {
+          if (u.linked && done.has(u.linked)) continue;
+          done.add(u.linked);
+          act(u);
+        }
+      });
+      box.append(button);
+    }
+    box.append(Object.assign(document.createElement("span"), { textContent: "Drag across a plot to zoom, double-click for the whole, click a name to hide its curve." }));
+    return box;
+  };
+
   const draw = (box, figure, panel) => {
     const wide = () => Math.max(box.clientWidth, 200);
-    const data = columns(panel);
+    // Curves that are zero are drawn before the others, and stand in the legend where they belong.
+    const order = [true, false].flatMap((zero) => panel.series.map((_, i) => i).filter((i) => panel.series[i].zero === zero));
+    const given = columns(panel);
+    const data = [given[0], ...order.map((i) => given[1 + i]), ...given.slice(1 + order.length)];
     const whole = panel.xRange || (data[0].length > 1 ? [data[0][0], data[0][data[0].length - 1]] : null);
     const linked = panel.x.startsWith("time") && whole ? group(panel.x, whole) : null;
     const label = (i) => {
@@ -111,9 +163,9 @@
       axes: [{ ...axis(panel.x), size: 34 }, { ...axis(panel.y), values: (u, all) => all.map(panel.log ? (v) => (v !== null && Number.isInteger(Math.log10(v)) ? tick(v) : "") : tick) }],
       series: [
         { label: panel.x, value: (u, v) => show(v) },
-        ...panel.series.map((s, i) => ({
-          label: label(i), stroke: colour(s.colour), width: 1.5, dash: s.dashed || s.colour >= 8 ? [7, 4] : undefined, spanGaps: true,
-          points: { show: false }, value: (u, v) => show(v),
+        ...order.map((i) => ({
+          label: label(i), stroke: colour(panel.series[i].colour), width: 1.5, dash: panel.series[i].dashed || panel.series[i].colour >= 8 ? [7, 4] : undefined,
+          spanGaps: true, points: { show: false }, value: (u, v) => show(v),
         })),
         ...panel.ranges.flatMap(() => ["high", "low"].map((end) => ({ label: end, class: "end", stroke: "transparent", spanGaps: true, points: { show: false } }))),
       ],
@@ -125,7 +177,24 @@
     };
     if (panel.title) box.append(Object.assign(document.createElement("h3"), { textContent: panel.title }));
     const u = new uPlot(options, data, box);
-    u.over.addEventListener("dblclick", () => u.setScale("x", { min: options.scales.x.min, max: options.scales.x.max }));
+    u.whole = whole || [u.scales.x.min, u.scales.x.max];
+    u.over.addEventListener("dblclick", () => reset(u));
+    keys(u, label(order[0] || 0));
+    const entries = [...u.root.querySelectorAll(".u-legend .u-series")];
+    entries.forEach((row, k) => { row.style.order = k === 0 || k > order.length ? k : 1 + order[k - 1]; });
+    entries.slice(1, 1 + order.length).forEach((row, k) => {
+      const name = row.querySelector("th");
+      const told = () => name.setAttribute("aria-pressed", String(u.series[k + 1].show));
+      name.tabIndex = 0;
+      name.setAttribute("role", "button");
+      name.addEventListener("click", () => setTimeout(told));
+      name.addEventListener("keydown", (e) => {
+        if (e.key !== "Enter" && e.key !== " ") return;
+        e.preventDefault();
+        name.click();
+      });
+      told();
+    });
     if (linked) linked.plots.push(u);
     u.linked = linked;
     new ResizeObserver(() => {
@@ -149,6 +218,7 @@
         box.append(own);
         return draw(own, data, panel);
       });
+      box.prepend(bar(figure));
     }
   };
   build();

@@ -49,7 +49,7 @@
     /** `through`: seen through everything, as the centre of mass inside a body. */
     lit(colour, alpha, through = false) {
       return this.once(this.programs, `${colour} ${alpha} ${through}`, () => new Program(this.gl, {
-        ...LIT, transparent: alpha < 1 || through, cullFace: false, depthWrite: alpha === 1, depthTest: !through,
+        ...LIT, transparent: alpha < 1 || through, cullFace: through ? this.gl.BACK : false, depthWrite: alpha === 1, depthTest: !through,
         uniforms: { colour: { value: new Vec3(...rgb(colour)) }, alpha: { value: alpha } },
       }));
     }

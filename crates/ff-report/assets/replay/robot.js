@@ -34,8 +34,8 @@
           const box = s.role === "inertia";
           const alpha = box && !bare ? alphas.clear : alphas.solid;
           const colour = ghost && s.role !== "joint" ? ghost : COLOURS[s.role] || COLOURS.link;
-          // Joints are inside of links, and are seen through them.
-          const through = s.role === "joint";
+          // Joints and fuel are inside of bodies, and are seen through them.
+          const through = s.role === "joint" || s.role === "fuel";
           const drawn = artist.shape(s, meshes, artist.lit(colour, through ? 0.7 * alpha : alpha, through));
           drawn.setParent(move);
           const role = box && bare ? "link" : s.role;

@@ -97,7 +97,11 @@
       });
       if (!what.options.length) option("still", "pose");
       const redraw = () => { this.dirty = true; };
-      what.addEventListener("input", () => { this.seek(0); this.range(); });
+      what.addEventListener("input", () => {
+        this.seek(0);
+        this.range();
+        if (this.view) this.look(this.view);
+      });
       this.control("play").addEventListener("click", () => this.play(!this.playing));
       this.control("time").addEventListener("input", (e) => { this.play(false); this.seek(Number(e.target.value)); });
       for (const name of ["deflection", "ellipsoid", "beside", "names", "boxes", "sensors", "trail", "com"]) {
@@ -109,9 +113,17 @@
       });
       this.box.querySelectorAll("[data-view]").forEach((b) => b.addEventListener("click", () => this.look(b.dataset.view)));
       this.canvas.addEventListener("keydown", (e) => this.key(e));
-      if (this.robots.length < 2) this.control("beside").closest("label").hidden = true;
-      const clouds = this.data.scenes.some((s) => s.com_covariance_m2);
-      if (!clouds) this.control("ellipsoid").closest("label").hidden = true;
+      // What has nothing to act on is not offered, and what is not drawn has no place in the key.
+      const motion = this.robots.some((r) => r.motion), clouds = this.data.scenes.some((s) => s.com_covariance_m2);
+      const has = (...roles) => this.robots.some((r) => roles.some((role) => r.byRole[role]));
+      const offer = (names, needed) => names.forEach((name) => { (this.control(name).closest("label") || this.control(name)).hidden = !needed; });
+      offer(["beside"], this.robots.length > 1);
+      offer(["ellipsoid"], clouds);
+      offer(["play", "time", "clock", "speed", "what"], what.value !== "still");
+      offer(["deflection", "deflection-value"], scene.coordinates.length > 0);
+      offer(["trail"], motion);
+      const drawn = { panel: has("panel"), fuel: has("fuel"), joint: has("joint"), trail: motion };
+      for (const [name, shown] of Object.entries(drawn)) this.box.querySelector(`[data-key="${name}"]`).hidden = !shown;
       for (const robot of this.robots) {
         for (const { node, at } of robot.frames) {
           // Links of appendages and their mounts share a name.
@@ -185,11 +197,16 @@
       this.orbit.forcePosition();
       this.dirty = true;
     }
-    /** Corners of the boxes around everything that is drawn of the robots, at rest. */
+    /** Where a robot is when it is shown: along its motion, or in its pose. */
+    places(robot) {
+      if (this.control("what").value !== "motion" || !robot.motion) return [still(robot.scene)];
+      return [0, 0.2, 0.4, 0.6, 0.8, 1].map((part) => robot.motion.at(part * robot.motion.duration));
+    }
+    /** Corners of the boxes around everything that is drawn of the robots, wherever they are shown. */
     outline() {
       const corners = [];
-      for (const robot of this.robots) {
-        robot.pose(still(robot.scene), { deflection: 1, ellipsoid: 1 });
+      for (const robot of this.robots) for (const state of this.places(robot)) {
+        robot.pose(state, { deflection: 1, ellipsoid: 1 });
         this.world.updateMatrixWorld();
         robot.root.traverse((node) => {
           if (!node.geometry || [robot.trail, robot.com.marker, robot.com.cloud].includes(node)) return;

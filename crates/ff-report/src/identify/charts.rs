@@ -9,6 +9,8 @@ const NO_PRIOR: f64 = 0.3;
 const SCALE: f64 = 3.2;
 /// Colour of what is true.
 const TRUTH: usize = 1;
+/// Most kinds of error with a colour of their own.
+const KINDS: usize = 6;
 /// Most unknowns in a matrix of correlations.
 const CORRELATED: usize = 24;
 
@@ -43,7 +45,10 @@ pub(super) fn intervals(r: &IdentificationResult) -> Option<Figure> {
         return None;
     }
     let note = if without { " Where there is no prior, 30 % of the start takes its place." } else { "" };
-    let mut legend = vec![("prior, 95 %".into(), 6), ("estimate with its 95 % interval".into(), 0)];
+    // Only what is drawn.
+    let mut legend = Vec::new();
+    legend.extend(rows.iter().flat_map(|r| &r.1).any(|i| i.wide).then(|| ("prior, 95 %".into(), 6)));
+    legend.push(("estimate with its 95 % interval".into(), 0));
     legend.extend(r.parameters.iter().any(|p| p.truth.is_some()).then(|| ("truth".into(), TRUTH)));
     let intervals = Intervals {
         x_label: "distance from what was known before, in its standard deviations".into(),
@@ -114,21 +119,34 @@ pub(super) fn descent(r: &IdentificationResult) -> Option<Figure> {
 
 /// Parts of the variance of every estimate. `None` where nothing is uncertain.
 pub(super) fn budget(r: &IdentificationResult) -> Option<Figure> {
-    let mut kinds: Vec<&'static str> = Vec::new();
+    let mut kinds: Vec<(&'static str, f64)> = Vec::new();
     for share in r.budget.iter().flat_map(|b| &b.errors).filter(|s| s.share >= 0.01) {
-        if !kinds.contains(&share.kind.words()) {
-            kinds.push(share.kind.words());
+        match kinds.iter_mut().find(|k| k.0 == share.kind.words()) {
+            Some(k) => k.1 += share.share,
+            None => kinds.push((share.kind.words(), share.share)),
         }
     }
     if r.budget.is_empty() || kinds.is_empty() {
         return None;
     }
+    // There are colours for so many; the least of more are one.
+    kinds.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let few = kinds.len() <= KINDS;
+    kinds.truncate(if few { KINDS } else { KINDS - 1 });
+    let others = (!few).then_some(KINDS);
+    let colour = |kind: &str| kinds.iter().position(|k| k.0 == kind).map(|k| k + 1).or(others);
     let row = |b: &ffid::workflow::identify::BudgetLine| {
         let mut parts = vec![(0, b.noise)];
-        parts.extend((b.minima > 0.0).then_some((1 + kinds.len(), b.minima)));
-        parts.extend(
-            b.errors.iter().filter_map(|s| Some((1 + kinds.iter().position(|k| *k == s.kind.words())?, s.share))),
-        );
+        parts.extend((b.minima > 0.0).then_some((1 + KINDS, b.minima)));
+        let mut of: Vec<(usize, f64)> = Vec::new();
+        for (k, share) in b.errors.iter().filter_map(|s| Some((colour(s.kind.words())?, s.share))) {
+            match of.iter_mut().find(|o| o.0 == k) {
+                Some(o) => o.1 += share,
+                None => of.push((k, share)),
+            }
+        }
+        of.sort_by_key(|o| o.0);
+        parts.extend(of);
         let mut from = 0.0;
         let bars = parts.into_iter().map(|(colour, share)| {
             let low = 100.0 * from;
@@ -140,11 +158,11 @@ pub(super) fn budget(r: &IdentificationResult) -> Option<Figure> {
     let intervals = Intervals {
         x_label: "part of the variance (%)".into(),
         x_range: Some((0.0, 100.0)),
-        legend: core::iter::once("noise")
-            .chain(kinds.iter().copied())
-            .chain(r.budget.iter().any(|b| b.minima > 0.0).then_some("other minima"))
-            .enumerate()
-            .map(|(k, n)| (n.to_owned(), k))
+        legend: core::iter::once(("noise", 0))
+            .chain(kinds.iter().enumerate().map(|(i, k)| (k.0, 1 + i)))
+            .chain(others.map(|k| ("everything else", k)))
+            .chain(r.budget.iter().any(|b| b.minima > 0.0).then_some(("other minima", 1 + KINDS)))
+            .map(|(n, k)| (n.to_owned(), k))
             .collect(),
         rows: r.budget.iter().map(row).collect(),
         ..Intervals::default()

@@ -1,6 +1,6 @@
 //! The corner plot of draws from the posterior.
 
-use crate::plot::{Corner, Figure};
+use crate::plot::{Corner, Figure, typeset};
 use ffid::workflow::identify::{IdentificationResult, SampledState};
 use ident::sample::Draws;
 
@@ -24,7 +24,7 @@ pub fn corner_figure(r: &IdentificationResult, d: &Draws) -> Option<(String, Fig
     }
     let value = |k: &usize| r.parameters.iter().find(|p| p.name == d.names[*k]).map(|p| p.value);
     let corner = Corner {
-        names: shown.iter().map(|&k| format!("{} ({})", d.names[k], d.units[k])).collect(),
+        names: shown.iter().map(|&k| format!("{} ({})", d.names[k], typeset(&d.units[k]))).collect(),
         draws: shown.iter().map(|&k| d.of(k).concat()).collect(),
         centre: shown.iter().filter_map(value).collect(),
         covariance: at.iter().map(|&i| at.iter().map(|&j| all.rows[i][j]).collect()).collect(),

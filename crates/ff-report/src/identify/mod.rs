@@ -3,6 +3,7 @@
 mod charts;
 mod corner;
 pub mod figures;
+mod names;
 mod opening;
 mod over_time;
 mod page;

@@ -1,5 +1,6 @@
 //! What a report opens with: the answer, how far it can be trusted, and what to do next.
 
+use super::names;
 use crate::page::{Level, Opening, Part};
 use crate::plot::typeset;
 use ffid::workflow::identify::{BodyLine, BodyQuantity, IdentificationResult, Method, ParameterVerdict, State};
@@ -13,12 +14,14 @@ const MATTERS: f64 = 1.0;
 /// The opening of the report of a result; `level` is that of the whole.
 pub(super) fn opening(r: &IdentificationResult, level: Level) -> Opening {
     let (trust, heading, trusted) = trust(r);
+    // As the terminal writes it.
+    let set = |all: Vec<String>| all.into_iter().map(|s| s.replace(" +- ", " \u{b1} ")).collect();
     Opening {
         level,
         parts: vec![
-            Part { label: "Answer", mark: None, sentences: answer(r) },
-            Part { label: "Trust", mark: Some((trust, heading)), sentences: trusted },
-            Part { label: "Next step", mark: None, sentences: next(r) },
+            Part { label: "Answer", mark: None, sentences: set(answer(r)) },
+            Part { label: "Trust", mark: Some((trust, heading)), sentences: set(trusted) },
+            Part { label: "Next step", mark: None, sentences: set(next(r)) },
         ],
         full: said(r),
     }
@@ -54,19 +57,42 @@ fn body(b: &BodyLine) -> String {
     format!("{}: {}", b.name, mass.into_iter().chain(com).collect::<Vec<_>>().join(", "))
 }
 
+/// Whether data speak against the model: estimates and deviations are then those of another robot.
+fn refuted(r: &IdentificationResult) -> bool {
+    let contradicted = r.evidence.is_some() && r.state() == State::Contradicted;
+    contradicted || r.held_out.as_ref().is_some_and(|h| !h.explained)
+}
+
 fn answer(r: &IdentificationResult) -> Vec<String> {
     let mut out: Vec<String> = r.verdict.first().cloned().into_iter().collect();
     if !r.status.is_solution() {
         return out;
     }
-    out.extend(r.bodies.iter().take(2).map(|b| format!("{}.", body(b))));
+    if refuted(r) {
+        out = vec!["None that can be used: the data contradict the model.".to_owned()];
+        // Deviations hold for a right model alone.
+        let bare = |b: &BodyLine| {
+            let quantities = b.quantities.iter().cloned().map(|q| BodyQuantity { std: None, ..q }).collect();
+            body(&BodyLine { quantities, ..b.clone() })
+        };
+        out.extend(r.bodies.first().map(|b| format!("The fit ended at {}. Its parameters are below.", bare(b))));
+        return out;
+    }
+    // What the record does not tell has no deviation, and is where the fit began.
+    let told = |b: &&BodyLine| b.quantities.iter().all(|q| q.std.is_some());
+    out.extend(r.bodies.iter().filter(told).take(2).map(|b| format!("{}.", body(b))));
     let of_body =
         |name: &str| r.bodies.iter().any(|b| name.strip_prefix(&b.name).is_some_and(|rest| rest.starts_with('.')));
     let others: Vec<_> =
         r.parameters.iter().filter(|p| !of_body(&p.name) && p.verdict == ParameterVerdict::Estimated).collect();
+    let mut before = None;
     let one = |p: &&ffid::workflow::identify::Parameter| {
         let value = p.std.map_or_else(|| num(p.value), |s| with_std(p.value, s));
-        format!("{} {value} {}", p.name, typeset(&p.unit))
+        // Said once for all of a kind that follow each other.
+        let kind = names::kind(p);
+        let what = kind.filter(|_| kind != before).map_or_else(String::new, |k| format!("{k} "));
+        before = kind;
+        format!("{what}{} {value} {}", p.name, typeset(&p.unit))
     };
     let words: Vec<String> = others.iter().take(NAMED).map(one).collect();
     if !words.is_empty() {
@@ -88,6 +114,9 @@ fn trust(r: &IdentificationResult) -> (Level, &'static str, Vec<String>) {
         (true, _) if held_fails => (Level::Bad, "Do not use it: data that were not used are not predicted"),
         (true, Some(State::Explained)) if r.minima.as_ref().is_some_and(|m| m.undecided().is_some()) => {
             (Level::Fair, "The model explains the record, with several answers")
+        }
+        (true, Some(State::Explained)) if r.exit() == ffid::exit::Exit::IllPosed => {
+            (Level::Fair, "The model explains the record, which does not tell all of it")
         }
         (true, Some(State::Explained)) => (Level::Good, "The model explains the record"),
         (true, Some(State::NotTested) | None) if r.method == Method::Ground => {
@@ -121,7 +150,7 @@ fn trust(r: &IdentificationResult) -> (Level, &'static str, Vec<String>) {
     (level, heading, said)
 }
 
-fn names(r: &IdentificationResult, of: &[ParameterVerdict]) -> Option<String> {
+fn named(r: &IdentificationResult, of: &[ParameterVerdict]) -> Option<String> {
     let all: Vec<&str> = r.parameters.iter().filter(|p| of.contains(&p.verdict)).map(|p| p.name.as_str()).collect();
     (!all.is_empty()).then(|| ff_model::diagnostics::list(all, NAMED))
 }
@@ -149,7 +178,7 @@ fn next(r: &IdentificationResult) -> Vec<String> {
         out.push(format!("The record does not choose between several values of {all}: move these modes more, record longer, or give what is known (--prior)."));
     }
     if let Some(weak) =
-        names(r, &[ParameterVerdict::Weak, ParameterVerdict::PriorOnly, ParameterVerdict::NotIdentifiable])
+        named(r, &[ParameterVerdict::Weak, ParameterVerdict::PriorOnly, ParameterVerdict::NotIdentifiable])
     {
         out.push(format!("To learn more about {weak}: plan another motion (ffid excite), and record it."));
     }

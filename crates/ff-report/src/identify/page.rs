@@ -2,6 +2,7 @@
 
 use super::charts;
 use super::figures;
+use super::names;
 use super::opening::opening;
 use super::over_time::over_time_figure;
 use super::sampled;
@@ -55,11 +56,15 @@ pub fn page(r: &IdentificationResult, figures: &[(String, Figure)], replay: Opti
     }
     let mut parameters = vec![
         Block::text(
-            "Estimates with standard deviations and 95 % intervals. In the drawing: wide and pale the prior, thin the \
-             interval of the estimate, a dot at its value, a tick where the fit started.",
+            "Estimates with standard deviations (std) and 95 % intervals. In the drawing: wide and pale what was known before (the prior), thin \
+             the interval of the estimate, a dot at its value, a tick where the fit started.",
         ),
         Block::Table(table("Parameters that were asked for", &r.parameters)),
     ];
+    let meanings = names::meanings(&r.parameters);
+    if !meanings.is_empty() {
+        parameters.push(Block::Text(meanings));
+    }
     if !r.nuisance.is_empty() {
         let beside = Block::Table(table("Biases and initial state", &r.nuisance));
         parameters.push(Block::Details("Biases and initial state, estimated beside them".into(), vec![beside]));
@@ -215,7 +220,7 @@ fn channels(caption: &str, all: &[Channel]) -> Table {
             Cell::words(c.name.clone()),
             Cell::number(num(c.signal_rms)),
             Cell::number(num(c.residual_rms)),
-            Cell::words(c.unit.clone()),
+            Cell::words(typeset(&c.unit)),
             Cell::number(format!("{:.3}", c.over_noise)),
         ]
     };
@@ -318,7 +323,7 @@ fn named(r: &IdentificationResult) -> Option<Block> {
     let row = |n: &NamedError| {
         vec![
             Cell::words(n.name.clone()),
-            Cell::words(format!("{}{}", if n.beside { "and beside it " } else { "" }, n.text)),
+            Cell::words(format!("{}{}", if n.beside { "and beside it " } else { "" }, n.text).replace(" +- ", " ± ")),
             Cell::number(num(n.drop)),
             Cell::words(format!("{} by {:.1}", n.moves, n.moves_by)),
             Cell::words(n.alike.join(", ")),
@@ -369,7 +374,7 @@ fn profiles(r: &IdentificationResult) -> Option<Block> {
         vec![
             Cell::words(p.name.clone()),
             Cell::number(num(p.value)),
-            Cell::words(p.unit.clone()),
+            Cell::words(typeset(&p.unit)),
             Cell::number(format!("{} .. {}", end(p.lower95), end(p.upper95))),
             Cell::number(p.gaussian95.map_or_else(String::new, |(a, b)| format!("{} .. {}", num(a), num(b)))),
         ]
@@ -416,7 +421,10 @@ fn identifiability(r: &IdentificationResult) -> Vec<Block> {
             rows: r.correlations.iter().map(row).collect(),
         };
         out.push(Block::Details(
-            format!("{} pairs with a correlation of 0.95 or more", r.correlations.len()),
+            match r.correlations.len() {
+                1 => "One pair with a correlation of 0.95 or more".to_owned(),
+                n => format!("{n} pairs with a correlation of 0.95 or more"),
+            },
             vec![Block::Table(table)],
         ));
     }

@@ -1,6 +1,7 @@
 //! Draws from the posterior in the report.
 
 use crate::page::{Block, Cell, Level, Table};
+use crate::plot::typeset;
 use ffid::workflow::identify::{IdentificationResult, Sampled, SampledLine, SampledState, num};
 
 /// What draws say, and how far they can be trusted; nothing without any.
@@ -41,7 +42,7 @@ fn table(caption: &str, lines: &[SampledLine]) -> Table {
         vec![
             Cell::words(l.name.clone()),
             number(l.median),
-            Cell::words(l.unit.clone()),
+            Cell::words(typeset(&l.unit)),
             number(l.std),
             range(l.interval95),
             range(l.hdi95),

@@ -132,9 +132,14 @@ impl Block {
     pub fn figure(f: &Figure, points: usize) -> Result<Self, Failure> {
         // The writer of SVG escapes what is markup, but lets control characters through, which no XML may hold.
         let hidden = |c: char| c.is_control() && !c.is_ascii_whitespace();
-        let (svg, caption) = (f.to_svg()?.replace(hidden, "\u{fffd}"), f.title.clone());
+        let shown = |svg: String| svg.replace(hidden, "\u{fffd}");
+        let (svg, caption) = (shown(f.to_svg()?), f.title.clone());
         // Only panels have curves to zoom into.
         if f.panels.is_empty() {
+            let svg = match f.to_narrow_svg()?.map(shown) {
+                Some(narrow) => format!("<div class=\"desk\">{svg}</div><div class=\"phone\">{narrow}</div>"),
+                None => svg,
+            };
             // It carries its title.
             return Ok(Self::Drawing { svg, caption: String::new() });
         }

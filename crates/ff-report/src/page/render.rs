@@ -156,7 +156,16 @@ fn table(out: &mut String, t: &Table) {
                     write!(out, "<{tag}{scope} class=\"w\">{}</{tag}>", escape(s))
                 }
                 Cell::Words(s) => write!(out, "<{tag}{scope}>{}</{tag}>", escape(s)),
-                Cell::Number(s) => write!(out, "<{tag}{scope} class=\"n\">{}</{tag}>", escape(s)),
+                // A number and its interval are too wide for a column together.
+                Cell::Number(s) => match s.split_once(" [") {
+                    Some((number, interval)) => write!(
+                        out,
+                        "<{tag}{scope} class=\"n\"><span>{} <span class=\"range\">[{}</span></span></{tag}>",
+                        escape(number),
+                        escape(interval)
+                    ),
+                    None => write!(out, "<{tag}{scope} class=\"n\">{}</{tag}>", escape(s)),
+                },
                 Cell::Drawing(svg) => write!(out, "<{tag}{scope}>{svg}</{tag}>"),
                 Cell::Mark(l, s) => write!(out, "<{tag}{scope} class=\"{}\">{}</{tag}>", class(*l), escape(s)),
             };

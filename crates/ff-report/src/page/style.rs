@@ -19,7 +19,7 @@ a{color:var(--est)}nav{font-size:.9rem;margin:1rem 0}nav a{margin-right:1rem}\
 .verdict.good,.verdict.fair,.verdict.bad{border-color:currentColor}.verdict p{color:var(--ink)}\
 .opening .part{display:grid;grid-template-columns:6.5rem 1fr;gap:.2rem 1rem;padding:.45rem 0;border-bottom:1px solid var(--line)}\
 .opening h2{font-size:.95rem;margin:.35rem 0 0;padding:0;border:0;color:var(--soft)}.opening .part p:first-child{font-weight:600;font-size:1.05rem}\
-.opening .part p{margin:.25rem 0}.opening details p{font-weight:400;font-size:1rem}\
+.opening .part>div{min-width:0}.opening .part p{margin:.25rem 0;overflow-wrap:anywhere}.opening details p{font-weight:400;font-size:1rem}\
 .verdict p.mark.good{color:var(--good)}.verdict p.mark.fair{color:var(--fair)}.verdict p.mark.bad{color:var(--bad)}\
 .wide{overflow-x:auto;margin:.8rem 0}\
 table{border-collapse:collapse;font-size:.9rem;min-width:100%}\
@@ -28,7 +28,7 @@ th,td{padding:.28rem .6rem;border-bottom:1px solid var(--line);text-align:left;v
 thead th{white-space:normal;vertical-align:bottom;border-bottom:2px solid var(--line);color:var(--soft);font-weight:600}\
 tbody th{font-weight:500}\
 .n{text-align:right;font-variant-numeric:tabular-nums}\
-td svg{display:block;width:9rem;height:1.1rem}\
+td svg{display:block;width:9rem;height:1.1rem}td .range{display:block;font-size:.85em;color:var(--soft)}.phone{display:none}\
 .prior{stroke:var(--prior)}.est{stroke:var(--est)}.dot{fill:var(--est)}.start{stroke:var(--soft)}\
 figure{margin:1rem 0;overflow-x:auto}\
 figure svg{display:block;width:100%;min-width:38rem;height:auto}\
@@ -46,7 +46,8 @@ td,th{white-space:normal}\
 .cards tr{border-bottom:2px solid var(--line);padding:.4rem 0}.cards tbody th{font-weight:700;border:0}\
 .cards td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.1rem .6rem;text-align:right}\
 .cards td:empty{display:none}.cards td::before{content:attr(data-label);color:var(--soft);text-align:left}\
-figure svg{min-width:34rem}td.w{min-width:0}}\
+figure svg{min-width:34rem}td.w{min-width:0}.desk{display:none}.phone{display:block}.phone svg{min-width:0}}\
+@media (max-height:45rem){h1{margin:.2rem 0 .5rem}.opening .part{padding:.2rem 0}.opening .part p{margin:.1rem 0;line-height:1.35}}\
 @media print{:root{--ink:#000;--soft:#333;--line:#bbb;--back:#fff;--card:#fff}body{max-width:none;font-size:10pt;padding:0}\
 nav{display:none}h2{break-after:avoid}tr,.verdict{break-inside:avoid}figure,.wide{overflow:visible}\
 figure svg{min-width:0;filter:none}.live>svg{display:block}.live>.plots{display:none}details>*{display:block}table{font-size:7.5pt}td svg{width:5rem}}\

@@ -107,3 +107,31 @@ fn an_opening_comes_first_and_is_escaped() {
     );
     roxmltree::Document::parse(&html.replacen("<!doctype html>", "", 1)).unwrap();
 }
+
+/// A number and its interval are too wide for a column of many: the interval stands below.
+#[test]
+fn an_interval_stands_below_its_number() {
+    let mut p = Page::new("intervals");
+    let row = vec![Cell::words("gain"), Cell::number("796 [256, 2471]"), Cell::number("3.1")];
+    let head = ["", "over trials", "one"].map(String::from).to_vec();
+    p.section("table", vec![Block::Table(Table { caption: String::new(), head, rows: vec![row] })]);
+    let html = p.render();
+    assert!(html.contains("<span>796 <span class=\"range\">[256, 2471]</span></span></td>"), "{html}");
+    assert!(html.contains("class=\"n\">3.1</td>"));
+    roxmltree::Document::parse(&html.replacen("<!doctype html>", "", 1)).unwrap();
+}
+
+/// A chart is drawn for a desk and for a phone.
+#[test]
+fn a_chart_of_intervals_is_readable_on_a_phone() {
+    use crate::plot::{Interval, Intervals};
+    let bar = Interval { low: 0.2, high: 0.4, at: Some(0.3), colour: 0, wide: false };
+    let rows = vec![("base.mass".to_owned(), vec![bar])];
+    let fig = Figure::new("chart").intervals(Intervals { x_label: "deviations".into(), rows, ..Intervals::default() });
+    let Block::Drawing { svg, .. } = Block::figure(&fig, 0).unwrap() else { panic!("a drawing") };
+    let width = |class: &str| {
+        let part = svg.split(&format!("<div class=\"{class}\">")).nth(1).unwrap();
+        part.split("width=\"").nth(1).unwrap().split('"').next().unwrap().parse::<f64>().unwrap()
+    };
+    assert!(width("desk") > 900.0 && width("phone") < 400.0, "{} and {}", width("desk"), width("phone"));
+}

@@ -15,6 +15,8 @@ const SHADE: RGBColor = RGBColor(238, 233, 214);
 const LEFT: f64 = 84.0;
 const RIGHT: f64 = WIDTH - 24.0;
 const ROW: f64 = 18.0;
+/// Size of the title (px).
+const TITLE: f64 = 17.0;
 /// A curve below this share of the largest of its panel is zero.
 const ZERO: f64 = 1e-9;
 
@@ -28,31 +30,35 @@ struct Heights {
     marks: f64,
 }
 
-/// The whole figure as SVG.
-pub(super) fn figure(f: &Figure) -> std::result::Result<String, Box<dyn std::error::Error>> {
-    let caption = wrap(&f.caption, SMALL, RIGHT - 24.0);
-    let header = if f.title.is_empty() { 14.0 } else { 46.0 };
+/// The whole figure as SVG, `width` px wide; panels are [`WIDTH`] wide.
+pub(super) fn figure(f: &Figure, width: f64) -> std::result::Result<String, Box<dyn std::error::Error>> {
+    let title = wrap(&f.title, 1.1 * TITLE, width - 24.0);
+    let caption = wrap(&f.caption, SMALL, width - 48.0);
+    let header = if title.is_empty() { 14.0 } else { 24.0 + 22.0 * title.len() as f64 };
     let panels: f64 = f.panels.iter().map(|p| total(&heights(p)) + p.height).sum();
     let footer = if caption.is_empty() { 6.0 } else { 14.0 + 16.0 * caption.len() as f64 };
-    let corner = f.corner.as_ref().map_or(0.0, |c| c.height(WIDTH));
-    let intervals = f.intervals.as_ref().map_or(0.0, |i| i.height(WIDTH));
-    let heat = f.heat.as_ref().map_or(0.0, |h| h.height(WIDTH));
-    let size = (WIDTH, (header + corner + intervals + heat + panels + footer).ceil());
+    let corner = f.corner.as_ref().map_or(0.0, |c| c.height(width));
+    let intervals = f.intervals.as_ref().map_or(0.0, |i| i.height(width));
+    let heat = f.heat.as_ref().map_or(0.0, |h| h.height(width));
+    let size = (width, (header + corner + intervals + heat + panels + footer).ceil());
     let mut svg = String::new();
     let mut c = Canvas::new(&mut svg, size);
     c.fill((0.0, 0.0), size, WHITE)?;
-    c.text(&f.title, (WIDTH / 2.0, 24.0), Text::new(17.0).bold().anchor(HPos::Center))?;
+    for (i, line) in title.iter().enumerate() {
+        let look = Text::new(TITLE).bold().anchor(HPos::Center);
+        c.text(line, (width / 2.0, 24.0 + 22.0 * i as f64), look)?;
+    }
     let mut top = header;
-    if let Some(corner) = &f.corner {
-        corner.draw(&mut c, top, WIDTH)?;
-        top += corner.height(WIDTH);
+    if let Some(f) = &f.corner {
+        f.draw(&mut c, top, width)?;
+        top += corner;
     }
     if let Some(i) = &f.intervals {
-        i.draw(&mut c, top, WIDTH)?;
+        i.draw(&mut c, top, width)?;
         top += intervals;
     }
     if let Some(h) = &f.heat {
-        h.draw(&mut c, top, WIDTH)?;
+        h.draw(&mut c, top, width)?;
         top += heat;
     }
     for p in &f.panels {
@@ -123,6 +129,18 @@ pub(super) fn is_zero(p: &Panel, s: &Series) -> bool {
     !p.log_y && p.series.len() > 1 && !s.ys.is_empty() && size(s) <= ZERO * largest
 }
 
+/// Curves nearer to each other than this share of the largest of their panel cannot be told apart.
+const SAME: f64 = 2e-3;
+
+/// Whether a curve lies upon an earlier one all along, which it would hide.
+pub(super) fn covers(p: &Panel, i: usize) -> bool {
+    let s = &p.series[i];
+    let size = p.series.iter().flat_map(|s| &s.ys).fold(0.0, |a: f64, y| a.max(y.abs()));
+    let near = |o: &Series| o.ys.iter().zip(&s.ys).all(|(a, b)| (a - b).abs() <= SAME * size);
+    let earlier = p.series[..i].iter().filter(|o| !o.dashed && !is_zero(p, o) && o.xs == s.xs);
+    !p.log_y && s.ys.len() > 1 && !is_zero(p, s) && earlier.into_iter().any(near)
+}
+
 /// Label of a curve in the legend. One that is zero cannot be found by its colour under the others, so that it is named.
 fn shown_label(p: &Panel, i: usize) -> String {
     let s = &p.series[i];
@@ -133,7 +151,7 @@ fn shown_label(p: &Panel, i: usize) -> String {
 fn look(p: &Panel, i: usize) -> (RGBColor, bool) {
     let s = &p.series[i];
     let k = colour_index(s, i);
-    (PALETTE[k % PALETTE.len()], s.dashed != (k / PALETTE.len() % 2 == 1))
+    (PALETTE[k % PALETTE.len()], s.dashed || covers(p, i) || k / PALETTE.len() % 2 == 1)
 }
 
 /// Entries of the legend with their places: series first, then bands; what has no label has no entry.

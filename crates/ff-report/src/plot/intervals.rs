@@ -1,19 +1,24 @@
 //! Intervals of many quantities, a row each, on one scale.
 
 use super::canvas::{Canvas, Result, Text};
-use super::layout::text_width;
+use super::layout::{flow, text_width, wrap};
 use super::scale::{Axis, extent, typeset};
 use super::style::{AXIS, FONT, GRID, MARK, MINOR, PALETTE, SMALL, pale};
 use plotters::style::text_anchor::HPos;
 
-/// Height of a row, of the legend, and of the axis with its label (px).
+/// Height of a row, of a row of the legend and the room below it, of the axis, and of a line of its label (px).
 const ROW: f64 = 24.0;
-const LEGEND: f64 = 24.0;
-const FOOT: f64 = 46.0;
+const LEGEND: f64 = 18.0;
+const BELOW: f64 = 6.0;
+const FOOT: f64 = 30.0;
+const LINE: f64 = 16.0;
 /// Most of the width that names take.
 const NAMES: f64 = 0.45;
 /// Ends of an interval off the scale are cut there with an arrow.
 const ARROW: f64 = 7.0;
+/// Room to the right, and for a tick (px).
+const RIGHT: f64 = 24.0;
+const TICKS: f64 = 90.0;
 
 /// An interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,9 +63,27 @@ impl Intervals {
         let widest = self.rows.iter().map(|(n, _)| text_width(&typeset(n), SMALL)).fold(60.0, f64::max);
         (widest + 36.0).min(NAMES * width)
     }
+    /// Least room for a tick: there are four where there is little.
+    fn room(&self, width: f64) -> f64 {
+        (0.2 * (width - self.left(width) - RIGHT)).clamp(32.0, TICKS)
+    }
+    /// Row and left edge of every entry of the legend, and the height of all.
+    fn entries(&self, width: f64) -> (Vec<(usize, f64)>, f64) {
+        let widths: Vec<f64> = self.legend.iter().map(|(name, _)| 28.0 + text_width(name, FONT)).collect();
+        let (at, rows) = flow(&widths, 20.0, self.left(width), width - RIGHT);
+        (at, LEGEND * rows.max(1) as f64 + BELOW)
+    }
+    /// Lines of the label of the axis; `power` of ten is a factor of its ticks.
+    fn label(&self, power: i32, width: f64) -> Vec<String> {
+        let label = typeset(&self.x_label);
+        let label = if power == 0 { label } else { format!("{label}, times 10{}", super::scale::superscript(power)) };
+        wrap(&label, FONT, width - self.left(width) - RIGHT)
+    }
     /// Height of the drawing.
-    pub(super) fn height(&self, _width: f64) -> f64 {
-        LEGEND + ROW * self.rows.len() as f64 + FOOT
+    pub(super) fn height(&self, width: f64) -> f64 {
+        let (_, power) = self.axis((self.left(width), width - RIGHT)).ticks(self.room(width));
+        let foot = FOOT + LINE * self.label(power, width).len() as f64;
+        self.entries(width).1 + ROW * self.rows.len() as f64 + foot
     }
     fn axis(&self, px: (f64, f64)) -> Axis {
         let values = || self.numbers().map(|n| n.1).chain(self.marks.iter().copied());
@@ -73,20 +96,19 @@ impl Intervals {
         Axis::linear(self.x_range.unwrap_or((lo - margin, hi + margin)), px)
     }
     pub(super) fn draw(&self, c: &mut Canvas<'_>, top: f64, width: f64) -> Result<()> {
-        let (left, right) = (self.left(width), width - 24.0);
-        let (head, bottom) = (top + LEGEND, top + LEGEND + ROW * self.rows.len() as f64);
+        let (left, right) = (self.left(width), width - RIGHT);
+        let (places, legend) = self.entries(width);
+        let (head, bottom) = (top + legend, top + legend + ROW * self.rows.len() as f64);
         let axis = self.axis((left, right));
-        let mut x = left;
-        for (name, k) in &self.legend {
-            let y = top + 8.0;
+        for ((name, k), (row, x)) in self.legend.iter().zip(places) {
+            let y = top + 8.0 + LEGEND * row as f64;
             let wide = self.rows.iter().flat_map(|r| &r.1).any(|i| i.colour == *k && i.wide);
             let full = PALETTE[k % PALETTE.len()];
             let (colour, thick) = if wide { (pale(full), 12.0) } else { (full, 4.0) };
             c.path(&[(x, y), (x + 22.0, y)], colour, thick)?;
             c.text(name, (x + 28.0, y), Text::new(FONT))?;
-            x += 50.0 + text_width(name, FONT);
         }
-        let (ticks, power) = axis.ticks(90.0);
+        let (ticks, power) = axis.ticks(self.room(width));
         for t in &ticks {
             let named = !t.label.is_empty();
             c.line((t.at, head), (t.at, bottom), if named { GRID } else { MINOR }, 1.0)?;
@@ -118,9 +140,11 @@ impl Intervals {
             }
         }
         c.path(&[(left, head), (right, head), (right, bottom), (left, bottom), (left, head)], AXIS, 1.0)?;
-        let label = typeset(&self.x_label);
-        let label = if power == 0 { label } else { format!("{label}, times 10{}", super::scale::superscript(power)) };
-        c.text(&label, (0.5 * (left + right), bottom + 32.0), Text::new(FONT).anchor(HPos::Center))
+        for (i, line) in self.label(power, width).iter().enumerate() {
+            let at = (0.5 * (left + right), bottom + 32.0 + LINE * i as f64);
+            c.text(line, at, Text::new(FONT).anchor(HPos::Center))?;
+        }
+        Ok(())
     }
     fn bar(
         &self,

@@ -1,6 +1,6 @@
 //! A figure as data for the scripts of a page: curves thinned to what a screen shows, as packed numbers.
 
-use super::draw::{colour_index, is_zero, y_range};
+use super::draw::{colour_index, covers, is_zero, y_range};
 use super::figure::{Figure, Panel, Range, Series};
 use super::scale::typeset;
 use crate::packed::singles;
@@ -29,7 +29,7 @@ fn panel(p: &Panel, points: usize) -> Value {
     };
     let curve = |(i, s): (usize, &Series)| {
         // A panel without labels takes those of the first, which must not say what is so there alone.
-        json!({ "label": s.label, "zero": is_zero(p, s), "colour": colour_index(s, i), "dashed": s.dashed })
+        json!({ "label": s.label, "zero": is_zero(p, s), "colour": colour_index(s, i), "dashed": s.dashed || covers(p, i) })
     };
     json!({
         "title": p.title,

@@ -37,14 +37,29 @@ use ffid::exit::Failure;
 use ffid::files::atomic;
 use std::path::{Path, PathBuf};
 
+/// Width of a figure on a phone (px).
+const NARROW: f64 = 380.0;
+
 impl Figure {
     /// The figure as SVG text.
     ///
     /// # Errors
     /// [`Failure::NotFinite`] or [`Failure::Length`] naming the series.
     pub fn to_svg(&self) -> Result<String, Failure> {
+        self.svg(WIDTH)
+    }
+    /// The figure as SVG for a phone: charts are drawn anew for its width, and letters keep their size. `None` where there are panels or
+    /// squares, which take the room of a desk.
+    ///
+    /// # Errors
+    /// Those of [`Figure::to_svg`].
+    pub(crate) fn to_narrow_svg(&self) -> Result<Option<String>, Failure> {
+        let fits = self.panels.is_empty() && self.corner.is_none() && self.heat.is_none();
+        fits.then(|| self.svg(NARROW)).transpose()
+    }
+    fn svg(&self, width: f64) -> Result<String, Failure> {
         self.check()?;
-        draw::figure(self).map_err(|e| Failure::Numerical(format!("figure '{}': {e}", self.title)))
+        draw::figure(self, width).map_err(|e| Failure::Numerical(format!("figure '{}': {e}", self.title)))
     }
     /// The figure as JSON for the scripts of a page: panels with their curves, each thinned to about `points` points that keep least and
     /// greatest values. Allocates.

@@ -153,3 +153,69 @@ fn charts_are_drawn_and_refuse_what_is_not_finite() {
     let json: serde_json::Value = serde_json::from_str(&Figure::new("area").panel(p).to_json(100)).unwrap();
     assert!(drawn.contains("<polygon") && json["panels"][0]["ranges"][0]["colour"] == 2);
 }
+
+/// A legend or title that is too long for its row goes on in the next, on a desk and on a phone: every text of a chart ends inside it.
+#[test]
+fn nothing_of_a_chart_is_wider_than_the_chart() {
+    let kinds = [
+        "noise",
+        "masses",
+        "joint placements",
+        "centres of mass",
+        "torque gains",
+        "gyro misalignment",
+        "encoder offsets",
+    ];
+    let bar =
+        |k: usize| Interval { low: 10.0 * k as f64, high: 10.0 * (k + 1) as f64, at: None, colour: k, wide: true };
+    let chart = Intervals {
+        x_label: "distance from what was known before, in its standard deviations".into(),
+        legend: kinds.iter().enumerate().map(|(k, n)| ((*n).to_owned(), k)).collect(),
+        rows: vec![("a body with a long name.inertia".into(), (0..kinds.len()).map(bar).collect())],
+        ..Intervals::default()
+    };
+    let f = Figure::new("Where the variance of each estimate comes from")
+        .intervals(chart)
+        .caption("Said at some length below it all.");
+    for (svg, width) in [(f.to_svg().unwrap(), WIDTH), (f.to_narrow_svg().unwrap().unwrap(), 380.0)] {
+        let doc = roxmltree::Document::parse(&svg).unwrap();
+        let number = |n: &roxmltree::Node<'_, '_>, a: &str| n.attribute(a).unwrap().parse::<f64>().unwrap() / 8.0;
+        let texts: Vec<_> = doc.descendants().filter(|n| n.tag_name().name() == "text").collect();
+        for k in kinds {
+            assert!(texts.iter().any(|t| t.text().is_some_and(|s| s.trim() == k)), "{k} at {width}");
+        }
+        for t in texts {
+            let (long, x) =
+                (layout::text_width(t.text().unwrap().trim(), number(&t, "font-size") * 0.97), number(&t, "x"));
+            let (left, right) = match t.attribute("text-anchor") {
+                Some("middle") => (x - 0.5 * long, x + 0.5 * long),
+                Some("end") => (x - long, x),
+                _ => (x, x + long),
+            };
+            assert!(left > -4.0 && right < width + 4.0, "{:?} from {left} to {right} of {width}", t.text());
+        }
+    }
+    // Panels take the room of a desk.
+    assert_eq!(spectrum().to_narrow_svg().unwrap(), None);
+}
+
+/// A curve upon another would hide it: dashed, both are seen.
+#[test]
+fn a_curve_upon_an_earlier_one_is_dashed() {
+    let x: Vec<f64> = (0..200).map(|i| f64::from(i) * 0.1).collect();
+    let y: Vec<f64> = x.iter().map(|x| (0.7 * x).sin()).collect();
+    let near: Vec<f64> = y.iter().map(|y| y + 1e-3).collect();
+    let far: Vec<f64> = y.iter().map(|y| y + 0.1).collect();
+    let of = |third: &[f64]| {
+        let p = Panel::new("time (s)", "rate (rad/s)")
+            .curve("first", &x, &y)
+            .curve("other", &x, &far)
+            .curve("third", &x, third);
+        let json: serde_json::Value = serde_json::from_str(&Figure::new("").panel(p.clone()).to_json(1000)).unwrap();
+        let dashed: Vec<bool> = (0..3).map(|k| json["panels"][0]["series"][k]["dashed"].as_bool().unwrap()).collect();
+        (dashed, Figure::new("").panel(p).to_svg().unwrap().matches("<polyline").count())
+    };
+    let ((same, pieces), (apart, whole)) = (of(&near), of(&x));
+    assert_eq!((same, apart), (vec![false, false, true], vec![false; 3]));
+    assert!(pieces > whole + 10, "{pieces} and {whole} polylines");
+}

@@ -2,7 +2,7 @@
 
 use super::opening::opening;
 use crate::page::{Block, Cell, Level, Page, Table, points};
-use crate::plot::Figure;
+use crate::plot::{Figure, typeset};
 use ffid::exit::Failure;
 use ffid::workflow::identify::{BudgetLine, num};
 use ffid::workflow::preflight::{Determination, LimitMargin, ModeVisibility, Predicted, Preflight, Proof, Seen};
@@ -65,7 +65,7 @@ fn budget(all: &[BudgetLine]) -> Table {
         let errors = b.errors.iter().filter(|e| e.share > SEEN);
         let errors: Vec<String> = errors.map(|e| format!("{} {}", e.kind.words(), percent(e.share))).collect();
         let better = b.better.as_ref().map_or_else(String::new, |x| {
-            format!("{} {:.0} times better: {} {}", x.kind.words(), x.factor, num(x.std), b.unit)
+            format!("{} {:.0} times better: {} {}", x.kind.words(), x.factor, num(x.std), typeset(&b.unit))
         });
         vec![
             Cell::words(b.name.clone()),
@@ -89,7 +89,7 @@ fn table(caption: &str, all: &[&Predicted]) -> Table {
         vec![
             Cell::words(p.name.clone()),
             Cell::number(num(p.value)),
-            Cell::words(p.unit.clone()),
+            Cell::words(typeset(&p.unit)),
             Cell::number(p.std.map_or_else(|| "cannot be told".into(), num)),
             Cell::number(p.relative_std.map_or_else(String::new, |r| format!("{:.3}", 100.0 * r))),
             Cell::Mark(level, word.into()),
@@ -133,7 +133,7 @@ fn limits(all: &[LimitMargin]) -> Vec<Block> {
             Cell::words(format!("{} of {}", m.what, m.item)),
             Cell::number(num(m.bound)),
             Cell::number(num(m.limit)),
-            Cell::words(m.unit.clone()),
+            Cell::words(typeset(&m.unit)),
             Cell::number(format!("{:.2}", m.time_s)),
             Cell::words(if m.proof == Proof::AllTime { "for all time" } else { "simulated" }),
             Cell::Mark(level, word.into()),

@@ -15,13 +15,17 @@ const LIGHT: [f64; 3] = [0.3, -0.5, 0.8];
 /// Size of the drawing and the room around the robot (px).
 const SIZE: (f64, f64) = (960.0, 520.0);
 const EDGE: f64 = 40.0;
+/// Width of a letter and height of a line of a name (px).
+const LETTER: f64 = 9.0;
+const LINE: f64 = 17.0;
 /// Corners of a circle.
 const ROUND: usize = 24;
 
 /// A piece of a drawing, in axes of the view: to the right, up, towards the eye.
 enum Piece {
     Face(Vec<Point3<f64>>, [f64; 3]),
-    Ball(Point3<f64>, f64, [f64; 3]),
+    /// `true`: what is inside of a body, and seen through it.
+    Ball(Point3<f64>, f64, [f64; 3], bool),
     Line([Point3<f64>; 2], [f64; 3]),
 }
 
@@ -29,6 +33,7 @@ impl Piece {
     fn depth(&self) -> f64 {
         match self {
             Self::Face(c, _) => c.iter().map(|p| p.z).sum::<f64>() / c.len() as f64,
+            Self::Ball(.., true) => f64::INFINITY,
             Self::Ball(p, ..) => p.z,
             // Before what it is drawn on.
             Self::Line([a, b], _) => a.z.max(b.z) + 0.05,
@@ -139,7 +144,8 @@ fn pieces(s: &Scene, meshes: &[Mesh]) -> Vec<Piece> {
                     cuboid(&scaled, Vector3::from_fn(|k, _| (low[k] + 0.5 * size[k]) * scale[k]))
                 }
                 Form::Sphere { radius } => {
-                    out.push(Piece::Ball(seen(&(place * Point3::origin())), *radius, base));
+                    let inside = shape.role == Role::Fuel;
+                    out.push(Piece::Ball(seen(&(place * Point3::origin())), *radius, base, inside));
                     continue;
                 }
                 Form::Axes { size } => {
@@ -201,7 +207,7 @@ pub(super) fn svg(s: &Scene, meshes: &[Mesh]) -> String {
     for piece in &all {
         match piece {
             Piece::Face(c, _) => c.iter().for_each(|p| hold(p, 0.0)),
-            Piece::Ball(p, r, _) => hold(p, *r),
+            Piece::Ball(p, r, ..) => hold(p, *r),
             Piece::Line(ends, _) => ends.iter().for_each(|p| hold(p, 0.0)),
         }
     }
@@ -229,13 +235,14 @@ pub(super) fn svg(s: &Scene, meshes: &[Mesh]) -> String {
                     points.join(" ")
                 )
             }
-            Piece::Ball(p, r, colour) => write!(
+            Piece::Ball(p, r, colour, inside) => write!(
                 out,
-                "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{:.1}\" fill=\"{}\" stroke=\"#333\" stroke-width=\"0.6\"/>",
+                "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{:.1}\" fill=\"{}\"{} stroke=\"#333\" stroke-width=\"0.6\"/>",
                 at(p).0,
                 at(p).1,
                 scale * r,
-                hex(colour)
+                hex(colour),
+                if *inside { " fill-opacity=\"0.75\"" } else { "" }
             ),
             Piece::Line([a, b], colour) => write!(
                 out,
@@ -250,9 +257,16 @@ pub(super) fn svg(s: &Scene, meshes: &[Mesh]) -> String {
     }
     let [right, up, eye] = view();
     let places = placed(s);
+    let mut written: Vec<(f64, f64, f64)> = Vec::new();
     for (i, name) in named(s) {
         let p = hung(s, &places, i);
-        let (x, y) = at(&Point3::new(right.dot(&p), up.dot(&p), eye.dot(&p)));
+        let (x, mut y) = at(&Point3::new(right.dot(&p), up.dot(&p), eye.dot(&p)));
+        // Below what would be written upon.
+        let long = LETTER * name.chars().count() as f64;
+        while let Some(other) = written.iter().find(|o| x < o.0 + o.2 && o.0 < x + long && (y - o.1).abs() < LINE) {
+            y = other.1 + LINE;
+        }
+        written.push((x, y, long));
         let _ = write!(
             out,
             "<text x=\"{:.1}\" y=\"{:.1}\" font-family=\"DejaVu Sans, Verdana, sans-serif\" font-size=\"15\" fill=\"#111\" stroke=\"#fff\" \

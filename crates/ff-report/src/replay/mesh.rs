@@ -1,5 +1,6 @@
 //! Triangles of a mesh file, thinned and packed.
 
+use super::collada;
 use crate::packed::shorts;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -33,17 +34,19 @@ pub(crate) struct Mesh {
     pub(super) kept: usize,
 }
 
-type Triangle = [[f64; 3]; 3];
+/// Corners of a triangle (m, or the unit of its file).
+pub(super) type Triangle = [[f64; 3]; 3];
 
 impl Mesh {
-    /// Reads an STL, binary or text, or the triangles and polygons of a Wavefront OBJ; its materials are not looked at.
+    /// Reads an STL, binary or text, or the triangles and polygons of a Wavefront OBJ or of the scene of a COLLADA file; materials are not
+    /// looked at.
     ///
     /// # Errors
     /// Why it cannot be read.
     pub(super) fn read(path: &Path) -> Result<Self, String> {
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        if !["stl", "obj"].contains(&extension.as_str()) {
-            return Err(format!("meshes of kind '{extension}' are not read, only STL and OBJ"));
+        if !["stl", "obj", "dae"].contains(&extension.as_str()) {
+            return Err(format!("meshes of kind '{extension}' are not read, only STL, OBJ and COLLADA (dae)"));
         }
         let mut file = File::open(path).map_err(|e| e.to_string())?;
         let bytes = file.metadata().map_err(|e| e.to_string())?.len();
@@ -52,6 +55,11 @@ impl Mesh {
         }
         if extension == "obj" {
             return Self::of(wavefront(&mut BufReader::new(file))?);
+        }
+        if extension == "dae" {
+            let mut text = String::new();
+            file.read_to_string(&mut text).map_err(|e| e.to_string())?;
+            return Self::of(collada::triangles(&text)?);
         }
         // A count that the file does not hold would be allocated before it is missed.
         let mut head = [0; STL.0 as usize];
@@ -202,7 +210,8 @@ mod tests {
         };
         assert!(why("short.stl", &binary(&sheet(1), u32::MAX)).contains("ends before"));
         assert!(why("empty.stl", &binary(&[], 0)).contains("no triangles"));
-        assert!(why("robot.dae", b"<COLLADA/>").contains("'dae'"));
+        assert!(why("robot.ply", b"ply").contains("'ply'"));
+        assert!(why("robot.dae", b"<COLLADA/>").contains("no triangles"));
         assert!(why("nan.stl", &binary(&[[[f64::NAN; 3]; 3]], 1)).contains("not finite"));
     }
 }

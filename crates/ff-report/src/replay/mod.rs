@@ -9,7 +9,7 @@
 //! | `scene` | a robot: its nodes, modes, motion |
 //! | `node`, `shapes` | a frame and what is drawn on it; shapes of links from inertia |
 //! | `appendage` | panels, fuel and wheels as nodes |
-//! | `appearance`, `mesh` | what a URDF says that links look like |
+//! | `appearance`, `mesh`, `collada` | what a URDF says that links look like |
 //! | `motion` | a simulated motion, thinned and packed |
 //! | `mass` | the centre of mass and its covariance |
 //! | `drawing` | the robot as it stands, for paper |
@@ -17,6 +17,7 @@
 
 mod appearance;
 mod appendage;
+mod collada;
 mod drawing;
 mod mass;
 mod mesh;

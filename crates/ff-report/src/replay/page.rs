@@ -28,9 +28,10 @@ data-control=\"ellipsoid-value\" hidden=\"hidden\">×1</output>
 <span><button type=\"button\" data-view=\"corner\">corner</button> <button type=\"button\" data-view=\"front\">front</button> \
 <button type=\"button\" data-view=\"side\">side</button> <button type=\"button\" data-view=\"top\">top</button></span>
 <span>grid <output data-control=\"grid\">1 m</output></span></div>
-<div class=\"bar key\"><span><i style=\"background:#7d8b99\"></i>links</span><span><i style=\"background:#0072b2\"></i>flexible structure</span>\
-<span><i style=\"background:#e69f00\"></i>fuel, rotors</span><span><i style=\"background:#cc79a7\"></i>joint sensors</span>\
-<span><i style=\"background:#d55e00\"></i>centre of mass</span><span><i style=\"background:#009e73\"></i>trail</span>";
+<div class=\"bar key\"><span><i style=\"background:#7d8b99\"></i>links</span><span data-key=\"panel\"><i style=\"background:#0072b2\"></i>flexible structure</span>\
+<span data-key=\"fuel\"><i style=\"background:#e69f00\"></i>fuel, rotors</span><span data-key=\"joint\"><i style=\"background:#cc79a7\"></i>joint sensors</span>\
+<span>axes of gyro and mounts: <i style=\"background:#d55e00\"></i>x <i style=\"background:#009e73\"></i>y <i style=\"background:#0072b2\"></i>z</span>\
+<span><i style=\"background:#d55e00;border-radius:50%\"></i>centre of mass</span><span data-key=\"trail\"><i style=\"background:#009e73\"></i>trail</span>";
 /// Colours of the robots beside the first, taken in turn.
 const GHOSTS: [&str; 3] = ["#56b4e9", "#c2a800", "#805e28"];
 
@@ -102,7 +103,7 @@ fn modes(scenes: &[Scene]) -> Vec<Block> {
     };
     let heads = scenes.iter().flat_map(|s| [format!("{} (Hz)", s.label), "damping (%)".to_owned()]);
     let head = [String::new()].into_iter().chain(heads).chain(["shape".to_owned()]).collect();
-    vec![Block::Table(Table { caption: String::new(), head, rows: (0..most).map(row).collect() })]
+    vec![Block::Table(Table { caption: "At the pose of the mission".into(), head, rows: (0..most).map(row).collect() })]
 }
 
 fn about(r: &Replay) -> Vec<String> {

@@ -228,6 +228,21 @@ fn a_drawing_has_every_node_where_the_page_has_it() {
         let svg = Replay::new("", vec![scene], a).drawing();
         let doc = roxmltree::Document::parse(&svg).unwrap();
         let of = |tag: &str| doc.descendants().filter(|n| n.has_tag_name(("http://www.w3.org/2000/svg", tag))).count();
+        // Fuel is inside of what carries it: seen through, and after all faces.
+        if let Some(ball) = svg.find("fill-opacity") {
+            assert!(ball > svg.rfind("<polygon").unwrap());
+        }
+        let place = |n: &roxmltree::Node<'_, '_>, a: &str| n.attribute(a).unwrap().parse::<f64>().unwrap();
+        let texts: Vec<(f64, f64)> = doc
+            .descendants()
+            .filter(|n| n.tag_name().name() == "text")
+            .map(|n| (place(&n, "x"), place(&n, "y")))
+            .collect();
+        for (i, a) in texts.iter().enumerate() {
+            for b in &texts[..i] {
+                assert!((a.0 - b.0).abs() > 18.0 || (a.1 - b.1).abs() > 16.0, "names upon each other: {texts:?}");
+            }
+        }
         // Three faces of every box that is seen, and names of base and appendages.
         assert!(of("polygon") > 20 && of("text") == 1 + o.model.appendages().len(), "{mission}");
     }

@@ -323,7 +323,9 @@ pub(super) fn evidence(
     out.state = State::Explained;
     out.reason = match best {
         Some(b) => format!("{} is seen, but moves no estimate by more than {MATTERS} deviations", b.text),
-        None if tests.is_some() => format!("nothing stands out of the noise, and none of {} errors is seen", out.tried),
+        None if tests.is_some() => {
+            format!("nothing stands out of the noise, and none of {} errors that were tried is seen", out.tried)
+        }
         None => "nothing stands out of the noise; other errors could not be tried".to_owned(),
     };
     out
