@@ -41,7 +41,12 @@ pub fn estimate<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E)
 ///
 /// # Errors
 /// [`EstimateError`], never [`EstimateError::Unfinished`].
-pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, estimator: &mut E) -> Result<Estimate, EstimateError> {
+pub fn attempt<E: Estimator + ?Sized>(request: &Request<'_>, mut estimator: &mut E) -> Result<Estimate, EstimateError> {
+    fitted(request, &mut estimator)
+}
+
+/// Compiled once, here, and not for every estimator of every crate.
+fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estimate, EstimateError> {
     if !request.loss.is_valid() {
         return Err(EstimateError::Loss(request.loss));
     }

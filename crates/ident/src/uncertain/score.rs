@@ -140,7 +140,16 @@ impl Scores {
     /// # Errors
     /// [`EvalError`] of the estimator, or of a factorisation of columns that are not finite.
     pub fn new<E: Estimator + ?Sized>(
-        estimator: &mut E,
+        mut estimator: &mut E,
+        at: &EndOfFit<'_>,
+        components: &[Direction],
+        draws: &[usize],
+    ) -> Result<Self, EvalError> {
+        Self::gathered(&mut estimator, at, components, draws)
+    }
+    /// Compiled once, here, and not for every estimator of every crate.
+    fn gathered(
+        estimator: &mut dyn Estimator,
         at: &EndOfFit<'_>,
         components: &[Direction],
         draws: &[usize],

@@ -8,10 +8,11 @@
 //! a 95 % interval (the profile, [`ident::belief::profile`]). There the covariance is made to allow for what was found
 //! (docs/theory/output-error.md).
 
+use super::chord::{Chord, Place};
 use super::elsewhere::explains;
 use super::mixture::widen;
 use super::observed_estimator::ObservedEstimator;
-use super::valleys::{Chord, Ending, Place};
+use super::valleys::Ending;
 use ff_least_squares::Settings as Solver;
 use ff_model::ParamGroup;
 use ident::belief::{LIMIT95, Point, PriorRow, Profile, Uncertainty};
@@ -29,11 +30,16 @@ const SLOW: f64 = 2.5;
 const FOLLOWED: usize = 3;
 /// Deviations to which they are followed at most.
 const REACH: i32 = 8;
+/// Part of a positive parameter at which there is nothing beyond: it is zero.
+const GONE: f64 = 0.01;
 /// Difference of the rise there from four up to which the first chord says enough.
 const PLAIN: f64 = 1.2;
 /// Chords at a place, and change of the cost at which there is no need for more.
 const CHORDS: usize = 3;
 const STILL: f64 = 0.1;
+/// Linearisations whose chords are gone along with one parameter held, and part of what a chord promises that the next may promise at most.
+const RELINEARISED: usize = 3;
+const SHRINKS: f64 = 0.3;
 /// Width of the prior that holds a parameter while the others are fitted, in deviations, and linearisations of such a fit.
 const HELD: f64 = 1e-3;
 const REFITS: usize = 4;
@@ -177,8 +183,40 @@ impl Bend<'_> {
         }
         Some((before - self.e.objective, place.at))
     }
-    /// The others fitted again with one parameter held; `None` where that does not come near an end.
-    fn refitted(&self, at: &[f64], column: usize, estimator: &mut ObservedEstimator<'_>) -> Option<(f64, Vec<f64>)> {
+    /// The others fitted again with one parameter held; `None` where that does not come near an end. One linearisation where they are, and
+    /// chords of it as long as each leaves a fraction of what the one before promised; where the way is too bent for its steps, a fit goes
+    /// on from there. The last linearisation is left in `chord`.
+    fn refitted(
+        &self,
+        at: &[f64],
+        column: usize,
+        chord: &mut Option<Chord>,
+        estimator: &mut ObservedEstimator<'_>,
+    ) -> Option<(f64, Vec<f64>)> {
+        let mut place = (at.to_vec(), self.e.nuisance.iter().map(|p| p.value).collect());
+        for _ in 0..RELINEARISED {
+            *chord = None;
+            let Some((made, mut here)) = Chord::at(self.request, place.clone(), estimator) else { break };
+            let (made, mut before, mut straight) = (chord.insert(made), f64::INFINITY, true);
+            while let Some((step, promised)) = made.step(self.request, &here, &[column]) {
+                if promised < STILL {
+                    return Some((here.cost - promised - self.e.objective, here.at));
+                }
+                if promised > SHRINKS * before {
+                    break;
+                }
+                let Some((part, next)) = here.stepped(self.request, &step, estimator) else { break };
+                (here, before, straight) = (next, promised, straight && part == 1.0);
+            }
+            place = (here.at, here.extra);
+            if !straight || before == f64::INFINITY {
+                break;
+            }
+        }
+        self.fitted(&place.0, column, estimator)
+    }
+    /// A fit of the others from a place with one parameter held.
+    fn fitted(&self, at: &[f64], column: usize, estimator: &mut ObservedEstimator<'_>) -> Option<(f64, Vec<f64>)> {
         let (request, value) = (self.request, at[self.request.selected[column]]);
         let own = request.priors.rows().iter().find(|r| r.column == column).copied();
         let pin = PriorRow { column, mean: value, sigma: HELD * self.std(column) };
@@ -204,22 +242,18 @@ impl Bend<'_> {
         let mut points = vec![Point { value: p.value, excess: 0.0, converged: true }];
         let mut interval = [None, None];
         for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
-            let (mut from, mut last) = (self.e.values.clone(), (0.0, 0.0));
+            let (mut from, mut last, mut near) = (self.e.values.clone(), (0.0, 0.0), None);
             for n in 1..=REACH {
                 let start = self.moved(&from, column, sign);
                 // A chord says how far up at most; where it says that this is the end, and before the valley has turned too far, a fit does.
-                let looked = self.looked_at(chord, &start, (column, f64::INFINITY), estimator);
-                let (rise, at) = match looked {
-                    Some((rise, at)) if rise < 0.5 * LIMIT95 => (rise, at),
-                    Some((_, at)) => match self.refitted(&at, column, estimator) {
-                        Some(found) => found,
-                        None => break,
-                    },
-                    None => match self.refitted(&start, column, estimator) {
-                        Some(found) => found,
-                        None => break,
-                    },
+                let here = near.as_ref().unwrap_or(chord);
+                let looked = self.looked_at(here, &start, (column, f64::INFINITY), estimator);
+                let found = match looked {
+                    Some((rise, at)) if rise < 0.5 * LIMIT95 => Some((rise, at)),
+                    Some((_, at)) => self.refitted(&at, column, &mut near, estimator),
+                    None => self.refitted(&start, column, &mut near, estimator),
                 };
+                let Some((rise, at)) = found else { break };
                 points.push(Point { value: at[index], excess: rise, converged: true });
                 let (root, limit, here) = (rise.max(0.0).sqrt(), LIMIT95.sqrt(), (at[index] - p.value) / std);
                 let step: Vec<f64> = self.request.selected.iter().map(|&i| at[i] - self.e.values[i]).collect();
@@ -230,8 +264,10 @@ impl Bend<'_> {
                     cover(covariance, &step, (here / end).powi(2) * LIMIT95);
                     break;
                 }
-                if n == REACH {
+                let positive = self.request.decls[index].group == ParamGroup::Positive;
+                if n == REACH || (positive && at[index] < GONE * p.value) {
                     cover(covariance, &step, rise.max(1.0));
+                    break;
                 }
                 (from, last) = (at, (here, root));
             }

@@ -22,6 +22,7 @@ pub mod axes;
 pub(crate) mod bandwidth;
 mod bends;
 pub(crate) mod checked;
+mod chord;
 pub(crate) mod clocks;
 pub(crate) mod compare;
 mod consider;

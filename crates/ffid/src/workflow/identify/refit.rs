@@ -32,6 +32,8 @@ const LEADING: usize = 3;
 const NEAR: f64 = 0.5;
 /// Linearisations of a fit: it begins next to its end.
 const MOST: usize = 15;
+/// Promised reduction of chi-squared at which it is at its end: a fifth of a deviation is left to go.
+const SETTLED: f64 = 0.05;
 
 /// Part of what is left over that an error must account for, where the first fit has not ended, to be worth a fit from the beginning.
 const WORTH: f64 = 0.2;
@@ -192,7 +194,8 @@ impl Contradicted<'_, '_> {
         let silent = Observer { progress: None, ..*self.watch };
         let mut watched = ObservedEstimator::new(&mut *made.whole, &silent);
         let priors = setup.unknowns.priors(&selected)?;
-        let request = Request { coarse: !settled, start: &start, selected: &selected, priors, ..setup.request()? };
+        let mut request = Request { coarse: !settled, start: &start, selected: &selected, priors, ..setup.request()? };
+        request.settings.gain_tolerance = request.settings.gain_tolerance.max(SETTLED);
         let estimate = attempt(&request, &mut watched);
         if watched.stopped() {
             return Err(IdentifyError::Interrupted);

@@ -10,16 +10,15 @@
 //! that come near the cost of the end are fitted. The lowest counts, and where others explain the record as well, deviations cover
 //! them all ([`super::mixture`]).
 
+use super::chord::{Chord, Place};
 use super::elsewhere::{Subject, explains, frequencies, has_vanished, own_mode};
 use super::findings::{Alternative, Minima};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
 use ff_least_squares::Settings as Solver;
-use ff_linalg::{gram, tr_mul};
 use ff_model::ParamGroup;
 use ident::estimate::{Estimate, KEPT_BYTES, attempt};
-use ident::{Estimator, Loss, Request, Transform, Uncertainty};
-use nalgebra::{DMatrix, DVector};
+use ident::{Loss, Request, Uncertainty};
 
 /// Deviation of a frequency, in widths `1/T` of a line, from which there may be several minima. At a peak of the noise, where damping vanishes,
 /// it is less than at the mode itself.
@@ -55,8 +54,6 @@ const ONE_START: f64 = 2.0;
 const ALIKE: f64 = 2.0;
 /// Most by which springs follow another.
 const FOLLOW: f64 = 3.0;
-/// Ridge of a normal matrix with ones on its diagonal.
-const RIDGE: f64 = 1e-9;
 
 /// Where a search for other minima has ended.
 pub(super) struct Ending {
@@ -103,13 +100,6 @@ struct Spring {
     hz: f64,
     /// Whether that is not resolved.
     open: bool,
-}
-
-/// A place to look at: all unknowns, the columns that a chord leaves alone, and how many steps it is from the end along a spring.
-pub(super) struct Place {
-    pub(super) at: Vec<f64>,
-    pub(super) fixed: Vec<usize>,
-    pub(super) steps: i32,
 }
 
 struct Search<'s> {
@@ -404,67 +394,5 @@ impl Search<'_> {
         let alone = mixture::cover(&mut best, &self.ends);
         let minima = Minima { starts: self.tried, converged: 1 + self.ends.len(), objectives, alternatives };
         Ending { estimate: best, minima: Some(minima), alone }
-    }
-}
-
-/// A linearisation at the end of a fit that serves other places: residuals there, with the unknowns that do not make the place moved by it.
-pub(super) struct Chord {
-    j: DMatrix<f64>,
-    known: DMatrix<f64>,
-    /// Of the columns, scaled to ones on the diagonal, and their norms.
-    normal: DMatrix<f64>,
-    size: Vec<f64>,
-}
-
-impl Chord {
-    pub(super) fn new(request: &Request<'_>, e: &Estimate, estimator: &mut ObservedEstimator<'_>) -> Option<Self> {
-        let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
-        let (rows, columns) = (estimator.rows(), request.selected.len() + extra.len());
-        let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, columns));
-        estimator.jacobian(&e.values, &extra, request.selected, &mut r, &mut j).ok()?;
-        let mut known = DMatrix::zeros(request.priors.len(), columns);
-        let values: Vec<f64> = request.selected.iter().map(|&i| e.values[i]).collect();
-        request.priors.fill_jacobian(&values, &mut known, 0);
-        let mut normal = gram(&j).ok()? + known.tr_mul(&known);
-        let size: Vec<f64> = normal.diagonal().iter().map(|d| d.sqrt().max(f64::MIN_POSITIVE)).collect();
-        for a in 0..columns {
-            for b in 0..columns {
-                normal[(a, b)] /= size[a] * size[b];
-            }
-            normal[(a, a)] += RIDGE;
-        }
-        Some(Self { j, known, normal, size })
-    }
-    /// Cost at a place with the other unknowns moved, and where they are then.
-    pub(super) fn look(
-        &self,
-        request: &Request<'_>,
-        e: &Estimate,
-        place: &Place,
-        estimator: &mut ObservedEstimator<'_>,
-    ) -> Option<(f64, Vec<f64>)> {
-        let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
-        let mut r = vec![0.0; self.j.nrows()];
-        estimator.residuals(&place.at, &extra, &mut r).ok()?;
-        let values: Vec<f64> = request.selected.iter().map(|&i| place.at[i]).collect();
-        let mut known = Vec::new();
-        request.priors.push_residuals(&values, &mut known);
-        let squares: f64 = r.iter().chain(&known).map(|r| r * r).sum();
-        let slope = tr_mul(&self.j, &r) + self.known.tr_mul(&DVector::from_vec(known));
-        let free: Vec<usize> = (0..self.size.len()).filter(|k| !place.fixed.contains(k)).collect();
-        let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| self.normal[(free[a], free[b])]);
-        let b = DVector::from_fn(free.len(), |a, _| slope[free[a]] / self.size[free[a]]);
-        let step = normal.cholesky()?.solve(&b);
-        let cost = squares - b.dot(&step);
-        let mut at = place.at.clone();
-        for (&k, x) in free.iter().zip(&step).filter(|(k, _)| **k < request.selected.len()) {
-            let i = request.selected[k];
-            let moved = at[i] - x / self.size[k];
-            let least = if request.decls[i].group == ParamGroup::Positive { at[i] / FOLLOW } else { f64::NEG_INFINITY };
-            at[i] = moved.max(least);
-        }
-        let physical =
-            Transform::affine(request.decls, request.selected, &at).is_ok_and(|t| t.inconsistent(&at).is_none());
-        cost.is_finite().then(|| (cost, if physical { at } else { place.at.clone() }))
     }
 }

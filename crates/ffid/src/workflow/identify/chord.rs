@@ -1,0 +1,180 @@
+//! One linearisation that serves several places (a chord): at the end of a fit for those around it, or on the way along a valley.
+
+use super::observed_estimator::ObservedEstimator;
+use ff_linalg::{gram, tr_mul};
+use ff_model::ParamGroup;
+use ident::estimate::Estimate;
+use ident::{Estimator, Request, Transform};
+use nalgebra::{DMatrix, DVector};
+
+/// Most by which a positive parameter falls where places are looked at.
+const FOLLOW: f64 = 3.0;
+/// Part of a positive parameter that a step leaves of it at least.
+const LEAST_PART: f64 = 0.1;
+/// Solutions of a step with positive parameters held at that.
+const BOUNDED: usize = 4;
+/// Parts of a step that are tried.
+const SHORTENED: [f64; 5] = [1.0, 0.5, 0.25, 0.125, 0.0625];
+/// Ridge of a normal matrix with ones on its diagonal.
+const RIDGE: f64 = 1e-9;
+
+/// A place to look at: all unknowns, the columns that a chord leaves alone, and how many steps it is from the end along a spring.
+pub(super) struct Place {
+    pub(super) at: Vec<f64>,
+    pub(super) fixed: Vec<usize>,
+    pub(super) steps: i32,
+}
+
+/// A linearisation at the end of a fit that serves other places: residuals there, with the unknowns that do not make the place moved by it.
+pub(super) struct Chord {
+    j: DMatrix<f64>,
+    known: DMatrix<f64>,
+    /// Of the columns, scaled to ones on the diagonal, and their norms.
+    normal: DMatrix<f64>,
+    size: Vec<f64>,
+}
+
+impl Chord {
+    /// At the end of a fit. Allocates the Jacobian.
+    pub(super) fn new(request: &Request<'_>, e: &Estimate, estimator: &mut ObservedEstimator<'_>) -> Option<Self> {
+        let extra = e.nuisance.iter().map(|p| p.value).collect();
+        Self::at(request, (e.values.clone(), extra), estimator).map(|made| made.0)
+    }
+    /// At other values of parameters and nuisance unknowns, and the residuals there. Allocates the Jacobian.
+    pub(super) fn at(
+        request: &Request<'_>,
+        (at, extra): (Vec<f64>, Vec<f64>),
+        estimator: &mut ObservedEstimator<'_>,
+    ) -> Option<(Self, Here)> {
+        let (rows, columns) = (estimator.rows(), request.selected.len() + extra.len());
+        let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, columns));
+        estimator.jacobian(&at, &extra, request.selected, &mut r, &mut j).ok()?;
+        let mut known = DMatrix::zeros(request.priors.len(), columns);
+        let here = Here::new(request, at, extra, r)?;
+        let values: Vec<f64> = request.selected.iter().map(|&i| here.at[i]).collect();
+        request.priors.fill_jacobian(&values, &mut known, 0);
+        let mut normal = gram(&j).ok()? + gram(&known).ok()?;
+        let size: Vec<f64> = normal.diagonal().iter().map(|d| d.sqrt().max(f64::MIN_POSITIVE)).collect();
+        for a in 0..columns {
+            for b in 0..columns {
+                normal[(a, b)] /= size[a] * size[b];
+            }
+            normal[(a, a)] += RIDGE;
+        }
+        Some((Self { j, known, normal, size }, here))
+    }
+    /// The step of all unknowns but the columns `fixed` that this linearisation makes of the residuals somewhere, and by how much it promises
+    /// that their squares fall. Positive parameters keep a tenth.
+    pub(super) fn step(&self, request: &Request<'_>, here: &Here, fixed: &[usize]) -> Option<(Vec<f64>, f64)> {
+        let n = self.size.len();
+        let slope = tr_mul(&self.j, &here.r) + self.known.tr_mul(&DVector::from_column_slice(&here.known));
+        let slope = DVector::from_fn(n, |k, _| slope[k] / self.size[k]);
+        // In deviations of each unknown by itself.
+        let mut step = DVector::zeros(n);
+        let mut fixed = fixed.to_vec();
+        for _ in 0..BOUNDED {
+            let free: Vec<usize> = (0..n).filter(|k| !fixed.contains(k)).collect();
+            let rest = &slope + &self.normal * &step;
+            let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| self.normal[(free[a], free[b])]);
+            let b = DVector::from_fn(free.len(), |a, _| rest[free[a]]);
+            let by = normal.cholesky()?.solve(&b);
+            free.iter().zip(&by).for_each(|(&k, x)| step[k] -= x);
+            let held = fixed.len();
+            for &k in free.iter().filter(|&&k| k < request.selected.len()) {
+                let i = request.selected[k];
+                let least = (LEAST_PART - 1.0) * here.at[i] * self.size[k];
+                if request.decls[i].group == ParamGroup::Positive && step[k] < least {
+                    step[k] = least;
+                    fixed.push(k);
+                }
+            }
+            if fixed.len() == held {
+                break;
+            }
+        }
+        let promised = -2.0 * slope.dot(&step) - step.dot(&(&self.normal * &step));
+        let step: Vec<f64> = step.iter().zip(&self.size).map(|(x, s)| x / s).collect();
+        promised.is_finite().then_some((step, promised))
+    }
+    /// Cost at a place with the other unknowns moved, and where they are then.
+    pub(super) fn look(
+        &self,
+        request: &Request<'_>,
+        e: &Estimate,
+        place: &Place,
+        estimator: &mut ObservedEstimator<'_>,
+    ) -> Option<(f64, Vec<f64>)> {
+        let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
+        let mut r = vec![0.0; self.j.nrows()];
+        estimator.residuals(&place.at, &extra, &mut r).ok()?;
+        let values: Vec<f64> = request.selected.iter().map(|&i| place.at[i]).collect();
+        let mut known = Vec::new();
+        request.priors.push_residuals(&values, &mut known);
+        let squares: f64 = r.iter().chain(&known).map(|r| r * r).sum();
+        let slope = tr_mul(&self.j, &r) + self.known.tr_mul(&DVector::from_vec(known));
+        let free: Vec<usize> = (0..self.size.len()).filter(|k| !place.fixed.contains(k)).collect();
+        let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| self.normal[(free[a], free[b])]);
+        let b = DVector::from_fn(free.len(), |a, _| slope[free[a]] / self.size[free[a]]);
+        let step = normal.cholesky()?.solve(&b);
+        let cost = squares - b.dot(&step);
+        let mut at = place.at.clone();
+        for (&k, x) in free.iter().zip(&step).filter(|(k, _)| **k < request.selected.len()) {
+            let i = request.selected[k];
+            let moved = at[i] - x / self.size[k];
+            let least = if request.decls[i].group == ParamGroup::Positive { at[i] / FOLLOW } else { f64::NEG_INFINITY };
+            at[i] = moved.max(least);
+        }
+        let physical = is_physical(request, &at);
+        cost.is_finite().then(|| (cost, if physical { at } else { place.at.clone() }))
+    }
+}
+
+/// Unknowns, and the residuals there: of the data, then of what is known.
+pub(super) struct Here {
+    pub(super) at: Vec<f64>,
+    pub(super) extra: Vec<f64>,
+    r: Vec<f64>,
+    known: Vec<f64>,
+    /// The sum of their squares.
+    pub(super) cost: f64,
+}
+
+impl Here {
+    fn new(request: &Request<'_>, at: Vec<f64>, extra: Vec<f64>, r: Vec<f64>) -> Option<Self> {
+        let values: Vec<f64> = request.selected.iter().map(|&i| at[i]).collect();
+        let mut known = Vec::new();
+        request.priors.push_residuals(&values, &mut known);
+        let cost: f64 = r.iter().chain(&known).map(|r| r * r).sum();
+        cost.is_finite().then_some(Self { at, extra, r, known, cost })
+    }
+    /// Where a step of all unknowns leads, shortened until what is there can exist and the cost is lower, and the part of it that was gone;
+    /// `None` where it never is.
+    pub(super) fn stepped(
+        &self,
+        request: &Request<'_>,
+        step: &[f64],
+        estimator: &mut ObservedEstimator<'_>,
+    ) -> Option<(f64, Self)> {
+        let (of_parameters, of_extra) = step.split_at(request.selected.len());
+        for part in SHORTENED {
+            let mut at = self.at.clone();
+            request.selected.iter().zip(of_parameters).for_each(|(&i, x)| at[i] += part * x);
+            if !is_physical(request, &at) {
+                continue;
+            }
+            let extra: Vec<f64> = self.extra.iter().zip(of_extra).map(|(e, x)| e + part * x).collect();
+            let mut r = vec![0.0; self.r.len()];
+            if estimator.residuals(&at, &extra, &mut r).is_ok()
+                && let Some(next) = Self::new(request, at, extra, r).filter(|next| next.cost < self.cost)
+            {
+                return Some((part, next));
+            }
+        }
+        None
+    }
+}
+
+/// Whether bodies with these parameters can exist.
+fn is_physical(request: &Request<'_>, at: &[f64]) -> bool {
+    Transform::affine(request.decls, request.selected, at).is_ok_and(|t| t.inconsistent(at).is_none())
+}
