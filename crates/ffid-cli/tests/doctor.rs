@@ -2,10 +2,11 @@
 //! a fit useless stops `ffid identify` before it.
 
 use crate::case::{Case, flex, slosh};
-use crate::common::ffid;
+use crate::common::{ffid, fixture};
 use crate::doubts::{calm, edit};
 use crate::evidence::world;
 use serde_json::Value;
+use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -231,6 +232,30 @@ fn a_record_in_which_nothing_moves_stops_at_once() {
     c.write("calm.csv", &calm(&c.read("a.csv")));
     c.simulate("truth.toml", "calm.csv", "calm-rec.csv", &["--seed", "2"]);
     assert_eq!(doctor(&c, "calm-rec.csv").bad(), vec![]);
+}
+
+/// On the ground the doctor and the fit say the same: a joint that stands still is named, and an arm at one pose tells nothing.
+#[test]
+fn joints_on_the_ground_that_stand_still_are_named() {
+    let folder = fixture("");
+    let c = slosh();
+    c.write("arm.toml", &fs::read_to_string(folder.join("ground/arm.toml")).unwrap().replace("../peers-model/", ""));
+    fs::copy(folder.join("peers-model/arm_fixed.urdf"), c.path("arm_fixed.urdf")).unwrap();
+    let log = fs::read_to_string(folder.join("ground/log.csv")).unwrap();
+    let log: String = log.lines().take(2500).flat_map(|l| [l, "\n"]).collect();
+    // The last step of an encoder at rest flickers.
+    let flicker = |t: f64| 1e-6 * (977.0 * t).sin().signum();
+    c.write("last.csv", &edit(&log, |t, name, x| if name.starts_with("q.arm_j7") { 0.2 + flicker(t) } else { x }));
+    let (code, out, err) = c.run(&["identify", "arm.toml", "--record", "last.csv", "--out", "res"]);
+    assert_eq!(code, 0, "{out}\n{err}");
+    let r = c.result("res");
+    let still = r.warnings.iter().find(|w| w.code == "Data::JointsStill").unwrap();
+    assert!(still.message.contains("arm_j7") && !still.message.contains("arm_j6"), "{}", still.message);
+    assert!(Told::of(c.path("").as_path(), "arm.toml", "last.csv").problems.iter().any(|p| p["code"] == still.code));
+    // Torques that hold the arm are those of one pose.
+    let pose = |t: f64, name: &str, x: f64| if name.starts_with("q.") { 0.2 + flicker(t) } else { x };
+    c.write("pose.csv", &edit(&log, pose));
+    c.refused(&["identify", "arm.toml", "--record", "pose.csv", "--out", "x"], 13, "Data::NothingMoves", &["poses"]);
 }
 
 #[test]

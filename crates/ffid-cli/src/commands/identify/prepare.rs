@@ -10,6 +10,7 @@ use ff_model::{Area, BaseKind, Params, Problem, Problems};
 use ff_records::Record;
 use ffid::files::folder::{Entry, Folder};
 use ffid::open::{Opened, open};
+use ffid::workflow::doctor::standing_still;
 use ffid::workflow::identify::{
     Absent, Bandwidth, FitOptions, InputFile, LabelledRecord, Method, NoBandwidth, Settings, choose_low_pass, method,
     on_even_clock, segments,
@@ -272,11 +273,17 @@ impl Data {
         }
         // What no motion of an arm whose base is fixed tells is not the fault of a record.
         options.reduce = true;
-        let Self { records, problems, .. } = self;
-        for r in records.iter_mut() {
+        let Self { records, sources, problems } = self;
+        for (k, r) in records.iter_mut().enumerate() {
             let (even, warned) = on_even_clock(&r.label, &r.record).map_err(failed)?;
             r.record = even;
             problems.extend(warned);
+            // Records of an earlier identification have been judged there.
+            if r.ago == 0 && !r.continues {
+                let of_file = |p: Problems| sources.get(k).map_or(p.clone(), |file| p.in_file(file));
+                let found = standing_still(opened, r, settings).map_err(failed);
+                problems.extend(of_file(found.map_err(|(exit, p)| (exit, of_file(p)))?));
+            }
         }
         let longest = records.iter().max_by(|a, b| a.record.seconds().total_cmp(&b.record.seconds()));
         let nominal = Params::nominal(&opened.model);

@@ -84,13 +84,20 @@ pub(super) fn findings(case: &Case<'_>) -> Vec<Finding> {
     let measure = format!(
         "no joint moves: the largest travel is {most:.2e} {unit}, limit {bound:.2e} {unit} by the noise of the encoders"
     );
-    let make = |p: Problem| {
-        p.on(case.label)
-            .violating(most, Limit::Above(bound), unit)
-            .hint("record while the joints move: plan a motion with ffid excite")
+    let hint = if record.is_fixed_base() {
+        "record while the joints move, or at several poses"
+    } else {
+        "record while the joints move: plan a motion with ffid excite"
     };
-    if quiet {
-        let text = format!("{measure}; torques and gyro read noise alone");
+    let make = |p: Problem| p.on(case.label).violating(most, Limit::Above(bound), unit).hint(hint);
+    if quiet || record.is_fixed_base() {
+        let text = match (record.is_fixed_base(), quiet) {
+            (false, _) => format!("{measure}; torques and gyro read noise alone"),
+            // What they hold against gravity in one pose is one number a joint.
+            (true, true) => format!("{measure}; torques are constant but for their noise"),
+            // Below the torque at which a joint begins to slide it may take any value, which tells nothing of what it carries.
+            (true, false) => format!("{measure}; torques change, which friction at rest takes up"),
+        };
         let p = make(Problem::error(Area::Data, NOTHING_MOVES, text.clone()));
         return vec![case.finding(Topic::Excitation, Judgement::Wrong, text).figures(most, bound, unit).raising(p)];
     }

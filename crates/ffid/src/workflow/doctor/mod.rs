@@ -15,6 +15,7 @@
 //!   hypotheses        where it cannot: factors, signs, columns of outputs (mismatch) and of joint positions, each put right
 //!   clocks, modes     ident::checks
 //! before_fit          what would make a fit useless, in a fraction of its time; for `ffid identify`
+//! standing_still      the same of an arm on the ground, whose torques are not predicted
 //! ```
 mod case;
 mod clocks;
@@ -108,28 +109,40 @@ pub fn diagnose(
     Ok(Diagnosis::new(opened.model.name(), findings))
 }
 
+/// Joints of a record that stand still, where that matters: on the ground, and where no joint moves and outputs change all the same. To be asked
+/// before the motion passes a filter, whose output has less noise than what it travels. Allocates.
+///
+/// # Errors
+/// [`IdentifyError::IllPosed`] when nothing moves; [`IdentifyError::Refused`] for the record of another robot, or on several clocks.
+pub fn standing_still(
+    opened: &Opened,
+    labelled: &LabelledRecord,
+    settings: &Settings,
+) -> Result<Problems, IdentifyError> {
+    let even = on_one_clock(labelled)?;
+    moving(&Case::new(opened, labelled, &even, settings)?)
+}
+
+fn moving(case: &Case<'_>) -> Result<Problems, IdentifyError> {
+    let found = Problems(excitation::findings(case).into_iter().filter_map(|f| f.problem).collect());
+    if found.has_errors() { Err(IdentifyError::IllPosed(found)) } else { Ok(found) }
+}
+
 /// Problems of a record that would make a fit useless: nothing moves, a unit, a sign or axes are wrong. One simulation, and two more where
-/// its outputs are far from the prediction. A record of a base that is bolted down is judged by its motion alone. Allocates.
+/// its outputs are far from the prediction. Nothing is asked of the record of a base that is bolted down: see [`standing_still`]. Allocates.
 ///
 /// # Errors
 /// [`IdentifyError::IllPosed`] when nothing moves; [`IdentifyError::Refused`] for the record of another robot, or on several clocks.
 pub fn before_fit(opened: &Opened, labelled: &LabelledRecord, settings: &Settings) -> Result<Problems, IdentifyError> {
     // Units, signs and axes are those of the part that the record begins with.
-    if labelled.continues {
+    if labelled.continues || !is_predicted(&opened.model, settings) {
         return Ok(Problems::default());
     }
     let even = on_one_clock(labelled)?;
     let case = Case::new(opened, labelled, &even, settings)?;
-    let wrong = |findings: Vec<Finding>| {
-        Problems(findings.into_iter().filter(|f| f.judgement == Judgement::Wrong).filter_map(|f| f.problem).collect())
-    };
-    let still = wrong(excitation::findings(&case));
-    if still.has_errors() {
-        return Err(IdentifyError::IllPosed(still));
-    }
-    if !is_predicted(&opened.model, settings) {
-        return Ok(still);
-    }
+    let mut found = moving(&case)?;
+    let wrong = |f: Finding| f.problem.filter(|_| f.judgement == Judgement::Wrong);
     let predicted = Prediction::new(&case, case.record);
-    Ok(wrong(hypotheses::before_fit(&case, predicted.as_ref().ok())))
+    found.0.extend(hypotheses::before_fit(&case, predicted.as_ref().ok()).into_iter().filter_map(wrong));
+    Ok(found)
 }

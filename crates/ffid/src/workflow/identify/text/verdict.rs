@@ -226,10 +226,11 @@ fn conflicts(all: &[PriorConflict]) -> Option<String> {
     ))
 }
 
-/// Residuals as parts of the signals, for an arm whose sensors have no figure of their own.
+/// Residuals as parts of the signals, for an arm whose sensors have no figure of their own. A joint that is near rest throughout has no reading
+/// that counts, and says nothing.
 pub(in super::super) fn shares(channels: &[Channel]) -> String {
     let share = |c: &Channel| 100.0 * c.residual_rms / c.signal_rms.max(f64::MIN_POSITIVE);
-    let all = || channels.iter().map(|c| (share(c), c.name.as_str()));
+    let all = || channels.iter().filter(|c| c.residual_rms > 0.0).map(|c| (share(c), c.name.as_str()));
     let least = all().min_by(|a, b| a.0.total_cmp(&b.0));
     let most = all().max_by(|a, b| a.0.total_cmp(&b.0));
     match (least, most) {
