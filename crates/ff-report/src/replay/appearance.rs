@@ -1,15 +1,18 @@
 //! What a URDF says that links look like.
 
+use super::mesh;
 use super::mesh::Mesh;
 use super::node::{Drawn, Form, Pose, Role};
 use super::shapes::form;
 use ff_mission::urdf::visual::{Look, LookKind, Surface, from_urdf};
 use ff_model::{Model, Problems};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Most triangles in a page.
 const TRIANGLES: usize = 40_000;
+/// Most triangles of one mesh where there are very many.
+const LEAST: usize = 200;
 
 /// Most links named in a note.
 const NAMED: usize = 4;
@@ -24,7 +27,7 @@ pub struct Appearance {
 
 impl Appearance {
     /// From the URDF that `model` was read from: the `<visual>` elements of each link or, where a mesh of them cannot be read, its
-    /// `<collision>` elements. STL and OBJ meshes are read, relative to the file or in a package (`package://`) in a folder above it. What
+    /// `<collision>` elements. STL, OBJ and COLLADA meshes are read, relative to the file or in a package (`package://`) in a folder above it. What
     /// cannot be read is named in the notes of the page, and the body is drawn as its box.
     ///
     /// # Errors
@@ -32,7 +35,17 @@ impl Appearance {
     pub fn of_urdf(path: &Path, model: &Model) -> Result<Self, Problems> {
         let text = ff_model::diagnostics::text_file(path, ff_mission::urdf::MAX_BYTES)?;
         let (looks, problems) = from_urdf(&text, model).map_err(|p| p.in_file(path))?;
-        let mut reader = Reader { path, out: Self::default(), read: BTreeMap::new(), triangles: 0 };
+        // Robots of many meshes have fewer triangles in each, so that no link is left without.
+        let files = |kind| {
+            let of = looks.iter().filter(|l| l.kind == kind).filter_map(|l| match &l.surface {
+                Surface::Mesh { file, .. } => Some(file.as_str()),
+                Surface::Solid(_) => None,
+            });
+            of.collect::<BTreeSet<_>>().len()
+        };
+        let meshes = files(LookKind::Visual).max(files(LookKind::Collision)).max(1);
+        let most = (TRIANGLES / meshes).clamp(LEAST, mesh::TRIANGLES);
+        let mut reader = Reader { path, out: Self::default(), read: BTreeMap::new(), triangles: 0, most };
         reader.out.notes.extend(problems.0.iter().map(|p| format!("A shape is not drawn: {p}")));
         let mut links: Vec<&str> = looks.iter().map(|l| l.link.as_str()).collect();
         links.dedup();
@@ -73,6 +86,8 @@ struct Reader<'a> {
     /// Meshes that several links share, by file.
     read: BTreeMap<PathBuf, usize>,
     triangles: usize,
+    /// Most triangles of one mesh.
+    most: usize,
 }
 
 impl Reader<'_> {
@@ -95,7 +110,7 @@ impl Reader<'_> {
         if let Some(&index) = self.read.get(&path) {
             return Ok(index);
         }
-        let mesh = Mesh::read(&path).map_err(|e| format!("{name}: {e}"))?;
+        let mesh = Mesh::read(&path, self.most).map_err(|e| format!("{name}: {e}"))?;
         if self.triangles + mesh.kept > TRIANGLES {
             return Err(format!("{name}: {} triangles, limit {TRIANGLES} in all", self.triangles + mesh.kept));
         }

@@ -3,7 +3,7 @@
 use super::collada;
 use crate::packed::shorts;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
@@ -11,7 +11,9 @@ use std::path::Path;
 /// Largest file read (bytes).
 const MAX_BYTES: u64 = 64 << 20;
 /// Most triangles of one mesh; more are thinned.
-const TRIANGLES: usize = 3000;
+pub(super) const TRIANGLES: usize = 3000;
+/// Cells along the longest edge of the finest grid that thins; at most 255.
+const CELLS: f64 = 128.0;
 /// Steps along an edge of the box about a mesh.
 const STEPS: f64 = 65_535.0;
 /// Bytes of a binary STL before its triangles, and of each triangle.
@@ -43,7 +45,7 @@ impl Mesh {
     ///
     /// # Errors
     /// Why it cannot be read.
-    pub(super) fn read(path: &Path) -> Result<Self, String> {
+    pub(super) fn read(path: &Path, most: usize) -> Result<Self, String> {
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         if !["stl", "obj", "dae"].contains(&extension.as_str()) {
             return Err(format!("meshes of kind '{extension}' are not read, only STL, OBJ and COLLADA (dae)"));
@@ -54,12 +56,12 @@ impl Mesh {
             return Err(format!("{bytes} bytes, limit {MAX_BYTES}"));
         }
         if extension == "obj" {
-            return Self::of(wavefront(&mut BufReader::new(file))?);
+            return Self::of(wavefront(&mut BufReader::new(file))?, most);
         }
         if extension == "dae" {
             let mut text = String::new();
             file.read_to_string(&mut text).map_err(|e| e.to_string())?;
-            return Self::of(collada::triangles(&text)?);
+            return Self::of(collada::triangles(&text)?, most);
         }
         // A count that the file does not hold would be allocated before it is missed.
         let mut head = [0; STL.0 as usize];
@@ -76,14 +78,14 @@ impl Mesh {
             let v = mesh.vertices[i];
             [f64::from(v[0]), f64::from(v[1]), f64::from(v[2])]
         };
-        Self::of(mesh.faces.iter().map(|f| f.vertices.map(corner)).collect())
+        Self::of(mesh.faces.iter().map(|f| f.vertices.map(corner)).collect(), most)
     }
 
     /// Least corner and size of the box that holds it, in its own units.
     pub(super) fn bounds(&self) -> ([f64; 3], [f64; 3]) {
         (self.low, self.size)
     }
-    fn of(triangles: Vec<Triangle>) -> Result<Self, String> {
+    fn of(triangles: Vec<Triangle>, most: usize) -> Result<Self, String> {
         let corners = || triangles.iter().flatten();
         if corners().flatten().any(|x| !x.is_finite()) {
             return Err("a corner is not finite".to_owned());
@@ -95,7 +97,7 @@ impl Mesh {
             return Err("there are no triangles in it".to_owned());
         }
         let given = triangles.len();
-        let kept = thin(triangles, &low, &size);
+        let kept = thin(triangles, &low, &size, most);
         let step = |x: f64, k: usize| if size[k] > 0.0 { ((x - low[k]) / size[k] * STEPS).round() as u16 } else { 0 };
         let numbers = kept.iter().flatten().flat_map(|c| (0..3).map(|k| step(c[k], k)));
         Ok(Self { low, size, data: shorts(numbers), given, kept: kept.len() })
@@ -125,27 +127,33 @@ fn wavefront(text: &mut impl BufRead) -> Result<Vec<Triangle>, String> {
     Ok(out)
 }
 
-/// Merges corners that share a cell of an ever coarser grid until there are at most [`TRIANGLES`] (Rossignac and Borrel 1993, vertex
+/// Merges corners that share a cell of an ever coarser grid until there are at most `most` triangles (Rossignac and Borrel 1993, vertex
 /// clustering).
-fn thin(triangles: Vec<Triangle>, low: &[f64; 3], size: &[f64; 3]) -> Vec<Triangle> {
+fn thin(triangles: Vec<Triangle>, low: &[f64; 3], size: &[f64; 3], most: usize) -> Vec<Triangle> {
     let longest = size.iter().fold(0.0, |a: f64, b| a.max(*b));
-    let mut cells = 128.0;
-    let mut out = triangles.clone();
-    while out.len() > TRIANGLES && cells >= 4.0 {
-        let cell = |c: &[f64; 3]| -> [u32; 3] { std::array::from_fn(|k| ((c[k] - low[k]) / longest * cells) as u32) };
-        let mut means: BTreeMap<[u32; 3], ([f64; 3], f64)> = BTreeMap::new();
-        for c in triangles.iter().flatten() {
-            let (sum, n) = means.entry(cell(c)).or_default();
-            (0..3).for_each(|k| sum[k] += c[k]);
-            *n += 1.0;
-        }
-        let mean = |c: &[f64; 3]| means.get(&cell(c)).map_or(*c, |(sum, n)| sum.map(|x| x / n));
-        let flat =
-            |t: &&Triangle| cell(&t[0]) != cell(&t[1]) && cell(&t[1]) != cell(&t[2]) && cell(&t[2]) != cell(&t[0]);
-        out = triangles.iter().filter(flat).map(|t| t.map(|c| mean(&c))).collect();
+    let mut cells = CELLS;
+    let mut out = Vec::new();
+    while triangles.len() > most && (out.is_empty() || out.len() > most) && cells >= 4.0 {
+        // Cells are numbered as corners come to them; each keeps the sum of its corners and their number.
+        let key = |c: &[f64; 3]| (0..3).fold(0, |key, k| key << 8 | ((c[k] - low[k]) / longest * cells) as u32);
+        let mut numbers: HashMap<u32, usize> = HashMap::new();
+        let mut sums: Vec<([f64; 3], f64)> = Vec::new();
+        let mut number = |c: &[f64; 3]| {
+            let next = sums.len();
+            let i = *numbers.entry(key(c)).or_insert(next);
+            if i == next {
+                sums.push(([0.0; 3], 0.0));
+            }
+            (0..3).for_each(|k| sums[i].0[k] += c[k]);
+            sums[i].1 += 1.0;
+            i
+        };
+        let all: Vec<[usize; 3]> = triangles.iter().map(|t| t.each_ref().map(&mut number)).collect();
+        let flat = |t: &&[usize; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+        out = all.iter().filter(flat).map(|t| t.map(|i| sums[i].0.map(|x| x / sums[i].1))).collect();
         cells *= 0.75;
     }
-    out
+    if triangles.len() > most { out } else { triangles }
 }
 
 #[cfg(test)]
@@ -179,9 +187,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("sheet.STL");
         std::fs::write(&path, binary(&sheet(3), 18)).unwrap();
-        let m = Mesh::read(&path).unwrap();
+        let m = Mesh::read(&path, TRIANGLES).unwrap();
         assert_eq!((m.given, m.kept, m.low, m.size), (18, 18, [0.0, 0.0, -0.5], [2.0, 1.0, 0.0]));
-        let m = Mesh::of(sheet(100)).unwrap();
+        let m = Mesh::of(sheet(100), TRIANGLES).unwrap();
         assert!(m.given == 20_000 && m.kept <= TRIANGLES && m.kept > 500, "{}", m.kept);
         // 18 bytes a triangle, 4 characters for 3 bytes.
         assert_eq!(m.data.len(), m.kept * 24);
@@ -194,10 +202,10 @@ mod tests {
         let text = "mtllib /etc/hostname.mtl\no roof\nv 0.5 -1 0\nv 2.5 -1 0\nv 2.5 1 0.25\nv 0.5 1 0.25\nv 1.5 0 0.75\nusemtl tin\n\
                     f 1 2 3 4\nf -5 -4 -1\nl 1 2\n";
         std::fs::write(&path, text).unwrap();
-        let m = Mesh::read(&path).unwrap();
+        let m = Mesh::read(&path, TRIANGLES).unwrap();
         assert_eq!((m.given, m.kept, m.low, m.size), (3, 3, [0.5, -1.0, 0.0], [2.0, 2.0, 0.75]));
         std::fs::write(&path, "v 0 0 0\nv 1 0 0\nf 1 2 7\n").unwrap();
-        assert!(Mesh::read(&path).is_err());
+        assert!(Mesh::read(&path, TRIANGLES).is_err());
     }
 
     #[test]
@@ -206,7 +214,7 @@ mod tests {
         let why = |name: &str, bytes: &[u8]| {
             let path = dir.path().join(name);
             std::fs::write(&path, bytes).unwrap();
-            Mesh::read(&path).unwrap_err()
+            Mesh::read(&path, TRIANGLES).unwrap_err()
         };
         assert!(why("short.stl", &binary(&sheet(1), u32::MAX)).contains("ends before"));
         assert!(why("empty.stl", &binary(&[], 0)).contains("no triangles"));
