@@ -207,6 +207,60 @@ fn d06_other_separators_are_guessed() {
     assert!(problem_of(&p, "Data::RowLength").hint.is_some(), "{p}");
 }
 
+/// What the flags open: other separators with decimal commas, names of others, dates; the record is the same.
+#[test]
+fn logs_with_other_separators_names_and_dates_are_the_same_record() {
+    let (text, _) = good();
+    let plain = load(&text, &ReadOptions::default()).unwrap().record;
+    for (s, separator) in [(";", b';'), ("\t", b'\t'), ("|", b'|'), ("  ", b' ')] {
+        let head = text.lines().next().unwrap().replace(',', s).replace(&format!("rail{s} left"), "rail, left");
+        // The comma in a quoted name is a point then, too.
+        let rule = ("q.rail. left".to_owned(), "q.rail, left".to_owned());
+        let rules: Vec<_> = ["q.", "dq.", "ddq.", "tau."]
+            .iter()
+            .filter(|g| text.contains(&format!("\"{g}rail, left")))
+            .map(|g| (rule.0.replacen("q.", g, 1), rule.1.replacen("q.", g, 1)))
+            .collect();
+        let rows: String =
+            text.lines().skip(1).map(|l| l.replace(',', s).replace('.', ",") + "\n# a remark\n").collect();
+        let options = ReadOptions { separator, rename: rules, ..ReadOptions::default() };
+        let read = load(&format!("{head}\n{rows}"), &options).unwrap_or_else(|p| panic!("{s:?}: {p}"));
+        assert!(read.record == plain, "{s:?}");
+    }
+    // Commas at the end of the samples alone.
+    let (head, rows) = text.split_once('\n').unwrap();
+    let commas: String = rows.lines().map(|l| format!("{l},\n")).collect();
+    assert!(load(&format!("{head}\n{commas}"), &ReadOptions::default()).unwrap().record == plain);
+    assert!(refused(&format!("{head}\n{}", commas.replace(",\n", ",0\n"))).has("Data::RowLength"));
+    // Dates, in a column of whatever name of the time, the first one without a name included.
+    let dated = |name: &str, form: &dyn Fn(usize) -> String| {
+        let rows = rows.lines().enumerate().map(|(i, l)| format!("{}{}\n", form(i), &l[l.find(',').unwrap()..]));
+        head.replacen("time[s]", name, 1) + "\n" + &rows.collect::<String>()
+    };
+    let ms = |i: usize| 10 * i;
+    // Across the midnight before a leap day.
+    let stamp = |i: usize| {
+        let of_day = 86_398_500 + ms(i);
+        let (day, t) = (28 + of_day / 86_400_000, of_day % 86_400_000);
+        format!("2024-02-{day} {:02}:{:02}:{:02}.{:03}", t / 3_600_000, t / 60_000 % 60, t / 1000 % 60, t % 1000)
+    };
+    for name in ["time", "timestamp", "", "Datetime"] {
+        let read = load(&dated(name, &stamp), &ReadOptions::default()).unwrap_or_else(|p| panic!("{name}: {p}"));
+        assert!(read.record.is_uniform() && (read.record.dt() - 0.01).abs() < 1e-12, "{name}");
+        assert_eq!((read.record.q(), read.record.t0()), (plain.q(), 1_709_164_798.5));
+    }
+    // A zone that comes and goes, days first.
+    let p = refused(&dated("time", &|i| stamp(i) + if i == 7 { "Z" } else { "" }));
+    assert_eq!(p.0[0].line, Some(9), "{p}");
+    assert!(refused(&dated("time", &|i| stamp(i).replacen("2024-02-", "02/2024/", 1))).has("Data::UnitMissing"));
+    // A unit in the name.
+    let ns = load(
+        &dated("timestamp_ns", &|i| format!("{}", 1_709_164_798_500_000_000 + 1_000_000 * ms(i) as u64)),
+        &ReadOptions::default(),
+    );
+    assert_eq!(ns.unwrap().record.t0(), 1_709_164_798.5);
+}
+
 #[test]
 fn d07_missing_extra_and_repeated_columns() {
     let (text, _) = good();

@@ -1,5 +1,6 @@
 //! The line of names: which column goes where, in which unit, and all that is wrong with it.
 
+use super::naming::{is_nameless, is_time, split};
 use super::units;
 use super::units::{Dimension, Unit};
 use super::{JointColumn, data};
@@ -10,9 +11,6 @@ use ff_model::{Area, Problem, Problems};
 
 /// Most names listed in one message.
 const LISTED: usize = 12;
-/// What others call the time, in small letters.
-const TIMES: [&str; 10] =
-    ["time", "t", "timestamp", "time_stamp", "timestamps", "stamp", "datetime", "date", "header.stamp", "seconds"];
 const XYZ: [&str; 3] = ["x", "y", "z"];
 const WXYZ: [&str; 4] = ["w", "x", "y", "z"];
 
@@ -129,13 +127,6 @@ impl Target {
     }
 }
 
-/// Whether a column has no name and is left out: the row numbers that pandas writes, which it calls `Unnamed: 0` when it has read and written them again, or what a
-/// comma at the end of every line makes.
-pub fn is_nameless(cell: &str) -> bool {
-    let numbered = |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit());
-    cell.trim().is_empty() || cell.trim().strip_prefix("Unnamed: ").is_some_and(numbered)
-}
-
 /// The warning that says which columns are left out for want of a name; `None` where all have one.
 pub fn without_name(head: &[String]) -> Option<Problem> {
     let at: Vec<usize> = (0..head.len()).filter(|&i| is_nameless(&head[i])).collect();
@@ -189,7 +180,13 @@ pub(super) fn targets(
         };
         let Some(symbol) = symbol else {
             let what = format!("column '{}' has no unit", clip(cell));
-            let hint = format!("write {}[{}]; known: {}", clip(name), units::si(dimension), units::symbols(dimension));
+            let (si, known) = (units::si(dimension), units::symbols(dimension));
+            let all = name.split_once('.').map_or_else(|| name.to_owned(), |(group, _)| format!("{group}.*"));
+            let hint = format!(
+                "write {}[{si}], or give --rename '{all}={all}[{si}]'; known: {known}",
+                clip(name),
+                all = clip(&all)
+            );
             fail(data("Data::UnitMissing", what).on(clip(name)).hint(hint));
             out.push(None);
             continue;
@@ -289,6 +286,11 @@ pub(super) fn targets(
         let near = extra.iter().find_map(|e| Some((e, nearest(e, missing.iter().map(String::as_str))?)));
         let hint = match (near, extra.first()) {
             (Some((e, n)), _) => format!("is {} meant to be {n}?", clip(e)),
+            (None, Some(e)) if !missing.is_empty() => format!(
+                "give names with --rename, such as --rename '{}={}[UNIT]' (* for any text), or leave columns out with --ignore",
+                clip(e),
+                missing[0]
+            ),
             (None, Some(e)) => format!("drop them, or name each with --ignore, such as --ignore '{}'", clip(e)),
             (None, None) => "give every channel of a group, or none of dq, ddq, acc and att".to_owned(),
         };
@@ -301,27 +303,17 @@ pub(super) fn targets(
 pub(super) fn time_column(names: &[String]) -> Result<usize, Box<Problem>> {
     let missing = || {
         let p = data("Data::Columns", "there is no column time[s]").on("time");
-        let called = |n: &&String| TIMES.contains(&split(n).0.to_ascii_lowercase().as_str());
-        match names.iter().find(called) {
+        match names.iter().find(|n| is_time(n)) {
             Some(n) => p.hint(format!(
-                "is '{}' the time? name it time[s], or time[ms], time[ns], and write numbers, not dates",
-                clip(n)
+                "is '{n}' the time? give --rename '{n}=time[s]', or time[ms], time[us], time[ns]",
+                n = clip(split(n).0)
             )),
-            None => p.hint("give the time of every sample"),
+            None => {
+                p.hint("name the time of every sample time[s], or say which column it is: --rename 'COLUMN=time[s]'")
+            }
         }
     };
     names.iter().position(|n| split(n).0 == "time").ok_or_else(|| Box::new(missing()))
-}
-
-/// Name and unit of a header cell, `name[unit]` or `name (unit)`.
-pub(super) fn split(cell: &str) -> (&str, Option<&str>) {
-    let cell = cell.trim();
-    let brackets = cell.strip_suffix(']').and_then(|c| c.rsplit_once('['));
-    // `q.elbow (rad)`, as spreadsheets and plotting programs write it.
-    match brackets.or_else(|| cell.strip_suffix(')').and_then(|c| c.rsplit_once(" ("))) {
-        Some((name, unit)) => (name.trim(), Some(unit)),
-        None => (cell, None),
-    }
 }
 
 /// What a channel measures that is carried beside; `None` for a name that is none.

@@ -3,7 +3,7 @@
 use super::blocks::{BLOCK, Block, Blocks, Stamps};
 use super::columns::time_column;
 use super::lines::{BUFFER, Lines, header};
-use super::{data, number};
+use super::{ReadOptions, data, dates, number};
 use ff_model::diagnostics::clip;
 use ff_model::{Problem, Problems};
 use std::fs::File;
@@ -17,18 +17,21 @@ pub(super) struct CsvBlocks {
     names: Vec<String>,
     time: usize,
     wanted: Vec<bool>,
+    /// Whether stamps are dates, and whether these name their zone.
+    dates: Option<bool>,
     /// Whether stamps are whole, once the first is read.
     whole: Option<bool>,
 }
 
 impl CsvBlocks {
-    pub(super) fn new(file: File, limit: u64) -> Result<Self, Problems> {
-        let mut lines = Lines::new(BufReader::with_capacity(BUFFER, file), limit);
+    pub(super) fn new(file: File, options: &ReadOptions) -> Result<Self, Problems> {
+        let mut lines = Lines::new(BufReader::with_capacity(BUFFER, file), options);
         let mut bad = Problems::default();
-        let Some(names) = header(&mut lines, &mut bad) else { return Err(bad) };
+        let Some(heading) = header(&mut lines, options, &mut bad) else { return Err(bad) };
+        let (names, dates) = (heading.names, heading.dates);
         let time = time_column(&names).map_err(|p| Problems(vec![(*p).at_line(1)]))?;
         let wanted = vec![true; names.len()];
-        Ok(Self { lines, names, time, wanted, whole: None })
+        Ok(Self { lines, names, time, wanted, dates, whole: None })
     }
     /// One line into the block.
     fn take(&mut self, out: &mut Block) -> Result<(), Problems> {
@@ -49,8 +52,12 @@ impl CsvBlocks {
                 Err(Problems(vec![p.hint("write numbers with a decimal point and nothing else")]))
             };
             if k == self.time {
-                let whole = number::whole(cell);
-                let keep = *self.whole.get_or_insert(whole.is_some_and(|w| w.unsigned_abs() > WHOLE));
+                let whole = match self.dates {
+                    Some(zone) => dates::nanoseconds(cell).filter(|d| d.1 == zone).map(|d| d.0),
+                    None => number::whole(cell),
+                };
+                let keep =
+                    *self.whole.get_or_insert(whole.is_some_and(|w| self.dates.is_some() || w.unsigned_abs() > WHOLE));
                 if out.rows() == 0 {
                     out.stamps = if keep { Stamps::Whole(Vec::new()) } else { Stamps::Real(Vec::new()) };
                 }
@@ -84,7 +91,8 @@ impl CsvBlocks {
                 break;
             }
         }
-        if k == self.names.len() {
+        // A comma at the end of the line is no cell.
+        if k == self.names.len() || k == self.names.len() + 1 && line.trim_ascii_end().ends_with(b",") {
             return Ok(());
         }
         let what = format!("{k} cells, the line of names has {}", self.names.len());

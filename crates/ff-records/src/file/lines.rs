@@ -1,6 +1,7 @@
 //! Lines of a file, their cells, and the line of names.
 
-use super::{data, over};
+use super::heading::{Heading, rename, tell_time};
+use super::{ReadOptions, data, over};
 use ff_model::{Area, Problem, Problems};
 use std::io::{BufRead, Read};
 
@@ -18,6 +19,10 @@ pub(super) struct Lines<R> {
     input: R,
     /// Most bytes.
     limit: u64,
+    /// What separates cells in the file; in `line` commas do.
+    separator: u8,
+    /// The line in `line` has not been taken yet.
+    held: bool,
     pub(super) line: Vec<u8>,
     /// Number of the line in `line`, from 1.
     pub(super) number: usize,
@@ -27,9 +32,10 @@ pub(super) struct Lines<R> {
 }
 
 impl<R: BufRead> Lines<R> {
-    /// Lines of a file of no more than so many bytes.
-    pub(super) fn new(input: R, limit: u64) -> Self {
-        Self { input, limit, line: Vec::new(), number: 0, bytes: 0, ended: true }
+    /// Lines of a file, of no more bytes than the options allow.
+    pub(super) fn new(input: R, options: &ReadOptions) -> Self {
+        let (limit, separator) = (options.max_bytes, options.separator);
+        Self { input, limit, separator, held: false, line: Vec::new(), number: 0, bytes: 0, ended: true }
     }
     /// Reads the next line, its end removed; false at the end of the file.
     fn next(&mut self) -> Result<bool, Box<Problem>> {
@@ -58,12 +64,22 @@ impl<R: BufRead> Lines<R> {
         if self.line.last() == Some(&b'\r') {
             self.line.pop();
         }
+        if self.separator != b',' {
+            to_commas(&mut self.line, self.separator);
+        }
         Ok(true)
     }
-    /// Reads the next line of a sample; false behind the last. Blank lines may only stand at the end.
+    /// Reads the next line of a sample; false behind the last. Blank lines may only stand at the end; remarks, which begin with `#`, are no
+    /// samples.
     pub(super) fn sample(&mut self) -> Result<bool, Box<Problem>> {
+        if std::mem::take(&mut self.held) {
+            return Ok(true);
+        }
         let mut blank = None;
         while self.next()? {
+            if self.line.first() == Some(&b'#') {
+                continue;
+            }
             if !self.line.trim_ascii().is_empty() {
                 let between = |line| data("Data::RowLength", "a blank line between samples").at_line(line);
                 return blank.map_or(Ok(true), |line| Err(Box::new(between(line).hint("remove it"))));
@@ -71,6 +87,12 @@ impl<R: BufRead> Lines<R> {
             blank.get_or_insert(self.number);
         }
         Ok(false)
+    }
+    /// Cells of the first sample, which [`Lines::sample`] gives again; `None` where there is none, or no line that can be read.
+    fn first(&mut self) -> Option<Vec<Vec<u8>>> {
+        self.held = self.sample().ok()?;
+        let all = cells(&self.line).filter(|_| self.held)?;
+        Some(all.iter().map(<[u8]>::to_vec).collect())
     }
     /// Row D05, at the end of the file: a last line without its end.
     pub(super) fn cut_short(&self) -> Option<Problem> {
@@ -87,8 +109,42 @@ pub(super) fn cells(line: &[u8]) -> Option<csv::ByteRecord> {
     reader.read_byte_record(&mut record).ok()?.then_some(record)
 }
 
-/// The line of names, behind remarks that begin with `#`; `None` where a problem is recorded.
-pub(super) fn header(lines: &mut Lines<impl BufRead>, bad: &mut Problems) -> Option<Vec<String>> {
+/// Puts commas where another separator stands outside quotes, and points where commas stand. Blanks count as one, and not within the brackets of a unit.
+fn to_commas(line: &mut Vec<u8>, separator: u8) {
+    if separator == b' ' {
+        let text = std::mem::take(line);
+        let text = text.trim_ascii();
+        let remark = text.iter().take_while(|b| **b == b'#').count();
+        line.extend_from_slice(&text[..remark]);
+        let (mut quoted, mut unit, mut last) = (false, false, b' ');
+        for &b in text[remark..].trim_ascii_start() {
+            quoted ^= b == b'"';
+            unit = (unit || b == b'[') && b != b']';
+            let blank = matches!(b, b' ' | b'\t') && !quoted && !unit;
+            match b {
+                _ if blank && last == b' ' => {}
+                _ if blank => line.push(b','),
+                b',' => line.push(b'.'),
+                _ => line.push(b),
+            }
+            last = if blank { b' ' } else { b };
+        }
+        return;
+    }
+    let mut quoted = false;
+    for b in line {
+        match *b {
+            b'"' => quoted = !quoted,
+            b',' => *b = b'.',
+            s if s == separator && !quoted => *b = b',',
+            _ => {}
+        }
+    }
+}
+
+/// The line of names, behind remarks that begin with `#`; `None` where a problem is recorded. Names are those that the options say, and the column of the time
+/// has its own where it can be told.
+pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad: &mut Problems) -> Option<Heading> {
     loop {
         match lines.next() {
             Err(p) => {
@@ -132,9 +188,18 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, bad: &mut Problems) -> Opt
             Some((_, name)) => format!("columns seem to be separated by {name}, must be commas"),
             None => "there is only one column".to_owned(),
         };
-        let hint = "separate columns by commas, and write numbers with a decimal point";
-        bad.push(data("Data::Separator", what).at_line(at).hint(hint));
+        let flag = match guess.into_iter().find(|(c, _)| names[0].contains(*c)) {
+            Some((_, name)) => format!("give --separator {name} (decimal commas are read then)"),
+            None => "separate columns by commas".to_owned(),
+        };
+        bad.push(data("Data::Separator", what).at_line(at).hint(flag));
         return None;
     }
-    Some(names)
+    let mut names = names;
+    if !rename(&mut names, &options.rename, bad) {
+        bad.0.iter_mut().for_each(|p| p.line = p.line.or(Some(at)));
+        return None;
+    }
+    let dates = tell_time(&mut names, lines.first().as_deref());
+    Some(Heading { names, line: at, dates })
 }

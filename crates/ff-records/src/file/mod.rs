@@ -17,7 +17,7 @@
 //! | `acc.x`, `.y`, `.z` | specific force in base axes | optional |
 //! | `att.w`, `.x`, `.y`, `.z` | attitude quaternion, body to world, scalar first | optional |
 //!
-//! Columns come in any order. Units are converted because the header names them ([`units`]); a column without one is
+//! Columns come in any order. The time may be dates, year first ([ISO 8601](https://www.iso.org/iso-8601-date-and-time-format.html)). Units are converted because the header names them ([`units`]); a column without one is
 //! refused. The file is read in one pass through a buffer of fixed size, with limits on rows and bytes; what is kept is
 //! the samples. [`CsvWriter`] writes every number in its shortest exact form, so that a file is read back bit for bit.
 //!
@@ -27,7 +27,10 @@ pub(crate) mod bag;
 pub(crate) mod blocks;
 pub(crate) mod columns;
 pub(crate) mod csv_blocks;
+pub(crate) mod dates;
+pub(crate) mod heading;
 pub(crate) mod lines;
+pub(crate) mod naming;
 pub(crate) mod number;
 pub(crate) mod options;
 #[cfg(feature = "parquet")]
@@ -42,7 +45,8 @@ pub mod units;
 pub(crate) mod write;
 
 pub use blocks::{BLOCK, Block, Blocks, Stamps};
-pub use columns::{is_nameless, without_name};
+pub use columns::without_name;
+pub use naming::is_nameless;
 pub use options::{Loaded, ReadOptions, StampSource};
 #[cfg(feature = "parquet")]
 pub use parquet_in::read_table;
@@ -83,5 +87,5 @@ fn over(value: f64, limit: f64, unit: &'static str) -> Problem {
 
 /// Name and unit of a column `name[unit]`.
 pub fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
-    columns::split(cell)
+    naming::split(cell)
 }

@@ -21,6 +21,10 @@ pub struct ReadOptions {
     pub max_rows: usize,
     /// Longest file (bytes).
     pub max_bytes: u64,
+    /// What separates cells of a text: a comma, or `;`, `|`, a tab or blanks, with which a comma in a cell is a decimal point.
+    pub separator: u8,
+    /// Names of columns to change, `(old, new)`; one `*` in both stands for any text. The unit stays unless the new name has one.
+    pub rename: Vec<(String, String)>,
     /// Columns to leave out, by name (without unit) or as the header has them.
     pub ignore: Vec<String>,
     /// Leave out rows with cells that are not finite; the rows left make a gap.
@@ -53,6 +57,8 @@ impl Default for ReadOptions {
         Self {
             max_rows: 4_000_000,
             max_bytes: 16 << 30,
+            separator: b',',
+            rename: Vec::new(),
             ignore: Vec::new(),
             drop_gaps: false,
             drop_repeated: false,

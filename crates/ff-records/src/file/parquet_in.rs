@@ -2,7 +2,9 @@
 //! double the build). Columns are flat and numeric; what the crate cannot cope with is an error here, never a panic.
 
 use super::blocks::{BLOCK, Block, Blocks, Stamps, unreadable};
-use super::columns::{split, time_column};
+use super::columns::time_column;
+use super::heading::{rename, tell_time};
+use super::naming::split;
 use super::over;
 use bytes::Bytes;
 use ff_model::diagnostics::clip;
@@ -88,8 +90,14 @@ struct Buffers {
 }
 
 impl ParquetBlocks {
-    pub(super) fn new(file: File) -> Result<Self, Problems> {
-        let table = Self::table(file)?;
+    /// With names changed by these rules ([`rename`]).
+    pub(super) fn new(file: File, rules: &[(String, String)]) -> Result<Self, Problems> {
+        let mut table = Self::table(file)?;
+        let mut bad = Problems::default();
+        if !rename(&mut table.names, rules, &mut bad) {
+            return Err(bad);
+        }
+        tell_time(&mut table.names, None);
         let time = time_column(&table.names).map_err(|p| Problems(vec![*p]))?;
         Ok(Self { time, ..table })
     }

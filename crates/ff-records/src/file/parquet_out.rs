@@ -1,7 +1,8 @@
 //! Writing Parquet: flat columns of doubles, block after block.
 
 use super::blocks::{Block, Stamps};
-use super::columns::{split, time_column};
+use super::columns::time_column;
+use super::naming::split;
 use parquet::basic::{Compression, Encoding, Repetition, Type as Physical};
 use parquet::data_type::{DoubleType, Int64Type};
 use parquet::file::metadata::KeyValue;

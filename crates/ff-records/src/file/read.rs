@@ -2,6 +2,7 @@
 
 use super::blocks::collect;
 use super::columns::{Target, targets};
+use super::heading::Heading;
 use super::lines::{BUFFER, Lines, cells, header};
 use super::options::{Loaded, ReadOptions, finish};
 use super::samples::{Clock, NOT_FINITE, Samples};
@@ -38,9 +39,9 @@ pub fn read(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Resul
 /// `Data::NotUtf8`, and those of [`RecordBuilder::build`].
 pub fn read_from(input: impl BufRead, joints: &[JointColumn], options: &ReadOptions) -> Result<Loaded, Problems> {
     let mut bad = Problems::default();
-    let mut lines = Lines::new(input, options.max_bytes);
+    let mut lines = Lines::new(input, options);
     let parsed = head(&mut lines, joints, options, &mut bad)
-        .and_then(|(names, targets)| body(&mut lines, (&names, &targets), joints, options, &mut bad));
+        .and_then(|(heading, targets)| body(&mut lines, (&heading, &targets), joints, options, &mut bad));
     finish(parsed, bad, options, lines.bytes)
 }
 
@@ -52,23 +53,24 @@ fn head(
     joints: &[JointColumn],
     options: &ReadOptions,
     bad: &mut Problems,
-) -> Option<(Vec<String>, Vec<Target>)> {
-    let names = header(lines, bad)?;
-    let targets = targets(&names, joints, &options.ignore, options.fixed_base, bad);
+) -> Option<(Heading, Vec<Target>)> {
+    let heading = header(lines, options, bad)?;
+    let targets = targets(&heading.names, joints, &options.ignore, options.fixed_base, bad);
     // The names may stand behind remarks.
-    bad.0.iter_mut().filter(|p| p.line == Some(1)).for_each(|p| p.line = Some(lines.number));
-    Some((names, targets?))
+    bad.0.iter_mut().filter(|p| p.line == Some(1)).for_each(|p| p.line = Some(heading.line));
+    Some((heading, targets?))
 }
 
 /// Everything behind the header: the samples as a builder, and the origin of its clock.
 fn body(
     lines: &mut Lines<impl BufRead>,
-    (names, targets): (&[String], &[Target]),
+    (heading, targets): (&Heading, &[Target]),
     joints: &[JointColumn],
     options: &ReadOptions,
     bad: &mut Problems,
 ) -> Option<(RecordBuilder, f64)> {
-    let mut all = Samples::new((names, targets), options, Problem::at_line);
+    let mut all = Samples::new((&heading.names, targets), options, Problem::at_line);
+    all.clock.dates = heading.dates;
     let mut row = vec![0.0; targets.len()];
     loop {
         match lines.sample() {
@@ -149,7 +151,8 @@ fn quoted(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock
 }
 
 fn length(got: usize, want: usize, number: usize, line: &[u8]) -> Result<(), Problems> {
-    if got == want {
+    // A comma at the end of the line is no cell.
+    if got == want || got == want + 1 && line.trim_ascii_end().ends_with(b",") {
         return Ok(());
     }
     let what = format!("{got} cells, the line of names has {want}");
@@ -196,7 +199,7 @@ fn one(
     let hint = match p.code {
         "Data::NotFinite" => NOT_FINITE,
         _ if matches!(target, Target::Time(_)) && cell.contains(&b':') => {
-            "dates are not read: give seconds since the start as time[s], or whole nanoseconds of an epoch as time[ns]"
+            "dates are read as 2024-03-05T10:20:30.123, all with a zone (Z, +01:00) or all without; else give seconds as time[s]"
         }
         _ => "write numbers with a decimal point and nothing else",
     };

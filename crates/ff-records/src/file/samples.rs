@@ -1,7 +1,7 @@
 //! The samples of a file as they grow, with the checks of every row: the same for text and for blocks.
 
 use super::columns::{GROUPS, Group, Target, carried_channels};
-use super::{JointColumn, ReadOptions, data, number, over};
+use super::{JointColumn, ReadOptions, data, dates, number, over};
 use crate::builder::RecordBuilder;
 use crate::carried::Carried;
 use crate::time_base::ChannelGroup;
@@ -22,13 +22,15 @@ pub(super) struct Clock {
     scale: (f64, f64),
     origin: f64,
     stamps: Vec<f64>,
+    /// Whether stamps are dates, and whether these name their zone.
+    pub(super) dates: Option<bool>,
 }
 
 impl Clock {
     /// A clock in the unit of the column of the time.
     fn new(targets: &[Target]) -> Self {
         let unit = targets.iter().find_map(|t| if let Target::Time(u) = t { Some((u.mul, u.div)) } else { None });
-        Self { whole: None, scale: unit.unwrap_or((1.0, 1.0)), origin: 0.0, stamps: Vec::new() }
+        Self { whole: None, scale: unit.unwrap_or((1.0, 1.0)), origin: 0.0, stamps: Vec::new(), dates: None }
     }
     fn to_si(&self, x: f64) -> f64 {
         x * self.scale.0 / self.scale.1
@@ -46,6 +48,13 @@ impl Clock {
     }
     /// Seconds of a cell, relative to the origin.
     pub(super) fn read(&mut self, cell: &[u8]) -> Option<f64> {
+        if let Some(zone) = self.dates {
+            if self.stamps.is_empty() {
+                self.whole = None;
+            }
+            let (ns, _) = dates::nanoseconds(cell).filter(|d| d.1 == zone)?;
+            return self.of_whole(ns);
+        }
         let whole = || number::whole(cell);
         // Small whole numbers are exact either way, and the others may have a fraction.
         let w = if self.stamps.is_empty() {
@@ -67,7 +76,11 @@ impl Clock {
         if lost > RESOLUTION {
             let dt = (last - t0) / (self.stamps.len().max(2) - 1) as f64;
             let what = format!("stamps near {first} s are known to {lost:.1e} s, samples are {dt:.3e} s apart");
-            let hint = "count time from the start of the record, or write whole numbers of ns";
+            let hint = if dt > 0.5 {
+                "is the time in ms or us? name it time[ms], or time[us]"
+            } else {
+                "count time from the start of the record, or write whole numbers of ns"
+            };
             bad.push(data("Data::TimeScale", what).on("time").hint(hint));
         }
     }

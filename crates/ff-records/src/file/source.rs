@@ -114,10 +114,18 @@ pub(super) fn blocks(
     joints: &[JointColumn],
     options: &ReadOptions,
 ) -> Result<Box<dyn Blocks>, Problems> {
+    if !(options.rename.is_empty() || matches!(format, Format::Csv | Format::Parquet)) {
+        let what = "--rename changes names of columns, and a bag has none";
+        return Err(unreadable(
+            "Data::Columns",
+            what,
+            "convert it first, and give --rename with the file that was written",
+        ));
+    }
     match format {
-        Format::Csv => Ok(Box::new(CsvBlocks::new(file, options.max_bytes)?)),
+        Format::Csv => Ok(Box::new(CsvBlocks::new(file, options)?)),
         #[cfg(feature = "parquet")]
-        Format::Parquet => Ok(Box::new(super::parquet_in::ParquetBlocks::new(file)?)),
+        Format::Parquet => Ok(Box::new(super::parquet_in::ParquetBlocks::new(file, &options.rename)?)),
         #[cfg(feature = "mcap")]
         Format::Mcap => {
             let bag = super::bag::mcap::Mcap::new(file)?;

@@ -1,7 +1,8 @@
 //! Columns in memory, read as a file of them would be.
 
 use super::blocks::{BLOCK, Block, Blocks, Stamps, collect};
-use super::columns::{si_unit, split, time_column};
+use super::columns::{si_unit, time_column};
+use super::naming::split;
 use super::{JointColumn, Loaded, ReadOptions};
 use ff_model::Problems;
 

@@ -1,5 +1,6 @@
 //! `ffid convert`: a record from one format to another, block by block in memory of fixed size.
 
+use crate::flags::record::TextFlags;
 use crate::output::{Input, Outcome};
 use crate::results;
 use crate::results::{Refusal, refused};
@@ -26,6 +27,7 @@ use std::path::PathBuf;
 pub(crate) const EXAMPLES: &str = "Examples:
   ffid convert rec.csv rec.parquet              names, units and every bit of the numbers stay
   ffid convert rec.parquet rec.csv --si         degrees, milliseconds and the like become SI
+  ffid convert log.csv rec.csv --separator semicolons --rename 'stamp=time[ms]' --rename 'pos_*=q.*[deg]'
   ffid convert flight.mcap rec.parquet --topic /arm/joint_states --topic /bus/imu
 
 The format of IN is that of its first bytes, the one of OUT that of its name (.csv or .parquet). A bag is read on the clock of its
@@ -41,6 +43,8 @@ pub(crate) struct Args {
     /// Convert every column to its SI unit; whole numbers of time stay as they are.
     #[arg(long)]
     si: bool,
+    #[command(flatten)]
+    text: TextFlags,
     /// Leave out a column of this name; may be given several times.
     #[arg(long, value_name = "COLUMN")]
     ignore: Vec<String>,
@@ -120,12 +124,13 @@ fn work(args: &Args) -> Result<(Converted, Problems), Refusal> {
         return Err(io(Failure::Exists { path: args.out.clone() }));
     }
     let joints: Vec<JointColumn> = Vec::new();
-    let options = ReadOptions {
+    let mut options = ReadOptions {
         max_bytes: args.max_bytes,
         topics: args.topic.clone(),
         slides: args.slides.clone(),
         ..ReadOptions::default()
     };
+    args.text.fill(&mut options);
     let file = &args.input.file;
     let (from, mut source) = open(file, &joints, &options).map_err(refused)?;
     let named = |p: Problems| p.in_file(file);
@@ -195,7 +200,11 @@ fn columns(names: &[String], args: &Args) -> Result<Vec<Column>, Problems> {
         let time = name == "time";
         let Some(symbol) = symbol else {
             let what = format!("column '{}' has no unit", clip(cell));
-            bad.push(fail("Data::UnitMissing", what, "write NAME[UNIT], or leave it out with --ignore"));
+            bad.push(fail(
+                "Data::UnitMissing",
+                what,
+                "write NAME[UNIT], or give it one with --rename, or leave it out with --ignore",
+            ));
             continue;
         };
         let Some(unit) = units::any(symbol) else {

@@ -47,9 +47,63 @@ impl From<Stamps> for StampSource {
     }
 }
 
+/// What separates the cells of a CSV file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Separator {
+    /// `,`, and numbers have a decimal point.
+    Commas,
+    /// `;`, and a comma in a number is a decimal comma.
+    Semicolons,
+    /// A tab, and the same.
+    Tabs,
+    /// `|`, and the same.
+    Bars,
+    /// Blanks, and the same.
+    Blanks,
+}
+
+/// What a text calls its columns, and what separates them.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct TextFlags {
+    /// What separates the columns of a CSV file; with any but commas, a comma in a number is a decimal comma.
+    #[arg(long, value_enum, default_value_t = Separator::Commas)]
+    separator: Separator,
+    /// Call a column otherwise, as 'timestamp=time[ns]'; one * stands for any text, as in 'pos_*=q.*[deg]'. May be given several times.
+    #[arg(long, value_name = "OLD=NEW", value_parser = renaming)]
+    rename: Vec<(String, String)>,
+}
+
+impl TextFlags {
+    /// Into the options of reading.
+    pub(crate) fn fill(&self, options: &mut ReadOptions) {
+        options.rename.clone_from(&self.rename);
+        options.separator = match self.separator {
+            Separator::Commas => b',',
+            Separator::Semicolons => b';',
+            Separator::Tabs => b'\t',
+            Separator::Bars => b'|',
+            Separator::Blanks => b' ',
+        };
+    }
+}
+
+fn renaming(word: &str) -> Result<(String, String), String> {
+    let (old, new) = word.split_once('=').ok_or("OLD=NEW is needed, such as 'timestamp=time[ns]'")?;
+    let stars = |s: &str| s.matches('*').count();
+    if stars(old) > 1 || stars(new) > stars(old) {
+        return Err("one * in OLD, and at most one in NEW".to_owned());
+    }
+    if new.trim().is_empty() {
+        return Err("NEW is empty; a column is left out with --ignore".to_owned());
+    }
+    Ok((old.to_owned(), new.to_owned()))
+}
+
 /// How a record is read.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct RecordFlags {
+    #[command(flatten)]
+    text: TextFlags,
     /// Interpolate jittered samples and gaps of up to 1 % of the record. Without it, samples count at their own times.
     #[arg(long)]
     resample: bool,
@@ -114,7 +168,7 @@ impl RecordFlags {
     }
     /// How a record of the robot is read.
     pub(crate) fn options(&self, model: &Model, need: usize, leniency: &Leniency) -> ReadOptions {
-        ReadOptions {
+        let mut options = ReadOptions {
             max_rows: self.max_rows,
             max_bytes: self.max_bytes,
             ignore: self.ignore.clone(),
@@ -129,7 +183,10 @@ impl RecordFlags {
             topics: self.topic.clone(),
             slides: Vec::new(),
             stamps: self.stamps.into(),
-        }
+            ..ReadOptions::default()
+        };
+        self.text.fill(&mut options);
+        options
     }
     /// Reads what a model is judged by: the longest part of the record, if it has gaps; on the ground on an even clock. Whether it begins
     /// behind a gap, in the middle of a motion.

@@ -44,6 +44,8 @@ def convert(
     to: Path,
     *,
     si: bool = False,
+    separator: Literal["commas", "semicolons", "tabs", "bars", "blanks"] = "commas",
+    rename: Sequence[str] = (),
     ignore: Sequence[str] = (),
     topic: Sequence[str] = (),
     slides: Sequence[str] = (),
@@ -58,6 +60,8 @@ def convert(
         source: The file that is read.
         to: The file that is written, ``.csv`` or ``.parquet``.
         si: Whether every column is converted to its SI unit.
+        separator: What separates the columns of a CSV file; with any but commas, a comma in a number is a decimal comma.
+        rename: Columns to call otherwise, ``"timestamp=time[ns]"``; one ``*`` stands for any text, as in ``"pos_*=q.*[deg]"``.
         ignore: Columns to leave out.
         topic: Topics of an MCAP file.
         slides: Joints of an MCAP file that slide: their columns are in m and N.

@@ -31,6 +31,8 @@ class Record:
         gaps: Literal["refuse", "drop"] = "refuse",
         drop_repeated: bool = False,
         keep_spikes: bool = False,
+        separator: Literal["commas", "semicolons", "tabs", "bars", "blanks"] = "commas",
+        rename: Sequence[str] = (),
         ignore: Sequence[str] = (),
         topic: Sequence[str] = (),
         stamps: Literal["header", "receive"] = "header",
@@ -48,6 +50,8 @@ class Record:
             gaps: What to do with rows that have NaN, infinite or empty cells.
             drop_repeated: Whether to leave out rows that repeat the one before.
             keep_spikes: Whether samples far off their neighbours are fitted, which are left out and counted otherwise.
+            separator: What separates the columns of a CSV file; with any but commas, a comma in a number is a decimal comma.
+            rename: Columns to call otherwise, ``"timestamp=time[ns]"``; one ``*`` stands for any text, as in ``"pos_*=q.*[deg]"``.
             ignore: Columns to leave out.
             topic: Topics of a bag to read.
             stamps: Whether messages of a bag count at the stamps in their headers or at the times of recording.
@@ -180,7 +184,7 @@ class Record:
             raise ValueError(f"no columns of a record: give time, q.<joint>, tau.<joint> and gyro.x, gyro.y, gyro.z; the joints are {joints}")
         read = inspect.signature(cls.read).parameters
         for key in options:
-            if key not in read or key in ("path", "mission", "topic", "max_bytes"):
+            if key not in read or key in ("path", "mission", "topic", "max_bytes", "separator", "rename"):
                 raise TypeError(f"no option {key!r}; those of Record.read are taken")
         values = {k: list(v) if isinstance(v, (list, tuple, set)) else v for k, v in options.items()}
         core = _ffid.Record.from_columns(core_of(mission), name, named, words(**values))

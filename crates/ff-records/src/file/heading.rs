@@ -1,0 +1,134 @@
+//! Names of columns as others write them: changed as the user says, and the column of the time told by its name, its unit, or its dates.
+
+use super::naming::{is_nameless, is_time, names_time, split, suffixed};
+use super::units::{Dimension, find};
+use super::{data, dates};
+use ff_model::Problems;
+use ff_model::diagnostics::{clip, list};
+
+/// Most names listed in one message.
+const LISTED: usize = 12;
+
+/// The line of names.
+pub(super) struct Heading {
+    pub(super) names: Vec<String>,
+    /// Its number.
+    pub(super) line: usize,
+    /// Whether stamps are dates, and whether these name their zone.
+    pub(super) dates: Option<bool>,
+}
+
+/// Changes the names that a rule `(old, new)` fits: a whole cell, or the part before the unit, which is kept unless the new name has one. `*` stands
+/// for any text, the same in both. False where a rule fits no column.
+pub(super) fn rename(names: &mut [String], rules: &[(String, String)], bad: &mut Problems) -> bool {
+    let old = names.to_vec();
+    let mut good = true;
+    for (from, to) in rules {
+        let mut any = false;
+        for (cell, new) in old.iter().zip(names.iter_mut()) {
+            let (name, unit) = split(cell);
+            let (star, unit) = match (starred(from, cell), starred(from, name)) {
+                (Some(star), _) => (star, None),
+                (None, Some(star)) => (star, unit),
+                (None, None) => continue,
+            };
+            any = true;
+            let put = to.replacen('*', star, 1);
+            *new = match (split(&put).1, unit) {
+                (None, Some(unit)) => format!("{put}[{unit}]"),
+                _ => put,
+            };
+        }
+        if !any {
+            good = false;
+            let what = format!("no column is called '{}'", clip(from));
+            let hint = format!("columns: {}", list(old.iter().map(String::as_str), LISTED));
+            bad.push(data("Data::Columns", what).on("--rename").hint(hint));
+        }
+    }
+    good
+}
+
+/// What `*` stands for; empty where there is none and both are the same.
+fn starred<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
+    match pattern.split_once('*') {
+        Some((before, after)) => text.strip_prefix(before)?.strip_suffix(after),
+        None => (pattern == text).then_some(""),
+    }
+}
+
+/// Gives the column of the time its name, where that is certain: the only one with a name of the time, or the first one without a name, if it has
+/// dates; in a unit that the name says, or with dates. `first` are the cells of the first row, if it is at hand. Whether stamps are dates,
+/// and whether these name their zone.
+pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> Option<bool> {
+    let date = |i: usize| first.and_then(|f| f.get(i)).and_then(|c| dates::nanoseconds(c)).map(|d| d.1);
+    let at = match names.iter().position(|n| split(n).0 == "time") {
+        Some(at) => at,
+        None => {
+            let called: Vec<usize> = (0..names.len()).filter(|&i| is_time(&names[i])).collect();
+            match called[..] {
+                [at] => at,
+                [] if names.first().is_some_and(|n| is_nameless(n)) && date(0).is_some() => 0,
+                _ => return None,
+            }
+        }
+    };
+    let zone = date(at);
+    if zone.is_some() {
+        names[at] = "time[ns]".to_owned();
+    } else if let Some(unit) = unit(&names[at]) {
+        names[at] = format!("time[{unit}]");
+    }
+    zone
+}
+
+/// The unit of a time that its name says.
+fn unit(cell: &str) -> Option<&'static str> {
+    let (name, unit) = split(cell);
+    let name = name.to_ascii_lowercase();
+    match unit {
+        Some(u) => find(u, Dimension::Time).map(|u| u.symbol),
+        None if name == "seconds" => Some("s"),
+        None => suffixed(&name).filter(|s| names_time(s.0)).map(|s| s.1),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_is_told_where_it_is_certain() {
+        let told = |names: &[&str], first: &[&str]| {
+            let mut names: Vec<String> = names.iter().map(|n| (*n).to_owned()).collect();
+            let first: Vec<Vec<u8>> = first.iter().map(|c| c.as_bytes().to_vec()).collect();
+            let zone = tell_time(&mut names, Some(&first));
+            (names.join(";"), zone)
+        };
+        let date = "2024-03-05 10:20:30.5";
+        assert_eq!(told(&["q.a", "t [s]"], &["1", "2"]), ("q.a;time[s]".into(), None));
+        assert_eq!(told(&["timestamp_ns", "x"], &["1", "2"]).0, "time[ns];x");
+        assert_eq!(told(&["Datetime", "x"], &[date, "2"]), ("time[ns];x".into(), Some(false)));
+        assert_eq!(told(&["", "x"], &[&format!("{date}Z"), "2"]), ("time[ns];x".into(), Some(true)));
+        // Numbers without a unit, two that may be it, numbers of rows.
+        for same in [&["timestamp", "x"][..], &["stamp_ns", "t_s"], &["", "x"], &["tau_s", "x"]] {
+            assert_eq!(told(same, &["1", "2"]).0, same.join(";"));
+        }
+    }
+
+    #[test]
+    fn names_are_changed_by_patterns() {
+        let changed = |names: &[&str], rules: &[(&str, &str)]| {
+            let mut names: Vec<String> = names.iter().map(|n| (*n).to_owned()).collect();
+            let rules: Vec<_> = rules.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect();
+            let mut bad = Problems::default();
+            (rename(&mut names, &rules, &mut bad), names.join(";"), bad)
+        };
+        let names = ["/js/j1/position", "/js/j2/position", "%time", "tau.x[N m]"];
+        let rules = [("/js/*/position", "q.*[deg]"), ("%time", "time[ns]"), ("tau.x", "tau.j1")];
+        let (good, now, _) = changed(&names, &rules);
+        assert_eq!((good, now.as_str()), (true, "q.j1[deg];q.j2[deg];time[ns];tau.j1[N m]"));
+        let (good, _, bad) = changed(&names, &[("/js/*/effort", "tau.*")]);
+        assert!(!good && bad.has("Data::Columns") && bad.0[0].hint.as_ref().unwrap().contains("%time"));
+    }
+}

@@ -1,0 +1,69 @@
+//! What a name of a column says by itself: its unit, whether there is one, whether it is the time.
+
+/// What others call the time, in small letters.
+const TIMES: [&str; 13] = [
+    "time",
+    "t",
+    "timestamp",
+    "time_stamp",
+    "timestamps",
+    "stamp",
+    "datetime",
+    "date",
+    "header.stamp",
+    "seconds",
+    "__time",
+    "%time",
+    "date_time",
+];
+/// Units at the end of a name, behind an underscore.
+const SUFFIXES: [(&str, &str); 13] = [
+    ("s", "s"),
+    ("sec", "s"),
+    ("secs", "s"),
+    ("seconds", "s"),
+    ("ms", "ms"),
+    ("msec", "ms"),
+    ("milliseconds", "ms"),
+    ("us", "us"),
+    ("usec", "us"),
+    ("microseconds", "us"),
+    ("ns", "ns"),
+    ("nsec", "ns"),
+    ("nanoseconds", "ns"),
+];
+/// Name and unit of a header cell, `name[unit]` or `name (unit)`.
+pub(super) fn split(cell: &str) -> (&str, Option<&str>) {
+    let cell = cell.trim();
+    let brackets = cell.strip_suffix(']').and_then(|c| c.rsplit_once('['));
+    // `q.elbow (rad)`, as spreadsheets and plotting programs write it.
+    match brackets.or_else(|| cell.strip_suffix(')').and_then(|c| c.rsplit_once(" ("))) {
+        Some((name, unit)) => (name.trim(), Some(unit)),
+        None => (cell, None),
+    }
+}
+
+/// Whether a column has no name and is left out: the row numbers that pandas writes, which it calls `Unnamed: 0` when it has read and written them again, or what a
+/// comma at the end of every line makes.
+pub fn is_nameless(cell: &str) -> bool {
+    let numbered = |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit());
+    cell.trim().is_empty() || cell.trim().strip_prefix("Unnamed: ").is_some_and(numbered)
+}
+
+/// Whether a column has a name of the time, with or without a unit.
+pub(super) fn is_time(cell: &str) -> bool {
+    let name = split(cell).0.to_ascii_lowercase();
+    let stem = suffixed(&name).map_or(&*name, |s| s.0);
+    TIMES.contains(&&*name) || TIMES.contains(&stem)
+}
+
+/// The name without the unit at its end, and that unit.
+pub(super) fn suffixed(name: &str) -> Option<(&str, &'static str)> {
+    let (stem, end) = name.rsplit_once('_')?;
+    SUFFIXES.iter().find(|s| s.0 == end).map(|s| (stem, s.1))
+}
+
+/// Whether a name in small letters is one of the time.
+pub(super) fn names_time(name: &str) -> bool {
+    TIMES.contains(&name)
+}
