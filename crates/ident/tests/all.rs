@@ -4,6 +4,7 @@
 
 mod common;
 
+mod around;
 mod clock;
 mod coarse;
 mod compare;

@@ -109,7 +109,7 @@ struct Readings(Vec<f64>);
 impl Readings {
     fn some(&self, rows: Vec<usize>) -> Coarse<'_> {
         let estimator = Box::new(Readings(rows.iter().map(|&i| self.0[i]).collect()));
-        Coarse { estimator, rows }
+        Coarse { estimator, rows, between: Vec::new() }
     }
 }
 

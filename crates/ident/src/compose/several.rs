@@ -7,7 +7,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
-use crate::estimate::estimator::{Coarse, Estimator, columns_by_directions};
+use crate::estimate::estimator::{Between, Coarse, Estimator, columns_by_directions};
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use core::ops::Range;
 use ff_least_squares::EvalError;
@@ -249,16 +249,23 @@ impl<'a> Several<'a> {
             return None;
         }
         let (mut first, mut rows, mut parts) = (0, Vec::new(), Vec::new());
+        let (mut between, mut whole) = (Vec::new(), true);
         for (part, look) in self.parts.iter().zip(looks) {
             let look = match look {
                 Some(look) => look,
                 None => other(&**part)?,
             };
+            let behind = rows.len();
+            whole &= look.between.len() == part.rows();
+            between.extend(look.between.iter().map(|b| Between { rows: b.rows.map(|i| behind + i), ..*b }));
             rows.extend(look.rows.iter().map(|i| first + i));
             first += part.rows();
             parts.push(look.estimator);
         }
-        Some(Coarse { estimator: Box::new(Several { shared: self.shared, parts }), rows })
+        if !whole {
+            between.clear();
+        }
+        Some(Coarse { estimator: Box::new(Several { shared: self.shared, parts }), rows, between })
     }
 }
 

@@ -126,13 +126,15 @@ impl RowStream for Summed<'_> {
     }
 }
 
-/// Directions that an estimator makes columns of without a detour: along parameters, their sums, and every nuisance unknown once.
+/// Directions that an estimator makes columns of without a detour: along parameters, their sums, and nuisance unknowns once each.
 pub(crate) struct Straight {
     /// Parameters, and sums of them.
     pub(crate) params: Vec<usize>,
     pub(crate) combined: Vec<Vec<(usize, f64)>>,
-    /// By column in the order parameters, sums, nuisance: where it belongs.
+    /// By column in the order parameters, sums: where it belongs.
     pub(crate) to: Vec<usize>,
+    /// By nuisance unknown: where its column belongs, if there is one.
+    pub(crate) extra: Vec<Option<usize>>,
 }
 
 impl Straight {
@@ -147,14 +149,18 @@ impl Straight {
                 _ => return None,
             }
         }
-        let extra: Vec<usize> = extra.into_iter().collect::<Option<_>>()?;
         let (params, mut to): (Vec<usize>, Vec<usize>) = params.into_iter().unzip();
         let (combined, places): (Vec<_>, Vec<usize>) = combined.into_iter().unzip();
-        to.extend(places.into_iter().chain(extra));
-        Some(Self { params, combined, to })
+        to.extend(places);
+        Some(Self { params, combined, to, extra })
     }
-    /// Columns of parameters and their sums.
-    pub(crate) fn inertial(&self) -> usize {
-        self.params.len() + self.combined.len()
+    /// Columns of all of them.
+    pub(crate) fn columns(&self) -> usize {
+        self.to.len() + self.extra.iter().flatten().count()
+    }
+    /// Nuisance unknowns among `of` with a column, counted from its beginning.
+    pub(crate) fn wanted(&self, of: core::ops::Range<usize>) -> impl Iterator<Item = usize> + '_ {
+        let first = of.start;
+        of.filter(|&k| self.extra[k].is_some()).map(move |k| k - first)
     }
 }

@@ -15,6 +15,25 @@ pub struct Coarse<'a> {
     pub estimator: Box<dyn Estimator + 'a>,
     /// Which of the rows they are, ascending.
     pub rows: Vec<usize>,
+    /// Where each row of the whole lies between them; empty where they end before those do.
+    pub between: Vec<Between>,
+}
+
+/// Where a row of the whole lies between two rows of fewer ([`Coarse`]): a quantity that changes slowly is `(1 - part)` of what it is in the
+/// first and `part` of what it is in the second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Between {
+    /// The two rows.
+    pub rows: [usize; 2],
+    /// Part of the second, 0 to 1.
+    pub part: f64,
+}
+
+impl Between {
+    /// Every one of so many rows is one of the fewer. Allocates.
+    pub fn same(rows: usize) -> Vec<Self> {
+        (0..rows).map(|i| Self { rows: [i, i], part: 0.0 }).collect()
+    }
 }
 
 /// A way of predicting a record. Residuals are whitened: divided by the standard deviation of the sensor.

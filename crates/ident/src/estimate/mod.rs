@@ -2,6 +2,7 @@
 
 pub(crate) mod along;
 mod approach;
+pub(crate) mod around;
 pub(crate) mod complete;
 pub(crate) mod delay;
 mod descent;
@@ -24,9 +25,10 @@ pub(crate) mod sensor_errors;
 pub(crate) mod setup;
 
 pub use along::Direction;
+pub use around::Around;
 pub use complete::{Complete, CompleteOptions};
 pub use estimation::{attempt, estimate};
-pub use estimator::{Coarse, Estimator};
+pub use estimator::{Between, Coarse, Estimator};
 pub use ground::{Blocks, Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest, TermChoice, smoothed};
 pub use nuisance::{NuisanceError, NuisanceFit, fit_nuisance};
 pub use outcome::{Estimate, EstimateError, Estimated, Linearisation, RANK_TOLERANCE};

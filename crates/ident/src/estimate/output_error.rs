@@ -7,7 +7,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::{Direction, Straight, Sums};
-use crate::estimate::estimator::{Coarse, Estimator, columns_by_directions};
+use crate::estimate::estimator::{Between, Coarse, Estimator, columns_by_directions};
 use crate::estimate::output_options::Options;
 use crate::estimate::output_rows::{OutputRows, Window};
 use crate::estimate::output_spans::{SPAN, SpanRows, Spans, failed};
@@ -306,7 +306,7 @@ impl Estimator for OutputError<'_> {
         let rows = OutputRows::new(model, record, options.clone(), (kinematics.clone(), initial.clone()), motion);
         let rows = OutputRows { draws: self.rows.draws, ..rows };
         let thin = OutputError { rows, tables: self.tables.thinned(every), thinned: self.thinned + 1 };
-        Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every) })
+        Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let OutputRows { model, record, options, kinematics, initial, grid, .. } = &self.rows;
@@ -326,7 +326,9 @@ impl Estimator for OutputError<'_> {
         (rows.draws, rows.grid) = (self.rows.draws, (samples, grid.1));
         let of_all = (rows.interleaved() == self.rows.interleaved()).then(|| self.rows.rows(&rows.readings()))?;
         let begun = OutputError { rows, tables: self.tables.beginning(samples), thinned: self.thinned };
-        Some(Coarse { estimator: Box::new(begun), rows: of_all.into_iter().flatten().collect() })
+        let rows: Vec<usize> = of_all.into_iter().flatten().collect();
+        let between = if rows.len() == self.rows() { Between::same(rows.len()) } else { Vec::new() };
+        Some(Coarse { estimator: Box::new(begun), rows, between })
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         let (rows, tables) = (&self.rows, &mut self.tables);

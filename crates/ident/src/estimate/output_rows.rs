@@ -6,6 +6,7 @@
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Straight;
 use crate::estimate::delay::OutputOperator;
+use crate::estimate::estimator::Between;
 use crate::estimate::output_options::Options;
 use crate::estimate::row_stream::RowBlock;
 use crate::estimate::sensor_errors::SensorErrors;
@@ -184,6 +185,28 @@ impl<'a> OutputRows<'a> {
         }
         rows
     }
+    /// Where every row lies between those of every `every`-th sample.
+    pub(crate) fn between(&self, every: usize) -> Vec<Between> {
+        let all = self.readings();
+        let mut out = vec![Between { rows: [0; 2], part: 0.0 }; self.count()];
+        let thinned: Readings = core::array::from_fn(|g| 0..all[g].len().div_ceil(every));
+        // Rows of all torques precede those of the gyro where these are not listed sample by sample.
+        let behind = if self.interleaved() { 0 } else { thinned[0].len() * self.channels()[0] };
+        for group in 0..2 {
+            let (first, stride) = self.place(&all, group);
+            let thin = if group == 1 && !self.interleaved() { behind } else { first };
+            for i in all[group].clone() {
+                let before = i / every;
+                let after = (before + 1).min(thinned[group].len() - 1);
+                let part = if after == before { 0.0 } else { (i % every) as f64 / every as f64 };
+                for c in 0..self.channels()[group] {
+                    let rows = [before, after].map(|k| thin + k * stride + c);
+                    out[first + i * stride + c] = Between { rows, part };
+                }
+            }
+        }
+        out
+    }
     /// Nuisance unknowns before placements and the initial state.
     pub(crate) fn biases(&self) -> usize {
         self.errors_at() + self.errors.of.len()
@@ -271,8 +294,11 @@ impl<'a> OutputRows<'a> {
     }
     /// What is differentiated with respect to.
     pub(crate) fn wanted(&self, along: &Straight) -> Wanted {
-        let (kinematics, initial) = (self.kinematics.clone(), self.initial.clone());
-        let disturbances = (0..self.disturbing.len() + self.draws).collect();
+        let (first, last) = (self.biases(), self.initial_at());
+        let between = first + self.kinematics.len();
+        let kinematics = along.wanted(first..between).map(|k| self.kinematics[k]).collect();
+        let disturbances = along.wanted(between..last).collect();
+        let initial = along.wanted(last..last + self.initial.len()).map(|k| self.initial[k]).collect();
         let (params, combined) = (along.params.clone(), along.combined.clone());
         Wanted { params, combined, kinematics, disturbances, initial, ..Wanted::default() }
     }
@@ -374,8 +400,10 @@ impl<'a> OutputRows<'a> {
         j: &mut DMatrix<f64>,
     ) {
         let (rows, biases, channels) = (j.nrows(), self.biases(), self.channels());
-        let (selected, to) = (along.inertial(), &along.to[..]);
-        to[selected..selected + biases].iter().for_each(|&c| j.column_mut(c).fill(0.0));
+        let of_sensors = &along.extra[..biases];
+        of_sensors.iter().flatten().for_each(|&c| j.column_mut(c).fill(0.0));
+        // Columns that are integrated, in the order of what is wanted.
+        let to: Vec<usize> = along.to.iter().chain(along.extra[biases..].iter().flatten()).copied().collect();
         let inverse = self.inverse();
         let errors = self.errors_of(extra);
         let mut taken: [Cow<'_, DMatrix<f64>>; 2] = core::array::from_fn(|g| match &by[g] {
@@ -391,7 +419,7 @@ impl<'a> OutputRows<'a> {
         let from = |g: usize| if by[g].is_some() { 0 } else { (of[g].start - w.first) * channels[g] };
         // Without joints there are no columns of torques.
         for c in 0..taken[1].ncols() {
-            let col = to[if c < selected { c } else { c + biases }];
+            let col = to[c];
             let out = &mut j.as_mut_slice()[col * rows..(col + 1) * rows];
             let [tau, gyro] = core::array::from_fn(|g| {
                 let (height, from) = (taken[g].nrows(), from(g));
@@ -410,11 +438,12 @@ impl<'a> OutputRows<'a> {
                 rates.iter_mut().zip(gyro).for_each(|(o, d)| *o = d * inverse[1]);
             }
         }
-        let mut col = selected;
+        let mut col = 0;
         let mut each = |group: usize, channel: usize, col: usize, value: &dyn Fn(usize) -> f64| {
+            let Some(to) = of_sensors[col] else { return };
             let (first, stride) = self.place(of, group);
             for i in 0..of[group].len() {
-                j[(first + i * stride + channel, to[col])] = value(i) * inverse[group];
+                j[(first + i * stride + channel, to)] = value(i) * inverse[group];
             }
         };
         if self.options.gyro_bias {
@@ -433,7 +462,7 @@ impl<'a> OutputRows<'a> {
                 col += 1;
             }
         }
-        if self.errors.of.is_empty() {
+        if of_sensors[col..].iter().all(Option::is_none) {
             return;
         }
         for group in 0..2 {
@@ -442,10 +471,12 @@ impl<'a> OutputRows<'a> {
             let slope = slope.map(|o| o.slope(&w.values[group], w.first, of[group].clone()));
             let (first, stride) = self.place(of, group);
             for (k, source) in self.errors.of.iter().enumerate() {
-                if source.acts_on() == ActsOn::Readings(group) {
+                if source.acts_on() == ActsOn::Readings(group)
+                    && let Some(to) = of_sensors[col + k]
+                {
                     let readings = (group, of[group].clone());
                     self.errors.column(k, errors, readings, &values, slope.as_ref(), |row, channel, value| {
-                        j[(first + row * stride + channel, to[col + k])] = value * inverse[group];
+                        j[(first + row * stride + channel, to)] = value * inverse[group];
                     });
                 }
             }
@@ -461,7 +492,7 @@ impl<'a> OutputRows<'a> {
         of: &Readings,
         to: &mut RowBlock,
     ) {
-        to.resize(&self.rows(of), along.to.len());
+        to.resize(&self.rows(of), along.columns());
         self.residuals(w, by, extra, of, &mut to.residuals);
         self.jacobian(w, (by, extra), along, of, &mut to.jacobian);
     }

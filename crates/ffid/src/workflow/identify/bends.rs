@@ -61,29 +61,16 @@ pub(super) fn follow(
     if folded || !e.is_solution() || !explains(e) || !u.full_rank() {
         return Vec::new();
     }
-    let bend = Bend { request, e, u };
-    if bend.is_parabola(estimator) {
-        return Vec::new();
-    }
-    let Some(chord) = Chord::new(request, e, estimator) else { return Vec::new() };
-    let mut slow: Vec<(f64, usize)> = Vec::new();
-    for column in (0..request.selected.len()).filter(|&k| is_asked(request.selected[k])) {
-        let rises = [-2.0, 2.0].map(|n| bend.looked_at(&chord, &bend.start(column, n), (column, 4.0), estimator));
-        let least = rises.into_iter().flatten().map(|(rise, _)| rise).fold(f64::INFINITY, f64::min);
-        if least < SLOW {
-            slow.push((least, column));
-        }
-    }
-    slow.sort_by(|a, b| a.0.total_cmp(&b.0));
-    slow.truncate(FOLLOWED);
-    let mut covariance = e.uncertainty.covariance.clone();
-    let mut profiles = Vec::new();
-    for (_, column) in slow {
-        if estimator.stopped() {
-            break;
-        }
-        profiles.push(bend.profile(column, &chord, &mut covariance, estimator));
-    }
+    let near = estimator.around(request, e, |i| !is_asked(i));
+    let found = near.map(|(mut near, beyond)| {
+        let here = Estimate { objective: e.objective - beyond, ..e.clone() };
+        Bend { request, e: &here, u }.followed(&is_asked, &mut near)
+    });
+    let found = match found {
+        Some(found) => found,
+        None => Bend { request, e, u }.followed(&is_asked, estimator),
+    };
+    let Some((profiles, covariance)) = found else { return Vec::new() };
     let before = e.uncertainty.clone();
     if covariance != before.covariance {
         let e = &mut ending.estimate;
@@ -104,6 +91,37 @@ struct Bend<'a> {
 }
 
 impl Bend<'_> {
+    /// Intervals of the parameters along which the valley bends, and a covariance that allows for them; `None` where it does not.
+    fn followed(
+        &self,
+        is_asked: &impl Fn(usize) -> bool,
+        estimator: &mut ObservedEstimator<'_>,
+    ) -> Option<(Vec<Profile>, DMatrix<f64>)> {
+        let (request, e) = (self.request, self.e);
+        if self.is_parabola(estimator) {
+            return None;
+        }
+        let chord = Chord::new(request, e, estimator)?;
+        let mut slow: Vec<(f64, usize)> = Vec::new();
+        for column in (0..request.selected.len()).filter(|&k| is_asked(request.selected[k])) {
+            let rises = [-2.0, 2.0].map(|n| self.looked_at(&chord, &self.start(column, n), (column, 4.0), estimator));
+            let least = rises.into_iter().flatten().map(|(rise, _)| rise).fold(f64::INFINITY, f64::min);
+            if least < SLOW {
+                slow.push((least, column));
+            }
+        }
+        slow.sort_by(|a, b| a.0.total_cmp(&b.0));
+        slow.truncate(FOLLOWED);
+        let mut covariance = e.uncertainty.covariance.clone();
+        let mut profiles = Vec::new();
+        for (_, column) in slow {
+            if estimator.stopped() {
+                break;
+            }
+            profiles.push(self.profile(column, &chord, &mut covariance, estimator));
+        }
+        Some((profiles, covariance))
+    }
     fn std(&self, column: usize) -> f64 {
         self.u.covariance[(column, column)].max(0.0).sqrt()
     }

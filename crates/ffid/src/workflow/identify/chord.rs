@@ -5,7 +5,7 @@ use ff_linalg::{gram, tr_mul};
 use ff_model::ParamGroup;
 use ident::estimate::Estimate;
 use ident::{Estimator, Request, Transform};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Most by which a positive parameter falls where places are looked at.
 const FOLLOW: f64 = 3.0;
@@ -31,6 +31,7 @@ pub(super) struct Chord {
     known: DMatrix<f64>,
     /// Of the columns, scaled to ones on the diagonal, and their norms.
     normal: DMatrix<f64>,
+    root: Cholesky<f64, Dyn>,
     size: Vec<f64>,
 }
 
@@ -61,7 +62,23 @@ impl Chord {
             }
             normal[(a, a)] += RIDGE;
         }
-        Some((Self { j, known, normal, size }, here))
+        let root = normal.clone().cholesky()?;
+        Some((Self { j, known, normal, root, size }, here))
+    }
+    /// The minimum of `x^T H x / 2 - b^T x`, `H` the normal matrix, with the elements `fixed` at these values: `y + Z m` with `H y = b`, `H Z` the
+    /// unit vectors of those that are fixed, and the multipliers `m` that put them there.
+    fn solved(&self, b: &DVector<f64>, fixed: &[usize], values: &[f64]) -> Option<DVector<f64>> {
+        let mut x = self.root.solve(b);
+        if fixed.is_empty() {
+            return Some(x);
+        }
+        let unit = |i: usize, k: usize| if i == fixed[k] { 1.0 } else { 0.0 };
+        let z = self.root.solve(&DMatrix::from_fn(b.len(), fixed.len(), unit));
+        let own = DMatrix::from_fn(fixed.len(), fixed.len(), |a, k| z[(fixed[a], k)]);
+        let off = DVector::from_fn(fixed.len(), |k, _| values[k] - x[fixed[k]]);
+        x += z * own.cholesky()?.solve(&off);
+        fixed.iter().zip(values).for_each(|(&k, v)| x[k] = *v);
+        Some(x)
     }
     /// The step of all unknowns but the columns `fixed` that this linearisation makes of the residuals somewhere, and by how much it promises
     /// that their squares fall. Positive parameters keep a tenth.
@@ -73,15 +90,13 @@ impl Chord {
         let mut step = DVector::zeros(n);
         let mut fixed = fixed.to_vec();
         for _ in 0..BOUNDED {
-            let free: Vec<usize> = (0..n).filter(|k| !fixed.contains(k)).collect();
-            let rest = &slope + &self.normal * &step;
-            let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| self.normal[(free[a], free[b])]);
-            let b = DVector::from_fn(free.len(), |a, _| rest[free[a]]);
-            let by = normal.cholesky()?.solve(&b);
-            free.iter().zip(&by).for_each(|(&k, x)| step[k] -= x);
+            let values: Vec<f64> = fixed.iter().map(|&k| step[k]).collect();
+            step = self.solved(&-&slope, &fixed, &values)?;
             let held = fixed.len();
-            for &k in free.iter().filter(|&&k| k < request.selected.len()) {
-                let i = request.selected[k];
+            for (k, &i) in request.selected.iter().enumerate() {
+                if fixed[..held].contains(&k) {
+                    continue;
+                }
                 let least = (LEAST_PART - 1.0) * here.at[i] * self.size[k];
                 if request.decls[i].group == ParamGroup::Positive && step[k] < least {
                     step[k] = least;
@@ -112,15 +127,12 @@ impl Chord {
         request.priors.push_residuals(&values, &mut known);
         let squares: f64 = r.iter().chain(&known).map(|r| r * r).sum();
         let slope = tr_mul(&self.j, &r) + self.known.tr_mul(&DVector::from_vec(known));
-        let free: Vec<usize> = (0..self.size.len()).filter(|k| !place.fixed.contains(k)).collect();
-        let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| self.normal[(free[a], free[b])]);
-        let b = DVector::from_fn(free.len(), |a, _| slope[free[a]] / self.size[free[a]]);
-        let step = normal.cholesky()?.solve(&b);
+        let b = DVector::from_fn(self.size.len(), |k, _| slope[k] / self.size[k]);
+        let step = self.solved(&b, &place.fixed, &vec![0.0; place.fixed.len()])?;
         let cost = squares - b.dot(&step);
         let mut at = place.at.clone();
-        for (&k, x) in free.iter().zip(&step).filter(|(k, _)| **k < request.selected.len()) {
-            let i = request.selected[k];
-            let moved = at[i] - x / self.size[k];
+        for (k, &i) in request.selected.iter().enumerate().filter(|(k, _)| !place.fixed.contains(k)) {
+            let moved = at[i] - step[k] / self.size[k];
             let least = if request.decls[i].group == ParamGroup::Positive { at[i] / FOLLOW } else { f64::NEG_INFINITY };
             at[i] = moved.max(least);
         }

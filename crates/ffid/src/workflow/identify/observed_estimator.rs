@@ -1,9 +1,9 @@
 //! Progress and interruption of a fit.
 
 use ff_least_squares::EvalError;
-use ident::Estimator;
 use ident::belief::Unknown;
-use ident::estimate::{Coarse, RowStream};
+use ident::estimate::{Around, Coarse, Estimate, RowStream};
+use ident::{Estimator, Request};
 use nalgebra::DMatrix;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -103,6 +103,19 @@ impl<'a> ObservedEstimator<'a> {
     /// The same over fewer data.
     fn over_less<'s>(&'s self, inner: Box<dyn Estimator + 's>) -> ObservedEstimator<'s> {
         ObservedEstimator { inner, watch: self.watch, state: Rc::clone(&self.state), whole: false }
+    }
+    /// All data near the end of a fit by fewer of their rows ([`Around`]), or by all of them where they are too few to be thinned, and their
+    /// cost there less that of these; columns of parameters that `stays` says stay. `None` where there is no such look.
+    pub(super) fn around(
+        &self,
+        request: &Request<'_>,
+        e: &Estimate,
+        stays: impl Fn(usize) -> bool,
+    ) -> Option<(ObservedEstimator<'_>, f64)> {
+        let thin = self.inner.coarse(&e.values).or_else(|| self.inner.beginning(1.0))?;
+        let around = Around::new(request, e, thin, stays).ok()??;
+        let beyond = around.beyond;
+        Some((self.over_less(Box::new(around)), beyond))
     }
     /// Whether the best point is to be kept.
     fn keeps(&self) -> bool {

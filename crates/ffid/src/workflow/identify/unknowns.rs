@@ -196,6 +196,10 @@ fn at_means(p: &Posterior, decls: &[ParamDecl], selected: &[usize], values: &[f6
 /// Standard deviation that a posterior alone gives each parameter, by name; absent where it does not tell. Allocates.
 pub(super) fn known_before(p: &Posterior) -> Result<BTreeMap<String, (f64, f64)>, SequenceError> {
     let mut out = BTreeMap::new();
+    if let Some(c) = p.covariance()? {
+        let one = |(k, (name, mean)): (usize, (&String, &f64))| (name.clone(), (*mean, c[(k, k)].sqrt()));
+        return Ok(p.names.iter().zip(&p.mean).enumerate().map(one).collect());
+    }
     for (name, mean) in p.names.iter().zip(&p.mean) {
         // A name may look like a pattern (`k[0]`), but then it matches itself alone.
         if let Some(w) = p.marginal(&[name.as_str()])?.rows.first().and_then(|r| r.first()).filter(|w| **w != 0.0) {

@@ -85,7 +85,15 @@ pub(super) fn best_valley(
     }
     let mut search =
         Search { request, of, ends: vec![first], best: 0, used: 0, looks: 0, tried: 1, followed: Vec::new() };
-    search.run(estimator);
+    let near = estimator.around(request, &search.ends[0], |i| !of.unknowns.is_asked(i));
+    let looked = near.map(|(mut near, beyond)| {
+        search.ends[0].objective -= beyond;
+        search.run(&mut near);
+        search.ends.iter_mut().for_each(|e| e.objective += beyond);
+    });
+    if looked.is_none() {
+        search.run(estimator);
+    }
     search.settle(estimator);
     search.outcome()
 }
@@ -142,21 +150,29 @@ impl Search<'_> {
     fn spent(&self) -> f64 {
         self.used as f64 + LOOK * self.looks as f64
     }
-    /// The best of other ends, as near its minimum as the fit itself.
+    /// The best of other ends with all data, as near its minimum as the fit itself. Where that does not end, or is no better after all, the fit
+    /// stays.
     fn settle(&mut self, estimator: &mut ObservedEstimator<'_>) {
         if self.best == 0 {
             return;
         }
-        let start = self.ends[self.best].values.clone();
+        let other = std::mem::take(&mut self.best);
+        let start = self.ends[other].values.clone();
         let centre = Some(self.request.centre.unwrap_or(self.request.start));
         let Ok(e) = attempt(&Request { start: &start, centre, coarse: false, ..self.request.clone() }, estimator)
         else {
             return;
         };
         self.used += e.iterations;
-        if e.is_solution() && e.objective <= self.ends[self.best].objective {
-            self.ends[self.best] = e;
+        if !e.is_solution() {
+            return;
         }
+        if one_end(&self.ends[0], &e) {
+            self.ends.remove(other);
+            return;
+        }
+        self.best = if e.objective < self.ends[0].objective { other } else { 0 };
+        self.ends[other] = e;
     }
     /// Springs, and the places to look at, those of one spring together; `None` where there are none.
     fn places(&self) -> Option<(Vec<Spring>, Vec<Vec<Place>>)> {
@@ -359,12 +375,9 @@ impl Search<'_> {
         }
     }
     fn arrived(&mut self, e: Estimate) {
-        let one = |a: &ident::Estimated, b: &ident::Estimated| match (a.std, b.std) {
-            (Some(s), Some(t)) => (a.value - b.value).abs() <= SAME * s.min(t),
-            _ => true,
-        };
-        let same = |o: &Estimate| o.parameters.iter().zip(&e.parameters).all(|(a, b)| one(a, b));
-        match self.ends.iter().position(same) {
+        match self.ends.iter().position(|o| one_end(o, &e)) {
+            // The fit itself has ended there with all data.
+            Some(0) => {}
             Some(k) if e.objective < self.ends[k].objective => self.ends[k] = e,
             Some(_) => {}
             None => self.ends.push(e),
@@ -395,4 +408,13 @@ impl Search<'_> {
         let minima = Minima { starts: self.tried, converged: 1 + self.ends.len(), objectives, alternatives };
         Ending { estimate: best, minima: Some(minima), alone }
     }
+}
+
+/// Whether two ends are one within [`SAME`] deviations.
+fn one_end(a: &Estimate, b: &Estimate) -> bool {
+    let one = |(a, b): (&ident::Estimated, &ident::Estimated)| match (a.std, b.std) {
+        (Some(s), Some(t)) => (a.value - b.value).abs() <= SAME * s.min(t),
+        _ => true,
+    };
+    a.parameters.iter().zip(&b.parameters).all(one)
 }

@@ -1,0 +1,166 @@
+//! All data near the end of a fit, by fewer of their rows.
+//!
+//! What is looked for around an estimate (other minima, valleys that bend) takes predictions by the hundred, and all of them differ from the
+//! one at the estimate `p` by what changes slowly against the samples. With residuals `r(x) = r(p) + d(x)` the cost is
+//! `|r(p)|^2 + 2 r(p)^T d(x) + |d(x)|^2`, and where `d` is known at every n-th sample and straight between them, `d = H d_n`, both terms are
+//! those of the thinned record: `2 (H^T r(p))^T d_n` and `|W d_n|^2` with `W^2 = diag(H^T 1)`, the rule of the trapezium. So
+//!
+//! ```text
+//! r_n(x) = W (t(x) - t(p)) + W^-1 H^T r(p) + c
+//! ```
+//!
+//! with the residuals `t` of the thinned record has the cost of all data but for a constant, with all of their noise. The correction `c` is
+//! in the span of the columns at `p`, and gives the cost there the slope that all data give it.
+//!
+//! What is known to a little and changes what is seen in nearly the same way everywhere near (errors of sensors, of masses, of mounts) keeps
+//! the columns that it has at `p`. Residuals are always those of all unknowns.
+
+use crate::belief::covariance::Unknown;
+use crate::estimate::along::Direction;
+use crate::estimate::estimator::{Coarse, Estimator};
+use crate::estimate::outcome::Estimate;
+use crate::estimate::request::Request;
+use crate::solve::loss::Loss;
+use ff_least_squares::EvalError;
+use ff_linalg::{gram, tr_mul};
+use nalgebra::{DMatrix, DVector};
+
+/// Ridge of a normal matrix with ones on its diagonal.
+const RIDGE: f64 = 1e-9;
+/// Corrections of the slope: what priors hold takes the second.
+const CORRECTIONS: usize = 2;
+
+/// Fewer rows with the cost of all of them near a point.
+pub struct Around<'a> {
+    thin: Box<dyn Estimator + 'a>,
+    /// Roots of the number of rows that each of these stands for.
+    roots: Vec<f64>,
+    /// What is added to the weighted residuals of the thinned record.
+    offset: Vec<f64>,
+    /// Columns that stay, by parameter.
+    held: Vec<(usize, DVector<f64>)>,
+    /// Cost of all data at the point, less what it is here.
+    pub beyond: f64,
+}
+
+impl<'a> Around<'a> {
+    /// Around the end of a fit of `request`; `stays` are parameters, by index, whose columns are taken from there. `None` where there is no
+    /// look at fewer data, or under a robust loss. Allocates the Jacobian of the thinned record.
+    ///
+    /// # Errors
+    /// [`EvalError`].
+    pub fn new(
+        request: &Request<'_>,
+        e: &Estimate,
+        thin: Coarse<'a>,
+        stays: impl Fn(usize) -> bool,
+    ) -> Result<Option<Self>, EvalError> {
+        let Coarse { estimator: mut thin, between, .. } = thin;
+        if request.loss != Loss::Squares || between.len() != e.residuals.len() {
+            return Ok(None);
+        }
+        let rows = thin.rows();
+        let (mut weights, mut sums) = (vec![0.0; rows], vec![0.0; rows]);
+        for (b, r) in between.iter().zip(&e.residuals) {
+            for (row, part) in b.rows.into_iter().zip([1.0 - b.part, b.part]) {
+                weights[row] += part;
+                sums[row] += part * r;
+            }
+        }
+        if weights.iter().any(|w| *w <= 0.0) {
+            return Ok(None);
+        }
+        let roots: Vec<f64> = weights.iter().map(|w: &f64| w.sqrt()).collect();
+        let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
+        let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, request.selected.len() + extra.len()));
+        thin.jacobian(&e.values, &extra, request.selected, &mut r, &mut j)?;
+        weigh(&mut j, &roots);
+        let mut gathered = DVector::from_iterator(rows, sums.iter().zip(&roots).map(|(s, w)| s / w));
+        let slope = correct(request, e, &j, &mut gathered);
+        if slope.is_none() {
+            return Ok(None);
+        }
+        let beyond = e.residuals.iter().map(|r| r * r).sum::<f64>() - gathered.norm_squared();
+        let offset = gathered.iter().zip(r.iter().zip(&roots)).map(|(c, (r, w))| c - w * r).collect();
+        let columns = request.selected.iter().enumerate().filter(|(_, i)| stays(**i));
+        let held = columns.map(|(k, &i)| (i, j.column(k).into_owned())).collect();
+        Ok(Some(Self { thin, roots, offset, held, beyond }))
+    }
+}
+
+/// Gives the cost at the point the slope that all data and priors give it at the end of a fit: none.
+fn correct(request: &Request<'_>, e: &Estimate, j: &DMatrix<f64>, gathered: &mut DVector<f64>) -> Option<()> {
+    let columns = j.ncols();
+    let values: Vec<f64> = request.selected.iter().map(|&i| e.values[i]).collect();
+    let mut known = DMatrix::zeros(request.priors.len(), columns);
+    request.priors.fill_jacobian(&values, &mut known, 0);
+    let mut of_priors = Vec::new();
+    request.priors.push_residuals(&values, &mut of_priors);
+    let pull = known.tr_mul(&DVector::from_vec(of_priors));
+    let mut normal = gram(j).ok()? + gram(&known).ok()?;
+    let size: Vec<f64> = normal.diagonal().iter().map(|d| d.sqrt().max(f64::MIN_POSITIVE)).collect();
+    for a in 0..columns {
+        for b in 0..columns {
+            normal[(a, b)] /= size[a] * size[b];
+        }
+        normal[(a, a)] += RIDGE;
+    }
+    let root = normal.cholesky()?;
+    for _ in 0..CORRECTIONS {
+        let slope = tr_mul(j, gathered.as_slice()) + &pull;
+        let mut step = root.solve(&DVector::from_fn(columns, |k, _| slope[k] / size[k]));
+        step.iter_mut().zip(&size).for_each(|(x, s)| *x /= s);
+        *gathered -= j * step;
+    }
+    gathered.iter().all(|x| x.is_finite()).then_some(())
+}
+
+fn weigh(j: &mut DMatrix<f64>, roots: &[f64]) {
+    j.column_iter_mut().for_each(|mut c| c.iter_mut().zip(roots).for_each(|(x, w)| *x *= w));
+}
+
+impl Around<'_> {
+    fn finish(&self, r: &mut [f64]) {
+        r.iter_mut().zip(self.roots.iter().zip(&self.offset)).for_each(|(r, (w, c))| *r = *r * w + c);
+    }
+}
+
+impl Estimator for Around<'_> {
+    fn rows(&self) -> usize {
+        self.roots.len()
+    }
+    fn nuisance(&self) -> Vec<Unknown> {
+        self.thin.nuisance()
+    }
+    fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        self.thin.residuals(full, extra, r)?;
+        self.finish(r);
+        Ok(())
+    }
+    fn jacobian(
+        &mut self,
+        full: &[f64],
+        extra: &[f64],
+        selected: &[usize],
+        r: &mut [f64],
+        j: &mut DMatrix<f64>,
+    ) -> Result<(), EvalError> {
+        let along = Direction::of_columns(selected, full.len(), extra.len());
+        let stays = |d: &Direction| self.held.iter().position(|h| d.only() == Some(h.0));
+        let places: Vec<Option<usize>> = along.iter().map(stays).collect();
+        let made: Vec<Direction> =
+            along.iter().zip(&places).filter(|(_, held)| held.is_none()).map(|(d, _)| d.clone()).collect();
+        let mut own = DMatrix::zeros(r.len(), made.len());
+        self.thin.jacobian_along(full, extra, &made, r, &mut own)?;
+        self.finish(r);
+        weigh(&mut own, &self.roots);
+        let mut next = own.column_iter();
+        for (mut to, held) in j.column_iter_mut().zip(&places) {
+            match held {
+                Some(k) => to.copy_from(&self.held[*k].1),
+                None => next.next().iter().for_each(|c| to.copy_from(c)),
+            }
+        }
+        Ok(())
+    }
+}
