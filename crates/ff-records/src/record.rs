@@ -261,6 +261,15 @@ impl Record {
         self.tau = like(&self.tau, tau);
         self
     }
+    /// The same record with torques, N x n (N m or N), in every channel of the joints, those of currents among them.
+    ///
+    /// # Panics
+    /// If the shape differs or a number is not finite.
+    #[must_use]
+    pub fn with_torques(mut self, tau: DMatrix<f64>) -> Self {
+        self.currents.clear();
+        self.with_tau(tau)
+    }
     /// The same record with other gyro readings, N x 3 (rad/s).
     ///
     /// # Panics

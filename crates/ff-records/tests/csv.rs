@@ -28,6 +28,7 @@ fn good() -> (String, [DMatrix<f64>; 6]) {
     let time: Vec<f64> = (0..N).map(|i| 7.25 + i as f64 / 100.0).collect();
     let joints = joints();
     let w = CsvWriter {
+        currents: &[],
         joints: &joints,
         time: &time,
         q: &all[0],

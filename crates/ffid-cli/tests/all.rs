@@ -22,6 +22,7 @@ mod inputs;
 mod json_schema;
 mod kinds;
 mod logs;
+mod motor_side;
 mod outputs;
 mod paper_robot;
 mod preflight;

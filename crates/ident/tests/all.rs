@@ -22,6 +22,7 @@ mod modal_estimate;
 mod modal_model;
 mod modal_paper;
 mod motion_fit;
+mod motor_side;
 mod multi_start;
 mod nist_strd;
 mod output_error;

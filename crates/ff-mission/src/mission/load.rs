@@ -4,6 +4,7 @@ use super::appendage::{APPENDAGE, Draft, Kinds};
 use super::changes::{CHANGES, Changes};
 use super::client::{CLIENT, Client};
 use super::declared::{Holds, Key, key, must};
+use super::drive::{DRIVE, Drive};
 use super::excite::{EXCITE, Excite};
 use super::frames::Frames;
 use super::input::{INPUTS, InputSpec};
@@ -34,6 +35,11 @@ pub(super) const ROOT: &[Key] = &[
     key("sensors", Holds::Table(SENSORS), "rate and noise of the sensors"),
     key("uncertain", Holds::Tables(UNCERTAIN), "what is not known exactly: masses, placements, parameters"),
     key("changes", Holds::Tables(CHANGES), "what changes from one record to the next: fuel that is burnt"),
+    key(
+        "drive",
+        Holds::Tables(DRIVE),
+        "friction, reflected inertia and gains where torques are read on the motor's side",
+    ),
     key("limits", Holds::Table(LIMITS), "what planned motion must keep to"),
     key("estimate", Holds::Table(ESTIMATE), "what is identified, and from which start"),
     key("excite", Holds::Table(EXCITE), "the manoeuvre that is planned"),
@@ -137,6 +143,14 @@ fn read(
             (t, c)
         })
         .collect();
+    let drives: Vec<(Table<'_, '_>, Drive)> = root
+        .tables("drive")
+        .into_iter()
+        .map(|t| {
+            let d = Drive::read(&t);
+            (t, d)
+        })
+        .collect();
     let limits = root.table("limits").map(|t| Limits::read(&t)).unwrap_or_default();
     let estimate_table = root.table("estimate");
     let estimate = estimate_table.as_ref().map(Estimate::read).unwrap_or_default();
@@ -204,9 +218,11 @@ fn read(
     if complete {
         uncertain.iter().for_each(|(t, u)| u.check(&model, t));
         changes.iter().for_each(|(t, c)| c.check(&model, t));
+        drives.iter().for_each(|(t, d)| d.check(&model, t));
     }
     let uncertain = uncertain.into_iter().map(|(_, u)| u).collect();
     let changes = changes.into_iter().map(|(_, c)| c).collect();
+    let drives = drives.into_iter().map(|(_, d)| d).collect();
     let mut estimated = Vec::new();
     // With an appendage missing, patterns for its parameters would be reported as well.
     if let (Some(t), true) = (&estimate_table, complete) {
@@ -232,6 +248,7 @@ fn read(
         sensors,
         uncertain,
         changes,
+        drives,
         limits,
         estimate,
         excite,

@@ -29,6 +29,10 @@
 //! [sensors.gyro]
 //! noise_std_rad_per_s = 1.5e-4
 //!
+//! [[drive]]                   # Drive: friction and gains where torques are read on the motor's side
+//! joints = ["joint*"]
+//! terms = ["viscous", "coulomb"]
+//!
 //! [limits]                    # Limits
 //! velocity_rad_per_s = 0.17
 //!
@@ -52,6 +56,7 @@ pub(crate) mod appendage;
 pub(crate) mod changes;
 pub(crate) mod client;
 pub(crate) mod declared;
+pub(crate) mod drive;
 pub(crate) mod excite;
 mod frames;
 pub(crate) mod input;
@@ -70,11 +75,12 @@ pub(crate) mod values;
 pub use appendage::{AppendageSpec, Mount};
 pub use changes::Changes;
 pub use client::Client;
+pub use drive::{Drive, DriveTerm};
 pub use excite::{Excite, ExciteDuration, ExciteEnd, GOALS, Goal, Optimality};
 pub use input::{Course, Effort, InputSpec, PulseSpec, SampleSpec, Thrust, Wrench, WrenchAxes};
 pub use limits::{KeepOut, Limits, PointingLimit};
 pub use robot::{Rigid, RigidBody, Robot};
-pub use settings::{Encoder, Estimate, EstimateMethod, Gyro, Reproduce, Sensors, Torque};
+pub use settings::{Current, Encoder, Estimate, EstimateMethod, Gyro, Reproduce, Sensors, Torque};
 pub use uncertain::{Uncertain, named_by};
 
 use crate::leniency::Leniency;
@@ -134,6 +140,8 @@ pub struct Mission {
     pub uncertain: Vec<Uncertain>,
     /// `[[changes]]`, in order: what changes from one record to the next.
     pub changes: Vec<Changes>,
+    /// `[[drive]]`, in order: what torque channels on the motor's side read beside the torques of the bodies.
+    pub drives: Vec<Drive>,
     /// `[limits]`.
     pub limits: Limits,
     /// `[estimate]`.

@@ -14,6 +14,8 @@ pub struct Sensors {
     pub rate_hz: f64,
     /// `[sensors.torque]`: joint torque sensors.
     pub torque: Torque,
+    /// `[sensors.current]`: currents of motors, of joints whose torque is not measured.
+    pub current: Current,
     /// `[sensors.gyro]`: base gyro.
     pub gyro: Gyro,
     /// `[sensors.encoder]`: joint encoders.
@@ -36,6 +38,17 @@ pub struct Torque {
     /// `bias_walk_nm_per_sqrt_s`: standard deviation of what the bias of each sensor has walked after a second, growing with the root of
     /// the time (N m/sqrt(s)); constant unless given.
     pub bias_walk_nm_per_sqrt_s: Option<f64>,
+}
+
+/// Section `[sensors.current]`; all keys default to zero.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Current {
+    /// `noise_std_a`: standard deviation of white noise (A).
+    pub noise_std_a: f64,
+    /// `bias_a`: constant offset (A).
+    pub bias_a: f64,
+    /// `lsb_a`: quantisation step (A); 0 for none.
+    pub lsb_a: f64,
 }
 
 /// Section `[sensors.gyro]`; all keys default to zero.
@@ -73,6 +86,7 @@ pub struct Encoder {
 pub(crate) const SENSORS: &[Key] = &[
     key("rate_hz", Holds::Positive, "sample rate of all sensors (Hz)").or(100.0),
     key("torque", Holds::Table(TORQUE), "joint torque sensors"),
+    key("current", Holds::Table(CURRENT), "currents of motors, of joints whose torque is not measured"),
     key("gyro", Holds::Table(GYRO), "base gyro"),
     key("encoder", Holds::Table(ENCODER), "joint encoders"),
 ];
@@ -88,6 +102,12 @@ const TORQUE: &[Key] = &[
         Holds::Positive,
         "random walk of the bias of each sensor: standard deviation after a second (N m/sqrt(s)); constant unless given",
     ),
+];
+
+const CURRENT: &[Key] = &[
+    key("noise_std_a", Holds::NotNegative, "standard deviation of white noise (A)").or(0.0),
+    key("bias_a", Holds::Number, "constant offset (A)").or(0.0),
+    key("lsb_a", Holds::NotNegative, "quantisation step (A); 0 for none").or(0.0),
 ];
 
 const GYRO: &[Key] = &[
@@ -123,6 +143,7 @@ impl Sensors {
         let mut s = Self {
             rate_hz: t.number("rate_hz").unwrap_or_default(),
             torque: Torque::default(),
+            current: Current::default(),
             gyro: Gyro::default(),
             encoder: Encoder::default(),
         };
@@ -133,6 +154,12 @@ impl Sensors {
             s.torque.gain_relative_std = t.number("gain_relative_std");
             s.torque.gain_common_relative_std = t.number("gain_common_relative_std");
             s.torque.bias_walk_nm_per_sqrt_s = t.number("bias_walk_nm_per_sqrt_s");
+            t.finish();
+        }
+        if let Some(t) = t.table("current") {
+            s.current.noise_std_a = t.number("noise_std_a").unwrap_or_default();
+            s.current.bias_a = t.number("bias_a").unwrap_or_default();
+            s.current.lsb_a = t.number("lsb_a").unwrap_or_default();
             t.finish();
         }
         if let Some(t) = t.table("gyro") {

@@ -21,8 +21,10 @@ pub struct CsvWriter<'a> {
     pub dq: Option<&'a DMatrix<f64>>,
     /// Joint accelerations.
     pub ddq: Option<&'a DMatrix<f64>>,
-    /// Joint torques.
+    /// Joint torques; currents (A) of the joints that `currents` marks.
     pub tau: &'a DMatrix<f64>,
+    /// Joints whose channel is the current of the motor, not the torque; none when empty.
+    pub currents: &'a [bool],
     /// Base rates; none of a base that is bolted down.
     pub gyro: Option<&'a DMatrix<f64>>,
     /// Specific force.
@@ -42,6 +44,10 @@ impl CsvWriter<'_> {
         let mut out = vec!["time[s]".to_owned()];
         for (g, _) in self.groups() {
             for (k, name) in g.channels(self.joints).iter().enumerate() {
+                if g == Group::Tau && self.currents.get(k) == Some(&true) {
+                    out.push(format!("{}.{name}[{}]", Group::Current.prefix(), si(Group::Current.dimension(false))));
+                    continue;
+                }
                 let slides = self.joints.get(k).is_some_and(|j| j.slides);
                 out.push(format!("{}.{name}[{}]", g.prefix(), si(g.dimension(slides))));
             }

@@ -13,7 +13,7 @@ use ffid::files::atomic;
 use ffid::files::folder::Entry;
 use ffid::inputs::{Acted, Declared};
 use ffid::open::{Opened, open};
-use ffid::sense::{csv, fly, suite};
+use ffid::sense::{MotorSide, csv, current_channel, fly, suite};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -27,7 +27,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
   ffid simulate m.toml --trajectory mine.csv --out exact.csv --noise-free
 
 The record has time[s], q.<joint>[rad], tau.<joint>[N m] and, unless the base is fixed, gyro.x[rad/s] ..., with noise, bias and quantisation of
-[sensors]; without noise also dq., ddq. and att. `ffid identify` reads it. Base and appendages are at rest at the start. Every
+[sensors]; without noise also dq., ddq. and att. Joints with a [[drive]] have its friction and reflected inertia in their torque, and
+current.<joint>[A] in place of it where it has a gain. `ffid identify` reads it. Base and appendages are at rest at the start. Every
 [[input]] of the mission acts on the robot.";
 
 /// Arguments of `ffid simulate`.
@@ -182,8 +183,9 @@ impl Task<'_> {
         let trace = fly(model, &Params::nominal(model), given.motion.as_ref(), &inputs, rate, self.hold)
             .map_err(|e| numerical("Sim::Failed", e.to_string(), hint))?;
         let sensors = suite(&mission.sensors);
-        let noise = self.seed.map(|s| (&sensors, s));
-        let bytes = csv(model, &trace, rate, noise)
+        let noise = self.seed.map(|s| (&sensors, current_channel(&mission.sensors), s));
+        let motors = MotorSide::of(model, &trace, &mission.drives);
+        let bytes = csv(model, &trace, &motors, rate, noise)
             .map_err(|e| numerical("Sim::NotFinite", e.to_string(), "please report this"))?;
         atomic::write(self.out, &bytes).map_err(io)?;
         let sha256 = Entry::of(self.out, "").map_err(io)?.sha256;

@@ -44,6 +44,9 @@ pub(crate) struct FitFlags {
     /// Standard deviation of one torque sample (N m), instead of [sensors.torque].
     #[arg(long, value_name = "NM", value_parser = positive)]
     torque_noise: Option<f64>,
+    /// Standard deviation of one sample of a motor current (A), instead of [sensors.current].
+    #[arg(long, value_name = "A", value_parser = positive)]
+    current_noise: Option<f64>,
     /// Standard deviation of one gyro sample (rad/s), instead of [sensors.gyro].
     #[arg(long, value_name = "RAD_PER_S", value_parser = positive)]
     gyro_noise: Option<f64>,
@@ -89,6 +92,9 @@ impl FitFlags {
                 torque: self.torque_noise.unwrap_or(s.torque_nm),
                 gyro: self.gyro_noise.unwrap_or(s.gyro_rad_per_s),
             },
+            current_noise: self.current_noise.unwrap_or(mission.sensors.current.noise_std_a),
+            drives: mission.drives.clone(),
+            reflected_inertia: Vec::new(),
             biases: !self.no_biases,
             initial_state: self.initial_state,
             prior: None,

@@ -264,17 +264,9 @@ pub(crate) fn filtered(r: &Record, hz: f64) -> Result<Record, Problems> {
     smoothed(r, hz).map_err(|e| refused(what(e), "give another frequency, or leave --low-pass out"))
 }
 
-/// Channels that were read and that no model here uses, in one warning; currents in place of torques where gains are not estimated.
+/// Channels that were read and that no model here uses, in one warning.
 pub(crate) fn not_used(record: &Record, model: &Model, path: &Path, out: &mut Problems) {
     let ground = model.base_kind() == BaseKind::Fixed;
-    if !ground && !record.has_torques() {
-        let joints = model.joint_names();
-        let of = joints.iter().zip(record.currents()).filter(|(_, c)| **c).map(|(j, _)| j.as_str());
-        let what =
-            format!("currents in place of torques, of {}: their gains are estimated on the ground alone", list(of, 6));
-        let hint = "calibrate the gains on the ground, and write columns tau.<joint>";
-        out.push(Problem::error(Area::Data, "Data::Currents", what).in_file(path).hint(hint));
-    }
     let Some(carried) = record.carried() else { return };
     let used: Vec<usize> = carried
         .wrenches()

@@ -81,6 +81,7 @@ def doctor(
     records: Records,
     *,
     torque_noise: float | None = None,
+    current_noise: float | None = None,
     gyro_noise: float | None = None,
     no_biases: bool = False,
     initial_state: bool = False,
@@ -98,6 +99,7 @@ def doctor(
         mission: The mission.
         records: A record or a file, or several.
         torque_noise: Standard deviation of one torque sample (N m), in place of the mission's.
+        current_noise: Standard deviation of one sample of a motor current (A), in place of the mission's.
         gyro_noise: Standard deviation of one gyro sample (rad/s), in place of the mission's.
         no_biases: Take gyro and torque sensors as free of bias.
         initial_state: Estimate base rate and appendages at the first sample; at rest unless given.

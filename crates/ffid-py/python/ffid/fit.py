@@ -51,6 +51,7 @@ def identify(
     no_start_offset: bool = False,
     seed: int = 0,
     torque_noise: float | None = None,
+    current_noise: float | None = None,
     gyro_noise: float | None = None,
     no_biases: bool = False,
     initial_state: bool = False,
@@ -95,6 +96,7 @@ def identify(
         no_start_offset: Leave out ``estimate.start_offset``, which is for studies.
         seed: Seed of other starts.
         torque_noise: Standard deviation of one torque sample (N m), in place of the mission's.
+        current_noise: Standard deviation of one sample of a motor current (A), in place of the mission's.
         gyro_noise: Standard deviation of one gyro sample (rad/s), in place of the mission's.
         no_biases: Take gyro and torque sensors as free of bias.
         initial_state: Estimate base rate and appendages at the first sample; at rest unless given.

@@ -256,6 +256,7 @@ class Result:
         record: Record | Path,
         *,
         torque_noise: float | None = None,
+        current_noise: float | None = None,
         gyro_noise: float | None = None,
         no_biases: bool = False,
         initial_state: bool = False,
@@ -272,6 +273,7 @@ class Result:
         Args:
             record: The record, or its file.
             torque_noise: Standard deviation of one torque sample (N m), in place of that of the identification.
+            current_noise: Standard deviation of one sample of a motor current (A), in place of the mission's.
             gyro_noise: Standard deviation of one gyro sample (rad/s), in place of that of the identification.
             no_biases: Take gyro and torque sensors as free of bias.
             initial_state: Estimate base rate and appendages at the first sample; at rest unless given.

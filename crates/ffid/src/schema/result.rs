@@ -180,6 +180,8 @@ const KINDS: &[&str] = &[
     "encoder_offsets",
     "changes",
     "bias_walks",
+    "joint_terms",
+    "drive_gains",
 ];
 
 const UNCERTAIN: &[Key] = &[

@@ -102,6 +102,12 @@ pub struct Priors {
 }
 
 impl Priors {
+    /// Those of its own rows whose columns are kept. Allocates.
+    #[must_use]
+    pub fn of_columns(mut self, keep: impl Fn(usize) -> bool) -> Self {
+        self.rows.retain(|r| keep(r.column));
+        self
+    }
     /// Priors centred on `start` (full parameter vector) for the parameters in `selected` that the patterns
     /// match; a later pattern replaces an earlier one. Allocates.
     ///

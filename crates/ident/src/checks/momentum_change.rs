@@ -59,7 +59,7 @@ pub fn momentum_change(
     gyro_sigma: f64,
 ) -> Result<Option<MomentumChange>, NuisanceError> {
     assert!(record.is_uniform(), "all channels on one uniform clock");
-    let NuisanceFit { values: extra, residuals: mut r } = nuisance;
+    let NuisanceFit { values: extra, residuals: mut r, .. } = nuisance;
     let mut j = DMatrix::zeros(r.len(), selected.len() + extra.len());
     estimator.jacobian(values, &extra, selected, &mut r, &mut j)?;
     for mut c in j.column_iter_mut() {

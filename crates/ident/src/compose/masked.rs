@@ -36,6 +36,9 @@ impl<E: Estimator> Estimator for Masked<E> {
     fn rows(&self) -> usize {
         self.inner.rows()
     }
+    fn left_out(&self) -> usize {
+        self.inner.left_out()
+    }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         let thin = self.inner.coarse(full)?;
         let roots = thin.rows.iter().map(|&i| self.roots[i]).collect();

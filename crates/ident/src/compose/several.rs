@@ -273,6 +273,9 @@ impl Estimator for Several<'_> {
     fn rows(&self) -> usize {
         self.parts.iter().map(|p| p.rows()).sum()
     }
+    fn left_out(&self) -> usize {
+        self.parts.iter().map(|p| p.left_out()).sum()
+    }
     /// A part that has too little to give away stays whole, so that a short record does not keep long ones from being thinned.
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         let thin = self.parts.iter().enumerate().map(|(k, p)| p.coarse(&self.shared.of_record(k, full))).collect();

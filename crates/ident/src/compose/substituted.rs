@@ -56,6 +56,9 @@ impl<E: Estimator, S: Substitution> Estimator for Substituted<E, S> {
     fn rows(&self) -> usize {
         self.inner.rows()
     }
+    fn left_out(&self) -> usize {
+        self.inner.left_out()
+    }
     fn nuisance(&self) -> Vec<Unknown> {
         self.by.nuisance(self.inner.nuisance())
     }

@@ -71,7 +71,7 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
         settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, ANCHOR_MOVED)?;
     let Place { full, nuisance, iterations, mut descent } = place;
     let values_extra: Vec<f64> = nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect();
-    let rows = estimator.rows();
+    let (rows, left_out) = (estimator.rows(), estimator.left_out());
     let selected = transform.selected();
     let at_solution = |e: EvalError| LmError::Setup(e.to_string());
     // The last linearisation is the one at the solution, unless the last step was refused after it.
@@ -118,7 +118,8 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
     // What a prior holds is not fitted to the data: of n unknowns with priors, `n - tr(P S^-1)` are.
     let held: f64 =
         given.iter().filter_map(|row| Some((uncertainty.deviation[row.column]? / row.sigma).powi(2).min(1.0))).sum();
-    let dof = (rows as f64 - (data_only.rank as f64 - held)).max(1.0);
+    let counted = rows.saturating_sub(left_out);
+    let dof = (counted as f64 - (data_only.rank as f64 - held)).max(1.0);
     let listed = |k: usize, start: f64, value: f64| Estimated {
         name: unknowns[k].name.clone(),
         unit: unknowns[k].unit.clone(),

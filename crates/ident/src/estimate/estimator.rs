@@ -77,6 +77,10 @@ pub trait Estimator {
     /// # Errors
     /// [`EvalError`].
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError>;
+    /// Rows among them that are zero whatever the unknowns are, and are no data: torques of joints next to rest. None unless overridden.
+    fn left_out(&self) -> usize {
+        0
+    }
     /// Residuals and their derivatives: columns are `selected` (indices into the full vector), then nuisance.
     /// `j` arrives with the right shape and unspecified contents.
     ///
@@ -187,6 +191,9 @@ macro_rules! pointer {
         impl<E: Estimator + ?Sized> Estimator for $pointer {
             fn rows(&self) -> usize {
                 (**self).rows()
+            }
+            fn left_out(&self) -> usize {
+                (**self).left_out()
             }
             fn nuisance(&self) -> Vec<Unknown> {
                 (**self).nuisance()

@@ -14,12 +14,14 @@ pub struct NuisanceFit {
     pub values: Vec<f64>,
     /// Whitened residuals `(model - measured) / sigma` there.
     pub residuals: Vec<f64>,
+    /// How many of them are no data ([`Estimator::left_out`]).
+    pub left_out: usize,
 }
 
 impl NuisanceFit {
-    /// Sum of squared residuals over the degrees of freedom: residuals less nuisance unknowns, at least one.
+    /// Sum of squared residuals over the degrees of freedom: residuals that are data less nuisance unknowns, at least one.
     pub fn chi2_per_dof(&self) -> f64 {
-        let freedom = self.residuals.len().saturating_sub(self.values.len());
+        let freedom = self.residuals.len().saturating_sub(self.values.len() + self.left_out);
         self.residuals.iter().map(|r| r * r).sum::<f64>() / freedom.max(1) as f64
     }
 }
@@ -79,17 +81,18 @@ pub fn fit_nuisance(
     parameters: &[f64],
     max_iterations: usize,
 ) -> Result<NuisanceFit, NuisanceError> {
+    let left_out = estimator.left_out();
     let sizes: Vec<f64> = estimator.nuisance().iter().map(|u| u.size).collect();
     if sizes.is_empty() {
         let mut residuals = vec![0.0; estimator.rows()];
         estimator.residuals(parameters, &[], &mut residuals)?;
-        return Ok(NuisanceFit { values: Vec::new(), residuals });
+        return Ok(NuisanceFit { values: Vec::new(), residuals, left_out });
     }
     let start = vec![0.0; sizes.len()];
     let mut problem = Scaled { inner: estimator, parameters, sizes };
     let settings = Settings { max_iterations, cost_floor: COST_FLOOR, ..Settings::default() };
     let found = minimise(&mut problem, &start, &settings)?;
-    Ok(NuisanceFit { values: problem.values(&found.x), residuals: found.residuals })
+    Ok(NuisanceFit { values: problem.values(&found.x), residuals: found.residuals, left_out })
 }
 
 #[cfg(test)]

@@ -91,17 +91,18 @@ impl<'a> OutputError<'a> {
     /// [`SetupError`].
     pub fn new(model: &'a Model, record: &'a Record, options: &Options) -> Result<Self, SetupError> {
         check_noise(&options.noise)?;
-        let tables = Tables::new(model, record, options.substeps.max(1), Some(&options.noise), !options.initial_state)?;
+        let weighed = (&options.noise, &options.reflected_inertia[..]);
+        let tables = Tables::new(model, record, options.substeps.max(1), Some(weighed), !options.initial_state)?;
         Self::with_tables(model, Cow::Borrowed(record), options, tables, 1)
     }
-    /// Of the same record and motion with other options; noise and steps stay.
+    /// Of the same record and motion with other options; noise and steps stay, and so do the terms and gains of joints, which belong to what
+    /// the channels of the record are.
     ///
     /// # Errors
     /// [`SetupError`].
     pub fn with_options(&self, options: &Options) -> Result<Self, SetupError> {
         let OutputRows { model, record, options: own, .. } = &self.rows;
-        let options = Options { noise: own.noise, substeps: own.substeps, ..options.clone() };
-        Self::with_tables(model, record.clone(), &options, self.tables.shared(), 1)
+        Self::with_tables(model, record.clone(), &own.with(own.substeps, options), self.tables.shared(), 1)
     }
     /// [`OutputError::with_options`] for columns that need not be exact: simulated on a grid with twenty samples per period of the fastest
     /// mode at `full`, but no more than a tenth of a second apart, and interpolated at the readings. A component at a tenth of the grid's
@@ -117,8 +118,7 @@ impl<'a> OutputError<'a> {
         let every = ((step / record.dt()) as usize).min(record.samples() / LEAST_SAMPLES).max(1);
         let (substeps, tables) =
             if every > 1 { (1, self.tables.thinned(every)) } else { (own.substeps, self.tables.shared()) };
-        let options = Options { noise: own.noise, substeps, ..options.clone() };
-        Self::with_tables(model, record.clone(), &options, tables, every)
+        Self::with_tables(model, record.clone(), &own.with(substeps, options), tables, every)
     }
     /// Whether rows are listed sample by sample, torques before gyro; else those of all torque samples come first.
     pub fn is_interleaved(&self) -> bool {
@@ -150,6 +150,7 @@ impl<'a> OutputError<'a> {
         if options.errors.iter().any(|e| !e.exists(model.nj(), options.oscillators.len())) {
             return Err(SetupError::NoSuchError(model.nj()));
         }
+        check_channels(model, &record, options)?;
         let (motion, samples) = (tables.moving(), record.samples());
         let mut rows = OutputRows::new(model, record, options.clone(), (kinematics, initial), motion);
         if every > 1 {
@@ -163,6 +164,7 @@ impl<'a> OutputError<'a> {
         if let Some(noise) = &tables.noise {
             let draws = noise.draws(&rows.record, options.motion_noise)?;
             rows.draws = draws.len();
+            rows.shaken = rows.errors.shaken(&draws);
             tables.disturbances.extend(draws.into_iter().map(Disturbance::Motion));
         }
         Ok(Self { rows, tables, thinned: 0 })
@@ -176,6 +178,21 @@ impl<'a> OutputError<'a> {
         // NaN where there is no mode.
         let enough = record.samples() / LEAST_SAMPLES;
         if every.is_finite() { Some((every as usize).min(enough).min(THINNEST)) } else { None }
+    }
+}
+
+/// Channels that are what the options say: gains for currents, and noise for each where it is given.
+fn check_channels(model: &Model, record: &Record, options: &Options) -> Result<(), SetupError> {
+    for (channel, &value) in options.channel_noise.iter().enumerate() {
+        if !(value > 0.0 && value.is_finite()) || options.channel_noise.len() != model.nj() {
+            return Err(SetupError::ChannelNoise { channel, value, joints: model.nj() });
+        }
+    }
+    let read = |j: usize| record.currents().get(j).copied().unwrap_or(false);
+    let gained = |j: usize| options.errors.contains(&ErrorSource::DriveGain(j));
+    match (0..model.nj()).find(|&j| read(j) != gained(j)) {
+        Some(j) => Err(SetupError::Currents { joint: model.joint_names().swap_remove(j), measured: read(j) }),
+        None => Ok(()),
     }
 }
 
@@ -294,6 +311,9 @@ fn placements(model: &Model, names: &[String]) -> Result<Vec<usize>, SetupError>
 impl Estimator for OutputError<'_> {
     fn rows(&self) -> usize {
         self.rows.count()
+    }
+    fn left_out(&self) -> usize {
+        self.rows.at_rest.len()
     }
     fn nuisance(&self) -> Vec<Unknown> {
         self.rows.nuisance()

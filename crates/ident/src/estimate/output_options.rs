@@ -1,5 +1,6 @@
 //! What output error assumes, and what it may adjust besides parameters.
 
+use crate::estimate::ground::joint_terms::NearRest;
 use crate::estimate::setup::Noise;
 use crate::uncertain::oscillator::Oscillator;
 use crate::uncertain::source::ErrorSource;
@@ -46,6 +47,15 @@ pub struct Options {
     /// Readings next to the ends of a fitted motion, where its noise is larger than theirs, count like all others: residuals are then
     /// predictions less readings, over the noise of the sensors, everywhere.
     pub all_alike: bool,
+    /// Standard deviation of the noise of each torque channel in its own unit (N m, or A of a motor current), in place of that of `noise`;
+    /// none for torques that are all alike.
+    pub channel_noise: Vec<f64>,
+    /// For every joint, what the sign of its rate is close to rest, and whether its torque counts there; none, or `None` for a joint: the sign goes
+    /// over smoothly within a hundredth of its largest rate, and everything counts.
+    pub near_rest: Vec<Option<NearRest>>,
+    /// Inertia of rotors and gears that the torques of the joints have in them (kg m^2, or kg), roughly: what noise of the positions is worth to the
+    /// torques, by which a motion is fitted. None when empty. That of the first options counts for all others of the same motion.
+    pub reflected_inertia: Vec<f64>,
 }
 
 impl Options {
@@ -65,6 +75,23 @@ impl Options {
             oscillators: Vec::new(),
             deflected_at: None,
             all_alike: false,
+            channel_noise: Vec::new(),
+            near_rest: Vec::new(),
+            reflected_inertia: Vec::new(),
+        }
+    }
+    /// These options in place of those of the same record: its noise stays, and what its channels are.
+    pub(crate) fn with(&self, substeps: usize, other: &Self) -> Self {
+        let is_of_joints = |e: &ErrorSource| matches!(e, ErrorSource::Joint(..) | ErrorSource::DriveGain(_));
+        let mut errors = other.errors.clone();
+        errors.extend(self.errors.iter().filter(|e| is_of_joints(e) && !other.errors.contains(e)));
+        Self {
+            noise: self.noise,
+            channel_noise: self.channel_noise.clone(),
+            near_rest: self.near_rest.clone(),
+            substeps,
+            errors,
+            ..other.clone()
         }
     }
 }

@@ -89,11 +89,17 @@ pub(crate) struct OutputRows<'a> {
     pub(crate) disturbing: Vec<ErrorSource>,
     /// Draws of the motion's noise, which disturb it behind those.
     pub(crate) draws: usize,
+    /// Their rates and accelerations at the samples of the torques, where these have terms of joints in them.
+    pub(crate) shaken: Vec<[DMatrix<f64>; 2]>,
     /// Kinematic parameters and initial-state components that are estimated.
     pub(crate) kinematics: Vec<usize>,
     pub(crate) initial: Vec<usize>,
     /// Readings of torques and gyro next to the ends of the motion, where its noise is larger than theirs, and what they count for.
     pub(crate) loose: [Vec<(usize, f64)>; 2],
+    /// Torque samples of joints next to rest, which do not count: sample and joint, ascending.
+    pub(crate) at_rest: Vec<(usize, usize)>,
+    /// One over the standard deviation of every channel of torques and gyro.
+    pub(crate) inverse: [Vec<f64>; 2],
 }
 
 impl<'a> OutputRows<'a> {
@@ -108,7 +114,10 @@ impl<'a> OutputRows<'a> {
         let times = GROUPS.map(|g| record.times(g).map(Arc::from));
         let of_motion = |e: &ErrorSource| e.acts_on() == ActsOn::Motion;
         let (disturbing, of_sensors) = options.errors.iter().partition(|e| of_motion(e));
-        let errors = SensorErrors::new(of_sensors, &record, motion);
+        let errors = SensorErrors::new(of_sensors, &options.near_rest, &record, motion);
+        let at_rest = errors.at_rest();
+        let of_channel = |j: usize| options.channel_noise.get(j).copied().unwrap_or(options.noise.torque).recip();
+        let inverse = [(0..model.nj()).map(of_channel).collect(), vec![1.0 / options.noise.gyro; 3]];
         let grid = (record.samples(), record.dt());
         let loose = core::array::from_fn(|g: usize| {
             let (count, own): (usize, &Option<Arc<[f64]>>) = ([record.tau(), record.gyro()][g].nrows(), &times[g]);
@@ -116,7 +125,22 @@ impl<'a> OutputRows<'a> {
             let of = |e: &LooseEnds| (0..count).map(|i| (i, e.weight(time(i)))).filter(|w| w.1 < 1.0).collect();
             ends.filter(|_| !options.all_alike).map_or_else(Vec::new, of)
         });
-        Self { model, record, options, grid, times, errors, disturbing, draws: 0, kinematics, initial, loose }
+        Self {
+            model,
+            record,
+            options,
+            grid,
+            times,
+            errors,
+            disturbing,
+            draws: 0,
+            shaken: Vec::new(),
+            kinematics,
+            initial,
+            loose,
+            at_rest,
+            inverse,
+        }
     }
     /// Simulated on every `every`-th sample alone, and interpolated at all readings.
     pub(crate) fn on_coarse_grid(mut self, every: usize) -> Self {
@@ -326,11 +350,12 @@ impl<'a> OutputRows<'a> {
         let n = self.model.nj();
         let (gyro_bias, rest) = extra.split_at(3 * usize::from(self.options.gyro_bias));
         let bias = [&rest[..n * usize::from(self.options.torque_bias)], gyro_bias];
-        let inverse = self.inverse();
+        let inverse = &self.inverse;
+        let errors = self.errors_of(extra);
         for group in 0..2 {
             let (readings, measured) = (of[group].clone(), self.measured()[group]);
             let taken = self.error_free(w, by, group, &readings).map(|mut taken| {
-                self.errors.observe(self.errors_of(extra), group, readings.clone(), &mut taken);
+                self.errors.observe(errors, group, readings.clone(), &mut taken);
                 taken
             });
             let (first, stride) = self.place(of, group);
@@ -343,17 +368,18 @@ impl<'a> OutputRows<'a> {
                     Some(_) => predicted.as_slice(),
                     None => &predicted.as_slice()[readings.start - w.first..readings.end - w.first],
                 };
-                let bias = bias[group].get(c).copied().unwrap_or(0.0);
+                let bias = bias[group].get(c).copied().unwrap_or(0.0) * self.errors.scale(errors, group, c);
                 let column = measured.column(c);
                 let measured = &column.as_slice()[readings.clone()];
                 for (i, (p, m)) in predicted.iter().zip(measured).enumerate() {
-                    r[first + i * stride + c] = (p + bias - m) * inverse[group];
+                    r[first + i * stride + c] = (p + bias - m) * inverse[group][c];
                 }
             }
         }
         self.weigh(of, |row, weight| r[row] *= weight);
     }
-    /// Passes on the rows among those of the readings `of` that count for less than one, and for how much.
+    /// Passes on the rows among those of the readings `of` that count for less than one, and for how much; those of joints next to rest
+    /// for nothing.
     fn weigh(&self, of: &Readings, mut each: impl FnMut(usize, f64)) {
         for group in 0..2 {
             let (first, stride) = self.place(of, group);
@@ -361,6 +387,11 @@ impl<'a> OutputRows<'a> {
                 let row = first + (i - of[group].start) * stride;
                 (row..row + self.channels()[group]).for_each(|row| each(row, weight));
             }
+        }
+        let (first, stride) = self.place(of, 0);
+        let from = self.at_rest.partition_point(|w| w.0 < of[0].start);
+        for &(i, joint) in self.at_rest[from..].iter().take_while(|w| w.0 < of[0].end) {
+            each(first + (i - of[0].start) * stride + joint, 0.0);
         }
     }
     /// What error-free sensors would read, readings x channels; `None` where that is the prediction and is read as it is.
@@ -373,10 +404,6 @@ impl<'a> OutputRows<'a> {
                 Some(w.values[group].rows(from, readings.len()).into_owned())
             }
         }
-    }
-    /// One over the standard deviations.
-    fn inverse(&self) -> [f64; 2] {
-        [1.0 / self.options.noise.torque, 1.0 / self.options.noise.gyro]
     }
     /// Derivatives of the rows of the readings `of` along directions.
     pub(crate) fn jacobian(
@@ -404,19 +431,33 @@ impl<'a> OutputRows<'a> {
         of_sensors.iter().flatten().for_each(|&c| j.column_mut(c).fill(0.0));
         // Columns that are integrated, in the order of what is wanted.
         let to: Vec<usize> = along.to.iter().chain(along.extra[biases..].iter().flatten()).copied().collect();
-        let inverse = self.inverse();
+        let inverse = &self.inverse;
         let errors = self.errors_of(extra);
+        let bias_at = 3 * usize::from(self.options.gyro_bias);
+        let bias = &extra[bias_at..self.delays_at()];
+        // What error-free sensors would read.
+        let values: [Option<DMatrix<f64>>; 2] =
+            core::array::from_fn(|g| if self.errors.of.is_empty() { None } else { self.error_free(w, by, g, &of[g]) });
         let mut taken: [Cow<'_, DMatrix<f64>>; 2] = core::array::from_fn(|g| match &by[g] {
             Some(o) => Cow::Owned(o.of_rows(&w.derivatives[g], channels[g], w.first, of[g].clone())),
             None => Cow::Borrowed(&w.derivatives[g]),
         });
         if errors.iter().any(|&e| e != 0.0) {
             for (g, d) in taken.iter_mut().enumerate() {
-                self.errors.observe_rows(errors, g, channels[g], d.to_mut());
+                let Some(values) = &values[g] else { continue };
+                if by[g].is_none() {
+                    // Of the readings alone, as they are with an operator.
+                    let from = (of[g].start - w.first) * channels[g];
+                    *d = Cow::Owned(d.rows(from, of[g].len() * channels[g]).into_owned());
+                }
+                self.errors.observe_rows(errors, g, of[g].clone(), values, d.to_mut());
             }
         }
         // Where the first row of the readings is in a column.
-        let from = |g: usize| if by[g].is_some() { 0 } else { (of[g].start - w.first) * channels[g] };
+        let from = |g: usize| match taken[g] {
+            Cow::Owned(_) => 0,
+            Cow::Borrowed(_) => (of[g].start - w.first) * channels[g],
+        };
         // Without joints there are no columns of torques.
         for c in 0..taken[1].ncols() {
             let col = to[c];
@@ -429,13 +470,24 @@ impl<'a> OutputRows<'a> {
             if self.interleaved() {
                 for (i, out) in out.chunks_exact_mut(n + axes).enumerate() {
                     let (torques, rates) = out.split_at_mut(n);
-                    torques.iter_mut().zip(&tau[i * n..]).for_each(|(o, d)| *o = d * inverse[0]);
-                    rates.iter_mut().zip(&gyro[i * axes..]).for_each(|(o, d)| *o = d * inverse[1]);
+                    torques.iter_mut().zip(&tau[i * n..]).zip(&inverse[0]).for_each(|((o, d), s)| *o = d * s);
+                    rates.iter_mut().zip(&gyro[i * axes..]).zip(&inverse[1]).for_each(|((o, d), s)| *o = d * s);
                 }
             } else {
                 let (torques, rates) = out.split_at_mut(tau.len());
-                torques.iter_mut().zip(tau).for_each(|(o, d)| *o = d * inverse[0]);
-                rates.iter_mut().zip(gyro).for_each(|(o, d)| *o = d * inverse[1]);
+                torques.iter_mut().zip(tau).zip(inverse[0].iter().cycle()).for_each(|((o, d), s)| *o = d * s);
+                rates.iter_mut().zip(gyro).zip(inverse[1].iter().cycle()).for_each(|((o, d), s)| *o = d * s);
+            }
+        }
+        // Noise of the motion comes into these torques through friction and reflected inertia as well.
+        let (first, stride) = self.place(of, 0);
+        let shaken_at = selected + biases + self.kinematics.len() + self.disturbing.len();
+        for (k, [qd, qdd]) in self.shaken.iter().enumerate() {
+            for (row, i) in of[0].clone().enumerate() {
+                for joint in 0..channels[0] {
+                    let by = self.errors.through_terms(errors, i, joint, (qd[(i, joint)], qdd[(i, joint)]));
+                    j[(first + row * stride + joint, to[shaken_at + k])] += by * inverse[0][joint];
+                }
             }
         }
         let mut col = 0;
@@ -443,7 +495,7 @@ impl<'a> OutputRows<'a> {
             let Some(to) = of_sensors[col] else { return };
             let (first, stride) = self.place(of, group);
             for i in 0..of[group].len() {
-                j[(first + i * stride + channel, to)] = value(i) * inverse[group];
+                j[(first + i * stride + channel, to)] = value(i) * inverse[group][channel];
             }
         };
         if self.options.gyro_bias {
@@ -451,13 +503,15 @@ impl<'a> OutputRows<'a> {
             col += 3;
         }
         if self.options.torque_bias {
-            (0..channels[0]).for_each(|k| each(0, k, col + k, &|_| 1.0));
+            (0..channels[0]).for_each(|k| each(0, k, col + k, &|_| self.errors.scale(errors, 0, k)));
             col += channels[0];
         }
         for (group, wanted) in [self.options.torque_delay, self.options.gyro_delay].into_iter().enumerate() {
             if let Some(o) = by[group].as_ref().filter(|_| wanted) {
                 let mut slope = o.slope(&w.values[group], w.first, of[group].clone());
-                self.errors.turn(errors, group, &mut slope);
+                if let Some(values) = &values[group] {
+                    self.errors.turn(errors, group, of[group].clone(), values, &mut slope);
+                }
                 (0..channels[group]).for_each(|k| each(group, k, col, &|i| slope[(i, k)]));
                 col += 1;
             }
@@ -466,7 +520,7 @@ impl<'a> OutputRows<'a> {
             return;
         }
         for group in 0..2 {
-            let Some(values) = self.error_free(w, by, group, &of[group]) else { continue };
+            let Some(values) = &values[group] else { continue };
             let slope = by[group].as_ref().filter(|_| self.errors.skews(group));
             let slope = slope.map(|o| o.slope(&w.values[group], w.first, of[group].clone()));
             let (first, stride) = self.place(of, group);
@@ -475,8 +529,9 @@ impl<'a> OutputRows<'a> {
                     && let Some(to) = of_sensors[col + k]
                 {
                     let readings = (group, of[group].clone());
-                    self.errors.column(k, errors, readings, &values, slope.as_ref(), |row, channel, value| {
-                        j[(first + row * stride + channel, to)] = value * inverse[group];
+                    let at = (values, if group == 0 { bias } else { &[] });
+                    self.errors.column(k, errors, readings, at, slope.as_ref(), |row, channel, value| {
+                        j[(first + row * stride + channel, to)] = value * inverse[group][channel];
                     });
                 }
             }

@@ -92,6 +92,30 @@ pub enum SetupError {
         /// Damping ratio.
         damping_ratio: f64,
     },
+    /// Deviations of single torque channels: one for each joint, positive and finite.
+    #[error(
+        "noise {value} of torque channel {channel}; one for each of the {joints} joints is needed, positive and finite"
+    )]
+    ChannelNoise {
+        /// Which of them.
+        channel: usize,
+        /// The value.
+        value: f64,
+        /// Joints of the model.
+        joints: usize,
+    },
+    /// A current of a joint without the gain of its drive among the errors, or a gain where the torque was measured.
+    #[error("{}", if *.measured {
+        format!("the record has the current of {joint} in place of its torque: add ErrorSource::DriveGain of that joint to the errors")
+    } else {
+        format!("a gain of the drive of {joint} is asked for, but the record has its torque, not its current")
+    })]
+    Currents {
+        /// The joint.
+        joint: String,
+        /// Whether its current was measured.
+        measured: bool,
+    },
     /// A standard deviation that is not positive and finite.
     #[error("noise of the {channel} is {value}; it must be positive and finite")]
     Noise {

@@ -59,16 +59,16 @@ struct Kept {
 }
 
 impl Tables {
-    /// Without the noise of the torques, the knots of a fitted motion weigh all joints alike. `from_rest`: the simulation starts with
+    /// With the noise of the sensors, and the reflected inertia of rotors and gears in the torques (none when empty). Without it, the knots of a fitted motion weigh all joints alike. `from_rest`: the simulation starts with
     /// the base at rest, so that joints whose fitted rates are zero within their noise must not move either.
     pub(crate) fn new(
         model: &Model,
         record: &Record,
         substeps: usize,
-        noise: Option<&Noise>,
+        noise: Option<(&Noise, &[f64])>,
         from_rest: bool,
     ) -> Result<Self, SetupError> {
-        let stake = || noise.and_then(|n| knot_stake::stake(model, record, [n.torque, n.gyro]));
+        let stake = || noise.and_then(|(n, reflected)| knot_stake::stake(model, record, [n.torque, n.gyro], reflected));
         let (motion, noise) = motion_of(model, record, stake, from_rest)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
         Ok(Self { motion: motion.into(), noise, sampling, disturbances: Vec::new(), kept: None, passing: None })

@@ -18,8 +18,9 @@ const FREE: f64 = 1e-3;
 
 /// For every joint, the norm of the torques that its unit acceleration takes over the deviation of the torque sensors (N m), and that of the
 /// base's angular rate that its unit rate causes over the deviation of the gyro (rad/s): base and passive coordinates free, root mean square
-/// over the poses, at the nominal parameters. `None` where a mass matrix is not definite. Allocates.
-pub(crate) fn stake(model: &Model, record: &Record, [torque, gyro]: [f64; 2]) -> Option<Stake> {
+/// over the poses, at the nominal parameters, with `reflected` inertia of rotors and gears (kg m^2; none when empty) where torques are those of
+/// motors. `None` where a mass matrix is not definite. Allocates.
+pub(crate) fn stake(model: &Model, record: &Record, [torque, gyro]: [f64; 2], reflected: &[f64]) -> Option<Stake> {
     let params = Params::<f64>::nominal(model);
     let (n, m) = (model.nj(), model.np());
     let nb = model.nv() - n - m;
@@ -37,7 +38,8 @@ pub(crate) fn stake(model: &Model, record: &Record, [torque, gyro]: [f64; 2]) ->
         let cut = |rows: &[usize], cols: &[usize]| h.select_rows(rows).select_columns(cols);
         let h_um = cut(&free, &joints);
         let x = cut(&free, &free).cholesky()?.solve(&h_um);
-        let effective = cut(&joints, &joints) - h_um.transpose() * &x;
+        let mut effective = cut(&joints, &joints) - h_um.transpose() * &x;
+        reflected.iter().enumerate().for_each(|(j, i)| effective[(j, j)] += i);
         // Twists list the velocity first, then the rate.
         let base = x.rows(nb.min(3), nb.min(3));
         of_rates.iter_mut().zip(base.column_iter()).for_each(|(s, c)| *s += c.norm_squared());

@@ -1,6 +1,7 @@
 //! The errors that are tried: which columns belong together, what they are called and how they are told.
 
 use crate::compose::several::is_called;
+use crate::estimate::ground::joint_terms::JointTerm;
 use crate::estimate::output_options::Options;
 use crate::uncertain::score::Combination;
 use crate::uncertain::source::ErrorSource;
@@ -111,8 +112,8 @@ fn sensors(model: &Model) -> Vec<Hypothesis> {
         one("torque-drift", format!("a bias of the torque sensor of {j} that drifts"), "torque.drift", "N m/s");
         one("compliance", format!("an elastic {j} with its encoder on the motor's side"), "compliance", "rad/(N m)");
         let friction = vec![
-            component("viscous", format!("friction.viscous.{j}"), "N m s/rad"),
-            component("coulomb", format!("friction.coulomb.{j}"), "N m"),
+            component("viscous", JointTerm::Viscous.name(&j), JointTerm::Viscous.unit(false)),
+            component("coulomb", JointTerm::Coulomb.name(&j), JointTerm::Coulomb.unit(false)),
         ];
         let words = format!("friction between the torque sensor of {j} and the link");
         out.push(Hypothesis::new(format!("friction.{j}"), words, friction));

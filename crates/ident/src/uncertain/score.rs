@@ -158,6 +158,7 @@ impl Scores {
         let (mut triangle, mut cross) = (DMatrix::zeros(0, n + 1), DMatrix::zeros(n, c + m));
         let (mut own, mut rows) = (DMatrix::zeros(c, c + m + 1), 0);
         let mut drawn_rows = DMatrix::zeros(estimator.rows(), m);
+        let left_out = estimator.left_out();
         let mut block = RowBlock::default();
         for mut stream in estimator.streams(at.full, at.extra, at.selected)? {
             while stream.next(&mut block)? {
@@ -227,7 +228,7 @@ impl Scores {
         let noise = if m == 0 { DMatrix::zeros(c, c) } else { &drawn * drawn.transpose() / m as f64 };
         let chi2 = rest.rows(n, rest.len() - n).norm_squared();
         let motion = (drawn_rows.norm_squared() - vm.norm_squared()).max(0.0) / m.max(1) as f64;
-        let freedom = (rows + known.len()).saturating_sub(n);
+        let freedom = (rows + known.len()).saturating_sub(n + left_out);
         let asked = at.asked.to_vec();
         Ok(Self { s, size, slope, noise, follow, deviation, asked, drawn: drawn_rows, chi2, freedom, motion })
     }

@@ -1,5 +1,6 @@
 //! What may be wrong beside the parameters: errors of sensors, of joints and of what pushes the base.
 
+use crate::estimate::ground::joint_terms::JointTerm;
 use crate::uncertain::oscillator::OscillatorColumn;
 
 /// Coordinate axes.
@@ -10,9 +11,12 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// With the predicted torque `tau_j` and base rate `w`, time `t` since the middle of the record, and rates `qd_j`, the sensors read
 ///
 /// ```text
-/// tau_j    (1 + gain + gain_j) tau_j(t - skew t) + drift_j t + sum_k walk_jk ramp_k + v_j qd_j + c_j sign(qd_j)
+/// tau_j    ((1 + gain + gain_j) tau_j(t - skew t) + drift_j t + sum_k walk_jk ramp_k + f_j(qd_j, qdd_j, tau_j)) / k_j
 /// gyro     diag(1 + scale + scale_i) exp([rotation x]) w(t - skew t) + drift t + sum_k walk_k ramp_k
 /// ```
+///
+/// with the terms `f_j` of the joint ([`JointTerm`]: friction, reflected inertia) and the gain `k_j` of its drive where the channel is the
+/// current of its motor ([`ErrorSource::DriveGain`]), else one.
 ///
 /// and the robot moves by `q_j - compliance_j tau_j` where the encoder reads `q_j`, under a constant wrench on its base. Placements
 /// of joints and mounts (encoder offsets, lengths of links, mounts) are [`ff_model::Model::kinematic_params`], biases and delays
@@ -25,7 +29,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// assert_eq!(source.name(&["shoulder".into(), "elbow".into()]), "torque.gain.elbow");
 /// assert_eq!((source.unit(), ErrorSource::GyroRotation(2).unit()), ("1", "rad"));
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ErrorSource {
     /// Relative gain of all torque sensors, or of that of one joint.
     TorqueGain(Option<usize>),
@@ -33,10 +37,12 @@ pub enum ErrorSource {
     TorqueDrift(usize),
     /// Change of the bias of a torque sensor during one part of the record (N m).
     TorqueWalk(usize, WalkPart),
-    /// Viscous friction between the gear and the torque sensor's side of a joint (N m s/rad).
-    ViscousFriction(usize),
-    /// Coulomb friction there (N m).
-    CoulombFriction(usize),
+    /// A term of the torque of a joint beside that of the bodies, which a sensor on the motor's side of the gear reads: friction, reflected
+    /// inertia. Linear in its coefficient, since the motion of the joint is known.
+    Joint(usize, JointTerm),
+    /// Torque of a joint by the current of its motor (N m/A), which its channel reads in place of the torque. The one error that is none at no
+    /// size: a record of currents needs it, and it is never zero.
+    DriveGain(usize),
     /// How slowly the clock of the torques runs against that of the encoders, relative.
     TorqueSkew,
     /// Relative scale of the gyro, or of one of its axes.
@@ -96,8 +102,8 @@ impl ErrorSource {
         let mut out = vec![Self::TorqueGain(None), Self::GyroScale(None), Self::TorqueSkew, Self::GyroSkew];
         out.extend(each(|j| Self::TorqueGain(Some(j)), joints));
         out.extend(each(Self::TorqueDrift, joints));
-        out.extend(each(Self::ViscousFriction, joints));
-        out.extend(each(Self::CoulombFriction, joints));
+        out.extend(each(|j| Self::Joint(j, JointTerm::Viscous), joints));
+        out.extend(each(|j| Self::Joint(j, JointTerm::Coulomb), joints));
         out.extend(each(Self::Compliance, joints));
         out.extend(each(|i| Self::GyroScale(Some(i)), 3));
         out.extend(each(Self::GyroRotation, 3));
@@ -116,8 +122,8 @@ impl ErrorSource {
             Self::TorqueGain(Some(j)) => format!("torque.gain.{}", joints[j]),
             Self::TorqueDrift(j) => format!("torque.drift.{}", joints[j]),
             Self::TorqueWalk(j, part) => format!("torque.walk.{}[{}]", joints[j], part.index),
-            Self::ViscousFriction(j) => format!("friction.viscous.{}", joints[j]),
-            Self::CoulombFriction(j) => format!("friction.coulomb.{}", joints[j]),
+            Self::Joint(j, term) => term.name(&joints[j]),
+            Self::DriveGain(j) => format!("drive.{}.gain", joints[j]),
             Self::TorqueSkew => "torque.skew".into(),
             Self::GyroScale(None) => "gyro.scale".into(),
             Self::GyroScale(Some(i)) => format!("gyro.scale.{}", AXES[i]),
@@ -131,13 +137,24 @@ impl ErrorSource {
             Self::Oscillator(k, column) => format!("oscillator[{k}].{}", column.name()),
         }
     }
+    /// The term or the gain of the drive of a joint that is called so, given the names of the joints: `friction.elbow.viscous`,
+    /// `drive.elbow.inertia`, `drive.elbow.gain`.
+    pub fn of_joint(name: &str, joints: &[String]) -> Option<Self> {
+        joints.iter().enumerate().find_map(|(j, joint)| {
+            if *name == Self::DriveGain(j).name(joints) {
+                return Some(Self::DriveGain(j));
+            }
+            JointTerm::of_name(name, joint).map(|term| Self::Joint(j, term))
+        })
+    }
     /// Its SI unit; of turning joints, for those of a joint.
     pub fn unit(&self) -> &'static str {
         match self {
             Self::TorqueGain(_) | Self::GyroScale(_) | Self::TorqueSkew | Self::GyroSkew => "1",
             Self::TorqueDrift(_) => "N m/s",
-            Self::ViscousFriction(_) => "N m s/rad",
-            Self::CoulombFriction(_) | Self::Moment(_) | Self::TorqueWalk(..) => "N m",
+            Self::Joint(_, term) => term.unit(false),
+            Self::DriveGain(_) => "N m/A",
+            Self::Moment(_) | Self::TorqueWalk(..) => "N m",
             Self::GyroRotation(_) => "rad",
             Self::GyroDrift(_) => "rad/s^2",
             Self::GyroWalk(..) => "rad/s",
@@ -150,8 +167,8 @@ impl ErrorSource {
     pub fn is_of_robot(&self) -> bool {
         match self {
             Self::TorqueGain(_)
-            | Self::ViscousFriction(_)
-            | Self::CoulombFriction(_)
+            | Self::Joint(..)
+            | Self::DriveGain(_)
             | Self::GyroScale(_)
             | Self::GyroRotation(_)
             | Self::Compliance(_) => true,
@@ -169,15 +186,12 @@ impl ErrorSource {
     /// A size that would be relevant, with sensors of this noise (N m, rad/s) and a record of so many seconds.
     pub fn size(&self, torque: f64, gyro: f64, seconds: f64) -> f64 {
         match self {
-            Self::TorqueGain(_) | Self::GyroScale(_) | Self::GyroRotation(_) => 1e-2,
+            Self::TorqueGain(_) | Self::GyroScale(_) | Self::GyroRotation(_) | Self::DriveGain(_) => 1e-2,
             Self::TorqueSkew | Self::GyroSkew => 1e-3,
             Self::TorqueDrift(_) => torque / seconds,
             Self::GyroDrift(_) => gyro / seconds,
-            Self::ViscousFriction(_)
-            | Self::CoulombFriction(_)
-            | Self::TorqueWalk(..)
-            | Self::Moment(_)
-            | Self::Force(_) => torque,
+            Self::Joint(_, JointTerm::Load) => 1e-2,
+            Self::Joint(..) | Self::TorqueWalk(..) | Self::Moment(_) | Self::Force(_) => torque,
             Self::GyroWalk(..) => gyro,
             Self::Compliance(_) => 1e-4,
             Self::Oscillator(_, OscillatorColumn::Inertia(_)) => 1.0,
@@ -191,8 +205,8 @@ impl ErrorSource {
             Self::TorqueGain(Some(j))
             | Self::TorqueDrift(j)
             | Self::TorqueWalk(j, _)
-            | Self::ViscousFriction(j)
-            | Self::CoulombFriction(j)
+            | Self::Joint(j, _)
+            | Self::DriveGain(j)
             | Self::Compliance(j) => j < joints,
             Self::GyroScale(Some(i))
             | Self::GyroRotation(i)
@@ -208,8 +222,8 @@ impl ErrorSource {
             Self::TorqueGain(_)
             | Self::TorqueDrift(_)
             | Self::TorqueWalk(..)
-            | Self::ViscousFriction(_)
-            | Self::CoulombFriction(_)
+            | Self::Joint(..)
+            | Self::DriveGain(_)
             | Self::TorqueSkew => ActsOn::Readings(0),
             Self::GyroScale(_) | Self::GyroRotation(_) | Self::GyroDrift(_) | Self::GyroWalk(..) | Self::GyroSkew => {
                 ActsOn::Readings(1)

@@ -53,6 +53,9 @@ pub(super) fn apply(
             UncertainKind::Changes | UncertainKind::BiasWalks => {
                 bail!("{}: the worlds of this study have one record", u.name)
             }
+            UncertainKind::JointTerms | UncertainKind::DriveGains => {
+                bail!("{}: the worlds of this study read torques behind the gears", u.name)
+            }
             UncertainKind::Masses | UncertainKind::CentresOfMass | UncertainKind::Inertias => {
                 let of = u.name.strip_prefix("error.").and_then(|n| n.rsplit_once('.'));
                 bodies.entry(of.with_context(|| u.name.clone())?.0).or_default().push(u);

@@ -195,6 +195,9 @@ fn one(of: &System, trial: Trial) -> anyhow::Result<End> {
         max_iterations: 100,
         limit: EXPLAINED,
         loss: Loss::Squares,
+        current_noise: 0.0,
+        drives: Vec::new(),
+        reflected_inertia: Vec::new(),
         held_errors: Vec::new(),
         low_pass_hz: None,
     };

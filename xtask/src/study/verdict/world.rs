@@ -81,6 +81,9 @@ impl World {
             max_iterations: 100,
             limit: EXPLAINED,
             adopt: Vec::new(),
+            current_noise: 0.0,
+            drives: Vec::new(),
+            reflected_inertia: Vec::new(),
             held_errors: Vec::new(),
             low_pass_hz: None,
         };

@@ -23,6 +23,10 @@ pub(super) struct Case<'a> {
     pub(super) level: Level,
     /// What the integration has to follow at the first sample (Hz); 0 for a rigid robot.
     pub(super) fastest_hz: f64,
+    /// Gains (N m/A) of the joints whose currents were read, by which they stand as torques here; none without currents.
+    pub(super) gains: Vec<Option<f64>>,
+    /// Whether torques may jump where a joint turns back: they are read on the motor's side.
+    pub(super) jumps: bool,
 }
 
 impl<'a> Case<'a> {
@@ -31,10 +35,11 @@ impl<'a> Case<'a> {
         labelled: &'a LabelledRecord,
         record: &'a Record,
         s: &Settings,
+        jumps: bool,
     ) -> Result<Self, IdentifyError> {
         let (model, record) = (&opened.model, record);
         record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
-        let level = Level::of(record);
+        let level = Level::of(record, jumps);
         // A mission of perfect sensors does not say what a reading weighs; the record does.
         let or = |given: f64, measured: &[f64]| {
             let most = measured.iter().copied().fold(1e-12, f64::max);
@@ -52,7 +57,8 @@ impl<'a> Case<'a> {
         let sensors = opened.mission.as_ref().map(|m| m.sensors.clone()).unwrap_or_default();
         let label = &labelled.label;
         let fastest_hz = fastest(model, record);
-        Ok(Self { model, record, label, settings, sensors, estimated: &opened.estimated, level, fastest_hz })
+        let (estimated, gains) = (&opened.estimated[..], Vec::new());
+        Ok(Self { model, record, label, settings, sensors, estimated, level, fastest_hz, gains, jumps })
     }
     /// Standard deviations of torques and gyro, in the order of [`Record::responses`].
     pub(super) fn sigma(&self) -> Vec<f64> {

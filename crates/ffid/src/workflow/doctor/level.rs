@@ -5,6 +5,8 @@ use nalgebra::{DMatrix, DVectorView};
 
 /// Distinct readings of a channel above which it has no steps that matter.
 const MOST_LEVELS: usize = 50_000;
+/// Median of the size of a normal variable of unit deviation.
+const MEDIAN: f64 = 0.674_489_75;
 /// Deviation of a difference of readings from a multiple of the step, in steps.
 const ON_GRID: f64 = 0.02;
 
@@ -19,13 +21,19 @@ pub(super) struct Level {
 }
 
 impl Level {
-    pub(super) fn of(r: &Record) -> Self {
+    /// `jumps`: torques change at once where a joint turns back, as those of dry friction do.
+    pub(super) fn of(r: &Record, jumps: bool) -> Self {
+        let torque = |m: &DMatrix<f64>| -> Vec<f64> {
+            m.column_iter()
+                .map(|c| if jumps { typical(c.as_view(), 6) } else { by_differences(c.as_view(), 6) })
+                .collect()
+        };
         let sixth = |m: &DMatrix<f64>| m.column_iter().map(|c| by_differences(c.as_view(), 6)).collect();
         let steps = |m: &DMatrix<f64>| m.column_iter().map(|c| step(c.as_view())).collect();
         Self {
             position: sixth(r.q()),
             position_step: steps(r.q()),
-            torque: sixth(r.tau()),
+            torque: torque(r.tau()),
             torque_step: steps(r.tau()),
             gyro: sixth(r.gyro()),
             gyro_step: steps(r.gyro()),
@@ -35,6 +43,21 @@ impl Level {
 
 /// Standard deviation of white noise, from differences of order `order` (at most 6); 0 for a channel that is too short.
 pub(super) fn by_differences(x: DVectorView<'_, f64>, order: usize) -> f64 {
+    let (mut squares, variance) = differences(x, order);
+    squares.iter_mut().for_each(|d| *d *= *d);
+    if squares.is_empty() { 0.0 } else { (squares.iter().sum::<f64>() / squares.len() as f64 / variance).sqrt() }
+}
+
+/// [`by_differences`] by the median of their sizes, on which a few jumps have no part.
+pub(super) fn typical(x: DVectorView<'_, f64>, order: usize) -> f64 {
+    let (mut all, variance) = differences(x, order);
+    all.iter_mut().for_each(|d| *d = d.abs());
+    all.sort_unstable_by(f64::total_cmp);
+    all.get(all.len() / 2).map_or(0.0, |d| d / MEDIAN / variance.sqrt())
+}
+
+/// Differences of an order, and their variance for white noise of unit variance.
+fn differences(x: DVectorView<'_, f64>, order: usize) -> (Vec<f64>, f64) {
     let mut weights = vec![1.0];
     for _ in 0..order {
         let mut next = vec![0.0; weights.len() + 1];
@@ -45,12 +68,8 @@ pub(super) fn by_differences(x: DVectorView<'_, f64>, order: usize) -> f64 {
         weights = next;
     }
     let variance: f64 = weights.iter().map(|w| w * w).sum();
-    let rows = x.len().saturating_sub(order);
-    if rows == 0 {
-        return 0.0;
-    }
-    let one = |i: usize| weights.iter().enumerate().map(|(a, w)| w * x[i + a]).sum::<f64>().powi(2);
-    ((0..rows).map(one).sum::<f64>() / rows as f64 / variance).sqrt()
+    let one = |i: usize| weights.iter().enumerate().map(|(a, w)| w * x[i + a]).sum::<f64>();
+    ((0..x.len().saturating_sub(order)).map(one).collect(), variance)
 }
 
 /// The step of the readings: the least difference of sorted values, where all are multiples of it; else 0.

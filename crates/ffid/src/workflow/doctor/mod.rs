@@ -35,10 +35,10 @@ mod text;
 
 pub use diagnosis::{Diagnosis, Finding, Judgement, Topic};
 
-use super::identify::{IdentifyError, LabelledRecord, Method, Settings, method};
+use super::identify::{IdentifyError, LabelledRecord, Method, Settings, behind_gears, method};
 use crate::open::Opened;
 use case::{Case, Scales};
-use ff_model::{Area, Model, Problem, Problems};
+use ff_model::{Area, Model, Params, Problem, Problems};
 use ff_records::Record;
 use prediction::Prediction;
 use std::borrow::Cow;
@@ -52,6 +52,21 @@ fn on_one_clock(labelled: &LabelledRecord) -> Result<Cow<'_, Record>, IdentifyEr
         let p = Problem::error(Area::Data, "Data::TimeBase", e.to_string()).on(&labelled.label);
         IdentifyError::Refused(Problems(vec![p.hint("cut the record to what all channels cover")]))
     })
+}
+
+/// The record with torques of the bodies in place of what is read on the motor's side, at the values of the mission; settings and gains of a fit of it.
+/// As it is on a base that is bolted down, and where its motion cannot be followed, which the prediction says.
+fn torques_behind<'r>(
+    opened: &Opened,
+    record: &'r Record,
+    s: &Settings,
+) -> (Cow<'r, Record>, Settings, Vec<Option<f64>>) {
+    let model = &opened.model;
+    let plain = || (Cow::Borrowed(record), s.clone(), Vec::new());
+    if !is_predicted(model, s) {
+        return plain();
+    }
+    behind_gears(model, Params::nominal(model).values(), record, s).unwrap_or_else(|_| plain())
 }
 
 /// Whether torques and gyro follow from a simulation: not on a base that is bolted down, whose joints have friction.
@@ -73,7 +88,9 @@ pub fn diagnose(
     let mut findings = Vec::new();
     for (k, labelled) in records.iter().enumerate() {
         let even = on_one_clock(labelled)?;
-        let case = Case::new(opened, labelled, &even, settings)?;
+        let (even, own, gains) = torques_behind(opened, &even, settings);
+        let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
+        let case = Case { gains, ..Case::new(opened, labelled, &even, &own, jumps)? };
         findings.push(gaps::finding(&case, warnings.get(k)));
         let moves = excitation::findings(&case);
         let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
@@ -120,7 +137,7 @@ pub fn standing_still(
     settings: &Settings,
 ) -> Result<Problems, IdentifyError> {
     let even = on_one_clock(labelled)?;
-    moving(&Case::new(opened, labelled, &even, settings)?)
+    moving(&Case::new(opened, labelled, &even, settings, false)?)
 }
 
 fn moving(case: &Case<'_>) -> Result<Problems, IdentifyError> {
@@ -139,7 +156,9 @@ pub fn before_fit(opened: &Opened, labelled: &LabelledRecord, settings: &Setting
         return Ok(Problems::default());
     }
     let even = on_one_clock(labelled)?;
-    let case = Case::new(opened, labelled, &even, settings)?;
+    let (even, own, gains) = torques_behind(opened, &even, settings);
+    let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
+    let case = Case { gains, ..Case::new(opened, labelled, &even, &own, jumps)? };
     let mut found = moving(&case)?;
     let wrong = |f: Finding| f.problem.filter(|_| f.judgement == Judgement::Wrong);
     let predicted = Prediction::new(&case, case.record);

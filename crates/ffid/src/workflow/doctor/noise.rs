@@ -6,7 +6,7 @@
 
 use super::case::{Case, Scales};
 use super::diagnosis::{Finding, Judgement, Topic};
-use super::level::by_differences;
+use super::level::{by_differences, typical};
 use crate::workflow::identify::num;
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, JointKind, Problem};
@@ -31,6 +31,8 @@ struct Sensor<'a> {
     /// Factor by which each channel is off.
     scales: Vec<f64>,
     steps: &'a [f64],
+    /// Whether its channels jump now and then.
+    jumps: bool,
 }
 
 pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
@@ -49,6 +51,7 @@ pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
             quantum_key: "[sensors.encoder] bits",
             scales: scales.position.clone(),
             steps: &case.level.position_step,
+            jumps: false,
         },
         Sensor {
             data: r.tau(),
@@ -60,8 +63,12 @@ pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
             quantum_key: "[sensors.torque] lsb_nm",
             scales: scales.torque.clone(),
             steps: &case.level.torque_step,
+            jumps: case.jumps,
         },
     ];
+    if case.gains.iter().any(Option::is_some) {
+        all.splice(1..2, currents(case, scales));
+    }
     if !r.is_fixed_base() {
         all.push(Sensor {
             data: r.gyro(),
@@ -73,9 +80,29 @@ pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
             quantum_key: "[sensors.gyro] lsb_rad_per_s",
             scales: vec![scales.gyro; 3],
             steps: &case.level.gyro_step,
+            jumps: false,
         });
     }
     all.iter().flat_map(|sensor| of_sensor(case, sensor)).collect()
+}
+
+/// Currents that stand as torques, in A again.
+fn currents<'c>(case: &'c Case<'_>, scales: &Scales) -> Option<Sensor<'c>> {
+    // What one sensor says of all its channels; of a mixture nothing is judged.
+    let gains = case.gains.iter().copied().collect::<Option<Vec<f64>>>()?;
+    let s = &case.sensors.current;
+    Some(Sensor {
+        data: case.record.tau(),
+        names: case.record.joint_names().iter().map(|j| format!("current.{j}")).collect(),
+        units: vec!["A"; gains.len()],
+        key: "[sensors.current] noise_std_a",
+        noise: s.noise_std_a,
+        quantum: s.lsb_a,
+        quantum_key: "[sensors.current] lsb_a",
+        scales: gains.iter().zip(&scales.torque).map(|(k, scale)| k.abs() * scale).collect(),
+        steps: &case.level.torque_step,
+        jumps: true,
+    })
 }
 
 /// How the noise of a channel differs from what the mission says.
@@ -93,7 +120,8 @@ fn differing(s: &Sensor<'_>, expected: f64) -> Vec<(usize, Differs, f64)> {
     }
     let one = |k: usize| {
         let x = s.data.column(k);
-        let [three, four, six] = [3, 4, 6].map(|o| by_differences(x.as_view(), o) / s.scales[k]);
+        let of = if s.jumps { typical } else { by_differences };
+        let [three, four, six] = [3, 4, 6].map(|o| of(x.as_view(), o) / s.scales[k]);
         let step = s.steps[k] / s.scales[k];
         let of_step = step / 12f64.sqrt();
         // Steps of a channel at rest hide its noise.
@@ -117,7 +145,8 @@ fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
     let unit = s.units.first().copied().unwrap_or("");
     let found = differing(s, expected);
     if found.is_empty() {
-        let all = (0..s.names.len()).map(|k| by_differences(s.data.column(k).as_view(), 6) / s.scales[k]);
+        let of = if s.jumps { typical } else { by_differences };
+        let all = (0..s.names.len()).map(|k| of(s.data.column(k).as_view(), 6) / s.scales[k]);
         let (low, high) = all.fold((f64::INFINITY, 0.0f64), |(a, b), x| (a.min(x), b.max(x)));
         let text = if expected > 0.0 {
             format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, the mission has {expected:.2e}")

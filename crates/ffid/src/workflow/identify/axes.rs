@@ -1,5 +1,6 @@
 //! Axis mismatch (row D21) as problems: is a sensor turned, or its sign reversed? [`ident::checks::axis_mismatches`].
 
+use super::drives::behind_gears;
 use super::error::IdentifyError;
 use super::record_estimator::{RecordEstimator, setup};
 use super::settings::Settings;
@@ -17,14 +18,21 @@ const XYZ: [&str; 3] = ["x", "y", "z"];
 pub fn mismatch(model: &Model, values: &[f64], record: &Record, s: &Settings) -> Result<Problems, IdentifyError> {
     // Axes and signs are told from magnitudes.
     let even = record.bridged().map_err(ident::SetupError::from).map_err(setup)?;
-    let record = &even;
+    let (record, s, gains) = behind_gears(model, values, &even, s)?;
+    let (record, s) = (&*record, &s);
     let mut fit = RecordEstimator::new(model, record, s)?;
     let sigma = fit.sigmas(model);
     let e = fit.estimator();
     let mut r = vec![0.0; e.rows()];
     let zeros = vec![0.0; e.nuisance().len()];
     e.residuals(values, &zeros, &mut r).map_err(|e| IdentifyError::Model(e.to_string()))?;
-    Ok(Problems(axis_mismatches(record, &r, &sigma).iter().map(|m| problem(m, record)).collect()))
+    // The gain of a drive has the sign that the record asks for.
+    let told = |m: &AxisMismatch| match *m {
+        AxisMismatch::Torque { joint, .. } => gains.get(joint).copied().flatten().is_none(),
+        AxisMismatch::Gyro { .. } => true,
+    };
+    let all = axis_mismatches(record, &r, &sigma);
+    Ok(Problems(all.iter().filter(|m| told(m)).map(|m| problem(m, record)).collect()))
 }
 
 /// A mismatch as an error.

@@ -4,6 +4,7 @@
 
 use super::clocks::set_clocks;
 use super::decay::{DecayOutcome, decay_modes};
+use super::drives::behind_gears;
 use super::error::IdentifyError;
 use super::held_out::nuisance;
 use super::identified::Identified;
@@ -75,7 +76,8 @@ pub fn identify_checked(
     // A start in the middle of a motion is not predicted by the comparison of clocks.
     // Nor is a clock put right where another error explains more.
     // With errors of sensors among the unknowns, which the comparison of clocks does not know, clocks are among the errors that are tested.
-    let errors = found.result.uncertain.iter().any(|u| u.kind.is_shared());
+    let of_drives = !s.drives.is_empty() || records.iter().any(|r| !r.record.has_torques());
+    let errors = of_drives || found.result.uncertain.iter().any(|u| u.kind.is_shared());
     let may_be = checks.clocks == ClockPolicy::Require || !errors && speaks_for(&found, &CLOCKS);
     // Nor are clocks compared where channels count at times of their own: errors of clocks are among those that are tested.
     let even = records.iter().all(|r| r.record.is_uniform() && !r.continues);
@@ -152,12 +154,10 @@ fn momentum(
     watch: &Observer<'_>,
 ) -> Result<Option<MomentumChange>, IdentifyError> {
     let even = labelled.record.bridged().map_err(ident::SetupError::from).map_err(setup)?;
-    let (model, record) = (&opened.model, &even);
-    let s = Settings {
-        method: Some(Method::OutputError),
-        initial_state: s.initial_state || labelled.continues,
-        ..s.clone()
-    };
+    let model = &opened.model;
+    let (record, s, _) = behind_gears(model, &found.values, &even, s)?;
+    let record = &*record;
+    let s = Settings { method: Some(Method::OutputError), initial_state: s.initial_state || labelled.continues, ..s };
     let mut fit = RecordEstimator::new(model, record, &s)?;
     let beside = nuisance(fit.estimator(), &found.values, &s, watch)?;
     let at = (found.values.as_slice(), found.selected.as_slice());

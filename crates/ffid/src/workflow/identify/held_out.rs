@@ -1,6 +1,7 @@
 //! Does the model explain data it has not seen? Parameters stay as they are; biases and initial state, which belong to
 //! the record and not to the robot, are fitted.
 
+use super::drives;
 use super::error::IdentifyError;
 use super::evidence::{Evidence, State};
 use super::ground;
@@ -89,6 +90,11 @@ pub fn predict_held_out(
         return on_the_ground(model, values, arm, record, s, source.into());
     }
     let names: Vec<String> = s.held_errors.iter().map(|e| e.0.clone()).collect();
+    drives::gains_known(model, record, &names)?;
+    let of = String::from("held-out");
+    let one =
+        [LabelledRecord { label: of, record: record.clone(), resampled: (false, false), continues: false, ago: 0 }];
+    let s = &drives::settled(model, &one, s)?;
     let fit = RecordEstimator::beside(model, record, s, &UncertainItems::held(model, &names), &[])?;
     let sigma = fit.sigmas(model);
     let mut estimator = SharedErrors::new(fit.into_estimator(), values.len(), &names, &[]);

@@ -64,6 +64,7 @@ fn write(path: &Path, model: &Model, r: &Record) -> Result<(), Failure> {
     let joints = joints_of(model);
     let time: Vec<f64> = (0..r.samples()).map(|i| r.time(i)).collect();
     let columns = CsvWriter {
+        currents: r.currents(),
         joints: &joints,
         time: &time,
         q: r.q(),

@@ -3,6 +3,7 @@
 //! ```text
 //! run::identify           one fit
 //!   Unknowns              parameters, ties, priors, start
+//!   drives                channels on the motor's side: friction, reflected inertia, gains of currents
 //!   RecordEstimator       Rda | OutputError for each record -> Several -> Tied -> estimate | best_of
 //!   elsewhere, valleys    other starts where the fit ended in a wrong valley, minima beside its end
 //!   bends                 valleys that are no parabola within the deviations
@@ -29,6 +30,7 @@ mod consider;
 mod course;
 pub(crate) mod decay;
 pub mod draws;
+mod drives;
 mod elsewhere;
 mod error;
 pub(crate) mod evidence;
@@ -72,6 +74,8 @@ pub use bandwidth::{Bandwidth, NoBandwidth, choose_low_pass};
 pub use checked::{AxesCheck, identify_checked};
 pub use compare::{Comparison, compare_variants};
 pub use course::{Course, CoursePoint};
+pub(in crate::workflow) use drives::behind_gears;
+pub use drives::joint_torques;
 pub use error::IdentifyError;
 pub use evidence::{ErrorSize, Evidence, Harm, NamedError, State};
 pub use findings::{

@@ -134,6 +134,9 @@ impl Estimator for ObservedEstimator<'_> {
     fn rows(&self) -> usize {
         self.inner.rows()
     }
+    fn left_out(&self) -> usize {
+        self.inner.left_out()
+    }
     fn nuisance(&self) -> Vec<Unknown> {
         self.inner.nuisance()
     }

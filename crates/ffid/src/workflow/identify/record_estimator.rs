@@ -1,13 +1,14 @@
 //! The estimator that predicts one record.
 
 use super::adoption::Adopted;
+use super::drives::Drives;
 use super::error::{IdentifyError, config};
 use super::result::fit::Method;
 use super::settings::{Settings, method};
 use super::uncertain::UncertainItems;
 use crate::modes::held;
 use crate::workflow::preflight::step;
-use ff_model::{Area, Model, Params, Problem, Problems};
+use ff_model::{Area, BaseKind, Model, Params, Problem, Problems};
 use ff_records::Record;
 use ident::Estimator;
 use ident::SetupError;
@@ -22,6 +23,8 @@ pub struct RecordEstimator<'a> {
     twin: Option<OutputError<'a>>,
     method: Method,
     noise: Noise,
+    /// Standard deviation of every torque channel in its unit; none for torques that are all alike.
+    channel_noise: Vec<f64>,
     /// Errors that this record alone has.
     own: Vec<ErrorSource>,
 }
@@ -42,7 +45,10 @@ impl<'a> RecordEstimator<'a> {
         uncertain: &UncertainItems,
         own: &[ErrorSource],
     ) -> Result<Self, IdentifyError> {
-        let method = method(model, s.method);
+        let drives = Drives::of(model, record, s);
+        // The rigid method knows no friction and no currents; it makes way unless it is asked for.
+        let makes_way = s.method.is_none() && !drives.is_empty() && model.base_kind() == BaseKind::Floating;
+        let method = if makes_way { Method::OutputError } else { method(model, s.method) };
         let mut twin = None;
         let estimator: Box<dyn Estimator + 'a> = match method {
             Method::Ground => {
@@ -51,13 +57,15 @@ impl<'a> RecordEstimator<'a> {
             }
             Method::Rda => Box::new(Rda::new(model, record, &s.noise).map_err(setup)?),
             Method::OutputError => {
-                let options = Options { substeps: substeps(model, record), ..wanted(model, s, uncertain, own)? };
+                let mut options = Options { substeps: substeps(model, record), ..wanted(model, s, uncertain, own)? };
+                drives.widen(&mut options);
                 let fit = OutputError::new(model, record, &options).map_err(setup)?;
                 twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
                 Box::new(fit)
             }
         };
-        Ok(Self { estimator, record: (model, record), twin, method, noise: s.noise, own: own.to_vec() })
+        let channel_noise = drives.channel_noise().to_vec();
+        Ok(Self { estimator, record: (model, record), twin, method, noise: s.noise, channel_noise, own: own.to_vec() })
     }
     /// [`RecordEstimator::beside`] with the motion of another estimator of the same record, and joints deflected by the torques of
     /// the model at these parameters.
@@ -73,9 +81,10 @@ impl<'a> RecordEstimator<'a> {
         };
         let options = Options { deflected_at: Some(at.to_vec()), ..wanted(record.0, s, uncertain, &twin.own)? };
         let fit = of.with_options(&options).map_err(setup)?;
-        let own = twin.own.clone();
+        let (own, channel_noise) = (twin.own.clone(), twin.channel_noise.clone());
         let twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
-        Ok(Self { estimator: Box::new(fit), record, twin, method: Method::OutputError, noise: s.noise, own })
+        let (estimator, method) = (Box::new(fit), Method::OutputError);
+        Ok(Self { estimator, record, twin, method, noise: s.noise, channel_noise, own })
     }
     /// Output error of the same record that predicts it alone: no unknowns beside the parameters, every reading counting alike. `None` for
     /// the rigid method.
@@ -93,12 +102,15 @@ impl<'a> RecordEstimator<'a> {
     }
     /// The estimator, and what makes others of the same record.
     pub(super) fn split(self) -> (Box<dyn Estimator + 'a>, Twin<'a>) {
-        let Self { estimator, record, twin, noise, own, .. } = self;
-        (estimator, Twin { record, of: twin, noise, own, changes: Vec::new() })
+        let Self { estimator, record, twin, noise, channel_noise, own, .. } = self;
+        (estimator, Twin { record, of: twin, noise, channel_noise, own, changes: Vec::new() })
     }
     /// Standard deviation of every channel of a sample, in the order of the residuals.
     pub fn sigmas(&self, model: &Model) -> Vec<f64> {
         match self.method {
+            Method::OutputError if !self.channel_noise.is_empty() => {
+                self.channel_noise.iter().copied().chain([self.noise.gyro; 3]).collect()
+            }
             Method::OutputError => sigmas(model, &self.noise),
             _ => vec![self.noise.torque; model.nj()],
         }
@@ -126,6 +138,7 @@ pub(super) struct Twin<'a> {
     record: (&'a Model, &'a Record),
     of: Option<OutputError<'a>>,
     noise: Noise,
+    channel_noise: Vec<f64>,
     /// Errors that this record alone has.
     pub(super) own: Vec<ErrorSource>,
     /// Parameters that are others in it than in the last record, with the sizes of their steps.

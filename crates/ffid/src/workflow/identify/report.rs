@@ -92,7 +92,11 @@ impl Report<'_> {
             budget,
             taken_as_exact: self.tests.map_or_else(Vec::new, |t| t.harm.clone()),
             parameters,
-            nuisance: (n..fit.estimates.len()).map(line).collect(),
+            nuisance: (0..n)
+                .filter(|&k| unknowns.beside.contains(&f.selected[k]))
+                .chain(n..fit.estimates.len())
+                .map(line)
+                .collect(),
             model: Value::all(model, self.values),
             rank: f.full.rank,
             singular_values: f.full.singular_values.clone(),

@@ -4,6 +4,7 @@ use super::adoption::Adopted;
 use super::bends;
 use super::consider::{self, Side};
 use super::course::Course;
+use super::drives;
 use super::elsewhere::{Subject, elsewhere};
 use super::error::{IdentifyError, config};
 use super::evidence::State;
@@ -62,7 +63,9 @@ pub fn identify(
     watch: &Observer<'_>,
 ) -> Result<Identified, IdentifyError> {
     let model = &opened.model;
-    check(opened, settings).map_err(IdentifyError::Refused)?;
+    if records.iter().all(|t| t.record.has_torques()) {
+        check(opened, settings).map_err(IdentifyError::Refused)?;
+    }
     for t in records {
         t.record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
     }
@@ -76,6 +79,8 @@ pub fn identify(
         ground::check(settings, options).map_err(IdentifyError::Refused)?;
         return ground::identify(opened, records, settings, options, provenance);
     }
+    let settings = &drives::settled(model, records, settings)?;
+    check(opened, settings).map_err(IdentifyError::Refused)?;
     let (setup, given) = (Setup::new(opened, records, settings, options)?, (settings, options));
     let Setup { settings, options, unknowns, shared, labels, uncertain, .. } = &setup;
     known::profiled(unknowns, options)?;
@@ -185,7 +190,8 @@ impl Setup {
         let model = &opened.model;
         let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
         let of_mission = UncertainItems::of(opened);
-        let mut every = of_mission.in_records(opened.mission.as_ref(), model, records, settings)?;
+        let every = of_mission.in_records(opened.mission.as_ref(), model, records, settings)?;
+        let mut every = every.with_drives(model, records, settings)?;
         if records.len() > 1 {
             adopted.share(model, &settings.noise, &mut every);
         }

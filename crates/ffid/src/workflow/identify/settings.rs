@@ -3,6 +3,7 @@
 use super::error::config;
 use super::result::fit::Method;
 use crate::open::Opened;
+use ff_mission::mission::Drive;
 use ff_model::{Area, BaseKind, Model, Problem, Problems};
 use ident::{Loss, Noise};
 
@@ -13,6 +14,12 @@ pub struct Settings {
     pub method: Option<Method>,
     /// Standard deviations of the sensors.
     pub noise: Noise,
+    /// Standard deviation of the currents of motors (A), where a record has them.
+    pub current_noise: f64,
+    /// What torque channels on the motor's side read beside the torques of the bodies (`[[drive]]` of the mission).
+    pub drives: Vec<Drive>,
+    /// Reflected inertia of the joints (kg m^2), roughly, by which a motion is fitted where torques are read on the motor's side: set by the fit itself.
+    pub reflected_inertia: Vec<f64>,
     /// Estimate gyro and torque biases, where the method knows them.
     pub biases: bool,
     /// Estimate the initial base rate and passive state.

@@ -212,6 +212,10 @@ impl Survey {
         }
         let every = matches!(columns, Columns::Every(_));
         let mut tried = if every { hypotheses(model, &estimated, end.values) } else { Vec::new() };
+        // Of the friction of a joint what is not estimated.
+        for h in tried.iter_mut().filter(|h| h.name.starts_with("friction.")) {
+            h.components.retain(|c| c.of.iter().any(|(name, _)| !own(name)));
+        }
         let held: Vec<usize> = base.iter().flat_map(|(c, _)| c.iter().map(|c| c.0)).collect();
         let mut layout = Layout::new(&tried, &names, labels_of, &held);
         // Each record but the first against all the others: what it alone would say of the parameters.

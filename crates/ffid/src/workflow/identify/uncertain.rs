@@ -56,6 +56,10 @@ pub enum UncertainKind {
     Changes,
     /// Biases that walk within a record.
     BiasWalks,
+    /// Friction and reflected inertia of joints.
+    JointTerms,
+    /// Gains of drives: torque by current.
+    DriveGains,
 }
 
 impl UncertainKind {
@@ -73,7 +77,13 @@ impl UncertainKind {
     /// The size of a small error of this kind, in words: what [`UncertainItems::small`] has as deviations.
     pub(in crate::workflow) fn small(self) -> &'static str {
         match self {
-            Self::Masses | Self::Inertias | Self::Parameters | Self::TorqueGains | Self::GyroScale => "1 %",
+            Self::Masses
+            | Self::Inertias
+            | Self::Parameters
+            | Self::TorqueGains
+            | Self::GyroScale
+            | Self::JointTerms
+            | Self::DriveGains => "1 %",
             Self::CentresOfMass => "1 mm",
             Self::Mounts | Self::Joints => "1 mm (1 mrad)",
             Self::GyroAlignment | Self::EncoderOffsets => "1 mrad",
@@ -95,6 +105,8 @@ impl UncertainKind {
             Self::EncoderOffsets => "encoder zeros",
             Self::Changes => "changes between records",
             Self::BiasWalks => "walks of biases",
+            Self::JointTerms => "friction of joints",
+            Self::DriveGains => "gains of drives",
         }
     }
 }
@@ -193,6 +205,8 @@ pub struct UncertainItems {
     pub(super) kinematics: Vec<String>,
     /// Errors that records share, as parameters behind those of the model.
     pub(in crate::workflow) shared: Vec<ParamDecl>,
+    /// Names of those among them of which nothing is known, and that nobody asked for, friction and gains of joints; where a fit begins.
+    pub(super) beside: Vec<(String, f64)>,
     bodies: Vec<BodyErrors>,
     /// What records bring.
     pub(super) over_time: OverTime,
@@ -217,6 +231,11 @@ impl UncertainItems {
         let (joints, mut out) = (model.joint_names(), Self::default());
         for source in ErrorSource::all(model.nj()) {
             if names.contains(&source.name(&joints)) {
+                out.errors.push(source);
+            }
+        }
+        for source in names.iter().filter_map(|n| ErrorSource::of_joint(n, &joints)) {
+            if !out.errors.contains(&source) {
                 out.errors.push(source);
             }
         }
@@ -276,7 +295,7 @@ impl UncertainItems {
     /// Without errors of sensors and placements, and the names of those: for a method that has no columns of them.
     pub(super) fn of_parameters_alone(self) -> (Self, Vec<String>) {
         let (unknowns, left): (Vec<_>, Vec<_>) = self.unknowns.into_iter().partition(|u| u.kind.is_of_parameters());
-        let names: Vec<String> = left.into_iter().map(|u| u.name).collect();
+        let names: Vec<String> = left.into_iter().map(|u| u.name).chain(self.beside.into_iter().map(|b| b.0)).collect();
         let Self { parameters, priors, bodies, mut shared, mut over_time, .. } = self;
         shared.retain(|d| !names.contains(&d.name));
         over_time.no_walks();
@@ -335,6 +354,15 @@ impl UncertainItems {
     pub(super) fn adopt(&mut self, name: String, unit: &'static str, size: f64) {
         if self.shared.iter().all(|d| d.name != name) {
             self.shared.push(decl(name, unit, size / RANGE));
+        }
+    }
+    /// An error of this size that nobody asked for, of which nothing is known; fits begin at `start`. What is measured by its own value
+    /// (`nominal` is not zero) keeps its sign, what is measured by its size need not.
+    pub(super) fn beside_about(&mut self, name: String, unit: &'static str, (nominal, start): (f64, f64), size: f64) {
+        // One that was adopted has been asked for.
+        if self.shared.iter().all(|d| d.name != name) {
+            self.shared.push(ParamDecl { nominal, ..decl(name.clone(), unit, size / RANGE) });
+            self.beside.push((name, start));
         }
     }
     fn sensors(&mut self, mission: &Mission, model: &Model) {

@@ -32,6 +32,8 @@ pub(super) struct Unknowns {
     pub(super) start: Vec<f64>,
     /// Those among them that are not asked for, by index, each with what the mission says of it.
     pub(super) marginal: Vec<(usize, UncertainUnknown)>,
+    /// Those of which nothing is known and that are not asked for either, by index: friction and gains of joints.
+    pub(super) beside: Vec<usize>,
     /// Parameters of the model that may change, ascending.
     pub(super) touched: Vec<usize>,
     /// Parameters of the model; behind them come the errors that records share.
@@ -58,7 +60,10 @@ impl Unknowns {
         let of_model = all.len();
         all.extend(uncertain.shared.iter().cloned());
         // Errors that records share begin at their means.
-        let mean = |d: &ParamDecl| uncertain.unknowns.iter().find(|u| u.name == d.name).map_or(d.nominal, |u| u.mean);
+        let mean = |d: &ParamDecl| {
+            let beside = || uncertain.beside.iter().find(|b| b.0 == d.name).map_or(d.nominal, |b| b.1);
+            uncertain.unknowns.iter().find(|u| u.name == d.name).map_or_else(beside, |u| u.mean)
+        };
         let values: Vec<f64> =
             all.iter().enumerate().map(|(i, d)| if i < of_model { d.nominal } else { mean(d) }).collect();
         let map = tie_map(&all, &values, &options.ties, uncertain.ties(&values)?)
@@ -85,6 +90,8 @@ impl Unknowns {
             Some((i, of.clone()))
         };
         let marginal: Vec<(usize, UncertainUnknown)> = selected.iter().filter_map(stands_for).collect();
+        let named = |i: &usize| uncertain.beside.iter().any(|b| b.0 == decls[*i].name);
+        let beside: Vec<usize> = selected.iter().copied().filter(named).collect();
         let at = |i: usize| match &map {
             None => Some(i),
             Some(m) => m.free().binary_search(&i).ok(),
@@ -94,7 +101,8 @@ impl Unknowns {
             let earlier = options.posterior.as_ref().filter(|_| options.start_at_posterior);
             earlier.and_then(|p| at_means(p, &decls, &selected, &nominal)).unwrap_or_else(|| nominal.clone())
         } else {
-            let asked: Vec<usize> = selected.iter().copied().filter(|i| marginal.iter().all(|m| m.0 != *i)).collect();
+            let is_asked = |i: &usize| marginal.iter().all(|m| m.0 != *i) && !beside.contains(i);
+            let asked: Vec<usize> = selected.iter().copied().filter(is_asked).collect();
             offset_start(&decls, &nominal, &asked, s.start_offset, s.seed)
         };
         let (width, posterior) = (s.prior, options.posterior.clone());
@@ -105,6 +113,7 @@ impl Unknowns {
             nominal,
             start,
             marginal,
+            beside,
             touched,
             of_model,
             known,
@@ -119,7 +128,8 @@ impl Unknowns {
         let refused = |e: String, hint: &str| IdentifyError::Refused(config("Config::Prior", e, hint));
         let mut priors = match self.width {
             Some(w) => Priors::new(&self.decls, selected, &self.nominal, &[("*", Sigma::Relative(w))])
-                .map_err(|e| refused(e.to_string(), "give a width such as 0.3"))?,
+                .map_err(|e| refused(e.to_string(), "give a width such as 0.3"))?
+                .of_columns(|column| !self.beside.contains(&selected[column])),
             None => Priors::default(),
         };
         // What an earlier identification knows of them has these rows in it.
@@ -147,9 +157,9 @@ impl Unknowns {
             }
         }
     }
-    /// Whether an unknown is asked for, and not one of those the mission is not sure of.
+    /// Whether an unknown is asked for, and not one of those the mission is not sure of, or friction or a gain of a joint.
     pub(super) fn is_asked(&self, i: usize) -> bool {
-        self.marginal.iter().all(|m| m.0 != i)
+        self.marginal.iter().all(|m| m.0 != i) && !self.beside.contains(&i)
     }
     /// Whether something is known beforehand of what is asked for.
     pub(super) fn has_priors(&self) -> bool {

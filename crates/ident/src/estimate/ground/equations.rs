@@ -1,7 +1,6 @@
 //! The equations of motion of records on the ground: motion at the samples, torques or currents, columns of the terms of the joints.
 
 use super::calibration::Ground;
-use super::joint_terms::NearRest;
 use super::joint_terms::{JointTerm, Moving};
 use super::smoothed::{filter, too_short};
 use crate::estimate::complete::{motion_at, trimmed};
@@ -60,18 +59,11 @@ impl Ground<'_> {
     }
     /// The sign of a rate.
     pub(super) fn sign(&self, rate: f64) -> f64 {
-        match self.friction.near_rest {
-            NearRest::Smooth(width) => (rate / width).tanh(),
-            NearRest::LeaveOut(_) if rate == 0.0 => 0.0,
-            NearRest::LeaveOut(_) => rate.signum(),
-        }
+        self.friction.near_rest.sign(rate)
     }
     /// Whether the sign of a rate is to be trusted, or does not matter.
     pub(super) fn moves(&self, rate: f64) -> bool {
-        match self.friction.near_rest {
-            NearRest::LeaveOut(band) => !self.friction.coulomb || rate.abs() > band,
-            NearRest::Smooth(_) => true,
-        }
+        !self.friction.coulomb || self.friction.near_rest.uses(rate)
     }
 }
 

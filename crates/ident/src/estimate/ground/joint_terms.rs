@@ -19,6 +19,24 @@ pub enum NearRest {
     Smooth(f64),
 }
 
+impl NearRest {
+    /// `sgn(qd)`.
+    pub(crate) fn sign(self, rate: f64) -> f64 {
+        match self {
+            Self::Smooth(width) => (rate / width).tanh(),
+            Self::LeaveOut(_) if rate == 0.0 => 0.0,
+            Self::LeaveOut(_) => rate.signum(),
+        }
+    }
+    /// Whether a torque at this rate is used where the joint has dry friction.
+    pub(crate) fn uses(self, rate: f64) -> bool {
+        match self {
+            Self::LeaveOut(band) => rate.abs() > band,
+            Self::Smooth(_) => true,
+        }
+    }
+}
+
 /// Which friction the joints have.
 ///
 /// ```
@@ -74,20 +92,24 @@ pub enum JointTerm {
 
 /// A joint in motion, as a term sees it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Moving {
-    pub(super) qd: f64,
-    pub(super) qdd: f64,
+pub(crate) struct Moving {
+    pub(crate) qd: f64,
+    pub(crate) qdd: f64,
     /// The sign of the rate.
-    pub(super) sign: f64,
-    /// Torque of the rigid bodies.
-    pub(super) load: f64,
+    pub(crate) sign: f64,
+    /// Torque of the bodies.
+    pub(crate) load: f64,
 }
 
 impl JointTerm {
     /// Terms that are estimated without being asked for.
-    pub(super) const ALWAYS: [Self; 3] = [Self::Viscous, Self::Coulomb, Self::Offset];
+    pub(crate) const ALWAYS: [Self; 3] = [Self::Viscous, Self::Coulomb, Self::Offset];
+    /// Whether it jumps with the direction of the motion.
+    pub(crate) fn is_dry(self) -> bool {
+        matches!(self, Self::Coulomb | Self::Stribeck { .. } | Self::Load)
+    }
     /// What its coefficient is multiplied by.
-    pub(super) fn factor(self, at: Moving) -> f64 {
+    pub(crate) fn factor(self, at: Moving) -> f64 {
         let Moving { qd, qdd, sign, load } = at;
         match self {
             Self::Viscous => qd,
@@ -98,6 +120,18 @@ impl JointTerm {
             Self::Quadratic => qd * qd.abs(),
             Self::Stribeck { rate } => (-qd.abs() / rate).exp() * sign,
             Self::Load => load.abs() * sign,
+        }
+    }
+    /// How that changes with rate and acceleration. What jumps, jumps where nothing is used.
+    pub(crate) fn slopes(self, at: Moving) -> (f64, f64) {
+        let Moving { qd, sign, .. } = at;
+        match self {
+            Self::Viscous => (1.0, 0.0),
+            Self::ReflectedInertia => (0.0, 1.0),
+            Self::Asymmetry => (sign, 0.0),
+            Self::Quadratic => (2.0 * qd.abs(), 0.0),
+            Self::Stribeck { rate } => (-(-qd.abs() / rate).exp() / rate, 0.0),
+            Self::Coulomb | Self::Offset | Self::Load => (0.0, 0.0),
         }
     }
     /// Name of its coefficient, of the joint `joint`: `friction.<joint>.viscous`, `drive.<joint>.inertia`. Allocates.
@@ -159,8 +193,24 @@ impl JointTorques {
     pub fn coefficient(&self, joint: usize, term: JointTerm) -> f64 {
         self.terms.get(joint).and_then(|t| t.iter().find(|t| t.0 == term)).map_or(0.0, |t| t.1)
     }
+    /// What a channel on the motor's side of a joint reads: its torque `tau` of the bodies with all terms, over the gain of the drive where it is a
+    /// current (A; else N m, or N), at this rate and acceleration. Without `near_rest` the sign of the rate is exact.
+    ///
+    /// ```
+    /// use ident::estimate::{JointTerm, JointTorques};
+    ///
+    /// let terms = vec![vec![(JointTerm::Viscous, 0.3), (JointTerm::Coulomb, 0.8)]];
+    /// let motor = JointTorques { terms, gains: vec![Some(0.25)] };
+    /// // (2 - 0.3 * 0.5 - 0.8) N m over 0.25 N m/A.
+    /// assert!((motor.reading(0, (-0.5, 0.1), 2.0, None) - 4.2).abs() < 1e-12);
+    /// ```
+    pub fn reading(&self, joint: usize, (qd, qdd): (f64, f64), tau: f64, near_rest: Option<NearRest>) -> f64 {
+        let sign = near_rest.unwrap_or(NearRest::LeaveOut(0.0)).sign(qd);
+        let beside = self.torque(joint, Moving { qd, qdd, sign, load: tau });
+        (tau + beside) / self.gains.get(joint).copied().flatten().unwrap_or(1.0)
+    }
     /// Torque of the terms of a joint.
-    pub(super) fn torque(&self, joint: usize, at: Moving) -> f64 {
+    pub(crate) fn torque(&self, joint: usize, at: Moving) -> f64 {
         self.terms.get(joint).map_or(0.0, |all| all.iter().map(|(t, x)| x * t.factor(at)).sum())
     }
 }

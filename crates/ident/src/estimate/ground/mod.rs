@@ -22,7 +22,7 @@ mod blocks;
 mod calibration;
 mod equations;
 mod gains;
-mod joint_terms;
+pub(crate) mod joint_terms;
 mod physical;
 mod problem;
 mod selection;

@@ -1,5 +1,6 @@
 //! What was not known exactly, and which part of the uncertainty of the estimates is due to it.
 
+use super::fit::Method;
 use super::identification::IdentificationResult;
 use crate::workflow::identify::uncertain::{UncertainKind, UncertainUnknown};
 use crate::workflow::identify::unknowns::Unknowns;
@@ -42,7 +43,16 @@ pub fn held_errors(r: &IdentificationResult) -> Vec<(String, f64)> {
     let declared = r.uncertain.iter().filter(|u| u.kind.is_shared()).map(|u| (u.name.clone(), u.value));
     let of_model = |name: &str| r.model.iter().any(|v| v.name == name);
     let adopted = r.parameters.iter().filter(|p| !of_model(&p.name)).map(|p| (p.name.clone(), p.value));
-    declared.chain(adopted).collect()
+    declared.chain(adopted).chain(of_joints(r)).collect()
+}
+
+/// Friction and gains of joints that were estimated with nothing known of them: the calibration on the ground has its own.
+fn of_joints(r: &IdentificationResult) -> impl Iterator<Item = (String, f64)> + '_ {
+    let is = |name: &str| {
+        let of_drive = name.strip_prefix("drive.").is_some_and(|n| n.ends_with(".gain") || n.ends_with(".inertia"));
+        r.method == Method::OutputError && (of_drive || name.starts_with("friction."))
+    };
+    r.nuisance.iter().filter(move |p| is(&p.name)).map(|p| (p.name.clone(), p.value))
 }
 
 /// Where the variance of an estimate comes from. The parts add up to one.

@@ -6,7 +6,7 @@ use crate::workflow::identify::number::num;
 use crate::workflow::identify::result::channel::Channel;
 use crate::workflow::identify::result::fit::{Ended, Method};
 use crate::workflow::identify::result::identification::IdentificationResult;
-use crate::workflow::identify::result::parameter::ParameterVerdict;
+use crate::workflow::identify::result::parameter::{Combination, ParameterVerdict};
 use crate::workflow::identify::result::sampled::{Sampled, SampledState};
 use crate::workflow::identify::result::uncertain::BudgetLine;
 
@@ -81,6 +81,7 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
         let first = &r.null_directions[0].text;
         out.push(format!("The record is silent on {what}, {held}: {first}{}", if k > 1 { "; ..." } else { "." }));
     }
+    out.extend(scale_of_currents(r));
     if let Some(s) = &r.silent {
         if !s.structural.is_empty() {
             let k = s.structural.len();
@@ -145,6 +146,19 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     out.extend(r.sampled.as_ref().map(sampled));
     out.extend(r.comparison.iter().map(|c| format!("Models compared by {}: {}.", c.judged_by, c.reason)));
     out
+}
+
+/// That currents do not tell how heavy the robot is, where the fit found that.
+fn scale_of_currents(r: &IdentificationResult) -> Option<String> {
+    let is_gain = |name: &str| name.starts_with("drive.") && name.ends_with(".gain");
+    let of = |c: &&Combination| c.terms.iter().any(|t| is_gain(&t.0)) && c.terms.len() > 1;
+    r.null_directions.iter().find(of)?;
+    Some(
+        "Currents do not tell the scale: a robot with all masses, stiffnesses, dampers and friction twice as large, and gains of its drives twice as \
+         large, gives the same currents and moves in the same way. Leave out of [estimate] what was weighed, or give gain_nm_per_a with \
+         gain_relative_std in [[drive]]; ratios of the estimates hold without."
+            .to_owned(),
+    )
 }
 
 /// Terms of the joints beside viscous and Coulomb friction and offset, which parts of the log bore out that were not fitted.
