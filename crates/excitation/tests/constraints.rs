@@ -38,7 +38,8 @@ fn plan(start: &[f64], duration: Duration) -> SplinePlan {
 }
 
 fn hold(loaded: &Loaded) -> Vec<f64> {
-    loaded.mission.reproduce.as_ref().unwrap().hold_rad.iter().map(|q| q + 0.11).collect()
+    let all: Vec<f64> = loaded.mission.reproduce.as_ref().unwrap().hold_rad.iter().map(|q| q + 0.11).collect();
+    loaded.model.coordinates().map_or(all.clone(), |c| c.own().iter().map(|&i| all[i]).collect())
 }
 
 /// Solids on the base, the elbow and the hand; sizes and places general.
@@ -86,8 +87,13 @@ fn rows_of(c: &dyn Constraint, plan: &SplinePlan, x: &[f64]) -> Vec<f64> {
 
 #[test]
 fn jacobians_match_differences() {
-    for file in ["flex.toml", "slosh.toml"] {
-        let (loaded, system) = system(file);
+    for (file, coupled) in [("flex.toml", false), ("slosh.toml", false), ("flex.toml", true)] {
+        let (mut loaded, mut system) = system(file);
+        if coupled {
+            loaded.model.couple(3, 5, -0.7, 0.2).unwrap();
+            loaded.model.couple(6, 3, 1.4, -0.1).unwrap();
+            system = Arc::new(HeldSystem::new(&loaded.model, &Params::nominal(&loaded.model)).unwrap());
+        }
         let q = hold(&loaded);
         let plan = plan(&q, Duration::Free { min: 14.0, max: 40.0 });
         let x = random_plan(&plan, 17, 3, 0.9).unwrap();

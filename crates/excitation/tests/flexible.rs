@@ -208,6 +208,17 @@ fn fuel_and_links() {
     check(&model, &named, &others, 9.0, 0.25, true);
 }
 
+/// Fuel, and parameters of a follower and of what it carries.
+#[test]
+fn joints_that_follow_others() {
+    let mut model = paper("slosh.toml").model;
+    model.couple(3, 5, -0.7, 0.2).unwrap();
+    model.couple(6, 3, 1.4, -0.1).unwrap();
+    let named = indices(&model, |n| n == "base.mass" || n == "link3.h_y" || n.starts_with("link7.I"));
+    let others: Vec<usize> = (10 * model.n_bodies()..model.n_params()).collect();
+    check(&model, &named, &others, 1.0, 0.25, false);
+}
+
 /// Appendages on links, one of them not Galilean, with parameters of payload, modes and fuel.
 #[test]
 #[ignore = "full tier: 8 s"]

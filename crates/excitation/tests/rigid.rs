@@ -14,9 +14,9 @@ use nalgebra::DMatrix;
 
 const NOISE: SensorNoise = SensorNoise { torque: 0.1, gyro: Some(1.5e-4), rate: 100.0 };
 
-/// A general state: positions, rates and accelerations all far from zero.
-fn state(seed: u64) -> [Vec<f64>; 3] {
-    [numbers(7, 2.5, seed), numbers(7, 0.9, seed + 100), numbers(7, 1.3, seed + 200)]
+/// A general state of `n` joints: positions, rates and accelerations all far from zero.
+fn state(n: usize, seed: u64) -> [Vec<f64>; 3] {
+    [numbers(n, 2.5, seed), numbers(n, 0.9, seed + 100), numbers(n, 1.3, seed + 200)]
 }
 
 /// One instant as a motion, for the tables of the dynamics crate.
@@ -42,22 +42,35 @@ fn rigid() -> (Model, Params<f64>) {
     (model, params)
 }
 
+/// Joints that follow others, one of them a joint further out.
+fn couple(model: &mut Model) {
+    model.couple(3, 5, -0.7, 0.2).unwrap();
+    model.couple(6, 3, 1.4, -0.1).unwrap();
+}
+
+/// The robot, and the same with coupled joints.
+fn both() -> [(Model, Params<f64>); 2] {
+    let (model, params) = rigid();
+    let mut coupled = model.clone();
+    couple(&mut coupled);
+    [(model, params.clone()), (coupled, params)]
+}
+
 #[test]
 fn base_motion_is_that_of_the_dynamics_crate_at_zero_momentum() {
-    let (model, params) = rigid();
-    let robot = RigidBase::new(&model, &params).unwrap();
-    for seed in 0..10 {
-        let [q, qd, qdd] = state(seed);
+    for (seed, (model, params)) in (0..20).zip(both().iter().cycle()) {
+        let robot = RigidBase::new(model, params).unwrap();
+        let [q, qd, qdd] = state(model.nj(), seed);
         let twist = robot.base_twist(&q, &qd);
-        let mut s = State::zero(&model);
+        let mut s = State::zero(model);
         s.q.copy_from_slice(&q);
         s.v[..6].copy_from_slice(twist.as_slice());
         s.qd_mut().copy_from_slice(&qd);
-        let mut work = Work::new(&model);
-        let b = budget(&model, &params, &s, &mut work);
+        let mut work = Work::new(model);
+        let b = budget(model, params, &s, &mut work);
         assert_within!(b.momentum.to_vector().norm(), 1e-12 * 600.0, "{:?}", b.momentum);
-        let (mut a, mut tau) = (vec![0.0; 13], vec![0.0; 7]);
-        hybrid_dynamics(&model, &params, &s, &qdd, &mut work, &mut a, &mut tau).unwrap();
+        let (mut a, mut tau) = (vec![0.0; model.nv()], vec![0.0; model.nj()]);
+        hybrid_dynamics(model, params, &s, &qdd, &mut work, &mut a, &mut tau).unwrap();
         let mut out = [0.0; 6];
         robot.base_acceleration(&q, &qd, &qdd, &mut out);
         for i in 0..6 {
@@ -68,14 +81,14 @@ fn base_motion_is_that_of_the_dynamics_crate_at_zero_momentum() {
 
 #[test]
 fn partials_match_differences() {
-    let (model, params) = rigid();
-    let robot = RigidBase::new(&model, &params).unwrap();
-    for seed in 0..5 {
-        let at = state(seed);
-        let (mut out, mut partials) = ([0.0; 6], BasePartials::new(7));
+    for (seed, (model, params)) in (0..10).zip(both().iter().cycle()) {
+        let robot = RigidBase::new(model, params).unwrap();
+        let n = model.nj();
+        let at = state(n, seed);
+        let (mut out, mut partials) = ([0.0; 6], BasePartials::new(n));
         robot.partials(&at[0], &at[1], &at[2], &mut out, &mut partials);
         for (k, exact) in [&partials.q, &partials.qd, &partials.qdd].into_iter().enumerate() {
-            for j in 0..7 {
+            for j in 0..n {
                 let value = |d: f64| {
                     let mut x = at.clone();
                     x[k][j] += d;
@@ -96,34 +109,34 @@ fn partials_match_differences() {
 
 #[test]
 fn rows_are_the_rda_jacobian_and_the_rate_sensitivity() {
-    let (model, params) = rigid();
     let all: Vec<usize> = (0..10).collect();
-    let info = RigidInformation::new(&model, &params, &all, NOISE).unwrap();
     let sampling = Sampling { samples: 1, sample_s: 0.01, substeps: 1 };
-    for seed in 0..5 {
-        let at = state(seed);
-        let mut rows = DMatrix::zeros(10, 10);
+    for (seed, (model, params)) in (0..10).zip(both().iter().cycle()) {
+        let info = RigidInformation::new(model, params, &all, NOISE).unwrap();
+        let n = model.nj();
+        let at = state(n, seed);
+        let mut rows = DMatrix::zeros(n + 3, 10);
         info.rows_at(&at[0], &at[1], &at[2], &mut rows);
         let rate = info.robot().base_twist(&at[0], &at[1]).fixed_rows::<3>(3).transpose();
-        let table = Prescribed::new(&model, &params, &Instant(&at), &sampling, &[]);
+        let table = Prescribed::new(model, params, &Instant(&at), &sampling, &[]);
         let wanted = Wanted { params: all.clone(), initial: Vec::new(), ..Wanted::default() };
         let rates = DMatrix::from_row_slice(1, 3, rate.as_slice());
-        let (_, jacobian) = reduced_torques(&model, &params, &table, &rates, &wanted).unwrap();
+        let (_, jacobian) = reduced_torques(model, params, &table, &rates, &wanted).unwrap();
         for k in 0..10 {
-            for j in 0..7 {
+            for j in 0..n {
                 let want = jacobian[(j, k)] * info.sizes()[k] / NOISE.torque;
                 assert_within!((rows[(j, k)] - want).abs(), 1e-11 * (1.0 + want.abs()), "torque {j}, parameter {k}");
             }
             let rate_at = |d: f64| {
                 let mut v = params.values().to_vec();
                 v[k] += d * info.sizes()[k];
-                let robot = RigidBase::new(&model, &Params::from_values(&model, v)).unwrap();
+                let robot = RigidBase::new(model, &Params::from_values(model, v)).unwrap();
                 robot.base_twist(&at[0], &at[1])
             };
             let num = (rate_at(1e-5) - rate_at(-1e-5)) / 2e-5 / 1.5e-4;
             for r in 0..3 {
                 assert_within!(
-                    (rows[(7 + r, k)] - num[3 + r]).abs(),
+                    (rows[(n + r, k)] - num[3 + r]).abs(),
                     1e-7 * (1.0 + num.norm()),
                     "gyro {r}, parameter {k}"
                 );
@@ -135,17 +148,25 @@ fn rows_are_the_rda_jacobian_and_the_rate_sensitivity() {
 #[test]
 fn contracted_gradient_matches_differences() {
     // The flexible mission: its panels are frozen into the base.
-    let loaded = paper("flex.toml");
-    let params = Params::nominal(&loaded.model);
-    for (estimated, gyro) in [((0..10).collect::<Vec<_>>(), Some(1.5e-4)), (vec![0, 2, 5, 9], None)] {
+    let plain = paper("flex.toml").model;
+    let mut coupled = plain.clone();
+    couple(&mut coupled);
+    let params = Params::nominal(&plain);
+    let cases = [
+        (&plain, (0..10).collect::<Vec<_>>(), Some(1.5e-4)),
+        (&plain, vec![0, 2, 5, 9], None),
+        (&coupled, (0..10).collect(), Some(1.5e-4)),
+    ];
+    for (model, estimated, gyro) in cases {
         let noise = SensorNoise { gyro, ..NOISE };
-        let info = RigidInformation::new(&loaded.model, &params, &estimated, noise).unwrap();
+        let info = RigidInformation::new(model, &params, &estimated, noise).unwrap();
+        let joints = model.nj();
         for seed in 0..5 {
-            let at = state(seed);
+            let at = state(joints, seed);
             let (rows, n) = (info.rows(), info.parameters());
             let weights = DMatrix::from_vec(rows, n, numbers(rows * n, 1.0, seed + 300));
             let gradient = |s: &dyn SampleInformation| {
-                let mut g = [vec![0.0; 7], vec![0.0; 7], vec![0.0; 7]];
+                let mut g = [vec![0.0; joints], vec![0.0; joints], vec![0.0; joints]];
                 let [a, b, c] = &mut g;
                 s.contract([&at[0], &at[1], &at[2]], &weights, [a, b, c]);
                 g
@@ -153,7 +174,7 @@ fn contracted_gradient_matches_differences() {
             let (exact, num) = (gradient(&info), gradient(&Numeric(&info)));
             for k in 0..3 {
                 let norm = num[k].iter().map(|x| x * x).sum::<f64>().sqrt();
-                for j in 0..7 {
+                for j in 0..joints {
                     let (e, x) = (exact[k][j], num[k][j]);
                     assert_within!((e - x).abs(), 1e-7 * norm, "{k} {j}: {e} against {x}");
                 }
@@ -173,7 +194,7 @@ fn freezing_adds_the_panels_to_the_given_base() {
     extra.mass = 100.0;
     heavier.add_rigid(0, &extra);
     let want = RigidBase::new(&heavier, &Params::nominal(&heavier)).unwrap();
-    let [q, qd, _] = state(3);
+    let [q, qd, _] = state(7, 3);
     assert_within!((robot.base_twist(&q, &qd) - want.base_twist(&q, &qd)).norm(), 1e-14);
 }
 

@@ -9,6 +9,7 @@ mod allocation;
 mod batch;
 mod centroidal;
 mod conservation;
+mod coupled;
 mod derivatives;
 mod disturbances;
 mod ensemble;

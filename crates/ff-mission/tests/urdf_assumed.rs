@@ -10,7 +10,7 @@ use ff_model::spatial::so3::rot_of_rpy;
 use ff_model::{BaseKind, Model, Problems, Severity, Xform};
 use ff_testkit::problem::{assert_violation, problem_of};
 use ff_testkit::scaled;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 fn link(name: &str, mass: f64) -> String {
     let (a, b) = (0.01 * mass, 0.015 * mass);
@@ -116,19 +116,115 @@ fn what_other_programs_added_is_skipped_with_one_warning() {
 
 /// The gripper of the Panda: fingers that follow each other.
 #[test]
-fn a_follower_with_mass_and_what_it_follows_are_held() {
+fn a_follower_has_no_coordinate_of_its_own() {
     let (m, w) = accepted(&gripper(heavy()));
-    warned(&w, "Urdf::Mimic", "joint right");
-    assert_eq!(m.joint_names(), ["shoulder"]);
-    assert_relative_eq!(m.inertia(1).mass, 4.3, max_relative = scaled(1e-14));
-    // -2 q + 0.01 with the left finger at zero, along the axis of the joint.
-    let at = Xform::new(rot_of_rpy(&Vector3::new(0.3, 0.0, 0.0)), Vector3::new(0.25, 0.0, 0.1))
-        * Xform::new(Matrix3::identity(), Vector3::new(0.0, 0.0, 0.01));
-    assert_relative_eq!(m.frame("right_finger").unwrap().placement.pos, at.pos, epsilon = scaled(1e-15));
-    // Frames that follow take nothing with them: the joint that they follow moves.
-    let (m, w) = accepted(&gripper([link("left_finger", 0.1), frame("right_finger")]));
-    warned(&w, "Urdf::Mimic", "joint right");
-    assert_eq!(m.joint_names(), ["shoulder", "left"]);
+    assert!(w.0.is_empty(), "{w}");
+    assert_eq!((m.joint_names(), m.nj(), m.n_bodies()), (vec!["shoulder".to_owned(), "left".to_owned()], 2, 4));
+    let right = m.followers().next().unwrap();
+    assert_eq!((right.0.joint.name.as_str(), right.0.name.as_str()), ("right", "right_finger"));
+    assert_eq!((right.1.index, right.1.multiplier, right.1.offset), (1, -2.0, 0.01));
+    // 0 <= -2 q + 0.01 <= 0.04, and half the speed.
+    let limits = m.own_body(1).joint.limits;
+    assert_relative_eq!(limits.lower, 0.0);
+    assert_relative_eq!(limits.upper, 0.005, max_relative = scaled(1e-14));
+    assert_relative_eq!(limits.velocity, 0.5);
+    // Frames move along, and what moves with them resists the joint that they follow.
+    for fingers in
+        [[link("left_finger", 0.1), frame("right_finger")], [frame("left_finger"), link("right_finger", 0.1)]]
+    {
+        let (m, w) = accepted(&gripper(fingers));
+        assert!(w.0.iter().all(|p| p.code == "Urdf::NoInertial"), "{w}");
+        assert_eq!((m.joint_names(), m.n_joints()), (vec!["shoulder".to_owned(), "left".to_owned()], 3));
+    }
+    // Of frames alone nothing tells where they stand.
+    let (m, w) = accepted(&gripper([frame("left_finger"), frame("right_finger")]));
+    assert!(w.has("Urdf::NoInertial"), "{w}");
+    assert_eq!((m.joint_names(), m.n_joints()), (vec!["shoulder".to_owned()], 1));
+}
+
+#[test]
+fn a_chain_of_followers_is_referred_to_the_joint_that_moves() {
+    // Written from the last of the chain to the first, the one that moves in between.
+    let mimic = |of: &str, m: f64, o: f64| format!("<mimic joint='{of}' multiplier='{m}' offset='{o}'/>");
+    let body = |first: &str| {
+        link("hull", 50.0)
+            + &["a", "b", "c"].map(|n| link(n, 1.0)).concat()
+            + &joint("c", "revolute", "hull", "c", &mimic("b", -0.5, 0.3))
+            + &joint("a", "revolute", "hull", "a", first)
+            + &joint("b", "revolute", "a", "b", &mimic("a", 1.4, -0.2))
+    };
+    let (m, w) = accepted(&body(""));
+    assert!(w.0.is_empty(), "{w}");
+    assert_eq!(m.joint_names(), ["a"]);
+    let of = |name: &str| m.coordinate(m.body(name).unwrap() - 1);
+    assert_eq!((of("b").multiplier, of("b").offset), (1.4, -0.2));
+    assert_relative_eq!(of("c").multiplier, -0.7, max_relative = scaled(1e-15));
+    assert_relative_eq!(of("c").offset, 0.4, max_relative = scaled(1e-15));
+    // A circle is said once, however many joints lead there.
+    let p = read(&body(&mimic("b", 0.7, 0.0)), &UrdfOptions::default()).unwrap_err();
+    let said: Vec<_> =
+        p.0.iter().filter(|p| p.code == "Urdf::MimicCycle").map(|p| p.object.as_deref().unwrap()).collect();
+    assert_eq!(said, ["joint a"], "{p}");
+    // Of a chain whose middle is held, the rest stands where that puts it.
+    let at = |options: UrdfOptions| {
+        let (m, w) = read(&body(""), &options).unwrap();
+        assert!(w.0.is_empty(), "{w}");
+        let c = m.frame("c").unwrap().placement.rot;
+        let turn = rot_of_rpy(&Vector3::new(0.3, 0.0, 0.0)).tr_mul(&c);
+        (m.joint_names().len(), turn[(1, 0)].atan2(turn[(0, 0)]))
+    };
+    let (joints, angle) = at(UrdfOptions { lock_at: [("b".to_owned(), 0.6)].into(), ..UrdfOptions::default() });
+    assert_eq!(joints, 1);
+    assert_relative_eq!(angle, -0.5 * 0.6 + 0.3, epsilon = scaled(1e-15));
+    let (joints, angle) = at(UrdfOptions { lock_at: [("a".to_owned(), 0.4)].into(), ..UrdfOptions::default() });
+    assert_eq!(joints, 0);
+    assert_relative_eq!(angle, -0.5 * (1.4 * 0.4 - 0.2) + 0.3, epsilon = scaled(1e-15));
+    // At ratio zero, and of a joint that is fixed, it is held without a word.
+    let still = body("").replace("multiplier='1.4'", "multiplier='0'");
+    let (m, w) = accepted(&still);
+    assert!(w.0.is_empty() && m.n_joints() == 1, "{w}");
+    let fixed = body("").replace("name='a' type='revolute'", "name='a' type='fixed'");
+    let (m, w) = accepted(&fixed);
+    assert!(w.0.is_empty() && m.n_joints() == 0, "{w}");
+}
+
+#[test]
+fn a_follower_of_a_hinge_that_is_lifted_is_held() {
+    let lift = "[[appendage]]\nkind = 'flex_panel'\nname = 'wing'\nlift = ['JOINT']\nstiffness_nm_per_rad = [2.0]\ndamping_nms_per_rad = [0.1]\n";
+    let body = link("hull", 50.0)
+        + &link("a", 1.0)
+        + &link("b", 1.0)
+        + &joint("a", "revolute", "hull", "a", "")
+        + &joint("b", "revolute", "hull", "b", "<mimic joint='a' multiplier='-1.5' offset='0.2'/>");
+    let wing = mission("", &lift.replace("JOINT", "a"), &body).unwrap();
+    warned(&wing.warnings, "Urdf::Mimic", "joint b");
+    assert!(wing.warnings.0[0].message.contains("0.2 rad"), "{}", wing.warnings);
+    assert_eq!((wing.model.nj(), wing.model.np()), (0, 1));
+    // The follower itself as a hinge swings by itself; what follows elsewhere stays coupled.
+    let other = mission("", &lift.replace("JOINT", "b"), &body).unwrap();
+    assert!(other.warnings.0.is_empty(), "{}", other.warnings);
+    assert_eq!((other.model.joint_names(), other.model.np()), (vec!["a".to_owned()], 1));
+    let more = body + &link("c", 1.0) + &joint("c", "revolute", "a", "c", "<mimic joint='a' multiplier='0.7'/>");
+    let third = mission("", &lift.replace("JOINT", "b"), &more).unwrap().model;
+    assert_eq!((third.nj(), third.n_joints()), (1, 2));
+    let c = third.followers().next().unwrap();
+    assert_eq!((c.0.joint.name.as_str(), c.1.index, c.1.multiplier), ("c", 0, 0.7));
+}
+
+#[test]
+fn limits_of_a_follower_that_leave_no_range_are_none() {
+    let body = gripper(heavy()).replace("offset='0.01'", "offset='-0.2'");
+    let (m, w) = accepted(&body);
+    warned(&w, "Urdf::BadLimits", "joint right");
+    assert_eq!((m.own_body(1).joint.limits.lower, m.own_body(1).joint.limits.upper), (0.0, 0.04));
+    // A follower is not driven: an effort of zero, and no limits at all, say nothing about it.
+    for limit in ["<limit effort='0' velocity='0'/>", "<limit lower='0' upper='0.04' effort='0' velocity='1'/>"] {
+        let whole = gripper(heavy());
+        let at = whole.rfind("<limit").unwrap();
+        let end = at + whole[at..].find("/>").unwrap() + 2;
+        let (_, w) = accepted(&(whole[..at].to_owned() + limit + &whole[end..]));
+        assert!(w.0.is_empty(), "{limit}: {w}");
+    }
 }
 
 #[test]
@@ -141,7 +237,7 @@ fn a_follower_that_the_user_locks_is_no_warning() {
     {
         let (m, w) = read(&gripper(heavy()), &lock(names)).unwrap();
         assert!(w.0.is_empty(), "{names:?}: {w}");
-        assert_eq!(m.joint_names(), joints);
+        assert_eq!((m.joint_names(), m.n_joints()), (joints.iter().map(|&j| j.to_owned()).collect(), joints.len()));
     }
     // It follows to where the other is held.
     let options = UrdfOptions { lock_at: [("left".to_owned(), 0.03)].into(), ..UrdfOptions::default() };
@@ -164,7 +260,15 @@ fn a_follower_of_nothing_or_of_itself_is_refused() {
     // The joint of another file: what follows it moves by itself.
     let (m, w) = accepted(&body.replace("joint='left'", "joint='robot2/gripper'"));
     warned(&w, "Urdf::UnknownJoint", "joint right");
-    assert_eq!(m.joint_names(), ["shoulder", "left", "right"]);
+    assert_eq!((m.joint_names(), m.n_joints()), (["shoulder", "left", "right"].map(String::from).to_vec(), 3));
+    // So does what follows a joint beside the subtree, whatever other joint has a name like it.
+    let aside = link("hand", 3.0)
+        + &joint("lefd", "revolute", "hull", "hand", "")
+        + &body.replace("joint='left'", "joint='lefd'");
+    let loaded = mission("subtree = 'arm'", "", &aside).unwrap();
+    warned(&loaded.warnings, "Urdf::UnknownJoint", "joint right");
+    assert!(loaded.warnings.0[0].message.contains("subtree arm"), "{}", loaded.warnings);
+    assert_eq!((loaded.model.nj(), loaded.model.n_joints()), (2, 2));
 }
 
 /// A locked robot is the robot with its joints at these positions: every link where the joints put it, every mass with it.

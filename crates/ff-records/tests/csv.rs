@@ -283,6 +283,45 @@ fn d07_missing_extra_and_repeated_columns() {
     assert!(load(&more, &options).is_ok());
 }
 
+/// A log with encoders on both fingers: the second follows the first.
+#[test]
+fn columns_of_followers_are_compared_and_left_out() {
+    let (text, [q, ..]) = good();
+    let follower = FollowerColumn { name: "other".into(), slides: true, joint: 0, multiplier: -0.4, offset: 0.07 };
+    let options = ReadOptions { followers: vec![follower], ..ReadOptions::default() };
+    let with = |head: &str, shift: f64| {
+        let line = |(i, l): (usize, &str)| match i {
+            0 => format!("{l},{head}\n"),
+            // In mm.
+            i => format!(
+                "{l},{},{}\n",
+                1e3 * (-0.4 * q[(i - 1, 0)] + 0.07 + shift * (0.3 * i as f64).sin()),
+                0.3 * i as f64
+            ),
+        };
+        text.lines().enumerate().map(line).collect::<String>()
+    };
+    let both = with("q.other[mm],tau.other", 1e-4);
+    let l = load(&both, &options).unwrap();
+    assert_eq!((l.warnings.0.len(), l.record.q(), l.record.joint_names().len()), (1, &q, 2), "{}", l.warnings);
+    let w = problem_of(&l.warnings, "Data::NotUsed");
+    assert!(w.message.contains("q.other, tau.other") && w.line == Some(1), "{w}");
+    // Elsewhere than its ratio says, by more than play.
+    let far = load(&with("q.other[mm],tau.other", 0.05), &options).unwrap();
+    let w = problem_of(&far.warnings, "Data::NotFollowing");
+    let span = 0.4 * (q.column(0).max() - q.column(0).min());
+    let largest = (1..=N).map(|i| (0.3 * i as f64).sin().abs()).fold(0.0, f64::max);
+    let v = w.violation.as_ref().unwrap();
+    let Limit::AtMost(limit) = v.limit else { panic!("{w}") };
+    assert_within!((v.value - 0.05 * largest).abs() + (limit - 0.05 * span - 1e-3).abs(), 1e-12, "{w}");
+    assert_violation(w, v.value, v.limit, "m");
+    assert_eq!((w.object.as_deref(), far.record.q()), (Some("q.other"), &q));
+    // Without a unit there is nothing to compare.
+    assert_eq!(load(&with("q.other,tau.other", 0.05), &options).unwrap().warnings.0.len(), 1);
+    // Of a robot without followers they are strangers.
+    assert!(refused(&both).has("Data::NameMismatch"));
+}
+
 #[test]
 fn d08_units_are_required_and_known() {
     let (text, _) = good();

@@ -1,7 +1,8 @@
 //! Files of `fixtures/`.
 
+use ff_mission::urdf::UrdfOptions;
 use ff_mission::{LoadOptions, Loaded, Mission};
-use ff_model::Registry;
+use ff_model::{Model, Registry};
 use std::path::{Path, PathBuf};
 
 /// A file of `fixtures/`.
@@ -15,6 +16,16 @@ pub fn fixture(path: impl AsRef<Path>) -> PathBuf {
 /// If it cannot be read.
 pub fn text(path: impl AsRef<Path>) -> String {
     std::fs::read_to_string(fixture(path)).unwrap()
+}
+
+/// A robot of `fixtures/`, on a base that floats.
+///
+/// # Panics
+/// If it is refused, or with a warning.
+pub fn robot(urdf: &str) -> Model {
+    let (model, warnings) = ff_mission::urdf::from_file(&fixture(urdf), &UrdfOptions::default()).unwrap();
+    assert!(warnings.0.is_empty(), "{warnings}");
+    model
 }
 
 /// The kinds of appendage that the paper uses.

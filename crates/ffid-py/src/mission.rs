@@ -97,7 +97,7 @@ impl Mission {
             "nq": ffid::dynamics::batch::position_width(m), "pose": self.opened.pose(),
             "rest": m.rest_position(&self.params), "rate_hz": sensing.map(|s| s.rate_hz),
             "mission": self.opened.mission.is_some(),
-            "slides": m.bodies().iter().map(|b| b.joint.kind == JointKind::Prismatic).collect::<Vec<_>>(),
+            "slides": m.own_bodies().map(|b| b.joint.kind == JointKind::Prismatic).collect::<Vec<_>>(),
         }))
     }
     /// Name, unit, value, bounds and whether it is to be estimated, of every parameter, as JSON.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sysconfig
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -36,10 +38,15 @@ class Pair:
     def __init__(self, path: Path, base: str) -> None:
         floats = base == "floating"
         gravity = (0.3, -0.2, -9.81)
+        # Most of Pinocchio's algorithms take no mimic joints: here every joint moves by itself, `test_mimic_joints` has the others.
+        text = re.sub(r"<mimic[^>]*/>", "", path.read_text())
+        copy = Path(tempfile.mkdtemp()) / path.name
+        copy.write_text(text)
+        path = copy
         self.ours = ffid.Model.from_urdf(path, base=base, gravity=gravity)  # type: ignore[arg-type]
         self.model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer()) if floats else pin.buildModelFromUrdf(str(path))
         self.model.gravity.linear = np.array(gravity)
-        # What ours holds where it is (joints that mimic others), Pinocchio is told to hold as well.
+        # What ours holds where it is, Pinocchio is told to hold as well.
         held = [self.model.getJointId(n) for n in self.model.names if n not in ("universe", "root_joint", *self.ours.joints)]
         self.model = pin.buildReducedModel(self.model, held, pin.neutral(self.model))
         self.names = [n for n in self.model.names if n not in ("universe", "root_joint")]
@@ -93,6 +100,30 @@ def test_forces_accelerations_and_inertia(pair: Pair) -> None:
     theirs = [tuple(np.array(x) for x in pin.computeRNEADerivatives(m, d, *row)) for row in rows]
     same(dv[:, o][:, :, o], [x[1] for x in theirs])
     same(da[:, o][:, :, o], h)
+
+
+def test_mimic_joints() -> None:
+    found = [path for name, (path, base) in robots().items() if name == "panda-floating"]
+    if not found:
+        pytest.skip("example-robot-data is not installed")
+    ours = ffid.Model.from_urdf(found[0])
+    m = pin.buildModelFromUrdf(str(found[0]), pin.JointModelFreeFlyer(), mimic=True)
+    m.gravity.linear = np.zeros(3)
+    own = [n for n in m.names if n not in ("universe", "root_joint") and m.joints[m.getJointId(n)].nv == 1]
+    assert set(own) == set(ours.joints) and "panda_finger_joint2" not in ours.joints
+    order = np.array([*range(6), *(6 + ours.joints.index(n) for n in own)])
+    r = np.random.default_rng(11)
+    q = np.zeros((ROWS, ours.nq))
+    q[:, :3], att, q[:, 7:] = r.normal(size=(ROWS, 3)), r.normal(size=(ROWS, 4)), r.uniform(-1.2, 1.2, size=(ROWS, len(own)))
+    q[:, 3:7] = att / np.linalg.norm(att, axis=1)[:, None]
+    v, a = r.normal(size=(2, ROWS, ours.nv))
+    theirs = q[:, [0, 1, 2, 4, 5, 6, 3, *(order[6:] + 1)]]
+    # Data anew each time: Pinocchio adds what mimic joints contribute to the mass matrix of the call before.
+    tau = np.array([pin.rnea(m, m.createData(), *row) for row in zip(theirs, v[:, order], a[:, order])])
+    same(ours.rnea(q, v, a)[:, order], tau)
+    h = np.array([(lambda x: np.triu(x) + np.triu(x, 1).T)(np.array(pin.crba(m, m.createData(), row))) for row in theirs])
+    same(ours.mass_matrix(q)[:, order][:, :, order], h)
+    assert np.abs(ours.forward_dynamics(q, v, ours.rnea(q, v, a)) - a).max() < 1e-8
 
 
 def test_the_regressor_and_its_triangle(pair: Pair) -> None:

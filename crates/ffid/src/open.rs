@@ -51,7 +51,7 @@ impl Opened {
 
 /// All joints at zero, or at the limit next to it. Allocates.
 pub fn nominal_pose(model: &Model) -> Vec<f64> {
-    model.bodies().iter().map(|b| 0.0_f64.max(b.joint.limits.lower).min(b.joint.limits.upper)).collect()
+    model.own_bodies().map(|b| 0.0_f64.max(b.joint.limits.lower).min(b.joint.limits.upper)).collect()
 }
 
 /// Opens a mission file with every kind of appendage of this workspace, or a robot (`.urdf`, `.xml` of MuJoCo, `.sdf`) alone.

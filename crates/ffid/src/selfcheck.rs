@@ -120,7 +120,7 @@ fn at(model: &Model, params: &Params<f64>, amplitude: f64) -> Result<SelfCheck, 
         let (up, down) = (b.joint.limits.upper - q, q - b.joint.limits.lower);
         if up >= down { amplitude.min(up) } else { -amplitude.min(down) }
     };
-    let motion = Wave { amplitude: model.bodies().iter().zip(&start).map(room).collect(), start: start.clone() };
+    let motion = Wave { amplitude: model.own_bodies().zip(&start).map(room).collect(), start: start.clone() };
     let rest = model.rest_position(params);
     let found = held(model, params, &start, &rest);
     let sample_s = DURATION / SAMPLES as f64;

@@ -55,6 +55,20 @@ pub struct Joint {
     pub velocity: Option<f64>,
     /// Greatest torque or force (N m or N).
     pub effort: Option<f64>,
+    /// What it follows; absent for a joint that moves by itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub follows: Option<Follows>,
+}
+
+/// A joint that stands at `multiplier q(joint) + offset` ([`ff_model::Model::couple`]).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Follows {
+    /// The joint that it follows, which moves by itself.
+    pub joint: String,
+    /// Motion per motion of that joint (1, rad/m, m/rad).
+    pub multiplier: f64,
+    /// Position where that joint is at zero (rad or m).
+    pub offset: f64,
 }
 
 /// An appendage of a [`Summary`].
@@ -94,7 +108,13 @@ impl Summary {
             mass_kg: m.inertia(i).mass,
             com_m: m.inertia(i).com().map(Into::into),
         };
-        let joint = |b: &ff_model::Body| Joint {
+        let follows = |i: usize| {
+            let c = m.coordinate(i);
+            let driver = &m.own_body(c.index).joint.name;
+            let own = *driver == m.bodies()[i].joint.name;
+            (!own).then(|| Follows { joint: driver.clone(), multiplier: c.multiplier, offset: c.offset })
+        };
+        let joint = |(i, b): (usize, &ff_model::Body)| Joint {
             name: b.joint.name.clone(),
             kind: format!("{:?}", b.joint.kind).to_lowercase(),
             axis: b.joint.axis.into(),
@@ -102,6 +122,7 @@ impl Summary {
             upper: limit(b.joint.limits.upper),
             velocity: limit(b.joint.limits.velocity),
             effort: limit(b.joint.limits.effort),
+            follows: follows(i),
         };
         let appendage = |a: &ff_model::tree::Mounted| Appendage {
             name: a.name.clone(),
@@ -121,7 +142,7 @@ impl Summary {
             total_mass_kg: m.total_mass(),
             dof: [m.nb(), m.nj(), m.np()],
             bodies: (0..m.n_bodies()).map(body).collect(),
-            joints: m.bodies().iter().map(joint).collect(),
+            joints: m.bodies().iter().enumerate().map(joint).collect(),
             appendages: m.appendages().iter().map(appendage).collect(),
             parameters: m.param_decls().into_iter().enumerate().map(parameter).collect(),
         }
@@ -153,8 +174,16 @@ impl fmt::Display for Summary {
             let [x, y, z] = j.axis;
             write!(f, "  {:w$} {:10} axis [{x:.3}, {y:.3}, {z:.3}]", j.name, j.kind)?;
             let unit = if j.kind == "prismatic" { "m" } else { "rad" };
-            match (j.lower, j.upper) {
-                (Some(lo), Some(up)) => writeln!(f, "  {lo} .. {up} {unit}")?,
+            match (&j.follows, j.lower, j.upper) {
+                (Some(Follows { joint, multiplier, offset }), ..) => {
+                    writeln!(
+                        f,
+                        "  {multiplier} {joint} {} {} {unit}",
+                        if *offset < 0.0 { '-' } else { '+' },
+                        offset.abs()
+                    )?;
+                }
+                (None, Some(lo), Some(up)) => writeln!(f, "  {lo} .. {up} {unit}")?,
                 _ => writeln!(f, "  no limits")?,
             }
         }

@@ -112,11 +112,12 @@ impl Clearance {
     fn place(&self, q: &[f64]) -> Vec<Xform<f64>> {
         let mut poses = vec![Xform::identity(); self.model.n_bodies()];
         for (l, b) in self.model.bodies().iter().enumerate() {
-            let (joint, axis) = (&b.joint, b.joint.axis);
+            let (joint, axis, of) = (&b.joint, b.joint.axis, self.model.coordinate(l));
+            let q = of.multiplier * q[of.index] + of.offset;
             let moved = match joint.kind {
-                JointKind::Prismatic => Xform::new(Matrix3::identity(), axis * q[l]),
+                JointKind::Prismatic => Xform::new(Matrix3::identity(), axis * q),
                 _ => {
-                    let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), q[l]);
+                    let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), q);
                     Xform::new(turn.into_inner(), Vector3::zeros())
                 }
             };
@@ -147,10 +148,12 @@ impl Clearance {
         while i > 0 {
             let b = &self.model.bodies()[i - 1];
             let axis = poses[i].rot * b.joint.axis;
-            row[i - 1] += match b.joint.kind {
-                JointKind::Prismatic => force.dot(&axis),
-                _ => force.dot(&axis.cross(&(point - poses[i].pos))),
-            };
+            let of = self.model.coordinate(i - 1);
+            row[of.index] += of.multiplier
+                * match b.joint.kind {
+                    JointKind::Prismatic => force.dot(&axis),
+                    _ => force.dot(&axis.cross(&(point - poses[i].pos))),
+                };
             i = b.parent;
         }
     }

@@ -48,7 +48,7 @@ impl JointTorque {
         }
         let (mut joints, mut channels) = (Vec::new(), Vec::new());
         for (j, (&limit, name)) in limits.iter().zip(names).enumerate() {
-            let prismatic = system.model().bodies()[j].joint.kind == ff_model::JointKind::Prismatic;
+            let prismatic = system.model().own_body(j).joint.kind == ff_model::JointKind::Prismatic;
             let unit = if prismatic { "N" } else { "N m" };
             if limit != f64::INFINITY {
                 check_limit(&format!("torque of joint {name}"), limit, unit)?;
@@ -64,7 +64,7 @@ impl JointTorque {
     /// # Errors
     /// As [`JointTorque::new`].
     pub fn from_model(system: &Arc<HeldSystem>, q: &[f64]) -> Result<Self, ConstraintError> {
-        let limits: Vec<f64> = system.model().bodies().iter().map(|b| b.joint.limits.effort).collect();
+        let limits: Vec<f64> = system.model().own_bodies().map(|b| b.joint.limits.effort).collect();
         Self::new(system, q, &limits)
     }
 }

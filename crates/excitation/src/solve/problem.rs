@@ -54,7 +54,7 @@ impl<'a> Problem<'a> {
     #[must_use]
     pub fn named(mut self, model: &ff_model::Model) -> Self {
         let prismatic = |b: &ff_model::Body| b.joint.kind == ff_model::JointKind::Prismatic;
-        self.joints = model.bodies().iter().map(|b| (b.joint.name.clone(), prismatic(b))).collect();
+        self.joints = model.own_bodies().map(|b| (b.joint.name.clone(), prismatic(b))).collect();
         self
     }
     /// Name of a joint, its index from 0 when no model is known; and whether it is prismatic.

@@ -34,10 +34,10 @@ pub struct NamedJoint {
     pub unit: &'static str,
 }
 
-/// The moving joints of a model, in its order. Allocates.
+/// The joints of a model that move by themselves, in its order. Allocates.
 pub fn named_joints(model: &Model) -> Vec<NamedJoint> {
     let unit = |k: JointKind| if k == JointKind::Prismatic { "m" } else { "rad" };
-    model.bodies().iter().map(|b| NamedJoint { name: b.joint.name.clone(), unit: unit(b.joint.kind) }).collect()
+    model.own_bodies().map(|b| NamedJoint { name: b.joint.name.clone(), unit: unit(b.joint.kind) }).collect()
 }
 
 /// A motion that a file can hold exactly.

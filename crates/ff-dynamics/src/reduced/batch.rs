@@ -1,9 +1,11 @@
 //! The reduced system for many parameter sets at once, one per lane: under one table of the arm, or each under its own.
 
+use crate::reduced::coupled;
 use crate::reduced::system::{Reduced, ReducedError, Response, check, integrate, simulate_reduced, write_lane};
 use crate::reduced::table::{ArmSource, OnePerLane, Prescribed};
 use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch, gather};
+use ff_model::tree::Coordinates;
 use ff_model::{Model, Params};
 
 /// [`simulate_reduced`] for many parameter sets and initial states under one joint motion, as many at a time as the
@@ -22,6 +24,9 @@ pub fn simulate_reduced_batch(
     table: &Prescribed,
     runs: &[(&Params<f64>, &[f64])],
 ) -> Result<Vec<Result<Response, ReducedError>>, ReducedError> {
+    if let Some(done) = coupled::over_tree(model, |tree| simulate_reduced_batch(tree, table, runs), folded) {
+        return done;
+    }
     let start = |&(_, z0): &(&Params<f64>, &[f64])| z0.len();
     check_starts(model, runs.iter().map(start))?;
     Ok(dispatch(Isa::detect(), Batch { model, table, runs }))
@@ -42,11 +47,19 @@ pub fn simulate_reduced_own_tables(
     model: &Model,
     runs: &[OwnTable<'_>],
 ) -> Result<Vec<Result<Response, ReducedError>>, ReducedError> {
+    if let Some(done) = coupled::over_tree(model, |tree| simulate_reduced_own_tables(tree, runs), folded) {
+        return done;
+    }
     check_starts(model, runs.iter().map(|run| run.2.len()))?;
     for pair in runs.windows(2) {
         assert!(pair[0].1.is_like(pair[1].1), "tables of one sampling, number of joints and hosts of the appendages");
     }
     Ok(dispatch(Isa::detect(), OwnTables { model, runs }))
+}
+
+/// Every run with the torques of the coordinates.
+fn folded(map: &Coordinates, runs: Vec<Result<Response, ReducedError>>) -> Vec<Result<Response, ReducedError>> {
+    runs.into_iter().map(|r| r.map(|r| Response::folded(map, r))).collect()
 }
 
 fn check_starts(model: &Model, lengths: impl Iterator<Item = usize>) -> Result<(), ReducedError> {

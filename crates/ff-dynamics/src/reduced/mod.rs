@@ -1,6 +1,7 @@
 //! The prescribed arm condensed into a table; simulation of base twist and passive states only.
 
 pub(crate) mod batch;
+pub(crate) mod coupled;
 pub(crate) mod over;
 pub mod sensitivity;
 pub(crate) mod system;

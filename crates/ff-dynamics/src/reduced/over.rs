@@ -1,5 +1,6 @@
 //! The record of the reduced system over any scalar.
 
+use crate::reduced::coupled;
 use crate::reduced::system::{Reduced, ReducedError, Response, Rk4, STAGE, check};
 use crate::reduced::table::{ArmSource, ArmTable};
 use ff_model::scalar::ModelScalar;
@@ -20,6 +21,11 @@ pub fn simulate_reduced_over<T: ModelScalar>(
     table: &ArmTable<T>,
     z0: &[T],
 ) -> Result<Response<T>, ReducedError> {
+    if let Some(done) =
+        coupled::over_tree(model, |tree| simulate_reduced_over(tree, params, table, z0), Response::folded)
+    {
+        return done;
+    }
     check(model)?;
     let m = model.np();
     assert_eq!(z0.len(), 6 + 2 * m, "initial state");

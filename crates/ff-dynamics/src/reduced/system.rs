@@ -14,6 +14,7 @@
 //! `A_h = R^T (a + al x p + w x (w x p) + 2 w x p. + p..)`. Appendages are eliminated one by one
 //! (`condense.rs`). The result equals [`crate::tree::forward::hybrid_dynamics`] (`theory.md` 2; `docs/theory/derivatives.md`).
 
+use crate::reduced::coupled;
 use crate::reduced::table::{Arm, ArmSource, Frame, Prescribed, Site, products};
 use crate::tree::condense;
 use crate::work::port_work::PortWork;
@@ -22,6 +23,7 @@ use ff_lanes::Kernel;
 use ff_model::scalar::lanes::{LaneTask, dispatch_one, splat};
 use ff_model::scalar::{LaneScalar, ModelScalar};
 use ff_model::spatial::vec3::{M3, PackedInertia, V3};
+use ff_model::tree::Coordinates;
 use ff_model::{BaseKind, Model, Motion, Params, PortMatrix, PortState, Scalar};
 use nalgebra::DMatrix;
 
@@ -308,6 +310,12 @@ pub fn simulate_reduced_span(
     span: Range<usize>,
     z: &mut [f64],
 ) -> Result<Response, ReducedError> {
+    let own = span.clone();
+    if let Some(done) =
+        coupled::over_tree(model, |tree| simulate_reduced_span(tree, params, table, own, z), Response::folded)
+    {
+        return done;
+    }
     check(model)?;
     assert_eq!(z.len(), 6 + 2 * model.np(), "initial state");
     assert!(span.start < span.end && span.end <= table.samples, "samples of a span");
@@ -489,6 +497,10 @@ impl<T: Scalar> Response<T> {
     pub(crate) fn new(samples: usize, nj: usize, m: usize) -> Self {
         let z = |c| DMatrix::zeros(samples, c);
         Self { tau: z(nj), twist: z(6), accel: z(6), eta: z(m), nu: z(m) }
+    }
+    /// With the torques of the coordinates in place of those of the joints of the tree.
+    pub(crate) fn folded(map: &Coordinates, r: Self) -> Self {
+        Self { tau: coupled::columns(map, &r.tau), ..r }
     }
     pub(crate) fn write(&mut self, i: usize, m: usize, z: &[T], u: &[T], tau: &[T]) {
         let fill = |d: &mut DMatrix<T>, x: &[T]| x.iter().enumerate().for_each(|(k, &v)| d[(i, k)] = v);

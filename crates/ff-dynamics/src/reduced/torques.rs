@@ -1,5 +1,6 @@
 //! Joint torques of a rigid free-floating system with the base acceleration eliminated: the model of the RDA.
 
+use crate::reduced::coupled;
 use crate::reduced::sensitivity::outputs::TorqueRows;
 use crate::reduced::sensitivity::partials::Columns;
 use crate::reduced::sensitivity::stage::Tangent;
@@ -10,6 +11,7 @@ use core::ops::Range;
 use ff_lanes::WIDEST;
 use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch};
+use ff_model::tree::Coordinates;
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
 
@@ -56,6 +58,15 @@ pub fn reduced_torques_span(
     rates: &DMatrix<f64>,
     wanted: &Wanted,
 ) -> Result<(DMatrix<f64>, DMatrix<f64>), ReducedError> {
+    let own = span.clone();
+    let folded = |map: &Coordinates, (tau, d): (DMatrix<f64>, DMatrix<f64>)| {
+        (coupled::columns(map, &tau), coupled::rows(map, &d))
+    };
+    if let Some(done) =
+        coupled::over_tree(model, |tree| reduced_torques_span(tree, params, table, own, rates, wanted), folded)
+    {
+        return done;
+    }
     check(model)?;
     assert_eq!(model.np(), 0, "reduced torques are those of a rigid model");
     assert!(wanted.initial.is_empty(), "there is no initial state to differentiate with respect to");

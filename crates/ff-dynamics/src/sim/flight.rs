@@ -18,9 +18,9 @@ use nalgebra::Vector3;
 /// Steps of a block: enough that its setup does not count, few enough that its tables stay in the cache.
 const BLOCK: usize = 64;
 
-/// Whether a model without external inputs flies freely.
+/// Whether a model without external inputs flies freely, every joint moving by itself.
 pub(crate) fn applies(model: &Model) -> bool {
-    model.base_kind() == BaseKind::Floating && model.gravity().norm() == 0.0
+    model.base_kind() == BaseKind::Floating && model.gravity().norm() == 0.0 && model.coordinates().is_none()
 }
 
 /// Samples per block, and a table for so many.

@@ -11,6 +11,7 @@
 
 use crate::linalg::ldl;
 use crate::state::State;
+use crate::tree::forward::by_mass_matrix;
 use crate::work::buffers::Work;
 use ff_model::scalar::ModelScalar;
 use ff_model::spatial::small::{mm, rotate_sym};
@@ -28,7 +29,8 @@ pub struct SingularInertia {
 /// Accelerations for given forces, as [`crate::tree::forward::forward_dynamics`], which calls this for long chains.
 ///
 /// `tau = [external base wrench | joint torques | external passive forces]`, all `nv` long; springs, dampers,
-/// gravity and [`Work::set_external`] are added by the model. Does not allocate except for the error.
+/// gravity and [`Work::set_external`] are added by the model. Where joints follow others it is [`by_mass_matrix`]. Does not allocate except
+/// for the error.
 ///
 /// # Errors
 /// [`SingularInertia`] where a pivot is not positive.
@@ -43,6 +45,9 @@ pub fn aba<T: ModelScalar>(
     work: &mut Work<T>,
     a: &mut [T],
 ) -> Result<(), SingularInertia> {
+    if work.coupled.is_some() {
+        return by_mass_matrix(model, params, state, tau, work, a);
+    }
     let (nb, nj) = (model.nb(), model.nj());
     assert_eq!(tau.len(), model.nv(), "tau length");
     assert_eq!(a.len(), model.nv(), "acceleration length");

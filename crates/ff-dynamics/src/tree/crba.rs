@@ -28,6 +28,14 @@ pub fn mass_matrix<T: ModelScalar>(
     h: &mut DMatrix<T>,
 ) {
     assert_eq!(h.shape(), (model.nv(), model.nv()), "mass matrix shape");
+    let folded = work.over_tree(|work, c| {
+        c.set(model, state);
+        mass_matrix(&c.tree, params, &c.state, work, &mut c.h);
+        c.both(&c.h, h);
+    });
+    if folded.is_some() {
+        return;
+    }
     T::enter(Crba::<T, true> { model, params, state, work, h: h.as_mut_slice() });
 }
 
@@ -43,10 +51,18 @@ pub fn mass_matrix_lower<'w, T: ModelScalar>(
     work: &'w mut Work<T>,
 ) -> DMatrixView<'w, T, Dyn, Dyn> {
     let nv = model.nv();
-    let mut h = core::mem::take(&mut work.lower);
-    T::enter(Crba::<T, false> { model, params, state, work, h: &mut h });
-    work.lower = h;
-    DMatrixView::from_slice_with_strides(&work.lower, nv, nv, nv, 1)
+    let folded = work.over_tree(|work, c| {
+        c.set(model, state);
+        mass_matrix(&c.tree, params, &c.state, work, &mut c.h);
+        c.fold_mass();
+    });
+    if folded.is_none() {
+        let mut h = core::mem::take(&mut work.lower);
+        T::enter(Crba::<T, false> { model, params, state, work, h: &mut h });
+        work.lower = h;
+    }
+    let h = work.coupled.as_ref().map_or(&work.lower, |c| &c.lower);
+    DMatrixView::from_slice_with_strides(h, nv, nv, nv, 1)
 }
 
 struct Crba<'a, T: ModelScalar, const FULL: bool> {

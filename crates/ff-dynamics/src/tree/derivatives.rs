@@ -124,6 +124,17 @@ pub fn rnea_derivatives<T: LaneScalar>(
     for m in [&out.dq, &out.dv, &out.da] {
         assert_eq!(m.shape(), (nv, nv), "derivative shape");
     }
+    let folded = work.over_tree(|work, c| {
+        c.set(model, state);
+        c.accelerate(a);
+        rnea_derivatives(&c.tree, params, &c.state, &c.a, work, &mut c.derivatives);
+        c.both(&c.derivatives.dq, &mut out.dq);
+        c.both(&c.derivatives.dv, &mut out.dv);
+        c.both(&c.derivatives.da, &mut out.da);
+    });
+    if folded.is_some() {
+        return;
+    }
     let Derivatives { dq, dv, da } = out;
     let (dq, dv, da) = (dq.as_mut_slice(), dv.as_mut_slice(), da.as_mut_slice());
     T::enter(Run { model, params, state, a, work, dq, dv, da });

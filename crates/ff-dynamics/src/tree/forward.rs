@@ -11,8 +11,11 @@ use crate::state::State;
 use crate::tree::aba::{SingularInertia, aba};
 use crate::tree::condense;
 use crate::tree::crba;
+use crate::tree::crba::mass_matrix;
 use crate::tree::links as tree;
+use crate::tree::rnea::rnea;
 use crate::work::buffers::Work;
+use crate::work::coupled::Coupled;
 use ff_lanes::Kernel;
 use ff_model::dispatch_rotation;
 use ff_model::scalar::ModelScalar;
@@ -51,6 +54,9 @@ pub fn forward_dynamics<T: ModelScalar>(
     a: &mut [T],
 ) -> Result<(), SingularInertia> {
     let plain = size_of::<T>() == size_of::<f64>();
+    if work.coupled.is_some() {
+        return by_mass_matrix(model, params, state, tau, work, a);
+    }
     let deep = if plain { work.mean_depth > DEEP } else { model.nj() > MANY };
     if deep {
         return aba(model, params, state, tau, work, a);
@@ -73,10 +79,24 @@ pub fn by_mass_matrix<T: ModelScalar>(
     work: &mut Work<T>,
     a: &mut [T],
 ) -> Result<(), SingularInertia> {
-    T::enter(Free { model, params, state, tau, work, a }).map_err(|dof| {
+    let solved = match work.over_tree(|work, c| {
+        assert_eq!((a.len(), tau.len()), (model.nv(), model.nv()), "acceleration and tau length");
+        c.set(model, state);
+        c.a.fill(T::zero());
+        rnea(&c.tree, params, &c.state, &c.a, work, &mut c.tau);
+        c.forces(a);
+        a.iter_mut().zip(tau).for_each(|(a, &t)| *a = t - *a);
+        mass_matrix(&c.tree, params, &c.state, work, &mut c.h);
+        c.fold_mass();
+        ltl::solve(&mut c.lower, model.nb(), &c.dense, a)
+    }) {
+        Some(solved) => solved,
+        None => T::enter(Free { model, params, state, tau, work, a }),
+    };
+    solved.map_err(|dof| {
         let at = match dof {
             d if d < model.nb() => format!("base {}", model.body_name(0)),
-            d if d < model.nb() + model.nj() => format!("joint {}", model.bodies()[d - model.nb()].joint.name),
+            d if d < model.nb() + model.nj() => format!("joint {}", model.own_body(d - model.nb()).joint.name),
             d => appendage_of(model, d - model.nb() - model.nj()),
         };
         SingularInertia { at }
@@ -183,7 +203,27 @@ pub fn hybrid_dynamics<T: ModelScalar>(
     a: &mut [T],
     tau: &mut [T],
 ) -> Result<(), SingularInertia> {
-    T::enter(Hybrid { model, params, state, qdd, work, a, tau }).map_err(|at| singular(model, at))
+    let solved = match work.over_tree(|work, c| {
+        let (nb, nj) = (model.nb(), model.nj());
+        assert_eq!((qdd.len(), tau.len(), a.len()), (nj, nj, model.nv()), "lengths of qdd, tau, a");
+        c.set(model, state);
+        a[nb..nb + nj].copy_from_slice(qdd);
+        c.accelerate(a);
+        let (Coupled { tree, state, a: full, joint, tau: force, .. }, n) = (&mut *c, model.n_joints());
+        joint.copy_from_slice(&full[nb..nb + n]);
+        let run = Hybrid { model: tree, params, state, qdd: joint, work, a: full, tau: &mut force[nb..nb + n] };
+        let solved = T::enter(run);
+        a[..nb].copy_from_slice(&c.a[..nb]);
+        a[nb + nj..].copy_from_slice(&c.a[nb + n..]);
+        if let Some(map) = model.coordinates() {
+            map.torques(&c.tau[nb..nb + n], tau);
+        }
+        solved
+    }) {
+        Some(solved) => solved,
+        None => T::enter(Hybrid { model, params, state, qdd, work, a, tau }),
+    };
+    solved.map_err(|at| singular(model, at))
 }
 
 /// The error for an appendage, or the base, whose mass matrix is not positive definite.

@@ -39,13 +39,14 @@ pub fn frame_jacobian<T: ModelScalar>(
     let nb = model.nb();
     let mut write = |col: usize, m: &Motion<T>| {
         for r in 0..6 {
-            j[(r, col)] = m.get(r);
+            j[(r, col)] += m.get(r);
         }
     };
     let mut x: Xform<T> = frame.placement.lift();
     let mut i = frame.body;
     while i > 0 {
-        write(nb + i - 1, &x.motion_to_child(&work.joint_motion(model, i)));
+        let along = model.coordinate(i - 1);
+        write(nb + along.index, &x.motion_to_child(&work.joint_motion(model, i)).scaled(T::from_f64(along.multiplier)));
         x = work.x[i] * x;
         i = model.bodies()[i - 1].parent;
     }

@@ -80,6 +80,8 @@ pub struct Regressor<T> {
     /// Parents of the bodies of the model it belongs to, and of its appendages the host, the first coordinate and the first parameter.
     bodies: Vec<usize>,
     appendages: Vec<[usize; 3]>,
+    /// Of the tree with every joint moving by itself, where joints follow others.
+    tree: Option<Box<Self>>,
 }
 
 impl<T: LaneScalar> Regressor<T> {
@@ -89,6 +91,7 @@ impl<T: LaneScalar> Regressor<T> {
             y: DMatrix::from_element(model.nv(), model.n_params(), T::zero()),
             bodies: model.bodies().iter().map(|b| b.parent).collect(),
             appendages: model.appendages().iter().map(place).collect(),
+            tree: model.coordinates().map(|_| Box::new(Self::new(&model.spanning()))),
         }
     }
     /// Whether the same elements are zero in that of another model.
@@ -96,6 +99,7 @@ impl<T: LaneScalar> Regressor<T> {
         self.y.shape() == (model.nv(), model.n_params())
             && model.bodies().iter().map(|b| b.parent).eq(self.bodies.iter().copied())
             && model.appendages().iter().map(place).eq(self.appendages.iter().copied())
+            && self.tree.is_some() == model.coordinates().is_some()
     }
 }
 
@@ -131,6 +135,15 @@ pub fn regressor<T: LaneScalar>(
 ) {
     assert_eq!(a.len(), model.nv(), "acceleration length");
     assert!(y.fits(model), "regressor of another model");
+    if let Some(tree) = &mut y.tree {
+        work.over_tree(|work, c| {
+            c.set(model, state);
+            c.accelerate(a);
+            regressor(&c.tree, params, &c.state, &c.a, work, tree);
+            c.rows(&tree.y, &mut y.y);
+        });
+        return;
+    }
     T::enter(Filling { model, params, state, a, work, y: y.y.as_mut_slice() });
 }
 

@@ -26,6 +26,16 @@ pub fn rnea<T: ModelScalar>(
     work: &mut Work<T>,
     tau: &mut [T],
 ) {
+    let folded = work.over_tree(|work, c| {
+        assert_eq!((a.len(), tau.len()), (model.nv(), model.nv()), "acceleration and tau length");
+        c.set(model, state);
+        c.accelerate(a);
+        rnea(&c.tree, params, &c.state, &c.a, work, &mut c.tau);
+        c.forces(tau);
+    });
+    if folded.is_some() {
+        return;
+    }
     T::enter(Rnea { model, params, state, a, work, tau });
 }
 
@@ -34,9 +44,15 @@ pub fn rnea<T: ModelScalar>(
 /// # Panics
 /// If `c` is not `nv` long.
 pub fn bias<T: ModelScalar>(model: &Model, params: &Params<T>, state: &State<T>, work: &mut Work<T>, c: &mut [T]) {
-    let zeros = std::mem::take(&mut work.zeros);
+    let zeros = match &mut work.coupled {
+        Some(coupled) => std::mem::take(&mut coupled.zeros),
+        None => std::mem::take(&mut work.zeros),
+    };
     rnea(model, params, state, &zeros, work, c);
-    work.zeros = zeros;
+    match &mut work.coupled {
+        Some(coupled) => coupled.zeros = zeros,
+        None => work.zeros = zeros,
+    }
 }
 
 struct Rnea<'a, T: ModelScalar> {

@@ -2,6 +2,7 @@
 
 use crate::linalg::ltl::ROOT;
 use crate::state::State;
+use crate::work::coupled::Coupled;
 use crate::work::link::{Link, links};
 use crate::work::node::Node;
 use crate::work::port_work::PortWork;
@@ -78,11 +79,22 @@ pub struct Work<T: ModelScalar> {
     pub(crate) screws: Vec<(V3<T>, V3<T>)>,
     /// Bodies in base axes, for the derivatives.
     pub(crate) nodes: Vec<Node<T>>,
+    /// Where joints follow others: everything above is over the tree with every joint moving by itself.
+    pub(crate) coupled: Option<Box<Coupled<T>>>,
 }
 
 impl<T: ModelScalar> Work<T> {
     /// Buffers for `model`. Allocates.
     pub fn new(model: &Model) -> Self {
+        if model.coordinates().is_none() {
+            return Self::of_tree(model);
+        }
+        let tree = model.spanning();
+        let work = Self::of_tree(&tree);
+        Self { coupled: Some(Box::new(Coupled::new(model, tree))), ..work }
+    }
+    /// Buffers for a model whose joints all move by themselves.
+    fn of_tree(model: &Model) -> Self {
         let (nb, dof_parent) = (model.n_bodies(), dof_parents(model));
         let mut placement = vec![Xform::identity()];
         let mut axis = vec![Vector3::zeros()];
@@ -116,6 +128,7 @@ impl<T: ModelScalar> Work<T> {
             lower: vec![T::zero(); model.nv().pow(2)],
             screws: vec![(V3::zero(), V3::zero()); nb * (6 + model.nj())],
             nodes: vec![Node::zero(); nb],
+            coupled: None,
         }
     }
     /// Applies a wrench (N, N m; body frame, about the body origin) on a body in every later call, until
@@ -145,6 +158,10 @@ impl<T: ModelScalar> Work<T> {
     }
     /// Poses of all bodies in their parents from the joint positions.
     pub(crate) fn place(&mut self, model: &Model, q: &[T]) {
+        if let (Some(map), Some(c)) = (model.coordinates(), &mut self.coupled) {
+            map.positions(q, &mut c.joint);
+        }
+        let q = self.coupled.as_ref().map_or(q, |c| &c.joint);
         for (k, b) in model.bodies().iter().enumerate() {
             let i = k + 1;
             let p = &self.placement[i];
@@ -157,7 +174,10 @@ impl<T: ModelScalar> Work<T> {
     /// Twists of all bodies and port hosts; needs [`Work::place`].
     pub(crate) fn twists(&mut self, model: &Model, state: &State<T>) {
         self.v[0] = state.base_twist();
-        let qd = state.qd();
+        if let (Some(map), Some(c)) = (model.coordinates(), &mut self.coupled) {
+            map.rates(state.qd(), &mut c.joint);
+        }
+        let qd = self.coupled.as_ref().map_or(state.qd(), |c| &c.joint);
         for (k, b) in model.bodies().iter().enumerate() {
             let i = k + 1;
             let mut v = self.x[i].motion_to_child(&self.v[b.parent]);

@@ -275,7 +275,7 @@ fn positions(q: &[f64], key: &'static str, model: &Model, t: &Table<'_, '_>) {
         t.fail(key, error("Config::WrongLength", what).hint("give one position per joint"));
         return;
     }
-    for (b, &q) in model.bodies().iter().zip(q) {
+    for (b, &q) in model.own_bodies().zip(q) {
         let l = &b.joint.limits;
         if !(l.lower..=l.upper).contains(&q) {
             let what = format!("joint {}: {q} rad, limit {} .. {} rad", b.joint.name, l.lower, l.upper);

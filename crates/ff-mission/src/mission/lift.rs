@@ -153,6 +153,14 @@ pub(super) fn without(model: &Model, lifted: &[usize]) -> (Model, Vec<Option<usi
         body.into_iter().for_each(|body| new.set_impedance(body, b.impedance));
         index.push(body);
     }
+    for (body, followed) in model.followers() {
+        // No joint follows one that is lifted, nor is a follower lifted (`urdf::follow`).
+        let driver = model.own_body(followed.index);
+        let at = |joint: &str| index[model.bodies().iter().position(|b| b.joint.name == joint)? + 1];
+        if let (Some(f), Some(d)) = (at(&body.joint.name), at(&driver.joint.name)) {
+            _ = new.couple(f, d, followed.multiplier, followed.offset);
+        }
+    }
     for f in model.frames() {
         if let Some(body) = index[f.body].filter(|_| new.frame(&f.name).is_none()) {
             new.add_frame(f.name.as_str(), body, f.placement);

@@ -300,7 +300,7 @@ impl Reproduce {
             let what = format!("{} positions for {} joints", self.hold_rad.len(), model.nj());
             t.fail("hold_rad", error("Config::WrongLength", what).hint("give one position per joint"));
         } else {
-            for (b, &q) in model.bodies().iter().zip(&self.hold_rad) {
+            for (b, &q) in model.own_bodies().zip(&self.hold_rad) {
                 let l = &b.joint.limits;
                 if !(l.lower..=l.upper).contains(&q) {
                     let what = format!("joint {}: {q} rad, limit {} .. {} rad", b.joint.name, l.lower, l.upper);

@@ -25,6 +25,8 @@ struct Group {
     link: usize,
     /// Joint that carries it and parent body; `None` for the base.
     joint: Option<(usize, usize)>,
+    /// Pose of that joint at position zero in the parent body.
+    placement: Xform<f64>,
     inertia: Inertia<f64>,
     /// Distance of the body frame from the base along the chain (m).
     reach: f64,
@@ -43,8 +45,8 @@ pub(super) fn model(
     // Pose of every link in its body; the base body takes the frame of the base link.
     let mut at: Vec<(usize, Xform<f64>)> = vec![(0, Xform::identity()); r.links.len()];
     at[tree.root] = (0, pose_in_root(r, tree, held, base).inverse());
-    let mut groups = vec![Group { link: base, joint: None, inertia: Inertia::zero(), reach: 0.0 }];
-    let mut placements: Vec<Xform<f64>> = Vec::new();
+    let mut groups =
+        vec![Group { link: base, joint: None, placement: Xform::identity(), inertia: Inertia::zero(), reach: 0.0 }];
     for &j in &tree.order {
         let (body, parent_pose) = at[tree.parent[j]];
         let pose = parent_pose * held.pose(r, j);
@@ -52,8 +54,7 @@ pub(super) fn model(
         if held.moves(r, j) {
             let reach = groups[body].reach + pose.pos.norm();
             let joint = Some((j, body));
-            groups.push(Group { link: child, joint, inertia: Inertia::zero(), reach });
-            placements.push(pose);
+            groups.push(Group { link: child, joint, placement: pose, inertia: Inertia::zero(), reach });
             at[child] = (groups.len() - 1, Xform::identity());
         } else {
             at[child] = (body, pose);
@@ -93,7 +94,7 @@ pub(super) fn model(
     if out.0.iter().any(|p| p.severity == Severity::Error && !options.leniency.allows(p.code)) {
         return None;
     }
-    Some(assemble(r, &groups, &placements, &at, options))
+    Some(assemble(r, held, &groups, &at, options, out))
 }
 
 /// The link that carries the base frame: the root, or one fixed to it.
@@ -242,19 +243,26 @@ fn names(r: &RawRobot, groups: &[Group], out: &mut Problems) {
 
 fn assemble(
     r: &RawRobot,
+    held: &Held,
     groups: &[Group],
-    placements: &[Xform<f64>],
     at: &[(usize, Xform<f64>)],
     options: &UrdfOptions,
+    out: &mut Problems,
 ) -> Model {
     let mut m =
         Model::new(r.name.as_str(), r.links[groups[0].link].name.as_str(), groups[0].inertia, options.base_kind);
-    for (g, placement) in groups[1..].iter().zip(placements) {
+    let mut body_of = vec![0; r.joints.len()];
+    for g in groups {
         if let Some((j, parent)) = g.joint {
-            let joint = joint(&r.joints[j], *placement);
-            let body = m.add_body(parent, r.links[g.link].name.as_str(), joint, g.inertia);
-            m.set_impedance(body, r.joints[j].impedance);
+            let mut joint = joint(&r.joints[j], g.placement);
+            super::follow::narrow(r, held, j, &mut joint.limits, out);
+            body_of[j] = m.add_body(parent, r.links[g.link].name.as_str(), joint, g.inertia);
+            m.set_impedance(body_of[j], r.joints[j].impedance);
         }
+    }
+    for (k, f) in held.follows.iter().enumerate() {
+        let coupled = f.as_ref().map(|f| m.couple(body_of[k], body_of[f.head], f.ratio, f.offset));
+        coupled.and_then(Result::err).into_iter().for_each(|p| out.extend(p));
     }
     for (k, l) in r.links.iter().enumerate() {
         let (body, pose) = at[k];
@@ -271,16 +279,21 @@ fn joint(j: &RawJoint, placement: Xform<f64>) -> Joint {
         "prismatic" => JointKind::Prismatic,
         _ => JointKind::Revolute,
     };
+    Joint { name: j.name.clone(), kind, axis: Vector3::from(j.axis.0).normalize(), placement, limits: limits(j) }
+}
+
+/// Limits of a joint as the file gives them.
+pub(super) fn limits(j: &RawJoint) -> JointLimits {
     let mut limits = JointLimits::default();
     if let Some(l) = j.limit {
         limits.velocity = l.velocity.filter(|v| *v > 0.0).unwrap_or(limits.velocity);
         limits.effort = l.effort.unwrap_or(limits.effort);
-        if kind != JointKind::Continuous && (l.lower.is_some() || l.upper.is_some()) {
+        if j.kind != "continuous" && (l.lower.is_some() || l.upper.is_some()) {
             limits.lower = l.lower.unwrap_or(0.0);
             limits.upper = l.upper.unwrap_or(0.0);
         }
     }
-    Joint { name: j.name.clone(), kind, axis: Vector3::from(j.axis.0).normalize(), placement, limits }
+    limits
 }
 
 pub(super) fn xform(p: &RawPose) -> Xform<f64> {

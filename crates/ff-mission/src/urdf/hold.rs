@@ -1,45 +1,44 @@
-//! Which joints stay where they are: those that the user locks, those that follow another, those that carry nothing.
+//! Which joints stay where they are: those that the user locks, those that follow one that does ([`super::follow`]), those that carry
+//! nothing.
 //!
 //! A held joint is a fixed one at its position: what it carries becomes part of the body that it hangs on.
-//!
-//! A joint with `<mimic>` turns with another, `q = multiplier q(other) + offset`. Bodies here have a degree of freedom each, so it cannot
-//! turn; it is held, and so is the joint that it follows if the one that follows carries mass: with the one moving and the other not,
-//! mass would be where it is not. A user who locks the follower by name says himself that it may be left behind.
 
+use super::follow::{self, Follower};
 use super::graph::Tree;
 use super::options::UrdfOptions;
 use super::raw::{RawJoint, RawRobot};
-use ff_model::diagnostics::{Limit, clip, list, misspelling, nearest};
+use ff_model::diagnostics::{Limit, clip, list, nearest};
 use ff_model::spatial::so3::{exp_so3, quat_to_rot};
 use ff_model::tree::matches;
 use ff_model::{Area, Inertia, Problem, Problems, Xform};
 use nalgebra::Vector3;
-use std::collections::HashMap;
-
-/// Joints whose names are compared with one that does not exist.
-const MOST_COMPARED: usize = 1000;
 
 /// An inertia about the joint axis of this share of the trace is what rounding leaves of zero.
 const NOTHING: f64 = 1e-12;
 
-/// Position of every joint that is held (rad or m); `None` for one that moves and for one that is fixed anyway.
+/// What was decided on every joint.
 #[derive(Debug)]
-pub(super) struct Held(pub(super) Vec<Option<f64>>);
+pub(super) struct Held {
+    /// Position of every joint that is held (rad or m); `None` for one that moves and for one that is fixed anyway.
+    pub(super) at: Vec<Option<f64>>,
+    /// What a joint follows that has no coordinate of its own.
+    pub(super) follows: Vec<Option<Follower>>,
+}
 
 impl Held {
     /// Nothing is held: for a file whose tree could not be told.
     pub(super) fn none(r: &RawRobot) -> Self {
-        Self(vec![None; r.joints.len()])
+        Self { at: vec![None; r.joints.len()], follows: vec![None; r.joints.len()] }
     }
-    /// True for a joint that adds a body.
+    /// True for a joint that adds a body: one that moves by itself or follows one that does.
     pub(super) fn moves(&self, r: &RawRobot, joint: usize) -> bool {
-        r.joints[joint].moves() && self.0[joint].is_none()
+        r.joints[joint].moves() && self.at[joint].is_none()
     }
     /// Pose of the child link of a joint in the parent link: at its position if held, at zero if not.
     pub(super) fn pose(&self, r: &RawRobot, joint: usize) -> Xform<f64> {
         let j = &r.joints[joint];
         let at = super::build::xform(&j.origin);
-        let (Some(q), Some(axis)) = (self.0[joint], Vector3::from(j.axis.0).try_normalize(1e-12)) else { return at };
+        let (Some(q), Some(axis)) = (self.at[joint], Vector3::from(j.axis.0).try_normalize(1e-12)) else { return at };
         match j.kind.as_str() {
             "prismatic" => at * Xform::new(nalgebra::Matrix3::identity(), axis * q),
             "revolute" | "continuous" => at * Xform::new(quat_to_rot(&exp_so3(&(axis * q))), Vector3::zeros()),
@@ -53,14 +52,14 @@ pub(super) fn settle(r: &RawRobot, tree: &Tree, options: &UrdfOptions, out: &mut
     let mut held = Held::none(r);
     let named = lock(r, options, &mut held, out);
     let mass = carried_mass(r, tree);
-    mimics(r, tree, &mass, &named, options, &mut held, out);
+    follow::settle(r, |k| mass[tree.child[k]], &named, options, &mut held, out);
     other_kinds(r, tree, &mass, &mut held, out);
     massless(r, tree, options, &mut held, out);
     held
 }
 
 /// Zero, or the limit next to it.
-fn nominal(j: &RawJoint) -> f64 {
+pub(super) fn nominal(j: &RawJoint) -> f64 {
     if j.kind == "continuous" {
         return 0.0;
     }
@@ -83,7 +82,7 @@ fn lock(r: &RawRobot, options: &UrdfOptions, held: &mut Held, out: &mut Problems
         let mut any = false;
         for (k, j) in r.joints.iter().enumerate().filter(|(_, j)| j.moves() && matches(pattern, &j.name)) {
             (any, named[k]) = (true, true);
-            held.0[k] = Some(nominal(j));
+            held.at[k] = Some(nominal(j));
         }
         if !any {
             out.push(unknown(pattern, format!("'{}' fits no joint that moves", clip(pattern))));
@@ -107,7 +106,7 @@ fn lock(r: &RawRobot, options: &UrdfOptions, held: &mut Held, out: &mut Problems
             );
         }
         named[k] = true;
-        held.0[k] = Some(q);
+        held.at[k] = Some(q);
     }
     named
 }
@@ -122,106 +121,12 @@ fn carried_mass(r: &RawRobot, tree: &Tree) -> Vec<bool> {
     has
 }
 
-fn mimics(
-    r: &RawRobot,
-    tree: &Tree,
-    mass: &[bool],
-    named: &[bool],
-    options: &UrdfOptions,
-    held: &mut Held,
-    out: &mut Problems,
-) {
-    let index: HashMap<&str, usize> = r.joints.iter().enumerate().map(|(k, j)| (j.name.as_str(), k)).collect();
-    let followers: Vec<usize> = (0..r.joints.len()).filter(|&k| r.joints[k].mimic.is_some()).collect();
-    // The joint at the head of every chain of followers, with the ratio and offset against it.
-    let mut heads: Vec<(usize, usize, f64, f64)> = Vec::new();
-    // Comparing every wrong name with every joint would take minutes on a large broken file: the same name is compared once.
-    let mut compared: HashMap<&str, Option<&str>> = HashMap::new();
-    let names = || r.joints.iter().map(|j| j.name.as_str());
-    let mut near = |wrong| *compared.entry(wrong).or_insert_with(|| misspelling(wrong, names().take(MOST_COMPARED)));
-    for &k in followers.iter().filter(|&&k| r.joints[k].moves()) {
-        let (mut at, mut ratio, mut offset, mut steps) = (k, 1.0, 0.0, 0);
-        let head = loop {
-            let Some(m) = &r.joints[at].mimic else { break Some(at) };
-            let fail = |code, what: String| {
-                let p = Problem::error(Area::Model, code, what).at_line(m.line);
-                p.on(format!("joint {}", r.joints[at].name))
-            };
-            steps += 1;
-            if steps > followers.len() {
-                if at == k {
-                    let p = fail("Urdf::MimicCycle", format!("follows '{}', which follows it", clip(&m.joint)));
-                    out.push(p.hint("let one joint of the circle move by itself: remove its <mimic>"));
-                }
-                break None;
-            }
-            match index.get(m.joint.as_str()) {
-                Some(&next) => {
-                    (offset, ratio) = (offset + ratio * m.offset, ratio * m.multiplier);
-                    at = next;
-                }
-                // Nobody's misspelling: a joint of another file, such as one whose names got a prefix. This one moves by itself.
-                None if near(&m.joint).is_none() => {
-                    if at == k {
-                        let what =
-                            format!("follows '{}', which does not exist; taken to move by itself", clip(&m.joint));
-                        let p = Problem::warning(Area::Model, "Urdf::UnknownJoint", what).at_line(m.line);
-                        out.push(
-                            p.on(format!("joint {}", r.joints[at].name))
-                                .hint("name the joint that it follows, or lock it"),
-                        );
-                    }
-                    break None;
-                }
-                None => {
-                    let p = fail("Urdf::UnknownJoint", format!("follows '{}', which does not exist", clip(&m.joint)));
-                    // Said once, at the joint that names it.
-                    if at == k {
-                        out.push(match near(&m.joint) {
-                            Some(n) => p.hint(format!("did you mean {n}?")),
-                            None => p.hint(format!("joints: {}", list(names(), 8))),
-                        });
-                    }
-                    break None;
-                }
-            }
-        };
-        heads.extend(head.map(|h| (k, h, ratio, offset)));
-    }
-    for (k, head, ratio, offset) in heads {
-        let j = &r.joints[k];
-        if options.lifted.contains(&j.name) || options.lock_at.contains_key(&j.name) {
-            continue;
-        }
-        let still = || if r.joints[head].moves() { nominal(&r.joints[head]) } else { 0.0 };
-        let position = held.0[head].unwrap_or_else(still);
-        let q = ratio * position + offset;
-        held.0[k] = Some(q);
-        // The joint that is followed stands still anyway, or the user has named the one that follows.
-        if named[head] || named[k] || ratio == 0.0 || !r.joints[head].moves() {
-            continue;
-        }
-        let unit = if j.kind == "prismatic" { "m" } else { "rad" };
-        let master = &r.joints[head].name;
-        let heavy = mass[tree.child[k]];
-        let what = if heavy && !options.lifted.contains(master) {
-            held.0[head] = Some(position);
-            format!("follows joint {master} with ratio {ratio}: both are held, this one at {q} {unit}")
-        } else {
-            format!("follows joint {master} with ratio {ratio} and is held at {q} {unit}")
-        };
-        let line = j.mimic.as_ref().map_or(j.line, |m| m.line);
-        let p = Problem::warning(Area::Model, "Urdf::Mimic", what).at_line(line).on(format!("joint {}", j.name));
-        out.push(p.hint(format!("exact while {master} stands still; name it in lock of [robot] to confirm")));
-    }
-}
-
 /// Planar, floating and spherical joints can be held, where nothing depends on it; those that carry mass are refused where joints are
 /// judged.
 fn other_kinds(r: &RawRobot, tree: &Tree, mass: &[bool], held: &mut Held, out: &mut Problems) {
     for (k, j) in r.joints.iter().enumerate() {
         if super::physics::is_other_kind(&j.kind) && held.moves(r, k) && !mass[tree.child[k]] {
-            held.0[k] = Some(0.0);
+            held.at[k] = Some(0.0);
             let what = format!("type '{}' is not supported; held at its origin, as it carries no mass", j.kind);
             out.push(
                 Problem::warning(Area::Model, "Urdf::Unsupported", what)
@@ -240,9 +145,12 @@ fn massless(r: &RawRobot, tree: &Tree, options: &UrdfOptions, held: &mut Held, o
         |l: &super::raw::RawLink| l.inertial.as_ref().map_or_else(Inertia::zero, |(i, _)| super::build::inertia(i));
     let mut carried: Vec<Inertia<f64>> = r.links.iter().map(own).collect();
     let mut open = vec![false; r.links.len()];
+    // What a joint and its followers carry resists them together.
+    let mut together: Vec<bool> = held.follows.iter().map(Option::is_some).collect();
+    held.follows.iter().flatten().for_each(|f| together[f.head] = true);
     for &j in tree.order.iter().rev() {
         let (joint, child, parent) = (&r.joints[j], tree.child[j], tree.parent[j]);
-        if held.moves(r, j) && !open[child] && !super::physics::is_other_kind(&joint.kind) {
+        if held.moves(r, j) && !open[child] && !together[j] && !super::physics::is_other_kind(&joint.kind) {
             let link = &r.links[child];
             let i = &carried[child];
             let (what, unit, x) = match (joint.kind.as_str(), Vector3::from(joint.axis.0).try_normalize(1e-12)) {
@@ -254,7 +162,7 @@ fn massless(r: &RawRobot, tree: &Tree, options: &UrdfOptions, held: &mut Held, o
             let lifted = options.lifted.contains(&joint.name);
             if x.abs() <= NOTHING * i.rot.trace() && !lifted && !link.unsure {
                 let q = nominal(joint);
-                held.0[j] = Some(q);
+                held.at[j] = Some(q);
                 let place = |code, what: String, line| {
                     let p = Problem::warning(Area::Model, code, what).at_line(line).on(format!("link {}", link.name));
                     p.hint(format!("give mass and inertia, or name joint {} in lock of [robot] to confirm", joint.name))

@@ -5,7 +5,7 @@
 //!
 //! 1. `prescan`: size, UTF-8, nesting, DTD, xacro: on the bytes, before any XML parser;
 //! 2. `strict`: no name misspelt, every token a finite number, with line and column;
-//! 3. `part`, `graph`, `hold`, `physics`: which links, one tree, which joints move; inertias that some body could have; axes, limits,
+//! 3. `part`, `graph`, `hold`, `follow`, `physics`: which links, one tree, which joints move and which follow another; inertias that some body could have; axes, limits,
 //!    units;
 //! 4. `second`: urdf-rs reads the same text and must agree.
 //!
@@ -19,6 +19,7 @@
 //! `quat_xyzw`, xacro.
 pub(crate) mod build;
 pub mod collision;
+pub(crate) mod follow;
 pub(crate) mod graph;
 pub(crate) mod hold;
 mod options;
@@ -142,7 +143,8 @@ fn import(text: &str, options: &UrdfOptions, out: &mut Problems) -> Option<Model
     let doubts = physics::links(&raw, out);
     let tree = graph::tree(&raw, out);
     let held = tree.as_ref().map_or_else(|| Held::none(&raw), |t| hold::settle(&raw, t, options, out));
-    physics::joints(&raw, |k| held.moves(&raw, k), |name| options.lifted.iter().any(|l| l == name), out);
+    let lifted = |name: &str| options.lifted.iter().any(|l| l == name);
+    physics::joints(&raw, |k| held.moves(&raw, k), |k| held.follows[k].is_some(), lifted, out);
     let mut found = Problems::default();
     if blocked(out, options) {
         // Bodies without mass can be told from the tree even when other things are wrong, unless the wrong

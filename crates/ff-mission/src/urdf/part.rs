@@ -25,6 +25,12 @@ pub(super) fn used(whole: &RawRobot, options: &UrdfOptions, out: &mut Problems) 
         }
         let keep = below(&r, root);
         retain(&mut r, &keep);
+        let used: HashSet<String> = r.joints.iter().map(|j| j.name.clone()).collect();
+        let left_out: HashSet<&str> =
+            whole.joints.iter().map(|j| j.name.as_str()).filter(|n| !used.contains(*n)).collect();
+        for j in &mut r.joints {
+            j.follows_outside = j.mimic.as_ref().is_some_and(|m| left_out.contains(m.joint.as_str()));
+        }
     }
     drop_frames(&mut r, out);
     drop_world(&mut r, options, out);

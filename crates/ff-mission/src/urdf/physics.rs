@@ -54,9 +54,15 @@ pub(super) fn links(r: &RawRobot, out: &mut Problems) -> Vec<Doubt> {
 }
 
 /// Every check of a joint on its own; of one that does not move only where it stands. `settled`: the limits of this joint do not matter.
-pub(super) fn joints(r: &RawRobot, moves: impl Fn(usize) -> bool, settled: impl Fn(&str) -> bool, out: &mut Problems) {
+pub(super) fn joints(
+    r: &RawRobot,
+    moves: impl Fn(usize) -> bool,
+    follows: impl Fn(usize) -> bool,
+    settled: impl Fn(&str) -> bool,
+    out: &mut Problems,
+) {
     for (k, j) in r.joints.iter().enumerate() {
-        joint(j, moves(k), settled(&j.name), out);
+        joint(j, moves(k), follows(k), settled(&j.name), out);
     }
 }
 
@@ -169,7 +175,7 @@ pub(super) fn is_other_kind(kind: &str) -> bool {
     OTHER_TYPES.contains(&kind)
 }
 
-fn joint(j: &RawJoint, moves: bool, settled: bool, out: &mut Problems) {
+fn joint(j: &RawJoint, moves: bool, follows: bool, settled: bool, out: &mut Problems) {
     let name = format!("joint {}", j.name);
     degrees(&j.origin.rpy, TAU + 1e-3, &name, j.origin_line, out);
     match j.kind.as_str() {
@@ -203,7 +209,10 @@ fn joint(j: &RawJoint, moves: bool, settled: bool, out: &mut Problems) {
     if moves {
         axis(j, &name, out);
         if !settled {
-            limits(j, &name, out);
+            // Those of a follower only narrow those of the joint that it follows ([`super::follow::narrow`]).
+            if !follows {
+                limits(j, &name, out);
+            }
             spring(j, name, out);
         }
     }

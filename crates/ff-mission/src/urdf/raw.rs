@@ -94,6 +94,8 @@ pub(crate) struct RawJoint {
     /// `<dynamics>`: zero where absent.
     pub(crate) impedance: JointImpedance,
     pub(crate) mimic: Option<RawMimic>,
+    /// It follows a joint of the file that is not among those that are used.
+    pub(crate) follows_outside: bool,
 }
 
 impl RawJoint {

@@ -310,7 +310,20 @@ impl Reader<'_, '_> {
         let mimic = child(n, "mimic").and_then(|m| self.mimic(m, &object));
         let origin_line = child(n, "origin").map_or(line, |o| self.line(o));
         let origin = self.pose(n, &object);
-        RawJoint { name, line, kind, origin, origin_line, parent, child: child_link, axis, limit, impedance, mimic }
+        RawJoint {
+            name,
+            line,
+            kind,
+            origin,
+            origin_line,
+            parent,
+            child: child_link,
+            axis,
+            limit,
+            impedance,
+            mimic,
+            follows_outside: false,
+        }
     }
 
     fn mimic(&mut self, n: Node<'_, '_>, object: &str) -> Option<RawMimic> {

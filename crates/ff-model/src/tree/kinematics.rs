@@ -126,7 +126,7 @@ impl<T: Scalar> Kinematics<T> {
                 DisplacementKind::Offset => d.offset = x,
             }
         }
-        Self { values, displacements, joints: model.nj() }
+        Self { values, displacements, joints: model.n_joints() }
     }
     /// All values (m, rad).
     pub fn values(&self) -> &[T] {
@@ -150,9 +150,9 @@ impl<T: Scalar> Kinematics<T> {
 }
 
 impl Model {
-    /// Number of kinematic parameters: six per joint, then six per mount.
+    /// Number of kinematic parameters: six per joint of the tree, then six per mount.
     pub fn n_kinematic_params(&self) -> usize {
-        PER_PLACE * (self.nj() + self.appendages().len())
+        PER_PLACE * (self.n_joints() + self.appendages().len())
     }
     /// All kinematic parameters: six per joint in order, then six per mount. Allocates.
     pub fn kinematic_params(&self) -> Vec<KinematicParam> {

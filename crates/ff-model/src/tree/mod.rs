@@ -1,5 +1,6 @@
 //! The model: bodies, joints, frames, mounted appendages, and the values of all parameters.
 
+pub(crate) mod coordinates;
 pub(crate) mod kinematics;
 pub(crate) mod model;
 pub(crate) mod mount;
@@ -10,6 +11,7 @@ pub(crate) mod rest;
 pub(crate) mod selection;
 pub(crate) mod solid;
 
+pub use coordinates::{Coordinates, JointCoordinate};
 pub use kinematics::{Displacement, DisplacementKind, KinematicParam, Kinematics, Placed};
 pub use model::{BaseKind, Body, Frame, Joint, JointImpedance, JointKind, JointLimits, Model, Mounted};
 pub use parameters::Params;

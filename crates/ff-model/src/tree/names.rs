@@ -21,10 +21,10 @@ impl Model {
         let link = (0..self.n_bodies()).find(|&i| self.body_name(i) == name);
         link.or_else(|| (name == "base").then_some(0))
     }
-    /// Index of the joint called `name` in `q` and `tau`: joint `i` carries body `i + 1`. `None` if there is none. Does not
-    /// allocate.
+    /// Index of the joint called `name` in `q` and `tau`. Where no joint follows another, joint `i` carries body `i + 1`. `None` if there is
+    /// none, or if it follows another joint. Does not allocate.
     pub fn joint(&self, name: &str) -> Option<usize> {
-        self.bodies().iter().position(|b| b.joint.name == name)
+        self.own_bodies().position(|b| b.joint.name == name)
     }
     /// Index of the appendage called `name` in [`Model::appendages`]; `None` if there is none. Does not allocate.
     pub fn appendage(&self, name: &str) -> Option<usize> {

@@ -103,7 +103,7 @@ pub(super) fn collect(
     options: &ReadOptions,
 ) -> Result<Loaded, Problems> {
     let mut bad = Problems::default();
-    let targets = targets(source.names(), joints, &options.ignore, options.fixed_base, &mut bad);
+    let targets = targets(source.names(), joints, options, &mut bad);
     // The names of these files stand in no line.
     bad.0.iter_mut().for_each(|p| p.line = None);
     let head = source.names().to_vec();

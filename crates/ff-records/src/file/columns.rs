@@ -3,7 +3,7 @@
 use super::naming::{is_nameless, is_time, split};
 use super::units;
 use super::units::{Dimension, Unit};
-use super::{JointColumn, data};
+use super::{FollowerColumn, JointColumn, ReadOptions, data};
 use crate::carried::WRENCH;
 use crate::time_base::ChannelGroup;
 use ff_model::diagnostics::{clip, list, nearest};
@@ -96,7 +96,9 @@ pub(super) enum Target {
     Channel(Group, usize, &'static Unit),
     /// A channel that is carried beside, by its number among them.
     Carried(usize, &'static Unit),
-    /// Named by the user as of no interest.
+    /// Positions of a joint that follows another, by its index among such: compared, and left out.
+    Follower(usize, &'static Unit),
+    /// Named by the user as of no interest, or known from others.
     Ignored,
 }
 
@@ -104,7 +106,7 @@ impl Target {
     /// Unit of a channel; `None` for the time and what is ignored.
     pub(super) fn unit(&self) -> Option<&'static Unit> {
         match self {
-            Self::Channel(_, _, u) | Self::Carried(_, u) => Some(u),
+            Self::Channel(_, _, u) | Self::Carried(_, u) | Self::Follower(_, u) => Some(u),
             Self::Time(_) | Self::Ignored => None,
         }
     }
@@ -113,6 +115,7 @@ impl Target {
         match self {
             Self::Channel(g, ..) => Some(g.sampled_with()),
             Self::Carried(..) => Some(ChannelGroup::Carried),
+            Self::Follower(..) => Some(ChannelGroup::Motion),
             Self::Time(_) | Self::Ignored => None,
         }
     }
@@ -122,6 +125,7 @@ impl Target {
             Self::Time(_) => "time",
             Self::Channel(g, _, _) => g.prefix(),
             Self::Carried(..) => "carried",
+            Self::Follower(..) => "q",
             Self::Ignored => "ignored",
         }
     }
@@ -142,19 +146,37 @@ pub fn without_name(head: &[String]) -> Option<Problem> {
     Some(p.hint("with pandas, to_csv(..., index=False); name the column if it is a signal"))
 }
 
+/// The group and the joint of a column of a joint that follows another.
+fn follower(name: &str, followers: &[FollowerColumn]) -> Option<(Group, usize)> {
+    let (prefix, joint) = name.split_once('.')?;
+    let group = Group::of_prefix(prefix).filter(|g| g.axes().is_none())?;
+    Some((group, followers.iter().position(|f| f.name == joint)?))
+}
+
 /// What every column is (a base that is bolted down needs no gyro); `None` when something is wrong, with the problems recorded at line 1.
 pub(super) fn targets(
     head: &[String],
     joints: &[JointColumn],
-    ignore: &[String],
-    fixed_base: bool,
+    options: &ReadOptions,
     bad: &mut Problems,
 ) -> Option<Vec<Target>> {
+    let (ignore, followers, fixed_base) = (&options.ignore, &options.followers, options.fixed_base);
     let mut out: Vec<Option<Target>> = Vec::with_capacity(head.len());
     let (mut extra, mut strangers): (Vec<&str>, Vec<&str>) = (Vec::new(), Vec::new());
     let mut good = true;
     if let Some(p) = without_name(head) {
         bad.push(p.at_line(1));
+    }
+    let ignored = |cell: &String| {
+        let name = split(cell).0;
+        ignore.iter().any(|i| i == name || i == cell) || is_nameless(cell)
+    };
+    let passed = head.iter().filter(|c| !ignored(c)).map(|c| split(c).0);
+    let passed: Vec<&str> = passed.filter(|n| follower(n, followers).is_some()).collect();
+    if !passed.is_empty() {
+        let what = format!("columns of joints that follow others, left out: {}", list(passed.iter().copied(), LISTED));
+        let p = Problem::warning(Area::Data, "Data::NotUsed", what).at_line(1);
+        bad.push(p.hint("nothing to do: they are known from the joints that they follow"));
     }
     let mut fail = |p: Problem| {
         good = false;
@@ -162,8 +184,14 @@ pub(super) fn targets(
     };
     for cell in head {
         let (name, symbol) = split(cell);
-        if ignore.iter().any(|i| i == name || i == cell) || is_nameless(cell) {
+        if ignored(cell) {
             out.push(Some(Target::Ignored));
+            continue;
+        }
+        if let Some((group, k)) = follower(name, followers) {
+            let unit = symbol.filter(|_| group == Group::Q);
+            let unit = unit.and_then(|u| units::find(u, group.dimension(followers[k].slides)));
+            out.push(Some(unit.map_or(Target::Ignored, |u| Target::Follower(k, u))));
             continue;
         }
         let known = match place(name, joints) {

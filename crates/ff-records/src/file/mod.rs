@@ -69,11 +69,38 @@ pub struct JointColumn {
     pub slides: bool,
 }
 
-/// The joints of a model, in its order. Allocates.
+/// A joint that follows another at a ratio: what a log says of it follows from the other one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FollowerColumn {
+    /// Name in the URDF.
+    pub name: String,
+    /// True for a joint that slides.
+    pub slides: bool,
+    /// The joint that it follows, by its index among those of the record.
+    pub joint: usize,
+    /// Motion per motion of that joint (1, rad/m, m/rad).
+    pub multiplier: f64,
+    /// Position where that joint is at zero (rad or m).
+    pub offset: f64,
+}
+
+/// The joints of a model that follow others. Allocates.
+pub fn followers_of(model: &Model) -> Vec<FollowerColumn> {
+    let one = |(b, c): (&ff_model::Body, ff_model::tree::JointCoordinate)| FollowerColumn {
+        name: b.joint.name.clone(),
+        slides: b.joint.kind == JointKind::Prismatic,
+        joint: c.index,
+        multiplier: c.multiplier,
+        offset: c.offset,
+    };
+    model.followers().map(one).collect()
+}
+
+/// The joints of a model that move by themselves, in its order. Allocates.
 pub fn joints_of(model: &Model) -> Vec<JointColumn> {
     let one =
         |b: &ff_model::Body| JointColumn { name: b.joint.name.clone(), slides: b.joint.kind == JointKind::Prismatic };
-    model.bodies().iter().map(one).collect()
+    model.own_bodies().map(one).collect()
 }
 
 fn data(code: &'static str, message: impl Into<String>) -> Problem {

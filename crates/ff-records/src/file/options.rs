@@ -1,5 +1,6 @@
 //! What is read of a file and put up with, and the record that comes of it.
 
+use super::FollowerColumn;
 use crate::builder::RecordBuilder;
 use crate::record::Record;
 use ff_model::{Problems, Severity};
@@ -27,6 +28,8 @@ pub struct ReadOptions {
     pub rename: Vec<(String, String)>,
     /// Columns to leave out, by name (without unit) or as the header has them.
     pub ignore: Vec<String>,
+    /// Joints that follow others ([`followers_of`](super::followers_of)): their columns are left out, their positions compared.
+    pub followers: Vec<FollowerColumn>,
     /// Leave out rows with cells that are not finite; the rows left make a gap.
     pub drop_gaps: bool,
     /// Leave out a row that repeats the one before, time stamp included.
@@ -60,6 +63,7 @@ impl Default for ReadOptions {
             separator: b',',
             rename: Vec::new(),
             ignore: Vec::new(),
+            followers: Vec::new(),
             drop_gaps: false,
             drop_repeated: false,
             resample: false,

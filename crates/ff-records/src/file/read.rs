@@ -55,7 +55,7 @@ fn head(
     bad: &mut Problems,
 ) -> Option<(Heading, Vec<Target>)> {
     let heading = header(lines, options, bad)?;
-    let targets = targets(&heading.names, joints, &options.ignore, options.fixed_base, bad);
+    let targets = targets(&heading.names, joints, options, bad);
     // The names may stand behind remarks.
     bad.0.iter_mut().filter(|p| p.line == Some(1)).for_each(|p| p.line = Some(heading.line));
     Some((heading, targets?))
@@ -120,7 +120,9 @@ fn fill(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: 
         let rest = &line[start..];
         let (value, len) = number::cell(rest);
         match (value, targets.get(k), row.get_mut(k)) {
-            (Some(x), Some(Target::Channel(_, _, u) | Target::Carried(_, u)), Some(to)) => *to = u.to_si(x),
+            (Some(x), Some(Target::Channel(_, _, u) | Target::Carried(_, u) | Target::Follower(_, u)), Some(to)) => {
+                *to = u.to_si(x);
+            }
             (_, Some(target), to) => {
                 one(&rest[..len], target, (number, start + 1), to, clock, &mut time, &mut problems);
             }
@@ -177,7 +179,9 @@ fn one(
     let (name, x) = match target {
         Target::Ignored => return,
         Target::Time(_) => ("time", clock.read(cell)),
-        Target::Channel(_, _, u) | Target::Carried(_, u) => (target.group(), number::parse(cell).map(|x| u.to_si(x))),
+        Target::Channel(_, _, u) | Target::Carried(_, u) | Target::Follower(_, u) => {
+            (target.group(), number::parse(cell).map(|x| u.to_si(x)))
+        }
     };
     let shown = || clip(&String::from_utf8_lossy(cell));
     let p = match x {

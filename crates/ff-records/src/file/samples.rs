@@ -1,10 +1,11 @@
 //! The samples of a file as they grow, with the checks of every row: the same for text and for blocks.
 
 use super::columns::{GROUPS, Group, Target, carried_channels};
-use super::{JointColumn, ReadOptions, data, dates, number, over};
+use super::{FollowerColumn, JointColumn, ReadOptions, data, dates, number, over};
 use crate::builder::RecordBuilder;
 use crate::carried::Carried;
 use crate::time_base::ChannelGroup;
+use ff_model::diagnostics::Limit;
 use ff_model::{Area, Problem, Problems};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -213,6 +214,7 @@ impl<'a> Samples<'a> {
         let mut columns = self.columns;
         let (stamps, times) = sampled(&mut columns, self.targets, stamps, bad)?;
         unwrap_turns(&mut columns, self.targets, joints, bad);
+        compare_followers(&columns, self.targets, (joints, &self.options.followers), bad);
         let builder = builder(columns, (self.head, self.targets), joints, stamps);
         let builder = times.into_iter().fold(builder, |b, (group, t)| b.times(group, t));
         Some((builder, origin))
@@ -314,6 +316,41 @@ fn unwrap_turns(columns: &mut [Vec<f64>], targets: &[Target], joints: &[JointCol
             let p = Problem::warning(Area::Data, "Data::Wrapped", what).on(format!("q.{}", joint.name));
             bad.push(p.hint("nothing to do, if the encoder begins anew after a turn"));
         }
+    }
+}
+
+/// Positions of joints that follow others, against what their ratio makes of the joints that they follow.
+fn compare_followers(
+    columns: &[Vec<f64>],
+    targets: &[Target],
+    (joints, followers): (&[JointColumn], &[FollowerColumn]),
+    bad: &mut Problems,
+) {
+    // Play and elasticity of a gear, by share of the travel, and what rounding of small travels leaves (rad or m).
+    const SHARE: f64 = 0.05;
+    const LEAST: f64 = 1e-3;
+    for (column, target) in columns.iter().zip(targets) {
+        let Target::Follower(k, _) = target else { continue };
+        let f = &followers[*k];
+        let of = |t: &Target| matches!(t, Target::Channel(Group::Q, k, _) if *k == f.joint);
+        let Some(driver) = targets.iter().position(of).map(|c| &columns[c]) else { continue };
+        let expected = || driver.iter().map(|q| f.multiplier * q + f.offset);
+        let worst = expected().zip(column).map(|(e, x)| (x - e).abs()).fold(0.0, f64::max);
+        let (low, high) = expected().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (x.min(l), x.max(h)));
+        let limit = SHARE * (high - low) + LEAST;
+        if worst <= limit {
+            continue;
+        }
+        let (unit, followed) = (if f.slides { "m" } else { "rad" }, &joints[f.joint].name);
+        let what = format!(
+            "up to {worst} {unit} from {} {followed} + {}, which it follows, limit {limit:.3e} {unit}",
+            f.multiplier, f.offset
+        );
+        let p = Problem::warning(Area::Data, "Data::NotFollowing", what).violating(worst, Limit::AtMost(limit), unit);
+        bad.push(
+            p.on(format!("q.{}", f.name))
+                .hint("check multiplier and offset of its <mimic>, and the zero of its encoder"),
+        );
     }
 }
 

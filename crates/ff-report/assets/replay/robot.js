@@ -82,12 +82,13 @@
       });
       this.base.position.set(...state.position);
       this.base.quaternion.set(...state.attitude).normalize();
+      const position = ({ by, follows }) => (follows ? follows[0] * exaggerated[by] + follows[1] : exaggerated[by]);
       for (const { moves, move } of this.moving) {
         if (moves.kind === "turn") {
-          const angle = exaggerated[moves.by];
+          const angle = position(moves);
           aboutAxis(move.quaternion, moves.axis.map((a) => a * angle));
         } else if (moves.kind === "slide") {
-          move.position.set(...moves.axis.map((a) => a * exaggerated[moves.by]));
+          move.position.set(...moves.axis.map((a) => a * position(moves)));
         } else {
           const sum = (rows) => [0, 1, 2].map((k) => rows.reduce((s, row, c) => {
             const i = moves.first + c;

@@ -59,7 +59,7 @@ fn twin(mount: usize, name: &str, first: usize, i: usize, link: &TwinBody, hinge
         name: format!("{name}[{i}]"),
         parent: Some(link.parent.map_or(mount, |p| mount + 1 + p)),
         place: Pose::from(&link.placement),
-        moves: Some(Moves::Turn { axis: link.axis.into(), by: first + i }),
+        moves: Some(Moves::Turn { axis: link.axis.into(), by: first + i, follows: None }),
         shapes,
         mass_kg: (link.inertia.mass > 0.0).then_some(link.inertia.mass),
     }

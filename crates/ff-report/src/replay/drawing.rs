@@ -62,14 +62,17 @@ fn isometry(p: &Pose) -> Isometry3<f64> {
 pub(super) fn placed(s: &Scene) -> Vec<Isometry3<f64>> {
     let mut out: Vec<Isometry3<f64>> = Vec::with_capacity(s.nodes.len());
     for n in &s.nodes {
-        let coordinate = |by: usize| s.pose.iter().chain(&s.rest).nth(by).copied().unwrap_or(0.0);
+        let coordinate = |by: usize, follows: &Option<[f64; 2]>| {
+            let q = s.pose.iter().chain(&s.rest).nth(by).copied().unwrap_or(0.0);
+            follows.map_or(q, |[multiplier, offset]| multiplier * q + offset)
+        };
         let moved = match &n.moves {
-            Some(Moves::Turn { axis, by }) => {
-                let turn = UnitQuaternion::from_scaled_axis(Vector3::from(*axis) * coordinate(*by));
+            Some(Moves::Turn { axis, by, follows }) => {
+                let turn = UnitQuaternion::from_scaled_axis(Vector3::from(*axis) * coordinate(*by, follows));
                 Isometry3::from_parts(Translation3::identity(), turn)
             }
-            Some(Moves::Slide { axis, by }) => Isometry3::from_parts(
-                Translation3::from(Vector3::from(*axis) * coordinate(*by)),
+            Some(Moves::Slide { axis, by, follows }) => Isometry3::from_parts(
+                Translation3::from(Vector3::from(*axis) * coordinate(*by, follows)),
                 UnitQuaternion::identity(),
             ),
             // About the relaxed springs.

@@ -48,15 +48,21 @@ pub enum Moves {
     Turn {
         /// Unit axis in the frame of the node.
         axis: [f64; 3],
-        /// Index of the coordinate (rad).
+        /// Index of the coordinate (rad, or m of a joint that follows one that slides).
         by: usize,
+        /// Multiplier and offset where the joint follows that of the coordinate; absent where it is that joint.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        follows: Option<[f64; 2]>,
     },
     /// Along an axis.
     Slide {
         /// Unit axis in the frame of the node.
         axis: [f64; 3],
-        /// Index of the coordinate (m).
+        /// Index of the coordinate (m, or rad of a joint that follows one that turns).
         by: usize,
+        /// Multiplier and offset where the joint follows that of the coordinate; absent where it is that joint.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        follows: Option<[f64; 2]>,
     },
     /// By shifts and rotation vectors that add up.
     Sway {

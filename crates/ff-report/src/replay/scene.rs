@@ -120,7 +120,7 @@ impl Scene {
 fn bodies(s: &Subject<'_>) -> Vec<Node> {
     let (model, params) = (s.model, s.params);
     let lengths = model.bodies().iter().map(|b| b.joint.placement.pos.norm());
-    let link = lengths.sum::<f64>() / model.nj().max(1) as f64;
+    let link = lengths.sum::<f64>() / model.n_joints().max(1) as f64;
     let mut nodes: Vec<Node> = (0..model.n_bodies())
         .map(|i| {
             let inertia = params.body(i);
@@ -144,9 +144,12 @@ fn bodies(s: &Subject<'_>) -> Vec<Node> {
                 let axis = b.joint.axis.into();
                 node.parent = Some(b.parent);
                 node.place = Pose::from(&b.joint.placement);
+                let of = model.coordinate(i - 1);
+                let own = (of.multiplier, of.offset) == (1.0, 0.0);
+                let (by, follows) = (of.index, (!own).then_some([of.multiplier, of.offset]));
                 node.moves = Some(match b.joint.kind {
-                    JointKind::Prismatic => Moves::Slide { axis, by: i - 1 },
-                    JointKind::Revolute | JointKind::Continuous => Moves::Turn { axis, by: i - 1 },
+                    JointKind::Prismatic => Moves::Slide { axis, by, follows },
+                    JointKind::Revolute | JointKind::Continuous => Moves::Turn { axis, by, follows },
                 });
                 node.shapes.push(sensor(&b.joint.axis, link));
             }

@@ -26,10 +26,12 @@ fn poses(scene: &Scene, x: &[f64]) -> Vec<Xform<f64>> {
         let place = Xform::new(quat_to_rot(&Vector4::new(qw, qx, qy, qz)), Vector3::from(n.place.p));
         let own = match &n.moves {
             None => Xform::identity(),
-            Some(Moves::Turn { axis, by }) => {
+            Some(Moves::Turn { axis, by, .. }) => {
                 Xform::new(quat_to_rot(&exp_so3(&(Vector3::from(*axis) * x[*by]))), Vector3::zeros())
             }
-            Some(Moves::Slide { axis, by }) => Xform::new(nalgebra::Matrix3::identity(), Vector3::from(*axis) * x[*by]),
+            Some(Moves::Slide { axis, by, .. }) => {
+                Xform::new(nalgebra::Matrix3::identity(), Vector3::from(*axis) * x[*by])
+            }
             Some(Moves::Sway { first, shift, turn }) => {
                 let rest = |c: usize| scene.rest[first + c - scene.joints.len()];
                 let sum = |rows: &[[f64; 3]]| {

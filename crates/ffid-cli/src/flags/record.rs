@@ -8,7 +8,7 @@ use ff_mission::Leniency;
 use ff_mission::leniency::ALLOWABLE;
 use ff_model::diagnostics::list;
 use ff_model::{Area, BaseKind, Model, Problem, Problems};
-use ff_records::file::{Loaded, ReadOptions, StampSource, joints_of, read};
+use ff_records::file::{Loaded, ReadOptions, StampSource, followers_of, joints_of, read};
 use ff_records::{ChannelGroup, Record};
 use ffid::workflow::identify::{on_even_clock, segments};
 use ident::estimate::smoothed;
@@ -170,6 +170,7 @@ impl RecordFlags {
     pub(crate) fn options(&self, model: &Model, need: usize, leniency: &Leniency) -> ReadOptions {
         let mut options = ReadOptions {
             max_rows: self.max_rows,
+            followers: followers_of(model),
             max_bytes: self.max_bytes,
             ignore: self.ignore.clone(),
             drop_gaps: self.gaps == Gaps::Drop,
@@ -291,7 +292,7 @@ pub(crate) fn plausible(record: &Record, model: &Model, path: &Path, out: &mut P
     };
     // Of a record that lost samples, what was read in between took longer.
     let times = record.times(ChannelGroup::Motion);
-    for (j, b) in model.bodies().iter().enumerate() {
+    for (j, b) in model.own_bodies().enumerate() {
         let (name, limits) = (&b.joint.name, &b.joint.limits);
         let q = record.q().column(j);
         let (lo, hi) = (q.min(), q.max());

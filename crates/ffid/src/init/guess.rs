@@ -87,7 +87,9 @@ impl Guess {
         }
         let name = |b: &usize| tree.joint(*b).to_owned();
         let panel = |b: &usize| panels.iter().any(|p| p.joints.iter().any(|j| j == tree.joint(*b)));
-        let rest: Vec<usize> = (1..model.n_bodies()).filter(|b| !arm.contains(b) && !panel(b)).collect();
+        // A follower goes with the joint that it follows.
+        let rest: Vec<usize> =
+            (1..model.n_bodies()).filter(|b| !arm.contains(b) && !panel(b) && tree.moves_by_itself(*b)).collect();
         let carried = |b: usize| arm.last().is_some_and(|tip| tree.path(b).contains(tip));
         let (lock, others): (Vec<usize>, Vec<usize>) =
             rest.into_iter().partition(|&b| carried(b) || tree.named(b, &GRASPING) || tree.named(b, &ROLLING));
@@ -95,7 +97,7 @@ impl Guess {
         let slowest = speeds.filter(|v| *v > 0.0).fold(f64::INFINITY, f64::min);
         Self {
             base: model.body_name(0).to_owned(),
-            arm: arm.iter().map(name).collect(),
+            arm: arm.iter().filter(|b| tree.moves_by_itself(**b)).map(name).collect(),
             arm_links: arm.iter().map(|&b| model.body_name(b).to_owned()).collect(),
             end_effector,
             lock: lock.iter().map(name).collect(),
@@ -138,6 +140,10 @@ impl<'m> Tree<'m> {
     }
     fn body(&self, b: usize) -> &'m Body {
         &self.model.bodies()[b - 1]
+    }
+    /// True for a joint that follows no other.
+    fn moves_by_itself(&self, b: usize) -> bool {
+        self.model.joint(self.joint(b)).is_some()
     }
     fn joint(&self, b: usize) -> &'m str {
         &self.body(b).joint.name

@@ -126,7 +126,7 @@ impl Equations<'_> {
             }
             let mut b = body;
             while b > 0 {
-                if nb + b - 1 == dof {
+                if nb + model.coordinate(b - 1).index == dof {
                     return true;
                 }
                 b = model.bodies()[b - 1].parent;

@@ -124,10 +124,10 @@ fn sensors(model: &Model) -> Vec<Hypothesis> {
 /// Placements of joints and mounts. The first joint moves by what a mount of the whole arm would.
 fn placements(model: &Model) -> Vec<Hypothesis> {
     let mut groups: BTreeMap<(usize, bool, u8), Hypothesis> = BTreeMap::new();
-    let (joints, mounts) = (model.joint_names(), model.appendages());
+    let (joints, mounts) = (model.bodies(), model.appendages());
     for p in model.kinematic_params() {
         let (k, is_mount, owner) = match p.of {
-            Placed::Joint(j) => (j, false, joints[j].clone()),
+            Placed::Joint(j) => (j, false, joints[j].joint.name.clone()),
             Placed::Mount(k) => (k, true, mounts[k].name.clone()),
         };
         let (kind, name, words) = match (p.kind, is_mount) {

@@ -126,14 +126,14 @@ impl System {
     ) {
         let kk = self.columns;
         let wrenches = self.carried_columns(p);
-        for j in 0..self.arm.joints() {
+        for (j, of) in self.of.iter().enumerate() {
             let at = self.arm.row_at(j);
             let row = JointRow::from_slice(&numbers[at..]);
             let form = &row.form;
             let by_w = form.gw + form.q.mul(&b.w).scaled(2.0);
             let (mut da, mut dal, mut dw) = (V3::zero(), V3::zero(), V3::zero());
             for k in 0..kk {
-                let c = o.torque[(j, k)];
+                let c = of.multiplier * o.torque[(of.index, k)];
                 add(g.column_mut(k).as_mut_slice(), 0, &form.ga.scaled(c));
                 add(g.column_mut(k).as_mut_slice(), 3, &form.gb.scaled(c));
                 add(over_s.column_mut(k).as_mut_slice(), 0, &by_w.scaled(c));
@@ -153,7 +153,7 @@ impl System {
             }
             for i in (0..self.elements.len()).filter(|&i| self.above[self.elements[i].host].contains(&j)) {
                 for k in 0..kk {
-                    let c = o.torque[(j, k)];
+                    let c = of.multiplier * o.torque[(of.index, k)];
                     add(twists[i].column_mut(k).as_mut_slice(), 0, &row.s.scaled(c));
                     add(twists[i].column_mut(k).as_mut_slice(), 3, &row.u.scaled(c));
                     let wrench = wrenches[i].column(k);

@@ -4,7 +4,6 @@
 //! of the discrete solution, by the adjoint of each step.
 
 use super::system::{Outputs, Point, System};
-use ff_dynamics::reduced::ArmModel;
 use ff_dynamics::reduced::{STAGE, WEIGHT};
 use nalgebra::{DMatrix, DVector};
 
@@ -23,10 +22,11 @@ pub(super) struct Table {
 }
 
 impl Table {
-    pub(super) fn new(arm: &ArmModel<f64>, nodes: &[Joints], step: f64) -> Self {
-        let mut arm = arm.clone();
+    pub(super) fn new(system: &System, nodes: &[Joints], step: f64) -> Self {
+        let mut arm = system.arm.clone();
         let one = |(i, [q, qd, qdd]): (usize, &Joints)| {
             let mut out = Vec::new();
+            let [q, qd, qdd] = &system.of_tree([q, qd, qdd]);
             arm.numbers([q, qd, qdd], i % 2 == 0, &mut out);
             out
         };

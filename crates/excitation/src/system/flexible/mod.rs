@@ -225,7 +225,7 @@ impl FlexibleInformation {
         };
         // A singular mass matrix is found here rather than in the middle of a search.
         let still: Joints = [vec![0.0; model.nj()], vec![0.0; model.nj()], vec![0.0; model.nj()]];
-        let table = Table::new(&out.system.arm, std::slice::from_ref(&still), 1.0);
+        let table = Table::new(&out.system, std::slice::from_ref(&still), 1.0);
         Flow::new(&out.system, &table, out.start(), out.columns()).ok_or(RigidError::Singular)?;
         Ok(out)
     }
@@ -271,6 +271,8 @@ impl FlexibleInformation {
         System {
             arm: ArmModel::new(model, params, &sites),
             arm_grad: ArmModel::new(model, &params.lift(model), &lifted),
+            joints: model.nj(),
+            of: (0..model.n_joints()).map(|i| model.coordinate(i)).collect(),
             above: above(model),
             elements,
             base: params.body(0).to_params(),
@@ -325,7 +327,7 @@ impl FlexibleInformation {
     /// # Panics
     /// If the motion has another number of joints.
     pub fn of_motion(&self, motion: &dyn JointMotion) -> Option<DMatrix<f64>> {
-        let n = self.system.arm.joints();
+        let n = self.system.joints;
         assert_eq!(motion.dof(), n, "joints of robot and motion");
         let steps = self.steps(motion.duration());
         let h = motion.duration() / steps as f64;
@@ -336,7 +338,7 @@ impl FlexibleInformation {
             x
         };
         let nodes: Vec<Joints> = (0..=2 * steps).map(node).collect();
-        let table = Table::new(&self.system.arm, &nodes, h);
+        let table = Table::new(&self.system, &nodes, h);
         let flow = Flow::new(&self.system, &table, self.start(), self.columns())?;
         let (f, _) = self.assemble(&flow, &table);
         f.iter().all(|x| x.is_finite()).then_some(f)
@@ -354,7 +356,7 @@ impl FlexibleInformation {
         grad: &mut [f64],
         f: impl FnOnce(&DMatrix<f64>) -> Option<(f64, DMatrix<f64>)>,
     ) -> f64 {
-        assert_eq!(self.system.arm.joints(), plan.dof(), "joints of robot and plan");
+        assert_eq!(self.system.joints, plan.dof(), "joints of robot and plan");
         let (Duration::Fixed(longest) | Duration::Free { max: longest, .. }) = plan.spec().duration;
         let steps = self.steps(longest);
         let nodes = uniform_nodes(plan, 2 * steps + 1);
@@ -362,7 +364,7 @@ impl FlexibleInformation {
         let duration = sweep.duration;
         let mut joints = Vec::with_capacity(nodes.len());
         sweep.forward(&nodes, |_, s: &State| joints.push([s.q.clone(), s.qd.clone(), s.qdd.clone()]));
-        let table = Table::new(&self.system.arm, &joints, duration / steps as f64);
+        let table = Table::new(&self.system, &joints, duration / steps as f64);
         let Some(flow) = Flow::new(&self.system, &table, self.start(), self.columns()) else { return f64::NAN };
         let (matrix, samples) = self.assemble(&flow, &table);
         if matrix.iter().any(|x| !x.is_finite()) {
@@ -387,7 +389,13 @@ impl FlexibleInformation {
         let mut arm = self.system.arm_grad.clone();
         sweep.backward(&nodes, grad, |_, s, adj| {
             let Some((i, weights)) = at.next() else { return };
-            arm.pull_back([&s.q, &s.qd, &s.qdd], i % 2 == 0, weights, [&mut adj.q, &mut adj.qd, &mut adj.qdd]);
+            let [q, qd, qdd] = &self.system.of_tree([&s.q, &s.qd, &s.qdd]);
+            let mut over = [vec![0.0; q.len()], vec![0.0; q.len()], vec![0.0; q.len()]];
+            let [by_q, by_qd, by_qdd] = &mut over;
+            arm.pull_back([q, qd, qdd], i % 2 == 0, weights, [by_q, by_qd, by_qdd]);
+            for (to, over) in [&mut adj.q, &mut adj.qd, &mut adj.qdd].into_iter().zip(&over) {
+                over.iter().zip(&self.system.of).for_each(|(x, c)| to[c.index] += c.multiplier * x);
+            }
         });
         if let Some(i) = plan.duration_index() {
             grad[i] += over_duration + over_step / steps as f64;
@@ -401,7 +409,7 @@ impl FlexibleInformation {
     }
     /// Standard deviation of channel `r`.
     fn sigma(&self, r: usize) -> f64 {
-        let n = self.system.arm.joints();
+        let n = self.system.joints;
         match self.noise.gyro {
             _ if r < n => self.noise.torque,
             Some(gyro) if r < n + 3 => gyro,
@@ -410,7 +418,7 @@ impl FlexibleInformation {
     }
     /// The matrix, and the whitened, scaled rows of every sample.
     fn assemble(&self, flow: &Flow, table: &Table) -> (DMatrix<f64>, Vec<DMatrix<f64>>) {
-        let (n, k, all) = (self.system.arm.joints(), self.system.columns, self.sizes.len());
+        let (n, k, all) = (self.system.joints, self.system.columns, self.sizes.len());
         let mut m = DMatrix::from_diagonal(&DVector::from_column_slice(&self.prior));
         let mut rows = Vec::new();
         for (i, Outputs { torque, gyro, accel }) in flow.samples(&self.system, table).into_iter().enumerate() {

@@ -13,6 +13,7 @@ use ff_dynamics::sim::Accelerometer;
 use ff_model::Scalar;
 use ff_model::scalar::Grad;
 use ff_model::spatial::vec3::{M3, PackedInertia, V3};
+use ff_model::tree::JointCoordinate;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// The system, and which columns are carried.
@@ -21,7 +22,10 @@ pub(super) struct System {
     pub(super) arm: ArmModel<f64>,
     /// The same with derivatives, for the way back.
     pub(crate) arm_grad: ArmModel<Grad>,
-    /// Joints between each body and the base.
+    /// Number of joints that move by themselves, and of every joint of the tree the coordinate that moves it.
+    pub(super) joints: usize,
+    pub(super) of: Vec<JointCoordinate>,
+    /// Joints of the tree between each body and the base.
     pub(crate) above: Vec<Vec<usize>>,
     pub(super) elements: Vec<Element>,
     pub(super) base: [f64; 10],
@@ -64,6 +68,12 @@ pub(super) fn add(to: &mut [f64], i: usize, v: &V3<f64>) {
 }
 
 impl System {
+    /// Positions, rates and accelerations of all joints of the tree.
+    pub(super) fn of_tree(&self, [q, qd, qdd]: [&[f64]; 3]) -> [Vec<f64>; 3] {
+        let of =
+            |x: &[f64], offset: f64| self.of.iter().map(|c| c.multiplier * x[c.index] + offset * c.offset).collect();
+        [of(q, 1.0), of(qd, 0.0), of(qdd, 0.0)]
+    }
     pub(super) fn speed(&self) -> bool {
         self.nz > 3 + 2 * self.m
     }
@@ -246,24 +256,24 @@ impl System {
 
     /// Derivatives of torques, gyro and accelerometer at a point.
     pub(super) fn outputs(&self, p: &Point, numbers: &[f64]) -> Outputs {
-        let n = self.arm.joints();
-        let mut torque = DMatrix::zeros(n, self.columns);
+        let mut torque = DMatrix::zeros(self.joints, self.columns);
         let b = self.base_of(p.z.as_slice(), Some(p.u.as_slice()));
         let felt = self.carried_columns(p);
-        for j in 0..n {
+        for (j, of) in self.of.iter().enumerate() {
             let row = JointRow::from_slice(&numbers[self.arm.row_at(j)..]);
             let form = &row.form;
             let by_w = form.gw + form.q.mul(&b.w).scaled(2.0);
             for k in 0..self.columns {
                 let (s, d) = (p.s.column(k), p.du.column(k));
                 let (dw, da, dal) = (v3(s.as_slice(), 0), v3(d.as_slice(), 0), v3(d.as_slice(), 3));
-                torque[(j, k)] = form.ga.dot(&da) + form.gb.dot(&dal) + by_w.dot(&dw);
+                torque[(of.index, k)] += of.multiplier * (form.ga.dot(&da) + form.gb.dot(&dal) + by_w.dot(&dw));
             }
             let carried = self.elements.iter().zip(&felt).filter(|(e, _)| self.above[e.host].contains(&j));
             for wrench in carried.map(|c| c.1) {
                 for k in 0..self.columns {
                     let c = wrench.column(k);
-                    torque[(j, k)] += row.s.dot(&v3(c.as_slice(), 0)) + row.u.dot(&v3(c.as_slice(), 3));
+                    let felt = row.s.dot(&v3(c.as_slice(), 0)) + row.u.dot(&v3(c.as_slice(), 3));
+                    torque[(of.index, k)] += of.multiplier * felt;
                 }
             }
         }

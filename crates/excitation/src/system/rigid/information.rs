@@ -201,11 +201,12 @@ impl SampleInformation for RigidInformation {
             out.fill(f64::NAN);
             return;
         };
-        let n = arm.links.len();
+        let n = self.robot.model.nj();
+        out.rows_mut(0, n).fill(0.0);
         let f = body_regressor(&arm.twist, &arm.accel);
         for (c, (&k, size)) in self.chosen.iter().zip(&self.sizes).enumerate() {
-            for (j, link) in arm.links.iter().enumerate() {
-                out[(j, c)] = link.basis.dot(&f[k]) * size / self.noise.torque;
+            for link in &arm.links {
+                out[(link.of.index, c)] += link.of.multiplier * (link.basis.dot(&f[k]) * size / self.noise.torque);
             }
             if let Some(sigma) = self.noise.gyro {
                 let mut unit = [0.0; 10];
@@ -223,13 +224,13 @@ impl SampleInformation for RigidInformation {
             gq.fill(f64::NAN);
             return;
         };
-        let n = arm.links.len();
+        let n = self.robot.model.nj();
         let (v, a) = (&arm.twist, &arm.accel);
         // Partial derivatives with respect to A, V and, brought to the base by I^-1, the n_j.
         let (mut over_a, mut over_v) = (Force::zero(), Force::zero());
-        let mut over_n: Vec<Motion<f64>> = Vec::with_capacity(n);
-        for (j, link) in arm.links.iter().enumerate() {
-            let p = self.weighted(weights, j, self.noise.torque);
+        let mut over_n: Vec<Motion<f64>> = Vec::with_capacity(arm.links.len());
+        for link in &arm.links {
+            let p = self.weighted(weights, link.of.index, self.noise.torque / link.of.multiplier);
             let pv = p.mul_motion(v);
             over_n.push(arm.solve(&(p.mul_motion(a) + v.cross_force(&pv))));
             over_a += p.mul_motion(&link.basis);
@@ -264,9 +265,10 @@ impl SampleInformation for RigidInformation {
             for (c, w) in &gyro {
                 sum += link.turned(c, w);
             }
-            gq[l] += sum;
-            gqd[l] += link.basis.dot(&over_v) - to_a.dot(&(g + arm.basis_rate(link)));
-            gqdd[l] += link.basis.dot(&over_a);
+            let (i, m) = (link.of.index, link.of.multiplier);
+            gq[i] += m * sum;
+            gqd[i] += m * (link.basis.dot(&over_v) - to_a.dot(&(g + arm.basis_rate(link))));
+            gqdd[i] += m * link.basis.dot(&over_a);
         }
     }
 }

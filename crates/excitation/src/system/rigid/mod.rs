@@ -129,14 +129,18 @@ impl BaseResponse for RigidBase {
             return;
         };
         arm.accel.write_to(out);
-        for (l, link) in arm.links.iter().enumerate() {
+        for to in [&mut partials.q, &mut partials.qd, &mut partials.qdd] {
+            to.fill(0.0);
+        }
+        for link in &arm.links {
+            let (l, m) = (link.of.index, link.of.multiplier);
             let (g, dg) = arm.displaced(link);
             let v = -arm.solve(&g);
             let a = -arm.solve(&(arm.d_inertia.mul_motion(&v) + dg));
             let n_rate = -arm.solve(&arm.basis_rate(link));
-            partials.q.set_column(l, &a.to_vector());
-            partials.qd.set_column(l, &(v + n_rate).to_vector());
-            partials.qdd.set_column(l, &link.basis.to_vector());
+            partials.q.column_mut(l).axpy(m, &a.to_vector(), 1.0);
+            partials.qd.column_mut(l).axpy(m, &(v + n_rate).to_vector(), 1.0);
+            partials.qdd.column_mut(l).axpy(m, &link.basis.to_vector(), 1.0);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! One sample of the arm: screws, subtrees, base twist and acceleration.
 
 use super::RigidBase;
+use ff_model::tree::JointCoordinate;
 use ff_model::{Force, Inertia, JointKind, Motion, Xform};
 use nalgebra::{Cholesky, Const, Matrix3, Rotation3, Unit, Vector3};
 
@@ -9,6 +10,8 @@ use nalgebra::{Cholesky, Const, Matrix3, Rotation3, Unit, Vector3};
 pub(super) struct Link {
     /// Index of the joint that carries this one; `None` on the base.
     pub(super) parent: Option<usize>,
+    /// The coordinate that moves it.
+    pub(super) of: JointCoordinate,
     /// `S_l` and its rate.
     pub(super) screw: Motion<f64>,
     d_screw: Motion<f64>,
@@ -46,31 +49,36 @@ impl Arm {
     pub(super) fn new(robot: &RigidBase, q: &[f64], qd: &[f64], qdd: &[f64]) -> Option<Self> {
         let n = robot.model.nj();
         assert!(q.len() == n && qd.len() == n && qdd.len() == n, "joint positions, rates, accelerations");
+        let n = robot.model.n_joints();
         // Pose, relative twist and its rate of every body; the base does not move against itself.
         let mut poses = vec![(Xform::identity(), Motion::zero(), Motion::zero()); n + 1];
         let mut links: Vec<Link> = Vec::with_capacity(n);
         for (l, b) in robot.model.bodies().iter().enumerate() {
             let (x, carried, d_carried) = poses[b.parent];
             let (joint, axis) = (&b.joint, b.joint.axis);
+            let of = robot.model.coordinate(l);
+            let (m, k) = (of.multiplier, of.index);
+            let (q, qd, qdd) = (m * q[k] + of.offset, m * qd[k], m * qdd[k]);
             let (moved, local) = match joint.kind {
                 JointKind::Prismatic => {
-                    (Xform::new(Matrix3::identity(), axis * q[l]), Motion::new(axis, Vector3::zeros()))
+                    (Xform::new(Matrix3::identity(), axis * q), Motion::new(axis, Vector3::zeros()))
                 }
                 _ => {
-                    let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), q[l]);
+                    let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), q);
                     (Xform::new(turn.into_inner(), Vector3::zeros()), Motion::new(Vector3::zeros(), axis))
                 }
             };
             let x = x * joint.placement * moved;
             let screw = x.motion_to_parent(&local);
             let d_screw = carried.cross(&screw);
-            let s = carried + screw.scaled(qd[l]);
-            let ds = d_carried + screw.scaled(qdd[l]) + d_screw.scaled(qd[l]);
+            let s = carried + screw.scaled(qd);
+            let ds = d_carried + screw.scaled(qdd) + d_screw.scaled(qd);
             poses[l + 1] = (x, s, ds);
             let inertia = robot.inertias[l + 1].to_parent(&x);
             let d_inertia = inertia.rate(&s);
             links.push(Link {
                 parent: b.parent.checked_sub(1),
+                of,
                 screw,
                 d_screw,
                 carried,

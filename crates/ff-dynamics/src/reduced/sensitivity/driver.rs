@@ -12,6 +12,7 @@
 //! the columns `dz` are then carried through the step, several columns per vector. The discrete sensitivities are the
 //! exact derivatives of the discrete (RK4) solution.
 
+use crate::reduced::coupled;
 use crate::reduced::sensitivity::carried::Carried;
 use crate::reduced::sensitivity::partials::Columns;
 use crate::reduced::sensitivity::propagate::Flow;
@@ -25,6 +26,7 @@ use core::ops::Range;
 use ff_lanes::{Kernel, Lanes, WIDEST};
 use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch, splat};
+use ff_model::tree::Coordinates;
 use ff_model::{Model, Params};
 use nalgebra::DMatrix;
 
@@ -154,6 +156,13 @@ fn run(
     carried: &mut Carried,
     wanted: &Wanted,
 ) -> Result<(Response, Sensitivities), ReducedError> {
+    let own = span.clone();
+    let folded = |map: &Coordinates, (r, s): (Response, Sensitivities)| {
+        (Response::folded(map, r), Sensitivities { tau: coupled::rows(map, &s.tau), ..s })
+    };
+    if let Some(done) = coupled::over_tree(model, |tree| run(isa, tree, params, table, own, carried, wanted), folded) {
+        return done;
+    }
     check(model)?;
     assert!(span.start < span.end && span.end <= table.samples, "samples of a span");
     let columns = Columns::new(model, table, wanted);

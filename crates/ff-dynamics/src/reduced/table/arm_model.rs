@@ -9,6 +9,9 @@ use ff_model::{Kinematics, Model, Params, Scalar, Xform};
 /// The links of an arm and frames on them, over any scalar: numbers, dual numbers (derivatives with respect to joint
 /// motion, inertial or kinematic parameters), or lanes with other links in every lane.
 ///
+/// Joints are all those of the tree: where some follow others, their motion is that of [`ff_model::tree::Coordinates::positions`], and rows are
+/// theirs.
+///
 /// ```
 /// use ff_dynamics::reduced::ArmModel;
 /// use ff_model::{BaseKind, Inertia, Joint, JointKind, Model, Params, Xform};
@@ -60,7 +63,7 @@ impl<T: Scalar> ArmModel<T> {
     pub fn displaced(self, by: &Kinematics<T>) -> Self {
         Self { sweep: self.sweep.displaced(by), sites: self.sites }
     }
-    /// Number of joints.
+    /// Number of joints of the tree.
     pub fn joints(&self) -> usize {
         self.sweep.joints()
     }

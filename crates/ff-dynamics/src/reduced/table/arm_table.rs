@@ -6,6 +6,7 @@ use super::prescribed::{Prescribed, Site};
 use super::sampling::Sampling;
 use super::source::ArmSource;
 use crate::motion::joint::JointMotion;
+use crate::reduced::coupled::OfTree;
 use ff_model::spatial::vec3::{M3, Pose, RotationKind, V3};
 use ff_model::{Kinematics, Model, Params, Scalar, Xform};
 
@@ -35,6 +36,10 @@ impl<T: Scalar> ArmTable<T> {
         motion: &dyn JointMotion,
         sampling: &Sampling,
     ) -> Self {
+        if let Some(map) = model.coordinates() {
+            let motion = OfTree { map, motion };
+            return Self::new(&model.spanning(), params, kinematics, &motion, sampling);
+        }
         assert_eq!(motion.dof(), model.nj(), "joint motion");
         let layout = Prescribed::layout(model, sampling, &[]);
         let mounts = model.appendages().iter().enumerate();

@@ -3,7 +3,7 @@
 //! From the base outwards every link gets its pose and its rates relative to the base, from the tips inwards the moments
 //! of what it carries are summed; the sums of all links are the arm's 28 numbers, those of a subtree its joint's row.
 
-use super::disturbance::{Disturbances, Disturbed};
+use super::disturbance::{Disturbance, Disturbances, Disturbed};
 use super::instants::{Instants, scatter};
 use super::numbers::{ARM, FORM, FRAME, ROW};
 use super::pool::Pool;
@@ -12,6 +12,7 @@ use super::sampling::Sampling;
 use super::slopes::Slopes;
 use super::sweep::Sweep;
 use crate::motion::joint::JointMotion;
+use crate::reduced::coupled::{ChangeOfTree, OfTree};
 use crate::reduced::sensitivity::wanted::Wanted;
 use core::ops::Range;
 use ff_lanes::Kernel;
@@ -19,6 +20,7 @@ use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch};
 use ff_model::spatial::vec3::Pose;
 use ff_model::{Kinematics, Model, Params};
+use std::sync::Arc;
 
 impl Prescribed {
     /// Tabulates `motion` for the arm parameters in `params` (links only; base and appendages play no part).
@@ -64,6 +66,10 @@ impl Prescribed {
         span: Range<usize>,
         links: &[usize],
     ) -> Self {
+        if let Some(map) = model.coordinates() {
+            let motion = OfTree { map, motion };
+            return Self::span_in(pool, &model.spanning(), params, &motion, sampling, span, links);
+        }
         assert!(span.end <= sampling.samples, "samples of a span");
         let mut t = Self::empty_in(pool, model, &Sampling { samples: span.len(), ..*sampling }, links);
         t.first = span.start;
@@ -147,6 +153,19 @@ impl Prescribed {
         (sampling, span): (&Sampling, Range<usize>),
         wanted: &Wanted,
     ) -> Self {
+        if let Some(map) = model.coordinates() {
+            let motion = OfTree { map, motion };
+            let of_tree = |d: &Disturbance| match d {
+                Disturbance::Motion(d) => {
+                    Disturbance::Motion(Arc::new(ChangeOfTree { map: map.clone(), motion: d.clone() }))
+                }
+                Disturbance::Wrench(_) => d.clone(),
+            };
+            let all = disturbances.all().iter().map(of_tree).collect();
+            let by = Disturbances::new(all, disturbances.sizes().to_vec());
+            let place = (sampling, span);
+            return Self::disturbed_in(pool, &model.spanning(), params, (kinematics, &by), &motion, place, wanted);
+        }
         let motion = Disturbed { motion, by: disturbances };
         let links = wanted.links(model);
         let placed = model.displaced(kinematics);

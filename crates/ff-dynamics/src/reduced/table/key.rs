@@ -12,9 +12,9 @@ use ff_model::{JointKind, Kinematics, Model, Params};
 #[derive(Clone, Debug, PartialEq)]
 pub struct TableKey {
     sampling: Sampling,
-    /// Parents, kinds of joints, hosts.
+    /// Parents, kinds of joints, coordinates that they follow, hosts.
     tree: Vec<usize>,
-    /// Links' parameters, placements, kinematic parameters.
+    /// Links' parameters, placements, ratios of joints that follow others, kinematic parameters.
     numbers: Vec<f64>,
     links: Vec<usize>,
     kinematics: Vec<usize>,
@@ -39,6 +39,10 @@ impl TableKey {
             let (j, slides) = (&b.joint, usize::from(b.joint.kind == JointKind::Prismatic));
             tree.extend([b.parent, slides]);
             numbers.extend(j.placement.rot.iter().chain(j.placement.pos.iter()).chain(j.axis.iter()));
+        }
+        for c in model.coordinates().iter().flat_map(|c| c.joints()) {
+            tree.push(c.index);
+            numbers.extend([c.multiplier, c.offset]);
         }
         for a in model.appendages() {
             tree.push(a.host);

@@ -5,6 +5,7 @@ use crate::port::declaration::{CoordDecl, Decl, ParamDecl};
 use crate::port::shared::SharedAppendage;
 use crate::spatial::inertia::Inertia;
 use crate::spatial::motion::Xform;
+use crate::tree::coordinates::Coordinates;
 use nalgebra::Vector3;
 use std::fmt;
 
@@ -211,7 +212,7 @@ pub enum BaseKind {
 ///
 /// Body 0 is the base; body `i >= 1` hangs on arm joint `i - 1`, and parents come before children. The
 /// generalised velocity is `[base 6 | joints n | passive m]` ([`Model::nv`] long; no base part when the
-/// base is fixed). The parameter vector is `[10 per body | parameters of each appendage in order]`.
+/// base is fixed); a joint that follows another one has no coordinate ([`Model::couple`]). The parameter vector is `[10 per body | parameters of each appendage in order]`.
 ///
 /// ```
 /// use ff_model::nalgebra::{Matrix3, Vector3};
@@ -237,6 +238,8 @@ pub struct Model {
     pub(super) appendages: Vec<Mounted>,
     pub(super) passive: usize,
     pub(super) params: usize,
+    /// Of joints that follow others; `None` where every joint moves by itself.
+    pub(super) coordinates: Option<Coordinates>,
 }
 
 impl Model {
@@ -254,6 +257,7 @@ impl Model {
             appendages: Vec::new(),
             passive: 0,
             params: 10,
+            coordinates: None,
         }
     }
     /// Sets the gravity acceleration in world axes (m/s^2); zero unless set.
@@ -271,7 +275,7 @@ impl Model {
     /// Adds a body on a joint and returns its index. Adds a frame of the same name.
     ///
     /// # Panics
-    /// If `parent` does not exist yet or appendages are already mounted (their offsets would move).
+    /// If `parent` does not exist yet, appendages are already mounted (their offsets would move), or joints are already coupled.
     pub fn add_body(
         &mut self,
         parent: usize,
@@ -281,6 +285,7 @@ impl Model {
     ) -> usize {
         assert!(parent <= self.bodies.len(), "parent body {parent} does not exist");
         assert!(self.appendages.is_empty(), "bodies must be added before appendages");
+        assert!(self.coordinates.is_none(), "bodies must be added before joints are coupled");
         let name = name.into();
         joint.axis /= joint.axis.norm();
         self.bodies.push(Body { name: name.clone(), parent, joint, inertia, impedance: JointImpedance::default() });
@@ -335,9 +340,9 @@ impl Model {
     pub fn nb(&self) -> usize {
         if self.base_kind == BaseKind::Floating { 6 } else { 0 }
     }
-    /// Number of joints `n`.
+    /// Number of joint coordinates `n`: of joints that move by themselves ([`Model::couple`]).
     pub fn nj(&self) -> usize {
-        self.bodies.len()
+        self.coordinates.as_ref().map_or(self.bodies.len(), Coordinates::len)
     }
     /// Number of passive coordinates `m`.
     pub fn np(&self) -> usize {
@@ -389,9 +394,9 @@ impl Model {
     pub fn frame(&self, name: &str) -> Option<&Frame> {
         self.frames.iter().find(|f| f.name == name)
     }
-    /// Full names of the joints, in order.
+    /// Full names of the joints that move by themselves, in the order of `q`.
     pub fn joint_names(&self) -> Vec<String> {
-        self.bodies.iter().map(|b| b.joint.name.clone()).collect()
+        self.own_bodies().map(|b| b.joint.name.clone()).collect()
     }
     /// Passive coordinates as `appendage.coordinate`, with their declarations, in order.
     pub fn passive_coords(&self) -> Vec<(String, CoordDecl)> {

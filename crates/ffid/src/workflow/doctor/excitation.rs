@@ -51,7 +51,7 @@ pub(super) fn findings(case: &Case<'_>) -> Vec<Finding> {
             most = most.max(range);
         }
     }
-    let slides = case.model.bodies().iter().all(|b| b.joint.kind == JointKind::Prismatic);
+    let slides = case.model.own_bodies().all(|b| b.joint.kind == JointKind::Prismatic);
     let unit = if slides { "m" } else { "rad" };
     if !moving.is_empty() {
         let mut text =

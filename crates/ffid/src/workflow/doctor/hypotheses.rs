@@ -105,7 +105,7 @@ impl Grounds {
 
 /// Kinds of joint: true where it turns.
 fn turns(case: &Case<'_>) -> Vec<bool> {
-    case.model.bodies().iter().map(|b| b.joint.kind != JointKind::Prismatic).collect()
+    case.model.own_bodies().map(|b| b.joint.kind != JointKind::Prismatic).collect()
 }
 
 /// What makes a fit useless, by the values of the mission alone; `predicted` is absent where the record as it is cannot be simulated.

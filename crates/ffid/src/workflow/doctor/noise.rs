@@ -37,7 +37,7 @@ struct Sensor<'a> {
 
 pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
     let (r, s) = (case.record, &case.sensors);
-    let slides: Vec<bool> = case.model.bodies().iter().map(|b| b.joint.kind == JointKind::Prismatic).collect();
+    let slides: Vec<bool> = case.model.own_bodies().map(|b| b.joint.kind == JointKind::Prismatic).collect();
     let of_joint = |turns, slide| slides.iter().map(|&yes| if yes { slide } else { turns }).collect();
     let named = |head: &str| r.joint_names().iter().map(|j| format!("{head}.{j}")).collect();
     let mut all = vec![

@@ -80,7 +80,7 @@ pub(super) fn findings(case: &Case<'_>, predicted: Option<&Prediction>, starts_i
     };
     let moving = moving(case);
     if let Some(&(j, rate, bound)) = moving.iter().max_by(|a, b| (a.1.abs() / a.2).total_cmp(&(b.1.abs() / b.2))) {
-        let slides = case.model.bodies()[j].joint.kind == JointKind::Prismatic;
+        let slides = case.model.own_body(j).joint.kind == JointKind::Prismatic;
         let unit = if slides { "m/s" } else { "rad/s" };
         let names: Vec<&str> = moving.iter().map(|m| r.joint_names()[m.0].as_str()).collect();
         let text = format!(

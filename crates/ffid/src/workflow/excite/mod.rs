@@ -133,7 +133,7 @@ fn spline(
 ) -> Result<(Trajectory, Found), ExciteError> {
     let model = &opened.model;
     let of_joints = joint_limits(model, limits);
-    for (b, l) in model.bodies().iter().zip(&of_joints) {
+    for (b, l) in model.own_bodies().zip(&of_joints) {
         if !l.acceleration.is_finite() {
             let hint = "add acceleration_rad_per_s2 = ... to [limits]";
             let e = ExciteError::new(
@@ -190,7 +190,7 @@ fn spline(
 
 /// A refusal of the planner in the words of the mission file.
 fn refused(e: &PlanError, model: &Model) -> ExciteError {
-    let name = |j: usize| model.bodies().get(j).map_or_else(|| j.to_string(), |b| b.joint.name.clone());
+    let name = |j: usize| model.own_bodies().nth(j).map_or_else(|| j.to_string(), |b| b.joint.name.clone());
     match e {
         PlanError::Infeasible { which } => {
             let what = match which.joint {

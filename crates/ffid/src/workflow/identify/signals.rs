@@ -66,7 +66,7 @@ impl Signals {
             (_, JointKind::Prismatic) => "N",
             _ => "N m",
         };
-        let mut units: Vec<&'static str> = model.bodies().iter().enumerate().map(torque).collect();
+        let mut units: Vec<&'static str> = model.own_bodies().enumerate().map(torque).collect();
         units.resize(k, "rad/s");
         let mut names = record.response_names();
         names.truncate(k);

@@ -384,10 +384,10 @@ impl UncertainItems {
         }
     }
     fn placements(&mut self, mission: &Mission, model: &Model) {
-        let (joints, mounts) = (model.joint_names(), model.appendages());
+        let (joints, mounts) = (model.bodies(), model.appendages());
         for p in model.kinematic_params() {
             let (owner, kind) = match p.of {
-                Placed::Joint(j) => (&joints[j], UncertainKind::Joints),
+                Placed::Joint(j) => (&joints[j].joint.name, UncertainKind::Joints),
                 Placed::Mount(k) => (&mounts[k].name, UncertainKind::Mounts),
             };
             let (std, kind) = match p.kind {

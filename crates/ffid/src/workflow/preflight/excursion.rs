@@ -79,7 +79,7 @@ fn speeds(model: &Model, frame: usize, t: &Trace) -> Vec<f64> {
 pub(super) fn of(q: &Question<'_>, t: &Trace) -> Excursion {
     let model = q.model;
     let rest = model.rest_position(q.params);
-    let joints = model.bodies().iter().enumerate();
+    let joints = model.own_bodies().enumerate();
     let torque = |(k, b): (usize, &ff_model::Body)| {
         let unit = if b.joint.kind == ff_model::JointKind::Prismatic { "N" } else { "N m" };
         peak(t, &b.joint.name, unit, |i| t.tau[(i, k)])

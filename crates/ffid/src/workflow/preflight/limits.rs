@@ -80,7 +80,7 @@ pub fn joint_limits(model: &Model, most: &Limits) -> Vec<JointLimits> {
         let velocity = urdf.velocity.min(most.velocity_rad_per_s.unwrap_or(inf));
         JointLimits { velocity, jerk: most.jerk_rad_per_s3, ..urdf }
     };
-    model.bodies().iter().map(one).collect()
+    model.own_bodies().map(one).collect()
 }
 
 /// Margins of a trajectory of a file to its joint limits, for all time.
@@ -104,7 +104,7 @@ fn unit(model: &Model, joint: usize, quantity: Quantity) -> String {
         Quantity::Acceleration => "/s^2",
         Quantity::Jerk => "/s^3",
     };
-    let angle = model.bodies()[joint].joint.kind != JointKind::Prismatic;
+    let angle = model.own_body(joint).joint.kind != JointKind::Prismatic;
     format!("{}{per}", if angle { "rad" } else { "m" })
 }
 

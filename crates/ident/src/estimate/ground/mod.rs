@@ -170,7 +170,7 @@ impl Ground<'_> {
             (true, Some(k)) => Ok(k),
             (true, None) => Err(LinearError::Shape(format!(
                 "the record has the current of {}, whose gain was not estimated",
-                model.bodies()[j].joint.name
+                model.own_body(j).joint.name
             ))),
         };
         let gains = (0..nj).map(gain).collect::<Result<Vec<_>, _>>()?;

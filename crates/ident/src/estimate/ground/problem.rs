@@ -78,7 +78,7 @@ impl<'a> Problem<'a> {
     }
     fn term_unknown(&self, j: usize, term: JointTerm) -> (Unknown, f64) {
         let model = self.ground.model;
-        let body = &model.bodies()[j].joint;
+        let body = &model.own_body(j).joint;
         let (torque, rate) = self.sizes[j];
         // A current says nothing of the size of a torque.
         let torque = if self.currents[j] { 1.0 } else { torque };
@@ -90,7 +90,7 @@ impl<'a> Problem<'a> {
         };
         let slides = body.kind == JointKind::Prismatic;
         // What the robot's file says of it, where the data say nothing.
-        let file = self.ground.model.bodies()[j].impedance;
+        let file = self.ground.model.reflected_impedance(j);
         let start = match term {
             JointTerm::Viscous => file.viscous,
             JointTerm::Coulomb => file.coulomb,
@@ -128,7 +128,7 @@ impl<'a> Problem<'a> {
                 self.layout.terms.iter().map(|&(j, term)| self.term_unknown(j, term)).collect();
             for (j, k) in k.iter().enumerate() {
                 let Some(k) = *k else { continue };
-                let joint = &self.ground.model.bodies()[j].joint;
+                let joint = &self.ground.model.own_body(j).joint;
                 let unit = if joint.kind == JointKind::Prismatic { "N/A" } else { "N m/A" };
                 let size = k.abs().max(f64::MIN_POSITIVE);
                 extra.push((Unknown { name: format!("drive.{}.gain", joint.name), unit: unit.into(), size }, k));

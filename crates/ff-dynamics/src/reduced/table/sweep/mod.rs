@@ -43,7 +43,7 @@ impl<T: Scalar> Displaced<T> {
 impl<T: Scalar> Sweep<T> {
     /// For the links' parameters in `params`. Allocates.
     pub(crate) fn new(model: &Model, params: &Params<T>) -> Self {
-        let nj = model.nj();
+        let nj = model.n_joints();
         Self {
             bodies: (0..=nj).map(|i| Body::new(&PackedInertia::from(params.body(i)))).collect(),
             links: links(model),
@@ -61,7 +61,7 @@ impl<T: Scalar> Sweep<T> {
         }
         self
     }
-    /// Number of joints.
+    /// Number of joints of the tree.
     pub(crate) fn joints(&self) -> usize {
         self.links.len() - 1
     }
