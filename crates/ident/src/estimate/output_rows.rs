@@ -481,12 +481,13 @@ impl<'a> OutputRows<'a> {
         }
         // Noise of the motion comes into these torques through friction and reflected inertia as well.
         let (first, stride) = self.place(of, 0);
-        let shaken_at = selected + biases + self.kinematics.len() + self.disturbing.len();
+        let shaken_at = biases + self.kinematics.len() + self.disturbing.len();
         for (k, [qd, qdd]) in self.shaken.iter().enumerate() {
+            let Some(to) = along.extra[shaken_at + k] else { continue };
             for (row, i) in of[0].clone().enumerate() {
                 for joint in 0..channels[0] {
                     let by = self.errors.through_terms(errors, i, joint, (qd[(i, joint)], qdd[(i, joint)]));
-                    j[(first + row * stride + joint, to[shaken_at + k])] += by * inverse[0][joint];
+                    j[(first + row * stride + joint, to)] += by * inverse[0][joint];
                 }
             }
         }
