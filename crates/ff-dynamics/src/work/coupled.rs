@@ -6,8 +6,8 @@
 
 use crate::linalg::ltl::ROOT;
 use crate::state::State;
-use crate::tree::derivatives::Derivatives;
 use crate::work::buffers::Work;
+use crate::work::derivative_matrices::Derivatives;
 use ff_model::Model;
 use ff_model::scalar::ModelScalar;
 use nalgebra::DMatrix;

@@ -1,17 +1,16 @@
 //! From a checked tree of links to bodies: links on fixed joints are merged into the body they are fixed to.
 
+use super::convert::{inertia, limits};
 use super::graph::Tree;
 use super::hold::Held;
 use super::options::UrdfOptions;
 use super::physics::Doubt;
-use super::raw::{RawInertial, RawJoint, RawPose, RawRobot};
+use super::raw::{RawJoint, RawRobot};
 use ff_model::Inertia;
 use ff_model::Xform;
 use ff_model::diagnostics::Limit;
 use ff_model::diagnostics::{list, nearest};
 use ff_model::spatial::InertiaError;
-use ff_model::spatial::so3::{quat_to_rot, rot_of_rpy};
-use ff_model::tree::JointLimits;
 use ff_model::{Area, Problem, Problems, Severity};
 use ff_model::{BaseKind, Joint, JointKind, Model};
 use nalgebra::Vector3;
@@ -280,29 +279,4 @@ fn joint(j: &RawJoint, placement: Xform<f64>) -> Joint {
         _ => JointKind::Revolute,
     };
     Joint { name: j.name.clone(), kind, axis: Vector3::from(j.axis.0).normalize(), placement, limits: limits(j) }
-}
-
-/// Limits of a joint as the file gives them.
-pub(super) fn limits(j: &RawJoint) -> JointLimits {
-    let mut limits = JointLimits::default();
-    if let Some(l) = j.limit {
-        limits.velocity = l.velocity.filter(|v| *v > 0.0).unwrap_or(limits.velocity);
-        limits.effort = l.effort.unwrap_or(limits.effort);
-        if j.kind != "continuous" && (l.lower.is_some() || l.upper.is_some()) {
-            limits.lower = l.lower.unwrap_or(0.0);
-            limits.upper = l.upper.unwrap_or(0.0);
-        }
-    }
-    limits
-}
-
-pub(super) fn xform(p: &RawPose) -> Xform<f64> {
-    let rot = p.quat.map_or_else(|| rot_of_rpy(&Vector3::from(p.rpy)), |q| quat_to_rot(&q.into()));
-    Xform::new(rot, Vector3::from(p.xyz))
-}
-
-/// Inertia of a link about its own frame.
-pub(super) fn inertia(i: &RawInertial) -> Inertia<f64> {
-    let in_own_frame = Inertia::from_com(i.mass, &Vector3::zeros(), &i.matrix());
-    in_own_frame.to_parent(&xform(&i.origin))
 }

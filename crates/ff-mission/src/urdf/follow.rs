@@ -215,7 +215,7 @@ impl<'a> Followers<'a> {
 pub(super) fn narrow(r: &RawRobot, held: &Held, head: usize, limits: &mut JointLimits, out: &mut Problems) {
     for (k, f) in held.follows.iter().enumerate().filter_map(|(k, f)| Some((k, (*f)?))).filter(|(_, f)| f.head == head)
     {
-        let (j, own) = (&r.joints[k], super::build::limits(&r.joints[k]));
+        let (j, own) = (&r.joints[k], super::convert::limits(&r.joints[k]));
         limits.velocity = limits.velocity.min(own.velocity / f.ratio.abs());
         let ends = [(own.lower - f.offset) / f.ratio, (own.upper - f.offset) / f.ratio];
         let (lower, upper) = (limits.lower.max(ends[0].min(ends[1])), limits.upper.min(ends[0].max(ends[1])));

@@ -37,7 +37,7 @@ impl Held {
     /// Pose of the child link of a joint in the parent link: at its position if held, at zero if not.
     pub(super) fn pose(&self, r: &RawRobot, joint: usize) -> Xform<f64> {
         let j = &r.joints[joint];
-        let at = super::build::xform(&j.origin);
+        let at = super::convert::xform(&j.origin);
         let (Some(q), Some(axis)) = (self.at[joint], Vector3::from(j.axis.0).try_normalize(1e-12)) else { return at };
         match j.kind.as_str() {
             "prismatic" => at * Xform::new(nalgebra::Matrix3::identity(), axis * q),
@@ -142,7 +142,7 @@ fn other_kinds(r: &RawRobot, tree: &Tree, mass: &[bool], held: &mut Held, out: &
 fn massless(r: &RawRobot, tree: &Tree, options: &UrdfOptions, held: &mut Held, out: &mut Problems) {
     // About the frame of each link, what is fixed to it included; whether a joint further out moves.
     let own =
-        |l: &super::raw::RawLink| l.inertial.as_ref().map_or_else(Inertia::zero, |(i, _)| super::build::inertia(i));
+        |l: &super::raw::RawLink| l.inertial.as_ref().map_or_else(Inertia::zero, |(i, _)| super::convert::inertia(i));
     let mut carried: Vec<Inertia<f64>> = r.links.iter().map(own).collect();
     let mut open = vec![false; r.links.len()];
     // What a joint and its followers carry resists them together.

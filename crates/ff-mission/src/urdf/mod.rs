@@ -19,6 +19,7 @@
 //! `quat_xyzw`, xacro.
 pub(crate) mod build;
 pub mod collision;
+mod convert;
 pub(crate) mod follow;
 pub(crate) mod graph;
 pub(crate) mod hold;

@@ -1,4 +1,5 @@
 //! The immutable description of a system: bodies in a tree, frames, appendages, gravity.
+mod coupling;
 pub(crate) mod displaced;
 
 use crate::port::declaration::{CoordDecl, Decl, ParamDecl};
