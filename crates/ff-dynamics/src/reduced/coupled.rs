@@ -94,11 +94,9 @@ pub(crate) fn columns<T: Scalar>(map: &Coordinates, of_tree: &DMatrix<T>) -> DMa
 pub(crate) fn rows(map: &Coordinates, of_tree: &DMatrix<f64>) -> DMatrix<f64> {
     let (tree, n) = (map.joints().len(), map.len());
     let mut out = DMatrix::zeros(of_tree.nrows() / tree * n, of_tree.ncols());
-    for (from, mut to) in of_tree.column_iter().zip(out.column_iter_mut()) {
-        for (r, x) in from.iter().enumerate() {
-            let c = &map.joints()[r % tree];
-            to[r / tree * n + c.index] += c.multiplier * x;
-        }
+    // Columns stand one behind the other, and each is made of whole samples.
+    for (from, to) in of_tree.as_slice().chunks_exact(tree).zip(out.as_mut_slice().chunks_exact_mut(n)) {
+        map.torques(from, to);
     }
     out
 }

@@ -86,21 +86,13 @@ impl<T: ModelScalar> Coupled<T> {
     /// `G^T M G` of a matrix over the tree, column by column.
     pub(crate) fn both(&self, of_tree: &DMatrix<T>, to: &mut DMatrix<T>) {
         to.fill(T::zero());
-        for (column, &(j, mj)) in of_tree.column_iter().zip(&self.of) {
-            for (&x, &(i, mi)) in column.iter().zip(&self.of) {
-                to[(i, j)] += x.scale(mi * mj);
-            }
-        }
+        congruence(&self.of, of_tree, |i, j, x| to[(i, j)] += x);
     }
     /// The mass matrix in `h`, row-major, into `lower`.
     pub(crate) fn fold_mass(&mut self) {
-        let n = self.zeros.len();
-        self.lower.fill(T::zero());
-        for (column, &(j, mj)) in self.h.column_iter().zip(&self.of) {
-            for (&x, &(i, mi)) in column.iter().zip(&self.of) {
-                self.lower[i * n + j] += x.scale(mi * mj);
-            }
-        }
+        let (n, lower) = (self.zeros.len(), &mut self.lower);
+        lower.fill(T::zero());
+        congruence(&self.of, &self.h, |i, j, x| lower[i * n + j] += x);
     }
     /// `G^T M` of a matrix with a row per degree of freedom of the tree.
     pub(crate) fn rows(&self, of_tree: &DMatrix<T>, to: &mut DMatrix<T>) {
@@ -109,6 +101,15 @@ impl<T: ModelScalar> Coupled<T> {
             for (&x, &(i, m)) in from.iter().zip(&self.of) {
                 column[i] += x.scale(m);
             }
+        }
+    }
+}
+
+/// Elements that `G^T M G` is the sum of, column by column of `M`.
+fn congruence<T: ModelScalar>(of: &[(usize, f64)], m: &DMatrix<T>, mut add: impl FnMut(usize, usize, T)) {
+    for (column, &(j, mj)) in m.column_iter().zip(of) {
+        for (&x, &(i, mi)) in column.iter().zip(of) {
+            add(i, j, x.scale(mi * mj));
         }
     }
 }

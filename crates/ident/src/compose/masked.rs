@@ -3,7 +3,7 @@
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
 use crate::estimate::estimator::{Coarse, Estimator, columns_by_directions};
-use crate::estimate::row_stream::{RowBlock, RowStream};
+use crate::estimate::row_stream::{RowBlock, RowStream, weigh};
 use ff_least_squares::EvalError;
 use ff_records::Mask;
 use nalgebra::DMatrix;
@@ -26,10 +26,6 @@ impl<E: Estimator> Masked<E> {
         let roots: Vec<f64> = [rows(&mask.tau), rows(&mask.gyro)].concat().iter().map(|w| w.max(0.0).sqrt()).collect();
         (roots.len() == inner.rows()).then_some(Self { inner, roots })
     }
-}
-
-fn weigh<'a>(rows: impl IntoIterator<Item = &'a mut f64>, roots: &[f64]) {
-    rows.into_iter().zip(roots).for_each(|(x, w)| *x *= w);
 }
 
 impl<E: Estimator> Estimator for Masked<E> {

@@ -20,13 +20,13 @@ use crate::estimate::along::Direction;
 use crate::estimate::estimator::{Coarse, Estimator};
 use crate::estimate::outcome::Estimate;
 use crate::estimate::request::Request;
+use crate::estimate::row_stream::weigh;
 use crate::solve::loss::Loss;
+use crate::solve::normal::Normal;
 use ff_least_squares::EvalError;
-use ff_linalg::{gram, tr_mul};
+use ff_linalg::tr_mul;
 use nalgebra::{DMatrix, DVector};
 
-/// Ridge of a normal matrix with ones on its diagonal.
-const RIDGE: f64 = 1e-9;
 /// Corrections of the slope: what priors hold takes the second.
 const CORRECTIONS: usize = 2;
 
@@ -74,10 +74,9 @@ impl<'a> Around<'a> {
         let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
         let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, request.selected.len() + extra.len()));
         thin.jacobian(&e.values, &extra, request.selected, &mut r, &mut j)?;
-        weigh(&mut j, &roots);
+        j.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &roots));
         let mut gathered = DVector::from_iterator(rows, sums.iter().zip(&roots).map(|(s, w)| s / w));
-        let slope = correct(request, e, &j, &mut gathered);
-        if slope.is_none() {
+        if correct(request, e, &j, &mut gathered).is_none() {
             return Ok(None);
         }
         let beyond = e.residuals.iter().map(|r| r * r).sum::<f64>() - gathered.norm_squared();
@@ -97,15 +96,7 @@ fn correct(request: &Request<'_>, e: &Estimate, j: &DMatrix<f64>, gathered: &mut
     let mut of_priors = Vec::new();
     request.priors.push_residuals(&values, &mut of_priors);
     let pull = known.tr_mul(&DVector::from_vec(of_priors));
-    let mut normal = gram(j).ok()? + gram(&known).ok()?;
-    let size: Vec<f64> = normal.diagonal().iter().map(|d| d.sqrt().max(f64::MIN_POSITIVE)).collect();
-    for a in 0..columns {
-        for b in 0..columns {
-            normal[(a, b)] /= size[a] * size[b];
-        }
-        normal[(a, a)] += RIDGE;
-    }
-    let root = normal.cholesky()?;
+    let Normal { root, size, .. } = Normal::new(j, &known).ok()??;
     for _ in 0..CORRECTIONS {
         let slope = tr_mul(j, gathered.as_slice()) + &pull;
         let mut step = root.solve(&DVector::from_fn(columns, |k, _| slope[k] / size[k]));
@@ -113,10 +104,6 @@ fn correct(request: &Request<'_>, e: &Estimate, j: &DMatrix<f64>, gathered: &mut
         *gathered -= j * step;
     }
     gathered.iter().all(|x| x.is_finite()).then_some(())
-}
-
-fn weigh(j: &mut DMatrix<f64>, roots: &[f64]) {
-    j.column_iter_mut().for_each(|mut c| c.iter_mut().zip(roots).for_each(|(x, w)| *x *= w));
 }
 
 impl Around<'_> {
@@ -153,7 +140,7 @@ impl Estimator for Around<'_> {
         let mut own = DMatrix::zeros(r.len(), made.len());
         self.thin.jacobian_along(full, extra, &made, r, &mut own)?;
         self.finish(r);
-        weigh(&mut own, &self.roots);
+        own.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &self.roots));
         let mut next = own.column_iter();
         for (mut to, held) in j.column_iter_mut().zip(&places) {
             match held {

@@ -214,11 +214,9 @@ impl<'a> OutputRows<'a> {
         let all = self.readings();
         let mut out = vec![Between { rows: [0; 2], part: 0.0 }; self.count()];
         let thinned: Readings = core::array::from_fn(|g| 0..all[g].len().div_ceil(every));
-        // Rows of all torques precede those of the gyro where these are not listed sample by sample.
-        let behind = if self.interleaved() { 0 } else { thinned[0].len() * self.channels()[0] };
         for group in 0..2 {
             let (first, stride) = self.place(&all, group);
-            let thin = if group == 1 && !self.interleaved() { behind } else { first };
+            let (thin, _) = self.place(&thinned, group);
             for i in all[group].clone() {
                 let before = i / every;
                 let after = (before + 1).min(thinned[group].len() - 1);

@@ -67,3 +67,8 @@ impl RowStream for Whole {
         Ok(true)
     }
 }
+
+/// Multiplies rows by the roots of their weights. Does not allocate.
+pub(crate) fn weigh<'a>(rows: impl IntoIterator<Item = &'a mut f64>, roots: &[f64]) {
+    rows.into_iter().zip(roots).for_each(|(x, w)| *x *= w);
+}

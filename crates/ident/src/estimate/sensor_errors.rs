@@ -73,6 +73,19 @@ impl Effect {
     }
 }
 
+/// Rates and accelerations of a motion at these times from `middle` on, samples x joints.
+fn sampled(motion: &dyn JointMotion, times: &[f64], middle: f64) -> [DMatrix<f64>; 2] {
+    let n = motion.dof();
+    let [mut rates, mut accelerations] = core::array::from_fn(|_| DMatrix::zeros(times.len(), n));
+    let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    for (i, t) in times.iter().enumerate() {
+        motion.eval(t + middle, &mut q, &mut qd, &mut qdd);
+        rates.row_mut(i).iter_mut().zip(&qd).for_each(|(r, &x)| *r = x);
+        accelerations.row_mut(i).iter_mut().zip(&qdd).for_each(|(r, &x)| *r = x);
+    }
+    [rates, accelerations]
+}
+
 impl SensorErrors {
     pub(crate) fn new(
         of: Vec<ErrorSource>,
@@ -86,18 +99,9 @@ impl SensorErrors {
             (0..m.nrows()).map(|i| at(i) - middle).collect()
         });
         let moves = of.iter().any(|e| matches!(e, ErrorSource::Joint(..))) || near_rest.iter().any(Option::is_some);
-        let (n, none) = (motion.dof(), || DMatrix::zeros(0, 0));
-        let (mut rates, mut accelerations) = (none(), none());
-        if moves {
-            let [torques, _]: &[Arc<[f64]>; 2] = &times;
-            (rates, accelerations) = (DMatrix::zeros(torques.len(), n), DMatrix::zeros(torques.len(), n));
-            let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-            for (i, t) in torques.iter().enumerate() {
-                motion.eval(t + middle, &mut q, &mut qd, &mut qdd);
-                rates.row_mut(i).iter_mut().zip(&qd).for_each(|(r, &x)| *r = x);
-                accelerations.row_mut(i).iter_mut().zip(&qdd).for_each(|(r, &x)| *r = x);
-            }
-        }
+        let [torques, _]: &[Arc<[f64]>; 2] = &times;
+        let [rates, accelerations] =
+            if moves { sampled(motion, torques, middle) } else { core::array::from_fn(|_| DMatrix::zeros(0, 0)) };
         let fastest = rates.column_iter().map(|c| c.amax()).collect();
         Self { of, middle, times, rates, accelerations, fastest, near_rest: near_rest.to_vec() }
     }
@@ -117,18 +121,7 @@ impl SensorErrors {
         if !self.of.iter().any(|e| matches!(e, ErrorSource::Joint(..))) {
             return Vec::new();
         }
-        let n = self.rates.ncols();
-        let one = |motion: &Arc<dyn JointMotion>| {
-            let mut out = [DMatrix::zeros(self.rates.nrows(), n), DMatrix::zeros(self.rates.nrows(), n)];
-            let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-            for (i, t) in self.times[0].iter().enumerate() {
-                motion.eval(t + self.middle, &mut q, &mut qd, &mut qdd);
-                out[0].row_mut(i).iter_mut().zip(&qd).for_each(|(r, &x)| *r = x);
-                out[1].row_mut(i).iter_mut().zip(&qdd).for_each(|(r, &x)| *r = x);
-            }
-            out
-        };
-        draws.iter().map(one).collect()
+        draws.iter().map(|motion| sampled(&**motion, &self.times[0], self.middle)).collect()
     }
     /// What a disturbance of the motion changes of a torque channel through the terms of its joint, at a sample at which rate and acceleration
     /// change by so much.

@@ -62,13 +62,11 @@ pub(super) fn follow(
         return Vec::new();
     }
     let near = estimator.around(request, e, |i| !is_asked(i));
-    let found = near.map(|(mut near, beyond)| {
-        let here = Estimate { objective: e.objective - beyond, ..e.clone() };
-        Bend { request, e: &here, u }.followed(&is_asked, &mut near)
-    });
+    let found = near
+        .map(|(mut near, beyond)| Bend { request, e, u, least: e.objective - beyond }.followed(&is_asked, &mut near));
     let found = match found {
         Some(found) => found,
-        None => Bend { request, e, u }.followed(&is_asked, estimator),
+        None => Bend { request, e, u, least: e.objective }.followed(&is_asked, estimator),
     };
     let Some((profiles, covariance)) = found else { return Vec::new() };
     let before = e.uncertainty.clone();
@@ -88,6 +86,8 @@ struct Bend<'a> {
     e: &'a Estimate,
     /// The parabola at its bottom.
     u: &'a Uncertainty,
+    /// Cost there, of the rows that it is looked at by.
+    least: f64,
 }
 
 impl Bend<'_> {
@@ -139,7 +139,7 @@ impl Bend<'_> {
             // What leads out of what can exist is no place for a parabola.
             let risen = |sign: f64, estimator: &mut ObservedEstimator<'_>| {
                 let step: Vec<f64> = x.iter().zip(&std).map(|(x, s)| sign * x * s).collect();
-                Some(self.cost(&step, estimator)? - self.e.objective - z.norm_squared())
+                Some(self.cost(&step, estimator)? - self.least - z.norm_squared())
             };
             let (Some(one), Some(other)) = (risen(-1.0, estimator), risen(1.0, estimator)) else { return false };
             // The slopes of what is no bend, such as a damping that is known to a tenth, cancel.
@@ -194,12 +194,12 @@ impl Bend<'_> {
             let (cost, moved) = chord.look(self.request, self.e, &place, estimator)?;
             let gained = before - cost;
             before = before.min(cost);
-            if gained < STILL || (cost - self.e.objective - parabola).abs() < PLAIN {
+            if gained < STILL || (cost - self.least - parabola).abs() < PLAIN {
                 break;
             }
             place.at = moved;
         }
-        Some((before - self.e.objective, place.at))
+        Some((before - self.least, place.at))
     }
     /// The others fitted again with one parameter held; `None` where that does not come near an end. One linearisation where they are, and
     /// chords of it as long as each leaves a fraction of what the one before promised; where the way is too bent for its steps, a fit goes
@@ -218,7 +218,7 @@ impl Bend<'_> {
             let (made, mut before, mut straight) = (chord.insert(made), f64::INFINITY, true);
             while let Some((step, promised)) = made.step(self.request, &here, &[column]) {
                 if promised < STILL {
-                    return Some((here.cost - promised - self.e.objective, here.at));
+                    return Some((here.cost - promised - self.least, here.at));
                 }
                 if promised > SHRINKS * before {
                     break;
@@ -246,7 +246,7 @@ impl Bend<'_> {
                 .ok()?;
         let got = found.parameters[column].value;
         let prior = own.map_or(0.0, |r| ((got - r.mean) / r.sigma).powi(2));
-        Some((found.objective - ((got - value) / pin.sigma).powi(2) + prior - self.e.objective, found.values))
+        Some((found.objective - ((got - value) / pin.sigma).powi(2) + prior - self.least, found.values))
     }
     /// The profile of one parameter; the covariance is made to allow for its ends.
     fn profile(

@@ -1,11 +1,12 @@
 //! One linearisation that serves several places (a chord): at the end of a fit for those around it, or on the way along a valley.
 
 use super::observed_estimator::ObservedEstimator;
-use ff_linalg::{gram, tr_mul};
+use ff_linalg::tr_mul;
 use ff_model::ParamGroup;
 use ident::estimate::Estimate;
+use ident::solve::Normal;
 use ident::{Estimator, Request, Transform};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 
 /// Most by which a positive parameter falls where places are looked at.
 const FOLLOW: f64 = 3.0;
@@ -15,8 +16,6 @@ const LEAST_PART: f64 = 0.1;
 const BOUNDED: usize = 4;
 /// Parts of a step that are tried.
 const SHORTENED: [f64; 5] = [1.0, 0.5, 0.25, 0.125, 0.0625];
-/// Ridge of a normal matrix with ones on its diagonal.
-const RIDGE: f64 = 1e-9;
 
 /// A place to look at: all unknowns, the columns that a chord leaves alone, and how many steps it is from the end along a spring.
 pub(super) struct Place {
@@ -29,10 +28,7 @@ pub(super) struct Place {
 pub(super) struct Chord {
     j: DMatrix<f64>,
     known: DMatrix<f64>,
-    /// Of the columns, scaled to ones on the diagonal, and their norms.
-    normal: DMatrix<f64>,
-    root: Cholesky<f64, Dyn>,
-    size: Vec<f64>,
+    normal: Normal,
 }
 
 impl Chord {
@@ -54,26 +50,18 @@ impl Chord {
         let here = Here::new(request, at, extra, r)?;
         let values: Vec<f64> = request.selected.iter().map(|&i| here.at[i]).collect();
         request.priors.fill_jacobian(&values, &mut known, 0);
-        let mut normal = gram(&j).ok()? + gram(&known).ok()?;
-        let size: Vec<f64> = normal.diagonal().iter().map(|d| d.sqrt().max(f64::MIN_POSITIVE)).collect();
-        for a in 0..columns {
-            for b in 0..columns {
-                normal[(a, b)] /= size[a] * size[b];
-            }
-            normal[(a, a)] += RIDGE;
-        }
-        let root = normal.clone().cholesky()?;
-        Some((Self { j, known, normal, root, size }, here))
+        let normal = Normal::new(&j, &known).ok()??;
+        Some((Self { j, known, normal }, here))
     }
     /// The minimum of `x^T H x / 2 - b^T x`, `H` the normal matrix, with the elements `fixed` at these values: `y + Z m` with `H y = b`, `H Z` the
     /// unit vectors of those that are fixed, and the multipliers `m` that put them there.
     fn solved(&self, b: &DVector<f64>, fixed: &[usize], values: &[f64]) -> Option<DVector<f64>> {
-        let mut x = self.root.solve(b);
+        let mut x = self.normal.root.solve(b);
         if fixed.is_empty() {
             return Some(x);
         }
         let unit = |i: usize, k: usize| if i == fixed[k] { 1.0 } else { 0.0 };
-        let z = self.root.solve(&DMatrix::from_fn(b.len(), fixed.len(), unit));
+        let z = self.normal.root.solve(&DMatrix::from_fn(b.len(), fixed.len(), unit));
         let own = DMatrix::from_fn(fixed.len(), fixed.len(), |a, k| z[(fixed[a], k)]);
         let off = DVector::from_fn(fixed.len(), |k, _| values[k] - x[fixed[k]]);
         x += z * own.cholesky()?.solve(&off);
@@ -83,9 +71,9 @@ impl Chord {
     /// The step of all unknowns but the columns `fixed` that this linearisation makes of the residuals somewhere, and by how much it promises
     /// that their squares fall. Positive parameters keep a tenth.
     pub(super) fn step(&self, request: &Request<'_>, here: &Here, fixed: &[usize]) -> Option<(Vec<f64>, f64)> {
-        let n = self.size.len();
+        let n = self.normal.size.len();
         let slope = tr_mul(&self.j, &here.r) + self.known.tr_mul(&DVector::from_column_slice(&here.known));
-        let slope = DVector::from_fn(n, |k, _| slope[k] / self.size[k]);
+        let slope = DVector::from_fn(n, |k, _| slope[k] / self.normal.size[k]);
         // In deviations of each unknown by itself.
         let mut step = DVector::zeros(n);
         let mut fixed = fixed.to_vec();
@@ -97,7 +85,7 @@ impl Chord {
                 if fixed[..held].contains(&k) {
                     continue;
                 }
-                let least = (LEAST_PART - 1.0) * here.at[i] * self.size[k];
+                let least = (LEAST_PART - 1.0) * here.at[i] * self.normal.size[k];
                 if request.decls[i].group == ParamGroup::Positive && step[k] < least {
                     step[k] = least;
                     fixed.push(k);
@@ -107,8 +95,8 @@ impl Chord {
                 break;
             }
         }
-        let promised = -2.0 * slope.dot(&step) - step.dot(&(&self.normal * &step));
-        let step: Vec<f64> = step.iter().zip(&self.size).map(|(x, s)| x / s).collect();
+        let promised = -2.0 * slope.dot(&step) - step.dot(&(&self.normal.matrix * &step));
+        let step: Vec<f64> = step.iter().zip(&self.normal.size).map(|(x, s)| x / s).collect();
         promised.is_finite().then_some((step, promised))
     }
     /// Cost at a place with the other unknowns moved, and where they are then.
@@ -127,12 +115,12 @@ impl Chord {
         request.priors.push_residuals(&values, &mut known);
         let squares: f64 = r.iter().chain(&known).map(|r| r * r).sum();
         let slope = tr_mul(&self.j, &r) + self.known.tr_mul(&DVector::from_vec(known));
-        let b = DVector::from_fn(self.size.len(), |k, _| slope[k] / self.size[k]);
+        let b = DVector::from_fn(self.normal.size.len(), |k, _| slope[k] / self.normal.size[k]);
         let step = self.solved(&b, &place.fixed, &vec![0.0; place.fixed.len()])?;
         let cost = squares - b.dot(&step);
         let mut at = place.at.clone();
         for (k, &i) in request.selected.iter().enumerate().filter(|(k, _)| !place.fixed.contains(k)) {
-            let moved = at[i] - step[k] / self.size[k];
+            let moved = at[i] - step[k] / self.normal.size[k];
             let least = if request.decls[i].group == ParamGroup::Positive { at[i] / FOLLOW } else { f64::NEG_INFINITY };
             at[i] = moved.max(least);
         }
