@@ -6,6 +6,7 @@ use ff_least_squares::Settings;
 use ff_model::Params;
 use ff_records::{Record, RecordBuilder};
 use ff_testkit::assert_within;
+use ident::belief::Sigma;
 use ident::estimate::{Around, Direction};
 use ident::parameters::offset_start;
 use ident::parameters::select;
@@ -94,6 +95,39 @@ fn the_cost_near_the_end_of_a_fit_is_that_of_all_rows() {
     for (a, b) in e.parameters.iter().zip(&f.parameters) {
         assert_within!((a.value - b.value).abs(), 0.05 * a.std.unwrap(), "{}", a.name);
         assert_within!((b.std.unwrap() / a.std.unwrap() - 1.0).abs(), 0.05, "{}", a.name);
+    }
+}
+
+/// The last steps go over fewer rows, and what is not asked for keeps its columns; all rows say where the end is.
+#[test]
+fn the_last_steps_over_fewer_rows_end_where_all_rows_do() {
+    let l = paper("flex.toml");
+    let record = noisy(&l, &exact(&l, &run(&l, &planned(&l, 30.0, 10), 30.0)), 5);
+    let decls = l.model.param_decls();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    let selected = select(&decls, &["base.*", "panel_*.k[*]", "panel_*.d[0]", "panel_*.seg[*].mass"]).unwrap();
+    let start = offset_start(&decls, &truth, &selected, 0.1, 7);
+    let options = Options { substeps: 1, gyro_bias: true, torque_bias: true, ..Options::new(NOISE) };
+    let mut all = OutputError::new(&l.model, &record, &options).unwrap();
+    let masses = "panel_*.seg[*].mass";
+    let priors = Priors::new(&decls, &selected, &truth, &[(masses, Sigma::Relative(0.05))]).unwrap();
+    let marginal: Vec<(usize, f64)> = priors.rows().iter().map(|r| (selected[r.column], r.sigma)).collect();
+    let settings = Settings { gain_tolerance: 1e-3, decrement_tolerance: 1e-12, ..Settings::default() };
+    let request = Request { settings, coarse: false, priors, marginal, ..Request::new(&decls, &selected, &start) };
+    let mut of = |near_end: bool| {
+        let found = estimate(&Request { near_end, ..request.clone() }, &mut all);
+        found.unwrap_or_else(|e| panic!("{near_end}: {:.300}", e.to_string()))
+    };
+    let (whole, fewer) = (of(false), of(true));
+    let over = |e: &ident::estimate::Estimate, every: bool| {
+        e.descent.iter().filter(|l| (l.residuals == e.residuals.len()) == every).count()
+    };
+    assert!(over(&fewer, false) > 0 && over(&whole, false) == 0, "{} {}", over(&fewer, false), over(&whole, false));
+    assert!(over(&fewer, true) <= over(&whole, true), "{} {}", over(&fewer, true), over(&whole, true));
+    assert_within!(fewer.objective - whole.objective, 0.01);
+    for (a, b) in whole.parameters.iter().zip(&fewer.parameters) {
+        assert_within!((a.value - b.value).abs(), 0.1 * a.std.unwrap(), "{}", a.name);
+        assert_within!((b.std.unwrap() / a.std.unwrap() - 1.0).abs(), 0.02, "{}", a.name);
     }
 }
 

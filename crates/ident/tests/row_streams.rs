@@ -227,7 +227,8 @@ fn memory_of_a_linearisation_does_not_grow_with_the_record() {
     let start = offset_start(&decls, &truth, &selected, 0.02, 3);
     let most = |jacobian: Jacobian, record: &Record| {
         let settings = Settings { max_iterations: 1, ..Settings::default() };
-        let request = Request { jacobian, settings, coarse: false, ..Request::new(&decls, &selected, &start) };
+        let request =
+            Request { jacobian, settings, coarse: false, near_end: false, ..Request::new(&decls, &selected, &start) };
         let mut oe = OutputError::new(&l.model, record, &Options { substeps: 1, ..Options::new(NOISE) }).unwrap();
         measure(|| drop(estimate(&request, &mut oe).unwrap())).bytes_max
     };

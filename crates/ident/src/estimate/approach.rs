@@ -1,6 +1,6 @@
 //! The way to the answer over less data: a thinned record, and parts of it that grow from its beginning.
 
-use crate::estimate::descent::{Place, settle};
+use crate::estimate::descent::{Place, RANGE, Way, settle};
 use crate::estimate::estimator::Estimator;
 use crate::estimate::fit::{Evaluated, Fit, Reference};
 use crate::estimate::request::Request;
@@ -27,9 +27,9 @@ const PART_WIDTH: f64 = 1.0;
 
 /// Takes the start to where less data say that the answer is, if there is such a look at them and all data agree that it is better there.
 /// What goes wrong on the way is no error: the start stays as it was.
-pub(super) fn approach<E: Estimator + ?Sized>(
+pub(super) fn approach(
     request: &Request<'_>,
-    estimator: &mut E,
+    estimator: &mut dyn Estimator,
     sizes: &[f64],
     references: &mut Vec<Reference>,
     place: &mut Place,
@@ -70,7 +70,8 @@ fn pass(
 ) -> Option<Status> {
     let threads = request.jacobian.threads(estimator.rows(), request.selected.len() + sizes.len());
     let mut evaluated = Evaluated::new(threads);
-    let end = settle(request, estimator, sizes, references, place, &mut evaluated, f64::INFINITY);
+    let way = Way { still: f64::INFINITY, range: RANGE, near_end: &mut |_, _, _, _| false };
+    let end = settle(request, estimator, sizes, references, place, &mut evaluated, way);
     end.ok().map(|(_, status)| status)
 }
 
@@ -117,9 +118,9 @@ fn lead(
 }
 
 /// That of two places where all data of the estimator say that the cost is lower; the first where they do not say.
-fn better<E: Estimator + ?Sized>(
+fn better(
     request: &Request<'_>,
-    estimator: &mut E,
+    estimator: &mut dyn Estimator,
     sizes: &[f64],
     references: &[Reference],
     [here, there]: [Place; 2],
@@ -133,9 +134,9 @@ fn better<E: Estimator + ?Sized>(
 }
 
 /// Sum of squared residuals at a place, those of priors and references included; none where it cannot be evaluated.
-fn cost<E: Estimator + ?Sized>(
+pub(super) fn cost(
     request: &Request<'_>,
-    estimator: &mut E,
+    estimator: &mut dyn Estimator,
     sizes: &[f64],
     references: &[Reference],
     at: &Place,

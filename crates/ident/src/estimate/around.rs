@@ -30,6 +30,20 @@ use nalgebra::{DMatrix, DVector};
 /// Corrections of the slope: what priors hold takes the second.
 const CORRECTIONS: usize = 2;
 
+/// The point around which all data are told by fewer rows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Centre<'c> {
+    /// All parameters, and the nuisance unknowns.
+    pub(crate) values: &'c [f64],
+    /// See [`Centre::values`].
+    pub(crate) extra: &'c [f64],
+    /// Residuals of all rows there.
+    pub(crate) residuals: &'c [f64],
+    /// `J^T r` of all rows there, over the selected parameters and the nuisance unknowns; none at the end of a fit, where it is what the
+    /// priors pull.
+    pub(crate) slope: Option<&'c DVector<f64>>,
+}
+
 /// Fewer rows with the cost of all of them near a point.
 pub struct Around<'a> {
     thin: Box<dyn Estimator + 'a>,
@@ -55,13 +69,27 @@ impl<'a> Around<'a> {
         thin: Coarse<'a>,
         stays: impl Fn(usize) -> bool,
     ) -> Result<Option<Self>, EvalError> {
+        let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
+        let centre = Centre { values: &e.values, extra: &extra, residuals: &e.residuals, slope: None };
+        Self::of_point(request, centre, thin, stays)
+    }
+    /// As [`Around::new`], around any point.
+    ///
+    /// # Errors
+    /// [`EvalError`].
+    pub(crate) fn of_point(
+        request: &Request<'_>,
+        e: Centre<'_>,
+        thin: Coarse<'a>,
+        stays: impl Fn(usize) -> bool,
+    ) -> Result<Option<Self>, EvalError> {
         let Coarse { estimator: mut thin, between, .. } = thin;
         if request.loss != Loss::Squares || between.len() != e.residuals.len() {
             return Ok(None);
         }
         let rows = thin.rows();
         let (mut weights, mut sums) = (vec![0.0; rows], vec![0.0; rows]);
-        for (b, r) in between.iter().zip(&e.residuals) {
+        for (b, r) in between.iter().zip(e.residuals) {
             for (row, part) in b.rows.into_iter().zip([1.0 - b.part, b.part]) {
                 weights[row] += part;
                 sums[row] += part * r;
@@ -71,9 +99,8 @@ impl<'a> Around<'a> {
             return Ok(None);
         }
         let roots: Vec<f64> = weights.iter().map(|w: &f64| w.sqrt()).collect();
-        let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
-        let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, request.selected.len() + extra.len()));
-        thin.jacobian(&e.values, &extra, request.selected, &mut r, &mut j)?;
+        let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, request.selected.len() + e.extra.len()));
+        thin.jacobian(e.values, e.extra, request.selected, &mut r, &mut j)?;
         j.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &roots));
         let mut gathered = DVector::from_iterator(rows, sums.iter().zip(&roots).map(|(s, w)| s / w));
         if correct(request, e, &j, &mut gathered).is_none() {
@@ -87,18 +114,21 @@ impl<'a> Around<'a> {
     }
 }
 
-/// Gives the cost at the point the slope that all data and priors give it at the end of a fit: none.
-fn correct(request: &Request<'_>, e: &Estimate, j: &DMatrix<f64>, gathered: &mut DVector<f64>) -> Option<()> {
+/// Gives the cost at the point the slope that all data give it: at the end of a fit, none with that of the priors.
+fn correct(request: &Request<'_>, e: Centre<'_>, j: &DMatrix<f64>, gathered: &mut DVector<f64>) -> Option<()> {
     let columns = j.ncols();
     let values: Vec<f64> = request.selected.iter().map(|&i| e.values[i]).collect();
     let mut known = DMatrix::zeros(request.priors.len(), columns);
     request.priors.fill_jacobian(&values, &mut known, 0);
     let mut of_priors = Vec::new();
     request.priors.push_residuals(&values, &mut of_priors);
-    let pull = known.tr_mul(&DVector::from_vec(of_priors));
+    let wanted = match e.slope {
+        Some(slope) => slope.clone(),
+        None => -known.tr_mul(&DVector::from_vec(of_priors)),
+    };
     let Normal { root, size, .. } = Normal::new(j, &known).ok()??;
     for _ in 0..CORRECTIONS {
-        let slope = tr_mul(j, gathered.as_slice()) + &pull;
+        let slope = tr_mul(j, gathered.as_slice()) - &wanted;
         let mut step = root.solve(&DVector::from_fn(columns, |k, _| slope[k] / size[k]));
         step.iter_mut().zip(&size).for_each(|(x, s)| *x /= s);
         *gathered -= j * step;

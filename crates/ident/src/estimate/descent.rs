@@ -36,7 +36,14 @@ const TRUSTED: f64 = 0.75;
 const LEAST_PART: f64 = 0.1;
 /// Factor on the start of a positive parameter that a pass over less data keeps it within. Where oscillations have slipped, a spring or
 /// a damper that vanishes, or stiffens a thousandfold, explains more than one that is near the truth, and steps do not lead back.
-const RANGE: f64 = 30.0;
+pub(super) const RANGE: f64 = 30.0;
+/// Chi-squared that a step promises from which on the end is near, and part of chi-squared per row that residuals must have there, so that
+/// it is noise that is left: without noise, steps double their digits.
+const NEAR_END: f64 = 100.0;
+/// See [`Way::near_end`].
+const HOPS: usize = 6;
+/// See [`NEAR_END`].
+const NOISE: f64 = 0.25;
 /// Part of its start below which a positive parameter is at its bound, zero.
 const EDGE_VALUE: f64 = 1e-3;
 
@@ -49,21 +56,35 @@ pub(super) struct Place {
     pub(super) descent: Vec<Linearisation>,
 }
 
+/// How a way down goes.
+pub(super) struct Way<'w> {
+    /// An anchor has no more to give when a step moves less; infinite for a pass over less data.
+    pub(super) still: f64,
+    /// Factor on the start of a positive parameter that steps keep it within: [`RANGE`] for a pass over less data.
+    pub(super) range: f64,
+    /// Called near the end ([`NEAR_END`]) with the linearisation there; moves the place on by other means, and says
+    /// whether that is worth doing again: [`HOPS`] times at most.
+    pub(super) near_end: &'w mut NearEnd<'w>,
+}
+
+/// See [`Way::near_end`].
+pub(super) type NearEnd<'w> =
+    dyn FnMut(&mut dyn Estimator, &mut Vec<Reference>, &mut Place, &mut Evaluated) -> bool + 'w;
+
 /// Minimises from `place` on, with the coordinates taken anew at every step, and leaves it at the end. `references` are those of priors;
-/// an anchor is added and taken out again, and has no more to give when a step moves less than `still`: infinite for a pass over less
-/// data, which keeps positive parameters within [`RANGE`] of their start.
-pub(super) fn settle<E: Estimator + ?Sized>(
+/// an anchor is added and taken out again.
+pub(super) fn settle(
     request: &Request<'_>,
-    estimator: &mut E,
+    mut estimator: &mut dyn Estimator,
     sizes: &[f64],
     references: &mut Vec<Reference>,
     place: &mut Place,
     evaluated: &mut Evaluated,
-    still: f64,
+    way: Way<'_>,
 ) -> Result<(Transform, Status), EstimateError> {
     let (n, priors_kept) = (request.selected.len(), references.len());
     // The limit is that of a pass: cheap linearisations of thinner records do not use up those of all data.
-    let limit = place.iterations + request.settings.max_iterations;
+    let mut limit = place.iterations + request.settings.max_iterations;
     let mut settings = Settings {
         scale: Scale::Unit,
         initial_radius: RADIUS,
@@ -76,7 +97,7 @@ pub(super) fn settle<E: Estimator + ?Sized>(
     };
     let rows = estimator.rows();
     let mut last = None;
-    let mut by_data = true;
+    let (mut by_data, mut hops) = (true, HOPS);
     let (mut flat_steps, mut creeps, mut crept_from) = (0, 0, place.full.clone());
     let end = loop {
         // Coordinates around the present estimate: linear in the bodies, scaled by them.
@@ -93,11 +114,11 @@ pub(super) fn settle<E: Estimator + ?Sized>(
             references.push(Reference::new(request.decls, request.selected, &place.full, w)?);
         }
         let mut x = transform.coordinates(&place.full)?;
-        let range = if still.is_finite() { f64::INFINITY } else { RANGE };
-        settings.bounds = positive_bounds(&transform, &x, &transform.coordinates(request.start)?, range, sizes.len());
+        let start = transform.coordinates(request.start)?;
+        settings.bounds = positive_bounds(&transform, &x, &start, way.range, sizes.len());
         x.extend_from_slice(&place.nuisance);
         let full = place.full.clone();
-        let mut fit = Fit::new(request, &mut *estimator, &transform, references, sizes, (&x, &full), evaluated);
+        let mut fit = Fit::new(request, &mut estimator, &transform, references, sizes, (&x, &full), evaluated);
         let solution = match minimise_linearised(&mut fit, &x, &settings) {
             // Steps in the metric of the data may lead beyond what can exist, however much they are shortened; those in affine coordinates
             // do not.
@@ -119,7 +140,7 @@ pub(super) fn settle<E: Estimator + ?Sized>(
             transform.apply(&solution.x[..n], &mut place.full);
         }
         let moved = solution.x.iter().zip(&x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < still);
+        let settled = solution.status.is_converged() && (request.anchor.is_none() || moved < way.still);
         let over = place.iterations >= limit;
         let emptied = emptied(request, &place.full);
         if !gains_nothing(&solution, &settings) {
@@ -138,6 +159,13 @@ pub(super) fn settle<E: Estimator + ?Sized>(
         let held = solution.iterations == 0 && matches!(solution.status, Status::AtBound { .. });
         if settled || over || held || matches!(solution.status, Status::Stalled { .. }) {
             break (transform, solution.status);
+        }
+        if hops > 0 && is_near_end(&solution) {
+            references.truncate(priors_kept);
+            let before = place.iterations;
+            let again = (way.near_end)(&mut *estimator, &mut *references, &mut *place, &mut *evaluated);
+            hops = if again { hops - 1 } else { 0 };
+            limit += place.iterations - before;
         }
         last = Some(transform);
     };
@@ -188,6 +216,13 @@ fn gains_nothing(solution: &Solution, settings: &Settings) -> bool {
     let noise = (2.0 * solution.cost / solution.residuals.len().max(1) as f64).min(1.0);
     let least = FLAT_GAIN * settings.gain_tolerance * noise;
     step.accepted && 2.0 * (step.cost - solution.cost).abs() < least
+}
+
+/// Whether the last step was accepted, promised little, and leaves noise.
+fn is_near_end(solution: &Solution) -> bool {
+    let Some(step) = solution.history.last() else { return false };
+    let noise = 2.0 * solution.cost > NOISE * solution.residuals.len() as f64;
+    noise && step.accepted && 2.0 * step.decrement * step.cost < NEAR_END
 }
 
 /// Whether the last step was as long as steps may be.

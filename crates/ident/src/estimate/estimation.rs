@@ -10,9 +10,10 @@
 use crate::belief::covariance::{Unknown, analyse};
 use crate::belief::prior::PriorRow;
 use crate::estimate::approach::approach;
-use crate::estimate::descent::{Place, settle};
+use crate::estimate::descent::{Place, Way, settle};
 use crate::estimate::estimator::Estimator;
 use crate::estimate::fit::{Evaluated, Reference};
+use crate::estimate::near_end;
 use crate::estimate::outcome::{Estimate, EstimateError, Estimated, Linearisation, RANK_TOLERANCE};
 use crate::estimate::request::Request;
 use crate::parameters::scale;
@@ -67,8 +68,13 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
     }
     let threads = request.jacobian.threads(estimator.rows(), n + extra.len());
     let mut evaluated = Evaluated::new(threads);
+    let mut hop =
+        |estimator: &mut dyn Estimator, references: &mut Vec<Reference>, at: &mut Place, last: &mut Evaluated| {
+            near_end::hop(request, estimator, &sizes_extra, references, at, last)
+        };
+    let way = Way { still: ANCHOR_MOVED, range: f64::INFINITY, near_end: &mut hop };
     let (transform, status) =
-        settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, ANCHOR_MOVED)?;
+        settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, way)?;
     let Place { full, nuisance, iterations, mut descent } = place;
     let values_extra: Vec<f64> = nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect();
     let (rows, left_out) = (estimator.rows(), estimator.left_out());

@@ -12,6 +12,7 @@ pub(crate) mod fit;
 pub(crate) mod fold;
 pub(crate) mod ground;
 mod joint_channels;
+mod near_end;
 pub(crate) mod nuisance;
 pub(crate) mod outcome;
 pub(crate) mod output_error;

@@ -97,6 +97,9 @@ pub struct Request<'a> {
     /// Take the way to the answer over less data, where the estimator offers that ([`Estimator::coarse`](crate::Estimator::coarse)). The answer and its
     /// deviations are those of all data either way.
     pub coarse: bool,
+    /// Take the last steps to the answer over fewer rows that have the cost of all of them nearby ([`crate::estimate::Around`]), where the
+    /// estimator offers that and the loss is that of squares. Whether the fit is at its end is told by all data.
+    pub near_end: bool,
     /// What is kept of a linearisation.
     pub jacobian: Jacobian,
     /// When to stop.
@@ -117,6 +120,7 @@ impl<'a> Request<'a> {
             anchor: None,
             loss: Loss::Squares,
             coarse: true,
+            near_end: true,
             jacobian: Jacobian::default(),
             settings: Settings::default(),
         }
