@@ -143,6 +143,39 @@ fn positions_alone_with_noise_give_the_noise_of_each_joint_and_predict_another_r
     assert!(without.fit.extra.is_empty() && without.fit.kinds[0].sigma > 5.0 * e.fit.kinds[0].sigma);
 }
 
+/// From a log in which no joint goes far, offsets and gravity are one; what it does not tell stays near the mission, what it tells does not move.
+#[test]
+fn what_a_log_hardly_tells_leans_on_the_mission() {
+    let m = arm();
+    let decls = m.param_decls();
+    let truth = Params::<f64>::nominal(&m).values().to_vec();
+    let selected: Vec<usize> = (10..decls.len()).collect();
+    let start = offset_start(&decls, &truth, &selected, 0.1, 4);
+    let friction = friction(7, 4);
+    let ground = Ground::new(&m, Friction::ALL).unwrap();
+    let other = bench(&m, &truth, &friction, &Sines::new(78, 7, 20.0, 1.0), 0.05, true, 6);
+    let missed = |e: &GroundEstimate| ground.held_out(&other, e).unwrap().iter().map(|x| x * x).sum::<f64>().sqrt();
+    let both = |reach: f64| {
+        let r = bench(&m, &truth, &friction, &Sines::new(22, 7, 20.0, reach), 0.05, true, 5);
+        let told = ground.estimate(&[&r], &selected, &start).unwrap();
+        let mut leaning = told.clone();
+        leaning.lean_on_start(&decls, &selected).unwrap();
+        [told, leaning]
+    };
+    let [told, leaning] = both(0.03);
+    assert!(missed(&leaning) < 0.5 * missed(&told), "{} {}", missed(&leaning), missed(&told));
+    for (a, b) in told.fit.parameters.iter().zip(&leaning.fit.parameters) {
+        assert_eq!((a.std, a.start), (b.std, b.start));
+    }
+    // Well shaken, every combination that is told stays within a hundredth of its deviation.
+    let [told, leaning] = both(1.2);
+    for (a, b) in told.fit.base.iter().zip(&leaning.fit.base) {
+        assert_within!((a.value - b.value).abs(), 0.02 * a.std, "{a}");
+    }
+    assert_within!((missed(&leaning) / missed(&told) - 1.0).abs(), 1e-3);
+    assert!(leaning.joints.terms.iter().flatten().zip(&leaning.fit.extra).all(|(t, e)| t.1 == e.value));
+}
+
 #[test]
 fn samples_near_rest_are_treated_as_stated() {
     let m = arm();

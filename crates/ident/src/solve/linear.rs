@@ -333,7 +333,7 @@ fn base_parameters(
 }
 
 /// Bodies of which all ten parameters are selected and whose values no body has.
-fn unphysical(decls: &[ParamDecl], selected: &[usize], values: &[f64]) -> Vec<String> {
+pub(crate) fn unphysical(decls: &[ParamDecl], selected: &[usize], values: &[f64]) -> Vec<String> {
     whole_bodies(decls, selected)
         .into_iter()
         .filter(|(_, i)| Inertia::from_params(&values[*i..i + 10]).pseudo().cholesky().is_none())

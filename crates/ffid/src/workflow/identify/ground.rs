@@ -159,6 +159,10 @@ pub(super) fn identify(
     found = calibrated.run(model, &samples, start)?;
     found.fit.chi2_per_dof = chi2_per_dof;
     let considered = calibrated.consider(&UncertainItems::of(opened), &mut found)?;
+    // What the record tells worse than to its own size predicts no other: it stays near the mission. Priors that were given do so themselves.
+    if prior.is_empty() {
+        found.lean_on_start(decls, selected).map_err(|e| linear(e.into()))?;
+    }
     // Numbers that no body has are moved to the nearest that some body has.
     let bounded = found.make_physical(decls, selected, start).map_err(|e| IdentifyError::Model(e.to_string()))?;
     let arm = Arm { joints: found.joints.clone(), sigma, low_pass_hz: s.low_pass_hz };

@@ -23,6 +23,7 @@ mod calibration;
 mod equations;
 mod gains;
 pub(crate) mod joint_terms;
+mod near_mission;
 mod physical;
 mod problem;
 mod selection;

@@ -57,8 +57,7 @@ impl GroundEstimate {
         for (p, moved) in self.fit.extra.iter_mut().zip(&near.unknowns[m..]) {
             p.value = moved.to;
         }
-        let terms = self.joints.terms.iter_mut().flatten().map(|t| &mut t.1);
-        terms.chain(self.joints.gains.iter_mut().flatten()).zip(&self.fit.extra).for_each(|(x, e)| *x = e.value);
+        self.take_terms();
         Ok(if near.chi2_increase > PRESSED { near.at_boundary } else { Vec::new() })
     }
 }

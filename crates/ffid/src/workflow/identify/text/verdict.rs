@@ -121,7 +121,15 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     ] {
         let all = names(t);
         if !all.is_empty() {
-            out.push(format!("{} {words}: {}.", all.len(), ff_model::diagnostics::list(all.iter().copied(), 12)));
+            let beside = match t {
+                ParameterVerdict::Weak if r.method == Method::Ground => "; values lean on the mission's there",
+                _ => "",
+            };
+            out.push(format!(
+                "{} {words}: {}{beside}.",
+                all.len(),
+                ff_model::diagnostics::list(all.iter().copied(), 12)
+            ));
         }
     }
     if let Ended::Flat { along } = &r.status {
