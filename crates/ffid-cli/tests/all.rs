@@ -25,6 +25,7 @@ mod logs;
 mod motor_side;
 mod outputs;
 mod paper_robot;
+mod payload_pair;
 mod preflight;
 mod questions;
 mod sampling;

@@ -381,3 +381,58 @@ fn a_known_wrench_is_no_torque_of_the_bodies() {
     let (_, bare) = ground.predict(&clean, &x.fit.values, &x.joints).unwrap();
     assert!((residual.norm() / bare.norm() - 1.0).abs() < 1e-6, "{} {}", residual.norm(), bare.norm());
 }
+
+/// White noise scatters parts of a log as deviations say; a joint whose friction changes half way is told by its halves, not by its residuals.
+#[test]
+fn parts_of_a_log_tell_what_does_not_average_away() {
+    let m = arm();
+    let truth = Params::<f64>::nominal(&m).values().to_vec();
+    let selected: Vec<usize> = (10..truth.len()).collect();
+    let motion = Sines::new(61, 7, 40.0, 1.2);
+    let log = |later: f64| {
+        let r = bench(&m, &truth, &friction(m.nj(), 5), &motion, 0.3, true, 12);
+        let mut tau = r.tau().clone();
+        let half = tau.nrows() / 2;
+        for i in half..tau.nrows() {
+            tau[(i, 1)] += later * r.qd().unwrap()[(i, 1)].signum();
+        }
+        r.with_tau(tau)
+    };
+    let ground = Ground::new(&m, Friction::ALL).unwrap();
+    let of = |r: &Record| {
+        let found = ground.estimate(&[r], &selected, &truth).unwrap();
+        ground.scatter(&[r], (&selected, &truth), &found).unwrap()
+    };
+    let (white, warm) = (of(&log(0.0)), of(&log(0.8)));
+    println!("scatter {white:.3} of white noise, {warm:.3} with friction that changes");
+    assert!((0.7..1.4).contains(&white) && warm > 2.5 * white, "{white} {warm}");
+    // Too short to be cut.
+    let short = log(0.0).rows(0..120);
+    assert_eq!(of(&short), 1.0);
+}
+
+/// A log leans on the mission where it tells nothing, and no tool that is heavier than the mission has it is drawn back to it.
+#[test]
+fn what_is_told_does_not_lean() {
+    let mut m = arm();
+    let com = Vector3::new(0.06, -0.04, 0.13);
+    let inertia = nalgebra::Matrix3::from_diagonal(&Vector3::new(0.012, 0.010, 0.008));
+    let hand = ff_model::payload::Payload::new(&ff_model::Inertia::from_com(3.1, &com, &inertia)).unwrap();
+    let last = m.nj();
+    m.mount("tool", last, ff_model::Xform::identity(), hand).unwrap();
+    let decls = m.param_decls();
+    let truth = Params::<f64>::nominal(&m).values().to_vec();
+    let tool = m.parameter_indices("tool.*").unwrap();
+    let light = ff_model::Inertia::from_com(0.7, &Vector3::new(0.0, 0.0, 0.03), &(inertia * 0.05));
+    let mut start = truth.clone();
+    start[tool[0]..tool[0] + 10].copy_from_slice(&light.to_params());
+    let r = geared_log(&m, &truth, None, &Sines::new(27, 7, 30.0, 1.1), 0.8, 9);
+    let ground = Ground::new(&m, Friction::ALL).unwrap();
+    let (terms, _) = ground.choose_terms(&[&r], &tool, &start).unwrap();
+    let mut e = ground.terms(terms).estimate(&[&r], &tool, &start).unwrap();
+    let before: Vec<f64> = e.fit.parameters.iter().map(|p| p.value).collect();
+    e.lean_on_start(&decls, &tool).unwrap();
+    for (p, before) in e.fit.parameters.iter().zip(&before).take(4) {
+        assert!((p.value - before).abs() < 0.1 * p.std.unwrap(), "{p:?} was {before}");
+    }
+}

@@ -44,6 +44,9 @@ const NEAR_END: f64 = 100.0;
 const HOPS: usize = 6;
 /// See [`NEAR_END`].
 const NOISE: f64 = 0.25;
+/// A step near the end that promises more than this part of what the one before promised is one of a fit that creeps. Steps of others promise
+/// the square of it, and need no other means.
+const SLOW: f64 = 0.1;
 /// Part of its start below which a positive parameter is at its bound, zero.
 const EDGE_VALUE: f64 = 1e-3;
 
@@ -62,8 +65,8 @@ pub(super) struct Way<'w> {
     pub(super) still: f64,
     /// Factor on the start of a positive parameter that steps keep it within: [`RANGE`] for a pass over less data.
     pub(super) range: f64,
-    /// Called near the end ([`NEAR_END`]) with the linearisation there; moves the place on by other means, and says
-    /// whether that is worth doing again: [`HOPS`] times at most.
+    /// Called near the end ([`NEAR_END`]) where steps creep ([`SLOW`]), with the linearisation there; moves the place on by other means,
+    /// and says whether that is worth doing again: [`HOPS`] times at most.
     pub(super) near_end: &'w mut NearEnd<'w>,
 }
 
@@ -97,7 +100,7 @@ pub(super) fn settle(
     };
     let rows = estimator.rows();
     let mut last = None;
-    let (mut by_data, mut hops) = (true, HOPS);
+    let (mut by_data, mut hops, mut promised) = (true, HOPS, None);
     let (mut flat_steps, mut creeps, mut crept_from) = (0, 0, place.full.clone());
     let end = loop {
         // Coordinates around the present estimate: linear in the bodies, scaled by them.
@@ -160,7 +163,9 @@ pub(super) fn settle(
         if settled || over || held || matches!(solution.status, Status::Stalled { .. }) {
             break (transform, solution.status);
         }
-        if hops > 0 && is_near_end(&solution) {
+        let before = std::mem::replace(&mut promised, near_end(&solution));
+        let slow = promised.zip(before).is_some_and(|(now, before)| now > SLOW * before);
+        if hops > 0 && slow {
             references.truncate(priors_kept);
             let before = place.iterations;
             let again = (way.near_end)(&mut *estimator, &mut *references, &mut *place, &mut *evaluated);
@@ -218,11 +223,12 @@ fn gains_nothing(solution: &Solution, settings: &Settings) -> bool {
     step.accepted && 2.0 * (step.cost - solution.cost).abs() < least
 }
 
-/// Whether the last step was accepted, promised little, and leaves noise.
-fn is_near_end(solution: &Solution) -> bool {
-    let Some(step) = solution.history.last() else { return false };
+/// Chi-squared that the last step promised, if it was accepted, that is little, and noise is what it leaves.
+fn near_end(solution: &Solution) -> Option<f64> {
+    let step = solution.history.last()?;
     let noise = 2.0 * solution.cost > NOISE * solution.residuals.len() as f64;
-    noise && step.accepted && 2.0 * step.decrement * step.cost < NEAR_END
+    let promised = 2.0 * step.decrement * step.cost;
+    (noise && step.accepted && promised < NEAR_END).then_some(promised)
 }
 
 /// Whether the last step was as long as steps may be.

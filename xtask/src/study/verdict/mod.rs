@@ -10,8 +10,9 @@
 //!   it over its deviation with all else free is that number. The deviations are those of the sensors' noise; what noise of the
 //!   encoders adds comes on top.
 //!
-//! The sizes come from fits without noise (part `clean`, the deviations of all errors with nothing wrong; part `reference`, each kind
-//! near 900): there chi-squared falls by that square to the last digits. An error whose score test falls by as much as that of the
+//! The sizes come from fits without noise (part `clean`, the deviations of all errors with nothing wrong; parts `reference-36` and `reference-900`,
+//! each kind at that size, tried again until it is met within [`MET`]): there chi-squared falls by that square. An error of 900 made smaller in proportion would not
+//! do: that of a mount is bent, and the square of a fifth of it is not a twenty-fifth. An error whose score test falls by as much as that of the
 //! true one, to a correlation above [`ident::uncertain::ALIKE`], is of its class: the record cannot choose. These fits tell as well how far an
 //! error moves the estimates, which no residual shows.
 
@@ -53,6 +54,10 @@ const PER_KIND: u64 = 8;
 const PAIRS: u64 = 22;
 /// Squares of errors over their deviations.
 const SIZES: [u32; 2] = [36, 900];
+/// Relative distance of the square of a reference from what is wanted at which its size is found, and fits that look for it.
+const MET: f64 = 0.05;
+/// See [`MET`].
+const LOOKS: usize = 5;
 /// Encoder of part `bits`.
 const ENCODER_BITS: i32 = 16;
 /// Most exact worlds that may be contradicted (%).
@@ -172,7 +177,7 @@ struct Reference {
 }
 
 impl Reference {
-    /// The size for another square.
+    /// The size for another square that is near its own.
     fn size_for(&self, squared: u32) -> f64 {
         self.size * (f64::from(squared) / self.squared).sqrt()
     }
@@ -188,7 +193,8 @@ struct Setup {
     world: World,
     clean: Vec<Readings>,
     quick: bool,
-    references: OnceLock<Vec<Reference>>,
+    /// Of every square in [`SIZES`], record by record.
+    references: [OnceLock<Vec<Reference>>; SIZES.len()],
 }
 
 /// Runs the study.
@@ -198,10 +204,10 @@ struct Setup {
 pub fn run(args: &Args) -> anyhow::Result<Study> {
     let options = &args.options;
     let mut study = Study::new("verdict", options.seed);
-    let trials = Trials::open("verdict", 1, options)?;
+    let trials = Trials::open("verdict", 2, options)?;
     let world = World::new("start.toml")?;
     let clean = RECORDS.iter().map(|name| world.clean(name)).collect::<anyhow::Result<Vec<_>>>()?;
-    let setup = Setup { world, clean, quick: options.quick, references: OnceLock::new() };
+    let setup = Setup { world, clean, quick: options.quick, references: Default::default() };
     let count = |whole: u64, quick: u64| if options.quick { quick } else { whole };
     if options.wants("exact") {
         let of = |t: Trial| setup.exact(setup.record_of(t.number), Encoder::Noisy, t);
@@ -223,10 +229,8 @@ pub fn run(args: &Args) -> anyhow::Result<Study> {
     }
     let sizes: Vec<u32> =
         SIZES.into_iter().filter(|s| !options.quick || *s == 900).filter(|s| options.wants(&part(*s))).collect();
-    if !sizes.is_empty() {
-        setup.prepare(&trials)?;
-    }
     for squared in sizes {
+        setup.prepare(squared, &trials)?;
         faulty(&setup, squared, &trials, options, &mut study)?;
     }
     trials.note().into_iter().for_each(|n| study.note(n));
@@ -283,8 +287,9 @@ fn faulty(setup: &Setup, squared: u32, trials: &Trials, options: &Options, study
     let one = |t: Trial| setup.wrong(&[(t.number % kinds) as usize], setup.place_of(t.number / kinds), squared, t);
     let two = |t: Trial| setup.wrong(&pair(t), setup.place_of(t.number), squared, t);
     let judged = |number: u64, outcome: Outcome, of: Vec<usize>, record: usize| -> anyhow::Result<Judged> {
-        let class =
-            |k: usize| Ok((k, setup.reference(record, k).with_context(|| format!("trial {number}"))?.class.clone()));
+        let class = |k: usize| {
+            Ok((k, setup.reference(record, k, squared).with_context(|| format!("trial {number}"))?.class.clone()))
+        };
         let causes = of.into_iter().map(class).collect::<anyhow::Result<_>>()?;
         Ok(Judged { outcome, causes, record })
     };
@@ -305,7 +310,9 @@ fn faulty(setup: &Setup, squared: u32, trials: &Trials, options: &Options, study
         let moved: Vec<String> = RECORDS
             .iter()
             .enumerate()
-            .filter_map(|(record, name)| Some(format!("{name} {}", setup.reference(record, k).ok()?.moves(squared))))
+            .filter_map(|(record, name)| {
+                Some(format!("{name} {}", setup.reference(record, k, squared).ok()?.moves(squared)))
+            })
             .collect();
         study.note(format!(
             "{}.{squared}: estimates that it moves by more than half a deviation: {}",
@@ -322,8 +329,9 @@ fn faulty(setup: &Setup, squared: u32, trials: &Trials, options: &Options, study
     study.figure(format!("all.{squared}.worlds"), "", all.len() as f64);
     study.figure(format!("all.{squared}.contradicted"), "%", contradicted);
     // What moves no estimate is named, but does not count against the model.
-    let moves =
-        |j: &&Judged| j.causes.iter().any(|c| setup.reference(j.record, c.0).is_ok_and(|r| r.moves(squared) > 0));
+    let moves = |j: &&Judged| {
+        j.causes.iter().any(|c| setup.reference(j.record, c.0, squared).is_ok_and(|r| r.moves(squared) > 0))
+    };
     let moving = share(all.iter().filter(moves).map(|j| j.outcome.contradicted()));
     study.judged(options.quick, format!("all.{squared}.contradicted_of_moving"), "%", moving, (Op::AtLeast, least));
     let named = share(all.iter().flat_map(|j| j.causes.iter().map(|c| j.outcome.names(&c.1))));
@@ -371,18 +379,19 @@ impl Setup {
         let mut rng = t.rng();
         for &k in kinds {
             let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
-            let size = sign * self.reference(record, k)?.size_for(squared);
+            let size = sign * self.reference(record, k, squared)?.size_for(squared);
             KINDS[k].apply(size, &mut readings, &mut opened.model).with_context(|| KINDS[k].name)?;
         }
         self.world.noise(&mut readings, Encoder::Noisy, &mut rng);
         Ok(Outcome::of(self.world.identify(&opened, &readings)))
     }
-    fn reference(&self, record: usize, kind: usize) -> anyhow::Result<&Reference> {
-        let all = self.references.get().context("no references")?;
+    fn reference(&self, record: usize, kind: usize, squared: u32) -> anyhow::Result<&Reference> {
+        let place = SIZES.iter().position(|s| *s == squared).context("no such size")?;
+        let all = self.references[place].get().context("no references")?;
         all.get(record * KINDS.len() + kind).context("a record without references")
     }
-    /// Deviations of all errors, and from them a world of each kind without noise, on every record.
-    fn prepare(&self, trials: &Trials) -> anyhow::Result<()> {
+    /// Deviations of all errors, and from them a world of each kind without noise, on every record, in which it has this square.
+    fn prepare(&self, squared: u32, trials: &Trials) -> anyhow::Result<()> {
         let records = if self.quick { 1 } else { RECORDS.len() as u64 };
         let deviations = trials.run("clean", 0..records, |t| {
             let found = self.world.fit(&self.world.truth, &self.clean[t.number as usize])?;
@@ -390,14 +399,22 @@ impl Setup {
             Ok(found.tried.iter().map(of).collect::<Vec<_>>())
         })?;
         let kinds = KINDS.len() as u64;
-        let all = trials.run("reference", 0..records * kinds, |t| {
+        let all = trials.run(&format!("reference-{squared}"), 0..records * kinds, |t| {
             let (record, kind) = ((t.number / kinds) as usize, &KINDS[(t.number % kinds) as usize]);
             let found = deviations[record].iter().find(|d| d.0 == kind.cause);
             let (_, deviation) =
                 found.with_context(|| format!("{} was not tested on {}", kind.cause, RECORDS[record]))?;
-            self.refer(kind, 30.0 * kind.deviation(deviation), record)
+            let mut at = self.refer(kind, f64::from(squared).sqrt() * kind.deviation(deviation), record)?;
+            for _ in 1..LOOKS {
+                if (at.squared / f64::from(squared) - 1.0).abs() < MET {
+                    break;
+                }
+                at = self.refer(kind, at.size_for(squared), record)?;
+            }
+            Ok(at)
         })?;
-        let _ = self.references.set(all);
+        let place = SIZES.iter().position(|s| *s == squared).context("no such size")?;
+        let _ = self.references[place].set(all);
         Ok(())
     }
     /// A world with this error and without noise.

@@ -139,21 +139,28 @@ pub(super) fn identify(
     ground = ground.terms(terms.clone());
     let mut found = ground.estimate(&samples, selected, start).map_err(linear)?;
     let sigma: Vec<f64> = found.fit.kinds.iter().map(|k| k.sigma).collect();
-    // What is left is not white: behind a filter, with friction that is not what the formula says, with joints that bend. Residuals of so
-    // many samples count as one.
+    // What is left is not white even before the filter: friction that is not what the formula says, joints that bend. Residuals of so
+    // many samples count as one, beyond those that the rows of the equations already count as one for the filter.
     let joints = model.nj();
     let mut counted = vec![(0.0, 0.0); joints];
     for (r, absent) in records.iter().zip(&absent) {
         let values = without(&found.fit.values, absent);
         let (_, residual) = ground.predict(&r.record, &values, &found.joints).map_err(linear)?;
+        let worth = ground.worth(&r.record).map_err(linear)?;
         for (c, column) in counted.iter_mut().zip(residual.column_iter()) {
             let n = column.len() as f64;
-            *c = (c.0 + n * correlated_samples(column.as_slice()), c.1 + n);
+            *c = (c.0 + n * (worth * correlated_samples(column.as_slice())).max(1.0), c.1 + n);
         }
     }
     let correlated: Vec<f64> = counted.iter().map(|c| c.0 / c.1.max(1.0)).collect();
-    let effective: Vec<f64> = sigma.iter().zip(&correlated).map(|(s, t)| s * t.sqrt()).collect();
+    let mut effective: Vec<f64> = sigma.iter().zip(&correlated).map(|(s, t)| s * t.sqrt()).collect();
     let chi2_per_dof = found.fit.chi2_per_dof;
+    let set_up = SetUp { low_pass_hz: s.low_pass_hz, absent: &absent, prior: &prior, terms: &terms, sigma: &effective };
+    let calibrated = Calibration { model, set_up, records: &samples, selected, start };
+    found = calibrated.run(model, &samples, start)?;
+    // Nor does all of it average away: parts of the records tell how far it leads.
+    let wider = ground.scatter(&samples, (selected, start), &found).map_err(linear)?.max(1.0).sqrt();
+    effective.iter_mut().for_each(|s| *s *= wider);
     let set_up = SetUp { low_pass_hz: s.low_pass_hz, absent: &absent, prior: &prior, terms: &terms, sigma: &effective };
     let calibrated = Calibration { model, set_up, records: &samples, selected, start };
     found = calibrated.run(model, &samples, start)?;

@@ -38,7 +38,7 @@ impl Ground<'_> {
             let cuts: Vec<_> = places.windows(2).filter(|w| w[0] < w[1]).map(|w| w[0]..w[1]).collect();
             let found = g.triangles(self, &problem.layout, (selected, start, start), &cuts)?;
             let gains = if problem.currents.contains(&true) {
-                problem.solve(&problem.triangles(&groups, start)?, &self.weights, None)?.joints.gains
+                problem.solve(&problem.triangles(&groups, start)?, &self.weights)?.joints.gains
             } else {
                 vec![None; self.model.nj()]
             };

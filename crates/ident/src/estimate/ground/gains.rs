@@ -1,14 +1,22 @@
 //! Currents of motors with unknown gains: `k_j i_j = (Y phi)_j + f_j`, with noise in the current.
 //!
-//! As `i_j = g_j ((Y phi)_j + known_j + f_j)` with `g_j = 1 / k_j`, what is noisy stands alone on its side, so that no gain is pulled
-//! towards zero. Products of `g_j` with the other unknowns are linearised where the last solution is,
+//! As `i_j = g_j ((Y phi)_j + known_j) + F_j` with `g_j = 1 / k_j` and friction `F_j = g_j f_j` in A, what is noisy stands alone on its side, so
+//! that no gain is pulled towards zero, and friction is linear whatever the gain. What is left are the products `g_j phi`. They are linearised
+//! where the last solution is,
+//!
+//! ```text
+//! i_j + g0 Y phi0 = g0 Y phi + F + g (Y phi0 + known)
+//! ```
+//!
+//! on the triangles of the columns: another pass over the data is not needed. A gain that the mission's bodies do not tell (a last joint that
+//! turns about the axis of its load) begins at zero: its joint then says nothing of the bodies until others have. Deviations are those of
+//! gains in N m/A and friction in N m, by a last linearisation in these:
 //!
 //! ```text
 //! i_j + g0 (Y phi0 + f0) = g0 (Y phi + f) + g (Y phi0 + known + f0),   g = 2 g0 - g0^2 k
 //! ```
 //!
-//! on the triangles of the columns: another pass over the data is not needed. The scale of gains and parameters is told by what of the arm is
-//! known, or by priors.
+//! The scale of gains and parameters is told by what of the arm is known, or by priors.
 
 use super::equations::Layout;
 use ff_least_squares::Triangle;
@@ -57,10 +65,33 @@ pub(super) struct Substitution<'a> {
     pub(super) gains: &'a [Option<f64>],
 }
 
+/// What stands for friction and gains of a joint that has a current.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Unit {
+    /// Friction in N m, gains in N m/A.
+    Torque,
+    /// Friction in A, gains in A/N m.
+    Current,
+}
+
+/// The gain of a joint as the mission's bodies tell it.
+pub(super) struct First {
+    /// A/N m; zero where it is not told.
+    pub(super) gain: f64,
+    /// What counts as a large change of it.
+    pub(super) size: f64,
+}
+
+/// Deviations that a gain is from zero where the mission's bodies tell it.
+const TOLD: f64 = 10.0;
+
 impl Substitution<'_> {
-    /// Equations of a joint over parameters, terms and gains `k` (N m/A): what is known to the right side, currents linearised. Allocates.
-    pub(super) fn of(&self, joint: usize, t: &Triangle) -> Result<Triangle, LinalgError> {
-        let first_known = self.selected + self.layout.terms.len();
+    fn first_known(&self) -> usize {
+        self.selected + self.layout.terms.len()
+    }
+    /// Equations of a joint over parameters, terms and gains: what is known to the right side, currents linearised. Allocates.
+    pub(super) fn of(&self, joint: usize, t: &Triangle, unit: Unit) -> Result<Triangle, LinalgError> {
+        let first_known = self.first_known();
         let known = t.columns.iter().position(|&c| c == first_known + joint);
         let Some(known) = known.filter(|_| self.layout.known) else { return Ok(t.clone()) };
         let b = t.r.column(t.columns.len());
@@ -74,12 +105,18 @@ impl Substitution<'_> {
             a.set_column(width, &right);
             return Ok(Triangle { name: t.name.clone(), columns, r: linalg::qr_r(&a)?, rows: t.rows });
         };
-        let zero: DVector<f64> = DVector::zeros(a.nrows());
-        let here = columns.iter().enumerate().fold(zero, |sum, (k, &c)| sum + a.column(k) * self.at[c]);
+        // Friction in A is not multiplied by the gain.
+        let multiplied = |c: usize| unit == Unit::Torque || c < self.selected;
+        let mut here: DVector<f64> = DVector::zeros(a.nrows());
+        for (mut column, &c) in a.column_iter_mut().zip(&columns).filter(|(_, c)| multiplied(**c)) {
+            here.axpy(self.at[c], &column, 1.0);
+            column *= gain;
+        }
         let slope = &here + t.r.column(known);
-        let right = b + &here * gain - &slope * (2.0 * gain);
-        let slope = slope * (-gain * gain);
-        a *= gain;
+        let (slope, right) = match unit {
+            Unit::Current => (slope, b + here * gain),
+            Unit::Torque => (&slope * (-gain * gain), b + here * gain - slope * (2.0 * gain)),
+        };
         let width = a.ncols();
         let mut whole = a.insert_columns(width, 2, 0.0);
         whole.set_column(width, &slope);
@@ -87,34 +124,32 @@ impl Substitution<'_> {
         columns.push(first_known + self.gains[..joint].iter().flatten().count());
         Ok(Triangle { name: t.name.clone(), columns, r: linalg::qr_r(&whole)?, rows: t.rows })
     }
-    /// The gain that explains a joint best with everything else as it is; `None` for a joint without a torque. Allocates.
-    pub(super) fn start(&self, joint: usize, t: &Triangle) -> Option<f64> {
-        let first_known = self.selected + self.layout.terms.len();
-        let b = t.r.column(t.columns.len());
+    /// The gain that explains a joint best with the bodies as they are and any friction. Allocates.
+    ///
+    /// With the triangle `[R_11 R_12; 0 R_22]` of friction, torque and current, `R_22` is that of torque and current off the columns of friction.
+    pub(super) fn start(&self, joint: usize, t: &Triangle) -> Result<First, LinalgError> {
+        let (first_known, m) = (self.first_known(), self.selected);
         let mut torque: DVector<f64> = DVector::zeros(t.r.nrows());
-        let (mut offset, mut coulomb) = (None, None);
+        let mut friction = Vec::new();
         for (k, &c) in t.columns.iter().enumerate() {
-            if c < first_known {
-                torque += t.r.column(k) * self.at[c];
-                // Friction is not known at the start: what it explains does not count.
-                match c.checked_sub(self.selected).map(|e| self.layout.terms[e].1) {
-                    Some(super::JointTerm::Offset) => offset = Some(k),
-                    Some(super::JointTerm::Coulomb) => coulomb = Some(k),
-                    _ => {}
-                }
+            if c < m {
+                torque.axpy(self.at[c], &t.r.column(k), 1.0);
+            } else if c < first_known {
+                friction.push(k);
             } else if c == first_known + joint {
                 torque += t.r.column(k);
             }
         }
-        let mut a = DMatrix::from_columns(&[torque.clone()]);
-        for k in [offset, coulomb].into_iter().flatten() {
-            let width = a.ncols();
-            a = a.insert_column(width, 0.0);
-            a.set_column(width, &t.r.column(k));
-        }
-        let alone = torque.dot(&b) / torque.norm_squared();
-        let g = (a.transpose() * &a).lu().solve(&(a.transpose() * b)).map_or(alone, |x| x[0]);
-        let sound = |g: f64| g.is_finite() && g != 0.0;
-        if sound(g) { Some(g) } else { Some(alone).filter(|g| sound(*g)) }
+        let n = friction.len();
+        let mut all = t.r.select_columns(&friction).insert_columns(n, 2, 0.0);
+        all.set_column(n, &torque);
+        all.set_column(n + 1, &t.r.column(t.columns.len()));
+        let current = all.column(n + 1).norm();
+        let r = linalg::qr_r(&all)?;
+        let (gain, rest) = (r[(n, n + 1)] / r[(n, n)], r[(n + 1, n + 1)] / (t.rows.max(1) as f64).sqrt());
+        let told = gain.is_finite() && r[(n, n + 1)].abs() > TOLD * rest.abs();
+        let sound = |x: f64| x.is_finite() && x > 0.0;
+        let size = if told { gain.abs() } else { current / torque.norm() };
+        Ok(First { gain: if told { gain } else { 0.0 }, size: if sound(size) { size } else { 1.0 } })
     }
 }

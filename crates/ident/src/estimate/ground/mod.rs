@@ -26,6 +26,7 @@ pub(crate) mod joint_terms;
 mod near_mission;
 mod physical;
 mod problem;
+mod scatter;
 mod selection;
 mod smoothed;
 
@@ -105,6 +106,14 @@ impl Ground<'_> {
         z.columns(&mut tau);
         Ok(used.with_tau(tau).rows(rows))
     }
+    /// Independent samples that one sample behind the low pass counts as, `sum h_k^2` of its impulse response (white noise in the torques); 1
+    /// without a low pass. Allocates.
+    ///
+    /// # Errors
+    /// [`LinearError::Option`].
+    pub fn worth(&self, record: &Record) -> Result<f64, LinearError> {
+        Ok(self.window(record)?.filter.map_or(1.0, |z| z.noise_gain()))
+    }
     /// Estimates the parameters `selected` and the friction; the other parameters keep their value in `start`, and so does
     /// what the data cannot tell. Several records of the same robot may be given: their rows are stacked, rates and
     /// accelerations fitted record by record. Allocates.
@@ -123,11 +132,11 @@ impl Ground<'_> {
         let loaded = terms.iter().any(|t| t.1 == JointTerm::Load);
         let problem = Problem::new(self, &groups, currents, (selected, start), terms);
         let mut triangles = problem.triangles(&groups, start)?;
-        let mut solved = problem.solve(&triangles, &self.weights, None)?;
+        let mut solved = problem.solve(&triangles, &self.weights)?;
         if loaded {
             // The load of a gear follows from what the first solution says of the bodies.
             triangles = problem.triangles(&groups, &solved.fit.values)?;
-            solved = problem.solve(&triangles, &self.weights, None)?;
+            solved = problem.solve(&triangles, &self.weights)?;
         }
         let n: usize = groups.iter().map(equations::Group::samples).sum();
         let used = |j| groups.iter().map(|g| g.used(j)).sum::<f64>() / n.max(1) as f64;

@@ -2,7 +2,7 @@
 
 use super::calibration::Ground;
 use super::equations::{Group, Layout};
-use super::gains::{Substitution, joined, with_columns};
+use super::gains::{Substitution, Unit, joined, with_columns};
 use super::joint_terms::{JointTerm, JointTorques};
 use crate::belief::covariance::Unknown;
 use crate::solve::linear;
@@ -12,7 +12,7 @@ use ff_model::{JointKind, ParamDecl};
 
 /// Most linearisations of gains.
 const LINEARISATIONS: usize = 30;
-/// Relative change of the gains at which they are found.
+/// Change of the gains, in sizes, at which they are found.
 const SETTLED: f64 = 1e-10;
 
 /// What is estimated, and from which triangles.
@@ -76,16 +76,15 @@ impl<'a> Problem<'a> {
     fn before_gains(&self) -> usize {
         self.selected.len() + self.layout.terms.len()
     }
-    fn term_unknown(&self, j: usize, term: JointTerm) -> (Unknown, f64) {
+    /// A term as an unknown, in the unit of `torque`, the size of the torque of its joint (and of its friction in proportion to a load, `load`).
+    fn term_unknown(&self, j: usize, term: JointTerm, torque: f64, load: f64) -> (Unknown, f64) {
         let model = self.ground.model;
         let body = &model.own_body(j).joint;
-        let (torque, rate) = self.sizes[j];
-        // A current says nothing of the size of a torque.
-        let torque = if self.currents[j] { 1.0 } else { torque };
+        let rate = self.sizes[j].1;
         let size = match term {
             JointTerm::Viscous | JointTerm::Asymmetry | JointTerm::ReflectedInertia => torque / rate,
             JointTerm::Quadratic => torque / (rate * rate),
-            JointTerm::Load => 0.1,
+            JointTerm::Load => load,
             _ => torque,
         };
         let slides = body.kind == JointKind::Prismatic;
@@ -98,63 +97,91 @@ impl<'a> Problem<'a> {
         };
         (Unknown { name: term.name(&body.name), unit: term.unit(slides).into(), size }, start)
     }
-    /// Solves, from the gains (N m/A) given or from those that explain the joints best before.
-    pub(super) fn solve(
+    fn gain_unknown(&self, j: usize, size: f64) -> Unknown {
+        let joint = &self.ground.model.own_body(j).joint;
+        let unit = if joint.kind == JointKind::Prismatic { "N/A" } else { "N m/A" };
+        Unknown { name: format!("drive.{}.gain", joint.name), unit: unit.into(), size: size.max(f64::MIN_POSITIVE) }
+    }
+    /// Solves. Gains of joints that have currents begin as the mission's bodies tell them.
+    pub(super) fn solve(&self, triangles: &[Triangle], weights: &Weights) -> Result<Solved, LinearError> {
+        let (nj, own) = (self.ground.model.nj(), self.layout.terms.len());
+        let (at, g) = if self.currents.contains(&true) {
+            self.about(triangles, weights)?
+        } else {
+            (vec![0.0; self.before_gains()], vec![None; nj])
+        };
+        let s = Substitution { layout: &self.layout, selected: self.selected.len(), at: &at, gains: &g };
+        let each = |(j, t): (usize, &Triangle)| s.of(j, t, Unit::Torque);
+        let equations = triangles.iter().enumerate().map(each).collect::<Result<Vec<_>, _>>()?;
+        // A current says nothing of the size of a torque.
+        let torque = |j: usize| if self.currents[j] { 1.0 } else { self.sizes[j].0 };
+        let mut extra: Vec<_> =
+            self.layout.terms.iter().map(|&(j, t)| self.term_unknown(j, t, torque(j), 0.1)).collect();
+        let gains: Vec<Option<f64>> = g.iter().map(|g| g.map(|g| 1.0 / g)).collect();
+        let some = gains.iter().enumerate().filter_map(|(j, k)| k.map(|k| (j, k)));
+        extra.extend(some.map(|(j, k)| (self.gain_unknown(j, k.abs()), k)));
+        let fit = self.linear_fit(weights, extra, &equations)?;
+        let mut joints = JointTorques { terms: vec![Vec::new(); nj], gains };
+        for (&(j, term), e) in self.layout.terms.iter().zip(&fit.extra) {
+            joints.terms[j].push((term, e.value));
+        }
+        joints.gains.iter_mut().flatten().zip(&fit.extra[own..]).for_each(|(k, e)| *k = e.value);
+        Ok(Solved { fit, joints })
+    }
+    fn linear_fit(
         &self,
-        triangles: &[Triangle],
         weights: &Weights,
-        gains: Option<&[Option<f64>]>,
-    ) -> Result<Solved, LinearError> {
-        let m = self.selected.len();
+        extra: Vec<(Unknown, f64)>,
+        equations: &[Triangle],
+    ) -> Result<LinearEstimate, LinearError> {
+        let priors = &self.ground.priors;
+        let task = Task { decls: &self.decls, selected: self.selected, start: self.start, extra, weights, priors };
+        linear::solve(&task, equations)
+    }
+    /// Parameters and terms (N m), and gains (A/N m) of the joints that have currents, about which everything is linear.
+    fn about(&self, triangles: &[Triangle], weights: &Weights) -> Result<(Vec<f64>, Vec<Option<f64>>), LinearError> {
+        let (m, own) = (self.selected.len(), self.layout.terms.len());
         let mut at: Vec<f64> = self.selected.iter().map(|&i| self.start[i]).collect();
         at.resize(self.before_gains(), 0.0);
-        let nj = self.ground.model.nj();
-        let mut k: Vec<Option<f64>> = match gains {
-            Some(g) => g.to_vec(),
-            None => {
-                let none = vec![None; nj];
-                let s = Substitution { layout: &self.layout, selected: m, at: &at, gains: &none };
-                (0..nj)
-                    .map(|j| if self.currents[j] { Some(1.0 / s.start(j, &triangles[j]).unwrap_or(1.0)) } else { None })
-                    .collect()
-            }
-        };
-        let mut rounds = 0;
-        loop {
-            let a: Vec<Option<f64>> = k.iter().map(|k| k.map(|k| 1.0 / k)).collect();
-            let s = Substitution { layout: &self.layout, selected: m, at: &at, gains: &a };
-            let equations = triangles.iter().enumerate().map(|(j, t)| s.of(j, t)).collect::<Result<Vec<_>, _>>()?;
-            let mut extra: Vec<(Unknown, f64)> =
-                self.layout.terms.iter().map(|&(j, term)| self.term_unknown(j, term)).collect();
-            for (j, k) in k.iter().enumerate() {
-                let Some(k) = *k else { continue };
-                let joint = &self.ground.model.own_body(j).joint;
-                let unit = if joint.kind == JointKind::Prismatic { "N/A" } else { "N m/A" };
-                let size = k.abs().max(f64::MIN_POSITIVE);
-                extra.push((Unknown { name: format!("drive.{}.gain", joint.name), unit: unit.into(), size }, k));
-            }
-            let priors = &self.ground.priors;
-            let task = Task { decls: &self.decls, selected: self.selected, start: self.start, extra, weights, priors };
-            let fit = linear::solve(&task, &equations)?;
-            let found = fit.extra[self.layout.terms.len()..].iter().map(|e| e.value);
-            let (mut next, mut change) = (k.clone(), 0.0f64);
-            for (to, new) in next.iter_mut().flatten().zip(found) {
-                // A step across zero would turn the motor round: half of the way at most.
-                let new = if new * *to > 0.25 * *to * *to { new } else { 0.5 * *to };
-                change = change.max((new / *to - 1.0).abs());
+        let none = vec![None; triangles.len()];
+        let s = Substitution { layout: &self.layout, selected: m, at: &at, gains: &none };
+        let begin = |(j, t): (usize, &Triangle)| self.currents[j].then(|| s.start(j, t)).transpose();
+        let first = triangles.iter().enumerate().map(begin).collect::<Result<Vec<_>, _>>()?;
+        let mut g: Vec<Option<f64>> = first.iter().map(|f| f.as_ref().map(|f| f.gain)).collect();
+        let size = |j: usize| first[j].as_ref().map_or(1.0, |f| f.size);
+        for _ in 0..LINEARISATIONS {
+            let s = Substitution { layout: &self.layout, selected: m, at: &at, gains: &g };
+            let each = |(j, t): (usize, &Triangle)| s.of(j, t, Unit::Current);
+            let equations = triangles.iter().enumerate().map(each).collect::<Result<Vec<_>, _>>()?;
+            let term = |&(j, t): &(usize, JointTerm)| {
+                let load = if g[j].is_some() { 0.1 * size(j) } else { 0.1 };
+                let (unknown, start) = self.term_unknown(j, t, self.sizes[j].0, load);
+                (unknown, start * g[j].unwrap_or(1.0))
+            };
+            let mut extra: Vec<_> = self.layout.terms.iter().map(term).collect();
+            let some = g.iter().enumerate().filter_map(|(j, g)| g.map(|g| (j, g)));
+            extra.extend(some.map(|(j, g)| (self.gain_unknown(j, size(j)), g)));
+            let fit = self.linear_fit(weights, extra, &equations)?;
+            at = fit.parameters.iter().chain(&fit.extra[..own]).map(|p| p.value).collect();
+            let mut change = 0.0f64;
+            let found = fit.extra[own..].iter().map(|e| e.value);
+            for ((j, to), new) in g.iter_mut().enumerate().filter_map(|(j, g)| g.as_mut().map(|g| (j, g))).zip(found) {
+                change = change.max((new - *to).abs() / size(j));
                 *to = new;
             }
-            at = fit.parameters.iter().chain(&fit.extra[..self.layout.terms.len()]).map(|p| p.value).collect();
-            k = next;
-            rounds += 1;
-            if change < SETTLED || rounds == LINEARISATIONS {
-                let mut joints = JointTorques { terms: vec![Vec::new(); nj], gains: k };
-                for (&(j, term), e) in self.layout.terms.iter().zip(&fit.extra) {
-                    joints.terms[j].push((term, e.value));
-                }
-                return Ok(Solved { fit, joints });
+            if change < SETTLED {
+                break;
             }
         }
+        // A motor without any effect has no gain: what would be infinite is as large as it may be.
+        for (j, g) in g.iter_mut().enumerate() {
+            let least = f64::EPSILON * size(j);
+            *g = g.map(|g| if g.abs() < least { least } else { g });
+        }
+        for (to, &(j, _)) in at[m..].iter_mut().zip(&self.layout.terms) {
+            *to /= g[j].unwrap_or(1.0);
+        }
+        Ok((at, g))
     }
     /// Parameters, then the coefficients of `terms`, of triangles in N m over these. Allocates.
     pub(super) fn plain(
@@ -166,7 +193,7 @@ impl<'a> Problem<'a> {
     ) -> Result<Vec<f64>, LinearError> {
         let layout = Layout { terms, known: false };
         let of = Problem { layout, currents, decls: self.decls.clone(), sizes: self.sizes.clone(), ..*self };
-        let fit = of.solve(triangles, weights, None)?.fit;
+        let fit = of.solve(triangles, weights)?.fit;
         Ok(fit.parameters.iter().chain(&fit.extra).map(|p| p.value).collect())
     }
     /// The triangle of a joint over parameters and the terms that `wanted` names, in N m by the gains (N m/A) given.
@@ -186,7 +213,7 @@ impl<'a> Problem<'a> {
         }
         let none = vec![None; gains.len()];
         let s = Substitution { layout: &self.layout, selected: m, at: &at, gains: &none };
-        let t = s.of(j, &t)?;
+        let t = s.of(j, &t, Unit::Torque)?;
         Ok(with_columns(&t, |c| c < m || wanted(c - m))?)
     }
 }

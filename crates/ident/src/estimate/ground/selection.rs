@@ -72,7 +72,7 @@ impl Ground<'_> {
         let of = currents(records, nj)?;
         let own = bare.all_terms();
         let problem = Problem::new(&bare, &groups, of.clone(), (selected, start), own.clone());
-        let base = problem.solve(&problem.triangles(&groups, start)?, &self.weights, None)?;
+        let base = problem.solve(&problem.triangles(&groups, start)?, &self.weights)?;
         let mut terms = own.clone();
         let mut candidates = Vec::new();
         for j in 0..nj {
@@ -87,18 +87,7 @@ impl Ground<'_> {
         }
         let all = Problem::new(&bare, &groups, of, (selected, start), terms);
         // Gains as the fit of all has them: what is compared is torques.
-        let gains = &base.joints.gains;
-        let mut blocks: Vec<Vec<Triangle>> = Vec::new();
-        for g in &groups {
-            let n = g.samples();
-            let count = ((BLOCKS * n) as f64 / samples as f64).round().clamp(2.0, BLOCKS as f64) as usize;
-            let cuts: Vec<_> = (0..count).map(|k| k * n / count..(k + 1) * n / count).collect();
-            for found in g.triangles(&bare, &all.layout, (selected, start, &base.fit.values), &cuts)? {
-                let every = |_: usize| true;
-                let linear = found.iter().enumerate().map(|(j, t)| all.linear(j, t, gains, &every));
-                blocks.push(linear.collect::<Result<Vec<_>, _>>()?);
-            }
-        }
+        let blocks = cut(&all, &groups, &base.fit.values, &base.joints.gains)?;
         let folds = Folds { problem: &all, blocks: &blocks, own: own.len() };
         let bodies = folds.fits(&[])?;
         let mut taken: Vec<Candidate> = Vec::new();
@@ -123,6 +112,32 @@ impl Ground<'_> {
         }
         Ok(out)
     }
+}
+
+/// Triangles of every joint, block by block of all samples, in N m by these gains; `load` are the parameters by which the load of a gear is
+/// told. None where there are too few samples.
+pub(super) fn cut(
+    problem: &Problem<'_>,
+    groups: &[Group],
+    load: &[f64],
+    gains: &[Option<f64>],
+) -> Result<Vec<Vec<Triangle>>, LinearError> {
+    let samples: usize = groups.iter().map(Group::samples).sum();
+    let mut blocks = Vec::new();
+    if samples < BLOCKS * SHORTEST {
+        return Ok(blocks);
+    }
+    for g in groups {
+        let n = g.samples();
+        let count = ((BLOCKS * n) as f64 / samples as f64).round().clamp(2.0, BLOCKS as f64) as usize;
+        let cuts: Vec<_> = (0..count).map(|k| k * n / count..(k + 1) * n / count).collect();
+        let about = (problem.selected, problem.start, load);
+        for found in g.triangles(problem.ground, &problem.layout, about, &cuts)? {
+            let linear = found.iter().enumerate().map(|(j, t)| problem.linear(j, t, gains, &|_| true));
+            blocks.push(linear.collect::<Result<Vec<_>, _>>()?);
+        }
+    }
+    Ok(blocks)
 }
 
 /// Whether the squared errors of the blocks fall by enough, and in so many of them that it is no chance.
