@@ -11,7 +11,7 @@
 //!   encoders adds comes on top.
 //!
 //! The sizes come from fits without noise (part `clean`, the deviations of all errors with nothing wrong; parts `reference-36` and `reference-900`,
-//! each kind at that size, tried again until it is met within [`MET`]): there chi-squared falls by that square. An error of 900 made smaller in proportion would not
+//! each kind at that size, tried again until it is met to 5 %): there chi-squared falls by that square. An error of 900 made smaller in proportion would not
 //! do: that of a mount is bent, and the square of a fifth of it is not a twenty-fifth. An error whose score test falls by as much as that of the
 //! true one, to a correlation above [`ident::uncertain::ALIKE`], is of its class: the record cannot choose. These fits tell as well how far an
 //! error moves the estimates, which no residual shows.
