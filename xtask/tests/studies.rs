@@ -51,6 +51,27 @@ fn an_interrupted_study_goes_on() {
     assert_eq!(lines, 54);
 }
 
+/// A stiffness of the fuel ended four times too high, with its mode at a line of the residuals: it is given back to the mission.
+#[test]
+fn a_spring_that_went_astray_comes_back() {
+    let (json, text) = study(&["thinned", "--quick", "--only", "244"]);
+    let figures = &json["figures"];
+    assert_eq!((&figures["logs"], &figures["contradicted"]), (&1.0.into(), &0.0.into()), "{text}");
+    assert!(figures["rms_deviations"].as_f64().unwrap() < 2.0, "{text}");
+}
+
+/// Both springs of the fuel went astray, into one valley: the end of a first round of other starts leaves a line of the second.
+#[test]
+#[ignore = "full tier: 60 s"]
+fn two_springs_that_went_astray_come_back() {
+    for world in ["113", "143"] {
+        let (json, text) = study(&["budget", "--quick", "--only", world]);
+        let figures = &json["figures"];
+        assert_eq!((&figures["worlds"], &figures["contradicted"]), (&1.0.into(), &0.0.into()), "{text}");
+        assert!(figures["fuel.rms_deviations"].as_f64().unwrap() < 3.0, "{text}");
+    }
+}
+
 #[test]
 #[ignore = "full tier: 5 s"]
 fn built_degeneracies_are_named() {

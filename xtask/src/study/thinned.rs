@@ -61,8 +61,8 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     let world = World::new("start.toml")?;
     let clean = RECORDS.iter().map(|name| world.clean(name)).collect::<anyhow::Result<Vec<_>>>()?;
     let listed: Vec<u64> = options.only.iter().filter_map(|p| p.parse().ok()).collect();
-    let wanted = |k: &u64| listed.is_empty() || listed.contains(k);
-    let numbers: Vec<u64> = (0..if options.quick { 3 } else { LOGS }).filter(wanted).collect();
+    let all = 0..if options.quick { 3 } else { LOGS };
+    let numbers: Vec<u64> = if listed.is_empty() { all.collect() } else { listed };
     let all = trials.run("logs", numbers.iter().copied(), |t| one(&world, &clean, t))?;
     figures(&all, &numbers, options, &mut study);
     trials.note().into_iter().for_each(|n| study.note(n));

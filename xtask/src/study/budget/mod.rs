@@ -1,7 +1,7 @@
 //! `cargo xtask study budget`: are deviations honest in a world that is not exactly as the mission says?
 //!
 //! The servicer of `fixtures/verdict`, whose records MuJoCo has computed, and `uncertain.toml`, its mission with what `ffid init` says is not
-//! known. Parts for `--only`:
+//! known. Parts for `--only`, or numbers of worlds:
 //!
 //! * `worlds`: every uncertain item is drawn from its deviation, records carry noise, and are identified as by `ffid identify` without
 //!   flags. How many of the 95 % intervals hold the truth, over base, stiffnesses, dampers and fuel; joint squared errors; how many worlds
@@ -83,11 +83,14 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     let truth = world.truth.model.param_decls();
     let setup = Setup { world, clean, unknowns, truth };
     let count = |whole: u64, quick: u64| if options.quick { quick } else { whole };
-    if options.wants("worlds") {
-        let all = trials.run("worlds", 0..count(WORLDS, 6), |t| setup.drawn(t))?;
-        worlds(&all, options, &mut study);
+    let listed: Vec<u64> = options.only.iter().filter_map(|p| p.parse().ok()).collect();
+    let some = !listed.is_empty();
+    if options.wants("worlds") || some {
+        let numbers: Vec<u64> = if some { listed } else { (0..count(WORLDS, 6)).collect() };
+        let all = trials.run("worlds", numbers.iter().copied(), |t| setup.drawn(t))?;
+        worlds(&all, &numbers, options, &mut study);
     }
-    if options.wants("shares") {
+    if options.wants("shares") && !some {
         let mut kinds: Vec<Option<UncertainKind>> = setup.unknowns.iter().map(|u| Some(u.kind)).collect();
         kinds.push(None);
         kinds.sort_unstable();
@@ -107,7 +110,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
 }
 
 /// Figures of the worlds.
-fn worlds(all: &[Outcome], options: &Options, study: &mut Study) {
+fn worlds(all: &[Outcome], numbers: &[u64], options: &Options, study: &mut Study) {
     let percent = |yes: usize, of: usize| 100.0 * yes as f64 / of.max(1) as f64;
     study.figure("worlds", "", all.len() as f64);
     study.figure("chi2_per_dof", "", all.iter().map(|o| o.chi2_per_dof.0).sum::<f64>() / all.len().max(1) as f64);
@@ -131,8 +134,8 @@ fn worlds(all: &[Outcome], options: &Options, study: &mut Study) {
         let beyond = nees.iter().filter(|x| **x > expected.inverse_cdf(0.99)).count();
         study.figure("nees.beyond_99", "%", percent(beyond, nees.len()));
     }
-    for (k, o) in all.iter().enumerate().filter(|(_, o)| o.exit != Exit::Done.code()) {
-        study.note(format!("world {k} ({}): exit {}, {}", RECORDS[k % RECORDS.len()], o.exit, o.named));
+    for (&k, o) in numbers.iter().zip(all).filter(|(_, o)| o.exit != Exit::Done.code()) {
+        study.note(format!("world {k} ({}): exit {}, {}", RECORDS[k as usize % RECORDS.len()], o.exit, o.named));
     }
 }
 

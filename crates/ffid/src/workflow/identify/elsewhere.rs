@@ -25,6 +25,8 @@ const FAR: f64 = 5.0;
 const NO_ANSWER: f64 = 10.0;
 /// Factor on the start of a positive parameter beyond which it has strayed.
 const STRAYED: f64 = 10.0;
+/// The same from which a stiffness alone is given back to the mission.
+const ASTRAY: f64 = 2.0;
 /// Chi-squared per degree of freedom from which random starts are tried as well: residuals of twice the noise.
 const WIDE: f64 = 4.0;
 /// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
@@ -49,6 +51,8 @@ const NUDGE: f64 = 1.05;
 const SHOWN: f64 = 1e-4;
 /// Half of chi-squared by which another end must be lower to be another valley.
 const LOWER: f64 = 9.2;
+/// Rounds of such starts: a spring that has gone astray takes one, and so does the next.
+const ROUNDS: usize = 4;
 /// Linearisations of a pass after which it leads nowhere.
 const MOST: usize = 20;
 
@@ -64,8 +68,27 @@ pub(super) struct Subject<'a> {
 
 /// The fit, or a better one from another start when it does not explain the record, leaves a line in the residuals, or a positive parameter has
 /// vanished in it: starts that put a mode where power is left over, then random ones, are fitted to the thinned record until one of them
-/// explains that; the best goes on over the whole. What fails on the way is no error: the fit stays.
+/// explains that; the best goes on over the whole. Where that is better and leaves lines as well, its own are aimed at, spring after spring ([`ROUNDS`]).
+/// What fails on the way is no error: the fit stays.
 pub(super) fn elsewhere(
+    request: &Request<'_>,
+    first: Estimate,
+    of: &Subject<'_>,
+    estimator: &mut ObservedEstimator<'_>,
+) -> Estimate {
+    let mut at = first;
+    for _ in 0..ROUNDS {
+        let before = at.objective;
+        at = one_round(request, at, of, estimator);
+        if at.objective > before - 2.0 * LOWER || estimator.stopped() {
+            break;
+        }
+    }
+    at
+}
+
+/// See [`elsewhere`].
+fn one_round(
     request: &Request<'_>,
     first: Estimate,
     of: &Subject<'_>,
@@ -145,6 +168,7 @@ fn best_start(
     let mut starts: Vec<Vec<f64>> = if back.is_empty() { Vec::new() } else { vec![first.values.clone()] };
     starts.iter_mut().for_each(|s| back.iter().for_each(|&i| s[i] = request.start[i]));
     starts.extend(aimed(request, first, lines, of));
+    starts.extend(given_back(request, first));
     if first.chi2_per_dof > WIDE || vanished(request, first) {
         let seed = |k: u64| of.settings.seed.wrapping_add(1 + k);
         starts.extend((0..RANDOM).map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
@@ -202,6 +226,21 @@ fn aimed(request: &Request<'_>, first: &Estimate, lines: &[f64], of: &Subject<'_
     }
     found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     found.into_iter().take(AIMED).map(|(_, _, start)| start).collect()
+}
+
+/// Starts from the end of a fit with one stiffness as the mission has it, the farthest from there first: the mode of one that has gone astray may be the line
+/// that is left over.
+fn given_back(request: &Request<'_>, first: &Estimate) -> Vec<Vec<f64>> {
+    let far = |i: usize| (first.values[i] / request.start[i]).ln().abs();
+    let springs = |i: &usize| matches!(request.decls[*i].unit, "N m/rad" | "N/m") && far(*i) > ASTRAY.ln();
+    let mut found: Vec<usize> = request.selected.iter().copied().filter(springs).collect();
+    found.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
+    let one = |i: usize| {
+        let mut start = first.values.clone();
+        start[i] = request.start[i];
+        start
+    };
+    found.into_iter().take(AIMED).map(one).collect()
 }
 
 /// The mode, among those of the frequencies `here`, that a stiffness moves most.
