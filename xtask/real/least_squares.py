@@ -157,14 +157,21 @@ def scored(tau, predicted, rate):
 NUMBERS = ["mass", "h_x", "h_y", "h_z", "i_xx", "i_xy", "i_yy", "i_xz", "i_yz", "i_zz"]
 
 
-def of_result(model, joints, result, q, qd, qdd):
+def of_result(model, joints, result, q, qd, qdd, hz):
     """Torques by the parameters of a result of ffid, which are those of Pinocchio's regressor in its order, and its terms of joints."""
     values = {p["name"]: p["value"] for p in result["model"]}
     links = [next(f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == j + 1) for j in range(len(joints))]
     x = np.array([values[f"{link}.{n}"] for link in links for n in NUMBERS])
     rigid = rows(model, q, qd, qdd)[:, :, : len(x)] @ x
+    bends = {p["name"].split(".", 1)[1]: p["value"] for p in result["nuisance"] if p["name"].startswith("compliance.")}
+    if bends:
+        # Encoders sit before joints that bend: the links are behind by compliance times torque.
+        bent = rigid * np.array([bends.get(j, 0.0) for j in joints])
+        rate = np.gradient(bent, 1 / hz, axis=0)
+        q, qd, qdd = q - bent, qd - rate, qdd - np.gradient(rate, 1 / hz, axis=0)
+        rigid = rows(model, q, qd, qdd)[:, :, : len(x)] @ x
     out = rigid.copy()
-    for p in result["nuisance"]:
+    for p in (p for p in result["nuisance"] if not p["name"].startswith("compliance.")):
         kind, joint, term = p["name"].split(".", 2)
         j = joints.index(joint)
         w, s = qd[:, j], np.sign(qd[:, j])
@@ -202,7 +209,7 @@ def main():
         with open(sys.argv[4]) as f:
             result = json.load(f)
         q, qd, qdd = motion(held["q"], held["rate"], JUDGED_HZ)
-        predicted = of_result(model, joints, result, q, qd, qdd)
+        predicted = of_result(model, joints, result, q, qd, qdd, held["rate"])
         out["methods"]["ffid"] = {"rms": list(scored(held["tau"], predicted, held["rate"]))}
     json.dump(out, sys.stdout, indent=1)
 

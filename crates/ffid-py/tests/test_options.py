@@ -68,7 +68,7 @@ def test_an_option_of_several_functions_is_the_same_in_each() -> None:
     judge = [ffid.identify, ffid.doctor, ffid.Result.validate]
     shared = {o["option"] for o in TABLE if o["command"] == "doctor"} & {o["option"] for o in TABLE if o["command"] == "validate"}
     shared = {o.replace("-", "_") for o in shared} & set(inspect.signature(ffid.doctor).parameters)
-    assert len(shared) == 9
+    assert len(shared) == 10
     for name in shared:
         kinds = {(p.annotation, p.default) for f in judge for p in [inspect.signature(f).parameters[name]]}
         assert len(kinds) == 1, name

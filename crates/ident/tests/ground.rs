@@ -436,3 +436,49 @@ fn what_is_told_does_not_lean() {
         assert!((p.value - before).abs() < 0.1 * p.std.unwrap(), "{p:?} was {before}");
     }
 }
+
+/// Encoders before joints that bend: two of seven, in a log with noise and friction; the links are found as they are, and no stiff joint bends.
+#[test]
+fn joints_that_bend_are_found() {
+    let m = arm();
+    let truth = Params::<f64>::nominal(&m).values().to_vec();
+    let selected: Vec<usize> = (10..truth.len()).collect();
+    let c = [0.0, 1.7e-5, 0.0, 5.5e-5, 0.0, 0.0, 0.0];
+    let log = |seed: u64, c: &[f64]| {
+        let rigid = bench(&m, &truth, &vec![[0.0; 3]; m.nj()], &Sines::new(seed, 7, 24.0, 1.4), 0.0, true, 1);
+        let own = friction(m.nj(), 5);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let (mut q, mut tau) = (rigid.q().clone(), rigid.tau().clone());
+        for i in 0..tau.nrows() {
+            for j in 0..m.nj() {
+                let w = rigid.qd().unwrap()[(i, j)];
+                q[(i, j)] += c[j] * tau[(i, j)];
+                let e: f64 = StandardNormal.sample(&mut rng);
+                tau[(i, j)] += own[j][0] * w + own[j][1] * w.signum() + 0.05 * e;
+            }
+        }
+        let b = RecordBuilder::new(m.joint_names()).uniform(0.0, 100.0).q(q).tau(tau).fixed_base();
+        ident::estimate::smoothed(&b.build().unwrap().0, 8.0).unwrap()
+    };
+    let ground = Ground::new(&m, Friction::ALL).unwrap().low_pass(8.0);
+    let r = log(83, &c);
+    let found = ground.estimate(&[&r], &selected, &truth).unwrap();
+    let elastic = ground.elastic(&[&r], (&selected, &truth), &found).unwrap();
+    println!("{elastic:?}");
+    assert_eq!(elastic.iter().map(|e| e.joint).collect::<Vec<_>>(), [1, 3]);
+    for e in &elastic {
+        let off = e.compliance - c[e.joint];
+        assert!(off.abs() < (4.0 * e.std).max(0.05 * c[e.joint]), "{e:?}");
+    }
+    let mut bends = [0.0; 7];
+    elastic.iter().for_each(|e| bends[e.joint] = e.compliance);
+    let linked = ground.link_side(&r, &found.fit.values, &bends).unwrap();
+    let with = ground.estimate(&[&linked], &selected, &truth).unwrap();
+    let rms = |f: &GroundEstimate| f.fit.kinds.iter().map(|k| k.rms * k.rms).sum::<f64>().sqrt();
+    println!("left {:.4} without, {:.4} with", rms(&found), rms(&with));
+    assert!(rms(&with) < 0.8 * rms(&found));
+    // Of a stiff arm nothing bends.
+    let stiff = log(84, &[0.0; 7]);
+    let found = ground.estimate(&[&stiff], &selected, &truth).unwrap();
+    assert_eq!(ground.elastic(&[&stiff], (&selected, &truth), &found).unwrap(), []);
+}

@@ -31,7 +31,9 @@ pub use around::Around;
 pub use complete::{Complete, CompleteOptions};
 pub use estimation::{attempt, estimate};
 pub use estimator::{Between, Coarse, Estimator};
-pub use ground::{Blocks, Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest, TermChoice, smoothed};
+pub use ground::{
+    Blocks, Elastic, Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest, TermChoice, smoothed,
+};
 pub use joint_channels::{RoughJoints, rough_joints, without_joints};
 pub use nuisance::{NuisanceError, NuisanceFit, fit_nuisance};
 pub use outcome::{Estimate, EstimateError, Estimated, Linearisation, RANK_TOLERANCE};

@@ -13,7 +13,7 @@ use super::result::channel::Channel;
 use super::result::parameter::{Combination, Parameter, Value};
 
 /// Deviations of a half of a 95 % interval.
-const HALF95: f64 = 1.96;
+pub(super) const HALF95: f64 = 1.96;
 
 /// One record of several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

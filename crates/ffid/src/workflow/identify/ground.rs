@@ -3,7 +3,7 @@
 
 use super::bandwidth::correlated_samples;
 use super::error::{IdentifyError, config};
-use super::findings::{DeterminedCombination, ReducedSet};
+use super::findings::{DeterminedCombination, HALF95, ReducedSet};
 use super::ground_uncertain::{Calibration, SetUp};
 use super::identified::Identified;
 use super::known;
@@ -13,7 +13,7 @@ use super::options::FitOptions;
 use super::report::{record_line, records_of};
 use super::result::fit::{Ended, Method};
 use super::result::identification::IdentificationResult;
-use super::result::parameter::{Combination, Correlation, Covariance, Parameter, Value};
+use super::result::parameter::{Combination, Correlation, Covariance, Parameter, ParameterVerdict, Value};
 use super::result::provenance::{Provenance, Warning};
 use super::settings::Settings;
 use super::signals::Signals;
@@ -22,14 +22,14 @@ use super::uncertain::{DeclaredUncertain, UncertainItems};
 use super::unknowns::Unknowns;
 use crate::open::Opened;
 use ff_least_squares::{Criterion, Status};
-use ff_model::{Area, Model, Problem, Problems};
+use ff_model::{Area, JointKind, Model, Problem, Problems};
 use ff_records::Record;
 use ident::Loss;
 use ident::Posterior;
 use ident::Priors;
 use ident::SetupError;
 use ident::estimate::report::FitReport;
-use ident::estimate::{JointTerm, JointTorques};
+use ident::estimate::{Elastic, JointTerm, JointTorques};
 use ident::solve::{LinearError, LinearEstimate};
 use ident::{Friction, Ground, GroundEstimate};
 
@@ -38,10 +38,20 @@ use ident::{Friction, Ground, GroundEstimate};
 pub struct Arm {
     /// Friction, reflected inertia and gains of every joint.
     pub joints: JointTorques,
+    /// Compliance of every joint (rad/(N m), m/N), zero for stiff ones.
+    pub compliances: Vec<f64>,
     /// Standard deviation of the residual of every joint (N m; A where its current was measured).
     pub sigma: Vec<f64>,
     /// Cutoff of the low pass that torques and equations went through (Hz), if any.
     pub low_pass_hz: Option<f64>,
+}
+
+/// Times that joints which bend are looked for beside what was found with them.
+const BENDINGS: usize = 4;
+
+/// Name of the compliance of a joint among the unknowns of a result.
+fn compliance(joint: &str) -> String {
+    format!("compliance.{joint}")
 }
 
 /// Name of the cutoff among the settings of a result.
@@ -61,12 +71,17 @@ impl Arm {
             let name = format!("drive.{joint}.gain");
             r.nuisance.iter().find(|p| p.name == name).map(|p| p.value)
         };
+        let bends = |joint: &String| {
+            let name = compliance(joint);
+            r.nuisance.iter().find(|p| p.name == name).map_or(0.0, |p| p.value)
+        };
         let sigma = r.channels.iter().map(|c| if c.over_noise > 0.0 { c.residual_rms / c.over_noise } else { 1.0 });
         Some(Self {
             joints: JointTorques {
                 terms: joints.iter().map(terms).collect(),
                 gains: joints.iter().map(gain).collect(),
             },
+            compliances: joints.iter().map(bends).collect(),
             sigma: sigma.collect(),
             low_pass_hz: r.provenance.settings.get(LOW_PASS).and_then(|hz| hz.parse().ok()),
         })
@@ -134,19 +149,45 @@ pub(super) fn identify(
     let absent = records.iter().map(|r| missing(model, options, &r.label)).collect::<Result<Vec<_>, _>>()?;
     let prior = priors(&unknowns, s);
     let mut ground = calibration(model, s.low_pass_hz)?.absent(absent.clone()).priors(prior.clone());
-    let samples: Vec<&Record> = records.iter().map(|r| &r.record).collect();
-    let (terms, _) = ground.choose_terms(&samples, selected, start).map_err(linear)?;
+    let measured: Vec<&Record> = records.iter().map(|r| &r.record).collect();
+    let (mut terms, _) = ground.choose_terms(&measured, selected, start).map_err(linear)?;
     ground = ground.terms(terms.clone());
-    let mut found = ground.estimate(&samples, selected, start).map_err(linear)?;
+    let mut found = ground.estimate(&measured, selected, start).map_err(linear)?;
+    // Joints that bend between encoder and link: from here on, records are those of the links. Gains of drives that were found with stiff joints
+    // are not those of joints that bend, which are looked for again beside the new ones.
+    let mut next = ground.elastic(&measured, (selected, start), &found).map_err(linear)?;
+    let mut elastic: Vec<Elastic> = Vec::new();
+    let mut samples: Vec<Record> = measured.iter().map(|r| (*r).clone()).collect();
+    let mut compliances = vec![0.0; model.nj()];
+    for _ in 0..BENDINGS {
+        if next.is_empty() {
+            break;
+        }
+        elastic = next;
+        compliances.fill(0.0);
+        elastic.iter().for_each(|e| compliances[e.joint] = e.compliance);
+        samples = linked_by(&ground, records, &absent, &found.fit.values, &compliances)?;
+        let linked: Vec<&Record> = samples.iter().collect();
+        terms = ground.choose_terms(&linked, selected, start).map_err(linear)?.0;
+        ground = ground.terms(terms.clone());
+        found = ground.estimate(&linked, selected, start).map_err(linear)?;
+        next = ground.elastic(&measured, (selected, start), &found).map_err(linear)?;
+        let near =
+            |(a, b): (&Elastic, &Elastic)| a.joint == b.joint && (a.compliance - b.compliance).abs() < b.std / 3.0;
+        if next.len() == elastic.len() && next.iter().zip(&elastic).all(near) {
+            break;
+        }
+    }
+    let samples: Vec<&Record> = samples.iter().collect();
     let sigma: Vec<f64> = found.fit.kinds.iter().map(|k| k.sigma).collect();
     // What is left is not white even before the filter: friction that is not what the formula says, joints that bend. Residuals of so
     // many samples count as one, beyond those that the rows of the equations already count as one for the filter.
     let joints = model.nj();
     let mut counted = vec![(0.0, 0.0); joints];
-    for (r, absent) in records.iter().zip(&absent) {
+    for (r, absent) in samples.iter().zip(&absent) {
         let values = without(&found.fit.values, absent);
-        let (_, residual) = ground.predict(&r.record, &values, &found.joints).map_err(linear)?;
-        let worth = ground.worth(&r.record).map_err(linear)?;
+        let (_, residual) = ground.predict(r, &values, &found.joints).map_err(linear)?;
+        let worth = ground.worth(r).map_err(linear)?;
         for (c, column) in counted.iter_mut().zip(residual.column_iter()) {
             let n = column.len() as f64;
             *c = (c.0 + n * (worth * correlated_samples(column.as_slice())).max(1.0), c.1 + n);
@@ -165,6 +206,13 @@ pub(super) fn identify(
     let calibrated = Calibration { model, set_up, records: &samples, selected, start };
     found = calibrated.run(model, &samples, start)?;
     found.fit.chi2_per_dof = chi2_per_dof;
+    let softer = |e: &Elastic| {
+        compliances.iter().enumerate().map(|(j, c)| if j == e.joint { c + e.std } else { *c }).collect::<Vec<f64>>()
+    };
+    for e in &elastic {
+        let off = linked_by(&ground, records, &absent, &found.fit.values, &softer(e))?;
+        calibrated.widen(&off.iter().collect::<Vec<_>>(), &mut found)?;
+    }
     let considered = calibrated.consider(&UncertainItems::of(opened), &mut found)?;
     // What the record tells worse than to its own size predicts no other: it stays near the mission. Priors that were given do so themselves.
     if prior.is_empty() {
@@ -172,7 +220,7 @@ pub(super) fn identify(
     }
     // Numbers that no body has are moved to the nearest that some body has.
     let bounded = found.make_physical(decls, selected, start).map_err(|e| IdentifyError::Model(e.to_string()))?;
-    let arm = Arm { joints: found.joints.clone(), sigma, low_pass_hz: s.low_pass_hz };
+    let arm = Arm { joints: found.joints.clone(), compliances, sigma, low_pass_hz: s.low_pass_hz };
     let (mut signals, mut seen) = (Vec::new(), Vec::new());
     for (r, absent) in records.iter().zip(&absent) {
         let (predicted, record) = predict(model, &ground, &r.record, &without(&found.fit.values, absent), &arm)?;
@@ -181,6 +229,10 @@ pub(super) fn identify(
     }
     let provenance = Provenance { record: record_line(&records[0].record), ..provenance };
     let mut result = report(opened, &seen, s, options, (&unknowns, &found, &bounded), &signals, provenance)?;
+    result.nuisance.extend(elastic.iter().map(|e| bending(model, e)));
+    if !elastic.is_empty() {
+        result.verdict = text::verdict(&result);
+    }
     if !considered.lines.is_empty() {
         (result.uncertain, result.budget) = (considered.lines, considered.budget);
         // Its errors are those of the next identification too: taken as independent they would count as noise.
@@ -196,6 +248,52 @@ pub(super) fn identify(
         draws: None,
         fitted: None,
     })
+}
+
+/// The records as the links move, behind joints of these compliances.
+fn linked_by(
+    ground: &Ground<'_>,
+    records: &[LabelledRecord],
+    absent: &[Vec<usize>],
+    values: &[f64],
+    compliances: &[f64],
+) -> Result<Vec<Record>, IdentifyError> {
+    let one = |(r, absent): (&LabelledRecord, &Vec<usize>)| {
+        link_side(ground, &r.record, &without(values, absent), compliances)
+    };
+    records.iter().zip(absent).map(one).collect()
+}
+
+/// A record as the links move; as it is where all joints are stiff.
+fn link_side(
+    ground: &Ground<'_>,
+    record: &Record,
+    values: &[f64],
+    compliances: &[f64],
+) -> Result<Record, IdentifyError> {
+    if compliances.iter().all(|c| *c == 0.0) {
+        return Ok(record.clone());
+    }
+    ground.link_side(record, values, compliances).map_err(linear)
+}
+
+/// The compliance of a joint as an unknown of the result.
+fn bending(model: &Model, e: &Elastic) -> Parameter {
+    let joint = &model.own_body(e.joint).joint;
+    let unit = if joint.kind == JointKind::Prismatic { "m/N" } else { "rad/(N m)" };
+    Parameter {
+        name: compliance(&joint.name),
+        unit: unit.to_owned(),
+        start: 0.0,
+        value: e.compliance,
+        std: Some(e.std),
+        std_coloured: None,
+        interval95: Some((e.compliance - HALF95 * e.std, e.compliance + HALF95 * e.std)),
+        prior_mean: None,
+        prior_std: None,
+        truth: None,
+        verdict: ParameterVerdict::Estimated,
+    }
 }
 
 /// Parameters of the payloads that were not mounted in a record.
@@ -242,6 +340,7 @@ fn predict(
     values: &[f64],
     arm: &Arm,
 ) -> Result<(Signals, Record), IdentifyError> {
+    let record = &link_side(ground, record, values, &arm.compliances)?;
     let (_, residual) = ground.predict(record, values, &arm.joints).map_err(linear)?;
     let (n, nj) = residual.shape();
     // Whitened, predicted less measured, sample after sample; zero close to rest, where friction is not what the formula says.

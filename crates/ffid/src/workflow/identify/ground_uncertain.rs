@@ -21,7 +21,7 @@ use ident::GroundEstimate;
 use ident::compose::TieMap;
 use ident::estimate::JointTerm;
 use ident::solve::Weights;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// How a calibration is set up, whatever the model.
 pub(super) struct SetUp<'a> {
@@ -101,6 +101,18 @@ impl Calibration<'_> {
             }
         }
     }
+    /// Widens the deviations of `found` by how far these records, in which something is off by one of its deviations, lead.
+    pub(super) fn widen(&self, off: &[&Record], found: &mut GroundEstimate) -> Result<(), IdentifyError> {
+        let there = self.run(self.model, off, self.start)?;
+        let n = found.fit.uncertainty.unknowns.len();
+        let values = |e: &GroundEstimate| {
+            DVector::from_iterator(n, e.fit.parameters.iter().chain(&e.fit.extra).map(|p| p.value))
+        };
+        let by = values(&there) - values(found);
+        found.fit.uncertainty.covariance += &by * by.transpose();
+        restate(found);
+        Ok(())
+    }
     /// Widens the deviations of `found` by what the mission is not sure of.
     pub(super) fn consider(
         &self,
@@ -139,14 +151,8 @@ impl Calibration<'_> {
                 of_base[k] += (value(&there) - value(found)).powi(2);
             }
         }
-        let u = &mut found.fit.uncertainty;
-        u.covariance += &moved * moved.transpose();
-        for (k, std) in u.deviation.iter_mut().enumerate() {
-            *std = std.map(|_| u.covariance[(k, k)].max(0.0).sqrt());
-        }
-        let stds = found.fit.uncertainty.deviation.clone();
-        let all = found.fit.parameters.iter_mut().chain(&mut found.fit.extra);
-        all.zip(&stds).for_each(|(p, std)| p.std = *std);
+        found.fit.uncertainty.covariance += &moved * moved.transpose();
+        restate(found);
         found.fit.base.iter_mut().zip(&of_base).for_each(|(b, more)| b.std = b.std.hypot(more.sqrt()));
         let asked: Vec<(usize, &ParamDecl)> = self.selected.iter().enumerate().map(|(k, &i)| (k, &decls[i])).collect();
         let kinds: Vec<(UncertainKind, f64)> = unknowns.iter().map(|u| (u.kind, u.std)).collect();
@@ -165,4 +171,15 @@ impl Calibration<'_> {
         };
         Ok(Considered { lines: unknowns.iter().map(line).collect(), budget })
     }
+}
+
+/// Deviations as the covariance has them.
+fn restate(found: &mut GroundEstimate) {
+    let u = &mut found.fit.uncertainty;
+    for (k, std) in u.deviation.iter_mut().enumerate() {
+        *std = std.map(|_| u.covariance[(k, k)].max(0.0).sqrt());
+    }
+    let stds = u.deviation.clone();
+    let all = found.fit.parameters.iter_mut().chain(&mut found.fit.extra);
+    all.zip(&stds).for_each(|(p, std)| p.std = *std);
 }

@@ -20,6 +20,7 @@
 
 mod blocks;
 mod calibration;
+mod elastic;
 mod equations;
 mod gains;
 pub(crate) mod joint_terms;
@@ -32,6 +33,7 @@ mod smoothed;
 
 pub use blocks::Blocks;
 pub use calibration::Ground;
+pub use elastic::Elastic;
 pub use joint_terms::{Friction, JointTerm, JointTorques, NearRest};
 pub use selection::TermChoice;
 pub use smoothed::smoothed;

@@ -46,11 +46,12 @@ pub fn smoothed(record: &Record, hz: f64) -> Result<Record, LinearError> {
 }
 
 /// Central differences of order four: what two samples before to two behind count.
-const RATE: [f64; 5] = [1.0 / 12.0, -8.0 / 12.0, 0.0, 8.0 / 12.0, -1.0 / 12.0];
-const ACCELERATION: [f64; 5] = [-1.0 / 12.0, 16.0 / 12.0, -30.0 / 12.0, 16.0 / 12.0, -1.0 / 12.0];
+pub(super) const RATE: [f64; 5] = [1.0 / 12.0, -8.0 / 12.0, 0.0, 8.0 / 12.0, -1.0 / 12.0];
+/// See [`RATE`].
+pub(super) const ACCELERATION: [f64; 5] = [-1.0 / 12.0, 16.0 / 12.0, -30.0 / 12.0, 16.0 / 12.0, -1.0 / 12.0];
 
 /// Differences of every column over `step`; the two samples at each end, where a filter has not settled, take those next to them.
-fn slopes(x: &DMatrix<f64>, step: f64, weights: [f64; 5]) -> DMatrix<f64> {
+pub(super) fn slopes(x: &DMatrix<f64>, step: f64, weights: [f64; 5]) -> DMatrix<f64> {
     let last = x.nrows() - 3;
     DMatrix::from_fn(x.nrows(), x.ncols(), |i, j| {
         let i = i.clamp(2, last);
