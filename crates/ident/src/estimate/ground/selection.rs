@@ -105,7 +105,7 @@ impl Ground<'_> {
             let of: Vec<&Candidate> = taken.iter().filter(|c| c.joint == j).collect();
             let (before, after) = (folds.errors(j, &bodies), folds.errors(j, &with));
             let ratio = after.iter().sum::<f64>() / before.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-            if !of.is_empty() && borne_out(&before, &after, GAIN) {
+            if !of.is_empty() && borne_out(&before, &after, (GAIN, BORNE_OUT)) {
                 out.0[j] = of.iter().map(|c| c.term).collect();
                 out.1.extend(of.iter().map(|c| TermChoice { joint: j, term: c.term, ratio }));
             }
@@ -140,13 +140,13 @@ pub(super) fn cut(
     Ok(blocks)
 }
 
-/// Whether the squared errors of the blocks fall by this part at least, and in so many of them that it is no chance.
-pub(super) fn borne_out(before: &[f64], after: &[f64], part: f64) -> bool {
+/// Whether the squared errors of the blocks fall by this part at least, and in the mean by so many standard errors over the blocks.
+pub(super) fn borne_out(before: &[f64], after: &[f64], (part, errors): (f64, f64)) -> bool {
     let n = before.len() as f64;
     let less: Vec<f64> = before.iter().zip(after).map(|(b, a)| b - a).collect();
     let mean = less.iter().sum::<f64>() / n;
     let variance = less.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    n * mean > part * before.iter().sum::<f64>() && mean > BORNE_OUT * (variance / n).sqrt()
+    n * mean > part * before.iter().sum::<f64>() && mean > errors * (variance / n).sqrt()
 }
 
 /// Two significant digits, so that names and results stay readable.
@@ -226,7 +226,7 @@ impl Folds<'_> {
                 }
             }
             let Some((c, errors)) = found else { break };
-            if !borne_out(&best, &errors, GAIN) {
+            if !borne_out(&best, &errors, (GAIN, BORNE_OUT)) {
                 break;
             }
             taken.push(c);
