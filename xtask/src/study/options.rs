@@ -31,6 +31,10 @@ impl Options {
         let mut named = self.only.iter().filter(|p| p.parse::<u64>().is_err()).peekable();
         named.peek().is_none() || named.any(|p| p == part)
     }
+    /// Numbers of the cases that are wanted; none where all are.
+    pub fn cases(&self) -> Vec<u64> {
+        self.only.iter().filter_map(|p| p.parse().ok()).collect()
+    }
 }
 
 #[cfg(test)]

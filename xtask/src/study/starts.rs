@@ -366,7 +366,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     let mut numbers: Vec<u64> = (0..truths).collect();
     let begun = Instant::now();
     // A number among the parts is the seed of a truth to look at by itself.
-    let listed: Vec<u64> = options.only.iter().filter_map(|p| p.parse().ok()).collect();
+    let listed = options.cases();
     let seed = |number| Trial { seed: options.seed, number }.own_seed();
     numbers.retain(|k| listed.is_empty() || listed.contains(&seed(*k)));
     for (part, name) in parts {

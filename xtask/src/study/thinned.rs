@@ -60,7 +60,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     let trials = Trials::open("thinned", 1, options)?;
     let world = World::new("start.toml")?;
     let clean = RECORDS.iter().map(|name| world.clean(name)).collect::<anyhow::Result<Vec<_>>>()?;
-    let listed: Vec<u64> = options.only.iter().filter_map(|p| p.parse().ok()).collect();
+    let listed = options.cases();
     let all = 0..if options.quick { 3 } else { LOGS };
     let numbers: Vec<u64> = if listed.is_empty() { all.collect() } else { listed };
     let all = trials.run("logs", numbers.iter().copied(), |t| one(&world, &clean, t))?;

@@ -252,7 +252,7 @@ pub(crate) fn solve(task: &Task<'_>, kinds: &[Triangle]) -> Result<LinearEstimat
 }
 
 /// Equations with a row for everything that is known beforehand.
-fn with_priors(m: Merged, priors: &[(usize, f64, f64)]) -> Result<Merged, LinalgError> {
+pub(crate) fn with_priors(m: Merged, priors: &[(usize, f64, f64)]) -> Result<Merged, LinalgError> {
     if priors.is_empty() {
         return Ok(m);
     }

@@ -83,10 +83,10 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     let truth = world.truth.model.param_decls();
     let setup = Setup { world, clean, unknowns, truth };
     let count = |whole: u64, quick: u64| if options.quick { quick } else { whole };
-    let listed: Vec<u64> = options.only.iter().filter_map(|p| p.parse().ok()).collect();
+    let listed = options.cases();
     let some = !listed.is_empty();
     if options.wants("worlds") || some {
-        let numbers: Vec<u64> = if some { listed } else { (0..count(WORLDS, 6)).collect() };
+        let numbers = if some { listed } else { (0..count(WORLDS, 6)).collect() };
         let all = trials.run("worlds", numbers.iter().copied(), |t| setup.drawn(t))?;
         worlds(&all, &numbers, options, &mut study);
     }

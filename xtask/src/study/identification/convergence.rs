@@ -63,7 +63,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     let mut study = Study::new("convergence", options.seed);
     let trials = Trials::open("convergence", 2, options)?;
     // A number among the parts is a start to look at by itself, beside that at the truth.
-    let listed: Vec<u64> = options.only.iter().filter_map(|p| p.parse().ok()).collect();
+    let listed = options.cases();
     let starts = if options.quick && listed.is_empty() { QUICK_STARTS } else { STARTS };
     let sample_s = if options.quick { QUICK_SAMPLE_S } else { SAMPLE_S };
     let wanted = |k: &u64| *k == 0 || listed.is_empty() || listed.contains(k);

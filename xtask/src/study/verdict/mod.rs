@@ -11,8 +11,7 @@
 //!   encoders adds comes on top.
 //!
 //! The sizes come from fits without noise (part `clean`, the deviations of all errors with nothing wrong; parts `reference-36` and `reference-900`,
-//! each kind at that size, tried again until it is met to 5 %): there chi-squared falls by that square. An error of 900 made smaller in proportion would not
-//! do: that of a mount is bent, and the square of a fifth of it is not a twenty-fifth. An error whose score test falls by as much as that of the
+//! each kind at that size, tried again until it is met to 5 %): there chi-squared falls by that square. An error whose score test falls by as much as that of the
 //! true one, to a correlation above [`ident::uncertain::ALIKE`], is of its class: the record cannot choose. These fits tell as well how far an
 //! error moves the estimates, which no residual shows.
 
@@ -33,7 +32,6 @@ use ident::uncertain::{ALIKE, MATTERS};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use std::sync::OnceLock;
 use world::{Encoder, RECORDS, Readings, World};
 
 /// Arguments of `study verdict`.
@@ -188,13 +186,16 @@ impl Reference {
     }
 }
 
+/// Deviations of the components of errors, by the name of the error.
+type Deviations = Vec<(String, Vec<f64>)>;
+
 /// What all worlds share.
 struct Setup {
     world: World,
     clean: Vec<Readings>,
     quick: bool,
-    /// Of every square in [`SIZES`], record by record.
-    references: [OnceLock<Vec<Reference>>; SIZES.len()],
+    /// Of the square that is being tried, record by record.
+    references: Vec<Reference>,
 }
 
 /// Runs the study.
@@ -207,7 +208,7 @@ pub fn run(args: &Args) -> anyhow::Result<Study> {
     let trials = Trials::open("verdict", 2, options)?;
     let world = World::new("start.toml")?;
     let clean = RECORDS.iter().map(|name| world.clean(name)).collect::<anyhow::Result<Vec<_>>>()?;
-    let setup = Setup { world, clean, quick: options.quick, references: Default::default() };
+    let mut setup = Setup { world, clean, quick: options.quick, references: Vec::new() };
     let count = |whole: u64, quick: u64| if options.quick { quick } else { whole };
     if options.wants("exact") {
         let of = |t: Trial| setup.exact(setup.record_of(t.number), Encoder::Noisy, t);
@@ -229,8 +230,9 @@ pub fn run(args: &Args) -> anyhow::Result<Study> {
     }
     let sizes: Vec<u32> =
         SIZES.into_iter().filter(|s| !options.quick || *s == 900).filter(|s| options.wants(&part(*s))).collect();
+    let deviations = if sizes.is_empty() { Vec::new() } else { setup.deviations(&trials)? };
     for squared in sizes {
-        setup.prepare(squared, &trials)?;
+        setup.references = setup.refer_all(squared, &deviations, &trials)?;
         faulty(&setup, squared, &trials, options, &mut study)?;
     }
     trials.note().into_iter().for_each(|n| study.note(n));
@@ -287,9 +289,8 @@ fn faulty(setup: &Setup, squared: u32, trials: &Trials, options: &Options, study
     let one = |t: Trial| setup.wrong(&[(t.number % kinds) as usize], setup.place_of(t.number / kinds), squared, t);
     let two = |t: Trial| setup.wrong(&pair(t), setup.place_of(t.number), squared, t);
     let judged = |number: u64, outcome: Outcome, of: Vec<usize>, record: usize| -> anyhow::Result<Judged> {
-        let class = |k: usize| {
-            Ok((k, setup.reference(record, k, squared).with_context(|| format!("trial {number}"))?.class.clone()))
-        };
+        let class =
+            |k: usize| Ok((k, setup.reference(record, k).with_context(|| format!("trial {number}"))?.class.clone()));
         let causes = of.into_iter().map(class).collect::<anyhow::Result<_>>()?;
         Ok(Judged { outcome, causes, record })
     };
@@ -310,9 +311,7 @@ fn faulty(setup: &Setup, squared: u32, trials: &Trials, options: &Options, study
         let moved: Vec<String> = RECORDS
             .iter()
             .enumerate()
-            .filter_map(|(record, name)| {
-                Some(format!("{name} {}", setup.reference(record, k, squared).ok()?.moves(squared)))
-            })
+            .filter_map(|(record, name)| Some(format!("{name} {}", setup.reference(record, k).ok()?.moves(squared))))
             .collect();
         study.note(format!(
             "{}.{squared}: estimates that it moves by more than half a deviation: {}",
@@ -329,9 +328,8 @@ fn faulty(setup: &Setup, squared: u32, trials: &Trials, options: &Options, study
     study.figure(format!("all.{squared}.worlds"), "", all.len() as f64);
     study.figure(format!("all.{squared}.contradicted"), "%", contradicted);
     // What moves no estimate is named, but does not count against the model.
-    let moves = |j: &&Judged| {
-        j.causes.iter().any(|c| setup.reference(j.record, c.0, squared).is_ok_and(|r| r.moves(squared) > 0))
-    };
+    let moves =
+        |j: &&Judged| j.causes.iter().any(|c| setup.reference(j.record, c.0).is_ok_and(|r| r.moves(squared) > 0));
     let moving = share(all.iter().filter(moves).map(|j| j.outcome.contradicted()));
     study.judged(options.quick, format!("all.{squared}.contradicted_of_moving"), "%", moving, (Op::AtLeast, least));
     let named = share(all.iter().flat_map(|j| j.causes.iter().map(|c| j.outcome.names(&c.1))));
@@ -379,27 +377,28 @@ impl Setup {
         let mut rng = t.rng();
         for &k in kinds {
             let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
-            let size = sign * self.reference(record, k, squared)?.size_for(squared);
+            let size = sign * self.reference(record, k)?.size_for(squared);
             KINDS[k].apply(size, &mut readings, &mut opened.model).with_context(|| KINDS[k].name)?;
         }
         self.world.noise(&mut readings, Encoder::Noisy, &mut rng);
         Ok(Outcome::of(self.world.identify(&opened, &readings)))
     }
-    fn reference(&self, record: usize, kind: usize, squared: u32) -> anyhow::Result<&Reference> {
-        let place = SIZES.iter().position(|s| *s == squared).context("no such size")?;
-        let all = self.references[place].get().context("no references")?;
-        all.get(record * KINDS.len() + kind).context("a record without references")
+    fn reference(&self, record: usize, kind: usize) -> anyhow::Result<&Reference> {
+        self.references.get(record * KINDS.len() + kind).context("a record without references")
     }
-    /// Deviations of all errors, and from them a world of each kind without noise, on every record, in which it has this square.
-    fn prepare(&self, squared: u32, trials: &Trials) -> anyhow::Result<()> {
+    /// Deviations of all errors on every record, with nothing wrong and no noise.
+    fn deviations(&self, trials: &Trials) -> anyhow::Result<Vec<Deviations>> {
         let records = if self.quick { 1 } else { RECORDS.len() as u64 };
-        let deviations = trials.run("clean", 0..records, |t| {
+        trials.run("clean", 0..records, |t| {
             let found = self.world.fit(&self.world.truth, &self.clean[t.number as usize])?;
             let of = |e: &NamedError| (e.name.clone(), e.size.iter().map(|s| s.std).collect::<Vec<f64>>());
-            Ok(found.tried.iter().map(of).collect::<Vec<_>>())
-        })?;
-        let kinds = KINDS.len() as u64;
-        let all = trials.run(&format!("reference-{squared}"), 0..records * kinds, |t| {
+            Ok(found.tried.iter().map(of).collect())
+        })
+    }
+    /// A world of each kind without noise, on every record, in which it has this square.
+    fn refer_all(&self, squared: u32, deviations: &[Deviations], trials: &Trials) -> anyhow::Result<Vec<Reference>> {
+        let (records, kinds) = (deviations.len() as u64, KINDS.len() as u64);
+        trials.run(&format!("reference-{squared}"), 0..records * kinds, |t| {
             let (record, kind) = ((t.number / kinds) as usize, &KINDS[(t.number % kinds) as usize]);
             let found = deviations[record].iter().find(|d| d.0 == kind.cause);
             let (_, deviation) =
@@ -412,10 +411,7 @@ impl Setup {
                 at = self.refer(kind, at.size_for(squared), record)?;
             }
             Ok(at)
-        })?;
-        let place = SIZES.iter().position(|s| *s == squared).context("no such size")?;
-        let _ = self.references[place].set(all);
-        Ok(())
+        })
     }
     /// A world with this error and without noise.
     fn refer(&self, kind: &Kind, size: f64, record: usize) -> anyhow::Result<Reference> {

@@ -210,7 +210,7 @@ fn aimed(request: &Request<'_>, first: &Estimate, lines: &[f64], of: &Subject<'_
     };
     let mut found: Vec<(usize, f64, Vec<f64>)> = Vec::new();
     for (&i, p) in request.selected.iter().zip(&first.parameters) {
-        if !matches!(request.decls[i].unit, "N m/rad" | "N/m") {
+        if !is_spring(request, i) {
             continue;
         }
         let Some(own) = own_mode(of, &first.values, &here, i) else { continue };
@@ -228,11 +228,16 @@ fn aimed(request: &Request<'_>, first: &Estimate, lines: &[f64], of: &Subject<'_
     found.into_iter().take(AIMED).map(|(_, _, start)| start).collect()
 }
 
+/// Whether this parameter is a stiffness.
+pub(super) fn is_spring(request: &Request<'_>, i: usize) -> bool {
+    matches!(request.decls[i].unit, "N m/rad" | "N/m")
+}
+
 /// Starts from the end of a fit with one stiffness as the mission has it, the farthest from there first: the mode of one that has gone astray may be the line
 /// that is left over.
 fn given_back(request: &Request<'_>, first: &Estimate) -> Vec<Vec<f64>> {
     let far = |i: usize| (first.values[i] / request.start[i]).ln().abs();
-    let springs = |i: &usize| matches!(request.decls[*i].unit, "N m/rad" | "N/m") && far(*i) > ASTRAY.ln();
+    let springs = |i: &usize| is_spring(request, *i) && far(*i) > ASTRAY.ln();
     let mut found: Vec<usize> = request.selected.iter().copied().filter(springs).collect();
     found.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
     let one = |i: usize| {

@@ -31,6 +31,7 @@ use ident::SetupError;
 use ident::estimate::report::FitReport;
 use ident::estimate::{Elastic, JointTerm, JointTorques};
 use ident::solve::{LinearError, LinearEstimate};
+use ident::uncertain::ErrorSource;
 use ident::{Friction, Ground, GroundEstimate};
 
 /// Joint friction, gains and noise, as an identification found them.
@@ -49,11 +50,6 @@ pub struct Arm {
 /// Times that joints which bend are looked for beside what was found with them.
 const BENDINGS: usize = 4;
 
-/// Name of the compliance of a joint among the unknowns of a result.
-fn compliance(joint: &str) -> String {
-    format!("compliance.{joint}")
-}
-
 /// Name of the cutoff among the settings of a result.
 pub const LOW_PASS: &str = "low_pass_hz";
 
@@ -67,21 +63,18 @@ impl Arm {
             let of = |p: &Parameter| Some((JointTerm::of_name(&p.name, joint)?, p.value));
             r.nuisance.iter().filter_map(of).collect()
         };
-        let gain = |joint: &String| {
-            let name = format!("drive.{joint}.gain");
+        let value = |of: ErrorSource| {
+            let name = of.name(joints);
             r.nuisance.iter().find(|p| p.name == name).map(|p| p.value)
         };
-        let bends = |joint: &String| {
-            let name = compliance(joint);
-            r.nuisance.iter().find(|p| p.name == name).map_or(0.0, |p| p.value)
-        };
+        let each = 0..joints.len();
         let sigma = r.channels.iter().map(|c| if c.over_noise > 0.0 { c.residual_rms / c.over_noise } else { 1.0 });
         Some(Self {
             joints: JointTorques {
                 terms: joints.iter().map(terms).collect(),
-                gains: joints.iter().map(gain).collect(),
+                gains: each.clone().map(|j| value(ErrorSource::DriveGain(j))).collect(),
             },
-            compliances: joints.iter().map(bends).collect(),
+            compliances: each.map(|j| value(ErrorSource::Compliance(j)).unwrap_or(0.0)).collect(),
             sigma: sigma.collect(),
             low_pass_hz: r.provenance.settings.get(LOW_PASS).and_then(|hz| hz.parse().ok()),
         })
@@ -157,7 +150,7 @@ pub(super) fn identify(
     // are not those of joints that bend, which are looked for again beside the new ones.
     let mut next = ground.elastic(&measured, (selected, start), &found).map_err(linear)?;
     let mut elastic: Vec<Elastic> = Vec::new();
-    let mut samples: Vec<Record> = measured.iter().map(|r| (*r).clone()).collect();
+    let mut linked: Vec<Record> = Vec::new();
     let mut compliances = vec![0.0; model.nj()];
     for _ in 0..BENDINGS {
         if next.is_empty() {
@@ -166,11 +159,11 @@ pub(super) fn identify(
         elastic = next;
         compliances.fill(0.0);
         elastic.iter().for_each(|e| compliances[e.joint] = e.compliance);
-        samples = linked_by(&ground, records, &absent, &found.fit.values, &compliances)?;
-        let linked: Vec<&Record> = samples.iter().collect();
-        terms = ground.choose_terms(&linked, selected, start).map_err(linear)?.0;
+        linked = linked_by(&ground, records, &absent, &found.fit.values, &compliances)?;
+        let of_links: Vec<&Record> = linked.iter().collect();
+        terms = ground.choose_terms(&of_links, selected, start).map_err(linear)?.0;
         ground = ground.terms(terms.clone());
-        found = ground.estimate(&linked, selected, start).map_err(linear)?;
+        found = ground.estimate(&of_links, selected, start).map_err(linear)?;
         next = ground.elastic(&measured, (selected, start), &found).map_err(linear)?;
         let near =
             |(a, b): (&Elastic, &Elastic)| a.joint == b.joint && (a.compliance - b.compliance).abs() < b.std / 3.0;
@@ -178,7 +171,7 @@ pub(super) fn identify(
             break;
         }
     }
-    let samples: Vec<&Record> = samples.iter().collect();
+    let samples = if linked.is_empty() { measured } else { linked.iter().collect() };
     let sigma: Vec<f64> = found.fit.kinds.iter().map(|k| k.sigma).collect();
     // What is left is not white even before the filter: friction that is not what the formula says, joints that bend. Residuals of so
     // many samples count as one, beyond those that the rows of the equations already count as one for the filter.
@@ -282,7 +275,7 @@ fn bending(model: &Model, e: &Elastic) -> Parameter {
     let joint = &model.own_body(e.joint).joint;
     let unit = if joint.kind == JointKind::Prismatic { "m/N" } else { "rad/(N m)" };
     Parameter {
-        name: compliance(&joint.name),
+        name: ErrorSource::Compliance(e.joint).name(&model.joint_names()),
         unit: unit.to_owned(),
         start: 0.0,
         value: e.compliance,

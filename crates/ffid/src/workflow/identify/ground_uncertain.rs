@@ -104,11 +104,7 @@ impl Calibration<'_> {
     /// Widens the deviations of `found` by how far these records, in which something is off by one of its deviations, lead.
     pub(super) fn widen(&self, off: &[&Record], found: &mut GroundEstimate) -> Result<(), IdentifyError> {
         let there = self.run(self.model, off, self.start)?;
-        let n = found.fit.uncertainty.unknowns.len();
-        let values = |e: &GroundEstimate| {
-            DVector::from_iterator(n, e.fit.parameters.iter().chain(&e.fit.extra).map(|p| p.value))
-        };
-        let by = values(&there) - values(found);
+        let by = DVector::from_vec(values(&there)) - DVector::from_vec(values(found));
         found.fit.uncertainty.covariance += &by * by.transpose();
         restate(found);
         Ok(())
@@ -129,8 +125,6 @@ impl Calibration<'_> {
         let decls = self.model.param_decls();
         let ties = items.ties(self.start)?;
         let map = TieMap::new(&decls, self.start, ties).map_err(|e| IdentifyError::Model(e.to_string()))?;
-        let values =
-            |e: &GroundEstimate| -> Vec<f64> { e.fit.parameters.iter().chain(&e.fit.extra).map(|p| p.value).collect() };
         let (here, n) = (values(found), found.fit.uncertainty.unknowns.len());
         let mut moved = DMatrix::zeros(n, unknowns.len());
         let mut of_base = vec![0.0; found.fit.base.len()];
@@ -171,6 +165,11 @@ impl Calibration<'_> {
         };
         Ok(Considered { lines: unknowns.iter().map(line).collect(), budget })
     }
+}
+
+/// Values of all unknowns.
+fn values(e: &GroundEstimate) -> Vec<f64> {
+    e.fit.parameters.iter().chain(&e.fit.extra).map(|p| p.value).collect()
 }
 
 /// Deviations as the covariance has them.

@@ -11,7 +11,7 @@
 //! them all ([`super::mixture`]).
 
 use super::chord::{Chord, Place};
-use super::elsewhere::{Subject, explains, frequencies, has_vanished, own_mode};
+use super::elsewhere::{Subject, explains, frequencies, has_vanished, is_spring, own_mode};
 use super::findings::{Alternative, Minima};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
@@ -185,8 +185,8 @@ impl Search<'_> {
     fn springs(&self) -> Option<Vec<Spring>> {
         let (e, request) = (&self.ends[self.best], self.request);
         let seconds = self.of.records.iter().map(|r| r.record.seconds()).fold(0.0, f64::max);
-        let is_spring = |i: usize| matches!(request.decls[i].unit, "N m/rad" | "N/m");
-        let columns: Vec<usize> = (0..request.selected.len()).filter(|&k| is_spring(request.selected[k])).collect();
+        let columns: Vec<usize> =
+            (0..request.selected.len()).filter(|&k| is_spring(request, request.selected[k])).collect();
         let here = if columns.is_empty() { None } else { frequencies(self.of, &e.values) }?;
         let one = |column: usize| {
             let index = request.selected[column];

@@ -16,11 +16,14 @@ use super::problem::Problem;
 use super::selection::{Folds, borne_out, cut};
 use super::smoothed::{ACCELERATION, RATE, slopes};
 use crate::solve::linear::LinearError;
+use ff_least_squares::Triangle;
 use ff_records::Record;
 use nalgebra::{DMatrix, DVector};
 
 /// Angle by which a joint bends when its compliance is tried (rad, or m).
 const BENT: f64 = 5e-3;
+/// Torque below which a joint counts as unloaded (N m, or N).
+const LEAST: f64 = 1e-6;
 /// Part of the squared error of all joints that a compliance has to take away.
 const GAIN: f64 = 0.01;
 /// Mean over standard error of what it takes away of the blocks, at least. One unknown more takes a thousandth away by chance: the part says enough.
@@ -167,10 +170,8 @@ impl Ground<'_> {
         if here.errors.len() < 2 {
             return Ok(Vec::new());
         }
-        let mut search = Search { here, steps: Vec::with_capacity(nj), errors: &errors };
-        for joint in 0..nj {
-            search.steps.push(BENT / self.largest(records, found, joint)?);
-        }
+        let steps = self.largest(records, found)?.iter().map(|torque| BENT / torque).collect();
+        let mut search = Search { here, steps, errors: &errors };
         // The joint that takes away most first: what is left of it looks like others that bend.
         let mut taken: Vec<usize> = Vec::new();
         while taken.len() < nj {
@@ -224,18 +225,14 @@ impl Ground<'_> {
         let terms = self.all_terms();
         let own = terms.len();
         let problem = Problem::new(&bare, &groups, currents(&records, self.model.nj())?, (selected, start), terms);
-        let gains = &found.joints.gains;
-        let blocks = cut(&problem, &groups, &found.fit.values, gains)?;
+        let blocks = cut(&problem, &groups, &found.fit.values, &found.joints.gains)?;
         if blocks.len() < 2 {
             return Ok(Vec::new());
         }
         let fits = Folds { problem: &problem, blocks: &blocks, own }.fits(&[])?;
-        let sigma = found.fit.kinds.iter().zip(gains).map(|(k, g)| k.sigma * g.map_or(1.0, f64::abs));
-        let sigma: Vec<f64> = sigma.collect();
-        let of = |(block, x): (&Vec<_>, &Vec<f64>)| {
-            let joints = block.iter().zip(&sigma);
-            joints.map(|(t, s): (&ff_least_squares::Triangle, &f64)| t.cost(x) / (s * s)).sum()
-        };
+        let sigma = found.torque_sigma();
+        let of =
+            |(block, x): (&Vec<Triangle>, &Vec<f64>)| block.iter().zip(&sigma).map(|(t, s)| t.cost(x) / (s * s)).sum();
         Ok(blocks.iter().zip(&fits).map(of).collect())
     }
     /// The values of an estimate as the robot was in record `k`.
@@ -244,14 +241,14 @@ impl Ground<'_> {
         self.absent.get(k).into_iter().flatten().for_each(|&p| values[p] = 0.0);
         values
     }
-    /// The largest torque of the rigid bodies on a joint.
-    fn largest(&self, records: &[&Record], found: &GroundEstimate, joint: usize) -> Result<f64, LinearError> {
-        let mut most = f64::MIN_POSITIVE;
+    /// The largest torque of the rigid bodies on every joint.
+    fn largest(&self, records: &[&Record], found: &GroundEstimate) -> Result<Vec<f64>, LinearError> {
+        let mut most = vec![LEAST; self.model.nj()];
         for (k, r) in records.iter().enumerate() {
             let Instants { q, qd, qdd, .. } = self.instants(r)?;
             let torques = rigid_torques(self.model, &self.present(k, found), (&q, &qd, &qdd));
-            most = most.max(torques.column(joint).amax());
+            most.iter_mut().zip(torques.column_iter()).for_each(|(most, t)| *most = most.max(t.amax()));
         }
-        Ok(most.max(1e-6))
+        Ok(most)
     }
 }

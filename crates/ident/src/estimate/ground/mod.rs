@@ -95,6 +95,13 @@ pub struct GroundEstimate {
     pub used: Vec<f64>,
 }
 
+impl GroundEstimate {
+    /// Standard deviation of the residual of every joint, in N m where its current was measured, too.
+    pub(super) fn torque_sigma(&self) -> Vec<f64> {
+        self.fit.kinds.iter().zip(&self.joints.gains).map(|(k, g)| k.sigma * g.map_or(1.0, f64::abs)).collect()
+    }
+}
+
 impl Ground<'_> {
     /// A record as the estimator sees it: the samples that are used, torques behind the low pass. Allocates.
     ///

@@ -110,9 +110,7 @@ impl<'a> Problem<'a> {
         } else {
             (vec![0.0; self.before_gains()], vec![None; nj])
         };
-        let s = Substitution { layout: &self.layout, selected: self.selected.len(), at: &at, gains: &g };
-        let each = |(j, t): (usize, &Triangle)| s.of(j, t, Unit::Torque);
-        let equations = triangles.iter().enumerate().map(each).collect::<Result<Vec<_>, _>>()?;
+        let equations = self.equations(triangles, (&at, &g), Unit::Torque)?;
         // A current says nothing of the size of a torque.
         let torque = |j: usize| if self.currents[j] { 1.0 } else { self.sizes[j].0 };
         let mut extra: Vec<_> =
@@ -127,6 +125,16 @@ impl<'a> Problem<'a> {
         }
         joints.gains.iter_mut().flatten().zip(&fit.extra[own..]).for_each(|(k, e)| *k = e.value);
         Ok(Solved { fit, joints })
+    }
+    /// Equations of every joint, linear about these values and gains.
+    fn equations(
+        &self,
+        triangles: &[Triangle],
+        (at, gains): (&[f64], &[Option<f64>]),
+        unit: Unit,
+    ) -> Result<Vec<Triangle>, LinearError> {
+        let s = Substitution { layout: &self.layout, selected: self.selected.len(), at, gains };
+        Ok(triangles.iter().enumerate().map(|(j, t)| s.of(j, t, unit)).collect::<Result<_, _>>()?)
     }
     fn linear_fit(
         &self,
@@ -150,9 +158,7 @@ impl<'a> Problem<'a> {
         let mut g: Vec<Option<f64>> = first.iter().map(|f| f.as_ref().map(|f| f.gain)).collect();
         let size = |j: usize| first[j].as_ref().map_or(1.0, |f| f.size);
         for _ in 0..LINEARISATIONS {
-            let s = Substitution { layout: &self.layout, selected: m, at: &at, gains: &g };
-            let each = |(j, t): (usize, &Triangle)| s.of(j, t, Unit::Current);
-            let equations = triangles.iter().enumerate().map(each).collect::<Result<Vec<_>, _>>()?;
+            let equations = self.equations(triangles, (&at, &g), Unit::Current)?;
             let term = |&(j, t): &(usize, JointTerm)| {
                 let load = if g[j].is_some() { 0.1 * size(j) } else { 0.1 };
                 let (unknown, start) = self.term_unknown(j, t, self.sizes[j].0, load);

@@ -16,12 +16,11 @@ use super::calibration::Ground;
 use super::currents;
 use super::problem::Problem;
 use super::selection::cut;
-use crate::solve::linear::LinearError;
-use ff_least_squares::Triangle;
+use crate::solve::linear::{LinearError, with_priors};
+use ff_least_squares::{Triangle, merge};
 use ff_linalg as linalg;
 use ff_linalg::LinalgError;
 use ff_records::Record;
-use nalgebra::{DMatrix, DVector};
 
 /// Deviation of a direction by the others over that by the block itself, above which it is left out.
 const LESS_KNOWN: f64 = 10.0;
@@ -43,31 +42,25 @@ impl Ground<'_> {
         let terms = self.all_terms();
         let n = selected.len() + terms.len();
         let problem = Problem::new(self, &groups, of, (selected, start), terms);
-        let gains = &found.joints.gains;
-        let sigma = found.fit.kinds.iter().zip(gains).map(|(k, g)| k.sigma * g.map_or(1.0, f64::abs));
-        let sigma: Vec<f64> = sigma.collect();
-        let blocks = cut(&problem, &groups, &found.fit.values, gains)?;
-        let blocks = blocks.iter().map(|b| whitened(b, &sigma, n)).collect::<Result<Vec<_>, _>>()?;
+        let blocks = cut(&problem, &groups, &found.fit.values, &found.joints.gains)?;
+        let sigma = found.torque_sigma();
         // What the others do not tell stays where all have it.
         let all = found.fit.parameters.iter().chain(&found.fit.extra).zip(&found.fit.uncertainty.unknowns);
-        let mut near = DMatrix::zeros(n, n + 1);
-        for (k, (p, u)) in all.take(n).enumerate() {
-            (near[(k, k)], near[(k, n)]) = (1.0 / u.size, p.value / u.size);
-        }
+        let near: Vec<_> = all.take(n).enumerate().map(|(k, (p, u))| (k, p.value, u.size)).collect();
         let (mut sum, mut count) = (0.0, 0);
         for (i, block) in blocks.iter().enumerate() {
-            let others: Vec<&DMatrix<f64>> = blocks.iter().enumerate().filter(|(k, _)| *k != i).map(|b| b.1).collect();
+            let others: Vec<Triangle> =
+                blocks.iter().enumerate().filter(|(k, _)| *k != i).flat_map(|b| b.1.clone()).collect();
             if others.is_empty() {
                 continue;
             }
-            let known = linalg::qr_r(&stacked(&[&others[..], &[&near]].concat()))?;
-            let root = known.view((0, 0), (n, n)).into_owned();
+            let known = with_priors(merge(n, &others, &sigma.repeat(blocks.len() - 1))?, &near)?;
+            let own = merge(n, block, &sigma)?;
             let singular = || LinalgError::RankDeficient { rank: 0, columns: n, dependent: Vec::new() };
-            let x = root.solve_upper_triangular(&known.view((0, n), (n, 1)).column(0)).ok_or_else(singular)?;
-            let (r, z) = (block.columns(0, n), block.column(n));
+            let x = known.r.solve_upper_triangular(&known.d).ok_or_else(singular)?;
             // A = R_i root^-1.
-            let a = root.tr_solve_upper_triangular(&r.transpose()).ok_or_else(singular)?.transpose();
-            let e: DVector<f64> = z - r * x;
+            let a = known.r.tr_solve_upper_triangular(&own.r.transpose()).ok_or_else(singular)?.transpose();
+            let e = own.d - own.r * x;
             let svd = linalg::svd(&a)?;
             for (k, w) in svd.s.iter().enumerate().filter(|(_, w)| (1.0 / LESS_KNOWN..LESS_KNOWN).contains(*w)) {
                 sum += svd.u.column(k).dot(&e).powi(2) / (1.0 + w * w);
@@ -76,29 +69,4 @@ impl Ground<'_> {
         }
         Ok(if count == 0 { 1.0 } else { sum / f64::from(count) })
     }
-}
-
-/// The triangle of all joints of a block over `n` unknowns and the right side, without what no unknown explains. Allocates.
-fn whitened(block: &[Triangle], sigma: &[f64], n: usize) -> Result<DMatrix<f64>, LinalgError> {
-    let rows = block.iter().map(|t| t.r.nrows()).sum::<usize>().max(n + 1);
-    let mut all = DMatrix::zeros(rows, n + 1);
-    let mut at = 0;
-    for (t, sigma) in block.iter().zip(sigma) {
-        for (k, to) in t.columns.iter().copied().chain([n]).enumerate() {
-            all.view_mut((at, to), (t.r.nrows(), 1)).copy_from(&(t.r.column(k) / *sigma));
-        }
-        at += t.r.nrows();
-    }
-    Ok(linalg::qr_r(&all)?.rows(0, n).into_owned())
-}
-
-fn stacked(parts: &[&DMatrix<f64>]) -> DMatrix<f64> {
-    let rows = parts.iter().map(|p| p.nrows()).sum();
-    let mut out = DMatrix::zeros(rows, parts.first().map_or(0, |p| p.ncols()));
-    let mut at = 0;
-    for p in parts {
-        out.rows_mut(at, p.nrows()).copy_from(*p);
-        at += p.nrows();
-    }
-    out
 }
