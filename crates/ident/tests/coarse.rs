@@ -61,6 +61,29 @@ fn rows_of_less_data_are_rows_of_all_through_masks_ties_and_several_records() {
 }
 
 #[test]
+fn where_samples_are_few_a_first_pass_takes_longer_steps() {
+    let l = paper("flex.toml");
+    let record = exact(&l, &run(&l, &planned(&l, 30.0, 10), 30.0)).thinned(10).unwrap();
+    let values = Params::<f64>::nominal(&l.model).values().to_vec();
+    let of =
+        |substeps: usize| OutputError::new(&l.model, &record, &Options { substeps, ..Options::new(NOISE) }).unwrap();
+    let (mut fine, mut once) = (of(24), of(1));
+    assert!(once.coarse(&values).is_none());
+    let residuals = |oe: &mut dyn Estimator| {
+        let mut r = vec![0.0; oe.rows()];
+        oe.residuals(&values, &[], &mut r).unwrap();
+        r
+    };
+    let (exact, rough) = (residuals(&mut fine), residuals(&mut once));
+    let mut first = fine.coarse(&values).unwrap();
+    let first = residuals(&mut *first.estimator);
+    // All rows, neither as in the steps of the fit nor as in one step a sample.
+    assert_eq!(first.len(), exact.len());
+    let apart = |a: &[f64]| norm(&a.iter().zip(&exact).map(|(a, b)| a - b).collect::<Vec<_>>());
+    assert!(apart(&first) > 0.0 && apart(&first) <= apart(&rough), "{:e} {:e}", apart(&first), apart(&rough));
+}
+
+#[test]
 fn the_way_over_less_data_leads_to_the_same_answer() {
     let l = paper("flex.toml");
     let record = exact(&l, &run(&l, &planned(&l, 30.0, 10), 30.0));

@@ -13,11 +13,16 @@ const APPROACHED: (f64, f64) = (1e-4, 1e-2);
 /// Promised reduction of chi-squared below which it has, too.
 const APPROACHED_GAIN: f64 = 0.03;
 
+/// See [`Request::give_up`].
+const GIVEN_UP: usize = 10;
+/// Factor on the rows of a pass from which a finer one is worth its time.
+const FINER: f64 = 1.5;
+
 /// Linearisations after which a first pass that has not ended is taken to be lost in a valley, and is led there over growing parts of
 /// the record. Passes that find their way take fewer.
 const LOST: usize = 12;
 /// Mean squared residual from which its end does not explain the data, and it is led as well.
-const UNEXPLAINED: f64 = 4.0;
+const UNEXPLAINED: f64 = 1.5;
 /// Parts of the record it is led over.
 const PARTS: [f64; 4] = [0.0625, 0.125, 0.25, 0.5];
 /// Linearisations of each of them.
@@ -51,13 +56,37 @@ pub(super) fn approach(
     } else {
         approach(&lax, thinner, sizes, references, &mut there);
     }
-    let end = pass(&lax, thinner, sizes, references, &mut there);
+    let lax = unless_hopeless(&lax, thinner, sizes, references, &there);
+    let mut end = pass(&lax, thinner, sizes, references, &mut there);
+    let rows = thin.estimator.rows();
     drop(thin);
+    // Springs that have stiffened on the way ask for finer steps.
+    if let Some(mut finer) = estimator.coarse(&there.full).filter(|c| c.estimator.rows() as f64 > FINER * rows as f64) {
+        let again = pass(&lax, &mut *finer.estimator, sizes, references, &mut there);
+        end = again.or(end);
+    }
     place.iterations = there.iterations;
     // Where the pass got to counts, even where it did not get to its end: all data decide.
     if end.is_some() {
         *place = better(request, estimator, sizes, references, [place.clone(), there]);
     }
+}
+
+/// The request, or one of few linearisations where what led to `place` has led nowhere ([`Request::give_up`]).
+pub(super) fn unless_hopeless<'r>(
+    request: &Request<'r>,
+    estimator: &mut dyn Estimator,
+    sizes: &[f64],
+    references: &[Reference],
+    place: &Place,
+) -> Request<'r> {
+    let mut out = request.clone();
+    let Some(limit) = request.give_up.filter(|_| place.iterations > 0) else { return out };
+    let left = cost(request, estimator, sizes, references, place);
+    if left.is_none_or(|c| c > limit * estimator.rows() as f64) {
+        out.settings.max_iterations = GIVEN_UP.min(out.settings.max_iterations);
+    }
+    out
 }
 
 /// One pass over less data from `place`; none when it fails.

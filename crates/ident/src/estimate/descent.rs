@@ -5,6 +5,7 @@ use crate::estimate::fit::{Evaluated, Fit, Reference};
 use crate::estimate::outcome::{EstimateError, Linearisation};
 use crate::estimate::request::Request;
 use crate::parameters::scale;
+use crate::parameters::springs::springs_in_rows;
 use crate::parameters::transform::{Transform, TransformError};
 use ff_least_squares::{Criterion, Iterate, LmError, Scale, Settings, Solution, Status, minimise_linearised};
 use ff_model::{ParamDecl, ParamGroup};
@@ -99,13 +100,14 @@ pub(super) fn settle(
         ..request.settings.clone()
     };
     let rows = estimator.rows();
+    let in_rows = springs_in_rows(request.decls, request.selected);
     let mut last = None;
     let (mut by_data, mut hops, mut promised) = (true, HOPS, None);
     let (mut flat_steps, mut creeps, mut crept_from) = (0, 0, place.full.clone());
     let end = loop {
         // Coordinates around the present estimate: linear in the bodies, scaled by them.
         let transform = match (Transform::affine(request.decls, request.selected, &place.full), last.take()) {
-            (Ok(t), _) => t.scaled_at_least(request.start),
+            (Ok(t), _) => t.scaled_at_least(request.start).reciprocal(&in_rows, &place.full),
             // The fit has pressed a body against the boundary of what is physical: that is the answer.
             (Err(TransformError::Boundary { .. }), Some(t)) => {
                 break (t, Status::AtBound { at: Vec::new(), by: Criterion::Step });

@@ -9,7 +9,7 @@
 
 use crate::belief::covariance::{Unknown, analyse};
 use crate::belief::prior::PriorRow;
-use crate::estimate::approach::approach;
+use crate::estimate::approach::{approach, unless_hopeless};
 use crate::estimate::descent::{Place, Way, settle};
 use crate::estimate::estimator::Estimator;
 use crate::estimate::fit::{Evaluated, Reference};
@@ -66,6 +66,7 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
     if request.coarse {
         approach(request, estimator, &sizes_extra, &mut references, &mut place);
     }
+    let request = &unless_hopeless(request, estimator, &sizes_extra, &references, &place);
     let threads = request.jacobian.threads(estimator.rows(), n + extra.len());
     let mut evaluated = Evaluated::new(threads);
     let mut hop =

@@ -104,8 +104,8 @@ impl<'a> OutputError<'a> {
         let OutputRows { model, record, options: own, .. } = &self.rows;
         Self::with_tables(model, record.clone(), &own.with(own.substeps, options), self.tables.shared(), 1)
     }
-    /// [`OutputError::with_options`] for columns that need not be exact: simulated on a grid with twenty samples per period of the fastest
-    /// mode at `full`, but no more than a tenth of a second apart, and interpolated at the readings. A component at a tenth of the grid's
+    /// [`OutputError::with_options`] for columns that need not be exact: simulated in steps of which twenty make a period of the fastest
+    /// mode at `full`, but no more than a tenth of a second long, and interpolated at the readings where a step spans several. A component at a tenth of the grid's
     /// rate is then off by 3e-4 of itself (`docs/theory/output-operator.md`), one at a fifth by 2 %.
     ///
     /// # Errors
@@ -116,8 +116,8 @@ impl<'a> OutputError<'a> {
         let fastest = beside.fold(self.fastest(full).unwrap_or(0.0), f64::max);
         let step = if fastest > 0.0 { COARSEST.min(1.0 / (SURVEYED * fastest)) } else { COARSEST };
         let every = ((step / record.dt()) as usize).min(record.samples() / LEAST_SAMPLES).max(1);
-        let (substeps, tables) =
-            if every > 1 { (1, self.tables.thinned(every)) } else { (own.substeps, self.tables.shared()) };
+        let substeps = if every > 1 { 1 } else { ((record.dt() / step).ceil() as usize).clamp(1, own.substeps) };
+        let tables = self.tables.thinned(every, substeps);
         Self::with_tables(model, record.clone(), &own.with(substeps, options), tables, every)
     }
     /// Whether rows are listed sample by sample, torques before gyro; else those of all torque samples come first.
@@ -169,15 +169,24 @@ impl<'a> OutputError<'a> {
         }
         Ok(Self { rows, tables, thinned: 0 })
     }
-    /// How many samples a first pass can go on by. With ten of them left per period of the fastest mode, steps of the integration
-    /// as long are off by less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %.
-    fn stride(&self, full: &[f64]) -> Option<usize> {
+    /// How many samples a first pass can go on by, and its steps per sample. With ten steps left per period of the fastest mode, it is off by
+    /// less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %. `None` where such a pass would not be cheaper.
+    fn stride(&self, full: &[f64]) -> Option<(usize, usize)> {
         let per_period = PER_PERIOD.get(self.thinned)?;
-        let (record, fastest) = (&self.rows.record, self.fastest(full)?);
-        let every = 1.0 / (per_period * fastest * record.dt());
+        let (OutputRows { record, options, .. }, fastest) = (&self.rows, self.fastest(full)?);
+        let samples_per_step = 1.0 / (per_period * fastest * record.dt());
         // NaN where there is no mode.
+        if !samples_per_step.is_finite() {
+            return None;
+        }
         let enough = record.samples() / LEAST_SAMPLES;
-        if every.is_finite() { Some((every as usize).min(enough).min(THINNEST)) } else { None }
+        let every = (samples_per_step as usize).min(enough).min(THINNEST);
+        if every > 1 {
+            return Some((every, 1));
+        }
+        // All samples, in longer steps.
+        let substeps = (1.0 / samples_per_step).floor().max(1.0) as usize;
+        (2 * substeps <= options.substeps).then_some((1, substeps))
     }
 }
 
@@ -319,13 +328,13 @@ impl Estimator for OutputError<'_> {
         self.rows.nuisance()
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        let every = self.stride(full).filter(|&every| every > 1)?;
-        let record = Cow::Owned(self.rows.record.thinned(every).ok()?);
-        let OutputRows { model, options, kinematics, initial, .. } = &self.rows;
-        let motion = self.tables.moving();
-        let rows = OutputRows::new(model, record, options.clone(), (kinematics.clone(), initial.clone()), motion);
+        let (every, substeps) = self.stride(full)?;
+        let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
+        let record = if every > 1 { Cow::Owned(record.thinned(every).ok()?) } else { record.clone() };
+        let (motion, options) = (self.tables.moving(), Options { substeps, ..options.clone() });
+        let rows = OutputRows::new(model, record, options, (kinematics.clone(), initial.clone()), motion);
         let rows = OutputRows { draws: self.rows.draws, ..rows };
-        let thin = OutputError { rows, tables: self.tables.thinned(every), thinned: self.thinned + 1 };
+        let thin = OutputError { rows, tables: self.tables.thinned(every, substeps), thinned: self.thinned + 1 };
         Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {

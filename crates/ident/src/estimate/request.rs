@@ -97,6 +97,9 @@ pub struct Request<'a> {
     /// Take the way to the answer over less data, where the estimator offers that ([`Estimator::coarse`](crate::Estimator::coarse)). The answer and its
     /// deviations are those of all data either way.
     pub coarse: bool,
+    /// Mean squared residual above which the end of the way over less data is taken to lead nowhere: all data are then linearised ten times only,
+    /// since other starts find more in that time. None: they are linearised as often as the settings say.
+    pub give_up: Option<f64>,
     /// Take the last steps to the answer over fewer rows that have the cost of all of them nearby ([`crate::estimate::Around`]), where the
     /// estimator offers that and the loss is that of squares. Whether the fit is at its end is told by all data.
     pub near_end: bool,
@@ -120,6 +123,7 @@ impl<'a> Request<'a> {
             anchor: None,
             loss: Loss::Squares,
             coarse: true,
+            give_up: None,
             near_end: true,
             jacobian: Jacobian::default(),
             settings: Settings::default(),

@@ -85,10 +85,10 @@ impl Tables {
             passing: None,
         }
     }
-    /// Of the record with every `every`-th sample: the same motion, one step per sample.
-    pub(crate) fn thinned(&self, every: usize) -> Self {
+    /// Of the record with every `every`-th sample: the same motion, so many steps per sample.
+    pub(crate) fn thinned(&self, every: usize, substeps: usize) -> Self {
         let Sampling { samples, sample_s, .. } = self.sampling;
-        let sampling = Sampling { samples: samples.div_ceil(every), sample_s: sample_s * every as f64, substeps: 1 };
+        let sampling = Sampling { samples: samples.div_ceil(every), sample_s: sample_s * every as f64, substeps };
         Self { sampling, kept: None, ..self.shared() }
     }
     /// Of the first `samples` of the record: the same motion and steps.

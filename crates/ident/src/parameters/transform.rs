@@ -90,6 +90,7 @@ enum Block {
     Affine { at: usize, name: String, map: Box<Affine> },
     Log { at: usize },
     Scaled { at: usize, scale: f64 },
+    Reciprocal { at: usize, scale: f64 },
 }
 
 /// The map between selected physical parameters and unconstrained coordinates; both have [`Transform::dim`]
@@ -209,7 +210,7 @@ impl Transform {
         for b in &mut t.blocks {
             let own = match b {
                 Block::Body { at, .. } | Block::Affine { at, .. } => (*at, 10),
-                Block::Log { at } | Block::Scaled { at, .. } => (*at, 1),
+                Block::Log { at } | Block::Scaled { at, .. } | Block::Reciprocal { at, .. } => (*at, 1),
             };
             if !straight(own.0, own.1) {
                 continue;
@@ -234,6 +235,19 @@ impl Transform {
                 && self.decls[*at].group == ParamGroup::Positive
             {
                 *scale = scale.max(full[self.selected[*at]].abs());
+            }
+        }
+        self
+    }
+    /// With the reciprocals of the parameters at these places of the selection as coordinates, scaled so that 1 is where `full` has them: the
+    /// compliances of springs in a row (`crate::parameters::springs`).
+    #[must_use]
+    pub(crate) fn reciprocal(mut self, which: &[usize], full: &[f64]) -> Self {
+        for b in &mut self.blocks {
+            if let Block::Scaled { at, .. } = *b
+                && which.contains(&at)
+            {
+                *b = Block::Reciprocal { at, scale: full[self.selected[at]] };
             }
         }
         self
@@ -289,6 +303,7 @@ impl Transform {
                 Block::Affine { name, .. } => out.extend((0..10).map(|k| format!("{name}:S{k}"))),
                 Block::Log { at } => out.push(format!("ln {}", self.decls[*at].name)),
                 Block::Scaled { at, scale } => out.push(format!("{} / {scale}", self.decls[*at].name)),
+                Block::Reciprocal { at, scale } => out.push(format!("{scale} / {}", self.decls[*at].name)),
             }
         }
         out
@@ -320,6 +335,7 @@ impl Transform {
                     return Err(TransformError::NotPositive { name: d.name.clone(), value: p[*at], unit: d.unit });
                 }
                 Block::Scaled { at, scale } => x[*at] = p[*at] / scale,
+                Block::Reciprocal { at, scale } => x[*at] = scale / p[*at],
             }
         }
         Ok(x)
@@ -345,6 +361,7 @@ impl Transform {
                 }
                 Block::Log { at } => full[self.selected[*at]] = x[*at].exp(),
                 Block::Scaled { at, scale } => full[self.selected[*at]] = x[*at] * scale,
+                Block::Reciprocal { at, scale } => full[self.selected[*at]] = scale / x[*at],
             }
         }
     }
@@ -382,7 +399,8 @@ impl Transform {
             match b {
                 Block::Body { at, .. } => out[*at..at + 4].copy_from_slice(&[20.0, 2.0, 3.0, 4.0]),
                 Block::Log { at } => out[*at] = 1.0,
-                Block::Affine { .. } | Block::Scaled { .. } => {}
+                // Reciprocals, of which it is not linear, are coordinates of fits alone.
+                Block::Affine { .. } | Block::Scaled { .. } | Block::Reciprocal { .. } => {}
             }
         }
         out
@@ -433,6 +451,10 @@ impl Transform {
                     m[(0, 0)] = *scale;
                     (*at, 1)
                 }
+                Block::Reciprocal { at, scale } => {
+                    m[(0, 0)] = -scale / x[*at].powi(2);
+                    (*at, 1)
+                }
             };
             f(at, n, &m);
         }
@@ -451,6 +473,10 @@ impl Transform {
                 Block::Scaled { at, scale } => {
                     let (lo, hi) = self.decls[*at].bounds;
                     out[*at] = (lo / scale, hi / scale);
+                }
+                Block::Reciprocal { at, scale } => {
+                    let (lo, hi) = self.decls[*at].bounds;
+                    out[*at] = (scale / hi, if lo > 0.0 { scale / lo } else { f64::INFINITY });
                 }
             }
         }

@@ -7,11 +7,12 @@
 //! * `exact`: nothing is wrong, one minute; how often the model is contradicted all the same. `bits`: encoders of 16 bits in place of
 //!   white noise. `long`: the record of `--long`, an hour (left out without it: 35 MB that `fixtures/verdict/generate.py` makes).
 //! * `size-36`, `size-900`: one error of each of the kinds of `faults`, in turn, or two of them (`pairs`), each so large that the square of
-//!   it over its deviation with all else free is that number. The deviations are those of the sensors' noise; what noise of the
-//!   encoders adds comes on top.
+//!   it over its deviation with all else free is that number. The deviations are those of the worlds' noise, that of the encoders
+//!   included, which a planned motion with corners carries into the prediction: a gyro that drifts is known to a tenth there of what gyro and torques alone would tell.
 //!
 //! The sizes come from fits without noise (part `clean`, the deviations of all errors with nothing wrong; parts `reference-36` and `reference-900`,
-//! each kind at that size, tried again until it is met to 5 %): there chi-squared falls by that square. An error whose score test falls by as much as that of the
+//! each kind at that size, tried again until it is met to 5 %): there chi-squared falls by that square, over the square of what noise of the encoders multiplies the error's deviation by (part `noisy`: deviations
+//! in worlds with noise and nothing wrong). An error whose score test falls by as much as that of the
 //! true one, to a correlation above [`ident::uncertain::ALIKE`], is of its class: the record cannot choose. These fits tell as well how far an
 //! error moves the estimates, which no residual shows.
 
@@ -205,7 +206,7 @@ struct Setup {
 pub fn run(args: &Args) -> anyhow::Result<Study> {
     let options = &args.options;
     let mut study = Study::new("verdict", options.seed);
-    let trials = Trials::open("verdict", 2, options)?;
+    let trials = Trials::open("verdict", 3, options)?;
     let world = World::new("start.toml")?;
     let clean = RECORDS.iter().map(|name| world.clean(name)).collect::<anyhow::Result<Vec<_>>>()?;
     let mut setup = Setup { world, clean, quick: options.quick, references: Vec::new() };
@@ -230,7 +231,7 @@ pub fn run(args: &Args) -> anyhow::Result<Study> {
     }
     let sizes: Vec<u32> =
         SIZES.into_iter().filter(|s| !options.quick || *s == 900).filter(|s| options.wants(&part(*s))).collect();
-    let deviations = if sizes.is_empty() { Vec::new() } else { setup.deviations(&trials)? };
+    let deviations = if sizes.is_empty() { [Vec::new(), Vec::new()] } else { setup.deviations(&trials)? };
     for squared in sizes {
         setup.references = setup.refer_all(squared, &deviations, &trials)?;
         faulty(&setup, squared, &trials, options, &mut study)?;
@@ -386,35 +387,51 @@ impl Setup {
     fn reference(&self, record: usize, kind: usize) -> anyhow::Result<&Reference> {
         self.references.get(record * KINDS.len() + kind).context("a record without references")
     }
-    /// Deviations of all errors on every record, with nothing wrong and no noise.
-    fn deviations(&self, trials: &Trials) -> anyhow::Result<Vec<Deviations>> {
+    /// Deviations of all errors on every record, with nothing wrong: without noise, and with it.
+    fn deviations(&self, trials: &Trials) -> anyhow::Result<[Vec<Deviations>; 2]> {
         let records = if self.quick { 1 } else { RECORDS.len() as u64 };
-        trials.run("clean", 0..records, |t| {
-            let found = self.world.fit(&self.world.truth, &self.clean[t.number as usize])?;
+        let of = |readings: &Readings| {
+            let found = self.world.fit(&self.world.truth, readings)?;
             let of = |e: &NamedError| (e.name.clone(), e.size.iter().map(|s| s.std).collect::<Vec<f64>>());
             Ok(found.tried.iter().map(of).collect())
-        })
+        };
+        let clean = trials.run("clean", 0..records, |t| of(&self.clean[t.number as usize]))?;
+        let noisy = trials.run("noisy", 0..records, |t| {
+            let mut readings = self.clean[t.number as usize].clone();
+            self.world.noise(&mut readings, Encoder::Noisy, &mut t.rng());
+            of(&readings)
+        })?;
+        Ok([clean, noisy])
     }
     /// A world of each kind without noise, on every record, in which it has this square.
-    fn refer_all(&self, squared: u32, deviations: &[Deviations], trials: &Trials) -> anyhow::Result<Vec<Reference>> {
-        let (records, kinds) = (deviations.len() as u64, KINDS.len() as u64);
+    fn refer_all(
+        &self,
+        squared: u32,
+        [clean, noisy]: &[Vec<Deviations>; 2],
+        trials: &Trials,
+    ) -> anyhow::Result<Vec<Reference>> {
+        let (records, kinds) = (clean.len() as u64, KINDS.len() as u64);
         trials.run(&format!("reference-{squared}"), 0..records * kinds, |t| {
             let (record, kind) = ((t.number / kinds) as usize, &KINDS[(t.number % kinds) as usize]);
-            let found = deviations[record].iter().find(|d| d.0 == kind.cause);
-            let (_, deviation) =
-                found.with_context(|| format!("{} was not tested on {}", kind.cause, RECORDS[record]))?;
-            let mut at = self.refer(kind, f64::from(squared).sqrt() * kind.deviation(deviation), record)?;
+            let of = |all: &[Deviations]| -> anyhow::Result<f64> {
+                let found = all[record].iter().find(|d| d.0 == kind.cause);
+                let found = found.with_context(|| format!("{} was not tested on {}", kind.cause, RECORDS[record]))?;
+                Ok(kind.deviation(&found.1))
+            };
+            let (clean, noisy) = (of(clean)?, of(noisy)?);
+            let share = (clean / noisy).min(1.0);
+            let mut at = self.refer(kind, f64::from(squared).sqrt() * noisy, (record, share))?;
             for _ in 1..LOOKS {
                 if (at.squared / f64::from(squared) - 1.0).abs() < MET {
                     break;
                 }
-                at = self.refer(kind, at.size_for(squared), record)?;
+                at = self.refer(kind, at.size_for(squared), (record, share))?;
             }
             Ok(at)
         })
     }
-    /// A world with this error and without noise.
-    fn refer(&self, kind: &Kind, size: f64, record: usize) -> anyhow::Result<Reference> {
+    /// A world with this error and without noise; the share of its deviation with noise of the encoders that it has without.
+    fn refer(&self, kind: &Kind, size: f64, (record, share): (usize, f64)) -> anyhow::Result<Reference> {
         let (mut readings, mut opened): (Readings, Opened) = (self.clean[record].clone(), self.world.truth.clone());
         kind.apply(size, &mut readings, &mut opened.model).with_context(|| kind.name)?;
         let found = self.world.fit(&opened, &readings)?;
@@ -428,6 +445,6 @@ impl Setup {
             let truth = decls.iter().find(|d| d.name == p.name)?.nominal;
             Some((p.value - truth) / p.std?)
         });
-        Ok(Reference { size, squared: own.drop, class, moved: moved.collect() })
+        Ok(Reference { size, squared: own.drop * share * share, class, moved: moved.collect() })
     }
 }

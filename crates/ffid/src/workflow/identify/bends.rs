@@ -6,7 +6,7 @@
 //! parabola says. Where it has not, every parameter that was asked for is looked at two deviations to either side, the others moved by one
 //! linearisation (a chord); the valley is followed along those that rise too slowly, to where chi-squared has risen by 3.84, the end of
 //! a 95 % interval (the profile, [`ident::belief::profile`]). There the covariance is made to allow for what was found
-//! (docs/theory/output-error.md).
+//! (docs/theory/output-error.md). Where the valley leads down instead, the fit has not ended where it is lowest, and goes on from there.
 
 use super::chord::{Chord, Place};
 use super::elsewhere::explains;
@@ -43,32 +43,70 @@ const SHRINKS: f64 = 0.3;
 /// Width of the prior that holds a parameter while the others are fitted, in deviations, and linearisations of such a fit.
 const HELD: f64 = 1e-3;
 const REFITS: usize = 4;
+/// Fall of chi-squared along a valley from which the fit goes on from there.
+const LOWER: f64 = 0.3;
 /// Part of a variance that an end of an interval adds to it, below which it is left.
 const LEAST: f64 = 0.02;
 
-/// Looks whether the valley of a fit bends, and makes its deviations allow for it; gives the intervals of parameters that were followed.
+/// What was found along a valley.
+pub(super) enum Followed {
+    /// Intervals of parameters that were followed: none where it is a parabola.
+    Up(Vec<Profile>),
+    /// A place that is lower than the end of the fit: all parameters.
+    Down(Vec<f64>),
+}
+
+/// Looks whether the valley of a fit bends, and makes its deviations allow for it, unless it leads down.
 pub(super) fn follow(
     request: &Request<'_>,
     ending: &mut Ending,
     is_asked: impl Fn(usize) -> bool,
     estimator: &mut ObservedEstimator<'_>,
+) -> Followed {
+    looked_along(request, ending, (&is_asked, LOWER), estimator)
+}
+
+/// As [`follow`], wherever it leads.
+pub(super) fn widened(
+    request: &Request<'_>,
+    ending: &mut Ending,
+    is_asked: impl Fn(usize) -> bool,
+    estimator: &mut ObservedEstimator<'_>,
 ) -> Vec<Profile> {
+    match looked_along(request, ending, (&is_asked, f64::INFINITY), estimator) {
+        Followed::Up(profiles) => profiles,
+        Followed::Down(_) => Vec::new(),
+    }
+}
+
+/// See [`follow`]: down is what is lower by more than this.
+fn looked_along(
+    request: &Request<'_>,
+    ending: &mut Ending,
+    (is_asked, down): (&dyn Fn(usize) -> bool, f64),
+    estimator: &mut ObservedEstimator<'_>,
+) -> Followed {
     let e = &ending.estimate;
     let u = ending.alone.as_ref().unwrap_or(&e.uncertainty);
     let columns = request.selected.len() + e.nuisance.len();
     let large = e.residuals.len().saturating_mul(8 * columns) > KEPT_BYTES;
     let folded = request.loss != Loss::Squares || request.prior_width.is_some() || large;
     if folded || !e.is_solution() || !explains(e) || !u.full_rank() {
-        return Vec::new();
+        return Followed::Up(Vec::new());
     }
     let near = estimator.around(request, e, |i| !is_asked(i));
-    let found = near
-        .map(|(mut near, beyond)| Bend { request, e, u, least: e.objective - beyond }.followed(&is_asked, &mut near));
+    let found = near.map(|(mut near, beyond)| {
+        Bend { request, e, u, down, least: e.objective - beyond }.followed(is_asked, &mut near)
+    });
     let found = match found {
         Some(found) => found,
-        None => Bend { request, e, u, least: e.objective }.followed(&is_asked, estimator),
+        None => Bend { request, e, u, down, least: e.objective }.followed(is_asked, estimator),
     };
-    let Some((profiles, covariance)) = found else { return Vec::new() };
+    let (profiles, covariance) = match found {
+        None => return Followed::Up(Vec::new()),
+        Some(Err(place)) => return Followed::Down(place),
+        Some(Ok(found)) => found,
+    };
     let before = e.uncertainty.clone();
     if covariance != before.covariance {
         let e = &mut ending.estimate;
@@ -77,8 +115,11 @@ pub(super) fn follow(
         all.zip(&e.uncertainty.deviation).for_each(|(p, std)| p.std = *std);
         ending.alone.get_or_insert(before);
     }
-    profiles
+    Followed::Up(profiles)
 }
+
+/// Intervals and the covariance that allows for them, or a place that is lower than where they were looked at from.
+type Looked = Result<(Vec<Profile>, DMatrix<f64>), Vec<f64>>;
 
 /// What a valley is looked at from.
 struct Bend<'a> {
@@ -86,17 +127,14 @@ struct Bend<'a> {
     e: &'a Estimate,
     /// The parabola at its bottom.
     u: &'a Uncertainty,
-    /// Cost there, of the rows that it is looked at by.
+    /// Cost there, of the rows that it is looked at by, and how much lower a place is at which the fit goes on.
     least: f64,
+    down: f64,
 }
 
 impl Bend<'_> {
     /// Intervals of the parameters along which the valley bends, and a covariance that allows for them; `None` where it does not.
-    fn followed(
-        &self,
-        is_asked: &impl Fn(usize) -> bool,
-        estimator: &mut ObservedEstimator<'_>,
-    ) -> Option<(Vec<Profile>, DMatrix<f64>)> {
+    fn followed(&self, is_asked: &dyn Fn(usize) -> bool, estimator: &mut ObservedEstimator<'_>) -> Option<Looked> {
         let (request, e) = (self.request, self.e);
         if self.is_parabola(estimator) {
             return None;
@@ -105,9 +143,11 @@ impl Bend<'_> {
         let mut slow: Vec<(f64, usize)> = Vec::new();
         for column in (0..request.selected.len()).filter(|&k| is_asked(request.selected[k])) {
             let rises = [-2.0, 2.0].map(|n| self.looked_at(&chord, &self.start(column, n), (column, 4.0), estimator));
-            let least = rises.into_iter().flatten().map(|(rise, _)| rise).fold(f64::INFINITY, f64::min);
-            if least < SLOW {
-                slow.push((least, column));
+            let lowest = rises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
+            match lowest {
+                Some((rise, at)) if rise < -self.down => return Some(Err(at)),
+                Some((rise, _)) if rise < SLOW => slow.push((rise, column)),
+                _ => {}
             }
         }
         slow.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -118,9 +158,12 @@ impl Bend<'_> {
             if estimator.stopped() {
                 break;
             }
-            profiles.push(self.profile(column, &chord, &mut covariance, estimator));
+            match self.profile(column, &chord, &mut covariance, estimator) {
+                Ok(profile) => profiles.push(profile),
+                Err(place) => return Some(Err(place)),
+            }
         }
-        Some((profiles, covariance))
+        Some(Ok((profiles, covariance)))
     }
     fn std(&self, column: usize) -> f64 {
         self.u.covariance[(column, column)].max(0.0).sqrt()
@@ -248,14 +291,14 @@ impl Bend<'_> {
         let prior = own.map_or(0.0, |r| ((got - r.mean) / r.sigma).powi(2));
         Some((found.objective - ((got - value) / pin.sigma).powi(2) + prior - self.least, found.values))
     }
-    /// The profile of one parameter; the covariance is made to allow for its ends.
+    /// The profile of one parameter; the covariance is made to allow for its ends. A place that is lower is an error.
     fn profile(
         &self,
         column: usize,
         chord: &Chord,
         covariance: &mut DMatrix<f64>,
         estimator: &mut ObservedEstimator<'_>,
-    ) -> Profile {
+    ) -> Result<Profile, Vec<f64>> {
         let (p, index, std) = (&self.e.parameters[column], self.request.selected[column], self.std(column));
         let mut points = vec![Point { value: p.value, excess: 0.0, converged: true }];
         let mut interval = [None, None];
@@ -272,6 +315,9 @@ impl Bend<'_> {
                     None => self.refitted(&start, column, &mut near, estimator),
                 };
                 let Some((rise, at)) = found else { break };
+                if rise < -self.down {
+                    return Err(at);
+                }
                 points.push(Point { value: at[index], excess: rise, converged: true });
                 let (root, limit, here) = (rise.max(0.0).sqrt(), LIMIT95.sqrt(), (at[index] - p.value) / std);
                 let step: Vec<f64> = self.request.selected.iter().map(|&i| at[i] - self.e.values[i]).collect();
@@ -292,7 +338,7 @@ impl Bend<'_> {
         }
         points.sort_by(|a, b| a.value.total_cmp(&b.value));
         let (name, unit) = (p.name.clone(), p.unit.clone());
-        Profile { name, unit, value: p.value, points, interval95: (interval[0], interval[1]) }
+        Ok(Profile { name, unit, value: p.value, points, interval95: (interval[0], interval[1]) })
     }
 }
 
@@ -367,15 +413,64 @@ mod tests {
         }
     }
 
-    #[test]
-    fn deviations_allow_for_a_valley_that_bends() {
-        let free = |name: &str| ParamDecl {
+    fn free(name: &str) -> ParamDecl {
+        ParamDecl {
             name: name.into(),
             unit: "m",
             nominal: 0.0,
             bounds: (f64::NEG_INFINITY, f64::INFINITY),
             group: ParamGroup::Free,
-        };
+        }
+    }
+
+    /// A valley with a lower floor behind an edge: the cost is `(x - 1)^2 + c(x)^2 + 400 (y - x)^2`, c falling from 2.5 to nothing at `x = 2.2`.
+    struct Cliff;
+    impl Estimator for Cliff {
+        fn rows(&self) -> usize {
+            3
+        }
+        fn residuals(&mut self, p: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+            r.copy_from_slice(&[p[0] - 1.0, 2.5 / (1.0 + (6.0 * (p[0] - 2.2)).exp()), 20.0 * (p[1] - p[0])]);
+            Ok(())
+        }
+        fn jacobian(
+            &mut self,
+            p: &[f64],
+            extra: &[f64],
+            selected: &[usize],
+            r: &mut [f64],
+            j: &mut DMatrix<f64>,
+        ) -> Result<(), EvalError> {
+            self.residuals(p, extra, r)?;
+            let falls = -6.0 * r[1] * (1.0 - r[1] / 2.5);
+            for (c, &i) in selected.iter().enumerate() {
+                let of = [[1.0, falls, -20.0], [0.0, 0.0, 20.0]][i];
+                (0..3).for_each(|row| j[(row, c)] = of[row]);
+            }
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_valley_that_leads_down_is_where_the_fit_goes_on() {
+        let decls = [free("x"), free("y")];
+        let settings = Solver { cost_floor: 1e-13, ..Solver::default() };
+        let request = Request { settings, ..Request::new(&decls, &[0, 1], &[0.8, 0.7]) };
+        let estimate = attempt(&request, &mut Cliff).unwrap().ended().unwrap();
+        assert!(estimate.values[0] < 1.3, "{:?}", estimate.values);
+        let before = estimate.uncertainty.clone();
+        let mut ending = Ending { estimate, minima: None, alone: None };
+        let (mut cliff, observer) = (Cliff, Observer::default());
+        let mut watched = ObservedEstimator::new(&mut cliff, &observer);
+        let Followed::Down(start) = follow(&request, &mut ending, |i| i == 0, &mut watched) else { panic!("up") };
+        assert!(start[0] > 2.3, "{start:?}");
+        assert_eq!(ending.estimate.uncertainty.covariance, before.covariance);
+        let lower = attempt(&Request { start: &start, ..request.clone() }, &mut watched).unwrap();
+        assert!(lower.objective < ending.estimate.objective - 1.0, "{}", lower.objective);
+    }
+
+    #[test]
+    fn deviations_allow_for_a_valley_that_bends() {
         let decls = [free("x"), free("y")];
         let settings = Solver { cost_floor: 1e-13, ..Solver::default() };
         let request = Request { settings, ..Request::new(&decls, &[0, 1], &[0.4, 0.3]) };
@@ -385,7 +480,7 @@ mod tests {
         let mut ending = Ending { estimate, minima: None, alone: None };
         let (mut banana, observer) = (Banana, Observer::default());
         let mut watched = ObservedEstimator::new(&mut banana, &observer);
-        let profiles = follow(&request, &mut ending, |i| i == 0, &mut watched);
+        let Followed::Up(profiles) = follow(&request, &mut ending, |i| i == 0, &mut watched) else { panic!("down") };
         let (low, high) = profiles[0].interval95;
         // r_0 = 1.96 and -1.96; ends lie on straight lines of the root of the rise, between places a deviation apart.
         let (low, high) = (low.unwrap(), high.unwrap());

@@ -15,7 +15,7 @@ use ff_least_squares::Settings as Solver;
 use ff_model::{Model, ParamGroup, Params};
 use ident::checks::whiteness;
 use ident::estimate::{Estimate, attempt};
-use ident::parameters::wide_start;
+use ident::parameters::{is_stiffness, wide_start};
 use ident::{Estimator, Loss, Request};
 
 /// Deviations of chi-squared per degree of freedom (`sqrt(2 / dof)`) above one at which a fit is taken to have ended in the wrong valley:
@@ -27,10 +27,16 @@ const NO_ANSWER: f64 = 10.0;
 const STRAYED: f64 = 10.0;
 /// The same from which a stiffness alone is given back to the mission.
 const ASTRAY: f64 = 2.0;
-/// Chi-squared per degree of freedom from which random starts are tried as well: residuals of twice the noise.
-const WIDE: f64 = 4.0;
+/// Chi-squared per degree of freedom from which starts far away are tried as well, before more steps on the way there.
+pub(super) const WIDE: f64 = 1.5;
 /// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
 const VANISHED: f64 = 0.01;
+/// Factors on the whole bodies and on the springs of starts whose damping is [`DAMPED`] times that of the mission.
+const EASED: [(f64, f64); 5] = [(1.0, 1.0), (3.0, 1.0), (1.0, 3.0), (1.0 / 3.0, 1.0), (1.0, 1.0 / 3.0)];
+/// See [`EASED`]. Oscillations that die within periods cannot slip by periods.
+const DAMPED: f64 = 10.0;
+/// Factor on a spring up to which modes of a thinned record are allowed for: beyond, it has gone astray.
+const STIFFER: f64 = 10.0;
 /// Starts drawn at random.
 const RANDOM: u64 = 6;
 /// Starts at lines of the residuals, at most.
@@ -113,19 +119,24 @@ fn one_round(
     let Some(start) = best_start(request, &first, (&lines, answers), of, estimator) else { return first };
     match attempt(&Request { start: &start, centre: Some(request.start), ..request.clone() }, estimator) {
         // What has not ended is no answer where there is one, unless it is the better valley.
-        Ok(mut e)
+        Ok(e)
             if e.objective < first.objective
                 && (e.is_solution() || !first.is_solution() || e.objective < first.objective - LOWER) =>
         {
-            e.iterations += first.iterations;
-            e.descent.splice(0..0, first.descent);
-            for (p, &i) in e.parameters.iter_mut().zip(request.selected) {
-                p.start = request.start[i];
-            }
-            e
+            gone_on(e, &first, request)
         }
         _ => first,
     }
+}
+
+/// A fit that went on after the `first`, as one with it.
+pub(super) fn gone_on(mut e: Estimate, first: &Estimate, request: &Request<'_>) -> Estimate {
+    e.iterations += first.iterations;
+    e.descent.splice(0..0, first.descent.iter().cloned());
+    for (p, &i) in e.parameters.iter_mut().zip(request.selected) {
+        p.start = request.start[i];
+    }
+    e
 }
 
 /// Whether a positive parameter is gone.
@@ -167,13 +178,18 @@ fn best_start(
     let back = strayed(request, first);
     let mut starts: Vec<Vec<f64>> = if back.is_empty() { Vec::new() } else { vec![first.values.clone()] };
     starts.iter_mut().for_each(|s| back.iter().for_each(|&i| s[i] = request.start[i]));
-    starts.extend(aimed(request, first, lines, of));
-    starts.extend(given_back(request, first));
-    if first.chi2_per_dof > WIDE || vanished(request, first) {
+    let mine = starts.len();
+    let far = first.chi2_per_dof > WIDE;
+    if far || vanished(request, first) {
         let seed = |k: u64| of.settings.seed.wrapping_add(1 + k);
+        starts.extend(EASED.iter().map(|&(base, springs)| eased(request, base, springs)));
         starts.extend((0..RANDOM).map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
     }
-    let thin = estimator.coarse(request.start)?;
+    // Lines of residuals far off are those of everything.
+    let near = [aimed(request, first, lines, of), given_back(request, first)].concat();
+    let at = if far { starts.len() } else { mine };
+    starts.splice(at..at, near);
+    let thin = estimator.coarse(&stiffest(request, &first.values))?;
     let mut thin = thin.estimator;
     let max_iterations = MOST.min(request.settings.max_iterations);
     let settings = Solver { decrement_tolerance: SHOWN, max_iterations, ..request.settings.clone() };
@@ -200,6 +216,31 @@ fn best_start(
         }
     }
     best.1
+}
+
+/// The start with bodies, springs and dampers changed together ([`EASED`]).
+fn eased(request: &Request<'_>, bodies: f64, springs: f64) -> Vec<f64> {
+    let mut out = request.start.to_vec();
+    for &i in request.selected {
+        let d = &request.decls[i];
+        out[i] *= match d.group {
+            ParamGroup::Inertial(_) => bodies,
+            _ if is_spring(request, i) => springs,
+            ParamGroup::Positive if matches!(d.unit, "N m s/rad" | "N s/m") => DAMPED,
+            _ => 1.0,
+        };
+    }
+    out
+}
+
+/// The start with every spring at least as stiff as in `other`, up to [`STIFFER`] times: modes there are as fast as in either, which a thinned
+/// record has to follow.
+fn stiffest(request: &Request<'_>, other: &[f64]) -> Vec<f64> {
+    let mut out = request.start.to_vec();
+    for &i in request.selected.iter().filter(|&&i| is_spring(request, i)) {
+        out[i] = other[i].clamp(out[i], STIFFER * out[i]);
+    }
+    out
 }
 
 /// Starts from the end of a fit with one stiffness changed, so that its mode comes to a line of the residuals: the strongest line
@@ -230,7 +271,7 @@ fn aimed(request: &Request<'_>, first: &Estimate, lines: &[f64], of: &Subject<'_
 
 /// Whether this parameter is a stiffness.
 pub(super) fn is_spring(request: &Request<'_>, i: usize) -> bool {
-    matches!(request.decls[i].unit, "N m/rad" | "N/m")
+    is_stiffness(&request.decls[i])
 }
 
 /// Starts from the end of a fit with one stiffness as the mission has it, the farthest from there first: the mode of one that has gone astray may be the line

@@ -1,11 +1,11 @@
 //! One identification: unknowns, fit, reduction, identifiability, profiles, result.
 
 use super::adoption::Adopted;
-use super::bends;
+use super::bends::{self, Followed};
 use super::consider::{self, Side};
 use super::course::Course;
 use super::drives;
-use super::elsewhere::{Subject, elsewhere};
+use super::elsewhere::{Subject, WIDE, elsewhere, gone_on};
 use super::error::{IdentifyError, config};
 use super::evidence::State;
 use super::explain;
@@ -36,7 +36,7 @@ use ident::Estimator;
 use ident::Loss;
 use ident::Request;
 use ident::Several;
-use ident::belief::{ChannelRows, coloured_covariance};
+use ident::belief::{ChannelRows, Profile, coloured_covariance};
 use ident::compose::best_of;
 use ident::compose::{Shared, SharedErrors};
 use ident::estimate::{Estimate, EstimateError, attempt};
@@ -47,6 +47,8 @@ use nalgebra::DMatrix;
 const ANCHOR: f64 = 10.0;
 /// Promised reduction of chi-squared below which a fit is at its end: a thirtieth of a standard deviation is left to go.
 const GAIN: f64 = 1e-3;
+/// How often a fit goes on down a valley that was followed from its end.
+const DOWN: usize = 3;
 /// Relative width of the draws of other starts.
 const SPREAD: f64 = 0.3;
 
@@ -435,6 +437,30 @@ impl Assembly<'_> {
     }
 }
 
+/// Intervals along valleys that bend. Where one leads down, the fit goes on from there ([`DOWN`]).
+fn followed(
+    request: &Request<'_>,
+    ending: &mut Ending,
+    of: &Subject<'_>,
+    estimator: &mut ObservedEstimator<'_>,
+) -> Vec<Profile> {
+    let asked = |i: usize| of.unknowns.is_asked(i);
+    for _ in 0..DOWN {
+        let start = match bends::follow(request, ending, asked, estimator) {
+            Followed::Up(profiles) => return profiles,
+            Followed::Down(start) => start,
+        };
+        let centre = Some(request.centre.unwrap_or(request.start));
+        match attempt(&Request { start: &start, centre, coarse: false, ..request.clone() }, estimator) {
+            Ok(e) if e.is_solution() && e.objective < ending.estimate.objective => {
+                *ending = best_valley(request, gone_on(e, &ending.estimate, request), of, estimator);
+            }
+            _ => break,
+        }
+    }
+    bends::widened(request, ending, asked, estimator)
+}
+
 /// Fits; from several starts, and again with fewer unknowns, when asked to.
 fn solve(
     request: &Request<'_>,
@@ -444,8 +470,13 @@ fn solve(
 ) -> Result<Fitted, IdentifyError> {
     let (unknowns, s) = (of.unknowns, of.settings);
     let mut ending = if options.more_starts == 0 {
-        let first = attempt(request, estimator)?;
-        best_valley(request, elsewhere(request, first, of, estimator), of, estimator)
+        let quick = Request { give_up: Some(WIDE), ..request.clone() };
+        let first = attempt(&quick, estimator)?;
+        let mut best = elsewhere(&quick, first, of, estimator);
+        if !best.is_solution() && best.chi2_per_dof > WIDE {
+            best = gone_on(attempt(&Request { start: &best.values, ..request.clone() }, estimator)?, &best, request);
+        }
+        best_valley(request, best, of, estimator)
     } else {
         let draw = |k: usize| {
             random_start(request.decls, request.start, request.selected, SPREAD, s.seed.wrapping_add(1 + k as u64))
@@ -461,7 +492,7 @@ fn solve(
         };
         Ending { minima: Some(minima), ..ending }
     };
-    let bent = bends::follow(request, &mut ending, |i| unknowns.is_asked(i), estimator);
+    let bent = followed(request, &mut ending, of, estimator);
     let Ending { estimate, minima, alone } = ending;
     let (full, selected) = (estimate.data_only.clone(), request.selected.to_vec());
     let mut out = Fitted { selected, full, estimate, minima, alone, bent, reduced: None };
