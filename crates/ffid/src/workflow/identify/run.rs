@@ -30,7 +30,7 @@ use super::uncertain::UncertainItems;
 use super::unknowns::Unknowns;
 use super::valleys::{Ending, best_valley};
 use crate::open::Opened;
-use ff_least_squares::Settings as Solver;
+use ff_least_squares::{Settings as Solver, Status};
 use ff_model::{Area, Model, Problem, Problems};
 use ident::Estimator;
 use ident::Loss;
@@ -437,6 +437,21 @@ impl Assembly<'_> {
     }
 }
 
+/// A fit that was given up, gone on with ([`Request::give_up`]); one that all its linearisations have not led to an end stays.
+fn finished(
+    request: &Request<'_>,
+    so_far: Estimate,
+    estimator: &mut ObservedEstimator<'_>,
+) -> Result<Estimate, IdentifyError> {
+    let rows = so_far.residuals.len();
+    let steps = so_far.descent.iter().rev().take_while(|step| step.residuals >= rows).count();
+    if so_far.status != Status::IterationLimit || steps >= request.settings.max_iterations {
+        return Ok(so_far);
+    }
+    let on = attempt(&Request { start: &so_far.values, ..request.clone() }, estimator)?;
+    Ok(gone_on(on, &so_far, request))
+}
+
 /// Intervals along valleys that bend. Where one leads down, the fit goes on from there ([`DOWN`]).
 fn followed(
     request: &Request<'_>,
@@ -471,11 +486,13 @@ fn solve(
     let (unknowns, s) = (of.unknowns, of.settings);
     let mut ending = if options.more_starts == 0 {
         let quick = Request { give_up: Some(WIDE), ..request.clone() };
-        let first = attempt(&quick, estimator)?;
-        let mut best = elsewhere(&quick, first, of, estimator);
-        if !best.is_solution() && best.chi2_per_dof > WIDE {
-            best = gone_on(attempt(&Request { start: &best.values, ..request.clone() }, estimator)?, &best, request);
+        let mut best = attempt(&quick, estimator)?;
+        // Ten linearisations may have led near the answer after all.
+        if best.chi2_per_dof < WIDE {
+            best = finished(request, best, estimator)?;
         }
+        best = elsewhere(&quick, best, of, estimator);
+        best = finished(request, best, estimator)?;
         best_valley(request, best, of, estimator)
     } else {
         let draw = |k: usize| {
