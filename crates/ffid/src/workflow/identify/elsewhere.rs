@@ -116,8 +116,14 @@ fn one_round(
     if answers && !vanished(request, &first) {
         return first;
     }
-    let Some(start) = best_start(request, &first, (&lines, answers), of, estimator) else { return first };
-    match attempt(&Request { start: &start, centre: Some(request.start), ..request.clone() }, estimator) {
+    // All data say whether what has vanished is wanted after all: a thinned record is explained without it.
+    let (start, coarse) = if answers {
+        (given_life(request, &first), false)
+    } else {
+        let Some(start) = best_start(request, &first, &lines, of, estimator) else { return first };
+        (start, request.coarse)
+    };
+    match attempt(&Request { start: &start, centre: Some(request.start), coarse, ..request.clone() }, estimator) {
         // What has not ended is no answer where there is one, unless it is the better valley.
         Ok(e)
             if e.objective < first.objective
@@ -127,6 +133,13 @@ fn one_round(
         }
         _ => first,
     }
+}
+
+/// The end of a fit with what has vanished as the mission has it.
+pub(super) fn given_life(request: &Request<'_>, e: &Estimate) -> Vec<f64> {
+    let mut out = e.values.clone();
+    request.selected.iter().filter(|&&i| has_vanished(request, e, i)).for_each(|&i| out[i] = request.start[i]);
+    out
 }
 
 /// A fit that went on after the `first`, as one with it.
@@ -166,11 +179,11 @@ fn strayed(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
 }
 
 /// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended, which has left `lines`
-/// over. Where it `answers`, it stays unless the thinned record contradicts it.
+/// over.
 fn best_start(
     request: &Request<'_>,
     first: &Estimate,
-    (lines, answers): (&[f64], bool),
+    lines: &[f64],
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Option<Vec<f64>> {
@@ -200,7 +213,6 @@ fn best_start(
     // What the thinned record makes of the end itself is what the others are measured by. It has fewer readings, so that it may be explained
     // there: that ends nothing.
     let mut best = match lead(&first.values) {
-        Ok(e) if answers && explains(&e) => return Some(e.values),
         Ok(e) => (e.objective, Some(e.values)),
         Err(_) => (f64::INFINITY, None),
     };

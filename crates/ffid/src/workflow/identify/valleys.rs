@@ -11,7 +11,7 @@
 //! them all ([`super::mixture`]).
 
 use super::chord::{Chord, Place};
-use super::elsewhere::{Subject, explains, frequencies, has_vanished, is_spring, own_mode};
+use super::elsewhere::{Subject, explains, frequencies, given_life, has_vanished, is_spring, own_mode};
 use super::findings::{Alternative, Minima};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
@@ -204,24 +204,13 @@ impl Search<'_> {
         let (request, owner) = (self.request, |i: usize| self.request.decls[i].name.split_once('.').map(|n| n.0));
         request.selected.iter().any(|&i| owner(i) == owner(spring) && has_vanished(request, e, i))
     }
-    /// Values of one end, with what has vanished at its start.
-    fn whole(&self, e: &Estimate) -> Vec<f64> {
-        let request = self.request;
-        let mut at = e.values.clone();
-        for &i in request.selected {
-            if has_vanished(request, e, i) {
-                at[i] = request.start[i];
-            }
-        }
-        at
-    }
     /// Places at which the mode of a spring is some widths of a line away. The other springs follow: compliances of springs in a row add,
     /// and so follow one another in proportion while a mode that the record tells stays where it is.
     fn along(&self, s: &Spring, springs: &[Spring]) -> Vec<Place> {
         let e = &self.ends[self.best];
         let (c, k) = (&e.uncertainty.covariance, e.values[s.index]);
         let seconds = self.of.records.iter().map(|r| r.record.seconds()).fold(0.0, f64::max);
-        let whole = self.whole(e);
+        let whole = given_life(self.request, e);
         let gone = self.gone(e, s.index);
         let one = |n: i32| {
             let hz = s.hz + f64::from(n) * STEP / seconds;
