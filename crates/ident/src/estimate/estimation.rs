@@ -17,7 +17,7 @@ use crate::estimate::near_end;
 use crate::estimate::outcome::{Estimate, EstimateError, Estimated, Linearisation, RANK_TOLERANCE};
 use crate::estimate::request::Request;
 use crate::parameters::scale;
-use ff_least_squares::{EvalError, LmError};
+use ff_least_squares::{EvalError, LmError, Status};
 use nalgebra::DMatrix;
 
 /// How much further than other unknowns an initial state may go in a step, over its size, and biases beside it. Records are (nearly) linear
@@ -66,6 +66,7 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
     if request.coarse {
         approach(request, estimator, &sizes_extra, &mut references, &mut place);
     }
+    let asked = request.settings.max_iterations;
     let request = &unless_hopeless(request, estimator, &sizes_extra, &references, &place);
     let threads = request.jacobian.threads(estimator.rows(), n + extra.len());
     let mut evaluated = Evaluated::new(threads);
@@ -138,6 +139,7 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
         parameters: selected.iter().enumerate().map(|(k, &i)| listed(k, request.start[i], values[i])).collect(),
         nuisance: values_extra.iter().enumerate().map(|(k, &v)| listed(n + k, 0.0, v)).collect(),
         values,
+        given_up: status == Status::IterationLimit && request.settings.max_iterations < asked,
         status,
         chi2_per_dof: chi2 / dof,
         objective,

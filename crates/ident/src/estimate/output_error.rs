@@ -170,7 +170,7 @@ impl<'a> OutputError<'a> {
         Ok(Self { rows, tables, thinned: 0 })
     }
     /// How many samples a first pass can go on by, and its steps per sample. With ten steps left per period of the fastest mode, it is off by
-    /// less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %. `None` where such a pass would not be cheaper.
+    /// less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %; steps per sample are rounded down, to no less than half of that. `None` where such a pass would not be cheaper.
     fn stride(&self, full: &[f64]) -> Option<(usize, usize)> {
         let per_period = PER_PERIOD.get(self.thinned)?;
         let (OutputRows { record, options, .. }, fastest) = (&self.rows, self.fastest(full)?);

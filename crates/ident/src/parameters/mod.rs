@@ -9,5 +9,5 @@ pub(crate) mod transform;
 pub use ff_model::tree::{SelectionError, matches, select};
 pub use initial_guess::{offset_start, random_start, wide_start};
 pub use scale::sizes;
-pub use springs::is_stiffness;
+pub use springs::{is_damping, is_stiffness};
 pub use transform::{Transform, TransformError, inertia_of, log_cholesky};

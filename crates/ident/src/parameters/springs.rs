@@ -12,6 +12,11 @@ pub fn is_stiffness(decl: &ParamDecl) -> bool {
     decl.group == ParamGroup::Positive && matches!(decl.unit, "N m/rad" | "N/m")
 }
 
+/// Whether a parameter is the damping of a spring.
+pub fn is_damping(decl: &ParamDecl) -> bool {
+    decl.group == ParamGroup::Positive && matches!(decl.unit, "N m s/rad" | "N s/m")
+}
+
 /// Those of the `selected` parameters, by their place among them, that are stiffnesses of an appendage of which others are selected too.
 pub(crate) fn springs_in_rows(decls: &[ParamDecl], selected: &[usize]) -> Vec<usize> {
     let owner = |k: usize| decls[selected[k]].name.split_once('.').map(|name| name.0);

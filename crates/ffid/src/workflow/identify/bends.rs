@@ -44,7 +44,7 @@ const SHRINKS: f64 = 0.3;
 const HELD: f64 = 1e-3;
 const REFITS: usize = 4;
 /// Fall of chi-squared along a valley from which the fit goes on from there.
-const LOWER: f64 = 0.3;
+pub(super) const LOWER: f64 = 0.3;
 /// Part of a variance that an end of an interval adds to it, below which it is left.
 const LEAST: f64 = 0.02;
 
@@ -56,34 +56,13 @@ pub(super) enum Followed {
     Down(Vec<f64>),
 }
 
-/// Looks whether the valley of a fit bends, and makes its deviations allow for it, unless it leads down.
+/// Looks whether the valley of a fit bends, and makes its deviations allow for it, unless it leads down: to where chi-squared is lower by more
+/// than `down`.
 pub(super) fn follow(
     request: &Request<'_>,
     ending: &mut Ending,
     is_asked: impl Fn(usize) -> bool,
-    estimator: &mut ObservedEstimator<'_>,
-) -> Followed {
-    looked_along(request, ending, (&is_asked, LOWER), estimator)
-}
-
-/// As [`follow`], wherever it leads.
-pub(super) fn widened(
-    request: &Request<'_>,
-    ending: &mut Ending,
-    is_asked: impl Fn(usize) -> bool,
-    estimator: &mut ObservedEstimator<'_>,
-) -> Vec<Profile> {
-    match looked_along(request, ending, (&is_asked, f64::INFINITY), estimator) {
-        Followed::Up(profiles) => profiles,
-        Followed::Down(_) => Vec::new(),
-    }
-}
-
-/// See [`follow`]: down is what is lower by more than this.
-fn looked_along(
-    request: &Request<'_>,
-    ending: &mut Ending,
-    (is_asked, down): (&dyn Fn(usize) -> bool, f64),
+    down: f64,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Followed {
     let e = &ending.estimate;
@@ -96,11 +75,11 @@ fn looked_along(
     }
     let near = estimator.around(request, e, |i| !is_asked(i));
     let found = near.map(|(mut near, beyond)| {
-        Bend { request, e, u, down, least: e.objective - beyond }.followed(is_asked, &mut near)
+        Bend { request, e, u, down, least: e.objective - beyond }.followed(&is_asked, &mut near)
     });
     let found = match found {
         Some(found) => found,
-        None => Bend { request, e, u, down, least: e.objective }.followed(is_asked, estimator),
+        None => Bend { request, e, u, down, least: e.objective }.followed(&is_asked, estimator),
     };
     let (profiles, covariance) = match found {
         None => return Followed::Up(Vec::new()),
@@ -134,7 +113,7 @@ struct Bend<'a> {
 
 impl Bend<'_> {
     /// Intervals of the parameters along which the valley bends, and a covariance that allows for them; `None` where it does not.
-    fn followed(&self, is_asked: &dyn Fn(usize) -> bool, estimator: &mut ObservedEstimator<'_>) -> Option<Looked> {
+    fn followed(&self, is_asked: &impl Fn(usize) -> bool, estimator: &mut ObservedEstimator<'_>) -> Option<Looked> {
         let (request, e) = (self.request, self.e);
         if self.is_parabola(estimator) {
             return None;
@@ -462,7 +441,9 @@ mod tests {
         let mut ending = Ending { estimate, minima: None, alone: None };
         let (mut cliff, observer) = (Cliff, Observer::default());
         let mut watched = ObservedEstimator::new(&mut cliff, &observer);
-        let Followed::Down(start) = follow(&request, &mut ending, |i| i == 0, &mut watched) else { panic!("up") };
+        let Followed::Down(start) = follow(&request, &mut ending, |i| i == 0, LOWER, &mut watched) else {
+            panic!("up")
+        };
         assert!(start[0] > 2.3, "{start:?}");
         assert_eq!(ending.estimate.uncertainty.covariance, before.covariance);
         let lower = attempt(&Request { start: &start, ..request.clone() }, &mut watched).unwrap();
@@ -480,7 +461,9 @@ mod tests {
         let mut ending = Ending { estimate, minima: None, alone: None };
         let (mut banana, observer) = (Banana, Observer::default());
         let mut watched = ObservedEstimator::new(&mut banana, &observer);
-        let Followed::Up(profiles) = follow(&request, &mut ending, |i| i == 0, &mut watched) else { panic!("down") };
+        let Followed::Up(profiles) = follow(&request, &mut ending, |i| i == 0, LOWER, &mut watched) else {
+            panic!("down")
+        };
         let (low, high) = profiles[0].interval95;
         // r_0 = 1.96 and -1.96; ends lie on straight lines of the root of the rise, between places a deviation apart.
         let (low, high) = (low.unwrap(), high.unwrap());

@@ -15,7 +15,7 @@ use ff_least_squares::Settings as Solver;
 use ff_model::{Model, ParamGroup, Params};
 use ident::checks::whiteness;
 use ident::estimate::{Estimate, attempt};
-use ident::parameters::{is_stiffness, wide_start};
+use ident::parameters::{is_damping, is_stiffness, wide_start};
 use ident::{Estimator, Loss, Request};
 
 /// Deviations of chi-squared per degree of freedom (`sqrt(2 / dof)`) above one at which a fit is taken to have ended in the wrong valley:
@@ -146,10 +146,15 @@ pub(super) fn given_life(request: &Request<'_>, e: &Estimate) -> Vec<f64> {
 pub(super) fn gone_on(mut e: Estimate, first: &Estimate, request: &Request<'_>) -> Estimate {
     e.iterations += first.iterations;
     e.descent.splice(0..0, first.descent.iter().cloned());
+    from_the_start(&mut e, request);
+    e
+}
+
+/// Says of a fit that it began at the start of the request, wherever its last part did.
+pub(super) fn from_the_start(e: &mut Estimate, request: &Request<'_>) {
     for (p, &i) in e.parameters.iter_mut().zip(request.selected) {
         p.start = request.start[i];
     }
-    e
 }
 
 /// Whether a positive parameter is gone.
@@ -191,17 +196,16 @@ fn best_start(
     let back = strayed(request, first);
     let mut starts: Vec<Vec<f64>> = if back.is_empty() { Vec::new() } else { vec![first.values.clone()] };
     starts.iter_mut().for_each(|s| back.iter().for_each(|&i| s[i] = request.start[i]));
-    let mine = starts.len();
     let far = first.chi2_per_dof > WIDE;
+    let mut wide: Vec<Vec<f64>> = Vec::new();
     if far || vanished(request, first) {
         let seed = |k: u64| of.settings.seed.wrapping_add(1 + k);
-        starts.extend(EASED.iter().map(|&(base, springs)| eased(request, base, springs)));
-        starts.extend((0..RANDOM).map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
+        wide.extend(EASED.iter().map(|&(bodies, springs)| eased(request, bodies, springs)));
+        wide.extend((0..RANDOM).map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
     }
-    // Lines of residuals far off are those of everything.
     let near = [aimed(request, first, lines, of), given_back(request, first)].concat();
-    let at = if far { starts.len() } else { mine };
-    starts.splice(at..at, near);
+    // Lines of residuals far off are those of everything.
+    starts.extend(if far { [wide, near] } else { [near, wide] }.concat());
     let thin = estimator.coarse(&stiffest(request, &first.values))?;
     let mut thin = thin.estimator;
     let max_iterations = MOST.min(request.settings.max_iterations);
@@ -238,7 +242,7 @@ fn eased(request: &Request<'_>, bodies: f64, springs: f64) -> Vec<f64> {
         out[i] *= match d.group {
             ParamGroup::Inertial(_) => bodies,
             _ if is_spring(request, i) => springs,
-            ParamGroup::Positive if matches!(d.unit, "N m s/rad" | "N s/m") => DAMPED,
+            _ if is_damping(d) => DAMPED,
             _ => 1.0,
         };
     }

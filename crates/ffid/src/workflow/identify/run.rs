@@ -30,7 +30,7 @@ use super::uncertain::UncertainItems;
 use super::unknowns::Unknowns;
 use super::valleys::{Ending, best_valley};
 use crate::open::Opened;
-use ff_least_squares::{Settings as Solver, Status};
+use ff_least_squares::Settings as Solver;
 use ff_model::{Area, Model, Problem, Problems};
 use ident::Estimator;
 use ident::Loss;
@@ -443,9 +443,7 @@ fn finished(
     so_far: Estimate,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Result<Estimate, IdentifyError> {
-    let rows = so_far.residuals.len();
-    let steps = so_far.descent.iter().rev().take_while(|step| step.residuals >= rows).count();
-    if so_far.status != Status::IterationLimit || steps >= request.settings.max_iterations {
+    if !so_far.given_up {
         return Ok(so_far);
     }
     let on = attempt(&Request { start: &so_far.values, ..request.clone() }, estimator)?;
@@ -459,9 +457,10 @@ fn followed(
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Vec<Profile> {
-    let asked = |i: usize| of.unknowns.is_asked(i);
-    for _ in 0..DOWN {
-        let start = match bends::follow(request, ending, asked, estimator) {
+    let mut left = DOWN;
+    loop {
+        let down = if left > 0 { bends::LOWER } else { f64::INFINITY };
+        let start = match bends::follow(request, ending, |i| of.unknowns.is_asked(i), down, estimator) {
             Followed::Up(profiles) => return profiles,
             Followed::Down(start) => start,
         };
@@ -469,11 +468,12 @@ fn followed(
         match attempt(&Request { start: &start, centre, coarse: false, ..request.clone() }, estimator) {
             Ok(e) if e.is_solution() && e.objective < ending.estimate.objective => {
                 *ending = best_valley(request, gone_on(e, &ending.estimate, request), of, estimator);
+                left -= 1;
             }
-            _ => break,
+            // The chord promised too much: the valley is taken as it is.
+            _ => left = 0,
         }
     }
-    bends::widened(request, ending, asked, estimator)
 }
 
 /// Fits; from several starts, and again with fewer unknowns, when asked to.

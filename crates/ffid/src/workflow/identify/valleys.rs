@@ -11,7 +11,7 @@
 //! them all ([`super::mixture`]).
 
 use super::chord::{Chord, Place};
-use super::elsewhere::{Subject, explains, frequencies, given_life, has_vanished, is_spring, own_mode};
+use super::elsewhere::{Subject, explains, frequencies, from_the_start, given_life, has_vanished, is_spring, own_mode};
 use super::findings::{Alternative, Minima};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
@@ -384,9 +384,7 @@ impl Search<'_> {
         if moved {
             best.descent.splice(0..0, descent);
         }
-        for (p, &i) in best.parameters.iter_mut().zip(self.request.selected) {
-            p.start = self.request.start[i];
-        }
+        from_the_start(&mut best, self.request);
         if self.ends.is_empty() {
             return Ending::single(best);
         }
