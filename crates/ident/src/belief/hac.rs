@@ -43,8 +43,9 @@ fn lags(r: &[f64]) -> usize {
     ((1.1447 * (alpha * n).cbrt()).ceil()).clamp(1.0, (MOST * n).max(1.0)) as usize
 }
 
-/// Covariance of the unknowns of a fit under noise with a colour of its own: `covariance` is that under white noise, `jacobian` and
-/// `residuals` are whitened, without rows of priors, and `channels` say which rows belong together. Allocates.
+/// Covariance of the unknowns `of` a fit, by their columns, under noise with a colour of its own: `covariance` is that of all unknowns under
+/// white noise, `jacobian` and `residuals` are whitened, without rows of priors, and `channels` say which rows belong together. The rows are
+/// brought to the unknowns `of` first, so that the time is that of these. Allocates.
 ///
 /// ```
 /// use ident::belief::{ChannelRows, coloured_covariance};
@@ -53,20 +54,23 @@ fn lags(r: &[f64]) -> usize {
 /// // The mean of 400 readings whose noise comes in runs of four: its deviation is twice that of white noise.
 /// let noise: Vec<f64> = (0..400).map(|i| (0.7 * f64::from(i / 4).powi(2)).sin().signum()).collect();
 /// let (white, rows) = (DMatrix::from_element(1, 1, 1.0 / 400.0), ChannelRows { rows: 0..400, every: 1 });
-/// let c = coloured_covariance(&white, &DMatrix::from_element(400, 1, 1.0), &noise, &[rows]);
+/// let c = coloured_covariance(&white, &DMatrix::from_element(400, 1, 1.0), &noise, &[rows], &[0]);
 /// assert!((1.7..2.1).contains(&(c[(0, 0)] * 400.0).sqrt()));
 /// ```
 ///
 /// # Panics
-/// If the sizes do not match.
+/// If the sizes do not match, or a column of `of` is none of the unknowns.
 pub fn coloured_covariance(
     covariance: &DMatrix<f64>,
     jacobian: &DMatrix<f64>,
     residuals: &[f64],
     channels: &[ChannelRows],
+    of: &[usize],
 ) -> DMatrix<f64> {
     assert_eq!((jacobian.nrows(), covariance.nrows()), (residuals.len(), jacobian.ncols()), "rows and unknowns");
-    let n = jacobian.ncols();
+    // C (Omega + W) C, and W = C^-1 - J^T J: of the columns J C alone.
+    let moved = jacobian * covariance.select_columns(of);
+    let n = of.len();
     let mut omega = DMatrix::zeros(n, n);
     for channel in channels {
         let rows: Vec<usize> = channel.all().collect();
@@ -74,21 +78,19 @@ pub fn coloured_covariance(
         let b = lags(&r);
         // Sums over a window of B samples, at every place where it meets the record: their products are Bartlett's weights times B.
         let mut sum = DVector::zeros(n);
-        let mut windows = DMatrix::zeros(rows.len() + b - 1, n);
-        for s in 0..windows.nrows() {
+        let mut windows = DMatrix::zeros(n, rows.len() + b - 1);
+        for (s, mut window) in windows.column_iter_mut().enumerate() {
             if let Some(&i) = rows.get(s) {
-                sum += jacobian.row(i).transpose() * r[s];
+                sum += moved.row(i).transpose() * r[s];
             }
             if let Some(gone) = s.checked_sub(b) {
-                sum -= jacobian.row(rows[gone]).transpose() * r[gone];
+                sum -= moved.row(rows[gone]).transpose() * r[gone];
             }
-            windows.row_mut(s).copy_from(&sum.transpose());
+            window.copy_from(&sum);
         }
-        omega.gemm(1.0 / b as f64, &windows.transpose(), &windows, 1.0);
+        omega.gemm(1.0 / b as f64, &windows, &windows.transpose(), 1.0);
     }
-    // C (Omega + W) C, and W = C^-1 - J^T J.
-    let own = jacobian.transpose() * jacobian;
-    covariance + covariance * (omega - own) * covariance
+    covariance.select_rows(of).select_columns(of) + omega - moved.tr_mul(&moved)
 }
 
 #[cfg(test)]
@@ -130,7 +132,7 @@ mod tests {
             let y = noise(rho, seed);
             let error = &white * (j.transpose() * &y);
             let residuals = &y - &j * &error;
-            let own = coloured_covariance(&white, &j, residuals.as_slice(), &channels);
+            let own = coloured_covariance(&white, &j, residuals.as_slice(), &channels, &[0, 1, 2]);
             for (k, covariance) in [&white, &own].into_iter().enumerate() {
                 for i in 0..3 {
                     held[k][i] +=
@@ -175,7 +177,13 @@ mod tests {
         with[(0, 0)] += information[(0, 0)];
         let c = with.try_inverse().unwrap();
         let channels = [0, 1].map(|k| ChannelRows { rows: k..2 * SAMPLES, every: 2 });
-        let own = coloured_covariance(&c, &j, noise(0.0, 3).as_slice(), &channels);
+        let noise = noise(0.0, 3);
+        let own = coloured_covariance(&c, &j, noise.as_slice(), &channels, &[0, 1, 2]);
+        // Each by itself is what it is among all.
+        let two = coloured_covariance(&c, &j, noise.as_slice(), &channels, &[2, 0]);
+        assert!(
+            (two[(0, 0)] / own[(2, 2)] - 1.0).abs() < 1e-9 && (two[(0, 1)] - own[(2, 0)]).abs() < 1e-9 * two[(0, 0)]
+        );
         (0..3).for_each(|i| assert!((own[(i, i)] / c[(i, i)]).sqrt() > 0.8 && (own[(i, i)] / c[(i, i)]).sqrt() < 1.2));
     }
 }

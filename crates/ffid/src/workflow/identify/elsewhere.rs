@@ -29,6 +29,8 @@ const STRAYED: f64 = 10.0;
 const ASTRAY: f64 = 2.0;
 /// Chi-squared per degree of freedom from which starts far away are tried as well, before more steps on the way there.
 pub(super) const WIDE: f64 = 1.5;
+/// The same from which what is near the end of the fit is not looked at: it is as wrong as everything.
+const NOWHERE: f64 = 10.0;
 /// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
 const VANISHED: f64 = 0.01;
 /// Factors on the whole bodies and on the springs of starts whose damping is [`DAMPED`] times that of the mission.
@@ -38,7 +40,7 @@ const DAMPED: f64 = 10.0;
 /// Factor on a spring up to which modes of a thinned record are allowed for: beyond, it has gone astray.
 const STIFFER: f64 = 10.0;
 /// Starts drawn at random.
-const RANDOM: u64 = 6;
+const RANDOM: usize = 6;
 /// Starts at lines of the residuals, at most.
 const AIMED: usize = 10;
 /// Lines of the residuals that are aimed at.
@@ -74,7 +76,8 @@ pub(super) struct Subject<'a> {
 
 /// The fit, or a better one from another start when it does not explain the record, leaves a line in the residuals, or a positive parameter has
 /// vanished in it: starts that put a mode where power is left over, then random ones, are fitted to the thinned record until one of them
-/// explains that; the best goes on over the whole. Where that is better and leaves lines as well, its own are aimed at, spring after spring ([`ROUNDS`]).
+/// explains that; the best goes on over the whole. Where that is better and leaves lines as well, its own are aimed at, spring after spring ([`ROUNDS`]);
+/// where the first round leads nowhere, others are drawn once.
 /// What fails on the way is no error: the fit stays.
 pub(super) fn elsewhere(
     request: &Request<'_>,
@@ -83,14 +86,26 @@ pub(super) fn elsewhere(
     estimator: &mut ObservedEstimator<'_>,
 ) -> Estimate {
     let mut at = first;
-    for _ in 0..ROUNDS {
+    let mut round = Round { number: 0, led: true };
+    while round.number < ROUNDS {
         let before = at.objective;
-        at = one_round(request, at, of, estimator);
-        if at.objective > before - 2.0 * LOWER || estimator.stopped() {
+        at = one_round(request, at, of, round, estimator);
+        let led = at.objective < before - 2.0 * LOWER;
+        let once_more = round.number == 0 && at.chi2_per_dof > WIDE;
+        if estimator.stopped() || !(led || once_more) {
             break;
         }
+        round = Round { number: round.number + 1, led };
     }
     at
+}
+
+/// A round of other starts.
+#[derive(Clone, Copy)]
+struct Round {
+    number: usize,
+    /// Whether the one before has led to another end, around which nothing has been tried yet.
+    led: bool,
 }
 
 /// See [`elsewhere`].
@@ -98,6 +113,7 @@ fn one_round(
     request: &Request<'_>,
     first: Estimate,
     of: &Subject<'_>,
+    round: Round,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Estimate {
     // Under a robust loss, what is left may be outliers.
@@ -120,7 +136,7 @@ fn one_round(
     let (start, coarse) = if answers {
         (given_life(request, &first), false)
     } else {
-        let Some(start) = best_start(request, &first, &lines, of, estimator) else { return first };
+        let Some(start) = best_start(request, &first, (&lines, round), of, estimator) else { return first };
         (start, request.coarse)
     };
     match attempt(&Request { start: &start, centre: Some(request.start), coarse, ..request.clone() }, estimator) {
@@ -188,23 +204,31 @@ fn strayed(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
 fn best_start(
     request: &Request<'_>,
     first: &Estimate,
-    lines: &[f64],
+    (lines, round): (&[f64], Round),
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Option<Vec<f64>> {
     // What has strayed goes back first.
-    let back = strayed(request, first);
+    let back = if round.led { strayed(request, first) } else { Vec::new() };
     let mut starts: Vec<Vec<f64>> = if back.is_empty() { Vec::new() } else { vec![first.values.clone()] };
     starts.iter_mut().for_each(|s| back.iter().for_each(|&i| s[i] = request.start[i]));
     let far = first.chi2_per_dof > WIDE;
     let mut wide: Vec<Vec<f64>> = Vec::new();
     if far || vanished(request, first) {
-        let seed = |k: u64| of.settings.seed.wrapping_add(1 + k);
-        wide.extend(EASED.iter().map(|&(bodies, springs)| eased(request, bodies, springs)));
-        wide.extend((0..RANDOM).map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
+        // What a round before has tried is not tried again.
+        let drawn = round.number * RANDOM..(round.number + 1) * RANDOM;
+        if round.number == 0 {
+            wide.extend(EASED.iter().map(|&(bodies, springs)| eased(request, bodies, springs)));
+        }
+        let seed = |k: usize| of.settings.seed.wrapping_add(1 + k as u64);
+        wide.extend(drawn.map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
     }
-    let near = [aimed(request, first, lines, of), given_back(request, first)].concat();
-    // Lines of residuals far off are those of everything.
+    // Lines of residuals far off are those of everything, and springs there say nothing.
+    let near = if round.led && first.chi2_per_dof < NOWHERE {
+        [aimed(request, first, lines, of), given_back(request, first)].concat()
+    } else {
+        Vec::new()
+    };
     starts.extend(if far { [wide, near] } else { [near, wide] }.concat());
     let thin = estimator.coarse(&stiffest(request, &first.values))?;
     let mut thin = thin.estimator;
@@ -249,12 +273,14 @@ fn eased(request: &Request<'_>, bodies: f64, springs: f64) -> Vec<f64> {
     out
 }
 
-/// The start with every spring at least as stiff as in `other`, up to [`STIFFER`] times: modes there are as fast as in either, which a thinned
-/// record has to follow.
+/// The start with every spring at least as stiff as in `other`: modes there are as fast as in either, which a thinned record has to follow. One
+/// that is [`STIFFER`] times stiffer there is no mode that anything should follow.
 fn stiffest(request: &Request<'_>, other: &[f64]) -> Vec<f64> {
     let mut out = request.start.to_vec();
     for &i in request.selected.iter().filter(|&&i| is_spring(request, i)) {
-        out[i] = other[i].clamp(out[i], STIFFER * out[i]);
+        if other[i] < STIFFER * out[i] {
+            out[i] = out[i].max(other[i]);
+        }
     }
     out
 }

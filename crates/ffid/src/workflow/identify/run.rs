@@ -319,9 +319,14 @@ fn coloured_deviations(
         of.extend((first..first + channels).map(|c| ChannelRows { rows: c..first + n, every: channels }));
         first += n;
     }
-    let c = coloured_covariance(&e.uncertainty.covariance, &j, &r, &of);
-    let names = e.uncertainty.unknowns.iter().map(|u| u.name.clone());
-    names.zip(c.diagonal().iter().map(|v| v.max(0.0).sqrt())).filter(|(_, s)| s.is_finite()).collect()
+    // What is asked for, and what belongs to records.
+    let all = &e.uncertainty.unknowns;
+    let stated = |k: &usize| end.fitted.selected.get(*k).is_none_or(|&i| end.unknowns.is_asked(i));
+    let columns: Vec<usize> = (0..all.len()).filter(stated).collect();
+    let c = coloured_covariance(&e.uncertainty.covariance, &j, &r, &of, &columns);
+    let deviations = c.diagonal().map(|v| v.max(0.0).sqrt());
+    let named = columns.iter().map(|&k| all[k].name.clone());
+    named.zip(deviations.iter().copied()).filter(|(_, s)| s.is_finite()).collect()
 }
 
 /// What the estimators of a fit are made of.
