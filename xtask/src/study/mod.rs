@@ -63,25 +63,31 @@ enum Which {
     Verdict(verdict::Args),
 }
 
+/// What a study found, printed and judged; unless it was asked for a part that it does not have.
+fn ended(study: Study, options: &Options) -> anyhow::Result<()> {
+    options.all_known()?;
+    Ok(study.finish(options)?)
+}
+
 /// Runs a study.
 ///
 /// # Errors
-/// Those of the study and of [`Study::finish`].
+/// Those of the study, [`Options::all_known`], [`Study::finish`].
 pub fn run(args: &Args) -> anyhow::Result<()> {
     match &args.which {
-        Which::Excitation(options) => Ok(excitation::run(options)?.finish(options)?),
-        Which::Recovery(options) => Ok(identification::recovery::run(options)?.finish(options)?),
-        Which::Convergence(options) => Ok(identification::convergence::run(options)?.finish(options)?),
-        Which::Coverage(options) => Ok(identification::coverage::run(options)?.finish(options)?),
-        Which::Combined(options) => Ok(identification::combined::run(options)?.finish(options)?),
-        Which::Degeneracies(options) => Ok(degeneracies::run(options)?.finish(options)?),
-        Which::Nist(options) => Ok(nist::run(options)?.finish(options)?),
-        Which::Starts(options) => Ok(starts::run(options)?.finish(options)?),
-        Which::Budget(options) => Ok(budget::run(options)?.finish(options)?),
-        Which::Sequence(options) => Ok(sequence::run(options)?.finish(options)?),
-        Which::Posterior(options) => Ok(identification::posterior::run(options)?.finish(options)?),
-        Which::Real(args) => Ok(real::run(args)?.finish(&args.options)?),
-        Which::Thinned(options) => Ok(thinned::run(options)?.finish(options)?),
-        Which::Verdict(args) => Ok(verdict::run(args)?.finish(&args.options)?),
+        Which::Excitation(options) => ended(excitation::run(options)?, options),
+        Which::Recovery(options) => ended(identification::recovery::run(options)?, options),
+        Which::Convergence(options) => ended(identification::convergence::run(options)?, options),
+        Which::Coverage(options) => ended(identification::coverage::run(options)?, options),
+        Which::Combined(options) => ended(identification::combined::run(options)?, options),
+        Which::Degeneracies(options) => ended(degeneracies::run(options)?, options),
+        Which::Nist(options) => ended(nist::run(options)?, options),
+        Which::Starts(options) => ended(starts::run(options)?, options),
+        Which::Budget(options) => ended(budget::run(options)?, options),
+        Which::Sequence(options) => ended(sequence::run(options)?, options),
+        Which::Posterior(options) => ended(identification::posterior::run(options)?, options),
+        Which::Real(args) => ended(real::run(args)?, &args.options),
+        Which::Thinned(options) => ended(thinned::run(options)?, options),
+        Which::Verdict(args) => ended(verdict::run(args)?, &args.options),
     }
 }

@@ -360,7 +360,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     let truths = if options.quick { 6 } else { 100 };
     study.figure("record", "s", x.motion.duration());
     study.figure("parameters", "", x.selected.len() as f64);
-    let extra = options.only.iter().any(|p| p == "prior");
+    let extra = options.lists("prior");
     let mut parts = vec![(Part::Exact, "exact"), (Part::Noisy, "noisy"), (Part::Prior, "prior")];
     parts.retain(|(part, name)| options.wants(name) && (*part != Part::Prior || extra));
     let mut numbers: Vec<u64> = (0..truths).collect();

@@ -142,7 +142,8 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
     if options.wants("limits") {
         study.part(&trials, "limits", |study| checks::violations(&setup, study))?;
     }
-    if options.wants("information") || options.wants("quiet") {
+    let wanted = ["information", "quiet"].map(|part| options.wants(part));
+    if wanted.contains(&true) {
         study.part(&trials, "information", |study| {
             let loud = information(&setup, &trials, study)?;
             quiet(&setup, &trials, study, &*loud)
