@@ -5,8 +5,7 @@
 //! (mass, first moment and inertia by one factor), every stiffness, damping, mass and length of an appendage by a factor of its own, each
 //! from 1/5 to 5, evenly in its logarithm. A trial ends at the best known minimum when its chi-squared is at most 1 above the lowest that any
 //! trial of its system, or the fit from the truth, has reached: along any one parameter, less than a standard deviation away. An exit code fits
-//! when it is 0 at that minimum, and says elsewhere that the fit has not ended (14) or does not explain the record (16); 13 (not identifiable) fits
-//! nowhere, as the truth is identifiable.
+//! when it is 0 at that minimum and 14 where there is none; 13 (not identifiable) fits nowhere, as the truth is identifiable.
 //! Parts for `--only`: the systems; a number is one start. Times are those that the fit has computed, on one core.
 
 use super::beam::Beam;
@@ -130,8 +129,7 @@ fn system(of: &System, numbers: &[u64], options: &Options, trials: &Trials, stud
     let best = all.iter().filter_map(|e| e.chi2.as_ref()).map(|c| c.0).fold(f64::INFINITY, f64::min);
     let ends = all.get(1..).unwrap_or_default();
     let there = |e: &End| e.chi2.as_ref().is_some_and(|c| c.0 <= best + SAME);
-    let away = [Exit::Numerical, Exit::Contradicted].map(Exit::code);
-    let fits = |e: &End| if there(e) { e.exit == Exit::Done.code() } else { away.contains(&e.exit) };
+    let fits = |e: &End| if there(e) { e.exit == Exit::Done.code() } else { e.exit == Exit::Numerical.code() };
     let mut seconds: Vec<f64> = ends.iter().map(|e| e.seconds).collect();
     seconds.sort_by(f64::total_cmp);
     let share = |n: usize| n as f64 / ends.len().max(1) as f64;
