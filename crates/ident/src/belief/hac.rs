@@ -68,8 +68,8 @@ pub fn coloured_covariance(
     of: &[usize],
 ) -> DMatrix<f64> {
     assert_eq!((jacobian.nrows(), covariance.nrows()), (residuals.len(), jacobian.ncols()), "rows and unknowns");
-    // C (Omega + W) C, and W = C^-1 - J^T J: of the columns J C alone.
-    let moved = jacobian * covariance.select_columns(of);
+    // C (Omega + W) C, and W = C^-1 - J^T J: of C J^T alone, a column for each row.
+    let moved = (jacobian * covariance.select_columns(of)).transpose();
     let n = of.len();
     let mut omega = DMatrix::zeros(n, n);
     for channel in channels {
@@ -81,16 +81,16 @@ pub fn coloured_covariance(
         let mut windows = DMatrix::zeros(n, rows.len() + b - 1);
         for (s, mut window) in windows.column_iter_mut().enumerate() {
             if let Some(&i) = rows.get(s) {
-                sum += moved.row(i).transpose() * r[s];
+                sum.axpy(r[s], &moved.column(i), 1.0);
             }
             if let Some(gone) = s.checked_sub(b) {
-                sum -= moved.row(rows[gone]).transpose() * r[gone];
+                sum.axpy(-r[gone], &moved.column(rows[gone]), 1.0);
             }
             window.copy_from(&sum);
         }
         omega.gemm(1.0 / b as f64, &windows, &windows.transpose(), 1.0);
     }
-    covariance.select_rows(of).select_columns(of) + omega - moved.tr_mul(&moved)
+    covariance.select_rows(of).select_columns(of) + omega - &moved * moved.transpose()
 }
 
 #[cfg(test)]

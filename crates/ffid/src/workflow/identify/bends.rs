@@ -362,18 +362,22 @@ mod tests {
         assert!(c.cholesky().is_some());
     }
 
-    /// Two unknowns in a bent valley: the cost is `(x / (1 + x/4))^2 + 400 (y - x - 0.3 x^2)^2`.
-    struct Banana;
-    impl Estimator for Banana {
+    /// A valley over two unknowns, x beyond `pole`: residuals, and their derivatives by one unknown and the other.
+    struct Valley<const ROWS: usize> {
+        pole: f64,
+        residuals: fn(f64, f64) -> [f64; ROWS],
+        slopes: fn(f64) -> [[f64; ROWS]; 2],
+    }
+    impl<const ROWS: usize> Estimator for Valley<ROWS> {
         fn rows(&self) -> usize {
-            2
+            ROWS
         }
         fn residuals(&mut self, p: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
             let [x, y] = p[..] else { return Err(EvalError::Rejected("two unknowns".into())) };
-            if x <= -3.5 {
+            if x <= self.pole {
                 return Err(EvalError::Rejected("beyond the pole".into()));
             }
-            r.copy_from_slice(&[x / (1.0 + 0.25 * x), 20.0 * (y - x - 0.3 * x * x)]);
+            r.copy_from_slice(&(self.residuals)(x, y));
             Ok(())
         }
         fn jacobian(
@@ -384,12 +388,26 @@ mod tests {
             r: &mut [f64],
             j: &mut DMatrix<f64>,
         ) -> Result<(), EvalError> {
-            for (c, &i) in selected.iter().enumerate() {
-                let of = [[(1.0 + 0.25 * p[0]).powi(-2), 20.0 * (-1.0 - 0.6 * p[0])], [0.0, 20.0]][i];
-                (0..2).for_each(|row| j[(row, c)] = of[row]);
-            }
+            let slopes = (self.slopes)(p[0]);
+            selected.iter().enumerate().for_each(|(c, &i)| j.column_mut(c).copy_from_slice(&slopes[i]));
             self.residuals(p, extra, r)
         }
+    }
+
+    /// A bent valley: the cost is `(x / (1 + x/4))^2 + 400 (y - x - 0.3 x^2)^2`.
+    const BANANA: Valley<2> = Valley {
+        pole: -3.5,
+        residuals: |x, y| [x / (1.0 + 0.25 * x), 20.0 * (y - x - 0.3 * x * x)],
+        slopes: |x| [[(1.0 + 0.25 * x).powi(-2), 20.0 * (-1.0 - 0.6 * x)], [0.0, 20.0]],
+    };
+    /// A lower floor behind an edge: the cost is `(x - 1)^2 + c(x)^2 + 400 (y - x)^2`, c falling from 2.5 to nothing at `x = 2.2`.
+    const CLIFF: Valley<3> = Valley {
+        pole: f64::NEG_INFINITY,
+        residuals: |x, y| [x - 1.0, edge(x), 20.0 * (y - x)],
+        slopes: |x| [[1.0, -6.0 * edge(x) * (1.0 - edge(x) / 2.5), -20.0], [0.0, 0.0, 20.0]],
+    };
+    fn edge(x: f64) -> f64 {
+        2.5 / (1.0 + (6.0 * (x - 2.2)).exp())
     }
 
     fn free(name: &str) -> ParamDecl {
@@ -402,44 +420,17 @@ mod tests {
         }
     }
 
-    /// A valley with a lower floor behind an edge: the cost is `(x - 1)^2 + c(x)^2 + 400 (y - x)^2`, c falling from 2.5 to nothing at `x = 2.2`.
-    struct Cliff;
-    impl Estimator for Cliff {
-        fn rows(&self) -> usize {
-            3
-        }
-        fn residuals(&mut self, p: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-            r.copy_from_slice(&[p[0] - 1.0, 2.5 / (1.0 + (6.0 * (p[0] - 2.2)).exp()), 20.0 * (p[1] - p[0])]);
-            Ok(())
-        }
-        fn jacobian(
-            &mut self,
-            p: &[f64],
-            extra: &[f64],
-            selected: &[usize],
-            r: &mut [f64],
-            j: &mut DMatrix<f64>,
-        ) -> Result<(), EvalError> {
-            self.residuals(p, extra, r)?;
-            let falls = -6.0 * r[1] * (1.0 - r[1] / 2.5);
-            for (c, &i) in selected.iter().enumerate() {
-                let of = [[1.0, falls, -20.0], [0.0, 0.0, 20.0]][i];
-                (0..3).for_each(|row| j[(row, c)] = of[row]);
-            }
-            Ok(())
-        }
-    }
-
     #[test]
     fn a_valley_that_leads_down_is_where_the_fit_goes_on() {
         let decls = [free("x"), free("y")];
         let settings = Solver { cost_floor: 1e-13, ..Solver::default() };
         let request = Request { settings, ..Request::new(&decls, &[0, 1], &[0.8, 0.7]) };
-        let estimate = attempt(&request, &mut Cliff).unwrap().ended().unwrap();
+        let mut cliff = CLIFF;
+        let estimate = attempt(&request, &mut cliff).unwrap().ended().unwrap();
         assert!(estimate.values[0] < 1.3, "{:?}", estimate.values);
         let before = estimate.uncertainty.clone();
         let mut ending = Ending { estimate, minima: None, alone: None };
-        let (mut cliff, observer) = (Cliff, Observer::default());
+        let observer = Observer::default();
         let mut watched = ObservedEstimator::new(&mut cliff, &observer);
         let Followed::Down(start) = follow(&request, &mut ending, |i| i == 0, LOWER, &mut watched) else {
             panic!("up")
@@ -455,11 +446,12 @@ mod tests {
         let decls = [free("x"), free("y")];
         let settings = Solver { cost_floor: 1e-13, ..Solver::default() };
         let request = Request { settings, ..Request::new(&decls, &[0, 1], &[0.4, 0.3]) };
-        let estimate = attempt(&request, &mut Banana).unwrap().ended().unwrap();
+        let mut banana = BANANA;
+        let estimate = attempt(&request, &mut banana).unwrap().ended().unwrap();
         let std = |e: &Estimate| [e.parameters[0].std.unwrap(), e.parameters[1].std.unwrap()];
         assert!((std(&estimate)[0] - 1.0).abs() < 1e-3 && std(&estimate)[1] < 1.01, "{:?}", std(&estimate));
         let mut ending = Ending { estimate, minima: None, alone: None };
-        let (mut banana, observer) = (Banana, Observer::default());
+        let observer = Observer::default();
         let mut watched = ObservedEstimator::new(&mut banana, &observer);
         let Followed::Up(profiles) = follow(&request, &mut ending, |i| i == 0, LOWER, &mut watched) else {
             panic!("down")
