@@ -69,6 +69,8 @@ pub struct Chain {
     pub log_density: Vec<f64>,
     /// Draws whose trajectory met a point of zero density, or lost its energy.
     pub divergences: usize,
+    /// What was looked up at each of them, if anything was: see [`run_chain`].
+    pub beside: Vec<f64>,
     /// Evaluations of the density, warm-up included.
     pub evaluations: usize,
     /// Size of the steps after the warm-up.
@@ -167,15 +169,25 @@ pub fn run_chains<D: LogDensity>(
     settings: &ChainSettings,
     stop: Option<&AtomicBool>,
 ) -> Result<Vec<Chain>, SampleError> {
+    let one = |k: usize| run_chain(&mut make()?, k, settings, stop, None).map(Some);
+    Ok(side_by_side(settings, one)?.unwrap_or_default())
+}
+
+/// All chains, each made by `one` from its number, on up to [`ChainSettings::threads`] threads; none where one of them cannot be made.
+pub(super) fn side_by_side(
+    settings: &ChainSettings,
+    one: impl Fn(usize) -> Result<Option<Chain>, SampleError> + Sync,
+) -> Result<Option<Vec<Chain>>, SampleError> {
     let next = AtomicUsize::new(0);
-    let done: Mutex<Vec<Option<Result<Chain, SampleError>>>> = Mutex::new((0..settings.chains).map(|_| None).collect());
+    let done: Mutex<Vec<Option<Result<Option<Chain>, SampleError>>>> =
+        Mutex::new((0..settings.chains).map(|_| None).collect());
     let work = || {
         loop {
             let k = next.fetch_add(1, Ordering::SeqCst);
             if k >= settings.chains {
                 break;
             }
-            let result = make().and_then(|mut density| run_chain(&mut density, k, settings, stop));
+            let result = one(k);
             done.lock().unwrap_or_else(PoisonError::into_inner)[k] = Some(result);
         }
     };
@@ -186,7 +198,8 @@ pub fn run_chains<D: LogDensity>(
         std::thread::scope(|s| (0..threads).for_each(|_| drop(s.spawn(work))));
     }
     let done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let mut chains = done.into_iter().flatten().collect::<Result<Vec<Chain>, _>>()?;
+    let made = done.into_iter().flatten().collect::<Result<Vec<Option<Chain>>, _>>()?;
+    let Some(mut chains) = made.into_iter().collect::<Option<Vec<Chain>>>() else { return Ok(None) };
     // Interrupted, some chains may have hardly begun: those and that length are kept that hold the most draws.
     let lengths: Vec<usize> = chains.iter().map(|c| c.draws.len()).collect();
     let held = |n: usize| n * lengths.iter().filter(|l| **l >= n).count();
@@ -195,15 +208,21 @@ pub fn run_chains<D: LogDensity>(
     for c in &mut chains {
         c.draws.truncate(length);
         c.log_density.truncate(length);
+        c.beside.truncate(length);
     }
-    Ok(chains)
+    Ok(Some(chains))
 }
 
-fn run_chain<D: LogDensity + ?Sized>(
+/// What is looked up at a draw.
+pub(super) type LookUp<'l> = &'l mut dyn FnMut(&[f64]) -> Result<f64, SampleError>;
+
+/// The chain of this number. `beside` is looked up at each draw that is kept, as it is drawn, so that a chain that is ended early has it.
+pub(super) fn run_chain<D: LogDensity + ?Sized>(
     density: &mut D,
     number: usize,
     s: &ChainSettings,
     stop: Option<&AtomicBool>,
+    mut beside: Option<LookUp<'_>>,
 ) -> Result<Chain, SampleError> {
     let stopped = || stop.is_some_and(|s| s.load(Ordering::SeqCst));
     let mut out = Chain::default();
@@ -243,6 +262,9 @@ fn run_chain<D: LogDensity + ?Sized>(
         }
         seen.clear();
         if k >= s.warm_up {
+            if let Some(look) = &mut beside {
+                out.beside.push(look(&z)?);
+            }
             out.divergences += usize::from(progress.diverging);
             out.draws.push(z.to_vec());
             out.log_density.push(last.1);

@@ -120,6 +120,8 @@ pub struct PosteriorDensity<'a, E: Estimator + ?Sized> {
     known: DMatrix<f64>,
     reference: Option<Reference>,
     block: RowBlock,
+    /// Residuals of all rows, for the room.
+    residuals: Vec<f64>,
 }
 
 impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
@@ -138,7 +140,8 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         };
         let (loss, priors) = (request.loss, &request.priors);
         let known = DMatrix::zeros(priors.len(), request.selected.len());
-        Ok(Self { estimator, frame, loss, priors, known, reference, block: RowBlock::default() })
+        let (block, residuals) = (RowBlock::default(), Vec::new());
+        Ok(Self { estimator, frame, loss, priors, known, reference, block, residuals })
     }
     /// Adds what the data say at a point: half the loss, and its gradient over parameters and nuisance values.
     fn data(&mut self, full: &[f64], extra: &[f64], gradient: &mut DVector<f64>) -> Result<f64, EvalError> {
@@ -157,13 +160,44 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         }
         Ok(sum)
     }
+    /// Coordinates, all parameters and nuisance values at a point; refused where they are not physical.
+    fn physical(&self, z: &[f64]) -> Result<(DVector<f64>, Vec<f64>, Vec<f64>), EvalError> {
+        let point = self.frame.at(z);
+        match self.frame.transform.inconsistent(&point.1) {
+            Some(name) => Err(EvalError::Rejected(format!("{name} is not physical here"))),
+            None => Ok(point),
+        }
+    }
+    /// The logarithm of the density without its gradient, for the price of a prediction; minus infinity where the density is zero.
+    ///
+    /// # Errors
+    /// What no other point could repair.
+    pub fn value(&mut self, z: &[f64]) -> Result<f64, Box<dyn Error + Send + Sync>> {
+        match self.plain(z) {
+            Ok(v) if !v.is_nan() => Ok(v),
+            Ok(_) | Err(EvalError::Rejected(_)) => Ok(f64::NEG_INFINITY),
+            Err(EvalError::Fatal(e)) => Err(e),
+        }
+    }
+    fn plain(&mut self, z: &[f64]) -> Result<f64, EvalError> {
+        let (x, full, extra) = self.physical(z)?;
+        let frame = self.frame;
+        self.residuals.resize(self.estimator.rows(), 0.0);
+        self.estimator.residuals(&full, &extra, &mut self.residuals)?;
+        let mut sum: f64 = self.residuals.iter().map(|&r| self.loss.root(r).0.powi(2)).sum();
+        let values: Vec<f64> = frame.transform.selected().iter().map(|&i| full[i]).collect();
+        let mut rows = Vec::with_capacity(self.priors.len());
+        self.priors.push_residuals(&values, &mut rows);
+        if let Some(reference) = &self.reference {
+            rows.extend(reference.residuals(&full)?);
+        }
+        sum += rows.iter().map(|r| r * r).sum::<f64>();
+        Ok(frame.slope.dot(&(&x - &frame.centre)) - 0.5 * sum)
+    }
     fn evaluate(&mut self, z: &[f64], gradient: &mut [f64]) -> Result<f64, EvalError> {
+        let (x, full, extra) = self.physical(z)?;
         let frame = self.frame;
         let n = frame.transform.dim();
-        let (x, full, extra) = frame.at(z);
-        if let Some(name) = frame.transform.inconsistent(&full) {
-            return Err(EvalError::Rejected(format!("{name} is not physical here")));
-        }
         let mut g = DVector::zeros(frame.dim());
         let mut half = self.data(&full, &extra, &mut g)?;
         let values: Vec<f64> = frame.transform.selected().iter().map(|&i| full[i]).collect();

@@ -3,7 +3,8 @@
 //! ```text
 //! density      -1/2 objective + ln |det dp/dx|, with its gradient, in coordinates whitened by the fit
 //! chains       No-U-Turn sampling of any density (nuts-rs), several chains on several threads
-//! posterior    the two together: draws of the parameters of a fit
+//! importance   draws from a density nearby, weighed
+//! posterior    all together: draws of the parameters of a fit
 //! diagnostics  rank-normalised split R-hat, bulk and tail effective sizes
 //! intervals    quantiles, highest-density intervals
 //! ```
@@ -13,11 +14,13 @@
 mod chains;
 mod density;
 mod diagnostics;
+mod importance;
 mod intervals;
 mod posterior;
 
 pub use chains::{Chain, ChainSettings, LogDensity, SampleError, Trajectories, run_chains};
 pub use density::{Frame, PosteriorDensity};
 pub use diagnostics::{Diagnosis, ess_bulk, ess_tail, r_hat};
+pub use importance::{PARETO_K_MOST, Weights, resampled};
 pub use intervals::{hdi, quantile};
-pub use posterior::{Draws, ESS_LEAST, R_HAT_MOST, sample};
+pub use posterior::{Draws, ESS_LEAST, R_HAT_MOST, Weighed, sample};

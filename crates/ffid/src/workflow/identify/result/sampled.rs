@@ -1,6 +1,6 @@
 //! Draws from the posterior in a result.
 
-use ident::sample::{ChainSettings, Draws, ESS_LEAST, R_HAT_MOST, Trajectories, hdi, quantile};
+use ident::sample::{ChainSettings, Draws, ESS_LEAST, PARETO_K_MOST, R_HAT_MOST, Trajectories, hdi, quantile};
 use serde::{Deserialize, Serialize};
 
 /// What became of the draws.
@@ -37,6 +37,15 @@ pub struct Sampled {
     pub seed: u64,
     /// Evaluations of residuals and their derivatives.
     pub evaluations: usize,
+    /// Predictions of all rows that draws over fewer of them were weighed with; absent, as the two below, where chains went over all rows.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub predictions: Option<usize>,
+    /// Shape of the tail of these weights, which are trusted below 0.7.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub pareto_k: Option<f64>,
+    /// Number of draws with equal weights that they are worth.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub effective_weights: Option<f64>,
     /// Trajectories that met the edge of what is physical, or lost their energy.
     pub divergences: usize,
     /// The largest R-hat.
@@ -113,6 +122,9 @@ impl Sampled {
             warm_up: s.warm_up,
             seed: s.seed,
             evaluations: 0,
+            predictions: None,
+            pareto_k: None,
+            effective_weights: None,
             divergences: 0,
             r_hat: None,
             ess_bulk: None,
@@ -143,13 +155,18 @@ impl Sampled {
         };
         let (r_hat, bulk, tail) =
             (worst(|t| t.r_hat, true), worst(|t| t.ess_bulk, false), worst(|t| t.ess_tail, false));
-        let good = r_hat.is_some_and(|r| r < R_HAT_MOST) && bulk.zip(tail).is_some_and(|(a, b)| a.min(b) >= ESS_LEAST);
+        let good = d.converged();
         let short = d.len() < s.draws;
         let figures = match (r_hat, bulk.zip(tail)) {
             (Some(r), Some((b, t))) => {
                 format!("the largest R-hat is {r:.4}, the least effective sizes are {b:.0} (bulk) and {t:.0} (tails)")
             }
             _ => "there are too few draws, or chains that do not move".to_owned(),
+        };
+        let untrusted = d.weighed.and_then(|w| w.pareto_k).filter(|_| !d.trusted());
+        let figures = match untrusted {
+            Some(k) => format!("{figures}, the shape of the tail of the weights is {k:.2} (limit {PARETO_K_MOST})"),
+            None => figures,
         };
         let limits = format!("limits are {R_HAT_MOST} and {ESS_LEAST:.0}");
         let (state, reason) = match (good, short) {
@@ -193,13 +210,21 @@ impl Sampled {
         Self {
             state,
             reason,
-            sampler: match d.trajectories {
-                Trajectories::Short => format!("{}, trajectories of one step", Self::SAMPLER),
-                Trajectories::Long => format!("{}, trajectories until they turn", Self::SAMPLER),
-            },
+            sampler: format!(
+                "{}, trajectories {}{}",
+                Self::SAMPLER,
+                match d.trajectories {
+                    Trajectories::Short => "of one step",
+                    Trajectories::Long => "until they turn",
+                },
+                if d.weighed.is_some() { ", over fewer rows, weighed by all" } else { "" }
+            ),
             chains: d.chains.len(),
             draws: d.len(),
             evaluations: d.evaluations,
+            predictions: d.weighed.map(|_| d.predictions),
+            pareto_k: d.weighed.and_then(|w| w.pareto_k),
+            effective_weights: d.weighed.map(|w| w.effective),
             divergences: d.divergences,
             r_hat,
             ess_bulk: bulk,
