@@ -17,7 +17,7 @@ use crate::estimate::fit::Reference;
 use crate::estimate::outcome::Estimate;
 use crate::estimate::request::Request;
 use crate::estimate::row_stream::RowBlock;
-use crate::parameters::transform::Transform;
+use crate::parameters::transform::{Transform, TransformError};
 use crate::solve::loss::Loss;
 use ff_least_squares::EvalError;
 use nalgebra::{DMatrix, DVector};
@@ -43,12 +43,33 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Around the end of a fit.
+    /// Around the end of a fit, in coordinates that are linear in what is known well, and have no edge in the others.
     ///
     /// # Errors
     /// [`SampleError::Improper`] where something is determined by neither data nor priors, [`SampleError::NotAtMinimum`] for fits that
     /// have not ended, or that have ended at the edge of what is physical.
     pub fn new(request: &Request<'_>, at: &Estimate) -> Result<Self, SampleError> {
+        let n = request.selected.len();
+        // Deviations in linear coordinates tell which parameters are near the edge of what is physical.
+        let straight = Transform::affine(request.decls, request.selected, &at.values).map_err(edge)?;
+        let covariance = at.uncertainty.covariance.view((0, 0), (n, n)).into_owned();
+        let (_, p) = inverse(&straight, at)?;
+        let spread = &p * covariance * p.transpose();
+        let narrow = |first: usize, count: usize| {
+            let block = spread.view((first, first), (count, count)).into_owned();
+            block.symmetric_eigenvalues().max().max(0.0).sqrt() < STRAIGHT
+        };
+        let transform = Transform::mixed(request.decls, request.selected, &at.values, narrow).map_err(edge)?;
+        Self::of(transform, at)
+    }
+    /// As [`Frame::new`], in coordinates that are linear in all parameters.
+    ///
+    /// # Errors
+    /// See [`Frame::new`].
+    pub(super) fn straight(request: &Request<'_>, at: &Estimate) -> Result<Self, SampleError> {
+        Self::of(Transform::affine(request.decls, request.selected, &at.values).map_err(edge)?, at)
+    }
+    fn of(transform: Transform, at: &Estimate) -> Result<Self, SampleError> {
         if !at.status.is_converged() {
             return Err(SampleError::NotAtMinimum(format!("{:?}", at.status)));
         }
@@ -56,24 +77,8 @@ impl Frame {
         if !u.full_rank() {
             return Err(SampleError::Improper(u.null.first().map_or_else(String::new, ToString::to_string)));
         }
-        let edge = |e: crate::parameters::transform::TransformError| SampleError::NotAtMinimum(e.to_string());
-        let (n, all) = (request.selected.len(), u.unknowns.len());
-        // Deviations in linear coordinates tell which parameters are near the edge of what is physical.
-        let straight = Transform::affine(request.decls, request.selected, &at.values).map_err(edge)?;
-        let covariance = u.covariance.view((0, 0), (n, n)).into_owned();
-        let inverse = |t: &Transform| -> Result<(Vec<f64>, DMatrix<f64>), SampleError> {
-            let x = t.coordinates(&at.values).map_err(edge)?;
-            let p = t.jacobian(&x).try_inverse();
-            Ok((x, p.ok_or_else(|| SampleError::NotAtMinimum("a parameter is zero".into()))?))
-        };
-        let (_, p) = inverse(&straight)?;
-        let spread = &p * covariance * p.transpose();
-        let narrow = |first: usize, count: usize| {
-            let block = spread.view((first, first), (count, count)).into_owned();
-            block.symmetric_eigenvalues().max().max(0.0).sqrt() < STRAIGHT
-        };
-        let transform = Transform::mixed(request.decls, request.selected, &at.values, narrow).map_err(edge)?;
-        let (mut centre, p) = inverse(&transform)?;
+        let (n, all) = (transform.dim(), u.unknowns.len());
+        let (mut centre, p) = inverse(&transform, at)?;
         let sizes: Vec<f64> = u.unknowns[n..].iter().map(|k| k.size).collect();
         centre.extend(at.nuisance.iter().zip(&sizes).map(|(v, s)| v.value / s));
         let mut root =
@@ -86,6 +91,11 @@ impl Frame {
         let mut slope = DVector::zeros(all);
         slope.rows_mut(0, n).copy_from_slice(&transform.log_volume_slope());
         Ok(Self { transform, centre: DVector::from_vec(centre), root, sizes, full: at.values.clone(), slope })
+    }
+    /// With other directions: `z` becomes what `by` makes of it.
+    pub(super) fn turned(mut self, by: &DMatrix<f64>) -> Self {
+        self.root *= by;
+        self
     }
     /// Number of coordinates.
     pub fn dim(&self) -> usize {
@@ -110,6 +120,17 @@ impl Frame {
     }
 }
 
+fn edge(e: TransformError) -> SampleError {
+    SampleError::NotAtMinimum(e.to_string())
+}
+
+/// Coordinates of a fit, and their derivatives over the parameters.
+fn inverse(t: &Transform, at: &Estimate) -> Result<(Vec<f64>, DMatrix<f64>), SampleError> {
+    let x = t.coordinates(&at.values).map_err(edge)?;
+    let p = t.jacobian(&x).try_inverse();
+    Ok((x, p.ok_or_else(|| SampleError::NotAtMinimum("a parameter is zero".into()))?))
+}
+
 /// The posterior of what an estimator predicts.
 pub struct PosteriorDensity<'a, E: Estimator + ?Sized> {
     estimator: Box<E>,
@@ -120,8 +141,8 @@ pub struct PosteriorDensity<'a, E: Estimator + ?Sized> {
     known: DMatrix<f64>,
     reference: Option<Reference>,
     block: RowBlock,
-    /// Residuals of all rows, for the room.
-    residuals: Vec<f64>,
+    /// How often residuals were asked for with their derivatives as a whole.
+    pub(super) linearisations: usize,
 }
 
 impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
@@ -140,8 +161,7 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         };
         let (loss, priors) = (request.loss, &request.priors);
         let known = DMatrix::zeros(priors.len(), request.selected.len());
-        let (block, residuals) = (RowBlock::default(), Vec::new());
-        Ok(Self { estimator, frame, loss, priors, known, reference, block, residuals })
+        Ok(Self { estimator, frame, loss, priors, known, reference, block: RowBlock::default(), linearisations: 0 })
     }
     /// Adds what the data say at a point: half the loss, and its gradient over parameters and nuisance values.
     fn data(&mut self, full: &[f64], extra: &[f64], gradient: &mut DVector<f64>) -> Result<f64, EvalError> {
@@ -182,17 +202,59 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
     fn plain(&mut self, z: &[f64]) -> Result<f64, EvalError> {
         let (x, full, extra) = self.physical(z)?;
         let frame = self.frame;
-        self.residuals.resize(self.estimator.rows(), 0.0);
-        self.estimator.residuals(&full, &extra, &mut self.residuals)?;
-        let mut sum: f64 = self.residuals.iter().map(|&r| self.loss.root(r).0.powi(2)).sum();
-        let values: Vec<f64> = frame.transform.selected().iter().map(|&i| full[i]).collect();
-        let mut rows = Vec::with_capacity(self.priors.len());
-        self.priors.push_residuals(&values, &mut rows);
-        if let Some(reference) = &self.reference {
-            rows.extend(reference.residuals(&full)?);
-        }
-        sum += rows.iter().map(|r| r * r).sum::<f64>();
+        let sum = self.rows_at(&full, &extra)?.norm_squared();
         Ok(frame.slope.dot(&(&x - &frame.centre)) - 0.5 * sum)
+    }
+    /// Residuals of the data, then of priors, whose squares are twice the cost; at any point, physical or not.
+    ///
+    /// # Errors
+    /// [`EvalError`].
+    pub(super) fn rows(&mut self, z: &[f64]) -> Result<DVector<f64>, EvalError> {
+        let (_, full, extra) = self.frame.at(z);
+        self.rows_at(&full, &extra)
+    }
+    fn rows_at(&mut self, full: &[f64], extra: &[f64]) -> Result<DVector<f64>, EvalError> {
+        let mut rows = vec![0.0; self.estimator.rows()];
+        self.estimator.residuals(full, extra, &mut rows)?;
+        rows.iter_mut().for_each(|r| *r = self.loss.root(*r).0);
+        self.push_priors(full, &mut rows)?;
+        Ok(DVector::from_vec(rows))
+    }
+    fn push_priors(&self, full: &[f64], rows: &mut Vec<f64>) -> Result<(), EvalError> {
+        let values: Vec<f64> = self.frame.transform.selected().iter().map(|&i| full[i]).collect();
+        self.priors.push_residuals(&values, rows);
+        if let Some(reference) = &self.reference {
+            rows.extend(reference.residuals(full)?);
+        }
+        Ok(())
+    }
+    /// [`PosteriorDensity::rows`], and their derivatives over parameters and nuisance unknowns, with those of what these are over `z`: the
+    /// product of the two is the Jacobian. For losses of squares.
+    ///
+    /// # Errors
+    /// [`EvalError`].
+    pub(super) fn linearised(&mut self, z: &[f64]) -> Result<(DVector<f64>, DMatrix<f64>, DMatrix<f64>), EvalError> {
+        self.linearisations += 1;
+        let frame = self.frame;
+        let (n, count) = (frame.transform.dim(), self.estimator.rows());
+        let (x, full, extra) = frame.at(z);
+        let mut rows = vec![0.0; count];
+        let mut j = DMatrix::zeros(count, frame.dim());
+        self.estimator.jacobian(&full, &extra, frame.transform.selected(), &mut rows, &mut j)?;
+        self.push_priors(&full, &mut rows)?;
+        let mut j = j.resize_vertically(rows.len(), 0.0);
+        let values: Vec<f64> = frame.transform.selected().iter().map(|&i| full[i]).collect();
+        self.priors.fill_jacobian(&values, &mut j, count);
+        if let Some(reference) = &self.reference {
+            j.view_mut((count + self.priors.len(), 0), (n, n)).copy_from(&reference.jacobian(&full)?);
+        }
+        let mut map = frame.root.clone();
+        let top = frame.transform.jacobian(&x.as_slice()[..n]) * map.rows(0, n);
+        map.rows_mut(0, n).copy_from(&top);
+        for (k, s) in frame.sizes.iter().enumerate() {
+            map.row_mut(n + k).scale_mut(*s);
+        }
+        Ok((DVector::from_vec(rows), j, map))
     }
     fn evaluate(&mut self, z: &[f64], gradient: &mut [f64]) -> Result<f64, EvalError> {
         let (x, full, extra) = self.physical(z)?;

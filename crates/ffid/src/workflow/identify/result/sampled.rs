@@ -1,6 +1,6 @@
 //! Draws from the posterior in a result.
 
-use ident::sample::{ChainSettings, Draws, ESS_LEAST, PARETO_K_MOST, R_HAT_MOST, Trajectories, hdi, quantile};
+use ident::sample::{ChainSettings, Draws, ESS_LEAST, PARETO_K_MOST, R_HAT_MOST, Trajectories, Way, hdi, quantile};
 use serde::{Deserialize, Serialize};
 
 /// What became of the draws.
@@ -46,7 +46,7 @@ pub struct Sampled {
     /// Number of draws with equal weights that they are worth.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub effective_weights: Option<f64>,
-    /// Trajectories that met the edge of what is physical, or lost their energy.
+    /// Trajectories that met the edge of what is physical, or lost their energy; draws for which no solution was found.
     pub divergences: usize,
     /// The largest R-hat.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -163,9 +163,11 @@ impl Sampled {
             }
             _ => "there are too few draws, or chains that do not move".to_owned(),
         };
-        let untrusted = d.weighed.and_then(|w| w.pareto_k).filter(|_| !d.trusted());
-        let figures = match untrusted {
-            Some(k) => format!("{figures}, the shape of the tail of the weights is {k:.2} (limit {PARETO_K_MOST})"),
+        let figures = match d.weighed.and_then(|w| w.pareto_k).filter(|_| !d.trusted()) {
+            Some(k) => format!(
+                "{figures}, the shape of the tail of the weights is {k:.2} (limit {PARETO_K_MOST}), {} draws have no solution",
+                d.divergences
+            ),
             None => figures,
         };
         let limits = format!("limits are {R_HAT_MOST} and {ESS_LEAST:.0}");
@@ -210,17 +212,18 @@ impl Sampled {
         Self {
             state,
             reason,
-            sampler: format!(
-                "{}, trajectories {}{}",
-                Self::SAMPLER,
-                match d.trajectories {
-                    Trajectories::Short => "of one step",
-                    Trajectories::Long => "until they turn",
-                },
-                if d.weighed.is_some() { ", over fewer rows, weighed by all" } else { "" }
-            ),
+            sampler: match (d.way, d.trajectories) {
+                (Way::Solved, _) => "randomise, then optimise; weighed by all rows".into(),
+                (way, t) => format!(
+                    "{}, trajectories {}{}",
+                    Self::SAMPLER,
+                    if t == Trajectories::Short { "of one step" } else { "until they turn" },
+                    if way == Way::FewerRows { ", over fewer rows, weighed by all" } else { "" }
+                ),
+            },
             chains: d.chains.len(),
             draws: d.len(),
+            warm_up: if d.way == Way::Solved { 0 } else { s.warm_up },
             evaluations: d.evaluations,
             predictions: d.weighed.map(|_| d.predictions),
             pareto_k: d.weighed.and_then(|w| w.pareto_k),
