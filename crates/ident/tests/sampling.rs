@@ -7,10 +7,12 @@ use ff_model::{ParamDecl, ParamGroup, Params};
 use ff_records::RecordBuilder;
 use ident::belief::{LIMIT95, PriorRow, Priors, Unknown, profile};
 use ident::compose::Shared;
-use ident::estimate::{Estimate, Estimator, Request};
+use ident::estimate::{Between, Coarse, Estimate, Estimator, Request};
 use ident::parameters::select;
 use ident::sample::{ChainSettings, Draws, ESS_LEAST, Frame, LogDensity, PosteriorDensity, R_HAT_MOST, SampleError};
-use ident::sample::{Diagnosis, Trajectories, ess_bulk, ess_tail, hdi, quantile, r_hat, sample};
+use ident::sample::{
+    Diagnosis, Trajectories, Way, Weights, ess_bulk, ess_tail, hdi, quantile, r_hat, resampled, sample,
+};
 use ident::{Noise, Options, OutputError, Several};
 use nalgebra::DMatrix;
 use rand::SeedableRng;
@@ -34,6 +36,14 @@ struct Formula {
     rows: Rows,
     count: usize,
     nuisance: usize,
+    /// Whether all rows can be had as a part of themselves, around which draws can be solved for.
+    looks: bool,
+}
+
+impl Formula {
+    const fn new(rows: Rows, count: usize, nuisance: usize) -> Self {
+        Self { rows, count, nuisance, looks: false }
+    }
 }
 
 impl Estimator for Formula {
@@ -60,6 +70,11 @@ impl Estimator for Formula {
             slopes.into_iter().enumerate().for_each(|(k, s)| j[(i, k)] = s);
         }
         Ok(())
+    }
+    fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
+        let rows = (0..self.count).collect();
+        let all = Coarse { estimator: Box::new(self.clone()), rows, between: Between::same(self.count) };
+        (self.looks && share >= 1.0).then_some(all)
     }
 }
 
@@ -94,7 +109,7 @@ fn draws_of_a_linear_problem_have_its_covariance() {
         all.push((e[0] / 0.5, vec![0.0, 0.0, 2.0]));
         all
     };
-    let of = Formula { rows, count: 6, nuisance: 1 };
+    let of = Formula::new(rows, 6, 1);
     let decls = [free("a"), free("b")];
     let priors = Priors::default().with(PriorRow { column: 1, mean: 2.9, sigma: 0.05 });
     let request = Request { priors, ..Request::new(&decls, &[0, 1], &[-29.0, 2.9]) };
@@ -123,21 +138,14 @@ fn draws_of_a_linear_problem_have_its_covariance() {
 }
 
 /// `x ~ N(5, 1)`, `y | x ~ N(20 + (x - 5)^2 / 2, 1)`: the mean of y is 20.5, its variance 1.5, where the fit says 20 and 1.
-#[test]
-fn draws_of_a_bent_ridge_have_its_marginals() {
-    let rows: Rows = |p, _| {
-        let x = p[0] - 5.0;
-        vec![(x, vec![1.0, 0.0]), (p[1] - 20.0 - 0.5 * x * x, vec![-x, 1.0])]
-    };
-    let of = Formula { rows, count: 2, nuisance: 0 };
-    let decls = [free("x"), free("y")];
-    let request = Request::new(&decls, &[0, 1], &[5.1, 20.1]);
-    let (at, draws) =
-        drawn(&request, &of, &ChainSettings { draws: 4000, trajectories: Trajectories::Long, ..SETTINGS });
-    converged(&draws);
-    assert!((at.parameters[1].std.unwrap() - 1.0).abs() < 1e-3);
-    assert_eq!(draws.trajectories, Trajectories::Long);
-    let ((mx, vx), (my, vy)) = (moments(&draws, 0), moments(&draws, 1));
+const BENT: Rows = |p, _| {
+    let x = p[0] - 5.0;
+    vec![(x, vec![1.0, 0.0]), (p[1] - 20.0 - 0.5 * x * x, vec![-x, 1.0])]
+};
+
+/// Moments and quantiles of [`BENT`].
+fn has_the_marginals_of_bent(draws: &Draws) {
+    let ((mx, vx), (my, vy)) = (moments(draws, 0), moments(draws, 1));
     assert!((mx - 5.0).abs() < 0.08 && (vx - 1.0).abs() < 0.1, "{mx} {vx}");
     assert!((my - 20.5).abs() < 0.1 && (vy - 1.5).abs() < 0.25, "{my} {vy}");
     // Quantiles of y by numerical integration over x.
@@ -164,6 +172,138 @@ fn draws_of_a_bent_ridge_have_its_marginals() {
     }
 }
 
+#[test]
+fn draws_of_a_bent_ridge_have_its_marginals() {
+    let decls = [free("x"), free("y")];
+    let request = Request::new(&decls, &[0, 1], &[5.1, 20.1]);
+    let settings = ChainSettings { draws: 4000, trajectories: Trajectories::Long, ..SETTINGS };
+    let (at, draws) = drawn(&request, &Formula::new(BENT, 2, 0), &settings);
+    converged(&draws);
+    assert!((at.parameters[1].std.unwrap() - 1.0).abs() < 1e-3);
+    assert_eq!((draws.way, draws.trajectories, draws.weighed), (Way::AllRows, Trajectories::Long, None));
+    has_the_marginals_of_bent(&draws);
+}
+
+/// Where its rows are two coordinates in which it is straight, every solution is a draw, with the weight of all others.
+#[test]
+fn a_bent_ridge_that_is_straight_in_its_rows_is_drawn_by_solving() {
+    let decls = [free("x"), free("y")];
+    let request = Request::new(&decls, &[0, 1], &[5.1, 20.1]);
+    let of = Formula { looks: true, ..Formula::new(BENT, 2, 0) };
+    let (_, draws) = drawn(&request, &of, &ChainSettings { draws: 2000, ..SETTINGS });
+    converged(&draws);
+    let weighed = draws.weighed.unwrap();
+    assert_eq!((draws.way, draws.divergences, draws.predictions), (Way::Solved, 0, 8000));
+    assert!(weighed.effective > 0.999 * 8000.0, "{weighed:?}");
+    has_the_marginals_of_bent(&draws);
+    // The same on one thread, others for another seed.
+    let settings = ChainSettings { draws: 300, ..SETTINGS };
+    let some = drawn(&request, &of, &settings).1;
+    assert_eq!(some, drawn(&request, &of, &ChainSettings { threads: 1, ..settings }).1);
+    assert!(some != drawn(&request, &of, &ChainSettings { seed: 8, ..settings }).1);
+}
+
+/// Rows that are not straight in anything, a parameter with an edge and a prior: weights are what make the draws those of the posterior.
+/// Marginals against a sum over a grid.
+#[test]
+fn weighed_draws_of_rows_that_stay_bent_have_the_marginals_of_the_posterior() {
+    let rows: Rows = |p, _| {
+        let (a, b) = (p[0], p[1]);
+        let (s, c) = (1.3 * b).sin_cos();
+        vec![
+            ((a * c - 0.9) / 0.35, vec![c / 0.35, -1.3 * a * s / 0.35]),
+            ((a * s - 0.6) / 0.5, vec![s / 0.5, 1.3 * a * c / 0.5]),
+            ((a * a * b - 0.5) / 0.9, vec![2.0 * a * b / 0.9, a * a / 0.9]),
+        ]
+    };
+    let of = Formula { looks: true, ..Formula::new(rows, 3, 0) };
+    let decls = [ParamDecl::positive("a", "m", 1.0), free("b")];
+    let priors = Priors::default().with(PriorRow { column: 1, mean: 0.7, sigma: 0.4 });
+    let request = Request { priors, ..Request::new(&decls, &[0, 1], &[1.0, 0.5]) };
+    let (at, draws) = drawn(&request, &of, &ChainSettings { draws: 3000, ..SETTINGS });
+    converged(&draws);
+    let weighed = draws.weighed.unwrap();
+    assert_eq!(draws.way, Way::Solved);
+    assert!(weighed.effective < 0.95 * 12000.0 && weighed.pareto_k.unwrap() < 0.7, "{weighed:?}");
+    let (n, h) = (600, 0.01);
+    let mut sums = [[0.0; 3]; 2];
+    for i in 0..n {
+        for j in 0..n {
+            let at = [(f64::from(i) + 0.5) * h, (f64::from(j) + 0.5) * h - 2.0];
+            let k = (at[1] - 0.7) / 0.4;
+            let cost: f64 = rows(&at, &[]).iter().map(|r| r.0 * r.0).sum::<f64>() + k * k;
+            for (s, x) in sums.iter_mut().zip(at) {
+                (0..3).for_each(|m| s[m] += x.powi(m as i32) * (-0.5 * cost).exp());
+            }
+        }
+    }
+    let mut off = [0.0; 2];
+    for (k, [total, first, second]) in sums.into_iter().enumerate() {
+        let (mean, variance) = moments(&draws, k);
+        let (exact, spread) = (first / total, second / total - (first / total).powi(2));
+        assert!((mean - exact).abs() < 0.05 * spread.sqrt(), "{k}: {mean} {exact}");
+        assert!((variance / spread - 1.0).abs() < 0.08, "{k}: {variance} {spread}");
+        off[k] = (at.parameters[k].value - exact).abs() / spread.sqrt();
+    }
+    // The fit's are not these.
+    assert!(off[0].max(off[1]) > 0.1, "{off:?}");
+}
+
+/// Where what is asked for cannot be reached from most draws, chains take over.
+#[test]
+fn where_few_draws_have_a_solution_chains_are_drawn() {
+    let rows: Rows = |p, _| {
+        let (x, e) = (p[0], (-0.5 * p[0] * p[0]).exp());
+        vec![(3.0 * x * e - 0.5, vec![3.0 * (1.0 - x * x) * e]), (0.0, vec![0.0])]
+    };
+    let of = Formula { looks: true, ..Formula::new(rows, 2, 0) };
+    let decls = [free("x")];
+    let priors = Priors::default().with(PriorRow { column: 0, mean: 0.0, sigma: 1.5 });
+    let request = Request { priors, ..Request::new(&decls, &[0], &[0.1]) };
+    let (_, draws) = drawn(&request, &of, &ChainSettings { draws: 4000, ..SETTINGS });
+    assert_ne!(draws.way, Way::Solved);
+    converged(&draws);
+    // Its moments, by sums: half of it is beyond the place that no solution gets past.
+    let density = |x: f64| (-0.5 * ((3.0 * x * (-0.5 * x * x).exp() - 0.5).powi(2) + x * x / 2.25)).exp();
+    let grid = || (0..40_000).map(|i| (f64::from(i) - 19_999.5) * 0.005);
+    let moment = |n: i32| grid().map(|x| x.powi(n) * density(x)).sum::<f64>() / grid().map(density).sum::<f64>();
+    let (mean, spread) = (moment(1), moment(2) - moment(1).powi(2));
+    let (found, variance) = moments(&draws, 0);
+    assert!((found - mean).abs() < 0.1 * spread.sqrt(), "{found} {mean}");
+    assert!((variance / spread - 1.0).abs() < 0.1, "{variance} {spread}");
+}
+
+/// What ArviZ 0.23.4 (`az.psislw`) makes of the same logarithms of weights: shape of the tail, `(sum w)^2 / sum w^2`.
+#[test]
+fn weights_are_smoothed_as_arviz_does() {
+    let mut state: u64 = 12345;
+    let mut uniform = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let u: Vec<f64> = (0..1600).map(|_| uniform()).collect();
+    let of = |n: usize, f: fn(f64) -> f64| Weights::new(&u[..n].iter().map(|u| f(*u)).collect::<Vec<_>>());
+    for (w, k, effective) in [
+        (of(200, |u| 0.3 * u), -0.635_670_640_200_17, 198.429_231_215_050_24),
+        (of(1000, |u| -0.9 * u.ln()), 1.087_653_212_762_304_9, 43.631_410_212_688_48),
+        (of(1600, |u| 0.05 * u.ln() * u), -0.882_734_178_351_009_5, 1599.951_377_623_303),
+        (of(400, |u| -0.4 * (-u).ln_1p()), 0.340_439_878_243_858_24, 259.977_801_753_018_35),
+    ] {
+        assert!((w.pareto_k.unwrap() - k).abs() < 1e-6, "{:?} {k}", w.pareto_k);
+        assert!((w.effective() / effective - 1.0).abs() < 1e-6, "{} {effective}", w.effective());
+    }
+    // Equal weights have no tail, none have no draws; every draw comes as often as its weight says, to the next whole number.
+    assert_eq!(Weights::new(&[-3.0; 50]).pareto_k, None);
+    assert!(resampled(&Weights::new(&[f64::NEG_INFINITY; 50]).values).is_empty());
+    let w = of(1000, |u| -0.4 * u.ln());
+    let (kept, sum) = (resampled(&w.values), w.values.iter().sum::<f64>());
+    assert_eq!(kept.len(), 1000);
+    for (i, v) in w.values.iter().enumerate() {
+        let times = kept.iter().filter(|k| **k == i).count() as f64;
+        assert!((times - v / sum * 1000.0).abs() < 1.0, "{i}: {times}");
+    }
+}
+
 /// The decay of `tests/profile.rs`, positive parameters, wide enough to be drawn as logarithms: quantiles against the profile.
 #[test]
 fn intervals_of_draws_are_those_of_the_profile() {
@@ -176,7 +316,7 @@ fn intervals_of_draws_are_those_of_the_profile() {
         };
         (0..12).map(row).collect()
     };
-    let of = Formula { rows, count: 12, nuisance: 0 };
+    let of = Formula::new(rows, 12, 0);
     let decls = [ParamDecl::positive("a", "N m", 9.0), ParamDecl::positive("b", "1/s", 0.7)];
     let request = Request::new(&decls, &[0, 1], &[5.0, 1.3]);
     let (at, draws) = drawn(&request, &of, &ChainSettings { draws: 2000, ..SETTINGS });
@@ -252,7 +392,7 @@ fn the_gradient_is_that_of_the_density() {
             (e[0], vec![0.0, 0.0, 1.0]),
         ]
     };
-    let of = Formula { rows, count: 4, nuisance: 1 };
+    let of = Formula::new(rows, 4, 1);
     let decls = [ParamDecl::positive("k", "N m", 1.0), free("b")];
     let priors = Priors::default().with(PriorRow { column: 0, mean: 1.0, sigma: 0.7 });
     for loss in [ident::Loss::Squares, ident::Loss::STUDENT] {
@@ -278,7 +418,7 @@ fn the_gradient_is_that_of_the_density() {
 #[test]
 fn what_nothing_determines_is_not_drawn_and_a_stop_keeps_what_there_is() {
     let rows: Rows = |p, _| vec![(p[0] + p[1] - 1.0, vec![1.0, 1.0]), (2.0 * (p[0] + p[1]), vec![2.0, 2.0])];
-    let of = Formula { rows, count: 2, nuisance: 0 };
+    let of = Formula::new(rows, 2, 0);
     let decls = [free("a"), free("b")];
     let request = Request { anchor: Some(10.0), ..Request::new(&decls, &[0, 1], &[1.0, 1.0]) };
     let at = estimate(&request, &mut of.clone()).unwrap();

@@ -13,8 +13,13 @@ pub(super) fn blocks(r: &IdentificationResult) -> Vec<Block> {
         SampledState::Interrupted => "Interrupted before they had converged, so that no intervals are given",
         SampledState::NotDrawn => "Nothing was drawn",
     };
+    let weighed = match (s.effective_weights, s.pareto_k) {
+        (Some(n), Some(k)) => format!(" Their weights are worth {n:.0} equal ones (shape of their tail {k:.2})."),
+        (Some(n), None) => format!(" Their weights are worth {n:.0} equal ones."),
+        _ => String::new(),
+    };
     let mut out = vec![Block::text(format!(
-        "{state}: {}. {}; {} chains of {} draws after {} to tune them, seed {}, {} evaluations, {} divergent trajectories.",
+        "{state}: {}. {}; {} chains of {} draws after {} to tune them, seed {}, {} evaluations, {} divergent.{weighed}",
         s.reason, s.sampler, s.chains, s.draws, s.warm_up, s.seed, s.evaluations, s.divergences
     ))];
     if !s.parameters.is_empty() {

@@ -19,7 +19,7 @@ class Draws:
         units: Their SI units; empty where a file does not say.
         values: ``(chains, draws, len(names))``.
         log_density: Logarithm of the density over the coordinates that are drawn in, but for a constant ``(chains, draws)``.
-        divergences: Trajectories that met the edge of what is physical, or none where that is not known.
+        divergences: Trajectories that met the edge of what is physical, and draws without a solution; none where that is not known.
     """
 
     names: list[str]

@@ -119,12 +119,6 @@ impl<E: Estimator + ?Sized, M: Fn() -> Result<Box<E>, SampleError> + Sync> Passe
                 let volume = if p.is_finite() { basis.log_volume(&mut there, &z)? } else { Some(0.0) };
                 found = volume.map(|v| (z, v + half, p));
             }
-            if let (Some(f), Some(file)) = (&found, std::env::var_os("FF_RAW")) {
-                use std::io::Write;
-                let mut f2 = std::fs::OpenOptions::new().append(true).create(true).open(file).unwrap();
-                let line: Vec<String> = basis.frame.physical(&f.0).iter().take(self.at.parameters.len()).map(|x| x.to_string()).collect();
-                writeln!(f2, "{}", line.join(" ")).unwrap();
-            }
             out.divergences += usize::from(found.is_none());
             let (z, q, p) = found.unwrap_or_else(|| (vec![0.0; n], 0.0, f64::NEG_INFINITY));
             out.draws.push(z);
