@@ -70,45 +70,54 @@ pub(super) fn apply(
     Ok(())
 }
 
-/// Draws mass, centre of mass and inertia of one body, until they are those of some body.
+/// Draws mass, centre of mass and inertia of one body, until they and their opposites are those of some body: of the flat segments of a wing,
+/// which lie next to the edge of what can exist, those that are bodies alone would be drawn with means of their own, up to half a deviation,
+/// where the mission says that its errors have none.
 fn reweigh(body: &str, errors: &[&DeclaredUnknown], model: &mut Model, rng: &mut ChaCha8Rng) -> anyhow::Result<()> {
     let decls = model.param_decls();
     let first = decls.iter().position(|d| d.name == format!("{body}.mass"));
     let first = first.with_context(|| format!("no body {body}"))?;
-    let ten: [f64; 10] = std::array::from_fn(|k| decls[first + k].nominal);
-    let before = Inertia::from_params(&ten);
-    let com = before.com().with_context(|| format!("{body} has no mass"))?;
-    let about = before.about_com();
+    let before: [f64; 10] = std::array::from_fn(|k| decls[first + k].nominal);
     for _ in 0..TRIES {
-        let (mut mass, mut c, mut i) = (ten[0], com, about);
-        for u in errors {
-            let z: f64 = StandardNormal.sample(rng);
-            let e = u.std * z;
-            let what = u.name.rsplit_once('.').map_or("", |n| n.1);
-            let place = |a: char| "xyz".find(a).unwrap_or(0);
-            match what.split_once('_') {
-                None => {
-                    mass += e;
-                    // A heavier body of the same shape.
-                    i *= (ten[0] + e) / ten[0];
-                }
-                Some(("com", a)) => c[place(a.chars().next().unwrap_or('x'))] += e,
-                Some(("i", ab)) => {
-                    let mut ab = ab.chars().map(place);
-                    let (a, b) = (ab.next().unwrap_or(0), ab.next().unwrap_or(0));
-                    i[(a, b)] += e;
-                    if a != b {
-                        i[(b, a)] += e;
-                    }
-                }
-                Some(_) => bail!("{} is no error of a body", u.name),
-            }
-        }
-        let ten = Inertia::from_com(mass, &c, &i).to_params();
+        let drawn: Vec<f64> =
+            errors.iter().map(|u| u.std * Distribution::<f64>::sample(&StandardNormal, rng)).collect();
+        let opposite: Vec<f64> = drawn.iter().map(|e| -e).collect();
+        let (Some(ten), Some(_)) = (moved(&before, errors, &drawn)?, moved(&before, errors, &opposite)?) else {
+            continue;
+        };
         let values: Vec<(usize, f64)> = ten.iter().enumerate().map(|(k, &x)| (first + k, x)).collect();
-        if mass > 0.0 && model.set_nominal(&values).is_ok() {
+        if model.set_nominal(&values).is_ok() {
             return Ok(());
         }
     }
     bail!("{body}: no draw of {TRIES} is a body; its deviations are too wide")
+}
+
+/// A body with errors; none where no body is like this.
+fn moved(ten: &[f64; 10], errors: &[&DeclaredUnknown], by: &[f64]) -> anyhow::Result<Option<[f64; 10]>> {
+    let before = Inertia::from_params(ten);
+    let (mut mass, mut c) = (ten[0], before.com().context("a body has no mass")?);
+    let mut i = before.about_com();
+    let place = |a: char| "xyz".find(a).unwrap_or(0);
+    for (u, e) in errors.iter().zip(by) {
+        match u.name.rsplit_once('.').map_or("", |n| n.1).split_once('_') {
+            None => {
+                mass += e;
+                // A heavier body of the same shape.
+                i *= (ten[0] + e) / ten[0];
+            }
+            Some(("com", a)) => c[place(a.chars().next().unwrap_or('x'))] += e,
+            Some(("i", ab)) => {
+                let mut ab = ab.chars().map(place);
+                let (a, b) = (ab.next().unwrap_or(0), ab.next().unwrap_or(0));
+                i[(a, b)] += e;
+                if a != b {
+                    i[(b, a)] += e;
+                }
+            }
+            Some(_) => bail!("{} is no error of a body", u.name),
+        }
+    }
+    let moved = Inertia::from_com(mass, &c, &i);
+    Ok((mass > 0.0 && moved.pseudo().cholesky().is_some()).then(|| moved.to_params()))
 }

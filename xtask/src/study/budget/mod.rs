@@ -3,7 +3,7 @@
 //! The servicer of `fixtures/verdict`, whose records MuJoCo has computed, and `uncertain.toml`, its mission with what `ffid init` says is not
 //! known. Parts for `--only`, or numbers of worlds:
 //!
-//! * `worlds`: every uncertain item is drawn from its deviation, records carry noise, and are identified as by `ffid identify` without
+//! * `worlds`: every uncertain item is drawn from its deviation (of the wing's flat segments only what can exist on both sides, `errors.rs`), records carry noise, and are identified as by `ffid identify` without
 //!   flags. How many of the 95 % intervals hold the truth, over base, stiffnesses, dampers and fuel; joint squared errors; how many worlds
 //!   are contradicted.
 //! * `shares`: one kind of error alone is drawn, or the noise alone. The scatter of the estimates against the share of their variance that the
@@ -76,7 +76,7 @@ struct Setup {
 /// Files that cannot be read; a world that cannot be made.
 pub fn run(options: &Options) -> anyhow::Result<Study> {
     let mut study = Study::new("budget", options.seed);
-    let trials = Trials::open("budget", 1, options)?;
+    let trials = Trials::open("budget", 2, options)?;
     let world = World::new("uncertain.toml")?;
     let clean = RECORDS.iter().map(|name| world.clean(name)).collect::<anyhow::Result<Vec<_>>>()?;
     let unknowns = DeclaredUncertain::of(&world.start).context("the mission is sure of everything")?.unknowns;

@@ -283,7 +283,11 @@ fn draws(f: &mut fmt::Formatter<'_>, s: &Sampled, w: usize) -> fmt::Result {
         s.chains, s.draws, s.evaluations, s.reason
     )?;
     if s.divergences > 0 {
-        writeln!(f, "  {} of them met the edge of what is physical, lost their energy or have no solution", s.divergences)?;
+        writeln!(
+            f,
+            "  {} of them met the edge of what is physical, lost their energy or have no solution",
+            s.divergences
+        )?;
     }
     for l in &s.parameters {
         let Some(((a, b), median)) = l.interval95.zip(l.median) else { continue };
