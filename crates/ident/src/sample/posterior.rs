@@ -125,7 +125,7 @@ impl Draws {
 /// are.
 ///
 /// Three ways are tried in turn until draws have converged ([`Way`]): independent ones that solve for their rows, and chains over fewer
-/// rows, both of which are weighed by the density over all rows, then chains over all rows. Where a way has nearly converged, three times as
+/// rows, both of which are weighed by the density over all rows, then, where these weights cannot be trusted, chains over all rows. Where a way has nearly converged, three times as
 /// many draws follow; chains of short trajectories that have not are followed by twice as many long ones. What was drawn last is given.
 ///
 /// # Errors
@@ -143,7 +143,9 @@ pub fn sample<E: Estimator + ?Sized>(
     for way in [Way::Solved, Way::FewerRows, Way::AllRows] {
         if let Some(draws) = passes.over(way, settings)? {
             before = draws.after(&before);
-            if before.converged() || passes.stopped() {
+            // Chains over all rows would mix as slowly as those over fewer that stand for them.
+            let no_better = way == Way::FewerRows && before.trusted();
+            if before.converged() || no_better || passes.stopped() {
                 break;
             }
         }
