@@ -69,7 +69,7 @@ pub struct Chain {
     pub log_density: Vec<f64>,
     /// Draws whose trajectory met a point of zero density, or lost its energy.
     pub divergences: usize,
-    /// What was looked up at each of them, if anything was: see [`run_chain`].
+    /// What was looked up at each of them, if anything was.
     pub beside: Vec<f64>,
     /// Evaluations of the density, warm-up included.
     pub evaluations: usize,
@@ -173,14 +173,16 @@ pub fn run_chains<D: LogDensity>(
     Ok(side_by_side(settings, one)?.unwrap_or_default())
 }
 
+/// A chain, or none where it cannot be made.
+type Made = Result<Option<Chain>, SampleError>;
+
 /// All chains, each made by `one` from its number, on up to [`ChainSettings::threads`] threads; none where one of them cannot be made.
 pub(super) fn side_by_side(
     settings: &ChainSettings,
-    one: impl Fn(usize) -> Result<Option<Chain>, SampleError> + Sync,
+    one: impl Fn(usize) -> Made + Sync,
 ) -> Result<Option<Vec<Chain>>, SampleError> {
     let next = AtomicUsize::new(0);
-    let done: Mutex<Vec<Option<Result<Option<Chain>, SampleError>>>> =
-        Mutex::new((0..settings.chains).map(|_| None).collect());
+    let done: Mutex<Vec<Option<Made>>> = Mutex::new((0..settings.chains).map(|_| None).collect());
     let work = || {
         loop {
             let k = next.fetch_add(1, Ordering::SeqCst);

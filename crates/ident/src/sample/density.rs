@@ -101,21 +101,20 @@ impl Frame {
     pub fn dim(&self) -> usize {
         self.centre.len()
     }
-    /// Coordinates before whitening, all parameters, nuisance values.
-    fn at(&self, z: &[f64]) -> (DVector<f64>, Vec<f64>, Vec<f64>) {
+    fn at(&self, z: &[f64]) -> Point {
         let x = &self.centre + &self.root * DVector::from_column_slice(z);
         let n = self.transform.dim();
         let mut full = self.full.clone();
         self.transform.apply(&x.as_slice()[..n], &mut full);
         let extra = x.as_slice()[n..].iter().zip(&self.sizes).map(|(x, s)| x * s).collect();
-        (x, full, extra)
+        Point { x, full, extra }
     }
     /// The selected parameters, then the nuisance unknowns, in their units. Allocates.
     ///
     /// # Panics
     /// If `z` has another length.
     pub fn physical(&self, z: &[f64]) -> Vec<f64> {
-        let (_, full, extra) = self.at(z);
+        let Point { full, extra, .. } = self.at(z);
         self.transform.selected().iter().map(|&i| full[i]).chain(extra).collect()
     }
 }
@@ -129,6 +128,25 @@ fn inverse(t: &Transform, at: &Estimate) -> Result<(Vec<f64>, DMatrix<f64>), Sam
     let x = t.coordinates(&at.values).map_err(edge)?;
     let p = t.jacobian(&x).try_inverse();
     Ok((x, p.ok_or_else(|| SampleError::NotAtMinimum("a parameter is zero".into()))?))
+}
+
+/// A point in the coordinates of a frame.
+struct Point {
+    /// Coordinates before whitening.
+    x: DVector<f64>,
+    /// All parameters.
+    full: Vec<f64>,
+    /// Nuisance values.
+    extra: Vec<f64>,
+}
+
+/// All rows at a point, those of priors after those of the data, and their derivatives.
+pub(super) struct Linear {
+    pub(super) rows: DVector<f64>,
+    /// Over parameters and nuisance unknowns.
+    pub(super) jacobian: DMatrix<f64>,
+    /// Of parameters and nuisance unknowns over the coordinates: the product of the two are the derivatives over these.
+    pub(super) map: DMatrix<f64>,
 }
 
 /// The posterior of what an estimator predicts.
@@ -180,10 +198,10 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         }
         Ok(sum)
     }
-    /// Coordinates, all parameters and nuisance values at a point; refused where they are not physical.
-    fn physical(&self, z: &[f64]) -> Result<(DVector<f64>, Vec<f64>, Vec<f64>), EvalError> {
+    /// The point, refused where it is not physical.
+    fn physical(&self, z: &[f64]) -> Result<Point, EvalError> {
         let point = self.frame.at(z);
-        match self.frame.transform.inconsistent(&point.1) {
+        match self.frame.transform.inconsistent(&point.full) {
             Some(name) => Err(EvalError::Rejected(format!("{name} is not physical here"))),
             None => Ok(point),
         }
@@ -200,7 +218,7 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         }
     }
     fn plain(&mut self, z: &[f64]) -> Result<f64, EvalError> {
-        let (x, full, extra) = self.physical(z)?;
+        let Point { x, full, extra } = self.physical(z)?;
         let frame = self.frame;
         let sum = self.rows_at(&full, &extra)?.norm_squared();
         Ok(frame.slope.dot(&(&x - &frame.centre)) - 0.5 * sum)
@@ -210,7 +228,7 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
     /// # Errors
     /// [`EvalError`].
     pub(super) fn rows(&mut self, z: &[f64]) -> Result<DVector<f64>, EvalError> {
-        let (_, full, extra) = self.frame.at(z);
+        let Point { full, extra, .. } = self.frame.at(z);
         self.rows_at(&full, &extra)
     }
     fn rows_at(&mut self, full: &[f64], extra: &[f64]) -> Result<DVector<f64>, EvalError> {
@@ -228,16 +246,15 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         }
         Ok(())
     }
-    /// [`PosteriorDensity::rows`], and their derivatives over parameters and nuisance unknowns, with those of what these are over `z`: the
-    /// product of the two is the Jacobian. For losses of squares.
+    /// [`PosteriorDensity::rows`] with their derivatives, for losses of squares.
     ///
     /// # Errors
     /// [`EvalError`].
-    pub(super) fn linearised(&mut self, z: &[f64]) -> Result<(DVector<f64>, DMatrix<f64>, DMatrix<f64>), EvalError> {
+    pub(super) fn linearised(&mut self, z: &[f64]) -> Result<Linear, EvalError> {
         self.linearisations += 1;
         let frame = self.frame;
         let (n, count) = (frame.transform.dim(), self.estimator.rows());
-        let (x, full, extra) = frame.at(z);
+        let Point { x, full, extra } = frame.at(z);
         let mut rows = vec![0.0; count];
         let mut j = DMatrix::zeros(count, frame.dim());
         self.estimator.jacobian(&full, &extra, frame.transform.selected(), &mut rows, &mut j)?;
@@ -254,10 +271,10 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         for (k, s) in frame.sizes.iter().enumerate() {
             map.row_mut(n + k).scale_mut(*s);
         }
-        Ok((DVector::from_vec(rows), j, map))
+        Ok(Linear { rows: DVector::from_vec(rows), jacobian: j, map })
     }
     fn evaluate(&mut self, z: &[f64], gradient: &mut [f64]) -> Result<f64, EvalError> {
-        let (x, full, extra) = self.physical(z)?;
+        let Point { x, full, extra } = self.physical(z)?;
         let frame = self.frame;
         let n = frame.transform.dim();
         let mut g = DVector::zeros(frame.dim());

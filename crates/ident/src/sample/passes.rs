@@ -3,7 +3,7 @@
 use super::chains::{Chain, ChainSettings, SampleError, Trajectories, run_chain, side_by_side};
 use super::density::{Frame, PosteriorDensity};
 use super::importance::{Weights, resampled};
-use super::posterior::{Draws, MORE, Way, Weighed};
+use super::posterior::{Draws, MORE, UNSOLVED, Way, Weighed};
 use super::rto::Basis;
 use crate::estimate::around::Around;
 use crate::estimate::estimator::Estimator;
@@ -14,6 +14,11 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Draws after which solving is given up if so many times as many have no solution as are trusted.
+const LOOK: usize = 40;
+/// See [`LOOK`].
+const HOPELESS: f64 = 10.0;
 
 /// What passes over the same posterior have in common.
 pub(super) struct Passes<'a, 'r, M> {
@@ -124,6 +129,10 @@ impl<E: Estimator + ?Sized, M: Fn() -> Result<Box<E>, SampleError> + Sync> Passe
             out.draws.push(z);
             out.log_density.push(q);
             out.beside.push(p);
+            let drawn = out.draws.len();
+            if drawn >= LOOK && out.divergences as f64 > HOPELESS * UNSOLVED * drawn as f64 {
+                break;
+            }
         }
         out.evaluations = way.linearisations + there.linearisations;
         Ok(Some(out))

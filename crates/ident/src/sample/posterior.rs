@@ -20,7 +20,7 @@ const R_HAT_NEAR: f64 = 1.05;
 /// How many times as many they are.
 pub(super) const MORE: usize = 3;
 /// Largest part of draws without a solution: what is left out may lie in one place.
-const UNSOLVED: f64 = 0.01;
+pub(super) const UNSOLVED: f64 = 0.01;
 
 /// How draws are made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub struct Draws {
 /// How well draws of another density stand for those of the posterior.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weighed {
-    /// Shape of the tail of the weights ([`Weights`]): they are trusted below [`PARETO_K_MOST`].
+    /// Shape of the tail of the weights ([`super::Weights`]): they are trusted below [`PARETO_K_MOST`].
     pub pareto_k: Option<f64>,
     /// Number of draws with equal weights that they are worth.
     pub effective: f64,

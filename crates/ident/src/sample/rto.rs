@@ -13,7 +13,7 @@
 //! is off is weighed ([`super::importance`]). Solutions that are not physical have no weight.
 
 use super::chains::SampleError;
-use super::density::{Frame, PosteriorDensity};
+use super::density::{Frame, Linear, PosteriorDensity};
 use crate::estimate::estimator::Estimator;
 use crate::estimate::outcome::Estimate;
 use crate::estimate::request::Request;
@@ -60,9 +60,9 @@ impl Basis {
         let zero = vec![0.0; n];
         let failed = |e: EvalError| SampleError::Density(e.to_string().into());
         let mut density = PosteriorDensity::new(request, &frame, rows)?;
-        let (r, j, map) = density.linearised(&zero).map_err(failed)?;
+        let Linear { rows: r, jacobian, map } = density.linearised(&zero).map_err(failed)?;
         drop(density);
-        let qr = (j * map).qr();
+        let qr = (jacobian * map).qr();
         let Some(inverse) = qr.r().try_inverse() else { return Ok(None) };
         let across = qr.q().transpose();
         let origin = &across * r;
@@ -147,8 +147,8 @@ impl Basis {
         density: &mut PosteriorDensity<'_, E>,
         z: &[f64],
     ) -> Result<LU<f64, Dyn, Dyn>, EvalError> {
-        let (_, j, map) = density.linearised(z)?;
-        Ok(((&self.across * j) * map).lu())
+        let Linear { jacobian, map, .. } = density.linearised(z)?;
+        Ok(((&self.across * jacobian) * map).lu())
     }
 }
 
