@@ -66,7 +66,8 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
     if let Some(d) = r.sampled.as_ref().filter(|d| d.state != SampledState::Converged) {
         let hint = match d.state {
             SampledState::NotDrawn => "give --reduce or a prior, or leave --sample out",
-            _ => "draw more: --sample with a larger number",
+            SampledState::Interrupted => "let it end, or draw fewer",
+            _ => "draw more (--sample with a larger number), or give what moves slowest a prior (--prior)",
         };
         let what = format!("the posterior has no intervals from draws: {}", d.reason);
         add(Problem::warning(Area::Data, "Fit::NotSampled", what), hint);

@@ -170,7 +170,9 @@ impl Sampled {
             ),
             None => figures,
         };
-        let limits = format!("limits are {R_HAT_MOST} and {ESS_LEAST:.0}");
+        let slowest = (0..told.len()).max_by(|&a, &b| told[a].r_hat.total_cmp(&told[b].r_hat)).map(|k| &d.names[k]);
+        let slowest = slowest.map_or_else(String::new, |name| format!("; the slowest is {name}"));
+        let limits = format!("limits are {R_HAT_MOST} and {ESS_LEAST:.0}{slowest}");
         let (state, reason) = match (good, short) {
             (true, _) => (SampledState::Converged, figures),
             (false, true) => (SampledState::Interrupted, format!("interrupted: {figures}; {limits}")),
