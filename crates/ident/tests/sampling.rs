@@ -18,7 +18,7 @@ use nalgebra::DMatrix;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 const SETTINGS: ChainSettings =
     ChainSettings { chains: 4, warm_up: 200, draws: 1000, trajectories: Trajectories::Short, threads: 2, seed: 7 };
@@ -271,6 +271,26 @@ fn where_few_draws_have_a_solution_chains_are_drawn() {
     let (found, variance) = moments(&draws, 0);
     assert!((found - mean).abs() < 0.1 * spread.sqrt(), "{found} {mean}");
     assert!((variance / spread - 1.0).abs() < 0.1, "{variance} {spread}");
+}
+
+/// A sine that few draws get over, and a stop as chains begin: the draws that were solved for are kept.
+#[test]
+fn a_stop_before_the_next_way_has_drawn_keeps_the_draws_of_the_one_before() {
+    let rows: Rows = |p, _| vec![(2.0 * p[0].sin() - 0.3, vec![2.0 * p[0].cos()]), (0.0, vec![0.0])];
+    let of = Formula { looks: true, ..Formula::new(rows, 2, 0) };
+    let decls = [free("x")];
+    let priors = Priors::default().with(PriorRow { column: 0, mean: 0.0, sigma: 40.0 });
+    let request = Request { priors, ..Request::new(&decls, &[0], &[0.1]) };
+    let at = estimate(&request, &mut of.clone()).unwrap();
+    let (stopped, made) = (AtomicBool::new(false), AtomicUsize::new(0));
+    // One for what all draws have in common, two for each of four chains.
+    let make = || {
+        stopped.store(made.fetch_add(1, Ordering::SeqCst) >= 9, Ordering::SeqCst);
+        Ok(Box::new(of.clone()))
+    };
+    let d = sample(&request, &at, make, &ChainSettings { threads: 1, ..SETTINGS }, Some(&stopped)).unwrap();
+    assert!(made.load(Ordering::SeqCst) > 9 && d.divergences > 0);
+    assert!(d.way == Way::Solved && !d.is_empty() && !d.converged(), "{:?} {}", d.way, d.len());
 }
 
 /// What ArviZ 0.23.4 (`az.psislw`) makes of the same logarithms of weights: shape of the tail, `(sum w)^2 / sum w^2`.

@@ -142,7 +142,8 @@ pub fn sample<E: Estimator + ?Sized>(
     let mut before = Draws::default();
     for way in [Way::Solved, Way::FewerRows, Way::AllRows] {
         if let Some(draws) = passes.over(way, settings)? {
-            before = draws.after(&before);
+            // What was ended before it had drawn anything is no better than what there was.
+            before = if draws.is_empty() && !before.is_empty() { before.after(&draws) } else { draws.after(&before) };
             // Chains over all rows would mix as slowly as those over fewer that stand for them.
             let no_better = way == Way::FewerRows && before.trusted();
             if before.converged() || no_better || passes.stopped() {
