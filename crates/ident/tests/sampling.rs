@@ -293,6 +293,25 @@ fn a_stop_before_the_next_way_has_drawn_keeps_the_draws_of_the_one_before() {
     assert!(d.way == Way::Solved && !d.is_empty() && !d.converged(), "{:?} {}", d.way, d.len());
 }
 
+/// Half of the solutions are negative, where the parameter cannot be: chains of one draw of which some have none.
+#[test]
+fn chains_without_a_draw_that_is_physical_are_left_out() {
+    let rows: Rows = |p, _| vec![(p[0] - 0.1, vec![1.0])];
+    let of = Formula { looks: true, ..Formula::new(rows, 1, 0) };
+    let decls = [ParamDecl::positive("k", "N m/rad", 0.2)];
+    let request = Request::new(&decls, &[0], &[0.2]);
+    let at = estimate(&request, &mut of.clone()).unwrap();
+    let (stopped, made) = (AtomicBool::new(false), AtomicUsize::new(0));
+    let settings = ChainSettings { draws: 1, chains: 12, threads: 1, ..SETTINGS };
+    let make = || {
+        stopped.store(made.fetch_add(1, Ordering::SeqCst) > 2 * settings.chains, Ordering::SeqCst);
+        Ok(Box::new(of.clone()))
+    };
+    let d = sample(&request, &at, make, &settings, Some(&stopped)).unwrap();
+    assert!(d.way == Way::Solved && (2..12).contains(&d.chains.len()), "{:?} {}", d.way, d.chains.len());
+    assert!(d.chains.iter().all(|c| c.len() == 1 && c[0][0] > 0.0) && d.log_density.len() == d.chains.len());
+}
+
 /// What ArviZ 0.23.4 (`az.psislw`) makes of the same logarithms of weights: shape of the tail, `(sum w)^2 / sum w^2`.
 #[test]
 fn weights_are_smoothed_as_arviz_does() {

@@ -88,6 +88,11 @@ impl<E: Estimator + ?Sized, M: Fn() -> Result<Box<E>, SampleError> + Sync> Passe
             out.chains.push(kept.iter().map(|&i| frame.physical(&c.draws[i])).collect());
             out.log_density.push(kept.iter().map(|&i| density[i]).collect());
         }
+        // A chain in which nothing has a weight has no draws; all others are of a length.
+        if out.chains.iter().any(|c| !c.is_empty()) {
+            out.chains.retain(|c| !c.is_empty());
+            out.log_density.retain(|c| !c.is_empty());
+        }
         Ok(Some(out))
     }
     /// What draws that solve for their rows have in common.
