@@ -159,24 +159,14 @@ impl<D: LogDensity + ?Sized> CpuLogpFunc for Evaluated<'_, D> {
     }
 }
 
-/// Draws chains of the densities that `make` gives, one for each chain, on up to [`ChainSettings::threads`] threads; `stop` ends them
-/// with what they have, and chains that had hardly begun are left out. All that are given are of a length.
-///
-/// # Errors
-/// [`SampleError`], that of the first chain that failed.
-pub fn run_chains<D: LogDensity>(
-    make: impl Fn() -> Result<D, SampleError> + Sync,
-    settings: &ChainSettings,
-    stop: Option<&AtomicBool>,
-) -> Result<Vec<Chain>, SampleError> {
-    let one = |k: usize| run_chain(&mut make()?, k, settings, stop, None).map(Some);
-    Ok(side_by_side(settings, one)?.unwrap_or_default())
-}
-
 /// A chain, or none where it cannot be made.
 type Made = Result<Option<Chain>, SampleError>;
 
-/// All chains, each made by `one` from its number, on up to [`ChainSettings::threads`] threads; none where one of them cannot be made.
+/// All chains, each made by `one` from its number, on up to [`ChainSettings::threads`] threads; none where one of them cannot be made. All that
+/// are given are of a length: of chains that were ended early, those that had hardly begun are left out.
+///
+/// # Errors
+/// [`SampleError`], that of the first chain that failed.
 pub(super) fn side_by_side(
     settings: &ChainSettings,
     one: impl Fn(usize) -> Made + Sync,

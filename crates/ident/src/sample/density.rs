@@ -49,6 +49,7 @@ impl Frame {
     /// [`SampleError::Improper`] where something is determined by neither data nor priors, [`SampleError::NotAtMinimum`] for fits that
     /// have not ended, or that have ended at the edge of what is physical.
     pub fn new(request: &Request<'_>, at: &Estimate) -> Result<Self, SampleError> {
+        determined(at)?;
         let n = request.selected.len();
         // Deviations in linear coordinates tell which parameters are near the edge of what is physical.
         let straight = Transform::affine(request.decls, request.selected, &at.values).map_err(edge)?;
@@ -67,16 +68,11 @@ impl Frame {
     /// # Errors
     /// See [`Frame::new`].
     pub(super) fn straight(request: &Request<'_>, at: &Estimate) -> Result<Self, SampleError> {
+        determined(at)?;
         Self::of(Transform::affine(request.decls, request.selected, &at.values).map_err(edge)?, at)
     }
     fn of(transform: Transform, at: &Estimate) -> Result<Self, SampleError> {
-        if !at.status.is_converged() {
-            return Err(SampleError::NotAtMinimum(format!("{:?}", at.status)));
-        }
         let u = &at.uncertainty;
-        if !u.full_rank() {
-            return Err(SampleError::Improper(u.null.first().map_or_else(String::new, ToString::to_string)));
-        }
         let (n, all) = (transform.dim(), u.unknowns.len());
         let (mut centre, p) = inverse(&transform, at)?;
         let sizes: Vec<f64> = u.unknowns[n..].iter().map(|k| k.size).collect();
@@ -115,8 +111,23 @@ impl Frame {
     /// If `z` has another length.
     pub fn physical(&self, z: &[f64]) -> Vec<f64> {
         let Point { full, extra, .. } = self.at(z);
-        self.transform.selected().iter().map(|&i| full[i]).chain(extra).collect()
+        [self.selected_of(&full), extra].concat()
     }
+    fn selected_of(&self, full: &[f64]) -> Vec<f64> {
+        self.transform.selected().iter().map(|&i| full[i]).collect()
+    }
+}
+
+/// Refuses fits that have not ended, and those whose data and priors leave something open.
+fn determined(at: &Estimate) -> Result<(), SampleError> {
+    if !at.status.is_converged() {
+        return Err(SampleError::NotAtMinimum(format!("{:?}", at.status)));
+    }
+    let u = &at.uncertainty;
+    if !u.full_rank() {
+        return Err(SampleError::Improper(u.null.first().map_or_else(String::new, ToString::to_string)));
+    }
+    Ok(())
 }
 
 fn edge(e: TransformError) -> SampleError {
@@ -239,7 +250,7 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         Ok(DVector::from_vec(rows))
     }
     fn push_priors(&self, full: &[f64], rows: &mut Vec<f64>) -> Result<(), EvalError> {
-        let values: Vec<f64> = self.frame.transform.selected().iter().map(|&i| full[i]).collect();
+        let values = self.frame.selected_of(full);
         self.priors.push_residuals(&values, rows);
         if let Some(reference) = &self.reference {
             rows.extend(reference.residuals(full)?);
@@ -260,7 +271,7 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         self.estimator.jacobian(&full, &extra, frame.transform.selected(), &mut rows, &mut j)?;
         self.push_priors(&full, &mut rows)?;
         let mut j = j.resize_vertically(rows.len(), 0.0);
-        let values: Vec<f64> = frame.transform.selected().iter().map(|&i| full[i]).collect();
+        let values = frame.selected_of(&full);
         self.priors.fill_jacobian(&values, &mut j, count);
         if let Some(reference) = &self.reference {
             j.view_mut((count + self.priors.len(), 0), (n, n)).copy_from(&reference.jacobian(&full)?);
@@ -279,7 +290,7 @@ impl<'a, E: Estimator + ?Sized> PosteriorDensity<'a, E> {
         let n = frame.transform.dim();
         let mut g = DVector::zeros(frame.dim());
         let mut half = self.data(&full, &extra, &mut g)?;
-        let values: Vec<f64> = frame.transform.selected().iter().map(|&i| full[i]).collect();
+        let values = frame.selected_of(&full);
         let mut rows = Vec::with_capacity(self.priors.len());
         self.priors.push_residuals(&values, &mut rows);
         let mut physical = g.rows(0, n).into_owned();

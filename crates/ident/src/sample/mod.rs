@@ -22,7 +22,7 @@ mod passes;
 mod posterior;
 mod rto;
 
-pub use chains::{Chain, ChainSettings, LogDensity, SampleError, Trajectories, run_chains};
+pub use chains::{Chain, ChainSettings, LogDensity, SampleError, Trajectories};
 pub use density::{Frame, PosteriorDensity};
 pub use diagnostics::{Diagnosis, ess_bulk, ess_tail, r_hat};
 pub use importance::{PARETO_K_MOST, Weights, resampled};

@@ -47,8 +47,9 @@ impl<E: Estimator + ?Sized, M: Fn() -> Result<Box<E>, SampleError> + Sync> Passe
                 continue;
             }
             let more = ChainSettings { trajectories, draws: times * s.draws, ..*s };
-            let next = self.pass(way, &more)?.filter(|d| !d.is_empty());
-            found = next.map_or(found.clone(), |next| next.after(&found));
+            if let Some(next) = self.pass(way, &more)?.filter(|d| !d.is_empty()) {
+                found = next.after(&found);
+            }
         }
         Ok(Some(found))
     }

@@ -125,8 +125,9 @@ impl Draws {
 /// are.
 ///
 /// Three ways are tried in turn until draws have converged ([`Way`]): independent ones that solve for their rows, and chains over fewer
-/// rows, both of which are weighed by the density over all rows, then, where these weights cannot be trusted, chains over all rows. Where a way has nearly converged, three times as
-/// many draws follow; chains of short trajectories that have not are followed by twice as many long ones. What was drawn last is given.
+/// rows, both of which are weighed by the density over all rows; then, where these weights cannot be trusted, chains over all rows. Where a
+/// way has nearly converged, three times as many draws follow; chains of short trajectories that have not are followed by twice as many long
+/// ones. What was drawn last is given.
 ///
 /// # Errors
 /// [`SampleError`].

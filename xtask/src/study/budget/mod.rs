@@ -3,9 +3,9 @@
 //! The servicer of `fixtures/verdict`, whose records MuJoCo has computed, and `uncertain.toml`, its mission with what `ffid init` says is not
 //! known. Parts for `--only`, or numbers of worlds:
 //!
-//! * `worlds`: every uncertain item is drawn from its deviation (of the wing's flat segments only what can exist on both sides, `errors.rs`), records carry noise, and are identified as by `ffid identify` without
-//!   flags. How many of the 95 % intervals hold the truth, over base, stiffnesses, dampers and fuel; joint squared errors; how many worlds
-//!   are contradicted.
+//! * `worlds`: every uncertain item is drawn from its deviation (of the wing's flat segments only what can exist on both sides,
+//!   `errors.rs`), records carry noise, and are identified as by `ffid identify` without flags. How many of the 95 % intervals hold the
+//!   truth, over base, stiffnesses, dampers and fuel; joint squared errors; how many worlds are contradicted.
 //! * `shares`: one kind of error alone is drawn, or the noise alone. The scatter of the estimates against the share of their variance that the
 //!   error budget gives that kind, over the estimates of which it is a tenth or more.
 
