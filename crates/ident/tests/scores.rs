@@ -4,7 +4,7 @@ use ff_least_squares::EvalError;
 use ff_model::ParamDecl;
 use ff_testkit::assert_within;
 use ident::belief::Unknown;
-use ident::uncertain::{Direction, EndOfFit, Layout, Scores, hypotheses};
+use ident::uncertain::{Component, Direction, EndOfFit, Hypothesis, Layout, Ranking, Scores, hypotheses};
 use ident::{Estimator, Request, estimate};
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
@@ -153,6 +153,27 @@ fn nothing_is_seen_where_nothing_is_wrong_as_often_as_the_level_says() {
     }
     // 20 expected of 400, deviation 4.4.
     assert!(below.iter().all(|n| (7..=33).contains(n)), "{below:?}");
+}
+
+#[test]
+fn what_cannot_be_negative_is_named_where_it_is_positive_alone() {
+    let ranked = |seed: u64, error: f64, positive: bool| -> Ranking {
+        let make = || Linear::new(seed, [1.7, 3.1, 2.4], &[0.0, error, 0.0, 0.0]);
+        let (values, base) = (fit(make(), &[]).0, base());
+        let of = Component { name: String::new(), unit: "rad/(N m)".into(), of: vec![("e".into(), 1.0)] };
+        let one = Hypothesis { positive, ..Hypothesis::new("compliance.e", "an elastic e", vec![of]) };
+        let names: Vec<String> = ["p", "q", "r", "a", "e", "b", "c"].map(String::from).into();
+        let layout = Layout::new(&[one], &names, &[], &[0, 1, 2]);
+        layout.rank(&Scores::new(&mut make(), &end(&values, &base), &layout.components, &[]).unwrap())
+    };
+    for (error, named) in [(0.8, [1, 1]), (-0.8, [0, 1])] {
+        assert_eq!([true, false].map(|positive| ranked(11, error, positive).named.len()), named, "{error}");
+    }
+    // One side is worth half of both, and sees what is not there as often: 20 expected of 400, deviation 4.4.
+    let [one, both] = [true, false].map(|positive| ranked(11, 0.8, positive).alone[0].score.clone());
+    assert_within!((one.p - 0.5 * both.p).abs(), 1e-12 * both.p);
+    let seen = |seed: &u64| ranked(600 + seed, 0.0, true).alone[0].score.p < 0.05;
+    assert!((7..=33).contains(&(0..400).filter(seen).count()));
 }
 
 #[test]

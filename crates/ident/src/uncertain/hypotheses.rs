@@ -29,11 +29,14 @@ pub struct Hypothesis {
     pub words: String,
     /// Its components.
     pub components: Vec<Component>,
+    /// Whether its one component cannot be negative, as no joint stretches against its load: then only that speaks for it.
+    pub positive: bool,
 }
 
 impl Hypothesis {
-    fn new(name: impl Into<String>, words: impl Into<String>, components: Vec<Component>) -> Self {
-        Self { name: name.into(), words: words.into(), components }
+    /// Of these components, each of either sign.
+    pub fn new(name: impl Into<String>, words: impl Into<String>, components: Vec<Component>) -> Self {
+        Self { name: name.into(), words: words.into(), components, positive: false }
     }
     /// One component with its own column.
     fn one(name: impl Into<String>, words: impl Into<String>, column: impl Into<String>, unit: &str) -> Self {
@@ -105,7 +108,9 @@ fn sensors(model: &Model) -> Vec<Hypothesis> {
     }
     for j in model.joint_names() {
         let mut one = |name: &str, words: String, column: &str, unit: &str| {
-            out.push(Hypothesis::one(format!("{name}.{j}"), words, format!("{column}.{j}"), unit));
+            let positive = name == "compliance";
+            let h = Hypothesis::one(format!("{name}.{j}"), words, format!("{column}.{j}"), unit);
+            out.push(Hypothesis { positive, ..h });
         };
         one("torque-gain", format!("a gain of the torque sensor of {j}"), "torque.gain", "1");
         one("torque-bias", format!("a bias of the torque sensor of {j}"), "torque.bias", "N m");

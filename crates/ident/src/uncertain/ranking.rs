@@ -66,11 +66,13 @@ struct Testable {
     hypothesis: usize,
     components: Vec<usize>,
     searched: Searched,
+    positive: bool,
 }
 
 impl Testable {
     fn test(&self, scores: &Scores, given: &[usize]) -> Option<Score> {
-        scores.test_searched(&self.components, given, self.searched)
+        let score = scores.test_searched(&self.components, given, self.searched)?;
+        Some(if self.positive { score.of_positive() } else { score })
     }
 }
 
@@ -96,8 +98,8 @@ impl Layout {
             }
             let first = components.len();
             components.extend(free.into_iter().map(Direction::from));
-            let searched = Searched::default();
-            of.push(Testable { hypothesis, components: (first..components.len()).collect(), searched });
+            let (searched, positive) = (Searched::default(), h.positive);
+            of.push(Testable { hypothesis, components: (first..components.len()).collect(), searched, positive });
         }
         Self { of, components }
     }
@@ -110,7 +112,8 @@ impl Layout {
     pub fn push(&mut self, hypothesis: usize, components: impl Iterator<Item = Direction>, searched: Searched) {
         let first = self.components.len();
         self.components.extend(components);
-        self.of.push(Testable { hypothesis, components: (first..self.components.len()).collect(), searched });
+        let components = (first..self.components.len()).collect();
+        self.of.push(Testable { hypothesis, components, searched, positive: false });
     }
     /// Components of one of the hypotheses, if it has columns.
     pub fn components_of(&self, hypothesis: usize) -> Option<&[usize]> {
@@ -122,7 +125,8 @@ impl Layout {
         let alone: Vec<Option<Score>> = self.of.iter().map(|t| t.test(scores, &[])).collect();
         let tested = alone.iter().flatten().count();
         let told = self.of.iter().zip(&alone).filter(|t| t.1.is_some() && t.0.searched == Searched::default());
-        let told: Vec<&[usize]> = told.map(|t| &t.0.components[..]).collect();
+        let told: Vec<multiplicity::Test<'_>> =
+            told.map(|(t, _)| multiplicity::Test { components: &t.components, positive: t.positive }).collect();
         let searched = (tested - told.len()) as f64;
         let independent =
             (multiplicity::independent(&scores.of_sums(), &told, LEVEL / tested.max(1) as f64) + searched).max(1.0);

@@ -132,6 +132,19 @@ fn fatal(e: LinalgError) -> EvalError {
     EvalError::Fatal(Box::new(e))
 }
 
+impl Score {
+    /// The test of an error with one component that cannot be negative: the drop is 0 in half of all cases where nothing
+    /// is wrong, and chi-squared with one degree of freedom in the others (S. Self, K.-Y. Liang, *J. Am. Stat. Assoc.* 82,
+    /// 1987, 605). A negative estimate says nothing.
+    pub(super) fn of_positive(self) -> Self {
+        if self.estimate.iter().all(|e| *e > 0.0) {
+            Self { p: 0.5 * self.p, evidence: self.evidence + core::f64::consts::LN_2, ..self }
+        } else {
+            Self { p: 1.0, evidence: 0.0, ..self }
+        }
+    }
+}
+
 impl Scores {
     /// Goes through the rows of `estimator` once. `components` are the columns of the errors, in any order; `draws` those
     /// columns that hold what draws of the motion's noise do to the residuals. Allocates the square of the number of components, and

@@ -129,7 +129,7 @@ impl ExtraMode {
 
 /// The hypothesis of it.
 pub(super) fn hypothesis() -> Hypothesis {
-    Hypothesis { name: EXTRA_MODE.into(), words: "a mode that the mission lacks".into(), components: Vec::new() }
+    Hypothesis::new(EXTRA_MODE, "a mode that the mission lacks", Vec::new())
 }
 
 /// Mass of the base (kg) and the length (m) that its inertia is that of.

@@ -232,7 +232,7 @@ impl Survey {
                 let one = |k: &usize| Component { name: base_names[*k].clone(), unit: unit(k), of: Vec::new() };
                 let components = of_parameters.iter().map(one).collect();
                 let words = format!("parameters that are others in record {label}");
-                tried.push(Hypothesis { name: format!("other-robot.{label}"), words, components });
+                tried.push(Hypothesis::new(format!("other-robot.{label}"), words, components));
             }
             first += n;
         }
@@ -247,7 +247,7 @@ impl Survey {
                 let one = |k: &usize| Component { name: base_names[*k].clone(), unit: unit(k), of: Vec::new() };
                 let components = of_parameters.iter().map(one).collect();
                 let words = "parameters that are others than those identified before".to_owned();
-                tried.push(Hypothesis { name: "other-robot".into(), words, components });
+                tried.push(Hypothesis::new("other-robot", words, components));
             }
         }
         let oscillator = tried.len();
