@@ -7,7 +7,7 @@ use ff_model::Params;
 use ff_records::{Record, RecordBuilder};
 use ff_testkit::assert_within;
 use ident::belief::Sigma;
-use ident::estimate::{Around, Direction};
+use ident::estimate::{Around, Direction, Estimate};
 use ident::parameters::offset_start;
 use ident::parameters::select;
 use ident::uncertain::ErrorSource;
@@ -52,8 +52,17 @@ fn the_cost_near_the_end_of_a_fit_is_that_of_all_rows() {
     let e = estimate(&request, &mut all).unwrap();
     let masses = |i: usize| decls[i].name == "base.mass";
     let other = OutputError::new(&l.model, &record, &options).unwrap();
-    let mut near = Around::new(&request, &e, other.coarse(&e.values).unwrap(), masses).unwrap().unwrap();
-    assert!(3 * near.rows() <= all.rows(), "{} of {}", near.rows(), all.rows());
+    // Those that a sampler weighs, and those that a search looks by.
+    for (thin, often) in [(other.coarse(&e.values), 3), (other.coarsest(&e.values), 6)] {
+        let near = Around::new(&request, &e, thin.unwrap(), masses).unwrap().unwrap();
+        assert!(often * near.rows() <= all.rows(), "{} of {}", near.rows(), all.rows());
+        like_all_rows(&request, &e, &mut all, near);
+    }
+}
+
+/// The cost of fewer rows is that of all of them, and a fit on it ends where theirs does.
+fn like_all_rows(request: &Request<'_>, e: &Estimate, all: &mut OutputError<'_>, mut near: Around<'_>) {
+    let (decls, selected) = (request.decls, request.selected);
     let beyond = near.beyond;
     let mut cost = |at: &[f64], extra: &[f64]| {
         let (mut r, mut s) = (vec![0.0; all.rows()], vec![0.0; near.rows()]);
@@ -90,7 +99,7 @@ fn the_cost_near_the_end_of_a_fit_is_that_of_all_rows() {
         assert_within!((rise - thin).abs(), 0.02 * rise, "{rise} {thin}");
     }
     // A fit on it ends where that of all rows does.
-    let request = Request { coarse: false, ..request };
+    let request = Request { coarse: false, ..request.clone() };
     let f = estimate(&request, &mut near).unwrap();
     for (a, b) in e.parameters.iter().zip(&f.parameters) {
         assert_within!((a.value - b.value).abs(), 0.05 * a.std.unwrap(), "{}", a.name);

@@ -34,6 +34,92 @@ fn agree(what: &str, e: &mut dyn Estimator, full: &[f64]) {
     assert!(norm(&apart) < 0.1 * norm(&picked), "{what}: {:e} of {:e}", norm(&apart), norm(&picked));
 }
 
+/// Residuals at several places at once are those at each, to the rounding of the lanes.
+fn side_by_side(what: &str, e: &mut dyn Estimator, places: &[Vec<f64>]) {
+    let at: Vec<_> = places.iter().map(|full| (&full[..], &[][..])).collect();
+    let mut all = vec![vec![0.0; e.rows()]; places.len()];
+    let mut to: Vec<&mut [f64]> = all.iter_mut().map(|r| &mut r[..]).collect();
+    assert!(e.residuals_at(&at, &mut to).iter().all(Result::is_ok), "{what}");
+    for (full, r) in places.iter().zip(&all) {
+        let mut one = vec![0.0; r.len()];
+        e.residuals(full, &[], &mut one).unwrap();
+        let apart: Vec<f64> = r.iter().zip(&one).map(|(a, b)| a - b).collect();
+        assert_within!(norm(&apart), 1e-7 * norm(&one), "{what}");
+    }
+}
+
+#[test]
+fn places_side_by_side_are_those_one_by_one() {
+    let l = paper("flex.toml");
+    let record = exact(&l, &run(&l, &planned(&l, 12.0, 10), 12.0));
+    let decls = l.model.param_decls();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    let of = |names: &[&str], n: u64| -> Vec<Vec<f64>> {
+        let selected = select(&decls, names).unwrap();
+        (0..n).map(|k| offset_start(&decls, &truth, &selected, 0.1, 3 + k)).collect()
+    };
+    let options = Options { substeps: 1, ..Options::new(NOISE) };
+    let oe = || OutputError::new(&l.model, &record, &options).unwrap();
+    let (base, links) = (["base.mass", "panel_*.k[*]"], ["base.mass", "link3.mass"]);
+    side_by_side("one table", &mut oe(), &of(&base, 5));
+    side_by_side("a table each", &mut oe(), &of(&links, 3));
+    let mut mask = Mask::all(record.samples(), l.model.nj());
+    mask.tau.row_mut(40).fill(0.0);
+    side_by_side("mask", &mut Masked::new(oe(), &mask).unwrap(), &of(&base, 3));
+    let shared = Shared::new(&[("one", &decls[..]), ("two", &decls[..])], &["base.mass"]).unwrap();
+    let both: Vec<Vec<f64>> = of(&base, 4).into_iter().map(|v| shared.gather(&[v, truth.clone()])).collect();
+    side_by_side("records", &mut Several::new(&shared, vec![Box::new(oe()), Box::new(oe())]), &both);
+    // What goes wrong with one place is its own.
+    let mut places = of(&base, 3);
+    // So stiff that no step follows it.
+    select(&decls, &["panel_*.k[*]"]).unwrap().iter().for_each(|&i| places[1][i] *= 1e9);
+    let at: Vec<_> = places.iter().map(|full| (&full[..], &[][..])).collect();
+    let mut e = oe();
+    let mut all = vec![vec![0.0; e.rows()]; 3];
+    let mut to: Vec<&mut [f64]> = all.iter_mut().map(|r| &mut r[..]).collect();
+    let done = e.residuals_at(&at, &mut to);
+    assert!(done[0].is_ok() && done[1].is_err() && done[2].is_ok());
+    assert!(all[0].iter().chain(&all[2]).all(|r| r.is_finite()));
+}
+
+/// Steps of the integration are as many as the data ask for: at the start, and where springs are ten times stiffer.
+#[test]
+fn steps_follow_the_data() {
+    let l = paper("flex.toml");
+    let record = exact(&l, &run(&l, &planned(&l, 30.0, 10), 30.0)).thinned(10).unwrap();
+    let decls = l.model.param_decls();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    let of = |substeps: usize, limit: f64| {
+        let options = Options { substeps, step_error: Some(limit), ..Options::new(NOISE) };
+        OutputError::new(&l.model, &record, &options).unwrap()
+    };
+    let error = |steps: usize| of(steps, 1.0).integration_error(&truth, &[]).unwrap();
+    // A method of fourth order, and the error is what steps of a tenth of the length say that it is.
+    let (coarse, fine) = (error(2), error(4));
+    assert!((12.0..22.0).contains(&(coarse / fine)), "{coarse:e} {fine:e}");
+    let residuals = |steps: usize| {
+        let mut r = vec![0.0; record.samples() * (l.model.nj() + 3)];
+        of(steps, 1.0).residuals(&truth, &[], &mut r).unwrap();
+        r
+    };
+    let (a, b) = (residuals(2), residuals(20));
+    let apart: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+    assert_within!((coarse / norm(&apart) - 1.0).abs(), 0.1, "{coarse:e} {:e}", norm(&apart));
+    let limit = 0.3 * fine;
+    let mut suited = of(40, limit).suited(&truth).unwrap();
+    let steps = suited.steps();
+    assert!((5..12).contains(&steps), "{steps}");
+    assert!(suited.integration_error(&truth, &[]).unwrap() < limit);
+    assert!(!suited.refine(&truth, &[]).unwrap());
+    let mut stiff = truth.clone();
+    select(&decls, &["panel_*.k[*]"]).unwrap().iter().for_each(|&i| stiff[i] *= 10.0);
+    assert!(suited.refine(&stiff, &[]).unwrap() && suited.steps() > steps, "{}", suited.steps());
+    assert!(suited.integration_error(&stiff, &[]).unwrap() < 2.0 * limit);
+    // Without a limit they stay as they are.
+    let mut fixed = OutputError::new(&l.model, &record, &Options { substeps: 1, ..Options::new(NOISE) }).unwrap();
+    assert!(!fixed.refine(&stiff, &[]).unwrap() && fixed.steps() == 1);
+}
+
 #[test]
 fn rows_of_less_data_are_rows_of_all_through_masks_ties_and_several_records() {
     let l = paper("flex.toml");

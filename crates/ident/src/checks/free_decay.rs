@@ -107,6 +107,30 @@ pub fn longest_rest(record: &Record) -> (usize, usize) {
 /// # Errors
 /// [`FreeDecayError`].
 pub fn free_decay(model: &Model, values: &[f64], record: &Record, sigma: &[f64]) -> Result<FreeDecay, FreeDecayError> {
+    decay(model, values, record, sigma, true)
+}
+
+/// [`free_decay`] of what the rest is long enough for, whatever else the model has: at parameters that are far off its slowest mode may be
+/// slower than any that the record holds. Allocates.
+///
+/// # Errors
+/// [`FreeDecayError`].
+pub fn resolved_decay(
+    model: &Model,
+    values: &[f64],
+    record: &Record,
+    sigma: &[f64],
+) -> Result<FreeDecay, FreeDecayError> {
+    decay(model, values, record, sigma, false)
+}
+
+fn decay(
+    model: &Model,
+    values: &[f64],
+    record: &Record,
+    sigma: &[f64],
+    all_modes: bool,
+) -> Result<FreeDecay, FreeDecayError> {
     if model.np() == 0 {
         return Err(FreeDecayError::NoPassiveCoordinates);
     }
@@ -120,11 +144,13 @@ pub fn free_decay(model: &Model, values: &[f64], record: &Record, sigma: &[f64])
     let held = HeldPose { q: &pose, eta: &eta, boundary: Boundary::JointsHeld };
     let modal = ModalModel::new(model, &params, &held)?;
     let known = modal.modes();
+    let longest = n as f64 * dt;
+    let resolved = |m: &&ModelMode| all_modes || longest >= PERIODS / m.frequency();
+    let known: Vec<ModelMode> = known.iter().filter(resolved).cloned().collect();
     let (Some(first), Some(last)) = (known.first(), known.last()) else {
         return Err(FreeDecayError::NoOscillation);
     };
     let (slowest_hz, f_max) = (first.frequency(), ABOVE * last.frequency());
-    let longest = n as f64 * dt;
     let needed = PERIODS / slowest_hz;
     if longest < needed {
         let resolution_hz = 1.0 / longest.max(dt);
@@ -133,8 +159,8 @@ pub fn free_decay(model: &Model, values: &[f64], record: &Record, sigma: &[f64])
     let window = record.window(from as f64 * dt, to as f64 * dt).map_err(FreeDecayError::Record)?;
     let fit = fit_modes(&window.responses(), sigma, record.rate_hz(), &ModalSettings::up_to(f_max))?;
     let settings = MatchSettings { frequency_spread: FREQUENCY_SPREAD, ..MatchSettings::up_to(f_max) };
-    let matched = match_modes(&fit, known, sigma, &settings);
-    Ok(FreeDecay { samples: (from, to), aliased: aliased(&window, sigma), model_modes: known.to_vec(), fit, matched })
+    let matched = match_modes(&fit, &known, sigma, &settings);
+    Ok(FreeDecay { samples: (from, to), aliased: aliased(&window, sigma), model_modes: known, fit, matched })
 }
 
 /// Channels that are not quiet just below half the sampling rate.

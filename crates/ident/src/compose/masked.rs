@@ -2,7 +2,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
-use crate::estimate::estimator::{Coarse, Estimator, columns_by_directions};
+use crate::estimate::estimator::{At, Coarse, Estimator, columns_by_directions};
 use crate::estimate::row_stream::{RowBlock, RowStream, weigh};
 use ff_least_squares::EvalError;
 use ff_records::Mask;
@@ -28,6 +28,13 @@ impl<E: Estimator> Masked<E> {
     }
 }
 
+impl<E: Estimator> Masked<E> {
+    fn over_less<'b>(&self, inner: Coarse<'b>) -> Coarse<'b> {
+        let roots = inner.rows.iter().map(|&i| self.roots[i]).collect();
+        Coarse { estimator: Box::new(Masked { inner: inner.estimator, roots }), ..inner }
+    }
+}
+
 impl<E: Estimator> Estimator for Masked<E> {
     fn rows(&self) -> usize {
         self.inner.rows()
@@ -36,14 +43,13 @@ impl<E: Estimator> Estimator for Masked<E> {
         self.inner.left_out()
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        let thin = self.inner.coarse(full)?;
-        let roots = thin.rows.iter().map(|&i| self.roots[i]).collect();
-        Some(Coarse { estimator: Box::new(Masked { inner: thin.estimator, roots }), ..thin })
+        Some(self.over_less(self.inner.coarse(full)?))
+    }
+    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        Some(self.over_less(self.inner.coarsest(full)?))
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
-        let begun = self.inner.beginning(share)?;
-        let roots = begun.rows.iter().map(|&i| self.roots[i]).collect();
-        Some(Coarse { estimator: Box::new(Masked { inner: begun.estimator, roots }), ..begun })
+        Some(self.over_less(self.inner.beginning(share)?))
     }
     fn nuisance(&self) -> Vec<Unknown> {
         self.inner.nuisance()
@@ -52,6 +58,14 @@ impl<E: Estimator> Estimator for Masked<E> {
         self.inner.residuals(full, extra, r)?;
         weigh(r, &self.roots);
         Ok(())
+    }
+    fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
+        let done = self.inner.residuals_at(at, r);
+        r.iter_mut().for_each(|r| weigh(r.iter_mut(), &self.roots));
+        done
+    }
+    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+        self.inner.refine(full, extra)
     }
     columns_by_directions!();
     fn jacobian_along(

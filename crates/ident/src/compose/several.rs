@@ -7,7 +7,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
-use crate::estimate::estimator::{Between, Coarse, Estimator, columns_by_directions};
+use crate::estimate::estimator::{At, Between, Coarse, Estimator, columns_by_directions};
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use core::ops::Range;
 use ff_least_squares::EvalError;
@@ -281,6 +281,10 @@ impl Estimator for Several<'_> {
         let thin = self.parts.iter().enumerate().map(|(k, p)| p.coarse(&self.shared.of_record(k, full))).collect();
         self.over_less(thin, |part| part.beginning(1.0))
     }
+    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        let thin = self.parts.iter().enumerate().map(|(k, p)| p.coarsest(&self.shared.of_record(k, full))).collect();
+        self.over_less(thin, |part| part.beginning(1.0))
+    }
     /// A part of which so little says nothing begins with more of it.
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let begun = self.parts.iter().map(|p| p.beginning(share)).collect();
@@ -303,6 +307,32 @@ impl Estimator for Several<'_> {
             (row, at) = (row + rows, at + count);
         }
         Ok(())
+    }
+    fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
+        let mut done: Vec<Result<(), EvalError>> = at.iter().map(|_| Ok(())).collect();
+        let (mut row, mut first) = (0, 0);
+        for (k, part) in self.parts.iter_mut().enumerate() {
+            let (rows, count) = (part.rows(), part.nuisance().len());
+            let own: Vec<Vec<f64>> = at.iter().map(|(full, _)| self.shared.of_record(k, full)).collect();
+            let own: Vec<At<'_>> =
+                own.iter().zip(at).map(|(full, (_, extra))| (&full[..], &extra[first..first + count])).collect();
+            let mut mine: Vec<&mut [f64]> = r.iter_mut().map(|r| &mut r[row..row + rows]).collect();
+            let made = part.residuals_at(&own, &mut mine);
+            for (done, made) in done.iter_mut().zip(made).filter(|(done, _)| done.is_ok()) {
+                *done = made;
+            }
+            (row, first) = (row + rows, first + count);
+        }
+        done
+    }
+    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+        let (mut refined, mut at) = (false, 0);
+        for (k, part) in self.parts.iter_mut().enumerate() {
+            let count = part.nuisance().len();
+            refined |= part.refine(&self.shared.of_record(k, full), &extra[at..at + count])?;
+            at += count;
+        }
+        Ok(refined)
     }
     columns_by_directions!();
     fn jacobian_along(

@@ -2,7 +2,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
-use crate::estimate::estimator::{Coarse, Estimator, columns_by_directions};
+use crate::estimate::estimator::{At, Coarse, Estimator, columns_by_directions};
 use crate::estimate::row_stream::RowStream;
 use ff_least_squares::EvalError;
 use nalgebra::DMatrix;
@@ -65,12 +65,29 @@ impl<E: Estimator, S: Substitution> Estimator for Substituted<E, S> {
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         Some(self.around(self.inner.coarse(&self.by.parameters(full).ok()?)?))
     }
+    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        Some(self.around(self.inner.coarsest(&self.by.parameters(full).ok()?)?))
+    }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         Some(self.around(self.inner.beginning(share)?))
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         let (full, extra) = self.by.values(full, extra)?;
         self.inner.residuals(&full, &extra, r)
+    }
+    fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
+        let values: Result<Vec<_>, EvalError> = at.iter().map(|(full, extra)| self.by.values(full, extra)).collect();
+        match values {
+            Ok(values) => {
+                let at: Vec<At<'_>> = values.iter().map(|(full, extra)| (&full[..], &extra[..])).collect();
+                self.inner.residuals_at(&at, r)
+            }
+            Err(_) => at.iter().zip(r).map(|(&(full, extra), r)| self.residuals(full, extra, r)).collect(),
+        }
+    }
+    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+        let (full, extra) = self.by.values(full, extra)?;
+        self.inner.refine(&full, &extra)
     }
     columns_by_directions!();
     fn jacobian_along(

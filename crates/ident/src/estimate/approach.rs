@@ -106,7 +106,7 @@ fn pass(
 
 /// A first pass over `estimator` from `place`. When it has not ended after [`LOST`] linearisations, or at what does not explain the data
 /// ([`UNEXPLAINED`]), oscillations predicted and measured have slipped by periods: parts of the record that grow from its beginning lead
-/// there from the same start, and the better end counts.
+/// there from the same start, or, where they do not, another start of the request may ([`Request::other_starts`]); the best end counts.
 fn lead(
     request: &Request<'_>,
     estimator: &mut dyn Estimator,
@@ -118,11 +118,15 @@ fn lead(
         let settings = Settings { max_iterations, ..request.settings.clone() };
         Request { settings, ..request.clone() }
     };
+    let most = LOST.min(request.settings.max_iterations);
+    let rows = estimator.rows() as f64;
+    let left = |estimator: &mut dyn Estimator, references: &[Reference], at: &Place| {
+        cost(request, estimator, sizes, references, at).unwrap_or(f64::INFINITY)
+    };
     let mut direct = place.clone();
-    let end = pass(&of(LOST.min(request.settings.max_iterations)), estimator, sizes, references, &mut direct);
+    let end = pass(&of(most), estimator, sizes, references, &mut direct);
     let ended = end.is_some_and(|s| s != Status::IterationLimit);
-    let left = cost(request, estimator, sizes, references, &direct).unwrap_or(f64::INFINITY);
-    let explains = left < UNEXPLAINED * estimator.rows() as f64;
+    let explains = left(estimator, references, &direct) < UNEXPLAINED * rows;
     if ended && explains || request.settings.max_iterations <= LOST {
         *place = direct;
         return;
@@ -141,9 +145,38 @@ fn lead(
             led = on;
         }
     }
-    let end = pass(&of(LOST.min(request.settings.max_iterations)), estimator, sizes, references, &mut led);
+    let end = pass(&of(most), estimator, sizes, references, &mut led);
     direct.iterations = led.iterations;
-    *place = if end.is_some() { better(request, estimator, sizes, references, [direct, led]) } else { direct };
+    let mut best = if end.is_some() { better(request, estimator, sizes, references, [direct, led]) } else { direct };
+    let lost = request.other_starts.is_some() && left(estimator, references, &best) >= UNEXPLAINED * rows;
+    let other = if lost { other_start(request, estimator, sizes, references, place) } else { None };
+    if let Some(full) = other {
+        let mut there = Place { full, iterations: best.iterations, ..place.clone() };
+        let end = pass(&of(most), estimator, sizes, references, &mut there);
+        best.iterations = there.iterations;
+        if end.is_some() {
+            best = better(request, estimator, sizes, references, [best, there]);
+        }
+    }
+    *place = best;
+}
+
+/// The best of the other starts that the request has ([`Request::other_starts`]), if it is better than the place.
+fn other_start(
+    request: &Request<'_>,
+    estimator: &mut dyn Estimator,
+    sizes: &[f64],
+    references: &[Reference],
+    place: &Place,
+) -> Option<Vec<f64>> {
+    let all = request.other_starts?.0();
+    let mut of = |full: &[f64]| {
+        let at = Place { full: full.to_vec(), ..place.clone() };
+        cost(request, estimator, sizes, references, &at).unwrap_or(f64::INFINITY)
+    };
+    let own = of(&place.full);
+    let costs = all.into_iter().map(|full| (of(&full), full));
+    costs.filter(|c| c.0 < own).min_by(|a, b| a.0.total_cmp(&b.0)).map(|c| c.1)
 }
 
 /// That of two places where all data of the estimator say that the cost is lower; the first where they do not say.

@@ -17,7 +17,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
-use crate::estimate::estimator::{Coarse, Estimator};
+use crate::estimate::estimator::{At, Coarse, Estimator};
 use crate::estimate::outcome::Estimate;
 use crate::estimate::request::Request;
 use crate::estimate::row_stream::weigh;
@@ -153,6 +153,11 @@ impl Estimator for Around<'_> {
         self.thin.residuals(full, extra, r)?;
         self.finish(r);
         Ok(())
+    }
+    fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
+        let done = self.thin.residuals_at(at, r);
+        r.iter_mut().for_each(|r| self.finish(r));
+        done
     }
     fn jacobian(
         &mut self,

@@ -51,6 +51,16 @@ const SLOW: f64 = 0.1;
 /// Part of its start below which a positive parameter is at its bound, zero.
 const EDGE_VALUE: f64 = 1e-3;
 
+/// Linearisations over which a fit that may be given up ([`Request::give_up`]) must take this part of what its cost lies above noise, where noise
+/// is, in deviations of chi-squared, and mean squared residual up to which that counts: on the way from afar a fit may creep for long and
+/// find its valley after all.
+const WINDOW: usize = 10;
+const WORTH: f64 = 0.05;
+const ABOVE_NOISE: f64 = 10.0;
+const NEARLY: f64 = 1.5;
+/// The same below which any fit is at the end of a flat direction: where so much is not explained, deviations do not ask for more.
+const WORTHLESS: f64 = 1e-3;
+
 /// Where a fit is: all parameters, nuisance unknowns over their sizes, the linearisations it took, and those that led here.
 #[derive(Clone)]
 pub(super) struct Place {
@@ -58,6 +68,8 @@ pub(super) struct Place {
     pub(super) nuisance: Vec<f64>,
     pub(super) iterations: usize,
     pub(super) descent: Vec<Linearisation>,
+    /// Whether its last pass was ended because it crept, far above noise.
+    pub(super) crept: bool,
 }
 
 /// How a way down goes.
@@ -100,6 +112,8 @@ pub(super) fn settle(
         ..request.settings.clone()
     };
     let rows = estimator.rows();
+    let begun = place.descent.len();
+    place.crept = false;
     let in_rows = springs_in_rows(request.decls, request.selected);
     let mut last = None;
     let (mut by_data, mut hops, mut promised) = (true, HOPS, None);
@@ -160,6 +174,18 @@ pub(super) fn settle(
             let status = flat_end(request, before, &place.full, emptied);
             break (transform, status);
         }
+        if let Some(share) = gained_above_noise(&place.descent[begun..]).filter(|_| !settled) {
+            if share < WORTHLESS {
+                let by = Criterion::Flat;
+                let status =
+                    if emptied.is_empty() { Status::Converged { by } } else { Status::AtBound { at: emptied, by } };
+                break (transform, status);
+            }
+            if share < WORTH && request.give_up.is_some() {
+                place.crept = true;
+                break (transform, Status::IterationLimit);
+            }
+        }
         // At the bounds of a pass over less data: nothing that may still move wants to.
         let held = solution.iterations == 0 && matches!(solution.status, Status::AtBound { .. });
         if settled || over || held || matches!(solution.status, Status::Stalled { .. }) {
@@ -178,6 +204,16 @@ pub(super) fn settle(
     };
     references.truncate(priors_kept);
     Ok(end)
+}
+
+/// What the last linearisations have gained, as part of what lies above noise; `None` where there are too few, noise alone is left, or far
+/// more than that.
+fn gained_above_noise(descent: &[Linearisation]) -> Option<f64> {
+    let (last, before) = (descent.last()?, &descent[descent.len().checked_sub(1 + WINDOW)?]);
+    let rows = last.residuals as f64;
+    let above = last.objective - rows;
+    let counts = above > ABOVE_NOISE * (2.0 * rows).sqrt() && last.objective < NEARLY * rows;
+    counts.then(|| (before.objective - last.objective) / above)
 }
 
 /// The trust region of the next step: [`Scale::Unit`] up to [`RADIUS`], and, where it may be (`by_data`), the metric of the data from where

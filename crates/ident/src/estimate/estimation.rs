@@ -25,6 +25,9 @@ use nalgebra::DMatrix;
 /// look like initial rates. Held to steps as short as those of the bodies, they would be what a fit creeps along, and stiffnesses and
 /// dampers would take their place meanwhile.
 const STATE_REACH: f64 = 100.0;
+/// How often an estimator is made more exact ([`Estimator::refine`]): springs that have stiffened ask for finer steps, and once is enough but
+/// for those that stiffen further by it.
+const REFINED: usize = 3;
 /// Relative move below which an anchor has no more to give.
 const ANCHOR_MOVED: f64 = 1e-10;
 
@@ -61,10 +64,19 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
         None => None,
     };
     let mut references: Vec<Reference> = fixed.into_iter().collect();
-    let mut place =
-        Place { full: request.start.to_vec(), nuisance: vec![0.0; extra.len()], iterations: 0, descent: Vec::new() };
+    let mut place = Place {
+        full: request.start.to_vec(),
+        nuisance: vec![0.0; extra.len()],
+        iterations: 0,
+        descent: Vec::new(),
+        crept: false,
+    };
+    let at_solution = |e: EvalError| LmError::Setup(e.to_string());
+    let over = |nuisance: &[f64]| -> Vec<f64> { nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect() };
     if request.coarse {
         approach(request, estimator, &sizes_extra, &mut references, &mut place);
+        // Where nothing can be predicted, the fit says so.
+        let _ = estimator.refine(&place.full, &over(&place.nuisance));
     }
     let asked = request.settings.max_iterations;
     let request = &unless_hopeless(request, estimator, &sizes_extra, &references, &place);
@@ -74,14 +86,24 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
         |estimator: &mut dyn Estimator, references: &mut Vec<Reference>, at: &mut Place, last: &mut Evaluated| {
             near_end::hop(request, estimator, &sizes_extra, references, at, last)
         };
-    let way = Way { still: ANCHOR_MOVED, range: f64::INFINITY, near_end: &mut hop };
-    let (transform, status) =
-        settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, way)?;
-    let Place { full, nuisance, iterations, mut descent } = place;
-    let values_extra: Vec<f64> = nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect();
+    let mut refined = 0;
+    let (transform, status) = loop {
+        let way = Way { still: ANCHOR_MOVED, range: f64::INFINITY, near_end: &mut hop };
+        let end = settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, way)?;
+        // A fit that was given up is no place to ask for.
+        if refined == REFINED || end.1 == Status::IterationLimit {
+            break end;
+        }
+        if !estimator.refine(&place.full, &over(&place.nuisance)).map_err(at_solution)? {
+            break end;
+        }
+        refined += 1;
+        evaluated = Evaluated::new(threads);
+    };
+    let Place { full, nuisance, iterations, mut descent, crept } = place;
+    let values_extra = over(&nuisance);
     let (rows, left_out) = (estimator.rows(), estimator.left_out());
     let selected = transform.selected();
-    let at_solution = |e: EvalError| LmError::Setup(e.to_string());
     // The last linearisation is the one at the solution, unless the last step was refused after it.
     let at = evaluated.at(estimator, selected, &full, &values_extra, request.loss).map_err(at_solution)?;
     let mut data = at.information()?;
@@ -139,7 +161,8 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
         parameters: selected.iter().enumerate().map(|(k, &i)| listed(k, request.start[i], values[i])).collect(),
         nuisance: values_extra.iter().enumerate().map(|(k, &v)| listed(n + k, 0.0, v)).collect(),
         values,
-        given_up: status == Status::IterationLimit && request.settings.max_iterations < asked,
+        given_up: status == Status::IterationLimit && (crept || request.settings.max_iterations < asked),
+        crept,
         status,
         chi2_per_dof: chi2 / dof,
         objective,

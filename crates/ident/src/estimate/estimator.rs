@@ -77,6 +77,11 @@ pub trait Estimator {
     /// # Errors
     /// [`EvalError`].
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError>;
+    /// [`Estimator::residuals`] at several places, those of `at[k]` into `r[k]`; side by side where that is faster. Unless overridden, one after
+    /// the other.
+    fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
+        at.iter().zip(r).map(|(&(full, extra), r)| self.residuals(full, extra, r)).collect()
+    }
     /// Rows among them that are zero whatever the unknowns are, and are no data: torques of joints next to rest. None unless overridden.
     fn left_out(&self) -> usize {
         0
@@ -144,11 +149,25 @@ pub trait Estimator {
         let inner = self.streams(full, extra, &sums.wanted)?;
         Ok(sums.over(inner))
     }
+    /// Makes the predictions themselves more exact for all that follows, if their numerical error at these unknowns is too large, and says
+    /// whether they were made so. Never unless overridden.
+    ///
+    /// # Errors
+    /// [`EvalError`].
+    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+        let _ = (full, extra);
+        Ok(false)
+    }
     /// The same over so much less data that it takes a fraction of the time, if there is enough of it: [`crate::estimate()`] takes the way
     /// there and does the last steps with all of it. `full` is about where it will be used. `None` unless overridden.
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         let _ = full;
         None
+    }
+    /// As [`Estimator::coarse`], over as little as still tells how the data differ from those at `full` ([`crate::estimate::Around`]); frequencies may
+    /// be off by a little. Unless overridden, the same.
+    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        self.coarse(full)
     }
     /// The same over the first `share` (0 to 1) of every record, if that is enough of it: where oscillations predicted and measured have
     /// not yet slipped by a period, [`crate::estimate()`] finds the way that it does not find over the whole. `None` unless overridden.
@@ -157,6 +176,9 @@ pub trait Estimator {
         None
     }
 }
+
+/// Unknowns at which a record is predicted: all parameters, and the nuisance unknowns.
+pub type At<'p> = (&'p [f64], &'p [f64]);
 
 /// Columns of single unknowns as those along directions, for an estimator that has these: a default of the trait for both would call itself.
 macro_rules! columns_by_directions {
@@ -201,6 +223,9 @@ macro_rules! pointer {
             fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
                 (**self).residuals(full, extra, r)
             }
+            fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
+                (**self).residuals_at(at, r)
+            }
             fn jacobian(
                 &mut self,
                 full: &[f64],
@@ -237,8 +262,14 @@ macro_rules! pointer {
             ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
                 (**self).streams_along(full, extra, along)
             }
+            fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+                (**self).refine(full, extra)
+            }
             fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
                 (**self).coarse(full)
+            }
+            fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
+                (**self).coarsest(full)
             }
             fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
                 (**self).beginning(share)

@@ -30,7 +30,7 @@ pub use along::Direction;
 pub use around::Around;
 pub use complete::{Complete, CompleteOptions};
 pub use estimation::{attempt, estimate};
-pub use estimator::{Between, Coarse, Estimator};
+pub use estimator::{At, Between, Coarse, Estimator};
 pub use ground::{
     Blocks, Elastic, Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest, TermChoice, smoothed,
 };
@@ -40,6 +40,6 @@ pub use outcome::{Estimate, EstimateError, Estimated, Linearisation, RANK_TOLERA
 pub use output_error::OutputError;
 pub use output_options::Options;
 pub use rda::Rda;
-pub use request::{Jacobian, KEPT_BYTES, Request};
+pub use request::{Jacobian, KEPT_BYTES, OtherStarts, Request};
 pub use row_stream::{RowBlock, RowStream};
 pub use setup::{Noise, SetupError};

@@ -75,6 +75,8 @@ pub struct Estimate {
     pub status: Status,
     /// Whether it ran out of the few linearisations that are left where the way over less data leads nowhere ([`Request::give_up`](crate::Request::give_up)).
     pub given_up: bool,
+    /// Whether that was because it crept where the data are far from explained: other starts find more in that time.
+    pub crept: bool,
     /// Sum of squared whitened residuals of the data divided by the degrees of freedom; 1 when model and
     /// noise figures are right. Without the loss: outliers count in full.
     pub chi2_per_dof: f64,

@@ -7,7 +7,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::{Direction, Straight, Sums};
-use crate::estimate::estimator::{Between, Coarse, Estimator, columns_by_directions};
+use crate::estimate::estimator::{At, Between, Coarse, Estimator, columns_by_directions};
 use crate::estimate::output_options::Options;
 use crate::estimate::output_rows::{OutputRows, Window};
 use crate::estimate::output_spans::{SPAN, SpanRows, Spans, failed};
@@ -18,7 +18,7 @@ use crate::uncertain::oscillator::{self, Oscillator};
 use crate::uncertain::source::ErrorSource;
 use ff_dynamics::motion::HermiteTable;
 use ff_dynamics::reduced::sensitivity::Carried;
-use ff_dynamics::reduced::{Disturbance, simulate_reduced_span};
+use ff_dynamics::reduced::{Disturbance, simulate_reduced_batch, simulate_reduced_span};
 use ff_dynamics::{Boundary, Wanted, modes, sensitivities, simulate_reduced};
 use ff_least_squares::EvalError;
 use ff_model::diagnostics::{clip, nearest};
@@ -32,11 +32,16 @@ use std::sync::Arc;
 const PER_PERIOD: [f64; 2] = [10.0, 5.0];
 /// Samples that a first pass needs at least.
 const LEAST_SAMPLES: usize = 200;
-/// Samples per period of the fastest mode, and longest interval (s), of a survey.
+/// Samples per period of the fastest mode, and longest interval (s), of a survey; steps per period where a sample takes several, between which
+/// nothing is interpolated.
 const SURVEYED: f64 = 20.0;
+const INTEGRATED: f64 = 10.0;
 const COARSEST: f64 = 0.1;
 /// Samples that the beginning of a record needs at least.
 const BEGINNING: usize = 12;
+/// Factor on [`Options::step_error`] from which steps are made finer, and most of them in a sample.
+const TOO_COARSE: f64 = 2.0;
+const FINEST: usize = 1000;
 /// Beyond, a first pass would no longer be what takes the time.
 const THINNEST: usize = 10;
 
@@ -104,8 +109,53 @@ impl<'a> OutputError<'a> {
         let OutputRows { model, record, options: own, .. } = &self.rows;
         Self::with_tables(model, record.clone(), &own.with(own.substeps, options), self.tables.shared(), 1)
     }
+    /// With as many integration steps per sample as [`Options::step_error`] asks for at these parameters, and nuisance unknowns of zero; with
+    /// those that it has where that is not given, or nothing can be predicted there.
+    ///
+    /// # Errors
+    /// [`SetupError`].
+    pub fn suited(self, full: &[f64]) -> Result<Self, SetupError> {
+        let Some(limit) = self.rows.options.step_error else { return Ok(self) };
+        let extra = vec![0.0; self.nuisance().len()];
+        let mut tried = self.in_steps(self.steps().div_ceil(2))?;
+        match tried.integration_error(full, &extra) {
+            Ok(error) if error.is_finite() => {
+                // More than a first pass over all samples takes, so that there is one.
+                let least =
+                    self.first_pass(full, PER_PERIOD[0]).filter(|first| first.0 == 1).map_or(1, |first| first.1 + 1);
+                self.in_steps(steps_for(limit, tried.steps(), error).max(least))
+            }
+            _ => Ok(self),
+        }
+    }
+    fn in_steps(&self, substeps: usize) -> Result<Self, SetupError> {
+        let OutputRows { model, record, options, .. } = &self.rows;
+        let options = Options { substeps: substeps.max(1), ..options.clone() };
+        Self::with_tables(model, record.clone(), &options, self.tables.thinned(1, options.substeps), 1)
+    }
+    /// Integration steps per sample.
+    pub fn steps(&self) -> usize {
+        self.rows.options.substeps
+    }
+    /// Norm of what the integration is off by, in whitened residuals: their difference from those of twice as many steps, times 16/15 for a
+    /// method of fourth order (Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, II.4). By the projection of it the
+    /// estimates move, none by more of its deviations than this. Allocates two spans of tables, and the rows twice.
+    ///
+    /// # Errors
+    /// [`EvalError`].
+    pub fn integration_error(&mut self, full: &[f64], extra: &[f64]) -> Result<f64, EvalError> {
+        let (mut coarse, mut fine) = (vec![0.0; self.rows.count()], vec![0.0; self.rows.count()]);
+        let steps = self.steps();
+        for (steps, r) in [(steps, &mut coarse), (2 * steps, &mut fine)] {
+            let mut tables = self.tables.thinned(1, steps).passing();
+            by_spans(&self.rows, &mut tables, full, extra, r)?;
+        }
+        let squares: f64 = coarse.iter().zip(&fine).map(|(a, b)| (a - b).powi(2)).sum();
+        Ok(16.0 / 15.0 * squares.sqrt())
+    }
     /// [`OutputError::with_options`] for columns that need not be exact: simulated in steps of which twenty make a period of the fastest
-    /// mode at `full`, but no more than a tenth of a second long, and interpolated at the readings where a step spans several. A component at a tenth of the grid's
+    /// mode at `full`, but no more than a tenth of a second long, and interpolated at the readings where a step spans several; where a sample
+    /// takes several steps, ten make a period. A component at a tenth of the grid's
     /// rate is then off by 3e-4 of itself (`docs/theory/output-operator.md`), one at a fifth by 2 %.
     ///
     /// # Errors
@@ -116,7 +166,8 @@ impl<'a> OutputError<'a> {
         let fastest = beside.fold(self.fastest(full).unwrap_or(0.0), f64::max);
         let step = if fastest > 0.0 { COARSEST.min(1.0 / (SURVEYED * fastest)) } else { COARSEST };
         let every = ((step / record.dt()) as usize).min(record.samples() / LEAST_SAMPLES).max(1);
-        let substeps = if every > 1 { 1 } else { ((record.dt() / step).ceil() as usize).clamp(1, own.substeps) };
+        let in_steps = (record.dt() * fastest * INTEGRATED).ceil() as usize;
+        let substeps = if every > 1 { 1 } else { in_steps.clamp(1, own.substeps) };
         let tables = self.tables.thinned(every, substeps);
         Self::with_tables(model, record.clone(), &own.with(substeps, options), tables, every)
     }
@@ -171,9 +222,12 @@ impl<'a> OutputError<'a> {
     }
     /// How many samples a first pass can go on by, and its steps per sample. With ten steps left per period of the fastest mode, it is off by
     /// less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %; steps per sample are rounded down, to no less than half of that. `None` where such a pass would not be cheaper.
-    fn stride(&self, full: &[f64]) -> Option<(usize, usize)> {
-        let per_period = PER_PERIOD.get(self.thinned)?;
-        let (OutputRows { record, options, .. }, fastest) = (&self.rows, self.fastest(full)?);
+    fn stride(&self, full: &[f64], per_period: f64) -> Option<(usize, usize)> {
+        self.first_pass(full, per_period).filter(|(every, substeps)| *every > 1 || *substeps < self.steps())
+    }
+    /// [`OutputError::stride`], whatever it costs; `None` without modes.
+    fn first_pass(&self, full: &[f64], per_period: f64) -> Option<(usize, usize)> {
+        let (record, fastest) = (&self.rows.record, self.fastest(full)?);
         let samples_per_step = 1.0 / (per_period * fastest * record.dt());
         // NaN where there is no mode.
         if !samples_per_step.is_finite() {
@@ -185,9 +239,50 @@ impl<'a> OutputError<'a> {
             return Some((every, 1));
         }
         // All samples, in longer steps.
-        let substeps = (1.0 / samples_per_step).floor().max(1.0) as usize;
-        (2 * substeps <= options.substeps).then_some((1, substeps))
+        Some((1, (1.0 / samples_per_step).floor().max(1.0) as usize))
     }
+    /// Every so many samples, so many steps each.
+    fn thin(&self, (every, substeps): (usize, usize)) -> Option<Coarse<'_>> {
+        let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
+        let record = if every > 1 { Cow::Owned(record.thinned(every).ok()?) } else { record.clone() };
+        let (motion, options) = (self.tables.moving(), Options { substeps, step_error: None, ..options.clone() });
+        let rows = OutputRows::new(model, record, options, (kinematics.clone(), initial.clone()), motion);
+        let rows = OutputRows { draws: self.rows.draws, ..rows };
+        let thin = OutputError { rows, tables: self.tables.thinned(every, substeps), thinned: self.thinned + 1 };
+        Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
+    }
+}
+
+/// Residuals, with tables that are made span by span.
+fn by_spans(
+    rows: &OutputRows<'_>,
+    tables: &mut Tables,
+    full: &[f64],
+    extra: &[f64],
+    r: &mut [f64],
+) -> Result<(), EvalError> {
+    let params = Params::from_values(rows.model, full.to_vec());
+    let (mut z, by) = (rows.start(&params, extra), rows.operators(extra)?);
+    let mut spans = Spans::new(rows, tables, (params, rows.placed(extra)), Wanted::default(), by, SPAN);
+    let mut block = RowBlock::default();
+    while let Some((window, of)) = spans.advance(|params, _, table, first| {
+        let Table { table, samples } = table;
+        let y = simulate_reduced_span(rows.model, params, table, samples.clone(), &mut z).map_err(failed)?;
+        Ok(Window::new(first, y, None))
+    })? {
+        block.resize(&rows.rows(&of), 0);
+        rows.residuals(&window, spans.operators(), extra, &of, &mut block.residuals);
+        for (at, from) in block.places() {
+            let count = at.len();
+            r[at].copy_from_slice(&block.residuals[from..from + count]);
+        }
+    }
+    Ok(())
+}
+
+/// Steps per sample at which those that make this error make no more than the limit.
+fn steps_for(limit: f64, steps: usize, error: f64) -> usize {
+    ((steps as f64 * (error / limit).powf(0.25)).ceil() as usize).clamp(1, FINEST)
 }
 
 /// Channels that are what the options say: gains for currents, and noise for each where it is given.
@@ -328,14 +423,10 @@ impl Estimator for OutputError<'_> {
         self.rows.nuisance()
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        let (every, substeps) = self.stride(full)?;
-        let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
-        let record = if every > 1 { Cow::Owned(record.thinned(every).ok()?) } else { record.clone() };
-        let (motion, options) = (self.tables.moving(), Options { substeps, ..options.clone() });
-        let rows = OutputRows::new(model, record, options, (kinematics.clone(), initial.clone()), motion);
-        let rows = OutputRows { draws: self.rows.draws, ..rows };
-        let thin = OutputError { rows, tables: self.tables.thinned(every, substeps), thinned: self.thinned + 1 };
-        Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
+        self.thin(self.stride(full, *PER_PERIOD.get(self.thinned)?)?)
+    }
+    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        self.thin(self.stride(full, PER_PERIOD[1])?)
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let OutputRows { model, record, options, kinematics, initial, grid, .. } = &self.rows;
@@ -362,29 +453,48 @@ impl Estimator for OutputError<'_> {
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         let (rows, tables) = (&self.rows, &mut self.tables);
         let params = Params::from_values(rows.model, full.to_vec());
-        let (mut z, by) = (rows.start(&params, extra), rows.operators(extra)?);
-        let samples = rows.grid.0;
-        if samples <= KEPT {
+        let (z, by) = (rows.start(&params, extra), rows.operators(extra)?);
+        if rows.grid.0 <= KEPT {
             let table = tables.get(rows.model, &params, &rows.placed(extra), &Wanted::default());
             let y = simulate_reduced(rows.model, &params, table, &z).map_err(failed)?;
             rows.residuals(&Window::new(0, y, None), &by, extra, &rows.readings(), r);
             return Ok(());
         }
-        let mut spans = Spans::new(rows, tables, (params, rows.placed(extra)), Wanted::default(), by, SPAN);
-        let mut block = RowBlock::default();
-        while let Some((window, of)) = spans.advance(|params, _, table, first| {
-            let Table { table, samples } = table;
-            let y = simulate_reduced_span(rows.model, params, table, samples.clone(), &mut z).map_err(failed)?;
-            Ok(Window::new(first, y, None))
-        })? {
-            block.resize(&rows.rows(&of), 0);
-            rows.residuals(&window, spans.operators(), extra, &of, &mut block.residuals);
-            for (at, from) in block.places() {
-                let count = at.len();
-                r[at].copy_from_slice(&block.residuals[from..from + count]);
-            }
+        by_spans(rows, tables, full, extra, r)
+    }
+    /// In lanes, where base and appendages alone differ between the places, so that one table of the arm serves all.
+    fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
+        let (rows, tables) = (&self.rows, &mut self.tables);
+        let params: Vec<_> = at.iter().map(|(full, _)| Params::from_values(rows.model, full.to_vec())).collect();
+        let placed: Vec<Displaced> = at.iter().map(|(_, extra)| rows.placed(extra)).collect();
+        let places: Vec<_> = params.iter().zip(&placed).collect();
+        if at.len() < 2 || rows.grid.0 > KEPT || !tables.serve_all(rows.model, &places) {
+            return at.iter().zip(r).map(|(&(full, extra), r)| self.residuals(full, extra, r)).collect();
         }
-        Ok(())
+        let starts: Vec<Vec<f64>> = params.iter().zip(at).map(|(p, (_, extra))| rows.start(p, extra)).collect();
+        let runs: Vec<_> = params.iter().zip(&starts).map(|(p, z)| (p, &z[..])).collect();
+        let table = tables.get(rows.model, &params[0], &placed[0], &Wanted::default());
+        let all = match simulate_reduced_batch(rows.model, table, &runs) {
+            Ok(all) => all,
+            Err(e) => return at.iter().map(|_| Err(failed(e.clone()))).collect(),
+        };
+        let one = |((y, &(_, extra)), r): ((Result<_, _>, &At<'_>), &mut &mut [f64])| {
+            let by = rows.operators(extra)?;
+            rows.residuals(&Window::new(0, y.map_err(failed)?, None), &by, extra, &rows.readings(), r);
+            Ok(())
+        };
+        all.into_iter().zip(at).zip(r).map(one).collect()
+    }
+    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+        let Some(limit) = self.rows.options.step_error else { return Ok(false) };
+        let (steps, error) = (self.steps(), self.integration_error(full, extra)?);
+        let finer = steps_for(limit, steps, error);
+        if error <= TOO_COARSE * limit || finer <= steps {
+            return Ok(false);
+        }
+        self.tables = self.tables.thinned(1, finer);
+        self.rows.options.substeps = finer;
+        Ok(true)
     }
     columns_by_directions!();
     fn jacobian_along(

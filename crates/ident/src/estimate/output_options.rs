@@ -19,8 +19,11 @@ use crate::uncertain::source::ErrorSource;
 pub struct Options {
     /// Noise that whitens the residuals.
     pub noise: Noise,
-    /// Integration steps per sample.
+    /// Integration steps per sample; where `step_error` is given, those of the first linearisations.
     pub substeps: usize,
+    /// Norm of what the steps are off by, in whitened residuals, beyond which a fit takes more of them: at its end no estimate is off by
+    /// more of its standard deviations. Steps stay as they are unless given.
+    pub step_error: Option<f64>,
     /// Estimate a constant bias of every gyro axis.
     pub gyro_bias: bool,
     /// Estimate a constant bias of every torque sensor.
@@ -64,6 +67,7 @@ impl Options {
         Self {
             noise,
             substeps: 2,
+            step_error: None,
             gyro_bias: false,
             torque_bias: false,
             initial_state: false,
@@ -80,7 +84,7 @@ impl Options {
             reflected_inertia: Vec::new(),
         }
     }
-    /// These options in place of those of the same record: its noise stays, and what its channels are.
+    /// These options in place of those of the same record: its noise stays, what its channels are, and how well it is integrated.
     pub(crate) fn with(&self, substeps: usize, other: &Self) -> Self {
         let is_of_joints = |e: &ErrorSource| matches!(e, ErrorSource::Joint(..) | ErrorSource::DriveGain(_));
         let mut errors = other.errors.clone();
@@ -90,6 +94,7 @@ impl Options {
             channel_noise: self.channel_noise.clone(),
             near_rest: self.near_rest.clone(),
             substeps,
+            step_error: self.step_error,
             errors,
             ..other.clone()
         }

@@ -36,6 +36,16 @@ impl Jacobian {
     }
 }
 
+/// Where else a fit may begin, asked for when it is lost: full parameter vectors.
+#[derive(Clone, Copy)]
+pub struct OtherStarts<'a>(pub &'a (dyn Fn() -> Vec<Vec<f64>> + Sync));
+
+impl core::fmt::Debug for OtherStarts<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("OtherStarts")
+    }
+}
+
 /// What to estimate, from where, with what prior knowledge.
 ///
 /// ```
@@ -98,8 +108,11 @@ pub struct Request<'a> {
     /// deviations are those of all data either way.
     pub coarse: bool,
     /// Mean squared residual above which the end of the way over less data is taken to lead nowhere: all data are then linearised ten times only,
-    /// since other starts find more in that time. None: they are linearised as often as the settings say.
+    /// since other starts find more in that time; for the same reason, a fit that creeps where its data are not explained is ended. None: data
+    /// are linearised as often as the settings say.
     pub give_up: Option<f64>,
+    /// Other places to begin from where the way over less data is lost from the start ([`Request::coarse`]): the best of them, if it is better.
+    pub other_starts: Option<OtherStarts<'a>>,
     /// Take the last steps to the answer over fewer rows that have the cost of all of them nearby ([`crate::estimate::Around`]), where the
     /// estimator offers that and the loss is that of squares. Whether the fit is at its end is told by all data.
     pub near_end: bool,
@@ -124,6 +137,7 @@ impl<'a> Request<'a> {
             loss: Loss::Squares,
             coarse: true,
             give_up: None,
+            other_starts: None,
             near_end: true,
             jacobian: Jacobian::default(),
             settings: Settings::default(),

@@ -49,6 +49,8 @@ pub(crate) struct Tables {
     /// What may disturb the motion; sizes are given with the displacements.
     pub(crate) disturbances: Vec<Disturbance>,
     kept: Option<Kept>,
+    /// Whether any is kept.
+    keeps: bool,
     /// That of the span at hand, whose memory the next one takes.
     passing: Option<Prescribed>,
 }
@@ -71,7 +73,8 @@ impl Tables {
         let stake = || noise.and_then(|(n, reflected)| knot_stake::stake(model, record, [n.torque, n.gyro], reflected));
         let (motion, noise) = motion_of(model, record, stake, from_rest)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
-        Ok(Self { motion: motion.into(), noise, sampling, disturbances: Vec::new(), kept: None, passing: None })
+        let (motion, disturbances) = (motion.into(), Vec::new());
+        Ok(Self { motion, noise, sampling, disturbances, kept: None, keeps: true, passing: None })
     }
     /// The same motion and disturbances, without a table.
     pub(crate) fn shared(&self) -> Self {
@@ -82,8 +85,13 @@ impl Tables {
             sampling: self.sampling,
             disturbances: self.disturbances.clone(),
             kept: None,
+            keeps: true,
             passing: None,
         }
+    }
+    /// Made span by span, and none kept: for what is gone through once.
+    pub(crate) fn passing(self) -> Self {
+        Self { keeps: false, kept: None, ..self }
     }
     /// Of the record with every `every`-th sample: the same motion, so many steps per sample.
     pub(crate) fn thinned(&self, every: usize, substeps: usize) -> Self {
@@ -136,6 +144,15 @@ impl Tables {
         };
         &self.kept.insert(kept).table
     }
+    /// Whether one table without derivatives serves all these places.
+    pub(crate) fn serve_all(&self, model: &Model, places: &[(&Params<f64>, &Displaced)]) -> bool {
+        let key = |(params, displaced): &(&Params<f64>, &Displaced)| {
+            let Displaced { kinematics, sizes } = displaced;
+            TableKey::new(model, params, kinematics, &self.sampling, &Wanted::default()).disturbed(sizes)
+        };
+        let mut keys = places.iter().map(key);
+        keys.next().is_none_or(|first| keys.all(|other| other == first))
+    }
     /// In the memory of the one `before`, if any.
     fn make(
         &self,
@@ -161,6 +178,6 @@ impl Tables {
     }
     /// Whether tables are made span by span.
     pub(crate) fn by_spans(&self, wanted: &Wanted) -> bool {
-        self.sampling.samples > KEPT || wanted.kinematics.len() + wanted.disturbances.len() > KEPT_SLOPES
+        !self.keeps || self.sampling.samples > KEPT || wanted.kinematics.len() + wanted.disturbances.len() > KEPT_SLOPES
     }
 }

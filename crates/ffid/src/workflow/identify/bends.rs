@@ -16,7 +16,7 @@ use super::valleys::Ending;
 use ff_least_squares::Settings as Solver;
 use ff_model::ParamGroup;
 use ident::belief::{LIMIT95, Point, PriorRow, Profile, Uncertainty};
-use ident::estimate::{Estimate, KEPT_BYTES, attempt};
+use ident::estimate::{At, Estimate, KEPT_BYTES, attempt};
 use ident::{Estimator, Loss, Request};
 use nalgebra::{DMatrix, DVector};
 
@@ -34,6 +34,8 @@ const REACH: i32 = 8;
 const GONE: f64 = 0.01;
 /// Difference of the rise there from four up to which the first chord says enough.
 const PLAIN: f64 = 1.2;
+/// Parameters whose places are looked at at once.
+const AT_ONCE: usize = 4;
 /// Chords at a place, and change of the cost at which there is no need for more.
 const CHORDS: usize = 3;
 const STILL: f64 = 0.1;
@@ -119,14 +121,19 @@ impl Bend<'_> {
             return None;
         }
         let chord = Chord::new(request, e, estimator)?;
+        let asked: Vec<usize> = (0..request.selected.len()).filter(|&k| is_asked(request.selected[k])).collect();
         let mut slow: Vec<(f64, usize)> = Vec::new();
-        for column in (0..request.selected.len()).filter(|&k| is_asked(request.selected[k])) {
-            let rises = [-2.0, 2.0].map(|n| self.looked_at(&chord, &self.start(column, n), (column, 4.0), estimator));
-            let lowest = rises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
-            match lowest {
-                Some((rise, at)) if rise < -self.down => return Some(Err(at)),
-                Some((rise, _)) if rise < SLOW => slow.push((rise, column)),
-                _ => {}
+        for some in asked.chunks(AT_ONCE) {
+            let sides = some.iter().flat_map(|&column| [-2.0, 2.0].map(|n| (column, n)));
+            let place = |(column, n)| Place { at: self.start(column, n), fixed: vec![column], steps: 0 };
+            let rises = self.rises(&chord, sides.map(place).collect(), 4.0, estimator);
+            for (column, rises) in some.iter().zip(rises.chunks(2)) {
+                let lowest = rises.iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
+                match lowest {
+                    Some((rise, at)) if *rise < -self.down => return Some(Err(at.clone())),
+                    Some((rise, _)) if *rise < SLOW => slow.push((*rise, *column)),
+                    _ => {}
+                }
             }
         }
         slow.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -155,38 +162,45 @@ impl Bend<'_> {
             self.u.covariance[(i, j)] / (std[i] * std[j]) + if i == j { 1e-12 } else { 0.0 }
         });
         let Some(root) = unit.cholesky() else { return true };
-        for k in 0..DRAWS {
-            let z = DVector::from_fn(n, |i, _| normal(k * n + i));
-            let x = root.l() * &z;
+        let draws: Vec<DVector<f64>> = (0..DRAWS).map(|k| DVector::from_fn(n, |i, _| normal(k * n + i))).collect();
+        let step = |z: &DVector<f64>, sign: f64| -> Vec<f64> {
+            (root.l() * z).iter().zip(&std).map(|(x, s)| sign * x * s).collect()
+        };
+        let steps: Vec<Vec<f64>> = draws.iter().flat_map(|z| [-1.0, 1.0].map(|sign| step(z, sign))).collect();
+        let costs = self.costs(&steps, estimator);
+        draws.iter().zip(costs.chunks(2)).all(|(z, both)| {
             // What leads out of what can exist is no place for a parabola.
-            let risen = |sign: f64, estimator: &mut ObservedEstimator<'_>| {
-                let step: Vec<f64> = x.iter().zip(&std).map(|(x, s)| sign * x * s).collect();
-                Some(self.cost(&step, estimator)? - self.least - z.norm_squared())
-            };
-            let (Some(one), Some(other)) = (risen(-1.0, estimator), risen(1.0, estimator)) else { return false };
+            let [Some(one), Some(other)] = both else { return false };
+            let [one, other] = [one, other].map(|cost| cost - self.least - z.norm_squared());
             // The slopes of what is no bend, such as a damping that is known to a tenth, cancel.
-            if 0.5 * (one + other).abs() > ODD || (one - other).abs() > 4.0 * ODD {
-                return false;
-            }
-        }
-        true
+            0.5 * (one + other).abs() <= ODD && (one - other).abs() <= 4.0 * ODD
+        })
     }
-    /// Cost at a step of all unknowns from the estimate.
-    fn cost(&self, step: &[f64], estimator: &mut ObservedEstimator<'_>) -> Option<f64> {
-        let (mut at, selected) = (self.e.values.clone(), self.request.selected);
-        for (&i, x) in selected.iter().zip(step) {
-            at[i] += x;
-            if self.request.decls[i].group == ParamGroup::Positive && at[i] <= 0.0 {
-                return None;
-            }
-        }
-        let extra: Vec<f64> = self.e.nuisance.iter().zip(&step[selected.len()..]).map(|(p, x)| p.value + x).collect();
-        let mut r = vec![0.0; estimator.rows()];
-        estimator.residuals(&at, &extra, &mut r).ok()?;
-        let values: Vec<f64> = selected.iter().map(|&i| at[i]).collect();
-        self.request.priors.push_residuals(&values, &mut r);
-        let cost = r.iter().map(|r| r * r).sum::<f64>();
-        cost.is_finite().then_some(cost)
+    /// Cost at steps of all unknowns from the estimate; `None` where that cannot be.
+    fn costs(&self, steps: &[Vec<f64>], estimator: &mut ObservedEstimator<'_>) -> Vec<Option<f64>> {
+        let selected = self.request.selected;
+        let place = |step: &Vec<f64>| {
+            let mut at = self.e.values.clone();
+            selected.iter().zip(step).for_each(|(&i, x)| at[i] += x);
+            let gone = |&i: &usize| self.request.decls[i].group == ParamGroup::Positive && at[i] <= 0.0;
+            let extra = self.e.nuisance.iter().zip(&step[selected.len()..]).map(|(p, x)| p.value + x);
+            if selected.iter().any(gone) { None } else { Some((at.clone(), extra.collect::<Vec<f64>>())) }
+        };
+        let places: Vec<Option<(Vec<f64>, Vec<f64>)>> = steps.iter().map(place).collect();
+        let at: Vec<At<'_>> = places.iter().flatten().map(|(at, extra)| (&at[..], &extra[..])).collect();
+        let mut all = vec![vec![0.0; estimator.rows()]; at.len()];
+        let mut to: Vec<&mut [f64]> = all.iter_mut().map(|r| &mut r[..]).collect();
+        let done = estimator.residuals_at(&at, &mut to);
+        let cost = |(full, r): (&[f64], &[f64])| {
+            let values: Vec<f64> = selected.iter().map(|&i| full[i]).collect();
+            let mut known = Vec::new();
+            self.request.priors.push_residuals(&values, &mut known);
+            let cost = r.iter().chain(&known).map(|r| r * r).sum::<f64>();
+            cost.is_finite().then_some(cost)
+        };
+        let each = done.into_iter().zip(at.iter().zip(&all));
+        let mut costs = each.map(|(done, (at, r))| done.ok().and_then(|()| cost((at.0, r))));
+        places.iter().map(|p| p.as_ref().and_then(|_| costs.next().flatten())).collect()
     }
     /// The estimate with one parameter so many deviations away, and the others where the parabola has them then.
     fn start(&self, column: usize, deviations: f64) -> Vec<f64> {
@@ -201,27 +215,34 @@ impl Bend<'_> {
         }
         at
     }
-    /// By how much the cost has risen at a place with one parameter held and the others moved by chords, and where they are then. As much as
+    /// By how much the cost has risen at places with one parameter held and the others moved by chords, and where they are then. As much as
     /// a parabola rises need not be known better.
-    fn looked_at(
+    fn rises(
         &self,
         chord: &Chord,
-        at: &[f64],
-        (column, parabola): (usize, f64),
+        mut places: Vec<Place>,
+        parabola: f64,
         estimator: &mut ObservedEstimator<'_>,
-    ) -> Option<(f64, Vec<f64>)> {
-        let mut place = Place { at: at.to_vec(), fixed: vec![column], steps: 0 };
-        let mut before = f64::INFINITY;
+    ) -> Vec<Option<(f64, Vec<f64>)>> {
+        let mut out: Vec<Option<f64>> = vec![Some(f64::INFINITY); places.len()];
+        let mut open: Vec<usize> = (0..places.len()).collect();
         for _ in 0..CHORDS {
-            let (cost, moved) = chord.look(self.request, self.e, &place, estimator)?;
-            let gained = before - cost;
-            before = before.min(cost);
-            if gained < STILL || (cost - self.least - parabola).abs() < PLAIN {
-                break;
+            let at: Vec<&Place> = open.iter().map(|&k| &places[k]).collect();
+            let found = chord.looks(self.request, self.e, &at, estimator);
+            let mut still = Vec::new();
+            for (k, found) in open.into_iter().zip(found) {
+                let before = out[k].take();
+                let (Some(before), Some((cost, moved))) = (before, found) else { continue };
+                let rise = cost - self.least;
+                out[k] = Some(rise.min(before));
+                if before - rise >= STILL && (rise - parabola).abs() >= PLAIN {
+                    places[k].at = moved;
+                    still.push(k);
+                }
             }
-            place.at = moved;
+            open = still;
         }
-        Some((before - self.least, place.at))
+        out.into_iter().zip(places).map(|(rise, place)| rise.map(|rise| (rise, place.at))).collect()
     }
     /// The others fitted again with one parameter held; `None` where that does not come near an end. One linearisation where they are, and
     /// chords of it as long as each leaves a fraction of what the one before promised; where the way is too bent for its steps, a fit goes
@@ -287,7 +308,8 @@ impl Bend<'_> {
                 let start = self.moved(&from, column, sign);
                 // A chord says how far up at most; where it says that this is the end, and before the valley has turned too far, a fit does.
                 let here = near.as_ref().unwrap_or(chord);
-                let looked = self.looked_at(here, &start, (column, f64::INFINITY), estimator);
+                let place = Place { at: start.clone(), fixed: vec![column], steps: 0 };
+                let looked = self.rises(here, vec![place], f64::INFINITY, estimator).pop().flatten();
                 let found = match looked {
                     Some((rise, at)) if rise < 0.5 * LIMIT95 => Some((rise, at)),
                     Some((_, at)) => self.refitted(&at, column, &mut near, estimator),

@@ -3,7 +3,7 @@
 use super::observed_estimator::ObservedEstimator;
 use ff_linalg::tr_mul;
 use ff_model::ParamGroup;
-use ident::estimate::Estimate;
+use ident::estimate::{At, Estimate};
 use ident::solve::Normal;
 use ident::{Estimator, Request, Transform};
 use nalgebra::{DMatrix, DVector};
@@ -99,22 +99,29 @@ impl Chord {
         let step: Vec<f64> = step.iter().zip(&self.normal.size).map(|(x, s)| x / s).collect();
         promised.is_finite().then_some((step, promised))
     }
-    /// Cost at a place with the other unknowns moved, and where they are then.
-    pub(super) fn look(
+    /// Cost at each of these places with the other unknowns moved, and where they are then. Allocates the rows of all.
+    pub(super) fn looks(
         &self,
         request: &Request<'_>,
         e: &Estimate,
-        place: &Place,
+        places: &[&Place],
         estimator: &mut ObservedEstimator<'_>,
-    ) -> Option<(f64, Vec<f64>)> {
+    ) -> Vec<Option<(f64, Vec<f64>)>> {
         let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
-        let mut r = vec![0.0; self.j.nrows()];
-        estimator.residuals(&place.at, &extra, &mut r).ok()?;
+        let at: Vec<At<'_>> = places.iter().map(|p| (&p.at[..], &extra[..])).collect();
+        let mut all = vec![vec![0.0; self.j.nrows()]; places.len()];
+        let mut to: Vec<&mut [f64]> = all.iter_mut().map(|r| &mut r[..]).collect();
+        let done = estimator.residuals_at(&at, &mut to);
+        let each = done.into_iter().zip(places.iter().zip(&all));
+        each.map(|(done, (place, r))| done.ok().and_then(|()| self.judged(request, place, r))).collect()
+    }
+    /// See [`Chord::looks`], with the residuals of the data there.
+    fn judged(&self, request: &Request<'_>, place: &Place, r: &[f64]) -> Option<(f64, Vec<f64>)> {
         let values: Vec<f64> = request.selected.iter().map(|&i| place.at[i]).collect();
         let mut known = Vec::new();
         request.priors.push_residuals(&values, &mut known);
         let squares: f64 = r.iter().chain(&known).map(|r| r * r).sum();
-        let slope = tr_mul(&self.j, &r) + self.known.tr_mul(&DVector::from_vec(known));
+        let slope = tr_mul(&self.j, r) + self.known.tr_mul(&DVector::from_vec(known));
         let b = DVector::from_fn(self.normal.size.len(), |k, _| slope[k] / self.normal.size[k]);
         let step = self.solved(&b, &place.fixed, &vec![0.0; place.fixed.len()])?;
         let cost = squares - b.dot(&step);

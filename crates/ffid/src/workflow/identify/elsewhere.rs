@@ -217,11 +217,18 @@ fn best_start(
     if far || vanished(request, first) {
         // What a round before has tried is not tried again.
         let drawn = round.number * RANDOM..(round.number + 1) * RANDOM;
-        if round.number == 0 {
-            wide.extend(EASED.iter().map(|&(bodies, springs)| eased(request, bodies, springs)));
-        }
         let seed = |k: usize| of.settings.seed.wrapping_add(1 + k as u64);
-        wide.extend(drawn.map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
+        if far {
+            if round.number == 0 {
+                wide.extend(EASED.iter().map(|&(bodies, springs)| eased(request, bodies, springs)));
+            }
+            wide.extend(drawn.map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
+        } else {
+            // All but the appendage that has gone is nearly right.
+            let (gone, back) = gone(request, first);
+            wide.push(back.clone());
+            wide.extend(drawn.map(|k| wide_start(request.decls, &back, &gone, seed(k))));
+        }
     }
     // Lines of residuals far off are those of everything, and springs there say nothing.
     let near = if round.led && first.chi2_per_dof < NOWHERE {
@@ -256,6 +263,16 @@ fn best_start(
         }
     }
     best.1
+}
+
+/// Parameters of the appendages of which one has vanished, and the end of the fit with all of them as the mission has them.
+fn gone(request: &Request<'_>, e: &Estimate) -> (Vec<usize>, Vec<f64>) {
+    let owner = |i: usize| request.decls[i].name.split_once('.').map(|n| n.0);
+    let lost: Vec<_> = request.selected.iter().filter(|&&i| has_vanished(request, e, i)).map(|&i| owner(i)).collect();
+    let of: Vec<usize> = request.selected.iter().copied().filter(|&i| lost.contains(&owner(i))).collect();
+    let mut back = e.values.clone();
+    of.iter().for_each(|&i| back[i] = request.start[i]);
+    (of, back)
 }
 
 /// The start with bodies, springs and dampers changed together ([`EASED`]).

@@ -2,7 +2,7 @@
 
 use ff_least_squares::EvalError;
 use ident::belief::Unknown;
-use ident::estimate::{Around, Coarse, Estimate, RowStream};
+use ident::estimate::{Around, At, Coarse, Estimate, RowStream};
 use ident::{Estimator, Request};
 use nalgebra::DMatrix;
 use std::cell::{Cell, RefCell};
@@ -104,6 +104,9 @@ impl<'a> ObservedEstimator<'a> {
     fn over_less<'s>(&'s self, inner: Box<dyn Estimator + 's>) -> ObservedEstimator<'s> {
         ObservedEstimator { inner, watch: self.watch, state: Rc::clone(&self.state), whole: false }
     }
+    fn watched<'s>(&'s self, of: Coarse<'s>) -> Coarse<'s> {
+        Coarse { estimator: Box::new(self.over_less(of.estimator)), ..of }
+    }
     /// All data near the end of a fit by fewer of their rows ([`Around`]), or by all of them where they are too few to be thinned, and their
     /// cost there less that of these; columns of parameters that `stays` says stay. `None` where there is no such look.
     pub(super) fn around(
@@ -112,7 +115,7 @@ impl<'a> ObservedEstimator<'a> {
         e: &Estimate,
         stays: impl Fn(usize) -> bool,
     ) -> Option<(ObservedEstimator<'_>, f64)> {
-        let thin = self.inner.coarse(&e.values).or_else(|| self.inner.beginning(1.0))?;
+        let thin = self.inner.coarsest(&e.values).or_else(|| self.inner.beginning(1.0))?;
         let around = Around::new(request, e, thin, stays).ok()??;
         let beyond = around.beyond;
         Some((self.over_less(Box::new(around)), beyond))
@@ -141,14 +144,24 @@ impl Estimator for ObservedEstimator<'_> {
         self.inner.nuisance()
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        let thin = self.inner.coarse(full)?;
-        let watched = self.over_less(thin.estimator);
-        Some(Coarse { estimator: Box::new(watched), ..thin })
+        Some(self.watched(self.inner.coarse(full)?))
+    }
+    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        Some(self.watched(self.inner.coarsest(full)?))
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
-        let begun = self.inner.beginning(share)?;
-        let watched = self.over_less(begun.estimator);
-        Some(Coarse { estimator: Box::new(watched), ..begun })
+        Some(self.watched(self.inner.beginning(share)?))
+    }
+    fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
+        // The best point is kept, and progress is told, one by one.
+        if self.keeps() || self.state.folded.get() || self.go_on().is_err() {
+            return at.iter().zip(r).map(|(&(full, extra), r)| self.residuals(full, extra, r)).collect();
+        }
+        self.inner.residuals_at(at, r)
+    }
+    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+        self.go_on()?;
+        self.inner.refine(full, extra)
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         self.go_on()?;

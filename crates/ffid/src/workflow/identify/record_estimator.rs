@@ -15,6 +15,9 @@ use ident::SetupError;
 use ident::uncertain::ErrorSource;
 use ident::{Noise, Options, OutputError, Rda};
 
+/// What integration may be off by, in deviations of an estimate.
+const STEP_ERROR: f64 = 0.02;
+
 /// The estimator of a record, chosen by the method.
 pub struct RecordEstimator<'a> {
     estimator: Box<dyn Estimator + 'a>,
@@ -57,9 +60,12 @@ impl<'a> RecordEstimator<'a> {
             }
             Method::Rda => Box::new(Rda::new(model, record, &s.noise).map_err(setup)?),
             Method::OutputError => {
-                let mut options = Options { substeps: substeps(model, record), ..wanted(model, s, uncertain, own)? };
+                let substeps = substeps(model, record);
+                let mut options =
+                    Options { substeps, step_error: Some(STEP_ERROR), ..wanted(model, s, uncertain, own)? };
                 drives.widen(&mut options);
                 let fit = OutputError::new(model, record, &options).map_err(setup)?;
+                let fit = fit.suited(Params::nominal(model).values()).map_err(setup)?;
                 twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);
                 Box::new(fit)
             }

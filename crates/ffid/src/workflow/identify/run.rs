@@ -23,6 +23,7 @@ use super::refit::Contradicted;
 use super::report::Report;
 use super::result::fit::Method;
 use super::result::provenance::Provenance;
+use super::ringing;
 use super::settings::{Settings, check, method};
 use super::signals::Signals;
 use super::text;
@@ -39,7 +40,7 @@ use ident::Several;
 use ident::belief::{ChannelRows, Profile, coloured_covariance};
 use ident::compose::best_of;
 use ident::compose::{Shared, SharedErrors};
-use ident::estimate::{Estimate, EstimateError, attempt};
+use ident::estimate::{Estimate, EstimateError, OtherStarts, attempt};
 use ident::parameters::random_start;
 use nalgebra::DMatrix;
 
@@ -491,10 +492,11 @@ fn solve(
     let (unknowns, s) = (of.unknowns, of.settings);
     let mut ending = if options.more_starts == 0 {
         let quick = Request { give_up: Some(WIDE), ..request.clone() };
-        let mut best = attempt(&quick, estimator)?;
+        let tuned = || ringing::tuned(of, request);
+        let mut best = attempt(&Request { other_starts: Some(OtherStarts(&tuned)), ..quick.clone() }, estimator)?;
         // Ten linearisations may have led near the answer after all.
-        if best.chi2_per_dof < WIDE {
-            best = finished(request, best, estimator)?;
+        if best.chi2_per_dof < WIDE && !best.crept {
+            best = finished(&quick, best, estimator)?;
         }
         best = elsewhere(&quick, best, of, estimator);
         best = finished(request, best, estimator)?;

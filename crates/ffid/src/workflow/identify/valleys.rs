@@ -31,6 +31,16 @@ const REACH: i32 = 12;
 const NEAR: f64 = 16.0;
 /// Places in a row, each beyond [`NEAR`], from which on none is looked at any further out: the mode stands out of the noise there.
 const OUT: usize = 3;
+/// Chi-squared that must lie between the end and a place for there to be a minimum of its own: over less, the posterior between the two is
+/// more than half of what it is there, and they are one.
+const BARRIER: f64 = 1.2;
+/// How much lower than the end a place is worth a fit without one.
+const LOWER: f64 = 0.3;
+/// Change of chi-squared from place to place below which nothing is seen of a mode, and how many such places in a row end the looks.
+const FLAT: f64 = 0.02;
+const SEEN: usize = 4;
+/// Places on either side that are looked at at once.
+const AT_ONCE: usize = 4;
 /// Fits of each spring.
 const TRIES: usize = 2;
 /// Chi-squared above the best up to which a minimum counts beside it: exceeded by chance in one of a hundred.
@@ -291,26 +301,32 @@ impl Search<'_> {
         let mut out = Vec::new();
         for group in groups {
             let mut seen: Vec<(f64, Vec<f64>)> = group.iter().map(|p| (f64::INFINITY, p.at.clone())).collect();
+            let mut apart = vec![false; group.len()];
             let middle = group.partition_point(|p| p.steps < 0);
-            let mut outwards = |places: &mut dyn Iterator<Item = usize>| {
-                let mut beyond = 0;
-                for k in places {
-                    looks += 1;
-                    if let Some(found) = chord.look(self.request, best, &group[k], estimator) {
+            // Where the group has a place for the end itself, something has come to life there, and nothing is known of the way to it.
+            let alive = group.get(middle).is_some_and(|p| p.steps == 0);
+            let from = if alive { f64::INFINITY } else { best.objective };
+            let mut sides = [
+                Side::new(best.objective, from, (0..middle).rev().collect()),
+                Side::new(best.objective, from, (middle..group.len()).collect()),
+            ];
+            while sides.iter().any(|s| !s.left.is_empty()) {
+                let next: Vec<usize> = sides.iter().flat_map(|s| s.left.iter().take(AT_ONCE).copied()).collect();
+                looks += next.len();
+                let places: Vec<&Place> = next.iter().map(|&k| &group[k]).collect();
+                for (k, found) in next.into_iter().zip(chord.looks(self.request, best, &places, estimator)) {
+                    if let Some(found) = found {
                         seen[k] = found;
                     }
-                    beyond = if seen[k].0 < limit { 0 } else { beyond + 1 };
-                    if beyond == OUT {
-                        return;
-                    }
                 }
-            };
-            outwards(&mut (0..middle).rev());
-            outwards(&mut (middle..group.len()));
+                for side in &mut sides {
+                    side.judge(&seen, limit, |k| apart[k] = true);
+                }
+            }
             let cost = |k: usize| seen.get(k).map_or(f64::INFINITY, |s| s.0);
             let lowest = |k: usize| cost(k) <= cost(k + 1) && (k == 0 || cost(k) <= cost(k - 1));
-            let mut found: Vec<(f64, Vec<f64>)> =
-                (0..seen.len()).filter(|&k| cost(k) < limit && lowest(k)).map(|k| seen[k].clone()).collect();
+            let counts = |k: &usize| cost(*k) < limit && apart[*k] && lowest(*k);
+            let mut found: Vec<(f64, Vec<f64>)> = (0..seen.len()).filter(counts).map(|k| seen[k].clone()).collect();
             found.sort_by(|a, b| a.0.total_cmp(&b.0));
             found.truncate(TRIES);
             out.extend(found);
@@ -394,6 +410,42 @@ impl Search<'_> {
         let alone = mixture::cover(&mut best, &self.ends);
         let minima = Minima { starts: self.tried, converged: 1 + self.ends.len(), objectives, alternatives };
         Ending { estimate: best, minima: Some(minima), alone }
+    }
+}
+
+/// Places on one side of the end of a fit, looked at from there outwards.
+struct Side {
+    /// Those to come.
+    left: Vec<usize>,
+    /// Cost of the end, of the place before, and the highest between them.
+    end: f64,
+    before: f64,
+    highest: f64,
+    /// How many in a row lay beyond the limit, and differed by nothing.
+    beyond: usize,
+    flat: usize,
+}
+
+impl Side {
+    fn new(end: f64, highest: f64, left: Vec<usize>) -> Self {
+        Self { left, end, before: end, highest, beyond: 0, flat: 0 }
+    }
+    /// Goes through the next places, of which `seen` has the costs; those that are no part of the valley of the end are told to `apart`.
+    fn judge(&mut self, seen: &[(f64, Vec<f64>)], limit: f64, mut apart: impl FnMut(usize)) {
+        let next = AT_ONCE.min(self.left.len());
+        for k in self.left.drain(..next).collect::<Vec<_>>() {
+            let cost = seen[k].0;
+            if cost < self.highest - BARRIER || cost < self.end - LOWER {
+                apart(k);
+            }
+            self.beyond = if cost < limit { 0 } else { self.beyond + 1 };
+            self.flat = if (cost - self.before).abs() < FLAT { self.flat + 1 } else { 0 };
+            (self.before, self.highest) = (cost, self.highest.max(cost));
+            if self.beyond == OUT || self.flat == SEEN {
+                self.left.clear();
+                return;
+            }
+        }
     }
 }
 
