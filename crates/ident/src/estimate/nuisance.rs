@@ -72,7 +72,7 @@ impl Problem for Scaled<'_> {
 }
 
 /// Minimises the squared residuals over the nuisance unknowns of `estimator`, from zero, with the full parameter vector
-/// `parameters` held. Without nuisance unknowns the residuals are evaluated once. Allocates.
+/// `parameters` held; predictions are as exact as these ask for ([`Estimator::refine`]). Without nuisance unknowns the residuals are evaluated once. Allocates.
 ///
 /// # Errors
 /// [`NuisanceError`].
@@ -83,6 +83,8 @@ pub fn fit_nuisance(
 ) -> Result<NuisanceFit, NuisanceError> {
     let left_out = estimator.left_out();
     let sizes: Vec<f64> = estimator.nuisance().iter().map(|u| u.size).collect();
+    // Steps of the integration are those that other parameters asked for. Where nothing can be predicted, what follows says so.
+    let _ = estimator.refine(parameters, &vec![0.0; sizes.len()]);
     if sizes.is_empty() {
         let mut residuals = vec![0.0; estimator.rows()];
         estimator.residuals(parameters, &[], &mut residuals)?;

@@ -36,6 +36,8 @@ const LEAST_SAMPLES: usize = 200;
 /// nothing is interpolated.
 const SURVEYED: f64 = 20.0;
 const INTEGRATED: f64 = 10.0;
+/// Most steps per sample of a survey, over those of its estimator.
+const MORE: usize = 4;
 const COARSEST: f64 = 0.1;
 /// Samples that the beginning of a record needs at least.
 const BEGINNING: usize = 12;
@@ -167,7 +169,8 @@ impl<'a> OutputError<'a> {
         let step = if fastest > 0.0 { COARSEST.min(1.0 / (SURVEYED * fastest)) } else { COARSEST };
         let every = ((step / record.dt()) as usize).min(record.samples() / LEAST_SAMPLES).max(1);
         let in_steps = (record.dt() * fastest * INTEGRATED).ceil() as usize;
-        let substeps = if every > 1 { 1 } else { in_steps.clamp(1, own.substeps) };
+        // The fit may have ended at springs that ask for more steps than it began with.
+        let substeps = if every > 1 { 1 } else { in_steps.clamp(1, MORE * own.substeps) };
         let tables = self.tables.thinned(every, substeps);
         Self::with_tables(model, record.clone(), &own.with(substeps, options), tables, every)
     }

@@ -37,7 +37,12 @@ pub fn sample_posterior(
     let request =
         Request { selected: &fitted.selected, priors: unknowns.priors(&fitted.selected)?, start: &at.values, ..whole };
     let make = || -> Result<Box<dyn Estimator + '_>, SampleError> {
-        setup.estimator(&opened.model, records).map_err(|e| SampleError::Sampler(e.to_string()))
+        let made = setup.estimator(&opened.model, records);
+        let mut made = made.map_err(|e| SampleError::Sampler(e.to_string()))?;
+        // Steps of the integration are those that the mission's values ask for; the fit has ended elsewhere.
+        let extra: Vec<f64> = at.nuisance.iter().map(|p| p.value).collect();
+        made.refine(&at.values, &extra).map_err(|e| SampleError::Sampler(e.to_string()))?;
+        Ok(made)
     };
     match sample(&request, at, make, chains, watch.stop) {
         Ok(draws) => {
