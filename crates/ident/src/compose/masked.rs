@@ -45,9 +45,6 @@ impl<E: Estimator> Estimator for Masked<E> {
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         Some(self.over_less(self.inner.coarse(full)?))
     }
-    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        Some(self.over_less(self.inner.coarsest(full)?))
-    }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         Some(self.over_less(self.inner.beginning(share)?))
     }

@@ -65,9 +65,6 @@ impl<E: Estimator, S: Substitution> Estimator for Substituted<E, S> {
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         Some(self.around(self.inner.coarse(&self.by.parameters(full).ok()?)?))
     }
-    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        Some(self.around(self.inner.coarsest(&self.by.parameters(full).ok()?)?))
-    }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         Some(self.around(self.inner.beginning(share)?))
     }

@@ -164,11 +164,6 @@ pub trait Estimator {
         let _ = full;
         None
     }
-    /// As [`Estimator::coarse`], over as little as still tells how the data differ from those at `full` ([`crate::estimate::Around`]); frequencies may
-    /// be off by a little. Unless overridden, the same.
-    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        self.coarse(full)
-    }
     /// The same over the first `share` (0 to 1) of every record, if that is enough of it: where oscillations predicted and measured have
     /// not yet slipped by a period, [`crate::estimate()`] finds the way that it does not find over the whole. `None` unless overridden.
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
@@ -267,9 +262,6 @@ macro_rules! pointer {
             }
             fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
                 (**self).coarse(full)
-            }
-            fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
-                (**self).coarsest(full)
             }
             fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
                 (**self).beginning(share)

@@ -428,9 +428,6 @@ impl Estimator for OutputError<'_> {
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         self.thin(self.stride(full, *PER_PERIOD.get(self.thinned)?)?)
     }
-    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        self.thin(self.stride(full, PER_PERIOD[1])?)
-    }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let OutputRows { model, record, options, kinematics, initial, grid, .. } = &self.rows;
         let samples = (share * grid.0 as f64) as usize;

@@ -115,7 +115,7 @@ impl<'a> ObservedEstimator<'a> {
         e: &Estimate,
         stays: impl Fn(usize) -> bool,
     ) -> Option<(ObservedEstimator<'_>, f64)> {
-        let thin = self.inner.coarsest(&e.values).or_else(|| self.inner.beginning(1.0))?;
+        let thin = self.inner.coarse(&e.values).or_else(|| self.inner.beginning(1.0))?;
         let around = Around::new(request, e, thin, stays).ok()??;
         let beyond = around.beyond;
         Some((self.over_less(Box::new(around)), beyond))
@@ -145,9 +145,6 @@ impl Estimator for ObservedEstimator<'_> {
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         Some(self.watched(self.inner.coarse(full)?))
-    }
-    fn coarsest(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        Some(self.watched(self.inner.coarsest(full)?))
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         Some(self.watched(self.inner.beginning(share)?))
