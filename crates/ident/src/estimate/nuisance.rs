@@ -72,7 +72,8 @@ impl Problem for Scaled<'_> {
 }
 
 /// Minimises the squared residuals over the nuisance unknowns of `estimator`, from zero, with the full parameter vector
-/// `parameters` held; predictions are as exact as these ask for ([`Estimator::refine`]). Without nuisance unknowns the residuals are evaluated once. Allocates.
+/// `parameters` held; predictions are as exact as these ask for ([`Estimator::refine`]). Without nuisance unknowns the
+/// residuals are evaluated once. Allocates.
 ///
 /// # Errors
 /// [`NuisanceError`].

@@ -123,8 +123,7 @@ impl<'a> OutputError<'a> {
         match tried.integration_error(full, &extra) {
             Ok(error) if error.is_finite() => {
                 // More than a first pass over all samples takes, so that there is one.
-                let least =
-                    self.first_pass(full, PER_PERIOD[0]).filter(|first| first.0 == 1).map_or(1, |first| first.1 + 1);
+                let least = self.first_pass(full).filter(|first| first.0 == 1).map_or(1, |first| first.1 + 1);
                 self.in_steps(steps_for(limit, tried.steps(), error).max(least))
             }
             _ => Ok(self),
@@ -225,11 +224,12 @@ impl<'a> OutputError<'a> {
     }
     /// How many samples a first pass can go on by, and its steps per sample. With ten steps left per period of the fastest mode, it is off by
     /// less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %; steps per sample are rounded down, to no less than half of that. `None` where such a pass would not be cheaper.
-    fn stride(&self, full: &[f64], per_period: f64) -> Option<(usize, usize)> {
-        self.first_pass(full, per_period).filter(|(every, substeps)| *every > 1 || *substeps < self.steps())
+    fn stride(&self, full: &[f64]) -> Option<(usize, usize)> {
+        self.first_pass(full).filter(|(every, substeps)| *every > 1 || *substeps < self.steps())
     }
     /// [`OutputError::stride`], whatever it costs; `None` without modes.
-    fn first_pass(&self, full: &[f64], per_period: f64) -> Option<(usize, usize)> {
+    fn first_pass(&self, full: &[f64]) -> Option<(usize, usize)> {
+        let per_period = PER_PERIOD.get(self.thinned)?;
         let (record, fastest) = (&self.rows.record, self.fastest(full)?);
         let samples_per_step = 1.0 / (per_period * fastest * record.dt());
         // NaN where there is no mode.
@@ -243,16 +243,6 @@ impl<'a> OutputError<'a> {
         }
         // All samples, in longer steps.
         Some((1, (1.0 / samples_per_step).floor().max(1.0) as usize))
-    }
-    /// Every so many samples, so many steps each.
-    fn thin(&self, (every, substeps): (usize, usize)) -> Option<Coarse<'_>> {
-        let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
-        let record = if every > 1 { Cow::Owned(record.thinned(every).ok()?) } else { record.clone() };
-        let (motion, options) = (self.tables.moving(), Options { substeps, step_error: None, ..options.clone() });
-        let rows = OutputRows::new(model, record, options, (kinematics.clone(), initial.clone()), motion);
-        let rows = OutputRows { draws: self.rows.draws, ..rows };
-        let thin = OutputError { rows, tables: self.tables.thinned(every, substeps), thinned: self.thinned + 1 };
-        Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
     }
 }
 
@@ -426,7 +416,14 @@ impl Estimator for OutputError<'_> {
         self.rows.nuisance()
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        self.thin(self.stride(full, *PER_PERIOD.get(self.thinned)?)?)
+        let (every, substeps) = self.stride(full)?;
+        let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
+        let record = if every > 1 { Cow::Owned(record.thinned(every).ok()?) } else { record.clone() };
+        let (motion, options) = (self.tables.moving(), Options { substeps, step_error: None, ..options.clone() });
+        let rows = OutputRows::new(model, record, options, (kinematics.clone(), initial.clone()), motion);
+        let rows = OutputRows { draws: self.rows.draws, ..rows };
+        let thin = OutputError { rows, tables: self.tables.thinned(every, substeps), thinned: self.thinned + 1 };
+        Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let OutputRows { model, record, options, kinematics, initial, grid, .. } = &self.rows;

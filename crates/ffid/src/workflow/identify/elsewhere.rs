@@ -265,9 +265,14 @@ fn best_start(
     best.1
 }
 
+/// The appendage (or body) that a parameter or a coordinate is named after.
+pub(super) fn owner(name: &str) -> Option<&str> {
+    name.split_once('.').map(|n| n.0)
+}
+
 /// Parameters of the appendages of which one has vanished, and the end of the fit with all of them as the mission has them.
 fn gone(request: &Request<'_>, e: &Estimate) -> (Vec<usize>, Vec<f64>) {
-    let owner = |i: usize| request.decls[i].name.split_once('.').map(|n| n.0);
+    let owner = |i: usize| owner(&request.decls[i].name);
     let lost: Vec<_> = request.selected.iter().filter(|&&i| has_vanished(request, e, i)).map(|&i| owner(i)).collect();
     let of: Vec<usize> = request.selected.iter().copied().filter(|&i| lost.contains(&owner(i))).collect();
     let mut back = e.values.clone();

@@ -5,7 +5,7 @@
 //! ([`ident::checks::resolved_decay`]). Whose they are is not known then: each appendage in turn has all of its springs changed in proportion, so
 //! that the slowest of its modes has that frequency, and its dampers likewise; the record says which is best.
 
-use super::elsewhere::{Subject, is_spring};
+use super::elsewhere::{Subject, is_spring, owner};
 use super::record_estimator::sigmas;
 use ff_dynamics::analysis::{Boundary, Mode, modes};
 use ff_model::Params;
@@ -40,10 +40,6 @@ pub(super) fn tuned(of: &Subject<'_>, request: &Request<'_>) -> Vec<Vec<f64>> {
     owners.dedup();
     let lines = lines(of, request.start);
     lines.iter().flat_map(|line| owners.iter().filter_map(|owner| one(of, request, owner, line))).collect()
-}
-
-fn owner(name: &str) -> Option<&str> {
-    name.split_once('.').map(|n| n.0)
 }
 
 /// Lines of the free decays, those of the longest record first.

@@ -11,7 +11,9 @@
 //! them all ([`super::mixture`]).
 
 use super::chord::{Chord, Place};
-use super::elsewhere::{Subject, explains, frequencies, from_the_start, given_life, has_vanished, is_spring, own_mode};
+use super::elsewhere::{
+    Subject, explains, frequencies, from_the_start, given_life, has_vanished, is_spring, own_mode, owner,
+};
 use super::findings::{Alternative, Minima};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
@@ -211,7 +213,7 @@ impl Search<'_> {
     }
     /// Whether a damping, mass or spring of the same appendage as a spring has vanished.
     fn gone(&self, e: &Estimate, spring: usize) -> bool {
-        let (request, owner) = (self.request, |i: usize| self.request.decls[i].name.split_once('.').map(|n| n.0));
+        let (request, owner) = (self.request, |i: usize| owner(&self.request.decls[i].name));
         request.selected.iter().any(|&i| owner(i) == owner(spring) && has_vanished(request, e, i))
     }
     /// Places at which the mode of a spring is some widths of a line away. The other springs follow: compliances of springs in a row add,
