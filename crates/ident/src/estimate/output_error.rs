@@ -44,6 +44,8 @@ const BEGINNING: usize = 12;
 /// Factor on [`Options::step_error`] from which steps are made finer, and most of them in a sample.
 const TOO_COARSE: f64 = 2.0;
 const FINEST: usize = 1000;
+/// Factor on the steps up to which they are made shorter until something is predicted.
+const SHORTEST: usize = 64;
 /// Beyond, a first pass would no longer be what takes the time.
 const THINNEST: usize = 10;
 
@@ -129,6 +131,26 @@ impl<'a> OutputError<'a> {
             _ => Ok(self),
         }
     }
+    /// [`OutputError::integration_error`] in the steps that it has, or in half of them and so on, where a mode is too fast for these or a damper too
+    /// strong, and nothing is predicted; these steps stay.
+    fn predictable(&mut self, full: &[f64], extra: &[f64]) -> Result<f64, EvalError> {
+        let most = (SHORTEST * self.steps()).min(FINEST);
+        loop {
+            let failed = match self.integration_error(full, extra) {
+                Ok(error) if error.is_finite() => return Ok(error),
+                failed => failed,
+            };
+            if 2 * self.steps() > most {
+                let not_finite = EvalError::Rejected("residuals are not finite".into());
+                return Err(failed.err().unwrap_or(not_finite));
+            }
+            self.take_steps(2 * self.steps());
+        }
+    }
+    fn take_steps(&mut self, substeps: usize) {
+        self.tables = self.tables.thinned(1, substeps);
+        self.rows.options.substeps = substeps;
+    }
     fn in_steps(&self, substeps: usize) -> Result<Self, SetupError> {
         let OutputRows { model, record, options, .. } = &self.rows;
         let options = Options { substeps: substeps.max(1), ..options.clone() };
@@ -170,8 +192,26 @@ impl<'a> OutputError<'a> {
         let in_steps = (record.dt() * fastest * INTEGRATED).ceil() as usize;
         // The fit may have ended at springs that ask for more steps than it began with.
         let substeps = if every > 1 { 1 } else { in_steps.clamp(1, MORE * own.substeps) };
-        let tables = self.tables.thinned(every, substeps);
-        Self::with_tables(model, record.clone(), &own.with(substeps, options), tables, every)
+        let most = MORE * substeps.max(own.substeps);
+        let (mut every, mut substeps) = (every, substeps);
+        loop {
+            let tables = self.tables.thinned(every, substeps);
+            let made = Self::with_tables(model, record.clone(), &own.with(substeps, options), tables, every);
+            let predicted = made.map(|mut made| (made.predicts(full), made));
+            // Where a mode is too fast for these steps, or a damper too strong, nothing is predicted.
+            match predicted {
+                Ok((true, made)) => return Ok(made),
+                Ok((false, made)) if 2 * substeps > most => return Ok(made),
+                Err(e) if 2 * substeps > most => return Err(e),
+                _ if every > 1 => every /= 2,
+                _ => substeps *= 2,
+            }
+        }
+    }
+    /// Whether there is a prediction at these parameters, and nuisance unknowns of zero.
+    fn predicts(&mut self, full: &[f64]) -> bool {
+        let (mut r, extra) = (vec![0.0; self.rows.count()], vec![0.0; self.rows.nuisance().len()]);
+        self.residuals(full, &extra, &mut r).is_ok() && r.iter().all(|r| r.is_finite())
     }
     /// Whether rows are listed sample by sample, torques before gyro; else those of all torque samples come first.
     pub fn is_interleaved(&self) -> bool {
@@ -484,14 +524,20 @@ impl Estimator for OutputError<'_> {
     }
     fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
         let Some(limit) = self.rows.options.step_error else { return Ok(false) };
-        let (steps, error) = (self.steps(), self.integration_error(full, extra)?);
+        let before = self.steps();
+        let error = match self.predictable(full, extra) {
+            Ok(error) => error,
+            Err(e) => {
+                self.take_steps(before);
+                return Err(e);
+            }
+        };
+        let steps = self.steps();
         let finer = steps_for(limit, steps, error);
-        if error <= TOO_COARSE * limit || finer <= steps {
-            return Ok(false);
+        if error > TOO_COARSE * limit && finer > steps {
+            self.take_steps(finer);
         }
-        self.tables = self.tables.thinned(1, finer);
-        self.rows.options.substeps = finer;
-        Ok(true)
+        Ok(self.steps() > before)
     }
     columns_by_directions!();
     fn jacobian_along(

@@ -89,7 +89,8 @@ pub fn identify_checked(
     }
     if found.result.chi2_per_dof > s.limit && speaks_for(&found, &["external-torque", "external-force"]) {
         for labelled in records.iter() {
-            let Some(change) = momentum(opened, &found, labelled, &s, watch)? else { continue };
+            let change = checkable(momentum(opened, &found, labelled, &s, watch), labelled, "momentum", &mut problems)?;
+            let Some(change) = change.flatten() else { continue };
             let p = not_conserved(&change, labelled, checks.external_torque);
             if !checks.external_torque {
                 return Err(IdentifyError::Refused(Problems(vec![p])));
@@ -99,16 +100,39 @@ pub fn identify_checked(
     }
     found.result.clocks = clocks;
     for labelled in records.iter() {
-        match decay_modes(&opened.model, &found.values, labelled, &s)? {
-            DecayOutcome::Found(modes, warnings) => {
+        let modes = decay_modes(&opened.model, &found.values, labelled, &s);
+        let modes =
+            if checks.require_modes { Some(modes?) } else { checkable(modes, labelled, "free decay", &mut problems)? };
+        match modes {
+            Some(DecayOutcome::Found(modes, warnings)) => {
                 found.result.decay.push(*modes);
                 problems.extend(warnings);
             }
-            DecayOutcome::None(why) if checks.require_modes => return Err(IdentifyError::IllPosed(why)),
-            DecayOutcome::None(_) => {}
+            Some(DecayOutcome::None(why)) if checks.require_modes => return Err(IdentifyError::IllPosed(why)),
+            _ => {}
         }
     }
     Ok((found, s, problems))
+}
+
+/// What a check after the fit has found. Where the model cannot be evaluated, such as at the values of a fit that has not ended, there is no
+/// check, which is said; the result is there all the same.
+fn checkable<T>(
+    found: Result<T, IdentifyError>,
+    labelled: &LabelledRecord,
+    check: &str,
+    problems: &mut Problems,
+) -> Result<Option<T>, IdentifyError> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(e @ (IdentifyError::Fit(_) | IdentifyError::Model(_))) => {
+            let what = format!("the {check} of the record was not checked at the values of the fit: {e}");
+            let hint = "look at the fit first: it has not ended, or its springs and dampers are far from the mission's";
+            problems.push(Problem::warning(Area::Data, "Data::NotChecked", what).on(&labelled.label).hint(hint));
+            Ok(None)
+        }
+        Err(e) => Err(e),
+    }
 }
 
 /// Errors of clocks ([`ident::uncertain::hypotheses`]).
@@ -177,4 +201,33 @@ fn not_conserved(c: &MomentumChange, labelled: &LabelledRecord, declared: bool) 
     let make = if declared { Problem::warning } else { Problem::error };
     let hint = "leave the firing out of the record, or declare it with --external-torque";
     make(Area::Data, "Data::MomentumNotConserved", what).on(&labelled.label).hint(hint)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ff_records::RecordBuilder;
+    use ident::EstimateError;
+
+    #[test]
+    fn a_check_that_cannot_be_made_takes_nothing_from_the_result() {
+        let record = RecordBuilder::new(["arm"]).uniform(0.0, 50.0).q(nalgebra::DMatrix::zeros(9, 1));
+        let wave = |columns| nalgebra::DMatrix::from_fn(9, columns, |i, j| (0.7 * i as f64 + j as f64).sin());
+        let record = record.tau(wave(1)).gyro(wave(3)).allow("Data::Stuck");
+        let record = record.build().unwrap().0;
+        let of =
+            LabelledRecord { label: "log.csv".into(), record, resampled: (false, false), continues: false, ago: 0 };
+        let mut problems = Problems::default();
+        let mut tried = |found: Result<u8, IdentifyError>| checkable(found, &of, "momentum", &mut problems);
+        assert_eq!(tried(Ok(3)).unwrap(), Some(3));
+        assert_eq!(tried(Err(IdentifyError::Model("the mass matrix is not positive definite".into()))).unwrap(), None);
+        assert_eq!(tried(Err(IdentifyError::Fit(EstimateError::NoStart))).unwrap(), None);
+        assert!(matches!(tried(Err(IdentifyError::Interrupted)), Err(IdentifyError::Interrupted)));
+        assert_eq!(problems.0.len(), 2);
+        let said = problems.0[0].to_string();
+        assert!(
+            said.contains("Data::NotChecked") && said.contains("log.csv") && said.contains("not positive"),
+            "{said}"
+        );
+    }
 }

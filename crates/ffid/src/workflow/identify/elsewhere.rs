@@ -30,7 +30,7 @@ const ASTRAY: f64 = 2.0;
 /// Chi-squared per degree of freedom from which starts far away are tried as well, before more steps on the way there.
 pub(super) const WIDE: f64 = 1.5;
 /// The same from which what is near the end of the fit is not looked at: it is as wrong as everything.
-const NOWHERE: f64 = 10.0;
+pub(super) const NOWHERE: f64 = 10.0;
 /// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
 const VANISHED: f64 = 0.01;
 /// Factors on the whole bodies and on the springs of starts whose damping is [`DAMPED`] times that of the mission.

@@ -231,6 +231,9 @@ fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: 
         None => "what is left in the residuals follows an error of another kind".to_owned(),
     };
     let Some(best) = found.named.first() else {
+        if found.tried == 0 {
+            return format!("{seen}; errors that might explain it could not be tried");
+        }
         return format!("{seen}, and none of the {} errors that were tried would explain it", found.tried);
     };
     let first: Vec<&NamedError> =

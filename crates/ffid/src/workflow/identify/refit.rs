@@ -4,6 +4,7 @@
 //! speaks for most may be what keeps it from ending: fits with one then begin where the first began.
 
 use super::adoption::EXTRA_MODE;
+use super::elsewhere::{NOWHERE, WIDE};
 use super::error::IdentifyError;
 use super::evidence::{ErrorSize, NamedError, State};
 use super::explain::{self, Tests, in_words};
@@ -43,6 +44,8 @@ const ANEW: usize = 4;
 const MOST_ANEW: usize = 60;
 /// Chi-squared within which the data do not choose between two of them.
 const CLOSE: f64 = 12.0;
+/// Part of what is left over that the errors at the end of the first must account for, or others are sought from its beginning.
+const EXPLAINED: f64 = 0.5;
 /// Part of the cost of the first that one of them must leave at most.
 const EXPLAINS: f64 = 0.5;
 
@@ -81,7 +84,7 @@ struct Refit {
 impl Contradicted<'_, '_> {
     /// Puts the figures of fits in place of those of the score tests, for the errors that lead; what cannot be estimated is taken off the
     /// list. Tests behind the best one tell what is left with it.
-    pub(super) fn refitted(&self, tests: &mut Tests) -> Result<(), IdentifyError> {
+    fn refitted(&self, tests: &mut Tests) -> Result<(), IdentifyError> {
         // The rigid method has no columns of most errors, and counts other residuals.
         if method(&self.opened.model, self.settings.method) != Method::OutputError {
             return Ok(());
@@ -95,7 +98,7 @@ impl Contradicted<'_, '_> {
         let (mut found, mut lost): (Vec<Refit>, Vec<String>) = (Vec::new(), Vec::new());
         for candidate in leading.iter().filter(|n| n.drop >= least && !n.name.starts_with("other-robot")) {
             let is_mode = candidate.name == EXTRA_MODE;
-            match self.fit(candidate, tests)? {
+            match self.fit(candidate, tests, true)? {
                 Tried::Fitted(fit) => found.push(*fit),
                 Tried::NotEnded => {
                     if is_mode {
@@ -133,44 +136,83 @@ impl Contradicted<'_, '_> {
                 named.push(NamedError { beside: false, ..n.clone() });
             }
         }
-        let together: f64 = named.iter().enumerate().filter(|(k, n)| *k == 0 || n.beside).map(|(_, n)| n.drop).sum();
+        let counts = |(k, n): &(usize, &NamedError)| *k == 0 || n.beside && self.chi2_per_dof() < WIDE;
+        let together: f64 = named.iter().enumerate().filter(counts).map(|(_, n)| n.drop).sum();
         tests.explained = tests.excess.map(|excess| (together / excess).min(1.0));
         (tests.named, tests.with_first) = (named, Some(state));
         Ok(())
     }
-    /// For a fit that has not ended: puts in front the error with which it ends and explains most of what is left over, fitted. The others
-    /// stay as indications.
-    pub(super) fn ended_with_one(&self, tests: &mut Tests) -> Result<(), IdentifyError> {
+    /// Names the errors by fits with each of them. Next to what explains the data these begin at the end of the first; where none explains
+    /// most of what is left over there, at its beginning, as do all where it has not ended, or at [`NOWHERE`]: it has then ended in a valley of
+    /// its own, and first order says little.
+    pub(super) fn named_by_fits(&self, tests: &mut Tests) -> Result<(), IdentifyError> {
+        let (ended, chi2) = (self.end.fitted.estimate.is_solution(), self.chi2_per_dof());
+        if ended && chi2 < NOWHERE {
+            self.refitted(tests)?;
+            let fitted = tests.named.first().is_some_and(|n| n.refitted);
+            if chi2 < WIDE || fitted && tests.explained.is_none_or(|part| part > EXPLAINED) {
+                return Ok(());
+            }
+        }
+        if self.fitted_anew(tests)? || !ended {
+            return Ok(());
+        }
+        if chi2 >= NOWHERE {
+            self.refitted(tests)?;
+        }
+        // What first order promises so far from what explains the data is no explanation until a fit has kept it.
+        if tests.named.first().is_none_or(|n| !n.refitted) {
+            tests.explained = Some(0.0);
+        }
+        Ok(())
+    }
+    fn chi2_per_dof(&self) -> f64 {
+        self.end.fitted.estimate.chi2_per_dof
+    }
+    /// Puts in front the error with which a fit from the beginning ends and explains most of what is left over, if there is one. Where the
+    /// first has not ended, the others stay as indications.
+    fn fitted_anew(&self, tests: &mut Tests) -> Result<bool, IdentifyError> {
+        let ended = self.end.fitted.estimate.is_solution();
         let excess = self.end.fitted.estimate.objective - self.end.fitted.estimate.residuals.len() as f64;
-        let is_named = |n: &&NamedError| tests.named.iter().any(|o| o.name == n.name);
-        let mut leading: Vec<NamedError> = tests.alone.iter().filter(is_named).cloned().collect();
+        let mut leading: Vec<NamedError> = tests.alone.clone();
+        if !ended {
+            leading.retain(|n| tests.named.iter().any(|o| o.name == n.name));
+        }
         leading.sort_by(|a, b| b.drop.total_cmp(&a.drop));
         leading.retain(|n| n.drop > WORTH * excess && !n.name.starts_with("other-robot"));
         leading.truncate(ANEW);
         let before = self.end.fitted.estimate.objective;
         let mut found: Vec<Refit> = Vec::new();
         for candidate in &leading {
-            match self.fit(candidate, tests)? {
+            match self.fit(candidate, tests, false)? {
                 Tried::Fitted(fit) if fit.estimate.objective < EXPLAINS * before => found.push(*fit),
                 _ => {}
             }
         }
         found.sort_by(|a, b| a.estimate.objective.total_cmp(&b.estimate.objective));
-        if let Some(least) = found.first().map(|f| f.estimate.objective) {
+        if let Some(best) = found.first() {
+            let least = best.estimate.objective;
+            if ended {
+                tests.explained = Some((best.line.drop / excess).min(1.0));
+                tests.with_first = Some(self.left(best)?.0);
+            }
             found.retain(|f| f.estimate.objective < least + CLOSE);
             tests.named = found.into_iter().map(|f| f.line).collect();
-            return Ok(());
+            return Ok(true);
+        }
+        if ended {
+            return Ok(false);
         }
         // Each by itself: what linearisations that have not settled explain together says nothing.
         let alone = |n: &NamedError| tests.alone.iter().find(|a| a.name == n.name).cloned();
         tests.named = tests.named.iter().filter_map(alone).collect();
         tests.named.sort_by(|a, b| b.drop.total_cmp(&a.drop));
         tests.named.truncate(LEADING);
-        Ok(())
+        Ok(false)
     }
-    /// A fit with this error.
-    fn fit(&self, candidate: &NamedError, tests: &Tests) -> Result<Tried, IdentifyError> {
-        let settled = self.end.fitted.estimate.is_solution();
+    /// A fit with this error, from where the first has ended, if it has, or from where it began.
+    fn fit(&self, candidate: &NamedError, tests: &Tests, from_end: bool) -> Result<Tried, IdentifyError> {
+        let settled = from_end && self.end.fitted.estimate.is_solution();
         let most = if settled { MOST } else { MOST_ANEW.min(self.settings.max_iterations) };
         let mut settings = Settings { max_iterations: most, ..self.settings.clone() };
         let mut mounted = None;

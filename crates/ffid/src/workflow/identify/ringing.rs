@@ -7,12 +7,13 @@
 
 use super::elsewhere::{Subject, is_spring, owner};
 use super::record_estimator::sigmas;
-use ff_dynamics::analysis::{Boundary, Mode, modes};
-use ff_model::Params;
+use ff_dynamics::analysis::{Boundary, Mode, modes, stiffness_damping};
+use ff_model::{Model, Params};
 use ident::Request;
 use ident::checks::resolved_decay;
 use ident::modal::Stray;
 use ident::parameters::is_damping;
+use nalgebra::DVector;
 
 /// Relative deviation of a measured frequency up to which it is a line.
 const SHARP: f64 = 0.02;
@@ -23,7 +24,7 @@ const LINES: usize = 3;
 /// Changes of the springs until the mode has the frequency, and ratio at which it has.
 const STEPS: usize = 8;
 const THERE: f64 = 1e-3;
-/// Most by which dampers are changed.
+/// Most by which dampers are changed in a step.
 const DAMPED: f64 = 30.0;
 
 /// A line of a free decay.
@@ -76,34 +77,79 @@ fn one(of: &Subject<'_>, request: &Request<'_>, owner_name: &str, line: &Line) -
     let mine = |i: &usize| owner(&request.decls[*i].name) == Some(owner_name);
     let springs: Vec<usize> = request.selected.iter().copied().filter(|i| mine(i) && is_spring(request, *i)).collect();
     let dampers = request.selected.iter().copied().filter(|i| mine(i) && is_damping(&request.decls[*i]));
+    let dampers: Vec<usize> = dampers.collect();
     let mut start = request.start.to_vec();
     for _ in 0..STEPS {
-        let ratio = line.frequency_hz / slowest(of, &start, owner_name, &line.pose)?.frequency_hz;
+        let params = Params::from_values(of.model, of.unknowns.expand(&start).ok()?);
+        let mode = slowest(of.model, &params, owner_name, &line.pose)?;
+        let ratio = line.frequency_hz / mode.frequency_hz;
         springs.iter().for_each(|&i| start[i] *= ratio.powi(2));
+        // Modes that do not oscillate have no frequency to go by, so that the damping ratio is put right on the way.
+        let damped = ratio * (line.damping_ratio / mode.damping_ratio).clamp(1.0 / DAMPED, DAMPED);
+        if damped.is_finite() {
+            dampers.iter().for_each(|&i| start[i] *= damped);
+        }
         if ratio.ln().abs() < THERE {
             break;
         }
     }
-    let own = slowest(of, &start, owner_name, &line.pose)?.damping_ratio;
-    let ratio = (line.damping_ratio / own).clamp(1.0 / DAMPED, DAMPED);
-    if ratio.is_finite() {
-        dampers.for_each(|i| start[i] *= ratio);
-    }
     start.iter().all(|x| x.is_finite()).then_some(start)
 }
 
-/// The slowest mode of which more than half is the motion of an appendage.
-fn slowest(of: &Subject<'_>, values: &[f64], owner_name: &str, pose: &[f64]) -> Option<Mode> {
-    let params = Params::from_values(of.model, of.unknowns.expand(values).ok()?);
-    let rest = of.model.rest_position(&params);
-    let all = modes(of.model, &params, pose, &rest, Boundary::JointsHeld).ok()?;
-    let names = of.model.passive_coords();
+/// The slowest mode of which more than half of the energy in springs is that of an appendage. Amplitudes do not tell: a small pendulum swings
+/// far along in the modes of the others.
+fn slowest(model: &Model, params: &Params<f64>, owner_name: &str, pose: &[f64]) -> Option<Mode> {
+    let rest = model.rest_position(params);
+    let names = model.passive_coords();
+    let k = stiffness_damping(model, params, &rest).0;
     let own = |m: &Mode| {
-        let part = |mine: bool| {
-            let of = m.passive.iter().zip(&names).filter(|(_, (name, _))| (owner(name) == Some(owner_name)) == mine);
-            of.map(|(x, _)| x * x).sum::<f64>()
+        let energy = |mine: bool| {
+            let of = |x: &f64, name: &str| if (owner(name) == Some(owner_name)) == mine { *x } else { 0.0 };
+            let shape = m.passive.iter().zip(&names).map(|(x, (name, _))| of(x, name));
+            let shape = DVector::from_iterator(m.passive.len(), shape);
+            shape.dot(&(&k * &shape))
         };
-        part(true) > part(false)
+        energy(true) > energy(false)
     };
+    let all = modes(model, params, pose, &rest, Boundary::JointsHeld).ok()?;
     all.into_iter().filter(own).min_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ff_mission::{LoadOptions, Mission};
+    use ident::parameters::is_stiffness;
+
+    #[test]
+    fn a_small_pendulum_that_swings_along_has_a_mode_of_its_own() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/verdict/truth.toml");
+        let loaded = Mission::load(file.as_ref(), &crate::default_registry(), &LoadOptions::default()).unwrap();
+        let model = loaded.model;
+        let mut values = Params::<f64>::nominal(&model).values().to_vec();
+        // A thousandth of the fuel on a tenth of the length, and an own frequency above that of the wing.
+        for (i, d) in model.param_decls().iter().enumerate().filter(|(_, d)| owner(&d.name) == Some("tank")) {
+            values[i] *= match d.unit {
+                "kg" => 1e-3,
+                "m" => 0.1,
+                _ if is_stiffness(d) => 2.3e-5,
+                _ if is_damping(d) => 1e-5,
+                _ => 1.0,
+            };
+        }
+        let params = Params::from_values(&model, values);
+        let pose = &loaded.mission.excite.start_rad;
+        let all = modes(&model, &params, pose, &model.rest_position(&params), Boundary::JointsHeld).unwrap();
+        let names = model.passive_coords();
+        let largest = |m: &Mode| {
+            names[(0..names.len()).max_by(|&a, &b| m.passive[a].abs().total_cmp(&m.passive[b].abs())).unwrap()]
+                .0
+                .clone()
+        };
+        assert_eq!(owner(&largest(&all[0])), Some("tank"), "no test where it does not swing along");
+        let own = slowest(&model, &params, "tank", pose).unwrap();
+        assert!(own.frequency_hz > 1.03 * all[0].frequency_hz, "{} of {:?}", own.frequency_hz, all);
+        let wing = slowest(&model, &params, "wing", pose).unwrap();
+        assert!((wing.frequency_hz - all[0].frequency_hz).abs() < 1e-9);
+    }
 }

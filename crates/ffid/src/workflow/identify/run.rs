@@ -2,6 +2,7 @@
 
 use super::adoption::Adopted;
 use super::bends::{self, Followed};
+use super::compliances::allow_for_compliances;
 use super::consider::{self, Side};
 use super::course::Course;
 use super::drives;
@@ -159,7 +160,7 @@ pub fn identify(
     {
         let end =
             Contradicted { opened, records, settings: given.0, options: given.1, end: &end, twins: &twins, watch };
-        if ended_well { end.refitted(tests) } else { end.ended_with_one(tests) }?;
+        end.named_by_fits(tests)?;
         let estimates = !result.parameters.is_empty();
         let evidence = explain::evidence(Some(tests), &fitted.estimate, &result.whiteness, estimates, settings);
         result.evidence = Some(evidence);
@@ -517,6 +518,7 @@ fn solve(
         Ending { minima: Some(minima), ..ending }
     };
     let bent = followed(request, &mut ending, of, estimator);
+    allow_for_compliances(request, &mut ending);
     let Ending { estimate, minima, alone } = ending;
     let (full, selected) = (estimate.data_only.clone(), request.selected.to_vec());
     let mut out = Fitted { selected, full, estimate, minima, alone, bent, reduced: None };
