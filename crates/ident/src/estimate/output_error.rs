@@ -132,15 +132,17 @@ impl<'a> OutputError<'a> {
         }
     }
     /// [`OutputError::integration_error`] in the steps that it has, or in half of them and so on, where a mode is too fast for these or a damper too
-    /// strong, and nothing is predicted; these steps stay.
+    /// strong, and nothing is predicted; these steps stay, unless nothing is predicted in any.
     fn predictable(&mut self, full: &[f64], extra: &[f64]) -> Result<f64, EvalError> {
-        let most = (SHORTEST * self.steps()).min(FINEST);
+        let before = self.steps();
+        let most = (SHORTEST * before).min(FINEST);
         loop {
             let failed = match self.integration_error(full, extra) {
                 Ok(error) if error.is_finite() => return Ok(error),
                 failed => failed,
             };
             if 2 * self.steps() > most {
+                self.take_steps(before);
                 let not_finite = EvalError::Rejected("residuals are not finite".into());
                 return Err(failed.err().unwrap_or(not_finite));
             }
@@ -188,23 +190,22 @@ impl<'a> OutputError<'a> {
         let beside = options.oscillators.iter().map(|o| o.frequency_hz);
         let fastest = beside.fold(self.fastest(full).unwrap_or(0.0), f64::max);
         let step = if fastest > 0.0 { COARSEST.min(1.0 / (SURVEYED * fastest)) } else { COARSEST };
-        let every = ((step / record.dt()) as usize).min(record.samples() / LEAST_SAMPLES).max(1);
+        let mut every = ((step / record.dt()) as usize).min(record.samples() / LEAST_SAMPLES).max(1);
         let in_steps = (record.dt() * fastest * INTEGRATED).ceil() as usize;
         // The fit may have ended at springs that ask for more steps than it began with.
-        let substeps = if every > 1 { 1 } else { in_steps.clamp(1, MORE * own.substeps) };
+        let mut substeps = if every > 1 { 1 } else { in_steps.clamp(1, MORE * own.substeps) };
         let most = MORE * substeps.max(own.substeps);
-        let (mut every, mut substeps) = (every, substeps);
         loop {
             let tables = self.tables.thinned(every, substeps);
-            let made = Self::with_tables(model, record.clone(), &own.with(substeps, options), tables, every);
-            let predicted = made.map(|mut made| (made.predicts(full), made));
+            let mut made = Self::with_tables(model, record.clone(), &own.with(substeps, options), tables, every);
+            if 2 * substeps > most || made.as_mut().is_ok_and(|made| made.predicts(full)) {
+                return made;
+            }
             // Where a mode is too fast for these steps, or a damper too strong, nothing is predicted.
-            match predicted {
-                Ok((true, made)) => return Ok(made),
-                Ok((false, made)) if 2 * substeps > most => return Ok(made),
-                Err(e) if 2 * substeps > most => return Err(e),
-                _ if every > 1 => every /= 2,
-                _ => substeps *= 2,
+            if every > 1 {
+                every /= 2;
+            } else {
+                substeps *= 2;
             }
         }
     }
@@ -525,13 +526,7 @@ impl Estimator for OutputError<'_> {
     fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
         let Some(limit) = self.rows.options.step_error else { return Ok(false) };
         let before = self.steps();
-        let error = match self.predictable(full, extra) {
-            Ok(error) => error,
-            Err(e) => {
-                self.take_steps(before);
-                return Err(e);
-            }
-        };
+        let error = self.predictable(full, extra)?;
         let steps = self.steps();
         let finer = steps_for(limit, steps, error);
         if error > TOO_COARSE * limit && finer > steps {

@@ -10,14 +10,13 @@
 
 use super::chord::{Chord, Place};
 use super::elsewhere::explains;
-use super::mixture::widen;
 use super::observed_estimator::ObservedEstimator;
 use super::valleys::Ending;
 use ff_least_squares::Settings as Solver;
 use ff_model::ParamGroup;
 use ident::belief::{LIMIT95, Point, PriorRow, Profile, Uncertainty};
 use ident::estimate::{At, Estimate, KEPT_BYTES, attempt};
-use ident::{Estimator, Loss, Request};
+use ident::{Loss, Request};
 use nalgebra::{DMatrix, DVector};
 
 /// Draws of the posterior at which the cost is compared with the parabola: both ways along three directions.
@@ -88,13 +87,8 @@ pub(super) fn follow(
         Some(Err(place)) => return Followed::Down(place),
         Some(Ok(found)) => found,
     };
-    let before = e.uncertainty.clone();
-    if covariance != before.covariance {
-        let e = &mut ending.estimate;
-        widen(&mut e.uncertainty, covariance);
-        let all = e.parameters.iter_mut().chain(&mut e.nuisance);
-        all.zip(&e.uncertainty.deviation).for_each(|(p, std)| p.std = *std);
-        ending.alone.get_or_insert(before);
+    if covariance != e.uncertainty.covariance {
+        ending.widened(covariance);
     }
     Followed::Up(profiles)
 }
@@ -188,9 +182,7 @@ impl Bend<'_> {
         };
         let places: Vec<Option<(Vec<f64>, Vec<f64>)>> = steps.iter().map(place).collect();
         let at: Vec<At<'_>> = places.iter().flatten().map(|(at, extra)| (&at[..], &extra[..])).collect();
-        let mut all = vec![vec![0.0; estimator.rows()]; at.len()];
-        let mut to: Vec<&mut [f64]> = all.iter_mut().map(|r| &mut r[..]).collect();
-        let done = estimator.residuals_at(&at, &mut to);
+        let rows = estimator.rows_at(&at);
         let cost = |(full, r): (&[f64], &[f64])| {
             let values: Vec<f64> = selected.iter().map(|&i| full[i]).collect();
             let mut known = Vec::new();
@@ -198,8 +190,7 @@ impl Bend<'_> {
             let cost = r.iter().chain(&known).map(|r| r * r).sum::<f64>();
             cost.is_finite().then_some(cost)
         };
-        let each = done.into_iter().zip(at.iter().zip(&all));
-        let mut costs = each.map(|(done, (at, r))| done.ok().and_then(|()| cost((at.0, r))));
+        let mut costs = at.iter().zip(&rows).map(|(at, r)| r.as_ref().and_then(|r| cost((at.0, r))));
         places.iter().map(|p| p.as_ref().and_then(|_| costs.next().flatten())).collect()
     }
     /// The estimate with one parameter so many deviations away, and the others where the parabola has them then.
@@ -370,6 +361,7 @@ mod tests {
     use crate::workflow::identify::observed_estimator::Observer;
     use ff_least_squares::EvalError;
     use ff_model::ParamDecl;
+    use ident::Estimator;
 
     #[test]
     fn a_covariance_allows_for_a_place_by_the_least_that_does() {

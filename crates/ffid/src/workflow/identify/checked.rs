@@ -13,6 +13,7 @@ use super::number::num;
 use super::observed_estimator::Observer;
 use super::options::FitOptions;
 use super::record_estimator::{RecordEstimator, setup};
+use super::refit::UNEXPLAINED;
 use super::result::fit::Method;
 use super::result::parameter::Parameter;
 use super::result::provenance::Provenance;
@@ -24,8 +25,6 @@ use ident::checks::{ClockPolicy, MomentumChange, RecordChecks, momentum_change};
 
 /// Part of chi-squared that a fit with an initial state must leave at most to be preferred.
 const BETTER: f64 = 0.2;
-/// Part of what is left over below which the errors that were tried explain nothing.
-const UNEXPLAINED: f64 = 0.5;
 /// Initial values below this many standard deviations are not named.
 const SURE: f64 = 3.0;
 

@@ -109,11 +109,8 @@ impl Chord {
     ) -> Vec<Option<(f64, Vec<f64>)>> {
         let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
         let at: Vec<At<'_>> = places.iter().map(|p| (&p.at[..], &extra[..])).collect();
-        let mut all = vec![vec![0.0; self.j.nrows()]; places.len()];
-        let mut to: Vec<&mut [f64]> = all.iter_mut().map(|r| &mut r[..]).collect();
-        let done = estimator.residuals_at(&at, &mut to);
-        let each = done.into_iter().zip(places.iter().zip(&all));
-        each.map(|(done, (place, r))| done.ok().and_then(|()| self.judged(request, place, r))).collect()
+        let rows = estimator.rows_at(&at);
+        places.iter().zip(rows).map(|(place, r)| self.judged(request, place, &r?)).collect()
     }
     /// See [`Chord::looks`], with the residuals of the data there.
     fn judged(&self, request: &Request<'_>, place: &Place, r: &[f64]) -> Option<(f64, Vec<f64>)> {

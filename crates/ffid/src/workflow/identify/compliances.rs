@@ -7,7 +7,6 @@
 //! record of three stiff hinges, which tells the sum of their compliances, was explained with the outer one 7.6 stated deviations too
 //! soft. Springs known worse than [`FROM`] of themselves have deviations that reach there, and their dampers with them.
 
-use super::mixture::widen;
 use super::valleys::Ending;
 use ident::Request;
 use ident::parameters::{is_damping, is_stiffness};
@@ -22,33 +21,25 @@ const NOT_TOLD: f64 = 0.45;
 pub(super) fn allow_for_compliances(request: &Request<'_>, ending: &mut Ending) {
     let e = &ending.estimate;
     let decl = |k: usize| &request.decls[request.selected[k]];
+    let factor = |k: usize| e.parameters[k].std.map_or(1.0, |std| wider_by(std / e.parameters[k].value));
+    let springs = (0..request.selected.len()).filter(|&k| is_stiffness(decl(k)));
+    let wider: Vec<(usize, f64)> = springs.map(|k| (k, factor(k))).filter(|(_, factor)| *factor > 1.0).collect();
+    if wider.is_empty() {
+        return;
+    }
     let mut covariance = e.uncertainty.covariance.clone();
-    let mut wider = false;
-    for k in (0..request.selected.len()).filter(|&k| is_stiffness(decl(k))) {
-        let p = &e.parameters[k];
-        let factor = p.std.map_or(1.0, |std| wider_by(std / p.value));
-        if factor <= 1.0 {
-            continue;
-        }
+    for (k, factor) in wider {
         covariance.row_mut(k).scale_mut(factor);
         covariance.column_mut(k).scale_mut(factor);
         let of_damper = decl(k).name.replace(".k[", ".d[");
         let damper = (0..request.selected.len()).find(|&d| decl(d).name == of_damper && is_damping(decl(d)));
-        if let Some(d) = damper {
-            let stiffer = 1.0 + 2.0 * factor * p.std.unwrap_or(0.0) / p.value;
+        if let (Some(d), Some(std)) = (damper, e.parameters[k].std) {
+            let stiffer = 1.0 + 2.0 * factor * std / e.parameters[k].value;
             let least = (0.5 * e.parameters[d].value * (stiffer * stiffer - 1.0)).powi(2);
             covariance[(d, d)] = covariance[(d, d)].max(least);
         }
-        wider = true;
     }
-    if wider {
-        let stated = e.uncertainty.clone();
-        let e = &mut ending.estimate;
-        widen(&mut e.uncertainty, covariance);
-        let all = e.parameters.iter_mut().chain(&mut e.nuisance);
-        all.zip(&e.uncertainty.deviation).for_each(|(p, std)| p.std = *std);
-        ending.alone.get_or_insert(stated);
-    }
+    ending.widened(covariance);
 }
 
 /// Factor on the deviation of a spring that is known to this part of itself: `1 / (1 - 2 r)`, as far as that counts.

@@ -31,9 +31,7 @@ pub(super) fn cover(best: &mut Estimate, others: &[Estimate]) -> Option<Uncertai
         sum += weight;
     }
     moment /= sum;
-    widen(&mut best.uncertainty, moment);
-    let all = best.parameters.iter_mut().chain(&mut best.nuisance);
-    all.zip(&best.uncertainty.deviation).for_each(|(p, std)| p.std = *std);
+    widen(best, moment);
     Some(alone)
 }
 
@@ -43,8 +41,15 @@ fn log_volume(u: &Uncertainty) -> f64 {
     of_sizes - u.singular_values.iter().take(u.rank).map(|s| s.ln()).sum::<f64>()
 }
 
+/// Puts a covariance in place of that of an estimate, and its deviations beside all unknowns.
+pub(super) fn widen(e: &mut Estimate, covariance: DMatrix<f64>) {
+    replace(&mut e.uncertainty, covariance);
+    let all = e.parameters.iter_mut().chain(&mut e.nuisance);
+    all.zip(&e.uncertainty.deviation).for_each(|(p, std)| p.std = *std);
+}
+
 /// Puts a covariance in place of another. Where everything is determined, singular values and directions are those of it, too.
-pub(super) fn widen(u: &mut Uncertainty, covariance: DMatrix<f64>) {
+fn replace(u: &mut Uncertainty, covariance: DMatrix<f64>) {
     let n = covariance.nrows();
     let std: Vec<f64> = covariance.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
     if u.full_rank() {
@@ -80,7 +85,7 @@ mod tests {
         let before = u.clone();
         let d = DVector::from_column_slice(&[2.0, -0.01, 5.0]);
         let wide = &u.covariance + &d * d.transpose() * 0.4;
-        widen(&mut u, wide.clone());
+        replace(&mut u, wide.clone());
         assert!((&u.covariance - &wide).abs().max() < 1e-9 * wide.abs().max());
         for k in 0..3 {
             assert!((u.deviation[k].unwrap() - wide[(k, k)].sqrt()).abs() < 1e-9 * unknowns[k].size);

@@ -61,7 +61,7 @@ mod ringing;
 mod row_layout;
 pub(crate) mod run;
 pub(crate) mod sampled;
-mod segments;
+pub(crate) mod segments;
 pub(crate) mod settings;
 pub(crate) mod signals;
 mod survey;

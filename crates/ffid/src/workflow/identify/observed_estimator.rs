@@ -82,6 +82,13 @@ impl<'a> ObservedEstimator<'a> {
     pub(super) fn new(inner: impl Estimator + 'a, watch: &'a Observer<'a>) -> Self {
         Self { inner: Box::new(inner), watch, state: Rc::default(), whole: true }
     }
+    /// Residuals at several places, side by side where that is faster; `None` where nothing is predicted. Allocates the rows of all.
+    pub(super) fn rows_at(&mut self, at: &[At<'_>]) -> Vec<Option<Vec<f64>>> {
+        let mut all = vec![vec![0.0; self.rows()]; at.len()];
+        let mut to: Vec<&mut [f64]> = all.iter_mut().map(|r| &mut r[..]).collect();
+        let done = self.residuals_at(at, &mut to);
+        all.into_iter().zip(done).map(|(r, done)| done.ok().map(|()| r)).collect()
+    }
     /// Whether it was ended from outside.
     pub(super) fn stopped(&self) -> bool {
         self.state.stopped.get()

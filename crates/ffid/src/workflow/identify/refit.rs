@@ -1,7 +1,8 @@
 //! The leading errors, fitted. A score test is exact to first order at the end of a fit that is bent by the error; a fit with the error
 //! among its unknowns is not bent, so that sizes are right and the order of candidates is that of what they explain. Fits begin where the
 //! first has ended, and are made only where the model is contradicted. Where the first has not ended, the error that its last linearisation
-//! speaks for most may be what keeps it from ending: fits with one then begin where the first began.
+//! speaks for most may be what keeps it from ending, and where it has ended far off, what led it there: fits with one then begin where
+//! the first began.
 
 use super::adoption::EXTRA_MODE;
 use super::elsewhere::{NOWHERE, WIDE};
@@ -44,8 +45,8 @@ const ANEW: usize = 4;
 const MOST_ANEW: usize = 60;
 /// Chi-squared within which the data do not choose between two of them.
 const CLOSE: f64 = 12.0;
-/// Part of what is left over that the errors at the end of the first must account for, or others are sought from its beginning.
-const EXPLAINED: f64 = 0.5;
+/// Part of what is left over below which the errors that were tried explain nothing.
+pub(super) const UNEXPLAINED: f64 = 0.5;
 /// Part of the cost of the first that one of them must leave at most.
 const EXPLAINS: f64 = 0.5;
 
@@ -150,7 +151,7 @@ impl Contradicted<'_, '_> {
         if ended && chi2 < NOWHERE {
             self.refitted(tests)?;
             let fitted = tests.named.first().is_some_and(|n| n.refitted);
-            if chi2 < WIDE || fitted && tests.explained.is_none_or(|part| part > EXPLAINED) {
+            if chi2 < WIDE || fitted && tests.explained.is_none_or(|part| part > UNEXPLAINED) {
                 return Ok(());
             }
         }

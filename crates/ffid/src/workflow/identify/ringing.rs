@@ -76,8 +76,8 @@ fn lines(of: &Subject<'_>, start: &[f64]) -> Vec<Line> {
 fn one(of: &Subject<'_>, request: &Request<'_>, owner_name: &str, line: &Line) -> Option<Vec<f64>> {
     let mine = |i: &usize| owner(&request.decls[*i].name) == Some(owner_name);
     let springs: Vec<usize> = request.selected.iter().copied().filter(|i| mine(i) && is_spring(request, *i)).collect();
-    let dampers = request.selected.iter().copied().filter(|i| mine(i) && is_damping(&request.decls[*i]));
-    let dampers: Vec<usize> = dampers.collect();
+    let is_damper = |i: &usize| mine(i) && is_damping(&request.decls[*i]);
+    let dampers: Vec<usize> = request.selected.iter().copied().filter(is_damper).collect();
     let mut start = request.start.to_vec();
     for _ in 0..STEPS {
         let params = Params::from_values(of.model, of.unknowns.expand(&start).ok()?);

@@ -21,6 +21,7 @@ use ff_least_squares::Settings as Solver;
 use ff_model::ParamGroup;
 use ident::estimate::{Estimate, KEPT_BYTES, attempt};
 use ident::{Loss, Request, Uncertainty};
+use nalgebra::DMatrix;
 
 /// Deviation of a frequency, in widths `1/T` of a line, from which there may be several minima. At a peak of the noise, where damping vanishes,
 /// it is less than at the mode itself.
@@ -80,6 +81,11 @@ pub(super) struct Ending {
 impl Ending {
     fn single(estimate: Estimate) -> Self {
         Self { estimate, minima: None, alone: None }
+    }
+    /// Puts a covariance that allows for more in place of that of the estimate; the one about the lowest minimum alone is kept as it was.
+    pub(super) fn widened(&mut self, covariance: DMatrix<f64>) {
+        self.alone.get_or_insert_with(|| self.estimate.uncertainty.clone());
+        mixture::widen(&mut self.estimate, covariance);
     }
 }
 
