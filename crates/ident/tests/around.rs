@@ -120,17 +120,21 @@ fn the_last_steps_over_fewer_rows_end_where_all_rows_do() {
     let marginal: Vec<(usize, f64)> = priors.rows().iter().map(|r| (selected[r.column], r.sigma)).collect();
     let settings = Settings { gain_tolerance: 1e-3, decrement_tolerance: 1e-12, ..Settings::default() };
     let request = Request { settings, coarse: false, priors, marginal, ..Request::new(&decls, &selected, &start) };
-    let mut of = |near_end: bool| {
-        let found = estimate(&Request { near_end, ..request.clone() }, &mut all);
-        found.unwrap_or_else(|e| panic!("{near_end}: {:.300}", e.to_string()))
+    let mut of = |coarse: bool, near_end: bool| {
+        let found = estimate(&Request { coarse, near_end, ..request.clone() }, &mut all);
+        found.unwrap_or_else(|e| panic!("{coarse} {near_end}: {:.300}", e.to_string()))
     };
-    let (whole, fewer) = (of(false), of(true));
+    let (whole, fewer) = (of(false, false), of(false, true));
     let over = |e: &ident::estimate::Estimate, every: bool| {
         e.descent.iter().filter(|l| (l.residuals == e.residuals.len()) == every).count()
     };
     assert!(over(&fewer, false) > 0 && over(&whole, false) == 0, "{} {}", over(&fewer, false), over(&whole, false));
     assert!(over(&fewer, true) <= over(&whole, true), "{} {}", over(&fewer, true), over(&whole, true));
     assert_within!(fewer.objective - whole.objective, 0.01);
+    // From where less data lead, fewer rows with the cost of all of them lead on, so that all begin at their end.
+    let (led, landed) = (of(true, false), of(true, true));
+    assert!(over(&landed, true) < over(&led, true), "{} {}", over(&landed, true), over(&led, true));
+    assert_within!(landed.objective - whole.objective, 0.01);
     for (a, b) in whole.parameters.iter().zip(&fewer.parameters) {
         assert_within!((a.value - b.value).abs(), 0.1 * a.std.unwrap(), "{}", a.name);
         assert_within!((b.std.unwrap() / a.std.unwrap() - 1.0).abs(), 0.02, "{}", a.name);

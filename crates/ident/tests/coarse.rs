@@ -10,6 +10,7 @@ use ident::Several;
 use ident::compose::Masked;
 use ident::compose::Shared;
 use ident::compose::{Affine, TieMap};
+use ident::estimate::FINEST;
 use ident::parameters::offset_start;
 use ident::parameters::select;
 use ident::*;
@@ -110,27 +111,28 @@ fn steps_follow_the_data() {
     let steps = suited.steps();
     assert!((5..12).contains(&steps), "{steps}");
     assert!(suited.integration_error(&truth, &[]).unwrap() < limit);
-    assert!(!suited.refine(&truth, &[]).unwrap());
+    assert!(!suited.refine(&truth, &[], FINEST).unwrap());
     let mut stiff = truth.clone();
     select(&decls, &["panel_*.k[*]"]).unwrap().iter().for_each(|&i| stiff[i] *= 10.0);
-    assert!(suited.refine(&stiff, &[]).unwrap() && suited.steps() > steps, "{}", suited.steps());
+    assert!(suited.refine(&stiff, &[], FINEST).unwrap() && suited.steps() > steps, "{}", suited.steps());
     assert!(suited.integration_error(&stiff, &[]).unwrap() < 2.0 * limit);
     // So stiff that in the steps of the truth nothing is predicted at all, and so that no step follows.
     let mut stiffer = truth.clone();
     select(&decls, &["panel_*.k[*]"]).unwrap().iter().for_each(|&i| stiffer[i] *= 1e4);
     let mut few = of(1, limit);
     assert!(few.integration_error(&stiffer, &[]).is_err());
-    assert!(few.refine(&stiffer, &[]).unwrap());
+    assert!(few.refine(&stiffer, &[], 2).is_err() && few.steps() == 1, "more than twice the work");
+    assert!(few.refine(&stiffer, &[], FINEST).unwrap());
     // The first steps that predict anything are too long for the fourth order to hold.
-    let more = (0..3).take_while(|_| few.refine(&stiffer, &[]).unwrap()).count();
+    let more = (0..3).take_while(|_| few.refine(&stiffer, &[], FINEST).unwrap()).count();
     assert!(more < 3, "{} steps", few.steps());
     assert!(few.integration_error(&stiffer, &[]).unwrap() < 2.0 * limit, "{} steps", few.steps());
     let mut never = of(1, limit);
     select(&decls, &["panel_*.k[*]"]).unwrap().iter().for_each(|&i| stiffer[i] *= 1e12);
-    assert!(never.refine(&stiffer, &[]).is_err() && never.steps() == 1);
+    assert!(never.refine(&stiffer, &[], FINEST).is_err() && never.steps() == 1);
     // Without a limit they stay as they are.
     let mut fixed = OutputError::new(&l.model, &record, &Options { substeps: 1, ..Options::new(NOISE) }).unwrap();
-    assert!(!fixed.refine(&stiff, &[]).unwrap() && fixed.steps() == 1);
+    assert!(!fixed.refine(&stiff, &[], FINEST).unwrap() && fixed.steps() == 1);
 }
 
 #[test]

@@ -61,8 +61,8 @@ impl<E: Estimator> Estimator for Masked<E> {
         r.iter_mut().for_each(|r| weigh(r.iter_mut(), &self.roots));
         done
     }
-    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
-        self.inner.refine(full, extra)
+    fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
+        self.inner.refine(full, extra, most)
     }
     columns_by_directions!();
     fn jacobian_along(

@@ -321,11 +321,11 @@ impl Estimator for Several<'_> {
         }
         done
     }
-    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+    fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
         let (mut refined, mut at) = (false, 0);
         for (k, part) in self.parts.iter_mut().enumerate() {
             let count = part.nuisance().len();
-            refined |= part.refine(&self.shared.of_record(k, full), &extra[at..at + count])?;
+            refined |= part.refine(&self.shared.of_record(k, full), &extra[at..at + count], most)?;
             at += count;
         }
         Ok(refined)

@@ -82,9 +82,9 @@ impl<E: Estimator, S: Substitution> Estimator for Substituted<E, S> {
             Err(_) => at.iter().zip(r).map(|(&(full, extra), r)| self.residuals(full, extra, r)).collect(),
         }
     }
-    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+    fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
         let (full, extra) = self.by.values(full, extra)?;
-        self.inner.refine(&full, &extra)
+        self.inner.refine(&full, &extra, most)
     }
     columns_by_directions!();
     fn jacobian_along(

@@ -39,9 +39,19 @@ pub(crate) struct Centre<'c> {
     pub(crate) extra: &'c [f64],
     /// Residuals of all rows there.
     pub(crate) residuals: &'c [f64],
-    /// `J^T r` of all rows there, over the selected parameters and the nuisance unknowns; none at the end of a fit, where it is what the
-    /// priors pull.
-    pub(crate) slope: Option<&'c DVector<f64>>,
+    /// What is known of the slope there.
+    pub(crate) slope: Slope<'c>,
+}
+
+/// `J^T r` of all rows, over the selected parameters and the nuisance unknowns.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Slope<'c> {
+    /// The end of a fit: it is what the priors pull.
+    End,
+    /// This.
+    Known(&'c DVector<f64>),
+    /// What fewer rows make of it, without a correction.
+    Untold,
 }
 
 /// Fewer rows with the cost of all of them near a point.
@@ -70,7 +80,7 @@ impl<'a> Around<'a> {
         stays: impl Fn(usize) -> bool,
     ) -> Result<Option<Self>, EvalError> {
         let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
-        let centre = Centre { values: &e.values, extra: &extra, residuals: &e.residuals, slope: None };
+        let centre = Centre { values: &e.values, extra: &extra, residuals: &e.residuals, slope: Slope::End };
         Self::of_point(request, centre, thin, stays)
     }
     /// As [`Around::new`], around any point.
@@ -123,8 +133,9 @@ fn correct(request: &Request<'_>, e: Centre<'_>, j: &DMatrix<f64>, gathered: &mu
     let mut of_priors = Vec::new();
     request.priors.push_residuals(&values, &mut of_priors);
     let wanted = match e.slope {
-        Some(slope) => slope.clone(),
-        None => -known.tr_mul(&DVector::from_vec(of_priors)),
+        Slope::Untold => return Some(()),
+        Slope::Known(slope) => slope.clone(),
+        Slope::End => -known.tr_mul(&DVector::from_vec(of_priors)),
     };
     let Normal { root, size, .. } = Normal::new(j, &known).ok()??;
     for _ in 0..CORRECTIONS {

@@ -76,7 +76,8 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
     if request.coarse {
         approach(request, estimator, &sizes_extra, &mut references, &mut place);
         // Where nothing can be predicted, the fit says so.
-        let _ = estimator.refine(&place.full, &over(&place.nuisance));
+        let _ = estimator.refine(&place.full, &over(&place.nuisance), request.finer);
+        near_end::land(request, estimator, &sizes_extra, &mut references, &mut place);
     }
     let asked = request.settings.max_iterations;
     let request = &unless_hopeless(request, estimator, &sizes_extra, &references, &place);
@@ -91,10 +92,10 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
         let way = Way { still: ANCHOR_MOVED, range: f64::INFINITY, near_end: &mut hop };
         let end = settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, way)?;
         // A fit that was given up is no place to ask for.
-        if refined == REFINED || end.1 == Status::IterationLimit {
+        if request.finer == 0 || refined == REFINED || end.1 == Status::IterationLimit {
             break end;
         }
-        if !estimator.refine(&place.full, &over(&place.nuisance)).map_err(at_solution)? {
+        if !estimator.refine(&place.full, &over(&place.nuisance), request.finer).map_err(at_solution)? {
             break end;
         }
         refined += 1;
@@ -111,7 +112,7 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
     // What a loss leaves of the information.
     data.unscale_mut(request.loss.inflation(&residuals).sqrt());
     let values = full;
-    let sizes = scale::sizes(request.decls, &values);
+    let sizes = scale::sizes_at_least(request.decls, &values, request.centre.unwrap_or(request.start));
     let mut unknowns = Unknown::of_parameters(request.decls, selected, &sizes);
     unknowns.extend(extra.iter().cloned());
     let row = |&(i, sigma): &(usize, f64)| {

@@ -150,12 +150,12 @@ pub trait Estimator {
         Ok(sums.over(inner))
     }
     /// Makes the predictions themselves more exact for all that follows, if their numerical error at these unknowns is too large, and says
-    /// whether they were made so. Never unless overridden.
+    /// whether they were made so, which takes up to `most` times the work. Never unless overridden.
     ///
     /// # Errors
     /// [`EvalError`].
-    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
-        let _ = (full, extra);
+    fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
+        let _ = (full, extra, most);
         Ok(false)
     }
     /// The same over so much less data that it takes a fraction of the time, if there is enough of it: [`crate::estimate()`] takes the way
@@ -257,8 +257,8 @@ macro_rules! pointer {
             ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
                 (**self).streams_along(full, extra, along)
             }
-            fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
-                (**self).refine(full, extra)
+            fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
+                (**self).refine(full, extra, most)
             }
             fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
                 (**self).coarse(full)

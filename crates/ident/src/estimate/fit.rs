@@ -120,7 +120,8 @@ impl Linearised {
         }
         let columns = selected.len() + extra.len();
         if self.jacobian.shape() != (rows, columns) {
-            self.jacobian = DMatrix::zeros(rows, columns);
+            // Pages that come zeroed are not written twice.
+            self.jacobian = DMatrix::from_vec(rows, columns, vec![0.0; rows * columns]);
         }
         self.full.clear();
         estimator.jacobian(full, extra, selected, &mut self.residuals, &mut self.jacobian)?;

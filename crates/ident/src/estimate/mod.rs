@@ -20,6 +20,7 @@ pub(crate) mod output_options;
 pub(crate) mod output_rows;
 pub(crate) mod output_spans;
 pub(crate) mod rda;
+mod remembered;
 pub mod report;
 pub(crate) mod request;
 pub(crate) mod row_stream;
@@ -40,6 +41,6 @@ pub use outcome::{Estimate, EstimateError, Estimated, Linearisation, RANK_TOLERA
 pub use output_error::OutputError;
 pub use output_options::Options;
 pub use rda::Rda;
-pub use request::{Jacobian, KEPT_BYTES, OtherStarts, Request};
+pub use request::{FINEST, Jacobian, KEPT_BYTES, OtherStarts, Request};
 pub use row_stream::{RowBlock, RowStream};
 pub use setup::{Noise, SetupError};

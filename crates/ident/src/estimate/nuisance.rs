@@ -1,6 +1,7 @@
 //! Biases and initial state of a record, fitted while the parameters of the robot stay as they are.
 
 use crate::estimate::estimator::Estimator;
+use crate::estimate::request::FINEST;
 use ff_least_squares::{EvalError, LmError, Problem, Settings, minimise};
 use nalgebra::DMatrix;
 
@@ -85,7 +86,7 @@ pub fn fit_nuisance(
     let left_out = estimator.left_out();
     let sizes: Vec<f64> = estimator.nuisance().iter().map(|u| u.size).collect();
     // Steps of the integration are those that other parameters asked for. Where nothing can be predicted, what follows says so.
-    let _ = estimator.refine(parameters, &vec![0.0; sizes.len()]);
+    let _ = estimator.refine(parameters, &vec![0.0; sizes.len()], FINEST);
     if sizes.is_empty() {
         let mut residuals = vec![0.0; estimator.rows()];
         estimator.residuals(parameters, &[], &mut residuals)?;

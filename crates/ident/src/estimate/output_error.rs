@@ -11,6 +11,8 @@ use crate::estimate::estimator::{At, Between, Coarse, Estimator, columns_by_dire
 use crate::estimate::output_options::Options;
 use crate::estimate::output_rows::{OutputRows, Window};
 use crate::estimate::output_spans::{SPAN, SpanRows, Spans, failed};
+use crate::estimate::remembered::Remembered;
+use crate::estimate::request::FINEST;
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use crate::estimate::setup::{SetupError, check_noise};
 use crate::motion::tables::{Displaced, KEPT, Table, Tables};
@@ -41,9 +43,8 @@ const MORE: usize = 4;
 const COARSEST: f64 = 0.1;
 /// Samples that the beginning of a record needs at least.
 const BEGINNING: usize = 12;
-/// Factor on [`Options::step_error`] from which steps are made finer, and most of them in a sample.
+/// Factor on [`Options::step_error`] from which steps are made finer.
 const TOO_COARSE: f64 = 2.0;
-const FINEST: usize = 1000;
 /// Factor on the steps up to which they are made shorter until something is predicted.
 const SHORTEST: usize = 64;
 /// Beyond, a first pass would no longer be what takes the time.
@@ -91,6 +92,8 @@ pub struct OutputError<'a> {
     tables: Tables,
     /// How often its record has been thinned.
     thinned: usize,
+    /// Predictions in the steps at hand.
+    remembered: Remembered,
 }
 
 impl<'a> OutputError<'a> {
@@ -133,9 +136,9 @@ impl<'a> OutputError<'a> {
     }
     /// [`OutputError::integration_error`] in the steps that it has, or in half of them and so on, where a mode is too fast for these or a damper too
     /// strong, and nothing is predicted; these steps stay, unless nothing is predicted in any.
-    fn predictable(&mut self, full: &[f64], extra: &[f64]) -> Result<f64, EvalError> {
+    fn predictable(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<f64, EvalError> {
         let before = self.steps();
-        let most = (SHORTEST * before).min(FINEST);
+        let most = (SHORTEST.min(most) * before).min(FINEST);
         loop {
             let failed = match self.integration_error(full, extra) {
                 Ok(error) if error.is_finite() => return Ok(error),
@@ -152,6 +155,7 @@ impl<'a> OutputError<'a> {
     fn take_steps(&mut self, substeps: usize) {
         self.tables = self.tables.thinned(1, substeps);
         self.rows.options.substeps = substeps;
+        self.remembered = Remembered::default();
     }
     fn in_steps(&self, substeps: usize) -> Result<Self, SetupError> {
         let OutputRows { model, record, options, .. } = &self.rows;
@@ -261,7 +265,7 @@ impl<'a> OutputError<'a> {
             rows.shaken = rows.errors.shaken(&draws);
             tables.disturbances.extend(draws.into_iter().map(Disturbance::Motion));
         }
-        Ok(Self { rows, tables, thinned: 0 })
+        Ok(Self { rows, tables, thinned: 0, remembered: Remembered::default() })
     }
     /// How many samples a first pass can go on by, and its steps per sample. With ten steps left per period of the fastest mode, it is off by
     /// less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %; steps per sample are rounded down, to no less than half of that. `None` where such a pass would not be cheaper.
@@ -463,7 +467,8 @@ impl Estimator for OutputError<'_> {
         let (motion, options) = (self.tables.moving(), Options { substeps, step_error: None, ..options.clone() });
         let rows = OutputRows::new(model, record, options, (kinematics.clone(), initial.clone()), motion);
         let rows = OutputRows { draws: self.rows.draws, ..rows };
-        let thin = OutputError { rows, tables: self.tables.thinned(every, substeps), thinned: self.thinned + 1 };
+        let (tables, remembered) = (self.tables.thinned(every, substeps), Remembered::default());
+        let thin = OutputError { rows, tables, thinned: self.thinned + 1, remembered };
         Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
@@ -483,12 +488,16 @@ impl Estimator for OutputError<'_> {
         let mut rows = OutputRows::new(model, Cow::Owned(first), options.clone(), known, motion);
         (rows.draws, rows.grid) = (self.rows.draws, (samples, grid.1));
         let of_all = (rows.interleaved() == self.rows.interleaved()).then(|| self.rows.rows(&rows.readings()))?;
-        let begun = OutputError { rows, tables: self.tables.beginning(samples), thinned: self.thinned };
+        let (tables, remembered) = (self.tables.beginning(samples), Remembered::default());
+        let begun = OutputError { rows, tables, thinned: self.thinned, remembered };
         let rows: Vec<usize> = of_all.into_iter().flatten().collect();
         let between = if rows.len() == self.rows() { Between::same(rows.len()) } else { Vec::new() };
         Some(Coarse { estimator: Box::new(begun), rows, between })
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        if self.remembered.fill(full, extra, r) {
+            return Ok(());
+        }
         let (rows, tables) = (&self.rows, &mut self.tables);
         let params = Params::from_values(rows.model, full.to_vec());
         let (z, by) = (rows.start(&params, extra), rows.operators(extra)?);
@@ -496,9 +505,11 @@ impl Estimator for OutputError<'_> {
             let table = tables.get(rows.model, &params, &rows.placed(extra), &Wanted::default());
             let y = simulate_reduced(rows.model, &params, table, &z).map_err(failed)?;
             rows.residuals(&Window::new(0, y, None), &by, extra, &rows.readings(), r);
-            return Ok(());
+        } else {
+            by_spans(rows, tables, full, extra, r)?;
         }
-        by_spans(rows, tables, full, extra, r)
+        self.remembered.keep(full, extra, r);
+        Ok(())
     }
     /// In lanes, where base and appendages alone differ between the places, so that one table of the arm serves all.
     fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
@@ -523,13 +534,17 @@ impl Estimator for OutputError<'_> {
         };
         all.into_iter().zip(at).zip(r).map(one).collect()
     }
-    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+    fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
         let Some(limit) = self.rows.options.step_error else { return Ok(false) };
         let before = self.steps();
-        let error = self.predictable(full, extra)?;
+        let error = self.predictable(full, extra, most)?;
         let steps = self.steps();
         let finer = steps_for(limit, steps, error);
         if error > TOO_COARSE * limit && finer > steps {
+            if finer > most.saturating_mul(before) {
+                self.take_steps(before);
+                return Err(EvalError::Rejected(format!("{finer} integration steps per sample instead of {before}")));
+            }
             self.take_steps(finer);
         }
         Ok(self.steps() > before)

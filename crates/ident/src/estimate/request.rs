@@ -22,6 +22,9 @@ pub enum Jacobian {
     },
 }
 
+/// Integration steps per sample at most, and what [`Request::finer`] is without being asked.
+pub const FINEST: usize = 1000;
+
 /// Bytes of a Jacobian up to which [`Jacobian::Auto`] keeps it; a fit holds two.
 pub const KEPT_BYTES: usize = 1 << 30;
 
@@ -116,6 +119,9 @@ pub struct Request<'a> {
     /// Take the last steps to the answer over fewer rows that have the cost of all of them nearby ([`crate::estimate::Around`]), where the
     /// estimator offers that and the loss is that of squares. Whether the fit is at its end is told by all data.
     pub near_end: bool,
+    /// Where predictions turn out not to be exact enough, they are made so ([`Estimator::refine`](crate::Estimator::refine)) for all that follows, if that takes up to so many
+    /// times the work; a fit that would take more has failed. Zero: they stay as they are.
+    pub finer: usize,
     /// What is kept of a linearisation.
     pub jacobian: Jacobian,
     /// When to stop.
@@ -139,6 +145,7 @@ impl<'a> Request<'a> {
             give_up: None,
             other_starts: None,
             near_end: true,
+            finer: FINEST,
             jacobian: Jacobian::default(),
             settings: Settings::default(),
         }

@@ -42,6 +42,21 @@ pub fn sizes(decls: &[ParamDecl], values: &[f64]) -> Vec<f64> {
     out
 }
 
+/// [`sizes`], those of positive parameters no smaller than at `least`: a damper that has gone to zero is told in its own units as well as ever, and
+/// measured by next to nothing the data would seem silent on it. Allocates.
+///
+/// # Panics
+/// If the lengths differ.
+pub(crate) fn sizes_at_least(decls: &[ParamDecl], values: &[f64], least: &[f64]) -> Vec<f64> {
+    let mut out = sizes(decls, values);
+    for ((size, d), least) in out.iter_mut().zip(decls).zip(sizes(decls, least)) {
+        if d.group == ParamGroup::Positive {
+            *size = size.max(least);
+        }
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

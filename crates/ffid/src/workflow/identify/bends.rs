@@ -275,9 +275,11 @@ impl Bend<'_> {
         let settings = Solver { max_iterations: REFITS, gain_tolerance: STILL, ..request.settings.clone() };
         let centre = Some(request.centre.unwrap_or(request.start));
         let priors = request.priors.with(pin);
-        let found =
-            attempt(&Request { priors, start: at, centre, coarse: false, settings, ..request.clone() }, estimator)
-                .ok()?;
+        let found = attempt(
+            &Request { priors, start: at, centre, coarse: false, finer: 0, settings, ..request.clone() },
+            estimator,
+        )
+        .ok()?;
         let got = found.parameters[column].value;
         let prior = own.map_or(0.0, |r| ((got - r.mean) / r.sigma).powi(2));
         Some((found.objective - ((got - value) / pin.sigma).powi(2) + prior - self.least, found.values))

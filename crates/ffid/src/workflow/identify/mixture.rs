@@ -35,6 +35,21 @@ pub(super) fn cover(best: &mut Estimate, others: &[Estimate]) -> Option<Uncertai
     Some(alone)
 }
 
+/// The second moment about an estimate of its own density and that of another end, whose cost without what holds it there is higher by `excess`; it counts for [`VOLUME`],
+/// since that of a spring that has run away says nothing. `None` where
+/// that has other unknowns.
+pub(super) fn beside(e: &Estimate, other: &Estimate, excess: f64) -> Option<DMatrix<f64>> {
+    let n = e.uncertainty.unknowns.len();
+    if other.uncertainty.unknowns.len() != n {
+        return None;
+    }
+    let at = |e: &Estimate| -> Vec<f64> { e.parameters.iter().chain(&e.nuisance).map(|p| p.value).collect() };
+    let weight = VOLUME * (-0.5 * excess).exp();
+    let d = DVector::from_iterator(n, at(other).iter().zip(at(e)).map(|(a, b)| a - b));
+    let moment = &e.uncertainty.covariance + (&other.uncertainty.covariance + &d * d.transpose()) * weight;
+    Some(moment / (1.0 + weight))
+}
+
 /// Logarithm of the root of the determinant of the covariance, where the data determine everything.
 fn log_volume(u: &Uncertainty) -> f64 {
     let of_sizes: f64 = u.unknowns.iter().map(|k| k.size.abs().max(f64::MIN_POSITIVE).ln()).sum();

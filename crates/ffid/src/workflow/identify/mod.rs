@@ -46,6 +46,7 @@ pub(crate) mod identified;
 mod kept_records;
 pub(crate) mod known;
 pub(crate) mod labelled_record;
+mod mission_end;
 mod mixture;
 pub mod model_files;
 mod mounted_mode;

@@ -163,9 +163,9 @@ impl Estimator for ObservedEstimator<'_> {
         }
         self.inner.residuals_at(at, r)
     }
-    fn refine(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
+    fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
         self.go_on()?;
-        self.inner.refine(full, extra)
+        self.inner.refine(full, extra, most)
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
         self.go_on()?;

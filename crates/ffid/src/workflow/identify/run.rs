@@ -16,6 +16,7 @@ use super::ground;
 use super::identified::Identified;
 use super::known;
 use super::labelled_record::LabelledRecord;
+use super::mission_end::allow_for_mission;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::over_time::{OverTime, later};
@@ -30,7 +31,7 @@ use super::signals::Signals;
 use super::text;
 use super::uncertain::UncertainItems;
 use super::unknowns::Unknowns;
-use super::valleys::{Ending, best_valley};
+use super::valleys::{ASIDE, Ending, best_valley};
 use crate::open::Opened;
 use ff_least_squares::Settings as Solver;
 use ff_model::{Area, Model, Problem, Problems};
@@ -472,7 +473,8 @@ fn followed(
             Followed::Down(start) => start,
         };
         let centre = Some(request.centre.unwrap_or(request.start));
-        match attempt(&Request { start: &start, centre, coarse: false, ..request.clone() }, estimator) {
+        let on = Request { start: &start, centre, coarse: false, finer: ASIDE, ..request.clone() };
+        match attempt(&on, estimator) {
             Ok(e) if e.is_solution() && e.objective < ending.estimate.objective => {
                 *ending = best_valley(request, gone_on(e, &ending.estimate, request), of, estimator);
                 left -= 1;
@@ -519,6 +521,7 @@ fn solve(
     };
     let bent = followed(request, &mut ending, of, estimator);
     allow_for_compliances(request, &mut ending);
+    allow_for_mission(request, &mut ending, |i| unknowns.is_asked(i), estimator);
     let Ending { estimate, minima, alone } = ending;
     let (full, selected) = (estimate.data_only.clone(), request.selected.to_vec());
     let mut out = Fitted { selected, full, estimate, minima, alone, bent, reduced: None };

@@ -9,6 +9,7 @@ use super::result::sampled::Sampled;
 use super::run::Setup;
 use super::settings::Settings;
 use crate::open::Opened;
+use ident::estimate::FINEST;
 use ident::sample::{ChainSettings, SampleError, sample};
 use ident::{Estimator, Request};
 
@@ -41,7 +42,7 @@ pub fn sample_posterior(
         let mut made = made.map_err(|e| SampleError::Sampler(e.to_string()))?;
         // Steps of the integration are those that the mission's values ask for; the fit has ended elsewhere.
         let extra: Vec<f64> = at.nuisance.iter().map(|p| p.value).collect();
-        made.refine(&at.values, &extra).map_err(|e| SampleError::Sampler(e.to_string()))?;
+        made.refine(&at.values, &extra, FINEST).map_err(|e| SampleError::Sampler(e.to_string()))?;
         Ok(made)
     };
     match sample(&request, at, make, chains, watch.stop) {

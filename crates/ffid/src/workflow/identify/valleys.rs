@@ -53,6 +53,9 @@ const SHOWN: usize = 3;
 const MOST: usize = 12;
 /// Promised reduction of chi-squared at which they are at their end: they are compared with [`BESIDE`].
 const SETTLED: f64 = 0.1;
+/// Times the work of predictions that other ends may ask for: where a mode runs away beyond, there is no end, and every look afterwards would take
+/// that long.
+pub(super) const ASIDE: usize = 4;
 /// Linearisations of all of them, a prediction without derivatives counting as [`LOOK`].
 const BUDGET: f64 = 45.0;
 /// See [`BUDGET`].
@@ -177,7 +180,8 @@ impl Search<'_> {
         let other = std::mem::take(&mut self.best);
         let start = self.ends[other].values.clone();
         let centre = Some(self.request.centre.unwrap_or(self.request.start));
-        let Ok(e) = attempt(&Request { start: &start, centre, coarse: false, ..self.request.clone() }, estimator)
+        let Ok(e) =
+            attempt(&Request { start: &start, centre, coarse: false, finer: ASIDE, ..self.request.clone() }, estimator)
         else {
             return;
         };
@@ -374,7 +378,7 @@ impl Search<'_> {
             let gain_tolerance = self.request.settings.gain_tolerance.max(SETTLED);
             let settings = Solver { max_iterations: most, gain_tolerance, ..self.request.settings.clone() };
             let centre = Some(self.request.centre.unwrap_or(self.request.start));
-            let tried = Request { start: &from, centre, coarse: false, settings, ..self.request.clone() };
+            let tried = Request { start: &from, centre, coarse: false, finer: ASIDE, settings, ..self.request.clone() };
             let Ok(e) = attempt(&tried, estimator) else { return };
             self.used += e.iterations;
             if e.is_solution() {
