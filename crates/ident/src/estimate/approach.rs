@@ -3,6 +3,7 @@
 use crate::estimate::descent::{Place, RANGE, Way, settle};
 use crate::estimate::estimator::Estimator;
 use crate::estimate::fit::{Evaluated, Fit, Reference};
+use crate::estimate::near_end;
 use crate::estimate::request::Request;
 use crate::parameters::transform::Transform;
 use ff_least_squares::{Linearise, Settings, Status};
@@ -10,6 +11,9 @@ use ff_least_squares::{Linearise, Settings, Status};
 /// Relative reduction of the cost below which a pass over less data has done its part: a hundred times that of the pass it is for,
 /// within these bounds.
 const APPROACHED: (f64, f64) = (1e-4, 1e-2);
+/// The lower of them where fewer rows with the cost of all of them lead on from there ([`near_end::land`]): by what the integration is off, the thinned record is
+/// further from the end than that.
+const LANDS: f64 = 2e-3;
 /// Promised reduction of chi-squared below which it has, too.
 const APPROACHED_GAIN: f64 = 0.03;
 
@@ -41,8 +45,9 @@ pub(super) fn approach(
 ) {
     let Some(mut thin) = estimator.coarse(&place.full) else { return };
     let statistics = if request.settings.gain_tolerance > 0.0 { APPROACHED_GAIN } else { 0.0 };
+    let least = if near_end::asked(request) { LANDS } else { APPROACHED.0 };
     let settings = Settings {
-        decrement_tolerance: (100.0 * request.settings.decrement_tolerance).clamp(APPROACHED.0, APPROACHED.1),
+        decrement_tolerance: (100.0 * request.settings.decrement_tolerance).clamp(least, APPROACHED.1),
         gain_tolerance: request.settings.gain_tolerance.max(statistics),
         max_iterations: request.settings.max_iterations / 2,
         ..request.settings.clone()

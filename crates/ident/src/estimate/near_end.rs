@@ -78,7 +78,8 @@ pub(super) fn land(
     }
 }
 
-fn asked(request: &Request<'_>) -> bool {
+/// Whether a fit goes over fewer rows near its end.
+pub(super) fn asked(request: &Request<'_>) -> bool {
     request.near_end && request.loss == Loss::Squares
 }
 

@@ -94,6 +94,8 @@ pub struct OutputError<'a> {
     thinned: usize,
     /// Predictions in the steps at hand.
     remembered: Remembered,
+    /// The last rows that were handed over, whose memory the next take.
+    block: RowBlock,
 }
 
 impl<'a> OutputError<'a> {
@@ -265,7 +267,8 @@ impl<'a> OutputError<'a> {
             rows.shaken = rows.errors.shaken(&draws);
             tables.disturbances.extend(draws.into_iter().map(Disturbance::Motion));
         }
-        Ok(Self { rows, tables, thinned: 0, remembered: Remembered::default() })
+        let (remembered, block) = (Remembered::default(), RowBlock::default());
+        Ok(Self { rows, tables, thinned: 0, remembered, block })
     }
     /// How many samples a first pass can go on by, and its steps per sample. With ten steps left per period of the fastest mode, it is off by
     /// less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %; steps per sample are rounded down, to no less than half of that. `None` where such a pass would not be cheaper.
@@ -468,7 +471,7 @@ impl Estimator for OutputError<'_> {
         let rows = OutputRows::new(model, record, options, (kinematics.clone(), initial.clone()), motion);
         let rows = OutputRows { draws: self.rows.draws, ..rows };
         let (tables, remembered) = (self.tables.thinned(every, substeps), Remembered::default());
-        let thin = OutputError { rows, tables, thinned: self.thinned + 1, remembered };
+        let thin = OutputError { rows, tables, thinned: self.thinned + 1, remembered, block: RowBlock::default() };
         Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
@@ -489,7 +492,7 @@ impl Estimator for OutputError<'_> {
         (rows.draws, rows.grid) = (self.rows.draws, (samples, grid.1));
         let of_all = (rows.interleaved() == self.rows.interleaved()).then(|| self.rows.rows(&rows.readings()))?;
         let (tables, remembered) = (self.tables.beginning(samples), Remembered::default());
-        let begun = OutputError { rows, tables, thinned: self.thinned, remembered };
+        let begun = OutputError { rows, tables, thinned: self.thinned, remembered, block: RowBlock::default() };
         let rows: Vec<usize> = of_all.into_iter().flatten().collect();
         let between = if rows.len() == self.rows() { Between::same(rows.len()) } else { Vec::new() };
         Some(Coarse { estimator: Box::new(begun), rows, between })
@@ -567,7 +570,7 @@ impl Estimator for OutputError<'_> {
         };
         let wanted = self.rows.wanted(&straight);
         if self.tables.by_spans(&wanted) {
-            let mut block = RowBlock::default();
+            let mut block = core::mem::take(&mut self.block);
             for mut stream in self.streams_along(full, extra, along)? {
                 while stream.next(&mut block)? {
                     for (at, from) in block.places() {
@@ -577,6 +580,7 @@ impl Estimator for OutputError<'_> {
                     }
                 }
             }
+            self.block = block;
             return Ok(());
         }
         let (rows, tables) = (&self.rows, &mut self.tables);

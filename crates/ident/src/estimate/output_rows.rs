@@ -20,7 +20,7 @@ use ff_least_squares::EvalError;
 use ff_model::{Kinematics, Model, Params};
 use ff_records::Record;
 use ff_records::time_base::ChannelGroup;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector3};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -440,9 +440,16 @@ impl<'a> OutputRows<'a> {
             Some(o) => Cow::Owned(o.of_rows(&w.derivatives[g], channels[g], w.first, of[g].clone())),
             None => Cow::Borrowed(&w.derivatives[g]),
         });
+        // What errors of the sensors make of a channel: a factor, behind a rotation of the gyro.
+        let (mut factors, mut turns) = (inverse.clone(), [None, None]);
         if errors.iter().any(|&e| e != 0.0) {
             for (g, d) in taken.iter_mut().enumerate() {
                 let Some(values) = &values[g] else { continue };
+                if let Some((gains, turn)) = self.errors.the_same_always(errors, g, channels[g]) {
+                    factors[g].iter_mut().zip(gains).for_each(|(f, gain)| *f *= gain);
+                    turns[g] = turn;
+                    continue;
+                }
                 if by[g].is_none() {
                     // Of the readings alone, as they are with an operator.
                     let from = (of[g].start - w.first) * channels[g];
@@ -465,16 +472,30 @@ impl<'a> OutputRows<'a> {
                 &taken[g].as_slice()[c * height + from..c * height + from + of[g].len() * channels[g]]
             });
             let [n, axes] = channels;
+            let (of_torque, of_rate) = (&factors[0][..], &factors[1][..]);
+            let torques = |out: &mut [f64], tau: &[f64]| {
+                out.iter_mut().zip(tau).zip(of_torque).for_each(|((o, d), s)| *o = d * s);
+            };
+            let turn = &turns[1];
+            let rates = |out: &mut [f64], gyro: &[f64]| match turn {
+                Some(turn) => {
+                    let w = turn * Vector3::new(gyro[0], gyro[1], gyro[2]);
+                    out.iter_mut().zip(w.as_slice()).zip(of_rate).for_each(|((o, d), s)| *o = d * s);
+                }
+                None => out.iter_mut().zip(gyro).zip(of_rate).for_each(|((o, d), s)| *o = d * s),
+            };
             if self.interleaved() {
                 for (i, out) in out.chunks_exact_mut(n + axes).enumerate() {
-                    let (torques, rates) = out.split_at_mut(n);
-                    torques.iter_mut().zip(&tau[i * n..]).zip(&inverse[0]).for_each(|((o, d), s)| *o = d * s);
-                    rates.iter_mut().zip(&gyro[i * axes..]).zip(&inverse[1]).for_each(|((o, d), s)| *o = d * s);
+                    let (to_torques, to_rates) = out.split_at_mut(n);
+                    torques(to_torques, &tau[i * n..(i + 1) * n]);
+                    rates(to_rates, &gyro[i * axes..(i + 1) * axes]);
                 }
             } else {
-                let (torques, rates) = out.split_at_mut(tau.len());
-                torques.iter_mut().zip(tau).zip(inverse[0].iter().cycle()).for_each(|((o, d), s)| *o = d * s);
-                rates.iter_mut().zip(gyro).zip(inverse[1].iter().cycle()).for_each(|((o, d), s)| *o = d * s);
+                let (to_torques, to_rates) = out.split_at_mut(tau.len());
+                let each = to_torques.chunks_exact_mut(n.max(1)).zip(tau.chunks_exact(n.max(1)));
+                each.for_each(|(o, d)| torques(o, d));
+                let each = to_rates.chunks_exact_mut(axes.max(1)).zip(gyro.chunks_exact(axes.max(1)));
+                each.for_each(|(o, d)| rates(o, d));
             }
         }
         // Noise of the motion comes into these torques through friction and reflected inertia as well.

@@ -38,9 +38,6 @@ struct Effect {
 }
 
 impl Effect {
-    fn is_plain(&self) -> bool {
-        self.turn.is_none() && self.gain.iter().all(|&g| g == 1.0) && !self.is_of_drives()
-    }
     /// Whether motors are seen, and not what is behind their gears.
     fn is_of_drives(&self) -> bool {
         !(self.current.is_empty() && self.load.is_empty())
@@ -61,15 +58,17 @@ impl Effect {
         x.iter_mut().zip(&self.gain).for_each(|(x, g)| *x *= g);
     }
     fn apply_rows(&self, values: &mut DMatrix<f64>) {
-        if self.turn.is_none() && self.gain.iter().all(|&g| g == 1.0) {
+        if self.turn.is_some() {
+            let mut reading = vec![0.0; values.ncols()];
+            for mut row in values.row_iter_mut() {
+                reading.iter_mut().zip(&row).for_each(|(x, &v)| *x = v);
+                self.apply(&mut reading);
+                row.copy_from_slice(&reading);
+            }
             return;
         }
-        let mut reading = vec![0.0; values.ncols()];
-        for mut row in values.row_iter_mut() {
-            reading.iter_mut().zip(&row).for_each(|(x, &v)| *x = v);
-            self.apply(&mut reading);
-            row.copy_from_slice(&reading);
-        }
+        let scaled = values.column_iter_mut().zip(&self.gain).filter(|(_, gain)| **gain != 1.0);
+        scaled.for_each(|(mut column, gain)| column.scale_mut(*gain));
     }
 }
 
@@ -239,11 +238,25 @@ impl SensorErrors {
             return;
         }
         effect.apply_rows(values);
-        for c in 0..values.ncols() {
-            for (k, i) in readings.clone().enumerate() {
-                values[(k, c)] += self.added(e, group, i, c);
+        let adds = |(source, e): &(&ErrorSource, &f64)| **e != 0.0 && source.is_added(group);
+        for (source, &e) in self.of.iter().zip(e).filter(adds) {
+            for c in 0..values.ncols() {
+                for (k, i) in readings.clone().enumerate() {
+                    values[(k, c)] += e * self.offset(source, group, i, c);
+                }
             }
         }
+    }
+    /// What derivatives of the readings of a group are of those of what error-free sensors would read, the same at all times: gains of the
+    /// channels, behind a rotation. `None` where motors are seen, which is [`SensorErrors::observe_rows`].
+    pub(crate) fn the_same_always(
+        &self,
+        e: &[f64],
+        group: usize,
+        channels: usize,
+    ) -> Option<(Vec<f64>, Option<Matrix3<f64>>)> {
+        let effect = self.effect(e, group, channels);
+        (!effect.is_of_drives()).then(|| (effect.gain, effect.turn.map(|t| t.0)))
     }
     /// What the derivatives `slope` of error-free readings `values` of a group (readings x channels) are of the readings, in place.
     pub(crate) fn turn(
@@ -264,7 +277,7 @@ impl SensorErrors {
             }
         }
     }
-    /// Derivatives of the readings from those of what error-free sensors would read (row `channels * k + c`), in place; `values` are what these
+    /// Derivatives of the readings of motors from those of what error-free sensors would read (row `channels * k + c`), in place; `values` are what these
     /// would read.
     pub(crate) fn observe_rows(
         &self,
@@ -276,22 +289,13 @@ impl SensorErrors {
     ) {
         let channels = values.ncols();
         let effect = self.effect(e, group, channels);
-        if effect.is_plain() {
-            return;
-        }
-        if effect.is_of_drives() {
-            let slope = |(row, i): (usize, usize)| {
-                let of = move |c: usize| (i, c, values[(row, c)]);
-                (0..channels).map(of).map(|(i, c, x)| self.of_torque(&effect, i, c, x).1 * effect.scale(c))
-            };
-            let slopes: Vec<f64> = readings.enumerate().flat_map(slope).collect();
-            for mut column in rows.column_iter_mut() {
-                column.iter_mut().zip(&slopes).for_each(|(d, s)| *d *= s);
-            }
-            return;
-        }
+        let slope = |(row, i): (usize, usize)| {
+            let of = move |c: usize| (i, c, values[(row, c)]);
+            (0..channels).map(of).map(|(i, c, x)| self.of_torque(&effect, i, c, x).1 * effect.scale(c))
+        };
+        let slopes: Vec<f64> = readings.enumerate().flat_map(slope).collect();
         for mut column in rows.column_iter_mut() {
-            column.as_mut_slice().chunks_exact_mut(channels).for_each(|x| effect.apply(x));
+            column.iter_mut().zip(&slopes).for_each(|(d, s)| *d *= s);
         }
     }
     /// Derivatives of the readings of a group with respect to the size of error `k`, given to `put(reading, channel, value)` where

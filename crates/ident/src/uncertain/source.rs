@@ -217,6 +217,13 @@ impl ErrorSource {
             Self::Oscillator(k, column) => k < oscillators && column.exists(),
         }
     }
+    /// Whether it adds to the readings of a group whatever was predicted.
+    pub(crate) fn is_added(&self, group: usize) -> bool {
+        match group {
+            0 => matches!(self, Self::TorqueDrift(_) | Self::TorqueWalk(..) | Self::Joint(..)),
+            _ => matches!(self, Self::GyroDrift(_) | Self::GyroWalk(..)),
+        }
+    }
     pub(crate) fn acts_on(&self) -> ActsOn {
         match self {
             Self::TorqueGain(_)
