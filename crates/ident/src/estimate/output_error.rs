@@ -250,7 +250,7 @@ impl<'a> OutputError<'a> {
         if options.errors.iter().any(|e| !e.exists(model.nj(), options.oscillators.len())) {
             return Err(SetupError::NoSuchError(model.nj()));
         }
-        check_channels(model, &record, options)?;
+        options.check_channels(model, &record)?;
         let (motion, samples) = (tables.moving(), record.samples());
         let mut rows = OutputRows::new(model, record, options.clone(), (kinematics, initial), motion);
         if every > 1 {
@@ -267,8 +267,10 @@ impl<'a> OutputError<'a> {
             rows.shaken = rows.errors.shaken(&draws);
             tables.disturbances.extend(draws.into_iter().map(Disturbance::Motion));
         }
-        let (remembered, block) = (Remembered::default(), RowBlock::default());
-        Ok(Self { rows, tables, thinned: 0, remembered, block })
+        Ok(Self::of(rows, tables, 0))
+    }
+    fn of(rows: OutputRows<'a>, tables: Tables, thinned: usize) -> Self {
+        Self { rows, tables, thinned, remembered: Remembered::default(), block: RowBlock::default() }
     }
     /// How many samples a first pass can go on by, and its steps per sample. With ten steps left per period of the fastest mode, it is off by
     /// less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %; steps per sample are rounded down, to no less than half of that. `None` where such a pass would not be cheaper.
@@ -324,21 +326,6 @@ fn by_spans(
 /// Steps per sample at which those that make this error make no more than the limit.
 fn steps_for(limit: f64, steps: usize, error: f64) -> usize {
     ((steps as f64 * (error / limit).powf(0.25)).ceil() as usize).clamp(1, FINEST)
-}
-
-/// Channels that are what the options say: gains for currents, and noise for each where it is given.
-fn check_channels(model: &Model, record: &Record, options: &Options) -> Result<(), SetupError> {
-    for (channel, &value) in options.channel_noise.iter().enumerate() {
-        if !(value > 0.0 && value.is_finite()) || options.channel_noise.len() != model.nj() {
-            return Err(SetupError::ChannelNoise { channel, value, joints: model.nj() });
-        }
-    }
-    let read = |j: usize| record.currents().get(j).copied().unwrap_or(false);
-    let gained = |j: usize| options.errors.contains(&ErrorSource::DriveGain(j));
-    match (0..model.nj()).find(|&j| read(j) != gained(j)) {
-        Some(j) => Err(SetupError::Currents { joint: model.joint_names().swap_remove(j), measured: read(j) }),
-        None => Ok(()),
-    }
 }
 
 /// What disturbs the motion, in the order of the rows' list.
@@ -470,8 +457,7 @@ impl Estimator for OutputError<'_> {
         let (motion, options) = (self.tables.moving(), Options { substeps, step_error: None, ..options.clone() });
         let rows = OutputRows::new(model, record, options, (kinematics.clone(), initial.clone()), motion);
         let rows = OutputRows { draws: self.rows.draws, ..rows };
-        let (tables, remembered) = (self.tables.thinned(every, substeps), Remembered::default());
-        let thin = OutputError { rows, tables, thinned: self.thinned + 1, remembered, block: RowBlock::default() };
+        let thin = OutputError::of(rows, self.tables.thinned(every, substeps), self.thinned + 1);
         Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
@@ -491,8 +477,7 @@ impl Estimator for OutputError<'_> {
         let mut rows = OutputRows::new(model, Cow::Owned(first), options.clone(), known, motion);
         (rows.draws, rows.grid) = (self.rows.draws, (samples, grid.1));
         let of_all = (rows.interleaved() == self.rows.interleaved()).then(|| self.rows.rows(&rows.readings()))?;
-        let (tables, remembered) = (self.tables.beginning(samples), Remembered::default());
-        let begun = OutputError { rows, tables, thinned: self.thinned, remembered, block: RowBlock::default() };
+        let begun = OutputError::of(rows, self.tables.beginning(samples), self.thinned);
         let rows: Vec<usize> = of_all.into_iter().flatten().collect();
         let between = if rows.len() == self.rows() { Between::same(rows.len()) } else { Vec::new() };
         Some(Coarse { estimator: Box::new(begun), rows, between })

@@ -1,9 +1,11 @@
 //! What output error assumes, and what it may adjust besides parameters.
 
 use crate::estimate::ground::joint_terms::NearRest;
-use crate::estimate::setup::Noise;
+use crate::estimate::setup::{Noise, SetupError};
 use crate::uncertain::oscillator::Oscillator;
 use crate::uncertain::source::ErrorSource;
+use ff_model::Model;
+use ff_records::Record;
 
 /// What the estimator assumes and what else it may adjust.
 ///
@@ -97,6 +99,20 @@ impl Options {
             step_error: self.step_error,
             errors,
             ..other.clone()
+        }
+    }
+    /// Channels that are what the options say: gains for currents, and noise for each where it is given.
+    pub(crate) fn check_channels(&self, model: &Model, record: &Record) -> Result<(), SetupError> {
+        for (channel, &value) in self.channel_noise.iter().enumerate() {
+            if !(value > 0.0 && value.is_finite()) || self.channel_noise.len() != model.nj() {
+                return Err(SetupError::ChannelNoise { channel, value, joints: model.nj() });
+            }
+        }
+        let read = |j: usize| record.currents().get(j).copied().unwrap_or(false);
+        let gained = |j: usize| self.errors.contains(&ErrorSource::DriveGain(j));
+        match (0..model.nj()).find(|&j| read(j) != gained(j)) {
+            Some(j) => Err(SetupError::Currents { joint: model.joint_names().swap_remove(j), measured: read(j) }),
+            None => Ok(()),
         }
     }
 }

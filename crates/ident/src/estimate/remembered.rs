@@ -9,7 +9,7 @@ pub(crate) struct Remembered {
     places: Vec<Place>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Place {
     full: Vec<f64>,
     extra: Vec<f64>,
@@ -25,10 +25,17 @@ impl Remembered {
             true
         })
     }
-    /// Keeps those at this place, and forgets the oldest.
+    /// Keeps those at this place in the memory of the oldest, which is forgotten.
     pub(crate) fn keep(&mut self, full: &[f64], extra: &[f64], r: &[f64]) {
-        self.places.truncate(PLACES - 1);
-        self.places.insert(0, Place { full: full.to_vec(), extra: extra.to_vec(), residuals: r.to_vec() });
+        if self.places.len() < PLACES {
+            self.places.push(Place::default());
+        }
+        self.places.rotate_right(1);
+        let place = &mut self.places[0];
+        for (kept, new) in [(&mut place.full, full), (&mut place.extra, extra), (&mut place.residuals, r)] {
+            kept.clear();
+            kept.extend_from_slice(new);
+        }
     }
 }
 

@@ -49,23 +49,12 @@ impl Effect {
     fn turned(&self, x: Vector3<f64>) -> Vector3<f64> {
         self.turn.as_ref().map_or(x, |(r, _)| r * x)
     }
-    /// The channels of one reading, or of its derivative, turned and scaled in place.
-    fn apply(&self, x: &mut [f64]) {
-        if self.turn.is_some() {
-            let w = self.turned(Vector3::new(x[0], x[1], x[2]));
-            x.copy_from_slice(w.as_slice());
-        }
-        x.iter_mut().zip(&self.gain).for_each(|(x, g)| *x *= g);
-    }
+    /// Readings turned and scaled in place.
     fn apply_rows(&self, values: &mut DMatrix<f64>) {
         if self.turn.is_some() {
-            let mut reading = vec![0.0; values.ncols()];
             for mut row in values.row_iter_mut() {
-                reading.iter_mut().zip(&row).for_each(|(x, &v)| *x = v);
-                self.apply(&mut reading);
-                row.copy_from_slice(&reading);
+                row.copy_from(&self.turned(Vector3::new(row[0], row[1], row[2])).transpose());
             }
-            return;
         }
         let scaled = values.column_iter_mut().zip(&self.gain).filter(|(_, gain)| **gain != 1.0);
         scaled.for_each(|(mut column, gain)| column.scale_mut(*gain));

@@ -9,14 +9,13 @@
 //! (docs/theory/output-error.md). Where the valley leads down instead, the fit has not ended where it is lowest, and goes on from there.
 
 use super::chord::{Chord, Place};
-use super::elsewhere::explains;
 use super::observed_estimator::ObservedEstimator;
-use super::valleys::Ending;
+use super::valleys::{Ending, answers};
 use ff_least_squares::Settings as Solver;
 use ff_model::ParamGroup;
+use ident::Request;
 use ident::belief::{LIMIT95, Point, PriorRow, Profile, Uncertainty};
-use ident::estimate::{At, Estimate, KEPT_BYTES, attempt};
-use ident::{Loss, Request};
+use ident::estimate::{At, Estimate, attempt};
 use nalgebra::{DMatrix, DVector};
 
 /// Draws of the posterior at which the cost is compared with the parabola: both ways along three directions.
@@ -68,10 +67,7 @@ pub(super) fn follow(
 ) -> Followed {
     let e = &ending.estimate;
     let u = ending.alone.as_ref().unwrap_or(&e.uncertainty);
-    let columns = request.selected.len() + e.nuisance.len();
-    let large = e.residuals.len().saturating_mul(8 * columns) > KEPT_BYTES;
-    let folded = request.loss != Loss::Squares || request.prior_width.is_some() || large;
-    if folded || !e.is_solution() || !explains(e) || !u.full_rank() {
+    if !answers(request, e) || request.prior_width.is_some() || !u.full_rank() {
         return Followed::Up(Vec::new());
     }
     let near = estimator.around(request, e, |i| !is_asked(i));

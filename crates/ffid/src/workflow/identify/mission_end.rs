@@ -6,15 +6,15 @@
 //! an appendage held to the mission by half of itself. Where the data allow that (chi-squared without this hold is higher by no more than [`BESIDE`]), it
 //! is another end of the fit, and deviations cover both, each by its weight ([`super::mixture`]). The estimate stays the lowest.
 
-use super::elsewhere::{explains, has_vanished, owner};
+use super::elsewhere::{has_vanished, owner};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
-use super::valleys::{ASIDE, BESIDE, Ending};
+use super::valleys::{ASIDE, BESIDE, Ending, answers};
 use ff_least_squares::Settings as Solver;
+use ident::Request;
 use ident::belief::PriorRow;
-use ident::estimate::{Estimate, KEPT_BYTES, attempt};
+use ident::estimate::{Estimate, attempt};
 use ident::parameters::{is_damping, is_stiffness};
-use ident::{Loss, Request};
 
 /// Part of itself by which a spring or damper is hardly known.
 const HARDLY: f64 = 0.5;
@@ -35,11 +35,8 @@ pub(super) fn allow_for_mission(
     estimator: &mut ObservedEstimator<'_>,
 ) {
     let e = &ending.estimate;
-    let columns = request.selected.len() + e.nuisance.len();
-    let large = e.residuals.len().saturating_mul(8 * columns) > KEPT_BYTES;
-    let plain = request.loss == Loss::Squares && request.prior_width.is_none() && !large;
     let hardly = hardly_told(request, e);
-    if !plain || !e.is_solution() || !explains(e) || hardly.is_empty() || estimator.stopped() {
+    if !answers(request, e) || request.prior_width.is_some() || hardly.is_empty() || estimator.stopped() {
         return;
     }
     let near = estimator.around(request, e, |i| !is_asked(i));

@@ -14,20 +14,17 @@ const VOLUME: f64 = 10.0;
 
 /// Widens the deviations of `best` so that they cover `others`, and gives back what they were; nothing happens where those have other unknowns.
 pub(super) fn cover(best: &mut Estimate, others: &[Estimate]) -> Option<Uncertainty> {
-    let at = |e: &Estimate| -> Vec<f64> { e.parameters.iter().chain(&e.nuisance).map(|p| p.value).collect() };
-    let n = best.uncertainty.unknowns.len();
-    if others.iter().any(|o| o.uncertainty.unknowns.len() != n) {
+    if others.iter().any(|o| !of_the_same(best, o)) {
         return None;
     }
     let alone = best.uncertainty.clone();
-    let (from, volume) = (at(best), log_volume(&best.uncertainty));
+    let volume = log_volume(&best.uncertainty);
     let mut sum = 1.0;
     let mut moment = best.uncertainty.covariance.clone();
     for o in others {
         let larger = (log_volume(&o.uncertainty) - volume).clamp(-VOLUME.ln(), VOLUME.ln());
         let weight = (0.5 * (best.objective - o.objective) + larger).exp();
-        let d = DVector::from_iterator(n, at(o).iter().zip(&from).map(|(a, b)| a - b));
-        moment += (&o.uncertainty.covariance + &d * d.transpose()) * weight;
+        moment += about(best, o) * weight;
         sum += weight;
     }
     moment /= sum;
@@ -35,19 +32,23 @@ pub(super) fn cover(best: &mut Estimate, others: &[Estimate]) -> Option<Uncertai
     Some(alone)
 }
 
-/// The second moment about an estimate of its own density and that of another end, whose cost without what holds it there is higher by `excess`; it counts for [`VOLUME`],
-/// since that of a spring that has run away says nothing. `None` where
-/// that has other unknowns.
+/// The second moment about an estimate of its own density and that of another end, whose cost without what holds it there is higher by `excess`; it counts for
+/// [`VOLUME`], since that of a spring that has run away says nothing. `None` where that has other unknowns.
 pub(super) fn beside(e: &Estimate, other: &Estimate, excess: f64) -> Option<DMatrix<f64>> {
-    let n = e.uncertainty.unknowns.len();
-    if other.uncertainty.unknowns.len() != n {
-        return None;
-    }
-    let at = |e: &Estimate| -> Vec<f64> { e.parameters.iter().chain(&e.nuisance).map(|p| p.value).collect() };
     let weight = VOLUME * (-0.5 * excess).exp();
-    let d = DVector::from_iterator(n, at(other).iter().zip(at(e)).map(|(a, b)| a - b));
-    let moment = &e.uncertainty.covariance + (&other.uncertainty.covariance + &d * d.transpose()) * weight;
-    Some(moment / (1.0 + weight))
+    of_the_same(e, other).then(|| (&e.uncertainty.covariance + about(e, other) * weight) / (1.0 + weight))
+}
+
+/// Whether two ends are of the same unknowns.
+fn of_the_same(one: &Estimate, other: &Estimate) -> bool {
+    one.uncertainty.unknowns.len() == other.uncertainty.unknowns.len()
+}
+
+/// The second moment of the density of another end about an estimate.
+fn about(e: &Estimate, other: &Estimate) -> DMatrix<f64> {
+    let at = |e: &Estimate| -> Vec<f64> { e.parameters.iter().chain(&e.nuisance).map(|p| p.value).collect() };
+    let d = DVector::from_vec(at(other)) - DVector::from_vec(at(e));
+    &other.uncertainty.covariance + &d * d.transpose()
 }
 
 /// Logarithm of the root of the determinant of the covariance, where the data determine everything.

@@ -92,6 +92,13 @@ impl Ending {
     }
 }
 
+/// Whether a fit has ended at what explains its data, in squares, with rows few enough to be kept: there is sense in looking around it.
+pub(super) fn answers(request: &Request<'_>, e: &Estimate) -> bool {
+    let columns = request.selected.len() + e.nuisance.len();
+    let large = e.residuals.len().saturating_mul(8 * columns) > KEPT_BYTES;
+    request.loss == Loss::Squares && !large && e.is_solution() && explains(e)
+}
+
 /// The fit, or a lower minimum beside it; with deviations that cover the others where the record does not choose, and a list of them.
 pub(super) fn best_valley(
     request: &Request<'_>,
@@ -99,9 +106,7 @@ pub(super) fn best_valley(
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Ending {
-    let columns = request.selected.len() + first.nuisance.len();
-    let large = first.residuals.len().saturating_mul(8 * columns) > KEPT_BYTES;
-    if request.loss != Loss::Squares || large || !first.is_solution() || !explains(&first) {
+    if !answers(request, &first) {
         return Ending::single(first);
     }
     let mut search =
