@@ -72,6 +72,22 @@ fn two_springs_that_went_astray_come_back() {
     }
 }
 
+/// With the fuel of the last record in place of its own, a record seemed to have a wrong clock, and a right fit was led astray.
+#[test]
+#[ignore = "full tier: 15 s"]
+fn a_life_is_followed_and_no_clock_is_put_right_that_is_not_wrong() {
+    let (json, text) = study(&["sequence", "--quick", "--only", "life", "--only", "4"]);
+    let figure = |name: &str| json["figures"][name].as_f64().unwrap_or_else(|| panic!("{name}\n{text}"));
+    assert_eq!(
+        (figure("life.worlds"), figure("life.contradicted"), figure("life.other_exit")),
+        (1.0, 0.0, 0.0),
+        "{text}"
+    );
+    for group in ["base", "stiffness", "damping", "fuel", "bias"] {
+        assert!(figure(&format!("life.{group}.rms_deviations")) < 3.0, "{text}");
+    }
+}
+
 #[test]
 #[ignore = "full tier: 5 s"]
 fn built_degeneracies_are_named() {

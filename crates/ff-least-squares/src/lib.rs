@@ -7,6 +7,7 @@
 mod covariance;
 mod linearise;
 mod lm;
+mod pieces;
 mod problem;
 mod settings;
 mod solution;

@@ -12,6 +12,7 @@
 //! over only those columns that it can depend on: the torque of a joint knows nothing of the bodies before it.
 //! Triangles per kind also tell the residual of each kind, so that reweighting needs no second pass over the data.
 
+use crate::pieces::{Piece, pieces};
 use ff_linalg::{self as linalg, LinalgError};
 use ff_model::scalar::lanes::{Isa, LaneScalar, LaneTask, Lanes, dispatch};
 use nalgebra::{DMatrix, DVector};
@@ -231,6 +232,12 @@ pub struct Tall<'a> {
     weights: &'a [f64],
 }
 
+/// Some rows of a tall matrix, over the columns that these know.
+struct Part<'a> {
+    of: Tall<'a>,
+    piece: &'a Piece,
+}
+
 impl<'a> Tall<'a> {
     /// All rows of `matrix`, unweighted.
     pub fn new(matrix: &'a DMatrix<f64>) -> Self {
@@ -255,39 +262,69 @@ impl<'a> Tall<'a> {
 }
 
 /// Upper triangle of a tall matrix, n x n for n columns: [`qr_r`] of matrices much taller than
-/// wide comes here. Numbers that are not finite are refused by what they leave in the triangle. Allocates.
+/// wide comes here. Columns that are zero in a range of rows cost nothing there. Numbers that are not finite are refused by what they leave in the
+/// triangle. Allocates.
 ///
 /// # Errors
 /// [`LinalgError`] of the last, small factorisation.
 pub fn triangle_of(a: &Tall<'_>) -> Result<DMatrix<f64>, LinalgError> {
-    if a.matrix.ncols() + usize::from(a.last.is_some()) == 0 {
+    let beside = usize::from(a.last.is_some());
+    let n = a.matrix.ncols() + beside;
+    if n == 0 {
         return Ok(DMatrix::zeros(0, 0));
     }
-    dispatch(Isa::detect(), *a)
+    let pieces = pieces(a.matrix, beside);
+    let mut parts = Vec::with_capacity(pieces.len());
+    for piece in &pieces {
+        let r = dispatch(Isa::detect(), Part { of: *a, piece })?;
+        if pieces.len() == 1 && r.ncols() == n {
+            return Ok(r);
+        }
+        let columns: Vec<usize> = piece.columns.iter().copied().chain((beside > 0).then_some(n - 1)).collect();
+        parts.push((columns, r));
+    }
+    let stacked: usize = parts.iter().map(|(columns, _)| columns.len()).sum();
+    let mut all = DMatrix::zeros(if parts.len() == 1 { n } else { stacked.max(n) }, n);
+    let mut at = 0;
+    for (columns, r) in &parts {
+        for (k, &to) in columns.iter().enumerate() {
+            for i in 0..=k {
+                // A single triangle stays one: its rows go where their columns begin.
+                let row = if parts.len() == 1 { columns[i] } else { at + i };
+                all[(row, to)] = r[(i, k)];
+            }
+        }
+        at += columns.len();
+    }
+    if parts.len() == 1 { Ok(all) } else { linalg::qr_r(&all) }
 }
 
-impl LaneTask for Tall<'_> {
+impl LaneTask for Part<'_> {
     type Output = Result<DMatrix<f64>, LinalgError>;
     #[inline(always)]
     fn run<L: LaneScalar>(self) -> Self::Output {
-        let (m, n) = self.matrix.shape();
-        let mut stream = Stream::<L>::new(n + usize::from(self.last.is_some()) - 1);
-        let whole = m - m % L::N;
-        let data = self.matrix.as_slice();
-        for first in (0..m).step_by(L::N) {
+        let (Tall { matrix, last, weights }, Piece { rows, columns }) = (self.of, self.piece);
+        let (m, n) = (matrix.nrows(), columns.len());
+        if n + usize::from(last.is_some()) == 0 {
+            return Ok(DMatrix::zeros(0, 0));
+        }
+        let mut stream = Stream::<L>::new(n + usize::from(last.is_some()) - 1);
+        let whole = rows.end - rows.len() % L::N;
+        let data = matrix.as_slice();
+        for first in rows.clone().step_by(L::N) {
             let inside = first < whole;
-            if self.weights.is_empty() {
-                for k in 0..n {
-                    stream.put(k, part(&data[k * m + first..(k + 1) * m], inside));
+            if weights.is_empty() {
+                for (k, c) in columns.iter().enumerate() {
+                    stream.put(k, part(&data[c * m + first..c * m + rows.end], inside));
                 }
             } else {
-                let weight = part::<L>(&self.weights[first..], inside);
-                for k in 0..n {
-                    stream.put(k, part::<L>(&data[k * m + first..(k + 1) * m], inside) * weight);
+                let weight = part::<L>(&weights[first..rows.end], inside);
+                for (k, c) in columns.iter().enumerate() {
+                    stream.put(k, part::<L>(&data[c * m + first..c * m + rows.end], inside) * weight);
                 }
             }
-            if let Some(last) = self.last {
-                stream.put(n, part(&last[first..], inside));
+            if let Some(last) = last {
+                stream.put(n, part(&last[first..rows.end], inside));
             }
             stream.end_row();
         }
@@ -296,7 +333,7 @@ impl LaneTask for Tall<'_> {
     }
 }
 
-/// The first numbers of a slice, one per lane; where it is not `full`, what is missing is zero.
+/// The first numbers of a slice, one per lane; where it is not `full`, it has fewer than there are lanes, and what is missing is zero.
 #[inline(always)]
 fn part<L: LaneScalar>(x: &[f64], full: bool) -> L {
     if full {

@@ -255,7 +255,7 @@ fn fuel_that_is_burnt_between_records_and_a_gyro_that_walks_are_followed() {
         |m| {
             let walk = "bias_walk_rad_per_s_per_sqrt_s = 1e-5\nnoise_std_rad_per_s";
             m.replace("noise_std_rad_per_s", walk)
-                + "\n[[changes]]\nparameters = [\"tank.mass\"]\nstep_std = 1.5\nstep_mean = -1.0\n"
+                + "\n[[changes]]\nparameters = [\"tank.mass\"]\nstep_std = 3.0\nstep_mean = -6.0\n"
         },
     );
     // The first 20 s of the motion, three times, with less fuel each time.
@@ -265,7 +265,8 @@ fn fuel_that_is_burnt_between_records_and_a_gyro_that_walks_are_followed() {
     let lines: Vec<String> = text.lines().take(1001).map(motion).collect();
     fs::write(d.join("motion.csv"), lines.join("\n").replace(",ddq.", ",qdd.").replace(",dq.", ",qd.") + "\n").unwrap();
     let truth = fs::read_to_string(fixture("verdict").join("truth.toml")).unwrap();
-    let fuel = [46.5, 44.8, 43.9];
+    // So much less that what is predicted with the fuel of another record seems to have another clock.
+    let fuel = [46.5, 38.2, 31.9];
     for (k, mass) in fuel.iter().enumerate() {
         fs::write(d.join("t.toml"), truth.replace("mass_kg = 46.5", &format!("mass_kg = {mass}"))).unwrap();
         let (out, seed) = (format!("r{k}.csv"), format!("{}", 31 + k));
@@ -301,6 +302,8 @@ fn fuel_that_is_burnt_between_records_and_a_gyro_that_walks_are_followed() {
     let joint = run(&["--records", "r0.csv", "r1.csv", "r2.csv", "--out", "joint"]);
     let masses = course(&joint, "tank.mass", None);
     assert_eq!(masses.len(), 3);
+    let put_right = |c: &Value| c["corrected"].as_bool().unwrap();
+    assert!(!joint["clocks"].as_array().unwrap().iter().any(put_right), "{}", joint["clocks"]);
     for ((_, value, std), true_mass) in masses.iter().zip(fuel) {
         assert!((value - true_mass).abs() < 4.0 * std && *std < 1.2, "{masses:?}");
     }

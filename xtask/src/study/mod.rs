@@ -5,6 +5,7 @@
 //! the exit code is 15, with everything printed and written before. A study consists of [`trials`], which are kept as they are done.
 
 pub mod budget;
+mod covered;
 mod cpu;
 pub mod degeneracies;
 pub mod excitation;
@@ -51,7 +52,7 @@ enum Which {
     Starts(Options),
     /// Worlds in which everything that a mission is not sure of is drawn: do the 95 % intervals hold the truth?
     Budget(Options),
-    /// Five records one after another, in ten orders: is the end that of the joint fit?
+    /// Records one after another: does their order matter, and do intervals hold the truth while fuel is burnt and biases walk?
     Sequence(Options),
     /// Draws from the posterior: ranks of truths drawn from the prior, R-hat and effective sizes in time
     Posterior(Options),

@@ -5,6 +5,7 @@
 //! anywhere; torques at half the rate of the encoders; noise on all channels. It is written as CSV, read and identified as by `ffid identify` with no
 //! flag. Numbers for `--only` are logs. How many of the 95 % intervals hold the truth, pooled over all parameters and logs whose fit has ended, and by what they belong to.
 
+use super::covered::{self, percent};
 use super::figures::{Op, Study};
 use super::options::Options;
 use super::trials::{Number, Trial, Trials};
@@ -28,10 +29,6 @@ const JITTER: f64 = 0.49;
 const GAP_S: f64 = 2.0;
 /// Nearest that the gap comes to either end (s).
 const ENDS_S: f64 = 3.0;
-/// Limits on the intervals that hold the truth (%).
-const COVERED: (f64, f64) = (93.0, 97.0);
-/// Half the width of a 95 % interval, in deviations.
-const WIDTH: f64 = 1.959_963_984_540_054;
 /// Samples that a polynomial between them goes through.
 const THROUGH: usize = 8;
 
@@ -70,7 +67,6 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
 }
 
 fn figures(all: &[Outcome], numbers: &[u64], options: &Options, study: &mut Study) {
-    let percent = |yes: usize, of: usize| 100.0 * yes as f64 / of.max(1) as f64;
     // A fit that has not ended says so, and that its numbers are no estimates.
     let ended = |o: &&Outcome| o.refused.is_none() && o.exit != Exit::Numerical.code();
     let fitted: Vec<&Outcome> = all.iter().filter(ended).collect();
@@ -81,21 +77,15 @@ fn figures(all: &[Outcome], numbers: &[u64], options: &Options, study: &mut Stud
     let chi2: f64 = fitted.iter().map(|o| o.chi2_per_dof.0).sum();
     study.figure("chi2_per_dof", "", chi2 / fitted.len().max(1) as f64);
     study.figure("parts", "", fitted.iter().map(|o| o.parts).sum::<usize>() as f64 / fitted.len().max(1) as f64);
-    let covered = |of: &str| {
-        let z: Vec<f64> = fitted.iter().flat_map(|o| &o.off).filter(|x| x.0.contains(of)).map(|x| x.1.0).collect();
-        let rms = (z.iter().map(|z| z * z).sum::<f64>() / z.len().max(1) as f64).sqrt();
-        // A parameter without a deviation is not covered.
-        (percent(z.iter().filter(|z| z.abs() < WIDTH).count(), z.len()), rms)
+    let errors = |of: &str| -> Vec<f64> {
+        fitted.iter().flat_map(|o| &o.off).filter(|x| x.0.contains(of)).map(|x| x.1.0).collect()
     };
     for (name, of) in GROUPS {
-        let (covered, rms) = covered(of);
-        study.figure(format!("{name}.covered"), "%", covered);
+        let (held, rms) = covered::of(&errors(of));
+        study.figure(format!("{name}.covered"), "%", held);
         study.figure(format!("{name}.rms_deviations"), "", rms);
     }
-    let (pooled, rms) = covered("");
-    study.judged(options.quick, "covered.least", "%", pooled, (Op::AtLeast, COVERED.0));
-    study.judged(options.quick, "covered.most", "%", pooled, (Op::AtMost, COVERED.1));
-    study.figure("rms_deviations", "", rms);
+    study.covered(options.quick, "", &errors(""));
     for (&k, o) in numbers.iter().zip(all).filter(|(_, o)| o.exit != Exit::Done.code()) {
         let why = o.refused.as_deref().unwrap_or("see its verdict");
         study.note(format!("log {k} ({}): exit {}, {why}", RECORDS[k as usize % RECORDS.len()], o.exit));

@@ -45,8 +45,8 @@ pub enum ClockCorrectionError {
 pub struct FittedModel<'a> {
     /// The model.
     pub model: &'a Model,
-    /// Full parameter vector.
-    pub values: &'a [f64],
+    /// Full parameter vector in each record: fuel may be burnt between them.
+    pub values: &'a [Vec<f64>],
     /// Parameters that were fitted.
     pub selected: &'a [usize],
     /// Standard deviations of the sensors.
@@ -89,7 +89,7 @@ impl ClockCorrection {
     /// [`ClockCorrectionError`].
     ///
     /// # Panics
-    /// If the number of records changed.
+    /// If the number of records changed, or there is not one parameter vector for each.
     pub fn round(
         &mut self,
         fitted: &FittedModel<'_>,
@@ -97,17 +97,19 @@ impl ClockCorrection {
         require: bool,
     ) -> Result<Vec<(usize, Record)>, ClockCorrectionError> {
         assert_eq!(records.len(), self.originals.len(), "the same records in every round");
+        assert_eq!(records.len(), fitted.values.len(), "one parameter vector per record");
         if self.rounds == ROUNDS {
             return Ok(Vec::new());
         }
         let first = self.rounds == 0;
         self.rounds += 1;
         let FittedModel { model, values, selected, noise } = *fitted;
-        let all_sizes = sizes(&model.param_decls(), values);
-        let params = Params::from_values(model, values.to_vec());
-        let uncertain: Vec<(usize, f64)> = selected.iter().map(|&i| (i, BENT * all_sizes[i])).collect();
+        let decls = model.param_decls();
         let mut changed = Vec::new();
         for (k, record) in records.iter().enumerate() {
+            let all_sizes = sizes(&decls, &values[k]);
+            let params = Params::from_values(model, values[k].clone());
+            let uncertain: Vec<(usize, f64)> = selected.iter().map(|&i| (i, BENT * all_sizes[i])).collect();
             let latest = LATEST.0.min(LATEST.1 * record.seconds());
             let mut found = match estimate_clocks(model, &params, record, noise, &uncertain, latest) {
                 Ok(c) => c,

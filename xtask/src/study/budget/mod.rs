@@ -11,6 +11,7 @@
 
 mod errors;
 
+use super::covered::percent;
 use super::figures::{Op, Study};
 use super::options::Options;
 use super::trials::{Number, Trial, Trials};
@@ -28,15 +29,12 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 /// Worlds, and draws of one kind of error.
 const WORLDS: u64 = 1000;
 const DRAWS: u64 = 60;
-/// Limits on the intervals that hold the truth (%), and on worlds that are contradicted.
-const COVERED: (f64, f64) = (93.0, 97.0);
+/// Most worlds that may be contradicted (%).
 const CONTRADICTED: f64 = 5.0;
 /// Limits on the scatter over what the budget says, pooled over estimates.
 const SCATTER: (f64, f64) = (0.75, 1.3);
 /// Share from which an estimate counts for a kind.
 const LEAST_SHARE: f64 = 0.1;
-/// Half the width of a 95 % interval, in deviations.
-const WIDTH: f64 = 1.959_963_984_540_054;
 
 /// What the estimates belong to.
 const GROUPS: [&str; 4] = ["base", "stiffness", "damping", "fuel"];
@@ -111,7 +109,6 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
 
 /// Figures of the worlds.
 fn worlds(all: &[Outcome], numbers: &[u64], options: &Options, study: &mut Study) {
-    let percent = |yes: usize, of: usize| 100.0 * yes as f64 / of.max(1) as f64;
     study.figure("worlds", "", all.len() as f64);
     study.figure("chi2_per_dof", "", all.iter().map(|o| o.chi2_per_dof.0).sum::<f64>() / all.len().max(1) as f64);
     let contradicted = percent(all.iter().filter(|o| o.contradicted).count(), all.len());
@@ -120,11 +117,7 @@ fn worlds(all: &[Outcome], numbers: &[u64], options: &Options, study: &mut Study
     study.figure("other_exit", "%", percent(other, all.len()));
     for (g, group) in GROUPS.iter().enumerate() {
         let of: Vec<f64> = all.iter().flat_map(|o| &o.off).filter(|x| x.0 == g).map(|x| x.1.0).collect();
-        let covered = percent(of.iter().filter(|z| z.abs() < WIDTH).count(), of.len());
-        let rms = (of.iter().map(|z| z * z).sum::<f64>() / of.len().max(1) as f64).sqrt();
-        study.judged(options.quick, format!("{group}.covered.least"), "%", covered, (Op::AtLeast, COVERED.0));
-        study.judged(options.quick, format!("{group}.covered.most"), "%", covered, (Op::AtMost, COVERED.1));
-        study.figure(format!("{group}.rms_deviations"), "", rms);
+        study.covered(options.quick, group, &of);
     }
     let mut nees: Vec<f64> = all.iter().map(|o| o.nees.0).filter(|n| n.is_finite()).collect();
     nees.sort_by(f64::total_cmp);

@@ -87,8 +87,10 @@ pub fn identify_checked(
         problems.extend(warnings);
     }
     if found.result.chi2_per_dof > s.limit && speaks_for(&found, &["external-torque", "external-force"]) {
-        for labelled in records.iter() {
-            let change = checkable(momentum(opened, &found, labelled, &s, watch), labelled, "momentum", &mut problems)?;
+        for (k, labelled) in records.iter().enumerate() {
+            let at = found.values_in(records, k);
+            let change = momentum(opened, (&found, &at), labelled, &s, watch);
+            let change = checkable(change, labelled, "momentum", &mut problems)?;
             let Some(change) = change.flatten() else { continue };
             let p = not_conserved(&change, labelled, checks.external_torque);
             if !checks.external_torque {
@@ -98,8 +100,8 @@ pub fn identify_checked(
         }
     }
     found.result.clocks = clocks;
-    for labelled in records.iter() {
-        let modes = decay_modes(&opened.model, &found.values, labelled, &s);
+    for (k, labelled) in records.iter().enumerate() {
+        let modes = decay_modes(&opened.model, &found.values_in(records, k), labelled, &s);
         let modes =
             if checks.require_modes { Some(modes?) } else { checkable(modes, labelled, "free decay", &mut problems)? };
         match modes {
@@ -171,19 +173,19 @@ fn not_at_rest(found: &Identified, before: f64) -> Problem {
 /// Row D29: the change of momentum that explains what the fit leaves, if one does.
 fn momentum(
     opened: &Opened,
-    found: &Identified,
+    (found, values): (&Identified, &[f64]),
     labelled: &LabelledRecord,
     s: &Settings,
     watch: &Observer<'_>,
 ) -> Result<Option<MomentumChange>, IdentifyError> {
     let even = labelled.record.bridged().map_err(ident::SetupError::from).map_err(setup)?;
     let model = &opened.model;
-    let (record, s, _) = behind_gears(model, &found.values, &even, s)?;
+    let (record, s, _) = behind_gears(model, values, &even, s)?;
     let record = &*record;
     let s = Settings { method: Some(Method::OutputError), initial_state: s.initial_state || labelled.continues, ..s };
     let mut fit = RecordEstimator::new(model, record, &s)?;
-    let beside = nuisance(fit.estimator(), &found.values, &s, watch)?;
-    let at = (found.values.as_slice(), found.selected.as_slice());
+    let beside = nuisance(fit.estimator(), values, &s, watch)?;
+    let at = (values, found.selected.as_slice());
     momentum_change(model, record, fit.estimator(), at, beside, s.noise.gyro).map_err(IdentifyError::from)
 }
 

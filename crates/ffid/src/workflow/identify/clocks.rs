@@ -13,6 +13,9 @@ use ident::checks::{ClockCorrection, ClockCorrectionError, ClockPolicy, Correcte
 /// Another fit of corrected records.
 pub(super) type Refit<'a> = &'a dyn Fn(&[LabelledRecord], &Settings) -> Result<Identified, IdentifyError>;
 
+/// Chi-squared over that before the correction from which on clocks stay as they were: one that is right lowers it.
+const WORSE: f64 = 1.001;
+
 /// Corrects the clocks of `records` in place and fits again until nothing is left to correct. Lines of the result and warnings.
 pub(super) fn set_clocks(
     model: &Model,
@@ -23,20 +26,50 @@ pub(super) fn set_clocks(
     fit: Refit<'_>,
 ) -> Result<(Identified, Vec<ClockLine>, Problems), IdentifyError> {
     let mut correction = ClockCorrection::new(records.iter().map(|r| r.record.clone()).collect());
+    let mut said = (Vec::new(), Problems::default());
     loop {
-        let fitted = FittedModel { model, values: &found.values, selected: &found.selected, noise: &s.noise };
+        let values: Vec<Vec<f64>> = (0..records.len()).map(|k| found.values_in(records, k)).collect();
+        let fitted = FittedModel { model, values: &values, selected: &found.selected, noise: &s.noise };
         let current: Vec<&Record> = records.iter().map(|r| &r.record).collect();
         let changed =
             correction.round(&fitted, &current, policy == ClockPolicy::Require).map_err(|e| refusal(e, records))?;
+        let now = lines(records, &correction);
         if changed.is_empty() {
-            break;
+            return Ok((found, now.0, now.1));
         }
+        let before = records.to_vec();
         for (k, corrected) in changed {
             records[k].record = corrected;
         }
         correction.found().iter().for_each(|c| records[c.record].resampled = c.corrected);
-        found = fit(records, s)?;
+        let again = fit(records, s)?;
+        if again.result.chi2_per_dof > WORSE * found.result.chi2_per_dof {
+            // Clocks that were wrong were not what the comparison took for them: nothing is corrected that is not wrong.
+            records.clone_from_slice(&before);
+            if policy == ClockPolicy::Require {
+                said.1.push(not_corrected(&now.1, &found, &again));
+            }
+            return Ok((found, said.0, said.1));
+        }
+        (found, said) = (again, now);
     }
+}
+
+/// A correction that was taken back, where clocks were asked for.
+fn not_corrected(warned: &Problems, before: &Identified, after: &Identified) -> Problem {
+    let of: Vec<&str> = warned.0.iter().filter_map(|p| p.object.as_deref()).collect();
+    let what = format!(
+        "clocks of {} seemed wrong, but with them put right chi-squared per degree of freedom is {:.3} in place of {:.3}; they were left as recorded",
+        ff_model::diagnostics::list(of.into_iter(), 4),
+        after.result.chi2_per_dof,
+        before.result.chi2_per_dof
+    );
+    let hint = "look for another error first: what else explains the record is in its verdict";
+    Problem::warning(Area::Data, "Data::ClockNotCorrected", what).hint(hint)
+}
+
+/// Clocks of all records as they were found, and a warning for each that was corrected.
+fn lines(records: &[LabelledRecord], correction: &ClockCorrection) -> (Vec<ClockLine>, Problems) {
     let mut problems = Problems::default();
     let mut lines = Vec::new();
     for c in correction.found() {
@@ -50,7 +83,7 @@ pub(super) fn set_clocks(
             .for_each(|p| p.object = Some(format!("{} of {label}", p.object.as_deref().unwrap_or(""))));
         problems.extend(warnings);
     }
-    Ok((found, lines, problems))
+    (lines, problems)
 }
 
 fn line(record: &str, group: &str, e: &ClockEstimate, corrected: bool) -> ClockLine {

@@ -1,7 +1,9 @@
 //! An identification with what figures and files need.
 
+use super::course::CoursePoint;
 use super::evidence::NamedError;
 use super::fitted::Fitted;
+use super::labelled_record::LabelledRecord;
 use super::result::identification::IdentificationResult;
 use super::signals::Signals;
 use ident::sample::Draws;
@@ -23,4 +25,21 @@ pub struct Identified {
     pub draws: Option<Draws>,
     /// Where the fit has ended; none on the ground.
     pub(super) fitted: Option<Fitted>,
+}
+
+impl Identified {
+    /// Parameters of the model as they were in record `k`: those of the last record ([`Identified::values`]), but for what changes from record to
+    /// record. A part behind a gap has those of its record. Allocates.
+    pub(super) fn values_in(&self, records: &[LabelledRecord], k: usize) -> Vec<f64> {
+        let mut values = self.values.clone();
+        let first = (0..=k).rev().find(|&i| !records[i].continues).unwrap_or(k);
+        for course in self.result.over_time.iter().filter(|c| c.record.is_none()) {
+            let at = self.result.model.iter().position(|v| v.name == course.name);
+            let of = |p: &&CoursePoint| p.record.as_ref().is_some_and(|r| *r == records[first].label);
+            if let (Some(at), Some(point)) = (at, course.points.iter().find(of)) {
+                values[at] = point.value;
+            }
+        }
+        values
+    }
 }

@@ -9,10 +9,10 @@
 //! with a step for every record but the first ([`ident::compose::Changed`]). A bias that walks by s in a unit of time goes from value to value
 //! linearly, changing during parts of length T by amounts of standard deviation `s sqrt(T)` ([`ident::uncertain::WalkPart`]). Between the
 //! ends of a part it is off the line by `s sqrt(T / 6)`, smoothly; the sum of the squares of its correlations with N samples of noise `s_n` at the rate f,
-//! `N T f (s^2 T / (6 s_n^2))^2`, is kept at 3, which a test of whiteness does not see:
+//! `N T f (s^2 T / (6 s_n^2))^2`, is kept at 1, which a test of whiteness does not see and which widens the errors of a bias by a few per cent:
 //!
 //! ```text
-//! T = (108 / (N f))^(1/3) (s_n / s)^(4/3)
+//! T = (36 / (N f))^(1/3) (s_n / s)^(4/3)
 //! ```
 //!
 //! Steps and changes of biases are unknowns with priors, like everything else that the mission is not sure of.
@@ -29,9 +29,9 @@ use ident::{Estimator, Posterior};
 use std::collections::BTreeMap;
 
 /// Most parts of a record between which a bias changes.
-const MOST_PARTS: f64 = 120.0;
-/// `36 * 3`, from the sum of squared correlations that a walk between the ends of its parts may leave.
-const LEFT: f64 = 108.0;
+const MOST_PARTS: f64 = 180.0;
+/// `36 * 1`, from the sum of squared correlations that a walk between the ends of its parts may leave.
+const LEFT: f64 = 36.0;
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Unknowns that records bring.

@@ -1,13 +1,13 @@
-//! `cargo xtask study sequence`: does it matter in which order records come?
+//! Records in orders of their own.
 //!
-//! The servicer of `fixtures/verdict`. Five records of it, from 12 s, which hardly shows the fuel, to a minute, are identified one after another
+//! Five records of the servicer of `fixtures/verdict`, from 12 s, which hardly shows the fuel, to a minute, are identified one after another
 //! as by `ffid identify --prior-from`: each result keeps its records in a folder, and the next fit reads them from there. Each trial takes them
 //! in an order of its own and compares the last result with that of all five at once.
 
-use super::figures::{Op, Study};
-use super::options::Options;
-use super::trials::{Number, Trial, Trials};
-use super::verdict::world::{Encoder, RECORDS, World};
+use crate::study::figures::{Op, Study};
+use crate::study::options::Options;
+use crate::study::trials::{Number, Trial, Trials};
+use crate::study::verdict::world::{Encoder, RECORDS, World};
 use anyhow::Context;
 use ffid::files::folder::{About, Folder};
 use ffid::workflow::identify::{IdentificationResult, LabelledRecord, keep, read_kept};
@@ -34,25 +34,18 @@ struct Outcome {
     first: Number,
 }
 
-/// Runs the study.
-///
-/// # Errors
-/// Files that cannot be read or written; an identification that gives nothing.
-pub fn run(options: &Options) -> anyhow::Result<Study> {
-    let mut study = Study::new("sequence", options.seed);
-    let trials = Trials::open("sequence", 1, options)?;
-    let world = World::new("start.toml")?;
-    let records = records(&world, options.seed)?;
+/// Runs the part.
+pub(super) fn run(world: &World, trials: &Trials, options: &Options, study: &mut Study) -> anyhow::Result<()> {
+    let records = records(world, options.seed)?;
     let joint = world.identify_all(&world.start, &mut records.clone())?.result;
     let count = if options.quick { 2 } else { ORDERS };
-    let outcomes = trials.run("orders", 0..count, |t| order(&world, &records, &joint, t))?;
+    let outcomes = trials.run("orders", 0..count, |t| order(world, &records, &joint, t))?;
     let most = |of: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(of).fold(0.0, f64::max);
     study.figure("orders", "", outcomes.len() as f64);
-    study.limited("means", "deviations", most(&|o| o.mean.0), Op::AtMost, MEANS);
-    study.limited("covariances", "", most(&|o| o.covariance.0), Op::AtMost, COVARIANCES);
-    study.figure("first_steps", "deviations", most(&|o| o.first.0));
-    trials.note().into_iter().for_each(|n| study.note(n));
-    Ok(study)
+    study.limited("orders.means", "deviations", most(&|o| o.mean.0), Op::AtMost, MEANS);
+    study.limited("orders.covariances", "", most(&|o| o.covariance.0), Op::AtMost, COVARIANCES);
+    study.figure("orders.first_steps", "deviations", most(&|o| o.first.0));
+    Ok(())
 }
 
 /// The records, with noise of their own.
