@@ -10,9 +10,10 @@ use super::row_layout::RowLayout;
 use super::settings::Settings;
 use super::signals::Signals;
 use super::unknowns::Unknowns;
+use super::valleys::ASIDE;
 use ff_dynamics::analysis::{Boundary, modes};
 use ff_least_squares::Settings as Solver;
-use ff_model::{Model, ParamGroup, Params};
+use ff_model::{Inertia, Model, ParamGroup, Params};
 use ident::checks::whiteness;
 use ident::estimate::{Estimate, attempt};
 use ident::parameters::{is_damping, is_stiffness, wide_start};
@@ -51,6 +52,8 @@ const POWER: f64 = 1e-4;
 const ONE_LINE: f64 = 1.12;
 /// Factors on the start of a stiffness that are tried.
 const FACTORS: (f64, f64) = (1.0 / 30.0, 30.0);
+/// Passes over springs that are put to lines together.
+const SETTLES: usize = 3;
 /// Ratio beyond the slowest and the fastest mode up to which a line may be that of one of them in the wrong place.
 const BEYOND: f64 = 1.5;
 /// Change of a stiffness that shows which mode it belongs to.
@@ -61,6 +64,8 @@ const SHOWN: f64 = 1e-4;
 const LOWER: f64 = 9.2;
 /// Rounds of such starts: a spring that has gone astray takes one, and so does the next.
 const ROUNDS: usize = 4;
+/// Rounds after which there is another although they have led nowhere, where everything is far off.
+const AGAIN: usize = 2;
 /// Linearisations of a pass after which it leads nowhere.
 const MOST: usize = 20;
 
@@ -77,7 +82,7 @@ pub(super) struct Subject<'a> {
 /// The fit, or a better one from another start when it does not explain the record, leaves a line in the residuals, or a positive parameter has
 /// vanished in it: starts that put a mode where power is left over, then random ones, are fitted to the thinned record until one of them
 /// explains that; the best goes on over the whole. Where that is better and leaves lines as well, its own are aimed at, spring after spring ([`ROUNDS`]);
-/// where the first round leads nowhere, others are drawn once.
+/// where everything is far off and a round leads nowhere, others are drawn ([`AGAIN`]).
 /// What fails on the way is no error: the fit stays.
 pub(super) fn elsewhere(
     request: &Request<'_>,
@@ -91,7 +96,7 @@ pub(super) fn elsewhere(
         let before = at.objective;
         at = one_round(request, at, of, round, estimator);
         let led = at.objective < before - 2.0 * LOWER;
-        let once_more = round.number == 0 && at.chi2_per_dof > WIDE;
+        let once_more = round.number < AGAIN && at.chi2_per_dof > WIDE;
         if estimator.stopped() || !(led || once_more) {
             break;
         }
@@ -214,20 +219,25 @@ fn best_start(
     starts.iter_mut().for_each(|s| back.iter().for_each(|&i| s[i] = request.start[i]));
     let far = first.chi2_per_dof > WIDE;
     let mut wide: Vec<Vec<f64>> = Vec::new();
-    if far || vanished(request, first) {
+    let (lost, back) = lost(request, first);
+    if far || !lost.is_empty() {
         // What a round before has tried is not tried again.
         let drawn = round.number * RANDOM..(round.number + 1) * RANDOM;
         let seed = |k: usize| of.settings.seed.wrapping_add(1 + k as u64);
-        if far {
+        if far && (round.number == 0 || lost.is_empty()) {
             if round.number == 0 {
                 wide.extend(EASED.iter().map(|&(bodies, springs)| eased(request, bodies, springs)));
             }
             wide.extend(drawn.map(|k| wide_start(request.decls, request.start, request.selected, seed(k))));
         } else {
-            // All but the appendage that has gone is nearly right.
-            let (gone, back) = gone(request, first);
+            // All but the appendages that are lost is nearly right. With the frequencies that are left over their masses and lengths are told by
+            // amplitudes, wherever they start.
             wide.push(back.clone());
-            wide.extend(drawn.map(|k| wide_start(request.decls, &back, &gone, seed(k))));
+            wide.extend(drawn.map(|k| wide_start(request.decls, &back, &lost, seed(k))));
+            for (turn, start) in wide.iter_mut().enumerate() {
+                keep_whole(of.model, request, &first.values, start);
+                at_lines(of, request, &lost, (lines, turn), start);
+            }
         }
     }
     // Lines of residuals far off are those of everything, and springs there say nothing.
@@ -236,14 +246,27 @@ fn best_start(
     } else {
         Vec::new()
     };
-    starts.extend(if far { [wide, near] } else { [near, wide] }.concat());
-    let thin = estimator.coarse(&stiffest(request, &first.values))?;
-    let mut thin = thin.estimator;
+    starts.extend(if far || !lost.is_empty() { [wide, near] } else { [near, wide] }.concat());
     let max_iterations = MOST.min(request.settings.max_iterations);
     let settings = Solver { decrement_tolerance: SHOWN, max_iterations, ..request.settings.clone() };
+    let led = |looked: &mut dyn Estimator| led_best(request, &settings, first, &starts, looked);
+    // Where there is no thinner look at the record, or none that follows what is as fast as this, all of it leads.
+    let thin = estimator.coarse(&stiffest(request, &first.values)).and_then(|mut c| led(&mut *c.estimator));
+    thin.or_else(|| led(estimator))
+}
+
+/// Where the best of some starts leads, the end of the fit among them; `None` where nothing can be predicted.
+fn led_best(
+    request: &Request<'_>,
+    settings: &Solver,
+    first: &Estimate,
+    starts: &[Vec<f64>],
+    looked: &mut dyn Estimator,
+) -> Option<Vec<f64>> {
     let mut lead = |start: &[f64]| {
-        let tried = Request { start, centre: Some(request.start), settings: settings.clone(), ..request.clone() };
-        attempt(&tried, &mut *thin)
+        let settings = settings.clone();
+        let tried = Request { start, centre: Some(request.start), settings, finer: ASIDE, ..request.clone() };
+        attempt(&tried, looked)
     };
     // What the thinned record makes of the end itself is what the others are measured by. It has fewer readings, so that it may be explained
     // there: that ends nothing.
@@ -253,7 +276,7 @@ fn best_start(
     };
     let own = best.0;
     for start in starts {
-        let Ok(e) = lead(&start) else { continue };
+        let Ok(e) = lead(start) else { continue };
         let done = e.objective < own - LOWER && explains(&e);
         if e.objective < best.0 {
             best = (e.objective, Some(e.values));
@@ -270,14 +293,52 @@ pub(super) fn owner(name: &str) -> Option<&str> {
     name.split_once('.').map(|n| n.0)
 }
 
-/// Parameters of the appendages of which one has vanished, and the end of the fit with all of them as the mission has them.
-fn gone(request: &Request<'_>, e: &Estimate) -> (Vec<usize>, Vec<f64>) {
+/// Parameters of the appendages of which one has vanished or strayed, and the end of the fit with all of them as the mission has them.
+fn lost(request: &Request<'_>, e: &Estimate) -> (Vec<usize>, Vec<f64>) {
     let owner = |i: usize| owner(&request.decls[i].name);
-    let lost: Vec<_> = request.selected.iter().filter(|&&i| has_vanished(request, e, i)).map(|&i| owner(i)).collect();
-    let of: Vec<usize> = request.selected.iter().copied().filter(|&i| lost.contains(&owner(i))).collect();
+    let gone = request.selected.iter().copied().filter(|&i| has_vanished(request, e, i));
+    let owners: Vec<_> = gone.chain(strayed(request, e)).map(owner).collect();
+    let of: Vec<usize> = request.selected.iter().copied().filter(|&i| owners.contains(&owner(i))).collect();
     let mut back = e.values.clone();
     of.iter().for_each(|&i| back[i] = request.start[i]);
     (of, back)
+}
+
+/// Changes the springs of what is lost so that their modes are at lines of the residuals, one after another from that whose turn it is.
+fn at_lines(
+    of: &Subject<'_>,
+    request: &Request<'_>,
+    lost: &[usize],
+    (lines, turn): (&[f64], usize),
+    start: &mut [f64],
+) {
+    let springs: Vec<usize> = lost.iter().copied().filter(|&i| is_spring(request, i)).collect();
+    // One spring moves the modes of the others.
+    for _ in 0..SETTLES {
+        for (k, &i) in springs.iter().enumerate() {
+            let Some(line) = lines.get((k + turn) % lines.len().max(1)) else { return };
+            let Some(here) = frequencies(of, start) else { return };
+            let Some(own) = own_mode(of, start, &here, i).filter(|&own| here[own] > 0.0) else { return };
+            start[i] *= (line / here[own]).powi(2).clamp(FACTORS.0, FACTORS.1);
+        }
+    }
+}
+
+/// Takes what masses on the base have become heavier by off the base, where they are mounted: what the fit has found of the whole is right. Where
+/// nothing would be left that is a body, the start stays.
+fn keep_whole(model: &Model, request: &Request<'_>, from: &[f64], start: &mut [f64]) {
+    let decls = request.decls;
+    let is_base = |&i: &usize| decls[i].name == "base.mass" && request.selected.contains(&(i + 9));
+    let Some(base) = request.selected.iter().copied().find(is_base) else { return };
+    let mut body = Inertia::from_params(&start[base..base + 10]);
+    for mounted in model.appendages().iter().filter(|m| m.host == 0) {
+        let mass = |i: &usize| decls[*i].unit == "kg" && owner(&decls[*i].name) == Some(mounted.name.as_str());
+        let heavier: f64 = request.selected.iter().copied().filter(mass).map(|i| start[i] - from[i]).sum();
+        body += Inertia::point(-heavier, &mounted.mount.pos);
+    }
+    if body.pseudo().cholesky().is_some() {
+        start[base..base + 10].copy_from_slice(&body.to_params());
+    }
 }
 
 /// The start with bodies, springs and dampers changed together ([`EASED`]).
@@ -399,4 +460,42 @@ pub(super) fn frequencies(of: &Subject<'_>, values: &[f64]) -> Option<Vec<f64>> 
     let rest = of.model.rest_position(&params);
     let found = modes(of.model, &params, &q, &rest, Boundary::JointsHeld).ok()?;
     Some(found.iter().map(|m| m.frequency_hz).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ff_mission::{LoadOptions, Mission};
+    use ident::parameters::select;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn what_an_appendage_becomes_heavier_by_is_taken_off_the_base() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/verdict/truth.toml");
+        let model = Mission::load(file.as_ref(), &crate::default_registry(), &LoadOptions::default()).unwrap().model;
+        let decls = model.param_decls();
+        let selected = select(&decls, &["base.*", "tank.mass", "tank.length"]).unwrap();
+        let from: Vec<f64> = decls.iter().map(|d| d.nominal).collect();
+        let request = Request::new(&decls, &selected, &from);
+        let tank = decls.iter().position(|d| d.name == "tank.mass").unwrap();
+        let mount = model.appendages().iter().find(|a| a.name == "tank").unwrap().mount.pos;
+        let heavier_by = |more: f64| {
+            let mut start = from.clone();
+            start[tank] += more;
+            keep_whole(&model, &request, &from, &mut start);
+            start
+        };
+        let start = heavier_by(31.0);
+        let whole = |x: &[f64]| {
+            let h = Vector3::new(x[1], x[2], x[3]) + mount * x[tank];
+            [x[0] + x[tank], h.x, h.y, h.z]
+        };
+        assert!((start[0] - (from[0] - 31.0)).abs() < 1e-9 && start[tank] == from[tank] + 31.0);
+        for (a, b) in whole(&start).iter().zip(whole(&from)) {
+            assert!((a - b).abs() < 1e-12 * b.abs(), "{a} {b}");
+        }
+        // A base of less than nothing is none.
+        let start = heavier_by(2.0 * from[0]);
+        assert_eq!(start[..10], from[..10]);
+    }
 }

@@ -475,7 +475,7 @@ fn followed(
         let centre = Some(request.centre.unwrap_or(request.start));
         let on = Request { start: &start, centre, coarse: false, finer: ASIDE, ..request.clone() };
         match attempt(&on, estimator) {
-            Ok(e) if e.is_solution() && e.objective < ending.estimate.objective => {
+            Ok(e) if e.is_solution() && e.objective < ending.estimate.objective - bends::LOWER => {
                 *ending = best_valley(request, gone_on(e, &ending.estimate, request), of, estimator);
                 left -= 1;
             }
