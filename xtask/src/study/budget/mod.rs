@@ -5,7 +5,8 @@
 //!
 //! * `worlds`: every uncertain item is drawn from its deviation (of the wing's flat segments only what can exist on both sides,
 //!   `errors.rs`), records carry noise, and are identified as by `ffid identify` without flags. How many of the 95 % intervals hold the
-//!   truth, over base, stiffnesses, dampers and fuel; joint squared errors; how many worlds are contradicted.
+//!   truth, over base, stiffnesses, dampers and fuel; joint squared errors; how many worlds are contradicted; stated deviations over the
+//!   marginalised Cramer-Rao ones.
 //! * `shares`: one kind of error alone is drawn, or the noise alone. The scatter of the estimates against the share of their variance that the
 //!   error budget gives that kind, over the estimates of which it is a tenth or more.
 
@@ -31,6 +32,8 @@ const WORLDS: u64 = 1000;
 const DRAWS: u64 = 60;
 /// Most worlds that may be contradicted (%).
 const CONTRADICTED: f64 = 5.0;
+/// Most that stated deviations may be of the marginalised Cramer-Rao ones.
+const OVER_BOUND: f64 = 1.2;
 /// Limits on the scatter over what the budget says, pooled over estimates.
 const SCATTER: (f64, f64) = (0.75, 1.3);
 /// Share from which an estimate counts for a kind.
@@ -49,6 +52,9 @@ struct Outcome {
     off: Vec<(usize, Number)>,
     /// Joint squared error, and how many estimates it is of.
     nees: Number,
+    /// Stated deviations, as `off`; none in files of earlier builds.
+    #[serde(default)]
+    std: Vec<Number>,
     named: String,
 }
 
@@ -87,6 +93,8 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
         let numbers = if some { listed } else { (0..count(WORLDS, 6)).collect() };
         let all = trials.run("worlds", numbers.iter().copied(), |t| setup.drawn(t))?;
         worlds(&all, &numbers, options, &mut study);
+        let bounds = trials.run("bounds", 0..RECORDS.len() as u64, |t| setup.bound(t))?;
+        over_bounds(&all, &numbers, &bounds, options, &mut study);
     }
     if options.wants("shares") && !some {
         let mut kinds: Vec<Option<UncertainKind>> = setup.unknowns.iter().map(|u| Some(u.kind)).collect();
@@ -132,6 +140,33 @@ fn worlds(all: &[Outcome], numbers: &[u64], options: &Options, study: &mut Study
     }
 }
 
+/// Stated deviations over the marginalised Cramer-Rao ones of the same motion: the largest of the medians that single parameters have over the
+/// worlds, and a quantile of all.
+fn over_bounds(all: &[Outcome], numbers: &[u64], bounds: &[Vec<Number>], options: &Options, study: &mut Study) {
+    let mut ratios: Vec<Vec<f64>> = vec![Vec::new(); bounds.first().map_or(0, Vec::len)];
+    for (&k, o) in numbers.iter().zip(all) {
+        let of = &bounds[k as usize % bounds.len()];
+        ratios.iter_mut().zip(o.std.iter().zip(of)).for_each(|(all, (std, bound))| all.push(std.0 / bound.0));
+    }
+    let quantile = |x: &[f64], part: f64| {
+        let mut x = x.to_vec();
+        x.sort_by(f64::total_cmp);
+        x.get(((x.len() - 1) as f64 * part).round() as usize).copied()
+    };
+    ratios.retain(|r| !r.is_empty());
+    let medians = ratios.iter().filter_map(|r| quantile(r, 0.5));
+    let Some(worst) = medians.reduce(f64::max) else { return };
+    study.judged(options.quick, "deviations.over_cramer_rao", "", worst, (Op::AtMost, OVER_BOUND));
+    if let Some(high) = quantile(&ratios.concat(), 0.95) {
+        study.figure("deviations.over_cramer_rao_95", "", high);
+    }
+}
+
+/// Stated deviations in the order of the parameters.
+fn stated(r: &IdentificationResult) -> Vec<Number> {
+    r.parameters.iter().map(|p| Number(p.std.unwrap_or(f64::NAN))).collect()
+}
+
 /// Variance of the estimates over what the budget says, pooled over those of which the kind is a tenth or more; none where there is none.
 fn scatter(all: &[Scattered]) -> Option<f64> {
     let first = all.first()?;
@@ -170,8 +205,13 @@ impl Setup {
             chi2_per_dof: Number(r.chi2_per_dof),
             off: off.collect(),
             nees: Number(self.nees(r).unwrap_or(f64::NAN)),
+            std: stated(r),
             named: evidence.named.first().map_or(evidence.reason, |n| n.name.clone()),
         }
+    }
+    /// Marginalised Cramer-Rao deviations of a motion: those of a fit to readings without noise, which ends at the truth.
+    fn bound(&self, t: Trial) -> anyhow::Result<Vec<Number>> {
+        Ok(stated(&self.world.fit(&self.world.start, self.record(t))?.result))
     }
     /// One kind of error, or the noise, about the truth.
     fn alone(&self, kind: Option<UncertainKind>, t: Trial) -> anyhow::Result<Scattered> {
@@ -224,6 +264,7 @@ impl Outcome {
             chi2_per_dof: nan,
             off: Vec::new(),
             nees: nan,
+            std: Vec::new(),
             named: why,
         }
     }
