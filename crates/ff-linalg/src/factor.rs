@@ -247,9 +247,21 @@ pub fn rank_of(s: &[f64], tolerance: f64) -> usize {
 /// [`LinalgError::NotFinite`], [`LinalgError::NoConvergence`].
 pub fn svd(a: &DMatrix<f64>) -> Result<Svd> {
     check_finite("matrix", a)?;
-    let d = view(a).thin_svd().map_err(|_| LinalgError::NoConvergence { what: "singular value decomposition" })?;
+    // One in thousands of matrices does not converge; another iteration takes it.
+    let Ok(d) = view(a).thin_svd() else { return implicit_qr_svd(a) };
     let s = d.S().column_vector();
     Ok(Svd { u: back(d.U()), s: DVector::from_fn(s.nrows(), |i, _| s[i]), v: back(d.V()) })
+}
+
+/// Iterations of [`implicit_qr_svd`], at most.
+const ITERATIONS: usize = 100_000;
+
+/// Thin SVD by Golub and Kahan's iteration (G. Golub, C. Van Loan, *Matrix Computations*, 4th ed., 8.6.3), where divide and conquer fails.
+fn implicit_qr_svd(a: &DMatrix<f64>) -> Result<Svd> {
+    let failed = LinalgError::NoConvergence { what: "singular value decomposition" };
+    let Some(d) = a.clone().try_svd(true, true, f64::EPSILON, ITERATIONS) else { return Err(failed) };
+    let (Some(u), Some(v_t)) = (d.u, d.v_t) else { return Err(failed) };
+    Ok(Svd { u, s: d.singular_values, v: v_t.transpose() })
 }
 
 /// Singular values, descending.
@@ -258,7 +270,10 @@ pub fn svd(a: &DMatrix<f64>) -> Result<Svd> {
 /// As [`svd`].
 pub fn singular_values(a: &DMatrix<f64>) -> Result<Vec<f64>> {
     check_finite("matrix", a)?;
-    view(a).singular_values().map_err(|_| LinalgError::NoConvergence { what: "singular value decomposition" })
+    match view(a).singular_values() {
+        Ok(s) => Ok(s),
+        Err(_) => Ok(implicit_qr_svd(a)?.s.iter().copied().collect()),
+    }
 }
 
 /// Eigenvalues (ascending) and orthonormal eigenvectors (columns) of a symmetric matrix; reads the lower half.
@@ -347,4 +362,22 @@ pub fn eliminate(a: &DMatrix<f64>, rank: usize) -> Result<Elimination> {
         dependent: left.clone(),
     })?;
     Ok(Elimination { kept, left, r, c })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_ways_to_the_singular_values_agree() {
+        for (m, n) in [(9, 4), (4, 9), (6, 6)] {
+            let a = DMatrix::from_fn(m, n, |i, k| (0.7 * (i * n + k) as f64 + 0.3).sin() + 0.2 * (i as f64 - k as f64));
+            let (one, other) = (svd(&a).unwrap(), implicit_qr_svd(&a).unwrap());
+            assert!((&one.s - &other.s).amax() < 1e-12 * one.s[0], "{} {}", one.s, other.s);
+            for d in [one, other] {
+                let again = &d.u * DMatrix::from_diagonal(&d.s) * d.v.transpose();
+                assert!((again - &a).amax() < 1e-12 * d.s[0]);
+            }
+        }
+    }
 }
