@@ -30,8 +30,6 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 /// Worlds, and draws of one kind of error.
 const WORLDS: u64 = 1000;
 const DRAWS: u64 = 60;
-/// Most worlds that may be contradicted (%).
-const CONTRADICTED: f64 = 5.0;
 /// Most that stated deviations may be of the marginalised Cramer-Rao ones.
 const OVER_BOUND: f64 = 1.2;
 /// Limits on the scatter over what the budget says, pooled over estimates.
@@ -119,10 +117,7 @@ pub fn run(options: &Options) -> anyhow::Result<Study> {
 fn worlds(all: &[Outcome], numbers: &[u64], options: &Options, study: &mut Study) {
     study.figure("worlds", "", all.len() as f64);
     study.figure("chi2_per_dof", "", all.iter().map(|o| o.chi2_per_dof.0).sum::<f64>() / all.len().max(1) as f64);
-    let contradicted = percent(all.iter().filter(|o| o.contradicted).count(), all.len());
-    study.judged(options.quick, "contradicted", "%", contradicted, (Op::AtMost, CONTRADICTED));
-    let other = all.iter().filter(|o| !o.contradicted && o.exit != Exit::Done.code()).count();
-    study.figure("other_exit", "%", percent(other, all.len()));
+    study.contradicted(options.quick, "", all.iter().map(|o| (o.contradicted, o.exit)));
     for (g, group) in GROUPS.iter().enumerate() {
         let of: Vec<f64> = all.iter().flat_map(|o| &o.off).filter(|x| x.0 == g).map(|x| x.1.0).collect();
         study.covered(options.quick, group, &of);

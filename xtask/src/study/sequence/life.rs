@@ -2,8 +2,7 @@
 //! 1e-5 rad/s in a root second within them, as the mission says. All ten are identified together; parameters, the fuel at every record and the
 //! biases over time are held against what was drawn.
 
-use crate::study::covered::percent;
-use crate::study::figures::{Op, Study};
+use crate::study::figures::Study;
 use crate::study::options::Options;
 use crate::study::trials::{Number, Trial, Trials};
 use crate::study::verdict::world::{Encoder, Readings, World};
@@ -35,8 +34,6 @@ const FUEL: &str = "tank.mass";
 const STEP: (f64, f64) = (-1.0, 1.5);
 /// Walk of the biases of the gyro (rad/s/sqrt(s)).
 const WALK: f64 = 1e-5;
-/// Most worlds that may be contradicted (%).
-const CONTRADICTED: f64 = 5.0;
 
 /// What is held against the truth.
 const GROUPS: [&str; 5] = ["base", "stiffness", "damping", "fuel", "bias"];
@@ -67,10 +64,7 @@ pub(super) fn run(world: &World, trials: &Trials, options: &Options, study: &mut
     let opened = mission(world)?;
     let all = trials.run("life", numbers.iter().copied(), |t| one(world, &opened, motion.motion(), t))?;
     study.figure("life.worlds", "", all.len() as f64);
-    let contradicted = percent(all.iter().filter(|o| o.contradicted).count(), all.len());
-    study.judged(options.quick, "life.contradicted", "%", contradicted, (Op::AtMost, CONTRADICTED));
-    let other = all.iter().filter(|o| !o.contradicted && o.exit != Exit::Done.code()).count();
-    study.figure("life.other_exit", "%", percent(other, all.len()));
+    study.contradicted(options.quick, "life.", all.iter().map(|o| (o.contradicted, o.exit)));
     for (g, group) in GROUPS.iter().enumerate() {
         let of: Vec<f64> = all.iter().flat_map(|o| &o.off).filter(|x| x.0 == g).map(|x| x.1.0).collect();
         study.covered(options.quick, &format!("life.{group}"), &of);

@@ -214,9 +214,9 @@ fn best_start(
     estimator: &mut ObservedEstimator<'_>,
 ) -> Option<Vec<f64>> {
     // What has strayed goes back first.
-    let back = if round.led { strayed(request, first) } else { Vec::new() };
-    let mut starts: Vec<Vec<f64>> = if back.is_empty() { Vec::new() } else { vec![first.values.clone()] };
-    starts.iter_mut().for_each(|s| back.iter().for_each(|&i| s[i] = request.start[i]));
+    let astray = if round.led { strayed(request, first) } else { Vec::new() };
+    let mut starts: Vec<Vec<f64>> = if astray.is_empty() { Vec::new() } else { vec![first.values.clone()] };
+    starts.iter_mut().for_each(|s| astray.iter().for_each(|&i| s[i] = request.start[i]));
     let far = first.chi2_per_dof > WIDE;
     let mut wide: Vec<Vec<f64>> = Vec::new();
     let (lost, back) = lost(request, first);
