@@ -123,8 +123,22 @@ pub fn gram(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
 pub fn tr_mul(a: &DMatrix<f64>, v: &[f64]) -> DVector<f64> {
     assert_eq!(v.len(), a.nrows(), "length of the vector");
     let rows = a.nrows().max(1);
-    let dot = |c: &[f64]| c.iter().zip(v).map(|(a, v)| a * v).sum::<f64>();
-    DVector::from_iterator(a.ncols(), a.as_slice().chunks_exact(rows).map(dot))
+    DVector::from_iterator(a.ncols(), a.as_slice().chunks_exact(rows).map(|c| dot(c, v)))
+}
+
+/// Sums side by side: one alone waits for every addition before the next, which takes five times as long as reading the numbers.
+const SUMS: usize = 16;
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<SUMS>(), b.as_chunks::<SUMS>());
+    let mut sums = [0.0; SUMS];
+    for (a, b) in a.iter().zip(b) {
+        for k in 0..SUMS {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + rest
 }
 
 /// Upper triangular `R` (min(m,n) x n) of `A = Q R`, without forming `Q`.

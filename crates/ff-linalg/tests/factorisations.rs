@@ -3,7 +3,7 @@
 
 use approx::assert_relative_eq;
 use ff_linalg::{
-    LinalgError, col_piv_qr, general_eigen, gram, least_squares, qr_r, singular_values, svd, symmetric_eigen,
+    LinalgError, col_piv_qr, general_eigen, gram, least_squares, qr_r, singular_values, svd, symmetric_eigen, tr_mul,
 };
 use nalgebra::{Complex, DMatrix, DVector};
 
@@ -101,5 +101,15 @@ fn the_transform_is_the_defining_sum() {
                 assert!((z.re - re).hypot(z.im - im) < 1e-11, "n = {n}, line {j}: {z} for {re} + {im} i");
             }
         }
+    }
+}
+
+#[test]
+fn products_with_the_transpose_are_those_of_nalgebra_whatever_the_length() {
+    for rows in [1, 7, 16, 17, 53] {
+        let a = DMatrix::from_fn(rows, 3, |i, j| (1.7 * i as f64 - 0.9 * j as f64 + 0.3).sin());
+        let v = DVector::from_fn(rows, |i, _| (0.4 * i as f64 + 1.1).cos());
+        let off = (tr_mul(&a, v.as_slice()) - a.tr_mul(&v)).amax();
+        assert!(off < 1e-14 * rows as f64, "{rows} rows: {off:e}");
     }
 }

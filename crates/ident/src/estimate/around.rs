@@ -2,8 +2,9 @@
 //!
 //! What is looked for around an estimate (other minima, valleys that bend) takes predictions by the hundred, and all of them differ from the
 //! one at the estimate `p` by what changes slowly against the samples. With residuals `r(x) = r(p) + d(x)` the cost is
-//! `|r(p)|^2 + 2 r(p)^T d(x) + |d(x)|^2`, and where `d` is known at every n-th sample and straight between them, `d = H d_n`, both terms are
-//! those of the thinned record: `2 (H^T r(p))^T d_n` and `|W d_n|^2` with `W^2 = diag(H^T 1)`, the rule of the trapezium. So
+//! `|r(p)|^2 + 2 r(p)^T d(x) + |d(x)|^2`, and where `d` is known at every n-th sample and a polynomial of degree five through six of them in
+//! between, `d = H d_n` (what changes in five samples or more is then off by less than 2 % of itself, docs/theory/output-operator.md), both
+//! terms are those of the thinned record: `2 (H^T r(p))^T d_n` and `|W d_n|^2` with `W^2 = diag(H^T 1)`, a quadrature. So
 //!
 //! ```text
 //! r_n(x) = W (t(x) - t(p)) + W^-1 H^T r(p) + c
@@ -100,7 +101,7 @@ impl<'a> Around<'a> {
         let rows = thin.rows();
         let (mut weights, mut sums) = (vec![0.0; rows], vec![0.0; rows]);
         for (b, r) in between.iter().zip(e.residuals) {
-            for (row, part) in b.rows.into_iter().zip([1.0 - b.part, b.part]) {
+            for (row, part) in b.rows.into_iter().zip(b.parts) {
                 weights[row] += part;
                 sums[row] += part * r;
             }

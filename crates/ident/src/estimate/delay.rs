@@ -5,12 +5,13 @@
 //! sampling rate, 3e-10 at a hundredth. Weights are polynomials of the delay, so that the derivative is exact.
 //! Derivation of the bound, and what it means for estimates: `docs/theory/output-operator.md`.
 
+use crate::estimate::estimator::STENCIL;
 use core::ops::Range;
 use nalgebra::DMatrix;
 use std::sync::Arc;
 
 /// Samples in a stencil.
-const N: usize = 6;
+const N: usize = STENCIL;
 
 /// Samples beyond the ends of the record for which there is extrapolation.
 const BEYOND: f64 = 1.0;
@@ -68,6 +69,11 @@ impl OutputOperator {
             dw[k] = if at == x { -slope / (scale * self.dt) } else { 0.0 };
         }
         (first, w, dw)
+    }
+    /// The first sample of the grid that reading `i` is made of, and the parts of it and those behind.
+    pub(crate) fn parts(&self, i: usize) -> (usize, [f64; N]) {
+        let (first, parts, _) = self.stencil(i);
+        (first, parts)
     }
     /// Values of the columns of `y` (grid x channels, of which row 0 is sample `from` of the grid) for the readings. Allocates.
     pub(crate) fn of(&self, y: &DMatrix<f64>, from: usize, readings: Range<usize>) -> DMatrix<f64> {

@@ -19,20 +19,29 @@ pub struct Coarse<'a> {
     pub between: Vec<Between>,
 }
 
-/// Where a row of the whole lies between two rows of fewer ([`Coarse`]): a quantity that changes slowly is `(1 - part)` of what it is in the
-/// first and `part` of what it is in the second.
+/// Rows that one of the whole is interpolated from.
+pub(crate) const STENCIL: usize = 6;
+
+/// Where a row of the whole lies between rows of fewer ([`Coarse`]): a quantity that changes slowly against these is the sum of so many
+/// parts of what it is in them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
-    /// The two rows.
-    pub rows: [usize; 2],
-    /// Part of the second, 0 to 1.
-    pub part: f64,
+    /// The rows.
+    pub rows: [usize; 6],
+    /// The part of each; their sum is one.
+    pub parts: [f64; 6],
 }
 
 impl Between {
+    /// This row alone.
+    pub fn only(row: usize) -> Self {
+        let mut parts = [0.0; STENCIL];
+        parts[0] = 1.0;
+        Self { rows: [row; STENCIL], parts }
+    }
     /// Every one of so many rows is one of the fewer. Allocates.
     pub fn same(rows: usize) -> Vec<Self> {
-        (0..rows).map(|i| Self { rows: [i, i], part: 0.0 }).collect()
+        (0..rows).map(Self::only).collect()
     }
 }
 

@@ -209,21 +209,24 @@ impl<'a> OutputRows<'a> {
         }
         rows
     }
-    /// Where every row lies between those of every `every`-th sample.
+    /// Where every row lies between those of every `every`-th sample; what lies behind the last of them is as that.
     pub(crate) fn between(&self, every: usize) -> Vec<Between> {
         let all = self.readings();
-        let mut out = vec![Between { rows: [0; 2], part: 0.0 }; self.count()];
+        let mut out = vec![Between::only(0); self.count()];
         let thinned: Readings = core::array::from_fn(|g| 0..all[g].len().div_ceil(every));
         for group in 0..2 {
             let (first, stride) = self.place(&all, group);
             let (thin, _) = self.place(&thinned, group);
+            let count = thinned[group].len();
+            let at = |i: usize| (i as f64 / every as f64).min(count as f64 - 1.0);
+            let times = all[group].clone().map(at).collect();
+            let operator = OutputOperator::new(count, 1.0, Some(times), 0.0).filter(|_| every > 1);
             for i in all[group].clone() {
-                let before = i / every;
-                let after = (before + 1).min(thinned[group].len() - 1);
-                let part = if after == before { 0.0 } else { (i % every) as f64 / every as f64 };
+                let (from, parts) =
+                    operator.as_ref().map_or((i / every, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), |o| o.parts(i));
                 for c in 0..self.channels()[group] {
-                    let rows = [before, after].map(|k| thin + k * stride + c);
-                    out[first + i * stride + c] = Between { rows, part };
+                    let row = |k: usize| thin + (from + k).min(count - 1) * stride + c;
+                    out[first + i * stride + c] = Between { rows: core::array::from_fn(row), parts };
                 }
             }
         }

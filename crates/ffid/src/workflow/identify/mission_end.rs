@@ -11,10 +11,12 @@ use super::mixture;
 use super::observed_estimator::ObservedEstimator;
 use super::valleys::{ASIDE, BESIDE, Ending, answers};
 use ff_least_squares::Settings as Solver;
-use ident::Request;
+use ff_model::ParamGroup;
 use ident::belief::PriorRow;
 use ident::estimate::{Estimate, attempt};
 use ident::parameters::{is_damping, is_stiffness};
+use ident::{Request, Transform};
+use nalgebra::{DMatrix, DVector};
 
 /// Part of itself by which a spring or damper is hardly known.
 const HARDLY: f64 = 0.5;
@@ -22,6 +24,8 @@ const HARDLY: f64 = 0.5;
 const AWAY: f64 = 10.0;
 /// Part of the mission's value to which what is hardly told is held.
 const HELD: f64 = 0.5;
+/// Part of a positive coordinate that the way to the mission leaves of it at least.
+const LEAST_PART: f64 = 0.1;
 /// Linearisations, and promised reduction of chi-squared at their end, which is compared with [`BESIDE`].
 const MOST: usize = 25;
 const SETTLED: f64 = 0.1;
@@ -80,16 +84,17 @@ fn near_mission(
     hardly: &[usize],
     estimator: &mut ObservedEstimator<'_>,
 ) -> Option<(Estimate, f64)> {
-    let (mut start, mut priors) = (e.values.clone(), request.priors.clone());
-    let mut rows = Vec::new();
-    for &column in hardly {
-        let i = request.selected[column];
-        let mean = request.start[i];
-        start[i] = mean;
-        let row = PriorRow { column, mean, sigma: HELD * mean };
-        priors = priors.with(row);
-        rows.push(row);
-    }
+    let row = |&column: &usize| {
+        let mean = request.start[request.selected[column]];
+        PriorRow { column, mean, sigma: HELD * mean }
+    };
+    let rows: Vec<PriorRow> = hardly.iter().map(row).collect();
+    let priors = rows.iter().fold(request.priors.clone(), |priors, row| priors.with(*row));
+    let start = held_to(request, e, &rows).unwrap_or_else(|| {
+        let mut start = e.values.clone();
+        rows.iter().for_each(|r| start[request.selected[r.column]] = r.mean);
+        start
+    });
     let settings = Solver {
         max_iterations: MOST,
         gain_tolerance: request.settings.gain_tolerance.max(SETTLED),
@@ -102,6 +107,41 @@ fn near_mission(
     let pull = |r: &PriorRow| ((found.parameters[r.column].value - r.mean) / r.sigma).powi(2);
     let cost = found.objective - rows.iter().map(pull).sum::<f64>();
     Some((found, cost))
+}
+
+/// Where the end of the fit would be, as far as it is straight, if these rows held as well: `x + C H^T (H C H^T + S)^-1 (m - H x)`, in the
+/// compliances of springs, which are what records are straight in. What the data tell stays, so that the way from there is a short one. `None` where
+/// that cannot be.
+fn held_to(request: &Request<'_>, e: &Estimate, rows: &[PriorRow]) -> Option<Vec<f64>> {
+    let spring = |k: usize| is_stiffness(&request.decls[request.selected[k]]);
+    let value = |k: usize| e.parameters[k].value;
+    // Slope of the coordinate of an unknown, and that of what a row says.
+    let slope = |k: usize| if spring(k) { -value(k).powi(-2) } else { 1.0 };
+    let coordinate = |k: usize, x: f64| if spring(k) { x.recip() } else { x };
+    let c = |i: usize, k: usize| slope(i) * e.uncertainty.covariance[(i, k)] * slope(k);
+    let n = rows.len();
+    let spread = |r: &PriorRow| if spring(r.column) { r.sigma / (r.mean * r.mean) } else { r.sigma };
+    let own = DMatrix::from_fn(n, n, |a, b| {
+        c(rows[a].column, rows[b].column) + if a == b { spread(&rows[a]).powi(2) } else { 0.0 }
+    });
+    let off = DVector::from_fn(n, |a, _| {
+        coordinate(rows[a].column, rows[a].mean) - coordinate(rows[a].column, value(rows[a].column))
+    });
+    // Variances of compliances and of dampers are of sizes that no factorisation takes together.
+    let size = own.diagonal().map(|v| v.sqrt());
+    let own = DMatrix::from_fn(n, n, |a, b| own[(a, b)] / (size[a] * size[b]));
+    let by = own.cholesky()?.solve(&off.component_div(&size)).component_div(&size);
+    let mut out = e.values.clone();
+    for (k, &i) in request.selected.iter().enumerate() {
+        let moved: f64 = rows.iter().enumerate().map(|(a, r)| c(k, r.column) * by[a]).sum();
+        let to = coordinate(k, value(k)) + moved;
+        let positive = request.decls[i].group == ParamGroup::Positive;
+        let least = if positive { LEAST_PART * coordinate(k, value(k)) } else { f64::NEG_INFINITY };
+        out[i] = if spring(k) { to.max(least).recip() } else { to.max(least) };
+    }
+    let physical =
+        Transform::affine(request.decls, request.selected, &out).is_ok_and(|t| t.inconsistent(&out).is_none());
+    (physical && out.iter().all(|x| x.is_finite())).then_some(out)
 }
 
 #[cfg(test)]
@@ -144,6 +184,31 @@ mod tests {
         }
     }
 
+    /// What is settled between data and mission.
+    const SETTINGS: fn() -> Solver = || Solver { gain_tolerance: 1e-4, max_iterations: 200, ..Solver::default() };
+
+    /// The way to the mission begins where the data still are explained, and what they leave open is where the mission has it.
+    #[test]
+    fn what_the_data_tell_stays_on_the_way_to_the_mission() {
+        let decls = ["wing.k[0]", "wing.k[1]"].map(|name| ParamDecl::positive(name, "N m/rad", 0.0));
+        // The sum of compliances is told to 1e-5, that of the outer one, 2.3e-3, to twice itself.
+        let (start, sum) = ([200.0, 230.0], 1.0 / 310.0 + OUTER / 190.0);
+        let mut hinges = Hinges { sigma: 4e-3, read: [sum, 1.0 / 430.0] };
+        let request = Request { settings: SETTINGS(), ..Request::new(&decls, &[0, 1], &start) };
+        let e = attempt(&request, &mut hinges).unwrap();
+        assert!((e.values[1] / 430.0 - 1.0).abs() < 0.05, "{:?}", e.values);
+        let row = |column: usize| PriorRow { column, mean: start[column], sigma: HELD * start[column] };
+        let there = held_to(&request, &e, &[row(0), row(1)]).unwrap();
+        let off = 1.0 / there[0] + OUTER / there[1] - sum;
+        assert!(off.abs() < 3.0 * SUM, "{there:?}: {off:e}");
+        // The outer one is most of the way from 430 to 230, and the inner one makes up for it.
+        assert!((230.0..350.0).contains(&there[1]) && there[0] > e.values[0], "{there:?} of {:?}", e.values);
+        // Held to the mission as they stand, they explain nothing.
+        let mut r = [0.0; 2];
+        hinges.residuals(&start, &[], &mut r).unwrap();
+        assert!(r[0].abs() > 30.0, "{r:?}");
+    }
+
     /// Deviations of the inner hinge before and after, and how far it is off: the outer one read by 1.2 deviations less than it is.
     fn inner(sigma: f64) -> (f64, f64, f64) {
         let truth = [310.0, 190.0];
@@ -151,8 +216,7 @@ mod tests {
         let start = [260.0, 230.0];
         let read = [1.0 / truth[0] + OUTER / truth[1], 1.0 / truth[1] - 1.2 * sigma];
         let mut hinges = Hinges { sigma, read };
-        let settings = Solver { gain_tolerance: 1e-4, max_iterations: 200, ..Solver::default() };
-        let request = Request { settings, ..Request::new(&decls, &[0, 1], &start) };
+        let request = Request { settings: SETTINGS(), ..Request::new(&decls, &[0, 1], &start) };
         let estimate = attempt(&request, &mut hinges).unwrap();
         assert!(estimate.is_solution(), "{:?}", estimate.status);
         let (before, off) = (estimate.parameters[0].std.unwrap(), estimate.values[0] - truth[0]);
