@@ -482,7 +482,6 @@ fn joints_that_bend_are_found() {
 }
 
 #[test]
-#[ignore = "full tier: 4 s"]
 fn of_a_stiff_arm_nothing_bends() {
     let m = arm();
     let truth = Params::<f64>::nominal(&m).values().to_vec();

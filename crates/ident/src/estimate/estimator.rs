@@ -27,9 +27,9 @@ pub(crate) const STENCIL: usize = 6;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
     /// The rows.
-    pub rows: [usize; 6],
+    pub rows: [usize; STENCIL],
     /// The part of each; their sum is one.
-    pub parts: [f64; 6],
+    pub parts: [f64; STENCIL],
 }
 
 impl Between {

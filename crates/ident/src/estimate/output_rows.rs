@@ -211,6 +211,9 @@ impl<'a> OutputRows<'a> {
     }
     /// Where every row lies between those of every `every`-th sample; what lies behind the last of them is as that.
     pub(crate) fn between(&self, every: usize) -> Vec<Between> {
+        if every == 1 {
+            return Between::same(self.count());
+        }
         let all = self.readings();
         let mut out = vec![Between::only(0); self.count()];
         let thinned: Readings = core::array::from_fn(|g| 0..all[g].len().div_ceil(every));
@@ -220,13 +223,18 @@ impl<'a> OutputRows<'a> {
             let count = thinned[group].len();
             let at = |i: usize| (i as f64 / every as f64).min(count as f64 - 1.0);
             let times = all[group].clone().map(at).collect();
-            let operator = OutputOperator::new(count, 1.0, Some(times), 0.0).filter(|_| every > 1);
+            let operator = OutputOperator::new(count, 1.0, Some(times), 0.0);
             for i in all[group].clone() {
-                let (from, parts) =
-                    operator.as_ref().map_or((i / every, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), |o| o.parts(i));
                 for c in 0..self.channels()[group] {
-                    let row = |k: usize| thin + (from + k).min(count - 1) * stride + c;
-                    out[first + i * stride + c] = Between { rows: core::array::from_fn(row), parts };
+                    let row = |k: usize| thin + k * stride + c;
+                    out[first + i * stride + c] = match &operator {
+                        Some(o) => {
+                            let (from, parts) = o.parts(i);
+                            Between { rows: core::array::from_fn(|k| row(from + k)), parts }
+                        }
+                        // Too few to interpolate between.
+                        None => Between::only(row(i / every)),
+                    };
                 }
             }
         }

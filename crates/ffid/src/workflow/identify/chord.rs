@@ -179,6 +179,6 @@ impl Here {
 }
 
 /// Whether bodies with these parameters can exist.
-fn is_physical(request: &Request<'_>, at: &[f64]) -> bool {
+pub(super) fn is_physical(request: &Request<'_>, at: &[f64]) -> bool {
     Transform::affine(request.decls, request.selected, at).is_ok_and(|t| t.inconsistent(at).is_none())
 }

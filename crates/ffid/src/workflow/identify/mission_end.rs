@@ -6,16 +6,17 @@
 //! an appendage held to the mission by half of itself. Where the data allow that (chi-squared without this hold is higher by no more than [`BESIDE`]), it
 //! is another end of the fit, and deviations cover both, each by its weight ([`super::mixture`]). The estimate stays the lowest.
 
+use super::chord::is_physical;
 use super::elsewhere::{has_vanished, owner};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
 use super::valleys::{ASIDE, BESIDE, Ending, answers};
 use ff_least_squares::Settings as Solver;
 use ff_model::ParamGroup;
+use ident::Request;
 use ident::belief::PriorRow;
 use ident::estimate::{Estimate, attempt};
 use ident::parameters::{is_damping, is_stiffness};
-use ident::{Request, Transform};
 use nalgebra::{DMatrix, DVector};
 
 /// Part of itself by which a spring or damper is hardly known.
@@ -139,9 +140,7 @@ fn held_to(request: &Request<'_>, e: &Estimate, rows: &[PriorRow]) -> Option<Vec
         let least = if positive { LEAST_PART * coordinate(k, value(k)) } else { f64::NEG_INFINITY };
         out[i] = if spring(k) { to.max(least).recip() } else { to.max(least) };
     }
-    let physical =
-        Transform::affine(request.decls, request.selected, &out).is_ok_and(|t| t.inconsistent(&out).is_none());
-    (physical && out.iter().all(|x| x.is_finite())).then_some(out)
+    (is_physical(request, &out) && out.iter().all(|x| x.is_finite())).then_some(out)
 }
 
 #[cfg(test)]
@@ -184,8 +183,10 @@ mod tests {
         }
     }
 
-    /// What is settled between data and mission.
-    const SETTINGS: fn() -> Solver = || Solver { gain_tolerance: 1e-4, max_iterations: 200, ..Solver::default() };
+    /// Until next to nothing is left to gain.
+    fn settings() -> Solver {
+        Solver { gain_tolerance: 1e-4, max_iterations: 200, ..Solver::default() }
+    }
 
     /// The way to the mission begins where the data still are explained, and what they leave open is where the mission has it.
     #[test]
@@ -194,7 +195,7 @@ mod tests {
         // The sum of compliances is told to 1e-5, that of the outer one, 2.3e-3, to twice itself.
         let (start, sum) = ([200.0, 230.0], 1.0 / 310.0 + OUTER / 190.0);
         let mut hinges = Hinges { sigma: 4e-3, read: [sum, 1.0 / 430.0] };
-        let request = Request { settings: SETTINGS(), ..Request::new(&decls, &[0, 1], &start) };
+        let request = Request { settings: settings(), ..Request::new(&decls, &[0, 1], &start) };
         let e = attempt(&request, &mut hinges).unwrap();
         assert!((e.values[1] / 430.0 - 1.0).abs() < 0.05, "{:?}", e.values);
         let row = |column: usize| PriorRow { column, mean: start[column], sigma: HELD * start[column] };
@@ -216,7 +217,7 @@ mod tests {
         let start = [260.0, 230.0];
         let read = [1.0 / truth[0] + OUTER / truth[1], 1.0 / truth[1] - 1.2 * sigma];
         let mut hinges = Hinges { sigma, read };
-        let request = Request { settings: SETTINGS(), ..Request::new(&decls, &[0, 1], &start) };
+        let request = Request { settings: settings(), ..Request::new(&decls, &[0, 1], &start) };
         let estimate = attempt(&request, &mut hinges).unwrap();
         assert!(estimate.is_solution(), "{:?}", estimate.status);
         let (before, off) = (estimate.parameters[0].std.unwrap(), estimate.values[0] - truth[0]);
