@@ -53,6 +53,7 @@ fn an_interrupted_study_goes_on() {
 
 /// A stiffness of the fuel ended four times too high, with its mode at a line of the residuals: it is given back to the mission.
 #[test]
+#[ignore = "full tier: 4 s"]
 fn a_spring_that_went_astray_comes_back() {
     let (json, text) = study(&["thinned", "--quick", "--only", "244"]);
     let figures = &json["figures"];

@@ -163,11 +163,11 @@ fn modes_that_drown_in_the_noise_have_several_minima_and_deviations_that_cover_t
     assert!((lowest[0] - lowest[1]).abs() < 0.1, "{lowest:?}");
 }
 
-/// A gyro turned by some degrees on a light base presses the base against the edge of what can exist, and the fit does not end. What would
-/// let it end is named with its size, and `--adopt` ends there; what was held out is judged by prediction alone.
+/// A gyro turned by some degrees on a light base presses the base against the edge of what can exist. The error is named with its size, and
+/// `--adopt` ends at the truth.
 #[test]
-#[ignore = "full tier: 4 s"]
-fn an_error_that_keeps_a_fit_from_ending_is_named() {
+#[ignore = "full tier: 12 s"]
+fn an_error_that_presses_a_base_to_the_edge_is_named() {
     let c = Case::new("flex.toml", "parameters = [\"base.*\"]", "");
     let base = "base_inertial = { mass_kg = 9.0, com_m = [0.06, 0.02, 0.05], inertia_com_kgm2 = [0.21, 0.01, -0.02, 0.19, 0.01, 0.23] }";
     let light = format!(
@@ -193,8 +193,7 @@ fn an_error_that_keeps_a_fit_from_ending_is_named() {
     }
     let args = ["identify", "m.toml", "--record", "rec.csv", "--held-out", "other.csv", "--out", "res", "--force"];
     let (code, out, err) = c.run(&args);
-    assert_eq!(code, 14, "{out}\n{err}");
-    assert!(err.contains("estimate it: --adopt "), "{err}");
+    assert_eq!(code, 16, "{out}\n{err}");
     let r = c.result("res");
     let e = r.evidence.as_ref().unwrap();
     // The axis of the first joint turned the other way does the same to the record, and may come first.
@@ -203,7 +202,7 @@ fn an_error_that_keeps_a_fit_from_ending_is_named() {
     let size = gyro.size.iter().map(|c| c.value.powi(2)).sum::<f64>().sqrt().to_degrees();
     assert!((size - 6.0).abs() < 0.1, "{size}");
     let h = r.held_out.as_ref().unwrap();
-    assert!(!h.explained && h.evidence.is_none(), "{h}");
+    assert!(!h.explained, "{h}");
     c.good(&[&args[..], &["--adopt", "gyro-misalignment"]].concat());
     let r = near_the_truth(&c, "res", 4.5);
     assert!(r.held_out.unwrap().evidence.is_some_and(|e| e.state == State::Explained));
@@ -262,8 +261,8 @@ fn d27_what_the_record_cannot_tell_is_named_and_priors_cover_it() {
         .replace("\"base.*\", \"panel_*.k[*]\", \"panel_*.d[*]\"", "\"base.*\", \"panel_*\"");
     c.write("free.toml", &mission);
     let args = ["identify", "free.toml", "--record", "rec.csv", "--force"];
-    // The message lists three of the combinations; which of two like panels is among them is left to rounding.
-    c.refused(&args, 13, "Fit::Unidentifiable", &["base.mass", "panel_"]);
+    // The message lists the largest terms of three combinations; which of two like panels is among them is left to rounding.
+    c.refused(&args, 13, "Fit::Unidentifiable", &["panel_"]);
     let r = c.result("free-identified");
     assert!(!r.null_directions.is_empty() && !r.priors_cover && r.rank < r.singular_values.len());
     for part in ["base.mass", "panel_left.", "panel_right."] {
@@ -393,7 +392,7 @@ fn a_model_that_lacks_something_is_told_apart() {
     let html = c.read("res/report.html");
     let answer = html.split("Answer</h2>").nth(1).unwrap().split("Trust</h2>").next().unwrap();
     assert!(answer.contains("None that can be used") && !answer.contains('\u{b1}'), "{answer}");
-    c.write("far.toml", &c.read("m.toml").replace("\"tank.k[0]\" = 24.5", "\"tank.k[0]\" = 75.0"));
+    c.write("far.toml", &c.read("m.toml").replace("\"tank.k[0]\" = 24.5", "\"tank.k[0]\" = 300.0"));
     // Few iterations are no solution: 14, with what there is in the folder and no robot made of it.
     c.refused(
         &["identify", "far.toml", "--record", "rec.csv", "--max-iterations", "1", "--out", "few", "--force"],

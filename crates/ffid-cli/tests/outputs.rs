@@ -39,13 +39,13 @@ fn r04_killed_at_200_random_moments() {
         }
         absent += u32::from(!c.path("res").exists());
         let names = fs::read_dir(c.path("")).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
-        partial = partial.max(names.filter(|n| n.contains("partial")).count());
+        partial = partial.max(names.filter(|n| n.contains("partial") || n.contains("old-")).count());
     }
     println!(
         "{killed} of 200 runs killed, {absent} left no folder, at most {partial} partial folders; a run takes {whole:?}"
     );
     assert!((60..200).contains(&killed), "{killed}");
-    // Each run removes what the one before left.
+    // Each run removes what the one before left: a folder that was not finished, or one that was not quite removed.
     assert!(partial <= 1, "{partial}");
     // What is left does not stand in the way.
     assert!(start(&c, "res").wait().unwrap().success());

@@ -9,7 +9,7 @@ use ff_testkit::assert_within;
 use ff_testkit::motion::Sines;
 use ff_testkit::random::{rng, symmetric, uniform};
 use ff_testkit::tree::branched_arm;
-use ident::estimate::{JointTerm, NearRest};
+use ident::estimate::{Calibrated, JointTerm, NearRest};
 use ident::parameters::offset_start;
 use ident::solve::{LinearError, Weights};
 use ident::*;
@@ -328,6 +328,20 @@ fn a_payload_comes_from_two_logs_with_currents_of_unknown_gains() {
     let ground = Ground::new(&m, Friction::ALL).unwrap().absent(vec![tool.clone(), vec![]]);
     let (terms, _) = ground.choose_terms(&[&a, &b], &tool, &start).unwrap();
     let e = ground.terms(terms).estimate(&[&a, &b], &tool, &start).unwrap();
+    // Currents of another log are foretold as they are predicted, and better than that with the deviations allowed for.
+    let other = geared_log(&m, &truth, Some(&gains), &Sines::new(27, 7, 9.0, 1.1), 0.1, 8);
+    let ground = Ground::new(&m, Friction::ALL).unwrap();
+    let sigma: Vec<f64> = e.fit.kinds.iter().map(|k| k.sigma).collect();
+    let names: Vec<String> = e.fit.uncertainty.unknowns.iter().map(|u| u.name.clone()).collect();
+    let exact = DMatrix::zeros(names.len(), names.len());
+    let (values, joints) = (&e.fit.values, &e.joints);
+    let by = Calibrated { values, joints, sigma: &sigma, names: &names, covariance: &exact };
+    let exactly = ground.foretold(&other, &by).unwrap();
+    let (_, left) = ground.predict(&other, values, joints).unwrap();
+    let squares: f64 = left.column_iter().zip(&sigma).map(|(r, s)| r.norm_squared() / (s * s)).sum();
+    assert_within!((exactly.chi2 / squares - 1.0).abs(), 1e-6, "{exactly:?} {squares}");
+    let allowed = ground.foretold(&other, &Calibrated { covariance: &e.fit.uncertainty.covariance, ..by }).unwrap();
+    assert!(allowed.rows == exactly.rows && allowed.chi2 < exactly.chi2, "{allowed:?} {exactly:?}");
     for (k, p) in e.fit.parameters.iter().zip(&tool) {
         println!("{} {:.5} +- {:.5?} of {:.5}", k.name, k.value, k.std, truth[*p]);
     }
@@ -439,7 +453,7 @@ fn what_is_told_does_not_lean() {
 
 /// A log of the arm with noise and friction, of encoders before joints that bend by these compliances (rad/(N m)).
 fn bending(m: &Model, truth: &[f64], seed: u64, c: &[f64]) -> Record {
-    let rigid = bench(m, truth, &vec![[0.0; 3]; m.nj()], &Sines::new(seed, 7, 24.0, 1.4), 0.0, true, 1);
+    let rigid = bench(m, truth, &vec![[0.0; 3]; m.nj()], &Sines::new(seed, m.nj(), 24.0, 1.4), 0.0, true, 1);
     let own = friction(m.nj(), 5);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let (mut q, mut tau) = (rigid.q().clone(), rigid.tau().clone());
@@ -455,30 +469,78 @@ fn bending(m: &Model, truth: &[f64], seed: u64, c: &[f64]) -> Record {
     ident::estimate::smoothed(&b.build().unwrap().0, 8.0).unwrap()
 }
 
-/// Encoders before joints that bend: two of seven, in a log with noise and friction; the links are found as they are.
+/// A short log tells a few parameters badly, and misses other motions by more than its own: that is no fault of the model. Another robot is.
 #[test]
-fn joints_that_bend_are_found() {
-    let m = arm();
+fn what_a_short_log_foretells_is_judged_with_its_deviations() {
+    let m = branched_arm(11, 3, BaseKind::Fixed).with_gravity(Vector3::from(G));
     let truth = Params::<f64>::nominal(&m).values().to_vec();
     let selected: Vec<usize> = (10..truth.len()).collect();
-    let c = [0.0, 1.7e-5, 0.0, 5.5e-5, 0.0, 0.0, 0.0];
-    let ground = Ground::new(&m, Friction::ALL).unwrap().low_pass(8.0);
-    let r = bending(&m, &truth, 83, &c);
+    let friction = friction(3, 9);
+    let ground = Ground::new(&m, Friction::ALL).unwrap().low_pass(3.0);
+    let mut heavier = truth.clone();
+    heavier[30..40].iter_mut().for_each(|x| *x *= 1.1);
+    let worlds = 24;
+    let mut mean = [0.0; 3];
+    for seed in 0..worlds {
+        let log = |values: &[f64], more: u64| {
+            let motion = Sines::new(300 + 10 * seed + more, 3, 7.0, 1.2);
+            bench(&m, values, &friction, &motion, 0.3, true, 100 * seed + more)
+        };
+        let found = ground.estimate(&[&log(&truth, 0)], &selected, &truth).unwrap();
+        let u = &found.fit.uncertainty;
+        let names: Vec<String> = u.unknowns.iter().map(|u| u.name.clone()).collect();
+        let sigma: Vec<f64> = found.fit.kinds.iter().map(|k| k.sigma).collect();
+        let (values, joints) = (&found.fit.values, &found.joints);
+        let by = Calibrated { values, joints, sigma: &sigma, names: &names, covariance: &u.covariance };
+        let exact = DMatrix::zeros(names.len(), names.len());
+        let surer = Calibrated { covariance: &exact, ..by };
+        let of = |values: &[f64], by: &Calibrated<'_>| {
+            let f = ground.foretold(&log(values, 1), by).unwrap();
+            f.chi2 / f.rows as f64 / worlds as f64
+        };
+        for (to, x) in mean.iter_mut().zip([of(&truth, &by), of(&truth, &surer), of(&heavier, &by)]) {
+            *to += x;
+        }
+    }
+    println!("chi-squared by row: {:.3}, as if exact {:.3}, another robot {:.3}", mean[0], mean[1], mean[2]);
+    assert!((mean[0] - 1.0).abs() < 0.15, "{mean:?}");
+    assert!(mean[1] > 1.4 && mean[2] > 2.0, "{mean:?}");
+}
+
+/// Encoders before joints that bend by these compliances, in a log with noise and friction: the links are found as they are.
+fn finds(m: &Model, c: &[f64], seed: u64) {
+    let truth = Params::<f64>::nominal(m).values().to_vec();
+    let selected: Vec<usize> = (10..truth.len()).collect();
+    let ground = Ground::new(m, Friction::ALL).unwrap().low_pass(8.0);
+    let r = bending(m, &truth, seed, c);
     let found = ground.estimate(&[&r], &selected, &truth).unwrap();
     let elastic = ground.elastic(&[&r], (&selected, &truth), &found).unwrap();
     println!("{elastic:?}");
-    assert_eq!(elastic.iter().map(|e| e.joint).collect::<Vec<_>>(), [1, 3]);
+    let bent: Vec<usize> = (0..m.nj()).filter(|&j| c[j] > 0.0).collect();
+    assert_eq!(elastic.iter().map(|e| e.joint).collect::<Vec<_>>(), bent);
     for e in &elastic {
         let off = e.compliance - c[e.joint];
         assert!(off.abs() < (4.0 * e.std).max(0.05 * c[e.joint]), "{e:?}");
     }
-    let mut bends = [0.0; 7];
+    let mut bends = vec![0.0; m.nj()];
     elastic.iter().for_each(|e| bends[e.joint] = e.compliance);
     let linked = ground.link_side(&r, &found.fit.values, &bends).unwrap();
     let with = ground.estimate(&[&linked], &selected, &truth).unwrap();
     let rms = |f: &GroundEstimate| f.fit.kinds.iter().map(|k| k.rms * k.rms).sum::<f64>().sqrt();
     println!("left {:.4} without, {:.4} with", rms(&found), rms(&with));
     assert!(rms(&with) < 0.8 * rms(&found));
+}
+
+#[test]
+fn a_joint_that_bends_is_found() {
+    finds(&branched_arm(11, 3, BaseKind::Fixed).with_gravity(Vector3::from(G)), &[0.0, 4.1e-4, 0.0], 85);
+}
+
+/// Two of the seven joints of the peers' arm.
+#[test]
+#[ignore = "full tier: 4 s"]
+fn joints_that_bend_are_found() {
+    finds(&arm(), &[0.0, 1.7e-5, 0.0, 5.5e-5, 0.0, 0.0, 0.0], 83);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use ff_model::Params;
 use ff_records::{ChannelGroup, Mask, Record, RecordBuilder};
 use ff_testkit::motion::Sines;
 use ident::compose::{Affine, Masked, Shared, TieMap};
-use ident::estimate::{Estimate, Jacobian, RowBlock};
+use ident::estimate::{Estimate, Jacobian, RowBlock, attempt};
 use ident::parameters::{offset_start, select};
 use ident::*;
 use nalgebra::DMatrix;
@@ -230,7 +230,7 @@ fn memory_of_a_linearisation_does_not_grow_with_the_record() {
         let request =
             Request { jacobian, settings, coarse: false, near_end: false, ..Request::new(&decls, &selected, &start) };
         let mut oe = OutputError::new(&l.model, record, &Options { substeps: 1, ..Options::new(NOISE) }).unwrap();
-        measure(|| drop(estimate(&request, &mut oe).unwrap())).bytes_max
+        measure(|| drop(attempt(&request, &mut oe).unwrap())).bytes_max
     };
     let small = long.window(0.0, 660.0).unwrap();
     let rows = 10.0 * small.samples() as f64;

@@ -64,7 +64,8 @@ mod tests {
             }
         };
         for shape in ["sphere", "cylinder", "capsule", "ellipsoid", "box"] {
-            let (n, reach) = (120, 0.9);
+            // Faces lie between cells.
+            let (n, reach) = (72, 0.9);
             let at = |k: usize| reach * (2.0 * (k as f64 + 0.5) / n as f64 - 1.0);
             let (mut count, mut second) = (0.0, Matrix3::<f64>::zeros());
             for (x, y, z) in (0..n * n * n).map(|k| (at(k % n), at(k / n % n), at(k / n / n))) {

@@ -234,7 +234,7 @@ fn channels(caption: &str, all: &[Channel]) -> Table {
 fn held(h: &HeldOut) -> Vec<Block> {
     vec![
         Block::text(format!(
-            "{}: {} samples, {:.3} s. Parameters as estimated; biases and initial state, which belong to the record, are \
+            "{}: {} samples, {:.3} s. Parameters as estimated; in orbit biases and initial state, which belong to the record, are \
              fitted. Chi-squared per degree of freedom {:.4}, limit {}.",
             h.source, h.samples, h.seconds, h.chi2_per_dof, h.limit
         )),

@@ -19,6 +19,8 @@ pub const MANIFEST: &str = "manifest.toml";
 
 /// What stands between the name of a folder and the process that builds it.
 const PARTIAL: &str = ".partial-";
+/// The same for a folder that is being removed.
+const OLD: &str = ".old-";
 
 fn hexadecimal(hash: &[u8]) -> String {
     hash.iter().fold(String::new(), |s, b| format!("{s}{b:02x}"))
@@ -115,11 +117,6 @@ impl Folder {
     pub fn begin(target: &Path, replace: bool) -> Result<Self, Failure> {
         // "results/" and "results" are the same folder, but not the same name with something behind it.
         let target: &Path = &target.components().collect::<PathBuf>();
-        let beside = |suffix: &str| {
-            let mut name = target.as_os_str().to_owned();
-            name.push(suffix);
-            PathBuf::from(name)
-        };
         if target.file_name().is_none() {
             let e = std::io::Error::new(std::io::ErrorKind::InvalidInput, "is no name of a new folder");
             return Err(Failure::io("create", target, e));
@@ -129,10 +126,11 @@ impl Folder {
         }
         let parent = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         fs::create_dir_all(parent).map_err(|e| Failure::io("create", parent, e))?;
-        let lock = beside(".lock");
+        let lock = beside(target, ".lock");
         let held = Self::lock(&lock)?;
-        let left_behind = remove_dead(parent, &beside(PARTIAL));
-        let partial = beside(&format!("{PARTIAL}{}", std::process::id()));
+        let left_behind = remove_dead(parent, &beside(target, PARTIAL));
+        remove_dead(parent, &beside(target, OLD));
+        let partial = beside(target, &format!("{PARTIAL}{}", std::process::id()));
         let folder = Self { target: target.to_owned(), partial, lock, _held: held, replace, left_behind };
         fs::create_dir(&folder.partial).map_err(|e| Failure::io("create", target, e))?;
         Ok(folder)
@@ -200,17 +198,24 @@ impl Folder {
         let text = toml::to_string(&Manifest { about, file })
             .map_err(|e| Failure::io("format", &self.target, std::io::Error::other(e)))?;
         self.write(MANIFEST, text.as_bytes())?;
+        let mut oldest = None;
         if self.replace && fs::symlink_metadata(&self.target).is_ok() {
-            let mut name = self.target.as_os_str().to_owned();
-            name.push(".bak");
-            let old = PathBuf::from(name);
-            let gone = if old.is_dir() { fs::remove_dir_all(&old) } else { fs::remove_file(&old) };
-            if let Err(e) = gone.or_else(|e| if e.kind() == std::io::ErrorKind::NotFound { Ok(()) } else { Err(e) }) {
-                return Err(Failure::io("remove", &old, e));
+            let kept = beside(&self.target, ".bak");
+            // Whole or gone: a folder is not removed at once, and whoever is killed meanwhile leaves the rest of it under a name of its own.
+            let away = beside(&self.target, &format!("{OLD}{}", std::process::id()));
+            match fs::rename(&kept, &away) {
+                Ok(()) => oldest = Some(away),
+                Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+                Err(e) => return Err(Failure::io("rename", &kept, e)),
             }
-            fs::rename(&self.target, &old).map_err(fail("rename", &self.target))?;
+            fs::rename(&self.target, &kept).map_err(fail("rename", &self.target))?;
         }
         fs::rename(&self.partial, &self.target).map_err(fail("write", &self.target))?;
+        if let Some(old) = oldest {
+            let is_folder = fs::symlink_metadata(&old).is_ok_and(|m| m.is_dir());
+            let gone = if is_folder { fs::remove_dir_all(&old) } else { fs::remove_file(&old) };
+            gone.map_err(fail("remove", &old))?;
+        }
         let parent = self.target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         File::open(parent).and_then(|d| d.sync_all()).map_err(fail("sync", parent))
     }
@@ -222,6 +227,13 @@ impl Drop for Folder {
         let _ = fs::remove_dir_all(&self.partial);
         let _ = fs::remove_file(&self.lock);
     }
+}
+
+/// A name beside that of the folder.
+fn beside(target: &Path, suffix: &str) -> PathBuf {
+    let mut name = target.as_os_str().to_owned();
+    name.push(suffix);
+    PathBuf::from(name)
 }
 
 /// Removes the folders `<prefix><pid>` of `parent` whose process is dead, and says which.
@@ -319,6 +331,8 @@ mod tests {
         let kept = ["other.partial-4194999", "out.partial-1", "out.partial-4194999x", "out.partial-", "out2"];
         kept.iter().chain(&["out.partial-4194999", "out.partial-4194998"]).for_each(|n| make(n));
         fs::write(dir.path().join("out.partial-4194997"), b"a file").unwrap();
+        // The rest of a folder that was being removed is nobody's result, and gone without a word.
+        make("out.old-4194996");
         let f = Folder::begin(&dir.path().join("out/"), false).unwrap();
         let mut gone = f.left_behind().to_vec();
         gone.sort();

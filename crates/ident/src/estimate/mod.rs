@@ -33,7 +33,8 @@ pub use complete::{Complete, CompleteOptions};
 pub use estimation::{attempt, estimate};
 pub use estimator::{At, Between, Coarse, Estimator};
 pub use ground::{
-    Blocks, Elastic, Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest, TermChoice, smoothed,
+    Blocks, Calibrated, Elastic, Foretold, Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest,
+    TermChoice, smoothed,
 };
 pub use joint_channels::{RoughJoints, rough_joints, without_joints};
 pub use nuisance::{NuisanceError, NuisanceFit, fit_nuisance};

@@ -68,34 +68,59 @@ impl ZeroPhase {
     }
     /// Filters a signal in place. Allocates.
     pub fn run(&self, x: &mut [f64]) {
-        let Some(last) = x.len().checked_sub(1) else { return };
-        // As far as the signal can be turned about its ends, and far enough to settle.
-        let pad = (3 * self.transient).min(last);
-        let (head, tail) = (2.0 * x[0], 2.0 * x[last]);
-        let mut all = Vec::with_capacity(x.len() + 2 * pad);
-        all.extend((1..=pad).rev().map(|i| head - x[i]));
-        all.extend_from_slice(x);
-        all.extend((last - pad..last).rev().map(|i| tail - x[i]));
-        self.pass(&mut all);
-        all.reverse();
-        self.pass(&mut all);
-        all.reverse();
-        x.copy_from_slice(&all[pad..pad + x.len()]);
+        self.together([x]);
+    }
+    /// Filters signals of one length in place. Allocates.
+    ///
+    /// # Panics
+    /// If their lengths differ.
+    pub fn run_all<'x>(&self, signals: impl IntoIterator<Item = &'x mut [f64]>) {
+        let mut signals = signals.into_iter();
+        loop {
+            // A pass waits for its last number: four of them wait together.
+            match [signals.next(), signals.next(), signals.next(), signals.next()] {
+                [Some(a), Some(b), Some(c), Some(d)] => self.together([a, b, c, d]),
+                rest => return rest.into_iter().flatten().for_each(|x| self.run(x)),
+            }
+        }
     }
     /// Filters every column in place. Allocates.
     pub fn columns(&self, x: &mut DMatrix<f64>) {
-        x.column_iter_mut().for_each(|mut c| self.run(c.as_mut_slice()));
+        let n = x.nrows().max(1);
+        self.run_all(x.as_mut_slice().chunks_mut(n));
     }
-    /// One pass from the front, from the steady state of the first number (transposed direct form II).
-    fn pass(&self, x: &mut [f64]) {
+    fn together<const N: usize>(&self, x: [&mut [f64]; N]) {
+        let n = x[0].len();
+        assert!(x.iter().all(|x| x.len() == n), "signals of one length");
+        let Some(last) = n.checked_sub(1) else { return };
+        // As far as the signals can be turned about their ends, and far enough to settle.
+        let pad = (3 * self.transient).min(last);
+        let at = |i: usize| x.each_ref().map(|x| x[i]);
+        let about = |end: usize, i: usize| x.each_ref().map(|x| 2.0 * x[end] - x[i]);
+        let mut all = Vec::with_capacity(n + 2 * pad);
+        all.extend((1..=pad).rev().map(|i| about(0, i)));
+        all.extend((0..n).map(at));
+        all.extend((last - pad..last).rev().map(|i| about(last, i)));
+        self.pass(&mut all);
+        all.reverse();
+        self.pass(&mut all);
+        all.reverse();
+        for (k, x) in x.into_iter().enumerate() {
+            x.iter_mut().zip(&all[pad..]).for_each(|(x, y)| *x = y[k]);
+        }
+    }
+    /// One pass from the front, from the steady state of the first numbers (transposed direct form II).
+    fn pass<const N: usize>(&self, x: &mut [[f64; N]]) {
         for [g, a1, a2] in self.sections {
             let Some(&first) = x.first() else { return };
-            let (mut s1, mut s2) = ((1.0 - g) * first, (g - a2) * first);
+            let (mut s1, mut s2) = (first.map(|x| (1.0 - g) * x), first.map(|x| (g - a2) * x));
             for v in x.iter_mut() {
-                let (u, y) = (*v, g * *v + s1);
-                s1 = 2.0 * g * u - a1 * y + s2;
-                s2 = g * u - a2 * y;
-                *v = y;
+                for k in 0..N {
+                    let (u, y) = (v[k], g * v[k] + s1[k]);
+                    s1[k] = 2.0 * g * u - a1 * y + s2[k];
+                    s2[k] = g * u - a2 * y;
+                    v[k] = y;
+                }
             }
         }
     }

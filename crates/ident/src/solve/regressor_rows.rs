@@ -95,16 +95,16 @@ impl Equations<'_> {
             let width = c.unknown.len() + c.extra.len() + 1;
             let mut columns = dispatch(Isa::detect(), Tabulate { eq: self, columns: &c, kind });
             let kept = |i: &usize| self.keep.as_ref().is_none_or(|k| kind.dofs.iter().all(|&d| k[(*i, d)] > 0.0));
-            for x in &mut columns {
-                filters.iter().for_each(|(samples, z)| z.run(&mut x[samples.clone()]));
+            for (samples, z) in filters {
+                z.run_all(columns.iter_mut().map(|x| &mut x[samples.clone()]));
             }
             let worth = |i: &usize| filters.iter().find(|f| f.0.contains(i)).map_or(1.0, |f| f.1.noise_gain());
             let unknowns: Vec<usize> = c.unknown.iter().map(|u| u.0).chain(c.extra).collect();
             for (block, to) in blocks.iter().zip(&mut out) {
                 let used: Vec<(usize, f64)> = block.clone().filter(kept).map(|i| (i, worth(&i))).collect();
                 let mut rows = DMatrix::zeros(used.len().max(width), width);
-                for (k, x) in columns.iter().enumerate() {
-                    used.iter().enumerate().for_each(|(row, &(i, worth))| rows[(row, k)] = worth.sqrt() * x[i]);
+                for (mut to, x) in rows.column_iter_mut().zip(&columns) {
+                    to.iter_mut().zip(&used).for_each(|(to, &(i, worth))| *to = worth.sqrt() * x[i]);
                 }
                 to.push(Triangle {
                     name: kind.name.clone(),

@@ -29,12 +29,13 @@ use ident::Posterior;
 use ident::Priors;
 use ident::SetupError;
 use ident::estimate::report::FitReport;
-use ident::estimate::{Elastic, JointTerm, JointTorques};
+use ident::estimate::{Calibrated, Elastic, Foretold, JointTerm, JointTorques};
 use ident::solve::{LinearError, LinearEstimate};
 use ident::uncertain::ErrorSource;
 use ident::{Friction, Ground, GroundEstimate};
+use nalgebra::DMatrix;
 
-/// Joint friction, gains and noise, as an identification found them.
+/// Joint friction, gains and noise, as an identification found them, and how well it knows its unknowns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arm {
     /// Friction, reflected inertia and gains of every joint.
@@ -45,6 +46,8 @@ pub struct Arm {
     pub sigma: Vec<f64>,
     /// Cutoff of the low pass that torques and equations went through (Hz), if any.
     pub low_pass_hz: Option<f64>,
+    /// Covariance of parameters, friction and gains.
+    pub covariance: Covariance,
 }
 
 /// Times that joints which bend are looked for beside what was found with them.
@@ -52,6 +55,13 @@ const BENDINGS: usize = 4;
 
 /// Name of the cutoff among the settings of a result.
 pub const LOW_PASS: &str = "low_pass_hz";
+
+impl IdentificationResult {
+    /// Cutoff of the low pass that positions, torques and equations went through (Hz), if any.
+    pub fn low_pass_hz(&self) -> Option<f64> {
+        self.provenance.settings.get(LOW_PASS).and_then(|hz| hz.parse().ok())
+    }
+}
 
 impl Arm {
     /// Of a result; none when it is not that of a ground calibration.
@@ -76,7 +86,8 @@ impl Arm {
             },
             compliances: each.map(|j| value(ErrorSource::Compliance(j)).unwrap_or(0.0)).collect(),
             sigma: sigma.collect(),
-            low_pass_hz: r.provenance.settings.get(LOW_PASS).and_then(|hz| hz.parse().ok()),
+            low_pass_hz: r.low_pass_hz(),
+            covariance: r.covariance.clone(),
         })
     }
 }
@@ -213,7 +224,9 @@ pub(super) fn identify(
     }
     // Numbers that no body has are moved to the nearest that some body has.
     let bounded = found.make_physical(decls, selected, start).map_err(|e| IdentifyError::Model(e.to_string()))?;
-    let arm = Arm { joints: found.joints.clone(), compliances, sigma, low_pass_hz: s.low_pass_hz };
+    let covariance = Covariance::of(&found.fit.uncertainty);
+    let (joints, low_pass_hz) = (found.joints.clone(), s.low_pass_hz);
+    let arm = Arm { joints, compliances, sigma, low_pass_hz, covariance };
     let (mut signals, mut seen) = (Vec::new(), Vec::new());
     for (r, absent) in records.iter().zip(&absent) {
         let (predicted, record) = predict(model, &ground, &r.record, &without(&found.fit.values, absent), &arm)?;
@@ -342,17 +355,20 @@ fn predict(
     Ok((Signals::of(model, &seen, &r, &arm.sigma), seen))
 }
 
-/// Signals of a record that played no part, and the number of residuals that count.
+/// Signals of a record that played no part, and how well the calibration foretells it.
 pub(super) fn explain(
     model: &Model,
     values: &[f64],
     arm: &Arm,
     record: &Record,
-) -> Result<(Signals, usize), IdentifyError> {
+) -> Result<(Signals, Foretold), IdentifyError> {
     let ground = calibration(model, arm.low_pass_hz)?;
     let (signals, _) = predict(model, &ground, record, values, arm)?;
-    let used = (0..signals.names.len()).flat_map(|k| signals.readings(k).0).filter(|r| *r != 0.0).count();
-    Ok((signals, used))
+    let Covariance { names, rows } = &arm.covariance;
+    let covariance = DMatrix::from_fn(names.len(), names.len(), |i, j| rows[i][j]);
+    let by = Calibrated { values, joints: &arm.joints, sigma: &arm.sigma, names, covariance: &covariance };
+    let foretold = ground.foretold(&link_side(&ground, record, values, &arm.compliances)?, &by).map_err(linear)?;
+    Ok((signals, foretold))
 }
 
 fn reduced(fit: &LinearEstimate) -> ReducedSet {

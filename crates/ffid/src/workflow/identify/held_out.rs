@@ -26,7 +26,7 @@ use ident::Posterior;
 use ident::compose::SharedErrors;
 use ident::estimate::{NuisanceFit, fit_nuisance};
 
-/// The prediction of an arm on the ground: nothing is fitted; noise is what the calibration left.
+/// The prediction of an arm on the ground: nothing is fitted; noise is what the calibration left, and its deviations are allowed for.
 fn on_the_ground(
     model: &Model,
     values: &[f64],
@@ -35,17 +35,19 @@ fn on_the_ground(
     s: &Settings,
     source: String,
 ) -> Result<(HeldOut, Signals), IdentifyError> {
-    let (signals, used) = ground::explain(model, values, arm, record)?;
-    let squares: f64 = signals.channels().iter().map(|c| c.over_noise.powi(2)).sum();
-    let samples = signals.time.len();
-    let chi2_per_dof = squares * samples as f64 / used.max(1) as f64;
+    let (signals, foretold) = ground::explain(model, values, arm, record)?;
+    let (samples, joints) = (signals.time.len(), signals.names.len());
+    let used = (0..joints).flat_map(|k| signals.readings(k).0).filter(|r| *r != 0.0).count().max(1);
+    let chi2_per_dof = foretold.chi2 / foretold.rows.max(1) as f64;
     let mut held = HeldOut::of(source, record, &signals, chi2_per_dof, s.limit);
     // Behind a low pass the ends do not count.
     (held.samples, held.seconds) = (samples, samples as f64 * record.dt());
-    let times = chi2_per_dof.sqrt();
+    let squares: f64 = signals.channels().iter().map(|c| c.over_noise.powi(2)).sum();
+    let times = (squares * samples as f64 / used as f64).sqrt();
     let words = if held.explained { "predicts" } else { "does NOT predict" };
     held.verdict = format!(
-        "The calibrated arm {words} these torques: residuals are {times:.2} times those of the calibration, {}.",
+        "The calibrated arm {words} these torques: residuals are {times:.2} times those of the calibration, {:.2} times what these and its deviations make, {}.",
+        chi2_per_dof.sqrt(),
         text::shares(&held.channels)
     );
     Ok((held, signals))

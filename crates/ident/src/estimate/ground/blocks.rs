@@ -4,7 +4,7 @@ use super::calibration::Ground;
 use super::currents;
 use super::problem::Problem;
 use super::selection::Folds;
-use crate::solve::linear::LinearError;
+use crate::solve::linear::{LinearError, Weights};
 use ff_least_squares::Triangle;
 use ff_records::Record;
 
@@ -59,7 +59,7 @@ impl Blocks<'_> {
     /// [`LinearError`].
     pub fn left_out(&self) -> Result<Vec<Vec<f64>>, LinearError> {
         let own = self.problem.layout.terms.len();
-        Folds { problem: &self.problem, blocks: &self.blocks, own }.fits(&[])
+        Folds { problem: &self.problem, blocks: &self.blocks, own }.fits(&[], &Weights::FromResiduals(2))
     }
     /// Squared error (N^2 m^2, summed over the samples) of every block and joint by unknowns of its own. Allocates.
     pub fn missed(&self, by: &[Vec<f64>]) -> Vec<Vec<f64>> {

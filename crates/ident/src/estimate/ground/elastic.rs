@@ -15,7 +15,7 @@ use super::equations::{Instants, groups, rigid_torques};
 use super::problem::Problem;
 use super::selection::{Folds, borne_out, cut};
 use super::smoothed::{ACCELERATION, RATE, slopes};
-use crate::solve::linear::LinearError;
+use crate::solve::linear::{LinearError, Weights};
 use ff_least_squares::Triangle;
 use ff_records::Record;
 use nalgebra::{DMatrix, DVector};
@@ -229,8 +229,9 @@ impl Ground<'_> {
         if blocks.len() < 2 {
             return Ok(Vec::new());
         }
-        let fits = Folds { problem: &problem, blocks: &blocks, own }.fits(&[])?;
+        // Weighted as they are judged, whatever the compliances: places differ by these alone.
         let sigma = found.torque_sigma();
+        let fits = Folds { problem: &problem, blocks: &blocks, own }.fits(&[], &Weights::Given(sigma.clone()))?;
         let of =
             |(block, x): (&Vec<Triangle>, &Vec<f64>)| block.iter().zip(&sigma).map(|(t, s)| t.cost(x) / (s * s)).sum();
         Ok(blocks.iter().zip(&fits).map(of).collect())

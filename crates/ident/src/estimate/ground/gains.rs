@@ -48,6 +48,9 @@ pub(super) fn joined(parts: Vec<Triangle>) -> Result<Triangle, LinalgError> {
 /// A triangle with these of its columns alone, in their order. Allocates.
 pub(super) fn with_columns(t: &Triangle, keep: impl Fn(usize) -> bool) -> Result<Triangle, LinalgError> {
     let kept: Vec<usize> = (0..t.columns.len()).filter(|&k| keep(t.columns[k])).collect();
+    if kept.len() == t.columns.len() {
+        return Ok(t.clone());
+    }
     let all: Vec<usize> = kept.iter().copied().chain(std::iter::once(t.columns.len())).collect();
     let columns = kept.iter().map(|&k| t.columns[k]).collect();
     Ok(Triangle { name: t.name.clone(), columns, r: linalg::qr_r(&t.r.select_columns(&all))?, rows: t.rows })

@@ -126,8 +126,8 @@ impl<'a> Problem<'a> {
         joints.gains.iter_mut().flatten().zip(&fit.extra[own..]).for_each(|(k, e)| *k = e.value);
         Ok(Solved { fit, joints })
     }
-    /// Equations of every joint, linear about these values and gains.
-    fn equations(
+    /// Equations of every joint, linear about these values and gains (A/N m).
+    pub(super) fn equations(
         &self,
         triangles: &[Triangle],
         (at, gains): (&[f64], &[Option<f64>]),
@@ -142,9 +142,11 @@ impl<'a> Problem<'a> {
         extra: Vec<(Unknown, f64)>,
         equations: &[Triangle],
     ) -> Result<LinearEstimate, LinearError> {
+        linear::solve(&self.task(weights, extra), equations)
+    }
+    fn task<'t>(&'t self, weights: &'t Weights, extra: Vec<(Unknown, f64)>) -> Task<'t> {
         let priors = &self.ground.priors;
-        let task = Task { decls: &self.decls, selected: self.selected, start: self.start, extra, weights, priors };
-        linear::solve(&task, equations)
+        Task { decls: &self.decls, selected: self.selected, start: self.start, extra, weights, priors }
     }
     /// Parameters and terms (N m), and gains (A/N m) of the joints that have currents, about which everything is linear.
     fn about(&self, triangles: &[Triangle], weights: &Weights) -> Result<(Vec<f64>, Vec<Option<f64>>), LinearError> {
@@ -192,15 +194,12 @@ impl<'a> Problem<'a> {
     /// Parameters, then the coefficients of `terms`, of triangles in N m over these. Allocates.
     pub(super) fn plain(
         &self,
-        terms: Vec<(usize, JointTerm)>,
-        currents: Vec<bool>,
+        terms: &[(usize, JointTerm)],
         triangles: &[Triangle],
         weights: &Weights,
     ) -> Result<Vec<f64>, LinearError> {
-        let layout = Layout { terms, known: false };
-        let of = Problem { layout, currents, decls: self.decls.clone(), sizes: self.sizes.clone(), ..*self };
-        let fit = of.solve(triangles, weights)?.fit;
-        Ok(fit.parameters.iter().chain(&fit.extra).map(|p| p.value).collect())
+        let extra = terms.iter().map(|&(j, t)| self.term_unknown(j, t, self.sizes[j].0, 0.1)).collect();
+        linear::values(&self.task(weights, extra), triangles)
     }
     /// The triangle of a joint over parameters and the terms that `wanted` names, in N m by the gains (N m/A) given.
     pub(super) fn linear(

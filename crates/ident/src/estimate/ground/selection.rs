@@ -89,7 +89,8 @@ impl Ground<'_> {
         // Gains as the fit of all has them: what is compared is torques.
         let blocks = cut(&all, &groups, &base.fit.values, &base.joints.gains)?;
         let folds = Folds { problem: &all, blocks: &blocks, own: own.len() };
-        let bodies = folds.fits(&[])?;
+        let weights = Weights::FromResiduals(2);
+        let bodies = folds.fits(&[], &weights)?;
         let mut taken: Vec<Candidate> = Vec::new();
         for j in 0..nj {
             let of: Vec<Candidate> = candidates.iter().copied().filter(|c| c.joint == j).collect();
@@ -99,7 +100,7 @@ impl Ground<'_> {
             return Ok(none);
         }
         // Judged again with the bodies fitted beside them.
-        let with = folds.fits(&taken)?;
+        let with = folds.fits(&taken, &weights)?;
         let mut out = none;
         for j in 0..nj {
             let of: Vec<&Candidate> = taken.iter().filter(|c| c.joint == j).collect();
@@ -164,8 +165,9 @@ pub(super) struct Folds<'a> {
 }
 
 impl Folds<'_> {
-    /// Unknowns (parameters, then all terms, zero for those that are not among the candidates) as all blocks but one tell them, for each.
-    pub(super) fn fits(&self, with: &[Candidate]) -> Result<Vec<Vec<f64>>, LinearError> {
+    /// Unknowns (parameters, then all terms, zero for those that are neither every joint's nor among the candidates) as all blocks but one
+    /// tell them, for each.
+    pub(super) fn fits(&self, with: &[Candidate], weights: &Weights) -> Result<Vec<Vec<f64>>, LinearError> {
         let m = self.problem.selected.len();
         let kept: Vec<usize> = (0..self.own).chain(with.iter().map(|c| c.column)).collect();
         let terms: Vec<_> = kept.iter().map(|&c| self.problem.layout.terms[c]).collect();
@@ -186,8 +188,7 @@ impl Folds<'_> {
                 }
                 triangles.push(super::gains::joined(parts)?);
             }
-            let none = vec![false; joints];
-            let fit = self.problem.plain(terms.clone(), none, &triangles, &Weights::FromResiduals(2))?;
+            let fit = self.problem.plain(&terms, &triangles, weights)?;
             let mut x = vec![0.0; m + self.problem.layout.terms.len()];
             x[..m].copy_from_slice(&fit[..m]);
             kept.iter().zip(&fit[m..]).for_each(|(&c, v)| x[m + c] = *v);

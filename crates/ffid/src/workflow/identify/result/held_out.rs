@@ -16,7 +16,8 @@ pub struct HeldOut {
     pub samples: usize,
     /// Length (s).
     pub seconds: f64,
-    /// As `IdentificationResult::chi2_per_dof`, with the parameters as they are and only biases and initial state fitted.
+    /// As `IdentificationResult::chi2_per_dof`, with the parameters as they are and only biases and initial state fitted; on the ground, where
+    /// nothing is fitted, with the deviations of the calibration allowed for.
     pub chi2_per_dof: f64,
     /// Largest value at which the model counts as explaining them.
     pub limit: f64,
