@@ -305,7 +305,7 @@ fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
     let log = folder.join("ground/log.csv");
     let log = log.to_str().unwrap();
     c.good(&["check", mission]);
-    let args = ["identify", mission, "--record", log, "--out", "res", "--force"];
+    let args = ["identify", mission, "--record", log, "--held-out", "0.33", "--out", "res", "--force"];
     // Base parameters alone can be told: so says the command, once, and finds them.
     let (code, out, err) = c.run(&args);
     assert_eq!(code, 0, "{out}\n{err}");
@@ -328,17 +328,13 @@ fn an_arm_on_the_ground_is_calibrated_from_positions_and_torques() {
             }
         }
     }
-    // The last third is predicted as well as by ordinary least squares on Pinocchio's regressor. There the motion ends faster than it is
-    // elsewhere, and behind the low pass that the rest asks for less of it is left: that is said with the next step.
-    let held = [&args[..], &["--held-out", "0.33"]].concat();
-    let (code, out, err) = c.run(&held);
-    assert_eq!(code, 16, "{out}\n{err}");
-    assert!(err.contains("Fit::HeldOut") && err.contains("compare --low-pass 7.5"), "{err}");
-    let (code, out, err) = c.run(&[&held[..], &["--low-pass", "20"]].concat());
+    // In the last third the motion ends faster than elsewhere, and behind the low pass that the rest asks for less of it is left: that is allowed for.
+    let h = r.held_out.as_ref().unwrap();
+    assert!(h.explained && h.chi2_per_dof < 1.3 && h.verdict.contains("and its low pass make"), "{h}");
+    // Behind a wide one it is predicted as well as by ordinary least squares on Pinocchio's regressor.
+    let (code, out, err) = c.run(&[&args[..], &["--low-pass", "20"]].concat());
     assert_eq!(code, 0, "{out}\n{err}");
     let r = c.result("res");
-    let h = r.held_out.as_ref().unwrap();
-    assert!(h.explained, "{h}");
     let ols = json("ols.json");
     let as_well_as = |r: &IdentificationResult, file: &str, key: &str, limit: f64| {
         let text = c.read(file);

@@ -507,6 +507,34 @@ fn what_a_short_log_foretells_is_judged_with_its_deviations() {
     assert!(mean[1] > 1.4 && mean[2] > 2.0, "{mean:?}");
 }
 
+/// Positions that passed a low pass lack a part of the motion: with parameters that are exact, hardly anything else is missing.
+#[test]
+fn what_a_low_pass_takes_of_a_motion_is_allowed_for() {
+    let m = branched_arm(11, 3, BaseKind::Fixed).with_gravity(Vector3::from(G));
+    let truth = Params::<f64>::nominal(&m).values().to_vec();
+    let friction = friction(3, 9);
+    let hz = 1.0;
+    let r = bench(&m, &truth, &friction, &Sines::new(91, 3, 30.0, 1.2), 0.05, false, 4);
+    let r = ident::estimate::smoothed(&r, hz).unwrap();
+    let terms = friction
+        .iter()
+        .map(|[v, c, o]| vec![(JointTerm::Viscous, *v), (JointTerm::Coulomb, *c), (JointTerm::Offset, *o)]);
+    let joints = ident::estimate::JointTorques { terms: terms.collect(), gains: vec![None; 3] };
+    // Of the noise behind the low pass.
+    let worth = ident::motion::ZeroPhase::new(100.0, hz).unwrap().noise_gain();
+    let sigma: Vec<f64> = (0..3).map(|j| 0.05 * (1.0 + j as f64) * worth.sqrt()).collect();
+    let names = vec![m.param_decls()[10].name.clone()];
+    let exact = DMatrix::zeros(1, 1);
+    let by = Calibrated { values: &truth, joints: &joints, sigma: &sigma, names: &names, covariance: &exact };
+    let ground = Ground::new(&m, Friction::ALL).unwrap().low_pass(hz);
+    let found = ground.foretold(&r, &by).unwrap();
+    let (_, left) = ground.predict(&r, &truth, &joints).unwrap();
+    let squares: f64 = left.column_iter().zip(&sigma).map(|(c, s)| c.norm_squared() / (s * s)).sum();
+    let (plain, allowed) = (squares * worth / found.rows as f64, found.chi2 / found.rows as f64);
+    println!("chi-squared by row: {plain:.2}, {allowed:.2} with {:.2} times what is taken once more", found.taken);
+    assert!(plain > 10.0 && allowed < 0.2 * plain && (0.8..1.6).contains(&found.taken), "{plain} {allowed} {found:?}");
+}
+
 /// Encoders before joints that bend by these compliances, in a log with noise and friction: the links are found as they are.
 fn finds(m: &Model, c: &[f64], seed: u64) {
     let truth = Params::<f64>::nominal(m).values().to_vec();

@@ -94,15 +94,7 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
             "held-out data: {} (chi-squared per degree of freedom {:.3}, limit {})",
             h.verdict, h.chi2_per_dof, h.limit
         );
-        let hint = match r.low_pass_hz() {
-            // A filter takes a ten-thousandth of what moves at a third of its cutoff.
-            Some(hz) => format!(
-                "if the motion is faster here than where it was fitted, the low pass of {hz:.1} Hz has taken some of it: compare --low-pass {:.1}",
-                3.0 * hz
-            ),
-            None => "the model does not predict what it has not seen".to_owned(),
-        };
-        add(Problem::warning(Area::Data, "Fit::HeldOut", what), &hint);
+        add(Problem::warning(Area::Data, "Fit::HeldOut", what), "the model does not predict what it has not seen");
     }
     out
 }

@@ -56,13 +56,6 @@ const BENDINGS: usize = 4;
 /// Name of the cutoff among the settings of a result.
 pub const LOW_PASS: &str = "low_pass_hz";
 
-impl IdentificationResult {
-    /// Cutoff of the low pass that positions, torques and equations went through (Hz), if any.
-    pub fn low_pass_hz(&self) -> Option<f64> {
-        self.provenance.settings.get(LOW_PASS).and_then(|hz| hz.parse().ok())
-    }
-}
-
 impl Arm {
     /// Of a result; none when it is not that of a ground calibration.
     pub fn of(r: &IdentificationResult, joints: &[String]) -> Option<Self> {
@@ -86,7 +79,7 @@ impl Arm {
             },
             compliances: each.map(|j| value(ErrorSource::Compliance(j)).unwrap_or(0.0)).collect(),
             sigma: sigma.collect(),
-            low_pass_hz: r.low_pass_hz(),
+            low_pass_hz: r.provenance.settings.get(LOW_PASS).and_then(|hz| hz.parse().ok()),
             covariance: r.covariance.clone(),
         })
     }

@@ -26,7 +26,8 @@ use ident::Posterior;
 use ident::compose::SharedErrors;
 use ident::estimate::{NuisanceFit, fit_nuisance};
 
-/// The prediction of an arm on the ground: nothing is fitted; noise is what the calibration left, and its deviations are allowed for.
+/// The prediction of an arm on the ground: nothing is fitted; noise is what the calibration left. Its deviations are allowed for, and what its low pass takes
+/// of a motion that is faster here.
 fn on_the_ground(
     model: &Model,
     values: &[f64],
@@ -46,8 +47,9 @@ fn on_the_ground(
     let times = (squares * samples as f64 / used as f64).sqrt();
     let words = if held.explained { "predicts" } else { "does NOT predict" };
     held.verdict = format!(
-        "The calibrated arm {words} these torques: residuals are {times:.2} times those of the calibration, {:.2} times what these and its deviations make, {}.",
+        "The calibrated arm {words} these torques: residuals are {times:.2} times those of the calibration, {:.2} times what these{} make, {}.",
         chi2_per_dof.sqrt(),
+        if foretold.taken > 0.0 { ", its deviations and its low pass" } else { " and its deviations" },
         text::shares(&held.channels)
     );
     Ok((held, signals))

@@ -9,18 +9,26 @@
 //! ```
 //!
 //! is as many as the record has independent rows, if the model is right.
+//!
+//! Positions that passed a low pass `F` lack what it takes of the motion, `tau(q) - tau(F q)` of the torques. It is as much for all parts of a log, and in
+//! the parameters, but where the motion is faster than that. Where `F` leaves most, it takes from `F q` again what it has taken from `q`: a part `a` of
+//! `tau(F q) - tau(F F q)`, between zero and [`MOST`], is taken for that, as the residuals have it.
 
 use super::calibration::Ground;
 use super::currents;
 use super::gains::Unit;
 use super::joint_terms::{JointTerm, JointTorques};
 use super::problem::Problem;
+use super::smoothed::filter;
 use crate::solve::linear::LinearError;
 use crate::uncertain::ErrorSource;
 use ff_least_squares::merge;
 use ff_linalg as linalg;
 use ff_records::Record;
 use nalgebra::{DMatrix, DVector};
+
+/// Most of what a filter takes of a motion that it has taken from already: it lets a third pass where that is as much as it took at first.
+const MOST: f64 = 3.0;
 
 /// What a calibration has found, as its result lists it.
 #[derive(Clone, Copy, Debug)]
@@ -44,6 +52,8 @@ pub struct Foretold {
     pub chi2: f64,
     /// Independent rows of the record, behind the low pass.
     pub rows: usize,
+    /// The part `a` of what the low pass would take of the motion once more that it has taken before; zero without a low pass.
+    pub taken: f64,
 }
 
 impl Ground<'_> {
@@ -65,6 +75,7 @@ impl Ground<'_> {
         let beside =
             |of: &Vec<(JointTerm, f64)>| of.iter().map(|t| t.0).filter(|t| !JointTerm::ALWAYS.contains(t)).collect();
         let ground = self.clone().terms(by.joints.terms.iter().map(beside).collect());
+        let (record, taken) = &ground.restored(record, by)?;
         let groups = ground.checked(&[record], &selected, by.values)?;
         let of = currents(&[record], nj)?;
         let terms = ground.all_terms();
@@ -93,6 +104,34 @@ impl Ground<'_> {
         let e = &whole.d - &whole.r * DVector::from_vec(x);
         let (spread, along) = linalg::symmetric_eigen(&(&whole.r * known * whole.r.transpose()))?;
         let of_noise: f64 = (0..n).map(|k| along.column(k).dot(&e).powi(2) / (1.0 + spread[k].max(0.0))).sum();
-        Ok(Foretold { chi2: of_noise + whole.rest, rows: whole.rows })
+        Ok(Foretold { chi2: of_noise + whole.rest, rows: whole.rows, taken: *taken })
+    }
+    /// The record without the torques of what the low pass has taken of the motion, and the part `a` of the module.
+    fn restored(&self, record: &Record, by: &Calibrated<'_>) -> Result<(Record, f64), LinearError> {
+        let (Some(hz), Some(qd), Some(qdd)) = (self.low_pass_hz, record.qd(), record.qdd()) else {
+            return Ok((record.clone(), 0.0));
+        };
+        let z = filter(record, hz)?;
+        let again = |m: &DMatrix<f64>| {
+            let mut m = m.clone();
+            z.columns(&mut m);
+            m
+        };
+        let slower = record.clone().with_motion(again(record.q()), again(qd), again(qdd));
+        let torques = |r: &Record| Ok::<_, LinearError>(self.unfiltered(r, by.values, by.joints)?.1);
+        let lost = torques(record)? - torques(&slower)?;
+        if lost.shape() != record.tau().shape() {
+            return Ok((record.clone(), 0.0));
+        }
+        let residual = |tau: DMatrix<f64>| {
+            let (_, mut r) = self.predict(&record.clone().with_tau(tau), by.values, by.joints)?;
+            r.column_iter_mut().zip(by.sigma).for_each(|(mut c, s)| c.unscale_mut(*s));
+            Ok::<_, LinearError>(r)
+        };
+        let left = residual(record.tau().clone())?;
+        let along = &left - residual(record.tau() - &lost)?;
+        let square = along.norm_squared();
+        let taken = if square > 0.0 { (along.dot(&left) / square).clamp(0.0, MOST) } else { 0.0 };
+        Ok((record.clone().with_tau(record.tau() - lost * taken), taken))
     }
 }

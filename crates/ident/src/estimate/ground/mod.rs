@@ -42,7 +42,7 @@ pub use smoothed::smoothed;
 
 use crate::solve::linear;
 use crate::solve::linear::{LinearError, LinearEstimate};
-use equations::{Group, Window};
+use equations::{Group, Instants, Window};
 use ff_records::Record;
 use joint_terms::Moving;
 use nalgebra::DMatrix;
@@ -179,6 +179,25 @@ impl Ground<'_> {
         values: &[f64],
         joints: &JointTorques,
     ) -> Result<(DMatrix<f64>, DMatrix<f64>), LinearError> {
+        let (at, mut tau) = self.unfiltered(record, values, joints)?;
+        let mut residual = &at.measured - &tau;
+        if let Some(z) = &at.filter {
+            z.columns(&mut tau);
+            z.columns(&mut residual);
+        }
+        for (r, rate) in residual.iter_mut().zip(at.qd.iter()) {
+            *r = if self.moves(*rate) { *r } else { 0.0 };
+        }
+        let rows = |m: DMatrix<f64>| m.rows(at.rows.start, at.rows.len()).into_owned();
+        Ok((rows(tau), rows(residual)))
+    }
+    /// What joints read with these parameters at all samples that are used, before a filter.
+    fn unfiltered(
+        &self,
+        record: &Record,
+        values: &[f64],
+        joints: &JointTorques,
+    ) -> Result<(Instants, DMatrix<f64>), LinearError> {
         let (model, nj) = (self.model, self.model.nj());
         let (p, want) = (values.len(), model.n_params());
         if p != want || joints.terms.len() != nj {
@@ -197,22 +216,13 @@ impl Ground<'_> {
         let gains = (0..nj).map(gain).collect::<Result<Vec<_>, _>>()?;
         let at = self.instants(record)?;
         let rigid = equations::rigid_torques(model, values, (&at.q, &at.qd, &at.qdd));
-        let mut tau = DMatrix::from_fn(at.q.nrows(), nj, |i, j| {
+        let tau = DMatrix::from_fn(at.q.nrows(), nj, |i, j| {
             let qd = at.qd[(i, j)];
             let of = Moving { qd, qdd: at.qdd[(i, j)], sign: self.sign(qd), load: rigid[(i, j)] };
             let external = at.external.as_ref().map_or(0.0, |e| e[(i, j)]);
             (rigid[(i, j)] + joints.torque(j, of) - external) / gains[j]
         });
-        let mut residual = &at.measured - &tau;
-        if let Some(z) = &at.filter {
-            z.columns(&mut tau);
-            z.columns(&mut residual);
-        }
-        for (r, rate) in residual.iter_mut().zip(at.qd.iter()) {
-            *r = if self.moves(*rate) { *r } else { 0.0 };
-        }
-        let rows = |m: DMatrix<f64>| m.rows(at.rows.start, at.rows.len()).into_owned();
-        Ok((rows(tau), rows(residual)))
+        Ok((at, tau))
     }
     /// Root mean square of the prediction error of each joint (N m) on a record that played no part in the estimate.
     /// Allocates.

@@ -17,7 +17,7 @@ pub struct HeldOut {
     /// Length (s).
     pub seconds: f64,
     /// As `IdentificationResult::chi2_per_dof`, with the parameters as they are and only biases and initial state fitted; on the ground, where
-    /// nothing is fitted, with the deviations of the calibration allowed for.
+    /// nothing is fitted, with the deviations of the calibration and what its low pass takes of the motion allowed for.
     pub chi2_per_dof: f64,
     /// Largest value at which the model counts as explaining them.
     pub limit: f64,
