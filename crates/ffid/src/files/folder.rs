@@ -211,13 +211,12 @@ impl Folder {
             fs::rename(&self.target, &kept).map_err(fail("rename", &self.target))?;
         }
         fs::rename(&self.partial, &self.target).map_err(fail("write", &self.target))?;
-        if let Some(old) = oldest {
-            let is_folder = fs::symlink_metadata(&old).is_ok_and(|m| m.is_dir());
-            let gone = if is_folder { fs::remove_dir_all(&old) } else { fs::remove_file(&old) };
-            gone.map_err(fail("remove", &old))?;
-        }
         let parent = self.target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        File::open(parent).and_then(|d| d.sync_all()).map_err(fail("sync", parent))
+        File::open(parent).and_then(|d| d.sync_all()).map_err(fail("sync", parent))?;
+        let Some(old) = oldest else { return Ok(()) };
+        let is_folder = fs::symlink_metadata(&old).is_ok_and(|m| m.is_dir());
+        let gone = if is_folder { fs::remove_dir_all(&old) } else { fs::remove_file(&old) };
+        gone.map_err(fail("remove", &old))
     }
 }
 

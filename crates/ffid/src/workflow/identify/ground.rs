@@ -222,7 +222,9 @@ pub(super) fn identify(
     let arm = Arm { joints, compliances, sigma, low_pass_hz, covariance };
     let (mut signals, mut seen) = (Vec::new(), Vec::new());
     for (r, absent) in records.iter().zip(&absent) {
-        let (predicted, record) = predict(model, &ground, &r.record, &without(&found.fit.values, absent), &arm)?;
+        let values = without(&found.fit.values, absent);
+        let linked = link_side(&ground, &r.record, &values, &arm.compliances)?;
+        let (predicted, record) = predict(model, &ground, &linked, &values, &arm)?;
         signals.push(predicted);
         seen.push(LabelledRecord { record, ..r.clone() });
     }
@@ -331,7 +333,7 @@ fn priors(unknowns: &Unknowns, s: &Settings) -> Vec<(usize, f64, f64)> {
     unknowns.selected.iter().enumerate().map(of).collect()
 }
 
-/// Torques that parameters and friction predict, and the record as the estimator sees it.
+/// Torques that parameters and friction predict for a record as the links move, and that record as the estimator sees it.
 fn predict(
     model: &Model,
     ground: &Ground<'_>,
@@ -339,7 +341,6 @@ fn predict(
     values: &[f64],
     arm: &Arm,
 ) -> Result<(Signals, Record), IdentifyError> {
-    let record = &link_side(ground, record, values, &arm.compliances)?;
     let (_, residual) = ground.predict(record, values, &arm.joints).map_err(linear)?;
     let (n, nj) = residual.shape();
     // Whitened, predicted less measured, sample after sample; zero close to rest, where friction is not what the formula says.
@@ -356,11 +357,12 @@ pub(super) fn explain(
     record: &Record,
 ) -> Result<(Signals, Foretold), IdentifyError> {
     let ground = calibration(model, arm.low_pass_hz)?;
-    let (signals, _) = predict(model, &ground, record, values, arm)?;
+    let linked = link_side(&ground, record, values, &arm.compliances)?;
+    let (signals, _) = predict(model, &ground, &linked, values, arm)?;
     let Covariance { names, rows } = &arm.covariance;
     let covariance = DMatrix::from_fn(names.len(), names.len(), |i, j| rows[i][j]);
     let by = Calibrated { values, joints: &arm.joints, sigma: &arm.sigma, names, covariance: &covariance };
-    let foretold = ground.foretold(&link_side(&ground, record, values, &arm.compliances)?, &by).map_err(linear)?;
+    let foretold = ground.foretold(&linked, &by).map_err(linear)?;
     Ok((signals, foretold))
 }
 

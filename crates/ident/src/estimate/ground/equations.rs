@@ -38,6 +38,13 @@ pub(super) struct Instants {
     pub(super) rows: Range<usize>,
 }
 
+impl Instants {
+    /// The rows that count.
+    pub(super) fn of_rows(&self, m: &DMatrix<f64>) -> DMatrix<f64> {
+        m.rows(self.rows.start, self.rows.len()).into_owned()
+    }
+}
+
 impl Ground<'_> {
     pub(super) fn window(&self, record: &Record) -> Result<Window, LinearError> {
         let used = trimmed(record, self.trim_s)?;

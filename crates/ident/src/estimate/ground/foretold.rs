@@ -19,7 +19,7 @@ use super::currents;
 use super::gains::Unit;
 use super::joint_terms::{JointTerm, JointTorques};
 use super::problem::Problem;
-use super::smoothed::filter;
+use super::smoothed::{filter, through};
 use crate::solve::linear::LinearError;
 use crate::uncertain::ErrorSource;
 use ff_least_squares::merge;
@@ -27,7 +27,7 @@ use ff_linalg as linalg;
 use ff_records::Record;
 use nalgebra::{DMatrix, DVector};
 
-/// Most of what a filter takes of a motion that it has taken from already: it lets a third pass where that is as much as it took at first.
+/// Largest part `a`. What a filter with the gain `G` has taken is `1 / G` times what it takes once more: three times where it lets a third pass.
 const MOST: f64 = 3.0;
 
 /// What a calibration has found, as its result lists it.
@@ -64,8 +64,8 @@ impl Ground<'_> {
     /// [`LinearError`]; [`LinearError::Shape`] if none of the unknowns is a parameter of the model.
     pub fn foretold(&self, record: &Record, by: &Calibrated<'_>) -> Result<Foretold, LinearError> {
         let (model, nj) = (self.model, self.model.nj());
-        let (k, want) = (by.names.len(), by.covariance.nrows());
-        if want != k || by.covariance.ncols() != k || by.joints.terms.len() != nj || by.sigma.len() != nj {
+        let k = by.names.len();
+        if by.covariance.shape() != (k, k) || by.joints.terms.len() != nj || by.sigma.len() != nj {
             let what = "a calibration has a covariance of its unknowns, and terms and a deviation of every joint";
             return Err(LinearError::Shape(what.into()));
         }
@@ -96,7 +96,7 @@ impl Ground<'_> {
         let n = x.len();
         let equations = problem.equations(&problem.triangles(&groups, by.values)?, (&at, &inverse), Unit::Torque)?;
         let whole = merge(n, &equations, by.sigma)?;
-        let places: Vec<Option<usize>> = names.iter().map(|name| place(name)).collect();
+        let places: Vec<Option<usize>> = names.iter().map(|n| place(n)).collect();
         let known = DMatrix::from_fn(n, n, |i, j| match (places[i], places[j]) {
             (Some(a), Some(b)) => by.covariance[(a, b)],
             _ => 0.0,
@@ -108,28 +108,18 @@ impl Ground<'_> {
     }
     /// The record without the torques of what the low pass has taken of the motion, and the part `a` of the module.
     fn restored(&self, record: &Record, by: &Calibrated<'_>) -> Result<(Record, f64), LinearError> {
-        let (Some(hz), Some(qd), Some(qdd)) = (self.low_pass_hz, record.qd(), record.qdd()) else {
-            return Ok((record.clone(), 0.0));
-        };
-        let z = filter(record, hz)?;
-        let again = |m: &DMatrix<f64>| {
-            let mut m = m.clone();
-            z.columns(&mut m);
-            m
-        };
-        let slower = record.clone().with_motion(again(record.q()), again(qd), again(qdd));
-        let torques = |r: &Record| Ok::<_, LinearError>(self.unfiltered(r, by.values, by.joints)?.1);
-        let lost = torques(record)? - torques(&slower)?;
-        if lost.shape() != record.tau().shape() {
-            return Ok((record.clone(), 0.0));
-        }
-        let residual = |tau: DMatrix<f64>| {
-            let (_, mut r) = self.predict(&record.clone().with_tau(tau), by.values, by.joints)?;
+        // Motion that is none of the record's own has not passed it, and where ends are trimmed torques are those of other samples.
+        let own = record.qd().is_some() && record.qdd().is_some() && self.trim_s == 0.0;
+        let Some(hz) = self.low_pass_hz.filter(|_| own) else { return Ok((record.clone(), 0.0)) };
+        let (at, tau) = self.unfiltered(record, by.values, by.joints)?;
+        let slower = through(record, &filter(record, hz)?);
+        let lost = &tau - self.unfiltered(&slower, by.values, by.joints)?.1;
+        let whitened = |torques: DMatrix<f64>| {
+            let mut r = self.counted(&at, torques);
             r.column_iter_mut().zip(by.sigma).for_each(|(mut c, s)| c.unscale_mut(*s));
-            Ok::<_, LinearError>(r)
+            r
         };
-        let left = residual(record.tau().clone())?;
-        let along = &left - residual(record.tau() - &lost)?;
+        let (left, along) = (whitened(&at.measured - tau), whitened(lost.clone()));
         let square = along.norm_squared();
         let taken = if square > 0.0 { (along.dot(&left) / square).clamp(0.0, MOST) } else { 0.0 };
         Ok((record.clone().with_tau(record.tau() - lost * taken), taken))

@@ -180,16 +180,21 @@ impl Ground<'_> {
         joints: &JointTorques,
     ) -> Result<(DMatrix<f64>, DMatrix<f64>), LinearError> {
         let (at, mut tau) = self.unfiltered(record, values, joints)?;
-        let mut residual = &at.measured - &tau;
+        let residual = self.counted(&at, &at.measured - &tau);
         if let Some(z) = &at.filter {
             z.columns(&mut tau);
-            z.columns(&mut residual);
         }
-        for (r, rate) in residual.iter_mut().zip(at.qd.iter()) {
-            *r = if self.moves(*rate) { *r } else { 0.0 };
+        Ok((at.of_rows(&tau), residual))
+    }
+    /// What counts of the torques of all samples that are used: behind the filter, zero close to rest, without transients.
+    fn counted(&self, at: &Instants, mut torques: DMatrix<f64>) -> DMatrix<f64> {
+        if let Some(z) = &at.filter {
+            z.columns(&mut torques);
         }
-        let rows = |m: DMatrix<f64>| m.rows(at.rows.start, at.rows.len()).into_owned();
-        Ok((rows(tau), rows(residual)))
+        for (x, rate) in torques.iter_mut().zip(at.qd.iter()) {
+            *x = if self.moves(*rate) { *x } else { 0.0 };
+        }
+        at.of_rows(&torques)
     }
     /// What joints read with these parameters at all samples that are used, before a filter.
     fn unfiltered(

@@ -32,6 +32,11 @@ pub fn smoothed(record: &Record, hz: f64) -> Result<Record, LinearError> {
     if n < 3 * cut {
         return Err(too_short(hz));
     }
+    Ok(through(record, &z).rows(cut..n - cut))
+}
+
+/// A record whose motion has passed a filter, ends included.
+pub(super) fn through(record: &Record, z: &ZeroPhase) -> Record {
     let pass = |m: &DMatrix<f64>| {
         let mut m = m.clone();
         z.columns(&mut m);
@@ -42,7 +47,7 @@ pub fn smoothed(record: &Record, hz: f64) -> Result<Record, LinearError> {
         (Some(v), Some(a)) => (pass(v), pass(a)),
         _ => (slopes(&q, dt, RATE), slopes(&q, dt * dt, ACCELERATION)),
     };
-    Ok(record.clone().with_motion(q, qd, qdd).rows(cut..n - cut))
+    record.clone().with_motion(q, qd, qdd)
 }
 
 /// Central differences of order four: what two samples before to two behind count.
