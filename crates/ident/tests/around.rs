@@ -54,13 +54,33 @@ fn the_cost_near_the_end_of_a_fit_is_that_of_all_rows() {
     let other = OutputError::new(&l.model, &record, &options).unwrap();
     let near = Around::new(&request, &e, other.coarse(&e.values).unwrap(), masses).unwrap().unwrap();
     assert!(3 * near.rows() <= all.rows(), "{} of {}", near.rows(), all.rows());
+    // What it knows of the end serves the next look around it, and none around another end or with other columns that stay.
+    let known = || std::sync::Arc::clone(near.centred());
+    let fewer = || other.coarse(&e.values).unwrap();
+    let moved = Estimate { values: e.values.iter().map(|x| 1.01 * x).collect(), ..e.clone() };
+    assert!(Around::again(&request, &moved, fewer(), masses, known()).is_none());
+    assert!(Around::again(&request, &e, fewer(), |_| false, known()).is_none());
+    let again = Around::again(&request, &e, fewer(), masses, known()).unwrap();
+    let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
+    // At the end itself columns are at hand, next to it they are made.
+    let columns = |mut near: Around<'_>, by: f64| {
+        let mut at = e.values.clone();
+        at[selected[12]] *= by;
+        let (mut r, mut j) = (vec![0.0; near.rows()], DMatrix::zeros(near.rows(), selected.len() + extra.len()));
+        near.jacobian(&at, &extra, &selected, &mut r, &mut j).unwrap();
+        (DVector::from_vec(r), j)
+    };
+    let fresh = || Around::new(&request, &e, fewer(), masses).unwrap().unwrap();
+    let (there, beside) = (columns(again, 1.0), columns(fresh(), 1.0 + 1e-9));
+    assert_within!((&there.0 - &beside.0).norm(), 1e-3 * there.0.norm());
+    assert_within!((&there.1 - &beside.1).norm(), 1e-5 * there.1.norm());
     like_all_rows(&request, &e, &mut all, near);
 }
 
 /// The cost of fewer rows is that of all of them, and a fit on it ends where theirs does.
 fn like_all_rows(request: &Request<'_>, e: &Estimate, all: &mut OutputError<'_>, mut near: Around<'_>) {
     let (decls, selected) = (request.decls, request.selected);
-    let beyond = near.beyond;
+    let beyond = near.centred().beyond;
     let mut cost = |at: &[f64], extra: &[f64]| {
         let (mut r, mut s) = (vec![0.0; all.rows()], vec![0.0; near.rows()]);
         all.residuals(at, extra, &mut r).unwrap();

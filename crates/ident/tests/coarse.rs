@@ -15,6 +15,7 @@ use ident::parameters::offset_start;
 use ident::parameters::select;
 use ident::*;
 use ident::{Tie, Tied};
+use nalgebra::DMatrix;
 
 const NOISE: Noise = Noise { torque: 0.1, gyro: 1.5e-4 };
 
@@ -182,6 +183,56 @@ fn where_samples_are_few_a_first_pass_takes_longer_steps() {
     assert_eq!(first.len(), exact.len());
     let apart = |a: &[f64]| norm(&a.iter().zip(&exact).map(|(a, b)| a - b).collect::<Vec<_>>());
     assert!(apart(&first) > 0.0 && apart(&first) <= apart(&rough), "{:e} {:e}", apart(&first), apart(&rough));
+}
+
+/// A mode that hardly rings above the noise is not followed on the way, nor by columns that need not be exact; one that rings is.
+#[test]
+fn what_hardly_rings_is_not_followed_on_the_way() {
+    let l = paper("flex.toml");
+    let record = exact(&l, &run(&l, &planned(&l, 60.0, 10), 60.0)).thinned(5).unwrap();
+    let decls = l.model.param_decls();
+    let truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    let of = |by: f64| {
+        let noise = Noise { torque: by * NOISE.torque, gyro: by * NOISE.gyro };
+        let options = Options { substeps: 1, step_error: Some(0.02), ..Options::new(noise) };
+        OutputError::new(&l.model, &record, &options).unwrap()
+    };
+    let rows = |e: &OutputError<'_>| {
+        [e.coarse(&truth), e.rough(&truth)].map(|thin| thin.map_or(usize::MAX, |thin| thin.estimator.rows()))
+    };
+    let (loud, quiet) = (of(1e3).suited(&truth).unwrap(), of(1e-3).suited(&truth).unwrap());
+    // Nobody knows before the integration was looked at.
+    for e in [&of(1e3), &quiet] {
+        let [coarse, rough] = rows(e);
+        assert_eq!(coarse, rough);
+    }
+    let [coarse, rough] = rows(&loud);
+    assert!(3 * rough <= 2 * coarse, "{rough} {coarse}");
+    let mut all = vec![0.0; record.samples() * (l.model.nj() + 3)];
+    of(1e3).residuals(&truth, &[], &mut all).unwrap();
+    let mut thin = loud.rough(&truth).unwrap();
+    let mut some = vec![0.0; thin.estimator.rows()];
+    thin.estimator.residuals(&truth, &[], &mut some).unwrap();
+    let apart: Vec<f64> = thin.rows.iter().zip(&some).map(|(&i, b)| all[i] - b).collect();
+    assert!(norm(&apart) > 1e-6 && norm(&apart) < 1.0, "{:e}", norm(&apart));
+    let selected = select(&decls, &["base.mass", "panel_*.k[*]", "panel_*.d[*]"]).unwrap();
+    for e in [&loud, &quiet] {
+        let options = Options { gyro_bias: true, ..Options::new(NOISE) };
+        let columns = |mut of: OutputError<'_>| {
+            let mut r = vec![0.0; of.rows()];
+            let mut j = DMatrix::zeros(of.rows(), selected.len() + 3);
+            of.jacobian(&truth, &[0.0; 3], &selected, &mut r, &mut j).unwrap();
+            // Whatever the order of the rows.
+            j.tr_mul(&j)
+        };
+        let exact = columns(e.with_options(&options).unwrap());
+        let surveyed = columns(e.survey(&options, &truth).unwrap());
+        let sizes = exact.diagonal().map(f64::sqrt);
+        for (k, x) in (surveyed - exact).iter().enumerate() {
+            let of = sizes[k / sizes.len()] * sizes[k % sizes.len()];
+            assert_within!(x.abs(), 0.03 * of, "{k}");
+        }
+    }
 }
 
 #[test]

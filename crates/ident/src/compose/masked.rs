@@ -45,6 +45,9 @@ impl<E: Estimator> Estimator for Masked<E> {
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         Some(self.over_less(self.inner.coarse(full)?))
     }
+    fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        Some(self.over_less(self.inner.rough(full)?))
+    }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         Some(self.over_less(self.inner.beginning(share)?))
     }

@@ -281,6 +281,10 @@ impl Estimator for Several<'_> {
         let thin = self.parts.iter().enumerate().map(|(k, p)| p.coarse(&self.shared.of_record(k, full))).collect();
         self.over_less(thin, |part| part.beginning(1.0))
     }
+    fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        let thin = self.parts.iter().enumerate().map(|(k, p)| p.rough(&self.shared.of_record(k, full))).collect();
+        self.over_less(thin, |part| part.beginning(1.0))
+    }
     /// A part of which so little says nothing begins with more of it.
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let begun = self.parts.iter().map(|p| p.beginning(share)).collect();

@@ -65,6 +65,9 @@ impl<E: Estimator, S: Substitution> Estimator for Substituted<E, S> {
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         Some(self.around(self.inner.coarse(&self.by.parameters(full).ok()?)?))
     }
+    fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        Some(self.around(self.inner.rough(&self.by.parameters(full).ok()?)?))
+    }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         Some(self.around(self.inner.beginning(share)?))
     }

@@ -43,7 +43,7 @@ pub(super) fn approach(
     references: &mut Vec<Reference>,
     place: &mut Place,
 ) {
-    let Some(mut thin) = estimator.coarse(&place.full) else { return };
+    let Some(mut thin) = estimator.rough(&place.full) else { return };
     let statistics = if request.settings.gain_tolerance > 0.0 { APPROACHED_GAIN } else { 0.0 };
     let least = if near_end::asked(request) { LANDS } else { APPROACHED.0 };
     let settings = Settings {
@@ -54,7 +54,7 @@ pub(super) fn approach(
     };
     let lax = Request { settings, ..request.clone() };
     let mut there = place.clone();
-    let coarsest = thin.estimator.coarse(&place.full).is_none();
+    let coarsest = thin.estimator.rough(&place.full).is_none();
     let thinner: &mut dyn Estimator = &mut *thin.estimator;
     if coarsest {
         lead(&lax, thinner, sizes, references, &mut there);
@@ -66,7 +66,7 @@ pub(super) fn approach(
     let rows = thin.estimator.rows();
     drop(thin);
     // Springs that have stiffened on the way ask for finer steps.
-    if let Some(mut finer) = estimator.coarse(&there.full).filter(|c| c.estimator.rows() as f64 > FINER * rows as f64) {
+    if let Some(mut finer) = estimator.rough(&there.full).filter(|c| c.estimator.rows() as f64 > FINER * rows as f64) {
         let again = pass(&lax, &mut *finer.estimator, sizes, references, &mut there);
         end = again.or(end);
     }
@@ -104,7 +104,8 @@ fn pass(
 ) -> Option<Status> {
     let threads = request.jacobian.threads(estimator.rows(), request.selected.len() + sizes.len());
     let mut evaluated = Evaluated::new(threads);
-    let way = Way { still: f64::INFINITY, range: RANGE, near_end: &mut |_, _, _, _| false };
+    let all = (0.0, estimator.rows());
+    let way = Way { still: f64::INFINITY, range: RANGE, all, near_end: &mut |_, _, _, _| false };
     let end = settle(request, estimator, sizes, references, place, &mut evaluated, way);
     end.ok().map(|(_, status)| status)
 }

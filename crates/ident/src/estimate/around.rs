@@ -26,7 +26,8 @@ use crate::solve::loss::Loss;
 use crate::solve::normal::Normal;
 use ff_least_squares::EvalError;
 use ff_linalg::tr_mul;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
+use std::sync::Arc;
 
 /// Corrections of the slope: what priors hold takes the second.
 const CORRECTIONS: usize = 2;
@@ -58,14 +59,35 @@ pub(crate) enum Slope<'c> {
 /// Fewer rows with the cost of all of them near a point.
 pub struct Around<'a> {
     thin: Box<dyn Estimator + 'a>,
+    of: Arc<Centred>,
+}
+
+/// What [`Around`] knows of its point: made once, it serves every look around that ([`Around::again`]).
+#[derive(Debug)]
+pub struct Centred {
     /// Roots of the number of rows that each of these stands for.
     roots: Vec<f64>,
     /// What is added to the weighted residuals of the thinned record.
     offset: Vec<f64>,
-    /// Columns that stay, by parameter.
-    held: Vec<(usize, DVector<f64>)>,
+    /// Parameters whose columns stay.
+    held: Vec<usize>,
     /// Cost of all data at the point, less what it is here.
     pub beyond: f64,
+    /// The point: all parameters, the nuisance unknowns, and the parameters of the columns.
+    values: Vec<f64>,
+    extra: Vec<f64>,
+    selected: Vec<usize>,
+    /// The linearisation there.
+    residuals: Vec<f64>,
+    jacobian: DMatrix<f64>,
+}
+
+impl Centred {
+    /// The column that a parameter keeps.
+    fn column(&self, parameter: usize) -> Option<DVectorView<'_, f64>> {
+        let k = self.selected.iter().position(|&i| i == parameter)?;
+        self.held.contains(&parameter).then(|| self.jacobian.column(k))
+    }
 }
 
 impl<'a> Around<'a> {
@@ -119,9 +141,33 @@ impl<'a> Around<'a> {
         }
         let beyond = e.residuals.iter().map(|r| r * r).sum::<f64>() - gathered.norm_squared();
         let offset = gathered.iter().zip(r.iter().zip(&roots)).map(|(c, (r, w))| c - w * r).collect();
-        let columns = request.selected.iter().enumerate().filter(|(_, i)| stays(**i));
-        let held = columns.map(|(k, &i)| (i, j.column(k).into_owned())).collect();
-        Ok(Some(Self { thin, roots, offset, held, beyond }))
+        let held = request.selected.iter().copied().filter(|&i| stays(i)).collect();
+        let (values, extra, selected) = (e.values.to_vec(), e.extra.to_vec(), request.selected.to_vec());
+        let residuals = gathered.as_slice().to_vec();
+        let of = Centred { roots, offset, held, beyond, values, extra, selected, residuals, jacobian: j };
+        Ok(Some(Self { thin, of: Arc::new(of) }))
+    }
+    /// As [`Around::new`], with what an earlier one of the same request has found out about the end of its fit. `None` where it is of another
+    /// end, of other columns or of other rows. Does not allocate.
+    #[must_use]
+    pub fn again(
+        request: &Request<'_>,
+        e: &Estimate,
+        thin: Coarse<'a>,
+        stays: impl Fn(usize) -> bool,
+        of: Arc<Centred>,
+    ) -> Option<Self> {
+        let alike = of.values == e.values
+            && of.extra.iter().copied().eq(e.nuisance.iter().map(|p| p.value))
+            && of.selected == request.selected
+            && of.held.iter().copied().eq(request.selected.iter().copied().filter(|&i| stays(i)))
+            && of.roots.len() == thin.estimator.rows();
+        alike.then_some(Self { thin: thin.estimator, of })
+    }
+    /// What it knows of its point.
+    #[must_use]
+    pub fn centred(&self) -> &Arc<Centred> {
+        &self.of
     }
 }
 
@@ -150,13 +196,13 @@ fn correct(request: &Request<'_>, e: Centre<'_>, j: &DMatrix<f64>, gathered: &mu
 
 impl Around<'_> {
     fn finish(&self, r: &mut [f64]) {
-        r.iter_mut().zip(self.roots.iter().zip(&self.offset)).for_each(|(r, (w, c))| *r = *r * w + c);
+        r.iter_mut().zip(self.of.roots.iter().zip(&self.of.offset)).for_each(|(r, (w, c))| *r = *r * w + c);
     }
 }
 
 impl Estimator for Around<'_> {
     fn rows(&self) -> usize {
-        self.roots.len()
+        self.of.roots.len()
     }
     fn nuisance(&self) -> Vec<Unknown> {
         self.thin.nuisance()
@@ -179,19 +225,24 @@ impl Estimator for Around<'_> {
         r: &mut [f64],
         j: &mut DMatrix<f64>,
     ) -> Result<(), EvalError> {
+        let of = Arc::clone(&self.of);
+        if full == of.values && extra == of.extra && selected == of.selected {
+            r.copy_from_slice(&of.residuals);
+            j.copy_from(&of.jacobian);
+            return Ok(());
+        }
         let along = Direction::of_columns(selected, full.len(), extra.len());
-        let stays = |d: &Direction| self.held.iter().position(|h| d.only() == Some(h.0));
-        let places: Vec<Option<usize>> = along.iter().map(stays).collect();
+        let places: Vec<_> = along.iter().map(|d| of.column(d.only()?)).collect();
         let made: Vec<Direction> =
             along.iter().zip(&places).filter(|(_, held)| held.is_none()).map(|(d, _)| d.clone()).collect();
         let mut own = DMatrix::zeros(r.len(), made.len());
         self.thin.jacobian_along(full, extra, &made, r, &mut own)?;
         self.finish(r);
-        own.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &self.roots));
+        own.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &of.roots));
         let mut next = own.column_iter();
         for (mut to, held) in j.column_iter_mut().zip(&places) {
             match held {
-                Some(k) => to.copy_from(&self.held[*k].1),
+                Some(column) => to.copy_from(column),
                 None => next.next().iter().for_each(|c| to.copy_from(c)),
             }
         }

@@ -48,6 +48,9 @@ const NOISE: f64 = 0.25;
 /// A step near the end that promises more than this part of what the one before promised is one of a fit that creeps. Steps of others promise
 /// the square of it, and need no other means.
 const SLOW: f64 = 0.1;
+/// Chi-squared that a fit that creeps has left to gain when it is at its end, if each step promises the same part of what the one before did: a
+/// tenth of a standard deviation, or what the settings of the fit ask for, if that is more.
+const REST: f64 = 1e-2;
 /// Part of its start below which a positive parameter is at its bound, zero.
 const EDGE_VALUE: f64 = 1e-3;
 
@@ -55,11 +58,15 @@ const EDGE_VALUE: f64 = 1e-3;
 /// is, in deviations of chi-squared, and mean squared residual up to which that counts: on the way from afar a fit may creep for long and
 /// find its valley after all.
 const WINDOW: usize = 10;
-const WORTH: f64 = 0.05;
+pub(super) const WORTH: f64 = 0.05;
 const ABOVE_NOISE: f64 = 10.0;
 const NEARLY: f64 = 1.5;
 /// The same below which any fit is at the end of a flat direction: where so much is not explained, deviations do not ask for more.
 const WORTHLESS: f64 = 1e-3;
+/// Linearisations in which a fit that may be given up is stuck, the same part below which it is, and that for a pass over less data however far
+/// from noise.
+const STUCK_IN: usize = 4;
+const STUCK: (f64, f64) = (1e-2, 1e-3);
 
 /// Where a fit is: all parameters, nuisance unknowns over their sizes, the linearisations it took, and those that led here.
 #[derive(Clone)]
@@ -78,6 +85,8 @@ pub(super) struct Way<'w> {
     pub(super) still: f64,
     /// Factor on the start of a positive parameter that steps keep it within: [`RANGE`] for a pass over less data.
     pub(super) range: f64,
+    /// Cost of all data less that of these, and the number of all rows, where fewer of them have the cost of all: noise is told by these.
+    pub(super) all: (f64, usize),
     /// Called near the end ([`NEAR_END`]) where steps creep ([`SLOW`]), with the linearisation there; moves the place on by other means,
     /// and says whether that is worth doing again: [`HOPS`] times at most.
     pub(super) near_end: &'w mut NearEnd<'w>,
@@ -174,17 +183,18 @@ pub(super) fn settle(
             let status = flat_end(request, before, &place.full, emptied);
             break (transform, status);
         }
-        if let Some(share) = gained_above_noise(&place.descent[begun..]).filter(|_| !settled) {
+        if let Some(share) = gained_above_noise(&place.descent[begun..], way.all).filter(|_| !settled) {
             if share < WORTHLESS {
-                let by = Criterion::Flat;
-                let status =
-                    if emptied.is_empty() { Status::Converged { by } } else { Status::AtBound { at: emptied, by } };
-                break (transform, status);
+                break (transform, ended(Criterion::Flat, emptied));
             }
             if share < WORTH && request.give_up.is_some() {
                 place.crept = true;
                 break (transform, Status::IterationLimit);
             }
+        }
+        if !settled && request.give_up.is_some() && is_stuck(&place.descent[begun..], way.all, way.range.is_finite()) {
+            place.crept = true;
+            break (transform, Status::IterationLimit);
         }
         // At the bounds of a pass over less data: nothing that may still move wants to.
         let held = solution.iterations == 0 && matches!(solution.status, Status::AtBound { .. });
@@ -193,6 +203,10 @@ pub(super) fn settle(
         }
         let before = std::mem::replace(&mut promised, near_end(&solution));
         let slow = promised.zip(before).is_some_and(|(now, before)| now > SLOW * before);
+        let rest = promised.zip(before).map_or(f64::INFINITY, |(now, before)| rest_of(now, before));
+        if slow && request.settings.gain_tolerance > 0.0 && rest < REST.max(request.settings.gain_tolerance) {
+            break (transform, ended(Criterion::Statistics, emptied));
+        }
         if hops > 0 && slow {
             references.truncate(priors_kept);
             let before = place.iterations;
@@ -208,12 +222,28 @@ pub(super) fn settle(
 
 /// What the last linearisations have gained, as part of what lies above noise; `None` where there are too few, noise alone is left, or far
 /// more than that.
-fn gained_above_noise(descent: &[Linearisation]) -> Option<f64> {
+fn gained_above_noise(descent: &[Linearisation], all: (f64, usize)) -> Option<f64> {
     let (last, before) = (descent.last()?, &descent[descent.len().checked_sub(1 + WINDOW)?]);
-    let rows = last.residuals as f64;
-    let above = last.objective - rows;
-    let counts = above > ABOVE_NOISE * (2.0 * rows).sqrt() && last.objective < NEARLY * rows;
-    counts.then(|| (before.objective - last.objective) / above)
+    share_above_noise(before.objective - last.objective, last.objective + all.0, all.1)
+}
+
+/// Whether the last few linearisations have gained next to nothing of what lies above noise ([`STUCK`]): at any distance from it on the way over
+/// less data, and near it everywhere.
+fn is_stuck(descent: &[Linearisation], all: (f64, usize), on_the_way: bool) -> bool {
+    let Some(first) = descent.len().checked_sub(1 + STUCK_IN) else { return false };
+    let (last, rows) = (&descent[descent.len() - 1], all.1 as f64);
+    let (objective, gained) = (last.objective + all.0, descent[first].objective - last.objective);
+    let above = objective - rows;
+    let least = if objective < NEARLY * rows { STUCK.0 } else { STUCK.1 };
+    above > ABOVE_NOISE * (2.0 * rows).sqrt() && gained < least * above && (on_the_way || objective < NEARLY * rows)
+}
+
+/// A gain, as part of what lies above noise; `None` where noise alone is left, or far more than that.
+pub(super) fn share_above_noise(gained: f64, objective: f64, rows: usize) -> Option<f64> {
+    let rows = rows as f64;
+    let above = objective - rows;
+    let counts = above > ABOVE_NOISE * (2.0 * rows).sqrt() && objective < NEARLY * rows;
+    counts.then(|| gained / above)
 }
 
 /// The trust region of the next step: [`Scale::Unit`] up to [`RADIUS`], and, where it may be (`by_data`), the metric of the data from where
@@ -269,6 +299,17 @@ fn near_end(solution: &Solution) -> Option<f64> {
     (noise && step.accepted && promised < NEAR_END).then_some(promised)
 }
 
+/// The end of a fit, with these parameters at zero.
+fn ended(by: Criterion, emptied: Vec<usize>) -> Status {
+    if emptied.is_empty() { Status::Converged { by } } else { Status::AtBound { at: emptied, by } }
+}
+
+/// Chi-squared that is left to gain behind a step that promised `now` and one `before` it, if steps go on like that: without end where they
+/// promise more.
+fn rest_of(now: f64, before: f64) -> f64 {
+    if now < before { now * now / (before - now) } else { f64::INFINITY }
+}
+
 /// Whether the last step was as long as steps may be.
 fn is_full(solution: &Solution, settings: &Settings) -> bool {
     let full = |step: &Iterate| step.lambda > 0.0 && step.radius >= RADIUS;
@@ -285,4 +326,41 @@ fn flat_end(request: &Request<'_>, before: &[f64], after: &[f64], emptied: Vec<u
         return Status::Converged { by: Criterion::Flat };
     }
     Status::AtBound { at: emptied, by: Criterion::Flat }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_of_a_creeping_fit_is_the_sum_of_what_its_steps_will_promise() {
+        // 3.7 e-3 and 0.62 of it, and so on.
+        let (first, ratio): (f64, f64) = (3.7e-3, 0.62);
+        let all: f64 = (2..400).map(|k| first * ratio.powi(k)).sum();
+        assert!((rest_of(first * ratio, first) / all - 1.0).abs() < 1e-9);
+        assert_eq!(rest_of(2.0, 2.0), f64::INFINITY);
+        assert_eq!(rest_of(2.1, 2.0), f64::INFINITY);
+    }
+
+    #[test]
+    fn a_fit_is_stuck_where_steps_gain_nothing_of_what_is_not_explained() {
+        let rows = 64_000;
+        let falling = |objective: f64, by: f64, residuals: usize| -> Vec<Linearisation> {
+            let one = |k: i32| Linearisation { objective: objective * (1.0 - by).powi(k), residuals };
+            (0..6).map(one).collect()
+        };
+        let all = (0.0, rows);
+        let above = |mean: f64| mean * rows as f64;
+        // In the noise there is nothing to be stuck above; far off, a fit over all data may creep and arrive.
+        assert!(!is_stuck(&falling(above(1.03), 1e-5, rows), all, true));
+        assert!(is_stuck(&falling(above(1.08), 1e-5, rows), all, false));
+        assert!(!is_stuck(&falling(above(1.08), 3e-4, rows), all, false));
+        assert!(!is_stuck(&falling(above(30.0), 1e-4, rows), all, false));
+        assert!(is_stuck(&falling(above(30.0), 1e-4, rows), all, true));
+        assert!(!is_stuck(&falling(above(30.0), 1e-3, rows), all, true));
+        assert!(!is_stuck(&falling(above(1.08), 1e-5, rows)[..4], all, true));
+        // Fewer rows with the cost of all of them: what all rows say counts.
+        let fewer = falling(above(0.5), 1e-5, rows / 2);
+        assert!(is_stuck(&fewer, (above(0.58), rows), false) && !is_stuck(&fewer, (above(0.5), rows), false));
+    }
 }

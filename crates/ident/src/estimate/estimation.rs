@@ -73,14 +73,20 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
     };
     let at_solution = |e: EvalError| LmError::Setup(e.to_string());
     let over = |nuisance: &[f64]| -> Vec<f64> { nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect() };
+    let mut crept_there = false;
     if request.coarse {
         approach(request, estimator, &sizes_extra, &mut references, &mut place);
         // Where nothing can be predicted, the fit says so.
         let _ = estimator.refine(&place.full, &over(&place.nuisance), request.finer);
-        near_end::land(request, estimator, &sizes_extra, &mut references, &mut place);
+        crept_there = near_end::land(request, estimator, &sizes_extra, &mut references, &mut place);
     }
     let asked = request.settings.max_iterations;
-    let request = &unless_hopeless(request, estimator, &sizes_extra, &references, &place);
+    let mut hopeful = unless_hopeless(request, estimator, &sizes_extra, &references, &place);
+    if crept_there {
+        // Other starts come first: what is wanted is what this one looks like.
+        hopeful.settings.max_iterations = 1;
+    }
+    let request = &hopeful;
     let threads = request.jacobian.threads(estimator.rows(), n + extra.len());
     let mut evaluated = Evaluated::new(threads);
     let mut hop =
@@ -89,7 +95,8 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
         };
     let mut refined = 0;
     let (transform, status) = loop {
-        let way = Way { still: ANCHOR_MOVED, range: f64::INFINITY, near_end: &mut hop };
+        let all = (0.0, estimator.rows());
+        let way = Way { still: ANCHOR_MOVED, range: f64::INFINITY, all, near_end: &mut hop };
         let end = settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, way)?;
         // A fit that was given up is no place to ask for.
         if request.finer == 0 || refined == REFINED || end.1 == Status::IterationLimit {
@@ -102,6 +109,7 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
         evaluated = Evaluated::new(threads);
     };
     let Place { full, nuisance, iterations, mut descent, crept } = place;
+    let crept = crept || (crept_there && status == Status::IterationLimit);
     let values_extra = over(&nuisance);
     let (rows, left_out) = (estimator.rows(), estimator.left_out());
     let selected = transform.selected();

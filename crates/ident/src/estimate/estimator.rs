@@ -173,6 +173,11 @@ pub trait Estimator {
         let _ = full;
         None
     }
+    /// The same over fewer data still, where all of them have the last word: what hardly rings there need not be followed. [`Estimator::coarse`]
+    /// unless overridden.
+    fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        self.coarse(full)
+    }
     /// The same over the first `share` (0 to 1) of every record, if that is enough of it: where oscillations predicted and measured have
     /// not yet slipped by a period, [`crate::estimate()`] finds the way that it does not find over the whole. `None` unless overridden.
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
@@ -271,6 +276,9 @@ macro_rules! pointer {
             }
             fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
                 (**self).coarse(full)
+            }
+            fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
+                (**self).rough(full)
             }
             fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
                 (**self).beginning(share)

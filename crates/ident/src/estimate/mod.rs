@@ -28,7 +28,7 @@ pub(crate) mod sensor_errors;
 pub(crate) mod setup;
 
 pub use along::Direction;
-pub use around::Around;
+pub use around::{Around, Centred};
 pub use complete::{Complete, CompleteOptions};
 pub use estimation::{attempt, estimate};
 pub use estimator::{At, Between, Coarse, Estimator};

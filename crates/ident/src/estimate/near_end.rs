@@ -6,7 +6,7 @@
 
 use crate::estimate::approach::cost;
 use crate::estimate::around::{Around, Centre, Slope};
-use crate::estimate::descent::{Place, Way, settle};
+use crate::estimate::descent::{Place, WORTH, Way, settle, share_above_noise};
 use crate::estimate::estimator::Estimator;
 use crate::estimate::fit::{Evaluated, Reference};
 use crate::estimate::request::Request;
@@ -51,16 +51,17 @@ pub(super) fn hop(
 }
 
 /// The same from where less data have led, and as often as it is worth it: all rows are predicted there, and none of their columns. What fewer
-/// rows make of the slope is nearly that of all of them, so that linearisations of all begin next to their end.
+/// rows make of the slope is nearly that of all of them, so that linearisations of all begin next to their end. Says whether that crept above noise
+/// ([`Request::give_up`]).
 pub(super) fn land(
     request: &Request<'_>,
     estimator: &mut dyn Estimator,
     sizes: &[f64],
     references: &mut Vec<Reference>,
     place: &mut Place,
-) {
+) -> bool {
     if !asked(request) || place.iterations == 0 {
-        return;
+        return false;
     }
     let settings = Settings {
         max_iterations: LANDED.min(request.settings.max_iterations),
@@ -71,11 +72,21 @@ pub(super) fn land(
     for _ in 0..LANDINGS {
         let mut residuals = vec![0.0; estimator.rows()];
         let done = estimator.residuals(&place.full, &over(place, sizes), &mut residuals);
-        let known = (&residuals[..], Slope::Untold);
-        if done.is_err() || around(&lax, estimator, sizes, references, place, known) < WORTH_MORE {
+        if done.is_err() {
+            break;
+        }
+        let gained = around(&lax, estimator, sizes, references, place, (&residuals[..], Slope::Untold));
+        // Above noise in a valley that leads nowhere: other starts come first.
+        let left = residuals.iter().map(|r| r * r).sum::<f64>() - gained;
+        let share = share_above_noise(gained, left, residuals.len());
+        if request.give_up.is_some() && share.is_some_and(|share| share < WORTH) {
+            return true;
+        }
+        if gained < WORTH_MORE {
             break;
         }
     }
+    false
 }
 
 /// Whether a fit goes over fewer rows near its end.
@@ -99,11 +110,12 @@ fn around(
 ) -> f64 {
     let extra = over(place, sizes);
     let centre = Centre { values: &place.full, extra: &extra, residuals, slope };
-    let Some(thin) = estimator.coarse(&place.full) else { return 0.0 };
+    let Some(thin) = estimator.rough(&place.full) else { return 0.0 };
     let stays = |i: usize| request.marginal.iter().any(|m| m.0 == i);
     let Ok(Some(mut near)) = Around::of_point(request, centre, thin, stays) else { return 0.0 };
     let mut there = place.clone();
-    let way = Way { still: f64::INFINITY, range: f64::INFINITY, near_end: &mut |_, _, _, _| false };
+    let all = (near.centred().beyond, residuals.len());
+    let way = Way { still: f64::INFINITY, range: f64::INFINITY, all, near_end: &mut |_, _, _, _| false };
     let end = settle(request, &mut near, sizes, references, &mut there, &mut Evaluated::new(None), way);
     drop(near);
     let (iterations, descent) = (there.iterations, there.descent.clone());

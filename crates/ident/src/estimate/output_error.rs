@@ -32,6 +32,12 @@ use std::sync::Arc;
 
 /// Samples per period of the fastest mode that are left for a first pass, and for a pass before that.
 const PER_PERIOD: [f64; 2] = [10.0, 5.0];
+/// Steps per period of the fastest mode that are left at least where it hardly rings, so that it need not be followed: the method is stable up to 2.2,
+/// and where springs stiffen beyond that on the way, steps of the fit are taken back. And what the integration may be off by in such steps, in
+/// whitened residuals: by so much of a deviation an estimate could move, and all data have the last word.
+const FEWEST: f64 = 3.0;
+/// See [`FEWEST`].
+const LONGER: f64 = 1.0;
 /// Samples that a first pass needs at least.
 const LEAST_SAMPLES: usize = 200;
 /// Samples per period of the fastest mode, and longest interval (s), of a survey; steps per period where a sample takes several, between which
@@ -92,6 +98,8 @@ pub struct OutputError<'a> {
     tables: Tables,
     /// How often its record has been thinned.
     thinned: usize,
+    /// [`OutputError::integration_error`] where it was looked at last, and the steps per sample that it was of.
+    error: Option<(f64, usize)>,
     /// Predictions in the steps at hand.
     remembered: Remembered,
     /// The last rows that were handed over, whose memory the next take.
@@ -126,12 +134,13 @@ impl<'a> OutputError<'a> {
     pub fn suited(self, full: &[f64]) -> Result<Self, SetupError> {
         let Some(limit) = self.rows.options.step_error else { return Ok(self) };
         let extra = vec![0.0; self.nuisance().len()];
-        let mut tried = self.in_steps(self.steps().div_ceil(2))?;
+        let mut tried = self.in_steps(self.steps().div_ceil(4))?;
         match tried.integration_error(full, &extra) {
             Ok(error) if error.is_finite() => {
                 // More than a first pass over all samples takes, so that there is one.
-                let least = self.first_pass(full).filter(|first| first.0 == 1).map_or(1, |first| first.1 + 1);
-                self.in_steps(steps_for(limit, tried.steps(), error).max(least))
+                let least = self.first_pass(full, false).filter(|first| first.0 == 1).map_or(1, |first| first.1 + 1);
+                let looked = Some((error, tried.steps()));
+                Ok(Self { error: looked, ..self.in_steps(steps_for(limit, tried.steps(), error).max(least))? })
             }
             _ => Ok(self),
         }
@@ -177,9 +186,11 @@ impl<'a> OutputError<'a> {
     pub fn integration_error(&mut self, full: &[f64], extra: &[f64]) -> Result<f64, EvalError> {
         let (mut coarse, mut fine) = (vec![0.0; self.rows.count()], vec![0.0; self.rows.count()]);
         let steps = self.steps();
-        for (steps, r) in [(steps, &mut coarse), (2 * steps, &mut fine)] {
-            let mut tables = self.tables.thinned(1, steps).passing();
-            by_spans(&self.rows, &mut tables, full, extra, r)?;
+        for (many, r) in [(steps, &mut coarse), (2 * steps, &mut fine)] {
+            if many != steps || !self.remembered.fill(full, extra, r) {
+                let mut tables = self.tables.thinned(1, many).passing();
+                by_spans(&self.rows, &mut tables, full, extra, r)?;
+            }
         }
         let squares: f64 = coarse.iter().zip(&fine).map(|(a, b)| (a - b).powi(2)).sum();
         Ok(16.0 / 15.0 * squares.sqrt())
@@ -187,23 +198,39 @@ impl<'a> OutputError<'a> {
     /// [`OutputError::with_options`] for columns that need not be exact: simulated in steps of which twenty make a period of the fastest
     /// mode at `full`, but no more than a tenth of a second long, and interpolated at the readings where a step spans several; where a sample
     /// takes several steps, ten make a period. A component at a tenth of the grid's
-    /// rate is then off by 3e-4 of itself (`docs/theory/output-operator.md`), one at a fifth by 2 %.
+    /// rate is then off by 3e-4 of itself (`docs/theory/output-operator.md`), one at a fifth by 2 %. Steps of which three make a period do as well
+    /// where what they predict at the grid differs from the prediction at hand by less than a standard deviation of noise, all samples
+    /// together: the fastest modes hardly ring.
     ///
     /// # Errors
     /// [`SetupError`].
     pub fn survey(&self, options: &Options, full: &[f64]) -> Result<Self, SetupError> {
-        let OutputRows { model, record, options: own, .. } = &self.rows;
-        let beside = options.oscillators.iter().map(|o| o.frequency_hz);
-        let fastest = beside.fold(self.fastest(full).unwrap_or(0.0), f64::max);
-        let step = if fastest > 0.0 { COARSEST.min(1.0 / (SURVEYED * fastest)) } else { COARSEST };
-        let mut every = ((step / record.dt()) as usize).min(record.samples() / LEAST_SAMPLES).max(1);
-        let in_steps = (record.dt() * fastest * INTEGRATED).ceil() as usize;
+        let beside = options.oscillators.iter().map(|o| o.frequency_hz).fold(0.0, f64::max);
+        let (own, dt) = (self.fastest(full).unwrap_or(0.0), self.rows.record.dt());
+        let most = self.rows.record.samples() / LEAST_SAMPLES;
+        let samples = |own: f64, per_period: f64| {
+            let fastest = (SURVEYED * beside).max(per_period * own);
+            let step = if fastest > 0.0 { COARSEST.min(1.0 / fastest) } else { COARSEST };
+            ((step / dt) as usize).min(most)
+        };
+        let usual = samples(own, SURVEYED).max(1);
+        let mut longer = samples(own, FEWEST);
+        let shorter = |every: usize| every > usual || (every == 1 && dt * own * INTEGRATED > 1.0);
+        let exact = if shorter(longer) { self.foretold(full) } else { None };
+        while let Some(exact) = exact.as_ref().filter(|_| shorter(longer)) {
+            let made = self.surveyed(options, longer, 1)?;
+            if let Some(made) = self.foretells(made, longer, full, exact) {
+                return Ok(made);
+            }
+            longer -= longer.div_ceil(3);
+        }
+        let in_steps = (dt * own.max(beside) * INTEGRATED).ceil() as usize;
         // The fit may have ended at springs that ask for more steps than it began with.
-        let mut substeps = if every > 1 { 1 } else { in_steps.clamp(1, MORE * own.substeps) };
-        let most = MORE * substeps.max(own.substeps);
+        let own_steps = self.steps();
+        let mut substeps = if usual > 1 { 1 } else { in_steps.clamp(1, MORE * own_steps) };
+        let (mut every, most) = (usual, MORE * substeps.max(own_steps));
         loop {
-            let tables = self.tables.thinned(every, substeps);
-            let mut made = Self::with_tables(model, record.clone(), &own.with(substeps, options), tables, every);
+            let mut made = self.surveyed(options, every, substeps);
             if 2 * substeps > most || made.as_mut().is_ok_and(|made| made.predicts(full)) {
                 return made;
             }
@@ -214,6 +241,36 @@ impl<'a> OutputError<'a> {
                 substeps *= 2;
             }
         }
+    }
+    fn surveyed(&self, options: &Options, every: usize, substeps: usize) -> Result<Self, SetupError> {
+        let OutputRows { model, record, options: own, .. } = &self.rows;
+        let tables = self.tables.thinned(every, substeps);
+        Self::with_tables(model, record.clone(), &own.with(substeps, options), tables, every)
+    }
+    /// Residuals with nuisance unknowns of zero; `None` where nothing is predicted. Allocates spans of tables.
+    fn foretold(&self, full: &[f64]) -> Option<Vec<f64>> {
+        let (mut r, extra) = (vec![0.0; self.rows.count()], vec![0.0; self.rows.nuisance().len()]);
+        by_spans(&self.rows, &mut self.tables.thinned(1, self.steps()).passing(), full, &extra, &mut r).ok()?;
+        Some(r)
+    }
+    /// Another estimator of the same rows that simulates every `every`-th sample, if it predicts there what this one does, `own` ([`LONGER`]),
+    /// with nuisance unknowns of zero.
+    fn foretells(&self, mut other: Self, every: usize, full: &[f64], own: &[f64]) -> Option<Self> {
+        let (mut r, extra) = (vec![0.0; other.rows.count()], vec![0.0; other.rows.nuisance().len()]);
+        if r.len() != own.len() || other.residuals(full, &extra, &mut r).is_err() {
+            return None;
+        }
+        let rows = if self.is_interleaved() { self.rows.every(every) } else { (0..own.len()).collect() };
+        // On a grid of their own, rows of torques come before those of the gyro.
+        let (joints, samples) = (self.rows.model.nj(), own.len() / (self.rows.model.nj() + 3));
+        let turned = self.is_interleaved() && !other.is_interleaved();
+        let place = |k: usize| match (k / (joints + 3), k % (joints + 3)) {
+            _ if !turned => k,
+            (i, c) if c < joints => i * joints + c,
+            (i, c) => samples * joints + 3 * i + c - joints,
+        };
+        let squares: f64 = rows.into_iter().map(|k| (r[place(k)] - own[k]).powi(2)).sum();
+        (squares < LONGER * LONGER).then_some(other)
     }
     /// Whether there is a prediction at these parameters, and nuisance unknowns of zero.
     fn predicts(&mut self, full: &[f64]) -> bool {
@@ -270,24 +327,40 @@ impl<'a> OutputError<'a> {
         Ok(Self::of(rows, tables, 0))
     }
     fn of(rows: OutputRows<'a>, tables: Tables, thinned: usize) -> Self {
-        Self { rows, tables, thinned, remembered: Remembered::default(), block: RowBlock::default() }
+        Self { rows, tables, thinned, error: None, remembered: Remembered::default(), block: RowBlock::default() }
+    }
+    /// Over every so many samples ([`OutputError::stride`]); `rough` ones do not follow what hardly rings.
+    fn over_fewer(&self, full: &[f64], rough: bool) -> Option<Coarse<'_>> {
+        let (every, substeps) = self.stride(full, rough)?;
+        let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
+        let record = if every > 1 { Cow::Owned(record.thinned(every).ok()?) } else { record.clone() };
+        let (motion, options) = (self.tables.moving(), Options { substeps, step_error: None, ..options.clone() });
+        let rows = OutputRows::new(model, record, options, (kinematics.clone(), initial.clone()), motion);
+        let rows = OutputRows { draws: self.rows.draws, ..rows };
+        let thin = OutputError::of(rows, self.tables.thinned(every, substeps), self.thinned + 1);
+        Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
     }
     /// How many samples a first pass can go on by, and its steps per sample. With ten steps left per period of the fastest mode, it is off by
-    /// less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %; steps per sample are rounded down, to no less than half of that. `None` where such a pass would not be cheaper.
-    fn stride(&self, full: &[f64]) -> Option<(usize, usize)> {
-        self.first_pass(full).filter(|(every, substeps)| *every > 1 || *substeps < self.steps())
+    /// less than 0.2 % in its frequency (`(2 pi / 10)^4 / 120`), with five by 2 %; steps per sample are rounded down, to no less than half of that.
+    /// A `rough` one has three where that mode hardly rings ([`FEWEST`]). `None` where such a pass would not be cheaper.
+    fn stride(&self, full: &[f64], rough: bool) -> Option<(usize, usize)> {
+        self.first_pass(full, rough).filter(|(every, substeps)| *every > 1 || *substeps < self.steps())
     }
     /// [`OutputError::stride`], whatever it costs; `None` without modes.
-    fn first_pass(&self, full: &[f64]) -> Option<(usize, usize)> {
-        let per_period = PER_PERIOD.get(self.thinned)?;
-        let (record, fastest) = (&self.rows.record, self.fastest(full)?);
-        let samples_per_step = 1.0 / (per_period * fastest * record.dt());
+    fn first_pass(&self, full: &[f64], rough: bool) -> Option<(usize, usize)> {
+        let (per_period, fastest) = (PER_PERIOD.get(self.thinned)?, self.fastest(full)?);
+        let (record, dt) = (&self.rows.record, self.rows.record.dt());
+        let samples_per_step = 1.0 / (per_period * fastest * dt);
         // NaN where there is no mode.
         if !samples_per_step.is_finite() {
             return None;
         }
-        let enough = record.samples() / LEAST_SAMPLES;
-        let every = (samples_per_step as usize).min(enough).min(THINNEST);
+        let most = (record.samples() / LEAST_SAMPLES).min(THINNEST);
+        // Of a method of fourth order.
+        let suits = |every: &usize| self.error.is_some_and(|(e, steps)| e * ((every * steps) as f64).powi(4) < LONGER);
+        let longest = if rough { (1.0 / (FEWEST * fastest * dt)) as usize } else { 0 };
+        let longer = (2..=longest.min(most)).rev().find(suits).unwrap_or(1);
+        let every = (samples_per_step as usize).min(most).max(longer);
         if every > 1 {
             return Some((every, 1));
         }
@@ -451,14 +524,10 @@ impl Estimator for OutputError<'_> {
         self.rows.nuisance()
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
-        let (every, substeps) = self.stride(full)?;
-        let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
-        let record = if every > 1 { Cow::Owned(record.thinned(every).ok()?) } else { record.clone() };
-        let (motion, options) = (self.tables.moving(), Options { substeps, step_error: None, ..options.clone() });
-        let rows = OutputRows::new(model, record, options, (kinematics.clone(), initial.clone()), motion);
-        let rows = OutputRows { draws: self.rows.draws, ..rows };
-        let thin = OutputError::of(rows, self.tables.thinned(every, substeps), self.thinned + 1);
-        Some(Coarse { estimator: Box::new(thin), rows: self.rows.every(every), between: self.rows.between(every) })
+        self.over_fewer(full, false)
+    }
+    fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        self.over_fewer(full, true)
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let OutputRows { model, record, options, kinematics, initial, grid, .. } = &self.rows;
@@ -527,6 +596,7 @@ impl Estimator for OutputError<'_> {
         let before = self.steps();
         let error = self.predictable(full, extra, most)?;
         let steps = self.steps();
+        self.error = Some((error, steps));
         let finer = steps_for(limit, steps, error);
         if error > TOO_COARSE * limit && finer > steps {
             if finer > most.saturating_mul(before) {

@@ -111,8 +111,8 @@ pub struct Request<'a> {
     /// deviations are those of all data either way.
     pub coarse: bool,
     /// Mean squared residual above which the end of the way over less data is taken to lead nowhere: all data are then linearised ten times only,
-    /// since other starts find more in that time; for the same reason, a fit that creeps where its data are not explained is ended. None: data
-    /// are linearised as often as the settings say.
+    /// since other starts find more in that time; for the same reason, a fit that creeps where its data are not explained is ended, and a pass over
+    /// less data wherever it creeps. None: data are linearised as often as the settings say.
     pub give_up: Option<f64>,
     /// Other places to begin from where the way over less data is lost from the start ([`Request::coarse`]): the best of them, if it is better.
     pub other_starts: Option<OtherStarts<'a>>,

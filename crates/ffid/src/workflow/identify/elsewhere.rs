@@ -183,6 +183,11 @@ fn vanished(request: &Request<'_>, e: &Estimate) -> bool {
     request.selected.iter().any(|&i| has_vanished(request, e, i))
 }
 
+/// Whether a positive parameter is gone, or far from where the mission has it.
+pub(super) fn has_lost(request: &Request<'_>, e: &Estimate) -> bool {
+    vanished(request, e) || !strayed(request, e).is_empty()
+}
+
 /// Whether this parameter is one that is positive and gone.
 pub(super) fn has_vanished(request: &Request<'_>, e: &Estimate, i: usize) -> bool {
     request.decls[i].group == ParamGroup::Positive && e.values[i] < VANISHED * request.start[i]
@@ -251,7 +256,7 @@ fn best_start(
     let settings = Solver { decrement_tolerance: SHOWN, max_iterations, ..request.settings.clone() };
     let led = |looked: &mut dyn Estimator| led_best(request, &settings, first, &starts, looked);
     // Where there is no thinner look at the record, or none that follows what is as fast as this, all of it leads.
-    let thin = estimator.coarse(&stiffest(request, &first.values)).and_then(|mut c| led(&mut *c.estimator));
+    let thin = estimator.rough(&stiffest(request, &first.values)).and_then(|mut c| led(&mut *c.estimator));
     thin.or_else(|| led(estimator))
 }
 

@@ -7,7 +7,7 @@
 //! is another end of the fit, and deviations cover both, each by its weight ([`super::mixture`]). The estimate stays the lowest.
 
 use super::chord::is_physical;
-use super::elsewhere::{has_vanished, owner};
+use super::elsewhere::{WIDE, has_vanished, owner};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
 use super::valleys::{ASIDE, BESIDE, Ending, answers};
@@ -29,6 +29,9 @@ const HELD: f64 = 0.5;
 const LEAST_PART: f64 = 0.1;
 /// Linearisations, and promised reduction of chi-squared at their end, which is compared with [`BESIDE`].
 const MOST: usize = 25;
+/// Linearisations after which what is still far from the data ([`WIDE`]) is not gone on with: a mission that the data allow is nearly where the way to it
+/// begins.
+const SHOWN: usize = 5;
 const SETTLED: f64 = 0.1;
 
 /// Makes deviations cover the end of the fit at which what is hardly told is near the mission, if the data allow it. Allocates; takes up to
@@ -96,15 +99,22 @@ fn near_mission(
         rows.iter().for_each(|r| start[request.selected[r.column]] = r.mean);
         start
     });
-    let settings = Solver {
-        max_iterations: MOST,
-        gain_tolerance: request.settings.gain_tolerance.max(SETTLED),
-        ..request.settings.clone()
-    };
     let centre = Some(request.centre.unwrap_or(request.start));
-    let held = Request { start: &start, centre, priors, coarse: false, finer: ASIDE, settings, ..request.clone() };
+    let mut go_on = |start: &[f64], max_iterations: usize| {
+        let gain_tolerance = request.settings.gain_tolerance.max(SETTLED);
+        let settings = Solver { max_iterations, gain_tolerance, ..request.settings.clone() };
+        let priors = priors.clone();
+        let held = Request { start, centre, priors, coarse: false, finer: ASIDE, settings, ..request.clone() };
+        attempt(&held, estimator).ok()
+    };
     // On its way or at its end: the data allow either.
-    let found = attempt(&held, estimator).ok()?;
+    let mut found = go_on(&start, SHOWN)?;
+    if !found.is_solution() {
+        if found.chi2_per_dof > WIDE {
+            return None;
+        }
+        found = go_on(&found.values, MOST - SHOWN)?;
+    }
     let pull = |r: &PriorRow| ((found.parameters[r.column].value - r.mean) / r.sigma).powi(2);
     let cost = found.objective - rows.iter().map(pull).sum::<f64>();
     Some((found, cost))

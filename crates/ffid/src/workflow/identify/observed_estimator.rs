@@ -2,11 +2,12 @@
 
 use ff_least_squares::EvalError;
 use ident::belief::Unknown;
-use ident::estimate::{Around, At, Coarse, Estimate, RowStream};
+use ident::estimate::{Around, At, Centred, Coarse, Estimate, RowStream};
 use ident::{Estimator, Request};
 use nalgebra::DMatrix;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Progress and interruption from outside.
@@ -56,6 +57,8 @@ struct SharedState {
     folded: Cell<bool>,
     /// The least chi-squared per residual of all data, and the unknowns there.
     best: RefCell<Option<(f64, Vec<f64>)>>,
+    /// The last end of a fit that was looked around.
+    near: RefCell<Option<Arc<Centred>>>,
 }
 
 /// Chi-squared per residual.
@@ -122,9 +125,14 @@ impl<'a> ObservedEstimator<'a> {
         e: &Estimate,
         stays: impl Fn(usize) -> bool,
     ) -> Option<(ObservedEstimator<'_>, f64)> {
-        let thin = self.inner.coarse(&e.values).or_else(|| self.inner.beginning(1.0))?;
-        let around = Around::new(request, e, thin, stays).ok()??;
-        let beyond = around.beyond;
+        let fewer = || self.inner.coarse(&e.values).or_else(|| self.inner.beginning(1.0));
+        let known = self.state.near.borrow().clone();
+        let around = match known.and_then(|of| Around::again(request, e, fewer()?, &stays, of)) {
+            Some(around) => around,
+            None => Around::new(request, e, fewer()?, &stays).ok()??,
+        };
+        self.state.near.replace(Some(Arc::clone(around.centred())));
+        let beyond = around.centred().beyond;
         Some((self.over_less(Box::new(around)), beyond))
     }
     /// Whether the best point is to be kept.
@@ -152,6 +160,9 @@ impl Estimator for ObservedEstimator<'_> {
     }
     fn coarse(&self, full: &[f64]) -> Option<Coarse<'_>> {
         Some(self.watched(self.inner.coarse(full)?))
+    }
+    fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
+        Some(self.watched(self.inner.rough(full)?))
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         Some(self.watched(self.inner.beginning(share)?))

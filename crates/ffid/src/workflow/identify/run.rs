@@ -6,7 +6,7 @@ use super::compliances::allow_for_compliances;
 use super::consider::{self, Side};
 use super::course::Course;
 use super::drives;
-use super::elsewhere::{Subject, WIDE, elsewhere, gone_on};
+use super::elsewhere::{Subject, WIDE, elsewhere, explains, gone_on, has_lost};
 use super::error::{IdentifyError, config};
 use super::evidence::State;
 use super::explain;
@@ -502,7 +502,13 @@ fn solve(
             best = finished(&quick, best, estimator)?;
         }
         best = elsewhere(&quick, best, of, estimator);
+        let unfinished = best.given_up;
         best = finished(request, best, estimator)?;
+        // What is lost on the rest of the way was not lost yet where other starts were looked for.
+        if unfinished && !explains(&best) && has_lost(request, &best) {
+            best = elsewhere(&quick, best, of, estimator);
+            best = finished(request, best, estimator)?;
+        }
         best_valley(request, best, of, estimator)
     } else {
         let draw = |k: usize| {
