@@ -231,19 +231,26 @@ fn gained_above_noise(descent: &[Linearisation], all: (f64, usize)) -> Option<f6
 /// less data, and near it everywhere.
 fn is_stuck(descent: &[Linearisation], all: (f64, usize), on_the_way: bool) -> bool {
     let Some(first) = descent.len().checked_sub(1 + STUCK_IN) else { return false };
-    let (last, rows) = (&descent[descent.len() - 1], all.1 as f64);
-    let (objective, gained) = (last.objective + all.0, descent[first].objective - last.objective);
-    let above = objective - rows;
-    let least = if objective < NEARLY * rows { STUCK.0 } else { STUCK.1 };
-    above > ABOVE_NOISE * (2.0 * rows).sqrt() && gained < least * above && (on_the_way || objective < NEARLY * rows)
+    let last = descent[descent.len() - 1].objective;
+    let (objective, gained) = (last + all.0, descent[first].objective - last);
+    let (near, least) = if is_near(objective, all.1) { (true, STUCK.0) } else { (false, STUCK.1) };
+    (near || on_the_way) && above_noise(objective, all.1).is_some_and(|above| gained < least * above)
+}
+
+/// What lies above noise, where that is more than its deviations.
+fn above_noise(objective: f64, rows: usize) -> Option<f64> {
+    let above = objective - rows as f64;
+    (above > ABOVE_NOISE * (2.0 * rows as f64).sqrt()).then_some(above)
+}
+
+/// Whether what is left is nearly noise.
+fn is_near(objective: f64, rows: usize) -> bool {
+    objective < NEARLY * rows as f64
 }
 
 /// A gain, as part of what lies above noise; `None` where noise alone is left, or far more than that.
 pub(super) fn share_above_noise(gained: f64, objective: f64, rows: usize) -> Option<f64> {
-    let rows = rows as f64;
-    let above = objective - rows;
-    let counts = above > ABOVE_NOISE * (2.0 * rows).sqrt() && objective < NEARLY * rows;
-    counts.then(|| gained / above)
+    above_noise(objective, rows).filter(|_| is_near(objective, rows)).map(|above| gained / above)
 }
 
 /// The trust region of the next step: [`Scale::Unit`] up to [`RADIUS`], and, where it may be (`by_data`), the metric of the data from where

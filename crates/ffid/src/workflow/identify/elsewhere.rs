@@ -185,7 +185,7 @@ fn vanished(request: &Request<'_>, e: &Estimate) -> bool {
 
 /// Whether a positive parameter is gone, or far from where the mission has it.
 pub(super) fn has_lost(request: &Request<'_>, e: &Estimate) -> bool {
-    vanished(request, e) || !strayed(request, e).is_empty()
+    !lost(request, e).0.is_empty()
 }
 
 /// Whether this parameter is one that is positive and gone.

@@ -29,10 +29,10 @@ const HELD: f64 = 0.5;
 const LEAST_PART: f64 = 0.1;
 /// Linearisations, and promised reduction of chi-squared at their end, which is compared with [`BESIDE`].
 const MOST: usize = 25;
-/// Linearisations after which what is still far from the data ([`WIDE`]) is not gone on with: a mission that the data allow is nearly where the way to it
-/// begins.
-const SHOWN: usize = 5;
 const SETTLED: f64 = 0.1;
+/// Linearisations after which what is still far from the data ([`WIDE`]) is not gone on with: a mission that the data allow is nearly where the
+/// way to it begins.
+const SHOWN: usize = 5;
 
 /// Makes deviations cover the end of the fit at which what is hardly told is near the mission, if the data allow it. Allocates; takes up to
 /// [`MOST`] linearisations of fewer rows, and none where all springs and dampers are told.
