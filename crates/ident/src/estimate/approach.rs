@@ -105,7 +105,7 @@ fn pass(
     let threads = request.jacobian.threads(estimator.rows(), request.selected.len() + sizes.len());
     let mut evaluated = Evaluated::new(threads);
     let all = (0.0, estimator.rows());
-    let way = Way { still: f64::INFINITY, range: RANGE, all, near_end: &mut |_, _, _, _| false };
+    let way = Way { still: f64::INFINITY, range: RANGE, all, to_beat: None, near_end: &mut |_, _, _, _| false };
     let end = settle(request, estimator, sizes, references, place, &mut evaluated, way);
     end.ok().map(|(_, status)| status)
 }

@@ -63,10 +63,12 @@ const ABOVE_NOISE: f64 = 10.0;
 const NEARLY: f64 = 1.5;
 /// The same below which any fit is at the end of a flat direction: where so much is not explained, deviations do not ask for more.
 const WORTHLESS: f64 = 1e-3;
-/// Linearisations in which a fit that may be given up is stuck, the same part below which it is, and that for a pass over less data however far
-/// from noise.
+/// Linearisations in which a fit that may be given up is stuck, the same part below which it is, and that however far from noise.
 const STUCK_IN: usize = 4;
 const STUCK: (f64, f64) = (1e-2, 1e-3);
+/// How much faster than over its last few linearisations a fit may fall in those that are left to it ([`Request::to_beat`]). One that found its
+/// valley late was seen to fall four times as fast then.
+const FASTER: f64 = 5.0;
 
 /// Where a fit is: all parameters, nuisance unknowns over their sizes, the linearisations it took, and those that led here.
 #[derive(Clone)]
@@ -87,6 +89,8 @@ pub(super) struct Way<'w> {
     pub(super) range: f64,
     /// Cost of all data less that of these, and the number of all rows, where fewer of them have the cost of all: noise is told by these.
     pub(super) all: (f64, usize),
+    /// Objective that it must get below to be of use ([`Request::to_beat`]).
+    pub(super) to_beat: Option<f64>,
     /// Called near the end ([`NEAR_END`]) where steps creep ([`SLOW`]), with the linearisation there; moves the place on by other means,
     /// and says whether that is worth doing again: [`HOPS`] times at most.
     pub(super) near_end: &'w mut NearEnd<'w>,
@@ -192,8 +196,12 @@ pub(super) fn settle(
                 break (transform, Status::IterationLimit);
             }
         }
-        if !settled && request.give_up.is_some() && is_stuck(&place.descent[begun..], way.all, way.range.is_finite()) {
+        if !settled && request.give_up.is_some() && is_stuck(&place.descent[begun..], way.all) {
             place.crept = true;
+            break (transform, Status::IterationLimit);
+        }
+        let left = limit.saturating_sub(place.iterations);
+        if !settled && way.to_beat.is_some_and(|best| is_beaten(&place.descent[begun..], left, best)) {
             break (transform, Status::IterationLimit);
         }
         // At the bounds of a pass over less data: nothing that may still move wants to.
@@ -227,14 +235,24 @@ fn gained_above_noise(descent: &[Linearisation], all: (f64, usize)) -> Option<f6
     share_above_noise(before.objective - last.objective, last.objective + all.0, all.1)
 }
 
-/// Whether the last few linearisations have gained next to nothing of what lies above noise ([`STUCK`]): at any distance from it on the way over
-/// less data, and near it everywhere.
-fn is_stuck(descent: &[Linearisation], all: (f64, usize), on_the_way: bool) -> bool {
-    let Some(first) = descent.len().checked_sub(1 + STUCK_IN) else { return false };
-    let last = descent[descent.len() - 1].objective;
-    let (objective, gained) = (last + all.0, descent[first].objective - last);
-    let (near, least) = if is_near(objective, all.1) { (true, STUCK.0) } else { (false, STUCK.1) };
-    (near || on_the_way) && above_noise(objective, all.1).is_some_and(|above| gained < least * above)
+/// Whether the last few linearisations have gained next to nothing of what lies above noise ([`STUCK`]).
+fn is_stuck(descent: &[Linearisation], all: (f64, usize)) -> bool {
+    let Some((last, gained)) = gained_last(descent) else { return false };
+    let objective = last + all.0;
+    let least = if is_near(objective, all.1) { STUCK.0 } else { STUCK.1 };
+    above_noise(objective, all.1).is_some_and(|above| gained < least * above)
+}
+
+/// Whether the linearisations that are `left` will not lead below the objective `best`, unless they gain more than [`FASTER`] times as much
+/// as the last few.
+fn is_beaten(descent: &[Linearisation], left: usize, best: f64) -> bool {
+    gained_last(descent).is_some_and(|(last, gained)| last - FASTER * gained / STUCK_IN as f64 * left as f64 > best)
+}
+
+/// The objective, and what the last few linearisations have gained ([`STUCK_IN`]).
+fn gained_last(descent: &[Linearisation]) -> Option<(f64, f64)> {
+    let last = descent.last()?.objective;
+    Some((last, descent[descent.len().checked_sub(1 + STUCK_IN)?].objective - last))
 }
 
 /// What lies above noise, where that is more than its deviations.
@@ -358,16 +376,25 @@ mod tests {
         };
         let all = (0.0, rows);
         let above = |mean: f64| mean * rows as f64;
-        // In the noise there is nothing to be stuck above; far off, a fit over all data may creep and arrive.
-        assert!(!is_stuck(&falling(above(1.03), 1e-5, rows), all, true));
-        assert!(is_stuck(&falling(above(1.08), 1e-5, rows), all, false));
-        assert!(!is_stuck(&falling(above(1.08), 3e-4, rows), all, false));
-        assert!(!is_stuck(&falling(above(30.0), 1e-4, rows), all, false));
-        assert!(is_stuck(&falling(above(30.0), 1e-4, rows), all, true));
-        assert!(!is_stuck(&falling(above(30.0), 1e-3, rows), all, true));
-        assert!(!is_stuck(&falling(above(1.08), 1e-5, rows)[..4], all, true));
+        // In the noise there is nothing to be stuck above; near it, a hundredth of what is above counts, far off a thousandth.
+        assert!(!is_stuck(&falling(above(1.03), 1e-5, rows), all));
+        assert!(is_stuck(&falling(above(1.08), 1e-5, rows), all));
+        assert!(!is_stuck(&falling(above(1.08), 3e-4, rows), all));
+        assert!(is_stuck(&falling(above(30.0), 1e-4, rows), all));
+        assert!(!is_stuck(&falling(above(30.0), 1e-3, rows), all));
+        assert!(!is_stuck(&falling(above(1.08), 1e-5, rows)[..4], all));
         // Fewer rows with the cost of all of them: what all rows say counts.
         let fewer = falling(above(0.5), 1e-5, rows / 2);
-        assert!(is_stuck(&fewer, (above(0.58), rows), false) && !is_stuck(&fewer, (above(0.5), rows), false));
+        assert!(is_stuck(&fewer, (above(0.58), rows)) && !is_stuck(&fewer, (above(0.5), rows)));
+    }
+
+    #[test]
+    fn a_fit_is_beaten_where_what_is_left_to_it_does_not_lead_below_another() {
+        let falling = |each: f64| -> Vec<Linearisation> {
+            (0..6).map(|k| Linearisation { objective: 900.0 - each * f64::from(k), residuals: 100 }).collect()
+        };
+        // At 800 after 20 each, seven more may lead to 800 - 5 * 20 * 7 = 100.
+        assert!(!is_beaten(&falling(20.0), 7, 101.0) && is_beaten(&falling(20.0), 7, 99.0));
+        assert!(!is_beaten(&falling(20.0)[..4], 0, 0.0));
     }
 }

@@ -111,9 +111,11 @@ pub struct Request<'a> {
     /// deviations are those of all data either way.
     pub coarse: bool,
     /// Mean squared residual above which the end of the way over less data is taken to lead nowhere: all data are then linearised ten times only,
-    /// since other starts find more in that time; for the same reason, a fit that creeps where its data are not explained is ended, and a pass over
-    /// less data wherever it creeps. None: data are linearised as often as the settings say.
+    /// since other starts find more in that time; for the same reason, a fit that creeps where its data are not explained is ended. None: data are linearised as often as the settings say.
     pub give_up: Option<f64>,
+    /// Objective of another fit to the same data that this one must get below to be of use. Where the linearisations that it is allowed will not lead
+    /// there, at five times the gain of the last four, it ends as one that has run out of them. None: it is of use anywhere.
+    pub to_beat: Option<f64>,
     /// Other places to begin from where the way over less data is lost from the start ([`Request::coarse`]): the best of them, if it is better.
     pub other_starts: Option<OtherStarts<'a>>,
     /// Take the last steps to the answer over fewer rows that have the cost of all of them nearby ([`crate::estimate::Around`]), where the
@@ -143,6 +145,7 @@ impl<'a> Request<'a> {
             loss: Loss::Squares,
             coarse: true,
             give_up: None,
+            to_beat: None,
             other_starts: None,
             near_end: true,
             finer: FINEST,

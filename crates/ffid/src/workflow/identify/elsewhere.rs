@@ -268,20 +268,20 @@ fn led_best(
     starts: &[Vec<f64>],
     looked: &mut dyn Estimator,
 ) -> Option<Vec<f64>> {
-    let mut lead = |start: &[f64]| {
+    let mut lead = |start: &[f64], to_beat: Option<f64>| {
         let settings = settings.clone();
-        let tried = Request { start, centre: Some(request.start), settings, finer: ASIDE, ..request.clone() };
+        let tried = Request { start, centre: Some(request.start), settings, to_beat, finer: ASIDE, ..request.clone() };
         attempt(&tried, looked)
     };
     // What the thinned record makes of the end itself is what the others are measured by. It has fewer readings, so that it may be explained
     // there: that ends nothing.
-    let mut best = match lead(&first.values) {
+    let mut best = match lead(&first.values, None) {
         Ok(e) => (e.objective, Some(e.values)),
         Err(_) => (f64::INFINITY, None),
     };
     let own = best.0;
     for start in starts {
-        let Ok(e) = lead(start) else { continue };
+        let Ok(e) = lead(start, Some(best.0)) else { continue };
         let done = e.objective < own - LOWER && explains(&e);
         if e.objective < best.0 {
             best = (e.objective, Some(e.values));
