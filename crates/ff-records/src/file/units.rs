@@ -77,6 +77,7 @@ pub const UNITS: &[Unit] = &[
     unit("deg/s^2", AngularAcceleration, PI, 180.0),
     unit("N m", Torque, 1.0, 1.0),
     unit("mN m", Torque, 1.0, 1e3),
+    unit("N mm", Torque, 1.0, 1e3),
     unit("uN m", Torque, 1.0, 1e6),
     unit("kN m", Torque, 1e3, 1.0),
     unit("N cm", Torque, 1.0, 1e2),

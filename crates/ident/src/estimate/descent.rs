@@ -356,6 +356,9 @@ fn flat_end(request: &Request<'_>, before: &[f64], after: &[f64], emptied: Vec<u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_least_squares::EvalError;
+    use ff_model::{ParamDecl, ParamGroup};
+    use nalgebra::DMatrix;
 
     #[test]
     fn what_is_left_of_a_creeping_fit_is_the_sum_of_what_its_steps_will_promise() {
@@ -396,5 +399,45 @@ mod tests {
         // At 800 after 20 each, seven more may lead to 800 - 5 * 20 * 7 = 100.
         assert!(!is_beaten(&falling(20.0), 7, 101.0) && is_beaten(&falling(20.0), 7, 99.0));
         assert!(!is_beaten(&falling(20.0)[..4], 0, 0.0));
+    }
+
+    /// Readings of a free parameter, and of a mass that it goes with.
+    struct Offset;
+    const WHERE: [f64; 2] = [-0.1037, 24.3];
+    impl Estimator for Offset {
+        fn rows(&self) -> usize {
+            60
+        }
+        fn residuals(&mut self, p: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+            let moment = |p: &[f64], i: usize| p[1] * (p[0] + 0.07 * (0.3 * i as f64).sin());
+            r.iter_mut().enumerate().for_each(|(i, r)| *r = (moment(p, i) - moment(&WHERE, i)) / 0.02);
+            Ok(())
+        }
+        fn jacobian(
+            &mut self,
+            p: &[f64],
+            extra: &[f64],
+            _: &[usize],
+            r: &mut [f64],
+            j: &mut DMatrix<f64>,
+        ) -> Result<(), EvalError> {
+            for i in 0..r.len() {
+                j[(i, 0)] = p[1] / 0.02;
+                j[(i, 1)] = (p[0] + 0.07 * (0.3 * i as f64).sin()) / 0.02;
+            }
+            self.residuals(p, extra, r)
+        }
+    }
+
+    #[test]
+    fn a_free_parameter_crosses_zero() {
+        let free = ParamDecl { group: ParamGroup::Free, ..ParamDecl::positive("tank.rest_z", "m", 0.03) };
+        let decls = [free, ParamDecl::positive("tank.mass", "kg", 31.0)];
+        let request = Request::new(&decls, &[0, 1], &[0.03, 31.0]);
+        let e = crate::estimate::estimation::estimate(&request, &mut Offset).unwrap();
+        for (value, truth) in e.values.iter().zip(WHERE) {
+            assert!((value / truth - 1.0).abs() < 1e-6, "{:?}", e.values);
+        }
+        assert!(e.iterations < 20, "{}", e.iterations);
     }
 }

@@ -42,15 +42,15 @@ pub fn sizes(decls: &[ParamDecl], values: &[f64]) -> Vec<f64> {
     out
 }
 
-/// [`sizes`], those of positive parameters no smaller than at `least`: a damper that has gone to zero is told in its own units as well as ever, and
-/// measured by next to nothing the data would seem silent on it. Allocates.
+/// [`sizes`], those of parameters that belong to no body no smaller than at `least`: a damper that has gone to zero is told in its own units as well as
+/// ever, and measured by next to nothing the data would seem silent on it. Allocates.
 ///
 /// # Panics
 /// If the lengths differ.
 pub(crate) fn sizes_at_least(decls: &[ParamDecl], values: &[f64], least: &[f64]) -> Vec<f64> {
     let mut out = sizes(decls, values);
     for ((size, d), least) in out.iter_mut().zip(decls).zip(sizes(decls, least)) {
-        if d.group == ParamGroup::Positive {
+        if !matches!(d.group, ParamGroup::Inertial(_)) {
             *size = size.max(least);
         }
     }
@@ -73,5 +73,13 @@ mod tests {
         let l = (4.5f64 / 8.0).sqrt();
         let s = sizes(&d, &v);
         assert_eq!((s[0], s[2], s[5], s[10], s[11]), (4.0, 4.0 * l, 4.0 * l * l, 1.0, 200.0));
+    }
+
+    #[test]
+    fn what_has_come_close_to_zero_is_measured_by_where_it_began() {
+        let rest = ParamDecl { group: ParamGroup::Free, ..ParamDecl::positive("rest", "m", 0.03) };
+        let d = [rest, ParamDecl::positive("d", "N s/m", 1.7)];
+        assert_eq!(sizes_at_least(&d, &[-2e-6, 3e-9], &[0.03, 1.7]), [0.03, 1.7]);
+        assert_eq!(sizes_at_least(&d, &[-0.1, 2.9], &[0.03, 1.7]), [0.1, 2.9]);
     }
 }

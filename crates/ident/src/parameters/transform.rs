@@ -226,15 +226,13 @@ impl Transform {
         }
         Ok(t)
     }
-    /// With the scale of every parameter that has one at least as large as its value in `full`: a positive parameter that a fit has
-    /// brought close to zero is then measured by where it came from, and finds its way back in as many steps.
+    /// With the scale of every parameter that has one at least as large as its size in `full`: a parameter that a fit has
+    /// brought close to zero is then measured by where it came from, and finds its way back, or across, in as many steps.
     #[must_use]
     pub(crate) fn scaled_at_least(mut self, full: &[f64]) -> Self {
         for b in &mut self.blocks {
-            if let Block::Scaled { at, scale } = b
-                && self.decls[*at].group == ParamGroup::Positive
-            {
-                *scale = scale.max(full[self.selected[*at]].abs());
+            if let Block::Scaled { at, scale } = b {
+                *scale = scale.max(scale::of_one(&self.decls[*at], full[self.selected[*at]]));
             }
         }
         self

@@ -145,6 +145,51 @@ impl Score {
     }
 }
 
+/// The triangle of the columns of the base and the residuals, with the rows of priors below them, and the number of rows of the estimator. `each` is
+/// called with every block and its columns of the base.
+pub(crate) fn folded(
+    estimator: &mut dyn Estimator,
+    at: &EndOfFit<'_>,
+    each: &mut dyn FnMut(&RowBlock, &DMatrix<f64>),
+) -> Result<(DMatrix<f64>, usize), EvalError> {
+    let n = at.base.len();
+    let (mut triangle, mut rows) = (DMatrix::zeros(0, n + 1), 0);
+    let mut block = RowBlock::default();
+    for mut stream in estimator.streams(at.full, at.extra, at.selected)? {
+        while stream.next(&mut block)? {
+            if let Some(of_fit) = at.residuals {
+                let places: Vec<_> = block.places().collect();
+                for (place, from) in places {
+                    let count = place.len();
+                    block.residuals[from..from + count].copy_from_slice(&of_fit[place]);
+                }
+            }
+            rows += block.count();
+            let mut base = DMatrix::zeros(block.count(), n + 1);
+            at.base.iter().enumerate().for_each(|(to, (all, _))| gather(&block, all, &mut base, to));
+            base.column_mut(n).copy_from_slice(&block.residuals);
+            each(&block, &base);
+            let part = triangle_of(&Tall::new(&base)).map_err(fatal)?;
+            triangle = ff_linalg::qr_r(&stack(&triangle, &part)).map_err(fatal)?;
+        }
+    }
+    let (rows_known, known) = &at.priors;
+    let mut tail = DMatrix::zeros(n + known.len(), n + 1);
+    for (k, (_, size)) in at.base.iter().enumerate() {
+        tail[(k, k)] = 1.0 / (HOLD * size);
+    }
+    tail.view_mut((n, 0), rows_known.shape()).copy_from(rows_known);
+    tail.view_mut((n, n), (known.len(), 1)).copy_from_slice(known);
+    Ok((ff_linalg::qr_r(&stack(&triangle, &tail)).map_err(fatal)?, rows))
+}
+
+/// Adds a combination of columns to one of `to`.
+fn gather(block: &RowBlock, all: &Combination, to: &mut DMatrix<f64>, column: usize) {
+    for &(from, weight) in all {
+        to.column_mut(column).axpy(weight, &block.jacobian.column(from), 1.0);
+    }
+}
+
 impl Scores {
     /// Goes through the rows of `estimator` once. `components` are the columns of the errors, in any order; `draws` those
     /// columns that hold what draws of the motion's noise do to the residuals. Allocates the square of the number of components, and
@@ -168,64 +213,35 @@ impl Scores {
         draws: &[usize],
     ) -> Result<Self, EvalError> {
         let (n, c, m) = (at.base.len(), components.len(), draws.len());
-        let (mut triangle, mut cross) = (DMatrix::zeros(0, n + 1), DMatrix::zeros(n, c + m));
-        let (mut own, mut rows) = (DMatrix::zeros(c, c + m + 1), 0);
+        let mut cross = DMatrix::zeros(n, c + m);
+        let mut own = DMatrix::zeros(c, c + m + 1);
         let mut drawn_rows = DMatrix::zeros(estimator.rows(), m);
         let left_out = estimator.left_out();
-        let mut block = RowBlock::default();
-        for mut stream in estimator.streams(at.full, at.extra, at.selected)? {
-            while stream.next(&mut block)? {
-                if let Some(of_fit) = at.residuals {
-                    let places: Vec<_> = block.places().collect();
-                    for (place, from) in places {
-                        let count = place.len();
-                        block.residuals[from..from + count].copy_from_slice(&of_fit[place]);
-                    }
+        let (triangle, rows) = folded(estimator, at, &mut |block, base| {
+            let mut wide = DMatrix::zeros(block.count(), c + m + 1);
+            // A block has rows of one record.
+            let first = block.rows.first().map_or(0, |r| r.start);
+            for (to, d) in components.iter().enumerate() {
+                if d.rows.as_ref().is_none_or(|r| r.contains(&first)) {
+                    gather(block, &d.columns, &mut wide, to);
                 }
-                let count = block.count();
-                rows += count;
-                let mut base = DMatrix::zeros(count, n + 1);
-                let gather = |all: &Combination, to: &mut DMatrix<f64>, column: usize| {
-                    for &(from, weight) in all {
-                        to.column_mut(column).axpy(weight, &block.jacobian.column(from), 1.0);
-                    }
-                };
-                at.base.iter().enumerate().for_each(|(to, (all, _))| gather(all, &mut base, to));
-                base.column_mut(n).copy_from_slice(&block.residuals);
-                let mut wide = DMatrix::zeros(count, c + m + 1);
-                // A block has rows of one record.
-                let first = block.rows.first().map_or(0, |r| r.start);
-                for (to, d) in components.iter().enumerate() {
-                    if d.rows.as_ref().is_none_or(|r| r.contains(&first)) {
-                        gather(&d.columns, &mut wide, to);
-                    }
-                }
-                for (k, &from) in draws.iter().enumerate() {
-                    wide.set_column(c + k, &block.jacobian.column(from));
-                    for (place, from) in block.places() {
-                        let len = place.len();
-                        drawn_rows.view_mut((place.start, k), (len, 1)).copy_from(&wide.view((from, c + k), (len, 1)));
-                    }
-                }
-                wide.column_mut(c + m).copy_from_slice(&block.residuals);
-                // Products of transposed copies are blocked, those with transposes in place are not.
-                cross.gemm(1.0, &base.columns(0, n).transpose(), &wide.columns(0, c + m), 1.0);
-                own.gemm(1.0, &wide.columns(0, c).transpose(), &wide, 1.0);
-                let part = triangle_of(&Tall::new(&base)).map_err(fatal)?;
-                triangle = ff_linalg::qr_r(&stack(&triangle, &part)).map_err(fatal)?;
             }
-        }
+            for (k, &from) in draws.iter().enumerate() {
+                wide.set_column(c + k, &block.jacobian.column(from));
+                for (place, from) in block.places() {
+                    let len = place.len();
+                    drawn_rows.view_mut((place.start, k), (len, 1)).copy_from(&wide.view((from, c + k), (len, 1)));
+                }
+            }
+            wide.column_mut(c + m).copy_from_slice(&block.residuals);
+            // Products of transposed copies are blocked, those with transposes in place are not.
+            cross.gemm(1.0, &base.columns(0, n).transpose(), &wide.columns(0, c + m), 1.0);
+            own.gemm(1.0, &wide.columns(0, c).transpose(), &wide, 1.0);
+        })?;
         for (k, d) in components.iter().enumerate() {
             own[(k, k)] += d.width.powi(-2);
         }
-        let (rows_known, known) = &at.priors;
-        let mut tail = DMatrix::zeros(n + known.len(), n + 1);
-        for (k, (_, size)) in at.base.iter().enumerate() {
-            tail[(k, k)] = 1.0 / (HOLD * size);
-        }
-        tail.view_mut((n, 0), rows_known.shape()).copy_from(rows_known);
-        tail.view_mut((n, n), (known.len(), 1)).copy_from_slice(known);
-        let triangle = ff_linalg::qr_r(&stack(&triangle, &tail)).map_err(fatal)?;
+        let known = &at.priors.1;
         let r = triangle.view((0, 0), (n, n)).into_owned();
         let rest = triangle.column(n);
         let singular = || EvalError::Rejected("unknowns of the fit have no columns".into());

@@ -63,6 +63,12 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
         let hint = format!("{}; start nearer, or excite more", m.taken());
         add(Problem::warning(Area::Data, "Fit::MultipleMinima", what), &hint);
     }
+    if let Some(w) = r.warnings.iter().find(|w| w.code == "Fit::MotionNoise") {
+        add(
+            Problem::warning(Area::Data, "Fit::MotionNoise", w.message.clone()),
+            "move the joints so that these modes ring, or measure positions finer",
+        );
+    }
     if let Some(d) = r.sampled.as_ref().filter(|d| d.state != SampledState::Converged) {
         let hint = match d.state {
             SampledState::NotDrawn => "give --reduce or a prior, or leave --sample out",

@@ -120,10 +120,17 @@ pub(super) fn before_fit(case: &Case<'_>, predicted: Option<&Prediction>) -> Vec
         && let Some(thin) = thinned(case, case.record)
     {
         let turns = turns(case);
+        let as_recorded = Prediction::coarse(case, &thin).and_then(|p| explain(&thin, &p).torques_left);
         for h in Positions::all(&turns, false) {
             let record = h.put_right(&thin, &turns);
             let Some(p) = Prediction::coarse(case, &record) else { continue };
             let e = explain(&record, &p);
+            // What is predicted so small that it is lost in the noise is not explained: torques are not to be left larger.
+            if let (Some(before), Some(after)) = (as_recorded, e.torques_left)
+                && after > before
+            {
+                continue;
+            }
             if e.after < LEFT && e.after < BETTER * best.1.as_ref().map_or(2.0, |b| b.after) {
                 best = (h, Some(e));
             }

@@ -52,6 +52,9 @@ pub(super) struct Explained {
     /// Mean distance over the loud channels as recorded, and with all of that put right; 0 when no channel is loud.
     pub(super) before: f64,
     pub(super) after: f64,
+    /// Squares of what is left of the torques over their noise, put right but in the unit that they were recorded in; `None` where that is not the
+    /// right one.
+    pub(super) torques_left: Option<f64>,
 }
 
 /// `|m - p|^2 / (|m|^2 + |p|^2)`.
@@ -136,7 +139,10 @@ pub(super) fn explain(record: &Record, of: &Prediction) -> Explained {
         outputs.push(Output::Axis(a));
     }
     let after = mean(&m, p);
-    Explained { outputs, before, after }
+    let scaled = |o: &Output| matches!(o, Output::TorqueUnit { .. } | Output::OneTorqueUnit { .. });
+    let left = || (0..nj).map(|k| (m.column(k) - p.column(k)).norm_squared() / of.sigma[k].powi(2)).sum();
+    let torques_left = if outputs.iter().any(scaled) { None } else { Some(left()) };
+    Explained { outputs, before, after, torques_left }
 }
 
 /// Mean distance of the outputs of `record` with these errors put right, over the channels that can be heard at all.

@@ -121,8 +121,10 @@ fn one_round(
     round: Round,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Estimate {
-    // Under a robust loss, what is left may be outliers.
-    if request.loss != Loss::Squares {
+    // Under a robust loss, what is left may be outliers. Without springs to be estimated there are no modes to be in the wrong place, and a fit that has
+    // ended is at its end.
+    let rigid = !request.selected.iter().any(|&i| is_spring(request, i));
+    if request.loss != Loss::Squares || rigid && first.is_solution() {
         return first;
     }
     // A line that is left over may be that of a mode in the wrong place, however little it adds to the whole.
@@ -133,7 +135,8 @@ fn one_round(
         let (slow, fast) = modes.iter().fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), f| (a.min(*f), b.max(*f)));
         lines.retain(|hz| (slow / BEYOND..fast * BEYOND).contains(hz));
     }
-    let answers = near && lines.is_empty();
+    // Residuals that are white wherever a fit has ended are larger than was said, and no other valley has less to leave.
+    let answers = lines.is_empty() && (near || first.is_solution());
     if answers && !vanished(request, &first) {
         return first;
     }

@@ -215,6 +215,9 @@ fn can_be(n: &NamedError) -> bool {
     }
 }
 
+/// Chi-squared within which the data do not choose between two errors.
+pub(super) const CLOSE: f64 = 12.0;
+
 /// Why the record contradicts the model, in one line.
 fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: f64) -> String {
     let least = |w: &Whiteness| w.excess_p.unwrap_or(1.0);
@@ -255,13 +258,27 @@ fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: 
     let moved = format!("chi-squared falls by {drop}, {} moves by {by:.1} deviations{rest}", best.moves);
     let part = found.explained.filter(|&part| part < MOST && found.with_first != Some(State::Explained));
     match part {
+        Some(0.0) => format!(
+            "{seen}; no fit with one of the {} errors that were tried explains it: to first order the best is {}",
+            found.tried,
+            together.join(" beside ")
+        ),
         Some(part) => format!(
             "{seen}; of the {} errors that were tried none explains it: the best, {}, accounts for {:.0} % of what is left over",
             found.tried,
             together.join(" beside "),
             100.0 * part
         ),
-        None => format!("{seen}; {} would explain it ({moved})", together.join(" beside ")),
+        None => {
+            let near = |n: &&NamedError| n.refitted && !n.beside && can_be(n) && n.drop > best.drop - CLOSE;
+            let others: Vec<&str> = found.named.iter().skip(1).filter(near).map(|n| &n.text[..]).collect();
+            let others = if others.is_empty() || first.len() > 1 {
+                String::new()
+            } else {
+                format!(", and so would {}, between which the record does not choose", others.join(", or "))
+            };
+            format!("{seen}; {} would explain it ({moved}){others}", together.join(" beside "))
+        }
     }
 }
 

@@ -33,6 +33,7 @@ pub(crate) mod decay;
 pub mod draws;
 mod drives;
 mod elsewhere;
+mod encoder_noise;
 mod error;
 pub(crate) mod evidence;
 pub(crate) mod explain;

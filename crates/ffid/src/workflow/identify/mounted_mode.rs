@@ -94,7 +94,8 @@ impl Mounted {
             ["x", "y", "z"].iter().zip(p.position).for_each(|(n, at)| line.size.push(of(n, "m", at)));
         }
         line.text = found.words(point.as_ref());
-        line.mission = point.as_ref().and_then(|p| found.pendulum(p)).unwrap_or_else(|| found.modal());
+        let base = self.opened.model.body_name(0);
+        line.mission = point.as_ref().and_then(|p| found.pendulum(base, p)).unwrap_or_else(|| found.modal(base));
         true
     }
 }
@@ -211,7 +212,7 @@ impl Found {
         )
     }
     /// A pendulum that moves as the mass does: its first angle turns about the mount's x and moves the mass along y, the second about y along x.
-    fn pendulum(&self, p: &PointMass) -> Option<String> {
+    fn pendulum(&self, base: &str, p: &PointMass) -> Option<String> {
         let column = |k: usize| Vector3::from_column_slice(p.directions.column(k).as_slice());
         let y = column(0).try_normalize(0.0)?;
         let z = column(1).cross(&y).try_normalize(0.0)?;
@@ -224,7 +225,7 @@ impl Found {
         let spring = |j: usize| mass * ARM * ARM * (TAU * self.hz[j].0).powi(2);
         let damper = |j: usize| mass * ARM * ARM * 2.0 * self.damping[j].0 * TAU * self.hz[j].0;
         Some(format!(
-            "[[appendage]]\nkind = \"slosh_pendulum\"\nname = \"{NAME}\"\nhost = \"base\"\nmount = {{ xyz_m = {}, rpy_rad = {} }}\nmass_kg = {}\n\
+            "[[appendage]]\nkind = \"slosh_pendulum\"\nname = \"{NAME}\"\nhost = \"{base}\"\nmount = {{ xyz_m = {}, rpy_rad = {} }}\nmass_kg = {}\n\
              length_m = {ARM:?}\nstiffness_nm_per_rad = {}\ndamping_nms_per_rad = {}\n",
             list(at.iter()),
             list(rpy.iter()),
@@ -234,11 +235,12 @@ impl Found {
         ))
     }
     /// The modes themselves, on a body that holds more than they move.
-    fn modal(&self) -> String {
-        let (mass, moment) = (2.0 * self.effective(0).0, 2.0 * self.effective(3).0);
+    fn modal(&self, base: &str) -> String {
+        let more = 1.0 + self.hz.len() as f64;
+        let (mass, moment) = (more * self.effective(0).0, more * self.effective(3).0);
         let mut out = format!(
             "# Of its mass and inertia only what its modes move is told by the record: take them off the base, or put in what is known.\n\
-             [[appendage]]\nkind = \"modal\"\nname = \"{NAME}\"\nhost = \"base\"\nmass_kg = {}\ncom_m = [0.0, 0.0, 0.0]\ninertia_com_kgm2 = {}\n\
+             [[appendage]]\nkind = \"modal\"\nname = \"{NAME}\"\nhost = \"{base}\"\nmass_kg = {}\ncom_m = [0.0, 0.0, 0.0]\ninertia_com_kgm2 = {}\n\
              modes = [\n",
             digits(mass.max(1e-9)),
             list([moment, 0.0, 0.0, moment, 0.0, moment].iter()),

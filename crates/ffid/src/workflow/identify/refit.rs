@@ -8,7 +8,7 @@ use super::adoption::EXTRA_MODE;
 use super::elsewhere::{NOWHERE, WIDE};
 use super::error::IdentifyError;
 use super::evidence::{ErrorSize, NamedError, State};
-use super::explain::{self, Tests, in_words};
+use super::explain::{self, CLOSE, Tests, in_words};
 use super::extra_mode;
 use super::fitted::{Ended, Fitted};
 use super::known;
@@ -43,8 +43,6 @@ const WORTH: f64 = 0.2;
 const ANEW: usize = 4;
 /// See [`ANEW`].
 const MOST_ANEW: usize = 60;
-/// Chi-squared within which the data do not choose between two of them.
-const CLOSE: f64 = 12.0;
 /// Part of what is left over below which the errors that were tried explain nothing.
 pub(super) const UNEXPLAINED: f64 = 0.5;
 /// Part of the cost of the first that one of them must leave at most.
@@ -60,6 +58,8 @@ pub(super) struct Contradicted<'a, 't> {
     pub(super) end: &'a Ended<'a>,
     pub(super) twins: &'a [Twin<'t>],
     pub(super) watch: &'a Observer<'a>,
+    /// Whether what is left over is white on every channel: noise is then larger than was said, and the fit is in no valley of its own.
+    pub(super) white: bool,
 }
 
 /// What came of fitting an error.
@@ -151,7 +151,7 @@ impl Contradicted<'_, '_> {
         if ended && chi2 < NOWHERE {
             self.refitted(tests)?;
             let fitted = tests.named.first().is_some_and(|n| n.refitted);
-            if chi2 < WIDE || fitted && tests.explained.is_none_or(|part| part > UNEXPLAINED) {
+            if chi2 < WIDE || self.white || fitted && tests.explained.is_none_or(|part| part > UNEXPLAINED) {
                 return Ok(());
             }
         }

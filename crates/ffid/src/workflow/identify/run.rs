@@ -7,6 +7,7 @@ use super::consider::{self, Side};
 use super::course::Course;
 use super::drives;
 use super::elsewhere::{Subject, WIDE, elsewhere, explains, gone_on, has_lost};
+use super::encoder_noise::{allow_for_encoders, said};
 use super::error::{IdentifyError, config};
 use super::evidence::State;
 use super::explain;
@@ -99,8 +100,13 @@ pub fn identify(
         at.leave(|unknown| unknowns.expand(unknown));
         IdentifyError::Interrupted
     };
-    let fitted = if watched.stopped() { return Err(ended(&watched)) } else { fitted? };
+    let mut fitted = if watched.stopped() { return Err(ended(&watched)) } else { fitted? };
     let values = unknowns.expand(&fitted.estimate.values)?;
+    let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &[] };
+    let mut shaken = Vec::new();
+    if let Some((wider, by)) = allow_for_encoders(&end, &twins, settings)? {
+        (fitted, shaken) = (wider, by);
+    }
     let silent = known::silent(model, &values, unknowns, &fitted.full)?;
     let profiles = known::profiles(&request, unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
     let mut profiles = if watched.stopped() { return Err(ended(&watched)) } else { profiles? };
@@ -143,6 +149,9 @@ pub fn identify(
     for p in result.parameters.iter_mut().chain(&mut result.nuisance).filter(|p| p.std.is_some()) {
         p.std_coloured = coloured.iter().find(|(name, _)| *name == p.name).map(|c| c.1);
     }
+    if !shaken.is_empty() {
+        result.warnings.push(said(&shaken));
+    }
     result.silent = silent;
     result.profiles = profiles;
     result.not_allowed_for.clone_from(&setup.not_allowed_for);
@@ -159,8 +168,17 @@ pub fn identify(
     if let Some(tests) =
         found.as_mut().filter(|_| own.is_none() && (!ended_well || result.state() == State::Contradicted))
     {
-        let end =
-            Contradicted { opened, records, settings: given.0, options: given.1, end: &end, twins: &twins, watch };
+        let white = result.whiteness.iter().all(|w| w.white);
+        let end = Contradicted {
+            opened,
+            records,
+            settings: given.0,
+            options: given.1,
+            end: &end,
+            twins: &twins,
+            watch,
+            white,
+        };
         end.named_by_fits(tests)?;
         let estimates = !result.parameters.is_empty();
         let evidence = explain::evidence(Some(tests), &fitted.estimate, &result.whiteness, estimates, settings);

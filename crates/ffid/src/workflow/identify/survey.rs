@@ -8,9 +8,10 @@ use super::record_estimator::Twin;
 use super::row_layout::RowLayout;
 use super::settings::Settings;
 use ff_model::Model;
+use ident::belief::Unknown;
 use ident::compose::is_called;
 use ident::uncertain::{
-    self, Combination, Component, Direction, ELEMENTS, EndOfFit, ErrorSource, Hypothesis, Layout, Oscillator,
+    self, Combination, Component, Direction, ELEMENTS, EndOfFit, ErrorSource, Hypothesis, Layout, Normal, Oscillator,
     OscillatorColumn, Scores, hypotheses,
 };
 use ident::{Estimator, Options, OutputError, SetupError, Several};
@@ -18,6 +19,8 @@ use nalgebra::DMatrix;
 
 /// Draws of the encoders' noise.
 pub(super) const DRAWS: usize = 6;
+/// Those that are added to the motion and taken off it.
+const SHAKEN: usize = 3;
 
 /// Deviations of what was known before that a parameter may be off by where a record does not tell it.
 const WIDE: f64 = 30.0;
@@ -28,6 +31,8 @@ pub(super) enum Columns<'a> {
     Every(Option<&'a ExtraMode>),
     /// Oscillators alone.
     Oscillators(&'a [Oscillator]),
+    /// No others, and what the fit would be with noise of the encoders added to the motion ([`Survey::shaken`]).
+    Shaken,
 }
 
 /// Products of all columns, and what they are of.
@@ -43,6 +48,9 @@ pub(super) struct Survey {
     pub(super) oscillator: usize,
     /// Components of every oscillator where there are no others: elements of its inertia, then frequency and damping where it has one.
     pub(super) oscillators: Vec<Vec<usize>>,
+    /// Normal equations of the fit, and those with noise of the encoders added to the motion and taken off it, draw after draw; none unless they were asked
+    /// for and the motion was fitted.
+    pub(super) shaken: Option<(Normal, Vec<Normal>)>,
 }
 
 /// An estimator with these columns beside those of the fit.
@@ -61,6 +69,7 @@ fn wide<'m>(
             (uncertain::with_every_column(model, &plain), found)
         }
         Columns::Oscillators(all) => (with_columns_of(model, &plain, estimated), all.to_vec()),
+        Columns::Shaken => (with_columns_of(model, &Options { motion_noise: SHAKEN, ..plain }, estimated), Vec::new()),
     };
     for (k, o) in oscillators.iter().enumerate() {
         options.errors.extend(columns_of(o).map(|c| ErrorSource::Oscillator(k, c)));
@@ -258,7 +267,7 @@ impl Survey {
         };
         let mut oscillators = Vec::new();
         match columns {
-            Columns::Every(None) => {}
+            Columns::Every(None) | Columns::Shaken => {}
             Columns::Every(Some(found)) => {
                 let inertia = columns_of(&found.oscillator()).map(|c| direction(0, c));
                 layout.push(oscillator, inertia, found.searched());
@@ -296,6 +305,7 @@ impl Survey {
         };
         // The model may not move there at all: then nothing is tested.
         let Ok(scores) = Scores::new(&mut *all, &at_end, &layout.components, &draws) else { return Ok(None) };
+        let shaken = if matches!(columns, Columns::Shaken) { shaken(&mut *all, &at_end, &nuisance) } else { None };
         let (mut drawn, mut first) = (Vec::new(), 0);
         for (n, order) in rows.iter().zip(&orders) {
             let of_rows = sum_of_records(scores.drawn(), first, *n, twins.len());
@@ -304,8 +314,28 @@ impl Survey {
             drawn.push(by_sample);
             first += n;
         }
-        Ok(Some(Self { scores, layout, tried, names: base_names, drawn, oscillator, oscillators }))
+        Ok(Some(Self { scores, layout, tried, names: base_names, drawn, oscillator, oscillators, shaken }))
     }
+}
+
+/// See [`Survey::shaken`]. `None` where the motion was not fitted, or the model does not move with the noise.
+fn shaken(estimator: &mut dyn Estimator, end: &EndOfFit<'_>, nuisance: &[Unknown]) -> Option<(Normal, Vec<Normal>)> {
+    let mut at = |size: f64, draw: usize| {
+        let mut extra = end.extra.to_vec();
+        let mut found = false;
+        let of_draw = format!("motion.noise[{draw}]");
+        for (x, _) in extra.iter_mut().zip(nuisance).filter(|(_, u)| u.name.ends_with(&of_draw)) {
+            (*x, found) = (size, true);
+        }
+        // Residuals of the fit are those of its own steps and of the motion as it is.
+        let priors = end.priors.clone();
+        let shaken = EndOfFit { extra: &extra, residuals: None, priors, ..*end };
+        found.then(|| Normal::new(&mut *estimator, &shaken).ok())?
+    };
+    let still = at(0.0, 0)?;
+    let all: Option<Vec<Normal>> =
+        (0..SHAKEN).flat_map(|k| [(1.0, k), (-1.0, k)]).map(|(size, k)| at(size, k)).collect();
+    Some((still, all?))
 }
 
 /// For every row of an estimator its place among rows that are listed sample by sample: torques, then three axes of the gyro.
