@@ -203,7 +203,7 @@ fn an_error_that_presses_a_base_to_the_edge_is_named() {
     let size = gyro.size.iter().map(|c| c.value.powi(2)).sum::<f64>().sqrt().to_degrees();
     assert!((size - 6.0).abs() < 0.1, "{size}");
     let h = r.held_out.as_ref().unwrap();
-    assert!(!h.explained && h.evidence.as_ref().is_some_and(|e| e.state == State::NotTested), "{:?}", h.evidence);
+    assert!(!h.explained && h.evidence.as_ref().is_some_and(|e| e.state == State::Contradicted), "{:?}", h.evidence);
     c.good(&[&args[..], &["--adopt", "gyro-misalignment"]].concat());
     let r = near_the_truth(&c, "res", 4.5);
     assert!(r.held_out.unwrap().evidence.is_some_and(|e| e.state == State::Explained));
