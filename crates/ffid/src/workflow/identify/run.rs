@@ -147,7 +147,8 @@ pub fn identify(
     }
     let mut result = report.result(stated, provenance)?;
     for p in result.parameters.iter_mut().chain(&mut result.nuisance).filter(|p| p.std.is_some()) {
-        p.std_coloured = coloured.iter().find(|(name, _)| *name == p.name).map(|c| c.1);
+        // Sums over lags may come out below zero, and then say nothing.
+        p.std_coloured = coloured.iter().find(|(name, std)| *name == p.name && *std > 0.0).map(|c| c.1);
     }
     if !shaken.is_empty() {
         result.warnings.push(said(&shaken));
