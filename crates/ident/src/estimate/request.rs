@@ -111,7 +111,8 @@ pub struct Request<'a> {
     /// deviations are those of all data either way.
     pub coarse: bool,
     /// Mean squared residual above which the end of the way over less data is taken to lead nowhere: all data are then linearised ten times only,
-    /// since other starts find more in that time; for the same reason, a fit that creeps where its data are not explained is ended. None: data are linearised as often as the settings say.
+    /// since other starts find more in that time; for the same reason, a fit that creeps where its data are not explained is ended. None: data
+    /// are linearised as often as the settings say.
     pub give_up: Option<f64>,
     /// Objective of another fit to the same data that this one must get below to be of use. Where the linearisations that it is allowed will not lead
     /// there, at five times the gain of the last four, it ends as one that has run out of them. None: it is of use anywhere.

@@ -10,7 +10,7 @@ pub(crate) mod score;
 pub(crate) mod source;
 
 pub use hypotheses::{Component, Hypothesis, hypotheses, with_every_column};
-pub use motion_noise::{Normal, covariance_of_motion_noise};
+pub use motion_noise::{NormalEquations, covariance_of_motion_noise};
 pub use oscillator::{ELEMENTS, Oscillator, OscillatorColumn, Shape, effective_inertia, elements};
 pub use point_mass::PointMass;
 pub use ranking::{ALIKE, LEVEL, Layout, MATTERS, Named, Ranking};

@@ -27,14 +27,14 @@ const REAL: f64 = 0.02;
 
 /// Normal equations at one place and for one motion.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Normal {
+pub struct NormalEquations {
     /// `B^T B` over the unknowns of the base, priors among it.
     pub information: DMatrix<f64>,
     /// `B^T r`.
     pub slope: DVector<f64>,
 }
 
-impl Normal {
+impl NormalEquations {
     /// Goes through the rows of `estimator` once. Allocates the square of the unknowns, and blocks of rows.
     ///
     /// # Errors
@@ -50,17 +50,18 @@ impl Normal {
 
 /// What noise of the motion adds to the covariance of a fit with the normal equations `fit`, by those with noise added to the motion and taken off
 /// it; equations in the page above. `None` where one of them is singular. Allocates.
-pub fn covariance_of_motion_noise(fit: &Normal, shaken: &[Normal]) -> Option<DMatrix<f64>> {
+pub fn covariance_of_motion_noise(fit: &NormalEquations, shaken: &[NormalEquations]) -> Option<DMatrix<f64>> {
     let n = fit.slope.len();
     let size = fit.information.diagonal().map(f64::sqrt);
     let scaled = |a: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| a[(i, j)] / (size[i] * size[j]));
+    let still = scaled(&fit.information);
     // In units of the columns.
-    let step = |of: &Normal| Some(-scaled(&of.information).cholesky()?.solve(&of.slope.component_div(&size)));
+    let step = |of: &NormalEquations| Some(-scaled(&of.information).cholesky()?.solve(&of.slope.component_div(&size)));
     let own = step(fit)?;
-    let lower = scaled(&fit.information).cholesky()?.l();
+    let lower = still.clone().cholesky()?.l();
     let (mut fiction, mut moved) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
     for one in shaken {
-        fiction += scaled(&one.information) - scaled(&fit.information);
+        fiction += scaled(&one.information) - &still;
         let delta = step(one)? - &own;
         moved += &delta * delta.transpose();
     }
@@ -85,10 +86,10 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     /// `y = p0 u + p1 v` with u known with noise, v exactly.
-    fn normal(u: &[f64], v: &[f64], y: &[f64], p: [f64; 2]) -> Normal {
+    fn normal(u: &[f64], v: &[f64], y: &[f64], p: [f64; 2]) -> NormalEquations {
         let b = DMatrix::from_fn(u.len(), 2, |i, k| if k == 0 { u[i] } else { v[i] });
         let r = DVector::from_fn(u.len(), |i, _| p[0] * u[i] + p[1] * v[i] - y[i]);
-        Normal { information: b.tr_mul(&b), slope: b.tr_mul(&r) }
+        NormalEquations { information: b.tr_mul(&b), slope: b.tr_mul(&r) }
     }
 
     /// Three quarters of what is seen of u is noise: its coefficient comes out at a quarter, sharp, and must not be taken for sharp.
@@ -118,7 +119,7 @@ mod tests {
         let alone = fit.information.clone().try_inverse().unwrap();
         assert!((p[0] - truth[0]).abs() > 20.0 * std(&alone, 0), "{p:?}");
         let draws = [draw(noise), draw(noise), draw(noise)];
-        let shaken: Vec<Normal> =
+        let shaken: Vec<NormalEquations> =
             draws.iter().flat_map(|n| [1.0, -1.0].map(|by| normal(&add(&read, n, by), &v, &y, p))).collect();
         let wide = &alone + covariance_of_motion_noise(&fit, &shaken).unwrap();
         assert!((p[0] - truth[0]).abs() < 7.0 * std(&wide, 0), "{p:?} {}", std(&wide, 0));

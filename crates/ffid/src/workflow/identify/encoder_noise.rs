@@ -1,6 +1,6 @@
 //! Deviations that allow for noise of the encoders in the prediction.
 //!
-//! Where a mode rings by that noise alone, its columns pretend that the record tells its spring, and the spring is drawn off ([`ident::uncertain::Normal`]): both
+//! Where a mode rings by that noise alone, its columns pretend that the record tells its spring, and the spring is drawn off ([`ident::uncertain::NormalEquations`]): both
 //! panels of a 60 kg servicer, at 6 and 8 Hz beside a motion below 3 Hz, were explained 3 to 10 stated deviations off with encoders of 20 bits.
 
 use super::error::IdentifyError;
@@ -28,7 +28,7 @@ pub(super) struct Shaken {
 }
 
 /// The fit with deviations that allow for noise of the encoders, and whose it is that became wider by it, the most first; `None` where none did.
-/// Allocates, and linearises seven times in the long steps of a survey.
+/// Allocates, and linearises eight times in the long steps of a survey.
 pub(super) fn allow_for_encoders(
     end: &Ended<'_>,
     twins: &[Twin<'_>],

@@ -11,8 +11,8 @@ use ff_model::Model;
 use ident::belief::Unknown;
 use ident::compose::is_called;
 use ident::uncertain::{
-    self, Combination, Component, Direction, ELEMENTS, EndOfFit, ErrorSource, Hypothesis, Layout, Normal, Oscillator,
-    OscillatorColumn, Scores, hypotheses,
+    self, Combination, Component, Direction, ELEMENTS, EndOfFit, ErrorSource, Hypothesis, Layout, NormalEquations,
+    Oscillator, OscillatorColumn, Scores, hypotheses,
 };
 use ident::{Estimator, Options, OutputError, SetupError, Several};
 use nalgebra::DMatrix;
@@ -50,7 +50,7 @@ pub(super) struct Survey {
     pub(super) oscillators: Vec<Vec<usize>>,
     /// Normal equations of the fit, and those with noise of the encoders added to the motion and taken off it, draw after draw; none unless they were asked
     /// for and the motion was fitted.
-    pub(super) shaken: Option<(Normal, Vec<Normal>)>,
+    pub(super) shaken: Option<(NormalEquations, Vec<NormalEquations>)>,
 }
 
 /// An estimator with these columns beside those of the fit.
@@ -319,7 +319,11 @@ impl Survey {
 }
 
 /// See [`Survey::shaken`]. `None` where the motion was not fitted, or the model does not move with the noise.
-fn shaken(estimator: &mut dyn Estimator, end: &EndOfFit<'_>, nuisance: &[Unknown]) -> Option<(Normal, Vec<Normal>)> {
+fn shaken(
+    estimator: &mut dyn Estimator,
+    end: &EndOfFit<'_>,
+    nuisance: &[Unknown],
+) -> Option<(NormalEquations, Vec<NormalEquations>)> {
     let mut at = |size: f64, draw: usize| {
         let mut extra = end.extra.to_vec();
         let mut found = false;
@@ -330,10 +334,10 @@ fn shaken(estimator: &mut dyn Estimator, end: &EndOfFit<'_>, nuisance: &[Unknown
         // Residuals of the fit are those of its own steps and of the motion as it is.
         let priors = end.priors.clone();
         let shaken = EndOfFit { extra: &extra, residuals: None, priors, ..*end };
-        found.then(|| Normal::new(&mut *estimator, &shaken).ok())?
+        found.then(|| NormalEquations::new(&mut *estimator, &shaken).ok())?
     };
     let still = at(0.0, 0)?;
-    let all: Option<Vec<Normal>> =
+    let all: Option<Vec<NormalEquations>> =
         (0..SHAKEN).flat_map(|k| [(1.0, k), (-1.0, k)]).map(|(size, k)| at(size, k)).collect();
     Some((still, all?))
 }
