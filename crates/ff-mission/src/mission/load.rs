@@ -227,7 +227,7 @@ fn read(
     // With an appendage missing, patterns for its parameters would be reported as well.
     if let (Some(t), true) = (&estimate_table, complete) {
         estimated = select::indices(&estimate.parameters, &model, t);
-        doubtful(&model, &estimated, imported);
+        doubtful(&model, &estimated, imported, t);
     }
     let mut excited = estimated.clone();
     if let Some(t) = &excite_table {
@@ -260,9 +260,11 @@ fn read(
 
 /// What is estimated starts from a body that can be: inertias that were let through because nothing follows from them are errors
 /// there.
-fn doubtful(model: &Model, estimated: &[usize], imported: &mut Problems) {
+fn doubtful(model: &Model, estimated: &[usize], imported: &mut Problems, t: &Table<'_, '_>) {
     let bodies = (0..model.n_bodies()).filter(|b| estimated.iter().any(|i| (10 * b..10 * b + 10).contains(i)));
-    for b in bodies.filter(|&b| model.inertia(b).check().is_err()) {
+    for b in bodies {
+        let Err(why) = model.inertia(b).check() else { continue };
+        let mut of_urdf = false;
         let of_body = |p: &Problem| {
             let link = p.object.as_deref().and_then(|o| o.strip_prefix("link "));
             link.and_then(|l| model.frame(l)).is_some_and(|f| f.body == b)
@@ -272,6 +274,12 @@ fn doubtful(model: &Model, estimated: &[usize], imported: &mut Problems) {
             p.severity = Severity::Error;
             let what = p.message.split(urdf::build::TAKEN).next().unwrap_or_default();
             p.message = format!("{what}, and body {} is to be estimated from it", model.body_name(b));
+            of_urdf = true;
+        }
+        // Else its numbers are those of `[parameters]`.
+        if !of_urdf {
+            let p = error("Config::Inertia", format!("body {} is to be estimated from {why}", model.body_name(b)));
+            t.fail("parameters", p.hint("give it numbers that a body can have, or leave it out of parameters"));
         }
     }
 }

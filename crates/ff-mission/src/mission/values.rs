@@ -42,12 +42,11 @@ pub(super) fn apply(model: &mut Model, values: &BTreeMap<String, f64>, t: &Table
             }
         }
     }
-    if let Err(problems) = model.set_nominal(&found) {
-        for p in problems.0 {
-            // A body is named by one of its ten parameters, at whose line it stands.
-            let object = p.object.clone().unwrap_or_default();
-            let key = values.keys().find(|k| **k == object || k.starts_with(&format!("{object}.")));
-            t.fail(key.map_or(object.as_str(), String::as_str), p);
-        }
+    let (Ok(problems) | Err(problems)) = model.set_nominal(&found);
+    for p in problems.0 {
+        // A body is named by one of its ten parameters, at whose line it stands.
+        let object = p.object.clone().unwrap_or_default();
+        let key = values.keys().find(|k| **k == object || k.starts_with(&format!("{object}.")));
+        t.fail(key.map_or(object.as_str(), String::as_str), p);
     }
 }

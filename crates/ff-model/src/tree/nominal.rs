@@ -2,7 +2,7 @@
 
 use super::model::Model;
 use crate::diagnostics::problem::{Area, Problem, Problems};
-use crate::spatial::inertia::Inertia;
+use crate::spatial::inertia::{Inertia, InertiaError};
 
 impl Model {
     /// Gives parameters other nominal values, each taken as it is to the last bit. Pairs of index and value; the indices
@@ -21,13 +21,16 @@ impl Model {
     /// # Ok::<(), ff_model::Problems>(())
     /// ```
     ///
+    /// What it returns are warnings, `Config::Triangle`: a body whose moments are positive and break the triangle inequality moves as its ten numbers
+    /// say, as one from a URDF does, and no fit can begin at it.
+    ///
     /// # Errors
     /// [`Problems`] (area `Config`), the object being the name of the parameter or body: `Config::NotFinite`,
     /// `Config::Param` for a value outside its bounds, `Config::Inertia` for a body that cannot exist.
     ///
     /// # Panics
     /// If an index is not below [`Model::n_params`].
-    pub fn set_nominal(&mut self, values: &[(usize, f64)]) -> Result<(), Problems> {
+    pub fn set_nominal(&mut self, values: &[(usize, f64)]) -> Result<Problems, Problems> {
         let decls = self.param_decls();
         let mut bad = Problems::default();
         let mut fail = |code, what: String, on: &str, hint: &str| {
@@ -51,9 +54,15 @@ impl Model {
         }
         for i in (0..self.n_bodies()).filter(|&i| touched[i]) {
             let body = Inertia::from_params(&all[10 * i..10 * i + 10]);
-            if let Err(e) = body.check() {
-                let hint = "give all ten parameters of the body as they were estimated";
-                fail("Config::Inertia", e.to_string(), if i == 0 { "base" } else { self.body_name(i) }, hint);
+            let on = if i == 0 { "base" } else { self.body_name(i) };
+            let hint = "give all ten parameters of the body as they were estimated";
+            match body.check() {
+                Ok(()) => {}
+                Err(e @ InertiaError::Triangle { .. }) => {
+                    let p = Problem::warning(Area::Config, "Config::Triangle", format!("{e}; taken as given"));
+                    bad.push(p.on(on).hint(hint));
+                }
+                Err(e) => bad.push(Problem::error(Area::Config, "Config::Inertia", e.to_string()).on(on).hint(hint)),
             }
         }
         if bad.has_errors() {
@@ -70,6 +79,6 @@ impl Model {
             let n = a.nominal.len();
             a.nominal.copy_from_slice(&all[a.param_offset..a.param_offset + n]);
         }
-        Ok(())
+        Ok(bad)
     }
 }

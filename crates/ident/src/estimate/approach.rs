@@ -25,7 +25,7 @@ const FINER: f64 = 1.5;
 /// Linearisations after which a first pass that has not ended is taken to be lost in a valley, and is led there over growing parts of
 /// the record. Passes that find their way take fewer.
 const LOST: usize = 12;
-/// Mean squared residual from which its end does not explain the data, and it is led as well.
+/// Mean squared residual, over that of noise, from which its end does not explain the data, and it is led as well.
 const UNEXPLAINED: f64 = 1.5;
 /// Parts of the record it is led over.
 const PARTS: [f64; 4] = [0.0625, 0.125, 0.25, 0.5];
@@ -88,7 +88,7 @@ pub(super) fn unless_hopeless<'r>(
     let mut out = request.clone();
     let Some(limit) = request.give_up.filter(|_| place.iterations > 0) else { return out };
     let left = cost(request, estimator, sizes, references, place);
-    if left.is_none_or(|c| c > limit * estimator.rows() as f64) {
+    if left.is_none_or(|c| c > limit * request.noise_of(estimator.rows())) {
         out.settings.max_iterations = GIVEN_UP.min(out.settings.max_iterations);
     }
     out
@@ -104,7 +104,7 @@ fn pass(
 ) -> Option<Status> {
     let threads = request.jacobian.threads(estimator.rows(), request.selected.len() + sizes.len());
     let mut evaluated = Evaluated::new(threads);
-    let all = (0.0, estimator.rows());
+    let all = (0.0, request.noise_of(estimator.rows()));
     let way = Way { still: f64::INFINITY, range: RANGE, all, to_beat: None, near_end: &mut |_, _, _, _| false };
     let end = settle(request, estimator, sizes, references, place, &mut evaluated, way);
     end.ok().map(|(_, status)| status)
@@ -125,14 +125,14 @@ fn lead(
         Request { settings, ..request.clone() }
     };
     let most = LOST.min(request.settings.max_iterations);
-    let rows = estimator.rows() as f64;
+    let noise = request.noise_of(estimator.rows());
     let left = |estimator: &mut dyn Estimator, references: &[Reference], at: &Place| {
         cost(request, estimator, sizes, references, at).unwrap_or(f64::INFINITY)
     };
     let mut direct = place.clone();
     let end = pass(&of(most), estimator, sizes, references, &mut direct);
     let ended = end.is_some_and(|s| s != Status::IterationLimit);
-    let explains = left(estimator, references, &direct) < UNEXPLAINED * rows;
+    let explains = left(estimator, references, &direct) < UNEXPLAINED * noise;
     if ended && explains || request.settings.max_iterations <= LOST {
         *place = direct;
         return;
@@ -154,7 +154,7 @@ fn lead(
     let end = pass(&of(most), estimator, sizes, references, &mut led);
     direct.iterations = led.iterations;
     let mut best = if end.is_some() { better(request, estimator, sizes, references, [direct, led]) } else { direct };
-    let lost = request.other_starts.is_some() && left(estimator, references, &best) >= UNEXPLAINED * rows;
+    let lost = request.other_starts.is_some() && left(estimator, references, &best) >= UNEXPLAINED * noise;
     let other = if lost { other_start(request, estimator, sizes, references, place) } else { None };
     if let Some(full) = other {
         let mut there = Place { full, iterations: best.iterations, ..place.clone() };

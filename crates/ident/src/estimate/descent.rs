@@ -87,8 +87,9 @@ pub(super) struct Way<'w> {
     pub(super) still: f64,
     /// Factor on the start of a positive parameter that steps keep it within: [`RANGE`] for a pass over less data.
     pub(super) range: f64,
-    /// Cost of all data less that of these, and the number of all rows, where fewer of them have the cost of all: noise is told by these.
-    pub(super) all: (f64, usize),
+    /// Cost of all data less that of these, where fewer of them have the cost of all, and what noise alone leaves of all rows
+    /// ([`Request::noise_of`]).
+    pub(super) all: (f64, f64),
     /// Objective that it must get below to be of use ([`Request::to_beat`]).
     pub(super) to_beat: Option<f64>,
     /// Called near the end ([`NEAR_END`]) where steps creep ([`SLOW`]), with the linearisation there; moves the place on by other means,
@@ -230,13 +231,13 @@ pub(super) fn settle(
 
 /// What the last linearisations have gained, as part of what lies above noise; `None` where there are too few, noise alone is left, or far
 /// more than that.
-fn gained_above_noise(descent: &[Linearisation], all: (f64, usize)) -> Option<f64> {
+fn gained_above_noise(descent: &[Linearisation], all: (f64, f64)) -> Option<f64> {
     let (last, before) = (descent.last()?, &descent[descent.len().checked_sub(1 + WINDOW)?]);
     share_above_noise(before.objective - last.objective, last.objective + all.0, all.1)
 }
 
 /// Whether the last few linearisations have gained next to nothing of what lies above noise ([`STUCK`]).
-fn is_stuck(descent: &[Linearisation], all: (f64, usize)) -> bool {
+fn is_stuck(descent: &[Linearisation], all: (f64, f64)) -> bool {
     let Some((last, gained)) = gained_last(descent) else { return false };
     let objective = last + all.0;
     let least = if is_near(objective, all.1) { STUCK.0 } else { STUCK.1 };
@@ -256,19 +257,19 @@ fn gained_last(descent: &[Linearisation]) -> Option<(f64, f64)> {
 }
 
 /// What lies above noise, where that is more than its deviations.
-fn above_noise(objective: f64, rows: usize) -> Option<f64> {
-    let above = objective - rows as f64;
-    (above > ABOVE_NOISE * (2.0 * rows as f64).sqrt()).then_some(above)
+fn above_noise(objective: f64, noise: f64) -> Option<f64> {
+    let above = objective - noise;
+    (above > ABOVE_NOISE * (2.0 * noise).sqrt()).then_some(above)
 }
 
 /// Whether what is left is nearly noise.
-fn is_near(objective: f64, rows: usize) -> bool {
-    objective < NEARLY * rows as f64
+fn is_near(objective: f64, noise: f64) -> bool {
+    objective < NEARLY * noise
 }
 
 /// A gain, as part of what lies above noise; `None` where noise alone is left, or far more than that.
-pub(super) fn share_above_noise(gained: f64, objective: f64, rows: usize) -> Option<f64> {
-    above_noise(objective, rows).filter(|_| is_near(objective, rows)).map(|above| gained / above)
+pub(super) fn share_above_noise(gained: f64, objective: f64, noise: f64) -> Option<f64> {
+    above_noise(objective, noise).filter(|_| is_near(objective, noise)).map(|above| gained / above)
 }
 
 /// The trust region of the next step: [`Scale::Unit`] up to [`RADIUS`], and, where it may be (`by_data`), the metric of the data from where
@@ -377,7 +378,8 @@ mod tests {
             let one = |k: i32| Linearisation { objective: objective * (1.0 - by).powi(k), residuals };
             (0..6).map(one).collect()
         };
-        let all = (0.0, rows);
+        let noise = rows as f64;
+        let all = (0.0, noise);
         let above = |mean: f64| mean * rows as f64;
         // In the noise there is nothing to be stuck above; near it, a hundredth of what is above counts, far off a thousandth.
         assert!(!is_stuck(&falling(above(1.03), 1e-5, rows), all));
@@ -388,7 +390,9 @@ mod tests {
         assert!(!is_stuck(&falling(above(1.08), 1e-5, rows)[..4], all));
         // Fewer rows with the cost of all of them: what all rows say counts.
         let fewer = falling(above(0.5), 1e-5, rows / 2);
-        assert!(is_stuck(&fewer, (above(0.58), rows)) && !is_stuck(&fewer, (above(0.5), rows)));
+        assert!(is_stuck(&fewer, (above(0.58), noise)) && !is_stuck(&fewer, (above(0.5), noise)));
+        // Noise that is larger than was said is noise.
+        assert!(!is_stuck(&falling(above(1.08), 1e-5, rows), (0.0, above(1.09))));
     }
 
     #[test]

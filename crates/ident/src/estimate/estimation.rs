@@ -95,7 +95,7 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
         };
     let mut refined = 0;
     let (transform, status) = loop {
-        let all = (0.0, estimator.rows());
+        let all = (0.0, request.noise_of(estimator.rows()));
         let to_beat = request.to_beat;
         let way = Way { still: ANCHOR_MOVED, range: f64::INFINITY, all, to_beat, near_end: &mut hop };
         let end = settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, way)?;

@@ -78,7 +78,7 @@ pub(super) fn land(
         let gained = around(&lax, estimator, sizes, references, place, (&residuals[..], Slope::Untold));
         // Above noise in a valley that leads nowhere: other starts come first.
         let left = residuals.iter().map(|r| r * r).sum::<f64>() - gained;
-        let share = share_above_noise(gained, left, residuals.len());
+        let share = share_above_noise(gained, left, request.noise_of(residuals.len()));
         if request.give_up.is_some() && share.is_some_and(|share| share < WORTH) {
             return true;
         }
@@ -114,7 +114,7 @@ fn around(
     let stays = |i: usize| request.marginal.iter().any(|m| m.0 == i);
     let Ok(Some(mut near)) = Around::of_point(request, centre, thin, stays) else { return 0.0 };
     let mut there = place.clone();
-    let all = (near.centred().beyond, residuals.len());
+    let all = (near.centred().beyond, request.noise_of(residuals.len()));
     let way = Way { still: f64::INFINITY, range: f64::INFINITY, all, to_beat: None, near_end: &mut |_, _, _, _| false };
     let end = settle(request, &mut near, sizes, references, &mut there, &mut Evaluated::new(None), way);
     drop(near);

@@ -114,6 +114,9 @@ pub struct Request<'a> {
     /// since other starts find more in that time; for the same reason, a fit that creeps where its data are not explained is ended. None: data
     /// are linearised as often as the settings say.
     pub give_up: Option<f64>,
+    /// Mean squared residual that noise alone leaves: one where it is what the estimator was told, more where it has been measured to be larger. What
+    /// is judged by noise on the way to the end ([`Request::give_up`] among it) is measured by it; the answer is not touched.
+    pub noise: f64,
     /// Objective of another fit to the same data that this one must get below to be of use. Where the linearisations that it is allowed will not lead
     /// there, at five times the gain of the last four, it ends as one that has run out of them. None: it is of use anywhere.
     pub to_beat: Option<f64>,
@@ -146,6 +149,7 @@ impl<'a> Request<'a> {
             loss: Loss::Squares,
             coarse: true,
             give_up: None,
+            noise: 1.0,
             to_beat: None,
             other_starts: None,
             near_end: true,
@@ -153,5 +157,9 @@ impl<'a> Request<'a> {
             jacobian: Jacobian::default(),
             settings: Settings::default(),
         }
+    }
+    /// Sum of squared residuals that noise leaves of so many rows.
+    pub(crate) fn noise_of(&self, rows: usize) -> f64 {
+        self.noise * rows as f64
     }
 }

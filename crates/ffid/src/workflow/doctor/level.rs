@@ -1,12 +1,11 @@
 //! Noise and steps of the channels of a record, from the record alone.
 
+use crate::workflow::differences::{by_differences, typical};
 use ff_records::Record;
 use nalgebra::{DMatrix, DVectorView};
 
 /// Distinct readings of a channel above which it has no steps that matter.
 const MOST_LEVELS: usize = 50_000;
-/// Median of the size of a normal variable of unit deviation.
-const MEDIAN: f64 = 0.674_489_75;
 /// Deviation of a difference of readings from a multiple of the step, in steps.
 const ON_GRID: f64 = 0.02;
 
@@ -39,37 +38,6 @@ impl Level {
             gyro_step: steps(r.gyro()),
         }
     }
-}
-
-/// Standard deviation of white noise, from differences of order `order` (at most 6); 0 for a channel that is too short.
-pub(super) fn by_differences(x: DVectorView<'_, f64>, order: usize) -> f64 {
-    let (mut squares, variance) = differences(x, order);
-    squares.iter_mut().for_each(|d| *d *= *d);
-    if squares.is_empty() { 0.0 } else { (squares.iter().sum::<f64>() / squares.len() as f64 / variance).sqrt() }
-}
-
-/// [`by_differences`] by the median of their sizes, on which a few jumps have no part.
-pub(super) fn typical(x: DVectorView<'_, f64>, order: usize) -> f64 {
-    let (mut all, variance) = differences(x, order);
-    all.iter_mut().for_each(|d| *d = d.abs());
-    all.sort_unstable_by(f64::total_cmp);
-    all.get(all.len() / 2).map_or(0.0, |d| d / MEDIAN / variance.sqrt())
-}
-
-/// Differences of an order, and their variance for white noise of unit variance.
-fn differences(x: DVectorView<'_, f64>, order: usize) -> (Vec<f64>, f64) {
-    let mut weights = vec![1.0];
-    for _ in 0..order {
-        let mut next = vec![0.0; weights.len() + 1];
-        for (a, w) in weights.iter().enumerate() {
-            next[a] += w;
-            next[a + 1] -= w;
-        }
-        weights = next;
-    }
-    let variance: f64 = weights.iter().map(|w| w * w).sum();
-    let one = |i: usize| weights.iter().enumerate().map(|(a, w)| w * x[i + a]).sum::<f64>();
-    ((0..x.len().saturating_sub(order)).map(one).collect(), variance)
 }
 
 /// The step of the readings: the least difference of sorted values, where all are multiples of it; else 0.
@@ -111,15 +79,6 @@ mod tests {
             (2.0 * (a - a.floor()) - 1.0) * 3f64.sqrt()
         };
         DVector::from_fn(2000, |i, _| smooth(i as f64 * 0.02) + sigma * uniform(i))
-    }
-
-    #[test]
-    fn noise_is_told_from_a_smooth_signal_a_hundred_times_as_large() {
-        let x = noisy(0.01, |t| (2.0 * t).sin() + 0.3 * t);
-        for order in [3, 4, 6] {
-            let found = by_differences(x.as_view(), order);
-            assert!((found / 0.01 - 1.0).abs() < 0.08, "order {order}: {found}");
-        }
     }
 
     #[test]

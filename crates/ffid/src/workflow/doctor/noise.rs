@@ -6,7 +6,7 @@
 
 use super::case::{Case, Scales};
 use super::diagnosis::{Finding, Judgement, Topic};
-use super::level::{by_differences, typical};
+use crate::workflow::differences::{FEWEST, LEAKS, by_differences, typical};
 use crate::workflow::identify::num;
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, JointKind, Problem};
@@ -14,10 +14,6 @@ use nalgebra::DMatrix;
 
 /// Ratio of measured to stated noise that is suspicious, and its inverse.
 const OFF: f64 = 3.0;
-/// Samples below which noise is not judged.
-const FEWEST: usize = 50;
-/// Ratio of the estimates of orders four and six above which a signal, not noise, is what they measure.
-const LEAKS: f64 = 1.5;
 /// A kind of sensor: its channels, and what the mission says of it.
 struct Sensor<'a> {
     data: &'a DMatrix<f64>,

@@ -96,7 +96,7 @@ pub(super) fn elsewhere(
         let before = at.objective;
         at = one_round(request, at, of, round, estimator);
         let led = at.objective < before - 2.0 * LOWER;
-        let once_more = round.number < AGAIN && at.chi2_per_dof > WIDE;
+        let once_more = round.number < AGAIN && at.chi2_per_dof > WIDE * request.noise;
         if estimator.stopped() || !(led || once_more) {
             break;
         }
@@ -225,7 +225,7 @@ fn best_start(
     let astray = if round.led { strayed(request, first) } else { Vec::new() };
     let mut starts: Vec<Vec<f64>> = if astray.is_empty() { Vec::new() } else { vec![first.values.clone()] };
     starts.iter_mut().for_each(|s| astray.iter().for_each(|&i| s[i] = request.start[i]));
-    let far = first.chi2_per_dof > WIDE;
+    let far = first.chi2_per_dof > WIDE * request.noise;
     let mut wide: Vec<Vec<f64>> = Vec::new();
     let (lost, back) = lost(request, first);
     if far || !lost.is_empty() {
@@ -249,7 +249,7 @@ fn best_start(
         }
     }
     // Lines of residuals far off are those of everything, and springs there say nothing.
-    let near = if round.led && first.chi2_per_dof < NOWHERE {
+    let near = if round.led && first.chi2_per_dof < NOWHERE * request.noise {
         [aimed(request, first, lines, of), given_back(request, first)].concat()
     } else {
         Vec::new()

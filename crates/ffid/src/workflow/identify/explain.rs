@@ -215,6 +215,8 @@ fn can_be(n: &NamedError) -> bool {
     }
 }
 
+/// Part of the white noise of a channel that must be missing for it to be of another kind.
+const NOT_WHITE: f64 = 0.25;
 /// Chi-squared within which the data do not choose between two errors.
 pub(super) const CLOSE: f64 = 12.0;
 
@@ -301,10 +303,39 @@ fn unsettled(named: &[NamedError]) -> String {
     }
 }
 
-/// What it comes to, given the fit's own figures and whether it had anything to estimate.
+/// What the residuals say of the noise of the sensors, where that is other than was said, so that tests which take it for known say nothing of the
+/// model: `noise` is the mean square that it leaves ([`Request::noise`](ident::Request::noise)).
+pub(super) fn of_sensors(e: &Estimate, noise: f64, whiteness: &[Whiteness], s: &Settings) -> Option<String> {
+    if e.chi2_per_dof > s.limit && e.chi2_per_dof < noise {
+        return Some(format!(
+            "residuals are {:.2} times the noise of the sensors, and neighbouring readings scatter by as much: [sensors] gives them too \
+             little noise; `ffid doctor` says how much they have",
+            e.chi2_per_dof.sqrt()
+        ));
+    }
+    let coloured = || whiteness.iter().filter(|w| w.excess == Some(true));
+    if coloured().next().is_none() || !coloured().all(hides_white_noise) {
+        return None;
+    }
+    let most = coloured().map(|w| w.first_correlation).fold(0.0, f64::max);
+    let list = ff_model::diagnostics::list(coloured().map(|w| w.channel.as_str()), 6);
+    Some(format!(
+        "the residuals of {list} are no larger than the noise of [sensors], and yet neighbours correlate by up to {most:.2}: that noise is not white, \
+         or there is less of it and something else beside; `ffid doctor` says how much is white. Deviations that allow for the colour are \
+         given beside the others"
+    ))
+}
+
+/// Whether white noise as large as was said cannot be in these residuals: of what an error of the model adds to it, all may be alike from sample to sample, but not
+/// more.
+fn hides_white_noise(w: &Whiteness) -> bool {
+    w.first_correlation * w.mean_square > (w.mean_square - 1.0).max(0.0) + NOT_WHITE
+}
+
+/// What it comes to, given the fit's own figures, what noise alone leaves, and whether it had anything to estimate.
 pub(super) fn evidence(
     tests: Option<&Tests>,
-    e: &Estimate,
+    (e, noise): (&Estimate, f64),
     whiteness: &[Whiteness],
     estimates: bool,
     s: &Settings,
@@ -327,6 +358,12 @@ pub(super) fn evidence(
     }
     if !estimates || (whiteness.is_empty() && tests.is_none()) {
         out.reason = "the record is too short for tests of its residuals".into();
+        return out;
+    }
+    if let Some(reason) = of_sensors(e, noise, whiteness, s) {
+        // Tests take chance for errors there.
+        out.named.clear();
+        (out.state, out.reason) = (State::Contradicted, reason);
         return out;
     }
     let coloured: Vec<&Whiteness> = whiteness.iter().filter(|w| w.excess == Some(true)).collect();
@@ -373,6 +410,28 @@ mod tests {
             refitted: false,
             mission: String::new(),
         }
+    }
+
+    #[test]
+    fn white_noise_that_was_said_to_be_there_bounds_what_an_error_can_leave_alike() {
+        let channel = |mean_square: f64, first_correlation: f64| Whiteness {
+            channel: "tau.elbow".into(),
+            mean_square,
+            white_p: 0.0,
+            portmanteau_p: 0.0,
+            normal_p: 0.4,
+            first_correlation,
+            largest: 4.1,
+            white: false,
+            excess_p: Some(0.0),
+            excess: Some(true),
+            peak_hz: Some(0.6),
+            stands_out_hz: Vec::new(),
+        };
+        // An error that adds seven tenths of the noise, and one that adds as much as that while no white noise is left.
+        assert!(!hides_white_noise(&channel(1.7, 0.4)) && hides_white_noise(&channel(1.7, 0.9)));
+        assert!(hides_white_noise(&channel(1.02, 0.8)) && !hides_white_noise(&channel(1.02, 0.05)));
+        assert!(!hides_white_noise(&channel(37.0, 0.97)));
     }
 
     /// Errors of a size that cannot be are those of a linearisation far from what is wrong.

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::number::num;
 use super::result::channel::Channel;
 use super::result::parameter::{Combination, Parameter, Value};
+use super::result::uncertain::UncertainLine;
 
 /// Deviations of a half of a 95 % interval.
 pub(super) const HALF95: f64 = 1.96;
@@ -91,16 +92,27 @@ impl PriorConflict {
     pub const LIMIT: f64 = 4.0;
     /// For a parameter with an independent prior; none where they agree, and where the data add next to nothing.
     pub(super) fn of(p: &Parameter) -> Option<Self> {
-        let (prior_mean, prior_std, std) = (p.prior_mean?, p.prior_std?, p.std?);
+        Self::between((&p.name, &p.unit), (p.prior_mean?, p.prior_std?), (p.value, p.std?))
+    }
+    /// For something that the mission is not sure of.
+    pub(super) fn of_uncertain(u: &UncertainLine) -> Option<Self> {
+        Self::between((&u.name, &u.unit), (u.prior_mean, u.prior_std), (u.value, u.std?))
+    }
+    /// Mean and deviation of a prior, and the value and deviation of it and the data together.
+    fn between(
+        (name, unit): (&str, &str),
+        (prior_mean, prior_std): (f64, f64),
+        (value, std): (f64, f64),
+    ) -> Option<Self> {
         let (all, before) = (std.powi(-2), prior_std.powi(-2));
         let data = all - before;
         if data <= 1e-6 * all {
             return None;
         }
-        let data_value = (all * p.value - before * prior_mean) / data;
+        let data_value = (all * value - before * prior_mean) / data;
         let data_std = data.sqrt().recip();
         let deviations = (data_value - prior_mean).abs() / data_std.hypot(prior_std);
-        let (name, unit) = (p.name.clone(), p.unit.clone());
+        let (name, unit) = (name.to_owned(), unit.to_owned());
         (deviations > Self::LIMIT).then_some(Self {
             name,
             unit,

@@ -110,7 +110,7 @@ fn near_mission(
     // On its way or at its end: the data allow either.
     let mut found = go_on(&start, SHOWN)?;
     if !found.is_solution() {
-        if found.chi2_per_dof > WIDE {
+        if found.chi2_per_dof > WIDE * request.noise {
             return None;
         }
         found = go_on(&found.values, MOST - SHOWN)?;

@@ -51,6 +51,7 @@ mod mission_end;
 mod mixture;
 pub mod model_files;
 mod mounted_mode;
+mod noise_floor;
 pub(in crate::workflow) mod number;
 pub(crate) mod observed_estimator;
 pub(crate) mod options;
@@ -71,6 +72,7 @@ pub(crate) mod text;
 pub(crate) mod ties;
 pub(crate) mod uncertain;
 mod unknowns;
+mod unresolved;
 mod valleys;
 
 pub use adoption::adopted_sensor_errors;

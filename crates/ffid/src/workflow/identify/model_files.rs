@@ -33,8 +33,8 @@ pub type Files = Vec<(String, Vec<u8>)>;
 /// Everything that a reload of the identified mission needs, the mission file first, and warnings: a fit is not lost because its
 /// files do not reload as they should.
 ///
-/// * `Fit::Reload`: the mission reloads to other bits, or does not reload (a body that breaks the triangle inequality of its moments),
-///   or the URDF could not be edited and stays as it was.
+/// * `Fit::Reload`: the mission reloads to other bits, or does not reload, or the URDF could not be edited and stays as it was.
+/// * `Fit::Impossible`: a body breaks the triangle inequality of its moments.
 ///
 /// # Errors
 /// [`Failure::Io`] for a file that cannot be read, [`Failure::Numerical`] when the mission file cannot be edited at all.
@@ -97,9 +97,22 @@ pub fn write(
         }
         (None, None) => return Err(Failure::Numerical("the mission file cannot be edited".to_owned())),
     };
+    problems.0.extend((0..model.n_bodies()).filter_map(|b| impossible(model, values, selected, b)));
     let mut files = vec![(TOML.to_owned(), edited.into_bytes()), (URDF.to_owned(), urdf.into_bytes())];
     files.append(&mut extra);
     Ok((files, problems))
+}
+
+/// A body that was estimated beside and cannot exist: its errors are known with deviations alone, which reach beyond what can be.
+fn impossible(model: &Model, values: &[f64], selected: &[usize], b: usize) -> Option<Problem> {
+    let own = 10 * b..10 * b + 10;
+    let touched = selected.iter().any(|i| own.contains(i));
+    let why = Inertia::from_params(&values[own]).check().err().filter(|_| touched)?;
+    let p = Problem::warning(Area::Data, "Fit::Impossible", format!("estimated beside: {why}"));
+    Some(
+        p.on(model.body_name(b))
+            .hint("the record hardly tells this body: give a smaller deviation in [[uncertain]], or weigh it"),
+    )
 }
 
 /// What is wrong with the files of an identified robot.

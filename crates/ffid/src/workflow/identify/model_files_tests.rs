@@ -119,17 +119,25 @@ fn a_part_of_a_body_reloads_bit_for_bit() {
     }
 }
 
-/// A body that cannot exist: the files are written, and the warning says which law is broken and where the estimates are.
+/// A link that breaks the triangle inequality reloads all the same, and the warning says which; where the base does, from which the mission would estimate it,
+/// the files are written as well, and the warning says where the estimates are.
 #[test]
-fn files_that_do_not_reload_are_written_with_a_warning() {
+fn bodies_that_cannot_exist_are_written_with_a_warning() {
     let file = fixture("paper/slosh.toml");
     let opened = crate::open::open(&file, Leniency::default()).unwrap();
     let m = opened.mission.clone().unwrap();
-    let mut values: Vec<f64> = opened.model.param_decls().iter().map(|d| d.nominal).collect();
-    values[9] *= 40.0; // i_zz beyond i_xx + i_yy
-    let (files, problems) = write(&file, &m, &opened.model, &values, &[9], &Leniency::default()).unwrap();
-    assert_eq!(files.iter().map(|f| f.0.as_str()).collect::<Vec<_>>(), [TOML, URDF]);
-    let p = &problems.0[0];
-    assert!(problems.0.len() == 1 && p.code == "Fit::Reload" && !problems.has_errors(), "{problems}");
-    assert!(p.to_string().contains("result.json"), "{p}");
+    let written = |izz: usize| {
+        let mut values: Vec<f64> = opened.model.param_decls().iter().map(|d| d.nominal).collect();
+        values[izz] *= 40.0; // i_zz beyond i_xx + i_yy
+        let (files, problems) = write(&file, &m, &opened.model, &values, &[izz], &Leniency::default()).unwrap();
+        assert_eq!(files.iter().map(|f| f.0.as_str()).collect::<Vec<_>>(), [TOML, URDF]);
+        assert!(!problems.has_errors(), "{problems}");
+        problems.0
+    };
+    let link = written(29);
+    assert_eq!(link.iter().map(|p| p.code).collect::<Vec<_>>(), ["Fit::Impossible"], "{link:?}");
+    assert_eq!(link[0].object.as_deref(), Some(opened.model.body_name(2)));
+    let base = written(9);
+    assert_eq!(base.iter().map(|p| p.code).collect::<Vec<_>>(), ["Fit::Reload", "Fit::Impossible"], "{base:?}");
+    assert!(base[0].to_string().contains("result.json"), "{}", base[0]);
 }

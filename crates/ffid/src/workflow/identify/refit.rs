@@ -60,6 +60,8 @@ pub(super) struct Contradicted<'a, 't> {
     pub(super) watch: &'a Observer<'a>,
     /// Whether what is left over is white on every channel: noise is then larger than was said, and the fit is in no valley of its own.
     pub(super) white: bool,
+    /// Mean squared residual that noise alone leaves ([`Request::noise`]).
+    pub(super) noise: f64,
 }
 
 /// What came of fitting an error.
@@ -137,7 +139,7 @@ impl Contradicted<'_, '_> {
                 named.push(NamedError { beside: false, ..n.clone() });
             }
         }
-        let counts = |(k, n): &(usize, &NamedError)| *k == 0 || n.beside && self.chi2_per_dof() < WIDE;
+        let counts = |(k, n): &(usize, &NamedError)| *k == 0 || n.beside && self.over_noise() < WIDE;
         let together: f64 = named.iter().enumerate().filter(counts).map(|(_, n)| n.drop).sum();
         tests.explained = tests.excess.map(|excess| (together / excess).min(1.0));
         (tests.named, tests.with_first) = (named, Some(state));
@@ -147,7 +149,7 @@ impl Contradicted<'_, '_> {
     /// most of what is left over there, at its beginning, as do all where it has not ended, or at [`NOWHERE`]: it has then ended in a valley of
     /// its own, and first order says little.
     pub(super) fn named_by_fits(&self, tests: &mut Tests) -> Result<(), IdentifyError> {
-        let (ended, chi2) = (self.end.fitted.estimate.is_solution(), self.chi2_per_dof());
+        let (ended, chi2) = (self.end.fitted.estimate.is_solution(), self.over_noise());
         if ended && chi2 < NOWHERE {
             self.refitted(tests)?;
             let fitted = tests.named.first().is_some_and(|n| n.refitted);
@@ -167,8 +169,9 @@ impl Contradicted<'_, '_> {
         }
         Ok(())
     }
-    fn chi2_per_dof(&self) -> f64 {
-        self.end.fitted.estimate.chi2_per_dof
+    /// Chi-squared per degree of freedom, over what noise leaves.
+    fn over_noise(&self) -> f64 {
+        self.end.fitted.estimate.chi2_per_dof / self.noise
     }
     /// Puts in front the error with which a fit from the beginning ends and explains most of what is left over, if there is one. Where the
     /// first has not ended, the others stay as indications.
@@ -237,7 +240,14 @@ impl Contradicted<'_, '_> {
         let silent = Observer { progress: None, ..*self.watch };
         let mut watched = ObservedEstimator::new(&mut *made.whole, &silent);
         let priors = setup.unknowns.priors(&selected)?;
-        let mut request = Request { coarse: !settled, start: &start, selected: &selected, priors, ..setup.request()? };
+        let mut request = Request {
+            coarse: !settled,
+            start: &start,
+            selected: &selected,
+            priors,
+            noise: self.noise,
+            ..setup.request()?
+        };
         request.settings.gain_tolerance = request.settings.gain_tolerance.max(SETTLED);
         let estimate = attempt(&request, &mut watched);
         if watched.stopped() {
@@ -352,7 +362,7 @@ impl Contradicted<'_, '_> {
         let tests = explain::tests(&end, &twins, &fit.settings)?;
         let heard = tests.as_ref().filter(|t| t.motion_noise > 0.0).map_or(&[][..], |t| &t.drawn);
         let whiteness = known::whiteness(self.records, &signals, &[], heard);
-        let found = explain::evidence(tests.as_ref(), &fitted.estimate, &whiteness, true, &fit.settings);
+        let found = explain::evidence(tests.as_ref(), (&fitted.estimate, self.noise), &whiteness, true, &fit.settings);
         let mut behind = found.named;
         if let Some(alone) = behind.iter().skip(1).position(|n| !n.beside) {
             behind.truncate(1 + alone);

@@ -37,6 +37,8 @@ pub(super) struct Report<'a> {
     pub(super) values: &'a [f64],
     /// Tests of errors.
     pub(super) tests: Option<&'a explain::Tests>,
+    /// Mean squared residual that noise alone leaves.
+    pub(super) noise: f64,
 }
 
 impl Report<'_> {
@@ -73,12 +75,14 @@ impl Report<'_> {
         let independent = earlier.is_none();
         let mut prior_conflicts: Vec<PriorConflict> =
             parameters.iter().filter(|_| independent).filter_map(PriorConflict::of).collect();
+        prior_conflicts.extend(uncertain.iter().filter(|_| independent).filter_map(PriorConflict::of_uncertain));
         prior_conflicts.sort_by(|a, b| b.deviations.total_cmp(&a.deviations));
         let posterior = Posterior::of(e).map_err(|e| IdentifyError::Model(e.to_string()))?;
         let modes = mode_lines(self.opened, &start, self.values);
         let heard = self.tests.filter(|t| t.motion_noise > 0.0).map_or(&[][..], |t| &t.drawn);
         let whiteness = known::whiteness(self.records, self.signals, &modes, heard);
-        let evidence = explain::evidence(self.tests, e, &whiteness, !parameters.is_empty(), self.settings);
+        let evidence =
+            explain::evidence(self.tests, (e, self.noise), &whiteness, !parameters.is_empty(), self.settings);
         let first = &self.records[0].record;
         Ok(IdentificationResult {
             status: Ended::of(&e.status, &names, flattest(&e.data_only)),

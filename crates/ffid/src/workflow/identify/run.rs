@@ -18,6 +18,7 @@ use super::identified::Identified;
 use super::known;
 use super::labelled_record::LabelledRecord;
 use super::mission_end::allow_for_mission;
+use super::noise_floor::noise_floor;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::over_time::{OverTime, later};
@@ -92,7 +93,10 @@ pub fn identify(
     known::profiled(unknowns, options)?;
     let fit = setup.assembly(model, records);
     let Assembled { mut whole, twins, sigma, rows } = fit.assemble(uncertain)?;
-    let request = setup.request()?;
+    let noise = noise_floor(records, &sigma);
+    let mut request = Request { noise, ..setup.request()? };
+    // Standard deviations are those of the noise that there is.
+    request.settings.gain_tolerance *= noise;
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
     let subject = Subject { model, records, unknowns, settings, sigma: &sigma };
     let fitted = solve(&request, &subject, options, &mut watched);
@@ -140,7 +144,8 @@ pub fn identify(
     let tests = found.as_ref();
     let coloured = coloured_deviations(&end, &rows, sigma.len(), settings, &mut watched);
     let coloured = if watched.stopped() { return Err(ended(&watched)) } else { coloured };
-    let mut report = Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests };
+    let mut report =
+        Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests, noise };
     let mut stated = &fitted;
     if let (Some(own), Some(c)) = (&own, &considered) {
         (report.unknowns, report.values, stated) = (own, &c.values, &c.fitted);
@@ -166,8 +171,9 @@ pub fn identify(
     }
     watched.leave(|unknown| unknowns.expand(unknown));
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
+    let noisy = explain::of_sensors(&fitted.estimate, noise, &result.whiteness, settings).is_some();
     if let Some(tests) =
-        found.as_mut().filter(|_| own.is_none() && (!ended_well || result.state() == State::Contradicted))
+        found.as_mut().filter(|_| own.is_none() && (!ended_well || result.state() == State::Contradicted && !noisy))
     {
         let white = result.whiteness.iter().all(|w| w.white);
         let end = Contradicted {
@@ -179,10 +185,12 @@ pub fn identify(
             twins: &twins,
             watch,
             white,
+            noise,
         };
         end.named_by_fits(tests)?;
         let estimates = !result.parameters.is_empty();
-        let evidence = explain::evidence(Some(tests), &fitted.estimate, &result.whiteness, estimates, settings);
+        let evidence =
+            explain::evidence(Some(tests), (&fitted.estimate, noise), &result.whiteness, estimates, settings);
         result.evidence = Some(evidence);
     }
     result.verdict = text::verdict(&result);
@@ -517,7 +525,7 @@ fn solve(
         let tuned = || ringing::tuned(of, request);
         let mut best = attempt(&Request { other_starts: Some(OtherStarts(&tuned)), ..quick.clone() }, estimator)?;
         // Ten linearisations may have led near the answer after all.
-        if best.chi2_per_dof < WIDE && !best.crept {
+        if best.chi2_per_dof < WIDE * request.noise && !best.crept {
             best = finished(&quick, best, estimator)?;
         }
         best = elsewhere(&quick, best, of, estimator);

@@ -8,7 +8,8 @@
 //!
 //! At the end of a fit such places are looked at by residuals alone, with all other unknowns moved by one linearisation (a chord); those
 //! that come near the cost of the end are fitted. The lowest counts, and where others explain the record as well, deviations cover
-//! them all ([`super::mixture`]).
+//! them all ([`super::mixture`]). Where the cost rises on neither side to what chance does not reach, the mode stands out of the noise nowhere, and
+//! deviations cover all frequencies that are left ([`super::unresolved`]).
 
 use super::chord::{Chord, Place};
 use super::elsewhere::{
@@ -17,6 +18,7 @@ use super::elsewhere::{
 use super::findings::{Alternative, Minima};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
+use super::unresolved::Unresolved;
 use ff_least_squares::Settings as Solver;
 use ff_model::ParamGroup;
 use ident::estimate::{Estimate, KEPT_BYTES, attempt};
@@ -28,8 +30,10 @@ use nalgebra::DMatrix;
 const UNRESOLVED: f64 = 0.05;
 /// Distance of the places that are looked at, in widths of a line.
 const STEP: f64 = 0.7;
-/// How many there are on either side.
+/// How many there are on either side, and by which factor the distance of others grows, up to [`FOLLOW`] times the frequency, where none of these
+/// shows the mode.
 const REACH: i32 = 12;
+const FURTHER: f64 = 1.5;
 /// Chi-squared above the end up to which a place is fitted: looked at by a chord, it is more than at its minimum.
 const NEAR: f64 = 16.0;
 /// Places in a row, each beyond [`NEAR`], from which on none is looked at any further out: the mode stands out of the noise there.
@@ -109,8 +113,17 @@ pub(super) fn best_valley(
     if !answers(request, &first) {
         return Ending::single(first);
     }
-    let mut search =
-        Search { request, of, ends: vec![first], best: 0, used: 0, looks: 0, tried: 1, followed: Vec::new() };
+    let mut search = Search {
+        request,
+        of,
+        ends: vec![first],
+        best: 0,
+        used: 0,
+        looks: 0,
+        tried: 1,
+        followed: Vec::new(),
+        unresolved: Vec::new(),
+    };
     let near = estimator.around(request, &search.ends[0], |i| !of.unknowns.is_asked(i));
     let looked = near.map(|(mut near, beyond)| {
         search.ends[0].objective -= beyond;
@@ -150,6 +163,8 @@ struct Search<'s> {
     tried: usize,
     /// Where they began, but for the first.
     followed: Vec<Vec<f64>>,
+    /// Modes of the best that do not stand out of the noise.
+    unresolved: Vec<Unresolved>,
 }
 
 impl Search<'_> {
@@ -172,6 +187,7 @@ impl Search<'_> {
                 return;
             }
         }
+        self.unresolved.clear();
     }
     fn spent(&self) -> f64 {
         self.used as f64 + LOOK * self.looks as f64
@@ -196,9 +212,13 @@ impl Search<'_> {
         }
         if one_end(&self.ends[0], &e) {
             self.ends.remove(other);
+            self.unresolved.clear();
             return;
         }
         self.best = if e.objective < self.ends[0].objective { other } else { 0 };
+        if self.best == 0 {
+            self.unresolved.clear();
+        }
         self.ends[other] = e;
     }
     /// Springs, and the places to look at, those of one spring together; `None` where there are none.
@@ -257,7 +277,7 @@ impl Search<'_> {
             }
             Some(Place { at, fixed: vec![s.column], steps: n })
         };
-        (-REACH..=REACH).filter_map(one).collect()
+        distances(s.hz * seconds).into_iter().filter_map(one).collect()
     }
     /// Places with springs of equal name of two appendages exchanged, and what else bears their number; one by one, and all.
     fn exchanges(&self, springs: &[Spring]) -> Vec<Place> {
@@ -312,6 +332,7 @@ impl Search<'_> {
     ) -> Option<Vec<(f64, Vec<f64>)>> {
         self.used += 1;
         let mut looks = 0;
+        self.unresolved.clear();
         let best = &self.ends[self.best];
         let chord = Chord::new(self.request, best, estimator)?;
         let limit = best.objective + NEAR;
@@ -347,6 +368,12 @@ impl Search<'_> {
             found.sort_by(|a, b| a.0.total_cmp(&b.0));
             found.truncate(TRIES);
             out.extend(found);
+            for side in &sides {
+                side.alike.iter().for_each(|&k| seen[k].0 = side.before);
+            }
+            if let ([column], false) = (&group[0].fixed[..], sides.iter().all(|s| s.closed)) {
+                self.unresolved.push(Unresolved::new(self.request, best, *column, seen));
+            }
         }
         self.looks += looks;
         Some(out)
@@ -418,16 +445,32 @@ impl Search<'_> {
             best.descent.splice(0..0, descent);
         }
         from_the_start(&mut best, self.request);
+        let unresolved = self.unresolved.iter();
         if self.ends.is_empty() {
-            return Ending::single(best);
+            let mut ending = Ending::single(best);
+            unresolved.for_each(|u| u.widen(&mut ending));
+            return ending;
         }
         let asked = |k: usize| self.of.unknowns.is_asked(self.request.selected[k]);
         let alternatives = Alternative::all(&best, &self.ends, asked);
         let objectives = std::iter::once(&best).chain(&self.ends).map(|e| e.objective).collect();
         let alone = mixture::cover(&mut best, &self.ends);
         let minima = Minima { starts: self.tried, converged: 1 + self.ends.len(), objectives, alternatives };
-        Ending { estimate: best, minima: Some(minima), alone }
+        let mut ending = Ending { estimate: best, minima: Some(minima), alone };
+        unresolved.for_each(|u| u.widen(&mut ending));
+        ending
     }
+}
+
+/// Distances of places from the end of a fit, ascending, for a mode that swings so often in the record.
+fn distances(periods: f64) -> Vec<i32> {
+    let mut out: Vec<i32> = (1..=REACH).collect();
+    let mut next = f64::from(REACH) * FURTHER;
+    while next * STEP < (FOLLOW - 1.0) * periods {
+        out.push(next as i32);
+        next *= FURTHER;
+    }
+    out.iter().rev().map(|n| -n).chain([0]).chain(out.iter().copied()).collect()
 }
 
 /// Places on one side of the end of a fit, looked at from there outwards.
@@ -441,11 +484,14 @@ struct Side {
     /// How many in a row lay beyond the limit, and differed by nothing.
     beyond: usize,
     flat: usize,
+    /// Whether what lies further out is beyond the limit, and what is as the last that was looked at.
+    closed: bool,
+    alike: Vec<usize>,
 }
 
 impl Side {
     fn new(end: f64, highest: f64, left: Vec<usize>) -> Self {
-        Self { left, end, before: end, highest, beyond: 0, flat: 0 }
+        Self { left, end, before: end, highest, beyond: 0, flat: 0, closed: false, alike: Vec::new() }
     }
     /// Goes through the next places, of which `seen` has the costs; those that are no part of the valley of the end are told to `apart`.
     fn judge(&mut self, seen: &[(f64, Vec<f64>)], limit: f64, mut apart: impl FnMut(usize)) {
@@ -459,7 +505,9 @@ impl Side {
             self.flat = if (cost - self.before).abs() < FLAT { self.flat + 1 } else { 0 };
             (self.before, self.highest) = (cost, self.highest.max(cost));
             if self.beyond == OUT || self.flat == SEEN {
-                self.left.clear();
+                self.closed = self.beyond == OUT;
+                let rest = std::mem::take(&mut self.left);
+                self.alike = if self.closed { Vec::new() } else { rest };
                 return;
             }
         }
@@ -473,4 +521,36 @@ fn one_end(a: &Estimate, b: &Estimate) -> bool {
         _ => true,
     };
     a.parameters.iter().zip(&b.parameters).all(one)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_reach_to_a_third_and_to_three_times_the_frequency() {
+        // Of 71 periods in the record, a third are left 68 widths of 0.7 lines below, and three times as many are 203 above.
+        let all = distances(71.0);
+        assert!(all.windows(2).all(|w| w[0] < w[1]) && all.contains(&0), "{all:?}");
+        let last = *all.last().unwrap();
+        assert!((203 / 2..=203).contains(&last) && all[0] == -last, "{all:?}");
+        assert_eq!(distances(2.0).last(), Some(&REACH));
+    }
+
+    #[test]
+    fn a_side_is_closed_where_chance_does_not_reach() {
+        let side = |costs: &[f64]| {
+            let seen: Vec<(f64, Vec<f64>)> = costs.iter().map(|c| (*c, Vec::new())).collect();
+            let mut side = Side::new(100.0, 100.0, (0..costs.len()).collect());
+            while !side.left.is_empty() {
+                side.judge(&seen, 116.0, |_| {});
+            }
+            (side.closed, side.alike)
+        };
+        assert_eq!(side(&[103.0, 118.0, 121.0, 117.0, 104.0]), (true, Vec::new()));
+        assert_eq!(side(&[103.0, 109.0, 121.0, 108.0, 110.0]), (false, Vec::new()));
+        // Nothing is seen of a mode out there.
+        let flat = [103.0, 108.0, 108.001, 108.002, 108.0, 108.0, 108.01, 108.0, f64::INFINITY, f64::INFINITY];
+        assert_eq!(side(&flat), (false, vec![8, 9]));
+    }
 }

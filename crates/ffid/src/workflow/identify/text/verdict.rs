@@ -137,7 +137,7 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
             "The fit has a flat direction: going on along it gains nothing that the noise would not. It is {along}."
         ));
     }
-    out.extend(conflicts(&r.prior_conflicts));
+    out.extend(conflicts(r));
     let rms = r.chi2_per_dof.sqrt();
     out.push(if r.method == Method::Ground {
         format!("The arm and its friction predict the torques {}.{}", shares(&r.channels), beside(r))
@@ -230,13 +230,19 @@ fn tested(r: &IdentificationResult, rms: f64) -> String {
 }
 
 /// Priors that the record contradicts, the worst first.
-fn conflicts(all: &[PriorConflict]) -> Option<String> {
+fn conflicts(r: &IdentificationResult) -> Option<String> {
+    let all = &r.prior_conflicts;
     let worst = all.first()?;
+    let hint = if r.uncertain.iter().any(|u| u.name == worst.name) {
+        "Look at what it is in the mission, or give it the deviation there that it has: the estimates lean on it"
+    } else {
+        "Correct the mission's value, or leave the prior out with --no-prior"
+    };
     let rest = ff_model::diagnostics::list(all.iter().skip(1).map(|c| c.name.as_str()), 6);
     let others = if rest.is_empty() { String::new() } else { format!("; so are those of {rest}") };
     Some(format!(
         "The prior of {} is in conflict with the record: {} +- {} {u} was given, the record alone says {} +- {} {u}, {:.1} standard \
-         deviations apart (limit {}){others}. Correct the mission's value, or leave the prior out with --no-prior.",
+         deviations apart (limit {}){others}. {hint}.",
         worst.name,
         num(worst.prior_mean),
         num(worst.prior_std),
