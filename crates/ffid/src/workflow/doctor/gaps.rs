@@ -2,10 +2,13 @@
 
 use super::case::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
-use ff_model::Problems;
+use ff_model::diagnostics::Severity;
+use ff_model::{Problem, Problems};
 
 /// Codes of what reading says about sample times.
 const CODES: [&str; 5] = ["Data::Dropped", "Data::Gap", "Data::Jitter", "Data::Merged", "Data::Resampled"];
+/// What is right as it is: columns that are not used, groups with times of their own.
+const CARRIED: [&str; 2] = ["Data::NotUsed", "Data::SampledApart"];
 
 pub(super) fn finding(case: &Case<'_>, warnings: Option<&Problems>) -> Finding {
     let r = case.record;
@@ -18,4 +21,19 @@ pub(super) fn finding(case: &Case<'_>, warnings: Option<&Problems>) -> Finding {
     }
     // The problem itself is among those of reading.
     case.finding(Topic::Gaps, Judgement::Suspicious, format!("{head}; {}", of_time.join("; ")))
+}
+
+/// Everything else that reading warned of; joints that stand still are named by the excitation, and readings that are held at the end of a
+/// range are no end of the sensor.
+pub(super) fn others(case: &Case<'_>, warnings: Option<&Problems>) -> Vec<Finding> {
+    let other =
+        |p: &&Problem| p.severity == Severity::Warning && !CODES.contains(&p.code) && !CARRIED.contains(&p.code);
+    let of = |p: &Problem, head: &str| p.object.as_deref().is_some_and(|o| o.starts_with(head));
+    let held = |p: &Problem| of(p, "gyro") && case.gyro.held.is_some() || of(p, "tau") && case.torque.held.is_some();
+    let known = |p: &Problem| p.code == "Data::Stuck" && of(p, "q.") || p.code == "Data::Saturated" && held(p);
+    let one = |p: &Problem| {
+        let found = case.finding(Topic::Sensors, Judgement::Suspicious, p.message.clone());
+        Finding { channel: p.object.clone(), ..found }
+    };
+    warnings.iter().flat_map(|w| &w.0).filter(other).filter(|p| !known(p)).map(one).collect()
 }

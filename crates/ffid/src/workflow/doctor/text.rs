@@ -1,6 +1,6 @@
 //! A diagnosis in words: one line for each finding, grouped by topic; the last line says whether to go on.
 
-use super::diagnosis::{Diagnosis, Judgement, Topic};
+use super::diagnosis::{Diagnosis, Finding, Judgement, Topic};
 use std::fmt;
 
 impl fmt::Display for Diagnosis {
@@ -26,21 +26,20 @@ impl fmt::Display for Diagnosis {
         }
         let count = |j: Judgement| self.findings.iter().filter(|x| x.judgement == j).count();
         let (wrong, suspicious) = (count(Judgement::Wrong), count(Judgement::Suspicious));
-        let hint = |j: Judgement| {
-            let first = self.findings.iter().find(|x| x.judgement == j && x.problem.is_some());
-            first.and_then(|x| x.problem.as_ref()?.hint.clone()).unwrap_or_default()
+        // What is worst first; not every finding says what to do.
+        let first = |j: Judgement| {
+            let hint = |x: &Finding| x.problem.as_ref()?.hint.clone();
+            let of = self.findings.iter().filter(|x| x.judgement == j).find_map(hint);
+            of.map_or_else(String::new, |hint| format!("; first, {hint}"))
         };
         match self.judgement {
             Judgement::Good => writeln!(f, "go on: nothing speaks against this record; next, ffid identify"),
             Judgement::Suspicious => {
-                writeln!(f, "go on with care: {suspicious} suspicious; first, {}", hint(Judgement::Suspicious))
+                writeln!(f, "go on with care: {suspicious} suspicious{}", first(Judgement::Suspicious))
             }
             Judgement::Wrong => {
-                writeln!(
-                    f,
-                    "do not fit this record: {wrong} wrong, {suspicious} suspicious; first, {}",
-                    hint(Judgement::Wrong)
-                )
+                let hint = first(Judgement::Wrong);
+                writeln!(f, "do not fit this record: {wrong} wrong, {suspicious} suspicious{hint}")
             }
         }
     }
