@@ -92,17 +92,7 @@ impl<'a> Case<'a> {
         out
     }
     pub(super) fn finding(&self, topic: Topic, judgement: Judgement, text: impl Into<String>) -> Finding {
-        Finding {
-            record: self.label.to_owned(),
-            topic,
-            channel: None,
-            judgement,
-            measured: None,
-            expected: None,
-            unit: String::new(),
-            text: text.into(),
-            problem: None,
-        }
+        Finding::new(self.label, topic, judgement, text)
     }
 }
 

@@ -106,6 +106,20 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// On all channels of the record of this label.
+    pub(super) fn new(label: &str, topic: Topic, judgement: Judgement, text: impl Into<String>) -> Self {
+        Self {
+            record: label.to_owned(),
+            topic,
+            channel: None,
+            judgement,
+            measured: None,
+            expected: None,
+            unit: String::new(),
+            text: text.into(),
+            problem: None,
+        }
+    }
     pub(super) fn on(mut self, channel: impl Into<String>) -> Self {
         self.channel = Some(channel.into());
         self

@@ -25,15 +25,16 @@ pub(super) fn finding(case: &Case<'_>, warnings: Option<&Problems>) -> Finding {
 
 /// Everything else that reading warned of; joints that stand still are named by the excitation, and readings that are held at the end of a
 /// range are no end of the sensor.
-pub(super) fn others(case: &Case<'_>, warnings: Option<&Problems>) -> Vec<Finding> {
+pub(super) fn others(label: &str, warnings: Option<&Problems>, own: &[Finding]) -> Vec<Finding> {
     let other =
         |p: &&Problem| p.severity == Severity::Warning && !CODES.contains(&p.code) && !CARRIED.contains(&p.code);
     let of = |p: &Problem, head: &str| p.object.as_deref().is_some_and(|o| o.starts_with(head));
-    let held = |p: &Problem| of(p, "gyro") && case.gyro.held.is_some() || of(p, "tau") && case.torque.held.is_some();
+    let is_held = |f: &Finding| f.problem.as_ref().is_some_and(|p| p.code == "Data::HeldReadings");
+    let held = |p: &Problem| own.iter().filter(|f| is_held(f)).any(|f| f.channel.as_deref().is_some_and(|c| of(p, c)));
     let known = |p: &Problem| p.code == "Data::Stuck" && of(p, "q.") || p.code == "Data::Saturated" && held(p);
-    let one = |p: &Problem| {
-        let found = case.finding(Topic::Sensors, Judgement::Suspicious, p.message.clone());
-        Finding { channel: p.object.clone(), ..found }
+    let one = |p: &Problem| Finding {
+        channel: p.object.clone(),
+        ..Finding::new(label, Topic::Sensors, Judgement::Suspicious, &p.message)
     };
     warnings.iter().flat_map(|w| &w.0).filter(other).filter(|p| !known(p)).map(one).collect()
 }

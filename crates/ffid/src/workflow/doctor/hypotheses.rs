@@ -8,7 +8,7 @@
 use super::candidates::{Hypothesis, SIMPLER, mistakes, ranked, turns};
 use super::case::{Case, Scales};
 use super::diagnosis::{Finding, Judgement, Topic};
-use super::mismatch::{Output, distance_with, explain, put_right};
+use super::mismatch::{Output, distance_with, explain, is_gyro_reversed, put_right};
 use super::motion_error::MotionError;
 use super::prediction::Prediction;
 use super::quick_fit::{FOLLOWS, QuickFit, quick_fit, thinned};
@@ -104,7 +104,9 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
     let good = |text: String| case.finding(Topic::Units, Judgement::Good, text).figures(before, 1.0, "");
     let few = case.record.samples() < FEWEST;
     let predicted = Prediction::coarse(case, &thin);
-    let seen = predicted.as_ref().is_some_and(|p| explain(&thin, p).outputs.iter().any(Output::is_unit));
+    let seen = predicted
+        .as_ref()
+        .is_some_and(|p| explain(&thin, p).outputs.iter().any(Output::is_unit) || is_gyro_reversed(p, thin.joints()));
     let strays = found.fit.as_ref().map_or(0.0, QuickFit::strays);
     let suspected = !few && (seen || strays > STRAYS.ln());
     if before <= limit && !suspected {
@@ -141,7 +143,8 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
         // The factor of a unit is seen from afar; a joint that it stops may take what is wrong with the mission along.
         let nearer = h.distance < if h.is_unit() { 0.5 * as_it_is } else { as_it_is };
         (explains(after) && nearer && after < moving)
-            || (alone && (after < before.min(moving) || (seen && after < limit)))
+            || (alone
+                && (after < before.min(moving) || (seen && after < if h.is_unit() { limit } else { 0.7 * before })))
             || (back && h.is_gyro_unit())
     };
     let mut fitted = fitted(case, &thin);
@@ -156,7 +159,10 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
                 let near = r.1.distance < RIVAL * h.distance + NEARLY;
                 r.1.price <= h.price && r.0.misfit < (RIVAL * after).max(FOLLOWED) && near
             };
-            let rivals = fitted[1..].iter().filter(as_good).map(|(_, r)| named(case, r)).collect();
+            let put_right = |h: &Hypothesis| put_right(&h.motion.put_right(&thin, &turns(case)), &h.outputs);
+            let best = put_right(h);
+            let rivals = fitted[1..].iter().filter(as_good).filter(|(_, r)| put_right(r) != best);
+            let rivals = rivals.map(|(_, r)| named(case, r)).collect();
             let why = Grounds { measure: "the misfit of a quick fit", before, after, rivals };
             found.scales = Scales::of(case, h.motion, &h.outputs);
             found.motion_is_right = !h.motion.is_unit();

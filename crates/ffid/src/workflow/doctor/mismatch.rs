@@ -126,6 +126,12 @@ pub(super) fn explain(record: &Record, of: &Prediction) -> Explained {
     Explained { outputs, before, after, torques_left }
 }
 
+/// Whether an axis of the gyro is clearly the reverse of its prediction, which a quick fit may hide in the products of inertia.
+pub(super) fn is_gyro_reversed(of: &Prediction, nj: usize) -> bool {
+    let loud = |k: usize| of.predicted.column(k).norm() > LOUD * of.sigma[k] * (of.predicted.nrows() as f64).sqrt();
+    (nj..nj + 3).any(|k| loud(k) && correlation(of.measured.column(k), of.predicted.column(k)) < -ALIKE_ALONE)
+}
+
 /// The unit of the gyro by its amplitude alone: values of the mission that are far off may predict another shape.
 pub(super) fn gyro_unit(record: &Record, of: &Prediction) -> Option<Output> {
     let norm = |m: &DMatrix<f64>| m.columns(record.joints(), 3).norm();

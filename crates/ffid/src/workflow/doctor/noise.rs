@@ -7,6 +7,7 @@
 use super::case::{Case, Scales};
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::level::{by_differences, typical};
+use super::units::ONE_TORQUE;
 use crate::workflow::identify::{Settings, num};
 use crate::workflow::preflight::Sensing;
 use ff_mission::mission::Sensors;
@@ -20,6 +21,9 @@ const OFF: f64 = 3.0;
 const FEWEST: usize = 50;
 /// Ratio of the estimates of orders four and six above which a signal, not noise, is what they measure.
 const LEAKS: f64 = 1.5;
+/// Ratio of the noise of a torque to a thousand times that of the others, or a thousandth, that is a unit; and of theirs to what is stated.
+const EXACT: f64 = 1.15;
+const OTHERS: f64 = 1.5;
 /// A kind of sensor: its channels, and what the mission says of it.
 struct Sensor<'a> {
     data: &'a DMatrix<f64>,
@@ -200,7 +204,40 @@ fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
         all.sort_unstable_by(f64::total_cmp);
         return vec![raised(case, s, (kind, unit), (found[0].1, all[all.len() / 2]), expected)];
     }
-    found.iter().map(|&(k, how, figure)| raised(case, s, (&s.names[k], s.units[k]), (how, figure), expected)).collect()
+    found
+        .iter()
+        .map(|&(k, how, figure)| {
+            another_unit(case, s, k, (figure, expected))
+                .unwrap_or_else(|| raised(case, s, (&s.names[k], s.units[k]), (how, figure), expected))
+        })
+        .collect()
+}
+
+/// The error of a torque whose noise is a thousand times that of the others, or a thousandth, while those have what was stated: no signal of
+/// this joint stands out of it.
+fn another_unit(case: &Case<'_>, s: &Sensor<'_>, k: usize, (figure, expected): (f64, f64)) -> Option<Finding> {
+    if !s.names[k].starts_with("tau.") {
+        return None;
+    }
+    let of = if s.jumps { typical } else { by_differences };
+    let off = |j: usize| (of(s.data.column(j).as_view(), 6) / s.scales[j] / expected).ln().abs();
+    let others: Vec<usize> = (0..s.names.len()).filter(|&j| j != k).collect();
+    let alone = !others.is_empty() && others.iter().all(|&j| off(j) < OTHERS.ln());
+    let ratio = figure / expected;
+    let unit = ONE_TORQUE.iter().find(|u| (ratio / u.factor).ln().abs() < EXACT.ln()).filter(|_| alone)?;
+    let text = format!(
+        "noise {figure:.3e} {}, {} times that of the other joints and of {}: {} (factor {})",
+        s.units[k],
+        num(ratio),
+        s.source(),
+        unit.is,
+        unit.factor
+    );
+    let p = Problem::error(Area::Data, "Data::UnitMismatch", text.clone())
+        .on(&s.names[k])
+        .violating(ratio, Limit::Within(1.0 / OFF, OFF), "")
+        .hint(format!("write the unit {} in the header, or multiply by {}", unit.write, 1.0 / unit.factor));
+    Some(case.finding(Topic::Units, Judgement::Wrong, text).on(&s.names[k]).figures(ratio, unit.factor, "").raising(p))
 }
 
 /// The finding on a channel, or on all of a sensor.

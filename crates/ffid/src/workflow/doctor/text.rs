@@ -44,3 +44,27 @@ impl fmt::Display for Diagnosis {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::diagnosis::{Diagnosis, Finding, Judgement, Topic};
+    use ff_model::{Area, Problem};
+
+    #[test]
+    fn the_last_line_counts_everything_and_has_no_empty_part() {
+        let finding = |problem: Option<Problem>| Finding {
+            problem,
+            ..Finding::new("a.csv", Topic::Gaps, Judgement::Suspicious, "3 samples lost")
+        };
+        let last = |all: Vec<Finding>| {
+            let text = Diagnosis::new("robot", all).to_string();
+            text.trim_end().lines().last().unwrap_or_default().to_owned()
+        };
+        assert_eq!(last(vec![finding(None)]), "go on with care: 1 suspicious");
+        let p = Problem::warning(Area::Data, "Data::NoiseFigure", "noise").hint("look at the sensor");
+        assert_eq!(
+            last(vec![finding(None), finding(Some(p))]),
+            "go on with care: 2 suspicious; first, look at the sensor"
+        );
+    }
+}

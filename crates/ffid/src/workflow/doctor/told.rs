@@ -91,7 +91,8 @@ pub(super) fn findings(case: &Case<'_>, thin: &Record, fit: &QuickFit) -> Vec<Fi
     }
     for i in 0..n {
         for j in i + 1..n {
-            if !(weak[i] && weak[j]) || judge.turns[i] != judge.turns[j] {
+            // Neighbours are confused most often.
+            if !(weak[i] && weak[j] || j == i + 1) || judge.turns[i] != judge.turns[j] {
                 continue;
             }
             let swapped = [Output::Swapped { joints: (i, j) }];
@@ -110,9 +111,11 @@ pub(super) fn findings(case: &Case<'_>, thin: &Record, fit: &QuickFit) -> Vec<Fi
         out.push(case.finding(Topic::Signs, Judgement::Good, text));
     }
     likelier.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let best = likelier.first().map_or(0.0, |l| l.0);
+    likelier.retain(|l| l.0 < best + TOLD);
     if !likelier.is_empty() {
         let text = format!(
-            "would explain the record better if it were otherwise: {}",
+            "the record is likelier if these were otherwise, each by itself: {}",
             list(likelier.iter().map(|(_, name)| name.as_str()), SHOWN)
         );
         let p = Problem::warning(Area::Data, "Data::SignInDoubt", text.clone()).on(case.label).hint(
