@@ -31,7 +31,9 @@ pub(super) fn others(label: &str, warnings: Option<&Problems>, own: &[Finding]) 
     let of = |p: &Problem, head: &str| p.object.as_deref().is_some_and(|o| o.starts_with(head));
     let is_held = |f: &Finding| f.problem.as_ref().is_some_and(|p| p.code == "Data::HeldReadings");
     let held = |p: &Problem| own.iter().filter(|f| is_held(f)).any(|f| f.channel.as_deref().is_some_and(|c| of(p, c)));
-    let known = |p: &Problem| p.code == "Data::Stuck" && of(p, "q.") || p.code == "Data::Saturated" && held(p);
+    // A joint stands still where it likes, at the end of its travel as well.
+    let rests = |p: &Problem| of(p, "q.") && ["Data::Stuck", "Data::Saturated"].contains(&p.code);
+    let known = |p: &Problem| rests(p) || p.code == "Data::Saturated" && held(p);
     let one = |p: &Problem| Finding {
         channel: p.object.clone(),
         ..Finding::new(label, Topic::Sensors, Judgement::Suspicious, &p.message)
