@@ -73,7 +73,7 @@ fn differences(x: DVectorView<'_, f64>, order: usize) -> (Vec<f64>, f64) {
 }
 
 /// The step of the readings: the least difference of sorted values, where all are multiples of it; else 0.
-fn step(x: DVectorView<'_, f64>) -> f64 {
+pub(super) fn step(x: DVectorView<'_, f64>) -> f64 {
     let mut all: Vec<f64> = x.iter().copied().collect();
     all.sort_unstable_by(f64::total_cmp);
     all.dedup();

@@ -98,7 +98,7 @@ pub fn diagnose(
         let own = judged(opened, labelled, warnings.get(k), settings)?;
         // What reading warned of may follow from what is wrong.
         if own.iter().all(|f| f.judgement != Judgement::Wrong) {
-            findings.extend(gaps::others(&labelled.label, warnings.get(k), &own));
+            findings.extend(gaps::others(labelled, warnings.get(k), &own));
         }
         findings.extend(own);
     }
