@@ -299,6 +299,20 @@ impl Record {
         self.q = like(&self.q, q);
         self
     }
+    /// The same record with every time, first sample and interval alike, multiplied by `factor`: rates are divided by it, accelerations by
+    /// its square.
+    ///
+    /// # Panics
+    /// If `factor` is not a finite number above zero, or channels have sample times of their own ([`Record::is_uniform`]).
+    #[must_use]
+    pub fn with_time_scaled(mut self, factor: f64) -> Self {
+        assert!(factor.is_finite() && factor > 0.0, "a finite factor above zero");
+        assert!(self.is_uniform(), "all channels on one uniform clock");
+        (self.t0, self.dt) = (self.t0 * factor, self.dt * factor);
+        self.qd = self.qd.map(|m| m / factor);
+        self.qdd = self.qdd.map(|m| m / factor.powi(2));
+        self
+    }
     /// Every channel through `f`, which takes samples to samples; clock and names as they are.
     /// [`Record::window`] of a record whose groups have times of their own: from sample `a` of the grid to before sample `b`, or what
     /// joint motion there is between them, where it has times of its own.

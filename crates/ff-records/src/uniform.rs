@@ -66,11 +66,11 @@ pub(crate) fn check_clock(
     }
     if !(1e-5..=0.5).contains(&dt) {
         let m = format!("median interval {dt} s is outside 1e-5 .. 0.5 s");
-        bad.push(
-            Problem::error(Area::Data, "Data::TimeScale", m)
-                .on("time")
-                .hint("time must be in seconds, not milliseconds or nanoseconds"),
-        );
+        bad.push(Problem::error(Area::Data, "Data::TimeScale", m).on("time").hint(if dt > 0.5 {
+            "are the stamps in ms, us or ns? name the unit in the header, as time[ms]"
+        } else {
+            "are the stamps in s, and the header names a smaller unit? write time[s]"
+        }));
     }
     if t0.abs() * f64::EPSILON > 1e-6 {
         let m = format!("times near {t0} s resolve only {:.1e} s", t0.abs() * f64::EPSILON);

@@ -362,7 +362,9 @@ fn d12_times_in_another_unit_and_epochs_that_lose_digits() {
         lines.join("\n") + "\n"
     };
     let p = refused(&stamps(&|i| format!("{}", 10 * i)));
-    assert!(p.has("Data::TimeScale") && p.to_string().contains("milliseconds"), "{p}");
+    assert!(p.has("Data::TimeScale") && p.to_string().contains("time[ms]"), "{p}");
+    let p = refused(&stamps(&|i| format!("{}", 3e-6 * i as f64)));
+    assert!(p.has("Data::TimeScale") && p.to_string().contains("time[s]"), "{p}");
     let p = refused(&stamps(&|i| format!("{}.5", 17_000_000_000_i64 + i as i64)));
     assert!(p.has("Data::TimeScale"), "{p}");
 }

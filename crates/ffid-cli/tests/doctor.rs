@@ -147,6 +147,109 @@ fn swapped_columns_are_named_of_the_gyro_of_torques_and_of_joints() {
     told.wrong(&[("axes", "q.joint2"), ("axes", "tau.joint2")], "Data::AxisMismatch");
 }
 
+#[test]
+fn rates_that_a_base_of_another_inertia_would_follow_are_named() {
+    let c = recorded();
+    for (factor, code) in
+        [(1e-3, "UnitMismatch"), (1e3 / DEGREES, "LooksLikeDegrees"), (1.0 / DEGREES, "LooksLikeDegrees")]
+    {
+        let told = changed(&c, |name, x| if name.starts_with("gyro") { factor * x } else { x });
+        told.wrong(&[("units", "gyro")], &format!("Data::{code}"));
+        assert!((told.figure("units", "gyro", "expected") / factor - 1.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn torques_before_gears_and_in_pounds_are_no_degrees() {
+    let c = recorded();
+    let gears = [87.0, 61.0, 104.0, 87.0, 122.0, 55.0, 101.0];
+    let gear = |name: &str| name.strip_prefix("tau.joint").map_or(1.0, |n| gears[n.as_bytes()[0] as usize - 49]);
+    let told = changed(&c, |name, x| x / gear(name));
+    told.wrong(&[("units", "tau")], "Data::UnitMismatch");
+    let p = told.problems.iter().find(|p| p["object"] == "tau").unwrap();
+    assert!(p["hint"].as_str().unwrap().contains("[[drive]]"), "{p}");
+    let told = changed(&c, |name, x| if name.starts_with("tau") { x / 0.112_985 } else { x });
+    told.wrong(&[("units", "tau")], "Data::UnitMismatch");
+    assert!((told.figure("units", "tau", "expected") - 8.85).abs() < 0.01);
+}
+
+#[test]
+fn a_wrong_unit_of_time_is_no_unit_of_positions() {
+    let c = recorded();
+    let told = changed(&c, |name, x| if name.starts_with("time") { 1e-3 * x } else { x });
+    told.wrong(&[("units", "time")], "Data::TimeScale");
+    assert!((told.figure("units", "time", "measured") - 1e-3).abs() < 1e-12);
+    // Before a fit as well.
+    c.refused(&["identify", "m.toml", "--record", "bad.csv", "--out", "x"], 12, "Data::TimeScale", &["time"]);
+    let told = changed(&c, |name, x| if name.starts_with("q.") { 1e3 * x } else { x });
+    told.wrong(&[("units", "q")], "Data::UnitMismatch");
+}
+
+#[test]
+fn the_unit_of_a_torque_that_is_lost_in_noise_is_named_and_its_sign_is_not_vouched_for() {
+    let c = recorded();
+    let told = changed(&c, |name, x| if name.starts_with("tau.joint7") { 1e3 * x } else { x });
+    told.wrong(&[("units", "tau.joint7")], "Data::UnitMismatch");
+    let unknown = |told: &Told| {
+        let found =
+            told.findings.iter().find(|f| f["topic"] == "signs").unwrap_or_else(|| panic!("{:#?}", told.findings));
+        assert_eq!(found["judgement"], "good");
+        found["text"].as_str().unwrap().to_owned()
+    };
+    for told in [doctor(&c, "rec.csv"), changed(&c, |name, x| if name.starts_with("tau.joint7") { -x } else { x })] {
+        assert!(unknown(&told).contains("the sign of tau.joint7"), "{}", unknown(&told));
+        assert!(!unknown(&told).contains("tau.joint2,"), "{}", unknown(&told));
+    }
+}
+
+#[test]
+fn dead_and_clipped_sensors_are_named_through_their_noise() {
+    let c = recorded();
+    let noise = |x: f64| 2e-4 * ((1e7 * x).sin() + (3.1e6 * x).cos());
+    let told = changed(&c, |name, x| if name.starts_with("gyro.y") { 0.013 + noise(x) } else { x });
+    told.wrong(&[("sensors", "gyro.y")], "Data::DeadChannel");
+    c.refused(&["identify", "m.toml", "--record", "bad.csv", "--out", "x"], 12, "Data::DeadChannel", &["gyro.y"]);
+    // A least digit that flickers.
+    let told = changed(&c, |name, x| if name.starts_with("gyro.x") { f64::from(noise(x) > 0.0) * 1e-5 } else { x });
+    assert!(told.bad().contains(&("sensors".into(), "gyro.x".into(), "wrong".into())), "{:#?}", told.findings);
+    let told = changed(&c, |name, x| if name.starts_with("gyro.y") { x.min(0.009) + noise(x) } else { x });
+    told.wrong(&[("sensors", "gyro.y")], "Data::Saturated");
+}
+
+#[test]
+fn a_gyro_at_half_the_rate_has_its_own_noise_figure() {
+    let c = recorded();
+    let text = c.read("rec.csv");
+    let rows: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
+    let with = |cell: &dyn Fn(usize, usize) -> String| -> String {
+        let line = |i: usize| (0..rows[i].len()).map(|k| cell(i, k)).collect::<Vec<_>>().join(",") + "\n";
+        (0..rows.len()).map(line).collect()
+    };
+    let slow = |i: usize, k: usize| i > 0 && rows[0][k].starts_with("gyro") && i.is_multiple_of(2);
+    c.write("blank.csv", &with(&|i, k| if slow(i, k) { String::new() } else { rows[i][k].to_owned() }));
+    c.write("held.csv", &with(&|i, k| rows[if slow(i, k) { i - 1 } else { i }][k].to_owned()));
+    let noise = |told: &Told| told.figure("noise", "gyro", "measured");
+    let every = noise(&doctor(&c, "rec.csv"));
+    let blank = doctor(&c, "blank.csv");
+    assert_eq!((blank.code, blank.bad()), (0, vec![]), "{:#?}", blank.findings);
+    assert!((noise(&blank) / every - 1.0).abs() < 0.1, "{} {every}", noise(&blank));
+    let held = doctor(&c, "held.csv");
+    assert!(held.bad().contains(&("sensors".into(), "gyro".into(), "suspicious".into())), "{:#?}", held.findings);
+    assert!(
+        (noise(&held) / every - 1.0).abs() < 0.1 && held.problems.iter().any(|p| p["code"] == "Data::HeldReadings")
+    );
+}
+
+#[test]
+fn noise_given_to_the_command_is_what_noise_is_compared_with() {
+    let c = recorded();
+    let args = ["doctor", "m.toml", "--record", "rec.csv", "--torque-noise", "0.017", "--gyro-noise", "0.0014"];
+    let out = c.good(&args);
+    assert!(out.contains("of the command") && out.contains("1.700e-2") && out.contains("1.400e-3"), "{out}");
+    let last = out.trim_end().lines().last().unwrap();
+    assert!(last.contains("2 suspicious; first, set --torque-noise"), "{out}");
+}
+
 /// A joint whose zero is elsewhere is no unit, axis or sign. That nothing explains the record is said, and is no refusal.
 #[test]
 fn a_record_that_nothing_brings_near_is_suspicious() {

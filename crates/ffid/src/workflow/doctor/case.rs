@@ -2,12 +2,14 @@
 
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::level::Level;
+use super::noise::{Given, stated};
+use super::sampling::Sampled;
 use crate::modes::held;
 use crate::open::Opened;
 use crate::workflow::identify::{IdentifyError, LabelledRecord, Method, Settings};
 use ff_mission::mission::Sensors;
 use ff_model::{Model, Params};
-use ff_records::Record;
+use ff_records::{ChannelGroup, Record};
 use ident::Noise;
 
 /// One record, and what every part asks of it.
@@ -18,9 +20,14 @@ pub(super) struct Case<'a> {
     /// By output error, at rest at the first sample, without biases; noise above zero.
     pub(super) settings: Settings,
     pub(super) sensors: Sensors,
+    /// Whose noise is not that of the mission.
+    pub(super) given: Given,
     /// Parameters to estimate.
     pub(super) estimated: &'a [usize],
     pub(super) level: Level,
+    /// Torques and gyro as sampled.
+    pub(super) torque: Sampled,
+    pub(super) gyro: Sampled,
     /// What the integration has to follow at the first sample (Hz); 0 for a rigid robot.
     pub(super) fastest_hz: f64,
     /// Gains (N m/A) of the joints whose currents were read, by which they stand as torques here; none without currents.
@@ -34,12 +41,15 @@ impl<'a> Case<'a> {
         opened: &'a Opened,
         labelled: &'a LabelledRecord,
         record: &'a Record,
-        s: &Settings,
+        (s, stating): (&Settings, &Settings),
         jumps: bool,
     ) -> Result<Self, IdentifyError> {
         let (model, record) = (&opened.model, record);
         record.check_joints(&model.joint_names()).map_err(IdentifyError::Refused)?;
-        let level = Level::of(record, jumps);
+        let own = &labelled.record;
+        let torque = Sampled::of(own, ChannelGroup::Torque, own.tau(), record.tau());
+        let gyro = Sampled::of(own, ChannelGroup::Gyro, own.gyro(), record.gyro());
+        let level = Level::of(record, &torque.readings, &gyro.readings, jumps);
         // A mission of perfect sensors does not say what a reading weighs; the record does.
         let or = |given: f64, measured: &[f64]| {
             let most = measured.iter().copied().fold(1e-12, f64::max);
@@ -55,10 +65,25 @@ impl<'a> Case<'a> {
             ..s.clone()
         };
         let sensors = opened.mission.as_ref().map(|m| m.sensors.clone()).unwrap_or_default();
+        let (sensors, given) = stated(sensors, stating);
         let label = &labelled.label;
         let fastest_hz = fastest(model, record);
         let (estimated, gains) = (&opened.estimated[..], Vec::new());
-        Ok(Self { model, record, label, settings, sensors, estimated, level, fastest_hz, gains, jumps })
+        Ok(Self {
+            model,
+            record,
+            label,
+            settings,
+            sensors,
+            given,
+            estimated,
+            level,
+            torque,
+            gyro,
+            fastest_hz,
+            gains,
+            jumps,
+        })
     }
     /// Standard deviations of torques and gyro, in the order of [`Record::responses`].
     pub(super) fn sigma(&self) -> Vec<f64> {
@@ -67,17 +92,7 @@ impl<'a> Case<'a> {
         out
     }
     pub(super) fn finding(&self, topic: Topic, judgement: Judgement, text: impl Into<String>) -> Finding {
-        Finding {
-            record: self.label.to_owned(),
-            topic,
-            channel: None,
-            judgement,
-            measured: None,
-            expected: None,
-            unit: String::new(),
-            text: text.into(),
-            problem: None,
-        }
+        Finding::new(self.label, topic, judgement, text)
     }
 }
 

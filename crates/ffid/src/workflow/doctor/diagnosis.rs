@@ -21,6 +21,8 @@ pub enum Topic {
     Axes,
     /// Signs of channels.
     Signs,
+    /// Sensors that are dead, at the end of their range or slower than the record, and what reading warned of.
+    Sensors,
     /// Whether the record begins at rest.
     Rest,
     /// Noise and steps of the readings.
@@ -42,6 +44,7 @@ impl Topic {
             Self::Units => "units",
             Self::Axes => "axes",
             Self::Signs => "signs",
+            Self::Sensors => "sensors",
             Self::Rest => "rest",
             Self::Noise => "noise",
             Self::Clocks => "clocks",
@@ -103,6 +106,20 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// On all channels of the record of this label.
+    pub(super) fn new(label: &str, topic: Topic, judgement: Judgement, text: impl Into<String>) -> Self {
+        Self {
+            record: label.to_owned(),
+            topic,
+            channel: None,
+            judgement,
+            measured: None,
+            expected: None,
+            unit: String::new(),
+            text: text.into(),
+            problem: None,
+        }
+    }
     pub(super) fn on(mut self, channel: impl Into<String>) -> Self {
         self.channel = Some(channel.into());
         self

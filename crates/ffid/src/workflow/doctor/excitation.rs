@@ -21,7 +21,7 @@ const LEAST: f64 = 1e-9;
 const SILENT: f64 = 10.0;
 
 /// Range of the means over blocks, and samples of the shortest block.
-fn travel(x: DVectorView<'_, f64>) -> (f64, usize) {
+pub(super) fn travel(x: DVectorView<'_, f64>) -> (f64, usize) {
     let n = x.len();
     let blocks = BLOCKS.min(n / 4).max(1);
     let (mut lo, mut hi, mut shortest) = (f64::INFINITY, f64::NEG_INFINITY, n);
@@ -31,6 +31,11 @@ fn travel(x: DVectorView<'_, f64>) -> (f64, usize) {
         (lo, hi, shortest) = (lo.min(mean), hi.max(mean), shortest.min(to - from));
     }
     (hi - lo, shortest.max(1))
+}
+
+/// Travel of the means over blocks up to which an output is noise or flickers over a step; `shortest` block in samples.
+pub(super) fn quiet_below(noise: f64, step: f64, shortest: usize) -> f64 {
+    (SILENT * noise / (shortest as f64).sqrt()).max(STEPS * step).max(LEAST)
 }
 
 pub(super) fn findings(case: &Case<'_>) -> Vec<Finding> {
@@ -76,7 +81,7 @@ pub(super) fn findings(case: &Case<'_>) -> Vec<Finding> {
     let silent = |m: &nalgebra::DMatrix<f64>, noise: &[f64], step: &[f64]| {
         m.column_iter().enumerate().all(|(k, c)| {
             let (range, shortest) = travel(c.as_view());
-            range <= (SILENT * noise[k] / (shortest as f64).sqrt()).max(STEPS * step[k]).max(LEAST)
+            range <= quiet_below(noise[k], step[k], shortest)
         })
     };
     let quiet = silent(record.tau(), &level.torque, &level.torque_step)

@@ -20,8 +20,8 @@ pub(super) struct Level {
 }
 
 impl Level {
-    /// `jumps`: torques change at once where a joint turns back, as those of dry friction do.
-    pub(super) fn of(r: &Record, jumps: bool) -> Self {
+    /// Of the positions of a record, and of torques and gyro as their sensors sampled them. `jumps`: torques change at once where a joint turns back, as those of dry friction do.
+    pub(super) fn of(r: &Record, tau: &DMatrix<f64>, gyro: &DMatrix<f64>, jumps: bool) -> Self {
         let torque = |m: &DMatrix<f64>| -> Vec<f64> {
             m.column_iter()
                 .map(|c| if jumps { typical(c.as_view(), 6) } else { by_differences(c.as_view(), 6) })
@@ -32,16 +32,16 @@ impl Level {
         Self {
             position: sixth(r.q()),
             position_step: steps(r.q()),
-            torque: torque(r.tau()),
-            torque_step: steps(r.tau()),
-            gyro: sixth(r.gyro()),
-            gyro_step: steps(r.gyro()),
+            torque: torque(tau),
+            torque_step: steps(tau),
+            gyro: sixth(gyro),
+            gyro_step: steps(gyro),
         }
     }
 }
 
 /// The step of the readings: the least difference of sorted values, where all are multiples of it; else 0.
-fn step(x: DVectorView<'_, f64>) -> f64 {
+pub(super) fn step(x: DVectorView<'_, f64>) -> f64 {
     let mut all: Vec<f64> = x.iter().copied().collect();
     all.sort_unstable_by(f64::total_cmp);
     all.dedup();

@@ -5,6 +5,7 @@
 //! times the amplitude 0.4.
 
 use super::prediction::Prediction;
+use super::units::{ONE_TORQUE, RATE, TORQUE, nearest, on_motor_side};
 use ff_records::Record;
 use ident::checks::{AxisMismatch, axis_mismatches};
 use nalgebra::{DMatrix, DVectorView};
@@ -13,8 +14,6 @@ use nalgebra::{DMatrix, DVectorView};
 const LOUD: f64 = 5.0;
 /// The same, above which it counts in a distance.
 const HEARD: f64 = 1.5;
-/// How far a factor may be from that of a unit, as a ratio: masses that are wrong threefold.
-const NEAR: f64 = 3.0;
 /// Correlation that a channel needs for its factor to count.
 const ALIKE: f64 = 0.6;
 /// The same for one channel alone among others.
@@ -23,18 +22,17 @@ const ALIKE_ALONE: f64 = 0.8;
 const FAR: f64 = 0.5;
 const SWAPPED: f64 = 0.4;
 
-/// Torques: milli and kilo.
-const TORQUE: [f64; 2] = [1e3, 1e-3];
-/// Rates: degrees for radians and the other way round, milliradians.
-const GYRO: [f64; 3] = [DEGREES, 1.0 / DEGREES, 1e3];
-/// Degrees per radian.
-pub(super) const DEGREES: f64 = 180.0 / std::f64::consts::PI;
+/// Ratios of the amplitudes of other torques to their predictions, within which one torque may be in a unit of its own. Beyond, the mission
+/// carries something else than the robot does.
+const OTHERS: std::ops::RangeInclusive<f64> = 0.3..=3.0;
 
 /// What the outputs of a record are.
 #[derive(Clone, Debug)]
 pub(super) enum Output {
     /// All torques are `factor` times too large; measured is the median of the ratios of amplitudes.
     TorqueUnit { factor: f64, measured: f64 },
+    /// Torques are those of the motors, before gears: as many times too large (a number below one), for every joint.
+    MotorSide { factors: Vec<f64> },
     /// One of them is.
     OneTorqueUnit { joint: usize, factor: f64, measured: f64 },
     /// The gyro is.
@@ -43,6 +41,13 @@ pub(super) enum Output {
     Axis(AxisMismatch),
     /// The columns of two torques are swapped.
     Swapped { joints: (usize, usize) },
+}
+
+impl Output {
+    /// Whether it is the unit of a channel.
+    pub(super) fn is_unit(&self) -> bool {
+        !matches!(self, Self::Axis(_) | Self::Swapped { .. })
+    }
 }
 
 /// Outputs explained as well as units, signs and columns allow.
@@ -58,7 +63,7 @@ pub(super) struct Explained {
 }
 
 /// `|m - p|^2 / (|m|^2 + |p|^2)`.
-fn distance(m: DVectorView<'_, f64>, p: DVectorView<'_, f64>) -> f64 {
+pub(super) fn distance(m: DVectorView<'_, f64>, p: DVectorView<'_, f64>) -> f64 {
     let size = m.norm_squared() + p.norm_squared();
     if size > 0.0 { (m - p).norm_squared() / size } else { 0.0 }
 }
@@ -66,12 +71,6 @@ fn distance(m: DVectorView<'_, f64>, p: DVectorView<'_, f64>) -> f64 {
 fn correlation(m: DVectorView<'_, f64>, p: DVectorView<'_, f64>) -> f64 {
     let scale = m.norm() * p.norm();
     if scale > 0.0 { m.dot(&p) / scale } else { 0.0 }
-}
-
-/// The factor of a unit that `ratio` is near to.
-fn unit(ratio: f64, known: &[f64]) -> Option<f64> {
-    let off = |f: &f64| (ratio / f).ln().abs();
-    known.iter().copied().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|f| off(f) < NEAR.ln())
 }
 
 fn median(mut x: Vec<f64>) -> Option<f64> {
@@ -92,32 +91,13 @@ pub(super) fn explain(record: &Record, of: &Prediction) -> Explained {
     };
     let before = mean(&m, p);
     let mut outputs = Vec::new();
-    let ratio = |m: &DMatrix<f64>, k: usize| m.column(k).norm() / p.column(k).norm();
-    // Torques, all and one by one.
     let judged: Vec<usize> = (0..nj).filter(|&k| loud[k] && p.column(k).norm() > 0.0).collect();
-    let alike = |m: &DMatrix<f64>, k: usize| correlation(m.column(k), p.column(k)).abs();
-    let common = median(judged.iter().map(|&k| ratio(&m, k)).collect());
-    if let Some(measured) = common
-        && let Some(factor) = unit(measured, &TORQUE)
-        && median(judged.iter().map(|&k| alike(&m, k)).collect()).is_some_and(|c| c > ALIKE)
-    {
-        outputs.push(Output::TorqueUnit { factor, measured });
-        m.columns_mut(0, nj).scale_mut(1.0 / factor);
-    }
-    for &joint in &judged {
-        let measured = ratio(&m, joint);
-        if let Some(factor) = unit(measured, &TORQUE)
-            && alike(&m, joint) > ALIKE_ALONE
-        {
-            outputs.push(Output::OneTorqueUnit { joint, factor, measured });
-            m.column_mut(joint).scale_mut(1.0 / factor);
-        }
-    }
+    torque_units(&mut m, p, &judged, nj, &mut outputs);
     // One device: its axes, in whatever order, have one unit.
     let norm = |m: &DMatrix<f64>| m.columns(nj, 3).norm();
     if (nj..nj + 3).any(|k| loud[k])
         && norm(p) > 0.0
-        && let Some(factor) = unit(norm(&m) / norm(p), &GYRO)
+        && let Some(factor) = nearest(norm(&m) / norm(p), &RATE).map(|u| u.factor)
     {
         let measured = norm(&m) / norm(p);
         let mut scaled = m.clone();
@@ -139,10 +119,62 @@ pub(super) fn explain(record: &Record, of: &Prediction) -> Explained {
         outputs.push(Output::Axis(a));
     }
     let after = mean(&m, p);
-    let scaled = |o: &Output| matches!(o, Output::TorqueUnit { .. } | Output::OneTorqueUnit { .. });
+    let scaled =
+        |o: &Output| matches!(o, Output::TorqueUnit { .. } | Output::OneTorqueUnit { .. } | Output::MotorSide { .. });
     let left = || (0..nj).map(|k| (m.column(k) - p.column(k)).norm_squared() / of.sigma[k].powi(2)).sum();
     let torques_left = if outputs.iter().any(scaled) { None } else { Some(left()) };
     Explained { outputs, before, after, torques_left }
+}
+
+/// Whether an axis of the gyro is clearly the reverse of its prediction, which a quick fit may hide in the products of inertia.
+pub(super) fn is_gyro_reversed(of: &Prediction, nj: usize) -> bool {
+    let loud = |k: usize| of.predicted.column(k).norm() > LOUD * of.sigma[k] * (of.predicted.nrows() as f64).sqrt();
+    (nj..nj + 3).any(|k| loud(k) && correlation(of.measured.column(k), of.predicted.column(k)) < -ALIKE_ALONE)
+}
+
+/// The unit of the gyro by its amplitude alone: values of the mission that are far off may predict another shape.
+pub(super) fn gyro_unit(record: &Record, of: &Prediction) -> Option<Output> {
+    let norm = |m: &DMatrix<f64>| m.columns(record.joints(), 3).norm();
+    let measured = norm(&of.measured) / norm(&of.predicted);
+    nearest(measured, &RATE).map(|u| Output::GyroUnit { factor: u.factor, measured })
+}
+
+/// Units of the torques, all and one by one, of joints that are `judged`; puts them right in `m`.
+fn torque_units(m: &mut DMatrix<f64>, p: &DMatrix<f64>, judged: &[usize], nj: usize, outputs: &mut Vec<Output>) {
+    let ratio = |m: &DMatrix<f64>, k: usize| m.column(k).norm() / p.column(k).norm();
+    let alike = |k: usize| correlation(m.column(k), p.column(k)).abs();
+    let ratios: Vec<f64> = judged.iter().map(|&k| ratio(m, k)).collect();
+    if let Some(measured) = median(ratios.clone())
+        && median(judged.iter().map(|&k| alike(k)).collect()).is_some_and(|c| c > ALIKE)
+    {
+        // Every joint has a gear of its own; those that are too quiet to tell have that of the others.
+        let geared = |k: usize| judged.contains(&k) && on_motor_side(ratio(m, k));
+        if on_motor_side(measured) && 2 * judged.iter().filter(|&&k| geared(k)).count() > judged.len() {
+            let factors: Vec<f64> = (0..nj).map(|k| if geared(k) { ratio(m, k) } else { measured }).collect();
+            factors.iter().enumerate().for_each(|(k, f)| m.column_mut(k).scale_mut(1.0 / f));
+            outputs.push(Output::MotorSide { factors });
+        } else if let Some(unit) = nearest(measured, &TORQUE) {
+            outputs.push(Output::TorqueUnit { factor: unit.factor, measured });
+            m.columns_mut(0, nj).scale_mut(1.0 / unit.factor);
+        }
+    }
+    let others = |m: &DMatrix<f64>, joint: usize| {
+        let mut of = judged.iter().filter(|&&k| k != joint).map(|&k| ratio(m, k));
+        let near = |k: usize| judged.contains(&k) && !OTHERS.contains(&ratio(m, k));
+        let beside = joint.checked_sub(1).is_some_and(near) || near(joint + 1);
+        !beside && of.all(|r| OTHERS.contains(&r) || nearest(r, &ONE_TORQUE).is_some())
+    };
+    for &joint in judged {
+        let measured = ratio(m, joint);
+        let known = nearest(measured, &ONE_TORQUE).map(|u| u.factor);
+        if let Some(factor) = known.or(on_motor_side(measured).then_some(measured))
+            && correlation(m.column(joint), p.column(joint)).abs() > ALIKE_ALONE
+            && (known.is_some() || others(m, joint))
+        {
+            outputs.push(Output::OneTorqueUnit { joint, factor, measured });
+            m.column_mut(joint).scale_mut(1.0 / factor);
+        }
+    }
 }
 
 /// Mean distance of the outputs of `record` with these errors put right, over the channels that can be heard at all.
@@ -165,9 +197,12 @@ pub(super) fn put_right(record: &Record, outputs: &[Output]) -> Record {
 }
 
 /// Puts an error right in torques and gyro, N x (n + 3).
-fn apply(o: &Output, m: &mut DMatrix<f64>, nj: usize) {
+pub(super) fn apply(o: &Output, m: &mut DMatrix<f64>, nj: usize) {
     match o {
         Output::TorqueUnit { factor, .. } => m.columns_mut(0, nj).scale_mut(1.0 / factor),
+        Output::MotorSide { factors } => {
+            factors.iter().enumerate().for_each(|(j, f)| m.column_mut(j).scale_mut(1.0 / f));
+        }
         Output::OneTorqueUnit { joint, factor, .. } => m.column_mut(*joint).scale_mut(1.0 / factor),
         Output::GyroUnit { factor, .. } => m.columns_mut(nj, 3).scale_mut(1.0 / factor),
         Output::Swapped { joints: (i, j), .. } => m.swap_columns(*i, *j),
@@ -219,6 +254,7 @@ fn swaps(m: &mut DMatrix<f64>, p: &DMatrix<f64>, judged: &[usize], outputs: &mut
 
 #[cfg(test)]
 mod tests {
+    use super::super::units::DEGREES;
     use super::*;
 
     #[test]
@@ -227,14 +263,5 @@ mod tests {
         let of = |m: nalgebra::DVector<f64>| distance(m.as_view(), p.as_view());
         assert!((of(&p * 3.0) - 0.4).abs() < 1e-12 && (of(&p / 3.0) - 0.4).abs() < 1e-12);
         assert!((of(-&p) - 2.0).abs() < 1e-12 && of(&p * DEGREES) > 0.96 && of(p.clone()) == 0.0);
-    }
-
-    #[test]
-    fn units_are_those_within_a_factor_of_three() {
-        assert_eq!([unit(3.0, &TORQUE), unit(320.0, &TORQUE), unit(340.0, &TORQUE)], [None, None, Some(1e3)]);
-        assert_eq!(
-            [unit(20.0, &GYRO), unit(9.0, &GYRO), unit(0.03, &GYRO)],
-            [Some(DEGREES), None, Some(1.0 / DEGREES)]
-        );
     }
 }

@@ -17,8 +17,11 @@
 //! before_fit          what would make a fit useless, in a fraction of its time; for `ffid identify`
 //! standing_still      the same of an arm on the ground, whose torques are not predicted
 //! ```
+mod candidates;
 mod case;
+mod clipped;
 mod clocks;
+mod dead;
 mod diagnosis;
 mod excitation;
 mod gaps;
@@ -26,12 +29,17 @@ mod hypotheses;
 mod level;
 mod mismatch;
 mod modes;
+mod motion_error;
 mod noise;
 mod prediction;
 mod prior;
 mod quick_fit;
 mod rest;
+mod sampling;
 mod text;
+mod told;
+mod units;
+mod words;
 
 pub use diagnosis::{Diagnosis, Finding, Judgement, Topic};
 
@@ -87,43 +95,77 @@ pub fn diagnose(
 ) -> Result<Diagnosis, IdentifyError> {
     let mut findings = Vec::new();
     for (k, labelled) in records.iter().enumerate() {
-        let even = on_one_clock(labelled)?;
-        let (even, own, gains) = torques_behind(opened, &even, settings);
-        let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
-        let case = Case { gains, ..Case::new(opened, labelled, &even, &own, jumps)? };
-        findings.push(gaps::finding(&case, warnings.get(k)));
-        let moves = excitation::findings(&case);
-        let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
-        findings.extend(moves);
-        if still || !is_predicted(&opened.model, settings) {
-            findings.extend(noise::findings(&case, &Scales::none(&case)));
-            continue;
+        let own = judged(opened, labelled, warnings.get(k), settings)?;
+        // What reading warned of may follow from what is wrong.
+        if own.iter().all(|f| f.judgement != Judgement::Wrong) {
+            findings.extend(gaps::others(labelled, warnings.get(k), &own));
         }
-        let found = hypotheses::findings(&case);
-        let predicted = Prediction::new(&case, case.record);
-        findings.extend(noise::findings(&case, &found.scales));
-        findings.extend(rest::findings(&case, predicted.as_ref().ok(), found.starts_in_motion));
-        let right = !found.findings.iter().any(|f| f.judgement != Judgement::Good);
-        findings.extend(found.findings);
-        // What is predicted wrongly tells nothing of clocks, modes and values.
-        if !right {
-            continue;
-        }
-        match (predicted, &found.fit) {
-            (Ok(p), Some(fit)) => {
-                findings.extend(clocks::findings(&case, fit));
-                // Noise that is larger than stated looks like what was aliased.
-                let noisy = findings.iter().any(|f| f.topic == Topic::Noise && f.judgement != Judgement::Good);
-                let aliased = |f: &Finding| f.problem.as_ref().is_some_and(|p| p.code == "Data::Aliasing");
-                findings.extend(modes::findings(&case, opened)?.into_iter().filter(|f| !(noisy && aliased(f))));
-                let explained = findings.iter().any(|f| f.record == case.label && f.judgement != Judgement::Good);
-                findings.push(prior::finding(&case, &p, fit, explained));
-            }
-            (Err(e), _) => findings.push(prediction::failed(&case, &e.to_string())),
-            (_, None) => findings.push(prediction::failed(&case, "a quick fit failed")),
-        }
+        findings.extend(own);
     }
     Ok(Diagnosis::new(opened.model.name(), findings))
+}
+
+/// Findings on one record.
+fn judged(
+    opened: &Opened,
+    labelled: &LabelledRecord,
+    warnings: Option<&Problems>,
+    settings: &Settings,
+) -> Result<Vec<Finding>, IdentifyError> {
+    let mut findings = Vec::new();
+    let even = on_one_clock(labelled)?;
+    let (even, own, gains) = torques_behind(opened, &even, settings);
+    let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
+    let case = Case { gains, ..Case::new(opened, labelled, &even, (&own, settings), jumps)? };
+    findings.push(gaps::finding(&case, warnings));
+    findings.extend(sampling::findings(&case));
+    let moves = excitation::findings(&case);
+    let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
+    findings.extend(moves);
+    if still || !is_predicted(&opened.model, settings) {
+        findings.extend(noise::findings(&case, &Scales::none(&case)));
+        return Ok(findings);
+    }
+    let predicted = Prediction::new(&case, case.record);
+    let dead = predicted.as_ref().map_or_else(|_| Vec::new(), |p| dead::findings(&case, p));
+    if !dead.is_empty() {
+        // Nothing is told from what the others read of a base that has an axis too few.
+        findings.extend(dead);
+        return Ok(findings);
+    }
+    let found = hypotheses::findings(&case);
+    let of_positions = |f: &Finding| f.channel.as_deref().is_some_and(|c| c == "q" || c.starts_with("q."));
+    let noise = noise::findings(&case, &found.scales);
+    findings.extend(noise.into_iter().filter(|f| found.motion_is_right || !of_positions(f)));
+    if found.motion_is_right {
+        findings.extend(rest::findings(&case, predicted.as_ref().ok(), found.starts_in_motion));
+    }
+    let right = !found.findings.iter().any(|f| f.judgement == Judgement::Wrong);
+    findings.extend(found.findings);
+    // What is predicted wrongly tells nothing of clocks, modes and values.
+    if !right {
+        return Ok(findings);
+    }
+    match (predicted, &found.fit) {
+        (Ok(p), Some(fit)) => {
+            let at_the_end = clipped::judged(&case, &p, fit);
+            if !at_the_end.is_empty() {
+                findings.extend(at_the_end);
+                return Ok(findings);
+            }
+            findings.extend(clocks::findings(&case, fit));
+            // Noise that is larger than stated looks like what was aliased.
+            let noisy = findings.iter().any(|f| f.topic == Topic::Noise && f.judgement != Judgement::Good);
+            let aliased = |f: &Finding| f.problem.as_ref().is_some_and(|p| p.code == "Data::Aliasing");
+            findings.extend(modes::findings(&case, opened)?.into_iter().filter(|f| !(noisy && aliased(f))));
+            let bad = |f: &&Finding| f.record == case.label && f.judgement != Judgement::Good;
+            let explained = findings.iter().filter(bad).any(|f| f.topic != Topic::Sensors);
+            findings.push(prior::finding(&case, &p, fit, explained));
+        }
+        (Err(e), _) => findings.push(prediction::failed(&case, &e.to_string())),
+        (_, None) => findings.push(prediction::failed(&case, "a quick fit failed")),
+    }
+    Ok(findings)
 }
 
 /// Joints of a record that stand still, where that matters: on the ground, and where no joint moves and outputs change all the same. To be asked
@@ -137,7 +179,7 @@ pub fn standing_still(
     settings: &Settings,
 ) -> Result<Problems, IdentifyError> {
     let even = on_one_clock(labelled)?;
-    moving(&Case::new(opened, labelled, &even, settings, false)?)
+    moving(&Case::new(opened, labelled, &even, (settings, settings), false)?)
 }
 
 fn moving(case: &Case<'_>) -> Result<Problems, IdentifyError> {
@@ -158,10 +200,17 @@ pub fn before_fit(opened: &Opened, labelled: &LabelledRecord, settings: &Setting
     let even = on_one_clock(labelled)?;
     let (even, own, gains) = torques_behind(opened, &even, settings);
     let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
-    let case = Case { gains, ..Case::new(opened, labelled, &even, &own, jumps)? };
+    let case = Case { gains, ..Case::new(opened, labelled, &even, (&own, settings), jumps)? };
     let mut found = moving(&case)?;
     let wrong = |f: Finding| f.problem.filter(|_| f.judgement == Judgement::Wrong);
     let predicted = Prediction::new(&case, case.record);
+    if let Ok(p) = &predicted {
+        let dead = dead::findings(&case, p);
+        if !dead.is_empty() {
+            found.0.extend(dead.into_iter().filter_map(wrong));
+            return Ok(found);
+        }
+    }
     found.0.extend(hypotheses::before_fit(&case, predicted.as_ref().ok()).into_iter().filter_map(wrong));
     Ok(found)
 }

@@ -6,20 +6,26 @@
 
 use super::case::{Case, Scales};
 use super::diagnosis::{Finding, Judgement, Topic};
+use super::units::ONE_TORQUE;
 use crate::workflow::differences::{FEWEST, LEAKS, by_differences, typical};
-use crate::workflow::identify::num;
+use crate::workflow::identify::{Settings, num};
+use crate::workflow::preflight::Sensing;
+use ff_mission::mission::Sensors;
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, JointKind, Problem};
 use nalgebra::DMatrix;
 
 /// Ratio of measured to stated noise that is suspicious, and its inverse.
 const OFF: f64 = 3.0;
+/// Ratio of the noise of a torque to a thousand times that of the others, or a thousandth, that is a unit; and of theirs to what is stated.
+const EXACT: f64 = 1.15;
+const OTHERS: f64 = 1.5;
 /// A kind of sensor: its channels, and what the mission says of it.
 struct Sensor<'a> {
     data: &'a DMatrix<f64>,
     names: Vec<String>,
     units: Vec<&'static str>,
-    /// `[section] key` of its noise.
+    /// `[section] key` of its noise, or the flag that gives it.
     key: &'static str,
     noise: f64,
     quantum: f64,
@@ -29,6 +35,35 @@ struct Sensor<'a> {
     steps: &'a [f64],
     /// Whether its channels jump now and then.
     jumps: bool,
+}
+
+/// The sensors of the mission with the noise that the settings have in its place: flags of the command.
+pub(super) fn stated(mut sensors: Sensors, settings: &Settings) -> (Sensors, Given) {
+    let known = Sensing::of(&sensors);
+    let differs = |a: f64, b: f64| (a - b).abs() > 1e-12 * b.abs();
+    let given = Given {
+        torque: differs(settings.noise.torque, known.torque_nm),
+        gyro: differs(settings.noise.gyro, known.gyro_rad_per_s),
+        current: differs(settings.current_noise, sensors.current.noise_std_a),
+    };
+    if given.torque {
+        (sensors.torque.noise_std_nm, sensors.torque.lsb_nm) = (settings.noise.torque, 0.0);
+    }
+    if given.gyro {
+        (sensors.gyro.noise_std_rad_per_s, sensors.gyro.lsb_rad_per_s) = (settings.noise.gyro, 0.0);
+    }
+    if given.current {
+        sensors.current.noise_std_a = settings.current_noise;
+    }
+    (sensors, given)
+}
+
+/// Sensors whose noise is given in place of that of the mission.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Given {
+    torque: bool,
+    gyro: bool,
+    current: bool,
 }
 
 pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
@@ -50,10 +85,10 @@ pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
             jumps: false,
         },
         Sensor {
-            data: r.tau(),
+            data: &case.torque.readings,
             names: named("tau"),
             units: of_joint("N m", "N"),
-            key: "[sensors.torque] noise_std_nm",
+            key: if case.given.torque { "--torque-noise" } else { "[sensors.torque] noise_std_nm" },
             noise: s.torque.noise_std_nm,
             quantum: s.torque.lsb_nm,
             quantum_key: "[sensors.torque] lsb_nm",
@@ -67,10 +102,10 @@ pub(super) fn findings(case: &Case<'_>, scales: &Scales) -> Vec<Finding> {
     }
     if !r.is_fixed_base() {
         all.push(Sensor {
-            data: r.gyro(),
+            data: &case.gyro.readings,
             names: ["x", "y", "z"].map(|a| format!("gyro.{a}")).to_vec(),
             units: vec!["rad/s"; 3],
-            key: "[sensors.gyro] noise_std_rad_per_s",
+            key: if case.given.gyro { "--gyro-noise" } else { "[sensors.gyro] noise_std_rad_per_s" },
             noise: s.gyro.noise_std_rad_per_s,
             quantum: s.gyro.lsb_rad_per_s,
             quantum_key: "[sensors.gyro] lsb_rad_per_s",
@@ -88,10 +123,10 @@ fn currents<'c>(case: &'c Case<'_>, scales: &Scales) -> Option<Sensor<'c>> {
     let gains = case.gains.iter().copied().collect::<Option<Vec<f64>>>()?;
     let s = &case.sensors.current;
     Some(Sensor {
-        data: case.record.tau(),
+        data: &case.torque.readings,
         names: case.record.joint_names().iter().map(|j| format!("current.{j}")).collect(),
         units: vec!["A"; gains.len()],
-        key: "[sensors.current] noise_std_a",
+        key: if case.given.current { "--current-noise" } else { "[sensors.current] noise_std_a" },
         noise: s.noise_std_a,
         quantum: s.lsb_a,
         quantum_key: "[sensors.current] lsb_a",
@@ -99,6 +134,13 @@ fn currents<'c>(case: &'c Case<'_>, scales: &Scales) -> Option<Sensor<'c>> {
         steps: &case.level.torque_step,
         jumps: true,
     })
+}
+
+impl Sensor<'_> {
+    /// Who states the noise.
+    fn source(&self) -> &'static str {
+        if self.key.starts_with('-') { "the command" } else { "the mission" }
+    }
 }
 
 /// How the noise of a channel differs from what the mission says.
@@ -145,7 +187,7 @@ fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
         let all = (0..s.names.len()).map(|k| of(s.data.column(k).as_view(), 6) / s.scales[k]);
         let (low, high) = all.fold((f64::INFINITY, 0.0f64), |(a, b), x| (a.min(x), b.max(x)));
         let text = if expected > 0.0 {
-            format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, the mission has {expected:.2e}")
+            format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, {} has {expected:.2e}", s.source())
         } else {
             format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, the mission gives none ({})", s.key)
         };
@@ -158,7 +200,40 @@ fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
         all.sort_unstable_by(f64::total_cmp);
         return vec![raised(case, s, (kind, unit), (found[0].1, all[all.len() / 2]), expected)];
     }
-    found.iter().map(|&(k, how, figure)| raised(case, s, (&s.names[k], s.units[k]), (how, figure), expected)).collect()
+    found
+        .iter()
+        .map(|&(k, how, figure)| {
+            another_unit(case, s, k, (figure, expected))
+                .unwrap_or_else(|| raised(case, s, (&s.names[k], s.units[k]), (how, figure), expected))
+        })
+        .collect()
+}
+
+/// The error of a torque whose noise is a thousand times that of the others, or a thousandth, while those have what was stated: no signal of
+/// this joint stands out of it.
+fn another_unit(case: &Case<'_>, s: &Sensor<'_>, k: usize, (figure, expected): (f64, f64)) -> Option<Finding> {
+    if !s.names[k].starts_with("tau.") {
+        return None;
+    }
+    let of = if s.jumps { typical } else { by_differences };
+    let off = |j: usize| (of(s.data.column(j).as_view(), 6) / s.scales[j] / expected).ln().abs();
+    let others: Vec<usize> = (0..s.names.len()).filter(|&j| j != k).collect();
+    let alone = !others.is_empty() && others.iter().all(|&j| off(j) < OTHERS.ln());
+    let ratio = figure / expected;
+    let unit = ONE_TORQUE.iter().find(|u| (ratio / u.factor).ln().abs() < EXACT.ln()).filter(|_| alone)?;
+    let text = format!(
+        "noise {figure:.3e} {}, {} times that of the other joints and of {}: {} (factor {})",
+        s.units[k],
+        num(ratio),
+        s.source(),
+        unit.is,
+        unit.factor
+    );
+    let p = Problem::error(Area::Data, "Data::UnitMismatch", text.clone())
+        .on(&s.names[k])
+        .violating(ratio, Limit::Within(1.0 / OFF, OFF), "")
+        .hint(format!("write the unit {} in the header, or multiply by {}", unit.write, 1.0 / unit.factor));
+    Some(case.finding(Topic::Units, Judgement::Wrong, text).on(&s.names[k]).figures(ratio, unit.factor, "").raising(p))
 }
 
 /// The finding on a channel, or on all of a sensor.
@@ -170,7 +245,7 @@ fn raised(
     expected: f64,
 ) -> Finding {
     let ratio = num(figure / expected);
-    let of = format!("{ratio} times the {expected:.3e} {unit} of the mission");
+    let of = format!("{ratio} times the {expected:.3e} {unit} of {}", s.source());
     let (text, hint) = match how {
         Differs::More => {
             (format!("noise {figure:.3e} {unit}, {of}"), format!("set {} = {figure:.2e}, or look at the sensor", s.key))

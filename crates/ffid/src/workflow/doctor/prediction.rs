@@ -10,6 +10,7 @@ use ident::Estimator;
 use nalgebra::DMatrix;
 
 /// Torques and gyro of a record beside their prediction.
+#[derive(Clone)]
 pub(super) struct Prediction {
     /// Whitened residuals `(predicted - measured) / sigma`, sample after sample.
     pub(super) residuals: Vec<f64>,
@@ -21,8 +22,12 @@ pub(super) struct Prediction {
 }
 
 impl Prediction {
-    /// From rest, along the joint motion of `record`.
+    /// From rest, along the joint motion of `record`, at the values of the mission.
     pub(super) fn new(case: &Case<'_>, record: &Record) -> Result<Self, IdentifyError> {
+        Self::at(case, record, Params::nominal(case.model).values())
+    }
+    /// The same at other values.
+    pub(super) fn at(case: &Case<'_>, record: &Record, values: &[f64]) -> Result<Self, IdentifyError> {
         let mut fit = RecordEstimator::new(case.model, record, &case.settings)?;
         let mut plain = fit.plain()?;
         let e: &mut dyn Estimator = match &mut plain {
@@ -31,8 +36,7 @@ impl Prediction {
         };
         let mut residuals = vec![0.0; e.rows()];
         let zeros = vec![0.0; e.nuisance().len()];
-        let nominal = Params::nominal(case.model);
-        e.residuals(nominal.values(), &zeros, &mut residuals).map_err(|e| IdentifyError::Model(e.to_string()))?;
+        e.residuals(values, &zeros, &mut residuals).map_err(|e| IdentifyError::Model(e.to_string()))?;
         if residuals.iter().any(|r| !r.is_finite()) {
             return Err(IdentifyError::Model("the prediction is not finite".to_owned()));
         }
@@ -40,9 +44,13 @@ impl Prediction {
     }
     /// The same with long steps; `None` where the record cannot be predicted.
     pub(super) fn coarse(case: &Case<'_>, record: &Record) -> Option<Self> {
+        Self::coarse_at(case, record, Params::nominal(case.model).values())
+    }
+    /// The same at other values.
+    pub(super) fn coarse_at(case: &Case<'_>, record: &Record, values: &[f64]) -> Option<Self> {
         let mut e = output_error(case, record, case.settings.noise, (false, false))?;
         let mut residuals = vec![0.0; e.rows()];
-        e.residuals(Params::nominal(case.model).values(), &[], &mut residuals).ok()?;
+        e.residuals(values, &[], &mut residuals).ok()?;
         residuals.iter().all(|r| r.is_finite()).then(|| Self::of(case, record, residuals))
     }
     /// From whitened residuals.

@@ -37,6 +37,16 @@ pub(super) struct QuickFit {
     pub(super) parameters: Vec<Estimated>,
 }
 
+impl QuickFit {
+    /// The largest ratio of a mass or moment of inertia to that of the mission, or its inverse, as a logarithm. A base of free inertia follows
+    /// a gyro in any unit.
+    pub(super) fn strays(&self) -> f64 {
+        let inertial = |e: &&Estimated| [".mass", ".i_xx", ".i_yy", ".i_zz"].iter().any(|end| e.name.ends_with(end));
+        let off = |e: &Estimated| (e.value / e.start).max(f64::MIN_POSITIVE).ln().abs();
+        self.parameters.iter().filter(inertial).map(off).fold(0.0, f64::max)
+    }
+}
+
 /// A record with so few samples that many fits of it take little time, seven or more for each period of the fastest mode.
 pub(super) fn thinned(case: &Case<'_>, record: &Record) -> Option<Record> {
     let longest = INTERVAL.min(1.0 / (STEPS * case.fastest_hz.max(1e-3)));

@@ -50,7 +50,8 @@ fn moving(case: &Case<'_>) -> Vec<(usize, f64, f64)> {
         let sigma = case.level.position[j].max(case.level.position_step[j]);
         let Some((rate, deviation)) = first_rate(&q[..m], r.dt(), sigma) else { continue };
         let bound = (PART * most).max(SURE * deviation);
-        if rate.abs() > bound {
+        // What is left of a joint that never moves is rounding.
+        if most > 0.0 && rate.abs() > bound {
             out.push((j, rate, bound));
         }
     }

@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 use super::number::num;
 use super::result::channel::Channel;
 use super::result::parameter::{Combination, Parameter, Value};
-use super::result::uncertain::UncertainLine;
 
 /// Deviations of a half of a 95 % interval.
 pub(super) const HALF95: f64 = 1.96;
@@ -94,12 +93,8 @@ impl PriorConflict {
     pub(super) fn of(p: &Parameter) -> Option<Self> {
         Self::between((&p.name, &p.unit), (p.prior_mean?, p.prior_std?), (p.value, p.std?))
     }
-    /// For something that the mission is not sure of.
-    pub(super) fn of_uncertain(u: &UncertainLine) -> Option<Self> {
-        Self::between((&u.name, &u.unit), (u.prior_mean, u.prior_std), (u.value, u.std?))
-    }
     /// Mean and deviation of a prior, and the value and deviation of it and the data together.
-    fn between(
+    pub(super) fn between(
         (name, unit): (&str, &str),
         (prior_mean, prior_std): (f64, f64),
         (value, std): (f64, f64),

@@ -13,7 +13,7 @@ use super::result::fit::{DescentStep, Ended};
 use super::result::identification::IdentificationResult;
 use super::result::parameter::{Combination, Correlation, Covariance, Parameter, ParameterVerdict, Value};
 use super::result::provenance::{Provenance, RecordLine, Warning};
-use super::result::uncertain;
+use super::result::uncertain::{self, UncertainLine};
 use super::settings::{Settings, method};
 use super::signals::Signals;
 use super::unknowns::{Unknowns, known_before};
@@ -75,7 +75,10 @@ impl Report<'_> {
         let independent = earlier.is_none();
         let mut prior_conflicts: Vec<PriorConflict> =
             parameters.iter().filter(|_| independent).filter_map(PriorConflict::of).collect();
-        prior_conflicts.extend(uncertain.iter().filter(|_| independent).filter_map(PriorConflict::of_uncertain));
+        let not_sure = |u: &UncertainLine| {
+            PriorConflict::between((&u.name, &u.unit), (u.prior_mean, u.prior_std), (u.value, u.std?))
+        };
+        prior_conflicts.extend(uncertain.iter().filter(|_| independent).filter_map(not_sure));
         prior_conflicts.sort_by(|a, b| b.deviations.total_cmp(&a.deviations));
         let posterior = Posterior::of(e).map_err(|e| IdentifyError::Model(e.to_string()))?;
         let modes = mode_lines(self.opened, &start, self.values);

@@ -11,10 +11,9 @@
 //!
 //! there for one at the end, and the second moment about it is `C + sum_i w_i d_i d_i^T / (1 + sum_i w_i)`, `d_i` being what the unknowns differ by.
 
-use super::valleys::Ending;
 use ident::Request;
 use ident::estimate::Estimate;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// Deviations of the frequency about the end of a fit that its own density covers.
 const OWN: f64 = 3.0;
@@ -45,18 +44,16 @@ impl Unresolved {
         };
         Self { places: (0..looked.len()).filter_map(one).collect() }
     }
-    /// Makes deviations cover the places.
-    pub(super) fn widen(&self, ending: &mut Ending) {
+    /// The second moment about the end of the fit that covers the places; `None` where there are none.
+    pub(super) fn cover(&self, e: &Estimate) -> Option<DMatrix<f64>> {
         let sum: f64 = self.places.iter().map(|p| p.1).sum();
-        let mut covariance = ending.estimate.uncertainty.covariance.clone();
+        let mut covariance = e.uncertainty.covariance.clone();
         let unknowns = covariance.nrows();
         for (off, weight) in &self.places {
             let d = DVector::from_fn(unknowns, |k, _| off.get(k).copied().unwrap_or(0.0));
             covariance += &d * d.transpose() * (weight / (1.0 + sum));
         }
-        if sum > 0.0 {
-            ending.widened(covariance);
-        }
+        (sum > 0.0).then_some(covariance)
     }
 }
 
@@ -67,7 +64,6 @@ mod tests {
     use ff_model::ParamDecl;
     use ident::Estimator;
     use ident::estimate::attempt;
-    use nalgebra::DMatrix;
 
     const STD: f64 = 37.0;
     /// One reading of each unknown.
@@ -98,20 +94,19 @@ mod tests {
         let decls = ["wing.k[0]", "wing.m"].map(|name| ParamDecl::positive(name, "N m/rad", 0.0));
         let request = Request::new(&decls, &[0, 1], &[1400.0, 21.0]);
         let estimate = attempt(&request, &mut Read).unwrap();
-        let mut ending = Ending { estimate: estimate.clone(), minima: None, alone: None };
         // Frequencies over that of the end, and what the other unknown follows by; one is part of the end itself, and one is nowhere near.
         let place = |f: f64, cost: f64| (estimate.objective + cost, vec![1500.0 * f * f, 20.0 + 4.0 * (f - 1.0)]);
         let seen = vec![place(0.8, 6.1), place(0.9, 7.3), place(1.01, 0.4), place(1.15, 5.2), place(1.3, 90.0)];
-        Unresolved::new(&request, &estimate, 0, seen).widen(&mut ending);
+        let covariance = Unresolved::new(&request, &estimate, 0, seen).cover(&estimate).unwrap();
         let own = 0.5 * STD / 1500.0 * std::f64::consts::TAU.sqrt();
         let weight = |cost: f64, width: f64| (-0.5 * cost).exp() * width / own;
         let places = [(0.8f64, weight(6.1, 0.05)), (0.9, weight(7.3, 0.105)), (1.15, weight(5.2, 0.145))];
         let sum: f64 = 1.0 + places.iter().map(|p| p.1).sum::<f64>();
         let spread = |of: &dyn Fn(f64) -> f64| places.iter().map(|p| p.1 * of(p.0).powi(2)).sum::<f64>() / sum;
         let (k, m) = (spread(&|f| 1500.0 * (f * f - 1.0)), spread(&|f| 4.0 * (f - 1.0)));
-        let std = |k: usize| ending.estimate.parameters[k].std.unwrap();
+        let std = |k: usize| covariance[(k, k)].sqrt();
         assert!((std(0) / (STD * STD + k).sqrt() - 1.0).abs() < 1e-6, "{}", std(0));
         assert!((std(1) / (0.09 + m).sqrt() - 1.0).abs() < 1e-6, "{}", std(1));
-        assert!(k.sqrt() > 2.0 * STD && ending.alone.is_some());
+        assert!(k.sqrt() > 2.0 * STD);
     }
 }

@@ -445,10 +445,9 @@ impl Search<'_> {
             best.descent.splice(0..0, descent);
         }
         from_the_start(&mut best, self.request);
-        let unresolved = self.unresolved.iter();
         if self.ends.is_empty() {
             let mut ending = Ending::single(best);
-            unresolved.for_each(|u| u.widen(&mut ending));
+            covered(&mut ending, &self.unresolved);
             return ending;
         }
         let asked = |k: usize| self.of.unknowns.is_asked(self.request.selected[k]);
@@ -457,8 +456,17 @@ impl Search<'_> {
         let alone = mixture::cover(&mut best, &self.ends);
         let minima = Minima { starts: self.tried, converged: 1 + self.ends.len(), objectives, alternatives };
         let mut ending = Ending { estimate: best, minima: Some(minima), alone };
-        unresolved.for_each(|u| u.widen(&mut ending));
+        covered(&mut ending, &self.unresolved);
         ending
+    }
+}
+
+/// Makes deviations cover modes that stand out nowhere.
+fn covered(ending: &mut Ending, unresolved: &[Unresolved]) {
+    for u in unresolved {
+        if let Some(covariance) = u.cover(&ending.estimate) {
+            ending.widened(covariance);
+        }
     }
 }
 
