@@ -5,7 +5,8 @@ use super::diagnosis::{Finding, Judgement, Topic};
 use ff_model::Problems;
 
 /// Codes of what reading says about sample times.
-const CODES: [&str; 5] = ["Data::Dropped", "Data::Gap", "Data::Jitter", "Data::Merged", "Data::Resampled"];
+const CODES: [&str; 6] =
+    ["Data::Dropped", "Data::Gap", "Data::Jitter", "Data::Merged", "Data::Resampled", "Data::Segments"];
 
 pub(super) fn finding(case: &Case<'_>, warnings: Option<&Problems>) -> Finding {
     let r = case.record;

@@ -35,7 +35,7 @@ mod text;
 
 pub use diagnosis::{Diagnosis, Finding, Judgement, Topic};
 
-use super::identify::{IdentifyError, LabelledRecord, Method, Settings, behind_gears, method};
+use super::identify::{IdentifyError, LabelledRecord, Method, Settings, behind_gears, method, segments};
 use crate::open::Opened;
 use case::{Case, Scales};
 use ff_model::{Area, Model, Params, Problem, Problems};
@@ -86,12 +86,16 @@ pub fn diagnose(
     settings: &Settings,
 ) -> Result<Diagnosis, IdentifyError> {
     let mut findings = Vec::new();
-    for (k, labelled) in records.iter().enumerate() {
+    for (k, whole) in records.iter().enumerate() {
+        // Nothing is predicted across a gap that the motion cannot be told across: the longest part is judged, as `identify` cuts it.
+        let cut = segments(&whole.label, &whole.record)?;
+        let said: Problems = Problems([warnings.get(k).map_or(&[][..], |w| &w.0), &cut.warnings.0].concat());
+        let labelled = &LabelledRecord { record: cut.longest().unwrap_or_else(|| whole.record.clone()), ..whole.clone() };
         let even = on_one_clock(labelled)?;
         let (even, own, gains) = torques_behind(opened, &even, settings);
         let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
         let case = Case { gains, ..Case::new(opened, labelled, &even, &own, jumps)? };
-        findings.push(gaps::finding(&case, warnings.get(k)));
+        findings.push(gaps::finding(&case, Some(&said)));
         let moves = excitation::findings(&case);
         let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
         findings.extend(moves);
