@@ -1,8 +1,8 @@
 //! Names of columns as others write them: changed as the user says, and the column of the time told by its name, its unit, or its dates.
 
+use super::dates::Style;
 use super::naming::{is_nameless, is_time, names_time, split, suffixed};
 use super::units::{Dimension, any, find};
-use super::dates::Style;
 use super::{data, dates, number};
 use ff_model::Problems;
 use ff_model::diagnostics::{clip, list};
@@ -71,7 +71,7 @@ pub(super) fn rename(names: &mut [String], rules: &[(String, String)], bad: &mut
 }
 
 /// What `*` stands for; empty where there is none and both are the same.
-fn starred<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
+pub(super) fn starred<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
     match pattern.split_once('*') {
         Some((before, after)) => text.strip_prefix(before)?.strip_suffix(after),
         None => (pattern == text).then_some(""),
@@ -147,7 +147,10 @@ mod tests {
         let names = ["time", "q.a", "att.w", "note", "tau.a[N m]"];
         let units = "time[s];q.a[deg];att.w[1];note;tau.a[N m]";
         assert_eq!(with(&names, &["s", "[deg]", "1", "", "Nm"]).as_deref(), Some(units));
-        assert_eq!(with(&["t", "q.a", "temperature"], &["s", "rad", "degC"]).unwrap(), "t[s];q.a[rad];temperature[degC]");
+        assert_eq!(
+            with(&["t", "q.a", "temperature"], &["s", "rad", "degC"]).unwrap(),
+            "t[s];q.a[rad];temperature[degC]"
+        );
         for samples in [["0", "1", "1"], ["1", "1", "1"], ["", "", ""], ["s", "2", "deg"], ["s", "one", "two"]] {
             assert_eq!(with(&["time", "q.a", "q.b"], &samples), None, "{samples:?}");
         }

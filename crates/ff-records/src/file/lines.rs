@@ -178,7 +178,8 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
                     lines.line.drain(..3);
                 }
                 if !more {
-                    let p = data("Data::NoSamples", "the file has no line of column names").at_line(lines.number.max(1));
+                    let p =
+                        data("Data::NoSamples", "the file has no line of column names").at_line(lines.number.max(1));
                     bad.push(p.hint("begin with time[s],q.<joint>[rad],..."));
                     return None;
                 }
@@ -224,7 +225,7 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
         return None;
     }
     let mut names = names;
-    if !rename(&mut names, &options.rename, bad) {
+    if !rename(&mut names, &options.rename, bad) && !options.one_of_several {
         bad.0.iter_mut().for_each(|p| p.line = p.line.or(Some(at)));
         return None;
     }

@@ -29,8 +29,22 @@ pub(super) fn cell(line: &[u8]) -> (Option<f64>, usize) {
 /// Whether a cell says that there is no number: empty, or one of the marks of pandas, R, spreadsheets, databases and C. Infinity is none of them.
 pub(super) fn absent(cell: &[u8]) -> bool {
     const MARKS: [&str; 16] = [
-        "nan", "-nan", "+nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "na", "n/a", "#n/a", "<na>", "nat", "null", "none",
-        "-", "--",
+        "nan",
+        "-nan",
+        "+nan",
+        "nan(ind)",
+        "-nan(ind)",
+        "1.#qnan",
+        "-1.#ind",
+        "na",
+        "n/a",
+        "#n/a",
+        "<na>",
+        "nat",
+        "null",
+        "none",
+        "-",
+        "--",
     ];
     let cell = cell.trim_ascii();
     cell.is_empty() || MARKS.iter().any(|m| cell.eq_ignore_ascii_case(m.as_bytes()))
@@ -171,7 +185,10 @@ mod tests {
             assert_eq!(parse(s.as_bytes()), None, "{s}");
         }
         assert_eq!(parse(&[b'1', 0xff]), None);
-        assert_eq!((parse(b"-1.5D+02"), parse(b"2.d0"), parse(b"d1"), parse(b"1d")), (Some(-150.0), Some(2.0), None, None));
+        assert_eq!(
+            (parse(b"-1.5D+02"), parse(b"2.d0"), parse(b"d1"), parse(b"1d")),
+            (Some(-150.0), Some(2.0), None, None)
+        );
     }
 
     #[test]

@@ -47,11 +47,15 @@ pub(super) fn explain(
         }
         let hint = match cause {
             Cause::Repeated => "--drop-repeated leaves out rows that repeat the one before",
-            Cause::FewDigits => "stamps repeat and readings do not: write the time with more digits, or one row per stamp",
+            Cause::FewDigits => {
+                "stamps repeat and readings do not: write the time with more digits, or one row per stamp"
+            }
             Cause::SetBack if (back - HOUR).abs() < 2.0 => {
                 "daylight saving time ended? write stamps in UTC, or cut the file here and give both parts, --record a.csv b.csv"
             }
-            Cause::SetBack if (back - DAY).abs() < 2.0 => "times of day begin anew at midnight: write dates, as 2024-03-05T10:20:30.123",
+            Cause::SetBack if (back - DAY).abs() < 2.0 => {
+                "times of day begin anew at midnight: write dates, as 2024-03-05T10:20:30.123"
+            }
             Cause::SetBack => "do not sort: cut the file here, and give both parts, --record a.csv b.csv",
             Cause::Reversed => "the last sample comes first: sort the rows by time",
             Cause::Disordered => "rows are out of order: sort them by time",
@@ -68,7 +72,9 @@ fn cause(stamps: &[f64], usual: f64, identical: usize) -> Cause {
         0 if 2 * identical >= ties => Cause::Repeated,
         0 => Cause::FewDigits,
         n if 10 * n >= 9 * (stamps.len() - 1) => Cause::Reversed,
-        n if (n - 1) * ROWS_PER_STEP <= stamps.len() && falls.iter().all(|&i| set_back(stamps, i, usual)) => Cause::SetBack,
+        n if (n - 1) * ROWS_PER_STEP <= stamps.len() && falls.iter().all(|&i| set_back(stamps, i, usual)) => {
+            Cause::SetBack
+        }
         _ => Cause::Disordered,
     }
 }

@@ -5,8 +5,8 @@ use super::blocks::{BLOCK, Block, Blocks, unreadable};
 use super::columns::time_column;
 use super::heading::{rename, tell_time};
 use super::naming::split;
-use super::over;
 use super::parquet_values::{Buffers, Kind, numbers, stamps};
+use super::{ReadOptions, over};
 use bytes::Bytes;
 use ff_model::diagnostics::clip;
 use ff_model::{Area, Problem, Problems};
@@ -82,11 +82,11 @@ pub(super) struct ParquetBlocks {
 }
 
 impl ParquetBlocks {
-    /// With names changed by these rules ([`rename`]).
-    pub(super) fn new(file: File, rules: &[(String, String)]) -> Result<Self, Problems> {
+    /// With names changed by the rules of the options ([`rename`]).
+    pub(super) fn new(file: File, options: &ReadOptions) -> Result<Self, Problems> {
         let mut table = Self::table(file)?;
         let mut bad = Problems::default();
-        if !rename(&mut table.names, rules, &mut bad) {
+        if !rename(&mut table.names, &options.rename, &mut bad) && !options.one_of_several {
             return Err(bad);
         }
         tell_time(&mut table.names, None);
@@ -244,11 +244,14 @@ impl ParquetBlocks {
         let schema = meta.file_metadata().schema_descr();
         for (k, c) in schema.columns().iter().enumerate().filter(|(k, _)| self.wanted[*k]) {
             let info = c.self_type().get_basic_info();
-            let several =
-                c.max_rep_level() > 0 || info.has_repetition() && info.repetition() == Repetition::REPEATED;
+            let several = c.max_rep_level() > 0 || info.has_repetition() && info.repetition() == Repetition::REPEATED;
             if several {
                 let what = format!("column '{}' holds a list in every row", clip(&self.names[k]));
-                bad.extend(unreadable("Data::BadNumber", what, "write every element as a column of its own, or --ignore it"));
+                bad.extend(unreadable(
+                    "Data::BadNumber",
+                    what,
+                    "write every element as a column of its own, or --ignore it",
+                ));
             } else if Kind::of(c).is_none() {
                 let what = format!("column '{}' holds {}", clip(&self.names[k]), holds(c));
                 bad.extend(unreadable("Data::BadNumber", what, "write it as a column of doubles, or --ignore it"));

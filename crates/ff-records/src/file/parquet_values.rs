@@ -129,9 +129,7 @@ pub(super) fn numbers(
         ColumnReader::Int96ColumnReader(r) => cast!(r, b.int96, |x| x.to_nanos() as f64),
         ColumnReader::ByteArrayColumnReader(r) => cast!(r, b.bytes, |x| kind.bytes(x.data())),
         ColumnReader::FixedLenByteArrayColumnReader(r) => cast!(r, b.fixed, |x| kind.bytes(x.data())),
-        ColumnReader::BoolColumnReader(_) => {
-            Err(ParquetError::General("a column that holds no numbers".to_owned()))
-        }
+        ColumnReader::BoolColumnReader(_) => Err(ParquetError::General("a column that holds no numbers".to_owned())),
     }
 }
 

@@ -107,8 +107,12 @@ fn body(
 /// One problem in place of those of all its cells where a line has no number at all: names again, units, or a total.
 fn text_line(line: &[u8], number: usize, targets: &[Target], problems: Problems) -> Problems {
     let read = targets.iter().filter(|t| !matches!(t, Target::Ignored)).count();
-    let no_time = cells(line).is_some_and(|c| c.get(0).is_some_and(is_text));
-    if !(problems.has("Data::RowLength") && no_time || problems.0.len() == read && problems.has("Data::BadNumber")) {
+    let Some(all) = cells(line) else { return problems };
+    let no_time = all.get(0).is_some_and(is_text);
+    // Numbers that are written in another way begin as numbers do.
+    let words =
+        || !all.iter().any(|c| c.trim_ascii_start().first().is_some_and(|b| b.is_ascii_digit() || b"+-.".contains(b)));
+    if !(problems.has("Data::RowLength") && no_time || problems.0.len() == read && words()) {
         return problems;
     }
     let what = format!("a line of text among the samples: '{}'", clip(&String::from_utf8_lossy(line)));

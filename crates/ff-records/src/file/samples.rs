@@ -1,6 +1,7 @@
 //! The samples of a file as they grow, with the checks of every row: the same for text and for blocks.
 
 use super::columns::{GROUPS, Group, Target, carried_channels};
+use super::held;
 use super::order;
 use super::{FollowerColumn, JointColumn, ReadOptions, data, dates, number, over};
 use crate::builder::RecordBuilder;
@@ -225,7 +226,12 @@ impl<'a> Samples<'a> {
         self.clock.resolution(bad);
         let Clock { stamps, origin, .. } = self.clock;
         let mut columns = self.columns;
-        let (stamps, times) = sampled(&mut columns, self.targets, stamps, self.options.fixed_base, bad)?;
+        let held = if self.count.listed.is_empty() {
+            held::take_out(&mut columns, self.targets, &stamps, bad)
+        } else {
+            Vec::new()
+        };
+        let (stamps, times) = sampled(&mut columns, self.targets, stamps, (self.options.fixed_base, &held), bad)?;
         unwrap_turns(&mut columns, self.targets, joints, bad);
         compare_followers(&columns, self.targets, (joints, &self.options.followers), bad);
         let builder = builder(columns, (self.head, self.targets), joints, stamps);
@@ -266,7 +272,7 @@ fn sampled(
     columns: &mut [Vec<f64>],
     targets: &[Target],
     stamps: Vec<f64>,
-    fixed_base: bool,
+    (fixed_base, held): (bool, &[ChannelGroup]),
     bad: &mut Problems,
 ) -> Option<(Vec<f64>, Vec<(ChannelGroup, Vec<f64>)>)> {
     let of = |group: ChannelGroup| {
@@ -293,7 +299,7 @@ fn sampled(
     for (group, mut of_group) in rows {
         let all = of_group.len();
         of_group.retain(|i| (from..=to).contains(i));
-        if all < stamps.len() {
+        if all < stamps.len() && !held.contains(&group) {
             bad.push(apart(group, (all, stamps.len()), all - of_group.len(), fixed_base));
         }
         for c in of(group).filter(|&c| !columns[c].is_empty()).collect::<Vec<_>>() {
@@ -311,9 +317,13 @@ fn apart(group: ChannelGroup, of: (usize, usize), outside: usize, fixed_base: bo
     let (all, rows) = of;
     let needed = group == ChannelGroup::Torque || group == ChannelGroup::Gyro && !fixed_base;
     let p = match (all, needed) {
-        (0, true) => data("Data::NoSamples", format!("no number in any of {rows} rows")).hint("check that it was recorded"),
-        (0, false) => Problem::warning(Area::Data, "Data::NotUsed", format!("no number in any of {rows} rows: left out"))
-            .hint("nothing to do, unless it was measured"),
+        (0, true) => {
+            data("Data::NoSamples", format!("no number in any of {rows} rows")).hint("check that it was recorded")
+        }
+        (0, false) => {
+            Problem::warning(Area::Data, "Data::NotUsed", format!("no number in any of {rows} rows: left out"))
+                .hint("nothing to do, unless it was measured")
+        }
         _ => {
             let what = format!(
                 "{all} samples in {rows} rows, no number in the other {}: it counts at its own times; {outside} of them before or behind the \
@@ -344,11 +354,17 @@ fn leave_out_absent_rates(
         let name = format!("{}.*", group.prefix());
         if empty == motion.len() {
             let what = format!("no number in any of {empty} rows: left out");
-            bad.push(Problem::warning(Area::Data, "Data::NotUsed", what).on(name).hint("nothing to do, unless it was measured"));
+            bad.push(
+                Problem::warning(Area::Data, "Data::NotUsed", what)
+                    .on(name)
+                    .hint("nothing to do, unless it was measured"),
+            );
             targets.iter().zip(columns.iter_mut()).filter(|(t, _)| of(t)).for_each(|(_, c)| c.clear());
         } else {
             let what = format!("no number in {empty} of {} rows with positions", motion.len());
-            bad.push(data("Data::NotFinite", what).on(name).hint("leave these columns out with --ignore, each by its name"));
+            bad.push(
+                data("Data::NotFinite", what).on(name).hint("leave these columns out with --ignore, each by its name"),
+            );
             good = false;
         }
     }

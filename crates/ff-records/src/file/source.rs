@@ -119,7 +119,7 @@ pub(super) fn blocks(
     joints: &[JointColumn],
     options: &ReadOptions,
 ) -> Result<Box<dyn Blocks>, Problems> {
-    if !(options.rename.is_empty() || matches!(format, Format::Csv | Format::Parquet)) {
+    if !(options.rename.is_empty() || options.one_of_several || matches!(format, Format::Csv | Format::Parquet)) {
         let what = "--rename changes names of columns, and a bag has none";
         return Err(unreadable(
             "Data::Columns",
@@ -130,7 +130,7 @@ pub(super) fn blocks(
     match format {
         Format::Csv => Ok(Box::new(CsvBlocks::new(file, options)?)),
         #[cfg(feature = "parquet")]
-        Format::Parquet => Ok(Box::new(super::parquet_in::ParquetBlocks::new(file, &options.rename)?)),
+        Format::Parquet => Ok(Box::new(super::parquet_in::ParquetBlocks::new(file, options)?)),
         #[cfg(feature = "mcap")]
         Format::Mcap => {
             let bag = super::bag::mcap::Mcap::new(file)?;

@@ -14,6 +14,8 @@ use ident::Noise;
 pub(super) struct Case<'a> {
     pub(super) model: &'a Model,
     pub(super) record: &'a Record,
+    /// The samples as they were read, which `record` interpolates where groups have times of their own.
+    pub(super) read: &'a Record,
     pub(super) label: &'a str,
     /// By output error, at rest at the first sample, without biases; noise above zero.
     pub(super) settings: Settings,
@@ -58,7 +60,19 @@ impl<'a> Case<'a> {
         let label = &labelled.label;
         let fastest_hz = fastest(model, record);
         let (estimated, gains) = (&opened.estimated[..], Vec::new());
-        Ok(Self { model, record, label, settings, sensors, estimated, level, fastest_hz, gains, jumps })
+        Ok(Self {
+            model,
+            record,
+            read: &labelled.record,
+            label,
+            settings,
+            sensors,
+            estimated,
+            level,
+            fastest_hz,
+            gains,
+            jumps,
+        })
     }
     /// Standard deviations of torques and gyro, in the order of [`Record::responses`].
     pub(super) fn sigma(&self) -> Vec<f64> {

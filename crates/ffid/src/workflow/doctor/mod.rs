@@ -87,10 +87,10 @@ pub fn diagnose(
 ) -> Result<Diagnosis, IdentifyError> {
     let mut findings = Vec::new();
     for (k, whole) in records.iter().enumerate() {
-        // Nothing is predicted across a gap that the motion cannot be told across: the longest part is judged, as `identify` cuts it.
+        // Nothing is predicted across a gap that the motion cannot be told across: one part is judged.
         let cut = segments(&whole.label, &whole.record)?;
         let said: Problems = Problems([warnings.get(k).map_or(&[][..], |w| &w.0), &cut.warnings.0].concat());
-        let labelled = &LabelledRecord { record: cut.longest().unwrap_or_else(|| whole.record.clone()), ..whole.clone() };
+        let labelled = &LabelledRecord { record: cut.main().unwrap_or_else(|| whole.record.clone()), ..whole.clone() };
         let even = on_one_clock(labelled)?;
         let (even, own, gains) = torques_behind(opened, &even, settings);
         let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
