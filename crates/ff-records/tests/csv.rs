@@ -410,6 +410,93 @@ fn empty_cells_are_channels_at_a_rate_of_their_own() {
 }
 
 #[test]
+fn marks_of_missing_numbers_are_empty_cells() {
+    let (text, _) = good();
+    // Behind the time: two columns each of q, dq, ddq and tau, three of the gyro and three of the accelerometer.
+    let filled = |columns: core::ops::Range<usize>, odd: &str, even: &str| {
+        let one = |(i, l): (usize, &str)| -> String {
+            let cell = if i % 2 == 0 { even } else { odd };
+            let of = |(k, c)| if i > 0 && columns.contains(&k) && cell != "as it is" { cell } else { c };
+            l.split(',').enumerate().map(of).collect::<Vec<_>>().join(",") + "\n"
+        };
+        text.lines().enumerate().map(one).collect::<String>()
+    };
+    let options = ReadOptions::default();
+    let want = load(&filled(9..12, "as it is", ""), &options).unwrap();
+    for mark in ["NaN", "NA", "null", "None", "-"] {
+        let l = load(&filled(9..12, "as it is", mark), &options).unwrap();
+        assert!(
+            l.warnings.to_string().contains("gyro: 150 samples in 300 rows, no number in the other 150"),
+            "{}",
+            l.warnings
+        );
+        assert_eq!(l.record.gyro(), want.record.gyro());
+    }
+    // Never measured: what is required is named once, and what is not is left out.
+    let p = refused(&filled(9..12, "NaN", "NaN"));
+    assert!(p.has("Data::NoSamples") && p.0.iter().filter(|p| p.code != "Data::NotUsed").count() == 1, "{p}");
+    for unused in [3..5, 12..15] {
+        let l = load(&filled(unused, "NaN", "NaN"), &options).unwrap();
+        assert!(l.warnings.has("Data::NotUsed") && l.record.q().nrows() == N, "{}", l.warnings);
+    }
+    // A row without a time, and rates in half of the rows.
+    let p = refused(&with(&text, 20, 0, "NaN"));
+    assert_eq!((p.0[0].code, p.0[0].line, p.0.len()), ("Data::NotFinite", Some(20), 1), "{p}");
+    assert!(refused(&filled(3..5, "as it is", "NaN")).to_string().contains("150 of 300 rows"));
+}
+
+#[test]
+fn held_readings_of_a_slow_sensor_count_once() {
+    let (text, _) = good();
+    let lines: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
+    let held = |columns: core::ops::Range<usize>| {
+        let one = |i: usize| -> String {
+            let from = if i > 0 { (i - 1) / 3 * 3 + 1 } else { 0 };
+            let of = |k: usize| lines[if columns.contains(&k) { from } else { i }][k];
+            (0..lines[i].len()).map(of).collect::<Vec<_>>().join(",") + "\n"
+        };
+        (0..lines.len()).map(one).collect::<String>()
+    };
+    let l = load(&held(9..12), &ReadOptions::default()).unwrap();
+    assert!(l.warnings.has("Data::Held") && !l.warnings.has("Data::SampledApart"), "{}", l.warnings);
+    assert!(l.warnings.to_string().contains("every 3.000 rows, 33.3333 Hz"), "{}", l.warnings);
+    assert_eq!(l.record.times(ChannelGroup::Gyro).map(<[f64]>::len), Some(N / 3));
+    // A motor may hold its torque.
+    let l =
+        load(&held(7..9), &ReadOptions { allow: vec!["Data::Saturated".into()], ..ReadOptions::default() }).unwrap();
+    assert!(l.warnings.has("Data::Held") && l.record.tau().nrows() == N, "{}", l.warnings);
+}
+
+#[test]
+fn time_in_two_columns_and_lines_of_units_and_text() {
+    let (text, _) = good();
+    let whole = load(&text, &ReadOptions::default()).unwrap().record;
+    let two = |l: &str| -> String {
+        let (time, rest) = l.split_once(',').unwrap();
+        let Ok(t) = time.parse::<f64>() else { return format!("header.stamp.sec,header.stamp.nanosec,{rest}\n") };
+        let ns = (t * 1e9).round() as i64;
+        format!("{},{},{rest}\n", 1_700_000_000 + ns / 1_000_000_000, ns % 1_000_000_000)
+    };
+    let l = load(&text.lines().map(two).collect::<String>(), &ReadOptions::default()).unwrap();
+    assert!((l.record.time(N - 1) - whole.time(N - 1)).abs() < 1e-9);
+    assert_eq!(l.record.tau(), whole.tau());
+    // Units in a line of their own; a carriage return at the end of lines.
+    let mut file = csv::Reader::from_reader(text.as_bytes());
+    let (names, units): (Vec<String>, Vec<String>) = file
+        .headers()
+        .unwrap()
+        .iter()
+        .map(|h| name_and_unit(h))
+        .map(|(n, u)| (format!("\"{n}\""), u.unwrap().to_owned()))
+        .unzip();
+    let t = format!("{}\n{}\n{}", names.join(","), units.join(","), text.split_once('\n').unwrap().1);
+    assert_eq!(load(&t, &ReadOptions::default()).unwrap().record.tau(), whole.tau());
+    assert_eq!(load(&text.replace('\n', "\r"), &ReadOptions::default()).unwrap().record.tau(), whole.tau());
+    let p = refused(&format!("{text}END OF FILE\n"));
+    assert!(p.0.len() == 1 && p.0[0].message.contains("'END OF FILE'") && p.0[0].line == Some(N + 2), "{p}");
+}
+
+#[test]
 fn d34_limits_come_before_memory() {
     let (text, _) = good();
     let p = load(&text, &ReadOptions { max_rows: 100, ..ReadOptions::default() }).unwrap_err();

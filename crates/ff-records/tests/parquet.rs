@@ -41,6 +41,15 @@ fn files_of_pyarrow_are_read_whatever_their_codec_and_types() {
 }
 
 #[test]
+fn decimals_structs_stamps_of_96_bits_and_gzip_are_read() {
+    let l = read(&fixture("types.parquet"), &joints(), &ReadOptions::default()).unwrap();
+    assert!((l.record.dt() - 0.01).abs() < 1e-12 && (l.record.t0() - T0 as f64 * 1e-9).abs() < 1e-6);
+    near(&l.record, 0, 1e-6);
+    let p = read(&fixture("integers.parquet"), &joints(), &ReadOptions::default()).unwrap_err();
+    assert!(p.exit_code() == 12 && p.0[0].code == "Data::Format" && p.to_string().contains("brotli"), "{p}");
+}
+
+#[test]
 fn d03_nulls_are_missing_numbers() {
     let p = read(&fixture("holes.parquet"), &joints(), &ReadOptions::default()).unwrap_err();
     assert!(p.exit_code() == 12 && p.has("Data::NotFinite"), "{p}");

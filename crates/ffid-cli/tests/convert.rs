@@ -53,6 +53,34 @@ fn csv_to_parquet_and_back_keeps_every_bit() {
 
 /// pandas' row numbers are read by all commands alike.
 #[test]
+fn two_recorders_on_one_clock_make_one_record() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(dir.path().join(name), text).unwrap();
+    write("joints.csv", "time[s],q.a[deg],tau.a[N m]\n0,1,2\n0.01,3,4\n0.02,5,6\n");
+    write("gyro.csv", "stamp[ms],gyro.x[rad/s]\n5,0.1\n10,0.2\n15,0.3\n");
+    let with = |name: &str| ffid(dir.path(), &["convert", "joints.csv", "out.csv", "--with", name, "--force"]);
+    let (code, _, err) = with("gyro.csv");
+    assert_eq!(code, 0, "{err}");
+    let want = "time[ns],q.a[deg],tau.a[N m],gyro.x[rad/s]\n0,1,2,\n5000000,,,0.1\n10000000,3,4,0.2\n15000000,,,0.3\n20000000,5,6,\n";
+    assert_eq!(fs::read_to_string(dir.path().join("out.csv")).unwrap(), want);
+    let epoch = "time[s],gyro.x[rad/s]\n1700000000.5,0.1\n1700000001,0.2\n";
+    write("epoch.csv", epoch);
+    write("later.csv", &epoch.replace("17000000", ""));
+    write("twice.csv", "time[s],q.a[rad]\n0,1\n1,2\n");
+    write("back.csv", "time[s],gyro.x[rad/s]\n0,1\n0.01,2\n0.005,3\n");
+    let wrong = [
+        ("epoch.csv", "Data::Outside", "1970"),
+        ("later.csv", "Data::Outside", "do not overlap"),
+        ("twice.csv", "Data::Columns", "q.a"),
+        ("back.csv", "Data::NonMonotone", "row 3"),
+    ];
+    for (name, code, what) in wrong {
+        let (exit, out, err) = with(name);
+        assert!(exit == 12 && err.contains(code) && err.contains(what) && err.contains(name), "{out}\n{err}");
+    }
+}
+
+#[test]
 fn columns_without_a_name_are_left_out_with_a_warning() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("p.csv"), ",time[s],q.a[rad]\n0,0.5,-0.25\n1,0.75,0.125\n").unwrap();

@@ -337,6 +337,7 @@ fn d01_to_d12_and_d34_d37_defects_of_records() {
     c.refused(&args, 12, "Data::SameData", &["copy.csv", "bad.csv"]);
     c.refused(&["identify", "m.toml", "--record", "none.csv"], 20, "Io::Read", &["none.csv"]);
     c.refused(&["identify", "m.toml", "--record", "bad.csv", "--held-out", "1.5"], 11, "Config::OutOfRange", &["1.5"]);
+    c.refused(&["identify", "m.toml", "--record", "bad.csv", "--held-out", "30%"], 11, "Config::BadChoice", &["30%"]);
     c.clean();
 }
 

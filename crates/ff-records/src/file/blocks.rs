@@ -227,9 +227,8 @@ impl Growing<'_> {
         }
         let wrong = self.row.iter().position(|x| !x.is_finite());
         // Nulls of groups that were not sampled in this row.
-        let apart = || self.row.iter().all(|x| !x.is_infinite()) && self.samples.unsampled(&self.row);
-        if time.is_finite() && (wrong.is_none() || apart()) {
-            self.samples.push(number, time, &self.row, bad);
+        if time.is_finite() && (wrong.is_none() || self.samples.unsampled(&self.row)) {
+            self.samples.push(number, time, &self.row);
         } else if self.options.drop_gaps {
             self.samples.drop_row(number);
         } else {

@@ -119,6 +119,10 @@ impl Target {
             Self::Time(_) | Self::Ignored => None,
         }
     }
+    /// Whether it is a position of a joint.
+    pub(super) fn is_position(&self) -> bool {
+        matches!(self, Self::Channel(Group::Q, ..) | Self::Follower(..))
+    }
     /// Prefix of the column's name.
     pub(super) fn group(&self) -> &'static str {
         match self {

@@ -17,8 +17,8 @@ pub(super) struct CsvBlocks {
     names: Vec<String>,
     time: usize,
     wanted: Vec<bool>,
-    /// Whether stamps are dates, and whether these name their zone.
-    dates: Option<bool>,
+    /// How stamps are written, if not as numbers.
+    dates: Option<dates::Style>,
     /// Whether stamps are whole, once the first is read.
     whole: Option<bool>,
 }
@@ -74,7 +74,7 @@ impl CsvBlocks {
             } else if self.wanted.get(k) == Some(&true) {
                 match value.or_else(|| number::parse(cell)) {
                     Some(x) => out.columns[k].push(x),
-                    None if cell.trim_ascii().is_empty() => out.columns[k].push(f64::NAN),
+                    None if number::absent(cell) => out.columns[k].push(f64::NAN),
                     None => {
                         let what = format!("'{}' is not a number", clip(&String::from_utf8_lossy(cell)));
                         return bad("Data::BadNumber", what);

@@ -1,14 +1,55 @@
-//! Date-times as time stamps: ISO 8601 and RFC 3339, year first.
+//! Date-times as time stamps: ISO 8601 and RFC 3339, year first; and times of day.
 
 use std::ops::RangeInclusive;
 
 /// Days from 1 March of the year 0 to 1 January 1970, in the proleptic Gregorian calendar.
 const EPOCH: i64 = 719_468;
 
+/// How stamps are written that are no numbers; all of a file alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Style {
+    /// Dates with a zone.
+    Zoned,
+    /// Dates without one.
+    Local,
+    /// Times of day, `10:20:30.5`.
+    OfDay,
+}
+
+/// Nanoseconds from midnight of a time of day, such as `10:20:30.123`, or else those of [`date_time`].
+pub(super) fn nanoseconds(cell: &[u8]) -> Option<(i64, Style)> {
+    if let Some((ns, zone)) = date_time(cell) {
+        return Some((ns, if zone { Style::Zoned } else { Style::Local }));
+    }
+    let mut rest = cell.trim_ascii();
+    let ns = time_of_day(&mut rest)?;
+    rest.is_empty().then_some((ns, Style::OfDay))
+}
+
+/// Nanoseconds from midnight, of the time that `rest` begins with.
+fn time_of_day(rest: &mut &[u8]) -> Option<i64> {
+    let hour = number(rest, 2, 0..=23)?;
+    skip(rest, b':')?;
+    let minute = number(rest, 2, 0..=59)?;
+    skip(rest, b':')?;
+    // A leap second is the first one of the next minute.
+    let second = number(rest, 2, 0..=60)?;
+    let mut fraction = 0;
+    if skip(rest, b'.').or_else(|| skip(rest, b',')).is_some() {
+        let digits = rest.iter().take_while(|b| b.is_ascii_digit()).count();
+        if digits == 0 {
+            return None;
+        }
+        fraction = (0..9).fold(0, |f, k| 10 * f + if k < digits { i64::from(rest[k] - b'0') } else { 0 });
+        *rest = &rest[digits..];
+    }
+    Some(((hour * 60 + minute) * 60 + second) * 1_000_000_000 + fraction)
+}
+
 /// Nanoseconds from 1970-01-01 00:00 of a date-time such as `2024-03-05T10:20:30.123456Z` or `2024-03-05 10:20:30,5+01:00`, and whether it names its
 /// zone; a time without one counts as if it were UTC, which moves all stamps alike. Digits beyond nanoseconds are cut off. `None` for what
 /// is no such date-time, or before 1678 or after 2261.
-pub(super) fn nanoseconds(cell: &[u8]) -> Option<(i64, bool)> {
+fn date_time(cell: &[u8]) -> Option<(i64, bool)> {
     let mut rest = cell.trim_ascii();
     let year = number(&mut rest, 4, 0..=9999)?;
     let separator = *rest.first().filter(|b| matches!(b, b'-' | b'/'))?;
@@ -17,24 +58,10 @@ pub(super) fn nanoseconds(cell: &[u8]) -> Option<(i64, bool)> {
     skip(&mut rest, separator)?;
     let day = number(&mut rest, 2, 1..=days_of(year, month))?;
     skip(&mut rest, b'T').or_else(|| skip(&mut rest, b' '))?;
-    let hour = number(&mut rest, 2, 0..=23)?;
-    skip(&mut rest, b':')?;
-    let minute = number(&mut rest, 2, 0..=59)?;
-    skip(&mut rest, b':')?;
-    // A leap second is the first one of the next minute.
-    let second = number(&mut rest, 2, 0..=60)?;
-    let mut fraction = 0;
-    if skip(&mut rest, b'.').or_else(|| skip(&mut rest, b',')).is_some() {
-        let digits = rest.iter().take_while(|b| b.is_ascii_digit()).count();
-        if digits == 0 {
-            return None;
-        }
-        fraction = (0..9).fold(0, |f, k| 10 * f + if k < digits { i64::from(rest[k] - b'0') } else { 0 });
-        rest = &rest[digits..];
-    }
+    let of_day = time_of_day(&mut rest)?;
     let (offset, zone) = zone(rest)?;
-    let seconds = ((days(year, month, day) * 24 + hour) * 60 + minute - offset) * 60 + second;
-    Some((seconds.checked_mul(1_000_000_000)?.checked_add(fraction)?, zone))
+    let minutes = days(year, month, day) * 24 * 60 - offset;
+    Some(((minutes * 60).checked_mul(1_000_000_000)?.checked_add(of_day)?, zone))
 }
 
 /// Minutes that a zone is ahead of UTC (`Z`, `+01:00`, `-0530`, `+01`), and whether there is one.
@@ -88,7 +115,9 @@ mod tests {
 
     #[test]
     fn date_times_are_nanoseconds_of_the_epoch() {
-        let of = |s: &str| nanoseconds(s.as_bytes());
+        let of = |s: &str| date_time(s.as_bytes());
+        assert_eq!(nanoseconds(b" 10:20:30.5"), Some((37_230_500_000_000, Style::OfDay)));
+        assert_eq!((nanoseconds(b"10:20:30:500"), nanoseconds(b"24:00:00")), (None, None));
         // By `date -u -d ... +%s`.
         assert_eq!(of("1970-01-01T00:00:00Z"), Some((0, true)));
         assert_eq!(of("2024-02-29 23:59:59.25"), Some((1_709_251_199_250_000_000, false)));

@@ -1,8 +1,9 @@
 //! Names of columns as others write them: changed as the user says, and the column of the time told by its name, its unit, or its dates.
 
+use super::dates::Style;
 use super::naming::{is_nameless, is_time, names_time, split, suffixed};
-use super::units::{Dimension, find};
-use super::{data, dates};
+use super::units::{Dimension, any, find};
+use super::{data, dates, number};
 use ff_model::Problems;
 use ff_model::diagnostics::{clip, list};
 
@@ -14,8 +15,28 @@ pub(super) struct Heading {
     pub(super) names: Vec<String>,
     /// Its number.
     pub(super) line: usize,
-    /// Whether stamps are dates, and whether these name their zone.
-    pub(super) dates: Option<bool>,
+    /// How stamps are written, if not as numbers.
+    pub(super) dates: Option<Style>,
+}
+
+/// Takes the units of names that have none from a line of units behind that of the names. False, with nothing changed, where that is no
+/// such line: no cell is a number, and most are known units.
+pub(super) fn take_units(names: &mut [String], line: &[Vec<u8>]) -> bool {
+    let bare = |cell: &[u8]| -> String {
+        let cell = String::from_utf8_lossy(cell).trim().to_owned();
+        let inner = cell.strip_prefix(['[', '(']).and_then(|c| c.strip_suffix([']', ')']));
+        inner.map_or(cell.clone(), str::to_owned)
+    };
+    let units: Vec<String> = line.iter().map(|c| bare(c)).collect();
+    let number = |u: &&String| u.as_str() != "1" && number::parse(u.as_bytes()).is_some();
+    let known = units.iter().filter(|u| u.as_str() != "1" && any(u).is_some()).count();
+    let others = units.iter().filter(|u| !u.is_empty() && any(u).is_none()).count();
+    if units.len() != names.len() || units.iter().any(|u| number(&u)) || known <= others {
+        return false;
+    }
+    let lacking = |(name, unit): &(&mut String, &String)| split(name).1.is_none() && !unit.is_empty();
+    names.iter_mut().zip(&units).filter(lacking).for_each(|(n, u)| *n = format!("{n}[{u}]"));
+    true
 }
 
 /// Changes the names that a rule `(old, new)` fits: a whole cell, or the part before the unit, which is kept unless the new name has one. `*` stands
@@ -50,7 +71,7 @@ pub(super) fn rename(names: &mut [String], rules: &[(String, String)], bad: &mut
 }
 
 /// What `*` stands for; empty where there is none and both are the same.
-fn starred<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
+pub(super) fn starred<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
     match pattern.split_once('*') {
         Some((before, after)) => text.strip_prefix(before)?.strip_suffix(after),
         None => (pattern == text).then_some(""),
@@ -58,9 +79,9 @@ fn starred<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
 }
 
 /// Gives the column of the time its name, where that is certain: the only one with a name of the time, or the first one without a name, if it has
-/// dates; in a unit that the name says, or with dates. `first` are the cells of the first row, if it is at hand. Whether stamps are dates,
-/// and whether these name their zone.
-pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> Option<bool> {
+/// dates; in a unit that the name says, or with dates. `first` are the cells of the first row, if it is at hand. How stamps are written, if
+/// not as numbers.
+pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> Option<Style> {
     let date = |i: usize| first.and_then(|f| f.get(i)).and_then(|c| dates::nanoseconds(c)).map(|d| d.1);
     let at = match names.iter().position(|n| split(n).0 == "time") {
         Some(at) => at,
@@ -73,13 +94,13 @@ pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> Opti
             }
         }
     };
-    let zone = date(at);
-    if zone.is_some() {
+    let style = date(at);
+    if style.is_some() {
         names[at] = "time[ns]".to_owned();
     } else if let Some(unit) = unit(&names[at]) {
         names[at] = format!("time[{unit}]");
     }
-    zone
+    style
 }
 
 /// The unit of a time that its name says.
@@ -108,11 +129,30 @@ mod tests {
         let date = "2024-03-05 10:20:30.5";
         assert_eq!(told(&["q.a", "t [s]"], &["1", "2"]), ("q.a;time[s]".into(), None));
         assert_eq!(told(&["timestamp_ns", "x"], &["1", "2"]).0, "time[ns];x");
-        assert_eq!(told(&["Datetime", "x"], &[date, "2"]), ("time[ns];x".into(), Some(false)));
-        assert_eq!(told(&["", "x"], &[&format!("{date}Z"), "2"]), ("time[ns];x".into(), Some(true)));
+        assert_eq!(told(&["Datetime", "x"], &[date, "2"]), ("time[ns];x".into(), Some(Style::Local)));
+        assert_eq!(told(&["", "x"], &[&format!("{date}Z"), "2"]), ("time[ns];x".into(), Some(Style::Zoned)));
         // Numbers without a unit, two that may be it, numbers of rows.
         for same in [&["timestamp", "x"][..], &["stamp_ns", "t_s"], &["", "x"], &["tau_s", "x"]] {
             assert_eq!(told(same, &["1", "2"]).0, same.join(";"));
+        }
+    }
+
+    #[test]
+    fn a_line_of_units_is_no_sample() {
+        let with = |names: &[&str], line: &[&str]| {
+            let mut names: Vec<String> = names.iter().map(|n| (*n).to_owned()).collect();
+            let line: Vec<Vec<u8>> = line.iter().map(|c| c.as_bytes().to_vec()).collect();
+            take_units(&mut names, &line).then(|| names.join(";"))
+        };
+        let names = ["time", "q.a", "att.w", "note", "tau.a[N m]"];
+        let units = "time[s];q.a[deg];att.w[1];note;tau.a[N m]";
+        assert_eq!(with(&names, &["s", "[deg]", "1", "", "Nm"]).as_deref(), Some(units));
+        assert_eq!(
+            with(&["t", "q.a", "temperature"], &["s", "rad", "degC"]).unwrap(),
+            "t[s];q.a[rad];temperature[degC]"
+        );
+        for samples in [["0", "1", "1"], ["1", "1", "1"], ["", "", ""], ["s", "2", "deg"], ["s", "one", "two"]] {
+            assert_eq!(with(&["time", "q.a", "q.b"], &samples), None, "{samples:?}");
         }
     }
 

@@ -1,6 +1,7 @@
 //! Lines of a file, their cells, and the line of names.
 
-use super::heading::{Heading, rename, tell_time};
+use super::heading::{Heading, rename, take_units, tell_time};
+use super::joined::Joined;
 use super::{ReadOptions, data, over};
 use ff_model::{Area, Problem, Problems};
 use std::io::{BufRead, Read};
@@ -9,6 +10,9 @@ use std::io::{BufRead, Read};
 pub(super) const BUFFER: usize = 1 << 20;
 /// Longest line (bytes): no record has thousands of channels.
 const MAX_LINE: u64 = 1 << 20;
+
+/// What remarks of other programs begin with, before the names; `%time` is a name.
+const REMARKS: [&[u8]; 3] = [b"//", b"% ", b"%%"];
 
 pub(super) fn too_long(bytes: u64, limit: u64) -> Problem {
     over(bytes as f64, limit as f64, "bytes").hint("cut the record, or raise --max-bytes")
@@ -21,6 +25,10 @@ pub(super) struct Lines<R> {
     limit: u64,
     /// What separates cells in the file; in `line` commas do.
     separator: u8,
+    /// What ends a line: a carriage return where the file has no newline.
+    end: u8,
+    /// Two columns that are the time, and are one in `line`.
+    joined: Option<Joined>,
     /// The line in `line` has not been taken yet.
     held: bool,
     pub(super) line: Vec<u8>,
@@ -33,14 +41,18 @@ pub(super) struct Lines<R> {
 
 impl<R: BufRead> Lines<R> {
     /// Lines of a file, of no more bytes than the options allow.
-    pub(super) fn new(input: R, options: &ReadOptions) -> Self {
+    pub(super) fn new(mut input: R, options: &ReadOptions) -> Self {
         let (limit, separator) = (options.max_bytes, options.separator);
-        Self { input, limit, separator, held: false, line: Vec::new(), number: 0, bytes: 0, ended: true }
+        // What cannot be read is said with the first line.
+        let first = input.fill_buf().unwrap_or_default();
+        let end = if first.contains(&b'\r') && !first.contains(&b'\n') { b'\r' } else { b'\n' };
+        let (line, number, bytes) = (Vec::new(), 0, 0);
+        Self { input, limit, separator, end, joined: None, held: false, line, number, bytes, ended: true }
     }
     /// Reads the next line, its end removed; false at the end of the file.
     fn next(&mut self) -> Result<bool, Box<Problem>> {
         self.line.clear();
-        let n = (&mut self.input).take(MAX_LINE).read_until(b'\n', &mut self.line).map_err(|e| {
+        let n = (&mut self.input).take(MAX_LINE).read_until(self.end, &mut self.line).map_err(|e| {
             Problem::error(Area::Io, "Io::Read", format!("cannot be read: {e}"))
                 .at_line(self.number + 1)
                 .hint("check the disk")
@@ -51,7 +63,7 @@ impl<R: BufRead> Lines<R> {
         }
         self.number += 1;
         self.bytes += n as u64;
-        self.ended = self.line.last() == Some(&b'\n');
+        self.ended = self.line.last() == Some(&self.end);
         if self.ended {
             self.line.pop();
         } else if n as u64 == MAX_LINE {
@@ -81,6 +93,9 @@ impl<R: BufRead> Lines<R> {
                 continue;
             }
             if !self.line.trim_ascii().is_empty() {
+                if let Some(joined) = self.joined {
+                    joined.join(&mut self.line);
+                }
                 let between = |line| data("Data::RowLength", "a blank line between samples").at_line(line);
                 return blank.map_or(Ok(true), |line| Err(Box::new(between(line).hint("remove it"))));
             }
@@ -93,6 +108,13 @@ impl<R: BufRead> Lines<R> {
         self.held = self.sample().ok()?;
         let all = cells(&self.line).filter(|_| self.held)?;
         Some(all.iter().map(<[u8]>::to_vec).collect())
+    }
+    /// Takes two columns as the time, in the line that is held too.
+    fn join(&mut self, joined: Joined) {
+        self.joined = Some(joined);
+        if self.held {
+            joined.join(&mut self.line);
+        }
     }
     /// Row D05, at the end of the file: a last line without its end.
     pub(super) fn cut_short(&self) -> Option<Problem> {
@@ -155,13 +177,17 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
                 if lines.line.starts_with(&[0xef, 0xbb, 0xbf]) {
                     lines.line.drain(..3);
                 }
-                if !more || lines.line.trim_ascii().is_empty() {
-                    let what = if more { "there is no line of column names" } else { "the file is empty" };
-                    let p = data("Data::NoSamples", what).at_line(lines.number.max(1));
+                if !more {
+                    let p =
+                        data("Data::NoSamples", "the file has no line of column names").at_line(lines.number.max(1));
                     bad.push(p.hint("begin with time[s],q.<joint>[rad],..."));
                     return None;
                 }
             }
+        }
+        let line = lines.line.trim_ascii();
+        if line.is_empty() || REMARKS.iter().any(|r| line.starts_with(r)) {
+            continue;
         }
         let Some(remark) = lines.line.strip_prefix(b"#") else { break };
         // NumPy writes the names themselves behind a '#'.
@@ -188,7 +214,10 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
             Some((_, name)) => format!("columns seem to be separated by {name}, must be commas"),
             None => "there is only one column".to_owned(),
         };
+        // A title, or a remark of another program.
+        let words = names[0].contains(' ') && !names[0].contains([';', '\t', '|']);
         let flag = match guess.into_iter().find(|(c, _)| names[0].contains(*c)) {
+            _ if words => "give --separator blanks, or begin lines before the names with #".to_owned(),
             Some((_, name)) => format!("give --separator {name} (decimal commas are read then)"),
             None => "separate columns by commas".to_owned(),
         };
@@ -196,9 +225,16 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
         return None;
     }
     let mut names = names;
-    if !rename(&mut names, &options.rename, bad) {
+    if !rename(&mut names, &options.rename, bad) && !options.one_of_several {
         bad.0.iter_mut().for_each(|p| p.line = p.line.or(Some(at)));
         return None;
+    }
+    if lines.first().is_some_and(|units| take_units(&mut names, &units)) {
+        lines.held = false;
+    }
+    if let Some(joined) = Joined::of(&names, lines.first().as_deref(), &options.ignore) {
+        joined.rename(&mut names);
+        lines.join(joined);
     }
     let dates = tell_time(&mut names, lines.first().as_deref());
     Some(Heading { names, line: at, dates })

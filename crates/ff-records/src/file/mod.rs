@@ -29,14 +29,20 @@ pub(crate) mod columns;
 pub(crate) mod csv_blocks;
 pub(crate) mod dates;
 pub(crate) mod heading;
+pub(crate) mod held;
+pub(crate) mod joined;
 pub(crate) mod lines;
+pub(crate) mod merged;
 pub(crate) mod naming;
 pub(crate) mod number;
 pub(crate) mod options;
+pub(crate) mod order;
 #[cfg(feature = "parquet")]
 pub(crate) mod parquet_in;
 #[cfg(feature = "parquet")]
 pub(crate) mod parquet_out;
+#[cfg(feature = "parquet")]
+pub(crate) mod parquet_values;
 pub(crate) mod read;
 pub(crate) mod samples;
 pub(crate) mod source;
@@ -46,6 +52,7 @@ pub(crate) mod write;
 
 pub use blocks::{BLOCK, Block, Blocks, Stamps};
 pub use columns::without_name;
+pub use merged::open_together;
 pub use naming::is_nameless;
 pub use options::{Loaded, ReadOptions, StampSource};
 #[cfg(feature = "parquet")]

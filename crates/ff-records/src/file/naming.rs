@@ -37,6 +37,12 @@ pub(super) fn split(cell: &str) -> (&str, Option<&str>) {
     let cell = cell.trim();
     let brackets = cell.strip_suffix(']').and_then(|c| c.rsplit_once('['));
     // `q.elbow (rad)`, as spreadsheets and plotting programs write it.
+    // The place in an array, `position[3]`, is no unit; pure numbers have the unit 1, which arrays of joint states have not.
+    let array = |name: &str| ["position", "velocity", "effort"].iter().any(|a| name.ends_with(a));
+    let index = |(name, unit): &(&str, &str)| {
+        !unit.is_empty() && unit.bytes().all(|b| b.is_ascii_digit()) && (*unit != "1" || array(name))
+    };
+    let brackets = brackets.filter(|b| !index(b));
     match brackets.or_else(|| cell.strip_suffix(')').and_then(|c| c.rsplit_once(" ("))) {
         Some((name, unit)) => (name.trim(), Some(unit)),
         None => (cell, None),

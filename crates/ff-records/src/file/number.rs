@@ -26,9 +26,40 @@ pub(super) fn cell(line: &[u8]) -> (Option<f64>, usize) {
     }
 }
 
+/// Whether a cell says that there is no number: empty, or one of the marks of pandas, R, spreadsheets, databases and C. Infinity is none of them.
+pub(super) fn absent(cell: &[u8]) -> bool {
+    const MARKS: [&str; 16] = [
+        "nan",
+        "-nan",
+        "+nan",
+        "nan(ind)",
+        "-nan(ind)",
+        "1.#qnan",
+        "-1.#ind",
+        "na",
+        "n/a",
+        "#n/a",
+        "<na>",
+        "nat",
+        "null",
+        "none",
+        "-",
+        "--",
+    ];
+    let cell = cell.trim_ascii();
+    cell.is_empty() || MARKS.iter().any(|m| cell.eq_ignore_ascii_case(m.as_bytes()))
+}
+
 /// What the standard library takes for a number.
 fn any(cell: &[u8]) -> Option<f64> {
-    core::str::from_utf8(cell).ok()?.trim().parse().ok()
+    let text = core::str::from_utf8(cell).ok()?.trim();
+    text.parse().ok().or_else(|| fortran(text)?.parse().ok())
+}
+
+/// A number of Fortran, `1.5D+02`, as others write it.
+fn fortran(text: &str) -> Option<String> {
+    let (mantissa, exponent) = text.split_once(['d', 'D'])?;
+    mantissa.ends_with(|c: char| c.is_ascii_digit() || c == '.').then(|| format!("{mantissa}e{exponent}"))
 }
 
 /// Reads the plain decimal number that a line begins with, up to a comma or the end: its value and its length. `None` when the cell
@@ -154,6 +185,20 @@ mod tests {
             assert_eq!(parse(s.as_bytes()), None, "{s}");
         }
         assert_eq!(parse(&[b'1', 0xff]), None);
+        assert_eq!(
+            (parse(b"-1.5D+02"), parse(b"2.d0"), parse(b"d1"), parse(b"1d")),
+            (Some(-150.0), Some(2.0), None, None)
+        );
+    }
+
+    #[test]
+    fn marks_of_a_missing_number_are_no_other_text() {
+        for s in ["", "  ", "NaN", "nan", " NA ", "#N/A", "null", "None", "-", "-nan(ind)"] {
+            assert!(absent(s.as_bytes()), "{s}");
+        }
+        for s in ["0", "inf", "-inf", "nano", "--1", "error", "1.#inf"] {
+            assert!(!absent(s.as_bytes()), "{s}");
+        }
     }
 
     #[test]

@@ -26,6 +26,8 @@ pub struct ReadOptions {
     pub separator: u8,
     /// Names of columns to change, `(old, new)`; one `*` in both stands for any text. The unit stays unless the new name has one.
     pub rename: Vec<(String, String)>,
+    /// Let rules of `rename` through that fit no column, where the file is one of several.
+    pub one_of_several: bool,
     /// Columns to leave out, by name (without unit) or as the header has them.
     pub ignore: Vec<String>,
     /// Joints that follow others ([`followers_of`](super::followers_of)): their columns are left out, their positions compared.
@@ -62,6 +64,7 @@ impl Default for ReadOptions {
             max_bytes: 16 << 30,
             separator: b',',
             rename: Vec::new(),
+            one_of_several: false,
             ignore: Vec::new(),
             followers: Vec::new(),
             drop_gaps: false,

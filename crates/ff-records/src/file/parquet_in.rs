@@ -1,15 +1,16 @@
 //! Parquet files, one row group after the other, through the column readers of the `parquet` crate (its `arrow` part would
-//! double the build). Columns are flat and numeric; what the crate cannot cope with is an error here, never a panic.
+//! double the build). Columns hold one number a row; what the crate cannot cope with is an error here, never a panic.
 
-use super::blocks::{BLOCK, Block, Blocks, Stamps, unreadable};
+use super::blocks::{BLOCK, Block, Blocks, unreadable};
 use super::columns::time_column;
 use super::heading::{rename, tell_time};
 use super::naming::split;
-use super::over;
+use super::parquet_values::{Buffers, Kind, numbers, stamps};
+use super::{ReadOptions, over};
 use bytes::Bytes;
 use ff_model::diagnostics::clip;
 use ff_model::{Area, Problem, Problems};
-use parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type};
+use parquet::basic::{Compression, ConvertedType, LogicalType, Repetition, TimeUnit, Type};
 use parquet::column::reader::ColumnReader;
 use parquet::errors::{ParquetError, Result as ParquetResult};
 use parquet::file::reader::{ChunkReader, FileReader, Length, SerializedFileReader};
@@ -80,21 +81,12 @@ pub(super) struct ParquetBlocks {
     len: u64,
 }
 
-/// Buffers of the physical types.
-#[derive(Default)]
-struct Buffers {
-    int32: Vec<i32>,
-    int64: Vec<i64>,
-    float: Vec<f32>,
-    levels: Vec<i16>,
-}
-
 impl ParquetBlocks {
-    /// With names changed by these rules ([`rename`]).
-    pub(super) fn new(file: File, rules: &[(String, String)]) -> Result<Self, Problems> {
+    /// With names changed by the rules of the options ([`rename`]).
+    pub(super) fn new(file: File, options: &ReadOptions) -> Result<Self, Problems> {
         let mut table = Self::table(file)?;
         let mut bad = Problems::default();
-        if !rename(&mut table.names, rules, &mut bad) {
+        if !rename(&mut table.names, &options.rename, &mut bad) && !options.one_of_several {
             return Err(bad);
         }
         tell_time(&mut table.names, None);
@@ -179,92 +171,20 @@ pub fn read_table(path: &Path) -> Result<Vec<(String, Vec<f64>)>, Problems> {
 
 /// The unit that the type of a column says, for time stamps of other programs.
 fn stamp_unit(c: &ColumnDescriptor) -> Option<&'static str> {
+    let of = |unit: &TimeUnit| match unit {
+        TimeUnit::MILLIS => "ms",
+        TimeUnit::MICROS => "us",
+        TimeUnit::NANOS => "ns",
+    };
     match (c.logical_type_ref(), c.converted_type()) {
-        (Some(LogicalType::Timestamp(t)), _) => Some(match t.unit {
-            TimeUnit::MILLIS => "ms",
-            TimeUnit::MICROS => "us",
-            TimeUnit::NANOS => "ns",
-        }),
-        (_, ConvertedType::TIMESTAMP_MILLIS) => Some("ms"),
-        (_, ConvertedType::TIMESTAMP_MICROS) => Some("us"),
+        (Some(LogicalType::Timestamp(t)), _) => Some(of(&t.unit)),
+        (Some(LogicalType::Time(t)), _) => Some(of(&t.unit)),
+        (_, ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIME_MILLIS) => Some("ms"),
+        (_, ConvertedType::TIMESTAMP_MICROS | ConvertedType::TIME_MICROS) => Some("us"),
+        // Spark and older writers of pandas; nothing but time is of this type.
+        _ if c.physical_type() == Type::INT96 => Some("ns"),
         _ => None,
     }
-}
-
-/// Puts numbers where the levels say there are some, NaN elsewhere.
-fn spread<T: Copy>(values: &[T], levels: &[i16], full: i16, rows: usize, to: impl Fn(T) -> f64, out: &mut Vec<f64>) {
-    if values.len() == rows {
-        out.extend(values.iter().map(|&x| to(x)));
-        return;
-    }
-    let mut next = values.iter();
-    for level in levels.iter().take(rows) {
-        out.push(if *level == full { next.next().map_or(f64::NAN, |&x| to(x)) } else { f64::NAN });
-    }
-}
-
-/// Reads `rows` values of a column as numbers.
-fn numbers(
-    reader: &mut ColumnReader,
-    full: i16,
-    rows: usize,
-    b: &mut Buffers,
-    out: &mut Vec<f64>,
-) -> ParquetResult<usize> {
-    b.levels.clear();
-    macro_rules! cast {
-        ($r:expr, $buffer:expr, $to:expr) => {{
-            $buffer.clear();
-            let (n, _, _) = $r.read_records(rows, Some(&mut b.levels), None, &mut $buffer)?;
-            spread(&$buffer, &b.levels, full, n, $to, out);
-            Ok(n)
-        }};
-    }
-    match reader {
-        ColumnReader::DoubleColumnReader(r) => {
-            let (n, values, _) = r.read_records(rows, Some(&mut b.levels), None, out)?;
-            if values < n {
-                let dense = std::mem::take(out);
-                spread(&dense, &b.levels, full, n, |x| x, out);
-            }
-            Ok(n)
-        }
-        ColumnReader::FloatColumnReader(r) => cast!(r, b.float, f64::from),
-        ColumnReader::Int32ColumnReader(r) => cast!(r, b.int32, f64::from),
-        ColumnReader::Int64ColumnReader(r) => cast!(r, b.int64, |x| x as f64),
-        _ => Err(ParquetError::General("a column that holds no numbers".to_owned())),
-    }
-}
-
-/// Reads `rows` time stamps.
-fn stamps(reader: &mut ColumnReader, rows: usize, b: &mut Buffers, out: &mut Stamps) -> ParquetResult<usize> {
-    b.levels.clear();
-    let empty = || ParquetError::General("a row without a time".to_owned());
-    let (n, values) = match reader {
-        ColumnReader::Int64ColumnReader(r) => {
-            let mut whole = out.take_whole();
-            let (n, values, _) = r.read_records(rows, Some(&mut b.levels), None, &mut whole)?;
-            *out = Stamps::Whole(whole);
-            (n, values)
-        }
-        ColumnReader::Int32ColumnReader(r) => {
-            b.int32.clear();
-            let (n, values, _) = r.read_records(rows, Some(&mut b.levels), None, &mut b.int32)?;
-            *out = Stamps::Whole(b.int32.iter().map(|&x| i64::from(x)).collect());
-            (n, values)
-        }
-        other => {
-            let mut real = match std::mem::replace(out, Stamps::Real(Vec::new())) {
-                Stamps::Real(v) => v,
-                Stamps::Whole(_) => Vec::new(),
-            };
-            let n = numbers(other, 1, rows, b, &mut real)?;
-            let values = real.iter().filter(|x| !x.is_nan()).count();
-            *out = Stamps::Real(real);
-            (n, values)
-        }
-    };
-    if values < n { Err(empty()) } else { Ok(n) }
 }
 
 impl Blocks for ParquetBlocks {
@@ -287,12 +207,13 @@ impl Blocks for ParquetBlocks {
         let (open, buffers, names, time) = (&mut self.open, &mut self.buffers, &self.names, self.time);
         for (k, reader) in open.iter_mut().enumerate() {
             let Some(reader) = reader else { continue };
-            let full = schema.column(k).max_def_level();
+            let column = schema.column(k);
+            let (full, kind) = (column.max_def_level(), Kind::of(&column).unwrap_or_default());
             let n = guard(|| {
                 if k == time {
-                    stamps(reader, rows, buffers, &mut out.stamps)
+                    stamps(reader, (full, kind), rows, buffers, &mut out.stamps)
                 } else {
-                    numbers(reader, full, rows, buffers, &mut out.columns[k])
+                    numbers(reader, (full, kind), rows, buffers, &mut out.columns[k])
                 }
             })
             .map_err(|mut p| {
@@ -316,20 +237,44 @@ impl Blocks for ParquetBlocks {
 }
 
 impl ParquetBlocks {
-    /// Columns that are wanted must be flat and numeric.
+    /// Columns that are wanted must hold one number a row, in a compression that is read.
     fn judge(&self) -> Result<(), Problems> {
         let mut bad = Problems::default();
-        let schema = self.reader.metadata().file_metadata().schema_descr();
+        let meta = self.reader.metadata();
+        let schema = meta.file_metadata().schema_descr();
         for (k, c) in schema.columns().iter().enumerate().filter(|(k, _)| self.wanted[*k]) {
-            let numeric = matches!(c.physical_type(), Type::INT32 | Type::INT64 | Type::FLOAT | Type::DOUBLE);
-            let flat = c.max_rep_level() == 0 && c.path().parts().len() == 1;
-            let nested = c.self_type().get_basic_info().has_repetition()
-                && c.self_type().get_basic_info().repetition() == Repetition::REPEATED;
-            if !(numeric && flat) || nested {
-                let what = format!("column '{}' holds {:?}", clip(&self.names[k]), c.physical_type());
-                bad.extend(unreadable("Data::BadNumber", what, "write it as a flat column of doubles, or --ignore it"));
+            let info = c.self_type().get_basic_info();
+            let several = c.max_rep_level() > 0 || info.has_repetition() && info.repetition() == Repetition::REPEATED;
+            if several {
+                let what = format!("column '{}' holds a list in every row", clip(&self.names[k]));
+                bad.extend(unreadable(
+                    "Data::BadNumber",
+                    what,
+                    "write every element as a column of its own, or --ignore it",
+                ));
+            } else if Kind::of(c).is_none() {
+                let what = format!("column '{}' holds {}", clip(&self.names[k]), holds(c));
+                bad.extend(unreadable("Data::BadNumber", what, "write it as a column of doubles, or --ignore it"));
             }
         }
+        let codecs = meta.row_groups().first().map_or(&[][..], |g| g.columns()).iter().map(|c| c.compression());
+        let unread = |c: &Compression| matches!(c, Compression::BROTLI(_) | Compression::LZO);
+        if let Some(codec) = codecs.zip(&self.wanted).filter(|(_, w)| **w).map(|(c, _)| c).find(unread) {
+            let name = if codec == Compression::LZO { "lzo" } else { "brotli" };
+            let what = format!("columns are compressed by {name}, which is not read here");
+            let hint = "write the file with compression zstd, snappy, gzip, lz4 or none, as pyarrow.parquet.write_table(..., compression='zstd')";
+            bad.extend(unreadable("Data::Format", what, hint));
+        }
         if bad.has_errors() { Err(bad) } else { Ok(()) }
+    }
+}
+
+/// What a column without numbers holds, in words.
+fn holds(c: &ColumnDescriptor) -> String {
+    match (c.logical_type_ref(), c.physical_type()) {
+        (Some(LogicalType::Float16), _) => "16-bit floats".to_owned(),
+        (_, Type::BOOLEAN) => "true or false".to_owned(),
+        (_, Type::BYTE_ARRAY) => "text or bytes".to_owned(),
+        (_, t) => format!("{t:?}"),
     }
 }

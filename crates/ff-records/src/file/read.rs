@@ -7,7 +7,7 @@ use super::lines::{BUFFER, Lines, cells, header};
 use super::options::{Loaded, ReadOptions, finish};
 use super::samples::{Clock, NOT_FINITE, Samples};
 use super::source::{Format, blocks, opened};
-use super::{JointColumn, data, number};
+use super::{JointColumn, data, dates, number};
 use crate::builder::RecordBuilder;
 use ff_model::diagnostics::clip;
 use ff_model::{Problem, Problems};
@@ -44,9 +44,6 @@ pub fn read_from(input: impl BufRead, joints: &[JointColumn], options: &ReadOpti
         .and_then(|(heading, targets)| body(&mut lines, (&heading, &targets), joints, options, &mut bad));
     finish(parsed, bad, options, lines.bytes)
 }
-
-/// What is said of an empty cell.
-const EMPTY: &str = "an empty cell";
 
 fn head(
     lines: &mut Lines<impl BufRead>,
@@ -86,15 +83,16 @@ fn body(
             return None;
         }
         match fill(&lines.line, lines.number, targets, &mut row, &mut all.clock) {
-            Ok(time) => all.push(lines.number, time, &row, bad),
-            Err((time, problems)) if problems.0.iter().all(|p| p.message == EMPTY) && all.unsampled(&row) => {
-                all.push(lines.number, time, &row, bad);
+            Ok(time) => all.push(lines.number, time, &row),
+            Err((time, problems)) if time.is_finite() && no_numbers(&problems) && all.unsampled(&row) => {
+                all.push(lines.number, time, &row);
             }
-            Err((_, problems)) if options.drop_gaps && problems.0.iter().all(|p| p.code == "Data::NotFinite") => {
+            Err((_, problems)) if options.drop_gaps && no_numbers(&problems) => {
                 all.drop_row(lines.number);
             }
             Err((_, problems)) => {
                 let stop = problems.has("Data::RowLength");
+                let problems = text_line(&lines.line, lines.number, targets, problems);
                 problems.0.into_iter().for_each(|p| all.bad_cell(p, bad));
                 if stop {
                     break;
@@ -106,10 +104,36 @@ fn body(
     all.finish(joints, Some(lines.number), bad)
 }
 
+/// One problem in place of those of all its cells where a line has no number at all: names again, units, or a total.
+fn text_line(line: &[u8], number: usize, targets: &[Target], problems: Problems) -> Problems {
+    let read = targets.iter().filter(|t| !matches!(t, Target::Ignored)).count();
+    let Some(all) = cells(line) else { return problems };
+    let no_time = all.get(0).is_some_and(is_text);
+    // Numbers that are written in another way begin as numbers do.
+    let words =
+        || !all.iter().any(|c| c.trim_ascii_start().first().is_some_and(|b| b.is_ascii_digit() || b"+-.".contains(b)));
+    if !(problems.has("Data::RowLength") && no_time || problems.0.len() == read && words()) {
+        return problems;
+    }
+    let what = format!("a line of text among the samples: '{}'", clip(&String::from_utf8_lossy(line)));
+    let hint = "remove it, or begin it with #; where names stand again another record begins: cut the file there, and give both";
+    Problems(vec![data("Data::RowLength", what).at_line(number).hint(hint)])
+}
+
+/// Whether a cell is neither a number nor a date nor the mark of a missing number.
+fn is_text(cell: &[u8]) -> bool {
+    !number::absent(cell) && number::parse(cell).is_none() && dates::nanoseconds(cell).is_none()
+}
+
+/// Whether all that is wrong with a row are cells without a number, or with an infinite one.
+fn no_numbers(problems: &Problems) -> bool {
+    problems.0.iter().all(|p| p.code == "Data::NotFinite")
+}
+
 /// The time of a row whose cells are all numbers, or that of another and what is wrong with its cells.
 type Row = Result<f64, (f64, Problems)>;
 
-/// Reads the cells of a line into `row`, NaN where a cell is empty; the time comes back by itself.
+/// Reads the cells of a line into `row`, not finite where a cell has no finite number; the time comes back by itself.
 fn fill(line: &[u8], number: usize, targets: &[Target], row: &mut [f64], clock: &mut Clock) -> Row {
     let mut problems = Problems::default();
     let mut time = 0.0;
@@ -171,7 +195,7 @@ fn one(
     cell: &[u8],
     target: &Target,
     place: (usize, usize),
-    to: Option<&mut f64>,
+    mut to: Option<&mut f64>,
     clock: &mut Clock,
     time: &mut f64,
     problems: &mut Problems,
@@ -184,26 +208,37 @@ fn one(
         }
     };
     let shown = || clip(&String::from_utf8_lossy(cell));
+    let mut put = |x: f64| match (target, to.take()) {
+        (Target::Time(_), _) => *time = x,
+        (_, Some(to)) => *to = x,
+        _ => {}
+    };
     let p = match x {
         Some(x) if x.is_finite() => {
-            match target {
-                Target::Time(_) => *time = x,
-                _ => _ = to.map(|t| *t = x),
-            }
+            put(x);
             return;
         }
-        None if cell.trim_ascii().is_empty() => {
-            // Of a channel that was not sampled then, if the rest of the row bears it out.
-            _ = to.filter(|_| target.unit().is_some()).map(|t| *t = f64::NAN);
-            data("Data::NotFinite", EMPTY.to_owned())
+        // Of a channel that was not sampled then, if the rest of the row bears it out.
+        _ if number::absent(cell) => {
+            put(f64::NAN);
+            match cell.trim_ascii() {
+                [] => data("Data::NotFinite", "an empty cell"),
+                _ => data("Data::NotFinite", format!("'{}' is no number", shown())),
+            }
         }
-        Some(_) => data("Data::NotFinite", format!("'{}' is not finite", shown())),
+        Some(x) => {
+            put(x);
+            data("Data::NotFinite", format!("'{}' is not finite", shown()))
+        }
         None => data("Data::BadNumber", format!("'{}' is not a number", shown())),
     };
     let hint = match p.code {
         "Data::NotFinite" => NOT_FINITE,
         _ if matches!(target, Target::Time(_)) && cell.contains(&b':') => {
             "dates are read as 2024-03-05T10:20:30.123, all with a zone (Z, +01:00) or all without; else give seconds as time[s]"
+        }
+        _ if cell.contains(&b',') => {
+            "write numbers with a decimal point; decimal commas are read with --separator semicolons (tabs, ...) between columns"
         }
         _ => "write numbers with a decimal point and nothing else",
     };

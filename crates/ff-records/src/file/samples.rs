@@ -1,6 +1,8 @@
 //! The samples of a file as they grow, with the checks of every row: the same for text and for blocks.
 
 use super::columns::{GROUPS, Group, Target, carried_channels};
+use super::held;
+use super::order;
 use super::{FollowerColumn, JointColumn, ReadOptions, data, dates, number, over};
 use crate::builder::RecordBuilder;
 use crate::carried::Carried;
@@ -23,8 +25,8 @@ pub(super) struct Clock {
     scale: (f64, f64),
     origin: f64,
     stamps: Vec<f64>,
-    /// Whether stamps are dates, and whether these name their zone.
-    pub(super) dates: Option<bool>,
+    /// How stamps are written, if not as numbers.
+    pub(super) dates: Option<dates::Style>,
 }
 
 impl Clock {
@@ -91,7 +93,11 @@ impl Clock {
 #[derive(Default)]
 struct Count {
     bad_cells: usize,
+    /// Rows whose time is not behind that of the row before: how many, and how many of them repeat that row.
     backward: usize,
+    identical: usize,
+    /// The first of them: its place, and its number among the samples.
+    listed: Vec<(usize, usize)>,
     repeated: usize,
     dropped: usize,
     first_dropped: Option<usize>,
@@ -130,15 +136,24 @@ impl<'a> Samples<'a> {
         self.count.dropped += 1;
         self.count.first_dropped.get_or_insert(number);
     }
-    /// Whether the cells without a number in a row are all those of groups that were not sampled then: another group was.
+    /// Whether the cells without a number in a row are all those of groups that were not sampled then: another group was. Rates and
+    /// accelerations may be without numbers beside positions; whether they are in every row is known at the end.
     pub(super) fn unsampled(&self, row: &[f64]) -> bool {
         let cells = || row.iter().zip(self.targets).filter(|(_, t)| t.unit().is_some());
-        let whole = |group| {
-            let of = || cells().filter(|(_, t)| t.sampled_with() == Some(group));
-            let empty = of().filter(|(x, _)| x.is_nan()).count();
-            empty == 0 || empty == of().count()
+        // How many cells of a group are without a number, and how many there are.
+        let count = |is: &dyn Fn(&Target) -> bool| {
+            let of = || cells().filter(|(_, t)| is(t));
+            (of().filter(|(x, _)| x.is_nan()).count(), of().count())
         };
-        ChannelGroup::ALL.into_iter().all(whole) && cells().any(|(x, _)| x.is_finite())
+        let whole = |(empty, all): (usize, usize)| empty == 0 || empty == all;
+        let others = ChannelGroup::ALL.into_iter().filter(|g| *g != ChannelGroup::Motion);
+        let positions = count(&|t| t.is_position());
+        let rates = [Group::Dq, Group::Ddq].map(|g| count(&|t| matches!(t, Target::Channel(h, ..) if *h == g)));
+        others.into_iter().all(|g| whole(count(&|t| t.sampled_with() == Some(g))))
+            && whole(positions)
+            && rates.into_iter().all(|n| whole(n) && (positions.0 == 0 || n.0 == n.1))
+            && cells().all(|(x, _)| !x.is_infinite())
+            && cells().any(|(x, _)| x.is_finite())
     }
     /// A cell that cannot be used.
     pub(super) fn bad_cell(&mut self, p: Problem, bad: &mut Problems) {
@@ -166,23 +181,22 @@ impl<'a> Samples<'a> {
         self.clock.stamps.extend_from_slice(times);
     }
     /// Takes a row of finite numbers in SI, unless it repeats the one before and may be left out. `number` is its place.
-    pub(super) fn push(&mut self, number: usize, time: f64, row: &[f64], bad: &mut Problems) {
+    pub(super) fn push(&mut self, number: usize, time: f64, row: &[f64]) {
         if let Some(&last) = self.clock.stamps.last() {
             let same = || {
                 let mut all = self.columns.iter().zip(row).zip(self.targets);
                 all.all(|((c, x), t)| t.unit().is_none() || c.last() == Some(x))
             };
-            if self.options.drop_repeated && time == last && same() {
-                self.count.repeated += 1;
-                return;
-            }
             if time <= last {
+                let identical = time == last && same();
+                if identical && self.options.drop_repeated {
+                    self.count.repeated += 1;
+                    return;
+                }
                 self.count.backward += 1;
-                if self.count.backward <= LISTED {
-                    let o = self.clock.origin;
-                    let p = data("Data::NonMonotone", format!("time goes from {} to {} s", last + o, time + o));
-                    let hint = "sort the rows; --drop-repeated leaves out rows that repeat the one before";
-                    bad.push((self.place)(p, number).on("time").hint(hint));
+                self.count.identical += usize::from(identical);
+                if self.count.listed.len() < LISTED {
+                    self.count.listed.push((number, self.clock.stamps.len()));
                 }
             }
         }
@@ -212,7 +226,12 @@ impl<'a> Samples<'a> {
         self.clock.resolution(bad);
         let Clock { stamps, origin, .. } = self.clock;
         let mut columns = self.columns;
-        let (stamps, times) = sampled(&mut columns, self.targets, stamps, bad)?;
+        let held = if self.count.listed.is_empty() {
+            held::take_out(&mut columns, self.targets, &stamps, bad)
+        } else {
+            Vec::new()
+        };
+        let (stamps, times) = sampled(&mut columns, self.targets, stamps, (self.options.fixed_base, &held), bad)?;
         unwrap_turns(&mut columns, self.targets, joints, bad);
         compare_followers(&columns, self.targets, (joints, &self.options.followers), bad);
         let builder = builder(columns, (self.head, self.targets), joints, stamps);
@@ -221,10 +240,13 @@ impl<'a> Samples<'a> {
     }
     fn report(&self, bad: &mut Problems) {
         let c = &self.count;
+        for (row, p) in order::explain(&self.clock.stamps, self.clock.origin, &c.listed, c.identical) {
+            bad.push((self.place)(p, row));
+        }
         let all = [(c.bad_cells, "Data::NotFinite", "cells"), (c.backward, "Data::NonMonotone", "rows")];
         for (n, code, what) in all.into_iter().filter(|(n, ..)| *n > LISTED) {
             let what = format!("{} {what} more like these", n - LISTED);
-            bad.push(data(code, what).hint("mend the program that wrote them"));
+            bad.push(data(code, what).hint("the first ones say what to do"));
         }
         let warn = |what: String| Problem::warning(Area::Data, "Data::Dropped", what);
         if let Some(row) = c.first_dropped {
@@ -250,6 +272,7 @@ fn sampled(
     columns: &mut [Vec<f64>],
     targets: &[Target],
     stamps: Vec<f64>,
+    (fixed_base, held): (bool, &[ChannelGroup]),
     bad: &mut Problems,
 ) -> Option<(Vec<f64>, Vec<(ChannelGroup, Vec<f64>)>)> {
     let of = |group: ChannelGroup| {
@@ -262,7 +285,8 @@ fn sampled(
     }
     let mut rows: Vec<(ChannelGroup, Vec<usize>)> = Vec::new();
     for group in ChannelGroup::ALL {
-        let Some(first) = of(group).next() else { continue };
+        let Some(any) = of(group).next() else { continue };
+        let first = of(group).find(|&c| targets[c].is_position()).unwrap_or(any);
         rows.push((group, (0..stamps.len()).filter(|&i| !columns[first][i].is_nan()).collect()));
     }
     let motion = rows.iter().find(|r| r.0 == ChannelGroup::Motion).map(|r| r.1.clone()).unwrap_or_default();
@@ -270,26 +294,81 @@ fn sampled(
         bad.push(data("Data::NoSamples", "no row has joint positions").hint("check that recording had started"));
         return None;
     };
+    leave_out_absent_rates(columns, targets, &motion, bad)?;
     let mut out = Vec::new();
     for (group, mut of_group) in rows {
         let all = of_group.len();
         of_group.retain(|i| (from..=to).contains(i));
-        let what = format!(
-            "{all} samples in {} rows: it counts at its own times; {} of them before or behind the joint motion were left out",
-            stamps.len(),
-            all - of_group.len()
-        );
-        if all < stamps.len() {
-            bad.push(Problem::warning(Area::Data, "Data::SampledApart", what).on(group.name()).hint("nothing to do"));
+        if all < stamps.len() && !held.contains(&group) {
+            bad.push(apart(group, (all, stamps.len()), all - of_group.len(), fixed_base));
         }
-        for c in of(group) {
+        for c in of(group).filter(|&c| !columns[c].is_empty()).collect::<Vec<_>>() {
             columns[c] = of_group.iter().map(|&i| columns[c][i]).collect();
         }
-        if group != ChannelGroup::Motion && of_group != motion {
+        if group != ChannelGroup::Motion && of_group != motion && all > 0 {
             out.push((group, of_group.iter().map(|&i| stamps[i]).collect()));
         }
     }
     Some((motion.iter().map(|&i| stamps[i]).collect(), out))
+}
+
+/// What is said of a group that has numbers in `of.0` of `of.1` rows, some of them `outside` the joint motion.
+fn apart(group: ChannelGroup, of: (usize, usize), outside: usize, fixed_base: bool) -> Problem {
+    let (all, rows) = of;
+    let needed = group == ChannelGroup::Torque || group == ChannelGroup::Gyro && !fixed_base;
+    let p = match (all, needed) {
+        (0, true) => {
+            data("Data::NoSamples", format!("no number in any of {rows} rows")).hint("check that it was recorded")
+        }
+        (0, false) => {
+            Problem::warning(Area::Data, "Data::NotUsed", format!("no number in any of {rows} rows: left out"))
+                .hint("nothing to do, unless it was measured")
+        }
+        _ => {
+            let what = format!(
+                "{all} samples in {rows} rows, no number in the other {}: it counts at its own times; {outside} of them before or behind the \
+                 joint motion were left out",
+                rows - all
+            );
+            Problem::warning(Area::Data, "Data::SampledApart", what).hint("nothing to do")
+        }
+    };
+    p.on(group.name())
+}
+
+/// Takes out rates and accelerations that have no number in any row of the joint motion, and refuses those that have some; `None` then.
+fn leave_out_absent_rates(
+    columns: &mut [Vec<f64>],
+    targets: &[Target],
+    motion: &[usize],
+    bad: &mut Problems,
+) -> Option<()> {
+    let mut good = true;
+    for group in [Group::Dq, Group::Ddq] {
+        let of = |t: &Target| matches!(t, Target::Channel(g, ..) if *g == group);
+        let Some(first) = targets.iter().position(of) else { continue };
+        let empty = motion.iter().filter(|&&i| columns[first][i].is_nan()).count();
+        if empty == 0 {
+            continue;
+        }
+        let name = format!("{}.*", group.prefix());
+        if empty == motion.len() {
+            let what = format!("no number in any of {empty} rows: left out");
+            bad.push(
+                Problem::warning(Area::Data, "Data::NotUsed", what)
+                    .on(name)
+                    .hint("nothing to do, unless it was measured"),
+            );
+            targets.iter().zip(columns.iter_mut()).filter(|(t, _)| of(t)).for_each(|(_, c)| c.clear());
+        } else {
+            let what = format!("no number in {empty} of {} rows with positions", motion.len());
+            bad.push(
+                data("Data::NotFinite", what).on(name).hint("leave these columns out with --ignore, each by its name"),
+            );
+            good = false;
+        }
+    }
+    good.then_some(())
 }
 
 /// Positions of joints that turn, whose encoders begin anew after a turn: jumps of a whole turn between neighbouring samples are taken out, since
@@ -376,11 +455,12 @@ fn builder(
         }
     }
     if !beside.is_empty() {
+        // Without rows where none of them was measured.
         let rows = columns[beside[0]].len();
         // Currents beside torques are sampled with these, wrenches and wheels perhaps not.
         beside.retain(|&c| columns[c].len() == rows);
         let all: Vec<f64> = beside.iter().flat_map(|&c| std::mem::take(&mut columns[c])).collect();
-        if beside.len() == names.len() {
+        if beside.len() == names.len() && rows > 0 {
             b = b.carried(Carried { values: DMatrix::from_vec(rows, names.len(), all), names, units });
         }
     }

@@ -47,6 +47,8 @@ impl Format {
     }
 }
 
+const UTF_16: &str = "save it as UTF-8, or iconv -f UTF-16 -t UTF-8";
+
 /// Files that are no records, by their first bytes: what they are, and what to do.
 fn foreign(first: &[u8]) -> Option<(&'static str, &'static str)> {
     const KNOWN: [(&[u8], &str, &str); 10] = [
@@ -58,10 +60,13 @@ fn foreign(first: &[u8]) -> Option<(&'static str, &'static str)> {
         (b"SQLite format 3", "a ROS 2 bag in SQLite", "convert it to MCAP with ros2 bag convert"),
         (b"\x89HDF", "HDF5", "write its arrays as CSV or Parquet"),
         (b"MATLAB 5.0", "a MAT file", "write its arrays as CSV with writetable"),
-        (b"\xff\xfe", "text in UTF-16", "save it as UTF-8"),
-        (b"\xfe\xff", "text in UTF-16", "save it as UTF-8"),
+        (b"\xff\xfe", "text in UTF-16", UTF_16),
+        (b"\xfe\xff", "text in UTF-16", UTF_16),
     ];
-    KNOWN.into_iter().find(|k| first.starts_with(k.0)).map(|k| (k.1, k.2))
+    // Letters of two bytes without a mark in front.
+    let wide = first.chunks_exact(2).take(4).all(|c| (c[0] == 0) != (c[1] == 0));
+    let known = KNOWN.into_iter().find(|k| first.starts_with(k.0)).map(|k| (k.1, k.2));
+    known.or((wide && first.len() >= 8).then_some(("text in UTF-16", UTF_16)))
 }
 
 /// A file that may be read, at its start, with its format.
@@ -114,7 +119,7 @@ pub(super) fn blocks(
     joints: &[JointColumn],
     options: &ReadOptions,
 ) -> Result<Box<dyn Blocks>, Problems> {
-    if !(options.rename.is_empty() || matches!(format, Format::Csv | Format::Parquet)) {
+    if !(options.rename.is_empty() || options.one_of_several || matches!(format, Format::Csv | Format::Parquet)) {
         let what = "--rename changes names of columns, and a bag has none";
         return Err(unreadable(
             "Data::Columns",
@@ -125,7 +130,7 @@ pub(super) fn blocks(
     match format {
         Format::Csv => Ok(Box::new(CsvBlocks::new(file, options)?)),
         #[cfg(feature = "parquet")]
-        Format::Parquet => Ok(Box::new(super::parquet_in::ParquetBlocks::new(file, &options.rename)?)),
+        Format::Parquet => Ok(Box::new(super::parquet_in::ParquetBlocks::new(file, options)?)),
         #[cfg(feature = "mcap")]
         Format::Mcap => {
             let bag = super::bag::mcap::Mcap::new(file)?;

@@ -10,7 +10,7 @@ use ff_records::file::units;
 use ff_records::file::units::Unit;
 use ff_records::file::{
     Block, CsvRows, Format, JointColumn, ParquetWriter, ReadOptions, Stamps, is_nameless, name_and_unit, open,
-    without_name,
+    open_together, without_name,
 };
 use ffid::exit::Failure;
 use ffid::files::atomic;
@@ -21,13 +21,14 @@ use std::fmt::Display;
 use std::fs::File;
 use std::io;
 use std::io::{BufWriter, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Examples for `--help`.
 pub(crate) const EXAMPLES: &str = "Examples:
   ffid convert rec.csv rec.parquet              names, units and every bit of the numbers stay
   ffid convert rec.parquet rec.csv --si         degrees, milliseconds and the like become SI
   ffid convert log.csv rec.csv --separator semicolons --rename 'stamp=time[ms]' --rename 'pos_*=q.*[deg]'
+  ffid convert joints.csv rec.csv --with gyro.csv    one record of two recorders that share a clock
   ffid convert flight.mcap rec.parquet --topic /arm/joint_states --topic /bus/imu
 
 The format of IN is that of its first bytes, the one of OUT that of its name (.csv or .parquet). A bag is read on the clock of its
@@ -40,6 +41,10 @@ pub(crate) struct Args {
     input: Input,
     /// The record to write: .csv or .parquet.
     out: PathBuf,
+    /// Another file of the same motion, with stamps of the same clock: rows of both in the order of their time, empty cells where one has no
+    /// sample; may be given several times.
+    #[arg(long, value_name = "FILE")]
+    with: Vec<PathBuf>,
     /// Convert every column to its SI unit; whole numbers of time stay as they are.
     #[arg(long)]
     si: bool,
@@ -132,7 +137,13 @@ fn work(args: &Args) -> Result<(Converted, Problems), Refusal> {
     };
     args.text.fill(&mut options);
     let file = &args.input.file;
-    let (from, mut source) = open(file, &joints, &options).map_err(refused)?;
+    let (from, mut source) = if args.with.is_empty() {
+        let (format, source) = open(file, &joints, &options).map_err(refused)?;
+        (format.name(), source)
+    } else {
+        let all: Vec<&Path> = [file].into_iter().chain(&args.with).map(PathBuf::as_path).collect();
+        ("several files", open_together(&all, &joints, &options).map_err(refused)?)
+    };
     let named = |p: Problems| p.in_file(file);
     let columns = columns(source.names(), args).map_err(|p| refused(named(p)))?;
     let nameless = without_name(source.names()).map(|p| Problems(vec![p.at_line(1)]));
@@ -176,7 +187,7 @@ fn work(args: &Args) -> Result<(Converted, Problems), Refusal> {
     leniency.settle(&mut problems);
     let entry = Entry::of(&args.out, "").map_err(io)?;
     let done = Converted {
-        from: from.name(),
+        from,
         to: to.name(),
         out: args.out.clone(),
         rows,

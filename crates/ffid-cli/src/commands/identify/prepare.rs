@@ -6,6 +6,7 @@ use crate::flags::record::{begins_later, filtered};
 use crate::results;
 use crate::results::{Refusal, io, refused};
 use ff_mission::Mission;
+use ff_model::diagnostics::clip;
 use ff_model::{Area, BaseKind, Params, Problem, Problems};
 use ff_records::Record;
 use ffid::files::folder::{Entry, Folder};
@@ -93,7 +94,12 @@ impl HoldOut {
                 let p = Problem::error(Area::Config, "Config::OutOfRange", format!("value {f}, limit 0 < value < 1"));
                 Err(Problems(vec![p.on("--held-out").hint("give 0.3 for the last 30 %, or a file")]))
             }
-            Err(_) => Ok(Self::File(PathBuf::from(word))),
+            Err(_) if Path::new(&word).exists() => Ok(Self::File(PathBuf::from(word))),
+            Err(_) => {
+                let what = format!("'{}' is neither a fraction nor a file that is there", clip(&word));
+                let p = Problem::error(Area::Config, "Config::BadChoice", what);
+                Err(Problems(vec![p.on("--held-out").hint("give 0.3 for the last 30 %, or the path of a record")]))
+            }
         }
     }
 }

@@ -9,7 +9,8 @@ use ff_model::{Problem, Problems};
 use nalgebra::DVectorView;
 
 /// Codes of what reading says about sample times.
-const CODES: [&str; 5] = ["Data::Dropped", "Data::Gap", "Data::Jitter", "Data::Merged", "Data::Resampled"];
+const CODES: [&str; 6] =
+    ["Data::Dropped", "Data::Gap", "Data::Jitter", "Data::Merged", "Data::Resampled", "Data::Segments"];
 /// Steps of an encoder below which the motion of a joint is that of its last digits.
 const DIGITS: f64 = 64.0;
 /// What is right as it is: columns that are not used, groups with times of their own.

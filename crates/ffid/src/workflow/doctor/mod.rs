@@ -43,7 +43,7 @@ mod words;
 
 pub use diagnosis::{Diagnosis, Finding, Judgement, Topic};
 
-use super::identify::{IdentifyError, LabelledRecord, Method, Settings, behind_gears, method};
+use super::identify::{IdentifyError, LabelledRecord, Method, Settings, behind_gears, method, segments};
 use crate::open::Opened;
 use case::{Case, Scales};
 use ff_model::{Area, Model, Params, Problem, Problems};
@@ -94,11 +94,15 @@ pub fn diagnose(
     settings: &Settings,
 ) -> Result<Diagnosis, IdentifyError> {
     let mut findings = Vec::new();
-    for (k, labelled) in records.iter().enumerate() {
-        let own = judged(opened, labelled, warnings.get(k), settings)?;
+    for (k, whole) in records.iter().enumerate() {
+        // Nothing is predicted across a gap that the motion cannot be told across: one part is judged.
+        let cut = segments(&whole.label, &whole.record)?;
+        let said = Problems([warnings.get(k).map_or(&[][..], |w| &w.0), &cut.warnings.0].concat());
+        let labelled = &LabelledRecord { record: cut.main().unwrap_or_else(|| whole.record.clone()), ..whole.clone() };
+        let own = judged(opened, labelled, Some(&said), settings)?;
         // What reading warned of may follow from what is wrong.
         if own.iter().all(|f| f.judgement != Judgement::Wrong) {
-            findings.extend(gaps::others(labelled, warnings.get(k), &own));
+            findings.extend(gaps::others(labelled, Some(&said), &own));
         }
         findings.extend(own);
     }

@@ -89,6 +89,12 @@ impl Segments {
     pub fn longest(self) -> Option<Record> {
         self.parts.into_iter().max_by(|a, b| a.seconds().total_cmp(&b.seconds()))
     }
+    /// The first part, which may begin at rest, unless the longest is twice as long; none where there is none.
+    #[must_use]
+    pub fn main(self) -> Option<Record> {
+        let first = self.parts.first()?.clone();
+        self.longest().map(|longest| if longest.seconds() > 2.0 * first.seconds() { longest } else { first })
+    }
     /// As records of one fit: the first begins as the whole did, the others in the middle of a motion.
     #[must_use]
     pub fn labelled(self, label: &str) -> Vec<LabelledRecord> {
