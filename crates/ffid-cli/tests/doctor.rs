@@ -178,7 +178,9 @@ fn torques_before_gears_and_in_pounds_are_no_degrees() {
 fn units_are_named_by_a_mission_of_guesses() {
     let dir = tempfile::tempdir().unwrap();
     let here = fixture("../docs/examples/three-segment");
-    ["robot.urdf", "record.csv"].map(|f| fs::copy(here.join(f), dir.path().join(f)).unwrap());
+    for file in ["robot.urdf", "record.csv"] {
+        fs::copy(here.join(file), dir.path().join(file)).unwrap();
+    }
     let guesses = "init robot.urdf -o m.toml --stiffness 220 --damping 1.5 --tank 58,0.55,12,2 --tank-at -0.25,0.18,0.35 --rate-hz 50 \
                    --torque-noise 0.05 --gyro-noise 1e-4";
     for args in [guesses, "convert record.csv si.csv --si"] {
