@@ -173,6 +173,29 @@ fn torques_before_gears_and_in_pounds_are_no_degrees() {
     assert!((told.figure("units", "tau", "expected") - 8.85).abs() < 0.01);
 }
 
+/// Small motions are as well explained by smaller ones and another unit of the gyro, below all noise; values that are far off hide the shape.
+#[test]
+fn units_are_named_by_a_mission_of_guesses() {
+    let dir = tempfile::tempdir().unwrap();
+    let here = fixture("../docs/examples/three-segment");
+    for file in ["robot.urdf", "record.csv"] {
+        fs::copy(here.join(file), dir.path().join(file)).unwrap();
+    }
+    let guesses = "init robot.urdf -o m.toml --stiffness 220 --damping 1.5 --tank 58,0.55,12,2 --tank-at -0.25,0.18,0.35 --rate-hz 50 \
+                   --torque-noise 0.05 --gyro-noise 1e-4";
+    for args in [guesses, "convert record.csv si.csv --si"] {
+        let (code, _, err) = ffid(dir.path(), &args.split_whitespace().collect::<Vec<_>>());
+        assert_eq!(code, 0, "{err}");
+    }
+    let text = fs::read_to_string(dir.path().join("si.csv")).unwrap();
+    let (torque, gyro) = (("tau", "Data::UnitMismatch"), ("gyro", "Data::LooksLikeDegrees"));
+    for ((channel, code), factor) in [(torque, 1e-3), (gyro, DEGREES)] {
+        let bad = edit(&text, |_, name, x| if name.starts_with(channel) { factor * x } else { x });
+        fs::write(dir.path().join("bad.csv"), bad).unwrap();
+        Told::of(dir.path(), "m.toml", "bad.csv").wrong(&[("units", channel)], code);
+    }
+}
+
 #[test]
 fn a_wrong_unit_of_time_is_no_unit_of_positions() {
     let c = recorded();

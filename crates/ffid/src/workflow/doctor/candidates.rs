@@ -1,7 +1,7 @@
 //! Everything that may be wrong with units, axes and signs of a record, each put right and compared with the values of the mission.
 
 use super::case::Case;
-use super::mismatch::{Explained, Output, distance_with, explain, gyro_unit};
+use super::mismatch::{Explained, Output, distance_with, explain, gyro_unit, torque_unit};
 use super::motion_error::MotionError;
 use super::prediction::Prediction;
 use ff_model::JointKind;
@@ -31,10 +31,29 @@ impl Hypothesis {
     pub(super) fn is_unit(&self) -> bool {
         (self.motion == MotionError::None || self.motion.is_unit()) && self.outputs.iter().all(Output::is_unit)
     }
+    /// Whether it is the unit of one joint.
+    pub(super) fn is_of_one_joint(&self) -> bool {
+        let one = |o: &Output| matches!(o, Output::OneTorqueUnit { .. });
+        matches!(self.motion, MotionError::OneFactor(..)) || self.outputs.iter().any(one)
+    }
+    /// Whether it is the unit of all torques, or of the gyro, and nothing else.
+    pub(super) fn is_of_device(&self) -> bool {
+        let torques = matches!(self.outputs[..], [Output::TorqueUnit { .. } | Output::MotorSide { .. }]);
+        self.motion == MotionError::None && (torques || self.is_gyro_unit())
+    }
     /// Whether it is the unit of the gyro, and nothing else.
     pub(super) fn is_gyro_unit(&self) -> bool {
         self.motion == MotionError::None && matches!(self.outputs[..], [Output::GyroUnit { .. }])
     }
+}
+
+/// Whether units may be wrong together: those of all angles are, in the same way; for small motions others make up for one another.
+pub(super) fn is_plausible(motion: MotionError, outputs: &[Output]) -> bool {
+    let same = |o: &Output| match (motion, o) {
+        (MotionError::Factor(f), Output::GyroUnit { factor, .. }) => (f / factor).ln().abs() < 1e-9,
+        _ => !motion.is_unit(),
+    };
+    outputs.iter().filter(|o| o.is_unit()).all(same)
 }
 
 /// Mistakes that a hypothesis consists of: the columns of a joint, or all torques, that are wrong in the same way are one.
@@ -88,7 +107,7 @@ pub(super) fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
                 variants.extend((0..n).map(|j| vec![reversed(j)]));
                 variants.push((0..n).map(reversed).collect());
                 variants.extend((0..n).flat_map(|i| (i + 1..n).map(move |j| vec![swapped(i, j)])));
-                variants.extend(gyro_unit(&record, &p).map(|o| vec![o]));
+                variants.extend(gyro_unit(&record, &p).into_iter().chain(torque_unit(&record, &p)).map(|o| vec![o]));
                 variants.extend(turned_gyros().map(|a| vec![Output::Axis(a)]));
             }
             // The names of a joint, or the sense of its axis, are wrong in all its columns.
@@ -98,7 +117,7 @@ pub(super) fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
         }
         for outputs in variants {
             let errors = mistakes(motion, &outputs, n);
-            if errors > 0 {
+            if errors > 0 && is_plausible(motion, &outputs) {
                 let distance = distance_with(&record, &p, &outputs);
                 out.push(Hypothesis { motion, outputs, distance, price: SIMPLER.powi(errors) });
             }

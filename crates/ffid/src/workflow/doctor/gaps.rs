@@ -11,8 +11,6 @@ use nalgebra::DVectorView;
 /// Codes of what reading says about sample times.
 const CODES: [&str; 6] =
     ["Data::Dropped", "Data::Gap", "Data::Jitter", "Data::Merged", "Data::Resampled", "Data::Segments"];
-/// Steps of an encoder below which the motion of a joint is that of its last digits.
-const DIGITS: f64 = 64.0;
 /// What is right as it is: columns that are not used, groups with times of their own.
 const CARRIED: [&str; 2] = ["Data::NotUsed", "Data::SampledApart"];
 
@@ -39,11 +37,11 @@ pub(super) fn others(labelled: &LabelledRecord, warnings: Option<&Problems>, own
     let held = |p: &Problem| own.iter().filter(|f| is_held(f)).any(|f| f.channel.as_deref().is_some_and(|c| of(p, c)));
     // A joint stands still where it likes, at the end of its travel as well.
     let rests = |p: &Problem| of(p, "q.") && ["Data::Stuck", "Data::Saturated"].contains(&p.code);
-    // Nor is it a spike that the last digit of an encoder flickers.
+    // Nor is it a spike that the last digit of an encoder flickers while the joint rests.
     let flickers = |p: &Problem| {
         let of_joint = |(name, _): &(&String, DVectorView<'_, f64>)| p.object.as_deref() == Some(&format!("q.{name}"));
         let joints = labelled.record.joint_names().iter().zip(labelled.record.q().column_iter());
-        p.code == "Data::Spikes" && joints.filter(of_joint).any(|(_, q)| q.max() - q.min() < DIGITS * step(q))
+        p.code == "Data::Spikes" && joints.filter(of_joint).any(|(_, q)| step(q) > 0.0)
     };
     let known = |p: &Problem| rests(p) || flickers(p) || p.code == "Data::Saturated" && held(p);
     let one = |p: &Problem| Finding {

@@ -5,7 +5,7 @@
 //! quarter of the misfit that the record leaves as it is. A base whose inertia is free follows a gyro in any unit: where the values of the
 //! mission see the factor of a unit, hypotheses are asked as well.
 
-use super::candidates::{Hypothesis, SIMPLER, mistakes, ranked, turns};
+use super::candidates::{Hypothesis, SIMPLER, is_plausible, mistakes, ranked, turns};
 use super::case::{Case, Scales};
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::mismatch::{Output, distance_with, explain, is_gyro_reversed, put_right};
@@ -31,6 +31,8 @@ const FITTED: usize = 4;
 const RIVAL: f64 = 1.5;
 const FOLLOWED: f64 = 1.0;
 const NEARLY: f64 = 0.02;
+/// Mean square of the signals over what a quick fit is to follow them to, below which it explains nothing.
+const HEARD: f64 = 5.0;
 /// Masses and moments of inertia of a quick fit beyond this ratio to those of the mission are no fit, if a unit brings them half the way back.
 const STRAYS: f64 = 4.0;
 
@@ -66,6 +68,9 @@ pub(super) fn before_fit(case: &Case<'_>, predicted: Option<&Prediction>) -> Vec
             let record = h.put_right(&thin, &turns);
             let Some(p) = Prediction::coarse(case, &record) else { continue };
             let e = explain(&record, &p);
+            if !is_plausible(h, &e.outputs) {
+                continue;
+            }
             // What is predicted so small that it is lost in the noise is not explained: torques are not to be left larger.
             if let (Some(before), Some(after)) = (as_recorded, e.torques_left)
                 && after > before
@@ -140,8 +145,12 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
         let (after, single) = (fit.misfit, h.price <= SIMPLER);
         let alone = single && h.distance < LEFT && h.distance < BETTER * as_it_is;
         let back = strays > STRAYS.ln() && after < limit && fit.strays() < 0.5 * strays;
-        // The factor of a unit is seen from afar; a joint that it stops may take what is wrong with the mission along.
-        let nearer = h.distance < if h.is_unit() { 0.5 * as_it_is } else { as_it_is };
+        // A joint that a unit stops may take what is wrong with the mission along.
+        let nearer = h.distance < if h.is_of_one_joint() { 0.5 * as_it_is } else { as_it_is };
+        // Signals that are made so small that noise hides them are followed by anything.
+        if fit.loudness < HEARD {
+            return false;
+        }
         (explains(after) && nearer && after < moving)
             || (alone
                 && (after < before.min(moving) || (seen && after < if h.is_unit() { limit } else { 0.7 * before })))
@@ -192,7 +201,7 @@ fn fitted(case: &Case<'_>, thin: &Record) -> Vec<(QuickFit, Hypothesis)> {
     };
     let mut all = ranked(case, thin);
     let rest = all.split_off(FITTED.min(all.len()));
-    all.extend(rest.into_iter().filter(Hypothesis::is_gyro_unit));
+    all.extend(rest.into_iter().filter(Hypothesis::is_of_device));
     all.into_iter().filter_map(one).collect()
 }
 

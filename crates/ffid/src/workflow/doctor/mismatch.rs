@@ -139,24 +139,37 @@ pub(super) fn gyro_unit(record: &Record, of: &Prediction) -> Option<Output> {
     nearest(measured, &RATE).map(|u| Output::GyroUnit { factor: u.factor, measured })
 }
 
+/// The unit of all torques by their amplitudes, of joints that are `judged`.
+fn common_unit(m: &DMatrix<f64>, p: &DMatrix<f64>, judged: &[usize], nj: usize) -> Option<Output> {
+    let ratio = |k: usize| m.column(k).norm() / p.column(k).norm();
+    let measured = median(judged.iter().map(|&k| ratio(k)).collect())?;
+    // Every joint has a gear of its own; those that are too quiet to tell have that of the others.
+    let geared = |k: usize| judged.contains(&k) && on_motor_side(ratio(k));
+    if on_motor_side(measured) && 2 * judged.iter().filter(|&&k| geared(k)).count() > judged.len() {
+        return Some(Output::MotorSide {
+            factors: (0..nj).map(|k| if geared(k) { ratio(k) } else { measured }).collect(),
+        });
+    }
+    nearest(measured, &TORQUE).map(|unit| Output::TorqueUnit { factor: unit.factor, measured })
+}
+
+/// The same of a record, whatever the shapes: values of the mission that are far off may predict another.
+pub(super) fn torque_unit(record: &Record, of: &Prediction) -> Option<Output> {
+    let root = (record.samples() as f64).sqrt();
+    let loud = |k: &usize| of.predicted.column(*k).norm() > LOUD * of.sigma[*k] * root;
+    let judged: Vec<usize> = (0..record.joints()).filter(loud).collect();
+    common_unit(&of.measured, &of.predicted, &judged, record.joints())
+}
+
 /// Units of the torques, all and one by one, of joints that are `judged`; puts them right in `m`.
 fn torque_units(m: &mut DMatrix<f64>, p: &DMatrix<f64>, judged: &[usize], nj: usize, outputs: &mut Vec<Output>) {
     let ratio = |m: &DMatrix<f64>, k: usize| m.column(k).norm() / p.column(k).norm();
     let alike = |k: usize| correlation(m.column(k), p.column(k)).abs();
-    let ratios: Vec<f64> = judged.iter().map(|&k| ratio(m, k)).collect();
-    if let Some(measured) = median(ratios.clone())
-        && median(judged.iter().map(|&k| alike(k)).collect()).is_some_and(|c| c > ALIKE)
+    if median(judged.iter().map(|&k| alike(k)).collect()).is_some_and(|c| c > ALIKE)
+        && let Some(unit) = common_unit(m, p, judged, nj)
     {
-        // Every joint has a gear of its own; those that are too quiet to tell have that of the others.
-        let geared = |k: usize| judged.contains(&k) && on_motor_side(ratio(m, k));
-        if on_motor_side(measured) && 2 * judged.iter().filter(|&&k| geared(k)).count() > judged.len() {
-            let factors: Vec<f64> = (0..nj).map(|k| if geared(k) { ratio(m, k) } else { measured }).collect();
-            factors.iter().enumerate().for_each(|(k, f)| m.column_mut(k).scale_mut(1.0 / f));
-            outputs.push(Output::MotorSide { factors });
-        } else if let Some(unit) = nearest(measured, &TORQUE) {
-            outputs.push(Output::TorqueUnit { factor: unit.factor, measured });
-            m.columns_mut(0, nj).scale_mut(1.0 / unit.factor);
-        }
+        apply(&unit, m, nj);
+        outputs.push(unit);
     }
     let others = |m: &DMatrix<f64>, joint: usize| {
         let mut of = judged.iter().filter(|&&k| k != joint).map(|&k| ratio(m, k));

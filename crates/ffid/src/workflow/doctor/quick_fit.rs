@@ -32,6 +32,8 @@ pub(super) const FOLLOWS: f64 = 2.0;
 pub(super) struct QuickFit {
     /// Mean of the squared residuals over those of a twentieth of the signals, or of the noise where that is more.
     pub(super) misfit: f64,
+    /// Mean square of the signals over the same: what a fit that explains nothing leaves.
+    pub(super) loudness: f64,
     /// Full parameter vector.
     pub(super) values: Vec<f64>,
     pub(super) parameters: Vec<Estimated>,
@@ -85,9 +87,16 @@ fn tolerance(case: &Case<'_>, record: &Record, scales: &Scales) -> Noise {
     Noise { torque: of_torque.max(PART * amplitude(record.tau())), gyro: of_gyro.max(PART * amplitude(record.gyro())) }
 }
 
+/// Mean square of torques and gyro about their means over these deviations.
+fn loudness(record: &Record, noise: Noise) -> f64 {
+    let of = |m: &DMatrix<f64>, sigma: f64| m.column_iter().map(|c| c.variance() / sigma.powi(2)).sum::<f64>();
+    (of(record.tau(), noise.torque) + of(record.gyro(), noise.gyro)) / (record.joints() + 3) as f64
+}
+
 /// Adapts what is estimated, and biases; with the state at the first sample when `initial_state`. `None` where the record cannot be predicted.
 pub(super) fn quick_fit(case: &Case<'_>, record: &Record, scales: &Scales, initial_state: bool) -> Option<QuickFit> {
-    let mut fit = output_error(case, record, tolerance(case, record, scales), (true, initial_state))?;
+    let noise = tolerance(case, record, scales);
+    let mut fit = output_error(case, record, noise, (true, initial_state))?;
     let (decls, nominal) = (case.model.param_decls(), Params::nominal(case.model));
     let request = Request {
         prior_width: (!case.estimated.is_empty()).then_some(WIDTH),
@@ -98,6 +107,7 @@ pub(super) fn quick_fit(case: &Case<'_>, record: &Record, scales: &Scales, initi
     let found = attempt(&request, &mut fit).ok()?;
     found.chi2_per_dof.is_finite().then_some(QuickFit {
         misfit: found.chi2_per_dof,
+        loudness: loudness(record, noise),
         values: found.values,
         parameters: found.parameters,
     })
