@@ -25,6 +25,7 @@ mod dead;
 mod diagnosis;
 mod excitation;
 mod gaps;
+mod held;
 mod hypotheses;
 mod level;
 mod mismatch;
@@ -122,7 +123,7 @@ fn judged(
     let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
     let case = Case { gains, ..Case::new(opened, labelled, &even, (&own, settings), jumps)? };
     findings.push(gaps::finding(&case, warnings));
-    findings.extend(sampling::findings(&case));
+    findings.extend(held::findings(&case));
     let moves = excitation::findings(&case);
     let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
     findings.extend(moves);

@@ -1,14 +1,10 @@
 //! Torques and gyro as their sensors sampled them: at times of their own, or held between two readings of a slower sensor.
 
-use super::case::Case;
-use super::diagnosis::{Finding, Judgement, Topic};
-use ff_model::diagnostics::Limit;
-use ff_model::{Area, Problem};
 use ff_records::{ChannelGroup, Record};
 use nalgebra::DMatrix;
 
 /// Samples for each new reading from which readings are held, and share of the runs of equal readings that are as long as the others.
-const HELD: f64 = 1.4;
+pub(super) const HELD: f64 = 1.4;
 const REGULAR: f64 = 0.95;
 /// Runs below which nothing is judged.
 const FEWEST: usize = 30;
@@ -50,27 +46,6 @@ fn held(starts: &[usize], rows: usize) -> Option<f64> {
     let usual = |w: &&[usize]| (((w[1] - w[0]) as f64) - mean).abs() < 1.0;
     let share = starts.windows(2).filter(usual).count() as f64 / (starts.len() - 1) as f64;
     (mean > HELD && share > REGULAR).then_some(mean)
-}
-
-/// Warnings of readings that are held.
-pub(super) fn findings(case: &Case<'_>) -> Vec<Finding> {
-    let one = |on: &'static str, of: &Sampled| {
-        let samples = of.held?;
-        let rate = case.record.rate_hz();
-        let text = format!(
-            "{on}: every reading stands for {samples:.2} samples: a sensor of {:.4} Hz on a clock of {rate:.4} Hz, later by {:.3} ms on average",
-            rate / samples,
-            500.0 * (samples - 1.0) / rate
-        );
-        let p = Problem::warning(Area::Data, "Data::HeldReadings", text.clone())
-            .on(on)
-            .violating(samples, Limit::AtMost(HELD), "samples")
-            .hint(
-                "leave the cells of repeated readings empty (docs/records.md): a fit takes each repeat for a reading",
-            );
-        Some(case.finding(Topic::Sensors, Judgement::Suspicious, text).on(on).figures(samples, 1.0, "").raising(p))
-    };
-    [one("tau", &case.torque), one("gyro", &case.gyro)].into_iter().flatten().collect()
 }
 
 #[cfg(test)]
