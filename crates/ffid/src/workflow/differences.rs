@@ -52,17 +52,19 @@ fn differences(x: DVectorView<'_, f64>, order: usize) -> (Vec<f64>, f64) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(in crate::workflow) mod tests {
     use super::*;
     use nalgebra::DVector;
 
+    /// Uniform noise of unit deviation.
+    pub(in crate::workflow) fn uniform(k: usize, seed: f64) -> f64 {
+        let a = (k as f64 * 12.9898 + seed).sin() * 43758.5453;
+        (2.0 * (a - a.floor()) - 1.0) * 3f64.sqrt()
+    }
+
     /// Uniform noise of standard deviation `sigma` on a signal.
-    fn noisy(sigma: f64, smooth: impl Fn(f64) -> f64) -> DVector<f64> {
-        let uniform = |k: usize| {
-            let a = (k as f64 * 12.9898 + 4.1).sin() * 43758.5453;
-            (2.0 * (a - a.floor()) - 1.0) * 3f64.sqrt()
-        };
-        DVector::from_fn(2000, |i, _| smooth(i as f64 * 0.02) + sigma * uniform(i))
+    pub(in crate::workflow) fn noisy(sigma: f64, smooth: impl Fn(f64) -> f64) -> DVector<f64> {
+        DVector::from_fn(2000, |i, _| smooth(i as f64 * 0.02) + sigma * uniform(i, 4.1))
     }
 
     #[test]

@@ -35,8 +35,8 @@ struct End {
 }
 
 fn mean_and_deviation(x: &[f64]) -> (f64, f64) {
-    let mean = x.iter().sum::<f64>() / x.len().max(1) as f64;
-    (mean, (x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / x.len().max(1) as f64).sqrt())
+    let x = DVectorView::from_slice(x, x.len());
+    (x.mean(), x.variance().sqrt())
 }
 
 /// The upper end of the range of readings `m` of this noise, where their prediction `p` goes on.
@@ -95,8 +95,8 @@ fn findings(case: &Case<'_>, p: &Prediction) -> Vec<Finding> {
     let (raw, names, nj) = (case.record.responses(), case.record.response_names(), case.record.joints());
     let mut out = Vec::new();
     for (k, name) in names.iter().enumerate() {
-        let (noise, unit) = if k < nj { (case.level.torque[k], "N m") } else { (case.level.gyro[k - nj], "rad/s") };
-        let Some(end) = end(raw.column(k), p.predicted.column(k), noise) else { continue };
+        let unit = if k < nj { "N m" } else { "rad/s" };
+        let Some(end) = end(raw.column(k), p.predicted.column(k), case.level.of_output(k)) else { continue };
         let share = end.count as f64 / raw.nrows() as f64;
         if share < SHARE {
             continue;

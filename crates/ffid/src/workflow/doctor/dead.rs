@@ -18,9 +18,8 @@ const AS_PREDICTED: f64 = 0.35;
 
 pub(super) fn findings(case: &Case<'_>, p: &Prediction) -> Vec<Finding> {
     let (level, nj) = (&case.level, case.record.joints());
-    let noise = |k: usize| if k < nj { level.torque[k] } else { level.gyro[k - nj] };
-    let step = |k: usize| if k < nj { level.torque_step[k] } else { level.gyro_step[k - nj] };
-    let limit = |k: usize, noise: f64| quiet_below(noise, step(k), travel(p.measured.column(k)).1);
+    let noise = |k: usize| level.of_output(k);
+    let limit = |k: usize, noise: f64| quiet_below(noise, level.step_of_output(k), travel(p.measured.column(k)).1);
     // By the noise of the mission as well: a channel whose unit is wrong has its noise in that unit.
     let should = |k: usize| travel(p.predicted.column(k)).0 > SHOULD * limit(k, noise(k).max(p.sigma[k]));
     let silent = |k: usize| travel(p.measured.column(k)).0 <= limit(k, noise(k));

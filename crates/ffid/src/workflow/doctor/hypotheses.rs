@@ -55,7 +55,7 @@ pub(super) fn before_fit(case: &Case<'_>, predicted: Option<&Prediction>) -> Vec
     }
     let price = |motion, outputs: &[Output]| SIMPLER.powi(mistakes(motion, outputs, case.record.joints()));
     let own = predicted.map(|p| explain(case.record, p));
-    let left = own.as_ref().map_or(2.0, |e| e.after);
+    let (before, left) = own.as_ref().map_or((f64::INFINITY, 2.0), |e| (e.before, e.after));
     let mut least = own.as_ref().map_or(2.0, |e| e.after * price(MotionError::None, &e.outputs));
     let mut best = (MotionError::None, own);
     if left > EXPLAINED
@@ -85,7 +85,6 @@ pub(super) fn before_fit(case: &Case<'_>, predicted: Option<&Prediction>) -> Vec
         }
     }
     let (motion, Some(e)) = best else { return Vec::new() };
-    let before = predicted.map_or(f64::INFINITY, |p| explain(case.record, p).before);
     let measure = "the mean distance of torques and gyro from their prediction";
     let why = Grounds { measure, before, after: e.after, rivals: Vec::new() };
     // What leaves most of the distance explains nothing.

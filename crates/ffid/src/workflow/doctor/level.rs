@@ -38,6 +38,14 @@ impl Level {
             gyro_step: steps(gyro),
         }
     }
+    /// Noise of an output: torques of the joints, then the gyro.
+    pub(super) fn of_output(&self, k: usize) -> f64 {
+        k.checked_sub(self.torque.len()).map_or_else(|| self.torque[k], |axis| self.gyro[axis])
+    }
+    /// The step of its readings.
+    pub(super) fn step_of_output(&self, k: usize) -> f64 {
+        k.checked_sub(self.torque.len()).map_or_else(|| self.torque_step[k], |axis| self.gyro_step[axis])
+    }
 }
 
 /// The step of the readings: the least difference of sorted values, where all are multiples of it; else 0.
@@ -70,16 +78,7 @@ pub(super) fn step(x: DVectorView<'_, f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::DVector;
-
-    /// Uniform noise of standard deviation `sigma` on a signal.
-    fn noisy(sigma: f64, smooth: impl Fn(f64) -> f64) -> DVector<f64> {
-        let uniform = |k: usize| {
-            let a = (k as f64 * 12.9898 + 4.1).sin() * 43758.5453;
-            (2.0 * (a - a.floor()) - 1.0) * 3f64.sqrt()
-        };
-        DVector::from_fn(2000, |i, _| smooth(i as f64 * 0.02) + sigma * uniform(i))
-    }
+    use crate::workflow::differences::tests::noisy;
 
     #[test]
     fn a_step_is_found_where_readings_have_one() {

@@ -7,13 +7,18 @@
 //! ```text
 //! diagnose            everything; for `ffid doctor`
 //!   case, level       one record as every part sees it; noise and steps of its channels
+//!   gaps, sampling    sample times and what reading warned of; readings of a slower sensor, each once (held: as warnings)
 //!   excitation        which joints move; nothing moves
 //!   noise             differences of neighbours against [sensors]; steps of the readings
 //!   rest              rates of joints and base at the first samples
 //!   prediction        torques and gyro at the values of the mission
+//!   dead, clipped     channels that say nothing, or stay at the end of their range, while the prediction goes on
 //!   quick_fit         a few steps over the thinned record: how near the mission can come to it
-//!   hypotheses        where it cannot: factors, signs, columns of outputs (mismatch) and of joint positions, each put right
+//!   hypotheses        where it cannot: candidates, errors of outputs (mismatch) and of joint motion (motion_error), each put right
+//!   units, words      factors of units; hypotheses as findings
+//!   told              signs and columns that the record does not tell
 //!   clocks, modes     ident::checks
+//!   prior             the values of the mission against the record
 //! before_fit          what would make a fit useless, in a fraction of its time; for `ffid identify`
 //! standing_still      the same of an arm on the ground, whose torques are not predicted
 //! ```
@@ -99,7 +104,9 @@ pub fn diagnose(
         // Nothing is predicted across a gap that the motion cannot be told across: one part is judged.
         let cut = segments(&whole.label, &whole.record)?;
         let said = Problems([warnings.get(k).map_or(&[][..], |w| &w.0), &cut.warnings.0].concat());
-        let labelled = &LabelledRecord { record: cut.main().unwrap_or_else(|| whole.record.clone()), ..whole.clone() };
+        let &LabelledRecord { ref label, resampled, continues, ago, .. } = whole;
+        let record = cut.main().unwrap_or_else(|| whole.record.clone());
+        let labelled = &LabelledRecord { label: label.clone(), record, resampled, continues, ago };
         let own = judged(opened, labelled, Some(&said), settings)?;
         // What reading warned of may follow from what is wrong.
         if own.iter().all(|f| f.judgement != Judgement::Wrong) {

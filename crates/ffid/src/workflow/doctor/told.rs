@@ -25,18 +25,19 @@ const TOLD: f64 = 10.0;
 const PART: f64 = 0.05;
 /// A joint whose sign makes this many times as much difference as is needed is swapped with no other unseen.
 const CLEAR: f64 = 20.0;
+/// Names in a list.
+const SHOWN: usize = 12;
 
 /// What is left of the channels.
 fn left(case: &Case<'_>, p: &Prediction) -> Vec<f64> {
     let n = p.measured.nrows() as f64;
-    let nj = case.record.joints();
     let one = |k: usize| {
-        let noise = if k < nj { case.level.torque[k] } else { case.level.gyro[k - nj] };
+        let noise = case.level.of_output(k);
         let signal = p.predicted.column(k).norm_squared() / n;
         let square = (p.measured.column(k) - p.predicted.column(k)).norm_squared() / n;
         square.max(noise * noise).max(PART * PART * signal).max(f64::MIN_POSITIVE)
     };
-    (0..nj + 3).map(one).collect()
+    (0..p.measured.ncols()).map(one).collect()
 }
 
 /// By how much a record is less likely with an error put right that it may not have.
@@ -125,6 +126,3 @@ pub(super) fn findings(case: &Case<'_>, thin: &Record, fit: &QuickFit) -> Vec<Fi
     }
     out
 }
-
-/// Names in a list.
-const SHOWN: usize = 12;

@@ -44,15 +44,12 @@ fn above_stated(readings: DVectorView<'_, f64>, sigma: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::workflow::differences::tests::uniform;
     use ff_records::RecordBuilder;
     use nalgebra::DMatrix;
 
     /// A record of one joint whose torque swings at this frequency (Hz), with white noise on torque and gyro.
     fn record(hz: f64, torque: f64, gyro: f64) -> LabelledRecord {
-        let uniform = |k: usize, seed: f64| {
-            let a = (k as f64 * 12.9898 + seed).sin() * 43758.5453;
-            (2.0 * (a - a.floor()) - 1.0) * 3f64.sqrt()
-        };
         let (n, dt) = (3000, 0.02);
         let swing = |i: usize, hz: f64| (std::f64::consts::TAU * hz * i as f64 * dt).sin();
         let q = DMatrix::from_fn(n, 1, |i, _| 0.7 * swing(i, 0.11));

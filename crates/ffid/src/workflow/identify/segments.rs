@@ -92,8 +92,9 @@ impl Segments {
     /// The first part, which may begin at rest, unless the longest is twice as long; none where there is none.
     #[must_use]
     pub fn main(self) -> Option<Record> {
-        let first = self.parts.first()?.clone();
-        self.longest().map(|longest| if longest.seconds() > 2.0 * first.seconds() { longest } else { first })
+        let first = self.parts.first()?.seconds();
+        let longer = self.parts.iter().any(|p| p.seconds() > 2.0 * first);
+        if longer { self.longest() } else { self.parts.into_iter().next() }
     }
     /// As records of one fit: the first begins as the whole did, the others in the middle of a motion.
     #[must_use]
