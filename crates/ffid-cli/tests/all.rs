@@ -31,5 +31,6 @@ mod questions;
 mod sampling;
 mod schema;
 mod show;
+mod suspects;
 mod three_segment;
 mod uncertain;

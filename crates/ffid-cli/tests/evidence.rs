@@ -27,7 +27,7 @@ fn world_with(dir: &Path, seed: u64, appendage: &str) {
 }
 
 /// [`world`] of another robot, by our own simulation of the same motion.
-fn simulated(dir: &Path, seed: u64, change: impl Fn(&str) -> String) {
+pub(crate) fn simulated(dir: &Path, seed: u64, change: impl Fn(&str) -> String) {
     world(dir, seed, |_, _| {}, |m| m);
     let text = fs::read_to_string(dir.join("clean.csv")).unwrap();
     let columns = text.lines().next().unwrap().split(',').position(|c| c.starts_with("tau.")).unwrap();
@@ -55,7 +55,7 @@ fn simulated(dir: &Path, seed: u64, change: impl Fn(&str) -> String) {
 }
 
 /// Mission, robot and record from `clean.csv`.
-fn noisy(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64]), edit: impl Fn(String) -> String) {
+pub(crate) fn noisy(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64]), edit: impl Fn(String) -> String) {
     let here = fixture("verdict");
     fs::copy(here.join("robot.urdf"), dir.join("robot.urdf")).unwrap();
     let mission = edit(fs::read_to_string(here.join("start.toml")).unwrap());

@@ -158,6 +158,10 @@ fn named(r: &IdentificationResult, of: &[ParameterVerdict]) -> Option<String> {
 fn next(r: &IdentificationResult) -> Vec<String> {
     let mut out = Vec::new();
     if !r.status.is_solution() {
+        let found = r.evidence.as_ref().filter(|e| e.named.first().is_some_and(|n| n.refitted));
+        if let Some((found, remedy)) = found.and_then(|e| Some((e.refitted(), e.remedy()?))) {
+            return vec![format!("The fit ends with {found}: {remedy}.")];
+        }
         return vec![
             "Give the fit another start (--starts 5), or check the mission (ffid check) and the record (ffid doctor)."
                 .to_owned(),
@@ -165,8 +169,9 @@ fn next(r: &IdentificationResult) -> Vec<String> {
     }
     let contradicted = r.evidence.is_some() && r.state() == State::Contradicted;
     if contradicted {
-        out.push(match r.evidence.as_ref().and_then(|e| e.named.first()) {
-            Some(n) => format!("See what explains the record, below. If {} is plausible, estimate it: --adopt {}.", n.text, n.name),
+        let first = r.evidence.as_ref().and_then(|e| Some((e.named.first()?, e.remedy()?)));
+        out.push(match first {
+            Some((n, remedy)) => format!("See what explains the record, below. If {} is plausible, {remedy}.", n.text),
             None => "Nothing that was tried explains the record: look at residuals and spectra below, then mend the mission.".to_owned(),
         });
     }

@@ -73,12 +73,32 @@ fn axes(prefix: &str, unit: &str) -> Vec<Component> {
     AXES.iter().map(|a| component(a, format!("{prefix}{a}"), unit)).collect()
 }
 
+/// What the last link of a chain may hold that the model knows nothing of: all ten numbers of the link. Links of which some are estimated, and
+/// those that weigh nothing, are left out.
+fn held_bodies(model: &Model, selected: &[usize], values: &[f64]) -> Vec<Hypothesis> {
+    let (decls, bodies) = (model.param_decls(), model.bodies());
+    let mut out = Vec::new();
+    let is_last = |k: usize| bodies.iter().all(|b| b.parent != k + 1);
+    for body in (0..bodies.len()).filter(|&k| is_last(k)).map(|k| &bodies[k]) {
+        let Some(first) = decls.iter().position(|d| d.name == format!("{}.mass", body.name)) else { continue };
+        let of = first..first + 10;
+        if values[first] <= 0.0 || of.clone().any(|i| selected.contains(&i)) {
+            continue;
+        }
+        let one = |d: &ParamDecl| component(d.name.rsplit('.').next().unwrap_or_default(), d.name.clone(), d.unit);
+        let all = decls[of].iter().map(one).collect();
+        out.push(Hypothesis::new(format!("held.{}", body.name), format!("something that {} holds", body.name), all));
+    }
+    out
+}
+
 /// Everything that is tried for a model whose parameters `selected` have been estimated around `values`. Whatever a fit has estimated
 /// itself is left out by [`Hypothesis::columns`] and [`crate::uncertain::Scores::test`]. Allocates.
 pub fn hypotheses(model: &Model, selected: &[usize], values: &[f64]) -> Vec<Hypothesis> {
     let mut out = sensors(model);
     out.extend(placements(model));
     out.extend(parameters(&model.param_decls(), selected, values));
+    out.extend(held_bodies(model, selected, values));
     out.push(Hypothesis::new("external-force", "a constant force on the base", axes("wrench.f", "N")));
     out.push(Hypothesis::new("external-torque", "a constant torque on the base", axes("wrench.n", "N m")));
     let mut initial = axes("initial.rate.", "rad/s");

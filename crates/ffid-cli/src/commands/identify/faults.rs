@@ -3,7 +3,7 @@
 use super::args::Args;
 use ff_model::diagnostics::list;
 use ff_model::{Area, Problem, Problems};
-use ffid::workflow::identify::{Combination, IdentificationResult, Method, Minima, SampledState, State};
+use ffid::workflow::identify::{Combination, Evidence, IdentificationResult, Method, Minima, SampledState, State};
 
 /// Most combinations named in one line.
 const LISTED: usize = 3;
@@ -14,13 +14,11 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
     let file = args.paths().swap_remove(0);
     let mut add = |p: Problem, hint: &str| out.push(p.in_file(&file).hint(hint));
     if !r.status.is_solution() {
-        let first = r.evidence.as_ref().and_then(|e| e.named.first()).filter(|n| n.refitted);
-        let with = first.map_or_else(String::new, |n| format!("; it ends with {}", n.text));
+        let found = r.evidence.as_ref().filter(|e| e.named.first().is_some_and(|n| n.refitted));
+        let with = found.map_or_else(String::new, |e| format!("; it ends with {}", e.refitted()));
         let p = Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}{with}", r.status));
-        let hint = first.map_or_else(
-            || "start nearer, give priors, or raise --max-iterations".to_owned(),
-            |n| format!("measure that, or estimate it: --adopt {}", n.name),
-        );
+        let hint = found.and_then(Evidence::remedy);
+        let hint = hint.unwrap_or_else(|| "start nearer, give priors, or raise --max-iterations".to_owned());
         add(p, &hint);
     }
     let silent: Vec<(&[Combination], &str)> = match &r.silent {
@@ -81,18 +79,11 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
     if let Some(e) = r.evidence.as_ref().filter(|e| e.state == State::Contradicted) {
         let chi2 = format!("chi-squared per degree of freedom {:.3}, limit {}", r.chi2_per_dof, args.fit.limit());
         let p = Problem::warning(Area::Data, "Fit::Misfit", format!("{}; {chi2}", e.reason));
-        let hint = match e.named.first() {
-            Some(n) if n.name.starts_with("other-robot") => "identify the records apart, and compare what they say".to_owned(),
-            Some(n) if n.name == "extra-mode" => {
-                let such = if n.mission.is_empty() { "" } else { ", such as the one in the report," };
-                format!("add an [[appendage]] of that frequency to the mission{such} and estimate it")
-            }
-            Some(n) => format!("measure that, or estimate it: --adopt {}", n.name),
-            None => {
-                "look at the spectra of the residuals: something moves that the model does not have, or the noise is another"
-                    .to_owned()
-            }
-        };
+        let hint = e.remedy().unwrap_or_else(|| {
+            "ask `ffid doctor` for the noise of the sensors, and look at the spectra of the residuals: something moves that the model does \
+             not have, or the noise is another"
+                .to_owned()
+        });
         add(p, &hint);
     }
     if let Some(h) = r.held_out.as_ref().filter(|h| !h.explained) {

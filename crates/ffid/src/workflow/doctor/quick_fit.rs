@@ -5,6 +5,7 @@
 //! five hundred times its noise would let a fit creep along narrow valleys.
 
 use super::case::{Case, Scales};
+use crate::workflow::amplitude::{PART, amplitude};
 use ff_least_squares::Settings as Solver;
 use ff_model::Params;
 use ff_records::Record;
@@ -17,8 +18,6 @@ const SAMPLES: usize = 400;
 const INTERVAL: f64 = 0.15;
 /// Steps of the integration per period of the fastest mode.
 const STEPS: f64 = 7.0;
-/// Part of a signal that it is fitted to, at best.
-const PART: f64 = 0.05;
 /// Relative standard deviation of the prior.
 const WIDTH: f64 = 0.3;
 /// Linearisations, and promised relative reduction at which it ends before.
@@ -68,13 +67,6 @@ pub(super) fn output_error<'a>(
     // A prediction is told from residuals, and shapes are compared to a twentieth: every reading counts alike.
     let options = Options { substeps, gyro_bias, torque_bias, initial_state, all_alike: true, ..Options::new(noise) };
     OutputError::new(case.model, record, &options).ok()
-}
-
-/// Root mean square of the columns about their means: the middle one.
-fn amplitude(m: &DMatrix<f64>) -> f64 {
-    let mut all: Vec<f64> = m.column_iter().map(|c| c.variance().sqrt()).collect();
-    all.sort_unstable_by(f64::total_cmp);
-    all[all.len() / 2]
 }
 
 /// A twentieth of the signals of a record, or the noise of its sensors, stated or measured, where that is more; `scales` are the factors by

@@ -62,6 +62,34 @@ pub struct Evidence {
     pub named: Vec<NamedError>,
 }
 
+impl Evidence {
+    /// Errors with which fits end, each with those that explain the record beside it; empty where no fit was made with one. Allocates.
+    pub fn refitted(&self) -> String {
+        let mut out = String::new();
+        for n in self.named.iter().filter(|n| n.refitted) {
+            let link = if n.beside { " beside " } else { ", or " };
+            out += if out.is_empty() { "" } else { link };
+            out += &n.text;
+        }
+        out
+    }
+    /// What to do about the errors that explain the record, as the next step of a message; `None` where none is named. Allocates.
+    pub fn remedy(&self) -> Option<String> {
+        let first = self.named.first()?;
+        if first.name.starts_with("other-robot") {
+            return Some("identify the records apart, and compare what they say".to_owned());
+        }
+        if first.name == "extra-mode" {
+            let such = if first.mission.is_empty() { "" } else { ", such as the one in the report," };
+            return Some(format!("add an [[appendage]] of that frequency to the mission{such} and estimate it"));
+        }
+        let together =
+            self.named.iter().enumerate().filter(|(k, n)| *k == 0 || n.beside && n.refitted && first.refitted);
+        let names: Vec<&str> = together.map(|(_, n)| n.name.as_str()).collect();
+        Some(format!("measure that, or estimate it: --adopt {}", names.join(",")))
+    }
+}
+
 /// What a small error of something that is taken as exact would do to the estimates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -125,4 +153,44 @@ pub struct ErrorSize {
     pub value: f64,
     /// Standard deviation.
     pub std: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn named(name: &str, refitted: bool, beside: bool) -> NamedError {
+        NamedError {
+            name: name.into(),
+            text: format!("an error of {name}"),
+            size: Vec::new(),
+            drop: 412.0,
+            freedom: 1,
+            p: 1e-9,
+            moves: "base.mass".into(),
+            moves_by: 3.4,
+            beside,
+            alike: Vec::new(),
+            refitted,
+            mission: String::new(),
+        }
+    }
+
+    #[test]
+    fn what_explains_the_record_together_is_estimated_together() {
+        let of = |named: Vec<NamedError>| Evidence { named, ..Evidence::default() };
+        let both = of(vec![named("mass.wing", true, false), named("parameters.tank", true, true)]);
+        assert_eq!(both.refitted(), "an error of mass.wing beside an error of parameters.tank");
+        assert_eq!(both.remedy().unwrap(), "measure that, or estimate it: --adopt mass.wing,parameters.tank");
+        let either = of(vec![named("mass.wing", true, false), named("parameters.tank", true, false)]);
+        assert_eq!(either.refitted(), "an error of mass.wing, or an error of parameters.tank");
+        assert_eq!(either.remedy().unwrap(), "measure that, or estimate it: --adopt mass.wing");
+        // What no fit was made with is an indication.
+        let first_order = of(vec![named("mass.wing", false, false), named("parameters.tank", false, true)]);
+        assert_eq!(first_order.refitted(), "");
+        assert!(first_order.remedy().unwrap().ends_with("--adopt mass.wing"));
+        let apart = of(vec![named("other-robot.b", true, false)]).remedy().unwrap();
+        assert!(apart.contains("apart") && !apart.contains("--adopt"), "{apart}");
+        assert_eq!(of(Vec::new()).remedy(), None);
+    }
 }

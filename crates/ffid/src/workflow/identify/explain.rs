@@ -12,7 +12,7 @@ use super::survey::{Columns, DRAWS, Survey};
 use ff_model::ParamDecl;
 use ident::checks::whiteness;
 use ident::estimate::Estimate;
-use ident::uncertain::{self, Hypothesis, Layout, MATTERS, Named, Scores};
+use ident::uncertain::{self, Hypothesis, Layout, MATTERS, Named, Ranking, Scores};
 use nalgebra::DMatrix;
 
 /// Part of the squared residuals below which noise of the encoders is not worth whitening.
@@ -22,6 +22,7 @@ const QUIET: f64 = 1e-4;
 const HARMFUL: usize = 10;
 
 /// What the tests of errors found.
+#[derive(Default)]
 pub(super) struct Tests {
     pub(super) tested: usize,
     pub(super) independent: f64,
@@ -45,6 +46,17 @@ pub(super) struct Tests {
     pub(super) harm: Vec<Harm>,
 }
 
+impl Tests {
+    /// Puts errors in place of those that were named, with which fits follow the record while that without them led nowhere: what was said at its
+    /// end is void. `nothing_is_left` with them, or something is.
+    pub(super) fn explained_by(&self, named: Vec<NamedError>, nothing_is_left: bool) -> Self {
+        let with_first = Some(if nothing_is_left { State::Explained } else { State::Contradicted });
+        let tested = self.tested.max(named.len());
+        let (independent, alone, tried) = (self.independent, self.alone.clone(), self.tried.clone());
+        Self { tested, independent, named, alone, tried, matters: true, with_first, ..Self::default() }
+    }
+}
+
 /// Tests every error at the end of a fit. `None` where the model cannot be evaluated with them. Where the fit has not ended, what they say
 /// are indications: a score is that of a linearisation whose unknowns have not settled.
 pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result<Option<Tests>, IdentifyError> {
@@ -62,6 +74,22 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
         (ranking, survey) = (with.layout.rank(&with.scores), with);
         extra = Some(found);
     }
+    Ok(Some(found_by(end, survey, &ranking, extra)))
+}
+
+/// [`tests`] without a search for a mode that is missing.
+pub(super) fn tests_of_listed(
+    end: &Ended<'_>,
+    twins: &[Twin<'_>],
+    s: &Settings,
+) -> Result<Option<Tests>, IdentifyError> {
+    let Some(survey) = Survey::new(end, twins, s, &Columns::Every(None))? else { return Ok(None) };
+    let ranking = survey.layout.rank(&survey.scores);
+    Ok(Some(found_by(end, survey, &ranking, None)))
+}
+
+/// Tests as they are reported.
+fn found_by(end: &Ended<'_>, survey: Survey, ranking: &Ranking, extra: Option<ExtraMode>) -> Tests {
     let Survey { scores, layout, tried, names, drawn, .. } = &survey;
     let name_of = |column: usize| names[column].as_str();
     let lines = |all: &[Named]| -> Vec<NamedError> {
@@ -79,7 +107,7 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let motion_noise = squares / (DRAWS * end.fitted.estimate.residuals.len().max(1)) as f64;
     let (explained, excess) = (ranking.explained, ranking.excess);
     let decls = end.model.param_decls();
-    let harm = if settled && end.unknowns.marginal.is_empty() {
+    let harm = if end.fitted.estimate.is_solution() && end.unknowns.marginal.is_empty() {
         harm(scores, layout, tried, end.values, &decls, &name_of)
     } else {
         Vec::new()
@@ -87,7 +115,7 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
     let (tested, independent) = (ranking.tested, ranking.independent);
     let Survey { drawn, tried, .. } = survey;
     let with_first = None;
-    Ok(Some(Tests {
+    Tests {
         tested,
         independent,
         matters,
@@ -101,7 +129,7 @@ pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result
         motion_noise,
         drawn,
         harm,
-    }))
+    }
 }
 
 /// What errors of 1 %, 1 mm and 1 mrad of what is taken as exact would move, the most harmful first.
@@ -193,7 +221,10 @@ pub(super) fn in_words(words: &str, size: &[ErrorSize]) -> String {
         return format!("{words} by {} {about} {axis}", sized(length, std, &size[0].unit));
     }
     let mut largest: Vec<&ErrorSize> = size.iter().collect();
-    largest.sort_by(|a, b| (b.value / b.std).abs().total_cmp(&(a.value / a.std).abs()));
+    // A mass says more than what it is multiplied with.
+    let last = |c: &ErrorSize| c.name != "mass";
+    let told = |c: &ErrorSize| (c.value / c.std).abs();
+    largest.sort_by(|a, b| last(a).cmp(&last(b)).then(told(b).total_cmp(&told(a))));
     let parts: Vec<String> =
         largest.iter().take(3).map(|c| format!("{} {}", c.name, sized(c.value, c.std, &c.unit))).collect();
     format!("{words} ({})", parts.join(", "))
@@ -285,14 +316,16 @@ fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: 
 }
 
 /// That a fit has not ended, and what it would take.
-fn unsettled(named: &[NamedError]) -> String {
-    let what = "the fit did not end at a solution";
+fn unsettled(found: &Evidence) -> String {
+    let (what, named) = ("the fit did not end at a solution", &found.named);
     match named.first() {
         Some(n) if n.refitted => {
-            let (drop, any) = (num(n.drop), named.iter().filter(|n| n.refitted).map(|n| &n.text[..]));
-            let any: Vec<&str> = any.collect();
-            let any = any.join(", or ");
-            format!("{what}, but does with one more unknown: {any} would explain it (chi-squared falls by {drop})")
+            let drop = num(n.drop);
+            let any = found.refitted();
+            let more = if named.iter().any(|n| n.refitted && n.beside) { "more unknowns" } else { "one more unknown" };
+            let left =
+                if found.with_first == Some(State::Contradicted) { ", but something is left with it" } else { "" };
+            format!("{what}, but does with {more}: {any} would explain it (chi-squared falls by {drop}{left})")
         }
         Some(n) => format!(
             "{what}; where it stopped, {} would lower chi-squared most (by {}), which is an indication and no test",
@@ -352,8 +385,9 @@ pub(super) fn evidence(
         named: tests.map(|t| t.named.clone()).unwrap_or_default(),
         ..Evidence::default()
     };
+    out.with_first = tests.and_then(|t| t.with_first);
     if !e.is_solution() {
-        out.reason = unsettled(&out.named);
+        out.reason = unsettled(&out);
         return out;
     }
     if !estimates || (whiteness.is_empty() && tests.is_none()) {
@@ -367,7 +401,7 @@ pub(super) fn evidence(
         return out;
     }
     let coloured: Vec<&Whiteness> = whiteness.iter().filter(|w| w.excess == Some(true)).collect();
-    (out.explained, out.with_first) = (tests.and_then(|t| t.explained), tests.and_then(|t| t.with_first));
+    out.explained = tests.and_then(|t| t.explained);
     let best = out.named.first();
     let matters = tests.is_some_and(|t| t.matters);
     // What is coloured may be an error that is named and moves nothing.

@@ -29,6 +29,14 @@ pub(super) struct Fitted {
     pub(super) reduced: Option<ReducedSet>,
 }
 
+impl Fitted {
+    /// A fit as it is, with nothing looked for around its end.
+    pub(super) fn of(estimate: Estimate, selected: &[usize]) -> Self {
+        let (full, selected) = (estimate.data_only.clone(), selected.to_vec());
+        Self { estimate, selected, full, minima: None, alone: None, bent: Vec::new(), reduced: None }
+    }
+}
+
 /// What the fit is, and the estimators of its records with every column.
 #[derive(Clone, Copy)]
 pub(super) struct Ended<'a> {

@@ -5,6 +5,7 @@
 //!   Unknowns              parameters, ties, priors, start
 //!   drives                channels on the motor's side: friction, reflected inertia, gains of currents
 //!   RecordEstimator       Rda | OutputError for each record -> Several -> Tied -> estimate | best_of
+//!   suspects              errors that keep the fit from any answer
 //!   elsewhere, valleys    other starts where the fit ended in a wrong valley, minima beside its end
 //!   bends                 valleys that are no parabola within the deviations
 //!   known                 reduction, structural and unexcited directions, profiles of the likelihood, whiteness
@@ -19,6 +20,7 @@
 //! text                    the same in words
 //! ```
 pub(crate) mod adoption;
+mod assembly;
 pub mod axes;
 pub(crate) mod bandwidth;
 mod bends;
@@ -68,6 +70,7 @@ pub(crate) mod segments;
 pub(crate) mod settings;
 pub(crate) mod signals;
 mod survey;
+mod suspects;
 pub(crate) mod text;
 pub(crate) mod ties;
 pub(crate) mod uncertain;

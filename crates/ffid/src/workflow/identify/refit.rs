@@ -5,6 +5,7 @@
 //! the first began.
 
 use super::adoption::EXTRA_MODE;
+use super::assembly::{Assembled, Setup};
 use super::elsewhere::{NOWHERE, WIDE};
 use super::error::IdentifyError;
 use super::evidence::{ErrorSize, NamedError, State};
@@ -18,9 +19,9 @@ use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::record_estimator::Twin;
 use super::result::fit::Method;
-use super::run::{Assembled, Setup};
 use super::settings::{Settings, method};
 use super::signals::Signals;
+use super::unknowns::Unknowns;
 use crate::open::Opened;
 use ident::Request;
 use ident::compose::is_called;
@@ -35,14 +36,14 @@ const NEAR: f64 = 0.5;
 /// Linearisations of a fit: it begins next to its end.
 const MOST: usize = 15;
 /// Promised reduction of chi-squared at which it is at its end: a fifth of a deviation is left to go.
-const SETTLED: f64 = 0.05;
+pub(super) const SETTLED: f64 = 0.05;
 
 /// Part of what is left over that an error must account for, where the first fit has not ended, to be worth a fit from the beginning.
 const WORTH: f64 = 0.2;
 /// Such fits, and linearisations of each.
 const ANEW: usize = 4;
 /// See [`ANEW`].
-const MOST_ANEW: usize = 60;
+pub(super) const MOST_ANEW: usize = 60;
 /// Part of what is left over below which the errors that were tried explain nothing.
 pub(super) const UNEXPLAINED: f64 = 0.5;
 /// Part of the cost of the first that one of them must leave at most.
@@ -282,7 +283,8 @@ impl Contradicted<'_, '_> {
             return Ok(Tried::Impossible);
         }
         let taken = |name: &str| mounted.as_ref().and_then(|m| m.taken.get(name)).copied().unwrap_or(0.0);
-        if let Some((moves, by)) = self.moved(&estimate, &taken) {
+        let first = (&self.end.fitted.estimate, &self.end.fitted.selected[..]);
+        if let Some((moves, by)) = moved(first, self.end.unknowns, &estimate, &taken) {
             (line.moves, line.moves_by) = (moves, by);
         }
         drop(made);
@@ -315,16 +317,6 @@ impl Contradicted<'_, '_> {
             }
         }
     }
-    /// The estimate that differs most from that of the first fit, and by how many of its deviations.
-    fn moved(&self, e: &Estimate, taken: &dyn Fn(&str) -> f64) -> Option<(String, f64)> {
-        let before = self.end.fitted.estimate.parameters.iter().zip(&self.end.fitted.selected);
-        let asked = before.filter(|(_, i)| self.end.unknowns.is_asked(**i));
-        let by = asked.filter_map(|(p, _)| {
-            let after = e.parameters.iter().find(|q| q.name == p.name)?;
-            Some((p.name.clone(), (after.value + taken(&p.name) - p.value).abs() / p.std?))
-        });
-        by.max_by(|a, b| a.1.total_cmp(&b.1))
-    }
     /// What the tests say at the end of a fit: the state, and the errors that explain what is left together.
     fn left(&self, fit: &Refit) -> Result<(State, Vec<NamedError>), IdentifyError> {
         let Assembled { twins, sigma, rows, .. } = self.assemble(&fit.setup, fit.mounted.as_ref())?;
@@ -335,17 +327,7 @@ impl Contradicted<'_, '_> {
             at += n;
         }
         let values = fit.setup.unknowns.expand(&fit.estimate.values)?;
-        let estimate = fit.estimate.clone();
-        let full = estimate.data_only.clone();
-        let fitted = Fitted {
-            estimate,
-            selected: fit.selected.clone(),
-            full,
-            minima: None,
-            alone: None,
-            bent: Vec::new(),
-            reduced: None,
-        };
+        let fitted = Fitted::of(fit.estimate.clone(), &fit.selected);
         let end = Ended {
             model,
             shared: &fit.setup.shared,
@@ -371,9 +353,25 @@ impl Contradicted<'_, '_> {
     }
 }
 
+/// The estimate that differs most from that of the `first` fit, of what is selected there, and by how many of its deviations; `taken` is
+/// what another part of the robot has taken over of it.
+pub(super) fn moved(
+    (first, selected): (&Estimate, &[usize]),
+    unknowns: &Unknowns,
+    e: &Estimate,
+    taken: &dyn Fn(&str) -> f64,
+) -> Option<(String, f64)> {
+    let asked = first.parameters.iter().zip(selected).filter(|(_, i)| unknowns.is_asked(**i));
+    let by = asked.filter_map(|(p, _)| {
+        let after = e.parameters.iter().find(|q| q.name == p.name)?;
+        Some((p.name.clone(), (after.value + taken(&p.name) - p.value).abs() / p.std?))
+    });
+    by.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
 /// Components of an error as a fit has found them; `None` where it does not determine one of them. What every record has for itself is
 /// their mean, each weighed by what it tells.
-fn sizes(h: &Hypothesis, e: &Estimate, labels: &[String]) -> Option<Vec<ErrorSize>> {
+pub(super) fn sizes(h: &Hypothesis, e: &Estimate, labels: &[String]) -> Option<Vec<ErrorSize>> {
     let one = |c: &ident::uncertain::Component| {
         let name = match &c.of[..] {
             [(only, _)] => only,

@@ -71,8 +71,8 @@ impl Report<'_> {
             let known = known_before(p).map_err(|e| IdentifyError::Model(e.to_string()))?;
             parameters.iter_mut().for_each(|line| before(line, known.get(&line.name)));
         }
-        // Rows of an earlier identification are not independent, so that the formula does not hold with them.
-        let independent = earlier.is_none();
+        // Rows of an earlier identification are not independent, so that the formula does not hold with them; where no fit has ended, there is none.
+        let independent = earlier.is_none() && e.is_solution();
         let mut prior_conflicts: Vec<PriorConflict> =
             parameters.iter().filter(|_| independent).filter_map(PriorConflict::of).collect();
         let not_sure = |u: &UncertainLine| {

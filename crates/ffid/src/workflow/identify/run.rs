@@ -1,16 +1,16 @@
 //! One identification: unknowns, fit, reduction, identifiability, profiles, result.
 
-use super::adoption::Adopted;
+use super::assembly::{Assembled, Assembly, Setup};
 use super::bends::{self, Followed};
 use super::compliances::allow_for_compliances;
 use super::consider::{self, Side};
 use super::course::Course;
 use super::drives;
-use super::elsewhere::{Subject, WIDE, elsewhere, explains, gone_on, has_lost};
+use super::elsewhere::{Subject, WIDE, elsewhere, explains, gone_on, has_lost, is_spring};
 use super::encoder_noise::{allow_for_encoders, said};
-use super::error::{IdentifyError, config};
+use super::error::IdentifyError;
 use super::evidence::State;
-use super::explain;
+use super::explain::{self, Tests};
 use super::findings::Minima;
 use super::fitted::{Ended, Fitted};
 use super::ground;
@@ -21,8 +21,6 @@ use super::mission_end::allow_for_mission;
 use super::noise_floor::noise_floor;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
-use super::over_time::{OverTime, later};
-use super::record_estimator::{RecordEstimator, Twin};
 use super::refit::Contradicted;
 use super::report::Report;
 use super::result::fit::Method;
@@ -30,28 +28,21 @@ use super::result::provenance::Provenance;
 use super::ringing;
 use super::settings::{Settings, check, method};
 use super::signals::Signals;
+use super::suspects::{Found, Suspects, leads_nowhere};
 use super::text;
 use super::uncertain::UncertainItems;
 use super::unknowns::Unknowns;
 use super::valleys::{ASIDE, Ending, best_valley};
 use crate::open::Opened;
-use ff_least_squares::Settings as Solver;
-use ff_model::{Area, Model, Problem, Problems};
-use ident::Estimator;
+use ff_model::{Area, Problem, Problems};
 use ident::Loss;
-use ident::Request;
-use ident::Several;
 use ident::belief::{ChannelRows, Profile, coloured_covariance};
 use ident::compose::best_of;
-use ident::compose::{Shared, SharedErrors};
 use ident::estimate::{Estimate, EstimateError, OtherStarts, attempt};
 use ident::parameters::random_start;
+use ident::{Estimator, Request};
 use nalgebra::DMatrix;
 
-/// Pull that holds what neither data nor priors tell near where it is, relative.
-const ANCHOR: f64 = 10.0;
-/// Promised reduction of chi-squared below which a fit is at its end: a thirtieth of a standard deviation is left to go.
-const GAIN: f64 = 1e-3;
 /// How often a fit goes on down a valley that was followed from its end.
 const DOWN: usize = 3;
 /// Relative width of the draws of other starts.
@@ -99,12 +90,14 @@ pub fn identify(
     request.settings.gain_tolerance *= noise;
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
     let subject = Subject { model, records, unknowns, settings, sigma: &sigma };
-    let fitted = solve(&request, &subject, options, &mut watched);
+    let suspects = Suspects { opened, records, settings: given.0, options: given.1, setup: &setup, watch, noise };
+    let fitted = solve(&request, &subject, options, &suspects, &mut watched);
     let ended = |at: &ObservedEstimator<'_>| {
         at.leave(|unknown| unknowns.expand(unknown));
         IdentifyError::Interrupted
     };
-    let mut fitted = if watched.stopped() { return Err(ended(&watched)) } else { fitted? };
+    let stopped = watched.stopped() || matches!(fitted, Err(IdentifyError::Interrupted));
+    let (mut fitted, suspected) = if stopped { return Err(ended(&watched)) } else { fitted? };
     let values = unknowns.expand(&fitted.estimate.values)?;
     let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &[] };
     let mut shaken = Vec::new();
@@ -134,8 +127,9 @@ pub fn identify(
     }
     let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
     let ended_well = fitted.estimate.is_solution();
-    let mut found = None;
-    if ended_well && method(model, settings.method) == Method::Rda {
+    let named_already = suspected.is_some() || options.start_at_posterior && !ended_well;
+    let mut found = suspected;
+    if found.is_none() && ended_well && method(model, settings.method) == Method::Rda {
         found = fit.tested_by_all_sensors(&request, &end, uncertain, watch)?;
     }
     if found.is_none() && (ended_well || method(model, settings.method) == Method::OutputError) {
@@ -172,8 +166,9 @@ pub fn identify(
     watched.leave(|unknown| unknowns.expand(unknown));
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
     let noisy = explain::of_sensors(&fitted.estimate, noise, &result.whiteness, settings).is_some();
-    if let Some(tests) =
-        found.as_mut().filter(|_| own.is_none() && (!ended_well || result.state() == State::Contradicted && !noisy))
+    if let Some(tests) = found
+        .as_mut()
+        .filter(|_| !named_already && own.is_none() && (!ended_well || result.state() == State::Contradicted && !noisy))
     {
         let white = result.whiteness.iter().all(|w| w.white);
         let end = Contradicted {
@@ -197,126 +192,6 @@ pub fn identify(
     let selected = own.as_ref().unwrap_or(unknowns).touched.clone();
     let values = considered.map_or(values, |c| c.values);
     Ok(Identified { result, signals, values, selected, tried, draws: None, fitted: Some(fitted) })
-}
-
-/// What a fit is made of, before any record is predicted.
-pub(super) struct Setup {
-    pub(super) settings: Settings,
-    pub(super) options: FitOptions,
-    pub(super) unknowns: Unknowns,
-    pub(super) shared: Shared,
-    pub(super) labels: Vec<String>,
-    pub(super) uncertain: UncertainItems,
-    /// What the mission is not sure of and the method knows nothing of.
-    not_allowed_for: Vec<String>,
-    estimated: Vec<usize>,
-}
-
-impl Setup {
-    pub(super) fn new(
-        opened: &Opened,
-        records: &[LabelledRecord],
-        settings: &Settings,
-        options: &FitOptions,
-    ) -> Result<Self, IdentifyError> {
-        let model = &opened.model;
-        let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
-        let of_mission = UncertainItems::of(opened);
-        let every = of_mission.in_records(opened.mission.as_ref(), model, records, settings)?;
-        let mut every = every.with_drives(model, records, settings)?;
-        if records.len() > 1 {
-            adopted.share(model, &settings.noise, &mut every);
-        }
-        if options.consider {
-            consider_alone(&every, settings, options).map_err(IdentifyError::Refused)?;
-        }
-        // The rigid method knows no errors of sensors and placements.
-        let needs = (every.needs_output_error() || adopted.of_sensors()) && settings.method.is_none();
-        let how = if needs { Method::OutputError } else { method(model, settings.method) };
-        if how == Method::Rda && adopted.of_sensors() {
-            let what = "--adopt: the rigid method has no columns of errors of sensors and placements";
-            return Err(IdentifyError::Refused(config("Config::NotAdoptable", what, "leave --method out")));
-        }
-        let (uncertain, not_allowed_for) =
-            if how == Method::Rda { every.of_parameters_alone() } else { (every, Vec::new()) };
-        let settings =
-            Settings { method: if needs { Some(Method::OutputError) } else { settings.method }, ..settings.clone() };
-        let mut estimated = opened.estimated.clone();
-        estimated.extend(&adopted.parameters);
-        let mut options = FitOptions { ties: [&options.ties[..], &adopted.ties].concat(), ..options.clone() };
-        // What may have changed since is known less well.
-        if let (Some(p), Some(mission)) = (&options.posterior, &opened.mission) {
-            options.posterior = Some(later(p, mission, model)?);
-        }
-        let unknowns = Unknowns::new(model, &estimated, &settings, &options, &uncertain)?;
-        let decls = model.param_decls();
-        let labelled: Vec<(&str, &[_])> = records.iter().map(|t| (t.label.as_str(), decls.as_slice())).collect();
-        let none: [&str; 0] = [];
-        let shared = Shared::new(&labelled, &none)
-            .map_err(|e| IdentifyError::Refused(config("Config::Records", e.to_string(), "name each record once")))?;
-        let labels: Vec<String> = records.iter().map(|t| t.label.clone()).collect();
-        Ok(Self { settings, options, unknowns, shared, labels, uncertain, not_allowed_for, estimated })
-    }
-    /// Of all unknowns, from the start.
-    pub(super) fn request(&self) -> Result<Request<'_>, IdentifyError> {
-        let unknowns = &self.unknowns;
-        let solver = Solver {
-            max_iterations: self.settings.max_iterations,
-            decrement_tolerance: 1e-10,
-            gain_tolerance: GAIN,
-            cost_floor: 1e-13,
-            ..Solver::default()
-        };
-        Ok(Request {
-            anchor: (!unknowns.has_priors()).then_some(ANCHOR),
-            marginal: unknowns.marginal.iter().map(|m| (m.0, m.1.std)).collect(),
-            loss: self.settings.loss,
-            priors: unknowns.priors(&unknowns.selected)?,
-            settings: solver,
-            centre: Some(&unknowns.start),
-            ..Request::new(&unknowns.decls, &unknowns.selected, &unknowns.start)
-        })
-    }
-    pub(super) fn assembly<'a>(&'a self, model: &'a Model, records: &'a [LabelledRecord]) -> Assembly<'a> {
-        let Self { settings, unknowns, shared, labels, .. } = self;
-        Assembly { model, records, settings, shared, labels, unknowns }
-    }
-    /// The estimator of all records.
-    pub(super) fn estimator<'a>(
-        &'a self,
-        model: &'a Model,
-        records: &'a [LabelledRecord],
-    ) -> Result<Box<dyn Estimator + 'a>, IdentifyError> {
-        Ok(self.assembly(model, records).assemble(&self.uncertain)?.whole)
-    }
-}
-
-/// Refuses what considered errors do not go with.
-fn consider_alone(uncertain: &UncertainItems, s: &Settings, o: &FitOptions) -> Result<(), Problems> {
-    let refused = |what: &str, place: &str, hint: &str| {
-        let p = Problem::error(Area::Config, "Config::Consider", what).on(place).hint(hint);
-        Err(Problems(vec![p]))
-    };
-    let exact = "the mission is sure of everything, and nothing can be considered";
-    if uncertain.count() == 0 {
-        return refused(
-            exact,
-            "--consider",
-            "say in [[uncertain]] and [sensors] what is not known exactly, or leave it out",
-        );
-    }
-    let alone = "considered errors widen the covariance of a least-squares fit of all parameters alone";
-    for (place, given) in [
-        ("--profile", !o.profile.is_empty()),
-        ("--reduce", o.reduce),
-        ("--prior-from", o.posterior.is_some()),
-        ("--loss", s.loss != Loss::Squares),
-    ] {
-        if given {
-            return refused(alone, place, "leave it out, or leave --consider out and estimate the errors");
-        }
-    }
-    Ok(())
 }
 
 /// Standard deviations of the unknowns under random noise of the colour that the residuals have, by name; none where they are white, or
@@ -357,80 +232,6 @@ fn coloured_deviations(
     let deviations = c.diagonal().map(|v| v.max(0.0).sqrt());
     let named = columns.iter().map(|&k| all[k].name.clone());
     named.zip(deviations.iter().copied()).filter(|(_, s)| s.is_finite()).collect()
-}
-
-/// What the estimators of a fit are made of.
-#[derive(Clone, Copy)]
-pub(super) struct Assembly<'a> {
-    model: &'a Model,
-    records: &'a [LabelledRecord],
-    settings: &'a Settings,
-    shared: &'a Shared,
-    labels: &'a [String],
-    unknowns: &'a Unknowns,
-}
-
-/// Estimator of all records over the unknowns of a fit.
-pub(super) struct Assembled<'a> {
-    pub(super) whole: Box<dyn Estimator + 'a>,
-    pub(super) twins: Vec<Twin<'a>>,
-    /// Standard deviation of every channel of a sample, and residuals of each record.
-    pub(super) sigma: Vec<f64>,
-    pub(super) rows: Vec<usize>,
-}
-
-impl<'a> Assembly<'a> {
-    /// With columns of these errors of sensors and placements.
-    pub(super) fn assemble(&self, uncertain: &UncertainItems) -> Result<Assembled<'a>, IdentifyError> {
-        let over = &uncertain.over_time;
-        self.with(uncertain, &mut |k, t: &'a LabelledRecord, s| {
-            RecordEstimator::beside(self.model, &t.record, s, uncertain, over.walks_of(k))
-        })
-    }
-    /// [`Assembly::assemble`] with the motions of other estimators of the same records, the model at these values.
-    pub(super) fn again<'t: 'a>(
-        &self,
-        uncertain: &UncertainItems,
-        twins: &[Twin<'t>],
-        at: &[f64],
-    ) -> Result<Assembled<'a>, IdentifyError> {
-        self.with(uncertain, &mut |k, _, s| RecordEstimator::again(&twins[k], s, uncertain, at))
-    }
-    fn with(
-        &self,
-        uncertain: &UncertainItems,
-        make: &mut dyn FnMut(usize, &'a LabelledRecord, &Settings) -> Result<RecordEstimator<'a>, IdentifyError>,
-    ) -> Result<Assembled<'a>, IdentifyError> {
-        let moving = Settings { initial_state: true, ..self.settings.clone() };
-        let over = &uncertain.over_time;
-        let mut of = |(k, t): (usize, &'a LabelledRecord)| {
-            let settings = if t.continues { &moving } else { self.settings };
-            make(k, t, settings)
-        };
-        let mut fits = self.records.iter().enumerate().map(&mut of).collect::<Result<Vec<_>, _>>()?;
-        let sigma = fits.first().map(|f| f.sigmas(self.model)).unwrap_or_default();
-        let rows: Vec<usize> = fits.iter_mut().map(|f| f.estimator().rows()).collect();
-        let (mut parts, mut twins): (Vec<Box<dyn Estimator + '_>>, Vec<Twin<'_>>) =
-            fits.into_iter().map(RecordEstimator::split).unzip();
-        let decls = self.model.param_decls();
-        for (k, twin) in twins.iter_mut().enumerate() {
-            twin.changes = over.changes_of(k).to_vec();
-        }
-        parts =
-            parts.into_iter().zip(&twins).map(|(part, twin)| OverTime::changed(part, &decls, &twin.changes)).collect();
-        let mut whole = if parts.len() == 1 { parts.remove(0) } else { Box::new(Several::new(self.shared, parts)) };
-        let names = uncertain.shared_names();
-        if !names.is_empty() {
-            let mut shared = SharedErrors::new(whole, decls.len(), &names, self.labels);
-            for (i, name) in names.iter().enumerate() {
-                if let Some(made) = over.combined.get(name) {
-                    shared = shared.combine(i, made);
-                }
-            }
-            whole = Box::new(shared);
-        }
-        Ok(Assembled { whole: self.unknowns.tied(whole), twins, sigma, rows })
-    }
 }
 
 impl Assembly<'_> {
@@ -512,13 +313,14 @@ fn followed(
     }
 }
 
-/// Fits; from several starts, and again with fewer unknowns, when asked to.
+/// Fits; from several starts, and again with fewer unknowns, when asked to. With tests where an error keeps the fit from any answer.
 fn solve(
     request: &Request<'_>,
     of: &Subject<'_>,
     options: &FitOptions,
+    suspects: &Suspects<'_>,
     estimator: &mut ObservedEstimator<'_>,
-) -> Result<Fitted, IdentifyError> {
+) -> Result<(Fitted, Option<Tests>), IdentifyError> {
     let (unknowns, s) = (of.unknowns, of.settings);
     let mut ending = if options.more_starts == 0 {
         let quick = Request { give_up: Some(WIDE), ..request.clone() };
@@ -528,6 +330,28 @@ fn solve(
         if best.chi2_per_dof < WIDE * request.noise && !best.crept {
             best = finished(&quick, best, estimator)?;
         }
+        let mut suspected = None;
+        // Without springs a fit mostly ends, if at the edge of what can exist, and errors are tested there.
+        let rigid = !request.selected.iter().any(|&i| is_spring(request, i));
+        if rigid && leads_nowhere(&best, request.noise) {
+            best = finished(request, best, estimator)?;
+        }
+        if leads_nowhere(&best, request.noise) && !(rigid && best.is_solution()) && !estimator.stopped() {
+            suspected = suspects.found(&best)?;
+            if suspected.as_ref().is_some_and(Found::is_all)
+                && let Some(found) = suspected.take()
+            {
+                best = found.estimate;
+                if let Some(tests) = found.tests {
+                    return Ok((Fitted::of(best, request.selected), Some(tests)));
+                }
+            }
+        }
+        // A judgement begins at what other records have told. What cannot be led from there even to the shape of the signals lies in no other valley.
+        if options.start_at_posterior && leads_nowhere(&best, request.noise) {
+            let tests = suspected.and_then(|found| found.tests);
+            return Ok((Fitted::of(best, request.selected), tests));
+        }
         best = elsewhere(&quick, best, of, estimator);
         let unfinished = best.given_up;
         best = finished(request, best, estimator)?;
@@ -535,6 +359,10 @@ fn solve(
         if unfinished && !explains(&best) && has_lost(request, &best) {
             best = elsewhere(&quick, best, of, estimator);
             best = finished(request, best, estimator)?;
+        }
+        // Something is left with the error, and so it is named only where no other start has led anywhere.
+        if let Some(found) = suspected.filter(|_| leads_nowhere(&best, request.noise)) {
+            return Ok((Fitted::of(found.estimate, request.selected), found.tests));
         }
         best_valley(request, best, of, estimator)
     } else {
@@ -556,8 +384,7 @@ fn solve(
     allow_for_compliances(request, &mut ending);
     allow_for_mission(request, &mut ending, |i| unknowns.is_asked(i), estimator);
     let Ending { estimate, minima, alone } = ending;
-    let (full, selected) = (estimate.data_only.clone(), request.selected.to_vec());
-    let mut out = Fitted { selected, full, estimate, minima, alone, bent, reduced: None };
+    let mut out = Fitted { minima, alone, bent, ..Fitted::of(estimate, request.selected) };
     if options.reduce && !out.full.null.is_empty() {
         let (kept, mut set) = known::reduced(&out.full, request.selected)?;
         let selected: Vec<usize> = kept.iter().map(|&k| request.selected[k]).collect();
@@ -574,5 +401,5 @@ fn solve(
         out.selected = selected;
         out.reduced = Some(set);
     }
-    Ok(out)
+    Ok((out, None))
 }

@@ -1,12 +1,12 @@
 //! Draws from the posterior around a fit: the step of `ffid identify --sample`.
 
+use super::assembly::Setup;
 use super::error::{IdentifyError, config};
 use super::identified::Identified;
 use super::labelled_record::LabelledRecord;
 use super::observed_estimator::Observer;
 use super::options::FitOptions;
 use super::result::sampled::Sampled;
-use super::run::Setup;
 use super::settings::Settings;
 use crate::open::Opened;
 use ident::estimate::FINEST;

@@ -170,6 +170,15 @@ impl Unknowns {
         let Some(p) = &self.posterior else { return Ok(BTreeMap::new()) };
         known_before(p).map_err(|e| IdentifyError::Model(e.to_string()))
     }
+    /// The start with these values in place of those of the same name.
+    pub(super) fn at(&self, values: &BTreeMap<String, f64>) -> Vec<f64> {
+        let one = |(d, start): (&ParamDecl, &f64)| values.get(&d.name).copied().unwrap_or(*start);
+        self.decls.iter().zip(&self.start).map(one).collect()
+    }
+    /// The values of unknowns by name.
+    pub(super) fn by_name(&self, values: &[f64]) -> BTreeMap<String, f64> {
+        self.decls.iter().map(|d| d.name.clone()).zip(values.iter().copied()).collect()
+    }
     /// Selected unknowns as combinations of the model's parameters, at these values of the unknowns.
     pub(super) fn columns(&self, selected: &[usize], values: &[f64]) -> Result<Vec<Combination>, IdentifyError> {
         let Some(map) = &self.map else { return Ok(selected.iter().map(|&i| vec![(i, 1.0)]).collect()) };

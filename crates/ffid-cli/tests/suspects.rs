@@ -1,0 +1,59 @@
+//! Errors so large that no fit follows the record: what keeps it from any answer is named, in the time of a few fits.
+
+use crate::common::ffid;
+use crate::evidence::{noisy, simulated};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+/// A client in the hand: 31 kg.
+const CLIENT: &str = r#"
+[[appendage]]
+kind = "payload"
+name = "client"
+host = "hand"
+mount = { xyz_m = [0.08, 0.21, -0.06] }
+mass_kg = 31.0
+com_m = [0.04, 0.17, 0.09]
+inertia_com_kgm2 = [3.1, 0.2, -0.3, 2.4, 0.1, 3.7]
+"#;
+
+fn identify(dir: &Path, flags: &[&str]) -> (i32, Value) {
+    let all = [&["identify", "m.toml", "--out", "found", "--force", "--quiet"], flags].concat();
+    let (code, out, err) = ffid(dir, &all);
+    let text = fs::read_to_string(dir.join("found/result.json")).unwrap_or_else(|e| panic!("{e}: {out}\n{err}"));
+    (code, serde_json::from_str(&text).unwrap())
+}
+
+#[test]
+#[ignore = "full tier: 9 s"]
+fn a_client_that_the_mission_does_not_know_is_named_with_its_mass() {
+    let dir = tempfile::tempdir().unwrap();
+    simulated(dir.path(), 61, |truth| truth.replace("\n[sensors]\n", &format!("{CLIENT}\n[sensors]\n")));
+    let (code, r) = identify(dir.path(), &["--record", "rec.csv"]);
+    let first = &r["evidence"]["named"][0];
+    assert!([14, 16].contains(&code) && first["name"] == "held.hand", "{code} {first}");
+    assert!(first["refitted"] == true, "{first}");
+    let mass = first["size"].as_array().unwrap().iter().find(|c| c["name"] == "mass").unwrap();
+    let (value, std) = (mass["value"].as_f64().unwrap(), mass["std"].as_f64().unwrap());
+    assert!((value - 31.0).abs() < 4.0 * std && std < 3.0, "{first}");
+    // With it the record is explained.
+    let (code, r) = identify(dir.path(), &["--record", "rec.csv", "--adopt", "held.hand"]);
+    assert_eq!((code, r["evidence"]["state"].as_str()), (0, Some("explained")), "{}", r["evidence"]);
+}
+
+#[test]
+#[ignore = "full tier: 12 s"]
+fn fuel_that_was_burnt_between_two_records_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    simulated(dir.path(), 62, |truth| truth.replace("mass_kg = 46.5", "mass_kg = 29.0"));
+    fs::copy(dir.path().join("rec.csv"), dir.path().join("burnt.csv")).unwrap();
+    simulated(dir.path(), 63, |truth| truth.replace("mass_kg = 46.5", "mass_kg = 46.50001"));
+    noisy(dir.path(), 64, |_, _| {}, |m| m);
+    let (code, r) = identify(dir.path(), &["--records", "rec.csv", "burnt.csv"]);
+    let first = &r["evidence"]["named"][0];
+    assert!([14, 16].contains(&code) && first["name"] == "other-robot.burnt", "{code} {}", r["evidence"]);
+    let fuel = first["size"].as_array().unwrap().iter().find(|c| c["name"] == "tank.mass").unwrap();
+    let (value, std) = (fuel["value"].as_f64().unwrap(), fuel["std"].as_f64().unwrap());
+    assert!((value + 17.5).abs() < 4.0 * std && std < 3.0, "{first}");
+}

@@ -1,0 +1,481 @@
+//! What keeps a fit from any answer: a client in the hand that the mission knows nothing of, fuel that was burnt between two records.
+//!
+//! An error that large leaves no end from which it could be tested: springs and dampers take its place until nothing moves any more, and other
+//! starts only find other such places. So the question is put to the shape of the signals first. At a twentieth of their amplitude, and under a
+//! prior about the mission, a fit stays where the model is itself; the errors that account for most of what it leaves are fitted there, and
+//! the best of them, or those that explain it together, are fitted to the noise of the sensors. They are named if the record is followed with
+//! them. Records that each by itself are explained, and together are not, are of robots that differ.
+
+use super::assembly::{Assembled, Assembly, Setup};
+use super::elsewhere::{WIDE, explains, from_the_start, gone_on, owner};
+use super::error::IdentifyError;
+use super::evidence::{ErrorSize, NamedError, State};
+use super::explain::{Tests, in_words, tests_of_listed};
+use super::fitted::{Ended, Fitted};
+use super::labelled_record::LabelledRecord;
+use super::observed_estimator::{ObservedEstimator, Observer};
+use super::options::FitOptions;
+use super::record_estimator::Twin;
+use super::refit::{MOST_ANEW, SETTLED, moved, sizes};
+use super::settings::Settings;
+use crate::open::Opened;
+use crate::workflow::amplitude::{PART, amplitude};
+use ff_least_squares::Settings as Solver;
+use ff_model::Inertia;
+use ff_records::Record;
+use ident::belief::{PriorRow, Sigma};
+use ident::estimate::{Estimate, attempt};
+use ident::{Estimator, Noise, Priors, Request};
+use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeMap;
+
+/// Relative standard deviation of the prior about the mission.
+const WIDTH: f64 = 0.3;
+/// Linearisations of a fit to the shape of the signals, of one that is to follow them with an error, and promised relative reduction at which they end
+/// before.
+const ITERATIONS: usize = 60;
+const FOLLOW: usize = 30;
+const SHOWN: f64 = 0.01;
+/// Linearisations over all data behind it.
+const OF_ALL: usize = 8;
+/// Part of what such a fit leaves that an error must account for, to first order, to be fitted; errors that are.
+const WORTH: f64 = 0.2;
+const LEADING: usize = 3;
+/// Errors that are fitted together, at most.
+const TOGETHER: usize = 3;
+/// Linearisations of a fit without an error from the end of that with it: of one record, and of several.
+const ON: [usize; 2] = [40, 12];
+/// Part of chi-squared above that of noise that a fit with the error leaves at most, where it is what kept the other from any answer.
+const EXPLAINS: f64 = 0.1;
+/// Deviations of one component of an error from which it is seen.
+const SEEN: f64 = 4.0;
+/// Masses of what a link may hold, over that of the whole robot, and density (kg/m^3).
+const CLIENTS: [f64; 3] = [0.02, 0.08, 0.3];
+const DENSITY: f64 = 200.0;
+/// Deviations by which parameters of one record differ from those of another.
+const DIFFERS: f64 = 5.0;
+
+/// A fit that led nowhere, and what it was made of.
+pub(super) struct Suspects<'a> {
+    pub(super) opened: &'a Opened,
+    pub(super) records: &'a [LabelledRecord],
+    /// As they were given.
+    pub(super) settings: &'a Settings,
+    pub(super) options: &'a FitOptions,
+    pub(super) setup: &'a Setup,
+    pub(super) watch: &'a Observer<'a>,
+    /// Mean squared residual that noise alone leaves ([`Request::noise`]).
+    pub(super) noise: f64,
+}
+
+/// What was found.
+pub(super) struct Found {
+    /// The fit without the error from where the one with it has ended, or the first where that is better.
+    pub(super) estimate: Estimate,
+    /// The error in front; `None` where the fit explains the record without it after all.
+    pub(super) tests: Option<Tests>,
+}
+
+impl Found {
+    /// Whether nothing is left of what kept the fit from an answer.
+    pub(super) fn is_all(&self) -> bool {
+        self.tests.as_ref().is_none_or(|t| t.with_first == Some(State::Explained))
+    }
+}
+
+/// A fit with errors to the noise of the sensors.
+struct With<'n> {
+    errors: Vec<&'n NamedError>,
+    estimate: Estimate,
+    /// Values of its unknowns by name.
+    values: BTreeMap<String, f64>,
+}
+
+/// How far a fit without errors begins from its end, if that explains the record.
+#[derive(Clone, Copy, PartialEq)]
+enum From {
+    /// A few linearisations.
+    Near,
+    /// It is another start.
+    Afar,
+}
+
+/// A fit to the shape of the signals.
+struct Shape {
+    /// Sum of squared residuals, and the same per degree of freedom.
+    objective: f64,
+    misfit: f64,
+    /// Values of the unknowns by name.
+    values: BTreeMap<String, f64>,
+}
+
+impl Shape {
+    /// To a twentieth of the signals.
+    fn follows(&self) -> bool {
+        self.misfit < 1.0
+    }
+    fn of(setup: &Setup, e: &Estimate) -> Self {
+        Self { objective: e.objective, misfit: e.chi2_per_dof, values: setup.unknowns.by_name(&e.values) }
+    }
+}
+
+/// Whether a fit is so far off that errors are looked for before other starts.
+pub(super) fn leads_nowhere(e: &Estimate, noise: f64) -> bool {
+    e.chi2_per_dof >= WIDE * noise
+}
+
+impl Suspects<'_> {
+    /// The errors without which the fit led nowhere, if there are any.
+    pub(super) fn found(&self, stuck: &Estimate) -> Result<Option<Found>, IdentifyError> {
+        let setup = self.setup;
+        let loud = self.at_the_shape(&setup.settings);
+        let assembly = Assembly { settings: &loud, ..setup.assembly(&self.opened.model, self.records) };
+        let Assembled { mut whole, twins, .. } = assembly.assemble(&setup.uncertain)?;
+        let mut shapes: Vec<Estimate> = Vec::new();
+        let adopted = self.settings.adopt.iter().flat_map(|name| clients(setup, name));
+        for start in std::iter::once(setup.unknowns.start.clone()).chain(adopted) {
+            shapes.extend(self.shape(setup, &mut *whole, &start, false)?);
+        }
+        let Some(shape) = least(shapes) else { return Ok(None) };
+        let shape = Shape::of(setup, &shape);
+        if shape.follows() {
+            // The model can have that shape: another start is all that it takes, or a small thing is wrong.
+            let estimate = self.without(stuck, &self.estimated_at(&shape.values), From::Afar)?;
+            if self.explained(&estimate) {
+                return Ok(Some(Found { estimate, tests: None }));
+            }
+        }
+        let apart = self.robots_that_differ(stuck)?;
+        if apart.is_some() || shape.follows() {
+            return Ok(apart);
+        }
+        let start = self.estimated_at(&shape.values);
+        let Some(end) = self.shape_of_all(setup, &mut *whole, &start)? else { return Ok(None) };
+        drop(whole);
+        let Some(tests) = self.tested(&end, &twins, &loud)? else { return Ok(None) };
+        let excess = end.objective;
+        let of_one_robot = |n: &&NamedError| !n.name.starts_with("other-robot");
+        let mut leading: Vec<&NamedError> =
+            tests.alone.iter().filter(of_one_robot).filter(|n| n.drop > WORTH * excess).collect();
+        leading.sort_by(|a, b| b.drop.total_cmp(&a.drop));
+        leading.truncate(LEADING);
+        let mut tried: Vec<(Vec<&NamedError>, Shape)> = Vec::new();
+        for error in leading {
+            let with = self.shape_with(&[error], &shape)?;
+            tried.extend(with.map(|with| (vec![error], with)));
+        }
+        tried.retain(|t| t.1.follows());
+        let best = tried.into_iter().min_by(|a, b| a.1.objective.total_cmp(&b.1.objective));
+        let mut best = match best {
+            Some((errors, with)) => self.fitted(stuck, errors, &with)?,
+            None => None,
+        };
+        let first = tests.named.iter().enumerate().filter(|(k, n)| *k == 0 || n.beside).map(|(_, n)| n);
+        let together: Vec<&NamedError> = first.filter(of_one_robot).collect();
+        // In the order in which they add to one another, no more than it takes.
+        for n in 2..=together.len().min(TOGETHER) {
+            let errors = &together[..n];
+            if best.as_ref().is_some_and(|b| self.explained(&b.estimate)) {
+                break;
+            }
+            if errors.iter().map(|e| e.drop).sum::<f64>() < WORTH * excess {
+                continue;
+            }
+            if let Some(with) = self.shape_with(errors, &shape)?.filter(Shape::follows) {
+                let found = self.fitted(stuck, errors.to_vec(), &with)?;
+                best = found.filter(|f| self.explained(&f.estimate)).or(best);
+            }
+        }
+        match best {
+            Some(with) => self.named(stuck, &with, &tests),
+            None => Ok(None),
+        }
+    }
+    /// Whether a fit leaves no more than noise.
+    fn explained(&self, e: &Estimate) -> bool {
+        e.chi2_per_dof < self.noise && self.noise > 1.0 || explains(e)
+    }
+    /// The fit with errors to the noise of the sensors; `None` where that does not follow the record.
+    fn fitted<'n>(
+        &self,
+        stuck: &Estimate,
+        errors: Vec<&'n NamedError>,
+        with: &Shape,
+    ) -> Result<Option<With<'n>>, IdentifyError> {
+        let max_iterations = MOST_ANEW.min(self.settings.max_iterations);
+        let Some(setup) = self.adopting(&errors, max_iterations) else { return Ok(None) };
+        let Ok(mut whole) = setup.estimator(&self.opened.model, self.records) else { return Ok(None) };
+        let watch = self.watch.aside();
+        let mut watched = ObservedEstimator::new(&mut *whole, &watch);
+        let start = setup.unknowns.at(&with.values);
+        let mut request = Request { start: &start, noise: self.noise, ..setup.request()? };
+        request.settings.gain_tolerance = request.settings.gain_tolerance.max(SETTLED);
+        let found = attempt(&request, &mut watched);
+        if watched.stopped() {
+            return Err(IdentifyError::Interrupted);
+        }
+        let Ok(mut estimate) = found else { return Ok(None) };
+        // An error is what its value differs from the mission's by.
+        from_the_start(&mut estimate, &Request { start: &setup.unknowns.start, ..request.clone() });
+        let above = |e: &Estimate| e.objective - self.noise * e.residuals.len() as f64;
+        let follows = estimate.is_solution() && above(&estimate) <= EXPLAINS * above(stuck);
+        let values = setup.unknowns.by_name(&estimate.values);
+        Ok(follows.then_some(With { errors, estimate, values }))
+    }
+    /// Setup with these errors among the unknowns, if there is such a fit.
+    fn adopting(&self, errors: &[&NamedError], max_iterations: usize) -> Option<Setup> {
+        let mut settings = Settings { max_iterations, ..self.settings.clone() };
+        settings.adopt.extend(errors.iter().map(|n| n.name.clone()));
+        Setup::new(self.opened, self.records, &settings, self.options).ok()
+    }
+    /// What comes of a fit with errors: their names and sizes, or none where it was another start that it took.
+    fn named(&self, stuck: &Estimate, with: &With<'_>, tests: &Tests) -> Result<Option<Found>, IdentifyError> {
+        let e = &with.estimate;
+        let mut lines = Vec::new();
+        for &error in &with.errors {
+            let Some(h) = tests.tried.iter().find(|h| h.name == error.name) else { return Ok(None) };
+            let Some(size) = sizes(h, e, &self.setup.labels) else { return Ok(None) };
+            let text = in_words(&h.words, &size);
+            let beside = !lines.is_empty();
+            let (drop, alike) = (0.0, Vec::new());
+            lines.push(NamedError { text, size, drop, refitted: true, beside, alike, ..error.clone() });
+        }
+        let is_seen = |n: &NamedError| n.size.iter().any(|c| c.value.abs() > SEEN * c.std);
+        let seen = lines.iter().any(is_seen);
+        let from = if seen { From::Near } else { From::Afar };
+        let estimate = self.without(stuck, &self.estimated_at(&with.values), from)?;
+        if self.explained(&estimate) {
+            return Ok(Some(Found { estimate, tests: None }));
+        }
+        if !seen {
+            return Ok(None);
+        }
+        let unknowns = &self.setup.unknowns;
+        if let Some((moves, by)) = moved((&estimate, &unknowns.selected), unknowns, e, &|_| 0.0) {
+            lines.iter_mut().for_each(|n| (n.moves, n.moves_by) = (moves.clone(), by));
+        }
+        // Together: what each would take away alone is not known.
+        lines[0].drop = estimate.objective - e.objective;
+        Ok(Some(Found { estimate, tests: Some(tests.explained_by(lines, self.explained(e))) }))
+    }
+    /// The start with what is estimated at these values, by name; what the mission holds stays.
+    fn estimated_at(&self, values: &BTreeMap<String, f64>) -> Vec<f64> {
+        let unknowns = &self.setup.unknowns;
+        let (mut out, there) = (unknowns.start.clone(), unknowns.at(values));
+        unknowns.selected.iter().for_each(|&i| out[i] = there[i]);
+        out
+    }
+    /// The fit without an error from where one with it has ended, as one with the first; the first where it is the better.
+    fn without(&self, stuck: &Estimate, start: &[f64], from: From) -> Result<Estimate, IdentifyError> {
+        let mut whole = self.setup.estimator(&self.opened.model, self.records)?;
+        let watch = self.watch.aside();
+        let mut watched = ObservedEstimator::new(&mut *whole, &watch);
+        let asked = self.setup.request()?;
+        let on = ON[usize::from(self.records.len() > 1)];
+        let max_iterations = if from == From::Near { on } else { asked.settings.max_iterations };
+        let settings = Solver { max_iterations, ..asked.settings.clone() };
+        let coarse = from == From::Afar;
+        let request = Request { start, coarse, give_up: coarse.then_some(WIDE), noise: self.noise, settings, ..asked };
+        let on = attempt(&request, &mut watched);
+        if watched.stopped() {
+            return Err(IdentifyError::Interrupted);
+        }
+        let asked = Request { start: &self.setup.unknowns.start, ..request.clone() };
+        Ok(match on {
+            Ok(e) if e.objective < stuck.objective => gone_on(e, stuck, &asked),
+            _ => stuck.clone(),
+        })
+    }
+    /// Settings with a twentieth of the signals in place of the noise.
+    fn at_the_shape(&self, s: &Settings) -> Settings {
+        let largest = |of: &dyn Fn(&Record) -> f64| self.records.iter().map(|t| of(&t.record)).fold(0.0, f64::max);
+        let own = self.noise.sqrt();
+        let torque = largest(&|r| PART * amplitude(r.tau())).max(own * s.noise.torque);
+        let gyro = largest(&|r| PART * amplitude(r.gyro())).max(own * s.noise.gyro);
+        Settings { noise: Noise { torque, gyro }, ..s.clone() }
+    }
+    /// Tests of errors at the end of a fit to the shape of the signals. `None` where nothing can be predicted.
+    fn tested(&self, e: &Estimate, twins: &[Twin<'_>], loud: &Settings) -> Result<Option<Tests>, IdentifyError> {
+        let Setup { unknowns, shared, labels, .. } = self.setup;
+        let (fitted, values) = (Fitted::of(e.clone(), &unknowns.selected), unknowns.expand(&e.values)?);
+        let (model, records, signals) = (&self.opened.model, self.records, &[][..]);
+        let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals };
+        tests_of_listed(&end, twins, loud)
+    }
+    /// The fit to the shape of the signals with errors, from the end of that without them, from the mission, or from clients of several sizes; `None` where it fails.
+    fn shape_with(&self, errors: &[&NamedError], before: &Shape) -> Result<Option<Shape>, IdentifyError> {
+        let Some(setup) = self.adopting(errors, self.settings.max_iterations) else { return Ok(None) };
+        let loud = self.at_the_shape(&setup.settings);
+        let assembly = Assembly { settings: &loud, ..setup.assembly(&self.opened.model, self.records) };
+        let Ok(Assembled { mut whole, .. }) = assembly.assemble(&setup.uncertain) else { return Ok(None) };
+        // Without them the fit may have gone where no way leads back from.
+        let from_there = self.shape(&setup, &mut *whole, &setup.unknowns.at(&before.values), true)?;
+        let anew = self.shape(&setup, &mut *whole, &setup.unknowns.start, true)?;
+        let mut all: Vec<Estimate> = from_there.into_iter().chain(anew).collect();
+        for start in errors.iter().flat_map(|n| clients(&setup, &n.name)) {
+            all.extend(self.shape(&setup, &mut *whole, &start, true)?);
+        }
+        Ok(least(all).map(|e| Shape::of(&setup, &e)))
+    }
+    /// A fit of these unknowns to the shape of the signals. What is asked for is held to the mission; errors may be as large as they are.
+    fn shape_request<'r>(
+        &self,
+        setup: &'r Setup,
+        start: &'r [f64],
+        max_iterations: usize,
+    ) -> Result<Request<'r>, IdentifyError> {
+        let (asked, unknowns) = (setup.request()?, &setup.unknowns);
+        let settings = Solver { max_iterations, decrement_tolerance: SHOWN, ..asked.settings.clone() };
+        let of = &self.setup.unknowns;
+        let free = |name: &str| {
+            let links = self.settings.adopt.iter().filter_map(|a| a.strip_prefix("held."));
+            links.into_iter().any(|link| owner(name) == Some(link))
+        };
+        let wanted: Vec<&str> =
+            of.selected.iter().map(|&i| of.decls[i].name.as_str()).filter(|name| !free(name)).collect();
+        let mission = [("*", Sigma::Relative(WIDTH))];
+        let held = Priors::new(&unknowns.decls, &unknowns.selected, &unknowns.nominal, &mission)
+            .map_err(|e| IdentifyError::Model(e.to_string()))?
+            .of_columns(|column| {
+                let i = unknowns.selected[column];
+                unknowns.is_asked(i) && wanted.contains(&unknowns.decls[i].name.as_str())
+            });
+        let is_new = |row: &&PriorRow| asked.priors.rows().iter().all(|r| r.column != row.column);
+        let priors = held.rows().iter().filter(is_new).fold(asked.priors.clone(), |all, row| all.with(*row));
+        let centre = Some(&unknowns.start[..]);
+        Ok(Request { start, centre, priors, anchor: None, coarse: false, near_end: false, finer: 0, settings, ..asked })
+    }
+    /// A fit to the shape of the signals over less data, where there is less; `None` where it fails. One that is to `follow` them ends where it
+    /// will not.
+    fn shape(
+        &self,
+        setup: &Setup,
+        whole: &mut dyn Estimator,
+        start: &[f64],
+        follow: bool,
+    ) -> Result<Option<Estimate>, IdentifyError> {
+        let watch = self.watch.aside();
+        let mut watched = ObservedEstimator::new(whole, &watch);
+        let request = self.shape_request(setup, start, if follow { FOLLOW } else { ITERATIONS })?;
+        let fit = |of: &mut dyn Estimator| {
+            let to_beat = follow.then_some(of.rows() as f64);
+            attempt(&Request { to_beat, ..request.clone() }, of)
+        };
+        let thin = watched.rough(start).map(|mut thin| fit(&mut *thin.estimator));
+        let found = thin.unwrap_or_else(|| fit(&mut watched));
+        if watched.stopped() {
+            return Err(IdentifyError::Interrupted);
+        }
+        Ok(found.ok())
+    }
+    /// The same over all data, from where it has ended: for tests.
+    fn shape_of_all(
+        &self,
+        setup: &Setup,
+        whole: &mut dyn Estimator,
+        start: &[f64],
+    ) -> Result<Option<Estimate>, IdentifyError> {
+        let watch = self.watch.aside();
+        let mut watched = ObservedEstimator::new(whole, &watch);
+        let found = attempt(&self.shape_request(setup, start, OF_ALL)?, &mut watched);
+        if watched.stopped() {
+            return Err(IdentifyError::Interrupted);
+        }
+        Ok(found.ok())
+    }
+    /// Records that are explained each by itself, while all together are not.
+    fn robots_that_differ(&self, stuck: &Estimate) -> Result<Option<Found>, IdentifyError> {
+        if self.records.len() < 2 || self.records.iter().any(|t| t.continues) {
+            return Ok(None);
+        }
+        let mut alone: Vec<(Setup, Estimate)> = Vec::new();
+        for k in 0..self.records.len() {
+            let records = &self.records[k..=k];
+            let Ok(setup) = Setup::new(self.opened, records, self.settings, self.options) else { return Ok(None) };
+            let mut whole = setup.estimator(&self.opened.model, records)?;
+            let watch = self.watch.aside();
+            let mut watched = ObservedEstimator::new(&mut *whole, &watch);
+            let request = Request { give_up: Some(WIDE), noise: self.noise, ..setup.request()? };
+            let found = attempt(&request, &mut watched);
+            if watched.stopped() {
+                return Err(IdentifyError::Interrupted);
+            }
+            drop(watched);
+            drop(whole);
+            match found {
+                Ok(e) if e.is_solution() && self.explained(&e) => alone.push((setup, e)),
+                _ => return Ok(None),
+            }
+        }
+        let mut named: Vec<NamedError> = Vec::new();
+        let objective: f64 = alone.iter().map(|a| a.1.objective).sum();
+        let first = &alone[0].1;
+        for (t, (_, e)) in self.records.iter().zip(&alone).skip(1) {
+            let changed = |(p, q): (&ident::Estimated, &ident::Estimated)| {
+                let std = p.std?.hypot(q.std?);
+                let (name, unit) = (q.name.clone(), q.unit.clone());
+                Some(ErrorSize { name, unit, value: q.value - p.value, std })
+            };
+            let size: Vec<ErrorSize> = first.parameters.iter().zip(&e.parameters).filter_map(changed).collect();
+            let by = |s: &ErrorSize| (s.value / s.std).abs();
+            let Some(most) = size.iter().max_by(|a, b| by(a).total_cmp(&by(b))).filter(|s| by(s) > DIFFERS) else {
+                continue;
+            };
+            let words = format!("parameters that are others in record {}", t.label);
+            named.push(NamedError {
+                name: format!("other-robot.{}", t.label),
+                text: in_words(&words, &size),
+                drop: stuck.objective - objective,
+                freedom: size.len(),
+                p: 0.0,
+                moves: most.name.clone(),
+                moves_by: by(most),
+                beside: false,
+                alike: Vec::new(),
+                refitted: true,
+                mission: String::new(),
+                size,
+            });
+        }
+        if named.is_empty() {
+            return Ok(None);
+        }
+        named.sort_by(|a, b| b.moves_by.total_cmp(&a.moves_by));
+        let (setup, e) = &alone[0];
+        let start = self.estimated_at(&setup.unknowns.by_name(&e.values));
+        let estimate = self.without(stuck, &start, From::Near)?;
+        if self.explained(&estimate) {
+            return Ok(Some(Found { estimate, tests: None }));
+        }
+        named.iter_mut().for_each(|n| n.drop = estimate.objective - objective);
+        Ok(Some(Found { estimate, tests: Some(Tests::default().explained_by(named, true)) }))
+    }
+}
+
+/// The fit that leaves least.
+fn least(all: Vec<Estimate>) -> Option<Estimate> {
+    all.into_iter().min_by(|a, b| a.objective.total_cmp(&b.objective))
+}
+
+/// Starts at which a link that may hold something holds a ball, of several masses and the density of spacecraft, that touches it where its own centre of mass
+/// points to: a link that has to become many times as heavy takes a way that does not end. None for other errors.
+fn clients(setup: &Setup, error: &str) -> Vec<Vec<f64>> {
+    let Some(link) = error.strip_prefix("held.") else { return Vec::new() };
+    let unknowns = &setup.unknowns;
+    let first = |of: &str| unknowns.decls.iter().position(|d| d.name == format!("{of}.mass"));
+    let Some(link) = first(link).filter(|&i| i + 10 <= unknowns.start.len()) else { return Vec::new() };
+    let own = Inertia::from_params(&unknowns.start[link..link + 10]);
+    let whole = unknowns.decls.iter().zip(&unknowns.start).filter(|(d, _)| d.unit == "kg").map(|(_, x)| x).sum::<f64>();
+    let Some(com) = own.com() else { return Vec::new() };
+    let out = com.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::z);
+    let one = |part: &f64| {
+        let mass = part * whole;
+        let radius = (0.75 * mass / (std::f64::consts::PI * DENSITY)).cbrt();
+        let ball = Matrix3::identity() * (0.4 * mass * radius.powi(2));
+        let both = own + Inertia::from_com(mass, &(com + out * radius), &ball);
+        let mut start = unknowns.start.clone();
+        start[link..link + 10].copy_from_slice(&both.to_params());
+        start
+    };
+    CLIENTS.iter().map(one).collect()
+}
