@@ -158,8 +158,8 @@ fn named(r: &IdentificationResult, of: &[ParameterVerdict]) -> Option<String> {
 fn next(r: &IdentificationResult) -> Vec<String> {
     let mut out = Vec::new();
     if !r.status.is_solution() {
-        let found = r.evidence.as_ref().filter(|e| e.named.first().is_some_and(|n| n.refitted));
-        if let Some((found, remedy)) = found.and_then(|e| Some((e.refitted(), e.remedy()?))) {
+        let found = r.evidence.as_ref().and_then(|e| Some((e.refitted()?, e.remedy()?)));
+        if let Some((found, remedy)) = found {
             return vec![format!("The fit ends with {found}: {remedy}.")];
         }
         return vec![

@@ -3,7 +3,7 @@
 use super::args::Args;
 use ff_model::diagnostics::list;
 use ff_model::{Area, Problem, Problems};
-use ffid::workflow::identify::{Combination, Evidence, IdentificationResult, Method, Minima, SampledState, State};
+use ffid::workflow::identify::{Combination, IdentificationResult, Method, Minima, SampledState, State};
 
 /// Most combinations named in one line.
 const LISTED: usize = 3;
@@ -14,12 +14,10 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
     let file = args.paths().swap_remove(0);
     let mut add = |p: Problem, hint: &str| out.push(p.in_file(&file).hint(hint));
     if !r.status.is_solution() {
-        let found = r.evidence.as_ref().filter(|e| e.named.first().is_some_and(|n| n.refitted));
-        let with = found.map_or_else(String::new, |e| format!("; it ends with {}", e.refitted()));
-        let p = Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}{with}", r.status));
-        let hint = found.and_then(Evidence::remedy);
-        let hint = hint.unwrap_or_else(|| "start nearer, give priors, or raise --max-iterations".to_owned());
-        add(p, &hint);
+        let found = r.evidence.as_ref().and_then(|e| Some((format!("; it ends with {}", e.refitted()?), e.remedy()?)));
+        let otherwise = || (String::new(), "start nearer, give priors, or raise --max-iterations".to_owned());
+        let (with, hint) = found.unwrap_or_else(otherwise);
+        add(Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}{with}", r.status)), &hint);
     }
     let silent: Vec<(&[Combination], &str)> = match &r.silent {
         None => vec![(&r.null_directions, "")],

@@ -1,6 +1,7 @@
 //! Errors that a fit estimates beside what the mission asks for: `--adopt`.
 
 use super::error::config;
+use super::evidence::EXTRA_MODE;
 use super::ties::TieSpec;
 use super::uncertain::UncertainItems;
 use ff_model::diagnostics::nearest;
@@ -8,9 +9,6 @@ use ff_model::{Model, Problems};
 use ident::parameters::matches;
 use ident::uncertain::{ErrorSource, Hypothesis, hypotheses};
 use ident::{Noise, Options};
-
-/// Name of the hypothesis.
-pub(super) const EXTRA_MODE: &str = "extra-mode";
 
 /// Size of an error of a placement (m, rad).
 const PLACEMENT: f64 = 1e-2;

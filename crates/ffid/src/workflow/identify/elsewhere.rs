@@ -123,8 +123,7 @@ fn one_round(
 ) -> Estimate {
     // Under a robust loss, what is left may be outliers. Without springs to be estimated there are no modes to be in the wrong place, and a fit that has
     // ended is at its end.
-    let rigid = !request.selected.iter().any(|&i| is_spring(request, i));
-    if request.loss != Loss::Squares || rigid && first.is_solution() {
+    if request.loss != Loss::Squares || !has_springs(request) && first.is_solution() {
         return first;
     }
     // A line that is left over may be that of a mode in the wrong place, however little it adds to the whole.
@@ -405,6 +404,11 @@ fn aimed(request: &Request<'_>, first: &Estimate, lines: &[f64], of: &Subject<'_
 /// Whether this parameter is a stiffness.
 pub(super) fn is_spring(request: &Request<'_>, i: usize) -> bool {
     is_stiffness(&request.decls[i])
+}
+
+/// Whether a stiffness is estimated.
+pub(super) fn has_springs(request: &Request<'_>) -> bool {
+    request.selected.iter().any(|&i| is_spring(request, i))
 }
 
 /// Starts from the end of a fit with one stiffness as the mission has it, the farthest from there first: the mode of one that has gone astray may be the line

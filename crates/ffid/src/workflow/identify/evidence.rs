@@ -3,6 +3,11 @@
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
+/// Name of the error that is a mode which the mission lacks.
+pub(super) const EXTRA_MODE: &str = "extra-mode";
+/// Name of the error that is a robot with other parameters, before the label of a record.
+pub(super) const OTHER_ROBOT: &str = "other-robot";
+
 /// What the record says of the model as a whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -63,23 +68,24 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Errors with which fits end, each with those that explain the record beside it; empty where no fit was made with one. Allocates.
-    pub fn refitted(&self) -> String {
+    /// Errors with which fits end, each with those that explain the record beside it; `None` where no fit was made with the first. Allocates.
+    pub fn refitted(&self) -> Option<String> {
         let mut out = String::new();
+        self.named.first().filter(|n| n.refitted)?;
         for n in self.named.iter().filter(|n| n.refitted) {
             let link = if n.beside { " beside " } else { ", or " };
             out += if out.is_empty() { "" } else { link };
             out += &n.text;
         }
-        out
+        Some(out)
     }
     /// What to do about the errors that explain the record, as the next step of a message; `None` where none is named. Allocates.
     pub fn remedy(&self) -> Option<String> {
         let first = self.named.first()?;
-        if first.name.starts_with("other-robot") {
+        if first.is_another_robot() {
             return Some("identify the records apart, and compare what they say".to_owned());
         }
-        if first.name == "extra-mode" {
+        if first.name == EXTRA_MODE {
             let such = if first.mission.is_empty() { "" } else { ", such as the one in the report," };
             return Some(format!("add an [[appendage]] of that frequency to the mission{such} and estimate it"));
         }
@@ -141,6 +147,13 @@ fn is_false(x: &bool) -> bool {
     !*x
 }
 
+impl NamedError {
+    /// Whether it is of parameters that are others in a record.
+    pub(super) fn is_another_robot(&self) -> bool {
+        self.name.starts_with(OTHER_ROBOT)
+    }
+}
+
 /// A component of an error.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -180,14 +193,14 @@ mod tests {
     fn what_explains_the_record_together_is_estimated_together() {
         let of = |named: Vec<NamedError>| Evidence { named, ..Evidence::default() };
         let both = of(vec![named("mass.wing", true, false), named("parameters.tank", true, true)]);
-        assert_eq!(both.refitted(), "an error of mass.wing beside an error of parameters.tank");
+        assert_eq!(both.refitted().unwrap(), "an error of mass.wing beside an error of parameters.tank");
         assert_eq!(both.remedy().unwrap(), "measure that, or estimate it: --adopt mass.wing,parameters.tank");
         let either = of(vec![named("mass.wing", true, false), named("parameters.tank", true, false)]);
-        assert_eq!(either.refitted(), "an error of mass.wing, or an error of parameters.tank");
+        assert_eq!(either.refitted().unwrap(), "an error of mass.wing, or an error of parameters.tank");
         assert_eq!(either.remedy().unwrap(), "measure that, or estimate it: --adopt mass.wing");
         // What no fit was made with is an indication.
         let first_order = of(vec![named("mass.wing", false, false), named("parameters.tank", false, true)]);
-        assert_eq!(first_order.refitted(), "");
+        assert_eq!(first_order.refitted(), None);
         assert!(first_order.remedy().unwrap().ends_with("--adopt mass.wing"));
         let apart = of(vec![named("other-robot.b", true, false)]).remedy().unwrap();
         assert!(apart.contains("apart") && !apart.contains("--adopt"), "{apart}");

@@ -318,15 +318,13 @@ fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: 
 /// That a fit has not ended, and what it would take.
 fn unsettled(found: &Evidence) -> String {
     let (what, named) = ("the fit did not end at a solution", &found.named);
+    if let (Some(n), Some(any)) = (named.first(), found.refitted()) {
+        let more = if named.iter().any(|n| n.refitted && n.beside) { "more unknowns" } else { "one more unknown" };
+        let left = if found.with_first == Some(State::Contradicted) { ", but something is left with it" } else { "" };
+        let drop = num(n.drop);
+        return format!("{what}, but does with {more}: {any} would explain it (chi-squared falls by {drop}{left})");
+    }
     match named.first() {
-        Some(n) if n.refitted => {
-            let drop = num(n.drop);
-            let any = found.refitted();
-            let more = if named.iter().any(|n| n.refitted && n.beside) { "more unknowns" } else { "one more unknown" };
-            let left =
-                if found.with_first == Some(State::Contradicted) { ", but something is left with it" } else { "" };
-            format!("{what}, but does with {more}: {any} would explain it (chi-squared falls by {drop}{left})")
-        }
         Some(n) => format!(
             "{what}; where it stopped, {} would lower chi-squared most (by {}), which is an indication and no test",
             n.text,

@@ -1,9 +1,8 @@
 //! Is it a mode that the mission lacks? Where residuals keep a colour that no error accounts for, an oscillator on the base is looked
 //! for: at lines of their spectrum, then by Gauss-Newton steps in frequency and damping together with all unknowns of the fit.
 
-use super::adoption::EXTRA_MODE;
 use super::error::IdentifyError;
-use super::evidence::{ErrorSize, NamedError};
+use super::evidence::{EXTRA_MODE, ErrorSize, NamedError};
 use super::fitted::Ended;
 use super::known;
 use super::mounted_mode::Mounted;

@@ -4,11 +4,10 @@
 //! speaks for most may be what keeps it from ending, and where it has ended far off, what led it there: fits with one then begin where
 //! the first began.
 
-use super::adoption::EXTRA_MODE;
 use super::assembly::{Assembled, Setup};
 use super::elsewhere::{NOWHERE, WIDE};
 use super::error::IdentifyError;
-use super::evidence::{ErrorSize, NamedError, State};
+use super::evidence::{EXTRA_MODE, ErrorSize, NamedError, State};
 use super::explain::{self, CLOSE, Tests, in_words};
 use super::extra_mode;
 use super::fitted::{Ended, Fitted};
@@ -100,7 +99,7 @@ impl Contradicted<'_, '_> {
         let least = leading.first().map_or(0.0, |n| NEAR * n.drop);
         leading.truncate(LEADING);
         let (mut found, mut lost): (Vec<Refit>, Vec<String>) = (Vec::new(), Vec::new());
-        for candidate in leading.iter().filter(|n| n.drop >= least && !n.name.starts_with("other-robot")) {
+        for candidate in leading.iter().filter(|n| n.drop >= least && !n.is_another_robot()) {
             let is_mode = candidate.name == EXTRA_MODE;
             match self.fit(candidate, tests, true)? {
                 Tried::Fitted(fit) => found.push(*fit),
@@ -184,7 +183,7 @@ impl Contradicted<'_, '_> {
             leading.retain(|n| tests.named.iter().any(|o| o.name == n.name));
         }
         leading.sort_by(|a, b| b.drop.total_cmp(&a.drop));
-        leading.retain(|n| n.drop > WORTH * excess && !n.name.starts_with("other-robot"));
+        leading.retain(|n| n.drop > WORTH * excess && !n.is_another_robot());
         leading.truncate(ANEW);
         let before = self.end.fitted.estimate.objective;
         let mut found: Vec<Refit> = Vec::new();

@@ -6,7 +6,7 @@ use super::compliances::allow_for_compliances;
 use super::consider::{self, Side};
 use super::course::Course;
 use super::drives;
-use super::elsewhere::{Subject, WIDE, elsewhere, explains, gone_on, has_lost, is_spring};
+use super::elsewhere::{Subject, WIDE, elsewhere, explains, gone_on, has_lost, has_springs};
 use super::encoder_noise::{allow_for_encoders, said};
 use super::error::IdentifyError;
 use super::evidence::State;
@@ -332,19 +332,17 @@ fn solve(
         }
         let mut suspected = None;
         // Without springs a fit mostly ends, if at the edge of what can exist, and errors are tested there.
-        let rigid = !request.selected.iter().any(|&i| is_spring(request, i));
+        let rigid = !has_springs(request);
         if rigid && leads_nowhere(&best, request.noise) {
             best = finished(request, best, estimator)?;
         }
         if leads_nowhere(&best, request.noise) && !(rigid && best.is_solution()) && !estimator.stopped() {
-            suspected = suspects.found(&best)?;
-            if suspected.as_ref().is_some_and(Found::is_all)
-                && let Some(found) = suspected.take()
-            {
-                best = found.estimate;
-                if let Some(tests) = found.tests {
-                    return Ok((Fitted::of(best, request.selected), Some(tests)));
+            match suspects.found(&best)? {
+                Some(Found { estimate, tests: None }) => best = estimate,
+                Some(found) if found.is_all() => {
+                    return Ok((Fitted::of(found.estimate, request.selected), found.tests));
                 }
+                in_part => suspected = in_part,
             }
         }
         // A judgement begins at what other records have told. What cannot be led from there even to the shape of the signals lies in no other valley.

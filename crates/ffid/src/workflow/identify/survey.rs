@@ -1,6 +1,7 @@
 //! One pass over the records at the end of a fit, with columns of what the fit did not estimate.
 
 use super::error::IdentifyError;
+use super::evidence::OTHER_ROBOT;
 use super::extra_mode::{self, ExtraMode};
 use super::fitted::Ended;
 use super::over_time::OverTime;
@@ -100,6 +101,12 @@ fn with_columns_of(model: &Model, plain: &Options, estimated: &dyn Fn(&str) -> b
         errors: every.errors.iter().copied().filter(|e| estimated(&e.name(&joints))).collect(),
         ..plain.clone()
     }
+}
+
+/// The error that parameters are others in the record of this label.
+pub(super) fn other_robot(label: &str, components: Vec<Component>) -> Hypothesis {
+    let words = format!("parameters that are others in record {label}");
+    Hypothesis::new(format!("{OTHER_ROBOT}.{label}"), words, components)
 }
 
 impl Survey {
@@ -240,8 +247,7 @@ impl Survey {
                 let unit = |k: &usize| end.unknowns.decls[end.fitted.selected[*k]].unit.to_owned();
                 let one = |k: &usize| Component { name: base_names[*k].clone(), unit: unit(k), of: Vec::new() };
                 let components = of_parameters.iter().map(one).collect();
-                let words = format!("parameters that are others in record {label}");
-                tried.push(Hypothesis::new(format!("other-robot.{label}"), words, components));
+                tried.push(other_robot(label, components));
             }
             first += n;
         }
@@ -256,7 +262,7 @@ impl Survey {
                 let one = |k: &usize| Component { name: base_names[*k].clone(), unit: unit(k), of: Vec::new() };
                 let components = of_parameters.iter().map(one).collect();
                 let words = "parameters that are others than those identified before".to_owned();
-                tried.push(Hypothesis::new("other-robot", words, components));
+                tried.push(Hypothesis::new(OTHER_ROBOT, words, components));
             }
         }
         let oscillator = tried.len();

@@ -18,6 +18,7 @@ use super::options::FitOptions;
 use super::record_estimator::Twin;
 use super::refit::{MOST_ANEW, SETTLED, moved, sizes};
 use super::settings::Settings;
+use super::survey::other_robot;
 use crate::open::Opened;
 use crate::workflow::amplitude::{PART, amplitude};
 use ff_least_squares::Settings as Solver;
@@ -93,7 +94,7 @@ struct With<'n> {
 
 /// How far a fit without errors begins from its end, if that explains the record.
 #[derive(Clone, Copy, PartialEq)]
-enum From {
+enum Begins {
     /// A few linearisations.
     Near,
     /// It is another start.
@@ -140,7 +141,7 @@ impl Suspects<'_> {
         let shape = Shape::of(setup, &shape);
         if shape.follows() {
             // The model can have that shape: another start is all that it takes, or a small thing is wrong.
-            let estimate = self.without(stuck, &self.estimated_at(&shape.values), From::Afar)?;
+            let estimate = self.without(stuck, &self.estimated_at(&shape.values), Begins::Afar)?;
             if self.explained(&estimate) {
                 return Ok(Some(Found { estimate, tests: None }));
             }
@@ -150,11 +151,13 @@ impl Suspects<'_> {
             return Ok(apart);
         }
         let start = self.estimated_at(&shape.values);
-        let Some(end) = self.shape_of_all(setup, &mut *whole, &start)? else { return Ok(None) };
+        // Over all data, for tests.
+        let request = self.shape_request(setup, &start, OF_ALL)?;
+        let Some(end) = self.fit(&request, &mut *whole)? else { return Ok(None) };
         drop(whole);
         let Some(tests) = self.tested(&end, &twins, &loud)? else { return Ok(None) };
         let excess = end.objective;
-        let of_one_robot = |n: &&NamedError| !n.name.starts_with("other-robot");
+        let of_one_robot = |n: &&NamedError| !n.is_another_robot();
         let mut leading: Vec<&NamedError> =
             tests.alone.iter().filter(of_one_robot).filter(|n| n.drop > WORTH * excess).collect();
         leading.sort_by(|a, b| b.drop.total_cmp(&a.drop));
@@ -205,16 +208,10 @@ impl Suspects<'_> {
         let max_iterations = MOST_ANEW.min(self.settings.max_iterations);
         let Some(setup) = self.adopting(&errors, max_iterations) else { return Ok(None) };
         let Ok(mut whole) = setup.estimator(&self.opened.model, self.records) else { return Ok(None) };
-        let watch = self.watch.aside();
-        let mut watched = ObservedEstimator::new(&mut *whole, &watch);
         let start = setup.unknowns.at(&with.values);
         let mut request = Request { start: &start, noise: self.noise, ..setup.request()? };
         request.settings.gain_tolerance = request.settings.gain_tolerance.max(SETTLED);
-        let found = attempt(&request, &mut watched);
-        if watched.stopped() {
-            return Err(IdentifyError::Interrupted);
-        }
-        let Ok(mut estimate) = found else { return Ok(None) };
+        let Some(mut estimate) = self.fit(&request, &mut *whole)? else { return Ok(None) };
         // An error is what its value differs from the mission's by.
         from_the_start(&mut estimate, &Request { start: &setup.unknowns.start, ..request.clone() });
         let above = |e: &Estimate| e.objective - self.noise * e.residuals.len() as f64;
@@ -242,7 +239,7 @@ impl Suspects<'_> {
         }
         let is_seen = |n: &NamedError| n.size.iter().any(|c| c.value.abs() > SEEN * c.std);
         let seen = lines.iter().any(is_seen);
-        let from = if seen { From::Near } else { From::Afar };
+        let from = if seen { Begins::Near } else { Begins::Afar };
         let estimate = self.without(stuck, &self.estimated_at(&with.values), from)?;
         if self.explained(&estimate) {
             return Ok(Some(Found { estimate, tests: None }));
@@ -266,23 +263,17 @@ impl Suspects<'_> {
         out
     }
     /// The fit without an error from where one with it has ended, as one with the first; the first where it is the better.
-    fn without(&self, stuck: &Estimate, start: &[f64], from: From) -> Result<Estimate, IdentifyError> {
+    fn without(&self, stuck: &Estimate, start: &[f64], from: Begins) -> Result<Estimate, IdentifyError> {
         let mut whole = self.setup.estimator(&self.opened.model, self.records)?;
-        let watch = self.watch.aside();
-        let mut watched = ObservedEstimator::new(&mut *whole, &watch);
         let asked = self.setup.request()?;
         let on = ON[usize::from(self.records.len() > 1)];
-        let max_iterations = if from == From::Near { on } else { asked.settings.max_iterations };
+        let max_iterations = if from == Begins::Near { on } else { asked.settings.max_iterations };
         let settings = Solver { max_iterations, ..asked.settings.clone() };
-        let coarse = from == From::Afar;
+        let coarse = from == Begins::Afar;
         let request = Request { start, coarse, give_up: coarse.then_some(WIDE), noise: self.noise, settings, ..asked };
-        let on = attempt(&request, &mut watched);
-        if watched.stopped() {
-            return Err(IdentifyError::Interrupted);
-        }
         let asked = Request { start: &self.setup.unknowns.start, ..request.clone() };
-        Ok(match on {
-            Ok(e) if e.objective < stuck.objective => gone_on(e, stuck, &asked),
+        Ok(match self.fit(&request, &mut *whole)? {
+            Some(e) if e.objective < stuck.objective => gone_on(e, stuck, &asked),
             _ => stuck.clone(),
         })
     }
@@ -328,8 +319,8 @@ impl Suspects<'_> {
         let settings = Solver { max_iterations, decrement_tolerance: SHOWN, ..asked.settings.clone() };
         let of = &self.setup.unknowns;
         let free = |name: &str| {
-            let links = self.settings.adopt.iter().filter_map(|a| a.strip_prefix("held."));
-            links.into_iter().any(|link| owner(name) == Some(link))
+            let mut links = self.settings.adopt.iter().filter_map(|a| a.strip_prefix("held."));
+            links.any(|link| owner(name) == Some(link))
         };
         let wanted: Vec<&str> =
             of.selected.iter().map(|&i| of.decls[i].name.as_str()).filter(|name| !free(name)).collect();
@@ -354,34 +345,22 @@ impl Suspects<'_> {
         start: &[f64],
         follow: bool,
     ) -> Result<Option<Estimate>, IdentifyError> {
-        let watch = self.watch.aside();
-        let mut watched = ObservedEstimator::new(whole, &watch);
         let request = self.shape_request(setup, start, if follow { FOLLOW } else { ITERATIONS })?;
         let fit = |of: &mut dyn Estimator| {
             let to_beat = follow.then_some(of.rows() as f64);
-            attempt(&Request { to_beat, ..request.clone() }, of)
+            self.fit(&Request { to_beat, ..request.clone() }, of)
         };
-        let thin = watched.rough(start).map(|mut thin| fit(&mut *thin.estimator));
-        let found = thin.unwrap_or_else(|| fit(&mut watched));
-        if watched.stopped() {
-            return Err(IdentifyError::Interrupted);
+        if let Some(mut thin) = whole.rough(start) {
+            return fit(&mut *thin.estimator);
         }
-        Ok(found.ok())
+        fit(whole)
     }
-    /// The same over all data, from where it has ended: for tests.
-    fn shape_of_all(
-        &self,
-        setup: &Setup,
-        whole: &mut dyn Estimator,
-        start: &[f64],
-    ) -> Result<Option<Estimate>, IdentifyError> {
+    /// A fit beside the one that is asked for, as far as it gets; `None` where nothing is predicted.
+    fn fit(&self, request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Option<Estimate>, IdentifyError> {
         let watch = self.watch.aside();
-        let mut watched = ObservedEstimator::new(whole, &watch);
-        let found = attempt(&self.shape_request(setup, start, OF_ALL)?, &mut watched);
-        if watched.stopped() {
-            return Err(IdentifyError::Interrupted);
-        }
-        Ok(found.ok())
+        let mut watched = ObservedEstimator::new(estimator, &watch);
+        let found = attempt(request, &mut watched);
+        if watched.stopped() { Err(IdentifyError::Interrupted) } else { Ok(found.ok()) }
     }
     /// Records that are explained each by itself, while all together are not.
     fn robots_that_differ(&self, stuck: &Estimate) -> Result<Option<Found>, IdentifyError> {
@@ -393,17 +372,11 @@ impl Suspects<'_> {
             let records = &self.records[k..=k];
             let Ok(setup) = Setup::new(self.opened, records, self.settings, self.options) else { return Ok(None) };
             let mut whole = setup.estimator(&self.opened.model, records)?;
-            let watch = self.watch.aside();
-            let mut watched = ObservedEstimator::new(&mut *whole, &watch);
             let request = Request { give_up: Some(WIDE), noise: self.noise, ..setup.request()? };
-            let found = attempt(&request, &mut watched);
-            if watched.stopped() {
-                return Err(IdentifyError::Interrupted);
-            }
-            drop(watched);
+            let found = self.fit(&request, &mut *whole)?;
             drop(whole);
             match found {
-                Ok(e) if e.is_solution() && self.explained(&e) => alone.push((setup, e)),
+                Some(e) if e.is_solution() && self.explained(&e) => alone.push((setup, e)),
                 _ => return Ok(None),
             }
         }
@@ -421,11 +394,11 @@ impl Suspects<'_> {
             let Some(most) = size.iter().max_by(|a, b| by(a).total_cmp(&by(b))).filter(|s| by(s) > DIFFERS) else {
                 continue;
             };
-            let words = format!("parameters that are others in record {}", t.label);
+            let h = other_robot(&t.label, Vec::new());
             named.push(NamedError {
-                name: format!("other-robot.{}", t.label),
-                text: in_words(&words, &size),
-                drop: stuck.objective - objective,
+                text: in_words(&h.words, &size),
+                name: h.name,
+                drop: 0.0,
                 freedom: size.len(),
                 p: 0.0,
                 moves: most.name.clone(),
@@ -443,7 +416,7 @@ impl Suspects<'_> {
         named.sort_by(|a, b| b.moves_by.total_cmp(&a.moves_by));
         let (setup, e) = &alone[0];
         let start = self.estimated_at(&setup.unknowns.by_name(&e.values));
-        let estimate = self.without(stuck, &start, From::Near)?;
+        let estimate = self.without(stuck, &start, Begins::Near)?;
         if self.explained(&estimate) {
             return Ok(Some(Found { estimate, tests: None }));
         }
@@ -462,8 +435,11 @@ fn least(all: Vec<Estimate>) -> Option<Estimate> {
 fn clients(setup: &Setup, error: &str) -> Vec<Vec<f64>> {
     let Some(link) = error.strip_prefix("held.") else { return Vec::new() };
     let unknowns = &setup.unknowns;
-    let first = |of: &str| unknowns.decls.iter().position(|d| d.name == format!("{of}.mass"));
-    let Some(link) = first(link).filter(|&i| i + 10 <= unknowns.start.len()) else { return Vec::new() };
+    let mass = format!("{link}.mass");
+    let Some(link) = unknowns.decls.iter().position(|d| d.name == mass).filter(|&i| i + 10 <= unknowns.start.len())
+    else {
+        return Vec::new();
+    };
     let own = Inertia::from_params(&unknowns.start[link..link + 10]);
     let whole = unknowns.decls.iter().zip(&unknowns.start).filter(|(d, _)| d.unit == "kg").map(|(_, x)| x).sum::<f64>();
     let Some(com) = own.com() else { return Vec::new() };
