@@ -2,10 +2,11 @@
 
 use crate::output::Input;
 use ff_model::{Area, Problem, Problems};
+use ffid::exit::Exit;
 use ffid::files::{complete, format};
 use ffid::open::{Opened, open};
 use ffid::workflow::identify::model_files::TOML;
-use ffid::workflow::identify::{FORMAT, IdentificationResult, VERSION};
+use ffid::workflow::identify::{Evidence, FORMAT, IdentificationResult, State, VERSION};
 use std::path::{Path, PathBuf};
 
 /// A result with the robot it describes.
@@ -42,7 +43,9 @@ pub(crate) fn load(input: &Input) -> Result<Found, Problems> {
     let mission_file = folder.join(TOML);
     if !mission_file.exists() {
         let what = format!("the fit {}, so that there is no identified robot", result.status);
-        return Err(one("Data::NoSolution", what, "identify again, with another start or priors"));
+        let remedy = result.evidence.as_ref().filter(|e| e.state == State::Contradicted).and_then(Evidence::remedy);
+        let hint = remedy.map_or_else(|| "identify again, with another start or priors".to_owned(), |r| format!("identify again: {r}"));
+        return Err(one("Data::NoSolution", what, &hint));
     }
     let mut opened = open(&mission_file, input.leniency())?;
     // Bit for bit: the file was written so.
@@ -55,9 +58,22 @@ pub(crate) fn load(input: &Input) -> Result<Found, Problems> {
     if !same {
         return Err(one("Data::Changed", format!("{TOML} holds other values"), "identify again, and edit copies only"));
     }
-    if result.exit() != ffid::exit::Exit::Done {
-        let what = "some parameters of this result could not be told; predictions that need them are guesses";
-        let p = Problem::warning(Area::Data, "Fit::Unidentifiable", what).in_file(&path);
+    let held = result.held_out.as_ref().filter(|h| !h.explained && result.state() != State::Contradicted);
+    let tests = || result.evidence.as_ref().map_or("", |e| e.reason.as_str());
+    let reason = || held.map_or_else(tests, |h| h.verdict.as_str());
+    let doubt = match result.exit() {
+        Exit::Done => None,
+        Exit::Contradicted => {
+            Some(("Fit::Misfit", format!("the record contradicts the model of this result: {}", reason())))
+        }
+        Exit::NotTested => Some(("Fit::NotTested", format!("the model of this result was not tested: {}", reason()))),
+        _ => {
+            let what = "some parameters of this result could not be told; predictions that need them are guesses";
+            Some(("Fit::Unidentifiable", what.to_owned()))
+        }
+    };
+    if let Some((code, what)) = doubt {
+        let p = Problem::warning(Area::Data, code, what).in_file(&path);
         opened.warnings.push(p.hint("see its report.html"));
     }
     Ok(Found { result, opened, mission_file })

@@ -109,8 +109,8 @@ fn trust(r: &IdentificationResult) -> (Level, &'static str, Vec<String>) {
     let held_fails = r.held_out.as_ref().is_some_and(|h| !h.explained);
     let state = r.evidence.as_ref().map(|_| r.state());
     let (level, heading) = match (r.status.is_solution(), state) {
+        (_, Some(State::Contradicted)) => (Level::Bad, "Do not use it: the record contradicts the model"),
         (false, _) => (Level::Bad, "None: the fit has not ended at a solution"),
-        (true, Some(State::Contradicted)) => (Level::Bad, "Do not use it: the record contradicts the model"),
         (true, _) if held_fails => (Level::Bad, "Do not use it: data that were not used are not predicted"),
         (true, Some(State::Explained)) if r.minima.as_ref().is_some_and(|m| m.undecided().is_some()) => {
             (Level::Fair, "The model explains the record, with several answers")

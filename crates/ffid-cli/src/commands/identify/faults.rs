@@ -13,11 +13,10 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
     let mut out = Problems::default();
     let file = args.paths().swap_remove(0);
     let mut add = |p: Problem, hint: &str| out.push(p.in_file(&file).hint(hint));
-    if !r.status.is_solution() {
-        let found = r.evidence.as_ref().and_then(|e| Some((format!("; it ends with {}", e.refitted()?), e.remedy()?)));
-        let otherwise = || (String::new(), "start nearer, give priors, or raise --max-iterations".to_owned());
-        let (with, hint) = found.unwrap_or_else(otherwise);
-        add(Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}{with}", r.status)), &hint);
+    // Where an error is known with which it ends, the model is what is wrong, and not the start.
+    if !r.status.is_solution() && r.state() != State::Contradicted {
+        let hint = "start nearer, give priors, or raise --max-iterations";
+        add(Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}", r.status)), hint);
     }
     let silent: Vec<(&[Combination], &str)> = match &r.silent {
         None => vec![(&r.null_directions, "")],

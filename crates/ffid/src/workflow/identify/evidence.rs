@@ -7,6 +7,8 @@ use std::fmt;
 pub(super) const EXTRA_MODE: &str = "extra-mode";
 /// Name of the error that is a robot with other parameters, before the label of a record.
 pub(super) const OTHER_ROBOT: &str = "other-robot";
+/// Deviations of one component of an error from which it is seen.
+const SEEN: f64 = 4.0;
 
 /// What the record says of the model as a whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -151,6 +153,10 @@ impl NamedError {
     /// Whether it is of parameters that are others in a record.
     pub(super) fn is_another_robot(&self) -> bool {
         self.name.starts_with(OTHER_ROBOT)
+    }
+    /// Whether a component is more than four deviations from none.
+    pub(super) fn is_seen(&self) -> bool {
+        self.size.iter().any(|c| c.value.abs() > SEEN * c.std)
     }
 }
 

@@ -386,6 +386,9 @@ pub(super) fn evidence(
     out.with_first = tests.and_then(|t| t.with_first);
     if !e.is_solution() {
         out.reason = unsettled(&out);
+        // The record is followed with the error and not without it, and the error is far from none: as much as a test at an end would say.
+        let against = out.named.first().is_some_and(|n| n.refitted && n.is_seen());
+        out.state = if against { State::Contradicted } else { State::NotTested };
         return out;
     }
     if !estimates || (whiteness.is_empty() && tests.is_none()) {

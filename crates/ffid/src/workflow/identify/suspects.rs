@@ -48,8 +48,6 @@ const TOGETHER: usize = 3;
 const ON: [usize; 2] = [40, 12];
 /// Part of chi-squared above that of noise that a fit with the error leaves at most, where it is what kept the other from any answer.
 const EXPLAINS: f64 = 0.1;
-/// Deviations of one component of an error from which it is seen.
-const SEEN: f64 = 4.0;
 /// Masses of what a link may hold, over that of the whole robot, and density (kg/m^3).
 const CLIENTS: [f64; 3] = [0.02, 0.08, 0.3];
 const DENSITY: f64 = 200.0;
@@ -237,8 +235,7 @@ impl Suspects<'_> {
             let (drop, alike) = (0.0, Vec::new());
             lines.push(NamedError { text, size, drop, refitted: true, beside, alike, ..error.clone() });
         }
-        let is_seen = |n: &NamedError| n.size.iter().any(|c| c.value.abs() > SEEN * c.std);
-        let seen = lines.iter().any(is_seen);
+        let seen = lines.iter().any(NamedError::is_seen);
         let from = if seen { Begins::Near } else { Begins::Afar };
         let estimate = self.without(stuck, &self.estimated_at(&with.values), from)?;
         if self.explained(&estimate) {

@@ -208,17 +208,17 @@ impl IdentificationResult {
     pub fn state(&self) -> State {
         self.evidence.as_ref().map(|e| e.state).unwrap_or_default()
     }
-    /// The code a command ends with that has found this: 14 for no solution, whose null directions say nothing; 16 for a model that the
-    /// record contradicts, for what a wrong model does not see is no property of the record; 13 for combinations that neither data nor priors
+    /// The code a command ends with that has found this: 16 for a model that the record contradicts, with or without an end of its fit, for
+    /// what a wrong model does not see is no property of the record; 14 for no solution, whose null directions say nothing; 13 for combinations that neither data nor priors
     /// tell (unless the set that can be told was asked for), 16 for held-out data that contradict it, 17 for one that was not tested,
     /// else 0. On the ground there is no noise figure to test against: 0, unless held-out
     /// data are missed by more than what the fit left.
     pub fn exit(&self) -> crate::exit::Exit {
         use crate::exit::Exit;
-        if !self.status.is_solution() {
-            Exit::Numerical
-        } else if self.state() == State::Contradicted {
+        if self.state() == State::Contradicted {
             Exit::Contradicted
+        } else if !self.status.is_solution() {
+            Exit::Numerical
         } else if !self.null_directions.is_empty() && !self.priors_cover && self.reduced.is_none() {
             Exit::IllPosed
         } else {
@@ -266,6 +266,10 @@ mod tests {
         assert_eq!(r.exit(), Exit::IllPosed);
         r.status = Ended::IterationLimit;
         assert_eq!(r.exit(), Exit::Numerical);
+        // With an error the record is followed: no other start would end without it.
+        r.evidence = Some(Evidence { state: State::Contradicted, ..Evidence::default() });
+        assert_eq!(r.exit(), Exit::Contradicted);
+        r.evidence = None;
         r.status = Ended::Converged;
         r.priors_cover = true;
         assert_eq!(r.exit(), Exit::Done);
