@@ -44,7 +44,10 @@ pub(crate) fn load(input: &Input) -> Result<Found, Problems> {
     if !mission_file.exists() {
         let what = format!("the fit {}, so that there is no identified robot", result.status);
         let remedy = result.evidence.as_ref().filter(|e| e.state == State::Contradicted).and_then(Evidence::remedy);
-        let hint = remedy.map_or_else(|| "identify again, with another start or priors".to_owned(), |r| format!("identify again: {r}"));
+        let hint = remedy.map_or_else(
+            || "identify again, with another start or priors".to_owned(),
+            |r| format!("identify again: {r}"),
+        );
         return Err(one("Data::NoSolution", what, &hint));
     }
     let mut opened = open(&mission_file, input.leniency())?;

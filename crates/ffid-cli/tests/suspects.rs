@@ -52,7 +52,11 @@ fn fuel_that_was_burnt_between_two_records_is_named() {
     noisy(dir.path(), 64, |_, _| {}, |m| m);
     let (code, r) = identify(dir.path(), &["--records", "rec.csv", "burnt.csv"]);
     let first = &r["evidence"]["named"][0];
-    assert!(code == 16 && r["evidence"]["state"] == "contradicted" && first["name"] == "other-robot.burnt", "{code} {}", r["evidence"]);
+    assert!(
+        code == 16 && r["evidence"]["state"] == "contradicted" && first["name"] == "other-robot.burnt",
+        "{code} {}",
+        r["evidence"]
+    );
     let fuel = first["size"].as_array().unwrap().iter().find(|c| c["name"] == "tank.mass").unwrap();
     let (value, std) = (fuel["value"].as_f64().unwrap(), fuel["std"].as_f64().unwrap());
     assert!((value + 17.5).abs() < 4.0 * std && std < 3.0, "{first}");

@@ -320,9 +320,13 @@ fn unsettled(found: &Evidence) -> String {
     let (what, named) = ("the fit did not end at a solution", &found.named);
     if let (Some(n), Some(any)) = (named.first(), found.refitted()) {
         let more = if named.iter().any(|n| n.refitted && n.beside) { "more unknowns" } else { "one more unknown" };
-        let left = if found.with_first == Some(State::Contradicted) { ", but something is left with it" } else { "" };
         let drop = num(n.drop);
-        return format!("{what}, but does with {more}: {any} would explain it (chi-squared falls by {drop}{left})");
+        let falls = if found.with_first == Some(State::Contradicted) {
+            format!(", with which chi-squared falls by {drop}, but something is left")
+        } else {
+            format!(" would explain it (chi-squared falls by {drop})")
+        };
+        return format!("{what}, but does with {more}: {any}{falls}");
     }
     match named.first() {
         Some(n) => format!(

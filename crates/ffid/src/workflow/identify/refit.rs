@@ -5,7 +5,7 @@
 //! the first began.
 
 use super::assembly::{Assembled, Setup};
-use super::elsewhere::{NOWHERE, WIDE};
+use super::elsewhere::{NOWHERE, WIDE, explains};
 use super::error::IdentifyError;
 use super::evidence::{EXTRA_MODE, ErrorSize, NamedError, State};
 use super::explain::{self, CLOSE, Tests, in_words};
@@ -199,6 +199,8 @@ impl Contradicted<'_, '_> {
             if ended {
                 tests.explained = Some((best.line.drop / excess).min(1.0));
                 tests.with_first = Some(self.left(best)?.0);
+            } else if best.estimate.chi2_per_dof > self.noise && !explains(&best.estimate) {
+                tests.with_first = Some(State::Contradicted);
             }
             found.retain(|f| f.estimate.objective < least + CLOSE);
             tests.named = found.into_iter().map(|f| f.line).collect();

@@ -44,6 +44,8 @@ const WORTH: f64 = 0.2;
 const LEADING: usize = 3;
 /// Errors that are fitted together, at most.
 const TOGETHER: usize = 3;
+/// Part of what a fit to the shape leaves that one with a further error leaves at most, to be gone on with.
+const HALVES: f64 = 0.5;
 /// Linearisations of a fit without an error from the end of that with it: of one record, and of several.
 const ON: [usize; 2] = [40, 12];
 /// Part of chi-squared above that of noise that a fit with the error leaves at most, where it is what kept the other from any answer.
@@ -83,8 +85,8 @@ impl Found {
 }
 
 /// A fit with errors to the noise of the sensors.
-struct With<'n> {
-    errors: Vec<&'n NamedError>,
+struct With {
+    errors: Vec<NamedError>,
     estimate: Estimate,
     /// Values of its unknowns by name.
     values: BTreeMap<String, f64>,
@@ -149,60 +151,112 @@ impl Suspects<'_> {
             return Ok(apart);
         }
         let start = self.estimated_at(&shape.values);
-        // Over all data, for tests.
-        let request = self.shape_request(setup, &start, OF_ALL)?;
-        let Some(end) = self.fit(&request, &mut *whole)? else { return Ok(None) };
+        let Some((end, tests)) = self.scored((setup, &loud), &mut *whole, &twins, &start)? else { return Ok(None) };
         drop(whole);
-        let Some(tests) = self.tested(&end, &twins, &loud)? else { return Ok(None) };
-        let excess = end.objective;
-        let of_one_robot = |n: &&NamedError| !n.is_another_robot();
-        let mut leading: Vec<&NamedError> =
-            tests.alone.iter().filter(of_one_robot).filter(|n| n.drop > WORTH * excess).collect();
-        leading.sort_by(|a, b| b.drop.total_cmp(&a.drop));
-        leading.truncate(LEADING);
-        let mut tried: Vec<(Vec<&NamedError>, Shape)> = Vec::new();
-        for error in leading {
-            let with = self.shape_with(&[error], &shape)?;
-            tried.extend(with.map(|with| (vec![error], with)));
+        match self.followed(stuck, &shape, &tests, end.objective)? {
+            Some(with) => self.named(stuck, &with, &tests),
+            None => Ok(None),
         }
-        tried.retain(|t| t.1.follows());
-        let best = tried.into_iter().min_by(|a, b| a.1.objective.total_cmp(&b.1.objective));
-        let mut best = match best {
-            Some((errors, with)) => self.fitted(stuck, errors, &with)?,
-            None => None,
-        };
+    }
+    /// The errors with which a fit follows the record, as few as explain it: one that leads, those that first order adds to one another, or one after
+    /// the other.
+    fn followed(
+        &self,
+        stuck: &Estimate,
+        shape: &Shape,
+        tests: &Tests,
+        excess: f64,
+    ) -> Result<Option<With>, IdentifyError> {
+        let mut alone: Vec<(NamedError, Shape)> = Vec::new();
+        for error in leading(tests, excess, &[]) {
+            let with = self.shape_with(std::slice::from_ref(&error), shape)?;
+            alone.extend(with.map(|with| (error, with)));
+        }
+        alone.sort_by(|a, b| a.1.objective.total_cmp(&b.1.objective));
+        let mut best = None;
+        if let Some((error, with)) = alone.first().filter(|a| a.1.follows()) {
+            best = self.fitted(stuck, vec![error.clone()], with)?;
+        }
+        let done = |best: &Option<With>| best.as_ref().is_some_and(|b| self.explained(&b.estimate));
         let first = tests.named.iter().enumerate().filter(|(k, n)| *k == 0 || n.beside).map(|(_, n)| n);
-        let together: Vec<&NamedError> = first.filter(of_one_robot).collect();
+        let together: Vec<NamedError> = first.filter(|n| !n.is_another_robot()).cloned().collect();
         // In the order in which they add to one another, no more than it takes.
         for n in 2..=together.len().min(TOGETHER) {
             let errors = &together[..n];
-            if best.as_ref().is_some_and(|b| self.explained(&b.estimate)) {
+            if done(&best) {
                 break;
             }
             if errors.iter().map(|e| e.drop).sum::<f64>() < WORTH * excess {
                 continue;
             }
-            if let Some(with) = self.shape_with(errors, &shape)?.filter(Shape::follows) {
-                let found = self.fitted(stuck, errors.to_vec(), &with)?;
-                best = found.filter(|f| self.explained(&f.estimate)).or(best);
+            if let Some(with) = self.shape_with(errors, shape)?.filter(Shape::follows) {
+                best = better(best, self.fitted(stuck, errors.to_vec(), &with)?);
             }
         }
-        match best {
-            Some(with) => self.named(stuck, &with, &tests),
-            None => Ok(None),
+        if !done(&best)
+            && let Some((error, with)) = alone.into_iter().next().filter(|a| a.1.objective < HALVES * shape.objective)
+        {
+            best = better(best, self.one_after_the_other(stuck, error, with)?);
         }
+        Ok(best)
+    }
+    /// Errors that are fitted to the shape beside one that leads, each scored where those before it have ended: what first order says of a second where the first
+    /// is not in the model is of little worth.
+    fn one_after_the_other(
+        &self,
+        stuck: &Estimate,
+        first: NamedError,
+        mut shape: Shape,
+    ) -> Result<Option<With>, IdentifyError> {
+        let (mut errors, mut best) = (vec![first], None);
+        while errors.len() < TOGETHER {
+            let Some(setup) = self.adopting(&errors, self.settings.max_iterations) else { break };
+            let loud = self.at_the_shape(&setup.settings);
+            let assembly = Assembly { settings: &loud, ..setup.assembly(&self.opened.model, self.records) };
+            let Ok(Assembled { mut whole, twins, .. }) = assembly.assemble(&setup.uncertain) else { break };
+            let start = setup.unknowns.at(&shape.values);
+            let Some((end, tests)) = self.scored((&setup, &loud), &mut *whole, &twins, &start)? else { break };
+            drop(whole);
+            let mut next: Option<(NamedError, Shape)> = None;
+            for error in leading(&tests, end.objective, &errors) {
+                let with = self.shape_with(&[&errors[..], std::slice::from_ref(&error)].concat(), &shape)?;
+                let least = next.as_ref().map_or(HALVES * shape.objective, |n| n.1.objective);
+                next = with.filter(|w| w.objective < least).map(|w| (error, w)).or(next);
+            }
+            let Some((error, with)) = next else { break };
+            errors.push(error);
+            shape = with;
+            if shape.follows() {
+                best = better(best, self.fitted(stuck, errors.clone(), &shape)?);
+                if best.as_ref().is_some_and(|b| self.explained(&b.estimate)) {
+                    break;
+                }
+            }
+        }
+        Ok(best)
+    }
+    /// The end of a fit to the shape of the signals over all data, and the tests there; `None` where nothing can be predicted.
+    fn scored(
+        &self,
+        (setup, loud): (&Setup, &Settings),
+        whole: &mut dyn Estimator,
+        twins: &[Twin<'_>],
+        start: &[f64],
+    ) -> Result<Option<(Estimate, Tests)>, IdentifyError> {
+        let request = self.shape_request(setup, start, OF_ALL)?;
+        let Some(e) = self.fit(&request, whole)? else { return Ok(None) };
+        let Setup { unknowns, shared, labels, .. } = setup;
+        let (fitted, values) = (Fitted::of(e.clone(), &unknowns.selected), unknowns.expand(&e.values)?);
+        let (model, records, signals) = (&self.opened.model, self.records, &[][..]);
+        let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals };
+        Ok(tests_of_listed(&end, twins, loud)?.map(|tests| (e, tests)))
     }
     /// Whether a fit leaves no more than noise.
     fn explained(&self, e: &Estimate) -> bool {
         e.chi2_per_dof < self.noise && self.noise > 1.0 || explains(e)
     }
     /// The fit with errors to the noise of the sensors; `None` where that does not follow the record.
-    fn fitted<'n>(
-        &self,
-        stuck: &Estimate,
-        errors: Vec<&'n NamedError>,
-        with: &Shape,
-    ) -> Result<Option<With<'n>>, IdentifyError> {
+    fn fitted(&self, stuck: &Estimate, errors: Vec<NamedError>, with: &Shape) -> Result<Option<With>, IdentifyError> {
         let max_iterations = MOST_ANEW.min(self.settings.max_iterations);
         let Some(setup) = self.adopting(&errors, max_iterations) else { return Ok(None) };
         let Ok(mut whole) = setup.estimator(&self.opened.model, self.records) else { return Ok(None) };
@@ -218,24 +272,26 @@ impl Suspects<'_> {
         Ok(follows.then_some(With { errors, estimate, values }))
     }
     /// Setup with these errors among the unknowns, if there is such a fit.
-    fn adopting(&self, errors: &[&NamedError], max_iterations: usize) -> Option<Setup> {
+    fn adopting(&self, errors: &[NamedError], max_iterations: usize) -> Option<Setup> {
         let mut settings = Settings { max_iterations, ..self.settings.clone() };
         settings.adopt.extend(errors.iter().map(|n| n.name.clone()));
         Setup::new(self.opened, self.records, &settings, self.options).ok()
     }
     /// What comes of a fit with errors: their names and sizes, or none where it was another start that it took.
-    fn named(&self, stuck: &Estimate, with: &With<'_>, tests: &Tests) -> Result<Option<Found>, IdentifyError> {
+    fn named(&self, stuck: &Estimate, with: &With, tests: &Tests) -> Result<Option<Found>, IdentifyError> {
         let e = &with.estimate;
         let mut lines = Vec::new();
-        for &error in &with.errors {
+        for error in &with.errors {
             let Some(h) = tests.tried.iter().find(|h| h.name == error.name) else { return Ok(None) };
             let Some(size) = sizes(h, e, &self.setup.labels) else { return Ok(None) };
             let text = in_words(&h.words, &size);
-            let beside = !lines.is_empty();
             let (drop, alike) = (0.0, Vec::new());
-            lines.push(NamedError { text, size, drop, refitted: true, beside, alike, ..error.clone() });
+            lines.push(NamedError { text, size, drop, refitted: true, alike, ..error.clone() });
         }
         let seen = lines.iter().any(NamedError::is_seen);
+        // What first order had added and is not there after all is no part of the answer.
+        lines.retain(|n| !seen || n.is_seen());
+        lines.iter_mut().enumerate().for_each(|(k, n)| n.beside = k > 0);
         let from = if seen { Begins::Near } else { Begins::Afar };
         let estimate = self.without(stuck, &self.estimated_at(&with.values), from)?;
         if self.explained(&estimate) {
@@ -282,16 +338,8 @@ impl Suspects<'_> {
         let gyro = largest(&|r| PART * amplitude(r.gyro())).max(own * s.noise.gyro);
         Settings { noise: Noise { torque, gyro }, ..s.clone() }
     }
-    /// Tests of errors at the end of a fit to the shape of the signals. `None` where nothing can be predicted.
-    fn tested(&self, e: &Estimate, twins: &[Twin<'_>], loud: &Settings) -> Result<Option<Tests>, IdentifyError> {
-        let Setup { unknowns, shared, labels, .. } = self.setup;
-        let (fitted, values) = (Fitted::of(e.clone(), &unknowns.selected), unknowns.expand(&e.values)?);
-        let (model, records, signals) = (&self.opened.model, self.records, &[][..]);
-        let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals };
-        tests_of_listed(&end, twins, loud)
-    }
     /// The fit to the shape of the signals with errors, from the end of that without them, from the mission, or from clients of several sizes; `None` where it fails.
-    fn shape_with(&self, errors: &[&NamedError], before: &Shape) -> Result<Option<Shape>, IdentifyError> {
+    fn shape_with(&self, errors: &[NamedError], before: &Shape) -> Result<Option<Shape>, IdentifyError> {
         let Some(setup) = self.adopting(errors, self.settings.max_iterations) else { return Ok(None) };
         let loud = self.at_the_shape(&setup.settings);
         let assembly = Assembly { settings: &loud, ..setup.assembly(&self.opened.model, self.records) };
@@ -425,6 +473,24 @@ impl Suspects<'_> {
 /// The fit that leaves least.
 fn least(all: Vec<Estimate>) -> Option<Estimate> {
     all.into_iter().min_by(|a, b| a.objective.total_cmp(&b.objective))
+}
+
+/// The better of two fits with errors.
+fn better(a: Option<With>, b: Option<With>) -> Option<With> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(if b.estimate.objective < a.estimate.objective { b } else { a }),
+        (a, b) => a.or(b),
+    }
+}
+
+/// The errors beside these that account for most of what a fit leaves, to first order.
+fn leading(tests: &Tests, excess: f64, beside: &[NamedError]) -> Vec<NamedError> {
+    let is_new = |n: &&NamedError| !n.is_another_robot() && beside.iter().all(|o| o.name != n.name);
+    let mut out: Vec<NamedError> =
+        tests.alone.iter().filter(is_new).filter(|n| n.drop > WORTH * excess).cloned().collect();
+    out.sort_by(|a, b| b.drop.total_cmp(&a.drop));
+    out.truncate(LEADING);
+    out
 }
 
 /// Starts at which a link that may hold something holds a ball, of several masses and the density of spacecraft, that touches it where its own centre of mass
