@@ -44,7 +44,7 @@ const WORTH: f64 = 0.2;
 const LEADING: usize = 3;
 /// Errors that are fitted together, at most.
 const TOGETHER: usize = 3;
-/// Part of what a fit to the shape leaves that one with a further error leaves at most, to be gone on with.
+/// Part of what a fit leaves that another leaves at most, to be gone on with.
 const HALVES: f64 = 0.5;
 /// Linearisations of a fit without an error from the end of that with it: of one record, and of several.
 const ON: [usize; 2] = [40, 12];
@@ -73,12 +73,12 @@ pub(super) struct Suspects<'a> {
 pub(super) struct Found {
     /// The fit without the error from where the one with it has ended, or the first where that is better.
     pub(super) estimate: Estimate,
-    /// The error in front; `None` where the fit explains the record without it after all.
+    /// The error in front; `None` where the fit explains the record without it after all, or is much nearer to it.
     pub(super) tests: Option<Tests>,
 }
 
 impl Found {
-    /// Whether nothing is left of what kept the fit from an answer.
+    /// Whether nothing is left of what kept the fit from an answer, with an error.
     pub(super) fn is_all(&self) -> bool {
         self.tests.as_ref().is_none_or(|t| t.with_first == Some(State::Explained))
     }
@@ -139,16 +139,19 @@ impl Suspects<'_> {
         }
         let Some(shape) = least(shapes) else { return Ok(None) };
         let shape = Shape::of(setup, &shape);
+        let mut nearer = None;
         if shape.follows() {
             // The model can have that shape: another start is all that it takes, or a small thing is wrong.
             let estimate = self.without(stuck, &self.estimated_at(&shape.values), Begins::Afar)?;
-            if self.explained(&estimate) {
-                return Ok(Some(Found { estimate, tests: None }));
+            let explained = self.explained(&estimate);
+            nearer = (estimate.objective < HALVES * stuck.objective).then_some(Found { estimate, tests: None });
+            if explained {
+                return Ok(nearer);
             }
         }
         let apart = self.robots_that_differ(stuck)?;
         if apart.is_some() || shape.follows() {
-            return Ok(apart);
+            return Ok(apart.or(nearer));
         }
         let start = self.estimated_at(&shape.values);
         let Some((end, tests)) = self.scored((setup, &loud), &mut *whole, &twins, &start)? else { return Ok(None) };
