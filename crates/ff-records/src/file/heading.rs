@@ -5,7 +5,7 @@ use super::naming::{is_nameless, is_time, names_time, split, suffixed};
 use super::units::{Dimension, any, find};
 use super::{data, dates, number};
 use ff_model::Problems;
-use ff_model::diagnostics::{clip, list};
+use ff_model::diagnostics::{clip, list, nearest};
 
 /// Most names listed in one message.
 const LISTED: usize = 12;
@@ -17,6 +17,8 @@ pub(super) struct Heading {
     pub(super) line: usize,
     /// How stamps are written, if not as numbers.
     pub(super) dates: Option<Style>,
+    /// Names as they stand in the file.
+    pub(super) raw: Vec<String>,
 }
 
 /// Takes the units of names that have none from a line of units behind that of the names. False, with nothing changed, where that is no
@@ -63,11 +65,38 @@ pub(super) fn rename(names: &mut [String], rules: &[(String, String)], bad: &mut
         if !any {
             good = false;
             let what = format!("no column is called '{}'", clip(from));
-            let hint = format!("columns: {}", list(old.iter().map(String::as_str), LISTED));
+            let near = closest(from, &old);
+            let near =
+                if near.is_empty() { String::new() } else { format!("closest: {}; ", list(near.iter().copied(), LISTED)) };
+            let hint = format!("{near}columns: {}", list(old.iter().map(String::as_str), LISTED));
             bad.push(data("Data::Columns", what).on("--rename").hint(hint));
         }
     }
     good
+}
+
+/// The names, without units, that the old name of a rule is most like: three at most, the nearest first. Of a pattern the text around its
+/// `*` is compared.
+pub(super) fn closest<'n>(rule: &str, names: &'n [String]) -> Vec<&'n str> {
+    const MOST: usize = 3;
+    let plain: Vec<&str> = names.iter().map(|n| split(n).0).filter(|n| !is_nameless(n)).collect();
+    let around = |name: &str| match rule.split_once('*') {
+        Some((before, after)) => {
+            let (a, b) = (before.chars().count(), after.chars().count());
+            let n = name.chars().count();
+            name.chars().take(a).chain(name.chars().skip(a.max(n.saturating_sub(b)))).collect()
+        }
+        None => name.to_owned(),
+    };
+    let mut left: Vec<(String, &str)> = plain.into_iter().map(|n| (around(n), n)).collect();
+    let word = rule.replacen('*', "", 1);
+    let mut out = Vec::new();
+    while out.len() < MOST {
+        let Some(near) = nearest(&word, left.iter().map(|l| l.0.as_str())).map(str::to_owned) else { break };
+        let Some(at) = left.iter().position(|l| l.0 == near) else { break };
+        out.push(left.remove(at).1);
+    }
+    out
 }
 
 /// What `*` stands for; empty where there is none and both are the same.
@@ -81,7 +110,7 @@ pub(super) fn starred<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
 /// Gives the column of the time its name, where that is certain: the only one with a name of the time, or the first one without a name, if it has
 /// dates; in a unit that the name says, or with dates. `first` are the cells of the first row, if it is at hand. How stamps are written, if
 /// not as numbers.
-pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> Option<Style> {
+pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> (Option<Style>, Option<usize>) {
     let date = |i: usize| first.and_then(|f| f.get(i)).and_then(|c| dates::nanoseconds(c)).map(|d| d.1);
     let at = match names.iter().position(|n| split(n).0 == "time") {
         Some(at) => at,
@@ -90,7 +119,7 @@ pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> Opti
             match called[..] {
                 [at] => at,
                 [] if names.first().is_some_and(|n| is_nameless(n)) && date(0).is_some() => 0,
-                _ => return None,
+                _ => return (None, None),
             }
         }
     };
@@ -100,7 +129,7 @@ pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> Opti
     } else if let Some(unit) = unit(&names[at]) {
         names[at] = format!("time[{unit}]");
     }
-    style
+    (style, Some(at))
 }
 
 /// The unit of a time that its name says.
@@ -123,7 +152,7 @@ mod tests {
         let told = |names: &[&str], first: &[&str]| {
             let mut names: Vec<String> = names.iter().map(|n| (*n).to_owned()).collect();
             let first: Vec<Vec<u8>> = first.iter().map(|c| c.as_bytes().to_vec()).collect();
-            let zone = tell_time(&mut names, Some(&first));
+            let (zone, _) = tell_time(&mut names, Some(&first));
             (names.join(";"), zone)
         };
         let date = "2024-03-05 10:20:30.5";

@@ -89,9 +89,13 @@ impl ParquetBlocks {
         if !rename(&mut table.names, &options.rename, &mut bad) && !options.one_of_several {
             return Err(bad);
         }
-        tell_time(&mut table.names, None);
+        _ = tell_time(&mut table.names, None);
         let time = time_column(&table.names).map_err(|p| Problems(vec![*p]))?;
         Ok(Self { time, ..table })
+    }
+    /// Names of columns as they stand in the file.
+    pub(super) fn raw_names(file: File) -> Result<Vec<String>, Problems> {
+        Ok(Self::table(file)?.names)
     }
     /// Of a table without time stamps.
     fn table(file: File) -> Result<Self, Problems> {

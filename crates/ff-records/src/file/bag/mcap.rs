@@ -40,6 +40,18 @@ fn reader(options: LinearReaderOptions) -> LinearReader {
     LinearReader::new_with_options(options)
 }
 
+/// Whether nothing but zeros follows, as a file system leaves it where power was cut.
+fn zeros(file: &mut impl Read) -> bool {
+    let mut buffer = [0; 1 << 12];
+    loop {
+        match file.read(&mut buffer) {
+            Ok(0) => return true,
+            Ok(n) if buffer[..n].iter().all(|b| *b == 0) => {}
+            _ => return false,
+        }
+    }
+}
+
 impl Mcap {
     pub(crate) fn new(file: File) -> Result<Self, Problems> {
         let len = file.metadata().map_or(0, |m| m.len());
@@ -75,6 +87,7 @@ impl Mcap {
                         self.record.extend_from_slice(data);
                         return Ok(Some(opcode));
                     }
+                    0 if data.is_empty() && zeros(&mut self.file) => return Err(truncated(self.len)),
                     0 => return Err(damaged("a record without a kind", self.at)),
                     _ => {}
                 },
