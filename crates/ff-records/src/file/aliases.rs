@@ -68,15 +68,26 @@ const PHRASES: [(&str, Group); 50] = [
 ];
 /// Words beside those that change nothing.
 const FILLERS: [&str; 19] = [
-    "joint", "joints", "jnt", "j", "axis", "state", "states", "measured", "meas", "msr", "actual", "act", "value", "field", "data",
-    "imu", "base", "body", "sensor",
+    "joint", "joints", "jnt", "j", "axis", "state", "states", "measured", "meas", "msr", "actual", "act", "value",
+    "field", "data", "imu", "base", "body", "sensor",
 ];
 /// Words of what was asked for and not measured, wherever they stand.
 const DEMANDS: [&str; 12] = [
-    "desired", "des", "command", "commanded", "cmd", "target", "reference", "ref", "setpoint", "goal", "error", "covariance",
+    "desired",
+    "des",
+    "command",
+    "commanded",
+    "cmd",
+    "target",
+    "reference",
+    "ref",
+    "setpoint",
+    "goal",
+    "error",
+    "covariance",
 ];
 /// Units at the end of a name.
-const UNITS: [(&str, &str); 16] = [
+const UNITS: [(&str, &str); 18] = [
     ("rad", "rad"),
     ("deg", "deg"),
     ("mrad", "mrad"),
@@ -88,6 +99,8 @@ const UNITS: [(&str, &str); 16] = [
     ("rad per s", "rad/s"),
     ("degs", "deg/s"),
     ("deg s", "deg/s"),
+    ("mrad s", "mrad/s"),
+    ("mradps", "mrad/s"),
     ("dps", "deg/s"),
     ("deg per s", "deg/s"),
     ("m s2", "m/s^2"),
@@ -163,7 +176,8 @@ pub(super) fn understood(
             && reading.group.axes().is_none()
         {
             match m.joint(k) {
-                Some(joint) => reading.which = Which::Named(joint),
+                // Positions, rates and efforts beside names are a message.
+                Some(joint) => (reading.which, reading.defined) = (Which::Named(joint), true),
                 None => {
                     ignore.push(names[i].clone());
                     continue;
@@ -205,7 +219,9 @@ pub(super) fn understood(
     for group in GROUPS {
         let exact = names.iter().any(|c| {
             let name = split(c).0;
-            !ignored(c, options) && name.split_once('.').is_some_and(|p| Group::of_prefix(p.0) == Some(group)) && known(name, joints, &[])
+            !ignored(c, options)
+                && name.split_once('.').is_some_and(|p| Group::of_prefix(p.0) == Some(group))
+                && known(name, joints, &[])
         });
         let of: Vec<&Set> = sets.iter().filter(|s| s.group == group && !exact).collect();
         let channels = group.channels(joints);
@@ -218,7 +234,8 @@ pub(super) fn understood(
                 }
             }
             [one] if one.numbered && group == Group::Att => {
-                let what = format!("{} may be a quaternion with its scalar first (w x y z) or last (x y z w)", span(one));
+                let what =
+                    format!("{} may be a quaternion with its scalar first (w x y z) or last (x y z w)", span(one));
                 let hint = format!("say which: --rename '{}=att.w[1]', and so on", clip(&names[one.members[0].column]));
                 fail(data("Data::Columns", what).on("att").hint(hint));
             }
@@ -241,7 +258,10 @@ pub(super) fn understood(
             }
             [a, b, ..] => {
                 let what = format!("{} and {} may both be {}.*", span(a), span(b), group.prefix());
-                let hint = format!("leave one out: --ignore {}, or name the columns of the other with --rename", rule(b, names, ""));
+                let hint = format!(
+                    "leave one out: --ignore {}, or name the columns of the other with --rename",
+                    rule(b, names, "")
+                );
                 fail(data("Data::Columns", what).on(group.prefix()).hint(hint));
             }
         }
@@ -271,7 +291,8 @@ pub(super) fn understood(
         if let Some(dimension) = lacking {
             let what = format!("{}, which may be {}.*, have no unit", span(set), set.group.prefix());
             let units = symbols(dimension);
-            let hint = format!("say it: --rename {}; known: {units}", rule(set, names, &format!("[{}]", si(dimension))));
+            let hint =
+                format!("say it: --rename {}; known: {units}", rule(set, names, &format!("[{}]", si(dimension))));
             fail(data("Data::UnitMissing", what).on(set.group.prefix()).hint(hint));
             continue;
         }
@@ -298,10 +319,16 @@ pub(super) fn understood(
     }
     if !named.is_empty() {
         let what = format!("columns taken by their names: {}", named.join(", "));
-        notes.push(Problem::warning(Area::Data, "Data::Named", what).hint("nothing to do, if that is what they are; else --rename"));
+        notes.push(
+            Problem::warning(Area::Data, "Data::Named", what)
+                .hint("nothing to do, if that is what they are; else --rename"),
+        );
     }
     if !ignore.is_empty() {
-        let what = format!("names of joints in columns, and joints that the mission does not move, left out: {}", list(ignore.iter().map(String::as_str), LISTED));
+        let what = format!(
+            "names of joints in columns, and joints that the mission does not move, left out: {}",
+            list(ignore.iter().map(String::as_str), LISTED)
+        );
         notes.push(Problem::warning(Area::Data, "Data::NotUsed", what).hint("nothing to do: they are taken as held"));
     }
     bad.0.extend(notes.into_iter().map(|p| p.at_line(1)));
@@ -328,7 +355,9 @@ fn rule(set: &Set, names: &[String], unit: &str) -> String {
     while !first.is_char_boundary(head) {
         head -= 1;
     }
-    let back = |n: &str| n.chars().rev().zip(first.chars().rev()).take_while(|(x, y)| x == y).map(|c| c.0.len_utf8()).sum::<usize>();
+    let back = |n: &str| {
+        n.chars().rev().zip(first.chars().rev()).take_while(|(x, y)| x == y).map(|c| c.0.len_utf8()).sum::<usize>()
+    };
     let shortest = of.iter().map(|n| n.len()).min().unwrap_or(0);
     let tail = of.iter().map(|n| back(n)).min().unwrap_or(0).min(shortest - head.min(shortest));
     let pattern = format!("{}*{}", &first[..head], &first[first.len() - tail..]);
@@ -361,7 +390,7 @@ fn not_complete(set: &Set, span: &str, joints: &[JointColumn]) -> Problem {
         list(joints.iter().map(|j| j.name.as_str()), LISTED)
     );
     let hint = format!(
-        "numbers are taken where each of these joints has one, from 0 or from 1; say which is which, as --rename 'COLUMN={}.{}'",
+        "numbers count where each of these joints has one, from 0 or from 1; say which is which, as --rename 'COLUMN={}.{}'",
         set.group.prefix(),
         clip(&joints[0].name)
     );
@@ -393,9 +422,10 @@ fn other_order(set: &Set, names: &[String], joints: &[JointColumn]) -> Option<Pr
 }
 
 /// Name and unit of a cell, where `[1]` beside `[0]` or `[2]` is the place in an array.
-fn parts<'c>(cell: &'c str, all: &[String]) -> (&'c str, Option<&'c str>) {
+pub(super) fn parts<'c>(cell: &'c str, all: &[String]) -> (&'c str, Option<&'c str>) {
     let (name, unit) = split(cell);
-    let beside = |k: &str| all.iter().any(|c| c.trim().strip_prefix(name).is_some_and(|rest| rest.trim_start().starts_with(k)));
+    let beside =
+        |k: &str| all.iter().any(|c| c.trim().strip_prefix(name).is_some_and(|rest| rest.trim_start().starts_with(k)));
     if unit == Some("1") && cell.trim().ends_with("[1]") && (beside("[0]") || beside("[2]")) {
         return (cell.trim(), None);
     }
@@ -422,7 +452,11 @@ fn message_names(names: &[String], first: Option<&[Vec<u8>]>, joints: &[JointCol
         let name = parts(cell, names).0;
         let (mut words, numbers) = words(name);
         words.retain(|w| !FILLERS.contains(&w.as_str()));
-        let ([number], true) = (&numbers[..], words.last().is_some_and(|w| w == "name") && cell.contains(['.', '/', '['])) else { continue };
+        let ([number], true) =
+            (&numbers[..], words.last().is_some_and(|w| w == "name") && cell.contains(['.', '/', '[']))
+        else {
+            continue;
+        };
         let text = String::from_utf8_lossy(first.get(i)?).trim().to_owned();
         columns.push(i);
         found.push((*number, joints.iter().position(|j| j.name == text)));
@@ -477,7 +511,10 @@ fn read(name: &str, joints: &[JointColumn]) -> Option<Reading> {
             }
             let ((mut all, numbers), (behind, more)) = (words(before), words(after));
             all.extend(behind);
-            if numbers.is_empty() && more.is_empty() && let Some(r) = meaning(name, &all, Which::Named(k), false) {
+            if numbers.is_empty()
+                && more.is_empty()
+                && let Some(r) = meaning(name, &all, Which::Named(k), false)
+            {
                 return Some(r);
             }
         }
@@ -617,8 +654,23 @@ mod tests {
             assert_eq!(said(name).as_deref(), Some(want), "{name}");
         }
         for name in [
-            "q.joint1", "q_des_1", "tau_cmd_2", "quality", "temperature_1", "/joint_states_desired/position.1", "joint_1_2_pos", "wrist_pos",
-            "x", "w", "time", "base_x", "shoulder_pan_pos", "/imu/angular_velocity_covariance[0]", "motor_1_torque", "gyro", "cycle_1",
+            "q.joint1",
+            "q_des_1",
+            "tau_cmd_2",
+            "quality",
+            "temperature_1",
+            "/joint_states_desired/position.1",
+            "joint_1_2_pos",
+            "wrist_pos",
+            "x",
+            "w",
+            "time",
+            "base_x",
+            "shoulder_pan_pos",
+            "/imu/angular_velocity_covariance[0]",
+            "motor_1_torque",
+            "gyro",
+            "cycle_1",
         ] {
             assert_eq!(said(name), None, "{name}");
         }

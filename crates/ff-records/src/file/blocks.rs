@@ -108,8 +108,7 @@ pub(super) fn collect(
     let found = understood(source.names(), None, joints, options, si_units, &mut bad);
     let (head, beside) = found.clone().unwrap_or_default();
     let ignore = [&options.ignore[..], &beside].concat();
-    let targets =
-        found.and_then(|_| targets(&head, joints, &ReadOptions { ignore, ..options.clone() }, &mut bad));
+    let targets = found.and_then(|_| targets(&head, joints, &ReadOptions { ignore, ..options.clone() }, &mut bad));
     // The names of these files stand in no line.
     bad.0.iter_mut().for_each(|p| p.line = None);
     let parsed = targets.and_then(|t| rows(source, (&head, &t), joints, options, &mut bad));

@@ -1,6 +1,6 @@
 //! The line of names: which column goes where, in which unit, and all that is wrong with it.
 
-use super::aliases::ignores;
+use super::aliases::{ignores, parts};
 use super::naming::{is_nameless, is_time, split};
 use super::units;
 use super::units::{Dimension, Unit};
@@ -208,7 +208,9 @@ pub(super) fn targets(
         let Some((place, dimension)) = known else {
             match name.split_once('.').map(|(p, j)| (Group::of_prefix(p), j)) {
                 Some((Some(g), joint)) if g.axes().is_none() => strangers.push(joint),
-                _ => extra.push(name),
+                // What may be the time is asked after by itself.
+                _ if is_time(cell) && time_column(head).is_err() => {}
+                _ => extra.push(parts(cell, head).0),
             }
             out.push(None);
             continue;

@@ -129,7 +129,8 @@ impl Numbers {
     }
     /// Nanoseconds from 1970.
     pub(super) fn nanoseconds(&self, style: Style) -> Option<i64> {
-        let (day, month) = if style == Style::MonthFirst { (self.second, self.first) } else { (self.first, self.second) };
+        let (day, month) =
+            if style == Style::MonthFirst { (self.second, self.first) } else { (self.first, self.second) };
         ((1..=12).contains(&month) && day <= days_of(self.year, month)).then_some(())?;
         (days(self.year, month, day) * 24 * 3600).checked_mul(SECOND)?.checked_add(self.of_day)
     }
@@ -287,7 +288,10 @@ mod tests {
             assert_eq!(of(s), Some((day, style)), "{s}");
         }
         let either = numbers(b"3/5/2024 12:00:00 AM").unwrap();
-        assert_eq!((either.style(), either.nanoseconds(Style::MonthFirst)), (Style::Either, of("2024-03-05 00:00:00").map(|d| d.0)));
+        assert_eq!(
+            (either.style(), either.nanoseconds(Style::MonthFirst)),
+            (Style::Either, of("2024-03-05 00:00:00").map(|d| d.0))
+        );
         let by = |s: &str| either.settled_by(&numbers(s.as_bytes()).unwrap());
         assert_eq!(by("3/6/2024 00:00:00"), Some(Style::MonthFirst));
         assert_eq!(by("4/5/2024 00:00:00"), Some(Style::DayFirst));
@@ -295,7 +299,15 @@ mod tests {
         assert_eq!((by("4/6/2024 00:00:00"), by("3/6/2025 00:00:00")), (None, None));
         assert_eq!(of("0.25 sec"), Some((250_000_000, Style::Elapsed)));
         assert_eq!(of("1 days 00:00:00.25"), Some((86_400_250_000_000, Style::Elapsed)));
-        for wrong in ["13/13/2024 10:00:00", "30.02.2024 10:00:00", "3.5.24 10:00:00", "3/5/2024 13:00:00 PM", "3/5/2024", "0.25 m", "3.5 1"] {
+        for wrong in [
+            "13/13/2024 10:00:00",
+            "30.02.2024 10:00:00",
+            "3.5.24 10:00:00",
+            "3/5/2024 13:00:00 PM",
+            "3/5/2024",
+            "0.25 m",
+            "3.5 1",
+        ] {
             assert_eq!(of(wrong), None, "{wrong}");
         }
     }

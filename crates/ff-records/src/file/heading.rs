@@ -10,6 +10,10 @@ use ff_model::diagnostics::{clip, list, nearest};
 /// Most names listed in one message.
 const LISTED: usize = 12;
 
+/// Nanoseconds from 1970 to 2001, and to 2042.
+const EPOCH_FROM: i64 = 1_000_000_000_000_000_000;
+const EPOCH_TO: i64 = 2_300_000_000_000_000_000;
+
 /// The line of names.
 pub(super) struct Heading {
     pub(super) names: Vec<String>,
@@ -66,8 +70,11 @@ pub(super) fn rename(names: &mut [String], rules: &[(String, String)], bad: &mut
             good = false;
             let what = format!("no column is called '{}'", clip(from));
             let near = closest(from, &old);
-            let near =
-                if near.is_empty() { String::new() } else { format!("closest: {}; ", list(near.iter().copied(), LISTED)) };
+            let near = if near.is_empty() {
+                String::new()
+            } else {
+                format!("closest: {}; ", list(near.iter().copied(), LISTED))
+            };
             let hint = format!("{near}columns: {}", list(old.iter().map(String::as_str), LISTED));
             bad.push(data("Data::Columns", what).on("--rename").hint(hint));
         }
@@ -124,7 +131,12 @@ pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> (Opt
         }
     };
     let style = date(at);
-    if style.is_some() {
+    // Whole numbers of so many digits are nanoseconds since 1970: of any other unit they were thousands of years.
+    let epoch = || {
+        let cell = first.and_then(|f| f.get(at))?;
+        number::whole(cell).filter(|w| (EPOCH_FROM..EPOCH_TO).contains(w) && split(&names[at]).1.is_none())
+    };
+    if style.is_some() || epoch().is_some() {
         names[at] = "time[ns]".to_owned();
     } else if let Some(unit) = unit(&names[at]) {
         names[at] = format!("time[{unit}]");
@@ -139,6 +151,9 @@ fn unit(cell: &str) -> Option<&'static str> {
     match unit {
         Some(u) => find(u, Dimension::Time).map(|u| u.symbol),
         None if name == "seconds" => Some("s"),
+        // PlotJuggler writes seconds, rostopic nanoseconds, and no other program these names.
+        None if name == "__time" => Some("s"),
+        None if name == "%time" => Some("ns"),
         None => suffixed(&name).filter(|s| names_time(s.0)).map(|s| s.1),
     }
 }

@@ -3,6 +3,7 @@
 use super::dates::Style;
 use super::heading::{Heading, rename, take_units, tell_time};
 use super::joined::Joined;
+use super::naming::{split, suffixed};
 use super::{ReadOptions, data, number, over};
 use ff_model::diagnostics::clip;
 use ff_model::{Area, Problem, Problems};
@@ -200,7 +201,8 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
         }
         let line = lines.line.trim_ascii();
         // What Excel reads in front of the names: the separator.
-        if let Some(&[separator]) = line.strip_prefix(b"sep=").filter(|_| lines.number == 1 && lines.separator == b',') {
+        if let Some(&[separator]) = line.strip_prefix(b"sep=").filter(|_| lines.number == 1 && lines.separator == b',')
+        {
             if separator.is_ascii() && !separator.is_ascii_alphanumeric() {
                 lines.separator = separator;
                 said.push(told(separator).at_line(1));
@@ -244,7 +246,8 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
     }
     let numbers = names.iter().filter(|n| number::parse(n.as_bytes()).is_some()).count();
     if 2 * numbers > names.len() {
-        let what = format!("the first line has numbers and no names: '{}'", clip(&String::from_utf8_lossy(&lines.line)));
+        let what =
+            format!("the first line has numbers and no names: '{}'", clip(&String::from_utf8_lossy(&lines.line)));
         let hint = "put a line of names in front, time[s],q.<joint>[rad],...: ros2 topic echo --csv writes none, and its messages are better recorded as a bag";
         bad.push(data("Data::Columns", what).at_line(at).hint(hint));
         return None;
@@ -257,19 +260,37 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
     if lines.first().is_some_and(|units| take_units(&mut names, &units)) {
         lines.held = false;
     }
-    if let Some(joined) = Joined::of(&names, lines.first().as_deref(), &options.ignore) {
+    let joined = Joined::of(&names, lines.first().as_deref(), &options.ignore);
+    if let Some(joined) = joined {
         joined.rename(&mut names);
         lines.join(joined);
     }
     let first = lines.first();
     let (dates, place) = tell_time(&mut names, first.as_deref());
     let dates = dates.map(|d| d.settled(options.dates));
-    if let (Some(style @ (Style::DayFirst | Style::MonthFirst)), Some(cell)) =
-        (dates, first.as_ref().and_then(|f| f.get(place?)))
-    {
-        let order = if style == Style::DayFirst { "day first" } else { "month first" };
-        let what = format!("the time is in dates, {order}: '{}'", clip(&String::from_utf8_lossy(cell)));
-        said.push(Problem::warning(Area::Data, "Data::Dates", what).on("time").at_line(at).hint("nothing to do, if that is so"));
+    let how = match dates {
+        Some(Style::DayFirst) => Some("is in dates, day first"),
+        Some(Style::MonthFirst) => Some("is in dates, month first"),
+        Some(Style::Elapsed) => Some("is what has elapsed, with its unit"),
+        Some(_) => None,
+        None => place.filter(|&i| split(&raw[i.min(raw.len() - 1)]).1.is_none() && joined.is_none()).and_then(|i| {
+            match split(&names[i]).1 {
+                Some("ns") if raw[i] != "time" && suffixed(&raw[i].to_ascii_lowercase()).is_none() => {
+                    Some("is nanoseconds")
+                }
+                Some("s") if raw[i] == "__time" => Some("is seconds"),
+                _ => None,
+            }
+        }),
+    };
+    if let (Some(how), Some(cell)) = (how, first.as_ref().and_then(|f| f.get(place?))) {
+        let what = format!("the time {how}: '{}'", clip(&String::from_utf8_lossy(cell)));
+        said.push(
+            Problem::warning(Area::Data, "Data::Dates", what)
+                .on("time")
+                .at_line(at)
+                .hint("nothing to do, if that is so"),
+        );
     }
     bad.0.extend(said);
     Some(Heading { names, line: at, dates, raw })
@@ -284,7 +305,8 @@ fn names_of(line: &[u8]) -> Option<Vec<String>> {
 /// What is said of a separator that the file tells.
 fn told(separator: u8) -> Problem {
     let name = SEPARATORS.iter().find(|s| s.0 == separator).map_or("other characters", |s| s.1);
-    let what = format!("columns are separated by {name}, as the line of names says; a comma in a number is a decimal comma");
+    let what =
+        format!("columns are separated by {name}, as the line of names says; a comma in a number is a decimal comma");
     Problem::warning(Area::Data, "Data::Separator", what).hint("nothing to do, if that is so")
 }
 
@@ -294,7 +316,10 @@ fn told_separator(lines: &mut Lines<impl BufRead>, head: &str) -> Result<u8, Pro
     // A title, or a remark of another program.
     let Some((separator, name)) = found else {
         let (what, hint) = if head.contains(' ') {
-            ("columns seem to be separated by blanks, must be commas", "give --separator blanks, or begin lines before the names with #")
+            (
+                "columns seem to be separated by blanks, must be commas",
+                "give --separator blanks, or begin lines before the names with #",
+            )
         } else {
             ("there is only one column", "separate columns by commas")
         };
@@ -330,7 +355,11 @@ fn told_separator(lines: &mut Lines<impl BufRead>, head: &str) -> Result<u8, Pro
     let point = all.iter().find(|c| c.contains(&b'.') && number::parse(c).is_some());
     if let (Some(comma), Some(point)) = (comma, point) {
         let show = |c: &[u8]| clip(&String::from_utf8_lossy(c));
-        let why = format!(": '{}' beside '{}' in line {number_of_sample} may be a decimal comma or one between thousands", show(comma), show(point));
+        let why = format!(
+            ": '{}' beside '{}' in line {number_of_sample} may be a decimal comma or one between thousands",
+            show(comma),
+            show(point)
+        );
         return refused(why, format!("give --separator {name} if it is a decimal comma, or write numbers without it"));
     }
     lines.again = Some((sample, number_of_sample));

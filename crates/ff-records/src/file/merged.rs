@@ -5,8 +5,8 @@ use super::blocks::{BLOCK, Block, Blocks, Stamps};
 use super::columns::time_column;
 use super::heading::{closest, starred};
 use super::naming::{is_nameless, split};
-use super::units::{Dimension, find};
 use super::source::raw_names;
+use super::units::{Dimension, find};
 use super::{JointColumn, ReadOptions, data, open, order};
 use ff_model::diagnostics::{clip, list};
 use ff_model::{Problem, Problems};
@@ -71,7 +71,8 @@ fn rules_fit(paths: &[&Path], options: &ReadOptions) -> Result<(), Problems> {
     if options.rename.is_empty() || !paths.iter().all(|p| p.is_file()) {
         return Ok(());
     }
-    let all: Vec<(&Path, Vec<String>)> = paths.iter().map(|p| (*p, raw_names(p, options).unwrap_or_default())).collect();
+    let all: Vec<(&Path, Vec<String>)> =
+        paths.iter().map(|p| (*p, raw_names(p, options).unwrap_or_default())).collect();
     let mut bad = Problems::default();
     for (old, _) in &options.rename {
         let fits = |cell: &String| starred(old, cell).is_some() || starred(old, split(cell).0).is_some();

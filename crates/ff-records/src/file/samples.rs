@@ -35,7 +35,14 @@ impl Clock {
     /// A clock in the unit of the column of the time.
     fn new(targets: &[Target]) -> Self {
         let unit = targets.iter().find_map(|t| if let Target::Time(u) = t { Some((u.mul, u.div)) } else { None });
-        Self { whole: None, scale: unit.unwrap_or((1.0, 1.0)), origin: 0.0, stamps: Vec::new(), dates: None, open: None }
+        Self {
+            whole: None,
+            scale: unit.unwrap_or((1.0, 1.0)),
+            origin: 0.0,
+            stamps: Vec::new(),
+            dates: None,
+            open: None,
+        }
     }
     fn to_si(&self, x: f64) -> f64 {
         x * self.scale.0 / self.scale.1
@@ -92,10 +99,16 @@ impl Clock {
         (self.dates, self.whole, self.origin) = (Some(style), Some(origin), self.to_si(origin as f64));
         Some(())
     }
-    /// What is said of dates that no row settled.
+    /// What is said of dates that a row settled, or none.
     fn unsettled(&self, bad: &mut Problems) {
-        let Some(first) = self.open.filter(|f| self.dates == Some(dates::Style::Either) && !f.is_one()) else { return };
-        bad.push(either(&first));
+        let Some(first) = self.open.filter(|f| !f.is_one()) else { return };
+        let order = match self.dates {
+            Some(dates::Style::Either) => return bad.push(either(&first)),
+            Some(dates::Style::MonthFirst) => "month first",
+            _ => "day first",
+        };
+        let what = format!("the time is in dates, {order}, as a row behind the first one says");
+        bad.push(Problem::warning(Area::Data, "Data::Dates", what).on("time").hint("nothing to do, if that is so"));
     }
     /// Row D12: stamps of an epoch as floating-point numbers lose digits.
     fn resolution(&self, bad: &mut Problems) {

@@ -28,7 +28,8 @@ pub(super) fn little_end_first(first: &[u8]) -> Option<bool> {
         [0xfe, 0xff, ..] => Some(false),
         // Letters of two bytes without a mark in front.
         _ => {
-            let zero = |k: usize| first.len() >= 8 && first.chunks_exact(2).take(4).all(|c| (c[k] == 0) && (c[1 - k] != 0));
+            let zero =
+                |k: usize| first.len() >= 8 && first.chunks_exact(2).take(4).all(|c| (c[k] == 0) && (c[1 - k] != 0));
             zero(1).then_some(true).or(zero(0).then_some(false))
         }
     }

@@ -208,15 +208,17 @@ impl RecordFlags {
         options
     }
     /// Reads what a model is judged by: the longest part of the record, if it has gaps; on the ground on an even clock. Whether it begins
-    /// behind a gap, in the middle of a motion.
+    /// behind a gap, in the middle of a motion. `unseen` refuses readings that were fitted.
     pub(crate) fn read_one(
         &self,
         path: &Path,
         model: &Model,
         low_pass: Option<f64>,
         input: &Input,
+        unseen: impl FnOnce(&Record) -> Result<(), Problems>,
     ) -> Result<(Loaded, bool), Refusal> {
         let mut loaded = self.read(path, model, 8, None, input).map_err(refused)?;
+        unseen(&loaded.record).map_err(refused)?;
         let (record, moving) = judged(path, loaded.record, low_pass, &mut loaded.warnings)?;
         loaded.record = record;
         Ok((loaded, moving))

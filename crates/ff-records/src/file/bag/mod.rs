@@ -190,7 +190,12 @@ impl<C: Container> Blocks for BagBlocks<C> {
         let mut out = Problems::default();
         let m = &self.messages;
         if let (Some(p), Some(until)) = (&self.truncated, self.until) {
-            let what = format!("{}: the messages before it are read, up to {}.{:09} s", p.message, until.div_euclid(SECOND), until.rem_euclid(SECOND));
+            let what = format!(
+                "{}: the messages before it are read, up to {}.{:09} s",
+                p.message,
+                until.div_euclid(SECOND),
+                until.rem_euclid(SECOND)
+            );
             let hint = "nothing to do, if the recorder was killed; else copy the bag again";
             out.push(Problem::warning(Area::Data, "Data::MaybeTruncated", what).hint(hint));
         }
