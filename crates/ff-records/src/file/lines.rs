@@ -201,7 +201,8 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
         }
         let line = lines.line.trim_ascii();
         // What Excel reads in front of the names: the separator.
-        if let Some(&[separator]) = line.strip_prefix(b"sep=").filter(|_| lines.number == 1 && lines.separator == b',')
+        if let Some(&[separator]) =
+            lines.line.strip_prefix(b"sep=").filter(|_| lines.number == 1 && lines.separator == b',')
         {
             if separator.is_ascii() && !separator.is_ascii_alphanumeric() {
                 lines.separator = separator;
@@ -253,8 +254,9 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
         return None;
     }
     let raw = names.clone();
-    if !rename(&mut names, &options.rename, bad) && !options.one_of_several {
-        bad.0.iter_mut().for_each(|p| p.line = p.line.or(Some(at)));
+    let mut unfit = Problems::default();
+    if !rename(&mut names, &options.rename, &mut unfit) && !options.one_of_several {
+        bad.0.extend(unfit.0.into_iter().map(|p| Problem { line: p.line.or(Some(at)), ..p }));
         return None;
     }
     if lines.first().is_some_and(|units| take_units(&mut names, &units)) {
