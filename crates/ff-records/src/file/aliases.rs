@@ -592,6 +592,8 @@ fn meaning(name: &str, all: &[String], which: Which, axes: bool) -> Option<Readi
     let group = match &*phrase {
         // Of joints where it says so; of an accelerometer otherwise.
         "acc" | "accel" if of_joints && !axes => Group::Ddq,
+        // Wheels have speeds, and panels angles.
+        "speed" | "angle" | "angles" if !of_joints => return None,
         p => PHRASES.iter().find(|f| f.0 == p && f.1.axes().is_some() == axes).map(|f| f.1)?,
     };
     if axes && of_joints {
@@ -671,6 +673,7 @@ mod tests {
             "motor_1_torque",
             "gyro",
             "cycle_1",
+            "speed_1",
         ] {
             assert_eq!(said(name), None, "{name}");
         }

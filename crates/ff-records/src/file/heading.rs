@@ -4,8 +4,8 @@ use super::dates::Style;
 use super::naming::{is_nameless, is_time, names_time, split, suffixed};
 use super::units::{Dimension, any, find};
 use super::{data, dates, number};
-use ff_model::Problems;
 use ff_model::diagnostics::{clip, list, nearest};
+use ff_model::{Area, Problem, Problems};
 
 /// Most names listed in one message.
 const LISTED: usize = 12;
@@ -142,6 +142,28 @@ pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> (Opt
         names[at] = format!("time[{unit}]");
     }
     (style, Some(at))
+}
+
+/// What is said of a time whose unit or dates are not those of its name: `name` before and `now` as [`tell_time`] left it, with its first cell.
+pub(super) fn told_time(name: &str, now: &str, dates: Option<Style>, cell: Option<&str>) -> Option<Problem> {
+    let bare = split(name).1.is_none();
+    let suffix =
+        suffixed(&name.to_ascii_lowercase()).is_some_and(|s| names_time(s.0)) || name.eq_ignore_ascii_case("seconds");
+    let how = match (dates, split(now).1) {
+        (Some(Style::DayFirst), _) => "in dates, day first",
+        (Some(Style::MonthFirst), _) => "in dates, month first",
+        (Some(Style::Elapsed), _) => "what has elapsed, with its unit",
+        (None, Some("ns")) if bare && !suffix => "whole nanoseconds",
+        (None, Some("s")) if bare && !suffix => "seconds",
+        _ => return None,
+    };
+    let shown = cell.map_or(String::new(), |c| format!(": '{}'", clip(c)));
+    let what = format!("the time, column '{}', is {how}{shown}", clip(split(name).0));
+    Some(
+        Problem::warning(Area::Data, "Data::Dates", what)
+            .on("time")
+            .hint("nothing to do, if that is so; else --rename"),
+    )
 }
 
 /// The unit of a time that its name says.

@@ -1,9 +1,7 @@
 //! Lines of a file, their cells, and the line of names.
 
-use super::dates::Style;
-use super::heading::{Heading, rename, take_units, tell_time};
+use super::heading::{Heading, rename, take_units, tell_time, told_time};
 use super::joined::Joined;
-use super::naming::{split, suffixed};
 use super::{ReadOptions, data, number, over};
 use ff_model::diagnostics::clip;
 use ff_model::{Area, Problem, Problems};
@@ -262,37 +260,17 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
     if lines.first().is_some_and(|units| take_units(&mut names, &units)) {
         lines.held = false;
     }
-    let joined = Joined::of(&names, lines.first().as_deref(), &options.ignore);
-    if let Some(joined) = joined {
+    if let Some(joined) = Joined::of(&names, lines.first().as_deref(), &options.ignore) {
         joined.rename(&mut names);
         lines.join(joined);
     }
     let first = lines.first();
+    let before = names.clone();
     let (dates, place) = tell_time(&mut names, first.as_deref());
     let dates = dates.map(|d| d.settled(options.dates));
-    let how = match dates {
-        Some(Style::DayFirst) => Some("is in dates, day first"),
-        Some(Style::MonthFirst) => Some("is in dates, month first"),
-        Some(Style::Elapsed) => Some("is what has elapsed, with its unit"),
-        Some(_) => None,
-        None => place.filter(|&i| split(&raw[i.min(raw.len() - 1)]).1.is_none() && joined.is_none()).and_then(|i| {
-            match split(&names[i]).1 {
-                Some("ns") if raw[i] != "time" && suffixed(&raw[i].to_ascii_lowercase()).is_none() => {
-                    Some("is nanoseconds")
-                }
-                Some("s") if raw[i] == "__time" => Some("is seconds"),
-                _ => None,
-            }
-        }),
-    };
-    if let (Some(how), Some(cell)) = (how, first.as_ref().and_then(|f| f.get(place?))) {
-        let what = format!("the time {how}: '{}'", clip(&String::from_utf8_lossy(cell)));
-        said.push(
-            Problem::warning(Area::Data, "Data::Dates", what)
-                .on("time")
-                .at_line(at)
-                .hint("nothing to do, if that is so"),
-        );
+    if let Some(place) = place {
+        let cell = first.as_ref().and_then(|f| f.get(place)).map(|c| String::from_utf8_lossy(c));
+        said.extend(told_time(&before[place], &names[place], dates, cell.as_deref()).map(|p| p.at_line(at)));
     }
     bad.0.extend(said);
     Some(Heading { names, line: at, dates, raw })
