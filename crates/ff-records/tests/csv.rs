@@ -737,9 +737,12 @@ fn remarks_and_row_numbers_of_other_programs_are_no_signals() {
     assert_eq!(problem_of(&p, "Data::NoSamples").line, Some(1));
 }
 
+/// The name of a channel: its group, and its number in it.
+type Names<'f> = &'f dyn Fn(&str, usize) -> String;
+
 /// Three joints and a gyro under names of others: the record, or what is said.
 fn others(
-    names: &dyn Fn(&str, usize) -> String,
+    names: Names<'_>,
     more: &str,
     joints: [&str; 3],
     options: &ReadOptions,
@@ -772,7 +775,7 @@ fn columns_of_other_programs_are_taken_where_they_say_one_thing() {
     assert!(plain.warnings.0.is_empty(), "{}", plain.warnings);
     let pick = |g: &str, of: [&str; 3]| of[["q", "tau", "gyro"].iter().position(|n| *n == g).unwrap()].to_owned();
     // By numbers from 0 or from 1, with units in brackets, in the name or in the definition of the message; by names among other words.
-    let ways: [&dyn Fn(&str, usize) -> String; 6] = [
+    let ways: [Names<'_>; 6] = [
         &|g, k| {
             pick(g, [&format!("q{}[rad]", k + 1), &format!("tau_{k} [Nm]"), &format!("w{}[rad/s]", ["x", "y", "z"][k])])
         },
@@ -854,7 +857,7 @@ fn columns_of_other_programs_are_taken_where_they_say_one_thing() {
         (q(2), "", arm, "'q2' .. 'q4'"),
         (q(1), ",q4[rad]", arm, "4 columns 'q1' .. 'q4'"),
     ] {
-        let names: &dyn Fn(&str, usize) -> String =
+        let names: Names<'_> =
             &|g, k| names(g, k).replace("shoulder", joints[0]).replace("elbow", joints[1]).replace("wrist", joints[2]);
         let p = others(names, more, joints, &default).unwrap_err();
         assert!(p.has("Data::Columns") && p.to_string().contains(says), "{says}: {p}");

@@ -291,7 +291,7 @@ fn told(separator: u8) -> Problem {
 }
 
 /// What separates the only cell of a line of names, where the first sample has as many cells, and no number in it can be read in two ways.
-fn told_separator(lines: &mut Lines<impl BufRead>, head: &str) -> Result<u8, Problem> {
+fn told_separator(lines: &mut Lines<impl BufRead>, head: &str) -> Result<u8, Box<Problem>> {
     let found = SEPARATORS.into_iter().find(|(c, _)| head.contains(char::from(*c)));
     // A title, or a remark of another program.
     let Some((separator, name)) = found else {
@@ -303,10 +303,11 @@ fn told_separator(lines: &mut Lines<impl BufRead>, head: &str) -> Result<u8, Pro
         } else {
             ("there is only one column", "separate columns by commas")
         };
-        return Err(data("Data::Separator", what).hint(hint));
+        return Err(Box::new(data("Data::Separator", what).hint(hint)));
     };
     let refused = |why: String, hint: String| {
-        Err(data("Data::Separator", format!("columns seem to be separated by {name}, must be commas{why}")).hint(hint))
+        let what = format!("columns seem to be separated by {name}, must be commas{why}");
+        Err(Box::new(data("Data::Separator", what).hint(hint)))
     };
     let flag = format!("give --separator {name} (decimal commas are read then)");
     let names = lines.line.clone();
