@@ -15,6 +15,7 @@ pub mod builder;
 mod carried;
 mod checks;
 pub mod clock;
+mod content;
 pub mod file;
 pub mod mask;
 pub mod record;
@@ -29,6 +30,7 @@ mod uniform;
 
 pub use builder::RecordBuilder;
 pub use carried::{Carried, WRENCH};
+pub use content::Content;
 pub use mask::Mask;
 pub use record::Record;
 pub use time_base::ChannelGroup;

@@ -68,17 +68,22 @@ fn d36_topics_are_found_chosen_and_listed() {
 }
 
 #[test]
-fn d35_truncated_bags_are_refused_or_read_to_the_last_complete_chunk() {
+fn d35_truncated_bags_are_read_to_the_last_complete_chunk_with_a_warning() {
     let good = std::fs::read(fixture("zstd.mcap")).unwrap();
-    let cut = file(&good[..good.len() * 2 / 3]);
-    let p = read(cut.path(), &joints(), &ReadOptions::default()).unwrap_err();
-    assert!(p.has("Data::MaybeTruncated") && p.exit_code() == 12, "{p}");
-    assert!(p.to_string().contains("byte ") && p.to_string().contains("--allow maybe-truncated"), "{p}");
-    let options = ReadOptions { allow: vec!["Data::MaybeTruncated".into()], ..Default::default() };
-    let l = read(cut.path(), &joints(), &options).unwrap();
-    assert!((150..290).contains(&l.record.samples()), "{}", l.record.samples());
-    assert!(l.warnings.has("Data::MaybeTruncated"));
-    assert_eq!(l.record.q()[(100, 1)], value(100, 0));
+    let cut = &good[..good.len() * 2 / 3];
+    // The recorder was killed, or power was cut and the file system left zeros.
+    for bytes in [cut.to_vec(), [cut, &[0; 5000]].concat()] {
+        let l = read(file(&bytes).path(), &joints(), &ReadOptions::default()).unwrap_or_else(|p| panic!("{p}"));
+        assert!((150..290).contains(&l.record.samples()), "{}", l.record.samples());
+        assert_eq!(l.record.q()[(100, 1)], value(100, 0));
+        let last = T0 + 10_000_000 * (l.record.samples() as i64 - 1);
+        let until = format!("up to {}.{:09} s", last / 1_000_000_000, last % 1_000_000_000);
+        let said = l.warnings.0.iter().find(|p| p.code == "Data::MaybeTruncated").unwrap();
+        assert!(said.message.contains(&until) && said.message.contains(&format!("byte {}", bytes.len())), "{said}");
+    }
+    // Nothing complete is nothing.
+    let p = read(file(&good[..good.len() / 80]).path(), &joints(), &ReadOptions::default()).unwrap_err();
+    assert!(p.exit_code() == 12 && p.0[0].hint.is_some(), "{p}");
 }
 
 #[test]

@@ -80,6 +80,48 @@ fn two_recorders_on_one_clock_make_one_record() {
     }
 }
 
+/// A rule that fits no column of any of the files says which are closest, whatever else is missing for want of it.
+#[test]
+fn a_rule_for_no_column_names_the_closest() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(dir.path().join(name), text).unwrap();
+    write("joints.csv", "stamp,q.a[deg],tau.a[N m]\n0,1,2\n0.01,3,4\n0.02,5,6\n");
+    write("gyro.csv", "stamp,w_x[rad/s]\n0.005,0.1\n0.01,0.2\n");
+    let with = |rules: &[&str]| {
+        let rules: Vec<&str> = rules.iter().flat_map(|r| ["--rename", r]).collect();
+        ffid(dir.path(), &[&["convert", "joints.csv", "out.csv", "--with", "gyro.csv", "--force"][..], &rules].concat())
+    };
+    let (code, _, err) = with(&["stmap=time[s]", "w_x=gyro.x"]);
+    assert!(
+        code == 12
+            && err.contains("'stmap'")
+            && err.contains("closest: 'stamp' in 'joints.csv'; 'stamp' in 'gyro.csv'"),
+        "{err}"
+    );
+    let (code, _, err) = with(&["stamp=time[s]", "wx_*=gyro.*"]);
+    assert!(code == 12 && err.contains("'wx_*'") && err.contains("closest: 'w_x' in 'gyro.csv'"), "{err}");
+    let (code, out, err) = with(&["stamp=time[s]", "w_*=gyro.*"]);
+    assert!(code == 0 && !err.contains("error"), "{out}\n{err}");
+    let (code, _, err) = ffid(dir.path(), &["convert", "joints.csv", "out.csv", "--force", "--rename", "stmp=time[s]"]);
+    assert!(code == 12 && err.contains("closest: stamp"), "{err}");
+    // Dates that a later row settles, and a bag that was cut short.
+    let rows = "stamp,q.a[rad]\n3/5/2024 11:59:59.5 PM,1\n3/6/2024 12:00:00.5 AM,2\n";
+    write("dates.csv", rows);
+    convert(dir.path(), &["dates.csv", "out.csv", "--force"]);
+    let text = fs::read_to_string(dir.path().join("out.csv")).unwrap();
+    assert_eq!(text, "time[ns],q.a[rad]\n1709683199500000000,1\n1709683200500000000,2\n");
+    write("open.csv", &rows.replace("3/6/2024 12", "3/5/2024 12"));
+    let (code, _, err) = ffid(dir.path(), &["convert", "open.csv", "out.csv", "--force"]);
+    assert!(code == 12 && err.contains("Data::Dates") && err.contains("--dates day-first"), "{err}");
+    let bag = fs::read(fixture("zstd.mcap")).unwrap();
+    fs::write(dir.path().join("cut.mcap"), &bag[..bag.len() * 2 / 3]).unwrap();
+    let v = convert(dir.path(), &["cut.mcap", "out.csv", "--force"]);
+    assert_eq!(
+        (v["converted"]["rows"].as_u64(), &v["problems"][0]["code"]),
+        (Some(205), &"Data::MaybeTruncated".into())
+    );
+}
+
 #[test]
 fn columns_without_a_name_are_left_out_with_a_warning() {
     let dir = tempfile::tempdir().unwrap();

@@ -77,6 +77,8 @@ fn slosh_from_a_mission_to_a_validated_model() {
     assert!(out.contains("The model predicts these data"), "{out}");
     assert!(c.read("val/report.html").contains("Validation of paper"));
     c.refused(&["validate", "res", "--record", "rec.csv"], 12, "Data::SameData", &["rec.csv", "SHA-256"]);
+    c.good(&["convert", "rec.csv", "rec.parquet"]);
+    c.refused(&["validate", "res", "--record", "rec.parquet"], 12, "Data::SameData", &["rec.parquet", "rec.csv"]);
     c.simulate("m.toml", "b.csv", "wrong.csv", &["--seed", "7"]);
     c.refused(&["validate", "res", "--record", "wrong.csv"], 16, "Fit::NotExplained", &["limit 2"]);
 
@@ -306,7 +308,7 @@ fn d01_to_d12_and_d34_d37_defects_of_records() {
     refuse(&cell(30, 9, "1e400"), "Data::NotFinite", &["--gaps drop"], &[]);
     refuse(&good.replacen(",0", "", 1), "Data::RowLength", &["bad.csv:"], &[]); // D04
     refuse(good.trim_end(), "Data::MaybeTruncated", &["cut short"], &[]); // D05
-    refuse(&good.replace(',', ";"), "Data::Separator", &["semicolons"], &[]); // D06
+    refuse(&good.replace(',', " "), "Data::Separator", &["blanks"], &[]); // D06
     refuse(&good.replace("gyro.z[rad/s]", "temperature[K]"), "Data::Columns", &["gyro.z", "temperature"], &[]); // D07
     refuse(&good.replace("q.joint1[rad]", "q.joint1"), "Data::UnitMissing", &["deg"], &[]); // D08
     refuse(&good.replace("tau.joint1[N m]", "tau.joint1[lbf in]"), "Data::UnknownUnit", &["mN m"], &[]);
@@ -335,6 +337,13 @@ fn d01_to_d12_and_d34_d37_defects_of_records() {
     c.write("copy.csv", &good);
     let args = ["identify", "m.toml", "--record", "bad.csv", "--held-out", "copy.csv"];
     c.refused(&args, 12, "Data::SameData", &["copy.csv", "bad.csv"]);
+    // Its readings in another format.
+    c.good(&["convert", "bad.csv", "copy.parquet", "--si"]);
+    for more in [&["--record", "bad.csv", "--held-out", "copy.parquet"][..], &["--records", "bad.csv", "copy.parquet"]]
+    {
+        let args = [&["identify", "m.toml"], more].concat();
+        c.refused(&args, 12, "Data::SameData", &["copy.parquet", "bad.csv"]);
+    }
     c.refused(&["identify", "m.toml", "--record", "none.csv"], 20, "Io::Read", &["none.csv"]);
     c.refused(&["identify", "m.toml", "--record", "bad.csv", "--held-out", "1.5"], 11, "Config::OutOfRange", &["1.5"]);
     c.refused(&["identify", "m.toml", "--record", "bad.csv", "--held-out", "30%"], 11, "Config::BadChoice", &["30%"]);

@@ -1,5 +1,6 @@
 //! Records in blocks of rows: what every format gives, and the one way from blocks to a record.
 
+use super::aliases::understood;
 use super::columns::{Target, targets};
 use super::options::finish;
 use super::samples::{NOT_FINITE, Samples, too_many};
@@ -96,17 +97,20 @@ pub trait Blocks {
 /// Reads all blocks into a record of the given joints.
 ///
 /// # Errors
-/// Those of [`super::read_from`], with rows in place of lines.
+/// Those of [`super::read_from`], with rows in place of lines. `si_units` gives columns under other names that have no unit that of their channel.
 pub(super) fn collect(
     source: &mut dyn Blocks,
     joints: &[JointColumn],
     options: &ReadOptions,
+    si_units: bool,
 ) -> Result<Loaded, Problems> {
     let mut bad = Problems::default();
-    let targets = targets(source.names(), joints, options, &mut bad);
+    let found = understood(source.names(), None, joints, options, si_units, &mut bad);
+    let (head, beside) = found.clone().unwrap_or_default();
+    let ignore = [&options.ignore[..], &beside].concat();
+    let targets = found.and_then(|_| targets(&head, joints, &ReadOptions { ignore, ..options.clone() }, &mut bad));
     // The names of these files stand in no line.
     bad.0.iter_mut().for_each(|p| p.line = None);
-    let head = source.names().to_vec();
     let parsed = targets.and_then(|t| rows(source, (&head, &t), joints, options, &mut bad));
     bad.extend(source.notes());
     finish(parsed, bad, options, source.bytes())

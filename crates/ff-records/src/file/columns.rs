@@ -1,5 +1,6 @@
 //! The line of names: which column goes where, in which unit, and all that is wrong with it.
 
+use super::aliases::{ignores, parts};
 use super::naming::{is_nameless, is_time, split};
 use super::units;
 use super::units::{Dimension, Unit};
@@ -37,14 +38,14 @@ impl Group {
         ["q", "dq", "ddq", "tau", "gyro", "acc", "att", "current"][self as usize]
     }
     /// Every prefix that is read.
-    fn of_prefix(prefix: &str) -> Option<Self> {
+    pub(super) fn of_prefix(prefix: &str) -> Option<Self> {
         match prefix {
             "qd" => Some(Self::Dq),
             "qdd" => Some(Self::Ddq),
             _ => GROUPS.into_iter().find(|g| g.prefix() == prefix),
         }
     }
-    fn axes(self) -> Option<&'static [&'static str]> {
+    pub(super) fn axes(self) -> Option<&'static [&'static str]> {
         match self {
             Self::Gyro | Self::Acc => Some(&XYZ),
             Self::Att => Some(&WXYZ),
@@ -150,6 +151,11 @@ pub fn without_name(head: &[String]) -> Option<Problem> {
     Some(p.hint("with pandas, to_csv(..., index=False); name the column if it is a signal"))
 }
 
+/// Whether a name means something here by itself: the time, a channel, what is carried, or a channel of a joint that follows another.
+pub(super) fn known(name: &str, joints: &[JointColumn], followers: &[FollowerColumn]) -> bool {
+    place(name, joints).is_some() || carried(name).is_some() || follower(name, followers).is_some()
+}
+
 /// The group and the joint of a column of a joint that follows another.
 fn follower(name: &str, followers: &[FollowerColumn]) -> Option<(Group, usize)> {
     let (prefix, joint) = name.split_once('.')?;
@@ -171,10 +177,7 @@ pub(super) fn targets(
     if let Some(p) = without_name(head) {
         bad.push(p.at_line(1));
     }
-    let ignored = |cell: &String| {
-        let name = split(cell).0;
-        ignore.iter().any(|i| i == name || i == cell) || is_nameless(cell)
-    };
+    let ignored = |cell: &String| ignores(ignore, cell) || is_nameless(cell);
     let passed = head.iter().filter(|c| !ignored(c)).map(|c| split(c).0);
     let passed: Vec<&str> = passed.filter(|n| follower(n, followers).is_some()).collect();
     if !passed.is_empty() {
@@ -205,7 +208,9 @@ pub(super) fn targets(
         let Some((place, dimension)) = known else {
             match name.split_once('.').map(|(p, j)| (Group::of_prefix(p), j)) {
                 Some((Some(g), joint)) if g.axes().is_none() => strangers.push(joint),
-                _ => extra.push(name),
+                // What may be the time is asked after by itself.
+                _ if is_time(cell) && time_column(head).is_err() => {}
+                _ => extra.push(parts(cell, head).0),
             }
             out.push(None);
             continue;

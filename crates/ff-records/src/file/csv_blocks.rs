@@ -3,17 +3,20 @@
 use super::blocks::{BLOCK, Block, Blocks, Stamps};
 use super::columns::time_column;
 use super::lines::{BUFFER, Lines, header};
+use super::options::DateOrder;
+use super::samples::either;
+use super::wide::Text;
 use super::{ReadOptions, data, dates, number};
 use ff_model::diagnostics::clip;
 use ff_model::{Problem, Problems};
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Seek, SeekFrom};
 
 /// Whole stamps beyond this are kept whole: as floating-point numbers they would lose digits.
 const WHOLE: u64 = 1 << 50;
 
 pub(super) struct CsvBlocks {
-    lines: Lines<BufReader<File>>,
+    lines: Lines<BufReader<Text>>,
     names: Vec<String>,
     time: usize,
     wanted: Vec<bool>,
@@ -21,17 +24,51 @@ pub(super) struct CsvBlocks {
     dates: Option<dates::Style>,
     /// Whether stamps are whole, once the first is read.
     whole: Option<bool>,
+    /// What was understood of the line of names.
+    notes: Problems,
 }
 
 impl CsvBlocks {
     pub(super) fn new(file: File, options: &ReadOptions) -> Result<Self, Problems> {
-        let mut lines = Lines::new(BufReader::with_capacity(BUFFER, file), options);
-        let mut bad = Problems::default();
-        let Some(heading) = header(&mut lines, options, &mut bad) else { return Err(bad) };
+        // Dates that are day first or month first are settled by a row behind the first, if at all; a pipe cannot be read twice.
+        let again = file.try_clone().ok().filter(|f| f.metadata().is_ok_and(|m| m.is_file()));
+        let mut found = Self::at_start(file, options)?;
+        if found.dates == Some(dates::Style::Either) {
+            let order = found.settled()?;
+            let Some(mut again) = again.filter(|_| order != DateOrder::Unknown) else { return Ok(found) };
+            _ = again.seek(SeekFrom::Start(0));
+            found = Self::at_start(again, &ReadOptions { dates: order, ..options.clone() })?;
+        }
+        Ok(found)
+    }
+    fn at_start(file: File, options: &ReadOptions) -> Result<Self, Problems> {
+        let text = Text::new(file);
+        let mut notes = Problems(text.note().into_iter().collect());
+        let mut lines = Lines::new(BufReader::with_capacity(BUFFER, text), options);
+        let Some(heading) = header(&mut lines, options, &mut notes) else { return Err(notes) };
         let (names, dates) = (heading.names, heading.dates);
         let time = time_column(&names).map_err(|p| Problems(vec![(*p).at_line(1)]))?;
         let wanted = vec![true; names.len()];
-        Ok(Self { lines, names, time, wanted, dates, whole: None })
+        Ok(Self { lines, names, time, wanted, dates, whole: None, notes })
+    }
+    /// Reads on until a row says which number of a date is the day.
+    fn settled(&mut self) -> Result<DateOrder, Problems> {
+        let mut first: Option<dates::Numbers> = None;
+        while self.lines.sample().map_err(|p| Problems(vec![*p]))? {
+            let date = super::lines::cells(&self.lines.line).and_then(|c| dates::numbers(c.get(self.time)?));
+            let Some(date) = date else { continue };
+            let known = *first.get_or_insert(date);
+            match known.settled_by(&date) {
+                Some(dates::Style::MonthFirst) => return Ok(DateOrder::MonthFirst),
+                Some(_) => return Ok(DateOrder::DayFirst),
+                None => {}
+            }
+        }
+        match first {
+            Some(date) if !date.is_one() => Err(Problems(vec![either(&date)])),
+            // Both readings are one.
+            _ => Ok(DateOrder::DayFirst),
+        }
     }
     /// One line into the block.
     fn take(&mut self, out: &mut Block) -> Result<(), Problems> {
@@ -53,7 +90,7 @@ impl CsvBlocks {
             };
             if k == self.time {
                 let whole = match self.dates {
-                    Some(zone) => dates::nanoseconds(cell).filter(|d| d.1 == zone).map(|d| d.0),
+                    Some(style) => dates::of_style(cell, style),
                     None => number::whole(cell),
                 };
                 let keep =
@@ -122,5 +159,8 @@ impl Blocks for CsvBlocks {
     }
     fn bytes(&self) -> u64 {
         self.lines.bytes
+    }
+    fn notes(&self) -> Problems {
+        self.notes.clone()
     }
 }

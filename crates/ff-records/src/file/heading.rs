@@ -4,11 +4,15 @@ use super::dates::Style;
 use super::naming::{is_nameless, is_time, names_time, split, suffixed};
 use super::units::{Dimension, any, find};
 use super::{data, dates, number};
-use ff_model::Problems;
-use ff_model::diagnostics::{clip, list};
+use ff_model::diagnostics::{clip, list, nearest};
+use ff_model::{Area, Problem, Problems};
 
 /// Most names listed in one message.
 const LISTED: usize = 12;
+
+/// Nanoseconds from 1970 to 2001, and to 2042.
+const EPOCH_FROM: i64 = 1_000_000_000_000_000_000;
+const EPOCH_TO: i64 = 2_300_000_000_000_000_000;
 
 /// The line of names.
 pub(super) struct Heading {
@@ -17,6 +21,8 @@ pub(super) struct Heading {
     pub(super) line: usize,
     /// How stamps are written, if not as numbers.
     pub(super) dates: Option<Style>,
+    /// Names as they stand in the file.
+    pub(super) raw: Vec<String>,
 }
 
 /// Takes the units of names that have none from a line of units behind that of the names. False, with nothing changed, where that is no
@@ -63,11 +69,41 @@ pub(super) fn rename(names: &mut [String], rules: &[(String, String)], bad: &mut
         if !any {
             good = false;
             let what = format!("no column is called '{}'", clip(from));
-            let hint = format!("columns: {}", list(old.iter().map(String::as_str), LISTED));
+            let near = closest(from, &old);
+            let near = if near.is_empty() {
+                String::new()
+            } else {
+                format!("closest: {}; ", list(near.iter().copied(), LISTED))
+            };
+            let hint = format!("{near}columns: {}", list(old.iter().map(String::as_str), LISTED));
             bad.push(data("Data::Columns", what).on("--rename").hint(hint));
         }
     }
     good
+}
+
+/// The names, without units, that the old name of a rule is most like: three at most, the nearest first. Of a pattern the text around its
+/// `*` is compared.
+pub(super) fn closest<'n>(rule: &str, names: &'n [String]) -> Vec<&'n str> {
+    const MOST: usize = 3;
+    let plain: Vec<&str> = names.iter().map(|n| split(n).0).filter(|n| !is_nameless(n)).collect();
+    let around = |name: &str| match rule.split_once('*') {
+        Some((before, after)) => {
+            let (a, b) = (before.chars().count(), after.chars().count());
+            let n = name.chars().count();
+            name.chars().take(a).chain(name.chars().skip(a.max(n.saturating_sub(b)))).collect()
+        }
+        None => name.to_owned(),
+    };
+    let mut left: Vec<(String, &str)> = plain.into_iter().map(|n| (around(n), n)).collect();
+    let word = rule.replacen('*', "", 1);
+    let mut out = Vec::new();
+    while out.len() < MOST {
+        let Some(near) = nearest(&word, left.iter().map(|l| l.0.as_str())).map(str::to_owned) else { break };
+        let Some(at) = left.iter().position(|l| l.0 == near) else { break };
+        out.push(left.remove(at).1);
+    }
+    out
 }
 
 /// What `*` stands for; empty where there is none and both are the same.
@@ -81,7 +117,7 @@ pub(super) fn starred<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
 /// Gives the column of the time its name, where that is certain: the only one with a name of the time, or the first one without a name, if it has
 /// dates; in a unit that the name says, or with dates. `first` are the cells of the first row, if it is at hand. How stamps are written, if
 /// not as numbers.
-pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> Option<Style> {
+pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> (Option<Style>, Option<usize>) {
     let date = |i: usize| first.and_then(|f| f.get(i)).and_then(|c| dates::nanoseconds(c)).map(|d| d.1);
     let at = match names.iter().position(|n| split(n).0 == "time") {
         Some(at) => at,
@@ -90,17 +126,44 @@ pub(super) fn tell_time(names: &mut [String], first: Option<&[Vec<u8>]>) -> Opti
             match called[..] {
                 [at] => at,
                 [] if names.first().is_some_and(|n| is_nameless(n)) && date(0).is_some() => 0,
-                _ => return None,
+                _ => return (None, None),
             }
         }
     };
     let style = date(at);
-    if style.is_some() {
+    // Whole numbers of so many digits are nanoseconds since 1970: of any other unit they were thousands of years.
+    let epoch = || {
+        let cell = first.and_then(|f| f.get(at))?;
+        number::whole(cell).filter(|w| (EPOCH_FROM..EPOCH_TO).contains(w) && split(&names[at]).1.is_none())
+    };
+    if style.is_some() || epoch().is_some() {
         names[at] = "time[ns]".to_owned();
     } else if let Some(unit) = unit(&names[at]) {
         names[at] = format!("time[{unit}]");
     }
-    style
+    (style, Some(at))
+}
+
+/// What is said of a time whose unit or dates are not those of its name: `name` before and `now` as [`tell_time`] left it, with its first cell.
+pub(super) fn told_time(name: &str, now: &str, dates: Option<Style>, cell: Option<&str>) -> Option<Problem> {
+    let bare = split(name).1.is_none();
+    let suffix =
+        suffixed(&name.to_ascii_lowercase()).is_some_and(|s| names_time(s.0)) || name.eq_ignore_ascii_case("seconds");
+    let how = match (dates, split(now).1) {
+        (Some(Style::DayFirst), _) => "in dates, day first",
+        (Some(Style::MonthFirst), _) => "in dates, month first",
+        (Some(Style::Elapsed), _) => "what has elapsed, with its unit",
+        (None, Some("ns")) if bare && !suffix => "whole nanoseconds",
+        (None, Some("s")) if bare && !suffix => "seconds",
+        _ => return None,
+    };
+    let shown = cell.map_or(String::new(), |c| format!(": '{}'", clip(c)));
+    let what = format!("the time, column '{}', is {how}{shown}", clip(split(name).0));
+    Some(
+        Problem::warning(Area::Data, "Data::Dates", what)
+            .on("time")
+            .hint("nothing to do, if that is so; else --rename"),
+    )
 }
 
 /// The unit of a time that its name says.
@@ -110,6 +173,9 @@ fn unit(cell: &str) -> Option<&'static str> {
     match unit {
         Some(u) => find(u, Dimension::Time).map(|u| u.symbol),
         None if name == "seconds" => Some("s"),
+        // PlotJuggler writes seconds, rostopic nanoseconds, and no other program these names.
+        None if name == "__time" => Some("s"),
+        None if name == "%time" => Some("ns"),
         None => suffixed(&name).filter(|s| names_time(s.0)).map(|s| s.1),
     }
 }
@@ -123,7 +189,7 @@ mod tests {
         let told = |names: &[&str], first: &[&str]| {
             let mut names: Vec<String> = names.iter().map(|n| (*n).to_owned()).collect();
             let first: Vec<Vec<u8>> = first.iter().map(|c| c.as_bytes().to_vec()).collect();
-            let zone = tell_time(&mut names, Some(&first));
+            let (zone, _) = tell_time(&mut names, Some(&first));
             (names.join(";"), zone)
         };
         let date = "2024-03-05 10:20:30.5";

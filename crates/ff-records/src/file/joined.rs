@@ -1,6 +1,7 @@
 //! Time in two columns: seconds and a fraction of them, as the stamps of ROS, or a date and the time of day. Every line is rewritten with one
 //! column in place of the two, so that whatever reads lines knows nothing of it.
 
+use super::aliases::ignores;
 use super::lines::cells;
 use super::naming::{is_time, split};
 use super::{dates, number};
@@ -20,7 +21,7 @@ pub(super) struct Joined {
 impl Joined {
     /// By the names, and the cells of the first row, if it is at hand; where no other column may be the time. `ignored` are left alone.
     pub(super) fn of(names: &[String], row: Option<&[Vec<u8>]>, ignored: &[String]) -> Option<Self> {
-        let used = |i: &usize| !ignored.iter().any(|n| *n == names[*i] || n == split(&names[*i]).0);
+        let used = |i: &usize| !ignores(ignored, &names[*i]);
         let lower: Vec<String> = names.iter().map(|n| split(n).0.to_ascii_lowercase()).collect();
         let at: Vec<usize> = (0..names.len()).filter(used).collect();
         let pairs = at.iter().flat_map(|&a| at.iter().map(move |&b| (a, b)));

@@ -1,8 +1,9 @@
 //! Lines of a file, their cells, and the line of names.
 
-use super::heading::{Heading, rename, take_units, tell_time};
+use super::heading::{Heading, rename, take_units, tell_time, told_time};
 use super::joined::Joined;
-use super::{ReadOptions, data, over};
+use super::{ReadOptions, data, number, over};
+use ff_model::diagnostics::clip;
 use ff_model::{Area, Problem, Problems};
 use std::io::{BufRead, Read};
 
@@ -10,6 +11,9 @@ use std::io::{BufRead, Read};
 pub(super) const BUFFER: usize = 1 << 20;
 /// Longest line (bytes): no record has thousands of channels.
 const MAX_LINE: u64 = 1 << 20;
+
+/// What else than commas separates columns, as flags call it.
+const SEPARATORS: [(u8, &str); 3] = [(b';', "semicolons"), (b'\t', "tabs"), (b'|', "bars")];
 
 /// What remarks of other programs begin with, before the names; `%time` is a name.
 const REMARKS: [&[u8]; 3] = [b"//", b"% ", b"%%"];
@@ -31,6 +35,8 @@ pub(super) struct Lines<R> {
     joined: Option<Joined>,
     /// The line in `line` has not been taken yet.
     held: bool,
+    /// A sample that was looked at before it was known what separates its cells.
+    again: Option<(Vec<u8>, usize)>,
     pub(super) line: Vec<u8>,
     /// Number of the line in `line`, from 1.
     pub(super) number: usize,
@@ -47,7 +53,7 @@ impl<R: BufRead> Lines<R> {
         let first = input.fill_buf().unwrap_or_default();
         let end = if first.contains(&b'\r') && !first.contains(&b'\n') { b'\r' } else { b'\n' };
         let (line, number, bytes) = (Vec::new(), 0, 0);
-        Self { input, limit, separator, end, joined: None, held: false, line, number, bytes, ended: true }
+        Self { input, limit, separator, end, joined: None, held: false, again: None, line, number, bytes, ended: true }
     }
     /// Reads the next line, its end removed; false at the end of the file.
     fn next(&mut self) -> Result<bool, Box<Problem>> {
@@ -87,6 +93,11 @@ impl<R: BufRead> Lines<R> {
         if std::mem::take(&mut self.held) {
             return Ok(true);
         }
+        if let Some((line, number)) = self.again.take() {
+            (self.line, self.number) = (line, number);
+            to_commas(&mut self.line, self.separator);
+            return Ok(true);
+        }
         let mut blank = None;
         while self.next()? {
             if self.line.first() == Some(&b'#') {
@@ -104,7 +115,7 @@ impl<R: BufRead> Lines<R> {
         Ok(false)
     }
     /// Cells of the first sample, which [`Lines::sample`] gives again; `None` where there is none, or no line that can be read.
-    fn first(&mut self) -> Option<Vec<Vec<u8>>> {
+    pub(super) fn first(&mut self) -> Option<Vec<Vec<u8>>> {
         self.held = self.sample().ok()?;
         let all = cells(&self.line).filter(|_| self.held)?;
         Some(all.iter().map(<[u8]>::to_vec).collect())
@@ -167,6 +178,7 @@ fn to_commas(line: &mut Vec<u8>, separator: u8) {
 /// The line of names, behind remarks that begin with `#`; `None` where a problem is recorded. Names are those that the options say, and the column of the time
 /// has its own where it can be told.
 pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad: &mut Problems) -> Option<Heading> {
+    let mut said: Vec<Problem> = Vec::new();
     loop {
         match lines.next() {
             Err(p) => {
@@ -186,6 +198,16 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
             }
         }
         let line = lines.line.trim_ascii();
+        // What Excel reads in front of the names: the separator.
+        if let Some(&[separator]) =
+            lines.line.strip_prefix(b"sep=").filter(|_| lines.number == 1 && lines.separator == b',')
+        {
+            if separator.is_ascii() && !separator.is_ascii_alphanumeric() {
+                lines.separator = separator;
+                said.push(told(separator).at_line(1));
+            }
+            continue;
+        }
         if line.is_empty() || REMARKS.iter().any(|r| line.starts_with(r)) {
             continue;
         }
@@ -203,30 +225,36 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
         bad.push(data("Data::NotUtf8", what).at(at, e.valid_up_to() + 1).hint("save the file as UTF-8"));
         return None;
     }
-    let Some(record) = cells(&lines.line) else {
+    let Some(mut names) = names_of(&lines.line) else {
         bad.push(data("Data::Syntax", "the line of names is not CSV").at_line(at).hint("mend its quotes"));
         return None;
     };
-    let names: Vec<String> = record.iter().map(|c| String::from_utf8_lossy(c).trim().to_owned()).collect();
     if names.len() == 1 {
-        let guess = [(';', "semicolons"), ('\t', "tabs"), ('|', "bars"), (' ', "blanks")];
-        let what = match guess.into_iter().find(|(c, _)| names[0].contains(*c)) {
-            Some((_, name)) => format!("columns seem to be separated by {name}, must be commas"),
-            None => "there is only one column".to_owned(),
-        };
-        // A title, or a remark of another program.
-        let words = names[0].contains(' ') && !names[0].contains([';', '\t', '|']);
-        let flag = match guess.into_iter().find(|(c, _)| names[0].contains(*c)) {
-            _ if words => "give --separator blanks, or begin lines before the names with #".to_owned(),
-            Some((_, name)) => format!("give --separator {name} (decimal commas are read then)"),
-            None => "separate columns by commas".to_owned(),
-        };
-        bad.push(data("Data::Separator", what).at_line(at).hint(flag));
+        match told_separator(lines, &names[0]) {
+            Ok(separator) => {
+                lines.separator = separator;
+                to_commas(&mut lines.line, separator);
+                names = names_of(&lines.line)?;
+                said.push(told(separator).at_line(at));
+            }
+            Err(p) => {
+                bad.push(p.at_line(at));
+                return None;
+            }
+        }
+    }
+    let numbers = names.iter().filter(|n| number::parse(n.as_bytes()).is_some()).count();
+    if 2 * numbers > names.len() {
+        let what =
+            format!("the first line has numbers and no names: '{}'", clip(&String::from_utf8_lossy(&lines.line)));
+        let hint = "put a line of names in front, time[s],q.<joint>[rad],...: ros2 topic echo --csv writes none, and its messages are better recorded as a bag";
+        bad.push(data("Data::Columns", what).at_line(at).hint(hint));
         return None;
     }
-    let mut names = names;
-    if !rename(&mut names, &options.rename, bad) && !options.one_of_several {
-        bad.0.iter_mut().for_each(|p| p.line = p.line.or(Some(at)));
+    let raw = names.clone();
+    let mut unfit = Problems::default();
+    if !rename(&mut names, &options.rename, &mut unfit) && !options.one_of_several {
+        bad.0.extend(unfit.0.into_iter().map(|p| Problem { line: p.line.or(Some(at)), ..p }));
         return None;
     }
     if lines.first().is_some_and(|units| take_units(&mut names, &units)) {
@@ -236,6 +264,85 @@ pub(super) fn header(lines: &mut Lines<impl BufRead>, options: &ReadOptions, bad
         joined.rename(&mut names);
         lines.join(joined);
     }
-    let dates = tell_time(&mut names, lines.first().as_deref());
-    Some(Heading { names, line: at, dates })
+    let first = lines.first();
+    let before = names.clone();
+    let (dates, place) = tell_time(&mut names, first.as_deref());
+    let dates = dates.map(|d| d.settled(options.dates));
+    if let Some(place) = place {
+        let cell = first.as_ref().and_then(|f| f.get(place)).map(|c| String::from_utf8_lossy(c));
+        said.extend(told_time(&before[place], &names[place], dates, cell.as_deref()).map(|p| p.at_line(at)));
+    }
+    bad.0.extend(said);
+    Some(Heading { names, line: at, dates, raw })
+}
+
+/// Names in a line, without blanks around them.
+fn names_of(line: &[u8]) -> Option<Vec<String>> {
+    let record = cells(line)?;
+    Some(record.iter().map(|c| String::from_utf8_lossy(c).trim().to_owned()).collect())
+}
+
+/// What is said of a separator that the file tells.
+fn told(separator: u8) -> Problem {
+    let name = SEPARATORS.iter().find(|s| s.0 == separator).map_or("other characters", |s| s.1);
+    let what =
+        format!("columns are separated by {name}, as the line of names says; a comma in a number is a decimal comma");
+    Problem::warning(Area::Data, "Data::Separator", what).hint("nothing to do, if that is so")
+}
+
+/// What separates the only cell of a line of names, where the first sample has as many cells, and no number in it can be read in two ways.
+fn told_separator(lines: &mut Lines<impl BufRead>, head: &str) -> Result<u8, Box<Problem>> {
+    let found = SEPARATORS.into_iter().find(|(c, _)| head.contains(char::from(*c)));
+    // A title, or a remark of another program.
+    let Some((separator, name)) = found else {
+        let (what, hint) = if head.contains(' ') {
+            (
+                "columns seem to be separated by blanks, must be commas",
+                "give --separator blanks, or begin lines before the names with #",
+            )
+        } else {
+            ("there is only one column", "separate columns by commas")
+        };
+        return Err(Box::new(data("Data::Separator", what).hint(hint)));
+    };
+    let refused = |why: String, hint: String| {
+        let what = format!("columns seem to be separated by {name}, must be commas{why}");
+        Err(Box::new(data("Data::Separator", what).hint(hint)))
+    };
+    let flag = format!("give --separator {name} (decimal commas are read then)");
+    let names = lines.line.clone();
+    let number = lines.number;
+    let more = lines.sample();
+    let sample = std::mem::replace(&mut lines.line, names);
+    let number_of_sample = std::mem::replace(&mut lines.number, number);
+    if !more.is_ok_and(|more| more) {
+        return refused(String::new(), flag);
+    }
+    let split = |line: &[u8]| {
+        let mut line = line.to_vec();
+        to_commas(&mut line, separator);
+        cells(&line).map_or(0, |c| c.len())
+    };
+    let (a, b) = (split(&lines.line), split(&sample));
+    if a != b && a + 1 != b {
+        return refused(format!(": {a} names in line {number}, {b} cells in line {number_of_sample}"), flag);
+    }
+    let all: Vec<&[u8]> = sample.split(|b| *b == separator).map(<[u8]>::trim_ascii).collect();
+    let comma = all.iter().find(|c| {
+        let mut point = c.to_vec();
+        point.iter_mut().filter(|b| **b == b',').for_each(|b| *b = b'.');
+        c.contains(&b',') && number::parse(&point).is_some()
+    });
+    let point = all.iter().find(|c| c.contains(&b'.') && number::parse(c).is_some());
+    if let (Some(comma), Some(point)) = (comma, point) {
+        let show = |c: &[u8]| clip(&String::from_utf8_lossy(c));
+        let why = format!(
+            ": '{}' beside '{}' in line {number_of_sample} may be a decimal comma or one between thousands",
+            show(comma),
+            show(point)
+        );
+        return refused(why, format!("give --separator {name} if it is a decimal comma, or write numbers without it"));
+    }
+    lines.again = Some((sample, number_of_sample));
+    Ok(separator)
 }

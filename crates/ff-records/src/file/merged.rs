@@ -3,15 +3,18 @@
 
 use super::blocks::{BLOCK, Block, Blocks, Stamps};
 use super::columns::time_column;
-use super::heading::starred;
+use super::heading::{closest, starred};
 use super::naming::{is_nameless, split};
+use super::source::raw_names;
 use super::units::{Dimension, find};
 use super::{JointColumn, ReadOptions, data, open, order};
-use ff_model::diagnostics::clip;
+use ff_model::diagnostics::{clip, list};
 use ff_model::{Problem, Problems};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+/// Most names listed in one message.
+const LISTED: usize = 12;
 /// Largest error of a time stamp from its own digits (s).
 const RESOLUTION: f64 = 1e-6;
 /// Stamps beyond this (s) count from 1970, those of a recorder that counts from its start do not.
@@ -50,16 +53,9 @@ pub fn open_together(
     options: &ReadOptions,
 ) -> Result<Box<dyn Blocks>, Problems> {
     let options = ReadOptions { one_of_several: true, ..options.clone() };
+    rules_fit(paths, &options)?;
     let parts: Vec<Part> = paths.iter().map(|p| part(p, joints, &options)).collect::<Result<_, _>>()?;
     let mut bad = Problems::default();
-    let named = |new: &str| {
-        let new = split(new).0;
-        parts.iter().flat_map(|p| &p.names).any(|n| starred(new, split(n).0).is_some())
-    };
-    for (old, _) in options.rename.iter().filter(|(_, new)| !named(new)) {
-        let p = data("Data::Columns", format!("no column of these files is called '{}'", clip(old)));
-        bad.push(p.on("--rename").hint("mend the name, or take the rule away"));
-    }
     for (k, b) in parts.iter().enumerate() {
         for a in &parts[..k] {
             twice(a, b, &mut bad);
@@ -67,6 +63,38 @@ pub fn open_together(
         }
     }
     if bad.has_errors() { Err(bad) } else { Ok(Box::new(Merged::of(parts))) }
+}
+
+/// Every rule of `--rename` fits a column of one of the files; a file whose names cannot be read says so when it is read. Pipes, which are read
+/// once, are not looked at.
+fn rules_fit(paths: &[&Path], options: &ReadOptions) -> Result<(), Problems> {
+    if options.rename.is_empty() || !paths.iter().all(|p| p.is_file()) {
+        return Ok(());
+    }
+    let all: Vec<(&Path, Vec<String>)> =
+        paths.iter().map(|p| (*p, raw_names(p, options).unwrap_or_default())).collect();
+    let mut bad = Problems::default();
+    for (old, _) in &options.rename {
+        let fits = |cell: &String| starred(old, cell).is_some() || starred(old, split(cell).0).is_some();
+        if all.iter().any(|(_, names)| names.iter().any(fits)) {
+            continue;
+        }
+        let near = |(path, names): &(&Path, Vec<String>)| {
+            let near = closest(old, names);
+            let shown: Vec<String> = near.iter().map(|n| format!("'{}'", clip(n))).collect();
+            (!near.is_empty()).then(|| format!("{} in '{}'", shown.join(", "), path.display()))
+        };
+        let near: Vec<String> = all.iter().filter_map(near).collect();
+        let hint = if near.is_empty() {
+            let names = all.iter().flat_map(|(_, names)| names.iter().map(String::as_str));
+            format!("columns: {}", list(names, LISTED))
+        } else {
+            format!("closest: {}", near.join("; "))
+        };
+        let p = data("Data::Columns", format!("no column of these files is called '{}'", clip(old)));
+        bad.push(p.on("--rename").hint(hint));
+    }
+    if bad.has_errors() { Err(bad) } else { Ok(()) }
 }
 
 fn part(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Result<Part, Problems> {

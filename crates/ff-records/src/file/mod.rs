@@ -17,11 +17,12 @@
 //! | `acc.x`, `.y`, `.z` | specific force in base axes | optional |
 //! | `att.w`, `.x`, `.y`, `.z` | attitude quaternion, body to world, scalar first | optional |
 //!
-//! Columns come in any order. The time may be dates, year first ([ISO 8601](https://www.iso.org/iso-8601-date-and-time-format.html)). Units are converted because the header names them ([`units`]); a column without one is
+//! Columns come in any order. The time may be dates, year first ([ISO 8601](https://www.iso.org/iso-8601-date-and-time-format.html)), or day and month first where the file says which. Columns under names of other programs (`q1`, `/joint_states/effort[2]`, `wx`) are taken where they say one thing, with a warning. Units are converted because the header names them ([`units`]); a column without one is
 //! refused. The file is read in one pass through a buffer of fixed size, with limits on rows and bytes; what is kept is
 //! the samples. [`CsvWriter`] writes every number in its shortest exact form, so that a file is read back bit for bit.
 //!
 //! Rows `D..` are those of `bad-inputs.md`.
+pub(crate) mod aliases;
 #[cfg(any(feature = "mcap", feature = "rosbag"))]
 pub(crate) mod bag;
 pub(crate) mod blocks;
@@ -48,13 +49,15 @@ pub(crate) mod samples;
 pub(crate) mod source;
 pub(crate) mod table;
 pub mod units;
+pub(crate) mod wide;
 pub(crate) mod write;
 
+pub use aliases::ignores;
 pub use blocks::{BLOCK, Block, Blocks, Stamps};
 pub use columns::without_name;
 pub use merged::open_together;
 pub use naming::is_nameless;
-pub use options::{Loaded, ReadOptions, StampSource};
+pub use options::{DateOrder, Loaded, ReadOptions, StampSource};
 #[cfg(feature = "parquet")]
 pub use parquet_in::read_table;
 #[cfg(feature = "parquet")]

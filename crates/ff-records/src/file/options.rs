@@ -15,6 +15,18 @@ pub enum StampSource {
     Receive,
 }
 
+/// What `3/5/2024` is, where a file does not say it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DateOrder {
+    /// Not known: refused, unless a row of the file settles it.
+    #[default]
+    Unknown,
+    /// The 3rd of May.
+    DayFirst,
+    /// The 5th of March.
+    MonthFirst,
+}
+
 /// What is read, and what is put up with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadOptions {
@@ -22,13 +34,16 @@ pub struct ReadOptions {
     pub max_rows: usize,
     /// Longest file (bytes).
     pub max_bytes: u64,
-    /// What separates cells of a text: a comma, or `;`, `|`, a tab or blanks, with which a comma in a cell is a decimal point.
+    /// What separates cells of a text: a comma, or `;`, `|`, a tab or blanks, with which a comma in a cell is a decimal point. With a comma
+    /// the others but blanks are told by the line of names and the first row, with a warning.
     pub separator: u8,
+    /// What `3/5/2024` is, where a file does not say it.
+    pub dates: DateOrder,
     /// Names of columns to change, `(old, new)`; one `*` in both stands for any text. The unit stays unless the new name has one.
     pub rename: Vec<(String, String)>,
     /// Let rules of `rename` through that fit no column, where the file is one of several.
     pub one_of_several: bool,
-    /// Columns to leave out, by name (without unit) or as the header has them.
+    /// Columns to leave out, by name (without unit) or as the header has them; one `*` stands for any text.
     pub ignore: Vec<String>,
     /// Joints that follow others ([`followers_of`](super::followers_of)): their columns are left out, their positions compared.
     pub followers: Vec<FollowerColumn>,
@@ -63,6 +78,7 @@ impl Default for ReadOptions {
             max_rows: 4_000_000,
             max_bytes: 16 << 30,
             separator: b',',
+            dates: DateOrder::Unknown,
             rename: Vec::new(),
             one_of_several: false,
             ignore: Vec::new(),

@@ -3,7 +3,7 @@
 
 use super::blocks::{BLOCK, Block, Blocks, unreadable};
 use super::columns::time_column;
-use super::heading::{rename, tell_time};
+use super::heading::{rename, tell_time, told_time};
 use super::naming::split;
 use super::parquet_values::{Buffers, Kind, numbers, stamps};
 use super::{ReadOptions, over};
@@ -79,6 +79,8 @@ pub(super) struct ParquetBlocks {
     left: usize,
     buffers: Buffers,
     len: u64,
+    /// What was understood of the names.
+    notes: Problems,
 }
 
 impl ParquetBlocks {
@@ -89,9 +91,16 @@ impl ParquetBlocks {
         if !rename(&mut table.names, &options.rename, &mut bad) && !options.one_of_several {
             return Err(bad);
         }
-        tell_time(&mut table.names, None);
+        let before = table.names.clone();
+        if let (dates, Some(place)) = tell_time(&mut table.names, None) {
+            table.notes.0.extend(told_time(&before[place], &table.names[place], dates, None));
+        }
         let time = time_column(&table.names).map_err(|p| Problems(vec![*p]))?;
         Ok(Self { time, ..table })
+    }
+    /// Names of columns as they stand in the file.
+    pub(super) fn raw_names(file: File) -> Result<Vec<String>, Problems> {
+        Ok(Self::table(file)?.names)
     }
     /// Of a table without time stamps.
     fn table(file: File) -> Result<Self, Problems> {
@@ -120,7 +129,8 @@ impl ParquetBlocks {
             names.push(full);
         }
         let (time, wanted) = (usize::MAX, vec![true; names.len()]);
-        Ok(Self { reader, names, wanted, time, group: 0, open: Vec::new(), left: 0, buffers: Buffers::default(), len })
+        let (open, buffers, notes) = (Vec::new(), Buffers::default(), Problems::default());
+        Ok(Self { reader, names, wanted, time, group: 0, open, left: 0, buffers, len, notes })
     }
     /// Rows of the whole file, by its footer.
     fn declared(&self) -> u64 {
@@ -233,6 +243,9 @@ impl Blocks for ParquetBlocks {
     }
     fn declared_rows(&self) -> Option<u64> {
         Some(self.declared())
+    }
+    fn notes(&self) -> Problems {
+        self.notes.clone()
     }
 }
 

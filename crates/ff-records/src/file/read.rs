@@ -1,5 +1,6 @@
 //! One pass over a file: lines, cells, numbers, samples. Memory beside the samples is one buffer and one line.
 
+use super::aliases::understood;
 use super::blocks::collect;
 use super::columns::{Target, targets};
 use super::heading::Heading;
@@ -7,6 +8,7 @@ use super::lines::{BUFFER, Lines, cells, header};
 use super::options::{Loaded, ReadOptions, finish};
 use super::samples::{Clock, NOT_FINITE, Samples};
 use super::source::{Format, blocks, opened};
+use super::wide::Text;
 use super::{JointColumn, data, dates, number};
 use crate::builder::RecordBuilder;
 use ff_model::diagnostics::clip;
@@ -21,8 +23,15 @@ use std::path::Path;
 pub fn read(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Result<Loaded, Problems> {
     let (file, format) = opened(path, options)?;
     let loaded = match format {
-        Format::Csv => read_from(BufReader::with_capacity(BUFFER, file), joints, options),
-        other => blocks(file, other, joints, options).and_then(|mut s| collect(s.as_mut(), joints, options)),
+        Format::Csv => {
+            let text = Text::new(file);
+            let note = text.note();
+            read_from(BufReader::with_capacity(BUFFER, text), joints, options).map(|mut l| {
+                l.warnings.0.splice(0..0, note);
+                l
+            })
+        }
+        other => blocks(file, other, joints, options).and_then(|mut s| collect(s.as_mut(), joints, options, false)),
     };
     let mut loaded = loaded.map_err(|p| p.in_file(path))?;
     loaded.warnings = loaded.warnings.in_file(path);
@@ -51,8 +60,14 @@ fn head(
     options: &ReadOptions,
     bad: &mut Problems,
 ) -> Option<(Heading, Vec<Target>)> {
-    let heading = header(lines, options, bad)?;
-    let targets = targets(&heading.names, joints, options, bad);
+    let mut heading = header(lines, options, bad)?;
+    let first = lines.first();
+    let found = understood(&heading.names, first.as_deref(), joints, options, false, bad);
+    let targets = found.and_then(|(names, beside)| {
+        heading.names = names;
+        let ignore = [&options.ignore[..], &beside].concat();
+        targets(&heading.names, joints, &ReadOptions { ignore, ..options.clone() }, bad)
+    });
     // The names may stand behind remarks.
     bad.0.iter_mut().filter(|p| p.line == Some(1)).for_each(|p| p.line = Some(heading.line));
     Some((heading, targets?))
@@ -235,7 +250,7 @@ fn one(
     let hint = match p.code {
         "Data::NotFinite" => NOT_FINITE,
         _ if matches!(target, Target::Time(_)) && cell.contains(&b':') => {
-            "dates are read as 2024-03-05T10:20:30.123, all with a zone (Z, +01:00) or all without; else give seconds as time[s]"
+            "dates are read as 2024-03-05T10:20:30.123, 05.03.2024 10:20:30.123, 3/25/2024 10:20:30.123 AM or 05-Mar-2024 10:20:30.123, all of a file alike; else give seconds as time[s]"
         }
         _ if cell.contains(&b',') => {
             "write numbers with a decimal point; decimal commas are read with --separator semicolons (tabs, ...) between columns"

@@ -27,13 +27,22 @@ pub(super) struct Clock {
     stamps: Vec<f64>,
     /// How stamps are written, if not as numbers.
     pub(super) dates: Option<dates::Style>,
+    /// The first date of those that are day first or month first, until a row settles it.
+    open: Option<dates::Numbers>,
 }
 
 impl Clock {
     /// A clock in the unit of the column of the time.
     fn new(targets: &[Target]) -> Self {
         let unit = targets.iter().find_map(|t| if let Target::Time(u) = t { Some((u.mul, u.div)) } else { None });
-        Self { whole: None, scale: unit.unwrap_or((1.0, 1.0)), origin: 0.0, stamps: Vec::new(), dates: None }
+        Self {
+            whole: None,
+            scale: unit.unwrap_or((1.0, 1.0)),
+            origin: 0.0,
+            stamps: Vec::new(),
+            dates: None,
+            open: None,
+        }
     }
     fn to_si(&self, x: f64) -> f64 {
         x * self.scale.0 / self.scale.1
@@ -55,8 +64,10 @@ impl Clock {
             if self.stamps.is_empty() {
                 self.whole = None;
             }
-            let (ns, _) = dates::nanoseconds(cell).filter(|d| d.1 == zone)?;
-            return self.of_whole(ns);
+            if zone == dates::Style::Either {
+                self.settle(dates::numbers(cell)?)?;
+            }
+            return self.of_whole(dates::of_style(cell, self.dates?)?);
         }
         let whole = || number::whole(cell);
         // Small whole numbers are exact either way, and the others may have a fraction.
@@ -70,6 +81,34 @@ impl Clock {
             Some(w) => self.of_whole(w),
             None => Some(self.of_real(number::parse(cell)?)),
         }
+    }
+    /// Tells by another date which of its numbers is the day, if it does; `None` for one that fits no reading. Until then all have the
+    /// same date, whose reading moves all stamps alike.
+    fn settle(&mut self, date: dates::Numbers) -> Option<()> {
+        if self.stamps.is_empty() {
+            self.open = Some(date);
+            self.dates = Some(date.style());
+            return Some(());
+        }
+        let first = self.open?;
+        if first.same_date(&date) {
+            return Some(());
+        }
+        let style = first.settled_by(&date)?;
+        let origin = first.nanoseconds(style)?;
+        (self.dates, self.whole, self.origin) = (Some(style), Some(origin), self.to_si(origin as f64));
+        Some(())
+    }
+    /// What is said of dates that a row settled, or none.
+    fn unsettled(&self, bad: &mut Problems) {
+        let Some(first) = self.open.filter(|f| !f.is_one()) else { return };
+        let order = match self.dates {
+            Some(dates::Style::Either) => return bad.push(either(&first)),
+            Some(dates::Style::MonthFirst) => "month first",
+            _ => "day first",
+        };
+        let what = format!("the time is in dates, {order}, as a row behind the first one says");
+        bad.push(Problem::warning(Area::Data, "Data::Dates", what).on("time").hint("nothing to do, if that is so"));
     }
     /// Row D12: stamps of an epoch as floating-point numbers lose digits.
     fn resolution(&self, bad: &mut Problems) {
@@ -87,6 +126,12 @@ impl Clock {
             bad.push(data("Data::TimeScale", what).on("time").hint(hint));
         }
     }
+}
+
+/// What is said of dates that are day first or month first, and nothing in the file says which.
+pub(super) fn either(first: &dates::Numbers) -> Problem {
+    let what = format!("dates are {}, and no row says which", first.readings());
+    data("Data::Dates", what).on("time").hint("give --dates day-first or --dates month-first")
 }
 
 /// What is counted along the way.
@@ -223,6 +268,7 @@ impl<'a> Samples<'a> {
             }
             return None;
         }
+        self.clock.unsettled(bad);
         self.clock.resolution(bad);
         let Clock { stamps, origin, .. } = self.clock;
         let mut columns = self.columns;

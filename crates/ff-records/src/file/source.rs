@@ -2,12 +2,13 @@
 
 use super::blocks::{Blocks, unreadable};
 use super::csv_blocks::CsvBlocks;
-use super::lines::too_long;
+use super::lines::{BUFFER, Lines, header, too_long};
+use super::wide::Text;
 use super::{JointColumn, ReadOptions};
 use ff_model::{Area, Problem, Problems};
 use std::fs::File;
 use std::io;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// Formats of records, told apart by their first bytes.
@@ -47,11 +48,9 @@ impl Format {
     }
 }
 
-const UTF_16: &str = "save it as UTF-8, or iconv -f UTF-16 -t UTF-8";
-
 /// Files that are no records, by their first bytes: what they are, and what to do.
 fn foreign(first: &[u8]) -> Option<(&'static str, &'static str)> {
-    const KNOWN: [(&[u8], &str, &str); 10] = [
+    const KNOWN: [(&[u8], &str, &str); 8] = [
         (b"\x1f\x8b", "compressed by gzip", "unpack it with gunzip -k"),
         (b"BZh", "compressed by bzip2", "unpack it with bunzip2 -k"),
         (b"\xfd7zXZ", "compressed by xz", "unpack it with unxz -k"),
@@ -60,13 +59,8 @@ fn foreign(first: &[u8]) -> Option<(&'static str, &'static str)> {
         (b"SQLite format 3", "a ROS 2 bag in SQLite", "convert it to MCAP with ros2 bag convert"),
         (b"\x89HDF", "HDF5", "write its arrays as CSV or Parquet"),
         (b"MATLAB 5.0", "a MAT file", "write its arrays as CSV with writetable"),
-        (b"\xff\xfe", "text in UTF-16", UTF_16),
-        (b"\xfe\xff", "text in UTF-16", UTF_16),
     ];
-    // Letters of two bytes without a mark in front.
-    let wide = first.chunks_exact(2).take(4).all(|c| (c[0] == 0) != (c[1] == 0));
-    let known = KNOWN.into_iter().find(|k| first.starts_with(k.0)).map(|k| (k.1, k.2));
-    known.or((wide && first.len() >= 8).then_some(("text in UTF-16", UTF_16)))
+    KNOWN.into_iter().find(|k| first.starts_with(k.0)).map(|k| (k.1, k.2))
 }
 
 /// A file that may be read, at its start, with its format.
@@ -106,6 +100,21 @@ pub(super) fn opened(path: &Path, options: &ReadOptions) -> Result<(File, Format
 pub fn open(path: &Path, joints: &[JointColumn], options: &ReadOptions) -> Result<(Format, Box<dyn Blocks>), Problems> {
     let (file, format) = opened(path, options)?;
     Ok((format, blocks(file, format, joints, options).map_err(|p| p.in_file(path))?))
+}
+
+/// Names of columns as they stand in a file; `None` where it has none, or they cannot be read.
+pub(super) fn raw_names(path: &Path, options: &ReadOptions) -> Option<Vec<String>> {
+    let (file, format) = opened(path, options).ok()?;
+    match format {
+        Format::Csv => {
+            let options = ReadOptions { rename: Vec::new(), ..options.clone() };
+            let mut lines = Lines::new(BufReader::with_capacity(BUFFER, Text::new(file)), &options);
+            header(&mut lines, &options, &mut Problems::default()).map(|h| h.raw)
+        }
+        #[cfg(feature = "parquet")]
+        Format::Parquet => super::parquet_in::ParquetBlocks::raw_names(file).ok(),
+        _ => None,
+    }
 }
 
 /// The reader of a file at its start.

@@ -64,5 +64,5 @@ pub fn read_columns(
     let rows = columns[time].1.len();
     assert!(columns.iter().all(|(_, x)| x.len() == rows), "columns of equal length");
     let wanted = vec![true; names.len()];
-    collect(&mut MemoryBlocks { names, columns, time, wanted, rows, done: 0 }, joints, options)
+    collect(&mut MemoryBlocks { names, columns, time, wanted, rows, done: 0 }, joints, options, true)
 }

@@ -103,7 +103,8 @@ pub const UNITS: &[Unit] = &[
 ];
 
 /// The unit of a dimension with this symbol. Spaces, `*`, `.` and the middle dot between symbols are the same, `s2`,
-/// `s**2` and `s²` are `s^2`, the Greek and the Latin micro sign are `u`, `°` is `deg`, and `Nm` is `N m`.
+/// `s**2` and `s²` are `s^2`, the Greek and the Latin micro sign are `u`, `°` is `deg`, and `Nm` is `N m`; units in words (`degrees`, `radians/sec`,
+/// `Newton metres`) count in any size of letters.
 pub fn find(symbol: &str, dimension: Dimension) -> Option<&'static Unit> {
     let plain = plain(symbol);
     UNITS.iter().find(|u| u.dimension == dimension && self::plain(u.symbol) == plain)
@@ -126,7 +127,52 @@ pub fn si(dimension: Dimension) -> &'static str {
     UNITS.iter().find(|u| u.dimension == dimension).map_or("1", |u| u.symbol)
 }
 
+/// Units in words, in small letters, as the parts of a quotient.
+const WORDS: [(&str, &str); 27] = [
+    ("rad", "rad"),
+    ("radian", "rad"),
+    ("radians", "rad"),
+    ("mrad", "mrad"),
+    ("deg", "deg"),
+    ("degree", "deg"),
+    ("degrees", "deg"),
+    ("sec", "s"),
+    ("secs", "s"),
+    ("second", "s"),
+    ("seconds", "s"),
+    ("msec", "ms"),
+    ("millisecond", "ms"),
+    ("milliseconds", "ms"),
+    ("usec", "us"),
+    ("microsecond", "us"),
+    ("microseconds", "us"),
+    ("nsec", "ns"),
+    ("nanosecond", "ns"),
+    ("nanoseconds", "ns"),
+    ("newtonmetre", "Nm"),
+    ("newtonmetres", "Nm"),
+    ("newtonmeter", "Nm"),
+    ("newtonmeters", "Nm"),
+    ("ampere", "A"),
+    ("amperes", "A"),
+    ("amps", "A"),
+];
+
 fn plain(symbol: &str) -> String {
+    let spelled = spelled(symbol);
+    if spelled.eq_ignore_ascii_case("dps") {
+        return "deg/s".to_owned();
+    }
+    let word = |part: &str| {
+        let (base, power) = part.split_once('^').map_or((part, None), |(b, p)| (b, Some(p)));
+        let small = base.replace('-', "").to_ascii_lowercase();
+        let known = WORDS.iter().find(|w| w.0 == small).map_or(base, |w| w.1);
+        power.map_or_else(|| known.to_owned(), |p| format!("{known}^{p}"))
+    };
+    spelled.split('/').map(word).collect::<Vec<_>>().join("/")
+}
+
+fn spelled(symbol: &str) -> String {
     let s = symbol.trim().replace("**", "^").replace('²', "^2").replace("s2", "s^2");
     let s = s.replace(['µ', 'μ'], "u").replace('°', "deg");
     s.chars().filter(|c| !c.is_whitespace() && !matches!(c, '*' | '.' | '·' | '⋅')).collect()
@@ -155,6 +201,19 @@ mod tests {
         }
         assert_eq!(find("µs", Time).unwrap().symbol, "us");
         assert_eq!(find("°/s", AngularRate).unwrap().symbol, "deg/s");
+        for (s, d, symbol) in [
+            ("Degrees", Angle, "deg"),
+            ("RAD", Angle, "rad"),
+            ("radians/sec", AngularRate, "rad/s"),
+            ("deg/sec^2", AngularAcceleration, "deg/s^2"),
+            ("dps", AngularRate, "deg/s"),
+            ("Newton-metres", Torque, "N m"),
+            ("msec", Time, "ms"),
+        ] {
+            assert_eq!(find(s, d).unwrap().symbol, symbol, "{s}");
+        }
+        // Letters of another size are other units.
+        assert!(find("MNm", Torque).is_none() && find("MS", Time).is_none());
         assert!(find("rad", Time).is_none() && find("", Angle).is_none());
     }
 

@@ -9,7 +9,7 @@ use ff_model::{Area, Problem, Problems};
 use ff_records::file::units;
 use ff_records::file::units::Unit;
 use ff_records::file::{
-    Block, CsvRows, Format, JointColumn, ParquetWriter, ReadOptions, Stamps, is_nameless, name_and_unit, open,
+    Block, CsvRows, Format, JointColumn, ParquetWriter, ReadOptions, Stamps, ignores, is_nameless, name_and_unit, open,
     open_together, without_name,
 };
 use ffid::exit::Failure;
@@ -50,7 +50,7 @@ pub(crate) struct Args {
     si: bool,
     #[command(flatten)]
     text: TextFlags,
-    /// Leave out a column of this name; may be given several times.
+    /// Leave out a column of this name; one * stands for any text. May be given several times.
     #[arg(long, value_name = "COLUMN")]
     ignore: Vec<String>,
     /// A topic of a bag; may be given several times.
@@ -204,7 +204,7 @@ fn columns(names: &[String], args: &Args) -> Result<Vec<Column>, Problems> {
     let (mut out, mut bad) = (Vec::new(), Problems::default());
     for (from, cell) in names.iter().enumerate() {
         let (name, symbol) = name_and_unit(cell);
-        if args.ignore.iter().any(|i| i == name || i == cell) || is_nameless(cell) {
+        if ignores(&args.ignore, cell) || is_nameless(cell) {
             continue;
         }
         let fail = |code, what: String, hint: &str| Problem::error(Area::Data, code, what).on(clip(name)).hint(hint);

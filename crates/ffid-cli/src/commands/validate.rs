@@ -1,5 +1,6 @@
 //! `ffid validate`: does the identified model explain a record it has not seen?
 
+use crate::commands::identify::prepare::{fitted_earlier, same as same_readings};
 use crate::flags::fit::{FitFlags, watched};
 use crate::flags::record::RecordFlags;
 use crate::output::{Input, Outcome};
@@ -128,10 +129,10 @@ fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     // The noise of a calibration is that behind its filter.
     let arm = arm_of(args, &found.result, model);
     let low_pass = arm.as_ref().map_or(args.reading.low_pass(), |a| a.low_pass_hz);
-    let (loaded, moving) = args.reading.read_one(&args.record, model, low_pass, input)?;
     let files = vec![found.mission_file.clone(), args.record.clone()];
     let inputs = results::inputs(&files).map_err(io)?;
-    unseen(&found.result, &inputs[1], &args.record).map_err(refused)?;
+    let unseen = |record: &Record| unseen(&found.result, &inputs[1], &args.record, record);
+    let (loaded, moving) = args.reading.read_one(&args.record, model, low_pass, input, unseen)?;
     let folder = args.out.as_ref().map(|o| results::begin(o, &args.output, err)).transpose().map_err(io)?;
     let source = args.record.display().to_string();
     let (held, signals) = watched(&args.output, |watch| {
@@ -144,12 +145,24 @@ fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     Ok(Found { robot, held, signals, modes, problems, files, inputs, folder })
 }
 
-/// Refuses data that were used to identify.
-pub(crate) fn unseen(result: &IdentificationResult, source: &Entry, path: &Path) -> Result<(), Problems> {
-    let Some(same) = result.provenance.inputs.iter().find(|i| i.sha256 == source.sha256) else { return Ok(()) };
+/// Refuses data that were used to identify: the same file, or its readings in another one.
+pub(crate) fn unseen(
+    result: &IdentificationResult,
+    source: &Entry,
+    path: &Path,
+    record: &Record,
+) -> Result<(), Problems> {
+    let hint = "judge the model by a record that it has not seen";
+    let inputs = &result.provenance.inputs;
+    let Some(same) = inputs.iter().find(|i| i.sha256 == source.sha256) else {
+        return match fitted_earlier(record, inputs) {
+            Some(old) => Err(same_readings(path, &format!("{} of the identification", old.file), hint)),
+            None => Ok(()),
+        };
+    };
     let what = format!("the same data as {} of the identification (SHA-256 {})", same.file, same.sha256);
     let p = Problem::error(Area::Data, "Data::SameData", what).in_file(path);
-    Err(Problems(vec![p.hint("judge the model by a record that it has not seen")]))
+    Err(Problems(vec![p.hint(hint)]))
 }
 
 /// Predicts a record with the parameters of a result; axes that are turned are refused. The record comes with where it is from, and whether it

@@ -8,7 +8,7 @@ use ff_mission::Leniency;
 use ff_mission::leniency::ALLOWABLE;
 use ff_model::diagnostics::list;
 use ff_model::{Area, BaseKind, Model, Problem, Problems};
-use ff_records::file::{Loaded, ReadOptions, StampSource, followers_of, joints_of, read};
+use ff_records::file::{DateOrder, Loaded, ReadOptions, StampSource, followers_of, joints_of, read};
 use ff_records::{ChannelGroup, Record};
 use ffid::workflow::identify::{on_even_clock, segments};
 use ident::estimate::smoothed;
@@ -62,21 +62,39 @@ pub(crate) enum Separator {
     Blanks,
 }
 
+/// What `3/5/2024` is, where a file does not say it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Dates {
+    /// The 3rd of May.
+    DayFirst,
+    /// The 5th of March.
+    MonthFirst,
+}
+
 /// What a text calls its columns, and what separates them.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct TextFlags {
-    /// What separates the columns of a CSV file; with any but commas, a comma in a number is a decimal comma.
+    /// What separates the columns of a CSV file; with any but commas, a comma in a number is a decimal comma. Semicolons, tabs and bars are
+    /// told by the line of names where the file leaves no doubt.
     #[arg(long, value_enum, default_value_t = Separator::Commas)]
     separator: Separator,
     /// Call a column otherwise, as 'timestamp=time[ns]'; one * stands for any text, as in 'pos_*=q.*[deg]'. May be given several times.
     #[arg(long, value_name = "OLD=NEW", value_parser = renaming)]
     rename: Vec<(String, String)>,
+    /// What 3/5/2024 is, where no row of the file settles it.
+    #[arg(long, value_enum)]
+    dates: Option<Dates>,
 }
 
 impl TextFlags {
     /// Into the options of reading.
     pub(crate) fn fill(&self, options: &mut ReadOptions) {
         options.rename.clone_from(&self.rename);
+        options.dates = match self.dates {
+            None => DateOrder::Unknown,
+            Some(Dates::DayFirst) => DateOrder::DayFirst,
+            Some(Dates::MonthFirst) => DateOrder::MonthFirst,
+        };
         options.separator = match self.separator {
             Separator::Commas => b',',
             Separator::Semicolons => b';',
@@ -116,7 +134,7 @@ pub(crate) struct RecordFlags {
     /// Leave out rows that repeat the one before.
     #[arg(long)]
     drop_repeated: bool,
-    /// Leave out a column of this name; may be given several times.
+    /// Leave out a column of this name; one * stands for any text. May be given several times.
     #[arg(long, value_name = "COLUMN")]
     ignore: Vec<String>,
     /// A topic of a bag to read; may be given several times.
@@ -190,15 +208,17 @@ impl RecordFlags {
         options
     }
     /// Reads what a model is judged by: the longest part of the record, if it has gaps; on the ground on an even clock. Whether it begins
-    /// behind a gap, in the middle of a motion.
+    /// behind a gap, in the middle of a motion. `unseen` refuses readings that were fitted.
     pub(crate) fn read_one(
         &self,
         path: &Path,
         model: &Model,
         low_pass: Option<f64>,
         input: &Input,
+        unseen: impl FnOnce(&Record) -> Result<(), Problems>,
     ) -> Result<(Loaded, bool), Refusal> {
         let mut loaded = self.read(path, model, 8, None, input).map_err(refused)?;
+        unseen(&loaded.record).map_err(refused)?;
         let (record, moving) = judged(path, loaded.record, low_pass, &mut loaded.warnings)?;
         loaded.record = record;
         Ok((loaded, moving))

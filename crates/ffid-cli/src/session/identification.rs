@@ -6,7 +6,8 @@ use super::record::Given;
 use crate::Command;
 use crate::commands::identify::fit::fit_observed;
 use crate::commands::identify::prepare::{
-    Data, Held, HoldOut, Ready, cut, fewest_samples, go_on, label, only_on_the_ground, same_data, settings,
+    Data, Held, HoldOut, Ready, contents, cut, fewest_samples, go_on, label, not_fitted, only_on_the_ground, same_data,
+    same_readings, settings,
 };
 use crate::commands::identify::write::write;
 use crate::commands::identify::{Args, conclude};
@@ -15,7 +16,7 @@ use crate::result_folder;
 use crate::results;
 use crate::results::io;
 use ff_model::{Area, Problem, Problems};
-use ff_records::Record;
+use ff_records::{Content, Record};
 use ff_report::identify::{all_figures, page};
 use ffid::exit::{Exit, Failure};
 use ffid::files::folder::{Entry, Folder};
@@ -81,6 +82,13 @@ pub fn identify(
     let sources = records.iter().chain(held_out).map(|g| g.source.clone());
     inputs.splice(named..named, sources);
     same_data(&inputs[named..], records.len(), held_out.is_some(), &earlier.inputs)?;
+    let read: Vec<(&Path, &Record)> = records.iter().map(|g| (g.path.as_path(), &g.record)).collect();
+    same_readings(&read, &earlier.inputs)?;
+    if let Some(given) = held_out {
+        let whole: Vec<Content> = read.iter().map(|(_, r)| Content::of(r)).collect();
+        let fitted: Vec<_> = read.iter().copied().zip(&whole).collect();
+        not_fitted((&given.path, &given.record), &fitted, &earlier.inputs)?;
+    }
     let mut held = match (HoldOut::of(&args)?, held_out) {
         (_, Some(given)) => {
             problems.extend(given.warnings.clone());
@@ -101,6 +109,7 @@ pub fn identify(
     });
     fit_options.absent = only_on_the_ground(opened, absent.collect())?;
     fit_options.profile.clone_from(&args.profile);
+    let contents = contents(records.iter().map(|g| g.source.file.clone()), &labelled);
     let refused = |(exit, problems): (Exit, Problems)| Refused { exit, problems: problems.in_file(file) };
     let mut data = Data { records: labelled, sources: records.iter().map(|g| g.path.clone()).collect(), problems };
     data.divide(&mut held).map_err(refused)?;
@@ -119,6 +128,7 @@ pub fn identify(
         truth,
         problems,
         inputs,
+        contents,
     };
     let (mut found, held, warnings) = fit_observed(&args, &mut ready, watch).map_err(|e| {
         let (exit, problems) = failed(e);

@@ -100,7 +100,7 @@ pub fn validate(
     words.extend(options.iter().cloned());
     let Command::Validate(args) = parse("validate", &words)? else { return Err(another("validate")) };
     let mission = results::undisturbed(opened, file)?;
-    command::unseen(result, &given.source, &given.path)?;
+    command::unseen(result, &given.source, &given.path, &given.record)?;
     let arm = command::arm_of(&args, result, &opened.model);
     let low_pass = arm.as_ref().map_or(args.reading.low_pass(), |a| a.low_pass_hz);
     let mut problems = opened.warnings.clone();

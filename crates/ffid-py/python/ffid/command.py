@@ -46,6 +46,7 @@ def convert(
     si: bool = False,
     separator: Literal["commas", "semicolons", "tabs", "bars", "blanks"] = "commas",
     rename: Sequence[str] = (),
+    dates: Literal["day-first", "month-first"] | None = None,
     ignore: Sequence[str] = (),
     topic: Sequence[str] = (),
     slides: Sequence[str] = (),
@@ -62,7 +63,8 @@ def convert(
         si: Whether every column is converted to its SI unit.
         separator: What separates the columns of a CSV file; with any but commas, a comma in a number is a decimal comma.
         rename: Columns to call otherwise, ``"timestamp=time[ns]"``; one ``*`` stands for any text, as in ``"pos_*=q.*[deg]"``.
-        ignore: Columns to leave out.
+        dates: What 3/5/2024 is, where no row of the file settles it.
+        ignore: Columns to leave out; one ``*`` stands for any text.
         topic: Topics of an MCAP file.
         slides: Joints of an MCAP file that slide: their columns are in m and N.
         max_bytes: Longest file that is read (bytes).

@@ -98,7 +98,7 @@ def _outside(text: str) -> str:
     text = re.sub(rf"--({_FLAGS})(?![-\w])", lambda m: f"{name(m.group(1))}=True", text)
     text = re.sub(rf"--({_LISTS}) ([a-z][-a-z0-9.*]*[-.*][-a-z0-9.*]*|stuck|triangle)(?![-\w])", valued, text)
     text = re.sub(r"--(rename|ignore) '([^']*)'", r'\1=["\2"]', text)
-    text = re.sub(r"--(separator) (semicolons|tabs|bars|blanks)\b", valued, text)
+    text = re.sub(r"--(separator|dates) (semicolons|tabs|bars|blanks|day-first|month-first)\b", valued, text)
     text = re.sub(r"--(gaps|clocks|method|loss) (drop|refuse|trust|require|correct|rda|output-error|ground|huber|student)\b", valued, text)
     text = re.sub(r"--(low-pass|held-out|starts|max-iterations|prior|max-rows|max-bytes) ([0-9][.0-9e]*[0-9]|[0-9])", valued, text)
     return re.sub(r"--([a-z][-a-z]*[a-z])", lambda m: name(m.group(1)), text)

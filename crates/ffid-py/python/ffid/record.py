@@ -33,6 +33,7 @@ class Record:
         keep_spikes: bool = False,
         separator: Literal["commas", "semicolons", "tabs", "bars", "blanks"] = "commas",
         rename: Sequence[str] = (),
+        dates: Literal["day-first", "month-first"] | None = None,
         ignore: Sequence[str] = (),
         topic: Sequence[str] = (),
         stamps: Literal["header", "receive"] = "header",
@@ -52,7 +53,8 @@ class Record:
             keep_spikes: Whether samples far off their neighbours are fitted, which are left out and counted otherwise.
             separator: What separates the columns of a CSV file; with any but commas, a comma in a number is a decimal comma.
             rename: Columns to call otherwise, ``"timestamp=time[ns]"``; one ``*`` stands for any text, as in ``"pos_*=q.*[deg]"``.
-            ignore: Columns to leave out.
+            dates: What 3/5/2024 is, where no row of the file settles it.
+            ignore: Columns to leave out; one ``*`` stands for any text.
             topic: Topics of a bag to read.
             stamps: Whether messages of a bag count at the stamps in their headers or at the times of recording.
             max_rows: Most rows.
@@ -184,7 +186,7 @@ class Record:
             raise ValueError(f"no columns of a record: give time, q.<joint>, tau.<joint> and gyro.x, gyro.y, gyro.z; the joints are {joints}")
         read = inspect.signature(cls.read).parameters
         for key in options:
-            if key not in read or key in ("path", "mission", "topic", "max_bytes", "separator", "rename"):
+            if key not in read or key in ("path", "mission", "topic", "max_bytes", "separator", "rename", "dates"):
                 raise TypeError(f"no option {key!r}; those of Record.read are taken")
         values = {k: list(v) if isinstance(v, (list, tuple, set)) else v for k, v in options.items()}
         core = _ffid.Record.from_columns(core_of(mission), name, named, words(**values))

@@ -483,6 +483,11 @@ const INPUT: &[Key] = &[
     must("file", Text, "path as given"),
     must("bytes", Whole, "size (bytes)"),
     must("sha256", Text, "SHA-256, hexadecimal"),
+    key(
+        "content",
+        Text,
+        "of a record: hashes of some of its samples, by which its readings are known in any other file",
+    ),
 ];
 
 const RECORD: &[Key] = &[

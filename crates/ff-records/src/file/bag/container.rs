@@ -58,7 +58,7 @@ pub(crate) const DAMAGED: &str = "record the bag again; it may be damaged";
 /// A file that ends too early.
 pub(crate) fn truncated(len: u64) -> Problems {
     let what = format!("the file ends at byte {len}, within a record");
-    let hint = "copy the bag again, or --allow maybe-truncated for the complete chunks before";
+    let hint = "copy the bag again: no complete chunk with joint states stands before";
     unreadable("Data::MaybeTruncated", what, hint)
 }
 

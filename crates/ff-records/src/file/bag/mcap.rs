@@ -40,6 +40,10 @@ fn reader(options: LinearReaderOptions) -> LinearReader {
     LinearReader::new_with_options(options)
 }
 
+/// Zeros at the end of a file that tell that power was cut: a file system leaves them where nothing was written, and a complete file ends in
+/// its mark.
+const ZEROS: u64 = 64;
+
 impl Mcap {
     pub(crate) fn new(file: File) -> Result<Self, Problems> {
         let len = file.metadata().map_or(0, |m| m.len());
@@ -75,14 +79,20 @@ impl Mcap {
                         self.record.extend_from_slice(data);
                         return Ok(Some(opcode));
                     }
-                    0 => return Err(damaged("a record without a kind", self.at)),
+                    0 => {
+                        let p = damaged("a record without a kind", self.at);
+                        return Err(if self.ends_in_zeros() { truncated(self.len) } else { p });
+                    }
                     _ => {}
                 },
                 // Its head has been read.
                 Some(Err(McapError::RecordTooLarge { opcode: op::ATTACHMENT | op::METADATA, len })) => {
                     self.skip(len)?
                 }
-                Some(Err(e)) => return Err(self.refused(&e)),
+                Some(Err(e)) => {
+                    let p = self.refused(&e);
+                    return Err(if self.ends_in_zeros() { truncated(self.len) } else { p });
+                }
             }
         }
     }
@@ -98,6 +108,14 @@ impl Mcap {
         self.reader.notify_read(n);
         self.at += n as u64;
         Ok(())
+    }
+    /// Whether the file ends in zeros, of which nothing is left to read then.
+    fn ends_in_zeros(&mut self) -> bool {
+        let mut end = Vec::new();
+        let from = self.len.saturating_sub(ZEROS);
+        let read =
+            self.file.seek(SeekFrom::Start(from)).and_then(|_| self.file.by_ref().take(ZEROS).read_to_end(&mut end));
+        read.is_ok() && end.len() as u64 == ZEROS && end.iter().all(|b| *b == 0)
     }
     /// Leaves out the content of a record.
     fn skip(&mut self, n: u64) -> Result<(), Problems> {

@@ -26,6 +26,8 @@ use topics::{Topic, look};
 
 /// Most names in one message.
 const LISTED: usize = 12;
+/// Nanoseconds of a second.
+const SECOND: i64 = 1_000_000_000;
 
 /// A bag as rows.
 pub(crate) struct BagBlocks<C> {
@@ -33,7 +35,10 @@ pub(crate) struct BagBlocks<C> {
     names: Vec<String>,
     messages: Messages,
     ended: bool,
+    /// What is said of a file that ends too early.
     truncated: Option<Problem>,
+    /// Stamp of the last row so far (ns).
+    until: Option<i64>,
 }
 
 /// The messages that belong to the record.
@@ -106,7 +111,7 @@ impl<C: Container> BagBlocks<C> {
         let merge = Merge::new(kept, &first, sides);
         let code = bag.code();
         let messages = Messages { joints: found.joints, sides: topics, merge, state: first, received, strangers, code };
-        Ok(Self { bag, names, messages, ended: false, truncated: None })
+        Ok(Self { bag, names, messages, ended: false, truncated: None, until: None })
     }
 }
 
@@ -170,7 +175,10 @@ impl<C: Container> Blocks for BagBlocks<C> {
         self.messages.merge.take(&mut stamps, &mut out.columns);
         let some = !stamps.is_empty();
         out.stamps = Stamps::Whole(stamps);
-        match self.truncated.take_if(|_| !some) {
+        if let Stamps::Whole(all) = &out.stamps {
+            self.until = all.last().copied().or(self.until);
+        }
+        match self.truncated.take_if(|_| self.until.is_none()) {
             Some(p) => Err(Problems(vec![p])),
             None => Ok(some),
         }
@@ -180,10 +188,20 @@ impl<C: Container> Blocks for BagBlocks<C> {
     }
     fn notes(&self) -> Problems {
         let mut out = Problems::default();
+        let m = &self.messages;
+        if let (Some(p), Some(until)) = (&self.truncated, self.until) {
+            let what = format!(
+                "{}: the messages before it are read, up to {}.{:09} s",
+                p.message,
+                until.div_euclid(SECOND),
+                until.rem_euclid(SECOND)
+            );
+            let hint = "nothing to do, if the recorder was killed; else copy the bag again";
+            out.push(Problem::warning(Area::Data, "Data::MaybeTruncated", what).hint(hint));
+        }
         let mut note = |what: String, hint: &str| {
             out.push(Problem::warning(Area::Data, "Data::Merged", what).hint(hint));
         };
-        let m = &self.messages;
         if let Some(why) = m.received {
             let hint = "stamp at the sensor: times of recording are late by what the network takes";
             note(format!("the times of recording are taken ({why})"), hint);

@@ -27,13 +27,16 @@ pub(crate) type Fitted = (Identified, Option<Signals>, Problems);
 /// The fit, and the judgement of what was held out.
 pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> Result<Fitted, IdentifyError> {
     let settings_words = words(args, r);
-    let Ready { opened, settings: s, options, records, sources, earlier, held, truth, inputs, .. } = r;
+    let Ready { opened, settings: s, options, records, sources, earlier, held, truth, inputs, contents, .. } = r;
     let model = &opened.model;
     let provenance = Provenance {
         program: concat!("ffid ", env!("CARGO_PKG_VERSION")).to_owned(),
         inputs: inputs
             .iter()
-            .map(|e| InputFile { file: e.file.clone(), bytes: e.bytes, sha256: e.sha256.clone() })
+            .map(|e| {
+                let content = contents.iter().find(|c| c.0 == e.file).map(|c| c.1.to_string());
+                InputFile { file: e.file.clone(), bytes: e.bytes, sha256: e.sha256.clone(), content }
+            })
             // So that an identification that goes on from this one knows all that has been fitted.
             .chain(earlier.iter().filter(|e| inputs.iter().all(|i| i.sha256 != e.sha256)).cloned())
             .collect(),

@@ -8,7 +8,7 @@ use crate::results::{Refusal, io, refused};
 use ff_mission::Mission;
 use ff_model::diagnostics::clip;
 use ff_model::{Area, BaseKind, Params, Problem, Problems};
-use ff_records::Record;
+use ff_records::{Content, Record};
 use ffid::files::folder::{Entry, Folder};
 use ffid::open::{Opened, open};
 use ffid::workflow::doctor::standing_still;
@@ -51,6 +51,8 @@ pub(crate) struct Ready {
     pub(crate) truth: Vec<(String, f64)>,
     pub(crate) problems: Problems,
     pub(crate) inputs: Vec<Entry>,
+    /// What the readings of the records are known by, with the names of their files.
+    pub(crate) contents: Vec<(String, Content)>,
 }
 
 /// Where the results go, and the files whose contents they belong to.
@@ -188,6 +190,10 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
     files.extend(earlier.files.iter().cloned());
     let inputs = results::inputs(&files).map_err(io)?;
     same_data(&inputs[2..], paths.len(), matches!(hold_out, HoldOut::File(_)), &earlier.inputs).map_err(refused)?;
+    let read: Vec<(&Path, &Record)> =
+        paths.iter().map(PathBuf::as_path).zip(loaded.iter().map(|l| &l.record)).collect();
+    same_readings(&read, &earlier.inputs).map_err(refused)?;
+    let whole: Vec<Content> = loaded.iter().map(|l| Content::of(&l.record)).collect();
     let folder = results::begin(&target, &args.output, err).map_err(io)?;
     let mut problems = opened.warnings.clone();
     problems.extend(earlier.warnings);
@@ -211,11 +217,15 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
         HoldOut::Nothing => Held::None,
         HoldOut::Part(f) => cut(&mut records, f, need, &paths[paths.len() - 1]).map_err(refused)?,
         HoldOut::File(path) => {
-            let (other, moving) = args.reading.read_one(&path, &opened.model, None, input)?;
+            let (other, moving) = args.reading.read_one(&path, &opened.model, None, input, |held| {
+                let fitted = paths.iter().map(PathBuf::as_path).zip(&records).map(|(p, r)| (p, &r.record));
+                not_fitted((&path, held), &fitted.zip(&whole).collect::<Vec<_>>(), &earlier.inputs)
+            })?;
             problems.extend(other.warnings);
             Held::File { record: other.record, path, moving }
         }
     };
+    let contents = contents(paths.iter().map(|p| p.to_string_lossy().into_owned()), &records);
     let mut data = Data { records, sources: paths, problems };
     data.divide(&mut held)?;
     go_on(&mut data.records, earlier.records);
@@ -224,7 +234,7 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
     options.profile.clone_from(&args.profile);
     let Data { records, sources, problems } = data;
     let earlier = earlier.inputs;
-    let ready = Ready { opened, settings, options, records, sources, earlier, held, truth, problems, inputs };
+    let ready = Ready { opened, settings, options, records, sources, earlier, held, truth, problems, inputs, contents };
     Ok((ready, Destination { files, folder, target }))
 }
 
@@ -343,6 +353,57 @@ fn bandwidth(found: Result<Bandwidth, NoBandwidth>) -> Option<Problem> {
         }
     };
     Some(Problem::warning(Area::Data, "Data::Bandwidth", what).hint(hint))
+}
+
+/// What the readings of records are known by, with the names of their files: the part of each that is fitted.
+pub(crate) fn contents(names: impl Iterator<Item = String>, records: &[LabelledRecord]) -> Vec<(String, Content)> {
+    names.zip(records).map(|(name, r)| (name, Content::of(&r.record))).collect()
+}
+
+/// Row D39 by readings: a record whose readings stand in another file as well, in whatever format or unit.
+pub(crate) fn same_readings(records: &[(&Path, &Record)], earlier: &[InputFile]) -> Result<(), Problems> {
+    for (k, (path, record)) in records.iter().enumerate() {
+        let own = Content::of(record);
+        let twice = |(_, other): &&(&Path, &Record)| own.is_in(other) || Content::of(other).is_in(record);
+        if let Some((first, _)) = records[..k].iter().find(twice) {
+            return Err(same(path, &first.display().to_string(), "give each record once"));
+        }
+        if let Some(old) = fitted_earlier(record, earlier) {
+            let hint =
+                "it has been fitted there already: leave it out, or leave --prior-from out and give all with --records";
+            return Err(same(path, &format!("{} of the earlier identification", old.file), hint));
+        }
+    }
+    Ok(())
+}
+
+/// Row D39 by readings, of a record to judge by: none of those that are fitted, each with what it is known by.
+pub(crate) fn not_fitted(
+    held: (&Path, &Record),
+    fitted: &[((&Path, &Record), &Content)],
+    earlier: &[InputFile],
+) -> Result<(), Problems> {
+    let (path, record) = held;
+    let own = Content::of(record);
+    let hint = "judge the model by data that were not fitted, or give a fraction";
+    if let Some(((file, _), _)) = fitted.iter().find(|((_, r), c)| c.is_in(record) || own.is_in(r)) {
+        return Err(same(path, &file.display().to_string(), hint));
+    }
+    match fitted_earlier(record, earlier) {
+        Some(old) => Err(same(path, &format!("{} of the earlier identification", old.file), hint)),
+        None => Ok(()),
+    }
+}
+
+/// The file of an identification whose readings a record holds.
+pub(crate) fn fitted_earlier<'f>(record: &Record, files: &'f [InputFile]) -> Option<&'f InputFile> {
+    files.iter().find(|f| f.content.as_ref().is_some_and(|c| Content::from_words(c).is_in(record)))
+}
+
+/// What is said of readings that two files hold.
+pub(crate) fn same(path: &Path, as_what: &str, hint: &str) -> Problems {
+    let what = format!("the same readings as {as_what}, in another file");
+    Problems(vec![Problem::error(Area::Data, "Data::SameData", what).in_file(path).hint(hint)])
 }
 
 /// Row D39: data that were given twice. `files` are `records` records, then the one held out, if `held` is.

@@ -49,6 +49,9 @@ pub struct InputFile {
     pub bytes: u64,
     /// SHA-256, hexadecimal.
     pub sha256: String,
+    /// Of a record what its readings are known by in any other file ([`ff_records::Content`]).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub content: Option<String>,
 }
 
 /// A record at a glance.
