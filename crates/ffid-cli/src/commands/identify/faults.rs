@@ -83,15 +83,10 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args, before: &Problems) -
     if let Some(e) = r.evidence.as_ref().filter(|e| e.state == State::Contradicted) {
         let chi2 = format!("chi-squared per degree of freedom {:.3}, limit {}", r.chi2_per_dof, args.fit.limit());
         let p = Problem::warning(Area::Data, "Fit::Misfit", format!("{}; {chi2}", e.reason));
-        // Where nothing but noise is left, its figures come first.
-        let white = r.whiteness.iter().all(|w| w.white);
-        let noise = before.0.iter().find(|p| p.code == "Data::NoiseFigure").filter(|_| white);
-        let figure = noise.and_then(|p| {
+        // Where no error explains it, noise that is another than was given comes first.
+        let figure = before.0.iter().find(|p| p.code == "Data::NoiseFigure").and_then(|p| {
             let of = p.object.as_deref().unwrap_or_default();
-            Some(format!(
-                "residuals are white, and the noise of {of} is another than was given: {}",
-                p.hint.as_deref()?
-            ))
+            Some(format!("first the noise of {of}, which is another than was given: {}", p.hint.as_deref()?))
         });
         let hint = e.remedy().or(figure).unwrap_or_else(|| {
             "ask `ffid doctor` for the noise of the sensors, and look at the spectra of the residuals: something moves that the model does \

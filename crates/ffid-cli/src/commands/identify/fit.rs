@@ -81,7 +81,8 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
         kept.replace(Some(Interim { values, chi2_per_residual, linearisations }));
     }
     let aside = &Observer { progress: watch.progress, ..watch.aside() };
-    let mut left_out = if watch.ends_with_result() { vec!["some checks of the fit"] } else { Vec::new() };
+    let mut left_out =
+        if watch.ends_with_result() { vec!["tests of the model that were still to come"] } else { Vec::new() };
     let last = s.clone();
     let s = &Settings { held_errors: held_errors(&found.result), ..s };
     let arm = Arm::of(&found.result, &model.joint_names());
