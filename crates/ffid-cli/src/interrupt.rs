@@ -1,7 +1,8 @@
-//! Ctrl-C: the first one ends a computation in good order, the second one at once.
+//! Ctrl-C (SIGINT, and SIGTERM): the first one ends a computation in good order, the second one at once.
 
 use ff_model::{Area, Problem, Problems};
 use ffid::exit::Exit;
+use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,6 +19,8 @@ pub(crate) fn flag(own_process: bool) -> Result<Arc<AtomicBool>, (Exit, Problems
             // The second one is meant. A partial folder stays; nobody mistakes it for a result.
             std::process::exit(i32::from(Exit::Interrupted.code()));
         }
+        // Whoever has closed it sees the command end all the same.
+        let _ = writeln!(std::io::stderr(), "interrupted: ending; interrupt once more to end at once");
     });
     handler.map_err(|e| {
         let p = Problem::error(Area::Io, "Io::Signal", format!("Ctrl-C cannot be caught: {e}"));

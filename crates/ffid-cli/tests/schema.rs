@@ -117,7 +117,7 @@ fn the_schema_of_missions_is_what_the_reader_reads() {
         tables(&whole, "", &mut places);
         assert!(places.len() >= 20, "{places:?}");
         // Names of parameters and joints, and the keys of a kind, are for others to judge.
-        let named = ["/parameters", "/robot/lock_at", "/appendage/0"];
+        let named = ["/parameters", "/prior_means", "/robot/lock_at", "/appendage/0"];
         for at in places.iter().filter(|at| !named.contains(&at.as_str())) {
             let mut v = whole.clone();
             v.pointer_mut(at).unwrap().as_object_mut().unwrap().insert("further".to_owned(), json!(0));

@@ -8,6 +8,7 @@ use crate::watch::watched;
 use ffid::exit::Exit;
 use ffid::mission::Leniency;
 use ffid::model::Problems;
+use ffid::workflow::identify::model_files::prior_means;
 use ffid::workflow::identify::{IdentificationResult, Interim, Observer, Signals};
 use ffid_cli::session;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -96,6 +97,9 @@ impl Identification {
     fn mission(&self) -> PyResult<Mission> {
         self.with(|i| {
             let mut opened = i.opened.clone();
+            if let Some(m) = &mut opened.mission {
+                m.prior_means = prior_means(m, i.found.result.had_prior(), &i.opened.model, &i.found.values);
+            }
             let values: Vec<(usize, f64)> = i.found.selected.iter().map(|&k| (k, i.found.values[k])).collect();
             opened.model.set_nominal(&values).map_err(|p| problems(&p, Exit::Numerical.code()))?;
             let changed = i.found.selected.clone();
@@ -139,7 +143,7 @@ pub(crate) fn identify(
         let held = held_out.as_ref().map(|r| &r.get().given);
         let show = |n: usize, chi2: f64| _ = tell.send(("fit", n, chi2));
         let kept = RefCell::new(None);
-        let watch = Observer { stop: Some(stop), progress: Some(&show), kept: Some(&kept) };
+        let watch = Observer { stop: Some(stop), progress: Some(&show), kept: Some(&kept), partial: false };
         let found = session::identify(&m.file, &m.opened, &given, held, &options, &watch);
         (found, kept.into_inner())
     })?;
@@ -182,7 +186,7 @@ pub(crate) fn validate<'py>(
     let m = mission.get();
     let (found, broken) = watched(py, progress, |stop, tell| {
         let show = |n: usize, chi2: f64| _ = tell.send(("validate", n, chi2));
-        let watch = Observer { stop: Some(stop), progress: Some(&show), kept: None };
+        let watch = Observer { stop: Some(stop), progress: Some(&show), kept: None, partial: false };
         session::validate(&m.file, &m.opened, &result, &record.get().given, &options, &watch)
     })?;
     if let Some(e) = broken {

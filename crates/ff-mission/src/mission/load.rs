@@ -45,6 +45,11 @@ pub(super) const ROOT: &[Key] = &[
     key("excite", Holds::Table(EXCITE), "the manoeuvre that is planned"),
     key("reproduce", Holds::Table(REPRODUCE), "the procedure of the paper, for cargo xtask reproduce"),
     key("parameters", Holds::Named, "values by full name that replace those from above, such as \"base.mass\" = 612.5"),
+    key(
+        "prior_means",
+        Holds::Named,
+        "values by full name that priors and deviations of [[uncertain]] are about, where those of parameters are estimates",
+    ),
 ];
 /// The whole way from text to model; `import` fetches the robot.
 pub(super) fn load(
@@ -160,6 +165,8 @@ fn read(
     let reproduce = reproduce_table.as_ref().map(Reproduce::read);
     let values_table = root.table("parameters");
     let parameters = values_table.as_ref().map(values::read).unwrap_or_default();
+    let means_table = root.table("prior_means");
+    let prior_means = means_table.as_ref().map(values::read).unwrap_or_default();
     root.finish();
 
     let (robot, robot_table) = (robot?, robot_table?);
@@ -210,6 +217,9 @@ fn read(
     if let (Some(t), true) = (&values_table, complete) {
         values::apply(&mut model, &parameters, t);
     }
+    if let (Some(t), true) = (&means_table, complete) {
+        values::check(&model, &prior_means, t);
+    }
     let appendages = drafts.iter().filter_map(Draft::spec).collect();
     for (t, i) in inputs.iter().filter_map(|(t, i)| Some((t, i.as_ref()?))) {
         i.check(&frames, &model, complete, t);
@@ -254,6 +264,7 @@ fn read(
         excite,
         reproduce,
         parameters,
+        prior_means,
     };
     Some(Loaded { mission, model, estimated, excited, end_effector, warnings: Problems::default() })
 }

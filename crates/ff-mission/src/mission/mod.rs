@@ -154,6 +154,9 @@ pub struct Mission {
     /// `[robot]` and `[[appendage]]` give. `ffid identify` writes its estimates here; every number is taken as it is, to
     /// the last bit.
     pub parameters: BTreeMap<String, f64>,
+    /// `[prior_means]`: values by full name that deviations of `[[uncertain]]` and `prior_relative_std` are about, where those of
+    /// `[parameters]` are estimates: what a record has told is not what was known before it. `ffid identify` writes those of the mission here.
+    pub prior_means: BTreeMap<String, f64>,
 }
 
 /// A mission and the model it describes.

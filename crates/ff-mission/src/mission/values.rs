@@ -1,4 +1,5 @@
-//! `[parameters]`: values of parameters by full name, which replace those that the rest of the file leads to.
+//! `[parameters]`: values of parameters by full name, which replace those that the rest of the file leads to; `[prior_means]`: values that
+//! priors are about.
 
 use super::reader::{Table, error};
 use ff_model::Model;
@@ -27,6 +28,18 @@ pub(super) fn read(t: &Table<'_, '_>) -> BTreeMap<String, f64> {
 
 /// Puts the values into the complete model; unknown names and values that cannot be are reported.
 pub(super) fn apply(model: &mut Model, values: &BTreeMap<String, f64>, t: &Table<'_, '_>) {
+    let found = check(model, values, t);
+    let (Ok(problems) | Err(problems)) = model.set_nominal(&found);
+    for p in problems.0 {
+        // A body is named by one of its ten parameters, at whose line it stands.
+        let object = p.object.clone().unwrap_or_default();
+        let key = values.keys().find(|k| **k == object || k.starts_with(&format!("{object}.")));
+        t.fail(key.map_or(object.as_str(), String::as_str), p);
+    }
+}
+
+/// The values by index of their parameter; unknown names are reported.
+pub(super) fn check(model: &Model, values: &BTreeMap<String, f64>, t: &Table<'_, '_>) -> Vec<(usize, f64)> {
     let names: Vec<String> = model.param_decls().into_iter().map(|p| p.name).collect();
     let mut found = Vec::with_capacity(values.len());
     for (name, &x) in values.iter().filter(|(_, x)| x.is_finite()) {
@@ -42,11 +55,5 @@ pub(super) fn apply(model: &mut Model, values: &BTreeMap<String, f64>, t: &Table
             }
         }
     }
-    let (Ok(problems) | Err(problems)) = model.set_nominal(&found);
-    for p in problems.0 {
-        // A body is named by one of its ten parameters, at whose line it stands.
-        let object = p.object.clone().unwrap_or_default();
-        let key = values.keys().find(|k| **k == object || k.starts_with(&format!("{object}.")));
-        t.fail(key.map_or(object.as_str(), String::as_str), p);
-    }
+    found
 }

@@ -157,6 +157,9 @@ fn named(r: &IdentificationResult, of: &[ParameterVerdict]) -> Option<String> {
 
 fn next(r: &IdentificationResult) -> Vec<String> {
     let mut out = Vec::new();
+    if r.status.is_interrupted() {
+        return vec!["Run the command again, and let it end.".to_owned()];
+    }
     if !r.status.is_solution() {
         let found = r.evidence.as_ref().and_then(|e| Some((e.refitted()?, e.remedy()?)));
         if let Some((found, remedy)) = found {

@@ -459,7 +459,14 @@ fn provenance(r: &IdentificationResult) -> Vec<Block> {
             ),
         ),
         ("noise".into(), format!("torque {} N m, gyro {} rad/s", num(p.noise_torque_nm), num(p.noise_gyro_rad_per_s))),
-        ("fit".into(), format!("{} after {} linearisations", r.status, r.iterations)),
+        (
+            "fit".into(),
+            if r.status.is_interrupted() {
+                r.status.to_string()
+            } else {
+                format!("{} after {} linearisations", r.status, r.iterations)
+            },
+        ),
         ("chi-squared per degree of freedom".into(), format!("{:.6}", r.chi2_per_dof)),
     ];
     rows.extend(p.settings.iter().map(|(k, v)| (k.clone(), v.clone())));

@@ -21,6 +21,7 @@ use ffid::workflow::identify::{
 };
 use ident::Noise;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -135,7 +136,7 @@ fn judge(args: &Args, err: &mut impl Write) -> Result<Found, Refusal> {
     let (loaded, moving) = args.reading.read_one(&args.record, model, low_pass, input, unseen)?;
     let folder = args.out.as_ref().map(|o| results::begin(o, &args.output, err)).transpose().map_err(io)?;
     let source = args.record.display().to_string();
-    let (held, signals) = watched(&args.output, |watch| {
+    let (held, signals) = watched(&args.output, false, |watch| {
         predict(args, &found.result, &found.opened, mission, arm.as_ref(), (&loaded.record, source, moving), watch)
     })?;
     let mut problems = found.opened.warnings.clone();
@@ -182,6 +183,9 @@ pub(crate) fn predict(
     let noise = Noise { torque: given.0.unwrap_or(p.noise_torque_nm), gyro: given.1.unwrap_or(p.noise_gyro_rad_per_s) };
     let held_errors = held_errors(result);
     let model = &opened.model;
+    // What is not known of an identified robot is about its estimates.
+    let about_estimates = |m: &Mission| Mission { prior_means: BTreeMap::new(), ..m.clone() };
+    let opened = &Opened { mission: opened.mission.as_ref().map(about_estimates), ..opened.clone() };
     // Masses that were adopted are in the model by now.
     let adopted: Vec<String> =
         p.settings.get("adopt").map_or_else(Vec::new, |a| a.split(", ").map(str::to_owned).collect());

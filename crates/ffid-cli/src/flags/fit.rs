@@ -110,9 +110,10 @@ impl FitFlags {
     }
 }
 
-/// Runs a fit that shows how far it is on a terminal, and ends at Ctrl-C.
+/// Runs a fit that shows how far it is on a terminal, and ends at Ctrl-C: with what there is, if `partial`.
 pub(crate) fn watched<V>(
     output: &Output,
+    partial: bool,
     work: impl FnOnce(&Observer<'_>) -> Result<V, IdentifyError>,
 ) -> Result<V, (Exit, Problems)> {
     let stop = interrupt::flag(output.own_process)?;
@@ -128,7 +129,7 @@ pub(crate) fn watched<V>(
             bar.set_message(format!("linearisation {n}, chi-squared per residual {chi2:.6}"));
         }
     };
-    let found = work(&Observer { stop: Some(&stop), progress: Some(&tell), kept: None });
+    let found = work(&Observer { stop: Some(&stop), progress: Some(&tell), kept: None, partial });
     if let Some(b) = &bar {
         b.finish_and_clear();
     }
@@ -144,7 +145,7 @@ pub(crate) fn failed(e: IdentifyError) -> (Exit, Problems) {
         IdentifyError::Refused(p) => (Exit::of(&p), p),
         IdentifyError::IllPosed(p) => (Exit::IllPosed, p),
         IdentifyError::Interrupted => {
-            let what = "interrupted; nothing was written".to_owned();
+            let what = "interrupted before anything was fitted; nothing was written".to_owned();
             one(Exit::Interrupted, Area::Config, "Fit::Interrupted", what, "run the command again")
         }
         IdentifyError::Fit(e @ (EstimateError::Transform(_) | EstimateError::Width(_))) => {

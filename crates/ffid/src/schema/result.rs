@@ -68,6 +68,10 @@ const STATUS: &[&[Key]] = &[
         must("status", OneOf(&["stalled"]), "no step helps: not a solution"),
         must("promised", Number, "relative reduction still promised"),
     ],
+    &[
+        must("status", OneOf(&["interrupted"]), "ended from outside: not a solution"),
+        must("after", Whole, "linearisations until then"),
+    ],
 ];
 
 const DESCENT: &[Key] = &[

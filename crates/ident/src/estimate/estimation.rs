@@ -64,13 +64,11 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
         None => None,
     };
     let mut references: Vec<Reference> = fixed.into_iter().collect();
-    let mut place = Place {
-        full: request.start.to_vec(),
-        nuisance: vec![0.0; extra.len()],
-        iterations: 0,
-        descent: Vec::new(),
-        crept: false,
+    let nuisance = match request.nuisance.filter(|given| given.len() == extra.len()) {
+        Some(given) => given.iter().zip(&sizes_extra).map(|(x, size)| x / size).collect(),
+        None => vec![0.0; extra.len()],
     };
+    let mut place = Place { full: request.start.to_vec(), nuisance, iterations: 0, descent: Vec::new(), crept: false };
     let at_solution = |e: EvalError| LmError::Setup(e.to_string());
     let over = |nuisance: &[f64]| -> Vec<f64> { nuisance.iter().zip(&sizes_extra).map(|(x, s)| x * s).collect() };
     let mut crept_there = false;

@@ -92,6 +92,8 @@ pub struct Request<'a> {
     pub start: &'a [f64],
     /// What [`Request::prior_width`] is measured from, when it is not the start (a fit that goes on from another's end).
     pub centre: Option<&'a [f64]>,
+    /// Where nuisance unknowns begin, in the order of the estimator; at zero unless given.
+    pub nuisance: Option<&'a [f64]>,
     /// Prior knowledge of selected parameters.
     pub priors: Priors,
     /// Which of the selected parameters are not asked for, by index, with what is known of each without any record, as a standard
@@ -142,6 +144,7 @@ impl<'a> Request<'a> {
             selected,
             start,
             centre: None,
+            nuisance: None,
             priors: Priors::default(),
             marginal: Vec::new(),
             prior_width: None,

@@ -36,7 +36,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
 A record has columns time[s], q.<joint>[rad], tau.<joint>[N m], gyro.x[rad/s], gyro.y[..], gyro.z[..]; dq., ddq., acc. and
 att. are optional, units are converted (docs/records.md). The folder holds report.html, replay.html (3-D), result.json, identified.toml,
 identified.urdf, residuals.csv and .parquet, draws.parquet, report.txt, figures and manifest.toml (docs/results.md). Parameters that the record cannot
-tell end with exit code 13 and are named; a fit that found no solution ends with 14, a model that the record contradicts with 16.";
+tell end with exit code 13 and are named; a fit that found no solution ends with 14, a model that the record contradicts with 16. Ctrl-C
+ends the fit and writes what there is (130).";
 
 /// A payload and the record in which it was not mounted.
 fn absent(text: &str) -> Result<(String, PathBuf), String> {

@@ -5,16 +5,22 @@ use ff_model::diagnostics::list;
 use ff_model::{Area, Problem, Problems};
 use ffid::workflow::identify::{Combination, IdentificationResult, Method, Minima, SampledState, State};
 
+/// Code of everything that was ended from outside.
+pub(crate) const INTERRUPTED: &str = "Fit::Interrupted";
+
 /// Most combinations named in one line.
 const LISTED: usize = 3;
 
-/// What a result finds fault with. A solution that is not one, and what nothing can tell, are errors.
-pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
+/// What a result finds fault with, given what was found `before` the fit. A solution that is not one, and what nothing can tell, are errors.
+pub(crate) fn faults(r: &IdentificationResult, args: &Args, before: &Problems) -> Problems {
     let mut out = Problems::default();
     let file = args.paths().swap_remove(0);
     let mut add = |p: Problem, hint: &str| out.push(p.in_file(&file).hint(hint));
-    // Where an error is known with which it ends, the model is what is wrong, and not the start.
-    if !r.status.is_solution() && r.state() != State::Contradicted {
+    if r.status.is_interrupted() {
+        let what = format!("the fit {}: what is written is where it has got to, and no estimates", r.status);
+        add(Problem::error(Area::Data, INTERRUPTED, what), "run the command again, and let it end");
+    } else if !r.status.is_solution() && r.state() != State::Contradicted {
+        // Where an error is known with which it ends, the model is what is wrong, and not the start.
         let hint = "start nearer, give priors, or raise --max-iterations";
         add(Problem::error(Area::Data, "Fit::NoSolution", format!("the fit {}", r.status)), hint);
     }
@@ -76,7 +82,12 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args) -> Problems {
     if let Some(e) = r.evidence.as_ref().filter(|e| e.state == State::Contradicted) {
         let chi2 = format!("chi-squared per degree of freedom {:.3}, limit {}", r.chi2_per_dof, args.fit.limit());
         let p = Problem::warning(Area::Data, "Fit::Misfit", format!("{}; {chi2}", e.reason));
-        let hint = e.remedy().unwrap_or_else(|| {
+        // Where no error explains it, noise that is another than was given comes first.
+        let figure = before.0.iter().find(|p| p.code == "Data::NoiseFigure").and_then(|p| {
+            let of = p.object.as_deref().unwrap_or_default();
+            Some(format!("first the noise of {of}, which is another than was given: {}", p.hint.as_deref()?))
+        });
+        let hint = e.remedy().or(figure).unwrap_or_else(|| {
             "ask `ffid doctor` for the noise of the sensors, and look at the spectra of the residuals: something moves that the model does \
              not have, or the noise is another"
                 .to_owned()

@@ -1,24 +1,26 @@
 //! The fit of `ffid identify`, the prediction of what was held out, and the comparison of models.
 
 use super::args::Args;
+use super::faults::INTERRUPTED;
 use super::prepare::{Held, Ready};
 use crate::flags::choice::Clocks;
 use crate::flags::fit::watched;
 use crate::results::Refusal;
-use ff_model::{Params, Problems};
+use ff_model::{Area, Params, Problem, Problems};
 use ff_records::Record;
 use ffid::workflow::doctor::before_fit;
 use ffid::workflow::identify::{
-    Arm, Comparison, Identified, IdentifyError, InputFile, Interim, Known, LOW_PASS, LabelledRecord, Method,
-    ModelVariant, Observer, Provenance, RecordChecks, RecordLine, Settings, Signals, axes, compare_variants,
-    held_errors, identify_checked, judge_held_out, method, sample_posterior, verdict,
+    Arm, Comparison, IdentificationResult, Identified, IdentifyError, InputFile, Interim, Known, LOW_PASS,
+    LabelledRecord, Method, ModelVariant, Observer, Provenance, RecordChecks, RecordLine, Sampled, SampledState,
+    Settings, Signals, axes, compare_variants, held_errors, identify_checked, judge_held_out, method, sample_posterior,
+    verdict,
 };
 use ident::Loss;
 use std::collections::BTreeMap;
 
 /// [`fit_observed`], with progress on a terminal.
 pub(crate) fn fit(args: &Args, r: &mut Ready) -> Result<Fitted, Refusal> {
-    watched(&args.output, |watch| fit_observed(args, r, watch))
+    watched(&args.output, true, |watch| fit_observed(args, r, watch))
 }
 
 /// The parameters, the signals of what was held out, and warnings.
@@ -81,7 +83,9 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
         let (values, chi2_per_residual, linearisations) = (found.values.clone(), r.chi2_per_dof, r.iterations);
         kept.replace(Some(Interim { values, chi2_per_residual, linearisations }));
     }
-    let aside = &Observer { kept: None, ..*watch };
+    let aside = &Observer { progress: watch.progress, ..watch.aside() };
+    let mut left_out =
+        if watch.ends_with_result() { vec!["tests of the model that were still to come"] } else { Vec::new() };
     let last = s.clone();
     let s = &Settings { held_errors: held_errors(&found.result), ..s };
     let arm = Arm::of(&found.result, &model.joint_names());
@@ -93,16 +97,20 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
         judge_held_out(known, &found.values, arm.as_ref(), record, s, source, aside)
     };
     let judged = match held {
+        _ if watch.ends_with_result() => None,
         Held::None => None,
         // A part of a record begins in the middle of a motion.
         Held::Part { record, words } => {
-            Some(judge(record, &Settings { initial_state: true, ..s.clone() }, words.clone())?)
+            watch.unless_ended(judge(record, &Settings { initial_state: true, ..s.clone() }, words.clone()))?
         }
         Held::File { record, path, moving } => {
             let s = Settings { initial_state: s.initial_state || *moving, ..s.clone() };
-            Some(judge(record, &s, path.display().to_string())?)
+            watch.unless_ended(judge(record, &s, path.display().to_string()))?
         }
     };
+    if judged.is_none() && !matches!(held, Held::None) {
+        left_out.push("the judgement of held-out data");
+    }
     if let Some((held, of)) = judged {
         found.result.held_out = Some(held);
         signals = Some(of);
@@ -117,11 +125,26 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
         let data =
             Comparison { opened, records: records.as_slice(), held: record, source: &source, moving, settings: s };
         let variants: Vec<ModelVariant> = args.compare.iter().map(|&c| c.into()).collect();
-        found.result.comparison = Some(compare_variants(&data, &variants, &provenance, aside)?);
+        if !watch.ends_with_result() {
+            let compared = compare_variants(&data, &variants, &provenance, aside);
+            found.result.comparison = watch.unless_ended(compared)?;
+        }
+        left_out.extend(found.result.comparison.is_none().then_some("the comparison of models"));
     }
     // Last, because an interruption keeps what has been drawn.
     if let Some(chains) = args.sampling() {
-        sample_posterior(opened, records, &last, options, &chains, &mut found, watch)?;
+        if watch.ends_with_result() {
+            left_out.push("draws from the posterior");
+        } else {
+            sample_posterior(opened, records, &last, options, &chains, &mut found, watch)?;
+            let cut = |s: &Sampled| s.state == SampledState::Interrupted;
+            left_out.extend(found.result.sampled.as_ref().is_some_and(cut).then_some("more draws from the posterior"));
+        }
+    }
+    // Of a fit that has not ended itself nothing more need be said.
+    if !left_out.is_empty() && watch.partial && !found.result.status.is_interrupted() {
+        let what = format!("interrupted after the fit had ended; left out: {}", left_out.join(", "));
+        warnings.push(Problem::warning(Area::Data, INTERRUPTED, what).hint("run the command again, and let it end"));
     }
     found.result.set_truth(truth);
     found.result.verdict = verdict(&found.result);
@@ -143,7 +166,7 @@ fn words(args: &Args, r: &Ready) -> BTreeMap<String, String> {
         ("method", name.to_owned()),
         ("biases", yes(s.biases && passive)),
         ("initial_state", if s.initial_state && passive { "estimated" } else { "at rest" }.to_owned()),
-        ("prior_relative_std", s.prior.map_or_else(|| "none".to_owned(), |p| p.to_string())),
+        (IdentificationResult::PRIOR, s.prior.map_or_else(|| "none".to_owned(), |p| p.to_string())),
         ("start_offset", s.start_offset.to_string()),
         ("max_chi2", s.limit.to_string()),
     ];

@@ -10,7 +10,7 @@ pub(crate) use args::{Args, EXAMPLES};
 
 use crate::output::Outcome;
 use crate::results;
-use faults::faults;
+use faults::{INTERRUPTED, faults};
 use ff_model::Problems;
 use ffid::exit::Exit;
 use ffid::workflow::identify::{IdentificationResult, Warning};
@@ -44,10 +44,14 @@ impl Display for Written<'_> {
 pub(crate) fn conclude(args: &Args, result: &mut IdentificationResult, problems: &mut Problems) -> Exit {
     let leniency = args.input.leniency();
     leniency.settle(problems);
-    let mut faults = faults(result, args);
+    let mut faults = faults(result, args, problems);
     let mut exit = results::exit_of(problems, &mut faults, &leniency);
     if result.exit() != Exit::Done {
         exit = result.exit();
+    }
+    // Of a fit that has ended, too: what comes behind it is missing.
+    if problems.0.iter().any(|p| p.code == INTERRUPTED) {
+        exit = Exit::Interrupted;
     }
     problems.extend(faults);
     result.warnings = Warning::all(problems);

@@ -3,7 +3,7 @@
 use super::args::Args;
 use crate::replay;
 use crate::results;
-use ff_mission::Leniency;
+use ff_mission::{Leniency, Mission};
 use ff_model::Problems;
 use ff_report::identify::{all_figures, corner_figure, page};
 use ffid::exit::Failure;
@@ -26,8 +26,10 @@ pub(crate) fn write(
     let (mut files, mut problems) = (Vec::new(), Problems::default());
     // Values that are no solution are not made into a robot.
     if let (Some(mission), true) = (&opened.mission, found.result.status.is_solution()) {
-        let file: &Path = &args.input.file;
-        (files, problems) = model_files::write(file, mission, &opened.model, &found.values, &found.selected, leniency)?;
+        let (file, model): (&Path, _) = (&args.input.file, &opened.model);
+        let prior_means = model_files::prior_means(mission, found.result.had_prior(), model, &found.values);
+        let mission = Mission { prior_means, ..mission.clone() };
+        (files, problems) = model_files::write(file, &mission, model, &found.values, &found.selected, leniency)?;
         found.result.warnings.extend(Warning::all(&problems));
     }
     // A filtered motion is no record: it would be filtered again.

@@ -19,7 +19,7 @@
 //!   told              signs and columns that the record does not tell
 //!   clocks, modes     ident::checks
 //!   prior             the values of the mission against the record
-//! before_fit          what would make a fit useless, in a fraction of its time; for `ffid identify`
+//! before_fit          what would make a fit useless, in a fraction of its time, and noise that is another; for `ffid identify`
 //! standing_still      the same of an arm on the ground, whose torques are not predicted
 //! ```
 mod candidates;
@@ -199,7 +199,8 @@ fn moving(case: &Case<'_>) -> Result<Problems, IdentifyError> {
     if found.has_errors() { Err(IdentifyError::IllPosed(found)) } else { Ok(found) }
 }
 
-/// Problems of a record that would make a fit useless: nothing moves, a unit, a sign or axes are wrong. One simulation, and two more where
+/// Problems of a record that would make a fit useless: nothing moves, a unit, a sign or axes are wrong; and noise that is far from what the
+/// mission says, as a warning: deviations and tests are those of the noise that is given. One simulation, and two more where
 /// its outputs are far from the prediction. Nothing is asked of the record of a base that is bolted down: see [`standing_still`]. Allocates.
 ///
 /// # Errors
@@ -214,6 +215,7 @@ pub fn before_fit(opened: &Opened, labelled: &LabelledRecord, settings: &Setting
     let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
     let case = Case { gains, ..Case::new(opened, labelled, &even, (&own, settings), jumps)? };
     let mut found = moving(&case)?;
+    let is_wrong = |f: &Finding| f.judgement == Judgement::Wrong;
     let wrong = |f: Finding| f.problem.filter(|_| f.judgement == Judgement::Wrong);
     let predicted = Prediction::new(&case, case.record);
     if let Ok(p) = &predicted {
@@ -223,6 +225,12 @@ pub fn before_fit(opened: &Opened, labelled: &LabelledRecord, settings: &Setting
             return Ok(found);
         }
     }
-    found.0.extend(hypotheses::before_fit(&case, predicted.as_ref().ok()).into_iter().filter_map(wrong));
+    let of_outputs = hypotheses::before_fit(&case, predicted.as_ref().ok());
+    // What is off by a factor has the noise of another unit.
+    if !of_outputs.iter().any(is_wrong) {
+        let noise = noise::findings(&case, &Scales::none(&case));
+        found.0.extend(noise.into_iter().filter_map(|f| f.problem));
+    }
+    found.0.extend(of_outputs.into_iter().filter_map(wrong));
     Ok(found)
 }

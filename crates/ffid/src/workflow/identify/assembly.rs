@@ -43,7 +43,12 @@ impl Setup {
     ) -> Result<Self, IdentifyError> {
         let model = &opened.model;
         let adopted = Adopted::new(model, &opened.estimated, &settings.adopt).map_err(IdentifyError::Refused)?;
-        let of_mission = UncertainItems::of(opened);
+        // What is held is at the values of the model.
+        let of_mission = if options.consider {
+            UncertainItems::beside(opened, &opened.estimated)
+        } else {
+            UncertainItems::of(opened)
+        };
         let every = of_mission.in_records(opened.mission.as_ref(), model, records, settings)?;
         let mut every = every.with_drives(model, records, settings)?;
         if records.len() > 1 {

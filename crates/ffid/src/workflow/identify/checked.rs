@@ -52,7 +52,7 @@ pub fn identify_checked(
     let mut s = settings.clone();
     let mut problems = Problems::default();
     let mut found = fit(records, &s)?;
-    if found.result.method == Method::Ground {
+    if found.result.method == Method::Ground || watch.ends_with_result() {
         return Ok((found, s, problems));
     }
     if found.result.chi2_per_dof > s.limit {
@@ -65,10 +65,16 @@ pub fn identify_checked(
         && found.result.method == Method::OutputError
     {
         let moving = Settings { initial_state: true, ..s.clone() };
-        let again = fit(records, &moving)?;
-        if again.result.chi2_per_dof < BETTER * found.result.chi2_per_dof {
-            problems.push(not_at_rest(&again, found.result.chi2_per_dof));
-            (found, s) = (again, moving);
+        match fit(records, &moving) {
+            // The fit before it has ended.
+            Err(IdentifyError::Interrupted) | Ok(_) if watch.ends_with_result() => return Ok((found, s, problems)),
+            again => {
+                let again = again?;
+                if again.result.chi2_per_dof < BETTER * found.result.chi2_per_dof {
+                    problems.push(not_at_rest(&again, found.result.chi2_per_dof));
+                    (found, s) = (again, moving);
+                }
+            }
         }
     }
     let mut clocks = Vec::new();
@@ -82,14 +88,23 @@ pub fn identify_checked(
     let even = records.iter().all(|r| r.record.is_uniform() && !r.continues);
     let may_be = may_be && (even || checks.clocks == ClockPolicy::Require);
     if checks.clocks != ClockPolicy::Trust && !s.initial_state && may_be {
-        let (again, lines, warnings) = set_clocks(&opened.model, records, &s, checks.clocks, found, &fit)?;
-        (found, clocks) = (again, lines);
-        problems.extend(warnings);
+        let first = watch.partial.then(|| found.clone());
+        match (set_clocks(&opened.model, records, &s, checks.clocks, found, &fit), first) {
+            (Err(IdentifyError::Interrupted), Some(first)) => return Ok((first, s, problems)),
+            (set, _) => {
+                let warnings;
+                (found, clocks, warnings) = set?;
+                problems.extend(warnings);
+            }
+        }
     }
     if found.result.chi2_per_dof > s.limit && speaks_for(&found, &["external-torque", "external-force"]) {
         for (k, labelled) in records.iter().enumerate() {
             let at = found.values_in(records, k);
             let change = momentum(opened, (&found, &at), labelled, &s, watch);
+            if matches!(change, Err(IdentifyError::Interrupted)) && watch.partial {
+                break;
+            }
             let change = checkable(change, labelled, "momentum", &mut problems)?;
             let Some(change) = change.flatten() else { continue };
             let p = not_conserved(&change, labelled, checks.external_torque);
@@ -100,6 +115,9 @@ pub fn identify_checked(
         }
     }
     found.result.clocks = clocks;
+    if watch.ends_with_result() {
+        return Ok((found, s, problems));
+    }
     for (k, labelled) in records.iter().enumerate() {
         let modes = decay_modes(&opened.model, &found.values_in(records, k), labelled, &s);
         let modes =

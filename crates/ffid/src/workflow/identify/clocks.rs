@@ -42,7 +42,14 @@ pub(super) fn set_clocks(
             records[k].record = corrected;
         }
         correction.found().iter().for_each(|c| records[c.record].resampled = c.corrected);
-        let again = fit(records, s)?;
+        let again = match fit(records, s) {
+            Ok(again) if !again.result.status.is_interrupted() => again,
+            // The fit before it has ended, and is that of the records as they were.
+            ended => {
+                records.clone_from_slice(&before);
+                return ended.map(|_| (found, said.0, said.1));
+            }
+        };
         if again.result.chi2_per_dof > WORSE * found.result.chi2_per_dof {
             // Clocks that were wrong were not what the comparison took for them: nothing is corrected that is not wrong.
             records.clone_from_slice(&before);

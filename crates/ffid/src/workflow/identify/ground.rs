@@ -141,7 +141,7 @@ pub(super) fn identify(
     provenance: Provenance,
 ) -> Result<Identified, IdentifyError> {
     let model = &opened.model;
-    let unknowns = Unknowns::new(model, &opened.estimated, s, options, &UncertainItems::default())?;
+    let unknowns = Unknowns::new(model, &opened.estimated, s, options, &UncertainItems::means(opened))?;
     let (decls, selected, start) = (&unknowns.decls, &unknowns.selected, &unknowns.start);
     let absent = records.iter().map(|r| missing(model, options, &r.label)).collect::<Result<Vec<_>, _>>()?;
     let prior = priors(&unknowns, s);
@@ -210,7 +210,7 @@ pub(super) fn identify(
         let off = linked_by(&ground, records, &absent, &found.fit.values, &softer(e))?;
         calibrated.widen(&off.iter().collect::<Vec<_>>(), &mut found)?;
     }
-    let considered = calibrated.consider(&UncertainItems::of(opened), &mut found)?;
+    let considered = calibrated.consider(&UncertainItems::beside(opened, &opened.estimated), &mut found)?;
     // What the record tells worse than to its own size predicts no other: it stays near the mission. Priors that were given do so themselves.
     if prior.is_empty() {
         found.lean_on_start(decls, selected).map_err(|e| linear(e.into()))?;
@@ -328,8 +328,8 @@ fn without(values: &[f64], absent: &[usize]) -> Vec<f64> {
 /// Priors of the parameters about the values of the mission, as wide as their sizes times the relative deviation.
 fn priors(unknowns: &Unknowns, s: &Settings) -> Vec<(usize, f64, f64)> {
     let Some(relative) = s.prior else { return Vec::new() };
-    let sizes = ident::parameters::sizes(&unknowns.decls, &unknowns.nominal);
-    let of = |(k, &p): (usize, &usize)| (k, unknowns.nominal[p], relative * sizes[p]);
+    let sizes = ident::parameters::sizes(&unknowns.decls, &unknowns.means);
+    let of = |(k, &p): (usize, &usize)| (k, unknowns.means[p], relative * sizes[p]);
     unknowns.selected.iter().enumerate().map(of).collect()
 }
 

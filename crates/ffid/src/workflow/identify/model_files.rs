@@ -2,12 +2,14 @@
 //!
 //! `identified.toml` is the mission file as it was, comments and all, with `urdf` (and every `*_file` key) pointing at the
 //! copies beside it, and a section `[parameters]` that gives the estimates. It reloads to the same parameters **bit for
-//! bit**; [`write()`] checks that before it hands the text out. `identified.urdf` is the URDF with the `<inertial>` of every
+//! bit**; [`write()`] checks that before it hands the text out. Where the mission says how well it knows a parameter, a section `[prior_means]`
+//! keeps the value that this is about: a record that is identified with the file tells what it tells once, be it the same or another. `identified.urdf` is the URDF with the `<inertial>` of every
 //! estimated body replaced; a reader of URDFs computes the same body from it up to rounding (relative 1e-12 or better),
 //! because a URDF counts inertia about the centre of mass, in decimal text.
 
 use crate::exit::Failure;
 use ff_mission::Leniency;
+use ff_mission::mission::named_by;
 use ff_mission::{LoadOptions, Mission};
 use ff_model::diagnostics::text_file;
 use ff_model::toml;
@@ -80,7 +82,8 @@ pub fn write(
     // The user's own text where it can be edited; else the same tables printed anew.
     let mut first: Option<(String, String)> = None;
     let mut good = None;
-    for edited in [edit(&text, &given, &copies), printed(&text, &given, &copies)].into_iter().flatten() {
+    let given = (&given, &mission.prior_means);
+    for edited in [edit(&text, given, &copies), printed(&text, given, &copies)].into_iter().flatten() {
         match reloads(&edited, &urdf, &extra, values, leniency) {
             Ok(()) => {
                 good = Some(edited);
@@ -101,6 +104,23 @@ pub fn write(
     let mut files = vec![(TOML.to_owned(), edited.into_bytes()), (URDF.to_owned(), urdf.into_bytes())];
     files.append(&mut extra);
     Ok((files, problems))
+}
+
+/// `[prior_means]` of a mission whose parameters are given other `values`, estimates from a record: what was known of them before is about those
+/// that it, or `model`, had until then. `prior`: the fit had a prior about everything. Allocates.
+pub fn prior_means(mission: &Mission, prior: bool, model: &Model, values: &[f64]) -> BTreeMap<String, f64> {
+    let mut means = mission.prior_means.clone();
+    let known = |name: &str| prior || mission.estimate.prior_relative_std.is_some() || is_uncertain(mission, name);
+    for (d, _) in model.param_decls().iter().zip(values).filter(|(d, x)| d.nominal != **x && known(&d.name)) {
+        means.entry(d.name.clone()).or_insert(d.nominal);
+    }
+    means
+}
+
+/// Whether `[[uncertain]]` says how well this parameter, or the body that it belongs to, is known.
+fn is_uncertain(mission: &Mission, name: &str) -> bool {
+    let of_body = name.rsplit_once('.').map(|n| n.0);
+    mission.uncertain.iter().any(|u| named_by(&u.parameters, name) || of_body.is_some_and(|b| named_by(&u.bodies, b)))
 }
 
 /// A body that was estimated beside and cannot exist: its errors are known with deviations alone, which reach beyond what can be.
@@ -208,9 +228,12 @@ fn number(x: f64) -> String {
     if plain.len() <= exp.len() { plain } else { exp }
 }
 
-/// The text with its values replaced in place, and a section of parameters at the end; `None` when it has such a section
+/// Estimates, and what priors are about.
+type Values<'a> = (&'a BTreeMap<String, f64>, &'a BTreeMap<String, f64>);
+
+/// The text with its values replaced in place, and sections of parameters at the end; `None` when it has such a section
 /// in a form that cannot be edited so.
-fn edit(text: &str, given: &BTreeMap<String, f64>, copies: &BTreeMap<String, String>) -> Option<String> {
+fn edit(text: &str, (given, means): Values<'_>, copies: &BTreeMap<String, String>) -> Option<String> {
     let doc = DeTable::parse(text).ok()?;
     let root = doc.get_ref();
     let mut changes: Vec<(Range<usize>, String)> = Vec::new();
@@ -222,30 +245,45 @@ fn edit(text: &str, given: &BTreeMap<String, f64>, copies: &BTreeMap<String, Str
             changes.push((span, quoted(name)));
         }
     });
-    let mut left = given.clone();
-    let mut section = "\n# Estimates of `ffid identify`: these values replace those that the URDF and the sections above lead to.\n[parameters]\n";
-    let mut insert = text.len();
-    if let Some(v) = root.get("parameters") {
-        let DeValue::Table(old) = v.get_ref() else { return None };
-        for (k, x) in old.iter() {
-            let name: &str = k.get_ref();
-            if let Some(value) = left.remove(name) {
-                changes.push((x.span(), number(value)));
+    for (section, values, comment) in [
+        (
+            "parameters",
+            given,
+            "# Estimates of `ffid identify`: these values replace those that the URDF and the sections above lead to.",
+        ),
+        (
+            "prior_means",
+            means,
+            "# What the mission said before: deviations of [[uncertain]] and priors are about these values and not about the estimates, so that\n\
+             # a record that is identified with this file counts once. To go on from what was learnt: ffid identify --prior-from this folder.",
+        ),
+    ] {
+        let header = format!("[{section}]");
+        let mut left = values.clone();
+        let (mut lines, mut insert) = (format!("\n{comment}\n{header}\n"), text.len());
+        if let Some(v) = root.get(section) {
+            let DeValue::Table(old) = v.get_ref() else { return None };
+            for (k, x) in old.iter() {
+                let name: &str = k.get_ref();
+                if let Some(value) = left.remove(name) {
+                    changes.push((x.span(), number(value)));
+                }
             }
+            // What is new goes right behind the line of the header.
+            let at = text
+                .match_indices(&header)
+                .find(|(i, _)| text[..*i].rsplit('\n').next().is_some_and(|before| before.trim().is_empty()))?;
+            insert = text[at.0..].find('\n').map_or(text.len(), |i| at.0 + i + 1);
+            lines.clear();
+        } else if values.is_empty() {
+            continue;
         }
-        // What is new goes right behind the line of the header.
-        let header = text
-            .match_indices("[parameters]")
-            .find(|(i, _)| text[..*i].rsplit('\n').next().is_some_and(|before| before.trim().is_empty()))?;
-        insert = text[header.0..].find('\n').map_or(text.len(), |i| header.0 + i + 1);
-        section = "";
+        for (name, x) in &left {
+            // Writing to a text cannot fail.
+            let _ = writeln!(lines, "{} = {}", quoted(name), number(*x));
+        }
+        changes.push((insert..insert, lines));
     }
-    let mut lines = String::from(section);
-    for (name, x) in &left {
-        // Writing to a text cannot fail.
-        let _ = writeln!(lines, "{} = {}", quoted(name), number(*x));
-    }
-    changes.push((insert..insert, lines));
     changes.sort_by_key(|(r, _)| (r.start, r.end));
     let mut out = String::with_capacity(text.len() + 64 * given.len());
     let mut at = 0;
@@ -265,14 +303,16 @@ fn edit(text: &str, given: &BTreeMap<String, f64>, copies: &BTreeMap<String, Str
 }
 
 /// The same tables printed anew, without comments.
-fn printed(text: &str, given: &BTreeMap<String, f64>, copies: &BTreeMap<String, String>) -> Option<String> {
+fn printed(text: &str, (given, means): Values<'_>, copies: &BTreeMap<String, String>) -> Option<String> {
     let mut root: toml::Table = text.parse().ok()?;
     root.get_mut("robot")?.as_table_mut()?.insert("urdf".into(), toml::Value::String(URDF.into()));
     if let Some(v) = root.get_mut("appendage") {
         rename("", v, copies);
     }
-    let values = given.iter().map(|(k, x)| (k.clone(), toml::Value::Float(*x))).collect();
-    root.insert("parameters".into(), toml::Value::Table(values));
+    for (section, values) in [("parameters", given), ("prior_means", means)].into_iter().filter(|s| !s.1.is_empty()) {
+        let values = values.iter().map(|(k, x)| (k.clone(), toml::Value::Float(*x))).collect();
+        root.insert(section.into(), toml::Value::Table(values));
+    }
     toml::to_string(&root).ok()
 }
 

@@ -92,12 +92,12 @@ fn links_without_inertial_and_links_fixed_to_a_body_are_written() {
 #[test]
 fn sections_in_forms_that_cannot_be_edited_are_printed_anew() {
     let given: BTreeMap<String, f64> = [("base.mass".to_owned(), 612.5)].into_iter().collect();
-    let none = BTreeMap::new();
+    let (none, files) = (BTreeMap::new(), BTreeMap::new());
     let inline = "parameters = { \"base.mass\" = 600 }\n[robot]\nurdf = \"a.urdf\"\n";
-    let edited = edit(inline, &given, &none);
+    let edited = edit(inline, (&given, &none), &files);
     // The value alone can be replaced in place, but new names have no section to go to.
     assert!(edited.is_none(), "{edited:?}");
-    let out = printed(inline, &given, &none).unwrap();
+    let out = printed(inline, (&given, &none), &files).unwrap();
     let t: toml::Table = out.parse().unwrap();
     assert_eq!(t["parameters"]["base.mass"].as_float(), Some(612.5));
     assert_eq!(t["robot"]["urdf"].as_str(), Some(URDF));

@@ -1,5 +1,6 @@
 //! Progress and interruption of a fit.
 
+use super::error::IdentifyError;
 use ff_least_squares::EvalError;
 use ident::belief::Unknown;
 use ident::estimate::{Around, At, Centred, Coarse, Estimate, RowStream};
@@ -19,12 +20,32 @@ pub struct Observer<'a> {
     pub progress: Option<&'a dyn Fn(usize, f64)>,
     /// Where the best point of a fit goes that is ended from outside.
     pub kept: Option<&'a RefCell<Option<Interim>>>,
+    /// Whether a fit that is ended from outside is a result that has not ended ([`super::result::fit::Ended::Interrupted`]), and no error.
+    pub partial: bool,
 }
 
 impl<'a> Observer<'a> {
     /// The same, for a fit beside the one that is asked for: it reports nothing and leaves nothing.
-    pub(super) fn aside(&self) -> Observer<'a> {
-        Observer { progress: None, kept: None, ..*self }
+    pub fn aside(&self) -> Observer<'a> {
+        Observer { progress: None, kept: None, partial: false, ..*self }
+    }
+    /// Whether it is to end.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(|s| s.load(Ordering::SeqCst))
+    }
+    /// Whether it is to end with the result that there is.
+    pub fn ends_with_result(&self) -> bool {
+        self.partial && self.is_stopped()
+    }
+    /// What comes behind a fit that has ended: `None` where it was ended from outside, and the fit itself is the result.
+    ///
+    /// # Errors
+    /// Those of `found`, and [`IdentifyError::Interrupted`] where nothing is a result that has not ended ([`Observer::partial`]).
+    pub fn unless_ended<V>(&self, found: Result<V, IdentifyError>) -> Result<Option<V>, IdentifyError> {
+        match found {
+            Err(IdentifyError::Interrupted) if self.partial => Ok(None),
+            found => found.map(Some),
+        }
     }
 }
 
@@ -55,10 +76,19 @@ struct SharedState {
     stopped: Cell<bool>,
     /// The last linearisation was folded, and has not been reported yet.
     folded: Cell<bool>,
-    /// The least chi-squared per residual of all data, and the unknowns there.
-    best: RefCell<Option<(f64, Vec<f64>)>>,
+    /// The least chi-squared per residual of all data, and where that is.
+    best: RefCell<Option<(f64, Point)>>,
+    /// The last linearisation over fewer of them.
+    on_the_way: RefCell<Option<Point>>,
     /// The last end of a fit that was looked around.
     near: RefCell<Option<Arc<Centred>>>,
+}
+
+/// Values of all parameters and of the nuisance unknowns.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Point {
+    pub(super) full: Vec<f64>,
+    pub(super) extra: Vec<f64>,
 }
 
 /// Chi-squared per residual.
@@ -72,11 +102,11 @@ impl SharedState {
             tell(self.linearisations.get(), mean_square(r));
         }
     }
-    fn keep(&self, full: &[f64], r: &[f64]) {
+    fn keep(&self, (full, extra): At<'_>, r: &[f64]) {
         let now = mean_square(r);
         let mut best = self.best.borrow_mut();
         if best.as_ref().is_none_or(|(least, _)| now < *least) {
-            *best = Some((now, full.to_vec()));
+            *best = Some((now, Point { full: full.to_vec(), extra: extra.to_vec() }));
         }
     }
 }
@@ -96,16 +126,40 @@ impl<'a> ObservedEstimator<'a> {
     pub(super) fn stopped(&self) -> bool {
         self.state.stopped.get()
     }
+    /// Linearisations so far, over fewer data too.
+    pub(super) fn linearisations(&self) -> usize {
+        self.state.linearisations.get()
+    }
+    /// The estimator itself, which answers after the fit was ended from outside, too.
+    pub(super) fn unwatched(&mut self) -> &mut (dyn Estimator + 'a) {
+        &mut *self.inner
+    }
+    /// Where a fit that was ended from outside has got to: the best point by all data, or the last linearisation over fewer, if that is
+    /// better by all. `None` before the first of either.
+    pub(super) fn so_far(&mut self) -> Option<Point> {
+        let (best, last) = (self.state.best.take(), self.state.on_the_way.take());
+        let Some(last) = last else { return best.map(|b| b.1) };
+        let none = vec![0.0; self.inner.nuisance().len()];
+        let last = if last.extra.len() == none.len() { last } else { Point { extra: none, ..last } };
+        let mut r = vec![0.0; self.inner.rows()];
+        let at_last = self.inner.residuals(&last.full, &last.extra, &mut r).map(|()| mean_square(&r));
+        match (best, at_last) {
+            (Some((least, best)), Ok(now)) => Some(if now < least { last } else { best }),
+            (Some((_, best)), Err(_)) => Some(best),
+            (None, Ok(_)) => Some(last),
+            (None, Err(_)) => None,
+        }
+    }
     /// Leaves the best point where it is kept, unless a better one is there. `expand` makes all parameters of unknowns.
     pub(super) fn leave<E>(&self, expand: impl FnOnce(&[f64]) -> Result<Vec<f64>, E>) {
-        let (Some(kept), Some((chi2_per_residual, full))) = (self.watch.kept, &*self.state.best.borrow()) else {
+        let (Some(kept), Some((chi2_per_residual, best))) = (self.watch.kept, &*self.state.best.borrow()) else {
             return;
         };
         let mut kept = kept.borrow_mut();
         if kept.as_ref().is_some_and(|k| k.chi2_per_residual <= *chi2_per_residual) {
             return;
         }
-        if let Ok(values) = expand(full) {
+        if let Ok(values) = expand(&best.full) {
             let linearisations = self.state.linearisations.get();
             *kept = Some(Interim { values, chi2_per_residual: *chi2_per_residual, linearisations });
         }
@@ -137,10 +191,17 @@ impl<'a> ObservedEstimator<'a> {
     }
     /// Whether the best point is to be kept.
     fn keeps(&self) -> bool {
-        self.whole && self.watch.kept.is_some()
+        self.whole && (self.watch.kept.is_some() || self.watch.partial)
+    }
+    /// Notes where a linearisation is, if that may be all there is of the fit when it is ended.
+    fn pass(&self, full: &[f64], extra: &[f64]) {
+        self.state.linearisations.set(self.linearisations() + 1);
+        if !self.whole && self.watch.partial {
+            self.state.on_the_way.replace(Some(Point { full: full.to_vec(), extra: extra.to_vec() }));
+        }
     }
     fn go_on(&self) -> Result<(), EvalError> {
-        if self.watch.stop.is_some_and(|s| s.load(Ordering::SeqCst)) {
+        if self.watch.is_stopped() {
             self.state.stopped.set(true);
             return Err(EvalError::Fatal("interrupted".into()));
         }
@@ -168,11 +229,16 @@ impl Estimator for ObservedEstimator<'_> {
         Some(self.watched(self.inner.beginning(share)?))
     }
     fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
-        // The best point is kept, and progress is told, one by one.
-        if self.keeps() || self.state.folded.get() || self.go_on().is_err() {
+        // Progress is told one by one.
+        if self.state.folded.get() || self.go_on().is_err() {
             return at.iter().zip(r).map(|(&(full, extra), r)| self.residuals(full, extra, r)).collect();
         }
-        self.inner.residuals_at(at, r)
+        let done = self.inner.residuals_at(at, r);
+        if self.keeps() {
+            let good = at.iter().zip(r.iter()).zip(&done).filter(|(_, done)| done.is_ok());
+            good.for_each(|((at, r), _)| self.state.keep(*at, r));
+        }
+        done
     }
     fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
         self.go_on()?;
@@ -182,7 +248,7 @@ impl Estimator for ObservedEstimator<'_> {
         self.go_on()?;
         self.inner.residuals(full, extra, r)?;
         if self.keeps() {
-            self.state.keep(full, r);
+            self.state.keep((full, extra), r);
         }
         // Rows that are folded are not seen here; the first residuals after them tell about as much.
         if self.state.folded.replace(false) {
@@ -201,9 +267,9 @@ impl Estimator for ObservedEstimator<'_> {
         self.go_on()?;
         self.inner.jacobian(full, extra, selected, r, j)?;
         if self.keeps() {
-            self.state.keep(full, r);
+            self.state.keep((full, extra), r);
         }
-        self.state.linearisations.set(self.state.linearisations.get() + 1);
+        self.pass(full, extra);
         self.state.report(self.watch, r);
         Ok(())
     }
@@ -214,7 +280,7 @@ impl Estimator for ObservedEstimator<'_> {
         selected: &[usize],
     ) -> Result<Vec<Box<dyn RowStream + 's>>, EvalError> {
         self.go_on()?;
-        self.state.linearisations.set(self.state.linearisations.get() + 1);
+        self.pass(full, extra);
         self.state.folded.set(true);
         self.inner.streams(full, extra, selected)
     }

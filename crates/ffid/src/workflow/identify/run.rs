@@ -6,7 +6,7 @@ use super::compliances::allow_for_compliances;
 use super::consider::{self, Side};
 use super::course::Course;
 use super::drives;
-use super::elsewhere::{Subject, WIDE, elsewhere, explains, gone_on, has_lost, has_springs};
+use super::elsewhere::{Subject, WIDE, elsewhere, explains, from_the_start, gone_on, has_lost, has_springs};
 use super::encoder_noise::{allow_for_encoders, said};
 use super::error::IdentifyError;
 use super::evidence::State;
@@ -23,7 +23,7 @@ use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::refit::Contradicted;
 use super::report::Report;
-use super::result::fit::Method;
+use super::result::fit::{Ended as EndOfFit, Method};
 use super::result::provenance::Provenance;
 use super::ringing;
 use super::settings::{Settings, check, method};
@@ -34,6 +34,7 @@ use super::uncertain::UncertainItems;
 use super::unknowns::Unknowns;
 use super::valleys::{ASIDE, Ending, best_valley};
 use crate::open::Opened;
+use ff_least_squares::{Settings as Solver, Status};
 use ff_model::{Area, Problem, Problems};
 use ident::Loss;
 use ident::belief::{ChannelRows, Profile, coloured_covariance};
@@ -97,16 +98,34 @@ pub fn identify(
         IdentifyError::Interrupted
     };
     let stopped = watched.stopped() || matches!(fitted, Err(IdentifyError::Interrupted));
-    let (mut fitted, suspected) = if stopped { return Err(ended(&watched)) } else { fitted? };
+    // Linearisations of a fit that was ended from outside.
+    let mut after = None;
+    let (mut fitted, suspected) = if stopped {
+        let interrupted = ended(&watched);
+        let Some(estimate) = watch.partial.then(|| so_far(&request, &mut watched)).flatten() else {
+            return Err(interrupted);
+        };
+        after = Some(watched.linearisations());
+        (Fitted::of(estimate, request.selected), None)
+    } else {
+        fitted?
+    };
     let values = unknowns.expand(&fitted.estimate.values)?;
     let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &[] };
     let mut shaken = Vec::new();
-    if let Some((wider, by)) = allow_for_encoders(&end, &twins, settings)? {
+    if !watch.ends_with_result()
+        && let Some((wider, by)) = allow_for_encoders(&end, &twins, settings)?
+    {
         (fitted, shaken) = (wider, by);
     }
     let silent = known::silent(model, &values, unknowns, &fitted.full)?;
     let profiles = known::profiles(&request, unknowns, (&fitted.selected, &fitted.estimate), options, &mut watched);
-    let mut profiles = if watched.stopped() { return Err(ended(&watched)) } else { profiles? };
+    let mut profiles = match profiles {
+        // What the fit has found is there; what would come behind it is not.
+        _ if watched.stopped() && watch.partial => Vec::new(),
+        _ if watched.stopped() => return Err(ended(&watched)),
+        found => found?,
+    };
     known::bent(&fitted, &mut profiles);
     let alone = || Unknowns::new(model, &setup.estimated, settings, options, &uncertain.held_at_mission());
     let own = if options.consider && fitted.estimate.is_solution() { Some(alone()?) } else { None };
@@ -115,7 +134,14 @@ pub fn identify(
             let mut bare = Assembly { unknowns: own, ..fit }.assemble(&UncertainItems::default())?.whole;
             let joint = Side { unknowns, estimator: &mut watched };
             let own = Side { unknowns: own, estimator: &mut *bare };
-            Some(consider::hold(joint, own, &fitted, &request)?)
+            match consider::hold(joint, own, &fitted, &request) {
+                Err(_) if watch.ends_with_result() => {
+                    after = Some(watched.linearisations());
+                    fitted.estimate.status = Status::IterationLimit;
+                    None
+                }
+                held => Some(held?),
+            }
         }
         None => None,
     };
@@ -129,15 +155,16 @@ pub fn identify(
     let ended_well = fitted.estimate.is_solution();
     let named_already = suspected.is_some() || options.start_at_posterior && !ended_well;
     let mut found = suspected;
-    if found.is_none() && ended_well && method(model, settings.method) == Method::Rda {
-        found = fit.tested_by_all_sensors(&request, &end, uncertain, watch)?;
+    let goes_on = || !watch.ends_with_result();
+    if found.is_none() && goes_on() && ended_well && method(model, settings.method) == Method::Rda {
+        found = watch.unless_ended(fit.tested_by_all_sensors(&request, &end, uncertain, watch))?.flatten();
     }
-    if found.is_none() && (ended_well || method(model, settings.method) == Method::OutputError) {
+    if found.is_none() && goes_on() && (ended_well || method(model, settings.method) == Method::OutputError) {
         found = explain::tests(&end, &twins, settings)?;
     }
     let tests = found.as_ref();
     let coloured = coloured_deviations(&end, &rows, sigma.len(), settings, &mut watched);
-    let coloured = if watched.stopped() { return Err(ended(&watched)) } else { coloured };
+    let coloured = if watched.stopped() && !watch.partial { return Err(ended(&watched)) } else { coloured };
     let mut report =
         Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests, noise };
     let mut stated = &fitted;
@@ -166,10 +193,9 @@ pub fn identify(
     watched.leave(|unknown| unknowns.expand(unknown));
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
     let noisy = explain::of_sensors(&fitted.estimate, noise, &result.whiteness, settings).is_some();
-    if let Some(tests) = found
-        .as_mut()
-        .filter(|_| !named_already && own.is_none() && (!ended_well || result.state() == State::Contradicted && !noisy))
-    {
+    if let Some(tests) = found.as_mut().filter(|_| {
+        !named_already && goes_on() && own.is_none() && (!ended_well || result.state() == State::Contradicted && !noisy)
+    }) {
         let white = result.whiteness.iter().all(|w| w.white);
         let end = Contradicted {
             opened,
@@ -182,16 +208,42 @@ pub fn identify(
             white,
             noise,
         };
-        end.named_by_fits(tests)?;
+        watch.unless_ended(end.named_by_fits(tests))?;
         let estimates = !result.parameters.is_empty();
         let evidence =
             explain::evidence(Some(tests), (&fitted.estimate, noise), &result.whiteness, estimates, settings);
         result.evidence = Some(evidence);
     }
+    if let Some(after) = after {
+        (result.status, result.iterations) = (EndOfFit::Interrupted { after }, after);
+    }
     result.verdict = text::verdict(&result);
     let selected = own.as_ref().unwrap_or(unknowns).touched.clone();
     let values = considered.map_or(values, |c| c.values);
     Ok(Identified { result, signals, values, selected, tried, draws: None, fitted: Some(fitted) })
+}
+
+/// A fit that was ended from outside, as one that has not ended: one linearisation of all data at the best point that it has come to.
+/// `None` where it has not come to any, or nothing can be linearised there.
+fn so_far(request: &Request<'_>, estimator: &mut ObservedEstimator<'_>) -> Option<Estimate> {
+    let at = estimator.so_far()?;
+    let asked = Request {
+        start: &at.full,
+        nuisance: Some(&at.extra),
+        centre: Some(request.centre.unwrap_or(request.start)),
+        coarse: false,
+        near_end: false,
+        finer: 0,
+        give_up: None,
+        to_beat: None,
+        other_starts: None,
+        ..request.clone()
+    };
+    let settings = Solver { max_iterations: 1, ..request.settings.clone() };
+    let mut found = attempt(&Request { settings, ..asked }, estimator.unwatched()).ok()?;
+    from_the_start(&mut found, request);
+    found.status = Status::IterationLimit;
+    Some(found)
 }
 
 /// Standard deviations of the unknowns under random noise of the colour that the residuals have, by name; none where they are white, or

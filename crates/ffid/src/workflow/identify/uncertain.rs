@@ -21,6 +21,7 @@ use ident::uncertain::ErrorSource;
 use ident::{Options, Tie};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Deviations that the range of a declaration spans to either side.
 const RANGE: f64 = 5.0;
@@ -208,6 +209,8 @@ pub struct UncertainItems {
     /// Names of those among them of which nothing is known, and that nobody asked for, friction and gains of joints; where a fit begins.
     pub(super) beside: Vec<(String, f64)>,
     bodies: Vec<BodyErrors>,
+    /// Values that priors are about, by name, where they are not those of the model ([`Mission::prior_means`]).
+    pub(super) means: BTreeMap<String, f64>,
     /// What records bring.
     pub(super) over_time: OverTime,
 }
@@ -218,6 +221,8 @@ struct BodyErrors {
     unknowns: Vec<ParamDecl>,
     /// First of the ten numbers of each body, and what each error changes of them.
     first: Vec<usize>,
+    /// Ten numbers of each that the errors are about, where they are not those of the model.
+    about: Option<Vec<f64>>,
     slopes: Vec<Vec<(usize, [f64; 10])>>,
 }
 
@@ -245,11 +250,22 @@ impl UncertainItems {
     }
     /// Of a mission; nothing where there is none.
     pub(in crate::workflow::identify) fn of(opened: &Opened) -> Self {
-        Self::beside(opened, &opened.estimated)
+        let of = |m: &Mission| Self::of_mission(m, &opened.model, &opened.estimated);
+        opened.mission.as_ref().map_or_else(Self::default, of)
     }
-    /// Of a mission where these parameters are estimated; nothing where there is no mission, or it is sure of everything. Allocates.
+    /// What priors of a mission are about, alone.
+    pub(super) fn means(opened: &Opened) -> Self {
+        let means = opened.mission.as_ref().map_or_else(BTreeMap::new, |m| m.prior_means.clone());
+        Self { means, ..Self::default() }
+    }
+    /// Of a mission where these parameters are estimated, about the values of the model; nothing where there is no mission, or it is sure of
+    /// everything. Allocates.
     pub fn beside(opened: &Opened, estimated: &[usize]) -> Self {
-        opened.mission.as_ref().map_or_else(Self::default, |m| Self::of_mission(m, &opened.model, estimated))
+        let of = |m: &Mission| {
+            let about_model = Mission { prior_means: BTreeMap::new(), ..m.clone() };
+            Self::of_mission(&about_model, &opened.model, estimated)
+        };
+        opened.mission.as_ref().map_or_else(Self::default, of)
     }
     /// Errors of 1 %, 1 mm or 1 mrad in everything that a mission holds fixed beside these parameters: masses and centres of mass, gains
     /// of sensors, placements; nothing where the mission says itself what it is not sure of. Allocates.
@@ -276,8 +292,9 @@ impl UncertainItems {
     }
     /// Of the sections of a mission for a model of it. Allocates.
     pub(in crate::workflow) fn of_mission(mission: &Mission, model: &Model, estimated: &[usize]) -> Self {
-        let mut out = Self::default();
-        let decls = model.param_decls();
+        let mut out = Self { means: mission.prior_means.clone(), ..Self::default() };
+        let mut decls = model.param_decls();
+        decls.iter_mut().for_each(|d| d.nominal = out.means.get(&d.name).copied().unwrap_or(d.nominal));
         out.parameters(mission, &decls, estimated);
         out.sensors(mission, model);
         out.placements(mission, model);
@@ -290,16 +307,16 @@ impl UncertainItems {
     }
     /// What is known beforehand of estimated parameters, alone: nothing else is estimated beside them.
     pub(super) fn held_at_mission(&self) -> Self {
-        Self { priors: self.priors.clone(), ..Self::default() }
+        Self { priors: self.priors.clone(), means: self.means.clone(), ..Self::default() }
     }
     /// Without errors of sensors and placements, and the names of those: for a method that has no columns of them.
     pub(super) fn of_parameters_alone(self) -> (Self, Vec<String>) {
         let (unknowns, left): (Vec<_>, Vec<_>) = self.unknowns.into_iter().partition(|u| u.kind.is_of_parameters());
         let names: Vec<String> = left.into_iter().map(|u| u.name).chain(self.beside.into_iter().map(|b| b.0)).collect();
-        let Self { parameters, priors, bodies, mut shared, mut over_time, .. } = self;
+        let Self { parameters, priors, bodies, means, mut shared, mut over_time, .. } = self;
         shared.retain(|d| !names.contains(&d.name));
         over_time.no_walks();
-        (Self { unknowns, parameters, priors, bodies, shared, over_time, ..Self::default() }, names)
+        (Self { unknowns, parameters, priors, bodies, means, shared, over_time, ..Self::default() }, names)
     }
     /// Whether there are errors that the rigid method has no columns of.
     pub(super) fn needs_output_error(&self) -> bool {
@@ -421,14 +438,16 @@ impl UncertainItems {
             let named = |i: &usize| decls[*i].name.strip_suffix(".mass").is_some_and(|n| named_by(&u.bodies, n));
             let of: Vec<usize> = (0..decls.len()).filter(|&i| whole(i) && !taken.contains(&i)).filter(named).collect();
             taken.extend(&of);
-            let mut e = BodyErrors { unknowns: Vec::new(), first: of.clone(), slopes: Vec::new() };
+            let ten = |i: usize| -> [f64; 10] { core::array::from_fn(|k| decls[i + k].nominal) };
+            let known = |i: &usize| (*i..i + 10).any(|k| self.means.contains_key(&decls[k].name));
+            let about = of.iter().any(known).then(|| of.iter().flat_map(|&i| ten(i)).collect());
+            let mut e = BodyErrors { unknowns: Vec::new(), first: of.clone(), about, slopes: Vec::new() };
             let mut kinds = Vec::new();
             let mut put = |name: String, unit: &'static str, std: f64, kind, slopes| {
                 e.unknowns.push(decl(name, unit, std));
                 e.slopes.push(slopes);
                 kinds.push((std, kind));
             };
-            let ten = |i: usize| -> [f64; 10] { core::array::from_fn(|k| decls[i + k].nominal) };
             if let (true, Some(std)) = (u.common && !of.is_empty(), u.mass_relative_std) {
                 let all = of.iter().enumerate().map(|(b, &i)| (b, ten(i))).collect();
                 let name = format!("error.{}.mass", u.bodies.join("+"));
@@ -477,7 +496,10 @@ impl UncertainItems {
     pub(in crate::workflow) fn ties(&self, values: &[f64]) -> Result<Vec<Box<dyn Tie>>, IdentifyError> {
         let one = |e: &BodyErrors| -> Result<Box<dyn Tie>, IdentifyError> {
             let parameters: Vec<usize> = e.first.iter().flat_map(|&i| i..i + 10).collect();
-            let offset = DVector::from_iterator(parameters.len(), parameters.iter().map(|&i| values[i]));
+            let offset = match &e.about {
+                Some(about) => DVector::from_column_slice(about),
+                None => DVector::from_iterator(parameters.len(), parameters.iter().map(|&i| values[i])),
+            };
             let mut matrix = DMatrix::zeros(parameters.len(), e.unknowns.len());
             for (column, slopes) in e.slopes.iter().enumerate() {
                 for (b, slope) in slopes {

@@ -28,6 +28,8 @@ pub(super) struct Unknowns {
     pub(super) selected: Vec<usize>,
     /// Values of the mission.
     pub(super) nominal: Vec<f64>,
+    /// Values that a prior of everything is about: those of the mission, unless it says others ([`ff_mission::Mission::prior_means`]).
+    pub(super) means: Vec<f64>,
     /// Where the fit starts.
     pub(super) start: Vec<f64>,
     /// Those among them that are not asked for, by index, each with what the mission says of it.
@@ -105,12 +107,15 @@ impl Unknowns {
             let asked: Vec<usize> = selected.iter().copied().filter(is_asked).collect();
             offset_start(&decls, &nominal, &asked, s.start_offset, s.seed)
         };
+        let means =
+            decls.iter().zip(&nominal).map(|(d, x)| uncertain.means.get(&d.name).copied().unwrap_or(*x)).collect();
         let (width, posterior) = (s.prior, options.posterior.clone());
         let combined = uncertain.over_time.combined.clone();
         Ok(Self {
             decls,
             selected,
             nominal,
+            means,
             start,
             marginal,
             beside,
@@ -127,7 +132,7 @@ impl Unknowns {
     pub(super) fn priors(&self, selected: &[usize]) -> Result<Priors, IdentifyError> {
         let refused = |e: String, hint: &str| IdentifyError::Refused(config("Config::Prior", e, hint));
         let mut priors = match self.width {
-            Some(w) => Priors::new(&self.decls, selected, &self.nominal, &[("*", Sigma::Relative(w))])
+            Some(w) => Priors::new(&self.decls, selected, &self.means, &[("*", Sigma::Relative(w))])
                 .map_err(|e| refused(e.to_string(), "give a width such as 0.3"))?
                 .of_columns(|column| !self.beside.contains(&selected[column])),
             None => Priors::default(),

@@ -39,6 +39,11 @@ pub enum Ended {
     },
     /// Out of iterations: not a solution.
     IterationLimit,
+    /// Ended from outside: not a solution.
+    Interrupted {
+        /// Linearisations until then, those over less data included.
+        after: usize,
+    },
 }
 
 /// A linearisation on the way to the estimates.
@@ -70,6 +75,10 @@ impl Ended {
             Status::IterationLimit => Self::IterationLimit,
         }
     }
+    /// True for a fit that was ended from outside.
+    pub fn is_interrupted(&self) -> bool {
+        matches!(self, Self::Interrupted { .. })
+    }
     /// True for a minimum, bounded or not.
     pub fn is_solution(&self) -> bool {
         matches!(self, Self::Converged | Self::Flat { .. } | Self::AtBound { .. })
@@ -85,6 +94,8 @@ impl std::fmt::Display for Ended {
             Self::AtBound { at } => write!(f, "converged with {} at a bound", at.join(", ")),
             Self::Stalled { promised } => write!(f, "stalled (a reduction of {promised:.1e} still promised)"),
             Self::IterationLimit => f.write_str("ran out of iterations"),
+            Self::Interrupted { after: 1 } => f.write_str("was interrupted after 1 linearisation"),
+            Self::Interrupted { after } => write!(f, "was interrupted after {after} linearisations"),
         }
     }
 }

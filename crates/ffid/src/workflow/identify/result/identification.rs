@@ -192,6 +192,12 @@ impl IdentificationResult {
             provenance,
         }
     }
+    /// Setting that has the relative width of a prior about everything.
+    pub const PRIOR: &'static str = "prior_relative_std";
+    /// Whether the fit had such a prior.
+    pub fn had_prior(&self) -> bool {
+        self.provenance.settings.get(Self::PRIOR).is_some_and(|p| p != "none")
+    }
     /// Puts what is true of a simulated record beside the estimates; parameters that `truth` lacks have none.
     pub fn set_truth(&mut self, truth: &[(String, f64)]) {
         for p in &mut self.parameters {
@@ -208,14 +214,17 @@ impl IdentificationResult {
     pub fn state(&self) -> State {
         self.evidence.as_ref().map(|e| e.state).unwrap_or_default()
     }
-    /// The code a command ends with that has found this: 16 for a model that the record contradicts, with or without an end of its fit, for
-    /// what a wrong model does not see is no property of the record; 14 for no solution, whose null directions say nothing; 13 for combinations that neither data nor priors
+    /// The code a command ends with that has found this: 130 for a fit that was interrupted; 16 for a model that the record contradicts, with or without an
+    /// end of its fit, for what a wrong model does not see is no property of the record; 14 for no solution, whose null directions say nothing; 13 for
+    /// combinations that neither data nor priors
     /// tell (unless the set that can be told was asked for), 16 for held-out data that contradict it, 17 for one that was not tested,
     /// else 0. On the ground there is no noise figure to test against: 0, unless held-out
     /// data are missed by more than what the fit left.
     pub fn exit(&self) -> crate::exit::Exit {
         use crate::exit::Exit;
-        if self.state() == State::Contradicted {
+        if self.status.is_interrupted() {
+            Exit::Interrupted
+        } else if self.state() == State::Contradicted {
             Exit::Contradicted
         } else if !self.status.is_solution() {
             Exit::Numerical
@@ -270,6 +279,8 @@ mod tests {
         r.evidence = Some(Evidence { state: State::Contradicted, ..Evidence::default() });
         assert_eq!(r.exit(), Exit::Contradicted);
         r.evidence = None;
+        r.status = Ended::Interrupted { after: 3 };
+        assert_eq!(r.exit(), Exit::Interrupted);
         r.status = Ended::Converged;
         r.priors_cover = true;
         assert_eq!(r.exit(), Exit::Done);

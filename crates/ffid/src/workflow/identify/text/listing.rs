@@ -250,11 +250,12 @@ impl fmt::Display for IdentificationResult {
             Ended::Converged => "converged".to_owned(),
             other => other.to_string(),
         };
-        writeln!(
-            f,
-            "\nfit: {end} after {} linearisations, chi-squared per degree of freedom {:.4}",
-            self.iterations, self.chi2_per_dof
-        )?;
+        let after = if self.status.is_interrupted() {
+            String::new()
+        } else {
+            format!(" after {} linearisations", self.iterations)
+        };
+        writeln!(f, "\nfit: {end}{after}, chi-squared per degree of freedom {:.4}", self.chi2_per_dof)?;
         if self.records.is_empty() {
             channels(f, &self.channels)?;
         }
