@@ -61,3 +61,28 @@ fn fuel_that_was_burnt_between_two_records_is_named() {
     let (value, std) = (fuel["value"].as_f64().unwrap(), fuel["std"].as_f64().unwrap());
     assert!((value + 17.5).abs() < 4.0 * std && std < 3.0, "{first}");
 }
+
+#[test]
+#[ignore = "full tier: 15 s"]
+fn an_encoder_that_is_off_is_named_beside_a_client_that_hides_it() {
+    let dir = tempfile::tempdir().unwrap();
+    simulated(dir.path(), 65, |truth| truth.replace("\n[sensors]\n", &format!("{CLIENT}\n[sensors]\n")));
+    noisy(
+        dir.path(),
+        66,
+        |names, x| names.iter().zip(x).filter(|(n, _)| n.starts_with("q.elbow")).for_each(|(_, x)| *x += 0.05),
+        |m| m,
+    );
+    let (code, r) = identify(dir.path(), &["--record", "rec.csv"]);
+    let named = r["evidence"]["named"].as_array().unwrap();
+    let size = |name: &str, component: &str| -> (f64, f64) {
+        let n = named.iter().find(|n| n["name"] == name).unwrap_or_else(|| panic!("{name}: {}", r["evidence"]));
+        assert!(n["refitted"] == true && (n["name"] == named[0]["name"] || n["beside"] == true), "{n}");
+        let c = n["size"].as_array().unwrap().iter().find(|c| component.is_empty() || c["name"] == component).unwrap();
+        (c["value"].as_f64().unwrap(), c["std"].as_f64().unwrap())
+    };
+    assert_eq!((code, r["evidence"]["with_first"].as_str()), (16, Some("explained")), "{}", r["evidence"]);
+    let ((mass, std), (turned, by)) = (size("held.hand", "mass"), size("encoder-offset.elbow", ""));
+    assert!((mass - 31.0).abs() < 4.0 * std && std < 3.0, "{mass} +- {std}");
+    assert!((turned + 0.05).abs() < 4.0 * by && by < 1e-3, "{turned} +- {by}");
+}
