@@ -38,7 +38,8 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args, before: &Problems) -
             (&s.unexcited, ", which another motion might tell"),
         ],
     };
-    for (all, why) in silent.into_iter().filter(|s| !s.0.is_empty()) {
+    // What a fit that has not ended does not see where it stopped is no property of the record.
+    for (all, why) in silent.into_iter().filter(|s| r.status.is_solution() && !s.0.is_empty()) {
         let what = match all {
             [one] => format!("the record is silent on {}{why}", one.text),
             _ => {

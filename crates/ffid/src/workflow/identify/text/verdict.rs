@@ -68,7 +68,9 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
         out.push(format!("{all} parameters are determined by the record{apart}."));
     }
     out.extend(exactness(r));
-    if !r.null_directions.is_empty() {
+    // What a fit that has not ended does not see where it stopped is no property of the record.
+    let solved = r.status.is_solution();
+    if solved && !r.null_directions.is_empty() {
         let k = r.null_directions.len();
         let held = match (&r.reduced, r.priors_cover) {
             (Some(_), _) => {
@@ -82,7 +84,7 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
         out.push(format!("The record is silent on {what}, {held}: {first}{}", if k > 1 { "; ..." } else { "." }));
     }
     out.extend(scale_of_currents(r));
-    if let Some(s) = &r.silent {
+    if let Some(s) = r.silent.as_ref().filter(|_| solved) {
         if !s.structural.is_empty() {
             let k = s.structural.len();
             out.push(format!(
