@@ -50,7 +50,7 @@ def test_every_command_has_its_function() -> None:
 
 def keywords(functions: list[object]) -> set[str]:
     names = {p for f in functions for p in inspect.signature(f).parameters}  # type: ignore[arg-type]
-    return {n.replace("_", "-") for n in names - {"self", "cls"}}
+    return {n.rstrip("_").replace("_", "-") for n in names - {"self", "cls"}}
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -478,6 +478,14 @@ def test_files_are_converted_and_described(mission: ffid.Mission, record: ffid.R
     assert np.array_equal(ffid.Record.read(tmp_path / "m1.csv", mission).tau, record.tau)
     with pytest.raises(ffid.OutputError):
         ffid.convert(record.name, tmp_path / "m1.csv")
+    lines = (tmp_path / "m1.csv").read_text().splitlines()
+    for name, gyro in ("arm.csv", False), ("gyro.csv", True):
+        of = [i for i, c in enumerate(lines[0].split(",")) if i == 0 or c.startswith("gyro") == gyro]
+        rows = [",".join(line.split(",")[i] for i in of) for line in lines]
+        (tmp_path / name).write_text("\n".join(rows) + "\n")
+    ffid.convert(tmp_path / "arm.csv", tmp_path / "both.csv", with_=[tmp_path / "gyro.csv"])
+    both = ffid.Record.read(tmp_path / "both.csv", mission)
+    assert np.array_equal(both.tau, record.tau) and np.array_equal(both.gyro, record.gyro)
     assert "properties" in ffid.schema("mission") and "properties" in ffid.schema("result")
     with pytest.raises(ValueError, match="nothing"):
         ffid.schema("nothing")  # type: ignore[arg-type]

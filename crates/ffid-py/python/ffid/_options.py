@@ -48,10 +48,10 @@ def words_of(function: Callable[..., object], values: Mapping[str, Any], *, leav
 
 
 def words(**keywords: Any) -> list[str]:
-    """Options of the command line: ``held_out=0.3`` is ``--held-out=0.3``, ``True`` a flag, ``None`` and ``False`` nothing."""
+    """Options of the command line: ``held_out=0.3`` is ``--held-out=0.3``, ``with_=`` is ``--with``, ``True`` a flag, ``None`` and ``False`` nothing."""
     out: list[str] = []
     for key, value in keywords.items():
-        option = "--" + key.replace("_", "-")
+        option = "--" + key.rstrip("_").replace("_", "-")
         if value is None or value is False:
             continue
         if value is True:

@@ -43,6 +43,7 @@ def convert(
     source: Path,
     to: Path,
     *,
+    with_: Sequence[Path] = (),
     si: bool = False,
     separator: Literal["commas", "semicolons", "tabs", "bars", "blanks"] = "commas",
     rename: Sequence[str] = (),
@@ -60,6 +61,7 @@ def convert(
     Args:
         source: The file that is read.
         to: The file that is written, ``.csv`` or ``.parquet``.
+        with_: Other files of the same motion, with stamps of the same clock: rows of all in the order of their time, empty cells where one has no sample.
         si: Whether every column is converted to its SI unit.
         separator: What separates the columns of a CSV file; with any but commas, a comma in a number is a decimal comma.
         rename: Columns to call otherwise, ``"timestamp=time[ns]"``; one ``*`` stands for any text, as in ``"pos_*=q.*[deg]"``.
