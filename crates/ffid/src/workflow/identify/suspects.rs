@@ -143,11 +143,12 @@ impl Suspects<'_> {
         if shape.follows() {
             // The model can have that shape: another start is all that it takes, or a small thing is wrong.
             let estimate = self.without(stuck, &self.estimated_at(&shape.values), Begins::Afar)?;
-            let explained = self.explained(&estimate);
-            nearer = (estimate.objective < HALVES * stuck.objective).then_some(Found { estimate, tests: None });
+            let (explained, halved) = (self.explained(&estimate), estimate.objective < HALVES * stuck.objective);
+            let found = Found { estimate, tests: None };
             if explained {
-                return Ok(nearer);
+                return Ok(Some(found));
             }
+            nearer = halved.then_some(found);
         }
         let apart = self.robots_that_differ(stuck)?;
         if apart.is_some() || shape.follows() {
