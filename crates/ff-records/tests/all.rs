@@ -6,6 +6,7 @@
 mod bags;
 mod builder;
 mod csv;
+mod foreign;
 #[cfg(feature = "mcap")]
 mod mcap;
 #[cfg(feature = "parquet")]

@@ -1,7 +1,7 @@
 //! Records in blocks of rows: what every format gives, and the one way from blocks to a record.
 
-use super::aliases::understood;
-use super::columns::{Target, targets};
+use super::aliases::head;
+use super::columns::Target;
 use super::options::finish;
 use super::samples::{NOT_FINITE, Samples, too_many};
 use super::{JointColumn, Loaded, ReadOptions, data};
@@ -105,10 +105,7 @@ pub(super) fn collect(
     si_units: bool,
 ) -> Result<Loaded, Problems> {
     let mut bad = Problems::default();
-    let found = understood(source.names(), None, joints, options, si_units, &mut bad);
-    let (head, beside) = found.clone().unwrap_or_default();
-    let ignore = [&options.ignore[..], &beside].concat();
-    let targets = found.and_then(|_| targets(&head, joints, &ReadOptions { ignore, ..options.clone() }, &mut bad));
+    let (head, targets) = head(source.names(), None, joints, options, si_units, &mut bad).unwrap_or_default();
     // The names of these files stand in no line.
     bad.0.iter_mut().for_each(|p| p.line = None);
     let parsed = targets.and_then(|t| rows(source, (&head, &t), joints, options, &mut bad));

@@ -1,7 +1,6 @@
 //! The line of names: which column goes where, in which unit, and all that is wrong with it.
 
-use super::aliases::{ignores, parts};
-use super::naming::{is_nameless, is_time, split};
+use super::naming::{ignores, is_nameless, is_time, parts, split};
 use super::units;
 use super::units::{Dimension, Unit};
 use super::{FollowerColumn, JointColumn, ReadOptions, data};

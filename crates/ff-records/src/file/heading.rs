@@ -1,7 +1,7 @@
 //! Names of columns as others write them: changed as the user says, and the column of the time told by its name, its unit, or its dates.
 
 use super::dates::Style;
-use super::naming::{is_nameless, is_time, names_time, split, suffixed};
+use super::naming::{is_nameless, is_time, names_time, split, starred, suffixed};
 use super::units::{Dimension, any, find};
 use super::{data, dates, number};
 use ff_model::diagnostics::{clip, list, nearest};
@@ -104,14 +104,6 @@ pub(super) fn closest<'n>(rule: &str, names: &'n [String]) -> Vec<&'n str> {
         out.push(left.remove(at).1);
     }
     out
-}
-
-/// What `*` stands for; empty where there is none and both are the same.
-pub(super) fn starred<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
-    match pattern.split_once('*') {
-        Some((before, after)) => text.strip_prefix(before)?.strip_suffix(after),
-        None => (pattern == text).then_some(""),
-    }
 }
 
 /// Gives the column of the time its name, where that is certain: the only one with a name of the time, or the first one without a name, if it has

@@ -1,9 +1,8 @@
 //! Time in two columns: seconds and a fraction of them, as the stamps of ROS, or a date and the time of day. Every line is rewritten with one
 //! column in place of the two, so that whatever reads lines knows nothing of it.
 
-use super::aliases::ignores;
 use super::lines::cells;
-use super::naming::{is_time, split};
+use super::naming::{ignores, is_time, split};
 use super::{dates, number};
 use std::io::Write;
 

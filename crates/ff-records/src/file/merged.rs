@@ -3,8 +3,8 @@
 
 use super::blocks::{BLOCK, Block, Blocks, Stamps};
 use super::columns::time_column;
-use super::heading::{closest, starred};
-use super::naming::{is_nameless, split};
+use super::heading::closest;
+use super::naming::{is_nameless, split, starred};
 use super::source::raw_names;
 use super::units::{Dimension, find};
 use super::{JointColumn, ReadOptions, data, open, order};

@@ -44,6 +44,7 @@ pub(crate) mod parquet_in;
 pub(crate) mod parquet_out;
 #[cfg(feature = "parquet")]
 pub(crate) mod parquet_values;
+pub(crate) mod phrases;
 pub(crate) mod read;
 pub(crate) mod samples;
 pub(crate) mod source;
@@ -52,11 +53,10 @@ pub mod units;
 pub(crate) mod wide;
 pub(crate) mod write;
 
-pub use aliases::ignores;
 pub use blocks::{BLOCK, Block, Blocks, Stamps};
 pub use columns::without_name;
 pub use merged::open_together;
-pub use naming::is_nameless;
+pub use naming::{ignores, is_nameless};
 pub use options::{DateOrder, Loaded, ReadOptions, StampSource};
 #[cfg(feature = "parquet")]
 pub use parquet_in::read_table;

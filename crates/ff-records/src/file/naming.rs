@@ -1,4 +1,4 @@
-//! What a name of a column says by itself: its unit, whether there is one, whether it is the time.
+//! What a name of a column says by itself: its unit, whether there is one, whether it is the time, whether a rule fits it.
 
 /// What others call the time, in small letters.
 const TIMES: [&str; 13] = [
@@ -47,6 +47,31 @@ pub(super) fn split(cell: &str) -> (&str, Option<&str>) {
         Some((name, unit)) => (name.trim(), Some(unit)),
         None => (cell, None),
     }
+}
+
+/// Name and unit of a cell, where `[1]` beside `[0]` or `[2]` is the place in an array.
+pub(super) fn parts<'c>(cell: &'c str, all: &[String]) -> (&'c str, Option<&'c str>) {
+    let (name, unit) = split(cell);
+    let beside =
+        |k: &str| all.iter().any(|c| c.trim().strip_prefix(name).is_some_and(|rest| rest.trim_start().starts_with(k)));
+    if unit == Some("1") && cell.trim().ends_with("[1]") && (beside("[0]") || beside("[2]")) {
+        return (cell.trim(), None);
+    }
+    (name, unit)
+}
+
+/// What `*` stands for; empty where there is none and both are the same.
+pub(super) fn starred<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
+    match pattern.split_once('*') {
+        Some((before, after)) => text.strip_prefix(before)?.strip_suffix(after),
+        None => (pattern == text).then_some(""),
+    }
+}
+
+/// Whether one of these rules leaves a column out: its name, the whole cell, or either with one `*` for any text.
+pub fn ignores(rules: &[String], cell: &str) -> bool {
+    let name = split(cell).0;
+    rules.iter().any(|rule| starred(rule, name).is_some() || starred(rule, cell).is_some())
 }
 
 /// Whether a column has no name and is left out: the row numbers that pandas writes, which it calls `Unnamed: 0` when it has read and written them again, or what a

@@ -1,15 +1,14 @@
 //! One pass over a file: lines, cells, numbers, samples. Memory beside the samples is one buffer and one line.
 
-use super::aliases::understood;
 use super::blocks::collect;
-use super::columns::{Target, targets};
+use super::columns::Target;
 use super::heading::Heading;
 use super::lines::{BUFFER, Lines, cells, header};
 use super::options::{Loaded, ReadOptions, finish};
 use super::samples::{Clock, NOT_FINITE, Samples};
 use super::source::{Format, blocks, opened};
 use super::wide::Text;
-use super::{JointColumn, data, dates, number};
+use super::{JointColumn, aliases, data, dates, number};
 use crate::builder::RecordBuilder;
 use ff_model::diagnostics::clip;
 use ff_model::{Problem, Problems};
@@ -62,11 +61,10 @@ fn head(
 ) -> Option<(Heading, Vec<Target>)> {
     let mut heading = header(lines, options, bad)?;
     let first = lines.first();
-    let found = understood(&heading.names, first.as_deref(), joints, options, false, bad);
-    let targets = found.and_then(|(names, beside)| {
+    let found = aliases::head(&heading.names, first.as_deref(), joints, options, false, bad);
+    let targets = found.and_then(|(names, targets)| {
         heading.names = names;
-        let ignore = [&options.ignore[..], &beside].concat();
-        targets(&heading.names, joints, &ReadOptions { ignore, ..options.clone() }, bad)
+        targets
     });
     // The names may stand behind remarks.
     bad.0.iter_mut().filter(|p| p.line == Some(1)).for_each(|p| p.line = Some(heading.line));

@@ -83,10 +83,10 @@ pub fn identify(
     inputs.splice(named..named, sources);
     same_data(&inputs[named..], records.len(), held_out.is_some(), &earlier.inputs)?;
     let read: Vec<(&Path, &Record)> = records.iter().map(|g| (g.path.as_path(), &g.record)).collect();
-    same_readings(&read, &earlier.inputs)?;
+    let whole: Vec<Content> = read.iter().map(|(_, r)| Content::of(r)).collect();
+    let fitted: Vec<_> = read.into_iter().zip(&whole).collect();
+    same_readings(&fitted, &earlier.inputs)?;
     if let Some(given) = held_out {
-        let whole: Vec<Content> = read.iter().map(|(_, r)| Content::of(r)).collect();
-        let fitted: Vec<_> = read.iter().copied().zip(&whole).collect();
         not_fitted((&given.path, &given.record), &fitted, &earlier.inputs)?;
     }
     let mut held = match (HoldOut::of(&args)?, held_out) {

@@ -192,8 +192,8 @@ pub(crate) fn prepare(args: &Args, err: &mut impl Write) -> Result<(Ready, Desti
     same_data(&inputs[2..], paths.len(), matches!(hold_out, HoldOut::File(_)), &earlier.inputs).map_err(refused)?;
     let read: Vec<(&Path, &Record)> =
         paths.iter().map(PathBuf::as_path).zip(loaded.iter().map(|l| &l.record)).collect();
-    same_readings(&read, &earlier.inputs).map_err(refused)?;
     let whole: Vec<Content> = loaded.iter().map(|l| Content::of(&l.record)).collect();
+    same_readings(&read.into_iter().zip(&whole).collect::<Vec<_>>(), &earlier.inputs).map_err(refused)?;
     let folder = results::begin(&target, &args.output, err).map_err(io)?;
     let mut problems = opened.warnings.clone();
     problems.extend(earlier.warnings);
@@ -360,12 +360,14 @@ pub(crate) fn contents(names: impl Iterator<Item = String>, records: &[LabelledR
     names.zip(records).map(|(name, r)| (name, Content::of(&r.record))).collect()
 }
 
+/// A record with its file, and what its readings are known by.
+pub(crate) type Known<'a> = ((&'a Path, &'a Record), &'a Content);
+
 /// Row D39 by readings: a record whose readings stand in another file as well, in whatever format or unit.
-pub(crate) fn same_readings(records: &[(&Path, &Record)], earlier: &[InputFile]) -> Result<(), Problems> {
-    for (k, (path, record)) in records.iter().enumerate() {
-        let own = Content::of(record);
-        let twice = |(_, other): &&(&Path, &Record)| own.is_in(other) || Content::of(other).is_in(record);
-        if let Some((first, _)) = records[..k].iter().find(twice) {
+pub(crate) fn same_readings(records: &[Known<'_>], earlier: &[InputFile]) -> Result<(), Problems> {
+    for (k, ((path, record), own)) in records.iter().enumerate() {
+        let twice = |((_, other), of): &&Known<'_>| own.is_in(other) || of.is_in(record);
+        if let Some(((first, _), _)) = records[..k].iter().find(twice) {
             return Err(same(path, &first.display().to_string(), "give each record once"));
         }
         if let Some(old) = fitted_earlier(record, earlier) {
@@ -378,11 +380,7 @@ pub(crate) fn same_readings(records: &[(&Path, &Record)], earlier: &[InputFile])
 }
 
 /// Row D39 by readings, of a record to judge by: none of those that are fitted, each with what it is known by.
-pub(crate) fn not_fitted(
-    held: (&Path, &Record),
-    fitted: &[((&Path, &Record), &Content)],
-    earlier: &[InputFile],
-) -> Result<(), Problems> {
+pub(crate) fn not_fitted(held: (&Path, &Record), fitted: &[Known<'_>], earlier: &[InputFile]) -> Result<(), Problems> {
     let (path, record) = held;
     let own = Content::of(record);
     let hint = "judge the model by data that were not fitted, or give a fraction";

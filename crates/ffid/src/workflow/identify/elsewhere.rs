@@ -199,6 +199,11 @@ pub(super) fn explains(e: &Estimate) -> bool {
     within(e, NO_ANSWER)
 }
 
+/// [`explains`] where noise leaves the mean square `noise` ([`Request::noise`]), which may be more than was said.
+pub(super) fn explains_but_for(e: &Estimate, noise: f64) -> bool {
+    e.chi2_per_dof < noise && noise > 1.0 || explains(e)
+}
+
 /// Whether chi-squared per degree of freedom is within so many of its deviations of one.
 fn within(e: &Estimate, deviations: f64) -> bool {
     e.chi2_per_dof < 1.0 + deviations * (2.0 / e.residuals.len().max(1) as f64).sqrt()

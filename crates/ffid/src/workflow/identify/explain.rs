@@ -55,6 +55,14 @@ impl Tests {
         let (independent, alone, tried) = (self.independent, self.alone.clone(), self.tried.clone());
         Self { tested, independent, named, alone, tried, matters: true, with_first, ..Self::default() }
     }
+    /// Errors of one robot that may be, each of which alone would lower chi-squared by more than `least`; those that would most, first. Allocates.
+    pub(super) fn leading(&self, least: f64, most: usize, may_be: impl Fn(&NamedError) -> bool) -> Vec<NamedError> {
+        let leads = |n: &&NamedError| n.drop > least && !n.is_another_robot() && may_be(n);
+        let mut out: Vec<NamedError> = self.alone.iter().filter(leads).cloned().collect();
+        out.sort_by(|a, b| b.drop.total_cmp(&a.drop));
+        out.truncate(most);
+        out
+    }
 }
 
 /// Tests every error at the end of a fit. `None` where the model cannot be evaluated with them. Where the fit has not ended, what they say
@@ -391,8 +399,9 @@ pub(super) fn evidence(
     if !e.is_solution() {
         out.reason = unsettled(&out);
         // The record is followed with the error and not without it, and the error is far from none: as much as a test at an end would say.
-        let against = out.named.first().is_some_and(|n| n.refitted && n.is_seen());
-        out.state = if against { State::Contradicted } else { State::NotTested };
+        if out.named.first().is_some_and(|n| n.refitted && n.is_seen()) {
+            out.state = State::Contradicted;
+        }
         return out;
     }
     if !estimates || (whiteness.is_empty() && tests.is_none()) {

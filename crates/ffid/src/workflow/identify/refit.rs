@@ -5,7 +5,7 @@
 //! the first began.
 
 use super::assembly::{Assembled, Setup};
-use super::elsewhere::{NOWHERE, WIDE, explains};
+use super::elsewhere::{NOWHERE, WIDE, explains_but_for};
 use super::error::IdentifyError;
 use super::evidence::{EXTRA_MODE, ErrorSize, NamedError, State};
 use super::explain::{self, CLOSE, Tests, in_words};
@@ -178,13 +178,8 @@ impl Contradicted<'_, '_> {
     fn fitted_anew(&self, tests: &mut Tests) -> Result<bool, IdentifyError> {
         let ended = self.end.fitted.estimate.is_solution();
         let excess = self.end.fitted.estimate.objective - self.end.fitted.estimate.residuals.len() as f64;
-        let mut leading: Vec<NamedError> = tests.alone.clone();
-        if !ended {
-            leading.retain(|n| tests.named.iter().any(|o| o.name == n.name));
-        }
-        leading.sort_by(|a, b| b.drop.total_cmp(&a.drop));
-        leading.retain(|n| n.drop > WORTH * excess && !n.is_another_robot());
-        leading.truncate(ANEW);
+        let may_be = |n: &NamedError| ended || tests.named.iter().any(|o| o.name == n.name);
+        let leading = tests.leading(WORTH * excess, ANEW, may_be);
         let before = self.end.fitted.estimate.objective;
         let mut found: Vec<Refit> = Vec::new();
         for candidate in &leading {
@@ -199,7 +194,7 @@ impl Contradicted<'_, '_> {
             if ended {
                 tests.explained = Some((best.line.drop / excess).min(1.0));
                 tests.with_first = Some(self.left(best)?.0);
-            } else if best.estimate.chi2_per_dof > self.noise && !explains(&best.estimate) {
+            } else if !explains_but_for(&best.estimate, self.noise) {
                 tests.with_first = Some(State::Contradicted);
             }
             found.retain(|f| f.estimate.objective < least + CLOSE);

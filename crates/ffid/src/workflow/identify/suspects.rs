@@ -7,7 +7,7 @@
 //! them. Records that each by itself are explained, and together are not, are of robots that differ.
 
 use super::assembly::{Assembled, Assembly, Setup};
-use super::elsewhere::{WIDE, explains, from_the_start, gone_on, owner};
+use super::elsewhere::{WIDE, explains_but_for, from_the_start, gone_on, owner};
 use super::error::IdentifyError;
 use super::evidence::{ErrorSize, NamedError, State};
 use super::explain::{Tests, in_words, tests_of_listed};
@@ -130,8 +130,7 @@ impl Suspects<'_> {
     pub(super) fn found(&self, stuck: &Estimate) -> Result<Option<Found>, IdentifyError> {
         let setup = self.setup;
         let loud = self.at_the_shape(&setup.settings);
-        let assembly = Assembly { settings: &loud, ..setup.assembly(&self.opened.model, self.records) };
-        let Assembled { mut whole, twins, .. } = assembly.assemble(&setup.uncertain)?;
+        let Assembled { mut whole, twins, .. } = self.assembled(setup, &loud)?;
         let mut shapes: Vec<Estimate> = Vec::new();
         let adopted = self.settings.adopt.iter().flat_map(|name| clients(setup, name));
         for start in std::iter::once(setup.unknowns.start.clone()).chain(adopted) {
@@ -181,13 +180,12 @@ impl Suspects<'_> {
         if let Some((error, with)) = alone.first().filter(|a| a.1.follows()) {
             best = self.fitted(stuck, vec![error.clone()], with)?;
         }
-        let done = |best: &Option<With>| best.as_ref().is_some_and(|b| self.explained(&b.estimate));
         let first = tests.named.iter().enumerate().filter(|(k, n)| *k == 0 || n.beside).map(|(_, n)| n);
         let together: Vec<NamedError> = first.filter(|n| !n.is_another_robot()).cloned().collect();
         // In the order in which they add to one another, no more than it takes.
         for n in 2..=together.len().min(TOGETHER) {
             let errors = &together[..n];
-            if done(&best) {
+            if self.is_done(&best) {
                 break;
             }
             if errors.iter().map(|e| e.drop).sum::<f64>() < WORTH * excess {
@@ -197,7 +195,7 @@ impl Suspects<'_> {
                 best = better(best, self.fitted(stuck, errors.to_vec(), &with)?);
             }
         }
-        if !done(&best)
+        if !self.is_done(&best)
             && let Some((error, with)) = alone.into_iter().next().filter(|a| a.1.objective < HALVES * shape.objective)
         {
             best = better(best, self.one_after_the_other(stuck, error, with)?);
@@ -216,8 +214,7 @@ impl Suspects<'_> {
         while errors.len() < TOGETHER {
             let Some(setup) = self.adopting(&errors, self.settings.max_iterations) else { break };
             let loud = self.at_the_shape(&setup.settings);
-            let assembly = Assembly { settings: &loud, ..setup.assembly(&self.opened.model, self.records) };
-            let Ok(Assembled { mut whole, twins, .. }) = assembly.assemble(&setup.uncertain) else { break };
+            let Ok(Assembled { mut whole, twins, .. }) = self.assembled(&setup, &loud) else { break };
             let start = setup.unknowns.at(&shape.values);
             let Some((end, tests)) = self.scored((&setup, &loud), &mut *whole, &twins, &start)? else { break };
             drop(whole);
@@ -232,7 +229,7 @@ impl Suspects<'_> {
             shape = with;
             if shape.follows() {
                 best = better(best, self.fitted(stuck, errors.clone(), &shape)?);
-                if best.as_ref().is_some_and(|b| self.explained(&b.estimate)) {
+                if self.is_done(&best) {
                     break;
                 }
             }
@@ -255,9 +252,13 @@ impl Suspects<'_> {
         let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals };
         Ok(tests_of_listed(&end, twins, loud)?.map(|tests| (e, tests)))
     }
+    /// Whether nothing is left to be looked for beside these errors.
+    fn is_done(&self, best: &Option<With>) -> bool {
+        best.as_ref().is_some_and(|b| self.explained(&b.estimate))
+    }
     /// Whether a fit leaves no more than noise.
     fn explained(&self, e: &Estimate) -> bool {
-        e.chi2_per_dof < self.noise && self.noise > 1.0 || explains(e)
+        explains_but_for(e, self.noise)
     }
     /// The fit with errors to the noise of the sensors; `None` where that does not follow the record.
     fn fitted(&self, stuck: &Estimate, errors: Vec<NamedError>, with: &Shape) -> Result<Option<With>, IdentifyError> {
@@ -334,6 +335,13 @@ impl Suspects<'_> {
             _ => stuck.clone(),
         })
     }
+    /// The estimators of a setup under other settings.
+    fn assembled<'s>(&self, setup: &'s Setup, settings: &'s Settings) -> Result<Assembled<'s>, IdentifyError>
+    where
+        Self: 's,
+    {
+        Assembly { settings, ..setup.assembly(&self.opened.model, self.records) }.assemble(&setup.uncertain)
+    }
     /// Settings with a twentieth of the signals in place of the noise.
     fn at_the_shape(&self, s: &Settings) -> Settings {
         let largest = |of: &dyn Fn(&Record) -> f64| self.records.iter().map(|t| of(&t.record)).fold(0.0, f64::max);
@@ -346,8 +354,7 @@ impl Suspects<'_> {
     fn shape_with(&self, errors: &[NamedError], before: &Shape) -> Result<Option<Shape>, IdentifyError> {
         let Some(setup) = self.adopting(errors, self.settings.max_iterations) else { return Ok(None) };
         let loud = self.at_the_shape(&setup.settings);
-        let assembly = Assembly { settings: &loud, ..setup.assembly(&self.opened.model, self.records) };
-        let Ok(Assembled { mut whole, .. }) = assembly.assemble(&setup.uncertain) else { return Ok(None) };
+        let Ok(Assembled { mut whole, .. }) = self.assembled(&setup, &loud) else { return Ok(None) };
         // Without them the fit may have gone where no way leads back from.
         let from_there = self.shape(&setup, &mut *whole, &setup.unknowns.at(&before.values), true)?;
         let anew = self.shape(&setup, &mut *whole, &setup.unknowns.start, true)?;
@@ -489,12 +496,7 @@ fn better(a: Option<With>, b: Option<With>) -> Option<With> {
 
 /// The errors beside these that account for most of what a fit leaves, to first order.
 fn leading(tests: &Tests, excess: f64, beside: &[NamedError]) -> Vec<NamedError> {
-    let is_new = |n: &&NamedError| !n.is_another_robot() && beside.iter().all(|o| o.name != n.name);
-    let mut out: Vec<NamedError> =
-        tests.alone.iter().filter(is_new).filter(|n| n.drop > WORTH * excess).cloned().collect();
-    out.sort_by(|a, b| b.drop.total_cmp(&a.drop));
-    out.truncate(LEADING);
-    out
+    tests.leading(WORTH * excess, LEADING, |n| beside.iter().all(|o| o.name != n.name))
 }
 
 /// Starts at which a link that may hold something holds a ball, of several masses and the density of spacecraft, that touches it where its own centre of mass

@@ -214,12 +214,11 @@ impl IdentificationResult {
     pub fn state(&self) -> State {
         self.evidence.as_ref().map(|e| e.state).unwrap_or_default()
     }
-    /// The code a command ends with that has found this: 130 for a fit that was interrupted; 16 for a model that the record contradicts, with or without an
-    /// end of its fit, for what a wrong model does not see is no property of the record; 14 for no solution, whose null directions say nothing; 13 for
-    /// combinations that neither data nor priors
-    /// tell (unless the set that can be told was asked for), 16 for held-out data that contradict it, 17 for one that was not tested,
-    /// else 0. On the ground there is no noise figure to test against: 0, unless held-out
-    /// data are missed by more than what the fit left.
+    /// The code a command ends with that has found this: 130 for a fit that was interrupted; 16 for a model that the record contradicts, with
+    /// or without an end of its fit, for what a wrong model does not see is no property of the record; 14 for no solution, whose null
+    /// directions say nothing; 13 for combinations that neither data nor priors tell (unless the set that can be told was asked for); 16 for
+    /// held-out data that contradict it; 17 for one that was not tested; else 0. On the ground there is no noise figure to test against: 0,
+    /// unless held-out data are missed by more than what the fit left.
     pub fn exit(&self) -> crate::exit::Exit {
         use crate::exit::Exit;
         if self.status.is_interrupted() {
