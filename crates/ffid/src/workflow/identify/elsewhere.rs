@@ -211,9 +211,31 @@ fn within(e: &Estimate, deviations: f64) -> bool {
 
 /// Positive parameters that are far from where the mission has them.
 fn strayed(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
-    let far = |&i: &usize| !(1.0 / STRAYED..STRAYED).contains(&(e.values[i] / request.start[i]));
     let positive = |i: &usize| request.decls[*i].group == ParamGroup::Positive;
-    request.selected.iter().copied().filter(|i| positive(i) && far(i)).collect()
+    request.selected.iter().copied().filter(|i| positive(i) && has_strayed(request, e, *i)).collect()
+}
+
+/// Whether a positive number is far from where the mission has it.
+fn has_strayed(request: &Request<'_>, e: &Estimate, i: usize) -> bool {
+    !(1.0 / STRAYED..STRAYED).contains(&(e.values[i] / request.start[i]))
+}
+
+/// Whether the mass of a body is far from where the mission has it.
+fn bodies_strayed(request: &Request<'_>, e: &Estimate) -> bool {
+    let mass = |i: &usize| of_body(request, *i) && request.decls[*i].unit == "kg";
+    request.selected.iter().filter(|i| mass(i)).any(|&i| has_strayed(request, e, i))
+}
+
+/// Whether this parameter is one of a body.
+fn of_body(request: &Request<'_>, i: usize) -> bool {
+    matches!(request.decls[i].group, ParamGroup::Inertial(_))
+}
+
+/// The end of a fit with bodies as the mission has them.
+fn bodies_back(request: &Request<'_>, e: &Estimate) -> Vec<f64> {
+    let mut out = e.values.clone();
+    request.selected.iter().filter(|&&i| of_body(request, i)).for_each(|&i| out[i] = request.start[i]);
+    out
 }
 
 /// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended, which has left `lines`
@@ -230,6 +252,11 @@ fn best_start(
     let mut starts: Vec<Vec<f64>> = if astray.is_empty() { Vec::new() } else { vec![first.values.clone()] };
     starts.iter_mut().for_each(|s| astray.iter().for_each(|&i| s[i] = request.start[i]));
     let far = first.chi2_per_dof > WIDE * request.noise;
+    // While springs were elsewhere, bodies may have been led to the edge of what can exist, where a fit ends, or to masses of no sense. Springs
+    // that were found on the way are nearer than the mission's; with these bodies nothing leads back from there.
+    if far && round.led && (first.is_solution() || bodies_strayed(request, first)) {
+        starts.push(bodies_back(request, first));
+    }
     let mut wide: Vec<Vec<f64>> = Vec::new();
     let (lost, back) = lost(request, first);
     if far || !lost.is_empty() {
