@@ -314,8 +314,11 @@ fn led_best(
         Err(_) => (f64::INFINITY, None),
     };
     let own = best.0;
+    // An end that the thinned record cannot follow, as where a spring has run away, has as much for every reading there as with all data.
+    let by_reading = first.objective / first.residuals.len().max(1) as f64;
     for start in starts {
         let Ok(e) = lead(start, Some(best.0)) else { continue };
+        let own = if own.is_finite() { own } else { by_reading * e.residuals.len() as f64 };
         let done = e.objective < own - LOWER && explains(&e);
         if e.objective < best.0 {
             best = (e.objective, Some(e.values));
