@@ -93,9 +93,10 @@ pub(super) fn elsewhere(
     let mut at = first;
     let mut round = Round { number: 0, led: true };
     while round.number < ROUNDS {
-        let before = at.objective;
+        let (before, had_lost) = (at.objective, has_lost(request, &at));
         at = one_round(request, at, of, round, estimator);
-        let led = at.objective < before - 2.0 * LOWER;
+        // Nor has anything been tried around an end that has lost an appendage on the way.
+        let led = at.objective < before - 2.0 * LOWER || !had_lost && !explains(&at) && has_lost(request, &at);
         let once_more = round.number < AGAIN && at.chi2_per_dof > WIDE * request.noise;
         if estimator.stopped() || !(led || once_more) {
             break;
@@ -143,8 +144,9 @@ fn one_round(
     let (start, coarse) = if answers {
         (given_life(request, &first), false)
     } else {
-        let Some(start) = best_start(request, &first, (&lines, round), of, estimator) else { return first };
-        (start, request.coarse)
+        let Some(best) = best_start(request, &first, (&lines, round), of, estimator) else { return first };
+        // From what explains the thinned record, still less of it leads away.
+        (best.values, request.coarse && !best.explains)
     };
     match attempt(&Request { start: &start, centre: Some(request.start), coarse, ..request.clone() }, estimator) {
         // What has not ended is no answer where there is one, unless it is the better valley.
@@ -246,7 +248,7 @@ fn best_start(
     (lines, round): (&[f64], Round),
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
-) -> Option<Vec<f64>> {
+) -> Option<Lead> {
     // What has strayed goes back first.
     let astray = if round.led { strayed(request, first) } else { Vec::new() };
     let mut starts: Vec<Vec<f64>> = if astray.is_empty() { Vec::new() } else { vec![first.values.clone()] };
@@ -294,6 +296,19 @@ fn best_start(
     thin.or_else(|| led(estimator))
 }
 
+/// Where a start has led over the thinned record.
+struct Lead {
+    values: Vec<f64>,
+    objective: f64,
+    explains: bool,
+}
+
+impl Lead {
+    fn to(e: Estimate) -> Self {
+        Self { explains: explains(&e), objective: e.objective, values: e.values }
+    }
+}
+
 /// Where the best of some starts leads, the end of the fit among them; `None` where nothing can be predicted.
 fn led_best(
     request: &Request<'_>,
@@ -301,7 +316,7 @@ fn led_best(
     first: &Estimate,
     starts: &[Vec<f64>],
     looked: &mut dyn Estimator,
-) -> Option<Vec<f64>> {
+) -> Option<Lead> {
     let mut lead = |start: &[f64], to_beat: Option<f64>| {
         let settings = settings.clone();
         let tried = Request { start, centre: Some(request.start), settings, to_beat, finer: ASIDE, ..request.clone() };
@@ -309,25 +324,23 @@ fn led_best(
     };
     // What the thinned record makes of the end itself is what the others are measured by. It has fewer readings, so that it may be explained
     // there: that ends nothing.
-    let mut best = match lead(&first.values, None) {
-        Ok(e) => (e.objective, Some(e.values)),
-        Err(_) => (f64::INFINITY, None),
-    };
-    let own = best.0;
+    let mut best = lead(&first.values, None).ok().map(Lead::to);
+    let own = best.as_ref().map(|b| b.objective);
     // An end that the thinned record cannot follow, as where a spring has run away, has as much for every reading there as with all data.
     let by_reading = first.objective / first.residuals.len().max(1) as f64;
     for start in starts {
-        let Ok(e) = lead(start, Some(best.0)) else { continue };
-        let own = if own.is_finite() { own } else { by_reading * e.residuals.len() as f64 };
+        let to_beat = best.as_ref().map_or(f64::INFINITY, |b| b.objective);
+        let Ok(e) = lead(start, Some(to_beat)) else { continue };
+        let own = own.unwrap_or(by_reading * e.residuals.len() as f64);
         let done = e.objective < own - LOWER && explains(&e);
-        if e.objective < best.0 {
-            best = (e.objective, Some(e.values));
+        if e.objective < to_beat {
+            best = Some(Lead::to(e));
         }
         if done {
             break;
         }
     }
-    best.1
+    best
 }
 
 /// The appendage (or body) that a parameter or a coordinate is named after.
