@@ -17,7 +17,7 @@ use ff_model::{Inertia, Model, ParamGroup, Params};
 use ident::checks::whiteness;
 use ident::estimate::{Estimate, attempt};
 use ident::parameters::{is_damping, is_stiffness, wide_start};
-use ident::{Estimator, Loss, Request};
+use ident::{Estimator, Loss, Request, Transform};
 
 /// Deviations of chi-squared per degree of freedom (`sqrt(2 / dof)`) above one at which a fit is taken to have ended in the wrong valley:
 /// chance does not, what errors of the model leave may.
@@ -83,21 +83,23 @@ pub(super) struct Subject<'a> {
 /// vanished in it: starts that put a mode where power is left over, then random ones, are fitted to the thinned record until one of them
 /// explains that; the best goes on over the whole. Where that is better and leaves lines as well, its own are aimed at, spring after spring ([`ROUNDS`]);
 /// where everything is far off and a round leads nowhere, others are drawn ([`AGAIN`]).
-/// What fails on the way is no error: the fit stays.
+/// What fails on the way is no error: the fit stays. `again` where that has been done before in this fit: what was tried then is not.
 pub(super) fn elsewhere(
     request: &Request<'_>,
     first: Estimate,
+    again: bool,
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Estimate {
     let mut at = first;
-    let mut round = Round { number: 0, led: true };
-    while round.number < ROUNDS {
+    let begun = if again { ROUNDS } else { 0 };
+    let mut round = Round { number: begun, led: true };
+    while round.number < begun + ROUNDS {
         let (before, had_lost) = (at.objective, has_lost(request, &at));
         at = one_round(request, at, of, round, estimator);
         // Nor has anything been tried around an end that has lost an appendage on the way.
         let led = at.objective < before - 2.0 * LOWER || !had_lost && !explains(&at) && has_lost(request, &at);
-        let once_more = round.number < AGAIN && at.chi2_per_dof > WIDE * request.noise;
+        let once_more = round.number < begun + AGAIN && at.chi2_per_dof > WIDE * request.noise;
         if estimator.stopped() || !(led || once_more) {
             break;
         }
@@ -162,8 +164,13 @@ fn one_round(
 
 /// The end of a fit with what has vanished as the mission has it.
 pub(super) fn given_life(request: &Request<'_>, e: &Estimate) -> Vec<f64> {
+    given_back(request, e, |i| has_vanished(request, e, i))
+}
+
+/// The end of a fit with some of its parameters as the mission has them.
+fn given_back(request: &Request<'_>, e: &Estimate, which: impl Fn(usize) -> bool) -> Vec<f64> {
     let mut out = e.values.clone();
-    request.selected.iter().filter(|&&i| has_vanished(request, e, i)).for_each(|&i| out[i] = request.start[i]);
+    request.selected.iter().filter(|&&i| which(i)).for_each(|&i| out[i] = request.start[i]);
     out
 }
 
@@ -222,22 +229,16 @@ fn has_strayed(request: &Request<'_>, e: &Estimate, i: usize) -> bool {
     !(1.0 / STRAYED..STRAYED).contains(&(e.values[i] / request.start[i]))
 }
 
-/// Whether the mass of a body is far from where the mission has it.
+/// Whether a body is at the edge of what can exist, or its mass far from where the mission has it.
 fn bodies_strayed(request: &Request<'_>, e: &Estimate) -> bool {
+    let at_edge = Transform::new(request.decls, request.selected, &e.values).is_err();
     let mass = |i: &usize| of_body(request, *i) && request.decls[*i].unit == "kg";
-    request.selected.iter().filter(|i| mass(i)).any(|&i| has_strayed(request, e, i))
+    at_edge || request.selected.iter().filter(|i| mass(i)).any(|&i| has_strayed(request, e, i))
 }
 
 /// Whether this parameter is one of a body.
 fn of_body(request: &Request<'_>, i: usize) -> bool {
     matches!(request.decls[i].group, ParamGroup::Inertial(_))
-}
-
-/// The end of a fit with bodies as the mission has them.
-fn bodies_back(request: &Request<'_>, e: &Estimate) -> Vec<f64> {
-    let mut out = e.values.clone();
-    request.selected.iter().filter(|&&i| of_body(request, i)).for_each(|&i| out[i] = request.start[i]);
-    out
 }
 
 /// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended, which has left `lines`
@@ -251,13 +252,19 @@ fn best_start(
 ) -> Option<Lead> {
     // What has strayed goes back first.
     let astray = if round.led { strayed(request, first) } else { Vec::new() };
-    let mut starts: Vec<Vec<f64>> = if astray.is_empty() { Vec::new() } else { vec![first.values.clone()] };
-    starts.iter_mut().for_each(|s| astray.iter().for_each(|&i| s[i] = request.start[i]));
+    let strayed = |i: usize| astray.contains(&i);
+    let mut starts = Vec::new();
+    if !astray.is_empty() {
+        starts.push(given_back(request, first, strayed));
+    }
     let far = first.chi2_per_dof > WIDE * request.noise;
     // While springs were elsewhere, bodies may have been led to the edge of what can exist, where a fit ends, or to masses of no sense. Springs
     // that were found on the way are nearer than the mission's; with these bodies nothing leads back from there.
     if far && round.led && (first.is_solution() || bodies_strayed(request, first)) {
-        starts.push(bodies_back(request, first));
+        starts.push(given_back(request, first, |i| of_body(request, i)));
+        if !astray.is_empty() {
+            starts.push(given_back(request, first, |i| of_body(request, i) || strayed(i)));
+        }
     }
     let mut wide: Vec<Vec<f64>> = Vec::new();
     let (lost, back) = lost(request, first);
@@ -283,7 +290,7 @@ fn best_start(
     }
     // Lines of residuals far off are those of everything, and springs there say nothing.
     let near = if round.led && first.chi2_per_dof < NOWHERE * request.noise {
-        [aimed(request, first, lines, of), given_back(request, first)].concat()
+        [aimed(request, first, lines, of), springs_back(request, first)].concat()
     } else {
         Vec::new()
     };
@@ -354,8 +361,7 @@ fn lost(request: &Request<'_>, e: &Estimate) -> (Vec<usize>, Vec<f64>) {
     let gone = request.selected.iter().copied().filter(|&i| has_vanished(request, e, i));
     let owners: Vec<_> = gone.chain(strayed(request, e)).map(owner).collect();
     let of: Vec<usize> = request.selected.iter().copied().filter(|&i| owners.contains(&owner(i))).collect();
-    let mut back = e.values.clone();
-    of.iter().for_each(|&i| back[i] = request.start[i]);
+    let back = given_back(request, e, |i| of.contains(&i));
     (of, back)
 }
 
@@ -461,17 +467,12 @@ pub(super) fn has_springs(request: &Request<'_>) -> bool {
 
 /// Starts from the end of a fit with one stiffness as the mission has it, the farthest from there first: the mode of one that has gone astray may be the line
 /// that is left over.
-fn given_back(request: &Request<'_>, first: &Estimate) -> Vec<Vec<f64>> {
+fn springs_back(request: &Request<'_>, first: &Estimate) -> Vec<Vec<f64>> {
     let far = |i: usize| (first.values[i] / request.start[i]).ln().abs();
     let springs = |i: &usize| is_spring(request, *i) && far(*i) > ASTRAY.ln();
     let mut found: Vec<usize> = request.selected.iter().copied().filter(springs).collect();
     found.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
-    let one = |i: usize| {
-        let mut start = first.values.clone();
-        start[i] = request.start[i];
-        start
-    };
-    found.into_iter().take(AIMED).map(one).collect()
+    found.into_iter().take(AIMED).map(|i| given_back(request, first, |k| k == i)).collect()
 }
 
 /// The mode, among those of the frequencies `here`, that a stiffness moves most.

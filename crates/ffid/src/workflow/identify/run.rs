@@ -325,7 +325,8 @@ impl Assembly<'_> {
     }
 }
 
-/// A fit that was given up, gone on with ([`Request::give_up`]); one that all its linearisations have not led to an end stays.
+/// A fit that was given up, gone on with ([`Request::give_up`]); one that all its linearisations have not led to an end stays, and so does one
+/// with a body at the edge of what can exist, where no fit begins.
 fn finished(
     request: &Request<'_>,
     so_far: Estimate,
@@ -334,8 +335,11 @@ fn finished(
     if !so_far.given_up {
         return Ok(so_far);
     }
-    let on = attempt(&Request { start: &so_far.values, ..request.clone() }, estimator)?;
-    Ok(gone_on(on, &so_far, request))
+    match attempt(&Request { start: &so_far.values, ..request.clone() }, estimator) {
+        Ok(on) => Ok(gone_on(on, &so_far, request)),
+        Err(EstimateError::Transform(_)) => Ok(so_far),
+        Err(e) => Err(e.into()),
+    }
 }
 
 /// Intervals along valleys that bend. Where one leads down, the fit goes on from there ([`DOWN`]).
@@ -402,12 +406,12 @@ fn solve(
             let tests = suspected.and_then(|found| found.tests);
             return Ok((Fitted::of(best, request.selected), tests));
         }
-        best = elsewhere(&quick, best, of, estimator);
+        best = elsewhere(&quick, best, false, of, estimator);
         let unfinished = best.given_up;
         best = finished(request, best, estimator)?;
         // What is lost on the rest of the way was not lost yet where other starts were looked for.
         if unfinished && !explains(&best) && has_lost(request, &best) {
-            best = elsewhere(&quick, best, of, estimator);
+            best = elsewhere(&quick, best, true, of, estimator);
             best = finished(request, best, estimator)?;
         }
         // Something is left with the error, and so it is named only where no other start has led anywhere.
