@@ -3,15 +3,12 @@
 //! is said, and where two readings are possible both are named and nothing is taken.
 
 use super::columns::{GROUPS, Group, Target, known, targets};
-use super::naming::{ignores, is_nameless, is_time, parts, split, starred};
+use super::naming::{LISTED, ignores, is_nameless, is_time, parts, split, starred};
 use super::phrases::{FILLERS, Which, read, words};
 use super::units::{Dimension, find, si, symbols};
 use super::{JointColumn, ReadOptions, data};
 use ff_model::diagnostics::{clip, list};
 use ff_model::{Area, Problem, Problems, Severity};
-
-/// Most names listed in an error; a warning lists all that were taken.
-const LISTED: usize = 12;
 
 /// A column that was understood.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! The line of names: which column goes where, in which unit, and all that is wrong with it.
 
-use super::naming::{ignores, is_nameless, is_time, parts, split};
+use super::naming::{LISTED, ignores, is_nameless, is_time, parts, split};
 use super::units;
 use super::units::{Dimension, Unit};
 use super::{FollowerColumn, JointColumn, ReadOptions, data};
@@ -9,8 +9,6 @@ use crate::time_base::ChannelGroup;
 use ff_model::diagnostics::{clip, list, nearest};
 use ff_model::{Area, Problem, Problems};
 
-/// Most names listed in one message.
-const LISTED: usize = 12;
 const XYZ: [&str; 3] = ["x", "y", "z"];
 const WXYZ: [&str; 4] = ["w", "x", "y", "z"];
 

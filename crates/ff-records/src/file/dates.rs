@@ -5,7 +5,8 @@ use std::ops::RangeInclusive;
 
 /// Days from 1 March of the year 0 to 1 January 1970, in the proleptic Gregorian calendar.
 const EPOCH: i64 = 719_468;
-const SECOND: i64 = 1_000_000_000;
+/// Nanoseconds of a second.
+pub(crate) const SECOND: i64 = 1_000_000_000;
 const MONTHS: [&[u8; 3]; 12] =
     [b"jan", b"feb", b"mar", b"apr", b"may", b"jun", b"jul", b"aug", b"sep", b"oct", b"nov", b"dec"];
 

@@ -1,14 +1,11 @@
 //! Names of columns as others write them: changed as the user says, and the column of the time told by its name, its unit, or its dates.
 
 use super::dates::Style;
-use super::naming::{is_nameless, is_time, names_time, split, starred, suffixed};
+use super::naming::{LISTED, is_nameless, is_time, names_time, split, starred, suffixed};
 use super::units::{Dimension, any, find};
 use super::{data, dates, number};
 use ff_model::diagnostics::{clip, list, nearest};
 use ff_model::{Area, Problem, Problems};
-
-/// Most names listed in one message.
-const LISTED: usize = 12;
 
 /// Nanoseconds from 1970 to 2001, and to 2042.
 const EPOCH_FROM: i64 = 1_000_000_000_000_000_000;

@@ -88,8 +88,8 @@ fn nanoseconds(seconds: &[u8], fraction: &[u8], scale: i64) -> Option<i64> {
             Some(x as i64)
         })
     };
-    let fraction = whole(fraction)?.checked_mul(scale).filter(|n| (0..1_000_000_000).contains(n))?;
-    whole(seconds)?.checked_mul(1_000_000_000)?.checked_add(fraction)
+    let fraction = whole(fraction)?.checked_mul(scale).filter(|n| (0..dates::SECOND).contains(n))?;
+    whole(seconds)?.checked_mul(dates::SECOND)?.checked_add(fraction)
 }
 
 #[cfg(test)]

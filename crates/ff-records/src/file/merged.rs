@@ -4,7 +4,7 @@
 use super::blocks::{BLOCK, Block, Blocks, Stamps};
 use super::columns::time_column;
 use super::heading::closest;
-use super::naming::{is_nameless, split, starred};
+use super::naming::{LISTED, is_nameless, split, starred};
 use super::source::raw_names;
 use super::units::{Dimension, find};
 use super::{JointColumn, ReadOptions, data, open, order};
@@ -13,8 +13,6 @@ use ff_model::{Problem, Problems};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Most names listed in one message.
-const LISTED: usize = 12;
 /// Largest error of a time stamp from its own digits (s).
 const RESOLUTION: f64 = 1e-6;
 /// Stamps beyond this (s) count from 1970, those of a recorder that counts from its start do not.

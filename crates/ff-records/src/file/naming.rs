@@ -1,5 +1,7 @@
 //! What a name of a column says by itself: its unit, whether there is one, whether it is the time, whether a rule fits it.
 
+/// Most names listed in one message; a warning lists all that were taken.
+pub(crate) const LISTED: usize = 12;
 /// What others call the time, in small letters.
 const TIMES: [&str; 13] = [
     "time",

@@ -2,6 +2,7 @@
 //! aligned to their size from behind the four bytes of the header.
 
 use super::message::{Imu, JointState, Wrench};
+use crate::file::dates::SECOND;
 
 /// Most joints of a message.
 const MAX_JOINTS: usize = 10_000;
@@ -79,7 +80,7 @@ impl<'a> Cdr<'a> {
         let (sec, nanosec) = (self.u32()?, self.u32()?);
         let frame = self.string()?;
         // Seconds are signed.
-        Some((i64::from(sec.cast_signed()) * 1_000_000_000 + i64::from(nanosec), frame))
+        Some((i64::from(sec.cast_signed()) * SECOND + i64::from(nanosec), frame))
     }
 }
 

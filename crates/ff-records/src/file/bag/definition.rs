@@ -4,11 +4,13 @@
 //! A message is known by the names of its fields, whatever its package calls it: what a package adds to `sensor_msgs/JointState` is
 //! stepped over.
 
+use crate::file::dates::SECOND;
+
 /// A time as ROS 1 writes it (ns).
 pub(super) fn stamp(b: [u8; 8]) -> i64 {
     let [a, b, c, d, e, f, g, h] = b;
     let (sec, nsec) = (u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h]));
-    i64::from(sec) * 1_000_000_000 + i64::from(nsec)
+    i64::from(sec) * SECOND + i64::from(nsec)
 }
 
 /// Deepest nesting of types.

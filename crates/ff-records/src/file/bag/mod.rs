@@ -15,6 +15,8 @@ pub(crate) mod rosbag;
 pub(crate) mod topics;
 
 use super::blocks::{BLOCK, Block, Blocks, Stamps, unreadable};
+use super::dates::SECOND;
+use super::naming::LISTED;
 use super::options::StampSource;
 use super::{JointColumn, ReadOptions};
 use container::{Container, DAMAGED, Message};
@@ -23,11 +25,6 @@ use ff_model::{Area, Problem, Problems};
 use merge::{Counts, Merge, Side};
 use message::{Imu, JointState, Kind, Wrench};
 use topics::{Topic, look};
-
-/// Most names in one message.
-const LISTED: usize = 12;
-/// Nanoseconds of a second.
-const SECOND: i64 = 1_000_000_000;
 
 /// A bag as rows.
 pub(crate) struct BagBlocks<C> {

@@ -1,9 +1,9 @@
 //! Which topics of a bag make a record.
 
-use super::LISTED;
 use super::container::{Channel, Container};
 use super::message::{Decoder, Imu, JointState, Kind, Wrench, kind_of};
 use crate::file::blocks::unreadable;
+use crate::file::naming::LISTED;
 use crate::file::{JointColumn, ReadOptions, data};
 use ff_model::Problems;
 use ff_model::diagnostics::{clip, list};
