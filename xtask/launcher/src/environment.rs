@@ -3,7 +3,7 @@
 use std::process::Command;
 
 /// Variables of `.ci/environment`, which says why, for this machine. A command of the project compiles a third less with them: a first
-/// `reproduce` is minutes sooner at its tables. Benchmarks and wheels, which are built for any machine, take none of them.
+/// `reproduce` is minutes sooner at its tables. Benchmarks, wheels and studies of times, which are built for any machine, take none of them.
 fn variables() -> Vec<(&'static str, &'static str)> {
     let mut all = vec![("CARGO_INCREMENTAL", "0"), ("CARGO_PROFILE_DEV_CODEGEN_UNITS", "1")];
     #[cfg(target_arch = "x86_64")]

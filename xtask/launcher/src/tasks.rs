@@ -15,23 +15,51 @@ pub const TASKS: [(&str, &str); 6] = [
     ("bench", "Time the dynamics, beside Pinocchio and MuJoCo with --peers"),
 ];
 
+/// Studies that hold times to limits.
+const TIMED: [&str; 2] = ["convergence", "starts"];
+
+/// Whether a command is to be built as a program that is published: times are those of what users run. `--quick` judges no machine.
+fn is_timed(args: &[String]) -> bool {
+    let study = args.first().is_some_and(|a| a == "study") && args.get(1).is_some_and(|a| TIMED.contains(&a.as_str()));
+    study && !args.iter().any(|a| a == "--quick")
+}
+
 /// Compiles package `xtask` and runs a command of it in the current folder.
 ///
 /// # Errors
 /// [`Failure::Child`] with the code of Cargo or of the command.
 pub fn run(args: &[String]) -> Result<(), Failure> {
     let root = workspace::root()?;
-    if !target(&root).join("debug").join(format!("xtask{}", std::env::consts::EXE_SUFFIX)).is_file() {
-        eprintln!("compiling the tasks and the libraries that they run; the first time this takes some minutes");
+    let timed = is_timed(args);
+    let built = target(&root).join(if timed { "release" } else { "debug" });
+    if !built.join(format!("xtask{}", std::env::consts::EXE_SUFFIX)).is_file() {
+        let takes =
+            if timed { "a quarter of an hour on two cores: times are those of a release" } else { "some minutes" };
+        eprintln!("compiling the tasks and the libraries that they run; the first time this takes {takes}");
     }
     let manifest = root.join("Cargo.toml");
     let mut command = Command::new(process::cargo());
-    command.args(["run", "--package", "xtask", "--manifest-path"]).arg(manifest).arg("--").args(args);
-    environment::set(&mut command);
+    command.arg("run").args(timed.then_some("--release")).args(["--package", "xtask", "--manifest-path"]);
+    command.arg(manifest).arg("--").args(args);
+    if !timed {
+        environment::set(&mut command);
+    }
     process::pass(&mut command, format!("cargo xtask {}", args.join(" ")))
 }
 
 /// Where Cargo builds.
 pub(crate) fn target(root: &Path) -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_those_of_a_release() {
+        let timed = |words: &str| is_timed(&words.split(' ').map(str::to_owned).collect::<Vec<_>>());
+        assert!(timed("study convergence --only beam") && timed("study starts"));
+        assert!(!timed("study convergence --quick") && !timed("study verdict") && !timed("reproduce starts"));
+    }
 }
