@@ -104,6 +104,7 @@ fn active(system: &Arc<HeldSystem>, plan: &SplinePlan, constraint: &dyn Constrai
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn torque_is_held() {
     let (loaded, system) = system("flex.toml");
     let plan = plan(&hold(&loaded), End::Free, Duration::Fixed(20.0), 6);

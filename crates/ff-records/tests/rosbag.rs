@@ -56,6 +56,7 @@ fn truncated_bags_are_read_to_the_last_complete_chunk_with_a_warning() {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn no_damage_makes_it_panic() {
     for name in ["lz4.bag", "vendor.bag"] {
         let good = std::fs::read(fixture(name)).unwrap();

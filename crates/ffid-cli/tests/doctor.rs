@@ -79,6 +79,7 @@ fn renamed(c: &Case, pairs: &[(&str, &str)]) -> Told {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn torques_in_millinewton_metres_are_named_with_their_factor() {
     let c = recorded();
     let told = changed(&c, |name, x| if name.starts_with("tau") { 1e3 * x } else { x });
@@ -148,6 +149,7 @@ fn swapped_columns_are_named_of_the_gyro_of_torques_and_of_joints() {
 }
 
 #[test]
+#[ignore = "full tier: 4 s"]
 fn rates_that_a_base_of_another_inertia_would_follow_are_named() {
     let c = recorded();
     for (factor, code) in
@@ -160,6 +162,7 @@ fn rates_that_a_base_of_another_inertia_would_follow_are_named() {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn torques_before_gears_and_in_pounds_are_no_degrees() {
     let c = recorded();
     let gears = [87.0, 61.0, 104.0, 87.0, 122.0, 55.0, 101.0];
@@ -175,6 +178,7 @@ fn torques_before_gears_and_in_pounds_are_no_degrees() {
 
 /// Small motions are as well explained by smaller ones and another unit of the gyro, below all noise; values that are far off hide the shape.
 #[test]
+#[ignore = "full tier: 5 s"]
 fn units_are_named_by_a_mission_of_guesses() {
     let dir = tempfile::tempdir().unwrap();
     let here = fixture("../docs/examples/three-segment");
@@ -197,6 +201,7 @@ fn units_are_named_by_a_mission_of_guesses() {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn a_wrong_unit_of_time_is_no_unit_of_positions() {
     let c = recorded();
     let told = changed(&c, |name, x| if name.starts_with("time") { 1e-3 * x } else { x });
@@ -209,6 +214,7 @@ fn a_wrong_unit_of_time_is_no_unit_of_positions() {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn the_unit_of_a_torque_that_is_lost_in_noise_is_named_and_its_sign_is_not_vouched_for() {
     let c = recorded();
     let told = changed(&c, |name, x| if name.starts_with("tau.joint7") { 1e3 * x } else { x });
@@ -226,6 +232,7 @@ fn the_unit_of_a_torque_that_is_lost_in_noise_is_named_and_its_sign_is_not_vouch
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn dead_and_clipped_sensors_are_named_through_their_noise() {
     let c = recorded();
     let noise = |x: f64| 2e-4 * ((1e7 * x).sin() + (3.1e6 * x).cos());
@@ -240,6 +247,7 @@ fn dead_and_clipped_sensors_are_named_through_their_noise() {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn a_gyro_at_half_the_rate_has_its_own_noise_figure() {
     let c = recorded();
     let text = c.read("rec.csv");
@@ -279,6 +287,7 @@ fn noise_given_to_the_command_is_what_noise_is_compared_with() {
 
 /// A joint whose zero is elsewhere is no unit, axis or sign. That nothing explains the record is said, and is no refusal.
 #[test]
+#[ignore = "full tier: 2 s"]
 fn a_record_that_nothing_brings_near_is_suspicious() {
     let told = changed(&recorded(), |name, x| if name.starts_with("q.joint2") { x + 1.9 } else { x });
     assert_eq!(
@@ -366,6 +375,7 @@ fn a_record_in_which_nothing_moves_stops_at_once() {
 
 /// On the ground the doctor and the fit say the same: a joint that stands still is named, and an arm at one pose tells nothing.
 #[test]
+#[ignore = "full tier: 3 s"]
 fn joints_on_the_ground_that_stand_still_are_named() {
     let folder = fixture("");
     let c = slosh();

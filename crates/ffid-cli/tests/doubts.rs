@@ -79,6 +79,7 @@ fn d15_a_channel_that_is_late_is_put_right_with_a_warning() {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn d16_a_clock_that_runs_fast_is_put_right_with_a_warning() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);
@@ -225,6 +226,7 @@ fn d24_samples_too_slow_for_the_modes_and_signals_that_were_not_filtered() {
 
 /// The two modes of hardly damped fuel are closer than a minute tells apart: they are named as a pair.
 #[test]
+#[ignore = "full tier: 2 s"]
 fn d26_modes_closer_than_the_resolution_are_named() {
     let c = slosh();
     c.write("ring.toml", &ringing(&c.read("truth.toml")));

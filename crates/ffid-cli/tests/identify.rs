@@ -110,6 +110,7 @@ fn slosh_from_a_mission_to_a_validated_model() {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn flex_with_priors_and_a_fraction_held_out() {
     let c = flex();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "11"]);
@@ -352,6 +353,7 @@ fn d01_to_d12_and_d34_d37_defects_of_records() {
 
 /// Units, columns in another order, line ends of Windows and a byte order mark give the same answer (D08, R10).
 #[test]
+#[ignore = "full tier: 2 s"]
 fn d08_r10_the_same_record_in_other_units_gives_the_same_answer() {
     let c = slosh();
     c.simulate("truth.toml", "a.csv", "rec.csv", &["--seed", "4"]);

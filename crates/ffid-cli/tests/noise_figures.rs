@@ -14,6 +14,7 @@ fn of<'p>(all: &'p [Value], code: &str) -> Vec<&'p Value> {
 }
 
 #[test]
+#[ignore = "full tier: 4 s"]
 fn noise_that_is_ten_times_what_the_mission_says_is_named_before_the_fit() {
     let c = slosh();
     c.write("a.csv", &trajectory(8.0, 0.2));

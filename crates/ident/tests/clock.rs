@@ -40,6 +40,7 @@ fn predicted() -> DMatrix<f64> {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn offset_and_skew_are_found_within_honest_deviations() {
     let p = predicted();
     for (offset, skew) in [(0.0031, 0.0), (-0.0274, 3e-4), (0.117, -1.7e-4)] {

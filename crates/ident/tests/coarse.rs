@@ -86,6 +86,7 @@ fn places_side_by_side_are_those_one_by_one() {
 
 /// Steps of the integration are as many as the data ask for: at the start, and where springs are ten times stiffer.
 #[test]
+#[ignore = "full tier: 3 s"]
 fn steps_follow_the_data() {
     let l = paper("flex.toml");
     let record = exact(&l, &run(&l, &planned(&l, 30.0, 10), 30.0)).thinned(10).unwrap();

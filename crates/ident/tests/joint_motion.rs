@@ -87,6 +87,7 @@ fn accelerations_of_a_plan_are_known_to_less_than_torques_can_tell() {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn rates_that_are_not_those_of_the_positions_are_left_out() {
     let l = paper("slosh.toml");
     let motion = planned(&l, 30.0, 14);

@@ -70,6 +70,7 @@ fn value(motors: &JointTorques, of: &ErrorSource) -> f64 {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn terms_and_gains_of_joints_have_columns_that_are_derivatives() {
     let l = paper("slosh.toml");
     let currents: Vec<bool> = (0..l.model.nj()).map(|j| j % 3 != 1).collect();
@@ -236,6 +237,7 @@ fn is_honest(found: &[(f64, f64)]) {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn deviations_beside_friction_and_gains_are_honest() {
     is_honest(&worlds(2));
 }
