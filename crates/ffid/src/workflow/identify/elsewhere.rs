@@ -252,10 +252,10 @@ fn best_start(
 ) -> Option<Lead> {
     // What has strayed goes back first.
     let astray = if round.led { strayed(request, first) } else { Vec::new() };
-    let strayed = |i: usize| astray.contains(&i);
+    let is_astray = |i: usize| astray.contains(&i);
     let mut starts = Vec::new();
     if !astray.is_empty() {
-        starts.push(given_back(request, first, strayed));
+        starts.push(given_back(request, first, is_astray));
     }
     let far = first.chi2_per_dof > WIDE * request.noise;
     // While springs were elsewhere, bodies may have been led to the edge of what can exist, where a fit ends, or to masses of no sense. Springs
@@ -263,7 +263,7 @@ fn best_start(
     if far && round.led && (first.is_solution() || bodies_strayed(request, first)) {
         starts.push(given_back(request, first, |i| of_body(request, i)));
         if !astray.is_empty() {
-            starts.push(given_back(request, first, |i| of_body(request, i) || strayed(i)));
+            starts.push(given_back(request, first, |i| of_body(request, i) || is_astray(i)));
         }
     }
     let mut wide: Vec<Vec<f64>> = Vec::new();
@@ -339,9 +339,10 @@ fn led_best(
         let to_beat = best.as_ref().map_or(f64::INFINITY, |b| b.objective);
         let Ok(e) = lead(start, Some(to_beat)) else { continue };
         let own = own.unwrap_or(by_reading * e.residuals.len() as f64);
-        let done = e.objective < own - LOWER && explains(&e);
-        if e.objective < to_beat {
-            best = Some(Lead::to(e));
+        let there = Lead::to(e);
+        let done = there.objective < own - LOWER && there.explains;
+        if there.objective < to_beat {
+            best = Some(there);
         }
         if done {
             break;
