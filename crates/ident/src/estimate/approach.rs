@@ -27,10 +27,27 @@ const FINER: f64 = 1.5;
 const LOST: usize = 12;
 /// Mean squared residual, over that of noise, from which its end does not explain the data, and it is led as well.
 const UNEXPLAINED: f64 = 1.5;
-/// Parts of the record it is led over.
-const PARTS: [f64; 4] = [0.0625, 0.125, 0.25, 0.5];
-/// Linearisations of each of them.
-const PART_STEPS: usize = 15;
+/// First part of the record that it is led over.
+const FIRST_PART: f64 = 0.0625;
+/// How a fit is led over parts of the record.
+struct Growth {
+    /// By how much a part is longer than the one before, and where that has led nowhere.
+    by: f64,
+    slower: &'static [f64],
+    /// Linearisations of each.
+    steps: usize,
+}
+/// What leads a fit whose oscillations have slipped, one after another.
+enum Means {
+    Parts(Growth),
+    OtherStart,
+}
+/// See [`Means`]: parts as long again as the one before, then another start, then parts that grow as fast as they can.
+const ALL_MEANS: [Means; 3] = [
+    Means::Parts(Growth { by: 2.0, slower: &[], steps: 15 }),
+    Means::OtherStart,
+    Means::Parts(Growth { by: 2.0, slower: &[core::f64::consts::SQRT_2, 1.19], steps: 40 }),
+];
 /// Relative width that what a part of the record leaves open is held to around its start.
 const PART_WIDTH: f64 = 1.0;
 
@@ -62,12 +79,12 @@ pub(super) fn approach(
         approach(&lax, thinner, sizes, references, &mut there);
     }
     let lax = unless_hopeless(&lax, thinner, sizes, references, &there);
-    let mut end = pass(&lax, thinner, sizes, references, &mut there);
+    let mut end = pass(&lax, thinner, sizes, references, &mut there, None);
     let rows = thin.estimator.rows();
     drop(thin);
     // Springs that have stiffened on the way ask for finer steps.
     if let Some(mut finer) = estimator.rough(&there.full).filter(|c| c.estimator.rows() as f64 > FINER * rows as f64) {
-        let again = pass(&lax, &mut *finer.estimator, sizes, references, &mut there);
+        let again = pass(&lax, &mut *finer.estimator, sizes, references, &mut there, None);
         end = again.or(end);
     }
     place.iterations = there.iterations;
@@ -94,18 +111,20 @@ pub(super) fn unless_hopeless<'r>(
     out
 }
 
-/// One pass over less data from `place`; none when it fails.
+/// One pass over less data from `place`, which ends where it will not get below the objective `to_reach`; none when it fails.
 fn pass(
     request: &Request<'_>,
     estimator: &mut dyn Estimator,
     sizes: &[f64],
     references: &mut Vec<Reference>,
     place: &mut Place,
+    to_reach: Option<f64>,
 ) -> Option<Status> {
     let threads = request.jacobian.threads(estimator.rows(), request.selected.len() + sizes.len());
     let mut evaluated = Evaluated::new(threads);
     let all = (0.0, request.noise_of(estimator.rows()));
-    let way = Way { still: f64::INFINITY, range: RANGE, all, to_beat: None, near_end: &mut |_, _, _, _| false };
+    let way =
+        Way { still: f64::INFINITY, range: RANGE, all, to_beat: None, to_reach, near_end: &mut |_, _, _, _| false };
     let end = settle(request, estimator, sizes, references, place, &mut evaluated, way);
     end.ok().map(|(_, status)| status)
 }
@@ -129,42 +148,80 @@ fn lead(
     let left = |estimator: &mut dyn Estimator, references: &[Reference], at: &Place| {
         cost(request, estimator, sizes, references, at).unwrap_or(f64::INFINITY)
     };
+    let explained = Some(UNEXPLAINED * noise);
     let mut direct = place.clone();
-    let end = pass(&of(most), estimator, sizes, references, &mut direct);
+    let end = pass(&of(most), estimator, sizes, references, &mut direct, explained);
     let ended = end.is_some_and(|s| s != Status::IterationLimit);
     let explains = left(estimator, references, &direct) < UNEXPLAINED * noise;
     if ended && explains || request.settings.max_iterations <= LOST {
         *place = direct;
         return;
     }
-    let mut led = Place { iterations: direct.iterations, ..place.clone() };
-    for share in PARTS {
-        let Some(mut begun) = estimator.beginning(share) else { continue };
-        let kept = references.len();
-        references.extend(Reference::new(request.decls, request.selected, &led.full, PART_WIDTH).ok());
-        let short = Request { anchor: None, ..of(PART_STEPS.min(request.settings.max_iterations)) };
-        let mut on = led.clone();
-        let end = pass(&short, &mut *begun.estimator, sizes, references, &mut on);
-        references.truncate(kept);
-        led.iterations = on.iterations;
-        if end.is_some() {
-            led = on;
+    let mut best = direct;
+    // More patience is for the fit itself, not for what is tried beside it, and so is what it has in store.
+    let means = if request.other_starts.is_some() { &ALL_MEANS[..] } else { &ALL_MEANS[..1] };
+    for by in means {
+        let mut there = Place { iterations: best.iterations, ..place.clone() };
+        match by {
+            Means::Parts(parts) => grow(request, estimator, sizes, references, &mut there, parts),
+            Means::OtherStart => match other_start(request, estimator, sizes, references, place) {
+                Some(full) => there.full = full,
+                None => continue,
+            },
         }
-    }
-    let end = pass(&of(most), estimator, sizes, references, &mut led);
-    direct.iterations = led.iterations;
-    let mut best = if end.is_some() { better(request, estimator, sizes, references, [direct, led]) } else { direct };
-    let lost = request.other_starts.is_some() && left(estimator, references, &best) >= UNEXPLAINED * noise;
-    let other = if lost { other_start(request, estimator, sizes, references, place) } else { None };
-    if let Some(full) = other {
-        let mut there = Place { full, iterations: best.iterations, ..place.clone() };
-        let end = pass(&of(most), estimator, sizes, references, &mut there);
+        let end = pass(&of(most), estimator, sizes, references, &mut there, explained);
         best.iterations = there.iterations;
         if end.is_some() {
             best = better(request, estimator, sizes, references, [best, there]);
         }
+        if left(estimator, references, &best) < UNEXPLAINED * noise {
+            break;
+        }
     }
     *place = best;
+}
+
+/// Leads a place over parts of the record that grow from its beginning. Each is longer than the one before by a factor, and where it is not explained
+/// from there, that is smaller: the better frequencies are known, the longer oscillations do not slip. The last part stays where that is of no use.
+fn grow(
+    request: &Request<'_>,
+    estimator: &mut dyn Estimator,
+    sizes: &[f64],
+    references: &mut Vec<Reference>,
+    led: &mut Place,
+    parts: &Growth,
+) {
+    let settings =
+        Settings { max_iterations: parts.steps.min(request.settings.max_iterations), ..request.settings.clone() };
+    let short = Request { anchor: None, settings, ..request.clone() };
+    let (mut share, mut by, mut slower) = (FIRST_PART, parts.by, parts.slower.iter());
+    // What the last part that was explained has led to.
+    let mut good: Option<(f64, Place)> = None;
+    while share < 1.0 {
+        let Some(mut begun) = estimator.beginning(share) else {
+            share *= by;
+            continue;
+        };
+        let kept = references.len();
+        references.extend(Reference::new(request.decls, request.selected, &led.full, PART_WIDTH).ok());
+        let mut on = led.clone();
+        let explained = UNEXPLAINED * request.noise_of(begun.estimator.rows());
+        let end = pass(&short, &mut *begun.estimator, sizes, references, &mut on, Some(explained));
+        references.truncate(kept);
+        led.iterations = on.iterations;
+        if end.is_some() {
+            *led = on;
+        }
+        let left = cost(request, &mut *begun.estimator, sizes, references, led);
+        if left.is_some_and(|left| left < explained) {
+            good = Some((share, led.clone()));
+        } else {
+            let (Some(less), Some((at, place))) = (slower.next(), &good) else { return };
+            (share, by) = (*at, *less);
+            *led = Place { iterations: led.iterations, ..place.clone() };
+        }
+        share *= by;
+    }
 }
 
 /// The best of the other starts that the request has ([`Request::other_starts`]), if it is better than the place.

@@ -92,6 +92,8 @@ pub(super) struct Way<'w> {
     pub(super) all: (f64, f64),
     /// Objective that it must get below to be of use ([`Request::to_beat`]).
     pub(super) to_beat: Option<f64>,
+    /// The same where oscillations may have slipped by periods: in the right valley an objective falls by a factor each time ([`is_lost`]).
+    pub(super) to_reach: Option<f64>,
     /// Called near the end ([`NEAR_END`]) where steps creep ([`SLOW`]), with the linearisation there; moves the place on by other means,
     /// and says whether that is worth doing again: [`HOPS`] times at most.
     pub(super) near_end: &'w mut NearEnd<'w>,
@@ -202,7 +204,9 @@ pub(super) fn settle(
             break (transform, Status::IterationLimit);
         }
         let left = limit.saturating_sub(place.iterations);
-        if !settled && way.to_beat.is_some_and(|best| is_beaten(&place.descent[begun..], left, best)) {
+        let beaten = way.to_beat.is_some_and(|best| is_beaten(&place.descent[begun..], left, best));
+        let lost = way.to_reach.is_some_and(|end| is_lost(&place.descent[begun..], left, end));
+        if !settled && (beaten || lost) {
             break (transform, Status::IterationLimit);
         }
         // At the bounds of a pass over less data: nothing that may still move wants to.
@@ -248,6 +252,16 @@ fn is_stuck(descent: &[Linearisation], all: (f64, f64)) -> bool {
 /// as the last few.
 fn is_beaten(descent: &[Linearisation], left: usize, best: f64) -> bool {
     gained_last(descent).is_some_and(|(last, gained)| last - FASTER * gained / STUCK_IN as f64 * left as f64 > best)
+}
+
+/// Whether the linearisations that are `left` will not lead to the objective `end`, unless each takes as much of it off as [`FASTER`] of the
+/// last few.
+fn is_lost(descent: &[Linearisation], left: usize, end: f64) -> bool {
+    let falls = |(last, gained): (f64, f64)| {
+        let each = (last / (last + gained)).ln() / STUCK_IN as f64;
+        last * (FASTER * each * left as f64).exp() > end
+    };
+    gained_last(descent).is_some_and(falls)
 }
 
 /// The objective, and what the last few linearisations have gained ([`STUCK_IN`]).
@@ -403,6 +417,18 @@ mod tests {
         // At 800 after 20 each, seven more may lead to 800 - 5 * 20 * 7 = 100.
         assert!(!is_beaten(&falling(20.0), 7, 101.0) && is_beaten(&falling(20.0), 7, 99.0));
         assert!(!is_beaten(&falling(20.0)[..4], 0, 0.0));
+    }
+
+    #[test]
+    fn a_fit_is_lost_where_it_falls_too_slowly_for_a_valley_that_is_right() {
+        let falling = |to: f64| -> Vec<Linearisation> {
+            (0..6).map(|k| Linearisation { objective: 2000.0 * to.powi(k), residuals: 100 }).collect()
+        };
+        // A twentieth each time is a quarter at five times that, and 7 of these lead from 1548 to 257.
+        assert!(is_lost(&falling(0.95), 7, 250.0) && !is_lost(&falling(0.95), 7, 260.0));
+        // A right valley: a factor of five each time.
+        assert!(!is_lost(&falling(0.2), 1, 1.5));
+        assert!(!is_lost(&falling(0.95)[..4], 0, 0.0));
     }
 
     /// Readings of a free parameter, and of a mass that it goes with.

@@ -12,7 +12,7 @@ use super::signals::Signals;
 use super::unknowns::Unknowns;
 use super::valleys::ASIDE;
 use ff_dynamics::analysis::{Boundary, modes};
-use ff_least_squares::Settings as Solver;
+use ff_least_squares::{Settings as Solver, Status};
 use ff_model::{Inertia, Model, ParamGroup, Params};
 use ident::checks::whiteness;
 use ident::estimate::{Estimate, attempt};
@@ -40,6 +40,8 @@ const EASED: [(f64, f64); 5] = [(1.0, 1.0), (3.0, 1.0), (1.0, 3.0), (1.0 / 3.0, 
 const DAMPED: f64 = 10.0;
 /// Factor on a spring up to which modes of a thinned record are allowed for: beyond, it has gone astray.
 const STIFFER: f64 = 10.0;
+/// Deviation of a stiffness, as part of it, up to which it is told.
+const TOLD: f64 = 0.5;
 /// Starts drawn at random.
 const RANDOM: usize = 6;
 /// Starts at lines of the residuals, at most.
@@ -66,6 +68,8 @@ const LOWER: f64 = 9.2;
 const ROUNDS: usize = 4;
 /// Rounds after which there is another although they have led nowhere, where everything is far off.
 const AGAIN: usize = 2;
+/// How often a start that explains the thinned record, and has not ended after [`MOST`] linearisations, is led on.
+const LONGER: usize = 2;
 /// Linearisations of a pass after which it leads nowhere.
 const MOST: usize = 20;
 
@@ -337,8 +341,19 @@ fn led_best(
     let by_reading = first.objective / first.residuals.len().max(1) as f64;
     for start in starts {
         let to_beat = best.as_ref().map_or(f64::INFINITY, |b| b.objective);
-        let Ok(e) = lead(start, Some(to_beat)) else { continue };
+        let Ok(mut e) = lead(start, Some(to_beat)) else { continue };
         let own = own.unwrap_or(by_reading * e.residuals.len() as f64);
+        // One that is nearly there is led to its end, which is cheaper here than over all data. Far off, that may be the end of a wrong valley.
+        for _ in 0..LONGER {
+            let unfinished = e.status == Status::IterationLimit && explains(&e);
+            if !unfinished || e.objective >= (own - LOWER).min(to_beat) {
+                break;
+            }
+            match lead(&e.values, Some(to_beat)) {
+                Ok(on) if on.objective < e.objective => e = on,
+                _ => break,
+            }
+        }
         let there = Lead::to(e);
         let done = there.objective < own - LOWER && there.explains;
         if there.objective < to_beat {
@@ -356,11 +371,24 @@ pub(super) fn owner(name: &str) -> Option<&str> {
     name.split_once('.').map(|n| n.0)
 }
 
-/// Parameters of the appendages of which one has vanished or strayed, and the end of the fit with all of them as the mission has them.
+/// Springs of the appendages of which the fit tells no spring: what rings is not where the data do.
+fn untold(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
+    let spring = |&(&i, _): &(&usize, _)| is_spring(request, i);
+    let springs: Vec<_> = request.selected.iter().zip(&e.parameters).filter(spring).collect();
+    let owner = |i: usize| owner(&request.decls[i].name);
+    let told = |of: Option<&str>| {
+        springs.iter().any(|(i, p)| owner(**i) == of && p.std.is_some_and(|std| std < TOLD * p.value.abs()))
+    };
+    springs.iter().map(|(i, _)| **i).filter(|&i| !told(owner(i))).collect()
+}
+
+/// Parameters of the appendages of which one has vanished or strayed, or none is told where much is left over, and the end of the fit with all
+/// of them as the mission has them.
 fn lost(request: &Request<'_>, e: &Estimate) -> (Vec<usize>, Vec<f64>) {
     let owner = |i: usize| owner(&request.decls[i].name);
     let gone = request.selected.iter().copied().filter(|&i| has_vanished(request, e, i));
-    let owners: Vec<_> = gone.chain(strayed(request, e)).map(owner).collect();
+    let untold = if explains(e) { Vec::new() } else { untold(request, e) };
+    let owners: Vec<_> = gone.chain(strayed(request, e)).chain(untold).map(owner).collect();
     let of: Vec<usize> = request.selected.iter().copied().filter(|&i| owners.contains(&owner(i))).collect();
     let back = given_back(request, e, |i| of.contains(&i));
     (of, back)
