@@ -131,7 +131,8 @@ fn pass(
 
 /// A first pass over `estimator` from `place`. When it has not ended after [`LOST`] linearisations, or at what does not explain the data
 /// ([`UNEXPLAINED`]), oscillations predicted and measured have slipped by periods: parts of the record that grow from its beginning lead
-/// there from the same start, or, where they do not, another start of the request may ([`Request::other_starts`]); the best end counts.
+/// there from the same start, or, where they do not, another start of the request may ([`Request::other_starts`]), or parts that grow more slowly; the
+/// best end counts. One that will not get there ends before.
 fn lead(
     request: &Request<'_>,
     estimator: &mut dyn Estimator,
@@ -158,7 +159,7 @@ fn lead(
         return;
     }
     let mut best = direct;
-    // More patience is for the fit itself, not for what is tried beside it, and so is what it has in store.
+    // Other starts and slower growth are for the fit itself, not for what is tried beside it.
     let means = if request.other_starts.is_some() { &ALL_MEANS[..] } else { &ALL_MEANS[..1] };
     for by in means {
         let mut there = Place { iterations: best.iterations, ..place.clone() };
