@@ -29,10 +29,11 @@ const LOST: usize = 12;
 const UNEXPLAINED: f64 = 1.5;
 /// First part of the record that it is led over.
 const FIRST_PART: f64 = 0.0625;
+/// By how much a part is longer than the one before.
+const DOUBLED: f64 = 2.0;
 /// How a fit is led over parts of the record.
 struct Growth {
-    /// By how much a part is longer than the one before, and where that has led nowhere.
-    by: f64,
+    /// By how much a part is longer than the one before where [`DOUBLED`] has led nowhere.
     slower: &'static [f64],
     /// Linearisations of each.
     steps: usize,
@@ -44,9 +45,9 @@ enum Means {
 }
 /// See [`Means`]: parts as long again as the one before, then another start, then parts that grow as fast as they can.
 const ALL_MEANS: [Means; 3] = [
-    Means::Parts(Growth { by: 2.0, slower: &[], steps: 15 }),
+    Means::Parts(Growth { slower: &[], steps: 15 }),
     Means::OtherStart,
-    Means::Parts(Growth { by: 2.0, slower: &[core::f64::consts::SQRT_2, 1.19], steps: 40 }),
+    Means::Parts(Growth { slower: &[core::f64::consts::SQRT_2, 1.19], steps: 40 }),
 ];
 /// Relative width that what a part of the record leaves open is held to around its start.
 const PART_WIDTH: f64 = 1.0;
@@ -123,8 +124,7 @@ fn pass(
     let threads = request.jacobian.threads(estimator.rows(), request.selected.len() + sizes.len());
     let mut evaluated = Evaluated::new(threads);
     let all = (0.0, request.noise_of(estimator.rows()));
-    let way =
-        Way { still: f64::INFINITY, range: RANGE, all, to_beat: None, to_reach, near_end: &mut |_, _, _, _| false };
+    let way = Way { range: RANGE, to_reach, ..Way::over_less(all) };
     let end = settle(request, estimator, sizes, references, place, &mut evaluated, way);
     end.ok().map(|(_, status)| status)
 }
@@ -145,20 +145,18 @@ fn lead(
         Request { settings, ..request.clone() }
     };
     let most = LOST.min(request.settings.max_iterations);
-    let noise = request.noise_of(estimator.rows());
+    let explained = UNEXPLAINED * request.noise_of(estimator.rows());
     let left = |estimator: &mut dyn Estimator, references: &[Reference], at: &Place| {
         cost(request, estimator, sizes, references, at).unwrap_or(f64::INFINITY)
     };
-    let explained = Some(UNEXPLAINED * noise);
-    let mut direct = place.clone();
-    let end = pass(&of(most), estimator, sizes, references, &mut direct, explained);
+    let mut best = place.clone();
+    let end = pass(&of(most), estimator, sizes, references, &mut best, Some(explained));
     let ended = end.is_some_and(|s| s != Status::IterationLimit);
-    let explains = left(estimator, references, &direct) < UNEXPLAINED * noise;
+    let explains = left(estimator, references, &best) < explained;
     if ended && explains || request.settings.max_iterations <= LOST {
-        *place = direct;
+        *place = best;
         return;
     }
-    let mut best = direct;
     // Other starts and slower growth are for the fit itself, not for what is tried beside it.
     let means = if request.other_starts.is_some() { &ALL_MEANS[..] } else { &ALL_MEANS[..1] };
     for by in means {
@@ -170,12 +168,12 @@ fn lead(
                 None => continue,
             },
         }
-        let end = pass(&of(most), estimator, sizes, references, &mut there, explained);
+        let end = pass(&of(most), estimator, sizes, references, &mut there, Some(explained));
         best.iterations = there.iterations;
         if end.is_some() {
             best = better(request, estimator, sizes, references, [best, there]);
         }
-        if left(estimator, references, &best) < UNEXPLAINED * noise {
+        if left(estimator, references, &best) < explained {
             break;
         }
     }
@@ -195,7 +193,7 @@ fn grow(
     let settings =
         Settings { max_iterations: parts.steps.min(request.settings.max_iterations), ..request.settings.clone() };
     let short = Request { anchor: None, settings, ..request.clone() };
-    let (mut share, mut by, mut slower) = (FIRST_PART, parts.by, parts.slower.iter());
+    let (mut share, mut by, mut slower) = (FIRST_PART, DOUBLED, parts.slower.iter());
     // What the last part that was explained has led to.
     let mut good: Option<(f64, Place)> = None;
     while share < 1.0 {

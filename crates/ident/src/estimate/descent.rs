@@ -96,7 +96,15 @@ pub(super) struct Way<'w> {
     pub(super) to_reach: Option<f64>,
     /// Called near the end ([`NEAR_END`]) where steps creep ([`SLOW`]), with the linearisation there; moves the place on by other means,
     /// and says whether that is worth doing again: [`HOPS`] times at most.
-    pub(super) near_end: &'w mut NearEnd<'w>,
+    pub(super) near_end: Option<&'w mut NearEnd<'w>>,
+}
+
+impl Way<'_> {
+    /// Of a pass over less data, which goes wherever it leads.
+    pub(super) fn over_less(all: (f64, f64)) -> Self {
+        let range = f64::INFINITY;
+        Self { still: f64::INFINITY, range, all, to_beat: None, to_reach: None, near_end: None }
+    }
 }
 
 /// See [`Way::near_end`].
@@ -112,7 +120,7 @@ pub(super) fn settle(
     references: &mut Vec<Reference>,
     place: &mut Place,
     evaluated: &mut Evaluated,
-    way: Way<'_>,
+    mut way: Way<'_>,
 ) -> Result<(Transform, Status), EstimateError> {
     let (n, priors_kept) = (request.selected.len(), references.len());
     // The limit is that of a pass: cheap linearisations of thinner records do not use up those of all data.
@@ -220,10 +228,13 @@ pub(super) fn settle(
         if slow && request.settings.gain_tolerance > 0.0 && rest < REST.max(request.settings.gain_tolerance) {
             break (transform, ended(Criterion::Statistics, emptied));
         }
-        if hops > 0 && slow {
+        if hops > 0
+            && slow
+            && let Some(hop) = &mut way.near_end
+        {
             references.truncate(priors_kept);
             let before = place.iterations;
-            let again = (way.near_end)(&mut *estimator, &mut *references, &mut *place, &mut *evaluated);
+            let again = hop(&mut *estimator, &mut *references, &mut *place, &mut *evaluated);
             hops = if again { hops - 1 } else { 0 };
             limit += place.iterations - before;
         }

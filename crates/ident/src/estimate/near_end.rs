@@ -115,14 +115,7 @@ fn around(
     let Ok(Some(mut near)) = Around::of_point(request, centre, thin, stays) else { return 0.0 };
     let mut there = place.clone();
     let all = (near.centred().beyond, request.noise_of(residuals.len()));
-    let way = Way {
-        still: f64::INFINITY,
-        range: f64::INFINITY,
-        all,
-        to_beat: None,
-        to_reach: None,
-        near_end: &mut |_, _, _, _| false,
-    };
+    let way = Way::over_less(all);
     let end = settle(request, &mut near, sizes, references, &mut there, &mut Evaluated::new(None), way);
     drop(near);
     let (iterations, descent) = (there.iterations, there.descent.clone());

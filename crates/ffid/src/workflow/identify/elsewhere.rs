@@ -15,7 +15,7 @@ use ff_dynamics::analysis::{Boundary, modes};
 use ff_least_squares::{Settings as Solver, Status};
 use ff_model::{Inertia, Model, ParamGroup, Params};
 use ident::checks::whiteness;
-use ident::estimate::{Estimate, attempt};
+use ident::estimate::{Estimate, Estimated, attempt};
 use ident::parameters::{is_damping, is_stiffness, wide_start};
 use ident::{Estimator, Loss, Request, Transform};
 
@@ -40,8 +40,8 @@ const EASED: [(f64, f64); 5] = [(1.0, 1.0), (3.0, 1.0), (1.0, 3.0), (1.0 / 3.0, 
 const DAMPED: f64 = 10.0;
 /// Factor on a spring up to which modes of a thinned record are allowed for: beyond, it has gone astray.
 const STIFFER: f64 = 10.0;
-/// Deviation of a stiffness, as part of it, up to which it is told.
-const TOLD: f64 = 0.5;
+/// Part of itself by which a spring or damper is hardly known.
+const HARDLY: f64 = 0.5;
 /// Starts drawn at random.
 const RANDOM: usize = 6;
 /// Starts at lines of the residuals, at most.
@@ -371,14 +371,17 @@ pub(super) fn owner(name: &str) -> Option<&str> {
     name.split_once('.').map(|n| n.0)
 }
 
+/// Whether a fit hardly tells this spring or damper.
+pub(super) fn is_hardly_told(p: &Estimated) -> bool {
+    p.std.is_none_or(|std| std > HARDLY * p.value)
+}
+
 /// Springs of the appendages of which the fit tells no spring: what rings is not where the data do.
 fn untold(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
     let spring = |&(&i, _): &(&usize, _)| is_spring(request, i);
     let springs: Vec<_> = request.selected.iter().zip(&e.parameters).filter(spring).collect();
     let owner = |i: usize| owner(&request.decls[i].name);
-    let told = |of: Option<&str>| {
-        springs.iter().any(|(i, p)| owner(**i) == of && p.std.is_some_and(|std| std < TOLD * p.value.abs()))
-    };
+    let told = |of: Option<&str>| springs.iter().any(|(i, p)| owner(**i) == of && !is_hardly_told(p));
     springs.iter().map(|(i, _)| **i).filter(|&i| !told(owner(i))).collect()
 }
 

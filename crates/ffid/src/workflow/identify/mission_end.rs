@@ -7,7 +7,7 @@
 //! is another end of the fit, and deviations cover both, each by its weight ([`super::mixture`]). The estimate stays the lowest.
 
 use super::chord::is_physical;
-use super::elsewhere::{WIDE, has_vanished, owner};
+use super::elsewhere::{WIDE, has_vanished, is_hardly_told, owner};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
 use super::valleys::{ASIDE, BESIDE, Ending, answers};
@@ -19,8 +19,6 @@ use ident::estimate::{Estimate, attempt};
 use ident::parameters::{is_damping, is_stiffness};
 use nalgebra::{DMatrix, DVector};
 
-/// Part of itself by which a spring or damper is hardly known.
-const HARDLY: f64 = 0.5;
 /// Factor on the start beyond which a spring or damper has run away.
 const AWAY: f64 = 10.0;
 /// Part of the mission's value to which what is hardly told is held.
@@ -73,7 +71,7 @@ fn hardly_told(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
     let hardly = |&k: &usize| {
         let (i, p) = (request.selected[k], &e.parameters[k]);
         let gone = has_vanished(request, e, i) || p.value > AWAY * request.start[i];
-        gone || p.std.is_none_or(|std| std > HARDLY * p.value)
+        gone || is_hardly_told(p)
     };
     let of = |k: usize| owner(&request.decls[request.selected[k]].name);
     let all: Vec<usize> = (0..request.selected.len()).filter(free).collect();
